@@ -1,0 +1,64 @@
+# Each target sets up what it needs by itself: a machine with make and Python 3.11 or newer is enough.
+
+VENV := .venv
+BIN := $(VENV)/bin
+INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check --editable
+
+# Neither tool may remark on newer releases of itself in the middle of a result.
+export PYRIGHT_PYTHON_IGNORE_WARNINGS := 1
+export NO_MKDOCS_2_WARNING := true
+
+.PHONY: demo test lint format types docs unit sweep bench clean
+.NOTPARALLEL:
+.DELETE_ON_ERROR:
+
+demo: $(VENV)/.demo  ## fly the example scene: a kick stage and its dispersion
+	@$(BIN)/jaxspace disperse examples/scenes/kick_stage.toml
+
+test: lint types docs unit  ## everything that a change has to pass
+
+lint: $(VENV)/.test  ## rules and layout of the sources
+	@$(BIN)/ruff check --quiet
+	@$(BIN)/ruff format --quiet --check || { echo "Some files are not formatted: make format." >&2; exit 1; }
+
+format: $(VENV)/.test  ## rewrite the sources in the layout that `lint` asks for
+	@$(BIN)/ruff check --quiet --fix
+	@$(BIN)/ruff format --quiet
+
+types: $(VENV)/.test  ## static types
+	@$(BIN)/pyright --pythonpath $(BIN)/python
+
+docs: $(VENV)/.test  ## the manual, in site/; a broken link or name is an error
+	@$(BIN)/mkdocs build --quiet --strict
+
+unit: $(VENV)/.test  ## the tests; of a long sweep a fixed sample
+	@$(BIN)/python -m pytest -n 2
+
+sweep: $(VENV)/.test  ## the tests with every case of the long sweeps
+	@$(BIN)/python -m pytest -n 2 --sweep all
+
+bench: $(VENV)/.bench  ## speed and accuracy on this machine
+	@$(BIN)/python -m benchmarks
+
+clean:  ## remove what the other targets made
+	rm -rf $(VENV) site build dist .ruff_cache .pytest_cache .hypothesis
+	find . -name __pycache__ -type d -not -path "./.git/*" -prune -exec rm -rf {} +
+
+$(VENV)/.python:
+	@python=$$(.ci/python) && "$$python" -m venv --clear $(VENV)
+	@touch $@
+
+$(VENV)/.demo: pyproject.toml | $(VENV)/.python
+	@echo "Installing jaxspace into $(VENV); this happens once." >&2
+	@$(INSTALL) ".[app]"
+	@touch $@
+
+$(VENV)/.test: pyproject.toml | $(VENV)/.python
+	@echo "Installing jaxspace and its tools into $(VENV); this happens once." >&2
+	@$(INSTALL) ".[app,docs,test]"
+	@touch $@
+
+$(VENV)/.bench: pyproject.toml | $(VENV)/.python
+	@echo "Installing jaxspace and its benchmarks into $(VENV); this happens once." >&2
+	@$(INSTALL) ".[app,bench]"
+	@touch $@
