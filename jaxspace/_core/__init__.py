@@ -1,0 +1,32 @@
+"""The floor: the noun `System`, vector algebra, branches without NaN, checks of input. Knows jax and equinox only."""
+
+from ._check import InputError as InputError
+from ._check import check as check
+from ._check import check_finite as check_finite
+from ._check import check_non_negative as check_non_negative
+from ._check import check_positive as check_positive
+from ._check import known as known
+from ._linear import axis as axis
+from ._linear import cross as cross
+from ._linear import dot as dot
+from ._linear import expand as expand
+from ._linear import matvec as matvec
+from ._linear import norm as norm
+from ._linear import solve3 as solve3
+from ._linear import unit as unit
+from ._safe import phi1 as phi1
+from ._safe import safe_atan2 as safe_atan2
+from ._safe import safe_divide as safe_divide
+from ._safe import safe_sqrt as safe_sqrt
+from ._safe import sinc_squared as sinc_squared
+from ._special import stumpff as stumpff
+from ._system import AbstractClosedFormSystem as AbstractClosedFormSystem
+from ._system import AbstractPiecewiseSystem as AbstractPiecewiseSystem
+from ._system import AbstractSystem as AbstractSystem
+from ._types import Flag as Flag
+from ._types import Matrix as Matrix
+from ._types import Scalar as Scalar
+from ._types import State as State
+from ._types import Vector as Vector
+from ._types import as_float as as_float
+from ._types import as_optional_float as as_optional_float

@@ -1,0 +1,54 @@
+"""Vector algebra on the first axis: a vector is `(3, *runs)`.
+
+Written out by components, because a reduction over an axis of length three hinders the compiler's fusion."""
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ._safe import safe_sqrt
+from ._types import Matrix, Scalar, Vector
+
+
+def dot(a: Vector, b: Vector) -> Scalar:
+    """Scalar product a . b."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+def cross(a: Vector, b: Vector) -> Vector:
+    """Vector product a x b."""
+    return jnp.stack([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
+
+
+def norm(a: Vector) -> Scalar:
+    """Length |a|, with the derivative zero at a = 0 (the mean of its one-sided derivatives), never NaN."""
+    return safe_sqrt(dot(a, a))
+
+
+def unit(a: Vector) -> Vector:
+    """a / |a|; the zero vector stays zero."""
+    length = norm(a)
+    return jnp.where(length > 0.0, a / jnp.where(length > 0.0, length, 1.0), 0.0)
+
+
+def matvec(m: Matrix, a: Vector) -> Vector:
+    """Matrix times vector, m a."""
+    return m[:, 0] * a[0] + m[:, 1] * a[1] + m[:, 2] * a[2]
+
+
+def solve3(m: Matrix, b: Vector) -> Vector:
+    """The solution x of m x = b for a regular 3 x 3 matrix, by cofactors (Cramer's rule)."""
+    c0, c1, c2 = m[:, 0], m[:, 1], m[:, 2]
+    n0 = cross(c1, c2)
+    return jnp.stack([dot(n0, b), dot(cross(c2, c0), b), dot(cross(c0, c1), b)]) / dot(c0, n0)
+
+
+def axis(index: int, like: Scalar) -> Vector:
+    """The unit vector along the axis `index` (0, 1, 2), with the runs and the precision of the scalar `like`."""
+    like = jnp.asarray(like)
+    one, zero = jnp.ones_like(like), jnp.zeros_like(like)
+    return jnp.stack([one if i == index else zero for i in range(3)])
+
+
+def expand(scalar: Float[Array, "*runs"], rank: int) -> Array:
+    """A per-run scalar with `rank` leading axes of length one, to meet a field of that many component axes."""
+    return scalar.reshape((1,) * rank + scalar.shape)

@@ -1,0 +1,39 @@
+"""The one noun of the library: what moves, and what its exact motion keeps."""
+
+from abc import abstractmethod
+
+import equinox as eqx
+from jaxtyping import Array, Float
+
+from ._types import Scalar, State
+
+
+class AbstractSystem(eqx.Module):
+    """A dynamical system: its fields are its physical parameters, every one a leaf that may carry runs on its last axis.
+
+    A concrete system is final. Its state is a small `equinox.Module` with named fields; the components of a field lead and the
+    runs trail, and the derivative has the type of the state."""
+
+    @abstractmethod
+    def vector_field(self, t: Scalar, y: State) -> State:
+        """The rate of change of the state `y` at the time `t`, s; of the same type as `y`."""
+
+    @abstractmethod
+    def invariants(self, t: Scalar, y: State) -> dict[str, Array]:
+        """What the exact motion keeps constant, by name; `{}` when nothing is kept."""
+
+
+class AbstractClosedFormSystem(AbstractSystem):
+    """A system whose motion is known in closed form."""
+
+    @abstractmethod
+    def flow(self, duration: Scalar, y: State) -> State:
+        """The exact state a `duration`, s (negative: backwards), after the state `y`."""
+
+
+class AbstractPiecewiseSystem(AbstractSystem):
+    """A system whose vector field is smooth only between known times."""
+
+    @abstractmethod
+    def breaks(self) -> Float[Array, "times *#runs"]:
+        """The times, s, on which every integration has to land: there the vector field or a derivative of it jumps."""
