@@ -1,0 +1,19 @@
+"""What has mass: inertia, mass properties, the state of a body, Newton-Euler, and the interface of effects."""
+
+from ._body import AbstractBody as AbstractBody
+from ._body import BurningBody as BurningBody
+from ._body import RigidBody as RigidBody
+from ._effect import AbstractEffect as AbstractEffect
+from ._effect import AbstractPiecewiseEffect as AbstractPiecewiseEffect
+from ._effect import Load as Load
+from ._inertia import AbstractInertia as AbstractInertia
+from ._inertia import InertiaTensor as InertiaTensor
+from ._inertia import PrincipalInertia as PrincipalInertia
+from ._inertia import as_inertia as as_inertia
+from ._inertia import kinetic_energy as kinetic_energy
+from ._inertia import parallel_axes as parallel_axes
+from ._inertia import principal_axes as principal_axes
+from ._newton_euler import angular_acceleration as angular_acceleration
+from ._newton_euler import linear_acceleration as linear_acceleration
+from ._state import PARTS as PARTS
+from ._state import BodyState as BodyState

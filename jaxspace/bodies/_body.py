@@ -1,0 +1,135 @@
+"""What a scene's effects act on: mass, centre of mass and inertia, constant or changing with the mass that is left.
+
+    J(m) = J_d + m_p diag(k^2) + m_d m_p / m d^2 diag(1, 1, 0)          m_p = m - m_d
+
+    symbol  meaning                                                          unit
+    m, m_d  mass, dry mass                                                   kg
+    m_p     propellant left                                                  kg
+    J_d     inertia of the dry body about its own centre of mass             kg m^2
+    k       radii of gyration of the propellant about its own centre         m
+    d       distance of the propellant's centre from the dry centre, along z m
+
+Source: Thomson 5.5 (parallel axes), 7.9 (rocket whose radii of gyration stay). The propellant's centre and radii of gyration
+stay where they are: right for a grain that burns evenly over its length. The state's position is the centre of mass.
+"""
+
+from abc import abstractmethod
+from typing import final
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from .._core import Scalar, Vector, as_float, as_optional_float, axis, check_non_negative, check_positive
+from ._inertia import AbstractInertia, as_inertia
+
+
+def _as_optional_inertia(x) -> AbstractInertia | None:
+    return None if x is None else as_inertia(x)
+
+
+class AbstractBody(eqx.Module):
+    """Mass properties as functions of the mass that is left; `None` for what the body does not have."""
+
+    @abstractmethod
+    def constant_mass(self) -> Scalar | None:
+        """The mass, kg, of a body that keeps it; `None` when it is unknown or a part of the state."""
+
+    @abstractmethod
+    def has_inertia(self) -> bool:
+        """Whether the body can rotate."""
+
+    @abstractmethod
+    def inertia(self, mass: Scalar | None) -> AbstractInertia:
+        """Inertia about the centre of mass, in body axes, when `mass`, kg, is left."""
+
+    @abstractmethod
+    def inertia_per_mass(self, mass: Scalar) -> Vector:
+        """Diagonal of dJ/dm, m^2: how the inertia falls with the mass that leaves."""
+
+    @abstractmethod
+    def centre_of_mass(self, mass: Scalar | None) -> Vector | float:
+        """Centre of mass in the body's construction axes, m."""
+
+
+@final
+class RigidBody(AbstractBody):
+    """A body whose mass properties stay: `mass`, kg; `inertia`, kg m^2 (three principal moments, a tensor, or an inertia).
+
+    Either may be absent: a point needs no inertia, and the mass drops out of motion under gravity alone."""
+
+    mass: Float[Array, "*#runs"] | None
+    moment_of_inertia: AbstractInertia | None
+
+    def __init__(self, mass=None, inertia=None):
+        self.mass = as_optional_float(mass)
+        self.moment_of_inertia = _as_optional_inertia(inertia)
+
+    def __check_init__(self):
+        check_positive("RigidBody.mass", self.mass)
+
+    def constant_mass(self) -> Scalar | None:
+        return self.mass
+
+    def has_inertia(self) -> bool:
+        return self.moment_of_inertia is not None
+
+    def inertia(self, mass: Scalar | None) -> AbstractInertia:
+        del mass
+        assert self.moment_of_inertia is not None
+        return self.moment_of_inertia
+
+    def inertia_per_mass(self, mass: Scalar) -> Vector:
+        return 0.0 * axis(0, mass)
+
+    def centre_of_mass(self, mass: Scalar | None) -> Vector | float:
+        del mass
+        return 0.0
+
+
+@final
+class BurningBody(AbstractBody):
+    """A body that carries propellant on its z axis; the mass is a part of the state.
+
+    - `dry_mass`, kg, and `dry_inertia`, kg m^2, about the dry centre of mass, which is the origin of the construction axes.
+    - `gyration_radii`, m, (3, *runs): of the propellant about its own centre.
+    - `propellant_station`, m: z of the propellant's centre.
+
+    Raises `InputError` for a negative mass or radius."""
+
+    dry_mass: Float[Array, "*#runs"] = eqx.field(converter=as_float)
+    dry_inertia: AbstractInertia = eqx.field(converter=as_inertia)
+    gyration_radii: Float[Array, "3 *#runs"] = eqx.field(converter=as_float)
+    propellant_station: Float[Array, "*#runs"] = eqx.field(converter=as_float, default=0.0)
+
+    def __check_init__(self):
+        check_positive("BurningBody.dry_mass", self.dry_mass)
+        check_non_negative("BurningBody.gyration_radii", self.gyration_radii)
+
+    def constant_mass(self) -> Scalar | None:
+        return None
+
+    def has_inertia(self) -> bool:
+        return True
+
+    def inertia(self, mass: Scalar | None) -> AbstractInertia:
+        assert mass is not None
+        propellant = mass - self.dry_mass
+        k = self.gyration_radii
+        apart = self.dry_mass * propellant / mass * self.propellant_station**2
+        return self.dry_inertia.plus_diagonal(propellant * k * k + apart * _transverse(apart))
+
+    def inertia_per_mass(self, mass: Scalar) -> Vector:
+        k = self.gyration_radii
+        apart = (self.dry_mass / mass * self.propellant_station) ** 2
+        return k * k + apart * _transverse(apart)
+
+    def centre_of_mass(self, mass: Scalar | None) -> Vector | float:
+        assert mass is not None
+        z = (1.0 - self.dry_mass / mass) * self.propellant_station
+        return z * axis(2, z)
+
+
+def _transverse(like: Scalar) -> Vector:
+    """(1, 1, 0) with the runs and the precision of `like`."""
+    return 1.0 - axis(2, jnp.asarray(like))

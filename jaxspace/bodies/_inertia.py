@@ -1,0 +1,136 @@
+"""Moments of inertia about the centre of mass, in body axes.
+
+    h = J omega         J = diag(A, B, C) in principal axes, else the symmetric tensor
+    J_P = J + m (d^2 1 - d d^T)         parallel axes: d leads from the centre of mass to the point P
+
+    symbol   meaning                                     unit
+    A, B, C  principal moments of inertia                kg m^2
+    J        inertia tensor; off the diagonal stands     kg m^2
+             minus the product of inertia, -int xy dm
+    h        angular momentum                            kg m^2/s
+
+Source: Thomson 5.3 (tensor), 5.5 (principal axes), 7.1.
+"""
+
+from abc import abstractmethod
+from typing import Any, final
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from .._core import InputError, Matrix, Scalar, Vector, as_float, check, dot, known, matvec, solve3
+
+
+class AbstractInertia(eqx.Module):
+    """The linear map from angular velocity to angular momentum."""
+
+    @abstractmethod
+    def times(self, omega: Vector) -> Vector:
+        """Angular momentum h = J omega, kg m^2/s."""
+
+    @abstractmethod
+    def solve(self, h: Vector) -> Vector:
+        """Angular velocity omega with J omega = h, rad/s."""
+
+    @abstractmethod
+    def plus_diagonal(self, moments: Vector) -> "AbstractInertia":
+        """The sum of J and diag(moments), kg m^2."""
+
+    @abstractmethod
+    def matrix(self) -> Matrix:
+        """The tensor J as a matrix, (3, 3, *runs), kg m^2."""
+
+
+@final
+class PrincipalInertia(AbstractInertia):
+    """Inertia in principal axes: `moments` = (A, B, C), shape (3, *runs), kg m^2.
+
+    Raises `InputError` when a moment is not positive or one exceeds the sum of the other two, which no body allows."""
+
+    moments: Float[Array, "3 *#runs"] = eqx.field(converter=as_float)
+
+    def __check_init__(self):
+        if known(self.moments):
+            m = np.asarray(self.moments)
+            check(m > 0.0, "inertia", m, "positive in every moment")
+            slack = m.sum(axis=0) - 2.0 * m.max(axis=0)
+            check(slack >= -1e-6 * m.max(axis=0), "inertia", m, "such that no moment exceeds the sum of the other two")
+
+    def times(self, omega: Vector) -> Vector:
+        return self.moments * omega
+
+    def solve(self, h: Vector) -> Vector:
+        return h / self.moments
+
+    def plus_diagonal(self, moments: Vector) -> "PrincipalInertia":
+        return PrincipalInertia(self.moments + moments)
+
+    def matrix(self) -> Matrix:
+        return _diagonal(self.moments)
+
+
+@final
+class InertiaTensor(AbstractInertia):
+    """Inertia in any body axes: `tensor`, shape (3, 3, *runs), symmetric and positive definite, kg m^2.
+
+    Raises `InputError` when the tensor of a single body is not symmetric or not positive definite."""
+
+    tensor: Float[Array, "3 3 *#runs"] = eqx.field(converter=as_float)
+
+    def __check_init__(self):
+        if known(self.tensor) and self.tensor.ndim == 2:
+            j = np.asarray(self.tensor, dtype=float)
+            check(np.abs(j - j.T) <= 1e-6 * np.abs(j).max(), "inertia", j, "symmetric")
+            check(np.linalg.eigvalsh(j) > 0.0, "inertia", j, "positive definite")
+
+    def times(self, omega: Vector) -> Vector:
+        return matvec(self.tensor, omega)
+
+    def solve(self, h: Vector) -> Vector:
+        return solve3(self.tensor, h)
+
+    def plus_diagonal(self, moments: Vector) -> "InertiaTensor":
+        return InertiaTensor(self.tensor + _diagonal(moments))
+
+    def matrix(self) -> Matrix:
+        return self.tensor
+
+
+def _diagonal(d: Vector) -> Matrix:
+    """The matrix with `d` on its diagonal."""
+    return jnp.eye(3, dtype=d.dtype).reshape(3, 3, *(1,) * (d.ndim - 1)) * d[:, None]
+
+
+def as_inertia(x: Any) -> AbstractInertia:
+    """An inertia from three principal moments (shape (3,)), a tensor (shape (3, 3)), or an inertia as it is.
+
+    A batch is built by `PrincipalInertia` or `InertiaTensor`, whose shapes leave no doubt. Raises `InputError` otherwise."""
+    if isinstance(x, AbstractInertia) or type(x) is object:
+        return x  # type: ignore[return-value]
+    x = as_float(x)
+    if x.shape == (3,):
+        return PrincipalInertia(x)
+    if x.shape == (3, 3):
+        return InertiaTensor(x)
+    raise InputError(f"inertia has the shape {x.shape}: it must be (3,), the principal moments, or (3, 3), the tensor.")
+
+
+def kinetic_energy(inertia: AbstractInertia, omega: Vector) -> Scalar:
+    """Kinetic energy of rotation, omega . J omega / 2, J (Thomson 5.3)."""
+    return 0.5 * dot(omega, inertia.times(omega))
+
+
+def parallel_axes(inertia: AbstractInertia, mass: Scalar, offset: Vector) -> InertiaTensor:
+    """Inertia about the point at `offset`, m, from the centre of mass of a body of `mass`, kg (Thomson 5.5)."""
+    shift = dot(offset, offset) * jnp.eye(3, dtype=offset.dtype).reshape(3, 3, *(1,) * (offset.ndim - 1))
+    return InertiaTensor(inertia.matrix() + mass * (shift - offset[:, None] * offset[None, :]))
+
+
+def principal_axes(inertia: AbstractInertia) -> tuple[Vector, Matrix]:
+    """Principal moments in ascending order, kg m^2, and the principal axes as the columns of a matrix (Thomson 5.5).
+
+    The derivative of an axis exists only where its moment differs from the others."""
+    moments, axes = jnp.linalg.eigh(jnp.moveaxis(inertia.matrix(), (0, 1), (-2, -1)))
+    return jnp.moveaxis(moments, -1, 0), jnp.moveaxis(axes, (-2, -1), (0, 1))

@@ -1,0 +1,36 @@
+"""The equations of motion of one rigid body, of constant or varying mass.
+
+    v' = a + F / m                                  centre of mass, inertial axes
+    J omega' = M - omega x J omega                  about the centre of mass, body axes
+    q' = q (0, omega) / 2
+
+    symbol   meaning                                             unit
+    v        velocity of the centre of mass                      m/s
+    a, F     acceleration by gravity, other forces               m/s^2, N
+    m        mass that is left                                   kg
+    J        inertia of what is left, about its centre of mass   kg m^2
+    M        moment about the centre of mass                     N m
+
+Source: Thomson 5.6 (Euler's equations), 7.1-2, 7.7-3 (varying mass).
+Mass that leaves takes along the momentum that it has where it burns; what it gives up on the way to the nozzle is the effect
+`JetDamping`. The motion of the centre of mass inside the body is not a velocity of the body.
+"""
+
+from .._core import Scalar, Vector, cross
+from ._inertia import AbstractInertia
+
+
+def linear_acceleration(acceleration: Vector | None, force: Vector | None, mass: Scalar | None) -> Vector:
+    """v' = a + F / m, m/s^2; absent terms cost nothing. At least one of the two must be given."""
+    if force is None:
+        assert acceleration is not None
+        return acceleration
+    assert mass is not None
+    by_force = force / mass
+    return by_force if acceleration is None else acceleration + by_force
+
+
+def angular_acceleration(inertia: AbstractInertia, omega: Vector, torque: Vector | None) -> Vector:
+    """omega' from Euler's equations, rad/s^2 (Thomson 5.6, 7.1-2)."""
+    gyroscopic = cross(inertia.times(omega), omega)
+    return inertia.solve(gyroscopic if torque is None else torque + gyroscopic)

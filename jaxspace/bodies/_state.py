@@ -1,0 +1,46 @@
+"""The state of a body in a scene: only the parts that the scene's effects call for."""
+
+from typing import TYPE_CHECKING, Any, TypeAlias, final
+
+import equinox as eqx
+from jaxtyping import Array, Float
+
+from .._core import State
+from ..rotations import Quaternion
+
+if TYPE_CHECKING:
+    # A part is absent only where no effect reads it, which the scene has checked: to a static reader every part is there.
+    VectorPart: TypeAlias = Any
+    ScalarPart: TypeAlias = Any
+    AttitudePart: TypeAlias = Any
+else:
+    VectorPart: TypeAlias = Float[Array, "3 *#runs"] | None
+    ScalarPart: TypeAlias = Float[Array, "*#runs"] | None
+    AttitudePart: TypeAlias = Quaternion | None
+
+
+@final
+class BodyState(eqx.Module):
+    """Position and velocity of the centre of mass, orientation, angular velocity and mass of a body; also their rates.
+
+    A part that is `None` is absent: it is no leaf of the tree, hence in no integration, no batch and no gradient.
+
+    - `position`, m, and `velocity`, m/s: (3, *runs), in inertial axes.
+    - `attitude`: a `Quaternion`, body to inertial.
+    - `omega`, rad/s: (3, *runs), relative to inertial space, in body axes.
+    - `mass`, kg: (*runs,).
+    - `parts`: whatever else an effect integrates, by name."""
+
+    position: VectorPart = None
+    velocity: VectorPart = None
+    attitude: AttitudePart = None
+    omega: VectorPart = None
+    mass: ScalarPart = None
+    parts: dict[str, State] | None = None
+
+    def present(self) -> tuple[str, ...]:
+        """The names of the parts that this state holds."""
+        return tuple(name for name in PARTS if getattr(self, name) is not None)
+
+
+PARTS = ("position", "velocity", "attitude", "omega", "mass", "parts")

@@ -1,0 +1,81 @@
+"""Jet damping: what the propellant does to the rotation on its way from the grain to the nozzle.
+
+    M = m' (r_e x (omega x r_e) averaged over the exit) - (dJ/dm) m' omega
+
+    averaged over an exit ring of radius rho at the distance l behind the centre of mass:
+    M_xy = m' (l^2 + rho^2 / 2) omega_xy - m' (dJ_x,y/dm) omega_xy,       M_z = m' rho^2 omega_z - m' (dJ_z/dm) omega_z
+
+    symbol   meaning                                                unit
+    m'       rate of the mass, negative when mass leaves            kg/s
+    l        distance of the nozzle's exit from the centre of mass  m
+    rho      radius of the ring of exits (0: one central nozzle)    m
+    dJ/dm    how the inertia falls with the mass                    m^2
+
+Closed forms for radii of gyration k, k_z that stay (xi = m / m_0, constant m'):
+    omega = omega_0 xi^(l^2/k^2 - 1)                                        no spin (7.8-4)
+    omega_z = n xi^(rho^2/k_z^2 - 1)                                        (7.9)
+    |omega_xy| = |omega_xy(0)| xi^((l^2 + rho^2/2 - k^2)/k^2)               (Ex. 7.9-1, corrected)
+
+Source: Thomson 7.8, 7.9 (errata 11 to 13). The exhaust leaves straight out of the nozzle, without swirl of its own.
+"""
+
+from collections.abc import Callable
+from typing import Any, ClassVar, final
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from .._core import Scalar, as_float, axis, check_non_negative, phi1
+from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
+
+
+def jet_damping_ratio(mass_ratio: Scalar, lever_over_gyration: Scalar) -> Scalar:
+    """omega / omega_0 without spin, for `mass_ratio` = m / m_0 and l / k (Thomson 7.8-4)."""
+    return mass_ratio ** (lever_over_gyration**2 - 1.0)
+
+
+def spin_ratio(mass_ratio: Scalar, ring_over_gyration: Scalar) -> Scalar:
+    """omega_z / n, for `mass_ratio` = m / m_0 and rho / k_z (Thomson 7.9)."""
+    return mass_ratio ** (ring_over_gyration**2 - 1.0)
+
+
+def spin_angle(time: Scalar, spin: Scalar, burn_fraction_rate: Scalar, ring_over_gyration: Scalar) -> Scalar:
+    """Angle of spin, rad, after `time`, s: the integral of omega_z from the rate `spin` = n, rad/s, with m'/m_0 =
+    `burn_fraction_rate`, 1/s (positive when mass leaves). Holds for a central nozzle too, where it is a logarithm."""
+    log_xi = jnp.log1p(-burn_fraction_rate * time)
+    return -spin / burn_fraction_rate * log_xi * phi1(ring_over_gyration**2 * log_xi)
+
+
+@final
+class JetDamping(AbstractEffect):
+    """Jet damping of a body whose motor loses mass at the rate `mass_rate(t, mass)`, kg/s (negative).
+
+    - `exit_station`, m: z of the nozzle's exit in the body's construction axes.
+    - `exit_radius`, m: of the ring of exits; 0 for one central nozzle.
+
+    Raises `InputError` for a negative radius."""
+
+    mass_rate: Callable[[Scalar, Scalar], Scalar]
+    exit_station: Float[Array, "*#runs"] = eqx.field(converter=as_float)
+    exit_radius: Float[Array, "*#runs"] = eqx.field(converter=as_float, default=0.0)
+
+    needs: ClassVar[frozenset[str]] = frozenset({"omega", "mass"})
+    adds: ClassVar[frozenset[str]] = frozenset({"torque"})
+    keeps: ClassVar[frozenset[str]] = frozenset()
+
+    def __check_init__(self):
+        check_non_negative("JetDamping.exit_radius", self.exit_radius)
+
+    def load(self, t: Scalar, y: BodyState, body: AbstractBody) -> Load:
+        assert y.mass is not None and y.omega is not None
+        centre: Any = body.centre_of_mass(y.mass)
+        lever = self.exit_station - (centre if isinstance(centre, float) else centre[2])
+        ring = self.exit_radius * self.exit_radius
+        across, along = lever * lever + 0.5 * ring, ring + 0.0 * lever
+        carried = across + (along - across) * axis(2, across)
+        return Load(torque_B=self.mass_rate(t, y.mass) * (carried - body.inertia_per_mass(y.mass)) * y.omega)
+
+    def potential(self, t: Scalar, y: BodyState, body: AbstractBody) -> None:
+        del t, y, body
+        return None

@@ -1,0 +1,57 @@
+"""The rocket equation and the vertical flight of one stage.
+
+    dv = u ln(m_0 / m)                              in free space (7.7-4)
+    v  = v_0 + u ln(m_0 / m) - g t                  vertical, constant gravity (8.1-6)
+    h  = v_0 t + u t [1 - ln(mu) / (mu - 1)] - g t^2 / 2       mu = m_0 / m, constant mass flow (8.1-11)
+    H  = r x / (1 - x),  x = v^2 r / (2 g R^2)         coast from the radius r under inverse-square gravity (8.1-12)
+
+    symbol  meaning                            unit
+    u       exhaust velocity                   m/s
+    m_0, m  mass at ignition, mass now         kg
+    mu      mass ratio m_0 / m                 1
+    g, R    surface gravity, radius            m/s^2, m
+
+Source: Thomson 7.7-4, 8.1-6, 8.1-11, 8.1-12. Constant exhaust velocity and mass flow; no drag.
+"""
+
+import jax.numpy as jnp
+
+from .._core import Scalar, check_positive
+
+
+def rocket_equation(exhaust_velocity: Scalar, mass_ratio: Scalar) -> Scalar:
+    """Gain of speed in free space, m/s, for the exhaust velocity u, m/s, and the mass ratio m_0 / m (Thomson 7.7-4).
+
+    Raises `InputError` for a mass ratio or an exhaust velocity that is not positive."""
+    check_positive("exhaust_velocity", exhaust_velocity)
+    check_positive("mass_ratio", mass_ratio)
+    return exhaust_velocity * jnp.log(mass_ratio)
+
+
+def mass_ratio_for(exhaust_velocity: Scalar, velocity_gain: Scalar) -> Scalar:
+    """Mass ratio m_0 / m that gives `velocity_gain`, m/s, in free space."""
+    check_positive("exhaust_velocity", exhaust_velocity)
+    return jnp.exp(velocity_gain / exhaust_velocity)
+
+
+def vertical_burnout_velocity(exhaust_velocity: Scalar, mass_ratio: Scalar, burn_time: Scalar, gravity: Scalar, start: Scalar = 0.0) -> Scalar:
+    """Speed at burnout of a vertical flight from the speed `start`, m/s (Thomson 8.1-6)."""
+    return start + rocket_equation(exhaust_velocity, mass_ratio) - gravity * burn_time
+
+
+def vertical_burnout_height(exhaust_velocity: Scalar, mass_ratio: Scalar, burn_time: Scalar, gravity: Scalar, start: Scalar = 0.0) -> Scalar:
+    """Height gained at burnout of a vertical flight from the speed `start`, m (Thomson 8.1-11); holds for a mass ratio of 1."""
+    e = mass_ratio - 1.0
+    small = jnp.abs(e) < 1e-4
+    safe = jnp.where(small, 1.0, e)
+    loss = jnp.where(small, 1.0 - e / 2.0 + e * e / 3.0, jnp.log1p(jnp.where(small, 0.0, e)) / safe)
+    return start * burn_time + exhaust_velocity * burn_time * (1.0 - loss) - 0.5 * gravity * burn_time**2
+
+
+def coast_height(speed: Scalar, height: Scalar, surface_gravity: Scalar, radius: Scalar) -> Scalar:
+    """Height gained, m, from the vertical `speed`, m/s, at `height`, m, until rest, under gravity g (R / r)^2 (Thomson 8.1-12).
+
+    Infinite from the speed of escape on."""
+    r = radius + height
+    x = speed**2 * r / (2.0 * surface_gravity * radius**2)
+    return jnp.where(x < 1.0, r * x / jnp.where(x < 1.0, 1.0 - x, 1.0), jnp.inf)

@@ -1,0 +1,42 @@
+"""Any function as an effect."""
+
+from collections.abc import Callable
+from typing import Any, final
+
+import equinox as eqx
+
+from .._core import InputError, Scalar
+from ..bodies import PARTS, AbstractBody, AbstractEffect, BodyState, Load
+
+ADDS = ("acceleration", "force", "torque", "mass_rate", "parts")
+
+
+@final
+class Custom(AbstractEffect):
+    """An effect from a function `load(t, y, body) -> Load`, written for runs on the last axis like any physics here.
+
+    - `function`: best an `equinox.Module` with a `__call__`, whose parameters are then part of the scene.
+    - `needs`, `adds`, `keeps`: as in `AbstractEffect`.
+    - `energy`: a function (t, y, body) -> potential energy per unit mass, J/kg, if the effect keeps the energy.
+
+    Raises `InputError` for an unknown part or contribution, or an effect that keeps the energy without a potential."""
+
+    function: Callable[[Scalar, BodyState, AbstractBody], Load]
+    needs: frozenset[str] = eqx.field(static=True, converter=frozenset)  # pyright: ignore[reportIncompatibleVariableOverride]
+    adds: frozenset[str] = eqx.field(static=True, converter=frozenset)  # pyright: ignore[reportIncompatibleVariableOverride]
+    keeps: frozenset[str] = eqx.field(static=True, converter=frozenset, default=frozenset())  # pyright: ignore
+    energy: Callable[..., Scalar] | None = None
+
+    def __check_init__(self):
+        for field, allowed in (("needs", PARTS), ("adds", ADDS)):
+            unknown = sorted(getattr(self, field) - set(allowed))
+            if unknown:
+                raise InputError(f"Custom.{field} names {unknown}: it may name {', '.join(allowed)}.")
+        if "energy" in self.keeps and self.energy is None:
+            raise InputError("Custom.keeps names the energy, and Custom.energy is None: give the potential energy per unit mass.")
+
+    def load(self, t: Scalar, y: BodyState, body: AbstractBody) -> Load:
+        return self.function(t, y, body)
+
+    def potential(self, t: Scalar, y: BodyState, body: AbstractBody) -> Any:
+        return None if self.energy is None else self.energy(t, y, body)

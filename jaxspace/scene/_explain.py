@@ -1,0 +1,60 @@
+"""What a scene is made of, and what each part of it costs."""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+
+from .._core import Scalar
+from ..bodies import BodyState
+from ..rotations import Quaternion
+from ._scene import Scene
+
+
+class EffectRow(NamedTuple):
+    """One effect of a scene: its name, what it reads and adds, and its share of the arithmetic of one evaluation."""
+
+    effect: str
+    reads: tuple[str, ...]
+    adds: tuple[str, ...]
+    operations: int
+    share: float
+
+
+def operation_count(function: Callable[..., Any], *arguments: Any) -> int:
+    """Floating-point operations of the function as compiled, transcendental functions counted as one each."""
+    cost = jax.jit(function).lower(*arguments).compile().cost_analysis()
+    return int(cost.get("flops", 0.0) + cost.get("transcendentals", 0.0)) if cost else 0
+
+
+def sample_state(scene: Scene) -> BodyState:
+    """Any state of the scene, for shapes and counts: only its parts are there."""
+    one = jnp.ones(())
+    every = BodyState(jnp.ones(3), jnp.ones(3), Quaternion(jnp.ones(4)), jnp.ones(3), one, {})
+    return BodyState(**{part: getattr(every, part) for part in scene.parts})
+
+
+def budget(scene: Scene, t: Scalar = 0.0, y: BodyState | None = None) -> list[EffectRow]:
+    """A row for each effect, in the order of the scene, and a last one for the equations of motion themselves.
+
+    The share of an effect is what one evaluation saves when it is left out of the whole."""
+    t, y = jnp.asarray(t, float), sample_state(scene) if y is None else y
+    whole = operation_count(scene.vector_field, t, y)
+    rows = []
+    for k, effect in enumerate(scene.effects):
+        rest = Scene(scene.effects[:k] + scene.effects[k + 1 :], scene.body, scene.parts)
+        saved = max(whole - operation_count(rest.vector_field, t, y), 0)
+        rows.append(EffectRow(type(effect).__name__, tuple(sorted(effect.needs)), tuple(sorted(effect.adds)), saved, saved / whole))
+    own = whole - sum(row.operations for row in rows)
+    return [*rows, EffectRow("equations of motion", scene.parts, (), own, own / whole)]
+
+
+def explain(scene: Scene) -> str:
+    """A table of the scene: each effect, what it reads and adds, and its share of the arithmetic of one evaluation."""
+    rows = budget(scene)
+    lines = [("effect", "reads", "adds", "operations", "share")]
+    lines += [(r.effect, ", ".join(r.reads), ", ".join(r.adds), str(r.operations), f"{100.0 * r.share:.0f} %") for r in rows]
+    width = [max(len(line[k]) for line in lines) for k in range(5)]
+    text = "\n".join("  ".join(cell.ljust(w) for cell, w in zip(line, width, strict=True)).rstrip() for line in lines)
+    return f"{text}\nstate: {', '.join(scene.parts)}"

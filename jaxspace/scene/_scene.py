@@ -1,0 +1,179 @@
+"""A body and what acts on it, put together: only what the effects call for is integrated.
+
+    v' = sum a + sum F / m,    J omega' = sum M - omega x J omega,    m' = sum m'_effects
+
+The state holds the parts that the effects read or change (`Scene.parts`), and those that it is told to carry along; every
+other part is `None`, hence no leaf of the state, of a batch or of a gradient.
+
+Source: Thomson 5.6, 7.1, 7.7 for the sums; `jaxspace.bodies` for the equations of one body.
+"""
+
+from typing import Any, final
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from .._core import AbstractPiecewiseSystem, InputError, Scalar, cross, dot
+from ..bodies import (
+    PARTS,
+    AbstractBody,
+    AbstractEffect,
+    AbstractPiecewiseEffect,
+    BodyState,
+    Load,
+    RigidBody,
+    angular_acceleration,
+    kinetic_energy,
+    linear_acceleration,
+)
+
+TRANSLATION, ROTATION = {"position", "velocity"}, {"attitude", "omega"}
+CALLS_FOR = {"acceleration": TRANSLATION, "force": TRANSLATION, "torque": ROTATION, "mass_rate": {"mass"}, "parts": {"parts"}}
+
+
+@final
+class Scene(AbstractPiecewiseSystem):
+    """A body under effects, as a system.
+
+    - `effects`: what acts, in any order.
+    - `body`: mass properties; may be absent where no effect asks for mass or inertia.
+    - `carry`: parts of the state to integrate although no effect asks for them (`("attitude",)` lets a body turn freely).
+
+    Raises `InputError` when an effect needs what the body lacks; the message names both."""
+
+    effects: tuple[AbstractEffect, ...] = eqx.field(converter=tuple)
+    body: AbstractBody = RigidBody()
+    carry: tuple[str, ...] = eqx.field(static=True, converter=tuple, default=())
+
+    def __check_init__(self):
+        unknown = set(self.carry) - set(PARTS)
+        if unknown:
+            raise InputError(f"Scene.carry names {sorted(unknown)}: it may name {', '.join(PARTS)}.")
+        for name, effect in [(type(e).__name__, e) for e in self.effects]:
+            if "force" in effect.adds and self._massless():
+                raise InputError(f"{name} adds a force, and the body has no mass: give body=RigidBody(mass=...) or carry=('mass',).")
+            if {"attitude", "omega"} & effect.needs or "torque" in effect.adds:
+                self._check_inertia(f"{name} needs")
+            if "body_mass" in effect.needs and self._massless():
+                raise InputError(f"{name} needs the mass of the body, which has none: give body=RigidBody(mass=...).")
+        if ROTATION & set(self.carry):
+            self._check_inertia("Scene.carry asks for")
+
+    def _massless(self) -> bool:
+        return self.body.constant_mass() is None and "mass" not in self.parts
+
+    def _check_inertia(self, who: str) -> None:
+        if not self.body.has_inertia():
+            raise InputError(f"{who} a rotating body, and the body has no inertia: give body=RigidBody(inertia=...).")
+
+    @property
+    def parts(self) -> tuple[str, ...]:
+        """The parts that a state of this scene holds, in the order of `BodyState`."""
+        wanted = set(self.carry)
+        for effect in self.effects:
+            wanted |= (effect.needs & set(PARTS)).union(*(CALLS_FOR[a] for a in effect.adds))
+        for pair in (TRANSLATION, ROTATION):
+            wanted |= pair if wanted & pair else set()
+        if not self.effects and not self.carry:
+            wanted = set(TRANSLATION)
+        return tuple(part for part in PARTS if part in wanted)
+
+    def check_state(self, y: BodyState) -> None:
+        """Raise `InputError` unless the state holds just the parts of this scene; the message names who asks for one."""
+        for part in self.parts:
+            if getattr(y, part) is None:
+                who = [type(e).__name__ for e in self.effects if part in e.needs] or ["Scene"]
+                raise InputError(f"{who[0]} needs {part}, and the state has none: give BodyState({part}=...).")
+        idle = [part for part in y.present() if part not in self.parts]
+        if idle:
+            raise InputError(
+                f"The state holds {idle[0]}, which no effect of the scene reads or changes: leave it out, or let Scene(carry=({idle[0]!r},)) integrate it."
+            )
+
+    def loads(self, t: Scalar, y: BodyState) -> Load:
+        """The sum of the effects' loads at the time `t`, s, in the state `y`."""
+        loads = [effect.load(t, y, self.body) for effect in self.effects]
+        parts = [load.parts_rate for load in loads if load.parts_rate is not None]
+        rates = {name: rate for part in parts for name, rate in part.items()} or None
+        return Load(*(_sum([getattr(load, k) for load in loads]) for k in SUMMED), parts_rate=rates)
+
+    def vector_field(self, t: Scalar, y: BodyState) -> BodyState:
+        self.check_state(y)
+        load = self.loads(t, y)
+        velocity = attitude = omega = mass = None
+        if y.velocity is not None:
+            free = load.acceleration_N is None and load.force_N is None
+            velocity = jnp.zeros_like(y.velocity) if free else linear_acceleration(load.acceleration_N, load.force_N, self.mass(y))
+        if y.omega is not None and y.attitude is not None:
+            attitude = y.attitude.rate(y.omega)
+            omega = angular_acceleration(self.body.inertia(self.mass(y)), y.omega, load.torque_B)
+        if y.mass is not None:
+            mass = jnp.zeros_like(y.mass) if load.mass_rate is None else load.mass_rate
+        return BodyState(y.velocity, velocity, attitude, omega, mass, load.parts_rate)
+
+    def mass(self, y: BodyState) -> Scalar | None:
+        """The mass of the body, kg: from the state where it changes, else the body's own; `None` if it has none."""
+        return self.body.constant_mass() if y.mass is None else y.mass
+
+    def invariants(self, t: Scalar, y: BodyState) -> dict[str, Array]:
+        """What the effects together leave constant: the energy if every effect keeps it, and so on."""
+        kept = frozenset.intersection(*(e.keeps for e in self.effects)) if self.effects else ALL_KEPT
+        adds = frozenset().union(*(e.adds for e in self.effects))
+        found: dict[str, Array] = {}
+        if "mass_rate" in adds:
+            return self._quaternion_norm(y)
+        if y.position is not None and y.velocity is not None:
+            moment = cross(y.position, y.velocity)
+            if "angular_momentum" in kept:
+                found["angular_momentum"] = moment
+            elif "axial_angular_momentum" in kept:
+                found["axial_angular_momentum"] = moment[2]
+        if "energy" in kept:
+            found |= self._energy(t, y, "torque" in adds)
+        if y.omega is not None and y.attitude is not None and "torque" not in adds:
+            h = self.body.inertia(self.mass(y)).times(y.omega)
+            found["rotational_momentum"] = y.attitude.rotate(h)
+            found["rotational_energy"] = kinetic_energy(self.body.inertia(self.mass(y)), y.omega)
+        return found | self._quaternion_norm(y)
+
+    def _quaternion_norm(self, y: BodyState) -> dict[str, Array]:
+        return {} if y.attitude is None else {"quaternion_norm": y.attitude.norm_squared()}
+
+    def _energy(self, t: Scalar, y: BodyState, coupled: bool) -> dict[str, Array]:
+        """Energy per unit mass of the motion of the centre of mass; with torques, that of the rotation counts in."""
+        energy = 0.0 if y.velocity is None else 0.5 * dot(y.velocity, y.velocity)
+        for effect in self.effects:
+            potential = effect.potential(t, y, self.body)
+            assert potential is not None, f"{type(effect).__name__} keeps the energy and has no potential"
+            energy = energy + potential
+        if coupled and y.omega is not None:
+            mass = self.mass(y)
+            assert mass is not None
+            energy = energy + kinetic_energy(self.body.inertia(mass), y.omega) / mass
+        return {"energy": jnp.asarray(energy)}
+
+    def explain(self) -> str:
+        """A table of the effects: what each reads and adds, and its share of the arithmetic of one evaluation."""
+        from ._explain import explain
+
+        return explain(self)
+
+    def breaks(self) -> Float[Array, "times *#runs"]:
+        times = [e.breaks() for e in self.effects if isinstance(e, AbstractPiecewiseEffect)]
+        if not times:
+            return jnp.zeros((0,))
+        runs = jnp.broadcast_shapes(*(x.shape[1:] for x in times))
+        return jnp.concatenate([jnp.broadcast_to(x, (x.shape[0], *runs)) for x in times])
+
+
+SUMMED = ("acceleration_N", "force_N", "torque_B", "mass_rate")
+ALL_KEPT = frozenset({"energy", "angular_momentum", "axial_angular_momentum"})
+
+
+def _sum(terms: list[Any]) -> Any:
+    """The sum of what is there; `None` if nothing is."""
+    there = [term for term in terms if term is not None]
+    return sum(there[1:], there[0]) if there else None
+
+
