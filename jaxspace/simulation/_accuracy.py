@@ -1,0 +1,81 @@
+"""How accurate a run shall be, and by which method it gets there."""
+
+from typing import Any, Literal, final
+
+import diffrax
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from .._core import AbstractClosedFormSystem, AbstractSystem, InputError, Scalar, State, as_float, as_optional_float, check_non_negative, check_positive, known
+from ..solvers import DOP853, Tsit5
+
+LOOSE = 1e-5  # above this tolerance the method of order 5 needs fewer evaluations than the one of order 8
+
+
+@final
+class Accuracy(eqx.Module):
+    """What error each step may make, and how.
+
+    - `rtol`: of the length of every block of the state (position, quaternion, ...); `atol`: in the block's own unit, by
+      default a thousandth of `rtol` (it matters only for a block that is zero).
+    - `method`: `"auto"` takes the closed form where the system has one, else DOP853, or Tsit5 above a tolerance of 1e-5;
+      or any diffrax solver with an error estimate.
+    - `adjoint`: diffrax's way of differentiation: reverse mode by default, `diffrax.ForwardMode()` for `jvp` and `jacfwd`.
+    - `max_steps`: how many steps a run may take.
+
+    The tolerances are traced: changing them compiles nothing anew. Raises `InputError` for a tolerance that is not positive."""
+
+    rtol: Float[Array, ""] = eqx.field(converter=as_float, default=1e-9)
+    atol: Float[Array, ""] | None = eqx.field(converter=as_optional_float, default=None)
+    method: diffrax.AbstractSolver | Literal["auto"] = "auto"
+    adjoint: diffrax.AbstractAdjoint = diffrax.RecursiveCheckpointAdjoint()
+    max_steps: int = eqx.field(static=True, default=65536)
+
+    def __check_init__(self):
+        check_positive("Accuracy.rtol", self.rtol)
+        if self.atol is not None:
+            check_non_negative("Accuracy.atol", self.atol)
+        check_positive("Accuracy.max_steps", self.max_steps)
+
+    def tightened(self, factor: float, dtype: Any) -> "Accuracy":
+        """The same accuracy with tolerances `factor` times smaller, as far as the precision `dtype` allows."""
+        rtol = jnp.maximum(self.rtol * factor, 2.0 * least_tolerance(dtype))
+        atol = None if self.atol is None else self.atol * factor
+        return Accuracy(rtol=rtol, atol=atol, method=self.method, adjoint=self.adjoint, max_steps=self.max_steps)
+
+
+def least_tolerance(dtype: Any) -> float:
+    """The smallest tolerance that the precision can resolve: sixteen units in the last place."""
+    return 16.0 * float(jnp.finfo(dtype).eps)
+
+
+def as_accuracy(accuracy: Accuracy | Scalar) -> Accuracy:
+    """An `Accuracy` from itself or from a relative tolerance."""
+    return accuracy if isinstance(accuracy, Accuracy) else Accuracy(rtol=accuracy)
+
+
+def state_dtype(y: State) -> Any:
+    """The precision of a state. Raises `InputError` if it is no state, or if its blocks differ."""
+    dtypes = {leaf.dtype for leaf in jax.tree.leaves(y) if isinstance(leaf, Array | np.ndarray)}
+    if len(dtypes) != 1 or not jnp.issubdtype(next(iter(dtypes)), jnp.floating):
+        raise InputError(f"y0 holds arrays of the types {sorted(map(str, dtypes))}: it must hold one floating-point type.")
+    return next(iter(dtypes))
+
+
+def settled(accuracy: Accuracy, system: AbstractSystem, y0: State) -> Accuracy:
+    """The accuracy with its method chosen for this system: `"auto"` stays only where the closed form is meant.
+
+    Raises `InputError` for a tolerance that the precision of the state cannot reach, before anything is compiled."""
+    dtype = state_dtype(y0)
+    if known(accuracy.rtol) and float(np.min(np.asarray(accuracy.rtol))) < least_tolerance(dtype):
+        raise InputError(
+            f"Accuracy.rtol is {float(np.min(np.asarray(accuracy.rtol))):.3g}: for {dtype} states it must be at least "
+            f"{least_tolerance(dtype):.2g}; loosen it, or use float64."
+        )
+    if accuracy.method != "auto" or isinstance(system, AbstractClosedFormSystem):
+        return accuracy
+    loose = known(accuracy.rtol) and float(np.max(np.asarray(accuracy.rtol))) > LOOSE
+    return eqx.tree_at(lambda a: a.method, accuracy, Tsit5() if loose else DOP853())

@@ -1,0 +1,157 @@
+"""Many runs by one integration after the other, each of a block of runs side by side. Never a mapped solve."""
+
+from collections.abc import Callable
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from .._core import AbstractSystem, InputError, Scalar, State, known
+from ._accuracy import Accuracy, as_accuracy, settled, state_dtype
+from ._events import Event
+from ._lanes import Span, run_mission, run_system
+from ._mission import Mission
+from ._simulate import repeat, thrown
+from ._status import Status
+from ._trajectory import MissionTrajectory, Trajectory
+
+BLOCK = 256  # runs side by side: the working set stays in the first levels of the cache
+
+
+def simulate_batch(
+    systems: AbstractSystem | Mission,
+    y0s: State,
+    ts: Any = 0.0,
+    *,
+    accuracy: Accuracy | Scalar = 1e-9,
+    events: tuple[Event, ...] = (),
+    samples: int = 2,
+    in_axes: tuple[Any, Any] = (0, 0),
+    throw: bool = False,
+):
+    """`simulate` for many runs: the same contract with the runs on the first axis of every array.
+
+    - `systems`, `y0s`: as in `simulate`, every array with a leading axis of runs. A number without axes is shared by all;
+      `in_axes` = (for `systems`, for `y0s`), as in `jax.vmap`, shares more with `None`.
+    - `ts`: (times,) for all runs or (runs, times) for each; for a mission its start.
+
+    Returns a `Trajectory` or `MissionTrajectory` with a `Status` for every run. A run that fails marks its own row: when the
+    steps of its block run out, the runs of that block are repeated alone (outside of `jit`). Raises as `simulate` does, and
+    `InputError` for an array whose first axis is not that of the runs."""
+    accuracy = as_accuracy(accuracy)
+    carried = [_carried(tree, axes) for tree, axes in zip((systems, y0s), in_axes, strict=True)]
+    runs = _count(systems, y0s, carried)
+    ts = jnp.asarray(ts, state_dtype(y0s))
+    own_ts = ts.ndim == (1 if isinstance(systems, Mission) else 2)
+    batched, shared = eqx.partition((systems, y0s, ts), (*carried, own_ts))
+    result = _run(batched, shared, min(BLOCK, runs), accuracy, tuple(events), samples)
+    if known(result.status) and runs > 1:
+        stuck = np.flatnonzero(np.asarray(result.status) == Status.MAX_STEPS)
+        if stuck.size:
+            alone = _run(jax.tree.map(lambda x: x[stuck], batched), shared, 1, accuracy, tuple(events), samples)
+            result = jax.tree.map(lambda a, b: a.at[stuck].set(b), result, alone)
+    result = _with_systems(result, systems, carried[0], accuracy, y0s)
+    return thrown(result) if throw else result
+
+
+def _carried(tree: Any, axes: Any) -> Any:
+    """For every leaf whether it carries runs on its first axis."""
+
+    def flags(axis: Any, part: Any) -> Any:
+        return jax.tree.map(lambda x: axis is not None and eqx.is_array(x) and x.ndim > 0, part)
+
+    return jax.tree.map(flags, axes, tree, is_leaf=lambda a: a is None or a == 0)
+
+
+def _count(systems: Any, y0s: Any, carried: list[Any]) -> int:
+    """The number of runs. Raises `InputError` when the leading axes of the arrays differ."""
+    sizes = {}
+    for name, tree, flags in (("y0s", y0s, carried[1]), ("systems", systems, carried[0])):
+        for (path, leaf), flag in zip(jax.tree_util.tree_flatten_with_path(tree)[0], jax.tree.leaves(flags), strict=True):
+            if flag:
+                sizes[name + jax.tree_util.keystr(path)] = leaf.shape[0]
+    if not sizes:
+        raise InputError("simulate_batch found no array with a leading axis of runs: use simulate for one run.")
+    runs = next(iter(sizes.values()))
+    for name, n in sizes.items():
+        if n != runs:
+            raise InputError(f"{name} has {n} rows, the batch {runs} runs: its first axis must be that of the runs, or shared by in_axes.")
+    return runs
+
+
+def by_blocks(function: Callable[[Any], Any], batched: Any, block: int) -> Any:
+    """`function` of `block` runs at a time, which takes them on the last axis and returns them on the first; the last block is
+    filled up with copies of the last run."""
+    runs = jax.tree.leaves(batched)[0].shape[0]
+    count = -(-runs // block)
+
+    def cut(x: Array) -> Array:
+        filled = jnp.concatenate([x, jnp.broadcast_to(x[-1:], (count * block - runs, *x.shape[1:]))])
+        return filled.reshape(count, block, *x.shape[1:])
+
+    rows = jax.lax.map(lambda piece: function(jax.tree.map(lambda x: jnp.moveaxis(x, 0, -1), piece)), jax.tree.map(cut, batched))
+    return jax.tree.map(lambda x: x.reshape(count * block, *x.shape[2:])[:runs], rows)
+
+
+def side_by_side(shared: Any) -> Any:
+    """What all runs share, with an axis of length one for them at the end of every array that has axes."""
+    return jax.tree.map(lambda x: x[..., None] if eqx.is_array(x) and x.ndim > 0 else x, shared)
+
+
+@eqx.filter_jit
+def _run(batched: Any, shared: Any, block: int, accuracy: Accuracy, events: tuple[Event, ...], samples: int) -> Any:
+    shared = (*side_by_side(shared[:2]), shared[2])
+    return by_blocks(lambda lanes: _rows(*eqx.combine(lanes, shared), accuracy, events, samples, block), batched, block)
+
+
+def _rows(system: Any, y0: State, ts: Array, accuracy: Accuracy, events: tuple[Event, ...], samples: int, block: int) -> Any:
+    """The trajectories of a block of runs, without what was run."""
+    if isinstance(system, Mission):
+        spans, final, end, status = run_mission(system, y0, ts, samples, accuracy, 1)
+        phases = tuple(_trajectory(span, block) for span in spans)
+        return MissionTrajectory(phases, tuple(p.name for p in system.phases), _front(final), end, status)
+    return _trajectory(run_system(system, y0, ts, events, settled(accuracy, system, y0), 1), block)
+
+
+def _front(tree: Any) -> Any:
+    return jax.tree.map(lambda x: jnp.moveaxis(x, -1, 0), tree)
+
+
+def _trajectory(span: Span, block: int) -> Trajectory:
+    ts = span.ts[:, None] if span.ts.ndim == 1 else span.ts
+    ts = jnp.broadcast_to(ts, (ts.shape[0], block))
+    stats = {name: jnp.broadcast_to(value, (block,)) for name, value in span.stats.items()}
+    return Trajectory(_front(ts), _front(span.states), span.status, span.event, stats)
+
+
+def _with_systems(result: Any, systems: Any, carried: Any, accuracy: Accuracy, y0s: State) -> Any:
+    """The trajectories with what was run, and which of its arrays all runs share."""
+
+    def attach(t: Trajectory, system: Any, flags: Any) -> Trajectory:
+        shared = tuple(not flag for flag in jax.tree.leaves(flags))
+        return Trajectory(t.ts, t.states, t.status, t.event, t.stats, system, settled(accuracy, system, y0s), shared)
+
+    if not isinstance(result, MissionTrajectory):
+        return attach(result, systems, carried)
+    every = zip(result.phases, systems.phases, carried.phases, strict=True)
+    phases = tuple(attach(t, phase.system, flags.system) for t, phase, flags in every)
+    return MissionTrajectory(phases, result.names, result.final, result.end, result.status)
+
+
+def repeat_batch(trajectory: Trajectory, accuracy: Accuracy) -> State:
+    """The final states of all runs of a batch, simulated anew by way of the middle of their span."""
+    leaves, tree = jax.tree.flatten(trajectory.system)
+    flags = jax.tree.unflatten(tree, [not alone for alone in trajectory.shared or ()])
+    ends = trajectory.ts[:, :: max(trajectory.ts.shape[1] - 1, 1)]
+    batched, shared = eqx.partition((trajectory.system, trajectory.initial, ends), (flags, True, True))
+    del leaves
+    return _repeat(batched, shared, min(BLOCK, ends.shape[0]), accuracy)
+
+
+@eqx.filter_jit
+def _repeat(batched: Any, shared: Any, block: int, accuracy: Accuracy) -> State:
+    shared = (*side_by_side(shared[:2]), shared[2])
+    return by_blocks(lambda lanes: _front(repeat(*eqx.combine(lanes, shared), accuracy, 1)), batched, block)

@@ -1,0 +1,60 @@
+"""Phases in sequence: each with its own system, its own end, and a jump into the next.
+
+The jump is any function (t, y) -> y, best an `equinox.Module` whose parameters are then part of the mission; it may change
+what the state holds. Runs of a batch may have phases of different length, and events at different times."""
+
+from collections.abc import Callable
+from typing import Any, final
+
+import equinox as eqx
+from jaxtyping import Array, Float
+
+from .._core import AbstractSystem, InputError, Scalar, State, as_float, check_finite
+from ._events import Event
+
+
+def _as_until(x: Any) -> Any:
+    return x if isinstance(x, Event) else as_float(x)
+
+
+@final
+class Phase(eqx.Module):
+    """One phase: the `system` that moves, `until` when, and `then` what jumps.
+
+    - `until`: a duration, s, or an `Event` that sets its limit `within`.
+    - `then`: a function (t, y) -> y applied at the end; `None` leaves the state as it is.
+    - `name`: for tables and plots.
+
+    Raises `InputError` for an event without a limit or a duration that is not finite."""
+
+    system: AbstractSystem
+    until: Float[Array, "*#runs"] | Event = eqx.field(converter=_as_until)
+    then: Callable[[Scalar, State], State] | None = None
+    name: str = eqx.field(static=True, default="phase")
+
+    def __check_init__(self):
+        if isinstance(self.until, Event):
+            if self.until.within is None:
+                raise InputError(f"Phase {self.name!r} ends at an event without a limit: Event.within must be a time in s.")
+        else:
+            check_finite(f"Phase {self.name!r}: until", self.until)
+
+    def limit(self) -> Scalar:
+        """The longest that the phase may last, s."""
+        return self.until.within if isinstance(self.until, Event) else self.until  # pyright: ignore[reportReturnType]
+
+    def events(self) -> tuple[Event, ...]:
+        """The event that ends the phase, if any."""
+        return (self.until,) if isinstance(self.until, Event) else ()
+
+
+@final
+class Mission(eqx.Module):
+    """Phases flown one after the other. Raises `InputError` when there is none, or two of one name."""
+
+    phases: tuple[Phase, ...] = eqx.field(converter=tuple)
+
+    def __check_init__(self):
+        names = [phase.name for phase in self.phases]
+        if not names or len(set(names)) < len(names):
+            raise InputError(f"Mission.phases are {names}: there must be at least one, each with a name of its own.")

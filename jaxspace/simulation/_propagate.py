@@ -1,0 +1,169 @@
+"""One span of one system: from a state at t0 to states until t1, by the closed form or by one integration.
+
+The integration runs on a clock s that counts segments: the system's break times cut the span, segment i takes s from i to
+i + 1, and every run maps the clock to its own time,
+
+    t = t0 + T (u_i + (s - i)(u_{i+1} - u_i)),      dy/ds = T (u_{i+1} - u_i) f(t, y)
+
+so that runs of different length, with their own break times, share one integration, and derivatives with respect to the
+length of the span and to the break times come out by themselves.
+
+    symbol  meaning                                            unit
+    T       length of the span, t1 - t0 (negative: backwards)  s
+    u_i     break times as fractions of the span, ascending    1
+    f       vector field of the system                         state/s
+"""
+
+from typing import Any, final
+
+import diffrax
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float, Int
+
+from .._core import AbstractClosedFormSystem, AbstractPiecewiseSystem, AbstractSystem, Scalar, State, safe_divide
+from ..solvers import Accounted, PlannedSteps, Tolerance, WorstRunControl
+from ._accuracy import Accuracy
+from ._status import judged
+
+
+@final
+class Propagation(eqx.Module):
+    """States along a span: `states` with the times on the first axis, the `status` of each run, and what it cost.
+
+    `plan` holds the ends of the accepted steps on the clock where they were asked for (padded with infinity)."""
+
+    states: State
+    status: Int[Array, "*runs"]
+    stats: dict[str, Array]
+    plan: Float[Array, " steps"] | None
+
+
+def alike(system: AbstractSystem, t: Scalar, y: State) -> State:
+    """The state with every block broadcast to the runs that the system or another block carries."""
+    for _ in range(3):
+        rate = jax.eval_shape(system.vector_field, t, y)
+        y = jax.tree.map(lambda a, b: jnp.broadcast_to(a, jnp.broadcast_shapes(a.shape, b.shape)), y, rate)
+    return y
+
+
+@eqx.filter_jit
+def propagate(
+    system: AbstractSystem,
+    y0: State,
+    t0: Scalar,
+    t1: Scalar,
+    fractions: Float[Array, " times"] | None,
+    accuracy: Accuracy,
+    run_axes: int,
+    plan: Float[Array, " nodes"] | None = None,
+    record: bool = False,
+) -> Propagation:
+    """States at `fractions` (ascending, within [0, 1]) of the span, or at its end alone where they are `None`.
+
+    `t0` and `t1` are scalars or (*runs,); `run_axes` counts the axes of runs; `plan` fixes the steps on the clock beforehand;
+    `record` asks for the steps that were taken."""
+    y0 = alike(system, t0, y0)
+    if accuracy.method == "auto" and isinstance(system, AbstractClosedFormSystem):
+        return _by_flow(system, y0, t1 - t0, fractions, run_axes)
+    return _by_integration(system, y0, t0, t1, fractions, accuracy, run_axes, plan, record)
+
+
+def _by_flow(system: AbstractClosedFormSystem, y0: State, span: Scalar, fractions: Any, run_axes: int) -> Propagation:
+    durations = jnp.asarray(span)[None] if fractions is None else jnp.multiply.outer(fractions, span)
+    states = jax.vmap(lambda duration: system.flow(duration, y0))(durations)
+    final = jax.tree.map(lambda x: x[-1], states)
+    finite = Tolerance(0.0, 0.0, run_axes).alive(final)
+    return Propagation(states, judged(jnp.array(False), finite, jnp.zeros(finite.shape)), {"evaluations": jnp.array(0)}, None)
+
+
+def _segments(system: AbstractSystem, t0: Scalar, span: Scalar, extra: Array | None) -> Array:
+    """The fractions u of the span at which a segment begins or ends, ascending, for each run."""
+    inner = []
+    breaks = system.breaks().astype(span.dtype) if isinstance(system, AbstractPiecewiseSystem) else jnp.zeros((0,))
+    if breaks.shape[0] > 0:
+        breaks = breaks.reshape(breaks.shape[0], *(1,) * (span.ndim - breaks.ndim + 1), *breaks.shape[1:])
+        inner.append(jnp.clip(safe_divide(breaks - t0, span), 0.0, 1.0))
+    if extra is not None:
+        inner.append(extra.reshape(extra.shape + (1,) * (inner[0].ndim - 1)))  # only ever besides per-run breaks
+    runs = jnp.broadcast_shapes(*(x.shape[1:] for x in inner)) if inner else ()
+    zero, one = jnp.zeros((1, *runs), span.dtype), jnp.ones((1, *runs), span.dtype)
+    cut = [jnp.broadcast_to(x, (x.shape[0], *runs)).astype(span.dtype) for x in inner]
+    u = jnp.concatenate([zero, *cut, one])
+    return jnp.sort(u, axis=0) if inner else u
+
+
+@eqx.filter_jit
+def _rate(s: Scalar, y: State, args: Any) -> State:
+    """dy/ds on the clock of the integration."""
+    system, u, t0, span = args
+    segments = u.shape[0] - 1
+    start = jnp.clip(jnp.floor(s), 0.0, segments - 1.0)
+    i = start.astype(jnp.int32) if segments > 1 else 0
+    width = u[i + 1] - u[i]
+    t = t0 + span * (u[i] + (s - start) * width)
+    return jax.tree.map(lambda k: k * (span * width), system.vector_field(t, y))
+
+
+def _by_integration(
+    system: AbstractSystem, y0: State, t0: Any, t1: Any, fractions: Any, accuracy: Accuracy, run_axes: int, plan: Any, record: bool
+) -> Propagation:
+    dtype = jnp.result_type(*jax.tree.leaves(y0))
+    t0, t1 = jnp.asarray(t0, dtype), jnp.asarray(t1, dtype)
+    span = t1 - t0
+    u = _segments(system, t0, span, None)
+    per_run = u.ndim > 1 and fractions is not None
+    if per_run:
+        u = _segments(system, t0, span, fractions)
+    s_end = jnp.asarray(u.shape[0] - 1, dtype)
+    if fractions is None:
+        saved = diffrax.SubSaveAt(t1=True)
+    elif per_run:
+        saved = diffrax.SubSaveAt(ts=jnp.arange(u.shape[0], dtype=dtype))
+    else:
+        saved = diffrax.SubSaveAt(ts=jnp.interp(fractions.astype(dtype), u, jnp.arange(u.shape[0], dtype=dtype)))
+    subs = [saved, diffrax.SubSaveAt(steps=True, fn=lambda s, y, a: None)] if record else [saved]
+    tolerance = Tolerance(
+        jnp.asarray(accuracy.rtol, dtype), jnp.asarray(1e-3 * accuracy.rtol if accuracy.atol is None else accuracy.atol, dtype), run_axes
+    )
+    lengths = jnp.maximum(jnp.mean(jnp.diff(u, axis=0).reshape(u.shape[0] - 1, -1), axis=1), 1e-6)
+    solution = diffrax.diffeqsolve(
+        diffrax.ODETerm(_rate),
+        Accounted(accuracy.method, tolerance),
+        jnp.zeros((), dtype),
+        s_end,
+        None,
+        y0,
+        (system, u, t0, span),
+        saveat=diffrax.SaveAt(subs=subs, solver_state=True),
+        stepsize_controller=WorstRunControl(tolerance, lengths) if plan is None else PlannedSteps(plan.astype(dtype)),
+        adjoint=accuracy.adjoint,
+        max_steps=accuracy.max_steps if plan is None else plan.shape[0] - 1,
+        throw=False,
+    )
+    states = solution.ys[0]
+    if per_run:
+        states = _at_fractions(states, u, fractions, run_axes)
+    account = solution.solver_state[1]
+    finite = tolerance.alive(jax.tree.map(lambda x: x[-1], states))
+    status = judged(solution.result == diffrax.RESULTS.max_steps_reached, finite, account)
+    taken = solution.stats["num_steps"]
+    stats = {
+        "steps": solution.stats["num_accepted_steps"],
+        "rejected_steps": solution.stats["num_rejected_steps"],
+        "evaluations": taken * getattr(accuracy.method, "evaluations", 1),
+        "largest_local_error": account,
+    }
+    return Propagation(states, status, stats, solution.ts[1] if record else None)
+
+
+def _at_fractions(states: State, u: Array, fractions: Array, run_axes: int) -> State:
+    """Of the states at all segment ends, those that belong to `fractions`, for each run."""
+    index = jnp.sum(u[:, None] < fractions.reshape(-1, *(1,) * (u.ndim - 1)), axis=0)
+
+    def leaf(x):
+        where = index.reshape(index.shape[0], *(1,) * (x.ndim - 1 - run_axes), *index.shape[1:])
+        return jnp.take_along_axis(x, where, axis=0)
+
+    return jax.tree.map(leaf, states)

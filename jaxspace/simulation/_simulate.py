@@ -1,0 +1,127 @@
+"""The verb: from a system and an initial state to a trajectory whose accuracy is accounted for."""
+
+from typing import overload
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from .._core import AbstractSystem, InputError, Scalar, State, check_finite, known
+from ._accuracy import Accuracy, as_accuracy, settled, state_dtype
+from ._events import Event
+from ._lanes import Span, run_mission, run_system
+from ._mission import Mission
+from ._status import Status, raise_if_bad
+from ._trajectory import MissionTrajectory, Trajectory
+
+TRAILING = "A run ended in trouble: call simulate with throw=False and read the status, or outside of jit for its sentence."
+
+
+@overload
+def simulate(
+    system: AbstractSystem,
+    y0: State,
+    ts: Float[Array, " times"],
+    *,
+    accuracy: Accuracy | Scalar = 1e-9,
+    events: tuple[Event, ...] = (),
+    throw: bool = True,
+) -> Trajectory: ...
+
+
+@overload
+def simulate(
+    system: Mission, y0: State, ts: Scalar = 0.0, *, accuracy: Accuracy | Scalar = 1e-9, samples: int = 2, throw: bool = True
+) -> MissionTrajectory: ...
+
+
+def simulate(system, y0, ts=0.0, *, accuracy=1e-9, events=(), samples=2, throw=True):  # noqa: D417
+    """Run a system or a mission from the state `y0`.
+
+    - `system`: any `AbstractSystem`, and then `ts`, s, holds the times of the states asked for: the first is that of `y0`;
+      descending times run backwards. Or a `Mission`, and then `ts` is the time of its start, and each phase returns
+      `samples` states from its start to its end.
+    - `accuracy`: the relative tolerance of each step, or an `Accuracy`.
+    - `events`: the run stops at the first zero of one of these `Event`s (a mission's phases bring their own).
+    - `throw`: raise `SimulationError` when the run ends badly; otherwise read `status`.
+
+    Returns a `Trajectory`, or a `MissionTrajectory`. Differentiable with respect to every number in `system`, `y0` and
+    `accuracy`-independent inputs, in reverse mode by default, in forward mode with `Accuracy(adjoint=diffrax.ForwardMode())`.
+
+    Raises `InputError` for times that are not finite, ascending or descending, for a tolerance that the precision cannot
+    reach, for an initial state that is not finite or of mixed precision; `SimulationError` for a run that ended badly."""
+    accuracy = as_accuracy(accuracy)
+    check_start(y0)
+    if isinstance(system, Mission):
+        if events:
+            raise InputError("events are given with a mission: each of its phases must bring its own, as Phase.until.")
+        result = _mission_run(system, y0, jnp.asarray(ts, state_dtype(y0)), samples, accuracy)
+    else:
+        ts = check_times(ts, y0)
+        accuracy = settled(accuracy, system, y0)
+        span = _system_run(system, y0, ts, tuple(events), accuracy)
+        result = Trajectory(span.ts, span.states, span.status, span.event, span.stats, system, accuracy)
+    return thrown(result) if throw else result
+
+
+@eqx.filter_jit
+def _system_run(system: AbstractSystem, y0: State, ts: Array, events: tuple[Event, ...], accuracy: Accuracy) -> Span:
+    return run_system(system, y0, ts, events, accuracy, 0)
+
+
+@eqx.filter_jit
+def _mission_run(mission: Mission, y0: State, t0: Array, samples: int, accuracy: Accuracy) -> MissionTrajectory:
+    spans, final, end, status = run_mission(mission, y0, t0, samples, accuracy, 0)
+    phases = tuple(
+        Trajectory(s.ts, s.states, s.status, s.event, s.stats, p.system, settled(accuracy, p.system, s.states))
+        for s, p in zip(spans, mission.phases, strict=True)
+    )
+    return MissionTrajectory(phases, tuple(p.name for p in mission.phases), final, end, status)
+
+
+def check_start(y0: State) -> None:
+    """Raise `InputError` for an initial state that is not finite, or of mixed precision."""
+    state_dtype(y0)
+    for path, leaf in jax.tree_util.tree_flatten_with_path(y0)[0]:
+        check_finite("y0" + jax.tree_util.keystr(path), leaf)
+
+
+def check_times(ts: Array, y0: State) -> Array:
+    """The times in the precision of the state. Raises `InputError` unless they are finite and ascend or descend."""
+    ts = jnp.asarray(ts, state_dtype(y0))
+    if ts.ndim != 1 or ts.shape[0] < 2:
+        raise InputError(f"ts has the shape {ts.shape}: it must be one axis of at least two times.")
+    if known(ts):
+        steps = np.diff(np.asarray(ts))
+        check_finite("ts", ts)
+        if not (np.all(steps >= 0.0) or np.all(steps <= 0.0)):
+            raise InputError("ts turns around: its times must ascend or descend.")
+    return ts
+
+
+def thrown(result):
+    """The result, unless a run in it ended badly: then `SimulationError`, or under `jit` an error when it is computed."""
+    if known(result.status):
+        raise_if_bad(result.status)
+        return result
+    return eqx.tree_at(
+        lambda r: r.status, result, eqx.error_if(result.status, jnp.any(result.status > Status.EVENT), TRAILING)
+    )
+
+
+def repeated(trajectory: Trajectory, factor: float) -> State:
+    """The final states of the runs of a trajectory at a tolerance `factor` times as tight; by two half spans for a closed form."""
+    from ._batch import repeat_batch
+
+    accuracy = trajectory.accuracy.tightened(factor, trajectory.dtype())
+    if trajectory.shared is not None:
+        return repeat_batch(trajectory, accuracy)
+    return repeat(trajectory.system, trajectory.initial, trajectory.ts, accuracy, 0)
+
+
+def repeat(system: AbstractSystem, y0: State, ts: Array, accuracy: Accuracy, run_axes: int) -> State:
+    """The state at the last of `ts`, by way of the middle of the span."""
+    ends = jnp.stack([ts[0], 0.5 * (ts[0] + ts[-1]), ts[-1]])
+    return jax.tree.map(lambda x: x[-1], run_system(system, y0, ends, (), accuracy, run_axes).states)

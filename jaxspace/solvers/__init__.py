@@ -1,0 +1,10 @@
+"""Integrators written as diffrax solvers, and their step control. No physics.
+
+Every solver here serves one run or many (runs on the last axis of every block of the state) in one integration."""
+
+from ._control import Accounted as Accounted
+from ._control import PlannedSteps as PlannedSteps
+from ._control import Tolerance as Tolerance
+from ._control import WorstRunControl as WorstRunControl
+from ._runge_kutta import DOP853 as DOP853
+from ._runge_kutta import Tsit5 as Tsit5
