@@ -1,0 +1,161 @@
+"""Size, shape and orientation of a two-body orbit: its constants of motion, and the classical elements.
+
+    E = v^2/2 - mu/r,  h = r x v,  e = (v x h)/mu - r/|r|
+    p = h^2/mu,  a = -mu/(2E),  r_p = p/(1 + e),  r_a = a (1 + e)
+    r = p/(1 + e cos f) (P cos f + Q sin f),  v = sqrt(mu/p) (-P sin f + Q (e + cos f))
+
+    symbol    meaning                                                              unit
+    E, h      energy and angular momentum per unit mass                            m^2/s^2, m^2/s
+    e         eccentricity (vector: towards periapsis)                             1
+    p, a      semi-latus rectum, semi-major axis (negative for a hyperbola)        m
+    r_p, r_a  radius of periapsis, of apoapsis                                     m
+    i         inclination: between h and the z axis                                rad
+    node      longitude of the ascending node, from the x axis                     rad
+    omega     argument of periapsis, from the node                                 rad
+    f         true anomaly, from periapsis                                         rad
+    P, Q      unit vectors towards periapsis and 90 degrees ahead of it
+
+Source: Thomson 4.7 to 4.10; Danby, Fundamentals of Celestial Mechanics, 6.15.
+An angle without meaning is zero and takes no part in a derivative: the node of an equatorial orbit lies on the x axis, the
+periapsis of a circle at the node, so that what remains still leads back to the state. The semi-latus rectum rather than
+the semi-major axis stands among the elements because it is finite and smooth through the parabola.
+"""
+
+import math
+from typing import final
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from .._core import (
+    Scalar,
+    Vector,
+    as_float,
+    axis,
+    check_non_negative,
+    check_positive,
+    cross,
+    dot,
+    norm,
+    safe_atan2,
+    unit,
+)
+from ..rotations import from_euler_angles
+
+
+def specific_energy(position: Vector, velocity: Vector, mu: Scalar) -> Scalar:
+    """Energy per unit mass E, m^2/s^2 (Thomson 4.7)."""
+    return 0.5 * dot(velocity, velocity) - mu / jnp.sqrt(dot(position, position))
+
+
+def angular_momentum(position: Vector, velocity: Vector) -> Vector:
+    """Angular momentum per unit mass h, m^2/s."""
+    return cross(position, velocity)
+
+
+def eccentricity_vector(position: Vector, velocity: Vector, mu: Scalar) -> Vector:
+    """The constant vector e that points to periapsis and whose length is the eccentricity (Laplace, Runge, Lenz)."""
+    return cross(velocity, cross(position, velocity)) / mu - position / jnp.sqrt(dot(position, position))
+
+
+def semi_latus_rectum(position: Vector, velocity: Vector, mu: Scalar) -> Scalar:
+    """p, m."""
+    h = cross(position, velocity)
+    return dot(h, h) / mu
+
+
+def semi_major_axis(position: Vector, velocity: Vector, mu: Scalar) -> Scalar:
+    """a, m: negative for a hyperbola; for the parabola infinite, with the derivative zero."""
+    energy = specific_energy(position, velocity, mu)
+    return jnp.where(energy == 0.0, math.inf, -0.5 * mu / jnp.where(energy == 0.0, 1.0, energy))
+
+
+def periapsis_radius(position: Vector, velocity: Vector, mu: Scalar) -> Scalar:
+    """Least distance from the centre on the whole conic, m; smooth through the parabola."""
+    return semi_latus_rectum(position, velocity, mu) / (1.0 + norm(eccentricity_vector(position, velocity, mu)))
+
+
+def apoapsis_radius(position: Vector, velocity: Vector, mu: Scalar) -> Scalar:
+    """Greatest distance from the centre, m; infinite, with the derivative zero, for an orbit that is not closed."""
+    energy = specific_energy(position, velocity, mu)
+    a = -0.5 * mu / jnp.where(energy < 0.0, energy, -1.0)
+    return jnp.where(energy < 0.0, a * (1.0 + norm(eccentricity_vector(position, velocity, mu))), math.inf)
+
+
+def inclination(position: Vector, velocity: Vector) -> Scalar:
+    """Inclination i of the orbit's plane to the equator, rad, within [0, pi]; its derivative is zero for an equatorial orbit."""
+    h = cross(position, velocity)
+    return safe_atan2(norm(h * (1.0 - axis(2, h[2]))), h[2])
+
+
+@final
+class ClassicalElements(eqx.Module):
+    """Six elements of a conic that is not a straight line; angles in rad, each of shape (*runs,).
+
+    - `semi_latus_rectum`, m; `eccentricity`; `inclination`;
+    - `node`: longitude of the ascending node; `argument_of_periapsis`; `true_anomaly`.
+
+    Raises `InputError` unless the semi-latus rectum is positive and the eccentricity not negative."""
+
+    semi_latus_rectum: Float[Array, "*#runs"] = eqx.field(converter=as_float)
+    eccentricity: Float[Array, "*#runs"] = eqx.field(converter=as_float)
+    inclination: Float[Array, "*#runs"] = eqx.field(converter=as_float)
+    node: Float[Array, "*#runs"] = eqx.field(converter=as_float)
+    argument_of_periapsis: Float[Array, "*#runs"] = eqx.field(converter=as_float)
+    true_anomaly: Float[Array, "*#runs"] = eqx.field(converter=as_float)
+
+    def __check_init__(self):
+        check_positive("ClassicalElements.semi_latus_rectum", self.semi_latus_rectum)
+        check_non_negative("ClassicalElements.eccentricity", self.eccentricity)
+
+    @classmethod
+    def from_periapsis(
+        cls,
+        radius: Scalar,
+        eccentricity: Scalar,
+        inclination: Scalar = 0.0,
+        node: Scalar = 0.0,
+        argument_of_periapsis: Scalar = 0.0,
+        true_anomaly: Scalar = 0.0,
+    ) -> "ClassicalElements":
+        """From the radius of periapsis, m, which every conic has, and the other elements."""
+        radius, e = as_float(radius), as_float(eccentricity)
+        return cls(radius * (1.0 + e), e, inclination, node, argument_of_periapsis, true_anomaly)
+
+
+def elements_from_state(position: Vector, velocity: Vector, mu: Scalar) -> ClassicalElements:
+    """The classical elements of the orbit through `position`, m, and `velocity`, m/s; angles within (-pi, pi]."""
+    h = cross(position, velocity)
+    e = eccentricity_vector(position, velocity, mu)
+    node = safe_atan2(h[0], -h[1])
+    n = jnp.cos(node) * axis(0, node) + jnp.sin(node) * axis(1, node)
+    m = cross(unit(h), n)
+    omega = safe_atan2(dot(e, m), dot(e, n))
+    latitude = safe_atan2(dot(position, m), dot(position, n))
+    return ClassicalElements(
+        semi_latus_rectum=dot(h, h) / mu,
+        eccentricity=norm(e),
+        inclination=inclination(position, velocity),
+        node=node,
+        argument_of_periapsis=omega,
+        true_anomaly=_wrapped(latitude - omega),
+    )
+
+
+def _wrapped(angle: Scalar) -> Scalar:
+    """The angle within [-pi, pi]."""
+    return angle - 2.0 * math.pi * jnp.round(angle / (2.0 * math.pi))
+
+
+def state_from_elements(elements: ClassicalElements, mu: Scalar) -> tuple[Vector, Vector]:
+    """Position, m, and velocity, m/s, both (3, *runs), at the true anomaly of `elements`.
+
+    On an open orbit the true anomaly must lie between the asymptotes, 1 + e cos f > 0."""
+    p, e, f = elements.semi_latus_rectum, elements.eccentricity, elements.true_anomaly
+    angles = jnp.broadcast_arrays(elements.node, elements.inclination, elements.argument_of_periapsis)
+    axes = from_euler_angles(jnp.stack(angles), "313").matrix()
+    towards, ahead = axes[:, 0], axes[:, 1]
+    c, s = jnp.cos(f), jnp.sin(f)
+    r, speed = p / (1.0 + e * c), jnp.sqrt(mu / p)
+    return (r * c) * towards + (r * s) * ahead, (-speed * s) * towards + (speed * (e + c)) * ahead

@@ -1,0 +1,97 @@
+"""The field of an oblate body beyond that of a point: its second zonal harmonic, and how that slowly turns the orbit.
+
+    U = mu J2 R^2 / (2 r^3) (3 z^2/r^2 - 1)                         a = -grad U = s r + k Z
+    s = -3/2 mu J2 R^2 / r^5 (1 - 5 z^2/r^2),  k = -3 mu J2 R^2 z / r^5
+    node' = -3/2 n J2 (R/p)^2 cos i                                 mean over a revolution, first order in J2
+    argument of periapsis' = 3/4 n J2 (R/p)^2 (5 cos^2 i - 1)
+
+    symbol  meaning                                                        unit
+    r, z    position from the centre, its component along the axis Z       m
+    mu      strength of the attracting body                                m^3/s^2
+    J2      oblateness (C - A) / (m R^2)                                   1
+    R       equatorial radius to which J2 refers                           m
+    n, p    mean motion sqrt(mu/a^3), semi-latus rectum a (1 - e^2)        rad/s, m
+    i       inclination of the orbit to the equator                        rad
+
+Source: Thomson 4.18-12, per turn 3 pi J2 (R/a)^2 cos i (his uniform earth: C = 0.4 m R^2); Curtis, Orbital Mechanics, 4.52, 4.53.
+The axis of symmetry is the inertial z axis. Add `PointGravity` for the field of the point. Higher harmonics are left out.
+"""
+
+from typing import ClassVar, final
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from .._core import Scalar, Vector, as_float, axis, check_finite, check_positive, dot
+from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
+
+
+def oblateness(r: Vector, mu: Scalar, j2: Scalar, radius: Scalar) -> Vector:
+    """Acceleration a, m/s^2, by J2 alone, at the position `r`, m, shape (3, *runs)."""
+    per_r2, z = 1.0 / dot(r, r), r[2]
+    c = (-1.5 * j2 * radius * radius * mu) * (per_r2 * per_r2 * jnp.sqrt(per_r2))
+    k = 2.0 * c * z
+    return (c * (1.0 - 5.0 * z * z * per_r2)) * r + k * axis(2, k)
+
+
+def oblateness_potential(r: Vector, mu: Scalar, j2: Scalar, radius: Scalar) -> Scalar:
+    """Potential energy per unit mass U, m^2/s^2, of J2 alone, zero at infinity."""
+    per_r2, z = 1.0 / dot(r, r), r[2]
+    return (0.5 * j2 * radius * radius * mu) * (per_r2 * jnp.sqrt(per_r2)) * (3.0 * z * z * per_r2 - 1.0)
+
+
+def _rate(semi_major_axis: Scalar, eccentricity: Scalar, mu: Scalar, j2: Scalar, radius: Scalar) -> Scalar:
+    """3/2 n J2 (R/p)^2, rad/s."""
+    a = semi_major_axis
+    ratio = radius / (a * (1.0 - eccentricity * eccentricity))
+    return 1.5 * jnp.sqrt(mu / a) / a * j2 * ratio * ratio
+
+
+def node_regression_rate(
+    semi_major_axis: Scalar, eccentricity: Scalar, inclination: Scalar, mu: Scalar, j2: Scalar, radius: Scalar
+) -> Scalar:
+    """Mean rate, rad/s, at which the node moves backwards: positive for direct orbits (Thomson 4.18-12).
+
+    It is minus the rate of the longitude of the node. Metres, radians and m^3/s^2; elliptic orbits, first order in J2."""
+    return _rate(semi_major_axis, eccentricity, mu, j2, radius) * jnp.cos(inclination)
+
+
+def apsidal_rate(
+    semi_major_axis: Scalar, eccentricity: Scalar, inclination: Scalar, mu: Scalar, j2: Scalar, radius: Scalar
+) -> Scalar:
+    """Mean rate of the argument of periapsis, rad/s: zero where cos^2 i = 1/5 (Curtis 4.53).
+
+    Metres, radians and m^3/s^2; elliptic orbits, first order in J2."""
+    cosine = jnp.cos(inclination)
+    return _rate(semi_major_axis, eccentricity, mu, j2, radius) * (2.5 * cosine * cosine - 0.5)
+
+
+@final
+class Oblateness(AbstractEffect):
+    """Attraction by the bulge of an oblate body about the z axis: `mu`, m^3/s^2; `j2`; equatorial `radius`, m.
+
+    A negative `j2` is a prolate body. Raises `InputError` unless `mu` and `radius` are positive and `j2` is finite."""
+
+    needs: ClassVar[frozenset[str]] = frozenset({"position"})
+    adds: ClassVar[frozenset[str]] = frozenset({"acceleration"})
+    keeps: ClassVar[frozenset[str]] = frozenset({"energy", "axial_angular_momentum"})
+
+    mu: Float[Array, "*#runs"] = eqx.field(converter=as_float)
+    j2: Float[Array, "*#runs"] = eqx.field(converter=as_float)
+    radius: Float[Array, "*#runs"] = eqx.field(converter=as_float)
+
+    def __check_init__(self):
+        check_positive("Oblateness.mu", self.mu)
+        check_finite("Oblateness.j2", self.j2)
+        check_positive("Oblateness.radius", self.radius)
+
+    def load(self, t: Scalar, y: BodyState, body: AbstractBody) -> Load:
+        del t, body
+        assert y.position is not None
+        return Load(acceleration_N=oblateness(y.position, self.mu, self.j2, self.radius))
+
+    def potential(self, t: Scalar, y: BodyState, body: AbstractBody) -> Scalar:
+        del t, body
+        assert y.position is not None
+        return oblateness_potential(y.position, self.mu, self.j2, self.radius)

@@ -1,0 +1,57 @@
+"""Gravity of a point mass, or of any body whose mass lies in spherical shells.
+
+    a = -mu r / |r|^3 = -grad U
+    U = -mu / |r|
+
+    symbol  meaning                                      unit
+    r       position from the centre                     m
+    mu      strength G m of the attracting centre        m^3/s^2
+    U       potential energy per unit mass               m^2/s^2
+
+Source: Thomson 4.2-2, 4.7.
+Valid outside the attracting body; singular at its centre.
+"""
+
+from typing import ClassVar, final
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from .._core import Scalar, Vector, as_float, check_positive, dot
+from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
+
+
+def point_gravity(r: Vector, mu: Scalar) -> Vector:
+    """Acceleration a, m/s^2, at the position `r`, m, shape (3, *runs) (Thomson 4.7)."""
+    r2 = dot(r, r)
+    return -mu / (r2 * jnp.sqrt(r2)) * r
+
+
+def point_gravity_potential(r: Vector, mu: Scalar) -> Scalar:
+    """Potential energy per unit mass U, m^2/s^2, zero at infinity (Thomson 4.7)."""
+    return -mu / jnp.sqrt(dot(r, r))
+
+
+@final
+class PointGravity(AbstractEffect):
+    """Attraction by a point mass at the origin: `mu`, m^3/s^2. Raises `InputError` unless `mu` is positive."""
+
+    needs: ClassVar[frozenset[str]] = frozenset({"position"})
+    adds: ClassVar[frozenset[str]] = frozenset({"acceleration"})
+    keeps: ClassVar[frozenset[str]] = frozenset({"energy", "angular_momentum", "axial_angular_momentum"})
+
+    mu: Float[Array, "*#runs"] = eqx.field(converter=as_float)
+
+    def __check_init__(self):
+        check_positive("PointGravity.mu", self.mu)
+
+    def load(self, t: Scalar, y: BodyState, body: AbstractBody) -> Load:
+        del t, body
+        assert y.position is not None
+        return Load(acceleration_N=point_gravity(y.position, self.mu))
+
+    def potential(self, t: Scalar, y: BodyState, body: AbstractBody) -> Scalar:
+        del t, body
+        assert y.position is not None
+        return point_gravity_potential(y.position, self.mu)
