@@ -1,0 +1,15 @@
+"""Rotation of a body of constant mass: free bodies, the heavy top, despin."""
+
+from ._despin import YoYo as YoYo
+from ._despin import cord_length as cord_length
+from ._despin import zero_spin_cord_length as zero_spin_cord_length
+from ._nutation import Nutation as Nutation
+from ._polhode import Polhode as Polhode
+from ._top import Top as Top
+from ._top import continuous_precession as continuous_precession
+from ._torque_free import TorqueFreeBody as TorqueFreeBody
+from ._torque_free import body_precession_rate as body_precession_rate
+from ._torque_free import cone_angles as cone_angles
+from ._torque_free import coning_omega as coning_omega
+from ._torque_free import precession_rate as precession_rate
+from ._torque_free import symmetric_flow as symmetric_flow

@@ -1,0 +1,101 @@
+"""The path of the angular velocity in a free asymmetric body, and how often it closes.
+
+    A > B > C,   P = (B - C)(2TA - h^2),   Q = (A - B)(h^2 - 2TC),   P - Q = (A - C)(2TB - h^2)
+
+    N^2 = max(P, Q) / (ABC),   k^2 = min(P, Q) / max(P, Q),   k'^2 = |P - Q| / max(P, Q),   period = 4 K / N
+
+For P > Q the polhode circles the axis of least inertia: omega_A ~ cn(Nt), omega_B ~ sn(Nt), omega_C ~ dn(Nt); for P < Q it
+circles the axis of greatest inertia, and cn and dn change places. P = Q is the separatrix: an infinite period, and N is
+the rate of the exponential approach to the turn about the intermediate axis.
+
+    symbol    meaning                                             unit
+    A, B, C   principal moments of inertia, in falling order  kg m^2
+    T         kinetic energy                                      J
+    h         angular momentum                                    kg m^2/s
+    N         argument of the elliptic functions per second       1/s
+    k         their modulus                                       1
+    2T/h      distance of the invariable plane from the centre    rad/s
+
+Source: Thomson 5.10 (Poinsot), 5.11-5, -9 (elliptic functions), 5.12 (stability).
+No difference above is formed from T and h: 2TA - h^2 = (A - B) B omega_B^2 + (A - C) C omega_C^2, and its like. Only
+2TB - h^2 is a true difference, and near the separatrix it loses digits as the motion itself does.
+"""
+
+from typing import final
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float
+
+from .._core import Scalar, Vector, dot, norm, safe_divide, safe_sqrt
+from ._elliptic import complete_elliptic
+
+
+@final
+class Polhode(eqx.Module):
+    """The closed curve of omega in a free body.
+
+    - `rate`: N, 1/s; `modulus_squared`: k^2; `complement`: k'^2.
+    - `about_least`: whether it circles the axis of least inertia, not the one of greatest.
+    - `vertices`: two points of the polhode, rad/s, body axes, components not negative: where the intermediate component
+      vanishes, and where the outer component of the axis not circled does. All else of Poinsot's construction follows from them.
+    - `plane_distance`: 2T/h, rad/s, of the invariable plane from the centre."""
+
+    rate: Float[Array, "*#runs"]
+    modulus_squared: Float[Array, "*#runs"]
+    complement: Float[Array, "*#runs"]
+    about_least: Bool[Array, "*#runs"]
+    vertices: tuple[Float[Array, "3 *#runs"], Float[Array, "3 *#runs"]]
+    plane_distance: Float[Array, "*#runs"]
+
+    @classmethod
+    def of(cls, moments: Vector, omega: Vector) -> "Polhode":
+        """The polhode through `omega`, rad/s, in a body with the principal `moments`, kg m^2, in any order."""
+        moments = jnp.stack([moment + jnp.zeros_like(rate) for moment, rate in zip(moments, omega, strict=True)])
+        order = jnp.argsort(-moments, axis=0)
+        a, b, c = jnp.take_along_axis(moments, order, axis=0)
+        energies = jnp.take_along_axis(moments * omega * omega, order, axis=0)
+        below, above, middle = _differences((a, b, c), energies)
+        p, q = (b - c) * below, (a - b) * above
+        most, about_least = jnp.maximum(p, q), p > q
+        two_t, h = dot(moments * omega, omega), norm(moments * omega)
+        return cls(
+            rate=safe_sqrt(most / (a * b * c)),
+            modulus_squared=safe_divide(jnp.minimum(p, q), most),
+            complement=jnp.where(most == 0.0, 1.0, safe_divide((a - c) * jnp.abs(middle), most)),
+            about_least=about_least,
+            vertices=_vertices((a, b, c), (below, above, middle), about_least, jnp.argsort(order, axis=0)),
+            plane_distance=safe_divide(two_t, h),
+        )
+
+    def period(self) -> Scalar:
+        """Time, s, in which omega returns in the body; infinite on the separatrix and in a body with three equal moments."""
+        return 4.0 * complete_elliptic(self.complement) / self.rate
+
+    def herpolhode_radii(self) -> tuple[Scalar, Scalar]:
+        """Distance, rad/s, of the two vertices from the foot of the invariable plane's normal (Thomson 5.10-19)."""
+        first, second = (safe_sqrt(jnp.maximum(dot(v, v) - self.plane_distance**2, 0.0)) for v in self.vertices)
+        return first, second
+
+
+def _differences(moments: tuple[Scalar, Scalar, Scalar], energies: Vector) -> tuple[Scalar, Scalar, Scalar]:
+    """2TA - h^2, h^2 - 2TC and 2TB - h^2 from I_i omega_i^2, in falling order of the moments."""
+    a, b, c = moments
+    below = (a - b) * energies[1] + (a - c) * energies[2]
+    above = (a - c) * energies[0] + (b - c) * energies[1]
+    return below, above, (b - c) * energies[2] - (a - b) * energies[0]
+
+
+def _vertices(moments, differences, about_least, back) -> tuple[Vector, Vector]:
+    """The polhode's points with omega_B = 0 and with omega_A = 0 (about the least axis) or omega_C = 0 (greatest)."""
+    (a, b, c), (below, above, middle) = moments, differences
+    zero = jnp.zeros_like(middle)
+
+    def rate(difference, moment, apart):
+        return safe_sqrt(safe_divide(jnp.maximum(difference, 0.0), moment * apart))
+
+    first = jnp.stack([rate(above, a, a - c), zero, rate(below, c, a - c)])
+    least = jnp.stack([zero, rate(above, b, b - c), rate(middle, c, b - c)])
+    greatest = jnp.stack([rate(-middle, a, a - b), rate(below, b, a - b), zero])
+    second = jnp.where(about_least, least, greatest)
+    return jnp.take_along_axis(first, back, axis=0), jnp.take_along_axis(second, back, axis=0)

@@ -1,0 +1,14 @@
+"""The part of a body's state that turns."""
+
+from .._core import InputError, Vector
+from ..bodies import BodyState
+from ..rotations import Quaternion
+
+
+def attitude_and_omega(y: BodyState) -> tuple[Quaternion, Vector]:
+    """Orientation and angular velocity, rad/s, (3, *runs), of the state `y`.
+
+    Raises `InputError` when the state lacks one of them."""
+    if y.attitude is None or y.omega is None:
+        raise InputError(f"The state holds {', '.join(y.present()) or 'nothing'}: it must hold attitude and omega.")
+    return y.attitude, y.omega

@@ -1,0 +1,43 @@
+"""Settings of every test: double precision, no silent promotion of precision, the same draws on every machine."""
+
+import os
+
+import hypothesis
+import jax
+import pytest
+
+jax.config.update("jax_enable_x64", True)
+jax.config.update("jax_numpy_dtype_promotion", "strict")
+
+# The first call of a traced function compiles: a deadline would measure the compiler.
+hypothesis.settings.register_profile("default", deadline=None, max_examples=50)
+hypothesis.settings.register_profile("ci", deadline=None, max_examples=50, derandomize=True, database=None)
+hypothesis.settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "default"))
+
+SAMPLE = 5
+
+
+def pytest_addoption(parser):
+    parser.addoption("--sweep", choices=("sample", "all"), default="sample", help="cases of the tests marked `slow` that run")
+
+
+def pytest_collection_modifyitems(config, items):
+    """Of every test marked `slow`, keep each fifth case, the first included: a fixed sample, the same in every process."""
+    if config.getoption("--sweep") == "all":
+        return
+    seen, kept, left_out = {}, [], []
+    for item in items:
+        count = 0
+        if item.get_closest_marker("slow") is not None:
+            test = (item.path, item.cls, item.originalname)
+            count = seen[test] = seen.get(test, -1) + 1
+        (left_out if count % SAMPLE else kept).append(item)
+    if left_out:
+        config.hook.pytest_deselected(items=left_out)
+        items[:] = kept
+
+
+@pytest.fixture
+def key():
+    """The one random key of a test: split it for more."""
+    return jax.random.key(20260101)

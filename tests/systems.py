@@ -1,0 +1,74 @@
+"""The registry: every system with a sample state. `test_laws.py` runs its laws over all of them; a new system is a new line."""
+
+from typing import NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+
+from jaxspace import Scene
+from jaxspace.attitude import Top, TorqueFreeBody
+from jaxspace.bodies import BodyState, BurningBody, RigidBody
+from jaxspace.gyros import TwoGimbalGyro
+from jaxspace.orbits import Oblateness, PointGravity, TwoBody
+from jaxspace.rockets import JetDamping, Thrust, ThrustProfile
+from jaxspace.rotations import Quaternion, from_euler_angles
+
+MU, RADIUS, J2 = 3.986004418e14, 6378137.0, 1.08262668e-3
+
+
+class Sample(NamedTuple):
+    """A system, a state of it, and a span, s, in which it does something worth seeing."""
+
+    name: str
+    system: object
+    state: object
+    span: float
+
+
+def orbit(**more) -> BodyState:
+    """A low, inclined, slightly eccentric orbit."""
+    return BodyState(position=jnp.array([6.6e6, 4.0e5, -3.0e5]), velocity=jnp.array([-300.0, 6900.0, 3600.0]), **more)
+
+
+def turned() -> Quaternion:
+    """An attitude with no axis in a special place."""
+    return from_euler_angles(jnp.array([0.3, 1.1, -0.7]))
+
+
+def motor() -> Thrust:
+    """A motor with every field in use."""
+    profile, burn_time, mean = ThrustProfile.tabulated([0.0, 1.0, 6.0, 9.0, 10.0], [0.5, 1.1, 1.2, 0.9, 0.0])
+    return Thrust(6.0e4 * mean, 2850.0, burn_time, profile, point=[0.002, -0.001, -1.2], misalignment=[1e-3, -2e-3])
+
+
+def rocket_scene() -> Scene:
+    """A spinning stage under gravity, oblateness, thrust and jet damping."""
+    thrust = motor()
+    body = BurningBody(1100.0, [520.0, 560.0, 340.0], [0.42, 0.42, 0.4], -0.6)
+    gravity = (PointGravity(MU), Oblateness(MU, J2, RADIUS))
+    return Scene((*gravity, thrust, JetDamping(thrust.mass_rate, -1.3, 0.1)), body)
+
+
+def rocket_state() -> BodyState:
+    """The stage at ignition."""
+    return orbit(attitude=turned(), omega=jnp.array([0.02, -0.01, 6.0]), mass=jnp.array(1700.0))
+
+
+SPIN = BodyState(attitude=turned(), omega=jnp.array([0.4, 0.1, 2.0]))
+GYRO = TwoGimbalGyro(0.002, 0.0008, 500.0, 0.0006, 0.0005, 0.0004, 0.0015)
+TOP = Top(0.002, 0.0008, 0.3)
+TENSOR = np.array([[3.0, 0.1, -0.2], [0.1, 2.0, 0.15], [-0.2, 0.15, 1.5]])
+
+SAMPLES = [
+    Sample("two_body", TwoBody(MU), orbit(), 5400.0),
+    Sample("torque_free_principal", TorqueFreeBody([3.0, 2.0, 1.0]), SPIN, 10.0),
+    Sample("torque_free_tensor", TorqueFreeBody(TENSOR), SPIN, 10.0),
+    Sample("top", TOP, Top.state(jnp.array([0.2, 0.7, 0.1]), jnp.array([1.0, 0.3, 149.0])), 0.3),
+    Sample("two_gimbal_gyro", GYRO, GYRO.state(1.05, 0.1, 2.0, 0.0), 0.2),
+    Sample("oblate_orbit", Scene((PointGravity(MU), Oblateness(MU, J2, RADIUS))), orbit(), 5400.0),
+    Sample(
+        "free_stage", Scene((PointGravity(MU),), RigidBody(900.0, [520.0, 560.0, 340.0]), ("attitude",)),
+        orbit(attitude=turned(), omega=jnp.array([0.02, -0.1, 2.0])), 20.0,
+    ),
+    Sample("burning_stage", rocket_scene(), rocket_state(), 9.0),
+]

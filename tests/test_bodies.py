@@ -1,0 +1,230 @@
+"""What has mass: inertia, composition, principal axes, Euler's equations, mass that burns."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from jaxspace import bodies
+from jaxspace._core import InputError
+from jaxspace.rotations import Quaternion
+
+SLUG = 14.593902937206364  # kg, 1 lbf s^2/ft
+FOOT = 0.3048  # m
+
+
+def tensor(x, y, z, xy=0.0, xz=0.0, yz=0.0):
+    """The tensor of moments and products of inertia; a product counts + int xy dm and enters with its sign turned."""
+    return jnp.array([[x, -xy, -xz], [-xy, y, -yz], [-xz, -yz, z]])
+
+
+def point_masses(masses, places):
+    """The tensor about the origin of point masses, each put there by the law of parallel axes."""
+    nothing = bodies.InertiaTensor(1e-13 * jnp.eye(3))  # a point, but a body: its moments are positive
+    return sum(bodies.parallel_axes(nothing, m, jnp.array(p)).matrix() for m, p in zip(masses, places, strict=True))
+
+
+def about(j, direction):
+    """The moment of inertia about an axis through the origin."""
+    return direction @ j @ direction
+
+
+positive = arrays(float, 3, elements=st.floats(0.1, 10.0))
+vectors = arrays(float, 3, elements=st.floats(-5.0, 5.0))
+
+
+def rods(masses, turn):
+    """The inertia of three rods along the axes, turned anyhow: every one is that of some body."""
+    c = Quaternion.from_rotation_vector(turn).matrix()
+    return bodies.InertiaTensor(c @ jnp.diag(jnp.sum(masses) - masses) @ c.T)
+
+
+def test_momentum_energy_and_axes():  # T5.2
+    j = bodies.as_inertia(tensor(4.0, 5.0, 6.0, 0.5, -0.3, 0.2))
+    omega = jnp.array([1.0, 2.0, -3.0])
+    xi, eta = jnp.array([1.0, 2.0, 2.0]) / 3.0, jnp.array([2.0, 1.0, -2.0]) / 3.0
+    np.testing.assert_allclose(j.times(omega), [2.1, 10.1, -18.1], rtol=1e-9)
+    np.testing.assert_allclose(bodies.kinetic_energy(j, omega), 38.3, rtol=1e-9)
+    np.testing.assert_allclose(about(j.matrix(), xi), 5.066666666666666, rtol=1e-9)
+    np.testing.assert_allclose(-xi @ j.matrix() @ eta, 0.8333333333333334, rtol=1e-9)
+    moments, axes = bodies.principal_axes(j)
+    np.testing.assert_allclose(moments, [3.7742848863950815, 5.109650993639416, 6.116064119965502], rtol=1e-9)
+    np.testing.assert_allclose(axes.T @ j.matrix() @ axes, np.diag(moments), atol=1e-13)
+
+
+def test_dyadic():  # TB-9
+    j = bodies.as_inertia(tensor(10.0, 14.0, 6.0, 1.0, -0.8, 0.5))
+    omega = jnp.array([0.3, -0.2, 1.1])
+    np.testing.assert_allclose(j.times(omega), [4.08, -3.65, 6.94], rtol=1e-13)
+    np.testing.assert_allclose(2.0 * bodies.kinetic_energy(j, omega), 9.588, rtol=1e-13)
+
+
+def test_six_weights():  # T5.5-P4
+    m, (x, y, z) = 10.0 / 32.2, (5.0, 2.0, 6.0)
+    places = [[x, 0, 0], [-x, 0, 0], [0, y, 0], [0, -y, 0], [0, 0, z], [0, 0, -z]]
+    j = point_masses([m] * 6, np.array(places, dtype=float))
+    np.testing.assert_allclose(np.diag(j), [24.84472049689441, 37.88819875776397, 18.012422360248447], rtol=1e-9)
+    np.testing.assert_allclose(about(j, jnp.array([1.0, 2.0, 2.0]) / 3.0), 27.605244996549345, rtol=1e-9)
+    np.testing.assert_allclose(np.diag(j) * 32.2, [800.0, 1220.0, 580.0], rtol=1e-9)
+    semi_axes = [0.2006240264773888, 0.16246058790657758, 0.23562096973595187]
+    np.testing.assert_allclose(1.0 / np.sqrt(np.diag(j)), semi_axes, rtol=1e-9)
+    # The same in metres and kilograms: the law of parallel axes holds in every consistent set of units.
+    np.testing.assert_allclose(SLUG * FOOT**2 * np.diag(j)[0], 33.68491797096647, rtol=1e-9)
+
+
+def test_skewed_disk():  # T5.5-P6
+    m, radius, alpha = 2.0, 0.3, 0.13962634015954636
+    turn = Quaternion.about(1, jnp.array(alpha)).matrix()
+    j = turn @ jnp.diag(m * radius**2 * jnp.array([0.25, 0.25, 0.5])) @ turn.T
+    np.testing.assert_allclose(j[2, 2], 0.08912838815861217, rtol=1e-9)
+    np.testing.assert_allclose(j[0, 0], 0.04587161184138783, rtol=1e-9)
+    np.testing.assert_allclose(j[1, 1], 0.045, rtol=1e-9)
+    np.testing.assert_allclose(abs(j[0, 2]), 0.006201840505882482, rtol=1e-9)
+    moments, _ = bodies.principal_axes(bodies.as_inertia(j))
+    np.testing.assert_allclose(moments, m * radius**2 * np.array([0.25, 0.25, 0.5]), rtol=1e-13)
+
+
+def test_cube():  # T5.5-P7
+    m, c = 3.0, 0.4
+    cube = bodies.as_inertia(m * c**2 / 6.0 * jnp.ones(3))
+    diagonal = jnp.ones(3) / jnp.sqrt(3.0)
+    np.testing.assert_allclose(about(cube.matrix(), diagonal), 0.08, rtol=1e-9)
+    corner = bodies.parallel_axes(cube, m, c / 2.0 * jnp.ones(3))
+    np.testing.assert_allclose(bodies.principal_axes(corner)[0], [0.08, 0.44, 0.44], rtol=1e-9)
+    np.testing.assert_allclose(about(corner.matrix(), diagonal), 0.08, rtol=1e-9)
+
+
+def test_three_masses():  # T5.5-P14
+    angles = np.radians([0.0, 120.0, 240.0])
+    places = 0.5 * np.stack([np.cos(angles), np.sin(angles), np.zeros(3)], axis=1)
+    j = point_masses([2.0] * 3, places)
+    np.testing.assert_allclose(np.diag(j), [0.75, 0.75, 1.5], rtol=1e-9)
+    np.testing.assert_allclose(j[0, 1], 0.0, atol=1e-15)
+
+
+def test_angular_acceleration():  # T5.7
+    omega, torque = jnp.array([2.0, -1.0, 0.5]), jnp.array([1.0, 2.0, -3.0])
+    want = [0.6666666666666666, 1.2, 0.14285714285714285]
+    for j in (jnp.array([3.0, 5.0, 7.0]), jnp.diag(jnp.array([3.0, 5.0, 7.0]))):
+        np.testing.assert_allclose(bodies.angular_acceleration(bodies.as_inertia(j), omega, torque), want, rtol=1e-9)
+
+
+@jax.jit
+def rates_of_invariants(masses, turn, omega):
+    j = rods(masses, turn)
+    rate = bodies.angular_acceleration(j, omega, None)
+    energy_rate = jax.jvp(lambda w: bodies.kinetic_energy(j, w), (omega,), (rate,))[1]
+    momentum_rate = jax.jvp(lambda w: jnp.sum(j.times(w) ** 2), (omega,), (rate,))[1]
+    return energy_rate, momentum_rate
+
+
+@given(positive, vectors, vectors)
+def test_free_rotation_keeps_energy_and_momentum(masses, turn, omega):
+    """The rate of omega is such that neither the energy nor the length of h changes: both rates vanish to rounding."""
+    energy_rate, momentum_rate = rates_of_invariants(masses, turn, omega)
+    # Terms up to J^2 omega^3 = 4e5 cancel in the first and J^3 omega^3 in the second.
+    assert abs(energy_rate) < 1e-9 and abs(momentum_rate) < 1e-8
+
+
+@jax.jit
+def there_and_back(masses, turn, omega):
+    j = rods(masses, turn)
+    return j.solve(j.times(omega))
+
+
+@given(positive, vectors, vectors)
+def test_solve_undoes_times(masses, turn, omega):
+    # Condition number below 200; Cramer's rule loses its square at worst.
+    np.testing.assert_allclose(there_and_back(masses, turn, omega), omega, atol=1e-11)
+
+
+@jax.jit
+def growth_by_shift(masses, turn, mass, offset):
+    j = rods(masses, turn)
+    return bodies.parallel_axes(j, mass, offset).matrix() - j.matrix()
+
+
+@given(positive, vectors, st.floats(0.1, 10.0), vectors)
+def test_parallel_axes_only_adds(masses, turn, mass, offset):
+    """Away from the centre of mass, no moment gets smaller; the mean one grows by 2/3 m d^2."""
+    growth = np.asarray(growth_by_shift(masses, turn, mass, offset))
+    np.testing.assert_allclose(np.trace(growth), 2.0 * mass * offset @ offset, atol=1e-11)
+    assert np.linalg.eigvalsh(growth).min() > -1e-11
+
+
+def test_runs_trail(key):
+    moments = 1.0 + jax.random.uniform(key, (3, 5))
+    omega = jax.random.normal(key, (3, 5))
+    principal = bodies.PrincipalInertia(moments)
+    full = bodies.InertiaTensor(principal.matrix())
+    for name in ("times", "solve"):
+        np.testing.assert_allclose(getattr(principal, name)(omega), getattr(full, name)(omega), rtol=1e-13)
+    single = [bodies.angular_acceleration(bodies.PrincipalInertia(moments[:, n]), omega[:, n], None) for n in range(5)]
+    np.testing.assert_allclose(bodies.angular_acceleration(principal, omega, None), np.stack(single, -1), atol=1e-15)
+    offset, mass = jax.random.normal(key, (3, 5)), jnp.arange(1.0, 6.0)
+    shifted = bodies.parallel_axes(principal, mass, offset)
+    one = bodies.parallel_axes(bodies.PrincipalInertia(moments[:, 2]), mass[2], offset[:, 2])
+    np.testing.assert_allclose(shifted.matrix()[..., 2], one.matrix(), rtol=1e-14, atol=1e-14)
+    values, axes = bodies.principal_axes(shifted)
+    assert values.shape == (3, 5) and axes.shape == (3, 3, 5)
+
+
+def test_burning_body_is_its_parts():
+    """Dry body and propellant put together by the law of parallel axes about the common centre."""
+    body = bodies.BurningBody(100.0, [40.0, 45.0, 20.0], [0.3, 0.35, 0.2], propellant_station=0.7)
+    mass = jnp.array(160.0)
+    z = body.centre_of_mass(mass)
+    np.testing.assert_allclose(z, [0.0, 0.0, 60.0 * 0.7 / 160.0], rtol=1e-15)
+    dry = bodies.parallel_axes(body.dry_inertia, 100.0, z)
+    grain = bodies.as_inertia(60.0 * jnp.array([0.3, 0.35, 0.2]) ** 2)
+    wet = bodies.parallel_axes(grain, 60.0, jnp.array([0.0, 0.0, 0.7]) - z)
+    np.testing.assert_allclose(body.inertia(mass).matrix(), dry.matrix() + wet.matrix(), rtol=1e-14)
+    np.testing.assert_allclose(body.inertia(jnp.array(100.0)).matrix(), np.diag([40.0, 45.0, 20.0]), rtol=1e-15)
+    for mode in (jax.jacfwd, jax.jacrev):
+        slope = mode(lambda m: body.inertia(m).matrix())(mass)
+        np.testing.assert_allclose(np.diag(slope), body.inertia_per_mass(mass), rtol=1e-13)
+
+
+def test_rigid_body_has_what_it_was_given():
+    point, top = bodies.RigidBody(), bodies.RigidBody(3.0, [1.0, 1.0, 1.5])
+    assert not point.has_inertia() and point.constant_mass() is None
+    assert top.has_inertia() and top.constant_mass() == 3.0
+    np.testing.assert_array_equal(top.inertia_per_mass(jnp.array(3.0)), np.zeros(3))
+
+
+def test_linear_acceleration():
+    gravity, force = jnp.array([0.0, 0.0, -9.8]), jnp.array([2.0, 0.0, 0.0])
+    np.testing.assert_array_equal(bodies.linear_acceleration(gravity, None, None), gravity)
+    np.testing.assert_array_equal(bodies.linear_acceleration(None, force, 4.0), force / 4.0)
+    np.testing.assert_array_equal(bodies.linear_acceleration(gravity, force, 4.0), [0.5, 0.0, -9.8])
+
+
+def test_absent_parts_are_no_leaves():
+    state = bodies.BodyState(position=jnp.zeros(3), velocity=jnp.ones(3))
+    assert state.present() == ("position", "velocity")
+    assert len(jax.tree.leaves(state)) == 2
+
+
+@pytest.mark.parametrize(
+    ("bad", "rule"),
+    [
+        ([1.0, 2.0, -1.0], "inertia is [ 1.  2. -1.]: it must be positive in every moment."),
+        ([1.0, 1.0, 3.0], "inertia is [1. 1. 3.]: it must be such that no moment exceeds the sum of the other two."),
+        ([1.0, 2.0], "inertia has the shape (2,): it must be (3,), the principal moments, or (3, 3), the tensor."),
+        ([[1.0, 0.2, 0.0], [0.1, 1.0, 0.0], [0.0, 0.0, 1.0]], "it must be symmetric."),
+        ([[1.0, 2.0, 0.0], [2.0, 1.0, 0.0], [0.0, 0.0, 1.0]], "it must be positive definite."),
+    ],
+)
+def test_impossible_inertia(bad, rule):
+    with pytest.raises(InputError) as error:
+        bodies.as_inertia(bad)
+    assert str(error.value).endswith(rule)
+
+
+@pytest.mark.parametrize("build", [lambda: bodies.RigidBody(-1.0), lambda: bodies.BurningBody(0.0, [1.0, 1.0, 1.0], [0.1] * 3)])
+def test_impossible_mass(build):
+    with pytest.raises(InputError, match="mass is .*: it must be positive and finite"):
+        build()

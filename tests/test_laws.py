@@ -1,0 +1,123 @@
+"""Laws that every system obeys, run over the registry: a new system in `systems.py` is tested here without a new test."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from systems import SAMPLES
+
+from jaxspace.simulation import Accuracy, simulate, simulate_batch
+from jaxspace.solvers import Tsit5
+
+BY_NAME = {s.name: s for s in SAMPLES}
+every = pytest.mark.parametrize("name", BY_NAME)
+RTOL = 1e-10
+
+
+def scales(tree):
+    """The size of each block, to measure changes of states whose blocks differ by many orders."""
+    return jax.tree.map(lambda x: jnp.maximum(jnp.max(jnp.abs(x)), 1e-3), tree)
+
+
+def assert_near(a, b, tolerance):
+    """Every block of `a` within `tolerance` of the size of the block of `b`."""
+    for x, y, s in zip(jax.tree.leaves(a), jax.tree.leaves(b), jax.tree.leaves(scales(b)), strict=True):
+        np.testing.assert_allclose(np.asarray(x) / s, np.asarray(y) / s, rtol=0.0, atol=tolerance)
+
+
+def perturbed(state, key, count):
+    """`count` states about `state`, the runs on a new last axis."""
+    leaves, tree = jax.tree.flatten(state)
+    keys = jax.random.split(key, len(leaves))
+    size = jax.tree.leaves(scales(state))
+    lanes = [x[..., None] + 1e-2 * s * jax.random.normal(k, (*x.shape, count)) for x, s, k in zip(leaves, size, keys, strict=True)]
+    return jax.tree.unflatten(tree, lanes)
+
+
+def lane(state, i):
+    """One run of states side by side."""
+    return jax.tree.map(lambda x: x[..., i], state)
+
+
+@every
+def test_compiled_is_eager(name):
+    s = BY_NAME[name]
+    t = jnp.array(0.3 * s.span)
+    # A handful of roundings: the compiler contracts products and sums.
+    assert_near(eqx.filter_jit(s.system.vector_field)(t, s.state), s.system.vector_field(t, s.state), 1e-13)
+
+
+@every
+def test_side_by_side_is_one_by_one(name, key):
+    s = BY_NAME[name]
+    lanes = perturbed(s.state, key, 4)
+    shared = jax.tree.map(lambda x: x[..., None] if x.ndim else x, s.system)
+    t = jnp.array(0.3 * s.span)
+    together = shared.vector_field(t, lanes)
+    mapped = jax.vmap(s.system.vector_field, (None, -1), -1)(t, lanes)
+    for i in range(4):
+        alone = s.system.vector_field(t, lane(lanes, i))
+        assert_near(lane(together, i), alone, 1e-12)
+        assert_near(lane(mapped, i), alone, 1e-12)
+
+
+@every
+def test_slopes_agree_with_differences(name, key):
+    """Forward and reverse derivatives of the vector field along a random direction, against central differences."""
+    s = BY_NAME[name]
+    t = jnp.array(0.3 * s.span)
+    direction = jax.tree.map(lambda a, b: b - a, s.state, lane(perturbed(s.state, key, 1), 0))
+    weights = jax.tree.map(lambda x, size: jnp.ones_like(x) / size, s.state, scales(s.system.vector_field(t, s.state)))
+
+    def measure(y):
+        return sum(jnp.sum(w * k) for w, k in zip(jax.tree.leaves(weights), jax.tree.leaves(s.system.vector_field(t, y)), strict=True))
+
+    _, forward = jax.jvp(measure, (s.state,), (direction,))
+    gradient = jax.grad(measure)(s.state)
+    reverse = sum(jnp.sum(g * d) for g, d in zip(jax.tree.leaves(gradient), jax.tree.leaves(direction), strict=True))
+    h = 1e-4
+    ahead, behind = (jax.tree.map(lambda y, d: y + sign * h * d, s.state, direction) for sign in (1.0, -1.0))
+    difference = (measure(ahead) - measure(behind)) / (2.0 * h)
+    scale = max(abs(float(forward)), 1e-2)
+    assert abs(forward - reverse) < 1e-10 * scale
+    # Central differences at 1e-4 of a change of 1e-2: truncation 1e-12, rounding 1e-16 / 1e-6.
+    assert abs(forward - difference) < 1e-7 * scale
+
+
+@every
+def test_single_precision_stays(name):
+    s = BY_NAME[name]
+    single = lambda tree: jax.tree.map(lambda x: x.astype(jnp.float32), tree)  # noqa: E731
+    rate = single(s.system).vector_field(jnp.float32(0.3 * s.span), single(s.state))
+    assert {x.dtype for x in jax.tree.leaves(rate)} == {jnp.dtype("float32")}
+    # A few hundred units in the last place: sums of large terms that cancel.
+    assert_near(rate, s.system.vector_field(jnp.array(0.3 * s.span), s.state), 5e-5)
+
+
+@every
+def test_the_way_back_and_what_stays(name):
+    """The run forth and back ends where it began, and keeps its invariants."""
+    s = BY_NAME[name]
+    accuracy = Accuracy(rtol=RTOL, method=Tsit5())
+    forth = simulate(s.system, s.state, jnp.array([0.0, s.span]), accuracy=accuracy)
+    back = simulate(s.system, forth.final, jnp.array([s.span, 0.0]), accuracy=accuracy)
+    # Thousands of steps, each within 1e-10.
+    assert_near(back.final, s.state, 3e-7)
+    for quantity, drift in forth.drift().items():
+        assert float(drift.max()) < 3e-8, quantity
+
+
+@every
+def test_a_batch_is_its_runs(name, key):
+    """The runs of a batch agree with single runs, and with their reverse and forward derivatives."""
+    s = BY_NAME[name]
+    lanes = perturbed(s.state, key, 3)
+    rows = jax.tree.map(lambda x: jnp.moveaxis(x, -1, 0), lanes)
+    ts = jnp.array([0.0, 0.3 * s.span])
+    accuracy = Accuracy(rtol=RTOL, method=Tsit5())
+    batch = simulate_batch(s.system, rows, ts, accuracy=accuracy, in_axes=(None, 0))
+    assert np.all(batch.status == 0)
+    for i in range(3):
+        single = simulate(s.system, lane(lanes, i), ts, accuracy=accuracy)
+        assert_near(jax.tree.map(lambda x, i=i: x[i], batch.final), single.final, 1e-7)

@@ -1,0 +1,174 @@
+"""Who may import whom, and what importing costs: the arrows between the rooms point downwards."""
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+PACKAGE = Path(__file__).resolve().parents[1] / "jaxspace"
+
+# A room may import the rooms of its row, and itself. The command line sees all of them, and nobody sees the command line.
+ALLOWED = {
+    "_core": set(),
+    "constants": set(),
+    "rotations": {"_core"},
+    "bodies": {"_core", "rotations"},
+    "orbits": {"_core", "rotations", "bodies"},
+    "attitude": {"_core", "rotations", "bodies"},
+    "rockets": {"_core", "rotations", "bodies"},
+    "gyros": {"_core", "rotations"},
+    "mechanics": {"_core"},
+    "scene": {"_core", "bodies"},
+    "solvers": {"_core"},
+    "simulation": {"_core", "solvers"},
+    "studies": {"_core", "simulation", "scene"},
+    "dispersion": {"_core", "simulation"},
+    "optimization": {"_core", "orbits", "rockets", "simulation"},
+    "io": {"_core", "bodies", "scene", "simulation", "dispersion"},
+    "plots": {"rotations", "simulation", "studies", "dispersion"},
+}
+ALLOWED["cli"] = set(ALLOWED)
+ALLOWED["__init__"] = set(ALLOWED) - {"cli"}
+
+# What a room may import at all, of the world outside.
+FLOOR = {"jax", "jaxtyping", "equinox", "numpy"}
+OUTSIDE = {
+    "solvers": FLOOR | {"diffrax", "lineax", "optimistix"},
+    "simulation": FLOOR | {"diffrax", "lineax", "optimistix"},
+    "optimization": FLOOR | {"optax"},
+}
+# Plotting, tables, files and clusters: only where a person asks for them, inside the function that needs them.
+HEAVY = {
+    *("matplotlib", "plotly", "PIL", "imageio"),
+    *("xarray", "zarr", "pandas", "h5py", "h5netcdf", "polars", "pyarrow"),
+    *("pydantic", "pint", "typer", "click", "rich", "tqdm", "tomllib", "yaml"),
+    *("dask", "distributed", "ray"),
+    *("scipy", "mpmath", "hypothesis", "pytest"),
+}
+MAY_BE_HEAVY = {"dispersion", "io", "plots", "cli"}
+LIGHT = HEAVY - {"tomllib"}
+
+# Names that an `__init__` gives to its readers.
+MOST_NAMES = {"__init__": 25, "_core": 40}
+
+
+def room_of(file: Path) -> str:
+    """The room that a source file belongs to; the package's own `__init__` is a room too."""
+    return file.relative_to(PACKAGE).parts[0].removesuffix(".py")
+
+
+def sources() -> list[Path]:
+    """Every source file of a room that has opened; a folder without an `__init__` is not a room yet."""
+    files = sorted(PACKAGE.rglob("*.py"))
+    return [f for f in files if f.parent == PACKAGE or (PACKAGE / room_of(f) / "__init__.py").exists()]
+
+
+ROOMS = sorted({room_of(f) for f in sources()} - {"__init__"})
+FILES = [pytest.param(f, id=f.relative_to(PACKAGE).as_posix()) for f in sources()]
+
+
+def imports(file: Path) -> list[tuple[str, bool]]:
+    """The full dotted name of everything that a file imports, and whether it does so while it is imported itself."""
+    tree = ast.parse(file.read_text())
+    within = {id(n) for f in ast.walk(tree) if isinstance(f, ast.FunctionDef | ast.Lambda) for n in ast.walk(f)}
+    within |= {
+        id(n) for f in ast.walk(tree) if isinstance(f, ast.If) and "TYPE_CHECKING" in ast.unparse(f.test) for n in ast.walk(f)
+    }
+    package = ["jaxspace", *file.relative_to(PACKAGE).parts[:-1]]
+    found = []
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            found += [(alias.name, id(node) not in within) for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            base = package[: len(package) - node.level + 1] if node.level else []
+            base = [*base, *(node.module or "").split(".")] if node.module else base
+            # `from .. import orbits` names a room; `from ..orbits import Kepler` names one already.
+            names = [[*base, a.name] for a in node.names] if base == ["jaxspace"] else [base]
+            found += [(".".join(name), id(node) not in within) for name in names]
+    return found
+
+
+def test_every_room_has_a_row():
+    assert set(ROOMS) <= set(ALLOWED), "a new room needs a row in the table: which rooms may it import?"
+
+
+@pytest.mark.parametrize("file", FILES)
+def test_arrows_point_downwards(file):
+    room = room_of(file)
+    for name, _ in imports(file):
+        parts = name.split(".")
+        if parts[0] == "jaxspace" and len(parts) > 1:
+            # Whatever is no room is a name of the package's own `__init__`, whose reader would import everything.
+            assert parts[1] == room or parts[1] in ALLOWED[room], f"{room} may not import {name}"
+
+
+@pytest.mark.parametrize("file", FILES)
+def test_rooms_are_entered_by_their_door(file):
+    room = room_of(file)
+    for name, _ in imports(file):
+        parts = name.split(".")
+        if parts[0] == "jaxspace" and len(parts) > 2 and parts[1] != room:
+            assert not parts[2].startswith("_"), f"{name} is a private file of another room"
+
+
+@pytest.mark.parametrize("file", FILES)
+def test_outside_libraries_stay_where_they_belong(file):
+    room = room_of(file)
+    for name, at_once in imports(file):
+        top = name.split(".")[0]
+        if top in HEAVY:
+            assert room in MAY_BE_HEAVY, f"{room} may not import {name}"
+            assert not (at_once and top in LIGHT), f"{name} has to be imported inside the function that needs it"
+        elif top not in sys.stdlib_module_names and top != "jaxspace" and room not in MAY_BE_HEAVY:
+            assert top in OUTSIDE.get(room, FLOOR), f"{room} may not import {name}"
+
+
+@pytest.mark.parametrize("file", FILES)
+def test_files_inside_rooms_are_private(file):
+    parts = file.relative_to(PACKAGE).parts
+    if len(parts) > 1:
+        assert parts[-1].startswith("_"), "name it _x.py, and give its public names to the room's __init__"
+
+
+@pytest.mark.parametrize("room", ["__init__", *[r for r in ROOMS if r != "constants"]])
+def test_a_room_gives_few_names(room):
+    tree = ast.parse((PACKAGE / ("__init__.py" if room == "__init__" else f"{room}/__init__.py")).read_text())
+    names = [a.asname for n in ast.walk(tree) if isinstance(n, ast.ImportFrom) for a in n.names if a.asname == a.name]
+    assert len(names) == len(set(names))
+    assert len(names) <= MOST_NAMES.get(room, 22)
+
+
+def run(code: str) -> str:
+    """What a fresh interpreter prints."""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=PACKAGE.parent)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+@pytest.mark.parametrize("room", ROOMS)
+def test_room_imports_alone(room):
+    """In a fresh interpreter, so that no room lives on what another one has imported before it."""
+    run(f"import jaxspace.{room}")
+
+
+WATCH = """
+import sys
+opened = []
+sys.addaudithook(lambda event, args: opened.append(str(args[0])) if event == "open" else None)
+import jax, equinox, diffrax, optax
+before, already, opened[:] = dict(jax.config.values), set(sys.modules), []
+import jaxspace
+after = dict(jax.config.values)
+print("settings:", sorted(k for k in {**before, **after} if before.get(k) != after.get(k)))
+print("libraries:", sorted({m.split(".")[0] for m in set(sys.modules) - already} & set(%r)))
+ours = [f for f in opened if "jaxspace" in f and not f.endswith((".py", ".pyc")) and ".pyc." not in f]
+print("files:", ours)
+print("backends:", sorted(jax._src.xla_bridge._backends))
+"""
+
+
+def test_importing_the_package_changes_nothing():
+    """No setting of jax changes, no heavy library is loaded, no file of ours is read, no device is touched."""
+    assert run(WATCH % sorted(LIGHT)).splitlines() == ["settings: []", "libraries: []", "files: []", "backends: []"]

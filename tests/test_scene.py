@@ -1,0 +1,117 @@
+"""Scenes: absent effects cost nothing, what is missing is said, and what is kept follows from the effects."""
+
+import re
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from systems import J2, MU, RADIUS, SAMPLES, motor, orbit, rocket_scene, rocket_state, turned
+
+from jaxspace import Scene, simulate
+from jaxspace._core import InputError
+from jaxspace.attitude import TorqueFreeBody
+from jaxspace.bodies import BodyState, Load, RigidBody
+from jaxspace.orbits import Oblateness, PointGravity, TwoBody
+from jaxspace.rockets import JetDamping
+from jaxspace.scene import Custom, budget, compiled, operation_count
+
+T = jnp.zeros(())
+
+
+def instructions(system, y):
+    """The instructions of the compiled vector field, without the names that the compiler gives them."""
+    lines = [line for line in compiled(system, T, y).as_text().splitlines() if " = " in line]
+    return sorted(re.sub(r"%[\w.-]+|, metadata=.*", "", line).strip() for line in lines)
+
+
+def test_gravity_alone_costs_what_two_body_costs():
+    scene, bare, y = Scene((PointGravity(MU),)), TwoBody(MU), orbit()
+    assert operation_count(scene, T, y) == operation_count(bare, T, y) > 10
+    assert instructions(scene, y) == instructions(bare, y)
+
+
+def test_rotation_alone_costs_what_the_free_body_costs():
+    inertia = [3.0, 2.0, 1.0]
+    y = BodyState(attitude=turned(), omega=jnp.array([0.1, 0.2, 0.3]))
+    scene, bare = Scene((), RigidBody(inertia=inertia), ("attitude",)), TorqueFreeBody(inertia)
+    assert operation_count(scene, T, y) == operation_count(bare, T, y) > 10
+
+
+def test_a_scene_without_attitude_carries_none():
+    scene = Scene((PointGravity(MU), Oblateness(MU, J2, RADIUS)), RigidBody(900.0, [1.0, 1.0, 1.0]))
+    assert scene.parts == ("position", "velocity")
+    assert len(jax.tree.leaves(scene.vector_field(T, orbit()))) == 2
+    with pytest.raises(InputError, match="The state holds attitude"):
+        scene.vector_field(T, orbit(attitude=turned(), omega=jnp.zeros(3)))
+
+
+def test_leaving_an_effect_out_gives_its_cost_back():
+    """The whole scene without the oblateness has the count of a scene that never had it."""
+    full = rocket_scene()
+    effects = tuple(e for e in full.effects if not isinstance(e, Oblateness))
+    y = rocket_state()
+    without = Scene(effects, full.body)
+    assert operation_count(without, T, y) < operation_count(full, T, y)
+    rows = budget(full, y=y)
+    assert [r.effect for r in rows[:-1]] == ["PointGravity", "Oblateness", "Thrust", "JetDamping"]
+    assert all(r.operations > 0 for r in rows) and abs(sum(r.share for r in rows) - 1.0) < 1e-12
+
+
+def test_explain_names_every_effect():
+    text = rocket_scene().explain()
+    for word in ("PointGravity", "Oblateness", "Thrust", "JetDamping", "equations of motion", "attitude", "share"):
+        assert word in text
+
+
+@pytest.mark.parametrize(
+    ("make", "sentence"),
+    [
+        (lambda: Scene((motor(),), RigidBody(10.0)), "Thrust needs a rotating body, and the body has no inertia"),
+        (lambda: Scene((), RigidBody(10.0), ("attitude",)), "Scene.carry asks for a rotating body"),
+        (lambda: Scene((), carry=("spin",)), r"Scene.carry names \['spin'\]"),
+        (lambda: Scene((drag(),)), "Custom adds a force, and the body has no mass"),
+        (lambda: Custom(lambda t, y, b: Load(), {"velocty"}, set()), r"Custom.needs names \['velocty'\]"),
+        (lambda: RigidBody(-5.0), "RigidBody.mass is -5: it must be positive and finite."),
+        (lambda: PointGravity(-1.0), "PointGravity.mu is -1"),
+    ],
+)
+def test_what_is_missing_is_said(make, sentence):
+    with pytest.raises(InputError, match=sentence):
+        make()
+
+
+def test_a_missing_part_of_the_state_is_named_with_its_effect():
+    with pytest.raises(InputError, match="Oblateness needs position|PointGravity needs position"):
+        Scene((PointGravity(MU), Oblateness(MU, J2, RADIUS))).vector_field(T, BodyState())
+    with pytest.raises(InputError, match="Thrust needs attitude"):
+        rocket_scene().vector_field(T, orbit(mass=jnp.array(10.0)))
+
+
+def drag() -> Custom:
+    """A force against the velocity."""
+    return Custom(lambda t, y, body: Load(force_N=-0.1 * y.velocity), {"velocity"}, {"force"})
+
+
+def test_a_function_is_an_effect():
+    scene = Scene((drag(),), RigidBody(2.0))
+    y = BodyState(position=jnp.zeros(3), velocity=jnp.array([3.0, 0.0, 4.0]))
+    end = simulate(scene, y, jnp.array([0.0, 10.0]), accuracy=1e-11).final
+    # v = v0 exp(-c t / m), in closed form.
+    np.testing.assert_allclose(end.velocity, np.exp(-0.5) * np.array([3.0, 0.0, 4.0]), rtol=1e-9)
+    assert scene.invariants(T, y) == {}
+
+
+def test_what_stays_follows_from_the_effects():
+    y = orbit()
+    oblate = (PointGravity(MU), Oblateness(MU, J2, RADIUS))
+    assert set(Scene(oblate[:1]).invariants(T, y)) == {"energy", "angular_momentum"}
+    assert set(Scene(oblate).invariants(T, y)) == {"energy", "axial_angular_momentum"}
+    free = next(s for s in SAMPLES if s.name == "free_stage")
+    kept = set(free.system.invariants(T, free.state))
+    assert kept == {"energy", "angular_momentum", "rotational_momentum", "rotational_energy", "quaternion_norm"}
+    assert set(rocket_scene().invariants(T, rocket_state())) == {"quaternion_norm"}
+
+
+def test_jet_damping_needs_what_it_reads():
+    assert Scene((JetDamping(lambda t, m: -1.0 + 0.0 * m, 0.0),), rocket_scene().body, ("mass",)).parts == ("attitude", "omega", "mass")
