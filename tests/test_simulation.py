@@ -107,9 +107,10 @@ def test_pleiades():
     expected += [1.562172101400631, -0.7003092922212495, -3.943437585517392, -3.27138097397255, 5.225081843456543]
     expected += [-2.59061243497747, 1.198213693392275, -0.2429682344935824, 1.09144924042898]
     np.testing.assert_allclose(end[0].reshape(-1), expected, rtol=0.0, atol=1e-8)
-    # x'1, x'7, y'4 and y'7 of the same list.
-    np.testing.assert_allclose(end[1][0, [0, 6]], [3.417003806314313, -1.155815100160448], rtol=0.0, atol=1e-8)
-    np.testing.assert_allclose(end[1][1, [3, 6]], [0.9386858869551074, -1.947020434263292], rtol=0.0, atol=1e-8)
+    rates = [3.417003806314313, 1.354584501625501, -2.590065597810775, 2.025053734714242, -1.155815100160448]
+    rates += [-0.8072988170223021, 0.595239635420871, -3.74124496123401, 0.377345968575063, 0.9386858869551074]
+    rates += [0.3667922227200571, -0.347404635380849, 2.344915448180937, -1.947020434263292]
+    np.testing.assert_allclose(end[1].reshape(-1), rates, rtol=0.0, atol=1e-8)
 
 
 def test_states_between_steps_are_as_good_as_step_ends():
@@ -264,7 +265,7 @@ def test_runs_of_a_batch_have_their_own_events():
     run = simulate_batch(FALL, y, jnp.linspace(0.0, 1.5, 4), events=(FLOOR,), in_axes=(None, 0), accuracy=1e-12)
     landing = np.sqrt(2.0 * heights / 9.81)
     np.testing.assert_allclose(run.ts[:, -1], np.minimum(landing, 1.5), rtol=1e-12)
-    assert np.all(run.status == np.where(landing < 1.5, Status.EVENT, Status.COMPLETED))
+    assert np.all(np.asarray(run.status) == np.where(landing < 1.5, Status.EVENT, Status.COMPLETED))
     exact = np.maximum(heights[:, None] - 0.5 * 9.81 * np.asarray(run.ts) ** 2, 0.0)
     np.testing.assert_allclose(run.states.position[:, :, 2], exact, atol=1e-10)
 
@@ -285,7 +286,7 @@ def test_bad_runs_mark_their_rows_alone():
     run = simulate_batch(KEPLER, bad, ts, accuracy=accuracy, in_axes=(None, 0))
     expected = np.zeros(9, int)
     expected[3], expected[5] = Status.NOT_FINITE, Status.MAX_STEPS  # the fall into the centre takes less than two units of time
-    assert np.all(run.status == expected)
+    assert np.all(np.asarray(run.status) == expected)
     good = np.flatnonzero(expected == 0)
     exact = simulate_batch(TwoBody(1.0), y, ts, in_axes=(None, 0)).final.position
     np.testing.assert_allclose(run.final.position[good], exact[good], atol=1e-7)
@@ -321,7 +322,7 @@ def test_every_run_may_have_its_own_times():
         (lambda: simulate(KEPLER, start(0.1), jnp.array([0.0, 1.0]), accuracy=-1.0), InputError, "Accuracy.rtol is -1"),
         (lambda: simulate(KEPLER, start(0.1), jnp.array([0.0, 1.0, 0.5])), InputError, "ts turns around"),
         (lambda: simulate(KEPLER, start(0.1), jnp.array([0.0])), InputError, "at least two times"),
-        (lambda: simulate(KEPLER, start(1.0), jnp.array([0.0, 1.0])), InputError, r"y0.velocity is .*it must be finite"),
+        (lambda: simulate(KEPLER, ball(np.nan), jnp.array([0.0, 1.0])), InputError, r"y0.position is .*it must be finite"),
         (lambda: Phase(KEPLER, FLOOR.__class__(lambda t, y: t), name="x"), InputError, "Event.within"),
         (lambda: Event(lambda t, y: t, direction=2), InputError, "Event.direction is 2"),
         (lambda: Mission([]), InputError, "at least one"),
@@ -330,7 +331,7 @@ def test_every_run_may_have_its_own_times():
     ],
 )
 def test_bad_input_is_refused_in_a_sentence(call, error, sentence):
-    with np.errstate(divide="ignore"), pytest.raises(error, match=sentence):
+    with pytest.raises(error, match=sentence):
         call()
 
 

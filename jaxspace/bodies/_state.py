@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     ScalarPart: TypeAlias = Any
     AttitudePart: TypeAlias = Any
 else:
-    VectorPart: TypeAlias = Float[Array, "3 *#runs"] | None
-    ScalarPart: TypeAlias = Float[Array, "*#runs"] | None
+    VectorPart: TypeAlias = Float[Array, "3 *#runs"] | Float[Array, "*#rows 3"] | None
+    ScalarPart: TypeAlias = Float[Array, "..."] | None
     AttitudePart: TypeAlias = Quaternion | None
 
 
@@ -23,7 +23,8 @@ else:
 class BodyState(eqx.Module):
     """Position and velocity of the centre of mass, orientation, angular velocity and mass of a body; also their rates.
 
-    A part that is `None` is absent: it is no leaf of the tree, hence in no integration, no batch and no gradient.
+    A part that is `None` is absent: it is no leaf of the tree, hence in no integration, no batch and no gradient. Physics has
+    the runs on the last axis, as below; at the border (`simulate_batch`, trajectories) runs and times come first.
 
     - `position`, m, and `velocity`, m/s: (3, *runs), in inertial axes.
     - `attitude`: a `Quaternion`, body to inertial.

@@ -14,7 +14,8 @@ The mass flow follows the thrust at a constant exhaust velocity. The profile is 
 has kinks at known times: these are its `breaks`.
 """
 
-from typing import ClassVar, Self, final
+from collections.abc import Sequence
+from typing import ClassVar, final
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -37,12 +38,12 @@ class ThrustProfile(eqx.Module):
     level: Float[Array, "points *#runs"] = eqx.field(converter=as_float)
 
     @classmethod
-    def constant(cls) -> Self:
+    def constant(cls) -> "ThrustProfile":
         """The same thrust from ignition to burnout."""
         return cls([0.0, 1.0], [1.0, 1.0])
 
     @classmethod
-    def tabulated(cls, times: Float[Array, " points"], thrusts: Float[Array, " points"]) -> tuple[Self, float, float]:
+    def tabulated(cls, times: Sequence[float] | Array, thrusts: Sequence[float] | Array) -> tuple["ThrustProfile", float, float]:
         """The profile of a table of thrust against time, with its burn time and its mean thrust in the table's units."""
         t, f = np.asarray(times, float), np.asarray(thrusts, float)
         check(np.diff(t) > 0.0, "ThrustProfile.times", t, "ascending")
@@ -103,14 +104,14 @@ class Thrust(AbstractPiecewiseEffect):
         check_positive("Thrust.burn_time", self.burn_time)
 
     @classmethod
-    def of_motor(cls, total_impulse: Scalar, burn_time: Scalar, propellant_mass: Scalar, **fields) -> Self:
+    def of_motor(cls, total_impulse: Scalar, burn_time: Scalar, propellant_mass: Scalar, **fields) -> "Thrust":
         """A solid motor from its total impulse, N s, burn time, s, and propellant mass, kg; the other fields by name."""
         check_positive("Thrust.total_impulse", total_impulse)
         check_positive("Thrust.propellant_mass", propellant_mass)
         return cls(total_impulse / burn_time, total_impulse / propellant_mass, burn_time, **fields)
 
     @classmethod
-    def of_specific_impulse(cls, mean_thrust: Scalar, specific_impulse: Scalar, burn_time: Scalar, **fields) -> Self:
+    def of_specific_impulse(cls, mean_thrust: Scalar, specific_impulse: Scalar, burn_time: Scalar, **fields) -> "Thrust":
         """A motor from its thrust, N, specific impulse, s (with the standard gravity that defines it), and burn time, s."""
         return cls(mean_thrust, 9.80665 * specific_impulse, burn_time, **fields)
 
@@ -119,6 +120,10 @@ class Thrust(AbstractPiecewiseEffect):
         x = (t - self.ignition) / self.burn_time
         thrust = self.mean_thrust * (ThrustProfile.constant() if self.profile is None else self.profile).at(x)
         return thrust if self.burnout_mass is None else jnp.where(mass > self.burnout_mass, thrust, 0.0)
+
+    def mass_rate(self, t: Scalar, mass: Scalar) -> Scalar:
+        """Rate of the mass, kg/s, negative while the motor burns."""
+        return -self.thrust(t, mass) / self.exhaust_velocity
 
     def propellant_left(self, y: BodyState) -> Scalar:
         """Mass above the burnout mass, kg; its zero is the end of the burn. Raises `InputError` without a burnout mass."""

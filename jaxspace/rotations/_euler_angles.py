@@ -43,33 +43,25 @@ def to_euler_angles(attitude: Quaternion, sequence: str = "313") -> Vector:
 
     Raises `InputError` for a sequence that is none of the twelve."""
     i, j, k = _axes(sequence)
+    n = 3 - i - j
+    sign = 1.0 if (j - i) % 3 == 1 else -1.0
     c = attitude.matrix()
     if i == k:
-        m = 3 - i - j
-        sign = 1.0 if (j - i) % 3 == 1 else -1.0
-        sine = jnp.hypot(*_apart(c[j, i], c[m, i]))
-        middle = safe_atan2(sine, c[i, i])
-        first = safe_atan2(c[j, i], -sign * c[m, i])
-        rest = _undo(first, i, middle, j, c)
-        return jnp.stack([first, middle, safe_atan2(sign * rest[m, j], rest[j, j])])
-    sign = 1.0 if (j - i) % 3 == 1 else -1.0
-    cosine = jnp.hypot(*_apart(c[i, i], c[i, j]))
-    middle = safe_atan2(sign * c[i, k], cosine)
-    first = safe_atan2(-sign * c[j, k], c[k, k])
-    rest = _undo(first, i, middle, j, c)
-    return jnp.stack([first, middle, safe_atan2(-sign * rest[i, j], rest[j, j])])
+        first = safe_atan2(c[j, i], -sign * c[n, i])
+        middle = safe_atan2(jnp.hypot(*_apart(c[j, i], c[n, i])), c[i, i])
+    else:
+        first = safe_atan2(-sign * c[j, k], c[k, k])
+        middle = safe_atan2(sign * c[i, k], jnp.hypot(*_apart(c[i, i], c[i, j])))
+    # The first turn taken away, row j: the middle turn leaves it alone, so that it belongs to the last turn also where the
+    # other rows vanish.
+    row = jnp.cos(first) * c[j] + sign * jnp.sin(first) * c[n]
+    return jnp.stack([first, middle, safe_atan2(-sign * row[n] if i == k else sign * row[i], row[j])])
 
 
 def _apart(a: Scalar, b: Scalar) -> tuple[Scalar, Scalar]:
     """The pair, moved from the origin where the slope of its hypotenuse is undefined by less than any rounding error."""
     origin = (a == 0.0) & (b == 0.0)
     return jnp.where(origin, jnp.finfo(jnp.asarray(a).dtype).tiny, a), b
-
-
-def _undo(first: Scalar, i: int, middle: Scalar, j: int, c: Matrix) -> Matrix:
-    """The matrix of the last turn alone: the first two turns taken away."""
-    back = Quaternion.about(i, first).then(Quaternion.about(j, middle)).inverse()
-    return jnp.stack([back.rotate(c[:, n]) for n in range(3)], axis=1)
 
 
 def _turn_axes(angles: Vector, sequence: str) -> Matrix:

@@ -27,7 +27,7 @@ from .._core import Matrix, Scalar, Vector, as_float, axis, cross, dot, norm, sa
 class Quaternion(eqx.Module):
     """An orientation: `wxyz`, shape (4, *runs), maps body components to inertial components."""
 
-    wxyz: Float[Array, "4 *#runs"] = eqx.field(converter=as_float)
+    wxyz: Float[Array, "4 *#runs"] | Float[Array, "*#rows 4"] = eqx.field(converter=as_float)
 
     @classmethod
     def identity(cls) -> "Quaternion":

@@ -2,6 +2,7 @@
 
 from ._custom import Custom as Custom
 from ._explain import budget as budget
+from ._explain import compiled as compiled
 from ._explain import EffectRow as EffectRow
 from ._explain import explain as explain
 from ._explain import operation_count as operation_count

@@ -1,12 +1,12 @@
 """What a scene is made of, and what each part of it costs."""
 
-from collections.abc import Callable
 from typing import Any, NamedTuple
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from .._core import Scalar
+from .._core import AbstractSystem, Scalar, State
 from ..bodies import BodyState
 from ..rotations import Quaternion
 from ._scene import Scene
@@ -22,9 +22,15 @@ class EffectRow(NamedTuple):
     share: float
 
 
-def operation_count(function: Callable[..., Any], *arguments: Any) -> int:
-    """Floating-point operations of the function as compiled, transcendental functions counted as one each."""
-    cost = jax.jit(function).lower(*arguments).compile().cost_analysis()
+def compiled(system: AbstractSystem, t: Scalar, y: State) -> Any:
+    """The compiled vector field of a system, with its parameters, the time and the state as arguments."""
+    numbers, rest = eqx.partition(system, eqx.is_array)
+    return jax.jit(lambda n, t, y: eqx.combine(n, rest).vector_field(t, y)).lower(numbers, t, y).compile()
+
+
+def operation_count(system: AbstractSystem, t: Scalar, y: State) -> int:
+    """Floating-point operations of one evaluation as compiled, a transcendental function counted as one."""
+    cost = compiled(system, t, y).cost_analysis()
     return int(cost.get("flops", 0.0) + cost.get("transcendentals", 0.0)) if cost else 0
 
 
@@ -40,11 +46,11 @@ def budget(scene: Scene, t: Scalar = 0.0, y: BodyState | None = None) -> list[Ef
 
     The share of an effect is what one evaluation saves when it is left out of the whole."""
     t, y = jnp.asarray(t, float), sample_state(scene) if y is None else y
-    whole = operation_count(scene.vector_field, t, y)
+    whole = operation_count(scene, t, y)
     rows = []
     for k, effect in enumerate(scene.effects):
         rest = Scene(scene.effects[:k] + scene.effects[k + 1 :], scene.body, scene.parts)
-        saved = max(whole - operation_count(rest.vector_field, t, y), 0)
+        saved = max(whole - operation_count(rest, t, y), 0)
         rows.append(EffectRow(type(effect).__name__, tuple(sorted(effect.needs)), tuple(sorted(effect.adds)), saved, saved / whole))
     own = whole - sum(row.operations for row in rows)
     return [*rows, EffectRow("equations of motion", scene.parts, (), own, own / whole)]

@@ -84,12 +84,19 @@ def _first_zero(
     states = propagate(system, y0, t0, t1, fractions, accuracy, run_axes).states
     times = t0 + jnp.multiply.outer(fractions, t1 - t0)
     g = jax.vmap(event.condition)(times, states)
+    g = g.at[0].set(_sign_at_start(system, event, t0, y0, g))
     rise, fall = (g[:-1] < 0.0) & (g[1:] >= 0.0), (g[:-1] > 0.0) & (g[1:] <= 0.0)
     crossing = {1: rise, -1: fall, 0: rise | fall}[event.direction]
     index = jnp.argmax(crossing, axis=0)
     start = _pick((states, times, g), index, run_axes)
     end = _pick(times, index + 1, run_axes)
     return _close_in(system, event, *start, end, accuracy, run_axes), jnp.any(crossing, axis=0)
+
+
+def _sign_at_start(system: AbstractSystem, event: Event, t0: Scalar, y0: State, g: Array) -> Array:
+    """The condition at the start; where it is zero to rounding (a ball on the floor), the sign that it is about to take."""
+    zero = jnp.abs(g[0]) <= 64.0 * jnp.finfo(g.dtype).eps * jnp.max(jnp.abs(g), axis=0)
+    return jnp.where(zero, jnp.sign(event.slope(system, t0, y0)[1]), g[0])
 
 
 def _close_in(

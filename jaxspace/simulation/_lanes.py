@@ -4,6 +4,7 @@ This is the layout of the physics itself; `simulate` uses it with no axis of run
 
 from typing import Any, NamedTuple
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -92,15 +93,23 @@ def _lead(flags: Array, block: Array) -> tuple[int, ...]:
 def run_phase(
     phase: Phase, y0: State, t0: Scalar, samples: int, accuracy: Accuracy, run_axes: int, plan: Array | None = None, record: bool = False
 ) -> Span:
-    """States of a phase at `samples` times from its start to its end, before its jump."""
-    system = phase.system
+    """States of a phase at `samples` times from its start to its end, before its jump.
+
+    Compiled phase by phase, and without their names: phases alike are compiled once."""
+    return _phase(phase.system, phase.until, y0, t0, samples, accuracy, run_axes, plan, record)
+
+
+@eqx.filter_jit
+def _phase(
+    system: AbstractSystem, until: Scalar | Event, y0: State, t0: Scalar, samples: int, accuracy: Accuracy, run_axes: int, plan: Any, record: bool
+) -> Span:
     y0 = alike(system, t0, y0)
     shape = _runs(y0, run_axes)
     dtype = jnp.result_type(*jax.tree.leaves(y0))
+    events = (until,) if isinstance(until, Event) else ()
     t0 = jnp.broadcast_to(jnp.asarray(t0, dtype), shape)
-    t1 = t0 + phase.limit()
+    t1 = t0 + (until.within if isinstance(until, Event) else until)
     which = -jnp.ones(shape, jnp.int32)
-    events = phase.events()
     if events:
         t1, which = first_event(system, y0, t0, t1, events, accuracy, run_axes)
     fractions = jnp.linspace(0.0, 1.0, samples, dtype=dtype) if samples > 2 else None
@@ -134,9 +143,14 @@ def run_mission(
         spans.append(span)
         status = span.status if status is None else worst(status, span.status)
         t, y = span.ts[-1], _last(span.states)
-        y = y if phase.then is None else phase.then(t, y)
+        y = y if phase.then is None else _jump(phase.then, t, y)
     assert status is not None
     return spans, y, t, status
+
+
+@eqx.filter_jit
+def _jump(then: Any, t: Scalar, y: State) -> State:
+    return then(t, y)
 
 
 def plan_steps(mission: Mission, y0: State, t0: Scalar, accuracy: Accuracy) -> tuple[np.ndarray, ...]:

@@ -39,14 +39,6 @@ class Phase(eqx.Module):
         else:
             check_finite(f"Phase {self.name!r}: until", self.until)
 
-    def limit(self) -> Scalar:
-        """The longest that the phase may last, s."""
-        return self.until.within if isinstance(self.until, Event) else self.until  # pyright: ignore[reportReturnType]
-
-    def events(self) -> tuple[Event, ...]:
-        """The event that ends the phase, if any."""
-        return (self.until,) if isinstance(self.until, Event) else ()
-
 
 @final
 class Mission(eqx.Module):

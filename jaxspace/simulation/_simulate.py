@@ -71,7 +71,6 @@ def _system_run(system: AbstractSystem, y0: State, ts: Array, events: tuple[Even
     return run_system(system, y0, ts, events, accuracy, 0)
 
 
-@eqx.filter_jit
 def _mission_run(mission: Mission, y0: State, t0: Array, samples: int, accuracy: Accuracy) -> MissionTrajectory:
     spans, final, end, status = run_mission(mission, y0, t0, samples, accuracy, 0)
     phases = tuple(

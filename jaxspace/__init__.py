@@ -1,0 +1,43 @@
+"""jaxspace: differentiable space dynamics in JAX.
+
+The rooms, from the ground up:
+
+    constants       numbers with unit and source
+    rotations       orientation: quaternion, Euler angles, matrix
+    bodies          what has mass: inertia, mass properties, Newton-Euler, the interface of effects
+    orbits          a point under gravity: two-body motion, elements, Kepler, oblateness
+    attitude        rotation of a body: torque-free, heavy top, despin
+    gyros           instruments: two-gimbal gyro
+    rockets         mass that leaves: thrust, jet damping, rocket equation
+    scene           a body and its effects as one system
+    solvers         integrators as diffrax solvers
+    simulation      the runner: simulate one run or many, a system or a mission of phases
+    dispersion      campaigns of many runs: distributions, statistics
+    optimization    staging, steering
+    io, plots, cli  files, figures, the command line (imported by name, with the extra `app`)
+"""
+
+from . import attitude as attitude
+from . import bodies as bodies
+from . import constants as constants
+from . import gyros as gyros
+from . import orbits as orbits
+from . import rockets as rockets
+from . import rotations as rotations
+from . import scene as scene
+from . import simulation as simulation
+from . import solvers as solvers
+from ._core import AbstractSystem as AbstractSystem
+from ._precision import enable_x64 as enable_x64
+from .bodies import BodyState as BodyState
+from .scene import Scene as Scene
+from .simulation import Accuracy as Accuracy
+from .simulation import Event as Event
+from .simulation import Mission as Mission
+from .simulation import Phase as Phase
+from .simulation import simulate as simulate
+from .simulation import simulate_batch as simulate_batch
+from .simulation import Status as Status
+from .simulation import Trajectory as Trajectory
+
+__version__ = "0.1.0"

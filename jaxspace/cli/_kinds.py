@@ -1,0 +1,25 @@
+"""The kinds of numbers that the tables of effects, systems and initial states hold."""
+
+from ..io import Quantity
+
+ANGLE = Quantity("angle", "rad", "28.5 deg")
+RATE = Quantity("angular rate", "rad/s", "5.5 rpm")
+LENGTH = Quantity("length", "m", "400 mi")
+DISTANCE = Quantity("length", "m", "400 mi", "positive")
+RADIUS = Quantity("length", "m", "1.2 ft", "not negative")
+SPEED = Quantity("speed", "m/s", "7.8 km/s")
+TIME = Quantity("time", "s", "84 s")
+DURATION = Quantity("time", "s", "84 s", "positive")
+MASS = Quantity("mass", "kg", "60 kg", "positive")
+INERTIA = Quantity("moment of inertia", "kg m^2", "12 slug ft^2", "positive")
+GIMBAL = Quantity("moment of inertia", "kg m^2", "12 slug ft^2", "not negative")
+MOMENT = Quantity("moment of force", "N m", "3 ft lbf")
+FORCE = Quantity("force", "N", "68 kN", "positive")
+IMPULSE = Quantity("impulse", "N s", "5.8 MN s", "positive")
+ISP = Quantity("specific impulse", "s", "286 s", "positive")
+MU = Quantity("gravitational parameter", "m^3/s^2", "398600.4418 km^3/s^2", "positive")
+NUMBER = Quantity("a ratio", "", "0.00108")
+TANGENT = Quantity("a tangent", "", "0.001")
+ECCENTRICITY = Quantity("an eccentricity", "", "0.01", "not negative")
+SHAPE_TIME = Quantity("time", "s", "84 s", "", fixed=True)
+SHAPE_THRUST = Quantity("force", "N", "68 kN", "not negative", fixed=True)

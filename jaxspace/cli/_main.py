@@ -1,0 +1,95 @@
+"""The commands: run, disperse, explain."""
+
+import argparse
+import os
+import sys
+from collections.abc import Sequence
+
+from .._core import InputError
+from ..io import SceneError
+from ..simulation import SimulationError
+
+BAD_INPUT, BAD_RUN = 2, 1
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Carry out one command and return its exit status: 0, 1 for runs that failed, 2 for input that cannot be used."""
+    given = _parser().parse_args(arguments)
+    try:
+        return given.command(given)
+    except (SceneError, InputError) as error:
+        text = str(error) if isinstance(error, SceneError) else f"{given.file}: {error}"
+        print(text, file=sys.stderr)
+        return BAD_INPUT
+    except SimulationError as error:
+        print(f"{given.file}: {error}", file=sys.stderr)
+        return BAD_RUN
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="jaxspace", description="Space dynamics from scene files.")
+    commands = parser.add_subparsers(required=True, metavar="COMMAND")
+    run = commands.add_parser("run", help="fly the nominal run of a scene file")
+    disperse = commands.add_parser("disperse", help="fly a scene file many times with its dispersions")
+    explain = commands.add_parser("explain", help="say what the effects of a scene file read, add and cost")
+    for command, action in ((run, _run), (disperse, _disperse), (explain, _explain)):
+        command.add_argument("file", metavar="FILE", help="a scene file, in TOML")
+        command.set_defaults(command=action)
+    for command in (run, disperse):
+        command.add_argument("--out", default="results", metavar="DIR", help="where the files go (default: results)")
+    disperse.add_argument("--runs", type=_count, help="how many runs (default: what the file says)")
+    disperse.add_argument("--seed", type=_whole, help="what the runs are drawn from (default: what the file says)")
+    disperse.add_argument("--chunk", type=_count, default=2048, help="after how many runs results are stored")
+    return parser
+
+
+def _count(text: str) -> int:
+    number = _whole(text)
+    if number < 1:
+        raise argparse.ArgumentTypeError(f"it is {text}: it must be a whole number above zero.")
+    return number
+
+
+def _whole(text: str) -> int:
+    try:
+        number = int(text)
+    except ValueError:
+        number = -1
+    if not 0 <= number < 2**31:
+        raise argparse.ArgumentTypeError(f"it is {text}: it must be a whole number from zero to 2147483647.")
+    return number
+
+
+def _run(given: argparse.Namespace) -> int:
+    from ._commands import run
+    from ._registry import load
+
+    return run(load(given.file), _folder(given.out))
+
+
+def _disperse(given: argparse.Namespace) -> int:
+    from ._commands import disperse
+    from ._registry import load
+
+    file = load(given.file)
+    asked = file.values.get("dispersion")
+    if asked is None:
+        raise SceneError(given.file, "dispersion is missing: it must be a table with outputs and inputs for this command.")
+    runs = asked["runs"] if given.runs is None else given.runs
+    seed = asked["seed"] if given.seed is None else given.seed
+    return disperse(file, runs, seed, given.chunk, _folder(given.out))
+
+
+def _explain(given: argparse.Namespace) -> int:
+    from ._commands import explain
+    from ._registry import load
+
+    return explain(load(given.file))
+
+
+def _folder(name: str) -> str:
+    try:
+        os.makedirs(name, exist_ok=True)
+    except OSError as error:
+        raise SceneError(name, f"--out cannot be made a folder: {error.strerror}.") from error
+    return name

@@ -1,0 +1,15 @@
+"""Campaigns of many runs: what scatters, the engine that runs them, what they show, and where they are kept."""
+
+from ._campaign import Campaign as Campaign
+from ._campaign import LaneResult as LaneResult
+from ._distributions import AbstractDistribution as AbstractDistribution
+from ._distributions import Constant as Constant
+from ._distributions import Normal as Normal
+from ._distributions import TruncatedNormal as TruncatedNormal
+from ._distributions import Uniform as Uniform
+from ._engine import disperse as disperse
+from ._statistics import Contributors as Contributors
+from ._statistics import Dispersion as Dispersion
+from ._statistics import Failure as Failure
+from ._statistics import Row as Row
+from ._store import open_store as open_store

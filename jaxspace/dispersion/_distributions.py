@@ -1,0 +1,148 @@
+"""How an input scatters. Every parameter is in the unit of the quantity, and traced: changing it compiles nothing anew.
+
+    normal             p(x) ~ exp(-(x - m)^2 / (2 s^2))
+    truncated normal   the same between a and b, zero outside
+    uniform            p(x) = 1 / (b - a) between a and b
+
+    symbol  meaning                                    unit
+    m       mean of the (untruncated) normal           that of the quantity
+    s       its standard deviation                     that of the quantity
+    a, b    limits                                     that of the quantity
+"""
+
+from abc import abstractmethod
+from typing import Any, final
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from .._core import as_float, check, check_finite, check_non_negative, check_positive, known
+
+
+class AbstractDistribution(eqx.Module):
+    """A distribution of one number. A concrete one is final and offers `mean` and `deviation` as fields or properties."""
+
+    mean: eqx.AbstractVar[Float[Array, ""]]
+    deviation: eqx.AbstractVar[Float[Array, ""]]
+
+    @abstractmethod
+    def sample(self, key: Any) -> Float[Array, ""]:
+        """One draw, decided by the random `key` alone."""
+
+    @abstractmethod
+    def text(self) -> str:
+        """The distribution in words, for records."""
+
+
+def _shown(**numbers: Any) -> str:
+    return ", ".join(f"{name} {float(np.asarray(value)):.9g}" for name, value in numbers.items())
+
+
+def _check_limits(name: str, low: Any, high: Any) -> None:
+    check_finite(f"{name}.low", low)
+    check_finite(f"{name}.high", high)
+    if known(low) and known(high):
+        check(np.asarray(high) > np.asarray(low), f"{name}.high", high, f"above low, which is {float(np.asarray(low)):.6g}")
+
+
+@final
+class Normal(AbstractDistribution):
+    """The normal distribution. Raises `InputError` for a negative deviation or what is not finite."""
+
+    mean: Float[Array, ""] = eqx.field(converter=as_float)
+    deviation: Float[Array, ""] = eqx.field(converter=as_float)
+
+    def __check_init__(self):
+        check_finite("Normal.mean", self.mean)
+        check_non_negative("Normal.deviation", self.deviation)
+
+    def sample(self, key: Any) -> Float[Array, ""]:
+        return self.mean + self.deviation * jax.random.normal(key)
+
+    def text(self) -> str:
+        return "normal, " + _shown(mean=self.mean, deviation=self.deviation)
+
+
+@final
+class Uniform(AbstractDistribution):
+    """All values from `low` to `high` alike. Raises `InputError` unless `high` is above `low`, both finite."""
+
+    low: Float[Array, ""] = eqx.field(converter=as_float)
+    high: Float[Array, ""] = eqx.field(converter=as_float)
+
+    def __check_init__(self):
+        _check_limits("Uniform", self.low, self.high)
+
+    @property
+    def mean(self) -> Float[Array, ""]:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """(a + b) / 2."""
+        return 0.5 * (self.low + self.high)
+
+    @property
+    def deviation(self) -> Float[Array, ""]:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """(b - a) / sqrt(12)."""
+        return (self.high - self.low) / 12.0**0.5
+
+    def sample(self, key: Any) -> Float[Array, ""]:
+        return self.low + (self.high - self.low) * jax.random.uniform(key)
+
+    def text(self) -> str:
+        return "uniform, " + _shown(low=self.low, high=self.high)
+
+
+@final
+class TruncatedNormal(AbstractDistribution):
+    """A normal distribution of which only what lies from `low` to `high` occurs.
+
+    `mean` and `deviation` are those of the normal distribution before it is cut; the cut moves the one and shrinks the other.
+    Raises `InputError` unless low <= mean <= high, low < high and the deviation is positive."""
+
+    mean: Float[Array, ""] = eqx.field(converter=as_float)
+    deviation: Float[Array, ""] = eqx.field(converter=as_float)
+    low: Float[Array, ""] = eqx.field(converter=as_float)
+    high: Float[Array, ""] = eqx.field(converter=as_float)
+
+    def __check_init__(self):
+        check_positive("TruncatedNormal.deviation", self.deviation)
+        _check_limits("TruncatedNormal", self.low, self.high)
+        if known(self.mean) and known(self.low) and known(self.high):
+            low, mean, high = (np.asarray(x) for x in (self.low, self.mean, self.high))
+            check((low <= mean) & (mean <= high), "TruncatedNormal.mean", mean, f"within {low:.6g} and {high:.6g}")
+
+    def sample(self, key: Any) -> Float[Array, ""]:
+        a, b = (self.low - self.mean) / self.deviation, (self.high - self.mean) / self.deviation
+        drawn = self.mean + self.deviation * jax.random.truncated_normal(key, a, b)
+        return jnp.clip(drawn, self.low, self.high)  # the product may round to beyond a limit
+
+    def text(self) -> str:
+        return "truncated normal, " + _shown(mean=self.mean, deviation=self.deviation, low=self.low, high=self.high)
+
+
+@final
+class Constant(AbstractDistribution):
+    """Always the same `value`. Raises `InputError` for what is not finite."""
+
+    value: Float[Array, ""] = eqx.field(converter=as_float)
+
+    def __check_init__(self):
+        check_finite("Constant.value", self.value)
+
+    @property
+    def mean(self) -> Float[Array, ""]:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """The value itself."""
+        return self.value
+
+    @property
+    def deviation(self) -> Float[Array, ""]:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """Zero."""
+        return jnp.zeros_like(self.value)
+
+    def sample(self, key: Any) -> Float[Array, ""]:
+        del key
+        return self.value
+
+    def text(self) -> str:
+        return "constant, " + _shown(value=self.value)

@@ -1,0 +1,41 @@
+"""What is wrong with a scene file, in sentences that name the key, the value, what is allowed and the nearest valid name."""
+
+import difflib
+from collections.abc import Iterable
+from typing import Any
+
+
+class SceneError(ValueError):
+    """A scene file that cannot be used; the message has one line for each thing that is wrong."""
+
+    def __init__(self, file: Any, complaints: str | Iterable[str]):
+        lines = [complaints] if isinstance(complaints, str) else list(complaints)
+        super().__init__("\n".join(f"{file}: {line}" for line in lines))
+
+
+def shown(value: Any) -> str:
+    """A value as a file writes it, cut short when it is long."""
+    text = f'"{value}"' if isinstance(value, str) else str(value).lower() if isinstance(value, bool) else str(value)
+    return text if len(text) <= 60 else text[:57] + "..."
+
+
+def hint(name: Any, names: Iterable[str]) -> str:
+    """The question for the nearest of `names`, or nothing when none is near."""
+    near = difflib.get_close_matches(str(name), list(names), n=1, cutoff=0.5)
+    return f" Did you mean {near[0]}?" if near else ""
+
+
+def wrong(key: str, value: Any, allowed: str) -> str:
+    """The sentence for a value that is not allowed."""
+    return f"{key} is {shown(value)}: it must be {allowed}."
+
+
+def unknown(key: str, name: Any, names: Iterable[str], what: str = "key") -> str:
+    """The sentence for a name that is not among `names`."""
+    names = list(names)
+    return f"{key} is not a {what} that is known: it must be one of {', '.join(names)}.{hint(name, names)}"
+
+
+def missing(key: str, allowed: str) -> str:
+    """The sentence for a key that has to be there."""
+    return f"{key} is missing: it must be {allowed}."
