@@ -94,9 +94,9 @@ def minimise(
 def _lagrangian(criterion: Criterion, dual: Criterion, rho: Float[Array, ""]) -> Float[Array, ""]:
     """The augmented Lagrangian L of the module's head."""
     total, c, d = criterion.objective, criterion.equal_zero, criterion.non_negative
-    if c is not None:
+    if c is not None and dual.equal_zero is not None:
         total = total + jnp.sum(dual.equal_zero * c + 0.5 * rho * c * c)
-    if d is not None:
+    if d is not None and dual.non_negative is not None:
         active = jnp.maximum(dual.non_negative - rho * d, 0.0)
         total = total + jnp.sum(active * active - dual.non_negative * dual.non_negative) / (2.0 * rho)
     return total
@@ -107,8 +107,8 @@ def _updated(criterion: Criterion, dual: Criterion, rho: Float[Array, ""]) -> Cr
     c, d = criterion.equal_zero, criterion.non_negative
     return Criterion(
         objective=jnp.ones_like(criterion.objective),
-        equal_zero=None if c is None else dual.equal_zero + rho * c,
-        non_negative=None if d is None else jnp.maximum(dual.non_negative - rho * d, 0.0),
+        equal_zero=None if c is None or dual.equal_zero is None else dual.equal_zero + rho * c,
+        non_negative=None if d is None or dual.non_negative is None else jnp.maximum(dual.non_negative - rho * d, 0.0),
     )
 
 
@@ -118,7 +118,7 @@ def _violation(criterion: Criterion, dual: Criterion, rho: Float[Array, ""]) -> 
     worst = jnp.zeros_like(criterion.objective)
     if c is not None:
         worst = jnp.maximum(worst, jnp.max(jnp.abs(c)))
-    if d is not None:
+    if d is not None and dual.non_negative is not None:
         worst = jnp.maximum(worst, jnp.max(jnp.abs(jnp.minimum(d, dual.non_negative / rho))))
     return worst
 

@@ -21,7 +21,7 @@ Valid below v_m = sum_i u_i ln(1/b_i), the velocity at which no payload is left.
 """
 
 from collections.abc import Sequence
-from typing import TypeAlias, final
+from typing import Any, TypeAlias, final
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -37,7 +37,7 @@ Stages: TypeAlias = Float[Array, "stages *#runs"]
 StageValues: TypeAlias = Stages | np.ndarray | Sequence[float]
 
 
-def stationary_mass_ratio(multiplier: ArrayLike, exhaust_velocity: ArrayLike, structural_factor: ArrayLike) -> Array | np.ndarray:
+def stationary_mass_ratio(multiplier: ArrayLike, exhaust_velocity: ArrayLike, structural_factor: ArrayLike) -> Any:
     """Mass ratio at which ln(m01/P) is stationary for the multiplier lambda, 1/(unit of u) (Thomson 8.2-9).
 
     Below 1 it is no rocket: the optimum is then at the bound mu = 1."""
