@@ -7,7 +7,7 @@ from typing import Any, NamedTuple, final
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Float, Integer
 
 from .._core import InputError, State, as_float, check_finite
 from ..simulation import Mission
@@ -61,7 +61,7 @@ class Campaign(eqx.Module):
         """The mean of every input, for `runs` runs."""
         return {name: jnp.full((runs,), d.mean) for name, d in self.inputs.items()}
 
-    def samples(self, key: Any, numbers: Int[Array, " runs"]) -> dict[str, Float[Array, " runs"]]:
+    def samples(self, key: Any, numbers: Integer[Array, " runs"]) -> dict[str, Float[Array, " runs"]]:
         """The inputs of the runs of these `numbers`. A draw depends on the key, the number of its run and its own name, and
         on nothing else: not on how many runs there are, nor on what is drawn beside it."""
 

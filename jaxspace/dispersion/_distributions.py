@@ -1,13 +1,13 @@
 """How an input scatters. Every parameter is in the unit of the quantity, and traced: changing it compiles nothing anew.
 
-    normal             p(x) ~ exp(-(x - m)^2 / (2 s^2))
-    truncated normal   the same between a and b, zero outside
-    uniform            p(x) = 1 / (b - a) between a and b
+normal             p(x) ~ exp(-(x - m)^2 / (2 s^2))
+truncated normal   the same between a and b, zero outside
+uniform            p(x) = 1 / (b - a) between a and b
 
-    symbol  meaning                                    unit
-    m       mean of the (untruncated) normal           that of the quantity
-    s       its standard deviation                     that of the quantity
-    a, b    limits                                     that of the quantity
+symbol  meaning                                    unit
+m       mean of the (untruncated) normal           that of the quantity
+s       its standard deviation                     that of the quantity
+a, b    limits                                     that of the quantity
 """
 
 from abc import abstractmethod

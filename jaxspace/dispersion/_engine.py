@@ -1,8 +1,9 @@
 """Plan, run, check, refine: many runs at fixed steps, each of them accounted for.
 
-Pilot runs, the nominal one among them, find with adaptive steps a plan of steps for every phase. All runs follow the plan,
-somewhat refined, in blocks side by side; the embedded error estimate tells for every run whether the plan was fine enough.
-The runs that missed the tolerance are repeated on finer plans; those that still miss it say so in their status.
+Pilot runs, the nominal one among them, find with adaptive steps a plan of steps for every phase, and the errors of a trial
+block tell how much finer it has to be for runs that are no pilots. All runs follow that plan in blocks side by side; the
+embedded error estimate tells for every run whether it was fine enough. The runs that missed the tolerance are repeated on
+finer plans; those that still miss it say so in their status.
 
 One compiled program serves every block and every plan, whatever the number of runs: the plans are padded to one length. A
 block is always the same runs, so that the numbers do not depend on how the campaign was cut into chunks."""
@@ -17,7 +18,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.sharding import PartitionSpec
-from jaxtyping import Array, Int
+from jaxtyping import Array, Integer
 
 from .._core import InputError, Scalar, check_positive
 from ..simulation import BLOCK, Accuracy, Event, SimulationError, Status, refined, run_mission
@@ -26,8 +27,12 @@ from ._statistics import Dispersion
 from ._store import Store, versions
 
 PILOTS = 15  # besides the nominal run
-FINENESS = (1.3, 2.6, 5.2)  # how much finer than the pilots' plan: at first, and for the runs that missed the tolerance
-PADDING = 64  # plans are padded to a multiple of this, so that another campaign of the same make finds its program compiled
+TRIAL = 1.2  # how much finer than the pilots' plan the trial block runs
+MARGIN = 1.5  # how far below the tolerance the trial block's errors shall come to lie
+ORDER = 6.0  # a cautious order of the local error: errors shrink with that power of the number of steps at least
+FINENESS = (1.0, 2.0, 4.0)  # of the plan itself, and for the runs that missed the tolerance
+FINEST = 8.0  # how much finer than the pilots' plan a plan may be: what the padded length holds
+PADDING = 1024  # plans are padded to a multiple of this, so that another campaign of the same make finds its program compiled
 
 Plans = tuple[Array | None, ...]
 
@@ -133,8 +138,11 @@ class _Squad:
         self.lanes = lanes
         self.chunk = self.call * -(-chunk // self.call)
         self.mesh = _mesh(devices)
-        self.plans, self.coupled = _plans(campaign, accuracy, key)
         self.given = (campaign, accuracy, key)
+        pilots, self.coupled = _pilot_plans(*self.given)
+        trial = _call(*self.given, jnp.arange(self.call, dtype=jnp.uint32), _padded(pilots, [TRIAL] * len(pilots)), self.mesh)[1]
+        factors = [_factor(account) for account in np.asarray(trial)[:BLOCK].T]
+        self.plans = [_padded(pilots, [level * factor for factor in factors]) for level in FINENESS]
 
     def run(self, first: int, count: int) -> Rows:
         """`count` runs from the number `first` on, checked and refined."""
@@ -165,7 +173,7 @@ class _Squad:
     def _rows(self, numbers: np.ndarray, level: int) -> Rows:
         """Whole calls, all of them handed out before the first result is fetched."""
         pieces = numbers.astype(np.uint32).reshape(-1, self.call)
-        rows = [_call(*self.given, jnp.asarray(piece), self.plans[level], self.mesh) for piece in pieces]
+        rows = [_call(*self.given, jnp.asarray(piece), self.plans[level], self.mesh)[0] for piece in pieces]
         return jax.tree.map(lambda *x: np.concatenate([np.asarray(part) for part in x]), *rows)
 
 
@@ -176,12 +184,13 @@ def _mesh(devices: list[Any]) -> Any:
 
 
 @eqx.filter_jit
-def _call(campaign: Campaign, accuracy: Accuracy, key: Any, numbers: Array, plans: Plans, mesh: Any) -> Rows:
-    """A block of runs on each device."""
+def _call(campaign: Campaign, accuracy: Accuracy, key: Any, numbers: Array, plans: Plans, mesh: Any) -> tuple[Rows, Array]:
+    """A block of runs on each device, and the largest local error of each run in each phase in units of the tolerance."""
     arrays, rest = eqx.partition((campaign, accuracy, key, plans), eqx.is_array)
 
-    def block(arrays: Any, numbers: Array) -> Rows:
-        return _block(*eqx.combine(arrays, rest), numbers)
+    def block(arrays: Any, numbers: Array) -> tuple[Rows, Array]:
+        campaign, accuracy, key, plans = eqx.combine(arrays, rest)
+        return _block(campaign, accuracy, key, plans, numbers)
 
     if mesh is None:
         return block(arrays, numbers)
@@ -189,7 +198,9 @@ def _call(campaign: Campaign, accuracy: Accuracy, key: Any, numbers: Array, plan
     return jax.shard_map(block, mesh=mesh, in_specs=(shared, split), out_specs=split, check_vma=False)(arrays, numbers)
 
 
-def _block(campaign: Campaign, accuracy: Accuracy, key: Any, plans: Plans, numbers: Int[Array, " runs"]) -> Rows:
+def _block(
+    campaign: Campaign, accuracy: Accuracy, key: Any, plans: Plans, numbers: Integer[Array, " runs"]
+) -> tuple[Rows, Array]:
     samples = campaign.samples(key, numbers)
     mission, y0 = campaign.build(samples)
     spans, final, end, status = run_mission(mission, y0, campaign.start, 2, accuracy, 1, plans)
@@ -199,41 +210,50 @@ def _block(campaign: Campaign, accuracy: Accuracy, key: Any, plans: Plans, numbe
         raise InputError(f"The output {name!r} has the name of an input: it must have one of its own.")
     evaluations = sum((span.stats["evaluations"] for span in spans), jnp.array(0))
     whole = jax.tree.map(lambda x: jnp.broadcast_to(x, numbers.shape), (outputs, status, evaluations))
-    return Rows(samples, *whole)
-
-
-def _plans(campaign: Campaign, accuracy: Accuracy, key: Any) -> tuple[list[Plans], bool]:
-    """The plans of every fineness, padded to one length, and whether the runs of a block share adaptive steps.
-
-    Raises `SimulationError` when the pilots cannot be flown."""
-    taken, status, coupled = _pilots(campaign, accuracy, key)
-    trouble = np.asarray(status)
-    if trouble[0] in (Status.NOT_FINITE, Status.MAX_STEPS):
-        raise SimulationError(f"The nominal run cannot be flown. {Status(int(trouble[0])).sentence}")
-    levels: list[list[Array | None]] = [[] for _ in FINENESS]
-    for steps in taken:
-        if steps is None:
-            nodes = [None] * len(FINENESS)
-        else:
-            landed = np.asarray(steps)
-            plan = np.concatenate([np.zeros(1, landed.dtype), landed[np.isfinite(landed)]])
-            nodes = _padded([refined(plan, factor) for factor in FINENESS], landed.dtype)
-        for level, x in zip(levels, nodes, strict=True):
-            level.append(x)
-    return [tuple(level) for level in levels], coupled
-
-
-def _padded(plans: list[np.ndarray], dtype: Any) -> list[Array]:
-    """The plans with nodes beyond their end, which are never reached, up to one length."""
-    length = PADDING * -(-max(len(plan) for plan in plans) // PADDING)
-    return [jnp.asarray(np.concatenate([p, p[-1] + 1.0 + np.arange(length - len(p))]), dtype) for p in plans]
+    accounts = [jnp.broadcast_to(span.stats.get("largest_local_error", 0.0), numbers.shape) for span in spans]
+    return Rows(samples, *whole), jnp.stack(accounts, axis=1)
 
 
 @eqx.filter_jit
 def _pilots(campaign: Campaign, accuracy: Accuracy, key: Any) -> tuple[list[Any], Array, bool]:
-    """The steps that the pilots took in every phase (none for a closed form), and how they ended, the nominal run first."""
+    """The steps that the pilots took in every phase (none for a closed form), how they ended, the nominal run first, and
+    whether a phase ends by an event: the runs of a block then share the adaptive steps of the search for it."""
     drawn = campaign.samples(key, jnp.arange(PILOTS, dtype=jnp.uint32))
     samples = {name: jnp.concatenate([x, drawn[name]]) for name, x in campaign.nominal().items()}
     mission, y0 = campaign.build(samples)
     spans, _, _, status = run_mission(mission, y0, campaign.start, 2, accuracy, 1, record=True)
     return [span.steps for span in spans], status, any(isinstance(phase.until, Event) for phase in mission.phases)
+
+
+def _pilot_plans(campaign: Campaign, accuracy: Accuracy, key: Any) -> tuple[list[np.ndarray | None], bool]:
+    """The nodes on which the pilots landed, phase by phase, and whether the runs of a block depend on one another.
+
+    Raises `SimulationError` when the nominal run cannot be flown."""
+    taken, status, coupled = _pilots(campaign, accuracy, key)
+    nominal = Status(int(status[0]))
+    if nominal in (Status.NOT_FINITE, Status.MAX_STEPS):
+        raise SimulationError(f"The nominal run cannot be flown. {nominal.sentence}")
+    landed = [None if steps is None else np.asarray(steps) for steps in taken]
+    return [None if x is None else np.concatenate([np.zeros(1, x.dtype), x[np.isfinite(x)]]) for x in landed], coupled
+
+
+def _factor(account: np.ndarray) -> float:
+    """How much finer than the pilots' plan the plan of a phase has to be, from the errors of the trial block."""
+    finite = account[np.isfinite(account)]
+    worst = float(np.quantile(finite, 0.99)) if finite.size else 1.0
+    return float(np.clip(TRIAL * (MARGIN * worst) ** (1.0 / ORDER), 1.0, FINEST / FINENESS[-1]))
+
+
+def _padded(pilots: list[np.ndarray | None], factors: list[float]) -> Plans:
+    """The plans refined by `factors`, each brought to a length that holds the finest by nodes beyond its end, which are
+    never reached."""
+    plans: list[Array | None] = []
+    for pilot, factor in zip(pilots, factors, strict=True):
+        if pilot is None:
+            plans.append(None)
+            continue
+        plan = refined(pilot, factor)
+        length = PADDING * -(-len(refined(pilot, FINEST)) // PADDING)
+        filled = np.concatenate([plan, plan[-1] + 1.0 + np.arange(length - len(plan))])
+        plans.append(jnp.asarray(filled, pilot.dtype))
+    return tuple(plans)

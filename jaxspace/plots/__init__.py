@@ -1,0 +1,5 @@
+"""Pictures: a trajectory's states against time, a dispersion as a figure or as a page. Plotting libraries load on demand."""
+
+from ._dispersion_figure import dispersion_figure as dispersion_figure
+from ._dispersion_page import dispersion_page as dispersion_page
+from ._trajectory_figure import trajectory_figure as trajectory_figure

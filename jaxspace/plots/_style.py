@@ -1,0 +1,19 @@
+"""The look that all pictures share: quiet axes, colours that stay apart in print and for colour-blind readers."""
+
+from typing import Any
+
+# Okabe and Ito, Color Universal Design (2008), in an order of good contrast on white.
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
+BAD = "#B00020"
+GRID = "#D9D9D9"
+
+
+def dress(axes: Any, title: str = "", across: str = "", up: str = "") -> None:
+    """Titles, labels and a light grid behind the data."""
+    axes.set_title(title, loc="left", fontsize=10, fontweight="bold")
+    axes.set_xlabel(across, fontsize=9)
+    axes.set_ylabel(up, fontsize=9)
+    axes.tick_params(labelsize=8)
+    axes.grid(True, color=GRID, linewidth=0.6)
+    axes.set_axisbelow(True)
+    axes.spines[["top", "right"]].set_visible(False)
