@@ -65,6 +65,10 @@ def disperse(file: SceneFile, runs: int, seed: int, chunk: int, folder: str) -> 
     campaign = file.campaign(flown)
     store = _path(file, folder, ".zarr")
     with tqdm(total=runs, unit="run", file=sys.stderr, disable=None) as bar:
+
+        def shown(done: int, total: int) -> None:
+            bar.update(done - bar.n)
+
         result = disperse_campaign(
             campaign,
             runs,
@@ -72,7 +76,7 @@ def disperse(file: SceneFile, runs: int, seed: int, chunk: int, folder: str) -> 
             chunk=chunk,
             accuracy=file.accuracy,
             store=store,
-            progress=lambda done, total: bar.update(done - bar.n),
+            progress=shown,
         )
     print(report.dispersion_table(result, file.nominal_outputs(flown)))
     lines = report.contributor_lines(result)

@@ -3,7 +3,6 @@
 from typing import Any, final
 
 import equinox as eqx
-import numpy as np
 
 from .._core import Scalar
 from ..io import EffectEntry, Key, Lanes, ListOf
@@ -21,9 +20,7 @@ THRUST = {
     "station": Key(kinds.LENGTH, None),
     "offset": Key(ListOf(kinds.LENGTH, 2), [0.0, 0.0]),
     "misalignment": Key(ListOf(kinds.TANGENT, 2), [0.0, 0.0]),
-    "profile": Key(
-        {"times": Key(ListOf(kinds.SHAPE_TIME, least=2)), "thrusts": Key(ListOf(kinds.SHAPE_THRUST, least=2))}, None
-    ),
+    "profile": Key({"times": Key(ListOf(kinds.SHAPE_TIME, least=2)), "thrusts": Key(ListOf(kinds.SHAPE_THRUST, least=2))}, None),
 }
 JET_DAMPING = {"exit_station": Key(kinds.LENGTH), "exit_radius": Key(kinds.RADIUS, 0.0)}
 
@@ -46,16 +43,10 @@ def thrust(values: Values, lanes: Lanes) -> Thrust:
     fields = {"ignition": table["ignition"], "misalignment": lanes.vector(table["misalignment"])}
     fields["point"] = None if table["station"] is None else lanes.vector([x, y, table["station"]])
     if table["profile"] is not None:
-        fields["profile"] = _profile(table["profile"], lanes)
+        fields["profile"], _, _ = ThrustProfile.tabulated(table["profile"]["times"], table["profile"]["thrusts"])
     if table["specific_impulse"] is not None:
         return Thrust.of_specific_impulse(impulse / burn_time, table["specific_impulse"], burn_time, **fields)
     return Thrust.of_motor(impulse, burn_time, values["body"]["propellant_mass"], **fields)
-
-
-def _profile(table: Values, lanes: Lanes) -> ThrustProfile:
-    del lanes
-    profile, _, _ = ThrustProfile.tabulated(np.asarray(table["times"]), np.asarray(table["thrusts"]))
-    return profile
 
 
 def thrust_complaints(values: Values) -> list[str]:

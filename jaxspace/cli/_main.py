@@ -36,7 +36,7 @@ def _parser() -> argparse.ArgumentParser:
         command.add_argument("file", metavar="FILE", help="a scene file, in TOML")
         command.set_defaults(command=action)
     for command in (run, disperse):
-        command.add_argument("--out", default="results", metavar="DIR", help="where the files go (default: results)")
+        command.add_argument("--out", default="out", metavar="DIR", help="where the files go (default: out)")
     disperse.add_argument("--runs", type=_count, help="how many runs (default: what the file says)")
     disperse.add_argument("--seed", type=_whole, help="what the runs are drawn from (default: what the file says)")
     disperse.add_argument("--chunk", type=_count, default=2048, help="after how many runs results are stored")

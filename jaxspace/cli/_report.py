@@ -32,7 +32,7 @@ def columns(rows: Sequence[Sequence[str]]) -> str:
 def number(x: Any) -> str:
     """A number to six significant digits, zero without a tail of rounding."""
     x = float(x)
-    return "0" if x == 0.0 else f"{x:.6g}"
+    return "0" if abs(x) < 1e-10 else f"{x:.6g}"
 
 
 def numbers(xs: Any) -> str:
@@ -89,7 +89,7 @@ def drift_rows(drift: dict[str, Any]) -> list[tuple[str, str]]:
 
 def dispersion_table(result: Dispersion, nominal: dict[str, Any]) -> str:
     """Mean, standard deviation and 99 % limits of every output, beside its nominal value."""
-    rows = [("output", "unit", "nominal", "mean", "std dev", "0.5 %", "99.5 %")]
+    rows: list[tuple[str, ...]] = [("output", "unit", "nominal", "mean", "std dev", "0.5 %", "99.5 %")]
     for row in result.table():
         own = number(np.asarray(nominal[row.name]).reshape(-1)[0])
         rows.append((row.name, row.unit, own, *(number(x) for x in (row.mean, row.std, row.low, row.high))))

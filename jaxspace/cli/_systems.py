@@ -79,9 +79,7 @@ GIMBALS = {
 }
 SYSTEMS = {
     "top": SystemEntry(TOP, {"angles": ANGLES, "rates": Key(ListOf(kinds.RATE, 3))}, top),
-    "two_body": SystemEntry(
-        {"mu": Key(kinds.MU), "radius": Key(kinds.DISTANCE, None)}, MOTION, two_body, two_body_complaints
-    ),
+    "two_body": SystemEntry({"mu": Key(kinds.MU), "radius": Key(kinds.DISTANCE, None)}, MOTION, two_body, two_body_complaints),
     "torque_free_body": SystemEntry(
         {"inertia": Key(ListOf(kinds.INERTIA, 3))},
         {"angles": ANGLES, "omega": Key(ListOf(kinds.RATE, 3))},

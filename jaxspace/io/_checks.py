@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from ._errors import missing, unknown, wrong
+from ._errors import hint, missing, unknown, wrong
 from ._form import BODY
 from ._registry import Registry
 from ._tables import Key, allowed
@@ -121,4 +121,7 @@ def output_complaints(values: dict[str, Any], registry: Registry) -> list[str]:
 
 def unknown_path(path: str, paths: list[str]) -> str:
     """The sentence for an input of the dispersion that is no number of the file."""
-    return unknown(f"dispersion.inputs.{path}", path, paths, "number of this file")
+    table = path.rpartition(".")[0]
+    near = [p for p in paths if p.rpartition(".")[0] == table] or sorted({p.partition(".")[0] + ".*" for p in paths})
+    sentence = unknown(f"dispersion.inputs.{path}", path, near, "number of this file")
+    return sentence.partition(" Did you mean")[0] + hint(path, paths)

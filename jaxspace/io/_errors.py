@@ -1,6 +1,7 @@
 """What is wrong with a scene file, in sentences that name the key, the value, what is allowed and the nearest valid name."""
 
 import difflib
+import json
 from collections.abc import Iterable
 from typing import Any
 
@@ -9,13 +10,24 @@ class SceneError(ValueError):
     """A scene file that cannot be used; the message has one line for each thing that is wrong."""
 
     def __init__(self, file: Any, complaints: str | Iterable[str]):
-        lines = [complaints] if isinstance(complaints, str) else list(complaints)
+        lines = [complaints] if isinstance(complaints, str) else once(list(complaints))
         super().__init__("\n".join(f"{file}: {line}" for line in lines))
+
+
+def once(lines: list[str]) -> list[str]:
+    """The lines without those that tell the same again: a key that is missing, twice or because it is misspelt."""
+    told = {line.rpartition(" Did you mean ")[2].rstrip("?") for line in lines if line.endswith("?")}
+    kept: dict[str, str] = {}
+    for line in lines:
+        key, gap, _ = line.partition(" is missing: ")
+        if not (gap and told & set(key.split("."))):
+            kept.setdefault(key if gap else line, line)
+    return list(kept.values())
 
 
 def shown(value: Any) -> str:
     """A value as a file writes it, cut short when it is long."""
-    text = f'"{value}"' if isinstance(value, str) else str(value).lower() if isinstance(value, bool) else str(value)
+    text = json.dumps(value, ensure_ascii=False, default=str)
     return text if len(text) <= 60 else text[:57] + "..."
 
 

@@ -89,5 +89,3 @@ def _dispersion(registry: Registry) -> Table:
         "outputs": Key(ListOf(Choice(tuple(registry.outputs)), least=1)),
         "inputs": Key(dict),
     }
-
-

@@ -45,7 +45,9 @@ def distributions(values: dict[str, Any]) -> tuple[dict[str, tuple[str, dict[str
 def _read(key: str, entry: Any, nominal: Measure) -> tuple[str, dict[str, float]]:
     """Raises `ValueError` with the whole sentence."""
     form = {k: Key(str if spec.kind is object else spec.kind, spec.default) for k, spec in FORM.items()}
-    texts = {k: v if k not in form or k == "distribution" else str(v) for k, v in entry.items()} if isinstance(entry, dict) else entry
+    texts = entry
+    if isinstance(entry, dict):
+        texts = {k: str(v) if k in form and k != "distribution" else v for k, v in entry.items()}
     _, wrongs = checked({"entry": Key(form)}, {"entry": texts})
     if wrongs:
         raise ValueError(wrongs[0].replace("entry", key, 1))
@@ -83,6 +85,5 @@ def _number(key: str, value: Any, nominal: Measure, deviation: bool) -> float:
 
 def distribution(name: str, numbers: dict[str, float], nominal: float) -> AbstractDistribution:
     """The distribution about the nominal value."""
-    if name == "uniform":
-        return Uniform(**numbers)
-    return (Normal if name == "normal" else TruncatedNormal)(mean=float(nominal), **numbers)
+    kind: Any = {"normal": Normal, "uniform": Uniform, "truncated_normal": TruncatedNormal}[name]
+    return kind(**numbers) if name == "uniform" else kind(mean=float(nominal), **numbers)

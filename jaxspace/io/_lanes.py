@@ -3,8 +3,9 @@
 from typing import Any, NamedTuple
 
 import jax.numpy as jnp
+from jaxtyping import Array, Float
 
-from .._core import Scalar, Vector
+from .._core import Scalar
 
 
 class Lanes(NamedTuple):
@@ -14,8 +15,8 @@ class Lanes(NamedTuple):
 
     runs: int | None = None
 
-    def vector(self, components: Any) -> Vector:
-        """A parameter from its components: (3,) of a single run; (3, 1), or (3, runs) if one of them is dispersed."""
+    def vector(self, components: Any) -> Float[Array, "components *#runs"]:
+        """A parameter from, say, three components: (3,) of one run; else (3, 1), or (3, runs) if one of them is dispersed."""
         parts = [jnp.asarray(c) for c in components]
         shape = jnp.broadcast_shapes(() if self.runs is None else (1,), *(p.shape for p in parts))
         return jnp.stack([jnp.broadcast_to(p, shape) for p in parts])
@@ -24,6 +25,6 @@ class Lanes(NamedTuple):
         """A number of the state, of every run: () or (runs,)."""
         return jnp.broadcast_to(jnp.asarray(number), () if self.runs is None else (self.runs,))
 
-    def full(self, components: Any) -> Vector:
+    def full(self, components: Any) -> Float[Array, "components *#runs"]:
         """A vector of the state, of every run: (3,) or (3, runs)."""
         return jnp.stack([self.scalar(c) for c in components])

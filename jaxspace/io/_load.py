@@ -25,10 +25,13 @@ def load(path: str | Path, registry: Registry) -> SceneFile:
     if complaints:
         raise SceneError(path, complaints)
     kind, inputs = kind_of(data), {}
-    complaints = registry.systems[values["system"]["name"]].check(values) if kind == "system" else scene_complaints(values, registry)
-    if values.get("dispersion") is not None:
-        inputs, wrong = distributions(values)
-        complaints += output_complaints(values, registry) + wrong
+    if kind == "system":
+        complaints = registry.systems[values["system"]["name"]].check(values)
+    else:
+        complaints = scene_complaints(values, registry)
+    if not complaints and values.get("dispersion") is not None:
+        inputs, complaints = distributions(values)
+        complaints = output_complaints(values, registry) + complaints
     if complaints:
         raise SceneError(path, complaints)
     return SceneFile(Path(path), text, kind, values, inputs, registry)

@@ -3,7 +3,7 @@
 import functools
 import math
 import re
-from typing import Any, NamedTuple, Self
+from typing import Any, NamedTuple
 
 from ._errors import hint
 
@@ -63,7 +63,7 @@ class Measure(float):
     quantity: Quantity
 
     @classmethod
-    def of(cls, number: float, quantity: Quantity) -> Self:
+    def of(cls, number: float, quantity: Quantity) -> "Measure":
         """The `number` as a measure of this quantity."""
         measure = cls(number)
         measure.quantity = quantity

@@ -47,11 +47,11 @@ class SceneFile:
 
     def nominal(self) -> tuple[AbstractSystem | Mission, State, Array]:
         """System, initial state and times of the nominal run; mission, initial state and start where there are phases."""
-        values = replaced(self.values, {})
         if self.kind == "system":
+            values = replaced(self.values, {})
             system, y0 = self.registry.systems[values["system"]["name"]].build(values, Lanes())
             return system, y0, self.times()
-        mission, y0 = self.mission(values, Lanes())
+        mission, y0 = self.nominal_mission()
         if self.kind == "mission":
             return mission, y0, jnp.zeros(())
         return mission.phases[0].system, y0, self.times()
@@ -65,12 +65,12 @@ class SceneFile:
         """The scene of every phase, by the name of the phase; empty for a textbook system."""
         if self.kind == "system":
             return {}
-        mission, _ = self.mission(replaced(self.values, {}), Lanes())
+        mission, _ = self.nominal_mission()
         return {phase.name: phase.system for phase in mission.phases if isinstance(phase.system, Scene)}
 
     def nominal_mission(self) -> tuple[Mission, BodyState]:
         """Mission and initial state of the nominal run; of a scene, a mission of one phase."""
-        return self.mission(replaced(self.values, {}), Lanes())
+        return eqx.filter_jit(lambda values: self.mission(values, Lanes()))(replaced(self.values, {}))
 
     def mission(self, values: dict[str, Any], lanes: Lanes) -> tuple[Mission, BodyState]:
         """Mission and initial state from values that are scalars or (runs,); a scene is a mission of one phase."""
@@ -82,11 +82,14 @@ class SceneFile:
         carry = initial.present()
         if self.kind == "scene":
             times = self.values["times"]
-            return Mission([Phase(Scene(tuple(effects.values()), body, carry), times["end"] - times["start"], name="scene")]), initial
+            return Mission(
+                [Phase(Scene(tuple(effects.values()), body, carry), times["end"] - times["start"], name="scene")]
+            ), initial
         phases, start = [], 0.0
         for phase in values["phase"]:
             phases.append(self._phase(phase, start, values, effects, body, carry, lanes))
-            start = start + phases[-1].limit()
+            end = phases[-1].until
+            start = start + (0.0 if isinstance(end, Event) else end)
         return Mission(phases), initial
 
     def body(self, values: dict[str, Any], lanes: Lanes) -> RigidBody | BurningBody:
@@ -111,7 +114,8 @@ class SceneFile:
 
     def nominal_outputs(self, flown: MissionTrajectory) -> dict[str, Array]:
         """The outputs of the nominal run `flown` itself, each (1,)."""
-        return self.outputs(None).numbers(*nominal_states(self.values, flown), {})
+        numbers = eqx.filter_jit(lambda outputs, states: outputs.numbers(*states, {}))
+        return numbers(self.outputs(None), nominal_states(self.values, flown))
 
     def campaign(self, flown: MissionTrajectory | None) -> Campaign:
         """What [dispersion] asks for, with the nominal run `flown` as the reference of the outputs that compare."""
