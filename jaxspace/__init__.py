@@ -20,7 +20,9 @@ The rooms, from the ground up:
 from . import attitude as attitude
 from . import bodies as bodies
 from . import constants as constants
+from . import dispersion as dispersion
 from . import gyros as gyros
+from . import optimization as optimization
 from . import orbits as orbits
 from . import rockets as rockets
 from . import rotations as rotations
@@ -35,9 +37,9 @@ from .simulation import Accuracy as Accuracy
 from .simulation import Event as Event
 from .simulation import Mission as Mission
 from .simulation import Phase as Phase
-from .simulation import simulate as simulate
-from .simulation import simulate_batch as simulate_batch
 from .simulation import Status as Status
 from .simulation import Trajectory as Trajectory
+from .simulation import simulate as simulate
+from .simulation import simulate_batch as simulate_batch
 
 __version__ = "0.1.0"

@@ -67,8 +67,10 @@ SAMPLES = [
     Sample("two_gimbal_gyro", GYRO, GYRO.state(1.05, 0.1, 2.0, 0.0), 0.2),
     Sample("oblate_orbit", Scene((PointGravity(MU), Oblateness(MU, J2, RADIUS))), orbit(), 5400.0),
     Sample(
-        "free_stage", Scene((PointGravity(MU),), RigidBody(900.0, [520.0, 560.0, 340.0]), ("attitude",)),
-        orbit(attitude=turned(), omega=jnp.array([0.02, -0.1, 2.0])), 20.0,
+        "free_stage",
+        Scene((PointGravity(MU),), RigidBody(900.0, [520.0, 560.0, 340.0]), ("attitude",)),
+        orbit(attitude=turned(), omega=jnp.array([0.02, -0.1, 2.0])),
+        20.0,
     ),
     Sample("burning_stage", rocket_scene(), rocket_state(), 9.0),
 ]

@@ -73,7 +73,7 @@ def test_descriptions_agree_with_scipy(v):
     same(again, wxyz)
     np.testing.assert_allclose(matrix, peer.as_matrix(), atol=ROUNDING)
     # At half a turn both directions of the axis are right.
-    np.testing.assert_allclose(Rotation.from_rotvec(vector).as_matrix(), peer.as_matrix(), atol=ROUNDING)
+    np.testing.assert_allclose(Rotation.from_rotvec(np.array(vector)).as_matrix(), peer.as_matrix(), atol=ROUNDING)
     assert np.linalg.norm(vector) <= np.pi + ROUNDING
 
 

@@ -114,4 +114,8 @@ def test_what_stays_follows_from_the_effects():
 
 
 def test_jet_damping_needs_what_it_reads():
-    assert Scene((JetDamping(lambda t, m: -1.0 + 0.0 * m, 0.0),), rocket_scene().body, ("mass",)).parts == ("attitude", "omega", "mass")
+    assert Scene((JetDamping(lambda t, m: -1.0 + 0.0 * m, 0.0),), rocket_scene().body, ("mass",)).parts == (
+        "attitude",
+        "omega",
+        "mass",
+    )

@@ -314,20 +314,34 @@ def test_every_run_may_have_its_own_times():
 
 # ---------------------------------------------------------------- what is refused
 
+SPAN = jnp.array([0.0, 1.0])
+
 
 @pytest.mark.parametrize(
     ("call", "error", "sentence"),
     [
-        (lambda: simulate(KEPLER, start(0.1), jnp.array([0.0, 1.0]), accuracy=1e-16), InputError, "for float64 states it must be at least"),
-        (lambda: simulate(KEPLER, start(0.1), jnp.array([0.0, 1.0]), accuracy=-1.0), InputError, "Accuracy.rtol is -1"),
+        (
+            lambda: simulate(KEPLER, start(0.1), jnp.array([0.0, 1.0]), accuracy=1e-16),
+            InputError,
+            "for float64 states it must be at least",
+        ),
+        (lambda: simulate(KEPLER, start(0.1), SPAN, accuracy=-1.0), InputError, "Accuracy.rtol is -1"),
         (lambda: simulate(KEPLER, start(0.1), jnp.array([0.0, 1.0, 0.5])), InputError, "ts turns around"),
         (lambda: simulate(KEPLER, start(0.1), jnp.array([0.0])), InputError, "at least two times"),
         (lambda: simulate(KEPLER, ball(np.nan), jnp.array([0.0, 1.0])), InputError, r"y0.position is .*it must be finite"),
         (lambda: Phase(KEPLER, FLOOR.__class__(lambda t, y: t), name="x"), InputError, "Event.within"),
         (lambda: Event(lambda t, y: t, direction=2), InputError, "Event.direction is 2"),
         (lambda: Mission([]), InputError, "at least one"),
-        (lambda: simulate_batch(KEPLER, start(0.1), jnp.array([0.0, 1.0]), in_axes=(None, None)), InputError, "no array with a leading axis"),
-        (lambda: simulate_batch(TwoBody(jnp.ones(4)), rows([0.1, 0.2]), jnp.array([0.0, 1.0])), InputError, r"systems.mu has 4 rows"),
+        (
+            lambda: simulate_batch(KEPLER, start(0.1), jnp.array([0.0, 1.0]), in_axes=(None, None)),
+            InputError,
+            "no array with a leading axis",
+        ),
+        (
+            lambda: simulate_batch(TwoBody(jnp.ones(4)), rows([0.1, 0.2]), jnp.array([0.0, 1.0])),
+            InputError,
+            r"systems.mu has 4 rows",
+        ),
     ],
 )
 def test_bad_input_is_refused_in_a_sentence(call, error, sentence):

@@ -17,3 +17,4 @@ from ._newton_euler import angular_acceleration as angular_acceleration
 from ._newton_euler import linear_acceleration as linear_acceleration
 from ._state import PARTS as PARTS
 from ._state import BodyState as BodyState
+from ._state import sample_state as sample_state

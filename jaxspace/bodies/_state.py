@@ -1,8 +1,10 @@
 """The state of a body in a scene: only the parts that the scene's effects call for."""
 
+from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any, TypeAlias, final
 
 import equinox as eqx
+import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .._core import State
@@ -45,3 +47,10 @@ class BodyState(eqx.Module):
 
 
 PARTS = ("position", "velocity", "attitude", "omega", "mass", "parts")
+
+
+def sample_state(parts: Iterable[str]) -> BodyState:
+    """Some state that holds the `parts` named, for shapes and counts: every number is one."""
+    vector = jnp.ones(3)
+    every = BodyState(vector, vector, Quaternion(jnp.ones(4)), vector, jnp.ones(()), {})
+    return BodyState(**{part: getattr(every, part) for part in parts})

@@ -1,7 +1,7 @@
 """Mass that leaves: thrust, jet damping, the rocket equation."""
 
-from ._jet_damping import jet_damping_ratio as jet_damping_ratio
 from ._jet_damping import JetDamping as JetDamping
+from ._jet_damping import jet_damping_ratio as jet_damping_ratio
 from ._jet_damping import spin_angle as spin_angle
 from ._jet_damping import spin_ratio as spin_ratio
 from ._rocket_equation import coast_height as coast_height

@@ -34,12 +34,16 @@ def mass_ratio_for(exhaust_velocity: Scalar, velocity_gain: Scalar) -> Scalar:
     return jnp.exp(velocity_gain / exhaust_velocity)
 
 
-def vertical_burnout_velocity(exhaust_velocity: Scalar, mass_ratio: Scalar, burn_time: Scalar, gravity: Scalar, start: Scalar = 0.0) -> Scalar:
+def vertical_burnout_velocity(
+    exhaust_velocity: Scalar, mass_ratio: Scalar, burn_time: Scalar, gravity: Scalar, start: Scalar = 0.0
+) -> Scalar:
     """Speed at burnout of a vertical flight from the speed `start`, m/s (Thomson 8.1-6)."""
     return start + rocket_equation(exhaust_velocity, mass_ratio) - gravity * burn_time
 
 
-def vertical_burnout_height(exhaust_velocity: Scalar, mass_ratio: Scalar, burn_time: Scalar, gravity: Scalar, start: Scalar = 0.0) -> Scalar:
+def vertical_burnout_height(
+    exhaust_velocity: Scalar, mass_ratio: Scalar, burn_time: Scalar, gravity: Scalar, start: Scalar = 0.0
+) -> Scalar:
     """Height gained at burnout of a vertical flight from the speed `start`, m (Thomson 8.1-11); holds for a mass ratio of 1."""
     e = mass_ratio - 1.0
     small = jnp.abs(e) < 1e-4

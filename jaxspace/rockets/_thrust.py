@@ -22,7 +22,18 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .._core import InputError, Scalar, Vector, as_float, as_optional_float, check, check_non_negative, check_positive, cross, known
+from .._core import (
+    InputError,
+    Scalar,
+    Vector,
+    as_float,
+    as_optional_float,
+    check,
+    check_non_negative,
+    check_positive,
+    cross,
+    known,
+)
 from ..bodies import AbstractBody, AbstractPiecewiseEffect, BodyState, Load
 
 
@@ -55,8 +66,15 @@ class ThrustProfile(eqx.Module):
         if known(self.fraction) and known(self.level):
             x, f = np.asarray(self.fraction), np.asarray(self.level)
             if x.shape != f.shape or x.shape[0] < 2:
-                raise InputError(f"ThrustProfile has {x.shape} fractions and {f.shape} levels: it must have as many, at least two.")
-            check((x[0] == 0.0) & (x[-1] == 1.0) & np.all(np.diff(x, axis=0) > 0.0), "ThrustProfile.fraction", x, "ascending from 0 to 1")
+                raise InputError(
+                    f"ThrustProfile has {x.shape} fractions and {f.shape} levels: it must have as many, two or more."
+                )
+            check(
+                (x[0] == 0.0) & (x[-1] == 1.0) & np.all(np.diff(x, axis=0) > 0.0),
+                "ThrustProfile.fraction",
+                x,
+                "ascending from 0 to 1",
+            )
             check_non_negative("ThrustProfile.level", f)
             mean = np.sum(0.5 * (f[1:] + f[:-1]) * np.diff(x, axis=0), axis=0)
             check(np.abs(mean - 1.0) < 1e-5, "ThrustProfile.level", f, f"of mean 1 (it is {np.max(mean):.6g})")

@@ -15,7 +15,7 @@ rates are then undefined, and only a combination of the first and the third angl
 
 import jax.numpy as jnp
 
-from .._core import InputError, Matrix, Scalar, Vector, safe_atan2, solve3
+from .._core import InputError, Matrix, Vector, safe_atan2, safe_sqrt, solve3
 from ._quaternion import Quaternion
 
 SEQUENCES = ("313", "321", "123", "132", "213", "231", "312", "121", "131", "212", "232", "323")
@@ -48,20 +48,14 @@ def to_euler_angles(attitude: Quaternion, sequence: str = "313") -> Vector:
     c = attitude.matrix()
     if i == k:
         first = safe_atan2(c[j, i], -sign * c[n, i])
-        middle = safe_atan2(jnp.hypot(*_apart(c[j, i], c[n, i])), c[i, i])
+        middle = safe_atan2(safe_sqrt(c[j, i] ** 2 + c[n, i] ** 2), c[i, i])
     else:
         first = safe_atan2(-sign * c[j, k], c[k, k])
-        middle = safe_atan2(sign * c[i, k], jnp.hypot(*_apart(c[i, i], c[i, j])))
+        middle = safe_atan2(sign * c[i, k], safe_sqrt(c[i, i] ** 2 + c[i, j] ** 2))
     # The first turn taken away, row j: the middle turn leaves it alone, so that it belongs to the last turn also where the
     # other rows vanish.
     row = jnp.cos(first) * c[j] + sign * jnp.sin(first) * c[n]
     return jnp.stack([first, middle, safe_atan2(-sign * row[n] if i == k else sign * row[i], row[j])])
-
-
-def _apart(a: Scalar, b: Scalar) -> tuple[Scalar, Scalar]:
-    """The pair, moved from the origin where the slope of its hypotenuse is undefined by less than any rounding error."""
-    origin = (a == 0.0) & (b == 0.0)
-    return jnp.where(origin, jnp.finfo(jnp.asarray(a).dtype).tiny, a), b
 
 
 def _turn_axes(angles: Vector, sequence: str) -> Matrix:

@@ -7,8 +7,7 @@ import jax
 import jax.numpy as jnp
 
 from .._core import AbstractSystem, Scalar, State
-from ..bodies import BodyState
-from ..rotations import Quaternion
+from ..bodies import BodyState, sample_state
 from ._scene import Scene
 
 
@@ -34,24 +33,19 @@ def operation_count(system: AbstractSystem, t: Scalar, y: State) -> int:
     return int(cost.get("flops", 0.0) + cost.get("transcendentals", 0.0)) if cost else 0
 
 
-def sample_state(scene: Scene) -> BodyState:
-    """Any state of the scene, for shapes and counts: only its parts are there."""
-    one = jnp.ones(())
-    every = BodyState(jnp.ones(3), jnp.ones(3), Quaternion(jnp.ones(4)), jnp.ones(3), one, {})
-    return BodyState(**{part: getattr(every, part) for part in scene.parts})
-
-
 def budget(scene: Scene, t: Scalar = 0.0, y: BodyState | None = None) -> list[EffectRow]:
     """A row for each effect, in the order of the scene, and a last one for the equations of motion themselves.
 
     The share of an effect is what one evaluation saves when it is left out of the whole."""
-    t, y = jnp.asarray(t, float), sample_state(scene) if y is None else y
+    t, y = jnp.asarray(t, float), sample_state(scene.parts) if y is None else y
     whole = operation_count(scene, t, y)
     rows = []
     for k, effect in enumerate(scene.effects):
         rest = Scene(scene.effects[:k] + scene.effects[k + 1 :], scene.body, scene.parts)
         saved = max(whole - operation_count(rest, t, y), 0)
-        rows.append(EffectRow(type(effect).__name__, tuple(sorted(effect.needs)), tuple(sorted(effect.adds)), saved, saved / whole))
+        rows.append(
+            EffectRow(type(effect).__name__, tuple(sorted(effect.needs)), tuple(sorted(effect.adds)), saved, saved / whole)
+        )
     own = whole - sum(row.operations for row in rows)
     return [*rows, EffectRow("equations of motion", scene.parts, (), own, own / whole)]
 

@@ -52,7 +52,9 @@ class Scene(AbstractPiecewiseSystem):
             raise InputError(f"Scene.carry names {sorted(unknown)}: it may name {', '.join(PARTS)}.")
         for name, effect in [(type(e).__name__, e) for e in self.effects]:
             if "force" in effect.adds and self._massless():
-                raise InputError(f"{name} adds a force, and the body has no mass: give body=RigidBody(mass=...) or carry=('mass',).")
+                raise InputError(
+                    f"{name} adds a force, and the body has no mass: give body=RigidBody(mass=...) or carry=('mass',)."
+                )
             if {"attitude", "omega"} & effect.needs or "torque" in effect.adds:
                 self._check_inertia(f"{name} needs")
             if "body_mass" in effect.needs and self._massless():
@@ -88,7 +90,8 @@ class Scene(AbstractPiecewiseSystem):
         idle = [part for part in y.present() if part not in self.parts]
         if idle:
             raise InputError(
-                f"The state holds {idle[0]}, which no effect of the scene reads or changes: leave it out, or let Scene(carry=({idle[0]!r},)) integrate it."
+                f"The state holds {idle[0]}, which no effect of the scene reads or changes: leave it out, or let "
+                f"Scene(carry=({idle[0]!r},)) integrate it."
             )
 
     def loads(self, t: Scalar, y: BodyState) -> Load:
@@ -104,7 +107,9 @@ class Scene(AbstractPiecewiseSystem):
         velocity = attitude = omega = mass = None
         if y.velocity is not None:
             free = load.acceleration_N is None and load.force_N is None
-            velocity = jnp.zeros_like(y.velocity) if free else linear_acceleration(load.acceleration_N, load.force_N, self.mass(y))
+            velocity = (
+                jnp.zeros_like(y.velocity) if free else linear_acceleration(load.acceleration_N, load.force_N, self.mass(y))
+            )
         if y.omega is not None and y.attitude is not None:
             attitude = y.attitude.rate(y.omega)
             omega = angular_acceleration(self.body.inertia(self.mass(y)), y.omega, load.torque_B)
@@ -175,5 +180,3 @@ def _sum(terms: list[Any]) -> Any:
     """The sum of what is there; `None` if nothing is."""
     there = [term for term in terms if term is not None]
     return sum(there[1:], there[0]) if there else None
-
-

@@ -5,7 +5,6 @@ from ._batch import BLOCK as BLOCK
 from ._batch import by_blocks as by_blocks
 from ._batch import simulate_batch as simulate_batch
 from ._events import Event as Event
-from ._lanes import plan_steps as plan_steps
 from ._lanes import refined as refined
 from ._lanes import run_mission as run_mission
 from ._mission import Mission as Mission

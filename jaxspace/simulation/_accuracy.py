@@ -9,7 +9,18 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .._core import AbstractClosedFormSystem, AbstractSystem, InputError, Scalar, State, as_float, as_optional_float, check_non_negative, check_positive, known
+from .._core import (
+    AbstractClosedFormSystem,
+    AbstractSystem,
+    InputError,
+    Scalar,
+    State,
+    as_float,
+    as_optional_float,
+    check_non_negative,
+    check_positive,
+    known,
+)
 from ..solvers import DOP853, Tsit5
 
 LOOSE = 1e-5  # above this tolerance the method of order 5 needs fewer evaluations than the one of order 8

@@ -18,7 +18,7 @@ from ._simulate import repeat, thrown
 from ._status import Status
 from ._trajectory import MissionTrajectory, Trajectory
 
-BLOCK = 256  # runs side by side: the working set stays in the first levels of the cache
+BLOCK = 512  # runs side by side: enough to pay for the dispatch of each operation, few enough for the second level of the cache
 
 
 def simulate_batch(
@@ -78,7 +78,9 @@ def _count(systems: Any, y0s: Any, carried: list[Any]) -> int:
     runs = next(iter(sizes.values()))
     for name, n in sizes.items():
         if n != runs:
-            raise InputError(f"{name} has {n} rows, the batch {runs} runs: its first axis must be that of the runs, or shared by in_axes.")
+            raise InputError(
+                f"{name} has {n} rows, the batch {runs} runs: its first axis must be that of the runs, or shared by in_axes."
+            )
     return runs
 
 
@@ -104,7 +106,12 @@ def side_by_side(shared: Any) -> Any:
 @eqx.filter_jit
 def _run(batched: Any, shared: Any, block: int, accuracy: Accuracy, events: tuple[Event, ...], samples: int) -> Any:
     shared = (*side_by_side(shared[:2]), shared[2])
-    return by_blocks(lambda lanes: _rows(*eqx.combine(lanes, shared), accuracy, events, samples, block), batched, block)
+
+    def rows(lanes: Any) -> Any:
+        system, y0, ts = eqx.combine(lanes, shared)
+        return _rows(system, y0, ts, accuracy, events, samples, block)
+
+    return by_blocks(rows, batched, block)
 
 
 def _rows(system: Any, y0: State, ts: Array, accuracy: Accuracy, events: tuple[Event, ...], samples: int, block: int) -> Any:
@@ -143,15 +150,19 @@ def _with_systems(result: Any, systems: Any, carried: Any, accuracy: Accuracy, y
 
 def repeat_batch(trajectory: Trajectory, accuracy: Accuracy) -> State:
     """The final states of all runs of a batch, simulated anew by way of the middle of their span."""
-    leaves, tree = jax.tree.flatten(trajectory.system)
+    tree = jax.tree.structure(trajectory.system)
     flags = jax.tree.unflatten(tree, [not alone for alone in trajectory.shared or ()])
     ends = trajectory.ts[:, :: max(trajectory.ts.shape[1] - 1, 1)]
     batched, shared = eqx.partition((trajectory.system, trajectory.initial, ends), (flags, True, True))
-    del leaves
     return _repeat(batched, shared, min(BLOCK, ends.shape[0]), accuracy)
 
 
 @eqx.filter_jit
 def _repeat(batched: Any, shared: Any, block: int, accuracy: Accuracy) -> State:
     shared = (*side_by_side(shared[:2]), shared[2])
-    return by_blocks(lambda lanes: _front(repeat(*eqx.combine(lanes, shared), accuracy, 1)), batched, block)
+
+    def rows(lanes: Any) -> State:
+        system, y0, ts = eqx.combine(lanes, shared)
+        return _front(repeat(system, y0, ts, accuracy, 1))
+
+    return by_blocks(rows, batched, block)

@@ -88,9 +88,9 @@ def _first_zero(
     rise, fall = (g[:-1] < 0.0) & (g[1:] >= 0.0), (g[:-1] > 0.0) & (g[1:] <= 0.0)
     crossing = {1: rise, -1: fall, 0: rise | fall}[event.direction]
     index = jnp.argmax(crossing, axis=0)
-    start = _pick((states, times, g), index, run_axes)
+    y, t, value = _pick((states, times, g), index, run_axes)
     end = _pick(times, index + 1, run_axes)
-    return _close_in(system, event, *start, end, accuracy, run_axes), jnp.any(crossing, axis=0)
+    return _close_in(system, event, y, t, value, end, accuracy, run_axes), jnp.any(crossing, axis=0)
 
 
 def _sign_at_start(system: AbstractSystem, event: Event, t0: Scalar, y0: State, g: Array) -> Array:
@@ -117,9 +117,7 @@ def _close_in(
     return jax.lax.fori_loop(0, CLOSING_STEPS, step, (t, end, 0.5 * (t + end)))[2]
 
 
-def corrected(
-    system: AbstractSystem, events: tuple[Event, ...], which: Array, t: Scalar, y: State
-) -> tuple[Scalar, State]:
+def corrected(system: AbstractSystem, events: tuple[Event, ...], which: Array, t: Scalar, y: State) -> tuple[Scalar, State]:
     """Time and state at the event, moved by one Newton step whose derivative is that of the event."""
     delay = jnp.zeros_like(t)
     for number, event in enumerate(events):

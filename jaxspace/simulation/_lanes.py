@@ -1,6 +1,6 @@
 """Runs side by side in one integration: states and parameters with the runs on the last axis.
 
-This is the layout of the physics itself; `simulate` uses it with no axis of runs, `simulate_batch` and the dispersion with one."""
+This is the layout of the physics itself: `simulate` has no axis of runs, `simulate_batch` and the dispersion have one."""
 
 from typing import Any, NamedTuple
 
@@ -8,7 +8,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array
 
 from .._core import AbstractSystem, Scalar, State, safe_divide
 from ._accuracy import Accuracy, settled
@@ -54,35 +54,36 @@ def _through(system: AbstractSystem, y0: State, times: Array, accuracy: Accuracy
 
 
 def run_system(
-    system: AbstractSystem, y0: State, ts: Float[Array, "times *#runs"], events: tuple[Event, ...], accuracy: Accuracy, run_axes: int
+    system: AbstractSystem, y0: State, ts: Array, events: tuple[Event, ...], accuracy: Accuracy, run_axes: int
 ) -> Span:
-    """States of one system at `ts`, shared or of each run; from the first event on they stay."""
+    """States of one system at `ts`, (times,) or (times, *runs); from the first event on they stay."""
     y0 = alike(system, ts[0], y0)
-    t0, t1 = ts[0], ts[-1]
-    which = -jnp.ones(_runs(y0, run_axes), jnp.int32)
-    if events:
-        t0, t1 = (jnp.broadcast_to(t, which.shape) for t in (t0, t1))
-        when, which = first_event(system, y0, t0, t1, events, accuracy, run_axes)
-        sign = jnp.where(t1 < t0, -1.0, 1.0).astype(when.dtype)
-        own = ts.reshape(ts.shape[0], *(1,) * (which.ndim - ts.ndim + 1), *ts.shape[1:])
-        ts, asked, t1 = sign * jnp.minimum(sign * own, sign * when), own, when
-    if ts.ndim > 1 and ts.shape[0] > 2:
-        states, status, stats = _through(system, y0, ts, accuracy, run_axes)
-    else:
-        fractions = safe_divide(ts - t0, t1 - t0) if ts.shape[0] > 2 else None
-        p = propagate(system, y0, t0, t1, fractions, accuracy, run_axes)
-        states, status, stats = p.states, p.status, p.stats
-        if fractions is None:
-            states = jax.tree.map(lambda a, b: jnp.concatenate([a[None], b]), y0, states)
-        else:
-            states = jax.tree.map(lambda a, b: b.at[0].set(a), y0, states)
-    if events:
-        t_event, y_event = corrected(system, events, which, t1, _last(states))
-        stopped = (which >= 0) & (sign * asked >= sign * t1)
-        ts = jnp.where(stopped, t_event, ts)
-        states = jax.tree.map(lambda x, e: jnp.where(stopped.reshape(_lead(stopped, x)), e, x), states, y_event)
-        status = jnp.where((which >= 0) & (status == Status.COMPLETED), Status.EVENT, status)
+    if not events:
+        states, status, stats = _at_times(system, y0, ts, accuracy, run_axes)
+        return Span(ts, states, status, -jnp.ones(_runs(y0, run_axes), jnp.int32), stats, None)
+    shape = _runs(y0, run_axes)
+    asked = jnp.broadcast_to(ts.reshape(ts.shape[0], *(1,) * (len(shape) - ts.ndim + 1), *ts.shape[1:]), (ts.shape[0], *shape))
+    when, which = first_event(system, y0, asked[0], asked[-1], events, accuracy, run_axes)
+    sign = jnp.where(asked[-1] < asked[0], -1.0, 1.0).astype(when.dtype)
+    ts = sign * jnp.minimum(sign * asked, sign * when)
+    states, status, stats = _at_times(system, y0, ts, accuracy, run_axes)
+    t_event, y_event = corrected(system, events, which, ts[-1], _last(states))
+    stopped = (which >= 0) & (sign * asked >= sign * when)
+    ts = jnp.where(stopped, t_event, ts)
+    states = jax.tree.map(lambda x, e: jnp.where(stopped.reshape(_lead(stopped, x)), e, x), states, y_event)
+    status = jnp.where((which >= 0) & (status == Status.COMPLETED), Status.EVENT, status)
     return Span(ts, states, status, which, stats, None)
+
+
+def _at_times(system: AbstractSystem, y0: State, ts: Array, accuracy: Accuracy, run_axes: int) -> tuple[State, Array, dict]:
+    """States at `ts`, their status, and what they cost."""
+    if ts.ndim > 1 and ts.shape[0] > 2:
+        return _through(system, y0, ts, accuracy, run_axes)
+    fractions = safe_divide(ts - ts[0], ts[-1] - ts[0]) if ts.shape[0] > 2 else None
+    p = propagate(system, y0, ts[0], ts[-1], fractions, accuracy, run_axes)
+    if fractions is None:
+        return jax.tree.map(lambda a, b: jnp.concatenate([a[None], b]), y0, p.states), p.status, p.stats
+    return jax.tree.map(lambda a, b: b.at[0].set(a), y0, p.states), p.status, p.stats
 
 
 def _lead(flags: Array, block: Array) -> tuple[int, ...]:
@@ -91,7 +92,14 @@ def _lead(flags: Array, block: Array) -> tuple[int, ...]:
 
 
 def run_phase(
-    phase: Phase, y0: State, t0: Scalar, samples: int, accuracy: Accuracy, run_axes: int, plan: Array | None = None, record: bool = False
+    phase: Phase,
+    y0: State,
+    t0: Scalar,
+    samples: int,
+    accuracy: Accuracy,
+    run_axes: int,
+    plan: Array | None = None,
+    record: bool = False,
 ) -> Span:
     """States of a phase at `samples` times from its start to its end, before its jump.
 
@@ -101,7 +109,15 @@ def run_phase(
 
 @eqx.filter_jit
 def _phase(
-    system: AbstractSystem, until: Scalar | Event, y0: State, t0: Scalar, samples: int, accuracy: Accuracy, run_axes: int, plan: Any, record: bool
+    system: AbstractSystem,
+    until: Scalar | Event,
+    y0: State,
+    t0: Scalar,
+    samples: int,
+    accuracy: Accuracy,
+    run_axes: int,
+    plan: Any,
+    record: bool,
 ) -> Span:
     y0 = alike(system, t0, y0)
     shape = _runs(y0, run_axes)
@@ -151,17 +167,6 @@ def run_mission(
 @eqx.filter_jit
 def _jump(then: Any, t: Scalar, y: State) -> State:
     return then(t, y)
-
-
-def plan_steps(mission: Mission, y0: State, t0: Scalar, accuracy: Accuracy) -> tuple[np.ndarray, ...]:
-    """For each phase the nodes of the clock on which the pilot runs `y0` (runs on the last axis) landed: the step plan that
-    keeps the worst of them within the tolerance. To be called outside of `jit`."""
-    spans, _, _, _ = run_mission(mission, y0, t0, 2, accuracy, 1, record=True)
-    plans = []
-    for span in spans:
-        taken = np.asarray(span.steps)
-        plans.append(np.concatenate([[0.0], taken[np.isfinite(taken)]]))
-    return tuple(plans)
 
 
 def refined(plan: Any, factor: float) -> np.ndarray:

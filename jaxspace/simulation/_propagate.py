@@ -107,55 +107,61 @@ def _rate(s: Scalar, y: State, args: Any) -> State:
 
 
 def _by_integration(
-    system: AbstractSystem, y0: State, t0: Any, t1: Any, fractions: Any, accuracy: Accuracy, run_axes: int, plan: Any, record: bool
+    system: AbstractSystem,
+    y0: State,
+    t0: Any,
+    t1: Any,
+    fractions: Any,
+    accuracy: Accuracy,
+    run_axes: int,
+    plan: Any,
+    record: bool,
 ) -> Propagation:
     dtype = jnp.result_type(*jax.tree.leaves(y0))
     t0, t1 = jnp.asarray(t0, dtype), jnp.asarray(t1, dtype)
-    span = t1 - t0
-    u = _segments(system, t0, span, None)
+    u = _segments(system, t0, t1 - t0, None)
     per_run = u.ndim > 1 and fractions is not None
     if per_run:
-        u = _segments(system, t0, span, fractions)
-    s_end = jnp.asarray(u.shape[0] - 1, dtype)
-    if fractions is None:
-        saved = diffrax.SubSaveAt(t1=True)
-    elif per_run:
-        saved = diffrax.SubSaveAt(ts=jnp.arange(u.shape[0], dtype=dtype))
-    else:
-        saved = diffrax.SubSaveAt(ts=jnp.interp(fractions.astype(dtype), u, jnp.arange(u.shape[0], dtype=dtype)))
-    subs = [saved, diffrax.SubSaveAt(steps=True, fn=lambda s, y, a: None)] if record else [saved]
-    tolerance = Tolerance(
-        jnp.asarray(accuracy.rtol, dtype), jnp.asarray(1e-3 * accuracy.rtol if accuracy.atol is None else accuracy.atol, dtype), run_axes
-    )
+        u = _segments(system, t0, t1 - t0, fractions)
+    saved = [_saved(u, fractions, per_run)]
+    if record:
+        saved.append(diffrax.SubSaveAt(steps=True, fn=lambda s, y, a: None))
+    atol = 1e-3 * accuracy.rtol if accuracy.atol is None else accuracy.atol
+    tolerance = Tolerance(jnp.asarray(accuracy.rtol, dtype), jnp.asarray(atol, dtype), run_axes)
     lengths = jnp.maximum(jnp.mean(jnp.diff(u, axis=0).reshape(u.shape[0] - 1, -1), axis=1), 1e-6)
-    solution = diffrax.diffeqsolve(
-        diffrax.ODETerm(_rate),
-        Accounted(accuracy.method, tolerance),
+    solution: Any = diffrax.diffeqsolve(
+        diffrax.ODETerm(_rate),  # pyright: ignore[reportArgumentType]
+        Accounted(accuracy.method, tolerance),  # pyright: ignore[reportArgumentType]
         jnp.zeros((), dtype),
-        s_end,
+        jnp.asarray(u.shape[0] - 1, dtype),
         None,
         y0,
-        (system, u, t0, span),
-        saveat=diffrax.SaveAt(subs=subs, solver_state=True),
+        (system, u, t0, t1 - t0),
+        saveat=diffrax.SaveAt(subs=saved, solver_state=True),
         stepsize_controller=WorstRunControl(tolerance, lengths) if plan is None else PlannedSteps(plan.astype(dtype)),
         adjoint=accuracy.adjoint,
         max_steps=accuracy.max_steps if plan is None else plan.shape[0] - 1,
         throw=False,
     )
-    states = solution.ys[0]
-    if per_run:
-        states = _at_fractions(states, u, fractions, run_axes)
+    states = _at_fractions(solution.ys[0], u, fractions, run_axes) if per_run and fractions is not None else solution.ys[0]
     account = solution.solver_state[1]
     finite = tolerance.alive(jax.tree.map(lambda x: x[-1], states))
     status = judged(solution.result == diffrax.RESULTS.max_steps_reached, finite, account)
-    taken = solution.stats["num_steps"]
     stats = {
         "steps": solution.stats["num_accepted_steps"],
         "rejected_steps": solution.stats["num_rejected_steps"],
-        "evaluations": taken * getattr(accuracy.method, "evaluations", 1),
+        "evaluations": solution.stats["num_steps"] * getattr(accuracy.method, "evaluations", 1),
         "largest_local_error": account,
     }
     return Propagation(states, status, stats, solution.ts[1] if record else None)
+
+
+def _saved(u: Array, fractions: Any, per_run: bool) -> diffrax.SubSaveAt:
+    """Where on the clock states are kept: at its end, at every segment's end, or at the `fractions` of the span."""
+    if fractions is None:
+        return diffrax.SubSaveAt(t1=True)
+    clock = jnp.arange(u.shape[0], dtype=u.dtype)
+    return diffrax.SubSaveAt(ts=clock if per_run else jnp.interp(fractions.astype(u.dtype), u, clock))
 
 
 def _at_fractions(states: State, u: Array, fractions: Array, run_axes: int) -> State:

@@ -1,6 +1,6 @@
 """The verb: from a system and an initial state to a trajectory whose accuracy is accounted for."""
 
-from typing import overload
+from typing import Any, overload
 
 import equinox as eqx
 import jax
@@ -37,7 +37,16 @@ def simulate(
 ) -> MissionTrajectory: ...
 
 
-def simulate(system, y0, ts=0.0, *, accuracy=1e-9, events=(), samples=2, throw=True):  # noqa: D417
+def simulate(
+    system: Any,
+    y0: State,
+    ts: Any = 0.0,
+    *,
+    accuracy: Accuracy | Scalar = 1e-9,
+    events: tuple[Event, ...] = (),
+    samples: int = 2,
+    throw: bool = True,
+) -> Any:
     """Run a system or a mission from the state `y0`.
 
     - `system`: any `AbstractSystem`, and then `ts`, s, holds the times of the states asked for: the first is that of `y0`;
@@ -87,7 +96,7 @@ def check_start(y0: State) -> None:
         check_finite("y0" + jax.tree_util.keystr(path), leaf)
 
 
-def check_times(ts: Array, y0: State) -> Array:
+def check_times(ts: Any, y0: State) -> Array:
     """The times in the precision of the state. Raises `InputError` unless they are finite and ascend or descend."""
     ts = jnp.asarray(ts, state_dtype(y0))
     if ts.ndim != 1 or ts.shape[0] < 2:
@@ -105,15 +114,14 @@ def thrown(result):
     if known(result.status):
         raise_if_bad(result.status)
         return result
-    return eqx.tree_at(
-        lambda r: r.status, result, eqx.error_if(result.status, jnp.any(result.status > Status.EVENT), TRAILING)
-    )
+    return eqx.tree_at(lambda r: r.status, result, eqx.error_if(result.status, jnp.any(result.status > Status.EVENT), TRAILING))
 
 
 def repeated(trajectory: Trajectory, factor: float) -> State:
-    """The final states of the runs of a trajectory at a tolerance `factor` times as tight; by two half spans for a closed form."""
+    """The final states of the runs of a trajectory at a tolerance `factor` times as tight, by way of the middle of the span."""
     from ._batch import repeat_batch
 
+    assert trajectory.accuracy is not None and trajectory.system is not None
     accuracy = trajectory.accuracy.tightened(factor, trajectory.dtype())
     if trajectory.shared is not None:
         return repeat_batch(trajectory, accuracy)

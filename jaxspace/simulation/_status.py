@@ -31,9 +31,9 @@ class Status(enum.IntEnum):
 _SENTENCES = {
     Status.COMPLETED: "The run reached its end within the tolerance.",
     Status.EVENT: "The run stopped at its event, found to the tolerance.",
-    Status.TOLERANCE_MISSED: "Some steps missed the tolerance: allow more steps, or look for a collision or a singularity on the way.",
-    Status.MAX_STEPS: "The steps ran out before the end: raise Accuracy.max_steps, loosen the tolerance, or look for a singularity.",
-    Status.EVENT_MISSED: "The event that ends the phase did not happen within its limit: raise Event.within or check the condition.",
+    Status.TOLERANCE_MISSED: "Some steps missed the tolerance: look for a collision or a singularity, or refine the step plan.",
+    Status.MAX_STEPS: "The steps ran out: raise Accuracy.max_steps, loosen the tolerance, or look for a singularity.",
+    Status.EVENT_MISSED: "The event of the phase did not happen within its limit: raise Event.within, or check the condition.",
     Status.NOT_FINITE: "The state left the finite numbers: check the initial state and the parameters of this run.",
 }
 

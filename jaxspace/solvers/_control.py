@@ -24,6 +24,7 @@ from .._core import Scalar, safe_sqrt
 
 SAFETY, SHRINK, GROW = 0.9, 0.2, 8.0
 SMALLEST_STEP = 1e-10  # of a segment; such a step is taken whatever its error, and the account of the errors tells of it
+FIRST_STEP = 1e-2  # of a segment: too long a first step costs a rejection or two, too short a one many steps to grow
 
 
 @final
@@ -90,18 +91,27 @@ class WorstRunControl(diffrax.AbstractStepSizeController):
         f0 = f(s, y0)
         d0, d1 = tol.largest(y0, scale), tol.largest(f0, scale)
         h0 = jnp.where((d0 < 1e-5) | (d1 < 1e-5), 1e-6, 0.01 * d0 / jnp.where(d1 > 0.0, d1, 1.0))
+        h0 = jnp.where(d1 == 0.0, 1.0, h0)  # at rest, or a segment of no length
         h0 = jnp.minimum(self._least(h0, y0), 1.0)
         f1 = f(s + h0, jax.tree.map(lambda y, k: y + h0.astype(y.dtype) * k, y0, f0))
         d2 = tol.largest(jax.tree.map(jnp.subtract, f1, f0), scale) / h0
         d = jnp.maximum(d1, d2)
-        h1 = jnp.where(d <= 1e-15, jnp.maximum(1e-6, 1e-3 * h0), (0.01 / jnp.where(d > 0.0, d, 1.0)) ** (1.0 / order))
+        h1 = jnp.where(d <= 1e-15, jnp.maximum(1e-6, h0), (0.01 / jnp.where(d > 0.0, d, 1.0)) ** (1.0 / order))
         return jax.lax.stop_gradient(jnp.clip(jnp.minimum(100.0 * h0, self._least(h1, y0)), SMALLEST_STEP, 1.0)).astype(s.dtype)
 
     def _least(self, h: Scalar, y: PyTree) -> Scalar:
         return jnp.min(jnp.where(jnp.isfinite(h) & self.tolerance.alive(y), h, 1.0))
 
     def adapt_step_size(
-        self, t0: Any, t1: Any, y0: PyTree, y1_candidate: PyTree, args: Any, y_error: PyTree, error_order: Any, controller_state: Any
+        self,
+        t0: Any,
+        t1: Any,
+        y0: PyTree,
+        y1_candidate: PyTree,
+        args: Any,
+        y_error: PyTree,
+        error_order: Any,
+        controller_state: Any,
     ):
         del args
         ds = t1 - t0
@@ -115,7 +125,7 @@ class WorstRunControl(diffrax.AbstractStepSizeController):
         proposal = jnp.where(shortened, jnp.maximum(controller_state, ds * factor), ds * factor)
         here, there = self._length(t0), self._length(jnp.where(keep, t1, t0))
         landed = keep & (t1 == jnp.round(t1))
-        proposal = jnp.maximum(jnp.where(landed, proposal * here / there, proposal), SMALLEST_STEP)
+        proposal = jnp.where(landed, jnp.maximum(proposal * here / there, FIRST_STEP), jnp.maximum(proposal, SMALLEST_STEP))
         start = jnp.where(keep, t1, t0)
         return keep, start, self._clip(start, proposal), landed, proposal, diffrax.RESULTS.successful
 
@@ -141,7 +151,15 @@ class PlannedSteps(diffrax.AbstractStepSizeController):
         return self.plan[1], jnp.asarray(2)
 
     def adapt_step_size(
-        self, t0: Any, t1: Any, y0: PyTree, y1_candidate: PyTree, args: Any, y_error: PyTree, error_order: Any, controller_state: Any
+        self,
+        t0: Any,
+        t1: Any,
+        y0: PyTree,
+        y1_candidate: PyTree,
+        args: Any,
+        y_error: PyTree,
+        error_order: Any,
+        controller_state: Any,
     ):
         del t0, y0, y1_candidate, args, y_error, error_order
         landed = t1 == jnp.round(t1)

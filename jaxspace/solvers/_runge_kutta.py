@@ -40,12 +40,14 @@ def combine(y: PyTree, h: Any, weights: Weights, ks: list[PyTree]) -> PyTree:
     return change if y is None else jax.tree.map(jnp.add, y, change)
 
 
-def stages(f: VectorField, t0: Any, h: Any, y0: PyTree, c: tuple[float, ...], a: tuple[Weights, ...], ks: list[PyTree]) -> list[PyTree]:
+def stages(
+    f: VectorField, t0: Any, h: Any, y0: PyTree, c: tuple[float, ...], a: tuple[Weights, ...], ks: list[PyTree]
+) -> list[PyTree]:
     """The stage derivatives that follow those in `ks`, for the rows `a` with the nodes `c`."""
-    inside = 1.0 - 4.0 * jnp.finfo(t0.dtype).eps
+    end = jnp.maximum(t0, t0 + h - 4.0 * jnp.finfo(t0.dtype).eps * (jnp.abs(t0) + h))
     for ci, row in zip(c, a, strict=True):
         y = combine(y0, h, row, ks) if row else y0
-        ks = [*ks, hold(f(t0 + h * min(ci, inside), hold(y)))]
+        ks = [*ks, hold(f(jnp.minimum(t0 + h * ci, end), hold(y)))]
     return ks
 
 
