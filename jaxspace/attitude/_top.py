@@ -25,6 +25,7 @@ Valid for a tip that stays where it is, without friction. W l < 0 is a top that 
 free symmetric body.
 """
 
+from collections.abc import Sequence
 from typing import final
 
 import equinox as eqx
@@ -110,7 +111,7 @@ class Top(AbstractSystem):
         }
 
     @staticmethod
-    def state(angles: Vector, rates: Vector) -> BodyState:
+    def state(angles: Vector | Sequence[Scalar], rates: Vector | Sequence[Scalar]) -> BodyState:
         """The state from `angles` = (psi, theta, phi), rad, and their `rates`, rad/s, both of shape (3, *runs)."""
         angles, rates = as_float(angles), as_float(rates)
         return BodyState(attitude=from_euler_angles(angles), omega=omega_from_euler_rates(angles, rates))

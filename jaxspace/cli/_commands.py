@@ -83,7 +83,8 @@ def disperse(file: SceneFile, runs: int, seed: int, chunk: int, folder: str) -> 
     if lines:
         print(f"\nshares of the variance\n{lines}")
     print(f"\n{report.status_lines(result)}")
-    print(f"{result.seconds:.1f} s, {runs / result.seconds:.0f} runs/s, compilation included")
+    ahead = result.attributes["preparation_seconds"]
+    print(f"{result.seconds:.1f} s: {ahead:.1f} s to compile and to plan, then {runs / (result.seconds - ahead):.0f} runs/s")
     _keep(file, result, folder)
     print(f"store  {store}")
     return 0 if result.good.any() else 1

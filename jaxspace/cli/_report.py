@@ -98,14 +98,14 @@ def dispersion_table(result: Dispersion, nominal: dict[str, Any]) -> str:
 
 def contributor_lines(result: Dispersion, count: int = 3) -> str:
     """For every output the inputs that make most of its variance."""
-    if np.count_nonzero(result.good) <= len(result.inputs) + 1:
+    if np.count_nonzero(result.good) <= 2 * len(result.inputs) + 1:
         return ""
     rows = []
     for name in result.outputs:
         shares = result.contributors(name, count).shares
         rows.append((name, ", ".join(f"{path} {100.0 * share:.0f} %" for path, share in shares.items() if share >= 0.01)))
     width = max(len(name) for name, _ in rows)
-    return "\n".join(f"{name.ljust(width)}  {text or 'no linear contributor'}" for name, text in rows)
+    return "\n".join(f"{name.ljust(width)}  {text or 'no single contributor'}" for name, text in rows)
 
 
 def status_lines(result: Dispersion) -> str:

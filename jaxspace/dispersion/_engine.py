@@ -74,7 +74,8 @@ def disperse(
     accuracy = _reachable(accuracy if isinstance(accuracy, Accuracy) else Accuracy(rtol=accuracy))
     squad = _Squad(campaign, accuracy, jax.random.key(seed), _devices(devices), chunk)
     file, parts = None if store is None else Store(store), []
-    attributes = _record(campaign, accuracy, runs)
+    prepared = time.perf_counter()
+    attributes = {**_record(campaign, accuracy, runs), "preparation_seconds": prepared - started}
     for first in range(0, runs, squad.chunk):
         rows = _ordered(squad.run(first, min(squad.chunk, runs - first)), campaign)
         seconds = time.perf_counter() - started

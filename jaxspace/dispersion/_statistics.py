@@ -1,18 +1,19 @@
 """What a dispersion shows: moments and limits of its outputs, what contributes to them, and which runs failed.
 
-The contributors follow from a linear regression on standardised inputs,
+The contributors follow from a regression on the standardised inputs and on the square of each, made orthogonal to it,
 
-    (y - mean(y)) / s_y = sum_j beta_j z_j + rest,      z_j = (x_j - mean(x_j)) / s_j,      share_j = beta_j^2
+    (y - mean(y)) / s_y = sum_j (beta_j z_j + gamma_j q_j) + rest,      share_j = beta_j^2 + gamma_j^2 mean(q_j^2)
+    z_j = (x_j - mean(x_j)) / s_j,      q_j = z_j^2 - 1 - mean(z_j^3) z_j
 
-For independent inputs and a linear output the shares add up to R^2 = 1; 1 - R^2 is what the linear picture leaves out.
+For independent inputs that act each by itself the shares add up to R^2 = 1; 1 - R^2 is what their products and higher powers
+do. The squares matter for outputs that are magnitudes (a pointing error, a cone angle), which no linear law describes.
 
-    symbol  meaning                                  unit
-    y       output over the good runs                that of the output
-    x_j     input over the same runs                 that of the input
-    s       standard deviation                       that of its quantity
-    beta_j  standardised regression coefficient      1
+    symbol           meaning                                  unit
+    y                output over the good runs                that of the output
+    x_j              input over the same runs                 that of the input
+    s                standard deviation                       that of its quantity
+    beta_j, gamma_j  regression coefficients                  1
 
-Source: Saltelli et al., Sensitivity Analysis (2000), 6.3 (standardised regression coefficients).
 A share smaller than about 1 / (number of runs) cannot be told from none.
 """
 
@@ -47,7 +48,7 @@ class Row(NamedTuple):
 
 
 class Contributors(NamedTuple):
-    """What makes an output scatter: share of its variance by input, largest first, and how much a linear law explains."""
+    """What makes an output scatter: share of its variance by input, largest first, and how much they explain together."""
 
     output: str
     shares: dict[str, float]
@@ -129,13 +130,17 @@ class Dispersion(eqx.Module):
         columns = {name: x[kept].astype(float) for name, x in self.inputs.items() if x[kept].size and np.ptp(x[kept]) > 0.0}
         if not columns or np.ptp(y) == 0.0:
             return Contributors(output, {}, float("nan"))
-        if y.size <= len(columns) + 1:
-            raise InputError(f"{y.size} good runs are too few to find contributors: there must be more than {len(columns) + 1}.")
+        needed = 2 * len(columns) + 1
+        if y.size <= needed:
+            raise InputError(f"{y.size} good runs are too few to find contributors: there must be more than {needed}.")
         z = np.stack([_standard(x) for x in columns.values()], axis=1)
+        squares = z**2 - 1.0 - np.mean(z**3, axis=0) * z
         u = _standard(y)
-        beta = np.linalg.lstsq(z, u, rcond=None)[0]
-        r_squared = 1.0 - float(np.mean((u - z @ beta) ** 2))
-        order = sorted(zip(columns, beta**2, strict=True), key=lambda pair: -pair[1])
+        beta = np.linalg.lstsq(np.concatenate([z, squares], axis=1), u, rcond=None)[0]
+        r_squared = 1.0 - float(np.mean((u - np.concatenate([z, squares], axis=1) @ beta) ** 2))
+        linear, bent = beta[: len(columns)], beta[len(columns) :]
+        shares = linear**2 + bent**2 * np.mean(squares**2, axis=0)
+        order = sorted(zip(columns, shares, strict=True), key=lambda pair: -pair[1])
         return Contributors(output, {name: float(share) for name, share in order[:count]}, r_squared)
 
     def to_dataset(self) -> "xarray.Dataset":

@@ -139,7 +139,7 @@ def rounded(value: float, deviation: float) -> str:
 
 def explained(r_squared: float) -> str:
     """What R^2 says about the shares."""
-    sentence = f"linear in the inputs: {100.0 * max(r_squared, 0.0):.1f} % of the variance"
+    sentence = f"each input by itself: {100.0 * max(r_squared, 0.0):.1f} % of the variance"
     return sentence if r_squared >= 0.5 else sentence + ", so shares say little"
 
 

@@ -144,11 +144,14 @@ class Thrust(AbstractPiecewiseEffect):
         return -self.thrust(t, mass) / self.exhaust_velocity
 
     def propellant_left(self, y: BodyState) -> Scalar:
-        """Mass above the burnout mass, kg; its zero is the end of the burn. Raises `InputError` without a burnout mass."""
+        """Mass above the burnout mass, kg; its zero is the end of the burn. Raises `InputError` without a burnout mass.
+
+        The zero lies some thousand units in the last place before the thrust's own end: the last step of a phase that
+        ends here must not see the jump of the thrust."""
         if self.burnout_mass is None:
             raise InputError("Thrust.burnout_mass is None: it must be a mass in kg for the propellant to run out.")
         assert y.mass is not None
-        return y.mass - self.burnout_mass
+        return y.mass - self.burnout_mass * (1.0 + 4096.0 * jnp.finfo(y.mass.dtype).eps)
 
     def load(self, t: Scalar, y: BodyState, body: AbstractBody) -> Load:
         assert y.attitude is not None and y.mass is not None

@@ -117,7 +117,8 @@ class WorstRunControl(diffrax.AbstractStepSizeController):
         ds = t1 - t0
         every = self.tolerance.error(y0, y1_candidate, y_error)
         worst = jax.lax.stop_gradient(jnp.max(jnp.where(self.tolerance.alive(y0), every, 0.0)))
-        tiny = ds <= SMALLEST_STEP
+        smallest = jnp.maximum(SMALLEST_STEP, 16.0 * jnp.finfo(t0.dtype).eps * (1.0 + t0)).astype(t0.dtype)
+        tiny = ds <= 1.5 * smallest
         keep = (worst <= 1.0) | tiny
         factor = SAFETY * jnp.clip(worst, 1e-12, 1e12) ** (-1.0 / error_order)
         factor = jnp.where(keep, jnp.clip(factor, SHRINK, GROW), jnp.clip(factor, SHRINK, SAFETY)).astype(ds.dtype)
@@ -125,7 +126,7 @@ class WorstRunControl(diffrax.AbstractStepSizeController):
         proposal = jnp.where(shortened, jnp.maximum(controller_state, ds * factor), ds * factor)
         here, there = self._length(t0), self._length(jnp.where(keep, t1, t0))
         landed = keep & (t1 == jnp.round(t1))
-        proposal = jnp.where(landed, jnp.maximum(proposal * here / there, FIRST_STEP), jnp.maximum(proposal, SMALLEST_STEP))
+        proposal = jnp.where(landed, jnp.maximum(proposal * here / there, FIRST_STEP), jnp.maximum(proposal, smallest))
         start = jnp.where(keep, t1, t0)
         return keep, start, self._clip(start, proposal), landed, proposal, diffrax.RESULTS.successful
 
