@@ -13,7 +13,7 @@ import scipy.stats
 
 from jaxspace._core import AbstractClosedFormSystem, AbstractSystem, InputError
 from jaxspace.dispersion import Campaign, Constant, Dispersion, Normal, TruncatedNormal, Uniform, disperse, open_store
-from jaxspace.simulation import Event, Mission, Phase, SimulationError, Status
+from jaxspace.simulation import BLOCK, Event, Mission, Phase, SimulationError, Status
 
 DURATION = 3.0
 
@@ -199,7 +199,7 @@ def test_a_mission_with_an_event_is_cut_into_chunks_alike():
     repeated because some of them missed the tolerance."""
     inputs = {"luck": Uniform(0.0, 1.0), "x0": Uniform(0.5, 1.0), "v0": Constant(0.0)}
     campaign = Campaign(stops, inputs, lambda r, s: {"x": r.final.x, "t": r.end})
-    one, two = disperse(campaign, 600, seed=1, chunk=256), disperse(campaign, 600, seed=1, chunk=768)
+    one, two = disperse(campaign, 600, seed=1, chunk=100), disperse(campaign, 600, seed=1, chunk=768)
     fast = one.inputs["luck"] > 0.995
     assert np.any(fast) and np.all(one.evaluations[fast] > 2 * one.evaluations[~fast].max())
     for name in ("x", "t"):
@@ -279,8 +279,9 @@ def test_what_is_stored_comes_back(whole, tmp_path):
     place = tmp_path / "campaign.zarr"
     disperse(SWINGS, 100, seed=1, store=place)  # of another make: it is replaced
     seen = []
-    disperse(SWINGS, RUNS, seed=7, chunk=256, store=place, progress=lambda done, total: seen.append((done, total)))
-    assert seen == [(256, RUNS), (512, RUNS), (RUNS, RUNS)]
+    disperse(SWINGS, RUNS, seed=7, chunk=BLOCK, store=place, progress=lambda done, total: seen.append((done, total)))
+    # A chunk is whole blocks.
+    assert seen == [(min(done, RUNS), RUNS) for done in range(BLOCK, RUNS + BLOCK, BLOCK)]
     back = open_store(place)
     assert back.runs == RUNS and back.seed == 7 and back.units == UNITS
     for name in (*back.inputs, *back.outputs):
@@ -294,12 +295,12 @@ def test_what_is_stored_comes_back(whole, tmp_path):
 
 def test_an_interrupted_campaign_keeps_its_finished_chunks(whole, tmp_path):
     def stop(done, total):
-        if done >= 512:
+        if done >= BLOCK:
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        disperse(SWINGS, RUNS, seed=7, chunk=256, store=tmp_path / "s.zarr", progress=stop)
+        disperse(SWINGS, RUNS, seed=7, chunk=BLOCK, store=tmp_path / "s.zarr", progress=stop)
     kept = open_store(tmp_path / "s.zarr")
-    assert kept.runs == 512 and kept.attributes["planned_runs"] == RUNS
+    assert kept.runs == BLOCK and kept.attributes["planned_runs"] == RUNS
     for name in UNITS:
-        np.testing.assert_array_equal(kept.values(name), whole.values(name)[:512])
+        np.testing.assert_array_equal(kept.values(name), whole.values(name)[:BLOCK])

@@ -1,0 +1,1 @@
+"""Speed beside accuracy, measured on the same work: `python -m benchmarks`, or `make bench`."""

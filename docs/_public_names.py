@@ -1,0 +1,13 @@
+"""What a reference page shows of a room: every name that its `__init__` gives to readers as `X as X`."""
+
+import griffe
+
+
+class PublicNames(griffe.Extension):
+    """Reads the re-exports of each room, so that no list of names has to be kept beside them."""
+
+    def on_package(self, *, pkg: griffe.Module, **kwargs) -> None:
+        del kwargs
+        for room in pkg.modules.values():
+            if room.is_init_module and room.exports is None:
+                room.exports = [name for name, origin in room.imports.items() if origin.rsplit(".", 1)[-1] == name]

@@ -1,0 +1,218 @@
+"""Draws the manual's pictures by the library itself: `python docs/figures.py [NAME ...]` writes docs/figures/NAME.png."""
+
+import sys
+from pathlib import Path
+
+import jax
+import jax.numpy as jnp
+import matplotlib.pyplot as plt
+import numpy as np
+
+import jaxspace
+from jaxspace import Accuracy, BodyState, Mission, Phase, Scene, simulate, simulate_batch
+from jaxspace.attitude import Top, TorqueFreeBody, YoYo
+from jaxspace.bodies import BurningBody, PrincipalInertia
+from jaxspace.constants import MU_EARTH, RADIUS_EARTH
+from jaxspace.gyros import TwoGimbalGyro
+from jaxspace.optimization import (
+    Ascent,
+    ConstantMassFlow,
+    SteeringProfile,
+    linear_tangent_steering,
+    optimal_staging,
+    optimise_steering,
+)
+from jaxspace.orbits import ClassicalElements, PointGravity, TwoBody, apoapsis_radius, state_from_elements
+from jaxspace.rockets import JetDamping, Thrust, jet_damping_ratio
+from jaxspace.rotations import Quaternion
+from jaxspace.solvers import DOP853
+
+HERE = Path(__file__).parent / "figures"
+
+
+def top():
+    """The path of a heavy top's axis seen from above, for three ways of letting it go."""
+    system = Top(transverse_inertia=1.0e-3, axial_inertia=6.0e-4, weight_moment=0.08)
+    figure, panels = plt.subplots(1, 3, figsize=(9.6, 3.5), layout="constrained")
+    starts = (("let go backwards: loops", -4.0), ("let go at rest: cusps", 0.0), ("let go forwards: waves", 1.2))
+    circle = np.linspace(0.0, 2.0 * np.pi, 200)
+    for panel, (title, rate) in zip(panels, starts, strict=True):
+        tilt = jnp.radians(35.0)
+        y0 = system.state([0.0, tilt, 0.0], [rate, 0.0, 60.0 - rate * jnp.cos(tilt)])
+        states = simulate(system, y0, jnp.linspace(0.0, 2.6, 3000), accuracy=1e-10).states
+        x, y, _ = np.asarray(jax.vmap(lambda q: q.rotate(jnp.array([0.0, 0.0, 1.0])))(states.attitude)).T
+        for angle in system.nutation(y0).turning_points():
+            panel.plot(np.sin(angle) * np.cos(circle), np.sin(angle) * np.sin(circle), "--", color="0.6", lw=1.0)
+        panel.plot(x, y, lw=1.3)
+        panel.plot(x[0], y[0], "o", ms=4, color="C3")
+        panel.set(title=title, xlabel="x component of the axis, 1", aspect="equal", xlim=(-0.8, 0.8), ylim=(-0.8, 0.8))
+        panel.set(xticks=[-0.5, 0.0, 0.5], yticks=[-0.5, 0.0, 0.5])
+    panels[0].set_ylabel("y component of the axis, 1")
+    return figure
+
+
+def two_body():
+    """What accuracy costs: error, its estimate and the drift of the energy against evaluations."""
+    system, e = TwoBody(MU_EARTH), 0.7
+    elements = ClassicalElements.from_periapsis(RADIUS_EARTH + 500e3, e)
+    y0 = BodyState(*state_from_elements(elements, MU_EARTH))
+    a = float(elements.semi_latus_rectum) / (1.0 - e * e)
+    ts = jnp.linspace(0.0, 10.0 * np.pi * np.sqrt(a**3 / MU_EARTH), 11)
+    exact = simulate(system, y0, ts).final.position
+    rows = []
+    for rtol in 10.0 ** np.arange(-5.0, -13.5, -1.0):
+        run = simulate(system, y0, ts, accuracy=Accuracy(rtol=rtol, method=DOP853()))
+        error, estimate = (float(jnp.linalg.norm(x)) / a for x in (run.final.position - exact, run.error().position))
+        rows.append((int(run.stats["evaluations"]), error, estimate, float(jnp.max(run.drift()["energy"]))))
+    cost, error, estimate, drift = np.array(rows).T
+    figure, panel = plt.subplots(figsize=(6.4, 4.0), layout="constrained")
+    panel.loglog(cost, error, "o-", label="error against the closed form")
+    panel.loglog(cost, estimate, "x--", label="what Trajectory.error() says")
+    panel.loglog(cost, drift, "s:", label="relative drift of the energy")
+    panel.set(xlabel="evaluations of the vector field", ylabel="error / semi-major axis, or drift")
+    panel.set_title("Five revolutions, eccentricity 0.7, DOP853")
+    panel.set_xticks([1000, 2000, 4000, 8000], labels=["1000", "2000", "4000", "8000"])
+    panel.minorticks_off()
+    panel.grid(alpha=0.3)
+    panel.legend()
+    return figure
+
+
+def torque_free_body():
+    """Angular momentum of one size on its sphere in the body: circles about two axes, and the flips about the third."""
+    moments = np.array([1.0, 2.0, 3.0])
+    # From the greatest axis towards the least: the separatrix, the path of the middle axis, is crossed at 30 degrees.
+    angles = np.radians([8, 16, 23, 28, 33, 42, 55, 70])
+    directions = [np.array([np.sin(p), 0.0, np.cos(p)]) for p in angles]
+    h = np.concatenate([s * np.array(directions) for s in (1.0, -1.0)])
+    n = len(h)
+    y0s = BodyState(attitude=Quaternion(jnp.tile(jnp.array([1.0, 0.0, 0.0, 0.0]), (n, 1))), omega=jnp.asarray(h / moments))
+    system = TorqueFreeBody(PrincipalInertia(jnp.asarray(moments)))
+    omega = simulate_batch(system, y0s, jnp.linspace(0.0, 60.0, 1500), accuracy=1e-9, in_axes=(None, 0)).states.omega
+    # Seen from a direction (east and north span the page) between the three axes.
+    azimuth, elevation = np.radians([48.0, 28.0])
+    east = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
+    towards = np.array([np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation)])
+    north = np.cross(towards, east)
+    figure, panel = plt.subplots(figsize=(5.4, 5.2), layout="constrained")
+    panel.add_patch(plt.Circle((0.0, 0.0), 1.0, facecolor="0.95", edgecolor="0.5", zorder=0))
+    for path in np.asarray(omega * moments):
+        color = "C0" if np.sum(path[0] ** 2 / moments) > 0.5 else "C3"
+        front = np.where((path @ towards > 0.0)[:, None], path, np.nan)
+        panel.plot(front @ east, front @ north, color=color, lw=1.4)
+    for axis, name in zip(np.eye(3), ("least", "middle", "greatest"), strict=True):
+        tip = np.array([axis @ east, axis @ north])
+        panel.plot(*tip, "ko", ms=4)
+        panel.annotate(f"{name} axis", tip, xytext=(0, 6), textcoords="offset points", ha="center")
+    panel.set(xlim=(-1.08, 1.08), ylim=(-1.08, 1.08), aspect="equal", xlabel="angular momentum / its size, to the right, 1")
+    panel.set_ylabel("angular momentum / its size, upwards, 1")
+    panel.set_title("Polhodes, moments of inertia 1 : 2 : 3")
+    return figure
+
+
+def rockets():
+    """Jet damping: the rate across the axis while a motor burns, simulated and in closed form."""
+    figure, panel = plt.subplots(figsize=(6.4, 4.0), layout="constrained")
+    for k, lever in enumerate((0.5, 1.0, 1.5, 2.0)):
+        gyration = 1.0  # m
+        body = BurningBody(1.0, [gyration**2] * 3, gyration_radii=[gyration] * 3)
+        motor = Thrust(mean_thrust=1.0, exhaust_velocity=100.0, burn_time=90.0)  # 0.01 kg/s
+        scene = Scene([motor, JetDamping(motor.mass_rate, exit_station=-lever)], body)
+        at_rest, turning = jnp.zeros(3), jnp.array([1.0, 0.0, 0.0])
+        y0 = BodyState(at_rest, at_rest, Quaternion.identity(), turning, jnp.array(2.0))
+        run = simulate(scene, y0, jnp.linspace(0.0, 90.0, 19), accuracy=1e-9)
+        xi = np.linspace(1.0, 0.55, 100)
+        panel.plot(xi, jet_damping_ratio(xi, lever / gyration), color=f"C{k}", label=f"l / k = {lever:.1f}")
+        panel.plot(run.states.mass / 2.0, run.states.omega[:, 0], "o", ms=4, color=f"C{k}")
+    panel.invert_xaxis()
+    panel.set(xlabel="mass / initial mass", ylabel="rate across the axis / initial rate")
+    panel.set_title("Jet damping: closed form (lines), simulated (dots)")
+    panel.grid(alpha=0.3)
+    panel.legend()
+    return figure
+
+
+def two_gimbal_gyro():
+    """Gimbal walk: the outer gimbal of a nutating gyro drifts although nothing acts on it."""
+    gyro = TwoGimbalGyro(1.0e-4, 1.8e-4, 2500.0, inner_xi=0.6e-4, inner_eta=0.5e-4, inner_zeta=0.6e-4, outer=1.2e-4)
+    tilt, rate = jnp.radians(60.0), 60.0
+    walk = gyro.walk(tilt, rate)
+    ts = jnp.linspace(0.0, 12.0 * walk.period(), 2000)
+    run = simulate(gyro, gyro.state(tilt, 0.0, rate, 0.0), ts, accuracy=1e-10)
+    figure, (left, right) = plt.subplots(1, 2, figsize=(9.0, 3.6), layout="constrained")
+    left.plot(ts * 1e3, jnp.degrees(run.states.psi), label="simulated")
+    left.plot(ts * 1e3, jnp.degrees(walk.drift() * ts), "--", color="C3", label="closed form of the drift")
+    left.set(xlabel="time, ms", ylabel="outer gimbal psi, deg", title="Gimbal walk", ylim=(-1.0, 4.0))
+    left.legend()
+    right.plot(jnp.degrees(run.states.psi), jnp.degrees(run.states.theta), lw=1.0)
+    right.set(xlabel="outer gimbal psi, deg", ylabel="inner gimbal theta, deg", title="Path of the rotor's axis")
+    for panel in (left, right):
+        panel.grid(alpha=0.3)
+    return figure
+
+
+def optimization():
+    """Payload against velocity for one to three stages; the best steering found in two ways."""
+    figure, (left, right) = plt.subplots(1, 2, figsize=(9.4, 3.8), layout="constrained")
+    for stages in (1, 2, 3):
+        u, b = jnp.full((stages,), 3000.0), jnp.full((stages,), 0.12)
+        v = jnp.linspace(500.0, 0.999 * float(-jnp.sum(u * jnp.log(b))), 300)
+        left.semilogy(v / 1e3, optimal_staging(u, b, v).payload_ratio, label=f"{stages} stage{'s' if stages > 1 else ''}")
+    left.set(xlabel="total velocity, km/s", ylabel="payload / initial mass", ylim=(1e-4, 1.0), title="Optimal staging")
+    left.legend()
+    ascent = Ascent(ConstantMassFlow(3000.0, 150.0), 100.0, 0.0, 0.0, 150e3, 9.81)
+    best = linear_tangent_steering(ascent)
+    t = jnp.linspace(0.0, 100.0, 200)
+    nodes = jnp.linspace(0.0, 100.0, 6)
+    found = optimise_steering(ascent, SteeringProfile(nodes, jnp.full((6,), 0.5)), 0.5)
+    right.plot(t, jnp.degrees(best.angle(t)), label="linear-tangent law")
+    right.plot(nodes, jnp.degrees(found.steering.angles), "o", label="direct shooting, six nodes")
+    right.set(xlabel="time, s", ylabel="thrust angle, deg", title="Steering to the greatest velocity at 150 km")
+    right.legend()
+    for panel in (left, right):
+        panel.grid(alpha=0.3)
+    return figure
+
+
+def missions():
+    """A kick stage: spin and apogee through burn, coast and yo-yo."""
+    body = BurningBody(1200.0, [900.0, 900.0, 420.0], gyration_radii=[0.45, 0.45, 0.4], propellant_station=-1.2)
+    gravity = PointGravity(MU_EARTH)
+    motor = Thrust.of_motor(5.8e6, 84.0, 2000.0, point=[2e-3, 0.0, -2.0], misalignment=[1e-3, 0.0])
+    burn = Scene([gravity, motor, JetDamping(motor.mass_rate, exit_station=-2.5, exit_radius=0.35)], body)
+    coast = Scene([gravity], body, carry=("attitude", "mass"))
+    yo_yo = YoYo(axial_inertia=420.0, radius=0.7, mass=4.0, cord_length=10.0)
+    phases = [Phase(burn, 84.0, name="burn"), Phase(coast, 30.0, yo_yo, name="coast"), Phase(coast, 40.0, name="despun")]
+    radius = RADIUS_EARTH + 185e3
+    start = BodyState(
+        position=jnp.array([radius, 0.0, 0.0]),
+        velocity=jnp.array([0.0, jnp.sqrt(MU_EARTH / radius), 0.0]),
+        attitude=Quaternion.about(0, -jnp.pi / 2.0),
+        omega=jnp.array([0.0, 0.0, 2.0 * jnp.pi]),
+        mass=jnp.array(3200.0),
+    )
+    flight = simulate(Mission(phases), start, accuracy=1e-8, samples=200)
+    figure, panels = plt.subplots(3, 1, figsize=(6.4, 6.2), sharex=True, layout="constrained")
+    for k, name in enumerate(flight.names):
+        t, y = flight[name].ts, flight[name].states
+        apogee = jax.vmap(lambda r, v: apoapsis_radius(r, v, MU_EARTH))(y.position, y.velocity) - RADIUS_EARTH
+        for panel, values in zip(panels, (apogee / 1e3, y.omega[:, 2], jnp.degrees(y.omega[:, 0])), strict=True):
+            panel.plot(t, values, color=f"C{k}", label=name)
+    for panel, label in zip(panels, ("apogee height, km", "spin, rad/s", "rate across it, deg/s"), strict=True):
+        panel.set_ylabel(label)
+        panel.grid(alpha=0.3)
+    panels[0].legend()
+    panels[0].set_title("Kick stage: burn, coast, yo-yo")
+    panels[-1].set_xlabel("time, s")
+    return figure
+
+
+DRAWN = {f.__name__: f for f in (top, two_body, torque_free_body, rockets, two_gimbal_gyro, optimization, missions)}
+
+if __name__ == "__main__":
+    jaxspace.enable_x64()
+    plt.switch_backend("agg")
+    HERE.mkdir(exist_ok=True)
+    for name in sys.argv[1:] or DRAWN:
+        DRAWN[name]().savefig(HERE / f"{name}.png", dpi=110)
+        plt.close("all")

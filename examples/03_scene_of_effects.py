@@ -1,0 +1,75 @@
+"""A scene: gravity, the earth's oblateness and an air drag of your own; what each costs, and what each does."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+
+import jaxspace
+from jaxspace import BodyState, Scene, simulate
+from jaxspace.bodies import Load
+from jaxspace.constants import J2_EARTH, MU_EARTH, RADIUS_EARTH
+from jaxspace.orbits import (
+    ClassicalElements,
+    Oblateness,
+    PointGravity,
+    elements_from_state,
+    node_regression_rate,
+    semi_major_axis,
+    state_from_elements,
+)
+from jaxspace.scene import Custom
+
+jaxspace.enable_x64()
+
+
+class AirDrag(eqx.Module):
+    """Drag in an exponential atmosphere at rest, as an acceleration: no mass is needed."""
+
+    ballistic_coefficient: jax.Array  # kg/m^2
+    density: float = 3.7e-12  # kg/m^3, at 400 km
+    scale_height: float = 60e3  # m
+
+    def __call__(self, t, y, body):
+        height = jnp.linalg.norm(y.position, axis=0) - RADIUS_EARTH
+        density = self.density * jnp.exp(-(height - 400e3) / self.scale_height)
+        speed = jnp.linalg.norm(y.velocity, axis=0)
+        return Load(acceleration_N=-0.5 * density * speed / self.ballistic_coefficient * y.velocity)
+
+
+drag = Custom(AirDrag(jnp.asarray(100.0)), needs={"position", "velocity"}, adds={"acceleration"})
+effects = {"gravity": PointGravity(MU_EARTH), "oblateness": Oblateness(MU_EARTH, J2_EARTH, RADIUS_EARTH), "drag": drag}
+scene = Scene(list(effects.values()))
+
+# The state holds what the effects ask for and no more: no mass, no attitude. The table counts compiled arithmetic.
+print(scene.explain())
+
+inclination = jnp.radians(51.6)
+orbit = ClassicalElements.from_periapsis(RADIUS_EARTH + 400e3, eccentricity=0.001, inclination=inclination)
+y0 = BodyState(*state_from_elements(orbit, MU_EARTH))
+a = float(semi_major_axis(y0.position, y0.velocity, MU_EARTH))
+day = 86400.0
+ts = jnp.linspace(0.0, 3.0 * day, 1201)
+
+
+def node(run):
+    """Longitude of the ascending node, rad, at every time."""
+    elements = elements_from_state(run.states.position.T, run.states.velocity.T, MU_EARTH)
+    return jnp.unwrap(elements.node)
+
+
+# Oblateness turns the plane of the orbit backwards: the slope of the node against the closed form of first order in J2.
+run = simulate(scene, y0, ts, accuracy=1e-10)
+simulated = jnp.polyfit(ts, node(run), 1)[0]
+predicted = -node_regression_rate(a, 0.001, inclination, MU_EARTH, J2_EARTH, RADIUS_EARTH)
+print(f"\nthe node moves {jnp.degrees(simulated) * day:.4f} deg a day; closed form {jnp.degrees(predicted) * day:.4f}")
+assert abs(simulated / predicted - 1.0) < 0.01
+
+# Leave one effect out, and see what it did to the answer. What is absent is not computed.
+print("\nwithout     evaluations  the satellite ends up elsewhere by   energy drift")
+for name in ("oblateness", "drag"):
+    rest = Scene([effect for other, effect in effects.items() if other != name])
+    without = simulate(rest, y0, ts, accuracy=1e-10)
+    apart = jnp.linalg.norm(without.final.position - run.final.position)
+    kept = without.drift()  # the energy is in it only where every effect keeps it
+    drift = f"{jnp.max(kept['energy']):.0e}" if "energy" in kept else "drag keeps none"
+    print(f"{name:10s}  {without.stats['evaluations']:11d}  {apart / 1e3:24.1f} km  {drift:>15s}")
