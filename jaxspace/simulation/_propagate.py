@@ -128,7 +128,7 @@ def _by_integration(
         saved.append(diffrax.SubSaveAt(steps=True, fn=lambda s, y, a: None))
     atol = 1e-3 * accuracy.rtol if accuracy.atol is None else accuracy.atol
     tolerance = Tolerance(jnp.asarray(accuracy.rtol, dtype), jnp.asarray(atol, dtype), run_axes)
-    lengths = jnp.maximum(jnp.mean(jnp.diff(u, axis=0).reshape(u.shape[0] - 1, -1), axis=1), 1e-6)
+    lengths = jax.lax.stop_gradient(jnp.maximum(jnp.mean(jnp.diff(u, axis=0).reshape(u.shape[0] - 1, -1), axis=1), 1e-6))
     solution: Any = diffrax.diffeqsolve(
         diffrax.ODETerm(_rate),  # pyright: ignore[reportArgumentType]
         Accounted(accuracy.method, tolerance),  # pyright: ignore[reportArgumentType]
