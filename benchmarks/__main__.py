@@ -14,7 +14,12 @@ from . import integrators, kick_stage  # noqa: E402
 
 def main() -> None:
     """One block of JSON for each benchmark."""
-    here = {"python": platform.python_version(), "jax": jax.__version__, "cores": os.cpu_count(), "backend": jax.default_backend()}
+    here = {
+        "python": platform.python_version(),
+        "jax": jax.__version__,
+        "cores": os.cpu_count(),
+        "backend": jax.default_backend(),
+    }
     print(json.dumps({"machine": here}))
     for benchmark in (integrators, kick_stage):
         print(json.dumps({benchmark.__name__.split(".")[-1]: benchmark.measure()}, indent=1), flush=True)

@@ -9,7 +9,7 @@ from jaxspace.attitude import YoYo
 from jaxspace.bodies import BurningBody
 from jaxspace.constants import MU_EARTH, RADIUS_EARTH
 from jaxspace.orbits import PointGravity, apoapsis_radius
-from jaxspace.rockets import Thrust
+from jaxspace.rockets import JetDamping, Thrust
 from jaxspace.rotations import Quaternion
 from jaxspace.solvers import Tsit5
 
@@ -25,7 +25,7 @@ def mission(knobs):
     body = BurningBody(DRY, [900.0, 900.0, 420.0], gyration_radii=[0.45, 0.45, 0.4], propellant_station=-1.2)
     misalignment = jnp.stack([knobs["misalignment"], 0.0 * knobs["misalignment"]])
     motor = Thrust.of_motor(3.4e6, knobs["burn_time"], PROPELLANT, point=[0.0, 0.0, -2.0], misalignment=misalignment)
-    burn = Scene([gravity, motor], body)
+    burn = Scene([gravity, motor, JetDamping(motor.mass_rate, exit_station=-2.8)], body)
     coast = Scene([gravity], body, carry=("attitude", "mass"))
     yo_yo = YoYo(axial_inertia=420.0, radius=0.7, mass=YO_YO, cord_length=knobs["cord_length"])
     return Mission([Phase(burn, knobs["burn_time"], name="burn"), Phase(coast, 20.0, then=yo_yo, name="coast")])

@@ -51,7 +51,8 @@ def test_rocket_in_free_space():
 
 def test_body_that_sweeps_up_matter_at_rest():
     """T7.7-3: m v stays; matter at rest enters with a force -m' v against the motion."""
-    sweep = Custom(lambda t, y, b: Load(force_N=-2.0 * y.velocity, mass_rate=2.0 + 0.0 * y.mass), {"velocity"}, {"force", "mass_rate"})
+    load = lambda t, y, b: Load(force_N=-2.0 * y.velocity, mass_rate=2.0 + 0.0 * y.mass)  # noqa: E731
+    sweep = Custom(load, {"velocity"}, {"force", "mass_rate"})
     y = BodyState(position=jnp.zeros(3), velocity=jnp.array([100.0, 0.0, 0.0]), mass=jnp.array(500.0))
     end = simulate(Scene((sweep,)), y, jnp.array([0.0, 60.0]), accuracy=1e-13).final
     np.testing.assert_allclose(end.velocity[0], 80.64516129032258, rtol=1e-12)
@@ -147,31 +148,35 @@ def test_jet_damping_with_a_moment():
 
 
 @pytest.mark.parametrize(
-    ("rho", "t", "w_xy", "w_z", "angle", "spin", "axis"),
+    ("rho", "t", "w_x", "w_y", "w_z", "angle", "tilt_x", "tilt_y"),
     [
         # T7.9-Ex1-a, -b, -c, -d: nozzle ring inside, at, without, and outside of the radius of gyration.
-        (0.2, 20.0, (0.02265170051521131, 0.013076051778517317), 6.838199798129711, 127.95608478552124, 6.0, (0.019871574844924897, 0.12081681732498376)),
-        (0.4, 60.0, (0.003148824539818691, -0.01734177712488905), 6.0, 360.0, 6.0, (0.020110411499214685, 0.033532422078701656)),
-        (0.0, 60.0, (-0.018027022769078953, 0.0006824235862432634), 11.538461538461538, 490.444850554998, 6.0, (-0.004566914446980836, 0.09098415027756093)),
-        (0.6, 20.0, (0.02578983180583812, 0.001487509218308234), 4.825033777560324, 108.1650903805182, 6.0, (0.07398018658816413, 0.060213995076644745)),
+        (0.2, 20.0, 0.02265170051521131, 0.013076051778517317, 6.838199798129711, 127.95608478552124)
+        + (0.019871574844924897, 0.12081681732498376),
+        (0.4, 60.0, 0.003148824539818691, -0.01734177712488905, 6.0, 360.0) + (0.020110411499214685, 0.033532422078701656),
+        (0.0, 60.0, -0.018027022769078953, 0.0006824235862432634, 11.538461538461538, 490.444850554998)
+        + (-0.004566914446980836, 0.09098415027756093),
+        (0.6, 20.0, 0.02578983180583812, 0.001487509218308234, 4.825033777560324, 108.1650903805182)
+        + (0.07398018658816413, 0.060213995076644745),
     ],
     ids=["a", "b", "c", "d"],
 )
-def test_spinning_rocket_with_jet_damping(rho, t, w_xy, w_z, angle, spin, axis):
+def test_spinning_rocket_with_jet_damping(rho, t, w_x, w_y, w_z, angle, tilt_x, tilt_y):
+    spin = 6.0
     rate = lambda t, m: -8.0 + 0.0 * m  # noqa: E731
     flow = Custom(lambda t, y, b: Load(mass_rate=rate(t, y.mass)), {"mass"}, {"mass_rate"})
     scene = Scene((flow, JetDamping(rate, -2.0, rho)), gyrating(1.5, 0.4))
     y = BodyState(attitude=Quaternion.identity(), omega=jnp.array([0.03, 0.0, spin]), mass=jnp.array(1000.0))
     # The tolerance is that of the whole rate, a thousand times the transverse one that is compared.
     end = simulate(scene, y, jnp.array([0.0, t]), accuracy=5e-15).final
-    np.testing.assert_allclose(end.omega[:2], w_xy, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(end.omega[:2], [w_x, w_y], rtol=1e-9, atol=1e-12)
     np.testing.assert_allclose(end.omega[2], w_z, rtol=1e-11)
     np.testing.assert_allclose(spin * spin_ratio(end.mass / 1000.0, rho / 0.4), w_z, rtol=1e-11)
     np.testing.assert_allclose(spin_angle(t, spin, 8e-3, rho / 0.4), angle, rtol=1e-11)
     # theta e^{i psi} from the tip of the axis, (sin(theta) sin(psi), -sin(theta) cos(psi)).
     z = np.asarray(end.attitude.rotate(jnp.array([0.0, 0.0, 1.0])))
     tilt = np.arctan2(np.hypot(z[0], z[1]), z[2]) * np.exp(1j * np.arctan2(z[0], -z[1]))
-    np.testing.assert_allclose([tilt.real, tilt.imag], axis, rtol=1e-7, atol=1e-9)
+    np.testing.assert_allclose([tilt.real, tilt.imag], [tilt_x, tilt_y], rtol=1e-7, atol=1e-9)
 
 
 @pytest.mark.parametrize(

@@ -113,8 +113,8 @@ class Top(AbstractSystem):
     @staticmethod
     def state(angles: Vector | Sequence[Scalar], rates: Vector | Sequence[Scalar]) -> BodyState:
         """The state from `angles` = (psi, theta, phi), rad, and their `rates`, rad/s, both of shape (3, *runs)."""
-        angles, rates = as_float(angles), as_float(rates)
-        return BodyState(attitude=from_euler_angles(angles), omega=omega_from_euler_rates(angles, rates))
+        a, a_dot = as_float(angles), as_float(rates)
+        return BodyState(attitude=from_euler_angles(a), omega=omega_from_euler_rates(a, a_dot))
 
     @staticmethod
     def angles(y: BodyState) -> Vector:

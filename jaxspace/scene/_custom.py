@@ -15,7 +15,8 @@ ADDS = ("acceleration", "force", "torque", "mass_rate", "parts")
 class Custom(AbstractEffect):
     """An effect from a function `load(t, y, body) -> Load`, written for runs on the last axis like any physics here.
 
-    - `function`: best an `equinox.Module` with a `__call__`, whose parameters are then part of the scene.
+    - `function`: best an `equinox.Module` with a `__call__`, whose parameters are then part of the scene. In
+      a batch its arrays carry the runs on the last axis, or an axis of length one there when all runs share them.
     - `needs`, `adds`, `keeps`: as in `AbstractEffect`.
     - `energy`: a function (t, y, body) -> potential energy per unit mass, J/kg, if the effect keeps the energy.
 

@@ -46,7 +46,7 @@ def budget(scene: Scene, t: Scalar = 0.0, y: BodyState | None = None) -> list[Ef
         rows.append(
             EffectRow(type(effect).__name__, tuple(sorted(effect.needs)), tuple(sorted(effect.adds)), saved, saved / whole)
         )
-    own = whole - sum(row.operations for row in rows)
+    own = max(whole - sum(row.operations for row in rows), 0)  # effects may share work that none of them saves alone
     return [*rows, EffectRow("equations of motion", scene.parts, (), own, own / whole)]
 
 
