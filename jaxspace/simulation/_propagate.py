@@ -16,15 +16,15 @@ length of the span and to the break times come out by themselves.
 
 from typing import Any, final
 
-import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
 from .._core import AbstractClosedFormSystem, AbstractPiecewiseSystem, AbstractSystem, Scalar, State, safe_divide
-from ..solvers import Accounted, PlannedSteps, Tolerance, WorstRunControl
+from ..solvers import Tolerance
 from ._accuracy import Accuracy
+from ._integrate import Manner, integrate
 from ._status import judged
 
 
@@ -94,16 +94,22 @@ def _segments(system: AbstractSystem, t0: Scalar, span: Scalar, extra: Array | N
     return jnp.sort(u, axis=0) if inner else u
 
 
-@eqx.filter_jit
-def _rate(s: Scalar, y: State, args: Any) -> State:
-    """dy/ds on the clock of the integration."""
-    system, u, t0, span = args
-    segments = u.shape[0] - 1
-    start = jnp.clip(jnp.floor(s), 0.0, segments - 1.0)
-    i = start.astype(jnp.int32) if segments > 1 else 0
-    width = u[i + 1] - u[i]
-    t = t0 + span * (u[i] + (s - start) * width)
-    return jax.tree.map(lambda k: k * (span * width), system.vector_field(t, y))
+@final
+class _Rate(eqx.Module):
+    """dy/ds on the clock of the integration, as a function of s and y."""
+
+    system: AbstractSystem
+    u: Array
+    t0: Array
+    span: Array
+
+    def __call__(self, s: Scalar, y: State) -> State:
+        segments = self.u.shape[0] - 1
+        start = jnp.clip(jnp.floor(s), 0.0, segments - 1.0)
+        i = start.astype(jnp.int32) if segments > 1 else 0
+        width = self.u[i + 1] - self.u[i]
+        t = self.t0 + self.span * (self.u[i] + (s - start) * width)
+        return jax.tree.map(lambda k: k * (self.span * width), self.system.vector_field(t, y))
 
 
 def _by_integration(
@@ -123,45 +129,28 @@ def _by_integration(
     per_run = u.ndim > 1 and fractions is not None
     if per_run:
         u = _segments(system, t0, t1 - t0, fractions)
-    saved = [_saved(u, fractions, per_run)]
-    if record:
-        saved.append(diffrax.SubSaveAt(steps=True, fn=lambda s, y, a: None))
     atol = 1e-3 * accuracy.rtol if accuracy.atol is None else accuracy.atol
     tolerance = Tolerance(jnp.asarray(accuracy.rtol, dtype), jnp.asarray(atol, dtype), run_axes)
-    lengths = jax.lax.stop_gradient(jnp.maximum(jnp.mean(jnp.diff(u, axis=0).reshape(u.shape[0] - 1, -1), axis=1), 1e-6))
-    solution: Any = diffrax.diffeqsolve(
-        diffrax.ODETerm(_rate),  # pyright: ignore[reportArgumentType]
-        Accounted(accuracy.method, tolerance),  # pyright: ignore[reportArgumentType]
-        jnp.zeros((), dtype),
-        jnp.asarray(u.shape[0] - 1, dtype),
-        None,
-        y0,
-        (system, u, t0, t1 - t0),
-        saveat=diffrax.SaveAt(subs=saved, solver_state=True),
-        stepsize_controller=WorstRunControl(tolerance, lengths) if plan is None else PlannedSteps(plan.astype(dtype)),
-        adjoint=accuracy.adjoint,
-        max_steps=accuracy.max_steps if plan is None else plan.shape[0] - 1,
-        throw=False,
-    )
-    states = _at_fractions(solution.ys[0], u, fractions, run_axes) if per_run and fractions is not None else solution.ys[0]
-    account = solution.solver_state[1]
+    lengths = jnp.maximum(jnp.mean(jnp.diff(u, axis=0).reshape(u.shape[0] - 1, -1), axis=1), 1e-6)
+    manner = Manner(accuracy, tolerance, lengths, _kept(u, fractions, per_run))
+    course = integrate(_Rate(system, u, t0, t1 - t0), y0, manner, plan, record)
+    states = _at_fractions(course.states, u, fractions, run_axes) if per_run and fractions is not None else course.states
     finite = tolerance.alive(jax.tree.map(lambda x: x[-1], states))
-    status = judged(solution.result == diffrax.RESULTS.max_steps_reached, finite, account)
     stats = {
-        "steps": solution.stats["num_accepted_steps"],
-        "rejected_steps": solution.stats["num_rejected_steps"],
-        "evaluations": solution.stats["num_steps"] * getattr(accuracy.method, "evaluations", 1),
-        "largest_local_error": account,
+        "steps": course.accepted,
+        "rejected_steps": course.rejected,
+        "evaluations": (course.accepted + course.rejected) * getattr(accuracy.method, "evaluations", 1),
+        "largest_local_error": course.account,
     }
-    return Propagation(states, status, stats, solution.ts[1] if record else None)
+    return Propagation(states, judged(course.out_of_steps, finite, course.account), stats, course.ends)
 
 
-def _saved(u: Array, fractions: Any, per_run: bool) -> diffrax.SubSaveAt:
-    """Where on the clock states are kept: at its end, at every segment's end, or at the `fractions` of the span."""
+def _kept(u: Array, fractions: Any, per_run: bool) -> Array | None:
+    """Where on the clock states are kept: at its end (`None`), at every segment's end, or at the `fractions` of the span."""
     if fractions is None:
-        return diffrax.SubSaveAt(t1=True)
+        return None
     clock = jnp.arange(u.shape[0], dtype=u.dtype)
-    return diffrax.SubSaveAt(ts=clock if per_run else jnp.interp(fractions.astype(u.dtype), u, clock))
+    return clock if per_run else jnp.interp(fractions.astype(u.dtype), u, clock)
 
 
 def _at_fractions(states: State, u: Array, fractions: Array, run_axes: int) -> State:

@@ -102,7 +102,7 @@ def check_times(ts: Any, y0: State) -> Array:
     if ts.ndim != 1 or ts.shape[0] < 2:
         raise InputError(f"ts has the shape {ts.shape}: it must be one axis of at least two times.")
     if known(ts):
-        steps = np.diff(np.asarray(ts))
+        steps = np.diff(np.asarray(ts, dtype=float))
         check_finite("ts", ts)
         if not (np.all(steps >= 0.0) or np.all(steps <= 0.0)):
             raise InputError("ts turns around: its times must ascend or descend.")
