@@ -80,13 +80,15 @@ def _solve(rate: Any, y0: State, manner: Manner, plan: Array | None, record: boo
 
 @eqx.filter_custom_vjp
 def _replayable(given: tuple[Any, State], manner: Manner) -> Course:
-    return _solve(*given, manner, None, False)
+    rate, y0 = given
+    return _solve(rate, y0, manner, None, False)
 
 
 @_replayable.def_fwd
 def _forwards(perturbed: Any, given: tuple[Any, State], manner: Manner) -> tuple[Course, Array]:
     del perturbed
-    course = _solve(*given, manner, None, True)
+    rate, y0 = given
+    course = _solve(rate, y0, manner, None, True)
     assert course.ends is not None
     return course._replace(ends=None), jnp.concatenate([jnp.zeros((1,), course.ends.dtype), course.ends])
 
@@ -94,7 +96,7 @@ def _forwards(perturbed: Any, given: tuple[Any, State], manner: Manner) -> tuple
 @_replayable.def_bwd
 def _backwards(plan: Array, gradient: Course, perturbed: Any, given: tuple[Any, State], manner: Manner) -> Any:
     del perturbed
-    states, pull_back = eqx.filter_vjp(lambda g: _solve(*g, manner, plan, False).states, given)
+    states, pull_back = eqx.filter_vjp(lambda g: _solve(g[0], g[1], manner, plan, False).states, given)
     filled = jax.tree.map(
         lambda y, g: jnp.zeros_like(y) if g is None and y is not None else g, states, gradient.states, is_leaf=lambda x: x is None
     )
