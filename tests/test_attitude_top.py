@@ -220,15 +220,6 @@ def test_precession_time_against_the_first_rate():  # H4.25
     assert_allclose(ratios, expected, rtol=CASE)
 
 
-def test_pendulum_is_a_hanging_top_without_spin():  # T5.12-P7
-    pendulum = Top(1.0, 0.1, -9.80665)
-    amplitude = [0.5235987755982989, 1.5707963267948966, 2.6179938779914944, 3.12413936106985]
-    expected = [2.0413384658583684, 2.3682463462860097, 3.5357019383114, 7.827133388800017]
-    # The angle with the upward vertical goes twice from the amplitude to the bottom while the pendulum swings once.
-    periods = [2.0 * pendulum.nutation(released(np.pi - a, 0.0)).period() for a in amplitude]
-    assert_allclose(periods, expected, rtol=CASE)
-
-
 angle = st.floats(-3.0, 3.0)
 
 
@@ -243,7 +234,8 @@ def test_angles_and_rates_return(psi, theta, phi, rates):
         assert_allclose(back, rates, atol=1e-12 / theta**2 + 1e-12)
     assert_allclose(again.attitude.matrix(), y.attitude.matrix(), atol=1e-13)
     # At the vertical the rates return in one sense alone: nutation and psi' + phi'.
-    assert_allclose(again.omega, y.omega, atol=1e-9 if theta > 0.0 or psi == 0.0 else np.inf)
+    if theta > 0.0 or psi == 0.0:
+        assert_allclose(again.omega, y.omega, atol=1e-9)
     assert_allclose(back[0] * np.cos(theta) + back[2], y.omega[2], rtol=1e-9, atol=1e-9)
 
 
@@ -347,13 +339,18 @@ def test_derivatives_of_the_angles(x):
 
 
 def test_derivatives_of_the_closed_forms():
-    def forms(v):
+    def steady(v):
         top, theta, n = Top(v[0], v[1], v[2]), v[3], v[4]
         slow, fast = top.steady_precession_rates(theta, n)
+        return jnp.stack([slow, fast, top.least_spin(theta), top.nutation_frequency(theta, slow, n)])
+
+    def forms(v):
+        top, theta, n = Top(v[0], v[1], v[2]), v[3], v[4]
+        slow, _ = top.steady_precession_rates(theta, n)
         nutation = top.nutation(Top.state(jnp.array([0.0, 1.0, 0.0]) * theta, jnp.array([0.1, 0.0, 1.0]) * n))
         return jnp.stack(
             [
-                *(slow, fast, top.least_spin(theta), top.nutation_frequency(theta, slow, n)),
+                *steady(v),
                 *(top.sleeping_growth_rate(0.1 * n), top.momentum_angle(theta, slow, n), *nutation.turning_points()),
                 *(nutation.period(), nutation.precession(), *top.precession_rates_from_momentum(theta, v[1] * n)),
             ]
@@ -361,8 +358,7 @@ def test_derivatives_of_the_closed_forms():
 
     check_derivatives(forms, [1.3, 1.0, 0.7, 0.8, 4.0], rtol=1e-6)
     for x in ([1.3, 1.0, 0.7, 0.0, 4.0], [1.3, 1.3, 0.0, 0.8, 4.0], [1.3, 1.0, -0.7, 0.8, 0.0]):
-        some = lambda v: forms(v)[:4]  # noqa: E731
-        assert np.all(np.isfinite(jax.jacfwd(some)(jnp.array(x)))) and np.all(np.isfinite(jax.jacrev(some)(jnp.array(x))))
+        assert np.all(np.isfinite(jax.jacfwd(steady)(jnp.array(x)))) and np.all(np.isfinite(jax.jacrev(steady)(jnp.array(x))))
 
 
 def test_derivative_of_continuous_precession():

@@ -147,6 +147,14 @@ def test_jet_damping_with_a_moment():
     np.testing.assert_allclose(2.0 * np.unwrap(np.arctan2(q[:, 1], q[:, 0]))[-1], 23.699979258778196, rtol=1e-10)
 
 
+def leak(t, m):
+    """Eight kilograms a second."""
+    return -8.0 + 0.0 * m
+
+
+LEAK = Custom(lambda t, y, b: Load(mass_rate=leak(t, y.mass)), {"mass"}, {"mass_rate"})
+
+
 @pytest.mark.parametrize(
     ("rho", "t", "w_x", "w_y", "w_z", "angle", "tilt_x", "tilt_y"),
     [
@@ -163,9 +171,7 @@ def test_jet_damping_with_a_moment():
 )
 def test_spinning_rocket_with_jet_damping(rho, t, w_x, w_y, w_z, angle, tilt_x, tilt_y):
     spin = 6.0
-    rate = lambda t, m: -8.0 + 0.0 * m  # noqa: E731
-    flow = Custom(lambda t, y, b: Load(mass_rate=rate(t, y.mass)), {"mass"}, {"mass_rate"})
-    scene = Scene((flow, JetDamping(rate, -2.0, rho)), gyrating(1.5, 0.4))
+    scene = Scene((LEAK, JetDamping(leak, -2.0, rho)), gyrating(1.5, 0.4))
     y = BodyState(attitude=Quaternion.identity(), omega=jnp.array([0.03, 0.0, spin]), mass=jnp.array(1000.0))
     # The tolerance is that of the whole rate, a thousand times the transverse one that is compared.
     end = simulate(scene, y, jnp.array([0.0, t]), accuracy=5e-15).final

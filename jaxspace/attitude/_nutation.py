@@ -18,6 +18,8 @@ all roots, and descends to the largest. The other two follow from
 (1 - u1)(1 - u2) = (gamma - N)^2 / (y3 - beta) and (1 + u1)(1 + u2) = (gamma + N)^2 / (y3 + beta), so that an angle near
 the vertical keeps its digits. In the integral of psi' the spikes at u = 1 and u = -1 are integrated apart (each is half a
 turn); what is left is smooth.
+A swing in a vertical plane (N = gamma = 0, the plane pendulum) is left out: its third root lies on the vertical, and the
+two products are undefined; period and precession come out infinite or NaN.
 On the path that creeps up to the vertical (a sleeping top below its critical spin) the period is infinite.
 """
 
