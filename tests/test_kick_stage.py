@@ -60,7 +60,8 @@ def test_derivatives_of_the_final_orbit_in_every_dispersed_input(campaign):
     slopes = jax.jit(jax.vmap(slope), compiler_options={"xla_backend_optimization_level": 0})(jnp.eye(values.shape[0]))
     assert np.all(np.isfinite(slopes))
     for found, expected, value in zip(np.asarray(slopes), np.asarray(differences), np.asarray(values), strict=True):
+        # Of each slope; slopes ten million times below the largest of an output drown in the error of the integration.
         noise = 20.0 * np.finfo(float).eps * np.max(np.abs(value)) / STEP
-        np.testing.assert_allclose(found, expected, rtol=1e-6, atol=noise)
+        np.testing.assert_allclose(found, expected, rtol=1e-6, atol=noise + 1e-7 * np.max(np.abs(expected)))
     reached = np.abs(np.asarray(slopes)).max(axis=0) > 0.0
     assert np.all(reached), [n for n, r in zip(names, reached, strict=True) if not r]
