@@ -51,8 +51,9 @@ def lane(state, i):
 def test_compiled_is_eager(name):
     s = BY_NAME[name]
     t = jnp.array(0.3 * s.span)
-    # The compiler contracts products and sums: a few roundings, magnified where a rate is the small rest of large terms.
-    assert_near(eqx.filter_jit(s.system.vector_field)(t, s.state), s.system.vector_field(t, s.state), 1e-8)
+    # The compiler contracts products and sums: a few roundings. The gyro's slow rates are small rests of large terms.
+    tolerance = 1e-8 if name == "two_gimbal_gyro" else 1e-11
+    assert_near(eqx.filter_jit(s.system.vector_field)(t, s.state), s.system.vector_field(t, s.state), tolerance)
 
 
 @every
