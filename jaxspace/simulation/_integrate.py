@@ -1,10 +1,6 @@
-"""One integration on the clock of segments, differentiable without doubt about its steps.
+"""One integration on the clock of segments, differentiable without doubt about its steps: reverse mode follows those taken."""
 
-Reverse mode repeats parts of a run. Were the steps chosen anew then, a difference of one rounding could choose others, and the
-derivative would belong to no run at all (seen: wrong by its own size, over a thousand steps). So the run that is about to be
-differentiated in reverse keeps the ends of its accepted steps, and the repetition follows them."""
-
-from typing import Any, NamedTuple, final
+from typing import Any, NamedTuple, cast, final
 
 import diffrax
 import equinox as eqx
@@ -15,17 +11,26 @@ from jaxtyping import Array, Float
 from .._core import State
 from ..solvers import Accounted, PlannedSteps, Tolerance, WorstRunControl
 from ._accuracy import Accuracy
+from ._reverse import Record, Replay, replayable, stride
 
 
 @final
 class Manner(eqx.Module):
-    """How to integrate: to what accuracy, the relative `lengths` of the segments, and at which clock times states are kept (the
-    end alone where they are `None`). Nothing in it is differentiated."""
+    """How to integrate: to what accuracy, the relative `lengths` of the segments, at which clock times states are kept (the end
+    alone where they are `None`), the `plan` that fixes the steps beforehand, and whether to `record` those taken. Nothing in it
+    is differentiated."""
 
     accuracy: Accuracy
     tolerance: Tolerance
     lengths: Float[Array, " segments"]
     kept: Float[Array, " times"] | None
+    plan: Float[Array, " nodes"] | None
+    record: bool = eqx.field(static=True)
+
+    @property
+    def max_steps(self) -> int:
+        """How many steps may be taken."""
+        return self.accuracy.max_steps if self.plan is None else min(self.plan.shape[0] - 1, self.accuracy.max_steps)
 
 
 class Course(NamedTuple):
@@ -40,22 +45,32 @@ class Course(NamedTuple):
     ends: Array | None
 
 
-def integrate(rate: Any, y0: State, manner: Manner, plan: Array | None, record: bool) -> Course:
-    """The course of dy/ds = rate(s, y) from s = 0 to the number of segments; `plan` fixes its steps, `record` keeps them."""
-    if plan is None and not record and isinstance(manner.accuracy.adjoint, diffrax.RecursiveCheckpointAdjoint):
-        converted = eqx.filter_closure_convert(rate, jnp.zeros((), manner.lengths.dtype), y0)
-        return _replayable((converted, y0), jax.lax.stop_gradient(manner))
-    return _solve(rate, y0, jax.lax.stop_gradient(manner), plan, record)
+def integrate(rate: Any, y0: State, manner: Manner) -> Course:
+    """The course of dy/ds = rate(s, y) from s = 0 to the number of segments."""
+    manner = jax.lax.stop_gradient(manner)
+    if replayable(manner.accuracy.method) and isinstance(manner.accuracy.adjoint, diffrax.RecursiveCheckpointAdjoint):
+        return _replayed((eqx.filter_closure_convert(rate, jnp.zeros((), manner.lengths.dtype), y0), y0), manner)
+    return _solve(rate, y0, manner)[0]
 
 
-def _solve(rate: Any, y0: State, manner: Manner, plan: Array | None, record: bool) -> Course:
-    accuracy, dtype = manner.accuracy, manner.lengths.dtype
+def _rate(s: Any, y: State, rate: Any) -> State:
+    return rate(s, y)
+
+
+TERM: Any = diffrax.ODETerm(_rate)  # pyright: ignore[reportArgumentType]
+
+
+def _solve(rate: Any, y0: State, manner: Manner, every: int = 0) -> tuple[Course, State | None]:
+    """The course with the ends of its steps, and the state after every `every` of them; without both for 0."""
+    accuracy, dtype, plan = manner.accuracy, manner.lengths.dtype, manner.plan
     subs = [diffrax.SubSaveAt(t1=True) if manner.kept is None else diffrax.SubSaveAt(ts=manner.kept)]
-    if record:
+    if every or manner.record:
         subs.append(diffrax.SubSaveAt(steps=True, fn=lambda s, y, a: None))
+    if every:
+        subs.append(diffrax.SubSaveAt(steps=every))
     adaptive = WorstRunControl(manner.tolerance, manner.lengths)
     solution: Any = diffrax.diffeqsolve(
-        diffrax.ODETerm(lambda s, y, rate: rate(s, y)),  # pyright: ignore[reportArgumentType]
+        TERM,
         Accounted(accuracy.method, manner.tolerance),  # pyright: ignore[reportArgumentType]
         jnp.zeros((), dtype),
         jnp.asarray(manner.lengths.shape[0], dtype),
@@ -65,39 +80,38 @@ def _solve(rate: Any, y0: State, manner: Manner, plan: Array | None, record: boo
         saveat=diffrax.SaveAt(subs=subs, solver_state=True),
         stepsize_controller=adaptive if plan is None else PlannedSteps(plan.astype(dtype)),
         adjoint=accuracy.adjoint,
-        max_steps=accuracy.max_steps if plan is None else min(plan.shape[0] - 1, accuracy.max_steps),
+        max_steps=manner.max_steps,
         throw=False,
     )
-    return Course(
+    course = Course(
         solution.ys[0],
         solution.solver_state[1],
         solution.result == diffrax.RESULTS.max_steps_reached,
         solution.stats["num_accepted_steps"],
         solution.stats["num_rejected_steps"],
-        solution.ts[1] if record else None,
+        solution.ts[1] if every or manner.record else None,
     )
+    return course, solution.ys[2] if every else None
 
 
 @eqx.filter_custom_vjp
-def _replayable(given: tuple[Any, State], manner: Manner) -> Course:
-    rate, y0 = given
-    return _solve(rate, y0, manner, None, False)
+def _replayed(given: tuple[Any, State], manner: Manner) -> Course:
+    return _solve(*given, manner)[0]
 
 
-@_replayable.def_fwd
-def _forwards(perturbed: Any, given: tuple[Any, State], manner: Manner) -> tuple[Course, Array]:
+@_replayed.def_fwd
+def _forwards(perturbed: Any, given: tuple[Any, State], manner: Manner) -> tuple[Course, tuple[Record, State]]:
     del perturbed
+    course, states = _solve(*given, manner, stride(given[1], manner.max_steps))
+    record = Record(cast(Array, course.ends), states, course.accepted)
+    return course if manner.record else course._replace(ends=None), (record, course.states)
+
+
+@_replayed.def_bwd
+def _backwards(kept: tuple[Record, State], gradient: Course, perturbed: Any, given: tuple[Any, State], manner: Manner) -> Any:
+    record, states = kept
     rate, y0 = given
-    course = _solve(rate, y0, manner, None, True)
-    assert course.ends is not None
-    return course._replace(ends=None), jnp.concatenate([jnp.zeros((1,), course.ends.dtype), course.ends])
-
-
-@_replayable.def_bwd
-def _backwards(plan: Array, gradient: Course, perturbed: Any, given: tuple[Any, State], manner: Manner) -> Any:
-    del perturbed
-    states, pull_back = eqx.filter_vjp(lambda g: _solve(g[0], g[1], manner, plan, False).states, given)
-    filled = jax.tree.map(
-        lambda y, g: jnp.zeros_like(y) if g is None and y is not None else g, states, gradient.states, is_leaf=lambda x: x is None
-    )
-    return pull_back(filled)[0]
+    filled = jax.tree.map(lambda y, g: jnp.zeros_like(y) if g is None else g, states, gradient.states)
+    moving, rest = eqx.partition(rate, perturbed[0])
+    every = stride(y0, manner.max_steps)
+    return Replay(cast(Any, manner.accuracy.method), TERM, rest, record, y0, manner.kept, every).pull_back(moving, filled)

@@ -132,8 +132,8 @@ def _by_integration(
     atol = 1e-3 * accuracy.rtol if accuracy.atol is None else accuracy.atol
     tolerance = Tolerance(jnp.asarray(accuracy.rtol, dtype), jnp.asarray(atol, dtype), run_axes)
     lengths = jnp.maximum(jnp.mean(jnp.diff(u, axis=0).reshape(u.shape[0] - 1, -1), axis=1), 1e-6)
-    manner = Manner(accuracy, tolerance, lengths, _kept(u, fractions, per_run))
-    course = integrate(_Rate(system, u, t0, t1 - t0), y0, manner, plan, record)
+    manner = Manner(accuracy, tolerance, lengths, _kept(u, fractions, per_run), plan, record)
+    course = integrate(_Rate(system, u, t0, t1 - t0), y0, manner)
     states = _at_fractions(course.states, u, fractions, run_axes) if per_run and fractions is not None else course.states
     finite = tolerance.alive(jax.tree.map(lambda x: x[-1], states))
     stats = {

@@ -14,6 +14,7 @@ from collections.abc import Callable
 from typing import Any, ClassVar, final
 
 import diffrax
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import PyTree
@@ -40,6 +41,12 @@ def combine(y: PyTree, h: Any, weights: Weights, ks: list[PyTree]) -> PyTree:
     return change if y is None else jax.tree.map(jnp.add, y, change)
 
 
+@eqx.filter_jit
+def slope(terms: Any, t: Any, y: PyTree, args: Any) -> PyTree:
+    """The vector field at one stage, held together; all stages of a step share one tracing of it."""
+    return hold(terms.vf(t, hold(y), args))
+
+
 def stages(
     f: VectorField, t0: Any, h: Any, y0: PyTree, c: tuple[float, ...], a: tuple[Weights, ...], ks: list[PyTree]
 ) -> list[PyTree]:
@@ -47,7 +54,7 @@ def stages(
     end = jnp.maximum(t0, t0 + h - 4.0 * jnp.finfo(t0.dtype).eps * (jnp.abs(t0) + h))
     for ci, row in zip(c, a, strict=True):
         y = combine(y0, h, row, ks) if row else y0
-        ks = [*ks, hold(f(jnp.minimum(t0 + h * ci, end), hold(y)))]
+        ks = [*ks, f(jnp.minimum(t0 + h * ci, end), y)]
     return ks
 
 
@@ -114,7 +121,7 @@ class DOP853(diffrax.AbstractAdaptiveSolver):
     def step(self, terms: Any, t0: Any, t1: Any, y0: PyTree, args: Any, solver_state: None, made_jump: Any):
         del solver_state, made_jump
         h = t1 - t0
-        f = lambda t, y: terms.vf(t, y, args)  # noqa: E731
+        f = lambda t, y: slope(terms, t, y, args)  # noqa: E731
         ks = stages(f, t0, h, y0, tableau.DOP853_C, tableau.DOP853_A, [])
         y1 = hold(combine(y0, h, tableau.DOP853_B, ks))
         error = jax.tree.map(_blend, combine(None, h, tableau.DOP853_ERROR_5, ks), combine(None, h, tableau.DOP853_ERROR_3, ks))
@@ -160,7 +167,7 @@ class Tsit5(diffrax.AbstractAdaptiveSolver):
 
     def step(self, terms: Any, t0: Any, t1: Any, y0: PyTree, args: Any, solver_state: PyTree, made_jump: Any):
         h = t1 - t0
-        f = lambda t, y: terms.vf(t, y, args)  # noqa: E731
+        f = lambda t, y: slope(terms, t, y, args)  # noqa: E731
         first = jax.lax.cond(made_jump, lambda: f(t0, y0), lambda: solver_state)
         ks = stages(f, t0, h, y0, tableau.TSIT5_C[1:], tableau.TSIT5_A[1:], [first])
         y1 = hold(combine(y0, h, tableau.TSIT5_B, ks))

@@ -1,0 +1,126 @@
+"""Reverse mode along the recorded steps of a run, from the last one to the first.
+
+    (y_{n+1}, d_n) = step(p, s_n, s_{n+1}, y_n)             d: what the dense output of the step holds
+    (p', y_n') = p' + [y_{n+1}', d_n'] d(step)/d(p, y_n)    ': derivative of the result with respect to it
+
+Repetition that chose its steps anew could, by a difference of one rounding, choose others, and the derivative would belong to
+no run at all (seen: wrong by its own size, over a thousand steps). So the ends of the accepted steps are kept, with the state
+at every `stride`-th of them; between these, the steps are taken once more.
+"""
+
+from typing import Any, NamedTuple, final
+
+import diffrax
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from .._core import State
+from ..solvers import DOP853, Tsit5
+
+RECORD_BYTES = 2**23  # of states kept for reverse mode; a longer record keeps every second, third, ... state
+
+
+class Record(NamedTuple):
+    """What reverse mode needs of a run: the clock at the ends of its `count` steps, and the states after every `stride`."""
+
+    ends: Array
+    states: State
+    count: Array
+
+
+def replayable(method: Any) -> bool:
+    """Whether a step of the method can be repeated from the state before it alone."""
+    return isinstance(method, DOP853 | Tsit5 | diffrax.AbstractRungeKutta)
+
+
+def stride(y0: State, max_steps: int) -> int:
+    """After how many steps a state has to be kept so that those of `max_steps` fit into the record."""
+    size = sum(leaf.size * leaf.dtype.itemsize for leaf in jax.tree.leaves(y0))
+    return -(-max_steps * size // RECORD_BYTES)
+
+
+def _at(tree: Any, index: Any) -> Any:
+    return jax.tree.map(lambda x: x[index], tree)
+
+
+def _sum(first: Any, second: Any) -> Any:
+    return jax.tree.map(jnp.add, first, second)
+
+
+@final
+class Replay(eqx.Module):
+    """The steps of a run once more, each as a function of its first state and of the part `moving` of dy/ds that is
+    differentiated; `kept` holds the clock times of the states asked for (the end alone where it is `None`)."""
+
+    method: diffrax.AbstractSolver
+    term: Any
+    rest: Any
+    record: Record
+    y0: State
+    kept: Array | None
+    every: int = eqx.field(static=True)
+
+    def ends(self, n: Array) -> tuple[Array, Array]:
+        """The clock at the start and at the end of step `n`."""
+        return jnp.where(n > 0, self.record.ends[n - 1], 0.0), self.record.ends[n]
+
+    def step(self, moving: Any, n: Array, y: State) -> tuple[State, Any]:
+        """The state after step `n` from `y`, and what its dense output holds if a state within a step was asked for."""
+        rate = eqx.combine(moving, self.rest)
+        s0, s1 = self.ends(n)
+        inner = self.method.init(self.term, s0, s1, y, rate)
+        y1, _, dense, _, _ = self.method.step(self.term, s0, s1, y, rate, inner, jnp.array(False))
+        return y1, None if self.kept is None else dense
+
+    def stretch(self, moving: Any, j: Array) -> State:
+        """The states before each of the `every` steps from number `j * every` on."""
+        first = jax.tree.map(lambda a, b: jnp.where(j > 0, a, b), _at(self.record.states, j - 1), self.y0)
+        ys = jax.tree.map(lambda x: jnp.zeros((self.every, *x.shape), x.dtype).at[0].set(x), first)
+        if self.every == 1:
+            return ys
+
+        def fill(i: Array, ys: State) -> State:
+            y1, _ = self.step(moving, j * self.every + i, _at(ys, i))
+            return jax.tree.map(lambda a, b: a.at[i + 1].set(b), ys, y1)
+
+        return jax.lax.fori_loop(0, jnp.minimum(self.every, self.record.count - j * self.every) - 1, fill, ys)
+
+    def from_kept(self, n: Array, dense: Any, gradient: State, k: Array) -> tuple[Array, Any]:
+        """The gradient with respect to what the dense output of step `n` holds, from the kept states up to number `k` that lie
+        in it; and the number of the last one before it."""
+        assert self.kept is not None
+        kept, (s0, s1) = self.kept, self.ends(n)
+
+        def one(carry: tuple[Array, Any]) -> tuple[Array, Any]:
+            k, total = carry
+            state = lambda d: self.method.interpolation_cls(t0=s0, t1=s1, **d).evaluate(kept[k])  # noqa: E731
+            return k - 1, _sum(total, jax.vjp(state, dense)[1](_at(gradient, k))[0])
+
+        inside = lambda carry: (carry[0] >= 0) & ((kept[carry[0]] > s0) | (n == 0))  # noqa: E731
+        return jax.lax.while_loop(inside, one, (k, jax.tree.map(jnp.zeros_like, dense)))
+
+    def pull_back(self, moving: Any, gradient: State) -> tuple[Any, State]:
+        """The gradient with respect to `moving` and to the first state, from that with respect to the states asked for."""
+
+        def back(i: Array, carry: tuple[Any, State, Array], ys: State, j: Array, count: Array) -> tuple[Any, State, Array]:
+            of_moving, of_y, k = carry
+            n = j * self.every + count - 1 - i
+            (_, dense), pull = jax.vjp(lambda p, y: self.step(p, n, y), moving, _at(ys, count - 1 - i))
+            if self.kept is not None:
+                k, dense = self.from_kept(n, dense, gradient, k)
+            more, of_y = pull((of_y, dense))
+            return _sum(of_moving, more), of_y, k
+
+        def backwards(i: Array, carry: tuple[Any, State, Array]) -> tuple[Any, State, Array]:
+            j = stretches - 1 - i
+            count = jnp.minimum(self.every, self.record.count - j * self.every)
+            ys = self.stretch(moving, j)
+            return jax.lax.fori_loop(0, count, lambda i, c: back(i, c, ys, j, count), carry)
+
+        stretches = -(-self.record.count // self.every)
+        times = 0 if self.kept is None else self.kept.shape[0]
+        at_end = _at(gradient, 0) if self.kept is None else jax.tree.map(jnp.zeros_like, self.y0)
+        start = (jax.tree.map(jnp.zeros_like, moving), at_end, jnp.asarray(times - 1))
+        return jax.lax.fori_loop(0, stretches, backwards, start)[:2]
