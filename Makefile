@@ -32,10 +32,10 @@ docs: $(VENV)/.test  ## the manual, in site/; a broken link or name is an error
 	@$(BIN)/mkdocs build --quiet --strict
 
 unit: $(VENV)/.test  ## the tests; of a long sweep a fixed sample
-	@$(BIN)/python -m pytest -n 2
+	@$(BIN)/python -m pytest -n 2 --dist worksteal
 
 sweep: $(VENV)/.test  ## the tests with every case of the long sweeps
-	@$(BIN)/python -m pytest -n 2 --sweep all
+	@$(BIN)/python -m pytest -n 2 --dist worksteal --sweep all
 
 bench: $(VENV)/.bench  ## speed and accuracy on this machine
 	@$(BIN)/python -m benchmarks
