@@ -1,0 +1,76 @@
+"""One day of low orbits under oblateness (15 revolutions): this library beside heyoka and diffrax mapped over the runs."""
+
+import diffrax
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jaxspace import BodyState, Scene
+from jaxspace.orbits import ClassicalElements, Oblateness, PointGravity, state_from_elements
+from jaxspace.simulation import Accuracy, simulate_batch
+
+from ._measure import heyoka_ends, in_turn, optional, worst
+
+RUNS, DAY, J2 = 1024, 86400.0 / 806.8110, 1.08262668e-3
+SCENE = Scene((PointGravity(1.0), Oblateness(1.0, J2, 1.0)))
+
+
+def orbits() -> BodyState:
+    """Low, nearly circular orbits of every inclination; earth radius and gravitational parameter 1."""
+    g = np.random.default_rng(0)
+    a, e = 1.0 + g.uniform(400.0, 1200.0, RUNS) / 6378.137, g.uniform(0.0, 0.02, RUNS)
+    i, (node, periapsis, anomaly) = np.arccos(g.uniform(-1.0, 1.0, RUNS)), g.uniform(0.0, 2.0 * np.pi, (3, RUNS))
+    elements = ClassicalElements(*(jnp.asarray(x) for x in (a * (1.0 - e**2), e, i, node, periapsis, anomaly)))
+    r, v = state_from_elements(elements, 1.0)
+    return BodyState(jnp.moveaxis(r, -1, 0), jnp.moveaxis(v, -1, 0))
+
+
+def mapped(y0: BodyState, rtol: float) -> BodyState:
+    """The same by diffrax alone, one solve for each run under `vmap`."""
+
+    def one(y):
+        return diffrax.diffeqsolve(
+            diffrax.ODETerm(lambda t, y, args: SCENE.vector_field(t, y)),
+            diffrax.Dopri8(),
+            0.0,
+            DAY,
+            None,
+            y,
+            stepsize_controller=diffrax.PIDController(rtol=rtol, atol=rtol),
+            max_steps=16384,
+        ).ys
+
+    return jax.tree.map(lambda x: x[:, 0], jax.vmap(one)(y0))
+
+
+def equations(heyoka):
+    """The same motion in heyoka's symbols."""
+    x, y, z, vx, vy, vz = heyoka.make_vars("x", "y", "z", "vx", "vy", "vz")
+    r2 = x**2 + y**2 + z**2
+    pull, c, s = r2 ** (-1.5), 1.5 * J2 / r2, 5.0 * z**2 / r2
+    a = -pull * (1.0 + c * (1.0 - s))
+    return [(x, vx), (y, vy), (z, vz), (vx, x * a), (vy, y * a), (vz, -z * pull * (1.0 + c * (3.0 - s)))]
+
+
+def measure() -> dict:
+    """Error and speed of every method, and the ratios to ours at about the same error."""
+    y0 = orbits()
+    ts = jnp.array([0.0, DAY])
+
+    def ours(rtol):
+        return simulate_batch(SCENE, y0, ts, accuracy=Accuracy(rtol=rtol), in_axes=(None, 0)).final.position
+
+    theirs = eqx.filter_jit(mapped)
+    calls = {f"ours, DOP853 {rtol:.0e}": lambda rtol=rtol: ours(rtol) for rtol in (1e-6, 1e-9, 1e-11)}
+    calls |= {"diffrax Dopri8 under vmap 1e-10": lambda: theirs(y0, 1e-10).position}
+    if optional("heyoka") is not None:
+        states = np.concatenate([np.asarray(y0.position).T, np.asarray(y0.velocity).T])
+        for tolerance in (1e-7, 4e-11):
+            ends = heyoka_ends(equations, states, DAY, tolerance)
+            calls[f"heyoka, vectors of 8, {tolerance:.0e}"] = lambda ends=ends: ends()[:3].T.copy()
+    reference = ours(1e-13)
+    rows = in_turn(calls, RUNS)
+    for name, call in calls.items():
+        rows[name]["worst_relative_error"] = worst(call(), reference)
+    return rows
