@@ -1,0 +1,88 @@
+"""The free rotation in any body axes: into the principal frame, and back.
+
+    J' = V^T J V = diag(I) + E,     E = 0 as a number, but with a derivative
+
+    I_i != I_j:   E_ij turns the frame through theta_k = E_ij / (I_i - I_j)             (i, j, k) cyclic
+    I_i = I_j:    E_ij splits the moments along the axes at 45 degrees: I_i + E_ij, I_j - E_ij
+
+    symbol   meaning                                           unit
+    J, J'    inertia in the given and in the principal axes    kg m^2
+    V        principal axes as columns, right-handed           1
+    theta    turn of the principal frame                       rad
+
+Source: Thomson 5.5 (principal axes); Kato, Perturbation Theory for Linear Operators, II.2.
+The principal axes of two equal moments have no derivative; the motion has one, and this is how it comes out right.
+"""
+
+import jax
+import jax.numpy as jnp
+
+from .._core import Matrix, Scalar, Vector, axis, cross, matvec
+from ..bodies import AbstractInertia, PrincipalInertia, principal_axes
+from ..rotations import Quaternion
+from ._free_rotation import free_rotation
+
+_PAIRS = ((1, 2), (2, 0), (0, 1))
+
+
+def free_turn(duration: Scalar, inertia: AbstractInertia, omega: Vector) -> tuple[Quaternion, Vector]:
+    """The turn of the body, in its axes at the start, and its angular velocity, rad/s, a `duration`, s, after `omega`.
+
+    Shapes (4, *runs) and (3, *runs). First derivatives hold for every inertia; where two moments of a tensor differ by the
+    relative gap g > 0, the one by the element that couples them has an error of about eps/g, or of g where that is less."""
+    if isinstance(inertia, PrincipalInertia):
+        return free_rotation(duration, inertia.moments, omega)
+    tensor = inertia.matrix()
+    rank = max(jnp.ndim(duration), omega.ndim - 1, tensor.ndim - 2)
+    tensor, omega = _with_rank(tensor, 2, rank), _with_rank(omega, 1, rank)
+    axes = _axes(jax.lax.stop_gradient(inertia))
+    axes = _with_rank(axes, 2, rank)
+    local = jnp.stack([matvec(_transposed(axes), matvec(tensor, axes[:, k])) for k in range(3)], axis=1)
+    turn, later = _near_principal(duration, local, matvec(_transposed(axes), omega))
+    return Quaternion(jnp.concatenate([turn[:1], matvec(axes, turn[1:])])), matvec(axes, later)
+
+
+def _near_principal(duration: Scalar, local: Matrix, omega: Vector) -> tuple[Vector, Vector]:
+    """R and omega(t) for a tensor whose elements off the diagonal have derivatives, but no values."""
+    moments = jnp.stack([local[k, k] for k in range(3)])
+    between = jnp.stack([_derivative_of(local[i, j]) for i, j in _PAIRS])
+    gap = jax.lax.stop_gradient(jnp.stack([moments[i] - moments[j] for i, j in _PAIRS]))
+    equal = jnp.abs(gap) <= float(jnp.finfo(gap.dtype).eps) ** 0.5 * moments[0]
+    theta = jnp.where(equal, 0.0, between / jnp.where(equal, 1.0, gap))
+    turn, later = free_rotation(duration, moments, omega + cross(omega, theta))
+    turn, later = jnp.concatenate([turn.wxyz[:1], turn.wxyz[1:] + cross(theta, turn.wxyz[1:])]), later + cross(theta, later)
+    for k in range(3):
+        split_turn, split_later = _split(duration, moments, between[k], omega, k)
+        turn = turn + jnp.where(equal[k], _derivative_of(split_turn), 0.0)
+        later = later + jnp.where(equal[k], _derivative_of(split_later), 0.0)
+    return turn, later
+
+
+def _split(duration: Scalar, moments: Vector, half_gap: Scalar, omega: Vector, k: int) -> tuple[Vector, Vector]:
+    """R and omega(t) when the two moments besides the k-th, which are equal, split along the axes at 45 degrees."""
+    turned = Quaternion.about(k, 0.25 * jnp.pi * jnp.ones_like(half_gap))
+    i, j = _PAIRS[k]
+    moments = jax.lax.stop_gradient(moments) + half_gap * (axis(i, half_gap) - axis(j, half_gap))
+    omega = jax.lax.stop_gradient(omega)
+    turn, later = free_rotation(jax.lax.stop_gradient(duration), moments, turned.rotate_back(omega))
+    return jnp.concatenate([turn.wxyz[:1], turned.rotate(turn.wxyz[1:])]), turned.rotate(later)
+
+
+def _derivative_of(x: Scalar) -> Scalar:
+    """Zero, with the derivative of `x`."""
+    return x - jax.lax.stop_gradient(x)
+
+
+def _axes(inertia: AbstractInertia) -> Matrix:
+    """The principal axes as columns, right-handed."""
+    axes = principal_axes(inertia)[1]
+    return jnp.stack([axes[:, 0], axes[:, 1], cross(axes[:, 0], axes[:, 1])], axis=1)
+
+
+def _transposed(m: Matrix) -> Matrix:
+    return jnp.swapaxes(m, 0, 1)
+
+
+def _with_rank(x: Vector, lead: int, rank: int) -> Vector:
+    """`x` with `rank` axes of runs behind its `lead` axes of components."""
+    return x.reshape(*x.shape[:lead], *(1,) * (rank - x.ndim + lead), *x.shape[lead:])
