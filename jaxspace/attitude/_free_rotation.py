@@ -33,9 +33,10 @@ neither z nor F loses a digit. The addition theorem asks for no phase, and so fo
 import math
 from typing import NamedTuple
 
+import jax
 import jax.numpy as jnp
 
-from .._core import Flag, Scalar, Vector, cross, dot, norm, safe_divide
+from .._core import Flag, Scalar, Vector, cross, dot, norm, safe_atan2, safe_divide
 from ..rotations import Quaternion
 from ._jacobi import Jacobi, jacobi, third
 
@@ -64,8 +65,9 @@ def free_rotation(duration: Scalar, moments: Vector, omega: Vector) -> tuple[Qua
     middle, mirrored = _order(moments, omega)
     sign = jnp.where(mirrored, -1.0, 1.0).astype(omega.dtype)
     body = _Body.of(_arranged(moments, middle, mirrored), sign * _arranged(omega, middle, mirrored))
-    phase = jacobi(duration, body.x, body.y, body.difference)
-    within = _omega_within(body, phase)
+    body, mirrored, sign = jax.lax.optimization_barrier((body, mirrored, sign))
+    phase = jax.lax.optimization_barrier(jacobi(duration, body.x, body.y, body.difference))
+    within = jax.lax.optimization_barrier(_omega_within(body, phase))
     odd, circled = phase.half_periods % 2.0 != 0.0, body.difference < 0.0
     later = jnp.where(jnp.stack([odd & circled, odd, odd & ~circled]), -within, within)
     reached = jnp.where(circled, within, later)
@@ -108,7 +110,7 @@ def _turn(body: _Body, phase: Jacobi, duration: Scalar, reached: Vector, later: 
     start, end, reached = (jnp.where(unused, stand_in, i * w) for w in (body.omega, later, reached))
     h = norm(start)
     chi = _precession(body, phase, duration, h) + _angle_between(start, reached)
-    half = 0.5 * chi
+    half = 0.5 * jax.lax.optimization_barrier(chi)
     c, s = jnp.cos(half), jnp.sin(half)
     zero = jnp.zeros_like(h)
     tilt = Quaternion(jnp.stack([h + start[2], -start[1], start[0], zero]))
@@ -134,11 +136,12 @@ def _precession(body: _Body, phase: Jacobi, duration: Scalar, h: Scalar) -> Scal
     real = transverse * c * d - i3 * (i1 - i2) * w1 * w2 * w3 * s * (1.0 + pole * s * s)
     imaginary = -h / i3 * gain * s * _denominator(body, phase)
     re, im = jnp.where(other, c * d, 1.0), jnp.where(other, strength * s, 0.0)
-    angle = jnp.arctan2(imaginary * re + real * im, real * re - imaginary * im)
+    angle = safe_atan2(imaginary * re + real * im, real * re - imaginary * im)
     rest = jnp.where(other, 1.0, -1.0)
     rate = h / jnp.where(other, i1, i3)
     full, returns = _quarter(body, phase)
     within, whole = third(jnp.stack([s, full.s]), jnp.stack([c, full.c]), jnp.stack([d, full.d]), near, strength)
+    within, whole = jax.lax.optimization_barrier((within, whole))
     sense = jnp.where(other, 0.0, -jnp.sign(gain)) + jnp.where(body.difference < 0.0, jnp.sign(w3 * gain), 0.0)
     period = jnp.where(returns, 2.0 * rest * whole + math.pi * sense, 0.0)
     return rate * duration + rest * within + angle + phase.half_periods * period
@@ -162,6 +165,7 @@ def _slow(body: _Body, duration: Scalar) -> Flag:
 
 def _small_turn(body: _Body, later: Vector, duration: Scalar) -> Vector:
     """R of a small turn: Magnus' series of order four, the integrals by the Hermite polynomial of omega."""
+
     def rate(w: Vector) -> Vector:
         a1, a2, a3 = _rates(body.moments)
         return jnp.stack([a1 * w[1] * w[2], a2 * w[2] * w[0], a3 * w[0] * w[1]])

@@ -30,9 +30,10 @@ The difference x - y is an argument of its own: near the separatrix it decides, 
 import math
 from typing import NamedTuple
 
+import jax
 import jax.numpy as jnp
 
-from .._core import Flag, Scalar
+from .._core import Scalar
 
 _DUPLICATIONS = 5
 
@@ -60,6 +61,7 @@ def jacobi(t: Scalar, x: Scalar, y: Scalar, difference: Scalar) -> Jacobi:
     hyperbolic = complement < 0.5
     q = _nome(jnp.where(hyperbolic, complement, low / top), jnp.where(hyperbolic, low / top, complement))
     least = float(jnp.finfo(q.dtype).tiny) ** 0.75
+    q, n, complement = jax.lax.optimization_barrier((q, n, complement))
     scale = (1.0 + 2.0 * q * (1.0 + q**3 * (1.0 + q**5))) ** 2
     log_q = jnp.log(jnp.where(q > least, q, least))
     quarter = scale * jnp.where(hyperbolic, -0.5 * log_q, 0.5 * math.pi) / n
@@ -68,6 +70,7 @@ def jacobi(t: Scalar, x: Scalar, y: Scalar, difference: Scalar) -> Jacobi:
     quarter = jnp.where(half_periods == 0.0, 1.0, quarter)
     time = t - 2.0 * quarter * half_periods
     argument = n * time / scale
+    argument, time = jax.lax.optimization_barrier((argument, time))
     circular = _circular(jnp.where(hyperbolic, 0.0, argument), q)
     exponential = _hyperbolic(jnp.where(hyperbolic, argument, 0.0), q, -0.5 * math.log(least))
     sn, cn, dn = (jnp.where(hyperbolic, b, a) for a, b in zip(circular, exponential, strict=True))
@@ -82,7 +85,7 @@ def third(s: Scalar, c: Scalar, d: Scalar, pole: Scalar, strength: Scalar) -> Sc
     p = 1.0 + pole * s * s
     size = strength * pole * s**3
     x, y, z = c * c, d * d, jnp.ones_like(p)
-    roots, total = (c, d, 1.0), 0.0
+    roots, total = (c, d, jnp.ones_like(p)), jnp.zeros_like(p)
     for i in range(_DUPLICATIONS):
         a, b, e = roots
         r = jnp.sqrt(p)
@@ -90,6 +93,7 @@ def third(s: Scalar, c: Scalar, d: Scalar, pole: Scalar, strength: Scalar) -> Sc
         shift = a * b + b * e + e * a
         x, y, z, p = (0.25 * (v + shift) for v in (x, y, z, p))
         roots = jnp.sqrt(x), jnp.sqrt(y), jnp.sqrt(z)
+        x, y, z, p, roots, total = jax.lax.optimization_barrier((x, y, z, p, roots, total))
     mean = (x + y + z + 2.0 * p) / 5.0
     x, y, z = (1.0 - v / mean for v in (x, y, z))
     p = -0.5 * (x + y + z)

@@ -14,6 +14,8 @@ Source: Thomson 5.5 (principal axes); Kato, Perturbation Theory for Linear Opera
 The principal axes of two equal moments have no derivative; the motion has one, and this is how it comes out right.
 """
 
+import math
+
 import jax
 import jax.numpy as jnp
 
@@ -49,23 +51,34 @@ def _near_principal(duration: Scalar, local: Matrix, omega: Vector) -> tuple[Vec
     gap = jax.lax.stop_gradient(jnp.stack([moments[i] - moments[j] for i, j in _PAIRS]))
     equal = jnp.abs(gap) <= float(jnp.finfo(gap.dtype).eps) ** 0.5 * moments[0]
     theta = jnp.where(equal, 0.0, between / jnp.where(equal, 1.0, gap))
-    turn, later = free_rotation(duration, moments, omega + cross(omega, theta))
-    turn, later = jnp.concatenate([turn.wxyz[:1], turn.wxyz[1:] + cross(theta, turn.wxyz[1:])]), later + cross(theta, later)
+    frames = [_split(moments, between[k], omega, k) for k in range(3)]
+    split = (
+        jnp.stack([moments, *(m for m, _ in frames)], axis=1),
+        jnp.stack([omega + cross(omega, theta), *(w for _, w in frames)], axis=1),
+    )
+    still = jax.lax.stop_gradient(duration)
+    durations = jnp.stack([x + 0.0 * local[0, 0] for x in (duration, still, still, still)])
+    turns, ends = free_rotation(durations, *split)
+    vector, later = turns.wxyz[1:, 0] + cross(theta, turns.wxyz[1:, 0]), ends[:, 0] + cross(theta, ends[:, 0])
+    turn = jnp.concatenate([turns.wxyz[:1, 0], vector])
     for k in range(3):
-        split_turn, split_later = _split(duration, moments, between[k], omega, k)
-        turn = turn + jnp.where(equal[k], _derivative_of(split_turn), 0.0)
-        later = later + jnp.where(equal[k], _derivative_of(split_later), 0.0)
+        back = _half_right(k, between[k])
+        change = jnp.concatenate([turns.wxyz[:1, k + 1], back.rotate(turns.wxyz[1:, k + 1])])
+        turn = turn + jnp.where(equal[k], _derivative_of(change), 0.0)
+        later = later + jnp.where(equal[k], _derivative_of(back.rotate(ends[:, k + 1])), 0.0)
     return turn, later
 
 
-def _split(duration: Scalar, moments: Vector, half_gap: Scalar, omega: Vector, k: int) -> tuple[Vector, Vector]:
-    """R and omega(t) when the two moments besides the k-th, which are equal, split along the axes at 45 degrees."""
-    turned = Quaternion.about(k, 0.25 * jnp.pi * jnp.ones_like(half_gap))
+def _split(moments: Vector, half_gap: Scalar, omega: Vector, k: int) -> tuple[Vector, Vector]:
+    """Moments and omega along the axes at 45 degrees, when the two moments besides the k-th split; of no other derivative."""
     i, j = _PAIRS[k]
-    moments = jax.lax.stop_gradient(moments) + half_gap * (axis(i, half_gap) - axis(j, half_gap))
-    omega = jax.lax.stop_gradient(omega)
-    turn, later = free_rotation(jax.lax.stop_gradient(duration), moments, turned.rotate_back(omega))
-    return jnp.concatenate([turn.wxyz[:1], turned.rotate(turn.wxyz[1:])]), turned.rotate(later)
+    split = jax.lax.stop_gradient(moments) + half_gap * (axis(i, half_gap) - axis(j, half_gap))
+    return split, _half_right(k, half_gap).rotate_back(jax.lax.stop_gradient(omega))
+
+
+def _half_right(k: int, like: Scalar) -> Quaternion:
+    """The turn through 45 degrees about the k-th axis."""
+    return Quaternion.about(k, 0.25 * math.pi * jnp.ones_like(like))
 
 
 def _derivative_of(x: Scalar) -> Scalar:
