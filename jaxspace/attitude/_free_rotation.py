@@ -72,7 +72,8 @@ def free_rotation(duration: Scalar, moments: Vector, omega: Vector) -> tuple[Qua
     later = jnp.where(jnp.stack([odd & circled, odd, odd & ~circled]), -within, within)
     reached = jnp.where(circled, within, later)
     small = _slow(body, duration)
-    turn = jnp.where(small, _small_turn(body, later, duration), _turn(body, phase, duration, reached, later, small))
+    large = _turn(body, phase, duration, reached, later, small).wxyz
+    turn = jnp.where(small, _small_turn(body, later, duration).wxyz, large)
     vector = sign * _restored(turn[1:], middle, mirrored)
     return Quaternion(jnp.concatenate([turn[:1], vector])), sign * _restored(later, middle, mirrored)
 
@@ -103,8 +104,8 @@ def _denominator(body: _Body, phase: Jacobi) -> Scalar:
     return phase.d**2 - _products(body.moments)[2] * (body.omega[2] * phase.s) ** 2
 
 
-def _turn(body: _Body, phase: Jacobi, duration: Scalar, reached: Vector, later: Vector, unused: Flag) -> Vector:
-    """R as a quaternion, (4, *runs). Where it is `unused`, of a body that turns about an arbitrary axis."""
+def _turn(body: _Body, phase: Jacobi, duration: Scalar, reached: Vector, later: Vector, unused: Flag) -> Quaternion:
+    """R. Where it is `unused`, of a body that turns about an arbitrary axis."""
     i = body.moments
     stand_in = jnp.asarray([0.6, 0.0, 0.8], i.dtype).reshape(3, *(1,) * (i.ndim - 1))
     start, end, reached = (jnp.where(unused, stand_in, i * w) for w in (body.omega, later, reached))
@@ -115,7 +116,7 @@ def _turn(body: _Body, phase: Jacobi, duration: Scalar, reached: Vector, later: 
     zero = jnp.zeros_like(h)
     tilt = Quaternion(jnp.stack([h + start[2], -start[1], start[0], zero]))
     back = Quaternion(jnp.stack([(h + end[2]) * c, end[1] * c + end[0] * s, end[1] * s - end[0] * c, (h + end[2]) * s]))
-    return tilt.then(back).wxyz / (2.0 * h * jnp.sqrt((h + start[2]) * (h + end[2])))
+    return Quaternion(tilt.then(back).wxyz / (2.0 * h * jnp.sqrt((h + start[2]) * (h + end[2]))))
 
 
 def _angle_between(start: Vector, reached: Vector) -> Scalar:
@@ -163,7 +164,7 @@ def _slow(body: _Body, duration: Scalar) -> Flag:
     return dot(i * w, w) / jnp.min(i, axis=0) * duration * duration < 1e-5
 
 
-def _small_turn(body: _Body, later: Vector, duration: Scalar) -> Vector:
+def _small_turn(body: _Body, later: Vector, duration: Scalar) -> Quaternion:
     """R of a small turn: Magnus' series of order four, the integrals by the Hermite polynomial of omega."""
 
     def rate(w: Vector) -> Vector:
@@ -172,7 +173,7 @@ def _small_turn(body: _Body, later: Vector, duration: Scalar) -> Vector:
 
     w = body.omega
     bend = (rate(w) - rate(later) + cross(w, later)) / 12.0
-    return Quaternion.from_rotation_vector(duration * (0.5 * (w + later) + duration * bend)).wxyz
+    return Quaternion.from_rotation_vector(duration * (0.5 * (w + later) + duration * bend))
 
 
 def _order(moments: Vector, omega: Vector) -> tuple[tuple[Flag, Flag], Flag]:

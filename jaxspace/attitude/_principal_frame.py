@@ -18,6 +18,7 @@ import math
 
 import jax
 import jax.numpy as jnp
+from jaxtyping import Array
 
 from .._core import Matrix, Scalar, Vector, axis, cross, matvec
 from ..bodies import AbstractInertia, PrincipalInertia, principal_axes
@@ -41,10 +42,10 @@ def free_turn(duration: Scalar, inertia: AbstractInertia, omega: Vector) -> tupl
     axes = _with_rank(axes, 2, rank)
     local = jnp.stack([matvec(_transposed(axes), matvec(tensor, axes[:, k])) for k in range(3)], axis=1)
     turn, later = _near_principal(duration, local, matvec(_transposed(axes), omega))
-    return Quaternion(jnp.concatenate([turn[:1], matvec(axes, turn[1:])])), matvec(axes, later)
+    return Quaternion(jnp.concatenate([turn.wxyz[:1], matvec(axes, turn.wxyz[1:])])), matvec(axes, later)
 
 
-def _near_principal(duration: Scalar, local: Matrix, omega: Vector) -> tuple[Vector, Vector]:
+def _near_principal(duration: Scalar, local: Matrix, omega: Vector) -> tuple[Quaternion, Vector]:
     """R and omega(t) for a tensor whose elements off the diagonal have derivatives, but no values."""
     moments = jnp.stack([local[k, k] for k in range(3)])
     between = jnp.stack([_derivative_of(local[i, j]) for i, j in _PAIRS])
@@ -66,7 +67,7 @@ def _near_principal(duration: Scalar, local: Matrix, omega: Vector) -> tuple[Vec
         change = jnp.concatenate([turns.wxyz[:1, k + 1], back.rotate(turns.wxyz[1:, k + 1])])
         turn = turn + jnp.where(equal[k], _derivative_of(change), 0.0)
         later = later + jnp.where(equal[k], _derivative_of(back.rotate(ends[:, k + 1])), 0.0)
-    return turn, later
+    return Quaternion(turn), later
 
 
 def _split(moments: Vector, half_gap: Scalar, omega: Vector, k: int) -> tuple[Vector, Vector]:
@@ -81,7 +82,7 @@ def _half_right(k: int, like: Scalar) -> Quaternion:
     return Quaternion.about(k, 0.25 * math.pi * jnp.ones_like(like))
 
 
-def _derivative_of(x: Scalar) -> Scalar:
+def _derivative_of(x: Array) -> Array:
     """Zero, with the derivative of `x`."""
     return x - jax.lax.stop_gradient(x)
 
@@ -96,6 +97,6 @@ def _transposed(m: Matrix) -> Matrix:
     return jnp.swapaxes(m, 0, 1)
 
 
-def _with_rank(x: Vector, lead: int, rank: int) -> Vector:
+def _with_rank(x: Array, lead: int, rank: int) -> Array:
     """`x` with `rank` axes of runs behind its `lead` axes of components."""
     return x.reshape(*x.shape[:lead], *(1,) * (rank - x.ndim + lead), *x.shape[lead:])
