@@ -14,7 +14,7 @@ The attitude is the least turn that takes the third axis to h, a turn chi about 
 
     R(t) = F(0) R_z(chi) F(t)^-1,   F e_z = h/|h|,   chi = psi + arg(z(t) / z(0)),   z = L_2 + i L_1,   L = I omega
     psi = h t/I_3 - third(t; M, rho) + arg Z                         M = (I_2 - I_3) G / (I_2 I_3^2),  rho = h/I_3 - h/I_1
-    Z = |z(0)|^2 c d - i h G/I_3 S D - I_3^2 a_3 omega_1 omega_2 omega_3 S (D + |z(0)|^2 M' S^2),   G = h^2 - 2T I_3
+    Z = |z(0)|^2 c d - i h G/I_3 S D - I_3^2 a_3 omega_1 omega_2 omega_3 S (1 + M S^2),   G = h^2 - 2T I_3
 
     symbol   meaning                                                        unit
     I_i      principal moments; I_3 greatest or least                       kg m^2
