@@ -9,6 +9,8 @@ Symmetric body, J = diag(A, A, C): the spin n stays, and two steady turns make u
     q(t) = q(0) exp(h_B(0) t / A) exp(-lambda t z)    psi' = h / A,  phi' = n - psi' cos(theta) = -lambda
     tan(theta) = A omega_12 / (C n)                   tan(gamma) = omega_12 / n
 
+Any other body moves in elliptic functions: _free_rotation.py has the closed form, _principal_frame.py the way to it.
+
     symbol           meaning                                                unit
     J                inertia about the centre of mass                       kg m^2
     A, C             transverse and axial moment of a symmetric body        kg m^2
@@ -30,14 +32,15 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from .._core import AbstractSystem, Scalar, Vector, axis, norm, safe_atan2, safe_sqrt
+from .._core import AbstractClosedFormSystem, Scalar, Vector, axis, norm, safe_atan2, safe_sqrt
 from ..bodies import AbstractInertia, BodyState, angular_acceleration, as_inertia, kinetic_energy
 from ..rotations import Quaternion
+from ._principal_frame import free_turn
 from ._state import attitude_and_omega
 
 
 @final
-class TorqueFreeBody(AbstractSystem):
+class TorqueFreeBody(AbstractClosedFormSystem):
     """A free rigid body. Field: `inertia`, kg m^2 (three principal moments, a tensor, or an inertia).
 
     State: `BodyState` with attitude and omega only. A batch of bodies takes an inertia whose last axis is the run."""
@@ -48,6 +51,12 @@ class TorqueFreeBody(AbstractSystem):
         del t
         attitude, omega = attitude_and_omega(y)
         return BodyState(attitude=attitude.rate(omega), omega=angular_acceleration(self.inertia, omega, None))
+
+    def flow(self, duration: Scalar, y: BodyState) -> BodyState:
+        attitude, omega = attitude_and_omega(y)
+        turn, later = free_turn(duration, self.inertia, omega)
+        start = attitude.wxyz.reshape(4, *(1,) * (later.ndim - attitude.wxyz.ndim), *attitude.wxyz.shape[1:])
+        return BodyState(attitude=Quaternion(start).then(turn), omega=later)
 
     def invariants(self, t: Scalar, y: BodyState) -> dict[str, Array]:
         del t

@@ -1,0 +1,205 @@
+"""The free rotation of a rigid body in closed form: angular velocity and attitude, for every inertia and every start.
+
+Principal axes, right-handed, the second with the intermediate moment; omega stands for omega(0), omega(t) for what follows.
+
+    a_1 = (I_2 - I_3)/I_1,  a_2 = (I_3 - I_1)/I_2,  a_3 = (I_1 - I_2)/I_3                    omega_1' = a_1 omega_2 omega_3 ...
+    p_1 = -a_2 a_3 omega_1^2,  p_2 = a_3 a_1 omega_2^2,  p_3 = -a_1 a_2 omega_3^2            none is negative
+    x = p_1 + p_2,  y = p_3 + p_2,  x - y = p_1 - p_3;  S, c, d of t                         (_jacobi.py)
+
+    omega_1(t) = (omega_1 d + a_1 omega_2 omega_3 S c) / D,          D = d^2 + p_3 S^2       addition theorem
+    omega_2(t) = (omega_2 c d + a_2 omega_3 omega_1 S) / D
+    omega_3(t) = (omega_3 c + a_3 omega_1 omega_2 S d) / D
+
+The attitude is the least turn that takes the third axis to h, a turn chi about h, and the least turn back, later:
+
+    R(t) = F(0) R_z(chi) F(t)^-1,   F e_z = h/|h|,   chi = psi + arg(z(t) / z(0)),   z = L_2 + i L_1,   L = I omega
+    psi = h t/I_3 - third(t; M, rho) + arg Z                         M = (I_2 - I_3) G / (I_2 I_3^2),  rho = h/I_3 - h/I_1
+    Z = |z(0)|^2 c d - i h G/I_3 S D - I_3^2 a_3 omega_1 omega_2 omega_3 S (1 + M S^2),   G = h^2 - 2T I_3
+
+    symbol   meaning                                                        unit
+    I_i      principal moments; I_3 greatest or least                       kg m^2
+    omega    angular velocity in principal axes                             rad/s
+    L, h     angular momentum in principal axes, and its length             kg m^2/s
+    T        kinetic energy; G without differences of T and h               J
+    psi      precession of the third axis about h                           rad
+    R        turn of the body, in its own axes at the start                 1
+
+Source: Thomson 5.10 to 5.12 (elliptic functions), 5.9 (precession about h); van Zon and Schofield (2007), J. Comput. Phys.
+225, 145 (attitude by the third integral); Celledoni, Fasso, Sarstrom and Zanna (2008), SIAM J. Sci. Comput. 30, 2084.
+The third axis is the outer one which h leaves farther: |L_3| <= h/sqrt(2) where the polhode comes nearest to it, so that
+neither z nor F loses a digit. The addition theorem asks for no phase, and so for no inverse function and no separatrix.
+"""
+
+import math
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+
+from .._core import Flag, Scalar, Vector, cross, dot, norm, safe_atan2, safe_divide
+from ..rotations import Quaternion
+from ._jacobi import Jacobi, jacobi, third
+
+
+class _Body(NamedTuple):
+    """A body and its start, principal axes arranged: I_i, omega, and x, y, x - y."""
+
+    moments: Vector
+    omega: Vector
+    x: Scalar
+    y: Scalar
+    difference: Scalar
+
+    @classmethod
+    def of(cls, moments: Vector, omega: Vector) -> "_Body":
+        p = _products(moments) * omega * omega
+        return cls(moments, omega, p[1] - p[0], p[1] - p[2], p[2] - p[0])
+
+
+def free_rotation(duration: Scalar, moments: Vector, omega: Vector) -> tuple[Quaternion, Vector]:
+    """The turn of the body, in its axes at the start, and its angular velocity, rad/s, a `duration`, s, later.
+
+    `moments`, kg m^2, and `omega`, rad/s: along principal axes, in any order. First derivatives hold everywhere."""
+    runs = jnp.broadcast_shapes(moments.shape[1:], omega.shape[1:], jnp.shape(duration))
+    moments, omega = (jnp.stack([jnp.broadcast_to(component, runs) for component in v]) for v in (moments, omega))
+    middle, mirrored = _order(moments, omega)
+    sign = jnp.where(mirrored, -1.0, 1.0).astype(omega.dtype)
+    body = _Body.of(_arranged(moments, middle, mirrored), sign * _arranged(omega, middle, mirrored))
+    body, mirrored, sign = jax.lax.optimization_barrier((body, mirrored, sign))
+    phase = jax.lax.optimization_barrier(jacobi(duration, body.x, body.y, body.difference))
+    within = jax.lax.optimization_barrier(_omega_within(body, phase))
+    odd, circled = phase.half_periods % 2.0 != 0.0, body.difference < 0.0
+    later = jnp.where(jnp.stack([odd & circled, odd, odd & ~circled]), -within, within)
+    reached = jnp.where(circled, within, later)
+    small = _slow(body, duration)
+    large = _turn(body, phase, duration, reached, later, small).wxyz
+    turn = jnp.where(small, _small_turn(body, later, duration).wxyz, large)
+    vector = sign * _restored(turn[1:], middle, mirrored)
+    return Quaternion(jnp.concatenate([turn[:1], vector])), sign * _restored(later, middle, mirrored)
+
+
+def _rates(moments: Vector) -> tuple[Scalar, Scalar, Scalar]:
+    """a_1, a_2, a_3."""
+    i = moments
+    return (i[1] - i[2]) / i[0], (i[2] - i[0]) / i[1], (i[0] - i[1]) / i[2]
+
+
+def _products(moments: Vector) -> Vector:
+    """a_2 a_3, a_3 a_1, a_1 a_2."""
+    a1, a2, a3 = _rates(moments)
+    return jnp.stack([a2 * a3, a3 * a1, a1 * a2])
+
+
+def _omega_within(body: _Body, phase: Jacobi) -> Vector:
+    """omega(t) within a quarter period, by the addition theorem."""
+    (a1, a2, a3), (w1, w2, w3), (s, c, d) = _rates(body.moments), body.omega, phase[:3]
+    below = _denominator(body, phase)
+    first = (w1 * d + a1 * w2 * w3 * (s * c)) / below
+    second = (w2 * (c * d) + a2 * w3 * w1 * s) / below
+    return jnp.stack([first, second, (w3 * c + a3 * w1 * w2 * (s * d)) / below])
+
+
+def _denominator(body: _Body, phase: Jacobi) -> Scalar:
+    """D, a sum of what is not negative."""
+    return phase.d**2 - _products(body.moments)[2] * (body.omega[2] * phase.s) ** 2
+
+
+def _turn(body: _Body, phase: Jacobi, duration: Scalar, reached: Vector, later: Vector, unused: Flag) -> Quaternion:
+    """R. Where it is `unused`, of a body that turns about an arbitrary axis."""
+    i = body.moments
+    stand_in = jnp.asarray([0.6, 0.0, 0.8], i.dtype).reshape(3, *(1,) * (i.ndim - 1))
+    start, end, reached = (jnp.where(unused, stand_in, i * w) for w in (body.omega, later, reached))
+    h = norm(start)
+    chi = _precession(body, phase, duration, h) + _angle_between(start, reached)
+    half = 0.5 * jax.lax.optimization_barrier(chi)
+    c, s = jnp.cos(half), jnp.sin(half)
+    zero = jnp.zeros_like(h)
+    tilt = Quaternion(jnp.stack([h + start[2], -start[1], start[0], zero]))
+    back = Quaternion(jnp.stack([(h + end[2]) * c, end[1] * c + end[0] * s, end[1] * s - end[0] * c, (h + end[2]) * s]))
+    return Quaternion(tilt.then(back).wxyz / (2.0 * h * jnp.sqrt((h + start[2]) * (h + end[2]))))
+
+
+def _angle_between(start: Vector, reached: Vector) -> Scalar:
+    """arg(z(t) / z(0)) within a quarter period."""
+    return jnp.arctan2(reached[0] * start[1] - reached[1] * start[0], reached[0] * start[0] + reached[1] * start[1])
+
+
+def _precession(body: _Body, phase: Jacobi, duration: Scalar, h: Scalar) -> Scalar:
+    """psi of the third axis, and the whole half turns of z, rad.
+
+    For M > sqrt(xy) the third integral passes to the pole xy/M, for which third(M) = rho t - arg(c d + i rho S) - third(xy/M)."""
+    (i1, i2, i3), (w1, w2, w3), (s, c, d) = body.moments, body.omega, phase[:3]
+    gain = (i1 - i3) * i1 * w1 * w1 + (i2 - i3) * i2 * w2 * w2
+    pole, strength = (i2 - i3) * gain / (i2 * i3 * i3), h / i3 - h / i1
+    other = pole * pole > body.x * body.y
+    near = jnp.where(other, body.x * body.y / jnp.where(other, pole, 1.0), pole)
+    transverse = (i1 * w1) ** 2 + (i2 * w2) ** 2
+    real = transverse * c * d - i3 * (i1 - i2) * w1 * w2 * w3 * s * (1.0 + pole * s * s)
+    imaginary = -h / i3 * gain * s * _denominator(body, phase)
+    re, im = jnp.where(other, c * d, 1.0), jnp.where(other, strength * s, 0.0)
+    angle = safe_atan2(imaginary * re + real * im, real * re - imaginary * im)
+    rest = jnp.where(other, 1.0, -1.0)
+    rate = h / jnp.where(other, i1, i3)
+    full, returns = _quarter(body, phase)
+    within, whole = third(jnp.stack([s, full.s]), jnp.stack([c, full.c]), jnp.stack([d, full.d]), near, strength)
+    within, whole = jax.lax.optimization_barrier((within, whole))
+    sense = jnp.where(other, 0.0, -jnp.sign(gain)) + jnp.where(body.difference < 0.0, jnp.sign(w3 * gain), 0.0)
+    period = jnp.where(returns, 2.0 * rest * whole + math.pi * sense, 0.0)
+    return rate * duration + rest * within + angle + phase.half_periods * period
+
+
+def _quarter(body: _Body, phase: Jacobi) -> tuple[Jacobi, Flag]:
+    """S, c and d at the quarter period where the time reaches beyond it, and whether it does."""
+    returns = phase.half_periods != 0.0
+    circled = body.difference < 0.0
+    top = jnp.where(returns, jnp.where(circled, body.y, body.x), 1.0)
+    least = jnp.sqrt(jnp.where(returns, jnp.where(circled, -body.difference, body.difference) / top, 1.0))
+    c, d = jnp.where(circled, least, 0.0), jnp.where(circled, 0.0, least)
+    return phase._replace(s=1.0 / jnp.sqrt(top), c=c, d=d), returns
+
+
+def _slow(body: _Body, duration: Scalar) -> Flag:
+    """Whether the body turns through less than some 0.003 rad: there the direction of h has no digits to differentiate."""
+    i, w = body.moments, body.omega
+    return dot(i * w, w) / jnp.min(i, axis=0) * duration * duration < 1e-5
+
+
+def _small_turn(body: _Body, later: Vector, duration: Scalar) -> Quaternion:
+    """R of a small turn: Magnus' series of order four, the integrals by the Hermite polynomial of omega."""
+
+    def rate(w: Vector) -> Vector:
+        a1, a2, a3 = _rates(body.moments)
+        return jnp.stack([a1 * w[1] * w[2], a2 * w[2] * w[0], a3 * w[0] * w[1]])
+
+    w = body.omega
+    bend = (rate(w) - rate(later) + cross(w, later)) / 12.0
+    return Quaternion.from_rotation_vector(duration * (0.5 * (w + later) + duration * bend))
+
+
+def _order(moments: Vector, omega: Vector) -> tuple[tuple[Flag, Flag], Flag]:
+    """Whether the first or the last axis is the intermediate one, and whether the other two change places."""
+    i0, i1, i2 = moments
+    middle = (i0 - i1) * (i0 - i2) <= 0.0, ((i2 - i0) * (i2 - i1) <= 0.0) & ((i0 - i1) * (i0 - i2) > 0.0)
+    (a, b, c), (u, v, w) = _arranged(moments, middle, False), _arranged(omega, middle, False)
+    share = safe_divide(b - c, a - c) * b * b * v * v
+    rest = safe_divide(a - b, a - c) * b * b * v * v
+    # The squares of L_1 and L_3 where the polhode crosses the plane of these two axes.
+    return middle, a * a * u * u + a / b * share < c * c * w * w + c / b * rest
+
+
+def _arranged(v: Vector, middle: tuple[Flag, Flag], mirrored: Flag) -> Vector:
+    """Components along the arranged axes: a cyclic change, and the exchange of the outer axes."""
+    first, last = middle
+    a = jnp.where(first, v[2], jnp.where(last, v[1], v[0]))
+    b = jnp.where(first, v[0], jnp.where(last, v[2], v[1]))
+    c = jnp.where(first, v[1], jnp.where(last, v[0], v[2]))
+    return jnp.stack([jnp.where(mirrored, c, a), b, jnp.where(mirrored, a, c)])
+
+
+def _restored(v: Vector, middle: tuple[Flag, Flag], mirrored: Flag) -> Vector:
+    """Components along the axes as they were given."""
+    first, last = middle
+    a, b, c = jnp.where(mirrored, v[2], v[0]), v[1], jnp.where(mirrored, v[0], v[2])
+    x = jnp.where(first, b, jnp.where(last, c, a))
+    y = jnp.where(first, c, jnp.where(last, a, b))
+    return jnp.stack([x, y, jnp.where(first, a, jnp.where(last, b, c))])

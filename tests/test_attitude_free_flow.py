@@ -1,0 +1,246 @@
+"""The closed form of the free body: against integration, the hyperbolic solution, the laws of a flow, and differences."""
+
+import jax
+import jax.numpy as jnp
+import mpmath
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from jax.flatten_util import ravel_pytree
+from numpy.testing import assert_allclose
+from scipy.integrate import solve_ivp
+
+from jaxspace import Accuracy, simulate
+from jaxspace.attitude import TorqueFreeBody
+from jaxspace.attitude._jacobi import jacobi, third
+from jaxspace.bodies import BodyState, InertiaTensor, PrincipalInertia
+from jaxspace.rotations import Quaternion
+from jaxspace.solvers import DOP853
+
+START = np.array([0.8, 0.0, 0.6, 0.0])
+
+
+@jax.jit
+def flow(duration, moments, omega):
+    """Quaternion and angular velocity, (7, *runs)."""
+    start = jnp.asarray(START, omega.dtype)
+    y = BodyState(attitude=Quaternion(start), omega=omega)
+    later = TorqueFreeBody(PrincipalInertia(moments)).flow(duration, y)
+    return jnp.concatenate([later.attitude.wxyz, later.omega])
+
+
+def integrated(duration, moments, omega):
+    """The same, (7, runs), by DOP853 of scipy in the numpy of this file, all runs together on the clock t / duration."""
+    moments, duration = np.asarray(moments, float), np.asarray(duration, float)
+
+    def rate(_, flat):
+        y = flat.reshape(7, -1)
+        w, u, omega = y[0], y[1:4], y[4:]
+        momentum = moments * omega
+        turning = np.concatenate([-np.sum(u * omega, 0)[None], w * omega + np.cross(u, omega, axis=0)]) / 2.0
+        return (duration * np.concatenate([turning, np.cross(momentum, omega, axis=0) / moments])).ravel()
+
+    y0 = np.concatenate([START[:, None] + 0.0 * omega[:1], omega]).ravel()
+    answer = solve_ivp(rate, (0.0, 1.0), y0, method="DOP853", rtol=3e-14, atol=1e-16)
+    return answer.y[:, -1].reshape(7, -1)
+
+
+def bodies(seed, n):
+    """Physical moments in any order and rates: general, a rate of zero, a small rate, two equal moments, three."""
+    rng = np.random.default_rng(seed)
+    x, omega = rng.uniform(0.1, 1.0, (3, n)), rng.normal(size=(3, n))
+    moments = np.stack([x[1] + x[2], x[2] + x[0], x[0] + x[1]])
+    for i in range(n):
+        if i % 6 == 1:
+            omega[rng.integers(3), i] = 0.0
+        elif i % 6 == 2:
+            omega[rng.integers(3), i] *= 1e-4
+        elif i % 6 == 3:
+            moments[:, i] = rng.permutation([1.0, 1.0, rng.uniform(0.3, 2.0)])
+        elif i % 6 == 4:
+            moments[:, i] = 1.3
+    return rng.uniform(-20.0, 20.0, n), moments, omega
+
+
+def test_it_is_the_integral():
+    run = bodies(0, 60)
+    # Up to some 60 rad at the integration's tolerance of 3e-14 per step.
+    assert_allclose(flow(*run), integrated(*run), atol=1e-10)
+
+
+def test_batch_lanes_are_single_runs():
+    duration, moments, omega = bodies(1, 12)
+    batch = flow(duration, moments, omega)
+    for i in range(12):
+        assert_allclose(batch[:, i], flow(duration[i], moments[:, i], omega[:, i]), atol=1e-13)
+    shared = TorqueFreeBody([3.0, 2.0, 1.0]).flow(2.0, BodyState(attitude=Quaternion(jnp.array(START)), omega=jnp.asarray(omega)))
+    assert_allclose(shared.omega[:, 3], flow(2.0, jnp.array([3.0, 2.0, 1.0]), omega[:, 3])[4:], atol=1e-13)
+
+
+def test_separatrix():  # Thomson 5.12: sech and tanh
+    ts = np.array([-9.0, -1.0, 0.0, 0.5, 3.0, 9.0])
+    omega = np.array([1.0, 0.0, np.sqrt(3.0)])[:, None] + 0.0 * ts
+    found = flow(ts, np.array([3.0, 2.0, 1.0])[:, None] + 0.0 * ts, omega)
+    exact = [1.0 / np.cosh(ts), -np.sqrt(3.0) * np.tanh(ts), np.sqrt(3.0) / np.cosh(ts)]
+    assert_allclose(found[4:], exact, atol=1e-11)  # rounding of the start grows as exp(t), by 1e4
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_near_the_separatrix(side):
+    off = np.array([10.0**-k for k in range(3, 15)])
+    omega = np.stack([1.0 + side * off, 0.3 + 0.0 * off, np.sqrt(3.0) + 0.0 * off])
+    run = np.full(off.shape, 7.0), np.array([3.0, 2.0, 1.0])[:, None] + 0.0 * off, omega
+    assert_allclose(flow(*run), integrated(*run), atol=1e-10)  # rounding grows by exp(7) = 1e3
+
+
+def test_ten_thousand_flips_keep_energy_and_momentum():
+    moments, omega = jnp.array([1.0, 2.0, 3.0]), jnp.array([1e-3, 1.0, 2e-3])
+    body, y = TorqueFreeBody(moments), BodyState(attitude=Quaternion(jnp.array(START)), omega=omega)
+    kept = body.invariants(0.0, y)
+    later = jax.jit(lambda t: body.invariants(t, body.flow(t, y)))(1.7e5)  # a flip takes some 17 s
+    for name, value in kept.items():
+        assert_allclose(later[name], value, rtol=1e-11, atol=1e-11)
+
+
+def test_no_time_changes_nothing():
+    _, moments, omega = bodies(2, 12)
+    assert_allclose(flow(0.0 * omega[0], moments, omega)[4:], omega, rtol=1e-15)
+    assert_allclose(flow(0.0 * omega[0], moments, omega)[:4], START[:, None] + 0.0 * omega[:1], atol=1e-15)
+
+
+size, rate, time = st.floats(0.1, 1.0), st.floats(-1.0, 1.0), st.floats(-5.0, 5.0)
+
+
+@settings(deadline=None)
+@given(st.tuples(size, size, size), st.tuples(rate, rate, rate), time, time)
+def test_flows_add(sizes, omega, a, b):
+    x, y, z = sizes
+    body = TorqueFreeBody(PrincipalInertia(jnp.array([y + z, z + x, x + y])))
+    start = BodyState(attitude=Quaternion(jnp.array(START)), omega=jnp.array(omega))
+    once, twice = _both(body, start, a, b)
+    kept, left = body.invariants(0.0, start), body.invariants(0.0, twice)
+    for name, value in kept.items():
+        assert_allclose(left[name], value, rtol=1e-12, atol=1e-12)
+    # The state between carries rounding, which near the separatrix grows at a rate below |omega| / 2 in such bodies.
+    growth = np.exp(0.5 * np.linalg.norm(omega) * (abs(a) + abs(b)))
+    assert_allclose(ravel_pytree(twice)[0], ravel_pytree(once)[0], atol=1e-13 * growth)
+
+
+@jax.jit
+def _both(body, y, a, b):
+    return body.flow(a + b, y), body.flow(b, body.flow(a, y))
+
+
+def test_single_precision():
+    duration, moments, omega = bodies(3, 24)
+    single = flow(*(jnp.asarray(x, jnp.float32) for x in (duration, moments, omega)))
+    assert single.dtype == jnp.float32
+    # eps = 1.2e-7 in the data and in some 60 rad, which the polhode stretches by some tens.
+    assert_allclose(single, flow(duration, moments, omega), atol=2e-3)
+
+
+STARTS = {
+    "asymmetric": [3.0, 2.0, 1.0, 0.4, 0.1, 2.0, 4.0],
+    "many turns": [3.0, 2.0, 1.0, 2.0, 0.1, 0.4, -14.0],
+    "separatrix": [3.0, 2.0, 1.0, 1.0, 0.0, np.sqrt(3.0), 1.0],
+    "vertex": [3.0, 2.0, 1.0, 0.4, 0.0, 2.0, 5.0],
+    "symmetric": [2.0, 2.0, 3.0, 0.4, 0.3, 2.0, 5.0],
+    "symmetric, across": [2.0, 2.0, 3.0, 0.4, 0.3, 0.0, 5.0],
+    "sphere": [2.0, 2.0, 2.0, 0.4, 0.3, 1.0, 5.0],
+    "at rest": [3.0, 2.0, 1.0, 0.0, 0.0, 0.0, 5.0],
+    "sphere at rest": [2.0, 2.0, 2.0, 0.0, 0.0, 0.0, 5.0],
+    "greatest axis": [3.0, 2.0, 1.0, 1.0, 0.0, 0.0, 5.0],
+    "middle axis": [3.0, 2.0, 1.0, 0.0, 1.0, 0.0, 2.0],
+    "least axis": [3.0, 2.0, 1.0, 0.0, 0.0, 1.0, 5.0],
+    "no time": [3.0, 2.0, 1.0, 0.4, 0.1, 2.0, 0.0],
+    "little time": [3.0, 2.0, 1.0, 0.4, 0.1, 2.0, 1.5e-3],
+}
+
+
+def principal(x):
+    return flow(x[6], x[:3], x[3:6])
+
+
+def tensorial(x):
+    a, b, c, d, e, f = x[:6]
+    tensor = jnp.stack([jnp.stack([a, d, e]), jnp.stack([d, b, f]), jnp.stack([e, f, c])])
+    y = BodyState(attitude=Quaternion(jnp.array(START)), omega=x[6:9])
+    return ravel_pytree(TorqueFreeBody(InertiaTensor(tensor)).flow(x[9], y))[0]
+
+
+def differences(f, x, step=3e-4):
+    """Derivatives of order six: truncation and rounding both below 1e-9 here."""
+    along = [[f(x + i * step * e) - f(x - i * step * e) for i in (1, 2, 3)] for e in np.eye(x.size)]
+    return np.stack([(45.0 * a - 9.0 * b + c) / (60.0 * step) for a, b, c in along], axis=-1)
+
+
+@pytest.fixture(scope="module")
+def derivatives():
+    return {f: (jax.jit(f), jax.jit(jax.jacfwd(f)), jax.jit(jax.jacrev(f))) for f in (principal, tensorial)}
+
+
+@pytest.mark.parametrize("x", STARTS.values(), ids=STARTS)
+def test_derivatives(derivatives, x):
+    value, forward, reverse = derivatives[principal]
+    x = np.asarray(x)
+    assert_allclose(forward(x), differences(value, x), atol=1e-8)
+    assert_allclose(reverse(x), forward(x), atol=1e-11)
+
+
+@pytest.mark.parametrize(
+    "tensor",
+    [
+        [3.0, 2.0, 1.0, 0.1, 0.2, -0.1],
+        [3.0, 2.0, 1.0, 0.0, 0.0, 0.0],
+        [2.0, 2.0, 1.0, 0.0, 0.0, 0.0],
+        [2.0, 2.0, 2.0, 0.0, 0.0, 0.0],
+    ],
+    ids=["general", "principal", "symmetric", "sphere"],
+)
+def test_derivatives_of_a_tensor(derivatives, tensor):
+    value, forward, reverse = derivatives[tensorial]
+    x = np.array([*tensor, 0.4, 0.1, 2.0, 2.0])
+    assert_allclose(forward(x), differences(value, x), atol=1e-8)
+    assert_allclose(reverse(x), forward(x), atol=1e-11)
+
+
+def test_a_tensor_is_the_body_in_other_axes():
+    turn = Quaternion(jnp.array([0.5, 0.5, -0.5, 0.5])).then(Quaternion.about(0, 0.3))
+    C, moments, omega = turn.matrix(), jnp.array([3.0, 2.0, 1.0]), jnp.array([0.4, 0.2, 2.0])
+    start = Quaternion(jnp.array(START))
+    y = BodyState(attitude=start.then(turn.inverse()), omega=C @ omega)
+    other = TorqueFreeBody(InertiaTensor(C @ jnp.diag(moments) @ C.T)).flow(5.0, y)
+    expected = flow(5.0, moments, omega)
+    assert_allclose(other.omega, C @ expected[4:], atol=1e-13)
+    assert_allclose(other.attitude.wxyz, Quaternion(expected[:4]).then(turn.inverse()).wxyz, atol=1e-13)
+
+
+def test_simulation_takes_the_closed_form():
+    y = BodyState(attitude=Quaternion(jnp.array(START)), omega=jnp.array([0.4, 0.1, 2.0]))
+    body, ts = TorqueFreeBody([3.0, 2.0, 1.0]), jnp.array([0.0, 4.0, 10.0])
+    exact = simulate(body, y, ts)
+    assert int(exact.stats["evaluations"]) == 0
+    integral = simulate(body, y, ts, accuracy=Accuracy(rtol=1e-12, atol=1e-14, method=DOP853()))
+    jax.tree.map(lambda a, b: assert_allclose(a, b, atol=1e-10), exact.states, integral.states)
+
+
+@pytest.mark.parametrize("complement", [1.0, 0.6, 0.51, 0.49, 1e-2, 1e-6, 1e-14, 1e-40])
+@pytest.mark.parametrize("share", [0.1, 0.5, 0.9])
+def test_elliptic_functions(complement, share):
+    top = 1.7
+    with mpmath.workdps(60):
+        m = 1 - mpmath.mpf(complement * top) / mpmath.mpf(top)
+        n = mpmath.sqrt(top)
+        t = float(share * mpmath.ellipk(m) / n)
+        phase = jacobi(t, top, float(m * top), complement * top)
+        sn, cn, dn = (mpmath.ellipfun(f, u=n * mpmath.mpf(t), m=m) for f in ("sn", "cn", "dn"))
+        # The relative error of cn and dn is that of the argument, which is below 47.
+        assert_allclose([phase.s, phase.c, phase.d], [float(sn / n), float(cn), float(dn)], rtol=1e-13)
+        if complement < 1e-3:
+            return
+        pole = 0.4 * top
+        strength = np.sqrt((pole + top) * (pole + float(m * top)) / pole)
+        rate = lambda u: 1 - 1 / (1 + pole / top * mpmath.ellipfun("sn", u=n * u, m=m) ** 2)  # noqa: E731
+        expected = strength * mpmath.quad(rate, [0, t / 2, t])
+        assert_allclose(third(phase.s, phase.c, phase.d, pole, strength), float(expected), rtol=1e-13)
