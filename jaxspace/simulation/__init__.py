@@ -1,6 +1,7 @@
 """The runner: simulate one run or many, a system or a mission of phases, to a stated accuracy. No physics."""
 
 from ._accuracy import Accuracy as Accuracy
+from ._accuracy import least_tolerance as least_tolerance
 from ._batch import BLOCK as BLOCK
 from ._batch import by_blocks as by_blocks
 from ._batch import simulate_batch as simulate_batch
