@@ -41,9 +41,21 @@ def accuracy_cost_figure(cost: "AccuracyCost", *, title: str = "") -> "Figure":
         panels[2].tick_params(labelleft=True)
     for axes in panels[:2]:
         axes.axhline(cost.reference_error, color="#707070", linewidth=0.9, linestyle=":")
+    for axes in panels:
+        _ticks(axes.xaxis)
     handles, labels = panels[0].get_legend_handles_labels()
     figure.legend(handles, labels, fontsize=8, loc="outside right center", frameon=False)
     return figure
+
+
+def _ticks(axis: Any) -> None:
+    """Plain numbers at 1, 2 and 5 of every decade, or at its beginning alone where there are many."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    low, high = axis.get_view_interval()
+    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if high < 1e2 * low else (1.0,)))
+    axis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}" if 1e-3 <= x < 1e5 else f"{x:.0e}"))
+    axis.set_minor_formatter(NullFormatter())
 
 
 def _curves(axes: Any, cost: "AccuracyCost", point: Any) -> None:

@@ -19,21 +19,13 @@ class Scaled(AbstractPiecewiseEffect):
 
     effect: AbstractEffect
     factor: Float[Array, "*#runs"] = eqx.field(converter=as_float)
+    needs: frozenset[str] = eqx.field(static=True)  # pyright: ignore[reportIncompatibleVariableOverride]
+    adds: frozenset[str] = eqx.field(static=True)  # pyright: ignore[reportIncompatibleVariableOverride]
+    keeps: frozenset[str] = eqx.field(static=True)  # pyright: ignore[reportIncompatibleVariableOverride]
 
-    @property
-    def needs(self) -> frozenset[str]:  # pyright: ignore[reportIncompatibleVariableOverride]
-        """What the effect reads."""
-        return self.effect.needs
-
-    @property
-    def adds(self) -> frozenset[str]:  # pyright: ignore[reportIncompatibleVariableOverride]
-        """What the effect contributes."""
-        return self.effect.adds
-
-    @property
-    def keeps(self) -> frozenset[str]:  # pyright: ignore[reportIncompatibleVariableOverride]
-        """What motion under the effect conserves."""
-        return self.effect.keeps
+    def __init__(self, effect: AbstractEffect, factor: Any):
+        self.effect, self.factor = effect, factor
+        self.needs, self.adds, self.keeps = effect.needs, effect.adds, effect.keeps
 
     def load(self, t: Scalar, y: BodyState, body: AbstractBody) -> Load:
         return jax.tree.map(lambda x: self.factor * x, self.effect.load(t, y, body))

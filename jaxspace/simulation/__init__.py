@@ -10,6 +10,8 @@ from ._lanes import refined as refined
 from ._lanes import run_mission as run_mission
 from ._mission import Mission as Mission
 from ._mission import Phase as Phase
+from ._simulate import check_start as check_start
+from ._simulate import check_times as check_times
 from ._simulate import simulate as simulate
 from ._status import SimulationError as SimulationError
 from ._status import Status as Status

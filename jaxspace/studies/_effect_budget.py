@@ -18,11 +18,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from .._core import InputError, Scalar, State, check_positive
+from .._core import AbstractSystem, InputError, Scalar, State, check_positive
 from ..scene import Scaled, Scene, budget
 from ..simulation import Accuracy, Mission, Phase, SimulationError, Status, least_tolerance
 from ._budget_table import EffectBudget, Influence
-from ._flights import compiled, flight, in_precision, timed
+from ._flights import checked_start, compiled, flight, in_precision, timed
 
 UNITS = {"position": "m", "velocity": "m/s", "attitude": "rad", "omega": "rad/s", "mass": "kg"}
 NONLINEAR = 0.1  # of the influence: where the prediction is off by more, the run without the effect counts
@@ -61,7 +61,7 @@ class _Question(NamedTuple):
 
 
 def effect_budget(
-    scene: Scene | Mission,
+    scene: AbstractSystem | Mission,
     y0: State,
     ts: Any = 0.0,
     *,
@@ -86,7 +86,7 @@ def effect_budget(
     check_positive("repeats", repeats)
     members = _members(scene)
     accuracy = accuracy if isinstance(accuracy, Accuracy) else Accuracy(rtol=accuracy)
-    y0, ts = jax.tree.map(jnp.asarray, (y0, ts))
+    y0, ts = checked_start(scene, y0, ts)
     question = _question(scene, y0, ts, chosen, accuracy, tuple(members), name == "attitude")
     nominal = question.ask()
     if not nominal.status.good:
@@ -264,7 +264,8 @@ def _flown(system: Any, y0: State, ts: Any, output: Any, accuracy: Accuracy, rep
     numbers, rest = eqx.partition((system, y0, ts), eqx.is_array)
 
     def run(numbers: Any, rtol: Any) -> Any:
-        flown = flight(*eqx.combine(numbers, rest), eqx.tree_at(lambda a: a.rtol, accuracy, rtol))
+        system, y0, ts = eqx.combine(numbers, rest)
+        flown = flight(system, y0, ts, eqx.tree_at(lambda a: a.rtol, accuracy, rtol))
         return output(flown.final), flown.status
 
     rtol = jnp.asarray(accuracy.rtol)

@@ -9,8 +9,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from .._core import AbstractSystem, State
-from ..simulation import Accuracy, Mission, Trajectory, simulate
+from .._core import AbstractSystem, State, check_finite
+from ..simulation import Accuracy, Mission, Trajectory, check_start, check_times, simulate
 
 ENOUGH = 2.0  # s: a run is not repeated after its repetitions took so long
 
@@ -33,6 +33,16 @@ def flight(system: AbstractSystem | Mission, y0: State, ts: Any, accuracy: Accur
     spans = tuple((p.ts, p.states) for p in phases)
     count = lambda name: tuple(p.stats.get(name, 0) for p in phases)  # noqa: E731
     return Flight(run.final, spans, run.status, count("evaluations"), count("steps"))
+
+
+def checked_start(system: Any, y0: State, ts: Any) -> tuple[State, Any]:
+    """Initial state and times as arrays. Raises `InputError` as `simulate` does, which cannot see them once they are traced."""
+    y0 = jax.tree.map(jnp.asarray, y0)
+    check_start(y0)
+    if not isinstance(system, Mission):
+        return y0, check_times(ts, y0)
+    check_finite("ts", ts)
+    return y0, jnp.asarray(ts, jnp.result_type(*jax.tree.leaves(y0)))
 
 
 class Program(NamedTuple):
