@@ -167,6 +167,7 @@ def test_scaled_at_one_is_the_effect_and_at_zero_none():
     np.testing.assert_allclose(half, Scene([PointGravity(0.5 * MU)]).invariants(t, orbit())["energy"], rtol=1e-15)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SCENES)
 def test_effect_budget_of_every_scene(name):
     """What leaving out an effect changes, against plain runs of the scene without it."""

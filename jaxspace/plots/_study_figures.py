@@ -31,8 +31,9 @@ def accuracy_cost_figure(cost: "AccuracyCost", *, title: str = "") -> "Figure":
     panels = figure.subplots(1, 3 if gradient else 2, sharey=True)
     if title:
         figure.suptitle(title, fontsize=12, fontweight="bold", x=0.01, ha="left")
-    _curves(panels[0], cost, lambda r: (1e3 * r.seconds, r.error))
-    _curves(panels[1], cost, lambda r: (r.evaluations if r.tolerance is not None else np.nan, r.error))
+    reached = lambda r: max(r.error, cost.reference_error)  # noqa: E731
+    _curves(panels[0], cost, lambda r: (1e3 * r.seconds, reached(r)))
+    _curves(panels[1], cost, lambda r: (r.evaluations if r.tolerance is not None else np.nan, reached(r)))
     dress(panels[0], "Time", "time of a run [ms]", "relative error of the final state")
     dress(panels[1], "Arithmetic", "evaluations of the vector field")
     if gradient:

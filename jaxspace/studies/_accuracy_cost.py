@@ -89,7 +89,7 @@ def accuracy_cost(
     `SimulationError` when no good reference is found."""
     chosen = _checked(system, tolerances, methods, precisions, repeats)
     y0, ts = checked_start(system, y0, ts)
-    own = str(np.result_type(*jax.tree.leaves(y0)))
+    own = jnp.result_type(*jax.tree.leaves(y0)).name
     cases = {name: _Case(*eqx.partition(in_precision((system, y0, ts), name), eqx.is_array)) for name in PRECISIONS}
     programs: dict[str, Program] = {}
     reference = _reference(system, cases["float64"], min(tolerances), gradient, output, programs)
