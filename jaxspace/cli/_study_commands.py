@@ -25,8 +25,8 @@ def cost(file: SceneFile, error: float | None, gradient: bool, folder: str) -> i
     settle()
     system, y0, ts = file.nominal()
     ts = _start(file) if isinstance(system, Mission) else ts
-    print(f"{file.title}: what accuracy costs")
     table = accuracy_cost(system, y0, ts, tolerances=sorted({*TOLERANCES, file.accuracy}, reverse=True), gradient=gradient)
+    print(f"{file.title}: what accuracy costs")
     print(table)
     print(f"\n{_recommendation(table, file.accuracy if error is None else error)}")
     _draw(table, file, folder, "_cost.png")
@@ -46,15 +46,15 @@ def _recommendation(table: AccuracyCost, error: float) -> str:
 
 def budget(file: SceneFile, output: str | None, tolerance: str | None, folder: str) -> int:
     """Print what each effect does to the output and which of them may go, and draw it."""
+    if file.kind == "system":
+        raise SceneError(file.path, f"{file.values['system']['name']} is a textbook system: it must be a scene, with effects.")
     settle()
     system, y0, ts = file.nominal()
     ts = _start(file) if isinstance(system, Mission) else ts
-    if not file.scenes():
-        raise SceneError(file.path, f"{file.values['system']['name']} is a textbook system: it must be a scene, with effects.")
     output = next(name for name in SIZES if name in y0.present()) if output is None else output
     size = None if tolerance is None else _size(tolerance, SIZES[output])
-    print(f"{file.title}: which effects matter")
     table = effect_budget(system, y0, ts, output=output, tolerance=size, accuracy=min(file.accuracy, 1e-9))
+    print(f"{file.title}: which effects matter")
     print(table)
     _draw(table, file, folder, "_budget.png")
     return 0
