@@ -380,7 +380,7 @@ def test_bad_questions_end_with_status_2(tmp_path, capsys, arguments, words):
 
 
 def test_a_textbook_system_has_no_budget(capsys, tmp_path):
-    assert main(["budget", str(SCENES / "heavy_top.toml"), "--out", str(tmp_path)]) == 2
+    assert main(["budget", str(SCENES / "top.toml"), "--out", str(tmp_path)]) == 2
     assert "textbook system" in capsys.readouterr().err
 
 
