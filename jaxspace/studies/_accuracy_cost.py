@@ -178,7 +178,7 @@ def _reference(
 def _in_two_parts(case: _Case) -> State:
     """The final state of a closed form that is passed in two parts, which no whole number of turns may hide."""
     system, y0, ts = eqx.combine(case.numbers, case.rest)
-    flow = jax.jit(system.flow)
+    flow = jax.jit(lambda duration, y: system.flow(duration, y))
     first = PART * (ts[-1] - ts[0])
     return flow(ts[-1] - ts[0] - first, flow(first, y0))
 
