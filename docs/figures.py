@@ -22,10 +22,12 @@ from jaxspace.optimization import (
     optimal_staging,
     optimise_steering,
 )
-from jaxspace.orbits import ClassicalElements, PointGravity, TwoBody, apoapsis_radius, state_from_elements
+from jaxspace.orbits import ClassicalElements, Oblateness, PointGravity, TwoBody, apoapsis_radius, state_from_elements
+from jaxspace.plots import accuracy_cost_figure, effect_budget_figure
 from jaxspace.rockets import JetDamping, Thrust, jet_damping_ratio
 from jaxspace.rotations import Quaternion
 from jaxspace.solvers import DOP853
+from jaxspace.studies import accuracy_cost, effect_budget
 
 HERE = Path(__file__).parent / "figures"
 
@@ -207,7 +209,34 @@ def missions():
     return figure
 
 
-DRAWN = {f.__name__: f for f in (top, two_body, torque_free_body, rockets, two_gimbal_gyro, optimization, missions)}
+def what_accuracy_costs():
+    """Error against time and arithmetic of twenty revolutions of a two-body orbit, and of their gradient."""
+    e, mu = 0.3, 1.0
+    y0 = BodyState(*state_from_elements(ClassicalElements.from_periapsis(1.0 - e, e), mu))
+    cost = accuracy_cost(TwoBody(mu), y0, jnp.array([0.0, 40.0 * np.pi]), gradient=True, repeats=20)
+    return accuracy_cost_figure(cost, title="Twenty revolutions of a two-body orbit, eccentricity 0.3")
+
+
+def which_effects_matter():
+    """The effects of a spinning stage in its burn, by what they do to the final velocity."""
+    body = BurningBody(1191.0, [1031.0, 1002.0, 521.0], [0.45, 0.45, 0.44], -1.69)
+    motor = Thrust(6.9e4, 2865.0, 84.1, point=[0.0, 0.0, -2.39], misalignment=[1e-3, 0.0])
+    bulge = Oblateness(MU_EARTH, 1.08262668e-3, RADIUS_EARTH)
+    scene = Scene([PointGravity(MU_EARTH), bulge, motor, JetDamping(motor.mass_rate, -3.16, 0.265)], body)
+    radius = RADIUS_EARTH + 185e3
+    start = BodyState(
+        position=jnp.array([radius, 0.0, 0.0]),
+        velocity=jnp.array([0.0, jnp.sqrt(MU_EARTH / radius), 0.0]),
+        attitude=Quaternion.about(0, -jnp.pi / 2.0),
+        omega=jnp.array([0.0, 0.0, 2.0 * jnp.pi]),
+        mass=jnp.array(3200.0),
+    )
+    budget = effect_budget(scene, start, jnp.array([0.0, 84.1]), output="velocity", tolerance=5.0, accuracy=1e-8)
+    return effect_budget_figure(budget, title="A spinning stage at burnout")
+
+
+PAGES = (top, two_body, torque_free_body, rockets, two_gimbal_gyro, optimization, missions)
+DRAWN = {f.__name__: f for f in (*PAGES, what_accuracy_costs, which_effects_matter)}
 
 if __name__ == "__main__":
     jaxspace.enable_x64()

@@ -12,6 +12,7 @@ The rooms, from the ground up:
     scene           a body and its effects as one system
     solvers         integrators as diffrax solvers
     simulation      the runner: simulate one run or many, a system or a mission of phases
+    studies         questions about a run: what accuracy costs, which effects matter
     dispersion      campaigns of many runs: distributions, statistics
     optimization    staging, steering
     io, plots, cli  files, figures, the command line (imported by name, with the extra `app`)
@@ -29,6 +30,7 @@ from . import rotations as rotations
 from . import scene as scene
 from . import simulation as simulation
 from . import solvers as solvers
+from . import studies as studies
 from ._core import AbstractSystem as AbstractSystem
 from ._precision import enable_x64 as enable_x64
 from .bodies import BodyState as BodyState

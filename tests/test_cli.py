@@ -77,7 +77,7 @@ BAD = [
 
 
 @pytest.mark.parametrize("old, new, word", BAD)
-@pytest.mark.parametrize("command", ["run", "disperse", "explain"])
+@pytest.mark.parametrize("command", ["run", "disperse", "explain", "cost", "budget"])
 def test_bad_input_ends_with_status_2_and_one_line(tmp_path, capsys, command, old, new, word):
     path = tmp_path / "scene.toml"
     path.write_text(KICK.replace(old, new))
@@ -329,3 +329,63 @@ def test_the_yo_yo_takes_the_spin_and_leaves_the_cone(kick):
     h_N = Rotation.from_quat(np.roll(after.attitude.wxyz, -1)).apply(h / np.linalg.norm(h))
     intended = Rotation.from_quat(np.roll(start()[6:10], -1)).apply([0.0, 0.0, 1.0])
     assert outputs["pointing"] == pytest.approx(math.degrees(math.acos(h_N @ intended)), rel=1e-5)
+
+
+def test_cost_prints_a_table_and_recommends(tmp_path, capsys):
+    path = tmp_path / "coast.toml"
+    path.write_text(CHEAP)
+    assert main(["cost", str(path), "--out", str(tmp_path / "a"), "--error", "1e-9"]) == 0
+    printed = capsys.readouterr().out
+    for word in ("A coast", "DOP853", "Tsit5", "float32", "1e-12", "evaluations", "Errors are against DOP853"):
+        assert word in printed
+    assert "for a relative error of 1e-09 in the final state: accuracy = " in printed
+    assert (tmp_path / "a" / "coast_cost.png").exists() and "coast_cost.png" in printed
+
+
+def test_budget_prints_a_table_and_what_may_go(tmp_path, capsys):
+    path = tmp_path / "coast.toml"
+    oblate = CHEAP.replace('"6378.137 km"', '"6378.137 km"\nj2 = 1.08262668e-3')
+    path.write_text(oblate.replace('["point_gravity"]', '["point_gravity", "oblateness"]'))
+    assert main(["budget", str(path), "--out", str(tmp_path / "a"), "--tolerance", "10 km"]) == 0
+    printed = capsys.readouterr().out
+    for word in (
+        "PointGravity",
+        "Oblateness",
+        "influence [m]",
+        "share",
+        "within 10000 m: keep PointGravity; leave out Oblateness",
+    ):
+        assert word in printed
+    assert (tmp_path / "a" / "coast_budget.png").exists() and "coast_budget.png" in printed
+
+
+BAD_STUDIES = [
+    (
+        ["budget", "--tolerance", "10 kg"],
+        '--tolerance is "10 kg": it must be a positive number in m or text with a unit of length',
+    ),
+    (["budget", "--tolerance", "wide"], '--tolerance is "wide": it must be a positive number in m'),
+    (["budget", "--tolerance", "0 m"], '--tolerance is "0 m": it must be a positive number in m'),
+    (["budget", "--output", "omega"], "output is 'omega': it must be one of position, velocity"),
+]
+
+
+@pytest.mark.parametrize("arguments, words", BAD_STUDIES)
+def test_bad_questions_end_with_status_2(tmp_path, capsys, arguments, words):
+    path = tmp_path / "coast.toml"
+    path.write_text(CHEAP)
+    assert main([arguments[0], str(path), "--out", str(tmp_path), *arguments[1:]]) == 2
+    printed = capsys.readouterr().err
+    assert words in printed and printed.count("\n") == 1
+
+
+def test_a_textbook_system_has_no_budget(capsys, tmp_path):
+    assert main(["budget", str(SCENES / "top.toml"), "--out", str(tmp_path)]) == 2
+    assert "textbook system" in capsys.readouterr().err
+
+
+def test_an_error_that_is_no_number_ends_with_status_2(capsys):
+    with pytest.raises(SystemExit) as ending:
+        main(["cost", "scene.toml", "--error", "-1"])
+    assert ending.value.code == 2
+    assert "it must be a positive number" in capsys.readouterr().err

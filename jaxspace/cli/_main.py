@@ -1,6 +1,7 @@
-"""The commands: run, disperse, explain."""
+"""The commands: run, disperse, explain, cost, budget."""
 
 import argparse
+import math
 import os
 import sys
 from collections.abc import Sequence
@@ -10,6 +11,7 @@ from ..io import SceneError
 from ..simulation import SimulationError
 
 BAD_INPUT, BAD_RUN = 2, 1
+OUTPUTS = ("position", "velocity", "attitude", "omega", "mass")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -32,15 +34,32 @@ def _parser() -> argparse.ArgumentParser:
     run = commands.add_parser("run", help="fly the nominal run of a scene file")
     disperse = commands.add_parser("disperse", help="fly a scene file many times with its dispersions")
     explain = commands.add_parser("explain", help="say what the effects of a scene file read, add and cost")
-    for command, action in ((run, _run), (disperse, _disperse), (explain, _explain)):
+    cost = commands.add_parser("cost", help="say what accuracy costs in the run of a scene file")
+    budget = commands.add_parser("budget", help="say which effects of a scene file matter")
+    every = ((run, _run), (disperse, _disperse), (explain, _explain), (cost, _cost), (budget, _budget))
+    for command, action in every:
         command.add_argument("file", metavar="FILE", help="a scene file, in TOML")
         command.set_defaults(command=action)
-    for command in (run, disperse):
+    for command in (run, disperse, cost, budget):
         command.add_argument("--out", default="out", metavar="DIR", help="where the files go (default: out)")
     disperse.add_argument("--runs", type=_count, help="how many runs (default: what the file says)")
     disperse.add_argument("--seed", type=_whole, help="what the runs are drawn from (default: what the file says)")
     disperse.add_argument("--chunk", type=_count, default=2048, help="after how many runs results are stored")
+    cost.add_argument("--error", type=_positive, help="the relative error to recommend for (default: the file's accuracy)")
+    cost.add_argument("--gradient", action="store_true", help="measure the gradient in the initial state as well")
+    budget.add_argument("--output", choices=OUTPUTS, help="what they are judged by (default: the position, if there is one)")
+    budget.add_argument("--tolerance", metavar="SIZE", help='how far the output may move, such as "10 m"')
     return parser
+
+
+def _positive(text: str) -> float:
+    try:
+        number = float(text)
+    except ValueError:
+        number = math.nan
+    if not 0.0 < number < math.inf:
+        raise argparse.ArgumentTypeError(f"it is {text}: it must be a positive number.")
+    return number
 
 
 def _count(text: str) -> int:
@@ -85,6 +104,20 @@ def _explain(given: argparse.Namespace) -> int:
     from ._registry import load
 
     return explain(load(given.file))
+
+
+def _cost(given: argparse.Namespace) -> int:
+    from ._registry import load
+    from ._study_commands import cost
+
+    return cost(load(given.file), given.error, given.gradient, _folder(given.out))
+
+
+def _budget(given: argparse.Namespace) -> int:
+    from ._registry import load
+    from ._study_commands import budget
+
+    return budget(load(given.file), given.output, given.tolerance, _folder(given.out))
 
 
 def _folder(name: str) -> str:

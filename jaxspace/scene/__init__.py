@@ -6,4 +6,5 @@ from ._explain import budget as budget
 from ._explain import compiled as compiled
 from ._explain import explain as explain
 from ._explain import operation_count as operation_count
+from ._scaled import Scaled as Scaled
 from ._scene import Scene as Scene

@@ -39,15 +39,16 @@ def budget(scene: Scene, t: Scalar = 0.0, y: BodyState | None = None) -> list[Ef
     The share of an effect is what one evaluation saves when it is left out of the whole."""
     t, y = jnp.asarray(t, float), sample_state(scene.parts) if y is None else y
     whole = operation_count(scene, t, y)
+    least = max(whole, 1)  # constant loads cost no operation at all
     rows = []
     for k, effect in enumerate(scene.effects):
         rest = Scene(scene.effects[:k] + scene.effects[k + 1 :], scene.body, scene.parts)
         saved = max(whole - operation_count(rest, t, y), 0)
         rows.append(
-            EffectRow(type(effect).__name__, tuple(sorted(effect.needs)), tuple(sorted(effect.adds)), saved, saved / whole)
+            EffectRow(type(effect).__name__, tuple(sorted(effect.needs)), tuple(sorted(effect.adds)), saved, saved / least)
         )
     own = max(whole - sum(row.operations for row in rows), 0)  # effects may share work that none of them saves alone
-    return [*rows, EffectRow("equations of motion", scene.parts, (), own, own / whole)]
+    return [*rows, EffectRow("equations of motion", scene.parts, (), own, own / least)]
 
 
 def explain(scene: Scene) -> str:

@@ -68,7 +68,9 @@ def first_event(
     system: AbstractSystem, y0: State, t0: Scalar, t1: Scalar, events: tuple[Event, ...], accuracy: Accuracy, run_axes: int
 ) -> tuple[Scalar, Array]:
     """The time of the first event of each run and its index among `events`; (t1, -1) where none happens. Not differentiable."""
-    system, y0, t0, t1 = jax.lax.stop_gradient((system, y0, t0, t1))
+    # A system may hold functions among its leaves.
+    fixed = lambda x: jax.lax.stop_gradient(x) if eqx.is_array(x) else x  # noqa: E731
+    system, y0, t0, t1 = jax.tree.map(fixed, (system, y0, t0, t1))
     when, which = t1, -jnp.ones(jnp.shape(t1), jnp.int32)
     for number, event in enumerate(events):
         t, hit = _first_zero(system, y0, t0, t1, event, accuracy, run_axes)

@@ -21,7 +21,7 @@ from jaxtyping import PyTree
 
 from . import _tableaus as tableau
 
-Weights = tuple[tuple[int, float], ...]
+Weights = tuple[tuple[int, Any], ...]
 VectorField = Callable[[Any, Any], Any]
 
 

@@ -1,0 +1,93 @@
+"""What accuracy costs, and what each effect does, as pictures."""
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ._style import COLOURS, dress
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from ..studies import AccuracyCost, EffectBudget
+
+MARKS = {"float64": ("o", "-"), "float32": ("s", "--")}
+
+
+def _figure(width: float, height: float) -> "Figure":
+    """An empty figure. Raises `ImportError` where matplotlib is not installed."""
+    try:
+        from matplotlib.figure import Figure
+    except ImportError as error:
+        raise ImportError("Pictures need matplotlib: install jaxspace[app].") from error
+    return Figure(figsize=(width, height), layout="constrained")
+
+
+def accuracy_cost_figure(cost: "AccuracyCost", *, title: str = "") -> "Figure":
+    """The work-precision diagram: the error of the final state against time and against evaluations; where gradients were
+    measured, their error against their time as well. The error of the reference is a dotted line."""
+    gradient = any(row.gradient_seconds is not None for row in cost.rows)
+    figure = _figure(12.6 if gradient else 9.0, 4.0)
+    panels = figure.subplots(1, 3 if gradient else 2, sharey=True)
+    if title:
+        figure.suptitle(title, fontsize=12, fontweight="bold", x=0.01, ha="left")
+    reached = lambda r: max(r.error, cost.reference_error)  # noqa: E731
+    _curves(panels[0], cost, lambda r: (1e3 * r.seconds, reached(r)))
+    _curves(panels[1], cost, lambda r: (r.evaluations if r.tolerance is not None else np.nan, reached(r)))
+    dress(panels[0], "Time", "time of a run [ms]", "relative error of the final state")
+    dress(panels[1], "Arithmetic", "evaluations of the vector field")
+    if gradient:
+        _curves(panels[2], cost, lambda r: (1e3 * (r.gradient_seconds or np.nan), r.gradient_error))
+        dress(panels[2], "Gradient", "time of a gradient [ms]", "relative error of the gradient")
+        panels[2].tick_params(labelleft=True)
+    for axes in panels[:2]:
+        axes.axhline(cost.reference_error, color="#707070", linewidth=0.9, linestyle=":")
+    for axes in panels:
+        _ticks(axes.xaxis)
+    handles, labels = panels[0].get_legend_handles_labels()
+    figure.legend(handles, labels, fontsize=8, loc="outside right center", frameon=False)
+    return figure
+
+
+def _ticks(axis: Any) -> None:
+    """Plain numbers at 1, 2 and 5 of every decade, or at its beginning alone where there are many."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    low, high = axis.get_view_interval()
+    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if high < 1e2 * low else (1.0,)))
+    axis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}" if 1e-3 <= x < 1e5 else f"{x:.0e}"))
+    axis.set_minor_formatter(NullFormatter())
+
+
+def _curves(axes: Any, cost: "AccuracyCost", point: Any) -> None:
+    """A curve for every method and precision, over its tolerances."""
+    names = list(dict.fromkeys(row.method for row in cost.rows))
+    for name, precision in dict.fromkeys((row.method, row.precision) for row in cost.rows):
+        rows = [r for r in cost.rows if (r.method, r.precision) == (name, precision) and not r.trouble]
+        points = np.array([point(r) for r in rows], float).reshape(-1, 2)
+        points[:, 1] = np.maximum(points[:, 1], np.finfo(float).eps)  # an error of nothing has no place on the axis
+        mark, line = MARKS[precision]
+        colour = COLOURS[names.index(name) % len(COLOURS)]
+        axes.loglog(*points.T, mark + line, color=colour, label=f"{name}, {precision}", markersize=4, linewidth=1.3)
+
+
+def effect_budget_figure(budget: "EffectBudget", *, title: str = "") -> "Figure":
+    """A bar for what every effect does to the output, and one for its share of the arithmetic; effects that may go are pale."""
+    figure = _figure(9.0, 1.3 + 0.45 * len(budget.rows))
+    left, right = figure.subplots(1, 2, sharey=True)
+    rows = sorted(budget.rows, key=lambda r: r.influence)
+    names, places = [r.effect for r in rows], np.arange(len(rows))
+    pale = [0.35 if r.effect in budget.dropped else 1.0 for r in rows]
+    least = 0.1 * min([r.influence for r in rows if r.influence > 0.0] or [1.0])
+    for place, row, alpha in zip(places, rows, pale, strict=True):
+        left.barh(place, max(row.influence, least), color=COLOURS[0], alpha=alpha, height=0.6)
+        right.barh(place, 100.0 * row.share, color=COLOURS[1], alpha=alpha, height=0.6)
+    left.set_xscale("log")
+    left.set_yticks(places, names)
+    if budget.tolerance is not None:
+        left.axvline(budget.tolerance, color="#707070", linewidth=1.2, linestyle="--", label="tolerance")
+        left.legend(fontsize=8, frameon=False)
+    unit = f" [{budget.unit}]" if budget.unit else ""
+    dress(left, title or "Which effects matter", f"change of the {budget.output} without it{unit}")
+    dress(right, "What they cost", "share of the arithmetic [%]")
+    return figure

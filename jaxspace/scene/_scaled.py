@@ -1,0 +1,40 @@
+"""An effect made stronger or weaker as a whole."""
+
+from typing import Any, final
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from .._core import Scalar, as_float
+from ..bodies import AbstractBody, AbstractEffect, AbstractPiecewiseEffect, BodyState, Load
+
+
+@final
+class Scaled(AbstractPiecewiseEffect):
+    """An `effect` whose whole load is multiplied by the `factor`: 1 leaves it as it is, 0 takes it away.
+
+    A derivative in the factor at 1 says what a result owes to the effect, to first order."""
+
+    effect: AbstractEffect
+    factor: Float[Array, "*#runs"] = eqx.field(converter=as_float)
+    needs: frozenset[str] = eqx.field(static=True)  # pyright: ignore[reportIncompatibleVariableOverride]
+    adds: frozenset[str] = eqx.field(static=True)  # pyright: ignore[reportIncompatibleVariableOverride]
+    keeps: frozenset[str] = eqx.field(static=True)  # pyright: ignore[reportIncompatibleVariableOverride]
+
+    def __init__(self, effect: AbstractEffect, factor: Any):
+        self.effect, self.factor = effect, factor
+        self.needs, self.adds, self.keeps = effect.needs, effect.adds, effect.keeps
+
+    def load(self, t: Scalar, y: BodyState, body: AbstractBody) -> Load:
+        return jax.tree.map(lambda x: self.factor * x, self.effect.load(t, y, body))
+
+    def potential(self, t: Scalar, y: BodyState, body: AbstractBody) -> Any:
+        own = self.effect.potential(t, y, body)
+        return None if own is None else self.factor * own
+
+    def breaks(self) -> Float[Array, "times *#runs"]:
+        if isinstance(self.effect, AbstractPiecewiseEffect):
+            return self.effect.breaks()
+        return jnp.zeros((0,), self.factor.dtype)

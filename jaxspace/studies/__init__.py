@@ -1,0 +1,8 @@
+"""Questions about a run: what its accuracy costs, and which of its effects matter."""
+
+from ._accuracy_cost import accuracy_cost as accuracy_cost
+from ._budget_table import EffectBudget as EffectBudget
+from ._budget_table import Influence as Influence
+from ._cost_table import AccuracyCost as AccuracyCost
+from ._cost_table import Cost as Cost
+from ._effect_budget import effect_budget as effect_budget

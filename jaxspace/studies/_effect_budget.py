@@ -1,0 +1,273 @@
+"""Which effects matter for an output of a run, and which of them may go.
+
+    q(s):   the output when the load of effect k is multiplied by s_k
+    -dq/ds_k at s = 1       what leaving out effect k changes, to first order
+    q(s_k = 0) - q(1)       what it changes
+
+All of this is one compiled program: the scene of scaled effects, with its derivative along one factor in forward mode. The
+effects of the same name in several phases of a mission are one effect.
+"""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import diffrax
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from .._core import AbstractSystem, InputError, Scalar, State, check_positive
+from ..scene import Scaled, Scene, budget
+from ..simulation import Accuracy, Mission, Phase, SimulationError, Status, least_tolerance
+from ._budget_table import EffectBudget, Influence
+from ._flights import checked_start, compiled, flight, in_precision, timed
+
+UNITS = {"position": "m", "velocity": "m/s", "attitude": "rad", "omega": "rad/s", "mass": "kg"}
+NONLINEAR = 0.1  # of the influence: where the prediction is off by more, the run without the effect counts
+REPEATS = 5
+
+
+class _Answer(NamedTuple):
+    """Output and its slope along one factor, status, times and states of the phases, and evaluations of each."""
+
+    value: np.ndarray
+    slope: np.ndarray
+    status: Status
+    spans: Any
+    evaluations: tuple[Any, ...]
+
+
+class _Question(NamedTuple):
+    """What is asked: how a run with factors is computed, and how outputs are compared."""
+
+    names: tuple[str, ...]
+    call: Callable[[Any, Any, Any], Any]
+    rtol: float
+    signless: bool
+
+    def ask(self, without: tuple[str, ...] = (), along: str | None = None, tighter: float = 1.0) -> _Answer:
+        """The run without some effects, with the slope along the factor of one."""
+        factors = [0.0 if n in without else 1.0 for n in self.names]
+        found = self.call(factors, [1.0 if n == along else 0.0 for n in self.names], self.rtol * tighter)
+        value, slope, status, spans, evaluations = found
+        return _Answer(np.asarray(value, float), np.asarray(slope, float), Status(int(status)), spans, evaluations)
+
+    def change(self, value: np.ndarray, nominal: np.ndarray) -> np.ndarray:
+        """How far an output has moved; a quaternion and its negative are one attitude."""
+        flipped = self.signless and np.linalg.norm(value + nominal) < np.linalg.norm(value - nominal)
+        return -value - nominal if flipped else value - nominal
+
+
+def effect_budget(
+    scene: AbstractSystem | Mission,
+    y0: State,
+    ts: Any = 0.0,
+    *,
+    output: str | Callable[[State], Any] | None = None,
+    tolerance: float | None = None,
+    accuracy: Accuracy | Scalar = 1e-9,
+    repeats: int = REPEATS,
+) -> EffectBudget:
+    """What each effect of a scene, or of the scenes of a mission, does to an output of the run from `y0` over `ts`.
+
+    - `output`: of the final state: "position", "velocity", "attitude" (its change is an angle), "omega", "mass", or a function
+      of the final state; by default the first of these that the state holds.
+    - `tolerance`: how far the output may move, in its unit; with it, the effects that may go are found, from the least on,
+      and a run of exactly the others confirms it.
+    - `accuracy`: of the runs; influences below the error of the integration are not resolved.
+
+    Returns an `EffectBudget`: print it or `plot` it. Raises `InputError` for a system without effects, an output that the
+    state does not hold or a tolerance that is not positive, `SimulationError` when the run itself ends badly."""
+    chosen, name = _output(output, y0)
+    if tolerance is not None:
+        check_positive("tolerance", tolerance)
+    check_positive("repeats", repeats)
+    members = _members(scene)
+    accuracy = accuracy if isinstance(accuracy, Accuracy) else Accuracy(rtol=accuracy)
+    y0, ts = checked_start(scene, y0, ts)
+    question = _question(scene, y0, ts, chosen, accuracy, tuple(members), name == "attitude")
+    nominal = question.ask()
+    if not nominal.status.good:
+        raise SimulationError(nominal.status.sentence)
+    tighter = max(1e-2, 2.0 * least_tolerance(jnp.result_type(*jax.tree.leaves(y0))) / question.rtol)
+    noise = float(np.linalg.norm(question.change(question.ask(tighter=tighter).value, nominal.value)))
+    shares = _shares(scene, nominal)
+    rows = [_influence(question, n, members[n], shares[n], nominal.value, noise) for n in members]
+    rows.sort(key=lambda r: -r.influence)
+    table = EffectBudget(name, UNITS.get(name, ""), nominal.value, noise, tuple(rows), tolerance)
+    if tolerance is None:
+        return table
+    return _verified(table, question, _dropped(table, question), (scene, y0, ts), chosen, accuracy, repeats)
+
+
+def _output(output: Any, y0: Any) -> tuple[Callable[[State], Any], str]:
+    """The output as a function, and its name."""
+    if callable(output):
+        return output, "output"
+    there = tuple(n for n in UNITS if getattr(y0, n, None) is not None)
+    if output is None and there:
+        output = there[0]
+    if output not in there:
+        raise InputError(f"output is {output!r}: it must be one of {', '.join(there)}, or a function of the final state.")
+    if output == "attitude":
+        return lambda y: 2.0 * y.attitude.wxyz, output  # a small rotation moves the quaternion by half its angle
+    return lambda y: getattr(y, output), output
+
+
+def _scenes(system: Any) -> list[tuple[int, str, Scene]]:
+    """Number, name and scene of every phase that has one."""
+    if isinstance(system, Scene):
+        return [(0, "scene", system)]
+    phases = system.phases if isinstance(system, Mission) else ()
+    return [(k, p.name, p.system) for k, p in enumerate(phases) if isinstance(p.system, Scene)]
+
+
+def _labels(scene: Scene) -> list[str]:
+    """A name for every effect: its class, with a number from the second of a class on."""
+    kinds = [type(e).__name__ for e in scene.effects]
+    return [kind if kind not in kinds[:k] else f"{kind} {kinds[:k].count(kind) + 1}" for k, kind in enumerate(kinds)]
+
+
+def _members(system: Any) -> dict[str, tuple[str, ...]]:
+    """Every effect by name, with the phases that it acts in. Raises `InputError` when there is none."""
+    found: dict[str, tuple[str, ...]] = {}
+    for _, phase, scene in _scenes(system):
+        for label in _labels(scene):
+            found[label] = (*found.get(label, ()), phase)
+    if not found:
+        kind = type(system).__name__
+        raise InputError(f"scene is a {kind} without effects: it must be a Scene, or a Mission of scenes, with at least one.")
+    return found
+
+
+def _rebuilt(system: Any, change: Callable[[Scene], Scene]) -> Any:
+    """The scene, or the mission with each of its scenes changed."""
+    if isinstance(system, Scene):
+        return change(system)
+    phases = system.phases
+    return Mission(
+        [Phase(change(p.system) if isinstance(p.system, Scene) else p.system, p.until, p.then, p.name) for p in phases]
+    )
+
+
+def _scaled(scene: Scene, names: tuple[str, ...], factors: list[Any]) -> Scene:
+    by_name = dict(zip(names, factors, strict=True))
+    effects = [Scaled(e, by_name[label]) for e, label in zip(scene.effects, _labels(scene), strict=True)]
+    return Scene(effects, scene.body, scene.parts)
+
+
+def _reduced(scene: Scene, dropped: tuple[str, ...]) -> Scene:
+    kept = [e for e, label in zip(scene.effects, _labels(scene), strict=True) if label not in dropped]
+    return Scene(kept, scene.body, scene.parts)
+
+
+def _question(
+    system: Any, y0: State, ts: Any, output: Any, accuracy: Accuracy, names: tuple[str, ...], signless: bool
+) -> _Question:
+    """The run with factors, compiled once for all the questions."""
+    dtype = jnp.result_type(*jax.tree.leaves(y0))
+    forward = eqx.tree_at(lambda a: a.adjoint, accuracy, diffrax.ForwardMode())
+    numbers, rest = eqx.partition((system, y0, ts), eqx.is_array)
+
+    def run(numbers: Any, factors: list[Array], along: list[Array], rtol: Array) -> Any:
+        system, y0, ts = eqx.combine(numbers, rest)
+        how = eqx.tree_at(lambda a: a.rtol, forward, rtol)
+
+        def answer(factors: list[Array]) -> Any:
+            flown = flight(_rebuilt(system, lambda scene: _scaled(scene, names, factors)), y0, ts, how)
+            return output(flown.final), (flown.status, flown.spans, flown.evaluations)
+
+        value, slope, rest_of_it = jax.jvp(answer, (factors,), (along,), has_aux=True)
+        return value, slope, *rest_of_it
+
+    program = jax.jit(run)
+    number = lambda x: jnp.asarray(x, dtype)  # noqa: E731
+
+    def call(factors: list[float], along: list[float], rtol: float) -> Any:
+        return program(numbers, [number(f) for f in factors], [number(a) for a in along], number(rtol))
+
+    return _Question(names, call, float(accuracy.rtol), signless)
+
+
+def _influence(
+    question: _Question, name: str, phases: tuple[str, ...], share: float, nominal: np.ndarray, noise: float
+) -> Influence:
+    """The row of one effect."""
+    predicted = -question.ask(along=name).slope
+    without = question.ask(without=(name,))
+    linear = float(np.linalg.norm(predicted))
+    if not without.status.good:
+        change = tuple(predicted.ravel().tolist())
+        return Influence(name, phases, linear, linear, None, False, change, share, without.status.sentence)
+    found = question.change(without.value, nominal)
+    left_out = float(np.linalg.norm(found))
+    off = float(np.linalg.norm(found - predicted))
+    nonlinear = off > NONLINEAR * left_out and off > 10.0 * noise
+    change = found if nonlinear else predicted
+    influence = left_out if nonlinear else linear
+    return Influence(name, phases, influence, linear, left_out, nonlinear, tuple(change.ravel().tolist()), share)
+
+
+def _shares(system: Any, nominal: _Answer) -> dict[str, float]:
+    """What the run saves, of its arithmetic, when an effect is left out: operations of one evaluation times evaluations."""
+    saved: dict[str, float] = {}
+    total = 0.0
+    for k, _, scene in _scenes(system):
+        ts, states = in_precision(nominal.spans[k], jnp.result_type(float).name)
+        rows = budget(in_precision(scene, ts.dtype.name), ts[0], jax.tree.map(lambda x: x[0], states))
+        count = int(nominal.evaluations[k])
+        for label, row in zip(_labels(scene), rows[:-1], strict=True):
+            saved[label] = saved.get(label, 0.0) + count * row.operations
+        total += count * sum(row.operations for row in rows)
+    return {label: value / max(total, 1.0) for label, value in saved.items()}
+
+
+def _dropped(table: EffectBudget, question: _Question) -> tuple[str, ...]:
+    """The effects that may go together, from the least influence on."""
+    assert table.tolerance is not None
+    gone: tuple[str, ...] = ()
+    for row in reversed(table.rows):
+        if row.trouble or row.influence > table.tolerance:
+            continue
+        answer = question.ask(without=(*gone, row.effect))
+        moved = np.linalg.norm(question.change(answer.value, table.nominal))
+        if answer.status.good and moved <= table.tolerance:
+            gone = (*gone, row.effect)
+    return gone
+
+
+def _verified(
+    table: EffectBudget, question: _Question, dropped: tuple[str, ...], run: Any, output: Any, accuracy: Accuracy, repeats: int
+) -> EffectBudget:
+    """The table with the set that a run of exactly that set confirms, and with what it saves."""
+    system, y0, ts = run
+    seconds = None
+    while dropped:
+        less = _rebuilt(system, lambda scene, gone=dropped: _reduced(scene, gone))
+        (value, status), seconds_kept = _flown(less, y0, ts, output, accuracy, repeats)
+        change = float(np.linalg.norm(question.change(value, table.nominal)))
+        if status.good and table.tolerance is not None and change <= table.tolerance:
+            _, seconds = _flown(system, y0, ts, output, accuracy, repeats)
+            break
+        dropped = dropped[:-1]
+    else:
+        change = seconds_kept = None
+    kept = tuple(r.effect for r in table.rows if r.effect not in dropped)
+    head = (table.output, table.unit, table.nominal, table.noise, table.rows, table.tolerance)
+    return EffectBudget(*head, kept, dropped, change, seconds, seconds_kept)
+
+
+def _flown(system: Any, y0: State, ts: Any, output: Any, accuracy: Accuracy, repeats: int) -> Any:
+    """Output and status of a plain run, and its median time, s."""
+    numbers, rest = eqx.partition((system, y0, ts), eqx.is_array)
+
+    def run(numbers: Any, rtol: Any) -> Any:
+        system, y0, ts = eqx.combine(numbers, rest)
+        flown = flight(system, y0, ts, eqx.tree_at(lambda a: a.rtol, accuracy, rtol))
+        return output(flown.final), flown.status
+
+    rtol = jnp.asarray(accuracy.rtol)
+    (value, status), seconds = timed(compiled(run, numbers, rtol).call, repeats, numbers, rtol)
+    return (np.asarray(value, float), Status(int(status))), seconds

@@ -1,0 +1,297 @@
+"""Studies of a run: what its accuracy costs, and which of its effects matter, against closed forms and independent runs."""
+
+import dataclasses
+import math
+import sys
+
+import diffrax
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from reference_run import run
+from systems import J2, MU, RADIUS, SAMPLES, orbit
+
+from jaxspace import Accuracy, BodyState, Event, Mission, Phase, Scene, simulate
+from jaxspace._core import InputError
+from jaxspace.bodies import Load, RigidBody
+from jaxspace.orbits import Oblateness, PointGravity, TwoBody
+from jaxspace.plots import accuracy_cost_figure, effect_budget_figure
+from jaxspace.scene import Custom, Scaled
+from jaxspace.simulation import SimulationError
+from jaxspace.solvers import DOP853, Tsit5
+from jaxspace.studies import AccuracyCost, Cost, accuracy_cost, effect_budget
+
+BY_NAME = {s.name: s for s in SAMPLES}
+every = pytest.mark.parametrize("name", BY_NAME)
+SCENES = [s.name for s in SAMPLES if isinstance(s.system, Scene)]
+QUICK = Accuracy(rtol=1e-8, method=Tsit5())
+OBLATE = Scene((PointGravity(MU), Oblateness(MU, J2, RADIUS)))
+
+
+def times(name):
+    return jnp.array([0.0, BY_NAME[name].span])
+
+
+@every
+def test_accuracy_cost_of_every_system(name):
+    """A tighter tolerance costs more and errs less; a run is as far off as the table says, by an independent integration."""
+    s = BY_NAME[name]
+    cost = accuracy_cost(s.system, s.state, times(name), tolerances=(1e-5, 1e-8), methods=[Tsit5()], precisions=["float64"])
+    loose, tight = cost.rows
+    assert (loose.tolerance, tight.tolerance) == (1e-5, 1e-8)
+    assert tight.evaluations > loose.evaluations > 0 and tight.steps > loose.steps > 0
+    # A thousandth of the tolerance, at order 5; a tenth of that gain is certain.
+    # The estimate is that of a run ten times looser than the reference, which is a hundred times tighter than this one.
+    assert cost.reference_error < 0.5 * tight.error and tight.error < 1e-2 * loose.error
+    assert min(loose.seconds, tight.seconds, loose.compile_seconds) > 0.0 and not tight.trouble
+    exact = jax.tree.map(lambda x: x[..., -1], run(s.system, s.state, [0.0, s.span], rtol=3e-14))
+    flown = simulate(s.system, s.state, times(name), accuracy=Accuracy(rtol=1e-5, method=Tsit5()))
+    ends = zip(jax.tree.leaves(flown.final), jax.tree.leaves(exact), strict=True)
+    # Two programs round differently, and the control of the steps makes more of it.
+    np.testing.assert_allclose(loose.error, max(np.linalg.norm(a - b) / np.linalg.norm(b) for a, b in ends), rtol=0.05)
+    for quantity, drift in flown.drift().items():
+        np.testing.assert_allclose(loose.drift[quantity], drift.max(), rtol=0.05, atol=1e-12)
+
+
+@pytest.mark.slow
+@every
+def test_every_method_and_precision_of_every_system(name):
+    s = BY_NAME[name]
+    cost = accuracy_cost(s.system, s.state, times(name), tolerances=(1e-5, 1e-7, 1e-9), gradient=True, repeats=1)
+    assert {r.precision for r in cost.rows} == {"float64", "float32"}
+    assert any("float32: tolerances below 1.9e-06 are left out" in note for note in cost.notes)
+    for r in cost.rows:
+        assert not r.trouble and r.gradient_seconds > 0.0
+        if r.precision == "float64":
+            # Single steps within the tolerance add up; derivatives err some ten times more.
+            allowed = 1e-10 if r.tolerance is None else 1e3 * r.tolerance
+            assert r.error < allowed and r.gradient_error < 10.0 * allowed
+    words = str(cost)
+    for word in ("DOP853", "Tsit5", "float32", "gradient error", "to compile"):
+        assert word in words
+
+
+def test_closed_form_is_a_method_and_the_reference():
+    cost = accuracy_cost(TwoBody(MU), orbit(), jnp.array([0.0, 5400.0]), tolerances=(1e-6, 1e-9), gradient=True, repeats=1)
+    assert cost.reference == "the closed form" and cost.reference_error < 1e-12
+    exact = next(r for r in cost.rows if r.method == "closed form" and r.precision == "float64")
+    assert exact.tolerance is None and exact.error < 1e-12
+    single = next(r for r in cost.rows if r.method == "closed form" and r.precision == "float32")
+    assert 1e-9 < single.error < 1e-5
+    assert cost.cheapest(1e-11).method == "auto"
+    tight = next(r for r in cost.rows if r.method == "DOP853" and r.tolerance == 1e-9)
+    assert tight.gradient_error < 1e-7
+
+
+def table(errors, seconds, trouble=""):
+    """A table by hand, of DOP853 at 1e-4, 1e-5, ..."""
+    rows = [
+        Cost("DOP853", "float64", 10.0 ** -(4 + k), e, s, 1.0, 100, 10, 2048, {"energy": 1e-9}, trouble=trouble)
+        for k, (e, s) in enumerate(zip(errors, seconds, strict=True))
+    ]
+    return AccuracyCost(tuple(rows), "the closed form", 1e-13, "float64", (), {"DOP853": DOP853()})
+
+
+def test_cheapest_is_the_quickest_that_is_good_enough():
+    cost = table([1e-3, 1e-6, 1e-7, 1e-9], [1.0, 2.0, 1.5, 3.0])
+    assert cost.cheapest_row(1e-2).tolerance == 1e-4
+    assert cost.cheapest_row(1e-6).tolerance == pytest.approx(1e-6)  # tighter, and quicker all the same
+    found = cost.cheapest(1e-8)
+    assert float(found.rtol) == pytest.approx(1e-7) and isinstance(found.method, DOP853)
+
+
+def test_cheapest_says_what_was_reached():
+    with pytest.raises(InputError, match=r"error is 1e-12: it must be at least 1e-09, .*DOP853 at 1e-05 in float64"):
+        table([1e-3, 1e-9], [1.0, 2.0]).cheapest(1e-12)
+    with pytest.raises(InputError, match="error is -1: it must be positive"):
+        table([1e-3], [1.0]).cheapest(-1.0)
+    with pytest.raises(InputError, match="in which a run of the table ended well"):
+        table([1e-3], [1.0], trouble="It fell.").cheapest()
+    # No error is known better than that of the reference.
+    with pytest.raises(InputError, match="at least 1e-13"):
+        table([1e-16], [1.0]).cheapest(1e-14)
+
+
+def test_the_table_is_plain_and_frozen():
+    cost = table([1e-3, math.nan], [1.0, 2e-5], trouble="It fell.")
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        cost.rows = ()  # pyright: ignore
+    words = str(cost)
+    assert "1.0e-03*" in words and "DOP853 at 1e-04 in float64: It fell." in words and "20 us" in words and "2 KiB" in words
+    widths = {len(line) for line in words.splitlines()[:3]}
+    assert len(widths) == 1
+
+
+BAD_COST = [
+    ({"tolerances": ()}, "tolerances is empty"),
+    ({"tolerances": (-1e-6,)}, "tolerances is -1e-06: it must be positive"),
+    ({"tolerances": (1e-17,)}, "tolerances holds 1e-17: it must be at least"),
+    ({"methods": ["euler"]}, "methods holds 'euler': it must hold solvers"),
+    ({"methods": [diffrax.Euler()]}, "methods holds Euler.*an error estimate"),
+    ({"methods": ["closed form"]}, "Scene has none"),
+    ({"precisions": ["float16"]}, r"precisions is \('float16',\): it must hold one or both of float64, float32"),
+    ({"repeats": 0}, "repeats is 0: it must be positive"),
+]
+
+
+@pytest.mark.parametrize("wrong, words", BAD_COST)
+def test_accuracy_cost_refuses(wrong, words):
+    with pytest.raises(InputError, match=words):
+        accuracy_cost(OBLATE, orbit(), jnp.array([0.0, 60.0]), **wrong)
+
+
+def test_studies_refuse_what_is_no_run():
+    with pytest.raises(InputError, match="ts turns around"):
+        accuracy_cost(OBLATE, orbit(), jnp.array([0.0, 60.0, 30.0]))
+    with pytest.raises(InputError, match="y0.position is"):
+        effect_budget(OBLATE, BodyState(jnp.array([jnp.nan, 0.0, 0.0]), jnp.ones(3)), jnp.array([0.0, 60.0]))
+    with (
+        jax.enable_x64(False),
+        pytest.raises(InputError, match=r"it must be float64, for the reference"),
+    ):
+        accuracy_cost(OBLATE, orbit(), jnp.array([0.0, 60.0]))
+
+
+def test_scaled_at_one_is_the_effect_and_at_zero_none():
+    s = BY_NAME["burning_stage"]
+    scene = s.system
+
+    def scaled(factor):
+        return Scene([Scaled(e, factor) for e in scene.effects], scene.body, scene.parts)
+
+    t = jnp.array(3.0)
+    for a, b in zip(jax.tree.leaves(scaled(1.0).loads(t, s.state)), jax.tree.leaves(scene.loads(t, s.state)), strict=True):
+        np.testing.assert_array_equal(a, b)
+    assert all(not np.any(x) for x in jax.tree.leaves(scaled(0.0).loads(t, s.state)))
+    np.testing.assert_array_equal(scaled(0.5).breaks(), scene.breaks())
+    half = Scene([Scaled(PointGravity(MU), 0.5)]).invariants(t, orbit())["energy"]
+    np.testing.assert_allclose(half, Scene([PointGravity(0.5 * MU)]).invariants(t, orbit())["energy"], rtol=1e-15)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", SCENES)
+def test_effect_budget_of_every_scene(name):
+    """What leaving out an effect changes, against plain runs of the scene without it."""
+    s = BY_NAME[name]
+    budget = effect_budget(s.system, s.state, times(name), tolerance=1e-3, accuracy=QUICK, repeats=1)
+    effects = s.system.effects
+    assert {r.effect for r in budget.rows} == {type(e).__name__ for e in effects}
+    assert [r.influence for r in budget.rows] == sorted((r.influence for r in budget.rows), reverse=True)
+    assert 0.0 < sum(r.share for r in budget.rows) <= 1.0 + 1e-9
+    assert set(budget.kept) | set(budget.dropped) == {r.effect for r in budget.rows}
+    if len(effects) > 1:
+        weak = Scene([e for e in effects if type(e).__name__ != "Oblateness"], s.system.body, s.system.parts)
+        moved = run(weak, s.state, [0.0, s.span]).position[:, -1] - run(s.system, s.state, [0.0, s.span]).position[:, -1]
+        row = budget["Oblateness"]
+        np.testing.assert_allclose(row.left_out, np.linalg.norm(moved), rtol=1e-3)
+        np.testing.assert_allclose(row.linear, np.linalg.norm(moved), rtol=0.1)
+        np.testing.assert_allclose(row.change, moved, rtol=0.1, atol=0.1 * np.linalg.norm(moved))
+    assert "Influence: the change of the final position" in str(budget)
+
+
+def wind(strength):
+    """A constant acceleration along x, m/s^2."""
+    load = lambda t, y, body: Load(acceleration_N=strength * jnp.array([1.0, 0.0, 0.0]))  # noqa: E731
+    return Custom(load, needs=(), adds=("acceleration",))
+
+
+def test_the_smallest_set_in_a_scene_that_is_solved_by_hand():
+    """Constant accelerations move a body by a t^2/2: 1, 0.01 and 0.002 m/s^2 over 10 s by 50, 0.5 and 0.1 m."""
+    scene = Scene([wind(1.0), wind(0.01), wind(0.002)])
+    y0 = BodyState(jnp.array([1.0, 2.0, 3.0]), jnp.zeros(3))
+    ts = jnp.array([0.0, 10.0])
+    found = effect_budget(scene, y0, ts, tolerance=0.55, accuracy=QUICK, repeats=1)
+    np.testing.assert_allclose([r.influence for r in found.rows], [50.0, 0.5, 0.1], rtol=1e-9)
+    assert [r.effect for r in found.rows] == ["Custom", "Custom 2", "Custom 3"]
+    assert not any(r.nonlinear for r in found.rows)
+    # Together the two weak ones move it by 0.6 m: the weakest goes alone.
+    assert found.dropped == ("Custom 3",) and found.kept == ("Custom", "Custom 2")
+    assert found.change == pytest.approx(0.1) and found.seconds > 0.0 and found.seconds_kept > 0.0
+    assert "within 0.55 m: keep Custom, Custom 2; leave out Custom 3" in str(found)
+    none = effect_budget(scene, y0, ts, tolerance=0.01, accuracy=QUICK, repeats=1)
+    assert none.dropped == () and none.change is None and "every effect is needed" in str(none)
+    speed = effect_budget(scene, y0, ts, output="velocity", accuracy=QUICK)
+    np.testing.assert_allclose([r.influence for r in speed.rows], [10.0, 0.1, 0.02], rtol=1e-9)
+    assert speed.unit == "m/s" and speed.tolerance is None and "within" not in str(speed)
+
+
+def test_a_mission_counts_an_effect_over_all_of_its_phases():
+    """Half the run with gravity alone, half with oblateness as well: its influence is that of the second half."""
+    first = Scene([PointGravity(MU)])
+    mission = Mission([Phase(first, 300.0, name="free"), Phase(OBLATE, 300.0, name="oblate")])
+    budget = effect_budget(mission, orbit(), accuracy=QUICK, tolerance=1e6, repeats=1)
+    assert budget["PointGravity"].phases == ("free", "oblate") and budget["Oblateness"].phases == ("oblate",)
+    middle = jax.tree.map(lambda x: x[..., -1], run(first, orbit(), [0.0, 300.0]))
+    ends = [run(system, middle, [300.0, 600.0]).position[:, -1] for system in (OBLATE, first)]
+    np.testing.assert_allclose(budget["Oblateness"].left_out, np.linalg.norm(ends[1] - ends[0]), rtol=1e-3)
+    assert "Oblateness" in budget.dropped
+
+
+def test_a_run_that_fails_without_an_effect_says_so():
+    """Nothing falls without the wind, and the phase waits in vain for its event."""
+    down = Event(lambda t, y: y.position[0] - 5.0, direction=1, within=20.0)
+    mission = Mission([Phase(Scene([wind(1.0), wind(1e-6)]), down, name="fall")])
+    y0 = BodyState(jnp.zeros(3), jnp.array([0.0, 1.0, 0.0]))
+    budget = effect_budget(mission, y0, tolerance=1.0, accuracy=QUICK, repeats=1)
+    row = budget["Custom"]
+    assert row.left_out is None and "did not happen within its limit" in row.trouble
+    # x = t^2/2 = 5 stays; y = t moves by sqrt(10)/2 for each unit of relative strength.
+    assert row.influence == pytest.approx(math.sqrt(10.0) / 2.0, rel=1e-5)
+    assert budget.dropped == ("Custom 2",) and "without Custom the run fails" in str(budget)
+
+
+def test_attitude_is_judged_by_its_angle():
+    """A constant torque about a principal axis turns a body by M t^2 / 2 A."""
+    torque = lambda t, y, body: Load(torque_B=jnp.array([0.0, 0.0, 1e-5]))  # noqa: E731
+    scene = Scene([Custom(torque, (), ("torque",))], RigidBody(inertia=[1.0, 1.0, 2.0]))
+    free = BY_NAME["torque_free_principal"].state
+    y0 = BodyState(attitude=free.attitude, omega=jnp.array([0.0, 0.0, 0.3]))
+    budget = effect_budget(scene, y0, jnp.array([0.0, 20.0]), accuracy=QUICK)
+    assert (budget.output, budget.unit) == ("attitude", "rad")
+    assert budget.rows[0].influence == pytest.approx(1e-5 * 400.0 / 4.0, rel=1e-5)
+
+
+BAD_BUDGET = [
+    ({"output": "omega"}, "output is 'omega': it must be one of position, velocity, or a function"),
+    ({"tolerance": -1.0}, "tolerance is -1: it must be positive"),
+    ({"repeats": 0}, "repeats is 0"),
+]
+
+
+@pytest.mark.parametrize("wrong, words", BAD_BUDGET)
+def test_effect_budget_refuses(wrong, words):
+    with pytest.raises(InputError, match=words):
+        effect_budget(OBLATE, orbit(), jnp.array([0.0, 60.0]), **wrong)
+
+
+def test_effect_budget_refuses_a_system_without_effects():
+    with pytest.raises(InputError, match="scene is a TwoBody without effects: it must be a Scene, or a Mission of scenes"):
+        effect_budget(TwoBody(MU), orbit(), jnp.array([0.0, 60.0]))
+
+
+def test_effect_budget_of_a_run_that_fails():
+    plunge = BodyState(jnp.array([6.6e6, 0.0, 0.0]), jnp.zeros(3))
+    with pytest.raises(SimulationError):
+        effect_budget(OBLATE, plunge, jnp.array([0.0, 5400.0]), accuracy=QUICK)
+
+
+def test_pictures_of_studies():
+    cost = table([1e-3, 1e-6], [1e-3, 2e-3])
+    figure = cost.plot()
+    assert [a.get_xlabel() for a in figure.axes] == ["time of a run [ms]", "evaluations of the vector field"]
+    np.testing.assert_allclose(figure.axes[0].lines[0].get_xdata(), [1.0, 2.0])
+    gradient = dataclasses.replace(cost, rows=tuple(r._replace(gradient_error=1e-3, gradient_seconds=1.0) for r in cost.rows))
+    assert len(accuracy_cost_figure(gradient, title="It").axes) == 3
+    y0 = BodyState(jnp.zeros(3), jnp.zeros(3))
+    budget = effect_budget(Scene([wind(1.0), wind(0.01)]), y0, jnp.array([0.0, 1.0]), tolerance=0.1, accuracy=QUICK, repeats=1)
+    left, right = effect_budget_figure(budget).axes
+    assert [t.get_text() for t in left.get_yticklabels()] == ["Custom 2", "Custom"]
+    assert "[m]" in left.get_xlabel() and "[%]" in right.get_xlabel()
+    assert budget.plot() is not None
+
+
+def test_a_picture_without_matplotlib_says_what_to_install(monkeypatch):
+    monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
+    with pytest.raises(ImportError, match=r"install jaxspace\[app\]"):
+        table([1e-3], [1e-3]).plot()
