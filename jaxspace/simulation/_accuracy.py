@@ -21,7 +21,7 @@ from .._core import (
     check_positive,
     known,
 )
-from ..solvers import DOP853, Tsit5
+from ..solvers import DOP853, AbstractEqualSteps, Tsit5
 
 LOOSE = 1e-5  # above this tolerance the method of order 5 needs fewer evaluations than the one of order 8
 
@@ -33,7 +33,8 @@ class Accuracy(eqx.Module):
     - `rtol`: of the length of every block of the state (position, quaternion, ...); `atol`: in the block's own unit, by
       default a thousandth of `rtol` (it matters only for a block that is zero).
     - `method`: `"auto"` takes the closed form where the system has one, else DOP853, or Tsit5 above a tolerance of 1e-5;
-      or any diffrax solver with an error estimate.
+      or any diffrax solver with an error estimate. A method of equal steps takes the steps that it was told, and the tolerance
+      only judges them.
     - `adjoint`: diffrax's way of differentiation: reverse mode by default, `diffrax.ForwardMode()` for `jvp` and `jacfwd`.
     - `max_steps`: how many steps a run may take.
 
@@ -52,10 +53,12 @@ class Accuracy(eqx.Module):
         check_positive("Accuracy.max_steps", self.max_steps)
 
     def tightened(self, factor: float, dtype: Any) -> "Accuracy":
-        """The same accuracy with tolerances `factor` times smaller, as far as the precision `dtype` allows."""
+        """The same accuracy with tolerances `factor` times smaller, as far as the precision `dtype` allows; twice the steps where
+        these are equal ones."""
         rtol = jnp.maximum(self.rtol * factor, 2.0 * least_tolerance(dtype))
         atol = None if self.atol is None else self.atol * factor
-        return Accuracy(rtol=rtol, atol=atol, method=self.method, adjoint=self.adjoint, max_steps=self.max_steps)
+        method = self.method.refined(2) if isinstance(self.method, AbstractEqualSteps) else self.method
+        return Accuracy(rtol=rtol, atol=atol, method=method, adjoint=self.adjoint, max_steps=self.max_steps)
 
 
 def least_tolerance(dtype: Any) -> float:

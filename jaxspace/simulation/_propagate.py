@@ -22,7 +22,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
 from .._core import AbstractClosedFormSystem, AbstractPiecewiseSystem, AbstractSystem, Scalar, State, safe_divide
-from ..solvers import Tolerance
+from ..solvers import AbstractEqualSteps, Tolerance
 from ._accuracy import Accuracy
 from ._integrate import Manner, integrate
 from ._status import judged
@@ -132,12 +132,14 @@ def _by_integration(
     atol = 1e-3 * accuracy.rtol if accuracy.atol is None else accuracy.atol
     tolerance = Tolerance(jnp.asarray(accuracy.rtol, dtype), jnp.asarray(atol, dtype), run_axes)
     lengths = jnp.maximum(jnp.mean(jnp.diff(u, axis=0).reshape(u.shape[0] - 1, -1), axis=1), 1e-6)
+    if isinstance(accuracy.method, AbstractEqualSteps):
+        plan = jnp.arange(u.shape[0], dtype=dtype)
     manner = Manner(accuracy, tolerance, lengths, _kept(u, fractions, per_run), plan, record)
     course = integrate(_Rate(system, u, t0, t1 - t0), y0, manner)
     states = _at_fractions(course.states, u, fractions, run_axes) if per_run and fractions is not None else course.states
     finite = tolerance.alive(jax.tree.map(lambda x: x[-1], states))
     stats = {
-        "steps": course.accepted,
+        "steps": course.accepted * getattr(accuracy.method, "steps", 1),
         "rejected_steps": course.rejected,
         "evaluations": (course.accepted + course.rejected) * getattr(accuracy.method, "evaluations", 1),
         "largest_local_error": course.account,

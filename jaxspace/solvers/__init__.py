@@ -8,3 +8,5 @@ from ._control import Tolerance as Tolerance
 from ._control import WorstRunControl as WorstRunControl
 from ._runge_kutta import DOP853 as DOP853
 from ._runge_kutta import Tsit5 as Tsit5
+from ._second_order import AbstractEqualSteps as AbstractEqualSteps
+from ._stormer import Stormer as Stormer
