@@ -44,6 +44,7 @@ def of_runge_kutta(c: tuple[float, ...], a: tuple[Weights, ...], b: Weights) -> 
 
 
 DOP853_NYSTROM = of_runge_kutta(tableau.DOP853_C, tableau.DOP853_A, tableau.DOP853_B)
+RKN12 = Nystrom(tableau.RKN1210_C, tableau.RKN1210_A, tableau.RKN1210_POSITION, tableau.RKN1210_VELOCITY)
 
 
 def weighted(weights: Weights, ks: list[Array]) -> Array:
