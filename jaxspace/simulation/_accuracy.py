@@ -11,6 +11,7 @@ from jaxtyping import Array, Float
 
 from .._core import (
     AbstractClosedFormSystem,
+    AbstractSplitSystem,
     AbstractSystem,
     InputError,
     Scalar,
@@ -21,7 +22,7 @@ from .._core import (
     check_positive,
     known,
 )
-from ..solvers import DOP853, AbstractEqualSteps, Tsit5
+from ..solvers import DOP853, AbstractEqualSteps, Splitting, Tsit5
 
 LOOSE = 1e-5  # above this tolerance the method of order 5 needs fewer evaluations than the one of order 8
 
@@ -89,6 +90,8 @@ def settled(accuracy: Accuracy, system: AbstractSystem, y0: State) -> Accuracy:
             f"Accuracy.rtol is {float(np.min(np.asarray(accuracy.rtol))):.3g}: for {dtype} states it must be at least "
             f"{least_tolerance(dtype):.2g}; loosen it, or use float64."
         )
+    if isinstance(accuracy.method, Splitting) and not isinstance(system, AbstractSplitSystem):
+        raise InputError(f"{type(system).__name__} offers no drift and kick: take another method than Splitting.")
     if accuracy.method != "auto" or isinstance(system, AbstractClosedFormSystem):
         return accuracy
     loose = known(accuracy.rtol) and float(np.max(np.asarray(accuracy.rtol))) > LOOSE

@@ -10,4 +10,6 @@ from ._rkn1210 import RKN1210 as RKN1210
 from ._runge_kutta import DOP853 as DOP853
 from ._runge_kutta import Tsit5 as Tsit5
 from ._second_order import AbstractEqualSteps as AbstractEqualSteps
+from ._splitting import Split as Split
+from ._splitting import Splitting as Splitting
 from ._stormer import Stormer as Stormer
