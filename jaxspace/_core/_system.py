@@ -31,6 +31,20 @@ class AbstractClosedFormSystem(AbstractSystem):
         """The exact state a `duration`, s (negative: backwards), after the state `y`."""
 
 
+class AbstractSplitSystem(AbstractSystem):
+    """A system whose vector field is the sum of two that are each known in closed form: a drift and a kick."""
+
+    @abstractmethod
+    def drift(self, duration: Scalar, y: State) -> State:
+        """The exact state a `duration`, s (negative: backwards), after `y` under the first part alone.
+
+        Raises `InputError` if the system has no such part."""
+
+    @abstractmethod
+    def kick(self, t: Scalar, duration: Scalar, y: State) -> State:
+        """The exact state a `duration`, s, after `y` under the rest alone, as it is at the time `t`, s."""
+
+
 class AbstractPiecewiseSystem(AbstractSystem):
     """A system whose vector field is smooth only between known times."""
 

@@ -4,6 +4,7 @@ from ._body import AbstractBody as AbstractBody
 from ._body import BurningBody as BurningBody
 from ._body import RigidBody as RigidBody
 from ._effect import AbstractEffect as AbstractEffect
+from ._effect import AbstractFlowEffect as AbstractFlowEffect
 from ._effect import AbstractPiecewiseEffect as AbstractPiecewiseEffect
 from ._effect import Load as Load
 from ._inertia import AbstractInertia as AbstractInertia

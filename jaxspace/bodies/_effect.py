@@ -50,6 +50,14 @@ class AbstractEffect(eqx.Module):
         """Potential energy per unit mass, J/kg; `None` says that the effect is not conservative."""
 
 
+class AbstractFlowEffect(AbstractEffect):
+    """An effect under which alone position and velocity are known in closed form."""
+
+    @abstractmethod
+    def flow(self, duration: Scalar, y: BodyState) -> BodyState:
+        """The exact state a `duration`, s (negative: backwards), after `y`, which holds a position and a velocity only."""
+
+
 class AbstractPiecewiseEffect(AbstractEffect):
     """An effect that is smooth only between known times."""
 

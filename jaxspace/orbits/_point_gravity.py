@@ -19,7 +19,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .._core import Scalar, Vector, as_float, check_positive, dot
-from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
+from ..bodies import AbstractBody, AbstractFlowEffect, BodyState, Load
+from ._kepler import kepler_flow
 
 
 def point_gravity(r: Vector, mu: Scalar) -> Vector:
@@ -34,7 +35,7 @@ def point_gravity_potential(r: Vector, mu: Scalar) -> Scalar:
 
 
 @final
-class PointGravity(AbstractEffect):
+class PointGravity(AbstractFlowEffect):
     """Attraction by a point mass at the origin: `mu`, m^3/s^2. Raises `InputError` unless `mu` is positive."""
 
     needs: ClassVar[frozenset[str]] = frozenset({"position"})
@@ -55,3 +56,7 @@ class PointGravity(AbstractEffect):
         del t, body
         assert y.position is not None
         return point_gravity_potential(y.position, self.mu)
+
+    def flow(self, duration: Scalar, y: BodyState) -> BodyState:
+        assert y.position is not None and y.velocity is not None
+        return BodyState(*kepler_flow(y.position, y.velocity, duration, self.mu))

@@ -14,11 +14,12 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .._core import AbstractPiecewiseSystem, InputError, Scalar, cross, dot
+from .._core import AbstractPiecewiseSystem, AbstractSplitSystem, InputError, Scalar, cross, dot
 from ..bodies import (
     PARTS,
     AbstractBody,
     AbstractEffect,
+    AbstractFlowEffect,
     AbstractPiecewiseEffect,
     BodyState,
     Load,
@@ -33,7 +34,7 @@ CALLS_FOR = {"acceleration": TRANSLATION, "force": TRANSLATION, "torque": ROTATI
 
 
 @final
-class Scene(AbstractPiecewiseSystem):
+class Scene(AbstractPiecewiseSystem, AbstractSplitSystem):
     """A body under effects, as a system.
 
     - `effects`: what acts, in any order.
@@ -120,6 +121,24 @@ class Scene(AbstractPiecewiseSystem):
     def mass(self, y: BodyState) -> Scalar | None:
         """The mass of the body, kg: from the state where it changes, else the body's own; `None` if it has none."""
         return self.body.constant_mass() if y.mass is None else y.mass
+
+    def _split(self) -> tuple[AbstractFlowEffect, "Scene"]:
+        """The effect that drifts, and the scene of the others. Raises `InputError` where a scene cannot be split."""
+        flowing = [e for e in self.effects if isinstance(e, AbstractFlowEffect)]
+        rest = Scene(tuple(e for e in self.effects if not isinstance(e, AbstractFlowEffect)), self.body)
+        bad = [type(e).__name__ for e in rest.effects if not e.needs <= {"position", "body_mass"}]
+        if len(flowing) != 1 or bad or set(self.parts) != TRANSLATION:
+            why = f"{bad[0]} reads more than the position" if bad else "it needs one effect with a closed form, as PointGravity"
+            raise InputError(f"This scene cannot be split into drift and kick: {why}, and a state of position and velocity only.")
+        return flowing[0], rest
+
+    def drift(self, duration: Scalar, y: BodyState) -> BodyState:
+        return self._split()[0].flow(duration, y)
+
+    def kick(self, t: Scalar, duration: Scalar, y: BodyState) -> BodyState:
+        rest = self._split()[1]
+        rate = rest.vector_field(t, y).velocity if rest.effects else jnp.zeros_like(y.velocity)
+        return BodyState(y.position, y.velocity + duration * rate)
 
     def invariants(self, t: Scalar, y: BodyState) -> dict[str, Array]:
         """What the effects together leave constant: the energy if every effect keeps it, and so on."""

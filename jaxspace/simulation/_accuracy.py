@@ -11,6 +11,7 @@ from jaxtyping import Array, Float
 
 from .._core import (
     AbstractClosedFormSystem,
+    AbstractSplitSystem,
     AbstractSystem,
     InputError,
     Scalar,
@@ -21,7 +22,7 @@ from .._core import (
     check_positive,
     known,
 )
-from ..solvers import DOP853, Tsit5
+from ..solvers import DOP853, AbstractEqualSteps, Splitting, Tsit5
 
 LOOSE = 1e-5  # above this tolerance the method of order 5 needs fewer evaluations than the one of order 8
 
@@ -33,7 +34,8 @@ class Accuracy(eqx.Module):
     - `rtol`: of the length of every block of the state (position, quaternion, ...); `atol`: in the block's own unit, by
       default a thousandth of `rtol` (it matters only for a block that is zero).
     - `method`: `"auto"` takes the closed form where the system has one, else DOP853, or Tsit5 above a tolerance of 1e-5;
-      or any diffrax solver with an error estimate.
+      or any diffrax solver with an error estimate. A method of equal steps takes the steps that it was told, and the tolerance
+      only judges them.
     - `adjoint`: diffrax's way of differentiation: reverse mode by default, `diffrax.ForwardMode()` for `jvp` and `jacfwd`.
     - `max_steps`: how many steps a run may take.
 
@@ -52,10 +54,12 @@ class Accuracy(eqx.Module):
         check_positive("Accuracy.max_steps", self.max_steps)
 
     def tightened(self, factor: float, dtype: Any) -> "Accuracy":
-        """The same accuracy with tolerances `factor` times smaller, as far as the precision `dtype` allows."""
+        """The same accuracy with tolerances `factor` times smaller, as far as the precision `dtype` allows; twice the steps where
+        these are equal ones."""
         rtol = jnp.maximum(self.rtol * factor, 2.0 * least_tolerance(dtype))
         atol = None if self.atol is None else self.atol * factor
-        return Accuracy(rtol=rtol, atol=atol, method=self.method, adjoint=self.adjoint, max_steps=self.max_steps)
+        method = self.method.refined(2) if isinstance(self.method, AbstractEqualSteps) else self.method
+        return Accuracy(rtol=rtol, atol=atol, method=method, adjoint=self.adjoint, max_steps=self.max_steps)
 
 
 def least_tolerance(dtype: Any) -> float:
@@ -86,6 +90,8 @@ def settled(accuracy: Accuracy, system: AbstractSystem, y0: State) -> Accuracy:
             f"Accuracy.rtol is {float(np.min(np.asarray(accuracy.rtol))):.3g}: for {dtype} states it must be at least "
             f"{least_tolerance(dtype):.2g}; loosen it, or use float64."
         )
+    if isinstance(accuracy.method, Splitting) and not isinstance(system, AbstractSplitSystem):
+        raise InputError(f"{type(system).__name__} offers no drift and kick: take another method than Splitting.")
     if accuracy.method != "auto" or isinstance(system, AbstractClosedFormSystem):
         return accuracy
     loose = known(accuracy.rtol) and float(np.max(np.asarray(accuracy.rtol))) > LOOSE

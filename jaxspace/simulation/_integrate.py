@@ -9,7 +9,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .._core import State
-from ..solvers import Accounted, PlannedSteps, Tolerance, WorstRunControl
+from ..solvers import Accounted, PlannedSteps, Split, Splitting, Tolerance, WorstRunControl
 from ._accuracy import Accuracy
 from ._reverse import Record, Replay, replayable, stride
 
@@ -49,8 +49,17 @@ def integrate(rate: Any, y0: State, manner: Manner) -> Course:
     """The course of dy/ds = rate(s, y) from s = 0 to the number of segments."""
     manner = jax.lax.stop_gradient(manner)
     if replayable(manner.accuracy.method) and isinstance(manner.accuracy.adjoint, diffrax.RecursiveCheckpointAdjoint):
-        return _replayed((eqx.filter_closure_convert(rate, jnp.zeros((), manner.lengths.dtype), y0), y0), manner)
+        return _replayed((_converted(rate, y0, manner), y0), manner)
     return _solve(rate, y0, manner)[0]
+
+
+def _converted(rate: Any, y0: State, manner: Manner) -> Any:
+    """The rate with all that it depends on as leaves; with its drift and kick for a method that asks for them."""
+    s = jnp.zeros((), manner.lengths.dtype)
+    whole = eqx.filter_closure_convert(rate, s, y0)
+    if not isinstance(manner.accuracy.method, Splitting):
+        return whole
+    return Split(whole, *(eqx.filter_closure_convert(part, s, s, y0) for part in (rate.drift, rate.kick)))
 
 
 def _rate(s: Any, y: State, rate: Any) -> State:

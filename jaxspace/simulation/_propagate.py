@@ -14,15 +14,23 @@ length of the span and to the break times come out by themselves.
     f       vector field of the system                         state/s
 """
 
-from typing import Any, final
+from typing import Any, cast, final
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
-from .._core import AbstractClosedFormSystem, AbstractPiecewiseSystem, AbstractSystem, Scalar, State, safe_divide
-from ..solvers import Tolerance
+from .._core import (
+    AbstractClosedFormSystem,
+    AbstractPiecewiseSystem,
+    AbstractSplitSystem,
+    AbstractSystem,
+    Scalar,
+    State,
+    safe_divide,
+)
+from ..solvers import AbstractEqualSteps, Splitting, Tolerance
 from ._accuracy import Accuracy
 from ._integrate import Manner, integrate
 from ._status import judged
@@ -86,7 +94,7 @@ def _segments(system: AbstractSystem, t0: Scalar, span: Scalar, extra: Array | N
         breaks = breaks.reshape(breaks.shape[0], *(1,) * (span.ndim - breaks.ndim + 1), *breaks.shape[1:])
         inner.append(jnp.clip(safe_divide(breaks - t0, span), 0.0, 1.0))
     if extra is not None:
-        inner.append(extra.reshape(extra.shape + (1,) * (inner[0].ndim - 1)))  # only ever besides per-run breaks
+        inner.append(extra.reshape(extra.shape + (1,) * (inner[0].ndim - 1 if inner else 0)))
     runs = jnp.broadcast_shapes(*(x.shape[1:] for x in inner)) if inner else ()
     zero, one = jnp.zeros((1, *runs), span.dtype), jnp.ones((1, *runs), span.dtype)
     cut = [jnp.broadcast_to(x, (x.shape[0], *runs)).astype(span.dtype) for x in inner]
@@ -103,6 +111,13 @@ class _Rate(eqx.Module):
     t0: Array
     span: Array
 
+    def time(self, s: Scalar) -> Scalar:
+        """The time at the clock time `s`."""
+        segments = self.u.shape[0] - 1
+        start = jnp.clip(jnp.floor(s), 0.0, segments - 1.0)
+        i = start.astype(jnp.int32) if segments > 1 else 0
+        return self.t0 + self.span * (self.u[i] + (s - start) * (self.u[i + 1] - self.u[i]))
+
     def __call__(self, s: Scalar, y: State) -> State:
         segments = self.u.shape[0] - 1
         start = jnp.clip(jnp.floor(s), 0.0, segments - 1.0)
@@ -110,6 +125,18 @@ class _Rate(eqx.Module):
         width = self.u[i + 1] - self.u[i]
         t = self.t0 + self.span * (self.u[i] + (s - start) * width)
         return jax.tree.map(lambda k: k * (self.span * width), self.system.vector_field(t, y))
+
+    def _duration(self, s: Scalar, ds: Scalar) -> Scalar:
+        i = jnp.clip(jnp.floor(s), 0.0, self.u.shape[0] - 2.0).astype(jnp.int32) if self.u.shape[0] > 2 else 0
+        return ds * self.span * (self.u[i + 1] - self.u[i])
+
+    def drift(self, s: Scalar, ds: Scalar, y: State) -> State:
+        """The drift of a split system, from the clock time `s` on."""
+        return cast(AbstractSplitSystem, self.system).drift(self._duration(s, ds), y)
+
+    def kick(self, s: Scalar, ds: Scalar, y: State) -> State:
+        """The kick of a split system, as it is at the clock time `s`."""
+        return cast(AbstractSplitSystem, self.system).kick(self.time(s), self._duration(s, ds), y)
 
 
 def _by_integration(
@@ -126,18 +153,21 @@ def _by_integration(
     dtype = jnp.result_type(*jax.tree.leaves(y0))
     t0, t1 = jnp.asarray(t0, dtype), jnp.asarray(t1, dtype)
     u = _segments(system, t0, t1 - t0, None)
-    per_run = u.ndim > 1 and fractions is not None
+    landing = isinstance(accuracy.method, Splitting)
+    per_run = (u.ndim > 1 or landing) and fractions is not None
     if per_run:
         u = _segments(system, t0, t1 - t0, fractions)
     atol = 1e-3 * accuracy.rtol if accuracy.atol is None else accuracy.atol
     tolerance = Tolerance(jnp.asarray(accuracy.rtol, dtype), jnp.asarray(atol, dtype), run_axes)
     lengths = jnp.maximum(jnp.mean(jnp.diff(u, axis=0).reshape(u.shape[0] - 1, -1), axis=1), 1e-6)
+    if isinstance(accuracy.method, AbstractEqualSteps):
+        plan = jnp.arange(u.shape[0], dtype=dtype)
     manner = Manner(accuracy, tolerance, lengths, _kept(u, fractions, per_run), plan, record)
     course = integrate(_Rate(system, u, t0, t1 - t0), y0, manner)
     states = _at_fractions(course.states, u, fractions, run_axes) if per_run and fractions is not None else course.states
     finite = tolerance.alive(jax.tree.map(lambda x: x[-1], states))
     stats = {
-        "steps": course.accepted,
+        "steps": course.accepted * getattr(accuracy.method, "steps", 1),
         "rejected_steps": course.rejected,
         "evaluations": (course.accepted + course.rejected) * getattr(accuracy.method, "evaluations", 1),
         "largest_local_error": course.account,
@@ -155,6 +185,8 @@ def _kept(u: Array, fractions: Any, per_run: bool) -> Array | None:
 
 def _at_fractions(states: State, u: Array, fractions: Array, run_axes: int) -> State:
     """Of the states at all segment ends, those that belong to `fractions`, for each run."""
+    if u.ndim == 1:
+        return jax.tree.map(lambda x: x[jnp.searchsorted(u, fractions)], states)
     index = jnp.sum(u[:, None] < fractions.reshape(-1, *(1,) * (u.ndim - 1)), axis=0)
 
     def leaf(x):

@@ -1,0 +1,213 @@
+"""Stormer's method of any order: one acceleration a step, for smooth motion that is nearly uniform.
+
+    w_{n+1} = w_n + h sum_j b_j a_{n-j}          w: velocity between the steps, (r_n - r_{n-1}) / h
+    r_{n+1} = r_n + h w_{n+1}                    sum_j b_j p(-j) = int_0^1 (1 - x) (p(x) + p(-x)) dx
+    v_n     = w_n + h sum_j g_j a_{n-j}          sum_j g_j p(-j) = int_0^1 (1 - x) p(-x) dx
+
+for every polynomial p of a degree below the order k; j runs from 0 to k - 1. Positions and velocities are sums of small terms
+(the summed form), so that rounding errors do not add up twice. The first k - 1 steps are those of DOP853 as a method of
+Nystrom: at steps as short as these, a higher order there changes nothing. The local error is estimated, now and then, by what
+the same step of order k - 1 would have done otherwise.
+
+    symbol  meaning                       unit
+    h       step                          s
+    a_n     acceleration at the step n    m/s^2
+
+Between the steps, the accelerations at the k nearest ones are interpolated and integrated twice.
+Sources: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, III.10; Berry, Healy (2004), Implementation of
+Gauss-Jackson integration for orbit propagation, Journal of the Astronautical Sciences 52, 331 (summed form).
+An order of 12 wants some 60 steps a revolution to be stable, and 90 for nine digits over a day of a low orbit.
+"""
+
+import dataclasses
+import math
+from typing import Any, ClassVar, NamedTuple, final
+
+import diffrax
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from .._core import InputError
+from ._nystrom import DOP853_NYSTROM, nystrom_step
+from ._polynomials import integrals_of, weights_of
+from ._runge_kutta import hold
+from ._second_order import AbstractEqualSteps, SecondOrder, second_order
+
+
+class Kept(NamedTuple):
+    """Positions, velocities until the next step, and accelerations at steps, one after the other."""
+
+    r: Array
+    w: Array
+    a: Array
+
+
+class _Between(diffrax.AbstractLocalInterpolation):
+    """States between the steps, from what `kept` holds of them and their accelerations; `pace`: r' for a velocity of ones."""
+
+    t0: Any
+    t1: Any
+    y0: Any
+    kept: "Kept"
+    pace: Array
+    integrals: Array
+
+    def evaluate(self, t0: Any, t1: Any | None = None, left: bool = True) -> Any:
+        del left
+        if t1 is not None:
+            return jax.tree.map(jnp.subtract, self.evaluate(t1), self.evaluate(t0))
+        steps, k = self.kept.r.shape[0], self.integrals.shape[2]
+        h = (self.t1 - self.t0) / steps
+        x = (t0 - self.t0) / jnp.where(h == 0.0, 1.0, h)
+        j = jnp.clip(jnp.floor(x).astype(int), 0, steps - 1)
+        first = jnp.clip(j - (k - 1) // 2, 0, steps + 1 - k)
+        near = jax.lax.dynamic_slice_in_dim(self.kept.a, first, k)
+        h, x = h.astype(near.dtype), (x - j.astype(x.dtype)).astype(near.dtype)
+        places = jnp.stack([jnp.zeros_like(x), jnp.ones_like(x), x]) + (j - first).astype(near.dtype) - 0.5 * (k - 1)
+        once, twice = h * jnp.tensordot(jnp.vander(places, k + 2, increasing=True) @ self.integrals, near, 1)
+        r, w, secant = self.kept.r[j], self.kept.w[j], twice[1] - twice[0]
+        change = h * (x * (w - secant) + twice[2] - twice[0])
+        return dataclasses.replace(self.y0, position=r + self.pace * change, velocity=w + once[2] - secant)
+
+
+@final
+class Stormer(AbstractEqualSteps):
+    """Stormer's explicit multistep method: `order` (5 to 16) with `steps` equal steps, one acceleration each.
+
+    For states of a position and a velocity whose acceleration does not depend on the velocity; where it does, the account of
+    the errors says that the tolerance was missed. Several times as fast as DOP853 on nearly circular orbits; on eccentric ones
+    (above about 0.2) equal steps are a waste. `steps` count from one time on which the run has to land to the next.
+
+    Raises `InputError` for an order out of range, fewer steps than twice the order, or a state with further parts."""
+
+    k: int = eqx.field(static=True)
+    steps: int = eqx.field(static=True)
+    term_structure: ClassVar = diffrax.ODETerm
+    interpolation_cls: ClassVar = _Between
+
+    def __init__(self, order: int = 12, *, steps: int):
+        self.k, self.steps = order, steps
+
+    def __check_init__(self):
+        if not 5 <= self.k <= 16:
+            raise InputError(f"Stormer.order is {self.k}: it must lie between 5 and 16.")
+        if self.steps < 2 * self.k:
+            raise InputError(f"Stormer.steps is {self.steps}: it must be at least twice the order, {2 * self.k}.")
+
+    @property
+    def evaluations(self) -> int:
+        return self.steps + 11 * (self.k - 1) + 2
+
+    def refined(self, factor: int) -> "Stormer":
+        return Stormer(self.k, steps=factor * self.steps)
+
+    def order(self, terms: Any) -> int:
+        return self.k
+
+    def init(self, terms: Any, t0: Any, t1: Any, y0: Any, args: Any) -> None:
+        return None
+
+    def func(self, terms: Any, t0: Any, y0: Any, args: Any) -> Any:
+        return terms.vf(t0, y0, args)
+
+    def step(self, terms: Any, t0: Any, t1: Any, y0: Any, args: Any, solver_state: None, made_jump: Any):
+        del solver_state, made_jump
+        system = second_order(terms, t0, t1, y0, args, "Stormer")
+        march = _March(system, t0, (t1 - t0) / self.steps, self.k, self.steps)
+        past, begun = march.begin()
+        past, error, gone = march.go_on(past)
+        y1, a1 = march.finish(past)
+        error = jnp.where(system.velocity_matters(), jnp.inf, error)
+        error = system.state(march.h * system.travel(error), error)
+        last = Kept(past.r[None][:0], past.w[None][:0], a1[None])
+        kept = Kept(*(jnp.concatenate([x[i] for x in (begun, *gone, last)]) for i in range(3)))
+        integrals = jnp.asarray(integrals_of(self.k), past.r.dtype)
+        dense = dict(y0=y0, kept=kept, pace=system.travel(jnp.ones_like(past.w)), integrals=integrals)
+        return y1, error, dense, None, diffrax.RESULTS.successful
+
+
+class _Past(NamedTuple):
+    """Position, velocity between the steps, and the last accelerations: that of the step n in the slot n modulo k."""
+
+    r: Array
+    w: Array
+    ring: Array
+
+
+class _March(NamedTuple):
+    """The equal steps `h` of order `k` of a system from the clock time `s0` on."""
+
+    system: SecondOrder
+    s0: Array
+    h: Array
+    k: int
+    steps: int
+
+    def acceleration(self, n: Any, r: Array) -> Array:
+        """The acceleration at the step n."""
+        return self.system.acceleration(self.s0 + n * self.h, r)
+
+    def slot(self, n: Any) -> Array:
+        """Where the acceleration at the step n is kept."""
+        return jnp.asarray(jax.lax.rem(jnp.asarray(n), self.k))
+
+    def put(self, a: Array, n: Any, ring: Array) -> Array:
+        """The accelerations with that at the step n in place of the oldest."""
+        return jax.lax.dynamic_update_index_in_dim(ring, a, self.slot(n), 0)
+
+    def turned(self, weights: tuple[float, ...], n: Any, ring: Array) -> Array:
+        """h times the sum of the accelerations up to that of the step n, weighted; the newest has the first weight."""
+        table = np.array([[weights[(i - slot) % self.k] for slot in range(self.k)] for i in range(self.k)])
+        table = (self.h * jnp.asarray(table, self.h.dtype)).astype(ring.dtype)
+        row = jax.lax.dynamic_index_in_dim(table, self.slot(n), keepdims=False)
+        total = row[0] * ring[0]
+        for slot in range(1, self.k):
+            total = total + row[slot] * ring[slot]
+        return total
+
+    def begin(self) -> tuple[_Past, Kept]:
+        """The past of the step k - 1, and what came before."""
+
+        def one(y: tuple[Array, Array], n: Array) -> tuple[tuple[Array, Array], Kept]:
+            r, v, w, ks = nystrom_step(self.system, DOP853_NYSTROM, self.s0 + n * self.h, self.h, *y)
+            return (r, v), Kept(y[0], w, ks[0])
+
+        y0, m = self.system.y0, self.k - 1
+        (r, v), kept = jax.lax.scan(one, (y0.position, y0.velocity), jnp.arange(m, dtype=self.h.dtype))
+        ring = jnp.concatenate([kept.a, self.acceleration(m, r)[None]])
+        return _Past(r, v - self.turned(weights_of(self.k).now, m, ring), ring), kept
+
+    def one(self, past: _Past, n: Array) -> tuple[_Past, Kept]:
+        """The step that follows the step n."""
+        a = self.acceleration(n.astype(self.h.dtype), past.r)
+        ring = self.put(a, n, past.ring)
+        w = hold(past.w + self.turned(weights_of(self.k).next, n, ring))
+        r = hold(past.r + self.h.astype(a.dtype) * self.system.travel(w))
+        return _Past(r, w, ring), Kept(past.r, w, a)
+
+    def go_on(self, past: _Past) -> tuple[_Past, Array, list[Kept]]:
+        """The past of the last step, the largest local error of the velocity, and what came before.
+
+        In stretches, so that reverse mode keeps the past at the start of each and takes its steps once more."""
+        m = self.k - 1
+        length = math.isqrt(self.steps - m)
+        stretches, rest = divmod(self.steps - m - 1, length)
+
+        def stretch(carry: tuple[_Past, Array], first: Array, count: int) -> tuple[tuple[_Past, Array], Kept]:
+            past, kept = jax.lax.scan(self.one, carry[0], first + jnp.arange(count))
+            error = jnp.abs(self.turned(weights_of(self.k).change, first + count - 1, past.ring))
+            return (past, jnp.maximum(carry[1], jax.lax.stop_gradient(error))), kept
+
+        carry, begun = stretch((past, jnp.zeros_like(past.w)), jnp.asarray(m), rest + 1)
+        again = jax.checkpoint(lambda c, first: stretch(c, first, length))
+        carry, kept = jax.lax.scan(again, carry, m + rest + 1 + length * jnp.arange(stretches))
+        return *carry, [begun, jax.tree.map(lambda x: x.reshape(-1, *x.shape[2:]), kept)]
+
+    def finish(self, past: _Past) -> tuple[Any, Array]:
+        """The state at the last step, and the acceleration there."""
+        a = self.acceleration(self.steps, past.r)
+        ring = self.put(a, self.steps, past.ring)
+        return self.system.state(past.r, past.w + self.turned(weights_of(self.k).now, self.steps, ring)), a

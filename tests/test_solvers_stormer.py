@@ -1,0 +1,142 @@
+"""Stormer's method: its order, its states between the steps, its derivatives, and what it says of its own error."""
+
+import diffrax
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jaxspace import Scene
+from jaxspace._core import InputError
+from jaxspace.bodies import BodyState, Load, RigidBody
+from jaxspace.orbits import Oblateness, PointGravity, TwoBody
+from jaxspace.scene import Custom
+from jaxspace.simulation import Accuracy, SimulationError, Status, simulate, simulate_batch
+from jaxspace.solvers import Stormer
+
+KEPLER, J2 = Scene((PointGravity(1.0),)), 1.08262668e-3
+TURNS = jnp.array([0.0, 20.0])
+
+
+def start(e=0.05):
+    """Periapsis of an inclined ellipse with semi-major axis 1 and gravitational parameter 1."""
+    v = np.sqrt((1.0 + e) / (1.0 - e))
+    return BodyState(jnp.array([1.0 - e, 0.0, 0.0]), jnp.array([0.0, 0.8 * v, 0.6 * v]))
+
+
+def equal(steps, order=12, rtol=1e-9, **more):
+    """The accuracy that takes so many equal steps."""
+    return Accuracy(rtol=rtol, method=Stormer(order, steps=steps), **more)
+
+
+def far(a, b):
+    """The largest distance of two positions or velocities."""
+    return float(jnp.max(jnp.linalg.norm(a - b, axis=-1)))
+
+
+def closed(ts, y0=None):
+    """The exact states."""
+    return simulate(TwoBody(1.0), start() if y0 is None else y0, ts).states
+
+
+@pytest.mark.parametrize(("order", "steps"), [(5, 300), (8, 300)])
+def test_errors_fall_with_the_order(order, steps):
+    """Position and velocity, over three revolutions: each doubling of the steps divides the error by two to the order."""
+    exact = closed(TURNS)
+    runs = [simulate(KEPLER, start(), TURNS, accuracy=equal(n, order, 1e-4), throw=False) for n in (steps, 2 * steps)]
+    for part in ("position", "velocity"):
+        first, second = (far(getattr(run.final, part), getattr(exact, part)[-1]) for run in runs)
+        assert np.log2(first / second) > order - 0.8
+
+
+def test_states_between_the_steps_are_as_good_as_those_at_the_end():
+    ts = jnp.linspace(0.0, 20.0, 98)
+    run, exact = simulate(KEPLER, start(), ts, accuracy=equal(400)).states, closed(ts)
+    # The end alone is off by 7e-12; nothing in between may be worse by more than the growth along the orbit.
+    assert far(run.position, exact.position) < 1.5e-11
+    assert far(run.velocity, exact.velocity) < 1.5e-11
+
+
+def test_backwards_is_as_good_as_forwards():
+    there = closed(TURNS)
+    back = simulate(KEPLER, jax.tree.map(lambda x: x[-1], there), TURNS[::-1], accuracy=equal(400)).final
+    assert far(back.position, start().position) < 1.5e-11
+
+
+def orbits(n):
+    """Low, nearly circular orbits of every inclination in the field of an oblate earth of radius 1."""
+    g = np.random.default_rng(0)
+    a, e = 1.0 + g.uniform(400.0, 1200.0, n) / 6378.137, g.uniform(0.0, 0.02, n)
+    tilt = np.arccos(g.uniform(-1.0, 1.0, n))
+    speed = np.sqrt((1.0 + e) / (a * (1.0 - e)))
+    r = np.stack([a * (1.0 - e), np.zeros(n), np.zeros(n)], axis=1)
+    return BodyState(jnp.asarray(r), jnp.asarray(np.stack([np.zeros(n), speed * np.cos(tilt), speed * np.sin(tilt)], axis=1)))
+
+
+OBLATE = Scene((PointGravity(1.0), Oblateness(1.0, J2, 1.0)))
+DAY = jnp.array([0.0, 86400.0 / 806.8110])
+
+
+def test_a_day_of_low_orbits():
+    """Nine digits with 1310 steps, energy to eleven, and one run alone like the same run among others."""
+    y0 = orbits(20)
+    batch = simulate_batch(OBLATE, y0, DAY, accuracy=equal(1310), in_axes=(None, 0))
+    fine = simulate_batch(OBLATE, y0, DAY, accuracy=1e-13, in_axes=(None, 0)).final
+    assert np.all(batch.status == Status.COMPLETED)
+    assert far(batch.final.position, fine.position) < 1.5e-9
+    assert float(jnp.max(batch.drift()["energy"])) < 1e-11
+    alone = simulate(OBLATE, jax.tree.map(lambda x: x[3], y0), DAY, accuracy=equal(1310)).final
+    # The same operations in another order: the rounding of 1310 steps grows with the square of their number.
+    assert far(alone.position, batch.final.position[3]) < 1e-11
+
+
+def end(mu, y0, adjoint, system):
+    accuracy = equal(300, adjoint=adjoint) if system is Scene else 1e-9
+    run = simulate(Scene((PointGravity(mu),)) if system is Scene else TwoBody(mu), y0, TURNS, accuracy=accuracy)
+    return run.final.position
+
+
+def test_derivatives_forwards_and_reverse():
+    """Against those of the closed form, to the accuracy of the run times the sensitivity of the orbit."""
+    reverse = eqx.filter_jit(jax.jacrev(lambda mu, y: end(mu, y, diffrax.RecursiveCheckpointAdjoint(), Scene), argnums=(0, 1)))
+    forward = eqx.filter_jit(jax.jacfwd(lambda mu, y: end(mu, y, diffrax.ForwardMode(), Scene), argnums=(0, 1)))
+    exact = jax.jacfwd(lambda mu, y: end(mu, y, None, TwoBody), argnums=(0, 1))(jnp.array(1.0), start())
+    for found in (reverse, forward):
+        for a, b in zip(jax.tree.leaves(found(jnp.array(1.0), start())), jax.tree.leaves(exact), strict=True):
+            np.testing.assert_allclose(a, b, rtol=0.0, atol=1e-7)
+
+
+def test_reverse_mode_through_states_between_the_steps():
+    ts = jnp.linspace(0.0, 20.0, 7)
+
+    def size(e, system, accuracy):
+        return jnp.sum(simulate(system, jax.tree.map(lambda x: x * e, start()), ts, accuracy=accuracy).states.velocity ** 3)
+
+    found = jax.grad(size)(1.0, KEPLER, equal(300))
+    np.testing.assert_allclose(found, jax.grad(size)(1.0, TwoBody(1.0), 1e-9), rtol=1e-7)
+
+
+def test_too_few_steps_are_told():
+    assert simulate(KEPLER, start(0.3), TURNS, accuracy=equal(200), throw=False).status == Status.TOLERANCE_MISSED
+
+
+def test_error_estimate_of_a_run_is_that_of_half_the_steps():
+    run = simulate(KEPLER, start(), TURNS, accuracy=equal(200))
+    np.testing.assert_allclose(run.error().position, jnp.abs(run.final.position - closed(TURNS).position[-1]), rtol=0.01)
+
+
+def test_an_acceleration_that_depends_on_the_velocity_is_told():
+    drag = Custom(lambda t, y, body: Load(acceleration_N=-0.01 * y.velocity), needs={"velocity"}, adds={"acceleration"})
+    with pytest.raises(SimulationError, match="tolerance"):
+        simulate(Scene((PointGravity(1.0), drag)), start(), TURNS, accuracy=equal(200))
+
+
+def test_it_refuses_what_it_cannot_integrate():
+    with pytest.raises(InputError, match="order is 20"):
+        Stormer(20, steps=100)
+    with pytest.raises(InputError, match="steps is 10"):
+        Stormer(12, steps=10)
+    turning = Scene((PointGravity(1.0),), RigidBody(mass=1.0), ("mass",))
+    with pytest.raises(InputError, match="nothing else"):
+        simulate(turning, BodyState(start().position, start().velocity, mass=jnp.array(1.0)), TURNS, accuracy=equal(100))
