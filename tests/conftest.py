@@ -21,6 +21,12 @@ def pytest_addoption(parser):
     parser.addoption("--sweep", choices=("sample", "all"), default="sample", help="cases of the tests marked `slow` that run")
 
 
+def pytest_configure(config):
+    """Compile the sample without the compiler's optimisations, which change no result and cost half of the time; the whole
+    sweep, the examples and the benchmarks run what users run."""
+    jax.config.update("jax_disable_most_optimizations", config.getoption("--sweep") == "sample")
+
+
 def pytest_collection_modifyitems(config, items):
     """Of every test marked `slow`, keep each fifth case, the first included: a fixed sample, the same in every process."""
     if config.getoption("--sweep") == "all":

@@ -314,6 +314,7 @@ STARTS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("x", STARTS.values(), ids=STARTS)
 def test_derivatives_of_the_motion(x):
     def motion(v):
@@ -323,6 +324,7 @@ def test_derivatives_of_the_motion(x):
     check_derivatives(motion, x)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("x", STARTS.values(), ids=STARTS)
 def test_derivatives_of_the_angles(x):
     start = Top.state(jnp.array(x[3:6]), jnp.array(x[6:9]))

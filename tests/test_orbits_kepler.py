@@ -367,6 +367,7 @@ def test_derivatives(name):
         np.testing.assert_allclose(a[:, i], (up - down) / (plus[i] - minus[i]), rtol=0, atol=3e-9 * np.abs(a).max() ** 1.5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["ellipse", "circle", "parabola", "hyperbola", "at once"])
 def test_transition_matrix_is_symplectic(name):
     phi = np.asarray(forward(np.array(SMOOTH[name])))[:, :6]

@@ -25,8 +25,8 @@ from ._kepler import kepler_flow
 
 def point_gravity(r: Vector, mu: Scalar) -> Vector:
     """Acceleration a, m/s^2, at the position `r`, m, shape (3, *runs) (Thomson 4.7)."""
-    r2 = dot(r, r)
-    return -mu / (r2 * jnp.sqrt(r2)) * r
+    per_r = 1.0 / jnp.sqrt(dot(r, r))  # in float32 the cube of a distance in m has no square, which its derivative would form
+    return -mu * per_r * (per_r * per_r) * r
 
 
 def point_gravity_potential(r: Vector, mu: Scalar) -> Scalar:

@@ -38,7 +38,7 @@ def _last(states: State) -> State:
     return jax.tree.map(lambda x: x[-1], states)
 
 
-def _through(system: AbstractSystem, y0: State, times: Array, accuracy: Accuracy, run_axes: int) -> tuple[State, Array, dict]:
+def through(system: AbstractSystem, y0: State, times: Array, accuracy: Accuracy, run_axes: int) -> tuple[State, Array, dict]:
     """States at `times`, (times, *runs), different in every run: interval by interval, landing on every time."""
 
     def interval(carry, ends):
@@ -78,7 +78,7 @@ def run_system(
 def _at_times(system: AbstractSystem, y0: State, ts: Array, accuracy: Accuracy, run_axes: int) -> tuple[State, Array, dict]:
     """States at `ts`, their status, and what they cost."""
     if ts.ndim > 1 and ts.shape[0] > 2:
-        return _through(system, y0, ts, accuracy, run_axes)
+        return through(system, y0, ts, accuracy, run_axes)
     fractions = safe_divide(ts - ts[0], ts[-1] - ts[0]) if ts.shape[0] > 2 else None
     p = propagate(system, y0, ts[0], ts[-1], fractions, accuracy, run_axes)
     if fractions is None:

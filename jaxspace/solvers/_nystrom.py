@@ -47,7 +47,7 @@ DOP853_NYSTROM = of_runge_kutta(tableau.DOP853_C, tableau.DOP853_A, tableau.DOP8
 RKN12 = Nystrom(tableau.RKN1210_C, tableau.RKN1210_A, tableau.RKN1210_POSITION, tableau.RKN1210_VELOCITY)
 
 
-def weighted(weights: Weights, ks: list[Array]) -> Array:
+def weighted(weights: Weights, ks: list[Array]) -> Any:
     """sum_i w_i k_i."""
     return sum((w * ks[i] for i, w in weights[1:]), weights[0][1] * ks[weights[0][0]])
 
