@@ -9,6 +9,7 @@ import numpy as np
 from jaxspace import BodyState, Scene
 from jaxspace.orbits import ClassicalElements, Oblateness, PointGravity, state_from_elements
 from jaxspace.simulation import Accuracy, simulate_batch
+from jaxspace.solvers import DOP853, RKN1210, Stormer
 
 from ._measure import heyoka_ends, in_turn, optional, worst
 
@@ -58,18 +59,26 @@ def measure() -> dict:
     y0 = orbits()
     ts = jnp.array([0.0, DAY])
 
-    def ours(rtol):
-        return simulate_batch(SCENE, y0, ts, accuracy=Accuracy(rtol=rtol), in_axes=(None, 0)).final.position
+    def ours(rtol, method=DOP853()):  # noqa: B008
+        accuracy = Accuracy(rtol=rtol, method=method)
+        return simulate_batch(SCENE, y0, ts, accuracy=accuracy, in_axes=(None, 0)).final.position
 
     theirs = eqx.filter_jit(mapped)
     calls = {f"ours, DOP853 {rtol:.0e}": lambda rtol=rtol: ours(rtol) for rtol in (1e-6, 1e-9, 1e-11)}
+    calls |= {f"ours, RKN 12(10) {rtol:.0e}": lambda rtol=rtol: ours(rtol, RKN1210()) for rtol in (1e-7, 1e-9, 1e-11)}
+    calls |= {
+        f"ours, Stormer of order {order}, {steps} steps": lambda order=order, steps=steps: ours(1e-9, Stormer(order, steps=steps))
+        for order, steps in ((10, 850), (12, 1310))
+    }
     calls |= {"diffrax Dopri8 under vmap 1e-10": lambda: theirs(y0, 1e-10).position}
     if optional("heyoka") is not None:
         states = np.concatenate([np.asarray(y0.position).T, np.asarray(y0.velocity).T])
         for tolerance in (1e-7, 4e-11):
             ends = heyoka_ends(equations, states, DAY, tolerance)
             calls[f"heyoka, vectors of 8, {tolerance:.0e}"] = lambda ends=ends: ends()[:3].T.copy()
-    reference = ours(1e-13)
+        reference = heyoka_ends(equations, states, DAY, 1e-18)()[:3].T.copy()
+    else:
+        reference = ours(1e-12, RKN1210())
     rows = in_turn(calls, RUNS)
     for name, call in calls.items():
         rows[name]["worst_relative_error"] = worst(call(), reference)

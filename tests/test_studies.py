@@ -33,6 +33,7 @@ def times(name):
     return jnp.array([0.0, BY_NAME[name].span])
 
 
+@pytest.mark.slow
 @every
 def test_accuracy_cost_of_every_system(name):
     """A tighter tolerance costs more and errs less; a run is as far off as the table says, by an independent integration."""

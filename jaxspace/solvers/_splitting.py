@@ -98,8 +98,8 @@ class Splitting(AbstractEqualSteps):
             error = jax.tree.map(lambda a, b: (a - b) / (2.0**self.p - 1.0), y1, coarse)
         return y1, error, dict(y0=y0, y1=y1), None, diffrax.RESULTS.successful
 
-    def _stretch(self, split: Split, t0: Any, t1: Any, y0: Any, steps: int) -> Any:
-        """The state at the end of equal steps; kicks are timed from within the stretch, at both ends."""
+    def _stretch(self, split: Any, t0: Any, t1: Any, y0: Any, steps: int) -> Any:
+        """The state at the end of equal steps of a `Split`, or of what has its drift and kick; kicks are timed from within."""
         h = (t1 - t0) / steps
         end = t1 - 4.0 * jnp.finfo(t1.dtype).eps * jnp.maximum(jnp.abs(t1), t1 - t0)
 
