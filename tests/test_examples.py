@@ -31,7 +31,8 @@ def test_example_runs(name):
 
 
 @pytest.mark.parametrize("page", PAGES)
-def test_code_of_the_page_runs(page):
+def test_code_of_the_page_runs(page, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)  # a page may write a file
     names = {"__name__": "page"}
     # A reader has JAX as it comes: of the settings that tests share only double precision is kept.
     with jax.numpy_dtype_promotion("standard"):
