@@ -176,6 +176,18 @@ def optimization():
     return figure
 
 
+def spinning_stage():
+    """A stage of 3200 kg in a parking orbit of 185 km, along its path, at one turn a second."""
+    radius = RADIUS_EARTH + 185e3
+    return BodyState(
+        position=jnp.array([radius, 0.0, 0.0]),
+        velocity=jnp.array([0.0, jnp.sqrt(MU_EARTH / radius), 0.0]),
+        attitude=Quaternion.about(0, -jnp.pi / 2.0),
+        omega=jnp.array([0.0, 0.0, 2.0 * jnp.pi]),
+        mass=jnp.array(3200.0),
+    )
+
+
 def missions():
     """A kick stage: spin and apogee through burn, coast and yo-yo."""
     body = BurningBody(1200.0, [900.0, 900.0, 420.0], gyration_radii=[0.45, 0.45, 0.4], propellant_station=-1.2)
@@ -185,14 +197,7 @@ def missions():
     coast = Scene([gravity], body, carry=("attitude", "mass"))
     yo_yo = YoYo(axial_inertia=420.0, radius=0.7, mass=4.0, cord_length=10.0)
     phases = [Phase(burn, 84.0, name="burn"), Phase(coast, 30.0, yo_yo, name="coast"), Phase(coast, 40.0, name="despun")]
-    radius = RADIUS_EARTH + 185e3
-    start = BodyState(
-        position=jnp.array([radius, 0.0, 0.0]),
-        velocity=jnp.array([0.0, jnp.sqrt(MU_EARTH / radius), 0.0]),
-        attitude=Quaternion.about(0, -jnp.pi / 2.0),
-        omega=jnp.array([0.0, 0.0, 2.0 * jnp.pi]),
-        mass=jnp.array(3200.0),
-    )
+    start = spinning_stage()
     flight = simulate(Mission(phases), start, accuracy=1e-8, samples=200)
     figure, panels = plt.subplots(3, 1, figsize=(6.4, 6.2), sharex=True, layout="constrained")
     for k, name in enumerate(flight.names):
@@ -223,14 +228,7 @@ def which_effects_matter():
     motor = Thrust(6.9e4, 2865.0, 84.1, point=[0.0, 0.0, -2.39], misalignment=[1e-3, 0.0])
     bulge = Oblateness(MU_EARTH, 1.08262668e-3, RADIUS_EARTH)
     scene = Scene([PointGravity(MU_EARTH), bulge, motor, JetDamping(motor.mass_rate, -3.16, 0.265)], body)
-    radius = RADIUS_EARTH + 185e3
-    start = BodyState(
-        position=jnp.array([radius, 0.0, 0.0]),
-        velocity=jnp.array([0.0, jnp.sqrt(MU_EARTH / radius), 0.0]),
-        attitude=Quaternion.about(0, -jnp.pi / 2.0),
-        omega=jnp.array([0.0, 0.0, 2.0 * jnp.pi]),
-        mass=jnp.array(3200.0),
-    )
+    start = spinning_stage()
     budget = effect_budget(scene, start, jnp.array([0.0, 84.1]), output="velocity", tolerance=5.0, accuracy=1e-8)
     return effect_budget_figure(budget, title="A spinning stage at burnout")
 
