@@ -55,7 +55,7 @@ def equations(heyoka):
 
 
 def measure() -> dict:
-    """Error and speed of every method, and the ratios to ours at about the same error."""
+    """Error and speed of every method."""
     y0 = orbits()
     ts = jnp.array([0.0, DAY])
 
