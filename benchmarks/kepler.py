@@ -1,7 +1,8 @@
 """A million states on ellipses and hyperbolas moved along by the closed form, with the error of a sample against forty digits,
-and that of a sample of strong hyperbolas; beside pykep, called for 2^16 of them and these from prepared lists, its results dropped, on one core.
+and that of a sample of strong hyperbolas; beside pykep on one core, called from prepared lists with its results dropped.
 
-In blocks: a thousand states at a time, arrays (blocks, 3, 1024). Ours give the whole state, as pykep does."""
+In blocks: a thousand states at a time, arrays (blocks, 3, 1024). Ours give the whole state, as pykep does; pykep moves the first
+2^16 states only, and has its own process."""
 
 import subprocess
 import sys
