@@ -4,6 +4,7 @@ import jax
 from jaxtyping import PyTree
 
 
+@jax.jit
 def hold(tree: PyTree) -> PyTree:
     """The tree, behind a barrier on CPUs: its leaves are computed once, together.
 

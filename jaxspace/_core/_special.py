@@ -9,6 +9,7 @@ Source: Danby, Fundamentals of Celestial Mechanics, 6.9.
 
 import math
 
+import jax
 import jax.numpy as jnp
 
 from ._hold import hold
@@ -18,6 +19,7 @@ _TERMS = 8
 _SMALL = math.pi**2
 
 
+@jax.jit
 def stumpff(z: Scalar) -> tuple[Scalar, Scalar, Scalar, Scalar]:
     """The Stumpff functions c2 to c5 of z, from minus infinity, as far as the precision holds the hyperbolic functions, to pi^2;
     c0 = 1 - z c2 and c1 = 1 - z c3.
