@@ -29,7 +29,8 @@ def stumpff(z: Scalar) -> tuple[Scalar, Scalar, Scalar, Scalar]:
     far = z < -_SMALL
     distant = jnp.where(far, z, -_SMALL)
     near = stumpff_near(jnp.where(far, 0.0, z))
-    return tuple(jnp.where(far, f, c) for f, c in zip(_far_hyperbolic(distant), near, strict=True))
+    c2, c3, c4, c5 = (jnp.where(far, f, c) for f, c in zip(_far_hyperbolic(distant), near, strict=True))
+    return c2, c3, c4, c5
 
 
 def stumpff_near(z: Scalar) -> tuple[Scalar, Scalar, Scalar, Scalar]:
