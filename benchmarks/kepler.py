@@ -129,7 +129,7 @@ def measure() -> dict:
         runs, positions = PEERS + CHECKED, peer["positions"]
         seen["pykep"] = {"runs_per_second": runs / wall, "runs_per_cpu_second": runs / cpu, "cores": cpu / wall}
         found["pykep"] = (positions, positions[:, PEERS:])
-    for which, (column, start) in enumerate((("worst_relative_error", (r, v, t)), ("of_strong_hyperbolas", strong))):
+    for which, (column, start) in enumerate((("worst_position_error", (r, v, t)), ("of_strong_hyperbolas", strong))):
         first = [np.asarray(x[..., :CHECKED]) for x in start]
         expected = np.stack([exact(*(x[..., k] for x in first)) for k in range(CHECKED)], axis=1)
         for name, positions in found.items():
