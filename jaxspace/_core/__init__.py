@@ -22,6 +22,8 @@ from ._safe import sinc_squared as sinc_squared
 from ._special import stumpff as stumpff
 from ._system import AbstractClosedFormSystem as AbstractClosedFormSystem
 from ._system import AbstractPiecewiseSystem as AbstractPiecewiseSystem
+from ._system import AbstractRegularForm as AbstractRegularForm
+from ._system import AbstractRegularisedSystem as AbstractRegularisedSystem
 from ._system import AbstractSplitSystem as AbstractSplitSystem
 from ._system import AbstractSystem as AbstractSystem
 from ._types import Flag as Flag

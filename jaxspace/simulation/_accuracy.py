@@ -11,6 +11,7 @@ from jaxtyping import Array, Float
 
 from .._core import (
     AbstractClosedFormSystem,
+    AbstractRegularisedSystem,
     AbstractSplitSystem,
     AbstractSystem,
     InputError,
@@ -22,7 +23,7 @@ from .._core import (
     check_positive,
     known,
 )
-from ..solvers import DOP853, AbstractEqualSteps, Splitting, Tsit5
+from ..solvers import DOP853, AbstractEqualSteps, Regularised, Splitting, Tsit5
 
 LOOSE = 1e-5  # above this tolerance the method of order 5 needs fewer evaluations than the one of order 8
 
@@ -92,6 +93,8 @@ def settled(accuracy: Accuracy, system: AbstractSystem, y0: State) -> Accuracy:
         )
     if isinstance(accuracy.method, Splitting) and not isinstance(system, AbstractSplitSystem):
         raise InputError(f"{type(system).__name__} offers no drift and kick: take another method than Splitting.")
+    if isinstance(accuracy.method, Regularised) and not isinstance(system, AbstractRegularisedSystem):
+        raise InputError(f"{type(system).__name__} offers no regular variables: take another method than Regularised.")
     if accuracy.method != "auto" or isinstance(system, AbstractClosedFormSystem):
         return accuracy
     loose = known(accuracy.rtol) and float(np.max(np.asarray(accuracy.rtol))) > LOOSE

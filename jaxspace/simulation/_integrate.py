@@ -9,7 +9,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .._core import State
-from ..solvers import Accounted, PlannedSteps, Split, Splitting, Tolerance, WorstRunControl
+from ..solvers import Accounted, PlannedSteps, Regular, Regularised, Split, Splitting, Tolerance, WorstRunControl
 from ._accuracy import Accuracy
 from ._reverse import Record, Replay, replayable, stride
 
@@ -54,12 +54,22 @@ def integrate(rate: Any, y0: State, manner: Manner) -> Course:
 
 
 def _converted(rate: Any, y0: State, manner: Manner) -> Any:
-    """The rate with all that it depends on as leaves; with its drift and kick for a method that asks for them."""
+    """The rate with all that it depends on as leaves; with its drift and kick, or its regular form, for a method that asks."""
     s = jnp.zeros((), manner.lengths.dtype)
     whole = eqx.filter_closure_convert(rate, s, y0)
-    if not isinstance(manner.accuracy.method, Splitting):
-        return whole
-    return Split(whole, *(eqx.filter_closure_convert(part, s, s, y0) for part in (rate.drift, rate.kick)))
+    if isinstance(manner.accuracy.method, Splitting):
+        return Split(whole, *(eqx.filter_closure_convert(part, s, s, y0) for part in (rate.drift, rate.kick)))
+    if isinstance(manner.accuracy.method, Regularised):
+        return _regular(rate, whole, s, y0)
+    return whole
+
+
+def _regular(rate: Any, whole: Any, s: Any, y0: State) -> Regular:
+    enter = eqx.filter_closure_convert(rate.enter, y0)
+    z = jax.eval_shape(enter, y0)
+    span, duration = jax.eval_shape(lambda z: z[-1], z), eqx.filter_closure_convert(rate.duration, s, s)
+    parts = ((rate.leave, (z,)), (rate.slope, (s, s, z)), (rate.remaining, (span, z)))
+    return Regular(whole, enter, *(eqx.filter_closure_convert(part, *given) for part, given in parts), duration)
 
 
 def _rate(s: Any, y: State, rate: Any) -> State:

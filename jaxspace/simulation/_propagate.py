@@ -24,13 +24,15 @@ from jaxtyping import Array, Float, Int
 from .._core import (
     AbstractClosedFormSystem,
     AbstractPiecewiseSystem,
+    AbstractRegularForm,
+    AbstractRegularisedSystem,
     AbstractSplitSystem,
     AbstractSystem,
     Scalar,
     State,
     safe_divide,
 )
-from ..solvers import AbstractEqualSteps, Splitting, Tolerance
+from ..solvers import AbstractEqualSteps, Regularised, Splitting, Tolerance
 from ._accuracy import Accuracy
 from ._integrate import Manner, integrate
 from ._status import judged
@@ -126,17 +128,39 @@ class _Rate(eqx.Module):
         t = self.t0 + self.span * (self.u[i] + (s - start) * width)
         return jax.tree.map(lambda k: k * (self.span * width), self.system.vector_field(t, y))
 
-    def _duration(self, s: Scalar, ds: Scalar) -> Scalar:
+    def duration(self, s: Scalar, ds: Scalar) -> Scalar:
+        """The duration of a clock time `ds` from `s` on."""
         i = jnp.clip(jnp.floor(s), 0.0, self.u.shape[0] - 2.0).astype(jnp.int32) if self.u.shape[0] > 2 else 0
         return ds * self.span * (self.u[i + 1] - self.u[i])
 
+    def _form(self) -> AbstractRegularForm:
+        return cast(AbstractRegularisedSystem, self.system).regular_form()
+
+    def enter(self, y: State) -> Array:
+        """The regular variables of a system that has a regular form."""
+        return self._form().enter(y)
+
+    def leave(self, z: Array) -> State:
+        """The state of the regular variables."""
+        return self._form().leave(z)
+
+    def slope(self, s0: Scalar, s1: Scalar, z: Array) -> Array:
+        """The slope of the regular variables, entered at the clock time `s0`; the system is as it is between `s0` and `s1`."""
+        whole = self.duration(s0, s1 - s0) * (1.0 - 4.0 * jnp.finfo(z.dtype).eps)
+        since = jnp.clip(z[-1], jnp.minimum(whole, 0.0), jnp.maximum(whole, 0.0))
+        return self._form().slope(self.time(s0) + since, z)
+
+    def remaining(self, duration: Scalar, z: Array) -> Scalar:
+        """About how much fictitious time a `duration` takes."""
+        return self._form().span(duration, z)
+
     def drift(self, s: Scalar, ds: Scalar, y: State) -> State:
         """The drift of a split system, from the clock time `s` on."""
-        return cast(AbstractSplitSystem, self.system).drift(self._duration(s, ds), y)
+        return cast(AbstractSplitSystem, self.system).drift(self.duration(s, ds), y)
 
     def kick(self, s: Scalar, ds: Scalar, y: State) -> State:
         """The kick of a split system, as it is at the clock time `s`."""
-        return cast(AbstractSplitSystem, self.system).kick(self.time(s), self._duration(s, ds), y)
+        return cast(AbstractSplitSystem, self.system).kick(self.time(s), self.duration(s, ds), y)
 
 
 def _by_integration(
@@ -153,7 +177,7 @@ def _by_integration(
     dtype = jnp.result_type(*jax.tree.leaves(y0))
     t0, t1 = jnp.asarray(t0, dtype), jnp.asarray(t1, dtype)
     u = _segments(system, t0, t1 - t0, None)
-    landing = isinstance(accuracy.method, Splitting)
+    landing = isinstance(accuracy.method, Splitting | Regularised)
     per_run = (u.ndim > 1 or landing) and fractions is not None
     if per_run:
         u = _segments(system, t0, t1 - t0, fractions)
