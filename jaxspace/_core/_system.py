@@ -58,8 +58,12 @@ class AbstractRegularForm(eqx.Module):
         """The state of the regular variables."""
 
     @abstractmethod
-    def slope(self, t: Scalar, z: Array) -> Array:
-        """dz/d(sigma) at the time `t`, s; its last component is dt/d(sigma)."""
+    def push(self, t: Scalar, z: Array) -> Array:
+        """The perturbation at the time `t`, s, as `slope` takes it."""
+
+    @abstractmethod
+    def slope(self, z: Array, push: Array) -> Array:
+        """dz/d(sigma); its last component is dt/d(sigma)."""
 
     @abstractmethod
     def span(self, duration: Scalar, z: Array) -> Scalar:

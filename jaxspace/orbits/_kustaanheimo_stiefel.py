@@ -80,12 +80,15 @@ class KustaanheimoStiefel(AbstractRegularForm):
         u, w = z[:4], z[4:8]
         return BodyState(ks_map(u, u), (2.0 / _dot4(u, u)) * ks_map(u, w))
 
-    def slope(self, t: Scalar, z: Array) -> Array:
+    def push(self, t: Scalar, z: Array) -> Vector:
+        return jnp.zeros_like(z[:3]) if self.rest is None else self.rest.vector_field(t, self.leave(z)).velocity
+
+    def slope(self, z: Array, push: Vector) -> Array:
         u, w, energy = z[:4], z[4:8], z[8]
         r = _dot4(u, u)
         if self.rest is None:
             return jnp.concatenate([w, (0.5 * energy) * u, jnp.stack([jnp.zeros_like(r), r])])
-        force = ks_transposed(u, self.rest.vector_field(t, self.leave(z)).velocity)
+        force = ks_transposed(u, push)
         return jnp.concatenate([w, 0.5 * (energy * u + r * force), jnp.stack([2.0 * _dot4(w, force), r])])
 
     def span(self, duration: Scalar, z: Array) -> Scalar:

@@ -65,11 +65,10 @@ def _converted(rate: Any, y0: State, manner: Manner) -> Any:
 
 
 def _regular(rate: Any, whole: Any, s: Any, y0: State) -> Regular:
-    enter = eqx.filter_closure_convert(rate.enter, y0)
-    z = jax.eval_shape(enter, y0)
-    span, duration = jax.eval_shape(lambda z: z[-1], z), eqx.filter_closure_convert(rate.duration, s, s)
-    parts = ((rate.leave, (z,)), (rate.slope, (s, s, z)), (rate.remaining, (span, z)))
-    return Regular(whole, enter, *(eqx.filter_closure_convert(part, *given) for part, given in parts), duration)
+    z = jax.eval_shape(rate.enter, y0)
+    push, span = jax.eval_shape(rate.push, s, s, z), jax.eval_shape(lambda z: z[-1], z)
+    given = dict(enter=(y0,), leave=(z,), push=(s, s, z), slope=(z, push), remaining=(span, z), duration=(s, s))
+    return Regular(whole, *(eqx.filter_closure_convert(getattr(rate, part), *args) for part, args in given.items()))
 
 
 def _rate(s: Any, y: State, rate: Any) -> State:

@@ -144,11 +144,15 @@ class _Rate(eqx.Module):
         """The state of the regular variables."""
         return self._form().leave(z)
 
-    def slope(self, s0: Scalar, s1: Scalar, z: Array) -> Array:
-        """The slope of the regular variables, entered at the clock time `s0`; the system is as it is between `s0` and `s1`."""
+    def push(self, s0: Scalar, s1: Scalar, z: Array) -> Array:
+        """The perturbation of the regular variables entered at the clock time `s0`, as it is between `s0` and `s1`."""
         whole = self.duration(s0, s1 - s0) * (1.0 - 4.0 * jnp.finfo(z.dtype).eps)
         since = jnp.clip(z[-1], jnp.minimum(whole, 0.0), jnp.maximum(whole, 0.0))
-        return self._form().slope(self.time(s0) + since, z)
+        return self._form().push(self.time(s0) + since, z)
+
+    def slope(self, z: Array, push: Array) -> Array:
+        """The slope of the regular variables."""
+        return self._form().slope(z, push)
 
     def remaining(self, duration: Scalar, z: Array) -> Scalar:
         """About how much fictitious time a `duration` takes."""

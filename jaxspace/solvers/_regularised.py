@@ -1,8 +1,8 @@
 """Equal steps in a fictitious time in which the motion is smooth, landing on given times: for eccentric orbits and close passes.
 
-    dz/d(sigma) = f(t, z)                    z: regular variables of the state, with the time as the last one
-    h = span(t1 - t, z) / steps left         step; predicted anew now and then, more often towards the end
-    d(sigma) = span(t1 - t, z)               the steps that land: what is left over when the predicted ones are done
+    dz/d(sigma) = f(t, z)             z: regular variables of the state, with the time as the last one
+    h = span(t1 - t, z) / steps left  step; predicted anew now and then, more often towards the end
+    d(sigma) = span(t1 - t, z)        the steps that land: what is left over when the predicted ones are done
 
 The steps are those of DOP853 (order 8). What the system calls `span` is exact for the unperturbed motion: a perturbation leaves
 little over, hence the three steps that land are short, and each brings what is left over down by as much. Derivatives take the
@@ -24,12 +24,11 @@ import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array
 
 from .._core import InputError
 from . import _tableaus as tableau
-from ._runge_kutta import combine
+from ._runge_kutta import combine, hold
 from ._second_order import AbstractEqualSteps
 
 LANDINGS = 3
@@ -38,16 +37,17 @@ FALL = 2.0**4  # at least this much smaller are errors of half the step, also wh
 
 @final
 class Regular(eqx.Module):
-    """A vector field with its motion in regular variables z: made from a state by `enter(y)`, and left by `leave(z)`.
+    """A vector field with its motion in regular variables z, made from a state by `enter(y)` and left by `leave(z)`.
 
-    `slope(s0, s1, z)` is dz/d(sigma) where z[-1] is the time since the clock was `s0`, in a stretch until `s1`;
-    `span(duration, z)` the fictitious time that a duration takes; `duration(s, ds)` the duration of a clock time `ds`."""
+    dz/d(sigma) = `slope(z, push(s0, s1, z))` where z[-1] is the time since the clock was `s0`, in a stretch until `s1`;
+    `remaining(duration, z)` is the fictitious time of a duration, `duration(s, ds)` the duration of a clock time `ds`."""
 
     rate: Callable[[Any, Any], Any]
     enter: Callable[[Any], Array]
     leave: Callable[[Array], Any]
-    slope: Callable[[Any, Any, Array], Array]
-    span: Callable[[Any, Array], Any]
+    push: Callable[[Any, Any, Array], Array]
+    slope: Callable[[Array, Array], Array]
+    remaining: Callable[[Any, Array], Any]
     duration: Callable[[Any, Any], Any]
 
     def __call__(self, s: Any, y: Any) -> Any:
@@ -56,7 +56,8 @@ class Regular(eqx.Module):
 
 @eqx.filter_jit
 def _slope(regular: Any, s0: Any, s1: Any, z: Array) -> Array:
-    return regular.slope(s0, s1, z)
+    z = hold(z)
+    return hold(regular.slope(z, hold(regular.push(s0, s1, z))))
 
 
 @final
@@ -69,7 +70,7 @@ class Regularised(AbstractEqualSteps):
     from the same with half as many steps, which costs half as much again; `estimate=False` leaves it out, and then no status
     tells of too few steps.
 
-    Raises `InputError` for a number of steps that is not even, or less than 4."""
+    The number of steps is rounded up to whole blocks of about its square root. Raises `InputError` if it is less than 4."""
 
     steps: int = eqx.field(static=True)
     estimate: bool = eqx.field(static=True)
@@ -77,15 +78,13 @@ class Regularised(AbstractEqualSteps):
     interpolation_cls: ClassVar = diffrax.LocalLinearInterpolation
 
     def __init__(self, *, steps: int, estimate: bool = True):
-        self.steps, self.estimate = steps, estimate
-
-    def __check_init__(self):
-        if self.steps < 4 or self.steps % 2:
-            raise InputError(f"Regularised.steps is {self.steps}: it must be even, and at least 4.")
+        if steps < 4:
+            raise InputError(f"Regularised.steps is {steps}: it must be at least 4.")
+        self.steps, self.estimate = math.prod(_blocks(steps)), estimate
 
     @property
     def evaluations(self) -> int:
-        counts = (self.steps, self.steps // 2) if self.estimate else (self.steps,)
+        counts = (self.steps, math.prod(_blocks(self.steps // 2))) if self.estimate else (self.steps,)
         return 12 * (sum(counts) + LANDINGS * len(counts))
 
     def refined(self, factor: int) -> "Regularised":
@@ -110,33 +109,35 @@ class Regularised(AbstractEqualSteps):
         return y1, error, dict(y0=y0, y1=y1), None, diffrax.RESULTS.successful
 
 
+def _blocks(steps: int) -> tuple[int, int]:
+    """How many blocks there are, and how many steps each has."""
+    blocks = math.isqrt(steps)
+    return blocks, -(-steps // blocks)
+
+
 def _stretch(regular: Any, s0: Any, s1: Any, z0: Array, steps: int) -> Array:
     """The regular variables at the end of a stretch of the clock.
 
     In blocks of steps, so that reverse mode keeps the variables at the start of each and takes its steps once more; the length
     of the steps is predicted anew before a block after which one, two, four, ... blocks are left to do."""
     duration = regular.duration(s0, s1 - s0).astype(z0.dtype)
-    left = lambda z: jax.lax.stop_gradient(regular.span(duration - z[-1], z))  # noqa: E731
-    blocks = math.isqrt(steps)
-    length, first = divmod(steps, blocks)
+    left = lambda z: jax.lax.stop_gradient(regular.remaining(duration - z[-1], z))  # noqa: E731
+    blocks, length = _blocks(steps)
+    slope = lambda z: _slope(regular, s0, s1, z)  # noqa: E731
 
-    def block(z: Array, h: Array, count: int) -> Array:
-        one = jax.checkpoint(lambda z, _: (_step(lambda z: _slope(regular, s0, s1, z), z, h), None))
-        return jax.lax.scan(one, z, length=count)[0]
-
-    def blocks_of(carry: tuple[Array, Array], todo: Array) -> tuple[tuple[Array, Array], None]:
+    def block(carry: tuple[Array, Array], todo: Array) -> tuple[tuple[Array, Array], None]:
         z, h = carry
-        h = jax.lax.cond(todo & (todo - 1) == 0, lambda: left(z) / (todo * length).astype(z.dtype), lambda: h)
-        return (block(z, h, length), h), None
+        due = (todo == blocks) | (todo & (todo - 1) == 0)
+        h = jax.lax.cond(due, lambda: left(z) / (todo * length).astype(z.dtype), lambda: h)
+        z = jax.lax.scan(jax.checkpoint(lambda z, _: (_step(slope, z, h), None)), z, length=length)[0]
+        return (z, h), None
 
     def land(z: Array, _: None) -> tuple[Array, None]:
-        newton = (duration - z[-1]) / _slope(regular, s0, s1, z)[-1]
-        ds = left(z) + newton - jax.lax.stop_gradient(newton)
-        return _step(lambda z: _slope(regular, s0, s1, z), z, ds), None
+        newton = (duration - z[-1]) / slope(z)[-1]
+        return _step(slope, z, left(z) + newton - jax.lax.stop_gradient(newton)), None
 
-    h = left(z0) / steps
-    z = block(z0, h, first) if first else z0
-    (z, _), _ = jax.lax.scan(jax.checkpoint(blocks_of), (z, h), jnp.asarray(np.arange(blocks, 0, -1)))
+    todo = jnp.arange(blocks, 0, -1)
+    (z, _), _ = jax.lax.scan(jax.checkpoint(block), (z0, jnp.zeros_like(left(z0))), todo)
     return jax.lax.scan(jax.checkpoint(land), z, length=LANDINGS)[0]
 
 
