@@ -39,29 +39,19 @@ def ks_parameters(r: Vector) -> Float[Array, "4 *runs"]:
 
 def ks_map(u: Array, w: Array) -> Vector:
     """The first three rows of L(u) w; the position for w = u."""
-    return jnp.stack(
-        [
-            u[0] * w[0] - u[1] * w[1] - u[2] * w[2] + u[3] * w[3],
-            u[1] * w[0] + u[0] * w[1] - u[3] * w[2] - u[2] * w[3],
-            u[2] * w[0] + u[3] * w[1] + u[0] * w[2] + u[1] * w[3],
-        ]
-    )
+    (a, b, c, d), (e, f, g, h) = u, w
+    return jnp.stack([a * e - b * f - c * g + d * h, b * e + a * f - d * g - c * h, c * e + d * f + a * g + b * h])
 
 
 def ks_transposed(u: Array, p: Vector) -> Float[Array, "4 *runs"]:
     """L(u)^T p, for a vector p."""
-    return jnp.stack(
-        [
-            u[0] * p[0] + u[1] * p[1] + u[2] * p[2],
-            u[0] * p[1] - u[1] * p[0] + u[3] * p[2],
-            u[0] * p[2] - u[2] * p[0] - u[3] * p[1],
-            u[3] * p[0] - u[2] * p[1] + u[1] * p[2],
-        ]
-    )
+    (a, b, c, d), (x, y, z) = u, p
+    return jnp.stack([a * x + b * y + c * z, a * y - b * x + d * z, a * z - c * x - d * y, d * x - c * y + b * z])
 
 
-def _dot4(a: Array, b: Array) -> Scalar:
-    return (a[0] * b[0] + a[1] * b[1]) + (a[2] * b[2] + a[3] * b[3])
+def _dot4(u: Array, w: Array) -> Scalar:
+    (a, b, c, d), (e, f, g, h) = u, w
+    return (a * e + b * f) + (c * g + d * h)
 
 
 @final

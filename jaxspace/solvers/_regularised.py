@@ -2,11 +2,10 @@
 
     dz/d(sigma) = f(t, z)             z: regular variables of the state, with the time as the last one
     h = span(t1 - t, z) / steps left  step; predicted anew now and then, more often towards the end
-    d(sigma) = span(t1 - t, z)        the steps that land: what is left over when the predicted ones are done
 
 The steps are those of DOP853 (order 8). What the system calls `span` is exact for the unperturbed motion: a perturbation leaves
-little over, hence the three steps that land are short, and each brings what is left over down by as much. Derivatives take the
-steps as they are, and the landing to be exact: d(sigma)' = (t1' - t') / (dt/d(sigma)).
+little over when the steps are done. Three further blocks of a few short steps land, each on what the last one has left over.
+Derivatives take the steps as they are, and the landing to be exact: sigma' = (t1' - t') / (dt/d(sigma)).
 
     symbol  meaning
     sigma   fictitious time
@@ -24,6 +23,7 @@ import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array
 
 from .._core import InputError
@@ -70,7 +70,7 @@ class Regularised(AbstractEqualSteps):
     from the same with half as many steps, which costs half as much again; `estimate=False` leaves it out, and then no status
     tells of too few steps.
 
-    The number of steps is rounded up to whole blocks of about its square root. Raises `InputError` if it is less than 4."""
+    The number of steps is rounded up to whole blocks of some steps. Raises `InputError` if it is less than 4."""
 
     steps: int = eqx.field(static=True)
     estimate: bool = eqx.field(static=True)
@@ -84,8 +84,8 @@ class Regularised(AbstractEqualSteps):
 
     @property
     def evaluations(self) -> int:
-        counts = (self.steps, math.prod(_blocks(self.steps // 2))) if self.estimate else (self.steps,)
-        return 12 * (sum(counts) + LANDINGS * len(counts))
+        counts = [_blocks(steps) for steps in ((self.steps, self.steps // 2) if self.estimate else (self.steps,))]
+        return 12 * sum((blocks + LANDINGS) * length for blocks, length in counts)
 
     def refined(self, factor: int) -> "Regularised":
         return Regularised(steps=factor * self.steps, estimate=self.estimate)
@@ -110,35 +110,36 @@ class Regularised(AbstractEqualSteps):
 
 
 def _blocks(steps: int) -> tuple[int, int]:
-    """How many blocks there are, and how many steps each has."""
-    blocks = math.isqrt(steps)
-    return blocks, -(-steps // blocks)
+    """How many blocks there are, and how many steps each has: a power of two, about a quarter of the root of all steps."""
+    length = 2 ** max(1, (steps.bit_length() - 1) // 2 - 2)
+    return -(-steps // length), length
 
 
 def _stretch(regular: Any, s0: Any, s1: Any, z0: Array, steps: int) -> Array:
     """The regular variables at the end of a stretch of the clock.
 
-    In blocks of steps, so that reverse mode keeps the variables at the start of each and takes its steps once more; the length
-    of the steps is predicted anew before a block after which one, two, four, ... blocks are left to do."""
+    In blocks of steps, so that reverse mode keeps the variables at the start of each and takes its steps once more. The steps'
+    length is predicted anew before a block with which 1, 4, 16, ... are left to do, and before each of those that land."""
     duration = regular.duration(s0, s1 - s0).astype(z0.dtype)
-    left = lambda z: jax.lax.stop_gradient(regular.remaining(duration - z[-1], z))  # noqa: E731
-    blocks, length = _blocks(steps)
     slope = lambda z: _slope(regular, s0, s1, z)  # noqa: E731
+    blocks, length = _blocks(steps)
+    numbers = np.arange(blocks, -LANDINGS, -1)
+    due = np.isin(numbers, [blocks, *4 ** np.arange(16)]) | (numbers <= 0)
 
-    def block(carry: tuple[Array, Array], todo: Array) -> tuple[tuple[Array, Array], None]:
+    def predicted(z: Array, number: Array) -> Array:
+        left = duration - z[-1]
+        newton = jnp.where(number <= 0, left / slope(z)[-1], 0.0)
+        aim = jax.lax.stop_gradient(regular.remaining(left, z) - newton) + newton
+        return aim / (length * jnp.maximum(number, 1)).astype(z.dtype)
+
+    def block(carry: tuple[Array, Array], now: tuple[Array, Array]) -> tuple[tuple[Array, Array], None]:
         z, h = carry
-        due = (todo == blocks) | (todo & (todo - 1) == 0)
-        h = jax.lax.cond(due, lambda: left(z) / (todo * length).astype(z.dtype), lambda: h)
+        h = jax.lax.cond(now[1], lambda: predicted(z, now[0]), lambda: h)
         z = jax.lax.scan(jax.checkpoint(lambda z, _: (_step(slope, z, h), None)), z, length=length)[0]
         return (z, h), None
 
-    def land(z: Array, _: None) -> tuple[Array, None]:
-        newton = (duration - z[-1]) / slope(z)[-1]
-        return _step(slope, z, left(z) + newton - jax.lax.stop_gradient(newton)), None
-
-    todo = jnp.arange(blocks, 0, -1)
-    (z, _), _ = jax.lax.scan(jax.checkpoint(block), (z0, jnp.zeros_like(left(z0))), todo)
-    return jax.lax.scan(jax.checkpoint(land), z, length=LANDINGS)[0]
+    start = (z0, jnp.zeros(z0.shape[1:], z0.dtype))
+    return jax.lax.scan(jax.checkpoint(block), start, (jnp.asarray(numbers), jnp.asarray(due)))[0][0]
 
 
 def _step(f: Callable[[Array], Array], z: Array, h: Array) -> Array:

@@ -1,0 +1,202 @@
+"""Regular variables for eccentric orbits: against the closed form, under perturbations, landing, derivatives, honest errors."""
+
+import diffrax
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from jaxspace import Scene
+from jaxspace._core import InputError
+from jaxspace.bodies import BodyState, Load, RigidBody
+from jaxspace.orbits import Oblateness, PointGravity, TwoBody, kepler_flow
+from jaxspace.orbits._kustaanheimo_stiefel import ks_map, ks_parameters
+from jaxspace.rockets import JetDamping
+from jaxspace.scene import Custom
+from jaxspace.simulation import Accuracy, Status, simulate, simulate_batch
+from jaxspace.solvers import Regularised
+
+J2, TURN = 1.08262668e-3, 2.0 * np.pi
+
+
+def by(steps, rtol=1e-9, **more):
+    return Accuracy(rtol=rtol, method=Regularised(steps=steps), **more)
+
+
+def periapsis(e, q=None, axes=np.eye(3)):
+    """Periapsis along the first of the `axes`, motion along the second; semi-major axis 1 unless the distance q is given."""
+    q = 1.0 - e if q is None else q
+    return BodyState(jnp.array(q * axes[0]), jnp.array(np.sqrt((1.0 + e) / q) * axes[1]))
+
+
+def apoapsis(e, axes=np.eye(3)):
+    """Apoapsis against the first of the `axes`: from there the energy of a narrow orbit is well defined."""
+    return BodyState(jnp.array(-(1.0 + e) * axes[0]), jnp.array(-np.sqrt((1.0 - e) / (1.0 + e)) * axes[1]))
+
+
+def oblate(j2, radius=0.5):
+    return Scene((PointGravity(1.0), Oblateness(1.0, j2, radius)))
+
+
+@jax.jit
+def flown(y, j2, ts):
+    """Under oblateness, with 400 steps."""
+    return simulate(oblate(j2), y, ts, accuracy=by(400), throw=False)
+
+
+def far(a, b):
+    """The largest distance of two positions."""
+    return float(np.max(np.linalg.norm(np.asarray(a) - np.asarray(b), axis=-1)))
+
+
+def by_scipy(force, y, ts):
+    """Positions by scipy's DOP853 at a tolerance of 1e-13, about a point mass of strength 1."""
+
+    def rate(t, s):
+        r, v = s[:3], s[3:]
+        return np.concatenate([v, force(t, r, v) - r / np.linalg.norm(r) ** 3])
+
+    start = np.concatenate([y.position, y.velocity])
+    return solve_ivp(rate, (ts[0], ts[-1]), start, method="DOP853", rtol=1e-13, atol=1e-14, t_eval=ts).y[:3].T
+
+
+def oblate_force(t, r, v):
+    c, s = 1.5 * J2 * 0.25 / np.linalg.norm(r) ** 5, 5.0 * r[2] ** 2 / (r @ r)
+    return -c * r * np.array([1.0 - s, 1.0 - s, 3.0 - s])
+
+
+@pytest.mark.parametrize("axis", [(1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (-0.6, 0, 0.8)])
+def test_parameters_exist_in_every_direction_and_are_smooth(axis):
+    r = jnp.array(axis, dtype=float)
+
+    def again(r):
+        u = ks_parameters(r)
+        return ks_map(u, u)
+
+    np.testing.assert_allclose(again(r), r, atol=1e-15)
+    for jacobian in (jax.jacfwd, jax.jacrev):
+        np.testing.assert_allclose(jacobian(again)(r), np.eye(3), atol=1e-15)
+
+
+def test_every_conic_in_every_direction_agrees_with_the_closed_form():
+    """With 32 steps a revolution over twenty of them, forwards and backwards, up to a periapsis at 1e-6 of the semi-major axis."""
+    turned = np.roll(np.eye(3), 1, axis=0)
+    mirrored = np.array([[-1.0, 0.0, 0.0], [0.0, 0.6, -0.8], [0.0, 0.8, 0.6]])
+    # 20 revolutions and a bit, but for the open orbits and for a time before the start
+    runs = [
+        (periapsis(0.0), 126.0),
+        (periapsis(0.95, axes=turned), 127.3),
+        (periapsis(0.95, axes=mirrored), -128.1),
+        (apoapsis(0.9999, mirrored), 126.5),
+        (apoapsis(1.0 - 1e-6), 129.0),
+        (periapsis(1.0, 0.1), 40.0),
+        (periapsis(3.0, 0.2, turned), 15.0),
+    ]
+    y = jax.tree.map(lambda *x: jnp.stack(x), *(y for y, _ in runs))
+    spans = jnp.array([span for _, span in runs])
+    ts = jnp.stack([jnp.zeros_like(spans), spans], axis=1)
+    found = simulate_batch(Scene((PointGravity(1.0),)), y, ts, accuracy=by(640), in_axes=(None, 0))
+    exact = jax.jit(kepler_flow)(y.position.T, y.velocity.T, spans, 1.0)[0].T
+    assert np.all(found.status == Status.COMPLETED)
+    # 640 steps with an error of some 1e-13 each at most, where a phase error grows with the square of their number
+    assert far(found.final.position, exact) < 1e-10
+
+
+def test_a_radial_orbit_goes_through_the_centre_and_returns():
+    """From rest at a distance of 2, with the period of a semi-major axis of 1."""
+    y = BodyState(jnp.array([0.0, -1.2, 1.6]), jnp.zeros(3))
+    ts = jnp.array([0.0, 1.0, TURN, 5.0 * TURN])
+    run = simulate(Scene((PointGravity(1.0),)), y, ts, accuracy=by(160))
+    early = kepler_flow(y.position, y.velocity, 1.0, 1.0)[0]
+    assert far(run.states.position, jnp.stack([y.position, early, y.position, y.position])) < 1e-10
+
+
+def test_oblateness_forwards_backwards_and_not_at_all():
+    """Against an integration in time by scipy, and there and back again."""
+    y = periapsis(0.5, axes=np.array([[0.6, 0.0, 0.8], [0.0, 1.0, 0.0], [-0.8, 0.0, 0.6]]))
+    run = flown(y, J2, jnp.array([0.0, 60.0]))
+    assert run.status == Status.COMPLETED
+    # a tolerance of 1e-13 in each of scipy's steps, some hundreds of them
+    assert far(run.final.position, by_scipy(oblate_force, y, [0.0, 60.0])[-1]) < 2e-10
+    assert float(run.drift()["energy"][-1]) < 1e-12
+    back = flown(run.final, J2, jnp.array([60.0, 0.0]))
+    assert far(back.final.position, y.position) < 1e-10
+    assert far(flown(y, J2, jnp.array([3.0, 3.0])).final.position, y.position) < 1e-15
+
+
+def test_derivatives_agree_with_the_closed_form_and_with_differences():
+    y, ts = periapsis(0.9), jnp.array([0.0, 20.0])
+
+    def end(y, j2, span, adjoint):
+        accuracy = Accuracy(method=Regularised(steps=144, estimate=False), adjoint=adjoint)
+        return simulate(oblate(j2, 0.05), y, jnp.stack([ts[0], span]), accuracy=accuracy, throw=False).final.position
+
+    def closed(y, span):
+        return kepler_flow(y.position, y.velocity, span, 1.0)[0]
+
+    given = (y, jnp.array(0.0), ts[1])
+    cotangent = jnp.array([0.3, -0.5, 0.8])
+    reverse = jax.jit(lambda *p: jax.vjp(lambda *q: end(*q, diffrax.RecursiveCheckpointAdjoint()), *p)[1](cotangent))(*given)
+    forward = jax.jit(jax.jacfwd(lambda *p: end(*p, diffrax.ForwardMode()), argnums=(0, 1, 2)))(*given)
+    exact = jax.jacfwd(closed, argnums=(0, 1))(y, ts[1])
+    # three revolutions at periapsis distance 0.1: derivatives are up to some 1e4
+    for found, right in ((forward[0], exact[0]), (forward[2], exact[1])):
+        for a, b in zip(jax.tree.leaves(found), jax.tree.leaves(right), strict=True):
+            np.testing.assert_allclose(a, b, rtol=1e-7, atol=1e-6)
+    for a, b in zip(jax.tree.leaves(reverse), jax.tree.leaves(forward), strict=True):
+        np.testing.assert_allclose(a, jnp.tensordot(cotangent, b, 1), rtol=1e-8, atol=1e-8)
+    value = jax.jit(lambda j2: end(y, j2, ts[1], diffrax.ForwardMode()))
+    np.testing.assert_allclose(forward[1], (value(jnp.array(1e-5)) - value(jnp.array(-1e-5))) / 2e-5, rtol=1e-5, atol=1e-6)
+
+
+def test_forces_of_any_kind_and_every_time_asked_for():
+    """Drag and a push that turns with the time, against scipy."""
+
+    def push(t, y, body):
+        turning = 1e-3 * jnp.stack([jnp.cos(0.3 * t), jnp.sin(0.3 * t), jnp.ones_like(t)])
+        return Load(acceleration_N=turning - 1e-3 * y.velocity)
+
+    scene = Scene((PointGravity(1.0), Custom(push, needs={"position", "velocity"}, adds={"acceleration"})))
+    y, ts = periapsis(0.7), np.array([2.0, 5.0, 11.0, 12.0, 30.0])
+    exact = by_scipy(lambda t, r, v: 1e-3 * np.array([np.cos(0.3 * t), np.sin(0.3 * t), 1.0]) - 1e-3 * v, y, ts)
+    run = simulate(scene, y, jnp.array(ts), accuracy=by(100))
+    assert far(run.states.position, exact) < 1e-10
+    assert int(run.stats["steps"]) == 4 * 100
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("e", [0.5, 0.8])
+def test_errors_fall_with_the_order_and_are_not_understated(e):
+    y, ts = periapsis(e), jnp.array([0.0, 32.0])
+    exact = by_scipy(oblate_force, y, [0.0, 32.0])[-1] if e < 0.6 else kepler_flow(y.position, y.velocity, 32.0, 1.0)[0]
+    errors = []
+    for steps in (56, 110):
+        run = simulate(oblate(J2 if e < 0.6 else 0.0), y, ts, accuracy=by(steps, 1e-12), throw=False)
+        errors.append(far(run.final.position, exact))
+        assert run.status == Status.TOLERANCE_MISSED
+        assert 1e-12 * run.stats["largest_local_error"] * np.linalg.norm(exact) > errors[-1]
+    assert np.log2(errors[0] / errors[1]) > 7.0
+
+
+def test_single_precision_stays_single():
+    y = jax.tree.map(lambda x: x.astype(jnp.float32), periapsis(0.9))
+    run = simulate(oblate(0.0), y, jnp.array([0.0, 4.5]), accuracy=by(36, 1e-4))
+    exact = kepler_flow(periapsis(0.9).position, periapsis(0.9).velocity, 4.5, 1.0)[0]
+    assert run.final.position.dtype == jnp.float32
+    assert far(run.final.position, exact) < 2e-5  # a hundred roundings of 6e-8
+
+
+def test_it_refuses_what_has_no_regular_variables():
+    y, ts = periapsis(0.5), jnp.array([0.0, 1.0])
+    with pytest.raises(InputError, match="steps is 3"):
+        Regularised(steps=3)
+    with pytest.raises(InputError, match="TwoBody offers no regular variables"):
+        simulate(TwoBody(1.0), y, ts, accuracy=by(10))
+    with pytest.raises(InputError, match="one effect as PointGravity, and has 0"):
+        simulate(Scene((Oblateness(1.0, J2, 1.0),)), y, ts, accuracy=by(10))
+    body = RigidBody(mass=1.0, inertia=(1.0, 1.0, 2.0))
+    with pytest.raises(InputError, match="JetDamping reads the omega"):
+        Scene((PointGravity(1.0), JetDamping(jnp.array(1.0), 1.0, 0.1)), body).regular_form()
+    with pytest.raises(InputError, match="state holds position, velocity, attitude, omega"):
+        Scene((PointGravity(1.0),), body, carry=("attitude",)).regular_form()
