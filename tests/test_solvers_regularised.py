@@ -157,7 +157,6 @@ def test_forces_of_any_kind_and_every_time_asked_for():
     exact = by_scipy(lambda t, r, v: 1e-3 * np.array([np.cos(0.3 * t), np.sin(0.3 * t), 1.0]) - 1e-3 * v, y, ts)
     run = simulate(scene, y, jnp.array(ts), accuracy=by(100))
     assert far(run.states.position, exact) < 1e-10
-    assert int(run.stats["steps"]) == 4 * 100
 
 
 def test_errors_fall_with_the_order_and_are_not_understated():
