@@ -41,9 +41,7 @@ def by_diffrax(rtol):
     def end(j2):
         control = diffrax.PIDController(rtol=rtol, atol=rtol)
         term, y0 = diffrax.ODETerm(rate), jnp.array(START)
-        solve = diffrax.diffeqsolve(
-            term, diffrax.Dopri8(), 0.0, SPAN, None, y0, j2, stepsize_controller=control, max_steps=2**17
-        )
+        solve = diffrax.diffeqsolve(term, diffrax.Dopri8(), 0.0, SPAN, None, y0, j2, stepsize_controller=control, max_steps=2**17)
         return solve.ys[0, :3]
 
     return jax.jit(end)

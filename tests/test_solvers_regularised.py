@@ -17,20 +17,20 @@ from jaxspace.scene import Custom
 from jaxspace.simulation import Accuracy, Status, simulate, simulate_batch
 from jaxspace.solvers import Regularised
 
-J2, TURN = 1.08262668e-3, 2.0 * np.pi
+J2, TURN, AXES = 1.08262668e-3, 2.0 * np.pi, np.eye(3)
 
 
 def by(steps, rtol=1e-9, **more):
     return Accuracy(rtol=rtol, method=Regularised(steps=steps), **more)
 
 
-def periapsis(e, q=None, axes=np.eye(3)):
+def periapsis(e, q=None, axes=AXES):
     """Periapsis along the first of the `axes`, motion along the second; semi-major axis 1 unless the distance q is given."""
     q = 1.0 - e if q is None else q
     return BodyState(jnp.array(q * axes[0]), jnp.array(np.sqrt((1.0 + e) / q) * axes[1]))
 
 
-def apoapsis(e, axes=np.eye(3)):
+def apoapsis(e, axes=AXES):
     """Apoapsis against the first of the `axes`: from there the energy of a narrow orbit is well defined."""
     return BodyState(jnp.array(-(1.0 + e) * axes[0]), jnp.array(-np.sqrt((1.0 - e) / (1.0 + e)) * axes[1]))
 
@@ -173,7 +173,9 @@ def test_errors_fall_with_the_order_and_are_not_understated():
 
 def test_single_precision_stays_single():
     y = jax.tree.map(lambda x: x.astype(jnp.float32), periapsis(0.9))
-    run = simulate(oblate(0.0), y, jnp.array([0.0, 4.5]), accuracy=Accuracy(rtol=1e-4, method=Regularised(steps=36, estimate=False)))
+    run = simulate(
+        oblate(0.0), y, jnp.array([0.0, 4.5]), accuracy=Accuracy(rtol=1e-4, method=Regularised(steps=36, estimate=False))
+    )
     exact = kepler_flow(periapsis(0.9).position, periapsis(0.9).velocity, 4.5, 1.0)[0]
     assert run.final.position.dtype == jnp.float32
     assert far(run.final.position, exact) < 2e-5  # a hundred roundings of 6e-8

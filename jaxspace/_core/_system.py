@@ -67,7 +67,7 @@ class AbstractRegularForm(eqx.Module):
 
     @abstractmethod
     def span(self, duration: Scalar, z: Array) -> Scalar:
-        """About how much fictitious time a `duration`, s (negative: backwards), takes from `z` on; exact without perturbations."""
+        """About how much fictitious time a `duration`, s (negative: backwards), takes from `z` on: exact without perturbation."""
 
 
 class AbstractRegularisedSystem(AbstractSystem):

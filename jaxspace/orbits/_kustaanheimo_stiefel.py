@@ -19,7 +19,6 @@ position, the one with u4 = 0 is taken where x >= 0, else the one with u3 = 0: n
 
 from typing import final
 
-import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 

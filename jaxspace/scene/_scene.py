@@ -133,8 +133,9 @@ class Scene(AbstractPiecewiseSystem, AbstractSplitSystem, AbstractRegularisedSys
         return self.body.constant_mass() if y.mass is None else y.mass
 
     def _about(self, kind: type[Any], into: str, reads: set[str]) -> tuple[Any, "Scene"]:
-        """The one effect of this `kind`, and the scene of the others. Raises `InputError` where there is none, or not one, or where
-        the others read more than `reads`."""
+        """The one effect of this `kind`, and the scene of the others.
+
+        Raises `InputError` where there is not just one, or where the others read more than `reads`."""
         rest = Scene(tuple(e for e in self.effects if not isinstance(e, kind)), self.body)
         central = [e for e in self.effects if isinstance(e, kind)]
         more = [(type(e).__name__, part) for e in rest.effects for part in PARTS if part in e.needs and part not in reads]
