@@ -81,7 +81,7 @@ def test_parameters_exist_in_every_direction_and_are_smooth(axis):
 
 def test_every_conic_in_every_direction_agrees_with_the_closed_form():
     """With 32 steps a revolution over twenty of them, forwards and backwards, up to a periapsis at 1e-6 of the semi-major axis;
-    and the fall from rest through the centre, which after each period is back."""
+    and the fall from rest through the centre, of which the closed form takes whole periods off."""
     turned = np.roll(np.eye(3), 1, axis=0)
     mirrored = np.array([[-1.0, 0.0, 0.0], [0.0, 0.6, -0.8], [0.0, 0.8, 0.6]])
     # 20 revolutions and a bit, but for the open orbits and for a time before the start
@@ -93,14 +93,13 @@ def test_every_conic_in_every_direction_agrees_with_the_closed_form():
         (apoapsis(1.0 - 1e-6), 129.0),
         (periapsis(1.0, 0.1), 40.0),
         (periapsis(3.0, 0.2, turned), 15.0),
-        (BodyState(jnp.array([0.0, -1.2, 1.6]), jnp.zeros(3)), 20.0 * TURN),
+        (BodyState(jnp.array([0.0, -1.2, 1.6]), jnp.zeros(3)), 20.0 * TURN + 1.0),
     ]
     y = jax.tree.map(lambda *x: jnp.stack(x), *(y for y, _ in runs))
     spans = jnp.array([span for _, span in runs])
     ts = jnp.stack([jnp.zeros_like(spans), spans], axis=1)
     found = simulate_batch(Scene((PointGravity(1.0),)), y, ts, accuracy=by(640), in_axes=(None, 0))
     exact = jax.jit(kepler_flow)(y.position.T, y.velocity.T, spans, 1.0)[0].T
-    exact = exact.at[-1].set(y.position[-1])
     assert np.all(found.status == Status.COMPLETED)
     # 640 steps with an error of some 1e-13 each at most, where a phase error grows with the square of their number
     assert far(found.final.position, exact) < 1e-10
