@@ -24,6 +24,8 @@ from ._special import stumpff as stumpff
 from ._special import stumpff_near as stumpff_near
 from ._system import AbstractClosedFormSystem as AbstractClosedFormSystem
 from ._system import AbstractPiecewiseSystem as AbstractPiecewiseSystem
+from ._system import AbstractRegularForm as AbstractRegularForm
+from ._system import AbstractRegularisedSystem as AbstractRegularisedSystem
 from ._system import AbstractSplitSystem as AbstractSplitSystem
 from ._system import AbstractSystem as AbstractSystem
 from ._types import Flag as Flag

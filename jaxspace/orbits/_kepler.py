@@ -52,6 +52,12 @@ def kepler_flow(position: Vector, velocity: Vector, duration: Scalar, mu: Scalar
     return f * position + g * velocity, rate_f * position + rate_g * velocity
 
 
+def universal_anomaly(sigma: Scalar, beta: Scalar, tau: Scalar, p: Scalar) -> Scalar:
+    """The anomaly chi a time `tau` later, whole revolutions included; symbols and units as above, all four (*runs,)."""
+    rest = _without_revolutions(tau, beta)
+    return _universal_anomaly(sigma, beta, rest, p) + beta * (tau - rest)
+
+
 def _with_rank(vector: Vector, rank: int) -> Vector:
     """The vector with `rank` run axes, the new ones of length one, lest its components meet the runs of a scalar."""
     runs = vector.shape[1:]

@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._core import (
+    AbstractRegularisedSystem,
     AbstractSplitSystem,
     AbstractSystem,
     InputError,
@@ -21,7 +22,7 @@ from .._core import (
     check_positive,
     known,
 )
-from ..solvers import AbstractEqualSteps, Splitting
+from ..solvers import AbstractEqualSteps, Regularised, Splitting
 from ._choice import chosen_method
 
 
@@ -91,6 +92,8 @@ def settled(accuracy: Accuracy, system: AbstractSystem, y0: State) -> Accuracy:
         )
     if isinstance(accuracy.method, Splitting) and not isinstance(system, AbstractSplitSystem):
         raise InputError(f"{type(system).__name__} offers no drift and kick: take another method than Splitting.")
+    if isinstance(accuracy.method, Regularised) and not isinstance(system, AbstractRegularisedSystem):
+        raise InputError(f"{type(system).__name__} offers no regular variables: take another method than Regularised.")
     return with_method(accuracy, system, y0)
 
 
