@@ -29,8 +29,9 @@ from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
 
 def oblateness(r: Vector, mu: Scalar, j2: Scalar, radius: Scalar) -> Vector:
     """Acceleration a, m/s^2, by J2 alone, at the position `r`, m, shape (3, *runs)."""
-    per_r2, z = 1.0 / dot(r, r), r[2]
-    c = (-1.5 * j2 * radius * radius * mu) * (per_r2 * per_r2 * jnp.sqrt(per_r2))
+    per_r, z = 1.0 / jnp.sqrt(dot(r, r)), r[2]  # as in the field of the point: the compiler takes one root for both
+    per_r2 = per_r * per_r
+    c = (-1.5 * j2 * radius * radius * mu) * (per_r2 * per_r2 * per_r)
     k = 2.0 * c * z
     return (c * (1.0 - 5.0 * z * z * per_r2)) * r + k * axis(2, k)
 
