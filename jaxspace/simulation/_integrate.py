@@ -9,7 +9,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .._core import State
-from ..solvers import Accounted, PlannedSteps, Split, Splitting, Tolerance, WorstRunControl
+from ..solvers import RKN1210, Accounted, PlannedSteps, Split, Splitting, Tolerance, WorstRunControl
 from ._accuracy import Accuracy
 from ._reverse import Record, Replay, replayable, stride
 
@@ -26,6 +26,12 @@ class Manner(eqx.Module):
     kept: Float[Array, " times"] | None
     plan: Float[Array, " nodes"] | None
     record: bool = eqx.field(static=True)
+
+    @property
+    def method(self) -> Any:
+        """The method; told where states within its steps will be asked for, if that makes a difference to it."""
+        method = self.accuracy.method
+        return RKN1210(self.kept) if isinstance(method, RKN1210) and self.kept is not None else method
 
     @property
     def max_steps(self) -> int:
@@ -80,7 +86,7 @@ def _solve(rate: Any, y0: State, manner: Manner, every: int = 0) -> tuple[Course
     adaptive = WorstRunControl(manner.tolerance, manner.lengths)
     solution: Any = diffrax.diffeqsolve(
         TERM,
-        Accounted(accuracy.method, manner.tolerance),  # pyright: ignore[reportArgumentType]
+        Accounted(manner.method, manner.tolerance),
         jnp.zeros((), dtype),
         jnp.asarray(manner.lengths.shape[0], dtype),
         None,
@@ -123,4 +129,4 @@ def _backwards(kept: tuple[Record, State], gradient: Course, perturbed: Any, giv
     filled = jax.tree.map(lambda y, g: jnp.zeros_like(y) if g is None else g, states, gradient.states)
     moving, rest = eqx.partition(rate, perturbed[0])
     every = stride(y0, manner.max_steps)
-    return Replay(cast(Any, manner.accuracy.method), TERM, rest, record, y0, manner.kept, every).pull_back(moving, filled)
+    return Replay(manner.method, TERM, rest, record, y0, manner.kept, every).pull_back(moving, filled)

@@ -83,11 +83,11 @@ def _system_run(system: AbstractSystem, y0: State, ts: Array, events: tuple[Even
 
 def _mission_run(mission: Mission, y0: State, t0: Array, samples: int, accuracy: Accuracy) -> MissionTrajectory:
     spans, final, end, status = run_mission(mission, y0, t0, samples, accuracy, 0)
-    phases = tuple(
-        Trajectory(s.ts, s.states, s.status, s.event, s.stats, p.system, settled(accuracy, p.system, s.states))
-        for s, p in zip(spans, mission.phases, strict=True)
-    )
-    return MissionTrajectory(phases, tuple(p.name for p in mission.phases), final, end, status)
+    phases = []
+    for s, phase in zip(spans, mission.phases, strict=True):
+        how = settled(accuracy, phase.system, jax.tree.map(lambda x: x[0], s.states))
+        phases.append(Trajectory(s.ts, s.states, s.status, s.event, s.stats, phase.system, how))
+    return MissionTrajectory(tuple(phases), tuple(p.name for p in mission.phases), final, end, status)
 
 
 def check_start(y0: State) -> None:
