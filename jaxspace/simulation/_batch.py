@@ -1,24 +1,23 @@
 """Many runs by one integration after the other, each of a block of runs side by side. Never a mapped solve."""
 
-from collections.abc import Callable
 from typing import Any
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.sharding import Mesh
 from jaxtyping import Array
 
 from .._core import AbstractSystem, InputError, Scalar, State, known
 from ._accuracy import Accuracy, as_accuracy, settled, state_dtype
+from ._blocks import BLOCK, by_blocks, compiled, lanes_on, mesh_of, side_by_side, untransformed
 from ._events import Event
 from ._lanes import Span, run_mission, run_system
 from ._mission import Mission
 from ._simulate import repeat, thrown
 from ._status import Status
 from ._trajectory import MissionTrajectory, Trajectory
-
-BLOCK = 512  # runs side by side: enough to pay for the dispatch of each operation, few enough for the second level of the cache
 
 
 def simulate_batch(
@@ -39,7 +38,8 @@ def simulate_batch(
     - `ts`: (times,) for all runs or (runs, times) for each; for a mission its start.
 
     Returns a `Trajectory` or `MissionTrajectory` with a `Status` for every run. A run that fails marks its own row: when the
-    steps of its block run out, the runs of that block are repeated alone (outside of `jit`). Raises as `simulate` does, and
+    steps of its block run out, the runs of that block are repeated alone (outside of `jit`). All local devices take part, if
+    there are runs enough and neither the arrays nor a transformation say where to compute. Raises as `simulate` does, and
     `InputError` for an array whose first axis is not that of the runs."""
     accuracy = as_accuracy(accuracy)
     carried = [_carried(tree, axes) for tree, axes in zip((systems, y0s), in_axes, strict=True)]
@@ -47,11 +47,11 @@ def simulate_batch(
     ts = jnp.asarray(ts, state_dtype(y0s))
     own_ts = ts.ndim == (1 if isinstance(systems, Mission) else 2)
     batched, shared = eqx.partition((systems, y0s, ts), (*carried, own_ts))
-    result = _run(batched, shared, min(BLOCK, runs), accuracy, tuple(events), samples)
+    result = _run(batched, shared, accuracy, tuple(events), samples, *_spread((batched, shared), runs))
     if known(result.status) and runs > 1:
         stuck = np.flatnonzero(np.asarray(result.status) == Status.MAX_STEPS)
         if stuck.size:
-            alone = _run(jax.tree.map(lambda x: x[stuck], batched), shared, 1, accuracy, tuple(events), samples)
+            alone = _run(jax.tree.map(lambda x: x[stuck], batched), shared, accuracy, tuple(events), samples, 1, None)
             result = jax.tree.map(lambda a, b: a.at[stuck].set(b), result, alone)
     result = _with_systems(result, systems, carried[0], accuracy)
     return thrown(result) if throw else result
@@ -84,34 +84,31 @@ def _count(systems: Any, y0s: Any, carried: list[Any]) -> int:
     return runs
 
 
-def by_blocks(function: Callable[[Any], Any], batched: Any, block: int) -> Any:
-    """`function` of `block` runs at a time, which takes them on the last axis and returns them on the first; the last block is
-    filled up with copies of the last run."""
-    runs = jax.tree.leaves(batched)[0].shape[0]
-    count = -(-runs // block)
-
-    def cut(x: Array) -> Array:
-        filled = jnp.concatenate([x, jnp.broadcast_to(x[-1:], (count * block - runs, *x.shape[1:]))])
-        return filled.reshape(count, block, *x.shape[1:])
-
-    rows = jax.lax.map(lambda piece: function(jax.tree.map(lambda x: jnp.moveaxis(x, 0, -1), piece)), jax.tree.map(cut, batched))
-    return jax.tree.map(lambda x: x.reshape(count * block, *x.shape[2:])[:runs], rows)
+def _spread(arrays: Any, runs: int) -> tuple[int, Mesh | None]:
+    """The runs in a block, and the devices that share the blocks: all local ones, if there is a block for each and nothing says
+    otherwise (arrays that were put on a device, or a transformation around this call)."""
+    devices, leaves = jax.local_devices(), [x for x in jax.tree.leaves(arrays) if isinstance(x, jax.Array)]
+    free = untransformed(arrays) and all(x.devices() == set(devices) or not x.committed for x in leaves)
+    devices = devices[: max(1, runs // BLOCK)] if free else devices[:1]
+    return min(lanes_on(devices, runs), runs), mesh_of(devices)
 
 
-def side_by_side(shared: Any) -> Any:
-    """What all runs share, with an axis of length one for them at the end of every array that has axes."""
-    return jax.tree.map(lambda x: x[..., None] if eqx.is_array(x) and x.ndim > 0 else x, shared)
-
-
-@eqx.filter_jit
-def _run(batched: Any, shared: Any, block: int, accuracy: Accuracy, events: tuple[Event, ...], samples: int) -> Any:
-    shared = (*side_by_side(shared[:2]), shared[2])
-
-    def rows(lanes: Any) -> Any:
+@compiled
+def _run(
+    batched: Any,
+    shared: Any,
+    accuracy: Accuracy,
+    events: tuple[Event, ...],
+    samples: int,
+    block: int,
+    mesh: Mesh | None,
+) -> Any:
+    def rows(lanes: Any, given: Any) -> Any:
+        shared, accuracy, events = given
         system, y0, ts = eqx.combine(lanes, shared)
         return _rows(system, y0, ts, accuracy, events, samples, block)
 
-    return by_blocks(rows, batched, block)
+    return by_blocks(rows, batched, ((*side_by_side(shared[:2]), shared[2]), accuracy, events), block, mesh)
 
 
 def _rows(system: Any, y0: State, ts: Array, accuracy: Accuracy, events: tuple[Event, ...], samples: int, block: int) -> Any:
@@ -139,7 +136,9 @@ def _with_systems(result: Any, systems: Any, carried: Any, accuracy: Accuracy) -
 
     def attach(t: Trajectory, system: Any, flags: Any) -> Trajectory:
         shared = tuple(not flag for flag in jax.tree.leaves(flags))
-        one = jax.tree.map(lambda x, flag: x[0] if flag else x, system, flags), jax.tree.map(lambda x: x[0, 0], t.states)
+        one = (system, t.states)
+        if accuracy.method == "auto":  # the choice looks at one run
+            one = jax.tree.map(lambda x, flag: x[0] if flag else x, system, flags), jax.tree.map(lambda x: x[0, 0], t.states)
         return Trajectory(t.ts, t.states, t.status, t.event, t.stats, system, settled(accuracy, *one), shared)
 
     if not isinstance(result, MissionTrajectory):
@@ -155,15 +154,14 @@ def repeat_batch(trajectory: Trajectory, accuracy: Accuracy) -> State:
     flags = jax.tree.unflatten(tree, [not alone for alone in trajectory.shared or ()])
     ends = trajectory.ts[:, :: max(trajectory.ts.shape[1] - 1, 1)]
     batched, shared = eqx.partition((trajectory.system, trajectory.initial, ends), (flags, True, True))
-    return _repeat(batched, shared, min(BLOCK, ends.shape[0]), accuracy)
+    return _repeat(batched, shared, accuracy, *_spread((batched, shared), ends.shape[0]))
 
 
-@eqx.filter_jit
-def _repeat(batched: Any, shared: Any, block: int, accuracy: Accuracy) -> State:
-    shared = (*side_by_side(shared[:2]), shared[2])
-
-    def rows(lanes: Any) -> State:
+@compiled
+def _repeat(batched: Any, shared: Any, accuracy: Accuracy, block: int, mesh: Mesh | None) -> State:
+    def rows(lanes: Any, given: Any) -> State:
+        shared, accuracy = given
         system, y0, ts = eqx.combine(lanes, shared)
         return _front(repeat(system, y0, ts, accuracy, 1))
 
-    return by_blocks(rows, batched, block)
+    return by_blocks(rows, batched, ((*side_by_side(shared[:2]), shared[2]), accuracy), block, mesh)
