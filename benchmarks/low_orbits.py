@@ -13,7 +13,7 @@ from jaxspace.solvers import DOP853, RKN1210, Stormer
 
 from ._measure import heyoka_ends, in_turn, optional, worst
 
-RUNS, DAY, J2 = 1024, 86400.0 / 806.8110, 1.08262668e-3
+RUNS, DAY, J2 = 2048, 86400.0 / 806.8110, 1.08262668e-3
 SCENE = Scene((PointGravity(1.0), Oblateness(1.0, J2, 1.0)))
 
 
