@@ -80,7 +80,7 @@ def state_dtype(y: State) -> Any:
 
 
 def settled(accuracy: Accuracy, system: AbstractSystem, y0: State) -> Accuracy:
-    """The accuracy with its method chosen for this system: `"auto"` stays only where the closed form is meant.
+    """The accuracy with its method chosen for this system, by `with_method`.
 
     Raises `InputError` for a tolerance that the precision of the state cannot reach, before anything is compiled."""
     dtype = state_dtype(y0)
@@ -91,7 +91,13 @@ def settled(accuracy: Accuracy, system: AbstractSystem, y0: State) -> Accuracy:
         )
     if isinstance(accuracy.method, Splitting) and not isinstance(system, AbstractSplitSystem):
         raise InputError(f"{type(system).__name__} offers no drift and kick: take another method than Splitting.")
+    return with_method(accuracy, system, y0)
+
+
+def with_method(accuracy: Accuracy, system: AbstractSystem, y: Any) -> Accuracy:
+    """The accuracy with its method chosen for this system and state, or for their shapes; `"auto"` stays only where the closed
+    form is meant."""
     if accuracy.method != "auto":
         return accuracy
     rtol = float(np.max(np.asarray(accuracy.rtol))) if known(accuracy.rtol) else 0.0
-    return eqx.tree_at(lambda a: a.method, accuracy, chosen_method(system, y0, rtol))
+    return eqx.tree_at(lambda a: a.method, accuracy, chosen_method(system, y, rtol))

@@ -13,8 +13,9 @@ from jaxtyping import Array
 
 from .._core import AbstractSystem, InputError, Scalar, State, known, safe_divide
 from ..solvers import AbstractEqualSteps, Tolerance
-from ._accuracy import Accuracy, as_accuracy, settled, state_dtype
+from ._accuracy import Accuracy, as_accuracy, settled, state_dtype, with_method
 from ._blocks import BLOCK, by_blocks, compiled, lanes_on, mesh_of, side_by_side, untransformed
+from ._choice import shape
 from ._events import Event
 from ._lanes import Span, run_mission, run_system
 from ._mission import Mission
@@ -188,10 +189,8 @@ def _with_systems(result: Any, systems: Any, carried: Any, accuracy: Accuracy) -
 
     def attach(t: Trajectory, system: Any, flags: Any) -> Trajectory:
         shared = tuple(not flag for flag in jax.tree.leaves(flags))
-        one = (system, t.states)
-        if accuracy.method == "auto":  # the choice looks at one run
-            one = jax.tree.map(lambda x, flag: x[0] if flag else x, system, flags), jax.tree.map(lambda x: x[0, 0], t.states)
-        return Trajectory(t.ts, t.states, t.status, t.event, t.stats, system, settled(accuracy, *one), shared)
+        one = jax.tree.map(lambda x, flag: shape(x, int(flag)), system, flags), jax.tree.map(lambda x: shape(x, 2), t.states)
+        return Trajectory(t.ts, t.states, t.status, t.event, t.stats, system, with_method(accuracy, *one), shared)
 
     if not isinstance(result, MissionTrajectory):
         return attach(result, systems, carried)

@@ -15,7 +15,7 @@ import jax.extend
 import jax.numpy as jnp
 import numpy as np
 
-from .._core import AbstractClosedFormSystem, AbstractSystem, State
+from .._core import AbstractClosedFormSystem, AbstractSystem
 from ..solvers import DOP853, RKN1210, Tsit5
 
 LOOSE = 1e-5  # above this tolerance the method of order 5 needs fewer evaluations than those of high order
@@ -26,23 +26,23 @@ class Rule(NamedTuple):
     """`when` in words, the test of a system, a state and the largest tolerance (zero where it is not known), and the method."""
 
     when: str
-    holds: Callable[[AbstractSystem, State, float], bool]
+    holds: Callable[[AbstractSystem, Any, float], bool]
     method: diffrax.AbstractSolver | Literal["auto"]
 
 
-def is_second_order(system: AbstractSystem, y: State) -> bool:
+def is_second_order(system: AbstractSystem, y: Any) -> bool:
     """Whether the state is a position and a velocity alone, and the acceleration provably free of the velocity."""
     if len(jax.tree.leaves(y)) != 2 or any(getattr(y, part, None) is None for part in ("position", "velocity")):
         return False
-    leaves, tree = jax.tree.flatten(jax.tree.map(_shape, (system, y)))
+    leaves, tree = jax.tree.flatten(jax.tree.map(shape, (system, y)))
     return _is_second_order(tree, tuple(leaves))
 
 
-def _shape(x: Any) -> Any:
-    """The shape of an array; anything else as it is."""
+def shape(x: Any, without: int = 0) -> Any:
+    """The shape of an array, without as many of its first axes; anything else as it is."""
     if not isinstance(x, jax.Array | np.ndarray):
         return x
-    return jax.ShapeDtypeStruct(x.shape, x.dtype, weak_type=getattr(x, "weak_type", False))
+    return jax.ShapeDtypeStruct(x.shape[without:], x.dtype, weak_type=getattr(x, "weak_type", False))
 
 
 @functools.lru_cache(maxsize=256)
@@ -72,6 +72,7 @@ RULES = (
 )
 
 
-def chosen_method(system: AbstractSystem, y: State, rtol: float) -> diffrax.AbstractSolver | Literal["auto"]:
-    """The method for a system, a state and a relative tolerance; `"auto"` stays only where the closed form is meant."""
+def chosen_method(system: AbstractSystem, y: Any, rtol: float) -> diffrax.AbstractSolver | Literal["auto"]:
+    """The method for a system and a state (or their shapes) and a relative tolerance; `"auto"` is left where the closed form is
+    meant."""
     return next(rule.method for rule in RULES if rule.holds(system, y, rtol))

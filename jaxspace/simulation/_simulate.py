@@ -9,7 +9,8 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._core import AbstractSystem, InputError, Scalar, State, check_finite, known
-from ._accuracy import Accuracy, as_accuracy, settled, state_dtype
+from ._accuracy import Accuracy, as_accuracy, settled, state_dtype, with_method
+from ._choice import shape
 from ._events import Event
 from ._lanes import Span, run_mission, run_system, through
 from ._mission import Mission
@@ -85,7 +86,7 @@ def _mission_run(mission: Mission, y0: State, t0: Array, samples: int, accuracy:
     spans, final, end, status = run_mission(mission, y0, t0, samples, accuracy, 0)
     phases = []
     for s, phase in zip(spans, mission.phases, strict=True):
-        how = settled(accuracy, phase.system, jax.tree.map(lambda x: x[0], s.states))
+        how = with_method(accuracy, phase.system, jax.tree.map(lambda x: shape(x, 1), s.states))
         phases.append(Trajectory(s.ts, s.states, s.status, s.event, s.stats, phase.system, how))
     return MissionTrajectory(tuple(phases), tuple(p.name for p in mission.phases), final, end, status)
 
