@@ -1,5 +1,7 @@
 """One day of low orbits under oblateness (15 revolutions): this library beside heyoka and diffrax mapped over the runs."""
 
+from typing import Any
+
 import diffrax
 import equinox as eqx
 import jax
@@ -59,7 +61,7 @@ def measure() -> dict:
     y0, ts = orbits(), jnp.array([0.0, DAY])
     alone = on_one_device(y0)
 
-    def ours(rtol, method=DOP853(), y0=alone):  # noqa: B008
+    def ours(rtol, method: Any = DOP853(), y0=alone):  # noqa: B008
         accuracy = Accuracy(rtol=rtol, method=method)
         return simulate_batch(SCENE, y0, ts, accuracy=accuracy, in_axes=(None, 0)).final.position
 

@@ -196,7 +196,7 @@ def _call(
 ) -> tuple[Rows, Array]:
     """The runs of these numbers, and the largest local error of each run in each phase in units of the tolerance."""
 
-    def block(numbers: Array, given: Any) -> tuple[Rows, Array]:
+    def block(numbers: Array, given: tuple[Campaign, Accuracy, Any, Plans]) -> tuple[Rows, Array]:
         return _block(*given, numbers)
 
     return by_blocks(block, numbers, (campaign, accuracy, key, plans), lanes, mesh)

@@ -102,7 +102,8 @@ def _again(result: Any, batched: Any, shared: Any, accuracy: Accuracy, events: t
     error = np.max([np.asarray(span.stats["largest_local_error"]) for span in spans], axis=0)
     missed = np.flatnonzero((np.asarray(result.status) == Status.TOLERANCE_MISSED) & np.isfinite(error))
     if missed.size:
-        factor = np.ceil(1.1 * np.max(error[missed]) ** (1.0 / accuracy.method.order(None)))
+        order: Any = accuracy.method.order(None)
+        factor = np.ceil(1.1 * np.max(error[missed]) ** (1.0 / order))
         accuracy = dataclasses.replace(accuracy, method=accuracy.method.refined(int(np.clip(factor, 2, FINEST))))
         filled = np.concatenate([missed, np.full(-missed.size % BLOCK, missed[-1])])
         again = _run(jax.tree.map(lambda x: x[filled], batched), shared, accuracy, events, samples, BLOCK, None)

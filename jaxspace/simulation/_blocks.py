@@ -11,6 +11,7 @@ from typing import Any
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+from jax.core import Tracer
 from jax.sharding import AxisType, Mesh, PartitionSpec
 from jaxtyping import Array
 
@@ -23,7 +24,8 @@ WIDE = {"xla_cpu_prefer_vector_width": "512"}  # where the processor has no such
 def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
     """The function under `jit`, for CPUs with the widest vectors; within a transformation, where the outer call decides on the
     options of the compiler, under `jit` alone."""
-    plain, wide = eqx.filter_jit(function), eqx.filter_jit(function, compiler_options=WIDE)
+    options: Any = {"compiler_options": WIDE}
+    plain, wide = eqx.filter_jit(function), eqx.filter_jit(function, **options)
 
     @functools.wraps(function)
     def call(*args: Any) -> Any:
@@ -40,8 +42,7 @@ def _probe() -> Array:
 
 def untransformed(tree: Any) -> bool:
     """Whether nothing is traced: neither the arrays of the tree nor the code that asks."""
-    arrays = [leaf for leaf in jax.tree.leaves(tree) if isinstance(leaf, jax.Array)]
-    return known(_probe()) and not any(isinstance(leaf, jax.core.Tracer) for leaf in arrays)
+    return known(_probe()) and not any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(tree))
 
 
 def mesh_of(devices: Sequence[Any]) -> Mesh | None:
