@@ -39,6 +39,11 @@ def _timed(call: Callable[[], Any]) -> tuple[float, float]:
     return time.perf_counter() - wall, time.process_time() - cpu
 
 
+def on_one_device(tree: Any) -> Any:
+    """The arrays, put on the first device: a batch of them does not spread over the others, and peers use one core."""
+    return jax.device_put(tree, jax.devices()[0])
+
+
 def worst(found: Any, reference: Any) -> float:
     """The largest relative error of the vectors on the last axis."""
     found, reference = np.asarray(found), np.asarray(reference)
