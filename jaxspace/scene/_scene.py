@@ -25,6 +25,7 @@ from ..bodies import (
     Load,
     RigidBody,
     angular_acceleration,
+    free_turn,
     kinetic_energy,
     linear_acceleration,
 )
@@ -122,23 +123,42 @@ class Scene(AbstractPiecewiseSystem, AbstractSplitSystem):
         """The mass of the body, kg: from the state where it changes, else the body's own; `None` if it has none."""
         return self.body.constant_mass() if y.mass is None else y.mass
 
-    def _split(self) -> tuple[AbstractFlowEffect, "Scene"]:
-        """The effect that drifts, and the scene of the others. Raises `InputError` where a scene cannot be split."""
+    def _split(self) -> tuple[AbstractFlowEffect | None, "Scene"]:
+        """The effect that drifts, if there is one, and the scene of the others. Raises `InputError` for a scene without split."""
         flowing = [e for e in self.effects if isinstance(e, AbstractFlowEffect)]
-        rest = Scene(tuple(e for e in self.effects if not isinstance(e, AbstractFlowEffect)), self.body)
-        bad = [type(e).__name__ for e in rest.effects if not e.needs <= {"position", "body_mass"}]
-        if len(flowing) != 1 or bad or set(self.parts) != TRANSLATION:
-            why = f"{bad[0]} reads more than the position" if bad else "it needs one effect with a closed form, as PointGravity"
-            raise InputError(f"This scene cannot be split into drift and kick: {why}, and a state of position and velocity only.")
-        return flowing[0], rest
+        rest = Scene(tuple(e for e in self.effects if not isinstance(e, AbstractFlowEffect)), self.body, self.carry)
+        moving = {"velocity", "omega", "mass", "parts"}
+        bad = [type(e).__name__ for e in rest.effects if moving & e.needs or moving & e.adds or "mass_rate" in e.adds]
+        why = f"{bad[0]} reads or adds more than loads by position and attitude" if bad else ""
+        why = why or (f"{type(flowing[1]).__name__} is a second effect with a closed form" if len(flowing) > 1 else "")
+        why = why or ("its mass changes" if not set(self.parts) <= TRANSLATION | ROTATION else "")
+        if why:
+            raise InputError(f"This scene cannot be split into drift and kick: {why}.")
+        return flowing[0] if flowing else None, rest
 
     def drift(self, duration: Scalar, y: BodyState) -> BodyState:
-        return self._split()[0].flow(duration, y)
+        """The orbit under the effect with a closed form, a straight line without one; and the free rotation of the body."""
+        flowing, _ = self._split()
+        orbit, attitude, omega = BodyState(), None, None
+        if y.position is not None:
+            start = BodyState(y.position, y.velocity)
+            orbit = (
+                BodyState(y.position + duration * y.velocity, y.velocity) if flowing is None else flowing.flow(duration, start)
+            )
+        if y.attitude is not None:
+            turn, omega = free_turn(duration, self.body.inertia(self.mass(y)), y.omega)
+            attitude = y.attitude.then(turn)
+        return BodyState(orbit.position, orbit.velocity, attitude, omega)
 
     def kick(self, t: Scalar, duration: Scalar, y: BodyState) -> BodyState:
-        rest = self._split()[1]
-        rate = rest.vector_field(t, y).velocity if rest.effects else jnp.zeros_like(y.velocity)
-        return BodyState(y.position, y.velocity + duration * rate)
+        """What the loads that depend on position and attitude do to the velocity and to the angular velocity."""
+        load = self._split()[1].loads(t, y)
+        velocity, omega = y.velocity, y.omega
+        if load.acceleration_N is not None or load.force_N is not None:
+            velocity = velocity + duration * linear_acceleration(load.acceleration_N, load.force_N, self.mass(y))
+        if load.torque_B is not None:
+            omega = omega + duration * self.body.inertia(self.mass(y)).solve(load.torque_B)
+        return BodyState(y.position, velocity, y.attitude, omega)
 
     def invariants(self, t: Scalar, y: BodyState) -> dict[str, Array]:
         """What the effects together leave constant: the energy if every effect keeps it, and so on."""
