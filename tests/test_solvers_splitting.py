@@ -8,6 +8,7 @@ import pytest
 
 from jaxspace import Scene
 from jaxspace._core import InputError
+from jaxspace.attitude import Top
 from jaxspace.bodies import BodyState, BurningBody, Load
 from jaxspace.orbits import Oblateness, PointGravity, TwoBody
 from jaxspace.scene import Custom
@@ -82,20 +83,36 @@ def test_energy_swings_and_does_not_wander():
     assert swing.max() < 1e-6
 
 
-def test_derivatives_forwards_and_reverse():
-    """Against differences of the same steps."""
+def without_estimate(**more):
+    return Accuracy(method=Splitting(4, steps=60, estimate=False), **more)
 
-    def end(j2, x, accuracy):
+
+def against_differences(end, derivative, given):
+    """The derivatives of `end` against differences of the same steps."""
+    found = derivative(lambda *p: end(*p), argnums=(0, 1))(*given)
+    for i, value in enumerate(found):
+        up, down = ([p + (1e-6 if i == k else 0.0) * s for k, p in enumerate(given)] for s in (1.0, -1.0))
+        np.testing.assert_allclose(value, (end(*up) - end(*down)) / 2e-6, rtol=1e-6)
+
+
+def test_derivatives_of_an_orbit_forwards():
+    def end(j2, x):
         y = BodyState(jnp.array([1.08, 0.0, 0.0]) + x, start().velocity)
+        accuracy = without_estimate(adjoint=diffrax.ForwardMode())
         return jnp.sum(simulate(oblate(j2), y, jnp.array([0.0, 20.0]), accuracy=accuracy, throw=False).final.position ** 3)
 
-    given, accuracy = (jnp.array(J2), jnp.array(0.1)), by(60, rtol=1e-3)
-    reverse = jax.grad(lambda *p: end(*p, accuracy), argnums=(0, 1))(*given)
-    forward = jax.jacfwd(lambda *p: end(*p, by(60, rtol=1e-3, adjoint=diffrax.ForwardMode())), argnums=(0, 1))(*given)
-    for i, h in enumerate((1e-6, 1e-6)):
-        up, down = ([p + (h if i == k else 0.0) * s for k, p in enumerate(given)] for s in (1.0, -1.0))
-        difference = (end(*up, accuracy) - end(*down, accuracy)) / (2.0 * h)
-        np.testing.assert_allclose([reverse[i], forward[i]], difference, rtol=1e-6)
+    against_differences(end, jax.jacfwd, (jnp.array(J2), jnp.array(0.1)))
+
+
+def test_derivatives_of_a_top_in_reverse():
+    y = Top.state(jnp.array([0.2, 0.7, 0.1]), jnp.array([1.0, 0.3, 14.0]))
+
+    def end(weight, x):
+        at = BodyState(attitude=y.attitude, omega=y.omega + x)
+        ts = jnp.array([0.0, 1.0])
+        return jnp.sum(simulate(Top(0.002, 0.0008, weight), at, ts, accuracy=without_estimate()).final.omega ** 3)
+
+    against_differences(end, jax.grad, (jnp.array(0.03), jnp.array(0.1)))
 
 
 def test_too_few_steps_are_told():
