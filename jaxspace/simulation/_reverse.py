@@ -17,7 +17,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from .._core import State
-from ..solvers import DOP853, RKN1210, AbstractEqualSteps, ExponentialRosenbrock, Tsit5
+from ..solvers import DOP853, RKN1210, AbstractEqualSteps, ExponentialRosenbrock, MuntheKaas, Tsit5
 
 RECORD_BYTES = 2**23  # of states kept for reverse mode; a longer record keeps every second, third, ... state
 
@@ -32,6 +32,8 @@ class Record(NamedTuple):
 
 def replayable(method: Any) -> bool:
     """Whether a step of the method can be repeated from the state before it alone."""
+    if isinstance(method, MuntheKaas):
+        return replayable(method.solver)
     return isinstance(method, DOP853 | ExponentialRosenbrock | RKN1210 | Tsit5 | AbstractEqualSteps | diffrax.AbstractRungeKutta)
 
 
