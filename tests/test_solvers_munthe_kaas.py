@@ -12,7 +12,7 @@ from jaxspace.rotations import Quaternion
 from jaxspace.simulation import Accuracy, Status, simulate
 from jaxspace.solvers import DOP853, MuntheKaas, Tsit5
 
-BODY = TorqueFreeBody([3.0, 2.0, 1.0])
+BODY, BALL = TorqueFreeBody([3.0, 2.0, 1.0]), TorqueFreeBody([2.0, 2.0, 2.0])
 
 
 def start(omega):
@@ -33,7 +33,7 @@ def test_the_rate_of_the_coordinates_is_that_of_the_turn():
     @jax.jit
     def both(x):
         there = q.moved(x)
-        along = q.coordinate_rate(x, there.rate(OMEGA))
+        along = there.coordinate_rate(x, there.rate(OMEGA))
         return jax.jvp(lambda x: q.moved(x).wxyz, (x,), (along,))[1], there.rate(OMEGA).wxyz
 
     for size in (0.0, 1e-9, 0.3, 0.33, 3.0, 5.0):
@@ -66,16 +66,22 @@ def test_free_rotation_and_unit_length_over_a_long_run():
     assert run.status == Status.COMPLETED
 
 
-def test_derivatives_forwards_and_reverse():
+def one_step(omega, forwards):
+    method, term = MuntheKaas(Tsit5()), diffrax.ODETerm(lambda t, y, args: BALL.vector_field(t, y))
+    return method.step(term, jnp.zeros(()), jnp.array(0.05), start(omega), None, None, jnp.array(False))[0].attitude
+
+
+def whole_run(omega, forwards):
+    more = {"adjoint": diffrax.ForwardMode()} if forwards else {}
+    accuracy = Accuracy(rtol=1e-9, method=MuntheKaas(Tsit5()), **more)
+    return simulate(BALL, start(omega), jnp.array([0.0, 0.05]), accuracy=accuracy).final.attitude
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("mode", [jax.jacrev, jax.jacfwd])
+@pytest.mark.parametrize("way", [one_step, whole_run])
+def test_derivatives_forwards_and_reverse(way, mode):
     """Of a ball, whose turn is q exp(omega t / 2)."""
-
-    def end(omega, **more):
-        accuracy = Accuracy(rtol=1e-8, method=MuntheKaas(Tsit5()), **more)
-        run = simulate(TorqueFreeBody([2.0, 2.0, 2.0]), start(omega), jnp.array([0.0, 5.0]), accuracy=accuracy)
-        return jnp.sum(run.final.attitude.wxyz**3)
-
-    turned = lambda omega: start(omega).attitude.then(Quaternion.from_rotation_vector(5.0 * omega))  # noqa: E731
-    exact = jax.jacfwd(lambda omega: jnp.sum(turned(omega).wxyz ** 3))(OMEGA)
-    np.testing.assert_allclose(jax.grad(end)(OMEGA), exact, atol=1e-7)
-    forward = jax.jvp(lambda omega: end(omega, adjoint=diffrax.ForwardMode()), (OMEGA,), (OMEGA,))[1]
-    np.testing.assert_allclose(forward, exact @ OMEGA, atol=1e-7)
+    exact = lambda omega: start(omega).attitude.then(Quaternion.from_rotation_vector(0.05 * omega)).wxyz  # noqa: E731
+    found = jax.jit(mode(lambda omega: way(omega, mode is jax.jacfwd).wxyz))(OMEGA)
+    np.testing.assert_allclose(found, jax.jacfwd(exact)(OMEGA), atol=1e-9)

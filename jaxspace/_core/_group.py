@@ -24,4 +24,4 @@ class AbstractGroupElement(eqx.Module):
 
     @abstractmethod
     def coordinate_rate(self, local: Local, rate: Any) -> Local:
-        """The rate of the coordinates at `local`, 1/s, when the element there changes at the `rate`."""
+        """The rate, 1/s, of the coordinates about another element, `local` for this one, when this one changes at the `rate`."""

@@ -120,7 +120,7 @@ class Quaternion(AbstractGroupElement):
         return self.then(Quaternion.from_rotation_vector(local)).normalised()
 
     def coordinate_rate(self, local: Vector, rate: "Quaternion") -> Vector:
-        omega_B = 2.0 * self.moved(local).inverse().then(rate).wxyz[1:]
+        omega_B = 2.0 * self.inverse().then(rate).wxyz[1:]
         across = cross(local, omega_B)
         return omega_B + 0.5 * across + _bend(dot(local, local)) * cross(local, across)
 

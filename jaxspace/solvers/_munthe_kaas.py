@@ -17,7 +17,7 @@ import jax.numpy as jnp
 from jaxtyping import PyTree
 
 from .._core import AbstractGroupElement
-from ._runge_kutta import DOP853
+from ._runge_kutta import DOP853, hold
 
 
 def _on_group(x: Any) -> bool:
@@ -37,9 +37,10 @@ def _moved(y0: PyTree, local: PyTree) -> PyTree:
 def _rate(s: Any, local: PyTree, args: Any) -> PyTree:
     """The rate of the coordinates."""
     terms, y0, inner = args
-    rate = terms.vf(s, _moved(y0, local), inner)
+    y = hold(_moved(y0, local))
+    rate = hold(terms.vf(s, y, inner))
     one = lambda y, x, k: y.coordinate_rate(x, k) if _on_group(y) else k  # noqa: E731
-    return jax.tree.map(one, y0, local, rate, is_leaf=_on_group)
+    return jax.tree.map(one, y, local, rate, is_leaf=_on_group)
 
 
 _TERM: Any = diffrax.ODETerm(_rate)  # pyright: ignore[reportArgumentType]
@@ -88,7 +89,7 @@ class MuntheKaas(diffrax.AbstractAdaptiveSolver):
         local, given = _local(y0), (terms, y0, args)
         begun = self.solver.init(_TERM, t0, t1, local, given)
         x1, error, dense, _, result = self.solver.step(_TERM, t0, t1, local, given, begun, jnp.array(False))
-        y1 = _moved(y0, x1)
+        y1 = hold(_moved(y0, x1))
         below = _moved(y0, jax.tree.map(jnp.subtract, x1, error))
         inner = self.solver.interpolation_cls(t0=t0, t1=t1, **dense)
         return y1, jax.tree.map(jnp.subtract, y1, below), dict(y0=y0, inner=inner), None, result
