@@ -13,8 +13,8 @@ from scipy.integrate import solve_ivp
 
 from jaxspace import Accuracy, simulate
 from jaxspace.attitude import TorqueFreeBody
-from jaxspace.attitude._jacobi import jacobi, third
 from jaxspace.bodies import BodyState, InertiaTensor, PrincipalInertia
+from jaxspace.bodies._jacobi import jacobi, third
 from jaxspace.rotations import Quaternion
 from jaxspace.solvers import DOP853
 

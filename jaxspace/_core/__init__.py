@@ -6,6 +6,7 @@ from ._check import check_finite as check_finite
 from ._check import check_non_negative as check_non_negative
 from ._check import check_positive as check_positive
 from ._check import known as known
+from ._group import AbstractGroupElement as AbstractGroupElement
 from ._hold import hold as hold
 from ._linear import axis as axis
 from ._linear import cross as cross

@@ -17,7 +17,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from .._core import State
-from ..solvers import DOP853, RKN1210, AbstractEqualSteps, Tsit5
+from ..solvers import DOP853, RKN1210, AbstractEqualSteps, ExponentialRosenbrock, MuntheKaas, Tsit5
 
 RECORD_BYTES = 2**19  # of states kept for reverse mode, where a longer record keeps every second, third, ... state: more than
 # this takes longer to fill and to move than the steps between take once more
@@ -33,7 +33,9 @@ class Record(NamedTuple):
 
 def replayable(method: Any) -> bool:
     """Whether a step of the method can be repeated from the state before it alone."""
-    return isinstance(method, DOP853 | RKN1210 | Tsit5 | AbstractEqualSteps | diffrax.AbstractRungeKutta)
+    if isinstance(method, MuntheKaas):
+        return replayable(method.solver)
+    return isinstance(method, DOP853 | ExponentialRosenbrock | RKN1210 | Tsit5 | AbstractEqualSteps | diffrax.AbstractRungeKutta)
 
 
 def stride(y0: State, max_steps: int) -> int:

@@ -181,6 +181,11 @@ class Accounted(diffrax.AbstractAdaptiveSolver, diffrax.AbstractWrappedSolver):
     def interpolation_cls(self):  # pyright: ignore[reportIncompatibleVariableOverride]
         return self.solver.interpolation_cls
 
+    @property
+    def root_finder(self) -> Any:
+        """That of an implicit solver, for which diffrax asks."""
+        return self.solver.root_finder  # pyright: ignore[reportAttributeAccessIssue]
+
     def order(self, terms: Any) -> int | None:
         return self.solver.order(terms)
 
