@@ -31,8 +31,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, PyTree
 
+from .._core import hold
 from ._phi import Square, phis
-from ._runge_kutta import hold, slope
+from ._runge_kutta import slope
 
 Flat = Float[Array, "*runs n"]
 

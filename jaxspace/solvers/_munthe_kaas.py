@@ -16,8 +16,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import PyTree
 
-from .._core import AbstractGroupElement
-from ._runge_kutta import DOP853, hold
+from .._core import AbstractGroupElement, hold
+from ._runge_kutta import DOP853
 
 
 def _on_group(x: Any) -> bool:
