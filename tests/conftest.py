@@ -23,7 +23,7 @@ def pytest_addoption(parser):
 
 def pytest_configure(config):
     """Compile the sample without the compiler's optimisations, which change no result and cost half of the time; the whole
-    sweep, the examples and the benchmarks run what users run."""
+    sweep and the benchmarks run what users run."""
     jax.config.update("jax_disable_most_optimizations", config.getoption("--sweep") == "sample")
 
 

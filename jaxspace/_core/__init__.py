@@ -7,6 +7,7 @@ from ._check import check_non_negative as check_non_negative
 from ._check import check_positive as check_positive
 from ._check import known as known
 from ._group import AbstractGroupElement as AbstractGroupElement
+from ._hold import hold as hold
 from ._linear import axis as axis
 from ._linear import cross as cross
 from ._linear import dot as dot
@@ -21,8 +22,11 @@ from ._safe import safe_divide as safe_divide
 from ._safe import safe_sqrt as safe_sqrt
 from ._safe import sinc_squared as sinc_squared
 from ._special import stumpff as stumpff
+from ._special import stumpff_near as stumpff_near
 from ._system import AbstractClosedFormSystem as AbstractClosedFormSystem
 from ._system import AbstractPiecewiseSystem as AbstractPiecewiseSystem
+from ._system import AbstractRegularForm as AbstractRegularForm
+from ._system import AbstractRegularisedSystem as AbstractRegularisedSystem
 from ._system import AbstractSplitSystem as AbstractSplitSystem
 from ._system import AbstractSystem as AbstractSystem
 from ._types import Flag as Flag

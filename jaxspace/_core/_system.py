@@ -45,6 +45,39 @@ class AbstractSplitSystem(AbstractSystem):
         """The exact state a `duration`, s, after `y` under the rest alone, as it is at the time `t`, s."""
 
 
+class AbstractRegularForm(eqx.Module):
+    """A motion in regular variables z, one array with the components first, over a fictitious time sigma in which it is smooth
+    where it is fast or singular in time. The last component of z is the time since z was made from a state."""
+
+    @abstractmethod
+    def enter(self, y: State) -> Array:
+        """The regular variables of the state `y`."""
+
+    @abstractmethod
+    def leave(self, z: Array) -> State:
+        """The state of the regular variables."""
+
+    @abstractmethod
+    def push(self, t: Scalar, z: Array) -> Array:
+        """The perturbation at the time `t`, s, as `slope` takes it."""
+
+    @abstractmethod
+    def slope(self, z: Array, push: Array) -> Array:
+        """dz/d(sigma); its last component is dt/d(sigma)."""
+
+    @abstractmethod
+    def span(self, duration: Scalar, z: Array) -> Scalar:
+        """About how much fictitious time a `duration`, s (negative: backwards), takes from `z` on: exact without perturbation."""
+
+
+class AbstractRegularisedSystem(AbstractSystem):
+    """A system that can also be seen in regular variables."""
+
+    @abstractmethod
+    def regular_form(self) -> AbstractRegularForm:
+        """The same motion in regular variables. Raises `InputError` if the system has none."""
+
+
 class AbstractPiecewiseSystem(AbstractSystem):
     """A system whose vector field is smooth only between known times."""
 

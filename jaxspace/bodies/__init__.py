@@ -6,6 +6,7 @@ from ._body import RigidBody as RigidBody
 from ._effect import AbstractEffect as AbstractEffect
 from ._effect import AbstractFlowEffect as AbstractFlowEffect
 from ._effect import AbstractPiecewiseEffect as AbstractPiecewiseEffect
+from ._effect import AbstractRegularEffect as AbstractRegularEffect
 from ._effect import Load as Load
 from ._inertia import AbstractInertia as AbstractInertia
 from ._inertia import InertiaTensor as InertiaTensor

@@ -7,7 +7,7 @@ import equinox as eqx
 from equinox import AbstractClassVar
 from jaxtyping import Array, Float
 
-from .._core import Scalar, State, Vector
+from .._core import AbstractRegularForm, AbstractSystem, Scalar, State, Vector
 from ._body import AbstractBody
 from ._state import BodyState
 
@@ -56,6 +56,14 @@ class AbstractFlowEffect(AbstractEffect):
     @abstractmethod
     def flow(self, duration: Scalar, y: BodyState) -> BodyState:
         """The exact state a `duration`, s (negative: backwards), after `y`, which holds a position and a velocity only."""
+
+
+class AbstractRegularEffect(AbstractEffect):
+    """An effect that dominates a motion, and knows variables in which that motion is smooth close to its centre too."""
+
+    @abstractmethod
+    def regular_form(self, rest: AbstractSystem | None) -> AbstractRegularForm:
+        """The motion under this effect and the accelerations of `rest`, a system of position and velocity, in such variables."""
 
 
 class AbstractPiecewiseEffect(AbstractEffect):

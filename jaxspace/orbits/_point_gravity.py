@@ -18,9 +18,10 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .._core import Scalar, Vector, as_float, check_positive, dot
-from ..bodies import AbstractBody, AbstractFlowEffect, BodyState, Load
+from .._core import AbstractSystem, Scalar, Vector, as_float, check_positive, dot
+from ..bodies import AbstractBody, AbstractFlowEffect, AbstractRegularEffect, BodyState, Load
 from ._kepler import kepler_flow
+from ._kustaanheimo_stiefel import KustaanheimoStiefel
 
 
 def point_gravity(r: Vector, mu: Scalar) -> Vector:
@@ -35,7 +36,7 @@ def point_gravity_potential(r: Vector, mu: Scalar) -> Scalar:
 
 
 @final
-class PointGravity(AbstractFlowEffect):
+class PointGravity(AbstractFlowEffect, AbstractRegularEffect):
     """Attraction by a point mass at the origin: `mu`, m^3/s^2. Raises `InputError` unless `mu` is positive."""
 
     needs: ClassVar[frozenset[str]] = frozenset({"position"})
@@ -60,3 +61,6 @@ class PointGravity(AbstractFlowEffect):
     def flow(self, duration: Scalar, y: BodyState) -> BodyState:
         assert y.position is not None and y.velocity is not None
         return BodyState(*kepler_flow(y.position, y.velocity, duration, self.mu))
+
+    def regular_form(self, rest: AbstractSystem | None) -> KustaanheimoStiefel:
+        return KustaanheimoStiefel(self.mu, rest)

@@ -14,13 +14,23 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .._core import AbstractPiecewiseSystem, AbstractSplitSystem, InputError, Scalar, cross, dot
+from .._core import (
+    AbstractPiecewiseSystem,
+    AbstractRegularForm,
+    AbstractRegularisedSystem,
+    AbstractSplitSystem,
+    InputError,
+    Scalar,
+    cross,
+    dot,
+)
 from ..bodies import (
     PARTS,
     AbstractBody,
     AbstractEffect,
     AbstractFlowEffect,
     AbstractPiecewiseEffect,
+    AbstractRegularEffect,
     BodyState,
     Load,
     RigidBody,
@@ -35,7 +45,7 @@ CALLS_FOR = {"acceleration": TRANSLATION, "force": TRANSLATION, "torque": ROTATI
 
 
 @final
-class Scene(AbstractPiecewiseSystem, AbstractSplitSystem):
+class Scene(AbstractPiecewiseSystem, AbstractSplitSystem, AbstractRegularisedSystem):
     """A body under effects, as a system.
 
     - `effects`: what acts, in any order.
@@ -135,6 +145,25 @@ class Scene(AbstractPiecewiseSystem, AbstractSplitSystem):
         if why:
             raise InputError(f"This scene cannot be split into drift and kick: {why}.")
         return flowing[0] if flowing else None, rest
+
+    def _about(self, kind: type[Any], into: str, reads: set[str]) -> tuple[Any, "Scene"]:
+        """The one effect of this `kind`, and the scene of the others.
+
+        Raises `InputError` where there is not just one, or where the others read more than `reads`."""
+        rest = Scene(tuple(e for e in self.effects if not isinstance(e, kind)), self.body)
+        central = [e for e in self.effects if isinstance(e, kind)]
+        more = [(type(e).__name__, part) for e in rest.effects for part in PARTS if part in e.needs and part not in reads]
+        alien = [(type(e).__name__, part) for e in self.effects for part in e.adds if part not in ("acceleration", "force")]
+        why = [f"{who} reads the {part}" for who, part in more] + [f"{who} adds a {part}" for who, part in alien]
+        why += [f"it needs one effect as PointGravity, and has {len(central)}"] if len(central) != 1 else []
+        why += [f"its state holds {', '.join(self.parts)}"] if set(self.parts) != TRANSLATION else []
+        if why:
+            raise InputError(f"This scene cannot be {into}: {why[0]}. The state must hold a position and a velocity only.")
+        return central[0], rest
+
+    def regular_form(self) -> AbstractRegularForm:
+        centre, rest = self._about(AbstractRegularEffect, "seen in regular variables", {"position", "velocity"})
+        return centre.regular_form(rest if rest.effects else None)
 
     def drift(self, duration: Scalar, y: BodyState) -> BodyState:
         """The orbit under the effect with a closed form, a straight line without one; and the free rotation of the body."""

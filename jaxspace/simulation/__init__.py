@@ -5,6 +5,7 @@ from ._accuracy import least_tolerance as least_tolerance
 from ._batch import BLOCK as BLOCK
 from ._batch import by_blocks as by_blocks
 from ._batch import simulate_batch as simulate_batch
+from ._choice import chosen_method as chosen_method
 from ._events import Event as Event
 from ._lanes import refined as refined
 from ._lanes import run_mission as run_mission

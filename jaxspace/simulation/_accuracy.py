@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._core import (
-    AbstractClosedFormSystem,
+    AbstractRegularisedSystem,
     AbstractSplitSystem,
     AbstractSystem,
     InputError,
@@ -22,9 +22,8 @@ from .._core import (
     check_positive,
     known,
 )
-from ..solvers import DOP853, AbstractEqualSteps, Splitting, Tsit5
-
-LOOSE = 1e-5  # above this tolerance the method of order 5 needs fewer evaluations than the one of order 8
+from ..solvers import AbstractEqualSteps, Regularised, Splitting
+from ._choice import chosen_method
 
 
 @final
@@ -33,8 +32,9 @@ class Accuracy(eqx.Module):
 
     - `rtol`: of the length of every block of the state (position, quaternion, ...); `atol`: in the block's own unit, by
       default a thousandth of `rtol` (it matters only for a block that is zero).
-    - `method`: `"auto"` takes the closed form where the system has one, else DOP853, or Tsit5 above a tolerance of 1e-5;
-      or any diffrax solver with an error estimate. A method of equal steps takes the steps that it was told, and the tolerance
+    - `method`: `"auto"` takes the closed form where the system has one, else Tsit5 above a tolerance of 1e-5, RKN1210 where
+      the acceleration is free of the velocity and nothing else moves, and DOP853 for the rest; or any diffrax solver with an
+      error estimate. A method of equal steps takes the steps that it was told, and the tolerance
       only judges them.
     - `adjoint`: diffrax's way of differentiation: reverse mode by default, `diffrax.ForwardMode()` for `jvp` and `jacfwd`.
     - `max_steps`: how many steps a run may take.
@@ -81,7 +81,7 @@ def state_dtype(y: State) -> Any:
 
 
 def settled(accuracy: Accuracy, system: AbstractSystem, y0: State) -> Accuracy:
-    """The accuracy with its method chosen for this system: `"auto"` stays only where the closed form is meant.
+    """The accuracy with its method chosen for this system, by `with_method`.
 
     Raises `InputError` for a tolerance that the precision of the state cannot reach, before anything is compiled."""
     dtype = state_dtype(y0)
@@ -92,7 +92,15 @@ def settled(accuracy: Accuracy, system: AbstractSystem, y0: State) -> Accuracy:
         )
     if isinstance(accuracy.method, Splitting) and not isinstance(system, AbstractSplitSystem):
         raise InputError(f"{type(system).__name__} offers no drift and kick: take another method than Splitting.")
-    if accuracy.method != "auto" or isinstance(system, AbstractClosedFormSystem):
+    if isinstance(accuracy.method, Regularised) and not isinstance(system, AbstractRegularisedSystem):
+        raise InputError(f"{type(system).__name__} offers no regular variables: take another method than Regularised.")
+    return with_method(accuracy, system, y0)
+
+
+def with_method(accuracy: Accuracy, system: AbstractSystem, y: Any) -> Accuracy:
+    """The accuracy with its method chosen for this system and state, or for their shapes; `"auto"` stays only where the closed
+    form is meant."""
+    if accuracy.method != "auto":
         return accuracy
-    loose = known(accuracy.rtol) and float(np.max(np.asarray(accuracy.rtol))) > LOOSE
-    return eqx.tree_at(lambda a: a.method, accuracy, Tsit5() if loose else DOP853())
+    rtol = float(np.max(np.asarray(accuracy.rtol))) if known(accuracy.rtol) else 0.0
+    return eqx.tree_at(lambda a: a.method, accuracy, chosen_method(system, y, rtol))

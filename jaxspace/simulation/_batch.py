@@ -10,7 +10,8 @@ import numpy as np
 from jaxtyping import Array
 
 from .._core import AbstractSystem, InputError, Scalar, State, known
-from ._accuracy import Accuracy, as_accuracy, settled, state_dtype
+from ._accuracy import Accuracy, as_accuracy, settled, state_dtype, with_method
+from ._choice import shape
 from ._events import Event
 from ._lanes import Span, run_mission, run_system
 from ._mission import Mission
@@ -53,7 +54,7 @@ def simulate_batch(
         if stuck.size:
             alone = _run(jax.tree.map(lambda x: x[stuck], batched), shared, 1, accuracy, tuple(events), samples)
             result = jax.tree.map(lambda a, b: a.at[stuck].set(b), result, alone)
-    result = _with_systems(result, systems, carried[0], accuracy, y0s)
+    result = _with_systems(result, systems, carried[0], accuracy)
     return thrown(result) if throw else result
 
 
@@ -134,12 +135,13 @@ def _trajectory(span: Span, block: int) -> Trajectory:
     return Trajectory(_front(ts), _front(span.states), span.status, span.event, stats)
 
 
-def _with_systems(result: Any, systems: Any, carried: Any, accuracy: Accuracy, y0s: State) -> Any:
+def _with_systems(result: Any, systems: Any, carried: Any, accuracy: Accuracy) -> Any:
     """The trajectories with what was run, and which of its arrays all runs share."""
 
     def attach(t: Trajectory, system: Any, flags: Any) -> Trajectory:
         shared = tuple(not flag for flag in jax.tree.leaves(flags))
-        return Trajectory(t.ts, t.states, t.status, t.event, t.stats, system, settled(accuracy, system, y0s), shared)
+        one = jax.tree.map(lambda x, flag: shape(x, int(flag)), system, flags), jax.tree.map(lambda x: shape(x, 2), t.states)
+        return Trajectory(t.ts, t.states, t.status, t.event, t.stats, system, with_method(accuracy, *one), shared)
 
     if not isinstance(result, MissionTrajectory):
         return attach(result, systems, carried)

@@ -9,7 +9,17 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .._core import State
-from ..solvers import Accounted, PlannedSteps, Split, Splitting, Tolerance, WorstRunControl
+from ..solvers import (
+    RKN1210,
+    Accounted,
+    PlannedSteps,
+    Regular,
+    Regularised,
+    Split,
+    Splitting,
+    Tolerance,
+    WorstRunControl,
+)
 from ._accuracy import Accuracy
 from ._reverse import Record, Replay, replayable, stride
 
@@ -26,6 +36,12 @@ class Manner(eqx.Module):
     kept: Float[Array, " times"] | None
     plan: Float[Array, " nodes"] | None
     record: bool = eqx.field(static=True)
+
+    @property
+    def method(self) -> Any:
+        """The method; told where states within its steps will be asked for, if that makes a difference to it."""
+        method = self.accuracy.method
+        return RKN1210(self.kept) if isinstance(method, RKN1210) and self.kept is not None else method
 
     @property
     def max_steps(self) -> int:
@@ -54,12 +70,21 @@ def integrate(rate: Any, y0: State, manner: Manner) -> Course:
 
 
 def _converted(rate: Any, y0: State, manner: Manner) -> Any:
-    """The rate with all that it depends on as leaves; with its drift and kick for a method that asks for them."""
+    """The rate with all that it depends on as leaves; with its drift and kick, or its regular form, for a method that asks."""
     s = jnp.zeros((), manner.lengths.dtype)
     whole = eqx.filter_closure_convert(rate, s, y0)
-    if not isinstance(manner.accuracy.method, Splitting):
-        return whole
-    return Split(whole, *(eqx.filter_closure_convert(part, s, s, y0) for part in (rate.drift, rate.kick)))
+    if isinstance(manner.accuracy.method, Splitting):
+        return Split(whole, *(eqx.filter_closure_convert(part, s, s, y0) for part in (rate.drift, rate.kick)))
+    if isinstance(manner.accuracy.method, Regularised):
+        return _regular(rate, whole, s, y0)
+    return whole
+
+
+def _regular(rate: Any, whole: Any, s: Any, y0: State) -> Regular:
+    z = jax.eval_shape(rate.enter, y0)
+    push, span = jax.eval_shape(rate.push, s, s, z), jax.eval_shape(lambda z: z[-1], z)
+    given = dict(enter=(y0,), leave=(z,), push=(s, s, z), slope=(z, push), remaining=(span, z), duration=(s, s))
+    return Regular(whole, *(eqx.filter_closure_convert(getattr(rate, part), *args) for part, args in given.items()))
 
 
 def _rate(s: Any, y: State, rate: Any) -> State:
@@ -80,7 +105,7 @@ def _solve(rate: Any, y0: State, manner: Manner, every: int = 0) -> tuple[Course
     adaptive = WorstRunControl(manner.tolerance, manner.lengths)
     solution: Any = diffrax.diffeqsolve(
         TERM,
-        Accounted(accuracy.method, manner.tolerance),  # pyright: ignore[reportArgumentType]
+        Accounted(manner.method, manner.tolerance),
         jnp.zeros((), dtype),
         jnp.asarray(manner.lengths.shape[0], dtype),
         None,
@@ -123,4 +148,4 @@ def _backwards(kept: tuple[Record, State], gradient: Course, perturbed: Any, giv
     filled = jax.tree.map(lambda y, g: jnp.zeros_like(y) if g is None else g, states, gradient.states)
     moving, rest = eqx.partition(rate, perturbed[0])
     every = stride(y0, manner.max_steps)
-    return Replay(cast(Any, manner.accuracy.method), TERM, rest, record, y0, manner.kept, every).pull_back(moving, filled)
+    return Replay(manner.method, TERM, rest, record, y0, manner.kept, every).pull_back(moving, filled)

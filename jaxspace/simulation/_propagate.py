@@ -1,20 +1,8 @@
 """One span of one system: from a state at t0 to states until t1, by the closed form or by one integration.
 
-The integration runs on a clock s that counts segments: the system's break times cut the span, segment i takes s from i to
-i + 1, and every run maps the clock to its own time,
+The integration runs on the clock of segments (`_clock.py`)."""
 
-    t = t0 + T (u_i + (s - i)(u_{i+1} - u_i)),      dy/ds = T (u_{i+1} - u_i) f(t, y)
-
-so that runs of different length, with their own break times, share one integration, and derivatives with respect to the
-length of the span and to the break times come out by themselves.
-
-    symbol  meaning                                            unit
-    T       length of the span, t1 - t0 (negative: backwards)  s
-    u_i     break times as fractions of the span, ascending    1
-    f       vector field of the system                         state/s
-"""
-
-from typing import Any, cast, final
+from typing import Any, final
 
 import diffrax
 import equinox as eqx
@@ -23,17 +11,10 @@ import jax.numpy as jnp
 import optimistix
 from jaxtyping import Array, Float, Int
 
-from .._core import (
-    AbstractClosedFormSystem,
-    AbstractPiecewiseSystem,
-    AbstractSplitSystem,
-    AbstractSystem,
-    Scalar,
-    State,
-    safe_divide,
-)
-from ..solvers import AbstractEqualSteps, ExponentialRosenbrock, Splitting, Tolerance
+from .._core import AbstractClosedFormSystem, AbstractPiecewiseSystem, AbstractSystem, Scalar, State, safe_divide
+from ..solvers import AbstractEqualSteps, ExponentialRosenbrock, Regularised, Splitting, Tolerance
 from ._accuracy import Accuracy
+from ._clock import Rate
 from ._integrate import Manner, integrate
 from ._status import judged
 
@@ -104,43 +85,6 @@ def _segments(system: AbstractSystem, t0: Scalar, span: Scalar, extra: Array | N
     return jnp.sort(u, axis=0) if inner else u
 
 
-@final
-class _Rate(eqx.Module):
-    """dy/ds on the clock of the integration, as a function of s and y."""
-
-    system: AbstractSystem
-    u: Array
-    t0: Array
-    span: Array
-
-    def time(self, s: Scalar) -> Scalar:
-        """The time at the clock time `s`."""
-        segments = self.u.shape[0] - 1
-        start = jnp.clip(jnp.floor(s), 0.0, segments - 1.0)
-        i = start.astype(jnp.int32) if segments > 1 else 0
-        return self.t0 + self.span * (self.u[i] + (s - start) * (self.u[i + 1] - self.u[i]))
-
-    def __call__(self, s: Scalar, y: State) -> State:
-        segments = self.u.shape[0] - 1
-        start = jnp.clip(jnp.floor(s), 0.0, segments - 1.0)
-        i = start.astype(jnp.int32) if segments > 1 else 0
-        width = self.u[i + 1] - self.u[i]
-        t = self.t0 + self.span * (self.u[i] + (s - start) * width)
-        return jax.tree.map(lambda k: k * (self.span * width), self.system.vector_field(t, y))
-
-    def _duration(self, s: Scalar, ds: Scalar) -> Scalar:
-        i = jnp.clip(jnp.floor(s), 0.0, self.u.shape[0] - 2.0).astype(jnp.int32) if self.u.shape[0] > 2 else 0
-        return ds * self.span * (self.u[i + 1] - self.u[i])
-
-    def drift(self, s: Scalar, ds: Scalar, y: State) -> State:
-        """The drift of a split system, from the clock time `s` on."""
-        return cast(AbstractSplitSystem, self.system).drift(self._duration(s, ds), y)
-
-    def kick(self, s: Scalar, ds: Scalar, y: State) -> State:
-        """The kick of a split system, as it is at the clock time `s`."""
-        return cast(AbstractSplitSystem, self.system).kick(self.time(s), self._duration(s, ds), y)
-
-
 def _by_integration(
     system: AbstractSystem,
     y0: State,
@@ -155,7 +99,7 @@ def _by_integration(
     dtype = jnp.result_type(*jax.tree.leaves(y0))
     t0, t1 = jnp.asarray(t0, dtype), jnp.asarray(t1, dtype)
     u = _segments(system, t0, t1 - t0, None)
-    landing = isinstance(accuracy.method, ExponentialRosenbrock | Splitting)
+    landing = isinstance(accuracy.method, ExponentialRosenbrock | Regularised | Splitting)
     per_run = (u.ndim > 1 or landing) and fractions is not None
     if per_run:
         u = _segments(system, t0, t1 - t0, fractions)
@@ -166,7 +110,7 @@ def _by_integration(
     if isinstance(accuracy.method, AbstractEqualSteps):
         plan = jnp.arange(u.shape[0], dtype=dtype)
     manner = Manner(accuracy, tolerance, lengths, _kept(u, fractions, per_run), plan, record)
-    course = integrate(_Rate(system, u, t0, t1 - t0), y0, manner)
+    course = integrate(Rate(system, u, t0, t1 - t0), y0, manner)
     states = _at_fractions(course.states, u, fractions, run_axes) if per_run and fractions is not None else course.states
     finite = tolerance.alive(jax.tree.map(lambda x: x[-1], states))
     stats = {

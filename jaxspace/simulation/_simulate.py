@@ -9,7 +9,8 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._core import AbstractSystem, InputError, Scalar, State, check_finite, known
-from ._accuracy import Accuracy, as_accuracy, settled, state_dtype
+from ._accuracy import Accuracy, as_accuracy, settled, state_dtype, with_method
+from ._choice import shape
 from ._events import Event
 from ._lanes import Span, run_mission, run_system, through
 from ._mission import Mission
@@ -83,11 +84,11 @@ def _system_run(system: AbstractSystem, y0: State, ts: Array, events: tuple[Even
 
 def _mission_run(mission: Mission, y0: State, t0: Array, samples: int, accuracy: Accuracy) -> MissionTrajectory:
     spans, final, end, status = run_mission(mission, y0, t0, samples, accuracy, 0)
-    phases = tuple(
-        Trajectory(s.ts, s.states, s.status, s.event, s.stats, p.system, settled(accuracy, p.system, s.states))
-        for s, p in zip(spans, mission.phases, strict=True)
-    )
-    return MissionTrajectory(phases, tuple(p.name for p in mission.phases), final, end, status)
+    phases = []
+    for s, phase in zip(spans, mission.phases, strict=True):
+        how = with_method(accuracy, phase.system, jax.tree.map(lambda x: shape(x, 1), s.states))
+        phases.append(Trajectory(s.ts, s.states, s.status, s.event, s.stats, phase.system, how))
+    return MissionTrajectory(tuple(phases), tuple(p.name for p in mission.phases), final, end, status)
 
 
 def check_start(y0: State) -> None:

@@ -8,6 +8,8 @@ from ._control import Tolerance as Tolerance
 from ._control import WorstRunControl as WorstRunControl
 from ._exponential import ExponentialRosenbrock as ExponentialRosenbrock
 from ._munthe_kaas import MuntheKaas as MuntheKaas
+from ._regularised import Regular as Regular
+from ._regularised import Regularised as Regularised
 from ._rkn1210 import RKN1210 as RKN1210
 from ._runge_kutta import DOP853 as DOP853
 from ._runge_kutta import Tsit5 as Tsit5

@@ -24,8 +24,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from .._core import InputError
-from ._runge_kutta import hold
+from .._core import InputError, hold
 from ._second_order import AbstractEqualSteps
 
 _P = 1.0 / (4.0 - 4.0 ** (1.0 / 3.0))

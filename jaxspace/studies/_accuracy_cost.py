@@ -16,7 +16,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from .._core import AbstractClosedFormSystem, AbstractSystem, InputError, Scalar, State, check_positive
-from ..simulation import Accuracy, Mission, SimulationError, Status, Trajectory, least_tolerance
+from ..simulation import Accuracy, Mission, SimulationError, Status, Trajectory, chosen_method, least_tolerance
 from ..solvers import DOP853, Tsit5
 from ._cost_table import CLOSED_FORM, AccuracyCost, Cost
 from ._flights import Flight, Program, blocks, checked_start, compiled, distance, flight, in_precision, timed
@@ -80,7 +80,7 @@ def accuracy_cost(
     """What accuracy costs in time for this very system, scene or mission, from `y0` over `ts` as in `simulate`.
 
     - `tolerances`: relative ones, as in `Accuracy.rtol`. `methods`: diffrax solvers with an error estimate, or "closed form";
-      by default DOP853, Tsit5, and the closed form where there is one. `precisions`: "float64", "float32".
+      by default DOP853, Tsit5, and what `"auto"` stands for if that is another. `precisions`: "float64", "float32".
     - `gradient`: whether to measure the gradient of `output(final state)` in the initial state as well; by default the sum of
       the final state's numbers, each over the length of its block.
     - `repeats`: of every run, whose median time counts; compilation is told apart.
@@ -88,7 +88,7 @@ def accuracy_cost(
     Returns an `AccuracyCost`: print it, `plot` it, ask it for the `cheapest` setting. A tolerance that a precision cannot
     reach is left out and noted. Raises `InputError` for input that cannot be used, and unless double precision is enabled;
     `SimulationError` when no good reference is found."""
-    chosen = _checked(system, tolerances, methods, precisions, repeats)
+    chosen = _checked(system, y0, tolerances, methods, precisions, repeats)
     y0, ts = checked_start(system, y0, ts)
     own = jnp.result_type(*jax.tree.leaves(y0)).name
     cases = {name: _Case(*eqx.partition(in_precision((system, y0, ts), name), eqx.is_array)) for name in PRECISIONS}
@@ -112,7 +112,7 @@ def accuracy_cost(
     return AccuracyCost(tuple(rows), reference.name, reference.error, own, tuple(notes), chosen)
 
 
-def _checked(system: Any, tolerances: Any, methods: Any, precisions: Any, repeats: int) -> dict[str, Any]:
+def _checked(system: Any, y0: Any, tolerances: Any, methods: Any, precisions: Any, repeats: int) -> dict[str, Any]:
     """The methods by name. Raises `InputError` for input that cannot be used."""
     if not jax.config.jax_enable_x64:  # pyright: ignore[reportAttributeAccessIssue]
         raise InputError("The precision of jax is float32: it must be float64, for the reference; call jaxspace.enable_x64().")
@@ -130,7 +130,8 @@ def _checked(system: Any, tolerances: Any, methods: Any, precisions: Any, repeat
         raise InputError(f"system is of type {type(system).__name__}: it must be a system, a scene or a mission.")
     exact = _has_closed_form(system)
     if methods is None:
-        methods = (DOP853(), Tsit5(), *([CLOSED_FORM] if exact else []))
+        best = CLOSED_FORM if exact else DOP853() if isinstance(system, Mission) else chosen_method(system, y0, min(tolerances))
+        methods = (DOP853(), Tsit5(), *(() if isinstance(best, DOP853 | Tsit5) else (best,)))
     for method in methods:
         if method == CLOSED_FORM and not exact:
             raise InputError(f"methods holds {CLOSED_FORM!r}: {type(system).__name__} has none, it must hold solvers.")

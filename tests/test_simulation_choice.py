@@ -1,0 +1,62 @@
+"""What `method="auto"` stands for."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from systems import J2, MU, RADIUS, orbit, rocket_scene, rocket_state
+
+from jaxspace import Scene, simulate, simulate_batch
+from jaxspace.attitude import TorqueFreeBody
+from jaxspace.bodies import BodyState, Load, RigidBody
+from jaxspace.orbits import Oblateness, PointGravity, TwoBody
+from jaxspace.scene import Custom
+from jaxspace.simulation import Accuracy, chosen_method
+from jaxspace.solvers import DOP853, RKN1210, Tsit5
+
+GRAVITY = (PointGravity(MU), Oblateness(MU, J2, RADIUS))
+TIDE = Custom(lambda t, y, body: Load(acceleration_N=-1e-9 * jnp.sin(t) * y.position), needs={"position"}, adds={"acceleration"})
+DRAG = Custom(lambda t, y, body: Load(acceleration_N=-1e-9 * y.velocity), needs={"velocity"}, adds={"acceleration"})
+SECRET_DRAG = Custom(DRAG.function, needs={"position"}, adds={"acceleration"})
+INNER = Custom(jax.jit(lambda t, y, body: Load(acceleration_N=y.position)), needs={"position"}, adds={"acceleration"})
+
+
+@pytest.mark.parametrize(
+    ("system", "state", "rtol", "method"),
+    [
+        (TwoBody(MU), orbit(), 1e-4, str),
+        (TwoBody(MU), orbit(), 1e-9, str),
+        (Scene(GRAVITY), orbit(), 1e-4, Tsit5),
+        (Scene(GRAVITY), orbit(), 1e-5, RKN1210),
+        (Scene(GRAVITY), orbit(), 1e-12, RKN1210),
+        (Scene((*GRAVITY, TIDE)), orbit(), 1e-9, RKN1210),
+        (Scene((*GRAVITY, TIDE), RigidBody(mass=2.0)), orbit(), 1e-9, RKN1210),
+        (Scene((*GRAVITY, DRAG)), orbit(), 1e-9, DOP853),
+        # Neither a wrong declaration nor a function that is compiled as a whole misleads it.
+        (Scene((*GRAVITY, SECRET_DRAG)), orbit(), 1e-9, DOP853),
+        (Scene((*GRAVITY, INNER)), orbit(), 1e-9, DOP853),
+        (Scene(GRAVITY, RigidBody(mass=2.0), ("mass",)), orbit(mass=jnp.array(2.0)), 1e-9, DOP853),
+        (rocket_scene(), rocket_state(), 1e-9, DOP853),
+    ],
+)
+def test_rules(system, state, rtol, method):
+    found = chosen_method(system, state, rtol)
+    assert isinstance(found, method)
+    lanes = jax.tree.map(lambda x: jnp.stack([x, x], axis=-1), state)
+    assert isinstance(chosen_method(system, lanes, rtol), method)
+
+
+def test_a_closed_form_stands_before_every_method():
+    assert chosen_method(TorqueFreeBody([1.0, 2.0, 3.0]), BodyState(), 1e-9) == "auto"
+
+
+def test_a_result_says_which_method_ran_and_takes_another():
+    ts = np.array([0.0, 600.0])
+    run = simulate(Scene(GRAVITY), orbit(), ts, accuracy=1e-10)
+    assert isinstance(run.accuracy.method, RKN1210)
+    other = simulate(Scene(GRAVITY), orbit(), ts, accuracy=Accuracy(rtol=1e-10, method=DOP853()))
+    assert isinstance(other.accuracy.method, DOP853)
+    np.testing.assert_allclose(run.final.position, other.final.position, atol=1e-9 * 6.6e6)
+    batch = simulate_batch(Scene(GRAVITY), jax.tree.map(lambda x: jnp.stack([x, x]), orbit()), ts, in_axes=(None, 0))
+    assert isinstance(batch.accuracy.method, RKN1210)
+    assert float(jnp.max(jnp.abs(batch.error().position))) < 1e-2
