@@ -10,9 +10,11 @@ import numpy as np
 REPEATS = 5
 
 
-def in_turn(calls: dict[str, Callable[[], Any]], runs: int, repeats: int = REPEATS) -> dict[str, dict[str, float]]:
-    """For every call, which does `runs` runs of work: seconds of the first call, then, over repeats in turn, runs per second
-    and per CPU-second (medians) and the mean number of cores used."""
+def in_turn(
+    calls: dict[str, Callable[[], Any]], runs: int | dict[str, int], repeats: int = REPEATS
+) -> dict[str, dict[str, float]]:
+    """For every call, which does `runs` runs of work (a number for all, or one for each): seconds of the first call, then, over
+    repeats in turn, runs per second and per CPU-second (medians) and the mean number of cores used."""
     first = {name: _timed(call)[0] for name, call in calls.items()}
     seen = {name: [] for name in calls}
     for _ in range(repeats):
@@ -21,9 +23,10 @@ def in_turn(calls: dict[str, Callable[[], Any]], runs: int, repeats: int = REPEA
     rows = {}
     for name, pairs in seen.items():
         wall, cpu = np.median(np.array(pairs), axis=0)
+        done = runs[name] if isinstance(runs, dict) else runs
         rows[name] = {
-            "runs_per_second": runs / wall,
-            "runs_per_cpu_second": runs / cpu,
+            "runs_per_second": done / wall,
+            "runs_per_cpu_second": done / cpu,
             "cores": cpu / wall,
             "first_call_seconds": first[name],
         }
@@ -34,6 +37,11 @@ def _timed(call: Callable[[], Any]) -> tuple[float, float]:
     wall, cpu = time.perf_counter(), time.process_time()
     jax.block_until_ready(call())
     return time.perf_counter() - wall, time.process_time() - cpu
+
+
+def on_one_device(tree: Any) -> Any:
+    """The arrays, put on the first device: a batch of them does not spread over the others, and peers use one core."""
+    return jax.device_put(tree, jax.devices()[0])
 
 
 def worst(found: Any, reference: Any) -> float:

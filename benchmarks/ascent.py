@@ -17,7 +17,7 @@ from jaxspace.orbits import PointGravity
 from jaxspace.scene import Custom
 from jaxspace.simulation import simulate_batch
 
-from ._measure import in_turn, optional, worst
+from ._measure import in_turn, on_one_device, optional, worst
 
 RUNS = 8192
 MU, RADIUS, SPIN, G0 = 3.986004418e14, 6378137.0, 7.292115e-5, 9.80665
@@ -181,7 +181,7 @@ def measure() -> dict:
     y0 = BodyState(r, v, mass=LIFT_OFF_MASS + o)
 
     def ours(rtol):
-        return simulate_batch(system, y0, 0.0, accuracy=rtol).final.position
+        return simulate_batch(system, on_one_device(y0), 0.0, accuracy=rtol).final.position
 
     calls = {f"ours, {rtol:.0e}": lambda rtol=rtol: ours(rtol) for rtol in (1e-5, 1e-6, 1e-7, 1e-8)}
     calls["numpy, order 4, 1 s"] = lambda: np.stack(flight(p, 1.0))[:3].T

@@ -9,7 +9,7 @@ from jaxspace.rotations import Quaternion
 from jaxspace.simulation import Accuracy, simulate_batch
 from jaxspace.solvers import DOP853
 
-from ._measure import heyoka_ends, in_turn, optional, worst
+from ._measure import heyoka_ends, in_turn, on_one_device, optional, worst
 
 RUNS, SPAN, MOMENTS = 1024, 100.0 * 2.0 * np.pi / 0.84, (1.0, 1.7, 2.5)
 BODY = TorqueFreeBody(list(MOMENTS))
@@ -44,7 +44,7 @@ def measure() -> dict:
     ts = jnp.array([0.0, SPAN])
 
     def ours(accuracy):
-        final = simulate_batch(BODY, y0, ts, accuracy=accuracy, in_axes=(None, 0)).final
+        final = simulate_batch(BODY, on_one_device(y0), ts, accuracy=accuracy, in_axes=(None, 0)).final
         return jnp.concatenate([final.omega, final.attitude.wxyz], axis=1)
 
     def stepped(rtol):

@@ -1,5 +1,7 @@
 """One day of low orbits under oblateness (15 revolutions): this library beside heyoka and diffrax mapped over the runs."""
 
+from typing import Any
+
 import diffrax
 import equinox as eqx
 import jax
@@ -11,9 +13,9 @@ from jaxspace.orbits import ClassicalElements, Oblateness, PointGravity, state_f
 from jaxspace.simulation import Accuracy, simulate_batch
 from jaxspace.solvers import DOP853, RKN1210, Stormer
 
-from ._measure import heyoka_ends, in_turn, optional, worst
+from ._measure import heyoka_ends, in_turn, on_one_device, optional, worst
 
-RUNS, DAY, J2 = 1024, 86400.0 / 806.8110, 1.08262668e-3
+RUNS, DAY, J2 = 2048, 86400.0 / 806.8110, 1.08262668e-3
 SCENE = Scene((PointGravity(1.0), Oblateness(1.0, J2, 1.0)))
 
 
@@ -56,10 +58,10 @@ def equations(heyoka):
 
 def measure() -> dict:
     """Error and speed of every method."""
-    y0 = orbits()
-    ts = jnp.array([0.0, DAY])
+    y0, ts = orbits(), jnp.array([0.0, DAY])
+    alone = on_one_device(y0)
 
-    def ours(rtol, method=DOP853()):  # noqa: B008
+    def ours(rtol, method: Any = DOP853(), y0=alone):  # noqa: B008
         accuracy = Accuracy(rtol=rtol, method=method)
         return simulate_batch(SCENE, y0, ts, accuracy=accuracy, in_axes=(None, 0)).final.position
 
@@ -70,6 +72,8 @@ def measure() -> dict:
         f"ours, Stormer of order {order}, {steps} steps": lambda order=order, steps=steps: ours(1e-9, Stormer(order, steps=steps))
         for order, steps in ((10, 850), (12, 1310))
     }
+    if len(jax.devices()) > 1:
+        calls["the same, on all devices"] = lambda: ours(1e-9, Stormer(12, steps=1310), y0)
     calls |= {"diffrax Dopri8 under vmap 1e-10": lambda: theirs(y0, 1e-10).position}
     if optional("heyoka") is not None:
         states = np.concatenate([np.asarray(y0.position).T, np.asarray(y0.velocity).T])

@@ -13,7 +13,7 @@ import scipy.stats
 
 from jaxspace._core import AbstractClosedFormSystem, AbstractSystem, InputError
 from jaxspace.dispersion import Campaign, Constant, Dispersion, Normal, TruncatedNormal, Uniform, disperse, open_store
-from jaxspace.simulation import BLOCK, Event, Mission, Phase, SimulationError, Status
+from jaxspace.simulation import Event, Mission, Phase, SimulationError, Status
 
 DURATION = 3.0
 
@@ -66,7 +66,7 @@ def drifts(samples):
 INPUTS = {"stiffness": Normal(4.0, 0.4), "x0": Uniform(0.9, 1.1), "v0": TruncatedNormal(0.0, 0.1, -0.1, 0.2)}
 UNITS = {"x": "m", "v": "m/s", "stiffness": "1/s^2", "x0": "m", "v0": "m/s"}
 SWINGS = Campaign(swings, INPUTS, last, UNITS, description="a pendulum")
-RUNS = 700
+RUNS, CALL = 700, 512  # of a campaign, of one call
 
 
 def exact(d: Dispersion) -> np.ndarray:
@@ -279,9 +279,9 @@ def test_what_is_stored_comes_back(whole, tmp_path):
     place = tmp_path / "campaign.zarr"
     disperse(SWINGS, 100, seed=1, store=place)  # of another make: it is replaced
     seen = []
-    disperse(SWINGS, RUNS, seed=7, chunk=BLOCK, store=place, progress=lambda done, total: seen.append((done, total)))
+    disperse(SWINGS, RUNS, seed=7, chunk=CALL, store=place, progress=lambda done, total: seen.append((done, total)))
     # A chunk is whole blocks.
-    assert seen == [(min(done, RUNS), RUNS) for done in range(BLOCK, RUNS + BLOCK, BLOCK)]
+    assert seen == [(min(done, RUNS), RUNS) for done in range(CALL, RUNS + CALL, CALL)]
     back = open_store(place)
     assert back.runs == RUNS and back.seed == 7 and back.units == UNITS
     for name in (*back.inputs, *back.outputs):
@@ -295,12 +295,12 @@ def test_what_is_stored_comes_back(whole, tmp_path):
 
 def test_an_interrupted_campaign_keeps_its_finished_chunks(whole, tmp_path):
     def stop(done, total):
-        if done >= BLOCK:
+        if done >= CALL:
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        disperse(SWINGS, RUNS, seed=7, chunk=BLOCK, store=tmp_path / "s.zarr", progress=stop)
+        disperse(SWINGS, RUNS, seed=7, chunk=CALL, store=tmp_path / "s.zarr", progress=stop)
     kept = open_store(tmp_path / "s.zarr")
-    assert kept.runs == BLOCK and kept.attributes["planned_runs"] == RUNS
+    assert kept.runs == CALL and kept.attributes["planned_runs"] == RUNS
     for name in UNITS:
-        np.testing.assert_array_equal(kept.values(name), whole.values(name)[:BLOCK])
+        np.testing.assert_array_equal(kept.values(name), whole.values(name)[:CALL])

@@ -1,5 +1,8 @@
 """The runner: accuracy against closed forms and published problems, events, missions, batches, and what it refuses."""
 
+import subprocess
+import sys
+
 import diffrax
 import equinox as eqx
 import jax
@@ -12,8 +15,8 @@ from jaxspace import Scene
 from jaxspace._core import AbstractSystem, InputError, Scalar
 from jaxspace.bodies import BodyState
 from jaxspace.orbits import PointGravity, TwoBody
-from jaxspace.simulation import Accuracy, Event, Mission, Phase, SimulationError, Status, simulate, simulate_batch
-from jaxspace.solvers import Tsit5
+from jaxspace.simulation import BLOCK, Accuracy, Event, Mission, Phase, SimulationError, Status, simulate, simulate_batch
+from jaxspace.solvers import Stormer, Tsit5
 
 
 class Fall(AbstractSystem):
@@ -313,6 +316,49 @@ def test_every_run_may_have_its_own_times():
     run = simulate_batch(KEPLER, y, ts, accuracy=1e-12, in_axes=(None, 0))
     exact = simulate_batch(TwoBody(1.0), y, ts, in_axes=(None, 0))
     np.testing.assert_allclose(run.states.position, exact.states.position, atol=1e-9)
+
+
+def test_runs_that_want_like_steps_share_a_block():
+    """Ellipses from circles to an eccentricity of 0.9, in no order: sorted by their pace at the start, they take a good third
+    fewer evaluations than the worst one would have cost them all, and the results come back in the order given."""
+    es = np.random.default_rng(2).uniform(0.0, 0.9, 4 * BLOCK)
+    ts = jnp.array([0.0, 7.0])
+    y = rows(es)
+    run = simulate_batch(KEPLER, y, ts, accuracy=1e-9, in_axes=(None, 0))
+    exact = simulate_batch(TwoBody(1.0), y, ts, in_axes=(None, 0)).final.position
+    np.testing.assert_allclose(run.final.position, exact, atol=1e-6)
+    evaluations = np.asarray(run.stats["evaluations"])
+    assert np.mean(evaluations) < 0.65 * np.max(evaluations)
+    assert evaluations[np.argmin(es)] < evaluations[np.argmax(es)]
+
+
+def test_devices_change_no_number():
+    """In a process of its own, because the number of devices is fixed when the first one is touched."""
+    code = """
+import jax
+jax.config.update("jax_enable_x64", True)
+jax.config.update("jax_num_cpu_devices", 2)
+jax.config.update("jax_disable_most_optimizations", True)
+import numpy as np
+from test_simulation import KEPLER, rows, simulate_batch
+y, ts = rows(np.linspace(0.0, 0.5, 150)), np.array([0.0, 2.0])
+two = simulate_batch(KEPLER, y, ts, accuracy=1e-6, in_axes=(None, 0))
+one = simulate_batch(KEPLER, jax.device_put(y, jax.devices()[0]), ts, accuracy=1e-6, in_axes=(None, 0))
+print(len(two.status.devices()), len(one.status.devices()), np.array_equal(one.final.position, two.final.position))
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=__file__.rpartition("/")[0])
+    assert done.stdout.split() == ["2", "1", "True"], done.stderr
+
+
+def test_runs_that_missed_the_tolerance_take_more_of_the_equal_steps():
+    """Steps that do for the circle are too few for the ellipse, which alone is flown again."""
+    y, ts = rows([0.0, 0.02, 0.25]), jnp.array([0.0, 6.0])
+    method = Accuracy(rtol=1e-9, method=Stormer(8, steps=80))
+    run = simulate_batch(KEPLER, y, ts, accuracy=method, in_axes=(None, 0))
+    exact = simulate_batch(TwoBody(1.0), y, ts, in_axes=(None, 0)).final.position
+    steps = np.asarray(run.stats["steps"])
+    assert np.all(run.status == Status.COMPLETED) and steps[0] == 80 and steps[2] > 160
+    np.testing.assert_allclose(run.final.position, exact, atol=1e-6)
 
 
 # ---------------------------------------------------------------- what is refused

@@ -6,12 +6,15 @@ from ._check import check_finite as check_finite
 from ._check import check_non_negative as check_non_negative
 from ._check import check_positive as check_positive
 from ._check import known as known
+from ._group import AbstractGroupElement as AbstractGroupElement
+from ._hold import hold as hold
 from ._linear import axis as axis
 from ._linear import cross as cross
 from ._linear import dot as dot
 from ._linear import expand as expand
 from ._linear import matvec as matvec
 from ._linear import norm as norm
+from ._linear import per_norm as per_norm
 from ._linear import solve3 as solve3
 from ._linear import unit as unit
 from ._safe import phi1 as phi1
@@ -20,6 +23,7 @@ from ._safe import safe_divide as safe_divide
 from ._safe import safe_sqrt as safe_sqrt
 from ._safe import sinc_squared as sinc_squared
 from ._special import stumpff as stumpff
+from ._special import stumpff_near as stumpff_near
 from ._system import AbstractClosedFormSystem as AbstractClosedFormSystem
 from ._system import AbstractPiecewiseSystem as AbstractPiecewiseSystem
 from ._system import AbstractRegularForm as AbstractRegularForm

@@ -2,6 +2,7 @@
 
 Written out by components, because a reduction over an axis of length three hinders the compiler's fusion."""
 
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
@@ -9,9 +10,34 @@ from ._safe import safe_sqrt
 from ._types import Matrix, Scalar, Vector
 
 
+@jax.custom_jvp
 def dot(a: Vector, b: Vector) -> Scalar:
     """Scalar product a . b."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@dot.defjvp
+def _dot_rule(given: tuple[Vector, Vector], change: tuple[Vector, Vector]) -> tuple[Scalar, Scalar]:
+    # As a sum over the axis, because reverse mode then spreads the result in one go. That of the components would fill up each
+    # one with zeros, and compute the derivative of all that came after three times (measured: half of the time of a step).
+    (a, b), (da, db) = given, change
+    rank = max(a.ndim, b.ndim)
+    a, b, da, db = (x.reshape(x.shape + (1,) * (rank - x.ndim)) for x in (a, b, da, db))
+    return dot(*given), jnp.sum(da * b + a * db, axis=0)
+
+
+@jax.custom_jvp
+def per_norm(a: Vector) -> Scalar:
+    """1 / |a|."""
+    return 1.0 / jnp.sqrt(dot(a, a))
+
+
+@per_norm.defjvp
+def _per_norm_rule(given: tuple[Vector], change: tuple[Vector]) -> tuple[Scalar, Scalar]:
+    # From the value itself: the rules for root and quotient would divide three times more.
+    (a,), (da,) = given, change
+    p = per_norm(a)
+    return p, -(p * p) * (p * dot(a, da))
 
 
 def cross(a: Vector, b: Vector) -> Vector:

@@ -11,6 +11,7 @@ Source: Thomson 5.11; Gauss (Abramowitz and Stegun 17.6).
 The complement is the argument: near k = 1, where K grows like ln(4/k'), a complement formed as 1 - k^2 has no digits left.
 """
 
+import jax
 import jax.numpy as jnp
 
 from .._core import Scalar
@@ -22,7 +23,7 @@ STEPS = 9
 def complete_elliptic(complement: Scalar) -> Scalar:
     """K, 1, from the complement k'^2 = 1 - k^2 within [0, 1]; infinite at zero."""
     regular = complement > 0.0
-    a, b = 1.0, jnp.sqrt(jnp.where(regular, complement, 1.0))
-    for _ in range(STEPS):
-        a, b = 0.5 * (a + b), jnp.sqrt(a * b)
+    b = jnp.sqrt(jnp.where(regular, complement, 1.0))
+    mean = lambda _, ab: (0.5 * (ab[0] + ab[1]), jnp.sqrt(ab[0] * ab[1]))  # noqa: E731
+    a, _ = jax.lax.fori_loop(0, STEPS, mean, (jnp.ones_like(b), b))
     return jnp.where(regular, 0.5 * jnp.pi / a, jnp.inf)

@@ -23,9 +23,10 @@ two products are undefined; period and precession come out infinite or NaN.
 On the path that creeps up to the vertical (a sleeping top below its critical spin) the period is infinite.
 """
 
-from typing import final
+from typing import Any, final
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
@@ -53,9 +54,11 @@ class Nutation(eqx.Module):
         c1 = (2.0 * self.gamma * self.N - self.beta) * self.beta
         c0 = (self.alpha - self.gamma * self.gamma) * self.beta * self.beta
         y = s / 3.0 + 2.0 / 3.0 * safe_sqrt(jnp.maximum(s * s - 3.0 * c1, 0.0))
-        for _ in range(STEPS):
-            y = y - safe_divide(((y - s) * y + c1) * y + c0, (3.0 * y - 2.0 * s) * y + c1)
-        return y
+
+        def newton(_: Any, y: Scalar) -> Scalar:
+            return y - safe_divide(((y - s) * y + c1) * y + c0, (3.0 * y - 2.0 * s) * y + c1)
+
+        return jax.lax.fori_loop(0, STEPS, newton, y)
 
     def turning_points(self) -> tuple[Scalar, Scalar]:
         """theta_1 and theta_2, rad: the axis swings between them, theta_1 the nearer to the upward vertical."""

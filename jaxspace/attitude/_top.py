@@ -33,7 +33,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .._core import (
-    AbstractSystem,
+    AbstractSplitSystem,
     InputError,
     Scalar,
     Vector,
@@ -49,6 +49,7 @@ from ..bodies import BodyState
 from ..rotations import Quaternion, from_euler_angles, omega_from_euler_rates, to_euler_angles
 from ._nutation import Nutation
 from ._state import attitude_and_omega
+from ._torque_free import symmetric_flow
 
 
 def vertical(attitude: Quaternion) -> Vector:
@@ -73,7 +74,7 @@ def vertical_angular_momentum(omega: Vector, Z: Vector, A: Scalar, C: Scalar) ->
 
 
 @final
-class Top(AbstractSystem):
+class Top(AbstractSplitSystem):
     """A heavy symmetric top on a fixed point.
 
     Fields: `transverse_inertia` A and `axial_inertia` C, kg m^2, about the fixed point; `weight_moment` W l, N m.
@@ -96,6 +97,17 @@ class Top(AbstractSystem):
         return BodyState(
             attitude=attitude.rate(omega),
             omega=angular_acceleration(omega, vertical(attitude), A, C, Wl),
+        )
+
+    def drift(self, duration: Scalar, y: BodyState) -> BodyState:
+        return symmetric_flow(duration, y, self.transverse_inertia, self.axial_inertia)
+
+    def kick(self, t: Scalar, duration: Scalar, y: BodyState) -> BodyState:
+        del t
+        attitude, omega = attitude_and_omega(y)
+        Z = vertical(attitude)
+        return BodyState(
+            attitude=attitude, omega=omega + duration * self.weight_moment / self.transverse_inertia * cross(Z, axis(2, Z[2]))
         )
 
     def invariants(self, t: Scalar, y: BodyState) -> dict[str, Array]:

@@ -9,7 +9,7 @@ Symmetric body, J = diag(A, A, C): the spin n stays, and two steady turns make u
     q(t) = q(0) exp(h_B(0) t / A) exp(-lambda t z)    psi' = h / A,  phi' = n - psi' cos(theta) = -lambda
     tan(theta) = A omega_12 / (C n)                   tan(gamma) = omega_12 / n
 
-Any other body moves in elliptic functions: _free_rotation.py has the closed form, _principal_frame.py the way to it.
+Any other body moves in elliptic functions: `bodies.free_turn` has the closed form.
 
     symbol           meaning                                                unit
     J                inertia about the centre of mass                       kg m^2
@@ -33,9 +33,8 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from .._core import AbstractClosedFormSystem, Scalar, Vector, axis, norm, safe_atan2, safe_sqrt
-from ..bodies import AbstractInertia, BodyState, angular_acceleration, as_inertia, kinetic_energy
+from ..bodies import AbstractInertia, BodyState, angular_acceleration, as_inertia, free_turn, kinetic_energy
 from ..rotations import Quaternion
-from ._principal_frame import free_turn
 from ._state import attitude_and_omega
 
 

@@ -17,6 +17,7 @@ from ._inertia import parallel_axes as parallel_axes
 from ._inertia import principal_axes as principal_axes
 from ._newton_euler import angular_acceleration as angular_acceleration
 from ._newton_euler import linear_acceleration as linear_acceleration
+from ._principal_frame import free_turn as free_turn
 from ._state import PARTS as PARTS
 from ._state import BodyState as BodyState
 from ._state import sample_state as sample_state

@@ -51,7 +51,7 @@ class AbstractEffect(eqx.Module):
 
 
 class AbstractFlowEffect(AbstractEffect):
-    """An effect under which alone position and velocity are known in closed form."""
+    """An effect that depends on the position alone, and under which alone position and velocity are known in closed form."""
 
     @abstractmethod
     def flow(self, duration: Scalar, y: BodyState) -> BodyState:

@@ -17,16 +17,27 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.sharding import PartitionSpec
 from jaxtyping import Array, Integer
 
 from .._core import InputError, Scalar, check_positive
-from ..simulation import BLOCK, Accuracy, Event, SimulationError, Status, refined, run_mission
+from ..simulation import (
+    Accuracy,
+    Event,
+    SimulationError,
+    Status,
+    by_blocks,
+    compiled,
+    lanes_on,
+    mesh_of,
+    refined,
+    run_mission,
+)
 from ._campaign import Campaign, LaneResult, check_names
 from ._statistics import Dispersion
 from ._store import Store, versions
 
 PILOTS = 15  # besides the nominal run
+CALL = 512  # runs in one call on every device at least: enough to pay for the call
 TRIAL = 1.2  # how much finer than the pilots' plan the trial block runs
 MARGIN = 1.5  # how far below the tolerance the trial block's errors shall come to lie
 ORDER = 6.0  # a cautious order of the local error: errors shrink with that power of the number of steps at least
@@ -60,7 +71,7 @@ def disperse(
     """Run a campaign many times.
 
     - `runs`: how many; `seed`: what the inputs are drawn from. Run number i is the same whatever `runs`, `chunk`, `devices`.
-    - `chunk`: after how many runs results are fetched and stored, rounded up to whole blocks on every device.
+    - `chunk`: after how many runs results are fetched and stored, rounded up to 512 for every device.
     - `accuracy`: the relative tolerance of each step, or an `Accuracy`.
     - `store`: the path of a Zarr store to which every chunk is appended as soon as it is finished; an old one is replaced.
     - `progress(done, total)`: called after every chunk.
@@ -133,16 +144,14 @@ class _Squad:
     """The devices with their plans: runs numbers, a block of them on each device at a time."""
 
     def __init__(self, campaign: Campaign, accuracy: Accuracy, key: Any, devices: list[Any], chunk: int):
-        # On the processor a block fits the cache; an accelerator wants everything at once.
-        lanes = BLOCK if devices[0].platform == "cpu" else BLOCK * -(-chunk // (BLOCK * len(devices)))
-        self.call = lanes * len(devices)
-        self.lanes = lanes
+        self.lanes = lanes_on(devices, max(chunk, CALL * len(devices)))
+        self.call = max(CALL, self.lanes) * len(devices)
         self.chunk = self.call * -(-chunk // self.call)
-        self.mesh = _mesh(devices)
+        self.mesh = mesh_of(devices)
         self.given = (campaign, accuracy, key)
         pilots, self.coupled = _pilot_plans(*self.given)
-        trial = _call(*self.given, jnp.arange(self.call, dtype=jnp.uint32), _padded(pilots, [TRIAL] * len(pilots)), self.mesh)[1]
-        factors = [_factor(account) for account in np.asarray(trial)[:BLOCK].T]
+        trial = self._call(np.arange(self.call, dtype=np.uint32), _padded(pilots, [TRIAL] * len(pilots)))[1]
+        factors = [_factor(account) for account in np.asarray(trial)[:CALL].T]
         self.plans = [_padded(pilots, [level * factor for factor in factors]) for level in FINENESS]
 
     def run(self, first: int, count: int) -> Rows:
@@ -174,29 +183,23 @@ class _Squad:
     def _rows(self, numbers: np.ndarray, level: int) -> Rows:
         """Whole calls, all of them handed out before the first result is fetched."""
         pieces = numbers.astype(np.uint32).reshape(-1, self.call)
-        rows = [_call(*self.given, jnp.asarray(piece), self.plans[level], self.mesh)[0] for piece in pieces]
+        rows = [self._call(piece, self.plans[level])[0] for piece in pieces]
         return jax.tree.map(lambda *x: np.concatenate([np.asarray(part) for part in x]), *rows)
 
-
-def _mesh(devices: list[Any]) -> Any:
-    if len(devices) == 1:
-        return None
-    return jax.make_mesh((len(devices),), ("runs",), (jax.sharding.AxisType.Auto,), devices=devices)
+    def _call(self, numbers: np.ndarray, plans: Plans) -> tuple[Rows, Array]:
+        return _call(*self.given, jnp.asarray(numbers), plans, self.lanes, self.mesh)
 
 
-@eqx.filter_jit
-def _call(campaign: Campaign, accuracy: Accuracy, key: Any, numbers: Array, plans: Plans, mesh: Any) -> tuple[Rows, Array]:
-    """A block of runs on each device, and the largest local error of each run in each phase in units of the tolerance."""
-    arrays, rest = eqx.partition((campaign, accuracy, key, plans), eqx.is_array)
+@compiled
+def _call(
+    campaign: Campaign, accuracy: Accuracy, key: Any, numbers: Array, plans: Plans, lanes: int, mesh: Any
+) -> tuple[Rows, Array]:
+    """The runs of these numbers, and the largest local error of each run in each phase in units of the tolerance."""
 
-    def block(arrays: Any, numbers: Array) -> tuple[Rows, Array]:
-        campaign, accuracy, key, plans = eqx.combine(arrays, rest)
-        return _block(campaign, accuracy, key, plans, numbers)
+    def block(numbers: Array, given: tuple[Campaign, Accuracy, Any, Plans]) -> tuple[Rows, Array]:
+        return _block(*given, numbers)
 
-    if mesh is None:
-        return block(arrays, numbers)
-    shared, split = PartitionSpec(), PartitionSpec("runs")
-    return jax.shard_map(block, mesh=mesh, in_specs=(shared, split), out_specs=split, check_vma=False)(arrays, numbers)
+    return by_blocks(block, numbers, (campaign, accuracy, key, plans), lanes, mesh)
 
 
 def _block(

@@ -23,14 +23,15 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .._core import Scalar, Vector, as_float, axis, check_finite, check_positive, dot
+from .._core import Scalar, Vector, as_float, axis, check_finite, check_positive, dot, per_norm
 from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
 
 
 def oblateness(r: Vector, mu: Scalar, j2: Scalar, radius: Scalar) -> Vector:
     """Acceleration a, m/s^2, by J2 alone, at the position `r`, m, shape (3, *runs)."""
-    per_r2, z = 1.0 / dot(r, r), r[2]
-    c = (-1.5 * j2 * radius * radius * mu) * (per_r2 * per_r2 * jnp.sqrt(per_r2))
+    per_r, z = per_norm(r), r[2]  # as in the field of the point: the compiler takes one root for both
+    per_r2 = per_r * per_r
+    c = (-1.5 * j2 * radius * radius * mu) * (per_r2 * per_r2 * per_r)
     k = 2.0 * c * z
     return (c * (1.0 - 5.0 * z * z * per_r2)) * r + k * axis(2, k)
 

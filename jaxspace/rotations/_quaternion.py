@@ -3,11 +3,13 @@
     q = (w, x, y, z)            turns components in the body's axes into components in inertial axes
     v_N = C_NB v_B              C_NB(q): the matrix of the same turn
     q' = q (0, omega_B) / 2     omega_B: rate of the body relative to inertial space, in body axes
+    theta' = omega_B + theta x omega_B / 2 + (1 - (theta/2) cot(theta/2)) theta x (theta x omega_B) / theta^2
 
     symbol   meaning                                  unit
     w        cosine of half the angle of turn         1
     x, y, z  axis of turn times sine of half angle    1
     omega_B  angular velocity in body axes            rad/s
+    theta    turn from q_0, q = q_0 exp(theta/2)      rad
 
 Source: Thomson 5.1 (Euler's theorem: every displacement with a fixed point is one turn), 3.4 (matrix), 3-P13 (rates).
 A quaternion of any length but zero stands for the turn of its direction: the small departure from unit length that an
@@ -20,11 +22,11 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .._core import Matrix, Scalar, Vector, as_float, axis, cross, dot, norm, safe_atan2, sinc_squared
+from .._core import AbstractGroupElement, Matrix, Scalar, Vector, as_float, axis, cross, dot, norm, safe_atan2, sinc_squared
 
 
 @final
-class Quaternion(eqx.Module):
+class Quaternion(AbstractGroupElement):
     """An orientation: `wxyz`, shape (4, *runs), maps body components to inertial components."""
 
     wxyz: Float[Array, "4 *#runs"] | Float[Array, "*#rows 4"] = eqx.field(converter=as_float)
@@ -111,6 +113,17 @@ class Quaternion(eqx.Module):
         w, u = self.wxyz[0], self.wxyz[1:]
         return Quaternion(0.5 * jnp.concatenate([-dot(u, omega_B)[None], w * omega_B + cross(u, omega_B)]))
 
+    def coordinates(self) -> Vector:
+        return 0.0 * self.wxyz[1:]
+
+    def moved(self, local: Vector) -> "Quaternion":
+        return self.then(Quaternion.from_rotation_vector(local)).normalised()
+
+    def coordinate_rate(self, local: Vector, rate: "Quaternion") -> Vector:
+        omega_B = 2.0 * self.inverse().then(rate).wxyz[1:]
+        across = cross(local, omega_B)
+        return omega_B + 0.5 * across + _bend(dot(local, local)) * cross(local, across)
+
     def rotation_vector(self) -> Vector:
         """Axis of turn times angle, rad, the angle within [0, pi]; smooth at zero."""
         q = jnp.where(self.wxyz[0] < 0.0, -self.wxyz, self.wxyz)
@@ -118,6 +131,17 @@ class Quaternion(eqx.Module):
         s = norm(u)
         half = safe_atan2(s, w)
         return jnp.where(s > 1e-3 * w, 2.0 * half / jnp.where(s > 0.0, s, 1.0), _two_atan_over(s, w)) * u
+
+
+def _bend(z: Scalar) -> Scalar:
+    """(1 - s cot(s)) / (4 s^2) of z = 4 s^2, with its series about z = 0; singular at a whole turn."""
+    small = z < 0.1
+    y, x = jnp.where(small, z, 0.0), jnp.where(small, 1.0, z)
+    s = 0.5 * jnp.sqrt(x)
+    series = 691.0 / 1307674368000.0
+    for inverse in (47900160.0, 1209600.0, 30240.0, 720.0, 12.0):
+        series = 1.0 / inverse + y * series
+    return jnp.where(small, series, (1.0 - s / jnp.tan(s)) / x)
 
 
 def _two_atan_over(s: Scalar, w: Scalar) -> Scalar:

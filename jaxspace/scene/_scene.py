@@ -35,6 +35,7 @@ from ..bodies import (
     Load,
     RigidBody,
     angular_acceleration,
+    free_turn,
     kinetic_energy,
     linear_acceleration,
 )
@@ -132,35 +133,59 @@ class Scene(AbstractPiecewiseSystem, AbstractSplitSystem, AbstractRegularisedSys
         """The mass of the body, kg: from the state where it changes, else the body's own; `None` if it has none."""
         return self.body.constant_mass() if y.mass is None else y.mass
 
-    def _about(self, kind: type[Any], into: str, reads: set[str]) -> tuple[Any, "Scene"]:
-        """The one effect of this `kind`, and the scene of the others.
+    def _split(self) -> tuple[AbstractFlowEffect | None, "Scene"]:
+        """The effect that drifts, if there is one, and the scene of the others. Raises `InputError` for a scene without split."""
+        flowing = [e for e in self.effects if isinstance(e, AbstractFlowEffect)]
+        rest = Scene(tuple(e for e in self.effects if not isinstance(e, AbstractFlowEffect)), self.body, self.carry)
+        moving = {"velocity", "omega", "mass", "parts"}
+        bad = [type(e).__name__ for e in rest.effects if moving & e.needs or moving & e.adds or "mass_rate" in e.adds]
+        why = f"{bad[0]} reads or adds more than loads by position and attitude" if bad else ""
+        why = why or (f"{type(flowing[1]).__name__} is a second effect with a closed form" if len(flowing) > 1 else "")
+        why = why or ("its mass changes" if not set(self.parts) <= TRANSLATION | ROTATION else "")
+        if why:
+            raise InputError(f"This scene cannot be split into drift and kick: {why}.")
+        return flowing[0] if flowing else None, rest
 
-        Raises `InputError` where there is not just one, or where the others read more than `reads`."""
-        rest = Scene(tuple(e for e in self.effects if not isinstance(e, kind)), self.body)
-        central = [e for e in self.effects if isinstance(e, kind)]
-        more = [(type(e).__name__, part) for e in rest.effects for part in PARTS if part in e.needs and part not in reads]
-        alien = [(type(e).__name__, part) for e in self.effects for part in e.adds if part not in ("acceleration", "force")]
-        why = [f"{who} reads the {part}" for who, part in more] + [f"{who} adds a {part}" for who, part in alien]
+    def regular_form(self) -> AbstractRegularForm:
+        """The regular variables of the one effect that has them, pushed by the others.
+
+        Raises `InputError` where there is not just one, or where the others read more than position and velocity."""
+        rest = Scene(tuple(e for e in self.effects if not isinstance(e, AbstractRegularEffect)), self.body)
+        central = [e for e in self.effects if isinstance(e, AbstractRegularEffect)]
+        why = [f"{type(e).__name__} reads the {part}" for e in rest.effects for part in PARTS if part in e.needs - TRANSLATION]
+        alien = {"torque", "mass_rate", "parts"}
+        why += [f"{type(e).__name__} adds a {part}" for e in self.effects for part in e.adds & alien]
         why += [f"it needs one effect as PointGravity, and has {len(central)}"] if len(central) != 1 else []
         why += [f"its state holds {', '.join(self.parts)}"] if set(self.parts) != TRANSLATION else []
         if why:
-            raise InputError(f"This scene cannot be {into}: {why[0]}. The state must hold a position and a velocity only.")
-        return central[0], rest
-
-    def _split(self) -> tuple[AbstractFlowEffect, "Scene"]:
-        return self._about(AbstractFlowEffect, "split into drift and kick", {"position"})
-
-    def regular_form(self) -> AbstractRegularForm:
-        centre, rest = self._about(AbstractRegularEffect, "seen in regular variables", {"position", "velocity"})
-        return centre.regular_form(rest if rest.effects else None)
+            raise InputError(
+                f"This scene cannot be seen in regular variables: {why[0]}. The state must hold a position and a velocity only."
+            )
+        return central[0].regular_form(rest if rest.effects else None)
 
     def drift(self, duration: Scalar, y: BodyState) -> BodyState:
-        return self._split()[0].flow(duration, y)
+        """The orbit under the effect with a closed form, a straight line without one; and the free rotation of the body."""
+        flowing, _ = self._split()
+        orbit, attitude, omega = BodyState(), None, None
+        if y.position is not None:
+            start = BodyState(y.position, y.velocity)
+            orbit = (
+                BodyState(y.position + duration * y.velocity, y.velocity) if flowing is None else flowing.flow(duration, start)
+            )
+        if y.attitude is not None:
+            turn, omega = free_turn(duration, self.body.inertia(self.mass(y)), y.omega)
+            attitude = y.attitude.then(turn)
+        return BodyState(orbit.position, orbit.velocity, attitude, omega)
 
     def kick(self, t: Scalar, duration: Scalar, y: BodyState) -> BodyState:
-        rest = self._split()[1]
-        rate = rest.vector_field(t, y).velocity if rest.effects else jnp.zeros_like(y.velocity)
-        return BodyState(y.position, y.velocity + duration * rate)
+        """What the loads that depend on position and attitude do to the velocity and to the angular velocity."""
+        load = self._split()[1].loads(t, y)
+        velocity, omega = y.velocity, y.omega
+        if load.acceleration_N is not None or load.force_N is not None:
+            velocity = velocity + duration * linear_acceleration(load.acceleration_N, load.force_N, self.mass(y))
+        if load.torque_B is not None:
+            omega = omega + duration * self.body.inertia(self.mass(y)).solve(load.torque_B)
+        return BodyState(y.position, velocity, y.attitude, omega)
 
     def invariants(self, t: Scalar, y: BodyState) -> dict[str, Array]:
         """What the effects together leave constant: the energy if every effect keeps it, and so on."""

@@ -2,9 +2,12 @@
 
 from ._accuracy import Accuracy as Accuracy
 from ._accuracy import least_tolerance as least_tolerance
-from ._batch import BLOCK as BLOCK
-from ._batch import by_blocks as by_blocks
 from ._batch import simulate_batch as simulate_batch
+from ._blocks import BLOCK as BLOCK
+from ._blocks import by_blocks as by_blocks
+from ._blocks import compiled as compiled
+from ._blocks import lanes_on as lanes_on
+from ._blocks import mesh_of as mesh_of
 from ._choice import chosen_method as chosen_method
 from ._events import Event as Event
 from ._lanes import refined as refined

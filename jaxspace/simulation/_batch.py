@@ -1,25 +1,30 @@
 """Many runs by one integration after the other, each of a block of runs side by side. Never a mapped solve."""
 
-from collections.abc import Callable
+import dataclasses
+import functools
 from typing import Any
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.sharding import Mesh
 from jaxtyping import Array
 
-from .._core import AbstractSystem, InputError, Scalar, State, known
+from .._core import AbstractSystem, InputError, Scalar, State, known, safe_divide
+from ..solvers import AbstractEqualSteps, Tolerance
 from ._accuracy import Accuracy, as_accuracy, settled, state_dtype, with_method
+from ._blocks import BLOCK, by_blocks, compiled, lanes_on, mesh_of, side_by_side, untransformed
 from ._choice import shape
 from ._events import Event
 from ._lanes import Span, run_mission, run_system
 from ._mission import Mission
+from ._propagate import alike
 from ._simulate import repeat, thrown
 from ._status import Status
 from ._trajectory import MissionTrajectory, Trajectory
 
-BLOCK = 512  # runs side by side: enough to pay for the dispatch of each operation, few enough for the second level of the cache
+FINEST = 8  # how many times as many equal steps are taken for the runs that missed the tolerance, at most
 
 
 def simulate_batch(
@@ -40,7 +45,9 @@ def simulate_batch(
     - `ts`: (times,) for all runs or (runs, times) for each; for a mission its start.
 
     Returns a `Trajectory` or `MissionTrajectory` with a `Status` for every run. A run that fails marks its own row: when the
-    steps of its block run out, the runs of that block are repeated alone (outside of `jit`). Raises as `simulate` does, and
+    steps of its block run out, the runs of that block are repeated alone, and runs that missed the tolerance by equal steps are
+    repeated with more of them, up to eight times as many (outside of `jit`). All local devices take part, if
+    there are runs enough and neither the arrays nor a transformation say where to compute. Raises as `simulate` does, and
     `InputError` for an array whose first axis is not that of the runs."""
     accuracy = as_accuracy(accuracy)
     carried = [_carried(tree, axes) for tree, axes in zip((systems, y0s), in_axes, strict=True)]
@@ -48,12 +55,9 @@ def simulate_batch(
     ts = jnp.asarray(ts, state_dtype(y0s))
     own_ts = ts.ndim == (1 if isinstance(systems, Mission) else 2)
     batched, shared = eqx.partition((systems, y0s, ts), (*carried, own_ts))
-    result = _run(batched, shared, min(BLOCK, runs), accuracy, tuple(events), samples)
+    result = _run(batched, shared, accuracy, tuple(events), samples, *_spread((batched, shared), runs))
     if known(result.status) and runs > 1:
-        stuck = np.flatnonzero(np.asarray(result.status) == Status.MAX_STEPS)
-        if stuck.size:
-            alone = _run(jax.tree.map(lambda x: x[stuck], batched), shared, 1, accuracy, tuple(events), samples)
-            result = jax.tree.map(lambda a, b: a.at[stuck].set(b), result, alone)
+        result = _again(result, batched, shared, accuracy, tuple(events), samples)
     result = _with_systems(result, systems, carried[0], accuracy)
     return thrown(result) if throw else result
 
@@ -85,34 +89,80 @@ def _count(systems: Any, y0s: Any, carried: list[Any]) -> int:
     return runs
 
 
-def by_blocks(function: Callable[[Any], Any], batched: Any, block: int) -> Any:
-    """`function` of `block` runs at a time, which takes them on the last axis and returns them on the first; the last block is
-    filled up with copies of the last run."""
-    runs = jax.tree.leaves(batched)[0].shape[0]
-    count = -(-runs // block)
+def _again(result: Any, batched: Any, shared: Any, accuracy: Accuracy, events: tuple[Event, ...], samples: int) -> Any:
+    """The result with the runs repeated whose block ran out of steps, each alone; and those that missed the tolerance by equal
+    steps, with as many more of these as their errors ask for."""
+    stuck = np.flatnonzero(np.asarray(result.status) == Status.MAX_STEPS)
+    if stuck.size:
+        alone = _run(jax.tree.map(lambda x: x[stuck], batched), shared, accuracy, events, samples, 1, None)
+        result = jax.tree.map(lambda a, b: a.at[stuck].set(b), result, alone)
+    if not isinstance(accuracy.method, AbstractEqualSteps):
+        return result
+    spans = result.phases if isinstance(result, MissionTrajectory) else (result,)
+    error = np.max([np.asarray(span.stats["largest_local_error"]) for span in spans], axis=0)
+    missed = np.flatnonzero((np.asarray(result.status) == Status.TOLERANCE_MISSED) & np.isfinite(error))
+    if missed.size:
+        order: Any = accuracy.method.order(None)
+        factor = np.ceil(1.1 * np.max(error[missed]) ** (1.0 / order))
+        accuracy = dataclasses.replace(accuracy, method=accuracy.method.refined(int(np.clip(factor, 2, FINEST))))
+        filled = np.concatenate([missed, np.full(-missed.size % BLOCK, missed[-1])])
+        again = _run(jax.tree.map(lambda x: x[filled], batched), shared, accuracy, events, samples, BLOCK, None)
+        result = jax.tree.map(lambda a, b: a.at[missed].set(b[: missed.size]), result, again)
+    return result
 
-    def cut(x: Array) -> Array:
-        filled = jnp.concatenate([x, jnp.broadcast_to(x[-1:], (count * block - runs, *x.shape[1:]))])
-        return filled.reshape(count, block, *x.shape[1:])
 
-    rows = jax.lax.map(lambda piece: function(jax.tree.map(lambda x: jnp.moveaxis(x, 0, -1), piece)), jax.tree.map(cut, batched))
-    return jax.tree.map(lambda x: x.reshape(count * block, *x.shape[2:])[:runs], rows)
-
-
-def side_by_side(shared: Any) -> Any:
-    """What all runs share, with an axis of length one for them at the end of every array that has axes."""
-    return jax.tree.map(lambda x: x[..., None] if eqx.is_array(x) and x.ndim > 0 else x, shared)
+def _spread(arrays: Any, runs: int) -> tuple[int, Mesh | None]:
+    """The runs in a block, and the devices that share the blocks: all local ones, if there is a block for each and nothing says
+    otherwise (arrays that were put on a device, or a transformation around this call)."""
+    devices, leaves = jax.local_devices(), [x for x in jax.tree.leaves(arrays) if isinstance(x, jax.Array)]
+    free = untransformed(arrays) and all(x.devices() == set(devices) or not x.committed for x in leaves)
+    devices = devices[: max(1, runs // BLOCK)] if free else devices[:1]
+    return min(lanes_on(devices, runs), runs), mesh_of(devices)
 
 
-@eqx.filter_jit
-def _run(batched: Any, shared: Any, block: int, accuracy: Accuracy, events: tuple[Event, ...], samples: int) -> Any:
-    shared = (*side_by_side(shared[:2]), shared[2])
-
-    def rows(lanes: Any) -> Any:
+@compiled
+def _run(
+    batched: Any,
+    shared: Any,
+    accuracy: Accuracy,
+    events: tuple[Event, ...],
+    samples: int,
+    block: int,
+    mesh: Mesh | None,
+) -> Any:
+    def rows(lanes: Any, given: Any) -> Any:
+        shared, accuracy, events = given
         system, y0, ts = eqx.combine(lanes, shared)
         return _rows(system, y0, ts, accuracy, events, samples, block)
 
-    return by_blocks(rows, batched, block)
+    given = ((*side_by_side(shared[:2]), shared[2]), accuracy, events)
+    if jax.tree.leaves(batched)[0].shape[0] == block:
+        return by_blocks(rows, batched, given, block, mesh)
+    pace = _pace(eqx.combine(jax.tree.map(lambda x: jnp.moveaxis(x, 0, -1), batched), given[0]), accuracy)
+    if pace is None:
+        return by_blocks(rows, batched, given, block, mesh)
+    order = jnp.argsort(pace)
+    sorted_rows = by_blocks(rows, jax.tree.map(lambda x: x[order], batched), given, block, mesh)
+    back = jnp.argsort(order)
+    return jax.tree.map(lambda x: x[back], sorted_rows)
+
+
+def _pace(given: tuple[Any, State, Array], accuracy: Accuracy) -> Array | None:
+    """How fast each run begins, max |dy/dt| / |y| over the blocks of its state, 1/s: runs alike in this want like steps, and the
+    runs of a block share theirs. `None` where the steps do not depend on the runs."""
+    system, y, ts = given
+    t = ts
+    if isinstance(system, Mission):
+        system = system.phases[0].system
+    else:
+        t = ts[0]
+    method = settled(accuracy, system, y).method
+    if method == "auto" or isinstance(method, AbstractEqualSteps):
+        return None
+    y = jax.lax.stop_gradient(alike(system, t, y))
+    length = Tolerance(0.0, 0.0, 1).length
+    paces = jax.tree.map(lambda k, b: safe_divide(length(k), length(b)), system.vector_field(t, y), y)
+    return jax.lax.stop_gradient(functools.reduce(jnp.maximum, jax.tree.leaves(paces)))
 
 
 def _rows(system: Any, y0: State, ts: Array, accuracy: Accuracy, events: tuple[Event, ...], samples: int, block: int) -> Any:
@@ -156,15 +206,14 @@ def repeat_batch(trajectory: Trajectory, accuracy: Accuracy) -> State:
     flags = jax.tree.unflatten(tree, [not alone for alone in trajectory.shared or ()])
     ends = trajectory.ts[:, :: max(trajectory.ts.shape[1] - 1, 1)]
     batched, shared = eqx.partition((trajectory.system, trajectory.initial, ends), (flags, True, True))
-    return _repeat(batched, shared, min(BLOCK, ends.shape[0]), accuracy)
+    return _repeat(batched, shared, accuracy, *_spread((batched, shared), ends.shape[0]))
 
 
-@eqx.filter_jit
-def _repeat(batched: Any, shared: Any, block: int, accuracy: Accuracy) -> State:
-    shared = (*side_by_side(shared[:2]), shared[2])
-
-    def rows(lanes: Any) -> State:
+@compiled
+def _repeat(batched: Any, shared: Any, accuracy: Accuracy, block: int, mesh: Mesh | None) -> State:
+    def rows(lanes: Any, given: Any) -> State:
+        shared, accuracy = given
         system, y0, ts = eqx.combine(lanes, shared)
         return _front(repeat(system, y0, ts, accuracy, 1))
 
-    return by_blocks(rows, batched, block)
+    return by_blocks(rows, batched, ((*side_by_side(shared[:2]), shared[2]), accuracy), block, mesh)

@@ -63,7 +63,7 @@ class Course(NamedTuple):
 
 def integrate(rate: Any, y0: State, manner: Manner) -> Course:
     """The course of dy/ds = rate(s, y) from s = 0 to the number of segments."""
-    manner = jax.lax.stop_gradient(manner)
+    manner = jax.tree.map(lambda x: jax.lax.stop_gradient(x) if eqx.is_inexact_array(x) else x, manner)
     if replayable(manner.accuracy.method) and isinstance(manner.accuracy.adjoint, diffrax.RecursiveCheckpointAdjoint):
         return _replayed((_converted(rate, y0, manner), y0), manner)
     return _solve(rate, y0, manner)[0]

@@ -4,13 +4,15 @@ The integration runs on the clock of segments (`_clock.py`)."""
 
 from typing import Any, final
 
+import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import optimistix
 from jaxtyping import Array, Float, Int
 
 from .._core import AbstractClosedFormSystem, AbstractPiecewiseSystem, AbstractSystem, Scalar, State, safe_divide
-from ..solvers import AbstractEqualSteps, Regularised, Splitting, Tolerance
+from ..solvers import AbstractEqualSteps, ExponentialRosenbrock, Regularised, Splitting, Tolerance
 from ._accuracy import Accuracy
 from ._clock import Rate
 from ._integrate import Manner, integrate
@@ -97,12 +99,13 @@ def _by_integration(
     dtype = jnp.result_type(*jax.tree.leaves(y0))
     t0, t1 = jnp.asarray(t0, dtype), jnp.asarray(t1, dtype)
     u = _segments(system, t0, t1 - t0, None)
-    landing = isinstance(accuracy.method, Splitting | Regularised)
+    landing = isinstance(accuracy.method, ExponentialRosenbrock | Regularised | Splitting)
     per_run = (u.ndim > 1 or landing) and fractions is not None
     if per_run:
         u = _segments(system, t0, t1 - t0, fractions)
     atol = 1e-3 * accuracy.rtol if accuracy.atol is None else accuracy.atol
     tolerance = Tolerance(jnp.asarray(accuracy.rtol, dtype), jnp.asarray(atol, dtype), run_axes)
+    accuracy = eqx.tree_at(lambda a: a.method, accuracy, _told(accuracy.method, tolerance))
     lengths = jnp.maximum(jnp.mean(jnp.diff(u, axis=0).reshape(u.shape[0] - 1, -1), axis=1), 1e-6)
     if isinstance(accuracy.method, AbstractEqualSteps):
         plan = jnp.arange(u.shape[0], dtype=dtype)
@@ -117,6 +120,19 @@ def _by_integration(
         "largest_local_error": course.account,
     }
     return Propagation(states, judged(course.out_of_steps, finite, course.account), stats, course.ends)
+
+
+def _told(method: Any, tolerance: Tolerance) -> Any:
+    """The method, with what it has to know of the runs and of the tolerance."""
+    if isinstance(method, ExponentialRosenbrock):
+        return ExponentialRosenbrock(tolerance.run_axes)
+    if not isinstance(method, diffrax.AbstractImplicitSolver):
+        return method
+    # diffrax leaves a mark where its root finder shall take the tolerance of the steps.
+    mine = {"rtol": tolerance.rtol, "atol": tolerance.atol, "norm": optimistix.max_norm}
+    marked = [name for name in mine if type(getattr(method.root_finder, name)) not in (float, type(optimistix.max_norm))]
+    fields = lambda m: [getattr(m.root_finder, name) for name in marked]  # noqa: E731
+    return eqx.tree_at(fields, method, [mine[name] for name in marked])
 
 
 def _kept(u: Array, fractions: Any, per_run: bool) -> Array | None:

@@ -17,9 +17,10 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from .._core import State
-from ..solvers import DOP853, RKN1210, AbstractEqualSteps, Tsit5
+from ..solvers import DOP853, RKN1210, AbstractEqualSteps, ExponentialRosenbrock, MuntheKaas, Tsit5
 
-RECORD_BYTES = 2**23  # of states kept for reverse mode; a longer record keeps every second, third, ... state
+RECORD_BYTES = 2**19  # of states kept for reverse mode, where a longer record keeps every second, third, ... state: more than
+# this takes longer to fill and to move than the steps between take once more
 
 
 class Record(NamedTuple):
@@ -32,7 +33,9 @@ class Record(NamedTuple):
 
 def replayable(method: Any) -> bool:
     """Whether a step of the method can be repeated from the state before it alone."""
-    return isinstance(method, DOP853 | RKN1210 | Tsit5 | AbstractEqualSteps | diffrax.AbstractRungeKutta)
+    if isinstance(method, MuntheKaas):
+        return replayable(method.solver)
+    return isinstance(method, DOP853 | ExponentialRosenbrock | RKN1210 | Tsit5 | AbstractEqualSteps | diffrax.AbstractRungeKutta)
 
 
 def stride(y0: State, max_steps: int) -> int:
@@ -81,11 +84,12 @@ class Replay(eqx.Module):
         if self.every == 1:
             return ys
 
-        def fill(i: Array, ys: State) -> State:
-            y1, _ = self.step(moving, j * self.every + i, _at(ys, i))
-            return jax.tree.map(lambda a, b: a.at[i + 1].set(b), ys, y1)
+        def fill(i: Array, carry: tuple[State, State]) -> tuple[State, State]:
+            ys, y = carry  # the last state by itself: read from where the next one is written, all of them would be copied
+            y1, _ = self.step(moving, j * self.every + i, y)
+            return jax.tree.map(lambda a, b: a.at[i + 1].set(b), ys, y1), y1
 
-        return jax.lax.fori_loop(0, jnp.minimum(self.every, self.record.count - j * self.every) - 1, fill, ys)
+        return jax.lax.fori_loop(0, jnp.minimum(self.every, self.record.count - j * self.every) - 1, fill, (ys, first))[0]
 
     def from_kept(self, n: Array, dense: Any, gradient: State, k: Array) -> tuple[Array, Any]:
         """The gradient with respect to what the dense output of step `n` holds, from the kept states up to number `k` that lie

@@ -6,6 +6,8 @@ from ._control import Accounted as Accounted
 from ._control import PlannedSteps as PlannedSteps
 from ._control import Tolerance as Tolerance
 from ._control import WorstRunControl as WorstRunControl
+from ._exponential import ExponentialRosenbrock as ExponentialRosenbrock
+from ._munthe_kaas import MuntheKaas as MuntheKaas
 from ._regularised import Regular as Regular
 from ._regularised import Regularised as Regularised
 from ._rkn1210 import RKN1210 as RKN1210

@@ -181,6 +181,11 @@ class Accounted(diffrax.AbstractAdaptiveSolver, diffrax.AbstractWrappedSolver):
     def interpolation_cls(self):  # pyright: ignore[reportIncompatibleVariableOverride]
         return self.solver.interpolation_cls
 
+    @property
+    def root_finder(self) -> Any:
+        """That of an implicit solver, for which diffrax asks."""
+        return self.solver.root_finder  # pyright: ignore[reportAttributeAccessIssue]
+
     def order(self, terms: Any) -> int | None:
         return self.solver.order(terms)
 
@@ -194,6 +199,12 @@ class Accounted(diffrax.AbstractAdaptiveSolver, diffrax.AbstractWrappedSolver):
 
     def step(self, terms: Any, t0: Any, t1: Any, y0: PyTree, args: Any, solver_state: Any, made_jump: Any):
         inner, account = solver_state
-        y1, error, dense, inner, result = self.solver.step(terms, t0, t1, y0, args, inner, made_jump)
+        y1, error, dense, inner, result = _step(self.solver, terms, t0, t1, y0, args, inner, jnp.asarray(made_jump))
         made = jax.lax.stop_gradient(self.tolerance.error(y0, y1, error))
         return y1, error, dense, (inner, jnp.maximum(account, made.astype(account.dtype))), result
+
+
+@eqx.filter_jit
+def _step(solver: Any, *step: Any) -> Any:
+    """A step of the solver, which diffrax traces three times: the second and third time it is at hand."""
+    return solver.step(*step)

@@ -13,8 +13,9 @@ from typing import Any, NamedTuple, final
 import numpy as np
 from jaxtyping import Array
 
+from .._core import hold
 from . import _tableaus as tableau
-from ._runge_kutta import Weights, hold
+from ._runge_kutta import Weights
 from ._second_order import SecondOrder
 
 

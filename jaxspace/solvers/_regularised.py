@@ -26,9 +26,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from .._core import InputError
+from .._core import InputError, hold
 from . import _tableaus as tableau
-from ._runge_kutta import combine, hold
+from ._runge_kutta import combine
 from ._second_order import AbstractEqualSteps
 
 LANDINGS = 3

@@ -19,15 +19,11 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import PyTree
 
+from .._core import hold
 from . import _tableaus as tableau
 
 Weights = tuple[tuple[int, Any], ...]
 VectorField = Callable[[Any, Any], Any]
-
-
-def hold(tree: PyTree) -> PyTree:
-    """The tree, behind a barrier on CPUs: its leaves are computed once, together."""
-    return jax.lax.platform_dependent(tree, cpu=jax.lax.optimization_barrier, default=lambda x: x)
 
 
 def combine(y: PyTree, h: Any, weights: Weights, ks: list[PyTree]) -> PyTree:

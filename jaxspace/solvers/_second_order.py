@@ -17,8 +17,7 @@ import jax.numpy as jnp
 from equinox import AbstractVar
 from jaxtyping import Array
 
-from .._core import InputError
-from ._runge_kutta import hold
+from .._core import InputError, hold
 
 
 @eqx.filter_jit

@@ -22,9 +22,9 @@ import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 
-from .._core import InputError
-from ._runge_kutta import hold
+from .._core import InputError, hold
 from ._second_order import AbstractEqualSteps
 
 _P = 1.0 / (4.0 - 4.0 ** (1.0 / 3.0))
@@ -52,10 +52,11 @@ class Split(eqx.Module):
 class Splitting(AbstractEqualSteps):
     """Splitting of `order` 2, 4 or 6 with `steps` equal steps from one time to land on to the next.
 
-    For systems with a drift and a kick (`AbstractSplitSystem`), as a scene of `PointGravity` and forces that depend on the
-    position. Every state asked for is landed on. The error is estimated for the stretch as a whole, from the same with half as
-    many steps, which costs half as much again; `estimate=False` leaves it out, and then no status tells of too few steps. Order 6
-    steps back and forth beyond the ends of a stretch: there it takes a kick that depends on the time as it is at the end.
+    For systems with a drift and a kick (`AbstractSplitSystem`): a scene of `PointGravity`, free rotation, and loads that depend
+    on position and attitude; or a `Top`. Every state asked for is landed on. The error is estimated for the stretch as a whole,
+    from the same with half as many steps, which costs half as much again; `estimate=False` leaves it out, and then no status
+    tells of too few steps. Order 6 steps back and forth beyond the ends of a stretch: there it takes a kick that depends on the
+    time as it is at the end.
 
     Raises `InputError` for another order, or a number of steps that is not even."""
 
@@ -99,16 +100,23 @@ class Splitting(AbstractEqualSteps):
         return y1, error, dict(y0=y0, y1=y1), None, diffrax.RESULTS.successful
 
     def _stretch(self, split: Any, t0: Any, t1: Any, y0: Any, steps: int) -> Any:
-        """The state at the end of equal steps of a `Split`, or of what has its drift and kick; kicks are timed from within."""
+        """The state at the end of equal steps of a `Split`, or of what has its drift and kick; kicks are timed from within.
+
+        Half kicks that follow one another are one. The composition is a loop, so that drift and kick are compiled once."""
         h = (t1 - t0) / steps
         end = t1 - 4.0 * jnp.finfo(t1.dtype).eps * jnp.maximum(jnp.abs(t1), t1 - t0)
+        g = np.array(COMPOSITIONS[self.p])
+        closing = np.arange(g.size) == g.size - 1
+        parts = jnp.asarray(np.stack([np.cumsum(g) - g, g, 0.5 * np.roll(g, -1), closing]), h.dtype).T
+
+        def part(n: Any, y: Any, row: Any) -> tuple[Any, None]:
+            before, g, of_next, closing = row
+            y = hold(split.drift(jnp.clip(t0 + (n + before) * h, t0, end), g * h, y))
+            weight = 0.5 * g + jnp.where((closing > 0.0) & (n == steps - 1), 0.0, of_next)
+            return hold(split.kick(jnp.clip(t0 + (n + before + g) * h, t0, end), weight * h, y)), None
 
         def one(y: Any, n: Any) -> tuple[Any, None]:
-            s, owed = t0 + n * h, 0.0
-            for g in COMPOSITIONS[self.p]:
-                y = hold(split.kick(jnp.clip(s, t0, end), (owed + 0.5 * g) * h, y))
-                y = hold(split.drift(jnp.clip(s, t0, end), g * h, y))
-                s, owed = s + g * h, 0.5 * g
-            return hold(split.kick(jnp.clip(s, t0, end), owed * h, y)), None
+            return jax.lax.scan(lambda y, row: part(n, y, row), y, parts)
 
-        return jax.lax.scan(jax.checkpoint(one), y0, jnp.arange(steps, dtype=h.dtype))[0]
+        y = hold(split.kick(t0, 0.5 * parts[0, 1] * h, y0))
+        return jax.lax.scan(jax.checkpoint(one), y, jnp.arange(steps, dtype=h.dtype))[0]

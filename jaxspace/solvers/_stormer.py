@@ -30,10 +30,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from .._core import InputError
+from .._core import InputError, hold
 from ._nystrom import DOP853_NYSTROM, nystrom_step
 from ._polynomials import integrals_of, weights_of
-from ._runge_kutta import hold
 from ._second_order import AbstractEqualSteps, SecondOrder, second_order
 
 

@@ -32,6 +32,7 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
+from jaxtyping import Array
 
 from .._core import Scalar
 
@@ -84,16 +85,18 @@ def third(s: Scalar, c: Scalar, d: Scalar, pole: Scalar, strength: Scalar) -> Sc
     """The third integral, rad, within a quarter period, for S, c, d there; best conditioned for M <= sqrt(xy)."""
     p = 1.0 + pole * s * s
     size = strength * pole * s**3
-    x, y, z = c * c, d * d, jnp.ones_like(p)
-    roots, total = (c, d, jnp.ones_like(p)), jnp.zeros_like(p)
-    for i in range(_DUPLICATIONS):
-        a, b, e = roots
+
+    def duplicated(carry: tuple[Scalar, ...], factors: Array) -> tuple[tuple[Scalar, ...], None]:
+        x, y, z, p, a, b, e, total = carry
         r = jnp.sqrt(p)
-        total = total + 2.0 ** (i + 1) * jnp.arctan(0.125**i * size / ((r + a) * (r + b) * (r + e)))
+        total = total + factors[0] * jnp.arctan(factors[1] * size / ((r + a) * (r + b) * (r + e)))
         shift = a * b + b * e + e * a
         x, y, z, p = (0.25 * (v + shift) for v in (x, y, z, p))
-        roots = jnp.sqrt(x), jnp.sqrt(y), jnp.sqrt(z)
-        x, y, z, p, roots, total = jax.lax.optimization_barrier((x, y, z, p, roots, total))
+        return (x, y, z, p, jnp.sqrt(x), jnp.sqrt(y), jnp.sqrt(z), total), None
+
+    factors = jnp.asarray([(2.0 ** (i + 1), 0.125**i) for i in range(_DUPLICATIONS)], p.dtype)
+    one = jnp.ones_like(p)
+    (x, y, z, p, *_, total), _ = jax.lax.scan(duplicated, (c * c, d * d, one, p, c, d, one, 0.0 * one), factors)
     mean = (x + y + z + 2.0 * p) / 5.0
     x, y, z = (1.0 - v / mean for v in (x, y, z))
     p = -0.5 * (x + y + z)

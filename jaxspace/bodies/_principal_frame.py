@@ -21,9 +21,9 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from .._core import Matrix, Scalar, Vector, axis, cross, matvec
-from ..bodies import AbstractInertia, PrincipalInertia, principal_axes
 from ..rotations import Quaternion
 from ._free_rotation import free_rotation
+from ._inertia import AbstractInertia, PrincipalInertia, principal_axes
 
 _PAIRS = ((1, 2), (2, 0), (0, 1))
 

@@ -1,0 +1,100 @@
+"""Splitting with attitude: free rotation and kicks by the gravity gradient and by the weight of a top."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jaxspace import Scene
+from jaxspace._core import cross, dot
+from jaxspace.attitude import Top, TorqueFreeBody
+from jaxspace.bodies import BodyState, Load, RigidBody
+from jaxspace.orbits import PointGravity
+from jaxspace.rotations import Quaternion
+from jaxspace.scene import Custom
+from jaxspace.simulation import Accuracy, Status, simulate
+from jaxspace.solvers import DOP853, Splitting
+
+
+def gradient_torque(t, y, body):
+    """3 mu / r^5 r x J r in body axes, with mu = 1 (Thomson 5.13 for a circular orbit)."""
+    r = y.attitude.rotate_back(y.position)
+    square = dot(r, r)
+    return Load(torque_B=3.0 / (square * square * jnp.sqrt(square)) * cross(r, body.inertia(None).times(r)))
+
+
+GRADIENT = Custom(gradient_torque, needs={"position", "attitude"}, adds={"torque"})
+SCENE = Scene((PointGravity(1.0), GRADIENT), RigidBody(1.0, [1.0, 1.4, 1.8]))
+ORBIT = 2.0 * np.pi
+
+
+def start(omega):
+    attitude = Quaternion(jnp.array([1.0, 0.1, 0.05, 0.08])).normalised()
+    return BodyState(jnp.array([1.0, 0.0, 0.0]), jnp.array([0.0, 1.0, 0.0]), attitude, jnp.array(omega))
+
+
+def split(span, y, rtol=1e-3):
+    """240 steps over the span."""
+    accuracy = Accuracy(rtol=rtol, method=Splitting(4, steps=240))
+    return simulate(SCENE, y, jnp.array([0.0, span]), accuracy=accuracy, throw=False)
+
+
+def resolved(span, y, rtol):
+    return simulate(SCENE, y, jnp.array([0.0, span]), accuracy=Accuracy(rtol=rtol, method=DOP853()))
+
+
+def apart(a, b):
+    """Of two runs, how far the attitudes are apart in the end."""
+    return float(jnp.max(jnp.abs(a.final.attitude.wxyz - b.final.attitude.wxyz)))
+
+
+def jacobi(y):
+    """What a body in a circular orbit keeps beside it: its energy in the turning frame."""
+    moments = jnp.array([1.0, 1.4, 1.8])
+    r, h = y.attitude.rotate_back(y.position), y.attitude.rotate(moments * y.omega)
+    return 0.5 * dot(moments * y.omega, y.omega) + 1.5 * dot(r, moments * r) - h[2]
+
+
+def test_libration_under_the_gravity_gradient():
+    y = start([0.05, 0.02, 1.1])
+    run = split(6.0 * ORBIT, y)
+    error = apart(run, resolved(6.0 * ORBIT, y, 1e-12))
+    assert error < 3e-5
+    assert 0.1 < 1e-3 * run.stats["largest_local_error"] / error < 10.0
+    assert split(6.0 * ORBIT, y, 1e-9).status == Status.TOLERANCE_MISSED
+
+
+def test_the_energy_of_a_libration_swings_and_does_not_wander():
+    y, kept = start([0.05, 0.02, 1.1]), []
+    for _ in range(40):
+        kept.append(float(jax.jit(jacobi)(y)))
+        y = split(6.0 * ORBIT, y).final
+    swing = np.abs(np.array(kept) - kept[0]).reshape(4, 10).max(axis=1)
+    assert swing.max() < 3.0 * swing[0]
+    assert swing.max() < 1e-4
+
+
+def test_a_fast_spin_is_free_rotation_but_for_a_little():
+    """Three thousand radians of rotation within a third of one of the orbit: each step passes over a dozen of them."""
+    y = start([3000.0, 200.0, 9500.0])
+    exact, followed = resolved(0.3, y, 1e-12), resolved(0.3, y, 1e-7)
+    assert apart(split(0.3, y), exact) < apart(followed, exact)
+    assert 10 * 240 < followed.stats["steps"]
+
+
+def test_without_a_torque_the_rotation_is_exact():
+    y = start([2.0, 0.3, 1.0])
+    free = Scene((), SCENE.body, carry=("attitude",)).drift(30.0, BodyState(attitude=y.attitude, omega=y.omega))
+    exact = TorqueFreeBody([1.0, 1.4, 1.8]).flow(30.0, BodyState(attitude=y.attitude, omega=y.omega))
+    np.testing.assert_allclose(free.attitude.wxyz, exact.attitude.wxyz, atol=1e-14)
+    line = Scene((GRADIENT,), SCENE.body).drift(2.0, y)
+    np.testing.assert_allclose(line.position, [1.0, 2.0, 0.0])
+
+
+def test_a_top_precesses():
+    """A fast top: its steps are those of the precession's kicks, and its energy swings."""
+    top = Top(0.002, 0.0008, 0.3)
+    y, ts = Top.state(jnp.array([0.2, 0.7, 0.1]), jnp.array([1.0, 0.3, 149.0])), jnp.linspace(0.0, 1.0, 3)
+    exact = simulate(top, y, ts, accuracy=1e-12)
+    run = simulate(top, y, ts, accuracy=Accuracy(rtol=1e-5, method=Splitting(4, steps=200)))
+    assert apart(run, exact) < 1e-5
+    assert all(np.max(drift) < 1e-6 for drift in run.drift().values())
