@@ -21,8 +21,6 @@ from .._core import (
     AbstractSplitSystem,
     InputError,
     Scalar,
-    cross,
-    dot,
 )
 from ..bodies import (
     PARTS,
@@ -36,9 +34,9 @@ from ..bodies import (
     RigidBody,
     angular_acceleration,
     free_turn,
-    kinetic_energy,
     linear_acceleration,
 )
+from ._conserved import conserved
 
 TRANSLATION, ROTATION = {"position", "velocity"}, {"attitude", "omega"}
 CALLS_FOR = {"acceleration": TRANSLATION, "force": TRANSLATION, "torque": ROTATION, "mass_rate": {"mass"}, "parts": {"parts"}}
@@ -189,40 +187,7 @@ class Scene(AbstractPiecewiseSystem, AbstractSplitSystem, AbstractRegularisedSys
 
     def invariants(self, t: Scalar, y: BodyState) -> dict[str, Array]:
         """What the effects together leave constant: the energy if every effect keeps it, and so on."""
-        kept = frozenset.intersection(*(e.keeps for e in self.effects)) if self.effects else ALL_KEPT
-        adds = frozenset().union(*(e.adds for e in self.effects))
-        found: dict[str, Array] = {}
-        if "mass_rate" in adds:
-            return self._quaternion_norm(y)
-        if y.position is not None and y.velocity is not None:
-            moment = cross(y.position, y.velocity)
-            if "angular_momentum" in kept:
-                found["angular_momentum"] = moment
-            elif "axial_angular_momentum" in kept:
-                found["axial_angular_momentum"] = moment[2]
-        if "energy" in kept:
-            found |= self._energy(t, y, "torque" in adds)
-        if y.omega is not None and y.attitude is not None and "torque" not in adds:
-            h = self.body.inertia(self.mass(y)).times(y.omega)
-            found["rotational_momentum"] = y.attitude.rotate(h)
-            found["rotational_energy"] = kinetic_energy(self.body.inertia(self.mass(y)), y.omega)
-        return found | self._quaternion_norm(y)
-
-    def _quaternion_norm(self, y: BodyState) -> dict[str, Array]:
-        return {} if y.attitude is None else {"quaternion_norm": y.attitude.norm_squared()}
-
-    def _energy(self, t: Scalar, y: BodyState, coupled: bool) -> dict[str, Array]:
-        """Energy per unit mass of the motion of the centre of mass; with torques, that of the rotation counts in."""
-        energy = 0.0 if y.velocity is None else 0.5 * dot(y.velocity, y.velocity)
-        for effect in self.effects:
-            potential = effect.potential(t, y, self.body)
-            assert potential is not None, f"{type(effect).__name__} keeps the energy and has no potential"
-            energy = energy + potential
-        if coupled and y.omega is not None:
-            mass = self.mass(y)
-            assert mass is not None
-            energy = energy + kinetic_energy(self.body.inertia(mass), y.omega) / mass
-        return {"energy": jnp.asarray(energy)}
+        return conserved(self.effects, self.body, self.mass(y), t, y)
 
     def explain(self) -> str:
         """A table of the effects: what each reads and adds, and its share of the arithmetic of one evaluation."""
@@ -239,7 +204,6 @@ class Scene(AbstractPiecewiseSystem, AbstractSplitSystem, AbstractRegularisedSys
 
 
 SUMMED = ("acceleration_N", "force_N", "torque_B", "mass_rate")
-ALL_KEPT = frozenset({"energy", "angular_momentum", "axial_angular_momentum"})
 
 
 def _sum(terms: list[Any]) -> Any:

@@ -1,0 +1,52 @@
+"""What a body under several effects conserves: what each of them keeps, and nothing else.
+
+    energy per unit mass  v^2/2 + sum of potentials (+ omega . J omega / 2m, where torques couple both motions)
+    angular momentum      r x v, or its z component alone
+    rotation without torque  J omega in inertial axes, omega . J omega / 2
+
+Source: Thomson 4.2, 5.3."""
+
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from .._core import Scalar, cross, dot
+from ..bodies import AbstractBody, AbstractEffect, BodyState, kinetic_energy
+
+ALL_KEPT = frozenset({"energy", "angular_momentum", "axial_angular_momentum"})
+
+
+def conserved(
+    effects: tuple[AbstractEffect, ...], body: AbstractBody, mass: Scalar | None, t: Scalar, y: BodyState
+) -> dict[str, Array]:
+    """The conserved quantities of a body of this `mass`, kg, by name, in the state `y` at the time `t`, s."""
+    kept = frozenset.intersection(*(e.keeps for e in effects)) if effects else ALL_KEPT
+    adds = frozenset().union(*(e.adds for e in effects))
+    unit = {} if y.attitude is None else {"quaternion_norm": y.attitude.norm_squared()}
+    found: dict[str, Array] = {}
+    if "mass_rate" in adds:
+        return unit
+    if y.position is not None and y.velocity is not None:
+        moment = cross(y.position, y.velocity)
+        if "angular_momentum" in kept:
+            found["angular_momentum"] = moment
+        elif "axial_angular_momentum" in kept:
+            found["axial_angular_momentum"] = moment[2]
+    if "energy" in kept:
+        found["energy"] = _energy(effects, body, mass if "torque" in adds else None, t, y)
+    if y.omega is not None and y.attitude is not None and "torque" not in adds:
+        inertia = body.inertia(mass)
+        found["rotational_momentum"] = y.attitude.rotate(inertia.times(y.omega))
+        found["rotational_energy"] = kinetic_energy(inertia, y.omega)
+    return found | unit
+
+
+def _energy(effects: tuple[AbstractEffect, ...], body: AbstractBody, mass: Scalar | None, t: Scalar, y: BodyState) -> Array:
+    """Energy per unit mass; that of the rotation counts in where the `mass` that it belongs to is given."""
+    energy = 0.0 if y.velocity is None else 0.5 * dot(y.velocity, y.velocity)
+    for effect in effects:
+        potential = effect.potential(t, y, body)
+        assert potential is not None, f"{type(effect).__name__} keeps the energy and has no potential"
+        energy = energy + potential
+    if mass is not None and y.omega is not None:
+        energy = energy + kinetic_energy(body.inertia(mass), y.omega) / mass
+    return jnp.asarray(energy)
