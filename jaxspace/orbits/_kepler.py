@@ -54,8 +54,8 @@ def kepler_flow(position: Vector, velocity: Vector, duration: Scalar, mu: Scalar
 
 def universal_anomaly(sigma: Scalar, beta: Scalar, tau: Scalar, p: Scalar) -> Scalar:
     """The anomaly chi a time `tau` later, whole revolutions included; symbols and units as above, all four (*runs,)."""
-    rest = _without_revolutions(tau, beta)
-    return _universal_anomaly(sigma, beta, rest, p) + beta * (tau - rest)
+    end = _anomaly(sigma, beta, tau, jax.lax.stop_gradient(p))
+    return end.chi + beta * (tau - end.left)
 
 
 def _with_rank(vector: Vector, rank: int) -> Vector:
