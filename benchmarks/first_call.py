@@ -22,7 +22,7 @@ print(time.perf_counter() - start)
 """
 SYSTEMS = {
     "closed form": "TwoBody(1.0)",
-    "DOP853, gravity and oblateness": "Scene((PointGravity(1.0), Oblateness(1.0, 1e-3, 1.0)))",
+    "gravity and oblateness": "Scene((PointGravity(1.0), Oblateness(1.0, 1e-3, 1.0)))",
 }
 
 

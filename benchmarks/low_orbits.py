@@ -69,11 +69,9 @@ def measure() -> dict:
     calls = {f"ours, DOP853 {rtol:.0e}": lambda rtol=rtol: ours(rtol) for rtol in (1e-6, 1e-9, 1e-11)}
     calls |= {f"ours, RKN 12(10) {rtol:.0e}": lambda rtol=rtol: ours(rtol, RKN1210()) for rtol in (1e-7, 1e-9, 1e-11)}
     calls |= {
-        f"ours, Stormer of order {order}, {steps} steps": lambda order=order, steps=steps: ours(1e-9, Stormer(order, steps=steps))
-        for order, steps in ((10, 850), (12, 1310))
+        f"ours, Stormer of order {m.k}, {m.steps} steps": lambda rtol=rtol, m=m: ours(rtol, m)
+        for rtol, m in ((1e-5, Stormer(10, steps=850)), (1e-8, Stormer(12, steps=1310)))
     }
-    if len(jax.devices()) > 1:
-        calls["the same, on all devices"] = lambda: ours(1e-9, Stormer(12, steps=1310), y0)
     calls |= {"diffrax Dopri8 under vmap 1e-10": lambda: theirs(y0, 1e-10).position}
     if optional("heyoka") is not None:
         states = np.concatenate([np.asarray(y0.position).T, np.asarray(y0.velocity).T])
@@ -86,4 +84,17 @@ def measure() -> dict:
     rows = in_turn(calls, RUNS)
     for name, call in calls.items():
         rows[name]["worst_relative_error"] = worst(call(), reference)
-    return rows
+    return rows | _scaling(ours, y0)
+
+
+def _scaling(ours, y0: BodyState) -> dict:
+    """Many runs on one device and on all."""
+    if len(jax.devices()) == 1:
+        return {}
+    many = jax.tree.map(lambda x: jnp.tile(x, (8, 1)), y0)
+    one = on_one_device(many)
+    calls = {
+        f"Stormer of order 12, {8 * RUNS} runs on {where}": lambda y=y: ours(1e-8, Stormer(12, steps=1310), y)
+        for where, y in (("one device", one), ("all devices", many))
+    }
+    return in_turn(calls, 8 * RUNS)

@@ -41,7 +41,9 @@ class Manner(eqx.Module):
     def method(self) -> Any:
         """The method; told where states within its steps will be asked for, if that makes a difference to it."""
         method = self.accuracy.method
-        return RKN1210(self.kept) if isinstance(method, RKN1210) and self.kept is not None else method
+        if not isinstance(method, RKN1210):
+            return method
+        return RKN1210(jnp.zeros((0,), self.lengths.dtype) if self.kept is None else self.kept)
 
     @property
     def max_steps(self) -> int:

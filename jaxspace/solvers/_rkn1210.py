@@ -110,11 +110,13 @@ class RKN1210(diffrax.AbstractAdaptiveSolver):
         by_position = step * system.travel(step * weighted(POSITION_ERROR, ks))
         error = system.state(by_position, step * weighted(VELOCITY_ERROR, ks))
         between = lambda: _between(system, t0, h, r1, v1, mean, ks[0])  # noqa: E731
+        nothing = lambda: jnp.zeros((10, *r1.shape), r1.dtype)  # noqa: E731
         if self.asked is None:
             q = between()
+        elif self.asked.shape[0] == 0:
+            q = nothing()
         else:
-            within = jnp.any((self.asked >= t0) & (self.asked <= t1))
-            q = jax.lax.cond(within, between, lambda: jnp.zeros((10, *r1.shape), r1.dtype))
+            q = jax.lax.cond(jnp.any((self.asked >= t0) & (self.asked <= t1)), between, nothing)
         dense = dict(y0=y0, q=q, pace=step * system.travel(jnp.ones_like(v1)))
         return y1, error, dense, solver_state, diffrax.RESULTS.successful
 
