@@ -1,8 +1,8 @@
 """Blocks of runs side by side: one after the other on every device, and all devices at once.
 
 A block is large enough to pay for the dispatch of each operation, and small enough that what a step keeps of it (the stages of
-a method, or the accelerations of the last steps) stays in the first levels of the cache. Measured on low orbits: blocks of 64
-are up to 1.5 times as fast as blocks of 512, and vectors of 512 bits up to 1.7 times as fast as those of 256 bits."""
+a method, or the accelerations of the last steps) stays in the first levels of the cache: on low orbits blocks of 64 were
+faster than those of 512, and vectors of 512 bits faster than those of 256."""
 
 import functools
 from collections.abc import Callable, Sequence

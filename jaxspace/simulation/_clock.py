@@ -33,25 +33,25 @@ class Rate(eqx.Module):
     t0: Array
     span: Array
 
+    def _segment(self, s: Scalar) -> tuple[Scalar, Scalar, Scalar]:
+        """The clock time at which the segment of `s` starts, the fraction of the span there, and that which the segment takes."""
+        segments = self.u.shape[0] - 1
+        start = jnp.clip(jnp.floor(s), 0.0, segments - 1.0)
+        i = start.astype(jnp.int32) if segments > 1 else 0
+        return start, self.u[i], self.u[i + 1] - self.u[i]
+
     def time(self, s: Scalar) -> Scalar:
         """The time at the clock time `s`."""
-        segments = self.u.shape[0] - 1
-        start = jnp.clip(jnp.floor(s), 0.0, segments - 1.0)
-        i = start.astype(jnp.int32) if segments > 1 else 0
-        return self.t0 + self.span * (self.u[i] + (s - start) * (self.u[i + 1] - self.u[i]))
-
-    def __call__(self, s: Scalar, y: State) -> State:
-        segments = self.u.shape[0] - 1
-        start = jnp.clip(jnp.floor(s), 0.0, segments - 1.0)
-        i = start.astype(jnp.int32) if segments > 1 else 0
-        width = self.u[i + 1] - self.u[i]
-        t = self.t0 + self.span * (self.u[i] + (s - start) * width)
-        return jax.tree.map(lambda k: k * (self.span * width), self.system.vector_field(t, y))
+        start, u, width = self._segment(s)
+        return self.t0 + self.span * (u + (s - start) * width)
 
     def duration(self, s: Scalar, ds: Scalar) -> Scalar:
         """The duration of a clock time `ds` from `s` on."""
-        i = jnp.clip(jnp.floor(s), 0.0, self.u.shape[0] - 2.0).astype(jnp.int32) if self.u.shape[0] > 2 else 0
-        return ds * self.span * (self.u[i + 1] - self.u[i])
+        return ds * (self.span * self._segment(s)[2])
+
+    def __call__(self, s: Scalar, y: State) -> State:
+        pace = self.duration(s, 1.0)
+        return jax.tree.map(lambda k: k * pace, self.system.vector_field(self.time(s), y))
 
     def _form(self) -> AbstractRegularForm:
         return cast(AbstractRegularisedSystem, self.system).regular_form()
