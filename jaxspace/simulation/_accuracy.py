@@ -45,7 +45,7 @@ class Accuracy(eqx.Module):
     atol: Float[Array, ""] | None = eqx.field(converter=as_optional_float, default=None)
     method: diffrax.AbstractSolver | Literal["auto"] = "auto"
     adjoint: diffrax.AbstractAdjoint = diffrax.RecursiveCheckpointAdjoint()
-    max_steps: int = eqx.field(static=True, default=65536)
+    max_steps: int = eqx.field(static=True, default=16384)
 
     def __check_init__(self):
         check_positive("Accuracy.rtol", self.rtol)

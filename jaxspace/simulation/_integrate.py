@@ -21,7 +21,8 @@ from ..solvers import (
     WorstRunControl,
 )
 from ._accuracy import Accuracy
-from ._reverse import Record, Replay, replayable, stride
+from ._march import March, Record, march, room
+from ._reverse import Replay, replayable
 
 
 @final
@@ -66,9 +67,14 @@ class Course(NamedTuple):
 def integrate(rate: Any, y0: State, manner: Manner) -> Course:
     """The course of dy/ds = rate(s, y) from s = 0 to the number of segments."""
     manner = jax.tree.map(lambda x: jax.lax.stop_gradient(x) if eqx.is_inexact_array(x) else x, manner)
-    if replayable(manner.accuracy.method) and isinstance(manner.accuracy.adjoint, diffrax.RecursiveCheckpointAdjoint):
-        return _replayed((_converted(rate, y0, manner), y0), manner)
-    return _solve(rate, y0, manner)[0]
+    rate, adjoint = _converted(rate, y0, manner), manner.accuracy.adjoint
+    if not replayable(manner.accuracy.method) or not isinstance(
+        adjoint, diffrax.RecursiveCheckpointAdjoint | diffrax.ForwardMode
+    ):
+        return _by_diffrax(rate, y0, manner)
+    if isinstance(adjoint, diffrax.ForwardMode):
+        return _course(_march(rate, y0, manner), manner)
+    return _replayed((rate, y0), manner)
 
 
 def _converted(rate: Any, y0: State, manner: Manner) -> Any:
@@ -89,58 +95,82 @@ def _regular(rate: Any, whole: Any, s: Any, y0: State) -> Regular:
     return Regular(whole, *(eqx.filter_closure_convert(getattr(rate, part), *args) for part, args in given.items()))
 
 
+@eqx.filter_jit
 def _rate(s: Any, y: State, rate: Any) -> State:
+    """The rate, traced once for all places of a program that ask for it."""
     return rate(s, y)
 
 
 TERM: Any = diffrax.ODETerm(_rate)  # pyright: ignore[reportArgumentType]
 
 
-def _solve(rate: Any, y0: State, manner: Manner, every: int = 0) -> tuple[Course, State | None]:
-    """The course with the ends of its steps, and the state after every `every` of them; without both for 0."""
-    accuracy, dtype, plan = manner.accuracy, manner.lengths.dtype, manner.plan
-    subs = [diffrax.SubSaveAt(t1=True) if manner.kept is None else diffrax.SubSaveAt(ts=manner.kept)]
-    if every or manner.record:
-        subs.append(diffrax.SubSaveAt(steps=True, fn=lambda s, y, a: None))
-    if every:
-        subs.append(diffrax.SubSaveAt(steps=every))
+def _parts(manner: Manner) -> tuple[Accounted, Any, Array]:
+    """The solver, the control of its steps, and the last clock time."""
+    dtype, plan = manner.lengths.dtype, manner.plan
     adaptive = WorstRunControl(manner.tolerance, manner.lengths)
+    control = adaptive if plan is None else PlannedSteps(plan.astype(dtype))
+    return Accounted(manner.method, manner.tolerance), control, jnp.asarray(manner.lengths.shape[0], dtype)
+
+
+def _march(rate: Any, y0: State, manner: Manner, marked: bool = False) -> March:
+    solver, control, last = _parts(manner)
+    return march(solver, control, TERM, rate, y0, last, manner.max_steps, manner.kept, manner.record, marked)
+
+
+def _course(m: March, manner: Manner) -> Course:
+    states = jax.tree.map(lambda x: x[None], m.y) if manner.kept is None else m.states
+    return Course(
+        states, m.solver[1], m.s < manner.lengths.shape[0], m.accepted, m.rejected, _padded(m) if manner.record else None
+    )
+
+
+def _padded(m: March) -> Array:
+    """The ends of the steps, with infinity after them."""
+    ends = cast(Array, m.ends)
+    return jnp.where(jnp.arange(ends.shape[0]) < m.accepted, ends, jnp.inf)
+
+
+def _by_diffrax(rate: Any, y0: State, manner: Manner) -> Course:
+    """The course by diffrax's loop, for its other ways of differentiation and for methods that remember more than a state."""
+    solver, control, last = _parts(manner)
+    subs = [diffrax.SubSaveAt(t1=True) if manner.kept is None else diffrax.SubSaveAt(ts=manner.kept)]
+    if manner.record:
+        subs.append(diffrax.SubSaveAt(steps=True, fn=lambda s, y, a: None))
     solution: Any = diffrax.diffeqsolve(
         TERM,
-        Accounted(manner.method, manner.tolerance),
-        jnp.zeros((), dtype),
-        jnp.asarray(manner.lengths.shape[0], dtype),
+        solver,
+        jnp.zeros_like(last),
+        last,
         None,
         y0,
         rate,
         saveat=diffrax.SaveAt(subs=subs, solver_state=True),
-        stepsize_controller=adaptive if plan is None else PlannedSteps(plan.astype(dtype)),
-        adjoint=accuracy.adjoint,
+        stepsize_controller=control,
+        adjoint=manner.accuracy.adjoint,
         max_steps=manner.max_steps,
         throw=False,
     )
-    course = Course(
+    return Course(
         solution.ys[0],
         solution.solver_state[1],
         solution.result == diffrax.RESULTS.max_steps_reached,
         solution.stats["num_accepted_steps"],
         solution.stats["num_rejected_steps"],
-        solution.ts[1] if every or manner.record else None,
+        solution.ts[1] if manner.record else None,
     )
-    return course, solution.ys[2] if every else None
 
 
 @eqx.filter_custom_vjp
 def _replayed(given: tuple[Any, State], manner: Manner) -> Course:
-    return _solve(*given, manner)[0]
+    return _course(_march(*given, manner), manner)
 
 
 @_replayed.def_fwd
 def _forwards(perturbed: Any, given: tuple[Any, State], manner: Manner) -> tuple[Course, tuple[Record, State]]:
     del perturbed
-    course, states = _solve(*given, manner, stride(given[1], manner.max_steps))
-    record = Record(cast(Array, course.ends), states, course.accepted)
-    return course if manner.record else course._replace(ends=None), (record, course.states)
+    m = _march(*given, manner, marked=True)
+    course = _course(m, manner)
+    return course, (Record(cast(Array, m.ends), m.marks, m.every, m.accepted), course.states)
 
 
 @_replayed.def_bwd
@@ -149,5 +179,6 @@ def _backwards(kept: tuple[Record, State], gradient: Course, perturbed: Any, giv
     rate, y0 = given
     filled = jax.tree.map(lambda y, g: jnp.zeros_like(y) if g is None else g, states, gradient.states)
     moving, rest = eqx.partition(rate, perturbed[0])
-    every = stride(y0, manner.max_steps)
-    return Replay(manner.method, TERM, rest, record, y0, manner.kept, every).pull_back(moving, filled)
+    most = -(-manner.max_steps // room(y0, manner.max_steps))
+    most = 1 << (most - 1).bit_length()
+    return Replay(manner.method, TERM, rest, record, y0, manner.kept, most).pull_back(moving, filled)

@@ -5,10 +5,10 @@
 
 Repetition that chose its steps anew could, by a difference of one rounding, choose others, and the derivative would belong to
 no run at all (seen: wrong by its own size, over a thousand steps). So the ends of the accepted steps are kept, with the state
-at every `stride`-th of them; between these, the steps are taken once more.
+at as many of them as there is room for; between these, the steps are taken once more.
 """
 
-from typing import Any, NamedTuple, final
+from typing import Any, final
 
 import diffrax
 import equinox as eqx
@@ -18,17 +18,7 @@ from jaxtyping import Array
 
 from .._core import State
 from ..solvers import DOP853, RKN1210, AbstractEqualSteps, ExponentialRosenbrock, MuntheKaas, Tsit5
-
-RECORD_BYTES = 2**19  # of states kept for reverse mode, where a longer record keeps every second, third, ... state: more than
-# this takes longer to fill and to move than the steps between take once more
-
-
-class Record(NamedTuple):
-    """What reverse mode needs of a run: the clock at the ends of its `count` steps, and the states after every `stride`."""
-
-    ends: Array
-    states: State
-    count: Array
+from ._march import Record, rows
 
 
 def replayable(method: Any) -> bool:
@@ -36,12 +26,6 @@ def replayable(method: Any) -> bool:
     if isinstance(method, MuntheKaas):
         return replayable(method.solver)
     return isinstance(method, DOP853 | ExponentialRosenbrock | RKN1210 | Tsit5 | AbstractEqualSteps | diffrax.AbstractRungeKutta)
-
-
-def stride(y0: State, max_steps: int) -> int:
-    """After how many steps a state has to be kept so that those of `max_steps` fit into the record."""
-    size = sum(leaf.size * leaf.dtype.itemsize for leaf in jax.tree.leaves(y0))
-    return -(-max_steps * size // RECORD_BYTES)
 
 
 def _at(tree: Any, index: Any) -> Any:
@@ -55,7 +39,8 @@ def _sum(first: Any, second: Any) -> Any:
 @final
 class Replay(eqx.Module):
     """The steps of a run once more, each as a function of its first state and of the part `moving` of dy/ds that is
-    differentiated; `kept` holds the clock times of the states asked for (the end alone where it is `None`)."""
+    differentiated; `kept` holds the clock times of the states asked for (the end alone where it is `None`), and `most` says how
+    many steps may lie between two states of the record."""
 
     method: diffrax.AbstractSolver
     term: Any
@@ -63,7 +48,7 @@ class Replay(eqx.Module):
     record: Record
     y0: State
     kept: Array | None
-    every: int = eqx.field(static=True)
+    most: int = eqx.field(static=True)
 
     def ends(self, n: Array) -> tuple[Array, Array]:
         """The clock at the start and at the end of step `n`."""
@@ -77,19 +62,20 @@ class Replay(eqx.Module):
         y1, _, dense, _, _ = self.method.step(self.term, s0, s1, y, rate, inner, jnp.array(False))
         return y1, None if self.kept is None else dense
 
-    def stretch(self, moving: Any, j: Array) -> State:
-        """The states before each of the `every` steps from number `j * every` on."""
+    def stretch(self, moving: Any, j: Array, ys: State) -> State:
+        """`ys` filled with the states before each of the steps that follow record number `j`."""
         first = jax.tree.map(lambda a, b: jnp.where(j > 0, a, b), _at(self.record.states, j - 1), self.y0)
-        ys = jax.tree.map(lambda x: jnp.zeros((self.every, *x.shape), x.dtype).at[0].set(x), first)
-        if self.every == 1:
+        ys = jax.tree.map(lambda a, b: a.at[0].set(b), ys, first)
+        if self.most == 1:
             return ys
+        start = j * self.record.every
 
         def fill(i: Array, carry: tuple[State, State]) -> tuple[State, State]:
             ys, y = carry  # the last state by itself: read from where the next one is written, all of them would be copied
-            y1, _ = self.step(moving, j * self.every + i, y)
+            y1, _ = self.step(moving, start + i, y)
             return jax.tree.map(lambda a, b: a.at[i + 1].set(b), ys, y1), y1
 
-        return jax.lax.fori_loop(0, jnp.minimum(self.every, self.record.count - j * self.every) - 1, fill, (ys, first))[0]
+        return jax.lax.fori_loop(0, jnp.minimum(self.record.every, self.record.count - start) - 1, fill, (ys, first))[0]
 
     def from_kept(self, n: Array, dense: Any, gradient: State, k: Array) -> tuple[Array, Any]:
         """The gradient with respect to what the dense output of step `n` holds, from the kept states up to number `k` that lie
@@ -110,21 +96,22 @@ class Replay(eqx.Module):
 
         def back(i: Array, carry: tuple[Any, State, Array], ys: State, j: Array, count: Array) -> tuple[Any, State, Array]:
             of_moving, of_y, k = carry
-            n = j * self.every + count - 1 - i
+            n = j * self.record.every + count - 1 - i
             (_, dense), pull = jax.vjp(lambda p, y: self.step(p, n, y), moving, _at(ys, count - 1 - i))
             if self.kept is not None:
                 k, dense = self.from_kept(n, dense, gradient, k)
             more, of_y = pull((of_y, dense))
             return _sum(of_moving, more), of_y, k
 
-        def backwards(i: Array, carry: tuple[Any, State, Array]) -> tuple[Any, State, Array]:
+        def backwards(i: Array, carry: tuple[Any, State]) -> tuple[Any, State]:
+            total, ys = carry
             j = stretches - 1 - i
-            count = jnp.minimum(self.every, self.record.count - j * self.every)
-            ys = self.stretch(moving, j)
-            return jax.lax.fori_loop(0, count, lambda i, c: back(i, c, ys, j, count), carry)
+            count = jnp.minimum(self.record.every, self.record.count - j * self.record.every)
+            ys = self.stretch(moving, j, ys)
+            return jax.lax.fori_loop(0, count, lambda i, c: back(i, c, ys, j, count), total), ys
 
-        stretches = -(-self.record.count // self.every)
+        stretches = -(-self.record.count // self.record.every)
         times = 0 if self.kept is None else self.kept.shape[0]
         at_end = _at(gradient, 0) if self.kept is None else jax.tree.map(jnp.zeros_like, self.y0)
         start = (jax.tree.map(jnp.zeros_like, moving), at_end, jnp.asarray(times - 1))
-        return jax.lax.fori_loop(0, stretches, backwards, start)[:2]
+        return jax.lax.fori_loop(0, stretches, backwards, (start, rows(self.most, self.y0)))[0][:2]

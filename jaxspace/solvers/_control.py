@@ -22,7 +22,7 @@ from jaxtyping import Array, Float, PyTree
 
 from .._core import Scalar, safe_sqrt
 
-SAFETY, SHRINK, GROW = 0.9, 0.2, 8.0
+SAFETY, SHRINK, GROW = 0.8, 0.2, 8.0
 SMALLEST_STEP = 1e-10  # of a segment; such a step is taken whatever its error, and the account of the errors tells of it
 FIRST_STEP = 1e-2  # of a segment: too long a first step costs a rejection or two, too short a one many steps to grow
 
