@@ -1,0 +1,75 @@
+"""An asymmetric body that tumbles in a low orbit at twenty times the orbit's rate, turned by the gravity gradient, over some
+hundred precessions: stepping orbit and rotation together, and exact motions with kicks, beside heyoka's Taylor method."""
+
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+
+from jaxspace import BodyState, Scene
+from jaxspace.attitude import GravityGradient
+from jaxspace.bodies import RigidBody
+from jaxspace.orbits import PointGravity
+from jaxspace.rotations import Quaternion
+from jaxspace.simulation import Accuracy, simulate_batch
+from jaxspace.solvers import DOP853, MuntheKaas, Splitting
+
+from . import free_body, low_orbits
+from ._measure import heyoka_ends, in_turn, on_one_device, optional, worst
+
+RUNS, RATE = free_body.RUNS, 20.0
+SPAN, MOMENTS = free_body.SPAN / RATE, free_body.MOMENTS
+SCENE = Scene((PointGravity(1.0), GravityGradient(1.0)), RigidBody(inertia=MOMENTS))
+
+
+def starts() -> np.ndarray:
+    """Low orbits, and rates and attitudes of every kind: position, velocity, omega, attitude, (13, runs)."""
+    y, body = low_orbits.orbits(), free_body.starts()
+    return np.concatenate([y.position[:RUNS].T, y.velocity[:RUNS].T, RATE * body[:3], body[3:]])
+
+
+def equations(heyoka):
+    """The same motion in heyoka's symbols."""
+    x, y, z, vx, vy, vz = heyoka.make_vars("x", "y", "z", "vx", "vy", "vz")
+    free = free_body.equations(heyoka)
+    q0, q1, q2, q3 = (name for name, _ in free[3:])
+    pull = (x**2 + y**2 + z**2) ** (-1.5)
+    square = pull / (x**2 + y**2 + z**2)
+    # r in body axes: r + 2 u x (u x r - q0 r)
+    c = [q2 * z - q3 * y - q0 * x, q3 * x - q1 * z - q0 * y, q1 * y - q2 * x - q0 * z]
+    b = [x + 2.0 * (q2 * c[2] - q3 * c[1]), y + 2.0 * (q3 * c[0] - q1 * c[2]), z + 2.0 * (q1 * c[1] - q2 * c[0])]
+    i1, i2, i3 = MOMENTS
+    torque = [(i3 - i2) / i1 * b[1] * b[2], (i1 - i3) / i2 * b[2] * b[0], (i2 - i1) / i3 * b[0] * b[1]]
+    euler = [(name, rate + 3.0 * square * m) for (name, rate), m in zip(free[:3], torque, strict=True)]
+    return [(x, vx), (y, vy), (z, vz), (vx, -x * pull), (vy, -y * pull), (vz, -z * pull), *euler, *free[3:]]
+
+
+def measure() -> dict:
+    """Error of rate and attitude, and speed, of every method."""
+    start = starts()
+    r, v, omega, q = (jnp.asarray(start[k].T) for k in (slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 13)))
+    y0, ts = on_one_device(BodyState(r, v, Quaternion(q), omega)), jnp.array([0.0, SPAN])
+
+    def ours(rtol: float, method: Any):
+        final = simulate_batch(SCENE, y0, ts, accuracy=Accuracy(rtol=rtol, method=method), in_axes=(None, 0)).final
+        return jnp.concatenate([final.omega, final.attitude.wxyz], axis=1)
+
+    calls = {f"ours, DOP853 {rtol:.0e}": lambda rtol=rtol: ours(rtol, DOP853()) for rtol in (1e-8, 1e-10)}
+    calls |= {"ours, MuntheKaas 1e-08": lambda: ours(1e-8, MuntheKaas())}
+    calls |= {
+        f"ours, Splitting of order {p}, {n} steps": lambda p=p, n=n: ours(1e-3, Splitting(p, steps=n, estimate=False))
+        for p, n in ((4, 400), (6, 400))
+    }
+    if optional("heyoka") is not None:
+        for tolerance in (1e-8, 1e-10, 1e-12):
+            ends = heyoka_ends(equations, start, SPAN, tolerance)
+            calls[f"heyoka, vectors of 8, {tolerance:.0e}"] = lambda ends=ends: ends()[6:].T.copy()
+        reference = heyoka_ends(equations, start, SPAN, 1e-18)()[6:].T.copy()
+    else:
+        reference = ours(1e-13, DOP853())
+    rows = in_turn(calls, RUNS)
+    for name, call in calls.items():
+        found = np.asarray(call())
+        rows[name]["worst_error_of_the_rate"] = worst(found[:, :3], reference[:, :3])
+        rows[name]["worst_error_of_the_attitude"] = worst(found[:, 3:], reference[:, 3:])
+    return rows
