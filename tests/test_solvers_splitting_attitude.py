@@ -41,7 +41,7 @@ def jacobi(y):
     """What a body in a circular orbit keeps beside it: its energy in the turning frame."""
     inertia = SCENE.body.inertia(None)
     h = y.attitude.rotate(inertia.times(y.omega))
-    return kinetic_energy(inertia, y.omega) + gravity_gradient_energy(y.attitude.rotate_back(y.position), inertia, 1.0) - h[2]
+    return kinetic_energy(inertia, y.omega) + gravity_gradient_energy(y.position, y.attitude, inertia, 1.0) - h[2]
 
 
 def test_libration_under_the_gravity_gradient():

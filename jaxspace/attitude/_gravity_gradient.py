@@ -28,24 +28,28 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .._core import Scalar, Vector, as_float, check_positive, cross, dot, per_norm
+from .._core import Scalar, Vector, as_float, check_positive, cross, dot, hold, per_norm
 from ..bodies import AbstractBody, AbstractEffect, AbstractInertia, BodyState, Load
+from ..rotations import Quaternion
 from ._elliptic import complete_elliptic
 
 
-def gravity_gradient_torque(r_B: Vector, inertia: AbstractInertia, mu: Scalar) -> Vector:
-    """M, N m, in body axes, at the position `r_B`, m, from the centre, in body axes (Thomson 7.4, Problem 14)."""
-    per_r = per_norm(r_B)
-    cubed = per_r * (per_r * per_r)
-    up = per_r * r_B
-    return (3.0 * mu * cubed) * cross(up, inertia.times(up))
+def gravity_gradient_torque(r: Vector, attitude: Quaternion, inertia: AbstractInertia, mu: Scalar) -> Vector:
+    """M, N m, in body axes, at the position `r`, m, in inertial axes (Thomson 7.4, Problem 14)."""
+    per_r, up = _upwards(r, attitude)
+    return (3.0 * mu * per_r * (per_r * per_r)) * cross(up, inertia.times(up))
 
 
-def gravity_gradient_energy(r_B: Vector, inertia: AbstractInertia, mu: Scalar) -> Scalar:
-    """W, J, of which the torque is the negative slope along a turn of the body; `r_B`, m, in body axes."""
-    per_r = per_norm(r_B)
-    up = per_r * r_B
-    return (1.5 * mu * (per_r * (per_r * per_r))) * dot(up, inertia.times(up))
+def gravity_gradient_energy(r: Vector, attitude: Quaternion, inertia: AbstractInertia, mu: Scalar) -> Scalar:
+    """W, J, of which the torque is the negative slope along a turn of the body, at the position `r`, m, in inertial axes."""
+    per_r, up = _upwards(r, attitude)
+    return (1.5 * mu * per_r * (per_r * per_r)) * dot(up, inertia.times(up))
+
+
+def _upwards(r: Vector, attitude: Quaternion) -> tuple[Scalar, Vector]:
+    """1 / |r|, and r^ in body axes."""
+    per_r = per_norm(r)  # as in the attraction itself: the compiler takes one root for both
+    return per_r, hold(attitude.rotate_back(per_r * r))
 
 
 def pitch_libration_period(amplitude: Scalar, moments: Vector, mean_motion: Scalar) -> Scalar:
@@ -76,8 +80,7 @@ class GravityGradient(AbstractEffect):
     def load(self, t: Scalar, y: BodyState, body: AbstractBody) -> Load:
         del t
         assert y.position is not None and y.attitude is not None
-        r_B = y.attitude.rotate_back(y.position)
-        return Load(torque_B=gravity_gradient_torque(r_B, body.inertia(y.mass), self.mu))
+        return Load(torque_B=gravity_gradient_torque(y.position, y.attitude, body.inertia(y.mass), self.mu))
 
     def potential(self, t: Scalar, y: BodyState, body: AbstractBody) -> None:
         # It depends on where the body is, and the orbit does not feel it: a moving body keeps no energy that has it as a part.
