@@ -65,9 +65,10 @@ def test_the_torque_is_the_slope_of_the_energy():
     assert_allclose(gravity_gradient_torque(r, attitude, inertia, 1.3), -slope, rtol=1e-13)
 
 
-def linear_rates(moments):
-    """Eigenvalues, in orbit rates, of the motion about the orbital axes: of (x, omega), where x is the relative turn."""
-    system, y = scene(moments), on_circle(np.zeros(3))
+@jax.jit
+def linearised(moments):
+    """The matrix of the motion about the orbital axes: of (x, omega), where x is the relative turn."""
+    system, y = scene(PrincipalInertia(moments)), on_circle(np.zeros(3))
 
     def field(z):
         turn = Quaternion.from_rotation_vector(z[:3])
@@ -75,7 +76,12 @@ def linear_rates(moments):
         relative = z[3:] - turn.rotate_back(jnp.array([0.0, N, 0.0]))
         return jnp.concatenate([relative, system.vector_field(jnp.zeros(()), turned).omega])
 
-    return np.linalg.eigvals(np.asarray(jax.jit(jax.jacfwd(field))(jnp.array([0.0, 0.0, 0.0, 0.0, N, 0.0])))) / N
+    return jax.jacfwd(field)(jnp.array([0.0, 0.0, 0.0, 0.0, N, 0.0]))
+
+
+def linear_rates(moments):
+    """Its eigenvalues, in orbit rates."""
+    return np.linalg.eigvals(np.asarray(linearised(jnp.asarray(moments)))) / N
 
 
 def test_small_librations():  # T7.4-P14-15: pitch sqrt(3 (I_1 - I_3) / I_2), and the two of roll and yaw
