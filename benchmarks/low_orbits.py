@@ -1,5 +1,7 @@
-"""One day of low orbits under oblateness (15 revolutions): this library beside heyoka and diffrax mapped over the runs."""
+"""One day of low orbits under oblateness (15 revolutions): this library beside heyoka, beside diffrax and astrojax mapped over
+the runs, and beside scipy on the first few of them, one run at a time."""
 
+import math
 from typing import Any
 
 import diffrax
@@ -15,7 +17,7 @@ from jaxspace.solvers import DOP853, RKN1210, Stormer
 
 from ._measure import heyoka_ends, in_turn, on_one_device, optional, worst
 
-RUNS, DAY, J2 = 2048, 86400.0 / 806.8110, 1.08262668e-3
+RUNS, ALONE, DAY, J2 = 2048, 8, 86400.0 / 806.8110, 1.08262668e-3
 SCENE = Scene((PointGravity(1.0), Oblateness(1.0, J2, 1.0)))
 
 
@@ -47,6 +49,50 @@ def mapped(y0: BodyState, rtol: float) -> BodyState:
     return jax.tree.map(lambda x: x[:, 0], jax.vmap(one)(y0))
 
 
+def by_astrojax(astrojax, y0: BodyState, tolerance: float):
+    """The same by astrojax's step of order 12 in a loop for each run under `vmap`: a call that gives the positions."""
+    from astrojax.config import set_dtype
+    from astrojax.integrators import rkn1210_step
+    from astrojax.integrators.types import AdaptiveConfig
+
+    set_dtype(jnp.float64)
+    config = AdaptiveConfig(abs_tol=tolerance, rel_tol=tolerance)
+
+    def rate(t, y):
+        r, v = y[:3], y[3:]
+        k = SCENE.vector_field(t, BodyState(r, v))
+        return jnp.concatenate([k.position, k.velocity])
+
+    def one(y):
+        def step(carry):
+            t, y, h = carry
+            done = rkn1210_step(rate, t, y, jnp.minimum(h, DAY - t), config)
+            return t + done.dt_used, done.state, done.dt_next
+
+        return jax.lax.while_loop(lambda c: c[0] < DAY * (1.0 - 1e-14), step, (0.0, y, 0.05))[1]
+
+    program = jax.jit(jax.vmap(one))
+    start = jnp.concatenate([y0.position, y0.velocity], axis=1)
+    return lambda: program(start)[:, :3]
+
+
+def by_scipy(states: np.ndarray, method: str, rtol: float):
+    """The first few runs by scipy, its field written in plain numbers: a call that gives the positions."""
+    from scipy.integrate import solve_ivp
+
+    def rate(t, y):
+        x, y, z, vx, vy, vz = y.tolist()
+        r2 = x * x + y * y + z * z
+        pull, c, s = 1.0 / (r2 * math.sqrt(r2)), 1.5 * J2 / r2, 5.0 * z * z / r2
+        a = -pull * (1.0 + c * (1.0 - s))
+        return (vx, vy, vz, x * a, y * a, -z * pull * (1.0 + c * (3.0 - s)))
+
+    def end(y):
+        return solve_ivp(rate, (0.0, DAY), y, method=method, rtol=rtol, atol=1e-3 * rtol).y[:3, -1]
+
+    return lambda: np.stack([end(y) for y in states[:, :ALONE].T])
+
+
 def equations(heyoka):
     """The same motion in heyoka's symbols."""
     x, y, z, vx, vy, vz = heyoka.make_vars("x", "y", "z", "vx", "vy", "vz")
@@ -73,17 +119,23 @@ def measure() -> dict:
         for rtol, m in ((1e-5, Stormer(10, steps=850)), (1e-8, Stormer(12, steps=1310)))
     }
     calls |= {"diffrax Dopri8 under vmap 1e-10": lambda: theirs(y0, 1e-10).position}
+    if (astrojax := optional("astrojax")) is not None:
+        calls |= {"astrojax RKN 12(10) under vmap 1e-10": by_astrojax(astrojax, alone, 1e-10)}
+    states = np.concatenate([np.asarray(y0.position).T, np.asarray(y0.velocity).T])
+    if optional("scipy") is not None:
+        for method, rtol in (("DOP853", 1e-9), ("LSODA", 1e-10)):
+            calls[f"scipy {method}, one by one, {rtol:.0e}"] = by_scipy(states, method, rtol)
     if optional("heyoka") is not None:
-        states = np.concatenate([np.asarray(y0.position).T, np.asarray(y0.velocity).T])
         for tolerance in (1e-7, 4e-11):
             ends = heyoka_ends(equations, states, DAY, tolerance)
             calls[f"heyoka, vectors of 8, {tolerance:.0e}"] = lambda ends=ends: ends()[:3].T.copy()
         reference = heyoka_ends(equations, states, DAY, 1e-18)()[:3].T.copy()
     else:
         reference = ours(1e-12, RKN1210())
-    rows = in_turn(calls, RUNS)
+    rows = in_turn(calls, {name: ALONE if name.startswith("scipy") else RUNS for name in calls})
     for name, call in calls.items():
-        rows[name]["worst_relative_error"] = worst(call(), reference)
+        found = call()
+        rows[name]["worst_relative_error"] = worst(found, reference[: len(found)])
     return rows | _scaling(ours, y0)
 
 

@@ -10,8 +10,8 @@ import numpy as np
 
 import jaxspace
 from jaxspace import Accuracy, BodyState, Mission, Phase, Scene, simulate, simulate_batch
-from jaxspace.attitude import Top, TorqueFreeBody, YoYo
-from jaxspace.bodies import BurningBody, PrincipalInertia
+from jaxspace.attitude import GravityGradient, Top, TorqueFreeBody, YoYo, pitch_libration_period
+from jaxspace.bodies import BurningBody, PrincipalInertia, RigidBody
 from jaxspace.constants import MU_EARTH, RADIUS_EARTH
 from jaxspace.gyros import TwoGimbalGyro
 from jaxspace.optimization import (
@@ -109,6 +109,29 @@ def torque_free_body():
     panel.set(xlim=(-1.08, 1.08), ylim=(-1.08, 1.08), aspect="equal", xlabel="angular momentum / its size, to the right, 1")
     panel.set_ylabel("angular momentum / its size, upwards, 1")
     panel.set_title("Polhodes, moments of inertia 1 : 2 : 3")
+    return figure
+
+
+def gravity_gradient():
+    """Libration in pitch on a circular orbit: the angle to the vertical for four amplitudes, and the periods in closed form."""
+    moments, radius = jnp.array([400.0, 1000.0, 1200.0]), 6.778e6  # outwards, along the velocity, along the normal
+    n = jnp.sqrt(MU_EARTH / radius**3)
+    scene = Scene([PointGravity(MU_EARTH), GravityGradient(MU_EARTH)], RigidBody(inertia=moments))
+    ts = jnp.linspace(0.0, 4.0 * jnp.pi / n, 400)
+    figure, panel = plt.subplots(figsize=(6.4, 4.0), layout="constrained")
+    for k, degrees in enumerate((10.0, 40.0, 70.0, 85.0)):
+        amplitude = jnp.radians(degrees)
+        r, v = jnp.array([radius, 0.0, 0.0]), jnp.array([0.0, n * radius, 0.0])
+        y0 = BodyState(r, v, Quaternion.about(2, amplitude), jnp.array([0.0, 0.0, n]))
+        q = simulate(scene, y0, ts, accuracy=1e-10).states.attitude.wxyz
+        lean = np.degrees(np.unwrap(2.0 * np.arctan2(q[:, 3], q[:, 0]) - n * ts))
+        panel.plot(n * ts / (2.0 * np.pi), lean, color=f"C{k}", label=f"{degrees:.0f} deg")
+        period = pitch_libration_period(amplitude, moments[jnp.array([1, 2, 0])], n)
+        panel.plot(n * period / (2.0 * np.pi), degrees, "o", ms=5, color=f"C{k}")
+    panel.set(xlabel="revolutions of the orbit", ylabel="angle to the vertical, deg", yticks=range(-90, 91, 30))
+    panel.set_title("Libration in pitch: simulated (lines), period in closed form (dots)")
+    panel.grid(alpha=0.3)
+    figure.legend(title="amplitude", loc="outside right center")
     return figure
 
 
@@ -233,7 +256,7 @@ def which_effects_matter():
     return effect_budget_figure(budget, title="A spinning stage at burnout")
 
 
-PAGES = (top, two_body, torque_free_body, rockets, two_gimbal_gyro, optimization, missions)
+PAGES = (top, two_body, torque_free_body, gravity_gradient, rockets, two_gimbal_gyro, optimization, missions)
 DRAWN = {f.__name__: f for f in (*PAGES, what_accuracy_costs, which_effects_matter)}
 
 if __name__ == "__main__":

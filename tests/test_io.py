@@ -91,7 +91,12 @@ BAD = {
     "unknown_effect_in_phase": (
         'effects = ["point_gravity", "oblateness", "thrust"',
         'effects = ["point_gravty", "oblateness", "thrust"',
-        ["phase.0.effects.0", '"point_gravty"', "oblateness, thrust, jet_damping", "Did you mean point_gravity?"],
+        [
+            "phase.0.effects.0",
+            '"point_gravty"',
+            "gravity_gradient, thrust, jet_damping",
+            "Did you mean point_gravity?",
+        ],
     ),
     "unknown_effect_table": (
         "[effects.jet_damping]",
@@ -209,3 +214,12 @@ def test_tables_of_effects_follow_the_phases(scene):
     assert [type(e).__name__ for e in scenes["burn"].effects] == ["PointGravity", "Oblateness", "Thrust", "JetDamping"]
     assert [type(e).__name__ for e in scenes["coast"].effects] == ["PointGravity", "Oblateness"]
     assert scenes["coast"].parts == ("position", "velocity", "attitude", "omega", "mass")
+
+
+def test_the_gravity_gradient_in_a_file(scene):
+    """It reads the strength of the planet."""
+    text = KICK.replace("[effects.thrust]", "[effects.gravity_gradient]\n\n[effects.thrust]")
+    text = text.replace('["point_gravity", "oblateness"]', '["point_gravity", "gravity_gradient"]')
+    effects = scene(text).scenes()["coast"].effects
+    assert [type(e).__name__ for e in effects] == ["PointGravity", "GravityGradient"]
+    assert effects[1].mu == effects[0].mu

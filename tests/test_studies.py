@@ -19,7 +19,7 @@ from jaxspace.orbits import Oblateness, PointGravity, TwoBody
 from jaxspace.plots import accuracy_cost_figure, effect_budget_figure
 from jaxspace.scene import Custom, Scaled
 from jaxspace.simulation import SimulationError
-from jaxspace.solvers import DOP853, Tsit5
+from jaxspace.solvers import DOP853, Regularised, Tsit5
 from jaxspace.studies import AccuracyCost, Cost, accuracy_cost, effect_budget
 
 BY_NAME = {s.name: s for s in SAMPLES}
@@ -227,6 +227,15 @@ def test_a_mission_counts_an_effect_over_all_of_its_phases():
     ends = [run(system, middle, [300.0, 600.0]).position[:, -1] for system in (OBLATE, first)]
     np.testing.assert_allclose(budget["Oblateness"].left_out, np.linalg.norm(ends[1] - ends[0]), rtol=1e-3)
     assert "Oblateness" in budget.dropped
+
+
+def test_a_budget_in_regular_variables():
+    """The attraction is weaker or stronger within them; without it there are none, which its row says."""
+    how = Accuracy(rtol=1e-8, method=Regularised(steps=32, estimate=False))
+    budget = effect_budget(OBLATE, orbit(), jnp.array([0.0, 600.0]), accuracy=how)
+    ends = [run(Scene([PointGravity(MU), *more]), orbit(), [0.0, 600.0]).position[:, -1] for more in ((), OBLATE.effects[1:])]
+    np.testing.assert_allclose(budget["Oblateness"].left_out, np.linalg.norm(ends[1] - ends[0]), rtol=1e-6)
+    assert "finite" in budget["PointGravity"].trouble and budget["PointGravity"].linear > 1e5
 
 
 def test_a_run_that_fails_without_an_effect_says_so():

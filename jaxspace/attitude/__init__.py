@@ -1,8 +1,12 @@
-"""Rotation of a body of constant mass: free bodies, the heavy top, despin."""
+"""Rotation of a body of constant mass: free bodies, the heavy top, the gravity gradient, despin."""
 
 from ._despin import YoYo as YoYo
 from ._despin import cord_length as cord_length
 from ._despin import zero_spin_cord_length as zero_spin_cord_length
+from ._gravity_gradient import GravityGradient as GravityGradient
+from ._gravity_gradient import gravity_gradient_energy as gravity_gradient_energy
+from ._gravity_gradient import gravity_gradient_torque as gravity_gradient_torque
+from ._gravity_gradient import pitch_libration_period as pitch_libration_period
 from ._nutation import Nutation as Nutation
 from ._polhode import Polhode as Polhode
 from ._top import Top as Top

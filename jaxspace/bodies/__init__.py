@@ -7,6 +7,7 @@ from ._effect import AbstractEffect as AbstractEffect
 from ._effect import AbstractFlowEffect as AbstractFlowEffect
 from ._effect import AbstractPiecewiseEffect as AbstractPiecewiseEffect
 from ._effect import AbstractRegularEffect as AbstractRegularEffect
+from ._effect import AbstractScalableEffect as AbstractScalableEffect
 from ._effect import Load as Load
 from ._inertia import AbstractInertia as AbstractInertia
 from ._inertia import InertiaTensor as InertiaTensor

@@ -50,7 +50,15 @@ class AbstractEffect(eqx.Module):
         """Potential energy per unit mass, J/kg; `None` says that the effect is not conservative."""
 
 
-class AbstractFlowEffect(AbstractEffect):
+class AbstractScalableEffect(AbstractEffect):
+    """An effect with a parameter that its whole load is proportional to, and that it keeps its own abilities with."""
+
+    @abstractmethod
+    def scaled(self, factor: Scalar) -> "AbstractScalableEffect":
+        """The same effect with its load multiplied by the `factor`."""
+
+
+class AbstractFlowEffect(AbstractScalableEffect):
     """An effect that depends on the position alone, and under which alone position and velocity are known in closed form."""
 
     @abstractmethod
@@ -58,7 +66,7 @@ class AbstractFlowEffect(AbstractEffect):
         """The exact state a `duration`, s (negative: backwards), after `y`, which holds a position and a velocity only."""
 
 
-class AbstractRegularEffect(AbstractEffect):
+class AbstractRegularEffect(AbstractScalableEffect):
     """An effect that dominates a motion, and knows variables in which that motion is smooth close to its centre too."""
 
     @abstractmethod

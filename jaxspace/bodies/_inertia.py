@@ -62,7 +62,7 @@ class PrincipalInertia(AbstractInertia):
         return self.moments * omega
 
     def solve(self, h: Vector) -> Vector:
-        return h / self.moments
+        return h * (1.0 / self.moments)  # three quotients, however many runs share the body
 
     def plus_diagonal(self, moments: Vector) -> "PrincipalInertia":
         return PrincipalInertia(self.moments + moments)

@@ -5,6 +5,7 @@ from typing import Any, final
 import equinox as eqx
 
 from .._core import Scalar
+from ..attitude import GravityGradient
 from ..io import EffectEntry, Key, Lanes, ListOf
 from ..orbits import Oblateness, PointGravity
 from ..rockets import JetDamping, Thrust, ThrustProfile
@@ -88,9 +89,16 @@ def oblateness(values: Values, lanes: Lanes) -> Oblateness:
     return Oblateness(planet["mu"], planet["j2"], planet["radius"])
 
 
+def gravity_gradient(values: Values, lanes: Lanes) -> GravityGradient:
+    """The torque by the gradient of the attraction of the planet."""
+    del lanes
+    return GravityGradient(values["planet"]["mu"])
+
+
 EFFECTS = {
     "point_gravity": EffectEntry({}, PointGravity, point_gravity, ("planet.mu",)),
     "oblateness": EffectEntry({}, Oblateness, oblateness, ("planet.mu", "planet.j2", "planet.radius")),
+    "gravity_gradient": EffectEntry({}, GravityGradient, gravity_gradient, ("planet.mu",)),
     "thrust": EffectEntry(THRUST, Thrust, thrust),
     "jet_damping": EffectEntry(JET_DAMPING, JetDamping, jet_damping, ("effects.thrust", "body.propellant_mass")),
 }

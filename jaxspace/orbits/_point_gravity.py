@@ -58,6 +58,9 @@ class PointGravity(AbstractFlowEffect, AbstractRegularEffect):
         assert y.position is not None
         return point_gravity_potential(y.position, self.mu)
 
+    def scaled(self, factor: Scalar) -> "PointGravity":
+        return PointGravity(factor * self.mu)
+
     def flow(self, duration: Scalar, y: BodyState) -> BodyState:
         assert y.position is not None and y.velocity is not None
         return BodyState(*kepler_flow(y.position, y.velocity, duration, self.mu))

@@ -7,4 +7,5 @@ from ._explain import compiled as compiled
 from ._explain import explain as explain
 from ._explain import operation_count as operation_count
 from ._scaled import Scaled as Scaled
+from ._scaled import scaled as scaled
 from ._scene import Scene as Scene

@@ -1,6 +1,7 @@
 """What a body under several effects conserves: what each of them keeps, and nothing else.
 
     energy per unit mass  v^2/2 + sum of potentials (+ omega . J omega / 2m, where torques couple both motions)
+                          of the orbit alone, where effects that keep no energy only turn the body
     angular momentum      r x v, or its z component alone
     rotation without torque  J omega in inertial axes, omega . J omega / 2
 
@@ -21,6 +22,7 @@ def conserved(
     """The conserved quantities of a body of this `mass`, kg, by name, in the state `y` at the time `t`, s."""
     kept = frozenset.intersection(*(e.keeps for e in effects)) if effects else ALL_KEPT
     adds = frozenset().union(*(e.adds for e in effects))
+    pushing = tuple(e for e in effects if e.adds != {"torque"})
     unit = {} if y.attitude is None else {"quaternion_norm": y.attitude.norm_squared()}
     found: dict[str, Array] = {}
     if "mass_rate" in adds:
@@ -33,6 +35,8 @@ def conserved(
             found["axial_angular_momentum"] = moment[2]
     if "energy" in kept:
         found["energy"] = _energy(effects, body, mass if "torque" in adds else None, t, y)
+    elif pushing and all("energy" in e.keeps and "torque" not in e.adds for e in pushing):
+        found["orbital_energy"] = _energy(pushing, body, None, t, y)
     if y.omega is not None and y.attitude is not None and "torque" not in adds:
         inertia = body.inertia(mass)
         found["rotational_momentum"] = y.attitude.rotate(inertia.times(y.omega))

@@ -8,7 +8,13 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .._core import Scalar, as_float
-from ..bodies import AbstractBody, AbstractEffect, AbstractPiecewiseEffect, BodyState, Load
+from ..bodies import AbstractBody, AbstractEffect, AbstractPiecewiseEffect, AbstractScalableEffect, BodyState, Load
+
+
+def scaled(effect: AbstractEffect, factor: Scalar) -> AbstractEffect:
+    """The `effect` with its whole load multiplied by the `factor`: by itself where it can, so that it still offers its closed
+    form and its regular variables, else as a `Scaled`."""
+    return effect.scaled(factor) if isinstance(effect, AbstractScalableEffect) else Scaled(effect, factor)
 
 
 @final

@@ -19,7 +19,7 @@ import numpy as np
 from jaxtyping import Array
 
 from .._core import AbstractSystem, InputError, Scalar, State, check_positive
-from ..scene import Scaled, Scene, budget
+from ..scene import Scene, budget, scaled
 from ..simulation import Accuracy, Mission, Phase, SimulationError, Status, least_tolerance
 from ._budget_table import EffectBudget, Influence
 from ._flights import checked_start, compiled, flight, in_precision, timed
@@ -154,7 +154,7 @@ def _rebuilt(system: Any, change: Callable[[Scene], Scene]) -> Any:
 
 def _scaled(scene: Scene, names: tuple[str, ...], factors: list[Any]) -> Scene:
     by_name = dict(zip(names, factors, strict=True))
-    effects = [Scaled(e, by_name[label]) for e, label in zip(scene.effects, _labels(scene), strict=True)]
+    effects = [scaled(e, by_name[label]) for e, label in zip(scene.effects, _labels(scene), strict=True)]
     return Scene(effects, scene.body, scene.parts)
 
 
