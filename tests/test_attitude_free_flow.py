@@ -15,6 +15,7 @@ from jaxspace import Accuracy, simulate
 from jaxspace.attitude import TorqueFreeBody
 from jaxspace.bodies import BodyState, InertiaTensor, PrincipalInertia
 from jaxspace.bodies._jacobi import jacobi, third
+from jaxspace.bodies._principal_frame import _diagonal, _transformed
 from jaxspace.rotations import Quaternion
 from jaxspace.solvers import DOP853
 
@@ -171,17 +172,23 @@ def principal(x):
     return flow(x[6], x[:3], x[3:6])
 
 
+def tensor_of(x):
+    a, b, c, d, e, f = x
+    return jnp.stack([jnp.stack([a, d, e]), jnp.stack([d, b, f]), jnp.stack([e, f, c])])
+
+
 def tensorial(x):
-    a, b, c, d, e, f = x[:6]
-    tensor = jnp.stack([jnp.stack([a, d, e]), jnp.stack([d, b, f]), jnp.stack([e, f, c])])
     y = BodyState(attitude=Quaternion(jnp.array(START)), omega=x[6:9])
-    return ravel_pytree(TorqueFreeBody(InertiaTensor(tensor)).flow(x[9], y))[0]
+    return ravel_pytree(TorqueFreeBody(InertiaTensor(tensor_of(x[:6]))).flow(x[9], y))[0]
+
+
+SIXTH = [(1, 45.0 / 60.0), (2, -9.0 / 60.0), (3, 1.0 / 60.0)]  # weights of differences of order six
 
 
 def differences(f, x, step=3e-4):
     """Derivatives of order six: truncation and rounding both below 1e-9 here."""
-    along = [[f(x + i * step * e) - f(x - i * step * e) for i in (1, 2, 3)] for e in np.eye(x.size)]
-    return np.stack([(45.0 * a - 9.0 * b + c) / (60.0 * step) for a, b, c in along], axis=-1)
+    rows = [sum(w * (f(x + i * step * e) - f(x - i * step * e)) for i, w in SIXTH) / step for e in np.eye(x.size)]
+    return np.stack(rows, axis=-1)
 
 
 @pytest.fixture(scope="module")
@@ -212,6 +219,37 @@ def test_derivatives_of_a_tensor(derivatives, tensor):
     x = np.array([*tensor, 0.4, 0.1, 2.0, 2.0])
     assert_allclose(forward(x), differences(value, x), atol=1e-8)
     assert_allclose(reverse(x), forward(x), atol=1e-11)
+
+
+def cube(x):
+    """The cube of a tensor by way of its principal axes, at the start one of moments x[:3] in these."""
+    local, frame, _ = _diagonal(tensor_of(x))
+    return _transformed(jnp.diag(jnp.stack([local[k, k] ** 3 for k in range(3)])), frame.matrix().T)
+
+
+def test_principal_axes_have_derivatives_of_second_order_or_say_not():
+    x, bend = np.array([3.0, 2.0, 1.0, 0.0, 0.0, 0.0]), jax.jit(jax.hessian(cube))
+    exact = jax.hessian(lambda x: tensor_of(x) @ tensor_of(x) @ tensor_of(x))(x)
+    assert_allclose(bend(x), exact, atol=1e-13)
+    assert np.isnan(bend(np.array([2.0, 2.0, 1.0, 0.0, 0.0, 0.0]))).any()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("case", ["the rate alone", "general", "principal", "symmetric"])
+def test_second_derivatives_of_a_tensor(case):
+    """Along one direction, against differences of the gradient; of equal moments, those of second order in the tensor are NaN."""
+    weights, direction = jnp.array([1.0, -2.0, 0.5, 0.3, 1.0, -1.0, 0.7]), np.linspace(1.0, -0.8, 10)
+    tensors = {"general": [3.0, 2.0, 1.0, 0.1, 0.2, -0.1], "principal": [3.0, 2.0, 1.0, 0.0, 0.0, 0.0]}
+    x = np.array([*tensors.get(case, [2.0, 2.0, 1.0, 0.0, 0.0, 0.0]), 0.4, 0.1, 2.0, 2.0])
+    first = 6 if case == "the rate alone" else 0
+    f = lambda moving: jnp.sum(weights * tensorial(jnp.concatenate([jnp.asarray(x[:first]), moving])))  # noqa: E731
+    gradient = jax.jit(jax.grad(f))
+    found = jax.jit(lambda x, v: jax.jvp(gradient, (x,), (v,))[1])(x[first:], direction[first:])
+    known = np.arange(first, 10) >= (6 if case == "symmetric" else 0)
+    x, step = x[first:], 1e-3 * direction[first:]
+    expected = sum(w * (gradient(x + i * step) - gradient(x - i * step)) for i, w in SIXTH) / 1e-3
+    assert_allclose(found[known], expected[known], atol=1e-9)
+    assert np.isnan(found[~known]).all()
 
 
 def test_a_tensor_is_the_body_in_other_axes():
