@@ -99,13 +99,13 @@ def test_ten_thousand_flips_keep_energy_and_momentum():
     moments, omega = jnp.array([1.0, 2.0, 3.0]), jnp.array([1e-3, 1.0, 2e-3])
     body, y = TorqueFreeBody(moments), BodyState(attitude=Quaternion(jnp.array(START)), omega=omega)
     kept = body.invariants(0.0, y)
-    later = jax.jit(lambda t: body.invariants(t, body.flow(t, y)))(1.7e5)  # a flip takes some 17 s
+    later = jax.jit(lambda t: body.invariants(t, body.flow(t, y)))(2.5e5)  # a flip takes some 24.6 s
     for name, value in kept.items():
         assert_allclose(later[name], value, rtol=1e-11, atol=1e-11)
 
 
 def test_ten_thousand_flips_step_by_step():
-    """The free rotation as the drift of a splitting takes it: some 2e4 steps of 8.5 s, each from where the last one ended."""
+    """The free rotation as the drift of a splitting takes it: 3e4 steps of 8.5 s, each from where the last one ended."""
     moments = jnp.array([1.0, 2.0, 3.0])
     body, y = TorqueFreeBody(moments), BodyState(attitude=Quaternion(jnp.array(START)), omega=jnp.array([1e-3, 1.0, 2e-3]))
 
@@ -113,12 +113,12 @@ def test_ten_thousand_flips_step_by_step():
     def stepped(y):
         def one(carry, _):
             later = body.flow(8.5, carry[0])
-            return (later, carry[1] + (later.omega[1] * carry[0].omega[1] < 0.0)), None
+            return (later, carry[1] + jnp.where(later.omega[1] * carry[0].omega[1] < 0.0, 1, 0)), None
 
-        return jax.lax.scan(one, (y, 0), length=20_000)[0]
+        return jax.lax.scan(one, (y, 0), length=30_000)[0]
 
     later, flips = stepped(y)
-    assert flips > 9_000
+    assert flips > 10_000
     kept, left = body.invariants(0.0, y), body.invariants(0.0, later)
     for name, value in kept.items():
         assert_allclose(left[name], value, rtol=1e-11, atol=1e-11)
@@ -213,7 +213,7 @@ def derivatives():
 def test_ten_thousand_flips_have_derivatives(derivatives):
     """The time of a flip depends on the start, and ten thousand of them on it as often: derivatives of up to 1e7."""
     value, forward, reverse = derivatives[principal]
-    x = np.array([1.0, 2.0, 3.0, 1e-3, 1.0, 2e-3, 1.7e5])
+    x = np.array([1.0, 2.0, 3.0, 1e-3, 1.0, 2e-3, 2.5e5])
     found = forward(x)
     assert_allclose(reverse(x), found, rtol=1e-9, atol=1e-9 * np.abs(found).max())
     for column, size in enumerate(np.abs(found).max(axis=0)):

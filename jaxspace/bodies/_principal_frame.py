@@ -23,7 +23,7 @@ import jax.numpy as jnp
 from jax.custom_derivatives import SymbolicZero
 from jaxtyping import Array
 
-from .._core import Flag, Matrix, Scalar, Vector, axis, cross, matvec
+from .._core import Matrix, Scalar, Vector, axis, cross, matvec
 from ..rotations import Quaternion
 from ._free_rotation import free_rotation
 from ._inertia import AbstractInertia, InertiaTensor, PrincipalInertia, principal_axes
@@ -102,7 +102,7 @@ def _near_principal(duration: Scalar, local: Matrix, omega: Vector) -> tuple[Qua
     return Quaternion(jnp.concatenate([real, frame.rotate(vector)])), frame.rotate(later)
 
 
-def _diagonal(local: Matrix) -> tuple[Matrix, Quaternion, Flag]:
+def _diagonal(local: Matrix) -> tuple[Matrix, Quaternion, Array]:
     """The tensor in its own principal axes, which are a turn of the given ones, and which pairs of moments are equal: a pair
     keeps its element off the diagonal. Right to the third order; for moments that are close, to the first, and then NaN."""
     eps = float(jnp.finfo(local.dtype).eps)

@@ -21,7 +21,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from .._core import AbstractSystem, Flag, InputError, Scalar, State, as_optional_float, check_positive, safe_divide
+from .._core import AbstractSystem, InputError, Scalar, State, as_optional_float, check_positive, safe_divide
 from ._accuracy import Accuracy
 from ._propagate import propagate
 
@@ -97,7 +97,7 @@ def _first_zero(
     candidate = {1: rise, -1: fall, 0: rise | fall}[event.direction] | dip & ~(rise | fall)
     numbers = jnp.arange(event.samples).reshape(-1, *(1,) * (candidate.ndim - 1))
 
-    def look(found: tuple[Scalar, Flag, Array]) -> tuple[Scalar, Flag, Array]:
+    def look(found: tuple[Scalar, Array, Array]) -> tuple[Scalar, Array, Array]:
         when, hit, first = found
         ahead = candidate & (numbers >= first)
         index = jnp.argmax(ahead, axis=0)
@@ -144,9 +144,9 @@ class _Search(NamedTuple):
     high: Scalar
     guess: Scalar
     sign: Scalar
-    dip: Flag
+    dip: Array
     slopes: tuple[Scalar, Scalar]
-    moving: Flag
+    moving: Array
     left: Any
 
 
@@ -156,10 +156,10 @@ def _close_in(
     span: tuple[Scalar, Scalar],
     y: State,
     g: tuple[Scalar, Scalar],
-    wanted: Flag,
+    wanted: Array,
     accuracy: Accuracy,
     run_axes: int,
-) -> tuple[Scalar, Flag]:
+) -> tuple[Scalar, Array]:
     """The zero within the `span`, from the state `y` on, with the condition `g` at both ends; and whether there is one.
 
     A dip has one sign at both ends: from the first place with the other one on, it is a span like all others, up to there
