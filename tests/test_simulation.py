@@ -157,7 +157,7 @@ def test_backward_and_empty_spans():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("method", ["auto", DOP853(), Stormer(8, steps=80), Regularised(steps=40), Splitting(4, steps=40)])
+@pytest.mark.parametrize("method", ["auto", DOP853(), Stormer(8, steps=240), Regularised(steps=40), Splitting(4, steps=40)])
 def test_derivatives_of_backward_and_empty_spans(method):
     """Of the end by the start and by the time of the end, against the closed form; an empty span hands on what it is given."""
 
@@ -171,7 +171,7 @@ def test_derivatives_of_backward_and_empty_spans(method):
     exact = jax.jit(jax.jacfwd(lambda x, t: end(x, t, TwoBody(1.0), 1e-9), argnums=(0, 1)))
     for t in (-2.0, 2.0):
         for a, b in zip(found(jnp.zeros(6), t), exact(jnp.zeros(6), t), strict=True):
-            # Eighty steps of Stormer's method of order 8 are good to some 1e-7 here, the others to the tolerance.
+            # The steps of the methods with equal ones are good to some 1e-8 here, the derivatives are up to 20.
             np.testing.assert_allclose(a, b, rtol=0.0, atol=1e-6 if t < 0.0 else 1e-13)
 
 
@@ -247,7 +247,7 @@ def test_a_dip_between_the_samples(direction):
             assert event == 0
             np.testing.assert_allclose(time, c + (ahead if direction == sign else -ahead) * size, atol=1e-9)
         assert found(ts, 5.03, -0.01, 1.0, 50.0)[1] == -1
-        if direction != ahead:
+        if direction != 1:
             np.testing.assert_allclose(found(ts, 5.03, -0.01, ahead, 12.0)[0], 12.0, rtol=1e-12)
 
 
