@@ -91,8 +91,10 @@ def _first_zero(
     states = propagate(system, y0, t0, t1, fractions, accuracy, run_axes).states
     times = t0 + jnp.multiply.outer(fractions, t1 - t0)
     g = jax.vmap(event.condition)(times, states)
-    dip = _dips(system, event, states, times, g)
-    g = g.at[0].set(_sign_at_start(system, event, t0, y0, g))
+    ends = jax.tree.map(lambda x: x[:: event.samples], (times, states))
+    slopes = jax.vmap(lambda t, y: event.slope(system, t, y)[1])(*ends)
+    dip = _dips(g, (times[1] - times[0]) * slopes)
+    g = g.at[0].set(_sign_at_start(g, slopes[0]))
     rise, fall = (g[:-1] < 0.0) & (g[1:] >= 0.0), (g[:-1] > 0.0) & (g[1:] <= 0.0)
     candidate = {1: rise, -1: fall, 0: rise | fall}[event.direction] | dip & ~(rise | fall)
     numbers = jnp.arange(event.samples).reshape(-1, *(1,) * (candidate.ndim - 1))
@@ -114,25 +116,22 @@ def _first_zero(
     return jax.lax.while_loop(lambda found: jnp.any(candidate & (numbers >= found[2])), look, start)[:2]
 
 
-def _dips(system: AbstractSystem, event: Event, states: State, times: Array, g: Array) -> Array:
+def _dips(g: Array, changes: Array) -> Array:
     """For each interval whether the condition might dip through zero and back within it.
 
-    Beyond the ends of the span it goes on as its slope there says."""
-    ends = [jax.tree.map(lambda x, i=i: x[i], (times, states)) for i in (0, -1)]
-    before, after = (
-        sign * event.slope(system, *end)[1] * (times[1] - times[0]) for sign, end in zip((-1.0, 1.0), ends, strict=True)
-    )
-    last, following = jnp.concatenate([(g[0] + before)[None], g[:-1]]), jnp.concatenate([g[1:], (g[-1] + after)[None]])
+    Beyond the ends of the span it goes on as its slopes there say: by the `changes` in an interval."""
+    last = jnp.concatenate([g[:1] - changes[:1], g[:-1]])
+    following = jnp.concatenate([g[1:], g[-1:] + changes[1:]])
     sign = jnp.sign(g)
     near = (sign * g <= sign * last) & (sign * g <= sign * following) & (sign * last > 0.0) & (sign * following > 0.0)
     near = near & (sign * g < REACH * sign * (last - 2.0 * g + following))
     return near[:-1] | near[1:]
 
 
-def _sign_at_start(system: AbstractSystem, event: Event, t0: Scalar, y0: State, g: Array) -> Array:
+def _sign_at_start(g: Array, slope: Scalar) -> Array:
     """The condition at the start; where it is zero to rounding (a ball on the floor), the sign that it is about to take."""
     zero = jnp.abs(g[0]) <= 64.0 * jnp.finfo(g.dtype).eps * jnp.max(jnp.abs(g), axis=0)
-    return jnp.where(zero, jnp.sign(event.slope(system, t0, y0)[1]), g[0])
+    return jnp.where(zero, jnp.sign(slope), g[0])
 
 
 class _Search(NamedTuple):
