@@ -2,6 +2,7 @@
 
 import jax
 import jax.numpy as jnp
+import mpmath
 import numpy as np
 import pytest
 from hypothesis import given
@@ -12,6 +13,7 @@ from reference_run import check_derivatives, drifts, long_run, run
 
 from jaxspace._core import InputError
 from jaxspace.attitude import Top, TorqueFreeBody, continuous_precession, symmetric_flow
+from jaxspace.attitude._nutation import Nutation
 from jaxspace.bodies import BodyState
 from jaxspace.rotations import Quaternion
 
@@ -415,3 +417,45 @@ def test_bad_input_is_named():
         Top(1.0, 1.0, np.inf)
     with pytest.raises(InputError, match="attitude and omega"):
         TOP.vector_field(0.0, BodyState(attitude=Quaternion.identity()))
+
+
+@jax.jit
+def swing(v):
+    """Turning angles, period and precession from N, alpha, beta and gamma."""
+    nutation = Nutation(*v)
+    return jnp.stack([*nutation.turning_points(), nutation.period(), nutation.precession()])
+
+
+SLOPES = jax.jit(jax.jacfwd(swing)), jax.jit(jax.jacrev(swing))
+
+
+@pytest.mark.parametrize("beta", [2.0, -2.0], ids=["stands", "hangs"])
+@pytest.mark.parametrize("height", [0.5, -0.95, 1.5])
+def test_plane_pendulum(height, beta):
+    """theta'^2 = alpha - beta cos(theta): back and forth through the lowest place, or over the top; no precession."""
+    lowest, highest = (np.pi, 0.0) if beta > 0.0 else (0.0, np.pi)
+    turn = np.arccos(height * np.sign(beta)) if height < 1.0 else highest
+    swings, energy = height < 1.0, height * abs(beta)
+    m = (1.0 + height) / 2.0 if swings else 2.0 / (1.0 + height)
+    period = 4.0 * float(mpmath.ellipk(m)) / np.sqrt(2.0 * abs(beta) if swings else energy + abs(beta))
+    v = np.array([0.0, energy, beta, 0.0])
+    assert_allclose(swing(v), [*sorted([turn, lowest]), period, 0.0], atol=1e-13)
+    differences = [(swing(v + 1e-6 * e) - swing(v - 1e-6 * e))[2] / 2e-6 for e in np.eye(4)]
+    for slopes in SLOPES:
+        assert_allclose(slopes(v)[2], differences, rtol=1e-7, atol=1e-8)
+
+
+@pytest.mark.parametrize("size", [1e-9, 1e-5, 1e-3, 0.05])
+def test_nearly_plane_pendulum(size):
+    """Against the roots of the cubic in 50 digits; the swing turns in half a turn and a bit."""
+    v = np.array([size, 1.0, 2.0, 3.0 * size])
+    with mpmath.workdps(50):
+        N, alpha, beta, gamma = (mpmath.mpf(x) for x in v)
+        cubic = lambda u: (alpha - beta * u) * (1 - u * u) - (gamma - N * u) ** 2  # noqa: E731
+        low, high, third = (mpmath.findroot(cubic, u) for u in (-1, 0.5, 1))
+        m = (high - low) / (third - low)
+        period = 4 * mpmath.ellipk(m) / mpmath.sqrt(beta * (third - low))
+        exact = [float(x) for x in (mpmath.acos(high), mpmath.acos(low), period)]
+    found = swing(v)
+    assert_allclose(found[:3], exact, rtol=1e-12)
+    assert_allclose(found[3], np.pi, atol=10.0 * size)

@@ -162,13 +162,24 @@ def test_derivatives_of_the_motion(x):
     check_derivatives(motion, x)
 
 
-@pytest.mark.parametrize("rate", [0.2, 0.0])
+@pytest.mark.parametrize("rate", [0.6, 0.0])
 def test_derivatives_of_the_walk(rate):
     def walk(v):
         w = TwoGimbalGyro(*v[:7]).walk(v[7], v[8])
         return jnp.stack([w.drift(), w.period(), w.offset(), w.drift_to_second_order(), w.offset_to_second_order()])
 
     check_derivatives(walk, [2.0, 0.8, 5.0, 0.6, 0.5, 0.4, 1.5, 0.9, rate])
+
+
+def test_a_gimbal_that_passes_the_pole_does_not_walk():
+    """Whether it passes changes at the greatest rate; from there on the exact results say so, and so do their derivatives."""
+    gyro = TwoGimbalGyro(2.0, 0.8, 5.0, 0.6, 0.5, 0.4, 1.5)
+    limit = float(gyro.walk(0.9, 0.1).greatest_rate())
+    for rate, passes in ((0.999 * limit, False), (1.001 * limit, True)):
+        theta = run(gyro, state(gyro, 0.9, 0.0, -rate, 0.0), np.linspace(0.0, 20.0, 401)).theta
+        assert (np.min(theta) < 0.0) == passes
+        drift, slope = jax.value_and_grad(lambda rate: gyro.walk(0.9, rate).drift())(rate)
+        assert np.isnan(drift) == np.isnan(slope) == passes
 
 
 def test_single_precision_stays():

@@ -16,7 +16,7 @@ from jaxspace._core import AbstractSystem, InputError, Scalar
 from jaxspace.bodies import BodyState
 from jaxspace.orbits import PointGravity, TwoBody
 from jaxspace.simulation import BLOCK, Accuracy, Event, Mission, Phase, SimulationError, Status, simulate, simulate_batch
-from jaxspace.solvers import Stormer, Tsit5
+from jaxspace.solvers import DOP853, Regularised, Splitting, Stormer, Tsit5
 
 
 class Fall(AbstractSystem):
@@ -156,6 +156,25 @@ def test_backward_and_empty_spans():
     np.testing.assert_allclose(slope, y.velocity[1], rtol=1e-12)
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("method", ["auto", DOP853(), Stormer(8, steps=240), Regularised(steps=40), Splitting(4, steps=40)])
+def test_derivatives_of_backward_and_empty_spans(method):
+    """Of the end by the start and by the time of the end, against the closed form; an empty span hands on what it is given."""
+
+    def end(x, t, system, accuracy):
+        y = BodyState(start(0.3).position + x[:3], start(0.3).velocity + x[3:])
+        run = simulate(system, y, jnp.stack([jnp.array(2.0), t]), accuracy=accuracy, throw=False).final
+        return jnp.concatenate([run.position, run.velocity])
+
+    accuracy = Accuracy(rtol=1e-11, method=method)
+    found = jax.jit(jax.jacrev(lambda x, t: end(x, t, KEPLER, accuracy), argnums=(0, 1)))
+    exact = jax.jit(jax.jacfwd(lambda x, t: end(x, t, TwoBody(1.0), 1e-9), argnums=(0, 1)))
+    for t in (-2.0, 2.0):
+        for a, b in zip(found(jnp.zeros(6), t), exact(jnp.zeros(6), t), strict=True):
+            # The steps of the methods with equal ones are good to some 1e-8 here, the derivatives are up to 20.
+            np.testing.assert_allclose(a, b, rtol=0.0, atol=1e-6 if t < 0.0 else 1e-13)
+
+
 def test_derivatives_of_a_run():
     """Reverse and forward derivatives of an integration against those of the closed form."""
     y, ts = start(0.3), jnp.array([0.0, 4.0])
@@ -209,6 +228,27 @@ def test_two_changes_of_sign_within_one_step():
     np.testing.assert_allclose(run.ts[-1], 1.5, atol=1e-12)
     rest = simulate(Fall(jnp.zeros(3)), run.final, jnp.array([1.5, 9.0]), events=(event,))
     np.testing.assert_allclose(rest.ts[-1], 4.0, atol=1e-12)
+
+
+@pytest.mark.parametrize("direction", [0, 1, -1])
+def test_a_dip_between_the_samples(direction):
+    """g = sign ((t - c)^2 - size |size|) (1 - t/w): a dip far narrower than the 20/128 between the samples, amid the span and at
+    its very ends, backwards, and from below; one that does not reach zero, and the same before a simple zero."""
+
+    @jax.jit
+    def found(ts, c, size, sign, w):
+        event = Event(lambda t, y: sign * ((t - c) ** 2 - size * jnp.abs(size)) * (1.0 - t / w), direction)
+        run = simulate(FALL, ball(1e4), ts, events=(event,))
+        return run.ts[-1], run.event
+
+    for ts, ahead in ((jnp.array([0.0, 20.0]), 1.0), (jnp.array([20.0, 0.0]), -1.0)):
+        for c, size, sign in [(5.03, 0.01, 1.0), (0.03, 0.01, 1.0), (19.93, 0.02, 1.0), (7.11, 0.03, -1.0)]:
+            time, event = found(ts, c, size, sign, 50.0)
+            assert event == 0
+            np.testing.assert_allclose(time, c + (ahead if direction == sign else -ahead) * size, atol=1e-9)
+        assert found(ts, 5.03, -0.01, 1.0, 50.0)[1] == -1
+        if direction != 1:
+            np.testing.assert_allclose(found(ts, 5.03, -0.01, ahead, 12.0)[0], 12.0, rtol=1e-12)
 
 
 def bounces(height, restitution, count):
@@ -373,6 +413,11 @@ SPAN = jnp.array([0.0, 1.0])
             lambda: simulate(KEPLER, start(0.1), jnp.array([0.0, 1.0]), accuracy=1e-16),
             InputError,
             "for float64 states it must be at least",
+        ),
+        (
+            lambda: simulate(KEPLER, jax.tree.map(jnp.float32, start(0.1)), jnp.float32(SPAN), accuracy=1e-6),
+            InputError,
+            "for float32 states it must be at least",
         ),
         (lambda: simulate(KEPLER, start(0.1), SPAN, accuracy=-1.0), InputError, "Accuracy.rtol is -1"),
         (lambda: simulate(KEPLER, start(0.1), jnp.array([0.0, 1.0, 0.5])), InputError, "ts turns around"),

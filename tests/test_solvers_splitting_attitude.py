@@ -1,15 +1,17 @@
 """Splitting with attitude: free rotation and kicks by the gravity gradient and by the weight of a top."""
 
+import diffrax
 import jax
 import jax.numpy as jnp
 import numpy as np
+import pytest
 
 from jaxspace import Scene
 from jaxspace.attitude import GravityGradient, Top, TorqueFreeBody, gravity_gradient_energy
 from jaxspace.bodies import BodyState, RigidBody, kinetic_energy
 from jaxspace.orbits import PointGravity
 from jaxspace.rotations import Quaternion
-from jaxspace.simulation import Accuracy, Status, simulate
+from jaxspace.simulation import Accuracy, Status, simulate, simulate_batch
 from jaxspace.solvers import DOP853, Splitting
 
 GRADIENT = GravityGradient(1.0)
@@ -88,3 +90,43 @@ def test_a_top_precesses():
     run = simulate(top, y, ts, accuracy=Accuracy(rtol=1e-5, method=Splitting(4, steps=200)))
     assert apart(run, exact) < 1e-5
     assert all(np.max(drift) < 1e-6 for drift in run.drift().values())
+
+
+def test_steps_that_pass_whole_turns_do_not_understate_their_error():
+    """From a tenth of a turn to three turns a step, against steps 64 times as short: below a quarter of a turn the estimate is
+    near the error, beyond it is as if drawn by lot and lies above."""
+    turns = np.concatenate([[0.03, 0.1, 0.2], np.linspace(0.3, 3.3, 28)])
+    direction = np.array([0.3, 0.02, 0.95])
+    speed = turns * 2.0 * np.pi * 40.0 / 0.3 / np.linalg.norm(direction)
+    y = jax.tree.map(lambda *x: jnp.stack(x), *(start(direction * s) for s in speed))
+
+    def run(method):
+        ts = jnp.array([0.0, 0.3])
+        return simulate_batch(SCENE, y, ts, accuracy=Accuracy(rtol=1.0, method=method), in_axes=(None, 0))
+
+    found, exact = run(Splitting(4, steps=40)), run(Splitting(4, steps=2560, estimate=False)).final
+    size = lambda block: np.linalg.norm(block, axis=1)  # noqa: E731
+    error = [size(a - b) / size(b) for a, b in zip(jax.tree.leaves(found.final), jax.tree.leaves(exact), strict=True)]
+    quotient = found.stats["largest_local_error"] / np.max(error, axis=0)
+    assert np.all((quotient[:3] > 0.8) & (quotient[:3] < 3.0))
+    assert np.all(quotient > 0.8) and np.median(quotient) < 30.0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("mode", ["forward", "reverse"])
+def test_derivatives_of_a_libration(mode):
+    """By moments of inertia, attitude and rate, of a scene that is split with its attitude, against differences."""
+
+    def end(x, adjoint):
+        scene = Scene((PointGravity(1.0), GRADIENT), RigidBody(1.0, jnp.array([1.0, 1.4, 1.8]) + x[:3]))
+        turned = Quaternion(jnp.concatenate([jnp.array([1.0, 0.1, 0.05]), 0.08 + x[3:4]])).normalised()
+        y = BodyState(jnp.array([1.0, 0.0, 0.0]), jnp.array([0.0, 1.0, 0.0]), turned, jnp.array([0.05, 0.02, 1.1]) + x[4])
+        accuracy = Accuracy(method=Splitting(4, steps=60, estimate=False), adjoint=adjoint)
+        final = simulate(scene, y, jnp.array([0.0, 6.0]), accuracy=accuracy, throw=False).final
+        return jnp.sum(final.attitude.wxyz**3) + jnp.sum(final.omega**3)
+
+    adjoint = diffrax.ForwardMode() if mode == "forward" else diffrax.RecursiveCheckpointAdjoint()
+    value = jax.jit(lambda x: end(x, adjoint))
+    derivative = jax.jacfwd(value) if mode == "forward" else jax.grad(value)
+    differences = [(value(1e-5 * e) - value(-1e-5 * e)) / 2e-5 for e in np.eye(5)]
+    np.testing.assert_allclose(jax.jit(derivative)(jnp.zeros(5)), differences, rtol=1e-7, atol=1e-8)

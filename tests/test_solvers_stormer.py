@@ -6,9 +6,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from jaxtyping import Array
 
 from jaxspace import Scene
-from jaxspace._core import InputError
+from jaxspace._core import AbstractSystem, InputError
 from jaxspace.bodies import BodyState, Load, RigidBody
 from jaxspace.orbits import Oblateness, PointGravity, TwoBody
 from jaxspace.scene import Custom
@@ -48,6 +49,36 @@ def test_errors_fall_with_the_order(order, steps):
     for part in ("position", "velocity"):
         first, second = (far(getattr(run.final, part), getattr(exact, part)[-1]) for run in runs)
         assert np.log2(first / second) > order - 0.8
+
+
+class Oscillator(AbstractSystem):
+    """r'' = -rate^2 r."""
+
+    rate: Array
+
+    def vector_field(self, t, y):
+        return BodyState(position=y.velocity, velocity=-self.rate * self.rate * y.position)
+
+    def invariants(self, t, y):
+        return {}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("order", [12, 11, 10, 9, 8, 7, 6, 5])
+def test_every_order_is_what_it_says(order):
+    """An oscillator of ever higher rate in 60 steps: the error grows as its phase per step to the order, and as the whole phase.
+
+    Between rounding, at 1e-14, and the phases per step where the higher orders become unstable."""
+    phases = np.geomspace(*{11: (0.08, 0.14), 12: (0.1, 0.15)}.get(order, (0.06, 0.2)), 12)
+    y, method = BodyState(jnp.array([1.0, 0.0, 0.0]), jnp.zeros(3)), Stormer(order, steps=60)
+
+    def error(rate):
+        end = simulate(Oscillator(rate), y, jnp.array([0.0, 1.0]), accuracy=Accuracy(rtol=1.0, method=method), throw=False).final
+        return jnp.hypot(end.position[0] - jnp.cos(rate), end.velocity[0] / rate + jnp.sin(rate))
+
+    errors = np.array([float(e) for e in map(jax.jit(error), 60.0 * phases)])
+    slope = np.polyfit(np.log(phases), np.log(errors / phases), 1)[0]
+    assert abs(slope - order) < 0.5
 
 
 def test_states_between_the_steps_are_as_good_as_those_at_the_end():

@@ -16,10 +16,10 @@ Source: Thomson 5.13-10..13 (constants), 5.13-18..21 (cubic).
 The third root comes from Newton's method in y = beta u, which serves beta = 0 too; it starts at Samuelson's bound, beyond
 all roots, and descends to the largest. The other two follow from
 (1 - u1)(1 - u2) = (gamma - N)^2 / (y3 - beta) and (1 + u1)(1 + u2) = (gamma + N)^2 / (y3 + beta), so that an angle near
-the vertical keeps its digits. In the integral of psi' the spikes at u = 1 and u = -1 are integrated apart (each is half a
-turn); what is left is smooth.
-A swing in a vertical plane (N = gamma = 0, the plane pendulum) is left out: its third root lies on the vertical, and the
-two products are undefined; period and precession come out infinite or NaN.
+the vertical keeps its digits. Near a swing in a vertical plane (N = gamma = 0, the plane pendulum) the third root lies on the
+vertical, and the product on that side is 1 - s + p (upper) or 1 + s + p, from p = u1 u2 = (gamma^2 - alpha) / y3 and
+s = u1 + u2. In the integral of psi' the spikes at u = 1 and u = -1 are integrated apart (each is half a turn); what is left is
+smooth.
 On the path that creeps up to the vertical (a sleeping top below its critical spin) the period is infinite.
 """
 
@@ -37,6 +37,8 @@ from ._elliptic import complete_elliptic
 STEPS = 12
 # Nodes of the periodic quadrature: the error falls as q^(2 NODES), q the nome of the modulus k.
 NODES = 48
+# Where y3 is as near to |beta|, their difference lacks digits, and 1 - s + p has all of them.
+PLANAR = 1e-5
 
 
 @final
@@ -84,7 +86,11 @@ class Nutation(eqx.Module):
         chi = jnp.pi / NODES * (jnp.arange(NODES, dtype=y3.dtype).reshape(shape) + 0.5)
         r = jnp.sqrt(0.5 * (at_upper + at_lower) + 0.5 * (at_upper - at_lower) * jnp.cos(chi))
         up, down = safe_sqrt(jnp.maximum(y3 - self.beta, 0.0)), safe_sqrt(jnp.maximum(y3 + self.beta, 0.0))
-        smooth = (self.gamma + self.N) / (r * down * (r + down)) - (self.gamma - self.N) / (r * up * (r + up))
+        x, y = (
+            jnp.sign(side) * 2.0 * safe_sqrt(product)
+            for side, product in zip((self.gamma - self.N, self.gamma + self.N), self._products(), strict=True)
+        )
+        smooth = y / (r * (r + down)) - x / (r * (r + up))
         spikes = jnp.sign(self.gamma - self.N) + jnp.sign(self.gamma + self.N)
         return jnp.pi * (spikes + self.beta * jnp.mean(smooth, axis=0))
 
@@ -97,6 +103,13 @@ class Nutation(eqx.Module):
         y3 = self.third_root()
         x = safe_divide((self.gamma - self.N) ** 2, y3 - self.beta)
         y = safe_divide((self.gamma + self.N) ** 2, y3 + self.beta)
+        size = jnp.abs(self.beta)
+        planar = (y3 - size < PLANAR * size) & (size > 0.0)
+        y3 = jnp.where(planar, y3, 1.0)
+        p = (self.gamma * self.gamma - self.alpha) / y3
+        s = (2.0 * self.gamma * self.N - self.beta * (1.0 + p)) / y3
+        x = jnp.where(planar & (self.beta > 0.0), jnp.maximum(1.0 - s + p, 0.0), x)
+        y = jnp.where(planar & (self.beta < 0.0), jnp.maximum(1.0 + s + p, 0.0), y)
         return x / 4.0, y / 4.0
 
     def _rates_squared(self) -> tuple[Scalar, Scalar, Scalar]:

@@ -36,8 +36,9 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 
-from .._core import Flag, Scalar, Vector, cross, dot, norm, safe_atan2, safe_divide
+from .._core import Flag, Scalar, Vector, cross, dot, norm, safe_atan2
 from ..rotations import Quaternion
+from ._axis_order import arranged, axis_order, restored
 from ._jacobi import Jacobi, jacobi, third
 
 
@@ -62,9 +63,9 @@ def free_rotation(duration: Scalar, moments: Vector, omega: Vector) -> tuple[Qua
     `moments`, kg m^2, and `omega`, rad/s: along principal axes, in any order. First derivatives hold everywhere."""
     runs = jnp.broadcast_shapes(moments.shape[1:], omega.shape[1:], jnp.shape(duration))
     moments, omega = (jnp.stack([jnp.broadcast_to(component, runs) for component in v]) for v in (moments, omega))
-    middle, mirrored = _order(moments, omega)
+    middle, mirrored = axis_order(moments, omega)
     sign = jnp.where(mirrored, -1.0, 1.0).astype(omega.dtype)
-    body = _Body.of(_arranged(moments, middle, mirrored), sign * _arranged(omega, middle, mirrored))
+    body = _Body.of(arranged(moments, middle, mirrored), sign * arranged(omega, middle, mirrored))
     body, mirrored, sign = jax.lax.optimization_barrier((body, mirrored, sign))
     phase = jax.lax.optimization_barrier(jacobi(duration, body.x, body.y, body.difference))
     within = jax.lax.optimization_barrier(_omega_within(body, phase))
@@ -74,8 +75,8 @@ def free_rotation(duration: Scalar, moments: Vector, omega: Vector) -> tuple[Qua
     small = _slow(body, duration)
     large = _turn(body, phase, duration, reached, later, small).wxyz
     turn = jnp.where(small, _small_turn(body, later, duration).wxyz, large)
-    vector = sign * _restored(turn[1:], middle, mirrored)
-    return Quaternion(jnp.concatenate([turn[:1], vector])), sign * _restored(later, middle, mirrored)
+    vector = sign * restored(turn[1:], middle, mirrored)
+    return Quaternion(jnp.concatenate([turn[:1], vector])), sign * restored(later, middle, mirrored)
 
 
 def _rates(moments: Vector) -> tuple[Scalar, Scalar, Scalar]:
@@ -174,32 +175,3 @@ def _small_turn(body: _Body, later: Vector, duration: Scalar) -> Quaternion:
     w = body.omega
     bend = (rate(w) - rate(later) + cross(w, later)) / 12.0
     return Quaternion.from_rotation_vector(duration * (0.5 * (w + later) + duration * bend))
-
-
-def _order(moments: Vector, omega: Vector) -> tuple[tuple[Flag, Flag], Flag]:
-    """Whether the first or the last axis is the intermediate one, and whether the other two change places."""
-    i0, i1, i2 = moments
-    middle = (i0 - i1) * (i0 - i2) <= 0.0, ((i2 - i0) * (i2 - i1) <= 0.0) & ((i0 - i1) * (i0 - i2) > 0.0)
-    (a, b, c), (u, v, w) = _arranged(moments, middle, False), _arranged(omega, middle, False)
-    share = safe_divide(b - c, a - c) * b * b * v * v
-    rest = safe_divide(a - b, a - c) * b * b * v * v
-    # The squares of L_1 and L_3 where the polhode crosses the plane of these two axes.
-    return middle, a * a * u * u + a / b * share < c * c * w * w + c / b * rest
-
-
-def _arranged(v: Vector, middle: tuple[Flag, Flag], mirrored: Flag) -> Vector:
-    """Components along the arranged axes: a cyclic change, and the exchange of the outer axes."""
-    first, last = middle
-    a = jnp.where(first, v[2], jnp.where(last, v[1], v[0]))
-    b = jnp.where(first, v[0], jnp.where(last, v[2], v[1]))
-    c = jnp.where(first, v[1], jnp.where(last, v[0], v[2]))
-    return jnp.stack([jnp.where(mirrored, c, a), b, jnp.where(mirrored, a, c)])
-
-
-def _restored(v: Vector, middle: tuple[Flag, Flag], mirrored: Flag) -> Vector:
-    """Components along the axes as they were given."""
-    first, last = middle
-    a, b, c = jnp.where(mirrored, v[2], v[0]), v[1], jnp.where(mirrored, v[0], v[2])
-    x = jnp.where(first, b, jnp.where(last, c, a))
-    y = jnp.where(first, c, jnp.where(last, a, b))
-    return jnp.stack([x, y, jnp.where(first, a, jnp.where(last, b, c))])

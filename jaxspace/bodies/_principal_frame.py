@@ -3,7 +3,8 @@
     J' = V^T J V = diag(I) + E,     E = 0 as a number, but with a derivative
 
     I_i != I_j:   E_ij turns the frame through theta_k = E_ij / (I_i - I_j)             (i, j, k) cyclic
-    I_i = I_j:    E_ij splits the moments along the axes at 45 degrees: I_i + E_ij, I_j - E_ij
+                  what the turn leaves of E has no first derivative, what a second turn leaves none below the fourth
+    I_i = I_j:    E_ij splits the moments along the axes at 45 degrees: I_i + E_ij, I_j - E_ij; right to first order in E
 
     symbol   meaning                                           unit
     J, J'    inertia in the given and in the principal axes    kg m^2
@@ -15,15 +16,17 @@ The principal axes of two equal moments have no derivative; the motion has one, 
 """
 
 import math
+from typing import Any
 
 import jax
 import jax.numpy as jnp
+from jax.custom_derivatives import SymbolicZero
 from jaxtyping import Array
 
 from .._core import Matrix, Scalar, Vector, axis, cross, matvec
 from ..rotations import Quaternion
 from ._free_rotation import free_rotation
-from ._inertia import AbstractInertia, PrincipalInertia, principal_axes
+from ._inertia import AbstractInertia, InertiaTensor, PrincipalInertia, principal_axes
 
 _PAIRS = ((1, 2), (2, 0), (0, 1))
 
@@ -32,49 +35,126 @@ def free_turn(duration: Scalar, inertia: AbstractInertia, omega: Vector) -> tupl
     """The turn of the body, in its axes at the start, and its angular velocity, rad/s, a `duration`, s, after `omega`.
 
     Shapes (4, *runs) and (3, *runs). First derivatives hold for every inertia; where two moments of a tensor differ by the
-    relative gap g > 0, the one by the element that couples them has an error of about eps/g, or of g where that is less."""
+    relative gap g > 0, the one by the element that couples them has an error of about eps/g, or of g where that is less.
+    Derivatives of second order hold for principal moments of any kind, and for a tensor whose moments differ, where the error
+    is about eps/g^2; where g < eps^(1/4) (1e-4 in double precision), those that are of second order in the tensor are NaN."""
     if isinstance(inertia, PrincipalInertia):
         return free_rotation(duration, inertia.moments, omega)
     tensor = inertia.matrix()
     rank = max(jnp.ndim(duration), omega.ndim - 1, tensor.ndim - 2)
     tensor, omega = _with_rank(tensor, 2, rank), _with_rank(omega, 1, rank)
-    axes = _axes(jax.lax.stop_gradient(inertia))
-    axes = _with_rank(axes, 2, rank)
-    local = jnp.stack([matvec(_transposed(axes), matvec(tensor, axes[:, k])) for k in range(3)], axis=1)
-    turn, later = _near_principal(duration, local, matvec(_transposed(axes), omega))
+    return _turned(duration, tensor, omega)
+
+
+@jax.custom_jvp
+def _turned(duration: Scalar, tensor: Matrix, omega: Vector) -> tuple[Quaternion, Vector]:
+    """R and omega(t), in the axes of the tensor."""
+    local, axes = _principal_frame(tensor)
+    moments = jnp.stack([local[k, k] for k in range(3)])
+    return _in_given_axes(axes, *free_rotation(duration, moments, matvec(_transposed(axes), omega)))
+
+
+def _turned_tangent(primals: tuple[Any, ...], tangents: tuple[Any, ...]) -> Any:
+    """Along what moves alone: a tensor that stands still must not enter with derivatives that are zero, or not a number."""
+    still = [isinstance(x, SymbolicZero) for x in tangents]
+    moving = [k for k in range(3) if not still[k]]
+
+    def along(*moved: Array) -> tuple[Quaternion, Vector]:
+        given = list(primals)
+        for k, x in zip(moving, moved, strict=True):
+            given[k] = x
+        local, axes = _principal_frame(given[1])
+        return _in_given_axes(axes, *_near_principal(given[0], local, matvec(_transposed(axes), given[2])))
+
+    return jax.jvp(along, tuple(primals[k] for k in moving), tuple(tangents[k] for k in moving))
+
+
+_turned.defjvp(_turned_tangent, symbolic_zeros=True)
+
+
+def _principal_frame(tensor: Matrix) -> tuple[Matrix, Matrix]:
+    """The tensor in its principal axes, and these as columns; the axes are without derivatives."""
+    axes = _axes(jax.lax.stop_gradient(tensor))
+    return _transformed(tensor, axes), axes
+
+
+def _in_given_axes(axes: Matrix, turn: Quaternion, later: Vector) -> tuple[Quaternion, Vector]:
     return Quaternion(jnp.concatenate([turn.wxyz[:1], matvec(axes, turn.wxyz[1:])])), matvec(axes, later)
 
 
 def _near_principal(duration: Scalar, local: Matrix, omega: Vector) -> tuple[Quaternion, Vector]:
     """R and omega(t) for a tensor whose elements off the diagonal have derivatives, but no values."""
+    local, frame, equal = _diagonal(local)
     moments = jnp.stack([local[k, k] for k in range(3)])
     between = jnp.stack([_derivative_of(local[i, j]) for i, j in _PAIRS])
-    gap = jax.lax.stop_gradient(jnp.stack([moments[i] - moments[j] for i, j in _PAIRS]))
-    equal = jnp.abs(gap) <= float(jnp.finfo(gap.dtype).eps) ** 0.5 * moments[0]
-    theta = jnp.where(equal, 0.0, between / jnp.where(equal, 1.0, gap))
-    frames = [_split(moments, between[k], omega, k) for k in range(3)]
-    split = (
-        jnp.stack([moments, *(m for m, _ in frames)], axis=1),
-        jnp.stack([omega + cross(omega, theta), *(w for _, w in frames)], axis=1),
-    )
-    still = jax.lax.stop_gradient(duration)
-    durations = jnp.stack([x + 0.0 * local[0, 0] for x in (duration, still, still, still)])
-    turns, ends = free_rotation(durations, *split)
-    vector, later = turns.wxyz[1:, 0] + cross(theta, turns.wxyz[1:, 0]), ends[:, 0] + cross(theta, ends[:, 0])
-    turn = jnp.concatenate([turns.wxyz[:1, 0], vector])
+    omega = frame.rotate_back(omega)
+    split = [(moments, omega), *(_split(moments, x[k], omega, k) for k in range(3) for x in (between, 0.0 * moments))]
+    durations = jnp.stack([duration + 0.0 * moments[0]] * 7)
+    turns, ends = free_rotation(durations, *(jnp.stack(x, axis=1) for x in zip(*split, strict=True)))
+    vector, later = turns.wxyz[1:, 0], ends[:, 0]
+    real = turns.wxyz[:1, 0]
     for k in range(3):
-        back = _half_right(k, between[k])
-        change = jnp.concatenate([turns.wxyz[:1, k + 1], back.rotate(turns.wxyz[1:, k + 1])])
-        turn = turn + jnp.where(equal[k], _derivative_of(change), 0.0)
-        later = later + jnp.where(equal[k], _derivative_of(back.rotate(ends[:, k + 1])), 0.0)
-    return Quaternion(turn), later
+        back, one, none = _half_right(k, between[k]), 2 * k + 1, 2 * k + 2
+        change = turns.wxyz[:, one] - turns.wxyz[:, none]
+        real = real + jnp.where(equal[k], change[:1], 0.0)
+        vector = vector + jnp.where(equal[k], back.rotate(change[1:]), 0.0)
+        later = later + jnp.where(equal[k], back.rotate(ends[:, one] - ends[:, none]), 0.0)
+    return Quaternion(jnp.concatenate([real, frame.rotate(vector)])), frame.rotate(later)
+
+
+def _diagonal(local: Matrix) -> tuple[Matrix, Quaternion, Array]:
+    """The tensor in its own principal axes, which are a turn of the given ones, and which pairs of moments are equal: a pair
+    keeps its element off the diagonal. Right to the third order; for moments that are close, to the first, and then NaN."""
+    eps = float(jnp.finfo(local.dtype).eps)
+    gap = jax.lax.stop_gradient(jnp.stack([jnp.abs(local[i, i] - local[j, j]) for i, j in _PAIRS]))
+    largest = jax.lax.stop_gradient(local[2, 2])
+    equal, close = gap <= eps**0.5 * largest, gap <= eps**0.25 * largest
+    moments = [local[k, k] for k in range(3)]
+    between = jnp.stack([_derivative_of(local[i, j]) for i, j in _PAIRS])
+    whole = sum(moments) + jnp.sum(between, axis=0)
+    local = _symmetric(moments, _once_differentiable(between, whole, jnp.where(close, jnp.nan, 0.0)))
+    frame = Quaternion(jnp.stack([jnp.ones_like(gap[0]), *jnp.zeros_like(gap)]))
+    for _ in range(2):
+        apart = jnp.stack([local[i, i] - local[j, j] for i, j in _PAIRS])
+        between = jnp.stack([_derivative_of(local[i, j]) for i, j in _PAIRS])
+        theta = jnp.where(equal, 0.0, between / jnp.where(equal, 1.0, apart))
+        turn = Quaternion(jnp.concatenate([jnp.ones_like(theta[:1]), 0.5 * theta])).normalised()
+        local, frame = _transformed(local, turn.matrix()), frame.then(turn)
+    return local, frame, equal
+
+
+@jax.custom_jvp
+def _once_differentiable(x: Array, whole: Scalar, bar: Array) -> Array:
+    """`x`, whose derivative has itself one of 0 or NaN, as the `bar` says, along all that moves the `whole`."""
+    del whole, bar
+    return x
+
+
+@jax.custom_jvp
+def _unit(whole: Scalar, bar: Array) -> Array:
+    del whole
+    return jnp.ones_like(bar)
+
+
+_once_differentiable.defjvp(lambda p, t: (p[0], t[0] * _unit(*p[1:])))
+_unit.defjvp(lambda p, t: (_unit(*p), p[1] * t[0]))
+
+
+def _symmetric(diagonal: list[Scalar], between: Vector) -> Matrix:
+    a, b, c = diagonal
+    x, y, z = between
+    return jnp.stack([jnp.stack([a, z, y]), jnp.stack([z, b, x]), jnp.stack([y, x, c])])
+
+
+def _transformed(m: Matrix, axes: Matrix) -> Matrix:
+    """A^T m A for the axes A as columns."""
+    return jnp.stack([matvec(_transposed(axes), matvec(m, axes[:, k])) for k in range(3)], axis=1)
 
 
 def _split(moments: Vector, half_gap: Scalar, omega: Vector, k: int) -> tuple[Vector, Vector]:
-    """Moments and omega along the axes at 45 degrees, when the two moments besides the k-th split; of no other derivative."""
+    """Moments and omega along the axes at 45 degrees, when the two moments besides the k-th split."""
     i, j = _PAIRS[k]
-    split = jax.lax.stop_gradient(moments) + half_gap * (axis(i, half_gap) - axis(j, half_gap))
-    return split, _half_right(k, half_gap).rotate_back(jax.lax.stop_gradient(omega))
+    return moments + half_gap * (axis(i, half_gap) - axis(j, half_gap)), _half_right(k, half_gap).rotate_back(omega)
 
 
 def _half_right(k: int, like: Scalar) -> Quaternion:
@@ -87,9 +167,9 @@ def _derivative_of(x: Array) -> Array:
     return x - jax.lax.stop_gradient(x)
 
 
-def _axes(inertia: AbstractInertia) -> Matrix:
+def _axes(tensor: Matrix) -> Matrix:
     """The principal axes as columns, right-handed."""
-    axes = principal_axes(inertia)[1]
+    axes = principal_axes(InertiaTensor(tensor))[1]
     return jnp.stack([axes[:, 0], axes[:, 1], cross(axes[:, 0], axes[:, 1])], axis=1)
 
 

@@ -15,7 +15,9 @@ removes the singular ends of the quadrature, and the integrand is periodic.
     w            H sin(theta_0) / sqrt(I_0 J), frequency of the nutation              rad/s
 
 Source: Thomson 6.3-12..14 (energy integral), 6.3-22 (the line before it has a wrong sign), problem 5 (mean of theta).
-Valid as long as the nutation does not reach theta = 0 or 180 deg.
+Valid as long as theta turns around before 0 and 180 deg, that is for |theta_0'| < H (1 - |cos(theta_0)|) / sqrt(J I_1), which
+is X at the nearer of the two. A faster gimbal turns on over the pole, which is another motion: its walk is NaN. The quadrature
+is exact to 1e-14 up to 0.8 of that rate, to 1e-10 at 0.9 and to 1e-3 at 0.99; at the rate itself the period is infinite.
 """
 
 from typing import final
@@ -36,7 +38,7 @@ class GimbalWalk(eqx.Module):
     """One nutation of a gyro in two gimbals without moments, and the drift that it leaves.
 
     Fields: `theta`, rad, and `theta_rate`, rad/s (theta_0 and its rate); `spin_momentum` H, kg m^2/s; `inner_inertia` J,
-    `outer_inertia_upright` I_1 and `outer_inertia_across` I_2, kg m^2."""
+    `outer_inertia_upright` I_1 and `outer_inertia_across` I_2, kg m^2. Exact results are NaN from `greatest_rate` on."""
 
     theta: Float[Array, "*#runs"]
     theta_rate: Float[Array, "*#runs"]
@@ -81,6 +83,11 @@ class GimbalWalk(eqx.Module):
         s, c = jnp.sin(theta), jnp.cos(theta)
         return self.outer_inertia_across * s * s + self.outer_inertia_upright * c * c
 
+    def greatest_rate(self) -> Scalar:
+        """The |theta_0'|, rad/s, that brings the gimbal just to the nearer pole; infinite for gimbals without mass."""
+        rise = 1.0 - jnp.abs(jnp.cos(self.theta))
+        return jnp.abs(self.spin_momentum) * rise / jnp.sqrt(self.inner_inertia * self.outer_inertia_upright)
+
     def _map(self, deviation: Scalar) -> tuple[Scalar, Scalar]:
         """X, rad/s, and its slope, 1/s, at theta_0 + deviation."""
         theta = self.theta + deviation
@@ -94,11 +101,12 @@ class GimbalWalk(eqx.Module):
 
     def _nodes(self) -> tuple[Scalar, Scalar, Scalar, Scalar]:
         """chi, theta - theta_0, theta and X'(theta) at the nodes of one period, on a new leading axis."""
-        rate = self.theta_rate / self.frequency()
+        theta_rate = jnp.where(jnp.abs(self.theta_rate) < self.greatest_rate(), self.theta_rate, jnp.nan)
+        rate = theta_rate / self.frequency()
         shape = (NODES,) + (1,) * rate.ndim
         chi = 2.0 * jnp.pi / NODES * (jnp.arange(NODES, dtype=rate.dtype).reshape(shape) + 0.5)
         deviation = rate * jnp.sin(chi)
         for _ in range(STEPS):
             x, slope = self._map(deviation)
-            deviation = deviation - (x - self.theta_rate * jnp.sin(chi)) / slope
+            deviation = deviation - (x - theta_rate * jnp.sin(chi)) / slope
         return chi, deviation, self.theta + deviation, self._map(deviation)[1]

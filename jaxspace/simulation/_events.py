@@ -3,8 +3,10 @@
     t_e :  g(t_e, y(t_e)) = 0            dt_e = -(dg)/(g_t + g_y f)
 
 The zero is bracketed on samples of the dense output and then closed in by Newton's method guarded by its bracket, outside
-every derivative. One more correction of time and state, inside the derivatives, carries the exact first derivative through
-the event: how its time moves, and the state with it (the saltation).
+every derivative. A dip between the samples is looked into, too: where of three samples of one sign the middle one is nearest to
+zero, and so near that the bend g_- - 2 g + g_+ might reach it, the extremum is sought by the secant of the slopes, and the
+search goes on from the first place beyond zero. One more correction of time and state, inside the derivatives, carries the exact
+first derivative through the event: how its time moves, and the state with it (the saltation).
 
     symbol  meaning                            unit
     g       condition                          any
@@ -12,18 +14,20 @@ the event: how its time moves, and the state with it (the saltation).
 """
 
 from collections.abc import Callable
-from typing import Any, final
+from typing import Any, NamedTuple, final
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from .._core import AbstractSystem, InputError, Scalar, State, as_optional_float, check_positive
+from .._core import AbstractSystem, InputError, Scalar, State, as_optional_float, check_positive, safe_divide
 from ._accuracy import Accuracy
 from ._propagate import propagate
 
-CLOSING_STEPS = 12  # Newton's steps, guarded by the bracket; four are enough for a simple zero
+CLOSING_STEPS = 24  # Newton's steps, guarded by the bracket, at most; four are enough for a simple zero
+NARROW = 1e-4  # of an interval: to what width the place of an extremum is sought
+REACH = 0.25  # of the bend: a parabola's dip below its lowest sample is an eighth at most
 
 
 @final
@@ -32,7 +36,8 @@ class Event(eqx.Module):
 
     - `direction`: 1 for a rise, -1 for a fall, 0 for both. A zero at the start is no event.
     - `within`, s: how long to wait for it in a phase.
-    - `samples`: how finely the span is searched; two zeros within one span / `samples` may be passed over.
+    - `samples`: how finely the span is searched. Two zeros within one span / `samples` are found where the samples about them
+      bend towards zero; a dip so narrow that they do not may be passed over.
 
     Raises `InputError` for another direction or a number of samples below 2."""
 
@@ -86,37 +91,104 @@ def _first_zero(
     states = propagate(system, y0, t0, t1, fractions, accuracy, run_axes).states
     times = t0 + jnp.multiply.outer(fractions, t1 - t0)
     g = jax.vmap(event.condition)(times, states)
-    g = g.at[0].set(_sign_at_start(system, event, t0, y0, g))
+    ends = jax.tree.map(lambda x: x[:: event.samples], (times, states))
+    slopes = jax.vmap(lambda t, y: event.slope(system, t, y)[1])(*ends)
+    dip = _dips(g, (times[1] - times[0]) * slopes)
+    g = g.at[0].set(_sign_at_start(g, slopes[0]))
     rise, fall = (g[:-1] < 0.0) & (g[1:] >= 0.0), (g[:-1] > 0.0) & (g[1:] <= 0.0)
-    crossing = {1: rise, -1: fall, 0: rise | fall}[event.direction]
-    index = jnp.argmax(crossing, axis=0)
-    y, t, value = _pick((states, times, g), index, run_axes)
-    end = _pick(times, index + 1, run_axes)
-    return _close_in(system, event, y, t, value, end, accuracy, run_axes), jnp.any(crossing, axis=0)
+    candidate = {1: rise, -1: fall, 0: rise | fall}[event.direction] | dip & ~(rise | fall)
+    numbers = jnp.arange(event.samples).reshape(-1, *(1,) * (candidate.ndim - 1))
+
+    def look(found: tuple[Scalar, Array, Array]) -> tuple[Scalar, Array, Array]:
+        when, hit, first = found
+        ahead = candidate & (numbers >= first)
+        index = jnp.argmax(ahead, axis=0)
+        y, t, value = _pick((states, times, g), index, run_axes)
+        end, other = _pick((times, g), index + 1, run_axes)
+        wanted = jnp.any(ahead, axis=0) & ~hit
+        there, met = _close_in(system, event, (t, end), y, (value, other), wanted, accuracy, run_axes)
+        good = wanted & met
+        last = good | ~wanted
+        return jnp.where(good, there, when), hit | good, jnp.where(last, event.samples, index + 1)
+
+    nowhere = jnp.zeros(candidate.shape[1:], bool)
+    start = jnp.broadcast_to(t1, nowhere.shape), nowhere, jnp.zeros(nowhere.shape, int)
+    return jax.lax.while_loop(lambda found: jnp.any(candidate & (numbers >= found[2])), look, start)[:2]
 
 
-def _sign_at_start(system: AbstractSystem, event: Event, t0: Scalar, y0: State, g: Array) -> Array:
+def _dips(g: Array, changes: Array) -> Array:
+    """For each interval whether the condition might dip through zero and back within it.
+
+    Beyond the ends of the span it goes on as its slopes there say: by the `changes` in an interval."""
+    last = jnp.concatenate([g[:1] - changes[:1], g[:-1]])
+    following = jnp.concatenate([g[1:], g[-1:] + changes[1:]])
+    sign = jnp.sign(g)
+    near = (sign * g <= sign * last) & (sign * g <= sign * following) & (sign * last > 0.0) & (sign * following > 0.0)
+    near = near & (sign * g < REACH * sign * (last - 2.0 * g + following))
+    return near[:-1] | near[1:]
+
+
+def _sign_at_start(g: Array, slope: Scalar) -> Array:
     """The condition at the start; where it is zero to rounding (a ball on the floor), the sign that it is about to take."""
     zero = jnp.abs(g[0]) <= 64.0 * jnp.finfo(g.dtype).eps * jnp.max(jnp.abs(g), axis=0)
-    return jnp.where(zero, jnp.sign(event.slope(system, t0, y0)[1]), g[0])
+    return jnp.where(zero, jnp.sign(slope), g[0])
+
+
+class _Search(NamedTuple):
+    """Where the zero is sought: between `low`, still on the side of `sign`, and `high`; next at `guess`.
+
+    `slopes`: rates at both, positive away from zero, infinite where unknown; `moving`: whether the guess still changes."""
+
+    low: Scalar
+    high: Scalar
+    guess: Scalar
+    sign: Scalar
+    dip: Array
+    slopes: tuple[Scalar, Scalar]
+    moving: Array
+    left: Any
 
 
 def _close_in(
-    system: AbstractSystem, event: Event, y: State, t: Scalar, g: Scalar, end: Scalar, accuracy: Accuracy, run_axes: int
-) -> Scalar:
-    """The zero between `t` (state `y`, condition `g`) and `end`."""
+    system: AbstractSystem,
+    event: Event,
+    span: tuple[Scalar, Scalar],
+    y: State,
+    g: tuple[Scalar, Scalar],
+    wanted: Array,
+    accuracy: Accuracy,
+    run_axes: int,
+) -> tuple[Scalar, Array]:
+    """The zero within the `span`, from the state `y` on, with the condition `g` at both ends; and whether there is one.
 
-    def step(_: Any, bracket: tuple[Scalar, Scalar, Scalar]) -> tuple[Scalar, Scalar, Scalar]:
-        low, high, guess = bracket
+    A dip has one sign at both ends: from the first place with the other one on, it is a span like all others, up to there
+    or, where only the way back counts, from there."""
+    t, end = span
+    least = 16.0 * float(jnp.finfo(t.dtype).eps)
+    forwards, back = jnp.sign(end - t), jnp.sign(g[0]) * event.direction > 0.0
+
+    def step(search: _Search) -> _Search:
+        low, high, guess, sign, dip, slopes, moving, left = search
         there = jax.tree.map(lambda x: x[-1], propagate(system, y, t, guess, None, accuracy, run_axes).states)
         value, slope = event.slope(system, guess, there)
-        before = value * jnp.sign(g) > 0.0
+        same, away = value * sign > 0.0, forwards * sign * slope
+        turned = dip & ~same & back
+        before = jnp.where(dip & same, away < 0.0, same) | turned
         low, high = jnp.where(before, guess, low), jnp.where(before, high, guess)
+        slopes = jnp.where(before, away, slopes[0]), jnp.where(before, slopes[1], away)
+        sign, dip = jnp.where(turned, -sign, sign), dip & same
         newton = guess - value / jnp.where(slope == 0.0, 1.0, slope)
-        inside = (slope != 0.0) & ((newton - low) * (newton - high) <= 0.0)
-        return low, high, jnp.where(inside, newton, 0.5 * (low + high))
+        inside = (slope != 0.0) & ((newton - low) * (newton - high) <= 0.0) & ~dip
+        share = jnp.where(dip & jnp.isfinite(slopes[1] - slopes[0]), safe_divide(slopes[0], slopes[0] - slopes[1]), 0.5)
+        following = jnp.where(inside, newton, low + jnp.clip(share, 0.1, 0.9) * (high - low))
+        enough = jnp.where(dip, NARROW * jnp.abs(end - t), least * jnp.maximum(jnp.abs(guess), jnp.abs(end - t)))
+        changes = jnp.where(dip, jnp.abs(high - low), jnp.abs(following - guess)) > enough
+        return _Search(low, high, following, sign, dip, slopes, moving & changes, left - 1)
 
-    return jax.lax.fori_loop(0, CLOSING_STEPS, step, (t, end, 0.5 * (t + end)))[2]
+    unknown = jnp.full_like(t, jnp.inf)
+    start = _Search(t, end, 0.5 * (t + end), jnp.sign(g[0]), g[0] * g[1] > 0.0, (-unknown, unknown), wanted, CLOSING_STEPS)
+    found = jax.lax.while_loop(lambda search: (search.left > 0) & jnp.any(search.moving), step, start)
+    return found.guess, ~found.dip
 
 
 def corrected(system: AbstractSystem, events: tuple[Event, ...], which: Array, t: Scalar, y: State) -> tuple[Scalar, State]:

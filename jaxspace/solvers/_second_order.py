@@ -8,6 +8,7 @@ position moves: so they need not know l, and no state ever holds anything but wh
 
 import dataclasses
 from abc import abstractmethod
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import diffrax
@@ -78,3 +79,14 @@ class AbstractEqualSteps(diffrax.AbstractSolver):
     @abstractmethod
     def refined(self, factor: int) -> "AbstractEqualSteps":
         """The method with `factor` times as many steps."""
+
+
+def told_by_fewer(course: Callable[[int], Any], steps: int, fewer: int, fall: Any, estimate: bool) -> tuple[Any, Any]:
+    """The end of a `course` in so many steps, and its error: what `fewer` steps do otherwise, divided by `fall`.
+
+    The error is without derivatives, and zero where no `estimate` is asked for."""
+    end = course(steps)
+    if not estimate:
+        return end, jax.tree.map(jnp.zeros_like, end)
+    apart = jax.tree.map(jnp.subtract, end, course(fewer))
+    return end, jax.lax.stop_gradient(jax.tree.map(lambda x: x / fall, apart))
