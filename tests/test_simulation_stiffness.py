@@ -10,7 +10,7 @@ from test_solvers_exponential import CompassState, Damped, Gyrocompass, Modes, P
 
 from jaxspace.attitude import Top
 from jaxspace.simulation import Event, Mission, Phase, Status, chosen_method, simulate, simulate_batch
-from jaxspace.simulation._stiffness import Start, is_stiff
+from jaxspace.simulation._stiffness import Starts, is_stiff
 from jaxspace.solvers import DOP853, ExponentialRosenbrock, Tsit5
 
 COMPASS = Gyrocompass(jnp.array(1e3))
@@ -112,9 +112,21 @@ def test_a_batch_is_judged_by_its_runs():
 
 
 def test_one_run_that_needs_small_steps_keeps_all_explicit():
-    ts = np.array([0.0, 500.0])
-    linear, large = Start(MODES, RING, ts), Start(Pendulum(jnp.array(1e6)), SWING, ts)
-    short = large._replace(ts=1e-3 * ts)
-    assert is_stiff([linear, short], 1e-9)
-    assert not is_stiff([linear, large], 1e-9)
-    assert not is_stiff([short], 1e-9)
+    """A pendulum of k = 1e6 swings linearly where its swing is small enough for the tolerance."""
+    amplitude, rows = np.array([1e-5, 1e-5, 1.0]), np.arange(3)
+    y0s, system = Swing(jnp.asarray(amplitude), jnp.zeros(3)), Pendulum(jnp.array(1e6))
+
+    def stiff(spans, rows):
+        ts = jnp.asarray(np.outer(spans, [0.0, 1.0]))
+        return is_stiff(Starts((None, y0s, ts), (system, jax.tree.map(lambda x: None, y0s), None), rows), 1e-5)
+
+    assert stiff([500.0] * 3, rows[:2])
+    assert not stiff([500.0] * 3, rows)
+    assert stiff([500.0, 500.0, 0.5], rows)
+    assert not stiff([0.5] * 3, rows)
+
+
+def test_single_precision_is_judged_in_its_own():
+    one = lambda x: jnp.asarray(x, jnp.float32)  # noqa: E731
+    assert isinstance(chosen_method(Damped(one(1e6)), one(1.0), 1e-5, one([0.0, 1.0])), STIFF)
+    assert isinstance(chosen_method(Damped(one(1e2)), one(1.0), 1e-5, one([0.0, 1.0])), DOP853)

@@ -1,6 +1,5 @@
 """How accurate a run shall be, and by which method it gets there."""
 
-from collections.abc import Iterable
 from typing import Any, Literal, final
 
 import diffrax
@@ -25,7 +24,7 @@ from .._core import (
 )
 from ..solvers import AbstractEqualSteps, Regularised, Splitting
 from ._choice import by_rules
-from ._stiffness import Start
+from ._stiffness import Starts
 
 
 @final
@@ -83,7 +82,7 @@ def state_dtype(y: State) -> Any:
     return next(iter(dtypes))
 
 
-def settled(accuracy: Accuracy, system: AbstractSystem, y0: State, starts: Iterable[Start] = ()) -> Accuracy:
+def settled(accuracy: Accuracy, system: AbstractSystem, y0: State, starts: Starts | None = None) -> Accuracy:
     """The accuracy with its method chosen for this system, by `with_method`.
 
     Raises `InputError` for a tolerance that the precision of the state cannot reach, before anything is compiled."""
@@ -100,7 +99,7 @@ def settled(accuracy: Accuracy, system: AbstractSystem, y0: State, starts: Itera
     return with_method(accuracy, system, y0, starts)
 
 
-def with_method(accuracy: Accuracy, system: AbstractSystem, y: Any, starts: Iterable[Start] = ()) -> Accuracy:
+def with_method(accuracy: Accuracy, system: AbstractSystem, y: Any, starts: Starts | None = None) -> Accuracy:
     """The accuracy with its method chosen for this system and state, or for their shapes, and by the numbers of the runs
     `starts`; `"auto"` stays only where the closed form is meant."""
     if accuracy.method != "auto":

@@ -2,7 +2,6 @@
 
 import dataclasses
 import functools
-import operator
 from typing import Any
 
 import equinox as eqx
@@ -23,7 +22,7 @@ from ._mission import Mission
 from ._propagate import alike
 from ._simulate import repeat, thrown
 from ._status import Status
-from ._stiffness import Start
+from ._stiffness import Starts
 from ._trajectory import MissionTrajectory, Trajectory
 
 SAMPLED = 16  # how many runs of a batch are looked at to choose its method
@@ -70,9 +69,7 @@ def _by_numbers(accuracy: Accuracy, systems: Any, y0s: State, carried: list[Any]
     """The accuracy with its method chosen by some of the runs, the first and the last among them."""
     if isinstance(systems, Mission) or not untransformed((arrays, accuracy)):
         return accuracy
-    batched, shared = arrays
-    rows = np.unique(np.linspace(0, runs - 1, SAMPLED).astype(int))
-    starts = (Start(*eqx.combine(jax.tree.map(operator.itemgetter(i), batched), shared)) for i in rows)
+    starts = Starts(arrays[0], arrays[1], np.linspace(0, runs - 1, SAMPLED).astype(int))
     system, y0 = (jax.tree.map(lambda x, flag: shape(x, int(flag)), *p) for p in zip((systems, y0s), carried, strict=True))
     return with_method(accuracy, system, y0, starts)
 

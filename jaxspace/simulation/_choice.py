@@ -8,7 +8,7 @@ the phases of a mission, the rules of structure decide alone."""
 
 import dataclasses
 import functools
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from typing import Any, Literal, NamedTuple, final
 
 import diffrax
@@ -20,7 +20,7 @@ import numpy as np
 
 from .._core import AbstractClosedFormSystem, AbstractSystem
 from ..solvers import DOP853, RKN1210, ExponentialRosenbrock, Tsit5
-from ._stiffness import Start, is_stiff
+from ._stiffness import Starts, is_stiff
 
 LOOSE = 1e-5  # above this tolerance the method of order 5 needs fewer evaluations than those of high order
 
@@ -32,7 +32,7 @@ class Question(NamedTuple):
     system: AbstractSystem
     y: Any
     rtol: float
-    starts: Iterable[Start]
+    starts: Starts | None
 
 
 @final
@@ -79,7 +79,7 @@ def _is_second_order(tree: Any, leaves: tuple[Any, ...]) -> bool:
 
 
 def _is_fast_and_linear(q: Question) -> bool:
-    return not is_second_order(q.system, q.y) and is_stiff(q.starts, q.rtol)
+    return q.starts is not None and not is_second_order(q.system, q.y) and is_stiff(q.starts, q.rtol)
 
 
 RULES = (
@@ -98,10 +98,10 @@ RULES = (
 def chosen_method(system: AbstractSystem, y: Any, rtol: float, ts: Any = None) -> diffrax.AbstractSolver | Literal["auto"]:
     """The method for a system and a state (or their shapes) and a relative tolerance; `"auto"` is left where the closed form is
     meant. Only with the times `ts`, s, a stiff run is known as such."""
-    return by_rules(system, y, rtol, () if ts is None else (Start(system, y, jnp.asarray(ts)),))
+    return by_rules(system, y, rtol, None if ts is None else Starts.of(system, y, jnp.asarray(ts)))
 
 
-def by_rules(system: AbstractSystem, y: Any, rtol: float, starts: Iterable[Start]) -> diffrax.AbstractSolver | Literal["auto"]:
+def by_rules(system: AbstractSystem, y: Any, rtol: float, starts: Starts | None) -> diffrax.AbstractSolver | Literal["auto"]:
     """`chosen_method` for one run or many, of which `starts` are some."""
     question = Question(system, y, rtol, starts)
     return next(rule.method for rule in RULES if rule.holds(question))

@@ -15,7 +15,7 @@ the motion has settled pass.
     h       time between the states asked for        s
 """
 
-from collections.abc import Iterable
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import diffrax
@@ -37,75 +37,97 @@ LEAST = 1e-3  # of a block's own unit: shorter ones count as this, as for the de
 MOST = 40  # components of a state: beyond, the exponential method's matrices cost more than they save
 
 
-class Start(NamedTuple):
-    """A single run as it is asked for."""
+class Starts(NamedTuple):
+    """Runs as they are asked for: (system, state, times), in parts with the runs on the first axis and shared by all; `rows` are
+    those to look at."""
 
-    system: AbstractSystem
-    y: State
-    ts: Array
+    batched: Any
+    shared: Any
+    rows: np.ndarray
+
+    @classmethod
+    def of(cls, system: AbstractSystem, y: State, ts: Any) -> "Starts":
+        """A single run."""
+        return cls(*eqx.partition((system, y, ts), False), np.zeros(1, int))
+
+    @property
+    def components(self) -> int:
+        """How many numbers the state of a run has."""
+        own, common = jax.tree.leaves(self.batched[1]), jax.tree.leaves(self.shared[1])
+        return sum(np.size(x) // np.shape(x)[0] for x in own) + sum(map(np.size, common))
+
+    @property
+    def readable(self) -> bool:
+        """Whether all numbers are known, and those of a state are not too many."""
+        leaves = jax.tree.leaves((self.batched, self.shared))
+        placeholders = any(isinstance(x, jax.ShapeDtypeStruct) for x in leaves)
+        return not placeholders and untransformed(leaves) and self.components <= MOST
 
 
-def is_stiff(starts: Iterable[Start], rtol: float) -> bool:
+def is_stiff(starts: Starts, rtol: float) -> bool:
     """Whether some of the runs would take an explicit method very many steps, and the exponential method serves all those.
 
     `False` where the numbers are not known (under `jit`, or in a derivative), or `rtol` is zero, as it is not known then."""
-    if rtol == 0.0:
+    if rtol == 0.0 or not starts.readable:
         return False
-    verdicts = [_verdict(start, rtol) for start in starts if _readable(start)]
-    long = [verdict for verdict in verdicts if verdict is not None]
-    return bool(long) and all(long)
-
-
-def _readable(start: Start) -> bool:
-    leaves = jax.tree.leaves(start)
-    placeholders = any(isinstance(x, jax.ShapeDtypeStruct) for x in leaves)
-    return not placeholders and untransformed(leaves) and sum(map(np.size, jax.tree.leaves(start.y))) <= MOST
-
-
-def _verdict(start: Start, rtol: float) -> bool | None:
-    """Whether the exponential method serves a run; `None` if an explicit one would not take very many steps."""
-    ts, v = np.asarray(start.ts), _flat(start.y)
-    span = float(ts[-1] - ts[0])
-    f, jacobian = _at(start, ts[0], v)
-    if not (f.shape == v.shape and np.all(np.isfinite(jacobian))):
-        return None
-    w = float(np.max(np.abs(np.linalg.eigvals(jacobian))))
-    if w * abs(span) < max(EXPLICIT, TRIAL * (ts.size - 1)):
-        return None
-    size = np.maximum(_sizes(start.y, v), _sizes(start.y, v + f / w))
-    change = (_at(start, ts[0], v + f / w)[1] - jacobian) * size / size[:, None]
-    if not np.max(np.abs(change)) <= SAME * w:
+    times = np.shape(jax.tree.leaves((starts.batched[2], starts.shared[2]))[0])[-1]
+    still = np.zeros((starts.rows.size, starts.components))
+    f, jacobian, size, span = map(np.asarray, _linearised(starts, still))
+    sound = np.all(np.isfinite(jacobian), axis=(1, 2))
+    w = np.max(np.abs(np.linalg.eigvals(np.where(sound[:, None, None], jacobian, 0.0))), axis=1)
+    long = w * np.abs(span) >= max(EXPLICIT, TRIAL * (times - 1))
+    if not np.any(long):
         return False
-    y1, error = map(_flat, _trial(start.system, ts[0], start.y, ts.dtype.type(np.copysign(TRIAL / w, span))))
-    return bool(np.all(np.abs(error) <= rtol * np.maximum(_sizes(start.y, v), _sizes(start.y, y1))))
+    w = np.where(long, w, np.inf)[:, None]
+    _, there, size_there, _ = map(np.asarray, _linearised(starts, np.where(long[:, None], f / w, 0.0)))
+    size = np.maximum(size, size_there)
+    change = np.max(np.abs(there - jacobian) * size[:, None, :] / size[:, :, None], axis=(1, 2))
+    if not np.all((change <= SAME * w[:, 0])[long]):
+        return False
+    error, size_after = map(np.asarray, _trial(starts, np.copysign(TRIAL / w[:, 0], span)))
+    return bool(np.all((np.abs(error) <= rtol * np.maximum(size, size_after))[long]))
 
 
-def _flat(y: State) -> np.ndarray:
-    return np.concatenate([np.asarray(x).reshape(-1) for x in jax.tree.leaves(y)])
+def _each(starts: Starts, function: Callable[..., Any], given: Array) -> Any:
+    """`function(system, y, ts, x)` of each run looked at, and of its row of `given`."""
+    lanes = jax.tree.map(lambda x: x[starts.rows], starts.batched)
+    dtype = jnp.result_type(*jax.tree.leaves((starts.batched[1], starts.shared[1])))
+    return jax.vmap(lambda lane, x: function(*eqx.combine(lane, starts.shared), x))(lanes, given.astype(dtype))
 
 
-def _sizes(y: State, v: np.ndarray) -> np.ndarray:
-    """For every component of a state laid out in `v` the length of its block, as the default tolerances take it."""
-    block = np.repeat(np.arange(len(jax.tree.leaves(y))), [x.size for x in jax.tree.leaves(y)])
-    return np.sqrt(np.bincount(block, v * v))[block] + LEAST
-
-
-def _at(start: Start, t: Any, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The vector field and its Jacobian at the state laid out in `v`, from differences."""
-    step = (np.sqrt(np.finfo(v.dtype).eps) * _sizes(start.y, v)).astype(v.dtype)
-    rates = np.asarray(_rates(start.system, t, start.y, v + np.diag(step), v))
-    return rates[-1], ((rates[:-1] - rates[-1]) / step[:, None]).T
+def _sizes(y: State) -> Array:
+    """For every component of a state the length of its block, as the default tolerances take it."""
+    return ravel_pytree([jnp.sqrt(jnp.sum(x * x)) * jnp.ones_like(x) for x in jax.tree.leaves(y)])[0] + LEAST
 
 
 @eqx.filter_jit
-def _rates(system: AbstractSystem, t: Array, y: State, moved: Any, v: Any) -> Array:
-    """The vector field at states laid out in the rows of `moved` and in `v`: derivatives would take far longer to compile."""
-    state = ravel_pytree(y)[1]
-    return jax.vmap(lambda v: ravel_pytree(system.vector_field(t, state(v)))[0])(jnp.concatenate([moved, v[None]]))
+def _linearised(starts: Starts, away: Any) -> tuple[Array, Array, Array, Array]:
+    """The vector field, its Jacobian and the sizes at the states moved by `away`, and the spans.
+
+    By differences: derivatives would take far longer to compile. Not a number where the rate of a state has another shape."""
+
+    def one(system: AbstractSystem, y: State, ts: Array, away: Array) -> tuple[Array, Array, Array, Array]:
+        v, state = ravel_pytree(y)
+        v = v + away
+        size = _sizes(state(v))
+        step = np.sqrt(np.finfo(v.dtype).eps).item() * size
+        f = jax.vmap(lambda v: ravel_pytree(system.vector_field(ts[0], state(v)))[0])(
+            v + jnp.concatenate([jnp.zeros_like(v)[None], jnp.diag(step)])
+        )
+        if f.shape[1] != v.size:
+            f = jnp.full((v.size + 1, v.size), jnp.nan, v.dtype)
+        return f[0], ((f[1:] - f[0]) / step[:, None]).T, size, ts[-1] - ts[0]
+
+    return _each(starts, one, jnp.asarray(away))
 
 
 @eqx.filter_jit
-def _trial(system: AbstractSystem, t: Array, y: State, h: Array) -> tuple[State, State]:
-    """The state after a step `h` of the exponential method, and the estimate of its error."""
-    term: Any = diffrax.ODETerm(lambda s, y, args: system.vector_field(s, y))
-    return ExponentialRosenbrock().step(term, t, t + h, y, None, None, jnp.array(False))[:2]
+def _trial(starts: Starts, h: Any) -> tuple[Array, Array]:
+    """The estimated errors of a step `h` of the exponential method, and the sizes after it."""
+
+    def one(system: AbstractSystem, y: State, ts: Array, h: Array) -> tuple[Array, Array]:
+        term: Any = diffrax.ODETerm(lambda s, y, args: system.vector_field(s, y))
+        y1, error, *_ = ExponentialRosenbrock().step(term, ts[0], ts[0] + h, y, None, None, jnp.array(False))
+        return ravel_pytree(error)[0], _sizes(y1)
+
+    return _each(starts, one, jnp.asarray(h))
