@@ -1,10 +1,8 @@
 """Splitting with attitude: free rotation and kicks by the gravity gradient and by the weight of a top."""
 
-import diffrax
 import jax
 import jax.numpy as jnp
 import numpy as np
-import pytest
 
 from jaxspace import Scene
 from jaxspace.attitude import GravityGradient, Top, TorqueFreeBody, gravity_gradient_energy
@@ -110,23 +108,3 @@ def test_steps_that_pass_whole_turns_do_not_understate_their_error():
     quotient = found.stats["largest_local_error"] / np.max(error, axis=0)
     assert np.all((quotient[:3] > 0.8) & (quotient[:3] < 3.0))
     assert np.all(quotient > 0.8) and np.median(quotient) < 30.0
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("mode", ["forward", "reverse"])
-def test_derivatives_of_a_libration(mode):
-    """By moments of inertia, attitude and rate, of a scene that is split with its attitude, against differences."""
-
-    def end(x, adjoint):
-        scene = Scene((PointGravity(1.0), GRADIENT), RigidBody(1.0, jnp.array([1.0, 1.4, 1.8]) + x[:3]))
-        turned = Quaternion(jnp.concatenate([jnp.array([1.0, 0.1, 0.05]), 0.08 + x[3:4]])).normalised()
-        y = BodyState(jnp.array([1.0, 0.0, 0.0]), jnp.array([0.0, 1.0, 0.0]), turned, jnp.array([0.05, 0.02, 1.1]) + x[4])
-        accuracy = Accuracy(method=Splitting(4, steps=60, estimate=False), adjoint=adjoint)
-        final = simulate(scene, y, jnp.array([0.0, 6.0]), accuracy=accuracy, throw=False).final
-        return jnp.sum(final.attitude.wxyz**3) + jnp.sum(final.omega**3)
-
-    adjoint = diffrax.ForwardMode() if mode == "forward" else diffrax.RecursiveCheckpointAdjoint()
-    value = jax.jit(lambda x: end(x, adjoint))
-    derivative = jax.jacfwd(value) if mode == "forward" else jax.grad(value)
-    differences = [(value(1e-5 * e) - value(-1e-5 * e)) / 2e-5 for e in np.eye(5)]
-    np.testing.assert_allclose(jax.jit(derivative)(jnp.zeros(5)), differences, rtol=1e-7, atol=1e-8)

@@ -19,5 +19,6 @@ from ._simulate import check_times as check_times
 from ._simulate import simulate as simulate
 from ._status import SimulationError as SimulationError
 from ._status import Status as Status
+from ._steps import steps_for as steps_for
 from ._trajectory import MissionTrajectory as MissionTrajectory
 from ._trajectory import Trajectory as Trajectory

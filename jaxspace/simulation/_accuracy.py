@@ -23,7 +23,8 @@ from .._core import (
     known,
 )
 from ..solvers import AbstractEqualSteps, Regularised, Splitting
-from ._choice import chosen_method
+from ._choice import by_rules
+from ._stiffness import Starts
 
 
 @final
@@ -32,10 +33,11 @@ class Accuracy(eqx.Module):
 
     - `rtol`: of the length of every block of the state (position, quaternion, ...); `atol`: in the block's own unit, by
       default a thousandth of `rtol` (it matters only for a block that is zero).
-    - `method`: `"auto"` takes the closed form where the system has one, else Tsit5 above a tolerance of 1e-5, RKN1210 where
-      the acceleration is free of the velocity and nothing else moves, and DOP853 for the rest; or any diffrax solver with an
-      error estimate. A method of equal steps takes the steps that it was told, and the tolerance
-      only judges them.
+    - `method`: `"auto"` takes the closed form where the system has one, else ExponentialRosenbrock for slow motion beside a fast
+      linear one (told from the numbers of the run, so not under `jit` or in a mission), Tsit5 above a tolerance of 1e-5,
+      RKN1210 where the acceleration is free of the velocity and nothing else moves, and DOP853 for the rest; or any diffrax
+      solver with an error estimate. A method of equal steps takes the steps that it was told, and the tolerance only judges
+      them.
     - `adjoint`: diffrax's way of differentiation: reverse mode by default, `diffrax.ForwardMode()` for `jvp` and `jacfwd`.
     - `max_steps`: how many steps a run may take.
 
@@ -80,7 +82,7 @@ def state_dtype(y: State) -> Any:
     return next(iter(dtypes))
 
 
-def settled(accuracy: Accuracy, system: AbstractSystem, y0: State) -> Accuracy:
+def settled(accuracy: Accuracy, system: AbstractSystem, y0: State, starts: Starts | None = None) -> Accuracy:
     """The accuracy with its method chosen for this system, by `with_method`.
 
     Raises `InputError` for a tolerance that the precision of the state cannot reach, before anything is compiled."""
@@ -94,13 +96,13 @@ def settled(accuracy: Accuracy, system: AbstractSystem, y0: State) -> Accuracy:
         raise InputError(f"{type(system).__name__} offers no drift and kick: take another method than Splitting.")
     if isinstance(accuracy.method, Regularised) and not isinstance(system, AbstractRegularisedSystem):
         raise InputError(f"{type(system).__name__} offers no regular variables: take another method than Regularised.")
-    return with_method(accuracy, system, y0)
+    return with_method(accuracy, system, y0, starts)
 
 
-def with_method(accuracy: Accuracy, system: AbstractSystem, y: Any) -> Accuracy:
-    """The accuracy with its method chosen for this system and state, or for their shapes; `"auto"` stays only where the closed
-    form is meant."""
+def with_method(accuracy: Accuracy, system: AbstractSystem, y: Any, starts: Starts | None = None) -> Accuracy:
+    """The accuracy with its method chosen for this system and state, or for their shapes, and by the numbers of the runs
+    `starts`; `"auto"` stays only where the closed form is meant."""
     if accuracy.method != "auto":
         return accuracy
     rtol = float(np.max(np.asarray(accuracy.rtol))) if known(accuracy.rtol) else 0.0
-    return eqx.tree_at(lambda a: a.method, accuracy, chosen_method(system, y, rtol))
+    return eqx.tree_at(lambda a: a.method, accuracy, by_rules(system, y, rtol, starts))

@@ -22,8 +22,10 @@ from ._mission import Mission
 from ._propagate import alike
 from ._simulate import repeat, thrown
 from ._status import Status
+from ._stiffness import Starts
 from ._trajectory import MissionTrajectory, Trajectory
 
+SAMPLED = 16  # how many runs of a batch are looked at to choose its method
 FINEST = 8  # how many times as many equal steps are taken for the runs that missed the tolerance, at most
 
 
@@ -55,11 +57,21 @@ def simulate_batch(
     ts = jnp.asarray(ts, state_dtype(y0s))
     own_ts = ts.ndim == (1 if isinstance(systems, Mission) else 2)
     batched, shared = eqx.partition((systems, y0s, ts), (*carried, own_ts))
+    accuracy = _by_numbers(accuracy, systems, y0s, carried, (batched, shared), runs)
     result = _run(batched, shared, accuracy, tuple(events), samples, *_spread((batched, shared), runs))
     if known(result.status) and runs > 1:
         result = _again(result, batched, shared, accuracy, tuple(events), samples)
     result = _with_systems(result, systems, carried[0], accuracy)
     return thrown(result) if throw else result
+
+
+def _by_numbers(accuracy: Accuracy, systems: Any, y0s: State, carried: list[Any], arrays: Any, runs: int) -> Accuracy:
+    """The accuracy with its method chosen by some of the runs, the first and the last among them."""
+    if isinstance(systems, Mission) or not untransformed((arrays, accuracy)):
+        return accuracy
+    starts = Starts(arrays[0], arrays[1], np.linspace(0, runs - 1, SAMPLED).astype(int))
+    system, y0 = (jax.tree.map(lambda x, flag: shape(x, int(flag)), *p) for p in zip((systems, y0s), carried, strict=True))
+    return with_method(accuracy, system, y0, starts)
 
 
 def _carried(tree: Any, axes: Any) -> Any:

@@ -1,7 +1,10 @@
 """Which method `"auto"` stands for: that of the first rule which holds.
 
 A method for second-order systems is taken only where the traced vector field shows that it may be: the rate of the position is
-the velocity itself, and no operation leads from the velocity to its rate. What an effect says of itself does not matter."""
+the velocity itself, and no operation leads from the velocity to its rate. What an effect says of itself does not matter.
+
+Whether a run is stiff is told by its numbers (`_stiffness.py`): where they are not known, under `jit` or in a derivative, and for
+the phases of a mission, the rules of structure decide alone."""
 
 import dataclasses
 import functools
@@ -16,17 +19,28 @@ import jax.numpy as jnp
 import numpy as np
 
 from .._core import AbstractClosedFormSystem, AbstractSystem
-from ..solvers import DOP853, RKN1210, Tsit5
+from ..solvers import DOP853, RKN1210, ExponentialRosenbrock, Tsit5
+from ._stiffness import Starts, is_stiff
 
 LOOSE = 1e-5  # above this tolerance the method of order 5 needs fewer evaluations than those of high order
 
 
+class Question(NamedTuple):
+    """For what a method is sought: a system, a state (or their shapes), the largest tolerance (zero where it is not known), and
+    the runs whose numbers may be looked at."""
+
+    system: AbstractSystem
+    y: Any
+    rtol: float
+    starts: Starts | None
+
+
 @final
 class Rule(NamedTuple):
-    """`when` in words, the test of a system, a state and the largest tolerance (zero where it is not known), and the method."""
+    """`when` in words, the test, and the method."""
 
     when: str
-    holds: Callable[[AbstractSystem, Any, float], bool]
+    holds: Callable[[Question], bool]
     method: diffrax.AbstractSolver | Literal["auto"]
 
 
@@ -64,15 +78,30 @@ def _is_second_order(tree: Any, leaves: tuple[Any, ...]) -> bool:
     return travel is velocity and acceleration not in moved
 
 
+def _is_fast_and_linear(q: Question) -> bool:
+    return q.starts is not None and not is_second_order(q.system, q.y) and is_stiff(q.starts, q.rtol)
+
+
 RULES = (
-    Rule("the system has a closed form", lambda system, y, rtol: isinstance(system, AbstractClosedFormSystem), "auto"),
-    Rule("the tolerance is above 1e-5", lambda system, y, rtol: rtol > LOOSE, Tsit5()),
-    Rule("r' = v, v' = a(t, r), and nothing else moves", lambda system, y, rtol: is_second_order(system, y), RKN1210()),
-    Rule("else", lambda system, y, rtol: True, DOP853()),
+    Rule("the system has a closed form", lambda q: isinstance(q.system, AbstractClosedFormSystem), "auto"),
+    Rule(
+        "slow beside a fast linear motion or decay, over more than 1e5 of its radians",
+        _is_fast_and_linear,
+        ExponentialRosenbrock(),
+    ),
+    Rule("the tolerance is above 1e-5", lambda q: q.rtol > LOOSE, Tsit5()),
+    Rule("r' = v, v' = a(t, r), and nothing else moves", lambda q: is_second_order(q.system, q.y), RKN1210()),
+    Rule("else", lambda q: True, DOP853()),
 )
 
 
-def chosen_method(system: AbstractSystem, y: Any, rtol: float) -> diffrax.AbstractSolver | Literal["auto"]:
+def chosen_method(system: AbstractSystem, y: Any, rtol: float, ts: Any = None) -> diffrax.AbstractSolver | Literal["auto"]:
     """The method for a system and a state (or their shapes) and a relative tolerance; `"auto"` is left where the closed form is
-    meant."""
-    return next(rule.method for rule in RULES if rule.holds(system, y, rtol))
+    meant. Only with the times `ts`, s, a stiff run is known as such."""
+    return by_rules(system, y, rtol, None if ts is None else Starts.of(system, y, jnp.asarray(ts)))
+
+
+def by_rules(system: AbstractSystem, y: Any, rtol: float, starts: Starts | None) -> diffrax.AbstractSolver | Literal["auto"]:
+    """`chosen_method` for one run or many, of which `starts` are some."""
+    question = Question(system, y, rtol, starts)
+    return next(rule.method for rule in RULES if rule.holds(question))

@@ -16,6 +16,7 @@ from ._lanes import Span, run_mission, run_system, through
 from ._mission import Mission
 from ._propagate import alike
 from ._status import Status, raise_if_bad
+from ._stiffness import Starts
 from ._trajectory import MissionTrajectory, Trajectory
 
 TRAILING = "A run ended in trouble: call simulate with throw=False and read the status, or outside of jit for its sentence."
@@ -71,7 +72,7 @@ def simulate(
         result = _mission_run(system, y0, jnp.asarray(ts, state_dtype(y0)), samples, accuracy)
     else:
         ts = check_times(ts, y0)
-        accuracy = settled(accuracy, system, y0)
+        accuracy = settled(accuracy, system, y0, Starts.of(system, y0, ts))
         span = _system_run(system, y0, ts, tuple(events), accuracy)
         result = Trajectory(span.ts, span.states, span.status, span.event, span.stats, system, accuracy)
     return thrown(result) if throw else result

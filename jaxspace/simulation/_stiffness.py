@@ -1,0 +1,133 @@
+"""Whether a run is slow motion beside a fast linear one, told by its numbers at the start.
+
+    w = max |eigenvalue of J|,    J = df/dy at the start
+    1. w |span| >= 1e5, and w h >= 300        an explicit method would want more steps than a run may take
+    2. |J(y + f / w) - J(y)| <= 0.05 w        where the fast motion leads, it is still the same motion
+    3. a step of 300 / w by the exponential method is within the tolerance
+
+All are measured in the lengths of the state's blocks, as the tolerance is. A body that spins, or an orbit of many revolutions,
+fails at the second line: its Jacobian turns with it. A gyrocompass, damped or ringing linear modes, and a fast decay onto which
+the motion has settled pass.
+
+    symbol  meaning                                  unit
+    f, y    vector field and state at the start
+    w       fastest rate                             1/s
+    h       time between the states asked for        s
+"""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import diffrax
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.flatten_util import ravel_pytree
+from jaxtyping import Array
+
+from .._core import AbstractSystem, State
+from ..solvers import ExponentialRosenbrock
+from ._blocks import untransformed
+
+EXPLICIT = 1e5  # radians or decay times in the span: DOP853 takes a step for each, or two for three
+TRIAL = 300.0  # radians or decay times in a step: about as many as DOP853 passes while a step of 30 components is computed
+SAME = 0.05
+LEAST = 1e-3  # of a block's own unit: shorter ones count as this, as for the default absolute tolerance
+MOST = 40  # components of a state: beyond, the exponential method's matrices cost more than they save
+
+
+class Starts(NamedTuple):
+    """Runs as they are asked for: (system, state, times), in parts with the runs on the first axis and shared by all; `rows` are
+    those to look at."""
+
+    batched: Any
+    shared: Any
+    rows: np.ndarray
+
+    @classmethod
+    def of(cls, system: AbstractSystem, y: State, ts: Any) -> "Starts":
+        """A single run."""
+        return cls(*eqx.partition((system, y, ts), False), np.zeros(1, int))
+
+    @property
+    def components(self) -> int:
+        """How many numbers the state of a run has."""
+        own, common = jax.tree.leaves(self.batched[1]), jax.tree.leaves(self.shared[1])
+        return sum(np.size(x) // np.shape(x)[0] for x in own) + sum(map(np.size, common))
+
+    @property
+    def readable(self) -> bool:
+        """Whether all numbers are known, and those of a state are not too many."""
+        leaves = jax.tree.leaves((self.batched, self.shared))
+        placeholders = any(isinstance(x, jax.ShapeDtypeStruct) for x in leaves)
+        return not placeholders and untransformed(leaves) and self.components <= MOST
+
+
+def is_stiff(starts: Starts, rtol: float) -> bool:
+    """Whether some of the runs would take an explicit method very many steps, and the exponential method serves all those.
+
+    `False` where the numbers are not known (under `jit`, or in a derivative), or `rtol` is zero, as it is not known then."""
+    if rtol == 0.0 or not starts.readable:
+        return False
+    times = np.shape(jax.tree.leaves((starts.batched[2], starts.shared[2]))[0])[-1]
+    still = np.zeros((starts.rows.size, starts.components))
+    f, jacobian, size, span = map(np.asarray, _linearised(starts, still))
+    sound = np.all(np.isfinite(jacobian), axis=(1, 2))
+    w = np.max(np.abs(np.linalg.eigvals(np.where(sound[:, None, None], jacobian, 0.0))), axis=1)
+    long = w * np.abs(span) >= max(EXPLICIT, TRIAL * (times - 1))
+    if not np.any(long):
+        return False
+    w = np.where(long, w, np.inf)[:, None]
+    _, there, size_there, _ = map(np.asarray, _linearised(starts, np.where(long[:, None], f / w, 0.0)))
+    size = np.maximum(size, size_there)
+    change = np.max(np.abs(there - jacobian) * size[:, None, :] / size[:, :, None], axis=(1, 2))
+    if not np.all((change <= SAME * w[:, 0])[long]):
+        return False
+    error, size_after = map(np.asarray, _trial(starts, np.copysign(TRIAL / w[:, 0], span)))
+    return bool(np.all((np.abs(error) <= rtol * np.maximum(size, size_after))[long]))
+
+
+def _each(starts: Starts, function: Callable[..., Any], given: Array) -> Any:
+    """`function(system, y, ts, x)` of each run looked at, and of its row of `given`."""
+    lanes = jax.tree.map(lambda x: x[starts.rows], starts.batched)
+    dtype = jnp.result_type(*jax.tree.leaves((starts.batched[1], starts.shared[1])))
+    return jax.vmap(lambda lane, x: function(*eqx.combine(lane, starts.shared), x))(lanes, given.astype(dtype))
+
+
+def _sizes(y: State) -> Array:
+    """For every component of a state the length of its block, as the default tolerances take it."""
+    return ravel_pytree([jnp.sqrt(jnp.sum(x * x)) * jnp.ones_like(x) for x in jax.tree.leaves(y)])[0] + LEAST
+
+
+@eqx.filter_jit
+def _linearised(starts: Starts, away: Any) -> tuple[Array, Array, Array, Array]:
+    """The vector field, its Jacobian and the sizes at the states moved by `away`, and the spans.
+
+    By differences: derivatives would take far longer to compile. Not a number where the rate of a state has another shape."""
+
+    def one(system: AbstractSystem, y: State, ts: Array, away: Array) -> tuple[Array, Array, Array, Array]:
+        v, state = ravel_pytree(y)
+        v = v + away
+        size = _sizes(state(v))
+        step = np.sqrt(np.finfo(v.dtype).eps).item() * size
+        f = jax.vmap(lambda v: ravel_pytree(system.vector_field(ts[0], state(v)))[0])(
+            v + jnp.concatenate([jnp.zeros_like(v)[None], jnp.diag(step)])
+        )
+        if f.shape[1] != v.size:
+            f = jnp.full((v.size + 1, v.size), jnp.nan, v.dtype)
+        return f[0], ((f[1:] - f[0]) / step[:, None]).T, size, ts[-1] - ts[0]
+
+    return _each(starts, one, jnp.asarray(away))
+
+
+@eqx.filter_jit
+def _trial(starts: Starts, h: Any) -> tuple[Array, Array]:
+    """The estimated errors of a step `h` of the exponential method, and the sizes after it."""
+
+    def one(system: AbstractSystem, y: State, ts: Array, h: Array) -> tuple[Array, Array]:
+        term: Any = diffrax.ODETerm(lambda s, y, args: system.vector_field(s, y))
+        y1, error, *_ = ExponentialRosenbrock().step(term, ts[0], ts[0] + h, y, None, None, jnp.array(False))
+        return ravel_pytree(error)[0], _sizes(y1)
+
+    return _each(starts, one, jnp.asarray(h))
