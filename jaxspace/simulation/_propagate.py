@@ -34,8 +34,10 @@ class Propagation(eqx.Module):
 def alike(system: AbstractSystem, t: Scalar, y: State) -> State:
     """The state with every block broadcast to the runs that the system or another block carries."""
     for _ in range(3):
-        rate = jax.eval_shape(system.vector_field, t, y)
+        rate, before = jax.eval_shape(system.vector_field, t, y), y
         y = jax.tree.map(lambda a, b: jnp.broadcast_to(a, jnp.broadcast_shapes(a.shape, b.shape)), y, rate)
+        if jax.tree.map(jnp.shape, y) == jax.tree.map(jnp.shape, before):
+            break
     return y
 
 

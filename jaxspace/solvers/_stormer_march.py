@@ -3,6 +3,7 @@
 Equations and symbols: `_stormer.py`.
 """
 
+import functools
 import math
 from typing import Any, NamedTuple
 
@@ -33,6 +34,23 @@ class Past(NamedTuple):
     ring: Array
 
 
+@jax.custom_jvp
+def _weighted(row: Array, ring: Array) -> Array:
+    """sum_i row_i ring_i."""
+    total = row[0] * ring[0]
+    for slot in range(1, ring.shape[0]):
+        total = total + row[slot] * ring[slot]
+    return total
+
+
+@functools.partial(_weighted.defjvp, symbolic_zeros=True)
+def _weighted_rule(given: tuple[Array, Array], change: tuple[Any, Any]) -> tuple[Array, Array]:
+    # As a sum over the axis, because reverse mode then spreads the result over the ring in one go, not slot by slot. The row
+    # is one of a table of constants.
+    (row, ring), (_, d_ring) = given, change
+    return _weighted(row, ring), jnp.sum(row.reshape(row.shape + (1,) * (ring.ndim - 1)) * d_ring, axis=0)
+
+
 class March(NamedTuple):
     """The equal steps `h` of order `k` of a system from the clock time `s0` on."""
 
@@ -57,12 +75,8 @@ class March(NamedTuple):
     def turned(self, weights: tuple[float, ...], n: Any, ring: Array) -> Array:
         """h times the sum of the accelerations up to that of the step n, weighted; the newest has the first weight."""
         table = np.array([[weights[(i - slot) % self.k] for slot in range(self.k)] for i in range(self.k)])
-        table = (self.h * jnp.asarray(table, self.h.dtype)).astype(ring.dtype)
-        row = jax.lax.dynamic_index_in_dim(table, self.slot(n), keepdims=False)
-        total = row[0] * ring[0]
-        for slot in range(1, self.k):
-            total = total + row[slot] * ring[slot]
-        return total
+        row = jax.lax.dynamic_index_in_dim(jnp.asarray(table, ring.dtype), self.slot(n), keepdims=False)
+        return self.h.astype(ring.dtype) * _weighted(row, ring)
 
     def begin(self) -> tuple[Past, Kept]:
         """The past of the step k - 1, and what came before."""
