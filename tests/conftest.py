@@ -28,12 +28,13 @@ def pytest_configure(config):
 
 
 def pytest_collection_modifyitems(config, items):
-    """Of every test marked `slow`, keep each fifth case, the first included: a fixed sample, the same in every process."""
+    """Of every test marked `slow`, keep each fifth case, the first included: a fixed sample, the same in every process. None of
+    a test marked `sweep`."""
     if config.getoption("--sweep") == "all":
         return
     seen, kept, left_out = {}, [], []
     for item in items:
-        count = 0
+        count = 1 if item.get_closest_marker("sweep") is not None else 0
         if item.get_closest_marker("slow") is not None:
             test = (item.path, item.cls, item.originalname)
             count = seen[test] = seen.get(test, -1) + 1

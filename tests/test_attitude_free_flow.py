@@ -272,7 +272,7 @@ def test_principal_axes_have_derivatives_of_second_order_or_say_not():
     assert np.isnan(bend(np.array([2.0, 2.0, 1.0, 0.0, 0.0, 0.0]))).any()
 
 
-@pytest.mark.slow
+@pytest.mark.sweep
 @pytest.mark.parametrize("case", ["the rate alone", "general", "principal", "symmetric"])
 def test_second_derivatives_of_a_tensor(case):
     """Along one direction, against differences of the gradient; of equal moments, those of second order in the tensor are NaN."""
