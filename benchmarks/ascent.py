@@ -19,7 +19,7 @@ from jaxspace.simulation import simulate_batch
 
 from ._measure import in_turn, on_one_device, optional, worst
 
-RUNS = 8192
+RUNS = 16384
 MU, RADIUS, SPIN, G0 = 3.986004418e14, 6378137.0, 7.292115e-5, 9.80665
 DENSITY, HEIGHT, AREA = 1.225, 8500.0, 5.0
 KICK_TIME, LIFT_OFF_MASS = 12.0, 550e3
