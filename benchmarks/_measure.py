@@ -50,6 +50,15 @@ def worst(found: Any, reference: Any) -> float:
     return float(np.max(np.linalg.norm(found - reference, axis=-1) / np.linalg.norm(reference, axis=-1)))
 
 
+def with_errors_of_rotation(rows: dict[str, dict], calls: dict[str, Callable[[], Any]], reference: np.ndarray) -> dict[str, dict]:
+    """The rows with the worst errors of the rate and of the attitude: every call and the reference give both, (runs, 3 + 4)."""
+    for name, call in calls.items():
+        found = np.asarray(call())
+        rows[name]["worst_error_of_the_rate"] = worst(found[:, :3], reference[:, :3])
+        rows[name]["worst_error_of_the_attitude"] = worst(found[:, 3:], reference[:, 3:])
+    return rows
+
+
 def optional(name: str) -> Any:
     """The module of a peer, or `None` where it is not installed."""
     try:

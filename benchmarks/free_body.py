@@ -9,7 +9,7 @@ from jaxspace.rotations import Quaternion
 from jaxspace.simulation import Accuracy, simulate_batch
 from jaxspace.solvers import DOP853
 
-from ._measure import heyoka_ends, in_turn, on_one_device, optional, worst
+from ._measure import heyoka_ends, in_turn, on_one_device, optional, with_errors_of_rotation
 
 RUNS, SPAN, MOMENTS = 1024, 100.0 * 2.0 * np.pi / 0.84, (1.0, 1.7, 2.5)
 BODY = TorqueFreeBody(list(MOMENTS))
@@ -59,9 +59,4 @@ def measure() -> dict:
         reference = heyoka_ends(equations, start, SPAN, 1e-18)().T.copy()
     else:
         reference = stepped(1e-13)
-    rows = in_turn(calls, RUNS)
-    for name, call in calls.items():
-        found = np.asarray(call())
-        rows[name]["worst_error_of_the_rate"] = worst(found[:, :3], reference[:, :3])
-        rows[name]["worst_error_of_the_attitude"] = worst(found[:, 3:], reference[:, 3:])
-    return rows
+    return with_errors_of_rotation(in_turn(calls, RUNS), calls, np.asarray(reference))

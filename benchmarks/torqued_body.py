@@ -15,7 +15,7 @@ from jaxspace.simulation import Accuracy, simulate_batch
 from jaxspace.solvers import DOP853, Splitting
 
 from . import free_body, low_orbits
-from ._measure import heyoka_ends, in_turn, on_one_device, optional, worst
+from ._measure import heyoka_ends, in_turn, on_one_device, optional, with_errors_of_rotation
 
 RUNS, RATE = free_body.RUNS, 20.0
 SPAN, MOMENTS = free_body.SPAN / RATE, free_body.MOMENTS
@@ -68,9 +68,4 @@ def measure() -> dict:
         reference = heyoka_ends(equations, start, SPAN, 1e-18)()[6:].T.copy()
     else:
         reference = ours(1e-13, DOP853())
-    rows = in_turn(calls, RUNS)
-    for name, call in calls.items():
-        found = np.asarray(call())
-        rows[name]["worst_error_of_the_rate"] = worst(found[:, :3], reference[:, :3])
-        rows[name]["worst_error_of_the_attitude"] = worst(found[:, 3:], reference[:, 3:])
-    return rows
+    return with_errors_of_rotation(in_turn(calls, RUNS), calls, np.asarray(reference))
