@@ -9,7 +9,7 @@ from jaxspace.attitude import GravityGradient, Top, TorqueFreeBody, gravity_grad
 from jaxspace.bodies import BodyState, RigidBody, kinetic_energy
 from jaxspace.orbits import PointGravity
 from jaxspace.rotations import Quaternion
-from jaxspace.simulation import Accuracy, Status, simulate, simulate_batch
+from jaxspace.simulation import Accuracy, simulate, simulate_batch
 from jaxspace.solvers import DOP853, Splitting
 
 GRADIENT = GravityGradient(1.0)
@@ -50,7 +50,6 @@ def test_libration_under_the_gravity_gradient():
     error = apart(run, resolved(6.0 * ORBIT, y, 1e-12))
     assert error < 3e-5
     assert 0.1 < 1e-3 * run.stats["largest_local_error"] / error < 10.0
-    assert split(6.0 * ORBIT, y, 1e-9).status == Status.TOLERANCE_MISSED
 
 
 def test_the_energy_of_a_libration_swings_and_does_not_wander():

@@ -1,6 +1,5 @@
 """Many runs by one integration after the other, each of a block of runs side by side. Never a mapped solve."""
 
-import dataclasses
 import functools
 from typing import Any
 
@@ -20,13 +19,12 @@ from ._events import Event
 from ._lanes import Span, run_mission, run_system
 from ._mission import Mission
 from ._propagate import alike
-from ._simulate import repeat, thrown
+from ._simulate import missed_by, repeat, thrown
 from ._status import Status
 from ._stiffness import Starts
 from ._trajectory import MissionTrajectory, Trajectory
 
 SAMPLED = 16  # how many runs of a batch are looked at to choose its method
-FINEST = 8  # how many times as many equal steps are taken for the runs that missed the tolerance, at most
 
 
 def simulate_batch(
@@ -59,8 +57,8 @@ def simulate_batch(
     batched, shared = eqx.partition((systems, y0s, ts), (*carried, own_ts))
     accuracy = _by_numbers(accuracy, systems, y0s, carried, (batched, shared), runs)
     result = _run(batched, shared, accuracy, tuple(events), samples, *_spread((batched, shared), runs))
-    if known(result.status) and runs > 1:
-        result = _again(result, batched, shared, accuracy, tuple(events), samples)
+    if known(result.status):
+        result, accuracy = _again(result, batched, shared, accuracy, tuple(events), samples)
     result = _with_systems(result, systems, carried[0], accuracy)
     return thrown(result) if throw else result
 
@@ -101,26 +99,23 @@ def _count(systems: Any, y0s: Any, carried: list[Any]) -> int:
     return runs
 
 
-def _again(result: Any, batched: Any, shared: Any, accuracy: Accuracy, events: tuple[Event, ...], samples: int) -> Any:
+def _again(
+    result: Any, batched: Any, shared: Any, accuracy: Accuracy, events: tuple[Event, ...], samples: int
+) -> tuple[Any, Accuracy]:
     """The result with the runs repeated whose block ran out of steps, each alone; and those that missed the tolerance by equal
-    steps, with as many more of these as their errors ask for."""
+    steps, with as many more of these as their errors ask for. With it the accuracy of the finest of the runs."""
     stuck = np.flatnonzero(np.asarray(result.status) == Status.MAX_STEPS)
-    if stuck.size:
+    if stuck.size and result.status.size > 1:
         alone = _run(jax.tree.map(lambda x: x[stuck], batched), shared, accuracy, events, samples, 1, None)
         result = jax.tree.map(lambda a, b: a.at[stuck].set(b), result, alone)
-    if not isinstance(accuracy.method, AbstractEqualSteps):
-        return result
-    spans = result.phases if isinstance(result, MissionTrajectory) else (result,)
-    error = np.max([np.asarray(span.stats["largest_local_error"]) for span in spans], axis=0)
-    missed = np.flatnonzero((np.asarray(result.status) == Status.TOLERANCE_MISSED) & np.isfinite(error))
+    error = missed_by(result, accuracy)
+    missed = np.flatnonzero(error)
     if missed.size:
-        order: Any = accuracy.method.order(None)
-        factor = np.ceil(1.1 * np.max(error[missed]) ** (1.0 / order))
-        accuracy = dataclasses.replace(accuracy, method=accuracy.method.refined(int(np.clip(factor, 2, FINEST))))
+        accuracy = accuracy.with_more_steps(float(np.max(error)))
         filled = np.concatenate([missed, np.full(-missed.size % BLOCK, missed[-1])])
         again = _run(jax.tree.map(lambda x: x[filled], batched), shared, accuracy, events, samples, BLOCK, None)
         result = jax.tree.map(lambda a, b: a.at[missed].set(b[: missed.size]), result, again)
-    return result
+    return result, accuracy
 
 
 def _spread(arrays: Any, runs: int) -> tuple[int, Mesh | None]:
