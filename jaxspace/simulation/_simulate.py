@@ -153,6 +153,8 @@ def repeated(trajectory: Trajectory, factor: float) -> State:
 
 
 def repeat(system: AbstractSystem, y0: State, ts: Array, accuracy: Accuracy, run_axes: int) -> State:
-    """The state at the last of `ts`, by way of a state within the span: a closed form makes its own errors then, too."""
+    """The state at the last of `ts`, by way of a state within the span: a closed form makes its own errors then, too. Not a
+    number where the steps run out on the way."""
     ends = jnp.stack([ts[0], ts[0] + 0.4 * (ts[-1] - ts[0]), ts[-1]])
-    return jax.tree.map(lambda x: x[-1], through(system, alike(system, ts[0], y0), ends, accuracy, run_axes)[0])
+    states, status, _ = through(system, alike(system, ts[0], y0), ends, accuracy, run_axes)
+    return jax.tree.map(lambda x: jnp.where(status == Status.MAX_STEPS, jnp.nan, x[-1]), states)
