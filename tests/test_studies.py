@@ -230,12 +230,15 @@ def test_a_mission_counts_an_effect_over_all_of_its_phases():
 
 
 def test_a_budget_in_regular_variables():
-    """The attraction is weaker or stronger within them; without it there are none, which its row says."""
-    how = Accuracy(rtol=1e-8, method=Regularised(steps=32, estimate=False))
-    budget = effect_budget(OBLATE, orbit(), jnp.array([0.0, 600.0]), accuracy=how)
-    ends = [run(Scene([PointGravity(MU), *more]), orbit(), [0.0, 600.0]).position[:, -1] for more in ((), OBLATE.effects[1:])]
+    """The attraction is weaker or stronger within them; without it there are none, which its row says. The error of the equal
+    steps is told by twice as many."""
+    how = Accuracy(rtol=1e-8, method=Regularised(steps=12, estimate=False))
+    budget = effect_budget(OBLATE, orbit(), jnp.array([0.0, 5400.0]), accuracy=how)
+    ends = [run(Scene([PointGravity(MU), *more]), orbit(), [0.0, 5400.0]).position[:, -1] for more in ((), OBLATE.effects[1:])]
     np.testing.assert_allclose(budget["Oblateness"].left_out, np.linalg.norm(ends[1] - ends[0]), rtol=1e-6)
     assert "finite" in budget["PointGravity"].trouble and budget["PointGravity"].linear > 1e5
+    assert budget.noise == pytest.approx(np.linalg.norm(budget.nominal - ends[1]), rel=0.1)
+    assert f"Finer integration moves it by {budget.noise:.1g}." in str(budget)
 
 
 def test_a_run_that_fails_without_an_effect_says_so():
