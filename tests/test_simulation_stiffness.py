@@ -10,6 +10,7 @@ from test_solvers_exponential import CompassState, Damped, Gyrocompass, Modes, P
 
 from jaxspace.attitude import Top
 from jaxspace.simulation import Event, Mission, Phase, Status, chosen_method, simulate, simulate_batch
+from jaxspace.simulation._batch import SAMPLED
 from jaxspace.simulation._stiffness import Starts, is_stiff
 from jaxspace.solvers import DOP853, ExponentialRosenbrock, Tsit5
 
@@ -32,8 +33,9 @@ def quarter(compass=COMPASS):
         (COMPASS, Gyrocompass.start(0.3), 5e3, 1e-9, STIFF),
         (COMPASS, Gyrocompass.start(0.3), -5e3, 1e-9, STIFF),
         (COMPASS, Gyrocompass.start(0.3, 1e-3), 5e3, 1e-4, STIFF),
-        (COMPASS, Gyrocompass.start(0.3), 50.0, 1e-9, DOP853),
-        (COMPASS, Gyrocompass.start(0.3), 50.0, 1e-4, Tsit5),
+        (COMPASS, Gyrocompass.start(0.3), 15.0, 1e-9, STIFF),
+        (COMPASS, Gyrocompass.start(0.3), 5.0, 1e-9, DOP853),
+        (COMPASS, Gyrocompass.start(0.3), 5.0, 1e-4, Tsit5),
         (MODES, RING, 500.0, 1e-9, STIFF),
         (eqx.tree_at(lambda m: m.c, MODES, 20.0), RING, 500.0, 1e-9, STIFF),
         (Damped(1e6), ONE, 1.0, 1e-9, STIFF),
@@ -109,6 +111,37 @@ def test_a_batch_is_judged_by_its_runs():
     assert batch.status.tolist() == [Status.COMPLETED] * 3 + [Status.NOT_FINITE]
     # As above; and beside a rotor of one radian a second the nutation itself is of 7e-8.
     assert np.all(np.abs(batch.final.psi[:3]) < [3e-9, 1e-8, 5e-7])
+
+
+def few_among_many(few, system, of):
+    """Forty runs: `few` where no sample falls, and the others short."""
+    places, spans = np.array([1, 22, 24])[: len(few)], np.full(40, 1e-2)
+    assert not set(places) & set(np.linspace(0, 39, SAMPLED).astype(int))
+    x = np.full(40, 1e-3)
+    ends = lambda x, spans: simulate_batch(  # noqa: E731
+        system, jax.vmap(of)(jnp.asarray(x)), jnp.outer(spans, jnp.array([0.0, 1.0])), in_axes=(None, 0)
+    )
+    alone = ends(x, spans).final
+    x[places], spans[places] = np.transpose(few)
+    run = ends(x, spans)
+    others = np.setdiff1d(np.arange(40), places)
+    assert np.all(run.status[others] == Status.COMPLETED)
+    for a, b in zip(jax.tree.leaves(run.final), jax.tree.leaves(alone), strict=True):
+        np.testing.assert_allclose(a[others], b[others], rtol=1e-9, atol=1e-12)
+    return jax.tree.map(lambda x: x[places], run.status), jax.tree.map(lambda x: x[places], run.final)
+
+
+def test_stiff_runs_among_others_that_no_sample_shows_are_taken_by_themselves():
+    start = lambda p: CompassState(p, 0.0 * p, 7.2921e-5 * jnp.sin(p), 0.0 * p)  # noqa: E731
+    status, final = few_among_many([(1e-3, quarter()[1]), (2e-3, quarter()[1])], COMPASS, start)
+    assert status.tolist() == [Status.COMPLETED] * 2
+    np.testing.assert_allclose(final.psi, 0.0, atol=1e-8)
+
+
+def test_runs_that_no_method_brings_to_their_end_say_so():
+    """A pendulum of k = 1e6 with a large swing: fast, and not linear."""
+    status, _ = few_among_many([(1.0, 500.0)], Pendulum(jnp.array(1e6)), lambda x: Swing(x, 0.0 * x))
+    assert status.tolist() == [Status.MAX_STEPS]
 
 
 def test_one_run_that_needs_small_steps_keeps_all_explicit():

@@ -9,7 +9,7 @@ from jaxspace.attitude import GravityGradient, Top, TorqueFreeBody, gravity_grad
 from jaxspace.bodies import BodyState, RigidBody, kinetic_energy
 from jaxspace.orbits import PointGravity
 from jaxspace.rotations import Quaternion
-from jaxspace.simulation import Accuracy, Status, simulate, simulate_batch
+from jaxspace.simulation import Accuracy, simulate, simulate_batch
 from jaxspace.solvers import DOP853, Splitting
 
 GRADIENT = GravityGradient(1.0)
@@ -50,7 +50,6 @@ def test_libration_under_the_gravity_gradient():
     error = apart(run, resolved(6.0 * ORBIT, y, 1e-12))
     assert error < 3e-5
     assert 0.1 < 1e-3 * run.stats["largest_local_error"] / error < 10.0
-    assert split(6.0 * ORBIT, y, 1e-9).status == Status.TOLERANCE_MISSED
 
 
 def test_the_energy_of_a_libration_swings_and_does_not_wander():
@@ -66,6 +65,8 @@ def test_the_energy_of_a_libration_swings_and_does_not_wander():
 def test_a_fast_spin_is_free_rotation_but_for_a_little():
     """Three thousand radians of rotation within a third of one of the orbit: each step passes over a dozen of them."""
     y = start([3000.0, 200.0, 9500.0])
+    # The splitting leaves 1.2e-5. Told 3e-7, DOP853 leaves 2.7e-5; told 1e-7, it is better by a little, since its steps became
+    # shorter for the same tolerance: more than ten times as many steps as the splitting's are needed for its accuracy.
     exact, followed = resolved(0.3, y, 1e-12), resolved(0.3, y, 3e-7)
     assert apart(split(0.3, y), exact) < apart(followed, exact)
     assert 10 * 240 < followed.stats["steps"]

@@ -148,8 +148,16 @@ def test_reverse_mode_through_states_between_the_steps():
     np.testing.assert_allclose(found, jax.grad(size)(1.0, TwoBody(1.0), 1e-9), rtol=1e-7)
 
 
-def test_too_few_steps_are_told():
-    assert simulate(KEPLER, start(0.3), TURNS, accuracy=equal(200), throw=False).status == Status.TOLERANCE_MISSED
+def test_too_few_steps_are_told_or_repeated_with_more():
+    """In a compiled program the status tells; outside of it, as in a batch, the run takes as many more as it needs."""
+    run = lambda y: simulate(KEPLER, y, TURNS, accuracy=equal(200), throw=False)  # noqa: E731
+    assert jax.jit(lambda y: run(y).status)(start(0.3)) == Status.TOLERANCE_MISSED
+    more = run(start(0.3))
+    assert more.status == Status.COMPLETED and more.stats["steps"] == more.accuracy.method.steps == 600
+    assert far(more.final.position, closed(TURNS, start(0.3)).position[-1]) < 1e-7
+    batch = simulate_batch(KEPLER, jax.tree.map(lambda x: x[None], start(0.3)), TURNS, accuracy=equal(200), in_axes=(None, 0))
+    assert batch.accuracy.method.steps == 600
+    np.testing.assert_allclose(batch.final.position[0], more.final.position, atol=1e-11)
 
 
 def test_error_estimate_of_a_run_is_that_of_half_the_steps():

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from reference_run import run
 from systems import J2, MU, RADIUS, SAMPLES, orbit
+from test_solvers_exponential import Gyrocompass
 
 from jaxspace import Accuracy, BodyState, Event, Mission, Phase, Scene, simulate
 from jaxspace._core import InputError
@@ -19,7 +20,7 @@ from jaxspace.orbits import Oblateness, PointGravity, TwoBody
 from jaxspace.plots import accuracy_cost_figure, effect_budget_figure
 from jaxspace.scene import Custom, Scaled
 from jaxspace.simulation import SimulationError
-from jaxspace.solvers import DOP853, Regularised, Tsit5
+from jaxspace.solvers import DOP853, ExponentialRosenbrock, Regularised, Tsit5
 from jaxspace.studies import AccuracyCost, Cost, accuracy_cost, effect_budget
 
 BY_NAME = {s.name: s for s in SAMPLES}
@@ -217,6 +218,17 @@ def test_the_smallest_set_in_a_scene_that_is_solved_by_hand():
     assert speed.unit == "m/s" and speed.tolerance is None and "within" not in str(speed)
 
 
+def test_a_stiff_run_is_offered_the_exponential_method():
+    """A gyrocompass, by default: the explicit methods run out of steps, the reference too, and the table says so."""
+    compass = Gyrocompass(jnp.array(1e3))
+    ts = jnp.array([0.0, 0.8 / compass.slow_rate()])
+    cost = accuracy_cost(compass, Gyrocompass.start(1e-3), ts, tolerances=(1e-6, 1e-9), precisions=["float64"], repeats=1)
+    assert cost.reference.startswith("ExponentialRosenbrock at") and cost.reference_error < 1e-8
+    trouble = {row.method: bool(row.trouble) for row in cost.rows}
+    assert trouble == {"DOP853": True, "Tsit5": True, "ExponentialRosenbrock": False}
+    assert isinstance(cost.cheapest(error=1e-6).method, ExponentialRosenbrock)
+
+
 def test_a_mission_counts_an_effect_over_all_of_its_phases():
     """Half the run with gravity alone, half with oblateness as well: its influence is that of the second half."""
     first = Scene([PointGravity(MU)])
@@ -230,12 +242,15 @@ def test_a_mission_counts_an_effect_over_all_of_its_phases():
 
 
 def test_a_budget_in_regular_variables():
-    """The attraction is weaker or stronger within them; without it there are none, which its row says."""
-    how = Accuracy(rtol=1e-8, method=Regularised(steps=32, estimate=False))
-    budget = effect_budget(OBLATE, orbit(), jnp.array([0.0, 600.0]), accuracy=how)
-    ends = [run(Scene([PointGravity(MU), *more]), orbit(), [0.0, 600.0]).position[:, -1] for more in ((), OBLATE.effects[1:])]
+    """The attraction is weaker or stronger within them; without it there are none, which its row says. The error of the equal
+    steps is told by twice as many."""
+    how = Accuracy(rtol=1e-8, method=Regularised(steps=12, estimate=False))
+    budget = effect_budget(OBLATE, orbit(), jnp.array([0.0, 5400.0]), accuracy=how)
+    ends = [run(Scene([PointGravity(MU), *more]), orbit(), [0.0, 5400.0]).position[:, -1] for more in ((), OBLATE.effects[1:])]
     np.testing.assert_allclose(budget["Oblateness"].left_out, np.linalg.norm(ends[1] - ends[0]), rtol=1e-6)
     assert "finite" in budget["PointGravity"].trouble and budget["PointGravity"].linear > 1e5
+    assert budget.noise == pytest.approx(np.linalg.norm(budget.nominal - ends[1]), rel=0.1)
+    assert f"Finer integration moves it by {budget.noise:.1g}." in str(budget)
 
 
 def test_a_run_that_fails_without_an_effect_says_so():

@@ -1,5 +1,6 @@
 """How accurate a run shall be, and by which method it gets there."""
 
+import dataclasses
 from typing import Any, Literal, final
 
 import diffrax
@@ -26,6 +27,8 @@ from ..solvers import AbstractEqualSteps, Regularised, Splitting
 from ._choice import by_rules
 from ._stiffness import Starts
 
+FINEST = 8  # how many times as many equal steps are taken for a run that missed the tolerance, at most
+
 
 @final
 class Accuracy(eqx.Module):
@@ -36,32 +39,51 @@ class Accuracy(eqx.Module):
     - `method`: `"auto"` takes the closed form where the system has one, else ExponentialRosenbrock for slow motion beside a fast
       linear one (told from the numbers of the run, so not under `jit` or in a mission), Tsit5 above a tolerance of 1e-5,
       RKN1210 where the acceleration is free of the velocity and nothing else moves, and DOP853 for the rest; or any diffrax
-      solver with an error estimate. A method of equal steps takes the steps that it was told, and the tolerance only judges
-      them.
+      solver with an error estimate. A method of equal steps takes the steps that it was told, and the tolerance judges them:
+      where they prove too few, the run is repeated with up to eight times as many (not under `jit` or in a derivative).
     - `adjoint`: diffrax's way of differentiation: reverse mode by default, `diffrax.ForwardMode()` for `jvp` and `jacfwd`.
     - `max_steps`: how many steps a run may take.
+    - `max_step`, s: how long a step may be; by default as long as the tolerance allows. The vector field is seen at the stages of
+      the steps alone: a pulse that lasts for a small part of a step may fall between them, and no estimate tells. Half the
+      length of the shortest pulse is right. Not for methods of equal steps; of no use to a closed form, nor for a system that
+      tells the times of its jumps (`breaks`).
 
-    The tolerances are traced: changing them compiles nothing anew. Raises `InputError` for a tolerance that is not positive."""
+    The tolerances and `max_step` are traced: changing them compiles nothing anew. Raises `InputError` for one of them that is not
+    positive, and for a `max_step` with equal steps."""
 
     rtol: Float[Array, ""] = eqx.field(converter=as_float, default=1e-9)
     atol: Float[Array, ""] | None = eqx.field(converter=as_optional_float, default=None)
     method: diffrax.AbstractSolver | Literal["auto"] = "auto"
     adjoint: diffrax.AbstractAdjoint = diffrax.RecursiveCheckpointAdjoint()
     max_steps: int = eqx.field(static=True, default=16384)
+    max_step: Float[Array, ""] | None = eqx.field(converter=as_optional_float, default=None)
 
     def __check_init__(self):
         check_positive("Accuracy.rtol", self.rtol)
         if self.atol is not None:
             check_non_negative("Accuracy.atol", self.atol)
         check_positive("Accuracy.max_steps", self.max_steps)
+        if self.max_step is not None:
+            check_positive("Accuracy.max_step", self.max_step)
+            if isinstance(self.method, AbstractEqualSteps):
+                name = type(self.method).__name__
+                raise InputError(f"Accuracy.max_step is given with {name}: number its equal steps by {name}(steps=...).")
 
     def tightened(self, factor: float, dtype: Any) -> "Accuracy":
-        """The same accuracy with tolerances `factor` times smaller, as far as the precision `dtype` allows; twice the steps where
-        these are equal ones."""
+        """The same accuracy with tolerances `factor` times smaller, as far as the precision `dtype` allows; half the `max_step`,
+        and twice the steps where these are equal ones."""
         rtol = jnp.maximum(self.rtol * factor, 2.0 * least_tolerance(dtype))
         atol = None if self.atol is None else self.atol * factor
         method = self.method.refined(2) if isinstance(self.method, AbstractEqualSteps) else self.method
-        return Accuracy(rtol=rtol, atol=atol, method=method, adjoint=self.adjoint, max_steps=self.max_steps)
+        max_step = None if self.max_step is None else 0.5 * self.max_step
+        return Accuracy(rtol, atol, method, self.adjoint, self.max_steps, max_step)
+
+    def with_more_steps(self, error: float) -> "Accuracy":
+        """The same accuracy with as many more equal steps as a largest local `error`, in units of the tolerance, asks for: from
+        twice to eight times as many."""
+        method: Any = self.method
+        factor = np.ceil(1.1 * error ** (1.0 / method.order(None)))
+        return dataclasses.replace(self, method=method.refined(int(np.clip(factor, 2, FINEST))))
 
 
 def least_tolerance(dtype: Any) -> float:

@@ -1,6 +1,5 @@
 """Many runs by one integration after the other, each of a block of runs side by side. Never a mapped solve."""
 
-import dataclasses
 import functools
 from typing import Any
 
@@ -20,13 +19,12 @@ from ._events import Event
 from ._lanes import Span, run_mission, run_system
 from ._mission import Mission
 from ._propagate import alike
-from ._simulate import repeat, thrown
+from ._simulate import missed_by, repeat, thrown
 from ._status import Status
 from ._stiffness import Starts
 from ._trajectory import MissionTrajectory, Trajectory
 
 SAMPLED = 16  # how many runs of a batch are looked at to choose its method
-FINEST = 8  # how many times as many equal steps are taken for the runs that missed the tolerance, at most
 
 
 def simulate_batch(
@@ -47,29 +45,31 @@ def simulate_batch(
     - `ts`: (times,) for all runs or (runs, times) for each; for a mission its start.
 
     Returns a `Trajectory` or `MissionTrajectory` with a `Status` for every run. A run that fails marks its own row: when the
-    steps of its block run out, the runs of that block are repeated alone, and runs that missed the tolerance by equal steps are
-    repeated with more of them, up to eight times as many (outside of `jit`). All local devices take part, if
-    there are runs enough and neither the arrays nor a transformation say where to compute. Raises as `simulate` does, and
-    `InputError` for an array whose first axis is not that of the runs."""
-    accuracy = as_accuracy(accuracy)
+    steps of its block run out, the runs of that block are repeated alone, and those that fail alone, with `"auto"`, by the method
+    that their own numbers ask for; runs that missed the tolerance by equal steps are repeated with more of them, up to eight
+    times as many (all this outside of `jit`). All local devices take part, if there are runs enough and neither the arrays nor
+    a transformation say where to compute. Raises as `simulate` does, and `InputError` for an array whose first axis is not that
+    of the runs."""
+    asked = as_accuracy(accuracy)
     carried = [_carried(tree, axes) for tree, axes in zip((systems, y0s), in_axes, strict=True)]
     runs = _count(systems, y0s, carried)
     ts = jnp.asarray(ts, state_dtype(y0s))
     own_ts = ts.ndim == (1 if isinstance(systems, Mission) else 2)
     batched, shared = eqx.partition((systems, y0s, ts), (*carried, own_ts))
-    accuracy = _by_numbers(accuracy, systems, y0s, carried, (batched, shared), runs)
+    by_numbers = functools.partial(_by_numbers, asked, systems, y0s, carried, (batched, shared))
+    accuracy = by_numbers(np.arange(runs))
     result = _run(batched, shared, accuracy, tuple(events), samples, *_spread((batched, shared), runs))
-    if known(result.status) and runs > 1:
-        result = _again(result, batched, shared, accuracy, tuple(events), samples)
+    if known(result.status):
+        result, accuracy = _again(result, batched, shared, accuracy, by_numbers, tuple(events), samples)
     result = _with_systems(result, systems, carried[0], accuracy)
     return thrown(result) if throw else result
 
 
-def _by_numbers(accuracy: Accuracy, systems: Any, y0s: State, carried: list[Any], arrays: Any, runs: int) -> Accuracy:
-    """The accuracy with its method chosen by some of the runs, the first and the last among them."""
+def _by_numbers(accuracy: Accuracy, systems: Any, y0s: State, carried: list[Any], arrays: Any, rows: np.ndarray) -> Accuracy:
+    """The accuracy with its method chosen by some of these runs, the first and the last among them."""
     if isinstance(systems, Mission) or not untransformed((arrays, accuracy)):
         return accuracy
-    starts = Starts(arrays[0], arrays[1], np.linspace(0, runs - 1, SAMPLED).astype(int))
+    starts = Starts(arrays[0], arrays[1], rows[np.linspace(0, rows.size - 1, SAMPLED).astype(int)])
     system, y0 = (jax.tree.map(lambda x, flag: shape(x, int(flag)), *p) for p in zip((systems, y0s), carried, strict=True))
     return with_method(accuracy, system, y0, starts)
 
@@ -101,26 +101,29 @@ def _count(systems: Any, y0s: Any, carried: list[Any]) -> int:
     return runs
 
 
-def _again(result: Any, batched: Any, shared: Any, accuracy: Accuracy, events: tuple[Event, ...], samples: int) -> Any:
-    """The result with the runs repeated whose block ran out of steps, each alone; and those that missed the tolerance by equal
-    steps, with as many more of these as their errors ask for."""
-    stuck = np.flatnonzero(np.asarray(result.status) == Status.MAX_STEPS)
-    if stuck.size:
-        alone = _run(jax.tree.map(lambda x: x[stuck], batched), shared, accuracy, events, samples, 1, None)
-        result = jax.tree.map(lambda a, b: a.at[stuck].set(b), result, alone)
-    if not isinstance(accuracy.method, AbstractEqualSteps):
-        return result
-    spans = result.phases if isinstance(result, MissionTrajectory) else (result,)
-    error = np.max([np.asarray(span.stats["largest_local_error"]) for span in spans], axis=0)
-    missed = np.flatnonzero((np.asarray(result.status) == Status.TOLERANCE_MISSED) & np.isfinite(error))
+def _again(
+    result: Any, batched: Any, shared: Any, accuracy: Accuracy, by_numbers: Any, events: tuple[Event, ...], samples: int
+) -> tuple[Any, Accuracy]:
+    """The result with the runs repeated whose block ran out of steps, each alone, and those that do so alone by the method that
+    their own numbers ask for, if it is another; and those that missed the tolerance by equal steps, with as many more of these
+    as their errors ask for. With it the accuracy of the finest of the runs."""
+
+    def repeated(result: Any, rows: np.ndarray, accuracy: Accuracy, block: int) -> Any:
+        filled = np.concatenate([rows, np.full(-rows.size % block, rows[-1])])
+        again = _run(jax.tree.map(lambda x: x[filled], batched), shared, accuracy, events, samples, block, None)
+        return jax.tree.map(lambda a, b: a.at[rows].set(b[: rows.size]), result, again)
+
+    stuck = lambda result: np.flatnonzero(np.asarray(result.status) == Status.MAX_STEPS)  # noqa: E731
+    if stuck(result).size and result.status.size > 1:
+        result = repeated(result, stuck(result), accuracy, 1)
+        other = by_numbers(stuck(result)) if stuck(result).size else accuracy
+        result = result if type(other.method) is type(accuracy.method) else repeated(result, stuck(result), other, 1)
+    error = missed_by(result, accuracy)
+    missed = np.flatnonzero(error)
     if missed.size:
-        order: Any = accuracy.method.order(None)
-        factor = np.ceil(1.1 * np.max(error[missed]) ** (1.0 / order))
-        accuracy = dataclasses.replace(accuracy, method=accuracy.method.refined(int(np.clip(factor, 2, FINEST))))
-        filled = np.concatenate([missed, np.full(-missed.size % BLOCK, missed[-1])])
-        again = _run(jax.tree.map(lambda x: x[filled], batched), shared, accuracy, events, samples, BLOCK, None)
-        result = jax.tree.map(lambda a, b: a.at[missed].set(b[: missed.size]), result, again)
-    return result
+        accuracy = accuracy.with_more_steps(float(np.max(error)))
+        result = repeated(result, missed, accuracy, BLOCK)
+    return result, accuracy
 
 
 def _spread(arrays: Any, runs: int) -> tuple[int, Mesh | None]:

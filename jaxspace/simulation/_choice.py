@@ -85,7 +85,7 @@ def _is_fast_and_linear(q: Question) -> bool:
 RULES = (
     Rule("the system has a closed form", lambda q: isinstance(q.system, AbstractClosedFormSystem), "auto"),
     Rule(
-        "slow beside a fast linear motion or decay, over more than 1e5 of its radians",
+        "slow beside a fast linear motion or decay, over more than 1e4 of its radians",
         _is_fast_and_linear,
         ExponentialRosenbrock(),
     ),

@@ -27,13 +27,14 @@ from ._reverse import Replay, replayable
 
 @final
 class Manner(eqx.Module):
-    """How to integrate: to what accuracy, the relative `lengths` of the segments, at which clock times states are kept (the end
-    alone where they are `None`), the `plan` that fixes the steps beforehand, and whether to `record` those taken. Nothing in it
-    is differentiated."""
+    """How to integrate: to what accuracy, the relative `lengths` of the segments, the `longest` step that is allowed in each (on
+    the clock), at which clock times states are kept (the end alone where they are `None`), the `plan` that fixes the steps
+    beforehand, and whether to `record` those taken. Nothing in it is differentiated."""
 
     accuracy: Accuracy
     tolerance: Tolerance
     lengths: Float[Array, " segments"]
+    longest: Float[Array, " segments"] | None
     kept: Float[Array, " times"] | None
     plan: Float[Array, " nodes"] | None
     record: bool = eqx.field(static=True)
@@ -107,7 +108,7 @@ TERM: Any = diffrax.ODETerm(_rate)  # pyright: ignore[reportArgumentType]
 def _parts(manner: Manner) -> tuple[Accounted, Any, Array]:
     """The solver, the control of its steps, and the last clock time."""
     dtype, plan = manner.lengths.dtype, manner.plan
-    adaptive = WorstRunControl(manner.tolerance, manner.lengths)
+    adaptive = WorstRunControl(manner.tolerance, manner.lengths, manner.longest)
     control = adaptive if plan is None else PlannedSteps(plan.astype(dtype))
     return Accounted(manner.method, manner.tolerance), control, jnp.asarray(manner.lengths.shape[0], dtype)
 

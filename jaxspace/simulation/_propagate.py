@@ -111,17 +111,36 @@ def _by_integration(
     lengths = jnp.maximum(jnp.mean(jnp.diff(u, axis=0).reshape(u.shape[0] - 1, -1), axis=1), 1e-6)
     if isinstance(accuracy.method, AbstractEqualSteps):
         plan = jnp.arange(u.shape[0], dtype=dtype)
-    manner = Manner(accuracy, tolerance, lengths, _kept(u, fractions, per_run), plan, record)
-    course = integrate(Rate(system, u, t0, t1 - t0), y0, manner)
+    longest = None if accuracy.max_step is None else _longest(jnp.asarray(accuracy.max_step, dtype), t1 - t0, u)
+    manner = Manner(accuracy, tolerance, lengths, longest, _kept(u, fractions, per_run), plan, record)
+    rate = Rate(system, u, t0, t1 - t0)
+    course = integrate(rate, y0, manner)
+    account = course.account
+    if plan is not None and accuracy.max_step is not None:
+        account = jnp.maximum(account, _longest_of(plan, rate) / jnp.asarray(accuracy.max_step, dtype) - 1e-3)
     states = _at_fractions(course.states, u, fractions, run_axes) if per_run and fractions is not None else course.states
     finite = tolerance.alive(jax.tree.map(lambda x: x[-1], states))
     stats = {
         "steps": course.accepted * getattr(accuracy.method, "steps", 1),
         "rejected_steps": course.rejected,
         "evaluations": (course.accepted + course.rejected) * getattr(accuracy.method, "evaluations", 1),
-        "largest_local_error": course.account,
+        "largest_local_error": account,
     }
-    return Propagation(states, judged(course.out_of_steps, finite, course.account), stats, course.ends)
+    return Propagation(states, judged(course.out_of_steps, finite, account), stats, course.ends)
+
+
+def _longest(max_step: Array, span: Array, u: Array) -> Array:
+    """How long on the clock a step may be in each segment, for all the runs that share it."""
+    width = jnp.diff(u, axis=0)
+    durations = jnp.abs(width.reshape(*width.shape, *(1,) * (span.ndim + 1 - width.ndim)) * span)
+    allowed = jnp.where(durations > 0.0, max_step / jnp.where(durations > 0.0, durations, 1.0), jnp.inf)
+    return jnp.min(allowed.reshape(allowed.shape[0], -1), axis=1)
+
+
+def _longest_of(plan: Array, rate: Rate) -> Array:
+    """The longest of the steps that were fixed beforehand, s, in each run."""
+    times = jax.vmap(rate.time)(jnp.minimum(plan, rate.u.shape[0] - 1.0))
+    return jax.lax.stop_gradient(jnp.max(jnp.abs(jnp.diff(times, axis=0)), axis=0))
 
 
 def _told(method: Any, tolerance: Tolerance) -> Any:

@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._core import AbstractSystem, InputError, Scalar, State, check_finite, known
+from ..solvers import AbstractEqualSteps
 from ._accuracy import Accuracy, as_accuracy, settled, state_dtype, with_method
 from ._choice import shape
 from ._events import Event
@@ -59,7 +60,8 @@ def simulate(
     - `events`: the run stops at the first zero of one of these `Event`s (a mission's phases bring their own).
     - `throw`: raise `SimulationError` when the run ends badly; otherwise read `status`.
 
-    Returns a `Trajectory`, or a `MissionTrajectory`. Differentiable with respect to every number in `system`, `y0` and
+    Returns a `Trajectory`, or a `MissionTrajectory`. Equal steps that prove too few are repeated with up to eight times as many
+    (outside of `jit` and derivatives). Differentiable with respect to every number in `system`, `y0` and
     `accuracy`-independent inputs, in reverse mode by default, in forward mode with `Accuracy(adjoint=diffrax.ForwardMode())`.
 
     Raises `InputError` for times that are not finite, ascending or descending, for a tolerance that the precision cannot
@@ -69,13 +71,32 @@ def simulate(
     if isinstance(system, Mission):
         if events:
             raise InputError("events are given with a mission: each of its phases must bring its own, as Phase.until.")
-        result = _mission_run(system, y0, jnp.asarray(ts, state_dtype(y0)), samples, accuracy)
+        ts = jnp.asarray(ts, state_dtype(y0))
     else:
         ts = check_times(ts, y0)
         accuracy = settled(accuracy, system, y0, Starts.of(system, y0, ts))
-        span = _system_run(system, y0, ts, tuple(events), accuracy)
-        result = Trajectory(span.ts, span.states, span.status, span.event, span.stats, system, accuracy)
+    result = _flown(system, y0, ts, tuple(events), samples, accuracy)
+    if known(result.status) and (error := missed_by(result, accuracy)):
+        result = _flown(system, y0, ts, tuple(events), samples, accuracy.with_more_steps(float(error)))
     return thrown(result) if throw else result
+
+
+def _flown(system: Any, y0: State, ts: Array, events: tuple[Event, ...], samples: int, accuracy: Accuracy) -> Any:
+    """One run of a system or a mission."""
+    if isinstance(system, Mission):
+        return _mission_run(system, y0, ts, samples, accuracy)
+    span = _system_run(system, y0, ts, events, accuracy)
+    return Trajectory(span.ts, span.states, span.status, span.event, span.stats, system, accuracy)
+
+
+def missed_by(result: Trajectory | MissionTrajectory, accuracy: Accuracy) -> np.ndarray:
+    """The largest local error of each run, in units of the tolerance, that missed it by too few equal steps; zero for others."""
+    missed = np.asarray(result.status) == Status.TOLERANCE_MISSED
+    if not (isinstance(accuracy.method, AbstractEqualSteps) and np.any(missed)):
+        return np.zeros(missed.shape)
+    spans = result.phases if isinstance(result, MissionTrajectory) else (result,)
+    error = np.max([np.asarray(span.stats["largest_local_error"]) for span in spans], axis=0)
+    return np.where(missed & np.isfinite(error), error, 0.0)
 
 
 @eqx.filter_jit
@@ -132,6 +153,8 @@ def repeated(trajectory: Trajectory, factor: float) -> State:
 
 
 def repeat(system: AbstractSystem, y0: State, ts: Array, accuracy: Accuracy, run_axes: int) -> State:
-    """The state at the last of `ts`, by way of a state within the span: a closed form makes its own errors then, too."""
+    """The state at the last of `ts`, by way of a state within the span: a closed form makes its own errors then, too. Not a
+    number where the steps run out on the way."""
     ends = jnp.stack([ts[0], ts[0] + 0.4 * (ts[-1] - ts[0]), ts[-1]])
-    return jax.tree.map(lambda x: x[-1], through(system, alike(system, ts[0], y0), ends, accuracy, run_axes)[0])
+    states, status, _ = through(system, alike(system, ts[0], y0), ends, accuracy, run_axes)
+    return jax.tree.map(lambda x: jnp.where(status == Status.MAX_STEPS, jnp.nan, x[-1]), states)

@@ -32,7 +32,7 @@ _SENTENCES = {
     Status.COMPLETED: "The run reached its end within the tolerance.",
     Status.EVENT: "The run stopped at its event, found to the tolerance.",
     Status.TOLERANCE_MISSED: "Some steps missed the tolerance: look for a collision or a singularity, or refine the step plan.",
-    Status.MAX_STEPS: "The steps ran out: raise Accuracy.max_steps, loosen the tolerance, or look for a singularity.",
+    Status.MAX_STEPS: "The steps ran out: raise Accuracy.max_steps or max_step, loosen the tolerance, or look for a singularity.",
     Status.EVENT_MISSED: "The event of the phase did not happen within its limit: raise Event.within, or check the condition.",
     Status.NOT_FINITE: "The state left the finite numbers: check the initial state and the parameters of this run.",
 }

@@ -1,7 +1,7 @@
 """Whether a run is slow motion beside a fast linear one, told by its numbers at the start.
 
     w = max |eigenvalue of J|,    J = df/dy at the start
-    1. w |span| >= 1e5, and w h >= 300        an explicit method would want more steps than a run may take
+    1. w |span| >= 1e4, and w h >= 300        an explicit method would want more steps than a run may take
     2. |J(y + f / w) - J(y)| <= 0.05 w        where the fast motion leads, it is still the same motion
     3. a step of 300 / w by the exponential method is within the tolerance
 
@@ -30,7 +30,7 @@ from .._core import AbstractSystem, State
 from ..solvers import ExponentialRosenbrock
 from ._blocks import untransformed
 
-EXPLICIT = 1e5  # radians or decay times in the span: DOP853 takes a step for each, or two for three
+EXPLICIT = 1e4  # radians or decay times in the span: DOP853 takes five steps for three, more than a run may by default
 TRIAL = 300.0  # radians or decay times in a step: about as many as DOP853 passes while a step of 30 components is computed
 SAME = 0.05
 LEAST = 1e-3  # of a block's own unit: shorter ones count as this, as for the default absolute tolerance

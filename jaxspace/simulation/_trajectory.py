@@ -68,7 +68,9 @@ class Trajectory(eqx.Module):
 
     def error(self) -> State:
         """Estimate of the global error of the final state, component by component: how far it moves when the run is
-        repeated with a hundredth of the tolerance; for a closed form, when the span is passed in two halves."""
+        repeated with a hundredth of the tolerance (and half the `max_step`, or twice as many equal steps); for a closed form,
+        when the span is passed in two parts. Not a number where the steps of the repetition run out. What both runs pass over,
+        it does not know (`Accuracy.max_step`)."""
         from ._simulate import repeated
 
         return jax.tree.map(lambda a, b: jnp.abs(a - b), self.final, repeated(self, 0.01))

@@ -65,10 +65,12 @@ class Tolerance(eqx.Module):
 class WorstRunControl(diffrax.AbstractStepSizeController):
     """Steps as long as the worst of the runs allows, landing on every whole number of the clock.
 
-    `lengths` are the relative lengths of the segments between the whole numbers, so that a step keeps its size across them."""
+    `lengths` are the relative lengths of the segments between the whole numbers, so that a step keeps its size across them;
+    `longest`, if given, the longest step that is allowed in each, on the clock."""
 
     tolerance: Tolerance
     lengths: Float[Array, " segments"]
+    longest: Float[Array, " segments"] | None = None
 
     def wrap(self, direction: Any) -> "WorstRunControl":
         del direction
@@ -78,6 +80,9 @@ class WorstRunControl(diffrax.AbstractStepSizeController):
         """The end of the step from `s`: at most at the next whole number, and not so that a sliver is left before it."""
         node = jnp.floor(s) + 1.0
         left = node - s
+        if self.longest is not None:
+            count = jnp.ceil(left / self._of_segment(self.longest, s) - 1e-6)
+            ds = jnp.minimum(ds, left / jnp.maximum(count, 1.0))
         return jnp.where(ds >= 0.999 * left, node, s + jnp.where(ds > 0.5 * left, 0.5 * left, ds))
 
     def init(self, terms: Any, t0: Any, t1: Any, y0: PyTree, dt0: Any, args: Any, func: Any, error_order: Any):
@@ -124,17 +129,18 @@ class WorstRunControl(diffrax.AbstractStepSizeController):
         factor = jnp.where(keep, jnp.clip(factor, SHRINK, GROW), jnp.clip(factor, SHRINK, SAFETY)).astype(ds.dtype)
         shortened = keep & (ds < controller_state)
         proposal = jnp.where(shortened, jnp.maximum(controller_state, ds * factor), ds * factor)
-        here, there = self._length(t0), self._length(jnp.where(keep, t1, t0))
+        here, there = self._of_segment(self.lengths, t0), self._of_segment(self.lengths, jnp.where(keep, t1, t0))
         landed = keep & (t1 == jnp.round(t1))
         proposal = jnp.where(landed, jnp.maximum(proposal * here / there, FIRST_STEP), jnp.maximum(proposal, smallest))
         start = jnp.where(keep, t1, t0)
         return keep, start, self._clip(start, proposal), landed, proposal, diffrax.RESULTS.successful
 
-    def _length(self, s: Scalar) -> Scalar:
-        """Relative length of the segment that begins at or contains `s`; that of the last one beyond the end."""
-        if self.lengths.shape[0] == 1:
-            return self.lengths[0]
-        return self.lengths[jnp.clip(jnp.floor(s).astype(int), 0, self.lengths.shape[0] - 1)]
+    @staticmethod
+    def _of_segment(values: Array, s: Scalar) -> Scalar:
+        """The one of the `values` that belongs to the segment which begins at or contains `s`; the last one beyond the end."""
+        if values.shape[0] == 1:
+            return values[0]
+        return values[jnp.clip(jnp.floor(s).astype(int), 0, values.shape[0] - 1)]
 
 
 @final

@@ -34,7 +34,8 @@ class Influence(NamedTuple):
 class EffectBudget:
     """Which effects matter for an output of a run.
 
-    - `output` and its `unit`; `nominal`: its value with all effects, known to about `noise`.
+    - `output` and its `unit`; `nominal`: its value with all effects; `noise`: how far a finer integration moves it (by a
+      hundredth of the tolerance, or twice as many equal steps), NaN where that did not reach its end.
     - `rows`: an `Influence` for every effect, the largest first.
     - `tolerance`: how far the output may move; with `None` nothing below is known.
     - `kept`: the smallest set of effects within the tolerance; `dropped`: the others; `change`: how far the output moves in a
@@ -71,9 +72,8 @@ class EffectBudget:
             rows.append((r.effect, ", ".join(r.phases), f"{r.influence:.3g}", f"{r.linear:.3g}", left_out, word, share))
         lines = [aligned(rows, left=2)]
         lines += [f"without {r.effect} the run fails: {r.trouble}" for r in self.rows if r.trouble]
-        lines.append(
-            f"Influence: the change of the final {self.output} without the effect; the integration leaves {self.noise:.1g} open."
-        )
+        finer = "did not reach its end" if np.isnan(self.noise) else f"moves it by {self.noise:.1g}"
+        lines.append(f"Influence: the change of the final {self.output} without the effect. Finer integration {finer}.")
         lines.append("Share: of the arithmetic of the run, by operation counts of compiled evaluations.")
         return "\n".join([*lines, *self._set()])
 

@@ -21,6 +21,7 @@ from jaxtyping import Array
 from .._core import AbstractSystem, InputError, Scalar, State, check_positive
 from ..scene import Scene, budget, scaled
 from ..simulation import Accuracy, Mission, Phase, SimulationError, Status, least_tolerance
+from ..solvers import AbstractEqualSteps
 from ._budget_table import EffectBudget, Influence
 from ._flights import checked_start, compiled, flight, in_precision, timed
 
@@ -76,7 +77,8 @@ def effect_budget(
       of the final state; by default the first of these that the state holds.
     - `tolerance`: how far the output may move, in its unit; with it, the effects that may go are found, from the least on,
       and a run of exactly the others confirms it.
-    - `accuracy`: of the runs; influences below the error of the integration are not resolved.
+    - `accuracy`: of the runs; influences below the error of the integration are not resolved. It is told by a run at a hundredth
+      of the tolerance, or with twice as many equal steps.
 
     Returns an `EffectBudget`: print it or `plot` it. Raises `InputError` for a system without effects, an output that the
     state does not hold or a tolerance that is not positive, `SimulationError` when the run itself ends badly."""
@@ -87,12 +89,18 @@ def effect_budget(
     members = _members(scene)
     accuracy = accuracy if isinstance(accuracy, Accuracy) else Accuracy(rtol=accuracy)
     y0, ts = checked_start(scene, y0, ts)
-    question = _question(scene, y0, ts, chosen, accuracy, tuple(members), name == "attitude")
+    ask_by = lambda how: _question(scene, y0, ts, chosen, how, tuple(members), name == "attitude")  # noqa: E731
+    question = ask_by(accuracy)
     nominal = question.ask()
     if not nominal.status.good:
         raise SimulationError(nominal.status.sentence)
-    tighter = max(1e-2, 2.0 * least_tolerance(jnp.result_type(*jax.tree.leaves(y0))) / question.rtol)
-    noise = float(np.linalg.norm(question.change(question.ask(tighter=tighter).value, nominal.value)))
+    dtype = jnp.result_type(*jax.tree.leaves(y0))
+    if isinstance(accuracy.method, AbstractEqualSteps):  # a tolerance only judges these
+        finer = ask_by(accuracy.tightened(1.0, dtype)).ask()
+    else:
+        finer = question.ask(tighter=max(1e-2, 2.0 * least_tolerance(dtype) / question.rtol))
+    ended = finer.status not in (Status.MAX_STEPS, Status.NOT_FINITE)
+    noise = float(np.linalg.norm(question.change(finer.value, nominal.value))) if ended else np.nan
     shares = _shares(scene, nominal)
     rows = [_influence(question, n, members[n], shares[n], nominal.value, noise) for n in members]
     rows.sort(key=lambda r: -r.influence)
@@ -204,7 +212,7 @@ def _influence(
     found = question.change(without.value, nominal)
     left_out = float(np.linalg.norm(found))
     off = float(np.linalg.norm(found - predicted))
-    nonlinear = off > NONLINEAR * left_out and off > 10.0 * noise
+    nonlinear = off > NONLINEAR * left_out and not off <= 10.0 * noise
     change = found if nonlinear else predicted
     influence = left_out if nonlinear else linear
     return Influence(name, phases, influence, linear, left_out, nonlinear, tuple(change.ravel().tolist()), share)
