@@ -55,17 +55,18 @@ def propagate(
 ) -> Propagation:
     """States at `fractions` (ascending, within [0, 1]) of the span, or at its end alone where they are `None`.
 
-    `t0` and `t1` are scalars or (*runs,); `run_axes` counts the axes of runs; `plan` fixes the steps on the clock beforehand;
-    `record` asks for the steps that were taken."""
-    y0 = alike(system, t0, y0)
+    `y0` is `alike` to the system; `t0` and `t1` are scalars or (*runs,); `run_axes` counts the axes of runs; `plan` fixes the
+    steps on the clock beforehand; `record` asks for the steps that were taken."""
     if accuracy.method == "auto" and isinstance(system, AbstractClosedFormSystem):
         return _by_flow(system, y0, t1 - t0, fractions, run_axes)
     return _by_integration(system, y0, t0, t1, fractions, accuracy, run_axes, plan, record)
 
 
 def _by_flow(system: AbstractClosedFormSystem, y0: State, span: Scalar, fractions: Any, run_axes: int) -> Propagation:
-    durations = jnp.asarray(span)[None] if fractions is None else jnp.multiply.outer(fractions, span)
-    states = jax.vmap(lambda duration: system.flow(duration, y0))(durations)
+    if fractions is None:  # without a map over a single duration, which would double what there is to trace
+        states = jax.tree.map(lambda x: x[None], system.flow(span, y0))
+    else:
+        states = jax.vmap(lambda duration: system.flow(duration, y0))(jnp.multiply.outer(fractions, span))
     final = jax.tree.map(lambda x: x[-1], states)
     finite = Tolerance(0.0, 0.0, run_axes).alive(final)
     return Propagation(states, judged(jnp.array(False), finite, jnp.zeros(finite.shape)), {"evaluations": jnp.array(0)}, None)

@@ -1,5 +1,6 @@
 """What a run leaves: times, states, how it ended, what it cost, and how far it can be trusted."""
 
+import functools
 from typing import Any, final
 
 import equinox as eqx
@@ -9,6 +10,12 @@ from jaxtyping import Array, Float, Int
 
 from .._core import AbstractSystem, State
 from ._accuracy import Accuracy, state_dtype
+
+
+@functools.partial(jax.jit, static_argnums=(1, 2))
+def _at(states: State, index: int, axis: int) -> State:
+    """The states at one place along an axis, by one program for all blocks."""
+    return jax.tree.map(lambda x: x[(slice(None),) * axis + (index,)], states)
 
 
 @final
@@ -34,12 +41,12 @@ class Trajectory(eqx.Module):
     @property
     def final(self) -> State:
         """The state at the last time, of each run."""
-        return jax.tree.map(lambda x: x[-1] if self.shared is None else x[:, -1], self.states)
+        return _at(self.states, -1, 0 if self.shared is None else 1)
 
     @property
     def initial(self) -> State:
         """The state at the first time, of each run."""
-        return jax.tree.map(lambda x: x[0] if self.shared is None else x[:, 0], self.states)
+        return _at(self.states, 0, 0 if self.shared is None else 1)
 
     def along(self, function: Any) -> Any:
         """`function(system, t, y)` of one time and one state, at every time of every run."""

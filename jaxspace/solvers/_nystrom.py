@@ -15,7 +15,7 @@ from jaxtyping import Array
 
 from .._core import hold
 from . import _tableaus as tableau
-from ._runge_kutta import Weights
+from ._runge_kutta import Weights, weighted
 from ._second_order import SecondOrder
 
 
@@ -46,11 +46,6 @@ def of_runge_kutta(c: tuple[float, ...], a: tuple[Weights, ...], b: Weights) -> 
 
 DOP853_NYSTROM = of_runge_kutta(tableau.DOP853_C, tableau.DOP853_A, tableau.DOP853_B)
 RKN12 = Nystrom(tableau.RKN1210_C, tableau.RKN1210_A, tableau.RKN1210_POSITION, tableau.RKN1210_VELOCITY)
-
-
-def weighted(weights: Weights, ks: list[Array]) -> Any:
-    """sum_i w_i k_i."""
-    return sum((w * ks[i] for i, w in weights[1:]), weights[0][1] * ks[weights[0][0]])
 
 
 def nystrom_step(

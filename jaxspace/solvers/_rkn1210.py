@@ -25,8 +25,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from . import _tableaus as tableau
-from ._nystrom import RKN12, nystrom_step, weighted
-from ._runge_kutta import Weights
+from ._nystrom import RKN12, nystrom_step
+from ._runge_kutta import Weights, weighted
 from ._second_order import SecondOrder, second_order
 
 NODES = (0.0, 1.0 / 3.0, 2.0 / 3.0, 1.0)
@@ -117,7 +117,7 @@ class RKN1210(diffrax.AbstractAdaptiveSolver):
             q = nothing()
         else:
             q = jax.lax.cond(jnp.any((self.asked >= t0) & (self.asked <= t1)), between, nothing)
-        dense = dict(y0=y0, q=q, pace=step * system.travel(jnp.ones_like(v1)))
+        dense = dict(y0=y0, q=q, pace=step * system.pace)
         return y1, error, dense, solver_state, diffrax.RESULTS.successful
 
 

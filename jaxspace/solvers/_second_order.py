@@ -27,12 +27,14 @@ def _acceleration(terms: Any, s: Any, r: Array, y: Any, args: Any) -> Array:
 
 
 class SecondOrder(NamedTuple):
-    """A second-order system from the state `y0` on, over clock times up to `end`, seen from within the step."""
+    """A second-order system from the state `y0` on, over clock times up to `end`, seen from within the step; the rate of the
+    position is the velocity times the `pace` of the clock."""
 
     terms: Any
     args: Any
     y0: Any
     end: Array
+    pace: Array
 
     def acceleration(self, s: Any, r: Array) -> Array:
         """The rate of the velocity at the position `r`; the velocity is taken not to matter."""
@@ -40,7 +42,7 @@ class SecondOrder(NamedTuple):
 
     def travel(self, v: Array) -> Array:
         """The rate of the position that belongs to the velocity `v`."""
-        return self.terms.vf(self.end, dataclasses.replace(self.y0, velocity=v), self.args).position
+        return self.pace * v
 
     def state(self, r: Array, v: Array) -> Any:
         """The state of position `r` and velocity `v`."""
@@ -60,7 +62,9 @@ def second_order(terms: Any, t0: Any, t1: Any, y0: Any, args: Any, who: str) -> 
     parts = [getattr(y0, name, None) for name in ("position", "velocity")]
     if any(part is None for part in parts) or len(jax.tree.leaves(y0)) != 2:
         raise InputError(f"{who} integrates a position and a velocity, and nothing else: take DOP853() for this state.")
-    return SecondOrder(terms, args, y0, t1 - 4.0 * jnp.finfo(t1.dtype).eps * jnp.maximum(jnp.abs(t1), t1 - t0))
+    end = t1 - 4.0 * jnp.finfo(t1.dtype).eps * jnp.maximum(jnp.abs(t1), t1 - t0)
+    pace = terms.vf(end, dataclasses.replace(y0, velocity=jnp.ones_like(y0.velocity)), args).position
+    return SecondOrder(terms, args, y0, end, pace)
 
 
 class AbstractEqualSteps(diffrax.AbstractSolver):
