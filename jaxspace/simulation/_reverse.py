@@ -16,7 +16,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from .._core import State
+from .._core import State, hold
 from ..solvers import DOP853, RKN1210, AbstractEqualSteps, ExponentialRosenbrock, MuntheKaas, Tsit5
 from ._march import Record, rows
 
@@ -100,7 +100,8 @@ class Replay(eqx.Module):
             (_, dense), pull = jax.vjp(lambda p, y: self.step(p, n, y), moving, _at(ys, count - 1 - i))
             if self.kept is not None:
                 k, dense = self.from_kept(n, dense, gradient, k)
-            more, of_y = pull((of_y, dense))
+            # Held, because the compiler would take parts of the step once more for everything that asks for them.
+            more, of_y = hold(pull)((of_y, dense))
             return _sum(of_moving, more), of_y, k
 
         def backwards(i: Array, carry: tuple[Any, State]) -> tuple[Any, State]:
