@@ -15,7 +15,7 @@ jax.config.update("jax_num_cpu_devices", os.cpu_count() or 1)
 from . import page  # noqa: E402
 
 NAMES = (
-    *("kepler", "low_orbits", "eccentric_orbit", "free_body", "torqued_body", "ascent"),
+    *("kepler", "lambert", "low_orbits", "eccentric_orbit", "free_body", "torqued_body", "ascent"),
     *("choice", "gradients", "first_call", "kick_stage"),
 )
 RESULTS = Path(__file__).parent / "results"

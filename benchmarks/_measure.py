@@ -1,13 +1,21 @@
 """How everything here is measured: calls in turn in one process, first call apart, medians, and the cores used."""
 
+import subprocess
+import sys
+import tempfile
 import time
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import jax
+import jax.numpy as jnp
+import mpmath
 import numpy as np
 
 REPEATS = 5
+BLOCK = 1024
+WIDE = {"xla_cpu_prefer_vector_width": "512"}
 
 
 def in_turn(
@@ -84,3 +92,64 @@ def heyoka_ends(equations: Callable[[Any], list], states: np.ndarray, span: floa
         return out
 
     return call
+
+
+def in_blocks(work: Callable[..., Any], given: tuple[Any, ...]) -> tuple[Callable[[], Any], Callable[[], Any]]:
+    """A call of `work` on arrays (components, runs), 1024 runs at a time, on one device, and one that shares them out among all;
+    results (blocks, components, 1024)."""
+    blocks = tuple(jnp.moveaxis(x.reshape(*x.shape[:-1], -1, BLOCK), -2, 0).copy() for x in given)
+    mesh = jax.make_mesh((len(jax.devices()),), ("runs",))
+    spread = jax.sharding.PartitionSpec("runs")
+    shared = jax.device_put(blocks, jax.sharding.NamedSharding(mesh, spread))
+
+    def all_blocks(blocks):
+        return jax.lax.map(lambda block: work(*block), blocks)
+
+    alone = jax.jit(all_blocks, compiler_options=WIDE)
+    together = jax.jit(
+        jax.shard_map(all_blocks, mesh=mesh, in_specs=(spread,), out_specs=spread, check_vma=False), compiler_options=WIDE
+    )
+    return lambda: alone(blocks), lambda: together(shared)
+
+
+def pykep(work: str, a: Any, b: Any, t: Any) -> tuple[dict[str, float], np.ndarray] | None:
+    """The row of pykep's function `work` on vectors a, b, (3, runs), and times t, and the vectors it finds; `None`, with a
+    sentence, where it does not run."""
+    with tempfile.TemporaryDirectory() as folder:
+        given, found = Path(folder) / "given.npz", Path(folder) / "found.npz"
+        np.savez(given, a=np.asarray(a), b=np.asarray(b), t=np.asarray(t))
+        script = Path(__file__).parent / "_pykep.py"
+        child = subprocess.run([sys.executable, str(script), work, str(given), str(found)], capture_output=True, text=True)
+        if not found.exists():
+            print(f"pykep does not run, so that it has no row: {child.stderr.strip().splitlines()[-1]}", file=sys.stderr)
+            return None
+        seen = np.load(found)
+        wall, cpu = np.median(seen["seconds"], axis=0)
+        runs = seen["vectors"].shape[-1]
+        return {"runs_per_second": runs / wall, "runs_per_cpu_second": runs / cpu, "cores": cpu / wall}, seen["vectors"]
+
+
+def exact_position(r: Any, v: Any, t: Any) -> np.ndarray:
+    """The position a time `t` after one state about a centre of strength 1, in forty digits (Kepler, universal anomaly)."""
+    with mpmath.workdps(40):
+        r, v, t = [mpmath.mpf(float(x)) for x in r], [mpmath.mpf(float(x)) for x in v], mpmath.mpf(float(t))
+        size, sigma = mpmath.sqrt(mpmath.fdot(r, r)), mpmath.fdot(r, v)
+        beta = 2 / size - mpmath.fdot(v, v)
+        root = mpmath.sqrt(beta)  # imaginary on a hyperbola: the functions below are real all the same
+
+        def g(x):
+            c, s = mpmath.re(mpmath.cos(root * x)), mpmath.re(mpmath.sin(root * x) / root)
+            return s, (1 - c) / mpmath.re(root**2), (x - s) / mpmath.re(root**2)
+
+        def late(x):
+            g1, g2, g3 = g(x)
+            return size * g1 + sigma * g2 + g3 - t
+
+        low, high = mpmath.mpf(-1), mpmath.mpf(1)
+        while late(low) > 0:
+            low *= 2
+        while late(high) < 0:
+            high *= 2
+        x = mpmath.findroot(late, (low, high), solver="anderson", tol=1e-60, maxsteps=500, verify=False)
+        _, g2, g3 = g(x)
+        return np.array([float((1 - g2 / size) * a + (t - g3) * b) for a, b in zip(r, v, strict=True)])

@@ -22,7 +22,16 @@ from jaxspace.optimization import (
     optimal_staging,
     optimise_steering,
 )
-from jaxspace.orbits import ClassicalElements, Oblateness, PointGravity, TwoBody, apoapsis_radius, state_from_elements
+from jaxspace.orbits import (
+    ClassicalElements,
+    Oblateness,
+    PointGravity,
+    TwoBody,
+    apoapsis_radius,
+    lambert,
+    least_duration,
+    state_from_elements,
+)
 from jaxspace.plots import accuracy_cost_figure, effect_budget_figure
 from jaxspace.rockets import JetDamping, Thrust, jet_damping_ratio
 from jaxspace.rotations import Quaternion
@@ -77,6 +86,36 @@ def two_body():
     panel.minorticks_off()
     panel.grid(alpha=0.3)
     panel.legend()
+    return figure
+
+
+def transfers():
+    """From one circular orbit to another 120 degrees on: the impulses needed against the duration, by every way there is."""
+    far = 2.0
+    r1 = jnp.array([1.0, 0.0, 0.0])
+    angle = jnp.radians(120.0)
+    r2 = far * jnp.stack([jnp.cos(angle), jnp.sin(angle), 0.0 * angle])
+    u1, u2 = jnp.array([0.0, 1.0, 0.0]), jnp.stack([-jnp.sin(angle), jnp.cos(angle), 0.0 * angle]) / jnp.sqrt(far)
+    figure, panel = plt.subplots(figsize=(6.4, 4.0), layout="constrained")
+
+    def draw(ts, label, colour, style="-", **which):
+        v1, v2 = lambert(r1[:, None], r2, ts, 1.0, **which)
+        speed = jnp.linalg.norm(v1 - u1[:, None], axis=0) + jnp.linalg.norm(u2[:, None] - v2, axis=0)
+        panel.plot(ts / (2.0 * np.pi), speed, style, color=colour, label=label)
+
+    ends = 2.0 * np.pi * 5.0
+    ts = jnp.geomspace(0.6, ends, 400)
+    draw(ts, "short way", "C0")
+    draw(ts, "long way", "C1", normal=jnp.array([0.0, 0.0, -1.0]))
+    for n in (1, 2):
+        least = float(least_duration(r1, r2, 1.0, n))
+        ts = least + (ends - least) * jnp.linspace(0.0, 1.0, 300) ** 2
+        draw(ts, f"{n} revolution{'s' * (n > 1)}, low", f"C{n + 1}", revolutions=n)
+        draw(ts, f"{n} revolution{'s' * (n > 1)}, high", f"C{n + 1}", "--", revolutions=n, low=False)
+    panel.set(xlabel="duration / period of the inner circle", ylabel="both impulses / speed on the inner circle", ylim=(0.0, 4.0))
+    panel.set_title("From a circle to one of twice its radius, 120 deg on")
+    panel.grid(alpha=0.3)
+    figure.legend(loc="outside right center")
     return figure
 
 
@@ -256,7 +295,7 @@ def which_effects_matter():
     return effect_budget_figure(budget, title="A spinning stage at burnout")
 
 
-PAGES = (top, two_body, torque_free_body, gravity_gradient, rockets, two_gimbal_gyro, optimization, missions)
+PAGES = (top, two_body, transfers, torque_free_body, gravity_gradient, rockets, two_gimbal_gyro, optimization, missions)
 DRAWN = {f.__name__: f for f in (*PAGES, what_accuracy_costs, which_effects_matter)}
 
 if __name__ == "__main__":

@@ -1,4 +1,5 @@
-"""A point under gravity: attraction by a point and by an oblate body, orbital elements, two-body motion in closed form."""
+"""A point under gravity: attraction by a point and by an oblate body, orbital elements, two-body motion in closed
+form, transfers from place to place."""
 
 from ._elements import ClassicalElements as ClassicalElements
 from ._elements import angular_momentum as angular_momentum
@@ -12,6 +13,8 @@ from ._elements import semi_major_axis as semi_major_axis
 from ._elements import specific_energy as specific_energy
 from ._elements import state_from_elements as state_from_elements
 from ._kepler import kepler_flow as kepler_flow
+from ._lambert import lambert as lambert
+from ._lambert import least_duration as least_duration
 from ._oblateness import Oblateness as Oblateness
 from ._oblateness import apsidal_rate as apsidal_rate
 from ._oblateness import node_regression_rate as node_regression_rate
