@@ -119,9 +119,10 @@ def _lowest(lam: Scalar, kappa: Scalar, revolutions: int) -> Scalar:
 @_lowest.defjvp
 def _lowest_rule(revolutions, primals, tangents):
     """The slope stays zero."""
-    x = _lowest(*primals, revolutions)
+    lam, kappa = primals
+    x = _lowest(lam, kappa, revolutions)
     _, dslope = jax.jvp(lambda lam, kappa: transfer_time(x, lam, kappa, revolutions).slope, primals, tangents)
-    return x, -dslope / _derivatives(x, *primals, revolutions)[2]
+    return x, -dslope / _derivatives(x, lam, kappa, revolutions)[2]
 
 
 def _after(time: Scalar, lam: Scalar, kappa: Scalar, revolutions: int, low: bool) -> Scalar:
