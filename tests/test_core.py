@@ -57,6 +57,30 @@ def test_norm_derivative_is_the_direction():
         np.testing.assert_allclose(mode(core.norm)(a), a / 7.0, rtol=1e-15)
 
 
+@pytest.mark.parametrize("power", [1, 2, 3, 5])
+def test_powers_of_the_inverse_length(power):
+    # d |a|^-n = -n |a|^-(n+2) a . da; |a| = 7, a few roundings.
+    a = jnp.array([2.0, -3.0, 6.0])
+    np.testing.assert_allclose(core.per_norm(a, power), 7.0**-power, rtol=1e-15)
+    for mode in (jax.jacfwd, jax.jacrev):
+        found = mode(lambda x: core.per_norm(x, power))(a)
+        np.testing.assert_allclose(found, -power * a / 7.0 ** (power + 2), rtol=2e-15)
+        again = jax.jacfwd(mode(lambda x: core.per_norm(x, power)))(a)
+        second = power * ((power + 2) * np.outer(a, a) / 49.0 - np.eye(3)) / 7.0 ** (power + 2)
+        np.testing.assert_allclose(again, second, atol=1e-14 * np.abs(second).max())
+
+
+def test_scalar_times_vector():
+    s, a, by_s, by_a = jnp.array([2.0, -1.0]), jnp.arange(6.0).reshape(3, 2), jnp.array([3.0, 5.0]), jnp.ones((3, 2))
+    np.testing.assert_array_equal(core.times(s, a), s * a)
+    np.testing.assert_array_equal(jax.jvp(core.times, (s, a), (by_s, by_a))[1], by_s * a + s * by_a)
+    np.testing.assert_array_equal(jax.jvp(lambda s: core.times(s, a), (s,), (by_s,))[1], by_s * a)
+    np.testing.assert_array_equal(jax.jvp(lambda a: core.times(s, a), (a,), (by_a,))[1], s * by_a)
+    of_s, of_a = jax.vjp(core.times, s, a)[1](by_a)
+    np.testing.assert_array_equal(of_s, a.sum(axis=0))
+    np.testing.assert_array_equal(of_a, s * by_a)
+
+
 def test_safe_functions_at_their_singular_points():
     for mode in (jax.jacfwd, jax.jacrev):
         assert core.safe_sqrt(jnp.array(0.0)) == 0.0 and mode(core.safe_sqrt)(jnp.array(0.0)) == 0.0

@@ -198,6 +198,25 @@ def test_derivatives_of_a_run():
         np.testing.assert_allclose(c, b, rtol=0.0, atol=1e-11)
 
 
+def test_derivatives_of_a_run_of_many_steps(monkeypatch):
+    """The memory for states holds four of them, so that some hundred steps are taken again from each, piece by piece."""
+    monkeypatch.setattr("jaxspace.simulation._march.RECORD_BYTES", 4 * 48)
+    y, ts = start(0.3), jnp.array([0.0, 3.0, 4.0])
+
+    def distance(system, accuracy):
+        def total(v):
+            run = simulate(system, eqx.tree_at(lambda s: s.velocity, y, v), ts, accuracy=accuracy)
+            return jnp.sum(run.states.position * jnp.arange(9.0).reshape(3, 3)), run.stats.get("steps")
+
+        return total
+
+    exact = jax.grad(distance(TwoBody(1.0), 1e-12), has_aux=True)(y.velocity)[0]
+    tight = Accuracy(rtol=1e-12, method=Tsit5(), max_steps=4095)
+    found, steps = jax.jit(jax.grad(distance(KEPLER, tight), has_aux=True))(y.velocity)
+    assert steps > 4 * 64
+    np.testing.assert_allclose(found, exact, rtol=0.0, atol=2e-8)  # as above, times the weights
+
+
 def test_single_precision():
     y = jax.tree.map(lambda x: x.astype(jnp.float32), start(0.3))
     run = simulate(KEPLER, y, jnp.array([0.0, 6.0], jnp.float32), accuracy=1e-5)

@@ -16,6 +16,7 @@ from ._linear import matvec as matvec
 from ._linear import norm as norm
 from ._linear import per_norm as per_norm
 from ._linear import solve3 as solve3
+from ._linear import times as times
 from ._linear import unit as unit
 from ._safe import phi1 as phi1
 from ._safe import safe_atan2 as safe_atan2

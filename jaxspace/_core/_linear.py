@@ -10,6 +10,7 @@ import jax.numpy as jnp
 from jax.custom_derivatives import SymbolicZero
 from jaxtyping import Array, Float
 
+from ._hold import hold
 from ._safe import safe_sqrt
 from ._types import Matrix, Scalar, Vector
 
@@ -31,18 +32,36 @@ def _dot_rule(given: tuple[Vector, Vector], change: tuple[Any, Any]) -> tuple[Sc
     return dot(*given), jnp.sum(functools.reduce(jnp.add, products), axis=0)
 
 
-@jax.custom_jvp
-def per_norm(a: Vector) -> Scalar:
-    """1 / |a|."""
-    return 1.0 / jnp.sqrt(dot(a, a))
+@functools.partial(jax.custom_jvp, nondiff_argnums=(1,))
+def per_norm(a: Vector, power: int = 1) -> Scalar:
+    """1 / |a|^power: for any power the compiler takes the same root."""
+    p = 1.0 / jnp.sqrt(dot(a, a))
+    square = p * p
+    return functools.reduce(jnp.multiply, [square] * (power // 2) + [p] * (power % 2))
 
 
 @per_norm.defjvp
-def _per_norm_rule(given: tuple[Vector], change: tuple[Vector]) -> tuple[Scalar, Scalar]:
-    # From the value itself: the rules for root and quotient would divide three times more.
+def _per_norm_rule(power: int, given: tuple[Vector], change: tuple[Vector]) -> tuple[Scalar, Scalar]:
+    # In one go: by the rules for root, quotient and products a derivative along many directions would take several times as
+    # many operations. From the relative change, because in metres a higher power would leave the range of float32.
     (a,), (da,) = given, change
-    p = per_norm(a)
-    return p, -(p * p) * (p * dot(a, da))
+    p = per_norm(a, power)
+    return p, (-power * p) * (per_norm(a, 2) * dot(a, da))
+
+
+@jax.custom_jvp
+def times(scalar: Scalar, a: Vector) -> Vector:
+    """Scalar times vector."""
+    return scalar * a
+
+
+@functools.partial(times.defjvp, symbolic_zeros=True)
+def _times_rule(given: tuple[Scalar, Vector], change: tuple[Any, Any]) -> tuple[Vector, Vector]:
+    # What the scalar changes by is held: the compiler would compute it again for every component.
+    (scalar, a), (d_scalar, da) = given, change
+    parts = [] if isinstance(d_scalar, SymbolicZero) else [hold(d_scalar) * a]
+    parts += [] if isinstance(da, SymbolicZero) else [scalar * da]
+    return times(scalar, a), functools.reduce(jnp.add, parts)
 
 
 def cross(a: Vector, b: Vector) -> Vector:

@@ -48,7 +48,7 @@ def gravity_gradient_energy(r: Vector, attitude: Quaternion, inertia: AbstractIn
 
 def _upwards(r: Vector, attitude: Quaternion) -> tuple[Scalar, Vector]:
     """1 / |r|, and r^ in body axes."""
-    per_r = per_norm(r)  # as in the attraction itself: the compiler takes one root for both
+    per_r = per_norm(r)
     return per_r, hold(attitude.rotate_back(per_r * r))
 
 

@@ -23,17 +23,16 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .._core import Scalar, Vector, as_float, axis, check_finite, check_positive, dot, per_norm
+from .._core import Scalar, Vector, as_float, axis, check_finite, check_positive, dot, per_norm, times
 from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
 
 
 def oblateness(r: Vector, mu: Scalar, j2: Scalar, radius: Scalar) -> Vector:
     """Acceleration a, m/s^2, by J2 alone, at the position `r`, m, shape (3, *runs)."""
-    per_r, z = per_norm(r), r[2]  # as in the field of the point: the compiler takes one root for both
-    per_r2 = per_r * per_r
-    c = (-1.5 * j2 * radius * radius * mu) * (per_r2 * per_r2 * per_r)
+    z, per_r2 = r[2], per_norm(r, 2)
+    c = (-1.5 * j2 * mu * per_norm(r, 3)) * (radius * radius * per_r2)  # so that no factor leaves the range of float32
     k = 2.0 * c * z
-    return (c * (1.0 - 5.0 * z * z * per_r2)) * r + k * axis(2, k)
+    return times(c * (1.0 - 5.0 * z * z * per_r2), r) + times(k, axis(2, k))
 
 
 def oblateness_potential(r: Vector, mu: Scalar, j2: Scalar, radius: Scalar) -> Scalar:

@@ -18,7 +18,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .._core import AbstractSystem, Scalar, Vector, as_float, check_positive, dot, per_norm
+from .._core import AbstractSystem, Scalar, Vector, as_float, check_positive, dot, per_norm, times
 from ..bodies import AbstractBody, AbstractFlowEffect, AbstractRegularEffect, BodyState, Load
 from ._kepler import kepler_flow
 from ._kustaanheimo_stiefel import KustaanheimoStiefel
@@ -26,8 +26,7 @@ from ._kustaanheimo_stiefel import KustaanheimoStiefel
 
 def point_gravity(r: Vector, mu: Scalar) -> Vector:
     """Acceleration a, m/s^2, at the position `r`, m, shape (3, *runs) (Thomson 4.7)."""
-    per_r = per_norm(r)
-    return -mu * per_r * (per_r * per_r) * r
+    return times(-mu * per_norm(r, 3), r)
 
 
 def point_gravity_potential(r: Vector, mu: Scalar) -> Scalar:

@@ -5,7 +5,7 @@
 
 Repetition that chose its steps anew could, by a difference of one rounding, choose others, and the derivative would belong to
 no run at all (seen: wrong by its own size, over a thousand steps). So the ends of the accepted steps are kept, with the state
-at as many of them as there is room for; between these, the steps are taken once more.
+at as many of them as there is room for; between these, the steps are taken once more (and twice, where they are many).
 """
 
 from typing import Any, final
@@ -16,9 +16,11 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from .._core import State
+from .._core import State, hold
 from ..solvers import DOP853, RKN1210, AbstractEqualSteps, ExponentialRosenbrock, MuntheKaas, Tsit5
 from ._march import Record, rows
+
+PIECE = 32  # steps between which all states are known at once: more of them leave the cache, fewer are taken twice in short runs
 
 
 def replayable(method: Any) -> bool:
@@ -30,6 +32,10 @@ def replayable(method: Any) -> bool:
 
 def _at(tree: Any, index: Any) -> Any:
     return jax.tree.map(lambda x: x[index], tree)
+
+
+def _put(tree: Any, index: Any, row: Any) -> Any:
+    return jax.tree.map(lambda x, a: x.at[index].set(a), tree, row)
 
 
 def _sum(first: Any, second: Any) -> Any:
@@ -62,20 +68,19 @@ class Replay(eqx.Module):
         y1, _, dense, _, _ = self.method.step(self.term, s0, s1, y, rate, inner, jnp.array(False))
         return y1, None if self.kept is None else dense
 
-    def stretch(self, moving: Any, j: Array, ys: State) -> State:
-        """`ys` filled with the states before each of the steps that follow record number `j`."""
-        first = jax.tree.map(lambda a, b: jnp.where(j > 0, a, b), _at(self.record.states, j - 1), self.y0)
-        ys = jax.tree.map(lambda a, b: a.at[0].set(b), ys, first)
+    def fill(self, moving: Any, ys: State, to: Array, y: State, n: Array, count: Array, apart: Array) -> State:
+        """`ys` filled, from the row `to` on, with `count` states: that before step `n`, which is `y`, and those `apart` steps
+        after one another. Its last row takes what is not kept."""
+        ys = _put(ys, to, y)
         if self.most == 1:
             return ys
-        start = j * self.record.every
 
-        def fill(i: Array, carry: tuple[State, State]) -> tuple[State, State]:
+        def one(i: Array, carry: tuple[State, State]) -> tuple[State, State]:
             ys, y = carry  # the last state by itself: read from where the next one is written, all of them would be copied
-            y1, _ = self.step(moving, start + i, y)
-            return jax.tree.map(lambda a, b: a.at[i + 1].set(b), ys, y1), y1
+            y, _ = self.step(moving, n + i, y)
+            return _put(ys, jnp.where((i + 1) % apart == 0, to + (i + 1) // apart, -1), y), y
 
-        return jax.lax.fori_loop(0, jnp.minimum(self.record.every, self.record.count - start) - 1, fill, (ys, first))[0]
+        return jax.lax.fori_loop(0, (count - 1) * apart, one, (ys, y))[0]
 
     def from_kept(self, n: Array, dense: Any, gradient: State, k: Array) -> tuple[Array, Any]:
         """The gradient with respect to what the dense output of step `n` holds, from the kept states up to number `k` that lie
@@ -94,24 +99,38 @@ class Replay(eqx.Module):
     def pull_back(self, moving: Any, gradient: State) -> tuple[Any, State]:
         """The gradient with respect to `moving` and to the first state, from that with respect to the states asked for."""
 
-        def back(i: Array, carry: tuple[Any, State, Array], ys: State, j: Array, count: Array) -> tuple[Any, State, Array]:
+        def back(i: Array, carry: tuple[Any, State, Array], ys: State, first: Array, count: Array) -> tuple[Any, State, Array]:
             of_moving, of_y, k = carry
-            n = j * self.record.every + count - 1 - i
-            (_, dense), pull = jax.vjp(lambda p, y: self.step(p, n, y), moving, _at(ys, count - 1 - i))
+            n = first + count - 1 - i
+            (_, dense), pull = jax.vjp(lambda p, y: self.step(p, n, y), moving, _at(ys, parts + count - 1 - i))
             if self.kept is not None:
                 k, dense = self.from_kept(n, dense, gradient, k)
-            more, of_y = pull((of_y, dense))
+            # Held, because the compiler would take parts of the step once more for everything that asks for them.
+            more, of_y = hold(pull)((of_y, dense))
             return _sum(of_moving, more), of_y, k
 
-        def backwards(i: Array, carry: tuple[Any, State]) -> tuple[Any, State]:
-            total, ys = carry
+        def stretch(i: Array, carry: tuple[Any, State]) -> tuple[Any, State]:
             j = stretches - 1 - i
-            count = jnp.minimum(self.record.every, self.record.count - j * self.record.every)
-            ys = self.stretch(moving, j, ys)
-            return jax.lax.fori_loop(0, count, lambda i, c: back(i, c, ys, j, count), total), ys
+            n, y = j * every, jax.tree.map(lambda a, b: jnp.where(j > 0, a, b), _at(self.record.states, j - 1), self.y0)
+            length = jnp.minimum(every, self.record.count - n)
+            pieces = -(-length // PIECE)
 
-        stretches = -(-self.record.count // self.record.every)
+            def piece(i: Array, carry: tuple[Any, State]) -> tuple[Any, State]:
+                # Number zero only takes the steps from one piece to the next.
+                total, ys = carry
+                k, before, known = pieces - i, i == 0, (i == 0) | (pieces == 1)
+                first = n + jnp.where(before, 0, k * PIECE)
+                count = jnp.where(before, pieces, jnp.minimum(PIECE, length - k * PIECE))
+                at = jax.tree.map(lambda a, b: jnp.where(known, a, b), y, _at(ys, k))
+                ys = self.fill(moving, ys, jnp.where(before, 0, parts), at, first, count, jnp.where(before, PIECE, 1))
+                return jax.lax.fori_loop(0, jnp.where(before, 0, count), lambda i, c: back(i, c, ys, first, count), total), ys
+
+            return jax.lax.fori_loop(jnp.where(pieces == 1, 1, 0), pieces + 1, piece, carry)
+
+        every, parts = self.record.every, -(-self.most // PIECE)
+        stretches = -(-self.record.count // every)
         times = 0 if self.kept is None else self.kept.shape[0]
         at_end = _at(gradient, 0) if self.kept is None else jax.tree.map(jnp.zeros_like, self.y0)
         start = (jax.tree.map(jnp.zeros_like, moving), at_end, jnp.asarray(times - 1))
-        return jax.lax.fori_loop(0, stretches, backwards, (start, rows(self.most, self.y0)))[0][:2]
+        ys = rows(parts + min(self.most, PIECE) + 1, self.y0)
+        return jax.lax.fori_loop(0, stretches, stretch, (start, ys))[0][:2]
