@@ -16,7 +16,7 @@ from . import page  # noqa: E402
 
 NAMES = (
     *("kepler", "lambert", "low_orbits", "eccentric_orbit", "free_body", "torqued_body", "ascent"),
-    *("choice", "gradients", "first_call", "kick_stage"),
+    *("choice", "short_pulses", "gradients", "first_call", "kick_stage"),
 )
 RESULTS = Path(__file__).parent / "results"
 
