@@ -1,6 +1,6 @@
 """How many of forty smooth pulses fall between the stages of long steps, unseen and with a status of success, by their length
-over the mean step: an oscillator over twenty time units that is struck once, at 1e-9, against the closed form. Missed is what leaves
-more than half of the pulse's effect out. With a `max_step` of half a pulse none may be missed.
+over the mean step: an oscillator over twenty time units that is struck once, at 1e-9, against the closed form. Missed is what
+leaves more than half of the pulse's effect out. With a `max_step` of half a pulse none may be missed.
 
 The pulses are (1 + cos)/2 in shape. SciPy's DOP853 stands for peers that sample, too; each method at its own mean step."""
 
