@@ -25,13 +25,14 @@ def scene(j2) -> Scene:
 
 
 def ours(method, rtol=1e-9):
-    """The final position for a strength, by `simulate`; not a number for a run that ended so."""
+    """The final position for a strength, by `simulate`; not a number for a run that did not reach its end."""
     y0, ts = BodyState(jnp.array(START[:3]), jnp.array(START[3:])), jnp.array([0.0, SPAN])
-    accuracy = Accuracy(rtol=rtol, method=method)
+    accuracy = Accuracy(rtol=rtol, method=method, max_steps=2**16)
 
     def end(j2):
         run = simulate(scene(j2), y0, ts, accuracy=accuracy, throw=False)
-        return jnp.where(run.status == Status.NOT_FINITE, jnp.nan, run.final.position)
+        reached = (run.status == Status.COMPLETED) | (run.status == Status.TOLERANCE_MISSED)
+        return jnp.where(reached, run.final.position, jnp.nan)
 
     return jax.jit(end)
 
