@@ -42,7 +42,8 @@ class Accuracy(eqx.Module):
       solver with an error estimate. A method of equal steps takes the steps that it was told, and the tolerance judges them:
       where they prove too few, the run is repeated with up to eight times as many (not under `jit` or in a derivative).
     - `adjoint`: diffrax's way of differentiation: reverse mode by default, `diffrax.ForwardMode()` for `jvp` and `jacfwd`.
-    - `max_steps`: how many steps a run may take.
+    - `max_steps`: how many steps a run may take. Reverse mode keeps room for the ends of all of them: many short runs are
+      differentiated faster with fewer.
     - `max_step`, s: how long a step may be; by default as long as the tolerance allows. The vector field is seen at the stages of
       the steps alone: a pulse that lasts for a small part of a step may fall between them, and no estimate tells. Half the
       length of the shortest pulse is right. Not for methods of equal steps; of no use to a closed form, nor for a system that
