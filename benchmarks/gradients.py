@@ -1,5 +1,5 @@
 """What a derivative costs beside the run itself: reverse mode, and the full matrix of first derivatives by forward mode; 256 low
-orbits for three revolutions, in one program compiled by the user for vectors of 512 bits. `max_steps` is 1024, because reverse mode
+orbits for three revolutions, in one program compiled by the user for vectors of 512 bits. `max_steps` is 1024: reverse mode
 keeps room for the ends of all steps that a run may take."""
 
 import diffrax
