@@ -4,8 +4,7 @@
     -dq/ds_k at s = 1       what leaving out effect k changes, to first order
     q(s_k = 0) - q(1)       what it changes
 
-All of this is one compiled program: the scene of scaled effects, with its derivative along one factor in forward mode. The
-effects of the same name in several phases of a mission are one effect.
+All of this is one compiled program: the scene of scaled effects, with its derivative along one factor in forward mode.
 """
 
 from collections.abc import Callable
@@ -19,11 +18,12 @@ import numpy as np
 from jaxtyping import Array
 
 from .._core import AbstractSystem, InputError, Scalar, State, check_positive
-from ..scene import Scene, budget, scaled
-from ..simulation import Accuracy, Mission, Phase, SimulationError, Status, least_tolerance
+from ..scene import budget
+from ..simulation import Accuracy, Mission, SimulationError, Status, least_tolerance
 from ..solvers import AbstractEqualSteps
 from ._budget_table import EffectBudget, Influence
 from ._flights import checked_start, compiled, flight, in_precision, timed
+from ._scene_effects import labels, members, scenes, with_factors, without
 
 UNITS = {"position": "m", "velocity": "m/s", "attitude": "rad", "omega": "rad/s", "mass": "kg"}
 NONLINEAR = 0.1  # of the influence: where the prediction is off by more, the run without the effect counts
@@ -86,10 +86,10 @@ def effect_budget(
     if tolerance is not None:
         check_positive("tolerance", tolerance)
     check_positive("repeats", repeats)
-    members = _members(scene)
+    phases_of = members(scene)
     accuracy = accuracy if isinstance(accuracy, Accuracy) else Accuracy(rtol=accuracy)
     y0, ts = checked_start(scene, y0, ts)
-    ask_by = lambda how: _question(scene, y0, ts, chosen, how, tuple(members), name == "attitude")  # noqa: E731
+    ask_by = lambda how: _question(scene, y0, ts, chosen, how, tuple(phases_of), name == "attitude")  # noqa: E731
     question = ask_by(accuracy)
     nominal = question.ask()
     if not nominal.status.good:
@@ -102,7 +102,7 @@ def effect_budget(
     ended = finer.status not in (Status.MAX_STEPS, Status.NOT_FINITE)
     noise = float(np.linalg.norm(question.change(finer.value, nominal.value))) if ended else np.nan
     shares = _shares(scene, nominal)
-    rows = [_influence(question, n, members[n], shares[n], nominal.value, noise) for n in members]
+    rows = [_influence(question, n, phases_of[n], shares[n], nominal.value, noise) for n in phases_of]
     rows.sort(key=lambda r: -r.influence)
     table = EffectBudget(name, UNITS.get(name, ""), nominal.value, noise, tuple(rows), tolerance)
     if tolerance is None:
@@ -124,53 +124,6 @@ def _output(output: Any, y0: Any) -> tuple[Callable[[State], Any], str]:
     return lambda y: getattr(y, output), output
 
 
-def _scenes(system: Any) -> list[tuple[int, str, Scene]]:
-    """Number, name and scene of every phase that has one."""
-    if isinstance(system, Scene):
-        return [(0, "scene", system)]
-    phases = system.phases if isinstance(system, Mission) else ()
-    return [(k, p.name, p.system) for k, p in enumerate(phases) if isinstance(p.system, Scene)]
-
-
-def _labels(scene: Scene) -> list[str]:
-    """A name for every effect: its class, with a number from the second of a class on."""
-    kinds = [type(e).__name__ for e in scene.effects]
-    return [kind if kind not in kinds[:k] else f"{kind} {kinds[:k].count(kind) + 1}" for k, kind in enumerate(kinds)]
-
-
-def _members(system: Any) -> dict[str, tuple[str, ...]]:
-    """Every effect by name, with the phases that it acts in. Raises `InputError` when there is none."""
-    found: dict[str, tuple[str, ...]] = {}
-    for _, phase, scene in _scenes(system):
-        for label in _labels(scene):
-            found[label] = (*found.get(label, ()), phase)
-    if not found:
-        kind = type(system).__name__
-        raise InputError(f"scene is a {kind} without effects: it must be a Scene, or a Mission of scenes, with at least one.")
-    return found
-
-
-def _rebuilt(system: Any, change: Callable[[Scene], Scene]) -> Any:
-    """The scene, or the mission with each of its scenes changed."""
-    if isinstance(system, Scene):
-        return change(system)
-    phases = system.phases
-    return Mission(
-        [Phase(change(p.system) if isinstance(p.system, Scene) else p.system, p.until, p.then, p.name) for p in phases]
-    )
-
-
-def _scaled(scene: Scene, names: tuple[str, ...], factors: list[Any]) -> Scene:
-    by_name = dict(zip(names, factors, strict=True))
-    effects = [scaled(e, by_name[label]) for e, label in zip(scene.effects, _labels(scene), strict=True)]
-    return Scene(effects, scene.body, scene.parts)
-
-
-def _reduced(scene: Scene, dropped: tuple[str, ...]) -> Scene:
-    kept = [e for e, label in zip(scene.effects, _labels(scene), strict=True) if label not in dropped]
-    return Scene(kept, scene.body, scene.parts)
-
-
 def _question(
     system: Any, y0: State, ts: Any, output: Any, accuracy: Accuracy, names: tuple[str, ...], signless: bool
 ) -> _Question:
@@ -184,7 +137,7 @@ def _question(
         how = eqx.tree_at(lambda a: a.rtol, forward, rtol)
 
         def answer(factors: list[Array]) -> Any:
-            flown = flight(_rebuilt(system, lambda scene: _scaled(scene, names, factors)), y0, ts, how)
+            flown = flight(with_factors(system, names, factors), y0, ts, how)
             return output(flown.final), (flown.status, flown.spans, flown.evaluations)
 
         value, slope, rest_of_it = jax.jvp(answer, (factors,), (along,), has_aux=True)
@@ -204,12 +157,12 @@ def _influence(
 ) -> Influence:
     """The row of one effect."""
     predicted = -question.ask(along=name).slope
-    without = question.ask(without=(name,))
+    left = question.ask(without=(name,))
     linear = float(np.linalg.norm(predicted))
-    if not without.status.good:
+    if not left.status.good:
         change = tuple(predicted.ravel().tolist())
-        return Influence(name, phases, linear, linear, None, False, change, share, without.status.sentence)
-    found = question.change(without.value, nominal)
+        return Influence(name, phases, linear, linear, None, False, change, share, left.status.sentence)
+    found = question.change(left.value, nominal)
     left_out = float(np.linalg.norm(found))
     off = float(np.linalg.norm(found - predicted))
     nonlinear = off > NONLINEAR * left_out and not off <= 10.0 * noise
@@ -222,11 +175,11 @@ def _shares(system: Any, nominal: _Answer) -> dict[str, float]:
     """What the run saves, of its arithmetic, when an effect is left out: operations of one evaluation times evaluations."""
     saved: dict[str, float] = {}
     total = 0.0
-    for k, _, scene in _scenes(system):
+    for k, _, scene in scenes(system):
         ts, states = in_precision(nominal.spans[k], jnp.result_type(float).name)
         rows = budget(in_precision(scene, ts.dtype.name), ts[0], jax.tree.map(lambda x: x[0], states))
         count = int(nominal.evaluations[k])
-        for label, row in zip(_labels(scene), rows[:-1], strict=True):
+        for label, row in zip(labels(scene), rows[:-1], strict=True):
             saved[label] = saved.get(label, 0.0) + count * row.operations
         total += count * sum(row.operations for row in rows)
     return {label: value / max(total, 1.0) for label, value in saved.items()}
@@ -253,7 +206,7 @@ def _verified(
     system, y0, ts = run
     seconds = None
     while dropped:
-        less = _rebuilt(system, lambda scene, gone=dropped: _reduced(scene, gone))
+        less = without(system, dropped)
         (value, status), seconds_kept = _flown(less, y0, ts, output, accuracy, repeats)
         change = float(np.linalg.norm(question.change(value, table.nominal)))
         if status.good and table.tolerance is not None and change <= table.tolerance:
