@@ -147,7 +147,7 @@ def transfers(n, seed):
 @pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.sweep), pytest.param(3, marks=pytest.mark.sweep)])
 def test_the_velocity_that_leads_there(seed):
     """The end of a motion in 60 digits is rounded to doubles, as are the inputs: what that does to the velocities, told by the
-    Jacobian, is the least error there can be. Ten times that is allowed, for a chain of some thirty operations (2.4 seen)."""
+    Jacobian, is the least error there can be. Four times that is allowed, for the rounding on the way (1.0 seen, median 0.2)."""
     n = 150
     r1, v1, t, r2, v2 = transfers(n, seed)
     h = np.cross(r1, v1, axis=0)
@@ -158,7 +158,7 @@ def test_the_velocity_that_leads_there(seed):
         size = np.r_[np.repeat([np.linalg.norm(r1[:, k]), np.linalg.norm(r2[:, k])], 3), t[k]]
         bound = np.linalg.norm(slope[k] * size) * EPS + EPS * (np.linalg.norm(v1[:, k]) + np.linalg.norm(v2[:, k]))
         error = np.hypot(*(np.linalg.norm(np.asarray(a)[:, k] - b[:, k]) for a, b in zip(found, (v1, v2), strict=True)))
-        assert error < 10.0 * bound, (k, error / bound)
+        assert error < 4.0 * bound, (k, error / bound)
 
 
 def _one(y, h):
@@ -347,13 +347,13 @@ def test_a_bad_run_harms_no_other():
 
 
 def test_single_precision():
-    """With the ten units of rounding of the double-precision test above, and the growth of this transfer (3)."""
+    """Values of size one, derivatives of size two: some units of rounding (0.9 and 2.1 seen)."""
     y = jnp.array([1.0, 0.2, 0.1, -0.3, 1.4, 0.2, 2.0, 1.0])
     single = packed(y.astype(jnp.float32))
     assert single.dtype == jnp.float32
-    np.testing.assert_allclose(single, packed(y), atol=30 * float(jnp.finfo(jnp.float32).eps))
+    np.testing.assert_allclose(single, packed(y), atol=8 * float(jnp.finfo(jnp.float32).eps))
     slope = forward(y.astype(jnp.float32))
-    np.testing.assert_allclose(slope, forward(y), atol=300 * float(jnp.finfo(jnp.float32).eps))
+    np.testing.assert_allclose(slope, forward(y), atol=20 * float(jnp.finfo(jnp.float32).eps))
 
 
 def test_bad_input_is_told():
