@@ -342,6 +342,9 @@ def test_a_bad_run_harms_no_other():
     assert np.all(np.isnan(v1[:, 1:4])) and np.all(np.isnan(v2[:, 1:4]))
     for k in (0, 4):
         np.testing.assert_allclose(v1[:, k], transfer(r1, r2, durations[k], 1.0)[0], rtol=1e-14)
+    one_place = transfer(r1[:, None], jnp.stack([r1, r2], axis=1), 2.0, 1.0)[0]
+    assert np.all(np.isnan(one_place[:, 0]))
+    np.testing.assert_allclose(one_place[:, 1], v1[:, 0], rtol=1e-14)
     mapped = jax.vmap(lambda t: transfer(r1, r2, t, 1.0)[0])(durations)
     np.testing.assert_allclose(mapped, v1.T, rtol=1e-14)
 
