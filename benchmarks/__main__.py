@@ -1,4 +1,5 @@
-"""Runs the benchmarks, prints what was measured, and keeps it beside the versions: `python -m benchmarks [NAME ...]`."""
+"""Runs the benchmarks, prints what was measured, and keeps it beside the versions: `python -m
+benchmarks [NAME ...]`."""
 
 import importlib
 import json
@@ -38,11 +39,17 @@ def main() -> None:
     """One file of results for each benchmark named, or for all."""
     names = sys.argv[1:] or NAMES
     if unknown := set(names) - set(NAMES):
-        sys.exit(f"There is no benchmark {', '.join(sorted(unknown))}: choose from {', '.join(NAMES)}.")
+        sys.exit(
+            f"There is no benchmark {', '.join(sorted(unknown))}: choose from {', '.join(NAMES)}."
+        )
     RESULTS.mkdir(exist_ok=True)
     for name in names:
         benchmark = importlib.import_module(f".{name}", __package__)
-        seen = {"what": benchmark.__doc__.split("\n\n")[0], "machine": machine(), "rows": benchmark.measure()}
+        seen = {
+            "what": benchmark.__doc__.split("\n\n")[0],
+            "machine": machine(),
+            "rows": benchmark.measure(),
+        }
         (RESULTS / f"{name}.json").write_text(json.dumps(seen, indent=1) + "\n")
         print(json.dumps({name: seen}, indent=1), flush=True)
     page.write(RESULTS, NAMES)

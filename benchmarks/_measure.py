@@ -1,4 +1,5 @@
-"""How everything here is measured: calls in turn in one process, first call apart, medians, and the cores used."""
+"""How everything here is measured: calls in turn in one process, first call apart, medians, and the
+cores used."""
 
 import subprocess
 import sys
@@ -21,8 +22,9 @@ WIDE = {"xla_cpu_prefer_vector_width": "512"}
 def in_turn(
     calls: dict[str, Callable[[], Any]], runs: int | dict[str, int], repeats: int = REPEATS
 ) -> dict[str, dict[str, float]]:
-    """For every call, which does `runs` runs of work (a number for all, or one for each): seconds of the first call, then, over
-    repeats in turn, runs per second and per CPU-second (medians) and the mean number of cores used."""
+    """For every call, which does `runs` runs of work (a number for all, or one for each): seconds
+    of the first call, then, over repeats in turn, runs per second and per CPU-second (medians) and
+    the mean number of cores used."""
     first = {name: _timed(call)[0] for name, call in calls.items()}
     seen = {name: [] for name in calls}
     for _ in range(repeats):
@@ -48,18 +50,24 @@ def _timed(call: Callable[[], Any]) -> tuple[float, float]:
 
 
 def on_one_device(tree: Any) -> Any:
-    """The arrays, put on the first device: a batch of them does not spread over the others, and peers use one core."""
+    """The arrays, put on the first device: a batch of them does not spread over the others, and
+    peers use one core."""
     return jax.device_put(tree, jax.devices()[0])
 
 
 def worst(found: Any, reference: Any) -> float:
     """The largest relative error of the vectors on the last axis."""
     found, reference = np.asarray(found), np.asarray(reference)
-    return float(np.max(np.linalg.norm(found - reference, axis=-1) / np.linalg.norm(reference, axis=-1)))
+    return float(
+        np.max(np.linalg.norm(found - reference, axis=-1) / np.linalg.norm(reference, axis=-1))
+    )
 
 
-def with_errors_of_rotation(rows: dict[str, dict], calls: dict[str, Callable[[], Any]], reference: np.ndarray) -> dict[str, dict]:
-    """The rows with the worst errors of the rate and of the attitude: every call and the reference give both, (runs, 3 + 4)."""
+def with_errors_of_rotation(
+    rows: dict[str, dict], calls: dict[str, Callable[[], Any]], reference: np.ndarray
+) -> dict[str, dict]:
+    """The rows with the worst errors of the rate and of the attitude: every call and the reference
+    give both, (runs, 3 + 4)."""
     for name, call in calls.items():
         found = np.asarray(call())
         rows[name]["worst_error_of_the_rate"] = worst(found[:, :3], reference[:, :3])
@@ -75,12 +83,17 @@ def optional(name: str) -> Any:
         return None
 
 
-def heyoka_ends(equations: Callable[[Any], list], states: np.ndarray, span: float, tolerance: float) -> Callable[[], np.ndarray]:
-    """A call of heyoka's Taylor integrator, eight runs in one vector, over all `states` (components, runs): their ends."""
+def heyoka_ends(
+    equations: Callable[[Any], list], states: np.ndarray, span: float, tolerance: float
+) -> Callable[[], np.ndarray]:
+    """A call of heyoka's Taylor integrator, eight runs in one vector, over all `states`
+    (components, runs): their ends."""
     heyoka = optional("heyoka")
     lanes = 8
     rows, runs = states.shape
-    integrator = heyoka.taylor_adaptive_batch(equations(heyoka), np.zeros((rows, lanes)), tol=tolerance, fast_math=True)
+    integrator = heyoka.taylor_adaptive_batch(
+        equations(heyoka), np.zeros((rows, lanes)), tol=tolerance, fast_math=True
+    )
     out = np.empty((rows, runs))
 
     def call() -> np.ndarray:
@@ -94,9 +107,11 @@ def heyoka_ends(equations: Callable[[Any], list], states: np.ndarray, span: floa
     return call
 
 
-def in_blocks(work: Callable[..., Any], given: tuple[Any, ...]) -> tuple[Callable[[], Any], Callable[[], Any]]:
-    """A call of `work` on arrays (components, runs), 1024 runs at a time, on one device, and one that shares them out among all;
-    results (blocks, components, 1024)."""
+def in_blocks(
+    work: Callable[..., Any], given: tuple[Any, ...]
+) -> tuple[Callable[[], Any], Callable[[], Any]]:
+    """A call of `work` on arrays (components, runs), 1024 runs at a time, on one device, and one
+    that shares them out among all; results (blocks, components, 1024)."""
     blocks = tuple(jnp.moveaxis(x.reshape(*x.shape[:-1], -1, BLOCK), -2, 0).copy() for x in given)
     mesh = jax.make_mesh((len(jax.devices()),), ("runs",))
     spread = jax.sharding.PartitionSpec("runs")
@@ -107,35 +122,54 @@ def in_blocks(work: Callable[..., Any], given: tuple[Any, ...]) -> tuple[Callabl
 
     alone = jax.jit(all_blocks, compiler_options=WIDE)
     together = jax.jit(
-        jax.shard_map(all_blocks, mesh=mesh, in_specs=(spread,), out_specs=spread, check_vma=False), compiler_options=WIDE
+        jax.shard_map(all_blocks, mesh=mesh, in_specs=(spread,), out_specs=spread, check_vma=False),
+        compiler_options=WIDE,
     )
     return lambda: alone(blocks), lambda: together(shared)
 
 
 def pykep(work: str, a: Any, b: Any, t: Any) -> tuple[dict[str, float], np.ndarray] | None:
-    """The row of pykep's function `work` on vectors a, b, (3, runs), and times t, and the vectors it finds; `None`, with a
-    sentence, where it does not run."""
+    """The row of pykep's function `work` on vectors a, b, (3, runs), and times t, and the vectors
+    it finds; `None`, with a sentence, where it does not run."""
     with tempfile.TemporaryDirectory() as folder:
         given, found = Path(folder) / "given.npz", Path(folder) / "found.npz"
         np.savez(given, a=np.asarray(a), b=np.asarray(b), t=np.asarray(t))
         script = Path(__file__).parent / "_pykep.py"
-        child = subprocess.run([sys.executable, str(script), work, str(given), str(found)], capture_output=True, text=True)
+        child = subprocess.run(
+            [sys.executable, str(script), work, str(given), str(found)],
+            capture_output=True,
+            text=True,
+        )
         if not found.exists():
-            print(f"pykep does not run, so that it has no row: {child.stderr.strip().splitlines()[-1]}", file=sys.stderr)
+            print(
+                f"pykep does not run, so that it has no row: {child.stderr.strip().splitlines()[-1]}",
+                file=sys.stderr,
+            )
             return None
         seen = np.load(found)
         wall, cpu = np.median(seen["seconds"], axis=0)
         runs = seen["vectors"].shape[-1]
-        return {"runs_per_second": runs / wall, "runs_per_cpu_second": runs / cpu, "cores": cpu / wall}, seen["vectors"]
+        return {
+            "runs_per_second": runs / wall,
+            "runs_per_cpu_second": runs / cpu,
+            "cores": cpu / wall,
+        }, seen["vectors"]
 
 
 def exact_position(r: Any, v: Any, t: Any) -> np.ndarray:
-    """The position a time `t` after one state about a centre of strength 1, in forty digits (Kepler, universal anomaly)."""
+    """The position a time `t` after one state about a centre of strength 1, in forty digits
+    (Kepler, universal anomaly)."""
     with mpmath.workdps(40):
-        r, v, t = [mpmath.mpf(float(x)) for x in r], [mpmath.mpf(float(x)) for x in v], mpmath.mpf(float(t))
+        r, v, t = (
+            [mpmath.mpf(float(x)) for x in r],
+            [mpmath.mpf(float(x)) for x in v],
+            mpmath.mpf(float(t)),
+        )
         size, sigma = mpmath.sqrt(mpmath.fdot(r, r)), mpmath.fdot(r, v)
         beta = 2 / size - mpmath.fdot(v, v)
-        root = mpmath.sqrt(beta)  # imaginary on a hyperbola: the functions below are real all the same
+        root = mpmath.sqrt(
+            beta
+        )  # imaginary on a hyperbola: the functions below are real all the same
 
         def g(x):
             c, s = mpmath.re(mpmath.cos(root * x)), mpmath.re(mpmath.sin(root * x) / root)
@@ -150,6 +184,10 @@ def exact_position(r: Any, v: Any, t: Any) -> np.ndarray:
             low *= 2
         while late(high) < 0:
             high *= 2
-        x = mpmath.findroot(late, (low, high), solver="anderson", tol=1e-60, maxsteps=500, verify=False)
+        x = mpmath.findroot(
+            late, (low, high), solver="anderson", tol=1e-60, maxsteps=500, verify=False
+        )
         _, g2, g3 = g(x)
-        return np.array([float((1 - g2 / size) * a + (t - g3) * b) for a, b in zip(r, v, strict=True)])
+        return np.array(
+            [float((1 - g2 / size) * a + (t - g3) * b) for a, b in zip(r, v, strict=True)]
+        )

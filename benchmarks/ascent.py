@@ -1,7 +1,9 @@
-"""A dispersed two-stage ascent of a point through air: this library beside the method of Runge and Kutta in numpy and numba.
+"""A dispersed two-stage ascent of a point through air: this library beside the method of Runge and
+Kutta in numpy and numba.
 
-Twelve seconds upwards, a kick, a gravity turn until the first stage is burnt out and dropped, and the second stage's burn. The
-peers take steps of one second, as such programs do; ours is cut at the known times and steps as its tolerance asks."""
+Twelve seconds upwards, a kick, a gravity turn until the first stage is burnt out and dropped, and
+the second stage's burn. The peers take steps of one second, as such programs do; ours is cut at the
+known times and steps as its tolerance asks."""
 
 import types
 
@@ -11,8 +13,8 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jaxspace import BodyState, Mission, Phase, Scene
-from jaxspace._core import cross, norm
 from jaxspace.bodies import Load
+from jaxspace.core import cross, norm
 from jaxspace.orbits import PointGravity
 from jaxspace.scene import Custom
 from jaxspace.simulation import simulate_batch
@@ -23,14 +25,26 @@ RUNS = 16384
 MU, RADIUS, SPIN, G0 = 3.986004418e14, 6378137.0, 7.292115e-5, 9.80665
 DENSITY, HEIGHT, AREA = 1.225, 8500.0, 5.0
 KICK_TIME, LIFT_OFF_MASS = 12.0, 550e3
-STAGES = ((7.6e6, 300.0, 150.0, 25e3), (0.95e6, 345.0, 330.0, 0.0))  # thrust, N; specific impulse, s; burnt out, s; dropped, kg
+STAGES = (
+    (7.6e6, 300.0, 150.0, 25e3),
+    (0.95e6, 345.0, 330.0, 0.0),
+)  # thrust, N; specific impulse, s; burnt out, s; dropped, kg
 EARTH = jnp.array([0.0, 0.0, SPIN])[:, None]
 
 
 def dispersed() -> np.ndarray:
-    """Factors of thrust, specific impulse and drag, the angle of the kick, rad, and the factor of the density: (5, runs)."""
+    """Factors of thrust, specific impulse and drag, the angle of the kick, rad, and the factor of
+    the density: (5, runs)."""
     g = np.random.default_rng(3).standard_normal((5, RUNS))
-    return np.stack([1 + 4e-3 * g[0], 1 + 3e-3 * g[1], 1 + 0.05 * g[2], np.deg2rad(0.7 + 0.02 * g[3]), 1 + 0.05 * g[4]])
+    return np.stack(
+        [
+            1 + 4e-3 * g[0],
+            1 + 3e-3 * g[1],
+            1 + 0.05 * g[2],
+            np.deg2rad(0.7 + 0.02 * g[3]),
+            1 + 0.05 * g[4],
+        ]
+    )
 
 
 class Drag(eqx.Module):
@@ -53,7 +67,9 @@ class Engine(eqx.Module):
 
     def __call__(self, t, y, body):
         along = y.position if self.upwards else y.velocity - cross(EARTH, y.position)
-        return Load(force_N=(self.thrust / norm(along)) * along, mass_rate=-self.thrust / self.exhaust_speed)
+        return Load(
+            force_N=(self.thrust / norm(along)) * along, mass_rate=-self.thrust / self.exhaust_speed
+        )
 
 
 class Kick(eqx.Module):
@@ -83,7 +99,13 @@ def mission(p: np.ndarray) -> Mission:
         thrust, impulse, _, _ = STAGES[stage]
         drag = Custom(Drag(f_drag * f_density), {"position", "velocity"}, {"force"})
         engine = Engine(thrust * f_thrust, impulse * G0 * f_impulse, upwards)
-        return Scene((PointGravity(MU), drag, Custom(engine, {"position", "velocity"}, {"force", "mass_rate"})))
+        return Scene(
+            (
+                PointGravity(MU),
+                drag,
+                Custom(engine, {"position", "velocity"}, {"force", "mass_rate"}),
+            )
+        )
 
     first, second = STAGES[0][2], STAGES[1][2]
     return Mission(
@@ -130,7 +152,8 @@ def kicked(y, angle):
 
 
 def flight(p, dt):
-    """The state at the end by the classical method of order 4, for the factors p of one run or arrays of them."""
+    """The state at the end by the classical method of order 4, for the factors p of one run or
+    arrays of them."""
     zero = 0.0 * p[0]
     y = (RADIUS + zero, zero, zero, zero, SPIN * RADIUS + zero, zero, LIFT_OFF_MASS + zero)
     for leg in range(3):
@@ -152,7 +175,8 @@ def flight(p, dt):
 
 
 def by_numba(p, dt=1.0):
-    """The same loop compiled, one run after the other on every core: a call that returns (7, runs)."""
+    """The same loop compiled, one run after the other on every core: a call that returns (7,
+    runs)."""
     import numba
 
     source = {f.__name__: f for f in (rates, moved, kicked, flight)}
@@ -183,7 +207,9 @@ def measure() -> dict:
     def ours(rtol):
         return simulate_batch(system, on_one_device(y0), 0.0, accuracy=rtol).final.position
 
-    calls = {f"ours, {rtol:.0e}": lambda rtol=rtol: ours(rtol) for rtol in (1e-4, 1e-5, 1e-6, 1e-7, 1e-8)}
+    calls = {
+        f"ours, {rtol:.0e}": lambda rtol=rtol: ours(rtol) for rtol in (1e-4, 1e-5, 1e-6, 1e-7, 1e-8)
+    }
     calls["numpy, order 4, 1 s"] = lambda: np.stack(flight(p, 1.0))[:3].T
     if optional("numba") is not None:
         compiled = by_numba(p)

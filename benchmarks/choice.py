@@ -1,6 +1,7 @@
-"""Why `method="auto"` chooses as it does: 256 eccentric orbits of ten revolutions, whose periapsis lies low above an oblate body,
-by RKN 12(10) in time and by equal steps in regular variables with their estimate; and a gyrocompass for a hundred seconds, 1e5
-radians of its rotor's nutation, by DOP853 and by default."""
+"""Why `method="auto"` chooses as it does: 256 eccentric orbits of ten revolutions, whose periapsis
+lies low above an oblate body, by RKN 12(10) in time and by equal steps in regular variables with
+their estimate; and a gyrocompass for a hundred seconds, 1e5 radians of its rotor's nutation, by
+DOP853 and by default."""
 
 from typing import Any
 
@@ -10,7 +11,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxspace import BodyState, Scene, simulate
-from jaxspace._core import AbstractSystem
+from jaxspace.core import AbstractSystem
 from jaxspace.orbits import ClassicalElements, Oblateness, PointGravity, state_from_elements
 from jaxspace.simulation import Accuracy, simulate_batch
 from jaxspace.solvers import DOP853, RKN1210, Regularised
@@ -22,10 +23,13 @@ CASES = ((0.7, 1e-3, (48, 64)), (0.95, 0.0, (32,)), (0.95, 1e-3, (64, 128)))
 
 
 def orbits(e: float) -> BodyState:
-    """Orbits of one eccentricity with a periapsis of about 1.06 radii and any orientation; radius and strength 1."""
+    """Orbits of one eccentricity with a periapsis of about 1.06 radii and any orientation; radius
+    and strength 1."""
     g = np.random.default_rng(0)
     p, node = (1.0 + e) * g.uniform(1.05, 1.07, RUNS), g.uniform(0.0, 2.0 * np.pi, (3, RUNS))
-    elements = ClassicalElements(jnp.asarray(p), jnp.full(RUNS, e), jnp.arccos(g.uniform(-1.0, 1.0, RUNS)), *node)
+    elements = ClassicalElements(
+        jnp.asarray(p), jnp.full(RUNS, e), jnp.arccos(g.uniform(-1.0, 1.0, RUNS)), *node
+    )
     r, v = state_from_elements(elements, 1.0)
     return BodyState(jnp.moveaxis(r, -1, 0), jnp.moveaxis(v, -1, 0))
 
@@ -37,12 +41,19 @@ def _eccentric(e: float, j2: float, counts: tuple[int, ...]) -> dict:
 
     def ends(method: Any, rtol: float) -> Array:
         # What equal steps miss by is not repeated here: the error stands beside the speed.
-        return simulate_batch(scene, y0, ts, accuracy=Accuracy(rtol, method=method), in_axes=(None, 0)).final.position
+        return simulate_batch(
+            scene, y0, ts, accuracy=Accuracy(rtol, method=method), in_axes=(None, 0)
+        ).final.position
 
     about = f"e = {e}, " + ("oblate" if j2 else "a point")
-    calls = {f"{about}: RKN 12(10) {rtol:.0e}": lambda rtol=rtol: ends(RKN1210(), rtol) for rtol in (1e-9, 1e-10, 1e-12)}
+    calls = {
+        f"{about}: RKN 12(10) {rtol:.0e}": lambda rtol=rtol: ends(RKN1210(), rtol)
+        for rtol in (1e-9, 1e-10, 1e-12)
+    }
     for n in counts:
-        calls[f"{about}: regularised, {n} a revolution"] = lambda n=n: ends(Regularised(steps=n * TURNS), 1e-1)
+        calls[f"{about}: regularised, {n} a revolution"] = lambda n=n: ends(
+            Regularised(steps=n * TURNS), 1e-1
+        )
     reference = ends(Regularised(steps=400 * TURNS, estimate=False), 1e-1)
     rows = in_turn(calls, RUNS)
     for name, call in calls.items():
@@ -51,7 +62,8 @@ def _eccentric(e: float, j2: float, counts: tuple[int, ...]) -> dict:
 
 
 class Compass(eqx.Module):
-    """Heading and tilt of the rotor's axis, rad, and its inertial rates about the horizontal and across, rad/s."""
+    """Heading and tilt of the rotor's axis, rad, and its inertial rates about the horizontal and
+    across, rad/s."""
 
     psi: Array
     tilt: Array
@@ -67,7 +79,12 @@ class Gyrocompass(AbstractSystem):
     def vector_field(self, t, y):
         s, c, north = jnp.sin(y.tilt), jnp.cos(y.tilt), 7.2921e-5 * jnp.cos(y.psi)
         fast = self.n - (north + y.v * s) / c
-        return Compass((y.v + north * s) / c, y.u - 7.2921e-5 * jnp.sin(y.psi), fast * y.v - 0.02 * self.n * s, -fast * y.u)
+        return Compass(
+            (y.v + north * s) / c,
+            y.u - 7.2921e-5 * jnp.sin(y.psi),
+            fast * y.v - 0.02 * self.n * s,
+            -fast * y.u,
+        )
 
     def invariants(self, t, y):
         return {}
@@ -75,13 +92,19 @@ class Gyrocompass(AbstractSystem):
 
 def _compass() -> dict:
     """Speed and error of a run of 1e5 radians."""
-    y0, ts = Compass(*(jnp.array(x) for x in (0.3, 0.0, 7.2921e-5 * np.sin(0.3), 0.0))), jnp.array([0.0, 100.0])
+    y0, ts = (
+        Compass(*(jnp.array(x) for x in (0.3, 0.0, 7.2921e-5 * np.sin(0.3), 0.0))),
+        jnp.array([0.0, 100.0]),
+    )
 
     def end(**how: Any) -> Array:
         y = simulate(Gyrocompass(), y0, ts, accuracy=Accuracy(max_steps=2**19, **how)).final
         return jnp.stack([y.psi, y.tilt])
 
-    calls = {"gyrocompass: DOP853 1e-09": lambda: end(method=DOP853()), "gyrocompass: by default, 1e-09": end}
+    calls = {
+        "gyrocompass: DOP853 1e-09": lambda: end(method=DOP853()),
+        "gyrocompass: by default, 1e-09": end,
+    }
     reference, rows = end(rtol=1e-12, method=DOP853()), in_turn(calls, 1)
     for name, call in calls.items():
         rows[name]["error_of_the_worst_run"] = worst(call(), reference)

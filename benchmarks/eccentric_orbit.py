@@ -1,6 +1,7 @@
-"""One orbit of eccentricity 0.95 for a hundred revolutions, its centre oblate to a strength known at run time: the time of one
-call, `simulate` inside `jax.jit` for ours. Errors in semi-major axes: without oblateness, where the body is back at its start,
-and with J2 = 1e-3 at a periapsis of 1.25 radii, where only the closest steps feel it."""
+"""One orbit of eccentricity 0.95 for a hundred revolutions, its centre oblate to a strength known
+at run time: the time of one call, `simulate` inside `jax.jit` for ours. Errors in semi-major axes:
+without oblateness, where the body is back at its start, and with J2 = 1e-3 at a periapsis of 1.25
+radii, where only the closest steps feel it."""
 
 import diffrax
 import jax
@@ -25,7 +26,8 @@ def scene(j2) -> Scene:
 
 
 def ours(method, rtol=1e-9):
-    """The final position for a strength, by `simulate`; not a number for a run that did not reach its end."""
+    """The final position for a strength, by `simulate`; not a number for a run that did not reach
+    its end."""
     y0, ts = BodyState(jnp.array(START[:3]), jnp.array(START[3:])), jnp.array([0.0, SPAN])
     accuracy = Accuracy(rtol=rtol, method=method, max_steps=2**16)
 
@@ -47,7 +49,17 @@ def by_diffrax(rtol):
     def end(j2):
         control = diffrax.PIDController(rtol=rtol, atol=rtol)
         term, y0 = diffrax.ODETerm(rate), jnp.array(START)
-        solve = diffrax.diffeqsolve(term, diffrax.Dopri8(), 0.0, SPAN, None, y0, j2, stepsize_controller=control, max_steps=2**17)
+        solve = diffrax.diffeqsolve(
+            term,
+            diffrax.Dopri8(),
+            0.0,
+            SPAN,
+            None,
+            y0,
+            j2,
+            stepsize_controller=control,
+            max_steps=2**17,
+        )
         return solve.ys[0, :3]
 
     return jax.jit(end)
@@ -60,9 +72,18 @@ def by_heyoka(tolerance, kind=float):
     r2 = x**2 + y**2 + z**2
     pull, c, s = r2 ** (-1.5), 1.5 * RADIUS**2 * heyoka.par[0] / r2, 5.0 * z**2 / r2
     a = -pull * (1.0 + c * (1.0 - s))
-    system = [(x, vx), (y, vy), (z, vz), (vx, x * a), (vy, y * a), (vz, -z * pull * (1.0 + c * (3.0 - s)))]
+    system = [
+        (x, vx),
+        (y, vy),
+        (z, vz),
+        (vx, x * a),
+        (vy, y * a),
+        (vz, -z * pull * (1.0 + c * (3.0 - s))),
+    ]
     start, exact = [kind(v) for v in START], kind is not float
-    ta = heyoka.taylor_adaptive(system, start, pars=[kind(0.0)], tol=kind(tolerance), fp_type=kind, fast_math=not exact)
+    ta = heyoka.taylor_adaptive(
+        system, start, pars=[kind(0.0)], tol=kind(tolerance), fp_type=kind, fast_math=not exact
+    )
 
     def end(j2):
         ta.time, ta.pars[0] = kind(0.0), kind(j2)
@@ -86,12 +107,18 @@ def by_rebound(j2):
 
 def methods() -> dict:
     """Functions from the strength to the final position, by name."""
-    found = {f"ours, regularised, {n} steps": ours(Regularised(steps=n, estimate=False)) for n in (2400, 3400, 6400, 12800)}
+    found = {
+        f"ours, regularised, {n} steps": ours(Regularised(steps=n, estimate=False))
+        for n in (2400, 3400, 6400, 12800)
+    }
     found["ours, regularised with estimate, 3400 steps"] = ours(Regularised(steps=3400))
     found["ours, DOP853 in time, 1e-13"] = ours(DOP853(), 1e-13)
     found["diffrax Dopri8, 1e-13"] = by_diffrax(1e-13)
     if optional("heyoka") is not None:
-        found |= {f"heyoka, {tolerance:.0e}": by_heyoka(tolerance) for tolerance in (1e-10, 1e-13, 2.2e-16)}
+        found |= {
+            f"heyoka, {tolerance:.0e}": by_heyoka(tolerance)
+            for tolerance in (1e-10, 1e-13, 2.2e-16)
+        }
     if optional("rebound") is not None:
         found["REBOUND IAS15, without oblateness"] = by_rebound
     return found

@@ -1,4 +1,5 @@
-"""Seconds from calling `simulate` for the first time in a new process to its result, without and with a kept cache."""
+"""Seconds from calling `simulate` for the first time in a new process to its result, without and
+with a kept cache."""
 
 import os
 import subprocess
@@ -27,10 +28,16 @@ SYSTEMS = {
 
 
 def _seconds(system: str, cache: str | None) -> float:
-    kept = {} if cache is None else {"JAX_COMPILATION_CACHE_DIR": cache, "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0"}
+    kept = (
+        {}
+        if cache is None
+        else {"JAX_COMPILATION_CACHE_DIR": cache, "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0"}
+    )
     bare = {k: v for k, v in os.environ.items() if not k.startswith("JAX_")}
     command = [sys.executable, "-c", CODE.format(system=system)]
-    return float(subprocess.run(command, env=bare | kept, capture_output=True, text=True, check=True).stdout)
+    return float(
+        subprocess.run(command, env=bare | kept, capture_output=True, text=True, check=True).stdout
+    )
 
 
 def measure() -> dict:
@@ -41,6 +48,8 @@ def measure() -> dict:
             _seconds(system, cache)
             rows[name] = {
                 "cold_seconds": float(np.median([_seconds(system, None) for _ in range(REPEATS)])),
-                "with_kept_cache_seconds": float(np.median([_seconds(system, cache) for _ in range(REPEATS)])),
+                "with_kept_cache_seconds": float(
+                    np.median([_seconds(system, cache) for _ in range(REPEATS)])
+                ),
             }
     return rows

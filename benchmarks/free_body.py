@@ -1,4 +1,5 @@
-"""A free asymmetric body over a hundred precessions: closed form and stepping beside heyoka's Taylor method."""
+"""A free asymmetric body over a hundred precessions: closed form and stepping beside heyoka's
+Taylor method."""
 
 import jax.numpy as jnp
 import numpy as np
@@ -44,7 +45,9 @@ def measure() -> dict:
     ts = jnp.array([0.0, SPAN])
 
     def ours(accuracy):
-        final = simulate_batch(BODY, on_one_device(y0), ts, accuracy=accuracy, in_axes=(None, 0)).final
+        final = simulate_batch(
+            BODY, on_one_device(y0), ts, accuracy=accuracy, in_axes=(None, 0)
+        ).final
         return jnp.concatenate([final.omega, final.attitude.wxyz], axis=1)
 
     def stepped(rtol):

@@ -1,6 +1,7 @@
-"""What a derivative costs beside the run itself: reverse mode, and the full matrix of first derivatives by forward mode; 256 low
-orbits for three revolutions, in one program compiled by the user for vectors of 512 bits. `max_steps` is 1024: reverse mode
-keeps room for the ends of all steps that a run may take."""
+"""What a derivative costs beside the run itself: reverse mode, and the full matrix of first
+derivatives by forward mode; 256 low orbits for three revolutions, in one program compiled by the
+user for vectors of 512 bits. `max_steps` is 1024: reverse mode keeps room for the ends of all steps
+that a run may take."""
 
 import diffrax
 import jax
@@ -19,8 +20,8 @@ REVERSE, FORWARD = diffrax.RecursiveCheckpointAdjoint(), diffrax.ForwardMode()
 
 
 def measure() -> dict:
-    """Speed of the run, of its reverse mode and of its 6 x 6 matrix, by four methods; the same for the closed form; and the error
-    of the reverse modes against the matrices."""
+    """Speed of the run, of its reverse mode and of its 6 x 6 matrix, by four methods; the same for
+    the closed form; and the error of the reverse modes against the matrices."""
     y0 = jax.tree.map(lambda x: x[:LANES], orbits())
     ts = jnp.array([0.0, SPAN])
 
@@ -33,25 +34,47 @@ def measure() -> dict:
             def column(k):
                 blocks = jnp.zeros((LANES, 6)).at[:, k].set(1.0)
                 tangent = type(y)(blocks[:, :3], blocks[:, 3:])
-                return jax.jvp(lambda s: end(system, s, method, FORWARD), (y,), (tangent,))[1].position
+                return jax.jvp(lambda s: end(system, s, method, FORWARD), (y,), (tangent,))[
+                    1
+                ].position
 
             return jax.vmap(column)(jnp.arange(6))
 
         of_first = jax.grad(lambda y: jnp.sum(end(system, y, method).position[:, 0]))
-        return {"run": lambda y: end(system, y, method), "run and reverse mode": of_first, "run and 6 x 6 matrix": matrix}
+        return {
+            "run": lambda y: end(system, y, method),
+            "run and reverse mode": of_first,
+            "run and 6 x 6 matrix": matrix,
+        }
 
-    cases = {"DOP853": (SCENE, DOP853()), "RKN 12(10)": (SCENE, RKN1210()), "Tsit5": (SCENE, Tsit5())}
-    cases |= {"Stormer of order 12": (SCENE, Stormer(12, steps=264)), "closed form": (TwoBody(1.0), "auto")}
-    programs = {
-        name: {what: jax.jit(f, compiler_options=WIDE) for what, f in functions(*case).items()} for name, case in cases.items()
+    cases = {
+        "DOP853": (SCENE, DOP853()),
+        "RKN 12(10)": (SCENE, RKN1210()),
+        "Tsit5": (SCENE, Tsit5()),
     }
-    calls = {f"{name}, {what}": lambda f=f: f(y0) for name, every in programs.items() for what, f in every.items()}
+    cases |= {
+        "Stormer of order 12": (SCENE, Stormer(12, steps=264)),
+        "closed form": (TwoBody(1.0), "auto"),
+    }
+    programs = {
+        name: {what: jax.jit(f, compiler_options=WIDE) for what, f in functions(*case).items()}
+        for name, case in cases.items()
+    }
+    calls = {
+        f"{name}, {what}": lambda f=f: f(y0)
+        for name, every in programs.items()
+        for what, f in every.items()
+    }
     rows = in_turn(calls, LANES, repeats=11)
     for name, every in programs.items():
         base, *others = (f"{name}, {what}" for what in every)
         columns = every["run and 6 x 6 matrix"](y0)
         gradient = every["run and reverse mode"](y0).position
-        rows[f"{name}, run and reverse mode"]["worst_error_of_the_gradient"] = worst(gradient, columns[:3, :, 0].T)
+        rows[f"{name}, run and reverse mode"]["worst_error_of_the_gradient"] = worst(
+            gradient, columns[:3, :, 0].T
+        )
         for other in others:
-            rows[other]["times_the_run"] = rows[base]["runs_per_cpu_second"] / rows[other]["runs_per_cpu_second"]
+            rows[other]["times_the_run"] = (
+                rows[base]["runs_per_cpu_second"] / rows[other]["runs_per_cpu_second"]
+            )
     return rows

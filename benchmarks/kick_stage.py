@@ -1,8 +1,9 @@
-"""The dispersion of the kick stage: runs per second, and the error of the same runs against a reference two orders tighter. The
-row of RocketPy is indicative, for that is different work: a sounding rocket through air up to its apogee, with six degrees of
-freedom, one run after the other.
+"""The dispersion of the kick stage: runs per second, and the error of the same runs against a
+reference two orders tighter. The row of RocketPy is indicative, for that is different work: a
+sounding rocket through air up to its apogee, with six degrees of freedom, one run after the other.
 
-Wanted: 1 m in position and 1e-4 rad in attitude at the end, at 1000 runs per second on two cores."""
+Wanted: 1 m in position and 1e-4 rad in attitude at the end, at 1000 runs per second on two cores.
+"""
 
 import dataclasses
 import time
@@ -25,7 +26,8 @@ SOUNDINGS = 5
 
 
 def end_states(campaign, numbers, seed, rtol):
-    """Final position, attitude and spin axis of the runs of these numbers, each with adaptive steps at the tolerance."""
+    """Final position, attitude and spin axis of the runs of these numbers, each with adaptive steps
+    at the tolerance."""
     samples = campaign.samples(jax.random.key(seed), numbers)
     mission, y0 = campaign.build(samples)
     _, end, _, status = run_mission(mission, y0, jnp.zeros(()), 2, Accuracy(rtol=rtol), 1)
@@ -35,29 +37,59 @@ def end_states(campaign, numbers, seed, rtol):
 def ends(result_or_final, lanes):
     """The outputs of the error study: where the body is and how it stands."""
     final = result_or_final.final
-    return {f"r{k}": final.position[k] for k in range(3)} | {f"q{k}": final.attitude.wxyz[k] for k in range(4)}
+    return {f"r{k}": final.position[k] for k in range(3)} | {
+        f"q{k}": final.attitude.wxyz[k] for k in range(4)
+    }
 
 
 def sounding_flight(rocketpy, inclination):
-    """A flight of RocketPy's own example, simplified: its rocket with a motor of constant thrust in a standard atmosphere."""
+    """A flight of RocketPy's own example, simplified: its rocket with a motor of constant thrust in
+    a standard atmosphere."""
     air = rocketpy.Environment(latitude=32.99, longitude=-106.97, elevation=1400)
     air.set_atmospheric_model(type="standard_atmosphere")
-    grain = {"grain_number": 5, "grain_density": 1815, "grain_outer_radius": 0.033, "grain_initial_inner_radius": 0.015}
-    grain |= {"grain_initial_height": 0.12, "grain_separation": 0.005, "grains_center_of_mass_position": 0.397}
-    nozzle = {"nozzle_radius": 0.033, "throat_radius": 0.011, "coordinate_system_orientation": "nozzle_to_combustion_chamber"}
-    case = {"dry_mass": 1.815, "dry_inertia": (0.125, 0.125, 0.002), "center_of_dry_mass_position": 0.317}
+    grain = {
+        "grain_number": 5,
+        "grain_density": 1815,
+        "grain_outer_radius": 0.033,
+        "grain_initial_inner_radius": 0.015,
+    }
+    grain |= {
+        "grain_initial_height": 0.12,
+        "grain_separation": 0.005,
+        "grains_center_of_mass_position": 0.397,
+    }
+    nozzle = {
+        "nozzle_radius": 0.033,
+        "throat_radius": 0.011,
+        "coordinate_system_orientation": "nozzle_to_combustion_chamber",
+    }
+    case = {
+        "dry_mass": 1.815,
+        "dry_inertia": (0.125, 0.125, 0.002),
+        "center_of_dry_mass_position": 0.317,
+    }
     motor = rocketpy.SolidMotor(thrust_source=1800.0, burn_time=3.9, **grain, **nozzle, **case)
     mass = {"mass": 14.426, "inertia": (6.321, 6.321, 0.034), "center_of_mass_without_motor": 0}
-    drag = {"radius": 0.0635, "power_off_drag": 0.5, "power_on_drag": 0.5, "coordinate_system_orientation": "tail_to_nose"}
+    drag = {
+        "radius": 0.0635,
+        "power_off_drag": 0.5,
+        "power_on_drag": 0.5,
+        "coordinate_system_orientation": "tail_to_nose",
+    }
     rocket = rocketpy.Rocket(**mass, **drag)
     rocket.add_motor(motor, position=-1.255)
     rocket.add_nose(length=0.55829, kind="von karman", position=1.278)
-    rocket.add_trapezoidal_fins(n=4, root_chord=0.12, tip_chord=0.06, span=0.11, position=-1.04956, cant_angle=0.5)
-    return rocketpy.Flight(rocket, air, rail_length=5.2, inclination=inclination, heading=0, terminate_on_apogee=True)
+    rocket.add_trapezoidal_fins(
+        n=4, root_chord=0.12, tip_chord=0.06, span=0.11, position=-1.04956, cant_angle=0.5
+    )
+    return rocketpy.Flight(
+        rocket, air, rail_length=5.2, inclination=inclination, heading=0, terminate_on_apogee=True
+    )
 
 
 def soundings():
-    """How many of such flights there are in a second, each made and flown anew; nothing without RocketPy."""
+    """How many of such flights there are in a second, each made and flown anew; nothing without
+    RocketPy."""
     rocketpy, seconds = optional("rocketpy"), []
     for k in range(SOUNDINGS + 1 if rocketpy else 0):
         start = time.perf_counter()
@@ -76,11 +108,19 @@ def measure():
     cpu, wall = time.process_time() - cpu, time.perf_counter() - wall
     ahead = result.attributes["preparation_seconds"]
     numbers = jnp.arange(COMPARED)
-    position, attitude, status = jax.jit(lambda n: end_states(campaign, n, 1, 1e-2 * file.accuracy))(numbers)
+    position, attitude, status = jax.jit(
+        lambda n: end_states(campaign, n, 1, 1e-2 * file.accuracy)
+    )(numbers)
     found_r = np.stack([result.outputs[f"r{k}"][:COMPARED] for k in range(3)])
     found_q = np.stack([result.outputs[f"q{k}"][:COMPARED] for k in range(4)])
-    cosine = np.abs(np.sum(found_q * attitude, axis=0)) / np.linalg.norm(found_q, axis=0) / np.linalg.norm(attitude, axis=0)
-    chord = np.minimum(np.linalg.norm(found_q - attitude, axis=0), np.linalg.norm(found_q + attitude, axis=0))
+    cosine = (
+        np.abs(np.sum(found_q * attitude, axis=0))
+        / np.linalg.norm(found_q, axis=0)
+        / np.linalg.norm(attitude, axis=0)
+    )
+    chord = np.minimum(
+        np.linalg.norm(found_q - attitude, axis=0), np.linalg.norm(found_q + attitude, axis=0)
+    )
     assert np.all(np.asarray(status) == 0) and np.all(cosine > 0.9)
     seen = {
         "runs": RUNS,

@@ -1,9 +1,11 @@
-"""Lambert's problem for a hundred thousand pairs of places a few radii from the centre, arrivals within a revolution: the
-velocity at the start; beside pykep on one core, called from prepared lists with its results dropped. The error is how far from
-the second place a sample arrives, in forty digits, as a part of its distance; that of hard transfers is over arcs down to 1e-4
-rad from none, from a half and from a full turn, in 1e-2 to 1e2 time units.
+"""Lambert's problem for a hundred thousand pairs of places a few radii from the centre, arrivals
+within a revolution: the velocity at the start; beside pykep on one core, called from prepared lists
+with its results dropped. The error is how far from the second place a sample arrives, in forty
+digits, as a part of its distance; that of hard transfers is over arcs down to 1e-4 rad from none,
+from a half and from a full turn, in 1e-2 to 1e2 time units.
 
-In blocks: a thousand pairs at a time, arrays (blocks, 3, 1024). Ours give both velocities, as pykep does."""
+In blocks: a thousand pairs at a time, arrays (blocks, 3, 1024). Ours give both velocities, as pykep
+does."""
 
 import jax
 import jax.numpy as jnp
@@ -28,21 +30,32 @@ def hard_pairs():
     """In the plane of the third axis, which half a turn leaves in doubt."""
     g = np.random.default_rng(6)
     aside = 10.0 ** g.uniform(-4.0, 0.0, CHECKED)
-    angle = np.choose(g.integers(0, 4, CHECKED), [aside, np.pi - aside, np.pi + aside, 2.0 * np.pi - aside])
+    angle = np.choose(
+        g.integers(0, 4, CHECKED), [aside, np.pi - aside, np.pi + aside, 2.0 * np.pi - aside]
+    )
     first, far = g.uniform(0.0, 2.0 * np.pi, CHECKED), g.uniform(0.5, 2.0, (2, CHECKED))
-    places = [d * np.stack([np.cos(f), np.sin(f), 0.0 * f]) for d, f in zip(far, (first, first + angle), strict=True)]
+    places = [
+        d * np.stack([np.cos(f), np.sin(f), 0.0 * f])
+        for d, f in zip(far, (first, first + angle), strict=True)
+    ]
     return (*map(jnp.asarray, places), jnp.asarray(10.0 ** g.uniform(-2.0, 2.0, CHECKED)))
 
 
 def miss(start, end, duration, velocity) -> float:
-    """The worst distance from the `end`, as a part of its own from the centre, of the CHECKED first arrivals."""
-    start, end, duration, velocity = (np.asarray(x)[..., :CHECKED] for x in (start, end, duration, velocity))
-    found = np.stack([exact_position(start[:, k], velocity[:, k], duration[k]) for k in range(CHECKED)], axis=1)
+    """The worst distance from the `end`, as a part of its own from the centre, of the CHECKED first
+    arrivals."""
+    start, end, duration, velocity = (
+        np.asarray(x)[..., :CHECKED] for x in (start, end, duration, velocity)
+    )
+    found = np.stack(
+        [exact_position(start[:, k], velocity[:, k], duration[k]) for k in range(CHECKED)], axis=1
+    )
     return float(np.max(np.linalg.norm(found - end, axis=0) / np.linalg.norm(end, axis=0)))
 
 
 def measure() -> dict:
-    """Pairs per second of the solution, of its reverse mode and of the peer, and the worst errors of the samples."""
+    """Pairs per second of the solution, of its reverse mode and of the peer, and the worst errors
+    of the samples."""
     given, hard = pairs(), hard_pairs()
 
     def slope(*block):
@@ -58,14 +71,20 @@ def measure() -> dict:
         "ours, in blocks on every core": together,
     }
     seen = in_turn(calls, PAIRS)
-    found = {"ours, in blocks on every core": (np.asarray(together()[0])[0], jax.jit(solve)(*hard)[0])}
-    if peer := pykep("lambert_problem", *(jnp.concatenate(both, axis=-1) for both in zip(given, hard, strict=True))):
+    found = {
+        "ours, in blocks on every core": (np.asarray(together()[0])[0], jax.jit(solve)(*hard)[0])
+    }
+    if peer := pykep(
+        "lambert_problem",
+        *(jnp.concatenate(both, axis=-1) for both in zip(given, hard, strict=True)),
+    ):
         seen["pykep"], velocities = peer
         found["pykep"] = (velocities, velocities[:, PAIRS:])
     for name, (usual, rare) in found.items():
         seen[name]["worst_miss"] = miss(*given, usual)
         seen[name]["of_hard_transfers"] = miss(*hard, rare)
     seen["ours, in blocks, with reverse mode"]["times_the_run"] = (
-        seen["ours, in blocks"]["runs_per_cpu_second"] / seen["ours, in blocks, with reverse mode"]["runs_per_cpu_second"]
+        seen["ours, in blocks"]["runs_per_cpu_second"]
+        / seen["ours, in blocks, with reverse mode"]["runs_per_cpu_second"]
     )
     return seen

@@ -1,5 +1,6 @@
-"""One day of low orbits under oblateness (15 revolutions): this library beside heyoka, beside diffrax and astrojax mapped over
-the runs, and beside scipy on the first few of them, one run at a time."""
+"""One day of low orbits under oblateness (15 revolutions): this library beside heyoka, beside
+diffrax and astrojax mapped over the runs, and beside scipy on the first few of them, one run at a
+time."""
 
 import math
 from typing import Any
@@ -22,11 +23,17 @@ SCENE = Scene((PointGravity(1.0), Oblateness(1.0, J2, 1.0)))
 
 
 def orbits() -> BodyState:
-    """Low, nearly circular orbits of every inclination; earth radius and gravitational parameter 1."""
+    """Low, nearly circular orbits of every inclination; earth radius and gravitational parameter
+    1."""
     g = np.random.default_rng(0)
     a, e = 1.0 + g.uniform(400.0, 1200.0, RUNS) / 6378.137, g.uniform(0.0, 0.02, RUNS)
-    i, (node, periapsis, anomaly) = np.arccos(g.uniform(-1.0, 1.0, RUNS)), g.uniform(0.0, 2.0 * np.pi, (3, RUNS))
-    elements = ClassicalElements(*(jnp.asarray(x) for x in (a * (1.0 - e**2), e, i, node, periapsis, anomaly)))
+    i, (node, periapsis, anomaly) = (
+        np.arccos(g.uniform(-1.0, 1.0, RUNS)),
+        g.uniform(0.0, 2.0 * np.pi, (3, RUNS)),
+    )
+    elements = ClassicalElements(
+        *(jnp.asarray(x) for x in (a * (1.0 - e**2), e, i, node, periapsis, anomaly))
+    )
     r, v = state_from_elements(elements, 1.0)
     return BodyState(jnp.moveaxis(r, -1, 0), jnp.moveaxis(v, -1, 0))
 
@@ -50,7 +57,8 @@ def mapped(y0: BodyState, rtol: float) -> BodyState:
 
 
 def by_astrojax(astrojax, y0: BodyState, tolerance: float):
-    """The same by astrojax's step of order 12 in a loop for each run under `vmap`: a call that gives the positions."""
+    """The same by astrojax's step of order 12 in a loop for each run under `vmap`: a call that
+    gives the positions."""
     from astrojax.config import set_dtype
     from astrojax.integrators import rkn1210_step
     from astrojax.integrators.types import AdaptiveConfig
@@ -77,7 +85,8 @@ def by_astrojax(astrojax, y0: BodyState, tolerance: float):
 
 
 def by_scipy(states: np.ndarray, method: str, rtol: float):
-    """The first few runs by scipy, its field written in plain numbers: a call that gives the positions."""
+    """The first few runs by scipy, its field written in plain numbers: a call that gives the
+    positions."""
     from scipy.integrate import solve_ivp
 
     def rate(t, y):
@@ -99,7 +108,14 @@ def equations(heyoka):
     r2 = x**2 + y**2 + z**2
     pull, c, s = r2 ** (-1.5), 1.5 * J2 / r2, 5.0 * z**2 / r2
     a = -pull * (1.0 + c * (1.0 - s))
-    return [(x, vx), (y, vy), (z, vz), (vx, x * a), (vy, y * a), (vz, -z * pull * (1.0 + c * (3.0 - s)))]
+    return [
+        (x, vx),
+        (y, vy),
+        (z, vz),
+        (vx, x * a),
+        (vy, y * a),
+        (vz, -z * pull * (1.0 + c * (3.0 - s))),
+    ]
 
 
 def measure() -> dict:
@@ -112,8 +128,13 @@ def measure() -> dict:
         return simulate_batch(SCENE, y0, ts, accuracy=accuracy, in_axes=(None, 0)).final.position
 
     theirs = eqx.filter_jit(mapped)
-    calls = {f"ours, DOP853 {rtol:.0e}": lambda rtol=rtol: ours(rtol) for rtol in (1e-6, 1e-9, 1e-11)}
-    calls |= {f"ours, RKN 12(10) {rtol:.0e}": lambda rtol=rtol: ours(rtol, RKN1210()) for rtol in (1e-7, 1e-9, 1e-11)}
+    calls = {
+        f"ours, DOP853 {rtol:.0e}": lambda rtol=rtol: ours(rtol) for rtol in (1e-6, 1e-9, 1e-11)
+    }
+    calls |= {
+        f"ours, RKN 12(10) {rtol:.0e}": lambda rtol=rtol: ours(rtol, RKN1210())
+        for rtol in (1e-7, 1e-9, 1e-11)
+    }
     calls |= {
         f"ours, Stormer of order {m.k}, {m.steps} steps": lambda rtol=rtol, m=m: ours(rtol, m)
         for rtol, m in ((1e-5, Stormer(10, steps=850)), (1e-8, Stormer(12, steps=1310)))
@@ -146,7 +167,9 @@ def _scaling(ours, y0: BodyState) -> dict:
     many = jax.tree.map(lambda x: jnp.tile(x, (8, 1)), y0)
     one = on_one_device(many)
     calls = {
-        f"Stormer of order 12, {8 * RUNS} runs on {where}": lambda y=y: ours(1e-8, Stormer(12, steps=1310), y)
+        f"Stormer of order 12, {8 * RUNS} runs on {where}": lambda y=y: ours(
+            1e-8, Stormer(12, steps=1310), y
+        )
         for where, y in (("one device", one), ("all devices", many))
     }
     return in_turn(calls, 8 * RUNS)

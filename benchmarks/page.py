@@ -8,7 +8,9 @@ from jaxspace.plots._style import COLOURS, dress
 
 PAGE = Path(__file__).parents[1] / "docs" / "benchmarks.md"
 ERRORS = ("worst_relative_error", "worst_error_of_the_rate")
-SETTING = re.compile(r",? \d+e[-+]\d+$|, [\d.]+ (steps|a revolution)$")  # at the end of a row's name: the rest names the method
+SETTING = re.compile(
+    r",? \d+e[-+]\d+$|, [\d.]+ (steps|a revolution)$"
+)  # at the end of a row's name: the rest names the method
 HEAD = """# Speed beside accuracy
 
 Measured by `make bench` and written by it: every method does the same work in one process, in turn; medians; the first call,
@@ -23,15 +25,24 @@ def _cell(value: object) -> str:
 
 def _table(rows: dict) -> str:
     columns = list(dict.fromkeys(key for row in rows.values() for key in row))
-    lines = ["| | " + " | ".join(c.replace("_", " ") for c in columns) + " |", "|---" * (len(columns) + 1) + "|"]
-    lines += [f"| {name} | " + " | ".join(_cell(row.get(c)) for c in columns) + " |" for name, row in rows.items()]
+    lines = [
+        "| | " + " | ".join(c.replace("_", " ") for c in columns) + " |",
+        "|---" * (len(columns) + 1) + "|",
+    ]
+    lines += [
+        f"| {name} | " + " | ".join(_cell(row.get(c)) for c in columns) + " |"
+        for name, row in rows.items()
+    ]
     return "\n".join(lines)
 
 
 def _diagram(name: str, rows: dict) -> str:
-    """Draw speed against error where there are both, and return the line of the page that shows it."""
+    """Draw speed against error where there are both, and return the line of the page that shows
+    it."""
     error = next((e for e in ERRORS if sum(e in row for row in rows.values()) > 2), None)
-    speed = next((s for s in ("runs_per_second", "seconds") if all(s in row for row in rows.values())), None)
+    speed = next(
+        (s for s in ("runs_per_second", "seconds") if all(s in row for row in rows.values())), None
+    )
     if error is None or speed is None:
         return ""
     from matplotlib.figure import Figure
@@ -43,11 +54,24 @@ def _diagram(name: str, rows: dict) -> str:
     figure = Figure(figsize=(7.2, 3.9), layout="constrained")
     axes = figure.subplots()
     for i, (label, points) in enumerate(series.items()):
-        style = {"marker": "o" if label.startswith("ours") else "s", "linestyle": "-" if label.startswith("ours") else "--"}
-        axes.loglog(*zip(*sorted(points), strict=True), label=label, color=COLOURS[i % len(COLOURS)], markersize=5, **style)
-    dress(axes, name.replace("_", " ").capitalize(), "error of the worst run", speed.replace("_", " "))
+        style = {
+            "marker": "o" if label.startswith("ours") else "s",
+            "linestyle": "-" if label.startswith("ours") else "--",
+        }
+        axes.loglog(
+            *zip(*sorted(points), strict=True),
+            label=label,
+            color=COLOURS[i % len(COLOURS)],
+            markersize=5,
+            **style,
+        )
+    dress(
+        axes, name.replace("_", " ").capitalize(), "error of the worst run", speed.replace("_", " ")
+    )
     axes.invert_xaxis()
-    figure.legend(*axes.get_legend_handles_labels(), fontsize=8, loc="outside right center", frameon=False)
+    figure.legend(
+        *axes.get_legend_handles_labels(), fontsize=8, loc="outside right center", frameon=False
+    )
     figure.savefig(PAGE.parent / "figures" / f"benchmark_{name}.png", dpi=130)
     return f"![Speed against error](figures/benchmark_{name}.png)\n\n"
 
@@ -60,5 +84,7 @@ def write(results: Path, names: tuple[str, ...]) -> None:
             seen = json.loads(file.read_text())
             where = ", ".join(f"{k} {v}" for k, v in seen["machine"].items())
             what, picture = " ".join(seen["what"].split()), _diagram(name, seen["rows"])
-            parts.append(f"## {name.replace('_', ' ').capitalize()}\n\n{what}\n\n{picture}{_table(seen['rows'])}\n\n*{where}*\n")
+            parts.append(
+                f"## {name.replace('_', ' ').capitalize()}\n\n{what}\n\n{picture}{_table(seen['rows'])}\n\n*{where}*\n"
+            )
     PAGE.write_text("\n".join(parts))

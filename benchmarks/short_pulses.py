@@ -1,8 +1,10 @@
-"""How many of forty smooth pulses fall between the stages of long steps, unseen and with a status of success, by their length
-over the mean step: an oscillator over twenty time units that is struck once, at 1e-9, against the closed form. Missed is what
-leaves more than half of the pulse's effect out. With a `max_step` of half a pulse none may be missed.
+"""How many of forty smooth pulses fall between the stages of long steps, unseen and with a status
+of success, by their length over the mean step: an oscillator over twenty time units that is struck
+once, at 1e-9, against the closed form. Missed is what leaves more than half of the pulse's effect
+out. With a `max_step` of half a pulse none may be missed.
 
-The pulses are (1 + cos)/2 in shape. SciPy's DOP853 stands for peers that sample, too; each method at its own mean step."""
+The pulses are (1 + cos)/2 in shape. SciPy's DOP853 stands for peers that sample, too; each method
+at its own mean step."""
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -10,7 +12,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxspace import BodyState
-from jaxspace._core import AbstractSystem
+from jaxspace.core import AbstractSystem
 from jaxspace.simulation import Accuracy, simulate
 from jaxspace.solvers import DOP853, RKN1210, Tsit5
 
@@ -38,7 +40,13 @@ class Struck(AbstractSystem):
 
 def effect(centre, width):
     """What the pulse adds to the last position."""
-    return KICK * np.sin(SPAN - centre) * (2.0 / width) * np.sin(0.5 * width) * (1.0 + 1.0 / ((2.0 * np.pi / width) ** 2 - 1.0))
+    return (
+        KICK
+        * np.sin(SPAN - centre)
+        * (2.0 / width)
+        * np.sin(0.5 * width)
+        * (1.0 + 1.0 / ((2.0 * np.pi / width) ** 2 - 1.0))
+    )
 
 
 def ours(method):
@@ -66,14 +74,17 @@ def scipys():
             return [*y[3:], -y[0], -y[1], pulse - y[2]]
 
         y0 = [1.0, 0.0, 0.0, 0.0, 0.5, 0.0]
-        run = solve_ivp(rate, (0.0, SPAN), y0, "DOP853", rtol=TOLERANCE, atol=TOLERANCE, max_step=longest)
+        run = solve_ivp(
+            rate, (0.0, SPAN), y0, "DOP853", rtol=TOLERANCE, atol=TOLERANCE, max_step=longest
+        )
         return run.y[2, -1], run.t.size - 1
 
     return end
 
 
 def missed(end, width, longest) -> int:
-    """How many of the pulses of this width are not in the result; their centres are drawn where their effect is large."""
+    """How many of the pulses of this width are not in the result; their centres are drawn where
+    their effect is large."""
     g = np.random.default_rng(4)
     centres = SPAN - 0.5 * np.pi - np.pi * g.integers(0, 5, PULSES) + g.uniform(-1.0, 1.0, PULSES)
     late = [end(c, width, KICK, longest)[0] - effect(c, width) for c in centres]
@@ -81,8 +92,13 @@ def missed(end, width, longest) -> int:
 
 
 def measure() -> dict:
-    """The mean step of every method without a pulse, and how many pulses of which length it misses, of PULSES."""
-    methods = {"ours, RKN 12(10)": ours(RKN1210()), "ours, DOP853": ours(DOP853()), "ours, Tsit5": ours(Tsit5())}
+    """The mean step of every method without a pulse, and how many pulses of which length it misses,
+    of PULSES."""
+    methods = {
+        "ours, RKN 12(10)": ours(RKN1210()),
+        "ours, DOP853": ours(DOP853()),
+        "ours, Tsit5": ours(Tsit5()),
+    }
     if optional("scipy"):
         methods["scipy DOP853"] = scipys()
     seen = {}

@@ -1,4 +1,5 @@
-"""Puts every page of docs/kernels into the navigation, so that a new one appears without a list to edit."""
+"""Puts every page of docs/kernels into the navigation, so that a new one appears without a list to
+edit."""
 
 from pathlib import Path
 

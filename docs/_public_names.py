@@ -1,4 +1,5 @@
-"""What a reference page shows of a room: every name that its `__init__` gives to readers as `X as X`."""
+"""What a reference page shows of a room: every name that its `__init__` gives to readers as `X as
+X`."""
 
 import griffe
 
@@ -10,4 +11,8 @@ class PublicNames(griffe.Extension):
         del kwargs
         for room in pkg.modules.values():
             if room.is_init_module and room.exports is None:
-                room.exports = [name for name, origin in room.imports.items() if origin.rsplit(".", 1)[-1] == name]
+                room.exports = [
+                    name
+                    for name, origin in room.imports.items()
+                    if origin.rsplit(".", 1)[-1] == name
+                ]

@@ -1,4 +1,5 @@
-"""Draws the manual's pictures by the library itself: `python docs/figures.py [NAME ...]` writes docs/figures/NAME.png."""
+"""Draws the manual's pictures by the library itself: `python docs/figures.py [NAME ...]` writes
+docs/figures/NAME.png."""
 
 import sys
 from pathlib import Path
@@ -45,18 +46,36 @@ def top():
     """The path of a heavy top's axis seen from above, for three ways of letting it go."""
     system = Top(transverse_inertia=1.0e-3, axial_inertia=6.0e-4, weight_moment=0.08)
     figure, panels = plt.subplots(1, 3, figsize=(9.6, 3.5), layout="constrained")
-    starts = (("let go backwards: loops", -4.0), ("let go at rest: cusps", 0.0), ("let go forwards: waves", 1.2))
+    starts = (
+        ("let go backwards: loops", -4.0),
+        ("let go at rest: cusps", 0.0),
+        ("let go forwards: waves", 1.2),
+    )
     circle = np.linspace(0.0, 2.0 * np.pi, 200)
     for panel, (title, rate) in zip(panels, starts, strict=True):
         tilt = jnp.radians(35.0)
         y0 = system.state([0.0, tilt, 0.0], [rate, 0.0, 60.0 - rate * jnp.cos(tilt)])
         states = simulate(system, y0, jnp.linspace(0.0, 2.6, 3000), accuracy=1e-10).states
-        x, y, _ = np.asarray(jax.vmap(lambda q: q.rotate(jnp.array([0.0, 0.0, 1.0])))(states.attitude)).T
+        x, y, _ = np.asarray(
+            jax.vmap(lambda q: q.rotate(jnp.array([0.0, 0.0, 1.0])))(states.attitude)
+        ).T
         for angle in system.nutation(y0).turning_points():
-            panel.plot(np.sin(angle) * np.cos(circle), np.sin(angle) * np.sin(circle), "--", color="0.6", lw=1.0)
+            panel.plot(
+                np.sin(angle) * np.cos(circle),
+                np.sin(angle) * np.sin(circle),
+                "--",
+                color="0.6",
+                lw=1.0,
+            )
         panel.plot(x, y, lw=1.3)
         panel.plot(x[0], y[0], "o", ms=4, color="C3")
-        panel.set(title=title, xlabel="x component of the axis, 1", aspect="equal", xlim=(-0.8, 0.8), ylim=(-0.8, 0.8))
+        panel.set(
+            title=title,
+            xlabel="x component of the axis, 1",
+            aspect="equal",
+            xlim=(-0.8, 0.8),
+            ylim=(-0.8, 0.8),
+        )
         panel.set(xticks=[-0.5, 0.0, 0.5], yticks=[-0.5, 0.0, 0.5])
     panels[0].set_ylabel("y component of the axis, 1")
     return figure
@@ -73,8 +92,13 @@ def two_body():
     rows = []
     for rtol in 10.0 ** np.arange(-5.0, -13.5, -1.0):
         run = simulate(system, y0, ts, accuracy=Accuracy(rtol=rtol, method=DOP853()))
-        error, estimate = (float(jnp.linalg.norm(x)) / a for x in (run.final.position - exact, run.error().position))
-        rows.append((int(run.stats["evaluations"]), error, estimate, float(jnp.max(run.drift()["energy"]))))
+        error, estimate = (
+            float(jnp.linalg.norm(x)) / a
+            for x in (run.final.position - exact, run.error().position)
+        )
+        rows.append(
+            (int(run.stats["evaluations"]), error, estimate, float(jnp.max(run.drift()["energy"])))
+        )
     cost, error, estimate, drift = np.array(rows).T
     figure, panel = plt.subplots(figsize=(6.4, 4.0), layout="constrained")
     panel.loglog(cost, error, "o-", label="error against the closed form")
@@ -90,17 +114,23 @@ def two_body():
 
 
 def transfers():
-    """From one circular orbit to another 120 degrees on: the impulses needed against the duration, by every way there is."""
+    """From one circular orbit to another 120 degrees on: the impulses needed against the duration,
+    by every way there is."""
     far = 2.0
     r1 = jnp.array([1.0, 0.0, 0.0])
     angle = jnp.radians(120.0)
     r2 = far * jnp.stack([jnp.cos(angle), jnp.sin(angle), 0.0 * angle])
-    u1, u2 = jnp.array([0.0, 1.0, 0.0]), jnp.stack([-jnp.sin(angle), jnp.cos(angle), 0.0 * angle]) / jnp.sqrt(far)
+    u1, u2 = (
+        jnp.array([0.0, 1.0, 0.0]),
+        jnp.stack([-jnp.sin(angle), jnp.cos(angle), 0.0 * angle]) / jnp.sqrt(far),
+    )
     figure, panel = plt.subplots(figsize=(6.4, 4.0), layout="constrained")
 
     def draw(ts, label, colour, style="-", **which):
         v1, v2 = lambert(r1[:, None], r2, ts, 1.0, **which)
-        speed = jnp.linalg.norm(v1 - u1[:, None], axis=0) + jnp.linalg.norm(u2[:, None] - v2, axis=0)
+        speed = jnp.linalg.norm(v1 - u1[:, None], axis=0) + jnp.linalg.norm(
+            u2[:, None] - v2, axis=0
+        )
         panel.plot(ts / (2.0 * np.pi), speed, style, color=colour, label=label)
 
     ends = 2.0 * np.pi * 5.0
@@ -111,8 +141,14 @@ def transfers():
         least = float(least_duration(r1, r2, 1.0, n))
         ts = least + (ends - least) * jnp.linspace(0.0, 1.0, 300) ** 2
         draw(ts, f"{n} revolution{'s' * (n > 1)}, low", f"C{n + 1}", revolutions=n)
-        draw(ts, f"{n} revolution{'s' * (n > 1)}, high", f"C{n + 1}", "--", revolutions=n, low=False)
-    panel.set(xlabel="duration / period of the inner circle", ylabel="both impulses / speed on the inner circle", ylim=(0.0, 4.0))
+        draw(
+            ts, f"{n} revolution{'s' * (n > 1)}, high", f"C{n + 1}", "--", revolutions=n, low=False
+        )
+    panel.set(
+        xlabel="duration / period of the inner circle",
+        ylabel="both impulses / speed on the inner circle",
+        ylim=(0.0, 4.0),
+    )
     panel.set_title("From a circle to one of twice its radius, 120 deg on")
     panel.grid(alpha=0.3)
     figure.legend(loc="outside right center")
@@ -120,20 +156,33 @@ def transfers():
 
 
 def torque_free_body():
-    """Angular momentum of one size on its sphere in the body: circles about two axes, and the flips about the third."""
+    """Angular momentum of one size on its sphere in the body: circles about two axes, and the flips
+    about the third."""
     moments = np.array([1.0, 2.0, 3.0])
-    # From the greatest axis towards the least: the separatrix, the path of the middle axis, is crossed at 30 degrees.
+    # From the greatest axis towards the least: the separatrix, the path of the middle axis, is
+    # crossed at 30 degrees.
     angles = np.radians([8, 16, 23, 28, 33, 42, 55, 70])
     directions = [np.array([np.sin(p), 0.0, np.cos(p)]) for p in angles]
     h = np.concatenate([s * np.array(directions) for s in (1.0, -1.0)])
     n = len(h)
-    y0s = BodyState(attitude=Quaternion(jnp.tile(jnp.array([1.0, 0.0, 0.0, 0.0]), (n, 1))), omega=jnp.asarray(h / moments))
+    y0s = BodyState(
+        attitude=Quaternion(jnp.tile(jnp.array([1.0, 0.0, 0.0, 0.0]), (n, 1))),
+        omega=jnp.asarray(h / moments),
+    )
     system = TorqueFreeBody(PrincipalInertia(jnp.asarray(moments)))
-    omega = simulate_batch(system, y0s, jnp.linspace(0.0, 60.0, 1500), accuracy=1e-9, in_axes=(None, 0)).states.omega
+    omega = simulate_batch(
+        system, y0s, jnp.linspace(0.0, 60.0, 1500), accuracy=1e-9, in_axes=(None, 0)
+    ).states.omega
     # Seen from a direction (east and north span the page) between the three axes.
     azimuth, elevation = np.radians([48.0, 28.0])
     east = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
-    towards = np.array([np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation)])
+    towards = np.array(
+        [
+            np.cos(elevation) * np.cos(azimuth),
+            np.cos(elevation) * np.sin(azimuth),
+            np.sin(elevation),
+        ]
+    )
     north = np.cross(towards, east)
     figure, panel = plt.subplots(figsize=(5.4, 5.2), layout="constrained")
     panel.add_patch(plt.Circle((0.0, 0.0), 1.0, facecolor="0.95", edgecolor="0.5", zorder=0))
@@ -145,15 +194,24 @@ def torque_free_body():
         tip = np.array([axis @ east, axis @ north])
         panel.plot(*tip, "ko", ms=4)
         panel.annotate(f"{name} axis", tip, xytext=(0, 6), textcoords="offset points", ha="center")
-    panel.set(xlim=(-1.08, 1.08), ylim=(-1.08, 1.08), aspect="equal", xlabel="angular momentum / its size, to the right, 1")
+    panel.set(
+        xlim=(-1.08, 1.08),
+        ylim=(-1.08, 1.08),
+        aspect="equal",
+        xlabel="angular momentum / its size, to the right, 1",
+    )
     panel.set_ylabel("angular momentum / its size, upwards, 1")
     panel.set_title("Polhodes, moments of inertia 1 : 2 : 3")
     return figure
 
 
 def gravity_gradient():
-    """Libration in pitch on a circular orbit: the angle to the vertical for four amplitudes, and the periods in closed form."""
-    moments, radius = jnp.array([400.0, 1000.0, 1200.0]), 6.778e6  # outwards, along the velocity, along the normal
+    """Libration in pitch on a circular orbit: the angle to the vertical for four amplitudes, and
+    the periods in closed form."""
+    moments, radius = (
+        jnp.array([400.0, 1000.0, 1200.0]),
+        6.778e6,
+    )  # outwards, along the velocity, along the normal
     n = jnp.sqrt(MU_EARTH / radius**3)
     scene = Scene([PointGravity(MU_EARTH), GravityGradient(MU_EARTH)], RigidBody(inertia=moments))
     ts = jnp.linspace(0.0, 4.0 * jnp.pi / n, 400)
@@ -167,7 +225,11 @@ def gravity_gradient():
         panel.plot(n * ts / (2.0 * np.pi), lean, color=f"C{k}", label=f"{degrees:.0f} deg")
         period = pitch_libration_period(amplitude, moments[jnp.array([1, 2, 0])], n)
         panel.plot(n * period / (2.0 * np.pi), degrees, "o", ms=5, color=f"C{k}")
-    panel.set(xlabel="revolutions of the orbit", ylabel="angle to the vertical, deg", yticks=range(-90, 91, 30))
+    panel.set(
+        xlabel="revolutions of the orbit",
+        ylabel="angle to the vertical, deg",
+        yticks=range(-90, 91, 30),
+    )
     panel.set_title("Libration in pitch: simulated (lines), period in closed form (dots)")
     panel.grid(alpha=0.3)
     figure.legend(title="amplitude", loc="outside right center")
@@ -186,7 +248,9 @@ def rockets():
         y0 = BodyState(at_rest, at_rest, Quaternion.identity(), turning, jnp.array(2.0))
         run = simulate(scene, y0, jnp.linspace(0.0, 90.0, 19), accuracy=1e-9)
         xi = np.linspace(1.0, 0.55, 100)
-        panel.plot(xi, jet_damping_ratio(xi, lever / gyration), color=f"C{k}", label=f"l / k = {lever:.1f}")
+        panel.plot(
+            xi, jet_damping_ratio(xi, lever / gyration), color=f"C{k}", label=f"l / k = {lever:.1f}"
+        )
         panel.plot(run.states.mass / 2.0, run.states.omega[:, 0], "o", ms=4, color=f"C{k}")
     panel.invert_xaxis()
     panel.set(xlabel="mass / initial mass", ylabel="rate across the axis / initial rate")
@@ -198,18 +262,28 @@ def rockets():
 
 def two_gimbal_gyro():
     """Gimbal walk: the outer gimbal of a nutating gyro drifts although nothing acts on it."""
-    gyro = TwoGimbalGyro(1.0e-4, 1.8e-4, 2500.0, inner_xi=0.6e-4, inner_eta=0.5e-4, inner_zeta=0.6e-4, outer=1.2e-4)
+    gyro = TwoGimbalGyro(
+        1.0e-4, 1.8e-4, 2500.0, inner_xi=0.6e-4, inner_eta=0.5e-4, inner_zeta=0.6e-4, outer=1.2e-4
+    )
     tilt, rate = jnp.radians(60.0), 60.0
     walk = gyro.walk(tilt, rate)
     ts = jnp.linspace(0.0, 12.0 * walk.period(), 2000)
     run = simulate(gyro, gyro.state(tilt, 0.0, rate, 0.0), ts, accuracy=1e-10)
     figure, (left, right) = plt.subplots(1, 2, figsize=(9.0, 3.6), layout="constrained")
     left.plot(ts * 1e3, jnp.degrees(run.states.psi), label="simulated")
-    left.plot(ts * 1e3, jnp.degrees(walk.drift() * ts), "--", color="C3", label="closed form of the drift")
-    left.set(xlabel="time, ms", ylabel="outer gimbal psi, deg", title="Gimbal walk", ylim=(-1.0, 4.0))
+    left.plot(
+        ts * 1e3, jnp.degrees(walk.drift() * ts), "--", color="C3", label="closed form of the drift"
+    )
+    left.set(
+        xlabel="time, ms", ylabel="outer gimbal psi, deg", title="Gimbal walk", ylim=(-1.0, 4.0)
+    )
     left.legend()
     right.plot(jnp.degrees(run.states.psi), jnp.degrees(run.states.theta), lw=1.0)
-    right.set(xlabel="outer gimbal psi, deg", ylabel="inner gimbal theta, deg", title="Path of the rotor's axis")
+    right.set(
+        xlabel="outer gimbal psi, deg",
+        ylabel="inner gimbal theta, deg",
+        title="Path of the rotor's axis",
+    )
     for panel in (left, right):
         panel.grid(alpha=0.3)
     return figure
@@ -221,8 +295,17 @@ def optimization():
     for stages in (1, 2, 3):
         u, b = jnp.full((stages,), 3000.0), jnp.full((stages,), 0.12)
         v = jnp.linspace(500.0, 0.999 * float(-jnp.sum(u * jnp.log(b))), 300)
-        left.semilogy(v / 1e3, optimal_staging(u, b, v).payload_ratio, label=f"{stages} stage{'s' if stages > 1 else ''}")
-    left.set(xlabel="total velocity, km/s", ylabel="payload / initial mass", ylim=(1e-4, 1.0), title="Optimal staging")
+        left.semilogy(
+            v / 1e3,
+            optimal_staging(u, b, v).payload_ratio,
+            label=f"{stages} stage{'s' if stages > 1 else ''}",
+        )
+    left.set(
+        xlabel="total velocity, km/s",
+        ylabel="payload / initial mass",
+        ylim=(1e-4, 1.0),
+        title="Optimal staging",
+    )
     left.legend()
     ascent = Ascent(ConstantMassFlow(3000.0, 150.0), 100.0, 0.0, 0.0, 150e3, 9.81)
     best = linear_tangent_steering(ascent)
@@ -231,7 +314,11 @@ def optimization():
     found = optimise_steering(ascent, SteeringProfile(nodes, jnp.full((6,), 0.5)), 0.5)
     right.plot(t, jnp.degrees(best.angle(t)), label="linear-tangent law")
     right.plot(nodes, jnp.degrees(found.steering.angles), "o", label="direct shooting, six nodes")
-    right.set(xlabel="time, s", ylabel="thrust angle, deg", title="Steering to the greatest velocity at 150 km")
+    right.set(
+        xlabel="time, s",
+        ylabel="thrust angle, deg",
+        title="Steering to the greatest velocity at 150 km",
+    )
     right.legend()
     for panel in (left, right):
         panel.grid(alpha=0.3)
@@ -252,22 +339,37 @@ def spinning_stage():
 
 def missions():
     """A kick stage: spin and apogee through burn, coast and yo-yo."""
-    body = BurningBody(1200.0, [900.0, 900.0, 420.0], gyration_radii=[0.45, 0.45, 0.4], propellant_station=-1.2)
+    body = BurningBody(
+        1200.0, [900.0, 900.0, 420.0], gyration_radii=[0.45, 0.45, 0.4], propellant_station=-1.2
+    )
     gravity = PointGravity(MU_EARTH)
     motor = Thrust.of_motor(5.8e6, 84.0, 2000.0, point=[2e-3, 0.0, -2.0], misalignment=[1e-3, 0.0])
-    burn = Scene([gravity, motor, JetDamping(motor.mass_rate, exit_station=-2.5, exit_radius=0.35)], body)
+    burn = Scene(
+        [gravity, motor, JetDamping(motor.mass_rate, exit_station=-2.5, exit_radius=0.35)], body
+    )
     coast = Scene([gravity], body, carry=("attitude", "mass"))
     yo_yo = YoYo(axial_inertia=420.0, radius=0.7, mass=4.0, cord_length=10.0)
-    phases = [Phase(burn, 84.0, name="burn"), Phase(coast, 30.0, yo_yo, name="coast"), Phase(coast, 40.0, name="despun")]
+    phases = [
+        Phase(burn, 84.0, name="burn"),
+        Phase(coast, 30.0, yo_yo, name="coast"),
+        Phase(coast, 40.0, name="despun"),
+    ]
     start = spinning_stage()
     flight = simulate(Mission(phases), start, accuracy=1e-8, samples=200)
     figure, panels = plt.subplots(3, 1, figsize=(6.4, 6.2), sharex=True, layout="constrained")
     for k, name in enumerate(flight.names):
         t, y = flight[name].ts, flight[name].states
-        apogee = jax.vmap(lambda r, v: apoapsis_radius(r, v, MU_EARTH))(y.position, y.velocity) - RADIUS_EARTH
-        for panel, values in zip(panels, (apogee / 1e3, y.omega[:, 2], jnp.degrees(y.omega[:, 0])), strict=True):
+        apogee = (
+            jax.vmap(lambda r, v: apoapsis_radius(r, v, MU_EARTH))(y.position, y.velocity)
+            - RADIUS_EARTH
+        )
+        for panel, values in zip(
+            panels, (apogee / 1e3, y.omega[:, 2], jnp.degrees(y.omega[:, 0])), strict=True
+        ):
             panel.plot(t, values, color=f"C{k}", label=name)
-    for panel, label in zip(panels, ("apogee height, km", "spin, rad/s", "rate across it, deg/s"), strict=True):
+    for panel, label in zip(
+        panels, ("apogee height, km", "spin, rad/s", "rate across it, deg/s"), strict=True
+    ):
         panel.set_ylabel(label)
         panel.grid(alpha=0.3)
     panels[0].legend()
@@ -277,11 +379,14 @@ def missions():
 
 
 def what_accuracy_costs():
-    """Error against time and arithmetic of twenty revolutions of a two-body orbit, and of their gradient."""
+    """Error against time and arithmetic of twenty revolutions of a two-body orbit, and of their
+    gradient."""
     e, mu = 0.3, 1.0
     y0 = BodyState(*state_from_elements(ClassicalElements.from_periapsis(1.0 - e, e), mu))
     cost = accuracy_cost(TwoBody(mu), y0, jnp.array([0.0, 40.0 * np.pi]), gradient=True, repeats=20)
-    return accuracy_cost_figure(cost, title="Twenty revolutions of a two-body orbit, eccentricity 0.3")
+    return accuracy_cost_figure(
+        cost, title="Twenty revolutions of a two-body orbit, eccentricity 0.3"
+    )
 
 
 def which_effects_matter():
@@ -289,13 +394,27 @@ def which_effects_matter():
     body = BurningBody(1191.0, [1031.0, 1002.0, 521.0], [0.45, 0.45, 0.44], -1.69)
     motor = Thrust(6.9e4, 2865.0, 84.1, point=[0.0, 0.0, -2.39], misalignment=[1e-3, 0.0])
     bulge = Oblateness(MU_EARTH, 1.08262668e-3, RADIUS_EARTH)
-    scene = Scene([PointGravity(MU_EARTH), bulge, motor, JetDamping(motor.mass_rate, -3.16, 0.265)], body)
+    scene = Scene(
+        [PointGravity(MU_EARTH), bulge, motor, JetDamping(motor.mass_rate, -3.16, 0.265)], body
+    )
     start = spinning_stage()
-    budget = effect_budget(scene, start, jnp.array([0.0, 84.1]), output="velocity", tolerance=5.0, accuracy=1e-8)
+    budget = effect_budget(
+        scene, start, jnp.array([0.0, 84.1]), output="velocity", tolerance=5.0, accuracy=1e-8
+    )
     return effect_budget_figure(budget, title="A spinning stage at burnout")
 
 
-PAGES = (top, two_body, transfers, torque_free_body, gravity_gradient, rockets, two_gimbal_gyro, optimization, missions)
+PAGES = (
+    top,
+    two_body,
+    transfers,
+    torque_free_body,
+    gravity_gradient,
+    rockets,
+    two_gimbal_gyro,
+    optimization,
+    missions,
+)
 DRAWN = {f.__name__: f for f in (*PAGES, what_accuracy_costs, which_effects_matter)}
 
 if __name__ == "__main__":

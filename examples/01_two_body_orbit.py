@@ -1,4 +1,5 @@
-"""A satellite on a long ellipse: simulate it, ask how far the answer can be trusted, and differentiate it by a burn."""
+"""A satellite on a long ellipse: simulate it, ask how far the answer can be trusted, and
+differentiate it by a burn."""
 
 import jax
 import jax.numpy as jnp
@@ -13,7 +14,9 @@ jaxspace.enable_x64()
 
 # A system is its physical parameters. The state has named parts.
 earth = TwoBody(MU_EARTH)
-elements = ClassicalElements.from_periapsis(RADIUS_EARTH + 500e3, eccentricity=0.7, inclination=jnp.radians(63.4))
+elements = ClassicalElements.from_periapsis(
+    RADIUS_EARTH + 500e3, eccentricity=0.7, inclination=jnp.radians(63.4)
+)
 y0 = BodyState(*state_from_elements(elements, MU_EARTH))
 period = 2.0 * jnp.pi * jnp.sqrt((elements.semi_latus_rectum / (1.0 - 0.7**2)) ** 3 / MU_EARTH)
 ts = jnp.linspace(0.0, 5.0 * period, 101)
@@ -24,18 +27,22 @@ closing = jnp.linalg.norm(exact.final.position - y0.position)
 print(f"closed form: after five revolutions the orbit closes to {closing:.1e} m")
 assert closing < 1e-5
 
-# Naming a method asks for an integration. The closed form then says what its accuracy costs, and the trajectory judges itself
-# without that help: by the drift of what the exact motion keeps, and by a repetition at a tighter tolerance.
+# Naming a method asks for an integration. The closed form then says what its accuracy costs, and
+# the trajectory judges itself without that help: by the drift of what the exact motion keeps, and
+# by a repetition at a tighter tolerance.
 print("\n      rtol  evaluations   true error  its estimate  energy drift")
 for rtol in (1e-6, 1e-8, 1e-10, 1e-12):
     run = simulate(earth, y0, ts, accuracy=Accuracy(rtol=rtol, method=DOP853()))
     error = jnp.linalg.norm(run.final.position - exact.final.position)
     estimate = jnp.linalg.norm(run.error().position)
     drift = jnp.max(run.drift()["energy"])
-    print(f"{rtol:10.0e}  {run.stats['evaluations']:11d}  {error:9.2e} m  {estimate:10.2e} m  {drift:12.1e}")
+    print(
+        f"{rtol:10.0e}  {run.stats['evaluations']:11d}  {error:9.2e} m  {estimate:10.2e} m  {drift:12.1e}"
+    )
 assert error < 0.1 and 0.2 < estimate / error < 5.0
 
-# A burn at periapsis, a coast of two hours, and the apogee of what results. Its derivative passes through the whole flight.
+# A burn at periapsis, a coast of two hours, and the apogee of what results. Its derivative passes
+# through the whole flight.
 forwards = y0.velocity / jnp.linalg.norm(y0.velocity)
 
 
@@ -52,5 +59,7 @@ by_integration = jax.grad(apogee)(10.0, Accuracy(rtol=1e-12, method=DOP853()))
 speed = jnp.linalg.norm(y0.velocity) + 10.0
 semi_major_axis = 1.0 / (2.0 / jnp.linalg.norm(y0.position) - speed**2 / MU_EARTH)
 by_hand = 4.0 * semi_major_axis**2 * speed / MU_EARTH
-print(f"\napogee by burn, m/(m/s): {by_flow:.6f} closed form, {by_integration:.6f} integrated, {by_hand:.6f} by hand")
+print(
+    f"\napogee by burn, m/(m/s): {by_flow:.6f} closed form, {by_integration:.6f} integrated, {by_hand:.6f} by hand"
+)
 assert abs(by_flow / by_hand - 1.0) < 1e-9 and abs(by_integration / by_hand - 1.0) < 1e-8

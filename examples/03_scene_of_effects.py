@@ -1,4 +1,5 @@
-"""A scene: gravity, the earth's oblateness and an air drag of your own; what each costs, and what each does."""
+"""A scene: gravity, the earth's oblateness and an air drag of your own; what each costs, and what
+each does."""
 
 import equinox as eqx
 import jax
@@ -37,14 +38,21 @@ class AirDrag(eqx.Module):
 
 
 drag = Custom(AirDrag(jnp.asarray(100.0)), needs={"position", "velocity"}, adds={"acceleration"})
-effects = {"gravity": PointGravity(MU_EARTH), "oblateness": Oblateness(MU_EARTH, J2_EARTH, RADIUS_EARTH), "drag": drag}
+effects = {
+    "gravity": PointGravity(MU_EARTH),
+    "oblateness": Oblateness(MU_EARTH, J2_EARTH, RADIUS_EARTH),
+    "drag": drag,
+}
 scene = Scene(list(effects.values()))
 
-# The state holds what the effects ask for and no more: no mass, no attitude. The table counts compiled arithmetic.
+# The state holds what the effects ask for and no more: no mass, no attitude. The table counts
+# compiled arithmetic.
 print(scene.explain())
 
 inclination = jnp.radians(51.6)
-orbit = ClassicalElements.from_periapsis(RADIUS_EARTH + 400e3, eccentricity=0.001, inclination=inclination)
+orbit = ClassicalElements.from_periapsis(
+    RADIUS_EARTH + 400e3, eccentricity=0.001, inclination=inclination
+)
 y0 = BodyState(*state_from_elements(orbit, MU_EARTH))
 a = float(semi_major_axis(y0.position, y0.velocity, MU_EARTH))
 day = 86400.0
@@ -57,11 +65,14 @@ def node(run):
     return jnp.unwrap(elements.node)
 
 
-# Oblateness turns the plane of the orbit backwards: the slope of the node against the closed form of first order in J2.
+# Oblateness turns the plane of the orbit backwards: the slope of the node against the closed form
+# of first order in J2.
 run = simulate(scene, y0, ts, accuracy=1e-10)
 simulated = jnp.polyfit(ts, node(run), 1)[0]
 predicted = -node_regression_rate(a, 0.001, inclination, MU_EARTH, J2_EARTH, RADIUS_EARTH)
-print(f"\nthe node moves {jnp.degrees(simulated) * day:.4f} deg a day; closed form {jnp.degrees(predicted) * day:.4f}")
+print(
+    f"\nthe node moves {jnp.degrees(simulated) * day:.4f} deg a day; closed form {jnp.degrees(predicted) * day:.4f}"
+)
 assert abs(simulated / predicted - 1.0) < 0.01
 
 # Leave one effect out, and see what it did to the answer. What is absent is not computed.

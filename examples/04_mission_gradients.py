@@ -1,4 +1,5 @@
-"""A kick stage: burn, coast, yo-yo. Reverse mode through the whole mission says which knob moves which result."""
+"""A kick stage: burn, coast, yo-yo. Reverse mode through the whole mission says which knob moves
+which result."""
 
 import jax
 import jax.numpy as jnp
@@ -22,20 +23,28 @@ ACCURACY = Accuracy(rtol=1e-10, method=Tsit5())  # of order 5: a short method co
 def mission(knobs):
     """A spinning stage that burns, coasts for 20 s and lets its yo-yo go."""
     gravity = PointGravity(MU_EARTH)
-    body = BurningBody(DRY, [900.0, 900.0, 420.0], gyration_radii=[0.45, 0.45, 0.4], propellant_station=-1.2)
+    body = BurningBody(
+        DRY, [900.0, 900.0, 420.0], gyration_radii=[0.45, 0.45, 0.4], propellant_station=-1.2
+    )
     misalignment = jnp.stack([knobs["misalignment"], 0.0 * knobs["misalignment"]])
-    motor = Thrust.of_motor(3.4e6, knobs["burn_time"], PROPELLANT, point=[0.0, 0.0, -2.0], misalignment=misalignment)
+    motor = Thrust.of_motor(
+        3.4e6, knobs["burn_time"], PROPELLANT, point=[0.0, 0.0, -2.0], misalignment=misalignment
+    )
     burn = Scene([gravity, motor, JetDamping(motor.mass_rate, exit_station=-2.8)], body)
     coast = Scene([gravity], body, carry=("attitude", "mass"))
     yo_yo = YoYo(axial_inertia=420.0, radius=0.7, mass=YO_YO, cord_length=knobs["cord_length"])
-    return Mission([Phase(burn, knobs["burn_time"], name="burn"), Phase(coast, 20.0, then=yo_yo, name="coast")])
+    return Mission(
+        [Phase(burn, knobs["burn_time"], name="burn"), Phase(coast, 20.0, then=yo_yo, name="coast")]
+    )
 
 
 radius = RADIUS_EARTH + 185e3
 start = BodyState(
     position=jnp.array([radius, 0.0, 0.0]),
     velocity=jnp.array([0.0, jnp.sqrt(MU_EARTH / radius), 0.0]),
-    attitude=Quaternion.about(0, -jnp.pi / 2.0),  # the body's z axis, along which it thrusts, points forwards
+    attitude=Quaternion.about(
+        0, -jnp.pi / 2.0
+    ),  # the body's z axis, along which it thrusts, points forwards
     omega=jnp.array([0.0, 0.0, jnp.pi]),  # and it spins about it, 30 turns a minute
     mass=jnp.array(DRY + PROPELLANT),
 )
@@ -51,25 +60,41 @@ def results(knobs):
 
 @jax.jit
 def results_and_derivatives(knobs, result):
-    """The results, the flight, and the derivatives of the weighted `result`: one flight forwards, one sweep back."""
+    """The results, the flight, and the derivatives of the weighted `result`: one flight forwards,
+    one sweep back."""
     value, pull_back, flight = jax.vjp(results, knobs, has_aux=True)
     return value, flight, pull_back(result)[0]
 
 
-knobs = {"burn_time": jnp.array(84.0), "misalignment": jnp.array(1e-3), "cord_length": jnp.array(10.0)}
-unit = {"apogee": {"apogee": jnp.array(1.0), "spin": jnp.array(0.0)}, "spin": {"apogee": jnp.array(0.0), "spin": jnp.array(1.0)}}
+knobs = {
+    "burn_time": jnp.array(84.0),
+    "misalignment": jnp.array(1e-3),
+    "cord_length": jnp.array(10.0),
+}
+unit = {
+    "apogee": {"apogee": jnp.array(1.0), "spin": jnp.array(0.0)},
+    "spin": {"apogee": jnp.array(0.0), "spin": jnp.array(1.0)},
+}
 value, (burn, end), by_apogee = results_and_derivatives(knobs, unit["apogee"])
 slopes = {"apogee": by_apogee, "spin": results_and_derivatives(knobs, unit["spin"])[2]}
 at_ignition, at_burnout = (jax.tree.map(lambda x, k=k: x[k], burn) for k in (0, -1))
 for name, y in (("ignition", at_ignition), ("burnout", at_burnout), ("yo-yo", end)):
     across = jnp.hypot(y.omega[0], y.omega[1])
-    print(f"after {name:8s}  mass {y.mass:7.1f} kg   spin {y.omega[2]:9.5f} rad/s   across it {across:.5f} rad/s")
-print(f"apogee {value['apogee'] / 1e3:.1f} km\n\nderivative               reverse mode   differences")
+    print(
+        f"after {name:8s}  mass {y.mass:7.1f} kg   spin {y.omega[2]:9.5f} rad/s   across it {across:.5f} rad/s"
+    )
+print(
+    f"apogee {value['apogee'] / 1e3:.1f} km\n\nderivative               reverse mode   differences"
+)
 
-# The derivatives pass through burnout, whose time is one of the knobs, and through the jump of the yo-yo.
+# The derivatives pass through burnout, whose time is one of the knobs, and through the jump of the
+# yo-yo.
 for result, least in (("apogee", 1.0), ("spin", 1e-6)):
     for name, step in (("burn_time", 0.01), ("misalignment", 5e-5), ("cord_length", 0.01)):
-        above, below = (results_and_derivatives(knobs | {name: knobs[name] + s}, unit[result])[0][result] for s in (step, -step))
+        above, below = (
+            results_and_derivatives(knobs | {name: knobs[name] + s}, unit[result])[0][result]
+            for s in (step, -step)
+        )
         difference = (above - below) / (2.0 * step)
         print(f"{result:6s} by {name:12s}  {slopes[result][name]:14.6e}  {difference:12.4e}")
         assert abs(slopes[result][name] - difference) < 1e-3 * abs(difference) + least

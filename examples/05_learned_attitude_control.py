@@ -1,4 +1,5 @@
-"""A small network learns to stop and point a tumbling body, by gradients through the simulated motion to its weights."""
+"""A small network learns to stop and point a tumbling body, by gradients through the simulated
+motion to its weights."""
 
 import equinox as eqx
 import jax
@@ -12,7 +13,9 @@ from jaxspace.scene import Custom
 from jaxspace.solvers import Tsit5
 
 BODIES, SECONDS, UPDATES = 24, 8.0, 120  # in single precision, which is enough here
-UP = jnp.array([[0.0], [0.0], [1.0]])  # where the body's z axis shall point, with an axis for the runs
+UP = jnp.array(
+    [[0.0], [0.0], [1.0]]
+)  # where the body's z axis shall point, with an axis for the runs
 
 
 class Control(eqx.Module):
@@ -22,27 +25,36 @@ class Control(eqx.Module):
 
     def __call__(self, t, y, body):
         x = jnp.concatenate([y.omega, y.attitude.rotate_back(UP)])
-        for k, layer in enumerate(self.network.layers):  # runs are on the last axis: a layer sums over its inputs
+        for k, layer in enumerate(
+            self.network.layers
+        ):  # runs are on the last axis: a layer sums over its inputs
             x = jnp.sum(layer.weight * (jnp.tanh(x) if k else x)[None], axis=1) + layer.bias
         return Load(torque_B=x)
 
 
 def closed_loop(network):
     """A body with three different moments of inertia, kg m^2, under the torque of the network."""
-    return Scene([Custom(Control(network), {"attitude", "omega"}, {"torque"})], RigidBody(inertia=[1.0, 1.5, 2.0]))
+    return Scene(
+        [Custom(Control(network), {"attitude", "omega"}, {"torque"})],
+        RigidBody(inertia=[1.0, 1.5, 2.0]),
+    )
 
 
 def tumbling(key, count):
     """States that turn with about 0.5 rad/s, their axes 46 degrees off on average."""
     turn, rate = jax.random.normal(key, (2, count, 3))
-    return BodyState(attitude=jax.vmap(Quaternion.from_rotation_vector)(0.7 * turn), omega=0.3 * rate)
+    return BodyState(
+        attitude=jax.vmap(Quaternion.from_rotation_vector)(0.7 * turn), omega=0.3 * rate
+    )
 
 
 def performance(network, y0s):
     """Rate, rad/s, and cosine of the pointing error, at every sampled time of every run."""
     ts = jnp.linspace(0.0, SECONDS, 5)
     accuracy = Accuracy(rtol=1e-3, method=Tsit5(), max_steps=256)
-    states = simulate_batch(closed_loop(network), y0s, ts, accuracy=accuracy, in_axes=(None, 0)).states
+    states = simulate_batch(
+        closed_loop(network), y0s, ts, accuracy=accuracy, in_axes=(None, 0)
+    ).states
     axis_N = Quaternion(jnp.moveaxis(states.attitude.wxyz, -1, 0)).rotate(UP[..., None])
     return jnp.linalg.norm(states.omega, axis=-1), axis_N[2]
 
@@ -75,5 +87,7 @@ for k, draw in enumerate(jax.random.split(key, UPDATES)):
 rate, cosine = performance(network, tumbling(trials, BODIES))  # bodies that it has not seen
 error = jnp.degrees(jnp.arccos(jnp.clip(cosine, -1.0, 1.0)))
 for name, x in (("rate, rad/s:", rate), ("pointing error, deg:", error)):
-    print(f"{name:20s} {x[:, 0].mean():7.3f} at first, {x[:, -1].mean():.4f} at last, {x[:, -1].max():.4f} at worst")
+    print(
+        f"{name:20s} {x[:, 0].mean():7.3f} at first, {x[:, -1].mean():.4f} at last, {x[:, -1].max():.4f} at worst"
+    )
 assert history[-1] < 0.02 * history[0] and rate[:, -1].mean() < 0.05

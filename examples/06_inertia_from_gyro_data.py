@@ -1,6 +1,8 @@
-"""The inertia tensor of a free body from noisy rate gyros: least squares through the simulated motion.
+"""The inertia tensor of a free body from noisy rate gyros: least squares through the simulated
+motion.
 
-Torque-free motion tells the tensor only up to a factor (twice the inertia moves the same way): one moment is set to 1."""
+Torque-free motion tells the tensor only up to a factor (twice the inertia moves the same way): one
+moment is set to 1."""
 
 import diffrax
 import jax
@@ -16,7 +18,16 @@ jaxspace.enable_x64()
 
 NOISE = 2e-3  # rad/s, standard deviation of every reading
 ts = jnp.linspace(0.0, 60.0, 301)
-names = ("J_yy/J_xx", "J_zz/J_xx", "J_xy/J_xx", "J_xz/J_xx", "J_yz/J_xx", "omega_x", "omega_y", "omega_z")
+names = (
+    "J_yy/J_xx",
+    "J_zz/J_xx",
+    "J_xy/J_xx",
+    "J_xz/J_xx",
+    "J_yz/J_xx",
+    "omega_x",
+    "omega_y",
+    "omega_z",
+)
 truth = jnp.array([1.30, 1.55, 0.05, -0.08, 0.03, 0.20, 0.35, -0.10])
 guess = jnp.array([1.20, 1.70, 0.00, 0.00, 0.00, 0.21, 0.34, -0.09])
 
@@ -24,15 +35,20 @@ guess = jnp.array([1.20, 1.70, 0.00, 0.00, 0.00, 0.21, 0.34, -0.09])
 def tensor(p):
     """The inertia over its first element, from the first five parameters."""
     yy, zz, xy, xz, yz = p[:5]
-    return jnp.stack([jnp.stack([jnp.ones_like(yy), xy, xz]), jnp.stack([xy, yy, yz]), jnp.stack([xz, yz, zz])])
+    return jnp.stack(
+        [jnp.stack([jnp.ones_like(yy), xy, xz]), jnp.stack([xy, yy, yz]), jnp.stack([xz, yz, zz])]
+    )
 
 
 def readings(p):
     """What perfect gyros read, rad/s, at all times one after the other."""
     y0 = BodyState(attitude=Quaternion.identity(), omega=p[5:])
-    # More parameters in than numbers kept back: forward mode is the cheaper one here, and the adjoint says so.
+    # More parameters in than numbers kept back: forward mode is the cheaper one here, and the
+    # adjoint says so.
     accuracy = Accuracy(rtol=1e-9, adjoint=diffrax.ForwardMode())
-    return simulate(TorqueFreeBody(InertiaTensor(tensor(p))), y0, ts, accuracy=accuracy).states.omega.reshape(-1)
+    return simulate(
+        TorqueFreeBody(InertiaTensor(tensor(p))), y0, ts, accuracy=accuracy
+    ).states.omega.reshape(-1)
 
 
 data = readings(truth) + NOISE * jax.random.normal(jax.random.key(7), (3 * ts.size,))
@@ -40,7 +56,8 @@ data = readings(truth) + NOISE * jax.random.normal(jax.random.key(7), (3 * ts.si
 
 @jax.jit
 def gauss_newton(p):
-    """The next parameters, the weighted misfit of these ones, and the covariance that the noise implies."""
+    """The next parameters, the weighted misfit of these ones, and the covariance that the noise
+    implies."""
     residual, slope = readings(p) - data, jax.jacfwd(readings)(p)
     step = jnp.linalg.lstsq(slope, residual)[0]
     return p - step, jnp.mean((residual / NOISE) ** 2), NOISE**2 * jnp.linalg.inv(slope.T @ slope)

@@ -31,9 +31,9 @@ from . import scene as scene
 from . import simulation as simulation
 from . import solvers as solvers
 from . import studies as studies
-from ._core import AbstractSystem as AbstractSystem
 from ._precision import enable_x64 as enable_x64
 from .bodies import BodyState as BodyState
+from .core import AbstractSystem as AbstractSystem
 from .scene import Scene as Scene
 from .simulation import Accuracy as Accuracy
 from .simulation import Event as Event

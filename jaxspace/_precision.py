@@ -4,5 +4,6 @@ import jax
 
 
 def enable_x64() -> None:
-    """Let JAX compute in float64 from now on, in this process. Call it before the first array is made."""
+    """Let JAX compute in float64 from now on, in this process. Call it before the first array is
+    made."""
     jax.config.update("jax_enable_x64", True)

@@ -1,4 +1,5 @@
-"""Settings of every test: double precision, no silent promotion of precision, the same draws on every machine."""
+"""Settings of every test: double precision, no silent promotion of precision, the same draws on
+every machine."""
 
 import os
 
@@ -11,25 +12,32 @@ jax.config.update("jax_numpy_dtype_promotion", "strict")
 
 # The first call of a traced function compiles: a deadline would measure the compiler.
 hypothesis.settings.register_profile("default", deadline=None, max_examples=50)
-hypothesis.settings.register_profile("ci", deadline=None, max_examples=50, derandomize=True, database=None)
+hypothesis.settings.register_profile(
+    "ci", deadline=None, max_examples=50, derandomize=True, database=None
+)
 hypothesis.settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "default"))
 
 SAMPLE = 5
 
 
 def pytest_addoption(parser):
-    parser.addoption("--sweep", choices=("sample", "all"), default="sample", help="cases of the tests marked `slow` that run")
+    parser.addoption(
+        "--sweep",
+        choices=("sample", "all"),
+        default="sample",
+        help="cases of the tests marked `slow` that run",
+    )
 
 
 def pytest_configure(config):
-    """Compile the sample without the compiler's optimisations, which change no result and cost half of the time; the whole
-    sweep and the benchmarks run what users run."""
+    """Compile the sample without the compiler's optimisations, which change no result and cost half
+    of the time; the whole sweep and the benchmarks run what users run."""
     jax.config.update("jax_disable_most_optimizations", config.getoption("--sweep") == "sample")
 
 
 def pytest_collection_modifyitems(config, items):
-    """Of every test marked `slow`, keep each fifth case, the first included: a fixed sample, the same in every process. None of
-    a test marked `sweep`."""
+    """Of every test marked `slow`, keep each fifth case, the first included: a fixed sample, the
+    same in every process. None of a test marked `sweep`."""
     if config.getoption("--sweep") == "all":
         return
     seen, kept, left_out = {}, [], []

@@ -1,4 +1,5 @@
-"""An integration that owes nothing to the library's runner, and derivatives by differences: for tests only."""
+"""An integration that owes nothing to the library's runner, and derivatives by differences: for
+tests only."""
 
 from functools import partial
 
@@ -16,7 +17,8 @@ def _rate(system, like, t, flat):
 
 
 def run(system, y0, ts, rtol=1e-12, atol=1e-15):
-    """States at the times `ts` (the first is the start), by DOP853 of scipy: as `y0`, with the times on a new last axis."""
+    """States at the times `ts` (the first is the start), by DOP853 of scipy: as `y0`, with the
+    times on a new last axis."""
     flat, unravel = ravel_pytree(y0)
     answer = solve_ivp(
         lambda t, y: np.asarray(_rate(system, y0, t, y)),
@@ -33,8 +35,9 @@ def run(system, y0, ts, rtol=1e-12, atol=1e-15):
 
 @partial(jax.jit, static_argnames="steps")
 def long_run(system, y0, duration, steps):
-    """States after every one of `steps` equal steps, the start first, with the times on a new last axis: Gragg's midpoint
-    rule, extrapolated to order 10. Compiled as a whole, for runs of hundreds of turns."""
+    """States after every one of `steps` equal steps, the start first, with the times on a new last
+    axis: Gragg's midpoint rule, extrapolated to order 10. Compiled as a whole, for runs of hundreds
+    of turns."""
     flat, unravel = ravel_pytree(y0)
     H, orders = duration / steps, (2, 4, 6, 8, 10)
 
@@ -43,7 +46,9 @@ def long_run(system, y0, duration, steps):
 
     def midpoint(t, y, n):
         h = H / n
-        last, now = jax.lax.fori_loop(1, n, lambda i, p: (p[1], p[0] + 2.0 * h * f(t + i * h, p[1])), (y, y + h * f(t, y)))
+        last, now = jax.lax.fori_loop(
+            1, n, lambda i, p: (p[1], p[0] + 2.0 * h * f(t + i * h, p[1])), (y, y + h * f(t, y))
+        )
         return 0.5 * (now + last + h * f(t + H, now))
 
     def step(y, i):
@@ -60,20 +65,28 @@ def long_run(system, y0, duration, steps):
 
 
 def drifts(system, states, ts):
-    """The greatest change of every invariant along the run, relative to its size (or to 1 where it is smaller than that)."""
+    """The greatest change of every invariant along the run, relative to its size (or to 1 where it
+    is smaller than that)."""
     kept = jax.vmap(system.invariants, in_axes=(0, -1), out_axes=-1)(jnp.asarray(ts), states)
-    return {name: float(np.max(np.abs(v - v[..., :1])) / max(1.0, np.max(np.abs(v)))) for name, v in kept.items()}
+    return {
+        name: float(np.max(np.abs(v - v[..., :1])) / max(1.0, np.max(np.abs(v))))
+        for name, v in kept.items()
+    }
 
 
 def check_derivatives(f, x, step=1e-6, rtol=2e-7, atol=1e-7):
     """Forward and reverse derivatives of `f` at the vector `x` are finite, equal, and right.
 
-    Central differences with the step 1e-6 carry a rounding error of about 1e-16/1e-6 and a truncation of 1e-12 times the third
-    derivative: hence the tolerances, for functions and derivatives of order one."""
+    Central differences with the step 1e-6 carry a rounding error of about 1e-16/1e-6 and a
+    truncation of 1e-12 times the third derivative: hence the tolerances, for functions and
+    derivatives of order one."""
     x = np.asarray(x, dtype=float)
     forward, reverse = np.asarray(jax.jit(jax.jacfwd(f))(x)), np.asarray(jax.jit(jax.jacrev(f))(x))
     assert np.all(np.isfinite(forward)) and np.all(np.isfinite(reverse))
     np.testing.assert_allclose(forward, reverse, rtol=1e-10, atol=1e-10)
     g = jax.jit(f)
-    columns = [(np.asarray(g(x + step * e)) - np.asarray(g(x - step * e))) / (2.0 * step) for e in np.eye(x.size)]
+    columns = [
+        (np.asarray(g(x + step * e)) - np.asarray(g(x - step * e))) / (2.0 * step)
+        for e in np.eye(x.size)
+    ]
     np.testing.assert_allclose(forward, np.stack(columns, axis=-1), rtol=rtol, atol=atol)

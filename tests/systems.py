@@ -1,4 +1,5 @@
-"""The registry: every system with a sample state. `test_laws.py` runs its laws over all of them; a new system is a new line."""
+"""The registry: every system with a sample state. `test_laws.py` runs its laws over all of them; a
+new system is a new line."""
 
 from typing import NamedTuple
 
@@ -27,7 +28,11 @@ class Sample(NamedTuple):
 
 def orbit(**more) -> BodyState:
     """A low, inclined, slightly eccentric orbit."""
-    return BodyState(position=jnp.array([6.6e6, 4.0e5, -3.0e5]), velocity=jnp.array([-300.0, 6900.0, 3600.0]), **more)
+    return BodyState(
+        position=jnp.array([6.6e6, 4.0e5, -3.0e5]),
+        velocity=jnp.array([-300.0, 6900.0, 3600.0]),
+        **more,
+    )
 
 
 def turned() -> Quaternion:
@@ -37,8 +42,17 @@ def turned() -> Quaternion:
 
 def motor() -> Thrust:
     """A motor with every field in use."""
-    profile, burn_time, mean = ThrustProfile.tabulated([0.0, 1.0, 6.0, 9.0, 10.0], [0.5, 1.1, 1.2, 0.9, 0.0])
-    return Thrust(6.0e4 * mean, 2850.0, burn_time, profile, point=[0.002, -0.001, -1.2], misalignment=[1e-3, -2e-3])
+    profile, burn_time, mean = ThrustProfile.tabulated(
+        [0.0, 1.0, 6.0, 9.0, 10.0], [0.5, 1.1, 1.2, 0.9, 0.0]
+    )
+    return Thrust(
+        6.0e4 * mean,
+        2850.0,
+        burn_time,
+        profile,
+        point=[0.002, -0.001, -1.2],
+        misalignment=[1e-3, -2e-3],
+    )
 
 
 def rocket_scene() -> Scene:

@@ -1,4 +1,5 @@
-"""The closed form of the free body: against integration, the hyperbolic solution, the laws of a flow, and differences."""
+"""The closed form of the free body: against integration, the hyperbolic solution, the laws of a
+flow, and differences."""
 
 import jax
 import jax.numpy as jnp
@@ -27,20 +28,26 @@ def flow(duration, moments, omega):
     """Quaternion and angular velocity, (7, *runs)."""
     start = jnp.asarray(START, omega.dtype)
     y = BodyState(attitude=Quaternion(start), omega=omega)
-    later = TorqueFreeBody(PrincipalInertia(moments)).flow(duration, y)
+    later = TorqueFreeBody(PrincipalInertia(moments)).closed_form().flow(duration, y)
     return jnp.concatenate([later.attitude.wxyz, later.omega])
 
 
 def integrated(duration, moments, omega):
-    """The same, (7, runs), by DOP853 of scipy in the numpy of this file, all runs together on the clock t / duration."""
+    """The same, (7, runs), by DOP853 of scipy in the numpy of this file, all runs together on the
+    clock t / duration."""
     moments, duration = np.asarray(moments, float), np.asarray(duration, float)
 
     def rate(_, flat):
         y = flat.reshape(7, -1)
         w, u, omega = y[0], y[1:4], y[4:]
         momentum = moments * omega
-        turning = np.concatenate([-np.sum(u * omega, 0)[None], w * omega + np.cross(u, omega, axis=0)]) / 2.0
-        return (duration * np.concatenate([turning, np.cross(momentum, omega, axis=0) / moments])).ravel()
+        turning = (
+            np.concatenate([-np.sum(u * omega, 0)[None], w * omega + np.cross(u, omega, axis=0)])
+            / 2.0
+        )
+        return (
+            duration * np.concatenate([turning, np.cross(momentum, omega, axis=0) / moments])
+        ).ravel()
 
     y0 = np.concatenate([START[:, None] + 0.0 * omega[:1], omega]).ravel()
     answer = solve_ivp(rate, (0.0, 1.0), y0, method="DOP853", rtol=3e-14, atol=1e-16)
@@ -48,7 +55,8 @@ def integrated(duration, moments, omega):
 
 
 def bodies(seed, n):
-    """Physical moments in any order and rates: general, a rate of zero, a small rate, two equal moments, three."""
+    """Physical moments in any order and rates: general, a rate of zero, a small rate, two equal
+    moments, three."""
     rng = np.random.default_rng(seed)
     x, omega = rng.uniform(0.1, 1.0, (3, n)), rng.normal(size=(3, n))
     moments = np.stack([x[1] + x[2], x[2] + x[0], x[0] + x[1]])
@@ -75,8 +83,14 @@ def test_batch_lanes_are_single_runs():
     batch = flow(duration, moments, omega)
     for i in range(12):
         assert_allclose(batch[:, i], flow(duration[i], moments[:, i], omega[:, i]), atol=1e-13)
-    shared = TorqueFreeBody([3.0, 2.0, 1.0]).flow(2.0, BodyState(attitude=Quaternion(jnp.array(START)), omega=jnp.asarray(omega)))
-    assert_allclose(shared.omega[:, 3], flow(2.0, jnp.array([3.0, 2.0, 1.0]), omega[:, 3])[4:], atol=1e-13)
+    shared = (
+        TorqueFreeBody([3.0, 2.0, 1.0])
+        .closed_form()
+        .flow(2.0, BodyState(attitude=Quaternion(jnp.array(START)), omega=jnp.asarray(omega)))
+    )
+    assert_allclose(
+        shared.omega[:, 3], flow(2.0, jnp.array([3.0, 2.0, 1.0]), omega[:, 3])[4:], atol=1e-13
+    )
 
 
 def test_separatrix():  # Thomson 5.12: sech and tanh
@@ -99,21 +113,30 @@ def test_ten_thousand_flips_keep_energy_and_momentum():
     moments, omega = jnp.array([1.0, 2.0, 3.0]), jnp.array([1e-3, 1.0, 2e-3])
     body, y = TorqueFreeBody(moments), BodyState(attitude=Quaternion(jnp.array(START)), omega=omega)
     kept = body.invariants(0.0, y)
-    later = jax.jit(lambda t: body.invariants(t, body.flow(t, y)))(2.5e5)  # a flip takes some 24.6 s
+    later = jax.jit(lambda t: body.invariants(t, body.closed_form().flow(t, y)))(
+        2.5e5
+    )  # a flip takes some 24.6 s
     for name, value in kept.items():
         assert_allclose(later[name], value, rtol=1e-11, atol=1e-11)
 
 
 def test_ten_thousand_flips_step_by_step():
-    """The free rotation as the drift of a splitting takes it: 3e4 steps of 8.5 s, each from where the last one ended."""
+    """The free rotation as the drift of a splitting takes it: 3e4 steps of 8.5 s, each from where
+    the last one ended."""
     moments = jnp.array([1.0, 2.0, 3.0])
-    body, y = TorqueFreeBody(moments), BodyState(attitude=Quaternion(jnp.array(START)), omega=jnp.array([1e-3, 1.0, 2e-3]))
+    body, y = (
+        TorqueFreeBody(moments),
+        BodyState(attitude=Quaternion(jnp.array(START)), omega=jnp.array([1e-3, 1.0, 2e-3])),
+    )
 
     @jax.jit
     def stepped(y):
         def one(carry, _):
-            later = body.flow(8.5, carry[0])
-            return (later, carry[1] + jnp.where(later.omega[1] * carry[0].omega[1] < 0.0, 1, 0)), None
+            later = body.closed_form().flow(8.5, carry[0])
+            return (
+                later,
+                carry[1] + jnp.where(later.omega[1] * carry[0].omega[1] < 0.0, 1, 0),
+            ), None
 
         return jax.lax.scan(one, (y, 0), length=30_000)[0]
 
@@ -125,9 +148,14 @@ def test_ten_thousand_flips_step_by_step():
 
 
 def test_a_hundred_precessions():
-    """Long spans of every kind of body, beside integration at a tolerance of 3e-14 over some 600 rad."""
-    moments = np.array([[3.0, 2.0, 1.0], [1.0, 1.0, 1.8], [2.0, 1.0, 1.0], [1.3, 1.3, 1.3], [3.0, 2.9999, 1.0]]).T
-    omega = np.array([[0.4, 0.1, 1.0], [0.3, 0.2, 1.0], [1.0, 0.2, -0.3], [0.5, 0.6, 0.7], [0.9, 0.2, 0.3]]).T
+    """Long spans of every kind of body, beside integration at a tolerance of 3e-14 over some 600
+    rad."""
+    moments = np.array(
+        [[3.0, 2.0, 1.0], [1.0, 1.0, 1.8], [2.0, 1.0, 1.0], [1.3, 1.3, 1.3], [3.0, 2.9999, 1.0]]
+    ).T
+    omega = np.array(
+        [[0.4, 0.1, 1.0], [0.3, 0.2, 1.0], [1.0, 0.2, -0.3], [0.5, 0.6, 0.7], [0.9, 0.2, 0.3]]
+    ).T
     smallest = np.linalg.norm(moments * omega, axis=0) / moments.max(axis=0)
     run = 200.0 * np.pi / smallest * [1, 1, -1, 1, 1], moments, omega
     assert_allclose(flow(*run), integrated(*run), atol=1e-9)
@@ -136,7 +164,9 @@ def test_a_hundred_precessions():
 def test_no_time_changes_nothing():
     _, moments, omega = bodies(2, 12)
     assert_allclose(flow(0.0 * omega[0], moments, omega)[4:], omega, rtol=1e-15)
-    assert_allclose(flow(0.0 * omega[0], moments, omega)[:4], START[:, None] + 0.0 * omega[:1], atol=1e-15)
+    assert_allclose(
+        flow(0.0 * omega[0], moments, omega)[:4], START[:, None] + 0.0 * omega[:1], atol=1e-15
+    )
 
 
 size, rate, time = st.floats(0.1, 1.0), st.floats(-1.0, 1.0), st.floats(-5.0, 5.0)
@@ -152,14 +182,17 @@ def test_flows_add(sizes, omega, a, b):
     kept, left = body.invariants(0.0, start), body.invariants(0.0, twice)
     for name, value in kept.items():
         assert_allclose(left[name], value, rtol=1e-12, atol=1e-12)
-    # The state between carries rounding, which near the separatrix grows at a rate below |omega| / 2 in such bodies.
+    # The state between carries rounding, which near the separatrix grows at a rate below |omega| /
+    # 2 in such bodies.
     growth = np.exp(0.5 * np.linalg.norm(omega) * (abs(a) + abs(b)))
     assert_allclose(ravel_pytree(twice)[0], ravel_pytree(once)[0], atol=1e-13 * growth)
 
 
 @jax.jit
 def _both(body, y, a, b):
-    return body.flow(a + b, y), body.flow(b, body.flow(a, y))
+    return body.closed_form().flow(a + b, y), body.closed_form().flow(
+        b, body.closed_form().flow(a, y)
+    )
 
 
 STARTS = {
@@ -193,7 +226,9 @@ def tensor_of(x):
 
 def tensorial(x):
     y = BodyState(attitude=Quaternion(jnp.array(START)), omega=x[6:9])
-    return ravel_pytree(TorqueFreeBody(InertiaTensor(tensor_of(x[:6]))).flow(x[9], y))[0]
+    return ravel_pytree(
+        TorqueFreeBody(InertiaTensor(tensor_of(x[:6]))).closed_form().flow(x[9], y)
+    )[0]
 
 
 SIXTH = [(1, 45.0 / 60.0), (2, -9.0 / 60.0), (3, 1.0 / 60.0)]  # weights of differences of order six
@@ -201,24 +236,33 @@ SIXTH = [(1, 45.0 / 60.0), (2, -9.0 / 60.0), (3, 1.0 / 60.0)]  # weights of diff
 
 def differences(f, x, step=3e-4):
     """Derivatives of order six: truncation and rounding both below 1e-9 here."""
-    rows = [sum(w * (f(x + i * step * e) - f(x - i * step * e)) for i, w in SIXTH) / step for e in np.eye(x.size)]
+    rows = [
+        sum(w * (f(x + i * step * e) - f(x - i * step * e)) for i, w in SIXTH) / step
+        for e in np.eye(x.size)
+    ]
     return np.stack(rows, axis=-1)
 
 
 @pytest.fixture(scope="module")
 def derivatives():
-    return {f: (jax.jit(f), jax.jit(jax.jacfwd(f)), jax.jit(jax.jacrev(f))) for f in (principal, tensorial)}
+    return {
+        f: (jax.jit(f), jax.jit(jax.jacfwd(f)), jax.jit(jax.jacrev(f)))
+        for f in (principal, tensorial)
+    }
 
 
 def test_ten_thousand_flips_have_derivatives(derivatives):
-    """The time of a flip depends on the start, and ten thousand of them on it as often: derivatives of up to 1e7."""
+    """The time of a flip depends on the start, and ten thousand of them on it as often: derivatives
+    of up to 1e7."""
     value, forward, reverse = derivatives[principal]
     x = np.array([1.0, 2.0, 3.0, 1e-3, 1.0, 2e-3, 2.5e5])
     found = forward(x)
     assert_allclose(reverse(x), found, rtol=1e-9, atol=1e-9 * np.abs(found).max())
     for column, size in enumerate(np.abs(found).max(axis=0)):
         step = 1e-4 / size * np.eye(7)[column]  # a change of some 1e-4, seen to 1e-10
-        change = sum(w * (value(x + i * step) - value(x - i * step)) for i, w in SIXTH) / step[column]
+        change = (
+            sum(w * (value(x + i * step) - value(x - i * step)) for i, w in SIXTH) / step[column]
+        )
         assert_allclose(found[:, column], change, atol=1e-4 * size)
 
 
@@ -260,7 +304,8 @@ def test_derivatives_of_a_tensor(derivatives, tensor):
 
 
 def cube(x):
-    """The cube of a tensor by way of its principal axes, at the start one of moments x[:3] in these."""
+    """The cube of a tensor by way of its principal axes, at the start one of moments x[:3] in
+    these."""
     local, frame, _ = _diagonal(tensor_of(x))
     return _transformed(jnp.diag(jnp.stack([local[k, k] ** 3 for k in range(3)])), frame.matrix().T)
 
@@ -275,12 +320,22 @@ def test_principal_axes_have_derivatives_of_second_order_or_say_not():
 @pytest.mark.sweep
 @pytest.mark.parametrize("case", ["the rate alone", "general", "principal", "symmetric"])
 def test_second_derivatives_of_a_tensor(case):
-    """Along one direction, against differences of the gradient; of equal moments, those of second order in the tensor are NaN."""
-    weights, direction = jnp.array([1.0, -2.0, 0.5, 0.3, 1.0, -1.0, 0.7]), np.linspace(1.0, -0.8, 10)
-    tensors = {"general": [3.0, 2.0, 1.0, 0.1, 0.2, -0.1], "principal": [3.0, 2.0, 1.0, 0.0, 0.0, 0.0]}
+    """Along one direction, against differences of the gradient; of equal moments, those of second
+    order in the tensor are NaN."""
+    weights, direction = (
+        jnp.array([1.0, -2.0, 0.5, 0.3, 1.0, -1.0, 0.7]),
+        np.linspace(1.0, -0.8, 10),
+    )
+    tensors = {
+        "general": [3.0, 2.0, 1.0, 0.1, 0.2, -0.1],
+        "principal": [3.0, 2.0, 1.0, 0.0, 0.0, 0.0],
+    }
     x = np.array([*tensors.get(case, [2.0, 2.0, 1.0, 0.0, 0.0, 0.0]), 0.4, 0.1, 2.0, 2.0])
     first = 6 if case == "the rate alone" else 0
-    f = lambda moving: jnp.sum(weights * tensorial(jnp.concatenate([jnp.asarray(x[:first]), moving])))  # noqa: E731
+
+    def f(moving):
+        return jnp.sum(weights * tensorial(jnp.concatenate([jnp.asarray(x[:first]), moving])))
+
     gradient = jax.jit(jax.grad(f))
     found = jax.jit(lambda x, v: jax.jvp(gradient, (x,), (v,))[1])(x[first:], direction[first:])
     known = np.arange(first, 10) >= (6 if case == "symmetric" else 0)
@@ -295,10 +350,12 @@ def test_a_tensor_is_the_body_in_other_axes():
     C, moments, omega = turn.matrix(), jnp.array([3.0, 2.0, 1.0]), jnp.array([0.4, 0.2, 2.0])
     start = Quaternion(jnp.array(START))
     y = BodyState(attitude=start.then(turn.inverse()), omega=C @ omega)
-    other = TorqueFreeBody(InertiaTensor(C @ jnp.diag(moments) @ C.T)).flow(5.0, y)
+    other = TorqueFreeBody(InertiaTensor(C @ jnp.diag(moments) @ C.T)).closed_form().flow(5.0, y)
     expected = flow(5.0, moments, omega)
     assert_allclose(other.omega, C @ expected[4:], atol=1e-13)
-    assert_allclose(other.attitude.wxyz, Quaternion(expected[:4]).then(turn.inverse()).wxyz, atol=1e-13)
+    assert_allclose(
+        other.attitude.wxyz, Quaternion(expected[:4]).then(turn.inverse()).wxyz, atol=1e-13
+    )
 
 
 def test_simulation_takes_the_closed_form():
@@ -321,11 +378,18 @@ def test_elliptic_functions(complement, share):
         phase = jacobi(t, top, float(m * top), complement * top)
         sn, cn, dn = (mpmath.ellipfun(f, u=n * mpmath.mpf(t), m=m) for f in ("sn", "cn", "dn"))
         # The relative error of cn and dn is that of the argument, which is below 47.
-        assert_allclose([phase.s, phase.c, phase.d], [float(sn / n), float(cn), float(dn)], rtol=1e-13)
+        assert_allclose(
+            [phase.s, phase.c, phase.d], [float(sn / n), float(cn), float(dn)], rtol=1e-13
+        )
         if complement < 1e-3:
             return
         pole = 0.4 * top
         strength = np.sqrt((pole + top) * (pole + float(m * top)) / pole)
-        rate = lambda u: 1 - 1 / (1 + pole / top * mpmath.ellipfun("sn", u=n * u, m=m) ** 2)  # noqa: E731
+
+        def rate(u):
+            return 1 - 1 / (1 + pole / top * mpmath.ellipfun("sn", u=n * u, m=m) ** 2)
+
         expected = strength * mpmath.quad(rate, [0, t / 2, t])
-        assert_allclose(third(phase.s, phase.c, phase.d, pole, strength), float(expected), rtol=1e-13)
+        assert_allclose(
+            third(phase.s, phase.c, phase.d, pole, strength), float(expected), rtol=1e-13
+        )

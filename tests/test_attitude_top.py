@@ -1,4 +1,5 @@
-"""The heavy top: Thomson 5.13, 5.14 and 6.1, Harrison and Nettleton 4.11, and what must hold of any top."""
+"""The heavy top: Thomson 5.13, 5.14 and 6.1, Harrison and Nettleton 4.11, and what must hold of any
+top."""
 
 import jax
 import jax.numpy as jnp
@@ -11,10 +12,10 @@ from jax.flatten_util import ravel_pytree
 from numpy.testing import assert_allclose
 from reference_run import check_derivatives, drifts, long_run, run
 
-from jaxspace._core import InputError
 from jaxspace.attitude import Top, TorqueFreeBody, continuous_precession, symmetric_flow
 from jaxspace.attitude._nutation import Nutation
 from jaxspace.bodies import BodyState
+from jaxspace.core import InputError
 from jaxspace.rotations import Quaternion
 
 CASE = 1e-9  # relative tolerance of the reference cases
@@ -25,7 +26,10 @@ FIFTY = 0.8726646259971648  # rad
 
 def released(theta, n, psi_rate=0.0, theta_rate=0.0):
     """The state at `theta` with the total spin n."""
-    return Top.state(jnp.array([0.0, theta, 0.0]), jnp.array([psi_rate, theta_rate, n - psi_rate * np.cos(theta)]))
+    return Top.state(
+        jnp.array([0.0, theta, 0.0]),
+        jnp.array([psi_rate, theta_rate, n - psi_rate * np.cos(theta)]),
+    )
 
 
 def unwrapped(states):
@@ -73,7 +77,10 @@ NUTATIONS = {
         psi=6.567686918242301,
         mean=58.39580757598665,
         constants=[60.0, 300.0, 60.001085532825854, 393.90328816298245],
-        states={0.02: [0.2954486044119057, 0.6169874598532951], 0.2: [0.2670273329074586, 12.367228971510569]},
+        states={
+            0.02: [0.2954486044119057, 0.6169874598532951],
+            0.2: [0.2670273329074586, 12.367228971510569],
+        },
     ),
 }
 
@@ -83,7 +90,9 @@ def test_nutation_in_closed_form(case):
     nutation = TOP.nutation(released(*case["start"]))
     constants = [nutation.N, nutation.beta, nutation.gamma, nutation.alpha]
     assert_allclose(constants, case["constants"], rtol=CASE)
-    for theta, expected, tol in zip(nutation.turning_points(), case["theta"], case["tol"], strict=True):
+    for theta, expected, tol in zip(
+        nutation.turning_points(), case["theta"], case["tol"], strict=True
+    ):
         assert_allclose(theta, expected, rtol=tol)
     assert_allclose(nutation.third_root() / nutation.beta, case["u3"], rtol=CASE)
     assert_allclose(nutation.period(), case["period"], rtol=CASE)
@@ -93,9 +102,14 @@ def test_nutation_in_closed_form(case):
 
 @pytest.mark.parametrize("case", NUTATIONS.values(), ids=NUTATIONS)
 def test_nutation_in_time(case):
-    # Samples dense enough for the spike of psi' near the vertical: there the axis swings past within 1e-5 s.
+    # Samples dense enough for the spike of psi' near the vertical: there the axis swings past
+    # within 1e-5 s.
     dense = np.linspace(0.0, max(case["states"]), 401)
-    spikes = [k * case["period"] / 2 + np.linspace(-2e-4, 2e-4, 161) for k in (1, 3)] if case["theta"][0] < 0.01 else []
+    spikes = (
+        [k * case["period"] / 2 + np.linspace(-2e-4, 2e-4, 161) for k in (1, 3)]
+        if case["theta"][0] < 0.01
+        else []
+    )
     ts = np.unique(np.concatenate([dense, *spikes, list(case["states"])]))
     states = run(TOP, released(*case["start"]), ts)
     psi, theta = unwrapped(states), Top.angles(states)[1]
@@ -103,7 +117,10 @@ def test_nutation_in_time(case):
         i = np.searchsorted(ts, t)
         assert_allclose([theta[i], psi[i]], expected, rtol=1e-8)
     assert max(drifts(TOP, states, ts).values()) < 1e-11  # rtol 1e-12 over up to 50 turns
-    assert np.all(Top.rates(states)[0] >= -1e-6 * np.max(np.abs(Top.rates(states)[0]))) or case["theta"][0] > 0.01
+    assert (
+        np.all(Top.rates(states)[0] >= -1e-6 * np.max(np.abs(Top.rates(states)[0])))
+        or case["theta"][0] > 0.01
+    )
 
 
 def test_long_run():  # T5.13-long
@@ -123,7 +140,9 @@ def test_sleeping_top():  # T5.14-sleep, H4.11-95
     y = released(1e-6, 0.8 * float(critical))
     ts = 0.5, 0.9
     end = Top.angles(run(TOP, y, [0.0, *ts]))[1]
-    assert_allclose(jnp.log(end[2] / end[1]) / (ts[1] - ts[0]), 7.3484692283495345, rtol=1e-3)  # the decaying part: e^-7
+    assert_allclose(
+        jnp.log(end[2] / end[1]) / (ts[1] - ts[0]), 7.3484692283495345, rtol=1e-3
+    )  # the decaying part: e^-7
 
 
 def test_steady_precession():  # T5.14-steady
@@ -136,12 +155,18 @@ def test_steady_precession():  # T5.14-steady
     assert_allclose(TOP.nutation_frequency(FIFTY, fast, 150.0), 89.71936291953774, rtol=CASE)
     peak = 46.67171480581237
     assert_allclose(TOP.precession_moment(FIFTY, peak, 150.0), 2.1451564666695777, rtol=CASE)
-    assert_allclose(jax.grad(lambda p: TOP.precession_moment(FIFTY, p, 150.0))(peak), 0.0, atol=1e-15)
+    assert_allclose(
+        jax.grad(lambda p: TOP.precession_moment(FIFTY, p, 150.0))(peak), 0.0, atol=1e-15
+    )
     for rate in (slow, fast):
         assert_allclose(TOP.precession_moment(FIFTY, rate, 150.0), WL * np.sin(FIFTY), rtol=1e-12)
     light = Top(A, C, WL * 1e-9)
-    assert_allclose(1e9 * light.steady_precession_rates(FIFTY, 150.0)[0], 2.5, rtol=1e-8)  # slow_approx, W l/(C n)
-    assert_allclose(light.steady_precession_rates(FIFTY, 150.0)[1], 93.34342961162474, rtol=1e-8)  # fast_approx
+    assert_allclose(
+        1e9 * light.steady_precession_rates(FIFTY, 150.0)[0], 2.5, rtol=1e-8
+    )  # slow_approx, W l/(C n)
+    assert_allclose(
+        light.steady_precession_rates(FIFTY, 150.0)[1], 93.34342961162474, rtol=1e-8
+    )  # fast_approx
 
 
 def test_slow_precession_from_the_momentum():  # T5.14-P5
@@ -155,7 +180,9 @@ def test_momentum_angle_in_the_limits():  # T5.14-P9
     assert_allclose(TOP.momentum_angle(FIFTY, double_root, least), 0.5373822171631671, rtol=CASE)
     slow, fast = TOP.steady_precession_rates(FIFTY, 2000.0)
     assert_allclose(A * WL * np.sin(FIFTY) / (C * 2000.0) ** 2, 0.00017954166635601048, rtol=CASE)
-    assert_allclose(jnp.tan(TOP.momentum_angle(FIFTY, slow, 2000.0)), 0.00017956872306177786, rtol=CASE)
+    assert_allclose(
+        jnp.tan(TOP.momentum_angle(FIFTY, slow, 2000.0)), 0.00017956872306177786, rtol=CASE
+    )
     assert_allclose(jnp.tan(TOP.momentum_angle(FIFTY, fast, 2000.0)), 1.191574023871148, rtol=CASE)
 
 
@@ -171,8 +198,14 @@ def test_equal_precession_at_both_circles():  # T5.14-P10
 
 def test_small_nutation():  # T6.1
     slow, _ = TOP.steady_precession_rates(FIFTY, 150.0)
-    assert_allclose(2.0 * np.pi / TOP.nutation_frequency(FIFTY, slow, 150.0), 0.11075745390849574, rtol=CASE)
-    assert_allclose(2.0 * np.pi / TOP.nutation_frequency(FIFTY, 0.0, 1e9) * 1e9 / 150.0, 0.10471975511965978, rtol=CASE)
+    assert_allclose(
+        2.0 * np.pi / TOP.nutation_frequency(FIFTY, slow, 150.0), 0.11075745390849574, rtol=CASE
+    )
+    assert_allclose(
+        2.0 * np.pi / TOP.nutation_frequency(FIFTY, 0.0, 1e9) * 1e9 / 150.0,
+        0.10471975511965978,
+        rtol=CASE,
+    )
     assert_allclose(TOP.precession_per_nutation(FIFTY, slow, 150.0), 74.01011702964495, rtol=CASE)
     # The large nutation tends to it as the square of its size, 1e-8 rad^2 here.
     nutation = TOP.nutation(released(FIFTY, 150.0, slow, 1e-4 * 56.7))
@@ -187,7 +220,8 @@ def test_small_nutation():  # T6.1
 def test_both_steady_rates_balance_the_weight(spin, theta):  # GYRO-PRECESSION
     slow, fast = TOP.steady_precession_rates(theta, spin)
     assert_allclose(slow * (C * spin - A * slow * np.cos(theta)), WL, rtol=1e-13)
-    # The fast root's bracket is a difference that keeps eps (C n)^2 / (A W l cos) of the weight's digits.
+    # The fast root's bracket is a difference that keeps eps (C n)^2 / (A W l cos) of the weight's
+    # digits.
     loss = 1.0 + (C * spin) ** 2 / (A * WL * abs(np.cos(theta)))
     if loss < 1e10:
         assert_allclose(fast * (C * spin - A * fast * np.cos(theta)), WL, rtol=1e-14 * loss)
@@ -231,7 +265,8 @@ def test_angles_and_rates_return(psi, theta, phi, rates):
         theta = 0.0
     y, angles, back, again = ROUND_TRIP(jnp.array([psi, theta, phi]), jnp.array(rates))
     if theta > 0.0:
-        # An angle of the axis near the vertical keeps the absolute error of the quaternion, 1e-16/theta.
+        # An angle of the axis near the vertical keeps the absolute error of the quaternion,
+        # 1e-16/theta.
         assert_allclose(angles, [psi, theta, phi], atol=1e-14 / theta + 1e-13)
         assert_allclose(back, rates, atol=1e-12 / theta**2 + 1e-12)
     assert_allclose(again.attitude.matrix(), y.attitude.matrix(), atol=1e-13)
@@ -248,12 +283,15 @@ def ROUND_TRIP(angles, rates):
 
 
 def test_through_the_vertical():
-    """A top thrown through the upright position: h_Z = C n there, the axis passes theta = 0 exactly."""
+    """A top thrown through the upright position: h_Z = C n there, the axis passes theta = 0
+    exactly."""
     y = Top.state(jnp.array([0.4, 0.0, 0.3]), jnp.array([0.0, 25.0, 150.0]))
     before = run(TOP, y, [0.0, -0.02])
     ts = np.linspace(-0.02, 0.02, 9)
     states = run(TOP, jax.tree.map(lambda x: x[..., -1], before), ts)
-    assert_allclose(ravel_pytree(jax.tree.map(lambda x: x[..., 4], states))[0], ravel_pytree(y)[0], atol=1e-9)
+    assert_allclose(
+        ravel_pytree(jax.tree.map(lambda x: x[..., 4], states))[0], ravel_pytree(y)[0], atol=1e-9
+    )
     theta = np.asarray(Top.angles(states)[1])
     assert theta[4] < 1e-9 and np.all(np.delete(theta, 4) > 0.1)
     assert_allclose(theta, theta[::-1], atol=1e-9)  # the motion is its own mirror in time
@@ -267,11 +305,19 @@ def test_through_the_vertical():
 def test_without_weight_it_is_the_free_symmetric_body():
     y = Top.state(jnp.array([0.3, 0.9, -0.4]), jnp.array([4.0, 1.0, 20.0]))
     top, body = Top(2.0, 3.0, 0.0), TorqueFreeBody([2.0, 2.0, 3.0])
-    assert_allclose(ravel_pytree(top.vector_field(0.0, y))[0], ravel_pytree(body.vector_field(0.0, y))[0], atol=1e-12)
+    assert_allclose(
+        ravel_pytree(top.vector_field(0.0, y))[0],
+        ravel_pytree(body.vector_field(0.0, y))[0],
+        atol=1e-12,
+    )
     last = jax.tree.map(lambda x: x[..., -1], run(top, y, [0.0, 1.0]))
-    assert_allclose(ravel_pytree(last)[0], ravel_pytree(symmetric_flow(1.0, y, 2.0, 3.0))[0], atol=1e-10)
+    assert_allclose(
+        ravel_pytree(last)[0], ravel_pytree(symmetric_flow(1.0, y, 2.0, 3.0))[0], atol=1e-10
+    )
     momentum = body.invariants(0.0, y)["angular_momentum"]
-    nutation = top.nutation(y)  # about Z, from which h is inclined: one turn about h is one nutation
+    nutation = top.nutation(
+        y
+    )  # about Z, from which h is inclined: one turn about h is one nutation
     assert_allclose(nutation.period(), 2.0 * np.pi * 2.0 / jnp.linalg.norm(momentum), rtol=1e-13)
     tilt = jnp.arctan2(jnp.hypot(momentum[0], momentum[1]), momentum[2])
     axis = y.attitude.rotate(jnp.array([0.0, 0.0, 1.0]))
@@ -280,7 +326,11 @@ def test_without_weight_it_is_the_free_symmetric_body():
 
 
 @given(
-    st.floats(0.1, 3.0), st.floats(0.2, 1.9), st.floats(-2.0, 2.0), st.lists(st.floats(-5.0, 5.0), min_size=3, max_size=3), angle
+    st.floats(0.1, 3.0),
+    st.floats(0.2, 1.9),
+    st.floats(-2.0, 2.0),
+    st.lists(st.floats(-5.0, 5.0), min_size=3, max_size=3),
+    angle,
 )
 def test_rate_of_every_invariant_is_zero(A, ratio, Wl, rates, theta):
     top = Top(jnp.asarray(A), jnp.asarray(A * ratio), jnp.asarray(Wl))
@@ -304,7 +354,9 @@ def test_mean_precession_is_that_of_the_motion():
     assert_allclose(unwrapped(states)[-1], nutation.precession(), atol=1e-10)
     low, high = nutation.turning_points()
     assert low <= theta.min() + 1e-12 and theta.max() <= high + 1e-12
-    assert_allclose([theta.min(), theta.max()], [low, high], atol=2e-3)  # 65 samples: amplitude (pi/65)^2/2 of 0.1 and more
+    assert_allclose(
+        [theta.min(), theta.max()], [low, high], atol=2e-3
+    )  # 65 samples: amplitude (pi/65)^2/2 of 0.1 and more
 
 
 STARTS = {
@@ -321,7 +373,9 @@ STARTS = {
 def test_derivatives_of_the_motion(x):
     def motion(v):
         top, y = Top(v[0], v[1], v[2]), Top.state(v[3:6], v[6:9])
-        return jnp.concatenate([ravel_pytree(top.vector_field(0.0, y))[0], ravel_pytree(top.invariants(0.0, y))[0]])
+        return jnp.concatenate(
+            [ravel_pytree(top.vector_field(0.0, y))[0], ravel_pytree(top.invariants(0.0, y))[0]]
+        )
 
     check_derivatives(motion, x)
 
@@ -337,7 +391,9 @@ def test_derivatives_of_the_angles(x):
 
     at = np.concatenate([start.attitude.wxyz, start.omega])
     if x[4] == 0.0:  # the angles have a corner there: finite is what can be asked for
-        assert np.all(np.isfinite(jax.jacfwd(read)(jnp.asarray(at)))) and np.all(np.isfinite(jax.jacrev(read)(jnp.asarray(at))))
+        assert np.all(np.isfinite(jax.jacfwd(read)(jnp.asarray(at)))) and np.all(
+            np.isfinite(jax.jacrev(read)(jnp.asarray(at)))
+        )
     else:
         check_derivatives(read, at)
 
@@ -346,24 +402,38 @@ def test_derivatives_of_the_closed_forms():
     def steady(v):
         top, theta, n = Top(v[0], v[1], v[2]), v[3], v[4]
         slow, fast = top.steady_precession_rates(theta, n)
-        return jnp.stack([slow, fast, top.least_spin(theta), top.nutation_frequency(theta, slow, n)])
+        return jnp.stack(
+            [slow, fast, top.least_spin(theta), top.nutation_frequency(theta, slow, n)]
+        )
 
     def forms(v):
         top, theta, n = Top(v[0], v[1], v[2]), v[3], v[4]
         slow, _ = top.steady_precession_rates(theta, n)
-        nutation = top.nutation(Top.state(jnp.array([0.0, 1.0, 0.0]) * theta, jnp.array([0.1, 0.0, 1.0]) * n))
+        nutation = top.nutation(
+            Top.state(jnp.array([0.0, 1.0, 0.0]) * theta, jnp.array([0.1, 0.0, 1.0]) * n)
+        )
         return jnp.stack(
             [
                 *steady(v),
-                *(top.sleeping_growth_rate(0.1 * n), top.momentum_angle(theta, slow, n), *nutation.turning_points()),
-                *(nutation.period(), nutation.precession(), *top.precession_rates_from_momentum(theta, v[1] * n)),
+                *(
+                    top.sleeping_growth_rate(0.1 * n),
+                    top.momentum_angle(theta, slow, n),
+                    *nutation.turning_points(),
+                ),
+                *(
+                    nutation.period(),
+                    nutation.precession(),
+                    *top.precession_rates_from_momentum(theta, v[1] * n),
+                ),
             ]
         )
 
     check_derivatives(forms, [1.3, 1.0, 0.7, 0.8, 4.0], rtol=1e-6)
     forward, reverse = jax.jit(jax.jacfwd(steady)), jax.jit(jax.jacrev(steady))
     for x in ([1.3, 1.0, 0.7, 0.0, 4.0], [1.3, 1.3, 0.0, 0.8, 4.0], [1.3, 1.0, -0.7, 0.8, 0.0]):
-        assert np.all(np.isfinite(forward(jnp.array(x)))) and np.all(np.isfinite(reverse(jnp.array(x))))
+        assert np.all(np.isfinite(forward(jnp.array(x)))) and np.all(
+            np.isfinite(reverse(jnp.array(x)))
+        )
 
 
 def test_derivative_of_continuous_precession():
@@ -377,17 +447,30 @@ def test_derivative_of_continuous_precession():
 
 
 def test_single_precision_stays():
-    y = Top.state(jnp.array([0.1, 0.5, 0.2], jnp.float32), jnp.array([1.0, 0.0, 150.0], jnp.float32))
+    y = Top.state(
+        jnp.array([0.1, 0.5, 0.2], jnp.float32), jnp.array([1.0, 0.0, 150.0], jnp.float32)
+    )
     nutation = TOP.nutation(y)
     trees = (
-        *(y, TOP.vector_field(0.0, y), TOP.invariants(0.0, y), Top.angles(y), Top.rates(y), nutation),
+        *(
+            y,
+            TOP.vector_field(0.0, y),
+            TOP.invariants(0.0, y),
+            Top.angles(y),
+            Top.rates(y),
+            nutation,
+        ),
         *(nutation.turning_points(), nutation.period(), nutation.precession()),
         TOP.steady_precession_rates(*(jnp.asarray(x, jnp.float32) for x in (0.5, 150.0))),
         continuous_precession(jax.tree.map(lambda x: x[None], y)),
     )
     for tree in trees:
         assert {x.dtype for x in jax.tree.leaves(tree) if not x.weak_type} == {jnp.dtype("float32")}
-    assert_allclose(nutation.period(), TOP.nutation(jax.tree.map(lambda x: x.astype(float), y)).period(), rtol=1e-5)
+    assert_allclose(
+        nutation.period(),
+        TOP.nutation(jax.tree.map(lambda x: x.astype(float), y)).period(),
+        rtol=1e-5,
+    )
 
 
 def test_a_batch_is_a_loop():
@@ -398,13 +481,28 @@ def test_a_batch_is_a_loop():
     def everything(v):
         top, y = Top(v[0], v[1], v[2]), Top.state(v[3:6], v[6:9])
         nutation = top.nutation(y)
-        forms = top.steady_precession_rates(v[4], 9.0), top.least_spin(v[4]), nutation.turning_points(), nutation.precession()
-        return y, top.vector_field(0.0, y), top.invariants(0.0, y), Top.angles(y), Top.rates(y), nutation.period(), forms
+        forms = (
+            top.steady_precession_rates(v[4], 9.0),
+            top.least_spin(v[4]),
+            nutation.turning_points(),
+            nutation.precession(),
+        )
+        return (
+            y,
+            top.vector_field(0.0, y),
+            top.invariants(0.0, y),
+            Top.angles(y),
+            Top.rates(y),
+            nutation.period(),
+            forms,
+        )
 
     batch = everything(jnp.asarray(values))
     for i in range(4):
         one = everything(jnp.asarray(values[:, i]))
-        jax.tree.map(lambda a, b, i=i: assert_allclose(a[..., i], b, rtol=1e-12, atol=1e-13), batch, one)
+        jax.tree.map(
+            lambda a, b, i=i: assert_allclose(a[..., i], b, rtol=1e-12, atol=1e-13), batch, one
+        )
     # One top for all runs: its scalars meet states of any number of runs.
     y = Top.state(jnp.asarray(values[3:6]), jnp.asarray(values[6:9]))
     assert TOP.vector_field(0.0, y).omega.shape == (3, 4)
@@ -432,12 +530,15 @@ SLOPES = jax.jit(jax.jacfwd(swing)), jax.jit(jax.jacrev(swing))
 @pytest.mark.parametrize("beta", [2.0, -2.0], ids=["stands", "hangs"])
 @pytest.mark.parametrize("height", [0.5, -0.95, 1.5])
 def test_plane_pendulum(height, beta):
-    """theta'^2 = alpha - beta cos(theta): back and forth through the lowest place, or over the top; no precession."""
+    """theta'^2 = alpha - beta cos(theta): back and forth through the lowest place, or over the top;
+    no precession."""
     lowest, highest = (np.pi, 0.0) if beta > 0.0 else (0.0, np.pi)
     turn = np.arccos(height * np.sign(beta)) if height < 1.0 else highest
     swings, energy = height < 1.0, height * abs(beta)
     m = (1.0 + height) / 2.0 if swings else 2.0 / (1.0 + height)
-    period = 4.0 * float(mpmath.ellipk(m)) / np.sqrt(2.0 * abs(beta) if swings else energy + abs(beta))
+    period = (
+        4.0 * float(mpmath.ellipk(m)) / np.sqrt(2.0 * abs(beta) if swings else energy + abs(beta))
+    )
     v = np.array([0.0, energy, beta, 0.0])
     assert_allclose(swing(v), [*sorted([turn, lowest]), period, 0.0], atol=1e-13)
     differences = [(swing(v + 1e-6 * e) - swing(v - 1e-6 * e))[2] / 2e-6 for e in np.eye(4)]
@@ -451,7 +552,10 @@ def test_nearly_plane_pendulum(size):
     v = np.array([size, 1.0, 2.0, 3.0 * size])
     with mpmath.workdps(50):
         N, alpha, beta, gamma = (mpmath.mpf(x) for x in v)
-        cubic = lambda u: (alpha - beta * u) * (1 - u * u) - (gamma - N * u) ** 2  # noqa: E731
+
+        def cubic(u):
+            return (alpha - beta * u) * (1 - u * u) - (gamma - N * u) ** 2
+
         low, high, third = (mpmath.findroot(cubic, u) for u in (-1, 0.5, 1))
         m = (high - low) / (third - low)
         period = 4 * mpmath.ellipk(m) / mpmath.sqrt(beta * (third - low))

@@ -1,4 +1,5 @@
-"""The free rigid body: Thomson 5.8 to 5.12, 6.2 (impulses), a check case of a flight simulation, and what must be conserved."""
+"""The free rigid body: Thomson 5.8 to 5.12, 6.2 (impulses), a check case of a flight simulation,
+and what must be conserved."""
 
 import jax
 import jax.numpy as jnp
@@ -11,7 +12,6 @@ from jax.flatten_util import ravel_pytree
 from numpy.testing import assert_allclose
 from reference_run import check_derivatives, drifts, long_run, run
 
-from jaxspace._core import InputError
 from jaxspace.attitude import (
     Polhode,
     TorqueFreeBody,
@@ -23,6 +23,7 @@ from jaxspace.attitude import (
 )
 from jaxspace.attitude._elliptic import complete_elliptic
 from jaxspace.bodies import BodyState, InertiaTensor, PrincipalInertia
+from jaxspace.core import InputError
 from jaxspace.rotations import Quaternion
 
 CASE = 1e-9  # relative tolerance of the reference cases
@@ -35,11 +36,17 @@ def start(omega):
 def test_symmetric_body_rates_and_cones():  # T5.8
     omega = jnp.array([0.8, -0.6, 6.0])
     assert_allclose(body_precession_rate(6.0, 2.0, 3.0), 3.0, rtol=CASE)
-    assert_allclose(cone_angles(omega, 2.0, 3.0), [0.11065722117389565, 0.16514867741462683], rtol=CASE)
+    assert_allclose(
+        cone_angles(omega, 2.0, 3.0), [0.11065722117389565, 0.16514867741462683], rtol=CASE
+    )
     assert_allclose(precession_rate(omega, 2.0, 3.0), 9.055385138137417, rtol=CASE)
     expected = [-0.2175776261927869, 0.9760430198409863, 6.0]
     assert_allclose(symmetric_flow(5.0, start(omega), 2.0, 3.0).omega, expected, rtol=CASE)
-    assert_allclose(run(TorqueFreeBody([2.0, 2.0, 3.0]), start(omega), [0.0, 5.0]).omega[:, -1], expected, rtol=CASE)
+    assert_allclose(
+        run(TorqueFreeBody([2.0, 2.0, 3.0]), start(omega), [0.0, 5.0]).omega[:, -1],
+        expected,
+        rtol=CASE,
+    )
 
 
 def test_thin_disk_wobbles_twice_per_turn():  # T5.9-P1
@@ -84,7 +91,9 @@ def test_thick_disk():  # T5.9-P4
     assert_allclose(omega[1:], [13.929553951524703, 28.15897666500859], rtol=CASE)
     kept = TorqueFreeBody([A, A, C]).invariants(0.0, start(omega))
     assert_allclose(kept["energy"], 224.50722246293384, rtol=CASE)
-    assert_allclose(kept["angular_momentum"][1:], [3.7725875285379407, 14.079488332504296], rtol=CASE)
+    assert_allclose(
+        kept["angular_momentum"][1:], [3.7725875285379407, 14.079488332504296], rtol=CASE
+    )
 
 
 def test_two_impulses_turn_the_axis():  # T6.2-P6
@@ -97,8 +106,11 @@ def test_two_impulses_turn_the_axis():  # T6.2-P6
     assert_allclose(spacing, 0.015586664439016684, rtol=CASE)
     turned = symmetric_flow(spacing, first, A, C)
     axis = turned.attitude.rotate(jnp.array([0.0, 0.0, 1.0]))
-    assert_allclose(jnp.arctan2(jnp.hypot(axis[0], axis[1]), axis[2]), 0.24870998909352288, rtol=CASE)
-    # The transverse rate has turned with the body: the same impulse, opposed to it, leaves a pure spin.
+    assert_allclose(
+        jnp.arctan2(jnp.hypot(axis[0], axis[1]), axis[2]), 0.24870998909352288, rtol=CASE
+    )
+    # The transverse rate has turned with the body: the same impulse, opposed to it, leaves a pure
+    # spin.
     h_Z = TorqueFreeBody([A, A, C]).invariants(0.0, turned)["angular_momentum"]
     assert_allclose(h_Z, [impulse, 0.0, C * n], atol=1e-15)
 
@@ -112,8 +124,14 @@ def test_poinsot():  # T5.10
     assert_allclose(polhode.plane_distance, 1.920784153596099, rtol=CASE)
     assert_allclose(polhode.herpolhode_radii(), [0.6859943405700354, 0.5573044368153888], rtol=CASE)
     moments = np.array([3.0, 2.0, 1.0])
-    assert_allclose(np.sqrt(two_t / moments), [1.2220201853215573, 1.4966629547095767, 2.1166010488516727], rtol=CASE)
-    assert_allclose(h / moments, [0.77746025264604, 1.1661903789690602, 2.3323807579381204], rtol=CASE)
+    assert_allclose(
+        np.sqrt(two_t / moments),
+        [1.2220201853215573, 1.4966629547095767, 2.1166010488516727],
+        rtol=CASE,
+    )
+    assert_allclose(
+        h / moments, [0.77746025264604, 1.1661903789690602, 2.3323807579381204], rtol=CASE
+    )
 
 
 def test_cone_of_the_least_axis():  # T5.12-P8
@@ -171,7 +189,11 @@ def test_asymmetric_body(case):
     body, y = TorqueFreeBody([3.0, 2.0, 1.0]), start(case["omega"])
     polhode = Polhode.of(jnp.array([3.0, 2.0, 1.0]), y.omega)
     period = float(polhode.period())
-    ts = [0.0, 1.0, case["period"], 5.0, 20.0] if case["period"] < 5.0 else [0.0, 1.0, 5.0, case["period"], 20.0]
+    ts = (
+        [0.0, 1.0, case["period"], 5.0, 20.0]
+        if case["period"] < 5.0
+        else [0.0, 1.0, 5.0, case["period"], 20.0]
+    )
     states = run(body, y, ts)
     kept = body.invariants(0.0, y)
     momentum = np.asarray(kept["angular_momentum"])
@@ -182,27 +204,39 @@ def test_asymmetric_body(case):
     assert bool(polhode.about_least) is case["about_least"]
     at = [ts.index(t) for t in (1.0, 5.0, 20.0)]
     assert_allclose(states.omega[:, at].T, case["states"], rtol=CASE)
-    assert_allclose(Quaternion(states.attitude.wxyz[:, -1]).matrix(), case["matrix"], rtol=1e-8, atol=1e-9)
-    # After one period omega is back in the body, so that the attitude has turned about h alone, through the precession.
-    turn = np.asarray(Quaternion(states.attitude.wxyz[:, ts.index(case["period"])]).rotation_vector())
+    assert_allclose(
+        Quaternion(states.attitude.wxyz[:, -1]).matrix(), case["matrix"], rtol=1e-8, atol=1e-9
+    )
+    # After one period omega is back in the body, so that the attitude has turned about h alone,
+    # through the precession.
+    turn = np.asarray(
+        Quaternion(states.attitude.wxyz[:, ts.index(case["period"])]).rotation_vector()
+    )
     angle = turn @ momentum / np.linalg.norm(momentum)
     assert_allclose(angle % (2.0 * np.pi), case["precession"] % (2.0 * np.pi), rtol=CASE)
-    assert max(drifts(body, states, ts).values()) < 1e-11  # DOP853 at rtol 1e-12 over some ten turns
+    assert (
+        max(drifts(body, states, ts).values()) < 1e-11
+    )  # DOP853 at rtol 1e-12 over some ten turns
 
 
 def test_long_run():  # T5.11-long
     body, ts = TorqueFreeBody([1.0, 2.0, 3.0]), np.linspace(0.0, 1000.0, 8001)
     states = long_run(body, start([2.0, 0.0, 0.4]), 1000.0, 8000)
-    assert_allclose(states.omega[:, -1], [1.9915528151423405, 0.1836229411011009, 0.3856953095823099], rtol=1e-7)
+    assert_allclose(
+        states.omega[:, -1], [1.9915528151423405, 0.1836229411011009, 0.3856953095823099], rtol=1e-7
+    )
     assert max(drifts(body, states, ts).values()) < 1e-10  # the case's own demand
 
 
 def test_separatrix():  # T5.12-P3
     omega = jnp.array([1.0, 0.0, 1.7320508075688772])
     states = run(TorqueFreeBody([3.0, 2.0, 1.0]), start(omega), [0.0, 1.0, 15.0])
-    assert_allclose(states.omega[:, 1], [0.6480542736638853, -1.31911977286292, 1.122462928047995], rtol=CASE)
+    assert_allclose(
+        states.omega[:, 1], [0.6480542736638853, -1.31911977286292, 1.122462928047995], rtol=CASE
+    )
     assert_allclose(Polhode.of(jnp.array([3.0, 2.0, 1.0]), omega).rate, 1.0, rtol=CASE)
-    # Rounding grows as exp(t): at t = 15 from 1e-16 to 1e-9, and the distance from the limit falls as exp(-t).
+    # Rounding grows as exp(t): at t = 15 from 1e-16 to 1e-9, and the distance from the limit falls
+    # as exp(-t).
     assert_allclose(states.omega[1, 2], -1.7320508075688772, rtol=1e-8)
 
 
@@ -223,14 +257,22 @@ def test_space_station():  # JEOD-2, torque-free
             [0.6188707425862547, 0.05891252687959728, -0.7832804849780176],
         ]
     )
-    inertia = np.array([[1.02e8, -6.96e6, -5.48e6], [-6.96e6, 9.1e7, 5.9e5], [-5.48e6, 5.9e5, 1.64e8]])
-    y = BodyState(attitude=Quaternion.from_matrix(jnp.asarray(T.T)), omega=jnp.array([0.0, -0.001134454274550824, 0.0]))
+    inertia = np.array(
+        [[1.02e8, -6.96e6, -5.48e6], [-6.96e6, 9.1e7, 5.9e5], [-5.48e6, 5.9e5, 1.64e8]]
+    )
+    y = BodyState(
+        attitude=Quaternion.from_matrix(jnp.asarray(T.T)),
+        omega=jnp.array([0.0, -0.001134454274550824, 0.0]),
+    )
     states = run(TorqueFreeBody(inertia), y, [0.0, 28800.0], atol=1e-18)
     omega = [-0.0007963417068132182, -0.0007912816280812424, -0.0001860246400745597]
     assert_allclose(states.omega[:, -1], omega, atol=1e-12)
-    # The case's quaternion is that of the left transformation, inertial to body: the conjugate of ours.
+    # The case's quaternion is that of the left transformation, inertial to body: the conjugate of
+    # ours.
     q = np.asarray(states.attitude.wxyz[:, -1]) * [1.0, -1.0, -1.0, -1.0]
-    expected = np.array([-0.3473503134814249, -0.5588902518164917, 0.36482923903863, 0.658702567545739])
+    expected = np.array(
+        [-0.3473503134814249, -0.5588902518164917, 0.36482923903863, 0.658702567545739]
+    )
     assert_allclose(q * np.sign(q @ expected), expected, atol=1e-9)
 
 
@@ -243,20 +285,33 @@ def test_period_near_the_separatrix_keeps_its_digits():
     check_derivatives(lambda m: complete_elliptic(m[0])[None], [0.3])
 
 
-@pytest.mark.parametrize(("A", "C"), [(2.0, 3.0), (3.0, 1.0), (2.0, 2.0)], ids=["oblate", "prolate", "sphere"])
+@pytest.mark.parametrize(
+    ("A", "C"), [(2.0, 3.0), (3.0, 1.0), (2.0, 2.0)], ids=["oblate", "prolate", "sphere"]
+)
 def test_symmetric_flow_is_the_integral(A, C):
-    y = BodyState(attitude=Quaternion(jnp.array([0.6, 0.0, -0.8, 0.0])), omega=jnp.array([0.3, -0.7, 1.1]))
+    y = BodyState(
+        attitude=Quaternion(jnp.array([0.6, 0.0, -0.8, 0.0])), omega=jnp.array([0.3, -0.7, 1.1])
+    )
     last = jax.tree.map(lambda x: x[..., -1], run(TorqueFreeBody([A, A, C]), y, [0.0, 4.0]))
     exact = symmetric_flow(4.0, y, A, C)
-    assert_allclose(ravel_pytree(exact)[0], ravel_pytree(last)[0], atol=1e-11)  # some rad at rtol 1e-12
+    assert_allclose(
+        ravel_pytree(exact)[0], ravel_pytree(last)[0], atol=1e-11
+    )  # some rad at rtol 1e-12
 
 
-@given(st.floats(0.5, 3.0), st.floats(0.5, 3.0), st.lists(st.floats(-5.0, 5.0), min_size=3, max_size=3), st.floats(-9.0, 9.0))
+@given(
+    st.floats(0.5, 3.0),
+    st.floats(0.5, 3.0),
+    st.lists(st.floats(-5.0, 5.0), min_size=3, max_size=3),
+    st.floats(-9.0, 9.0),
+)
 def test_symmetric_flow_keeps_the_invariants_and_returns(A, C, omega, duration):
     y = start(omega)
     later = symmetric_flow(duration, y, A, C)
     back = symmetric_flow(-duration, later, A, C)
-    assert_allclose(ravel_pytree(back)[0], ravel_pytree(y)[0], atol=1e-12)  # rounding of some 50 rad
+    assert_allclose(
+        ravel_pytree(back)[0], ravel_pytree(y)[0], atol=1e-12
+    )  # rounding of some 50 rad
     body = TorqueFreeBody(PrincipalInertia(jnp.array([A, A, C]))) if 2 * A >= C else None
     if body is not None:
         for name, value in body.invariants(0.0, y).items():
@@ -269,13 +324,21 @@ def test_a_tensor_in_other_axes_is_the_same_body():
     omega = jnp.array([0.4, 0.2, 2.0])
     principal = TorqueFreeBody([3.0, 2.0, 1.0]).vector_field(0.0, start(omega)).omega
     tensor = C @ jnp.diag(jnp.array([3.0, 2.0, 1.0])) @ C.T
-    rotated = TorqueFreeBody(InertiaTensor((tensor + tensor.T) / 2.0)).vector_field(0.0, start(C @ omega)).omega
+    rotated = (
+        TorqueFreeBody(InertiaTensor((tensor + tensor.T) / 2.0))
+        .vector_field(0.0, start(C @ omega))
+        .omega
+    )
     assert_allclose(C.T @ rotated, principal, atol=1e-14)
 
 
 @pytest.mark.parametrize(
     "x",
-    [[3.0, 2.0, 1.0, 0.4, 0.1, 2.0], [2.0, 2.0, 2.0, 0.4, 0.1, 2.0], [3.0, 2.0, 2.0, 0.0, 0.0, 0.0]],
+    [
+        [3.0, 2.0, 1.0, 0.4, 0.1, 2.0],
+        [2.0, 2.0, 2.0, 0.4, 0.1, 2.0],
+        [3.0, 2.0, 2.0, 0.0, 0.0, 0.0],
+    ],
     ids=["asymmetric", "equal moments", "at rest"],
 )
 def test_derivatives(x):
@@ -283,7 +346,13 @@ def test_derivatives(x):
         y = BodyState(attitude=Quaternion(jnp.array([0.8, 0.0, 0.6, 0.0])), omega=v[3:])
         body = TorqueFreeBody(PrincipalInertia(v[:3]))
         kept = body.invariants(0.0, y)
-        return jnp.concatenate([ravel_pytree(body.vector_field(0.0, y))[0], kept["energy"][None], kept["angular_momentum"]])
+        return jnp.concatenate(
+            [
+                ravel_pytree(body.vector_field(0.0, y))[0],
+                kept["energy"][None],
+                kept["angular_momentum"],
+            ]
+        )
 
     def flow(v):
         y = BodyState(attitude=Quaternion(jnp.array([0.8, 0.0, 0.6, 0.0])), omega=v[3:])
@@ -296,7 +365,14 @@ def test_derivatives(x):
 def test_derivatives_of_the_polhode_and_the_cones():
     def quantities(v):
         polhode = Polhode.of(v[:3], v[3:])
-        return jnp.stack([polhode.period(), polhode.plane_distance, *polhode.herpolhode_radii(), *cone_angles(v[3:], v[0], v[2])])
+        return jnp.stack(
+            [
+                polhode.period(),
+                polhode.plane_distance,
+                *polhode.herpolhode_radii(),
+                *cone_angles(v[3:], v[0], v[2]),
+            ]
+        )
 
     check_derivatives(quantities, [3.0, 2.0, 1.0, 0.4, 0.1, 2.0], rtol=1e-6)
     for x in ([2.0, 2.0, 3.0, 0.0, 0.0, 0.0], [2.0, 2.0, 3.0, 0.0, 0.0, 1.0]):
@@ -307,7 +383,11 @@ def test_derivatives_of_the_polhode_and_the_cones():
 def test_single_precision_stays():
     y = BodyState(attitude=Quaternion(jnp.ones(4, jnp.float32)), omega=jnp.ones(3, jnp.float32))
     body = TorqueFreeBody(PrincipalInertia(jnp.array([3.0, 2.0, 1.0], jnp.float32)))
-    for tree in (body.vector_field(0.0, y), body.invariants(0.0, y), symmetric_flow(1.0, y, 2.0, 3.0)):
+    for tree in (
+        body.vector_field(0.0, y),
+        body.invariants(0.0, y),
+        symmetric_flow(1.0, y, 2.0, 3.0),
+    ):
         assert {x.dtype for x in jax.tree.leaves(tree)} == {jnp.dtype("float32")}
     polhode = Polhode.of(body.inertia.moments, y.omega)
     assert polhode.period().dtype == jnp.float32
@@ -323,12 +403,20 @@ def test_a_batch_is_a_loop():
         body = TorqueFreeBody(PrincipalInertia(moments))
         polhode = Polhode.of(moments, omega)
         flow = symmetric_flow(2.0, y, moments[0], moments[2])
-        return body.vector_field(0.0, y), body.invariants(0.0, y), polhode, polhode.herpolhode_radii(), flow
+        return (
+            body.vector_field(0.0, y),
+            body.invariants(0.0, y),
+            polhode,
+            polhode.herpolhode_radii(),
+            flow,
+        )
 
     batch = everything(moments, omega, q)
     for i in range(4):
         one = everything(moments[:, i], omega[:, i], q[:, i])
-        jax.tree.map(lambda a, b, i=i: assert_allclose(a[..., i], b, rtol=1e-14, atol=1e-14), batch, one)
+        jax.tree.map(
+            lambda a, b, i=i: assert_allclose(a[..., i], b, rtol=1e-14, atol=1e-14), batch, one
+        )
 
 
 def test_bad_input_is_named():

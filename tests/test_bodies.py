@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from jaxspace import bodies
-from jaxspace._core import InputError
+from jaxspace.core import InputError
 from jaxspace.rotations import Quaternion
 
 SLUG = 14.593902937206364  # kg, 1 lbf s^2/ft
@@ -17,14 +17,20 @@ FOOT = 0.3048  # m
 
 
 def tensor(x, y, z, xy=0.0, xz=0.0, yz=0.0):
-    """The tensor of moments and products of inertia; a product counts + int xy dm and enters with its sign turned."""
+    """The tensor of moments and products of inertia; a product counts + int xy dm and enters with
+    its sign turned."""
     return jnp.array([[x, -xy, -xz], [-xy, y, -yz], [-xz, -yz, z]])
 
 
 def point_masses(masses, places):
     """The tensor about the origin of point masses, each put there by the law of parallel axes."""
-    nothing = bodies.InertiaTensor(1e-13 * jnp.eye(3))  # a point, but a body: its moments are positive
-    return sum(bodies.parallel_axes(nothing, m, jnp.array(p)).matrix() for m, p in zip(masses, places, strict=True))
+    nothing = bodies.InertiaTensor(
+        1e-13 * jnp.eye(3)
+    )  # a point, but a body: its moments are positive
+    return sum(
+        bodies.parallel_axes(nothing, m, jnp.array(p)).matrix()
+        for m, p in zip(masses, places, strict=True)
+    )
 
 
 def about(j, direction):
@@ -51,7 +57,9 @@ def test_momentum_energy_and_axes():  # T5.2
     np.testing.assert_allclose(about(j.matrix(), xi), 5.066666666666666, rtol=1e-9)
     np.testing.assert_allclose(-xi @ j.matrix() @ eta, 0.8333333333333334, rtol=1e-9)
     moments, axes = bodies.principal_axes(j)
-    np.testing.assert_allclose(moments, [3.7742848863950815, 5.109650993639416, 6.116064119965502], rtol=1e-9)
+    np.testing.assert_allclose(
+        moments, [3.7742848863950815, 5.109650993639416, 6.116064119965502], rtol=1e-9
+    )
     np.testing.assert_allclose(axes.T @ j.matrix() @ axes, np.diag(moments), atol=1e-13)
 
 
@@ -66,12 +74,17 @@ def test_six_weights():  # T5.5-P4
     m, (x, y, z) = 10.0 / 32.2, (5.0, 2.0, 6.0)
     places = [[x, 0, 0], [-x, 0, 0], [0, y, 0], [0, -y, 0], [0, 0, z], [0, 0, -z]]
     j = point_masses([m] * 6, np.array(places, dtype=float))
-    np.testing.assert_allclose(np.diag(j), [24.84472049689441, 37.88819875776397, 18.012422360248447], rtol=1e-9)
-    np.testing.assert_allclose(about(j, jnp.array([1.0, 2.0, 2.0]) / 3.0), 27.605244996549345, rtol=1e-9)
+    np.testing.assert_allclose(
+        np.diag(j), [24.84472049689441, 37.88819875776397, 18.012422360248447], rtol=1e-9
+    )
+    np.testing.assert_allclose(
+        about(j, jnp.array([1.0, 2.0, 2.0]) / 3.0), 27.605244996549345, rtol=1e-9
+    )
     np.testing.assert_allclose(np.diag(j) * 32.2, [800.0, 1220.0, 580.0], rtol=1e-9)
     semi_axes = [0.2006240264773888, 0.16246058790657758, 0.23562096973595187]
     np.testing.assert_allclose(1.0 / np.sqrt(np.diag(j)), semi_axes, rtol=1e-9)
-    # The same in metres and kilograms: the law of parallel axes holds in every consistent set of units.
+    # The same in metres and kilograms: the law of parallel axes holds in every consistent set of
+    # units.
     np.testing.assert_allclose(SLUG * FOOT**2 * np.diag(j)[0], 33.68491797096647, rtol=1e-9)
 
 
@@ -109,7 +122,9 @@ def test_angular_acceleration():  # T5.7
     omega, torque = jnp.array([2.0, -1.0, 0.5]), jnp.array([1.0, 2.0, -3.0])
     want = [0.6666666666666666, 1.2, 0.14285714285714285]
     for j in (jnp.array([3.0, 5.0, 7.0]), jnp.diag(jnp.array([3.0, 5.0, 7.0]))):
-        np.testing.assert_allclose(bodies.angular_acceleration(bodies.as_inertia(j), omega, torque), want, rtol=1e-9)
+        np.testing.assert_allclose(
+            bodies.angular_acceleration(bodies.as_inertia(j), omega, torque), want, rtol=1e-9
+        )
 
 
 @jax.jit
@@ -123,7 +138,8 @@ def rates_of_invariants(masses, turn, omega):
 
 @given(positive, vectors, vectors)
 def test_free_rotation_keeps_energy_and_momentum(masses, turn, omega):
-    """The rate of omega is such that neither the energy nor the length of h changes: both rates vanish to rounding."""
+    """The rate of omega is such that neither the energy nor the length of h changes: both rates
+    vanish to rounding."""
     energy_rate, momentum_rate = rates_of_invariants(masses, turn, omega)
     # Terms up to J^2 omega^3 = 4e5 cancel in the first and J^3 omega^3 in the second.
     assert abs(energy_rate) < 1e-9 and abs(momentum_rate) < 1e-8
@@ -161,9 +177,16 @@ def test_runs_trail(key):
     principal = bodies.PrincipalInertia(moments)
     full = bodies.InertiaTensor(principal.matrix())
     for name in ("times", "solve"):
-        np.testing.assert_allclose(getattr(principal, name)(omega), getattr(full, name)(omega), rtol=1e-13)
-    single = [bodies.angular_acceleration(bodies.PrincipalInertia(moments[:, n]), omega[:, n], None) for n in range(5)]
-    np.testing.assert_allclose(bodies.angular_acceleration(principal, omega, None), np.stack(single, -1), atol=1e-15)
+        np.testing.assert_allclose(
+            getattr(principal, name)(omega), getattr(full, name)(omega), rtol=1e-13
+        )
+    single = [
+        bodies.angular_acceleration(bodies.PrincipalInertia(moments[:, n]), omega[:, n], None)
+        for n in range(5)
+    ]
+    np.testing.assert_allclose(
+        bodies.angular_acceleration(principal, omega, None), np.stack(single, -1), atol=1e-15
+    )
     offset, mass = jax.random.normal(key, (3, 5)), jnp.arange(1.0, 6.0)
     shifted = bodies.parallel_axes(principal, mass, offset)
     one = bodies.parallel_axes(bodies.PrincipalInertia(moments[:, 2]), mass[2], offset[:, 2])
@@ -182,7 +205,9 @@ def test_burning_body_is_its_parts():
     grain = bodies.as_inertia(60.0 * jnp.array([0.3, 0.35, 0.2]) ** 2)
     wet = bodies.parallel_axes(grain, 60.0, jnp.array([0.0, 0.0, 0.7]) - z)
     np.testing.assert_allclose(body.inertia(mass).matrix(), dry.matrix() + wet.matrix(), rtol=1e-14)
-    np.testing.assert_allclose(body.inertia(jnp.array(100.0)).matrix(), np.diag([40.0, 45.0, 20.0]), rtol=1e-15)
+    np.testing.assert_allclose(
+        body.inertia(jnp.array(100.0)).matrix(), np.diag([40.0, 45.0, 20.0]), rtol=1e-15
+    )
     for mode in (jax.jacfwd, jax.jacrev):
         slope = mode(lambda m: body.inertia(m).matrix())(mass)
         np.testing.assert_allclose(np.diag(slope), body.inertia_per_mass(mass), rtol=1e-13)
@@ -212,8 +237,14 @@ def test_absent_parts_are_no_leaves():
     ("bad", "rule"),
     [
         ([1.0, 2.0, -1.0], "inertia is [ 1.  2. -1.]: it must be positive in every moment."),
-        ([1.0, 1.0, 3.0], "inertia is [1. 1. 3.]: it must be such that no moment exceeds the sum of the other two."),
-        ([1.0, 2.0], "inertia has the shape (2,): it must be (3,), the principal moments, or (3, 3), the tensor."),
+        (
+            [1.0, 1.0, 3.0],
+            "inertia is [1. 1. 3.]: it must be such that no moment exceeds the sum of the other two.",
+        ),
+        (
+            [1.0, 2.0],
+            "inertia has the shape (2,): it must be (3,), the principal moments, or (3, 3), the tensor.",
+        ),
         ([[1.0, 0.2, 0.0], [0.1, 1.0, 0.0], [0.0, 0.0, 1.0]], "it must be symmetric."),
         ([[1.0, 2.0, 0.0], [2.0, 1.0, 0.0], [0.0, 0.0, 1.0]], "it must be positive definite."),
     ],
@@ -224,7 +255,10 @@ def test_impossible_inertia(bad, rule):
     assert str(error.value).endswith(rule)
 
 
-@pytest.mark.parametrize("build", [lambda: bodies.RigidBody(-1.0), lambda: bodies.BurningBody(0.0, [1.0, 1.0, 1.0], [0.1] * 3)])
+@pytest.mark.parametrize(
+    "build",
+    [lambda: bodies.RigidBody(-1.0), lambda: bodies.BurningBody(0.0, [1.0, 1.0, 1.0], [0.1] * 3)],
+)
 def test_impossible_mass(build):
     with pytest.raises(InputError, match="mass is .*: it must be positive and finite"):
         build()

@@ -1,4 +1,5 @@
-"""The command line: what it prints, writes and refuses, and the kick stage of the examples against independent facts."""
+"""The command line: what it prints, writes and refuses, and the kick stage of the examples against
+independent facts."""
 
 import math
 import subprocess
@@ -53,7 +54,10 @@ outputs = ["perigee_altitude", "apogee_altitude", "inclination"]
 def settings_stay():
     """The command line settles jax for its own process: a test hands the settings back."""
     names = ("jax_enable_x64", "jax_compilation_cache_dir")
-    names += ("jax_persistent_cache_min_compile_time_secs", "jax_persistent_cache_min_entry_size_bytes")
+    names += (
+        "jax_persistent_cache_min_compile_time_secs",
+        "jax_persistent_cache_min_entry_size_bytes",
+    )
     before = {name: getattr(jax.config, name) for name in names}
     yield
     for name, value in before.items():
@@ -84,7 +88,9 @@ def test_bad_input_ends_with_status_2_and_one_line(tmp_path, capsys, command, ol
     assert main([command, str(path)]) == 2
     printed = capsys.readouterr()
     assert printed.out == ""
-    assert printed.err.startswith(str(path)) and printed.err.count("\n") == 1 and word in printed.err
+    assert (
+        printed.err.startswith(str(path)) and printed.err.count("\n") == 1 and word in printed.err
+    )
 
 
 def test_bad_input_is_refused_before_a_device_is_touched(tmp_path):
@@ -101,7 +107,9 @@ print(status, sorted(jax._src.xla_bridge._backends))
     assert "initial.omega.2" in done.stderr and "Traceback" not in done.stderr
 
 
-@pytest.mark.parametrize("wrong", [["--runs", "0"], ["--runs", "many"], ["--seed", "-1"], ["--chunk", "0"]])
+@pytest.mark.parametrize(
+    "wrong", [["--runs", "0"], ["--runs", "many"], ["--seed", "-1"], ["--chunk", "0"]]
+)
 def test_bad_options_end_with_status_2(capsys, wrong):
     with pytest.raises(SystemExit) as ending:
         main(["disperse", "scene.toml", *wrong])
@@ -121,14 +129,29 @@ def test_disperse_prints_a_table_and_keeps_the_runs(tmp_path, capsys):
     path.write_text(CHEAP)
     assert main(["disperse", str(path), "--runs", "64", "--out", str(tmp_path / "a")]) == 0
     printed = capsys.readouterr().out
-    for word in ("perigee_altitude", "km", "deg", "std dev", "0.5 %", "99.5 %", "64 of 64 runs ended well", "runs/s", "shares"):
+    for word in (
+        "perigee_altitude",
+        "km",
+        "deg",
+        "std dev",
+        "0.5 %",
+        "99.5 %",
+        "64 of 64 runs ended well",
+        "runs/s",
+        "shares",
+    ):
         assert word in printed
     for name in ("coast.zarr", "coast.png", "coast.html"):
         assert (tmp_path / "a" / name).exists() and name in printed
     kept = open_store(tmp_path / "a" / "coast.zarr")
-    # In point gravity the perigee stays; its scatter is the one that goes in: 2 km, here of 64 draws.
+    # In point gravity the perigee stays; its scatter is the one that goes in: 2 km, here of 64
+    # draws.
     altitude = 400 * 1.609344
-    np.testing.assert_allclose(kept.outputs["perigee_altitude"], kept.inputs["initial.orbit.periapsis_altitude"] / 1e3, atol=0.05)
+    np.testing.assert_allclose(
+        kept.outputs["perigee_altitude"],
+        kept.inputs["initial.orbit.periapsis_altitude"] / 1e3,
+        atol=0.05,
+    )
     assert abs(np.mean(kept.outputs["perigee_altitude"]) - altitude) < 5 * 2 / 8
     assert 28.0 < kept.outputs["inclination"].min() and kept.outputs["inclination"].max() < 29.0
 
@@ -136,9 +159,15 @@ def test_disperse_prints_a_table_and_keeps_the_runs(tmp_path, capsys):
 def test_runs_depend_on_the_seed_and_their_number_alone(tmp_path):
     path = tmp_path / "coast.toml"
     path.write_text(CHEAP)
-    for folder, more in (("a", ["--runs", "32"]), ("b", ["--runs", "64", "--seed", "3"]), ("c", ["--runs", "32", "--seed", "4"])):
+    for folder, more in (
+        ("a", ["--runs", "32"]),
+        ("b", ["--runs", "64", "--seed", "3"]),
+        ("c", ["--runs", "32", "--seed", "4"]),
+    ):
         assert main(["disperse", str(path), "--out", str(tmp_path / folder), *more]) == 0
-    a, b, c = (open_store(tmp_path / folder / "coast.zarr").outputs["apogee_altitude"] for folder in "abc")
+    a, b, c = (
+        open_store(tmp_path / folder / "coast.zarr").outputs["apogee_altitude"] for folder in "abc"
+    )
     np.testing.assert_array_equal(a, b[:32])
     assert not np.any(a == c)
 
@@ -147,7 +176,11 @@ def test_runs_depend_on_the_seed_and_their_number_alone(tmp_path):
 def test_textbook_files_run(tmp_path, capsys, name):
     assert main(["run", str(SCENES / f"{name}.toml"), "--out", str(tmp_path)]) == 0
     printed = capsys.readouterr().out
-    assert "drift of energy" in printed and "error of" in printed and "reached its end within the tolerance" in printed
+    assert (
+        "drift of energy" in printed
+        and "error of" in printed
+        and "reached its end within the tolerance" in printed
+    )
     assert (tmp_path / f"{name}.png").exists()
 
 
@@ -156,7 +189,11 @@ def test_explain_prints_the_table_of_every_scene(tmp_path, capsys):
     path.write_text(CHEAP)
     assert main(["explain", str(path)]) == 0
     printed = capsys.readouterr().out
-    assert "coast\n" in printed and "PointGravity" in printed and "state: position, velocity" in printed
+    assert (
+        "coast\n" in printed
+        and "PointGravity" in printed
+        and "state: position, velocity" in printed
+    )
 
 
 SCENE = """
@@ -179,7 +216,8 @@ samples = 20
 
 
 def test_a_scene_and_a_mission_that_ends_at_an_event_run(tmp_path, capsys):
-    """Half a period from the perigee the apogee is reached: pi sqrt(a^3/mu), a = (R + 400 mi) / 0.9."""
+    """Half a period from the perigee the apogee is reached: pi sqrt(a^3/mu), a = (R + 400 mi) /
+    0.9."""
     scene, mission = tmp_path / "scene.toml", tmp_path / "mission.toml"
     scene.write_text(SCENE)
     ending = 'until = "apoapsis"\nwithin = "2 h"'
@@ -201,7 +239,11 @@ PROFILE = (
     np.array([0.0, 0.6, 10.0, 22.0, 35.0, 48.0, 62.0, 74.0, 80.5, 84.1]),
     np.array([0.0, 60.5, 64.5, 69.0, 74.0, 77.0, 74.5, 66.0, 57.0, 0.0]),
 )
-OFFSET, TANGENTS, TIP_OFF = (0.002, -0.001), (0.001, -0.0005), (math.radians(1.0), math.radians(-0.5))
+OFFSET, TANGENTS, TIP_OFF = (
+    (0.002, -0.001),
+    (0.001, -0.0005),
+    (math.radians(1.0), math.radians(-0.5)),
+)
 
 
 @pytest.fixture(scope="module")
@@ -209,7 +251,9 @@ def kick(tmp_path_factory) -> tuple[SceneFile, MissionTrajectory]:
     """The stage with a thrust that is off and a tip-off, flown at the accuracy of the file."""
     text = KICK.replace('offset = ["0 mm", "0 mm"]', 'offset = ["2 mm", "-1 mm"]')
     text = text.replace("misalignment = [0.0, 0.0]", "misalignment = [0.001, -0.0005]")
-    text = text.replace('omega = ["0 deg/s", "0 deg/s", "60 rpm"]', 'omega = ["1 deg/s", "-0.5 deg/s", "60 rpm"]')
+    text = text.replace(
+        'omega = ["0 deg/s", "0 deg/s", "60 rpm"]', 'omega = ["1 deg/s", "-0.5 deg/s", "60 rpm"]'
+    )
     path = tmp_path_factory.mktemp("kick") / "kick.toml"
     path.write_text(text)
     file = load(path)
@@ -218,7 +262,8 @@ def kick(tmp_path_factory) -> tuple[SceneFile, MissionTrajectory]:
 
 
 def rates(t, y):
-    """The twelve states of a burning stage and its mass, written down once more: Thomson 5.6, 7.2, 7.8, 7.9, and J2."""
+    """The twelve states of a burning stage and its mass, written down once more: Thomson 5.6, 7.2,
+    7.8, 7.9, and J2."""
     r, v, q, w, m = y[0:3], y[3:6], y[6:10], y[10:13], y[13]
     length = np.linalg.norm(r)
     gravity = -MU * r / length**3
@@ -227,11 +272,17 @@ def rates(t, y):
     x, f = PROFILE[0] / BURN, PROFILE[1]
     thrust = IMPULSE / BURN * np.interp(t / BURN, x, f) / np.trapezoid(f, x) if t <= BURN else 0.0
     flow = -thrust / EXHAUST
-    force = thrust * np.array([*TANGENTS, 1.0]) / math.sqrt(1.0 + TANGENTS[0] ** 2 + TANGENTS[1] ** 2)
+    force = (
+        thrust * np.array([*TANGENTS, 1.0]) / math.sqrt(1.0 + TANGENTS[0] ** 2 + TANGENTS[1] ** 2)
+    )
     left = m - DRY
     k2 = np.array([0.453**2, 0.453**2, 0.437**2])
     station = -1.69
-    inertia = np.array([1031.0, 1002.0, 521.0]) + left * k2 + DRY * left / m * station**2 * np.array([1.0, 1.0, 0.0])
+    inertia = (
+        np.array([1031.0, 1002.0, 521.0])
+        + left * k2
+        + DRY * left / m * station**2 * np.array([1.0, 1.0, 0.0])
+    )
     slope = k2 + (DRY / m * station) ** 2 * np.array([1.0, 1.0, 0.0])
     centre = left / m * station
     arm, ring = -3.16 - centre, 0.265**2
@@ -251,7 +302,8 @@ def rates(t, y):
 
 
 def start():
-    """The state at ignition: the descending node of a circular orbit, the axis 2.9 deg ahead of the velocity."""
+    """The state at ignition: the descending node of a circular orbit, the axis 2.9 deg ahead of the
+    velocity."""
     r = RADIUS + 185e3
     speed, i = math.sqrt(MU / r), math.radians(28.5)
     position = np.array([-r, 0.0, 0.0])
@@ -265,26 +317,35 @@ def start():
 
 
 def test_burn_and_coast_agree_with_another_integration(kick):
-    """1 m and 1e-4 rad: the accuracy that the mission asks for. The other integration is a hundred times finer."""
+    """1 m and 1e-4 rad: the accuracy that the mission asks for. The other integration is a hundred
+    times finer."""
     _, flown = kick
     y, times = start(), [*PROFILE[0], BURN + 60.0]
     ends = {}
-    for t0, t1 in zip(times, times[1:], strict=False):  # a kink of the thrust is the end of an integration
+    for t0, t1 in zip(
+        times, times[1:], strict=False
+    ):  # a kink of the thrust is the end of an integration
         y = solve_ivp(rates, (t0, t1), y, method="DOP853", rtol=1e-10, atol=1e-8).y[:, -1]
         ends[t1] = y
     for phase, t in (("burn", BURN), ("coast", BURN + 60.0)):
         got, want = flown[phase].final, ends[t]
         assert np.linalg.norm(got.position - want[0:3]) < 1.0
-        assert np.linalg.norm(got.velocity - want[3:6]) < 0.02  # a metre in the minute of coast that follows
-        turned = Rotation.from_quat(np.roll(got.attitude.wxyz, -1)) * Rotation.from_quat(np.roll(want[6:10], -1)).inv()
+        assert (
+            np.linalg.norm(got.velocity - want[3:6]) < 0.02
+        )  # a metre in the minute of coast that follows
+        turned = (
+            Rotation.from_quat(np.roll(got.attitude.wxyz, -1))
+            * Rotation.from_quat(np.roll(want[6:10], -1)).inv()
+        )
         assert turned.magnitude() < 1e-4
         np.testing.assert_allclose(got.omega, want[10:13], atol=1e-5)
         assert float(got.mass) == pytest.approx(want[13], rel=1e-9)
 
 
 def test_speed_gained_is_that_of_the_rocket_equation_less_small_losses(kick):
-    """The losses: the axis stays while the velocity turns by 5.4 deg, so that at most 1 - cos(3 deg) = 0.14 % goes across;
-    the cone of a few degrees about it takes as much again, and gravity along the path a few m/s."""
+    """The losses: the axis stays while the velocity turns by 5.4 deg, so that at most 1 - cos(3
+    deg) = 0.14 % goes across; the cone of a few degrees about it takes as much again, and gravity
+    along the path a few m/s."""
     _, flown = kick
     ideal = EXHAUST * math.log((DRY + PROPELLANT) / DRY)
     first, last = (np.linalg.norm(flown["burn"].states.velocity[k]) for k in (0, -1))
@@ -292,7 +353,8 @@ def test_speed_gained_is_that_of_the_rocket_equation_less_small_losses(kick):
 
 
 def test_the_orbit_that_is_reached(kick):
-    """Energy and angular momentum at burnout give the apsides; the perigee stays near the height of the injection."""
+    """Energy and angular momentum at burnout give the apsides; the perigee stays near the height of
+    the injection."""
     file, flown = kick
     r, v = (np.asarray(x) for x in (flown["coast"].final.position, flown["coast"].final.velocity))
     energy, h = v @ v / 2 - MU / np.linalg.norm(r), np.linalg.norm(np.cross(r, v))
@@ -315,17 +377,22 @@ def test_the_coast_keeps_the_angular_momentum(kick):
 
 
 def test_the_yo_yo_takes_the_spin_and_leaves_the_cone(kick):
-    """Thomson 7.5-12 on the spin at the end of the coast; pointing and cone from the final state, by numpy."""
+    """Thomson 7.5-12 on the spin at the end of the coast; pointing and cone from the final state,
+    by numpy."""
     file, flown = kick
     before, after = flown["coast"].final, flown.final
     c, phi = 521.0 / (6.0 * 0.62**2) + 1.0, 8.81 / 0.62
-    assert float(after.omega[2]) == pytest.approx(float(before.omega[2]) * (c - phi**2) / (c + phi**2), rel=1e-12)
+    assert float(after.omega[2]) == pytest.approx(
+        float(before.omega[2]) * (c - phi**2) / (c + phi**2), rel=1e-12
+    )
     assert float(after.mass) == pytest.approx(DRY - 6.0, rel=1e-9)
     h = np.array([1031.0, 1002.0, 521.0]) * np.asarray(after.omega)
     outputs = {name: float(x[0]) for name, x in file.nominal_outputs(flown).items()}
     assert outputs["spin_rate"] == pytest.approx(float(after.omega[2]) * 30 / math.pi)
     assert 2.0 < outputs["spin_rate"] < 8.0
-    assert outputs["cone_angle"] == pytest.approx(math.degrees(math.atan2(np.hypot(h[0], h[1]), h[2])), rel=1e-6)
+    assert outputs["cone_angle"] == pytest.approx(
+        math.degrees(math.atan2(np.hypot(h[0], h[1]), h[2])), rel=1e-6
+    )
     h_N = Rotation.from_quat(np.roll(after.attitude.wxyz, -1)).apply(h / np.linalg.norm(h))
     intended = Rotation.from_quat(np.roll(start()[6:10], -1)).apply([0.0, 0.0, 1.0])
     assert outputs["pointing"] == pytest.approx(math.degrees(math.acos(h_N @ intended)), rel=1e-5)
@@ -336,7 +403,15 @@ def test_cost_prints_a_table_and_recommends(tmp_path, capsys):
     path.write_text(CHEAP)
     assert main(["cost", str(path), "--out", str(tmp_path / "a"), "--error", "1e-9"]) == 0
     printed = capsys.readouterr().out
-    for word in ("A coast", "DOP853", "Tsit5", "float32", "1e-12", "evaluations", "Errors are against DOP853"):
+    for word in (
+        "A coast",
+        "DOP853",
+        "Tsit5",
+        "float32",
+        "1e-12",
+        "evaluations",
+        "Errors are against DOP853",
+    ):
         assert word in printed
     assert "for a relative error of 1e-09 in the final state: accuracy = " in printed
     assert (tmp_path / "a" / "coast_cost.png").exists() and "coast_cost.png" in printed

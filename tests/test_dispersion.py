@@ -1,4 +1,5 @@
-"""Campaigns: distributions, independence of a run from how the campaign is cut, statistics with known answers, the store."""
+"""Campaigns: distributions, independence of a run from how the campaign is cut, statistics with
+known answers, the store."""
 
 import subprocess
 import sys
@@ -11,8 +12,17 @@ import numpy as np
 import pytest
 import scipy.stats
 
-from jaxspace._core import AbstractClosedFormSystem, AbstractSystem, InputError
-from jaxspace.dispersion import Campaign, Constant, Dispersion, Normal, TruncatedNormal, Uniform, disperse, open_store
+from jaxspace.core import AbstractSystem, InputError
+from jaxspace.dispersion import (
+    Campaign,
+    Constant,
+    Dispersion,
+    Normal,
+    TruncatedNormal,
+    Uniform,
+    disperse,
+    open_store,
+)
 from jaxspace.simulation import Event, Mission, Phase, SimulationError, Status
 
 DURATION = 3.0
@@ -37,7 +47,7 @@ class Oscillator(AbstractSystem):
 
 
 @final
-class Drift(AbstractClosedFormSystem):
+class Drift(AbstractSystem):
     """x' = v, so that x grows by v t: linear in what scatters, and without any integration."""
 
     def vector_field(self, t, y):
@@ -63,7 +73,11 @@ def drifts(samples):
     return Mission([Phase(Drift(), DURATION)]), Swing(samples["x0"], samples["v0"])
 
 
-INPUTS = {"stiffness": Normal(4.0, 0.4), "x0": Uniform(0.9, 1.1), "v0": TruncatedNormal(0.0, 0.1, -0.1, 0.2)}
+INPUTS = {
+    "stiffness": Normal(4.0, 0.4),
+    "x0": Uniform(0.9, 1.1),
+    "v0": TruncatedNormal(0.0, 0.1, -0.1, 0.2),
+}
 UNITS = {"x": "m", "v": "m/s", "stiffness": "1/s^2", "x0": "m", "v0": "m/s"}
 SWINGS = Campaign(swings, INPUTS, last, UNITS, description="a pendulum")
 RUNS, CALL = 700, 512  # of a campaign, of one call
@@ -83,14 +97,21 @@ def whole() -> Dispersion:
 DISTRIBUTIONS = [
     pytest.param(Normal(84.1, 0.25), scipy.stats.norm(84.1, 0.25), id="normal"),
     pytest.param(Uniform(-2.0, 5.0), scipy.stats.uniform(-2.0, 7.0), id="uniform"),
-    pytest.param(TruncatedNormal(1.0, 0.5, 0.0, 3.0), scipy.stats.truncnorm(-2.0, 4.0, 1.0, 0.5), id="truncated"),
-    pytest.param(TruncatedNormal(0.0, 1.0, 0.0, 1.0), scipy.stats.truncnorm(0.0, 1.0, 0.0, 1.0), id="half"),
+    pytest.param(
+        TruncatedNormal(1.0, 0.5, 0.0, 3.0),
+        scipy.stats.truncnorm(-2.0, 4.0, 1.0, 0.5),
+        id="truncated",
+    ),
+    pytest.param(
+        TruncatedNormal(0.0, 1.0, 0.0, 1.0), scipy.stats.truncnorm(0.0, 1.0, 0.0, 1.0), id="half"
+    ),
 ]
 
 
 @pytest.mark.parametrize("distribution, reference", DISTRIBUTIONS)
 def test_draws_follow_the_distribution(distribution, reference, key):
-    """Mean and variance of 100 000 draws within five standard errors of the closed form: once in 1.7 million by chance."""
+    """Mean and variance of 100 000 draws within five standard errors of the closed form: once in
+    1.7 million by chance."""
     n = 100_000
     draws = np.asarray(jax.vmap(distribution.sample)(jax.random.split(key, n)))
     mean, variance, _, excess = (float(m) for m in reference.stats(moments="mvsk"))
@@ -102,7 +123,9 @@ def test_draws_follow_the_distribution(distribution, reference, key):
 
 def test_mean_and_deviation_of_the_parameters():
     assert float(Uniform(1.0, 4.0).mean) == 2.5
-    assert float(Uniform(1.0, 4.0).deviation) == pytest.approx(3.0 / np.sqrt(12.0), rel=1e-15)  # variance (b - a)^2 / 12
+    assert float(Uniform(1.0, 4.0).deviation) == pytest.approx(
+        3.0 / np.sqrt(12.0), rel=1e-15
+    )  # variance (b - a)^2 / 12
     assert (float(Constant(3.0).mean), float(Constant(3.0).deviation)) == (3.0, 0.0)
 
 
@@ -130,7 +153,9 @@ def test_bad_input_names_its_field(make, field):
 
 
 def test_an_output_may_not_have_the_name_of_an_input():
-    clash = Campaign(drifts, {"x0": Normal(0.0, 1.0), "v0": Constant(1.0)}, lambda r, s: {"x0": r.final.x})
+    clash = Campaign(
+        drifts, {"x0": Normal(0.0, 1.0), "v0": Constant(1.0)}, lambda r, s: {"x0": r.final.x}
+    )
     with pytest.raises(InputError, match="'x0'"):
         disperse(clash, 5)
 
@@ -143,7 +168,8 @@ def test_a_draw_depends_on_seed_number_and_name_alone(key):
 
 
 def test_runs_match_the_closed_form(whole):
-    """The oscillation has some ten steps, each to 1e-9 of a state of size 1 and 2: their sum stays within 1e-8."""
+    """The oscillation has some ten steps, each to 1e-9 of a state of size 1 and 2: their sum stays
+    within 1e-8."""
     assert np.all(whole.status == Status.COMPLETED)
     np.testing.assert_allclose(whole.outputs["x"], exact(whole), rtol=0.0, atol=1e-8)
     assert list(whole.outputs) == ["x", "v"] and list(whole.inputs) == list(INPUTS)
@@ -159,7 +185,8 @@ def test_a_run_is_the_same_bit_for_bit_however_the_campaign_is_cut(whole, chunk,
 
 
 def test_devices_change_no_number():
-    """In a process of its own, because the number of devices is fixed when the first one is touched."""
+    """In a process of its own, because the number of devices is fixed when the first one is
+    touched."""
     code = """
 import jax
 jax.config.update("jax_enable_x64", True)
@@ -168,12 +195,18 @@ from test_dispersion import SWINGS, disperse
 one, two = (disperse(SWINGS, 300, devices=n) for n in (1, 2))
 print(len(jax.devices()), all((one.values(k) == two.values(k)).all() for k in SWINGS.units))
 """
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=__file__.rpartition("/")[0])
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        capture_output=True,
+        text=True,
+        cwd=__file__.rpartition("/")[0],
+    )
     assert done.stdout.split() == ["2", "True"], done.stderr
 
 
 def rarely_fast(samples):
-    """One run in two hundred swings three times as fast as the others: its steps have to be that much shorter."""
+    """One run in two hundred swings three times as fast as the others: its steps have to be that
+    much shorter."""
     system = Oscillator(jnp.where(samples["luck"] > 0.995, 3.0, 1.0))
     return Mission([Phase(system, DURATION)]), Swing(samples["x0"], samples["v0"])
 
@@ -195,29 +228,38 @@ def stops(samples):
 
 
 def test_a_mission_with_an_event_is_cut_into_chunks_alike():
-    """The search for events shares adaptive steps within a block, so that a block must be the same runs, also when it is
-    repeated because some of them missed the tolerance."""
+    """The search for events shares adaptive steps within a block, so that a block must be the same
+    runs, also when it is repeated because some of them missed the tolerance."""
     inputs = {"luck": Uniform(0.0, 1.0), "x0": Uniform(0.5, 1.0), "v0": Constant(0.0)}
     campaign = Campaign(stops, inputs, lambda r, s: {"x": r.final.x, "t": r.end})
-    one, two = disperse(campaign, 600, seed=1, chunk=100), disperse(campaign, 600, seed=1, chunk=768)
+    one, two = (
+        disperse(campaign, 600, seed=1, chunk=100),
+        disperse(campaign, 600, seed=1, chunk=768),
+    )
     fast = one.inputs["luck"] > 0.995
     assert np.any(fast) and np.all(one.evaluations[fast] > 2 * one.evaluations[~fast].max())
     for name in ("x", "t"):
         np.testing.assert_array_equal(one.outputs[name], two.outputs[name])
     assert np.all(one.status == Status.EVENT)
     np.testing.assert_allclose(one.outputs["t"], 2.0, rtol=1e-9)
-    np.testing.assert_allclose(one.outputs["x"], one.inputs["x0"] * np.cos(np.where(fast, 6.0, 2.0)), rtol=0.0, atol=1e-8)
+    np.testing.assert_allclose(
+        one.outputs["x"], one.inputs["x0"] * np.cos(np.where(fast, 6.0, 2.0)), rtol=0.0, atol=1e-8
+    )
 
 
 def test_a_run_that_is_not_finite_marks_its_own_row():
-    """A negative stiffness has no root: with this spread one run in six, pilots included, is NaN from the start."""
+    """A negative stiffness has no root: with this spread one run in six, pilots included, is NaN
+    from the start."""
     d = disperse(Campaign(swings, {**INPUTS, "stiffness": Normal(2.0, 2.0)}, last), 300, seed=3)
     bad = d.inputs["stiffness"] < 0.0
     assert 20 < bad.sum() < 80 and np.any(bad[:15])
     np.testing.assert_array_equal(d.status, np.where(bad, Status.NOT_FINITE, Status.COMPLETED))
     np.testing.assert_allclose(d.outputs["x"][~bad], exact(d)[~bad], rtol=0.0, atol=1e-8)
     (failure,) = d.failed
-    assert (failure.status, failure.count) == (Status.NOT_FINITE, bad.sum()) and "finite" in failure.sentence
+    assert (failure.status, failure.count) == (
+        Status.NOT_FINITE,
+        bad.sum(),
+    ) and "finite" in failure.sentence
     assert all(row.runs == 300 - bad.sum() and np.isfinite(row.std) for row in d.table())
 
 
@@ -227,9 +269,15 @@ def test_a_nominal_run_that_cannot_be_flown_is_told():
 
 
 def test_shares_of_a_linear_problem():
-    """x = x0 + 3 v0 with deviations 2 and 1: shares 4/13 and 9/13, to the sampling error of 4000 runs (five standard errors
-    of a share are below 5 / sqrt(4000) = 0.08). A linear law explains it all, and a constant contributes nothing."""
-    inputs = {"x0": Normal(1.0, 2.0), "v0": Normal(-1.0, 1.0), "idle": Normal(0.0, 1.0), "fixed": Constant(2.0)}
+    """x = x0 + 3 v0 with deviations 2 and 1: shares 4/13 and 9/13, to the sampling error of 4000
+    runs (five standard errors of a share are below 5 / sqrt(4000) = 0.08). A linear law explains it
+    all, and a constant contributes nothing."""
+    inputs = {
+        "x0": Normal(1.0, 2.0),
+        "v0": Normal(-1.0, 1.0),
+        "idle": Normal(0.0, 1.0),
+        "fixed": Constant(2.0),
+    }
     d = disperse(Campaign(drifts, inputs, last, {"x": "m"}), 4000)
     found = d.contributors("x")
     assert found.r_squared == pytest.approx(1.0, abs=1e-12)
@@ -240,7 +288,8 @@ def test_shares_of_a_linear_problem():
     row = d.table()[0]
     assert row.mean == pytest.approx(-2.0, abs=5.0 * np.sqrt(13.0 / 4000))
     assert row.std == pytest.approx(np.sqrt(13.0), rel=5.0 / np.sqrt(2 * 4000))
-    # Two sided 99 % of a normal law: 2.5758 deviations; the error of such a quantile is some 0.08 deviations, here five times.
+    # Two sided 99 % of a normal law: 2.5758 deviations; the error of such a quantile is some 0.08
+    # deviations, here five times.
     assert (row.high - row.low) / row.std == pytest.approx(2 * 2.5758, abs=0.4)
     assert list(d.contributors("x", 1).shares) == ["v0"]
     with pytest.raises(InputError, match="height"):
@@ -248,8 +297,9 @@ def test_shares_of_a_linear_problem():
 
 
 def test_shares_of_a_magnitude():
-    """y = sqrt(a^2 + 4 b^2 + 100): no linear law sees it, the squares do, with 1/17 and 16/17 of the variance of y^2. The
-    root bends that by a few hundredths, the sample by five times 1 / sqrt(4000)."""
+    """y = sqrt(a^2 + 4 b^2 + 100): no linear law sees it, the squares do, with 1/17 and 16/17 of
+    the variance of y^2. The root bends that by a few hundredths, the sample by five times 1 /
+    sqrt(4000)."""
     a, b = np.random.default_rng(3).standard_normal((2, 4000))
     y = np.sqrt(a**2 + 4.0 * b**2 + 100.0)
     d = Dispersion({"a": a, "b": b}, {"y": y}, np.zeros(4000, int), np.ones(4000, int), {}, 0)
@@ -262,12 +312,21 @@ def test_shares_of_a_magnitude():
 def test_table_of_known_numbers():
     x = np.arange(201.0)
     status = np.where(x == 200.0, Status.MAX_STEPS, Status.COMPLETED)
-    d = Dispersion({"a": x}, {"x": np.where(x == 200.0, 1e9, x), "flat": np.ones(201)}, status, np.ones(201, int), {"x": "m"}, 0)
+    d = Dispersion(
+        {"a": x},
+        {"x": np.where(x == 200.0, 1e9, x), "flat": np.ones(201)},
+        status,
+        np.ones(201, int),
+        {"x": "m"},
+        0,
+    )
     row = d.table()[0]
     assert row.name == "x" and row.unit == "m" and row.runs == 200
     # 0, 1 .. 199: mean (n - 1)/2, variance n (n + 1)/12, quantiles p (n - 1)
     expected = (99.5, np.sqrt(200 * 201 / 12), 0.005 * 199, 0.995 * 199, 0.0, 199.0)
-    assert (row.mean, row.std, row.low, row.high, row.min, row.max) == pytest.approx(expected, rel=1e-12)
+    assert (row.mean, row.std, row.low, row.high, row.min, row.max) == pytest.approx(
+        expected, rel=1e-12
+    )
     assert d.contributors("flat").shares == {} and np.isnan(d.contributors("flat").r_squared)
     assert d.label("x") == "x [m]" and [r.name for r in d.table("inputs")] == ["a"]
     few = Dispersion({"a": x[:2]}, {"x": x[:2]}, status[:2], status[:2], {}, 0)
@@ -279,7 +338,14 @@ def test_what_is_stored_comes_back(whole, tmp_path):
     place = tmp_path / "campaign.zarr"
     disperse(SWINGS, 100, seed=1, store=place)  # of another make: it is replaced
     seen = []
-    disperse(SWINGS, RUNS, seed=7, chunk=CALL, store=place, progress=lambda done, total: seen.append((done, total)))
+    disperse(
+        SWINGS,
+        RUNS,
+        seed=7,
+        chunk=CALL,
+        store=place,
+        progress=lambda done, total: seen.append((done, total)),
+    )
     # A chunk is whole blocks.
     assert seen == [(min(done, RUNS), RUNS) for done in range(CALL, RUNS + CALL, CALL)]
     back = open_store(place)
@@ -290,7 +356,9 @@ def test_what_is_stored_comes_back(whole, tmp_path):
     assert list(back.outputs) == ["x", "v"] and back.attributes["description"] == "a pendulum"
     assert back.attributes["versions"]["jax"] == jax.__version__ and back.attributes["rtol"] == 1e-9
     data = back.to_dataset()
-    assert data["x"].attrs["units"] == "m" and data["x"].dims == ("run",) and data.attrs["seed"] == 7
+    assert (
+        data["x"].attrs["units"] == "m" and data["x"].dims == ("run",) and data.attrs["seed"] == 7
+    )
 
 
 def test_an_interrupted_campaign_keeps_its_finished_chunks(whole, tmp_path):

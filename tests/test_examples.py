@@ -1,4 +1,5 @@
-"""Everything that a reader is shown runs: the examples, and the Python of the README and of the manual."""
+"""Everything that a reader is shown runs: the examples, and the Python of the README and of the
+manual."""
 
 import os
 import re
@@ -20,14 +21,23 @@ def test_there_is_something_to_show():
     assert len(EXAMPLES) >= 6 and "README.md" in PAGES and len(PAGES) >= 8
 
 
-# A process of its own: an example chooses its precision, and no other test has touched JAX's settings before it.
+# A process of its own: an example chooses its precision, and no other test has touched JAX's
+# settings before it.
 @pytest.mark.parametrize("name", EXAMPLES)
 def test_example_runs(name, request):
     path = os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")]))
     command = [sys.executable, "-W", "error", str(ROOT / "examples" / name)]
     # As the other tests of the sample: less optimised, the same results.
-    light = {"JAX_DISABLE_MOST_OPTIMIZATIONS": str(int(request.config.getoption("--sweep") == "sample"))}
-    done = subprocess.run(command, cwd=ROOT, env={**os.environ, **light, "PYTHONPATH": path}, capture_output=True, text=True)
+    light = {
+        "JAX_DISABLE_MOST_OPTIMIZATIONS": str(int(request.config.getoption("--sweep") == "sample"))
+    }
+    done = subprocess.run(
+        command,
+        cwd=ROOT,
+        env={**os.environ, **light, "PYTHONPATH": path},
+        capture_output=True,
+        text=True,
+    )
     assert done.returncode == 0, done.stdout + done.stderr
     assert done.stdout.strip() and "nan" not in done.stdout.lower().split()
 

@@ -1,4 +1,5 @@
-"""The gyro in two gimbals: Thomson 6.2 (without gimbal mass), 6.3 (gimbal walk), and what must be conserved."""
+"""The gyro in two gimbals: Thomson 6.2 (without gimbal mass), 6.3 (gimbal walk), and what must be
+conserved."""
 
 import jax
 import jax.numpy as jnp
@@ -10,14 +11,16 @@ from jax.flatten_util import ravel_pytree
 from numpy.testing import assert_allclose
 from reference_run import check_derivatives, drifts, long_run, run
 
-from jaxspace._core import InputError
+from jaxspace.core import InputError
 from jaxspace.gyros import GimbalState, TwoGimbalGyro
 from jaxspace.rotations import Quaternion, omega_from_euler_rates
 
 CASE = 1e-9  # relative tolerance of the reference cases
 UPRIGHT, SIXTY = 1.5707963267948966, 1.0471975511965979
 BARE = TwoGimbalGyro(transverse_inertia=0.002, axial_inertia=0.0008, spin_rate=500.0)
-HEAVY = TwoGimbalGyro(0.002, 0.0008, 500.0, inner_xi=0.0006, inner_eta=0.0005, inner_zeta=0.0004, outer=0.0015)
+HEAVY = TwoGimbalGyro(
+    0.002, 0.0008, 500.0, inner_xi=0.0006, inner_eta=0.0005, inner_zeta=0.0004, outer=0.0015
+)
 
 
 def state(gyro, *values):
@@ -30,12 +33,16 @@ def test_impulse_on_the_inner_axis():  # T6.2-1x
     assert_allclose(states.theta[-1], 1.56322730090527, rtol=1e-9)
     assert_allclose(states.psi[-1], 0.016534496174736173, rtol=1e-8)
     theta, psi = BARE.impulse_response(0.02, 0.004)
-    assert_allclose([UPRIGHT + theta, psi], [states.theta[-1], states.psi[-1]], atol=4.0 * 0.01**3)  # 4 rad, amplitude 0.01
+    assert_allclose(
+        [UPRIGHT + theta, psi], [states.theta[-1], states.psi[-1]], atol=4.0 * 0.01**3
+    )  # 4 rad, amplitude 0.01
 
 
 def test_constant_moment_on_the_inner_axis():  # T6.2-P1
     gyro = TwoGimbalGyro(0.002, 0.0008, 500.0, moment_inner=0.02)
-    assert_allclose(gyro.step_response(0.1), [0.000147979484546652, 0.004771763687318093], rtol=CASE)
+    assert_allclose(
+        gyro.step_response(0.1), [0.000147979484546652, 0.004771763687318093], rtol=CASE
+    )
     states = run(gyro, state(gyro, UPRIGHT, 0.0, 0.0, 0.0), [0.0, 0.1])
     assert_allclose(states.theta[-1], 1.5709443069515414, rtol=1e-9)
     assert_allclose(states.psi[-1], 0.004771763019152748, rtol=1e-8)
@@ -45,8 +52,11 @@ def test_constant_moment_on_the_outer_axis():  # T6.2-P4
     gyro = TwoGimbalGyro(0.002, 0.0008, 500.0, moment_outer=0.05)
     assert_allclose(gyro.swing_time(UPRIGHT, 0.0), 8.0, rtol=CASE)
     assert_allclose(gyro.swing(2.0, SIXTY), 0.7227342478134157, rtol=CASE)
-    # With a nutation: its amplitude in theta is about A M / H^2, 6e-4 rad, at 5 rad/s of spin momentum per inertia.
-    states = run(gyro, state(gyro, SIXTY, 0.0, 0.0, 0.0), np.linspace(0.0, 2.0, 3), rtol=1e-9, atol=1e-12)
+    # With a nutation: its amplitude in theta is about A M / H^2, 6e-4 rad, at 5 rad/s of spin
+    # momentum per inertia.
+    states = run(
+        gyro, state(gyro, SIXTY, 0.0, 0.0, 0.0), np.linspace(0.0, 2.0, 3), rtol=1e-9, atol=1e-12
+    )
     assert_allclose(states.theta[-1], 0.7227342478134157, atol=2e-3)
     assert_allclose(states.angular_momentum[-1], 0.2 + 0.1, rtol=1e-12)
 
@@ -67,7 +77,9 @@ WALKS = [
 def test_gimbal_walk(rate, second_order, exact, period):  # T6.3-walk
     walk = HEAVY.walk(SIXTY, rate)
     assert_allclose(HEAVY.outer_inertia(SIXTY), 0.003475, rtol=CASE)
-    assert_allclose([HEAVY.nutation_frequency(SIXTY), walk.frequency()], [115.24618148307799] * 2, rtol=CASE)
+    assert_allclose(
+        [HEAVY.nutation_frequency(SIXTY), walk.frequency()], [115.24618148307799] * 2, rtol=CASE
+    )
     assert_allclose(walk.drift_to_second_order(), second_order, rtol=CASE)
     assert_allclose(walk.drift(), exact, rtol=CASE)
     assert_allclose(walk.period(), period, rtol=CASE)
@@ -85,22 +97,35 @@ def test_mean_of_theta():  # T6.3-P5
     period = float(walk.period())
     theta = long_run(HEAVY, state(HEAVY, SIXTY, 0.0, 0.2, 0.0), 100.0 * period, 4000).theta
     assert_allclose(jnp.mean(theta[1:]) - SIXTY, -1.219669868774932e-07, rtol=1e-5)
-    assert_allclose((theta[-1] - theta[0]) / (100.0 * period), 0.0, atol=1e-10)  # theta_secular_rate
+    assert_allclose(
+        (theta[-1] - theta[0]) / (100.0 * period), 0.0, atol=1e-10
+    )  # theta_secular_rate
 
 
 def test_walk_vanishes_where_it_must():
-    """At 90 deg by symmetry, without gimbal mass because psi' then averages out; it changes sign from theta to 180 - theta."""
+    """At 90 deg by symmetry, without gimbal mass because psi' then averages out; it changes sign
+    from theta to 180 - theta."""
     assert_allclose(HEAVY.walk(UPRIGHT, 2.0).drift(), 0.0, atol=1e-16)
-    assert_allclose(HEAVY.walk(np.pi - SIXTY, 2.0).drift(), -HEAVY.walk(SIXTY, 2.0).drift(), rtol=1e-12)
+    assert_allclose(
+        HEAVY.walk(np.pi - SIXTY, 2.0).drift(), -HEAVY.walk(SIXTY, 2.0).drift(), rtol=1e-12
+    )
     assert_allclose(HEAVY.walk(SIXTY, -2.0).drift(), HEAVY.walk(SIXTY, 2.0).drift(), rtol=1e-12)
     assert_allclose(BARE.walk(SIXTY, 2.0).drift_to_second_order(), 0.0, atol=0.0)
     # The axis of a free body runs round a circle and back to its start: no drift to any order.
     assert_allclose(BARE.walk(SIXTY, 2.0).drift(), 0.0, atol=1e-13)
 
 
-@given(st.floats(0.4, 2.7), st.floats(-5.0, 5.0), st.floats(-5.0, 5.0), st.floats(-1.0, 1.0), st.floats(-1.0, 1.0))
+@given(
+    st.floats(0.4, 2.7),
+    st.floats(-5.0, 5.0),
+    st.floats(-5.0, 5.0),
+    st.floats(-1.0, 1.0),
+    st.floats(-1.0, 1.0),
+)
 def test_rate_of_every_invariant_is_zero(theta, theta_rate, psi_rate, moment_inner, moment_outer):
-    gyro = TwoGimbalGyro(*(jnp.asarray(v) for v in (2.0, 0.8, 5.0, 0.6, 0.5, 0.4, 1.5, moment_inner, moment_outer)))
+    gyro = TwoGimbalGyro(
+        *(jnp.asarray(v) for v in (2.0, 0.8, 5.0, 0.6, 0.5, 0.4, 1.5, moment_inner, moment_outer))
+    )
     y = state(gyro, theta, 0.1, theta_rate, psi_rate)
     for change in INVARIANT_RATES(gyro, jnp.asarray(0.7), y).values():
         assert_allclose(change, 0.0, atol=1e-11)  # sums of terms up to 1e3
@@ -113,7 +138,8 @@ def INVARIANT_RATES(gyro, t, y):
 
 
 def test_equations_are_those_of_the_lagrangian():
-    """T = (A + A_i) theta'^2/2 + I_Z psi'^2/2 + C (phi' + psi' cos theta)^2/2, differentiated instead of written out."""
+    """T = (A + A_i) theta'^2/2 + I_Z psi'^2/2 + C (phi' + psi' cos theta)^2/2, differentiated
+    instead of written out."""
     A, C, Ai, Bi, Ci, C0, Mx, Mz = 2.0, 0.8, 0.6, 0.5, 0.4, 1.5, 0.3, -0.2
     gyro = TwoGimbalGyro(A, C, 5.0, Ai, Bi, Ci, C0, Mx, Mz)
     q, psi_rate = jnp.array([0.9, 0.2, 0.0]), 1.3
@@ -141,7 +167,9 @@ def test_gimbal_lock_needs_gimbals_without_mass():
     through = state(HEAVY, 0.5, 0.0, -200.0, 0.0)
     states = run(HEAVY, through, np.linspace(0.0, 0.01, 11))
     assert np.min(states.theta) < 0.0 and np.all(np.isfinite(states.psi))
-    assert max(drifts(HEAVY, states, np.linspace(0.0, 0.01, 11)).values()) < 1e-11  # DOP853 at rtol 1e-12
+    assert (
+        max(drifts(HEAVY, states, np.linspace(0.0, 0.01, 11)).values()) < 1e-11
+    )  # DOP853 at rtol 1e-12
 
 
 STARTS = {
@@ -157,7 +185,9 @@ def test_derivatives_of_the_motion(x):
     def motion(v):
         gyro = TwoGimbalGyro(*v[:9])
         y = gyro.state(*v[9:])
-        return jnp.concatenate([ravel_pytree(gyro.vector_field(0.2, y))[0], ravel_pytree(gyro.invariants(0.2, y))[0]])
+        return jnp.concatenate(
+            [ravel_pytree(gyro.vector_field(0.2, y))[0], ravel_pytree(gyro.invariants(0.2, y))[0]]
+        )
 
     check_derivatives(motion, x)
 
@@ -166,13 +196,22 @@ def test_derivatives_of_the_motion(x):
 def test_derivatives_of_the_walk(rate):
     def walk(v):
         w = TwoGimbalGyro(*v[:7]).walk(v[7], v[8])
-        return jnp.stack([w.drift(), w.period(), w.offset(), w.drift_to_second_order(), w.offset_to_second_order()])
+        return jnp.stack(
+            [
+                w.drift(),
+                w.period(),
+                w.offset(),
+                w.drift_to_second_order(),
+                w.offset_to_second_order(),
+            ]
+        )
 
     check_derivatives(walk, [2.0, 0.8, 5.0, 0.6, 0.5, 0.4, 1.5, 0.9, rate])
 
 
 def test_a_gimbal_that_passes_the_pole_does_not_walk():
-    """Whether it passes changes at the greatest rate; from there on the exact results say so, and so do their derivatives."""
+    """Whether it passes changes at the greatest rate; from there on the exact results say so, and
+    so do their derivatives."""
     gyro = TwoGimbalGyro(2.0, 0.8, 5.0, 0.6, 0.5, 0.4, 1.5)
     limit = float(gyro.walk(0.9, 0.1).greatest_rate())
     for rate, passes in ((0.999 * limit, False), (1.001 * limit, True)):
@@ -185,7 +224,13 @@ def test_a_gimbal_that_passes_the_pole_does_not_walk():
 def test_single_precision_stays():
     y = HEAVY.state(*(jnp.asarray(v, jnp.float32) for v in (1.0, 0.0, 2.0, 0.1)))
     walk = HEAVY.walk(jnp.asarray(1.0, jnp.float32), jnp.asarray(2.0, jnp.float32))
-    for tree in (y, HEAVY.vector_field(0.0, y), HEAVY.invariants(0.0, y), walk.drift(), walk.period()):
+    for tree in (
+        y,
+        HEAVY.vector_field(0.0, y),
+        HEAVY.invariants(0.0, y),
+        walk.drift(),
+        walk.period(),
+    ):
         assert {x.dtype for x in jax.tree.leaves(tree)} == {jnp.dtype("float32")}
 
 
@@ -196,12 +241,21 @@ def test_a_batch_is_a_loop():
         gyro = TwoGimbalGyro(*v[:9])
         y = gyro.state(*v[9:])
         walk = gyro.walk(v[9], 0.1 * v[11])
-        return y, gyro.vector_field(0.3, y), gyro.invariants(0.3, y), walk.drift(), walk.offset(), walk.period()
+        return (
+            y,
+            gyro.vector_field(0.3, y),
+            gyro.invariants(0.3, y),
+            walk.drift(),
+            walk.offset(),
+            walk.period(),
+        )
 
     batch = everything(jnp.asarray(values))
     for i in range(4):
         one = everything(jnp.asarray(values[:, i]))
-        jax.tree.map(lambda a, b, i=i: assert_allclose(a[..., i], b, rtol=1e-12, atol=1e-14), batch, one)
+        jax.tree.map(
+            lambda a, b, i=i: assert_allclose(a[..., i], b, rtol=1e-12, atol=1e-14), batch, one
+        )
     assert HEAVY.vector_field(0.0, jax.tree.map(lambda x: x[:3], batch[0])).theta.shape == (3,)
     assert HEAVY.walk(jnp.ones(3), 0.5).drift().shape == (3,)
 

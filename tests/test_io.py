@@ -85,9 +85,14 @@ def test_values_that_are_refused(quantity, value):
     assert quantity.example in str(refusal.value)
 
 
-# A change of the kick stage, and what the message has to hold: the key, the value, what is allowed, the nearest name.
+# A change of the kick stage, and what the message has to hold: the key, the value, what is allowed,
+# the nearest name.
 BAD = {
-    "unknown_key": ("burn_time =", "burntime =", ["effects.thrust.burntime", "Did you mean burn_time?"]),
+    "unknown_key": (
+        "burn_time =",
+        "burntime =",
+        ["effects.thrust.burntime", "Did you mean burn_time?"],
+    ),
     "unknown_effect_in_phase": (
         'effects = ["point_gravity", "oblateness", "thrust"',
         'effects = ["point_gravty", "oblateness", "thrust"',
@@ -104,30 +109,82 @@ BAD = {
         ["jet_dampin", "Did you mean jet_damping?"],
     ),
     "unknown_table": ("[planet]", "[planett]", ["planett", "Did you mean planet?"]),
-    "unknown_output": ('  "pointing",', '  "ponting",', ["dispersion.outputs.5", '"ponting"', "Did you mean pointing?"]),
-    "unknown_input": ('"body.dry_mass" =', '"body.dry_mas" =', ["dispersion.inputs.body.dry_mas", "Did you mean body.dry_mass?"]),
+    "unknown_output": (
+        '  "pointing",',
+        '  "ponting",',
+        ["dispersion.outputs.5", '"ponting"', "Did you mean pointing?"],
+    ),
+    "unknown_input": (
+        '"body.dry_mass" =',
+        '"body.dry_mas" =',
+        ["dispersion.inputs.body.dry_mas", "Did you mean body.dry_mass?"],
+    ),
     "unknown_distribution": (
         '"truncated_normal"',
         '"truncated"',
-        ["dispersion.inputs.initial.omega.2.distribution", '"truncated"', "Did you mean truncated_normal?"],
+        [
+            "dispersion.inputs.initial.omega.2.distribution",
+            '"truncated"',
+            "Did you mean truncated_normal?",
+        ],
     ),
-    "negative_mass": ('dry_mass = "1191 kg"', "dry_mass = -5.0", ["body.dry_mass is -5.0", "a positive number in kg"]),
-    "mass_for_a_rate": ('"60 rpm"]', '"60 kg"]', ["initial.omega.2", '"60 kg"', "angular rate", "rad/s"]),
+    "negative_mass": (
+        'dry_mass = "1191 kg"',
+        "dry_mass = -5.0",
+        ["body.dry_mass is -5.0", "a positive number in kg"],
+    ),
+    "mass_for_a_rate": (
+        '"60 rpm"]',
+        '"60 kg"]',
+        ["initial.omega.2", '"60 kg"', "angular rate", "rad/s"],
+    ),
     "cycles_for_a_rate": ('"60 rpm"]', '"1 Hz"]', ["initial.omega.2", '"1 Hz"', "rad/s"]),
     "no_inertia": ('inertia = ["1031', '# inertia = ["1031', ["body.inertia is missing", "kg m^2"]),
     "no_j2": ("j2 = 1.08262668e-3", "", ["planet.j2 is missing", "the effect oblateness needs it"]),
-    "no_impulse": ('total_impulse = "5.80 MN s"', "", ["effects.thrust.total_impulse is missing", "N s"]),
+    "no_impulse": (
+        'total_impulse = "5.80 MN s"',
+        "",
+        ["effects.thrust.total_impulse is missing", "N s"],
+    ),
     "no_attitude": ('along = "velocity"', "", ["initial.attitude", "along", "angles"]),
-    "impossible_inertia": ('"521 kg m^2"]', '"5210 kg m^2"]', ["body.inertia", "5210", "sum of the other two"]),
-    "short_vector": ('tilt = ["0 deg", "0 deg"]', 'tilt = ["0 deg"]', ["initial.attitude.tilt", "a list of 2 entries"]),
-    "number_for_a_vector": ('tilt = ["0 deg", "0 deg"]', "tilt = 0", ["initial.attitude.tilt is 0", "a list of 2 entries"]),
+    "impossible_inertia": (
+        '"521 kg m^2"]',
+        '"5210 kg m^2"]',
+        ["body.inertia", "5210", "sum of the other two"],
+    ),
+    "short_vector": (
+        'tilt = ["0 deg", "0 deg"]',
+        'tilt = ["0 deg"]',
+        ["initial.attitude.tilt", "a list of 2 entries"],
+    ),
+    "number_for_a_vector": (
+        'tilt = ["0 deg", "0 deg"]',
+        "tilt = 0",
+        ["initial.attitude.tilt is 0", "a list of 2 entries"],
+    ),
     "no_end_of_phase": ('until = "burnout"', "", ["phase.0", "duration", "until", "burnout"]),
     "same_name": ('name = "coast"', 'name = "burn"', ["phase.1.name", '"burn"', "another name"]),
     "no_runs": ("runs = 10000", "runs = 0", ["dispersion.runs is 0", "above zero"]),
-    "deviation_of_another_kind": ('{ deviation = "2 kg" }', '{ deviation = "2 s" }', ["body.dry_mass.deviation", '"2 s"', "kg"]),
-    "percentage_of_zero": ('0" = { deviation = "1 mm" }', '0" = { deviation = "1 %" }', ["thrust.offset.0.deviation", '"1 %"']),
-    "empty_input": ('{ deviation = "2 kg" }', "{}", ["dispersion.inputs.body.dry_mass.deviation is missing"]),
-    "limits_turned": ('low = "56 rpm"', 'low = "65 rpm"', ["dispersion.inputs.initial.omega.2.high", "above low"]),
+    "deviation_of_another_kind": (
+        '{ deviation = "2 kg" }',
+        '{ deviation = "2 s" }',
+        ["body.dry_mass.deviation", '"2 s"', "kg"],
+    ),
+    "percentage_of_zero": (
+        '0" = { deviation = "1 mm" }',
+        '0" = { deviation = "1 %" }',
+        ["thrust.offset.0.deviation", '"1 %"'],
+    ),
+    "empty_input": (
+        '{ deviation = "2 kg" }',
+        "{}",
+        ["dispersion.inputs.body.dry_mass.deviation is missing"],
+    ),
+    "limits_turned": (
+        'low = "56 rpm"',
+        'low = "65 rpm"',
+        ["dispersion.inputs.initial.omega.2.high", "above low"],
+    ),
     "profile_descends": ("84.1]", "4.1]", ["effects.thrust.profile.times", "ascend"]),
     "no_toml": ("[planet]", "[planet", ["is not TOML", "line"]),
 }
@@ -149,11 +206,23 @@ def test_bad_scenes_get_one_clear_line(scene, tmp_path, case):
 @pytest.mark.parametrize(
     "text, words",
     [
-        (TWO_BODY.replace('"two_body"', '"twobody"'), ["system.name", '"twobody"', "Did you mean two_body?"]),
-        (TWO_BODY.replace('name = "two_body"', ""), ["system.name is missing", "one of top, two_body"]),
-        (TWO_BODY.replace('mu = "398600.4418 km^3/s^2"', "mu = -1"), ["system.mu is -1", "positive"]),
+        (
+            TWO_BODY.replace('"two_body"', '"twobody"'),
+            ["system.name", '"twobody"', "Did you mean two_body?"],
+        ),
+        (
+            TWO_BODY.replace('name = "two_body"', ""),
+            ["system.name is missing", "one of top, two_body"],
+        ),
+        (
+            TWO_BODY.replace('mu = "398600.4418 km^3/s^2"', "mu = -1"),
+            ["system.mu is -1", "positive"],
+        ),
         (TWO_BODY.replace("radius =", "# radius ="), ["system.radius is missing"]),
-        (TOP.replace("axial_inertia", "axial_inertias"), ["system.axial_inertias", "Did you mean axial_inertia?"]),
+        (
+            TOP.replace("axial_inertia", "axial_inertias"),
+            ["system.axial_inertias", "Did you mean axial_inertia?"],
+        ),
         (TOP.replace('end = "2 s"', 'end = "2 m"'), ["times.end", '"2 m"']),
         (TOP + "\n[dispersion]\nruns = 3\n", ["dispersion is not a key"]),
     ],
@@ -180,7 +249,8 @@ def test_a_file_that_is_not_there():
 
 
 def test_dispersed_numbers_are_built_like_nominal_ones(scene):
-    """The lanes of a batch whose samples are all nominal hold the nominal mission, number for number."""
+    """The lanes of a batch whose samples are all nominal hold the nominal mission, number for
+    number."""
     import jax
 
     file = scene(KICK)
@@ -197,8 +267,14 @@ def test_dispersed_numbers_are_built_like_nominal_ones(scene):
 
 def test_percentages_and_units_of_deviations(scene):
     inputs = scene(KICK).inputs
-    assert inputs["effects.thrust.total_impulse"] == ("normal", {"deviation": pytest.approx(0.0025 * 5.8e6)})
-    assert inputs["initial.attitude.tilt.0"] == ("normal", {"deviation": pytest.approx(math.radians(0.3))})
+    assert inputs["effects.thrust.total_impulse"] == (
+        "normal",
+        {"deviation": pytest.approx(0.0025 * 5.8e6)},
+    )
+    assert inputs["initial.attitude.tilt.0"] == (
+        "normal",
+        {"deviation": pytest.approx(math.radians(0.3))},
+    )
     name, numbers = inputs["initial.omega.2"]
     assert name == "truncated_normal"
     assert numbers["low"] == pytest.approx(56 * math.pi / 30)
@@ -211,7 +287,12 @@ def test_inputs_may_be_nested_tables(scene):
 
 def test_tables_of_effects_follow_the_phases(scene):
     scenes = scene(KICK).scenes()
-    assert [type(e).__name__ for e in scenes["burn"].effects] == ["PointGravity", "Oblateness", "Thrust", "JetDamping"]
+    assert [type(e).__name__ for e in scenes["burn"].effects] == [
+        "PointGravity",
+        "Oblateness",
+        "Thrust",
+        "JetDamping",
+    ]
     assert [type(e).__name__ for e in scenes["coast"].effects] == ["PointGravity", "Oblateness"]
     assert scenes["coast"].parts == ("position", "velocity", "attitude", "omega", "mass")
 

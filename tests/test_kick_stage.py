@@ -1,4 +1,5 @@
-"""The kick stage of `examples/scenes`: derivatives of its final orbit through burn, coast and despin."""
+"""The kick stage of `examples/scenes`: derivatives of its final orbit through burn, coast and
+despin."""
 
 from pathlib import Path
 
@@ -21,7 +22,8 @@ def campaign():
 
 
 def final_orbit(campaign, samples):
-    """Perigee and apogee radius, inclination, spin and time at the end of runs side by side, and the worst status."""
+    """Perigee and apogee radius, inclination, spin and time at the end of runs side by side, and
+    the worst status."""
     mission, y0 = campaign.build(samples)
     _, end, time, status = run_mission(mission, y0, jnp.zeros(()), 2, Accuracy(rtol=1e-11), 1)
     mu = mission.phases[0].system.effects[0].mu
@@ -31,11 +33,13 @@ def final_orbit(campaign, samples):
 
 
 def test_derivatives_of_the_final_orbit_in_every_dispersed_input(campaign):
-    """Reverse mode through the whole mission against central differences of order six, input by input.
+    """Reverse mode through the whole mission against central differences of order six, input by
+    input.
 
-    The point is off the nominal one, where some slopes vanish. All runs of the differences share their steps, so that the
-    error of the integration cancels. A step moves the phase of the spin at burnout by 0.13 rad, whose sixth power over 140
-    bounds the truncation to 4e-8 of what oscillates; a perigee of 6.6e6 m is known to some 1e-8 m, its differences to 1e-6."""
+    The point is off the nominal one, where some slopes vanish. All runs of the differences share
+    their steps, so that the error of the integration cancels. A step moves the phase of the spin at
+    burnout by 0.13 rad, whose sixth power over 140 bounds the truncation to 4e-8 of what
+    oscillates; a perigee of 6.6e6 m is known to some 1e-8 m, its differences to 1e-6."""
     names = list(campaign.inputs)
     mean = jnp.array([campaign.inputs[n].mean for n in names])
     sigma = jnp.array([campaign.inputs[n].deviation for n in names])
@@ -51,7 +55,9 @@ def test_derivatives_of_the_final_orbit_in_every_dispersed_input(campaign):
     values, status = jax.jit(flown)(offsets)
     assert int(status) == Status.COMPLETED
     pieces = jnp.split(values, len(weights), axis=1)
-    differences = sum(w * piece for w, piece in zip(weights.values(), pieces, strict=True)) / (60.0 * STEP)
+    differences = sum(w * piece for w, piece in zip(weights.values(), pieces, strict=True)) / (
+        60.0 * STEP
+    )
 
     def slope(row):
         return jax.grad(lambda z: jnp.sum(row * flown(z[:, None])[0][:, 0]))(jnp.zeros(len(names)))
@@ -60,9 +66,14 @@ def test_derivatives_of_the_final_orbit_in_every_dispersed_input(campaign):
     slope = jax.jit(slope, compiler_options={"xla_backend_optimization_level": 0})
     slopes = np.stack([slope(row) for row in jnp.eye(values.shape[0])])
     assert np.all(np.isfinite(slopes))
-    for found, expected, value in zip(np.asarray(slopes), np.asarray(differences), np.asarray(values), strict=True):
-        # Of each slope; slopes ten million times below the largest of an output drown in the error of the integration.
+    for found, expected, value in zip(
+        np.asarray(slopes), np.asarray(differences), np.asarray(values), strict=True
+    ):
+        # Of each slope; slopes ten million times below the largest of an output drown in the error
+        # of the integration.
         noise = 20.0 * np.finfo(float).eps * np.max(np.abs(value)) / STEP
-        np.testing.assert_allclose(found, expected, rtol=1e-6, atol=noise + 1e-7 * np.max(np.abs(expected)))
+        np.testing.assert_allclose(
+            found, expected, rtol=1e-6, atol=noise + 1e-7 * np.max(np.abs(expected))
+        )
     reached = np.abs(np.asarray(slopes)).max(axis=0) > 0.0
     assert np.all(reached), [n for n, r in zip(names, reached, strict=True) if not r]

@@ -1,4 +1,5 @@
-"""Laws that every system obeys, run over the registry: a new system in `systems.py` is tested here without a new test."""
+"""Laws that every system obeys, run over the registry: a new system in `systems.py` is tested here
+without a new test."""
 
 import equinox as eqx
 import jax
@@ -22,8 +23,12 @@ def scales(tree):
 
 def assert_near(a, b, tolerance):
     """Every block of `a` within `tolerance` of the size of the block of `b`."""
-    for x, y, s in zip(jax.tree.leaves(a), jax.tree.leaves(b), jax.tree.leaves(scales(b)), strict=True):
-        np.testing.assert_allclose(np.asarray(x) / float(s), np.asarray(y) / float(s), rtol=0.0, atol=tolerance)
+    for x, y, s in zip(
+        jax.tree.leaves(a), jax.tree.leaves(b), jax.tree.leaves(scales(b)), strict=True
+    ):
+        np.testing.assert_allclose(
+            np.asarray(x) / float(s), np.asarray(y) / float(s), rtol=0.0, atol=tolerance
+        )
 
 
 def total(a, b):
@@ -37,7 +42,8 @@ def perturbed(state, key, count):
     keys = jax.random.split(key, len(leaves))
     size = jax.tree.leaves(scales(state))
     lanes = [
-        x[..., None] + 1e-2 * s * jax.random.normal(k, (*x.shape, count)) for x, s, k in zip(leaves, size, keys, strict=True)
+        x[..., None] + 1e-2 * s * jax.random.normal(k, (*x.shape, count))
+        for x, s, k in zip(leaves, size, keys, strict=True)
     ]
     return jax.tree.unflatten(tree, lanes)
 
@@ -51,9 +57,14 @@ def lane(state, i):
 def test_compiled_is_eager(name):
     s = BY_NAME[name]
     t = jnp.array(0.3 * s.span)
-    # The compiler contracts products and sums: a few roundings. The gyro's slow rates are small rests of large terms.
+    # The compiler contracts products and sums: a few roundings. The gyro's slow rates are small
+    # rests of large terms.
     tolerance = 1e-8 if name == "two_gimbal_gyro" else 1e-11
-    assert_near(eqx.filter_jit(s.system.vector_field)(t, s.state), s.system.vector_field(t, s.state), tolerance)
+    assert_near(
+        eqx.filter_jit(s.system.vector_field)(t, s.state),
+        s.system.vector_field(t, s.state),
+        tolerance,
+    )
 
 
 @every
@@ -72,15 +83,21 @@ def test_side_by_side_is_one_by_one(name, key):
 
 @every
 def test_slopes_agree_with_differences(name, key):
-    """Forward and reverse derivatives of the vector field along a random direction, against central differences."""
+    """Forward and reverse derivatives of the vector field along a random direction, against central
+    differences."""
     s = BY_NAME[name]
     t = jnp.array(0.3 * s.span)
     direction = jax.tree.map(lambda a, b: b - a, s.state, lane(perturbed(s.state, key, 1), 0))
-    weights = jax.tree.map(lambda x, size: jnp.ones_like(x) / size, s.state, scales(s.system.vector_field(t, s.state)))
+    weights = jax.tree.map(
+        lambda x, size: jnp.ones_like(x) / size, s.state, scales(s.system.vector_field(t, s.state))
+    )
 
     def measure(y):
         return sum(
-            jnp.sum(w * k) for w, k in zip(jax.tree.leaves(weights), jax.tree.leaves(s.system.vector_field(t, y)), strict=True)
+            jnp.sum(w * k)
+            for w, k in zip(
+                jax.tree.leaves(weights), jax.tree.leaves(s.system.vector_field(t, y)), strict=True
+            )
         )
 
     _, forward = jax.jvp(measure, (s.state,), (direction,))
@@ -98,7 +115,10 @@ def test_slopes_agree_with_differences(name, key):
 @every
 def test_single_precision_stays(name):
     s = BY_NAME[name]
-    single = lambda tree: jax.tree.map(lambda x: x.astype(jnp.float32), tree)  # noqa: E731
+
+    def single(tree):
+        return jax.tree.map(lambda x: x.astype(jnp.float32), tree)
+
     rate = single(s.system).vector_field(jnp.float32(0.3 * s.span), single(s.state))
     assert {x.dtype for x in jax.tree.leaves(rate)} == {jnp.dtype("float32")}
     # A few hundred units in the last place: sums of large terms that cancel.
@@ -120,7 +140,8 @@ def test_the_way_back_and_what_stays(name):
 
 @every
 def test_a_batch_is_its_runs(name, key):
-    """The runs of a batch agree with single runs, and with their reverse and forward derivatives."""
+    """The runs of a batch agree with single runs, and with their reverse and forward
+    derivatives."""
     s = BY_NAME[name]
     lanes = perturbed(s.state, key, 3)
     rows = jax.tree.map(lambda x: jnp.moveaxis(x, -1, 0), lanes)

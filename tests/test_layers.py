@@ -9,31 +9,34 @@ import pytest
 
 PACKAGE = Path(__file__).resolve().parents[1] / "jaxspace"
 
-# A room may import the rooms of its row, and itself. The command line sees all of them, and nobody sees the command line.
+# A room may import the rooms of its row, and itself. The command line sees all of them, and nobody
+# sees the command line.
 ALLOWED = {
-    "_core": set(),
+    "core": set(),
     "_precision": set(),
     "constants": set(),
-    "rotations": {"_core"},
-    "bodies": {"_core", "rotations"},
-    "orbits": {"_core", "rotations", "bodies"},
-    "attitude": {"_core", "rotations", "bodies"},
-    "rockets": {"_core", "rotations", "bodies"},
-    "gyros": {"_core", "rotations"},
-    "mechanics": {"_core"},
-    "scene": {"_core", "bodies"},
-    "solvers": {"_core"},
-    "simulation": {"_core", "solvers"},
-    "studies": {"_core", "solvers", "simulation", "scene"},
-    "dispersion": {"_core", "simulation"},
-    "optimization": {"_core", "orbits", "rockets", "simulation"},
-    "io": {"_core", "bodies", "scene", "simulation", "dispersion"},
+    "rotations": {"core"},
+    "bodies": {"core", "rotations"},
+    "orbits": {"core", "rotations", "bodies"},
+    "attitude": {"core", "rotations", "bodies"},
+    "rockets": {"core", "rotations", "bodies"},
+    "gyros": {"core", "rotations"},
+    "mechanics": {"core"},
+    "scene": {"core", "bodies"},
+    "solvers": {"core"},
+    "integration": {"core", "solvers"},
+    "simulation": {"core", "solvers", "integration"},
+    "studies": {"core", "solvers", "simulation", "scene"},
+    "dispersion": {"core", "simulation"},
+    "optimization": {"core", "orbits", "rockets", "simulation"},
+    "io": {"core", "bodies", "scene", "simulation", "dispersion"},
     "plots": {"rotations", "simulation", "studies", "dispersion"},
 }
 ALLOWED["cli"] = set(ALLOWED)
 ALLOWED["__init__"] = set(ALLOWED) - {"cli"}
 
-# A table that draws itself asks for its picture inside a function: the picture knows the table, and never imports it.
+# A table that draws itself asks for its picture inside a function: the picture knows the table, and
+# never imports it.
 ON_REQUEST = {"studies": {"plots"}}
 
 # What a room may import at all, of the world outside.
@@ -44,7 +47,8 @@ OUTSIDE = {
     "studies": FLOOR | {"diffrax"},
     "optimization": FLOOR | {"optax"},
 }
-# Plotting, tables, files and clusters: only where a person asks for them, inside the function that needs them.
+# Plotting, tables, files and clusters: only where a person asks for them, inside the function that
+# needs them.
 HEAVY = {
     *("matplotlib", "plotly", "PIL", "imageio"),
     *("xarray", "zarr", "pandas", "h5py", "h5netcdf", "polars", "pyarrow"),
@@ -56,7 +60,7 @@ MAY_BE_HEAVY = {"dispersion", "io", "plots", "cli"}
 LIGHT = HEAVY - {"tomllib"}
 
 # Names that an `__init__` gives to its readers.
-MOST_NAMES = {"__init__": 25, "_core": 40, "orbits": 24}
+MOST_NAMES = {"__init__": 25, "core": 40, "orbits": 24}
 
 
 def room_of(file: Path) -> str:
@@ -65,9 +69,12 @@ def room_of(file: Path) -> str:
 
 
 def sources() -> list[Path]:
-    """Every source file of a room that has opened; a folder without an `__init__` is not a room yet."""
+    """Every source file of a room that has opened; a folder without an `__init__` is not a room
+    yet."""
     files = sorted(PACKAGE.rglob("*.py"))
-    return [f for f in files if f.parent == PACKAGE or (PACKAGE / room_of(f) / "__init__.py").exists()]
+    return [
+        f for f in files if f.parent == PACKAGE or (PACKAGE / room_of(f) / "__init__.py").exists()
+    ]
 
 
 ROOMS = sorted({room_of(f) for f in sources()} - {"__init__"})
@@ -75,11 +82,20 @@ FILES = [pytest.param(f, id=f.relative_to(PACKAGE).as_posix()) for f in sources(
 
 
 def imports(file: Path) -> list[tuple[str, bool]]:
-    """The full dotted name of everything that a file imports, and whether it does so while it is imported itself."""
+    """The full dotted name of everything that a file imports, and whether it does so while it is
+    imported itself."""
     tree = ast.parse(file.read_text())
-    within = {id(n) for f in ast.walk(tree) if isinstance(f, ast.FunctionDef | ast.Lambda) for n in ast.walk(f)}
+    within = {
+        id(n)
+        for f in ast.walk(tree)
+        if isinstance(f, ast.FunctionDef | ast.Lambda)
+        for n in ast.walk(f)
+    }
     within |= {
-        id(n) for f in ast.walk(tree) if isinstance(f, ast.If) and "TYPE_CHECKING" in ast.unparse(f.test) for n in ast.walk(f)
+        id(n)
+        for f in ast.walk(tree)
+        if isinstance(f, ast.If) and "TYPE_CHECKING" in ast.unparse(f.test)
+        for n in ast.walk(f)
     }
     package = ["jaxspace", *file.relative_to(PACKAGE).parts[:-1]]
     found = []
@@ -96,7 +112,9 @@ def imports(file: Path) -> list[tuple[str, bool]]:
 
 
 def test_every_room_has_a_row():
-    assert set(ROOMS) <= set(ALLOWED), "a new room needs a row in the table: which rooms may it import?"
+    assert set(ROOMS) <= set(ALLOWED), (
+        "a new room needs a row in the table: which rooms may it import?"
+    )
 
 
 @pytest.mark.parametrize("file", FILES)
@@ -106,7 +124,8 @@ def test_arrows_point_downwards(file):
         parts = name.split(".")
         if parts[0] == "jaxspace" and len(parts) > 1:
             allowed = ALLOWED[room] | (set() if at_once else ON_REQUEST.get(room, set()))
-            # Whatever is no room is a name of the package's own `__init__`, whose reader would import everything.
+            # Whatever is no room is a name of the package's own `__init__`, whose reader would
+            # import everything.
             assert parts[1] == room or parts[1] in allowed, f"{room} may not import {name}"
 
 
@@ -126,7 +145,9 @@ def test_outside_libraries_stay_where_they_belong(file):
         top = name.split(".")[0]
         if top in HEAVY:
             assert room in MAY_BE_HEAVY, f"{room} may not import {name}"
-            assert not (at_once and top in LIGHT), f"{name} has to be imported inside the function that needs it"
+            assert not (at_once and top in LIGHT), (
+                f"{name} has to be imported inside the function that needs it"
+            )
         elif top not in sys.stdlib_module_names and top != "jaxspace" and room not in MAY_BE_HEAVY:
             assert top in OUTSIDE.get(room, FLOOR), f"{room} may not import {name}"
 
@@ -135,20 +156,32 @@ def test_outside_libraries_stay_where_they_belong(file):
 def test_files_inside_rooms_are_private(file):
     parts = file.relative_to(PACKAGE).parts
     if len(parts) > 1:
-        assert parts[-1].startswith("_"), "name it _x.py, and give its public names to the room's __init__"
+        assert parts[-1].startswith("_"), (
+            "name it _x.py, and give its public names to the room's __init__"
+        )
 
 
 @pytest.mark.parametrize("room", ["__init__", *[r for r in ROOMS if (PACKAGE / r).is_dir()]])
 def test_a_room_gives_few_names(room):
-    tree = ast.parse((PACKAGE / ("__init__.py" if room == "__init__" else f"{room}/__init__.py")).read_text())
-    names = [a.asname for n in ast.walk(tree) if isinstance(n, ast.ImportFrom) for a in n.names if a.asname == a.name]
+    tree = ast.parse(
+        (PACKAGE / ("__init__.py" if room == "__init__" else f"{room}/__init__.py")).read_text()
+    )
+    names = [
+        a.asname
+        for n in ast.walk(tree)
+        if isinstance(n, ast.ImportFrom)
+        for a in n.names
+        if a.asname == a.name
+    ]
     assert len(names) == len(set(names))
     assert len(names) <= MOST_NAMES.get(room, 22)
 
 
 def run(code: str) -> str:
     """What a fresh interpreter prints."""
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=PACKAGE.parent)
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, cwd=PACKAGE.parent
+    )
     assert done.returncode == 0, done.stderr
     return done.stdout
 
@@ -176,5 +209,11 @@ print("backends:", sorted(jax._src.xla_bridge._backends))
 
 
 def test_importing_the_package_changes_nothing():
-    """No setting of jax changes, no heavy library is loaded, no file of ours is read, no device is touched."""
-    assert run(WATCH % sorted(LIGHT)).splitlines() == ["settings: []", "libraries: []", "files: []", "backends: []"]
+    """No setting of jax changes, no heavy library is loaded, no file of ours is read, no device is
+    touched."""
+    assert run(WATCH % sorted(LIGHT)).splitlines() == [
+        "settings: []",
+        "libraries: []",
+        "files: []",
+        "backends: []",
+    ]

@@ -1,4 +1,5 @@
-"""The multistage optimum against 40-digit bisection of its stationarity condition, and against descent without that condition."""
+"""The multistage optimum against 40-digit bisection of its stationarity condition, and against
+descent without that condition."""
 
 import jax
 import jax.numpy as jnp
@@ -8,8 +9,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import brentq, minimize
 
-from jaxspace._core import InputError
-from jaxspace.optimization import optimal_staging, optimal_staging_by_gradient, stationary_mass_ratio
+from jaxspace.core import InputError
+from jaxspace.optimization import (
+    optimal_staging,
+    optimal_staging_by_gradient,
+    stationary_mass_ratio,
+)
 
 P4 = ([8050.0, 8050.0], [0.18, 0.15], 26000.0)
 N3 = ([8500.0, 10500.0, 13500.0], [0.1, 0.12, 0.15], 36000.0)
@@ -19,7 +24,12 @@ BOUND = ([5000.0, 13000.0], [0.3, 0.08], 12000.0)
 CASES = [
     # lambda, mass ratios (1e-11), m01/P and P/m01 (1e-10)
     pytest.param(
-        P4, -0.0007142954267293376, [4.589385118102594, 5.507262141723114], 582.4659336063554, 0.0017168386034329423, id="T8.2-P4"
+        P4,
+        -0.0007142954267293376,
+        [4.589385118102594, 5.507262141723114],
+        582.4659336063554,
+        0.0017168386034329423,
+        id="T8.2-P4",
     ),
     pytest.param(
         N3,
@@ -40,7 +50,9 @@ CASES = [
 ]
 
 
-@pytest.mark.parametrize(("rocket", "multiplier", "mass_ratio", "initial_mass", "payload_ratio"), CASES)
+@pytest.mark.parametrize(
+    ("rocket", "multiplier", "mass_ratio", "initial_mass", "payload_ratio"), CASES
+)
 def test_optimum(rocket, multiplier, mass_ratio, initial_mass, payload_ratio):
     found = optimal_staging(*rocket)
     np.testing.assert_allclose(found.multiplier, multiplier, rtol=1e-11)
@@ -50,7 +62,9 @@ def test_optimum(rocket, multiplier, mass_ratio, initial_mass, payload_ratio):
     assert np.all(found.used) and found.feasible
 
 
-@pytest.mark.parametrize(("rocket", "multiplier"), [pytest.param(*case.values[:2], id=case.id) for case in CASES])
+@pytest.mark.parametrize(
+    ("rocket", "multiplier"), [pytest.param(*case.values[:2], id=case.id) for case in CASES]
+)
 def test_multiplier_is_the_price_of_velocity(rocket, multiplier):
     # T8.2-*: dln_ratio_dvm, 1e-11
     u, b, v = (jnp.asarray(x) for x in rocket)
@@ -61,7 +75,9 @@ def test_multiplier_is_the_price_of_velocity(rocket, multiplier):
 
 def test_equal_exhaust_velocities_leave_equal_structure_shares():
     # T8.2-P4: Ex8.2-1_factor = beta_i mu_i, the same for every stage of the same exhaust velocity
-    np.testing.assert_allclose(np.asarray(P4[1]) * optimal_staging(*P4).mass_ratio, 0.8260893212584671, rtol=1e-12)
+    np.testing.assert_allclose(
+        np.asarray(P4[1]) * optimal_staging(*P4).mass_ratio, 0.8260893212584671, rtol=1e-12
+    )
 
 
 def test_bound():
@@ -99,13 +115,16 @@ def test_equal_stages(stages, payload_ratio):
 
 
 def test_many_equal_stages():
-    # T8.2-P1: limit exp(-v/(u (1 - beta))) of infinitely many stages; the error falls as 1/N, hence extrapolation
+    # T8.2-P1: limit exp(-v/(u (1 - beta))) of infinitely many stages; the error falls as 1/N, hence
+    # extrapolation
     def ratio(n):
         return float(optimal_staging(np.full(n, 9660.0), np.full(n, 0.12), 26000.0).payload_ratio)
 
     r1, r2, r4 = ratio(200), ratio(400), ratio(800)
     limit = (8.0 * r4 - 6.0 * r2 + r1) / 3.0
-    np.testing.assert_allclose(limit, 0.04695640470304318, rtol=1e-7)  # the next term of the series is of the order (v/u)^2/800^3
+    np.testing.assert_allclose(
+        limit, 0.04695640470304318, rtol=1e-7
+    )  # the next term of the series is of the order (v/u)^2/800^3
 
 
 def test_one_stage_cannot():
@@ -113,7 +132,9 @@ def test_one_stage_cannot():
         optimal_staging([9660.0], [0.12], 26000.0)
 
 
-@pytest.mark.parametrize("rocket", [P4, N3, N4, BOUND, ([5000.0, 13000.0, 12000.0], [0.3, 0.08, 0.1], 60.0)])
+@pytest.mark.parametrize(
+    "rocket", [P4, N3, N4, BOUND, ([5000.0, 13000.0, 12000.0], [0.3, 0.08, 0.1], 60.0)]
+)
 def test_descent_agrees(rocket):
     exact, found = optimal_staging(*rocket), optimal_staging_by_gradient(*rocket)
     assert found.feasible
@@ -133,14 +154,17 @@ stage = st.tuples(st.floats(1000.0, 5000.0), st.floats(0.03, 0.4))
 @settings(max_examples=40, deadline=None)
 @given(st.lists(stage, min_size=3, max_size=3), st.floats(0.02, 0.97))
 def test_optimality_conditions(stages, part):
-    """The constraint holds, and no shift of velocity between two stages lowers the mass: the conditions of Kuhn and Tucker."""
+    """The constraint holds, and no shift of velocity between two stages lowers the mass: the
+    conditions of Kuhn and Tucker."""
     u, b = (np.asarray(column) for column in zip(*stages, strict=True))
     v = part * np.sum(-u * np.log(b))
     found = optimal_staging(u, b, v)
     mu, used = np.asarray(found.mass_ratio), np.asarray(found.used)
     np.testing.assert_allclose(np.sum(u * np.log(mu)), v, rtol=1e-12)
     slope = 1.0 / (u * (1.0 - b * mu))  # of ln m by the velocity of each stage
-    np.testing.assert_allclose(slope[used], -found.multiplier, rtol=1e-9)  # 1 - b mu loses digits near the limit
+    np.testing.assert_allclose(
+        slope[used], -found.multiplier, rtol=1e-9
+    )  # 1 - b mu loses digits near the limit
     assert np.all(slope[~used] >= -found.multiplier * (1.0 - 1e-12))
     np.testing.assert_allclose(np.log(found.initial_mass), _log_mass(np.log(mu), b), rtol=1e-9)
 
@@ -160,16 +184,21 @@ def test_derivatives_by_differences():
             plus, minus = ([u, b, v], [u, b, v])
             plus[i], minus[i] = x.at[k].add(h), x.at[k].add(-h)
             difference = (log_mass(*plus) - log_mass(*minus)) / (2.0 * h)
-            np.testing.assert_allclose(r[k], difference, rtol=1e-7)  # rounding 1e-16/1e-5 beside curvature 1e-10
+            np.testing.assert_allclose(
+                r[k], difference, rtol=1e-7
+            )  # rounding 1e-16/1e-5 beside curvature 1e-10
 
 
 def test_second_derivative_at_a_bound():
-    """With one stage left the price is the single rocket's: 1/(u (1 - b e^(v/u))), and so is its slope."""
+    """With one stage left the price is the single rocket's: 1/(u (1 - b e^(v/u))), and so is its
+    slope."""
     u, b, v = (jnp.asarray(x) for x in BOUND)
     first = jax.grad(lambda v: jnp.log(optimal_staging(u, b, v).initial_mass))
     share = 0.08 * np.exp(12000.0 / 13000.0)
     np.testing.assert_allclose(first(v), 1.0 / (13000.0 * (1.0 - share)), rtol=1e-12)
-    np.testing.assert_allclose(jax.grad(first)(v), share / (13000.0 * (1.0 - share)) ** 2, rtol=1e-10)
+    np.testing.assert_allclose(
+        jax.grad(first)(v), share / (13000.0 * (1.0 - share)) ** 2, rtol=1e-10
+    )
 
 
 def test_traced_demand_beyond_the_limit_is_marked():
@@ -178,7 +207,9 @@ def test_traced_demand_beyond_the_limit_is_marked():
     assert not found.feasible
     assert found.payload_ratio == 0.0 and np.isinf(found.initial_mass)
     np.testing.assert_allclose(found.mass_ratio, 1.0 / b)
-    derivatives = jax.grad(lambda u, b, v: optimal_staging(u, b, v).payload_ratio, (0, 1, 2))(u, b, 1e6)
+    derivatives = jax.grad(lambda u, b, v: optimal_staging(u, b, v).payload_ratio, (0, 1, 2))(
+        u, b, 1e6
+    )
     assert all(np.all(np.isfinite(d)) for d in derivatives)
 
 
@@ -188,7 +219,9 @@ def test_runs_trail():
     batch = optimal_staging(u, b, demands)
     assert batch.mass_ratio.shape == (3, 4)
     for i, demand in enumerate(demands):
-        np.testing.assert_allclose(batch.mass_ratio[:, i], optimal_staging(u, b, demand).mass_ratio, rtol=1e-13)
+        np.testing.assert_allclose(
+            batch.mass_ratio[:, i], optimal_staging(u, b, demand).mass_ratio, rtol=1e-13
+        )
     single = optimal_staging(u.astype(np.float32), b.astype(np.float32), 36000.0)
     assert single.mass_ratio.dtype == np.float32
     np.testing.assert_allclose(single.mass_ratio, batch.mass_ratio[:, 2], rtol=1e-5)
@@ -208,5 +241,14 @@ def test_independent_optimiser():
     u, b, v = (np.asarray(x) for x in N4)
     start = np.full(4, v / np.sum(u))
     constraint = {"type": "eq", "fun": lambda s: (u @ s - v) / 1e4}
-    found = minimize(_log_mass, start, args=(b,), constraints=constraint, method="SLSQP", options={"ftol": 1e-15, "maxiter": 500})
-    np.testing.assert_allclose(np.exp(found.fun), optimal_staging(u, b, v).initial_mass, rtol=1e-8)  # flat: half the digits
+    found = minimize(
+        _log_mass,
+        start,
+        args=(b,),
+        constraints=constraint,
+        method="SLSQP",
+        options={"ftol": 1e-15, "maxiter": 500},
+    )
+    np.testing.assert_allclose(
+        np.exp(found.fun), optimal_staging(u, b, v).initial_mass, rtol=1e-8
+    )  # flat: half the digits

@@ -1,4 +1,5 @@
-"""Linear-tangent steering against 30-digit solutions, perturbed steering, and direct shooting through the simulation."""
+"""Linear-tangent steering against 30-digit solutions, perturbed steering, and direct shooting
+through the simulation."""
 
 import dataclasses
 
@@ -10,7 +11,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-from jaxspace._core import InputError
+from jaxspace.core import InputError
 from jaxspace.optimization import (
     Ascent,
     ConstantMassFlow,
@@ -42,7 +43,8 @@ OPTIMA = {
     ),
 }
 
-# U_loss of the steering phi + eps sin(k pi t/t_b) + c, and of a release angle changed by d with the steering phi + c
+# U_loss of the steering phi + eps sin(k pi t/t_b) + c, and of a release angle changed by d with the
+# steering phi + c
 LOSSES = {
     "T8.3-A": {
         (1, 0.05): 2.042682450371754,
@@ -78,10 +80,13 @@ def test_optimum(case):
 
 @pytest.mark.parametrize("case", ASCENTS)
 def test_envelope_derivatives(case):
-    """Reverse and forward mode, through both nested roots, give the derivatives of the envelope theorem."""
+    """Reverse and forward mode, through both nested roots, give the derivatives of the envelope
+    theorem."""
 
     def velocity(Y, v0, g):
-        return linear_tangent_steering(dataclasses.replace(ascent, apex_height=Y, release_speed=v0, gravity=g)).final_velocity
+        return linear_tangent_steering(
+            dataclasses.replace(ascent, apex_height=Y, release_speed=v0, gravity=g)
+        ).final_velocity
 
     ascent = ASCENTS[case]
     at = (ascent.apex_height, ascent.release_speed, ascent.gravity)
@@ -96,16 +101,21 @@ def test_thrust_derivatives_by_differences(case):
     thrust, rest = ascent.thrust, dataclasses.replace(ascent)
 
     def velocity(scale):
-        return linear_tangent_steering(dataclasses.replace(rest, thrust=jax.tree.map(lambda x: x * scale, thrust))).final_velocity
+        return linear_tangent_steering(
+            dataclasses.replace(rest, thrust=jax.tree.map(lambda x: x * scale, thrust))
+        ).final_velocity
 
     slope = jax.grad(velocity)(jnp.asarray(1.0))
     difference = (velocity(1.0 + 1e-4) - velocity(1.0 - 1e-4)) / 2e-4
-    np.testing.assert_allclose(slope, difference, rtol=1e-6)  # the square of the step, with a curvature of order 10
+    np.testing.assert_allclose(
+        slope, difference, rtol=1e-6
+    )  # the square of the step, with a curvature of order 10
 
 
 @pytest.mark.parametrize("case", ASCENTS)
 def test_other_steering_is_slower(case):
-    """Steering that differs, with the constant c that restores the height, loses the velocity that the case states."""
+    """Steering that differs, with the constant c that restores the height, loses the velocity that
+    the case states."""
     ascent = ASCENTS[case]
     best = linear_tangent_steering(ascent)
 
@@ -119,12 +129,17 @@ def test_other_steering_is_slower(case):
 
     for (k, change), loss in LOSSES[case].items():
         eps, turn = (change, 0.0) if k else (0.0, change)
-        c = brentq(lambda c, args=(float(k), eps, turn): float(burnout(*args, c)[1]), -0.3, 0.3, xtol=1e-15)
-        assert abs(float(best.final_velocity - burnout(float(k), eps, turn, c)[0]) / loss - 1.0) < 1e-7, (k, change)
+        c = brentq(
+            lambda c, args=(float(k), eps, turn): float(burnout(*args, c)[1]), -0.3, 0.3, xtol=1e-15
+        )
+        assert (
+            abs(float(best.final_velocity - burnout(float(k), eps, turn, c)[0]) / loss - 1.0) < 1e-7
+        ), (k, change)
 
 
 def test_spurious_root_is_excluded():
-    """The same equations hold where the thrust outlasts the apex; such heights are refused, the others end after burnout."""
+    """The same equations hold where the thrust outlasts the apex; such heights are refused, the
+    others end after burnout."""
     with pytest.raises(InputError, match="Ascent.apex_height is 100000: it must be between"):
         linear_tangent_steering(dataclasses.replace(A, apex_height=1e5))
     with pytest.raises(InputError, match="Ascent.apex_height is 1e\\+07"):
@@ -146,7 +161,8 @@ def test_spurious_root_is_excluded():
 
 
 def test_later_apex_of_two_is_taken():
-    """A strong late thrust: two apexes after burnout solve the equations, and the later one is faster."""
+    """A strong late thrust: two apexes after burnout solve the equations, and the later one is
+    faster."""
     ascent = Ascent(ConstantMassFlow(1.2, 1.023), 1.0, 0.0, 0.0, 0.0, 1.0)
 
     def end(T, theta0):
@@ -161,7 +177,9 @@ def test_later_apex_of_two_is_taken():
         return apex(ascent, end(T, theta0))[1], end(T, theta0).u
 
     def along(T):
-        return height_and_speed(T, brentq(lambda q: float(vertical(T, q)), 1e-9, 1.5707, xtol=1e-14))
+        return height_and_speed(
+            T, brentq(lambda q: float(vertical(T, q)), 1e-9, 1.5707, xtol=1e-14)
+        )
 
     times = np.linspace(1.0, 2.5, 16)
     heights = np.array([float(along(T)[0]) for T in times])
@@ -180,13 +198,17 @@ def test_minimum_time():
     # OC-LINEAR-TANGENT (Betts 0.554570879), 1e-8
     found = minimum_time_steering(100.0, 5.0, 45.0)
     np.testing.assert_allclose(found.duration, 0.554570878334603050916499312287, rtol=1e-8)
-    np.testing.assert_allclose(np.tan(found.initial_angle), 1.40850835570249078592129577079, rtol=1e-8)
+    np.testing.assert_allclose(
+        np.tan(found.initial_angle), 1.40850835570249078592129577079, rtol=1e-8
+    )
 
     def rates(t, x):
         phi = float(found.angle(t))
         return [x[2], x[3], 100.0 * np.cos(phi), 100.0 * np.sin(phi)]
 
-    end = solve_ivp(rates, (0.0, float(found.duration)), np.zeros(4), method="DOP853", rtol=1e-10, atol=1e-10).y[:, -1]
+    end = solve_ivp(
+        rates, (0.0, float(found.duration)), np.zeros(4), method="DOP853", rtol=1e-10, atol=1e-10
+    ).y[:, -1]
     np.testing.assert_allclose(end[1:], [5.0, 45.0, 0.0], atol=1e-8)
 
 
@@ -204,11 +226,20 @@ def test_minimum_time_near_the_level_path():
 def test_flight_system_agrees_with_quadrature():
     """Steering linear in time is smooth, so that both roads to the burnout apply to it."""
     profile = SteeringProfile(np.array([0.0, 230.0]), np.array([0.7, 0.2]))
-    start = FlightState(x=jnp.asarray(0.0), y=C.release_height, u=800.0 * jnp.cos(0.5), w=800.0 * jnp.sin(0.5))
-    trajectory = simulate(SteeredFlight(C.thrust, profile, C.gravity), start, jnp.asarray([0.0, 230.0]), accuracy=1e-11)
+    start = FlightState(
+        x=jnp.asarray(0.0), y=C.release_height, u=800.0 * jnp.cos(0.5), w=800.0 * jnp.sin(0.5)
+    )
+    trajectory = simulate(
+        SteeredFlight(C.thrust, profile, C.gravity),
+        start,
+        jnp.asarray([0.0, 230.0]),
+        accuracy=1e-11,
+    )
     exact = burnout_state(C, 0.5, profile)
     for field in ("x", "y", "u", "w"):
-        np.testing.assert_allclose(getattr(trajectory.final, field), getattr(exact, field), rtol=1e-9)
+        np.testing.assert_allclose(
+            getattr(trajectory.final, field), getattr(exact, field), rtol=1e-9
+        )
 
 
 def test_profile_is_interpolation():
@@ -218,7 +249,8 @@ def test_profile_is_interpolation():
 
 
 def test_direct_shooting_finds_linear_tangent_steering():
-    """T8.3-A from a constant 20 degrees: gradients through the simulation find what the optimality condition demands."""
+    """T8.3-A from a constant 20 degrees: gradients through the simulation find what the optimality
+    condition demands."""
     nodes = SteeringProfile(np.linspace(0.0, 160.0, 9), np.full(9, np.radians(20.0)))
     found, best = optimise_steering(A, nodes, float(np.radians(20.0))), linear_tangent_steering(A)
     assert found.converged
@@ -239,4 +271,8 @@ def test_bad_input_is_told():
     with pytest.raises(InputError, match="Ascent.thrust at burn_time"):
         dataclasses.replace(C, burn_time=270.0)
     with pytest.raises(InputError, match="several runs"):
-        optimise_steering(eqx.tree_at(lambda a: a.gravity, A, jnp.ones(2)), SteeringProfile([0.0, 160.0], [0.3, 0.3]), 0.3)
+        optimise_steering(
+            eqx.tree_at(lambda a: a.gravity, A, jnp.ones(2)),
+            SteeringProfile([0.0, 160.0], [0.3, 0.3]),
+            0.3,
+        )

@@ -1,4 +1,5 @@
-"""Elements and constants of the orbit: published orbits, round trips, derivatives where an angle or a radius is undefined."""
+"""Elements and constants of the orbit: published orbits, round trips, derivatives where an angle or
+a radius is undefined."""
 
 import jax
 import jax.numpy as jnp
@@ -46,7 +47,9 @@ def _read_outs(y):
 
 read_outs = jax.jit(_read_outs)
 read_outs_forward = jax.jit(jax.jacfwd(_read_outs))
-elements_forward = jax.jit(jax.jacfwd(lambda y: jnp.stack(jax.tree.leaves(elements_from_state(y[:3], y[3:], 1.0)))))
+elements_forward = jax.jit(
+    jax.jacfwd(lambda y: jnp.stack(jax.tree.leaves(elements_from_state(y[:3], y[3:], 1.0))))
+)
 read_outs_reverse = jax.jit(jax.jacrev(_read_outs))
 
 
@@ -69,7 +72,9 @@ def test_elements_of_a_state():  # T4.7-prop
 
 def test_state_of_elements():  # COE-VALLADO-2-5
     angles = np.radians([87.87, 227.89, 53.38, 92.335])
-    position, velocity = to_state(ClassicalElements(11067.79, 0.83285, *(float(a) for a in angles)), 398600.4418)
+    position, velocity = to_state(
+        ClassicalElements(11067.79, 0.83285, *(float(a) for a in angles)), 398600.4418
+    )
     np.testing.assert_allclose(position, [6525.344, 6861.535, 6449.125], rtol=0, atol=5e-2)
     np.testing.assert_allclose(velocity, [4.902276, 5.533124, -1.975709], rtol=0, atol=1e-4)
 
@@ -104,8 +109,12 @@ def test_explorer_7():  # T4.9-P1
     assert np.linalg.norm(slow) == pytest.approx(7175.407231073059, rel=1e-9)
 
 
-def test_stationary_orbit():  # T4.9-P3: after a quarter of the sidereal day the body stands 90 degrees on
-    r, v = jnp.array([42158183.368161894, 0.0, 0.0]), jnp.array([0.0, 42158183.368161894 * 7.292e-05, 0.0])
+# T4.9-P3: after a quarter of the sidereal day the body stands 90 degrees on
+def test_stationary_orbit():
+    r, v = (
+        jnp.array([42158183.368161894, 0.0, 0.0]),
+        jnp.array([0.0, 42158183.368161894 * 7.292e-05, 0.0]),
+    )
     assert float(semi_major_axis(r, v, K)) == pytest.approx(42158183.368161894, rel=1e-9)
     assert float(jnp.linalg.norm(eccentricity_vector(r, v, K))) < 1e-9
 
@@ -138,7 +147,14 @@ angle = st.floats(-3.1, 3.1)
 
 
 @settings(max_examples=100, deadline=None)
-@given(st.floats(0.1, 10), st.floats(0.01, 3), st.floats(0.05, 3.09), angle, angle, st.floats(-0.95, 0.95))
+@given(
+    st.floats(0.1, 10),
+    st.floats(0.01, 3),
+    st.floats(0.05, 3.09),
+    angle,
+    angle,
+    st.floats(-0.95, 0.95),
+)
 def test_there_and_back(p, e, i, node, omega, part):
     f = part * (np.pi if e < 1 else np.arccos(-1 / e))
     x = ClassicalElements(p, e, i, node, omega, float(f))
@@ -183,22 +199,30 @@ def test_derivatives_are_finite_everywhere(name):
 
 
 def _differences(y, step=1e-6):
-    up, down = (np.stack([read_outs(y + sign * d) for d in step * np.eye(6)], axis=1) for sign in (1, -1))
-    return (np.where(np.isfinite(up), up, 0.0) - np.where(np.isfinite(down), down, 0.0)) / (2 * step)
+    up, down = (
+        np.stack([read_outs(y + sign * d) for d in step * np.eye(6)], axis=1) for sign in (1, -1)
+    )
+    return (np.where(np.isfinite(up), up, 0.0) - np.where(np.isfinite(down), down, 0.0)) / (
+        2 * step
+    )
 
 
 @pytest.mark.parametrize(
-    ("name", "kept"), [("hyperbolic", (0, 2, 3, 4, 5, 6)), ("polar", range(7)), ("parabolic", (0, 3, 4, 5, 6))]
+    ("name", "kept"),
+    [("hyperbolic", (0, 2, 3, 4, 5, 6)), ("polar", range(7)), ("parabolic", (0, 3, 4, 5, 6))],
 )
 def test_derivatives_of_the_read_outs(name, kept):
     """Against central differences, whose error is 1e-12 in truncation and 1e-10 in rounding."""
     y, kept = jnp.array(SINGULAR[name], dtype=float), list(kept)
-    np.testing.assert_allclose(np.asarray(read_outs_forward(y))[kept], _differences(y)[kept], atol=2e-8)
+    np.testing.assert_allclose(
+        np.asarray(read_outs_forward(y))[kept], _differences(y)[kept], atol=2e-8
+    )
 
 
 @pytest.mark.parametrize("e", [1e-3, 1e-6, 1e-9])
 def test_apses_of_a_nearly_circular_orbit(e):
-    """At periapsis a tangential increment of speed leaves r_p and raises r_a by d(2a)/dv = 4 a^2 v / mu; r_p goes with r."""
+    """At periapsis a tangential increment of speed leaves r_p and raises r_a by d(2a)/dv = 4 a^2 v
+    / mu; r_p goes with r."""
     r, v = at_periapsis(1.0, e)
     y = jnp.concatenate([r, v])
     d = np.asarray(read_outs_forward(y))
@@ -220,7 +244,9 @@ def test_single_precision_and_batches():
 
 
 def test_input_is_checked():
-    with pytest.raises(ValueError, match=r"ClassicalElements\.semi_latus_rectum is 0: it must be positive"):
+    with pytest.raises(
+        ValueError, match=r"ClassicalElements\.semi_latus_rectum is 0: it must be positive"
+    ):
         ClassicalElements(0.0, 0.1, 0.0, 0.0, 0.0, 0.0)
     with pytest.raises(ValueError, match=r"ClassicalElements\.eccentricity is -0\.1"):
         ClassicalElements(1.0, -0.1, 0.0, 0.0, 0.0, 0.0)

@@ -30,25 +30,44 @@ def integrate(effects, y0, t_end, event=None):
     @jax.jit
     def rate(y):
         state = BodyState(position=y[:3])
-        return jnp.concatenate([y[3:], sum(e.load(0.0, state, BODY).acceleration_N for e in effects)])
+        return jnp.concatenate(
+            [y[3:], sum(e.load(0.0, state, BODY).acceleration_N for e in effects)]
+        )
 
     return solve_ivp(
-        lambda t, y: np.asarray(rate(y)), (0.0, t_end), np.asarray(y0), method="DOP853", rtol=1e-12, atol=1e-13, events=event
+        lambda t, y: np.asarray(rate(y)),
+        (0.0, t_end),
+        np.asarray(y0),
+        method="DOP853",
+        rtol=1e-12,
+        atol=1e-13,
+        events=event,
     )
 
 
-@pytest.mark.parametrize("effect", [PointGravity(1.3), Oblateness(1.3, 0.1, 0.9)], ids=["point", "oblate"])
+@pytest.mark.parametrize(
+    "effect", [PointGravity(1.3), Oblateness(1.3, 0.1, 0.9)], ids=["point", "oblate"]
+)
 def test_acceleration_is_minus_the_gradient_of_the_potential(effect):
     for r in np.random.default_rng(1).normal(size=(5, 3)):
-        slope = jax.grad(lambda r: effect.potential(0.0, BodyState(position=r), BODY))(jnp.asarray(r))
+        slope = jax.grad(lambda r: effect.potential(0.0, BodyState(position=r), BODY))(
+            jnp.asarray(r)
+        )
         load = effect.load(0.0, BodyState(position=jnp.asarray(r)), BODY)
-        np.testing.assert_allclose(load.acceleration_N, -slope, rtol=1e-12, atol=1e-13 * np.abs(slope).max())
+        np.testing.assert_allclose(
+            load.acceleration_N, -slope, rtol=1e-12, atol=1e-13 * np.abs(slope).max()
+        )
         assert load.force_N is None and load.torque_B is None and load.mass_rate is None
 
 
-@pytest.mark.parametrize(("effect", "kept"), [(PointGravity(1.3), 3), (Oblateness(1.3, 0.1, 0.9), 2)], ids=["point", "oblate"])
+@pytest.mark.parametrize(
+    ("effect", "kept"),
+    [(PointGravity(1.3), 3), (Oblateness(1.3, 0.1, 0.9), 2)],
+    ids=["point", "oblate"],
+)
 def test_what_an_effect_keeps(effect, kept):
-    """Integrated with a point's attraction, which keeps all three: the change of each is zero exactly where declared."""
+    """Integrated with a point's attraction, which keeps all three: the change of each is zero
+    exactly where declared."""
     y0 = np.array([1.0, 0.2, 0.5, 0.1, 0.9, 0.4])
     effects = (effect,) if isinstance(effect, PointGravity) else (PointGravity(1.3), effect)
     y1 = integrate(effects, y0, 3.0).y[:, -1]
@@ -95,17 +114,22 @@ def test_drift_over_48_hours():  # PERT-CURTIS-12-2
     mu, radius = 398600.4418, 6378.137
     y0 = np.array([-2384.46, 5729.01, 3050.46, -7.36138, -2.98997, 1.64354])
     y1 = integrate((PointGravity(mu), Oblateness(mu, J2, radius)), y0, 172800.0).y[:, -1]
-    before, after = (elements_from_state(jnp.asarray(y[:3]), jnp.asarray(y[3:]), mu) for y in (y0, y1))
+    before, after = (
+        elements_from_state(jnp.asarray(y[:3]), jnp.asarray(y[3:]), mu) for y in (y0, y1)
+    )
     hours = 48.0
     node, periapsis = (
-        np.degrees(float(getattr(after, n) - getattr(before, n))) / hours for n in ("node", "argument_of_periapsis")
+        np.degrees(float(getattr(after, n) - getattr(before, n))) / hours
+        for n in ("node", "argument_of_periapsis")
     )
     assert node == pytest.approx(-0.172, rel=1e-2)
     assert periapsis == pytest.approx(0.282, rel=1e-2)
     a = before.semi_latus_rectum / (1 - before.eccentricity**2)
     elements = (a, before.eccentricity, before.inclination, mu, J2, radius)
     # First order in J2, and mean against osculating elements: a few parts in a thousand.
-    assert -np.degrees(float(node_regression_rate(*elements))) * 3600 == pytest.approx(node, rel=1e-2)
+    assert -np.degrees(float(node_regression_rate(*elements))) * 3600 == pytest.approx(
+        node, rel=1e-2
+    )
     assert np.degrees(float(apsidal_rate(*elements))) * 3600 == pytest.approx(periapsis, rel=1e-2)
 
 
@@ -119,7 +143,9 @@ def test_single_precision_and_batches():
     for field in (point_gravity, point_gravity_potential):
         np.testing.assert_allclose(field(r, 1.3)[..., 5], field(r[:, 5], 1.3), rtol=1e-6)
     for field in (oblateness, oblateness_potential):
-        np.testing.assert_allclose(field(r, 1.3, J2, 0.9)[..., 5], field(r[:, 5], 1.3, J2, 0.9), rtol=1e-4)
+        np.testing.assert_allclose(
+            field(r, 1.3, J2, 0.9)[..., 5], field(r[:, 5], 1.3, J2, 0.9), rtol=1e-4
+        )
     mu = jnp.linspace(1.0, 2.0, 8, dtype=jnp.float32)
     load = PointGravity(mu).load(0.0, BodyState(position=r), BODY)
     np.testing.assert_allclose(load.acceleration_N[:, 3], point_gravity(r[:, 3], mu[3]), rtol=1e-6)
@@ -141,8 +167,9 @@ def test_input_is_checked(make, field):
 
 @pytest.mark.parametrize("r", [[6.6e6, 4.0e5, -3.0e5], [4.2e7, 1.0e6, 2.0e6]])
 def test_derivatives_in_single_precision(r):
-    """In metres the sixth power of a radius, and the fifth one of a high orbit, is beyond float32, and must not be formed. A unit
-    in the last place is 1.2e-7; the element of the gradient sums a few such."""
+    """In metres the sixth power of a radius, and the fifth one of a high orbit, is beyond float32,
+    and must not be formed. A unit in the last place is 1.2e-7; the element of the gradient sums a
+    few such."""
     of_point = point_gravity, point_gravity_potential, (3.986e14,)
     of_bulge = oblateness, oblateness_potential, (3.986e14, J2, 6.378e6)
     for acceleration, potential, numbers in (of_point, of_bulge):

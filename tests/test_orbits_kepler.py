@@ -1,4 +1,5 @@
-"""Kepler's problem in closed form: published states, 60-digit references, conserved quantities, derivatives."""
+"""Kepler's problem in closed form: published states, 60-digit references, conserved quantities,
+derivatives."""
 
 import jax
 import jax.numpy as jnp
@@ -8,8 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from jaxspace._core import stumpff
 from jaxspace.bodies import BodyState
+from jaxspace.core import stumpff
 from jaxspace.orbits import TwoBody, eccentricity_vector, kepler_flow, specific_energy
 
 EPS = np.finfo(float).eps
@@ -24,11 +25,14 @@ def _packed(y):
 packed = jax.jit(_packed)
 forward = jax.jit(jax.jacfwd(_packed))
 reverse = jax.jit(jax.jacrev(_packed))
-gradient = jax.jit(jax.grad(lambda y: jnp.sum(_packed(y) * jnp.array([1.0, -2.0, 0.5, 0.3, 1.0, -1.0]))))
+gradient = jax.jit(
+    jax.grad(lambda y: jnp.sum(_packed(y) * jnp.array([1.0, -2.0, 0.5, 0.3, 1.0, -1.0])))
+)
 gradient_change = jax.jit(lambda y, direction: jax.jvp(gradient, (y,), (direction,))[1])
 
 
-# References in 60 digits ----------------------------------------------------------------------------------------------
+# References in 60 digits
+# ----------------------------------------------------------------------------------------------
 
 
 def exact_stumpff(z):
@@ -47,7 +51,8 @@ def exact_flow(r, v, t, mu=1.0):
 
 
 def exact_jacobian(y):
-    """Derivatives of the final state, (6, 8), by central differences in 60 digits: truncation is at 1e-36."""
+    """Derivatives of the final state, (6, 8), by central differences in 60 digits: truncation is at
+    1e-36."""
     with mp.workdps(60):
         y, columns = [mp.mpf(float(x)) for x in y], []
         for i in range(8):
@@ -89,17 +94,25 @@ def exact_digits(x, y, z, vx, vy, vz, t, mu):
             if done:
                 break
         g, _, radius = parts(chi)
-        f, gt, fd, gd = 1 - mu * g[2] / r0, t - mu * g[3], -mu * g[1] / (r0 * radius), 1 - mu * g[2] / radius
+        f, gt, fd, gd = (
+            1 - mu * g[2] / r0,
+            t - mu * g[3],
+            -mu * g[1] / (r0 * radius),
+            1 - mu * g[2] / radius,
+        )
         position = [f * x + gt * y for x, y in zip(r, v, strict=True)]
         return position + [sign * (fd * x + gd * y) for x, y in zip(r, v, strict=True)]
 
 
 def _scale(y):
-    return np.r_[np.repeat(np.linalg.norm(y[:3]), 3), np.repeat(np.linalg.norm(y[3:6]), 3), abs(y[6]), y[7]]
+    return np.r_[
+        np.repeat(np.linalg.norm(y[:3]), 3), np.repeat(np.linalg.norm(y[3:6]), 3), abs(y[6]), y[7]
+    ]
 
 
 def condition(jacobian, y, position):
-    """How much relative changes of the input grow into the relative change of the final position."""
+    """How much relative changes of the input grow into the relative change of the final
+    position."""
     return np.linalg.norm(np.asarray(jacobian)[:3] * _scale(y)) / np.linalg.norm(position)
 
 
@@ -108,11 +121,21 @@ def relative(a, b):
 
 
 def conics(n, seed):
-    """Mixed conics: circular to nearly radial, parabolic to strongly hyperbolic, in any plane, from any place on them."""
+    """Mixed conics: circular to nearly radial, parabolic to strongly hyperbolic, in any plane, from
+    any place on them."""
     g = np.random.default_rng(seed)
     small, kind = 10.0 ** g.uniform(-12, -1, n), g.integers(0, 7, n)
     e = np.choose(
-        kind, [g.uniform(0, 1, n), 1 - small, 1 + small, g.uniform(1, 10, n), small, 10 ** g.uniform(0, 3, n), np.ones(n)]
+        kind,
+        [
+            g.uniform(0, 1, n),
+            1 - small,
+            1 + small,
+            g.uniform(1, 10, n),
+            small,
+            10 ** g.uniform(0, 3, n),
+            np.ones(n),
+        ],
     )
     p = 10.0 ** g.uniform(-3, 3, n) * (1 + e)
     f = g.uniform(-1, 1, n) * np.where(e < 1, np.pi, 0.98 * np.arccos(-1 / np.maximum(e, 1)))
@@ -124,7 +147,8 @@ def conics(n, seed):
     return position, velocity, r * np.sqrt(r) * 10.0 ** g.uniform(-4, 2, n) * g.choice([-1, 1], n)
 
 
-# Published ------------------------------------------------------------------------------------------------------------
+# Published
+# ------------------------------------------------------------------------------------------------------------
 
 PUBLISHED = {
     "T4.7-prop": (
@@ -184,9 +208,14 @@ DETEST = {
 
 @pytest.mark.parametrize("e", DETEST)
 def test_detest_d1_to_d5(e):  # ODE-DETEST-D1..D5
-    start = BodyState(position=jnp.array([1 - e, 0.0, 0.0]), velocity=jnp.array([0.0, np.sqrt((1 + e) / (1 - e)), 0.0]))
-    end = TwoBody(1.0).flow(20.0, start)
-    np.testing.assert_allclose(np.r_[end.position[:2], end.velocity[:2]], DETEST[e], rtol=0, atol=1e-10)
+    start = BodyState(
+        position=jnp.array([1 - e, 0.0, 0.0]),
+        velocity=jnp.array([0.0, np.sqrt((1 + e) / (1 - e)), 0.0]),
+    )
+    end = TwoBody(1.0).closed_form().flow(20.0, start)
+    np.testing.assert_allclose(
+        np.r_[end.position[:2], end.velocity[:2]], DETEST[e], rtol=0, atol=1e-10
+    )
 
 
 def from_periapsis(e, q, t):
@@ -227,7 +256,12 @@ def test_true_anomaly_at_time(e, q, time, theta):
 
 @pytest.mark.parametrize(
     ("e", "eccentric", "true"),
-    [(0.05, 10.52321, 11.05994), (0.1, 54.67466, 59.4981), (0.35, 142.27123, 153.32411), (0.61, 161.87359, 171.02189)],
+    [
+        (0.05, 10.52321, 11.05994),
+        (0.1, 54.67466, 59.4981),
+        (0.35, 142.27123, 153.32411),
+        (0.61, 161.87359, 171.02189),
+    ],
 )
 def test_anomalies_of_nasa_tr_r_158(e, eccentric, true):  # ANG-NASA-TR-R-158
     psi = np.radians(eccentric)
@@ -235,7 +269,8 @@ def test_anomalies_of_nasa_tr_r_158(e, eccentric, true):  # ANG-NASA-TR-R-158
     assert np.degrees(np.arctan2(position[1], position[0])) == pytest.approx(true, rel=1e-6)
 
 
-# Hostile states against 60 digits -------------------------------------------------------------------------------------
+# Hostile states against 60 digits
+# -------------------------------------------------------------------------------------
 
 
 def _tangential(e, t):
@@ -243,9 +278,19 @@ def _tangential(e, t):
 
 
 HOSTILE = {
-    f"e={e!r} t={t}": _tangential(e, t) for e in (0.0, 1 - 1e-12, 1.0, 1 + 1e-12, 100.0) for t in (3.0, -3.0, 100.0, 1e-8)
+    f"e={e!r} t={t}": _tangential(e, t)
+    for e in (0.0, 1 - 1e-12, 1.0, 1 + 1e-12, 100.0)
+    for t in (3.0, -3.0, 100.0, 1e-8)
 } | {
-    "periapsis of 1e-6 a, just past it": [2 - 1e-6, 0, 0, 0, np.sqrt(1e-6 / (2 - 1e-6)), 0, np.pi + 1e-3],
+    "periapsis of 1e-6 a, just past it": [
+        2 - 1e-6,
+        0,
+        0,
+        0,
+        np.sqrt(1e-6 / (2 - 1e-6)),
+        0,
+        np.pi + 1e-3,
+    ],
     "energy -1e3": [1e-3, 0, 0, 0, 0.3 * np.sqrt(1e3), 0, 0.01],
     "energy 1e3, outwards": [1, 0.1, 0, 44.7, 2, 1, 1.0],
     "energy 1e3, past the centre": [1, 0.1, 0, -44.7, 2, 1, 1.0],
@@ -280,7 +325,8 @@ def test_hostile_states(name):
 @pytest.mark.slow
 @pytest.mark.parametrize("name", HOSTILE)
 def test_derivatives_of_hostile_states(name):
-    """Forward and reverse, beside what rounding of the inputs alone does to the derivatives: a flyby loses two digits more."""
+    """Forward and reverse, beside what rounding of the inputs alone does to the derivatives: a
+    flyby loses two digits more."""
     y, rough = np.array([*HOSTILE[name], 1.0]), np.array([1, -1, 1, -1, 1, 1, -1, 1]) * EPS
     exact, moved = exact_jacobian(y), exact_jacobian(y + rough * _scale(y))
     for found in (forward(y), reverse(y)):
@@ -296,14 +342,20 @@ def test_hostile_states_in_single_precision(name):
     result = packed(y)
     assert result.dtype == jnp.float32
     r, _ = exact_flow(y[:3], y[3:6], y[6])
-    loss = 8 * np.finfo(np.float32).eps * max(condition(forward(y.astype(float)), y.astype(float), r), 4.0)
+    loss = (
+        8
+        * np.finfo(np.float32).eps
+        * max(condition(forward(y.astype(float)), y.astype(float), r), 4.0)
+    )
     assert relative(result[:3], r) < loss or loss > 0.1
-    # A nanosecond before the collision is, in this precision, the collision itself to one rounding: there is no derivative there.
+    # A nanosecond before the collision is, in this precision, the collision itself to one rounding:
+    # there is no derivative there.
     assert np.isfinite(forward(y)).all() or name == "from rest, just above the centre"
 
 
 def flybys(n, seed):
-    """Hyperbolas and ellipses from afar, |r0| = 1: |a| down to 1e-6, q down to 1e-7, to before, at and beyond periapsis."""
+    """Hyperbolas and ellipses from afar, |r0| = 1: |a| down to 1e-6, q down to 1e-7, to before, at
+    and beyond periapsis."""
     g = np.random.default_rng(seed)
     for _ in range(n):
         beta, q = -(10.0 ** g.uniform(-3, 6)), 10.0 ** g.uniform(-7, -2)
@@ -312,7 +364,14 @@ def flybys(n, seed):
         axes = np.linalg.qr(g.normal(size=(3, 3)))[0]
         r = axes @ [np.cos(f), np.sin(f), 0]
         v = axes @ [-np.sin(f), e + np.cos(f), 0] / np.sqrt(p)
-        yield np.r_[r, v, (e * np.sinh(start) - start) / (-beta) ** 1.5 * g.choice([0.3, 0.99, 1.0, 1.01, 2.0, 5.0]), 1.0]
+        yield np.r_[
+            r,
+            v,
+            (e * np.sinh(start) - start)
+            / (-beta) ** 1.5
+            * g.choice([0.3, 0.99, 1.0, 1.01, 2.0, 5.0]),
+            1.0,
+        ]
 
 
 def test_flybys_lose_no_more_than_rounding_of_the_inputs_does():
@@ -325,7 +384,8 @@ def test_flybys_lose_no_more_than_rounding_of_the_inputs_does():
 
 
 def test_random_states_against_60_digits():
-    """The worst of 250 mixed conics whose condition is below 100, so that 13 digits can be asked for."""
+    """The worst of 250 mixed conics whose condition is below 100, so that 13 digits can be asked
+    for."""
     position, velocity, t = conics(250, 5)
     worst = 0.0
     for i in range(250):
@@ -336,7 +396,8 @@ def test_random_states_against_60_digits():
     assert worst < 1e-13
 
 
-# Sweeps ---------------------------------------------------------------------------------------------------------------
+# Sweeps
+# ---------------------------------------------------------------------------------------------------------------
 
 
 def _length(a):
@@ -344,15 +405,20 @@ def _length(a):
 
 
 def test_sweep_of_mixed_conics():
-    """1e5 states: none fails; energy and angular momentum stay, and the way back leads to the start.
+    """1e5 states: none fails; energy and angular momentum stay, and the way back leads to the
+    start.
 
-    The tolerance is rounding times the largest cancellation, which is that of a flyby: the ratio of the distances in play to |a|
-    or to the least distance. The way back adds the condition of the way there, bounded by the same and by the revolutions."""
+    The tolerance is rounding times the largest cancellation, which is that of a flyby: the ratio of
+    the distances in play to |a| or to the least distance. The way back adds the condition of the
+    way there, bounded by the same and by the revolutions."""
     position, velocity, t = (jnp.asarray(x) for x in conics(100_000, 0))
     r1, v1 = flow(position, velocity, t, 1.0)
     assert np.isfinite(r1).all() and np.isfinite(v1).all()
     ra, rb = _length(position), _length(r1)
-    h0, h1 = np.cross(np.asarray(position).T, np.asarray(velocity).T).T, np.cross(np.asarray(r1).T, np.asarray(v1).T).T
+    h0, h1 = (
+        np.cross(np.asarray(position).T, np.asarray(velocity).T).T,
+        np.cross(np.asarray(r1).T, np.asarray(v1).T).T,
+    )
     e = _length(eccentricity_vector(position, velocity, 1.0))
     q = _length(h0) ** 2 / (1 + e)
     kinetic = np.maximum(_length(velocity), _length(v1)) ** 2 + 1 / np.minimum(ra, rb)
@@ -370,7 +436,12 @@ finite = st.floats(-2.0, 2.0).map(lambda x: round(x, 6))
 
 
 @settings(max_examples=60, deadline=None)
-@given(st.tuples(finite, finite, finite), st.tuples(finite, finite, finite), st.floats(-3, 3), st.floats(-3, 3))
+@given(
+    st.tuples(finite, finite, finite),
+    st.tuples(finite, finite, finite),
+    st.floats(-3, 3),
+    st.floats(-3, 3),
+)
 def test_two_steps_are_one(r, v, t1, t2):
     r, v = np.array(r) + [3.0, 0, 0], np.array(v) + [0, 0.0, 0.7]
     if np.linalg.norm(np.cross(r, v)) < 0.3:
@@ -393,10 +464,15 @@ def test_single_precision():
     mu, r, v, t, r1, v1, _ = PUBLISHED["KEP-VALLADO-2-4"]
     km = jnp.float32(1e3)
     position, velocity = flow(
-        jnp.array(r, jnp.float32) * km, jnp.array(v, jnp.float32) * km, jnp.float32(t), jnp.float32(mu * 1e9)
+        jnp.array(r, jnp.float32) * km,
+        jnp.array(v, jnp.float32) * km,
+        jnp.float32(t),
+        jnp.float32(mu * 1e9),
     )
     assert position.dtype == velocity.dtype == jnp.float32
-    assert relative(position / 1e3, r1) < 1e-5 and relative(velocity / 1e3, v1) < 1e-5  # eps = 6e-8, condition about 30
+    assert (
+        relative(position / 1e3, r1) < 1e-5 and relative(velocity / 1e3, v1) < 1e-5
+    )  # eps = 6e-8, condition about 30
     position, velocity, t = (x.astype(np.float32) for x in conics(20_000, 1))
     r32, v32 = flow(position, velocity, t, 1.0)
     assert r32.dtype == jnp.float32 and np.isfinite(r32).all() and np.isfinite(v32).all()
@@ -412,7 +488,8 @@ def test_a_single_state_meets_many_durations():
         np.testing.assert_allclose(many[:, i], flow(r, v, t[i], 1.0)[0], rtol=1e-14)
 
 
-# Derivatives ----------------------------------------------------------------------------------------------------------
+# Derivatives
+# ----------------------------------------------------------------------------------------------------------
 
 SMOOTH = {
     "ellipse": [1.0, 0.2, -0.1, 0.1, 0.9, 0.3, 2.5, 1.3],
@@ -428,7 +505,8 @@ SMOOTH = {
 
 @pytest.mark.parametrize("name", SMOOTH)
 def test_derivatives(name):
-    """Forward equals reverse, and both equal central differences of the reference in 60 digits, exact to the step's square."""
+    """Forward equals reverse, and both equal central differences of the reference in 60 digits,
+    exact to the step's square."""
     y, step = np.array(SMOOTH[name]), 1e-6
     a, b = np.asarray(forward(y)), np.asarray(reverse(y))
     np.testing.assert_allclose(a, b, rtol=0, atol=1e-13 * np.abs(a).max())
@@ -437,7 +515,9 @@ def test_derivatives(name):
         plus[i], minus[i] = y[i] + step, y[i] - step
         up, down = (np.concatenate(exact_flow(x[:3], x[3:6], x[6], x[7])) for x in (plus, minus))
         # Truncation is the third derivative times 1e-12 / 6; the printed doubles add 1e-16 / 1e-6.
-        np.testing.assert_allclose(a[:, i], (up - down) / (plus[i] - minus[i]), rtol=0, atol=3e-9 * np.abs(a).max() ** 1.5)
+        np.testing.assert_allclose(
+            a[:, i], (up - down) / (plus[i] - minus[i]), rtol=0, atol=3e-9 * np.abs(a).max() ** 1.5
+        )
 
 
 @pytest.mark.slow
@@ -458,11 +538,15 @@ def test_second_derivatives(name):
     np.testing.assert_allclose(second, difference, rtol=0, atol=1e-7 * np.abs(second).max())
 
 
-# The system -----------------------------------------------------------------------------------------------------------
+# The system
+# -----------------------------------------------------------------------------------------------------------
 
 
 def test_the_flow_solves_the_vector_field():
-    system, y = TwoBody(1.3), BodyState(position=jnp.array([1.0, 0.2, -0.1]), velocity=jnp.array([0.1, 0.9, 0.3]))
+    system, y = (
+        TwoBody(1.3),
+        BodyState(position=jnp.array([1.0, 0.2, -0.1]), velocity=jnp.array([0.1, 0.9, 0.3])),
+    )
     state, rate = jax.jvp(lambda t: system.flow(t, y), (2.0,), (1.0,))
     field = system.vector_field(0.0, state)
     np.testing.assert_allclose(rate.position, field.position, atol=1e-14)
@@ -479,7 +563,9 @@ def test_invariants_stay():
     )
     assert set(before) == {"energy", "angular_momentum", "eccentricity_vector"}
     for name in before:
-        np.testing.assert_allclose(after[name], before[name], rtol=1e-9, atol=1e-11 * np.abs(before[name]).max())
+        np.testing.assert_allclose(
+            after[name], before[name], rtol=1e-9, atol=1e-11 * np.abs(before[name]).max()
+        )
 
 
 @pytest.mark.parametrize("mu", [0.0, -1.0, np.nan])
@@ -492,7 +578,8 @@ values = jax.jit(stumpff)
 slopes = jax.jit(jax.jacfwd(stumpff))
 bends = jax.jit(jax.jacfwd(jax.jacrev(stumpff)))
 
-# Stumpff --------------------------------------------------------------------------------------------------------------
+# Stumpff
+# --------------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("z", [0.0, 1e-9, -1e-9, 0.3, -5.0, 9.86, -9.86, -9.88, -1e3, -1e5])
@@ -500,9 +587,14 @@ def test_stumpff(z):
     """Values and two derivatives, on both sides of the branch; c_n' = (n c_(n+2) - c_(n+1)) / 2."""
     with mp.workdps(60):
         exact = [float(c) for c in exact_stumpff(mp.mpf(z))[2:]]
-        slope = [float(mp.diff(lambda x, n=n: exact_stumpff(x)[n], mp.mpf(z))) for n in (2, 3, 4, 5)]
-        bend = [float(mp.diff(lambda x, n=n: exact_stumpff(x)[n], mp.mpf(z), 2)) for n in (2, 3, 4, 5)]
-    # The rounding of z alone moves the functions by eps times half the square root of |z|, or z times the slope.
+        slope = [
+            float(mp.diff(lambda x, n=n: exact_stumpff(x)[n], mp.mpf(z))) for n in (2, 3, 4, 5)
+        ]
+        bend = [
+            float(mp.diff(lambda x, n=n: exact_stumpff(x)[n], mp.mpf(z), 2)) for n in (2, 3, 4, 5)
+        ]
+    # The rounding of z alone moves the functions by eps times half the square root of |z|, or z
+    # times the slope.
     loss = 4e-15 * (1 + np.sqrt(abs(z)))
     value, first, second = np.array(values(z)), np.array(slopes(z)), np.array(bends(z))
     for n in range(4):

@@ -1,4 +1,5 @@
-"""The rotation group: its laws, its descriptions against an independent library, Euler's angles at their singular places."""
+"""The rotation group: its laws, its descriptions against an independent library, Euler's angles at
+their singular places."""
 
 import functools
 
@@ -12,13 +13,15 @@ from hypothesis.extra.numpy import arrays
 from scipy.spatial.transform import Rotation
 
 from jaxspace import rotations
-from jaxspace._core import InputError
+from jaxspace.core import InputError
 from jaxspace.rotations import Quaternion
 
 # A few roundings of numbers of order one.
 ROUNDING = 2e-14
 
-turns = arrays(float, 3, elements=st.floats(-6.0, 6.0, allow_subnormal=False)) | st.just(np.zeros(3))
+turns = arrays(float, 3, elements=st.floats(-6.0, 6.0, allow_subnormal=False)) | st.just(
+    np.zeros(3)
+)
 vectors = arrays(float, 3, elements=st.floats(-10.0, 10.0))
 
 
@@ -33,7 +36,9 @@ def turn(v):
 
 def same(p, q):
     """Whether two unit quaternions are one orientation: q and -q are."""
-    np.testing.assert_allclose(np.abs(np.sum(np.asarray(p) * np.asarray(q), axis=0)), 1.0, atol=ROUNDING)
+    np.testing.assert_allclose(
+        np.abs(np.sum(np.asarray(p) * np.asarray(q), axis=0)), 1.0, atol=ROUNDING
+    )
 
 
 def laws(a, b, c, v):
@@ -57,7 +62,9 @@ def laws(a, b, c, v):
 @given(turns, turns, turns, vectors)
 def test_group_laws(a, b, c, v):
     for law, violation in call(laws, a, b, c, v).items():
-        np.testing.assert_allclose(violation, np.zeros_like(violation), atol=20 * ROUNDING, err_msg=law)
+        np.testing.assert_allclose(
+            violation, np.zeros_like(violation), atol=20 * ROUNDING, err_msg=law
+        )
 
 
 def descriptions(v):
@@ -73,12 +80,15 @@ def test_descriptions_agree_with_scipy(v):
     same(again, wxyz)
     np.testing.assert_allclose(matrix, peer.as_matrix(), atol=ROUNDING)
     # At half a turn both directions of the axis are right.
-    np.testing.assert_allclose(Rotation.from_rotvec(np.array(vector)).as_matrix(), peer.as_matrix(), atol=ROUNDING)
+    np.testing.assert_allclose(
+        Rotation.from_rotvec(np.array(vector)).as_matrix(), peer.as_matrix(), atol=ROUNDING
+    )
     assert np.linalg.norm(vector) <= np.pi + ROUNDING
 
 
 def test_rotation_vector_round_trip_and_slope():
-    """At no turn at all, and on both sides of the place where the series hands over to the closed form."""
+    """At no turn at all, and on both sides of the place where the series hands over to the closed
+    form."""
     v = np.array([[0.6], [0.0], [-0.8]]) * np.array([0.0, 1e-200, 1e-9, 1e-4, 2e-3, 0.3, 3.0])
 
     def round_trip(x):
@@ -92,10 +102,14 @@ def test_rotation_vector_round_trip_and_slope():
 
 @pytest.mark.parametrize("axis", [0, 1, 2])
 def test_half_turns_from_a_matrix(axis):
-    """Shepperd's choice: the trace is -1 here, and the form that divides by it would lose everything."""
+    """Shepperd's choice: the trace is -1 here, and the form that divides by it would lose
+    everything."""
     half = Quaternion.about(axis, jnp.array(np.pi))
     same(call(lambda m: Quaternion.from_matrix(m).wxyz, half.matrix()), half.wxyz)
-    slope = call(jax.jacfwd(lambda a: Quaternion.from_matrix(Quaternion.about(axis, a).matrix()).wxyz), jnp.array(np.pi))
+    slope = call(
+        jax.jacfwd(lambda a: Quaternion.from_matrix(Quaternion.about(axis, a).matrix()).wxyz),
+        jnp.array(np.pi),
+    )
     np.testing.assert_allclose(np.abs(slope[0]), 0.5, atol=ROUNDING)
 
 
@@ -108,7 +122,8 @@ def both_rates(v, omega):
 
 @given(turns, vectors)
 def test_rate_is_the_derivative_of_the_turn(v, omega):
-    """q' = q (0, omega)/2 with omega in body axes: the orientation after the small turn omega dt about the body's own axes."""
+    """q' = q (0, omega)/2 with omega in body axes: the orientation after the small turn omega dt
+    about the body's own axes."""
     derivative, rate = call(both_rates, v, omega)
     np.testing.assert_allclose(rate, derivative, atol=20 * ROUNDING)
 
@@ -119,7 +134,9 @@ def test_finite_rotations_do_not_commute():  # T1.3-rot
     first_x, first_y = y.then(x), x.then(y)
     vector = first_x.rotation_vector()
     np.testing.assert_allclose(np.degrees(np.linalg.norm(vector)), 120.0, rtol=1e-9)
-    np.testing.assert_allclose(vector / np.linalg.norm(vector), np.array([1.0, 1.0, -1.0]) * 0.5773502691896257, rtol=1e-9)
+    np.testing.assert_allclose(
+        vector / np.linalg.norm(vector), np.array([1.0, 1.0, -1.0]) * 0.5773502691896257, rtol=1e-9
+    )
     between = first_x.inverse().then(first_y).rotation_vector()
     np.testing.assert_allclose(np.degrees(np.linalg.norm(between)), 120.0, rtol=1e-9)
 
@@ -144,7 +161,8 @@ euler = jax.jit(euler, static_argnums=0)
 
 
 def samples(sequence):
-    """Angles all over their ranges and, in the last columns, exactly on, and closely beside, the singular positions."""
+    """Angles all over their ranges and, in the last columns, exactly on, and closely beside, the
+    singular positions."""
     rng = np.random.default_rng(7)
     symmetric = sequence[0] == sequence[2]
     regular = rng.uniform(-1.0, 1.0, (3, 40)) * np.array([[3.1], [1.55], [3.1]])
@@ -165,8 +183,9 @@ def test_euler_angles_agree_with_scipy(sequence):
     peer = Rotation.from_euler(letters, angles.T).as_matrix()
     np.testing.assert_allclose(np.moveaxis(matrix, -1, 0), peer, atol=ROUNDING)
     np.testing.assert_allclose(back[:, :40], regular, atol=1e-12)
-    # Whatever the singular position leaves open, the angles describe the same orientation, to one rounding: the third angle
-    # is read from what the first two leave, and not from two small numbers.
+    # Whatever the singular position leaves open, the angles describe the same orientation, to one
+    # rounding: the third angle is read from what the first two leave, and not from two small
+    # numbers.
     np.testing.assert_allclose(again, matrix, atol=ROUNDING)
     low, high = (0.0, np.pi) if sequence[0] == sequence[2] else (-np.pi / 2.0, np.pi / 2.0)
     assert np.all((back[1] >= low - ROUNDING) & (back[1] <= high + ROUNDING))
@@ -197,9 +216,15 @@ def test_euler_rates_are_the_rates_of_the_quaternion(sequence):
 
     @jax.jit
     def both(angles, rates):
-        q, q_rate = jax.jvp(lambda a: rotations.from_euler_angles(a, sequence).wxyz, (angles,), (rates,))
+        q, q_rate = jax.jvp(
+            lambda a: rotations.from_euler_angles(a, sequence).wxyz, (angles,), (rates,)
+        )
         omega = rotations.omega_from_euler_rates(angles, rates, sequence)
-        return q_rate, Quaternion(q).rate(omega).wxyz, rotations.euler_rates_from_omega(angles, omega, sequence)
+        return (
+            q_rate,
+            Quaternion(q).rate(omega).wxyz,
+            rotations.euler_rates_from_omega(angles, omega, sequence),
+        )
 
     derivative, rate, back = both(angles, rates)
     np.testing.assert_allclose(rate, derivative, atol=ROUNDING)
@@ -210,12 +235,18 @@ def test_euler_rates_from_omega():  # T3.5
     psi, theta, phi = np.radians([45.0, 30.0, 30.0])
     omega = jnp.array([0.3, -0.7, 1.9])
     rates = rotations.euler_rates_from_omega(jnp.array([psi, theta, phi]), omega)
-    np.testing.assert_allclose(rates, [-0.9124355652982141, 0.6098076211353316, 2.690192378864668], rtol=1e-9)
+    np.testing.assert_allclose(
+        rates, [-0.9124355652982141, 0.6098076211353316, 2.690192378864668], rtol=1e-9
+    )
 
 
 def test_euler_rates_near_the_singular_angle():  # T3.5-sing
-    psi_rate, _, phi_rate = rotations.euler_rates_from_omega(jnp.array([0.0, 1e-6, 0.3]), jnp.array([0.01, 0.02, 1.0]))
-    np.testing.assert_allclose([psi_rate, phi_rate], [22061.931849129192, -22060.931849118162], rtol=1e-9)
+    psi_rate, _, phi_rate = rotations.euler_rates_from_omega(
+        jnp.array([0.0, 1e-6, 0.3]), jnp.array([0.01, 0.02, 1.0])
+    )
+    np.testing.assert_allclose(
+        [psi_rate, phi_rate], [22061.931849129192, -22060.931849118162], rtol=1e-9
+    )
     np.testing.assert_allclose(psi_rate + phi_rate, 1.000000011030966, rtol=1e-8)
 
 
@@ -234,7 +265,9 @@ def test_moving_euler_frame():  # T2.5-gen, rotation only
 
     a, rates = jax.jvp(angles, (0.6,), (1.0,))
     omega = rotations.omega_from_euler_rates(a, rates)
-    np.testing.assert_allclose(omega, [0.33034622299119853, 0.308242994773583, 1.4216483003661953], rtol=1e-9)
+    np.testing.assert_allclose(
+        omega, [0.33034622299119853, 0.308242994773583, 1.4216483003661953], rtol=1e-9
+    )
     matrix = [
         [0.7042160337468965, -0.5632020640588163, 0.43229991077223107],
         [0.6821580434373152, 0.36793223987753726, -0.6318910274979953],
@@ -250,9 +283,13 @@ def test_yaw_pitch_roll():  # T7.4-P11; the case lists the matrix from inertial 
         [-0.3503364588118941, 0.8102391858702562, 0.4698689469495153],
         [-0.02488177918333981, -0.5095362866083979, 0.8600893382050473],
     ]
-    np.testing.assert_allclose(rotations.from_euler_angles(angles, "321").matrix().T, matrix, rtol=1e-12)
+    np.testing.assert_allclose(
+        rotations.from_euler_angles(angles, "321").matrix().T, matrix, rtol=1e-12
+    )
     omega = rotations.omega_from_euler_rates(angles, rates, "321")
-    np.testing.assert_allclose(omega, [0.07185362638745674, -0.009745195167879417, 0.1281696149048494], rtol=1e-12)
+    np.testing.assert_allclose(
+        omega, [0.07185362638745674, -0.009745195167879417, 0.1281696149048494], rtol=1e-12
+    )
 
 
 def test_runs_trail(key):
@@ -261,14 +298,22 @@ def test_runs_trail(key):
     assert q.wxyz.shape == (4, 5) and q.matrix().shape == (3, 3, 5)
     np.testing.assert_allclose(q.rotate(w)[:, 2], turn(v[:, 2]).rotate(w[:, 2]), atol=ROUNDING)
     angles = rotations.to_euler_angles(q, "321")
-    np.testing.assert_allclose(angles[:, 2], rotations.to_euler_angles(turn(v[:, 2]), "321"), atol=ROUNDING)
+    np.testing.assert_allclose(
+        angles[:, 2], rotations.to_euler_angles(turn(v[:, 2]), "321"), atol=ROUNDING
+    )
     same(Quaternion.from_matrix(q.matrix()).wxyz, q.wxyz)
 
 
 def test_single_precision_stays_single():
     v = jnp.array([0.1, -0.2, 0.3], jnp.float32)
     q = turn(v)
-    for x in (q.wxyz, q.matrix(), q.rotation_vector(), q.normalised().wxyz, rotations.to_euler_angles(q)):
+    for x in (
+        q.wxyz,
+        q.matrix(),
+        q.rotation_vector(),
+        q.normalised().wxyz,
+        rotations.to_euler_angles(q),
+    ):
         assert x.dtype == jnp.float32
 
 

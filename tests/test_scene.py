@@ -1,4 +1,5 @@
-"""Scenes: absent effects cost nothing, what is missing is said, and what is kept follows from the effects."""
+"""Scenes: absent effects cost nothing, what is missing is said, and what is kept follows from the
+effects."""
 
 import re
 
@@ -9,19 +10,22 @@ import pytest
 from systems import J2, MU, RADIUS, SAMPLES, motor, orbit, rocket_scene, rocket_state, turned
 
 from jaxspace import Scene, simulate
-from jaxspace._core import InputError
 from jaxspace.attitude import TorqueFreeBody
 from jaxspace.bodies import BodyState, Load, RigidBody
+from jaxspace.core import InputError
 from jaxspace.orbits import Oblateness, PointGravity, TwoBody
 from jaxspace.rockets import JetDamping
-from jaxspace.scene import Custom, budget, compiled, operation_count
+from jaxspace.scene import Custom, budget, compile_vector_field, operation_count
 
 T = jnp.zeros(())
 
 
 def instructions(system, y):
-    """The instructions of the compiled vector field, without the names that the compiler gives them."""
-    lines = [line for line in compiled(system, T, y).as_text().splitlines() if " = " in line]
+    """The instructions of the compiled vector field, without the names that the compiler gives
+    them."""
+    lines = [
+        line for line in compile_vector_field(system, T, y).as_text().splitlines() if " = " in line
+    ]
     return sorted(re.sub(r"%[\w.-]+|, metadata=.*", "", line).strip() for line in lines)
 
 
@@ -60,18 +64,32 @@ def test_leaving_an_effect_out_gives_its_cost_back():
 
 def test_explain_names_every_effect():
     text = rocket_scene().explain()
-    for word in ("PointGravity", "Oblateness", "Thrust", "JetDamping", "equations of motion", "attitude", "share"):
+    for word in (
+        "PointGravity",
+        "Oblateness",
+        "Thrust",
+        "JetDamping",
+        "equations of motion",
+        "attitude",
+        "share",
+    ):
         assert word in text
 
 
 @pytest.mark.parametrize(
     ("make", "sentence"),
     [
-        (lambda: Scene((motor(),), RigidBody(10.0)), "Thrust needs a rotating body, and the body has no inertia"),
+        (
+            lambda: Scene((motor(),), RigidBody(10.0)),
+            "Thrust needs a rotating body, and the body has no inertia",
+        ),
         (lambda: Scene((), RigidBody(10.0), ("attitude",)), "Scene.carry asks for a rotating body"),
         (lambda: Scene((), carry=("spin",)), r"Scene.carry names \['spin'\]"),
         (lambda: Scene((drag(),)), "Custom adds a force, and the body has no mass"),
-        (lambda: Custom(lambda t, y, b: Load(), {"velocty"}, set()), r"Custom.needs names \['velocty'\]"),
+        (
+            lambda: Custom(lambda t, y, b: Load(), {"velocty"}, set()),
+            r"Custom.needs names \['velocty'\]",
+        ),
         (lambda: RigidBody(-5.0), "RigidBody.mass is -5: it must be positive and finite."),
         (lambda: PointGravity(-1.0), "PointGravity.mu is -1"),
     ],
@@ -109,12 +127,20 @@ def test_what_stays_follows_from_the_effects():
     assert set(Scene(oblate).invariants(T, y)) == {"energy", "axial_angular_momentum"}
     free = next(s for s in SAMPLES if s.name == "free_stage")
     kept = set(free.system.invariants(T, free.state))
-    assert kept == {"energy", "angular_momentum", "rotational_momentum", "rotational_energy", "quaternion_norm"}
+    assert kept == {
+        "energy",
+        "angular_momentum",
+        "rotational_momentum",
+        "rotational_energy",
+        "quaternion_norm",
+    }
     assert set(rocket_scene().invariants(T, rocket_state())) == {"quaternion_norm"}
 
 
 def test_jet_damping_needs_what_it_reads():
-    assert Scene((JetDamping(lambda t, m: -1.0 + 0.0 * m, 0.0),), rocket_scene().body, ("mass",)).parts == (
+    assert Scene(
+        (JetDamping(lambda t, m: -1.0 + 0.0 * m, 0.0),), rocket_scene().body, ("mass",)
+    ).parts == (
         "attitude",
         "omega",
         "mass",

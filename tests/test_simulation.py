@@ -1,4 +1,5 @@
-"""The runner: accuracy against closed forms and published problems, events, missions, batches, and what it refuses."""
+"""The runner: accuracy against closed forms and published problems, events, missions, batches, and
+what it refuses."""
 
 import subprocess
 import sys
@@ -12,10 +13,20 @@ import pytest
 from jaxtyping import Array
 
 from jaxspace import Scene
-from jaxspace._core import AbstractSystem, InputError, Scalar
 from jaxspace.bodies import BodyState
+from jaxspace.core import AbstractSystem, InputError, Scalar
 from jaxspace.orbits import PointGravity, TwoBody
-from jaxspace.simulation import BLOCK, Accuracy, Event, Mission, Phase, SimulationError, Status, simulate, simulate_batch
+from jaxspace.simulation import (
+    BLOCK,
+    Accuracy,
+    Event,
+    Mission,
+    Phase,
+    SimulationError,
+    Status,
+    simulate,
+    simulate_batch,
+)
 from jaxspace.solvers import DOP853, Regularised, Splitting, Stormer, Tsit5
 
 
@@ -48,7 +59,9 @@ KEPLER = Scene((PointGravity(1.0),))  # integrated: a scene has no closed form
 
 def start(e):
     """Periapsis of an ellipse with semi-major axis 1 and gravitational parameter 1."""
-    return BodyState(jnp.array([1.0 - e, 0.0, 0.0]), jnp.array([0.0, np.sqrt((1.0 + e) / (1.0 - e)), 0.0]))
+    return BodyState(
+        jnp.array([1.0 - e, 0.0, 0.0]), jnp.array([0.0, np.sqrt((1.0 + e) / (1.0 - e)), 0.0])
+    )
 
 
 def ball(height=10.0, speed=0.0):
@@ -89,7 +102,9 @@ def test_arenstorf_orbit_returns():
         return jnp.stack([ax, y - 2.0 * v[0] - (1.0 - mu) * y / d1 - mu * y / d2])
 
     y0 = (jnp.array([0.994, 0.0]), jnp.array([0.0, -2.00158510637908252240537862224]))
-    end = simulate(Plane(acceleration), y0, jnp.array([0.0, 17.0652165601579625588917206249]), accuracy=1e-13).final
+    end = simulate(
+        Plane(acceleration), y0, jnp.array([0.0, 17.0652165601579625588917206249]), accuracy=1e-13
+    ).final
     for a, b in zip(end, y0, strict=True):
         np.testing.assert_allclose(a, b, rtol=0.0, atol=1e-7)
 
@@ -106,12 +121,36 @@ def test_pleiades():
     r0 = jnp.array([[3.0, 3, -1, -3, 2, -2, 2], [3, -3, 2, 0, 0, -4, 4]])
     v0 = jnp.array([[0.0, 0, 0, 0, 0, 1.75, -1.5], [0, 0, 0, -1.25, 1, 0, 0]])
     end = simulate(Plane(acceleration), (r0, v0), jnp.array([0.0, 3.0]), accuracy=1e-12).final
-    expected = [0.3706139143970502, 3.237284092057233, -3.222559032418324, 0.659709145577531, 0.3425581707156584]
-    expected += [1.562172101400631, -0.7003092922212495, -3.943437585517392, -3.27138097397255, 5.225081843456543]
+    expected = [
+        0.3706139143970502,
+        3.237284092057233,
+        -3.222559032418324,
+        0.659709145577531,
+        0.3425581707156584,
+    ]
+    expected += [
+        1.562172101400631,
+        -0.7003092922212495,
+        -3.943437585517392,
+        -3.27138097397255,
+        5.225081843456543,
+    ]
     expected += [-2.59061243497747, 1.198213693392275, -0.2429682344935824, 1.09144924042898]
     np.testing.assert_allclose(end[0].reshape(-1), expected, rtol=0.0, atol=1e-8)
-    rates = [3.417003806314313, 1.354584501625501, -2.590065597810775, 2.025053734714242, -1.155815100160448]
-    rates += [-0.8072988170223021, 0.595239635420871, -3.74124496123401, 0.377345968575063, 0.9386858869551074]
+    rates = [
+        3.417003806314313,
+        1.354584501625501,
+        -2.590065597810775,
+        2.025053734714242,
+        -1.155815100160448,
+    ]
+    rates += [
+        -0.8072988170223021,
+        0.595239635420871,
+        -3.74124496123401,
+        0.377345968575063,
+        0.9386858869551074,
+    ]
     rates += [0.3667922227200571, -0.347404635380849, 2.344915448180937, -1.947020434263292]
     np.testing.assert_allclose(end[1].reshape(-1), rates, rtol=0.0, atol=1e-8)
 
@@ -120,7 +159,8 @@ def test_states_between_steps_are_as_good_as_step_ends():
     ts = jnp.linspace(0.0, 20.0, 203)
     run = simulate(KEPLER, start(0.5), ts, accuracy=1e-11)
     exact = simulate(TwoBody(1.0), start(0.5), ts)
-    # The dense output has order 7 beside a method of order 8: a few hundred times the local tolerance over three turns.
+    # The dense output has order 7 beside a method of order 8: a few hundred times the local
+    # tolerance over three turns.
     assert float(jnp.max(jnp.abs(run.states.position - exact.states.position))) < 3e-9
     assert float(run.drift()["energy"].max()) < 1e-9
     assert float(run.stats["evaluations"]) < 12 * 400
@@ -152,18 +192,26 @@ def test_backward_and_empty_spans():
     np.testing.assert_allclose(back.position, y.position, rtol=0.0, atol=1e-10)
     still = simulate(KEPLER, y, jnp.array([2.0, 2.0]), accuracy=1e-12)
     assert np.all(still.final.position == y.position) and int(still.status) == Status.COMPLETED
-    slope = jax.grad(lambda t: simulate(KEPLER, y, jnp.stack([jnp.array(2.0), t])).final.position[1])(2.0)
+    slope = jax.grad(
+        lambda t: simulate(KEPLER, y, jnp.stack([jnp.array(2.0), t])).final.position[1]
+    )(2.0)
     np.testing.assert_allclose(slope, y.velocity[1], rtol=1e-12)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("method", ["auto", DOP853(), Stormer(8, steps=240), Regularised(steps=40), Splitting(4, steps=40)])
+@pytest.mark.parametrize(
+    "method",
+    ["auto", DOP853(), Stormer(8, steps=240), Regularised(steps=40), Splitting(4, steps=40)],
+)
 def test_derivatives_of_backward_and_empty_spans(method):
-    """Of the end by the start and by the time of the end, against the closed form; an empty span hands on what it is given."""
+    """Of the end by the start and by the time of the end, against the closed form; an empty span
+    hands on what it is given."""
 
     def end(x, t, system, accuracy):
         y = BodyState(start(0.3).position + x[:3], start(0.3).velocity + x[3:])
-        run = simulate(system, y, jnp.stack([jnp.array(2.0), t]), accuracy=accuracy, throw=False).final
+        run = simulate(
+            system, y, jnp.stack([jnp.array(2.0), t]), accuracy=accuracy, throw=False
+        ).final
         return jnp.concatenate([run.position, run.velocity])
 
     accuracy = Accuracy(rtol=1e-11, method=method)
@@ -171,7 +219,8 @@ def test_derivatives_of_backward_and_empty_spans(method):
     exact = jax.jit(jax.jacfwd(lambda x, t: end(x, t, TwoBody(1.0), 1e-9), argnums=(0, 1)))
     for t in (-2.0, 2.0):
         for a, b in zip(found(jnp.zeros(6), t), exact(jnp.zeros(6), t), strict=True):
-            # The steps of the methods with equal ones are good to some 1e-8 here, the derivatives are up to 20.
+            # The steps of the methods with equal ones are good to some 1e-8 here, the derivatives
+            # are up to 20.
             np.testing.assert_allclose(a, b, rtol=0.0, atol=1e-6 if t < 0.0 else 1e-13)
 
 
@@ -186,27 +235,33 @@ def test_derivatives_of_a_run():
 
         return position
 
-    scene = lambda mu: Scene((PointGravity(mu),))  # noqa: E731
+    def scene(mu):
+        return Scene((PointGravity(mu),))
+
     tight = Accuracy(rtol=1e-12, method=Tsit5())
     exact = jax.jacfwd(end(TwoBody, 1e-12), (0, 1))(y.velocity, 1.0)
     reverse = jax.jacrev(end(scene, tight), (0, 1))(y.velocity, 1.0)
     ahead = Accuracy(rtol=1e-12, method=Tsit5(), adjoint=diffrax.ForwardMode())
     forward = jax.jacfwd(end(scene, ahead), (0, 1))(y.velocity, 1.0)
     for a, b, c in zip(exact, reverse, forward, strict=True):
-        # The error of the derivative exceeds that of the run by the growth of its deviations, here some tens.
+        # The error of the derivative exceeds that of the run by the growth of its deviations, here
+        # some tens.
         np.testing.assert_allclose(b, a, rtol=0.0, atol=2e-9)
         np.testing.assert_allclose(c, b, rtol=0.0, atol=1e-11)
 
 
 def test_derivatives_of_a_run_of_many_steps(monkeypatch):
-    """The memory for states holds four of them, so that some hundred steps are taken again from each, piece by piece."""
+    """The memory for states holds four of them, so that some hundred steps are taken again from
+    each, piece by piece."""
     monkeypatch.setattr("jaxspace.simulation._march.RECORD_BYTES", 4 * 48)
     y, ts = start(0.3), jnp.array([0.0, 3.0, 4.0])
 
     def distance(system, accuracy):
         def total(v):
             run = simulate(system, eqx.tree_at(lambda s: s.velocity, y, v), ts, accuracy=accuracy)
-            return jnp.sum(run.states.position * jnp.arange(9.0).reshape(3, 3)), run.stats.get("steps")
+            return jnp.sum(run.states.position * jnp.arange(9.0).reshape(3, 3)), run.stats.get(
+                "steps"
+            )
 
         return total
 
@@ -242,7 +297,9 @@ def test_close_events_are_told_apart():
 
 def test_two_changes_of_sign_within_one_step():
     """EV-LARGE-STEP."""
-    event = Event(lambda t, y: (2.5 - y.position[2]) * (5.0 - y.position[2]) * (0.0 - y.position[2]))
+    event = Event(
+        lambda t, y: (2.5 - y.position[2]) * (5.0 - y.position[2]) * (0.0 - y.position[2])
+    )
     run = simulate(Fall(jnp.zeros(3)), ball(1.0, 1.0), jnp.array([0.0, 9.0]), events=(event,))
     np.testing.assert_allclose(run.ts[-1], 1.5, atol=1e-12)
     rest = simulate(Fall(jnp.zeros(3)), run.final, jnp.array([1.5, 9.0]), events=(event,))
@@ -251,20 +308,30 @@ def test_two_changes_of_sign_within_one_step():
 
 @pytest.mark.parametrize("direction", [0, 1, -1])
 def test_a_dip_between_the_samples(direction):
-    """g = sign ((t - c)^2 - size |size|) (1 - t/w): a dip far narrower than the 20/128 between the samples, amid the span and at
-    its very ends, backwards, and from below; one that does not reach zero, and the same before a simple zero."""
+    """g = sign ((t - c)^2 - size |size|) (1 - t/w): a dip far narrower than the 20/128 between the
+    samples, amid the span and at its very ends, backwards, and from below; one that does not reach
+    zero, and the same before a simple zero."""
 
     @jax.jit
     def found(ts, c, size, sign, w):
-        event = Event(lambda t, y: sign * ((t - c) ** 2 - size * jnp.abs(size)) * (1.0 - t / w), direction)
+        event = Event(
+            lambda t, y: sign * ((t - c) ** 2 - size * jnp.abs(size)) * (1.0 - t / w), direction
+        )
         run = simulate(FALL, ball(1e4), ts, events=(event,))
         return run.ts[-1], run.event
 
     for ts, ahead in ((jnp.array([0.0, 20.0]), 1.0), (jnp.array([20.0, 0.0]), -1.0)):
-        for c, size, sign in [(5.03, 0.01, 1.0), (0.03, 0.01, 1.0), (19.93, 0.02, 1.0), (7.11, 0.03, -1.0)]:
+        for c, size, sign in [
+            (5.03, 0.01, 1.0),
+            (0.03, 0.01, 1.0),
+            (19.93, 0.02, 1.0),
+            (7.11, 0.03, -1.0),
+        ]:
             time, event = found(ts, c, size, sign, 50.0)
             assert event == 0
-            np.testing.assert_allclose(time, c + (ahead if direction == sign else -ahead) * size, atol=1e-9)
+            np.testing.assert_allclose(
+                time, c + (ahead if direction == sign else -ahead) * size, atol=1e-9
+            )
         assert found(ts, 5.03, -0.01, 1.0, 50.0)[1] == -1
         if direction != 1:
             np.testing.assert_allclose(found(ts, 5.03, -0.01, ahead, 12.0)[0], 12.0, rtol=1e-12)
@@ -281,7 +348,8 @@ def bounces(height, restitution, count):
 
 
 def test_bouncing_ball():
-    """EV-BOUNCE: the first twelve bounces, the last flights a thousand times shorter than the span searched."""
+    """EV-BOUNCE: the first twelve bounces, the last flights a thousand times shorter than the span
+    searched."""
     run = bounces(10.0, 0.5, 12)
     first = np.sqrt(2.0 * 10.0 / 9.81)
     times = [first * (1.0 + 2.0 * sum(0.5**j for j in range(1, k))) for k in range(1, 13)]
@@ -299,7 +367,8 @@ def test_an_event_that_does_not_happen_is_reported_by_name():
 
 
 def test_derivatives_pass_through_events():
-    """Height, restitution and gravity into the height after two bounces: the saltation, in closed form."""
+    """Height, restitution and gravity into the height after two bounces: the saltation, in closed
+    form."""
 
     def height(h, e, g, t):
         def rebound(t, y):
@@ -324,7 +393,9 @@ def test_derivatives_pass_through_events():
 def test_runs_of_a_batch_have_their_own_events():
     heights = jnp.linspace(5.0, 15.0, 7)
     y = BodyState(jnp.stack([0.0 * heights, 0.0 * heights, heights], axis=1), jnp.zeros((7, 3)))
-    run = simulate_batch(FALL, y, jnp.linspace(0.0, 1.5, 4), events=(FLOOR,), in_axes=(None, 0), accuracy=1e-12)
+    run = simulate_batch(
+        FALL, y, jnp.linspace(0.0, 1.5, 4), events=(FLOOR,), in_axes=(None, 0), accuracy=1e-12
+    )
     landing = np.sqrt(2.0 * heights / 9.81)
     np.testing.assert_allclose(run.ts[:, -1], np.minimum(landing, 1.5), rtol=1e-12)
     assert np.all(np.asarray(run.status) == np.where(landing < 1.5, Status.EVENT, Status.COMPLETED))
@@ -378,8 +449,9 @@ def test_every_run_may_have_its_own_times():
 
 
 def test_runs_that_want_like_steps_share_a_block():
-    """Ellipses from circles to an eccentricity of 0.9, in no order: sorted by their pace at the start, they take a good third
-    fewer evaluations than the worst one would have cost them all, and the results come back in the order given."""
+    """Ellipses from circles to an eccentricity of 0.9, in no order: sorted by their pace at the
+    start, they take a good third fewer evaluations than the worst one would have cost them all, and
+    the results come back in the order given."""
     es = np.random.default_rng(2).uniform(0.0, 0.9, 4 * BLOCK)
     ts = jnp.array([0.0, 7.0])
     y = rows(es)
@@ -392,7 +464,8 @@ def test_runs_that_want_like_steps_share_a_block():
 
 
 def test_devices_change_no_number():
-    """In a process of its own, because the number of devices is fixed when the first one is touched."""
+    """In a process of its own, because the number of devices is fixed when the first one is
+    touched."""
     code = """
 import jax
 jax.config.update("jax_enable_x64", True)
@@ -405,7 +478,12 @@ two = simulate_batch(KEPLER, y, ts, accuracy=1e-6, in_axes=(None, 0))
 one = simulate_batch(KEPLER, jax.device_put(y, jax.devices()[0]), ts, accuracy=1e-6, in_axes=(None, 0))
 print(len(two.status.devices()), len(one.status.devices()), np.array_equal(one.final.position, two.final.position))
 """
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=__file__.rpartition("/")[0])
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        capture_output=True,
+        text=True,
+        cwd=__file__.rpartition("/")[0],
+    )
     assert done.stdout.split() == ["2", "1", "True"], done.stderr
 
 
@@ -434,15 +512,33 @@ SPAN = jnp.array([0.0, 1.0])
             "for float64 states it must be at least",
         ),
         (
-            lambda: simulate(KEPLER, jax.tree.map(jnp.float32, start(0.1)), jnp.float32(SPAN), accuracy=1e-6),
+            lambda: simulate(
+                KEPLER, jax.tree.map(jnp.float32, start(0.1)), jnp.float32(SPAN), accuracy=1e-6
+            ),
             InputError,
             "for float32 states it must be at least",
         ),
-        (lambda: simulate(KEPLER, start(0.1), SPAN, accuracy=-1.0), InputError, "Accuracy.rtol is -1"),
-        (lambda: simulate(KEPLER, start(0.1), jnp.array([0.0, 1.0, 0.5])), InputError, "ts turns around"),
+        (
+            lambda: simulate(KEPLER, start(0.1), SPAN, accuracy=-1.0),
+            InputError,
+            "Accuracy.rtol is -1",
+        ),
+        (
+            lambda: simulate(KEPLER, start(0.1), jnp.array([0.0, 1.0, 0.5])),
+            InputError,
+            "ts turns around",
+        ),
         (lambda: simulate(KEPLER, start(0.1), jnp.array([0.0])), InputError, "at least two times"),
-        (lambda: simulate(KEPLER, ball(np.nan), jnp.array([0.0, 1.0])), InputError, r"y0.position is .*it must be finite"),
-        (lambda: Phase(KEPLER, FLOOR.__class__(lambda t, y: t), name="x"), InputError, "Event.within"),
+        (
+            lambda: simulate(KEPLER, ball(np.nan), jnp.array([0.0, 1.0])),
+            InputError,
+            r"y0.position is .*it must be finite",
+        ),
+        (
+            lambda: Phase(KEPLER, FLOOR.__class__(lambda t, y: t), name="x"),
+            InputError,
+            "Event.within",
+        ),
         (lambda: Event(lambda t, y: t, direction=2), InputError, "Event.direction is 2"),
         (lambda: Mission([]), InputError, "at least one"),
         (

@@ -15,10 +15,22 @@ from jaxspace.simulation import Accuracy, chosen_method
 from jaxspace.solvers import DOP853, RKN1210, Tsit5
 
 GRAVITY = (PointGravity(MU), Oblateness(MU, J2, RADIUS))
-TIDE = Custom(lambda t, y, body: Load(acceleration_N=-1e-9 * jnp.sin(t) * y.position), needs={"position"}, adds={"acceleration"})
-DRAG = Custom(lambda t, y, body: Load(acceleration_N=-1e-9 * y.velocity), needs={"velocity"}, adds={"acceleration"})
+TIDE = Custom(
+    lambda t, y, body: Load(acceleration_N=-1e-9 * jnp.sin(t) * y.position),
+    needs={"position"},
+    adds={"acceleration"},
+)
+DRAG = Custom(
+    lambda t, y, body: Load(acceleration_N=-1e-9 * y.velocity),
+    needs={"velocity"},
+    adds={"acceleration"},
+)
 SECRET_DRAG = Custom(DRAG.function, needs={"position"}, adds={"acceleration"})
-INNER = Custom(jax.jit(lambda t, y, body: Load(acceleration_N=y.position)), needs={"position"}, adds={"acceleration"})
+INNER = Custom(
+    jax.jit(lambda t, y, body: Load(acceleration_N=y.position)),
+    needs={"position"},
+    adds={"acceleration"},
+)
 
 
 @pytest.mark.parametrize(
@@ -57,6 +69,8 @@ def test_a_result_says_which_method_ran_and_takes_another():
     other = simulate(Scene(GRAVITY), orbit(), ts, accuracy=Accuracy(rtol=1e-10, method=DOP853()))
     assert isinstance(other.accuracy.method, DOP853)
     np.testing.assert_allclose(run.final.position, other.final.position, atol=1e-9 * 6.6e6)
-    batch = simulate_batch(Scene(GRAVITY), jax.tree.map(lambda x: jnp.stack([x, x]), orbit()), ts, in_axes=(None, 0))
+    batch = simulate_batch(
+        Scene(GRAVITY), jax.tree.map(lambda x: jnp.stack([x, x]), orbit()), ts, in_axes=(None, 0)
+    )
     assert isinstance(batch.accuracy.method, RKN1210)
     assert float(jnp.max(jnp.abs(batch.error().position))) < 1e-2

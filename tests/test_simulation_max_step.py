@@ -1,4 +1,5 @@
-"""Short pulses between the stages of long steps: what `Accuracy.max_step` makes sure of, in every way of running.
+"""Short pulses between the stages of long steps: what `Accuracy.max_step` makes sure of, in every
+way of running.
 
 r'' = -r + k p(t),   p(t) = (1 + cos(2 pi (t - c) / w)) / w   within w/2 of c, else 0
 r(T) = r_0 cos T + v_0 sin T + k sin(T - c) (2/w) sin(w/2) (1 + 1/((2 pi/w)^2 - 1))
@@ -13,9 +14,18 @@ import pytest
 from jaxtyping import Array
 
 from jaxspace import BodyState
-from jaxspace._core import AbstractPiecewiseSystem, AbstractSystem, InputError
+from jaxspace.core import AbstractSystem, InputError
 from jaxspace.dispersion import Campaign, Uniform, disperse
-from jaxspace.simulation import Accuracy, Event, Mission, Phase, Status, run_mission, simulate, simulate_batch
+from jaxspace.simulation import (
+    Accuracy,
+    Event,
+    Mission,
+    Phase,
+    Status,
+    run_mission,
+    simulate,
+    simulate_batch,
+)
 from jaxspace.solvers import DOP853, RKN1210, ExponentialRosenbrock, Stormer, Tsit5
 
 T, WIDTH = 5.0, 0.02
@@ -24,7 +34,8 @@ traced = []
 
 
 class Struck(AbstractSystem):
-    """An oscillator that is struck once: the change of velocity `kick` about the `centre`, for a time `width`."""
+    """An oscillator that is struck once: the change of velocity `kick` about the `centre`, for a
+    time `width`."""
 
     centre: Array
     kick: Array
@@ -40,7 +51,7 @@ class Struck(AbstractSystem):
         return {}
 
 
-class Announced(AbstractPiecewiseSystem):
+class Announced(AbstractSystem):
     """The same with the times of the pulse told."""
 
     struck: Struck
@@ -66,7 +77,12 @@ def start():
 def exact(system, t=T):
     """The position at the time `t`, after the pulse."""
     w, y = system.width, start()
-    push = jnp.sin(t - system.centre) * (2.0 / w) * jnp.sin(0.5 * w) * (1.0 + 1.0 / ((2.0 * jnp.pi / w) ** 2 - 1.0))
+    push = (
+        jnp.sin(t - system.centre)
+        * (2.0 / w)
+        * jnp.sin(0.5 * w)
+        * (1.0 + 1.0 / ((2.0 * jnp.pi / w) ** 2 - 1.0))
+    )
     return y.position * jnp.cos(t) + y.velocity * jnp.sin(t) + system.kick * push
 
 
@@ -78,7 +94,11 @@ def error(system, accuracy):
     return float(jnp.max(jnp.abs(final(system, accuracy) - exact(system))))
 
 
-@pytest.mark.parametrize("method", [RKN1210(), DOP853(), Tsit5(), ExponentialRosenbrock()], ids=lambda m: type(m).__name__)
+@pytest.mark.parametrize(
+    "method",
+    [RKN1210(), DOP853(), Tsit5(), ExponentialRosenbrock()],
+    ids=lambda m: type(m).__name__,
+)
 def test_a_pulse_as_long_as_two_steps_is_seen(method):
     # Methods of order 5 are asked for less: they would take thousands of steps.
     rtol = 1e-9 if isinstance(method, DOP853 | RKN1210) else 1e-6
@@ -87,11 +107,16 @@ def test_a_pulse_as_long_as_two_steps_is_seen(method):
 
 
 def test_without_a_limit_it_is_passed_over_and_nothing_tells():
-    """What the manual says of long steps: here the whole effect is missing. Known times are the better cure."""
-    run = simulate(struck(), start(), jnp.array([0.0, T]), accuracy=Accuracy(1e-9, method=RKN1210()))
+    """What the manual says of long steps: here the whole effect is missing. Known times are the
+    better cure."""
+    run = simulate(
+        struck(), start(), jnp.array([0.0, T]), accuracy=Accuracy(1e-9, method=RKN1210())
+    )
     assert run.status == Status.COMPLETED
     np.testing.assert_allclose(run.final.position, exact(struck(kick=0.0 * KICK)), atol=1e-8)
-    told = simulate(Announced(struck()), start(), jnp.array([0.0, T]), accuracy=Accuracy(1e-9, method=RKN1210()))
+    told = simulate(
+        Announced(struck()), start(), jnp.array([0.0, T]), accuracy=Accuracy(1e-9, method=RKN1210())
+    )
     np.testing.assert_allclose(told.final.position, exact(struck()), atol=1e-8)
     assert told.stats["steps"] < 40
 
@@ -105,7 +130,10 @@ def test_it_is_seen_wherever_it_falls(centre):
 def test_derivatives_of_a_pulse_that_is_seen(forward):
     adjoint = diffrax.ForwardMode() if forward else diffrax.RecursiveCheckpointAdjoint()
     accuracy = Accuracy(1e-11, method=RKN1210(), adjoint=adjoint, max_step=0.5 * WIDTH)
-    slope = lambda f: (jax.jacfwd if forward else jax.grad)(lambda system: f(system)[1])(struck())  # noqa: E731
+
+    def slope(f):
+        return (jax.jacfwd if forward else jax.grad)(lambda system: f(system)[1])(struck())
+
     found, true = slope(lambda system: final(system, accuracy)), slope(exact)
     # By the time and the width, what is integrated has kinks where the pulse begins and ends.
     for name, atol in (("kick", 1e-9), ("centre", 5e-7), ("width", 5e-7)):
@@ -114,10 +142,16 @@ def test_derivatives_of_a_pulse_that_is_seen(forward):
 
 def test_the_limit_is_traced_and_none_is_as_before():
     ts = jnp.array([0.0, T])
-    runs = [simulate(struck(), start(), ts, accuracy=Accuracy(1e-9, method=RKN1210(), max_step=0.3))]
+    runs = [
+        simulate(struck(), start(), ts, accuracy=Accuracy(1e-9, method=RKN1210(), max_step=0.3))
+    ]
     traced.clear()
     for max_step in (0.02, 1e3):
-        runs.append(simulate(struck(), start(), ts, accuracy=Accuracy(1e-9, method=RKN1210(), max_step=max_step)))
+        runs.append(
+            simulate(
+                struck(), start(), ts, accuracy=Accuracy(1e-9, method=RKN1210(), max_step=max_step)
+            )
+        )
     assert not traced
     free = simulate(struck(), start(), ts, accuracy=Accuracy(1e-9, method=RKN1210()))
     assert runs[1].stats["steps"] >= T / 0.02
@@ -127,13 +161,20 @@ def test_the_limit_is_traced_and_none_is_as_before():
 
 @pytest.mark.parametrize("precision", ["float64", "float32"])
 def test_no_step_of_any_run_is_longer(precision):
-    """Runs side by side, one of them over another span and backwards, with their own break times."""
+    """Runs side by side, one of them over another span and backwards, with their own break
+    times."""
     spans = (5.0, -2.0)
-    system = Announced(Struck(*(jnp.asarray(x, precision) for x in ([2.0, -0.7], 1e-3 * np.ones((3, 1)), [0.02, 0.1]))))
+    system = Announced(
+        Struck(
+            *(jnp.asarray(x, precision) for x in ([2.0, -0.7], 1e-3 * np.ones((3, 1)), [0.02, 0.1]))
+        )
+    )
     y0 = jax.tree.map(lambda x: jnp.asarray(x, precision)[:, None], start())
     phase = Phase(system, jnp.asarray(spans, precision))
     accuracy = Accuracy(jnp.asarray(1e-4, precision), max_step=jnp.asarray(0.3, precision))
-    taken, *_, status = run_mission(Mission([phase]), y0, jnp.zeros((), precision), 2, accuracy, 1, record=True)
+    taken, *_, status = run_mission(
+        Mission([phase]), y0, jnp.zeros((), precision), 2, accuracy, 1, record=True
+    )
     assert status.tolist() == [Status.COMPLETED] * 2
     clock = np.asarray(taken[0].steps)
     clock = np.concatenate([[0.0], clock[np.isfinite(clock)]])
@@ -169,13 +210,19 @@ def test_steps_fixed_beforehand_are_judged_by_it():
     """A plan made for a shorter span: for the run that takes longer, its steps are too long."""
     y0 = jax.tree.map(lambda x: jnp.stack([x, x], axis=1), start())
     system = Struck(jnp.asarray(2.345), KICK[:, None], jnp.asarray(WIDTH))
-    flown = lambda spans, **more: run_mission(  # noqa: E731
-        Mission([Phase(system, jnp.asarray(spans))]), y0, jnp.array(0.0), 2, accuracy, 1, **more
-    )
+
+    def flown(spans, **more):
+        return run_mission(
+            Mission([Phase(system, jnp.asarray(spans))]), y0, jnp.array(0.0), 2, accuracy, 1, **more
+        )
+
     accuracy = Accuracy(1e-3, method=DOP853(), max_step=0.1)
     clock = np.asarray(flown([3.0, 3.0], record=True)[0][0].steps)
     plan = jnp.concatenate([jnp.zeros(1), clock[np.isfinite(clock)]])
-    assert flown([3.0, 4.0], plans=(plan,))[3].tolist() == [Status.COMPLETED, Status.TOLERANCE_MISSED]
+    assert flown([3.0, 4.0], plans=(plan,))[3].tolist() == [
+        Status.COMPLETED,
+        Status.TOLERANCE_MISSED,
+    ]
 
 
 def test_runs_of_a_dispersion_keep_to_it():
@@ -184,7 +231,12 @@ def test_runs_of_a_dispersion_keep_to_it():
         y0 = jax.tree.map(lambda x: x[:, None] + 0.0 * samples["span"], start())
         return Mission([Phase(system, samples["span"])]), y0
 
-    campaign = Campaign(build, {"span": Uniform(1.0, 4.0)}, lambda result, samples: {"x": result.final.position[0]}, {"x": "m"})
+    campaign = Campaign(
+        build,
+        {"span": Uniform(1.0, 4.0)},
+        lambda result, samples: {"x": result.final.position[0]},
+        {"x": "m"},
+    )
     table = disperse(campaign, 100, accuracy=Accuracy(1e-6, method=DOP853(), max_step=0.1))
     assert np.all(table.status == Status.COMPLETED)
     assert np.all(table.evaluations >= 12.0 * table.inputs["span"] / 0.1001)
@@ -192,7 +244,12 @@ def test_runs_of_a_dispersion_keep_to_it():
 
 def test_the_error_is_estimated_with_half_of_it():
     """A limit that is too long for the pulse shows when it is halved."""
-    run = simulate(struck(2.346), start(), jnp.array([0.0, T]), accuracy=Accuracy(1e-9, method=DOP853(), max_step=5.0 * WIDTH))
+    run = simulate(
+        struck(2.346),
+        start(),
+        jnp.array([0.0, T]),
+        accuracy=Accuracy(1e-9, method=DOP853(), max_step=5.0 * WIDTH),
+    )
     off = jnp.max(jnp.abs(run.final.position - exact(struck(2.346))))
     assert off > 1e-4
     np.testing.assert_allclose(jnp.max(run.error().position), off, rtol=1e-3)
@@ -201,8 +258,16 @@ def test_the_error_is_estimated_with_half_of_it():
 def test_what_cannot_be_meant_is_refused():
     with pytest.raises(InputError, match=r"Accuracy.max_step is -1: it must be positive"):
         Accuracy(max_step=-1.0)
-    with pytest.raises(InputError, match=r"with Stormer: number its equal steps by Stormer\(steps=...\)"):
+    with pytest.raises(
+        InputError, match=r"with Stormer: number its equal steps by Stormer\(steps=...\)"
+    ):
         Accuracy(method=Stormer(8, steps=80), max_step=1.0)
-    run = simulate(struck(), start(), jnp.array([0.0, T]), accuracy=Accuracy(max_step=1e-3, max_steps=100), throw=False)
+    run = simulate(
+        struck(),
+        start(),
+        jnp.array([0.0, T]),
+        accuracy=Accuracy(max_step=1e-3, max_steps=100),
+        throw=False,
+    )
     assert run.status == Status.MAX_STEPS and "or max_step," in Status.MAX_STEPS.sentence
     assert eqx.tree_equal(Accuracy(), Accuracy(max_step=None))

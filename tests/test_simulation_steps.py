@@ -7,7 +7,7 @@ import pytest
 from systems import J2, MU, RADIUS, orbit
 
 from jaxspace import BodyState, Scene, simulate
-from jaxspace._core import InputError
+from jaxspace.core import InputError
 from jaxspace.orbits import Oblateness, PointGravity, TwoBody
 from jaxspace.simulation import Accuracy, steps_for
 from jaxspace.solvers import Regularised, Stormer
@@ -18,18 +18,25 @@ TURN = 2.0 * np.pi
 
 def at_periapsis(e, a=1.0):
     speed = np.sqrt((1.0 + e) / (1.0 - e) / a)
-    return BodyState(jnp.array([a * (1.0 - e), 0.0, 0.0]), jnp.array([0.0, speed * np.cos(0.5), speed * np.sin(0.5)]))
+    return BodyState(
+        jnp.array([a * (1.0 - e), 0.0, 0.0]),
+        jnp.array([0.0, speed * np.cos(0.5), speed * np.sin(0.5)]),
+    )
 
 
 @pytest.mark.parametrize("e", [0.0, 0.5, 0.95])
 def test_a_revolution_is_one_whatever_the_eccentricity(e):
     assert steps_for(UNIT, at_periapsis(e), TURN, 64) == 64
     assert steps_for(UNIT, at_periapsis(e, 4.0), -8.0 * TURN, 64) == 64
-    assert steps_for(UNIT, at_periapsis(e), 10.0 * TURN, 90) == 1024  # of 2^(k/2), the first beyond 900
+    assert (
+        steps_for(UNIT, at_periapsis(e), 10.0 * TURN, 90) == 1024
+    )  # of 2^(k/2), the first beyond 900
 
 
 def test_orbits_alike_take_the_same_number():
-    counts = {steps_for(UNIT, at_periapsis(0.1, a), 100.0 * TURN, 33) for a in np.linspace(1.0, 1.25, 20)}
+    counts = {
+        steps_for(UNIT, at_periapsis(0.1, a), 100.0 * TURN, 33) for a in np.linspace(1.0, 1.25, 20)
+    }
     assert len(counts) <= 2
     assert all(count % 2 == 0 for count in counts)
 
@@ -40,7 +47,12 @@ def test_an_orbit_that_does_not_come_back_is_one_revolution():
 
 
 def test_of_many_runs_the_fastest_counts():
-    y0s = jax.tree.map(lambda *x: jnp.stack(x), at_periapsis(0.0, 4.0), at_periapsis(0.3), at_periapsis(0.0, jnp.nan))
+    y0s = jax.tree.map(
+        lambda *x: jnp.stack(x),
+        at_periapsis(0.0, 4.0),
+        at_periapsis(0.3),
+        at_periapsis(0.0, jnp.nan),
+    )
     assert steps_for(UNIT, y0s, 8.0 * TURN, 32) == 256
 
 
@@ -52,10 +64,14 @@ def test_what_it_cannot_number_it_refuses():
 
 
 def test_the_steps_serve():
-    """90 a revolution by order 12 for a low orbit, and 32 in regular variables for an eccentric one: nine digits and ten."""
+    """90 a revolution by order 12 for a low orbit, and 32 in regular variables for an eccentric
+    one: nine digits and ten."""
     scene, ts = Scene((PointGravity(MU), Oblateness(MU, J2, RADIUS))), np.array([0.0, 43200.0])
     method = Stormer(12, steps=steps_for(scene, orbit(), ts[-1], 90))
-    run, tight = (simulate(scene, orbit(), ts, accuracy=a).final for a in (Accuracy(1e-8, method=method), 1e-12))
+    run, tight = (
+        simulate(scene, orbit(), ts, accuracy=a).final
+        for a in (Accuracy(1e-8, method=method), 1e-12)
+    )
     np.testing.assert_allclose(run.position, tight.position, atol=1e-9 * 6.6e6)
     point, ts = Scene((PointGravity(1.0),)), np.array([0.0, 10.0 * TURN])
     method = Regularised(steps=steps_for(point, at_periapsis(0.95), ts[-1], 32))

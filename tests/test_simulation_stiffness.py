@@ -5,13 +5,21 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from jaxspace.simulation._stiffness import Starts, is_stiff
 from systems import GYRO, TOP, rocket_scene, rocket_state
 from test_solvers_exponential import CompassState, Damped, Gyrocompass, Modes, Pendulum, Swing
 
 from jaxspace.attitude import Top
-from jaxspace.simulation import Event, Mission, Phase, Status, chosen_method, simulate, simulate_batch
+from jaxspace.simulation import (
+    Event,
+    Mission,
+    Phase,
+    Status,
+    chosen_method,
+    simulate,
+    simulate_batch,
+)
 from jaxspace.simulation._batch import SAMPLED
-from jaxspace.simulation._stiffness import Starts, is_stiff
 from jaxspace.solvers import DOP853, ExponentialRosenbrock, Tsit5
 
 COMPASS = Gyrocompass(jnp.array(1e3))
@@ -44,9 +52,21 @@ def quarter(compass=COMPASS):
         # A small nutation is linear as far as can be told; a large one, or a large swing, is not.
         (GYRO, GYRO.state(1.05, 0.0, 1e-5, 0.0), 2e3, 1e-9, STIFF),
         (GYRO, GYRO.state(1.05, 0.0, 1.0, 0.0), 2e3, 1e-9, DOP853),
-        (Pendulum(jnp.array(1e6)), eqx.tree_at(lambda y: y.x, SWING, 1e-2 * ONE), 500.0, 1e-9, DOP853),
+        (
+            Pendulum(jnp.array(1e6)),
+            eqx.tree_at(lambda y: y.x, SWING, 1e-2 * ONE),
+            500.0,
+            1e-9,
+            DOP853,
+        ),
         # Nor is a body that spins, however long.
-        (TOP, Top.state(jnp.array([0.2, 0.7, 0.1]), jnp.array([1.0, 0.3, 149.0])), 1e5, 1e-9, DOP853),
+        (
+            TOP,
+            Top.state(jnp.array([0.2, 0.7, 0.1]), jnp.array([1.0, 0.3, 149.0])),
+            1e5,
+            1e-9,
+            DOP853,
+        ),
         (rocket_scene(), rocket_state(), 1e6, 1e-9, DOP853),
     ],
 )
@@ -56,9 +76,15 @@ def test_stiff_runs_are_known_by_their_numbers(system, state, span, rtol, method
 
 
 def test_a_slow_spin_in_balance_is_not_taken_for_a_linear_motion():
-    """Nothing but the attitude moves, at a constant rate: its derivatives would be wrong, for the Jacobian turns with it."""
+    """Nothing but the attitude moves, at a constant rate: its derivatives would be wrong, for the
+    Jacobian turns with it."""
     still = Top(0.002, 0.0008, 0.0)
-    assert isinstance(chosen_method(still, Top.state(jnp.zeros(3), jnp.array([0.0, 0.0, 100.0])), 1e-6, [0.0, 1e5]), DOP853)
+    assert isinstance(
+        chosen_method(
+            still, Top.state(jnp.zeros(3), jnp.array([0.0, 0.0, 100.0])), 1e-6, [0.0, 1e5]
+        ),
+        DOP853,
+    )
 
 
 def test_many_states_asked_for_leave_the_exponential_method_no_room():
@@ -91,7 +117,9 @@ def test_where_numbers_are_not_known_the_structure_decides():
     def end(psi):
         run = simulate(COMPASS, CompassState(psi, 0.0 * psi, 0.0 * psi, 0.0 * psi), ts)
         seen.append(run.accuracy.method)
-        simulate(COMPASS, Gyrocompass.start(0.3), 1e5 * ts, throw=False)  # concrete, and yet within a traced program
+        simulate(
+            COMPASS, Gyrocompass.start(0.3), 1e5 * ts, throw=False
+        )  # concrete, and yet within a traced program
         return run.final.psi
 
     jax.eval_shape(end, jnp.array(0.3))
@@ -118,9 +146,15 @@ def few_among_many(few, system, of):
     places, spans = np.array([1, 22, 24])[: len(few)], np.full(40, 1e-2)
     assert not set(places) & set(np.linspace(0, 39, SAMPLED).astype(int))
     x = np.full(40, 1e-3)
-    ends = lambda x, spans: simulate_batch(  # noqa: E731
-        system, jax.vmap(of)(jnp.asarray(x)), jnp.outer(spans, jnp.array([0.0, 1.0])), in_axes=(None, 0)
-    )
+
+    def ends(x, spans):
+        return simulate_batch(
+            system,
+            jax.vmap(of)(jnp.asarray(x)),
+            jnp.outer(spans, jnp.array([0.0, 1.0])),
+            in_axes=(None, 0),
+        )
+
     alone = ends(x, spans).final
     x[places], spans[places] = np.transpose(few)
     run = ends(x, spans)
@@ -128,11 +162,15 @@ def few_among_many(few, system, of):
     assert np.all(run.status[others] == Status.COMPLETED)
     for a, b in zip(jax.tree.leaves(run.final), jax.tree.leaves(alone), strict=True):
         np.testing.assert_allclose(a[others], b[others], rtol=1e-9, atol=1e-12)
-    return jax.tree.map(lambda x: x[places], run.status), jax.tree.map(lambda x: x[places], run.final)
+    return jax.tree.map(lambda x: x[places], run.status), jax.tree.map(
+        lambda x: x[places], run.final
+    )
 
 
 def test_stiff_runs_among_others_that_no_sample_shows_are_taken_by_themselves():
-    start = lambda p: CompassState(p, 0.0 * p, 7.2921e-5 * jnp.sin(p), 0.0 * p)  # noqa: E731
+    def start(p):
+        return CompassState(p, 0.0 * p, 7.2921e-5 * jnp.sin(p), 0.0 * p)
+
     status, final = few_among_many([(1e-3, quarter()[1]), (2e-3, quarter()[1])], COMPASS, start)
     assert status.tolist() == [Status.COMPLETED] * 2
     np.testing.assert_allclose(final.psi, 0.0, atol=1e-8)
@@ -140,7 +178,9 @@ def test_stiff_runs_among_others_that_no_sample_shows_are_taken_by_themselves():
 
 def test_runs_that_no_method_brings_to_their_end_say_so():
     """A pendulum of k = 1e6 with a large swing: fast, and not linear."""
-    status, _ = few_among_many([(1.0, 500.0)], Pendulum(jnp.array(1e6)), lambda x: Swing(x, 0.0 * x))
+    status, _ = few_among_many(
+        [(1.0, 500.0)], Pendulum(jnp.array(1e6)), lambda x: Swing(x, 0.0 * x)
+    )
     assert status.tolist() == [Status.MAX_STEPS]
 
 
@@ -151,7 +191,9 @@ def test_one_run_that_needs_small_steps_keeps_all_explicit():
 
     def stiff(spans, rows):
         ts = jnp.asarray(np.outer(spans, [0.0, 1.0]))
-        return is_stiff(Starts((None, y0s, ts), (system, jax.tree.map(lambda x: None, y0s), None), rows), 1e-5)
+        return is_stiff(
+            Starts((None, y0s, ts), (system, jax.tree.map(lambda x: None, y0s), None), rows), 1e-5
+        )
 
     assert stiff([500.0] * 3, rows[:2])
     assert not stiff([500.0] * 3, rows)
@@ -160,6 +202,8 @@ def test_one_run_that_needs_small_steps_keeps_all_explicit():
 
 
 def test_single_precision_is_judged_in_its_own():
-    one = lambda x: jnp.asarray(x, jnp.float32)  # noqa: E731
+    def one(x):
+        return jnp.asarray(x, jnp.float32)
+
     assert isinstance(chosen_method(Damped(one(1e6)), one(1.0), 1e-5, one([0.0, 1.0])), STIFF)
     assert isinstance(chosen_method(Damped(one(1e2)), one(1.0), 1e-5, one([0.0, 1.0])), DOP853)

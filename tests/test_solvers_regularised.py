@@ -1,4 +1,5 @@
-"""Regular variables for eccentric orbits: against the closed form, under perturbations, landing, derivatives, honest errors."""
+"""Regular variables for eccentric orbits: against the closed form, under perturbations, landing,
+derivatives, honest errors."""
 
 import diffrax
 import equinox as eqx
@@ -9,8 +10,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from jaxspace import Scene
-from jaxspace._core import InputError
 from jaxspace.bodies import BodyState, Load, RigidBody
+from jaxspace.core import InputError
 from jaxspace.orbits import Oblateness, PointGravity, TwoBody, kepler_flow
 from jaxspace.orbits._kustaanheimo_stiefel import ks_map, ks_parameters
 from jaxspace.rockets import JetDamping
@@ -26,14 +27,18 @@ def by(steps, rtol=1e-9, **more):
 
 
 def periapsis(e, q=None, axes=AXES):
-    """Periapsis along the first of the `axes`, motion along the second; semi-major axis 1 unless the distance q is given."""
+    """Periapsis along the first of the `axes`, motion along the second; semi-major axis 1 unless
+    the distance q is given."""
     q = 1.0 - e if q is None else q
     return BodyState(jnp.array(q * axes[0]), jnp.array(np.sqrt((1.0 + e) / q) * axes[1]))
 
 
 def apoapsis(e, axes=AXES):
-    """Apoapsis against the first of the `axes`: from there the energy of a narrow orbit is well defined."""
-    return BodyState(jnp.array(-(1.0 + e) * axes[0]), jnp.array(-np.sqrt((1.0 - e) / (1.0 + e)) * axes[1]))
+    """Apoapsis against the first of the `axes`: from there the energy of a narrow orbit is well
+    defined."""
+    return BodyState(
+        jnp.array(-(1.0 + e) * axes[0]), jnp.array(-np.sqrt((1.0 - e) / (1.0 + e)) * axes[1])
+    )
 
 
 def oblate(j2, radius=0.5):
@@ -59,7 +64,11 @@ def by_scipy(force, y, ts):
         return np.concatenate([v, force(t, r, v) - r / np.linalg.norm(r) ** 3])
 
     start = np.concatenate([y.position, y.velocity])
-    return solve_ivp(rate, (ts[0], ts[-1]), start, method="DOP853", rtol=1e-13, atol=1e-14, t_eval=ts).y[:3].T
+    return (
+        solve_ivp(rate, (ts[0], ts[-1]), start, method="DOP853", rtol=1e-13, atol=1e-14, t_eval=ts)
+        .y[:3]
+        .T
+    )
 
 
 def oblate_force(t, r, v):
@@ -67,7 +76,9 @@ def oblate_force(t, r, v):
     return -c * r * np.array([1.0 - s, 1.0 - s, 3.0 - s])
 
 
-@pytest.mark.parametrize("axis", [(1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (-0.6, 0, 0.8)])
+@pytest.mark.parametrize(
+    "axis", [(1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (-0.6, 0, 0.8)]
+)
 def test_parameters_exist_in_every_direction_and_are_smooth(axis):
     r = jnp.array(axis, dtype=float)
 
@@ -81,8 +92,9 @@ def test_parameters_exist_in_every_direction_and_are_smooth(axis):
 
 
 def test_every_conic_in_every_direction_agrees_with_the_closed_form():
-    """With 32 steps a revolution over twenty of them, forwards and backwards, up to a periapsis at 1e-6 of the semi-major axis;
-    and the fall from rest through the centre, of which the closed form takes whole periods off."""
+    """With 32 steps a revolution over twenty of them, forwards and backwards, up to a periapsis at
+    1e-6 of the semi-major axis; and the fall from rest through the centre, of which the closed form
+    takes whole periods off."""
     turned = np.roll(np.eye(3), 1, axis=0)
     mirrored = np.array([[-1.0, 0.0, 0.0], [0.0, 0.6, -0.8], [0.0, 0.8, 0.6]])
     # 20 revolutions and a bit, but for the open orbits and for a time before the start
@@ -102,7 +114,8 @@ def test_every_conic_in_every_direction_agrees_with_the_closed_form():
     found = simulate_batch(Scene((PointGravity(1.0),)), y, ts, accuracy=by(640), in_axes=(None, 0))
     exact = jax.jit(kepler_flow)(y.position.T, y.velocity.T, spans, 1.0)[0].T
     assert np.all(found.status == Status.COMPLETED)
-    # 640 steps with an error of some 1e-13 each at most, where a phase error grows with the square of their number
+    # 640 steps with an error of some 1e-13 each at most, where a phase error grows with the square
+    # of their number
     assert far(found.final.position, exact) < 1e-10
 
 
@@ -124,14 +137,20 @@ def test_derivatives_agree_with_the_closed_form_and_with_differences():
 
     def end(y, j2, span, adjoint):
         accuracy = Accuracy(method=Regularised(steps=144, estimate=False), adjoint=adjoint)
-        return simulate(oblate(j2, 0.05), y, jnp.stack([ts[0], span]), accuracy=accuracy, throw=False).final.position
+        return simulate(
+            oblate(j2, 0.05), y, jnp.stack([ts[0], span]), accuracy=accuracy, throw=False
+        ).final.position
 
     def closed(y, span):
         return kepler_flow(y.position, y.velocity, span, 1.0)[0]
 
     given = (y, jnp.array(0.0), ts[1])
     cotangent = jnp.array([0.3, -0.5, 0.8])
-    reverse = jax.jit(lambda *p: jax.vjp(lambda *q: end(*q, diffrax.RecursiveCheckpointAdjoint()), *p)[1](cotangent))(*given)
+    reverse = jax.jit(
+        lambda *p: jax.vjp(lambda *q: end(*q, diffrax.RecursiveCheckpointAdjoint()), *p)[1](
+            cotangent
+        )
+    )(*given)
     exact = jax.vjp(closed, y, ts[1])[1](cotangent)
     # three revolutions at a periapsis of 0.1: the derivatives are up to some 1e4
     for a, b in zip(jax.tree.leaves((reverse[0], reverse[2])), jax.tree.leaves(exact), strict=True):
@@ -152,21 +171,31 @@ def test_forces_of_any_kind_and_every_time_asked_for():
         turning = 1e-3 * jnp.stack([jnp.cos(0.3 * t), jnp.sin(0.3 * t), jnp.ones_like(t)])
         return Load(acceleration_N=turning - 1e-3 * y.velocity)
 
-    scene = Scene((PointGravity(1.0), Custom(push, needs={"position", "velocity"}, adds={"acceleration"})))
+    scene = Scene(
+        (PointGravity(1.0), Custom(push, needs={"position", "velocity"}, adds={"acceleration"}))
+    )
     y, ts = periapsis(0.7), np.array([2.0, 5.0, 11.0, 12.0, 30.0])
-    exact = by_scipy(lambda t, r, v: 1e-3 * np.array([np.cos(0.3 * t), np.sin(0.3 * t), 1.0]) - 1e-3 * v, y, ts)
+    exact = by_scipy(
+        lambda t, r, v: 1e-3 * np.array([np.cos(0.3 * t), np.sin(0.3 * t), 1.0]) - 1e-3 * v, y, ts
+    )
     run = simulate(scene, y, jnp.array(ts), accuracy=by(100))
     assert far(run.states.position, exact) < 1e-10
 
 
 def test_errors_fall_with_the_order_and_are_not_understated():
-    y, ts = periapsis(0.5, axes=np.array([[0.6, 0.0, 0.8], [0.0, 1.0, 0.0], [-0.8, 0.0, 0.6]])), jnp.array([0.0, 32.0])
+    y, ts = (
+        periapsis(0.5, axes=np.array([[0.6, 0.0, 0.8], [0.0, 1.0, 0.0], [-0.8, 0.0, 0.6]])),
+        jnp.array([0.0, 32.0]),
+    )
     exact = by_scipy(oblate_force, y, [0.0, 32.0])[-1]
     # In a program of its own, where too few steps are not repeated with more.
-    run = eqx.filter_jit(lambda y: simulate(oblate(J2), y, ts, accuracy=by(112, 1e-12), throw=False))(y)
+    run = eqx.filter_jit(
+        lambda y: simulate(oblate(J2), y, ts, accuracy=by(112, 1e-12), throw=False)
+    )(y)
     error = far(run.final.position, exact)
     assert run.status == Status.TOLERANCE_MISSED
-    # the account holds a sixteenth of what half as many steps do otherwise, of the length of the position
+    # the account holds a sixteenth of what half as many steps do otherwise, of the length of the
+    # position
     difference = 16.0 * 1e-12 * float(run.stats["largest_local_error"]) * np.linalg.norm(exact)
     assert difference / 16.0 > error
     assert np.log2(difference / error) > 6.5
@@ -175,7 +204,10 @@ def test_errors_fall_with_the_order_and_are_not_understated():
 def test_single_precision_stays_single():
     y = jax.tree.map(lambda x: x.astype(jnp.float32), periapsis(0.9))
     run = simulate(
-        oblate(0.0), y, jnp.array([0.0, 4.5]), accuracy=Accuracy(rtol=1e-4, method=Regularised(steps=36, estimate=False))
+        oblate(0.0),
+        y,
+        jnp.array([0.0, 4.5]),
+        accuracy=Accuracy(rtol=1e-4, method=Regularised(steps=36, estimate=False)),
     )
     exact = kepler_flow(periapsis(0.9).position, periapsis(0.9).velocity, 4.5, 1.0)[0]
     assert run.final.position.dtype == jnp.float32

@@ -1,4 +1,5 @@
-"""Splitting with attitude: free rotation and kicks by the gravity gradient and by the weight of a top."""
+"""Splitting with attitude: free rotation and kicks by the gravity gradient and by the weight of a
+top."""
 
 import jax
 import jax.numpy as jnp
@@ -19,7 +20,9 @@ ORBIT = 2.0 * np.pi
 
 def start(omega):
     attitude = Quaternion(jnp.array([1.0, 0.1, 0.05, 0.08])).normalised()
-    return BodyState(jnp.array([1.0, 0.0, 0.0]), jnp.array([0.0, 1.0, 0.0]), attitude, jnp.array(omega))
+    return BodyState(
+        jnp.array([1.0, 0.0, 0.0]), jnp.array([0.0, 1.0, 0.0]), attitude, jnp.array(omega)
+    )
 
 
 def split(span, y, rtol=1e-3):
@@ -41,7 +44,11 @@ def jacobi(y):
     """What a body in a circular orbit keeps beside it: its energy in the turning frame."""
     inertia = SCENE.body.inertia(None)
     h = y.attitude.rotate(inertia.times(y.omega))
-    return kinetic_energy(inertia, y.omega) + gravity_gradient_energy(y.position, y.attitude, inertia, 1.0) - h[2]
+    return (
+        kinetic_energy(inertia, y.omega)
+        + gravity_gradient_energy(y.position, y.attitude, inertia, 1.0)
+        - h[2]
+    )
 
 
 def test_libration_under_the_gravity_gradient():
@@ -63,10 +70,12 @@ def test_the_energy_of_a_libration_swings_and_does_not_wander():
 
 
 def test_a_fast_spin_is_free_rotation_but_for_a_little():
-    """Three thousand radians of rotation within a third of one of the orbit: each step passes over a dozen of them."""
+    """Three thousand radians of rotation within a third of one of the orbit: each step passes over
+    a dozen of them."""
     y = start([3000.0, 200.0, 9500.0])
-    # The splitting leaves 1.2e-5. Told 3e-7, DOP853 leaves 2.7e-5; told 1e-7, it is better by a little, since its steps became
-    # shorter for the same tolerance: more than ten times as many steps as the splitting's are needed for its accuracy.
+    # The splitting leaves 1.2e-5. Told 3e-7, DOP853 leaves 2.7e-5; told 1e-7, it is better by a
+    # little, since its steps became shorter for the same tolerance: more than ten times as many
+    # steps as the splitting's are needed for its accuracy.
     exact, followed = resolved(0.3, y, 1e-12), resolved(0.3, y, 3e-7)
     assert apart(split(0.3, y), exact) < apart(followed, exact)
     assert 10 * 240 < followed.stats["steps"]
@@ -74,8 +83,14 @@ def test_a_fast_spin_is_free_rotation_but_for_a_little():
 
 def test_without_a_torque_the_rotation_is_exact():
     y = start([2.0, 0.3, 1.0])
-    free = Scene((), SCENE.body, carry=("attitude",)).drift(30.0, BodyState(attitude=y.attitude, omega=y.omega))
-    exact = TorqueFreeBody([1.0, 1.4, 1.8]).flow(30.0, BodyState(attitude=y.attitude, omega=y.omega))
+    free = Scene((), SCENE.body, carry=("attitude",)).drift(
+        30.0, BodyState(attitude=y.attitude, omega=y.omega)
+    )
+    exact = (
+        TorqueFreeBody([1.0, 1.4, 1.8])
+        .closed_form()
+        .flow(30.0, BodyState(attitude=y.attitude, omega=y.omega))
+    )
     np.testing.assert_allclose(free.attitude.wxyz, exact.attitude.wxyz, atol=1e-14)
     line = Scene((GRADIENT,), SCENE.body).drift(2.0, y)
     np.testing.assert_allclose(line.position, [1.0, 2.0, 0.0])
@@ -84,7 +99,10 @@ def test_without_a_torque_the_rotation_is_exact():
 def test_a_top_precesses():
     """A fast top: its steps are those of the precession's kicks, and its energy swings."""
     top = Top(0.002, 0.0008, 0.3)
-    y, ts = Top.state(jnp.array([0.2, 0.7, 0.1]), jnp.array([1.0, 0.3, 149.0])), jnp.linspace(0.0, 1.0, 3)
+    y, ts = (
+        Top.state(jnp.array([0.2, 0.7, 0.1]), jnp.array([1.0, 0.3, 149.0])),
+        jnp.linspace(0.0, 1.0, 3),
+    )
     exact = simulate(top, y, ts, accuracy=1e-12)
     run = simulate(top, y, ts, accuracy=Accuracy(rtol=1e-5, method=Splitting(4, steps=200)))
     assert apart(run, exact) < 1e-5
@@ -92,8 +110,9 @@ def test_a_top_precesses():
 
 
 def test_steps_that_pass_whole_turns_do_not_understate_their_error():
-    """From a tenth of a turn to three turns a step, against steps 64 times as short: below a quarter of a turn the estimate is
-    near the error, beyond it is as if drawn by lot and lies above."""
+    """From a tenth of a turn to three turns a step, against steps 64 times as short: below a
+    quarter of a turn the estimate is near the error, beyond it is as if drawn by lot and lies
+    above."""
     turns = np.concatenate([[0.03, 0.1, 0.2], np.linspace(0.3, 3.3, 28)])
     direction = np.array([0.3, 0.02, 0.95])
     speed = turns * 2.0 * np.pi * 40.0 / 0.3 / np.linalg.norm(direction)
@@ -101,11 +120,19 @@ def test_steps_that_pass_whole_turns_do_not_understate_their_error():
 
     def run(method):
         ts = jnp.array([0.0, 0.3])
-        return simulate_batch(SCENE, y, ts, accuracy=Accuracy(rtol=1.0, method=method), in_axes=(None, 0))
+        return simulate_batch(
+            SCENE, y, ts, accuracy=Accuracy(rtol=1.0, method=method), in_axes=(None, 0)
+        )
 
     found, exact = run(Splitting(4, steps=40)), run(Splitting(4, steps=2560, estimate=False)).final
-    size = lambda block: np.linalg.norm(block, axis=1)  # noqa: E731
-    error = [size(a - b) / size(b) for a, b in zip(jax.tree.leaves(found.final), jax.tree.leaves(exact), strict=True)]
+
+    def size(block):
+        return np.linalg.norm(block, axis=1)
+
+    error = [
+        size(a - b) / size(b)
+        for a, b in zip(jax.tree.leaves(found.final), jax.tree.leaves(exact), strict=True)
+    ]
     quotient = found.stats["largest_local_error"] / np.max(error, axis=0)
     assert np.all((quotient[:3] > 0.8) & (quotient[:3] < 3.0))
     assert np.all(quotient > 0.8) and np.median(quotient) < 30.0

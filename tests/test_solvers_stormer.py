@@ -1,4 +1,5 @@
-"""Stormer's method: its order, its states between the steps, its derivatives, and what it says of its own error."""
+"""Stormer's method: its order, its states between the steps, its derivatives, and what it says of
+its own error."""
 
 import diffrax
 import equinox as eqx
@@ -9,8 +10,8 @@ import pytest
 from jaxtyping import Array
 
 from jaxspace import Scene
-from jaxspace._core import AbstractSystem, InputError
 from jaxspace.bodies import BodyState, Load, RigidBody
+from jaxspace.core import AbstractSystem, InputError
 from jaxspace.orbits import Oblateness, PointGravity, TwoBody
 from jaxspace.scene import Custom
 from jaxspace.simulation import Accuracy, SimulationError, Status, simulate, simulate_batch
@@ -43,9 +44,13 @@ def closed(ts, y0=None):
 
 @pytest.mark.parametrize(("order", "steps"), [(5, 300), (8, 300)])
 def test_errors_fall_with_the_order(order, steps):
-    """Position and velocity, over three revolutions: each doubling of the steps divides the error by two to the order."""
+    """Position and velocity, over three revolutions: each doubling of the steps divides the error
+    by two to the order."""
     exact = closed(TURNS)
-    runs = [simulate(KEPLER, start(), TURNS, accuracy=equal(n, order, 1e-4), throw=False) for n in (steps, 2 * steps)]
+    runs = [
+        simulate(KEPLER, start(), TURNS, accuracy=equal(n, order, 1e-4), throw=False)
+        for n in (steps, 2 * steps)
+    ]
     for part in ("position", "velocity"):
         first, second = (far(getattr(run.final, part), getattr(exact, part)[-1]) for run in runs)
         assert np.log2(first / second) > order - 0.8
@@ -66,14 +71,21 @@ class Oscillator(AbstractSystem):
 @pytest.mark.slow
 @pytest.mark.parametrize("order", [12, 11, 10, 9, 8, 7, 6, 5])
 def test_every_order_is_what_it_says(order):
-    """An oscillator of ever higher rate in 60 steps: the error grows as its phase per step to the order, and as the whole phase.
+    """An oscillator of ever higher rate in 60 steps: the error grows as its phase per step to the
+    order, and as the whole phase.
 
     Between rounding, at 1e-14, and the phases per step where the higher orders become unstable."""
     phases = np.geomspace(*{11: (0.08, 0.14), 12: (0.1, 0.15)}.get(order, (0.06, 0.2)), 12)
     y, method = BodyState(jnp.array([1.0, 0.0, 0.0]), jnp.zeros(3)), Stormer(order, steps=60)
 
     def error(rate):
-        end = simulate(Oscillator(rate), y, jnp.array([0.0, 1.0]), accuracy=Accuracy(rtol=1.0, method=method), throw=False).final
+        end = simulate(
+            Oscillator(rate),
+            y,
+            jnp.array([0.0, 1.0]),
+            accuracy=Accuracy(rtol=1.0, method=method),
+            throw=False,
+        ).final
         return jnp.hypot(end.position[0] - jnp.cos(rate), end.velocity[0] / rate + jnp.sin(rate))
 
     errors = np.array([float(e) for e in map(jax.jit(error), 60.0 * phases)])
@@ -84,25 +96,32 @@ def test_every_order_is_what_it_says(order):
 def test_states_between_the_steps_are_as_good_as_those_at_the_end():
     ts = jnp.linspace(0.0, 20.0, 98)
     run, exact = simulate(KEPLER, start(), ts, accuracy=equal(400)).states, closed(ts)
-    # The end alone is off by 7e-12; nothing in between may be worse by more than the growth along the orbit.
+    # The end alone is off by 7e-12; nothing in between may be worse by more than the growth along
+    # the orbit.
     assert far(run.position, exact.position) < 1.5e-11
     assert far(run.velocity, exact.velocity) < 1.5e-11
 
 
 def test_backwards_is_as_good_as_forwards():
     there = closed(TURNS)
-    back = simulate(KEPLER, jax.tree.map(lambda x: x[-1], there), TURNS[::-1], accuracy=equal(400)).final
+    back = simulate(
+        KEPLER, jax.tree.map(lambda x: x[-1], there), TURNS[::-1], accuracy=equal(400)
+    ).final
     assert far(back.position, start().position) < 1.5e-11
 
 
 def orbits(n):
-    """Low, nearly circular orbits of every inclination in the field of an oblate earth of radius 1."""
+    """Low, nearly circular orbits of every inclination in the field of an oblate earth of radius
+    1."""
     g = np.random.default_rng(0)
     a, e = 1.0 + g.uniform(400.0, 1200.0, n) / 6378.137, g.uniform(0.0, 0.02, n)
     tilt = np.arccos(g.uniform(-1.0, 1.0, n))
     speed = np.sqrt((1.0 + e) / (a * (1.0 - e)))
     r = np.stack([a * (1.0 - e), np.zeros(n), np.zeros(n)], axis=1)
-    return BodyState(jnp.asarray(r), jnp.asarray(np.stack([np.zeros(n), speed * np.cos(tilt), speed * np.sin(tilt)], axis=1)))
+    return BodyState(
+        jnp.asarray(r),
+        jnp.asarray(np.stack([np.zeros(n), speed * np.cos(tilt), speed * np.sin(tilt)], axis=1)),
+    )
 
 
 OBLATE = Scene((PointGravity(1.0), Oblateness(1.0, J2, 1.0)))
@@ -110,7 +129,8 @@ DAY = jnp.array([0.0, 86400.0 / 806.8110])
 
 
 def test_a_day_of_low_orbits():
-    """Nine digits with 1310 steps, energy to eleven, and one run alone like the same run among others."""
+    """Nine digits with 1310 steps, energy to eleven, and one run alone like the same run among
+    others."""
     y0 = orbits(20)
     batch = simulate_batch(OBLATE, y0, DAY, accuracy=equal(1310), in_axes=(None, 0))
     fine = simulate_batch(OBLATE, y0, DAY, accuracy=1e-13, in_axes=(None, 0)).final
@@ -118,23 +138,37 @@ def test_a_day_of_low_orbits():
     assert far(batch.final.position, fine.position) < 1.5e-9
     assert float(jnp.max(batch.drift()["energy"])) < 1e-11
     alone = simulate(OBLATE, jax.tree.map(lambda x: x[3], y0), DAY, accuracy=equal(1310)).final
-    # The same operations in another order: the rounding of 1310 steps grows with the square of their number.
+    # The same operations in another order: the rounding of 1310 steps grows with the square of
+    # their number.
     assert far(alone.position, batch.final.position[3]) < 1e-11
 
 
 def end(mu, y0, adjoint, system):
     accuracy = equal(300, adjoint=adjoint) if system is Scene else 1e-9
-    run = simulate(Scene((PointGravity(mu),)) if system is Scene else TwoBody(mu), y0, TURNS, accuracy=accuracy)
+    run = simulate(
+        Scene((PointGravity(mu),)) if system is Scene else TwoBody(mu), y0, TURNS, accuracy=accuracy
+    )
     return run.final.position
 
 
 def test_derivatives_forwards_and_reverse():
-    """Against those of the closed form, to the accuracy of the run times the sensitivity of the orbit."""
-    reverse = eqx.filter_jit(jax.jacrev(lambda mu, y: end(mu, y, diffrax.RecursiveCheckpointAdjoint(), Scene), argnums=(0, 1)))
-    forward = eqx.filter_jit(jax.jacfwd(lambda mu, y: end(mu, y, diffrax.ForwardMode(), Scene), argnums=(0, 1)))
-    exact = jax.jacfwd(lambda mu, y: end(mu, y, None, TwoBody), argnums=(0, 1))(jnp.array(1.0), start())
+    """Against those of the closed form, to the accuracy of the run times the sensitivity of the
+    orbit."""
+    reverse = eqx.filter_jit(
+        jax.jacrev(
+            lambda mu, y: end(mu, y, diffrax.RecursiveCheckpointAdjoint(), Scene), argnums=(0, 1)
+        )
+    )
+    forward = eqx.filter_jit(
+        jax.jacfwd(lambda mu, y: end(mu, y, diffrax.ForwardMode(), Scene), argnums=(0, 1))
+    )
+    exact = jax.jacfwd(lambda mu, y: end(mu, y, None, TwoBody), argnums=(0, 1))(
+        jnp.array(1.0), start()
+    )
     for found in (reverse, forward):
-        for a, b in zip(jax.tree.leaves(found(jnp.array(1.0), start())), jax.tree.leaves(exact), strict=True):
+        for a, b in zip(
+            jax.tree.leaves(found(jnp.array(1.0), start())), jax.tree.leaves(exact), strict=True
+        ):
             np.testing.assert_allclose(a, b, rtol=0.0, atol=1e-7)
 
 
@@ -142,31 +176,54 @@ def test_reverse_mode_through_states_between_the_steps():
     ts = jnp.linspace(0.0, 20.0, 7)
 
     def size(e, system, accuracy):
-        return jnp.sum(simulate(system, jax.tree.map(lambda x: x * e, start()), ts, accuracy=accuracy).states.velocity ** 3)
+        return jnp.sum(
+            simulate(
+                system, jax.tree.map(lambda x: x * e, start()), ts, accuracy=accuracy
+            ).states.velocity
+            ** 3
+        )
 
     found = jax.grad(size)(1.0, KEPLER, equal(300))
     np.testing.assert_allclose(found, jax.grad(size)(1.0, TwoBody(1.0), 1e-9), rtol=1e-7)
 
 
 def test_too_few_steps_are_told_or_repeated_with_more():
-    """In a compiled program the status tells; outside of it, as in a batch, the run takes as many more as it needs."""
-    run = lambda y: simulate(KEPLER, y, TURNS, accuracy=equal(200), throw=False)  # noqa: E731
+    """In a compiled program the status tells; outside of it, as in a batch, the run takes as many
+    more as it needs."""
+
+    def run(y):
+        return simulate(KEPLER, y, TURNS, accuracy=equal(200), throw=False)
+
     assert jax.jit(lambda y: run(y).status)(start(0.3)) == Status.TOLERANCE_MISSED
     more = run(start(0.3))
-    assert more.status == Status.COMPLETED and more.stats["steps"] == more.accuracy.method.steps == 600
+    assert (
+        more.status == Status.COMPLETED and more.stats["steps"] == more.accuracy.method.steps == 600
+    )
     assert far(more.final.position, closed(TURNS, start(0.3)).position[-1]) < 1e-7
-    batch = simulate_batch(KEPLER, jax.tree.map(lambda x: x[None], start(0.3)), TURNS, accuracy=equal(200), in_axes=(None, 0))
+    batch = simulate_batch(
+        KEPLER,
+        jax.tree.map(lambda x: x[None], start(0.3)),
+        TURNS,
+        accuracy=equal(200),
+        in_axes=(None, 0),
+    )
     assert batch.accuracy.method.steps == 600
     np.testing.assert_allclose(batch.final.position[0], more.final.position, atol=1e-11)
 
 
 def test_error_estimate_of_a_run_is_that_of_half_the_steps():
     run = simulate(KEPLER, start(), TURNS, accuracy=equal(200))
-    np.testing.assert_allclose(run.error().position, jnp.abs(run.final.position - closed(TURNS).position[-1]), rtol=0.01)
+    np.testing.assert_allclose(
+        run.error().position, jnp.abs(run.final.position - closed(TURNS).position[-1]), rtol=0.01
+    )
 
 
 def test_an_acceleration_that_depends_on_the_velocity_is_told():
-    drag = Custom(lambda t, y, body: Load(acceleration_N=-0.01 * y.velocity), needs={"velocity"}, adds={"acceleration"})
+    drag = Custom(
+        lambda t, y, body: Load(acceleration_N=-0.01 * y.velocity),
+        needs={"velocity"},
+        adds={"acceleration"},
+    )
     with pytest.raises(SimulationError, match="tolerance"):
         simulate(Scene((PointGravity(1.0), drag)), start(), TURNS, accuracy=equal(200))
 
@@ -178,4 +235,9 @@ def test_it_refuses_what_it_cannot_integrate():
         Stormer(12, steps=10)
     turning = Scene((PointGravity(1.0),), RigidBody(mass=1.0), ("mass",))
     with pytest.raises(InputError, match="nothing else"):
-        simulate(turning, BodyState(start().position, start().velocity, mass=jnp.array(1.0)), TURNS, accuracy=equal(100))
+        simulate(
+            turning,
+            BodyState(start().position, start().velocity, mass=jnp.array(1.0)),
+            TURNS,
+            accuracy=equal(100),
+        )

@@ -1,4 +1,5 @@
-"""Studies of a run: what its accuracy costs, and which of its effects matter, against closed forms and independent runs."""
+"""Studies of a run: what its accuracy costs, and which of its effects matter, against closed forms
+and independent runs."""
 
 import dataclasses
 import math
@@ -14,8 +15,8 @@ from systems import J2, MU, RADIUS, SAMPLES, orbit
 from test_solvers_exponential import Gyrocompass
 
 from jaxspace import Accuracy, BodyState, Event, Mission, Phase, Scene, simulate
-from jaxspace._core import InputError
 from jaxspace.bodies import Load, RigidBody
+from jaxspace.core import InputError
 from jaxspace.orbits import Oblateness, PointGravity, TwoBody
 from jaxspace.plots import accuracy_cost_figure, effect_budget_figure
 from jaxspace.scene import Custom, Scaled
@@ -37,21 +38,32 @@ def times(name):
 @pytest.mark.slow
 @every
 def test_accuracy_cost_of_every_system(name):
-    """A tighter tolerance costs more and errs less; a run is as far off as the table says, by an independent integration."""
+    """A tighter tolerance costs more and errs less; a run is as far off as the table says, by an
+    independent integration."""
     s = BY_NAME[name]
-    cost = accuracy_cost(s.system, s.state, times(name), tolerances=(1e-5, 1e-8), methods=[Tsit5()], precisions=["float64"])
+    cost = accuracy_cost(
+        s.system,
+        s.state,
+        times(name),
+        tolerances=(1e-5, 1e-8),
+        methods=[Tsit5()],
+        precisions=["float64"],
+    )
     loose, tight = cost.rows
     assert (loose.tolerance, tight.tolerance) == (1e-5, 1e-8)
     assert tight.evaluations > loose.evaluations > 0 and tight.steps > loose.steps > 0
-    # A thousandth of the tolerance, at order 5; a tenth of that gain is certain.
-    # The estimate is that of a run ten times looser than the reference, which is a hundred times tighter than this one.
+    # A thousandth of the tolerance, at order 5; a tenth of that gain is certain. The estimate is
+    # that of a run ten times looser than the reference, which is a hundred times tighter than this
+    # one.
     assert cost.reference_error < 0.5 * tight.error and tight.error < 1e-2 * loose.error
     assert min(loose.seconds, tight.seconds, loose.compile_seconds) > 0.0 and not tight.trouble
     exact = jax.tree.map(lambda x: x[..., -1], run(s.system, s.state, [0.0, s.span], rtol=3e-14))
     flown = simulate(s.system, s.state, times(name), accuracy=Accuracy(rtol=1e-5, method=Tsit5()))
     ends = zip(jax.tree.leaves(flown.final), jax.tree.leaves(exact), strict=True)
     # Two programs round differently, and the control of the steps makes more of it.
-    np.testing.assert_allclose(loose.error, max(np.linalg.norm(a - b) / np.linalg.norm(b) for a, b in ends), rtol=0.05)
+    np.testing.assert_allclose(
+        loose.error, max(np.linalg.norm(a - b) / np.linalg.norm(b) for a, b in ends), rtol=0.05
+    )
     for quantity, drift in flown.drift().items():
         np.testing.assert_allclose(loose.drift[quantity], drift.max(), rtol=0.05, atol=1e-12)
 
@@ -60,7 +72,9 @@ def test_accuracy_cost_of_every_system(name):
 @every
 def test_every_method_and_precision_of_every_system(name):
     s = BY_NAME[name]
-    cost = accuracy_cost(s.system, s.state, times(name), tolerances=(1e-5, 1e-7, 1e-9), gradient=True, repeats=1)
+    cost = accuracy_cost(
+        s.system, s.state, times(name), tolerances=(1e-5, 1e-7, 1e-9), gradient=True, repeats=1
+    )
     assert {r.precision for r in cost.rows} == {"float64", "float32"}
     assert any("float32: tolerances below 1.9e-06 are left out" in note for note in cost.notes)
     for r in cost.rows:
@@ -75,7 +89,14 @@ def test_every_method_and_precision_of_every_system(name):
 
 
 def test_closed_form_is_a_method_and_the_reference():
-    cost = accuracy_cost(TwoBody(MU), orbit(), jnp.array([0.0, 5400.0]), tolerances=(1e-6, 1e-9), gradient=True, repeats=1)
+    cost = accuracy_cost(
+        TwoBody(MU),
+        orbit(),
+        jnp.array([0.0, 5400.0]),
+        tolerances=(1e-6, 1e-9),
+        gradient=True,
+        repeats=1,
+    )
     assert cost.reference == "the closed form" and cost.reference_error < 1e-12
     exact = next(r for r in cost.rows if r.method == "closed form" and r.precision == "float64")
     assert exact.tolerance is None and exact.error < 1e-12
@@ -89,7 +110,19 @@ def test_closed_form_is_a_method_and_the_reference():
 def table(errors, seconds, trouble=""):
     """A table by hand, of DOP853 at 1e-4, 1e-5, ..."""
     rows = [
-        Cost("DOP853", "float64", 10.0 ** -(4 + k), e, s, 1.0, 100, 10, 2048, {"energy": 1e-9}, trouble=trouble)
+        Cost(
+            "DOP853",
+            "float64",
+            10.0 ** -(4 + k),
+            e,
+            s,
+            1.0,
+            100,
+            10,
+            2048,
+            {"energy": 1e-9},
+            trouble=trouble,
+        )
         for k, (e, s) in enumerate(zip(errors, seconds, strict=True))
     ]
     return AccuracyCost(tuple(rows), "the closed form", 1e-13, "float64", (), {"DOP853": DOP853()})
@@ -98,13 +131,17 @@ def table(errors, seconds, trouble=""):
 def test_cheapest_is_the_quickest_that_is_good_enough():
     cost = table([1e-3, 1e-6, 1e-7, 1e-9], [1.0, 2.0, 1.5, 3.0])
     assert cost.cheapest_row(1e-2).tolerance == 1e-4
-    assert cost.cheapest_row(1e-6).tolerance == pytest.approx(1e-6)  # tighter, and quicker all the same
+    assert cost.cheapest_row(1e-6).tolerance == pytest.approx(
+        1e-6
+    )  # tighter, and quicker all the same
     found = cost.cheapest(1e-8)
     assert float(found.rtol) == pytest.approx(1e-7) and isinstance(found.method, DOP853)
 
 
 def test_cheapest_says_what_was_reached():
-    with pytest.raises(InputError, match=r"error is 1e-12: it must be at least 1e-09, .*DOP853 at 1e-05 in float64"):
+    with pytest.raises(
+        InputError, match=r"error is 1e-12: it must be at least 1e-09, .*DOP853 at 1e-05 in float64"
+    ):
         table([1e-3, 1e-9], [1.0, 2.0]).cheapest(1e-12)
     with pytest.raises(InputError, match="error is -1: it must be positive"):
         table([1e-3], [1.0]).cheapest(-1.0)
@@ -120,7 +157,12 @@ def test_the_table_is_plain_and_frozen():
     with pytest.raises(dataclasses.FrozenInstanceError):
         cost.rows = ()  # pyright: ignore
     words = str(cost)
-    assert "1.0e-03*" in words and "DOP853 at 1e-04 in float64: It fell." in words and "20 us" in words and "2 KiB" in words
+    assert (
+        "1.0e-03*" in words
+        and "DOP853 at 1e-04 in float64: It fell." in words
+        and "20 us" in words
+        and "2 KiB" in words
+    )
     widths = {len(line) for line in words.splitlines()[:3]}
     assert len(widths) == 1
 
@@ -132,7 +174,10 @@ BAD_COST = [
     ({"methods": ["euler"]}, "methods holds 'euler': it must hold solvers"),
     ({"methods": [diffrax.Euler()]}, "methods holds Euler.*an error estimate"),
     ({"methods": ["closed form"]}, "Scene has none"),
-    ({"precisions": ["float16"]}, r"precisions is \('float16',\): it must hold one or both of float64, float32"),
+    (
+        {"precisions": ["float16"]},
+        r"precisions is \('float16',\): it must hold one or both of float64, float32",
+    ),
     ({"repeats": 0}, "repeats is 0: it must be positive"),
 ]
 
@@ -147,7 +192,9 @@ def test_studies_refuse_what_is_no_run():
     with pytest.raises(InputError, match="ts turns around"):
         accuracy_cost(OBLATE, orbit(), jnp.array([0.0, 60.0, 30.0]))
     with pytest.raises(InputError, match="y0.position is"):
-        effect_budget(OBLATE, BodyState(jnp.array([jnp.nan, 0.0, 0.0]), jnp.ones(3)), jnp.array([0.0, 60.0]))
+        effect_budget(
+            OBLATE, BodyState(jnp.array([jnp.nan, 0.0, 0.0]), jnp.ones(3)), jnp.array([0.0, 60.0])
+        )
     with (
         jax.enable_x64(False),
         pytest.raises(InputError, match=r"it must be float64, for the reference"),
@@ -163,12 +210,18 @@ def test_scaled_at_one_is_the_effect_and_at_zero_none():
         return Scene([Scaled(e, factor) for e in scene.effects], scene.body, scene.parts)
 
     t = jnp.array(3.0)
-    for a, b in zip(jax.tree.leaves(scaled(1.0).loads(t, s.state)), jax.tree.leaves(scene.loads(t, s.state)), strict=True):
+    for a, b in zip(
+        jax.tree.leaves(scaled(1.0).loads(t, s.state)),
+        jax.tree.leaves(scene.loads(t, s.state)),
+        strict=True,
+    ):
         np.testing.assert_array_equal(a, b)
     assert all(not np.any(x) for x in jax.tree.leaves(scaled(0.0).loads(t, s.state)))
     np.testing.assert_array_equal(scaled(0.5).breaks(), scene.breaks())
     half = Scene([Scaled(PointGravity(MU), 0.5)]).invariants(t, orbit())["energy"]
-    np.testing.assert_allclose(half, Scene([PointGravity(0.5 * MU)]).invariants(t, orbit())["energy"], rtol=1e-15)
+    np.testing.assert_allclose(
+        half, Scene([PointGravity(0.5 * MU)]).invariants(t, orbit())["energy"], rtol=1e-15
+    )
 
 
 @pytest.mark.slow
@@ -176,15 +229,24 @@ def test_scaled_at_one_is_the_effect_and_at_zero_none():
 def test_effect_budget_of_every_scene(name):
     """What leaving out an effect changes, against plain runs of the scene without it."""
     s = BY_NAME[name]
-    budget = effect_budget(s.system, s.state, times(name), tolerance=1e-3, accuracy=QUICK, repeats=1)
+    budget = effect_budget(
+        s.system, s.state, times(name), tolerance=1e-3, accuracy=QUICK, repeats=1
+    )
     effects = s.system.effects
     assert {r.effect for r in budget.rows} == {type(e).__name__ for e in effects}
-    assert [r.influence for r in budget.rows] == sorted((r.influence for r in budget.rows), reverse=True)
+    assert [r.influence for r in budget.rows] == sorted(
+        (r.influence for r in budget.rows), reverse=True
+    )
     assert 0.0 < sum(r.share for r in budget.rows) <= 1.0 + 1e-9
     assert set(budget.kept) | set(budget.dropped) == {r.effect for r in budget.rows}
     if len(effects) > 1:
-        weak = Scene([e for e in effects if type(e).__name__ != "Oblateness"], s.system.body, s.system.parts)
-        moved = run(weak, s.state, [0.0, s.span]).position[:, -1] - run(s.system, s.state, [0.0, s.span]).position[:, -1]
+        weak = Scene(
+            [e for e in effects if type(e).__name__ != "Oblateness"], s.system.body, s.system.parts
+        )
+        moved = (
+            run(weak, s.state, [0.0, s.span]).position[:, -1]
+            - run(s.system, s.state, [0.0, s.span]).position[:, -1]
+        )
         row = budget["Oblateness"]
         np.testing.assert_allclose(row.left_out, np.linalg.norm(moved), rtol=1e-3)
         np.testing.assert_allclose(row.linear, np.linalg.norm(moved), rtol=0.1)
@@ -194,12 +256,16 @@ def test_effect_budget_of_every_scene(name):
 
 def wind(strength):
     """A constant acceleration along x, m/s^2."""
-    load = lambda t, y, body: Load(acceleration_N=strength * jnp.array([1.0, 0.0, 0.0]))  # noqa: E731
+
+    def load(t, y, body):
+        return Load(acceleration_N=strength * jnp.array([1.0, 0.0, 0.0]))
+
     return Custom(load, needs=(), adds=("acceleration",))
 
 
 def test_the_smallest_set_in_a_scene_that_is_solved_by_hand():
-    """Constant accelerations move a body by a t^2/2: 1, 0.01 and 0.002 m/s^2 over 10 s by 50, 0.5 and 0.1 m."""
+    """Constant accelerations move a body by a t^2/2: 1, 0.01 and 0.002 m/s^2 over 10 s by 50, 0.5
+    and 0.1 m."""
     scene = Scene([wind(1.0), wind(0.01), wind(0.002)])
     y0 = BodyState(jnp.array([1.0, 2.0, 3.0]), jnp.zeros(3))
     ts = jnp.array([0.0, 10.0])
@@ -219,10 +285,18 @@ def test_the_smallest_set_in_a_scene_that_is_solved_by_hand():
 
 
 def test_a_stiff_run_is_offered_the_exponential_method():
-    """A gyrocompass, by default: the explicit methods run out of steps, the reference too, and the table says so."""
+    """A gyrocompass, by default: the explicit methods run out of steps, the reference too, and the
+    table says so."""
     compass = Gyrocompass(jnp.array(1e3))
     ts = jnp.array([0.0, 0.8 / compass.slow_rate()])
-    cost = accuracy_cost(compass, Gyrocompass.start(1e-3), ts, tolerances=(1e-6, 1e-9), precisions=["float64"], repeats=1)
+    cost = accuracy_cost(
+        compass,
+        Gyrocompass.start(1e-3),
+        ts,
+        tolerances=(1e-6, 1e-9),
+        precisions=["float64"],
+        repeats=1,
+    )
     assert cost.reference.startswith("ExponentialRosenbrock at") and cost.reference_error < 1e-8
     trouble = {row.method: bool(row.trouble) for row in cost.rows}
     assert trouble == {"DOP853": True, "Tsit5": True, "ExponentialRosenbrock": False}
@@ -230,24 +304,34 @@ def test_a_stiff_run_is_offered_the_exponential_method():
 
 
 def test_a_mission_counts_an_effect_over_all_of_its_phases():
-    """Half the run with gravity alone, half with oblateness as well: its influence is that of the second half."""
+    """Half the run with gravity alone, half with oblateness as well: its influence is that of the
+    second half."""
     first = Scene([PointGravity(MU)])
     mission = Mission([Phase(first, 300.0, name="free"), Phase(OBLATE, 300.0, name="oblate")])
     budget = effect_budget(mission, orbit(), accuracy=QUICK, tolerance=1e6, repeats=1)
-    assert budget["PointGravity"].phases == ("free", "oblate") and budget["Oblateness"].phases == ("oblate",)
+    assert budget["PointGravity"].phases == ("free", "oblate") and budget["Oblateness"].phases == (
+        "oblate",
+    )
     middle = jax.tree.map(lambda x: x[..., -1], run(first, orbit(), [0.0, 300.0]))
     ends = [run(system, middle, [300.0, 600.0]).position[:, -1] for system in (OBLATE, first)]
-    np.testing.assert_allclose(budget["Oblateness"].left_out, np.linalg.norm(ends[1] - ends[0]), rtol=1e-3)
+    np.testing.assert_allclose(
+        budget["Oblateness"].left_out, np.linalg.norm(ends[1] - ends[0]), rtol=1e-3
+    )
     assert "Oblateness" in budget.dropped
 
 
 def test_a_budget_in_regular_variables():
-    """The attraction is weaker or stronger within them; without it there are none, which its row says. The error of the equal
-    steps is told by twice as many."""
+    """The attraction is weaker or stronger within them; without it there are none, which its row
+    says. The error of the equal steps is told by twice as many."""
     how = Accuracy(rtol=1e-8, method=Regularised(steps=12, estimate=False))
     budget = effect_budget(OBLATE, orbit(), jnp.array([0.0, 5400.0]), accuracy=how)
-    ends = [run(Scene([PointGravity(MU), *more]), orbit(), [0.0, 5400.0]).position[:, -1] for more in ((), OBLATE.effects[1:])]
-    np.testing.assert_allclose(budget["Oblateness"].left_out, np.linalg.norm(ends[1] - ends[0]), rtol=1e-6)
+    ends = [
+        run(Scene([PointGravity(MU), *more]), orbit(), [0.0, 5400.0]).position[:, -1]
+        for more in ((), OBLATE.effects[1:])
+    ]
+    np.testing.assert_allclose(
+        budget["Oblateness"].left_out, np.linalg.norm(ends[1] - ends[0]), rtol=1e-6
+    )
     assert "finite" in budget["PointGravity"].trouble and budget["PointGravity"].linear > 1e5
     assert budget.noise == pytest.approx(np.linalg.norm(budget.nominal - ends[1]), rel=0.1)
     assert f"Finer integration moves it by {budget.noise:.1g}." in str(budget)
@@ -268,7 +352,10 @@ def test_a_run_that_fails_without_an_effect_says_so():
 
 def test_attitude_is_judged_by_its_angle():
     """A constant torque about a principal axis turns a body by M t^2 / 2 A."""
-    torque = lambda t, y, body: Load(torque_B=jnp.array([0.0, 0.0, 1e-5]))  # noqa: E731
+
+    def torque(t, y, body):
+        return Load(torque_B=jnp.array([0.0, 0.0, 1e-5]))
+
     scene = Scene([Custom(torque, (), ("torque",))], RigidBody(inertia=[1.0, 1.0, 2.0]))
     free = BY_NAME["torque_free_principal"].state
     y0 = BodyState(attitude=free.attitude, omega=jnp.array([0.0, 0.0, 0.3]))
@@ -291,7 +378,10 @@ def test_effect_budget_refuses(wrong, words):
 
 
 def test_effect_budget_refuses_a_system_without_effects():
-    with pytest.raises(InputError, match="scene is a TwoBody without effects: it must be a Scene, or a Mission of scenes"):
+    with pytest.raises(
+        InputError,
+        match="scene is a TwoBody without effects: it must be a Scene, or a Mission of scenes",
+    ):
         effect_budget(TwoBody(MU), orbit(), jnp.array([0.0, 60.0]))
 
 
@@ -304,12 +394,24 @@ def test_effect_budget_of_a_run_that_fails():
 def test_pictures_of_studies():
     cost = table([1e-3, 1e-6], [1e-3, 2e-3])
     figure = cost.plot()
-    assert [a.get_xlabel() for a in figure.axes] == ["time of a run [ms]", "evaluations of the vector field"]
+    assert [a.get_xlabel() for a in figure.axes] == [
+        "time of a run [ms]",
+        "evaluations of the vector field",
+    ]
     np.testing.assert_allclose(figure.axes[0].lines[0].get_xdata(), [1.0, 2.0])
-    gradient = dataclasses.replace(cost, rows=tuple(r._replace(gradient_error=1e-3, gradient_seconds=1.0) for r in cost.rows))
+    gradient = dataclasses.replace(
+        cost, rows=tuple(r._replace(gradient_error=1e-3, gradient_seconds=1.0) for r in cost.rows)
+    )
     assert len(accuracy_cost_figure(gradient, title="It").axes) == 3
     y0 = BodyState(jnp.zeros(3), jnp.zeros(3))
-    budget = effect_budget(Scene([wind(1.0), wind(0.01)]), y0, jnp.array([0.0, 1.0]), tolerance=0.1, accuracy=QUICK, repeats=1)
+    budget = effect_budget(
+        Scene([wind(1.0), wind(0.01)]),
+        y0,
+        jnp.array([0.0, 1.0]),
+        tolerance=0.1,
+        accuracy=QUICK,
+        repeats=1,
+    )
     left, right = effect_budget_figure(budget).axes
     assert [t.get_text() for t in left.get_yticklabels()] == ["Custom 2", "Custom"]
     assert "[m]" in left.get_xlabel() and "[%]" in right.get_xlabel()

@@ -1,4 +1,5 @@
-"""Despin by yo-yo: two masses on cords wound about a spinning body unwind and are let go, and take its spin along.
+"""Despin by yo-yo: two masses on cords wound about a spinning body unwind and are let go, and take
+its spin along.
 
     w = w0 (C - phi^2) / (C + phi^2)              phi' = w0,   C = I / (m R^2) + 1
     l_f = R sqrt(C (w0 - w_f) / (w0 + w_f))       cord for the final rate w_f
@@ -14,8 +15,8 @@
     F        tension                                                  N
 
 Source: Thomson 7.5-10..16 (in 7.5-2..9 every phi' that is squared or multiplies R must be phi).
-Valid for a symmetric set of light cords in the plane of the mass centre, released in the tangential position, on a body that
-spins about its axis of symmetry.
+Valid for a symmetric set of light cords in the plane of the mass centre, released in the tangential
+position, on a body that spins about its axis of symmetry.
 """
 
 from typing import final
@@ -24,8 +25,8 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .._core import InputError, Scalar, as_float, axis, check_positive
 from ..bodies import BodyState
+from ..core import InputError, Scalar, as_float, axis, check_positive
 
 
 def inertia_ratio(I: Scalar, R: Scalar, m: Scalar) -> Scalar:  # noqa: E741
@@ -45,14 +46,17 @@ def zero_spin_cord_length(I: Scalar, R: Scalar, m: Scalar) -> Scalar:  # noqa: E
 
 @final
 class YoYo(eqx.Module):
-    """A yo-yo as a jump of the state: called on the state before the unwinding it returns the state after the release.
+    """A yo-yo as a jump of the state: called on the state before the unwinding it returns the state
+    after the release.
 
-    The unwinding takes the time l / (R w0), `unwinding_time`, and is done here in none: the attitude stays what it was.
-    The spin axis is z; the rate about it is multiplied by (C - phi^2)/(C + phi^2) with phi = l/R, the rates across it
-    stay. A mass in the state falls by the mass let go.
+    The unwinding takes the time l / (R w0), `unwinding_time`, and is done here in none: the
+    attitude stays what it was. The spin axis is z; the rate about it is multiplied by (C -
+    phi^2)/(C + phi^2) with phi = l/R, the rates across it stay. A mass in the state falls by the
+    mass let go.
 
-    Fields: `axial_inertia` I, kg m^2, of the body without the yo-yo; `radius` R, m; `mass` m, kg, of all that is let go;
-    `cord_length` l, m, of one cord. Raises `InputError` for one that is not positive."""
+    Fields: `axial_inertia` I, kg m^2, of the body without the yo-yo; `radius` R, m; `mass` m, kg,
+    of all that is let go; `cord_length` l, m, of one cord. Raises `InputError` for one that is not
+    positive."""
 
     axial_inertia: Float[Array, "*#runs"] = eqx.field(converter=as_float)
     radius: Float[Array, "*#runs"] = eqx.field(converter=as_float)
@@ -67,10 +71,14 @@ class YoYo(eqx.Module):
         """The state after the release. Raises `InputError` for a state without omega."""
         del t
         if y.omega is None:
-            raise InputError(f"The state holds {', '.join(y.present()) or 'nothing'}: it must hold omega.")
+            raise InputError(
+                f"The state holds {', '.join(y.present()) or 'nothing'}: it must hold omega."
+            )
         lost = self.spin_rate(self.cord_length / self.radius, y.omega[2]) - y.omega[2]
         mass = None if y.mass is None else y.mass - self.mass
-        return BodyState(y.position, y.velocity, y.attitude, y.omega + lost * axis(2, lost), mass, y.parts)
+        return BodyState(
+            y.position, y.velocity, y.attitude, y.omega + lost * axis(2, lost), mass, y.parts
+        )
 
     def inertia_ratio(self) -> Scalar:
         """C, 1."""
@@ -82,15 +90,18 @@ class YoYo(eqx.Module):
         return w0 * (C - phi * phi) / (C + phi * phi)
 
     def tension(self, phi: Scalar, w0: Scalar) -> Scalar:
-        """F, N, of all cords together when the angle `phi`, rad, is unwound; greatest at phi = sqrt(C/3)."""
+        """F, N, of all cords together when the angle `phi`, rad, is unwound; greatest at phi =
+        sqrt(C/3)."""
         C = self.inertia_ratio()
         return 4.0 * self.axial_inertia * C * w0 * w0 * phi / (self.radius * (C + phi * phi) ** 2)
 
     def mass_speed(self, phi: Scalar, w0: Scalar) -> Scalar:
-        """Speed, m/s, of the masses when the angle `phi`, rad, is unwound (Thomson 7.5-2, with phi' = w0)."""
+        """Speed, m/s, of the masses when the angle `phi`, rad, is unwound (Thomson 7.5-2, with phi'
+        = w0)."""
         w = self.spin_rate(phi, w0)
         return self.radius * jnp.sqrt(w * w + (phi * (w + w0)) ** 2)
 
     def unwinding_time(self, w0: Scalar) -> Scalar:
-        """Time, s, from the first motion to the release: l / (R w0), since phi' = w0 (Thomson 7.5-11)."""
+        """Time, s, from the first motion to the release: l / (R w0), since phi' = w0 (Thomson
+        7.5-11)."""
         return self.cord_length / (self.radius * w0)

@@ -12,15 +12,15 @@
     u1, u2         cosines of the upper and lower turning circle                 1
     y3             beta u3, u3: the third root, which no top reaches             1/s^2
 
-Source: Thomson 5.13-10..13 (constants), 5.13-18..21 (cubic).
-The third root comes from Newton's method in y = beta u, which serves beta = 0 too; it starts at Samuelson's bound, beyond
-all roots, and descends to the largest. The other two follow from
-(1 - u1)(1 - u2) = (gamma - N)^2 / (y3 - beta) and (1 + u1)(1 + u2) = (gamma + N)^2 / (y3 + beta), so that an angle near
-the vertical keeps its digits. Near a swing in a vertical plane (N = gamma = 0, the plane pendulum) the third root lies on the
-vertical, and the product on that side is 1 - s + p (upper) or 1 + s + p, from p = u1 u2 = (gamma^2 - alpha) / y3 and
-s = u1 + u2. In the integral of psi' the spikes at u = 1 and u = -1 are integrated apart (each is half a turn); what is left is
-smooth.
-On the path that creeps up to the vertical (a sleeping top below its critical spin) the period is infinite.
+Source: Thomson 5.13-10..13 (constants), 5.13-18..21 (cubic). The third root comes from Newton's
+method in y = beta u, which serves beta = 0 too; it starts at Samuelson's bound, beyond all roots,
+and descends to the largest. The other two follow from (1 - u1)(1 - u2) = (gamma - N)^2 / (y3 -
+beta) and (1 + u1)(1 + u2) = (gamma + N)^2 / (y3 + beta), so that an angle near the vertical keeps
+its digits. Near a swing in a vertical plane (N = gamma = 0, the plane pendulum) the third root lies
+on the vertical, and the product on that side is 1 - s + p (upper) or 1 + s + p, from p = u1 u2 =
+(gamma^2 - alpha) / y3 and s = u1 + u2. In the integral of psi' the spikes at u = 1 and u = -1 are
+integrated apart (each is half a turn); what is left is smooth. On the path that creeps up to the
+vertical (a sleeping top below its critical spin) the period is infinite.
 """
 
 from typing import Any, final
@@ -30,10 +30,11 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .._core import Scalar, safe_atan2, safe_divide, safe_sqrt
+from ..core import Scalar, safe_atan2, safe_divide, safe_sqrt
 from ._elliptic import complete_elliptic
 
-# Newton's steps from Samuelson's bound: it is exact for a double root u1 = u2, and six steps reach rounding at u3 = 1.1.
+# Newton's steps from Samuelson's bound: it is exact for a double root u1 = u2, and six steps reach
+# rounding at u3 = 1.1.
 STEPS = 12
 # Nodes of the periodic quadrature: the error falls as q^(2 NODES), q the nome of the modulus k.
 NODES = 48
@@ -43,7 +44,8 @@ PLANAR = 1e-5
 
 @final
 class Nutation(eqx.Module):
-    """One nutation of a top between its two turning circles, from its constants `N`, `alpha`, `beta` and `gamma`."""
+    """One nutation of a top between its two turning circles, from its constants `N`, `alpha`,
+    `beta` and `gamma`."""
 
     N: Float[Array, "*#runs"]
     alpha: Float[Array, "*#runs"]
@@ -63,7 +65,8 @@ class Nutation(eqx.Module):
         return jax.lax.fori_loop(0, STEPS, newton, y)
 
     def turning_points(self) -> tuple[Scalar, Scalar]:
-        """theta_1 and theta_2, rad: the axis swings between them, theta_1 the nearer to the upward vertical."""
+        """theta_1 and theta_2, rad: the axis swings between them, theta_1 the nearer to the upward
+        vertical."""
         x, y = self._products()
         half_sum_x, half_sum_y = 0.5 - (y - x) / 2.0, 0.5 + (y - x) / 2.0
         root = safe_sqrt(jnp.maximum(half_sum_x * half_sum_x - x, 0.0))
@@ -80,15 +83,21 @@ class Nutation(eqx.Module):
     def precession(self) -> Scalar:
         """The angle psi, rad, that the axis turns about the vertical in one nutation.
 
-        A path exactly through the vertical counts the half turn there, whose sense is undefined, as none."""
+        A path exactly through the vertical counts the half turn there, whose sense is undefined, as
+        none."""
         y3, at_upper, at_lower = self._rates_squared()
         shape = (NODES,) + (1,) * y3.ndim
         chi = jnp.pi / NODES * (jnp.arange(NODES, dtype=y3.dtype).reshape(shape) + 0.5)
         r = jnp.sqrt(0.5 * (at_upper + at_lower) + 0.5 * (at_upper - at_lower) * jnp.cos(chi))
-        up, down = safe_sqrt(jnp.maximum(y3 - self.beta, 0.0)), safe_sqrt(jnp.maximum(y3 + self.beta, 0.0))
+        up, down = (
+            safe_sqrt(jnp.maximum(y3 - self.beta, 0.0)),
+            safe_sqrt(jnp.maximum(y3 + self.beta, 0.0)),
+        )
         x, y = (
             jnp.sign(side) * 2.0 * safe_sqrt(product)
-            for side, product in zip((self.gamma - self.N, self.gamma + self.N), self._products(), strict=True)
+            for side, product in zip(
+                (self.gamma - self.N, self.gamma + self.N), self._products(), strict=True
+            )
         )
         smooth = y / (r * (r + down)) - x / (r * (r + up))
         spikes = jnp.sign(self.gamma - self.N) + jnp.sign(self.gamma + self.N)
@@ -121,4 +130,6 @@ class Nutation(eqx.Module):
 
 def _angle(sin_squared: Scalar, cos_squared: Scalar) -> Scalar:
     """The angle, rad, from the squares of the sine and the cosine of its half."""
-    return 2.0 * safe_atan2(safe_sqrt(jnp.maximum(sin_squared, 0.0)), safe_sqrt(jnp.maximum(cos_squared, 0.0)))
+    return 2.0 * safe_atan2(
+        safe_sqrt(jnp.maximum(sin_squared, 0.0)), safe_sqrt(jnp.maximum(cos_squared, 0.0))
+    )

@@ -4,9 +4,10 @@
 
     N^2 = max(P, Q) / (ABC),   k^2 = min(P, Q) / max(P, Q),   k'^2 = |P - Q| / max(P, Q),   period = 4 K / N
 
-For P > Q the polhode circles the axis of least inertia: omega_A ~ cn(Nt), omega_B ~ sn(Nt), omega_C ~ dn(Nt); for P < Q it
-circles the axis of greatest inertia, and cn and dn change places. P = Q is the separatrix: an infinite period, and N is
-the rate of the exponential approach to the turn about the intermediate axis.
+For P > Q the polhode circles the axis of least inertia: omega_A ~ cn(Nt), omega_B ~ sn(Nt), omega_C
+~ dn(Nt); for P < Q it circles the axis of greatest inertia, and cn and dn change places. P = Q is
+the separatrix: an infinite period, and N is the rate of the exponential approach to the turn about
+the intermediate axis.
 
     symbol    meaning                                             unit
     A, B, C   principal moments of inertia, in falling order  kg m^2
@@ -16,9 +17,10 @@ the rate of the exponential approach to the turn about the intermediate axis.
     k         their modulus                                       1
     2T/h      distance of the invariable plane from the centre    rad/s
 
-Source: Thomson 5.10 (Poinsot), 5.11-5, -9 (elliptic functions), 5.12 (stability).
-No difference above is formed from T and h: 2TA - h^2 = (A - B) B omega_B^2 + (A - C) C omega_C^2, and its like. Only
-2TB - h^2 is a true difference, and near the separatrix it loses digits as the motion itself does.
+Source: Thomson 5.10 (Poinsot), 5.11-5, -9 (elliptic functions), 5.12 (stability). No difference
+above is formed from T and h: 2TA - h^2 = (A - B) B omega_B^2 + (A - C) C omega_C^2, and its like.
+Only 2TB - h^2 is a true difference, and near the separatrix it loses digits as the motion itself
+does.
 """
 
 from typing import final
@@ -27,7 +29,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from .._core import Scalar, Vector, dot, norm, safe_divide, safe_sqrt
+from ..core import Scalar, Vector, dot, norm, safe_divide, safe_sqrt
 from ._elliptic import complete_elliptic
 
 
@@ -37,8 +39,9 @@ class Polhode(eqx.Module):
 
     - `rate`: N, 1/s; `modulus_squared`: k^2; `complement`: k'^2.
     - `about_least`: whether it circles the axis of least inertia, not the one of greatest.
-    - `vertices`: two points of the polhode, rad/s, body axes, components not negative: where the intermediate component
-      vanishes, and where the outer component of the axis not circled does. All else of Poinsot's construction follows from them.
+    - `vertices`: two points of the polhode, rad/s, body axes, components not negative: where the
+      intermediate component vanishes, and where the outer component of the axis not circled does.
+      All else of Poinsot's construction follows from them.
     - `plane_distance`: 2T/h, rad/s, of the invariable plane from the centre."""
 
     rate: Float[Array, "*#runs"]
@@ -50,8 +53,11 @@ class Polhode(eqx.Module):
 
     @classmethod
     def of(cls, moments: Vector, omega: Vector) -> "Polhode":
-        """The polhode through `omega`, rad/s, in a body with the principal `moments`, kg m^2, in any order."""
-        moments = jnp.stack([moment + jnp.zeros_like(rate) for moment, rate in zip(moments, omega, strict=True)])
+        """The polhode through `omega`, rad/s, in a body with the principal `moments`, kg m^2, in
+        any order."""
+        moments = jnp.stack(
+            [moment + jnp.zeros_like(rate) for moment, rate in zip(moments, omega, strict=True)]
+        )
         order = jnp.argsort(-moments, axis=0)
         a, b, c = jnp.take_along_axis(moments, order, axis=0)
         energies = jnp.take_along_axis(moments * omega * omega, order, axis=0)
@@ -64,21 +70,29 @@ class Polhode(eqx.Module):
             modulus_squared=safe_divide(jnp.minimum(p, q), most),
             complement=jnp.where(most == 0.0, 1.0, safe_divide((a - c) * jnp.abs(middle), most)),
             about_least=about_least,
-            vertices=_vertices((a, b, c), (below, above, middle), about_least, jnp.argsort(order, axis=0)),
+            vertices=_vertices(
+                (a, b, c), (below, above, middle), about_least, jnp.argsort(order, axis=0)
+            ),
             plane_distance=safe_divide(two_t, h),
         )
 
     def period(self) -> Scalar:
-        """Time, s, in which omega returns in the body; infinite on the separatrix and in a body with three equal moments."""
+        """Time, s, in which omega returns in the body; infinite on the separatrix and in a body
+        with three equal moments."""
         return 4.0 * complete_elliptic(self.complement) / self.rate
 
     def herpolhode_radii(self) -> tuple[Scalar, Scalar]:
-        """Distance, rad/s, of the two vertices from the foot of the invariable plane's normal (Thomson 5.10-19)."""
-        first, second = (safe_sqrt(jnp.maximum(dot(v, v) - self.plane_distance**2, 0.0)) for v in self.vertices)
+        """Distance, rad/s, of the two vertices from the foot of the invariable plane's normal
+        (Thomson 5.10-19)."""
+        first, second = (
+            safe_sqrt(jnp.maximum(dot(v, v) - self.plane_distance**2, 0.0)) for v in self.vertices
+        )
         return first, second
 
 
-def _differences(moments: tuple[Scalar, Scalar, Scalar], energies: Vector) -> tuple[Scalar, Scalar, Scalar]:
+def _differences(
+    moments: tuple[Scalar, Scalar, Scalar], energies: Vector
+) -> tuple[Scalar, Scalar, Scalar]:
     """2TA - h^2, h^2 - 2TC and 2TB - h^2 from I_i omega_i^2, in falling order of the moments."""
     a, b, c = moments
     below = (a - b) * energies[1] + (a - c) * energies[2]
@@ -87,7 +101,8 @@ def _differences(moments: tuple[Scalar, Scalar, Scalar], energies: Vector) -> tu
 
 
 def _vertices(moments, differences, about_least, back) -> tuple[Vector, Vector]:
-    """The polhode's points with omega_B = 0 and with omega_A = 0 (about the least axis) or omega_C = 0 (greatest)."""
+    """The polhode's points with omega_B = 0 and with omega_A = 0 (about the least axis) or omega_C
+    = 0 (greatest)."""
     (a, b, c), (below, above, middle) = moments, differences
     zero = jnp.zeros_like(middle)
 

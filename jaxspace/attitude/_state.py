@@ -1,7 +1,7 @@
 """The part of a body's state that turns."""
 
-from .._core import InputError, Vector
 from ..bodies import BodyState
+from ..core import InputError, Vector
 from ..rotations import Quaternion
 
 
@@ -10,5 +10,7 @@ def attitude_and_omega(y: BodyState) -> tuple[Quaternion, Vector]:
 
     Raises `InputError` when the state lacks one of them."""
     if y.attitude is None or y.omega is None:
-        raise InputError(f"The state holds {', '.join(y.present()) or 'nothing'}: it must hold attitude and omega.")
+        raise InputError(
+            f"The state holds {', '.join(y.present()) or 'nothing'}: it must hold attitude and omega."
+        )
     return y.attitude, y.omega

@@ -1,9 +1,11 @@
-"""The heavy symmetric top: a body of revolution that turns about a fixed point on its axis, under its own weight.
+"""The heavy symmetric top: a body of revolution that turns about a fixed point on its axis, under
+its own weight.
 
     A omega' = [(A - C) n omega + W l Z] x z       Euler's equations about the fixed point, body axes; n' = 0
     q' = q (0, omega) / 2
 
-Integrated are the quaternion and omega: nothing is singular at the vertical. In Euler's angles the same motion reads
+Integrated are the quaternion and omega: nothing is singular at the vertical. In Euler's angles the
+same motion reads
 
     A theta'' = W l sin(theta) - C n psi' sin(theta) + A psi'^2 sin(theta) cos(theta)
     h_Z = A psi' sin^2(theta) + C n cos(theta),    n = phi' + psi' cos(theta),
@@ -19,10 +21,10 @@ Integrated are the quaternion and omega: nothing is singular at the vertical. In
     omega   angular velocity in body axes; n, its part along z           rad/s
     h_Z     angular momentum about Z                                     kg m^2/s
 
-Source: Thomson 5.13 (the second of 5.13-4 with A theta''), 5.14 (steady precession), 6.1 (small nutation); Harrison and
-Nettleton 4.11, who name phi and psi the other way round.
-Valid for a tip that stays where it is, without friction. W l < 0 is a top that hangs (a spinning pendulum), W l = 0 is the
-free symmetric body.
+Source: Thomson 5.13 (the second of 5.13-4 with A theta''), 5.14 (steady precession), 6.1 (small
+nutation); Harrison and Nettleton 4.11, who name phi and psi the other way round. Valid for a tip
+that stays where it is, without friction. W l < 0 is a top that hangs (a spinning pendulum), W l = 0
+is the free symmetric body.
 """
 
 from collections.abc import Sequence
@@ -32,8 +34,10 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .._core import (
-    AbstractSplitSystem,
+from ..bodies import BodyState
+from ..core import (
+    AbstractSplit,
+    AbstractSystem,
     InputError,
     Scalar,
     Vector,
@@ -45,7 +49,6 @@ from .._core import (
     safe_divide,
     safe_sqrt,
 )
-from ..bodies import BodyState
 from ..rotations import Quaternion, from_euler_angles, omega_from_euler_rates, to_euler_angles
 from ._nutation import Nutation
 from ._state import attitude_and_omega
@@ -53,7 +56,8 @@ from ._torque_free import symmetric_flow
 
 
 def vertical(attitude: Quaternion) -> Vector:
-    """The upward vertical Z in body axes: (sin(theta) sin(phi), sin(theta) cos(phi), cos(theta))."""
+    """The upward vertical Z in body axes: (sin(theta) sin(phi), sin(theta) cos(phi),
+    cos(theta))."""
     return attitude.rotate_back(axis(2, attitude.wxyz[0]))
 
 
@@ -65,7 +69,11 @@ def angular_acceleration(omega: Vector, Z: Vector, A: Scalar, C: Scalar, Wl: Sca
 
 def energy(omega: Vector, Z: Vector, A: Scalar, C: Scalar, Wl: Scalar) -> Scalar:
     """T + V, J, with V = 0 at the height of the fixed point (Thomson 5.13-9)."""
-    return 0.5 * A * (omega[0] * omega[0] + omega[1] * omega[1]) + 0.5 * C * omega[2] * omega[2] + Wl * Z[2]
+    return (
+        0.5 * A * (omega[0] * omega[0] + omega[1] * omega[1])
+        + 0.5 * C * omega[2] * omega[2]
+        + Wl * Z[2]
+    )
 
 
 def vertical_angular_momentum(omega: Vector, Z: Vector, A: Scalar, C: Scalar) -> Scalar:
@@ -74,12 +82,13 @@ def vertical_angular_momentum(omega: Vector, Z: Vector, A: Scalar, C: Scalar) ->
 
 
 @final
-class Top(AbstractSplitSystem):
+class Top(AbstractSystem):
     """A heavy symmetric top on a fixed point.
 
-    Fields: `transverse_inertia` A and `axial_inertia` C, kg m^2, about the fixed point; `weight_moment` W l, N m.
-    State: `BodyState` with attitude and omega only, best made by `Top.state`.
-    Raises `InputError` for a moment of inertia that is not positive or a weight moment that is not finite."""
+    Fields: `transverse_inertia` A and `axial_inertia` C, kg m^2, about the fixed point;
+    `weight_moment` W l, N m. State: `BodyState` with attitude and omega only, best made by
+    `Top.state`. Raises `InputError` for a moment of inertia that is not positive or a weight moment
+    that is not finite."""
 
     transverse_inertia: Float[Array, "*#runs"] = eqx.field(converter=as_float)
     axial_inertia: Float[Array, "*#runs"] = eqx.field(converter=as_float)
@@ -99,16 +108,8 @@ class Top(AbstractSplitSystem):
             omega=angular_acceleration(omega, vertical(attitude), A, C, Wl),
         )
 
-    def drift(self, duration: Scalar, y: BodyState) -> BodyState:
-        return symmetric_flow(duration, y, self.transverse_inertia, self.axial_inertia)
-
-    def kick(self, t: Scalar, duration: Scalar, y: BodyState) -> BodyState:
-        del t
-        attitude, omega = attitude_and_omega(y)
-        Z = vertical(attitude)
-        return BodyState(
-            attitude=attitude, omega=omega + duration * self.weight_moment / self.transverse_inertia * cross(Z, axis(2, Z[2]))
-        )
+    def split(self) -> "TopSplit":
+        return TopSplit(self)
 
     def invariants(self, t: Scalar, y: BodyState) -> dict[str, Array]:
         del t
@@ -124,13 +125,15 @@ class Top(AbstractSplitSystem):
 
     @staticmethod
     def state(angles: Vector | Sequence[Scalar], rates: Vector | Sequence[Scalar]) -> BodyState:
-        """The state from `angles` = (psi, theta, phi), rad, and their `rates`, rad/s, both of shape (3, *runs)."""
+        """The state from `angles` = (psi, theta, phi), rad, and their `rates`, rad/s, both of shape
+        (3, *runs)."""
         a, a_dot = as_float(angles), as_float(rates)
         return BodyState(attitude=from_euler_angles(a), omega=omega_from_euler_rates(a, a_dot))
 
     @staticmethod
     def angles(y: BodyState) -> Vector:
-        """(psi, theta, phi), rad, (3, *runs): precession and spin within (-pi, pi], nutation within [0, pi].
+        """(psi, theta, phi), rad, (3, *runs): precession and spin within (-pi, pi], nutation within
+        [0, pi].
 
         With the axis vertical only psi + phi has a meaning: psi is then zero."""
         attitude, _ = attitude_and_omega(y)
@@ -138,9 +141,11 @@ class Top(AbstractSplitSystem):
 
     @staticmethod
     def rates(y: BodyState) -> Vector:
-        """(psi', theta', phi'), rad/s, (3, *runs): precession, nutation and spin rate (Thomson 3.5-1).
+        """(psi', theta', phi'), rad/s, (3, *runs): precession, nutation and spin rate (Thomson
+        3.5-1).
 
-        With the axis vertical only psi' + phi' has a meaning: psi' is then zero. Near it psi' grows as 1/sin(theta)."""
+        With the axis vertical only psi' + phi' has a meaning: psi' is then zero. Near it psi' grows
+        as 1/sin(theta)."""
         _, omega = attitude_and_omega(y)
         _, theta, phi = Top.angles(y)
         across = omega[0] * jnp.sin(phi) + omega[1] * jnp.cos(phi)
@@ -149,76 +154,111 @@ class Top(AbstractSplitSystem):
         return jnp.stack([precession, nutation, omega[2] - precession * jnp.cos(theta)])
 
     def steady_precession_rates(self, theta: Scalar, n: Scalar) -> tuple[Scalar, Scalar]:
-        """The slow and the fast psi', rad/s, that keep `theta`, rad, at the spin `n`, rad/s (Thomson 5.14-4).
+        """The slow and the fast psi', rad/s, that keep `theta`, rad, at the spin `n`, rad/s
+        (Thomson 5.14-4).
 
-        Roots of A cos(theta) psi'^2 - C n psi' + W l = 0, without cancellation for a fast top or near the horizontal. NaN
-        where none exists (`least_spin`); the fast one is infinite at the horizontal. At theta = 0 they are the two
-        frequencies of a sleeping top."""
+        Roots of A cos(theta) psi'^2 - C n psi' + W l = 0, without cancellation for a fast top or
+        near the horizontal. NaN where none exists (`least_spin`); the fast one is infinite at the
+        horizontal. At theta = 0 they are the two frequencies of a sleeping top."""
         A, C, Wl = self._letters()
         p = C * n
         p = p + jnp.where(p < 0.0, -1.0, 1.0) * safe_sqrt(p * p - 4.0 * A * Wl * jnp.cos(theta))
         return 2.0 * Wl / p, p / (2.0 * A * jnp.cos(theta))
 
     def precession_rates_from_momentum(self, theta: Scalar, h_Z: Scalar) -> tuple[Scalar, Scalar]:
-        """The slow and the fast psi', rad/s, that keep `theta`, rad, with the vertical angular momentum `h_Z`, kg m^2/s.
+        """The slow and the fast psi', rad/s, that keep `theta`, rad, with the vertical angular
+        momentum `h_Z`, kg m^2/s.
 
-        Roots of A psi'^2 - h_Z psi' + W l cos(theta) = 0 (Thomson 5.14, problem 5); NaN where none exists."""
+        Roots of A psi'^2 - h_Z psi' + W l cos(theta) = 0 (Thomson 5.14, problem 5); NaN where none
+        exists."""
         A, _, Wl = self._letters()
         weight = Wl * jnp.cos(theta)
         p = h_Z + jnp.where(h_Z < 0.0, -1.0, 1.0) * safe_sqrt(h_Z * h_Z - 4.0 * A * weight)
         return 2.0 * weight / p, p / (2.0 * A)
 
     def least_spin(self, theta: Scalar) -> Scalar:
-        """The least n, rad/s, with a steady precession at `theta`, rad; zero below the horizontal (Thomson 5.14-4).
+        """The least n, rad/s, with a steady precession at `theta`, rad; zero below the horizontal
+        (Thomson 5.14-4).
 
-        At theta = 0 it is the spin above which a sleeping top is stable (Harrison and Nettleton 4.11)."""
+        At theta = 0 it is the spin above which a sleeping top is stable (Harrison and Nettleton
+        4.11)."""
         A, C, Wl = self._letters()
         return 2.0 / C * safe_sqrt(jnp.maximum(A * Wl * jnp.cos(theta), 0.0))
 
     def sleeping_growth_rate(self, n: Scalar) -> Scalar:
-        """Rate, 1/s, at which a small tilt of the upright top grows with the spin `n`, rad/s; zero when it is stable."""
+        """Rate, 1/s, at which a small tilt of the upright top grows with the spin `n`, rad/s; zero
+        when it is stable."""
         A, C, Wl = self._letters()
         return safe_sqrt(jnp.maximum(4.0 * A * Wl - (C * n) ** 2, 0.0)) / (2.0 * A)
 
     def precession_moment(self, theta: Scalar, precession: Scalar, n: Scalar) -> Scalar:
-        """The moment about the line of nodes, N m, that the steady rate `precession`, rad/s, calls for (Thomson 5.14-3)."""
+        """The moment about the line of nodes, N m, that the steady rate `precession`, rad/s, calls
+        for (Thomson 5.14-3)."""
         A, C, _ = self._letters()
         return (C * n - A * precession * jnp.cos(theta)) * precession * jnp.sin(theta)
 
     def momentum_angle(self, theta: Scalar, precession: Scalar, n: Scalar) -> Scalar:
-        """The angle, rad, between the axis and the angular momentum in steady precession (Thomson 5.14-7, -8)."""
+        """The angle, rad, between the axis and the angular momentum in steady precession (Thomson
+        5.14-7, -8)."""
         A, C, _ = self._letters()
         return jnp.arctan2(A * precession * jnp.sin(theta), C * n)
 
     def nutation_frequency(self, theta: Scalar, precession: Scalar, n: Scalar) -> Scalar:
-        """Angular frequency, rad/s, of a small nutation about the steady `precession`, rad/s (Thomson 6.1-5)."""
+        """Angular frequency, rad/s, of a small nutation about the steady `precession`, rad/s
+        (Thomson 6.1-5)."""
         A, C, Wl = self._letters()
         gyroscopic = (C * n) ** 2 - 4.0 * A * Wl * jnp.cos(theta)
         return safe_sqrt(gyroscopic + (A * precession * jnp.sin(theta)) ** 2) / A
 
     def precession_per_nutation(self, theta: Scalar, precession: Scalar, n: Scalar) -> Scalar:
-        """Deviation of psi' over the deviation of theta, 1/s, in a small nutation about `precession` (Thomson 6.1-8)."""
+        """Deviation of psi' over the deviation of theta, 1/s, in a small nutation about
+        `precession` (Thomson 6.1-8)."""
         A, C, _ = self._letters()
         return (C * n - 2.0 * A * precession * jnp.cos(theta)) / (A * jnp.sin(theta))
 
     def nutation(self, y: BodyState) -> Nutation:
-        """The whole, large nutation through the state `y`: turning points, period, precession (Thomson 5.13-18..21)."""
+        """The whole, large nutation through the state `y`: turning points, period, precession
+        (Thomson 5.13-18..21)."""
         attitude, omega = attitude_and_omega(y)
         A, C, Wl = self._letters()
         Z = vertical(attitude)
         transverse = omega[0] * omega[0] + omega[1] * omega[1]
         gamma = vertical_angular_momentum(omega, Z, A, C) / A
-        return Nutation(N=C * omega[2] / A, alpha=transverse + 2.0 * Wl / A * Z[2], beta=2.0 * Wl / A, gamma=gamma)
+        return Nutation(
+            N=C * omega[2] / A,
+            alpha=transverse + 2.0 * Wl / A * Z[2],
+            beta=2.0 * Wl / A,
+            gamma=gamma,
+        )
 
     def _letters(self) -> tuple[Scalar, Scalar, Scalar]:
         return self.transverse_inertia, self.axial_inertia, self.weight_moment
 
 
+@final
+class TopSplit(AbstractSplit):
+    """The free rotation of a `top` as the drift, and the moment of its weight as the kick."""
+
+    top: Top
+
+    def drift(self, duration: Scalar, y: BodyState) -> BodyState:
+        return symmetric_flow(duration, y, self.top.transverse_inertia, self.top.axial_inertia)
+
+    def kick(self, t: Scalar, duration: Scalar, y: BodyState) -> BodyState:
+        del t
+        attitude, omega = attitude_and_omega(y)
+        Z = vertical(attitude)
+        angular_acceleration = self.top.weight_moment / self.top.transverse_inertia
+        change = duration * angular_acceleration * cross(Z, axis(2, Z[2]))
+        return BodyState(attitude=attitude, omega=omega + change)
+
+
 def continuous_precession(states: BodyState) -> Float[Array, "*runs times"]:
     """The precession angle psi, rad, along sampled states, without jumps of whole turns.
 
-    `states` is laid out as in a trajectory: runs, times, then components. Between samples psi must turn by less than
-    half a turn; where the axis passes close to the vertical this asks for dense samples.
+    `states` is laid out as in a trajectory: runs, times, then components. Between samples psi must
+    turn by less than half a turn; where the axis passes close to the vertical this asks for dense
+    samples.
 
     Raises `InputError` for states without attitude."""
     if states.attitude is None:

@@ -22,8 +22,9 @@ Any other body moves in elliptic functions: `bodies.free_turn` has the closed fo
     theta, psi, phi  Euler's angles 3-1-3 about h: nutation, precession, spin   rad
     gamma            angle between the axis of symmetry and omega           rad
 
-Source: Thomson 5.6 (Euler), 5.8 (body axes), 5.9 (inertial axes, with the first term of 5.9-3 as psi' phi').
-Valid for a rigid body; what flexes or sloshes dissipates, and the body ends in turning about its axis of greatest inertia.
+Source: Thomson 5.6 (Euler), 5.8 (body axes), 5.9 (inertial axes, with the first term of 5.9-3 as
+psi' phi'). Valid for a rigid body; what flexes or sloshes dissipates, and the body ends in turning
+about its axis of greatest inertia.
 """
 
 from typing import final
@@ -32,30 +33,46 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from .._core import AbstractClosedFormSystem, Scalar, Vector, axis, norm, safe_atan2, safe_sqrt
-from ..bodies import AbstractInertia, BodyState, angular_acceleration, as_inertia, free_turn, kinetic_energy
+from ..bodies import (
+    AbstractInertia,
+    BodyState,
+    FreeRotation,
+    angular_acceleration,
+    as_inertia,
+    kinetic_energy,
+)
+from ..core import (
+    AbstractSystem,
+    Scalar,
+    Vector,
+    axis,
+    norm,
+    safe_atan2,
+    safe_sqrt,
+)
 from ..rotations import Quaternion
 from ._state import attitude_and_omega
 
 
 @final
-class TorqueFreeBody(AbstractClosedFormSystem):
-    """A free rigid body. Field: `inertia`, kg m^2 (three principal moments, a tensor, or an inertia).
+class TorqueFreeBody(AbstractSystem):
+    """A free rigid body. Field: `inertia`, kg m^2 (three principal moments, a tensor, or an
+    inertia).
 
-    State: `BodyState` with attitude and omega only. A batch of bodies takes an inertia whose last axis is the run."""
+    State: `BodyState` with attitude and omega only. A batch of bodies takes an inertia whose last
+    axis is the run."""
 
     inertia: AbstractInertia = eqx.field(converter=as_inertia)
 
     def vector_field(self, t: Scalar, y: BodyState) -> BodyState:
         del t
         attitude, omega = attitude_and_omega(y)
-        return BodyState(attitude=attitude.rate(omega), omega=angular_acceleration(self.inertia, omega, None))
+        return BodyState(
+            attitude=attitude.rate(omega), omega=angular_acceleration(self.inertia, omega, None)
+        )
 
-    def flow(self, duration: Scalar, y: BodyState) -> BodyState:
-        attitude, omega = attitude_and_omega(y)
-        turn, later = free_turn(duration, self.inertia, omega)
-        start = attitude.wxyz.reshape(4, *(1,) * (later.ndim - attitude.wxyz.ndim), *attitude.wxyz.shape[1:])
-        return BodyState(attitude=Quaternion(start).then(turn), omega=later)
+    def closed_form(self) -> FreeRotation:
+        return FreeRotation(self.inertia)
 
     def invariants(self, t: Scalar, y: BodyState) -> dict[str, Array]:
         del t
@@ -68,37 +85,45 @@ class TorqueFreeBody(AbstractClosedFormSystem):
 
 
 def body_precession_rate(n: Scalar, A: Scalar, C: Scalar) -> Scalar:
-    """lambda, rad/s: how fast the transverse rate of a symmetric body circles in the body (Thomson 5.8-3); phi' = -lambda."""
+    """lambda, rad/s: how fast the transverse rate of a symmetric body circles in the body (Thomson
+    5.8-3); phi' = -lambda."""
     return n * (C - A) / A
 
 
 def precession_rate(omega: Vector, A: Scalar, C: Scalar) -> Scalar:
-    """psi' = h / A, rad/s: how fast the axis of a symmetric body circles about h in inertial axes (Thomson 5.9)."""
+    """psi' = h / A, rad/s: how fast the axis of a symmetric body circles about h in inertial axes
+    (Thomson 5.9)."""
     return norm(jnp.stack([A * omega[0], A * omega[1], C * omega[2]])) / A
 
 
 def cone_angles(omega: Vector, A: Scalar, C: Scalar) -> tuple[Scalar, Scalar]:
-    """theta and gamma, rad: the angles of the symmetry axis with h and with omega (Thomson 5.8-15, -16).
+    """theta and gamma, rad: the angles of the symmetry axis with h and with omega (Thomson 5.8-15,
+    -16).
 
-    The body cone has the half-angle gamma, the space cone |gamma - theta|. At omega = 0 both are zero."""
+    The body cone has the half-angle gamma, the space cone |gamma - theta|. At omega = 0 both are
+    zero."""
     transverse = safe_sqrt(omega[0] * omega[0] + omega[1] * omega[1])
     return safe_atan2(A * transverse, C * omega[2]), safe_atan2(transverse, omega[2])
 
 
 def coning_omega(theta: Scalar, precession: Scalar, A: Scalar, C: Scalar) -> Vector:
-    """The angular velocity, rad/s, body axes, with which a symmetric body cones at the angle `theta`, rad, with the rate
-    `precession` = psi', rad/s; the vector h lies in the plane of the body's y and z (Thomson 5.9-1, -4)."""
+    """The angular velocity, rad/s, body axes, with which a symmetric body cones at the angle
+    `theta`, rad, with the rate `precession` = psi', rad/s; the vector h lies in the plane of the
+    body's y and z (Thomson 5.9-1, -4)."""
     axial = A / C * precession * jnp.cos(theta)
     return precession * jnp.sin(theta) * axis(1, axial) + axial * axis(2, axial)
 
 
 def symmetric_flow(duration: Scalar, y: BodyState, A: Scalar, C: Scalar) -> BodyState:
-    """The exact state of the free body diag(A, A, C) a `duration`, s, after the state `y` (Thomson 5.8-5, 5.9).
+    """The exact state of the free body diag(A, A, C) a `duration`, s, after the state `y` (Thomson
+    5.8-5, 5.9).
 
     Any quotient of A and C is allowed, A = C included, and any rate, zero included."""
     attitude, omega = attitude_and_omega(y)
     z = axis(2, omega[2])
     momentum_per_A = omega + (C - A) / A * omega[2] * z
     roll = body_precession_rate(omega[2], A, C) * duration
-    turn = Quaternion.from_rotation_vector(momentum_per_A * duration).then(Quaternion.about(2, -roll))
+    turn = Quaternion.from_rotation_vector(momentum_per_A * duration).then(
+        Quaternion.about(2, -roll)
+    )
     return BodyState(attitude=attitude.then(turn), omega=Quaternion.about(2, roll).rotate(omega))

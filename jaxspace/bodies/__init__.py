@@ -1,14 +1,12 @@
-"""What has mass: inertia, mass properties, the state of a body, Newton-Euler, and the interface of effects."""
+"""What has mass: inertia, mass properties, the state of a body, Newton-Euler, and the interface of
+effects."""
 
 from ._body import AbstractBody as AbstractBody
 from ._body import BurningBody as BurningBody
 from ._body import RigidBody as RigidBody
 from ._effect import AbstractEffect as AbstractEffect
-from ._effect import AbstractFlowEffect as AbstractFlowEffect
-from ._effect import AbstractPiecewiseEffect as AbstractPiecewiseEffect
-from ._effect import AbstractRegularEffect as AbstractRegularEffect
-from ._effect import AbstractScalableEffect as AbstractScalableEffect
 from ._effect import Load as Load
+from ._free_motion import FreeRotation as FreeRotation
 from ._inertia import AbstractInertia as AbstractInertia
 from ._inertia import InertiaTensor as InertiaTensor
 from ._inertia import PrincipalInertia as PrincipalInertia

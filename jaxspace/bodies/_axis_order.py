@@ -1,18 +1,22 @@
-"""The principal axes of a body, in the order in which its free rotation is written: the intermediate moment second, and third
-the outer axis which the angular momentum leaves farther.
+"""The principal axes of a body, in the order in which its free rotation is written: the
+intermediate moment second, and third the outer axis which the angular momentum leaves farther.
 
 Source: `_free_rotation.py`.
 """
 
 import jax.numpy as jnp
 
-from .._core import Flag, Vector, safe_divide
+from ..core import Flag, Vector, safe_divide
 
 
 def axis_order(moments: Vector, omega: Vector) -> tuple[tuple[Flag, Flag], Flag]:
-    """Whether the first or the last axis is the intermediate one, and whether the other two change places."""
+    """Whether the first or the last axis is the intermediate one, and whether the other two change
+    places."""
     i0, i1, i2 = moments
-    middle = (i0 - i1) * (i0 - i2) <= 0.0, ((i2 - i0) * (i2 - i1) <= 0.0) & ((i0 - i1) * (i0 - i2) > 0.0)
+    middle = (
+        (i0 - i1) * (i0 - i2) <= 0.0,
+        ((i2 - i0) * (i2 - i1) <= 0.0) & ((i0 - i1) * (i0 - i2) > 0.0),
+    )
     (a, b, c), (u, v, w) = arranged(moments, middle, False), arranged(omega, middle, False)
     share = safe_divide(b - c, a - c) * b * b * v * v
     rest = safe_divide(a - b, a - c) * b * b * v * v

@@ -1,4 +1,5 @@
-"""What a scene's effects act on: mass, centre of mass and inertia, constant or changing with the mass that is left.
+"""What a scene's effects act on: mass, centre of mass and inertia, constant or changing with the
+mass that is left.
 
     J(m) = J_d + m_p diag(k^2) + m_d m_p / m d^2 diag(1, 1, 0)          m_p = m - m_d
 
@@ -9,8 +10,9 @@
     k       radii of gyration of the propellant about its own centre         m
     d       distance of the propellant's centre from the dry centre, along z m
 
-Source: Thomson 5.5 (parallel axes), 7.9 (rocket whose radii of gyration stay). The propellant's centre and radii of gyration
-stay where they are: right for a grain that burns evenly over its length. The state's position is the centre of mass.
+Source: Thomson 5.5 (parallel axes), 7.9 (rocket whose radii of gyration stay). The propellant's
+centre and radii of gyration stay where they are: right for a grain that burns evenly over its
+length. The state's position is the centre of mass.
 """
 
 from abc import abstractmethod
@@ -20,7 +22,15 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .._core import Scalar, Vector, as_float, as_optional_float, axis, check_non_negative, check_positive
+from ..core import (
+    Scalar,
+    Vector,
+    as_float,
+    as_optional_float,
+    axis,
+    check_non_negative,
+    check_positive,
+)
 from ._inertia import AbstractInertia, as_inertia
 
 
@@ -29,11 +39,13 @@ def _as_optional_inertia(x) -> AbstractInertia | None:
 
 
 class AbstractBody(eqx.Module):
-    """Mass properties as functions of the mass that is left; `None` for what the body does not have."""
+    """Mass properties as functions of the mass that is left; `None` for what the body does not
+    have."""
 
     @abstractmethod
     def constant_mass(self) -> Scalar | None:
-        """The mass, kg, of a body that keeps it; `None` when it is unknown or a part of the state."""
+        """The mass, kg, of a body that keeps it; `None` when it is unknown or a part of the
+        state."""
 
     @abstractmethod
     def has_inertia(self) -> bool:
@@ -54,9 +66,11 @@ class AbstractBody(eqx.Module):
 
 @final
 class RigidBody(AbstractBody):
-    """A body whose mass properties stay: `mass`, kg; `inertia`, kg m^2 (three principal moments, a tensor, or an inertia).
+    """A body whose mass properties stay: `mass`, kg; `inertia`, kg m^2 (three principal moments, a
+    tensor, or an inertia).
 
-    Either may be absent: a point needs no inertia, and the mass drops out of motion under gravity alone."""
+    Either may be absent: a point needs no inertia, and the mass drops out of motion under gravity
+    alone."""
 
     mass: Float[Array, "*#runs"] | None
     moment_of_inertia: AbstractInertia | None
@@ -91,7 +105,8 @@ class RigidBody(AbstractBody):
 class BurningBody(AbstractBody):
     """A body that carries propellant on its z axis; the mass is a part of the state.
 
-    - `dry_mass`, kg, and `dry_inertia`, kg m^2, about the dry centre of mass, which is the origin of the construction axes.
+    - `dry_mass`, kg, and `dry_inertia`, kg m^2, about the dry centre of mass, which is the origin
+      of the construction axes.
     - `gyration_radii`, m, (3, *runs): of the propellant about its own centre.
     - `propellant_station`, m: z of the propellant's centre.
 

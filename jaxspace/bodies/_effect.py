@@ -1,4 +1,5 @@
-"""What may act on a body, and what it contributes: the interface between a scene and the physics of its effects."""
+"""What may act on a body, and what it contributes: the interface between a scene and the physics of
+its effects."""
 
 from abc import abstractmethod
 from typing import final
@@ -7,7 +8,14 @@ import equinox as eqx
 from equinox import AbstractClassVar
 from jaxtyping import Array, Float
 
-from .._core import AbstractRegularForm, AbstractSystem, Scalar, State, Vector
+from ..core import (
+    AbstractClosedForm,
+    AbstractRegularised,
+    AbstractSystem,
+    Scalar,
+    State,
+    Vector,
+)
 from ._body import AbstractBody
 from ._state import BodyState
 
@@ -32,10 +40,11 @@ class Load(eqx.Module):
 class AbstractEffect(eqx.Module):
     """Something that acts on a body. A concrete effect is final.
 
-    - `needs`: the parts of the state that it reads, of `position`, `velocity`, `attitude`, `omega`, `mass`.
+    - `needs`: the parts of the state that it reads, of `position`, `velocity`, `attitude`, `omega`,
+      `mass`.
     - `adds`: what its load contributes, of `acceleration`, `force`, `torque`, `mass_rate`, `parts`.
-    - `keeps`: what motion under it alone conserves, of `energy`, `angular_momentum` (of the orbit, all components),
-      `axial_angular_momentum` (its z component)."""
+    - `keeps`: what motion under it alone conserves, of `energy`, `angular_momentum` (of the orbit,
+      all components), `axial_angular_momentum` (its z component)."""
 
     needs: AbstractClassVar[frozenset[str]]
     adds: AbstractClassVar[frozenset[str]]
@@ -49,34 +58,29 @@ class AbstractEffect(eqx.Module):
     def potential(self, t: Scalar, y: BodyState, body: AbstractBody) -> Scalar | None:
         """Potential energy per unit mass, J/kg; `None` says that the effect is not conservative."""
 
+    def closed_form(self) -> AbstractClosedForm | None:
+        """The exact motion of a position and a velocity under this effect alone, or `None`.
 
-class AbstractScalableEffect(AbstractEffect):
-    """An effect with a parameter that its whole load is proportional to, and that it keeps its own abilities with."""
+        For effects that depend on the position alone."""
+        return None
 
-    @abstractmethod
-    def scaled(self, factor: Scalar) -> "AbstractScalableEffect":
-        """The same effect with its load multiplied by the `factor`."""
+    def regularised(self, rest: AbstractSystem | None) -> AbstractRegularised | None:
+        """The motion in variables that are smooth close to the centre of this effect, or `None`.
 
+        **Arguments**
 
-class AbstractFlowEffect(AbstractScalableEffect):
-    """An effect that depends on the position alone, and under which alone position and velocity are known in closed form."""
+        - `rest`: a system of position and velocity whose accelerations perturb the motion."""
+        del rest
+        return None
 
-    @abstractmethod
-    def flow(self, duration: Scalar, y: BodyState) -> BodyState:
-        """The exact state a `duration`, s (negative: backwards), after `y`, which holds a position and a velocity only."""
+    def breaks(self) -> Float[Array, "times *#runs"] | None:
+        """Times, s, at which the load or a derivative of it jumps, or `None`."""
+        return None
 
+    def scaled(self, factor: Scalar) -> "AbstractEffect | None":
+        """The same effect with its load multiplied by `factor`, or `None`.
 
-class AbstractRegularEffect(AbstractScalableEffect):
-    """An effect that dominates a motion, and knows variables in which that motion is smooth close to its centre too."""
-
-    @abstractmethod
-    def regular_form(self, rest: AbstractSystem | None) -> AbstractRegularForm:
-        """The motion under this effect and the accelerations of `rest`, a system of position and velocity, in such variables."""
-
-
-class AbstractPiecewiseEffect(AbstractEffect):
-    """An effect that is smooth only between known times."""
-
-    @abstractmethod
-    def breaks(self) -> Float[Array, "times *#runs"]:
-        """The times, s, at which the load or a derivative of it jumps."""
+        Only for effects with a parameter that the whole load is proportional to: they keep their
+        other capabilities when they are scaled. `jaxspace.scene.scaled` scales every effect."""
+        del factor
+        return None

@@ -1,6 +1,8 @@
-"""The free rotation of a rigid body in closed form: angular velocity and attitude, for every inertia and every start.
+"""The free rotation of a rigid body in closed form: angular velocity and attitude, for every
+inertia and every start.
 
-Principal axes, right-handed, the second with the intermediate moment; omega stands for omega(0), omega(t) for what follows.
+Principal axes, right-handed, the second with the intermediate moment; omega stands for omega(0),
+omega(t) for what follows.
 
     a_1 = (I_2 - I_3)/I_1,  a_2 = (I_3 - I_1)/I_2,  a_3 = (I_1 - I_2)/I_3                    omega_1' = a_1 omega_2 omega_3 ...
     p_1 = -a_2 a_3 omega_1^2,  p_2 = a_3 a_1 omega_2^2,  p_3 = -a_1 a_2 omega_3^2            none is negative
@@ -10,7 +12,8 @@ Principal axes, right-handed, the second with the intermediate moment; omega sta
     omega_2(t) = (omega_2 c d + a_2 omega_3 omega_1 S) / D
     omega_3(t) = (omega_3 c + a_3 omega_1 omega_2 S d) / D
 
-The attitude is the least turn that takes the third axis to h, a turn chi about h, and the least turn back, later:
+The attitude is the least turn that takes the third axis to h, a turn chi about h, and the least
+turn back, later:
 
     R(t) = F(0) R_z(chi) F(t)^-1,   F e_z = h/|h|,   chi = psi + arg(z(t) / z(0)),   z = L_2 + i L_1,   L = I omega
     psi = h t/I_3 - third(t; M, rho) + arg Z                         M = (I_2 - I_3) G / (I_2 I_3^2),  rho = h/I_3 - h/I_1
@@ -24,10 +27,11 @@ The attitude is the least turn that takes the third axis to h, a turn chi about 
     psi      precession of the third axis about h                           rad
     R        turn of the body, in its own axes at the start                 1
 
-Source: Thomson 5.10 to 5.12 (elliptic functions), 5.9 (precession about h); van Zon and Schofield (2007), J. Comput. Phys.
-225, 145 (attitude by the third integral); Celledoni, Fasso, Sarstrom and Zanna (2008), SIAM J. Sci. Comput. 30, 2084.
-The third axis is the outer one which h leaves farther: |L_3| <= h/sqrt(2) where the polhode comes nearest to it, so that
-neither z nor F loses a digit. The addition theorem asks for no phase, and so for no inverse function and no separatrix.
+Source: Thomson 5.10 to 5.12 (elliptic functions), 5.9 (precession about h); van Zon and Schofield
+(2007), J. Comput. Phys. 225, 145 (attitude by the third integral); Celledoni, Fasso, Sarstrom and
+Zanna (2008), SIAM J. Sci. Comput. 30, 2084. The third axis is the outer one which h leaves farther:
+|L_3| <= h/sqrt(2) where the polhode comes nearest to it, so that neither z nor F loses a digit. The
+addition theorem asks for no phase, and so for no inverse function and no separatrix.
 """
 
 import math
@@ -36,7 +40,7 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 
-from .._core import Flag, Scalar, Vector, cross, dot, norm, safe_atan2
+from ..core import Flag, Scalar, Vector, cross, dot, norm, safe_atan2
 from ..rotations import Quaternion
 from ._axis_order import arranged, axis_order, restored
 from ._jacobi import Jacobi, jacobi, third
@@ -58,11 +62,15 @@ class _Body(NamedTuple):
 
 
 def free_rotation(duration: Scalar, moments: Vector, omega: Vector) -> tuple[Quaternion, Vector]:
-    """The turn of the body, in its axes at the start, and its angular velocity, rad/s, a `duration`, s, later.
+    """The turn of the body, in its axes at the start, and its angular velocity, rad/s, a
+    `duration`, s, later.
 
-    `moments`, kg m^2, and `omega`, rad/s: along principal axes, in any order. First derivatives hold everywhere."""
+    `moments`, kg m^2, and `omega`, rad/s: along principal axes, in any order. First derivatives
+    hold everywhere."""
     runs = jnp.broadcast_shapes(moments.shape[1:], omega.shape[1:], jnp.shape(duration))
-    moments, omega = (jnp.stack([jnp.broadcast_to(component, runs) for component in v]) for v in (moments, omega))
+    moments, omega = (
+        jnp.stack([jnp.broadcast_to(component, runs) for component in v]) for v in (moments, omega)
+    )
     middle, mirrored = axis_order(moments, omega)
     sign = jnp.where(mirrored, -1.0, 1.0).astype(omega.dtype)
     body = _Body.of(arranged(moments, middle, mirrored), sign * arranged(omega, middle, mirrored))
@@ -105,7 +113,9 @@ def _denominator(body: _Body, phase: Jacobi) -> Scalar:
     return phase.d**2 - _products(body.moments)[2] * (body.omega[2] * phase.s) ** 2
 
 
-def _turn(body: _Body, phase: Jacobi, duration: Scalar, reached: Vector, later: Vector, unused: Flag) -> Quaternion:
+def _turn(
+    body: _Body, phase: Jacobi, duration: Scalar, reached: Vector, later: Vector, unused: Flag
+) -> Quaternion:
     """R. Where it is `unused`, of a body that turns about an arbitrary axis."""
     i = body.moments
     stand_in = jnp.asarray([0.6, 0.0, 0.8], i.dtype).reshape(3, *(1,) * (i.ndim - 1))
@@ -116,19 +126,26 @@ def _turn(body: _Body, phase: Jacobi, duration: Scalar, reached: Vector, later: 
     c, s = jnp.cos(half), jnp.sin(half)
     zero = jnp.zeros_like(h)
     tilt = Quaternion(jnp.stack([h + start[2], -start[1], start[0], zero]))
-    back = Quaternion(jnp.stack([(h + end[2]) * c, end[1] * c + end[0] * s, end[1] * s - end[0] * c, (h + end[2]) * s]))
+    back = Quaternion(
+        jnp.stack(
+            [(h + end[2]) * c, end[1] * c + end[0] * s, end[1] * s - end[0] * c, (h + end[2]) * s]
+        )
+    )
     return Quaternion(tilt.then(back).wxyz / (2.0 * h * jnp.sqrt((h + start[2]) * (h + end[2]))))
 
 
 def _angle_between(start: Vector, reached: Vector) -> Scalar:
     """arg(z(t) / z(0)) within a quarter period."""
-    return jnp.arctan2(reached[0] * start[1] - reached[1] * start[0], reached[0] * start[0] + reached[1] * start[1])
+    return jnp.arctan2(
+        reached[0] * start[1] - reached[1] * start[0], reached[0] * start[0] + reached[1] * start[1]
+    )
 
 
 def _precession(body: _Body, phase: Jacobi, duration: Scalar, h: Scalar) -> Scalar:
     """psi of the third axis, and the whole half turns of z, rad.
 
-    For M > sqrt(xy) the third integral passes to the pole xy/M, for which third(M) = rho t - arg(c d + i rho S) - third(xy/M)."""
+    For M > sqrt(xy) the third integral passes to the pole xy/M, for which third(M) = rho t - arg(c
+    d + i rho S) - third(xy/M)."""
     (i1, i2, i3), (w1, w2, w3), (s, c, d) = body.moments, body.omega, phase[:3]
     gain = (i1 - i3) * i1 * w1 * w1 + (i2 - i3) * i2 * w2 * w2
     pole, strength = (i2 - i3) * gain / (i2 * i3 * i3), h / i3 - h / i1
@@ -142,9 +159,13 @@ def _precession(body: _Body, phase: Jacobi, duration: Scalar, h: Scalar) -> Scal
     rest = jnp.where(other, 1.0, -1.0)
     rate = h / jnp.where(other, i1, i3)
     full, returns = _quarter(body, phase)
-    within, whole = third(jnp.stack([s, full.s]), jnp.stack([c, full.c]), jnp.stack([d, full.d]), near, strength)
+    within, whole = third(
+        jnp.stack([s, full.s]), jnp.stack([c, full.c]), jnp.stack([d, full.d]), near, strength
+    )
     within, whole = jax.lax.optimization_barrier((within, whole))
-    sense = jnp.where(other, 0.0, -jnp.sign(gain)) + jnp.where(body.difference < 0.0, jnp.sign(w3 * gain), 0.0)
+    sense = jnp.where(other, 0.0, -jnp.sign(gain)) + jnp.where(
+        body.difference < 0.0, jnp.sign(w3 * gain), 0.0
+    )
     period = jnp.where(returns, 2.0 * rest * whole + math.pi * sense, 0.0)
     return rate * duration + rest * within + angle + phase.half_periods * period
 
@@ -154,19 +175,23 @@ def _quarter(body: _Body, phase: Jacobi) -> tuple[Jacobi, Flag]:
     returns = phase.half_periods != 0.0
     circled = body.difference < 0.0
     top = jnp.where(returns, jnp.where(circled, body.y, body.x), 1.0)
-    least = jnp.sqrt(jnp.where(returns, jnp.where(circled, -body.difference, body.difference) / top, 1.0))
+    least = jnp.sqrt(
+        jnp.where(returns, jnp.where(circled, -body.difference, body.difference) / top, 1.0)
+    )
     c, d = jnp.where(circled, least, 0.0), jnp.where(circled, 0.0, least)
     return phase._replace(s=1.0 / jnp.sqrt(top), c=c, d=d), returns
 
 
 def _slow(body: _Body, duration: Scalar) -> Flag:
-    """Whether the body turns through less than some 0.003 rad: there the direction of h has no digits to differentiate."""
+    """Whether the body turns through less than some 0.003 rad: there the direction of h has no
+    digits to differentiate."""
     i, w = body.moments, body.omega
     return dot(i * w, w) / jnp.min(i, axis=0) * duration * duration < 1e-5
 
 
 def _small_turn(body: _Body, later: Vector, duration: Scalar) -> Quaternion:
-    """R of a small turn: Magnus' series of order four, the integrals by the Hermite polynomial of omega."""
+    """R of a small turn: Magnus' series of order four, the integrals by the Hermite polynomial of
+    omega."""
 
     def rate(w: Vector) -> Vector:
         a1, a2, a3 = _rates(body.moments)

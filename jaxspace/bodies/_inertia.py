@@ -20,7 +20,18 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .._core import InputError, Matrix, Scalar, Vector, as_float, check, dot, known, matvec, solve3
+from ..core import (
+    InputError,
+    Matrix,
+    Scalar,
+    Vector,
+    as_float,
+    check,
+    dot,
+    is_concrete,
+    matvec,
+    solve3,
+)
 
 
 class AbstractInertia(eqx.Module):
@@ -47,16 +58,22 @@ class AbstractInertia(eqx.Module):
 class PrincipalInertia(AbstractInertia):
     """Inertia in principal axes: `moments` = (A, B, C), shape (3, *runs), kg m^2.
 
-    Raises `InputError` when a moment is not positive or one exceeds the sum of the other two, which no body allows."""
+    Raises `InputError` when a moment is not positive or one exceeds the sum of the other two, which
+    no body allows."""
 
     moments: Float[Array, "3 *#runs"] = eqx.field(converter=as_float)
 
     def __check_init__(self):
-        if known(self.moments):
+        if is_concrete(self.moments):
             m = np.asarray(self.moments)
             check(m > 0.0, "inertia", m, "positive in every moment")
             slack = m.sum(axis=0) - 2.0 * m.max(axis=0)
-            check(slack >= -1e-6 * m.max(axis=0), "inertia", m, "such that no moment exceeds the sum of the other two")
+            check(
+                slack >= -1e-6 * m.max(axis=0),
+                "inertia",
+                m,
+                "such that no moment exceeds the sum of the other two",
+            )
 
     def times(self, omega: Vector) -> Vector:
         return self.moments * omega
@@ -73,14 +90,16 @@ class PrincipalInertia(AbstractInertia):
 
 @final
 class InertiaTensor(AbstractInertia):
-    """Inertia in any body axes: `tensor`, shape (3, 3, *runs), symmetric and positive definite, kg m^2.
+    """Inertia in any body axes: `tensor`, shape (3, 3, *runs), symmetric and positive definite, kg
+    m^2.
 
-    Raises `InputError` when the tensor of a single body is not symmetric or not positive definite."""
+    Raises `InputError` when the tensor of a single body is not symmetric or not positive definite.
+    """
 
     tensor: Float[Array, "3 3 *#runs"] = eqx.field(converter=as_float)
 
     def __check_init__(self):
-        if known(self.tensor) and self.tensor.ndim == 2:
+        if is_concrete(self.tensor) and self.tensor.ndim == 2:
             j = np.asarray(self.tensor, dtype=float)
             check(np.abs(j - j.T) <= 1e-6 * np.abs(j).max(), "inertia", j, "symmetric")
             check(np.linalg.eigvalsh(j) > 0.0, "inertia", j, "positive definite")
@@ -104,9 +123,11 @@ def _diagonal(d: Vector) -> Matrix:
 
 
 def as_inertia(x: Any) -> AbstractInertia:
-    """An inertia from three principal moments (shape (3,)), a tensor (shape (3, 3)), or an inertia as it is.
+    """An inertia from three principal moments (shape (3,)), a tensor (shape (3, 3)), or an inertia
+    as it is.
 
-    A batch is built by `PrincipalInertia` or `InertiaTensor`, whose shapes leave no doubt. Raises `InputError` otherwise."""
+    A batch is built by `PrincipalInertia` or `InertiaTensor`, whose shapes leave no doubt. Raises
+    `InputError` otherwise."""
     if isinstance(x, AbstractInertia) or type(x) is object:
         return x  # type: ignore[return-value]
     x = as_float(x)
@@ -114,7 +135,9 @@ def as_inertia(x: Any) -> AbstractInertia:
         return PrincipalInertia(x)
     if x.shape == (3, 3):
         return InertiaTensor(x)
-    raise InputError(f"inertia has the shape {x.shape}: it must be (3,), the principal moments, or (3, 3), the tensor.")
+    raise InputError(
+        f"inertia has the shape {x.shape}: it must be (3,), the principal moments, or (3, 3), the tensor."
+    )
 
 
 def kinetic_energy(inertia: AbstractInertia, omega: Vector) -> Scalar:
@@ -123,13 +146,17 @@ def kinetic_energy(inertia: AbstractInertia, omega: Vector) -> Scalar:
 
 
 def parallel_axes(inertia: AbstractInertia, mass: Scalar, offset: Vector) -> InertiaTensor:
-    """Inertia about the point at `offset`, m, from the centre of mass of a body of `mass`, kg (Thomson 5.5)."""
-    shift = dot(offset, offset) * jnp.eye(3, dtype=offset.dtype).reshape(3, 3, *(1,) * (offset.ndim - 1))
+    """Inertia about the point at `offset`, m, from the centre of mass of a body of `mass`, kg
+    (Thomson 5.5)."""
+    shift = dot(offset, offset) * jnp.eye(3, dtype=offset.dtype).reshape(
+        3, 3, *(1,) * (offset.ndim - 1)
+    )
     return InertiaTensor(inertia.matrix() + mass * (shift - offset[:, None] * offset[None, :]))
 
 
 def principal_axes(inertia: AbstractInertia) -> tuple[Vector, Matrix]:
-    """Principal moments in ascending order, kg m^2, and the principal axes as the columns of a matrix (Thomson 5.5).
+    """Principal moments in ascending order, kg m^2, and the principal axes as the columns of a
+    matrix (Thomson 5.5).
 
     The derivative of an axis exists only where its moment differs from the others."""
     moments, axes = jnp.linalg.eigh(jnp.moveaxis(inertia.matrix(), (0, 1), (-2, -1)))

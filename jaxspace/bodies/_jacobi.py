@@ -4,8 +4,9 @@
     c^2 = 1 - x S^2,   d^2 = 1 - y S^2,   x, y >= 0
     third(t) = rho int_0^t M S^2 / (1 + M S^2) dt = rho M S^3/3 R_J(c^2, d^2, 1, 1 + M S^2),   rho^2 M = (M + x)(M + y)
 
-For x > y: S = sn(Nt)/N, c = cn, d = dn, with N^2 = x and k^2 = y/x; for x < y the two change places. All are analytic in t, x
-and y, also where one or both vanish (circular functions, S = t) and where they are equal (hyperbolic functions).
+For x > y: S = sn(Nt)/N, c = cn, d = dn, with N^2 = x and k^2 = y/x; for x < y the two change
+places. All are analytic in t, x and y, also where one or both vanish (circular functions, S = t)
+and where they are equal (hyperbolic functions).
 
     N^2 = max(x, y),   k'^2 = |x - y|/N^2,   m = min(k^2, k'^2),   l = (1 - m'^(1/4))/(1 + m'^(1/4))/2,   m' = 1 - m
     q = l + 2 l^5 + 15 l^9 + 150 l^13 + ...      nome of m; q < 0.0433, so that four terms of a theta series are exact
@@ -21,10 +22,10 @@ and y, also where one or both vanish (circular functions, S = t) and where they 
     M            pole of the third integral                         1/s^2
     rho          its strength                                       rad/s
 
-Source: Abramowitz and Stegun 16.27, 16.38, 17.3 (theta series, imaginary transformation, nome); DLMF 19.25.14, 19.26.18
-(R_J); Carlson (1995), Numer. Algorithms 10, 13 (duplication). A step of the duplication adds an arc tangent, because
-rho^2 M = (M + x)(M + y).
-The difference x - y is an argument of its own: near the separatrix it decides, and must not be formed from x and y.
+Source: Abramowitz and Stegun 16.27, 16.38, 17.3 (theta series, imaginary transformation, nome);
+DLMF 19.25.14, 19.26.18 (R_J); Carlson (1995), Numer. Algorithms 10, 13 (duplication). A step of the
+duplication adds an arc tangent, because rho^2 M = (M + x)(M + y). The difference x - y is an
+argument of its own: near the separatrix it decides, and must not be formed from x and y.
 """
 
 import math
@@ -34,13 +35,14 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from .._core import Scalar
+from ..core import Scalar
 
 _DUPLICATIONS = 5
 
 
 class Jacobi(NamedTuple):
-    """S, s, and c, d of a `time`, s, within a quarter period, reached from t by taking off `half_periods` times 2K/N."""
+    """S, s, and c, d of a `time`, s, within a quarter period, reached from t by taking off
+    `half_periods` times 2K/N."""
 
     s: Scalar
     c: Scalar
@@ -52,15 +54,21 @@ class Jacobi(NamedTuple):
 
 
 def jacobi(t: Scalar, x: Scalar, y: Scalar, difference: Scalar) -> Jacobi:
-    """S, c and d at the time `t`, s, for the parameters `x`, `y`, 1/s^2, and their `difference` x - y."""
+    """S, c and d at the time `t`, s, for the parameters `x`, `y`, 1/s^2, and their `difference` x -
+    y."""
     swapped = difference < 0.0
     top, low = jnp.where(swapped, y, x), jnp.where(swapped, x, y)
     short = top * t * t < 1e-3
     still = top == 0.0
     top = jnp.where(still, 1.0, top)
-    n, complement = jnp.sqrt(top), jnp.where(still, 1.0, jnp.where(swapped, -difference, difference) / top)
+    n, complement = (
+        jnp.sqrt(top),
+        jnp.where(still, 1.0, jnp.where(swapped, -difference, difference) / top),
+    )
     hyperbolic = complement < 0.5
-    q = _nome(jnp.where(hyperbolic, complement, low / top), jnp.where(hyperbolic, low / top, complement))
+    q = _nome(
+        jnp.where(hyperbolic, complement, low / top), jnp.where(hyperbolic, low / top, complement)
+    )
     least = float(jnp.finfo(q.dtype).tiny) ** 0.75
     q, n, complement = jax.lax.optimization_barrier((q, n, complement))
     scale = (1.0 + 2.0 * q * (1.0 + q**3 * (1.0 + q**5))) ** 2
@@ -82,7 +90,8 @@ def jacobi(t: Scalar, x: Scalar, y: Scalar, difference: Scalar) -> Jacobi:
 
 
 def third(s: Scalar, c: Scalar, d: Scalar, pole: Scalar, strength: Scalar) -> Scalar:
-    """The third integral, rad, within a quarter period, for S, c, d there; best conditioned for M <= sqrt(xy)."""
+    """The third integral, rad, within a quarter period, for S, c, d there; best conditioned for M
+    <= sqrt(xy)."""
     p = 1.0 + pole * s * s
     size = strength * pole * s**3
 
@@ -96,7 +105,9 @@ def third(s: Scalar, c: Scalar, d: Scalar, pole: Scalar, strength: Scalar) -> Sc
 
     factors = jnp.asarray([(2.0 ** (i + 1), 0.125**i) for i in range(_DUPLICATIONS)], p.dtype)
     one = jnp.ones_like(p)
-    (x, y, z, p, *_, total), _ = jax.lax.scan(duplicated, (c * c, d * d, one, p, c, d, one, 0.0 * one), factors)
+    (x, y, z, p, *_, total), _ = jax.lax.scan(
+        duplicated, (c * c, d * d, one, p, c, d, one, 0.0 * one), factors
+    )
     mean = (x + y + z + 2.0 * p) / 5.0
     x, y, z = (1.0 - v / mean for v in (x, y, z))
     p = -0.5 * (x + y + z)
@@ -104,7 +115,15 @@ def third(s: Scalar, c: Scalar, d: Scalar, pole: Scalar, strength: Scalar) -> Sc
     e3 = x * y * z + 2.0 * e2 * p + 4.0 * p**3
     e4 = (2.0 * x * y * z + e2 * p + 3.0 * p**3) * p
     e5 = x * y * z * p * p
-    rest = 1.0 - 3.0 * e2 / 14.0 + e3 / 6.0 + 9.0 * e2 * e2 / 88.0 - 3.0 * e4 / 22.0 - 9.0 * e2 * e3 / 52.0 + 3.0 * e5 / 26.0
+    rest = (
+        1.0
+        - 3.0 * e2 / 14.0
+        + e3 / 6.0
+        + 9.0 * e2 * e2 / 88.0
+        - 3.0 * e4 / 22.0
+        - 9.0 * e2 * e3 / 52.0
+        + 3.0 * e5 / 26.0
+    )
     return total + 0.25**_DUPLICATIONS / 3.0 * size * rest / (mean * jnp.sqrt(mean))
 
 
@@ -136,7 +155,8 @@ def _circular(z: Scalar, q: Scalar) -> tuple[Scalar, Scalar, Scalar]:
 
 
 def _hyperbolic(v: Scalar, q: Scalar, most: float) -> tuple[Scalar, Scalar, Scalar]:
-    """sn, cn, dn at the argument theta_3^2 v, from the nome of k'; the sums are divided by their growth e^|v|."""
+    """sn, cn, dn at the argument theta_3^2 v, from the nome of k'; the sums are divided by their
+    growth e^|v|."""
     t2, t3, t4 = _constants(q)
     sign = jnp.where(v < 0.0, -1.0, 1.0).astype(v.dtype)
     size = jnp.minimum(sign * v, most)
@@ -148,15 +168,22 @@ def _hyperbolic(v: Scalar, q: Scalar, most: float) -> tuple[Scalar, Scalar, Scal
         return rising**i + f**i, rising**i + (f**i) * e
 
     (a1, b1), (a2, b2), (a3, b3) = sums(1), sums(2), sums(3)
-    sine = -jnp.expm1(-2.0 * size) - q * ((b1 - 2.0 * f * e) - q**3 * (b2 - 2.0 * f**2 * e) + q**8 * (b3 - 2.0 * f**3 * e))
+    sine = -jnp.expm1(-2.0 * size) - q * (
+        (b1 - 2.0 * f * e) - q**3 * (b2 - 2.0 * f**2 * e) + q**8 * (b3 - 2.0 * f**3 * e)
+    )
     below = 1.0 + e + q * (b1 + q**3 * (b2 + q**5 * b3))
     odd, even = a1 + q**6 * a3, q**2 * a2
     factor = 2.0 * t2 * falling / below
-    return sign * t3 / t4 * sine / below, factor / t4 * (1.0 - odd + even), factor / t3 * (1.0 + odd + even)
+    return (
+        sign * t3 / t4 * sine / below,
+        factor / t4 * (1.0 - odd + even),
+        factor / t3 * (1.0 + odd + even),
+    )
 
 
 def _series(t: Scalar, x: Scalar, y: Scalar) -> tuple[Scalar, Scalar, Scalar]:
-    """S, c, d by the series of S in t, for short times: there sn(Nt)/N has the right value, but a derivative without digits."""
+    """S, c, d by the series of S in t, for short times: there sn(Nt)/N has the right value, but a
+    derivative without digits."""
     a, b = (x + y) * t * t, x * y * t**4
     s9 = (a**4 + 1224.0 * a * a * b + 3024.0 * b * b) / 362880.0
     s = t * (1.0 - a / 6.0 + (a * a + 12.0 * b) / 120.0 - (a**3 + 132.0 * a * b) / 5040.0 + s9)

@@ -11,16 +11,18 @@
     J        inertia of what is left, about its centre of mass   kg m^2
     M        moment about the centre of mass                     N m
 
-Source: Thomson 5.6 (Euler's equations), 7.1-2, 7.7-3 (varying mass).
-Mass that leaves takes along the momentum that it has where it burns; what it gives up on the way to the nozzle is the effect
+Source: Thomson 5.6 (Euler's equations), 7.1-2, 7.7-3 (varying mass). Mass that leaves takes along
+the momentum that it has where it burns; what it gives up on the way to the nozzle is the effect
 `JetDamping`. The motion of the centre of mass inside the body is not a velocity of the body.
 """
 
-from .._core import Scalar, Vector, cross
+from ..core import Scalar, Vector, cross
 from ._inertia import AbstractInertia
 
 
-def linear_acceleration(acceleration: Vector | None, force: Vector | None, mass: Scalar | None) -> Vector:
+def linear_acceleration(
+    acceleration: Vector | None, force: Vector | None, mass: Scalar | None
+) -> Vector:
     """v' = a + F / m, m/s^2; absent terms cost nothing. At least one of the two must be given."""
     if force is None:
         assert acceleration is not None

@@ -11,8 +11,9 @@
     V        principal axes as columns, right-handed           1
     theta    turn of the principal frame                       rad
 
-Source: Thomson 5.5 (principal axes); Kato, Perturbation Theory for Linear Operators, II.2.
-The principal axes of two equal moments have no derivative; the motion has one, and this is how it comes out right.
+Source: Thomson 5.5 (principal axes); Kato, Perturbation Theory for Linear Operators, II.2. The
+principal axes of two equal moments have no derivative; the motion has one, and this is how it comes
+out right.
 """
 
 import math
@@ -23,7 +24,7 @@ import jax.numpy as jnp
 from jax.custom_derivatives import SymbolicZero
 from jaxtyping import Array
 
-from .._core import Matrix, Scalar, Vector, axis, cross, matvec
+from ..core import Matrix, Scalar, Vector, axis, cross, matvec
 from ..rotations import Quaternion
 from ._free_rotation import free_rotation
 from ._inertia import AbstractInertia, InertiaTensor, PrincipalInertia, principal_axes
@@ -31,13 +32,18 @@ from ._inertia import AbstractInertia, InertiaTensor, PrincipalInertia, principa
 _PAIRS = ((1, 2), (2, 0), (0, 1))
 
 
-def free_turn(duration: Scalar, inertia: AbstractInertia, omega: Vector) -> tuple[Quaternion, Vector]:
-    """The turn of the body, in its axes at the start, and its angular velocity, rad/s, a `duration`, s, after `omega`.
+def free_turn(
+    duration: Scalar, inertia: AbstractInertia, omega: Vector
+) -> tuple[Quaternion, Vector]:
+    """The turn of the body, in its axes at the start, and its angular velocity, rad/s, a
+    `duration`, s, after `omega`.
 
-    Shapes (4, *runs) and (3, *runs). First derivatives hold for every inertia; where two moments of a tensor differ by the
-    relative gap g > 0, the one by the element that couples them has an error of about eps/g, or of g where that is less.
-    Derivatives of second order hold for principal moments of any kind, and for a tensor whose moments differ, where the error
-    is about eps/g^2; where g < eps^(1/4) (1e-4 in double precision), those that are of second order in the tensor are NaN."""
+    Shapes (4, *runs) and (3, *runs). First derivatives hold for every inertia; where two moments of
+    a tensor differ by the relative gap g > 0, the one by the element that couples them has an error
+    of about eps/g, or of g where that is less. Derivatives of second order hold for principal
+    moments of any kind, and for a tensor whose moments differ, where the error is about eps/g^2;
+    where g < eps^(1/4) (1e-4 in double precision), those that are of second order in the tensor are
+    NaN."""
     if isinstance(inertia, PrincipalInertia):
         return free_rotation(duration, inertia.moments, omega)
     tensor = inertia.matrix()
@@ -55,7 +61,8 @@ def _turned(duration: Scalar, tensor: Matrix, omega: Vector) -> tuple[Quaternion
 
 
 def _turned_tangent(primals: tuple[Any, ...], tangents: tuple[Any, ...]) -> Any:
-    """Along what moves alone: a tensor that stands still must not enter with derivatives that are zero, or not a number."""
+    """Along what moves alone: a tensor that stands still must not enter with derivatives that are
+    zero, or not a number."""
     still = [isinstance(x, SymbolicZero) for x in tangents]
     moving = [k for k in range(3) if not still[k]]
 
@@ -64,7 +71,9 @@ def _turned_tangent(primals: tuple[Any, ...], tangents: tuple[Any, ...]) -> Any:
         for k, x in zip(moving, moved, strict=True):
             given[k] = x
         local, axes = _principal_frame(given[1])
-        return _in_given_axes(axes, *_near_principal(given[0], local, matvec(_transposed(axes), given[2])))
+        return _in_given_axes(
+            axes, *_near_principal(given[0], local, matvec(_transposed(axes), given[2]))
+        )
 
     return jax.jvp(along, tuple(primals[k] for k in moving), tuple(tangents[k] for k in moving))
 
@@ -79,18 +88,26 @@ def _principal_frame(tensor: Matrix) -> tuple[Matrix, Matrix]:
 
 
 def _in_given_axes(axes: Matrix, turn: Quaternion, later: Vector) -> tuple[Quaternion, Vector]:
-    return Quaternion(jnp.concatenate([turn.wxyz[:1], matvec(axes, turn.wxyz[1:])])), matvec(axes, later)
+    return Quaternion(jnp.concatenate([turn.wxyz[:1], matvec(axes, turn.wxyz[1:])])), matvec(
+        axes, later
+    )
 
 
 def _near_principal(duration: Scalar, local: Matrix, omega: Vector) -> tuple[Quaternion, Vector]:
-    """R and omega(t) for a tensor whose elements off the diagonal have derivatives, but no values."""
+    """R and omega(t) for a tensor whose elements off the diagonal have derivatives, but no
+    values."""
     local, frame, equal = _diagonal(local)
     moments = jnp.stack([local[k, k] for k in range(3)])
     between = jnp.stack([_derivative_of(local[i, j]) for i, j in _PAIRS])
     omega = frame.rotate_back(omega)
-    split = [(moments, omega), *(_split(moments, x[k], omega, k) for k in range(3) for x in (between, 0.0 * moments))]
+    split = [
+        (moments, omega),
+        *(_split(moments, x[k], omega, k) for k in range(3) for x in (between, 0.0 * moments)),
+    ]
     durations = jnp.stack([duration + 0.0 * moments[0]] * 7)
-    turns, ends = free_rotation(durations, *(jnp.stack(x, axis=1) for x in zip(*split, strict=True)))
+    turns, ends = free_rotation(
+        durations, *(jnp.stack(x, axis=1) for x in zip(*split, strict=True))
+    )
     vector, later = turns.wxyz[1:, 0], ends[:, 0]
     real = turns.wxyz[:1, 0]
     for k in range(3):
@@ -103,8 +120,9 @@ def _near_principal(duration: Scalar, local: Matrix, omega: Vector) -> tuple[Qua
 
 
 def _diagonal(local: Matrix) -> tuple[Matrix, Quaternion, Array]:
-    """The tensor in its own principal axes, which are a turn of the given ones, and which pairs of moments are equal: a pair
-    keeps its element off the diagonal. Right to the third order; for moments that are close, to the first, and then NaN."""
+    """The tensor in its own principal axes, which are a turn of the given ones, and which pairs of
+    moments are equal: a pair keeps its element off the diagonal. Right to the third order; for
+    moments that are close, to the first, and then NaN."""
     eps = float(jnp.finfo(local.dtype).eps)
     gap = jax.lax.stop_gradient(jnp.stack([jnp.abs(local[i, i] - local[j, j]) for i, j in _PAIRS]))
     largest = jax.lax.stop_gradient(local[2, 2])
@@ -112,7 +130,9 @@ def _diagonal(local: Matrix) -> tuple[Matrix, Quaternion, Array]:
     moments = [local[k, k] for k in range(3)]
     between = jnp.stack([_derivative_of(local[i, j]) for i, j in _PAIRS])
     whole = sum(moments) + jnp.sum(between, axis=0)
-    local = _symmetric(moments, _once_differentiable(between, whole, jnp.where(close, jnp.nan, 0.0)))
+    local = _symmetric(
+        moments, _once_differentiable(between, whole, jnp.where(close, jnp.nan, 0.0))
+    )
     frame = Quaternion(jnp.stack([jnp.ones_like(gap[0]), *jnp.zeros_like(gap)]))
     for _ in range(2):
         apart = jnp.stack([local[i, i] - local[j, j] for i, j in _PAIRS])
@@ -125,7 +145,8 @@ def _diagonal(local: Matrix) -> tuple[Matrix, Quaternion, Array]:
 
 @jax.custom_jvp
 def _once_differentiable(x: Array, whole: Scalar, bar: Array) -> Array:
-    """`x`, whose derivative has itself one of 0 or NaN, as the `bar` says, along all that moves the `whole`."""
+    """`x`, whose derivative has itself one of 0 or NaN, as the `bar` says, along all that moves the
+    `whole`."""
     del whole, bar
     return x
 
@@ -152,9 +173,12 @@ def _transformed(m: Matrix, axes: Matrix) -> Matrix:
 
 
 def _split(moments: Vector, half_gap: Scalar, omega: Vector, k: int) -> tuple[Vector, Vector]:
-    """Moments and omega along the axes at 45 degrees, when the two moments besides the k-th split."""
+    """Moments and omega along the axes at 45 degrees, when the two moments besides the k-th
+    split."""
     i, j = _PAIRS[k]
-    return moments + half_gap * (axis(i, half_gap) - axis(j, half_gap)), _half_right(k, half_gap).rotate_back(omega)
+    return moments + half_gap * (axis(i, half_gap) - axis(j, half_gap)), _half_right(
+        k, half_gap
+    ).rotate_back(omega)
 
 
 def _half_right(k: int, like: Scalar) -> Quaternion:

@@ -7,11 +7,12 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .._core import State
+from ..core import State
 from ..rotations import Quaternion
 
 if TYPE_CHECKING:
-    # A part is absent only where no effect reads it, which the scene has checked: to a static reader every part is there.
+    # A part is absent only where no effect reads it, which the scene has checked: to a static
+    # reader every part is there.
     VectorPart: TypeAlias = Any
     ScalarPart: TypeAlias = Any
     AttitudePart: TypeAlias = Any
@@ -23,10 +24,12 @@ else:
 
 @final
 class BodyState(eqx.Module):
-    """Position and velocity of the centre of mass, orientation, angular velocity and mass of a body; also their rates.
+    """Position and velocity of the centre of mass, orientation, angular velocity and mass of a
+    body; also their rates.
 
-    A part that is `None` is absent: it is no leaf of the tree, hence in no integration, no batch and no gradient. Physics has
-    the runs on the last axis, as below; at the border (`simulate_batch`, trajectories) runs and times come first.
+    A part that is `None` is absent: it is no leaf of the tree, hence in no integration, no batch
+    and no gradient. Physics has the runs on the last axis, as below; at the border
+    (`simulate_batch`, trajectories) runs and times come first.
 
     - `position`, m, and `velocity`, m/s: (3, *runs), in inertial axes.
     - `attitude`: a `Quaternion`, body to inertial.

@@ -25,7 +25,9 @@ def run(file: SceneFile, folder: str) -> int:
         flown = simulate(system, y0, ts, accuracy=file.accuracy, throw=False)
         rows = report.state_rows(flown.final) + report.orbit_rows(file, flown.final)
         print(report.columns([("time [s]", report.number(flown.ts[-1])), *rows]))
-        print(report.columns([*report.drift_rows(flown.drift()), *report.error_rows(flown.error())]))
+        print(
+            report.columns([*report.drift_rows(flown.drift()), *report.error_rows(flown.error())])
+        )
         print(report.status_line(flown.status))
         _draw(flown, _path(file, folder, ".png"))
         status = int(flown.status)
@@ -37,18 +39,26 @@ def _run_mission(file: SceneFile, mission: Mission, y0: Any, folder: str) -> int
     finer = fly(file, mission, y0, samples=100, factor=0.01)
     for name, phase in zip(flown.names, flown.phases, strict=True):
         print(f"\n{name}: from {report.number(phase.ts[0])} s to {report.number(phase.ts[-1])} s")
-        rows = report.state_rows(phase.final) + report.orbit_rows(file, phase.final) + report.drift_rows(phase.drift())
+        rows = (
+            report.state_rows(phase.final)
+            + report.orbit_rows(file, phase.final)
+            + report.drift_rows(phase.drift())
+        )
         print(report.columns(rows))
         _draw(phase, _path(file, folder, f"_{name}.png".replace(" ", "_")))
     print("\nat the end, after the last jump")
     rows = report.state_rows(flown.final) + report.orbit_rows(file, flown.final)
     error = jax.tree.map(lambda a, b: a - b, flown.final, finer.final)
-    print(report.columns([("time [s]", report.number(flown.end)), *rows, *report.error_rows(error)]))
+    print(
+        report.columns([("time [s]", report.number(flown.end)), *rows, *report.error_rows(error)])
+    )
     print(report.status_line(flown.status))
     return int(flown.status)
 
 
-def fly(file: SceneFile, mission: Mission, y0: Any, samples: int = 2, factor: float = 1.0) -> MissionTrajectory:
+def fly(
+    file: SceneFile, mission: Mission, y0: Any, samples: int = 2, factor: float = 1.0
+) -> MissionTrajectory:
     """The nominal mission of the file, at its own accuracy times `factor`."""
     rtol = max(file.accuracy * factor, 32.0 * float(jnp.finfo(jnp.result_type(float)).eps))
     start = 0.0 if file.kind == "mission" else file.values["times"]["start"]
@@ -56,7 +66,8 @@ def fly(file: SceneFile, mission: Mission, y0: Any, samples: int = 2, factor: fl
 
 
 def disperse(file: SceneFile, runs: int, seed: int, chunk: int, folder: str) -> int:
-    """Fly the file many times, print the table of its outputs, and keep the runs, a figure and a page."""
+    """Fly the file many times, print the table of its outputs, and keep the runs, a figure and a
+    page."""
     from tqdm import tqdm
 
     settle()
@@ -84,7 +95,9 @@ def disperse(file: SceneFile, runs: int, seed: int, chunk: int, folder: str) -> 
         print(f"\nshares of the variance\n{lines}")
     print(f"\n{report.status_lines(result)}")
     ahead = result.attributes["preparation_seconds"]
-    print(f"{result.seconds:.1f} s: {ahead:.1f} s to compile and to plan, then {runs / (result.seconds - ahead):.0f} runs/s")
+    print(
+        f"{result.seconds:.1f} s: {ahead:.1f} s to compile and to plan, then {runs / (result.seconds - ahead):.0f} runs/s"
+    )
     _keep(file, result, folder)
     print(f"store  {store}")
     return 0 if result.good.any() else 1

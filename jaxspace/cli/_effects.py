@@ -4,8 +4,8 @@ from typing import Any, final
 
 import equinox as eqx
 
-from .._core import Scalar
 from ..attitude import GravityGradient
+from ..core import Scalar
 from ..io import EffectEntry, Key, Lanes, ListOf
 from ..orbits import Oblateness, PointGravity
 from ..rockets import JetDamping, Thrust, ThrustProfile
@@ -21,14 +21,21 @@ THRUST = {
     "station": Key(kinds.LENGTH, None),
     "offset": Key(ListOf(kinds.LENGTH, 2), [0.0, 0.0]),
     "misalignment": Key(ListOf(kinds.TANGENT, 2), [0.0, 0.0]),
-    "profile": Key({"times": Key(ListOf(kinds.SHAPE_TIME, least=2)), "thrusts": Key(ListOf(kinds.SHAPE_THRUST, least=2))}, None),
+    "profile": Key(
+        {
+            "times": Key(ListOf(kinds.SHAPE_TIME, least=2)),
+            "thrusts": Key(ListOf(kinds.SHAPE_THRUST, least=2)),
+        },
+        None,
+    ),
 }
 JET_DAMPING = {"exit_station": Key(kinds.LENGTH), "exit_radius": Key(kinds.RADIUS, 0.0)}
 
 
 @final
 class MotorFlow(eqx.Module):
-    """How fast a motor takes mass away, kg/s: what its thrust does to the mass, for the effects that follow from it."""
+    """How fast a motor takes mass away, kg/s: what its thrust does to the mass, for the effects
+    that follow from it."""
 
     motor: Thrust
 
@@ -44,9 +51,13 @@ def thrust(values: Values, lanes: Lanes) -> Thrust:
     fields = {"ignition": table["ignition"], "misalignment": lanes.vector(table["misalignment"])}
     fields["point"] = None if table["station"] is None else lanes.vector([x, y, table["station"]])
     if table["profile"] is not None:
-        fields["profile"], _, _ = ThrustProfile.tabulated(table["profile"]["times"], table["profile"]["thrusts"])
+        fields["profile"], _, _ = ThrustProfile.tabulated(
+            table["profile"]["times"], table["profile"]["thrusts"]
+        )
     if table["specific_impulse"] is not None:
-        return Thrust.of_specific_impulse(impulse / burn_time, table["specific_impulse"], burn_time, **fields)
+        return Thrust.of_specific_impulse(
+            impulse / burn_time, table["specific_impulse"], burn_time, **fields
+        )
     return Thrust.of_motor(impulse, burn_time, values["body"]["propellant_mass"], **fields)
 
 
@@ -62,11 +73,15 @@ def thrust_complaints(values: Values) -> list[str]:
     if table["profile"] is not None:
         times, thrusts = table["profile"]["times"], table["profile"]["thrusts"]
         if len(times) != len(thrusts):
-            found.append(f"effects.thrust.profile has {len(times)} times and {len(thrusts)} thrusts: it must have as many.")
+            found.append(
+                f"effects.thrust.profile has {len(times)} times and {len(thrusts)} thrusts: it must have as many."
+            )
         if any(b <= a for a, b in zip(times, times[1:], strict=False)):
             found.append(f"effects.thrust.profile.times is {times}: it must ascend.")
         if not any(thrusts):
-            found.append("effects.thrust.profile.thrusts is zero throughout: it must have a positive entry.")
+            found.append(
+                "effects.thrust.profile.thrusts is zero throughout: it must have a positive entry."
+            )
     return found
 
 
@@ -97,9 +112,13 @@ def gravity_gradient(values: Values, lanes: Lanes) -> GravityGradient:
 
 EFFECTS = {
     "point_gravity": EffectEntry({}, PointGravity, point_gravity, ("planet.mu",)),
-    "oblateness": EffectEntry({}, Oblateness, oblateness, ("planet.mu", "planet.j2", "planet.radius")),
+    "oblateness": EffectEntry(
+        {}, Oblateness, oblateness, ("planet.mu", "planet.j2", "planet.radius")
+    ),
     "gravity_gradient": EffectEntry({}, GravityGradient, gravity_gradient, ("planet.mu",)),
     "thrust": EffectEntry(THRUST, Thrust, thrust),
-    "jet_damping": EffectEntry(JET_DAMPING, JetDamping, jet_damping, ("effects.thrust", "body.propellant_mass")),
+    "jet_damping": EffectEntry(
+        JET_DAMPING, JetDamping, jet_damping, ("effects.thrust", "body.propellant_mass")
+    ),
 }
 PLANET = {"mu": Key(kinds.MU), "radius": Key(kinds.DISTANCE, None), "j2": Key(kinds.NUMBER, None)}

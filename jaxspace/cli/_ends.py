@@ -2,9 +2,9 @@
 
 from typing import Any
 
-from .._core import Scalar, dot
 from ..attitude import YoYo
 from ..bodies import BodyState
+from ..core import Scalar, dot
 from ..io import JumpEntry, Key, Lanes
 from . import _kinds as kinds
 
@@ -17,10 +17,16 @@ YO_YO = {
 
 
 def yo_yo(table: dict[str, Any], values: dict[str, Any], lanes: Lanes) -> YoYo:
-    """The yo-yo; about the spin axis the body has its own, or its dry, moment of inertia if the table gives none."""
+    """The yo-yo; about the spin axis the body has its own, or its dry, moment of inertia if the
+    table gives none."""
     del lanes
     own = table["axial_inertia"]
-    return YoYo(values["body"]["inertia"][2] if own is None else own, table["radius"], table["mass"], table["cord_length"])
+    return YoYo(
+        values["body"]["inertia"][2] if own is None else own,
+        table["radius"],
+        table["mass"],
+        table["cord_length"],
+    )
 
 
 def radial_motion(t: Scalar, y: BodyState) -> Scalar:

@@ -1,12 +1,13 @@
-"""The initial state of a body as a file gives it: vectors or an orbit; an attitude along a direction, or Euler's angles."""
+"""The initial state of a body as a file gives it: vectors or an orbit; an attitude along a
+direction, or Euler's angles."""
 
 from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
 
-from .._core import Scalar, Vector, cross, unit
 from ..bodies import BodyState
+from ..core import Scalar, Vector, cross, unit
 from ..io import Choice, InitialEntry, Key, Lanes, ListOf
 from ..orbits import ClassicalElements, state_from_elements
 from ..rotations import Quaternion, from_euler_angles
@@ -46,13 +47,19 @@ def orbit_complaints(initial: Values, planet: Values | None) -> list[str]:
             found.append("initial must have position and velocity together, or an orbit.")
         return found
     if initial["position"] is not None or initial["velocity"] is not None:
-        found.append("initial has an orbit, and position or velocity as well: it must have one or the other.")
+        found.append(
+            "initial has an orbit, and position or velocity as well: it must have one or the other."
+        )
     if (orbit["periapsis_radius"] is None) == (orbit["periapsis_altitude"] is None):
-        found.append("initial.orbit must have either periapsis_radius or periapsis_altitude, in m or with a unit of length.")
+        found.append(
+            "initial.orbit must have either periapsis_radius or periapsis_altitude, in m or with a unit of length."
+        )
     if planet is None:
         found.append("planet.mu is missing: initial.orbit needs it.")
     elif orbit["periapsis_altitude"] is not None and planet["radius"] is None:
-        found.append("planet.radius is missing: initial.orbit.periapsis_altitude is counted from it.")
+        found.append(
+            "planet.radius is missing: initial.orbit.periapsis_altitude is counted from it."
+        )
     return found
 
 
@@ -62,24 +69,34 @@ def complaints(values: Values) -> list[str]:
     found = orbit_complaints(initial, values["planet"]) + thrust_complaints(values)
     attitude, there = initial["attitude"], parts(values)
     if attitude is not None and (attitude["along"] is None) == (attitude["angles"] is None):
-        found.append("initial.attitude must have either along, a direction, or angles, Euler's angles 3-1-3.")
+        found.append(
+            "initial.attitude must have either along, a direction, or angles, Euler's angles 3-1-3."
+        )
     if attitude is not None and attitude["along"] is not None and "position" not in there:
-        found.append(f'initial.attitude.along is "{attitude["along"]}": without an orbit there is no such direction.')
+        found.append(
+            f'initial.attitude.along is "{attitude["along"]}": without an orbit there is no such direction.'
+        )
     if (attitude is None) != (initial["omega"] is None):
         found.append("initial must have attitude and omega together: a body that turns needs both.")
     if attitude is not None and values["body"]["inertia"] is None:
         found.append("body.inertia is missing: initial.attitude makes the body turn.")
     if not there:
-        found.append("initial is empty: it must have an orbit, or position and velocity, or attitude and omega.")
+        found.append(
+            "initial is empty: it must have an orbit, or position and velocity, or attitude and omega."
+        )
     return found
 
 
 def parts(values: Values) -> set[str]:
     """The parts of the state that the file gives."""
     initial = values["initial"]
-    moves = initial["orbit"] is not None or (initial["position"] is not None and initial["velocity"] is not None)
+    moves = initial["orbit"] is not None or (
+        initial["position"] is not None and initial["velocity"] is not None
+    )
     turns = initial["attitude"] is not None and initial["omega"] is not None
-    return ({"position", "velocity"} if moves else set()) | ({"attitude", "omega"} if turns else set())
+    return ({"position", "velocity"} if moves else set()) | (
+        {"attitude", "omega"} if turns else set()
+    )
 
 
 def motion(initial: Values, planet: Values | None, lanes: Lanes) -> tuple[Vector, Vector]:
@@ -92,16 +109,26 @@ def motion(initial: Values, planet: Values | None, lanes: Lanes) -> tuple[Vector
     radius = planet["radius"] + orbit["periapsis_altitude"] if radius is None else radius
     rest = {k: v for k, v in orbit.items() if not k.startswith("periapsis")}
     elements = ClassicalElements.from_periapsis(radius, **rest)
-    return state_from_elements(eqx.tree_at(_leaves, elements, [lanes.scalar(x) for x in _leaves(elements)]), planet["mu"])
+    return state_from_elements(
+        eqx.tree_at(_leaves, elements, [lanes.scalar(x) for x in _leaves(elements)]), planet["mu"]
+    )
 
 
 def _leaves(e: ClassicalElements) -> list[Any]:
-    return [e.semi_latus_rectum, e.eccentricity, e.inclination, e.node, e.argument_of_periapsis, e.true_anomaly]
+    return [
+        e.semi_latus_rectum,
+        e.eccentricity,
+        e.inclination,
+        e.node,
+        e.argument_of_periapsis,
+        e.true_anomaly,
+    ]
 
 
 def pointing(attitude: Values, position: Vector, velocity: Vector, lanes: Lanes) -> Quaternion:
-    """The orientation whose z axis lies along a direction, turned in the plane of the orbit by `lead` in the sense of the
-    motion, then tilted about the body's x and y; the x axis starts along the normal of the orbit."""
+    """The orientation whose z axis lies along a direction, turned in the plane of the orbit by
+    `lead` in the sense of the motion, then tilted about the body's x and y; the x axis starts along
+    the normal of the orbit."""
     lead = lanes.scalar(attitude["lead"])
     normal = unit(cross(position, velocity))
     along = unit(velocity if attitude["along"] == "velocity" else position)
@@ -130,7 +157,10 @@ def oriented(attitude: Values, position: Any, velocity: Any, lanes: Lanes) -> Qu
     """The orientation, by a direction or by Euler's angles."""
     if attitude["along"] is not None:
         return pointing(attitude, position, velocity, lanes)
-    return _tilted(from_euler_angles(lanes.full(attitude["angles"])), *(lanes.scalar(a) for a in attitude["tilt"]))
+    return _tilted(
+        from_euler_angles(lanes.full(attitude["angles"])),
+        *(lanes.scalar(a) for a in attitude["tilt"]),
+    )
 
 
 ENTRY = InitialEntry(INITIAL, complaints, parts, build)

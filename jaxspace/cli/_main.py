@@ -6,7 +6,7 @@ import os
 import sys
 from collections.abc import Sequence
 
-from .._core import InputError
+from ..core import InputError
 from ..io import SceneError
 from ..simulation import SimulationError
 
@@ -15,7 +15,8 @@ OUTPUTS = ("position", "velocity", "attitude", "omega", "mass")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Carry out one command and return its exit status: 0, 1 for runs that failed, 2 for input that cannot be used."""
+    """Carry out one command and return its exit status: 0, 1 for runs that failed, 2 for input that
+    cannot be used."""
     given = _parser().parse_args(arguments)
     try:
         return given.command(given)
@@ -29,26 +30,56 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="jaxspace", description="Space dynamics from scene files.")
+    parser = argparse.ArgumentParser(
+        prog="jaxspace", description="Space dynamics from scene files."
+    )
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
     run = commands.add_parser("run", help="fly the nominal run of a scene file")
-    disperse = commands.add_parser("disperse", help="fly a scene file many times with its dispersions")
-    explain = commands.add_parser("explain", help="say what the effects of a scene file read, add and cost")
+    disperse = commands.add_parser(
+        "disperse", help="fly a scene file many times with its dispersions"
+    )
+    explain = commands.add_parser(
+        "explain", help="say what the effects of a scene file read, add and cost"
+    )
     cost = commands.add_parser("cost", help="say what accuracy costs in the run of a scene file")
     budget = commands.add_parser("budget", help="say which effects of a scene file matter")
-    every = ((run, _run), (disperse, _disperse), (explain, _explain), (cost, _cost), (budget, _budget))
+    every = (
+        (run, _run),
+        (disperse, _disperse),
+        (explain, _explain),
+        (cost, _cost),
+        (budget, _budget),
+    )
     for command, action in every:
         command.add_argument("file", metavar="FILE", help="a scene file, in TOML")
         command.set_defaults(command=action)
     for command in (run, disperse, cost, budget):
-        command.add_argument("--out", default="out", metavar="DIR", help="where the files go (default: out)")
+        command.add_argument(
+            "--out", default="out", metavar="DIR", help="where the files go (default: out)"
+        )
     disperse.add_argument("--runs", type=_count, help="how many runs (default: what the file says)")
-    disperse.add_argument("--seed", type=_whole, help="what the runs are drawn from (default: what the file says)")
-    disperse.add_argument("--chunk", type=_count, default=2048, help="after how many runs results are stored")
-    cost.add_argument("--error", type=_positive, help="the relative error to recommend for (default: the file's accuracy)")
-    cost.add_argument("--gradient", action="store_true", help="measure the gradient in the initial state as well")
-    budget.add_argument("--output", choices=OUTPUTS, help="what they are judged by (default: the position, if there is one)")
-    budget.add_argument("--tolerance", metavar="SIZE", help='how far the output may move, such as "10 m"')
+    disperse.add_argument(
+        "--seed", type=_whole, help="what the runs are drawn from (default: what the file says)"
+    )
+    disperse.add_argument(
+        "--chunk", type=_count, default=2048, help="after how many runs results are stored"
+    )
+    cost.add_argument(
+        "--error",
+        type=_positive,
+        help="the relative error to recommend for (default: the file's accuracy)",
+    )
+    cost.add_argument(
+        "--gradient", action="store_true", help="measure the gradient in the initial state as well"
+    )
+    budget.add_argument(
+        "--output",
+        choices=OUTPUTS,
+        help="what they are judged by (default: the position, if there is one)",
+    )
+    budget.add_argument(
+        "--tolerance", metavar="SIZE", help='how far the output may move, such as "10 m"'
+    )
     return parser
 
 
@@ -75,7 +106,9 @@ def _whole(text: str) -> int:
     except ValueError:
         number = -1
     if not 0 <= number < 2**31:
-        raise argparse.ArgumentTypeError(f"it is {text}: it must be a whole number from zero to 2147483647.")
+        raise argparse.ArgumentTypeError(
+            f"it is {text}: it must be a whole number from zero to 2147483647."
+        )
     return number
 
 
@@ -93,7 +126,10 @@ def _disperse(given: argparse.Namespace) -> int:
     file = load(given.file)
     asked = file.values.get("dispersion")
     if asked is None:
-        raise SceneError(given.file, "dispersion is missing: it must be a table with outputs and inputs for this command.")
+        raise SceneError(
+            given.file,
+            "dispersion is missing: it must be a table with outputs and inputs for this command.",
+        )
     runs = asked["runs"] if given.runs is None else given.runs
     seed = asked["seed"] if given.seed is None else given.seed
     return disperse(file, runs, seed, given.chunk, _folder(given.out))

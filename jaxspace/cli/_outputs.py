@@ -1,11 +1,12 @@
-"""The outputs that a dispersion may ask for, in an analyst's units. A new one takes one line in `OUTPUTS`."""
+"""The outputs that a dispersion may ask for, in an analyst's units. A new one takes one line in
+`OUTPUTS`."""
 
 import math
 
 import jax.numpy as jnp
 
-from .._core import Scalar, Vector, axis, cross, dot, norm, safe_atan2
 from ..bodies import BurningBody
+from ..core import Scalar, Vector, axis, cross, dot, norm, safe_atan2
 from ..io import End, OutputEntry
 from ..orbits import apoapsis_radius, inclination, periapsis_radius
 
@@ -18,7 +19,8 @@ def angular_momentum_B(end: End) -> Vector:
     """The final angular momentum about the centre of mass, kg m^2/s, in body axes."""
     mass = end.final.mass
     if isinstance(end.body, BurningBody):
-        # A yo-yo that was let go takes mass off the dry body, and leaves no propellant behind that were negative.
+        # A yo-yo that was let go takes mass off the dry body, and leaves no propellant behind that
+        # were negative.
         mass = jnp.maximum(end.body.dry_mass if mass is None else mass, end.body.dry_mass)
     return end.body.inertia(mass).times(end.final.omega)
 

@@ -1,4 +1,5 @@
-"""Settings of jax for the command line, and for nobody else: double precision, all cores, a cache of compiled programs."""
+"""Settings of jax for the command line, and for nobody else: double precision, all cores, a cache
+of compiled programs."""
 
 import contextlib
 import os
@@ -11,7 +12,8 @@ import jax
 def settle() -> None:
     """Set jax up for one command; to be called before the first array is made."""
     jax.config.update("jax_enable_x64", True)
-    # A caller of `main` that has computed before has fixed the devices; they are then used as they are.
+    # A caller of `main` that has computed before has fixed the devices; they are then used as they
+    # are.
     with contextlib.suppress(RuntimeError):
         jax.config.update("jax_num_cpu_devices", cores())
     if "JAX_COMPILATION_CACHE_DIR" not in os.environ:

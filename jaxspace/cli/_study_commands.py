@@ -1,9 +1,10 @@
-"""The commands that ask questions about a run: what its accuracy costs, which of its effects matter."""
+"""The commands that ask questions about a run: what its accuracy costs, which of its effects
+matter."""
 
 import os
 from typing import Any
 
-from .._core import InputError
+from ..core import InputError
 from ..io import Quantity, SceneError, SceneFile
 from ..simulation import Mission
 from ..studies import AccuracyCost, accuracy_cost, effect_budget
@@ -25,7 +26,13 @@ def cost(file: SceneFile, error: float | None, gradient: bool, folder: str) -> i
     settle()
     system, y0, ts = file.nominal()
     ts = _start(file) if isinstance(system, Mission) else ts
-    table = accuracy_cost(system, y0, ts, tolerances=sorted({*TOLERANCES, file.accuracy}, reverse=True), gradient=gradient)
+    table = accuracy_cost(
+        system,
+        y0,
+        ts,
+        tolerances=sorted({*TOLERANCES, file.accuracy}, reverse=True),
+        gradient=gradient,
+    )
     print(f"{file.title}: what accuracy costs")
     print(table)
     print(f"\n{_recommendation(table, file.accuracy if error is None else error)}")
@@ -39,7 +46,11 @@ def _recommendation(table: AccuracyCost, error: float) -> str:
         row = table.cheapest_row(error)
     except InputError as problem:
         return f"no setting is good enough: {problem}"
-    how = "the closed form" if row.tolerance is None else f"accuracy = {row.tolerance:.3g} with {row.method}"
+    how = (
+        "the closed form"
+        if row.tolerance is None
+        else f"accuracy = {row.tolerance:.3g} with {row.method}"
+    )
     reached = f"which reaches {row.error:.1g} in {1e3 * row.seconds:.3g} ms"
     return f"for a relative error of {error:.1g} in the final state: {how}, {reached}"
 
@@ -47,13 +58,18 @@ def _recommendation(table: AccuracyCost, error: float) -> str:
 def budget(file: SceneFile, output: str | None, tolerance: str | None, folder: str) -> int:
     """Print what each effect does to the output and which of them may go, and draw it."""
     if file.kind == "system":
-        raise SceneError(file.path, f"{file.values['system']['name']} is a textbook system: it must be a scene, with effects.")
+        raise SceneError(
+            file.path,
+            f"{file.values['system']['name']} is a textbook system: it must be a scene, with effects.",
+        )
     settle()
     system, y0, ts = file.nominal()
     ts = _start(file) if isinstance(system, Mission) else ts
     output = next(name for name in SIZES if name in y0.present()) if output is None else output
     size = None if tolerance is None else _size(tolerance, SIZES[output])
-    table = effect_budget(system, y0, ts, output=output, tolerance=size, accuracy=min(file.accuracy, 1e-9))
+    table = effect_budget(
+        system, y0, ts, output=output, tolerance=size, accuracy=min(file.accuracy, 1e-9)
+    )
     print(f"{file.title}: which effects matter")
     print(table)
     _draw(table, file, folder, "_budget.png")

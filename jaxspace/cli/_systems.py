@@ -21,7 +21,9 @@ def _parameters(values: Values) -> Values:
 def top(values: Values, lanes: Lanes) -> tuple[Top, BodyState]:
     """A top from its parameters, Euler's angles 3-1-3 and their rates."""
     initial = values["initial"]
-    return Top(**_parameters(values)), Top.state(lanes.full(initial["angles"]), lanes.full(initial["rates"]))
+    return Top(**_parameters(values)), Top.state(
+        lanes.full(initial["angles"]), lanes.full(initial["rates"])
+    )
 
 
 def two_body(values: Values, lanes: Lanes) -> tuple[TwoBody, BodyState]:
@@ -57,7 +59,9 @@ def inertia_complaints(values: Values) -> list[str]:
     moments = sorted(values["system"]["inertia"])
     if moments[2] <= (1.0 + 1e-6) * (moments[0] + moments[1]):
         return []
-    return [f"system.inertia is {values['system']['inertia']}: it must be such that no moment exceeds the sum of the other two."]
+    return [
+        f"system.inertia is {values['system']['inertia']}: it must be such that no moment exceeds the sum of the other two."
+    ]
 
 
 ANGLES = Key(ListOf(kinds.ANGLE, 3), [0.0, 0.0, 0.0])
@@ -79,7 +83,12 @@ GIMBALS = {
 }
 SYSTEMS = {
     "top": SystemEntry(TOP, {"angles": ANGLES, "rates": Key(ListOf(kinds.RATE, 3))}, top),
-    "two_body": SystemEntry({"mu": Key(kinds.MU), "radius": Key(kinds.DISTANCE, None)}, MOTION, two_body, two_body_complaints),
+    "two_body": SystemEntry(
+        {"mu": Key(kinds.MU), "radius": Key(kinds.DISTANCE, None)},
+        MOTION,
+        two_body,
+        two_body_complaints,
+    ),
     "torque_free_body": SystemEntry(
         {"inertia": Key(ListOf(kinds.INERTIA, 3))},
         {"angles": ANGLES, "omega": Key(ListOf(kinds.RATE, 3))},

@@ -1,4 +1,5 @@
-"""Campaigns of many runs: what scatters, the engine that runs them, what they show, and where they are kept."""
+"""Campaigns of many runs: what scatters, the engine that runs them, what they show, and where they
+are kept."""
 
 from ._campaign import Campaign as Campaign
 from ._campaign import LaneResult as LaneResult

@@ -1,4 +1,5 @@
-"""A campaign: from scattered inputs to a mission, and from how it ended to the outputs of interest."""
+"""A campaign: from scattered inputs to a mission, and from how it ended to the outputs of
+interest."""
 
 import zlib
 from collections.abc import Callable
@@ -9,7 +10,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Integer
 
-from .._core import InputError, State, as_float, check_finite
+from ..core import InputError, State, as_float, check_finite
 from ..simulation import Mission
 from ._distributions import AbstractDistribution
 
@@ -17,8 +18,8 @@ RESERVED = ("run", "status", "evaluations")  # names of their own in a store
 
 
 class LaneResult(NamedTuple):
-    """What `run_mission` returns of a block of runs: `spans` of the phases, the `final` state and its time `end`, s, and a
-    `status` for each run; times first, then components, runs last."""
+    """What `run_mission` returns of a block of runs: `spans` of the phases, the `final` state and
+    its time `end`, s, and a `status` for each run; times first, then components, runs last."""
 
     spans: list[Any]
     final: State
@@ -30,16 +31,19 @@ class LaneResult(NamedTuple):
 class Campaign(eqx.Module):
     """What shall be run many times.
 
-    - `build(samples) -> (mission, y0)`: the mission and its initial state from a dict of the inputs, each (runs,). The runs
-      come last: parameters are scalars or (runs,), vectors (3, runs) or (3, 1).
+    - `build(samples) -> (mission, y0)`: the mission and its initial state from a dict of the
+      inputs, each (runs,). The runs come last: parameters are scalars or (runs,), vectors (3, runs)
+      or (3, 1).
     - `inputs`: how each input scatters, by name.
-    - `outputs(result, samples) -> dict`: the numbers of interest, each (runs,), from a `LaneResult` and the inputs.
+    - `outputs(result, samples) -> dict`: the numbers of interest, each (runs,), from a `LaneResult`
+      and the inputs.
     - `units`: the unit of every input and output, by name; a name without one is a pure number.
     - `start`, s: the time at which the mission starts.
     - `description`: free text for the record, such as the scene file.
 
-    `build` and `outputs` are traced once; as modules they may hold arrays of their own. Raises `InputError` for an input that
-    is no distribution, whose name is reserved, or when there is none."""
+    `build` and `outputs` are traced once; as modules they may hold arrays of their own. Raises
+    `InputError` for an input that is no distribution, whose name is reserved, or when there is
+    none."""
 
     build: Callable[[dict[str, Array]], tuple[Mission, State]]
     inputs: dict[str, AbstractDistribution]
@@ -54,30 +58,42 @@ class Campaign(eqx.Module):
         check_names("Campaign.inputs", self.inputs)
         for name, distribution in self.inputs.items():
             if not isinstance(distribution, AbstractDistribution):
-                raise InputError(f"Campaign.inputs[{name!r}] is {distribution!r}: it must be a distribution.")
+                raise InputError(
+                    f"Campaign.inputs[{name!r}] is {distribution!r}: it must be a distribution."
+                )
         check_finite("Campaign.start", self.start)
 
     def nominal(self, runs: int = 1) -> dict[str, Float[Array, " runs"]]:
         """The mean of every input, for `runs` runs."""
         return {name: jnp.full((runs,), d.mean) for name, d in self.inputs.items()}
 
-    def samples(self, key: Any, numbers: Integer[Array, " runs"]) -> dict[str, Float[Array, " runs"]]:
-        """The inputs of the runs of these `numbers`. A draw depends on the key, the number of its run and its own name, and
-        on nothing else: not on how many runs there are, nor on what is drawn beside it."""
+    def samples(
+        self, key: Any, numbers: Integer[Array, " runs"]
+    ) -> dict[str, Float[Array, " runs"]]:
+        """The inputs of the runs of these `numbers`. A draw depends on the key, the number of its
+        run and its own name, and on nothing else: not on how many runs there are, nor on what is
+        drawn beside it."""
 
         def drawn(number: Array) -> dict[str, Array]:
             own = jax.random.fold_in(key, number)
-            return {name: d.sample(jax.random.fold_in(own, zlib.crc32(name.encode()))) for name, d in self.inputs.items()}
+            return {
+                name: d.sample(jax.random.fold_in(own, zlib.crc32(name.encode())))
+                for name, d in self.inputs.items()
+            }
 
         return jax.vmap(drawn)(numbers)
 
     def text(self) -> str:
         """The inputs in words, one a line."""
-        return "\n".join(f"{name} [{self.units.get(name, '')}]: {d.text()}" for name, d in self.inputs.items())
+        return "\n".join(
+            f"{name} [{self.units.get(name, '')}]: {d.text()}" for name, d in self.inputs.items()
+        )
 
 
 def check_names(field: str, names: Any) -> None:
     """Raise `InputError` for a name that the store keeps for itself."""
     for name in names:
         if name in RESERVED:
-            raise InputError(f"{field} has the name {name!r}: it must be another one than {', '.join(RESERVED)}.")
+            raise InputError(
+                f"{field} has the name {name!r}: it must be another one than {', '.join(RESERVED)}."
+            )

@@ -1,4 +1,5 @@
-"""How an input scatters. Every parameter is in the unit of the quantity, and traced: changing it compiles nothing anew.
+"""How an input scatters. Every parameter is in the unit of the quantity, and traced: changing it
+compiles nothing anew.
 
 normal             p(x) ~ exp(-(x - m)^2 / (2 s^2))
 truncated normal   the same between a and b, zero outside
@@ -19,11 +20,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .._core import as_float, check, check_finite, check_non_negative, check_positive, known
+from ..core import as_float, check, check_finite, check_non_negative, check_positive, is_concrete
 
 
 class AbstractDistribution(eqx.Module):
-    """A distribution of one number. A concrete one is final and offers `mean` and `deviation` as fields or properties."""
+    """A distribution of one number. A concrete one is final and offers `mean` and `deviation` as
+    fields or properties."""
 
     mean: eqx.AbstractVar[Float[Array, ""]]
     deviation: eqx.AbstractVar[Float[Array, ""]]
@@ -44,13 +46,19 @@ def _shown(**numbers: Any) -> str:
 def _check_limits(name: str, low: Any, high: Any) -> None:
     check_finite(f"{name}.low", low)
     check_finite(f"{name}.high", high)
-    if known(low) and known(high):
-        check(np.asarray(high) > np.asarray(low), f"{name}.high", high, f"above low, which is {float(np.asarray(low)):.6g}")
+    if is_concrete(low) and is_concrete(high):
+        check(
+            np.asarray(high) > np.asarray(low),
+            f"{name}.high",
+            high,
+            f"above low, which is {float(np.asarray(low)):.6g}",
+        )
 
 
 @final
 class Normal(AbstractDistribution):
-    """The normal distribution. Raises `InputError` for a negative deviation or what is not finite."""
+    """The normal distribution. Raises `InputError` for a negative deviation or what is not
+    finite."""
 
     mean: Float[Array, ""] = eqx.field(converter=as_float)
     deviation: Float[Array, ""] = eqx.field(converter=as_float)
@@ -68,7 +76,8 @@ class Normal(AbstractDistribution):
 
 @final
 class Uniform(AbstractDistribution):
-    """All values from `low` to `high` alike. Raises `InputError` unless `high` is above `low`, both finite."""
+    """All values from `low` to `high` alike. Raises `InputError` unless `high` is above `low`, both
+    finite."""
 
     low: Float[Array, ""] = eqx.field(converter=as_float)
     high: Float[Array, ""] = eqx.field(converter=as_float)
@@ -97,8 +106,9 @@ class Uniform(AbstractDistribution):
 class TruncatedNormal(AbstractDistribution):
     """A normal distribution of which only what lies from `low` to `high` occurs.
 
-    `mean` and `deviation` are those of the normal distribution before it is cut; the cut moves the one and shrinks the other.
-    Raises `InputError` unless low <= mean <= high, low < high and the deviation is positive."""
+    `mean` and `deviation` are those of the normal distribution before it is cut; the cut moves the
+    one and shrinks the other. Raises `InputError` unless low <= mean <= high, low < high and the
+    deviation is positive."""
 
     mean: Float[Array, ""] = eqx.field(converter=as_float)
     deviation: Float[Array, ""] = eqx.field(converter=as_float)
@@ -108,9 +118,14 @@ class TruncatedNormal(AbstractDistribution):
     def __check_init__(self):
         check_positive("TruncatedNormal.deviation", self.deviation)
         _check_limits("TruncatedNormal", self.low, self.high)
-        if known(self.mean) and known(self.low) and known(self.high):
+        if is_concrete(self.mean) and is_concrete(self.low) and is_concrete(self.high):
             low, mean, high = (np.asarray(x) for x in (self.low, self.mean, self.high))
-            check((low <= mean) & (mean <= high), "TruncatedNormal.mean", mean, f"within {low:.6g} and {high:.6g}")
+            check(
+                (low <= mean) & (mean <= high),
+                "TruncatedNormal.mean",
+                mean,
+                f"within {low:.6g} and {high:.6g}",
+            )
 
     def sample(self, key: Any) -> Float[Array, ""]:
         a, b = (self.low - self.mean) / self.deviation, (self.high - self.mean) / self.deviation
@@ -118,7 +133,9 @@ class TruncatedNormal(AbstractDistribution):
         return jnp.clip(drawn, self.low, self.high)  # the product may round to beyond a limit
 
     def text(self) -> str:
-        return "truncated normal, " + _shown(mean=self.mean, deviation=self.deviation, low=self.low, high=self.high)
+        return "truncated normal, " + _shown(
+            mean=self.mean, deviation=self.deviation, low=self.low, high=self.high
+        )
 
 
 @final

@@ -1,12 +1,14 @@
 """Plan, run, check, refine: many runs at fixed steps, each of them accounted for.
 
-Pilot runs, the nominal one among them, find with adaptive steps a plan of steps for every phase, and the errors of a trial
-block tell how much finer it has to be for runs that are no pilots. All runs follow that plan in blocks side by side; the
-embedded error estimate tells for every run whether it was fine enough. The runs that missed the tolerance are repeated on
-finer plans; those that still miss it say so in their status.
+Pilot runs, the nominal one among them, find with adaptive steps a plan of steps for every phase,
+and the errors of a trial block tell how much finer it has to be for runs that are no pilots. All
+runs follow that plan in blocks side by side; the embedded error estimate tells for every run
+whether it was fine enough. The runs that missed the tolerance are repeated on finer plans; those
+that still miss it say so in their status.
 
-One compiled program serves every block and every plan, whatever the number of runs: the plans are padded to one length. A
-block is always the same runs, so that the numbers do not depend on how the campaign was cut into chunks."""
+One compiled program serves every block and every plan, whatever the number of runs: the plans are
+padded to one length. A block is always the same runs, so that the numbers do not depend on how the
+campaign was cut into chunks."""
 
 import os
 import time
@@ -19,14 +21,14 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Integer
 
-from .._core import InputError, Scalar, check_positive
+from ..core import InputError, Scalar, check_positive
 from ..simulation import (
     Accuracy,
     Event,
     SimulationError,
     Status,
     by_blocks,
-    compiled,
+    jit_wide_vectors,
     lanes_on,
     mesh_of,
     refined,
@@ -40,10 +42,13 @@ PILOTS = 15  # besides the nominal run
 CALL = 512  # runs in one call on every device at least: enough to pay for the call
 TRIAL = 1.2  # how much finer than the pilots' plan the trial block runs
 MARGIN = 1.5  # how far below the tolerance the trial block's errors shall come to lie
-ORDER = 6.0  # a cautious order of the local error: errors shrink with that power of the number of steps at least
+# a cautious order of the local error: errors shrink with that power of the number of steps at least
+ORDER = 6.0
 FINENESS = (1.0, 2.0, 4.0)  # of the plan itself, and for the runs that missed the tolerance
 FINEST = 8.0  # how much finer than the pilots' plan a plan may be: what the padded length holds
-PADDING = 1024  # plans are padded to a multiple of this, so that another campaign of the same make finds its program compiled
+# plans are padded to a multiple of this, so that another campaign of the same make finds its
+# program compiled
+PADDING = 1024
 
 Plans = tuple[Array | None, ...]
 
@@ -70,15 +75,19 @@ def disperse(
 ) -> Dispersion:
     """Run a campaign many times.
 
-    - `runs`: how many; `seed`: what the inputs are drawn from. Run number i is the same whatever `runs`, `chunk`, `devices`.
-    - `chunk`: after how many runs results are fetched and stored, rounded up to 512 for every device.
+    - `runs`: how many; `seed`: what the inputs are drawn from. Run number i is the same whatever
+      `runs`, `chunk`, `devices`.
+    - `chunk`: after how many runs results are fetched and stored, rounded up to 512 for every
+      device.
     - `accuracy`: the relative tolerance of each step, or an `Accuracy`.
-    - `store`: the path of a Zarr store to which every chunk is appended as soon as it is finished; an old one is replaced.
+    - `store`: the path of a Zarr store to which every chunk is appended as soon as it is finished;
+      an old one is replaced.
     - `progress(done, total)`: called after every chunk.
     - `devices`: how many of the local devices to use, or which; all of them by default.
 
-    Returns a `Dispersion`. A run that fails marks its own row. Raises `InputError` for numbers that are not positive and for a
-    tolerance beyond the precision; `SimulationError` when the nominal run itself cannot be flown."""
+    Returns a `Dispersion`. A run that fails marks its own row. Raises `InputError` for numbers that
+    are not positive and for a tolerance beyond the precision; `SimulationError` when the nominal
+    run itself cannot be flown."""
     check_positive("runs", runs)
     check_positive("chunk", chunk)
     started = time.perf_counter()
@@ -90,18 +99,27 @@ def disperse(
     for first in range(0, runs, squad.chunk):
         rows = _ordered(squad.run(first, min(squad.chunk, runs - first)), campaign)
         seconds = time.perf_counter() - started
-        part = Dispersion(*rows, units=dict(campaign.units), seed=seed, seconds=seconds, attributes=attributes)
+        part = Dispersion(
+            *rows, units=dict(campaign.units), seed=seed, seconds=seconds, attributes=attributes
+        )
         parts.append(rows)
         if file is not None:
             file.append(part)
         if progress is not None:
             progress(first + part.runs, runs)
     rows = _ordered(jax.tree.map(lambda *pieces: np.concatenate(pieces), *parts), campaign)
-    return Dispersion(*rows, units=dict(campaign.units), seed=seed, seconds=time.perf_counter() - started, attributes=attributes)
+    return Dispersion(
+        *rows,
+        units=dict(campaign.units),
+        seed=seed,
+        seconds=time.perf_counter() - started,
+        attributes=attributes,
+    )
 
 
 def _ordered(rows: Rows, campaign: Campaign) -> Rows:
-    """The rows with their names in the order of the campaign: transformations have sorted them by the alphabet."""
+    """The rows with their names in the order of the campaign: transformations have sorted them by
+    the alphabet."""
     place = {name: number for number, name in enumerate(campaign.units)}
     outputs = sorted(rows.outputs, key=lambda name: (place.get(name, len(place)), name))
     inputs = {name: rows.inputs[name] for name in campaign.inputs}
@@ -113,7 +131,9 @@ def _reachable(accuracy: Accuracy) -> Accuracy:
     precision = jnp.result_type(float)
     least = 16.0 * float(jnp.finfo(precision).eps)
     if float(accuracy.rtol) < least:
-        raise InputError(f"accuracy is {float(accuracy.rtol):.3g}: for {precision} it must be at least {least:.2g}.")
+        raise InputError(
+            f"accuracy is {float(accuracy.rtol):.3g}: for {precision} it must be at least {least:.2g}."
+        )
     return accuracy
 
 
@@ -135,7 +155,9 @@ def _record(campaign: Campaign, accuracy: Accuracy, runs: int) -> dict[str, Any]
         "planned_runs": runs,
         "rtol": float(accuracy.rtol),
         "atol": float(1e-3 * accuracy.rtol if accuracy.atol is None else accuracy.atol),
-        "method": accuracy.method if isinstance(accuracy.method, str) else type(accuracy.method).__name__,
+        "method": accuracy.method
+        if isinstance(accuracy.method, str)
+        else type(accuracy.method).__name__,
         "versions": versions(),
     }
 
@@ -143,14 +165,18 @@ def _record(campaign: Campaign, accuracy: Accuracy, runs: int) -> dict[str, Any]
 class _Squad:
     """The devices with their plans: runs numbers, a block of them on each device at a time."""
 
-    def __init__(self, campaign: Campaign, accuracy: Accuracy, key: Any, devices: list[Any], chunk: int):
+    def __init__(
+        self, campaign: Campaign, accuracy: Accuracy, key: Any, devices: list[Any], chunk: int
+    ):
         self.lanes = lanes_on(devices, max(chunk, CALL * len(devices)))
         self.call = max(CALL, self.lanes) * len(devices)
         self.chunk = self.call * -(-chunk // self.call)
         self.mesh = mesh_of(devices)
         self.given = (campaign, accuracy, key)
         pilots, self.coupled = _pilot_plans(*self.given)
-        trial = self._call(np.arange(self.call, dtype=np.uint32), _padded(pilots, [TRIAL] * len(pilots)))[1]
+        trial = self._call(
+            np.arange(self.call, dtype=np.uint32), _padded(pilots, [TRIAL] * len(pilots))
+        )[1]
         factors = [_factor(account) for account in np.asarray(trial)[:CALL].T]
         self.plans = [_padded(pilots, [level * factor for factor in factors]) for level in FINENESS]
 
@@ -170,14 +196,20 @@ class _Squad:
         return rows
 
     def _again(self, numbers: np.ndarray, level: int) -> Rows:
-        """The runs of these `numbers` on a finer plan; in their own blocks where the runs of a block share adaptive steps."""
+        """The runs of these `numbers` on a finer plan; in their own blocks where the runs of a
+        block share adaptive steps."""
         if not self.coupled:
             filled = np.concatenate([numbers, np.full(-numbers.size % self.call, numbers[-1])])
             return jax.tree.map(lambda x: x[: numbers.size], self._rows(filled, level))
         blocks = np.unique(numbers // self.lanes)
-        blocks = np.concatenate([blocks, np.full(-blocks.size % (self.call // self.lanes), blocks[-1])])
+        blocks = np.concatenate(
+            [blocks, np.full(-blocks.size % (self.call // self.lanes), blocks[-1])]
+        )
         rows = self._rows((blocks[:, None] * self.lanes + np.arange(self.lanes)).reshape(-1), level)
-        where = np.searchsorted(np.unique(blocks), numbers // self.lanes) * self.lanes + numbers % self.lanes
+        where = (
+            np.searchsorted(np.unique(blocks), numbers // self.lanes) * self.lanes
+            + numbers % self.lanes
+        )
         return jax.tree.map(lambda x: x[where], rows)
 
     def _rows(self, numbers: np.ndarray, level: int) -> Rows:
@@ -190,11 +222,18 @@ class _Squad:
         return _call(*self.given, jnp.asarray(numbers), plans, self.lanes, self.mesh)
 
 
-@compiled
+@jit_wide_vectors
 def _call(
-    campaign: Campaign, accuracy: Accuracy, key: Any, numbers: Array, plans: Plans, lanes: int, mesh: Any
+    campaign: Campaign,
+    accuracy: Accuracy,
+    key: Any,
+    numbers: Array,
+    plans: Plans,
+    lanes: int,
+    mesh: Any,
 ) -> tuple[Rows, Array]:
-    """The runs of these numbers, and the largest local error of each run in each phase in units of the tolerance."""
+    """The runs of these numbers, and the largest local error of each run in each phase in units of
+    the tolerance."""
 
     def block(numbers: Array, given: tuple[Campaign, Accuracy, Any, Plans]) -> tuple[Rows, Array]:
         return _block(*given, numbers)
@@ -211,26 +250,41 @@ def _block(
     outputs = campaign.outputs(LaneResult(spans, final, end, status), samples)
     check_names("The outputs of the campaign", outputs)
     for name in set(outputs) & set(samples):
-        raise InputError(f"The output {name!r} has the name of an input: it must have one of its own.")
+        raise InputError(
+            f"The output {name!r} has the name of an input: it must have one of its own."
+        )
     evaluations = sum((span.stats["evaluations"] for span in spans), jnp.array(0))
-    whole = jax.tree.map(lambda x: jnp.broadcast_to(x, numbers.shape), (outputs, status, evaluations))
-    accounts = [jnp.broadcast_to(span.stats.get("largest_local_error", 0.0), numbers.shape) for span in spans]
+    whole = jax.tree.map(
+        lambda x: jnp.broadcast_to(x, numbers.shape), (outputs, status, evaluations)
+    )
+    accounts = [
+        jnp.broadcast_to(span.stats.get("largest_local_error", 0.0), numbers.shape)
+        for span in spans
+    ]
     return Rows(samples, *whole), jnp.stack(accounts, axis=1)
 
 
 @eqx.filter_jit
 def _pilots(campaign: Campaign, accuracy: Accuracy, key: Any) -> tuple[list[Any], Array, bool]:
-    """The steps that the pilots took in every phase (none for a closed form), how they ended, the nominal run first, and
-    whether a phase ends by an event: the runs of a block then share the adaptive steps of the search for it."""
+    """The steps that the pilots took in every phase (none for a closed form), how they ended, the
+    nominal run first, and whether a phase ends by an event: the runs of a block then share the
+    adaptive steps of the search for it."""
     drawn = campaign.samples(key, jnp.arange(PILOTS, dtype=jnp.uint32))
     samples = {name: jnp.concatenate([x, drawn[name]]) for name, x in campaign.nominal().items()}
     mission, y0 = campaign.build(samples)
     spans, _, _, status = run_mission(mission, y0, campaign.start, 2, accuracy, 1, record=True)
-    return [span.steps for span in spans], status, any(isinstance(phase.until, Event) for phase in mission.phases)
+    return (
+        [span.steps for span in spans],
+        status,
+        any(isinstance(phase.until, Event) for phase in mission.phases),
+    )
 
 
-def _pilot_plans(campaign: Campaign, accuracy: Accuracy, key: Any) -> tuple[list[np.ndarray | None], bool]:
-    """The nodes on which the pilots landed, phase by phase, and whether the runs of a block depend on one another.
+def _pilot_plans(
+    campaign: Campaign, accuracy: Accuracy, key: Any
+) -> tuple[list[np.ndarray | None], bool]:
+    """The nodes on which the pilots landed, phase by phase, and whether the runs of a block depend
+    on one another.
 
     Raises `SimulationError` when the nominal run cannot be flown."""
     taken, status, coupled = _pilots(campaign, accuracy, key)
@@ -238,19 +292,23 @@ def _pilot_plans(campaign: Campaign, accuracy: Accuracy, key: Any) -> tuple[list
     if nominal in (Status.NOT_FINITE, Status.MAX_STEPS):
         raise SimulationError(f"The nominal run cannot be flown. {nominal.sentence}")
     landed = [None if steps is None else np.asarray(steps) for steps in taken]
-    return [None if x is None else np.concatenate([np.zeros(1, x.dtype), x[np.isfinite(x)]]) for x in landed], coupled
+    return [
+        None if x is None else np.concatenate([np.zeros(1, x.dtype), x[np.isfinite(x)]])
+        for x in landed
+    ], coupled
 
 
 def _factor(account: np.ndarray) -> float:
-    """How much finer than the pilots' plan the plan of a phase has to be, from the errors of the trial block."""
+    """How much finer than the pilots' plan the plan of a phase has to be, from the errors of the
+    trial block."""
     finite = account[np.isfinite(account)]
     worst = float(np.quantile(finite, 0.99)) if finite.size else 1.0
     return float(np.clip(TRIAL * (MARGIN * worst) ** (1.0 / ORDER), 1.0, FINEST / FINENESS[-1]))
 
 
 def _padded(pilots: list[np.ndarray | None], factors: list[float]) -> Plans:
-    """The plans refined by `factors`, each brought to a length that holds the finest by nodes beyond its end, which are
-    never reached."""
+    """The plans refined by `factors`, each brought to a length that holds the finest by nodes
+    beyond its end, which are never reached."""
     plans: list[Array | None] = []
     for pilot, factor in zip(pilots, factors, strict=True):
         if pilot is None:

@@ -1,12 +1,15 @@
-"""What a dispersion shows: moments and limits of its outputs, what contributes to them, and which runs failed.
+"""What a dispersion shows: moments and limits of its outputs, what contributes to them, and which
+runs failed.
 
-The contributors follow from a regression on the standardised inputs and on the square of each, made orthogonal to it,
+The contributors follow from a regression on the standardised inputs and on the square of each, made
+orthogonal to it,
 
     (y - mean(y)) / s_y = sum_j (beta_j z_j + gamma_j q_j) + rest,      share_j = beta_j^2 + gamma_j^2 mean(q_j^2)
     z_j = (x_j - mean(x_j)) / s_j,      q_j = z_j^2 - 1 - mean(z_j^3) z_j
 
-For independent inputs that act each by itself the shares add up to R^2 = 1; 1 - R^2 is what their products and higher powers
-do. The squares matter for outputs that are magnitudes (a pointing error, a cone angle), which no linear law describes.
+For independent inputs that act each by itself the shares add up to R^2 = 1; 1 - R^2 is what their
+products and higher powers do. The squares matter for outputs that are magnitudes (a pointing error,
+a cone angle), which no linear law describes.
 
     symbol           meaning                                  unit
     y                output over the good runs                that of the output
@@ -22,7 +25,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, final
 import equinox as eqx
 import numpy as np
 
-from .._core import InputError
+from ..core import InputError
 from ..simulation import Status
 
 if TYPE_CHECKING:
@@ -32,7 +35,8 @@ LIMITS = (0.005, 0.995)  # the interval that holds 99 % of the runs
 
 
 class Row(NamedTuple):
-    """One line of the table: a quantity over its good runs; `low` and `high` bound the middle 99 % of them.
+    """One line of the table: a quantity over its good runs; `low` and `high` bound the middle 99 %
+    of them.
 
     `runs` counts them: the good runs in which the quantity is finite."""
 
@@ -48,7 +52,8 @@ class Row(NamedTuple):
 
 
 class Contributors(NamedTuple):
-    """What makes an output scatter: share of its variance by input, largest first, and how much they explain together."""
+    """What makes an output scatter: share of its variance by input, largest first, and how much
+    they explain together."""
 
     output: str
     shares: dict[str, float]
@@ -65,8 +70,9 @@ class Failure(NamedTuple):
 
 @final
 class Dispersion(eqx.Module):
-    """The runs of a campaign, each array (runs,): `inputs` and `outputs` by name, the `status` of each run, the
-    `evaluations` of the vector field that it took. `seconds` is the wall time, `attributes` the record of how it was made."""
+    """The runs of a campaign, each array (runs,): `inputs` and `outputs` by name, the `status` of
+    each run, the `evaluations` of the vector field that it took. `seconds` is the wall time,
+    `attributes` the record of how it was made."""
 
     inputs: dict[str, np.ndarray]
     outputs: dict[str, np.ndarray]
@@ -92,13 +98,19 @@ class Dispersion(eqx.Module):
         """The bad ends, the most frequent first; empty when every run is good."""
         codes, counts = np.unique(self.status[~self.good], return_counts=True)
         order = np.argsort(-counts, kind="stable")
-        return tuple(Failure(Status(int(codes[k])), int(counts[k]), Status(int(codes[k])).sentence) for k in order)
+        return tuple(
+            Failure(Status(int(codes[k])), int(counts[k]), Status(int(codes[k])).sentence)
+            for k in order
+        )
 
     def values(self, name: str) -> np.ndarray:
-        """An output or input by name, over all runs. Raises `InputError` for a name that is neither."""
+        """An output or input by name, over all runs. Raises `InputError` for a name that is
+        neither."""
         every = {**self.inputs, **self.outputs}
         if name not in every:
-            raise InputError(f"{name!r} is no output of this dispersion: it must be one of {', '.join(every)}.")
+            raise InputError(
+                f"{name!r} is no output of this dispersion: it must be one of {', '.join(every)}."
+            )
         return every[name]
 
     def label(self, name: str) -> str:
@@ -107,10 +119,13 @@ class Dispersion(eqx.Module):
         return name.replace("_", " ") + (f" [{unit}]" if unit not in ("", "1") else "")
 
     def table(self, of: str = "outputs") -> list[Row]:
-        """A `Row` for each of the `"outputs"` or `"inputs"`: moments, limits of the middle 99 %, extremes, over good runs."""
+        """A `Row` for each of the `"outputs"` or `"inputs"`: moments, limits of the middle 99 %,
+        extremes, over good runs."""
         if of not in ("outputs", "inputs"):
             raise InputError(f"of is {of!r}: it must be 'outputs' or 'inputs'.")
-        return [self._row(name, x[self.good & np.isfinite(x)]) for name, x in getattr(self, of).items()]
+        return [
+            self._row(name, x[self.good & np.isfinite(x)]) for name, x in getattr(self, of).items()
+        ]
 
     def _row(self, name: str, x: np.ndarray) -> Row:
         unit = self.units.get(name, "")
@@ -119,20 +134,37 @@ class Dispersion(eqx.Module):
         x = x.astype(float)
         deviation = float(np.std(x, ddof=1)) if x.size > 1 else 0.0
         low, high = (float(q) for q in np.quantile(x, LIMITS))
-        return Row(name, unit, float(np.mean(x)), deviation, low, high, float(x.min()), float(x.max()), x.size)
+        return Row(
+            name,
+            unit,
+            float(np.mean(x)),
+            deviation,
+            low,
+            high,
+            float(x.min()),
+            float(x.max()),
+            x.size,
+        )
 
     def contributors(self, output: str, count: int = 5) -> Contributors:
-        """The `count` inputs with the largest shares of the variance of an `output`, over good runs. No shares, and a NaN for
-        R^2, where nothing scatters. Raises `InputError` for an unknown output and for fewer good runs than a regression needs."""
+        """The `count` inputs with the largest shares of the variance of an `output`, over good
+        runs. No shares, and a NaN for R^2, where nothing scatters. Raises `InputError` for an
+        unknown output and for fewer good runs than a regression needs."""
         y = self.values(output).astype(float)
         kept = self.good & np.isfinite(y)
         y = y[kept]
-        columns = {name: x[kept].astype(float) for name, x in self.inputs.items() if x[kept].size and np.ptp(x[kept]) > 0.0}
+        columns = {
+            name: x[kept].astype(float)
+            for name, x in self.inputs.items()
+            if x[kept].size and np.ptp(x[kept]) > 0.0
+        }
         if not columns or np.ptp(y) == 0.0:
             return Contributors(output, {}, float("nan"))
         needed = 2 * len(columns) + 1
         if y.size <= needed:
-            raise InputError(f"{y.size} good runs are too few to find contributors: there must be more than {needed}.")
+            raise InputError(
+                f"{y.size} good runs are too few to find contributors: there must be more than {needed}."
+            )
         z = np.stack([_standard(x) for x in columns.values()], axis=1)
         squares = z**2 - 1.0 - np.mean(z**3, axis=0) * z
         u = _standard(y)
@@ -141,10 +173,13 @@ class Dispersion(eqx.Module):
         linear, bent = beta[: len(columns)], beta[len(columns) :]
         shares = linear**2 + bent**2 * np.mean(squares**2, axis=0)
         order = sorted(zip(columns, shares, strict=True), key=lambda pair: -pair[1])
-        return Contributors(output, {name: float(share) for name, share in order[:count]}, r_squared)
+        return Contributors(
+            output, {name: float(share) for name, share in order[:count]}, r_squared
+        )
 
     def to_dataset(self) -> "xarray.Dataset":
-        """The runs as an xarray dataset along `run`, with the unit of every variable and the record in the attributes."""
+        """The runs as an xarray dataset along `run`, with the unit of every variable and the record
+        in the attributes."""
         from ._store import dataset
 
         return dataset(self)

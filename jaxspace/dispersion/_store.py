@@ -1,4 +1,5 @@
-"""Where the runs of a campaign are kept: a Zarr store, one variable for each input and output along the axis `run`."""
+"""Where the runs of a campaign are kept: a Zarr store, one variable for each input and output along
+the axis `run`."""
 
 import importlib.metadata
 import json
@@ -9,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .._core import InputError
+from ..core import InputError
 from ..simulation import Status
 from ._statistics import Dispersion
 
@@ -38,23 +39,31 @@ def dataset(result: Dispersion, first: int = 0) -> "xarray.Dataset":
     variables: dict[str, Any] = {}
     for kind, values in (("input", result.inputs), ("output", result.outputs)):
         for place, (name, x) in enumerate(values.items()):
-            variables[name] = ("run", np.asarray(x), {"units": result.units.get(name, ""), "kind": kind, "place": place})
+            variables[name] = (
+                "run",
+                np.asarray(x),
+                {"units": result.units.get(name, ""), "kind": kind, "place": place},
+            )
     variables["status"] = ("run", np.asarray(result.status), {"units": "", "meanings": MEANINGS})
     variables["evaluations"] = ("run", np.asarray(result.evaluations), {"units": ""})
     numbers = np.arange(first, first + result.runs)
     attributes = {**result.attributes, "seed": result.seed, "seconds": result.seconds}
-    return xarray.Dataset(variables, {"run": ("run", numbers, {"long_name": "number of the run"})}, attributes)
+    return xarray.Dataset(
+        variables, {"run": ("run", numbers, {"long_name": "number of the run"})}, attributes
+    )
 
 
 class Store:
-    """A Zarr store at `path` that grows by chunks; whatever lay there is replaced with the first one."""
+    """A Zarr store at `path` that grows by chunks; whatever lay there is replaced with the first
+    one."""
 
     def __init__(self, path: str | os.PathLike[str]):
         self.path = Path(path)
         self.runs = 0
 
     def append(self, chunk: Dispersion) -> None:
-        """Write the runs of a chunk behind those already there. What has been written survives whatever comes next."""
+        """Write the runs of a chunk behind those already there. What has been written survives
+        whatever comes next."""
         data = dataset(chunk, self.runs)
         if self.runs == 0:
             pieces = {str(name): {"chunks": (chunk.runs,)} for name in data.variables}
@@ -81,11 +90,19 @@ def open_store(path: str | os.PathLike[str]) -> Dispersion:
         seed, seconds = attributes.pop("seed"), attributes.pop("seconds")
         status, evaluations = data["status"].values, data["evaluations"].values
     except (KeyError, OSError, json.JSONDecodeError) as error:
-        raise InputError(f"{path} cannot be read: it must be the Zarr store of a dispersion ({error}).") from error
-    return Dispersion(inputs, outputs, status, evaluations, units, int(seed), float(seconds), attributes)
+        raise InputError(
+            f"{path} cannot be read: it must be the Zarr store of a dispersion ({error})."
+        ) from error
+    return Dispersion(
+        inputs, outputs, status, evaluations, units, int(seed), float(seconds), attributes
+    )
 
 
 def _of_kind(data: "xarray.Dataset", kind: str) -> dict[str, np.ndarray]:
-    """The inputs or the outputs of a dataset, in the order in which they were written (a store sorts by name)."""
+    """The inputs or the outputs of a dataset, in the order in which they were written (a store
+    sorts by name)."""
     found = [str(name) for name, x in data.items() if x.attrs.get("kind") == kind]
-    return {name: data[name].values for name in sorted(found, key=lambda name: data[name].attrs["place"])}
+    return {
+        name: data[name].values
+        for name in sorted(found, key=lambda name: data[name].attrs["place"])
+    }

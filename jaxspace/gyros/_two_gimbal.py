@@ -14,11 +14,12 @@
     M_xi, M_Z      constant moments about the inner and about the outer axis          N m
     h_Z            angular momentum of everything about Z                             kg m^2/s
 
-Source: Thomson 6.2 (massless gimbals: 6.2-1), 6.3-1..14 (with mass), 6.3-22 (drift). In 6.3-5 the spin reads phi' + psi'
-cos(theta); the expansion 6.3-16 lacks -H cos(theta_0) (theta - theta_0)^2 / 2, which changes no drift.
-Valid for rigid gimbals with axes at right angles, without friction, and a rotor without motor torque.
-Gimbal lock: at theta = 0 the rotor's axis lies along Z; with gimbals without mass I_Z is then zero, psi and its rate are
-undefined, and so is the vector field. With C_i + C_0 > 0 nothing is singular.
+Source: Thomson 6.2 (massless gimbals: 6.2-1), 6.3-1..14 (with mass), 6.3-22 (drift). In 6.3-5 the
+spin reads phi' + psi' cos(theta); the expansion 6.3-16 lacks -H cos(theta_0) (theta - theta_0)^2 /
+2, which changes no drift. Valid for rigid gimbals with axes at right angles, without friction, and
+a rotor without motor torque. Gimbal lock: at theta = 0 the rotor's axis lies along Z; with gimbals
+without mass I_Z is then zero, psi and its rate are undefined, and so is the vector field. With C_i
++ C_0 > 0 nothing is singular.
 """
 
 from typing import final
@@ -27,16 +28,25 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .._core import AbstractSystem, Scalar, as_float, check_finite, check_non_negative, check_positive
+from ..core import (
+    AbstractSystem,
+    Scalar,
+    as_float,
+    check_finite,
+    check_non_negative,
+    check_positive,
+)
 from ._gimbal_walk import GimbalWalk
 
 
 @final
 class GimbalState(eqx.Module):
-    """Angles of the two gimbals, `theta` and `psi`, rad; `theta_rate`, rad/s; `angular_momentum` h_Z, kg m^2/s; also their rates.
+    """Angles of the two gimbals, `theta` and `psi`, rad; `theta_rate`, rad/s; `angular_momentum`
+    h_Z, kg m^2/s; also their rates.
 
-    The momentum stands in for the rate of psi: it is constant or grows linearly, so that no error of the integration
-    adds to the drift of the outer gimbal, which is 1e-5 of the nutation rates."""
+    The momentum stands in for the rate of psi: it is constant or grows linearly, so that no error
+    of the integration adds to the drift of the outer gimbal, which is 1e-5 of the nutation rates.
+    """
 
     theta: Float[Array, "*#runs"] = eqx.field(converter=as_float)
     psi: Float[Array, "*#runs"] = eqx.field(converter=as_float)
@@ -48,10 +58,11 @@ class GimbalState(eqx.Module):
 class TwoGimbalGyro(AbstractSystem):
     """A rotor in two gimbals.
 
-    Fields, in the order of the table: `transverse_inertia` A, `axial_inertia` C, kg m^2; `spin_rate` n, rad/s;
-    `inner_xi`, `inner_eta`, `inner_zeta` (A_i, B_i, C_i) and `outer` (C_0), kg m^2, zero for gimbals without mass;
-    `moment_inner` M_xi and `moment_outer` M_Z, N m. State: `GimbalState`, best made by `state`.
-    Raises `InputError` for a rotor without inertia, a negative gimbal inertia, or a moment that is not finite."""
+    Fields, in the order of the table: `transverse_inertia` A, `axial_inertia` C, kg m^2;
+    `spin_rate` n, rad/s; `inner_xi`, `inner_eta`, `inner_zeta` (A_i, B_i, C_i) and `outer` (C_0),
+    kg m^2, zero for gimbals without mass; `moment_inner` M_xi and `moment_outer` M_Z, N m. State:
+    `GimbalState`, best made by `state`. Raises `InputError` for a rotor without inertia, a negative
+    gimbal inertia, or a moment that is not finite."""
 
     transverse_inertia: Float[Array, "*#runs"] = eqx.field(converter=as_float)
     axial_inertia: Float[Array, "*#runs"] = eqx.field(converter=as_float)
@@ -75,7 +86,9 @@ class TwoGimbalGyro(AbstractSystem):
         del t
         s, c = jnp.sin(y.theta), jnp.cos(y.theta)
         psi_rate = self.outer_rate(y)
-        moment = (self._gimbal_difference() * psi_rate * c - self.spin_momentum()) * psi_rate * s + self.moment_inner
+        moment = (
+            self._gimbal_difference() * psi_rate * c - self.spin_momentum()
+        ) * psi_rate * s + self.moment_inner
         return GimbalState(
             theta=y.theta_rate,
             psi=psi_rate,
@@ -84,7 +97,8 @@ class TwoGimbalGyro(AbstractSystem):
         )
 
     def invariants(self, t: Scalar, y: GimbalState) -> dict[str, Array]:
-        """The energy less the work of the moments, J, and the momentum about Z less the impulse of M_Z, kg m^2/s."""
+        """The energy less the work of the moments, J, and the momentum about Z less the impulse of
+        M_Z, kg m^2/s."""
         psi_rate = self.outer_rate(y)
         kinetic = self.inner_inertia() * y.theta_rate**2 + self.outer_inertia(y.theta) * psi_rate**2
         spin = self.axial_inertia * self.spin_rate**2
@@ -94,14 +108,18 @@ class TwoGimbalGyro(AbstractSystem):
             "angular_momentum": y.angular_momentum - self.moment_outer * t,
         }
 
-    def state(self, theta: Scalar, psi: Scalar, theta_rate: Scalar, psi_rate: Scalar) -> GimbalState:
+    def state(
+        self, theta: Scalar, psi: Scalar, theta_rate: Scalar, psi_rate: Scalar
+    ) -> GimbalState:
         """The state from the angles, rad, and the rates, rad/s, of the gimbals."""
         h = self.outer_inertia(theta) * psi_rate + self.spin_momentum() * jnp.cos(theta)
         return GimbalState(theta, psi, theta_rate, h)
 
     def outer_rate(self, y: GimbalState) -> Scalar:
         """psi' = (h_Z - H cos(theta)) / I_Z, rad/s (Thomson 6.3-14); not finite in gimbal lock."""
-        return (y.angular_momentum - self.spin_momentum() * jnp.cos(y.theta)) / self.outer_inertia(y.theta)
+        return (y.angular_momentum - self.spin_momentum() * jnp.cos(y.theta)) / self.outer_inertia(
+            y.theta
+        )
 
     def spin_momentum(self) -> Scalar:
         """H = C n, kg m^2/s."""
@@ -112,17 +130,28 @@ class TwoGimbalGyro(AbstractSystem):
         return self.transverse_inertia + self.inner_xi
 
     def outer_inertia(self, theta: Scalar) -> Scalar:
-        """I_Z, kg m^2: of all that turns about Z but the spin, with the rotor's axis at `theta`, rad (Thomson 6.3-10)."""
+        """I_Z, kg m^2: of all that turns about Z but the spin, with the rotor's axis at `theta`,
+        rad (Thomson 6.3-10)."""
         s, c = jnp.sin(theta), jnp.cos(theta)
-        return (self.transverse_inertia + self.inner_eta) * s * s + self.inner_zeta * c * c + self.outer
+        return (
+            (self.transverse_inertia + self.inner_eta) * s * s
+            + self.inner_zeta * c * c
+            + self.outer
+        )
 
     def nutation_frequency(self, theta: Scalar) -> Scalar:
-        """Angular frequency, rad/s, of small oscillations about rest at `theta`, rad (Thomson 6.3-17):
-        w = H sin(theta) / sqrt(I_Z (A + A_i)), which is C n / A for gimbals without mass."""
-        return self.spin_momentum() * jnp.sin(theta) / jnp.sqrt(self.outer_inertia(theta) * self.inner_inertia())
+        """Angular frequency, rad/s, of small oscillations about rest at `theta`, rad (Thomson
+        6.3-17): w = H sin(theta) / sqrt(I_Z (A + A_i)), which is C n / A for gimbals without mass.
+        """
+        return (
+            self.spin_momentum()
+            * jnp.sin(theta)
+            / jnp.sqrt(self.outer_inertia(theta) * self.inner_inertia())
+        )
 
     def walk(self, theta: Scalar, theta_rate: Scalar) -> GimbalWalk:
-        """The free nutation that starts at `theta`, rad, with `theta_rate`, rad/s, and an outer gimbal at rest."""
+        """The free nutation that starts at `theta`, rad, with `theta_rate`, rad/s, and an outer
+        gimbal at rest."""
         return GimbalWalk(
             theta=as_float(theta),
             theta_rate=as_float(theta_rate),
@@ -133,22 +162,24 @@ class TwoGimbalGyro(AbstractSystem):
         )
 
     def impulse_response(self, t: Scalar, impulse: Scalar) -> tuple[Scalar, Scalar]:
-        """Deviations of theta and psi, rad, at `t`, s, after an `impulse`, N m s, about the inner axis of a gyro at rest at
-        theta = 90 deg; gimbals without mass, to first order in the impulse (Thomson 6.2-7, -8)."""
+        """Deviations of theta and psi, rad, at `t`, s, after an `impulse`, N m s, about the inner
+        axis of a gyro at rest at theta = 90 deg; gimbals without mass, to first order in the
+        impulse (Thomson 6.2-7, -8)."""
         p = self.spin_momentum() / self.transverse_inertia
         size = impulse / self.spin_momentum()
         return size * jnp.sin(p * t), size * (1.0 - jnp.cos(p * t))
 
     def step_response(self, t: Scalar) -> tuple[Scalar, Scalar]:
-        """Deviations of theta and psi, rad, at `t`, s, under the moment M_xi from rest at theta = 90 deg; gimbals without
-        mass, to first order in the moment (Thomson 6.2, problem 1)."""
+        """Deviations of theta and psi, rad, at `t`, s, under the moment M_xi from rest at theta =
+        90 deg; gimbals without mass, to first order in the moment (Thomson 6.2, problem 1)."""
         p = self.spin_momentum() / self.transverse_inertia
         size = self.moment_inner / self.spin_momentum()
         return size / p * (1.0 - jnp.cos(p * t)), size * (t - jnp.sin(p * t) / p)
 
     def swing(self, t: Scalar, theta: Scalar) -> Scalar:
-        """theta, rad, at `t`, s, under the moment M_Z, from `theta` at first, for a momentum H so large that the nutation
-        is nothing (Thomson 6.2, problems 3 and 4): H sin(theta) theta' = -M_Z. NaN once the axis has reached Z."""
+        """theta, rad, at `t`, s, under the moment M_Z, from `theta` at first, for a momentum H so
+        large that the nutation is nothing (Thomson 6.2, problems 3 and 4): H sin(theta) theta' =
+        -M_Z. NaN once the axis has reached Z."""
         return jnp.arccos(jnp.cos(theta) + self.moment_outer * t / self.spin_momentum())
 
     def swing_time(self, theta: Scalar, theta_end: Scalar) -> Scalar:

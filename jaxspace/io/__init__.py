@@ -1,7 +1,7 @@
 """Scene files: TOML that says what flies, checked as a whole before anything is computed.
 
-The room knows the form of a file - bodies, phases, dispersions, units - and no particular force: which effects, systems,
-jumps and outputs there are, a `Registry` says."""
+The room knows the form of a file - bodies, phases, dispersions, units - and no particular force:
+which effects, systems, jumps and outputs there are, a `Registry` says."""
 
 from ._errors import SceneError as SceneError
 from ._lanes import Lanes as Lanes

@@ -1,4 +1,5 @@
-"""What is wrong with a scene file, in sentences that name the key, the value, what is allowed and the nearest valid name."""
+"""What is wrong with a scene file, in sentences that name the key, the value, what is allowed and
+the nearest valid name."""
 
 import difflib
 import json
@@ -15,8 +16,11 @@ class SceneError(ValueError):
 
 
 def once(lines: list[str]) -> list[str]:
-    """The lines without those that tell the same again: a key that is missing, twice or because it is misspelt."""
-    told = {line.rpartition(" Did you mean ")[2].rstrip("?") for line in lines if line.endswith("?")}
+    """The lines without those that tell the same again: a key that is missing, twice or because it
+    is misspelt."""
+    told = {
+        line.rpartition(" Did you mean ")[2].rstrip("?") for line in lines if line.endswith("?")
+    }
     kept: dict[str, str] = {}
     for line in lines:
         key, gap, _ = line.partition(" is missing: ")

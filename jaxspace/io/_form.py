@@ -1,4 +1,5 @@
-"""The form of a scene file: which tables there are in each of its three kinds, and what stands in them.
+"""The form of a scene file: which tables there are in each of its three kinds, and what stands in
+them.
 
     kind       tables
     system     [system], [initial], [times]                              a textbook system by its name
@@ -42,18 +43,25 @@ def kind_of(data: dict[str, Any]) -> str:
 
 
 def form(data: dict[str, Any], registry: Registry) -> tuple[Table, list[str]]:
-    """The description of a file of the kind of `data`; or, for a system whose name is not known, what is wrong with it."""
+    """The description of a file of the kind of `data`; or, for a system whose name is not known,
+    what is wrong with it."""
     kind = kind_of(data)
     if kind == "system":
         return _system_form(data, registry)
     tables = {
         "planet": Key(registry.planet, None),
         "body": Key(BODY, {}),
-        "effects": Key({name: Key(entry.table, None) for name, entry in registry.effects.items()}, {}),
+        "effects": Key(
+            {name: Key(entry.table, None) for name, entry in registry.effects.items()}, {}
+        ),
         "initial": Key(registry.initial.table),
         "dispersion": Key(_dispersion(registry), None),
     }
-    ending = {"phase": Key(ListOf(_phase(registry), least=1))} if kind == "mission" else {"times": Key(TIMES)}
+    ending = (
+        {"phase": Key(ListOf(_phase(registry), least=1))}
+        if kind == "mission"
+        else {"times": Key(TIMES)}
+    )
     return {**COMMON, **tables, **ending}, []
 
 
@@ -65,10 +73,17 @@ def _system_form(data: dict[str, Any], registry: Registry) -> tuple[Table, list[
     if "name" not in system:
         return {}, [missing("system.name", names.allowed())]
     if system["name"] not in names.names:
-        return {}, [unknown(f'system.name = "{system["name"]}"', system["name"], names.names, "system")]
+        return {}, [
+            unknown(f'system.name = "{system["name"]}"', system["name"], names.names, "system")
+        ]
     entry = registry.systems[system["name"]]
     parameters = {"name": Key(names), **entry.parameters}
-    return {**COMMON, "system": Key(parameters), "initial": Key(entry.initial), "times": Key(TIMES)}, []
+    return {
+        **COMMON,
+        "system": Key(parameters),
+        "initial": Key(entry.initial),
+        "times": Key(TIMES),
+    }, []
 
 
 def _phase(registry: Registry) -> Table:

@@ -1,4 +1,5 @@
-"""Which numbers of a file scatter, and how: [dispersion.inputs], whose keys are paths of the file's own numbers."""
+"""Which numbers of a file scatter, and how: [dispersion.inputs], whose keys are paths of the file's
+own numbers."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -11,20 +12,27 @@ from ._tables import Key, checked
 from ._values import measures
 
 LIMITS = {"normal": (), "uniform": ("low", "high"), "truncated_normal": ("low", "high")}
-FORM = {"distribution": Key(Choice(tuple(LIMITS)), "normal"), **{k: Key(object, None) for k in ("deviation", "low", "high")}}
+FORM = {
+    "distribution": Key(Choice(tuple(LIMITS)), "normal"),
+    **{k: Key(object, None) for k in ("deviation", "low", "high")},
+}
 
 
 def entries(tables: dict[str, Any], path: str = "") -> Iterator[tuple[str, Any]]:
     """Path and entry of every input; a path may be one quoted key or a table in a table."""
     for name, value in tables.items():
         here = f"{path}.{name}" if path else name
-        if isinstance(value, dict) and not (set(value) & set(FORM) or not any(isinstance(v, dict) for v in value.values())):
+        if isinstance(value, dict) and not (
+            set(value) & set(FORM) or not any(isinstance(v, dict) for v in value.values())
+        ):
             yield from entries(value, here)
         else:
             yield here, value
 
 
-def distributions(values: dict[str, Any]) -> tuple[dict[str, tuple[str, dict[str, float]]], list[str]]:
+def distributions(
+    values: dict[str, Any],
+) -> tuple[dict[str, tuple[str, dict[str, float]]], list[str]]:
     """For every input the name of its distribution and its numbers in SI; or what is wrong."""
     numbers = {path: m for path, m in measures(values) if not path.startswith("dispersion")}
     found: dict[str, tuple[str, dict[str, float]]] = {}
@@ -38,13 +46,17 @@ def distributions(values: dict[str, Any]) -> tuple[dict[str, tuple[str, dict[str
         except ValueError as error:
             complaints.append(str(error))
     if not found and not complaints:
-        complaints.append(missing("dispersion.inputs", "a table whose keys are paths of numbers of this file"))
+        complaints.append(
+            missing("dispersion.inputs", "a table whose keys are paths of numbers of this file")
+        )
     return found, complaints
 
 
 def _read(key: str, entry: Any, nominal: Measure) -> tuple[str, dict[str, float]]:
     """Raises `ValueError` with the whole sentence."""
-    form = {k: Key(str if spec.kind is object else spec.kind, spec.default) for k, spec in FORM.items()}
+    form = {
+        k: Key(str if spec.kind is object else spec.kind, spec.default) for k, spec in FORM.items()
+    }
     texts = entry
     if isinstance(entry, dict):
         texts = {k: str(v) if k in form and k != "distribution" else v for k, v in entry.items()}
@@ -58,12 +70,16 @@ def _read(key: str, entry: Any, nominal: Measure) -> tuple[str, dict[str, float]
             raise ValueError(missing(f"{key}.{k}", nominal.quantity.allowed()))
     for k in entry:
         if k not in ("distribution", *wanted):
-            raise ValueError(f"{key}.{k} has no place in the distribution {name}: give {', '.join(wanted)}.")
+            raise ValueError(
+                f"{key}.{k} has no place in the distribution {name}: give {', '.join(wanted)}."
+            )
     numbers = {k: _number(f"{key}.{k}", entry[k], nominal, k == "deviation") for k in wanted}
     if "low" in numbers and not numbers["low"] < numbers["high"]:
         raise ValueError(wrong(f"{key}.high", entry["high"], "above low"))
     if name == "truncated_normal" and not numbers["low"] <= nominal <= numbers["high"]:
-        raise ValueError(f"{key}: the nominal value {float(nominal):.6g} lies outside of low and high.")
+        raise ValueError(
+            f"{key}: the nominal value {float(nominal):.6g} lies outside of low and high."
+        )
     return name, numbers
 
 
@@ -76,7 +92,10 @@ def _number(key: str, value: Any, nominal: Measure, deviation: bool) -> float:
         if deviation and isinstance(value, str) and value.rstrip().endswith("%"):
             share = split(value, quantity.allowed())[0] / 100.0
             if nominal == 0.0 or not share > 0.0:
-                raise ValueError("a positive percentage of a nominal value that is not zero, or " + quantity.allowed())
+                raise ValueError(
+                    "a positive percentage of a nominal value that is not zero, or "
+                    + quantity.allowed()
+                )
             return share * abs(float(nominal))
         return float(quantity.read(value))
     except ValueError as error:

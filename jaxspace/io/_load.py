@@ -54,6 +54,11 @@ def _with_empty_tables(data: dict[str, Any], registry: Registry) -> dict[str, An
     effects, phases = data.get("effects", {}), data.get("phase", [])
     if not isinstance(effects, Mapping) or not isinstance(phases, list):
         return data
-    named = [e for p in phases if isinstance(p, Mapping) and isinstance(p.get("effects"), list) for e in p["effects"]]
+    named = [
+        e
+        for p in phases
+        if isinstance(p, Mapping) and isinstance(p.get("effects"), list)
+        for e in p["effects"]
+    ]
     empty = {e: {} for e in named if isinstance(e, str) and e in registry.effects}
     return {**data, "effects": {**empty, **effects}} if empty else data

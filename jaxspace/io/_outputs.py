@@ -16,9 +16,12 @@ from ._values import replaced
 class End(NamedTuple):
     """How runs side by side ended, runs last.
 
-    - `final`: the state after the last jump; `burnout`: at the end of the last phase with thrust, else the final state.
-    - `body`, `values`: what was flown. `intended`: the initial state that the file asks for, of one run: vectors (3, 1).
-    - `nominal`: the end of the nominal run, in the same form; `None` while that one is itself looked at."""
+    - `final`: the state after the last jump; `burnout`: at the end of the last phase with thrust,
+      else the final state.
+    - `body`, `values`: what was flown. `intended`: the initial state that the file asks for, of one
+      run: vectors (3, 1).
+    - `nominal`: the end of the nominal run, in the same form; `None` while that one is itself
+      looked at."""
 
     final: BodyState
     burnout: BodyState
@@ -31,7 +34,8 @@ class End(NamedTuple):
 class Outputs(eqx.Module):
     """The `outputs` of a campaign: those of the names `wanted`.
 
-    `reference`: final state and state at burnout of the nominal run, as `nominal_states` gives them."""
+    `reference`: final state and state at burnout of the nominal run, as `nominal_states` gives
+    them."""
 
     file: Any = eqx.field(static=True)
     values: dict[str, Any]
@@ -42,12 +46,17 @@ class Outputs(eqx.Module):
         last = jax.tree.map(lambda x: x[-1], result.spans[burn_phase(self.values)].states)
         return self.numbers(result.final, last, samples)
 
-    def numbers(self, final: BodyState, burnout: BodyState, samples: dict[str, Array]) -> dict[str, Array]:
-        """The outputs from the final state and the one at burnout; with a reference, compared with the nominal run."""
+    def numbers(
+        self, final: BodyState, burnout: BodyState, samples: dict[str, Array]
+    ) -> dict[str, Array]:
+        """The outputs from the final state and the one at burnout; with a reference, compared with
+        the nominal run."""
         intended = self.file.registry.initial.build(self.values, Lanes(1))
         nominal = None
         if self.reference is not None:
-            nominal = End(*self.reference, self.file.body(self.values, Lanes(1)), self.values, intended, None)
+            nominal = End(
+                *self.reference, self.file.body(self.values, Lanes(1)), self.values, intended, None
+            )
         values = replaced(self.values, samples)
         runs = final.position.shape[-1] if final.position is not None else final.omega.shape[-1]
         end = End(final, burnout, self.file.body(values, Lanes(runs)), values, intended, nominal)
@@ -63,4 +72,6 @@ def burn_phase(values: dict[str, Any]) -> int:
 
 def nominal_states(values: dict[str, Any], flown: MissionTrajectory) -> tuple[BodyState, BodyState]:
     """Final state and state at burnout of one flown mission, with an axis of one run."""
-    return jax.tree.map(lambda x: x[..., None], (flown.final, flown.phases[burn_phase(values)].final))
+    return jax.tree.map(
+        lambda x: x[..., None], (flown.final, flown.phases[burn_phase(values)].final)
+    )

@@ -1,4 +1,5 @@
-"""Values of a scene file: numbers with or without a unit, read into SI and remembered with what they measure."""
+"""Values of a scene file: numbers with or without a unit, read into SI and remembered with what
+they measure."""
 
 import functools
 import math
@@ -12,7 +13,8 @@ UNIT = re.compile(r"[A-Za-z°µ%0-9 */^().-]{1,40}")
 
 
 class Quantity(NamedTuple):
-    """A kind of number: its `name`, its `unit` in SI and an `example` with another unit, and which numbers are allowed.
+    """A kind of number: its `name`, its `unit` in SI and an `example` with another unit, and which
+    numbers are allowed.
 
     - `sign`: "positive", "not negative" or "" for any finite number.
     - `fixed`: not to be dispersed (it sets the shape of the computation)."""
@@ -28,7 +30,9 @@ class Quantity(NamedTuple):
         number = f"a {self.sign} number" if self.sign else "a number"
         if not self.unit:
             return f"{number} without unit ({self.name}), such as {self.example}"
-        return f'{number} in {self.unit} or text with a unit of {self.name}, such as "{self.example}"'
+        return (
+            f'{number} in {self.unit} or text with a unit of {self.name}, such as "{self.example}"'
+        )
 
     def read(self, value: Any) -> "Measure | float":
         """The value in SI. Raises `ValueError`, with what is allowed, for anything else."""
@@ -51,7 +55,10 @@ class Quantity(NamedTuple):
         number, unit = split(text, self.allowed())
         found = pint_unit(unit, self.allowed())
         # Cycles per second measure the same dimension as radians per second, and differ by 2 pi.
-        cycles = self.unit.startswith("rad") and re.search(r"hertz|counts|becquerel", str(found)) is not None
+        cycles = (
+            self.unit.startswith("rad")
+            and re.search(r"hertz|counts|becquerel", str(found)) is not None
+        )
         if cycles or not found.is_compatible_with(self.unit or "dimensionless"):
             raise ValueError(self.allowed())
         return float(units().Quantity(number, found).to(self.unit or "dimensionless").magnitude)
@@ -96,12 +103,21 @@ def split(text: str, allowed: str) -> tuple[float, str]:
 
 
 def pint_unit(text: str, allowed: str) -> Any:
-    """The unit named by a text. Only names and powers of units are read; nothing is evaluated. Raises `ValueError`."""
+    """The unit named by a text. Only names and powers of units are read; nothing is evaluated.
+    Raises `ValueError`."""
     import pint
 
     try:
         return units().parse_units(text)
-    except (pint.PintError, ValueError, TypeError, AttributeError, ArithmeticError, AssertionError, SyntaxError) as error:
+    except (
+        pint.PintError,
+        ValueError,
+        TypeError,
+        AttributeError,
+        ArithmeticError,
+        AssertionError,
+        SyntaxError,
+    ) as error:
         raise ValueError(f"{allowed}; {text} is no unit") from error
 
 

@@ -8,7 +8,8 @@ from ._tables import Table
 
 
 class EffectEntry(NamedTuple):
-    """An effect: the keys of its table, its class, and `build(values, lanes)` from the values of the whole file.
+    """An effect: the keys of its table, its class, and `build(values, lanes)` from the values of
+    the whole file.
 
     - `uses`: the entries outside its table that it reads, such as "planet.j2"."""
 
@@ -19,7 +20,8 @@ class EffectEntry(NamedTuple):
 
 
 class SystemEntry(NamedTuple):
-    """A textbook system: the keys of its parameters and of its initial state; `build(values, lanes) -> (system, y0)`."""
+    """A textbook system: the keys of its parameters and of its initial state; `build(values, lanes)
+    -> (system, y0)`."""
 
     parameters: Table
     initial: Table
@@ -28,7 +30,8 @@ class SystemEntry(NamedTuple):
 
 
 class JumpEntry(NamedTuple):
-    """What may happen at the end of a phase: the keys of its table, and `build(values of the table, whole file, lanes)`.
+    """What may happen at the end of a phase: the keys of its table, and `build(values of the table,
+    whole file, lanes)`.
 
     - `uses`: the parts of the state that it reads."""
 
@@ -38,8 +41,9 @@ class JumpEntry(NamedTuple):
 
 
 class InitialEntry(NamedTuple):
-    """The initial state of a body: the keys, `check(values)` for what does not fit together, `parts(values)` that it gives,
-    and `build(values of the whole file, lanes)` of all parts but the mass."""
+    """The initial state of a body: the keys, `check(values)` for what does not fit together,
+    `parts(values)` that it gives, and `build(values of the whole file, lanes)` of all parts but the
+    mass."""
 
     table: Table
     check: Callable[[dict[str, Any]], list[str]]
@@ -58,7 +62,8 @@ class OutputEntry(NamedTuple):
 
 
 class Registry(NamedTuple):
-    """Everything that a scene file may name. `events`: conditions on which a phase may end, with their direction."""
+    """Everything that a scene file may name. `events`: conditions on which a phase may end, with
+    their direction."""
 
     effects: Mapping[str, EffectEntry]
     systems: Mapping[str, SystemEntry]

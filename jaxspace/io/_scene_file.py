@@ -1,4 +1,5 @@
-"""A scene file that has been checked, and what is built from it: one way for the nominal run and for many."""
+"""A scene file that has been checked, and what is built from it: one way for the nominal run and
+for many."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -8,8 +9,8 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from .._core import AbstractSystem, State
 from ..bodies import BodyState, BurningBody, PrincipalInertia, RigidBody
+from ..core import AbstractSystem, State
 from ..dispersion import Campaign
 from ..scene import Scene
 from ..simulation import Event, Mission, MissionTrajectory, Phase
@@ -46,7 +47,8 @@ class SceneFile:
         return self.values["accuracy"]
 
     def nominal(self) -> tuple[AbstractSystem | Mission, State, Array]:
-        """System, initial state and times of the nominal run; mission, initial state and start where there are phases."""
+        """System, initial state and times of the nominal run; mission, initial state and start
+        where there are phases."""
         if self.kind == "system":
             values = replaced(self.values, {})
             system, y0 = self.registry.systems[values["system"]["name"]].build(values, Lanes())
@@ -66,24 +68,42 @@ class SceneFile:
         if self.kind == "system":
             return {}
         mission, _ = self.nominal_mission()
-        return {phase.name: phase.system for phase in mission.phases if isinstance(phase.system, Scene)}
+        return {
+            phase.name: phase.system for phase in mission.phases if isinstance(phase.system, Scene)
+        }
 
     def nominal_mission(self) -> tuple[Mission, BodyState]:
         """Mission and initial state of the nominal run; of a scene, a mission of one phase."""
-        return eqx.filter_jit(lambda values: self.mission(values, Lanes()))(replaced(self.values, {}))
+        return eqx.filter_jit(lambda values: self.mission(values, Lanes()))(
+            replaced(self.values, {})
+        )
 
     def mission(self, values: dict[str, Any], lanes: Lanes) -> tuple[Mission, BodyState]:
-        """Mission and initial state from values that are scalars or (runs,); a scene is a mission of one phase."""
+        """Mission and initial state from values that are scalars or (runs,); a scene is a mission
+        of one phase."""
         body = self.body(values, lanes)
-        effects = {name: self.registry.effects[name].build(values, lanes) for name in acting(self.values)}
+        effects = {
+            name: self.registry.effects[name].build(values, lanes) for name in acting(self.values)
+        }
         initial = self.registry.initial.build(values, lanes)
         if any("mass_rate" in type(e).adds for e in effects.values()):
-            initial = eqx.tree_at(lambda y: y.mass, initial, lanes.scalar(_mass(values["body"])), is_leaf=lambda x: x is None)
+            initial = eqx.tree_at(
+                lambda y: y.mass,
+                initial,
+                lanes.scalar(_mass(values["body"])),
+                is_leaf=lambda x: x is None,
+            )
         carry = initial.present()
         if self.kind == "scene":
             times = self.values["times"]
             return Mission(
-                [Phase(Scene(tuple(effects.values()), body, carry), times["end"] - times["start"], name="scene")]
+                [
+                    Phase(
+                        Scene(tuple(effects.values()), body, carry),
+                        times["end"] - times["start"],
+                        name="scene",
+                    )
+                ]
             ), initial
         phases, start = [], 0.0
         for phase in values["phase"]:
@@ -96,21 +116,36 @@ class SceneFile:
         """The body of the file, from values that are scalars or (runs,)."""
         return _body(values["body"], lanes)
 
-    def _phase(self, phase: dict[str, Any], start: Any, values: Any, effects: Any, body: Any, carry: Any, lanes: Lanes) -> Phase:
+    def _phase(
+        self,
+        phase: dict[str, Any],
+        start: Any,
+        values: Any,
+        effects: Any,
+        body: Any,
+        carry: Any,
+        lanes: Lanes,
+    ) -> Phase:
         until: Any = phase["duration"]
         if phase["until"] == "burnout":
             until = effects["thrust"].ignition + effects["thrust"].burn_time - start
         elif phase["until"] is not None:
             condition, direction = self.registry.events[phase["until"]]
             until = Event(condition, direction, phase["within"])
-        jumps = [self.registry.jumps[n].build(t, values, lanes) for n, t in phase["jump"].items() if t is not None]
+        jumps = [
+            self.registry.jumps[n].build(t, values, lanes)
+            for n, t in phase["jump"].items()
+            if t is not None
+        ]
         scene = Scene(tuple(effects[name] for name in phase["effects"]), body, carry)
         return Phase(scene, until, jumps[0] if jumps else None, phase["name"])
 
     def outputs(self, flown: MissionTrajectory | None) -> Outputs:
         """The outputs that [dispersion] asks for, compared with the nominal run `flown`."""
         reference = None if flown is None else nominal_states(self.values, flown)
-        return Outputs(self, replaced(self.values, {}), tuple(self.values["dispersion"]["outputs"]), reference)
+        return Outputs(
+            self, replaced(self.values, {}), tuple(self.values["dispersion"]["outputs"]), reference
+        )
 
     def nominal_outputs(self, flown: MissionTrajectory) -> dict[str, Array]:
         """The outputs of the nominal run `flown` itself, each (1,)."""
@@ -118,17 +153,28 @@ class SceneFile:
         return numbers(self.outputs(None), nominal_states(self.values, flown))
 
     def campaign(self, flown: MissionTrajectory | None) -> Campaign:
-        """What [dispersion] asks for, with the nominal run `flown` as the reference of the outputs that compare."""
+        """What [dispersion] asks for, with the nominal run `flown` as the reference of the outputs
+        that compare."""
         wanted = self.values["dispersion"]["outputs"]
-        spread = {path: distribution(*how, at(self.values, path)) for path, how in self.inputs.items()}
+        spread = {
+            path: distribution(*how, at(self.values, path)) for path, how in self.inputs.items()
+        }
         units = {path: at(self.values, path).quantity.unit for path in spread}
         units |= {name: self.registry.outputs[name].unit for name in wanted}
         start = 0.0 if self.kind == "mission" else self.values["times"]["start"]
-        return Campaign(Build(self, replaced(self.values, {})), spread, self.outputs(flown), units, start, self.text)
+        return Campaign(
+            Build(self, replaced(self.values, {})),
+            spread,
+            self.outputs(flown),
+            units,
+            start,
+            self.text,
+        )
 
 
 class Build(eqx.Module):
-    """The `build` of a campaign. The numbers of the file are leaves: another number compiles nothing anew."""
+    """The `build` of a campaign. The numbers of the file are leaves: another number compiles
+    nothing anew."""
 
     file: SceneFile = eqx.field(static=True)
     values: dict[str, Any]

@@ -1,5 +1,5 @@
-"""Tables of a scene file, described as data: a dict of `Key`s. The description becomes a pydantic model, and pydantic's
-complaints become sentences."""
+"""Tables of a scene file, described as data: a dict of `Key`s. The description becomes a pydantic
+model, and pydantic's complaints become sentences."""
 
 from collections.abc import Mapping
 from typing import Annotated, Any, NamedTuple
@@ -19,8 +19,8 @@ class ListOf(NamedTuple):
 
 
 class Key(NamedTuple):
-    """An entry of a table: its kind (`Quantity`, `Choice`, `ListOf`, `str`, `int`, `dict` for free text keys, or a table of
-    keys) and its default."""
+    """An entry of a table: its kind (`Quantity`, `Choice`, `ListOf`, `str`, `int`, `dict` for free
+    text keys, or a table of keys) and its default."""
 
     kind: Any
     default: Any = REQUIRED
@@ -60,14 +60,19 @@ def _annotation(name: str, kind: Any) -> Any:
         return Annotated[Any, PlainValidator(kind.read)]
     if isinstance(kind, ListOf):
         least, most = (kind.count, kind.count) if kind.count else (kind.least, None)
-        return Annotated[list[_annotation(name, kind.kind)], Field(min_length=least, max_length=most)]
+        return Annotated[
+            list[_annotation(name, kind.kind)], Field(min_length=least, max_length=most)
+        ]
     if isinstance(kind, Mapping):
         return model(name, kind)
-    return {str: StrictStr, int: Annotated[int, Field(strict=True, gt=0)], dict: dict[str, Any]}[kind]
+    return {str: StrictStr, int: Annotated[int, Field(strict=True, gt=0)], dict: dict[str, Any]}[
+        kind
+    ]
 
 
 def checked(table: Table, data: Any) -> tuple[dict[str, Any], list[str]]:
-    """The values of a table with defaults filled in, or the sentences that say what is wrong with it."""
+    """The values of a table with defaults filled in, or the sentences that say what is wrong with
+    it."""
     from pydantic import ValidationError
 
     try:

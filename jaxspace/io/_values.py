@@ -1,4 +1,5 @@
-"""The values of a file as a tree, and the paths of its numbers: "body.dry_mass", "phase.2.jump.yo_yo.mass"."""
+"""The values of a file as a tree, and the paths of its numbers: "body.dry_mass",
+"phase.2.jump.yo_yo.mass"."""
 
 from collections.abc import Iterator, Mapping
 from typing import Any
@@ -24,19 +25,28 @@ def measures(values: Any, path: str = "") -> Iterator[tuple[str, Measure]]:
     """The path of every number that may be dispersed, and the number."""
     if isinstance(values, Measure):
         yield path, values
-    items = values.items() if isinstance(values, Mapping) else enumerate(values) if isinstance(values, list) else ()
+    items = (
+        values.items()
+        if isinstance(values, Mapping)
+        else enumerate(values)
+        if isinstance(values, list)
+        else ()
+    )
     for name, value in items:
         yield from measures(value, f"{path}.{name}" if path else str(name))
 
 
 def replaced(values: Any, samples: Mapping[str, Any], path: str = "") -> Any:
-    """The tree with arrays as numbers: those of `samples` at their paths, and what the file says elsewhere."""
+    """The tree with arrays as numbers: those of `samples` at their paths, and what the file says
+    elsewhere."""
     if path in samples:
         return samples[path]
     if isinstance(values, Measure):
         return jnp.asarray(float(values))
     if isinstance(values, Mapping):
-        return {k: replaced(v, samples, f"{path}.{k}" if path else str(k)) for k, v in values.items()}
+        return {
+            k: replaced(v, samples, f"{path}.{k}" if path else str(k)) for k, v in values.items()
+        }
     if isinstance(values, list):
         return [replaced(v, samples, f"{path}.{k}") for k, v in enumerate(values)]
     return values

@@ -1,4 +1,5 @@
-"""An ascent over a flat earth: a burn with steered thrust, then a coast to the apex; its state at burnout by quadrature.
+"""An ascent over a flat earth: a burn with steered thrust, then a coast to the apex; its state at
+burnout by quadrature.
 
     u' = a cos phi,   w' = a sin phi - g,   x' = u,   y' = w              while t < t_b
     u(0) = v_0 cos theta_0,   w(0) = v_0 sin theta_0,   x(0) = 0,   y(0) = y_0
@@ -13,7 +14,8 @@
     g        gravity, constant                                        m/s^2
     t_b, T   time of burnout, time of the apex                        s
 
-Source: Thomson 8.3. Valid while height and range stay small beside the radius of the earth, and without air.
+Source: Thomson 8.3. Valid while height and range stay small beside the radius of the earth, and
+without air.
 """
 
 from abc import abstractmethod
@@ -26,9 +28,18 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .._core import Scalar, as_float, check, check_finite, check_non_negative, check_positive, known
+from ..core import (
+    Scalar,
+    as_float,
+    check,
+    check_finite,
+    check_non_negative,
+    check_positive,
+    is_concrete,
+)
 
-# Gauss-Legendre converges as 2 rho^(-2 n): 64 nodes reach rounding for mass flows that would leave 3 % of the mass or more.
+# Gauss-Legendre converges as 2 rho^(-2 n): 64 nodes reach rounding for mass flows that would leave
+# 3 % of the mass or more.
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(64)
 
 
@@ -57,7 +68,8 @@ class ConstantThrustAcceleration(AbstractThrustAcceleration):
 class ConstantMassFlow(AbstractThrustAcceleration):
     """Constant thrust and mass flow, m = m_0 (1 - t/tau), so that F/m = u/(tau - t).
 
-    Fields: `exhaust_velocity` u, m/s; `depletion_time` tau, s, at which nothing would be left: later than the burnout."""
+    Fields: `exhaust_velocity` u, m/s; `depletion_time` tau, s, at which nothing would be left:
+    later than the burnout."""
 
     exhaust_velocity: Float[Array, "*#runs"] = eqx.field(converter=as_float)
     depletion_time: Float[Array, "*#runs"] = eqx.field(converter=as_float)
@@ -72,10 +84,12 @@ class ConstantMassFlow(AbstractThrustAcceleration):
 
 @final
 class Ascent(eqx.Module):
-    """What is given about an ascent; what is sought is the steering that makes the velocity at the apex greatest.
+    """What is given about an ascent; what is sought is the steering that makes the velocity at the
+    apex greatest.
 
-    Fields, each (*runs,): `thrust`, the acceleration over time; `burn_time` t_b, s; `release_speed` v_0, m/s, whose direction
-    is free; `release_height` y_0 and `apex_height` Y, m; `gravity` g, m/s^2."""
+    Fields, each (*runs,): `thrust`, the acceleration over time; `burn_time` t_b, s; `release_speed`
+    v_0, m/s, whose direction is free; `release_height` y_0 and `apex_height` Y, m; `gravity` g,
+    m/s^2."""
 
     thrust: AbstractThrustAcceleration
     burn_time: Float[Array, "*#runs"] = eqx.field(converter=as_float)
@@ -91,13 +105,19 @@ class Ascent(eqx.Module):
         check_finite("Ascent.apex_height", self.apex_height)
         check_positive("Ascent.gravity", self.gravity)
         last = self.thrust(self.burn_time)
-        if known(last):
-            check(np.isfinite(last) & (np.asarray(last) > 0.0), "Ascent.thrust at burn_time", last, "positive and finite")
+        if is_concrete(last):
+            check(
+                np.isfinite(last) & (np.asarray(last) > 0.0),
+                "Ascent.thrust at burn_time",
+                last,
+                "positive and finite",
+            )
 
 
 @final
 class FlightState(eqx.Module):
-    """Range `x` and height `y`, m; horizontal and vertical velocity `u` and `w`, m/s; each (*runs,)."""
+    """Range `x` and height `y`, m; horizontal and vertical velocity `u` and `w`, m/s; each
+    (*runs,)."""
 
     x: Float[Array, "*#runs"]
     y: Float[Array, "*#runs"]
@@ -108,17 +128,26 @@ class FlightState(eqx.Module):
 def release_state(ascent: Ascent, release_angle: Scalar) -> FlightState:
     """The state at ignition, with the velocity at the angle theta_0, rad, above the horizontal."""
     v0 = ascent.release_speed + 0.0 * release_angle
-    return FlightState(0.0 * v0, ascent.release_height + 0.0 * v0, v0 * jnp.cos(release_angle), v0 * jnp.sin(release_angle))
+    return FlightState(
+        0.0 * v0,
+        ascent.release_height + 0.0 * v0,
+        v0 * jnp.cos(release_angle),
+        v0 * jnp.sin(release_angle),
+    )
 
 
 def velocity_gain(ascent: Ascent) -> Scalar:
-    """V, the integral of F/m over the burn, m/s: what the thrust gives without gravity and steering."""
+    """V, the integral of F/m over the burn, m/s: what the thrust gives without gravity and
+    steering."""
     t, weight = _abscissae(ascent, 0)
     return jnp.sum(weight * ascent.thrust(t), axis=0)
 
 
-def burnout_state(ascent: Ascent, release_angle: Scalar, steering: Callable[[Scalar], Scalar]) -> FlightState:
-    """The state at burnout under the thrust angle `steering(t)`, rad, a smooth function, by Gauss-Legendre quadrature.
+def burnout_state(
+    ascent: Ascent, release_angle: Scalar, steering: Callable[[Scalar], Scalar]
+) -> FlightState:
+    """The state at burnout under the thrust angle `steering(t)`, rad, a smooth function, by
+    Gauss-Legendre quadrature.
 
     The position is a single integral: velocity that is gained at t has the time t_b - t to act."""
     t, weight = _abscissae(ascent, jnp.ndim(release_angle))
@@ -134,15 +163,21 @@ def burnout_state(ascent: Ascent, release_angle: Scalar, steering: Callable[[Sca
 
 
 def apex(ascent: Ascent, burnout: FlightState) -> tuple[Scalar, Scalar]:
-    """Time, s, and height, m, of the top of the parabola after burnout; in the past, and unreal, if w_b < 0."""
+    """Time, s, and height, m, of the top of the parabola after burnout; in the past, and unreal, if
+    w_b < 0."""
     coast = burnout.w / ascent.gravity
     return ascent.burn_time + coast, burnout.y + 0.5 * burnout.w * coast
 
 
-def _abscissae(ascent: Ascent, rank: int) -> tuple[Float[Array, "nodes *#runs"], Float[Array, "nodes *#runs"]]:
-    """Times and weights of the quadrature over the burn, on a new first axis before the axes of the runs, `rank` or more."""
+def _abscissae(
+    ascent: Ascent, rank: int
+) -> tuple[Float[Array, "nodes *#runs"], Float[Array, "nodes *#runs"]]:
+    """Times and weights of the quadrature over the burn, on a new first axis before the axes of the
+    runs, `rank` or more."""
     rank = max(rank, *(jnp.ndim(leaf) for leaf in jax.tree.leaves(ascent)))
     dtype = jnp.result_type(ascent.burn_time)
-    nodes, weights = (jnp.asarray(values, dtype).reshape((-1,) + (1,) * rank) for values in (NODES, WEIGHTS))
+    nodes, weights = (
+        jnp.asarray(values, dtype).reshape((-1,) + (1,) * rank) for values in (NODES, WEIGHTS)
+    )
     half = 0.5 * ascent.burn_time
     return half * (1.0 + nodes), half * weights

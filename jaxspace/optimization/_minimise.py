@@ -9,8 +9,8 @@
     lambda, nu   multipliers
     rho          weight of the constraints, grown tenfold while they resist
 
-Source: Hestenes 1969, Powell 1969, Rockafellar 1973; the descent is `optax.lbfgs`.
-Finds a local minimum of smooth functions. `f` may be infinite outside its domain: the line search turns back.
+Source: Hestenes 1969, Powell 1969, Rockafellar 1973; the descent is `optax.lbfgs`. Finds a local
+minimum of smooth functions. `f` may be infinite outside its domain: the line search turns back.
 """
 
 from collections.abc import Callable
@@ -23,16 +23,18 @@ import optax
 from jax import lax
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
-from .._core import Scalar
+from ..core import Scalar
 
 Point: TypeAlias = PyTree[Float[Array, "..."]]
 
 
 @final
 class Criterion(eqx.Module):
-    """What a problem says about a point: the `objective` to make small, `equal_zero` to make zero, `non_negative` to keep so.
+    """What a problem says about a point: the `objective` to make small, `equal_zero` to make zero,
+    `non_negative` to keep so.
 
-    The constraints are arrays, or `None` where there are none. `report` is whatever else is wanted at the minimum."""
+    The constraints are arrays, or `None` where there are none. `report` is whatever else is wanted
+    at the minimum."""
 
     objective: Float[Array, ""]
     equal_zero: Float[Array, "..."] | None = None
@@ -45,9 +47,11 @@ class Minimum(eqx.Module):
     """Where a descent ended.
 
     - `x` and the `criterion` there.
-    - `multipliers`: lambda and nu in the places of c and d, with 1 for f: grad f + lambda . grad c - nu . grad d = 0.
+    - `multipliers`: lambda and nu in the places of c and d, with 1 for f: grad f + lambda . grad c
+      - nu . grad d = 0.
     - `gradient`: the largest component of that sum; `violation`: the largest of the constraints.
-    - `steps`: descent steps in all; `converged`: whether gradient and violation met their tolerances."""
+    - `steps`: descent steps in all; `converged`: whether gradient and violation met their
+      tolerances."""
 
     x: Point
     criterion: Criterion
@@ -59,15 +63,22 @@ class Minimum(eqx.Module):
 
 
 def minimise(
-    problem: Callable[[Point], Criterion], start: Point, *, tolerance: Scalar = 1e-9, max_steps: int = 200, max_rounds: int = 20
+    problem: Callable[[Point], Criterion],
+    start: Point,
+    *,
+    tolerance: Scalar = 1e-9,
+    max_steps: int = 200,
+    max_rounds: int = 20,
 ) -> Minimum:
     """A local minimum of `problem(x).objective` under its constraints, from the point `start`.
 
-    Ends when the gradient and the violation are below `tolerance`, or after `max_rounds` descents of `max_steps` steps at most,
-    and says in `converged` which. Wrap it in `jax.jit` where it is called often. The result is not differentiable in what
-    `problem` closes over."""
+    Ends when the gradient and the violation are below `tolerance`, or after `max_rounds` descents
+    of `max_steps` steps at most, and says in `converged` which. Wrap it in `jax.jit` where it is
+    called often. The result is not differentiable in what `problem` closes over."""
     # The start is not evaluated: every mention of `problem` is one more copy of it to compile.
-    blank = jax.tree.map(lambda like: jnp.zeros(like.shape, like.dtype), jax.eval_shape(problem, start))
+    blank = jax.tree.map(
+        lambda like: jnp.zeros(like.shape, like.dtype), jax.eval_shape(problem, start)
+    )
     dual = Criterion(jnp.ones_like(blank.objective), blank.equal_zero, blank.non_negative)
     rho = 10.0 * jnp.ones_like(blank.objective)
 
@@ -79,14 +90,36 @@ def minimise(
         x, _, dual, rho, _, violation, steps, rounds = carry
         # While the multipliers are not right, a descent to the last digit is wasted.
         enough = jnp.maximum(0.01 * jnp.minimum(violation, 1.0), tolerance)
-        x, gradient, taken = _descend(lambda p: _lagrangian(problem(p), dual, rho), x, enough, max_steps)
+        x, gradient, taken = _descend(
+            lambda p: _lagrangian(problem(p), dual, rho), x, enough, max_steps
+        )
         criterion = problem(x)
         left = _violation(criterion, dual, rho)
         grown = jnp.where(left > 0.25 * violation, 10.0 * rho, rho)
-        return x, criterion, _updated(criterion, dual, rho), grown, gradient, left, steps + taken, rounds + 1
+        return (
+            x,
+            criterion,
+            _updated(criterion, dual, rho),
+            grown,
+            gradient,
+            left,
+            steps + taken,
+            rounds + 1,
+        )
 
-    first = (start, blank, dual, rho, jnp.full_like(rho, jnp.inf), jnp.ones_like(rho), jnp.asarray(0), jnp.asarray(0))
-    x, criterion, dual, _, gradient, violation, steps, _ = lax.while_loop(unfinished, improve, first)
+    first = (
+        start,
+        blank,
+        dual,
+        rho,
+        jnp.full_like(rho, jnp.inf),
+        jnp.ones_like(rho),
+        jnp.asarray(0),
+        jnp.asarray(0),
+    )
+    x, criterion, dual, _, gradient, violation, steps, _ = lax.while_loop(
+        unfinished, improve, first
+    )
     converged = (gradient <= tolerance) & (violation <= tolerance)
     return Minimum(x, criterion, dual, gradient, violation, steps, converged)
 
@@ -98,7 +131,9 @@ def _lagrangian(criterion: Criterion, dual: Criterion, rho: Float[Array, ""]) ->
         total = total + jnp.sum(dual.equal_zero * c + 0.5 * rho * c * c)
     if d is not None and dual.non_negative is not None:
         active = jnp.maximum(dual.non_negative - rho * d, 0.0)
-        total = total + jnp.sum(active * active - dual.non_negative * dual.non_negative) / (2.0 * rho)
+        total = total + jnp.sum(active * active - dual.non_negative * dual.non_negative) / (
+            2.0 * rho
+        )
     return total
 
 
@@ -108,12 +143,15 @@ def _updated(criterion: Criterion, dual: Criterion, rho: Float[Array, ""]) -> Cr
     return Criterion(
         objective=jnp.ones_like(criterion.objective),
         equal_zero=None if c is None or dual.equal_zero is None else dual.equal_zero + rho * c,
-        non_negative=None if d is None or dual.non_negative is None else jnp.maximum(dual.non_negative - rho * d, 0.0),
+        non_negative=None
+        if d is None or dual.non_negative is None
+        else jnp.maximum(dual.non_negative - rho * d, 0.0),
     )
 
 
 def _violation(criterion: Criterion, dual: Criterion, rho: Float[Array, ""]) -> Float[Array, ""]:
-    """The largest violation: of an equality, of an inequality, or of complementarity (a multiplier where there is room)."""
+    """The largest violation: of an equality, of an inequality, or of complementarity (a multiplier
+    where there is room)."""
     c, d = criterion.equal_zero, criterion.non_negative
     worst = jnp.zeros_like(criterion.objective)
     if c is not None:
@@ -130,21 +168,27 @@ def _largest(tree: Point) -> Float[Array, ""]:
 def _descend(
     f: Callable[[Point], Float[Array, ""]], x: Point, enough: Float[Array, ""], max_steps: int
 ) -> tuple[Point, Float[Array, ""], Int[Array, ""]]:
-    """L-BFGS from `x` until no component of the gradient exceeds `enough`: the point, that component, the steps taken."""
+    """L-BFGS from `x` until no component of the gradient exceeds `enough`: the point, that
+    component, the steps taken."""
     method = optax.lbfgs()
     value_and_gradient = optax.value_and_grad_from_state(f)
 
     def unfinished(carry: tuple[Any, ...]) -> Bool[Array, ""]:
         _, state, steps = carry
-        return (steps == 0) | ((_largest(optax.tree.get(state, "grad")) > enough) & (steps < max_steps))
+        return (steps == 0) | (
+            (_largest(optax.tree.get(state, "grad")) > enough) & (steps < max_steps)
+        )
 
     def step(carry: tuple[Any, ...]) -> tuple[Any, ...]:
         x, state, steps = carry
         # optax mixes integer widths, which a caller's strict promotion would refuse.
         with jax.numpy_dtype_promotion("standard"):
-            # The line search leaves value and gradient at its end in the state: `f` is traced here for the first step alone.
+            # The line search leaves value and gradient at its end in the state: `f` is traced here
+            # for the first step alone.
             value, gradient = value_and_gradient(x, state=state)
-            updates, state = method.update(gradient, state, x, value=value, grad=gradient, value_fn=f)
+            updates, state = method.update(
+                gradient, state, x, value=value, grad=gradient, value_fn=f
+            )
         return optax.apply_updates(x, updates), state, steps + 1
 
     x, state, steps = lax.while_loop(unfinished, step, (x, method.init(x), jnp.asarray(0)))

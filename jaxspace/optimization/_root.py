@@ -1,4 +1,5 @@
-"""The root of an increasing function between two known ends, with derivatives by the implicit function theorem."""
+"""The root of an increasing function between two known ends, with derivatives by the implicit
+function theorem."""
 
 from collections.abc import Callable
 
@@ -7,17 +8,20 @@ import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, Int
 
-from .._core import Scalar
+from ..core import Scalar
 
-# Each halving gains one bit: this many exceed the digits of float64, so that the result is good to the rounding of `f` itself.
+# Each halving gains one bit: this many exceed the digits of float64, so that the result is good to
+# the rounding of `f` itself.
 HALVINGS = 64
 
 
 def increasing_root(f: Callable[[Scalar], Scalar], lower: Scalar, upper: Scalar) -> Scalar:
-    """The x in [lower, upper] where the increasing function `f` changes sign; without a sign change, the end nearer to one.
+    """The x in [lower, upper] where the increasing function `f` changes sign; without a sign
+    change, the end nearer to one.
 
-    `f` acts on each run by itself. The count of steps is fixed. Derivatives of every order, forward and reverse, with respect to
-    whatever `f` closes over follow from f(x) = 0 and not through the iteration; those with respect to the ends are zero."""
+    `f` acts on each run by itself. The count of steps is fixed. Derivatives of every order, forward
+    and reverse, with respect to whatever `f` closes over follow from f(x) = 0 and not through the
+    iteration; those with respect to the ends are zero."""
     like = jax.eval_shape(f, lower)
 
     def end(x: Scalar) -> Scalar:

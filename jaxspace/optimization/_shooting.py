@@ -1,16 +1,18 @@
-"""Steering by direct shooting: the best thrust angles at given times, by gradients through the simulated flight.
+"""Steering by direct shooting: the best thrust angles at given times, by gradients through the
+simulated flight.
 
     maximise   u_b(theta_0, phi_1, ..., phi_n)
     subject to y_b + w_b^2/(2g) = Y,   w_b >= 0              the coast to the apex, condensed; the apex not before burnout
 
-Nothing is known here of the optimality condition: the answer approaches linear-tangent steering as the nodes grow more, and
-serves where that does not hold.
+Nothing is known here of the optimality condition: the answer approaches linear-tangent steering as
+the nodes grow more, and serves where that does not hold.
 
     symbol    meaning                                                    unit
     phi_i     thrust angle at the time t_i, straight lines in between    rad
     and the symbols of `_ascent.py`
 
-Source: Thomson 8.3 for the problem. Without the bound w_b >= 0 a descent finds false optima, whose apex lies before burnout.
+Source: Thomson 8.3 for the problem. Without the bound w_b >= 0 a descent finds false optima, whose
+apex lies before burnout.
 """
 
 from typing import final
@@ -20,15 +22,23 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from .._core import AbstractPiecewiseSystem, InputError, Scalar, as_float, check_finite
+from ..core import AbstractSystem, InputError, Scalar, as_float, check_finite
 from ..simulation import Accuracy, simulate
-from ._ascent import AbstractThrustAcceleration, Ascent, FlightState, apex, release_state, velocity_gain
+from ._ascent import (
+    AbstractThrustAcceleration,
+    Ascent,
+    FlightState,
+    apex,
+    release_state,
+    velocity_gain,
+)
 from ._minimise import Criterion, minimise
 
 
 @final
 class SteeringProfile(eqx.Module):
-    """Thrust angles `angles`, rad, at the ascending times `times`, s, (nodes, *runs), with straight lines between."""
+    """Thrust angles `angles`, rad, at the ascending times `times`, s, (nodes, *runs), with straight
+    lines between."""
 
     times: Float[Array, "nodes *#runs"] = eqx.field(converter=as_float)
     angles: Float[Array, "nodes *#runs"] = eqx.field(converter=as_float)
@@ -40,15 +50,18 @@ class SteeringProfile(eqx.Module):
     def __call__(self, t: Scalar) -> Scalar:
         """The angle at the time `t`, constant before the first node and after the last."""
         more = jnp.ndim(t) - max(self.times.ndim, self.angles.ndim) + 1
-        times, angles = (x.reshape(x.shape[:1] + (1,) * more + x.shape[1:]) for x in (self.times, self.angles))
+        times, angles = (
+            x.reshape(x.shape[:1] + (1,) * more + x.shape[1:]) for x in (self.times, self.angles)
+        )
         lengths = times[1:] - times[:-1]
         slopes = (angles[1:] - angles[:-1]) / lengths
         return angles[0] + jnp.sum(slopes * jnp.clip(t - times[:-1], 0.0, lengths), axis=0)
 
 
 @final
-class SteeredFlight(AbstractPiecewiseSystem):
-    """Powered flight over a flat earth: F/m from `thrust`, its angle from `steering`, constant `gravity` g, m/s^2.
+class SteeredFlight(AbstractSystem):
+    """Powered flight over a flat earth: F/m from `thrust`, its angle from `steering`, constant
+    `gravity` g, m/s^2.
 
     State: `FlightState`. The field has corners at the inner nodes of the steering."""
 
@@ -75,7 +88,8 @@ class SteeringOptimum(eqx.Module):
     - `release_angle`, rad, and `steering`: the optimum; `burnout`: the state there.
     - `apex_time`, s, and `final_velocity` U at the apex, m/s.
     - `height_derivative` dU/dY, 1/s, from the multiplier of the constraint.
-    - `violation`: |y(T) - Y| over (v_0 + V)^2/(2g), the height of the best vertical impulse, or of w_b < 0 over v_0 + V.
+    - `violation`: |y(T) - Y| over (v_0 + V)^2/(2g), the height of the best vertical impulse, or of
+      w_b < 0 over v_0 + V.
     - `gradient`: the largest derivative of U/(v_0 + V) by an angle that the constraint leaves free.
     - `converged`: whether both met the tolerance."""
 
@@ -98,33 +112,53 @@ def optimise_steering(
     accuracy: Accuracy | Scalar = 1e-10,
     tolerance: Scalar = 1e-8,
 ) -> SteeringOptimum:
-    """The steering at the nodes of `start`, and the release angle, that give the greatest velocity at the apex; one run.
+    """The steering at the nodes of `start`, and the release angle, that give the greatest velocity
+    at the apex; one run.
 
-    Search begins at the angles of `start` and at `release_angle`, rad. `accuracy` is that of `simulate`; `tolerance` bounds the
-    scaled `violation` and `gradient`. Not differentiable. Raises `InputError` if `ascent` or `start` carries runs."""
-    if any(jnp.ndim(leaf) > 0 for leaf in jax.tree.leaves(ascent)) or start.angles.ndim != 1 or start.times.ndim != 1:
-        raise InputError("optimise_steering got several runs: it must get scalars and one list of nodes.")
+    Search begins at the angles of `start` and at `release_angle`, rad. `accuracy` is that of
+    `simulate`; `tolerance` bounds the scaled `violation` and `gradient`. Not differentiable. Raises
+    `InputError` if `ascent` or `start` carries runs."""
+    if (
+        any(jnp.ndim(leaf) > 0 for leaf in jax.tree.leaves(ascent))
+        or start.angles.ndim != 1
+        or start.times.ndim != 1
+    ):
+        raise InputError(
+            "optimise_steering got several runs: it must get scalars and one list of nodes."
+        )
     return _search(ascent, start, as_float(release_angle), as_float(accuracy), as_float(tolerance))
 
 
 @eqx.filter_jit
 def _search(
-    ascent: Ascent, start: SteeringProfile, release_angle: Scalar, accuracy: Accuracy | Scalar, tolerance: Scalar
+    ascent: Ascent,
+    start: SteeringProfile,
+    release_angle: Scalar,
+    accuracy: Accuracy | Scalar,
+    tolerance: Scalar,
 ) -> SteeringOptimum:
     speed = ascent.release_speed + velocity_gain(ascent)
     height = 0.5 * speed * speed / ascent.gravity
 
     def fly(angles: Float[Array, " angles"]) -> FlightState:
-        flight = SteeredFlight(ascent.thrust, SteeringProfile(start.times, angles[1:]), ascent.gravity)
+        flight = SteeredFlight(
+            ascent.thrust, SteeringProfile(start.times, angles[1:]), ascent.gravity
+        )
         ts = jnp.stack([0.0 * ascent.burn_time, ascent.burn_time])
-        return simulate(flight, release_state(ascent, angles[0]), ts, accuracy=accuracy, throw=False).final
+        return simulate(
+            flight, release_state(ascent, angles[0]), ts, accuracy=accuracy, throw=False
+        ).final
 
     def problem(angles: Float[Array, " angles"]) -> Criterion:
         end = fly(angles)
         miss = (apex(ascent, end)[1] - ascent.apex_height) / height
-        return Criterion(objective=-end.u / speed, equal_zero=miss, non_negative=end.w / speed, report=end)
+        return Criterion(
+            objective=-end.u / speed, equal_zero=miss, non_negative=end.w / speed, report=end
+        )
 
-    found = minimise(problem, jnp.concatenate([release_angle[None], start.angles]), tolerance=tolerance)
+    found = minimise(
+        problem, jnp.concatenate([release_angle[None], start.angles]), tolerance=tolerance
+    )
     end = found.criterion.report
     return SteeringOptimum(
         release_angle=found.x[0],

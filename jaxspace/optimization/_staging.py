@@ -1,12 +1,14 @@
-"""The best division of a velocity between the stages of a rocket: the least initial mass for a payload.
+"""The best division of a velocity between the stages of a rocket: the least initial mass for a
+payload.
 
     ln(m01/P) = sum_i ln[mu_i (1 - b_i) / (1 - b_i mu_i)]                 to be least
     v_m       = sum_i u_i ln mu_i,    mu_i >= 1                           at a given velocity
     mu_i      = (1 + lambda u_i) / (lambda u_i b_i) = (1 - x/u_i) / b_i   with x = -1/lambda > 0
     d ln(m01/P) / dv_m = -lambda
 
-The velocity of these mass ratios falls as x rises from 0, so that x is the root of one monotone equation. A stage for which
-x >= u_i (1 - b_i) would get mu_i < 1; its best mass ratio is the bound mu_i = 1: the rocket is better without it.
+The velocity of these mass ratios falls as x rises from 0, so that x is the root of one monotone
+equation. A stage for which x >= u_i (1 - b_i) would get mu_i < 1; its best mass ratio is the bound
+mu_i = 1: the rocket is better without it.
 
     symbol   meaning                                                                     unit
     mu_i     mass ratio of the burn of stage i, initial over final mass of what it moves  1
@@ -16,8 +18,9 @@ x >= u_i (1 - b_i) would get mu_i < 1; its best mass ratio is the bound mu_i = 1
     m01, P   initial mass of the rocket, payload                                         kg
     lambda   multiplier, negative: lambda u_i < -1 for every stage that is used          s/m
 
-Source: Thomson 8.2; in 8.2-8 the constraint stands outside the sum. Stages burn in sequence, each is dropped when it is empty.
-Valid below v_m = sum_i u_i ln(1/b_i), the velocity at which no payload is left.
+Source: Thomson 8.2; in 8.2-8 the constraint stands outside the sum. Stages burn in sequence, each
+is dropped when it is empty. Valid below v_m = sum_i u_i ln(1/b_i), the velocity at which no payload
+is left.
 """
 
 from collections.abc import Sequence
@@ -29,7 +32,7 @@ import numpy as np
 from jax.typing import ArrayLike
 from jaxtyping import Array, Bool, Float
 
-from .._core import Flag, InputError, Scalar, as_float, check, check_positive, known
+from ..core import Flag, InputError, Scalar, as_float, check, check_positive, is_concrete
 from ._minimise import Criterion, minimise
 from ._root import increasing_root
 
@@ -37,8 +40,11 @@ Stages: TypeAlias = Float[Array, "stages *#runs"]
 StageValues: TypeAlias = Stages | np.ndarray | Sequence[float]
 
 
-def stationary_mass_ratio(multiplier: ArrayLike, exhaust_velocity: ArrayLike, structural_factor: ArrayLike) -> Any:
-    """Mass ratio at which ln(m01/P) is stationary for the multiplier lambda, 1/(unit of u) (Thomson 8.2-9).
+def stationary_mass_ratio(
+    multiplier: ArrayLike, exhaust_velocity: ArrayLike, structural_factor: ArrayLike
+) -> Any:
+    """Mass ratio at which ln(m01/P) is stationary for the multiplier lambda, 1/(unit of u) (Thomson
+    8.2-9).
 
     Below 1 it is no rocket: the optimum is then at the bound mu = 1."""
     product = multiplier * exhaust_velocity
@@ -52,13 +58,17 @@ def velocity_limit(exhaust_velocity: Stages, structural_factor: Stages) -> Scala
 
 @final
 class Staging(eqx.Module):
-    """The best staging; fields lead with the stages where they belong to one stage, and trail with the runs.
+    """The best staging; fields lead with the stages where they belong to one stage, and trail with
+    the runs.
 
-    - `mass_ratio` mu_i and `used`: False for a stage that the optimum leaves out, whose mass ratio is then exactly 1.
+    - `mass_ratio` mu_i and `used`: False for a stage that the optimum leaves out, whose mass ratio
+      is then exactly 1.
     - `initial_mass` m01/P, and its inverse `payload_ratio` P/m01.
-    - `multiplier` lambda, negative, 1/(unit of u): one more unit of velocity multiplies m01 by exp(-lambda).
-    - `feasible`: False where a traced demand exceeds what the stages can give. The other fields are then the limits at
-      vanishing payload: mass ratios 1/b_i, `payload_ratio` 0, `initial_mass` and -`multiplier` infinite, derivatives zero."""
+    - `multiplier` lambda, negative, 1/(unit of u): one more unit of velocity multiplies m01 by
+      exp(-lambda).
+    - `feasible`: False where a traced demand exceeds what the stages can give. The other fields are
+      then the limits at vanishing payload: mass ratios 1/b_i, `payload_ratio` 0, `initial_mass` and
+      -`multiplier` infinite, derivatives zero."""
 
     mass_ratio: Stages
     initial_mass: Scalar
@@ -68,12 +78,15 @@ class Staging(eqx.Module):
     feasible: Flag
 
 
-def optimal_staging(exhaust_velocity: StageValues, structural_factor: StageValues, total_velocity: ArrayLike) -> Staging:
-    """The mass ratios of the rocket that lifts a payload to `total_velocity` with the least initial mass (Thomson 8.2-9, 8.2-10).
+def optimal_staging(
+    exhaust_velocity: StageValues, structural_factor: StageValues, total_velocity: ArrayLike
+) -> Staging:
+    """The mass ratios of the rocket that lifts a payload to `total_velocity` with the least initial
+    mass (Thomson 8.2-9, 8.2-10).
 
-    `exhaust_velocity` and `structural_factor`: (stages, *runs), or (stages,) for all runs; `total_velocity`: (*runs,), in the
-    unit of the exhaust velocity. Differentiable in all three. Raises `InputError` for a known demand at or above the
-    `velocity_limit`."""
+    `exhaust_velocity` and `structural_factor`: (stages, *runs), or (stages,) for all runs;
+    `total_velocity`: (*runs,), in the unit of the exhaust velocity. Differentiable in all three.
+    Raises `InputError` for a known demand at or above the `velocity_limit`."""
     return _solve(*_checked(exhaust_velocity, structural_factor, total_velocity))
 
 
@@ -82,10 +95,15 @@ def _solve(u: Stages, b: Stages, v: Scalar) -> Staging:
     limit = velocity_limit(u, b)
     feasible = v < limit
     v = jnp.where(feasible, v, 0.5 * limit)
-    x = increasing_root(lambda x: v - jnp.sum(u * _log_mass_ratio(x, u, b), axis=0), 0.0 * v, jnp.max(u * (1.0 - b), axis=0))
+    x = increasing_root(
+        lambda x: v - jnp.sum(u * _log_mass_ratio(x, u, b), axis=0),
+        0.0 * v,
+        jnp.max(u * (1.0 - b), axis=0),
+    )
     s = _log_mass_ratio(x, u, b)
     used = s > 0.0
-    # 1 - b mu = x/u where the stage is used: the difference on the left would lose its digits near the limit.
+    # 1 - b mu = x/u where the stage is used: the difference on the left would lose its digits near
+    # the limit.
     log_mass = jnp.sum(jnp.where(used, s + jnp.log1p(-b) - jnp.log(x / u), 0.0), axis=0)
     return Staging(
         mass_ratio=jnp.where(feasible, jnp.exp(s), 1.0 / b),
@@ -100,14 +118,18 @@ def _solve(u: Stages, b: Stages, v: Scalar) -> Staging:
 def optimal_staging_by_gradient(
     exhaust_velocity: StageValues, structural_factor: StageValues, total_velocity: ArrayLike
 ) -> Staging:
-    """The same optimum found by descent on ln(m01/P), without the stationarity condition; one run, not differentiable.
+    """The same optimum found by descent on ln(m01/P), without the stationarity condition; one run,
+    not differentiable.
 
-    Each stage has the share q_i^2 / sum_j q_j^2 of the velocity: every q obeys the constraint, and the bound mu_i = 1 is the
-    ordinary point q_i = 0. The multiplier follows from the most loaded stage; a stage below 1e-9 of the velocity counts as left
-    out. `feasible` also tells whether the descent converged."""
+    Each stage has the share q_i^2 / sum_j q_j^2 of the velocity: every q obeys the constraint, and
+    the bound mu_i = 1 is the ordinary point q_i = 0. The multiplier follows from the most loaded
+    stage; a stage below 1e-9 of the velocity counts as left out. `feasible` also tells whether the
+    descent converged."""
     u, b, v = _checked(exhaust_velocity, structural_factor, total_velocity)
     if v.ndim > 0:
-        raise InputError(f"total_velocity has the shape {v.shape}: descent serves one run, use jax.vmap for more.")
+        raise InputError(
+            f"total_velocity has the shape {v.shape}: descent serves one run, use jax.vmap for more."
+        )
     return _descend(u, b, v)
 
 
@@ -117,9 +139,13 @@ def _descend(u: Stages, b: Stages, v: Scalar) -> Staging:
         s = v / u * q * q / jnp.sum(q * q)
         # b mu >= 1 leaves no payload: an infinite mass there turns the line search back.
         left = 1.0 - b * jnp.exp(s)
-        return s, jnp.where(left > 0.0, s + jnp.log1p(-b) - jnp.log(jnp.where(left > 0.0, left, 1.0)), jnp.inf)
+        return s, jnp.where(
+            left > 0.0, s + jnp.log1p(-b) - jnp.log(jnp.where(left > 0.0, left, 1.0)), jnp.inf
+        )
 
-    start = jnp.sqrt(-u * jnp.log(b) / velocity_limit(u, b))  # equal b_i mu_i at the limit: feasible if anything is
+    start = jnp.sqrt(
+        -u * jnp.log(b) / velocity_limit(u, b)
+    )  # equal b_i mu_i at the limit: feasible if anything is
     found = minimise(lambda q: Criterion(jnp.sum(log_stage_masses(q)[1])), start, tolerance=1e-12)
     s, log_masses = log_stage_masses(found.x)
     used = u * s > 1e-9 * v
@@ -148,15 +174,22 @@ def _checked(
     u, b, v = as_float(exhaust_velocity), as_float(structural_factor), as_float(total_velocity)
     for name, stages in (("exhaust_velocity", u), ("structural_factor", b)):
         if stages.ndim == 0:
-            raise InputError(f"{name} is a scalar: it must have one value per stage on its first axis.")
+            raise InputError(
+                f"{name} is a scalar: it must have one value per stage on its first axis."
+            )
     check_positive("exhaust_velocity", u)
     check_positive("structural_factor", b)
     check_positive("total_velocity", v)
-    if known(b):
+    if is_concrete(b):
         check(np.asarray(b) < 1.0, "structural_factor", b, "below 1")
     rank = max(u.ndim - 1, b.ndim - 1, v.ndim)
     u, b = (stages.reshape(stages.shape + (1,) * (rank + 1 - stages.ndim)) for stages in (u, b))
     limit = velocity_limit(u, b)
-    if known(limit) and known(v):
-        check(np.asarray(v) < np.asarray(limit), "total_velocity", v, "below the limit of these stages, sum of u ln(1/beta)")
+    if is_concrete(limit) and is_concrete(v):
+        check(
+            np.asarray(v) < np.asarray(limit),
+            "total_velocity",
+            v,
+            "below the limit of these stages, sum of u ln(1/beta)",
+        )
     return u, b, v

@@ -1,4 +1,5 @@
-"""Linear-tangent steering: the thrust angle that brings a burn of given length to a height with the greatest velocity.
+"""Linear-tangent steering: the thrust angle that brings a burn of given length to a height with the
+greatest velocity.
 
     tan phi = (1 - t/T) tan theta_0                   and the release along theta_0 too
     w(T) = 0,   y(T) = Y                              two equations for theta_0 and T
@@ -11,15 +12,17 @@
     U         velocity at the apex, horizontal                  m/s
     and the symbols of `_ascent.py`
 
-Without gravity, from rest to a height and a horizontal velocity in the least time, the same law reads
+Without gravity, from rest to a height and a horizontal velocity in the least time, the same law
+reads
 
     tan phi = b (1 - 2t/T)
 
 Source: Thomson 8.3 (8.3-9); Betts, Practical Methods for Optimal Control (minimum time).
 
-Valid only if the apex comes after burnout, T >= t_b: the optimality condition at T needs a coast. The same two equations have
-another root with T < t_b; it is no flight, and is excluded here by the bracket of T. Near T = t_b there may be two true roots:
-then U is greater on the one with the later apex, which is taken.
+Valid only if the apex comes after burnout, T >= t_b: the optimality condition at T needs a coast.
+The same two equations have another root with T < t_b; it is no flight, and is excluded here by the
+bracket of T. Near T = t_b there may be two true roots: then U is greater on the one with the later
+apex, which is taken.
 """
 
 from typing import final
@@ -32,13 +35,14 @@ from jax import lax
 from jax.typing import ArrayLike
 from jaxtyping import Array, Float
 
-from .._core import Flag, Scalar, as_float, check, check_finite, check_positive, known
+from ..core import Flag, Scalar, as_float, check, check_finite, check_positive, is_concrete
 from ._ascent import Ascent, apex, burnout_state, velocity_gain
 from ._root import increasing_root
 
 
 def linear_tangent_angle(t: Scalar, initial_angle: Scalar, vanishing_time: Scalar) -> Scalar:
-    """The thrust angle phi, rad, with tan phi = (1 - t/T) tan theta_0, up to the vertical theta_0 = pi/2 (Thomson 8.3-9)."""
+    """The thrust angle phi, rad, with tan phi = (1 - t/T) tan theta_0, up to the vertical theta_0 =
+    pi/2 (Thomson 8.3-9)."""
     return jnp.arctan2((1.0 - t / vanishing_time) * jnp.sin(initial_angle), jnp.cos(initial_angle))
 
 
@@ -48,8 +52,9 @@ class LinearTangentSteering(eqx.Module):
 
     - `initial_angle` theta_0, rad; `vanishing_time` T, s, at which phi = 0: the time of the apex.
     - `final_velocity` U at the apex, m/s.
-    - `reached`: False where a traced apex height has no solution with T >= t_b. The other fields are then finite, but belong to
-      another height, and their derivatives with respect to it are zero."""
+    - `reached`: False where a traced apex height has no solution with T >= t_b. The other fields
+      are then finite, but belong to another height, and their derivatives with respect to it are
+      zero."""
 
     initial_angle: Float[Array, "*#runs"]
     vanishing_time: Float[Array, "*#runs"]
@@ -62,15 +67,14 @@ class LinearTangentSteering(eqx.Module):
 
 
 def linear_tangent_steering(ascent: Ascent) -> LinearTangentSteering:
-    """The steering and release angle that maximise the velocity at the apex of `ascent` (Thomson 8.3).
+    """The steering and release angle that maximise the velocity at the apex of `ascent` (Thomson
+    8.3).
 
-    Differentiable in every field of `ascent`. Raises `InputError` if a known apex height cannot be reached, or only before
-    burnout."""
+    Differentiable in every field of `ascent`. Raises `InputError` if a known apex height cannot be
+    reached, or only before burnout."""
     result, lowest, highest = _solve(ascent)
-    if known(lowest) and known(result.final_velocity):
-        allowed = (
-            f"between {np.asarray(lowest)} and {np.asarray(highest)}, the heights at which this burn can end before its apex"
-        )
+    if is_concrete(lowest) and is_concrete(result.final_velocity):
+        allowed = f"between {np.asarray(lowest)} and {np.asarray(highest)}, the heights at which this burn can end before its apex"
         check(np.asarray(result.reached), "Ascent.apex_height", ascent.apex_height, allowed)
     return result
 
@@ -79,9 +83,11 @@ def linear_tangent_steering(ascent: Ascent) -> LinearTangentSteering:
 def _solve(ascent: Ascent) -> tuple[LinearTangentSteering, Scalar, Scalar]:
     """The solution, and the heights between which there is one.
 
-    Once theta_0 is eliminated by w(T) = 0, the height of the apex first falls with T (from T = t_b, if at all), then rises up to
-    vertical flight. Only the rising part is optimal."""
-    fixed = jax.tree.map(lambda leaf: lax.stop_gradient(leaf) if eqx.is_array(leaf) else leaf, ascent)
+    Once theta_0 is eliminated by w(T) = 0, the height of the apex first falls with T (from T = t_b,
+    if at all), then rises up to vertical flight. Only the rising part is optimal."""
+    fixed = jax.tree.map(
+        lambda leaf: lax.stop_gradient(leaf) if eqx.is_array(leaf) else leaf, ascent
+    )
     earliest = fixed.burn_time
     latest = (fixed.release_speed + velocity_gain(fixed)) / fixed.gravity
     possible = latest > earliest
@@ -90,7 +96,9 @@ def _solve(ascent: Ascent) -> tuple[LinearTangentSteering, Scalar, Scalar]:
     vertical = burnout_state(fixed, 0.5 * jnp.pi, lambda t: 0.5 * jnp.pi + 0.0 * t)
     lowest, highest = _apex_height(fixed, lowest_time), apex(fixed, vertical)[1]
     reached = possible & (ascent.apex_height >= lowest) & (ascent.apex_height < highest)
-    target = jnp.where(reached, ascent.apex_height, _apex_height(fixed, 0.5 * (lowest_time + latest)))
+    target = jnp.where(
+        reached, ascent.apex_height, _apex_height(fixed, 0.5 * (lowest_time + latest))
+    )
     T = increasing_root(lambda T: _apex_height(ascent, T) - target, lowest_time, latest)
     theta0 = _initial_angle(ascent, T)
     end = burnout_state(ascent, theta0, lambda t: linear_tangent_angle(t, theta0, T))
@@ -98,7 +106,8 @@ def _solve(ascent: Ascent) -> tuple[LinearTangentSteering, Scalar, Scalar]:
 
 
 def _initial_angle(ascent: Ascent, T: Scalar) -> Scalar:
-    """The theta_0 for which the apex, w = 0, comes at T: w rises with theta_0 from free fall to vertical flight."""
+    """The theta_0 for which the apex, w = 0, comes at T: w rises with theta_0 from free fall to
+    vertical flight."""
 
     def excess(theta0: Scalar) -> Scalar:
         end = burnout_state(ascent, theta0, lambda t: linear_tangent_angle(t, theta0, T))
@@ -109,7 +118,9 @@ def _initial_angle(ascent: Ascent, T: Scalar) -> Scalar:
 
 def _apex_height(ascent: Ascent, T: Scalar) -> Scalar:
     theta0 = _initial_angle(ascent, T)
-    return apex(ascent, burnout_state(ascent, theta0, lambda t: linear_tangent_angle(t, theta0, T)))[1]
+    return apex(
+        ascent, burnout_state(ascent, theta0, lambda t: linear_tangent_angle(t, theta0, T))
+    )[1]
 
 
 def _slope(ascent: Ascent, T: Scalar) -> Scalar:
@@ -119,7 +130,8 @@ def _slope(ascent: Ascent, T: Scalar) -> Scalar:
 
 @final
 class MinimumTimeSteering(eqx.Module):
-    """The steering tan phi = (1 - 2t/T) tan theta_0; `initial_angle` theta_0, rad, and `duration` T, s, are (*runs,)."""
+    """The steering tan phi = (1 - 2t/T) tan theta_0; `initial_angle` theta_0, rad, and `duration`
+    T, s, are (*runs,)."""
 
     initial_angle: Float[Array, "*#runs"]
     duration: Float[Array, "*#runs"]
@@ -129,12 +141,15 @@ class MinimumTimeSteering(eqx.Module):
         return linear_tangent_angle(t, self.initial_angle, 0.5 * self.duration)
 
 
-def minimum_time_steering(acceleration: ArrayLike, height: ArrayLike, speed: ArrayLike) -> MinimumTimeSteering:
-    """The quickest way from rest, without gravity, to a horizontal `speed`, m/s, at a `height`, m, at a free range.
+def minimum_time_steering(
+    acceleration: ArrayLike, height: ArrayLike, speed: ArrayLike
+) -> MinimumTimeSteering:
+    """The quickest way from rest, without gravity, to a horizontal `speed`, m/s, at a `height`, m,
+    at a free range.
 
-    `acceleration` F/m, m/s^2, is constant. With b = tan theta_0 = sinh s the integrals of the velocity and the height are
-    speed = a T s / sinh s and a height / speed^2 = (sinh 2s - 2s) / (8 s^2). Raises `InputError` for a known acceleration or
-    speed that is not positive."""
+    `acceleration` F/m, m/s^2, is constant. With b = tan theta_0 = sinh s the integrals of the
+    velocity and the height are speed = a T s / sinh s and a height / speed^2 = (sinh 2s - 2s) / (8
+    s^2). Raises `InputError` for a known acceleration or speed that is not positive."""
     a, h, v = as_float(acceleration), as_float(height), as_float(speed)
     check_positive("acceleration", a)
     check_finite("height", h)
@@ -157,4 +172,6 @@ def _height_ratio(s: Scalar) -> Scalar:
     z, series = jnp.where(small, 4.0 * s * s, 0.0), 1.0
     for n in range(16, 2, -2):
         series = 1.0 + z / (n * (n + 1)) * series
-    return jnp.where(small, s / 6.0 * series, (jnp.sinh(2.0 * s) - 2.0 * s) / jnp.where(small, 1.0, 8.0 * s * s))
+    return jnp.where(
+        small, s / 6.0 * series, (jnp.sinh(2.0 * s) - 2.0 * s) / jnp.where(small, 1.0, 8.0 * s * s)
+    )

@@ -1,5 +1,5 @@
-"""A point under gravity: attraction by a point and by an oblate body, orbital elements, two-body motion in closed
-form, transfers from place to place."""
+"""A point under gravity: attraction by a point and by an oblate body, orbital elements, two-body
+motion in closed form, transfers from place to place."""
 
 from ._elements import ClassicalElements as ClassicalElements
 from ._elements import angular_momentum as angular_momentum

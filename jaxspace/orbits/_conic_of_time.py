@@ -5,8 +5,9 @@
     (1 - x^2) T''   = 3 T + 5 x T' + 2 kappa lambda^3 / y^3
     (1 - x^2) T'''  = 7 x T'' + 8 T' - 6 kappa lambda^5 x / y^5
 
-Symbols and units as in _transfer_time.py. Source: Izzo (2015), Celestial Mechanics 121, 1, for the derivatives and the iteration;
-the starts are our own: exact at the ends of every branch, with the slopes there.
+Symbols and units as in _transfer_time.py. Source: Izzo (2015), Celestial Mechanics 121, 1, for the
+derivatives and the iteration; the starts are our own: exact at the ends of every branch, with the
+slopes there.
 """
 
 import functools
@@ -16,13 +17,14 @@ from collections.abc import Callable
 import jax
 import jax.numpy as jnp
 
-from .._core import Flag, Scalar, hold
+from ..core import Flag, Scalar, barrier
 from ._transfer_time import one_minus_plus, series_k, transfer_time
 
 
 @functools.partial(jax.custom_jvp, nondiff_argnums=(3, 4))
 def conic_of_time(time: Scalar, lam: Scalar, kappa: Scalar, revolutions: int, low: bool) -> Scalar:
-    """The x of the time of flight `time`; of the two after whole `revolutions` the larger one, if `low`. NaN where there is none.
+    """The x of the time of flight `time`; of the two after whole `revolutions` the larger one, if
+    `low`. NaN where there is none.
 
     Derivatives of every order by the implicit function theorem."""
     if not revolutions:
@@ -32,7 +34,8 @@ def conic_of_time(time: Scalar, lam: Scalar, kappa: Scalar, revolutions: int, lo
 
 @conic_of_time.defjvp
 def _conic_rule(revolutions, low, primals, tangents):
-    """dT = (dT/dx) dx + (dT/dlambda) dlambda; of lambda and kappa the one that is not about to lose its digits."""
+    """dT = (dT/dx) dx + (dT/dlambda) dlambda; of lambda and kappa the one that is not about to lose
+    its digits."""
     time, lam, kappa = primals
     dtime, dlam, dkappa = tangents
     x = conic_of_time(time, lam, kappa, revolutions, low)
@@ -51,33 +54,44 @@ def _direct(time: Scalar, lam: Scalar, kappa: Scalar) -> Scalar:
         bend = slope * (slope2 - late * second) + third * late * late / 6.0
         return -late, -late * (slope2 - 0.5 * late * second) / bend
 
-    x = _root(correction, jnp.full_like(start, -1.0), jnp.full_like(start, jnp.inf), start, lambda x: 1.0 + x, order=4)
+    x = _root(
+        correction,
+        jnp.full_like(start, -1.0),
+        jnp.full_like(start, jnp.inf),
+        start,
+        lambda x: 1.0 + x,
+        order=4,
+    )
     return jnp.where(time > 0.0, x, jnp.nan)
 
 
-def _derivatives(x: Scalar, lam: Scalar, kappa: Scalar, revolutions: int) -> tuple[Scalar, Scalar, Scalar, Scalar]:
-    """The time and its first three derivatives by x; the last two vanish at the parabola, where they would lose their digits."""
+def _derivatives(
+    x: Scalar, lam: Scalar, kappa: Scalar, revolutions: int
+) -> tuple[Scalar, Scalar, Scalar, Scalar]:
+    """The time and its first three derivatives by x; the last two vanish at the parabola, where
+    they would lose their digits."""
     value, slope, y, _ = transfer_time(x, lam, kappa, revolutions)
     energy = (1.0 - x) * (1.0 + x)
     least = math.sqrt(jnp.finfo(x.dtype).eps)
     energy = jnp.where(jnp.abs(energy) < least, jnp.copysign(least, energy), energy)
-    per_y, per_energy = hold((1.0 / y, 1.0 / energy))
+    per_y, per_energy = barrier((1.0 / y, 1.0 / energy))
     q = lam * per_y
     bend = kappa * q * q * q
     second = (3.0 * value + 5.0 * x * slope + 2.0 * bend) * per_energy
     third = (7.0 * x * second + 8.0 * slope - 6.0 * bend * q * q * x) * per_energy
-    return hold((value, slope, second, third))
+    return barrier((value, slope, second, third))
 
 
 def _first_guess(time: Scalar, lam: Scalar, kappa: Scalar) -> Scalar:
-    """A start within a fifth of 1 + x: from both ends of every branch, x = -1, 0, 1 and infinity, and the slopes there."""
+    """A start within a fifth of 1 + x: from both ends of every branch, x = -1, 0, 1 and infinity,
+    and the slopes there."""
     less, more = one_minus_plus(lam, kappa)
     root = jnp.sqrt(kappa)
     t0 = 0.5 * root * (2.0 * more * more + kappa * series_k(0.5 * less, 0.5 * more, 2, 4)) / more
     l2 = lam * lam
     t1 = 2.0 / 3.0 * less * (1.0 + lam + l2)
     slope1 = 0.4 * less * (1.0 + (1.0 + lam) * (lam + l2 * lam))
-    time, t0, t1, slope1 = hold((time, t0, t1, slope1))
+    time, t0, t1, slope1 = barrier((time, t0, t1, slope1))
     hyperbola = 1.0 + t1 * (t1 - time) / (time * slope1)
     u0, u1 = 1.0 / t0, 1.0 / t1
     du = u1 - u0
@@ -85,11 +99,12 @@ def _first_guess(time: Scalar, lam: Scalar, kappa: Scalar) -> Scalar:
     below, above = 0.5 * du * t0 * t0, du * t1 * t1 / slope1
     ellipse = s * (below * (1.0 - s) ** 2 + s * (3.0 - 2.0 * s - above * (1.0 - s)))
     slow = _slow_guess(time / math.pi, t0 / math.pi, lam, root, more)
-    return hold(jnp.where(time >= t0, slow, jnp.where(time <= t1, hyperbola, ellipse)))
+    return barrier(jnp.where(time >= t0, slow, jnp.where(time <= t1, hyperbola, ellipse)))
 
 
 def _slow_guess(t: Scalar, t0: Scalar, lam: Scalar, root: Scalar, more: Scalar) -> Scalar:
-    """The start for x < 0: exact far out, where 1 - x^2 = t^(-2/3), and at x = 0; times in pi, `root` is sqrt(kappa)."""
+    """The start for x < 0: exact far out, where 1 - x^2 = t^(-2/3), and at x = 0; times in pi,
+    `root` is sqrt(kappa)."""
     short = lam > 0.0
     cube = jnp.maximum((t - t0) * (t + t0), 0.0) + jnp.where(short, 0.125 * more * more * more, 1.0)
     z = jnp.exp(-jnp.log(cube) / 3.0)
@@ -121,7 +136,9 @@ def _lowest_rule(revolutions, primals, tangents):
     """The slope stays zero."""
     lam, kappa = primals
     x = _lowest(lam, kappa, revolutions)
-    _, dslope = jax.jvp(lambda lam, kappa: transfer_time(x, lam, kappa, revolutions).slope, primals, tangents)
+    _, dslope = jax.jvp(
+        lambda lam, kappa: transfer_time(x, lam, kappa, revolutions).slope, primals, tangents
+    )
     return x, -dslope / _derivatives(x, lam, kappa, revolutions)[2]
 
 
@@ -145,7 +162,14 @@ def _after(time: Scalar, lam: Scalar, kappa: Scalar, revolutions: int, low: bool
         return end * (value - time), ahead * 3.0 * value * height / ((1.0 - height2) * slope)
 
     low_end, high_end = (edge, other) if low else (other, edge)
-    return _root(correction, low_end, high_end, edge + wanted * (other - edge), lambda x: 1.0 - x * x, order=2)
+    return _root(
+        correction,
+        low_end,
+        high_end,
+        edge + wanted * (other - edge),
+        lambda x: 1.0 - x * x,
+        order=2,
+    )
 
 
 def _root(
@@ -156,10 +180,12 @@ def _root(
     size: Callable[[Scalar], Scalar],
     order: int,
 ) -> Scalar:
-    """The root of an increasing function, of which `correction` tells the value and the step to the root.
+    """The root of an increasing function, of which `correction` tells the value and the step to the
+    root.
 
-    A step out of what is known to hold the root is replaced by a bisection. It ends when the step of every run, measured by
-    `size`, is so small that an iteration of this `order` has converged (two steps are the rule); NaN asks for none."""
+    A step out of what is known to hold the root is replaced by a bisection. It ends when the step
+    of every run, measured by `size`, is so small that an iteration of this `order` has converged
+    (two steps are the rule); NaN asks for none."""
     close = jnp.finfo(start.dtype).eps ** (1.0 / order)
 
     def step(state):
@@ -169,7 +195,7 @@ def _root(
         new = x + change
         inside = (new >= low) & (new <= high)
         new = jnp.where(inside, new, 0.5 * (low + high))
-        return (*hold((low, high, new)), jnp.any(jnp.abs(new - x) > close * size(x)), count + 1)
+        return (*barrier((low, high, new)), jnp.any(jnp.abs(new - x) > close * size(x)), count + 1)
 
     def running(state) -> Flag:
         return state[3] & (state[4] < 64)

@@ -1,4 +1,5 @@
-"""Size, shape and orientation of a two-body orbit: its constants of motion, and the classical elements.
+"""Size, shape and orientation of a two-body orbit: its constants of motion, and the classical
+elements.
 
     E = v^2/2 - mu/r,  h = r x v,  e = (v x h)/mu - r/|r|
     p = h^2/mu,  a = -mu/(2E),  r_p = p/(1 + e),  r_a = a (1 + e)
@@ -15,10 +16,11 @@
     f         true anomaly, from periapsis                                         rad
     P, Q      unit vectors towards periapsis and 90 degrees ahead of it
 
-Source: Thomson 4.7 to 4.10; Danby, Fundamentals of Celestial Mechanics, 6.15.
-An angle without meaning is zero and takes no part in a derivative: the node of an equatorial orbit lies on the x axis, the
-periapsis of a circle at the node, so that what remains still leads back to the state. The semi-latus rectum rather than
-the semi-major axis stands among the elements because it is finite and smooth through the parabola.
+Source: Thomson 4.7 to 4.10; Danby, Fundamentals of Celestial Mechanics, 6.15. An angle without
+meaning is zero and takes no part in a derivative: the node of an equatorial orbit lies on the x
+axis, the periapsis of a circle at the node, so that what remains still leads back to the state. The
+semi-latus rectum rather than the semi-major axis stands among the elements because it is finite and
+smooth through the parabola.
 """
 
 import math
@@ -28,7 +30,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .._core import (
+from ..core import (
     Scalar,
     Vector,
     as_float,
@@ -55,8 +57,11 @@ def angular_momentum(position: Vector, velocity: Vector) -> Vector:
 
 
 def eccentricity_vector(position: Vector, velocity: Vector, mu: Scalar) -> Vector:
-    """The constant vector e that points to periapsis and whose length is the eccentricity (Laplace, Runge, Lenz)."""
-    return cross(velocity, cross(position, velocity)) / mu - position / jnp.sqrt(dot(position, position))
+    """The constant vector e that points to periapsis and whose length is the eccentricity (Laplace,
+    Runge, Lenz)."""
+    return cross(velocity, cross(position, velocity)) / mu - position / jnp.sqrt(
+        dot(position, position)
+    )
 
 
 def semi_latus_rectum(position: Vector, velocity: Vector, mu: Scalar) -> Scalar:
@@ -73,18 +78,24 @@ def semi_major_axis(position: Vector, velocity: Vector, mu: Scalar) -> Scalar:
 
 def periapsis_radius(position: Vector, velocity: Vector, mu: Scalar) -> Scalar:
     """Least distance from the centre on the whole conic, m; smooth through the parabola."""
-    return semi_latus_rectum(position, velocity, mu) / (1.0 + norm(eccentricity_vector(position, velocity, mu)))
+    return semi_latus_rectum(position, velocity, mu) / (
+        1.0 + norm(eccentricity_vector(position, velocity, mu))
+    )
 
 
 def apoapsis_radius(position: Vector, velocity: Vector, mu: Scalar) -> Scalar:
-    """Greatest distance from the centre, m; infinite, with the derivative zero, for an orbit that is not closed."""
+    """Greatest distance from the centre, m; infinite, with the derivative zero, for an orbit that
+    is not closed."""
     energy = specific_energy(position, velocity, mu)
     a = -0.5 * mu / jnp.where(energy < 0.0, energy, -1.0)
-    return jnp.where(energy < 0.0, a * (1.0 + norm(eccentricity_vector(position, velocity, mu))), math.inf)
+    return jnp.where(
+        energy < 0.0, a * (1.0 + norm(eccentricity_vector(position, velocity, mu))), math.inf
+    )
 
 
 def inclination(position: Vector, velocity: Vector) -> Scalar:
-    """Inclination i of the orbit's plane to the equator, rad, within [0, pi]; its derivative is zero for an equatorial orbit."""
+    """Inclination i of the orbit's plane to the equator, rad, within [0, pi]; its derivative is
+    zero for an equatorial orbit."""
     h = cross(position, velocity)
     return safe_atan2(norm(h * (1.0 - axis(2, h[2]))), h[2])
 
@@ -96,7 +107,8 @@ class ClassicalElements(eqx.Module):
     - `semi_latus_rectum`, m; `eccentricity`; `inclination`;
     - `node`: longitude of the ascending node; `argument_of_periapsis`; `true_anomaly`.
 
-    Raises `InputError` unless the semi-latus rectum is positive and the eccentricity not negative."""
+    Raises `InputError` unless the semi-latus rectum is positive and the eccentricity not negative.
+    """
 
     semi_latus_rectum: Float[Array, "*#runs"] = eqx.field(converter=as_float)
     eccentricity: Float[Array, "*#runs"] = eqx.field(converter=as_float)
@@ -125,7 +137,8 @@ class ClassicalElements(eqx.Module):
 
 
 def elements_from_state(position: Vector, velocity: Vector, mu: Scalar) -> ClassicalElements:
-    """The classical elements of the orbit through `position`, m, and `velocity`, m/s; angles within (-pi, pi]."""
+    """The classical elements of the orbit through `position`, m, and `velocity`, m/s; angles within
+    (-pi, pi]."""
     h = cross(position, velocity)
     e = eccentricity_vector(position, velocity, mu)
     node = safe_atan2(h[0], -h[1])
@@ -153,7 +166,9 @@ def state_from_elements(elements: ClassicalElements, mu: Scalar) -> tuple[Vector
 
     On an open orbit the true anomaly must lie between the asymptotes, 1 + e cos f > 0."""
     p, e, f = elements.semi_latus_rectum, elements.eccentricity, elements.true_anomaly
-    angles = jnp.broadcast_arrays(elements.node, elements.inclination, elements.argument_of_periapsis)
+    angles = jnp.broadcast_arrays(
+        elements.node, elements.inclination, elements.argument_of_periapsis
+    )
     axes = from_euler_angles(jnp.stack(angles), "313").matrix()
     towards, ahead = axes[:, 0], axes[:, 1]
     c, s = jnp.cos(f), jnp.sin(f)

@@ -1,4 +1,5 @@
-"""Two-body motion in closed form, for every conic alike: Kepler's equation in the universal anomaly.
+"""Two-body motion in closed form, for every conic alike: Kepler's equation in the universal
+anomaly.
 
     tau = G1 + sigma G2 + G3                        Kepler's equation; G_n = chi^n c_n(beta chi^2), c_n: Stumpff
     rho = G0 + sigma G1 + G2 = d(tau)/d(chi)        radius
@@ -15,51 +16,58 @@
     beta    2 - v0^2 |r0| / mu = |r0| / a; 0 for a parabola                1
     p       h^2 / (mu |r0|), semi-latus rectum                             1
 
-Source: Danby, Fundamentals of Celestial Mechanics, 6.9. Thomson 4.13 has the classical forms, which lose their digits at e = 1.
-The error is that of the rounding of the inputs, also for a flyby from afar, where the terms of Kepler's equation above nearly
-cancel: the anomaly comes from its form about periapsis (_anomaly.py). Derivatives of such a flyby lose two digits more.
-Not valid through a collision (h = 0 and past the centre): there the motion of two points has no continuation.
+Source: Danby, Fundamentals of Celestial Mechanics, 6.9. Thomson 4.13 has the classical forms, which
+lose their digits at e = 1. The error is that of the rounding of the inputs, also for a flyby from
+afar, where the terms of Kepler's equation above nearly cancel: the anomaly comes from its form
+about periapsis (_anomaly.py). Derivatives of such a flyby lose two digits more. Not valid through a
+collision (h = 0 and past the centre): there the motion of two points has no continuation.
 """
 
 import jax
 import jax.numpy as jnp
 
-from .._core import Scalar, Vector, cross, dot, hold, stumpff
+from ..core import Scalar, Vector, barrier, cross, dot, stumpff
 from ._anomaly import Anomaly, anomaly_after
 
 
-def kepler_flow(position: Vector, velocity: Vector, duration: Scalar, mu: Scalar) -> tuple[Vector, Vector]:
-    """Position, m, and velocity, m/s, a `duration`, s (either sign), later on the conic about a centre of strength `mu`, m^3/s^2.
+def kepler_flow(
+    position: Vector, velocity: Vector, duration: Scalar, mu: Scalar
+) -> tuple[Vector, Vector]:
+    """Position, m, and velocity, m/s, a `duration`, s (either sign), later on the conic about a
+    centre of strength `mu`, m^3/s^2.
 
-    Shapes (3, *runs) and (*runs,). No loop; derivatives of every order, forward and reverse, by the implicit function theorem.
-    Whole revolutions are taken off first: the error then grows with their number, as the problem does. One state may meet many
-    durations or centres: the runs broadcast. Of a million runs a thousand at a time stay in the cache of a processor, so that
+    Shapes (3, *runs) and (*runs,). No loop; derivatives of every order, forward and reverse, by the
+    implicit function theorem. Whole revolutions are taken off first: the error then grows with
+    their number, as the problem does. One state may meet many durations or centres: the runs
+    broadcast. Of a million runs a thousand at a time stay in the cache of a processor, so that
     `jax.lax.map` over blocks, (blocks, 3, 1024), is faster than one call."""
     rank = max(position.ndim - 1, velocity.ndim - 1, jnp.ndim(duration), jnp.ndim(mu))
     position, velocity = _with_rank(position, rank), _with_rank(velocity, rank)
     r0 = jnp.sqrt(dot(position, position))
-    r0, speed_unit = hold((r0, jnp.sqrt(mu / r0)))
+    r0, speed_unit = barrier((r0, jnp.sqrt(mu / r0)))
     scale = 1.0 / (r0 * speed_unit)
     sigma = dot(position, velocity) * scale
     beta = 2.0 - dot(velocity, velocity) / (speed_unit * speed_unit)
     h = cross(position, velocity) * scale
     time_unit = r0 / speed_unit
-    start = hold((sigma, beta, duration / time_unit, jax.lax.stop_gradient(dot(h, h))))
+    start = barrier((sigma, beta, duration / time_unit, jax.lax.stop_gradient(dot(h, h))))
     end = _anomaly(*start)
     g, g1 = (end.left - end.g3) * time_unit, end.chi - start[1] * end.g3
     f, rate_f, rate_g = 1.0 - end.g2, -g1 / (end.rho * time_unit), 1.0 - end.g2 / end.rho
-    f, g, rate_f, rate_g = hold((f, g, rate_f, rate_g))
+    f, g, rate_f, rate_g = barrier((f, g, rate_f, rate_g))
     return f * position + g * velocity, rate_f * position + rate_g * velocity
 
 
 def universal_anomaly(sigma: Scalar, beta: Scalar, tau: Scalar, p: Scalar) -> Scalar:
-    """The anomaly chi a time `tau` later, whole revolutions included; symbols and units as above, all four (*runs,)."""
+    """The anomaly chi a time `tau` later, whole revolutions included; symbols and units as above,
+    all four (*runs,)."""
     end = _anomaly(sigma, beta, tau, jax.lax.stop_gradient(p))
     return end.chi + beta * (tau - end.left)
 
 
 def _with_rank(vector: Vector, rank: int) -> Vector:
-    """The vector with `rank` run axes, the new ones of length one, lest its components meet the runs of a scalar."""
+    """The vector with `rank` run axes, the new ones of length one, lest its components meet the
+    runs of a scalar."""
     runs = vector.shape[1:]
     return vector.reshape(3, *(1,) * (rank - len(runs)), *runs)
 
@@ -71,7 +79,8 @@ def _anomaly(sigma: Scalar, beta: Scalar, tau: Scalar, p: Scalar) -> Anomaly:
 
 @_anomaly.defjvp
 def _anomaly_jvp(primals, tangents):
-    """The implicit function theorem, in what the value is made of: d(G_n)/d(chi) = G_(n-1), and by beta as below."""
+    """The implicit function theorem, in what the value is made of: d(G_n)/d(chi) = G_(n-1), and by
+    beta as below."""
     sigma, beta, tau, _ = primals
     dsigma, dbeta, dtau, _ = tangents
     end = _anomaly(*primals)

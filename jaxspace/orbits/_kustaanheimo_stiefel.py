@@ -1,4 +1,5 @@
-"""Motion about a point mass in the variables of Kustaanheimo and Stiefel: regular for every orbit, through a collision too.
+"""Motion about a point mass in the variables of Kustaanheimo and Stiefel: regular for every orbit,
+through a collision too.
 
     r = L(u) u,  v = 2 L(u) w / |r|                     dt/ds = |r| = u . u
     u' = w
@@ -13,8 +14,9 @@
     p       acceleration by all that is not the point mass                 m/s^2
     t       time                                                           s
 
-Source: Stiefel, Scheifele, Linear and Regular Celestial Mechanics, sections 8, 9, 19. Of the circle of u that belong to one
-position, the one with u4 = 0 is taken where x >= 0, else the one with u3 = 0: neither is ever close to zero.
+Source: Stiefel, Scheifele, Linear and Regular Celestial Mechanics, sections 8, 9, 19. Of the circle
+of u that belong to one position, the one with u4 = 0 is taken where x >= 0, else the one with u3 =
+0: neither is ever close to zero.
 """
 
 from typing import final
@@ -22,12 +24,12 @@ from typing import final
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .._core import AbstractRegularForm, AbstractSystem, Scalar, Vector, dot
 from ..bodies import BodyState
+from ..core import AbstractRegularised, AbstractSystem, Scalar, Vector, dot
 from ._kepler import universal_anomaly
 
 
-def ks_parameters(r: Vector) -> Float[Array, "4 *runs"]:
+def ks_parameters(r: Vector) -> Float[Array, "4 *#runs"]:
     """Some u of the position `r`, m: L(u) u = r."""
     x, y, z = r[0], r[1], r[2]
     ahead = x >= 0.0
@@ -39,13 +41,21 @@ def ks_parameters(r: Vector) -> Float[Array, "4 *runs"]:
 def ks_map(u: Array, w: Array) -> Vector:
     """The first three rows of L(u) w; the position for w = u."""
     (a, b, c, d), (e, f, g, h) = u, w
-    return jnp.stack([a * e - b * f - c * g + d * h, b * e + a * f - d * g - c * h, c * e + d * f + a * g + b * h])
+    return jnp.stack(
+        [
+            a * e - b * f - c * g + d * h,
+            b * e + a * f - d * g - c * h,
+            c * e + d * f + a * g + b * h,
+        ]
+    )
 
 
-def ks_transposed(u: Array, p: Vector) -> Float[Array, "4 *runs"]:
+def ks_transposed(u: Array, p: Vector) -> Float[Array, "4 *#runs"]:
     """L(u)^T p, for a vector p."""
     (a, b, c, d), (x, y, z) = u, p
-    return jnp.stack([a * x + b * y + c * z, a * y - b * x + d * z, a * z - c * x - d * y, d * x - c * y + b * z])
+    return jnp.stack(
+        [a * x + b * y + c * z, a * y - b * x + d * z, a * z - c * x - d * y, d * x - c * y + b * z]
+    )
 
 
 def _dot4(u: Array, w: Array) -> Scalar:
@@ -54,33 +64,42 @@ def _dot4(u: Array, w: Array) -> Scalar:
 
 
 @final
-class KustaanheimoStiefel(AbstractRegularForm):
-    """Motion about a point mass `mu`, m^3/s^2, with the accelerations of `rest`, in the variables (u, w, E, t), (10, *runs)."""
+class KustaanheimoStiefel(AbstractRegularised):
+    """Motion about a point mass `mu`, m^3/s^2, with the accelerations of `rest`, in the variables
+    (u, w, E, t), (10, *runs)."""
 
     mu: Float[Array, "*#runs"]
     rest: AbstractSystem | None
 
-    def enter(self, y: BodyState) -> Array:
+    def to_regularised(self, y: BodyState) -> Array:
         u = ks_parameters(y.position)
         energy = 0.5 * dot(y.velocity, y.velocity) - self.mu / jnp.sqrt(dot(y.position, y.position))
-        return jnp.concatenate([u, 0.5 * ks_transposed(u, y.velocity), jnp.stack([energy, jnp.zeros_like(energy)])])
+        return jnp.concatenate(
+            [u, 0.5 * ks_transposed(u, y.velocity), jnp.stack([energy, jnp.zeros_like(energy)])]
+        )
 
-    def leave(self, z: Array) -> BodyState:
+    def from_regularised(self, z: Array) -> BodyState:
         u, w = z[:4], z[4:8]
         return BodyState(ks_map(u, u), (2.0 / _dot4(u, u)) * ks_map(u, w))
 
-    def push(self, t: Scalar, z: Array) -> Vector:
-        return jnp.zeros_like(z[:3]) if self.rest is None else self.rest.vector_field(t, self.leave(z)).velocity
+    def perturbation(self, t: Scalar, z: Array) -> Vector:
+        return (
+            jnp.zeros_like(z[:3])
+            if self.rest is None
+            else self.rest.vector_field(t, self.from_regularised(z)).velocity
+        )
 
-    def slope(self, z: Array, push: Vector) -> Array:
+    def derivative(self, z: Array, perturbation: Vector) -> Array:
         u, w, energy = z[:4], z[4:8], z[8]
         r = _dot4(u, u)
         if self.rest is None:
             return jnp.concatenate([w, (0.5 * energy) * u, jnp.stack([jnp.zeros_like(r), r])])
-        force = ks_transposed(u, push)
-        return jnp.concatenate([w, 0.5 * (energy * u + r * force), jnp.stack([2.0 * _dot4(w, force), r])])
+        force = ks_transposed(u, perturbation)
+        return jnp.concatenate(
+            [w, 0.5 * (energy * u + r * force), jnp.stack([2.0 * _dot4(w, force), r])]
+        )
 
-    def span(self, duration: Scalar, z: Array) -> Scalar:
+    def fictitious_time(self, duration: Scalar, z: Array) -> Scalar:
         u, w = z[:4], z[4:8]
         r, climb = _dot4(u, u), 2.0 * _dot4(u, w)
         unit = jnp.sqrt(r / self.mu)

@@ -1,4 +1,5 @@
-"""Lambert's problem: the conic that leads from one place to another in a given time, short or long way, with whole revolutions.
+"""Lambert's problem: the conic that leads from one place to another in a given time, short or long
+way, with whole revolutions.
 
     v1 = (gamma / |r1|) ((lambda y (1 - rho) - x (1 + rho)) i1 + sigma zeta t1)
     v2 = (gamma / |r2|) ((x (1 - rho) - lambda y (1 + rho)) i2 + sigma zeta t2)
@@ -10,23 +11,25 @@
     c, s       chord |r2 - r1|, half of |r1| + |r2| + c                                m
     x, y, eta, lambda, kappa    as in _transfer_time.py                                1
 
-Source: Thomson 4.16 states the problem; Izzo (2015), Celestial Mechanics 121, 1. The angle enters by its half, from the sum and
-the difference of the unit vectors, so that nothing cancels on short arcs or near half a turn.
-Not unique where both places are one and the same (NaN), and where they lie on one line through the centre: there the plane is
-that which `normal` asks for, and derivatives are those within this plane.
+Source: Thomson 4.16 states the problem; Izzo (2015), Celestial Mechanics 121, 1. The angle enters
+by its half, from the sum and the difference of the unit vectors, so that nothing cancels on short
+arcs or near half a turn. Not unique where both places are one and the same (NaN), and where they
+lie on one line through the centre: there the plane is that which `normal` asks for, and derivatives
+are those within this plane.
 """
 
 from typing import NamedTuple
 
 import jax.numpy as jnp
 
-from .._core import Scalar, Vector, axis, check, check_positive, cross, dot, hold, norm, unit
+from ..core import Scalar, Vector, axis, barrier, check, check_positive, cross, dot, norm, unit
 from ._conic_of_time import conic_of_time, least_time
 from ._transfer_time import transfer_time
 
 
 class _Chord(NamedTuple):
-    """The triangle of centre and places: lengths r1, r2, c, s; `root` sqrt(r1 r2); 2 sin(theta/2); directions; lambda, kappa."""
+    """The triangle of centre and places: lengths r1, r2, c, s; `root` sqrt(r1 r2); 2 sin(theta/2);
+    directions; lambda, kappa."""
 
     r1: Scalar
     r2: Scalar
@@ -52,37 +55,50 @@ def lambert(
     revolutions: int = 0,
     low: bool = True,
 ) -> tuple[Vector, Vector]:
-    """Velocities, m/s, at `start` and `end`, m, of the transfer between them in a `duration`, s, about a centre, mu in m^3/s^2.
+    """Velocities, m/s, at `start` and `end`, m, of the transfer between them in a `duration`, s,
+    about a centre, mu in m^3/s^2.
 
-    The motion turns counterclockwise seen from the tip of `normal` (by default the third axis): that decides between the short
-    and the long way. With whole `revolutions` there are two transfers; the one that leaves lower above the horizon is taken, or,
-    not `low`, the higher one. Shapes (3, *runs) and (*runs,); the runs broadcast. Derivatives of every order, forward and
-    reverse, by the implicit function theorem. A run without a transfer (a `duration` of zero or below, or shorter than
-    `least_duration`) is NaN, and harms no other. Raises `InputError` for `revolutions` below zero and `mu` not positive."""
+    The motion turns counterclockwise seen from the tip of `normal` (by default the third axis):
+    that decides between the short and the long way. With whole `revolutions` there are two
+    transfers; the one that leaves lower above the horizon is taken, or, not `low`, the higher one.
+    Shapes (3, *runs) and (*runs,); the runs broadcast. Derivatives of every order, forward and
+    reverse, by the implicit function theorem. A run without a transfer (a `duration` of zero or
+    below, or shorter than `least_duration`) is NaN, and harms no other. Raises `InputError` for
+    `revolutions` below zero and `mu` not positive."""
     check(revolutions >= 0, "lambert: revolutions", revolutions, "zero or more")
     check_positive("lambert: mu", mu)
     chord = _chord(start, end, normal)
     unit_of_time = chord.s * jnp.sqrt(chord.s / (2.0 * mu))
-    time, lam, kappa = hold((duration / unit_of_time, chord.lam, chord.kappa))
+    time, lam, kappa = barrier((duration / unit_of_time, chord.lam, chord.kappa))
     x = conic_of_time(time, lam, kappa, revolutions, low)
     return _velocities(x, chord, mu)
 
 
-def least_duration(start: Vector, end: Vector, mu: Scalar, revolutions: int, *, normal: Vector | None = None) -> Scalar:
-    """The shortest duration, s, of a transfer from `start` to `end`, m, with whole `revolutions` (one or more).
+def least_duration(
+    start: Vector, end: Vector, mu: Scalar, revolutions: int, *, normal: Vector | None = None
+) -> Scalar:
+    """The shortest duration, s, of a transfer from `start` to `end`, m, with whole `revolutions`
+    (one or more).
 
-    Arguments as those of `lambert`; result (*runs,). Raises `InputError` for `revolutions` below one and `mu` not positive."""
+    Arguments as those of `lambert`; result (*runs,). Raises `InputError` for `revolutions` below
+    one and `mu` not positive."""
     check(revolutions >= 1, "least_duration: revolutions", revolutions, "one or more")
     check_positive("least_duration: mu", mu)
     chord = _chord(start, end, normal)
-    return least_time(chord.lam, chord.kappa, revolutions)[0] * chord.s * jnp.sqrt(chord.s / (2.0 * mu))
+    return (
+        least_time(chord.lam, chord.kappa, revolutions)[0]
+        * chord.s
+        * jnp.sqrt(chord.s / (2.0 * mu))
+    )
 
 
 def _chord(start: Vector, end: Vector, normal: Vector | None) -> _Chord:
     rank = max(start.ndim, end.ndim, 1 if normal is None else normal.ndim)
-    start, end = (v.reshape(*v.shape[:1], *(1,) * (rank - v.ndim), *v.shape[1:]) for v in (start, end))
+    start, end = (
+        v.reshape(*v.shape[:1], *(1,) * (rank - v.ndim), *v.shape[1:]) for v in (start, end)
+    )
     r1, r2, c = norm(start), norm(end), norm(end - start)
-    i1, i2, r1, r2, c = hold((start * (1.0 / r1), end * (1.0 / r2), r1, r2, c))
+    i1, i2, r1, r2, c = barrier((start * (1.0 / r1), end * (1.0 / r2), r1, r2, c))
     t1, t2, way = _along(i1, i2, normal)
     s, root = 0.5 * (r1 + r2 + c), jnp.sqrt(r1 * r2)
     beyond = dot(i1, i2) < 0.0
@@ -93,14 +109,19 @@ def _chord(start: Vector, end: Vector, normal: Vector | None) -> _Chord:
 
 
 def _along(i1: Vector, i2: Vector, normal: Vector | None) -> tuple[Vector, Vector, Scalar]:
-    """Directions along the motion at both places, and whether it goes the short way (1) or the long one (-1)."""
-    up = axis(2, i1[0]) if normal is None else normal.reshape(3, *(1,) * (i1.ndim - normal.ndim), *normal.shape[1:])
-    n = hold(cross(i1, i2))
-    n2, turn = hold((dot(n, n), dot(n, up)))
+    """Directions along the motion at both places, and whether it goes the short way (1) or the long
+    one (-1)."""
+    up = (
+        axis(2, i1[0])
+        if normal is None
+        else normal.reshape(3, *(1,) * (i1.ndim - normal.ndim), *normal.shape[1:])
+    )
+    n = barrier(cross(i1, i2))
+    n2, turn = barrier((dot(n, n), dot(n, up)))
     aligned, way = n2 == 0.0, jnp.where(turn < 0.0, -1.0, 1.0).astype(i1.dtype)
     per_n = way / jnp.sqrt(jnp.where(aligned, 1.0, n2))
-    h = hold(jnp.where(aligned, unit(up - dot(up, i1) * i1), per_n * n))
-    return *hold((cross(h, i1), cross(h, i2))), way
+    h = barrier(jnp.where(aligned, unit(up - dot(up, i1) * i1), per_n * n))
+    return *barrier((cross(h, i1), cross(h, i2))), way
 
 
 def _velocities(x: Scalar, chord: _Chord, mu: Scalar) -> tuple[Vector, Vector]:
@@ -112,6 +133,9 @@ def _velocities(x: Scalar, chord: _Chord, mu: Scalar) -> tuple[Vector, Vector]:
     minus, plus = jnp.where(outer, small, large) / c, jnp.where(outer, large, small) / c
     gamma = jnp.sqrt(0.5 * mu * s)
     across = gamma * root * sine * kappa / (c * eta)
-    radial1, radial2 = gamma * (lam * y * minus - x * plus) / r1, gamma * (x * minus - lam * y * plus) / r2
-    radial1, radial2, across1, across2 = hold((radial1, radial2, across / r1, across / r2))
+    radial1, radial2 = (
+        gamma * (lam * y * minus - x * plus) / r1,
+        gamma * (x * minus - lam * y * plus) / r2,
+    )
+    radial1, radial2, across1, across2 = barrier((radial1, radial2, across / r1, across / r2))
     return radial1 * i1 + across1 * t1, radial2 * i2 + across2 * t2

@@ -1,4 +1,5 @@
-"""The field of an oblate body beyond that of a point: its second zonal harmonic, and how that slowly turns the orbit.
+"""The field of an oblate body beyond that of a point: its second zonal harmonic, and how that
+slowly turns the orbit.
 
     U = mu J2 R^2 / (2 r^3) (3 z^2/r^2 - 1)                         a = -grad U = s r + k Z
     s = -3/2 mu J2 R^2 / r^5 (1 - 5 z^2/r^2),  k = -3 mu J2 R^2 z / r^5
@@ -13,8 +14,9 @@
     n, p    mean motion sqrt(mu/a^3), semi-latus rectum a (1 - e^2)        rad/s, m
     i       inclination of the orbit to the equator                        rad
 
-Source: Thomson 4.18-12, per turn 3 pi J2 (R/a)^2 cos i (his uniform earth: C = 0.4 m R^2); Curtis, Orbital Mechanics, 4.52, 4.53.
-The axis of symmetry is the inertial z axis. Add `PointGravity` for the field of the point. Higher harmonics are left out.
+Source: Thomson 4.18-12, per turn 3 pi J2 (R/a)^2 cos i (his uniform earth: C = 0.4 m R^2); Curtis,
+Orbital Mechanics, 4.52, 4.53. The axis of symmetry is the inertial z axis. Add `PointGravity` for
+the field of the point. Higher harmonics are left out.
 """
 
 from typing import ClassVar, final
@@ -23,25 +25,43 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .._core import Scalar, Vector, as_float, axis, check_finite, check_positive, dot, per_norm, times
 from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
+from ..core import (
+    Scalar,
+    Vector,
+    as_float,
+    axis,
+    check_finite,
+    check_positive,
+    dot,
+    inverse_norm,
+    scale,
+)
 
 
 def oblateness(r: Vector, mu: Scalar, j2: Scalar, radius: Scalar) -> Vector:
     """Acceleration a, m/s^2, by J2 alone, at the position `r`, m, shape (3, *runs)."""
-    z, per_r2 = r[2], per_norm(r, 2)
-    c = (-1.5 * j2 * mu * per_norm(r, 3)) * (radius * radius * per_r2)  # so that no factor leaves the range of float32
+    z, per_r2 = r[2], inverse_norm(r, 2)
+    c = (-1.5 * j2 * mu * inverse_norm(r, 3)) * (
+        radius * radius * per_r2
+    )  # so that no factor leaves the range of float32
     k = 2.0 * c * z
-    return times(c * (1.0 - 5.0 * z * z * per_r2), r) + times(k, axis(2, k))
+    return scale(c * (1.0 - 5.0 * z * z * per_r2), r) + scale(k, axis(2, k))
 
 
 def oblateness_potential(r: Vector, mu: Scalar, j2: Scalar, radius: Scalar) -> Scalar:
     """Potential energy per unit mass U, m^2/s^2, of J2 alone, zero at infinity."""
     per_r2, z = 1.0 / dot(r, r), r[2]
-    return (0.5 * j2 * radius * radius * mu) * (per_r2 * jnp.sqrt(per_r2)) * (3.0 * z * z * per_r2 - 1.0)
+    return (
+        (0.5 * j2 * radius * radius * mu)
+        * (per_r2 * jnp.sqrt(per_r2))
+        * (3.0 * z * z * per_r2 - 1.0)
+    )
 
 
-def _rate(semi_major_axis: Scalar, eccentricity: Scalar, mu: Scalar, j2: Scalar, radius: Scalar) -> Scalar:
+def _rate(
+    semi_major_axis: Scalar, eccentricity: Scalar, mu: Scalar, j2: Scalar, radius: Scalar
+) -> Scalar:
     """3/2 n J2 (R/p)^2, rad/s."""
     a = semi_major_axis
     ratio = radius / (a * (1.0 - eccentricity * eccentricity))
@@ -49,16 +69,28 @@ def _rate(semi_major_axis: Scalar, eccentricity: Scalar, mu: Scalar, j2: Scalar,
 
 
 def node_regression_rate(
-    semi_major_axis: Scalar, eccentricity: Scalar, inclination: Scalar, mu: Scalar, j2: Scalar, radius: Scalar
+    semi_major_axis: Scalar,
+    eccentricity: Scalar,
+    inclination: Scalar,
+    mu: Scalar,
+    j2: Scalar,
+    radius: Scalar,
 ) -> Scalar:
-    """Mean rate, rad/s, at which the node moves backwards: positive for direct orbits (Thomson 4.18-12).
+    """Mean rate, rad/s, at which the node moves backwards: positive for direct orbits (Thomson
+    4.18-12).
 
-    It is minus the rate of the longitude of the node. Metres, radians and m^3/s^2; elliptic orbits, first order in J2."""
+    It is minus the rate of the longitude of the node. Metres, radians and m^3/s^2; elliptic orbits,
+    first order in J2."""
     return _rate(semi_major_axis, eccentricity, mu, j2, radius) * jnp.cos(inclination)
 
 
 def apsidal_rate(
-    semi_major_axis: Scalar, eccentricity: Scalar, inclination: Scalar, mu: Scalar, j2: Scalar, radius: Scalar
+    semi_major_axis: Scalar,
+    eccentricity: Scalar,
+    inclination: Scalar,
+    mu: Scalar,
+    j2: Scalar,
+    radius: Scalar,
 ) -> Scalar:
     """Mean rate of the argument of periapsis, rad/s: zero where cos^2 i = 1/5 (Curtis 4.53).
 
@@ -69,9 +101,11 @@ def apsidal_rate(
 
 @final
 class Oblateness(AbstractEffect):
-    """Attraction by the bulge of an oblate body about the z axis: `mu`, m^3/s^2; `j2`; equatorial `radius`, m.
+    """Attraction by the bulge of an oblate body about the z axis: `mu`, m^3/s^2; `j2`; equatorial
+    `radius`, m.
 
-    A negative `j2` is a prolate body. Raises `InputError` unless `mu` and `radius` are positive and `j2` is finite."""
+    A negative `j2` is a prolate body. Raises `InputError` unless `mu` and `radius` are positive and
+    `j2` is finite."""
 
     needs: ClassVar[frozenset[str]] = frozenset({"position"})
     adds: ClassVar[frozenset[str]] = frozenset({"acceleration"})

@@ -18,15 +18,24 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .._core import AbstractSystem, Scalar, Vector, as_float, check_positive, dot, per_norm, times
-from ..bodies import AbstractBody, AbstractFlowEffect, AbstractRegularEffect, BodyState, Load
-from ._kepler import kepler_flow
+from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
+from ..core import (
+    AbstractSystem,
+    Scalar,
+    Vector,
+    as_float,
+    check_positive,
+    dot,
+    inverse_norm,
+    scale,
+)
+from ._kepler_motion import KeplerMotion
 from ._kustaanheimo_stiefel import KustaanheimoStiefel
 
 
 def point_gravity(r: Vector, mu: Scalar) -> Vector:
     """Acceleration a, m/s^2, at the position `r`, m, shape (3, *runs) (Thomson 4.7)."""
-    return times(-mu * per_norm(r, 3), r)
+    return scale(-mu * inverse_norm(r, 3), r)
 
 
 def point_gravity_potential(r: Vector, mu: Scalar) -> Scalar:
@@ -35,12 +44,15 @@ def point_gravity_potential(r: Vector, mu: Scalar) -> Scalar:
 
 
 @final
-class PointGravity(AbstractFlowEffect, AbstractRegularEffect):
-    """Attraction by a point mass at the origin: `mu`, m^3/s^2. Raises `InputError` unless `mu` is positive."""
+class PointGravity(AbstractEffect):
+    """Attraction by a point mass at the origin: `mu`, m^3/s^2. Raises `InputError` unless `mu` is
+    positive."""
 
     needs: ClassVar[frozenset[str]] = frozenset({"position"})
     adds: ClassVar[frozenset[str]] = frozenset({"acceleration"})
-    keeps: ClassVar[frozenset[str]] = frozenset({"energy", "angular_momentum", "axial_angular_momentum"})
+    keeps: ClassVar[frozenset[str]] = frozenset(
+        {"energy", "angular_momentum", "axial_angular_momentum"}
+    )
 
     mu: Float[Array, "*#runs"] = eqx.field(converter=as_float)
 
@@ -60,9 +72,8 @@ class PointGravity(AbstractFlowEffect, AbstractRegularEffect):
     def scaled(self, factor: Scalar) -> "PointGravity":
         return PointGravity(factor * self.mu)
 
-    def flow(self, duration: Scalar, y: BodyState) -> BodyState:
-        assert y.position is not None and y.velocity is not None
-        return BodyState(*kepler_flow(y.position, y.velocity, duration, self.mu))
+    def closed_form(self) -> KeplerMotion:
+        return KeplerMotion(self.mu)
 
-    def regular_form(self, rest: AbstractSystem | None) -> KustaanheimoStiefel:
+    def regularised(self, rest: AbstractSystem | None) -> KustaanheimoStiefel:
         return KustaanheimoStiefel(self.mu, rest)

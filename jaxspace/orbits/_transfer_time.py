@@ -14,8 +14,9 @@
     S          sin^2 of a quarter of the difference in eccentric anomaly; negative: hyperbola    1
     N          whole revolutions before the arrival                                              1
 
-Source: variables of Lancaster and Blanchard (1969), NASA TN D-5368, as in Izzo (2015), Celestial Mechanics 121, 1. The form of T
-here has terms of one sign only: it loses no digits at the parabola, on the shortest arcs, or on the way to infinity.
+Source: variables of Lancaster and Blanchard (1969), NASA TN D-5368, as in Izzo (2015), Celestial
+Mechanics 121, 1. The form of T here has terms of one sign only: it loses no digits at the parabola,
+on the shortest arcs, or on the way to infinity.
 """
 
 import functools
@@ -24,7 +25,7 @@ from typing import NamedTuple
 
 import jax.numpy as jnp
 
-from .._core import Scalar, hold
+from ..core import Scalar, barrier
 
 _HALVINGS = 5
 _SERIES = [1.0]
@@ -44,7 +45,8 @@ class TransferTime(NamedTuple):
 
 
 def transfer_time(x: Scalar, lam: Scalar, kappa: Scalar, revolutions: int = 0) -> TransferTime:
-    """The time of flight on the conic `x`, after whole `revolutions`; symbols and units as above, all (*runs,)."""
+    """The time of flight on the conic `x`, after whole `revolutions`; symbols and units as above,
+    all (*runs,)."""
     less, more = one_minus_plus(lam, kappa)
     energy, path = (1.0 - x) * (1.0 + x), lam * x
     y = jnp.sqrt(kappa + path * path)
@@ -55,11 +57,15 @@ def transfer_time(x: Scalar, lam: Scalar, kappa: Scalar, revolutions: int = 0) -
     large = 0.5 * (jnp.where(outward, more, less) + jnp.where(outward, x, -x) * eta)
     small = eta2 * energy / (4.0 * large)
     s, c2 = jnp.where(outward, small, large), jnp.where(outward, large, small)
-    y, eta, s, c2 = hold((y, eta, s, c2))
+    y, eta, s, c2 = barrier((y, eta, s, c2))
     k, dk = _series(s, c2)
-    k, dk, per = hold((k, dk, 0.25 / c2))
+    k, dk, per = barrier((k, dk, 0.25 / c2))
     value = eta * (more2 + eta2 * k) * per
-    slope = -(lam * eta * (more2 + 3.0 * eta2 * k) + 0.5 * eta2 * (4.0 * value + eta2 * eta * dk)) * per / y
+    slope = (
+        -(lam * eta * (more2 + 3.0 * eta2 * k) + 0.5 * eta2 * (4.0 * value + eta2 * eta * dk))
+        * per
+        / y
+    )
     if revolutions:
         turns = revolutions * math.pi / (energy * jnp.sqrt(energy))
         value, slope = value + turns, slope + 3.0 * turns * x / energy

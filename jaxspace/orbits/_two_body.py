@@ -6,9 +6,9 @@
     r       position from the centre                 m
     mu      strength G m of the attracting centre    m^3/s^2
 
-For two bodies of comparable mass r leads from one to the other and mu = G (m1 + m2).
-Source: Thomson 4.6 (reduction to one body), 4.7 (conics).
-Constant are energy, angular momentum and the eccentricity vector; the motion is known in closed form (`kepler_flow`).
+For two bodies of comparable mass r leads from one to the other and mu = G (m1 + m2). Source:
+Thomson 4.6 (reduction to one body), 4.7 (conics). Constant are energy, angular momentum and the
+eccentricity vector; the motion is known in closed form (`kepler_flow`).
 """
 
 from typing import final
@@ -16,16 +16,17 @@ from typing import final
 import equinox as eqx
 from jaxtyping import Array, Float
 
-from .._core import AbstractClosedFormSystem, Scalar, as_float, check_positive
 from ..bodies import BodyState
+from ..core import AbstractSystem, Scalar, as_float, check_positive
 from ._elements import angular_momentum, eccentricity_vector, specific_energy
-from ._kepler import kepler_flow
+from ._kepler_motion import KeplerMotion
 from ._point_gravity import point_gravity
 
 
 @final
-class TwoBody(AbstractClosedFormSystem):
-    """A body about a fixed centre of strength `mu`, m^3/s^2. State: `BodyState` with position and velocity only.
+class TwoBody(AbstractSystem):
+    """A body about a fixed centre of strength `mu`, m^3/s^2. State: `BodyState` with position and
+    velocity only.
 
     Raises `InputError` unless `mu` is positive."""
 
@@ -48,7 +49,5 @@ class TwoBody(AbstractClosedFormSystem):
             "eccentricity_vector": eccentricity_vector(y.position, y.velocity, self.mu),
         }
 
-    def flow(self, duration: Scalar, y: BodyState) -> BodyState:
-        assert y.position is not None and y.velocity is not None
-        position, velocity = kepler_flow(y.position, y.velocity, duration, self.mu)
-        return BodyState(position=position, velocity=velocity)
+    def closed_form(self) -> KeplerMotion:
+        return KeplerMotion(self.mu)

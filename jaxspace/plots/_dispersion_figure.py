@@ -1,4 +1,5 @@
-"""A dispersion on one sheet: two outputs against each other, histograms of the outputs, and what makes them scatter."""
+"""A dispersion on one sheet: two outputs against each other, histograms of the outputs, and what
+makes them scatter."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -23,10 +24,10 @@ def dispersion_figure(
 ) -> "Figure":
     """A matplotlib figure of a dispersion.
 
-    - `outputs`: which outputs get a histogram with the limits of the middle 99 % of the runs, and beside it the `count` largest
-      contributors to its variance; the first six by default.
-    - `scatter`: the two quantities, outputs or inputs, of the scatter plot at the top; perigee over apogee where there are
-      such, else the first two outputs.
+    - `outputs`: which outputs get a histogram with the limits of the middle 99 % of the runs, and
+      beside it the `count` largest contributors to its variance; the first six by default.
+    - `scatter`: the two quantities, outputs or inputs, of the scatter plot at the top; perigee over
+      apogee where there are such, else the first two outputs.
 
     Raises `InputError` for a name that is no output."""
     from matplotlib.figure import Figure
@@ -42,7 +43,9 @@ def dispersion_figure(
     rows = {row.name: row for row in dispersion.table()}
     for number, name in enumerate(names):
         values = dispersion.values(name)
-        _histogram(figure.add_subplot(grid[top + number, 0]), dispersion, name, values, rows.get(name))
+        _histogram(
+            figure.add_subplot(grid[top + number, 0]), dispersion, name, values, rows.get(name)
+        )
         _contributors(figure.add_subplot(grid[top + number, 1]), dispersion, name, count)
     return figure
 
@@ -50,11 +53,14 @@ def dispersion_figure(
 def heading(dispersion: Dispersion) -> str:
     """How many runs there are, and how many of them failed."""
     failed = sum(f.count for f in dispersion.failed)
-    return f"{dispersion.runs} runs, seed {dispersion.seed}" + (f", {failed} failed" if failed else ", none failed")
+    return f"{dispersion.runs} runs, seed {dispersion.seed}" + (
+        f", {failed} failed" if failed else ", none failed"
+    )
 
 
 def chosen_pair(dispersion: Dispersion, names: list[str]) -> tuple[str, str] | None:
-    """The two outputs worth plotting against each other: apogee and perigee, else the first two, else none."""
+    """The two outputs worth plotting against each other: apogee and perigee, else the first two,
+    else none."""
     for far, near in (("apogee", "perigee"), ("apoapsis", "periapsis")):
         both = [[n for n in dispersion.outputs if word in n] for word in (far, near)]
         if all(both):
@@ -71,22 +77,45 @@ def _scatter(axes: Any, dispersion: Dispersion, across: str, up: str) -> None:
     kept = shown(dispersion, across, up)
     x, y = dispersion.values(across)[kept], dispersion.values(up)[kept]
     size, alpha = (16.0, 0.7) if x.size < 500 else (6.0, 0.35)
-    axes.scatter(x, y, s=size, alpha=alpha, color=COLOURS[0], linewidths=0.0, rasterized=x.size > 5000, label="one run")
+    axes.scatter(
+        x,
+        y,
+        s=size,
+        alpha=alpha,
+        color=COLOURS[0],
+        linewidths=0.0,
+        rasterized=x.size > 5000,
+        label="one run",
+    )
     if x.size:
         axes.plot(
-            np.mean(x), np.mean(y), marker="+", markersize=13, markeredgewidth=2.0, color=COLOURS[1], linestyle="", label="mean"
+            np.mean(x),
+            np.mean(y),
+            marker="+",
+            markersize=13,
+            markeredgewidth=2.0,
+            color=COLOURS[1],
+            linestyle="",
+            label="mean",
         )
         legend = axes.legend(fontsize=8, frameon=True, edgecolor="none", framealpha=0.8)
         for handle in legend.legend_handles:
             handle.set_alpha(1.0)
-    dress(axes, f"{_plain(up)} against {_plain(across)}", dispersion.label(across), dispersion.label(up))
+    dress(
+        axes,
+        f"{_plain(up)} against {_plain(across)}",
+        dispersion.label(across),
+        dispersion.label(up),
+    )
 
 
 def _plain(name: str) -> str:
     return name.replace("_", " ")
 
 
-def _histogram(axes: Any, dispersion: Dispersion, name: str, values: np.ndarray, row: Row | None) -> None:
+def _histogram(
+    axes: Any, dispersion: Dispersion, name: str, values: np.ndarray, row: Row | None
+) -> None:
     kept = values[shown(dispersion, name)]
     if kept.size and row is not None:
         axes.hist(kept, bins=int(np.clip(np.sqrt(kept.size), 8, 60)), color=COLOURS[0], alpha=0.75)
@@ -95,7 +124,9 @@ def _histogram(axes: Any, dispersion: Dispersion, name: str, values: np.ndarray,
             axes.axvline(limit, color=COLOURS[6], linewidth=1.1, linestyle="--")
         _subtitle(axes, summary(row))
     else:
-        axes.text(0.5, 0.5, "no good run", ha="center", va="center", color=BAD, transform=axes.transAxes)
+        axes.text(
+            0.5, 0.5, "no good run", ha="center", va="center", color=BAD, transform=axes.transAxes
+        )
     dress(axes, "", dispersion.label(name), "runs")
     axes.set_title(_plain(name), loc="left", fontsize=10, fontweight="bold", pad=17)
 
@@ -104,7 +135,15 @@ def _contributors(axes: Any, dispersion: Dispersion, name: str, count: int) -> N
     found = contributors_or_none(dispersion, name, count)
     dress(axes, "", "share of the variance, %")
     if found is None:
-        axes.text(0.5, 0.5, "too few runs, or nothing scatters", ha="center", va="center", transform=axes.transAxes, fontsize=9)
+        axes.text(
+            0.5,
+            0.5,
+            "too few runs, or nothing scatters",
+            ha="center",
+            va="center",
+            transform=axes.transAxes,
+            fontsize=9,
+        )
         axes.set_yticks([])
         return
     inputs, shares = list(found.shares), [100.0 * s for s in found.shares.values()]
@@ -114,13 +153,18 @@ def _contributors(axes: Any, dispersion: Dispersion, name: str, count: int) -> N
     axes.invert_yaxis()
     axes.set_xlim(0.0, max(10.0, 1.18 * max(shares)))
     axes.grid(False, axis="y")
-    axes.set_title(f"contributors to {_plain(name)}", loc="left", fontsize=10, fontweight="bold", pad=17)
+    axes.set_title(
+        f"contributors to {_plain(name)}", loc="left", fontsize=10, fontweight="bold", pad=17
+    )
     _subtitle(axes, explained(found.r_squared))
 
 
 def _subtitle(axes: Any, text: str) -> None:
-    """A line between the title and the axes, which must not claim width of its own in the layout."""
-    axes.text(0.0, 1.03, text, transform=axes.transAxes, fontsize=7.5, va="bottom").set_in_layout(False)
+    """A line between the title and the axes, which must not claim width of its own in the
+    layout."""
+    axes.text(0.0, 1.03, text, transform=axes.transAxes, fontsize=7.5, va="bottom").set_in_layout(
+        False
+    )
 
 
 def summary(row: Row) -> str:

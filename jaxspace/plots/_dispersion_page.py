@@ -8,7 +8,14 @@ from typing import Any
 import numpy as np
 
 from ..dispersion import Dispersion
-from ._dispersion_figure import chosen_pair, contributors_or_none, explained, heading, rounded, shown
+from ._dispersion_figure import (
+    chosen_pair,
+    contributors_or_none,
+    explained,
+    heading,
+    rounded,
+    shown,
+)
 from ._style import COLOURS
 
 MOST_POINTS = 10000  # of the scatter plot: more make a browser slow
@@ -24,9 +31,16 @@ pre { background: #f6f6f6; padding: 0.8rem; overflow-x: auto; font-size: 13px; }
 """
 
 
-def dispersion_page(dispersion: Dispersion, path: str | os.PathLike[str], *, count: int = 8, title: str = "Dispersion") -> Path:
-    """Write a page with the table of outputs, an interactive scatter plot of any two of them, histograms, the `count` largest
-    contributors of each output, the failures and how it all was made; returns its path."""
+def dispersion_page(
+    dispersion: Dispersion,
+    path: str | os.PathLike[str],
+    *,
+    count: int = 8,
+    title: str = "Dispersion",
+) -> Path:
+    """Write a page with the table of outputs, an interactive scatter plot of any two of them,
+    histograms, the `count` largest contributors of each output, the failures and how it all was
+    made; returns its path."""
     body = [
         f"<h1>{escape(title)}</h1>",
         f'<p class="note">{escape(heading(dispersion))}.</p>',
@@ -49,11 +63,28 @@ def dispersion_page(dispersion: Dispersion, path: str | os.PathLike[str], *, cou
 
 
 def _table(dispersion: Dispersion) -> str:
-    heads = ("output", "unit", "mean", "deviation", "0.5 % limit", "99.5 % limit", "least", "greatest", "runs")
+    heads = (
+        "output",
+        "unit",
+        "mean",
+        "deviation",
+        "0.5 % limit",
+        "99.5 % limit",
+        "least",
+        "greatest",
+        "runs",
+    )
     lines = ["<tr>" + "".join(f"<th>{h}</th>" for h in heads) + "</tr>"]
     for row in dispersion.table():
         numbers = [rounded(x, row.std) for x in (row.mean, row.low, row.high, row.min, row.max)]
-        cells = [row.name.replace("_", " "), row.unit, numbers[0], f"{row.std:.3g}", *numbers[1:], str(row.runs)]
+        cells = [
+            row.name.replace("_", " "),
+            row.unit,
+            numbers[0],
+            f"{row.std:.3g}",
+            *numbers[1:],
+            str(row.runs),
+        ]
         lines.append("<tr>" + "".join(f"<td>{escape(c)}</td>" for c in cells) + "</tr>")
     return '<div class="wide"><table>' + "\n".join(lines) + "</table></div>"
 
@@ -62,7 +93,8 @@ def _figures(dispersion: Dispersion, count: int) -> list[str]:
     """The headings and plots; plotly's own script goes with the first of them."""
     parts = [("Any two quantities", _scatter(dispersion)), ("Distribution", _histogram(dispersion))]
     parts += [
-        (f"Contributors to {name.replace('_', ' ')}", _contributors(dispersion, name, count)) for name in dispersion.outputs
+        (f"Contributors to {name.replace('_', ' ')}", _contributors(dispersion, name, count))
+        for name in dispersion.outputs
     ]
     lines, script = [], True
     for words, figure in parts:
@@ -70,7 +102,13 @@ def _figures(dispersion: Dispersion, count: int) -> list[str]:
         if figure is None:
             lines.append('<p class="note">Too few good runs, or nothing scatters.</p>')
             continue
-        lines.append(figure.to_html(full_html=False, include_plotlyjs=script, config={"displaylogo": False, "responsive": True}))
+        lines.append(
+            figure.to_html(
+                full_html=False,
+                include_plotlyjs=script,
+                config={"displaylogo": False, "responsive": True},
+            )
+        )
         script = False
     return lines
 
@@ -89,8 +127,18 @@ def _layout(across: str, up: str, height: int = 460) -> dict[str, Any]:
 
 def _menu(names: list[str], choice: Any, active: int, place: float) -> dict[str, Any]:
     """A menu above the plot: `choice(name)` gives the arguments of plotly's update."""
-    buttons = [{"label": name.replace("_", " "), "method": "update", "args": choice(name)} for name in names]
-    return {"buttons": buttons, "active": active, "x": place, "y": 1.13, "xanchor": "left", "yanchor": "bottom"}
+    buttons = [
+        {"label": name.replace("_", " "), "method": "update", "args": choice(name)}
+        for name in names
+    ]
+    return {
+        "buttons": buttons,
+        "active": active,
+        "x": place,
+        "y": 1.13,
+        "xanchor": "left",
+        "yanchor": "bottom",
+    }
 
 
 def _scatter(dispersion: Dispersion) -> Any:
@@ -111,12 +159,24 @@ def _scatter(dispersion: Dispersion) -> Any:
     )
     figure = go.Figure(points, _layout(dispersion.label(across), dispersion.label(up), 560))
     menus = [
-        _menu(names, lambda n, a=a: [{a: [data[n]]}, {f"{a}axis.title.text": dispersion.label(n)}], names.index(first), place)
+        _menu(
+            names,
+            lambda n, a=a: [{a: [data[n]]}, {f"{a}axis.title.text": dispersion.label(n)}],
+            names.index(first),
+            place,
+        )
         for a, first, place in (("x", across, 0.0), ("y", up, 0.4))
     ]
     figure.update_layout(updatemenus=menus, margin={"t": 90})
     for text, place in (("across", 0.0), ("up", 0.4)):
-        note = {"text": text, "showarrow": False, "xref": "paper", "yref": "paper", "xanchor": "left", "yanchor": "bottom"}
+        note = {
+            "text": text,
+            "showarrow": False,
+            "xref": "paper",
+            "yref": "paper",
+            "xanchor": "left",
+            "yanchor": "bottom",
+        }
         figure.add_annotation(x=place, y=1.05, font={"size": 12, "color": "#555"}, **note)
     return figure
 
@@ -125,7 +185,9 @@ def _listed(values: np.ndarray) -> list[float]:
     """Plain numbers with five digits beyond their deviation's first: they keep the file small."""
     finite = values[np.isfinite(values)]
     deviation = float(np.std(finite)) if finite.size else 0.0
-    return np.round(values.astype(float), 5 - int(np.floor(np.log10(deviation))) if deviation > 0.0 else 15).tolist()
+    return np.round(
+        values.astype(float), 5 - int(np.floor(np.log10(deviation))) if deviation > 0.0 else 15
+    ).tolist()
 
 
 def _histogram(dispersion: Dispersion) -> Any:
@@ -134,8 +196,13 @@ def _histogram(dispersion: Dispersion) -> Any:
 
     names = list(dispersion.outputs)
     data = {name: _listed(dispersion.values(name)[shown(dispersion, name)]) for name in names}
-    figure = go.Figure(go.Histogram(x=data[names[0]], marker={"color": COLOURS[0]}), _layout(dispersion.label(names[0]), "runs"))
-    choice = _menu(names, lambda n: [{"x": [data[n]]}, {"xaxis.title.text": dispersion.label(n)}], 0, 0.0)
+    figure = go.Figure(
+        go.Histogram(x=data[names[0]], marker={"color": COLOURS[0]}),
+        _layout(dispersion.label(names[0]), "runs"),
+    )
+    choice = _menu(
+        names, lambda n: [{"x": [data[n]]}, {"xaxis.title.text": dispersion.label(n)}], 0, 0.0
+    )
     return figure.update_layout(updatemenus=[choice], margin={"t": 80}, bargap=0.03)
 
 
@@ -156,15 +223,27 @@ def _contributors(dispersion: Dispersion, name: str, count: int) -> Any:
         textposition="outside",
     )
     figure = go.Figure(bars, _layout("share of the variance, %", "", 130 + 28 * len(inputs)))
-    figure.update_yaxes(autorange="reversed").update_xaxes(range=[0.0, max(10.0, 1.15 * max(shares))])
-    return figure.update_layout(title={"text": explained(found.r_squared), "font": {"size": 13}, "x": 0.0, "xref": "paper"})
+    figure.update_yaxes(autorange="reversed").update_xaxes(
+        range=[0.0, max(10.0, 1.15 * max(shares))]
+    )
+    return figure.update_layout(
+        title={"text": explained(found.r_squared), "font": {"size": 13}, "x": 0.0, "xref": "paper"}
+    )
 
 
 def _record(dispersion: Dispersion) -> str:
     """How the dispersion was made, one line for each entry."""
     lines = []
-    for key, value in {"seed": dispersion.seed, "seconds": f"{dispersion.seconds:.4g}", **dispersion.attributes}.items():
-        text = ", ".join(f"{k} {v}" for k, v in value.items()) if isinstance(value, dict) else str(value)
+    for key, value in {
+        "seed": dispersion.seed,
+        "seconds": f"{dispersion.seconds:.4g}",
+        **dispersion.attributes,
+    }.items():
+        text = (
+            ", ".join(f"{k} {v}" for k, v in value.items())
+            if isinstance(value, dict)
+            else str(value)
+        )
         if text:
             lines.append(f"{key.replace('_', ' ')}: " + text.replace("\n", "\n    "))
     return "\n".join(lines)

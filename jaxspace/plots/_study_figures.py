@@ -24,16 +24,24 @@ def _figure(width: float, height: float) -> "Figure":
 
 
 def accuracy_cost_figure(cost: "AccuracyCost", *, title: str = "") -> "Figure":
-    """The work-precision diagram: the error of the final state against time and against evaluations; where gradients were
-    measured, their error against their time as well. The error of the reference is a dotted line."""
+    """The work-precision diagram: the error of the final state against time and against
+    evaluations; where gradients were measured, their error against their time as well. The error of
+    the reference is a dotted line."""
     gradient = any(row.gradient_seconds is not None for row in cost.rows)
     figure = _figure(12.6 if gradient else 9.0, 4.0)
     panels = figure.subplots(1, 3 if gradient else 2, sharey=True)
     if title:
         figure.suptitle(title, fontsize=12, fontweight="bold", x=0.01, ha="left")
-    reached = lambda r: max(r.error, cost.reference_error)  # noqa: E731
+
+    def reached(r):
+        return max(r.error, cost.reference_error)
+
     _curves(panels[0], cost, lambda r: (1e3 * r.seconds, reached(r)))
-    _curves(panels[1], cost, lambda r: (r.evaluations if r.tolerance is not None else np.nan, reached(r)))
+    _curves(
+        panels[1],
+        cost,
+        lambda r: (r.evaluations if r.tolerance is not None else np.nan, reached(r)),
+    )
     dress(panels[0], "Time", "time of a run [ms]", "relative error of the final state")
     dress(panels[1], "Arithmetic", "evaluations of the vector field")
     if gradient:
@@ -50,12 +58,15 @@ def accuracy_cost_figure(cost: "AccuracyCost", *, title: str = "") -> "Figure":
 
 
 def _ticks(axis: Any) -> None:
-    """Plain numbers at 1, 2 and 5 of every decade, or at its beginning alone where there are many."""
+    """Plain numbers at 1, 2 and 5 of every decade, or at its beginning alone where there are
+    many."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
     low, high = axis.get_view_interval()
     axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if high < 1e2 * low else (1.0,)))
-    axis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}" if 1e-3 <= x < 1e5 else f"{x:.0e}"))
+    axis.set_major_formatter(
+        FuncFormatter(lambda x, _: f"{x:g}" if 1e-3 <= x < 1e5 else f"{x:.0e}")
+    )
     axis.set_minor_formatter(NullFormatter())
 
 
@@ -63,16 +74,28 @@ def _curves(axes: Any, cost: "AccuracyCost", point: Any) -> None:
     """A curve for every method and precision, over its tolerances."""
     names = list(dict.fromkeys(row.method for row in cost.rows))
     for name, precision in dict.fromkeys((row.method, row.precision) for row in cost.rows):
-        rows = [r for r in cost.rows if (r.method, r.precision) == (name, precision) and not r.trouble]
+        rows = [
+            r for r in cost.rows if (r.method, r.precision) == (name, precision) and not r.trouble
+        ]
         points = np.array([point(r) for r in rows], float).reshape(-1, 2)
-        points[:, 1] = np.maximum(points[:, 1], np.finfo(float).eps)  # an error of nothing has no place on the axis
+        points[:, 1] = np.maximum(
+            points[:, 1], np.finfo(float).eps
+        )  # an error of nothing has no place on the axis
         mark, line = MARKS[precision]
         colour = COLOURS[names.index(name) % len(COLOURS)]
-        axes.loglog(*points.T, mark + line, color=colour, label=f"{name}, {precision}", markersize=4, linewidth=1.3)
+        axes.loglog(
+            *points.T,
+            mark + line,
+            color=colour,
+            label=f"{name}, {precision}",
+            markersize=4,
+            linewidth=1.3,
+        )
 
 
 def effect_budget_figure(budget: "EffectBudget", *, title: str = "") -> "Figure":
-    """A bar for what every effect does to the output, and one for its share of the arithmetic; effects that may go are pale."""
+    """A bar for what every effect does to the output, and one for its share of the arithmetic;
+    effects that may go are pale."""
     figure = _figure(9.0, 1.3 + 0.45 * len(budget.rows))
     left, right = figure.subplots(1, 2, sharey=True)
     rows = sorted(budget.rows, key=lambda r: r.influence)
@@ -85,7 +108,9 @@ def effect_budget_figure(budget: "EffectBudget", *, title: str = "") -> "Figure"
     left.set_xscale("log")
     left.set_yticks(places, names)
     if budget.tolerance is not None:
-        left.axvline(budget.tolerance, color="#707070", linewidth=1.2, linestyle="--", label="tolerance")
+        left.axvline(
+            budget.tolerance, color="#707070", linewidth=1.2, linestyle="--", label="tolerance"
+        )
         left.legend(fontsize=8, frameon=False)
     unit = f" [{budget.unit}]" if budget.unit else ""
     dress(left, title or "Which effects matter", f"change of the {budget.output} without it{unit}")

@@ -1,4 +1,5 @@
-"""The look that all pictures share: quiet axes, colours that stay apart in print and for colour-blind readers."""
+"""The look that all pictures share: quiet axes, colours that stay apart in print and for
+colour-blind readers."""
 
 from typing import Any
 

@@ -16,7 +16,8 @@ Closed forms for radii of gyration k, k_z that stay (xi = m / m_0, constant m'):
     omega_z = n xi^(rho^2/k_z^2 - 1)                                        (7.9)
     |omega_xy| = |omega_xy(0)| xi^((l^2 + rho^2/2 - k^2)/k^2)               (Ex. 7.9-1, corrected)
 
-Source: Thomson 7.8, 7.9 (errata 11 to 13). The exhaust leaves straight out of the nozzle, without swirl of its own.
+Source: Thomson 7.8, 7.9 (errata 11 to 13). The exhaust leaves straight out of the nozzle, without
+swirl of its own.
 """
 
 from collections.abc import Callable
@@ -26,8 +27,8 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .._core import Scalar, as_float, axis, check_non_negative, phi1
 from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
+from ..core import Scalar, as_float, axis, check_non_negative, phi1
 
 
 def jet_damping_ratio(mass_ratio: Scalar, lever_over_gyration: Scalar) -> Scalar:
@@ -40,16 +41,20 @@ def spin_ratio(mass_ratio: Scalar, ring_over_gyration: Scalar) -> Scalar:
     return mass_ratio ** (ring_over_gyration**2 - 1.0)
 
 
-def spin_angle(time: Scalar, spin: Scalar, burn_fraction_rate: Scalar, ring_over_gyration: Scalar) -> Scalar:
-    """Angle of spin, rad, after `time`, s: the integral of omega_z from the rate `spin` = n, rad/s, with m'/m_0 =
-    `burn_fraction_rate`, 1/s (positive when mass leaves). Holds for a central nozzle too, where it is a logarithm."""
+def spin_angle(
+    time: Scalar, spin: Scalar, burn_fraction_rate: Scalar, ring_over_gyration: Scalar
+) -> Scalar:
+    """Angle of spin, rad, after `time`, s: the integral of omega_z from the rate `spin` = n, rad/s,
+    with m'/m_0 = `burn_fraction_rate`, 1/s (positive when mass leaves). Holds for a central nozzle
+    too, where it is a logarithm."""
     log_xi = jnp.log1p(-burn_fraction_rate * time)
     return -spin / burn_fraction_rate * log_xi * phi1(ring_over_gyration**2 * log_xi)
 
 
 @final
 class JetDamping(AbstractEffect):
-    """Jet damping of a body whose motor loses mass at the rate `mass_rate(t, mass)`, kg/s (negative).
+    """Jet damping of a body whose motor loses mass at the rate `mass_rate(t, mass)`, kg/s
+    (negative).
 
     - `exit_station`, m: z of the nozzle's exit in the body's construction axes.
     - `exit_radius`, m: of the ring of exits; 0 for one central nozzle.
@@ -74,7 +79,9 @@ class JetDamping(AbstractEffect):
         ring = self.exit_radius * self.exit_radius
         across, along = lever * lever + 0.5 * ring, ring + 0.0 * lever
         carried = across + (along - across) * axis(2, across)
-        return Load(torque_B=self.mass_rate(t, y.mass) * (carried - body.inertia_per_mass(y.mass)) * y.omega)
+        return Load(
+            torque_B=self.mass_rate(t, y.mass) * (carried - body.inertia_per_mass(y.mass)) * y.omega
+        )
 
     def potential(self, t: Scalar, y: BodyState, body: AbstractBody) -> None:
         del t, y, body

@@ -16,11 +16,12 @@ Source: Thomson 7.7-4, 8.1-6, 8.1-11, 8.1-12. Constant exhaust velocity and mass
 
 import jax.numpy as jnp
 
-from .._core import Scalar, check_positive
+from ..core import Scalar, check_positive
 
 
 def rocket_equation(exhaust_velocity: Scalar, mass_ratio: Scalar) -> Scalar:
-    """Gain of speed in free space, m/s, for the exhaust velocity u, m/s, and the mass ratio m_0 / m (Thomson 7.7-4).
+    """Gain of speed in free space, m/s, for the exhaust velocity u, m/s, and the mass ratio m_0 / m
+    (Thomson 7.7-4).
 
     Raises `InputError` for a mass ratio or an exhaust velocity that is not positive."""
     check_positive("exhaust_velocity", exhaust_velocity)
@@ -35,25 +36,39 @@ def mass_ratio_for(exhaust_velocity: Scalar, velocity_gain: Scalar) -> Scalar:
 
 
 def vertical_burnout_velocity(
-    exhaust_velocity: Scalar, mass_ratio: Scalar, burn_time: Scalar, gravity: Scalar, start: Scalar = 0.0
+    exhaust_velocity: Scalar,
+    mass_ratio: Scalar,
+    burn_time: Scalar,
+    gravity: Scalar,
+    start: Scalar = 0.0,
 ) -> Scalar:
     """Speed at burnout of a vertical flight from the speed `start`, m/s (Thomson 8.1-6)."""
     return start + rocket_equation(exhaust_velocity, mass_ratio) - gravity * burn_time
 
 
 def vertical_burnout_height(
-    exhaust_velocity: Scalar, mass_ratio: Scalar, burn_time: Scalar, gravity: Scalar, start: Scalar = 0.0
+    exhaust_velocity: Scalar,
+    mass_ratio: Scalar,
+    burn_time: Scalar,
+    gravity: Scalar,
+    start: Scalar = 0.0,
 ) -> Scalar:
-    """Height gained at burnout of a vertical flight from the speed `start`, m (Thomson 8.1-11); holds for a mass ratio of 1."""
+    """Height gained at burnout of a vertical flight from the speed `start`, m (Thomson 8.1-11);
+    holds for a mass ratio of 1."""
     e = mass_ratio - 1.0
     small = jnp.abs(e) < 1e-4
     safe = jnp.where(small, 1.0, e)
     loss = jnp.where(small, 1.0 - e / 2.0 + e * e / 3.0, jnp.log1p(jnp.where(small, 0.0, e)) / safe)
-    return start * burn_time + exhaust_velocity * burn_time * (1.0 - loss) - 0.5 * gravity * burn_time**2
+    return (
+        start * burn_time
+        + exhaust_velocity * burn_time * (1.0 - loss)
+        - 0.5 * gravity * burn_time**2
+    )
 
 
 def coast_height(speed: Scalar, height: Scalar, surface_gravity: Scalar, radius: Scalar) -> Scalar:
-    """Height gained, m, from the vertical `speed`, m/s, at `height`, m, until rest, under gravity g (R / r)^2 (Thomson 8.1-12).
+    """Height gained, m, from the vertical `speed`, m/s, at `height`, m, until rest, under gravity g
+    (R / r)^2 (Thomson 8.1-12).
 
     Infinite from the speed of escape on."""
     r = radius + height

@@ -1,4 +1,5 @@
-"""Thrust of a motor: along the body's z axis, but for a misalignment and an offset; it takes the propellant along.
+"""Thrust of a motor: along the body's z axis, but for a misalignment and an offset; it takes the
+propellant along.
 
     F_B = F(t) (c_x, c_y, 1) / |(c_x, c_y, 1)|          m' = -F(t) / u
     M_B = (r_T - r_C(m)) x F_B                          u = I_sp g_0
@@ -9,9 +10,9 @@
     r_T, r_C  point of the thrust, centre of mass (construction axes)     m
     u, I_sp   exhaust velocity, specific impulse                          m/s, s
 
-Source: Thomson 7.2 (thrust misalignment), 7.7-4 (rocket), 8.1.
-The mass flow follows the thrust at a constant exhaust velocity. The profile is linear between its points, so that the load
-has kinks at known times: these are its `breaks`.
+Source: Thomson 7.2 (thrust misalignment), 7.7-4 (rocket), 8.1. The mass flow follows the thrust at
+a constant exhaust velocity. The profile is linear between its points, so that the load has kinks at
+known times: these are its `breaks`.
 """
 
 from collections.abc import Sequence
@@ -22,7 +23,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .._core import (
+from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
+from ..core import (
     InputError,
     Scalar,
     Vector,
@@ -32,18 +34,20 @@ from .._core import (
     check_non_negative,
     check_positive,
     cross,
-    known,
+    is_concrete,
 )
-from ..bodies import AbstractBody, AbstractPiecewiseEffect, BodyState, Load
 
 
 @final
 class ThrustProfile(eqx.Module):
-    """Thrust in units of its mean against time in units of the burn time, linear between its points.
+    """Thrust in units of its mean against time in units of the burn time, linear between its
+    points.
 
-    - `fraction`: ascending from 0 to 1, shape (points,) (an optional axis of runs trails); `level`: thrust over mean thrust.
+    - `fraction`: ascending from 0 to 1, shape (points,) (an optional axis of runs trails); `level`:
+      thrust over mean thrust.
 
-    Raises `InputError` unless the fractions ascend from 0 to 1 and the levels are not negative with the mean 1."""
+    Raises `InputError` unless the fractions ascend from 0 to 1 and the levels are not negative with
+    the mean 1."""
 
     fraction: Float[Array, "points *#runs"] = eqx.field(converter=as_float)
     level: Float[Array, "points *#runs"] = eqx.field(converter=as_float)
@@ -54,8 +58,11 @@ class ThrustProfile(eqx.Module):
         return cls([0.0, 1.0], [1.0, 1.0])
 
     @classmethod
-    def tabulated(cls, times: Sequence[float] | Array, thrusts: Sequence[float] | Array) -> tuple["ThrustProfile", float, float]:
-        """The profile of a table of thrust against time, with its burn time and its mean thrust in the table's units."""
+    def tabulated(
+        cls, times: Sequence[float] | Array, thrusts: Sequence[float] | Array
+    ) -> tuple["ThrustProfile", float, float]:
+        """The profile of a table of thrust against time, with its burn time and its mean thrust in
+        the table's units."""
         t, f = np.asarray(times, float), np.asarray(thrusts, float)
         check(np.diff(t) > 0.0, "ThrustProfile.times", t, "ascending")
         burn_time = float(t[-1] - t[0])
@@ -63,7 +70,7 @@ class ThrustProfile(eqx.Module):
         return cls((t - t[0]) / burn_time, f / mean), burn_time, mean
 
     def __check_init__(self):
-        if known(self.fraction) and known(self.level):
+        if is_concrete(self.fraction) and is_concrete(self.level):
             x, f = np.asarray(self.fraction), np.asarray(self.level)
             if x.shape != f.shape or x.shape[0] < 2:
                 raise InputError(
@@ -77,12 +84,18 @@ class ThrustProfile(eqx.Module):
             )
             check_non_negative("ThrustProfile.level", f)
             mean = np.sum(0.5 * (f[1:] + f[:-1]) * np.diff(x, axis=0), axis=0)
-            check(np.abs(mean - 1.0) < 1e-5, "ThrustProfile.level", f, f"of mean 1 (it is {np.max(mean):.6g})")
+            check(
+                np.abs(mean - 1.0) < 1e-5,
+                "ThrustProfile.level",
+                f,
+                f"of mean 1 (it is {np.max(mean):.6g})",
+            )
 
     def at(self, x: Scalar) -> Scalar:
         """The level at the fraction `x` of the burn time; zero before ignition and after burnout.
 
-        A sum of clipped ramps: no search, no gather, and the work of a few multiplications for each point."""
+        A sum of clipped ramps: no search, no gather, and the work of a few multiplications for each
+        point."""
         level = self.level[0]
         for k in range(self.level.shape[0] - 1):
             width = self.fraction[k + 1] - self.fraction[k]
@@ -92,16 +105,18 @@ class ThrustProfile(eqx.Module):
 
 
 @final
-class Thrust(AbstractPiecewiseEffect):
+class Thrust(AbstractEffect):
     """A motor that burns from `ignition`, s, for `burn_time`, s.
 
     - `mean_thrust`, N; `exhaust_velocity`, m/s; `profile`: a `ThrustProfile`, constant by default.
     - `point`, m: where the thrust acts, in the body's construction axes, (3, *runs).
     - `misalignment`: tangents of the angles of the thrust's line to z, towards x and y, (2, *runs).
-    - `burnout_mass`, kg: the thrust ends when no more mass than this is left; `None` lets the burn time alone end it. The end
-      by mass depends on the state: give the phase the event `propellant_left` to stop on it exactly.
+    - `burnout_mass`, kg: the thrust ends when no more mass than this is left; `None` lets the burn
+      time alone end it. The end by mass depends on the state: give the phase the event
+      `propellant_left` to stop on it exactly.
 
-    Raises `InputError` for a thrust that is negative, or a burn time or an exhaust velocity that is not positive."""
+    Raises `InputError` for a thrust that is negative, or a burn time or an exhaust velocity that is
+    not positive."""
 
     mean_thrust: Float[Array, "*#runs"] = eqx.field(converter=as_float)
     exhaust_velocity: Float[Array, "*#runs"] = eqx.field(converter=as_float)
@@ -109,8 +124,12 @@ class Thrust(AbstractPiecewiseEffect):
     profile: ThrustProfile | None = None
     ignition: Float[Array, "*#runs"] = eqx.field(converter=as_float, default=0.0)
     point: Float[Array, "3 *#runs"] | None = eqx.field(converter=as_optional_float, default=None)
-    misalignment: Float[Array, "2 *#runs"] | None = eqx.field(converter=as_optional_float, default=None)
-    burnout_mass: Float[Array, "*#runs"] | None = eqx.field(converter=as_optional_float, default=None)
+    misalignment: Float[Array, "2 *#runs"] | None = eqx.field(
+        converter=as_optional_float, default=None
+    )
+    burnout_mass: Float[Array, "*#runs"] | None = eqx.field(
+        converter=as_optional_float, default=None
+    )
 
     needs: ClassVar[frozenset[str]] = frozenset({"attitude", "mass"})
     adds: ClassVar[frozenset[str]] = frozenset({"force", "torque", "mass_rate"})
@@ -122,34 +141,49 @@ class Thrust(AbstractPiecewiseEffect):
         check_positive("Thrust.burn_time", self.burn_time)
 
     @classmethod
-    def of_motor(cls, total_impulse: Scalar, burn_time: Scalar, propellant_mass: Scalar, **fields) -> "Thrust":
-        """A solid motor from its total impulse, N s, burn time, s, and propellant mass, kg; the other fields by name."""
+    def of_motor(
+        cls, total_impulse: Scalar, burn_time: Scalar, propellant_mass: Scalar, **fields
+    ) -> "Thrust":
+        """A solid motor from its total impulse, N s, burn time, s, and propellant mass, kg; the
+        other fields by name."""
         check_positive("Thrust.total_impulse", total_impulse)
         check_positive("Thrust.propellant_mass", propellant_mass)
         return cls(total_impulse / burn_time, total_impulse / propellant_mass, burn_time, **fields)
 
     @classmethod
-    def of_specific_impulse(cls, mean_thrust: Scalar, specific_impulse: Scalar, burn_time: Scalar, **fields) -> "Thrust":
-        """A motor from its thrust, N, specific impulse, s (with the standard gravity that defines it), and burn time, s."""
+    def of_specific_impulse(
+        cls, mean_thrust: Scalar, specific_impulse: Scalar, burn_time: Scalar, **fields
+    ) -> "Thrust":
+        """A motor from its thrust, N, specific impulse, s (with the standard gravity that defines
+        it), and burn time, s."""
         return cls(mean_thrust, 9.80665 * specific_impulse, burn_time, **fields)
 
     def thrust(self, t: Scalar, mass: Scalar) -> Scalar:
         """The thrust, N, at the time `t`, s, with `mass`, kg, left."""
         x = (t - self.ignition) / self.burn_time
-        thrust = self.mean_thrust * (ThrustProfile.constant() if self.profile is None else self.profile).at(x)
-        return thrust if self.burnout_mass is None else jnp.where(mass > self.burnout_mass, thrust, 0.0)
+        thrust = self.mean_thrust * (
+            ThrustProfile.constant() if self.profile is None else self.profile
+        ).at(x)
+        return (
+            thrust
+            if self.burnout_mass is None
+            else jnp.where(mass > self.burnout_mass, thrust, 0.0)
+        )
 
     def mass_rate(self, t: Scalar, mass: Scalar) -> Scalar:
         """Rate of the mass, kg/s, negative while the motor burns."""
         return -self.thrust(t, mass) / self.exhaust_velocity
 
     def propellant_left(self, y: BodyState) -> Scalar:
-        """Mass above the burnout mass, kg; its zero is the end of the burn. Raises `InputError` without a burnout mass.
+        """Mass above the burnout mass, kg; its zero is the end of the burn. Raises `InputError`
+        without a burnout mass.
 
-        The zero lies some thousand units in the last place before the thrust's own end: the last step of a phase that
-        ends here must not see the jump of the thrust."""
+        The zero lies some thousand units in the last place before the thrust's own end: the last
+        step of a phase that ends here must not see the jump of the thrust."""
         if self.burnout_mass is None:
-            raise InputError("Thrust.burnout_mass is None: it must be a mass in kg for the propellant to run out.")
+            raise InputError(
+                "Thrust.burnout_mass is None: it must be a mass in kg for the propellant to run out."
+            )
         assert y.mass is not None
         return y.mass - self.burnout_mass * (1.0 + 4096.0 * jnp.finfo(y.mass.dtype).eps)
 
@@ -160,7 +194,11 @@ class Thrust(AbstractPiecewiseEffect):
         torque = None
         if self.point is not None:
             torque = cross(self.point - body.centre_of_mass(y.mass), force_B)
-        return Load(force_N=y.attitude.rotate(force_B), torque_B=torque, mass_rate=-thrust / self.exhaust_velocity)
+        return Load(
+            force_N=y.attitude.rotate(force_B),
+            torque_B=torque,
+            mass_rate=-thrust / self.exhaust_velocity,
+        )
 
     def _direction(self, like: Scalar) -> Vector:
         """Unit vector of the thrust in body axes."""

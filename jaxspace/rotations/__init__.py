@@ -1,4 +1,5 @@
-"""Orientation: quaternion, Euler angles, matrix, rotation vector, and their rates. No mass, no force."""
+"""Orientation: quaternion, Euler angles, matrix, rotation vector, and their rates. No mass, no
+force."""
 
 from ._euler_angles import SEQUENCES as SEQUENCES
 from ._euler_angles import euler_rates_from_omega as euler_rates_from_omega

@@ -11,9 +11,9 @@
     omega_B  angular velocity in body axes            rad/s
     theta    turn from q_0, q = q_0 exp(theta/2)      rad
 
-Source: Thomson 5.1 (Euler's theorem: every displacement with a fixed point is one turn), 3.4 (matrix), 3-P13 (rates).
-A quaternion of any length but zero stands for the turn of its direction: the small departure from unit length that an
-integration leaves bends no vector.
+Source: Thomson 5.1 (Euler's theorem: every displacement with a fixed point is one turn), 3.4
+(matrix), 3-P13 (rates). A quaternion of any length but zero stands for the turn of its direction:
+the small departure from unit length that an integration leaves bends no vector.
 """
 
 from typing import final
@@ -22,7 +22,19 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .._core import AbstractGroupElement, Matrix, Scalar, Vector, as_float, axis, cross, dot, norm, safe_atan2, sinc_squared
+from ..core import (
+    AbstractGroupElement,
+    Matrix,
+    Scalar,
+    Vector,
+    as_float,
+    axis,
+    cross,
+    dot,
+    norm,
+    safe_atan2,
+    sinc_squared,
+)
 
 
 @final
@@ -52,11 +64,14 @@ class Quaternion(AbstractGroupElement):
     def about(cls, index: int, angle: Scalar) -> "Quaternion":
         """The turn about the axis `index` (0, 1, 2) through `angle`, rad."""
         angle = jnp.asarray(angle)
-        return cls(jnp.concatenate([jnp.cos(angle / 2.0)[None], jnp.sin(angle / 2.0) * axis(index, angle)]))
+        return cls(
+            jnp.concatenate([jnp.cos(angle / 2.0)[None], jnp.sin(angle / 2.0) * axis(index, angle)])
+        )
 
     @classmethod
     def from_matrix(cls, m: Matrix) -> "Quaternion":
-        """From a rotation matrix C_NB: of Shepperd's four forms the one with the largest pivot, so that no digit is lost."""
+        """From a rotation matrix C_NB: of Shepperd's four forms the one with the largest pivot, so
+        that no digit is lost."""
         t = m[0, 0] + m[1, 1] + m[2, 2]
         pivots = jnp.stack([t, m[0, 0], m[1, 1], m[2, 2]])
         x, y, z = m[2, 1] - m[1, 2], m[0, 2] - m[2, 0], m[1, 0] - m[0, 1]
@@ -67,7 +82,7 @@ class Quaternion(AbstractGroupElement):
         wxyz = jnp.select([best == i for i in range(4)], [jnp.stack(row) for row in rows])
         return cls(wxyz / jnp.sqrt(jnp.sum(wxyz**2, axis=0)))
 
-    def xyzw(self) -> Float[Array, "4 *runs"]:
+    def xyzw(self) -> Float[Array, "4 *#runs"]:
         """In scalar-last storage."""
         return jnp.concatenate([self.wxyz[1:], self.wxyz[:1]])
 
@@ -89,7 +104,9 @@ class Quaternion(AbstractGroupElement):
         """This orientation followed by `turn` about the body's own axes: the product q turn."""
         a, b = self.wxyz, turn.wxyz
         u, v = a[1:], b[1:]
-        return Quaternion(jnp.concatenate([(a[0] * b[0] - dot(u, v))[None], a[0] * v + b[0] * u + cross(u, v)]))
+        return Quaternion(
+            jnp.concatenate([(a[0] * b[0] - dot(u, v))[None], a[0] * v + b[0] * u + cross(u, v)])
+        )
 
     def rotate(self, v_B: Vector) -> Vector:
         """Inertial components of the vector whose body components are `v_B`."""
@@ -109,9 +126,12 @@ class Quaternion(AbstractGroupElement):
         return jnp.stack([self.rotate(axis(i, one)) for i in range(3)], axis=1)
 
     def rate(self, omega_B: Vector) -> "Quaternion":
-        """Rate of change of the quaternion, 1/s, for the angular velocity `omega_B`, rad/s, in body axes."""
+        """Rate of change of the quaternion, 1/s, for the angular velocity `omega_B`, rad/s, in body
+        axes."""
         w, u = self.wxyz[0], self.wxyz[1:]
-        return Quaternion(0.5 * jnp.concatenate([-dot(u, omega_B)[None], w * omega_B + cross(u, omega_B)]))
+        return Quaternion(
+            0.5 * jnp.concatenate([-dot(u, omega_B)[None], w * omega_B + cross(u, omega_B)])
+        )
 
     def coordinates(self) -> Vector:
         return 0.0 * self.wxyz[1:]
@@ -130,11 +150,15 @@ class Quaternion(AbstractGroupElement):
         u, w = q[1:], q[0]
         s = norm(u)
         half = safe_atan2(s, w)
-        return jnp.where(s > 1e-3 * w, 2.0 * half / jnp.where(s > 0.0, s, 1.0), _two_atan_over(s, w)) * u
+        return (
+            jnp.where(s > 1e-3 * w, 2.0 * half / jnp.where(s > 0.0, s, 1.0), _two_atan_over(s, w))
+            * u
+        )
 
 
 def _bend(z: Scalar) -> Scalar:
-    """(1 - s cot(s)) / (4 s^2) of z = 4 s^2, with its series about z = 0; singular at a whole turn."""
+    """(1 - s cot(s)) / (4 s^2) of z = 4 s^2, with its series about z = 0; singular at a whole
+    turn."""
     small = z < 0.1
     y, x = jnp.where(small, z, 0.0), jnp.where(small, 1.0, z)
     s = 0.5 * jnp.sqrt(x)

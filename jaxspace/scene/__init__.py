@@ -1,9 +1,10 @@
-"""Composition: a body and its effects become a system that integrates only what the effects call for."""
+"""Composition: a body and its effects become a system that integrates only what the effects call
+for."""
 
 from ._custom import Custom as Custom
 from ._explain import EffectRow as EffectRow
 from ._explain import budget as budget
-from ._explain import compiled as compiled
+from ._explain import compile_vector_field as compile_vector_field
 from ._explain import explain as explain
 from ._explain import operation_count as operation_count
 from ._scaled import Scaled as Scaled

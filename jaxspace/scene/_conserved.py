@@ -10,16 +10,21 @@ Source: Thomson 4.2, 5.3."""
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from .._core import Scalar, cross, dot
 from ..bodies import AbstractBody, AbstractEffect, BodyState, kinetic_energy
+from ..core import Scalar, cross, dot
 
 ALL_KEPT = frozenset({"energy", "angular_momentum", "axial_angular_momentum"})
 
 
 def conserved(
-    effects: tuple[AbstractEffect, ...], body: AbstractBody, mass: Scalar | None, t: Scalar, y: BodyState
+    effects: tuple[AbstractEffect, ...],
+    body: AbstractBody,
+    mass: Scalar | None,
+    t: Scalar,
+    y: BodyState,
 ) -> dict[str, Array]:
-    """The conserved quantities of a body of this `mass`, kg, by name, in the state `y` at the time `t`, s."""
+    """The conserved quantities of a body of this `mass`, kg, by name, in the state `y` at the time
+    `t`, s."""
     kept = frozenset.intersection(*(e.keeps for e in effects)) if effects else ALL_KEPT
     adds = frozenset().union(*(e.adds for e in effects))
     pushing = tuple(e for e in effects if e.adds != {"torque"})
@@ -44,12 +49,21 @@ def conserved(
     return found | unit
 
 
-def _energy(effects: tuple[AbstractEffect, ...], body: AbstractBody, mass: Scalar | None, t: Scalar, y: BodyState) -> Array:
-    """Energy per unit mass; that of the rotation counts in where the `mass` that it belongs to is given."""
+def _energy(
+    effects: tuple[AbstractEffect, ...],
+    body: AbstractBody,
+    mass: Scalar | None,
+    t: Scalar,
+    y: BodyState,
+) -> Array:
+    """Energy per unit mass; that of the rotation counts in where the `mass` that it belongs to is
+    given."""
     energy = 0.0 if y.velocity is None else 0.5 * dot(y.velocity, y.velocity)
     for effect in effects:
         potential = effect.potential(t, y, body)
-        assert potential is not None, f"{type(effect).__name__} keeps the energy and has no potential"
+        assert potential is not None, (
+            f"{type(effect).__name__} keeps the energy and has no potential"
+        )
         energy = energy + potential
     if mass is not None and y.omega is not None:
         energy = energy + kinetic_energy(body.inertia(mass), y.omega) / mass

@@ -4,22 +4,23 @@ from typing import Any, final
 
 import equinox as eqx
 import jax
-import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .._core import Scalar, as_float
-from ..bodies import AbstractBody, AbstractEffect, AbstractPiecewiseEffect, AbstractScalableEffect, BodyState, Load
+from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
+from ..core import Scalar, as_float
 
 
 def scaled(effect: AbstractEffect, factor: Scalar) -> AbstractEffect:
-    """The `effect` with its whole load multiplied by the `factor`: by itself where it can, so that it still offers its closed
-    form and its regular variables, else as a `Scaled`."""
-    return effect.scaled(factor) if isinstance(effect, AbstractScalableEffect) else Scaled(effect, factor)
+    """The `effect` with its whole load multiplied by the `factor`: by itself where it can, so that
+    it still offers its closed form and its regular variables, else as a `Scaled`."""
+    own = effect.scaled(factor)
+    return Scaled(effect, factor) if own is None else own
 
 
 @final
-class Scaled(AbstractPiecewiseEffect):
-    """An `effect` whose whole load is multiplied by the `factor`: 1 leaves it as it is, 0 takes it away.
+class Scaled(AbstractEffect):
+    """An `effect` whose whole load is multiplied by the `factor`: 1 leaves it as it is, 0 takes it
+    away.
 
     A derivative in the factor at 1 says what a result owes to the effect, to first order."""
 
@@ -40,7 +41,5 @@ class Scaled(AbstractPiecewiseEffect):
         own = self.effect.potential(t, y, body)
         return None if own is None else self.factor * own
 
-    def breaks(self) -> Float[Array, "times *#runs"]:
-        if isinstance(self.effect, AbstractPiecewiseEffect):
-            return self.effect.breaks()
-        return jnp.zeros((0,), self.factor.dtype)
+    def breaks(self) -> Float[Array, "times *#runs"] | None:
+        return self.effect.breaks()

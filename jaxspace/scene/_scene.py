@@ -2,8 +2,8 @@
 
     v' = sum a + sum F / m,    J omega' = sum M - omega x J omega,    m' = sum m'_effects
 
-The state holds the parts that the effects read or change (`Scene.parts`), and those that it is told to carry along; every
-other part is `None`, hence no leaf of the state, of a batch or of a gradient.
+The state holds the parts that the effects read or change (`Scene.parts`), and those that it is told
+to carry along; every other part is `None`, hence no leaf of the state, of a batch or of a gradient.
 
 Source: Thomson 5.6, 7.1, 7.7 for the sums; `jaxspace.bodies` for the equations of one body.
 """
@@ -14,41 +14,44 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .._core import (
-    AbstractPiecewiseSystem,
-    AbstractRegularForm,
-    AbstractRegularisedSystem,
-    AbstractSplitSystem,
-    InputError,
-    Scalar,
-)
 from ..bodies import (
     PARTS,
     AbstractBody,
     AbstractEffect,
-    AbstractFlowEffect,
-    AbstractPiecewiseEffect,
-    AbstractRegularEffect,
     BodyState,
     Load,
     RigidBody,
     angular_acceleration,
-    free_turn,
     linear_acceleration,
 )
+from ..core import (
+    AbstractClosedForm,
+    AbstractRegularised,
+    AbstractSplit,
+    AbstractSystem,
+    InputError,
+    Scalar,
+)
+from ._capabilities import ROTATION, TRANSLATION, body_motion, scene_regularised, scene_split
 from ._conserved import conserved
 
-TRANSLATION, ROTATION = {"position", "velocity"}, {"attitude", "omega"}
-CALLS_FOR = {"acceleration": TRANSLATION, "force": TRANSLATION, "torque": ROTATION, "mass_rate": {"mass"}, "parts": {"parts"}}
+CALLS_FOR = {
+    "acceleration": TRANSLATION,
+    "force": TRANSLATION,
+    "torque": ROTATION,
+    "mass_rate": {"mass"},
+    "parts": {"parts"},
+}
 
 
 @final
-class Scene(AbstractPiecewiseSystem, AbstractSplitSystem, AbstractRegularisedSystem):
+class Scene(AbstractSystem):
     """A body under effects, as a system.
 
     - `effects`: what acts, in any order.
     - `body`: mass properties; may be absent where no effect asks for mass or inertia.
-    - `carry`: parts of the state to integrate although no effect asks for them (`("attitude",)` lets a body turn freely).
+    - `carry`: parts of the state to integrate although no effect asks for them (`("attitude",)`
+      lets a body turn freely).
 
     Raises `InputError` when an effect needs what the body lacks; the message names both."""
 
@@ -59,7 +62,9 @@ class Scene(AbstractPiecewiseSystem, AbstractSplitSystem, AbstractRegularisedSys
     def __check_init__(self):
         unknown = set(self.carry) - set(PARTS)
         if unknown:
-            raise InputError(f"Scene.carry names {sorted(unknown)}: it may name {', '.join(PARTS)}.")
+            raise InputError(
+                f"Scene.carry names {sorted(unknown)}: it may name {', '.join(PARTS)}."
+            )
         for name, effect in [(type(e).__name__, e) for e in self.effects]:
             if "force" in effect.adds and self._massless():
                 raise InputError(
@@ -68,7 +73,9 @@ class Scene(AbstractPiecewiseSystem, AbstractSplitSystem, AbstractRegularisedSys
             if {"attitude", "omega"} & effect.needs or "torque" in effect.adds:
                 self._check_inertia(f"{name} needs")
             if "body_mass" in effect.needs and self._massless():
-                raise InputError(f"{name} needs the mass of the body, which has none: give body=RigidBody(mass=...).")
+                raise InputError(
+                    f"{name} needs the mass of the body, which has none: give body=RigidBody(mass=...)."
+                )
         if ROTATION & set(self.carry):
             self._check_inertia("Scene.carry asks for")
 
@@ -77,7 +84,9 @@ class Scene(AbstractPiecewiseSystem, AbstractSplitSystem, AbstractRegularisedSys
 
     def _check_inertia(self, who: str) -> None:
         if not self.body.has_inertia():
-            raise InputError(f"{who} a rotating body, and the body has no inertia: give body=RigidBody(inertia=...).")
+            raise InputError(
+                f"{who} a rotating body, and the body has no inertia: give body=RigidBody(inertia=...)."
+            )
 
     @property
     def parts(self) -> tuple[str, ...]:
@@ -92,11 +101,14 @@ class Scene(AbstractPiecewiseSystem, AbstractSplitSystem, AbstractRegularisedSys
         return tuple(part for part in PARTS if part in wanted)
 
     def check_state(self, y: BodyState) -> None:
-        """Raise `InputError` unless the state holds just the parts of this scene; the message names who asks for one."""
+        """Raise `InputError` unless the state holds just the parts of this scene; the message names
+        who asks for one."""
         for part in self.parts:
             if getattr(y, part) is None:
                 who = [type(e).__name__ for e in self.effects if part in e.needs] or ["Scene"]
-                raise InputError(f"{who[0]} needs {part}, and the state has none: give BodyState({part}=...).")
+                raise InputError(
+                    f"{who[0]} needs {part}, and the state has none: give BodyState({part}=...)."
+                )
         idle = [part for part in y.present() if part not in self.parts]
         if idle:
             raise InputError(
@@ -118,7 +130,9 @@ class Scene(AbstractPiecewiseSystem, AbstractSplitSystem, AbstractRegularisedSys
         if y.velocity is not None:
             free = load.acceleration_N is None and load.force_N is None
             velocity = (
-                jnp.zeros_like(y.velocity) if free else linear_acceleration(load.acceleration_N, load.force_N, self.mass(y))
+                jnp.zeros_like(y.velocity)
+                if free
+                else linear_acceleration(load.acceleration_N, load.force_N, self.mass(y))
             )
         if y.omega is not None and y.attitude is not None:
             attitude = y.attitude.rate(y.omega)
@@ -128,77 +142,49 @@ class Scene(AbstractPiecewiseSystem, AbstractSplitSystem, AbstractRegularisedSys
         return BodyState(y.velocity, velocity, attitude, omega, mass, load.parts_rate)
 
     def mass(self, y: BodyState) -> Scalar | None:
-        """The mass of the body, kg: from the state where it changes, else the body's own; `None` if it has none."""
+        """The mass of the body, kg: from the state where it changes, else the body's own; `None` if
+        it has none."""
         return self.body.constant_mass() if y.mass is None else y.mass
 
-    def _split(self) -> tuple[AbstractFlowEffect | None, "Scene"]:
-        """The effect that drifts, if there is one, and the scene of the others. Raises `InputError` for a scene without split."""
-        flowing = [e for e in self.effects if isinstance(e, AbstractFlowEffect)]
-        rest = Scene(tuple(e for e in self.effects if not isinstance(e, AbstractFlowEffect)), self.body, self.carry)
-        moving = {"velocity", "omega", "mass", "parts"}
-        bad = [type(e).__name__ for e in rest.effects if moving & e.needs or moving & e.adds or "mass_rate" in e.adds]
-        why = f"{bad[0]} reads or adds more than loads by position and attitude" if bad else ""
-        why = why or (f"{type(flowing[1]).__name__} is a second effect with a closed form" if len(flowing) > 1 else "")
-        why = why or ("its mass changes" if not set(self.parts) <= TRANSLATION | ROTATION else "")
-        if why:
-            raise InputError(f"This scene cannot be split into drift and kick: {why}.")
-        return flowing[0] if flowing else None, rest
+    def closed_form(self) -> AbstractClosedForm | None:
+        """Exact motion of a scene of nothing but one attraction by a point and free rotation."""
+        return body_motion(self, self.effects)[0]
 
-    def regular_form(self) -> AbstractRegularForm:
-        """The regular variables of the one effect that has them, pushed by the others.
+    def split(self) -> AbstractSplit | None:
+        """The closed form of the scene as the drift, the loads by place and attitude as the
+        kick."""
+        return scene_split(self)[0]
 
-        Raises `InputError` where there is not just one, or where the others read more than position and velocity."""
-        rest = Scene(tuple(e for e in self.effects if not isinstance(e, AbstractRegularEffect)), self.body)
-        central = [e for e in self.effects if isinstance(e, AbstractRegularEffect)]
-        why = [f"{type(e).__name__} reads the {part}" for e in rest.effects for part in PARTS if part in e.needs - TRANSLATION]
-        alien = {"torque", "mass_rate", "parts"}
-        why += [f"{type(e).__name__} adds a {part}" for e in self.effects for part in e.adds & alien]
-        why += [f"it needs one effect as PointGravity, and has {len(central)}"] if len(central) != 1 else []
-        why += [f"its state holds {', '.join(self.parts)}"] if set(self.parts) != TRANSLATION else []
-        if why:
-            raise InputError(
-                f"This scene cannot be seen in regular variables: {why[0]}. The state must hold a position and a velocity only."
-            )
-        return central[0].regular_form(rest if rest.effects else None)
+    def regularised(self) -> AbstractRegularised | None:
+        """The regularised variables of the attracting point, perturbed by the other effects."""
+        return scene_regularised(self)[0]
 
-    def drift(self, duration: Scalar, y: BodyState) -> BodyState:
-        """The orbit under the effect with a closed form, a straight line without one; and the free rotation of the body."""
-        flowing, _ = self._split()
-        orbit, attitude, omega = BodyState(), None, None
-        if y.position is not None:
-            start = BodyState(y.position, y.velocity)
-            orbit = (
-                BodyState(y.position + duration * y.velocity, y.velocity) if flowing is None else flowing.flow(duration, start)
-            )
-        if y.attitude is not None:
-            turn, omega = free_turn(duration, self.body.inertia(self.mass(y)), y.omega)
-            attitude = y.attitude.then(turn)
-        return BodyState(orbit.position, orbit.velocity, attitude, omega)
-
-    def kick(self, t: Scalar, duration: Scalar, y: BodyState) -> BodyState:
-        """What the loads that depend on position and attitude do to the velocity and to the angular velocity."""
-        load = self._split()[1].loads(t, y)
-        velocity, omega = y.velocity, y.omega
-        if load.acceleration_N is not None or load.force_N is not None:
-            velocity = velocity + duration * linear_acceleration(load.acceleration_N, load.force_N, self.mass(y))
-        if load.torque_B is not None:
-            omega = omega + duration * self.body.inertia(self.mass(y)).solve(load.torque_B)
-        return BodyState(y.position, velocity, y.attitude, omega)
+    def missing(self, capability: str) -> str:
+        reasons = {
+            "closed_form": lambda: body_motion(self, self.effects)[1],
+            "split": lambda: scene_split(self)[1],
+            "regularised": lambda: scene_regularised(self)[1],
+        }
+        return reasons[capability]() if capability in reasons else ""
 
     def invariants(self, t: Scalar, y: BodyState) -> dict[str, Array]:
-        """What the effects together leave constant: the energy if every effect keeps it, and so on."""
+        """What the effects together leave constant: the energy if every effect keeps it, and so
+        on."""
         return conserved(self.effects, self.body, self.mass(y), t, y)
 
     def explain(self) -> str:
-        """A table of the effects: what each reads and adds, and its share of the arithmetic of one evaluation."""
+        """A table of the effects: what each reads and adds, and its share of the arithmetic of one
+        evaluation."""
         from ._explain import explain
 
         return explain(self)
 
-    def breaks(self) -> Float[Array, "times *#runs"]:
-        times = [e.breaks() for e in self.effects if isinstance(e, AbstractPiecewiseEffect)]
+    def breaks(self) -> Float[Array, "times *#runs"] | None:
+        """The break times of all effects together."""
+        times = [e.breaks() for e in self.effects]
+        times = [x for x in times if x is not None]
         if not times:
-            return jnp.zeros((0,))
+            return None
         runs = jnp.broadcast_shapes(*(x.shape[1:] for x in times))
         return jnp.concatenate([jnp.broadcast_to(x, (x.shape[0], *runs)) for x in times])
 

@@ -1,7 +1,8 @@
 """Phases in sequence: each with its own system, its own end, and a jump into the next.
 
-The jump is any function (t, y) -> y, best an `equinox.Module` whose parameters are then part of the mission; it may change
-what the state holds. Runs of a batch may have phases of different length, and events at different times."""
+The jump is any function (t, y) -> y, best an `equinox.Module` whose parameters are then part of the
+mission; it may change what the state holds. Runs of a batch may have phases of different length,
+and events at different times."""
 
 from collections.abc import Callable
 from typing import Any, final
@@ -9,8 +10,8 @@ from typing import Any, final
 import equinox as eqx
 from jaxtyping import Array, Float
 
-from .._core import AbstractSystem, InputError, Scalar, State, as_float, check_finite
-from ._events import Event
+from ..core import AbstractSystem, InputError, Scalar, State, as_float, check_finite
+from ..integration._events import Event
 
 
 def _as_until(x: Any) -> Any:
@@ -35,18 +36,23 @@ class Phase(eqx.Module):
     def __check_init__(self):
         if isinstance(self.until, Event):
             if self.until.within is None:
-                raise InputError(f"Phase {self.name!r} ends at an event without a limit: Event.within must be a time in s.")
+                raise InputError(
+                    f"Phase {self.name!r} ends at an event without a limit: Event.within must be a time in s."
+                )
         else:
             check_finite(f"Phase {self.name!r}: until", self.until)
 
 
 @final
 class Mission(eqx.Module):
-    """Phases flown one after the other. Raises `InputError` when there is none, or two of one name."""
+    """Phases flown one after the other. Raises `InputError` when there is none, or two of one
+    name."""
 
     phases: tuple[Phase, ...] = eqx.field(converter=tuple)
 
     def __check_init__(self):
         names = [phase.name for phase in self.phases]
         if not names or len(set(names)) < len(names):
-            raise InputError(f"Mission.phases are {names}: there must be at least one, each with a name of its own.")
+            raise InputError(
+                f"Mission.phases are {names}: there must be at least one, each with a name of its own."
+            )

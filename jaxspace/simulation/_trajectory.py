@@ -8,8 +8,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
-from .._core import AbstractSystem, State
-from ._accuracy import Accuracy, state_dtype
+from ..core import AbstractSystem, State
+from ..integration._accuracy import Accuracy, state_dtype
 
 
 @functools.partial(jax.jit, static_argnums=(1, 2))
@@ -20,13 +20,16 @@ def _at(states: State, index: int, axis: int) -> State:
 
 @final
 class Trajectory(eqx.Module):
-    """A run, or many: every array has the axes (runs, times, components); one run has no axis of runs.
+    """A run, or many: every array has the axes (runs, times, components); one run has no axis of
+    runs.
 
-    - `ts`, s: the times asked for; where an event stopped a run, its later times are the time of the event.
+    - `ts`, s: the times asked for; where an event stopped a run, its later times are the time of
+      the event.
     - `states`: the state at each time.
     - `status`: a `Status` for each run.
     - `event`: which of the events stopped the run, -1 for none.
-    - `stats`: steps, evaluations of the vector field, largest local error in units of the tolerance.
+    - `stats`: steps, evaluations of the vector field, largest local error in units of the
+      tolerance.
     - `system`, `accuracy`: what was run, and how."""
 
     ts: Float[Array, "*runs times"]
@@ -59,8 +62,8 @@ class Trajectory(eqx.Module):
         return jax.vmap(over_times, in_axes=(axes, 0, 0))(self.system, self.ts, self.states)
 
     def drift(self) -> dict[str, Float[Array, "*runs times"]]:
-        """Change of every invariant since the first time, relative to its size (absolute for an invariant that begins at
-        zero), at every time."""
+        """Change of every invariant since the first time, relative to its size (absolute for an
+        invariant that begins at zero), at every time."""
 
         def relative(values: Array) -> Array:
             along = values if self.shared is None else jnp.moveaxis(values, 0, 1)
@@ -71,13 +74,16 @@ class Trajectory(eqx.Module):
             result = change / jnp.where(size > 0.0, size, 1.0)
             return result if self.shared is None else jnp.moveaxis(result, 0, 1)
 
-        return {name: relative(v) for name, v in self.along(lambda s, t, y: s.invariants(t, y)).items()}
+        return {
+            name: relative(v) for name, v in self.along(lambda s, t, y: s.invariants(t, y)).items()
+        }
 
     def error(self) -> State:
-        """Estimate of the global error of the final state, component by component: how far it moves when the run is
-        repeated with a hundredth of the tolerance (and half the `max_step`, or twice as many equal steps); for a closed form,
-        when the span is passed in two parts. Not a number where the steps of the repetition run out. What both runs pass over,
-        it does not know (`Accuracy.max_step`)."""
+        """Estimate of the global error of the final state, component by component: how far it moves
+        when the run is repeated with a hundredth of the tolerance (and half the `max_step`, or
+        twice as many equal steps); for a closed form, when the span is passed in two parts. Not a
+        number where the steps of the repetition run out. What both runs pass over, it does not know
+        (`Accuracy.max_step`)."""
         from ._simulate import repeated
 
         return jax.tree.map(lambda a, b: jnp.abs(a - b), self.final, repeated(self, 0.01))
@@ -89,7 +95,8 @@ class Trajectory(eqx.Module):
 
 @final
 class MissionTrajectory(eqx.Module):
-    """The trajectories of a mission's phases, in order, each up to and including its end before the jump that follows.
+    """The trajectories of a mission's phases, in order, each up to and including its end before the
+    jump that follows.
 
     - `phases`: a `Trajectory` for each phase; `names`: their names; index by either.
     - `final`: the state after the last jump, and `end`, s, its time, of each run.

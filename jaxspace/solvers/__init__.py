@@ -1,11 +1,8 @@
 """Integrators written as diffrax solvers, and their step control. No physics.
 
-Every solver here serves one run or many (runs on the last axis of every block of the state) in one integration."""
+Every solver here serves one run or many (runs on the last axis of every block of the state) in one
+integration."""
 
-from ._control import Accounted as Accounted
-from ._control import PlannedSteps as PlannedSteps
-from ._control import Tolerance as Tolerance
-from ._control import WorstRunControl as WorstRunControl
 from ._exponential import ExponentialRosenbrock as ExponentialRosenbrock
 from ._munthe_kaas import MuntheKaas as MuntheKaas
 from ._regularised import Regular as Regular
@@ -13,7 +10,11 @@ from ._regularised import Regularised as Regularised
 from ._rkn1210 import RKN1210 as RKN1210
 from ._runge_kutta import DOP853 as DOP853
 from ._runge_kutta import Tsit5 as Tsit5
-from ._second_order import AbstractEqualSteps as AbstractEqualSteps
+from ._second_order import AbstractFixedStep as AbstractFixedStep
 from ._splitting import Split as Split
 from ._splitting import Splitting as Splitting
+from ._step_control import BatchStepController as BatchStepController
+from ._step_control import ErrorTrackingSolver as ErrorTrackingSolver
+from ._step_control import StepTo as StepTo
+from ._step_control import Tolerance as Tolerance
 from ._stormer import Stormer as Stormer

@@ -3,11 +3,11 @@
     phi_0(Z) = e^Z,    phi_k(Z) = Z phi_{k+1}(Z) + 1/k!                      phi_1 = (e^Z - 1) / Z, and so on
     phi_k(2 Z) = 2^-k [ e^Z phi_k(Z) + sum_{j=1..k} phi_j(Z) / (k - j)! ]    doubling
 
-A series serves Z / 2^m, m doublings lead back to Z. The digits lost are those that the phase of the fastest motion in Z has
-lost already: eps |Z|, no more.
+A series serves Z / 2^m, m doublings lead back to Z. The digits lost are those that the phase of the
+fastest motion in Z has lost already: eps |Z|, no more.
 
-Source: Higham, Functions of Matrices, 10.7.4 (phi functions), 10.3 (scaling and squaring); Osborne (1960), On pre-conditioning
-matrices, Journal of the ACM 7, 338 (balancing).
+Source: Higham, Functions of Matrices, 10.7.4 (phi functions), 10.3 (scaling and squaring); Osborne
+(1960), On pre-conditioning matrices, Journal of the ACM 7, 338 (balancing).
 """
 
 import math
@@ -36,12 +36,16 @@ def phis(z: Square) -> list[Float[Array, "6 *runs n n"]]:
     scale = _balance(z)
     z = z * scale[..., None, :] / scale[..., :, None]
     size = jax.lax.stop_gradient(jnp.max(jnp.sum(jnp.abs(z), axis=-2), axis=-1))
-    doublings = jnp.clip(jnp.ceil(jnp.log2(jnp.maximum(size, 1.0))), 2.0, DOUBLINGS)[..., None, None]
+    doublings = jnp.clip(jnp.ceil(jnp.log2(jnp.maximum(size, 1.0))), 2.0, DOUBLINGS)[
+        ..., None, None
+    ]
     bad = ~(size <= 2.0**DOUBLINGS)[..., None, None]
 
     def once(p: Array, k: Array) -> tuple[Array, None]:
         wanted = k < doublings - 2.0
-        return jax.lax.cond(jnp.any(wanted), lambda p: jnp.where(wanted, _doubled(p), p), lambda p: p, p), None
+        return jax.lax.cond(
+            jnp.any(wanted), lambda p: jnp.where(wanted, _doubled(p), p), lambda p: p, p
+        ), None
 
     def again(p: Array, _: None) -> tuple[Array, Array]:
         p = _doubled(p)
@@ -61,25 +65,35 @@ def _one(z: Square) -> Any:
 def _series(z: Square) -> Float[Array, "6 *runs n n"]:
     """phi_0, phi_1, ... of a matrix of norm one: the last by its series, the others from it."""
     one = _one(z) + 0.0 * z
-    last = jax.lax.fori_loop(0, TERMS, lambda k, p: times(z, p) / (TERMS + ORDERS - k).astype(z.dtype) + one, one)
+    last = jax.lax.fori_loop(
+        0, TERMS, lambda k, p: times(z, p) / (TERMS + ORDERS - k).astype(z.dtype) + one, one
+    )
     every = [last / math.factorial(ORDERS)]
     for k in range(ORDERS - 1, -1, -1):
         every.insert(0, times(z, every[0]) + one / math.factorial(k))
     return jnp.stack(every)
 
 
-_SUMS = np.array([[1 / math.factorial(k - j) if 1 <= j <= k else 0.0 for j in range(ORDERS + 1)] for k in range(ORDERS + 1)])
+_SUMS = np.array(
+    [
+        [1 / math.factorial(k - j) if 1 <= j <= k else 0.0 for j in range(ORDERS + 1)]
+        for k in range(ORDERS + 1)
+    ]
+)
 _HALVES = 0.5 ** np.arange(ORDERS + 1)
 
 
 def _doubled(p: Float[Array, "6 *runs n n"]) -> Float[Array, "6 *runs n n"]:
     """phi_0, phi_1, ... of 2 Z from those of Z."""
     halves = jnp.asarray(_HALVES, p.dtype).reshape(-1, *(1,) * (p.ndim - 1))
-    return halves * (times(p[0], p) + jnp.tensordot(jnp.asarray(_SUMS, p.dtype), p, 1, precision="highest"))
+    return halves * (
+        times(p[0], p) + jnp.tensordot(jnp.asarray(_SUMS, p.dtype), p, 1, precision="highest")
+    )
 
 
 def _balance(z: Square) -> Float[Array, "*runs n"]:
-    """Powers of two that bring the rows and the columns of a matrix to like size, so that a choice of units doubles nothing."""
+    """Powers of two that bring the rows and the columns of a matrix to like size, so that a choice
+    of units doubles nothing."""
     size = jax.lax.stop_gradient(jnp.abs(z)) * (1.0 - _one(z))
 
     def once(_: Any, scale: Array) -> Array:

@@ -1,18 +1,20 @@
-"""Equal steps in a fictitious time in which the motion is smooth, landing on given times: for eccentric orbits and close passes.
+"""Equal steps in a fictitious time in which the motion is smooth, landing on given times: for
+eccentric orbits and close passes.
 
     dz/d(sigma) = f(t, z)             z: regular variables of the state, with the time as the last one
     h = span(t1 - t, z) / steps left  step; predicted anew now and then, more often towards the end
 
-The steps are those of DOP853 (order 8). What the system calls `span` is exact for the unperturbed motion: a perturbation leaves
-little over when the steps are done. Three further blocks of a few short steps land, each on what the last one has left over.
-Derivatives take the steps as they are, and the landing to be exact: sigma' = (t1' - t') / (dt/d(sigma)).
+The steps are those of DOP853 (order 8). What the system calls `span` is exact for the unperturbed
+motion: a perturbation leaves little over when the steps are done. Three further blocks of a few
+short steps land, each on what the last one has left over. Derivatives take the steps as they are,
+and the landing to be exact: sigma' = (t1' - t') / (dt/d(sigma)).
 
     symbol  meaning
     sigma   fictitious time
     t1      time to land on
 
-Source: Stiefel, Scheifele, Linear and Regular Celestial Mechanics, for such variables; Hairer, Norsett, Wanner, Solving Ordinary
-Differential Equations I, II.5, for the method.
+Source: Stiefel, Scheifele, Linear and Regular Celestial Mechanics, for such variables; Hairer,
+Norsett, Wanner, Solving Ordinary Differential Equations I, II.5, for the method.
 """
 
 import math
@@ -26,21 +28,27 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from .._core import InputError, hold
+from ..core import InputError, barrier
 from . import _tableaus as tableau
 from ._runge_kutta import combine
-from ._second_order import AbstractEqualSteps, told_by_fewer
+from ._second_order import AbstractFixedStep, estimate_by_coarsening
 
 LANDINGS = 3
-FALL = 2.0**4  # at least this much smaller are errors of half the step, also where a perturbation is not yet resolved
+ERROR_REDUCTION = (
+    2.0**4
+    # at least this much smaller are errors of half the step, also where a perturbation is not yet
+    # resolved
+)
 
 
 @final
 class Regular(eqx.Module):
-    """A vector field with its motion in regular variables z, made from a state by `enter(y)` and left by `leave(z)`.
+    """A vector field with its motion in regular variables z, made from a state by `enter(y)` and
+    left by `leave(z)`.
 
-    dz/d(sigma) = `slope(z, push(s0, s1, z))` where z[-1] is the time since the clock was `s0`, in a stretch until `s1`;
-    `remaining(duration, z)` is the fictitious time of a duration, `duration(s, ds)` the duration of a clock time `ds`."""
+    dz/d(sigma) = `slope(z, push(s0, s1, z))` where z[-1] is the time since the clock was `s0`, in a
+    stretch until `s1`; `remaining(duration, z)` is the fictitious time of a duration, `duration(s,
+    ds)` the duration of a clock time `ds`."""
 
     rate: Callable[[Any, Any], Any]
     enter: Callable[[Any], Array]
@@ -56,21 +64,24 @@ class Regular(eqx.Module):
 
 @eqx.filter_jit
 def _slope(regular: Any, s0: Any, s1: Any, z: Array) -> Array:
-    z = hold(z)
-    return hold(regular.slope(z, hold(regular.push(s0, s1, z))))
+    z = barrier(z)
+    return barrier(regular.slope(z, barrier(regular.push(s0, s1, z))))
 
 
 @final
-class Regularised(AbstractEqualSteps):
-    """Order 8 in regular variables with `steps` equal steps of fictitious time from one time to land on to the next.
+class Regularised(AbstractFixedStep):
+    """Order 8 in regular variables with `steps` equal steps of fictitious time from one time to
+    land on to the next.
 
-    For systems that offer such variables (`AbstractRegularisedSystem`), as a scene of `PointGravity` and any accelerations. Some
-    30 steps a revolution serve every eccentricity where the perturbations are smooth along the orbit; one that is felt only close
-    to the centre wants more. Every state asked for is landed on. The error is estimated for the stretch as a whole, with care,
-    from the same with half as many steps, which costs half as much again; `estimate=False` leaves it out, and then no status
-    tells of too few steps.
+    For systems that offer such variables (`AbstractRegularisedSystem`), as a scene of
+    `PointGravity` and any accelerations. Some 30 steps a revolution serve every eccentricity where
+    the perturbations are smooth along the orbit; one that is felt only close to the centre wants
+    more. Every state asked for is landed on. The error is estimated for the stretch as a whole,
+    with care, from the same with half as many steps, which costs half as much again;
+    `estimate=False` leaves it out, and then no status tells of too few steps.
 
-    The number of steps is rounded up to whole blocks of some steps. Raises `InputError` if it is less than 4."""
+    The number of steps is rounded up to whole blocks of some steps. Raises `InputError` if it is
+    less than 4."""
 
     steps: int = eqx.field(static=True)
     estimate: bool = eqx.field(static=True)
@@ -84,7 +95,10 @@ class Regularised(AbstractEqualSteps):
 
     @property
     def evaluations(self) -> int:
-        counts = [_blocks(steps) for steps in ((self.steps, self.steps // 2) if self.estimate else (self.steps,))]
+        counts = [
+            _blocks(steps)
+            for steps in ((self.steps, self.steps // 2) if self.estimate else (self.steps,))
+        ]
         return 12 * sum((blocks + LANDINGS) * length for blocks, length in counts)
 
     def refined(self, factor: int) -> "Regularised":
@@ -99,19 +113,24 @@ class Regularised(AbstractEqualSteps):
     def func(self, terms: Any, t0: Any, y0: Any, args: Any) -> Any:
         return terms.vf(t0, y0, args)
 
-    def step(self, terms: Any, t0: Any, t1: Any, y0: Any, args: Any, solver_state: None, made_jump: Any):
+    def step(
+        self, terms: Any, t0: Any, t1: Any, y0: Any, args: Any, solver_state: None, made_jump: Any
+    ):
         del terms, solver_state, made_jump
         z0 = args.enter(y0)
 
-        def course(steps: int) -> Any:
+        def integrate(steps: int) -> Any:
             return args.leave(_stretch(args, t0, t1, z0, steps))
 
-        y1, error = told_by_fewer(course, self.steps, self.steps // 2, FALL, self.estimate)
+        y1, error = estimate_by_coarsening(
+            integrate, self.steps, self.steps // 2, ERROR_REDUCTION, self.estimate
+        )
         return y1, error, dict(y0=y0, y1=y1), None, diffrax.RESULTS.successful
 
 
 def _blocks(steps: int) -> tuple[int, int]:
-    """How many blocks there are, and how many steps each has: a power of two, about a quarter of the root of all steps."""
+    """How many blocks there are, and how many steps each has: a power of two, about a quarter of
+    the root of all steps."""
     length = 2 ** max(1, (steps.bit_length() - 1) // 2 - 2)
     return -(-steps // length), length
 
@@ -119,10 +138,14 @@ def _blocks(steps: int) -> tuple[int, int]:
 def _stretch(regular: Any, s0: Any, s1: Any, z0: Array, steps: int) -> Array:
     """The regular variables at the end of a stretch of the clock.
 
-    In blocks of steps, so that reverse mode keeps the variables at the start of each and takes its steps once more. The steps'
-    length is predicted anew before a block with which 1, 4, 16, ... are left to do, and before each of those that land."""
+    In blocks of steps, so that reverse mode keeps the variables at the start of each and takes its
+    steps once more. The steps' length is predicted anew before a block with which 1, 4, 16, ... are
+    left to do, and before each of those that land."""
     duration = regular.duration(s0, s1 - s0).astype(z0.dtype)
-    slope = lambda z: _slope(regular, s0, s1, z)  # noqa: E731
+
+    def slope(z):
+        return _slope(regular, s0, s1, z)
+
     blocks, length = _blocks(steps)
     numbers = np.arange(blocks, -LANDINGS, -1)
     due = np.isin(numbers, [blocks, *4 ** np.arange(16)]) | (numbers <= 0)
@@ -133,14 +156,20 @@ def _stretch(regular: Any, s0: Any, s1: Any, z0: Array, steps: int) -> Array:
         aim = jax.lax.stop_gradient(regular.remaining(left, z) - newton) + newton
         return aim / (length * jnp.maximum(number, 1)).astype(z.dtype)
 
-    def block(carry: tuple[Array, Array], now: tuple[Array, Array]) -> tuple[tuple[Array, Array], None]:
+    def block(
+        carry: tuple[Array, Array], now: tuple[Array, Array]
+    ) -> tuple[tuple[Array, Array], None]:
         z, h = carry
         h = jax.lax.cond(now[1], lambda: predicted(z, now[0]), lambda: h)
-        z = jax.lax.scan(jax.checkpoint(lambda z, _: (_step(slope, z, h), None)), z, length=length)[0]
+        z = jax.lax.scan(jax.checkpoint(lambda z, _: (_step(slope, z, h), None)), z, length=length)[
+            0
+        ]
         return (z, h), None
 
     start = (z0, jnp.zeros(z0.shape[1:], z0.dtype))
-    return jax.lax.scan(jax.checkpoint(block), start, (jnp.asarray(numbers), jnp.asarray(due)))[0][0]
+    return jax.lax.scan(jax.checkpoint(block), start, (jnp.asarray(numbers), jnp.asarray(due)))[0][
+        0
+    ]
 
 
 def _step(f: Callable[[Array], Array], z: Array, h: Array) -> Array:

@@ -1,10 +1,12 @@
-"""The method of Nystrom of order 12 with an embedded error of order 10, for a(t, r) and tight tolerances.
+"""The method of Nystrom of order 12 with an embedded error of order 10, for a(t, r) and tight
+tolerances.
 
 Between the ends of a step, two shorter steps from its start reach a third and two thirds of it, and
 
     r(x) = r0 + h (x v0 + q(x)),    v(x) = v0 + q'(x),    q = sum_i H_i0 q_i + H_i1 q_i' + H_i2 q_i''
 
-with Hermite's polynomials of degree 11 that fit position, velocity and acceleration at the four places.
+with Hermite's polynomials of degree 11 that fit position, velocity and acceleration at the four
+places.
 
     symbol  meaning                                                       unit
     h       length of the step                                            s
@@ -12,8 +14,8 @@ with Hermite's polynomials of degree 11 that fit position, velocity and accelera
     q_i     (r_i - r0)/h - x_i v0; q_i' = v_i - v0, q_i'' = h a_i         m/s
     H_ik    polynomial whose k-th derivative at x_i is 1, all others 0    1
 
-Source: Dormand, El-Mikkawy, Prince (1987), High-order embedded Runge-Kutta-Nystrom formulae, IMA Journal of Numerical
-Analysis 7, 423. The states between are our own.
+Source: Dormand, El-Mikkawy, Prince (1987), High-order embedded Runge-Kutta-Nystrom formulae, IMA
+Journal of Numerical Analysis 7, 423. The states between are our own.
 """
 
 import dataclasses
@@ -43,7 +45,8 @@ VELOCITY_ERROR = _less(tableau.RKN1210_VELOCITY, tableau.RKN1210_VELOCITY_10)
 
 
 def _hermite(x: Any) -> Array:
-    """H_ik at x: those of the first node but for its acceleration left out, because q and q' are zero there."""
+    """H_ik at x: those of the first node but for its acceleration left out, because q and q' are
+    zero there."""
     found = []
     for i, node in enumerate(NODES):
         others = [other for other in NODES if other != node]
@@ -58,7 +61,8 @@ def _hermite(x: Any) -> Array:
 
 
 class _Fitted(diffrax.AbstractLocalInterpolation):
-    """States within a step: `q` holds q_i, q_i' and q_i'' in the order of `_hermite`, `pace` r' h for a velocity of ones."""
+    """States within a step: `q` holds q_i, q_i' and q_i'' in the order of `_hermite`, `pace` r' h
+    for a velocity of ones."""
 
     t0: Any
     t1: Any
@@ -70,21 +74,27 @@ class _Fitted(diffrax.AbstractLocalInterpolation):
         del left
         if t1 is not None:
             return jax.tree.map(jnp.subtract, self.evaluate(t1), self.evaluate(t0))
-        x = ((t0 - self.t0) / jnp.where(self.t1 == self.t0, 1.0, self.t1 - self.t0)).astype(self.q.dtype)
+        x = ((t0 - self.t0) / jnp.where(self.t1 == self.t0, 1.0, self.t1 - self.t0)).astype(
+            self.q.dtype
+        )
         weights, slopes = jax.jvp(_hermite, (x,), (jnp.ones_like(x),))
         q, slope = jnp.tensordot(weights, self.q, 1), jnp.tensordot(slopes, self.q, 1)
         r, v = self.y0.position, self.y0.velocity
-        return dataclasses.replace(self.y0, position=r + self.pace * (x * v + q), velocity=v + slope)
+        return dataclasses.replace(
+            self.y0, position=r + self.pace * (x * v + q), velocity=v + slope
+        )
 
 
 @final
 class RKN1210(diffrax.AbstractAdaptiveSolver):
-    """Dormand, El-Mikkawy and Prince's method of Nystrom, of order 12 with an embedded error of order 10.
+    """Dormand, El-Mikkawy and Prince's method of Nystrom, of order 12 with an embedded error of
+    order 10.
 
-    Seventeen evaluations a step; for states of a position and a velocity whose acceleration does not depend on the velocity: a
-    run where it does leaves the finite numbers at once. A step within which states are asked for costs 37 evaluations more, and
-    these states are as exact as the steps. `asked` are the times of these states where they are known beforehand (`simulate`
-    fills them in); without it every step pays. Raises `InputError` for a state with further parts."""
+    Seventeen evaluations a step; for states of a position and a velocity whose acceleration does
+    not depend on the velocity: a run where it does leaves the finite numbers at once. A step within
+    which states are asked for costs 37 evaluations more, and these states are as exact as the
+    steps. `asked` are the times of these states where they are known beforehand (`simulate` fills
+    them in); without it every step pays. Raises `InputError` for a state with further parts."""
 
     asked: Float[Array, " times"] | None = None
     term_structure: ClassVar = diffrax.ODETerm
@@ -100,7 +110,9 @@ class RKN1210(diffrax.AbstractAdaptiveSolver):
     def func(self, terms: Any, t0: Any, y0: Any, args: Any) -> Any:
         return terms.vf(t0, y0, args)
 
-    def step(self, terms: Any, t0: Any, t1: Any, y0: Any, args: Any, solver_state: Array, made_jump: Any):
+    def step(
+        self, terms: Any, t0: Any, t1: Any, y0: Any, args: Any, solver_state: Array, made_jump: Any
+    ):
         del made_jump
         system = second_order(terms, t0, t1, y0, args, "RKN1210")
         h = t1 - t0
@@ -109,8 +121,13 @@ class RKN1210(diffrax.AbstractAdaptiveSolver):
         step = h.astype(r1.dtype)
         by_position = step * system.travel(step * weighted(POSITION_ERROR, ks))
         error = system.state(by_position, step * weighted(VELOCITY_ERROR, ks))
-        between = lambda: _between(system, t0, h, r1, v1, mean, ks[0])  # noqa: E731
-        nothing = lambda: jnp.zeros((10, *r1.shape), r1.dtype)  # noqa: E731
+
+        def between():
+            return _between(system, t0, h, r1, v1, mean, ks[0])
+
+        def nothing():
+            return jnp.zeros((10, *r1.shape), r1.dtype)
+
         if self.asked is None:
             q = between()
         elif self.asked.shape[0] == 0:
@@ -121,12 +138,17 @@ class RKN1210(diffrax.AbstractAdaptiveSolver):
         return y1, error, dense, solver_state, diffrax.RESULTS.successful
 
 
-def _between(system: SecondOrder, t0: Any, h: Any, r1: Array, v1: Array, mean: Array, a0: Array) -> Array:
-    """q_i, q_i' and q_i'' in the order of `_hermite`; dropped by the compiler where nothing reads them."""
+def _between(
+    system: SecondOrder, t0: Any, h: Any, r1: Array, v1: Array, mean: Array, a0: Array
+) -> Array:
+    """q_i, q_i' and q_i'' in the order of `_hermite`; dropped by the compiler where nothing reads
+    them."""
     v0, step = system.y0.velocity, h.astype(r1.dtype)
 
     def inner(_: None, x: Array) -> tuple[None, Array]:
-        r, v, mean, _ks = nystrom_step(system, RKN12, t0, x.astype(h.dtype) * h, system.y0.position, v0)
+        r, v, mean, _ks = nystrom_step(
+            system, RKN12, t0, x.astype(h.dtype) * h, system.y0.position, v0
+        )
         a = system.acceleration(t0 + x.astype(h.dtype) * h, r)
         return None, jnp.stack([x * (mean - v0), v - v0, step * a])
 

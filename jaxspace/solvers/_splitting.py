@@ -3,16 +3,18 @@
     S(h) = K(h/2) D(h) K(h/2)                          order 2 (Strang)
     S(g_m h) ... S(g_1 h)                              orders 4 and 6, with g_i = g_{m+1-i} and sum_i g_i = 1
 
-The error is of the size of the kick times h^p: a small perturbation may be stepped over with long steps. The maps keep the
-volume and the symplectic form, so that the energy swings and does not wander.
+The error is of the size of the kick times h^p: a small perturbation may be stepped over with long
+steps. The maps keep the volume and the symplectic form, so that the energy swings and does not
+wander.
 
     symbol  meaning                                          unit
     D, K    flow of the drift and of the kick
     h       step                                             s
     p       order                                            1
 
-Sources: Wisdom, Holman (1991), Symplectic maps for the N-body problem, Astronomical Journal 102, 1528; Hairer, Lubich, Wanner,
-Geometric Numerical Integration, II.4 (order 4: Suzuki's five), V.3.2 (order 6: Yoshida's seven).
+Sources: Wisdom, Holman (1991), Symplectic maps for the N-body problem, Astronomical Journal 102,
+1528; Hairer, Lubich, Wanner, Geometric Numerical Integration, II.4 (order 4: Suzuki's five), V.3.2
+(order 6: Yoshida's seven).
 """
 
 import functools
@@ -26,10 +28,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from .._core import InputError, hold, safe_divide
-from ._second_order import AbstractEqualSteps, told_by_fewer
+from ..core import InputError, barrier, safe_divide
+from ._second_order import AbstractFixedStep, estimate_by_coarsening
 
-LOT = 0.25  # what the differences are divided by where no order holds
+UNRESOLVED_FACTOR = 0.25  # what the differences are divided by where no order holds
 
 _P = 1.0 / (4.0 - 4.0 ** (1.0 / 3.0))
 _Y = (0.78451361047755726382, 0.23557321335935813368, -1.17767998417887100695)
@@ -42,7 +44,8 @@ COMPOSITIONS = {
 
 @final
 class Split(eqx.Module):
-    """A vector field with its two parts: `drift(s, ds, y)` and `kick(s, ds, y)` are the states a clock time `ds` later."""
+    """A vector field with its two parts: `drift(s, ds, y)` and `kick(s, ds, y)` are the states a
+    clock time `ds` later."""
 
     rate: Callable[[Any, Any], Any]
     drift: Callable[[Any, Any, Any], Any]
@@ -53,17 +56,19 @@ class Split(eqx.Module):
 
 
 @final
-class Splitting(AbstractEqualSteps):
+class Splitting(AbstractFixedStep):
     """Splitting of `order` 2, 4 or 6 with `steps` equal steps from one time to land on to the next.
 
-    For systems with a drift and a kick (`AbstractSplitSystem`): a scene of `PointGravity`, free rotation, and loads that depend
-    on position and attitude; or a `Top`. Every state asked for is landed on. The error is estimated for the stretch as a whole,
-    from the same with a golden section of the steps (0.62 of them), which costs as much again as that; `estimate=False` leaves
-    it out, and then no status tells of too few steps. Steps longer than a radian of the orbit or two of the rotation meet the
-    kicks as if drawn by lot: no order holds, and the estimate is four times the difference.
+    For systems with a drift and a kick (`AbstractSplitSystem`): a scene of `PointGravity`, free
+    rotation, and loads that depend on position and attitude; or a `Top`. Every state asked for is
+    landed on. The error is estimated for the stretch as a whole, from the same with a golden
+    section of the steps (0.62 of them), which costs as much again as that; `estimate=False` leaves
+    it out, and then no status tells of too few steps. Steps longer than a radian of the orbit or
+    two of the rotation meet the kicks as if drawn by lot: no order holds, and the estimate is four
+    times the difference.
 
-    Order 6 steps back and forth beyond the ends of a stretch: there it takes a kick that depends on the time as it is at the
-    end.
+    Order 6 steps back and forth beyond the ends of a stretch: there it takes a kick that depends on
+    the time as it is at the end.
 
     Raises `InputError` for another order, or a number of steps that is not even."""
 
@@ -84,7 +89,9 @@ class Splitting(AbstractEqualSteps):
 
     @property
     def evaluations(self) -> int:
-        return len(COMPOSITIONS[self.p]) * (self.steps + (_fewer(self.steps) if self.estimate else 0))
+        return len(COMPOSITIONS[self.p]) * (
+            self.steps + (_fewer(self.steps) if self.estimate else 0)
+        )
 
     def refined(self, factor: int) -> "Splitting":
         return Splitting(self.p, steps=factor * self.steps, estimate=self.estimate)
@@ -98,47 +105,64 @@ class Splitting(AbstractEqualSteps):
     def func(self, terms: Any, t0: Any, y0: Any, args: Any) -> Any:
         return terms.vf(t0, y0, args)
 
-    def step(self, terms: Any, t0: Any, t1: Any, y0: Any, args: Any, solver_state: None, made_jump: Any):
+    def step(
+        self, terms: Any, t0: Any, t1: Any, y0: Any, args: Any, solver_state: None, made_jump: Any
+    ):
         del terms, solver_state, made_jump
         ratio = self.steps / _fewer(self.steps)
         turn = (t1 - t0) / self.steps * _pace(args, t1, y0)
-        fall = jnp.where(turn < 1.0, ratio**self.p - 1.0, LOT)
-        course = lambda steps: self._stretch(args, t0, t1, y0, steps)  # noqa: E731
-        y1, error = told_by_fewer(course, self.steps, _fewer(self.steps), fall, self.estimate)
+        error_reduction = jnp.where(turn < 1.0, ratio**self.p - 1.0, UNRESOLVED_FACTOR)
+
+        def integrate(steps):
+            return self._stretch(args, t0, t1, y0, steps)
+
+        y1, error = estimate_by_coarsening(
+            integrate, self.steps, _fewer(self.steps), error_reduction, self.estimate
+        )
         return y1, error, dict(y0=y0, y1=y1), None, diffrax.RESULTS.successful
 
     def _stretch(self, split: Any, t0: Any, t1: Any, y0: Any, steps: int) -> Any:
-        """The state at the end of equal steps of a `Split`, or of what has its drift and kick; kicks are timed from within.
+        """The state at the end of equal steps of a `Split`, or of what has its drift and kick;
+        kicks are timed from within.
 
-        Half kicks that follow one another are one. The composition is a loop, so that drift and kick are compiled once."""
+        Half kicks that follow one another are one. The composition is a loop, so that drift and
+        kick are compiled once."""
         h = (t1 - t0) / steps
         end = t1 - 4.0 * jnp.finfo(t1.dtype).eps * jnp.maximum(jnp.abs(t1), t1 - t0)
         g = np.array(COMPOSITIONS[self.p])
         closing = np.arange(g.size) == g.size - 1
-        parts = jnp.asarray(np.stack([np.cumsum(g) - g, g, 0.5 * np.roll(g, -1), closing]), h.dtype).T
+        parts = jnp.asarray(
+            np.stack([np.cumsum(g) - g, g, 0.5 * np.roll(g, -1), closing]), h.dtype
+        ).T
 
         def part(n: Any, y: Any, row: Any) -> tuple[Any, None]:
             before, g, of_next, closing = row
-            y = hold(split.drift(jnp.clip(t0 + (n + before) * h, t0, end), g * h, y))
+            y = barrier(split.drift(jnp.clip(t0 + (n + before) * h, t0, end), g * h, y))
             weight = 0.5 * g + jnp.where((closing > 0.0) & (n == steps - 1), 0.0, of_next)
-            return hold(split.kick(jnp.clip(t0 + (n + before + g) * h, t0, end), weight * h, y)), None
+            return barrier(
+                split.kick(jnp.clip(t0 + (n + before + g) * h, t0, end), weight * h, y)
+            ), None
 
         def one(y: Any, n: Any) -> tuple[Any, None]:
             return jax.lax.scan(lambda y, row: part(n, y, row), y, parts)
 
-        y = hold(split.kick(t0, 0.5 * parts[0, 1] * h, y0))
+        y = barrier(split.kick(t0, 0.5 * parts[0, 1] * h, y0))
         return jax.lax.scan(jax.checkpoint(one), y, jnp.arange(steps, dtype=h.dtype))[0]
 
 
 def _fewer(steps: int) -> int:
-    """The golden section of the steps: of all quotients the one that shares least with whole turns, so that steps that see the
-    drift always in one place are told by steps that do not."""
+    """The golden section of the steps: of all quotients the one that shares least with whole turns,
+    so that steps that see the drift always in one place are told by steps that do not."""
     return max(1, round(0.5 * (math.sqrt(5.0) - 1.0) * steps))
 
 
 def _pace(split: Any, t: Any, y: Any) -> Any:
-    """How fast the state moves, in its own size per clock time, for each run: the fastest of its vectors."""
+    """How fast the state moves, in its own size per clock time, for each run: the fastest of its
+    vectors."""
     y = jax.lax.stop_gradient(y)
-    size = lambda x: jnp.sqrt(jnp.sum(x * x, axis=0))  # noqa: E731
+
+    def size(x):
+        return jnp.sqrt(jnp.sum(x * x, axis=0))
+
     rates = jax.tree.map(lambda x, v: safe_divide(size(v), size(x)), y, split(t, y))
     return functools.reduce(jnp.maximum, jax.tree.leaves(rates))

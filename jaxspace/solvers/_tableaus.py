@@ -1,12 +1,14 @@
 # ruff: noqa: E501
 # fmt: off
-"""Coefficients of explicit Runge-Kutta methods, as published. A row lists its non-zero entries as (stage, weight).
+"""Coefficients of explicit Runge-Kutta methods, as published. A row lists its non-zero entries as
+(stage, weight).
 
-Sources: DOP853, order 8(5,3): Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, 2nd ed., Springer 1993,
-section II.5 and the appendix's code (dense output of order 7 with three further stages, section II.6).
-Tsit5, order 5(4): Tsitouras, Runge-Kutta pairs of order 5(4) satisfying only the first column simplifying assumption,
-Computers and Mathematics with Applications 62 (2011) 770-775 (dense output of order 4 of the same paper).
-RKN 12(10), a method of Nystrom: Dormand, El-Mikkawy, Prince, High-order embedded Runge-Kutta-Nystrom formulae, IMA Journal of
+Sources: DOP853, order 8(5,3): Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I,
+2nd ed., Springer 1993, section II.5 and the appendix's code (dense output of order 7 with three
+further stages, section II.6). Tsit5, order 5(4): Tsitouras, Runge-Kutta pairs of order 5(4)
+satisfying only the first column simplifying assumption, Computers and Mathematics with Applications
+62 (2011) 770-775 (dense output of order 4 of the same paper). RKN 12(10), a method of Nystrom:
+Dormand, El-Mikkawy, Prince, High-order embedded Runge-Kutta-Nystrom formulae, IMA Journal of
 Numerical Analysis 7 (1987) 423-430.
 """
 
@@ -52,7 +54,8 @@ TSIT5_A = (
 )
 TSIT5_B = ((0, 0.09646076681806523), (1, 0.01), (2, 0.4798896504144996), (3, 1.379008574103742), (4, -3.290069515436081), (5, 2.324710524099774))
 TSIT5_ERROR = ((0, 0.0017800110522257773), (1, 0.0008164344596567463), (2, -0.007880878010261994), (3, 0.1447110071732629), (4, -0.5823571654525552), (5, 0.45808210592918686), (6, -0.015151515151515152))
-# row: weight of one stage as a polynomial in the fraction x of the step, coefficients of x, x^2, x^3, x^4
+# row: weight of one stage as a polynomial in the fraction x of the step, coefficients of x, x^2,
+# x^3, x^4
 TSIT5_DENSE = (
     (0.9999999999999998, -2.763706197274826, 2.9132554618219126, -1.0530884977290216),
     (0.0, 0.13169999999999998, -0.2234, 0.1017),

@@ -12,8 +12,9 @@ class Influence(NamedTuple):
     """One effect, in all phases that have it.
 
     - `effect`: its name; `phases` that it acts in.
-    - `influence`: the size of the change of the output without it, in the output's unit: the `linear` prediction, or
-      `left_out`, from a run without it, where both differ by more than a tenth: then it is `nonlinear`.
+    - `influence`: the size of the change of the output without it, in the output's unit: the
+      `linear` prediction, or `left_out`, from a run without it, where both differ by more than a
+      tenth: then it is `nonlinear`.
     - `left_out` is `None` where the run without the effect fails; `trouble` says how.
     - `change`: of the output without the effect, component by component.
     - `share`: of the arithmetic of the whole run."""
@@ -34,12 +35,14 @@ class Influence(NamedTuple):
 class EffectBudget:
     """Which effects matter for an output of a run.
 
-    - `output` and its `unit`; `nominal`: its value with all effects; `noise`: how far a finer integration moves it (by a
-      hundredth of the tolerance, or twice as many equal steps), NaN where that did not reach its end.
+    - `output` and its `unit`; `nominal`: its value with all effects; `noise`: how far a finer
+      integration moves it (by a hundredth of the tolerance, or twice as many equal steps), NaN
+      where that did not reach its end.
     - `rows`: an `Influence` for every effect, the largest first.
     - `tolerance`: how far the output may move; with `None` nothing below is known.
-    - `kept`: the smallest set of effects within the tolerance; `dropped`: the others; `change`: how far the output moves in a
-      run with exactly that set; `seconds`, `seconds_kept`: the median times of both runs."""
+    - `kept`: the smallest set of effects within the tolerance; `dropped`: the others; `change`: how
+      far the output moves in a run with exactly that set; `seconds`, `seconds_kept`: the median
+      times of both runs."""
 
     output: str
     unit: str
@@ -57,7 +60,8 @@ class EffectBudget:
         return next(row for row in self.rows if row.effect == effect)
 
     def plot(self) -> Any:
-        """A bar for every effect, a matplotlib figure. Raises `ImportError` where matplotlib is not installed."""
+        """A bar for every effect, a matplotlib figure. Raises `ImportError` where matplotlib is not
+        installed."""
         from ..plots import effect_budget_figure
 
         return effect_budget_figure(self)
@@ -69,12 +73,26 @@ class EffectBudget:
             word = "fails" if r.trouble else "nonlinear" if r.nonlinear else ""
             left_out = "-" if r.left_out is None else f"{r.left_out:.3g}"
             share = f"{100.0 * r.share:.1f} %"
-            rows.append((r.effect, ", ".join(r.phases), f"{r.influence:.3g}", f"{r.linear:.3g}", left_out, word, share))
+            rows.append(
+                (
+                    r.effect,
+                    ", ".join(r.phases),
+                    f"{r.influence:.3g}",
+                    f"{r.linear:.3g}",
+                    left_out,
+                    word,
+                    share,
+                )
+            )
         lines = [aligned(rows, left=2)]
         lines += [f"without {r.effect} the run fails: {r.trouble}" for r in self.rows if r.trouble]
         finer = "did not reach its end" if np.isnan(self.noise) else f"moves it by {self.noise:.1g}"
-        lines.append(f"Influence: the change of the final {self.output} without the effect. Finer integration {finer}.")
-        lines.append("Share: of the arithmetic of the run, by operation counts of compiled evaluations.")
+        lines.append(
+            f"Influence: the change of the final {self.output} without the effect. Finer integration {finer}."
+        )
+        lines.append(
+            "Share: of the arithmetic of the run, by operation counts of compiled evaluations."
+        )
         return "\n".join([*lines, *self._set()])
 
     def _set(self) -> list[str]:
@@ -83,7 +101,12 @@ class EffectBudget:
             return []
         unit = f" {self.unit}" if self.unit else ""
         within = f"within {self.tolerance:g}{unit}"
-        if not self.dropped or self.change is None or self.seconds is None or self.seconds_kept is None:
+        if (
+            not self.dropped
+            or self.change is None
+            or self.seconds is None
+            or self.seconds_kept is None
+        ):
             return [f"{within}: every effect is needed"]
         arithmetic = sum(row.share for row in self.rows if row.effect in self.dropped)
         return [

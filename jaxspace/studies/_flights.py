@@ -1,4 +1,5 @@
-"""One run of a system or a mission as a compiled program: what it leaves, how long it takes, how much memory it asks for."""
+"""One run of a system or a mission as a compiled program: what it leaves, how long it takes, how
+much memory it asks for."""
 
 import time
 from collections.abc import Callable
@@ -9,15 +10,15 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from .._core import AbstractSystem, State, check_finite
+from ..core import AbstractSystem, State, check_finite
 from ..simulation import Accuracy, Mission, Trajectory, check_start, check_times, simulate
 
 ENOUGH = 2.0  # s: a run is not repeated after its repetitions took so long
 
 
 class Flight(NamedTuple):
-    """What a run leaves: its final state, times and states of every phase, its status, the evaluations and the accepted steps
-    of every phase."""
+    """What a run leaves: its final state, times and states of every phase, its status, the
+    evaluations and the accepted steps of every phase."""
 
     final: State
     spans: tuple[Any, ...]
@@ -31,12 +32,16 @@ def flight(system: AbstractSystem | Mission, y0: State, ts: Any, accuracy: Accur
     run = simulate(system, y0, ts, accuracy=accuracy, throw=False)  # pyright: ignore[reportArgumentType, reportCallIssue]
     phases: tuple[Trajectory, ...] = (run,) if isinstance(run, Trajectory) else run.phases
     spans = tuple((p.ts, p.states) for p in phases)
-    count = lambda name: tuple(p.stats.get(name, 0) for p in phases)  # noqa: E731
+
+    def count(name):
+        return tuple(p.stats.get(name, 0) for p in phases)
+
     return Flight(run.final, spans, run.status, count("evaluations"), count("steps"))
 
 
 def checked_start(system: Any, y0: State, ts: Any) -> tuple[State, Any]:
-    """Initial state and times as arrays. Raises `InputError` as `simulate` does, which cannot see them once they are traced."""
+    """Initial state and times as arrays. Raises `InputError` as `simulate` does, which cannot see
+    them once they are traced."""
     y0 = jax.tree.map(jnp.asarray, y0)
     check_start(y0)
     if not isinstance(system, Mission):
@@ -46,21 +51,27 @@ def checked_start(system: Any, y0: State, ts: Any) -> tuple[State, Any]:
 
 
 class Program(NamedTuple):
-    """A compiled function; what compiling it took, s; and the memory it asks for, bytes (`None` where that is not known)."""
+    """A compiled function; what compiling it took, s; and the memory it asks for, bytes (`None`
+    where that is not known)."""
 
     call: Callable[..., Any]
     seconds: float
     memory: int | None
 
 
-def compiled(function: Callable[..., Any], *arguments: Any) -> Program:
+def aot_compile(function: Callable[..., Any], *arguments: Any) -> Program:
     """The function of arrays, compiled for arguments like these."""
     started = time.perf_counter()
     call = jax.jit(function).lower(*arguments).compile()
     seconds = time.perf_counter() - started
     try:
         sizes: Any = call.memory_analysis()
-        memory = sizes.argument_size_in_bytes + sizes.output_size_in_bytes + sizes.temp_size_in_bytes - sizes.alias_size_in_bytes
+        memory = (
+            sizes.argument_size_in_bytes
+            + sizes.output_size_in_bytes
+            + sizes.temp_size_in_bytes
+            - sizes.alias_size_in_bytes
+        )
     except (AttributeError, NotImplementedError, jax.errors.JaxRuntimeError):
         memory = None
     return Program(call, seconds, memory)
@@ -82,13 +93,18 @@ def in_precision(tree: Any, precision: str) -> Any:
 
 
 def blocks(tree: State) -> list[tuple[np.ndarray, bool]]:
-    """The blocks of a state in double precision, each with whether it is a quaternion, whose sign means nothing."""
+    """The blocks of a state in double precision, each with whether it is a quaternion, whose sign
+    means nothing."""
     found = jax.tree_util.tree_flatten_with_path(tree)[0]
-    return [(np.asarray(x, float), getattr(path[-1], "name", "") == "wxyz" if path else False) for path, x in found]
+    return [
+        (np.asarray(x, float), getattr(path[-1], "name", "") == "wxyz" if path else False)
+        for path, x in found
+    ]
 
 
 def distance(state: State, reference: State) -> float:
-    """The largest over all blocks of |difference| / |block| (the difference itself for a block that is zero)."""
+    """The largest over all blocks of |difference| / |block| (the difference itself for a block that
+    is zero)."""
     worst = 0.0
     for (x, quaternion), (exact, _) in zip(blocks(state), blocks(reference), strict=True):
         apart = np.linalg.norm(x - exact)

@@ -5,7 +5,7 @@ The effects of the same name in several phases of a mission are one effect."""
 from collections.abc import Callable
 from typing import Any
 
-from .._core import InputError
+from ..core import InputError
 from ..scene import Scene, scaled
 from ..simulation import Mission, Phase
 
@@ -21,18 +21,24 @@ def scenes(system: Any) -> list[tuple[int, str, Scene]]:
 def labels(scene: Scene) -> list[str]:
     """A name for every effect: its class, with a number from the second of a class on."""
     kinds = [type(e).__name__ for e in scene.effects]
-    return [kind if kind not in kinds[:k] else f"{kind} {kinds[:k].count(kind) + 1}" for k, kind in enumerate(kinds)]
+    return [
+        kind if kind not in kinds[:k] else f"{kind} {kinds[:k].count(kind) + 1}"
+        for k, kind in enumerate(kinds)
+    ]
 
 
 def members(system: Any) -> dict[str, tuple[str, ...]]:
-    """Every effect by name, with the phases that it acts in. Raises `InputError` when there is none."""
+    """Every effect by name, with the phases that it acts in. Raises `InputError` when there is
+    none."""
     found: dict[str, tuple[str, ...]] = {}
     for _, phase, scene in scenes(system):
         for label in labels(scene):
             found[label] = (*found.get(label, ()), phase)
     if not found:
         kind = type(system).__name__
-        raise InputError(f"scene is a {kind} without effects: it must be a Scene, or a Mission of scenes, with at least one.")
+        raise InputError(
+            f"scene is a {kind} without effects: it must be a Scene, or a Mission of scenes, with at least one."
+        )
     return found
 
 
@@ -42,7 +48,15 @@ def _rebuilt(system: Any, change: Callable[[Scene], Scene]) -> Any:
         return change(system)
     phases = system.phases
     return Mission(
-        [Phase(change(p.system) if isinstance(p.system, Scene) else p.system, p.until, p.then, p.name) for p in phases]
+        [
+            Phase(
+                change(p.system) if isinstance(p.system, Scene) else p.system,
+                p.until,
+                p.then,
+                p.name,
+            )
+            for p in phases
+        ]
     )
 
 
@@ -51,7 +65,9 @@ def with_factors(system: Any, names: tuple[str, ...], factors: list[Any]) -> Any
     by_name = dict(zip(names, factors, strict=True))
 
     def change(scene: Scene) -> Scene:
-        effects = [scaled(e, by_name[label]) for e, label in zip(scene.effects, labels(scene), strict=True)]
+        effects = [
+            scaled(e, by_name[label]) for e, label in zip(scene.effects, labels(scene), strict=True)
+        ]
         return Scene(effects, scene.body, scene.parts)
 
     return _rebuilt(system, change)
@@ -61,7 +77,9 @@ def without(system: Any, dropped: tuple[str, ...]) -> Any:
     """The scene or mission without the effects of these names."""
 
     def change(scene: Scene) -> Scene:
-        kept = [e for e, label in zip(scene.effects, labels(scene), strict=True) if label not in dropped]
+        kept = [
+            e for e, label in zip(scene.effects, labels(scene), strict=True) if label not in dropped
+        ]
         return Scene(kept, scene.body, scene.parts)
 
     return _rebuilt(system, change)

@@ -1,4 +1,5 @@
-"""One integration on the clock of segments, differentiable without doubt about its steps: reverse mode follows those taken."""
+"""One integration on the clock of segments, differentiable without doubt about its steps: reverse
+mode follows those taken."""
 
 from typing import Any, NamedTuple, cast, final
 
@@ -8,28 +9,29 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .._core import State
+from ..core import State
 from ..solvers import (
     RKN1210,
-    Accounted,
-    PlannedSteps,
+    BatchStepController,
+    ErrorTrackingSolver,
     Regular,
     Regularised,
     Split,
     Splitting,
+    StepTo,
     Tolerance,
-    WorstRunControl,
 )
 from ._accuracy import Accuracy
-from ._march import March, Record, march, room
-from ._reverse import Replay, replayable
+from ._loop import March, Record, march, room
+from ._replay import Replay, replayable
 
 
 @final
 class Manner(eqx.Module):
-    """How to integrate: to what accuracy, the relative `lengths` of the segments, the `longest` step that is allowed in each (on
-    the clock), at which clock times states are kept (the end alone where they are `None`), the `plan` that fixes the steps
-    beforehand, and whether to `record` those taken. Nothing in it is differentiated."""
+    """How to integrate: to what accuracy, the relative `lengths` of the segments, the `longest`
+    step that is allowed in each (on the clock), at which clock times states are kept (the end alone
+    where they are `None`), the `plan` that fixes the steps beforehand, and whether to `record`
+    those taken. Nothing in it is differentiated."""
 
     accuracy: Accuracy
     tolerance: Tolerance
@@ -41,7 +43,8 @@ class Manner(eqx.Module):
 
     @property
     def method(self) -> Any:
-        """The method; told where states within its steps will be asked for, if that makes a difference to it."""
+        """The method; told where states within its steps will be asked for, if that makes a
+        difference to it."""
         method = self.accuracy.method
         if not isinstance(method, RKN1210):
             return method
@@ -50,12 +53,17 @@ class Manner(eqx.Module):
     @property
     def max_steps(self) -> int:
         """How many steps may be taken."""
-        return self.accuracy.max_steps if self.plan is None else min(self.plan.shape[0] - 1, self.accuracy.max_steps)
+        return (
+            self.accuracy.max_steps
+            if self.plan is None
+            else min(self.plan.shape[0] - 1, self.accuracy.max_steps)
+        )
 
 
 class Course(NamedTuple):
-    """What an integration leaves: the kept `states`, the largest local error of each run, whether the steps ran out, how many
-    were accepted and rejected, and the clock at their ends (padded with infinity) where it was recorded."""
+    """What an integration leaves: the kept `states`, the largest local error of each run, whether
+    the steps ran out, how many were accepted and rejected, and the clock at their ends (padded with
+    infinity) where it was recorded."""
 
     states: State
     account: Array
@@ -67,7 +75,9 @@ class Course(NamedTuple):
 
 def integrate(rate: Any, y0: State, manner: Manner) -> Course:
     """The course of dy/ds = rate(s, y) from s = 0 to the number of segments."""
-    manner = jax.tree.map(lambda x: jax.lax.stop_gradient(x) if eqx.is_inexact_array(x) else x, manner)
+    manner = jax.tree.map(
+        lambda x: jax.lax.stop_gradient(x) if eqx.is_inexact_array(x) else x, manner
+    )
     rate, adjoint = _converted(rate, y0, manner), manner.accuracy.adjoint
     if not replayable(manner.accuracy.method) or not isinstance(
         adjoint, diffrax.RecursiveCheckpointAdjoint | diffrax.ForwardMode
@@ -79,11 +89,14 @@ def integrate(rate: Any, y0: State, manner: Manner) -> Course:
 
 
 def _converted(rate: Any, y0: State, manner: Manner) -> Any:
-    """The rate with all that it depends on as leaves; with its drift and kick, or its regular form, for a method that asks."""
+    """The rate with all that it depends on as leaves; with its drift and kick, or its regular form,
+    for a method that asks."""
     s = jnp.zeros((), manner.lengths.dtype)
     whole = eqx.filter_closure_convert(rate, s, y0)
     if isinstance(manner.accuracy.method, Splitting):
-        return Split(whole, *(eqx.filter_closure_convert(part, s, s, y0) for part in (rate.drift, rate.kick)))
+        return Split(
+            whole, *(eqx.filter_closure_convert(part, s, s, y0) for part in (rate.drift, rate.kick))
+        )
     if isinstance(manner.accuracy.method, Regularised):
         return _regular(rate, whole, s, y0)
     return whole
@@ -92,8 +105,18 @@ def _converted(rate: Any, y0: State, manner: Manner) -> Any:
 def _regular(rate: Any, whole: Any, s: Any, y0: State) -> Regular:
     z = jax.eval_shape(rate.enter, y0)
     push, span = jax.eval_shape(rate.push, s, s, z), jax.eval_shape(lambda z: z[-1], z)
-    given = dict(enter=(y0,), leave=(z,), push=(s, s, z), slope=(z, push), remaining=(span, z), duration=(s, s))
-    return Regular(whole, *(eqx.filter_closure_convert(getattr(rate, part), *args) for part, args in given.items()))
+    given = dict(
+        enter=(y0,),
+        leave=(z,),
+        push=(s, s, z),
+        slope=(z, push),
+        remaining=(span, z),
+        duration=(s, s),
+    )
+    return Regular(
+        whole,
+        *(eqx.filter_closure_convert(getattr(rate, part), *args) for part, args in given.items()),
+    )
 
 
 @eqx.filter_jit
@@ -105,23 +128,34 @@ def _rate(s: Any, y: State, rate: Any) -> State:
 TERM: Any = diffrax.ODETerm(_rate)  # pyright: ignore[reportArgumentType]
 
 
-def _parts(manner: Manner) -> tuple[Accounted, Any, Array]:
+def _parts(manner: Manner) -> tuple[ErrorTrackingSolver, Any, Array]:
     """The solver, the control of its steps, and the last clock time."""
     dtype, plan = manner.lengths.dtype, manner.plan
-    adaptive = WorstRunControl(manner.tolerance, manner.lengths, manner.longest)
-    control = adaptive if plan is None else PlannedSteps(plan.astype(dtype))
-    return Accounted(manner.method, manner.tolerance), control, jnp.asarray(manner.lengths.shape[0], dtype)
+    adaptive = BatchStepController(manner.tolerance, manner.lengths, manner.longest)
+    control = adaptive if plan is None else StepTo(plan.astype(dtype))
+    return (
+        ErrorTrackingSolver(manner.method, manner.tolerance),
+        control,
+        jnp.asarray(manner.lengths.shape[0], dtype),
+    )
 
 
 def _march(rate: Any, y0: State, manner: Manner, marked: bool = False) -> March:
     solver, control, last = _parts(manner)
-    return march(solver, control, TERM, rate, y0, last, manner.max_steps, manner.kept, manner.record, marked)
+    return march(
+        solver, control, TERM, rate, y0, last, manner.max_steps, manner.kept, manner.record, marked
+    )
 
 
 def _course(m: March, manner: Manner) -> Course:
     states = jax.tree.map(lambda x: x[None], m.y) if manner.kept is None else m.states
     return Course(
-        states, m.solver[1], m.s < manner.lengths.shape[0], m.accepted, m.rejected, _padded(m) if manner.record else None
+        states,
+        m.solver[1],
+        m.s < manner.lengths.shape[0],
+        m.accepted,
+        m.rejected,
+        _padded(m) if manner.record else None,
     )
 
 
@@ -132,9 +166,12 @@ def _padded(m: March) -> Array:
 
 
 def _by_diffrax(rate: Any, y0: State, manner: Manner) -> Course:
-    """The course by diffrax's loop, for its other ways of differentiation and for methods that remember more than a state."""
+    """The course by diffrax's loop, for its other ways of differentiation and for methods that
+    remember more than a state."""
     solver, control, last = _parts(manner)
-    subs = [diffrax.SubSaveAt(t1=True) if manner.kept is None else diffrax.SubSaveAt(ts=manner.kept)]
+    subs = [
+        diffrax.SubSaveAt(t1=True) if manner.kept is None else diffrax.SubSaveAt(ts=manner.kept)
+    ]
     if manner.record:
         subs.append(diffrax.SubSaveAt(steps=True, fn=lambda s, y, a: None))
     solution: Any = diffrax.diffeqsolve(
@@ -167,7 +204,9 @@ def _replayed(given: tuple[Any, State], manner: Manner) -> Course:
 
 
 @_replayed.def_fwd
-def _forwards(perturbed: Any, given: tuple[Any, State], manner: Manner) -> tuple[Course, tuple[Record, State]]:
+def _forwards(
+    perturbed: Any, given: tuple[Any, State], manner: Manner
+) -> tuple[Course, tuple[Record, State]]:
     del perturbed
     m = _march(*given, manner, marked=True)
     course = _course(m, manner)
@@ -175,11 +214,21 @@ def _forwards(perturbed: Any, given: tuple[Any, State], manner: Manner) -> tuple
 
 
 @_replayed.def_bwd
-def _backwards(kept: tuple[Record, State], gradient: Course, perturbed: Any, given: tuple[Any, State], manner: Manner) -> Any:
+def _backwards(
+    kept: tuple[Record, State],
+    gradient: Course,
+    perturbed: Any,
+    given: tuple[Any, State],
+    manner: Manner,
+) -> Any:
     record, states = kept
     rate, y0 = given
-    filled = jax.tree.map(lambda y, g: jnp.zeros_like(y) if g is None else g, states, gradient.states)
+    filled = jax.tree.map(
+        lambda y, g: jnp.zeros_like(y) if g is None else g, states, gradient.states
+    )
     moving, rest = eqx.partition(rate, perturbed[0])
     most = -(-manner.max_steps // room(y0, manner.max_steps))
     most = 1 << (most - 1).bit_length()
-    return Replay(manner.method, TERM, rest, record, y0, manner.kept, most).pull_back(moving, filled)
+    return Replay(manner.method, TERM, rest, record, y0, manner.kept, most).pull_back(
+        moving, filled
+    )

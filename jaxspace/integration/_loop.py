@@ -1,7 +1,8 @@
-"""The loop around the steps of an integration: one after the other, with the states asked for and a record of the steps.
+"""The loop around the steps of an integration: one after the other, with the states asked for and a
+record of the steps.
 
-diffrax's own loop does the same; this one is traced once where that one is traced three times, and it records the states for
-reverse mode as densely as its memory allows,
+diffrax's own loop does the same; this one is traced once where that one is traced three times, and
+it records the states for reverse mode as densely as its memory allows,
 
     after every e-th step,    e = 1, and twice as large whenever the memory is full
 
@@ -15,13 +16,16 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from .._core import State
+from ..core import State
 
-RECORD_BYTES = 2**18  # of states: more takes longer to fill and to move than the steps between take once more
+RECORD_BYTES = (
+    2**18
+)  # of states: more takes longer to fill and to move than the steps between take once more
 
 
 class Record(NamedTuple):
-    """What reverse mode needs of a run: the clock at the ends of its `count` steps, and the states after each `every` of them."""
+    """What reverse mode needs of a run: the clock at the ends of its `count` steps, and the states
+    after each `every` of them."""
 
     ends: Array
     states: State
@@ -30,9 +34,10 @@ class Record(NamedTuple):
 
 
 class March(NamedTuple):
-    """Where an integration stands: the clock, the proposed end of the next step, the state; what the solver and the control
-    carry along; whether the solver has to begin `anew`; the steps counted; how many states were `reached` of those asked for,
-    and these; the ends of the steps; and the states of the record with their distance `every`."""
+    """Where an integration stands: the clock, the proposed end of the next step, the state; what
+    the solver and the control carry along; whether the solver has to begin `anew`; the steps
+    counted; how many states were `reached` of those asked for, and these; the ends of the steps;
+    and the states of the record with their distance `every`."""
 
     s: Any
     end: Any
@@ -50,13 +55,15 @@ class March(NamedTuple):
 
 
 def room(y0: State, limit: int) -> int:
-    """How many states a record of at most `limit` steps holds: an even number where it cannot hold all of them."""
+    """How many states a record of at most `limit` steps holds: an even number where it cannot hold
+    all of them."""
     size = sum(leaf.size * leaf.dtype.itemsize for leaf in jax.tree.leaves(y0))
     return min(limit, max(2, RECORD_BYTES // size // 2 * 2))
 
 
 def rows(count: int, y: State) -> State:
-    """Memory for so many states: nothing is written to it, because most of it will never be used."""
+    """Memory for so many states: nothing is written to it, because most of it will never be
+    used."""
     return jax.tree.map(lambda x: jax.lax.empty((count, *x.shape), x.dtype), y)
 
 
@@ -81,43 +88,79 @@ def march(
     record: bool,
     marked: bool,
 ) -> March:
-    """The integration of dy/ds = rate(s, y) from s = 0 to `last` in at most `limit` steps, with states at the clock times `kept`
-    (ascending), the ends of the steps if asked to `record` these, and the states after them if these are to be `marked`."""
+    """The integration of dy/ds = rate(s, y) from s = 0 to `last` in at most `limit` steps, with
+    states at the clock times `kept` (ascending), the ends of the steps if asked to `record` these,
+    and the states after them if these are to be `marked`."""
     order: Any = solver.error_order(term)
     places = room(y0, limit)
     s, zero = jnp.zeros_like(last), jnp.asarray(0)
     end, controlled = control.init(term, s, last, y0, None, rate, solver.func, order)
-    states, marks = None if kept is None else rows(kept.shape[0], y0), rows(places + 1, y0) if marked else None
+    states, marks = (
+        None if kept is None else rows(kept.shape[0], y0),
+        rows(places + 1, y0) if marked else None,
+    )
     ends = rows(limit, last) if record or marked else None
     inner = solver.init(term, s, end, y0, rate)
-    start = March(s, end, y0, inner, controlled, jnp.array(False), zero, zero, zero, states, ends, marks, zero + 1)
+    start = March(
+        s,
+        end,
+        y0,
+        inner,
+        controlled,
+        jnp.array(False),
+        zero,
+        zero,
+        zero,
+        states,
+        ends,
+        marks,
+        zero + 1,
+    )
 
     def kept_until(m: March, s1: Array, between: Any) -> tuple[Array, State | None]:
         if kept is None:
             return m.reached, None
         asked, count = kept, kept.shape[0]
-        next_one = lambda k: asked[jnp.minimum(k, count - 1)]  # noqa: E731
-        within = lambda c: (c[0] < count) & (next_one(c[0]) <= s1)  # noqa: E731
-        keep = lambda c: (c[0] + 1, _written(c[1], c[0], between.evaluate(next_one(c[0]))))  # noqa: E731
+
+        def next_one(k):
+            return asked[jnp.minimum(k, count - 1)]
+
+        def within(c):
+            return (c[0] < count) & (next_one(c[0]) <= s1)
+
+        def keep(c):
+            return (c[0] + 1, _written(c[1], c[0], between.evaluate(next_one(c[0]))))
+
         return jax.lax.while_loop(within, keep, (m.reached, m.states))
 
     def marked_after(m: March, keep: Array, y: State) -> tuple[State | None, Array]:
         if not marked:
             return None, m.every
         count = m.accepted + 1
-        # What is not to be kept goes to the last row: a condition around the writing would copy all of them.
+        # What is not to be kept goes to the last row: a condition around the writing would copy all
+        # of them.
         row = jnp.where(keep & (count % m.every == 0), count // m.every - 1, places)
         marks = _written(m.marks, row, y)
-        full = lambda c: keep & (count // c[1] >= places) & (places < limit)  # noqa: E731
-        return jax.lax.while_loop(full, lambda c: (_thinned(c[0], places), 2 * c[1]), (marks, m.every))
+
+        def full(c):
+            return keep & (count // c[1] >= places) & (places < limit)
+
+        return jax.lax.while_loop(
+            full, lambda c: (_thinned(c[0], places), 2 * c[1]), (marks, m.every)
+        )
 
     def step(m: March) -> March:
         y, error, dense, inner, result = solver.step(term, m.s, m.end, m.y, rate, m.solver, m.anew)
         failed = result != diffrax.RESULTS.successful
         error = jax.tree.map(lambda e: jnp.where(failed, jnp.inf, e), error)
-        keep, s, end, anew, controlled, _ = control.adapt_step_size(m.s, m.end, m.y, y, rate, error, order, m.control)
+        keep, s, end, anew, controlled, _ = control.adapt_step_size(
+            m.s, m.end, m.y, y, rate, error, order, m.control
+        )
         keep = jnp.asarray(keep)
-        choose = lambda new, old: jax.tree.map(lambda a, b: jnp.where(keep, a, b), new, old)  # noqa: E731
+
+        def choose(new, old):
+            return jax.tree.map(lambda a, b: jnp.where(keep, a, b), new, old)
+
         between = solver.interpolation_cls(t0=m.s, t1=m.end, **dense)
         reached, states = kept_until(m, jnp.where(keep, m.end, -1.0), between)
         marks, every = marked_after(m, keep, y)
@@ -137,4 +180,6 @@ def march(
             every,
         )
 
-    return jax.lax.while_loop(lambda m: (m.s < last) & (m.accepted + m.rejected < limit), step, start)
+    return jax.lax.while_loop(
+        lambda m: (m.s < last) & (m.accepted + m.rejected < limit), step, start
+    )

@@ -5,8 +5,9 @@ from jaxtyping import PyTree
 
 
 @jax.jit
-def hold(tree: PyTree) -> PyTree:
+def barrier(tree: PyTree) -> PyTree:
     """The tree, behind a barrier on CPUs: its leaves are computed once, together.
 
-    There the compiler writes one loop for each array that is needed later, and computes again in each what they share."""
+    There the compiler writes one loop for each array that is needed later, and computes again in
+    each what they share."""
     return jax.lax.platform_dependent(tree, cpu=jax.lax.optimization_barrier, default=lambda x: x)

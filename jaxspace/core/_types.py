@@ -1,4 +1,5 @@
-"""The shapes that every formula shares: components lead, runs trail (`*runs` is empty for one run)."""
+"""The shapes that every formula shares: components lead, runs trail (`*runs` is empty for one
+run)."""
 
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -7,7 +8,8 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, PyTree
 
 if TYPE_CHECKING:
-    # A formula takes a Python float as well as an array, and returns an array if it got one: more than a static type can say.
+    # A formula takes a Python float as well as an array, and returns an array if it got one: more
+    # than a static type can say.
     Scalar: TypeAlias = Any
 else:
     Scalar: TypeAlias = Float[Array, "*#runs"] | float
@@ -20,12 +22,17 @@ State: TypeAlias = PyTree[Float[Array, "..."]]
 def as_float(x: Any) -> Any:
     """`x` as a floating-point array, for the fields of a module.
 
-    A Python number stays weakly typed, so that the precision follows the state that it meets; integers become floats.
-    Whatever is not a number (a placeholder of a tree transformation) passes through."""
+    A Python number stays weakly typed, so that the precision follows the state that it meets;
+    integers become floats. Whatever is not a number (a placeholder of a tree transformation) passes
+    through."""
     if isinstance(x, bool | int):
         x = float(x)
     if isinstance(x, list | tuple):
-        x = np.asarray(x, dtype=float) if all(isinstance(v, int | float) for v in x) else jnp.stack([as_float(v) for v in x])
+        x = (
+            np.asarray(x, dtype=float)
+            if all(isinstance(v, int | float) for v in x)
+            else jnp.stack([as_float(v) for v in x])
+        )
     if not isinstance(x, float | np.ndarray | np.generic | Array):
         return x
     x = jnp.asarray(x)

@@ -1,7 +1,8 @@
-"""Branches without NaN, each named once: values and derivatives are finite on both sides of every `where`.
+"""Branches without NaN, each named once: values and derivatives are finite on both sides of every
+`where`.
 
-The untaken side of a `where` is differentiated too, so that it gets a harmless argument; a removable singularity gets its
-series where the closed form has lost digits."""
+The untaken side of a `where` is differentiated too, so that it gets a harmless argument; a
+removable singularity gets its series where the closed form has lost digits."""
 
 import jax.numpy as jnp
 
@@ -9,7 +10,8 @@ from ._types import Scalar
 
 
 def safe_sqrt(x: Scalar) -> Scalar:
-    """Square root, with derivative zero instead of infinity at x = 0. Negative x gives NaN, as it must."""
+    """Square root, with derivative zero instead of infinity at x = 0. Negative x gives NaN, as it
+    must."""
     zero = x == 0.0
     return jnp.where(zero, 0.0, jnp.sqrt(jnp.where(zero, 1.0, x)))
 
@@ -37,10 +39,15 @@ def phi1(x: Scalar) -> Scalar:
 
 
 def sinc_squared(z: Scalar) -> Scalar:
-    """sin(sqrt(z)) / sqrt(z), analytic in z: the series near z = 0, the hyperbolic sine for z < 0."""
+    """sin(sqrt(z)) / sqrt(z), analytic in z: the series near z = 0, the hyperbolic sine for z <
+    0."""
     small = jnp.abs(z) < 0.1
     s, p, n = jnp.where(small, z, 0.0), jnp.where(z < 0.1, 1.0, z), jnp.where(z > -0.1, 1.0, -z)
     series = 1.0
     for k in range(8, 0, -1):
         series = 1.0 - s / (2 * k * (2 * k + 1)) * series
-    return jnp.where(small, series, jnp.where(z > 0.0, jnp.sin(jnp.sqrt(p)) / jnp.sqrt(p), jnp.sinh(jnp.sqrt(n)) / jnp.sqrt(n)))
+    return jnp.where(
+        small,
+        series,
+        jnp.where(z > 0.0, jnp.sin(jnp.sqrt(p)) / jnp.sqrt(p), jnp.sinh(jnp.sqrt(n)) / jnp.sqrt(n)),
+    )

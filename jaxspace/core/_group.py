@@ -1,4 +1,5 @@
-"""What a block of a state offers that lies on a group, so that an integrator need not know which."""
+"""What a block of a state offers that lies on a group, so that an integrator need not know
+which."""
 
 from abc import abstractmethod
 from typing import Any
@@ -24,4 +25,5 @@ class AbstractGroupElement(eqx.Module):
 
     @abstractmethod
     def coordinate_rate(self, local: Local, rate: Any) -> Local:
-        """The rate, 1/s, of the coordinates about another element, `local` for this one, when this one changes at the `rate`."""
+        """The rate, 1/s, of the coordinates about another element, `local` for this one, when this
+        one changes at the `rate`."""

@@ -1,22 +1,23 @@
-"""The floor: the noun `System`, vector algebra, branches without NaN, checks of input. Knows jax and equinox only."""
+"""The floor: the noun `System`, vector algebra, branches without NaN, checks of input. Knows jax
+and equinox only."""
 
+from ._barrier import barrier as barrier
 from ._check import InputError as InputError
 from ._check import check as check
 from ._check import check_finite as check_finite
 from ._check import check_non_negative as check_non_negative
 from ._check import check_positive as check_positive
-from ._check import known as known
+from ._check import is_concrete as is_concrete
 from ._group import AbstractGroupElement as AbstractGroupElement
-from ._hold import hold as hold
 from ._linear import axis as axis
 from ._linear import cross as cross
 from ._linear import dot as dot
 from ._linear import expand as expand
+from ._linear import inverse_norm as inverse_norm
 from ._linear import matvec as matvec
 from ._linear import norm as norm
-from ._linear import per_norm as per_norm
+from ._linear import scale as scale
 from ._linear import solve3 as solve3
-from ._linear import times as times
 from ._linear import unit as unit
 from ._safe import phi1 as phi1
 from ._safe import safe_atan2 as safe_atan2
@@ -25,12 +26,11 @@ from ._safe import safe_sqrt as safe_sqrt
 from ._safe import sinc_squared as sinc_squared
 from ._special import stumpff as stumpff
 from ._special import stumpff_near as stumpff_near
-from ._system import AbstractClosedFormSystem as AbstractClosedFormSystem
-from ._system import AbstractPiecewiseSystem as AbstractPiecewiseSystem
-from ._system import AbstractRegularForm as AbstractRegularForm
-from ._system import AbstractRegularisedSystem as AbstractRegularisedSystem
-from ._system import AbstractSplitSystem as AbstractSplitSystem
+from ._system import AbstractClosedForm as AbstractClosedForm
+from ._system import AbstractRegularised as AbstractRegularised
+from ._system import AbstractSplit as AbstractSplit
 from ._system import AbstractSystem as AbstractSystem
+from ._tracing import is_traced as is_traced
 from ._types import Flag as Flag
 from ._types import Matrix as Matrix
 from ._types import Scalar as Scalar

@@ -5,9 +5,9 @@
     2. |J(y + f / w) - J(y)| <= 0.05 w        where the fast motion leads, it is still the same motion
     3. a step of 300 / w by the exponential method is within the tolerance
 
-All are measured in the lengths of the state's blocks, as the tolerance is. A body that spins, or an orbit of many revolutions,
-fails at the second line: its Jacobian turns with it. A gyrocompass, damped or ringing linear modes, and a fast decay onto which
-the motion has settled pass.
+All are measured in the lengths of the state's blocks, as the tolerance is. A body that spins, or an
+orbit of many revolutions, fails at the second line: its Jacobian turns with it. A gyrocompass,
+damped or ringing linear modes, and a fast decay onto which the motion has settled pass.
 
     symbol  meaning                                  unit
     f, y    vector field and state at the start
@@ -26,20 +26,27 @@ import numpy as np
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array
 
-from .._core import AbstractSystem, State
+from ..core import AbstractSystem, State, is_traced
 from ..solvers import ExponentialRosenbrock
-from ._blocks import untransformed
 
-EXPLICIT = 1e4  # radians or decay times in the span: DOP853 takes five steps for three, more than a run may by default
-TRIAL = 300.0  # radians or decay times in a step: about as many as DOP853 passes while a step of 30 components is computed
+# radians or decay times in the span: DOP853 takes five steps for three, more than a run may by
+# default
+EXPLICIT = 1e4
+# radians or decay times in a step: about as many as DOP853 passes while a step of 30 components is
+# computed
+TRIAL = 300.0
 SAME = 0.05
-LEAST = 1e-3  # of a block's own unit: shorter ones count as this, as for the default absolute tolerance
-MOST = 40  # components of a state: beyond, the exponential method's matrices cost more than they save
+LEAST = (
+    1e-3  # of a block's own unit: shorter ones count as this, as for the default absolute tolerance
+)
+MOST = (
+    40  # components of a state: beyond, the exponential method's matrices cost more than they save
+)
 
 
 class Starts(NamedTuple):
-    """Runs as they are asked for: (system, state, times), in parts with the runs on the first axis and shared by all; `rows` are
-    those to look at."""
+    """Runs as they are asked for: (system, state, times), in parts with the runs on the first axis
+    and shared by all; `rows` are those to look at."""
 
     batched: Any
     shared: Any
@@ -61,13 +68,15 @@ class Starts(NamedTuple):
         """Whether all numbers are known, and those of a state are not too many."""
         leaves = jax.tree.leaves((self.batched, self.shared))
         placeholders = any(isinstance(x, jax.ShapeDtypeStruct) for x in leaves)
-        return not placeholders and untransformed(leaves) and self.components <= MOST
+        return not placeholders and not is_traced(leaves) and self.components <= MOST
 
 
 def is_stiff(starts: Starts, rtol: float) -> bool:
-    """Whether some of the runs would take an explicit method very many steps, and the exponential method serves all those.
+    """Whether some of the runs would take an explicit method very many steps, and the exponential
+    method serves all those.
 
-    `False` where the numbers are not known (under `jit`, or in a derivative), or `rtol` is zero, as it is not known then."""
+    `False` where the numbers are not known (under `jit`, or in a derivative), or `rtol` is zero, as
+    it is not known then."""
     if rtol == 0.0 or not starts.readable:
         return False
     times = np.shape(jax.tree.leaves((starts.batched[2], starts.shared[2]))[0])[-1]
@@ -79,7 +88,9 @@ def is_stiff(starts: Starts, rtol: float) -> bool:
     if not np.any(long):
         return False
     w = np.where(long, w, np.inf)[:, None]
-    _, there, size_there, _ = map(np.asarray, _linearised(starts, np.where(long[:, None], f / w, 0.0)))
+    _, there, size_there, _ = map(
+        np.asarray, _linearised(starts, np.where(long[:, None], f / w, 0.0))
+    )
     size = np.maximum(size, size_there)
     change = np.max(np.abs(there - jacobian) * size[:, None, :] / size[:, :, None], axis=(1, 2))
     if not np.all((change <= SAME * w[:, 0])[long]):
@@ -92,21 +103,29 @@ def _each(starts: Starts, function: Callable[..., Any], given: Array) -> Any:
     """`function(system, y, ts, x)` of each run looked at, and of its row of `given`."""
     lanes = jax.tree.map(lambda x: x[starts.rows], starts.batched)
     dtype = jnp.result_type(*jax.tree.leaves((starts.batched[1], starts.shared[1])))
-    return jax.vmap(lambda lane, x: function(*eqx.combine(lane, starts.shared), x))(lanes, given.astype(dtype))
+    return jax.vmap(lambda lane, x: function(*eqx.combine(lane, starts.shared), x))(
+        lanes, given.astype(dtype)
+    )
 
 
 def _sizes(y: State) -> Array:
     """For every component of a state the length of its block, as the default tolerances take it."""
-    return ravel_pytree([jnp.sqrt(jnp.sum(x * x)) * jnp.ones_like(x) for x in jax.tree.leaves(y)])[0] + LEAST
+    return (
+        ravel_pytree([jnp.sqrt(jnp.sum(x * x)) * jnp.ones_like(x) for x in jax.tree.leaves(y)])[0]
+        + LEAST
+    )
 
 
 @eqx.filter_jit
 def _linearised(starts: Starts, away: Any) -> tuple[Array, Array, Array, Array]:
     """The vector field, its Jacobian and the sizes at the states moved by `away`, and the spans.
 
-    By differences: derivatives would take far longer to compile. Not a number where the rate of a state has another shape."""
+    By differences: derivatives would take far longer to compile. Not a number where the rate of a
+    state has another shape."""
 
-    def one(system: AbstractSystem, y: State, ts: Array, away: Array) -> tuple[Array, Array, Array, Array]:
+    def one(
+        system: AbstractSystem, y: State, ts: Array, away: Array
+    ) -> tuple[Array, Array, Array, Array]:
         v, state = ravel_pytree(y)
         v = v + away
         size = _sizes(state(v))
@@ -127,7 +146,9 @@ def _trial(starts: Starts, h: Any) -> tuple[Array, Array]:
 
     def one(system: AbstractSystem, y: State, ts: Array, h: Array) -> tuple[Array, Array]:
         term: Any = diffrax.ODETerm(lambda s, y, args: system.vector_field(s, y))
-        y1, error, *_ = ExponentialRosenbrock().step(term, ts[0], ts[0] + h, y, None, None, jnp.array(False))
+        y1, error, *_ = ExponentialRosenbrock().step(
+            term, ts[0], ts[0] + h, y, None, None, jnp.array(False)
+        )
         return ravel_pytree(error)[0], _sizes(y1)
 
     return _each(starts, one, jnp.asarray(h))

@@ -1,4 +1,5 @@
-"""One span of one system: from a state at t0 to states until t1, by the closed form or by one integration.
+"""One span of one system: from a state at t0 to states until t1, by the closed form or by one
+integration.
 
 The integration runs on the clock of segments (`_clock.py`)."""
 
@@ -11,19 +12,21 @@ import jax.numpy as jnp
 import optimistix
 from jaxtyping import Array, Float, Int
 
-from .._core import AbstractClosedFormSystem, AbstractPiecewiseSystem, AbstractSystem, Scalar, State, safe_divide
-from ..solvers import AbstractEqualSteps, ExponentialRosenbrock, Regularised, Splitting, Tolerance
+from ..core import AbstractClosedForm, AbstractSystem, Scalar, State, safe_divide
+from ..solvers import AbstractFixedStep, ExponentialRosenbrock, Regularised, Splitting, Tolerance
 from ._accuracy import Accuracy
-from ._clock import Rate
 from ._integrate import Manner, integrate
+from ._normalised_time import Rate
 from ._status import judged
 
 
 @final
 class Propagation(eqx.Module):
-    """States along a span: `states` with the times on the first axis, the `status` of each run, and what it cost.
+    """States along a span: `states` with the times on the first axis, the `status` of each run, and
+    what it cost.
 
-    `plan` holds the ends of the accepted steps on the clock where they were asked for (padded with infinity)."""
+    `plan` holds the ends of the accepted steps on the clock where they were asked for (padded with
+    infinity)."""
 
     states: State
     status: Int[Array, "*runs"]
@@ -35,7 +38,9 @@ def alike(system: AbstractSystem, t: Scalar, y: State) -> State:
     """The state with every block broadcast to the runs that the system or another block carries."""
     for _ in range(3):
         rate, before = jax.eval_shape(system.vector_field, t, y), y
-        y = jax.tree.map(lambda a, b: jnp.broadcast_to(a, jnp.broadcast_shapes(a.shape, b.shape)), y, rate)
+        y = jax.tree.map(
+            lambda a, b: jnp.broadcast_to(a, jnp.broadcast_shapes(a.shape, b.shape)), y, rate
+        )
         if jax.tree.map(jnp.shape, y) == jax.tree.map(jnp.shape, before):
             break
     return y
@@ -53,31 +58,48 @@ def propagate(
     plan: Float[Array, " nodes"] | None = None,
     record: bool = False,
 ) -> Propagation:
-    """States at `fractions` (ascending, within [0, 1]) of the span, or at its end alone where they are `None`.
+    """States at `fractions` (ascending, within [0, 1]) of the span, or at its end alone where they
+    are `None`.
 
-    `y0` is `alike` to the system; `t0` and `t1` are scalars or (*runs,); `run_axes` counts the axes of runs; `plan` fixes the
-    steps on the clock beforehand; `record` asks for the steps that were taken."""
-    if accuracy.method == "auto" and isinstance(system, AbstractClosedFormSystem):
-        return _by_flow(system, y0, t1 - t0, fractions, run_axes)
+    `y0` is `alike` to the system; `t0` and `t1` are scalars or (*runs,); `run_axes` counts the axes
+    of runs; `plan` fixes the steps on the clock beforehand; `record` asks for the steps that were
+    taken."""
+    closed_form = system.closed_form() if accuracy.method == "auto" else None
+    if closed_form is not None:
+        return _by_flow(closed_form, y0, t1 - t0, fractions, run_axes)
     return _by_integration(system, y0, t0, t1, fractions, accuracy, run_axes, plan, record)
 
 
-def _by_flow(system: AbstractClosedFormSystem, y0: State, span: Scalar, fractions: Any, run_axes: int) -> Propagation:
-    if fractions is None:  # without a map over a single duration, which would double what there is to trace
+def _by_flow(
+    system: AbstractClosedForm, y0: State, span: Scalar, fractions: Any, run_axes: int
+) -> Propagation:
+    if (
+        fractions is None
+    ):  # without a map over a single duration, which would double what there is to trace
         states = jax.tree.map(lambda x: x[None], system.flow(span, y0))
     else:
-        states = jax.vmap(lambda duration: system.flow(duration, y0))(jnp.multiply.outer(fractions, span))
+        states = jax.vmap(lambda duration: system.flow(duration, y0))(
+            jnp.multiply.outer(fractions, span)
+        )
     final = jax.tree.map(lambda x: x[-1], states)
     finite = Tolerance(0.0, 0.0, run_axes).alive(final)
-    return Propagation(states, judged(jnp.array(False), finite, jnp.zeros(finite.shape)), {"evaluations": jnp.array(0)}, None)
+    return Propagation(
+        states,
+        judged(jnp.array(False), finite, jnp.zeros(finite.shape)),
+        {"evaluations": jnp.array(0)},
+        None,
+    )
 
 
 def _segments(system: AbstractSystem, t0: Scalar, span: Scalar, extra: Array | None) -> Array:
     """The fractions u of the span at which a segment begins or ends, ascending, for each run."""
     inner = []
-    breaks = system.breaks().astype(span.dtype) if isinstance(system, AbstractPiecewiseSystem) else jnp.zeros((0,))
+    breaks = system.breaks()
+    breaks = jnp.zeros((0,)) if breaks is None else breaks.astype(span.dtype)
     if breaks.shape[0] > 0:
-        breaks = breaks.reshape(breaks.shape[0], *(1,) * (span.ndim - breaks.ndim + 1), *breaks.shape[1:])
+        breaks = breaks.reshape(
+            breaks.shape[0], *(1,) * (span.ndim - breaks.ndim + 1), *breaks.shape[1:]
+        )
         inner.append(jnp.clip(safe_divide(breaks - t0, span), 0.0, 1.0))
     if extra is not None:
         inner.append(extra.reshape(extra.shape + (1,) * (inner[0].ndim - 1 if inner else 0)))
@@ -110,21 +132,34 @@ def _by_integration(
     tolerance = Tolerance(jnp.asarray(accuracy.rtol, dtype), jnp.asarray(atol, dtype), run_axes)
     accuracy = eqx.tree_at(lambda a: a.method, accuracy, _told(accuracy.method, tolerance))
     lengths = jnp.maximum(jnp.mean(jnp.diff(u, axis=0).reshape(u.shape[0] - 1, -1), axis=1), 1e-6)
-    if isinstance(accuracy.method, AbstractEqualSteps):
+    if isinstance(accuracy.method, AbstractFixedStep):
         plan = jnp.arange(u.shape[0], dtype=dtype)
-    longest = None if accuracy.max_step is None else _longest(jnp.asarray(accuracy.max_step, dtype), t1 - t0, u)
-    manner = Manner(accuracy, tolerance, lengths, longest, _kept(u, fractions, per_run), plan, record)
+    longest = (
+        None
+        if accuracy.max_step is None
+        else _longest(jnp.asarray(accuracy.max_step, dtype), t1 - t0, u)
+    )
+    manner = Manner(
+        accuracy, tolerance, lengths, longest, _kept(u, fractions, per_run), plan, record
+    )
     rate = Rate(system, u, t0, t1 - t0)
     course = integrate(rate, y0, manner)
     account = course.account
     if plan is not None and accuracy.max_step is not None:
-        account = jnp.maximum(account, _longest_of(plan, rate) / jnp.asarray(accuracy.max_step, dtype) - 1e-3)
-    states = _at_fractions(course.states, u, fractions, run_axes) if per_run and fractions is not None else course.states
+        account = jnp.maximum(
+            account, _longest_of(plan, rate) / jnp.asarray(accuracy.max_step, dtype) - 1e-3
+        )
+    states = (
+        _at_fractions(course.states, u, fractions, run_axes)
+        if per_run and fractions is not None
+        else course.states
+    )
     finite = tolerance.alive(jax.tree.map(lambda x: x[-1], states))
     stats = {
         "steps": course.accepted * getattr(accuracy.method, "steps", 1),
         "rejected_steps": course.rejected,
-        "evaluations": (course.accepted + course.rejected) * getattr(accuracy.method, "evaluations", 1),
+        "evaluations": (course.accepted + course.rejected)
+        * getattr(accuracy.method, "evaluations", 1),
         "largest_local_error": account,
     }
     return Propagation(states, judged(course.out_of_steps, finite, account), stats, course.ends)
@@ -134,7 +169,9 @@ def _longest(max_step: Array, span: Array, u: Array) -> Array:
     """How long on the clock a step may be in each segment, for all the runs that share it."""
     width = jnp.diff(u, axis=0)
     durations = jnp.abs(width.reshape(*width.shape, *(1,) * (span.ndim + 1 - width.ndim)) * span)
-    allowed = jnp.where(durations > 0.0, max_step / jnp.where(durations > 0.0, durations, 1.0), jnp.inf)
+    allowed = jnp.where(
+        durations > 0.0, max_step / jnp.where(durations > 0.0, durations, 1.0), jnp.inf
+    )
     return jnp.min(allowed.reshape(allowed.shape[0], -1), axis=1)
 
 
@@ -152,13 +189,21 @@ def _told(method: Any, tolerance: Tolerance) -> Any:
         return method
     # diffrax leaves a mark where its root finder shall take the tolerance of the steps.
     mine = {"rtol": tolerance.rtol, "atol": tolerance.atol, "norm": optimistix.max_norm}
-    marked = [name for name in mine if type(getattr(method.root_finder, name)) not in (float, type(optimistix.max_norm))]
-    fields = lambda m: [getattr(m.root_finder, name) for name in marked]  # noqa: E731
+    marked = [
+        name
+        for name in mine
+        if type(getattr(method.root_finder, name)) not in (float, type(optimistix.max_norm))
+    ]
+
+    def fields(m):
+        return [getattr(m.root_finder, name) for name in marked]
+
     return eqx.tree_at(fields, method, [mine[name] for name in marked])
 
 
 def _kept(u: Array, fractions: Any, per_run: bool) -> Array | None:
-    """Where on the clock states are kept: at its end (`None`), at every segment's end, or at the `fractions` of the span."""
+    """Where on the clock states are kept: at its end (`None`), at every segment's end, or at the
+    `fractions` of the span."""
     if fractions is None:
         return None
     clock = jnp.arange(u.shape[0], dtype=u.dtype)

@@ -8,7 +8,8 @@ from jaxtyping import Array, Bool, Int
 
 
 class Status(enum.IntEnum):
-    """How a run ended. `sentence` says what happened and what to do; above `EVENT` something went wrong."""
+    """How a run ended. `sentence` says what happened and what to do; above `EVENT` something went
+    wrong."""
 
     COMPLETED = 0
     EVENT = 1
@@ -39,7 +40,8 @@ _SENTENCES = {
 
 
 def worst(first: Int[Array, "..."], second: Int[Array, "..."]) -> Int[Array, "..."]:
-    """The status of two runs in sequence: the first trouble stays, otherwise the later word counts."""
+    """The status of two runs in sequence: the first trouble stays, otherwise the later word
+    counts."""
     return jnp.where(first > Status.EVENT, first, second)
 
 
@@ -52,12 +54,21 @@ def raise_if_bad(status: Array) -> None:
     every = np.asarray(status).reshape(-1)
     bad = np.flatnonzero(every > Status.EVENT)
     if bad.size:
-        which = "" if every.size == 1 else f"Run {bad[0]} ({bad.size} of {every.size} runs in trouble): "
+        which = (
+            ""
+            if every.size == 1
+            else f"Run {bad[0]} ({bad.size} of {every.size} runs in trouble): "
+        )
         raise SimulationError(which + Status(int(every[bad[0]])).sentence)
 
 
-def judged(out_of_steps: Bool[Array, "..."], finite: Bool[Array, "..."], account: Array) -> Int[Array, "..."]:
-    """The status of runs from whether their steps ran out, whether they stayed finite, and their largest local error."""
+def judged(
+    out_of_steps: Bool[Array, "..."], finite: Bool[Array, "..."], account: Array
+) -> Int[Array, "..."]:
+    """The status of runs from whether their steps ran out, whether they stayed finite, and their
+    largest local error."""
     status = jnp.where(account > 1.0, Status.TOLERANCE_MISSED, Status.COMPLETED)
     status = jnp.where(finite, status, Status.NOT_FINITE)
-    return jnp.where(out_of_steps & (status != Status.NOT_FINITE), Status.MAX_STEPS, status).astype(jnp.int32)
+    return jnp.where(out_of_steps & (status != Status.NOT_FINITE), Status.MAX_STEPS, status).astype(
+        jnp.int32
+    )

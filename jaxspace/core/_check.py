@@ -1,6 +1,7 @@
 """Bad input, told in one sentence that names the field, the value and what is allowed.
 
-Only values that are known are checked: a traced value passes, so that every check is free under `jit`, `vmap` and `grad`."""
+Only values that are known are checked: a traced value passes, so that every check is free under
+`jit`, `vmap` and `grad`."""
 
 from typing import Any
 
@@ -13,9 +14,11 @@ class InputError(ValueError):
     """A field has a value that is not allowed."""
 
 
-def known(x: Any) -> bool:
+def is_concrete(x: Any) -> bool:
     """Whether `x` is a concrete number or array, and not a tracer, a placeholder or `None`."""
-    if isinstance(x, Tracer) or not isinstance(x, float | int | np.ndarray | np.generic | jax.Array):
+    if isinstance(x, Tracer) or not isinstance(
+        x, float | int | np.ndarray | np.generic | jax.Array
+    ):
         return False
     return np.issubdtype(np.asarray(x).dtype, np.number)
 
@@ -26,26 +29,27 @@ def _show(x: Any) -> str:
 
 
 def check(ok: Any, field: str, value: Any, allowed: str) -> None:
-    """Raise `InputError` unless `ok` holds everywhere; `allowed` completes the sentence "`field` is `value`: it must be ..."."""
+    """Raise `InputError` unless `ok` holds everywhere; `allowed` completes the sentence "`field` is
+    `value`: it must be ..."."""
     if not np.all(ok):
         raise InputError(f"{field} is {_show(value)}: it must be {allowed}.")
 
 
 def check_positive(field: str, value: Any) -> None:
     """Raise `InputError` if the known `value` is not finite and above zero everywhere."""
-    if known(value):
+    if is_concrete(value):
         a = np.asarray(value)
         check(np.isfinite(a) & (a > 0.0), field, value, "positive and finite")
 
 
 def check_non_negative(field: str, value: Any) -> None:
     """Raise `InputError` if the known `value` is negative or not finite anywhere."""
-    if known(value):
+    if is_concrete(value):
         a = np.asarray(value)
         check(np.isfinite(a) & (a >= 0.0), field, value, "zero or positive, and finite")
 
 
 def check_finite(field: str, value: Any) -> None:
     """Raise `InputError` if the known `value` is NaN or infinite anywhere."""
-    if known(value):
+    if is_concrete(value):
         check(np.isfinite(np.asarray(value)), field, value, "finite")

@@ -2,11 +2,13 @@
 
     t_e :  g(t_e, y(t_e)) = 0            dt_e = -(dg)/(g_t + g_y f)
 
-The zero is bracketed on samples of the dense output and then closed in by Newton's method guarded by its bracket, outside
-every derivative. A dip between the samples is looked into, too: where of three samples of one sign the middle one is nearest to
-zero, and so near that the bend g_- - 2 g + g_+ might reach it, the extremum is sought by the secant of the slopes, and the
-search goes on from the first place beyond zero. One more correction of time and state, inside the derivatives, carries the exact
-first derivative through the event: how its time moves, and the state with it (the saltation).
+The zero is bracketed on samples of the dense output and then closed in by Newton's method guarded
+by its bracket, outside every derivative. A dip between the samples is looked into, too: where of
+three samples of one sign the middle one is nearest to zero, and so near that the bend g_- - 2 g +
+g_+ might reach it, the extremum is sought by the secant of the slopes, and the search goes on from
+the first place beyond zero. One more correction of time and state, inside the derivatives, carries
+the exact first derivative through the event: how its time moves, and the state with it (the
+saltation).
 
     symbol  meaning                            unit
     g       condition                          any
@@ -21,11 +23,21 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from .._core import AbstractSystem, InputError, Scalar, State, as_optional_float, check_positive, safe_divide
+from ..core import (
+    AbstractSystem,
+    InputError,
+    Scalar,
+    State,
+    as_optional_float,
+    check_positive,
+    safe_divide,
+)
 from ._accuracy import Accuracy
-from ._propagate import propagate
+from ._segment import propagate
 
-CLOSING_STEPS = 24  # Newton's steps, guarded by the bracket, at most; four are enough for a simple zero
+CLOSING_STEPS = (
+    24  # Newton's steps, guarded by the bracket, at most; four are enough for a simple zero
+)
 NARROW = 1e-4  # of an interval: to what width the place of an extremum is sought
 REACH = 0.25  # of the bend: a parabola's dip below its lowest sample is an eighth at most
 
@@ -36,8 +48,9 @@ class Event(eqx.Module):
 
     - `direction`: 1 for a rise, -1 for a fall, 0 for both. A zero at the start is no event.
     - `within`, s: how long to wait for it in a phase.
-    - `samples`: how finely the span is searched. Two zeros within one span / `samples` are found where the samples about them
-      bend towards zero; a dip so narrow that they do not may be passed over.
+    - `samples`: how finely the span is searched. Two zeros within one span / `samples` are found
+      where the samples about them bend towards zero; a dip so narrow that they do not may be passed
+      over.
 
     Raises `InputError` for another direction or a number of samples below 2."""
 
@@ -48,7 +61,9 @@ class Event(eqx.Module):
 
     def __check_init__(self):
         if self.direction not in (-1, 0, 1):
-            raise InputError(f"Event.direction is {self.direction}: it must be 1 (rise), -1 (fall) or 0 (both).")
+            raise InputError(
+                f"Event.direction is {self.direction}: it must be 1 (rise), -1 (fall) or 0 (both)."
+            )
         if self.samples < 2:
             raise InputError(f"Event.samples is {self.samples}: it must be at least 2.")
         check_positive("Event.within", self.within)
@@ -64,17 +79,29 @@ def _pick(tree: State, index: Array, run_axes: int) -> State:
 
     def leaf(x):
         where = index.reshape(1, *(1,) * (x.ndim - 1 - run_axes), *index.shape)
-        return jnp.take_along_axis(x, jnp.broadcast_to(where, (1, *x.shape[1 : x.ndim - run_axes], *index.shape)), axis=0)[0]
+        return jnp.take_along_axis(
+            x, jnp.broadcast_to(where, (1, *x.shape[1 : x.ndim - run_axes], *index.shape)), axis=0
+        )[0]
 
     return jax.tree.map(leaf, tree)
 
 
 def first_event(
-    system: AbstractSystem, y0: State, t0: Scalar, t1: Scalar, events: tuple[Event, ...], accuracy: Accuracy, run_axes: int
+    system: AbstractSystem,
+    y0: State,
+    t0: Scalar,
+    t1: Scalar,
+    events: tuple[Event, ...],
+    accuracy: Accuracy,
+    run_axes: int,
 ) -> tuple[Scalar, Array]:
-    """The time of the first event of each run and its index among `events`; (t1, -1) where none happens. Not differentiable."""
+    """The time of the first event of each run and its index among `events`; (t1, -1) where none
+    happens. Not differentiable."""
+
     # A system may hold functions among its leaves.
-    fixed = lambda x: jax.lax.stop_gradient(x) if eqx.is_array(x) else x  # noqa: E731
+    def fixed(x):
+        return jax.lax.stop_gradient(x) if eqx.is_array(x) else x
+
     system, y0, t0, t1 = jax.tree.map(fixed, (system, y0, t0, t1))
     when, which = t1, -jnp.ones(jnp.shape(t1), jnp.int32)
     for number, event in enumerate(events):
@@ -85,7 +112,13 @@ def first_event(
 
 
 def _first_zero(
-    system: AbstractSystem, y0: State, t0: Scalar, t1: Scalar, event: Event, accuracy: Accuracy, run_axes: int
+    system: AbstractSystem,
+    y0: State,
+    t0: Scalar,
+    t1: Scalar,
+    event: Event,
+    accuracy: Accuracy,
+    run_axes: int,
 ) -> tuple[Scalar, Array]:
     fractions = jnp.linspace(0.0, 1.0, event.samples + 1, dtype=jnp.result_type(t0))
     states = propagate(system, y0, t0, t1, fractions, accuracy, run_axes).states
@@ -106,38 +139,51 @@ def _first_zero(
         y, t, value = _pick((states, times, g), index, run_axes)
         end, other = _pick((times, g), index + 1, run_axes)
         wanted = jnp.any(ahead, axis=0) & ~hit
-        there, met = _close_in(system, event, (t, end), y, (value, other), wanted, accuracy, run_axes)
+        there, met = _close_in(
+            system, event, (t, end), y, (value, other), wanted, accuracy, run_axes
+        )
         good = wanted & met
         last = good | ~wanted
         return jnp.where(good, there, when), hit | good, jnp.where(last, event.samples, index + 1)
 
     nowhere = jnp.zeros(candidate.shape[1:], bool)
     start = jnp.broadcast_to(t1, nowhere.shape), nowhere, jnp.zeros(nowhere.shape, int)
-    return jax.lax.while_loop(lambda found: jnp.any(candidate & (numbers >= found[2])), look, start)[:2]
+    return jax.lax.while_loop(
+        lambda found: jnp.any(candidate & (numbers >= found[2])), look, start
+    )[:2]
 
 
 def _dips(g: Array, changes: Array) -> Array:
     """For each interval whether the condition might dip through zero and back within it.
 
-    Beyond the ends of the span it goes on as its slopes there say: by the `changes` in an interval."""
+    Beyond the ends of the span it goes on as its slopes there say: by the `changes` in an interval.
+    """
     last = jnp.concatenate([g[:1] - changes[:1], g[:-1]])
     following = jnp.concatenate([g[1:], g[-1:] + changes[1:]])
     sign = jnp.sign(g)
-    near = (sign * g <= sign * last) & (sign * g <= sign * following) & (sign * last > 0.0) & (sign * following > 0.0)
+    near = (
+        (sign * g <= sign * last)
+        & (sign * g <= sign * following)
+        & (sign * last > 0.0)
+        & (sign * following > 0.0)
+    )
     near = near & (sign * g < REACH * sign * (last - 2.0 * g + following))
     return near[:-1] | near[1:]
 
 
 def _sign_at_start(g: Array, slope: Scalar) -> Array:
-    """The condition at the start; where it is zero to rounding (a ball on the floor), the sign that it is about to take."""
+    """The condition at the start; where it is zero to rounding (a ball on the floor), the sign that
+    it is about to take."""
     zero = jnp.abs(g[0]) <= 64.0 * jnp.finfo(g.dtype).eps * jnp.max(jnp.abs(g), axis=0)
     return jnp.where(zero, jnp.sign(slope), g[0])
 
 
 class _Search(NamedTuple):
-    """Where the zero is sought: between `low`, still on the side of `sign`, and `high`; next at `guess`.
+    """Where the zero is sought: between `low`, still on the side of `sign`, and `high`; next at
+    `guess`.
 
-    `slopes`: rates at both, positive away from zero, infinite where unknown; `moving`: whether the guess still changes."""
+    `slopes`: rates at both, positive away from zero, infinite where unknown; `moving`: whether the
+    guess still changes."""
 
     low: Scalar
     high: Scalar
@@ -159,17 +205,20 @@ def _close_in(
     accuracy: Accuracy,
     run_axes: int,
 ) -> tuple[Scalar, Array]:
-    """The zero within the `span`, from the state `y` on, with the condition `g` at both ends; and whether there is one.
+    """The zero within the `span`, from the state `y` on, with the condition `g` at both ends; and
+    whether there is one.
 
-    A dip has one sign at both ends: from the first place with the other one on, it is a span like all others, up to there
-    or, where only the way back counts, from there."""
+    A dip has one sign at both ends: from the first place with the other one on, it is a span like
+    all others, up to there or, where only the way back counts, from there."""
     t, end = span
     least = 16.0 * float(jnp.finfo(t.dtype).eps)
     forwards, back = jnp.sign(end - t), jnp.sign(g[0]) * event.direction > 0.0
 
     def step(search: _Search) -> _Search:
         low, high, guess, sign, dip, slopes, moving, left = search
-        there = jax.tree.map(lambda x: x[-1], propagate(system, y, t, guess, None, accuracy, run_axes).states)
+        there = jax.tree.map(
+            lambda x: x[-1], propagate(system, y, t, guess, None, accuracy, run_axes).states
+        )
         value, slope = event.slope(system, guess, there)
         same, away = value * sign > 0.0, forwards * sign * slope
         turned = dip & ~same & back
@@ -179,20 +228,40 @@ def _close_in(
         sign, dip = jnp.where(turned, -sign, sign), dip & same
         newton = guess - value / jnp.where(slope == 0.0, 1.0, slope)
         inside = (slope != 0.0) & ((newton - low) * (newton - high) <= 0.0) & ~dip
-        share = jnp.where(dip & jnp.isfinite(slopes[1] - slopes[0]), safe_divide(slopes[0], slopes[0] - slopes[1]), 0.5)
+        share = jnp.where(
+            dip & jnp.isfinite(slopes[1] - slopes[0]),
+            safe_divide(slopes[0], slopes[0] - slopes[1]),
+            0.5,
+        )
         following = jnp.where(inside, newton, low + jnp.clip(share, 0.1, 0.9) * (high - low))
-        enough = jnp.where(dip, NARROW * jnp.abs(end - t), least * jnp.maximum(jnp.abs(guess), jnp.abs(end - t)))
+        enough = jnp.where(
+            dip, NARROW * jnp.abs(end - t), least * jnp.maximum(jnp.abs(guess), jnp.abs(end - t))
+        )
         changes = jnp.where(dip, jnp.abs(high - low), jnp.abs(following - guess)) > enough
         return _Search(low, high, following, sign, dip, slopes, moving & changes, left - 1)
 
     unknown = jnp.full_like(t, jnp.inf)
-    start = _Search(t, end, 0.5 * (t + end), jnp.sign(g[0]), g[0] * g[1] > 0.0, (-unknown, unknown), wanted, CLOSING_STEPS)
-    found = jax.lax.while_loop(lambda search: (search.left > 0) & jnp.any(search.moving), step, start)
+    start = _Search(
+        t,
+        end,
+        0.5 * (t + end),
+        jnp.sign(g[0]),
+        g[0] * g[1] > 0.0,
+        (-unknown, unknown),
+        wanted,
+        CLOSING_STEPS,
+    )
+    found = jax.lax.while_loop(
+        lambda search: (search.left > 0) & jnp.any(search.moving), step, start
+    )
     return found.guess, ~found.dip
 
 
-def corrected(system: AbstractSystem, events: tuple[Event, ...], which: Array, t: Scalar, y: State) -> tuple[Scalar, State]:
-    """Time and state at the event, moved by one Newton step whose derivative is that of the event."""
+def corrected(
+    system: AbstractSystem, events: tuple[Event, ...], which: Array, t: Scalar, y: State
+) -> tuple[Scalar, State]:
+    """Time and state at the event, moved by one Newton step whose derivative is that of the
+    event."""
     delay = jnp.zeros_like(t)
     for number, event in enumerate(events):
         g, slope = event.slope(system, t, y)

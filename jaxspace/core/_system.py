@@ -1,0 +1,110 @@
+"""The one noun of the library: what moves, what its exact motion keeps, and what more it offers.
+
+A system answers two questions, `vector_field` and `invariants`. What more it may know about its
+motion it offers as values: `closed_form()`, `split()`, `regularised()` and `breaks()` return an
+object, or `None` where there is none. The runner finds out by asking, so that a scene can put its
+answers together from those of its effects.
+"""
+
+from abc import abstractmethod
+
+import equinox as eqx
+from jaxtyping import Array, Float
+
+from ._types import Scalar, State
+
+
+class AbstractClosedForm(eqx.Module):
+    """The exact motion of a system."""
+
+    @abstractmethod
+    def flow(self, duration: Scalar, y: State) -> State:
+        """The exact state a `duration`, s (negative: backwards), after the state `y`."""
+
+
+class AbstractSplit(eqx.Module):
+    """A vector field as the sum of two that are each known in closed form: a drift and a kick."""
+
+    @abstractmethod
+    def drift(self, duration: Scalar, y: State) -> State:
+        """The exact state a `duration`, s (negative: backwards), after `y` under the drift
+        alone."""
+
+    @abstractmethod
+    def kick(self, t: Scalar, duration: Scalar, y: State) -> State:
+        """The exact state a `duration`, s, after `y` under the kick alone, held as at time `t`,
+        s."""
+
+
+class AbstractRegularised(eqx.Module):
+    """A motion in regularised variables z over a fictitious time sigma.
+
+    z is one array with the components first. The motion is smooth in sigma where it is fast or
+    singular in time. The last component of z is the time since z was made from a state."""
+
+    @abstractmethod
+    def to_regularised(self, y: State) -> Array:
+        """The regularised variables of the state `y`."""
+
+    @abstractmethod
+    def from_regularised(self, z: Array) -> State:
+        """The state of the regularised variables `z`."""
+
+    @abstractmethod
+    def perturbation(self, t: Scalar, z: Array) -> Array:
+        """The perturbation at the time `t`, s, as `derivative` takes it."""
+
+    @abstractmethod
+    def derivative(self, z: Array, perturbation: Array) -> Array:
+        """dz/d(sigma); its last component is dt/d(sigma)."""
+
+    @abstractmethod
+    def fictitious_time(self, duration: Scalar, z: Array) -> Scalar:
+        """The fictitious time that a `duration`, s (negative: backwards), takes from `z` on.
+
+        Exact without perturbation, approximate with one."""
+
+
+class AbstractSystem(eqx.Module):
+    """A dynamical system: its fields are its physical parameters.
+
+    Every parameter is a leaf that may carry runs on its last axis, as its annotation declares
+    (`*runs`). A concrete system is final. Its state is a small `equinox.Module` with named fields;
+    the components of a field lead and the runs trail, and the derivative has the type of the
+    state.
+
+    `vector_field` and `invariants` have no default, because an author must decide what is
+    conserved. The capabilities have one, `None`, so that a system names only those it has."""
+
+    @abstractmethod
+    def vector_field(self, t: Scalar, y: State) -> State:
+        """The derivative of the state `y` at the time `t`, s; of the same type as `y`."""
+
+    @abstractmethod
+    def invariants(self, t: Scalar, y: State) -> dict[str, Array]:
+        """What the exact motion keeps constant, by name; `{}` when nothing is kept."""
+
+    def closed_form(self) -> AbstractClosedForm | None:
+        """The exact motion, or `None`."""
+        return None
+
+    def split(self) -> AbstractSplit | None:
+        """The drift and the kick, or `None`."""
+        return None
+
+    def regularised(self) -> AbstractRegularised | None:
+        """The motion in regularised variables, or `None`."""
+        return None
+
+    def breaks(self) -> Float[Array, "times *#runs"] | None:
+        """Times, s, at which the vector field or a derivative of it jumps, or `None`.
+
+        Every integration lands a step on each of them."""
+        return None
+
+    def missing(self, capability: str) -> str:
+        """Why `capability` ("split", "regularised", ...) is `None`, as the end of a sentence.
+
+        For error messages; empty where there is nothing to add."""
+        del capability
+        return ""

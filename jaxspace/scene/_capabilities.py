@@ -1,0 +1,135 @@
+"""What a scene offers beside its vector field, put together from what its effects offer.
+
+Closed form: the orbit under the one effect that has a closed form (a straight line without one),
+and the free rotation of the body. Split: this motion as the drift, all other effects as the kick.
+Regularised: the variables of the one effect that has them, perturbed by all others.
+
+Each function returns the capability and an empty text, or `None` and the reason for it, so that an
+error message can say why a scene refuses.
+"""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, final
+
+from ..bodies import (
+    PARTS,
+    AbstractEffect,
+    AbstractInertia,
+    BodyState,
+    FreeRotation,
+    linear_acceleration,
+)
+from ..core import AbstractClosedForm, AbstractRegularised, AbstractSplit, Scalar
+
+if TYPE_CHECKING:
+    from ._scene import Scene
+
+TRANSLATION = frozenset({"position", "velocity"})
+ROTATION = frozenset({"attitude", "omega"})
+
+
+@final
+class BodyMotion(AbstractClosedForm):
+    """The exact motion of a body: its `orbit`, or a straight line, and its free rotation."""
+
+    orbit: AbstractClosedForm | None
+    inertia: AbstractInertia | None
+
+    def flow(self, duration: Scalar, y: BodyState) -> BodyState:
+        position, velocity = y.position, y.velocity
+        if position is not None and self.orbit is None:
+            position = position + duration * velocity
+        elif self.orbit is not None:
+            moved = self.orbit.flow(duration, BodyState(position, velocity))
+            position, velocity = moved.position, moved.velocity
+        attitude, omega = y.attitude, y.omega
+        if attitude is not None:
+            assert self.inertia is not None
+            turned = FreeRotation(self.inertia).flow(
+                duration, BodyState(attitude=attitude, omega=omega)
+            )
+            attitude, omega = turned.attitude, turned.omega
+        return BodyState(position, velocity, attitude, omega)
+
+
+@final
+class SceneSplit(AbstractSplit):
+    """The exact motion of the body as the drift, the loads of the `kicking` scene as the kick."""
+
+    motion: BodyMotion
+    kicking: "Scene"
+
+    def drift(self, duration: Scalar, y: BodyState) -> BodyState:
+        return self.motion.flow(duration, y)
+
+    def kick(self, t: Scalar, duration: Scalar, y: BodyState) -> BodyState:
+        load = self.kicking.loads(t, y)
+        velocity, omega = y.velocity, y.omega
+        if load.acceleration_N is not None or load.force_N is not None:
+            mass = self.kicking.mass(y)
+            velocity = velocity + duration * linear_acceleration(
+                load.acceleration_N, load.force_N, mass
+            )
+        if load.torque_B is not None:
+            inertia = self.kicking.body.inertia(self.kicking.mass(y))
+            omega = omega + duration * inertia.solve(load.torque_B)
+        return BodyState(y.position, velocity, y.attitude, omega)
+
+
+def _separate(
+    effects: Sequence[AbstractEffect],
+) -> tuple[list[AbstractEffect], list[AbstractEffect]]:
+    """The effects with a closed form, and the others."""
+    exact = [e for e in effects if e.closed_form() is not None]
+    return exact, [e for e in effects if e.closed_form() is None]
+
+
+def body_motion(scene: "Scene", effects: Sequence[AbstractEffect]) -> tuple[BodyMotion | None, str]:
+    """The exact motion of the body of a scene under these of its `effects`."""
+    exact, others = _separate(effects)
+    if others:
+        return None, f"{type(others[0]).__name__} has no closed form"
+    if len(exact) > 1:
+        return None, f"{type(exact[1]).__name__} is a second effect with a closed form"
+    if not set(scene.parts) <= TRANSLATION | ROTATION:
+        return None, "its mass changes, or it integrates further parts"
+    orbit = exact[0].closed_form() if exact else None
+    inertia = scene.body.inertia(scene.body.constant_mass()) if "attitude" in scene.parts else None
+    return BodyMotion(orbit, inertia), ""
+
+
+def scene_split(scene: "Scene") -> tuple[SceneSplit | None, str]:
+    """Drift and kick of a scene: the kick may depend on position and attitude only."""
+    exact, others = _separate(scene.effects)
+    moving = {"velocity", "omega", "mass", "parts", "mass_rate"}
+    for effect in others:
+        if moving & (effect.needs | effect.adds):
+            return (
+                None,
+                f"{type(effect).__name__} reads or adds more than loads by position and attitude",
+            )
+    motion, reason = body_motion(scene, exact)
+    if motion is None:
+        return None, reason
+    return SceneSplit(motion, type(scene)(tuple(others), scene.body, scene.carry)), ""
+
+
+def scene_regularised(scene: "Scene") -> tuple[AbstractRegularised | None, str]:
+    """Regularised variables of the one effect that has them, perturbed by the others."""
+    central = [e for e in scene.effects if e.regularised(None) is not None]
+    others = tuple(e for e in scene.effects if e.regularised(None) is None)
+    for effect in others:
+        alien = [part for part in PARTS if part in effect.needs - TRANSLATION]
+        if alien:
+            return None, f"{type(effect).__name__} reads the {alien[0]}"
+    for effect in scene.effects:
+        alien = sorted(effect.adds & {"torque", "mass_rate", "parts"})
+        if alien:
+            return None, f"{type(effect).__name__} adds a {alien[0]}"
+    if len(central) != 1:
+        return None, f"it needs one effect as PointGravity, and has {len(central)}"
+    if set(scene.parts) != TRANSLATION:
+        held = ", ".join(scene.parts)
+        return None, f"its state holds {held}: it must hold a position and a velocity only"
+    rest = type(scene)(others, scene.body) if others else None
+    return central[0].regularised(rest), ""
