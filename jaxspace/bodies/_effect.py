@@ -10,6 +10,7 @@ from jaxtyping import Array, Float
 
 from ..core import (
     AbstractClosedForm,
+    AbstractParameters,
     AbstractRegularised,
     AbstractSystem,
     Scalar,
@@ -37,7 +38,7 @@ class Load(eqx.Module):
     parts_rate: dict[str, State] | None = None
 
 
-class AbstractEffect(eqx.Module):
+class AbstractEffect(AbstractParameters):
     """Something that acts on a body. A concrete effect is final.
 
     - `needs`: the parts of the state that it reads, of `position`, `velocity`, `attitude`, `omega`,

@@ -19,6 +19,10 @@ from ._linear import norm as norm
 from ._linear import scale as scale
 from ._linear import solve3 as solve3
 from ._linear import unit as unit
+from ._quantity import AbstractParameters as AbstractParameters
+from ._quantity import Quantity as Quantity
+from ._quantity import quantities as quantities
+from ._quantity import quantity as quantity
 from ._safe import phi1 as phi1
 from ._safe import safe_atan2 as safe_atan2
 from ._safe import safe_divide as safe_divide

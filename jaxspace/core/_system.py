@@ -11,6 +11,7 @@ from abc import abstractmethod
 import equinox as eqx
 from jaxtyping import Array, Float
 
+from ._quantity import AbstractParameters
 from ._types import Scalar, State
 
 
@@ -65,7 +66,7 @@ class AbstractRegularised(eqx.Module):
         Exact without perturbation, approximate with one."""
 
 
-class AbstractSystem(eqx.Module):
+class AbstractSystem(AbstractParameters):
     """A dynamical system: its fields are its physical parameters.
 
     Every parameter is a leaf that may carry runs on its last axis, as its annotation declares

@@ -1,0 +1,115 @@
+"""Quantities: the unit, range and meaning of a field, declared once where the class declares it.
+
+From a declaration follow the check at construction, the keys, units and errors of scene files, the
+tables of the manual, the units of data sets and the labels of plots. No other file repeats it.
+"""
+
+import dataclasses
+import math
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import numpy as np
+
+from ._check import check, is_concrete
+from ._types import as_float, as_optional_float
+
+_KEY = "quantity"
+
+
+class Quantity(NamedTuple):
+    """What a field declares.
+
+    - `unit`: dimensions of SI, such as "kg m^2"; empty for a pure number.
+    - `doc`: meaning, as a phrase that follows the name of the field.
+    - `low`, `high`: the range of allowed values; a limit belongs to it unless it is `strict`.
+    - `optional`: whether `None` says that the field is absent.
+    - `fixed`: sets the shape of a computation, so that it cannot be dispersed.
+    - `shared`: where a scene file looks for a value that the table of the class does not give, such
+      as "planet.mu"."""
+
+    unit: str
+    doc: str
+    low: float = -math.inf
+    high: float = math.inf
+    strict: bool = False
+    optional: bool = False
+    fixed: bool = False
+    shared: str = ""
+
+    def allowed(self) -> str:
+        """The range in words, as the end of the sentence "it must be ..."."""
+        if self.strict and self.low == 0.0 and self.high == math.inf:
+            return "positive and finite"
+        if self.low == 0.0 and self.high == math.inf:
+            return "zero or positive, and finite"
+        if self.low == -math.inf and self.high == math.inf:
+            return "finite"
+        above = "above" if self.strict else "at least"
+        below = "below" if self.strict else "at most"
+        limits = [f"{above} {self.low:g}"] if self.low > -math.inf else []
+        limits += [f"{below} {self.high:g}"] if self.high < math.inf else []
+        return f"{' and '.join(limits)}, and finite"
+
+    def contains(self, value: Any) -> Any:
+        """Whether each number of the known `value` is finite and within the range."""
+        x = np.asarray(value)
+        within = (
+            (x > self.low) & (x < self.high) if self.strict else (x >= self.low) & (x <= self.high)
+        )
+        return np.isfinite(x) & within
+
+
+def quantity(
+    unit: str,
+    *,
+    doc: str,
+    positive: bool = False,
+    non_negative: bool = False,
+    low: float = -math.inf,
+    high: float = math.inf,
+    strict: bool = False,
+    optional: bool = False,
+    fixed: bool = False,
+    shared: str = "",
+    default: Any = dataclasses.MISSING,
+) -> Any:
+    """A field of a module that holds numbers of one quantity: `mass: Scalar = quantity("kg", ...)`.
+
+    The annotation gives the shape; the value is converted to a floating-point array.
+
+    **Arguments**
+
+    - `unit`, `doc`, `low`, `high`, `strict`, `optional`, `fixed`, `shared`: see `Quantity`.
+    - `positive`, `non_negative`: the two common ranges, in place of `low` and `strict`.
+    - `default`: value of the field if none is given; an optional field has the default `None`.
+    """
+    if positive:
+        low, strict = 0.0, True
+    if non_negative:
+        low = 0.0
+    if optional and default is dataclasses.MISSING:
+        default = None
+    declared = Quantity(unit, doc, low, high, strict, optional, fixed, shared)
+    converter = as_optional_float if optional else as_float
+    return eqx.field(converter=converter, default=default, metadata={_KEY: declared})
+
+
+def quantities(cls: type) -> dict[str, Quantity]:
+    """The quantities that a class declares, by the name of their field, in order."""
+    fields = dataclasses.fields(cls) if dataclasses.is_dataclass(cls) else ()
+    return {field.name: field.metadata[_KEY] for field in fields if _KEY in field.metadata}
+
+
+class AbstractParameters(eqx.Module):
+    """A module whose numbers are declared by `quantity`, and checked when it is constructed.
+
+    Raises `InputError` for a value outside its range; the sentence names class, field, value and
+    what is allowed. Traced values pass."""
+
+    def __check_init__(self):
+        name = type(self).__name__
+        for field, declared in quantities(type(self)).items():
+            value = getattr(self, field)
+            if is_concrete(value):
+                check(declared.contains(value), f"{name}.{field}", value, declared.allowed())
