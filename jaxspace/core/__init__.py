@@ -9,6 +9,9 @@ from ._check import check_non_negative as check_non_negative
 from ._check import check_positive as check_positive
 from ._check import is_concrete as is_concrete
 from ._group import AbstractGroupElement as AbstractGroupElement
+from ._layout import add_batch_axis as add_batch_axis
+from ._layout import component_axes_of as component_axes_of
+from ._layout import run_axes_of as run_axes_of
 from ._linear import axis as axis
 from ._linear import cross as cross
 from ._linear import dot as dot

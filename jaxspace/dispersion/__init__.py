@@ -2,7 +2,6 @@
 are kept."""
 
 from ._campaign import Campaign as Campaign
-from ._campaign import LaneResult as LaneResult
 from ._distributions import AbstractDistribution as AbstractDistribution
 from ._distributions import Constant as Constant
 from ._distributions import Normal as Normal

@@ -3,28 +3,19 @@ interest."""
 
 import zlib
 from collections.abc import Callable
-from typing import Any, NamedTuple, final
+from typing import Any, final
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float, Integer
+from jaxtyping import Array, Bool, Float, Integer
 
 from ..core import InputError, State, as_float, check_finite
 from ..simulation import Mission
+from ..simulation._runs import MissionResult
 from ._distributions import AbstractDistribution
 
 RESERVED = ("run", "status", "evaluations")  # names of their own in a store
-
-
-class LaneResult(NamedTuple):
-    """What `run_mission` returns of a block of runs: `spans` of the phases, the `final` state and
-    its time `end`, s, and a `status` for each run; times first, then components, runs last."""
-
-    spans: list[Any]
-    final: State
-    end: Array
-    status: Array
 
 
 @final
@@ -35,11 +26,12 @@ class Campaign(eqx.Module):
       inputs, each (runs,). The runs come last: parameters are scalars or (runs,), vectors (3, runs)
       or (3, 1).
     - `inputs`: how each input scatters, by name.
-    - `outputs(result, samples) -> dict`: the numbers of interest, each (runs,), from a `LaneResult`
+    - `outputs(result, samples) -> dict`: the numbers of interest, each (runs,), from a `MissionResult`
       and the inputs.
     - `units`: the unit of every input and output, by name; a name without one is a pure number.
     - `start`, s: the time at which the mission starts.
     - `description`: free text for the record, such as the scene file.
+    - `allowed(samples)`: which runs may fly, (runs,); the others have the status REFUSED.
 
     `build` and `outputs` are traced once; as modules they may hold arrays of their own. Raises
     `InputError` for an input that is no distribution, whose name is reserved, or when there is
@@ -47,10 +39,11 @@ class Campaign(eqx.Module):
 
     build: Callable[[dict[str, Array]], tuple[Mission, State]]
     inputs: dict[str, AbstractDistribution]
-    outputs: Callable[[LaneResult, dict[str, Array]], dict[str, Array]]
+    outputs: Callable[[MissionResult, dict[str, Array]], dict[str, Array]]
     units: dict[str, str] = eqx.field(default_factory=dict)
     start: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)
     description: str = eqx.field(static=True, default="")
+    allowed: Callable[[dict[str, Array]], Bool[Array, " runs"]] | None = None
 
     def __check_init__(self):
         if not self.inputs:
@@ -66,6 +59,12 @@ class Campaign(eqx.Module):
     def nominal(self, runs: int = 1) -> dict[str, Float[Array, " runs"]]:
         """The mean of every input, for `runs` runs."""
         return {name: jnp.full((runs,), d.mean) for name, d in self.inputs.items()}
+
+    def allows(self, samples: dict[str, Array]) -> Bool[Array, " runs"]:
+        """Which runs have inputs that they may fly with."""
+        if self.allowed is None:
+            return jnp.ones(next(iter(samples.values())).shape, bool)
+        return self.allowed(samples)
 
     def samples(
         self, key: Any, numbers: Integer[Array, " runs"]

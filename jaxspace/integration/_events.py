@@ -32,8 +32,8 @@ from ..core import (
     check_positive,
     safe_divide,
 )
-from ._accuracy import Accuracy
-from ._segment import propagate
+from ._config import IntegrationConfig
+from ._integrate import integrate, state_at, times_first
 
 CLOSING_STEPS = (
     24  # Newton's steps, guarded by the bracket, at most; four are enough for a simple zero
@@ -92,7 +92,7 @@ def first_event(
     t0: Scalar,
     t1: Scalar,
     events: tuple[Event, ...],
-    accuracy: Accuracy,
+    config: IntegrationConfig,
     run_axes: int,
 ) -> tuple[Scalar, Array]:
     """The time of the first event of each run and its index among `events`; (t1, -1) where none
@@ -105,7 +105,7 @@ def first_event(
     system, y0, t0, t1 = jax.tree.map(fixed, (system, y0, t0, t1))
     when, which = t1, -jnp.ones(jnp.shape(t1), jnp.int32)
     for number, event in enumerate(events):
-        t, hit = _first_zero(system, y0, t0, t1, event, accuracy, run_axes)
+        t, hit = _first_zero(system, y0, t0, t1, event, config, run_axes)
         sooner = hit & ((jnp.abs(t - t0) < jnp.abs(when - t0)) | (which < 0))
         when, which = jnp.where(sooner, t, when), jnp.where(sooner, number, which)
     return when, which
@@ -117,11 +117,13 @@ def _first_zero(
     t0: Scalar,
     t1: Scalar,
     event: Event,
-    accuracy: Accuracy,
+    config: IntegrationConfig,
     run_axes: int,
 ) -> tuple[Scalar, Array]:
     fractions = jnp.linspace(0.0, 1.0, event.samples + 1, dtype=jnp.result_type(t0))
-    states = propagate(system, y0, t0, t1, fractions, accuracy, run_axes).states
+    states = times_first(
+        integrate(system, y0, t0, t1, fractions, config, run_axes).states, run_axes
+    )
     times = t0 + jnp.multiply.outer(fractions, t1 - t0)
     g = jax.vmap(event.condition)(times, states)
     ends = jax.tree.map(lambda x: x[:: event.samples], (times, states))
@@ -139,9 +141,7 @@ def _first_zero(
         y, t, value = _pick((states, times, g), index, run_axes)
         end, other = _pick((times, g), index + 1, run_axes)
         wanted = jnp.any(ahead, axis=0) & ~hit
-        there, met = _close_in(
-            system, event, (t, end), y, (value, other), wanted, accuracy, run_axes
-        )
+        there, met = _close_in(system, event, (t, end), y, (value, other), wanted, config, run_axes)
         good = wanted & met
         last = good | ~wanted
         return jnp.where(good, there, when), hit | good, jnp.where(last, event.samples, index + 1)
@@ -202,7 +202,7 @@ def _close_in(
     y: State,
     g: tuple[Scalar, Scalar],
     wanted: Array,
-    accuracy: Accuracy,
+    config: IntegrationConfig,
     run_axes: int,
 ) -> tuple[Scalar, Array]:
     """The zero within the `span`, from the state `y` on, with the condition `g` at both ends; and
@@ -216,8 +216,8 @@ def _close_in(
 
     def step(search: _Search) -> _Search:
         low, high, guess, sign, dip, slopes, moving, left = search
-        there = jax.tree.map(
-            lambda x: x[-1], propagate(system, y, t, guess, None, accuracy, run_axes).states
+        there = state_at(
+            integrate(system, y, t, guess, None, config, run_axes).states, -1, run_axes
         )
         value, slope = event.slope(system, guess, there)
         same, away = value * sign > 0.0, forwards * sign * slope
@@ -257,7 +257,7 @@ def _close_in(
     return found.guess, ~found.dip
 
 
-def corrected(
+def newton_correct(
     system: AbstractSystem, events: tuple[Event, ...], which: Array, t: Scalar, y: State
 ) -> tuple[Scalar, State]:
     """Time and state at the event, moved by one Newton step whose derivative is that of the

@@ -1,234 +1,328 @@
-"""One integration on the clock of segments, differentiable without doubt about its steps: reverse
-mode follows those taken."""
+"""One integration: from a state at t0 to states until t1, by the closed form or step by step.
 
-from typing import Any, NamedTuple, cast, final
+The path is `resolve` (how), `integrate` (here), `solve` (the loop and its derivatives). Times lead
+inside the loop, where a state is one row of a buffer; results have the components first, then the
+times, then the runs.
+"""
+
+from typing import NamedTuple
 
 import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
-from ..core import State
-from ..solvers import (
-    RKN1210,
-    BatchStepController,
-    ErrorTrackingSolver,
-    Regular,
-    Regularised,
-    Split,
-    Splitting,
-    StepTo,
-    Tolerance,
-)
-from ._accuracy import Accuracy
-from ._loop import March, Record, march, room
-from ._replay import Replay, replayable
+from ..core import AbstractClosedForm, AbstractSystem, Scalar, State
+from ..solvers import Tolerance, bind, solver_traits
+from ._config import IntegrationConfig
+from ._loop import TERM, LoopSettings
+from ._normalised_time import ScaledVectorField, Segments, hoist, segments_of
+from ._solve import Outcome, solve
+from ._status import status_from
 
 
-@final
-class Manner(eqx.Module):
-    """How to integrate: to what accuracy, the relative `lengths` of the segments, the `longest`
-    step that is allowed in each (on the clock), at which clock times states are kept (the end alone
-    where they are `None`), the `plan` that fixes the steps beforehand, and whether to `record`
-    those taken. Nothing in it is differentiated."""
+class DenseOutput(NamedTuple):
+    """The accepted steps of a run, from which states between the save times follow.
 
-    accuracy: Accuracy
-    tolerance: Tolerance
-    lengths: Float[Array, " segments"]
-    longest: Float[Array, " segments"] | None
-    kept: Float[Array, " times"] | None
-    plan: Float[Array, " nodes"] | None
-    record: bool = eqx.field(static=True)
+    - `ts`: times, s, of the start of every step and of the last end, (steps, *runs); infinite
+      beyond it.
+    - `states`: the states there, times behind the components."""
 
-    @property
-    def method(self) -> Any:
-        """The method; told where states within its steps will be asked for, if that makes a
-        difference to it."""
-        method = self.accuracy.method
-        if not isinstance(method, RKN1210):
-            return method
-        return RKN1210(jnp.zeros((0,), self.lengths.dtype) if self.kept is None else self.kept)
-
-    @property
-    def max_steps(self) -> int:
-        """How many steps may be taken."""
-        return (
-            self.accuracy.max_steps
-            if self.plan is None
-            else min(self.plan.shape[0] - 1, self.accuracy.max_steps)
-        )
+    ts: Float[Array, "steps *#runs"]
+    states: State
 
 
-class Course(NamedTuple):
-    """What an integration leaves: the kept `states`, the largest local error of each run, whether
-    the steps ran out, how many were accepted and rejected, and the clock at their ends (padded with
-    infinity) where it was recorded."""
+class IntegrationResult(NamedTuple):
+    """What an integration leaves.
+
+    - `states`: at the save times, or at the end alone: (components, times, *runs).
+    - `status`: of each run.
+    - `stats`: steps, rejected steps, evaluations of the vector field, and the largest local error
+      of each run in units of the tolerance.
+    - `step_ends`: normalised times of the ends of the steps, infinite beyond the last, if asked
+      for.
+    - `dense`: the steps, if asked for."""
 
     states: State
-    account: Array
-    out_of_steps: Array
-    accepted: Array
-    rejected: Array
-    ends: Array | None
+    status: Int[Array, "*runs"]
+    stats: dict[str, Array]
+    step_ends: Float[Array, " steps"] | None
+    dense: DenseOutput | None
 
 
-def integrate(rate: Any, y0: State, manner: Manner) -> Course:
-    """The course of dy/ds = rate(s, y) from s = 0 to the number of segments."""
-    manner = jax.tree.map(
-        lambda x: jax.lax.stop_gradient(x) if eqx.is_inexact_array(x) else x, manner
-    )
-    rate, adjoint = _converted(rate, y0, manner), manner.accuracy.adjoint
-    if not replayable(manner.accuracy.method) or not isinstance(
-        adjoint, diffrax.RecursiveCheckpointAdjoint | diffrax.ForwardMode
-    ):
-        return _by_diffrax(rate, y0, manner)
-    if isinstance(adjoint, diffrax.ForwardMode):
-        return _course(_march(rate, y0, manner), manner)
-    return _replayed((rate, y0), manner)
-
-
-def _converted(rate: Any, y0: State, manner: Manner) -> Any:
-    """The rate with all that it depends on as leaves; with its drift and kick, or its regular form,
-    for a method that asks."""
-    s = jnp.zeros((), manner.lengths.dtype)
-    whole = eqx.filter_closure_convert(rate, s, y0)
-    if isinstance(manner.accuracy.method, Splitting):
-        return Split(
-            whole, *(eqx.filter_closure_convert(part, s, s, y0) for part in (rate.drift, rate.kick))
+def broadcast_state(system: AbstractSystem, t: Scalar, y: State) -> State:
+    """The state with every block broadcast to the runs that the system or another block carries."""
+    # A block can learn of runs from another one only through the derivative of a third: three
+    # passes are enough for every system, and one is for most.
+    for _ in range(3):
+        shape = jax.eval_shape(system.vector_field, t, y)
+        before = jax.tree.map(jnp.shape, y)
+        y = jax.tree.map(
+            lambda a, b: jnp.broadcast_to(a, jnp.broadcast_shapes(a.shape, b.shape)), y, shape
         )
-    if isinstance(manner.accuracy.method, Regularised):
-        return _regular(rate, whole, s, y0)
-    return whole
+        if jax.tree.map(jnp.shape, y) == before:
+            break
+    return y
 
 
-def _regular(rate: Any, whole: Any, s: Any, y0: State) -> Regular:
-    z = jax.eval_shape(rate.enter, y0)
-    push, span = jax.eval_shape(rate.push, s, s, z), jax.eval_shape(lambda z: z[-1], z)
-    given = dict(
-        enter=(y0,),
-        leave=(z,),
-        push=(s, s, z),
-        slope=(z, push),
-        remaining=(span, z),
-        duration=(s, s),
-    )
-    return Regular(
-        whole,
-        *(eqx.filter_closure_convert(getattr(rate, part), *args) for part, args in given.items()),
+def times_behind_components(states: State, run_axes: int) -> State:
+    """States with the times first, as a loop stores them, in the layout of results."""
+    return jax.tree.map(lambda x: jnp.moveaxis(x, 0, x.ndim - 1 - run_axes), states)
+
+
+def times_first(states: State, run_axes: int) -> State:
+    """States in the layout of results, with the times first."""
+    return jax.tree.map(lambda x: jnp.moveaxis(x, x.ndim - 1 - run_axes, 0), states)
+
+
+def state_at(states: State, index: int, run_axes: int) -> State:
+    """The state at one of the times, in the layout of results."""
+    return jax.tree.map(
+        lambda x: x[..., index] if run_axes == 0 else x[(..., index, *(slice(None),) * run_axes)],
+        states,
     )
 
 
 @eqx.filter_jit
-def _rate(s: Any, y: State, rate: Any) -> State:
-    """The rate, traced once for all places of a program that ask for it."""
-    return rate(s, y)
+def integrate(
+    system: AbstractSystem,
+    y0: State,
+    t0: Scalar,
+    t1: Scalar,
+    fractions: Float[Array, " times"] | None,
+    config: IntegrationConfig,
+    run_axes: int,
+    *,
+    plan: Float[Array, " nodes"] | None = None,
+    record_steps: bool = False,
+    dense: bool = False,
+) -> IntegrationResult:
+    """Integrate a system from `t0` to `t1`, s.
+
+    **Arguments**
+
+    - `system`, `y0`: `y0` is broadcast to the runs of the system (`broadcast_state`).
+    - `t0`, `t1`: scalars or (*runs,).
+    - `fractions`: save times as fractions of the duration, ascending within [0, 1]; `None` saves
+      the state at the end.
+    - `config`: from `resolve`.
+    - `run_axes`: how many trailing axes carry runs.
+    - `plan`: steps that are fixed beforehand, as nodes in normalised time.
+    - `record_steps`, `dense`: whether to return the ends of the steps, and the states there.
+
+    **Returns** an `IntegrationResult`. Differentiable with respect to `system`, `y0`, `t0`, `t1`."""
+    dtype = jnp.result_type(*jax.tree.leaves(y0))
+    t0 = jnp.asarray(t0, dtype)
+    t1 = jnp.asarray(t1, dtype)
+    if config.method == "closed_form":
+        closed_form = system.closed_form()
+        assert closed_form is not None
+        return _by_closed_form(closed_form, y0, t1 - t0, fractions, run_axes)
+    traits = solver_traits(config.method)
+    segments = segments_of(system, t0, t1, None)
+    # Runs with their own breaks have their own segments: the save times become ends of segments,
+    # which all runs reach together.
+    landing = fractions is not None and (traits.lands_on_save_times or segments.u.ndim > 1)
+    if landing:
+        segments = segments_of(system, t0, t1, fractions)
+    settings = _settings(config, segments, fractions, landing, run_axes, plan, record_steps, dense)
+    field = ScaledVectorField(system, segments)
+    if config.adjoint is None and traits.replayable:
+        outcome = solve(hoist(field, y0, traits.needs), y0, settings)
+    else:
+        outcome = _by_diffrax(hoist(field, y0, traits.needs), y0, settings, config.adjoint)
+    return _result(outcome, field, y0, settings, config, fractions if landing else None)
 
 
-TERM: Any = diffrax.ODETerm(_rate)  # pyright: ignore[reportArgumentType]
+def _by_closed_form(
+    closed_form: AbstractClosedForm,
+    y0: State,
+    duration: Array,
+    fractions: Float[Array, " times"] | None,
+    run_axes: int,
+) -> IntegrationResult:
+    # Without a map over a single duration, which would double what there is to trace.
+    if fractions is None:
+        final = closed_form.flow(duration, y0)
+        states = jax.tree.map(lambda x: x[None], final)
+    else:
+        durations = jnp.multiply.outer(fractions, duration)
+        states = jax.vmap(lambda d: closed_form.flow(d, y0))(durations)
+        final = jax.tree.map(lambda x: x[-1], states)
+    finite = Tolerance(0.0, 0.0, run_axes).alive(final)
+    status = status_from(jnp.array(False), finite, jnp.zeros(finite.shape))
+    states = times_behind_components(states, run_axes)
+    return IntegrationResult(states, status, {"evaluations": jnp.array(0)}, None, None)
 
 
-def _parts(manner: Manner) -> tuple[ErrorTrackingSolver, Any, Array]:
-    """The solver, the control of its steps, and the last clock time."""
-    dtype, plan = manner.lengths.dtype, manner.plan
-    adaptive = BatchStepController(manner.tolerance, manner.lengths, manner.longest)
-    control = adaptive if plan is None else StepTo(plan.astype(dtype))
-    return (
-        ErrorTrackingSolver(manner.method, manner.tolerance),
-        control,
-        jnp.asarray(manner.lengths.shape[0], dtype),
+def _settings(
+    config: IntegrationConfig,
+    segments: Segments,
+    fractions: Float[Array, " times"] | None,
+    landing: bool,
+    run_axes: int,
+    plan: Array | None,
+    record_steps: bool,
+    dense: bool,
+) -> LoopSettings:
+    """What the loop needs of the configuration for these segments."""
+    ends = jnp.arange(len(segments) + 1, dtype=segments.u.dtype)
+    save_ts = None
+    if fractions is not None:
+        save_ts = ends if landing else jnp.interp(fractions.astype(ends.dtype), segments.u, ends)
+    traits = solver_traits(config.method)
+    if traits.fixed_step:
+        plan = ends
+    longest = None
+    if config.max_step is not None:
+        longest = segments.longest_steps(config.max_step)
+    max_steps = config.max_steps if plan is None else min(plan.shape[0] - 1, config.max_steps)
+    tolerance = Tolerance(config.rtol, config.atol, run_axes)
+    method = bind(config.method, tolerance=tolerance, save_ts=save_ts, run_axes=run_axes)
+    return LoopSettings(
+        method,
+        tolerance,
+        segments.lengths(),
+        longest,
+        save_ts,
+        plan,
+        max_steps,
+        record_steps,
+        dense,
     )
 
 
-def _march(rate: Any, y0: State, manner: Manner, marked: bool = False) -> March:
-    solver, control, last = _parts(manner)
-    return march(
-        solver, control, TERM, rate, y0, last, manner.max_steps, manner.kept, manner.record, marked
-    )
+def _result(
+    outcome: Outcome,
+    field: ScaledVectorField,
+    y0: State,
+    settings: LoopSettings,
+    config: IntegrationConfig,
+    landed: Float[Array, " times"] | None,
+) -> IntegrationResult:
+    """The result in the layout of results, with status and statistics."""
+    run_axes = settings.tolerance.run_axes
+    error = outcome.max_local_error
+    if settings.plan is not None and config.max_step is not None:
+        longest = _longest_step(settings.plan, field.segments)
+        # A plan that keeps the limit to rounding keeps it.
+        error = jnp.maximum(error, longest / config.max_step - 1e-3)
+    states = outcome.states
+    if landed is not None:
+        states = _at_fractions(states, field.segments.u, landed, run_axes)
+    finite = settings.tolerance.alive(jax.tree.map(lambda x: x[-1], states))
+    finite = finite | outcome.out_of_steps  # a state that was not reached is NaN, too
+    traits = solver_traits(config.method)
+    taken = outcome.num_accepted + outcome.num_rejected
+    stats = {
+        "steps": outcome.num_accepted * traits.steps,
+        "rejected_steps": outcome.num_rejected,
+        "evaluations": taken * traits.evaluations,
+        "largest_local_error": error,
+    }
+    status = status_from(outcome.out_of_steps, finite, error)
+    dense = None
+    if settings.dense:
+        dense = _dense_output(outcome, field.segments, y0, run_axes)
+    states = times_behind_components(states, run_axes)
+    return IntegrationResult(states, status, stats, outcome.step_ends, dense)
 
 
-def _course(m: March, manner: Manner) -> Course:
-    states = jax.tree.map(lambda x: x[None], m.y) if manner.kept is None else m.states
-    return Course(
-        states,
-        m.solver[1],
-        m.s < manner.lengths.shape[0],
-        m.accepted,
-        m.rejected,
-        _padded(m) if manner.record else None,
-    )
+def _longest_step(plan: Array, segments: Segments) -> Array:
+    """The longest of the planned steps, s, in each run."""
+    times = jax.vmap(segments.time)(jnp.minimum(plan, float(len(segments))))
+    return jax.lax.stop_gradient(jnp.max(jnp.abs(jnp.diff(times, axis=0)), axis=0))
 
 
-def _padded(m: March) -> Array:
-    """The ends of the steps, with infinity after them."""
-    ends = cast(Array, m.ends)
-    return jnp.where(jnp.arange(ends.shape[0]) < m.accepted, ends, jnp.inf)
+def _at_fractions(states: State, u: Array, fractions: Array, run_axes: int) -> State:
+    """Of the states at all ends of segments, those at `fractions` of each run."""
+    if u.ndim == 1:
+        index = jnp.searchsorted(u, fractions)
+        return jax.tree.map(lambda x: x[index], states)
+    index = jnp.sum(u[:, None] < fractions.reshape(-1, *(1,) * (u.ndim - 1)), axis=0)
+
+    def leaf(x: Array) -> Array:
+        missing = (1,) * (x.ndim - 1 - run_axes)
+        where = index.reshape(index.shape[0], *missing, *index.shape[1:])
+        return jnp.take_along_axis(x, where, axis=0)
+
+    return jax.tree.map(leaf, states)
 
 
-def _by_diffrax(rate: Any, y0: State, manner: Manner) -> Course:
-    """The course by diffrax's loop, for its other ways of differentiation and for methods that
-    remember more than a state."""
-    solver, control, last = _parts(manner)
-    subs = [
-        diffrax.SubSaveAt(t1=True) if manner.kept is None else diffrax.SubSaveAt(ts=manner.kept)
+def _dense_output(outcome: Outcome, segments: Segments, y0: State, run_axes: int) -> DenseOutput:
+    """The steps of a run in time, the start among them."""
+    ends = outcome.step_ends
+    assert ends is not None
+    taken = jnp.isfinite(ends)
+    times = jax.vmap(segments.time)(jnp.where(taken, ends, 0.0))
+    taken = taken.reshape(-1, *(1,) * (times.ndim - 1))
+    start = jnp.broadcast_to(segments.t0, times.shape[1:])[None]
+    ts = jnp.concatenate([start, jnp.where(taken, times, jnp.inf)])
+    states = jax.tree.map(lambda a, b: jnp.concatenate([a[None], b]), y0, outcome.step_states)
+    return DenseOutput(ts, times_behind_components(states, run_axes))
+
+
+def _by_diffrax(
+    field: ScaledVectorField,
+    y0: State,
+    settings: LoopSettings,
+    adjoint: diffrax.AbstractAdjoint | None,
+) -> Outcome:
+    """The outcome by diffrax's loop: for its adjoints, and for methods that carry on more than a
+    state from step to step."""
+    end = settings.end
+    saves = [
+        diffrax.SubSaveAt(t1=True)
+        if settings.save_ts is None
+        else diffrax.SubSaveAt(ts=settings.save_ts)
     ]
-    if manner.record:
-        subs.append(diffrax.SubSaveAt(steps=True, fn=lambda s, y, a: None))
-    solution: Any = diffrax.diffeqsolve(
+    if settings.record_steps or settings.dense:
+        saves.append(diffrax.SubSaveAt(steps=True))
+    solution = diffrax.diffeqsolve(
         TERM,
-        solver,
-        jnp.zeros_like(last),
-        last,
+        settings.solver(),
+        jnp.zeros_like(end),
+        end,
         None,
         y0,
-        rate,
-        saveat=diffrax.SaveAt(subs=subs, solver_state=True),
-        stepsize_controller=control,
-        adjoint=manner.accuracy.adjoint,
-        max_steps=manner.max_steps,
+        field,
+        saveat=diffrax.SaveAt(subs=saves, solver_state=True),
+        stepsize_controller=settings.controller(),
+        adjoint=diffrax.RecursiveCheckpointAdjoint() if adjoint is None else adjoint,
+        max_steps=settings.max_steps,
         throw=False,
     )
-    return Course(
-        solution.ys[0],
+    out_of_steps = solution.result == diffrax.RESULTS.max_steps_reached
+    states = jax.tree.map(lambda x: jnp.where(out_of_steps, jnp.nan, x), solution.ys[0])
+    return Outcome(
+        states,
         solution.solver_state[1],
-        solution.result == diffrax.RESULTS.max_steps_reached,
+        out_of_steps,
         solution.stats["num_accepted_steps"],
         solution.stats["num_rejected_steps"],
-        solution.ts[1] if manner.record else None,
+        solution.ts[1] if len(saves) > 1 else None,
+        solution.ys[1] if settings.dense else None,
     )
 
 
-@eqx.filter_custom_vjp
-def _replayed(given: tuple[Any, State], manner: Manner) -> Course:
-    return _course(_march(*given, manner), manner)
+def take_step(
+    system: AbstractSystem,
+    y: State,
+    t0: Scalar,
+    t1: Scalar,
+    config: IntegrationConfig,
+    run_axes: int,
+) -> State:
+    """The state at `t1`, s, one step of the method after the state `y` at `t0`.
 
-
-@_replayed.def_fwd
-def _forwards(
-    perturbed: Any, given: tuple[Any, State], manner: Manner
-) -> tuple[Course, tuple[Record, State]]:
-    del perturbed
-    m = _march(*given, manner, marked=True)
-    course = _course(m, manner)
-    return course, (Record(cast(Array, m.ends), m.marks, m.every, m.accepted), course.states)
-
-
-@_replayed.def_bwd
-def _backwards(
-    kept: tuple[Record, State],
-    gradient: Course,
-    perturbed: Any,
-    given: tuple[Any, State],
-    manner: Manner,
-) -> Any:
-    record, states = kept
-    rate, y0 = given
-    filled = jax.tree.map(
-        lambda y, g: jnp.zeros_like(y) if g is None else g, states, gradient.states
-    )
-    moving, rest = eqx.partition(rate, perturbed[0])
-    most = -(-manner.max_steps // room(y0, manner.max_steps))
-    most = 1 << (most - 1).bit_length()
-    return Replay(manner.method, TERM, rest, record, y0, manner.kept, most).pull_back(
-        moving, filled
-    )
+    For times within an accepted step of the same run, where it is as accurate as the run."""
+    assert not isinstance(config.method, str)
+    zero = jnp.zeros_like(t1 - t0, shape=())
+    u = jnp.stack([zero, zero + 1.0])
+    field = ScaledVectorField(system, Segments(u, t0, t1 - t0))
+    settings = _settings(config, field.segments, None, False, run_axes, None, False, False)
+    method = settings.method
+    state = method.init(TERM, u[0], u[1], y, field)
+    y1, *_ = method.step(TERM, u[0], u[1], y, field, state, jnp.array(False))
+    return y1

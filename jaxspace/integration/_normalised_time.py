@@ -1,89 +1,221 @@
-"""A system as an integration sees it: on a clock that counts segments, in which nothing jumps.
+"""A system in normalised time, which counts segments and in which nothing jumps.
 
-The system's break times cut the span, segment i takes s from i to
-i + 1, and every run maps the clock to its own time,
+The break times of the system cut the duration of a run into segments. Segment i takes s from i to
+i + 1, and every run maps s to its own time,
 
-    t = t0 + T (u_i + (s - i)(u_{i+1} - u_i)),      dy/ds = T (u_{i+1} - u_i) f(t, y)
+    t = t0 + T (u_i + (s - i)(u_{i+1} - u_i))
+    dy/ds = T (u_{i+1} - u_i) f(t, y)
 
-so that runs of different length, with their own break times, share one integration, and derivatives
-with respect to the length of the span and to the break times come out by themselves.
+so that runs of different duration, with their own break times, share one integration, and the
+derivatives with respect to the duration and to the break times follow by themselves.
 
-    symbol  meaning                                            unit
-    T       length of the span, t1 - t0 (negative: backwards)  s
-    u_i     break times as fractions of the span, ascending    1
-    f       vector field of the system                         state/s
+    symbol  meaning                                                unit
+    s       normalised time: number of the segment plus fraction   1
+    T       duration of the run, t1 - t0 (negative: backwards)     s
+    u_i     ends of the segments as fractions of T, ascending      1
+    f       vector field of the system                             state/s
 """
 
-from typing import cast, final
+from collections.abc import Callable
+from typing import Any, cast, final
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array
+from jax.core import Tracer
+from jaxtyping import Array, Float
 
-from ..core import AbstractRegularised, AbstractSplit, AbstractSystem, Scalar, State
+from ..core import (
+    AbstractRegularised,
+    AbstractSplit,
+    AbstractSystem,
+    Scalar,
+    State,
+    safe_divide,
+)
 
 
 @final
-class Rate(eqx.Module):
-    """dy/ds on the clock of the integration, as a function of s and y."""
+class Segments(eqx.Module):
+    """The map from normalised time to time: ends `u` of the segments, start and span."""
 
-    system: AbstractSystem
-    u: Array
-    t0: Array
-    span: Array
+    u: Float[Array, "ends *#runs"]
+    t0: Float[Array, "*#runs"]
+    span: Float[Array, "*#runs"]
+
+    def __len__(self) -> int:
+        return self.u.shape[0] - 1
 
     def _segment(self, s: Scalar) -> tuple[Scalar, Scalar, Scalar]:
-        """The clock time at which the segment of `s` starts, the fraction of the span there, and
-        that which the segment takes."""
-        segments = self.u.shape[0] - 1
-        start = jnp.clip(jnp.floor(s), 0.0, segments - 1.0)
-        i = start.astype(jnp.int32) if segments > 1 else 0
+        """Normalised time at which the segment of `s` starts, its u there, and its width in u."""
+        start = jnp.clip(jnp.floor(s), 0.0, len(self) - 1.0)
+        # A single segment needs no gather, which would hinder the compiler's fusion.
+        i = start.astype(jnp.int32) if len(self) > 1 else 0
         return start, self.u[i], self.u[i + 1] - self.u[i]
 
     def time(self, s: Scalar) -> Scalar:
-        """The time at the clock time `s`."""
+        """The time, s, at the normalised time `s`."""
         start, u, width = self._segment(s)
         return self.t0 + self.span * (u + (s - start) * width)
 
     def duration(self, s: Scalar, ds: Scalar) -> Scalar:
-        """The duration of a clock time `ds` from `s` on."""
+        """The duration, s, of a normalised time `ds` from `s` on, within one segment."""
         return ds * (self.span * self._segment(s)[2])
 
-    def __call__(self, s: Scalar, y: State) -> State:
-        pace = self.duration(s, 1.0)
-        return jax.tree.map(lambda k: k * pace, self.system.vector_field(self.time(s), y))
+    def lengths(self) -> Float[Array, " segments"]:
+        """Mean length of each segment over the runs, as a fraction of the run."""
+        widths = jnp.diff(self.u, axis=0).reshape(len(self), -1)
+        # A segment of no length keeps a small one: step control divides by it.
+        return jnp.maximum(jnp.mean(widths, axis=1), 1e-6)
 
-    def _form(self) -> AbstractRegularised:
+    def longest_steps(self, max_step: Scalar) -> Float[Array, " segments"]:
+        """The normalised length that `max_step`, s, allows in each segment to the runs together."""
+        widths = jnp.diff(self.u, axis=0)
+        shape = (*widths.shape, *(1,) * (self.span.ndim + 1 - widths.ndim))
+        durations = jnp.abs(widths.reshape(shape) * self.span)
+        moving = durations > 0.0
+        allowed = jnp.where(moving, max_step / jnp.where(moving, durations, 1.0), jnp.inf)
+        return jnp.min(allowed.reshape(allowed.shape[0], -1), axis=1)
+
+
+def segments_of(
+    system: AbstractSystem, t0: Scalar, t1: Scalar, landings: Float[Array, " times"] | None
+) -> Segments:
+    """The segments of a run from `t0` to `t1`, s, between breaks of the system and `landings`.
+
+    `landings` are fractions of the run at which a step has to end, too."""
+    span = t1 - t0
+    inner = []
+    breaks = system.breaks()
+    if breaks is not None and breaks.shape[0] > 0:
+        breaks = breaks.astype(span.dtype)
+        missing = (1,) * (span.ndim - breaks.ndim + 1)
+        breaks = breaks.reshape(breaks.shape[0], *missing, *breaks.shape[1:])
+        inner.append(jnp.clip(safe_divide(breaks - t0, span), 0.0, 1.0))
+    if landings is not None:
+        rank = inner[0].ndim - 1 if inner else 0
+        inner.append(landings.reshape(landings.shape + (1,) * rank))
+    runs = jnp.broadcast_shapes(*(x.shape[1:] for x in inner)) if inner else ()
+    zero = jnp.zeros((1, *runs), span.dtype)
+    one = jnp.ones((1, *runs), span.dtype)
+    cuts = [jnp.broadcast_to(x, (x.shape[0], *runs)).astype(span.dtype) for x in inner]
+    u = jnp.concatenate([zero, *cuts, one])
+    return Segments(jnp.sort(u, axis=0) if inner else u, t0, span)
+
+
+@final
+class ScaledVectorField(eqx.Module):
+    """dy/ds of a system as a function of s and y, and what its solvers need beside it."""
+
+    system: AbstractSystem
+    segments: Segments
+
+    def time(self, s: Scalar) -> Scalar:
+        """The time, s, at the normalised time `s`."""
+        return self.segments.time(s)
+
+    def duration(self, s: Scalar, ds: Scalar) -> Scalar:
+        """The duration, s, of a normalised time `ds` from `s` on."""
+        return self.segments.duration(s, ds)
+
+    def __call__(self, s: Scalar, y: State) -> State:
+        dt_ds = self.duration(s, 1.0)
+        return jax.tree.map(lambda k: k * dt_ds, self.system.vector_field(self.time(s), y))
+
+    def split(self) -> AbstractSplit:
+        """Drift and kick of the system, which has them."""
+        return cast(AbstractSplit, self.system.split())
+
+    def regularised(self) -> AbstractRegularised:
+        """The regularised variables of the system, which has them."""
         return cast(AbstractRegularised, self.system.regularised())
 
-    def enter(self, y: State) -> Array:
-        """The regular variables of a system that has a regular form."""
-        return self._form().to_regularised(y)
 
-    def leave(self, z: Array) -> State:
-        """The state of the regular variables."""
-        return self._form().from_regularised(z)
+@final
+class _Hoisted(eqx.Module):
+    """An object whose methods are functions without closed-over tracers."""
 
-    def push(self, s0: Scalar, s1: Scalar, z: Array) -> Array:
-        """The perturbation of the regular variables entered at the clock time `s0`, as it is
-        between `s0` and `s1`."""
-        whole = self.duration(s0, s1 - s0) * (1.0 - 4.0 * jnp.finfo(z.dtype).eps)
-        since = jnp.clip(z[-1], jnp.minimum(whole, 0.0), jnp.maximum(whole, 0.0))
-        return self._form().perturbation(self.time(s0) + since, z)
+    methods: dict[str, Callable[..., Any]]
 
-    def slope(self, z: Array, push: Array) -> Array:
-        """The slope of the regular variables."""
-        return self._form().derivative(z, push)
+    def __getattr__(self, name: str) -> Callable[..., Any]:
+        try:
+            return self.methods[name]
+        except KeyError:
+            raise AttributeError(name) from None
 
-    def remaining(self, duration: Scalar, z: Array) -> Scalar:
-        """About how much fictitious time a `duration` takes."""
-        return self._form().fictitious_time(duration, z)
 
-    def drift(self, s: Scalar, ds: Scalar, y: State) -> State:
-        """The drift of a split system, from the clock time `s` on."""
-        return cast(AbstractSplit, self.system.split()).drift(self.duration(s, ds), y)
+@final
+class _HoistedField(eqx.Module):
+    """A `ScaledVectorField` whose closed-over arrays are leaves."""
 
-    def kick(self, s: Scalar, ds: Scalar, y: State) -> State:
-        """The kick of a split system, as it is at the clock time `s`."""
-        return cast(AbstractSplit, self.system.split()).kick(self.time(s), self.duration(s, ds), y)
+    field: Callable[[Scalar, State], State]
+    segments: Segments
+    split_methods: _Hoisted | None
+    regularised_methods: _Hoisted | None
+
+    def __call__(self, s: Scalar, y: State) -> State:
+        return self.field(s, y)
+
+    def time(self, s: Scalar) -> Scalar:
+        return self.segments.time(s)
+
+    def duration(self, s: Scalar, ds: Scalar) -> Scalar:
+        return self.segments.duration(s, ds)
+
+    def split(self) -> _Hoisted | None:
+        return self.split_methods
+
+    def regularised(self) -> _Hoisted | None:
+        return self.regularised_methods
+
+
+def _hoisted(owner: Any, arguments: dict[str, tuple[Any, ...]]) -> _Hoisted:
+    """The methods of the `owner`, each converted at its example arguments."""
+    convert = eqx.filter_closure_convert
+    return _Hoisted({name: convert(getattr(owner, name), *a) for name, a in arguments.items()})
+
+
+def closes_over_tracers(field: ScaledVectorField, y0: State) -> bool:
+    """Whether a function inside the system, such as a user's, closes over traced arrays."""
+    arrays, static = eqx.partition((field, y0), eqx.is_array)
+
+    def rate(s: Array, arrays: Any) -> State:
+        field, y = eqx.combine(arrays, static)
+        return field(s, y)
+
+    jaxpr = jax.make_jaxpr(rate)(jnp.zeros_like(field.segments.span, shape=()), arrays)
+    return any(isinstance(constant, Tracer) for constant in jaxpr.consts)
+
+
+def hoist(field: ScaledVectorField, y0: State, needs: str) -> ScaledVectorField | _HoistedField:
+    """The field with all that it depends on as leaves, so that it can be differentiated.
+
+    **Arguments**
+
+    - `field`, `y0`: the field and a state of it.
+    - `needs`: the capability by which the solver integrates: "split", "regularised" or "".
+
+    **Returns** the field itself where nothing is hidden in closures: it keeps the layout of its
+    parameters, which the batching of mapped runs reads."""
+    if not closes_over_tracers(field, y0):
+        return field
+    s = jnp.zeros_like(field.segments.span, shape=())
+    split = regularised = None
+    if needs == "split":
+        split = _hoisted(field.split(), {"drift": (s, y0), "kick": (s, s, y0)})
+    if needs == "regularised":
+        owner = field.regularised()
+        z = jax.eval_shape(owner.to_regularised, y0)
+        duration = jax.eval_shape(lambda z: z[-1], z)
+        p = jax.eval_shape(owner.perturbation, duration, z)
+        arguments = {
+            "to_regularised": (y0,),
+            "from_regularised": (z,),
+            "perturbation": (duration, z),
+            "derivative": (z, p),
+            "fictitious_time": (duration, z),
+        }
+        regularised = _hoisted(owner, arguments)
+    return _HoistedField(
+        eqx.filter_closure_convert(field, s, y0), field.segments, split, regularised
+    )

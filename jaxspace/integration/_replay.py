@@ -1,181 +1,272 @@
-"""Reverse mode along the recorded steps of a run, from the last one to the first.
+"""Derivatives along the recorded steps of a run, forwards and backwards.
 
-    (y_{n+1}, d_n) = step(p, s_n, s_{n+1}, y_n)             d: what the dense output of the step holds
-    (p', y_n') = p' + [y_{n+1}', d_n'] d(step)/d(p, y_n)    ': derivative of the result with respect to it
+    (y_{n+1}, d_n) = step(p, t_n, t_{n+1}, y_n)             d: what the dense output of the step holds
+    forwards   (y_{n+1}', d_n') = d(step)/d(p, y_n) (p', y_n')
+    backwards  (p*, y_n*) = (p*, 0) + [y_{n+1}*, d_n*] d(step)/d(p, y_n)
 
-Repetition that chose its steps anew could, by a difference of one rounding, choose others, and the
-derivative would belong to no run at all (seen: wrong by its own size, over a thousand steps). So
-the ends of the accepted steps are kept, with the state at as many of them as there is room for;
-between these, the steps are taken once more (and twice, where they are many).
+A repetition that chose its steps again could, by a difference of one rounding, choose others, and
+the derivative would belong to no run at all (seen: wrong by its own size, over a thousand steps).
+So the ends of the accepted steps are recorded, with the state at as many of them as the buffer
+holds. Backwards, the steps between two checkpoints are taken again, in chunks whose states are all
+kept at once.
 """
 
-from typing import Any, final
+from typing import Any, NamedTuple, final
 
 import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array
+from jaxtyping import Array, Float, Int, PyTree
 
 from ..core import State, barrier
-from ..solvers import DOP853, RKN1210, AbstractFixedStep, ExponentialRosenbrock, MuntheKaas, Tsit5
-from ._loop import Record, rows
+from ._loop import TERM, LoopSettings, LoopState, empty_buffer, get_row, put_row
 
-# steps between which all states are known at once: more of them leave the cache, fewer are taken
-# twice in short runs
-PIECE = 32
-
-
-def replayable(method: Any) -> bool:
-    """Whether a step of the method can be repeated from the state before it alone."""
-    if isinstance(method, MuntheKaas):
-        return replayable(method.solver)
-    return isinstance(
-        method,
-        DOP853
-        | ExponentialRosenbrock
-        | RKN1210
-        | Tsit5
-        | AbstractFixedStep
-        | diffrax.AbstractRungeKutta,
-    )
+CHUNK = 32
+"""Steps between which all states are kept at once: more of them leave the cache, fewer are taken
+twice in short runs."""
 
 
-def _at(tree: Any, index: Any) -> Any:
-    return jax.tree.map(lambda x: x[index], tree)
+class Record(NamedTuple):
+    """What derivatives need of a run: the ends of its `count` steps, and the states after every
+    `stride`-th one."""
+
+    step_ends: Float[Array, " steps"]
+    checkpoints: State
+    stride: Int[Array, ""]
+    count: Int[Array, ""]
+
+    @classmethod
+    def of(cls, loop: LoopState) -> "Record":
+        """The record that a checkpointed loop leaves."""
+        assert loop.step_ends is not None and loop.checkpoints is not None
+        checkpoints = loop.checkpoints
+        return cls(loop.step_ends, checkpoints.states, checkpoints.stride, loop.num_accepted)
 
 
-def _put(tree: Any, index: Any, row: Any) -> Any:
-    return jax.tree.map(lambda x, a: x.at[index].set(a), tree, row)
-
-
-def _sum(first: Any, second: Any) -> Any:
+def _add(first: PyTree, second: PyTree) -> PyTree:
     return jax.tree.map(jnp.add, first, second)
+
+
+def _select(condition: Array, first: PyTree, second: PyTree) -> PyTree:
+    return jax.tree.map(lambda a, b: jnp.where(condition, a, b), first, second)
 
 
 @final
 class Replay(eqx.Module):
-    """The steps of a run once more, each as a function of its first state and of the part `moving`
-    of dy/ds that is differentiated; `kept` holds the clock times of the states asked for (the end
-    alone where it is `None`), and `most` says how many steps may lie between two states of the
-    record."""
+    """The steps of a run once more, as functions of the part of the field that is differentiated.
 
-    method: diffrax.AbstractSolver
-    term: Any
-    rest: Any
+    - `settings`: those of the run. `record`: its steps.
+    - `fixed`: the part of the field that is not differentiated."""
+
+    settings: LoopSettings
+    fixed: Any
     record: Record
-    y0: State
-    kept: Array | None
-    most: int = eqx.field(static=True)
 
-    def ends(self, n: Array) -> tuple[Array, Array]:
-        """The clock at the start and at the end of step `n`."""
-        return jnp.where(n > 0, self.record.ends[n - 1], 0.0), self.record.ends[n]
+    @property
+    def method(self) -> diffrax.AbstractSolver:
+        """The method of the run."""
+        return self.settings.method
 
-    def step(self, moving: Any, n: Array, y: State) -> tuple[State, Any]:
-        """The state after step `n` from `y`, and what its dense output holds if a state within a
-        step was asked for."""
-        rate = eqx.combine(moving, self.rest)
-        s0, s1 = self.ends(n)
-        inner = self.method.init(self.term, s0, s1, y, rate)
-        y1, _, dense, _, _ = self.method.step(self.term, s0, s1, y, rate, inner, jnp.array(False))
-        return y1, None if self.kept is None else dense
+    def step_bounds(self, n: Array) -> tuple[Array, Array]:
+        """The normalised times at the start and at the end of step `n`."""
+        ends = self.record.step_ends
+        return jnp.where(n > 0, ends[n - 1], 0.0), ends[n]
 
-    def fill(
-        self, moving: Any, ys: State, to: Array, y: State, n: Array, count: Array, apart: Array
+    def step(self, moving: PyTree, n: Array, y: State) -> tuple[State, PyTree]:
+        """The state after step `n` from `y`, and what the dense output holds if one is needed."""
+        field = eqx.combine(moving, self.fixed)
+        t0, t1 = self.step_bounds(n)
+        state = self.method.init(TERM, t0, t1, y, field)
+        y1, _, dense_info, _, _ = self.method.step(TERM, t0, t1, y, field, state, jnp.array(False))
+        return y1, None if self.settings.save_ts is None else dense_info
+
+    def interpolate(self, n: Array, dense_info: PyTree, t: Array) -> State:
+        """The state at the normalised time `t` within step `n`."""
+        t0, t1 = self.step_bounds(n)
+        return self.method.interpolation_cls(t0=t0, t1=t1, **dense_info).evaluate(t)
+
+    # Forwards.
+
+    def jvp(self, moving: PyTree, y0: State, d_moving: PyTree, d_y0: State) -> State:
+        """The tangents of the saved states, from those of the field and of the initial state."""
+        save_ts = self.settings.save_ts
+
+        def advance(n: Array, carry: tuple[Any, ...]) -> tuple[Any, ...]:
+            y, dy, saved, k = carry
+            (y, dense), (dy, d_dense) = jax.jvp(
+                lambda p, y: self.step(p, n, y), (moving, y), (d_moving, dy)
+            )
+            if save_ts is not None:
+                saved, k = self._save_tangents(n, dense, d_dense, saved, k)
+            return y, dy, saved, k
+
+        saved = None
+        if save_ts is not None:
+            rows = save_ts.shape[0]
+            saved = jax.tree.map(lambda x: jnp.zeros((rows, *x.shape), x.dtype), y0)
+        start = (y0, d_y0, saved, jnp.asarray(0))
+        _, dy, saved, _ = jax.lax.fori_loop(0, self.record.count, advance, start)
+        return jax.tree.map(lambda x: x[None], dy) if saved is None else saved
+
+    def _save_tangents(
+        self, n: Array, dense: PyTree, d_dense: PyTree, saved: State, k: Array
+    ) -> tuple[State, Array]:
+        """Append the tangents at the save times within step `n`, from number `k` on."""
+        save_ts = self.settings.save_ts
+        assert save_ts is not None
+        size = save_ts.shape[0]
+        _, t1 = self.step_bounds(n)
+
+        def due(carry: tuple[State, Array]) -> Array:
+            _, k = carry
+            return (k < size) & (save_ts[jnp.minimum(k, size - 1)] <= t1)
+
+        def append(carry: tuple[State, Array]) -> tuple[State, Array]:
+            saved, k = carry
+            t = save_ts[jnp.minimum(k, size - 1)]
+            _, dy = jax.jvp(lambda d: self.interpolate(n, d, t), (dense,), (d_dense,))
+            return put_row(saved, k, dy), k + 1
+
+        return jax.lax.while_loop(due, append, (saved, k))
+
+    # Backwards.
+
+    def vjp(self, moving: PyTree, y0: State, cotangent: State) -> tuple[PyTree, State]:
+        """The cotangents of the field and of the initial state, from those of the saved states."""
+        stride = self.record.stride
+        num_segments = -(-self.record.count // stride)
+        save_ts = self.settings.save_ts
+        if save_ts is None:
+            at_end = get_row(cotangent, jnp.asarray(0))
+            last_save = jnp.asarray(-1)
+        else:
+            at_end = jax.tree.map(jnp.zeros_like, y0)
+            last_save = jnp.asarray(save_ts.shape[0] - 1)
+        total = (jax.tree.map(jnp.zeros_like, moving), at_end, last_save)
+        buffer = empty_buffer(self._num_chunks + min(self._longest, CHUNK) + 1, y0)
+
+        def segment(i: Array, carry: tuple[Any, State]) -> tuple[Any, State]:
+            # From the last segment to the first, each from the checkpoint at its start.
+            j = num_segments - 1 - i
+            before = get_row(self.record.checkpoints, j - 1)
+            y = _select(j > 0, before, y0)
+            first = j * stride
+            length = jnp.minimum(stride, self.record.count - first)
+            return self._segment_vjp(moving, y, first, length, cotangent, carry)
+
+        total, _ = jax.lax.fori_loop(0, num_segments, segment, (total, buffer))
+        return total[:2]
+
+    @property
+    def _longest(self) -> int:
+        """How many steps may lie between two checkpoints: a power of two."""
+        states = jax.tree.leaves(self.record.checkpoints)
+        capacity = states[0].shape[0] - 1
+        longest = -(-self.settings.max_steps // capacity)
+        return 1 << (longest - 1).bit_length()
+
+    @property
+    def _num_chunks(self) -> int:
+        """How many chunks a segment has at most."""
+        return -(-self._longest // CHUNK)
+
+    def _segment_vjp(
+        self,
+        moving: PyTree,
+        y: State,
+        first: Array,
+        length: Array,
+        cotangent: State,
+        carry: tuple[Any, State],
+    ) -> tuple[Any, State]:
+        """The cotangents before a segment of `length` steps from number `first` and state `y`.
+
+        The buffer holds the states at the start of each chunk, then those within one chunk."""
+        chunks = -(-length // CHUNK)
+        single = chunks == 1
+
+        def chunk(i: Array, carry: tuple[Any, State]) -> tuple[Any, State]:
+            # Pass zero takes the steps once, to fill in the states at the start of every chunk; a
+            # segment of one chunk needs none of it.
+            total, buffer = carry
+            filling = i == 0
+            k = chunks - i
+            n = first + jnp.where(filling, 0, k * CHUNK)
+            count = jnp.where(filling, chunks, jnp.minimum(CHUNK, length - k * CHUNK))
+            start = _select(filling | single, y, get_row(buffer, k))
+            to = jnp.where(filling, 0, self._num_chunks)
+            apart = jnp.where(filling, CHUNK, 1)
+            buffer = self._fill(moving, buffer, to, start, n, count, apart)
+
+            def backwards(i: Array, total: Any) -> Any:
+                step = count - 1 - i
+                y = get_row(buffer, self._num_chunks + step)
+                return self._step_vjp(moving, n + step, y, cotangent, total)
+
+            total = jax.lax.fori_loop(0, jnp.where(filling, 0, count), backwards, total)
+            return total, buffer
+
+        return jax.lax.fori_loop(jnp.where(single, 1, 0), chunks + 1, chunk, carry)
+
+    def _fill(
+        self,
+        moving: PyTree,
+        buffer: State,
+        to: Array,
+        y: State,
+        n: Array,
+        count: Array,
+        apart: Array,
     ) -> State:
-        """`ys` filled, from the row `to` on, with `count` states: that before step `n`, which is
-        `y`, and those `apart` steps after one another. Its last row takes what is not kept."""
-        ys = _put(ys, to, y)
-        if self.most == 1:
-            return ys
+        """The buffer filled, from row `to` on, with `count` states that lie `apart` steps apart.
 
-        def one(i: Array, carry: tuple[State, State]) -> tuple[State, State]:
-            ys, y = (
-                # the last state by itself: read from where the next one is written, all of them
-                # would be copied
-                carry
-            )
+        The first is `y`, before step `n`. The last row of the buffer takes what is not kept."""
+        buffer = put_row(buffer, to, y)
+        if self._longest == 1:
+            return buffer
+
+        # The last state is carried by itself: read from the buffer that the next one is written
+        # to, the whole buffer would be copied.
+        def advance(i: Array, carry: tuple[State, State]) -> tuple[State, State]:
+            buffer, y = carry
             y, _ = self.step(moving, n + i, y)
-            return _put(ys, jnp.where((i + 1) % apart == 0, to + (i + 1) // apart, -1), y), y
+            row = jnp.where((i + 1) % apart == 0, to + (i + 1) // apart, -1)
+            return put_row(buffer, row, y), y
 
-        return jax.lax.fori_loop(0, (count - 1) * apart, one, (ys, y))[0]
+        return jax.lax.fori_loop(0, (count - 1) * apart, advance, (buffer, y))[0]
 
-    def from_kept(self, n: Array, dense: Any, gradient: State, k: Array) -> tuple[Array, Any]:
-        """The gradient with respect to what the dense output of step `n` holds, from the kept
-        states up to number `k` that lie in it; and the number of the last one before it."""
-        assert self.kept is not None
-        kept, (s0, s1) = self.kept, self.ends(n)
+    def _step_vjp(
+        self, moving: PyTree, n: Array, y: State, cotangent: State, total: tuple[Any, ...]
+    ) -> tuple[Any, ...]:
+        """The cotangents before step `n`, which starts at the state `y`."""
+        of_moving, of_y, k = total
+        (_, dense_info), pull = jax.vjp(lambda p, y: self.step(p, n, y), moving, y)
+        of_dense = None
+        if self.settings.save_ts is not None:
+            k, of_dense = self._saved_vjp(n, dense_info, cotangent, k)
+        # Behind a barrier, because the compiler would take parts of the step once more for every
+        # result that uses them.
+        more, of_y = barrier(pull)((of_y, of_dense))
+        return _add(of_moving, more), of_y, k
 
-        def one(carry: tuple[Array, Any]) -> tuple[Array, Any]:
+    def _saved_vjp(
+        self, n: Array, dense_info: PyTree, cotangent: State, k: Array
+    ) -> tuple[Array, PyTree]:
+        """The cotangent of what the dense output of step `n` holds, from the saved states in it.
+
+        `k` is the number of the last one not yet seen; returned is that before the step."""
+        save_ts = self.settings.save_ts
+        assert save_ts is not None
+        t0, _ = self.step_bounds(n)
+
+        def inside(carry: tuple[Array, PyTree]) -> Array:
+            k, _ = carry
+            return (k >= 0) & ((save_ts[k] > t0) | (n == 0))
+
+        def one(carry: tuple[Array, PyTree]) -> tuple[Array, PyTree]:
             k, total = carry
+            _, pull = jax.vjp(lambda d: self.interpolate(n, d, save_ts[k]), dense_info)
+            return k - 1, _add(total, pull(get_row(cotangent, k))[0])
 
-            def state(d):
-                return self.method.interpolation_cls(t0=s0, t1=s1, **d).evaluate(kept[k])
-
-            return k - 1, _sum(total, jax.vjp(state, dense)[1](_at(gradient, k))[0])
-
-        def inside(carry):
-            return (carry[0] >= 0) & ((kept[carry[0]] > s0) | (n == 0))
-
-        return jax.lax.while_loop(inside, one, (k, jax.tree.map(jnp.zeros_like, dense)))
-
-    def pull_back(self, moving: Any, gradient: State) -> tuple[Any, State]:
-        """The gradient with respect to `moving` and to the first state, from that with respect to
-        the states asked for."""
-
-        def back(
-            i: Array, carry: tuple[Any, State, Array], ys: State, first: Array, count: Array
-        ) -> tuple[Any, State, Array]:
-            of_moving, of_y, k = carry
-            n = first + count - 1 - i
-            (_, dense), pull = jax.vjp(
-                lambda p, y: self.step(p, n, y), moving, _at(ys, parts + count - 1 - i)
-            )
-            if self.kept is not None:
-                k, dense = self.from_kept(n, dense, gradient, k)
-            # Held, because the compiler would take parts of the step once more for everything that
-            # asks for them.
-            more, of_y = barrier(pull)((of_y, dense))
-            return _sum(of_moving, more), of_y, k
-
-        def stretch(i: Array, carry: tuple[Any, State]) -> tuple[Any, State]:
-            j = stretches - 1 - i
-            n, y = (
-                j * every,
-                jax.tree.map(
-                    lambda a, b: jnp.where(j > 0, a, b), _at(self.record.states, j - 1), self.y0
-                ),
-            )
-            length = jnp.minimum(every, self.record.count - n)
-            pieces = -(-length // PIECE)
-
-            def piece(i: Array, carry: tuple[Any, State]) -> tuple[Any, State]:
-                # Number zero only takes the steps from one piece to the next.
-                total, ys = carry
-                k, before, known = pieces - i, i == 0, (i == 0) | (pieces == 1)
-                first = n + jnp.where(before, 0, k * PIECE)
-                count = jnp.where(before, pieces, jnp.minimum(PIECE, length - k * PIECE))
-                at = jax.tree.map(lambda a, b: jnp.where(known, a, b), y, _at(ys, k))
-                ys = self.fill(
-                    moving,
-                    ys,
-                    jnp.where(before, 0, parts),
-                    at,
-                    first,
-                    count,
-                    jnp.where(before, PIECE, 1),
-                )
-                return jax.lax.fori_loop(
-                    0, jnp.where(before, 0, count), lambda i, c: back(i, c, ys, first, count), total
-                ), ys
-
-            return jax.lax.fori_loop(jnp.where(pieces == 1, 1, 0), pieces + 1, piece, carry)
-
-        every, parts = self.record.every, -(-self.most // PIECE)
-        stretches = -(-self.record.count // every)
-        times = 0 if self.kept is None else self.kept.shape[0]
-        at_end = _at(gradient, 0) if self.kept is None else jax.tree.map(jnp.zeros_like, self.y0)
-        start = (jax.tree.map(jnp.zeros_like, moving), at_end, jnp.asarray(times - 1))
-        ys = rows(parts + min(self.most, PIECE) + 1, self.y0)
-        return jax.lax.fori_loop(0, stretches, stretch, (start, ys))[0][:2]
+        return jax.lax.while_loop(inside, one, (k, jax.tree.map(jnp.zeros_like, dense_info)))

@@ -18,32 +18,36 @@ import jax
 import jax.extend
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, Float
 
-from ..core import AbstractSystem
+from ..core import AbstractSystem, State
 from ..solvers import DOP853, RKN1210, ExponentialRosenbrock, Tsit5
-from ._stiffness import Starts, is_stiff
+from ._stiffness import InitialConditions, is_stiff
 
 # above this tolerance the method of order 5 needs fewer evaluations than those of high order
 LOOSE = 1e-5
 
 
-class Question(NamedTuple):
-    """For what a method is sought: a system, a state (or their shapes), the largest tolerance (zero
-    where it is not known), and the runs whose numbers may be looked at."""
+class SelectionContext(NamedTuple):
+    """For what a method is sought.
+
+    - `system`, `y`: a system and a state, or their shapes.
+    - `rtol`: the relative tolerance; zero where it is not known.
+    - `starts`: runs whose numbers may be looked at, or `None`."""
 
     system: AbstractSystem
-    y: Any
+    y: State
     rtol: float
-    starts: Starts | None
+    starts: InitialConditions | None
 
 
 @final
 class Rule(NamedTuple):
-    """`when` in words, the test, and the method."""
+    """When the rule holds, in words and as a test, and the method that it selects."""
 
     when: str
-    holds: Callable[[Question], bool]
-    method: diffrax.AbstractSolver | Literal["auto"]
+    holds: Callable[[SelectionContext], bool]
+    method: diffrax.AbstractSolver | Literal["closed_form"]
 
 
 def is_second_order(system: AbstractSystem, y: Any) -> bool:
@@ -53,17 +57,15 @@ def is_second_order(system: AbstractSystem, y: Any) -> bool:
         getattr(y, part, None) is None for part in ("position", "velocity")
     ):
         return False
-    leaves, tree = jax.tree.flatten(jax.tree.map(shape, (system, y)))
+    leaves, tree = jax.tree.flatten(jax.tree.map(shape_of, (system, y)))
     return _is_second_order(tree, tuple(leaves))
 
 
-def shape(x: Any, without: int = 0) -> Any:
-    """The shape of an array, without as many of its first axes; anything else as it is."""
+def shape_of(x: Any) -> Any:
+    """The shape and precision of an array; anything else as it is."""
     if not isinstance(x, jax.Array | np.ndarray):
         return x
-    return jax.ShapeDtypeStruct(
-        x.shape[without:], x.dtype, weak_type=getattr(x, "weak_type", False)
-    )
+    return jax.ShapeDtypeStruct(x.shape, x.dtype, weak_type=getattr(x, "weak_type", False))
 
 
 @functools.lru_cache(maxsize=256)
@@ -89,41 +91,52 @@ def _is_second_order(tree: Any, leaves: tuple[Any, ...]) -> bool:
     return travel is velocity and acceleration not in moved
 
 
-def _is_fast_and_linear(q: Question) -> bool:
-    return (
-        q.starts is not None and not is_second_order(q.system, q.y) and is_stiff(q.starts, q.rtol)
-    )
+def _is_fast_and_linear(context: SelectionContext) -> bool:
+    if context.starts is None or is_second_order(context.system, context.y):
+        return False
+    return is_stiff(context.starts, context.rtol)
 
 
 RULES = (
-    Rule("the system has a closed form", lambda q: q.system.closed_form() is not None, "auto"),
+    Rule(
+        "the system has a closed form",
+        lambda c: c.system.closed_form() is not None,
+        "closed_form",
+    ),
     Rule(
         "slow beside a fast linear motion or decay, over more than 1e4 of its radians",
         _is_fast_and_linear,
         ExponentialRosenbrock(),
     ),
-    Rule("the tolerance is above 1e-5", lambda q: q.rtol > LOOSE, Tsit5()),
+    Rule("the tolerance is above 1e-5", lambda c: c.rtol > LOOSE, Tsit5()),
     Rule(
         "r' = v, v' = a(t, r), and nothing else moves",
-        lambda q: is_second_order(q.system, q.y),
+        lambda c: is_second_order(c.system, c.y),
         RKN1210(),
     ),
-    Rule("else", lambda q: True, DOP853()),
+    Rule("else", lambda c: True, DOP853()),
 )
 
 
-def chosen_method(
-    system: AbstractSystem, y: Any, rtol: float, ts: Any = None
-) -> diffrax.AbstractSolver | Literal["auto"]:
-    """The method for a system and a state (or their shapes) and a relative tolerance; `"auto"` is
-    left where the closed form is meant. Only with the times `ts`, s, a stiff run is known as such.
-    """
-    return by_rules(system, y, rtol, None if ts is None else Starts.of(system, y, jnp.asarray(ts)))
+def select_method(
+    system: AbstractSystem,
+    y0: State,
+    rtol: float,
+    ts: Float[Array, " times"] | None = None,
+    *,
+    starts: InitialConditions | None = None,
+) -> diffrax.AbstractSolver | Literal["closed_form"]:
+    """The method that `"auto"` stands for: that of the first of the `RULES` that holds.
 
+    **Arguments**
 
-def by_rules(
-    system: AbstractSystem, y: Any, rtol: float, starts: Starts | None
-) -> diffrax.AbstractSolver | Literal["auto"]:
-    """`chosen_method` for one run or many, of which `starts` are some."""
-    question = Question(system, y, rtol, starts)
-    return next(rule.method for rule in RULES if rule.holds(question))
+    - `system`, `y0`: a system and a state, or their shapes.
+    - `rtol`: the relative tolerance; zero where it is not known.
+    - `ts`: save times, s. Only with these is a stiff run recognised.
+    - `starts`: several runs in place of `ts`.
+
+    **Returns** a solver, or "closed_form"."""
+    if starts is None and ts is not None:
+        starts = InitialConditions.of_one(system, y0, jnp.asarray(ts))
+    context = SelectionContext(system, y0, rtol, starts)
+    return next(rule.method for rule in RULES if rule.holds(context))

@@ -8,8 +8,10 @@ from jaxtyping import Array, Bool, Int
 
 
 class Status(enum.IntEnum):
-    """How a run ended. `sentence` says what happened and what to do; above `EVENT` something went
-    wrong."""
+    """How a run ended.
+
+    `sentence` says what happened and what to do. Above `EVENT` the run failed, and its numbers are
+    NaN."""
 
     COMPLETED = 0
     EVENT = 1
@@ -17,6 +19,7 @@ class Status(enum.IntEnum):
     MAX_STEPS = 3
     EVENT_MISSED = 4
     NOT_FINITE = 5
+    REFUSED = 6
 
     @property
     def sentence(self) -> str:
@@ -25,50 +28,64 @@ class Status(enum.IntEnum):
 
     @property
     def good(self) -> bool:
-        """Whether the result may be used as it is."""
+        """Whether the run succeeded."""
         return self <= Status.EVENT
 
 
 _SENTENCES = {
     Status.COMPLETED: "The run reached its end within the tolerance.",
     Status.EVENT: "The run stopped at its event, found to the tolerance.",
-    Status.TOLERANCE_MISSED: "Some steps missed the tolerance: look for a collision or a singularity, or refine the step plan.",
-    Status.MAX_STEPS: "The steps ran out: raise Accuracy.max_steps or max_step, loosen the tolerance, or look for a singularity.",
-    Status.EVENT_MISSED: "The event of the phase did not happen within its limit: raise Event.within, or check the condition.",
-    Status.NOT_FINITE: "The state left the finite numbers: check the initial state and the parameters of this run.",
+    Status.TOLERANCE_MISSED: (
+        "Some steps missed the tolerance: look for a collision or a singularity, or take more "
+        "fixed steps."
+    ),
+    Status.MAX_STEPS: (
+        "The steps ran out: raise Accuracy.max_steps or max_step, loosen the tolerance, or look "
+        "for a singularity."
+    ),
+    Status.EVENT_MISSED: (
+        "The event of the phase did not happen within its limit: raise Event.within, or check the "
+        "condition."
+    ),
+    Status.NOT_FINITE: (
+        "The state left the finite numbers: check the initial state and the parameters of this run."
+    ),
+    Status.REFUSED: "A parameter of this run lies outside its allowed range: it was not run.",
 }
 
 
-def worst(first: Int[Array, "..."], second: Int[Array, "..."]) -> Int[Array, "..."]:
-    """The status of two runs in sequence: the first trouble stays, otherwise the later word
-    counts."""
+class SimulationError(RuntimeError):
+    """A run failed; the message carries the sentence of its `Status`."""
+
+
+def combine_status(first: Int[Array, "..."], second: Int[Array, "..."]) -> Int[Array, "..."]:
+    """The status of two runs in sequence: the first failure stays, else the second counts."""
     return jnp.where(first > Status.EVENT, first, second)
 
 
-class SimulationError(RuntimeError):
-    """A run did not end well; the message carries the sentence of its `Status`."""
-
-
-def raise_if_bad(status: Array) -> None:
-    """Raise `SimulationError` for the first bad one of the known statuses, with its sentence."""
+def raise_on_failure(status: Array) -> None:
+    """Raise `SimulationError` for the first failure among known statuses, with its sentence."""
     every = np.asarray(status).reshape(-1)
-    bad = np.flatnonzero(every > Status.EVENT)
-    if bad.size:
-        which = (
-            ""
-            if every.size == 1
-            else f"Run {bad[0]} ({bad.size} of {every.size} runs in trouble): "
-        )
-        raise SimulationError(which + Status(int(every[bad[0]])).sentence)
+    failed = np.flatnonzero(every > Status.EVENT)
+    if failed.size == 0:
+        return
+    which = ""
+    if every.size > 1:
+        which = f"Run {failed[0]} ({failed.size} of {every.size} runs failed): "
+    raise SimulationError(which + Status(int(every[failed[0]])).sentence)
 
 
-def judged(
-    out_of_steps: Bool[Array, "..."], finite: Bool[Array, "..."], account: Array
+def status_from(
+    out_of_steps: Bool[Array, "..."], finite: Bool[Array, "..."], max_local_error: Array
 ) -> Int[Array, "..."]:
-    """The status of runs from whether their steps ran out, whether they stayed finite, and their
-    largest local error."""
-    status = jnp.where(account > 1.0, Status.TOLERANCE_MISSED, Status.COMPLETED)
+    """The status of runs.
+
+    **Arguments**
+
+    - `out_of_steps`: whether the steps ran out before the end.
+    - `finite`: whether the state stayed finite.
+    - `max_local_error`: in units of the tolerance; up to 1 is within it."""
+    status = jnp.where(max_local_error > 1.0, Status.TOLERANCE_MISSED, Status.COMPLETED)
     status = jnp.where(finite, status, Status.NOT_FINITE)
-    return jnp.where(out_of_steps & (status != Status.NOT_FINITE), Status.MAX_STEPS, status).astype(
-        jnp.int32
-    )
+    ran_out = out_of_steps & (status != Status.NOT_FINITE)
+    return jnp.where(ran_out, Status.MAX_STEPS, status).astype(jnp.int32)

@@ -24,7 +24,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.flatten_util import ravel_pytree
-from jaxtyping import Array
+from jaxtyping import Array, PyTree
 
 from ..core import AbstractSystem, State, is_traced
 from ..solvers import ExponentialRosenbrock
@@ -44,34 +44,43 @@ MOST = (
 )
 
 
-class Starts(NamedTuple):
-    """Runs as they are asked for: (system, state, times), in parts with the runs on the first axis
-    and shared by all; `rows` are those to look at."""
+class InitialConditions(NamedTuple):
+    """Runs as they are asked for, of which some are looked at.
 
-    batched: Any
-    shared: Any
+    - `runs`: (system, state, times), with the runs on the last axis of what carries them.
+    - `run_axes`: of each array of `runs`, how many trailing axes carry runs (0 or 1).
+    - `rows`: the numbers of the runs to look at."""
+
+    runs: PyTree
+    run_axes: PyTree[int]
     rows: np.ndarray
 
     @classmethod
-    def of(cls, system: AbstractSystem, y: State, ts: Any) -> "Starts":
+    def of_one(cls, system: AbstractSystem, y: State, ts: Array) -> "InitialConditions":
         """A single run."""
-        return cls(*eqx.partition((system, y, ts), False), np.zeros(1, int))
+        runs = (system, y, ts)
+        return cls(runs, jax.tree.map(lambda _: 0, runs), np.zeros(1, int))
 
     @property
     def components(self) -> int:
         """How many numbers the state of a run has."""
-        own, common = jax.tree.leaves(self.batched[1]), jax.tree.leaves(self.shared[1])
-        return sum(np.size(x) // np.shape(x)[0] for x in own) + sum(map(np.size, common))
+        _, state, _ = self.runs
+        _, axes, _ = self.run_axes
+        sizes = [
+            np.prod(np.shape(x)[:-1] if n else np.shape(x), dtype=int)
+            for x, n in zip(jax.tree.leaves(state), jax.tree.leaves(axes), strict=True)
+        ]
+        return int(sum(sizes))
 
     @property
     def readable(self) -> bool:
         """Whether all numbers are known, and those of a state are not too many."""
-        leaves = jax.tree.leaves((self.batched, self.shared))
+        leaves = jax.tree.leaves(self.runs)
         placeholders = any(isinstance(x, jax.ShapeDtypeStruct) for x in leaves)
         return not placeholders and not is_traced(leaves) and self.components <= MOST
 
 
-def is_stiff(starts: Starts, rtol: float) -> bool:
+def is_stiff(starts: InitialConditions, rtol: float) -> bool:
     """Whether some of the runs would take an explicit method very many steps, and the exponential
     method serves all those.
 
@@ -79,7 +88,7 @@ def is_stiff(starts: Starts, rtol: float) -> bool:
     it is not known then."""
     if rtol == 0.0 or not starts.readable:
         return False
-    times = np.shape(jax.tree.leaves((starts.batched[2], starts.shared[2]))[0])[-1]
+    times = np.shape(starts.runs[2])[0]
     still = np.zeros((starts.rows.size, starts.components))
     f, jacobian, size, span = map(np.asarray, _linearised(starts, still))
     sound = np.all(np.isfinite(jacobian), axis=(1, 2))
@@ -99,13 +108,23 @@ def is_stiff(starts: Starts, rtol: float) -> bool:
     return bool(np.all((np.abs(error) <= rtol * np.maximum(size, size_after))[long]))
 
 
-def _each(starts: Starts, function: Callable[..., Any], given: Array) -> Any:
+def _each(starts: InitialConditions, function: Callable[..., Any], given: Array) -> Any:
     """`function(system, y, ts, x)` of each run looked at, and of its row of `given`."""
-    lanes = jax.tree.map(lambda x: x[starts.rows], starts.batched)
-    dtype = jnp.result_type(*jax.tree.leaves((starts.batched[1], starts.shared[1])))
-    return jax.vmap(lambda lane, x: function(*eqx.combine(lane, starts.shared), x))(
-        lanes, given.astype(dtype)
+    picked = jax.tree.map(
+        lambda x, n: jnp.moveaxis(x[..., starts.rows], -1, 0) if n else x,
+        starts.runs,
+        starts.run_axes,
     )
+    axes = jax.tree.map(lambda n: 0 if n else None, starts.run_axes)
+    given = given.astype(jnp.result_type(*jax.tree.leaves(starts.runs[1])))
+    # Leaves that are no arrays, such as a user's functions, cannot pass through a map.
+    arrays, static = eqx.partition(picked, eqx.is_array)
+    axes, _ = eqx.partition(axes, jax.tree.map(eqx.is_array, picked))
+
+    def one(arrays: Any, x: Array) -> Any:
+        return function(*eqx.combine(arrays, static), x)
+
+    return jax.vmap(one, in_axes=(axes, 0))(arrays, given)
 
 
 def _sizes(y: State) -> Array:
@@ -117,7 +136,7 @@ def _sizes(y: State) -> Array:
 
 
 @eqx.filter_jit
-def _linearised(starts: Starts, away: Any) -> tuple[Array, Array, Array, Array]:
+def _linearised(starts: InitialConditions, away: Any) -> tuple[Array, Array, Array, Array]:
     """The vector field, its Jacobian and the sizes at the states moved by `away`, and the spans.
 
     By differences: derivatives would take far longer to compile. Not a number where the rate of a
@@ -141,7 +160,7 @@ def _linearised(starts: Starts, away: Any) -> tuple[Array, Array, Array, Array]:
 
 
 @eqx.filter_jit
-def _trial(starts: Starts, h: Any) -> tuple[Array, Array]:
+def _trial(starts: InitialConditions, h: Any) -> tuple[Array, Array]:
     """The estimated errors of a step `h` of the exponential method, and the sizes after it."""
 
     def one(system: AbstractSystem, y: State, ts: Array, h: Array) -> tuple[Array, Array]:

@@ -1,312 +1,326 @@
-"""Many runs by one integration after the other, each of a block of runs side by side. Never a
-mapped solve."""
+"""Many runs by one integration after the other, each of a block of runs. Never a mapped solve."""
 
 import functools
-from typing import Any
+from typing import Any, overload
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.sharding import Mesh
-from jaxtyping import Array
+from jaxtyping import Array, ArrayLike, Bool, Float, PyTree
 
 from ..core import AbstractSystem, InputError, Scalar, State, is_concrete, is_traced, safe_divide
-from ..integration._accuracy import Accuracy, as_accuracy, settled, state_dtype, with_method
+from ..integration._accuracy import Accuracy, as_accuracy, check_initial_state
+from ..integration._config import IntegrationConfig, resolve
 from ..integration._events import Event
-from ..integration._segment import alike
-from ..integration._selection import shape
+from ..integration._integrate import broadcast_state
+from ..integration._mapping import BLOCK
 from ..integration._status import Status
-from ..integration._stiffness import Starts
-from ..solvers import AbstractFixedStep, Tolerance
-from ._blocks import BLOCK, by_blocks, jit_wide_vectors, lanes_on, mesh_of, side_by_side
+from ..integration._stiffness import InitialConditions
+from ..solvers import Tolerance
+from ._batch_layout import InAxes, cut_batch, local_blocks, split_batch
+from ._blocks import Blocks, jit_wide_vectors
+from ._failures import nan_where_failed
 from ._mission import Mission
-from ._runs import Span, run_mission, run_system
-from ._simulate import missed_by, repeat, thrown
+from ._runs import MissionResult, RunResult, run_mission, run_system
+from ._simulate import (
+    check_events,
+    check_num_saved,
+    check_structure,
+    check_times,
+    error_of_too_few_steps,
+    mission_trajectory_of,
+    raise_failures,
+    resolve_phases,
+    trajectory_of,
+)
 from ._trajectory import MissionTrajectory, Trajectory
 
-SAMPLED = 16  # how many runs of a batch are looked at to choose its method
-# quotient of the fastest pace and the slowest up to which the runs of a batch are not sorted
-ALIKE = 1.25
+# How many runs of a batch are looked at to choose its method.
+SAMPLED = 16
+# Quotient of the fastest rate and the slowest up to which the runs of a batch are not sorted.
+UNIFORM = 1.25
 
 
+@overload
 def simulate_batch(
-    systems: AbstractSystem | Mission,
+    systems: AbstractSystem,
     y0s: State,
-    ts: Any = 0.0,
+    ts: Float[ArrayLike, "times *#runs"],
     *,
-    accuracy: Accuracy | Scalar = 1e-9,
+    accuracy: Accuracy | Scalar | None = None,
     events: tuple[Event, ...] = (),
-    samples: int = 2,
-    in_axes: tuple[Any, Any] = (0, 0),
+    dense: bool = False,
+    in_axes: InAxes = None,
     throw: bool = False,
-):
-    """`simulate` for many runs: the same contract with the runs on the first axis of every array.
-
-    - `systems`, `y0s`: as in `simulate`, every array with a leading axis of runs. A number without
-      axes is shared by all; `in_axes` = (for `systems`, for `y0s`), as in `jax.vmap`, shares more
-      with `None`.
-    - `ts`: (times,) for all runs or (runs, times) for each; for a mission its start.
-
-    Returns a `Trajectory` or `MissionTrajectory` with a `Status` for every run. A run that fails
-    marks its own row: when the steps of its block run out, the runs of that block are repeated
-    alone, and those that fail alone, with `"auto"`, by the method that their own numbers ask for;
-    runs that missed the tolerance by equal steps are repeated with more of them, up to eight times
-    as many (all this outside of `jit`). All local devices take part, if there are runs enough and
-    neither the arrays nor a transformation say where to compute. Raises as `simulate` does, and
-    `InputError` for an array whose first axis is not that of the runs."""
-    asked = as_accuracy(accuracy)
-    carried = [_carried(tree, axes) for tree, axes in zip((systems, y0s), in_axes, strict=True)]
-    runs = _count(systems, y0s, carried)
-    ts = jnp.asarray(ts, state_dtype(y0s))
-    own_ts = ts.ndim == (1 if isinstance(systems, Mission) else 2)
-    batched, shared = eqx.partition((systems, y0s, ts), (*carried, own_ts))
-    by_numbers = functools.partial(_by_numbers, asked, systems, y0s, carried, (batched, shared))
-    accuracy = by_numbers(np.arange(runs))
-    result = _run(
-        batched, shared, accuracy, tuple(events), samples, *_spread((batched, shared), runs)
-    )
-    if is_concrete(result.status):
-        result, accuracy = _again(
-            result, batched, shared, accuracy, by_numbers, tuple(events), samples
-        )
-    result = _with_systems(result, systems, carried[0], accuracy)
-    return thrown(result) if throw else result
+) -> Trajectory: ...
 
 
-def _by_numbers(
-    accuracy: Accuracy, systems: Any, y0s: State, carried: list[Any], arrays: Any, rows: np.ndarray
-) -> Accuracy:
-    """The accuracy with its method chosen by some of these runs, the first and the last among
-    them."""
-    if isinstance(systems, Mission) or is_traced((arrays, accuracy)):
-        return accuracy
-    starts = Starts(arrays[0], arrays[1], rows[np.linspace(0, rows.size - 1, SAMPLED).astype(int)])
-    system, y0 = (
-        jax.tree.map(lambda x, flag: shape(x, int(flag)), *p)
-        for p in zip((systems, y0s), carried, strict=True)
-    )
-    return with_method(accuracy, system, y0, starts)
+@overload
+def simulate_batch(
+    systems: Mission,
+    y0s: State,
+    t0: Float[ArrayLike, "*runs"] = 0.0,
+    *,
+    accuracy: Accuracy | Scalar | None = None,
+    num_saved: int = 2,
+    in_axes: InAxes = None,
+    throw: bool = False,
+) -> MissionTrajectory: ...
 
 
-def _carried(tree: Any, axes: Any) -> Any:
-    """For every leaf whether it carries runs on its first axis."""
+def simulate_batch(systems: Any, y0s: State, *args: Any, **kwargs: Any) -> Any:
+    """`simulate` for many runs, with the runs on the last axis of every array.
 
-    def flags(axis: Any, part: Any) -> Any:
-        return jax.tree.map(lambda x: axis is not None and eqx.is_array(x) and x.ndim > 0, part)
+    `simulate_batch(system, y0s, ts, *, accuracy=None, events=(), dense=False, in_axes=None,
+    throw=False)` for a system, `simulate_batch(mission, y0s, t0=0.0, *, accuracy=None, num_saved=2,
+    in_axes=None, throw=False)` for a mission.
 
-    return jax.tree.map(flags, axes, tree, is_leaf=lambda a: a is None or a == 0)
+    **Arguments**
 
+    - `systems`, `y0s`: as in `simulate`. Which of their arrays carry runs follows from the declared
+      shapes: a field annotated `Float[Array, "3 *#runs"]` carries them if it has two axes. Arrays
+      of a system that declare nothing, such as the weights of a network, are shared; arrays of a
+      state that declare nothing carry runs.
+    - `ts`, `t0`: (times,) or a scalar for all runs; (times, runs) or (runs,) for each.
+    - `in_axes`: marks otherwise: a pair of trees for `systems` and `y0s`, as in `jax.vmap`, of -1
+      (runs on the last axis) and `None` (shared).
+    - `accuracy`, `events`, `dense`, `num_saved`, `throw`: as in `simulate`.
 
-def _count(systems: Any, y0s: Any, carried: list[Any]) -> int:
-    """The number of runs. Raises `InputError` when the leading axes of the arrays differ."""
-    sizes = {}
-    for name, tree, flags in (("y0s", y0s, carried[1]), ("systems", systems, carried[0])):
-        for (path, leaf), flag in zip(
-            jax.tree_util.tree_flatten_with_path(tree)[0], jax.tree.leaves(flags), strict=True
-        ):
-            if flag:
-                sizes[name + jax.tree_util.keystr(path)] = leaf.shape[0]
-    if not sizes:
+    **Returns** a `Trajectory` or `MissionTrajectory` with the runs last and a `Status` for each. A
+    run that fails marks its own row. Outside of `jit`, the runs of a block whose steps ran out are
+    repeated alone, and those that fail alone, with "auto", by the method that their own numbers
+    call for; runs that missed the tolerance by too few fixed steps are repeated with up to eight
+    times as many. All local devices take part, unless the arrays or a transformation say where to
+    compute.
+
+    **Raises** `InputError` as `simulate` does, and for arrays that disagree about the number of
+    runs."""
+    if isinstance(systems, Mission):
+        return _batch_of_missions(systems, y0s, *args, **kwargs)
+    if not isinstance(systems, AbstractSystem):
         raise InputError(
-            "simulate_batch found no array with a leading axis of runs: use simulate for one run."
+            f"systems is of type {type(systems).__name__}: it must be a system, a scene or a "
+            f"mission."
         )
-    runs = next(iter(sizes.values()))
-    for name, n in sizes.items():
-        if n != runs:
-            raise InputError(
-                f"{name} has {n} rows, the batch {runs} runs: its first axis must be that of the runs, or shared by in_axes."
-            )
-    return runs
+    return _batch_of_systems(systems, y0s, *args, **kwargs)
 
 
-def _again(
-    result: Any,
-    batched: Any,
-    shared: Any,
-    accuracy: Accuracy,
-    by_numbers: Any,
-    events: tuple[Event, ...],
-    samples: int,
-) -> tuple[Any, Accuracy]:
-    """The result with the runs repeated whose block ran out of steps, each alone, and those that do
-    so alone by the method that their own numbers ask for, if it is another; and those that missed
-    the tolerance by equal steps, with as many more of these as their errors ask for. With it the
-    accuracy of the finest of the runs."""
-
-    def repeated(result: Any, rows: np.ndarray, accuracy: Accuracy, block: int) -> Any:
-        filled = np.concatenate([rows, np.full(-rows.size % block, rows[-1])])
-        again = _run(
-            jax.tree.map(lambda x: x[filled], batched),
-            shared,
-            accuracy,
-            events,
-            samples,
-            block,
-            None,
-        )
-        return jax.tree.map(lambda a, b: a.at[rows].set(b[: rows.size]), result, again)
-
-    def stuck(result):
-        return np.flatnonzero(np.asarray(result.status) == Status.MAX_STEPS)
-
-    if stuck(result).size and result.status.size > 1:
-        result = repeated(result, stuck(result), accuracy, 1)
-        other = by_numbers(stuck(result)) if stuck(result).size else accuracy
-        result = (
-            result
-            if type(other.method) is type(accuracy.method)
-            else repeated(result, stuck(result), other, 1)
-        )
-    error = missed_by(result, accuracy)
-    missed = np.flatnonzero(error)
-    if missed.size:
-        accuracy = accuracy.with_more_steps(float(np.max(error)))
-        result = repeated(result, missed, accuracy, BLOCK)
-    return result, accuracy
+def _batch_of_systems(
+    systems: AbstractSystem,
+    y0s: State,
+    ts: Float[ArrayLike, "times *#runs"],
+    *,
+    accuracy: Accuracy | Scalar | None = None,
+    events: tuple[Event, ...] = (),
+    dense: bool = False,
+    in_axes: InAxes = None,
+    throw: bool = False,
+) -> Trajectory:
+    check_initial_state_of_batch(y0s)
+    ts = check_times(ts, y0s, axes=2)
+    events = tuple(events)
+    batched, shared, runs = split_batch(systems, y0s, ts, in_axes, times_axes=1)
+    whole = cut_batch(batched, shared)
+    check_structure(whole[0], whole[1], ts[0])
+    config_for = functools.partial(_resolve_for, as_accuracy(accuracy), whole, batched)
+    config = config_for(np.arange(runs))
+    blocks = local_blocks((batched, shared), runs)
+    result = _run_systems(batched, shared, config, events, blocks, dense)
+    if is_concrete(result.status) and not is_traced((batched, shared)):
+        again = functools.partial(_repeat, batched, shared, events=events, dense=dense)
+        result, config = _mend(result, config, config_for, again, runs)
+    trajectory = trajectory_of(result, whole[0], config, 1)
+    return raise_failures(trajectory) if throw else trajectory
 
 
-def _spread(arrays: Any, runs: int) -> tuple[int, Mesh | None]:
-    """The runs in a block, and the devices that share the blocks: all local ones, if there is a
-    block for each and nothing says otherwise (arrays that were put on a device, or a transformation
-    around this call)."""
-    devices, leaves = (
-        jax.local_devices(),
-        [x for x in jax.tree.leaves(arrays) if isinstance(x, jax.Array)],
-    )
-    free = not is_traced(arrays) and all(
-        x.devices() == set(devices) or not x.committed for x in leaves
-    )
-    devices = devices[: max(1, runs // BLOCK)] if free else devices[:1]
-    return min(lanes_on(devices, runs), runs), mesh_of(devices)
+def _batch_of_missions(
+    missions: Mission,
+    y0s: State,
+    t0: Float[ArrayLike, "*runs"] = 0.0,
+    *,
+    accuracy: Accuracy | Scalar | None = None,
+    num_saved: int = 2,
+    in_axes: InAxes = None,
+    throw: bool = False,
+) -> MissionTrajectory:
+    check_initial_state_of_batch(y0s)
+    check_num_saved(num_saved)
+    batched, shared, runs = split_batch(missions, y0s, t0, in_axes, times_axes=0)
+    mission, y0, _ = cut_batch(batched, shared)
+    configs = resolve_phases(mission, y0, as_accuracy(accuracy))
+    blocks = local_blocks((batched, shared), runs)
+    result = _run_missions(batched, shared, configs, num_saved, blocks)
+    if is_concrete(result.status) and not is_traced((batched, shared)):
+        stuck = np.flatnonzero(np.asarray(result.status) == Status.MAX_STEPS)
+        if stuck.size and runs > 1:
+            rows = jax.tree.map(lambda x: x[..., stuck], batched)
+            alone = _run_missions(rows, shared, configs, num_saved, Blocks(1, None))
+            result = _put_runs(result, stuck, alone)
+    trajectory = mission_trajectory_of(result, mission, configs, 1)
+    return raise_failures(trajectory) if throw else trajectory
+
+
+def check_initial_state_of_batch(y0s: State) -> None:
+    """Raise `InputError` for states of mixed precision.
+
+    A state that is not finite marks its own run."""
+    check_initial_state(jax.tree.map(lambda x: jnp.zeros((), jnp.asarray(x).dtype), y0s))
+
+
+def _resolve_for(
+    accuracy: Accuracy, whole: PyTree, batched: PyTree, rows: np.ndarray
+) -> IntegrationConfig:
+    """The configuration that some of these runs call for, the first and the last among them."""
+    system, y0, _ = whole
+    starts = None
+    if not is_traced((whole, accuracy)):
+        sample = rows[np.linspace(0, rows.size - 1, SAMPLED).astype(int)]
+        carried = jax.tree.map(lambda x: x is not None, batched, is_leaf=lambda x: x is None)
+        axes = jax.tree.map(lambda flag: int(flag), carried)
+        starts = InitialConditions(whole, axes, sample)
+    return resolve(system, y0, accuracy, starts)
 
 
 @jit_wide_vectors
-def _run(
-    batched: Any,
-    shared: Any,
-    accuracy: Accuracy,
+def _run_systems(
+    batched: PyTree,
+    shared: PyTree,
+    config: IntegrationConfig,
     events: tuple[Event, ...],
-    samples: int,
-    block: int,
-    mesh: Mesh | None,
-) -> Any:
-    def rows(lanes: Any, given: Any) -> Any:
-        shared, accuracy, events = given
-        system, y0, ts = eqx.combine(lanes, shared)
-        return _rows(system, y0, ts, accuracy, events, samples, block)
+    blocks: Blocks,
+    dense: bool,
+) -> RunResult:
+    def block(piece: PyTree, given: PyTree) -> RunResult:
+        shared, config, events = given
+        system, y0, ts = cut_batch(piece, shared)
+        check_events(events, system, y0, ts[0])
+        result = run_system(system, y0, ts, events, config, 1, dense)
+        return _every_run(nan_where_failed(result))
 
-    given = ((*side_by_side(shared[:2]), shared[2]), accuracy, events)
-    if jax.tree.leaves(batched)[0].shape[0] == block:
-        return by_blocks(rows, batched, given, block, mesh)
-    pace = _pace(
-        eqx.combine(jax.tree.map(lambda x: jnp.moveaxis(x, 0, -1), batched), given[0]), accuracy
-    )
-    if pace is None:
-        return by_blocks(rows, batched, given, block, mesh)
-    differ = ~(jnp.max(pace) <= ALIKE * jnp.min(pace))
-    order = jax.lax.cond(differ, jnp.argsort, lambda pace: jnp.arange(pace.size), pace)
-    done = by_blocks(rows, _arranged(batched, order, differ), given, block, mesh)
+    given = (shared, config, events)
+    order = _order(batched, shared, config, blocks)
+    if order is None:
+        return blocks.map(block, batched, given)
+    order, differ = order
+    done = blocks.map(block, _arranged(batched, order, differ), given)
     back = jax.lax.cond(differ, jnp.argsort, lambda order: order, order)
     return _arranged(done, back, differ)
 
 
-def _arranged(rows: Any, order: Array, differ: Array) -> Any:
-    """The rows in this order if they differ: to sort and to gather runs of one pace costs as much
-    as a few steps of each."""
-    return jax.lax.cond(
-        differ, lambda rows: jax.tree.map(lambda x: x[order], rows), lambda rows: rows, rows
-    )
+@jit_wide_vectors
+def _run_missions(
+    batched: PyTree,
+    shared: PyTree,
+    configs: tuple[IntegrationConfig, ...],
+    num_saved: int,
+    blocks: Blocks,
+) -> MissionResult:
+    def block(piece: PyTree, given: PyTree) -> MissionResult:
+        shared, configs = given
+        mission, y0, t0 = cut_batch(piece, shared)
+        result = run_mission(mission, y0, t0, num_saved, configs, 1)
+        return result._replace(phases=[_every_run(phase) for phase in result.phases])
+
+    return blocks.map(block, batched, (shared, configs))
 
 
-def _pace(given: tuple[Any, State, Array], accuracy: Accuracy) -> Array | None:
-    """How fast each run begins, max |dy/dt| / |y| over the blocks of its state, 1/s: runs alike in
-    this want like steps, and the runs of a block share theirs. `None` where the steps do not depend
-    on the runs."""
-    system, y, ts = given
-    t = ts
-    if isinstance(system, Mission):
-        system = system.phases[0].system
-    else:
-        t = ts[0]
-    method = settled(accuracy, system, y).method
-    if method == "auto" or isinstance(method, AbstractFixedStep):
+def _every_run(result: RunResult) -> RunResult:
+    """The result of a block with the runs on the last axis of its statistics, too."""
+    runs = result.status.shape
+
+    def every(x: Array) -> Array:
+        return jnp.broadcast_to(x, runs)
+
+    def times(x: Array) -> Array:
+        missing = (1,) * (len(runs) + 1 - x.ndim)
+        return jnp.broadcast_to(x.reshape(*x.shape, *missing), (x.shape[0], *runs))
+
+    dense = result.dense
+    if dense is not None:
+        dense = dense._replace(ts=times(dense.ts))
+    stats = {name: every(x) for name, x in result.stats.items()}
+    return result._replace(stats=stats, dense=dense, step_ends=None)
+
+
+def _order(
+    batched: PyTree, shared: PyTree, config: IntegrationConfig, blocks: Blocks
+) -> tuple[Array, Bool[Array, ""]] | None:
+    """The order of the runs by how fast they begin, and whether they differ enough to sort them.
+
+    Runs alike in this need similar steps, and the runs of a block share theirs. `None` where the
+    steps do not depend on the runs."""
+    runs = jax.tree.leaves(batched)[0].shape[-1]
+    if runs == blocks.size or config.method == "closed_form" or config.fixed_step:
         return None
-    y = jax.lax.stop_gradient(alike(system, t, y))
+    system, y0, ts = cut_batch(batched, shared)
+    rate = _relative_rate(system, y0, ts[0])
+    differ = ~(jnp.max(rate) <= UNIFORM * jnp.min(rate))
+    order = jax.lax.cond(differ, jnp.argsort, lambda rate: jnp.arange(rate.size), rate)
+    return order, differ
+
+
+def _relative_rate(system: AbstractSystem, y0: State, t: Array) -> Array:
+    """max |dy/dt| / |y| over the blocks of each state, 1/s."""
+    y = jax.lax.stop_gradient(broadcast_state(system, t, y0))
     length = Tolerance(0.0, 0.0, 1).length
-    paces = jax.tree.map(
+    rates = jax.tree.map(
         lambda k, b: safe_divide(length(k), length(b)), system.vector_field(t, y), y
     )
-    return jax.lax.stop_gradient(functools.reduce(jnp.maximum, jax.tree.leaves(paces)))
+    return jax.lax.stop_gradient(functools.reduce(jnp.maximum, jax.tree.leaves(rates)))
 
 
-def _rows(
-    system: Any,
-    y0: State,
-    ts: Array,
-    accuracy: Accuracy,
-    events: tuple[Event, ...],
-    samples: int,
-    block: int,
-) -> Any:
-    """The trajectories of a block of runs, without what was run."""
-    if isinstance(system, Mission):
-        spans, final, end, status = run_mission(system, y0, ts, samples, accuracy, 1)
-        phases = tuple(_trajectory(span, block) for span in spans)
-        return MissionTrajectory(
-            phases, tuple(p.name for p in system.phases), _front(final), end, status
-        )
-    return _trajectory(run_system(system, y0, ts, events, settled(accuracy, system, y0), 1), block)
+def _arranged(tree: PyTree, order: Array, differ: Array) -> PyTree:
+    """The runs in this order if they differ.
 
-
-def _front(tree: Any) -> Any:
-    return jax.tree.map(lambda x: jnp.moveaxis(x, -1, 0), tree)
-
-
-def _trajectory(span: Span, block: int) -> Trajectory:
-    ts = span.ts[:, None] if span.ts.ndim == 1 else span.ts
-    ts = jnp.broadcast_to(ts, (ts.shape[0], block))
-    stats = {name: jnp.broadcast_to(value, (block,)) for name, value in span.stats.items()}
-    return Trajectory(_front(ts), _front(span.states), span.status, span.event, stats)
-
-
-def _with_systems(result: Any, systems: Any, carried: Any, accuracy: Accuracy) -> Any:
-    """The trajectories with what was run, and which of its arrays all runs share."""
-
-    def attach(t: Trajectory, system: Any, flags: Any) -> Trajectory:
-        shared = tuple(not flag for flag in jax.tree.leaves(flags))
-        one = (
-            jax.tree.map(lambda x, flag: shape(x, int(flag)), system, flags),
-            jax.tree.map(lambda x: shape(x, 2), t.states),
-        )
-        return Trajectory(
-            t.ts, t.states, t.status, t.event, t.stats, system, with_method(accuracy, *one), shared
-        )
-
-    if not isinstance(result, MissionTrajectory):
-        return attach(result, systems, carried)
-    every = zip(result.phases, systems.phases, carried.phases, strict=True)
-    phases = tuple(attach(t, phase.system, flags.system) for t, phase, flags in every)
-    return MissionTrajectory(phases, result.names, result.final, result.end, result.status)
-
-
-def repeat_batch(trajectory: Trajectory, accuracy: Accuracy) -> State:
-    """The final states of all runs of a batch, simulated anew by way of the middle of their
-    span."""
-    tree = jax.tree.structure(trajectory.system)
-    flags = jax.tree.unflatten(tree, [not alone for alone in trajectory.shared or ()])
-    ends = trajectory.ts[:, :: max(trajectory.ts.shape[1] - 1, 1)]
-    batched, shared = eqx.partition(
-        (trajectory.system, trajectory.initial, ends), (flags, True, True)
+    To sort and to gather runs of one rate costs as much as a few steps of each."""
+    return jax.lax.cond(
+        differ, lambda tree: jax.tree.map(lambda x: x[..., order], tree), lambda tree: tree, tree
     )
-    return _repeat(batched, shared, accuracy, *_spread((batched, shared), ends.shape[0]))
 
 
-@jit_wide_vectors
-def _repeat(batched: Any, shared: Any, accuracy: Accuracy, block: int, mesh: Mesh | None) -> State:
-    def rows(lanes: Any, given: Any) -> State:
-        shared, accuracy = given
-        system, y0, ts = eqx.combine(lanes, shared)
-        return _front(repeat(system, y0, ts, accuracy, 1))
+def _put_runs(result: PyTree, rows: np.ndarray, part: PyTree) -> PyTree:
+    """The result with some of its runs replaced."""
+    return jax.tree.map(lambda a, b: a.at[..., rows].set(b), result, part)
 
-    return by_blocks(rows, batched, ((*side_by_side(shared[:2]), shared[2]), accuracy), block, mesh)
+
+def _repeat(
+    batched: PyTree,
+    shared: PyTree,
+    rows: np.ndarray,
+    config: IntegrationConfig,
+    block: int,
+    *,
+    events: tuple[Event, ...],
+    dense: bool,
+) -> RunResult:
+    """Some of the runs once more."""
+    filled = np.concatenate([rows, np.full(-rows.size % block, rows[-1])])
+    part = jax.tree.map(lambda x: x[..., filled], batched)
+    again = _run_systems(part, shared, config, events, Blocks(block, None), dense)
+    return jax.tree.map(lambda x: x[..., : rows.size], again)
+
+
+def _mend(
+    result: RunResult, config: IntegrationConfig, config_for: Any, again: Any, runs: int
+) -> tuple[RunResult, IntegrationConfig]:
+    """The result with runs repeated that failed for a reason that repetition can cure.
+
+    Runs whose block ran out of steps: each alone, then by the method that their own numbers call
+    for. Runs that missed the tolerance by too few fixed steps: with more of them."""
+
+    def stuck(result: RunResult) -> np.ndarray:
+        return np.flatnonzero(np.asarray(result.status) == Status.MAX_STEPS)
+
+    rows = stuck(result)
+    if rows.size and runs > 1:
+        result = _put_runs(result, rows, again(rows, config, 1))
+        rows = stuck(result)
+        other = config_for(rows) if rows.size else config
+        if type(other.method) is not type(config.method):
+            result = _put_runs(result, rows, again(rows, other, 1))
+    error = error_of_too_few_steps(result, config)
+    missed = np.flatnonzero(error)
+    if missed.size:
+        config = config.with_more_steps(float(np.max(error)))
+        result = _put_runs(result, missed, again(missed, config, BLOCK))
+    return result, config

@@ -1,93 +1,98 @@
-"""Blocks of runs side by side: one after the other on every device, and all devices at once.
-
-A block is large enough to pay for the dispatch of each operation, and small enough that what a step
-keeps of it (the stages of a method, or the accelerations of the last steps) stays in the first
-levels of the cache: on low orbits blocks of 64 were faster than those of 512, and vectors of 512
-bits faster than those of 256."""
+"""Blocks of runs: one after the other on every device, and all devices at once."""
 
 import functools
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Any, NamedTuple, ParamSpec, TypeVar
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jax.sharding import AxisType, Mesh, PartitionSpec
-from jaxtyping import Array
+from jaxtyping import Array, PyTree
 
 from ..core import is_traced
+from ..integration._mapping import BLOCK
 
-BLOCK = 64
-WIDE = {
-    "xla_cpu_prefer_vector_width": "512"
-}  # where the processor has no such vectors, the compiler takes what there is
+# Where the processor has no vectors as wide, the compiler takes what there is.
+WIDE_VECTORS: dict[str, Any] = {"compiler_options": {"xla_cpu_prefer_vector_width": "512"}}
+
+P = ParamSpec("P")
+T = TypeVar("T")
 
 
-def jit_wide_vectors(function: Callable[..., Any]) -> Callable[..., Any]:
-    """The function under `jit`, for CPUs with the widest vectors; within a transformation, where
-    the outer call decides on the options of the compiler, under `jit` alone."""
-    options: Any = {"compiler_options": WIDE}
-    plain, wide = eqx.filter_jit(function), eqx.filter_jit(function, **options)
+def jit_wide_vectors(function: Callable[P, T]) -> Callable[P, T]:
+    """The function under `jit`, for CPUs with the widest vectors.
+
+    Within a transformation, where the outer call decides on the options of the compiler, under
+    `jit` alone."""
+    plain = eqx.filter_jit(function)
+    wide = eqx.filter_jit(function, **WIDE_VECTORS)
 
     @functools.wraps(function)
-    def call(*args: Any) -> Any:
-        own = jax.default_backend() == "cpu" and not is_traced(args)
-        return wide(*args) if own else plain(*args)
+    def call(*args: P.args, **kwargs: P.kwargs) -> T:
+        own = jax.default_backend() == "cpu" and not is_traced((args, kwargs))
+        return wide(*args, **kwargs) if own else plain(*args, **kwargs)
 
     return call
 
 
-def mesh_of(devices: Sequence[Any]) -> Mesh | None:
+def _mesh_of(devices: Sequence[jax.Device]) -> Mesh | None:
     """The devices as one axis of runs; `None` for a single one."""
     if len(devices) == 1:
         return None
     return jax.make_mesh((len(devices),), ("runs",), (AxisType.Auto,), devices=devices)
 
 
-def lanes_on(devices: Sequence[Any], runs: int) -> int:
-    """How many of the runs make a block: on CPUs what fits the cache, while an accelerator wants
-    all at once."""
-    return BLOCK if devices[0].platform == "cpu" else BLOCK * -(-runs // (BLOCK * len(devices)))
+class Blocks(NamedTuple):
+    """How runs are cut: `size` runs in a block, and the `mesh` of devices that share the blocks."""
 
+    size: int
+    mesh: Mesh | None
 
-def by_blocks(
-    function: Callable[[Any, Any], Any],
-    batched: Any,
-    shared: Any,
-    block: int = BLOCK,
-    mesh: Mesh | None = None,
-) -> Any:
-    """`function` of `block` runs at a time and of what all `shared`. It takes the runs on the last
-    axis and returns them on the first; each device of the mesh takes an equal part of the blocks.
-    The last ones are filled up with copies of the last run."""
-    runs = jax.tree.leaves(batched)[0].shape[0]
-    parts = 1 if mesh is None else mesh.size
-    count = parts * -(-runs // (block * parts))
-    arrays, rest = eqx.partition(shared, eqx.is_array)
+    @classmethod
+    def on(cls, devices: Sequence[jax.Device], runs: int) -> "Blocks":
+        """For so many runs on these devices.
 
-    def cut(x: Array) -> Array:
-        filled = jnp.concatenate(
-            [x, jnp.broadcast_to(x[-1:], (count * block - runs, *x.shape[1:]))]
-        )
-        return filled.reshape(count, block, *x.shape[1:])
+        On CPUs a block is what fits the cache; an accelerator takes all of its runs at once."""
+        on_cpu = devices[0].platform == "cpu"
+        size = BLOCK if on_cpu else BLOCK * -(-runs // (BLOCK * len(devices)))
+        return cls(size, _mesh_of(devices))
 
-    def blocks(pieces: Any, arrays: Any) -> Any:
-        every = eqx.combine(arrays, rest)
-        return jax.lax.map(
-            lambda piece: function(jax.tree.map(lambda x: jnp.moveaxis(x, 0, -1), piece), every),
-            pieces,
-        )
+    def map(
+        self, function: Callable[[PyTree, PyTree], PyTree], batched: PyTree, shared: PyTree
+    ) -> PyTree:
+        """`function(piece, shared)` of one block at a time, with the runs last everywhere.
 
-    if mesh is not None:
-        split = PartitionSpec("runs")
-        blocks = jax.shard_map(
-            blocks, mesh=mesh, in_specs=(split, PartitionSpec()), out_specs=split, check_vma=False
-        )
-    rows = blocks(jax.tree.map(cut, batched), arrays)
-    return jax.tree.map(lambda x: x.reshape(count * block, *x.shape[2:])[:runs], rows)
+        Each device takes an equal part of the blocks. The last block is filled up with copies of
+        the last run."""
+        runs = jax.tree.leaves(batched)[0].shape[-1]
+        parts = 1 if self.mesh is None else self.mesh.size
+        count = parts * -(-runs // (self.size * parts))
+        filling = count * self.size - runs
+        arrays, static = eqx.partition(shared, eqx.is_array)
 
+        def cut(x: Array) -> Array:
+            last = jnp.broadcast_to(x[..., -1:], (*x.shape[:-1], filling))
+            x = jnp.concatenate([x, last], axis=-1)
+            return jnp.moveaxis(x.reshape(*x.shape[:-1], count, self.size), -2, 0)
 
-def side_by_side(shared: Any) -> Any:
-    """What all runs share, with an axis of length one for them at the end of every array that has
-    axes."""
-    return jax.tree.map(lambda x: x[..., None] if eqx.is_array(x) and x.ndim > 0 else x, shared)
+        def every(pieces: PyTree, arrays: PyTree) -> PyTree:
+            shared = eqx.combine(arrays, static)
+            return jax.lax.map(lambda piece: function(piece, shared), pieces)
+
+        if self.mesh is not None:
+            split = PartitionSpec("runs")
+            every = jax.shard_map(
+                every,
+                mesh=self.mesh,
+                in_specs=(split, PartitionSpec()),
+                out_specs=split,
+                check_vma=False,
+            )
+        results = every(jax.tree.map(cut, batched), arrays)
+
+        def join(x: Array) -> Array:
+            x = jnp.moveaxis(x, 0, -2)
+            return x.reshape(*x.shape[:-2], count * self.size)[..., :runs]
+
+        return jax.tree.map(join, results)

@@ -1,64 +1,122 @@
-"""Runs side by side in one integration: states and parameters with the runs on the last axis.
+"""Runs of a system or of a mission, in the layout of the physics: one run or many, runs last.
 
-This is the layout of the physics itself: `simulate` has no axis of runs, `simulate_batch` and the
-dispersion have one."""
+`simulate` has no axis of runs; `simulate_batch` and the campaigns of `dispersion` have one.
+"""
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array
+from jaxtyping import Array, ArrayLike, Float, Int
 
 from ..core import AbstractSystem, Scalar, State, safe_divide
-from ..integration._accuracy import Accuracy, settled
-from ..integration._events import Event, corrected, first_event
-from ..integration._segment import alike, propagate
-from ..integration._status import Status, worst
+from ..integration._config import IntegrationConfig
+from ..integration._events import Event, first_event, newton_correct
+from ..integration._integrate import (
+    DenseOutput,
+    IntegrationResult,
+    broadcast_state,
+    integrate,
+    state_at,
+)
+from ..integration._status import Status, combine_status
 from ._mission import Mission, Phase
 
 
-class Span(NamedTuple):
-    """A span of runs side by side: times and states with the times first and the runs last; `steps`
-    taken, if recorded."""
+class RunResult(NamedTuple):
+    """What one run, or a batch of them, leaves: the fields of a `Trajectory`, and the recorded
+    ends of the steps in normalised time."""
 
-    ts: Array
+    ts: Float[Array, "times *#runs"]
     states: State
-    status: Array
-    event: Array
+    status: Int[Array, "*runs"]
+    event: Int[Array, "*runs"]
     stats: dict[str, Array]
-    steps: Array | None
+    dense: DenseOutput | None
+    step_ends: Float[Array, " steps"] | None
 
 
-def _runs(y: State, run_axes: int) -> tuple[int, ...]:
+class MissionResult(NamedTuple):
+    """What a mission leaves.
+
+    - `phases`: of each phase, up to and including its end before the jump.
+    - `final`, `end`: the state after the last jump, and its time, s.
+    - `status`: of each run: its first failure, or how its last phase ended."""
+
+    phases: list[RunResult]
+    final: State
+    end: Float[Array, "*runs"]
+    status: Int[Array, "*runs"]
+
+
+def _runs_of(y: State, run_axes: int) -> tuple[int, ...]:
     leaf = jax.tree.leaves(y)[0]
     return leaf.shape[leaf.ndim - run_axes :]
 
 
-def _last(states: State) -> State:
-    return jax.tree.map(lambda x: x[-1], states)
+def _with_start(y0: State, states: State, run_axes: int) -> State:
+    """The state `y0` and then the `states`, along the axis of times."""
+
+    def leaf(a: Array, b: Array) -> Array:
+        axis = a.ndim - run_axes
+        return jnp.concatenate([jnp.expand_dims(a, axis), b], axis=axis)
+
+    return jax.tree.map(leaf, y0, states)
 
 
-def through(
-    system: AbstractSystem, y0: State, times: Array, accuracy: Accuracy, run_axes: int
-) -> tuple[State, Array, dict]:
-    """States at `times`, (times, *runs), different in every run: interval by interval, landing on
-    every time."""
+def _replace_state(states: State, index: int, y: State, run_axes: int) -> State:
+    """The states with that at one of the times replaced."""
 
-    def interval(carry, ends):
+    def leaf(xs: Array, x: Array) -> Array:
+        return xs.at[(..., index, *(slice(None),) * run_axes)].set(x)
+
+    return jax.tree.map(leaf, states, y)
+
+
+def integrate_through_times(
+    system: AbstractSystem, y0: State, times: Array, config: IntegrationConfig, run_axes: int
+) -> IntegrationResult:
+    """States at `times`, (times, *runs), which differ between runs: interval by interval."""
+
+    def interval(
+        carry: tuple[State, Array], ends: tuple[Array, Array]
+    ) -> tuple[tuple[State, Array], tuple[State, dict[str, Array]]]:
         y, status = carry
-        p = propagate(system, y, ends[0], ends[1], None, accuracy, run_axes)
-        y = _last(p.states)
-        return (y, worst(status, p.status)), (y, p.stats)
+        result = integrate(system, y, *ends, None, config, run_axes)
+        y = state_at(result.states, -1, run_axes)
+        return (y, combine_status(status, result.status)), (y, result.stats)
 
-    start = (y0, jnp.zeros(_runs(y0, run_axes), jnp.int32))
+    start = (y0, jnp.zeros(_runs_of(y0, run_axes), jnp.int32))
     (_, status), (states, stats) = jax.lax.scan(interval, start, (times[:-1], times[1:]))
+    states = jax.tree.map(lambda x: jnp.moveaxis(x, 0, x.ndim - 1 - run_axes), states)
     total = {
-        k: jnp.max(v, axis=0) if k == "largest_local_error" else jnp.sum(v, axis=0)
-        for k, v in stats.items()
+        name: jnp.max(x, axis=0) if name == "largest_local_error" else jnp.sum(x, axis=0)
+        for name, x in stats.items()
     }
-    return jax.tree.map(lambda a, b: jnp.concatenate([a[None], b]), y0, states), status, total
+    states = _with_start(y0, states, run_axes)
+    return IntegrationResult(states, status, total, None, None)
+
+
+def _at_times(
+    system: AbstractSystem,
+    y0: State,
+    ts: Array,
+    config: IntegrationConfig,
+    run_axes: int,
+    dense: bool,
+) -> IntegrationResult:
+    """States at `ts`, (times,) or (times, *runs), the first of which is that of `y0`."""
+    if ts.ndim > 1 and ts.shape[0] > 2:
+        return integrate_through_times(system, y0, ts, config, run_axes)
+    if ts.shape[0] == 2:
+        result = integrate(system, y0, ts[0], ts[1], None, config, run_axes, dense=dense)
+        return result._replace(states=_with_start(y0, result.states, run_axes))
+    fractions = safe_divide(ts - ts[0], ts[-1] - ts[0])
+    result = integrate(system, y0, ts[0], ts[-1], fractions, config, run_axes, dense=dense)
+    # The state at the first time is the initial one to the last bit.
+    return result._replace(states=_replace_state(result.states, 0, y0, run_axes))
 
 
 def run_system(
@@ -66,157 +124,150 @@ def run_system(
     y0: State,
     ts: Array,
     events: tuple[Event, ...],
-    accuracy: Accuracy,
+    config: IntegrationConfig,
     run_axes: int,
-) -> Span:
-    """States of one system at `ts`, (times,) or (times, *runs); from the first event on they
-    stay."""
-    y0 = alike(system, ts[0], y0)
+    dense: bool = False,
+) -> RunResult:
+    """One system from `y0` through `ts`, (times,) or (times, *runs), or to its first event.
+
+    From the event on, states and times are those of the event."""
+    y0 = broadcast_state(system, ts[0], y0)
+    runs = _runs_of(y0, run_axes)
     if not events:
-        states, status, stats = _at_times(system, y0, ts, accuracy, run_axes)
-        return Span(ts, states, status, -jnp.ones(_runs(y0, run_axes), jnp.int32), stats, None)
-    shape = _runs(y0, run_axes)
-    asked = jnp.broadcast_to(
-        ts.reshape(ts.shape[0], *(1,) * (len(shape) - ts.ndim + 1), *ts.shape[1:]),
-        (ts.shape[0], *shape),
-    )
-    when, which = first_event(system, y0, asked[0], asked[-1], events, accuracy, run_axes)
+        result = _at_times(system, y0, ts, config, run_axes, dense)
+        none = -jnp.ones(runs, jnp.int32)
+        ts = jnp.broadcast_to(_with_runs(ts, runs), (ts.shape[0], *runs))
+        return RunResult(ts, result.states, result.status, none, result.stats, result.dense, None)
+    asked = jnp.broadcast_to(_with_runs(ts, runs), (ts.shape[0], *runs))
+    when, which = first_event(system, y0, asked[0], asked[-1], events, config, run_axes)
     sign = jnp.where(asked[-1] < asked[0], -1.0, 1.0).astype(when.dtype)
     ts = sign * jnp.minimum(sign * asked, sign * when)
-    states, status, stats = _at_times(system, y0, ts, accuracy, run_axes)
-    t_event, y_event = corrected(system, events, which, ts[-1], _last(states))
+    result = _at_times(system, y0, ts, config, run_axes, dense)
+    last = state_at(result.states, -1, run_axes)
+    t_event, y_event = newton_correct(system, events, which, ts[-1], last)
     stopped = (which >= 0) & (sign * asked >= sign * when)
     ts = jnp.where(stopped, t_event, ts)
-    states = jax.tree.map(
-        lambda x, e: jnp.where(stopped.reshape(_lead(stopped, x)), e, x), states, y_event
-    )
-    status = jnp.where((which >= 0) & (status == Status.COMPLETED), Status.EVENT, status)
-    return Span(ts, states, status, which, stats, None)
+
+    def leaf(xs: Array, x: Array) -> Array:
+        flags = stopped.reshape(*(1,) * (xs.ndim - stopped.ndim), *stopped.shape)
+        return jnp.where(flags, jnp.expand_dims(x, x.ndim - run_axes), xs)
+
+    states = jax.tree.map(leaf, result.states, y_event)
+    happened = (which >= 0) & (result.status == Status.COMPLETED)
+    status = jnp.where(happened, Status.EVENT, result.status)
+    return RunResult(ts, states, status, which, result.stats, result.dense, None)
 
 
-def _at_times(
-    system: AbstractSystem, y0: State, ts: Array, accuracy: Accuracy, run_axes: int
-) -> tuple[State, Array, dict]:
-    """States at `ts`, their status, and what they cost."""
-    if ts.ndim > 1 and ts.shape[0] > 2:
-        return through(system, y0, ts, accuracy, run_axes)
-    fractions = safe_divide(ts - ts[0], ts[-1] - ts[0]) if ts.shape[0] > 2 else None
-    p = propagate(system, y0, ts[0], ts[-1], fractions, accuracy, run_axes)
-    if fractions is None:
-        return (
-            jax.tree.map(lambda a, b: jnp.concatenate([a[None], b]), y0, p.states),
-            p.status,
-            p.stats,
-        )
-    return jax.tree.map(lambda a, b: b.at[0].set(a), y0, p.states), p.status, p.stats
-
-
-def _lead(flags: Array, block: Array) -> tuple[int, ...]:
-    """The shape in which flags (times, *runs) meet a block (times, components, *runs)."""
-    return (flags.shape[0], *(1,) * (block.ndim - flags.ndim), *flags.shape[1:])
-
-
-def run_phase(
-    phase: Phase,
-    y0: State,
-    t0: Scalar,
-    samples: int,
-    accuracy: Accuracy,
-    run_axes: int,
-    plan: Array | None = None,
-    record: bool = False,
-) -> Span:
-    """States of a phase at `samples` times from its start to its end, before its jump.
-
-    Compiled phase by phase, and without their names: phases alike are compiled once."""
-    return _phase(phase.system, phase.until, y0, t0, samples, accuracy, run_axes, plan, record)
+def _with_runs(ts: Array, runs: tuple[int, ...]) -> Array:
+    """Times with axes of length one for the runs that they do not differ in."""
+    missing = (1,) * (len(runs) - ts.ndim + 1)
+    return ts.reshape(ts.shape[0], *missing, *ts.shape[1:])
 
 
 @eqx.filter_jit
-def _phase(
+def _run_phase(
     system: AbstractSystem,
     until: Scalar | Event,
     y0: State,
     t0: Scalar,
-    samples: int,
-    accuracy: Accuracy,
+    num_saved: int,
+    config: IntegrationConfig,
     run_axes: int,
-    plan: Any,
-    record: bool,
-) -> Span:
-    y0 = alike(system, t0, y0)
-    shape = _runs(y0, run_axes)
+    plan: Array | None,
+    record_steps: bool,
+) -> RunResult:
+    """A phase without its name and its jump, so that equal phases are compiled once."""
+    y0 = broadcast_state(system, t0, y0)
+    runs = _runs_of(y0, run_axes)
     dtype = jnp.result_type(*jax.tree.leaves(y0))
-    events = (until,) if isinstance(until, Event) else ()
-    t0 = jnp.broadcast_to(jnp.asarray(t0, dtype), shape)
+    t0 = jnp.broadcast_to(jnp.asarray(t0, dtype), runs)
     t1 = t0 + (until.within if isinstance(until, Event) else until)
-    which = -jnp.ones(shape, jnp.int32)
+    which = -jnp.ones(runs, jnp.int32)
+    events = (until,) if isinstance(until, Event) else ()
     if events:
-        t1, which = first_event(system, y0, t0, t1, events, accuracy, run_axes)
-    fractions = jnp.linspace(0.0, 1.0, samples, dtype=dtype) if samples > 2 else None
-    p = propagate(system, y0, t0, t1, fractions, accuracy, run_axes, plan, record)
-    states = (
-        p.states
-        if samples > 2
-        else jax.tree.map(lambda a, b: jnp.concatenate([a[None], b]), y0, p.states)
+        t1, which = first_event(system, y0, t0, t1, events, config, run_axes)
+    fractions = jnp.linspace(0.0, 1.0, num_saved, dtype=dtype)
+    result = integrate(
+        system,
+        y0,
+        t0,
+        t1,
+        fractions if num_saved > 2 else None,
+        config,
+        run_axes,
+        plan=plan,
+        record_steps=record_steps,
     )
-    ts = t0 + jnp.multiply.outer(jnp.linspace(0.0, 1.0, samples, dtype=dtype), t1 - t0)
-    status = p.status
+    states = result.states
+    if num_saved == 2:
+        states = _with_start(y0, states, run_axes)
+    ts = t0 + jnp.multiply.outer(fractions, t1 - t0)
+    status = result.status
     if events:
-        t_event, y_event = corrected(system, events, which, t1, _last(states))
+        last = state_at(states, -1, run_axes)
+        t_event, y_event = newton_correct(system, events, which, t1, last)
         ts = ts.at[-1].set(t_event)
-        states = jax.tree.map(lambda x, e: x.at[-1].set(e), states, y_event)
-        status = jnp.where(
-            status == Status.COMPLETED,
-            jnp.where(which >= 0, Status.EVENT, Status.EVENT_MISSED),
-            status,
-        )
-    return Span(ts, states, status, which, p.stats, p.plan)
+        states = _replace_state(states, -1, y_event, run_axes)
+        ended = jnp.where(which >= 0, Status.EVENT, Status.EVENT_MISSED)
+        status = jnp.where(status == Status.COMPLETED, ended, status)
+    return RunResult(ts, states, status, which, result.stats, None, result.step_ends)
+
+
+@eqx.filter_jit
+def _jump(phase: Phase, t: Scalar, y: State) -> State:
+    assert phase.then is not None
+    return phase.then(t, y)
+
+
+def after_jump(phase: Phase, t: Scalar, y: State) -> State:
+    """The state after the jump at the end of a phase."""
+    return y if phase.then is None else _jump(phase, t, y)
 
 
 def run_mission(
     mission: Mission,
     y0: State,
     t0: Scalar,
-    samples: int,
-    accuracy: Accuracy,
+    num_saved: int,
+    configs: tuple[IntegrationConfig, ...],
     run_axes: int,
     plans: tuple[Array | None, ...] | None = None,
-    record: bool = False,
-) -> tuple[list[Span], State, Array, Array]:
-    """The spans of all phases, the state and the time after the last jump, and the status of each
-    run."""
-    spans, y, t, status = [], y0, t0, None
-    for number, phase in enumerate(mission.phases):
-        chosen = settled(accuracy, phase.system, y)
-        span = run_phase(
-            phase, y, t, samples, chosen, run_axes, None if plans is None else plans[number], record
+    record_steps: bool = False,
+) -> MissionResult:
+    """All phases of a mission.
+
+    **Arguments**
+
+    - `mission`, `y0`, `t0`: what runs, its initial state and the time of its start, s.
+    - `num_saved`: how many states each phase saves from its start to its end.
+    - `configs`: one for each phase, from `resolve_phases`.
+    - `plans`: fixed steps for each phase, as nodes in normalised time.
+    - `record_steps`: whether to return the ends of the steps."""
+    results = []
+    y, t, status = y0, t0, None
+    for number, (phase, config) in enumerate(zip(mission.phases, configs, strict=True)):
+        plan = None if plans is None else plans[number]
+        result = _run_phase(
+            phase.system, phase.until, y, t, num_saved, config, run_axes, plan, record_steps
         )
-        spans.append(span)
-        status = span.status if status is None else worst(status, span.status)
-        t, y = span.ts[-1], _last(span.states)
-        y = y if phase.then is None else _jump(phase.then, t, y)
+        results.append(result)
+        status = result.status if status is None else combine_status(status, result.status)
+        t = result.ts[-1]
+        y = after_jump(phase, t, state_at(result.states, -1, run_axes))
     assert status is not None
-    return spans, y, t, status
+    return MissionResult(results, y, t, status)
 
 
-@eqx.filter_jit
-def _jump(then: Any, t: Scalar, y: State) -> State:
-    return then(t, y)
-
-
-def refined(plan: Any, factor: float) -> np.ndarray:
-    """The plan with about `factor` times as many steps in every segment between whole numbers,
-    distributed alike."""
+def refine_plan(plan: ArrayLike, factor: float) -> np.ndarray:
+    """A plan with about `factor` times as many steps in every segment, distributed alike."""
     plan = np.asarray(plan)
     pieces = [plan[:1]]
     for k in range(round(plan[-1])):
         nodes = plan[(plan >= k) & (plan <= k + 1)]
         count = int(np.ceil(factor * (len(nodes) - 1)))
-        pieces.append(
-            np.interp(
-                np.linspace(0.0, len(nodes) - 1.0, count + 1)[1:], np.arange(len(nodes)), nodes
-            )
-        )
-        pieces[-1][-1] = k + 1.0
+        places = np.linspace(0.0, len(nodes) - 1.0, count + 1)[1:]
+        piece = np.interp(places, np.arange(len(nodes)), nodes)
+        # A step has to land on the end of the segment to the last bit.
+        piece[-1] = k + 1.0
+        pieces.append(piece)
     return np.concatenate(pieces)

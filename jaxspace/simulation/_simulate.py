@@ -1,36 +1,38 @@
 """The verb: from a system and an initial state to a trajectory whose accuracy is accounted for."""
 
-from typing import Any, overload
+from collections.abc import Callable
+from typing import Any, TypeVar, overload
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, ArrayLike, Float
 
-from ..core import AbstractSystem, InputError, Scalar, State, check_finite, is_concrete
-from ..integration._accuracy import Accuracy, as_accuracy, settled, state_dtype, with_method
+from ..core import AbstractSystem, InputError, Scalar, State, check_finite, is_concrete, is_traced
+from ..integration._accuracy import Accuracy, as_accuracy, check_initial_state, state_dtype
+from ..integration._config import IntegrationConfig, resolve
 from ..integration._events import Event
-from ..integration._segment import alike
-from ..integration._selection import shape
-from ..integration._status import Status, raise_if_bad
-from ..integration._stiffness import Starts
-from ..solvers import AbstractFixedStep
+from ..integration._integrate import broadcast_state
+from ..integration._status import Status, raise_on_failure
+from ..integration._stiffness import InitialConditions
+from ._failures import loud, nan_where_failed
 from ._mission import Mission
-from ._runs import Span, run_mission, run_system, through
+from ._runs import MissionResult, RunResult, run_mission, run_system
 from ._trajectory import MissionTrajectory, Trajectory
 
-TRAILING = "A run ended in trouble: call simulate with throw=False and read the status, or outside of jit for its sentence."
+Result = TypeVar("Result", Trajectory, MissionTrajectory)
 
 
 @overload
 def simulate(
     system: AbstractSystem,
     y0: State,
-    ts: Float[Array, " times"],
+    ts: Float[ArrayLike, " times"],
     *,
-    accuracy: Accuracy | Scalar = 1e-9,
+    accuracy: Accuracy | Scalar | None = None,
     events: tuple[Event, ...] = (),
+    dense: bool = False,
     throw: bool = True,
 ) -> Trajectory: ...
 
@@ -39,153 +41,229 @@ def simulate(
 def simulate(
     system: Mission,
     y0: State,
-    ts: Scalar = 0.0,
+    t0: Scalar = 0.0,
     *,
-    accuracy: Accuracy | Scalar = 1e-9,
-    samples: int = 2,
+    accuracy: Accuracy | Scalar | None = None,
+    num_saved: int = 2,
     throw: bool = True,
 ) -> MissionTrajectory: ...
 
 
-def simulate(
-    system: Any,
-    y0: State,
-    ts: Any = 0.0,
-    *,
-    accuracy: Accuracy | Scalar = 1e-9,
-    events: tuple[Event, ...] = (),
-    samples: int = 2,
-    throw: bool = True,
-) -> Any:
+def simulate(system: Any, y0: State, *args: Any, **kwargs: Any) -> Any:
     """Run a system or a mission from the state `y0`.
 
-    - `system`: any `AbstractSystem`, and then `ts`, s, holds the times of the states asked for: the
-      first is that of `y0`; descending times run backwards. Or a `Mission`, and then `ts` is the
-      time of its start, and each phase returns `samples` states from its start to its end.
-    - `accuracy`: the relative tolerance of each step, or an `Accuracy`.
-    - `events`: the run stops at the first zero of one of these `Event`s (a mission's phases bring
-      their own).
-    - `throw`: raise `SimulationError` when the run ends badly; otherwise read `status`.
+    `simulate(system, y0, ts, *, accuracy=None, events=(), dense=False, throw=True)` for a system,
+    `simulate(mission, y0, t0=0.0, *, accuracy=None, num_saved=2, throw=True)` for a mission.
 
-    Returns a `Trajectory`, or a `MissionTrajectory`. Equal steps that prove too few are repeated
-    with up to eight times as many (outside of `jit` and derivatives). Differentiable with respect
-    to every number in `system`, `y0` and `accuracy`-independent inputs, in reverse mode by default,
-    in forward mode with `Accuracy(adjoint=diffrax.ForwardMode())`.
+    **Arguments**
 
-    Raises `InputError` for times that are not finite, ascending or descending, for a tolerance that
-    the precision cannot reach, for an initial state that is not finite or of mixed precision;
-    `SimulationError` for a run that ended badly."""
-    accuracy = as_accuracy(accuracy)
-    check_start(y0)
+    - `system`: any `AbstractSystem`, such as a `Scene`; or a `Mission`.
+    - `y0`: the initial state.
+    - `ts`: save times of a system, s. The first is that of `y0`; descending times run backwards.
+    - `t0`: the time at which a mission starts, s.
+    - `accuracy`: the relative tolerance of each step, or an `Accuracy`; 1e-9 by default.
+    - `events`: the run of a system stops at the first zero of one of these. The phases of a mission
+      bring their own.
+    - `dense`: whether to keep the steps, for states between the save times (`Trajectory.at`).
+    - `num_saved`: how many states each phase of a mission saves, from its start to its end.
+    - `throw`: whether to raise `SimulationError` for a failed run; otherwise read its `status`.
+
+    **Returns** a `Trajectory`, or a `MissionTrajectory`. Differentiable, forwards and backwards,
+    with respect to every number in `system` and `y0`, and the times of the start and the end. Fixed
+    steps that prove too few are repeated with up to eight times as many, outside of `jit` and
+    derivatives. Mapped by `jax.vmap`, the runs go by the batch path of `simulate_batch`.
+
+    **Raises** `InputError`, before anything is compiled, for times that are not finite, ascending
+    or descending, a tolerance that the precision cannot reach, a method that the system does not
+    serve, and an initial state that is not finite, of mixed precision or of another structure than
+    its derivative. `SimulationError` for a run that failed; under `jit`, where the program runs."""
     if isinstance(system, Mission):
-        if events:
-            raise InputError(
-                "events are given with a mission: each of its phases must bring its own, as Phase.until."
-            )
-        ts = jnp.asarray(ts, state_dtype(y0))
-    else:
-        ts = check_times(ts, y0)
-        accuracy = settled(accuracy, system, y0, Starts.of(system, y0, ts))
-    result = _flown(system, y0, ts, tuple(events), samples, accuracy)
-    if is_concrete(result.status) and (error := missed_by(result, accuracy)):
-        result = _flown(
-            system, y0, ts, tuple(events), samples, accuracy.with_more_steps(float(error))
+        return _simulate_mission(system, y0, *args, **kwargs)
+    if not isinstance(system, AbstractSystem):
+        raise InputError(
+            f"system is of type {type(system).__name__}: it must be a system, a scene or a mission."
         )
-    return thrown(result) if throw else result
+    return _simulate_system(system, y0, *args, **kwargs)
 
 
-def _flown(
-    system: Any, y0: State, ts: Array, events: tuple[Event, ...], samples: int, accuracy: Accuracy
-) -> Any:
-    """One run of a system or a mission."""
-    if isinstance(system, Mission):
-        return _mission_run(system, y0, ts, samples, accuracy)
-    span = _system_run(system, y0, ts, events, accuracy)
-    return Trajectory(span.ts, span.states, span.status, span.event, span.stats, system, accuracy)
+def _simulate_system(
+    system: AbstractSystem,
+    y0: State,
+    ts: Float[ArrayLike, " times"],
+    *,
+    accuracy: Accuracy | Scalar | None = None,
+    events: tuple[Event, ...] = (),
+    dense: bool = False,
+    throw: bool = True,
+) -> Trajectory:
+    check_initial_state(y0)
+    ts = check_times(ts, y0)
+    check_structure(system, y0, ts[0])
+    events = tuple(events)
+    check_events(events, system, y0, ts[0])
+    config = resolve(system, y0, as_accuracy(accuracy), InitialConditions.of_one(system, y0, ts))
+
+    def run(config: IntegrationConfig) -> Trajectory:
+        result = _run_system(system, y0, ts, events, config, dense)
+        return trajectory_of(result, system, config, 0)
+
+    return finish(run, config, throw)
 
 
-def missed_by(result: Trajectory | MissionTrajectory, accuracy: Accuracy) -> np.ndarray:
-    """The largest local error of each run, in units of the tolerance, that missed it by too few
-    equal steps; zero for others."""
-    missed = np.asarray(result.status) == Status.TOLERANCE_MISSED
-    if not (isinstance(accuracy.method, AbstractFixedStep) and np.any(missed)):
-        return np.zeros(missed.shape)
-    spans = result.phases if isinstance(result, MissionTrajectory) else (result,)
-    error = np.max([np.asarray(span.stats["largest_local_error"]) for span in spans], axis=0)
-    return np.where(missed & np.isfinite(error), error, 0.0)
+def _simulate_mission(
+    mission: Mission,
+    y0: State,
+    t0: Scalar = 0.0,
+    *,
+    accuracy: Accuracy | Scalar | None = None,
+    num_saved: int = 2,
+    throw: bool = True,
+) -> MissionTrajectory:
+    check_initial_state(y0)
+    t0 = jnp.asarray(t0, state_dtype(y0))
+    if t0.ndim != 0:
+        raise InputError(f"t0 has the shape {t0.shape}: a mission starts at one time, in s.")
+    check_num_saved(num_saved)
+    configs = resolve_phases(mission, y0, as_accuracy(accuracy))
+    result = run_mission(mission, y0, t0, num_saved, configs, 0)
+    trajectory = mission_trajectory_of(result, mission, configs, 0)
+    return raise_failures(trajectory) if throw else trajectory
 
 
 @eqx.filter_jit
-def _system_run(
-    system: AbstractSystem, y0: State, ts: Array, events: tuple[Event, ...], accuracy: Accuracy
-) -> Span:
-    return run_system(system, y0, ts, events, accuracy, 0)
+def _run_system(
+    system: AbstractSystem,
+    y0: State,
+    ts: Array,
+    events: tuple[Event, ...],
+    config: IntegrationConfig,
+    dense: bool,
+) -> RunResult:
+    return nan_where_failed(run_system(system, y0, ts, events, config, 0, dense))
 
 
-def _mission_run(
-    mission: Mission, y0: State, t0: Array, samples: int, accuracy: Accuracy
+def resolve_phases(
+    mission: Mission, y0: State, accuracy: Accuracy
+) -> tuple[IntegrationConfig, ...]:
+    """The configuration of every phase, before anything is compiled.
+
+    What the state holds in a phase follows from the shapes of the jumps before it."""
+    configs = []
+    y = jax.eval_shape(lambda y: y, y0)
+    for phase in mission.phases:
+        configs.append(resolve(phase.system, y, accuracy))
+        zero = jax.ShapeDtypeStruct((), state_dtype(y))
+        y = jax.eval_shape(broadcast_state, phase.system, zero, y)
+        if phase.then is not None:
+            y = jax.eval_shape(phase.then, zero, y)
+    return tuple(configs)
+
+
+def trajectory_of(
+    result: RunResult, system: AbstractSystem, config: IntegrationConfig, run_axes: int
+) -> Trajectory:
+    """A `Trajectory` from what the run left."""
+    ts, states, status, event, stats, dense, _ = result
+    return Trajectory(ts, states, status, event, stats, system, config, dense, run_axes)
+
+
+def mission_trajectory_of(
+    result: MissionResult,
+    mission: Mission,
+    configs: tuple[IntegrationConfig, ...],
+    run_axes: int,
 ) -> MissionTrajectory:
-    spans, final, end, status = run_mission(mission, y0, t0, samples, accuracy, 0)
+    """A `MissionTrajectory` from what the phases left."""
     phases = []
-    for s, phase in zip(spans, mission.phases, strict=True):
-        how = with_method(accuracy, phase.system, jax.tree.map(lambda x: shape(x, 1), s.states))
-        phases.append(Trajectory(s.ts, s.states, s.status, s.event, s.stats, phase.system, how))
-    return MissionTrajectory(
-        tuple(phases), tuple(p.name for p in mission.phases), final, end, status
-    )
+    for run, phase, config in zip(result.phases, mission.phases, configs, strict=True):
+        phases.append(trajectory_of(nan_where_failed(run), phase.system, config, run_axes))
+    names = tuple(phase.name for phase in mission.phases)
+    # A failed run has no final state and no end, whatever its last phase computed.
+    final, end = nan_where_failed((result.final, result.end), result.status)
+    return MissionTrajectory(tuple(phases), names, final, end, result.status)
 
 
-def check_start(y0: State) -> None:
-    """Raise `InputError` for an initial state that is not finite, or of mixed precision."""
-    state_dtype(y0)
-    for path, leaf in jax.tree_util.tree_flatten_with_path(y0)[0]:
-        check_finite("y0" + jax.tree_util.keystr(path), leaf)
+def finish(
+    run: Callable[[IntegrationConfig], Trajectory], config: IntegrationConfig, throw: bool
+) -> Trajectory:
+    """The trajectory, with more fixed steps where they proved too few, and a failure raised."""
+    trajectory = run(config)
+    if is_concrete(trajectory.status):
+        error = error_of_too_few_steps(trajectory, config)
+        if np.any(error):
+            trajectory = run(config.with_more_steps(float(np.max(error))))
+    return raise_failures(trajectory) if throw else trajectory
 
 
-def check_times(ts: Any, y0: State) -> Array:
-    """The times in the precision of the state. Raises `InputError` unless they are finite and
-    ascend or descend."""
+def raise_failures(result: Result) -> Result:
+    """The result, unless a run in it failed: then `SimulationError`.
+
+    Under a transformation the error hangs on every array of the result, and on its derivatives."""
+    if is_concrete(result.status) and not is_traced(result):
+        raise_on_failure(result.status)
+        return result
+    return loud(result)
+
+
+def error_of_too_few_steps(result: Trajectory | RunResult, config: IntegrationConfig) -> np.ndarray:
+    """The largest local error of each run that missed the tolerance by too few fixed steps.
+
+    In units of the tolerance; zero for all other runs."""
+    missed = np.asarray(result.status) == Status.TOLERANCE_MISSED
+    if not config.fixed_step or not np.any(missed):
+        return np.zeros(missed.shape)
+    error = np.asarray(result.stats["largest_local_error"])
+    return np.where(missed & np.isfinite(error), error, 0.0)
+
+
+def check_times(ts: Any, y0: State, axes: int = 1) -> Array:
+    """The save times in the precision of the state.
+
+    Raises `InputError` unless they are finite and ascend or descend."""
     ts = jnp.asarray(ts, state_dtype(y0))
-    if ts.ndim != 1 or ts.shape[0] < 2:
-        raise InputError(f"ts has the shape {ts.shape}: it must be one axis of at least two times.")
+    if not 1 <= ts.ndim <= axes or ts.shape[0] < 2:
+        allowed = "one axis of at least two times" if axes == 1 else "(times,) or (times, runs)"
+        raise InputError(f"ts has the shape {ts.shape}: it must be {allowed}.")
     if is_concrete(ts):
-        steps = np.diff(np.asarray(ts, dtype=float))
         check_finite("ts", ts)
-        if not (np.all(steps >= 0.0) or np.all(steps <= 0.0)):
+        steps = np.diff(np.asarray(ts, dtype=float), axis=0)
+        if not np.all(np.all(steps >= 0.0, axis=0) | np.all(steps <= 0.0, axis=0)):
             raise InputError("ts turns around: its times must ascend or descend.")
     return ts
 
 
-def thrown(result):
-    """The result, unless a run in it ended badly: then `SimulationError`, or under `jit` an error
-    when it is computed."""
-    if is_concrete(result.status):
-        raise_if_bad(result.status)
-        return result
-    return eqx.tree_at(
-        lambda r: r.status,
-        result,
-        eqx.error_if(result.status, jnp.any(result.status > Status.EVENT), TRAILING),
+def check_num_saved(num_saved: int) -> None:
+    """Raise `InputError` unless each phase saves a start and an end."""
+    if not 2 <= num_saved <= 10**7:
+        raise InputError(f"num_saved is {num_saved}: it must be from 2 to 1e7.")
+
+
+def check_structure(system: AbstractSystem, y0: State, t: Array) -> None:
+    """Raise `InputError` unless the derivative has the structure of the state."""
+    derivative = jax.eval_shape(system.vector_field, t, y0)
+    if jax.tree.structure(derivative) == jax.tree.structure(y0):
+        return
+    held, given = (
+        [
+            jax.tree_util.keystr(path) or "an array"
+            for path, _ in jax.tree_util.tree_flatten_with_path(tree)[0]
+        ]
+        for tree in (y0, derivative)
+    )
+    raise InputError(
+        f"y0 holds {', '.join(held)}, and {type(system).__name__}.vector_field returns "
+        f"{', '.join(given)}: the derivative must have the structure of the state."
     )
 
 
-def repeated(trajectory: Trajectory, factor: float) -> State:
-    """The final states of the runs of a trajectory at a tolerance `factor` times as tight, by way
-    of the middle of the span."""
-    from ._batch import repeat_batch
-
-    assert trajectory.accuracy is not None and trajectory.system is not None
-    accuracy = trajectory.accuracy.tightened(factor, trajectory.dtype())
-    if trajectory.shared is not None:
-        return repeat_batch(trajectory, accuracy)
-    return repeat(trajectory.system, trajectory.initial, trajectory.ts, accuracy, 0)
-
-
-def repeat(
-    system: AbstractSystem, y0: State, ts: Array, accuracy: Accuracy, run_axes: int
-) -> State:
-    """The state at the last of `ts`, by way of a state within the span: a closed form makes its own
-    errors then, too. Not a number where the steps run out on the way."""
-    ends = jnp.stack([ts[0], ts[0] + 0.4 * (ts[-1] - ts[0]), ts[-1]])
-    states, status, _ = through(system, alike(system, ts[0], y0), ends, accuracy, run_axes)
-    return jax.tree.map(lambda x: jnp.where(status == Status.MAX_STEPS, jnp.nan, x[-1]), states)
+def check_events(events: tuple[Event, ...], system: AbstractSystem, y0: State, t: Array) -> None:
+    """Raise `InputError` for a condition that is not one number for each run."""
+    y = jax.eval_shape(broadcast_state, system, t, y0)
+    for number, event in enumerate(events):
+        value = jax.eval_shape(event.condition, t, y)
+        runs = {leaf.shape[leaf.ndim - t.ndim :] for leaf in jax.tree.leaves(y)} if t.ndim else {()}
+        if not isinstance(value, jax.ShapeDtypeStruct) or value.shape not in runs | {()}:
+            shape = getattr(value, "shape", type(value).__name__)
+            raise InputError(
+                f"events[{number}].condition returns {shape}: it must return one number."
+            )

@@ -1,106 +1,235 @@
 """What a run leaves: times, states, how it ended, what it cost, and how far it can be trusted."""
 
-import functools
-from typing import Any, final
+import math
+from collections.abc import Callable
+from typing import TYPE_CHECKING, final
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float, Int
+import numpy as np
+from jax.core import Tracer
+from jaxtyping import Array, Float, Int, PyTree
 
-from ..core import AbstractSystem, State
-from ..integration._accuracy import Accuracy, state_dtype
+from ..core import AbstractSystem, InputError, Scalar, State, is_concrete, run_axes_of
+from ..integration._config import IntegrationConfig
+from ..integration._integrate import DenseOutput, state_at, take_step
+from ..integration._status import Status
+from ._rerun import final_state_again
 
-
-@functools.partial(jax.jit, static_argnums=(1, 2))
-def _at(states: State, index: int, axis: int) -> State:
-    """The states at one place along an axis, by one program for all blocks."""
-    return jax.tree.map(lambda x: x[(slice(None),) * axis + (index,)], states)
+if TYPE_CHECKING:
+    import xarray
+    from matplotlib.figure import Figure
 
 
 @final
 class Trajectory(eqx.Module):
-    """A run, or many: every array has the axes (runs, times, components); one run has no axis of
-    runs.
+    """A run, or a batch of runs: components lead, then times, then runs.
 
-    - `ts`, s: the times asked for; where an event stopped a run, its later times are the time of
-      the event.
-    - `states`: the state at each time.
-    - `status`: a `Status` for each run.
+    - `ts`: save times, s, (times,) or (times, runs). Where an event stopped a run, its later times
+      are the time of the event.
+    - `states`: the states there: a position is (3, times) or (3, times, runs).
+    - `status`: a `Status` for each run, (*runs,). A run that failed has NaN for what it did not
+      reach within the tolerance.
     - `event`: which of the events stopped the run, -1 for none.
     - `stats`: steps, evaluations of the vector field, largest local error in units of the
       tolerance.
-    - `system`, `accuracy`: what was run, and how."""
+    - `system`, `accuracy`: what was run, and by which method and tolerances.
+    - `dense`: the steps of the run, where `dense=True` asked for them."""
 
-    ts: Float[Array, "*runs times"]
+    ts: Float[Array, "times *#runs"]
     states: State
     status: Int[Array, "*runs"]
     event: Int[Array, "*runs"]
     stats: dict[str, Array]
-    system: AbstractSystem | None = None
-    accuracy: Accuracy | None = None
-    shared: tuple[bool, ...] | None = eqx.field(static=True, default=None)
+    system: AbstractSystem
+    accuracy: IntegrationConfig
+    dense: DenseOutput | None
+    run_axes: int = eqx.field(static=True)
 
     @property
     def final(self) -> State:
-        """The state at the last time, of each run."""
-        return _at(self.states, -1, 0 if self.shared is None else 1)
+        """The state at the last time: a position is (3, *runs)."""
+        return _program_state_at(self.states, -1, self.run_axes)
 
     @property
     def initial(self) -> State:
-        """The state at the first time, of each run."""
-        return _at(self.states, 0, 0 if self.shared is None else 1)
+        """The state at the first time."""
+        return _program_state_at(self.states, 0, self.run_axes)
 
-    def along(self, function: Any) -> Any:
-        """`function(system, t, y)` of one time and one state, at every time of every run."""
-        over_times = jax.vmap(function, in_axes=(None, 0, 0))
-        if self.shared is None:
-            return over_times(self.system, self.ts, self.states)
-        leaves, tree = jax.tree.flatten(self.system)
-        axes = jax.tree.unflatten(tree, [None if alone else 0 for alone in self.shared])
-        del leaves
-        return jax.vmap(over_times, in_axes=(axes, 0, 0))(self.system, self.ts, self.states)
+    def __getitem__(self, k: int) -> State:
+        """The state at the k-th time."""
+        times = self.ts.shape[0]
+        if not -times <= k < times:
+            raise IndexError(f"The run has {times} times: there is no number {k}.")
+        return state_at(self.states, k, self.run_axes)
 
-    def drift(self) -> dict[str, Float[Array, "*runs times"]]:
-        """Change of every invariant since the first time, relative to its size (absolute for an
-        invariant that begins at zero), at every time."""
+    def __len__(self) -> int:
+        return self.ts.shape[0]
+
+    def of(self, i: int) -> "Trajectory":
+        """The i-th run of a batch, as a trajectory of one run.
+
+        Raises `InputError` if this is one run already."""
+        if self.run_axes == 0:
+            raise InputError("This trajectory is one run: it has no number to take one by.")
+        runs = self.status.shape[-1]
+        if not -runs <= i < runs:
+            raise InputError(f"The batch has {runs} runs: there is no number {i}.")
+        axes = _system_axes(self.system)
+        system = jax.tree.map(lambda x, n: x[..., i] if n else x, self.system, axes)
+        stats = {name: x[..., i] if x.ndim else x for name, x in self.stats.items()}
+        rest = (self.ts, self.states, self.status, self.event)
+        ts, states, status, event = jax.tree.map(lambda x: x[..., i], rest)
+        dense = jax.tree.map(lambda x: x[..., i], self.dense)
+        return Trajectory(ts, states, status, event, stats, system, self.accuracy, dense, 0)
+
+    def at(self, t: Scalar) -> State:
+        """The state at the time `t`, s, between the save times, as accurate as the steps.
+
+        One step of the method from the last step end before `t`. For several times, map it:
+        `jax.vmap(run.at, out_axes=-1)(ts)`.
+
+        **Raises** `InputError` for a run that did not ask for it by `dense=True`; closed forms need
+        not ask. NaN outside of the run."""
+        t = jnp.asarray(t, self.ts.dtype)
+        t = jnp.broadcast_to(t, self.ts.shape[1:])
+        closed_form = self.system.closed_form() if self.accuracy.method == "closed_form" else None
+        if closed_form is not None:
+            state = closed_form.flow(t - self.ts[0], self.initial)
+        elif self.dense is None:
+            raise InputError("The run holds no states between its times: run it with dense=True.")
+        else:
+            state = self._one_step(t)
+        first, last = self.ts[0], self.ts[-1]
+        inside = (t - first) * (t - last) <= 0.0
+        return jax.tree.map(lambda x: jnp.where(inside, x, jnp.nan), state)
+
+    def _one_step(self, t: Array) -> State:
+        assert self.dense is not None
+        steps = self.dense.ts
+        sign = jnp.where(self.ts[-1] < self.ts[0], -1.0, 1.0).astype(t.dtype)
+        # The number of the last step end at or before t; the ends ascend in the direction of time.
+        passed = jnp.sum(sign * steps <= sign * t, axis=0) - 1
+        index = jnp.clip(passed, 0, steps.shape[0] - 1)
+
+        def pick(x: Array) -> Array:
+            rows = jnp.moveaxis(x, x.ndim - 1 - self.run_axes, 0)
+            where = index.reshape(1, *(1,) * (rows.ndim - 1 - self.run_axes), *index.shape)
+            return jnp.take_along_axis(rows, where, axis=0)[0]
+
+        y = jax.tree.map(pick, self.dense.states)
+        return take_step(self.system, y, pick(steps), t, self.accuracy, self.run_axes)
+
+    def along(self, function: Callable[[AbstractSystem, Scalar, State], PyTree]) -> PyTree:
+        """`function(system, t, y)` of one time and one state, at every time of every run.
+
+        Times and runs trail in what it returns. Formulas of the library need no `along`: they
+        apply to `states` as they are."""
+        times = jax.vmap(function, in_axes=(None, -1, -1), out_axes=-1)
+        if self.run_axes == 0:
+            return times(self.system, self.ts, self.states)
+        axes = jax.tree.map(lambda n: -1 if n else None, _system_axes(self.system))
+        arrays, static = eqx.partition(self.system, eqx.is_array)
+        axes, _ = eqx.partition(axes, jax.tree.map(eqx.is_array, self.system))
+
+        def one(arrays: PyTree, ts: Array, states: State) -> PyTree:
+            return times(eqx.combine(arrays, static), ts, states)
+
+        return jax.vmap(one, in_axes=(axes, -1, -1), out_axes=-1)(arrays, self.ts, self.states)
+
+    def drift(self) -> dict[str, Float[Array, "times *#runs"]]:
+        """Change of every invariant since the first time, relative to its size.
+
+        Absolute for an invariant that is zero at the first time."""
 
         def relative(values: Array) -> Array:
-            along = values if self.shared is None else jnp.moveaxis(values, 0, 1)
-            runs = 0 if self.shared is None else 1
-            axes = tuple(range(1 + runs, along.ndim))
-            size = jnp.sqrt(jnp.sum(along[:1] ** 2, axis=axes))
-            change = jnp.sqrt(jnp.sum((along - along[:1]) ** 2, axis=axes))
-            result = change / jnp.where(size > 0.0, size, 1.0)
-            return result if self.shared is None else jnp.moveaxis(result, 0, 1)
+            # Components lead: they are all axes before those of the times and the runs.
+            components = tuple(range(values.ndim - 1 - self.run_axes))
+            rows = jnp.moveaxis(values, len(components), 0)
+            axes = tuple(range(1, 1 + len(components)))
+            size = jnp.sqrt(jnp.sum(rows[:1] ** 2, axis=axes))
+            change = jnp.sqrt(jnp.sum((rows - rows[:1]) ** 2, axis=axes))
+            return change / jnp.where(size > 0.0, size, 1.0)
 
-        return {
-            name: relative(v) for name, v in self.along(lambda s, t, y: s.invariants(t, y)).items()
-        }
+        kept = self.along(lambda system, t, y: system.invariants(t, y))
+        return {name: relative(values) for name, values in kept.items()}
 
     def error(self) -> State:
-        """Estimate of the global error of the final state, component by component: how far it moves
-        when the run is repeated with a hundredth of the tolerance (and half the `max_step`, or
-        twice as many equal steps); for a closed form, when the span is passed in two parts. Not a
-        number where the steps of the repetition run out. What both runs pass over, it does not know
-        (`Accuracy.max_step`)."""
-        from ._simulate import repeated
+        """Estimate of the global error of the final state, component by component.
 
-        return jax.tree.map(lambda a, b: jnp.abs(a - b), self.final, repeated(self, 0.01))
+        How far it moves when the run is repeated with a hundredth of the tolerance (and half the
+        `max_step`, or twice as many fixed steps); for a closed form, when its duration is passed in
+        two parts. NaN where the steps of the repetition run out. A pulse that both runs miss stays
+        unknown (`Accuracy.max_step`)."""
+        again = final_state_again(
+            self.system, self.initial, self.ts, self.accuracy.tightened(0.01), self.run_axes
+        )
+        return jax.tree.map(lambda a, b: jnp.abs(a - b), self.final, again)
 
-    def dtype(self) -> Any:
-        """The precision of the states."""
-        return state_dtype(self.states)
+    def to_xarray(self) -> "xarray.Dataset":
+        """The run as a data set with named axes and units: (component, time, run)."""
+        from ._dataset import dataset_of
+
+        return dataset_of(self)
+
+    def plot(self) -> "Figure":
+        """A figure of the run: its path, orbit or axis, as far as the states show one."""
+        from ..plots import trajectory_figure
+
+        return trajectory_figure(self)
+
+    def __repr__(self) -> str:
+        if any(isinstance(x, Tracer) for x in jax.tree.leaves(self)) or not is_concrete(self.ts):
+            return f"Trajectory of {type(self.system).__name__} (traced)"
+        return "\n".join(_summary(self))
+
+
+_program_state_at = jax.jit(state_at, static_argnums=(1, 2))
+
+
+def _system_axes(system: AbstractSystem) -> PyTree[int]:
+    """Which arrays of a system carry runs; those that say nothing are shared."""
+    return run_axes_of(system, lambda x: 0)
+
+
+def _summary(run: Trajectory) -> list[str]:
+    """What happened, in five lines."""
+    method = run.accuracy.method
+    how = "closed form" if isinstance(method, str) else type(method).__name__
+    runs = 1 if run.run_axes == 0 else math.prod(run.status.shape)
+    statuses = np.asarray(run.status).reshape(-1)
+    failed = np.flatnonzero(statuses > Status.EVENT)
+    ended = Status(int(statuses[failed[0] if failed.size else 0])).sentence
+    if runs > 1:
+        ended = f"{runs - failed.size} of {runs} runs ended well." + (
+            f" Run {failed[0]}: {ended}" if failed.size else ""
+        )
+    first, last = (float(np.ravel(run.ts[k])[0]) for k in (0, -1))
+    evaluations = int(np.max(np.asarray(run.stats.get("evaluations", 0))))
+    steps = int(np.max(np.asarray(run.stats.get("steps", 0))))
+    blocks = ", ".join(
+        f"{jax.tree_util.keystr(path).strip('.')} {leaf.shape}"
+        for path, leaf in jax.tree_util.tree_flatten_with_path(run.states)[0]
+    )
+    who = type(run.system).__name__
+    return [
+        f"Trajectory of {who}" + (f", {runs} runs" if runs > 1 else ""),
+        f"  times   {first:g} s to {last:g} s, {run.ts.shape[0]} saved",
+        f"  states  {blocks}",
+        f"  method  {how}, rtol {float(run.accuracy.rtol):.0e}; {steps} steps, "
+        f"{evaluations} evaluations",
+        f"  status  {ended}",
+    ]
 
 
 @final
 class MissionTrajectory(eqx.Module):
-    """The trajectories of a mission's phases, in order, each up to and including its end before the
-    jump that follows.
+    """The trajectories of the phases of a mission, each up to its end before the jump.
 
-    - `phases`: a `Trajectory` for each phase; `names`: their names; index by either.
-    - `final`: the state after the last jump, and `end`, s, its time, of each run.
-    - `status`: of each run: the first trouble, or how the last phase ended."""
+    - `phases`, `names`: a `Trajectory` for each phase, and their names; index by either.
+    - `final`, `end`: the state after the last jump, and its time, s, of each run.
+    - `status`: of each run: its first failure, or how its last phase ended."""
 
     phases: tuple[Trajectory, ...]
     names: tuple[str, ...] = eqx.field(static=True)
@@ -110,6 +239,12 @@ class MissionTrajectory(eqx.Module):
 
     def __getitem__(self, phase: int | str) -> Trajectory:
         return self.phases[self.names.index(phase) if isinstance(phase, str) else phase]
+
+    def of(self, i: int) -> "MissionTrajectory":
+        """The i-th run of a batch, as a mission of one run."""
+        phases = tuple(phase.of(i) for phase in self.phases)
+        final, end, status = jax.tree.map(lambda x: x[..., i], (self.final, self.end, self.status))
+        return MissionTrajectory(phases, self.names, final, end, status)
 
     def evaluations(self) -> Array:
         """Evaluations of the vector field over all phases."""

@@ -18,15 +18,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..core import AbstractSystem, InputError, Scalar, State, check_positive
-from ..simulation import (
-    Accuracy,
-    Mission,
-    SimulationError,
-    Status,
-    Trajectory,
-    chosen_method,
-    least_tolerance,
-)
+from ..integration import Accuracy, SimulationError, Status, least_tolerance, select_method
+from ..simulation import Mission, Trajectory
 from ..solvers import DOP853, ExponentialRosenbrock, Tsit5
 from ._cost_table import CLOSED_FORM, AccuracyCost, Cost
 from ._flights import (
@@ -191,7 +184,7 @@ def _default_methods(
     return (
         DOP853(),
         Tsit5(),
-        *(chosen_method(system, y0, rtol, ts) for rtol in (max(tolerances), min(tolerances))),
+        *(select_method(system, y0, rtol, ts) for rtol in (max(tolerances), min(tolerances))),
     )
 
 

@@ -19,8 +19,9 @@ import numpy as np
 from jaxtyping import Array
 
 from ..core import AbstractSystem, InputError, Scalar, State, check_positive
+from ..integration import Accuracy, SimulationError, Status, least_tolerance
 from ..scene import budget
-from ..simulation import Accuracy, Mission, SimulationError, Status, least_tolerance
+from ..simulation import Mission
 from ..solvers import AbstractFixedStep
 from ._budget_table import EffectBudget, Influence
 from ._flights import aot_compile, checked_start, flight, in_precision, timed

@@ -11,7 +11,9 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..core import AbstractSystem, State, check_finite
-from ..simulation import Accuracy, Mission, Trajectory, check_start, check_times, simulate
+from ..integration._accuracy import Accuracy, check_initial_state
+from ..simulation import Mission, Trajectory, simulate
+from ..simulation._simulate import check_times
 
 ENOUGH = 2.0  # s: a run is not repeated after its repetitions took so long
 
@@ -43,7 +45,7 @@ def checked_start(system: Any, y0: State, ts: Any) -> tuple[State, Any]:
     """Initial state and times as arrays. Raises `InputError` as `simulate` does, which cannot see
     them once they are traced."""
     y0 = jax.tree.map(jnp.asarray, y0)
-    check_start(y0)
+    check_initial_state(y0)
     if not isinstance(system, Mission):
         return y0, check_times(ts, y0)
     check_finite("ts", ts)

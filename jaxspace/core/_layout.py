@@ -1,0 +1,95 @@
+"""Which arrays of a module carry runs: what the annotations of its fields declare.
+
+A field annotated `Float[Array, "3 *#runs"]` holds three components and then the runs; one annotated
+`Scalar` holds the runs alone. An array with more axes than its components carries runs on its last
+axes. A field whose annotation names no runs declares nothing about them.
+"""
+
+import dataclasses
+import functools
+import typing
+from collections.abc import Callable
+from typing import Any
+
+import jax
+from jaxtyping import Array, PyTree
+
+
+def component_axes(annotation: Any) -> int | None:
+    """How many axes of components an annotation declares before the runs; `None` if it names none.
+
+    Of a union, the first member that names runs counts."""
+    for member in typing.get_args(annotation) or (annotation,):
+        names = getattr(member, "dim_str", "").split()
+        runs = [k for k, name in enumerate(names) if name.startswith("*") and "runs" in name]
+        if runs:
+            return runs[0]
+    return None
+
+
+@functools.cache
+def _annotations(cls: type) -> dict[str, Any]:
+    """The annotation of every field of a class, inherited ones included."""
+    if not dataclasses.is_dataclass(cls):
+        return {}
+    own = {field.name: field.type for field in dataclasses.fields(cls)}
+    if any(isinstance(kind, str) for kind in own.values()):
+        # The class was written under `from __future__ import annotations`.
+        own |= typing.get_type_hints(cls)
+    return own
+
+
+def _declared_axes(tree: PyTree, path: tuple[Any, ...]) -> int | None:
+    """The component axes that the field which holds the leaf at `path` declares."""
+    node: Any = tree
+    annotation: Any = None
+    for key in path:
+        if isinstance(key, jax.tree_util.GetAttrKey):
+            annotation = _annotations(type(node)).get(key.name)
+            node = getattr(node, key.name)
+        else:
+            # An entry of a list or a dictionary: the annotation of the field says nothing of it.
+            annotation = None
+            node = node[getattr(key, "idx", getattr(key, "key", None))]
+    return component_axes(annotation)
+
+
+def component_axes_of(tree: PyTree) -> PyTree[int]:
+    """How many axes of components each array of the tree declares before its runs.
+
+    -1 for an array whose field declares nothing, and for leaves that are no arrays."""
+    leaves, structure = jax.tree_util.tree_flatten_with_path(tree)
+    found = []
+    for path, leaf in leaves:
+        declared = _declared_axes(tree, path) if hasattr(leaf, "ndim") else None
+        found.append(-1 if declared is None else declared)
+    return jax.tree_util.tree_unflatten(structure, found)
+
+
+def run_axes_of(tree: PyTree, undeclared: Callable[[Array], int]) -> PyTree[int]:
+    """How many trailing axes of runs each array of the tree carries.
+
+    **Arguments**
+
+    - `tree`: a system, a state, a mission: any tree of modules.
+    - `undeclared`: called for an array whose field declares nothing.
+
+    **Returns** a tree of the same structure; leaves that are no arrays count as zero."""
+
+    def count(leaf: Any, axes: int) -> int:
+        if not hasattr(leaf, "ndim"):
+            return 0
+        return undeclared(leaf) if axes < 0 else max(leaf.ndim - axes, 0)
+
+    return jax.tree.map(count, tree, component_axes_of(tree))
+
+
+def add_batch_axis(tree: PyTree) -> PyTree:
+    """What all runs share, with an axis of length one for them behind declared components.
+
+    Arrays whose fields declare nothing, such as the weights of a network, stay as they are."""
+
+    def leaf(x: Any, axes: int) -> Any:
+        return x[..., None] if axes > 0 and x.ndim == axes else x
+
+    return jax.tree.map(leaf, tree, component_axes_of(tree))

@@ -1,0 +1,132 @@
+"""How one integration runs, resolved once: method, tolerances, limits, adjoint.
+
+`resolve` is the only place that decides. It refuses what cannot work before anything is compiled;
+everything after it takes the configuration as it is.
+"""
+
+from typing import Literal, final
+
+import diffrax
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, DTypeLike, Float
+
+from ..core import AbstractSystem, InputError, State, is_concrete
+from ..solvers import refine, solver_traits
+from ._accuracy import DEFAULT_RTOL, Accuracy, least_tolerance, state_dtype
+from ._selection import select_method
+from ._stiffness import InitialConditions
+
+# A fixed-step run that missed the tolerance is repeated with at most this many times the steps.
+MAX_REFINEMENT = 8
+
+
+@final
+class IntegrationConfig(eqx.Module):
+    """A resolved `Accuracy`: every default is filled in, and the method is the one that runs.
+
+    - `rtol`, `atol`: tolerances in the precision of the state.
+    - `method`: a solver, or "closed_form".
+    - `adjoint`, `max_steps`, `max_step`: as in `Accuracy`."""
+
+    rtol: Float[Array, ""]
+    atol: Float[Array, ""]
+    method: diffrax.AbstractSolver | Literal["closed_form"]
+    adjoint: diffrax.AbstractAdjoint | None
+    max_steps: int = eqx.field(static=True)
+    max_step: Float[Array, ""] | None
+
+    @property
+    def fixed_step(self) -> bool:
+        """Whether the method takes a given number of steps, which the tolerance only judges."""
+        return not isinstance(self.method, str) and solver_traits(self.method).fixed_step
+
+    def tightened(self, factor: float) -> "IntegrationConfig":
+        """The same with tolerances `factor` times as large, as far as the precision allows.
+
+        Half the `max_step`, and twice the steps of a fixed-step method."""
+        rtol = jnp.maximum(self.rtol * factor, 2.0 * least_tolerance(self.rtol.dtype))
+        max_step = None if self.max_step is None else 0.5 * self.max_step
+        method = self.method if isinstance(self.method, str) else refine(self.method, 2)
+        return IntegrationConfig(
+            rtol, self.atol * factor, method, self.adjoint, self.max_steps, max_step
+        )
+
+    def with_more_steps(self, error: float) -> "IntegrationConfig":
+        """The same with as many more fixed steps as a largest local `error` calls for.
+
+        `error` is in units of the tolerance. From twice to `MAX_REFINEMENT` times the steps."""
+        assert not isinstance(self.method, str)
+        order = self.method.order(None)  # pyright: ignore[reportArgumentType]
+        assert order is not None
+        factor = int(np.clip(np.ceil(1.1 * error ** (1.0 / order)), 2, MAX_REFINEMENT))
+        return eqx.tree_at(lambda c: c.method, self, refine(self.method, factor))
+
+
+def resolve(
+    system: AbstractSystem,
+    y0: State,
+    accuracy: Accuracy,
+    starts: InitialConditions | None = None,
+) -> IntegrationConfig:
+    """The configuration of an integration.
+
+    **Arguments**
+
+    - `system`, `y0`: the system and its initial state, of one run or of many.
+    - `accuracy`: what the user asked for.
+    - `starts`: runs whose numbers may be looked at to recognise a stiff system; `None` under `jit`
+      and in missions, where the structure alone decides.
+
+    **Raises** `InputError` for a tolerance that the precision of the state cannot reach, and for a
+    method that needs what the system does not offer."""
+    dtype = state_dtype(y0)
+    rtol = DEFAULT_RTOL.get(dtype.name, 1e-2) if accuracy.rtol is None else accuracy.rtol
+    known_rtol = float(np.max(np.asarray(rtol))) if is_concrete(rtol) else 0.0
+    if is_concrete(rtol):
+        check_tolerance(float(np.min(np.asarray(rtol))), dtype)
+    method = accuracy.method
+    if method == "auto":
+        method = select_method(system, y0, known_rtol, starts=starts)
+    needs = "closed_form" if method == "closed_form" else solver_traits(method).needs
+    if needs and getattr(system, needs)() is None:
+        _refuse(system, method, needs)
+    atol = 1e-3 * rtol if accuracy.atol is None else accuracy.atol
+    return IntegrationConfig(
+        jnp.asarray(rtol, dtype),
+        jnp.asarray(atol, dtype),
+        method,
+        accuracy.adjoint,
+        accuracy.max_steps,
+        None if accuracy.max_step is None else jnp.asarray(accuracy.max_step, dtype),
+    )
+
+
+def check_tolerance(rtol: float, dtype: DTypeLike) -> None:
+    """Raise `InputError` for a relative tolerance that the precision `dtype` cannot reach."""
+    least = least_tolerance(dtype)
+    if rtol < least:
+        raise InputError(
+            f"Accuracy.rtol is {rtol:.3g}: for {jnp.dtype(dtype).name} states it must be at least "
+            f"{least:.2g}; loosen it, or use float64."
+        )
+
+
+CAPABILITIES = {
+    "closed_form": "closed form",
+    "split": "split into drift and kick",
+    "regularised": "regularised variables",
+}
+
+
+def _refuse(
+    system: AbstractSystem, method: diffrax.AbstractSolver | Literal["closed_form"], needs: str
+) -> None:
+    """Raise `InputError`: the system does not offer what the method needs, and why."""
+    name = method if isinstance(method, str) else type(method).__name__
+    reason = system.missing(needs)
+    raise InputError(
+        f"{type(system).__name__} offers no {CAPABILITIES[needs]}{': ' if reason else ''}{reason}. "
+        f"Take another method than {name}."
+    )

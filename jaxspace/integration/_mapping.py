@@ -1,0 +1,258 @@
+"""Mapped runs as batched runs: an axis of runs for a field, a state and the settings of a loop.
+
+JAX maps an integration by giving some of its arrays a further axis. If the system keeps to the
+layout of the library (components first, runs last), the same runs are one batch, which is many
+times as fast. `add_run_axis` makes it, or says that it cannot.
+"""
+
+import functools
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, PyTree
+
+from ..core import State, component_axes_of
+from ..solvers import Tolerance, bind
+from ._loop import LoopSettings
+from ._normalised_time import ScaledVectorField, Segments
+from ._selection import shape_of
+
+BLOCK = 64
+"""Runs in a block: enough to pay for the dispatch of each operation, and few enough that what a
+step keeps of them stays in the first levels of the cache. On low orbits blocks of 64 were faster
+than those of 512."""
+
+
+class _CannotMap(Exception):
+    """Some array has no place for a further axis of runs."""
+
+
+def add_run_axis(
+    parts_of: Callable[[Sequence[Any]], tuple[Any, State, LoopSettings]],
+    values: Sequence[Array],
+    dims: Sequence[Any],
+    size: int,
+    flags: Sequence[bool] | None,
+) -> tuple[PyTree, PyTree] | None:
+    """The parts of a mapped integration as those of a batch.
+
+    **Arguments**
+
+    - `parts_of`: builds field, initial state and settings from flat arrays.
+    - `values`, `dims`: the arrays, and which of their axes is mapped.
+    - `size`: how many runs there are.
+    - `flags`: arrays that get their own value in every run, even if they are not mapped.
+
+    **Returns** the parts, and for each of their arrays whether it carries the new axis; or `None`
+    if the integration cannot be batched."""
+    mapped = [d is not None for d in dims]
+    moved = [
+        jnp.moveaxis(x, d, -1) if m else x for x, d, m in zip(values, dims, mapped, strict=True)
+    ]
+    own = [m or f for m, f in zip(mapped, flags or [False] * len(mapped), strict=True)]
+    field, y0, settings = parts_of(moved)
+    field_mapped, y0_mapped, settings_mapped = parts_of(mapped)
+    field_own, _, _ = parts_of(own)
+    if not isinstance(field, ScaledVectorField):
+        return None
+    original = parts_of(list(values))
+    if not follows_layout(*_single(original, parts_of(list(dims)))):
+        return None
+    try:
+        field = _field_axis(field, field_mapped, field_own, size)
+        settings = _settings_axis(settings, settings_mapped)
+    except _CannotMap:
+        return None
+
+    def state(x: Array, is_mapped: bool) -> Array:
+        return x if is_mapped else jnp.broadcast_to(x[..., None], (*x.shape, size))
+
+    y0 = jax.tree.map(state, y0, y0_mapped)
+    carried = (
+        jax.tree.map(lambda x, o: o if eqx.is_array(x) else False, field, field_own),
+        jax.tree.map(lambda x: True, y0),
+        jax.tree.map(lambda x: False, settings),
+    )
+    return (field, y0, settings), carried
+
+
+def _single(parts: Any, dims: Any) -> tuple[Any, State]:
+    """The system and the state of one of the mapped runs, as shapes."""
+
+    def leaf(x: Any, d: Any) -> Any:
+        if not eqx.is_array(x):
+            return x
+        shape = list(x.shape)
+        if d is not None:
+            del shape[d]
+        return jax.ShapeDtypeStruct(tuple(shape), x.dtype)
+
+    # `None` marks an axis that is not mapped, and must count as a leaf here.
+    found = jax.tree.map(leaf, parts, dims, is_leaf=lambda x: x is None)
+    return found[0].system, found[1]
+
+
+def _field_axis(
+    field: ScaledVectorField, mapped: PyTree, own: PyTree, size: int
+) -> ScaledVectorField:
+    """The field with a further axis of runs."""
+
+    def leaf(x: Any, axes: int, is_mapped: Any, is_own: Any, keep_shared: bool) -> Any:
+        if not eqx.is_array(x):
+            return x
+        if is_own and axes < 0:
+            raise _CannotMap
+        if is_mapped:
+            return x
+        if is_own:
+            return jnp.broadcast_to(x[..., None], (*x.shape, size))
+        if axes < 0 or x.ndim == 0 or (keep_shared and x.ndim == axes):
+            return x
+        return x[..., None]
+
+    def every(keep_shared: bool, tree: PyTree, mapped: PyTree, own: PyTree) -> PyTree:
+        axes = component_axes_of(tree)
+        return jax.tree.map(
+            functools.partial(leaf, keep_shared=keep_shared), tree, axes, mapped, own
+        )
+
+    system = every(False, field.system, mapped.system, own.system)
+    # Shared segments stay free of runs, so that the time stays a scalar.
+    segments: Segments = every(True, field.segments, mapped.segments, own.segments)
+    return ScaledVectorField(system, segments)
+
+
+def _settings_axis(settings: LoopSettings, mapped: LoopSettings) -> LoopSettings:
+    """The settings for a further axis of runs, which share their steps."""
+    lengths = settings.lengths
+    if mapped.lengths:
+        lengths = jnp.mean(lengths, axis=-1)
+    longest = settings.longest_steps
+    if longest is not None and mapped.longest_steps:
+        longest = jnp.min(longest, axis=-1)
+    rest = (mapped.save_ts, mapped.plan, mapped.tolerance, mapped.method)
+    if any(x is True for x in jax.tree.leaves(rest)):
+        raise _CannotMap
+    tolerance = settings.tolerance
+    axes = tolerance.run_axes + 1
+    tolerance = Tolerance(tolerance.rtol, tolerance.atol, axes)
+    method = bind(settings.method, tolerance=tolerance, save_ts=settings.save_ts, run_axes=axes)
+    return LoopSettings(
+        method,
+        tolerance,
+        lengths,
+        longest,
+        settings.save_ts,
+        settings.plan,
+        settings.max_steps,
+        settings.record_steps,
+        settings.dense,
+    )
+
+
+def over_blocks(
+    function: Callable[..., list[Array]],
+    mapped: tuple[PyTree, PyTree],
+    size: int,
+    ranks: Sequence[int],
+    more: Sequence[Array] = (),
+) -> list[Array]:
+    """`function(parts)`, or of the parts and `more`, block after block of the runs.
+
+    **Arguments**
+
+    - `mapped`: the parts and which of their arrays carry runs, as from `add_run_axis`.
+    - `size`: how many runs there are.
+    - `ranks`: axes of each result without the runs; a result without runs is given them.
+    - `more`: further arrays, each with the runs on the last axis.
+
+    **Returns** the results, runs last."""
+    parts, carried = mapped
+    count = -(-size // BLOCK)
+
+    def complete(results: list[Array], runs: int) -> list[Array]:
+        return [
+            jnp.broadcast_to(x[..., None], (*x.shape, runs)) if x.ndim == rank else x
+            for x, rank in zip(results, ranks, strict=True)
+        ]
+
+    def call(parts: PyTree, more: Sequence[Array]) -> list[Array]:
+        return function(parts, more) if more else function(parts)
+
+    if count == 1:
+        return complete(call(parts, more), size)
+
+    def cut(x: Array) -> Array:
+        filled = jnp.concatenate(
+            [x, jnp.broadcast_to(x[..., -1:], (*x.shape[:-1], count * BLOCK - size))], axis=-1
+        )
+        return jnp.moveaxis(filled.reshape(*x.shape[:-1], count, BLOCK), -2, 0)
+
+    own, shared = eqx.partition(parts, carried)
+    own, more = jax.tree.map(cut, (own, list(more)))
+
+    def block(piece: Any) -> list[Array]:
+        own, more = piece
+        return complete(call(eqx.combine(own, shared), more), BLOCK)
+
+    results = jax.lax.map(block, (own, more))
+
+    def join(x: Array) -> Array:
+        x = jnp.moveaxis(x, 0, -2)
+        return x.reshape(*x.shape[:-2], count * BLOCK)[..., :size]
+
+    return [join(x) for x in results]
+
+
+def follows_layout(system: Any, y0: State) -> bool:
+    """Whether the vector field treats a trailing axis as runs that have nothing to do with another.
+
+    Seen from values: the field of three random states at once is that of each of them. A system
+    that sums over all axes of its state, say, fails, and is mapped by JAX instead."""
+    leaves, structure = jax.tree.flatten(jax.tree.map(shape_of, (system, y0)))
+    try:
+        return _follows_layout(structure, tuple(leaves))
+    except TypeError:
+        # A leaf that cannot be hashed: nothing can be kept, and nothing is known.
+        return False
+
+
+@functools.lru_cache(maxsize=256)
+def _follows_layout(structure: Any, leaves: tuple[Any, ...]) -> bool:
+    system, y0 = jax.tree.unflatten(structure, leaves)
+    random = np.random.default_rng(0)
+
+    def numbers(shape: tuple[int, ...], x: Any) -> Any:
+        return jnp.asarray(random.uniform(0.6, 1.4, shape), x.dtype)
+
+    def is_shape(x: Any) -> bool:
+        return isinstance(x, jax.ShapeDtypeStruct)
+
+    runs = 3
+    with jax.ensure_compile_time_eval():
+        single = jax.tree.map(lambda x: numbers(x.shape, x) if is_shape(x) else x, system)
+        states = jax.tree.map(lambda x: numbers((*x.shape, runs), x), y0)
+
+        def shared(x: Any, axes: int) -> Any:
+            return x[..., None] if axes >= 0 and eqx.is_array(x) and x.ndim > 0 else x
+
+        batched = jax.tree.map(shared, single, component_axes_of(single))
+        t = jnp.asarray(0.3, jax.tree.leaves(states)[0].dtype)
+        try:
+            together = batched.vector_field(t, states)
+            each = [
+                single.vector_field(t, jax.tree.map(lambda x, k=k: x[..., k], states))
+                for k in range(runs)
+            ]
+        except Exception:  # noqa: BLE001 - whatever a user's field raises, it is no batch
+            return False
+        alone = jax.tree.map(lambda *x: jnp.stack(x, axis=-1), *each)
+        pairs = zip(jax.tree.leaves(together), jax.tree.leaves(alone), strict=True)
+        return all(
+            a.shape == b.shape and np.allclose(a, b, rtol=1e-4, atol=1e-6, equal_nan=True)
+            for a, b in pairs
+        )

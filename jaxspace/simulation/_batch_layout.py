@@ -1,0 +1,102 @@
+"""Which arrays of a batch carry runs, and how the batch is cut into blocks."""
+
+from typing import Any, TypeAlias
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, PyTree
+
+from ..core import InputError, State, add_batch_axis, is_traced, run_axes_of
+from ..integration._accuracy import state_dtype
+from ..integration._mapping import BLOCK
+from ._blocks import Blocks
+
+InAxes: TypeAlias = tuple[PyTree, PyTree] | None
+
+
+def _declared(tree: PyTree, undeclared: int) -> PyTree[bool]:
+    """For every leaf whether its declared shape says that it carries runs on its last axis.
+
+    An array that declares nothing carries at most so many axes of runs as `undeclared` says."""
+
+    def leaf(x: Any, axes: int) -> bool:
+        # An axis of length one is what all runs share.
+        return bool(eqx.is_array(x) and axes > 0 and x.shape[-1] != 1)
+
+    return jax.tree.map(leaf, tree, run_axes_of(tree, lambda x: min(x.ndim, undeclared)))
+
+
+def _marked(tree: PyTree, in_axes: PyTree) -> PyTree[bool]:
+    """For every leaf whether `in_axes`, a prefix of the tree, marks it with -1."""
+
+    def part(axis: Any, leaves: PyTree) -> PyTree:
+        if axis not in (-1, None):
+            raise InputError(f"in_axes holds {axis!r}: it must hold -1 (runs last) or None.")
+        return jax.tree.map(lambda x: axis == -1 and eqx.is_array(x) and x.ndim > 0, leaves)
+
+    return jax.tree.map(part, in_axes, tree, is_leaf=lambda a: a is None or a == -1)
+
+
+def _count(tree: PyTree, flags: PyTree[bool]) -> int:
+    """The number of runs. Raises `InputError` when the last axes of the arrays differ."""
+    sizes: dict[str, Any] = {}
+    leaves = jax.tree_util.tree_flatten_with_path(tree)[0]
+    for (path, leaf), flag in zip(leaves, jax.tree.leaves(flags), strict=True):
+        if flag:
+            names = ("systems", "y0s", "ts")
+            name = names[path[0].idx] + jax.tree_util.keystr(path[1:])
+            sizes[name] = leaf.shape[-1]
+    if not sizes:
+        raise InputError(
+            "simulate_batch found no array with runs on its last axis: use simulate for one run."
+        )
+    runs = next(iter(sizes.values()))
+    for name, size in sizes.items():
+        if size != runs:
+            raise InputError(
+                f"{name} has {size} runs on its last axis, {next(iter(sizes))} has {runs}: they "
+                f"must agree, or be shared by in_axes."
+            )
+    return runs
+
+
+def split_batch(
+    systems: Any, y0s: State, ts: Any, in_axes: InAxes, times_axes: int
+) -> tuple[PyTree, PyTree, int]:
+    """What carries runs, what all runs share, and how many runs there are.
+
+    **Arguments**
+
+    - `systems`, `y0s`, `in_axes`: as in `simulate_batch`.
+    - `ts`: times with `times_axes` axes, and one more if they differ between runs."""
+    ts = jnp.asarray(ts, state_dtype(y0s))
+    if in_axes is None:
+        flags = (_declared(systems, 0), _declared(y0s, 1))
+    else:
+        flags = (_marked(systems, in_axes[0]), _marked(y0s, in_axes[1]))
+    every = (systems, y0s, ts)
+    every_flag = (*flags, ts.ndim > times_axes)
+    runs = _count(every, every_flag)
+    batched, shared = eqx.partition(every, every_flag)
+    return batched, shared, runs
+
+
+def cut_batch(piece: PyTree, shared: PyTree) -> tuple[Any, State, Array]:
+    """System, states and times of a block, from its own part and the shared one."""
+    system, y0, ts = shared
+    return eqx.combine(piece, (add_batch_axis(system), add_batch_axis(y0), ts))
+
+
+def local_blocks(arrays: PyTree, runs: int) -> Blocks:
+    """The blocks of so many runs: on all local devices, if there is a block for each of them.
+
+    On one device where the arrays were put on a device, or within a transformation."""
+    devices = jax.local_devices()
+    leaves = [x for x in jax.tree.leaves(arrays) if isinstance(x, jax.Array)]
+    free = not is_traced(arrays) and all(
+        x.devices() == set(devices) or not x.committed for x in leaves
+    )
+    devices = devices[: max(1, runs // BLOCK)] if free else devices[:1]
+    blocks = Blocks.on(devices, runs)
+    return Blocks(min(blocks.size, runs), blocks.mesh)

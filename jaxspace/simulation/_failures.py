@@ -1,0 +1,98 @@
+"""What a failed run leaves: NaN in place of numbers, and an error that cannot be overheard."""
+
+import dataclasses
+from typing import Any, TypeVar
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, PyTree
+
+from ..integration._status import Status
+from ._runs import RunResult
+
+T = TypeVar("T")
+
+LOUD = tuple(
+    f"{status.sentence} Call simulate with throw=False to read the status of each run."
+    for status in Status
+)
+
+
+def _scaled(tree: PyTree, factor: Array) -> PyTree:
+    """Floating-point arrays times a factor of each run (one, or NaN), derivatives included."""
+
+    def leaf(x: Any) -> Any:
+        return x * factor.astype(x.dtype) if eqx.is_inexact_array(x) else x
+
+    return jax.tree.map(leaf, tree)
+
+
+def _nan_unless(good: Array) -> Array:
+    # A product, and no selection: the derivative of a failed run is NaN, too, and not zero.
+    return jnp.where(good, 1.0, jnp.nan)
+
+
+def nan_where_failed(result: T, status: Array | None = None) -> T:
+    """The result with NaN for what a failed run did not reach within the tolerance.
+
+    **Arguments**
+
+    - `result`: a `RunResult`; or with a `status` any tree of arrays with the runs last.
+
+    **Returns** the same with NaN: in a `RunResult` all states after the first where a step missed
+    the tolerance, and every state that is not finite in one of its blocks; else all of it."""
+    if status is not None:
+        return _scaled(result, _nan_unless(status <= Status.EVENT))
+    assert isinstance(result, RunResult)
+    run_axes = result.status.ndim
+    good = jnp.ones(result.ts.shape, bool)
+    for block in jax.tree.leaves(result.states):
+        components = tuple(range(block.ndim - 1 - run_axes))
+        good = good & jnp.all(jnp.isfinite(block), axis=components)
+    # Where a step missed the tolerance, everything behind it is without a bound.
+    first = jnp.arange(result.ts.shape[0]).reshape(-1, *(1,) * run_axes) == 0
+    good = good & (first | (result.status != Status.TOLERANCE_MISSED))
+    return result._replace(states=_scaled(result.states, _nan_unless(good)))
+
+
+def loud(result: T) -> T:
+    """The result of a traced simulation, whose every array raises where a run failed.
+
+    The error hangs on values and derivatives alike, so that it does not matter which of them the
+    caller returns. What was run (`system`, `accuracy`) stays as it is."""
+    status: Array = result.status  # pyright: ignore[reportAttributeAccessIssue]
+    failed = status > Status.EVENT
+    worst = jnp.max(jnp.where(failed, status, 0))
+    numbers = _numbers(result)
+    factor = _nan_unless(~failed)
+    integers, floats = eqx.partition(numbers, lambda x: not eqx.is_inexact_array(x))
+    factor, integers = eqx.branched_error_if((factor, integers), jnp.any(failed), worst, LOUD)
+
+    def leaf(x: Array) -> Array:
+        # What all runs share fails with any of them.
+        own = x.shape[x.ndim - factor.ndim :] == factor.shape
+        return x * (factor if own else jnp.min(factor)).astype(x.dtype)
+
+    return _with_numbers(result, eqx.combine(jax.tree.map(leaf, floats), integers))
+
+
+NUMBERS = ("ts", "states", "status", "event", "stats", "dense", "final", "end", "phases")
+
+
+def _numbers(result: Any) -> dict[str, Any]:
+    """The arrays of a trajectory that the run has computed."""
+    fields = {f.name for f in dataclasses.fields(result)}
+    found = {name: getattr(result, name) for name in NUMBERS if name in fields}
+    if "phases" in found:
+        found["phases"] = [_numbers(phase) for phase in found["phases"]]
+    return found
+
+
+def _with_numbers(result: Any, numbers: dict[str, Any]) -> Any:
+    """The trajectory with other arrays."""
+    numbers = dict(numbers)
+    if "phases" in numbers:
+        pairs = zip(result.phases, numbers["phases"], strict=True)
+        numbers["phases"] = tuple(_with_numbers(phase, own) for phase, own in pairs)
+    return dataclasses.replace(result, **numbers)

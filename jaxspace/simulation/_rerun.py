@@ -1,0 +1,58 @@
+"""Runs repeated more finely, to see how far their final states move."""
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from ..core import AbstractSystem, State
+from ..integration._config import IntegrationConfig
+from ..integration._integrate import broadcast_state, state_at
+from ..integration._status import Status
+from ._batch_layout import cut_batch, local_blocks, split_batch
+from ._blocks import Blocks, jit_wide_vectors
+from ._runs import integrate_through_times
+
+# A part of the run in no simple ratio to the rest, so that a closed form makes its own errors.
+PART = 0.4
+
+
+def _final_state(
+    system: AbstractSystem, y0: State, ts: Array, config: IntegrationConfig, run_axes: int
+) -> State:
+    """The state at the last of `ts`, by way of a state within the run.
+
+    NaN where the steps run out on the way."""
+    ends = jnp.stack([ts[0], ts[0] + PART * (ts[-1] - ts[0]), ts[-1]])
+    y0 = broadcast_state(system, ts[0], y0)
+    result = integrate_through_times(system, y0, ends, config, run_axes)
+    final = state_at(result.states, -1, run_axes)
+    return jax.tree.map(lambda x: jnp.where(result.status == Status.MAX_STEPS, jnp.nan, x), final)
+
+
+@jit_wide_vectors
+def _final_states(
+    batched: tuple, shared: tuple, config: IntegrationConfig, blocks: Blocks
+) -> State:
+    def block(piece: tuple, given: tuple) -> State:
+        shared, config = given
+        system, y0, ts = cut_batch(piece, shared)
+        return _final_state(system, y0, ts, config, 1)
+
+    return blocks.map(block, batched, (shared, config))
+
+
+def final_state_again(
+    system: AbstractSystem, y0: State, ts: Array, config: IntegrationConfig, run_axes: int
+) -> State:
+    """The final state of each run, simulated again with another configuration.
+
+    **Arguments**
+
+    - `system`, `y0`, `ts`: of one run, or of a batch with the runs last.
+    - `config`: usually tighter than the first one.
+    - `run_axes`: 0 for one run, 1 for a batch."""
+    if run_axes == 0:
+        return jit_wide_vectors(_final_state)(system, y0, ts, config, 0)
+    ends = ts[:: max(ts.shape[0] - 1, 1)]
+    batched, shared, runs = split_batch(system, y0, ends, None, 1)
+    return _final_states(batched, shared, config, local_blocks((batched, shared), runs))
