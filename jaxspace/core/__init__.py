@@ -1,5 +1,5 @@
-"""The floor: the noun `System`, vector algebra, branches without NaN, checks of input. Knows jax
-and equinox only."""
+"""What every room stands on: the interface of a system, vector algebra, functions without NaN,
+declared quantities, checks of input. Imports jax and equinox only."""
 
 from ._barrier import barrier as barrier
 from ._check import InputError as InputError
@@ -28,6 +28,10 @@ from ._safe import safe_atan2 as safe_atan2
 from ._safe import safe_divide as safe_divide
 from ._safe import safe_sqrt as safe_sqrt
 from ._safe import sinc_squared as sinc_squared
+from ._shapes import check_components as check_components
+from ._shapes import runs_first as runs_first
+from ._shapes import runs_last as runs_last
+from ._shapes import with_rank as with_rank
 from ._special import stumpff as stumpff
 from ._special import stumpff_near as stumpff_near
 from ._system import AbstractClosedForm as AbstractClosedForm
