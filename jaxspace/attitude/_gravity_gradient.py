@@ -26,12 +26,11 @@ left out.
 
 from typing import ClassVar, final
 
-import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..bodies import AbstractBody, AbstractEffect, AbstractInertia, BodyState, Load
-from ..core import Scalar, Vector, as_float, barrier, check_positive, cross, dot, inverse_norm
+from ..core import Scalar, Vector, barrier, cross, dot, inverse_norm, quantity
 from ..rotations import Quaternion
 from ._elliptic import complete_elliptic
 
@@ -73,19 +72,20 @@ def pitch_libration_period(amplitude: Scalar, moments: Vector, mean_motion: Scal
 
 @final
 class GravityGradient(AbstractEffect):
-    """The torque by the gradient of the attraction of a point mass at the origin: `mu`, m^3/s^2.
+    """The torque by the gradient of the attraction of a point mass at the origin.
 
-    Add `PointGravity` of the same strength for the orbit. Raises `InputError` unless `mu` is
-    positive."""
+    Add `PointGravity` of the same strength for the orbit."""
 
     needs: ClassVar[frozenset[str]] = frozenset({"position", "attitude"})
     adds: ClassVar[frozenset[str]] = frozenset({"torque"})
     keeps: ClassVar[frozenset[str]] = frozenset({"angular_momentum", "axial_angular_momentum"})
 
-    mu: Float[Array, "*#runs"] = eqx.field(converter=as_float)
-
-    def __check_init__(self):
-        check_positive("GravityGradient.mu", self.mu)
+    mu: Float[Array, "*#runs"] = quantity(
+        "m^3/s^2",
+        positive=True,
+        shared="planet.mu",
+        doc="gravitational parameter of the attracting body",
+    )
 
     def load(self, t: Scalar, y: BodyState, body: AbstractBody) -> Load:
         del t

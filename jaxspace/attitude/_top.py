@@ -30,7 +30,6 @@ is the free symmetric body.
 from collections.abc import Sequence
 from typing import final
 
-import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
@@ -43,9 +42,8 @@ from ..core import (
     Vector,
     as_float,
     axis,
-    check_finite,
-    check_positive,
     cross,
+    quantity,
     safe_divide,
     safe_sqrt,
 )
@@ -83,21 +81,18 @@ def vertical_angular_momentum(omega: Vector, Z: Vector, A: Scalar, C: Scalar) ->
 
 @final
 class Top(AbstractSystem):
-    """A heavy symmetric top on a fixed point.
+    """A heavy symmetric top on a fixed point. State: `BodyState` with attitude and omega only,
+    best made by `Top.state`."""
 
-    Fields: `transverse_inertia` A and `axial_inertia` C, kg m^2, about the fixed point;
-    `weight_moment` W l, N m. State: `BodyState` with attitude and omega only, best made by
-    `Top.state`. Raises `InputError` for a moment of inertia that is not positive or a weight moment
-    that is not finite."""
-
-    transverse_inertia: Float[Array, "*#runs"] = eqx.field(converter=as_float)
-    axial_inertia: Float[Array, "*#runs"] = eqx.field(converter=as_float)
-    weight_moment: Float[Array, "*#runs"] = eqx.field(converter=as_float)
-
-    def __check_init__(self):
-        check_positive("Top.transverse_inertia", self.transverse_inertia)
-        check_positive("Top.axial_inertia", self.axial_inertia)
-        check_finite("Top.weight_moment", self.weight_moment)
+    transverse_inertia: Float[Array, "*#runs"] = quantity(
+        "kg m^2", positive=True, doc="A, about the fixed point, across the axis of the top"
+    )
+    axial_inertia: Float[Array, "*#runs"] = quantity(
+        "kg m^2", positive=True, doc="C, about the axis of the top"
+    )
+    weight_moment: Float[Array, "*#runs"] = quantity(
+        "N m", doc="W l, weight times distance of the mass centre up the axis"
+    )
 
     def vector_field(self, t: Scalar, y: BodyState) -> BodyState:
         del t

@@ -29,7 +29,6 @@ about its axis of greatest inertia.
 
 from typing import final
 
-import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array
 
@@ -47,6 +46,7 @@ from ..core import (
     Vector,
     axis,
     norm,
+    quantity,
     safe_atan2,
     safe_sqrt,
 )
@@ -56,13 +56,16 @@ from ._state import attitude_and_omega
 
 @final
 class TorqueFreeBody(AbstractSystem):
-    """A free rigid body. Field: `inertia`, kg m^2 (three principal moments, a tensor, or an
-    inertia).
+    """A free rigid body.
 
     State: `BodyState` with attitude and omega only. A batch of bodies takes an inertia whose last
     axis is the run."""
 
-    inertia: AbstractInertia = eqx.field(converter=as_inertia)
+    inertia: AbstractInertia = quantity(
+        "kg m^2",
+        converter=as_inertia,
+        doc="about the centre of mass: three principal moments, a tensor, or an inertia",
+    )
 
     def vector_field(self, t: Scalar, y: BodyState) -> BodyState:
         del t

@@ -18,18 +18,15 @@ length. The state's position is the centre of mass.
 from abc import abstractmethod
 from typing import final
 
-import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..core import (
+    AbstractParameters,
     Scalar,
     Vector,
-    as_float,
-    as_optional_float,
     axis,
-    check_non_negative,
-    check_positive,
+    quantity,
 )
 from ._inertia import AbstractInertia, as_inertia
 
@@ -38,7 +35,7 @@ def _as_optional_inertia(x) -> AbstractInertia | None:
     return None if x is None else as_inertia(x)
 
 
-class AbstractBody(eqx.Module):
+class AbstractBody(AbstractParameters):
     """Mass properties as functions of the mass that is left; `None` for what the body does not
     have."""
 
@@ -66,21 +63,22 @@ class AbstractBody(eqx.Module):
 
 @final
 class RigidBody(AbstractBody):
-    """A body whose mass properties stay: `mass`, kg; `inertia`, kg m^2 (three principal moments, a
-    tensor, or an inertia).
+    """A body whose mass properties stay: `RigidBody(mass, inertia)`.
 
     Either may be absent: a point needs no inertia, and the mass drops out of motion under gravity
     alone."""
 
-    mass: Float[Array, "*#runs"] | None
-    moment_of_inertia: AbstractInertia | None
+    mass: Float[Array, "*#runs"] | None = quantity("kg", positive=True, optional=True, doc="mass")
+    moment_of_inertia: AbstractInertia | None = quantity(
+        "kg m^2",
+        optional=True,
+        converter=_as_optional_inertia,
+        doc="about the centre of mass: three principal moments, a tensor, or an inertia",
+    )
 
     def __init__(self, mass=None, inertia=None):
-        self.mass = as_optional_float(mass)
-        self.moment_of_inertia = _as_optional_inertia(inertia)
-
-    def __check_init__(self):
-        check_positive("RigidBody.mass", self.mass)
+        self.mass = mass
+        self.moment_of_inertia = inertia
 
     def constant_mass(self) -> Scalar | None:
         return self.mass
@@ -105,21 +103,22 @@ class RigidBody(AbstractBody):
 class BurningBody(AbstractBody):
     """A body that carries propellant on its z axis; the mass is a part of the state.
 
-    - `dry_mass`, kg, and `dry_inertia`, kg m^2, about the dry centre of mass, which is the origin
-      of the construction axes.
-    - `gyration_radii`, m, (3, *runs): of the propellant about its own centre.
-    - `propellant_station`, m: z of the propellant's centre.
+    The dry centre of mass is the origin of the construction axes."""
 
-    Raises `InputError` for a negative mass or radius."""
-
-    dry_mass: Float[Array, "*#runs"] = eqx.field(converter=as_float)
-    dry_inertia: AbstractInertia = eqx.field(converter=as_inertia)
-    gyration_radii: Float[Array, "3 *#runs"] = eqx.field(converter=as_float)
-    propellant_station: Float[Array, "*#runs"] = eqx.field(converter=as_float, default=0.0)
-
-    def __check_init__(self):
-        check_positive("BurningBody.dry_mass", self.dry_mass)
-        check_non_negative("BurningBody.gyration_radii", self.gyration_radii)
+    dry_mass: Float[Array, "*#runs"] = quantity(
+        "kg", positive=True, doc="of the body without propellant"
+    )
+    dry_inertia: AbstractInertia = quantity(
+        "kg m^2",
+        converter=as_inertia,
+        doc="about the dry centre of mass: three principal moments, a tensor, or an inertia",
+    )
+    gyration_radii: Float[Array, "3 *#runs"] = quantity(
+        "m", non_negative=True, doc="radii of gyration of the propellant about its own centre"
+    )
+    propellant_station: Float[Array, "*#runs"] = quantity(
+        "m", default=0.0, doc="z of the propellant's centre, from the dry centre of mass"
+    )
 
     def constant_mass(self) -> Scalar | None:
         return None

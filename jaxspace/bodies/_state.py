@@ -7,7 +7,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..core import State
+from ..core import State, quantity
 from ..rotations import Quaternion
 
 if TYPE_CHECKING:
@@ -22,6 +22,11 @@ else:
     AttitudePart: TypeAlias = Quaternion | None
 
 
+def as_it_is(x: Any) -> Any:
+    """`x`: a state is also built from what is no number (axes of a batch, shapes, placeholders)."""
+    return x
+
+
 @final
 class BodyState(eqx.Module):
     """Position and velocity of the centre of mass, orientation, angular velocity and mass of a
@@ -31,17 +36,25 @@ class BodyState(eqx.Module):
     and no gradient. Physics has the runs on the last axis, as below; at the border
     (`simulate_batch`, trajectories) runs and times come first.
 
-    - `position`, m, and `velocity`, m/s: (3, *runs), in inertial axes.
-    - `attitude`: a `Quaternion`, body to inertial.
-    - `omega`, rad/s: (3, *runs), relative to inertial space, in body axes.
-    - `mass`, kg: (*runs,).
-    - `parts`: whatever else an effect integrates, by name."""
+    Vectors are (3, *runs), the mass is (*runs,). `parts` holds whatever else an effect integrates,
+    by name."""
 
-    position: VectorPart = None
-    velocity: VectorPart = None
-    attitude: AttitudePart = None
-    omega: VectorPart = None
-    mass: ScalarPart = None
+    position: VectorPart = quantity(
+        "m", optional=True, converter=as_it_is, doc="of the centre of mass, in inertial axes"
+    )
+    velocity: VectorPart = quantity(
+        "m/s", optional=True, converter=as_it_is, doc="of the centre of mass, in inertial axes"
+    )
+    attitude: AttitudePart = quantity(
+        "", optional=True, converter=as_it_is, doc="a `Quaternion`, body to inertial"
+    )
+    omega: VectorPart = quantity(
+        "rad/s",
+        optional=True,
+        converter=as_it_is,
+        doc="angular velocity relative to inertial space, in body axes",
+    )
+    mass: ScalarPart = quantity("kg", optional=True, converter=as_it_is, doc="of the body")
     parts: dict[str, State] | None = None
 
     def present(self) -> tuple[str, ...]:

@@ -6,6 +6,7 @@ tables of the manual, the units of data sets and the labels of plots. No other f
 
 import dataclasses
 import math
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -73,6 +74,7 @@ def quantity(
     fixed: bool = False,
     shared: str = "",
     default: Any = dataclasses.MISSING,
+    converter: Callable[[Any], Any] | None = None,
 ) -> Any:
     """A field of a module that holds numbers of one quantity: `mass: Scalar = quantity("kg", ...)`.
 
@@ -83,6 +85,7 @@ def quantity(
     - `unit`, `doc`, `low`, `high`, `strict`, `optional`, `fixed`, `shared`: see `Quantity`.
     - `positive`, `non_negative`: the two common ranges, in place of `low` and `strict`.
     - `default`: value of the field if none is given; an optional field has the default `None`.
+    - `converter`: what turns the value into that of the field, in place of a floating-point array.
     """
     if positive:
         low, strict = 0.0, True
@@ -91,7 +94,8 @@ def quantity(
     if optional and default is dataclasses.MISSING:
         default = None
     declared = Quantity(unit, doc, low, high, strict, optional, fixed, shared)
-    converter = as_optional_float if optional else as_float
+    if converter is None:
+        converter = as_optional_float if optional else as_float
     return eqx.field(converter=converter, default=default, metadata={_KEY: declared})
 
 

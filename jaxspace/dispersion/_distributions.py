@@ -20,10 +20,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..core import as_float, check, check_finite, check_non_negative, check_positive, is_concrete
+from ..core import AbstractParameters, check, is_concrete, quantity
+
+OF_INPUT = "unit of the input"
 
 
-class AbstractDistribution(eqx.Module):
+class AbstractDistribution(AbstractParameters):
     """A distribution of one number. A concrete one is final and offers `mean` and `deviation` as
     fields or properties."""
 
@@ -44,8 +46,6 @@ def _shown(**numbers: Any) -> str:
 
 
 def _check_limits(name: str, low: Any, high: Any) -> None:
-    check_finite(f"{name}.low", low)
-    check_finite(f"{name}.high", high)
     if is_concrete(low) and is_concrete(high):
         check(
             np.asarray(high) > np.asarray(low),
@@ -57,15 +57,10 @@ def _check_limits(name: str, low: Any, high: Any) -> None:
 
 @final
 class Normal(AbstractDistribution):
-    """The normal distribution. Raises `InputError` for a negative deviation or what is not
-    finite."""
+    """The normal distribution."""
 
-    mean: Float[Array, ""] = eqx.field(converter=as_float)
-    deviation: Float[Array, ""] = eqx.field(converter=as_float)
-
-    def __check_init__(self):
-        check_finite("Normal.mean", self.mean)
-        check_non_negative("Normal.deviation", self.deviation)
+    mean: Float[Array, ""] = quantity(OF_INPUT, doc="mean")
+    deviation: Float[Array, ""] = quantity(OF_INPUT, non_negative=True, doc="standard deviation")
 
     def sample(self, key: Any) -> Float[Array, ""]:
         return self.mean + self.deviation * jax.random.normal(key)
@@ -76,11 +71,10 @@ class Normal(AbstractDistribution):
 
 @final
 class Uniform(AbstractDistribution):
-    """All values from `low` to `high` alike. Raises `InputError` unless `high` is above `low`, both
-    finite."""
+    """All values from `low` to `high` alike. Raises `InputError` unless `high` is above `low`."""
 
-    low: Float[Array, ""] = eqx.field(converter=as_float)
-    high: Float[Array, ""] = eqx.field(converter=as_float)
+    low: Float[Array, ""] = quantity(OF_INPUT, doc="lower limit")
+    high: Float[Array, ""] = quantity(OF_INPUT, doc="upper limit")
 
     def __check_init__(self):
         _check_limits("Uniform", self.low, self.high)
@@ -107,16 +101,16 @@ class TruncatedNormal(AbstractDistribution):
     """A normal distribution of which only what lies from `low` to `high` occurs.
 
     `mean` and `deviation` are those of the normal distribution before it is cut; the cut moves the
-    one and shrinks the other. Raises `InputError` unless low <= mean <= high, low < high and the
-    deviation is positive."""
+    one and shrinks the other. Raises `InputError` unless low <= mean <= high and low < high."""
 
-    mean: Float[Array, ""] = eqx.field(converter=as_float)
-    deviation: Float[Array, ""] = eqx.field(converter=as_float)
-    low: Float[Array, ""] = eqx.field(converter=as_float)
-    high: Float[Array, ""] = eqx.field(converter=as_float)
+    mean: Float[Array, ""] = quantity(OF_INPUT, doc="mean before the cut")
+    deviation: Float[Array, ""] = quantity(
+        OF_INPUT, positive=True, doc="standard deviation before the cut"
+    )
+    low: Float[Array, ""] = quantity(OF_INPUT, doc="lower limit")
+    high: Float[Array, ""] = quantity(OF_INPUT, doc="upper limit")
 
     def __check_init__(self):
-        check_positive("TruncatedNormal.deviation", self.deviation)
         _check_limits("TruncatedNormal", self.low, self.high)
         if is_concrete(self.mean) and is_concrete(self.low) and is_concrete(self.high):
             low, mean, high = (np.asarray(x) for x in (self.low, self.mean, self.high))
@@ -140,12 +134,9 @@ class TruncatedNormal(AbstractDistribution):
 
 @final
 class Constant(AbstractDistribution):
-    """Always the same `value`. Raises `InputError` for what is not finite."""
+    """Always the same value."""
 
-    value: Float[Array, ""] = eqx.field(converter=as_float)
-
-    def __check_init__(self):
-        check_finite("Constant.value", self.value)
+    value: Float[Array, ""] = quantity(OF_INPUT, doc="value")
 
     @property
     def mean(self) -> Float[Array, ""]:  # pyright: ignore[reportIncompatibleVariableOverride]

@@ -32,55 +32,62 @@ from ..core import (
     AbstractSystem,
     Scalar,
     as_float,
-    check_finite,
-    check_non_negative,
-    check_positive,
+    quantity,
 )
 from ._gimbal_walk import GimbalWalk
 
 
 @final
 class GimbalState(eqx.Module):
-    """Angles of the two gimbals, `theta` and `psi`, rad; `theta_rate`, rad/s; `angular_momentum`
-    h_Z, kg m^2/s; also their rates.
+    """Angles of the two gimbals with the rate of one and the momentum of the other; also their
+    rates.
 
     The momentum stands in for the rate of psi: it is constant or grows linearly, so that no error
     of the integration adds to the drift of the outer gimbal, which is 1e-5 of the nutation rates.
     """
 
-    theta: Float[Array, "*#runs"] = eqx.field(converter=as_float)
-    psi: Float[Array, "*#runs"] = eqx.field(converter=as_float)
-    theta_rate: Float[Array, "*#runs"] = eqx.field(converter=as_float)
-    angular_momentum: Float[Array, "*#runs"] = eqx.field(converter=as_float)
+    theta: Float[Array, "*#runs"] = quantity(
+        "rad", doc="angle of the rotor's axis from the outer gimbal's axis"
+    )
+    psi: Float[Array, "*#runs"] = quantity("rad", doc="angle of the outer gimbal about its axis")
+    theta_rate: Float[Array, "*#runs"] = quantity("rad/s", doc="rate of theta")
+    angular_momentum: Float[Array, "*#runs"] = quantity(
+        "kg m^2/s", doc="h_Z, of everything about the outer gimbal's axis"
+    )
 
 
 @final
 class TwoGimbalGyro(AbstractSystem):
-    """A rotor in two gimbals.
+    """A rotor in two gimbals, which have no mass by default. State: `GimbalState`, best made by
+    `state`."""
 
-    Fields, in the order of the table: `transverse_inertia` A, `axial_inertia` C, kg m^2;
-    `spin_rate` n, rad/s; `inner_xi`, `inner_eta`, `inner_zeta` (A_i, B_i, C_i) and `outer` (C_0),
-    kg m^2, zero for gimbals without mass; `moment_inner` M_xi and `moment_outer` M_Z, N m. State:
-    `GimbalState`, best made by `state`. Raises `InputError` for a rotor without inertia, a negative
-    gimbal inertia, or a moment that is not finite."""
-
-    transverse_inertia: Float[Array, "*#runs"] = eqx.field(converter=as_float)
-    axial_inertia: Float[Array, "*#runs"] = eqx.field(converter=as_float)
-    spin_rate: Float[Array, "*#runs"] = eqx.field(converter=as_float)
-    inner_xi: Float[Array, "*#runs"] = eqx.field(converter=as_float, default=0.0)
-    inner_eta: Float[Array, "*#runs"] = eqx.field(converter=as_float, default=0.0)
-    inner_zeta: Float[Array, "*#runs"] = eqx.field(converter=as_float, default=0.0)
-    outer: Float[Array, "*#runs"] = eqx.field(converter=as_float, default=0.0)
-    moment_inner: Float[Array, "*#runs"] = eqx.field(converter=as_float, default=0.0)
-    moment_outer: Float[Array, "*#runs"] = eqx.field(converter=as_float, default=0.0)
-
-    def __check_init__(self):
-        for name in ("transverse_inertia", "axial_inertia"):
-            check_positive(f"TwoGimbalGyro.{name}", getattr(self, name))
-        for name in ("inner_xi", "inner_eta", "inner_zeta", "outer"):
-            check_non_negative(f"TwoGimbalGyro.{name}", getattr(self, name))
-        for name in ("spin_rate", "moment_inner", "moment_outer"):
-            check_finite(f"TwoGimbalGyro.{name}", getattr(self, name))
+    transverse_inertia: Float[Array, "*#runs"] = quantity(
+        "kg m^2", positive=True, doc="A, of the rotor across its axis"
+    )
+    axial_inertia: Float[Array, "*#runs"] = quantity(
+        "kg m^2", positive=True, doc="C, of the rotor about its axis"
+    )
+    spin_rate: Float[Array, "*#runs"] = quantity(
+        "rad/s", doc="n, of the rotor about its axis, relative to inertial space"
+    )
+    inner_xi: Float[Array, "*#runs"] = quantity(
+        "kg m^2", non_negative=True, default=0.0, doc="A_i, inner gimbal about its own axis"
+    )
+    inner_eta: Float[Array, "*#runs"] = quantity(
+        "kg m^2", non_negative=True, default=0.0, doc="B_i, inner gimbal across both axes"
+    )
+    inner_zeta: Float[Array, "*#runs"] = quantity(
+        "kg m^2", non_negative=True, default=0.0, doc="C_i, inner gimbal about the rotor's axis"
+    )
+    outer: Float[Array, "*#runs"] = quantity(
+        "kg m^2", non_negative=True, default=0.0, doc="C_0, outer gimbal about its own axis"
+    )
+    moment_inner: Float[Array, "*#runs"] = quantity(
+        "N m", default=0.0, doc="M_xi, constant moment about the inner axis"
+    )
+    moment_outer: Float[Array, "*#runs"] = quantity(
+        "N m", default=0.0, doc="M_Z, constant moment about the outer axis"
+    )
 
     def vector_field(self, t: Scalar, y: GimbalState) -> GimbalState:
         del t

@@ -26,20 +26,19 @@ smooth through the parabola.
 import math
 from typing import final
 
-import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..core import (
+    AbstractParameters,
     Scalar,
     Vector,
     as_float,
     axis,
-    check_non_negative,
-    check_positive,
     cross,
     dot,
     norm,
+    quantity,
     safe_atan2,
     unit,
 )
@@ -101,25 +100,19 @@ def inclination(position: Vector, velocity: Vector) -> Scalar:
 
 
 @final
-class ClassicalElements(eqx.Module):
-    """Six elements of a conic that is not a straight line; angles in rad, each of shape (*runs,).
+class ClassicalElements(AbstractParameters):
+    """Six elements of a conic that is not a straight line."""
 
-    - `semi_latus_rectum`, m; `eccentricity`; `inclination`;
-    - `node`: longitude of the ascending node; `argument_of_periapsis`; `true_anomaly`.
-
-    Raises `InputError` unless the semi-latus rectum is positive and the eccentricity not negative.
-    """
-
-    semi_latus_rectum: Float[Array, "*#runs"] = eqx.field(converter=as_float)
-    eccentricity: Float[Array, "*#runs"] = eqx.field(converter=as_float)
-    inclination: Float[Array, "*#runs"] = eqx.field(converter=as_float)
-    node: Float[Array, "*#runs"] = eqx.field(converter=as_float)
-    argument_of_periapsis: Float[Array, "*#runs"] = eqx.field(converter=as_float)
-    true_anomaly: Float[Array, "*#runs"] = eqx.field(converter=as_float)
-
-    def __check_init__(self):
-        check_positive("ClassicalElements.semi_latus_rectum", self.semi_latus_rectum)
-        check_non_negative("ClassicalElements.eccentricity", self.eccentricity)
+    semi_latus_rectum: Float[Array, "*#runs"] = quantity(
+        "m", positive=True, doc="a (1 - e^2), which every conic has"
+    )
+    eccentricity: Float[Array, "*#runs"] = quantity("", non_negative=True, doc="of the conic")
+    inclination: Float[Array, "*#runs"] = quantity("rad", doc="angle from the z axis to r x v")
+    node: Float[Array, "*#runs"] = quantity("rad", doc="longitude of the ascending node")
+    argument_of_periapsis: Float[Array, "*#runs"] = quantity(
+        "rad", doc="angle from the ascending node to the periapsis"
+    )
+    true_anomaly: Float[Array, "*#runs"] = quantity("rad", doc="angle from the periapsis")
 
     @classmethod
     def from_periapsis(

@@ -21,7 +21,6 @@ the field of the point. Higher harmonics are left out.
 
 from typing import ClassVar, final
 
-import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
@@ -29,12 +28,10 @@ from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
 from ..core import (
     Scalar,
     Vector,
-    as_float,
     axis,
-    check_finite,
-    check_positive,
     dot,
     inverse_norm,
+    quantity,
     scale,
 )
 
@@ -101,24 +98,27 @@ def apsidal_rate(
 
 @final
 class Oblateness(AbstractEffect):
-    """Attraction by the bulge of an oblate body about the z axis: `mu`, m^3/s^2; `j2`; equatorial
-    `radius`, m.
-
-    A negative `j2` is a prolate body. Raises `InputError` unless `mu` and `radius` are positive and
-    `j2` is finite."""
+    """Attraction by the bulge of an oblate body about the z axis."""
 
     needs: ClassVar[frozenset[str]] = frozenset({"position"})
     adds: ClassVar[frozenset[str]] = frozenset({"acceleration"})
     keeps: ClassVar[frozenset[str]] = frozenset({"energy", "axial_angular_momentum"})
 
-    mu: Float[Array, "*#runs"] = eqx.field(converter=as_float)
-    j2: Float[Array, "*#runs"] = eqx.field(converter=as_float)
-    radius: Float[Array, "*#runs"] = eqx.field(converter=as_float)
-
-    def __check_init__(self):
-        check_positive("Oblateness.mu", self.mu)
-        check_finite("Oblateness.j2", self.j2)
-        check_positive("Oblateness.radius", self.radius)
+    mu: Float[Array, "*#runs"] = quantity(
+        "m^3/s^2",
+        positive=True,
+        shared="planet.mu",
+        doc="gravitational parameter of the attracting body",
+    )
+    j2: Float[Array, "*#runs"] = quantity(
+        "", shared="planet.j2", doc="second zonal harmonic; negative for a prolate body"
+    )
+    radius: Float[Array, "*#runs"] = quantity(
+        "m",
+        positive=True,
+        shared="planet.radius",
+        doc="equatorial radius of the attracting body, to which j2 refers",
+    )
 
     def load(self, t: Scalar, y: BodyState, body: AbstractBody) -> Load:
         del t, body

@@ -14,7 +14,6 @@ Valid outside the attracting body; singular at its centre.
 
 from typing import ClassVar, final
 
-import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
@@ -23,10 +22,9 @@ from ..core import (
     AbstractSystem,
     Scalar,
     Vector,
-    as_float,
-    check_positive,
     dot,
     inverse_norm,
+    quantity,
     scale,
 )
 from ._kepler_motion import KeplerMotion
@@ -45,8 +43,7 @@ def point_gravity_potential(r: Vector, mu: Scalar) -> Scalar:
 
 @final
 class PointGravity(AbstractEffect):
-    """Attraction by a point mass at the origin: `mu`, m^3/s^2. Raises `InputError` unless `mu` is
-    positive."""
+    """Attraction by a point mass at the origin."""
 
     needs: ClassVar[frozenset[str]] = frozenset({"position"})
     adds: ClassVar[frozenset[str]] = frozenset({"acceleration"})
@@ -54,10 +51,12 @@ class PointGravity(AbstractEffect):
         {"energy", "angular_momentum", "axial_angular_momentum"}
     )
 
-    mu: Float[Array, "*#runs"] = eqx.field(converter=as_float)
-
-    def __check_init__(self):
-        check_positive("PointGravity.mu", self.mu)
+    mu: Float[Array, "*#runs"] = quantity(
+        "m^3/s^2",
+        positive=True,
+        shared="planet.mu",
+        doc="gravitational parameter of the attracting body",
+    )
 
     def load(self, t: Scalar, y: BodyState, body: AbstractBody) -> Load:
         del t, body

@@ -13,11 +13,10 @@ eccentricity vector; the motion is known in closed form (`kepler_flow`).
 
 from typing import final
 
-import equinox as eqx
 from jaxtyping import Array, Float
 
 from ..bodies import BodyState
-from ..core import AbstractSystem, Scalar, as_float, check_positive
+from ..core import AbstractSystem, Scalar, quantity
 from ._elements import angular_momentum, eccentricity_vector, specific_energy
 from ._kepler_motion import KeplerMotion
 from ._point_gravity import point_gravity
@@ -25,15 +24,15 @@ from ._point_gravity import point_gravity
 
 @final
 class TwoBody(AbstractSystem):
-    """A body about a fixed centre of strength `mu`, m^3/s^2. State: `BodyState` with position and
-    velocity only.
+    """A body about a fixed attracting centre. State: `BodyState` with position and velocity
+    only."""
 
-    Raises `InputError` unless `mu` is positive."""
-
-    mu: Float[Array, "*#runs"] = eqx.field(converter=as_float)
-
-    def __check_init__(self):
-        check_positive("TwoBody.mu", self.mu)
+    mu: Float[Array, "*#runs"] = quantity(
+        "m^3/s^2",
+        positive=True,
+        shared="planet.mu",
+        doc="gravitational parameter of the attracting body",
+    )
 
     def vector_field(self, t: Scalar, y: BodyState) -> BodyState:
         del t

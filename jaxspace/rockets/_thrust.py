@@ -18,39 +18,37 @@ known times: these are its `breaks`.
 from collections.abc import Sequence
 from typing import ClassVar, final
 
-import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
 from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
 from ..core import (
+    AbstractParameters,
     InputError,
     Scalar,
     Vector,
-    as_float,
-    as_optional_float,
     check,
-    check_non_negative,
     check_positive,
     cross,
     is_concrete,
+    quantity,
 )
 
 
 @final
-class ThrustProfile(eqx.Module):
+class ThrustProfile(AbstractParameters):
     """Thrust in units of its mean against time in units of the burn time, linear between its
     points.
 
-    - `fraction`: ascending from 0 to 1, shape (points,) (an optional axis of runs trails); `level`:
-      thrust over mean thrust.
+    Raises `InputError` unless the fractions ascend from 0 to 1 and the levels have the mean 1."""
 
-    Raises `InputError` unless the fractions ascend from 0 to 1 and the levels are not negative with
-    the mean 1."""
-
-    fraction: Float[Array, "points *#runs"] = eqx.field(converter=as_float)
-    level: Float[Array, "points *#runs"] = eqx.field(converter=as_float)
+    fraction: Float[Array, "points *#runs"] = quantity(
+        "", low=0.0, high=1.0, doc="of the burn time, ascending from 0 to 1"
+    )
+    level: Float[Array, "points *#runs"] = quantity(
+        "", non_negative=True, doc="thrust over mean thrust"
+    )
 
     @classmethod
     def constant(cls) -> "ThrustProfile":
@@ -82,7 +80,6 @@ class ThrustProfile(eqx.Module):
                 x,
                 "ascending from 0 to 1",
             )
-            check_non_negative("ThrustProfile.level", f)
             mean = np.sum(0.5 * (f[1:] + f[:-1]) * np.diff(x, axis=0), axis=0)
             check(
                 np.abs(mean - 1.0) < 1e-5,
@@ -106,39 +103,39 @@ class ThrustProfile(eqx.Module):
 
 @final
 class Thrust(AbstractEffect):
-    """A motor that burns from `ignition`, s, for `burn_time`, s.
+    """A motor that burns from its ignition for its burn time; its thrust follows the `profile`,
+    constant by default.
 
-    - `mean_thrust`, N; `exhaust_velocity`, m/s; `profile`: a `ThrustProfile`, constant by default.
-    - `point`, m: where the thrust acts, in the body's construction axes, (3, *runs).
-    - `misalignment`: tangents of the angles of the thrust's line to z, towards x and y, (2, *runs).
-    - `burnout_mass`, kg: the thrust ends when no more mass than this is left; `None` lets the burn
-      time alone end it. The end by mass depends on the state: give the phase the event
-      `propellant_left` to stop on it exactly.
+    With a burnout mass the end of the thrust depends on the state: give the phase the event
+    `propellant_left` to stop on it exactly."""
 
-    Raises `InputError` for a thrust that is negative, or a burn time or an exhaust velocity that is
-    not positive."""
-
-    mean_thrust: Float[Array, "*#runs"] = eqx.field(converter=as_float)
-    exhaust_velocity: Float[Array, "*#runs"] = eqx.field(converter=as_float)
-    burn_time: Float[Array, "*#runs"] = eqx.field(converter=as_float)
-    profile: ThrustProfile | None = None
-    ignition: Float[Array, "*#runs"] = eqx.field(converter=as_float, default=0.0)
-    point: Float[Array, "3 *#runs"] | None = eqx.field(converter=as_optional_float, default=None)
-    misalignment: Float[Array, "2 *#runs"] | None = eqx.field(
-        converter=as_optional_float, default=None
+    mean_thrust: Float[Array, "*#runs"] = quantity(
+        "N", non_negative=True, doc="mean over the burn time"
     )
-    burnout_mass: Float[Array, "*#runs"] | None = eqx.field(
-        converter=as_optional_float, default=None
+    exhaust_velocity: Float[Array, "*#runs"] = quantity(
+        "m/s", positive=True, doc="thrust over mass flow"
+    )
+    burn_time: Float[Array, "*#runs"] = quantity("s", positive=True, doc="from ignition to burnout")
+    profile: ThrustProfile | None = None
+    ignition: Float[Array, "*#runs"] = quantity("s", default=0.0, doc="time at which it ignites")
+    point: Float[Array, "3 *#runs"] | None = quantity(
+        "m",
+        optional=True,
+        doc="where the thrust acts, in the body's construction axes; without it there is no torque",
+    )
+    misalignment: Float[Array, "2 *#runs"] | None = quantity(
+        "", optional=True, doc="tangents of the angles from z to the thrust, towards x and y"
+    )
+    burnout_mass: Float[Array, "*#runs"] | None = quantity(
+        "kg",
+        non_negative=True,
+        optional=True,
+        doc="the thrust ends when no more mass than this is left; without it the burn time ends it",
     )
 
     needs: ClassVar[frozenset[str]] = frozenset({"attitude", "mass"})
     adds: ClassVar[frozenset[str]] = frozenset({"force", "torque", "mass_rate"})
     keeps: ClassVar[frozenset[str]] = frozenset()
-
-    def __check_init__(self):
-        check_non_negative("Thrust.mean_thrust", self.mean_thrust)
-        check_positive("Thrust.exhaust_velocity", self.exhaust_velocity)
-        check_positive("Thrust.burn_time", self.burn_time)
 
     @classmethod
     def of_motor(

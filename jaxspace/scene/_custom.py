@@ -7,7 +7,7 @@ import equinox as eqx
 from jaxtyping import Array, Float
 
 from ..bodies import PARTS, AbstractBody, AbstractEffect, BodyState, Load
-from ..core import InputError, Scalar, as_optional_float
+from ..core import InputError, Scalar, quantity
 
 ADDS = ("acceleration", "force", "torque", "mass_rate", "parts")
 
@@ -23,7 +23,6 @@ class Custom(AbstractEffect):
     - `needs`, `adds`, `keeps`: as in `AbstractEffect`.
     - `energy`: a function (t, y, body) -> potential energy per unit mass, J/kg, if the effect keeps
       the energy.
-    - `break_times`: times, s, at which the load or a derivative of it jumps, (times, *runs).
 
     Raises `InputError` for an unknown part or contribution, or an effect that keeps the energy
     without a potential."""
@@ -33,8 +32,8 @@ class Custom(AbstractEffect):
     adds: frozenset[str] = eqx.field(static=True, converter=frozenset)  # pyright: ignore[reportIncompatibleVariableOverride]
     keeps: frozenset[str] = eqx.field(static=True, converter=frozenset, default=frozenset())  # pyright: ignore
     energy: Callable[..., Scalar] | None = None
-    break_times: Float[Array, "times *#runs"] | None = eqx.field(
-        converter=as_optional_float, default=None
+    break_times: Float[Array, "times *#runs"] | None = quantity(
+        "s", optional=True, doc="at which the load or a derivative of it jumps"
     )
 
     def __check_init__(self):

@@ -7,7 +7,7 @@ import jax
 from jaxtyping import Array, Float
 
 from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
-from ..core import Scalar, as_float
+from ..core import Scalar, quantity
 
 
 def scaled(effect: AbstractEffect, factor: Scalar) -> AbstractEffect:
@@ -25,7 +25,7 @@ class Scaled(AbstractEffect):
     A derivative in the factor at 1 says what a result owes to the effect, to first order."""
 
     effect: AbstractEffect
-    factor: Float[Array, "*#runs"] = eqx.field(converter=as_float)
+    factor: Float[Array, "*#runs"] = quantity("", doc="by which the load is multiplied")
     needs: frozenset[str] = eqx.field(static=True)  # pyright: ignore[reportIncompatibleVariableOverride]
     adds: frozenset[str] = eqx.field(static=True)  # pyright: ignore[reportIncompatibleVariableOverride]
     keeps: frozenset[str] = eqx.field(static=True)  # pyright: ignore[reportIncompatibleVariableOverride]
