@@ -1,5 +1,4 @@
-"""What has mass: inertia, mass properties, the state of a body, Newton-Euler, and the interface of
-effects."""
+"""Bodies with mass: inertia, mass properties, state, equations of motion, the interface of effects."""
 
 from ._body import AbstractBody as AbstractBody
 from ._body import BurningBody as BurningBody

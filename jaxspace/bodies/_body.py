@@ -1,5 +1,4 @@
-"""What a scene's effects act on: mass, centre of mass and inertia, constant or changing with the
-mass that is left.
+"""Mass, centre of mass and inertia of a body, constant or changing with the mass that is left.
 
     J(m) = J_d + m_p diag(k^2) + m_d m_p / m d^2 diag(1, 1, 0)          m_p = m - m_d
 
@@ -10,13 +9,14 @@ mass that is left.
     k       radii of gyration of the propellant about its own centre         m
     d       distance of the propellant's centre from the dry centre, along z m
 
-Source: Thomson 5.5 (parallel axes), 7.9 (rocket whose radii of gyration stay). The propellant's
-centre and radii of gyration stay where they are: right for a grain that burns evenly over its
-length. The state's position is the centre of mass.
+Source: Thomson 5.5 (parallel axes), 7.9 (rocket with constant radii of gyration).
+
+The propellant's centre and radii of gyration are constant: right for a grain that burns evenly over
+its length. The position of the state is the centre of mass.
 """
 
 from abc import abstractmethod
-from typing import final
+from typing import Any, final
 
 import jax.numpy as jnp
 from jaxtyping import Array, Float
@@ -27,26 +27,27 @@ from ..core import (
     Vector,
     axis,
     quantity,
+    with_rank,
 )
 from ._inertia import AbstractInertia, as_inertia
 
 
-def _as_optional_inertia(x) -> AbstractInertia | None:
+def _as_optional_inertia(x: Any) -> AbstractInertia | None:
     return None if x is None else as_inertia(x)
 
 
 class AbstractBody(AbstractParameters):
-    """Mass properties as functions of the mass that is left; `None` for what the body does not
-    have."""
+    """Mass properties as functions of the mass that is left.
+
+    Shapes: masses (*runs,), vectors (3, *runs). `None` stands for what the body does not have."""
 
     @abstractmethod
     def constant_mass(self) -> Scalar | None:
-        """The mass, kg, of a body that keeps it; `None` when it is unknown or a part of the
-        state."""
+        """The mass, kg, if it is constant; `None` where it is unknown or a part of the state."""
 
     @abstractmethod
     def has_inertia(self) -> bool:
-        """Whether the body can rotate."""
+        """Whether the body has an inertia, so that it can rotate."""
 
     @abstractmethod
     def inertia(self, mass: Scalar | None) -> AbstractInertia:
@@ -54,16 +55,16 @@ class AbstractBody(AbstractParameters):
 
     @abstractmethod
     def inertia_per_mass(self, mass: Scalar) -> Vector:
-        """Diagonal of dJ/dm, m^2: how the inertia falls with the mass that leaves."""
+        """Diagonal of dJ/dm, m^2, when `mass`, kg, is left."""
 
     @abstractmethod
     def centre_of_mass(self, mass: Scalar | None) -> Vector | float:
-        """Centre of mass in the body's construction axes, m."""
+        """Centre of mass in the body's construction axes, m, when `mass`, kg, is left."""
 
 
 @final
 class RigidBody(AbstractBody):
-    """A body whose mass properties stay: `RigidBody(mass, inertia)`.
+    """A body with constant mass properties: `RigidBody(mass, inertia)`.
 
     Either may be absent: a point needs no inertia, and the mass drops out of motion under gravity
     alone."""
@@ -129,12 +130,14 @@ class BurningBody(AbstractBody):
     def inertia(self, mass: Scalar | None) -> AbstractInertia:
         assert mass is not None
         propellant = mass - self.dry_mass
-        k = self.gyration_radii
+        k = with_rank(self.gyration_radii, jnp.ndim(mass))
+        # Parallel axes for two masses about their common centre: the reduced mass times d^2.
         apart = self.dry_mass * propellant / mass * self.propellant_station**2
         return self.dry_inertia.plus_diagonal(propellant * k * k + apart * _transverse(apart))
 
     def inertia_per_mass(self, mass: Scalar) -> Vector:
-        k = self.gyration_radii
+        k = with_rank(self.gyration_radii, jnp.ndim(mass))
+        # The derivative of the reduced mass by m is (m_d / m)^2.
         apart = (self.dry_mass / mass * self.propellant_station) ** 2
         return k * k + apart * _transverse(apart)
 

@@ -1,5 +1,5 @@
-"""A point under gravity: attraction by a point and by an oblate body, orbital elements, two-body
-motion in closed form, transfers from place to place."""
+"""Motion of a point under gravity: attraction by a point and by an oblate body, orbital elements,
+two-body motion in closed form, transfers."""
 
 from ._elements import ClassicalElements as ClassicalElements
 from ._elements import angular_momentum as angular_momentum
@@ -23,4 +23,5 @@ from ._oblateness import oblateness_potential as oblateness_potential
 from ._point_gravity import PointGravity as PointGravity
 from ._point_gravity import point_gravity as point_gravity
 from ._point_gravity import point_gravity_potential as point_gravity_potential
+from ._steps import steps_for as steps_for
 from ._two_body import TwoBody as TwoBody

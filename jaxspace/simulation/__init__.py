@@ -20,6 +20,5 @@ from ._runs import run_mission as run_mission
 from ._simulate import check_start as check_start
 from ._simulate import check_times as check_times
 from ._simulate import simulate as simulate
-from ._steps import steps_for as steps_for
 from ._trajectory import MissionTrajectory as MissionTrajectory
 from ._trajectory import Trajectory as Trajectory
