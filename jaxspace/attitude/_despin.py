@@ -19,13 +19,13 @@ Valid for a symmetric set of light cords in the plane of the mass centre, releas
 position, on a body that spins about its axis of symmetry.
 """
 
-from typing import final
+from typing import ClassVar, final
 
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..bodies import BodyState
-from ..core import AbstractParameters, InputError, Scalar, axis, quantity
+from ..bodies import AbstractJump, BodyState
+from ..core import InputError, Scalar, axis, quantity
 
 
 def inertia_ratio(I: Scalar, R: Scalar, m: Scalar) -> Scalar:  # noqa: E741
@@ -44,7 +44,7 @@ def zero_spin_cord_length(I: Scalar, R: Scalar, m: Scalar) -> Scalar:  # noqa: E
 
 
 @final
-class YoYo(AbstractParameters):
+class YoYo(AbstractJump):
     """A yo-yo as a jump of the state: called on the state before the unwinding it returns the state
     after the release.
 
@@ -52,6 +52,8 @@ class YoYo(AbstractParameters):
     attitude stays what it was. The spin axis is z; the rate about it is multiplied by (C -
     phi^2)/(C + phi^2) with phi = l/R, the rates across it stay. A mass in the state falls by the
     mass let go."""
+
+    needs: ClassVar[frozenset[str]] = frozenset({"omega"})
 
     axial_inertia: Float[Array, "*#runs"] = quantity(
         "kg m^2", positive=True, shared="body.inertia.2", doc="I, of the body without the yo-yo"

@@ -40,8 +40,10 @@ from ..core import (
     InputError,
     Scalar,
     Vector,
+    argument,
     as_float,
     axis,
+    constructor,
     cross,
     quantity,
     safe_divide,
@@ -119,6 +121,15 @@ class Top(AbstractSystem):
         }
 
     @staticmethod
+    @constructor(
+        angles=argument(
+            "rad",
+            shape=(3,),
+            default=(0.0, 0.0, 0.0),
+            doc="Euler's angles 3-1-3 (psi, theta, phi): precession, nutation, spin",
+        ),
+        rates=argument("rad/s", shape=(3,), doc="their rates"),
+    )
     def state(angles: Vector | Sequence[Scalar], rates: Vector | Sequence[Scalar]) -> BodyState:
         """The state from `angles` = (psi, theta, phi), rad, and their `rates`, rad/s, both of shape
         (3, *runs)."""

@@ -46,6 +46,10 @@ class AbstractBody(AbstractParameters):
         """The mass, kg, if it is constant; `None` where it is unknown or a part of the state."""
 
     @abstractmethod
+    def loaded_mass(self) -> Scalar | None:
+        """The mass, kg, at the start of a flight; `None` when it is unknown."""
+
+    @abstractmethod
     def has_inertia(self) -> bool:
         """Whether the body has an inertia, so that it can rotate."""
 
@@ -72,6 +76,7 @@ class RigidBody(AbstractBody):
     mass: Float[Array, "*#runs"] | None = quantity("kg", positive=True, optional=True, doc="mass")
     moment_of_inertia: AbstractInertia | None = quantity(
         "kg m^2",
+        key="inertia",
         optional=True,
         converter=_as_optional_inertia,
         doc="about the centre of mass: three principal moments, a tensor, or an inertia",
@@ -82,6 +87,9 @@ class RigidBody(AbstractBody):
         self.moment_of_inertia = inertia
 
     def constant_mass(self) -> Scalar | None:
+        return self.mass
+
+    def loaded_mass(self) -> Scalar | None:
         return self.mass
 
     def has_inertia(self) -> bool:
@@ -111,6 +119,7 @@ class BurningBody(AbstractBody):
     )
     dry_inertia: AbstractInertia = quantity(
         "kg m^2",
+        key="inertia",
         converter=as_inertia,
         doc="about the dry centre of mass: three principal moments, a tensor, or an inertia",
     )
@@ -120,9 +129,15 @@ class BurningBody(AbstractBody):
     propellant_station: Float[Array, "*#runs"] = quantity(
         "m", default=0.0, doc="z of the propellant's centre, from the dry centre of mass"
     )
+    propellant_mass: Float[Array, "*#runs"] | None = quantity(
+        "kg", positive=True, optional=True, doc="carried at the start; the state holds what is left"
+    )
 
     def constant_mass(self) -> Scalar | None:
         return None
+
+    def loaded_mass(self) -> Scalar | None:
+        return None if self.propellant_mass is None else self.dry_mass + self.propellant_mass
 
     def has_inertia(self) -> bool:
         return True

@@ -8,6 +8,14 @@ from ._check import check_finite as check_finite
 from ._check import check_non_negative as check_non_negative
 from ._check import check_positive as check_positive
 from ._check import is_concrete as is_concrete
+from ._declare import Choice as Choice
+from ._declare import constructor as constructor
+from ._declare import event as event
+from ._declare import initial as initial
+from ._declare import known_time as known_time
+from ._declare import output as output
+from ._declare import reference as reference
+from ._declare import references as references
 from ._group import AbstractGroupElement as AbstractGroupElement
 from ._linear import axis as axis
 from ._linear import cross as cross
@@ -19,8 +27,10 @@ from ._linear import norm as norm
 from ._linear import scale as scale
 from ._linear import solve3 as solve3
 from ._linear import unit as unit
+from ._quantity import REQUIRED as REQUIRED
 from ._quantity import AbstractParameters as AbstractParameters
 from ._quantity import Quantity as Quantity
+from ._quantity import argument as argument
 from ._quantity import quantities as quantities
 from ._quantity import quantity as quantity
 from ._safe import phi1 as phi1

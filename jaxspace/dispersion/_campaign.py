@@ -8,9 +8,10 @@ from typing import Any, NamedTuple, final
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float, Integer
+import numpy as np
+from jaxtyping import Array, Bool, Float, Integer
 
-from ..core import InputError, State, as_float, check_finite
+from ..core import InputError, Quantity, State, as_float, check_finite
 from ..simulation import Mission
 from ._distributions import AbstractDistribution
 
@@ -40,6 +41,8 @@ class Campaign(eqx.Module):
     - `units`: the unit of every input and output, by name; a name without one is a pure number.
     - `start`, s: the time at which the mission starts.
     - `description`: free text for the record, such as the scene file.
+    - `limits`: what each input is, by name, with the range that its class allows; a run of which an
+      input falls outside is refused (`allowed`).
 
     `build` and `outputs` are traced once; as modules they may hold arrays of their own. Raises
     `InputError` for an input that is no distribution, whose name is reserved, or when there is
@@ -51,6 +54,7 @@ class Campaign(eqx.Module):
     units: dict[str, str] = eqx.field(default_factory=dict)
     start: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)
     description: str = eqx.field(static=True, default="")
+    limits: dict[str, Quantity] = eqx.field(static=True, default_factory=dict)
 
     def __check_init__(self):
         if not self.inputs:
@@ -82,6 +86,22 @@ class Campaign(eqx.Module):
             }
 
         return jax.vmap(drawn)(numbers)
+
+    def allowed(self, samples: dict[str, Float[Array, " runs"]]) -> Bool[Array, " runs"]:
+        """For each run whether all of its inputs lie in the ranges that their classes allow."""
+        runs = next(iter(samples.values())).shape
+        within = jnp.ones(runs, bool)
+        for name, limit in self.limits.items():
+            within = within & limit.contains(samples[name])
+        return within
+
+    def refusal(self, samples: dict[str, Any]) -> str:
+        """Why a run with these inputs, each a number, is refused; empty where it is allowed."""
+        for name, limit in self.limits.items():
+            if not np.all(limit.contains(np.asarray(samples[name]))):
+                value = float(np.asarray(samples[name]))
+                return f"{name} is {value:.6g}: it must be {limit.allowed()}."
+        return ""
 
     def text(self) -> str:
         """The inputs in words, one a line."""

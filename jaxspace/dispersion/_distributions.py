@@ -11,6 +11,7 @@ s       its standard deviation                     that of the quantity
 a, b    limits                                     that of the quantity
 """
 
+import math
 from abc import abstractmethod
 from typing import Any, final
 
@@ -22,7 +23,15 @@ from jaxtyping import Array, Float
 
 from ..core import AbstractParameters, check, is_concrete, quantity
 
+
 OF_INPUT = "unit of the input"
+"""The unit of a field whose number is a value of the input."""
+
+SHARE_OF_INPUT = "unit of the input, or % of its nominal value"
+"""The unit of a field whose number is a difference of two values of the input."""
+
+NOMINAL = "nominal"
+"""Where a scene file finds the nominal value of an input: `shared` of a field."""
 
 
 class AbstractDistribution(AbstractParameters):
@@ -37,8 +46,26 @@ class AbstractDistribution(AbstractParameters):
         """One draw, decided by the random `key` alone."""
 
     @abstractmethod
+    def outside(self, low: float, high: float) -> float:
+        """The share of all draws, from 0 to 1, that fall below `low` or above `high`."""
+
+    @abstractmethod
     def text(self) -> str:
         """The distribution in words, for records."""
+
+
+def _normal_share(low: float, high: float) -> float:
+    """The share of a standard normal distribution from `low` to `high`."""
+    # In the tails the difference of two values of erfc keeps its digits, that of erf does not.
+    if low > 0.0:
+        low, high = -high, -low
+    root = math.sqrt(2.0)
+    return 0.5 * (math.erfc(-high / root) - math.erfc(-low / root))
+
+
+def _uniform_share(start: float, end: float, low: float, high: float) -> float:
+    """The share of the interval from `start` to `end` that lies from `low` to `high`."""
+    return max(0.0, min(end, high) - max(start, low)) / (end - start)
 
 
 def _shown(**numbers: Any) -> str:
@@ -59,11 +86,18 @@ def _check_limits(name: str, low: Any, high: Any) -> None:
 class Normal(AbstractDistribution):
     """The normal distribution."""
 
-    mean: Float[Array, ""] = quantity(OF_INPUT, doc="mean")
-    deviation: Float[Array, ""] = quantity(OF_INPUT, non_negative=True, doc="standard deviation")
+    mean: Float[Array, ""] = quantity(OF_INPUT, shared=NOMINAL, doc="mean")
+    deviation: Float[Array, ""] = quantity(SHARE_OF_INPUT, non_negative=True, doc="standard deviation")
 
     def sample(self, key: Any) -> Float[Array, ""]:
         return self.mean + self.deviation * jax.random.normal(key)
+
+    def outside(self, low: float, high: float) -> float:
+        mean, deviation = float(self.mean), float(self.deviation)
+        if deviation == 0.0:
+            return float(not low <= mean <= high)
+        below, above = (mean - low) / deviation, (high - mean) / deviation
+        return _normal_share(-math.inf, -below) + _normal_share(above, math.inf)
 
     def text(self) -> str:
         return "normal, " + _shown(mean=self.mean, deviation=self.deviation)
@@ -92,6 +126,9 @@ class Uniform(AbstractDistribution):
     def sample(self, key: Any) -> Float[Array, ""]:
         return self.low + (self.high - self.low) * jax.random.uniform(key)
 
+    def outside(self, low: float, high: float) -> float:
+        return 1.0 - _uniform_share(float(self.low), float(self.high), low, high)
+
     def text(self) -> str:
         return "uniform, " + _shown(low=self.low, high=self.high)
 
@@ -103,9 +140,9 @@ class TruncatedNormal(AbstractDistribution):
     `mean` and `deviation` are those of the normal distribution before it is cut; the cut moves the
     one and shrinks the other. Raises `InputError` unless low <= mean <= high and low < high."""
 
-    mean: Float[Array, ""] = quantity(OF_INPUT, doc="mean before the cut")
+    mean: Float[Array, ""] = quantity(OF_INPUT, shared=NOMINAL, doc="mean before the cut")
     deviation: Float[Array, ""] = quantity(
-        OF_INPUT, positive=True, doc="standard deviation before the cut"
+        SHARE_OF_INPUT, positive=True, doc="standard deviation before the cut"
     )
     low: Float[Array, ""] = quantity(OF_INPUT, doc="lower limit")
     high: Float[Array, ""] = quantity(OF_INPUT, doc="upper limit")
@@ -125,6 +162,14 @@ class TruncatedNormal(AbstractDistribution):
         a, b = (self.low - self.mean) / self.deviation, (self.high - self.mean) / self.deviation
         drawn = self.mean + self.deviation * jax.random.truncated_normal(key, a, b)
         return jnp.clip(drawn, self.low, self.high)  # the product may round to beyond a limit
+
+    def outside(self, low: float, high: float) -> float:
+        mean, deviation = float(self.mean), float(self.deviation)
+        a, b = (float(self.low) - mean) / deviation, (float(self.high) - mean) / deviation
+        below, above = (low - mean) / deviation, (high - mean) / deviation
+        lost = _normal_share(a, min(b, below)) if below > a else 0.0
+        lost += _normal_share(max(a, above), b) if above < b else 0.0
+        return lost / _normal_share(a, b)
 
     def text(self) -> str:
         return "truncated normal, " + _shown(
@@ -151,6 +196,9 @@ class Constant(AbstractDistribution):
     def sample(self, key: Any) -> Float[Array, ""]:
         del key
         return self.value
+
+    def outside(self, low: float, high: float) -> float:
+        return float(not low <= float(self.value) <= high)
 
     def text(self) -> str:
         return "constant, " + _shown(value=self.value)

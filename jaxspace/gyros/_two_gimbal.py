@@ -31,7 +31,9 @@ from jaxtyping import Array, Float
 from ..core import (
     AbstractSystem,
     Scalar,
+    argument,
     as_float,
+    constructor,
     quantity,
 )
 from ._gimbal_walk import GimbalWalk
@@ -115,6 +117,14 @@ class TwoGimbalGyro(AbstractSystem):
             "angular_momentum": y.angular_momentum - self.moment_outer * t,
         }
 
+    @constructor(
+        theta=argument(
+            "rad", default=0.0, doc="angle of the rotor's axis from the outer gimbal's axis"
+        ),
+        psi=argument("rad", default=0.0, doc="angle of the outer gimbal about its axis"),
+        theta_rate=argument("rad/s", default=0.0, doc="rate of theta"),
+        psi_rate=argument("rad/s", default=0.0, doc="rate of psi"),
+    )
     def state(
         self, theta: Scalar, psi: Scalar, theta_rate: Scalar, psi_rate: Scalar
     ) -> GimbalState:

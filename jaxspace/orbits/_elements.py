@@ -38,6 +38,7 @@ from ..core import (
     cross,
     dot,
     norm,
+    output,
     quantity,
     safe_atan2,
     unit,
@@ -45,6 +46,7 @@ from ..core import (
 from ..rotations import from_euler_angles
 
 
+@output("m^2/s^2", mu="planet.mu")
 def specific_energy(position: Vector, velocity: Vector, mu: Scalar) -> Scalar:
     """Energy per unit mass E, m^2/s^2 (Thomson 4.7)."""
     return 0.5 * dot(velocity, velocity) - mu / jnp.sqrt(dot(position, position))
@@ -69,12 +71,14 @@ def semi_latus_rectum(position: Vector, velocity: Vector, mu: Scalar) -> Scalar:
     return dot(h, h) / mu
 
 
+@output("m", mu="planet.mu")
 def semi_major_axis(position: Vector, velocity: Vector, mu: Scalar) -> Scalar:
     """a, m: negative for a hyperbola; for the parabola infinite, with the derivative zero."""
     energy = specific_energy(position, velocity, mu)
     return jnp.where(energy == 0.0, math.inf, -0.5 * mu / jnp.where(energy == 0.0, 1.0, energy))
 
 
+@output("m", mu="planet.mu")
 def periapsis_radius(position: Vector, velocity: Vector, mu: Scalar) -> Scalar:
     """Least distance from the centre on the whole conic, m; smooth through the parabola."""
     return semi_latus_rectum(position, velocity, mu) / (
@@ -82,6 +86,7 @@ def periapsis_radius(position: Vector, velocity: Vector, mu: Scalar) -> Scalar:
     )
 
 
+@output("m", mu="planet.mu")
 def apoapsis_radius(position: Vector, velocity: Vector, mu: Scalar) -> Scalar:
     """Greatest distance from the centre, m; infinite, with the derivative zero, for an orbit that
     is not closed."""
@@ -92,6 +97,7 @@ def apoapsis_radius(position: Vector, velocity: Vector, mu: Scalar) -> Scalar:
     )
 
 
+@output("rad")
 def inclination(position: Vector, velocity: Vector) -> Scalar:
     """Inclination i of the orbit's plane to the equator, rad, within [0, pi]; its derivative is
     zero for an equatorial orbit."""

@@ -27,7 +27,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
-from ..core import Scalar, axis, phi1, quantity
+from ..core import Scalar, axis, phi1, quantity, reference
 
 
 def jet_damping_ratio(mass_ratio: Scalar, lever_over_gyration: Scalar) -> Scalar:
@@ -55,7 +55,9 @@ class JetDamping(AbstractEffect):
     """Jet damping of a body whose motor loses mass at the rate `mass_rate(t, mass)`, kg/s
     (negative)."""
 
-    mass_rate: Callable[[Scalar, Scalar], Scalar]
+    mass_rate: Callable[[Scalar, Scalar], Scalar] = reference(
+        "mass_rate", doc="rate of the mass, kg/s, as a function of time and mass"
+    )
     exit_station: Float[Array, "*#runs"] = quantity(
         "m", doc="z of the nozzle's exit in the body's construction axes"
     )

@@ -16,7 +16,7 @@ known times: these are its `breaks`.
 """
 
 from collections.abc import Sequence
-from typing import ClassVar, final
+from typing import Any, ClassVar, final
 
 import jax.numpy as jnp
 import numpy as np
@@ -28,10 +28,13 @@ from ..core import (
     InputError,
     Scalar,
     Vector,
+    argument,
+    as_float,
     check,
-    check_positive,
+    constructor,
     cross,
     is_concrete,
+    known_time,
     quantity,
 )
 
@@ -56,13 +59,36 @@ class ThrustProfile(AbstractParameters):
         return cls([0.0, 1.0], [1.0, 1.0])
 
     @classmethod
+    @constructor(
+        sets=("fraction", "level"),
+        times=argument("s", shape=(None,), fixed=True, doc="ascending; only their ratios matter"),
+        thrusts=argument(
+            "N",
+            shape=(None,),
+            non_negative=True,
+            fixed=True,
+            doc="at these times; only their ratios matter",
+        ),
+    )
+    def of_table(
+        cls, times: Sequence[float] | Array, thrusts: Sequence[float] | Array
+    ) -> "ThrustProfile":
+        """The profile of a table of thrust against time, in any units: the shape alone counts."""
+        return cls.tabulated(times, thrusts)[0]
+
+    @classmethod
     def tabulated(
         cls, times: Sequence[float] | Array, thrusts: Sequence[float] | Array
     ) -> tuple["ThrustProfile", float, float]:
         """The profile of a table of thrust against time, with its burn time and its mean thrust in
         the table's units."""
         t, f = np.asarray(times, float), np.asarray(thrusts, float)
+        if t.shape != f.shape:
+            raise InputError(
+                f"ThrustProfile has {t.size} times and {f.size} thrusts: it must have as many."
+            )
         check(np.diff(t) > 0.0, "ThrustProfile.times", t, "ascending")
+        check(np.any(f > 0.0), "ThrustProfile.thrusts", f, "above zero somewhere")
         burn_time = float(t[-1] - t[0])
         mean = float(np.sum(0.5 * (f[1:] + f[:-1]) * np.diff(t)) / burn_time)
         return cls((t - t[0]) / burn_time, f / mean), burn_time, mean
@@ -99,6 +125,20 @@ class ThrustProfile(AbstractParameters):
             slope = (self.level[k + 1] - self.level[k]) / width
             level = level + slope * jnp.clip(x - self.fraction[k], 0.0, width)
         return jnp.where((x >= 0.0) & (x <= 1.0), level, 0.0)
+
+
+_STATION = argument(
+    "m",
+    optional=True,
+    doc="z of the point of the thrust in the body's construction axes; without it no torque",
+)
+_OFFSET = argument("m", shape=(2,), default=(0.0, 0.0), doc="x and y of the point of the thrust")
+
+
+def _point(station: Scalar, offset: Vector | Sequence[float]) -> Vector:
+    """The point from its z and its (x, y), m."""
+    x, y = as_float(offset)
+    return jnp.stack(jnp.broadcast_arrays(x, y, as_float(station)))
 
 
 @final
@@ -138,22 +178,70 @@ class Thrust(AbstractEffect):
     keeps: ClassVar[frozenset[str]] = frozenset()
 
     @classmethod
+    @constructor(
+        sets=("mean_thrust", "exhaust_velocity", "burn_time", "point"),
+        total_impulse=argument("N s", positive=True, doc="mean thrust times burn time"),
+        burn_time=argument("s", positive=True, doc="from ignition to burnout"),
+        propellant_mass=argument(
+            "kg", positive=True, shared="body.propellant_mass", doc="burnt in the burn time"
+        ),
+        station=_STATION,
+        offset=_OFFSET,
+    )
     def of_motor(
-        cls, total_impulse: Scalar, burn_time: Scalar, propellant_mass: Scalar, **fields
+        cls,
+        total_impulse: Scalar,
+        burn_time: Scalar,
+        propellant_mass: Scalar,
+        station: Scalar | None = None,
+        offset: Vector | Sequence[float] = (0.0, 0.0),
+        **fields: Any,
     ) -> "Thrust":
-        """A solid motor from its total impulse, N s, burn time, s, and propellant mass, kg; the
-        other fields by name."""
-        check_positive("Thrust.total_impulse", total_impulse)
-        check_positive("Thrust.propellant_mass", propellant_mass)
-        return cls(total_impulse / burn_time, total_impulse / propellant_mass, burn_time, **fields)
+        """A solid motor from its total impulse and the mass of its propellant.
+
+        **Arguments**
+
+        - `total_impulse`, N s; `burn_time`, s; `propellant_mass`, kg.
+        - `station`, m: z of the point of the thrust; `offset`, m, (2, *runs): its x and y.
+        - `fields`: the other fields by name; `point` takes the place of station and offset.
+        """
+        thrust, exhaust_velocity = total_impulse / burn_time, total_impulse / propellant_mass
+        if station is not None:
+            fields["point"] = _point(station, offset)
+        return cls(thrust, exhaust_velocity, burn_time, **fields)
 
     @classmethod
+    @constructor(
+        sets=("exhaust_velocity", "point"),
+        specific_impulse=argument("s", positive=True, doc="exhaust velocity over 9.80665 m/s^2"),
+        station=_STATION,
+        offset=_OFFSET,
+    )
     def of_specific_impulse(
-        cls, mean_thrust: Scalar, specific_impulse: Scalar, burn_time: Scalar, **fields
+        cls,
+        mean_thrust: Scalar,
+        specific_impulse: Scalar,
+        burn_time: Scalar,
+        station: Scalar | None = None,
+        offset: Vector | Sequence[float] = (0.0, 0.0),
+        **fields: Any,
     ) -> "Thrust":
-        """A motor from its thrust, N, specific impulse, s (with the standard gravity that defines
-        it), and burn time, s."""
+        """A motor from its specific impulse.
+
+        **Arguments**
+
+        - `mean_thrust`, N; `specific_impulse`, s, with the standard gravity that defines it;
+          `burn_time`, s.
+        - `station`, `offset`, `fields`: as in `of_motor`.
+        """
+        if station is not None:
+            fields["point"] = _point(station, offset)
         return cls(mean_thrust, 9.80665 * specific_impulse, burn_time, **fields)
+
+    @known_time
+    def burnout(self) -> Scalar:
+        """The time, s, at which the burn time is over."""
+        return self.ignition + self.burn_time
 
     def thrust(self, t: Scalar, mass: Scalar) -> Scalar:
         """The thrust, N, at the time `t`, s, with `mass`, kg, left."""
