@@ -1,4 +1,4 @@
-"""Rotation of a body of constant mass: free bodies, the heavy top, the gravity gradient, despin."""
+"""Rotation of a body of constant mass: free bodies, heavy top, gravity gradient, despin."""
 
 from ._despin import YoYo as YoYo
 from ._despin import cord_length as cord_length

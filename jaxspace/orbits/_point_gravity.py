@@ -3,10 +3,10 @@
     a = -mu r / |r|^3 = -grad U
     U = -mu / |r|
 
-    symbol  meaning                                      unit
-    r       position from the centre                     m
-    mu      strength G m of the attracting centre        m^3/s^2
-    U       potential energy per unit mass               m^2/s^2
+    symbol  meaning                                         unit
+    r       position from the centre                        m
+    mu      gravitational parameter G m of the centre       m^3/s^2
+    U       potential energy per unit mass                  m^2/s^2
 
 Source: Thomson 4.2-2, 4.7.
 Valid outside the attracting body; singular at its centre.
@@ -32,12 +32,20 @@ from ._kustaanheimo_stiefel import KustaanheimoStiefel
 
 
 def point_gravity(r: Vector, mu: Scalar) -> Vector:
-    """Acceleration a, m/s^2, at the position `r`, m, shape (3, *runs) (Thomson 4.7)."""
+    """Acceleration a, m/s^2, (3, *runs) (Thomson 4.7).
+
+    **Arguments**
+
+    - `r`: position from the centre, m, (3, *runs).
+    - `mu`: gravitational parameter, m^3/s^2, (*runs,).
+    """
+    # `scale` has a derivative that does not compute the scalar again for every component.
     return scale(-mu * inverse_norm(r, 3), r)
 
 
 def point_gravity_potential(r: Vector, mu: Scalar) -> Scalar:
-    """Potential energy per unit mass U, m^2/s^2, zero at infinity (Thomson 4.7)."""
+    """Potential energy per unit mass U, m^2/s^2, zero at infinity; arguments as in
+    `point_gravity`."""
     return -mu / jnp.sqrt(dot(r, r))
 
 

@@ -2,13 +2,15 @@
 
     r'' = -mu r / |r|^3
 
-    symbol  meaning                                  unit
-    r       position from the centre                 m
-    mu      strength G m of the attracting centre    m^3/s^2
+    symbol  meaning                                     unit
+    r       position from the centre                    m
+    mu      gravitational parameter G m of the centre   m^3/s^2
 
-For two bodies of comparable mass r leads from one to the other and mu = G (m1 + m2). Source:
-Thomson 4.6 (reduction to one body), 4.7 (conics). Constant are energy, angular momentum and the
-eccentricity vector; the motion is known in closed form (`kepler_flow`).
+Energy, angular momentum and the eccentricity vector are constant; the motion is known in closed
+form (`kepler_flow`). For two bodies of comparable mass r leads from one to the other, and mu =
+G (m1 + m2).
+
+Source: Thomson 4.6 (reduction to one body), 4.7 (conics).
 """
 
 from typing import final
@@ -24,8 +26,9 @@ from ._point_gravity import point_gravity
 
 @final
 class TwoBody(AbstractSystem):
-    """A body about a fixed attracting centre. State: `BodyState` with position and velocity
-    only."""
+    """A body about a fixed attracting centre.
+
+    State: `BodyState` with position and velocity only."""
 
     mu: Float[Array, "*#runs"] = quantity(
         "m^3/s^2",

@@ -1,5 +1,4 @@
-"""Thrust of a motor: along the body's z axis, but for a misalignment and an offset; it takes the
-propellant along.
+"""Thrust of a motor along the body's z axis, with misalignment and offset, and the mass it burns.
 
     F_B = F(t) (c_x, c_y, 1) / |(c_x, c_y, 1)|          m' = -F(t) / u
     M_B = (r_T - r_C(m)) x F_B                          u = I_sp g_0
@@ -10,9 +9,10 @@ propellant along.
     r_T, r_C  point of the thrust, centre of mass (construction axes)     m
     u, I_sp   exhaust velocity, specific impulse                          m/s, s
 
-Source: Thomson 7.2 (thrust misalignment), 7.7-4 (rocket), 8.1. The mass flow follows the thrust at
-a constant exhaust velocity. The profile is linear between its points, so that the load has kinks at
-known times: these are its `breaks`.
+Source: Thomson 7.2 (thrust misalignment), 7.7-4 (rocket), 8.1.
+
+The mass flow is proportional to the thrust: the exhaust velocity is constant. The profile is linear
+between its points, so that the load has kinks at known times: these are its `breaks`.
 """
 
 from collections.abc import Sequence
@@ -36,6 +36,7 @@ from ..core import (
     is_concrete,
     known_time,
     quantity,
+    with_rank,
 )
 
 
@@ -73,16 +74,26 @@ class ThrustProfile(AbstractParameters):
     def of_table(
         cls, times: Sequence[float] | Array, thrusts: Sequence[float] | Array
     ) -> "ThrustProfile":
-        """The profile of a table of thrust against time, in any units: the shape alone counts."""
+        """The profile of a table of thrust against time, in any units: only ratios matter."""
         return cls.tabulated(times, thrusts)[0]
 
     @classmethod
     def tabulated(
         cls, times: Sequence[float] | Array, thrusts: Sequence[float] | Array
     ) -> tuple["ThrustProfile", float, float]:
-        """The profile of a table of thrust against time, with its burn time and its mean thrust in
-        the table's units."""
-        t, f = np.asarray(times, float), np.asarray(thrusts, float)
+        """The profile of a table of thrust against time, and its burn time and mean thrust.
+
+        **Arguments**
+
+        - `times`: ascending, in any unit.
+        - `thrusts`: at these times, in any unit.
+
+        **Returns** the profile, the burn time and the mean thrust, in the units of the table.
+
+        **Raises** `InputError` for times that do not ascend, or a table without thrust.
+        """
+        t = np.asarray(times, float)
+        f = np.asarray(thrusts, float)
         if t.shape != f.shape:
             raise InputError(
                 f"ThrustProfile has {t.size} times and {f.size} thrusts: it must have as many."
@@ -95,10 +106,12 @@ class ThrustProfile(AbstractParameters):
 
     def __check_init__(self):
         if is_concrete(self.fraction) and is_concrete(self.level):
-            x, f = np.asarray(self.fraction), np.asarray(self.level)
+            x = np.asarray(self.fraction)
+            f = np.asarray(self.level)
             if x.shape != f.shape or x.shape[0] < 2:
                 raise InputError(
-                    f"ThrustProfile has {x.shape} fractions and {f.shape} levels: it must have as many, two or more."
+                    f"ThrustProfile has {x.shape} fractions and {f.shape} levels: "
+                    "it must have as many, two or more."
                 )
             check(
                 (x[0] == 0.0) & (x[-1] == 1.0) & np.all(np.diff(x, axis=0) > 0.0),
@@ -115,10 +128,9 @@ class ThrustProfile(AbstractParameters):
             )
 
     def at(self, x: Scalar) -> Scalar:
-        """The level at the fraction `x` of the burn time; zero before ignition and after burnout.
-
-        A sum of clipped ramps: no search, no gather, and the work of a few multiplications for each
-        point."""
+        """The level at the fraction `x` of the burn time; zero before ignition, after burnout."""
+        # A sum of clipped ramps, because a search and a gather for each run cost more than a few
+        # multiplications for each point.
         level = self.level[0]
         for k in range(self.level.shape[0] - 1):
             width = self.fraction[k + 1] - self.fraction[k]
@@ -205,7 +217,8 @@ class Thrust(AbstractEffect):
         - `station`, m: z of the point of the thrust; `offset`, m, (2, *runs): its x and y.
         - `fields`: the other fields by name; `point` takes the place of station and offset.
         """
-        thrust, exhaust_velocity = total_impulse / burn_time, total_impulse / propellant_mass
+        thrust = total_impulse / burn_time
+        exhaust_velocity = total_impulse / propellant_mass
         if station is not None:
             fields["point"] = _point(station, offset)
         return cls(thrust, exhaust_velocity, burn_time, **fields)
@@ -246,39 +259,39 @@ class Thrust(AbstractEffect):
     def thrust(self, t: Scalar, mass: Scalar) -> Scalar:
         """The thrust, N, at the time `t`, s, with `mass`, kg, left."""
         x = (t - self.ignition) / self.burn_time
-        thrust = self.mean_thrust * (
-            ThrustProfile.constant() if self.profile is None else self.profile
-        ).at(x)
-        return (
-            thrust
-            if self.burnout_mass is None
-            else jnp.where(mass > self.burnout_mass, thrust, 0.0)
-        )
+        profile = ThrustProfile.constant() if self.profile is None else self.profile
+        thrust = self.mean_thrust * profile.at(x)
+        if self.burnout_mass is None:
+            return thrust
+        return jnp.where(mass > self.burnout_mass, thrust, 0.0)
 
     def mass_rate(self, t: Scalar, mass: Scalar) -> Scalar:
         """Rate of the mass, kg/s, negative while the motor burns."""
         return -self.thrust(t, mass) / self.exhaust_velocity
 
     def propellant_left(self, y: BodyState) -> Scalar:
-        """Mass above the burnout mass, kg; its zero is the end of the burn. Raises `InputError`
-        without a burnout mass.
+        """Mass above the burnout mass, kg; its zero is the end of the burn.
 
-        The zero lies some thousand units in the last place before the thrust's own end: the last
-        step of a phase that ends here must not see the jump of the thrust."""
+        Raises `InputError` without a burnout mass."""
         if self.burnout_mass is None:
             raise InputError(
-                "Thrust.burnout_mass is None: it must be a mass in kg for the propellant to run out."
+                "Thrust.burnout_mass is None: "
+                "it must be a mass in kg for the propellant to run out."
             )
         assert y.mass is not None
+        # The zero lies some thousand units in the last place before the end of the thrust, so that
+        # the last step of a phase that ends here does not see the jump of the thrust.
         return y.mass - self.burnout_mass * (1.0 + 4096.0 * jnp.finfo(y.mass.dtype).eps)
 
     def load(self, t: Scalar, y: BodyState, body: AbstractBody) -> Load:
         assert y.attitude is not None and y.mass is not None
         thrust = self.thrust(t, y.mass)
         force_B = thrust * self._direction(thrust)
+        # `None` and not zero: a thrust without a point costs no operation for a torque.
         torque = None
         if self.point is not None:
-            torque = cross(self.point - body.centre_of_mass(y.mass), force_B)
+            point = with_rank(self.point, jnp.ndim(y.mass))
+            torque = cross(point - body.centre_of_mass(y.mass), force_B)
         return Load(
             force_N=y.attitude.rotate(force_B),
             torque_B=torque,
@@ -295,10 +308,10 @@ class Thrust(AbstractEffect):
 
     def potential(self, t: Scalar, y: BodyState, body: AbstractBody) -> None:
         del t, y, body
-        return None
+        return None  # The thrust does work, and moves with the body.
 
     def breaks(self) -> Float[Array, "times *#runs"]:
         x = jnp.array([0.0, 1.0]) if self.profile is None else self.profile.fraction
         runs = jnp.broadcast_shapes(x.shape[1:], self.burn_time.shape, self.ignition.shape)
-        x = x.reshape(x.shape[0], *(1,) * (len(runs) - x.ndim + 1), *x.shape[1:])
+        x = with_rank(x, len(runs))
         return self.ignition + self.burn_time * x

@@ -1,4 +1,4 @@
-"""What a scene offers beside its vector field, put together from what its effects offer.
+"""What a scene offers beside its vector field, composed from what its effects offer.
 
 Closed form: the orbit under the one effect that has a closed form (a straight line without one),
 and the free rotation of the body. Split: this motion as the drift, all other effects as the kick.
@@ -30,25 +30,30 @@ ROTATION = frozenset({"attitude", "omega"})
 
 @final
 class BodyMotion(AbstractClosedForm):
-    """The exact motion of a body: its `orbit`, or a straight line, and its free rotation."""
+    """The exact motion of a body: its `orbit`, or a straight line where that is `None`, and its
+    free rotation with the `inertia`, kg m^2."""
 
     orbit: AbstractClosedForm | None
     inertia: AbstractInertia | None
 
     def flow(self, duration: Scalar, y: BodyState) -> BodyState:
-        position, velocity = y.position, y.velocity
+        position = y.position
+        velocity = y.velocity
         if position is not None and self.orbit is None:
             position = position + duration * velocity
         elif self.orbit is not None:
             moved = self.orbit.flow(duration, BodyState(position, velocity))
-            position, velocity = moved.position, moved.velocity
-        attitude, omega = y.attitude, y.omega
+            position = moved.position
+            velocity = moved.velocity
+        attitude = y.attitude
+        omega = y.omega
         if attitude is not None:
             assert self.inertia is not None
             turned = FreeRotation(self.inertia).flow(
                 duration, BodyState(attitude=attitude, omega=omega)
             )
-            attitude, omega = turned.attitude, turned.omega
+            attitude = turned.attitude
+            omega = turned.omega
         return BodyState(position, velocity, attitude, omega)
 
 
@@ -63,8 +68,10 @@ class SceneSplit(AbstractSplit):
         return self.motion.flow(duration, y)
 
     def kick(self, t: Scalar, duration: Scalar, y: BodyState) -> BodyState:
+        # Exact, because the loads depend on what a kick does not change: position and attitude.
         load = self.kicking.loads(t, y)
-        velocity, omega = y.velocity, y.omega
+        velocity = y.velocity
+        omega = y.omega
         if load.acceleration_N is not None or load.force_N is not None:
             mass = self.kicking.mass(y)
             velocity = velocity + duration * linear_acceleration(
@@ -85,7 +92,7 @@ def _separate(
 
 
 def body_motion(scene: "Scene", effects: Sequence[AbstractEffect]) -> tuple[BodyMotion | None, str]:
-    """The exact motion of the body of a scene under these of its `effects`."""
+    """The exact motion of the body of a scene under the given `effects` alone."""
     exact, others = _separate(effects)
     if others:
         return None, f"{type(others[0]).__name__} has no closed form"
@@ -99,7 +106,7 @@ def body_motion(scene: "Scene", effects: Sequence[AbstractEffect]) -> tuple[Body
 
 
 def scene_split(scene: "Scene") -> tuple[SceneSplit | None, str]:
-    """Drift and kick of a scene: the kick may depend on position and attitude only."""
+    """Drift and kick of a scene; the loads of the kick may depend on position and attitude only."""
     exact, others = _separate(scene.effects)
     moving = {"velocity", "omega", "mass", "parts", "mass_rate"}
     for effect in others:
@@ -131,5 +138,7 @@ def scene_regularised(scene: "Scene") -> tuple[AbstractRegularised | None, str]:
     if set(scene.parts) != TRANSLATION:
         held = ", ".join(scene.parts)
         return None, f"its state holds {held}: it must hold a position and a velocity only"
+    # `None` and not an empty scene, so that an orbit without perturbation costs no product with
+    # zero.
     rest = type(scene)(others, scene.body) if others else None
     return central[0].regularised(rest), ""

@@ -1,7 +1,7 @@
 """Any function as an effect."""
 
 from collections.abc import Callable
-from typing import Any, final
+from typing import final
 
 import equinox as eqx
 from jaxtyping import Array, Float
@@ -14,8 +14,7 @@ ADDS = ("acceleration", "force", "torque", "mass_rate", "parts")
 
 @final
 class Custom(AbstractEffect):
-    """An effect from a function `load(t, y, body) -> Load`, written for runs on the last axis like
-    any physics here.
+    """An effect from a function `load(t, y, body) -> Load`: components first, runs last.
 
     - `function`: best an `equinox.Module` with a `__call__`, whose parameters are then part of the
       scene. In a batch its arrays carry the runs on the last axis, or an axis of length one there
@@ -45,13 +44,14 @@ class Custom(AbstractEffect):
                 )
         if "energy" in self.keeps and self.energy is None:
             raise InputError(
-                "Custom.keeps names the energy, and Custom.energy is None: give the potential energy per unit mass."
+                "Custom.keeps names the energy, and Custom.energy is None: "
+                "give the potential energy per unit mass."
             )
 
     def load(self, t: Scalar, y: BodyState, body: AbstractBody) -> Load:
         return self.function(t, y, body)
 
-    def potential(self, t: Scalar, y: BodyState, body: AbstractBody) -> Any:
+    def potential(self, t: Scalar, y: BodyState, body: AbstractBody) -> Scalar | None:
         return None if self.energy is None else self.energy(t, y, body)
 
     def breaks(self) -> Float[Array, "times *#runs"] | None:
