@@ -9,7 +9,7 @@ error message can say why a scene refuses.
 """
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, final
+from typing import final
 
 from ..bodies import (
     PARTS,
@@ -20,9 +20,7 @@ from ..bodies import (
     linear_acceleration,
 )
 from ..core import AbstractClosedForm, AbstractRegularised, AbstractSplit, Scalar
-
-if TYPE_CHECKING:
-    from ._scene import Scene
+from ._interface import AbstractScene
 
 TRANSLATION = frozenset({"position", "velocity"})
 ROTATION = frozenset({"attitude", "omega"})
@@ -62,7 +60,7 @@ class SceneSplit(AbstractSplit):
     """The exact motion of the body as the drift, the loads of the `kicking` scene as the kick."""
 
     motion: BodyMotion
-    kicking: "Scene"
+    kicking: AbstractScene
 
     def drift(self, duration: Scalar, y: BodyState) -> BodyState:
         return self.motion.flow(duration, y)
@@ -91,7 +89,9 @@ def _separate(
     return exact, [e for e in effects if e.closed_form() is None]
 
 
-def body_motion(scene: "Scene", effects: Sequence[AbstractEffect]) -> tuple[BodyMotion | None, str]:
+def body_motion(
+    scene: AbstractScene, effects: Sequence[AbstractEffect]
+) -> tuple[BodyMotion | None, str]:
     """The exact motion of the body of a scene under the given `effects` alone."""
     exact, others = _separate(effects)
     if others:
@@ -105,7 +105,7 @@ def body_motion(scene: "Scene", effects: Sequence[AbstractEffect]) -> tuple[Body
     return BodyMotion(orbit, inertia), ""
 
 
-def scene_split(scene: "Scene") -> tuple[SceneSplit | None, str]:
+def scene_split(scene: AbstractScene) -> tuple[SceneSplit | None, str]:
     """Drift and kick of a scene; the loads of the kick may depend on position and attitude only."""
     exact, others = _separate(scene.effects)
     moving = {"velocity", "omega", "mass", "parts", "mass_rate"}
@@ -118,10 +118,10 @@ def scene_split(scene: "Scene") -> tuple[SceneSplit | None, str]:
     motion, reason = body_motion(scene, exact)
     if motion is None:
         return None, reason
-    return SceneSplit(motion, type(scene)(tuple(others), scene.body, scene.carry)), ""
+    return SceneSplit(motion, scene.with_effects(others, scene.carry)), ""
 
 
-def scene_regularised(scene: "Scene") -> tuple[AbstractRegularised | None, str]:
+def scene_regularised(scene: AbstractScene) -> tuple[AbstractRegularised | None, str]:
     """Regularised variables of the one effect that has them, perturbed by the others."""
     central = [e for e in scene.effects if e.regularised(None) is not None]
     others = tuple(e for e in scene.effects if e.regularised(None) is None)
@@ -140,5 +140,5 @@ def scene_regularised(scene: "Scene") -> tuple[AbstractRegularised | None, str]:
         return None, f"its state holds {held}: it must hold a position and a velocity only"
     # `None` and not an empty scene, so that an orbit without perturbation costs no product with
     # zero.
-    rest = type(scene)(others, scene.body) if others else None
+    rest = scene.with_effects(others) if others else None
     return central[0].regularised(rest), ""

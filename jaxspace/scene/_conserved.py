@@ -2,7 +2,7 @@
 
     energy per unit mass     v^2/2 + sum of potentials
                              + omega . J omega / 2m, where torques couple both motions;
-                             of the orbit alone, where effects that keep no energy only turn the body
+                             of the orbit alone, where the other effects only turn the body
     angular momentum         r x v, or its z component alone
     rotation without torque  J omega in inertial axes, omega . J omega / 2
 

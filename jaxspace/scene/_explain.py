@@ -9,7 +9,7 @@ from jax.stages import Compiled
 
 from ..bodies import BodyState, sample_state
 from ..core import AbstractSystem, Scalar, State
-from ._scene import Scene
+from ._interface import AbstractScene
 
 
 class EffectRow(NamedTuple):
@@ -53,7 +53,7 @@ def operation_count(system: AbstractSystem, t: Scalar, y: State) -> int:
     return int(cost.get("flops", 0.0) + cost.get("transcendentals", 0.0)) if cost else 0
 
 
-def budget(scene: Scene, t: Scalar = 0.0, y: BodyState | None = None) -> list[EffectRow]:
+def budget(scene: AbstractScene, t: Scalar = 0.0, y: BodyState | None = None) -> list[EffectRow]:
     """The arithmetic of each effect of a scene: what an evaluation saves without it.
 
     **Arguments**
@@ -71,7 +71,7 @@ def budget(scene: Scene, t: Scalar = 0.0, y: BodyState | None = None) -> list[Ef
     divisor = max(whole, 1)
     rows = []
     for k, effect in enumerate(scene.effects):
-        rest = Scene(scene.effects[:k] + scene.effects[k + 1 :], scene.body, scene.parts)
+        rest = scene.with_effects(scene.effects[:k] + scene.effects[k + 1 :], scene.parts)
         saved = max(whole - operation_count(rest, t, y), 0)
         rows.append(
             EffectRow(
@@ -87,7 +87,7 @@ def budget(scene: Scene, t: Scalar = 0.0, y: BodyState | None = None) -> list[Ef
     return [*rows, EffectRow("equations of motion", scene.parts, (), own, own / divisor)]
 
 
-def explain(scene: Scene) -> str:
+def explain(scene: AbstractScene) -> str:
     """A table of the effects: what each reads and adds, and its share of the arithmetic of one
     evaluation."""
     rows = budget(scene)

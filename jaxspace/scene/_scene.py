@@ -8,6 +8,7 @@ The state holds the parts that the effects read or change (`Scene.parts`), and t
 Source: Thomson 5.6, 7.1, 7.7 for the sums; `jaxspace.bodies` for the equations of one body.
 """
 
+from collections.abc import Sequence
 from typing import final
 
 import equinox as eqx
@@ -28,12 +29,13 @@ from ..core import (
     AbstractClosedForm,
     AbstractRegularised,
     AbstractSplit,
-    AbstractSystem,
     InputError,
     Scalar,
 )
 from ._capabilities import ROTATION, TRANSLATION, body_motion, scene_regularised, scene_split
 from ._conserved import conserved
+from ._explain import explain
+from ._interface import AbstractScene
 
 # The parts of the state that a contribution changes.
 CHANGES = {
@@ -46,7 +48,7 @@ CHANGES = {
 
 
 @final
-class Scene(AbstractSystem):
+class Scene(AbstractScene):
     """A body under effects, as a system.
 
     `Scene([PointGravity(mu), Oblateness(mu, j2, radius)])` moves a point: position and velocity.
@@ -151,6 +153,10 @@ class Scene(AbstractSystem):
         it has none."""
         return self.body.constant_mass() if y.mass is None else y.mass
 
+    def with_effects(self, effects: Sequence[AbstractEffect], carry: Sequence[str] = ()) -> "Scene":
+        """The scene of the same body under other `effects`, with other parts to `carry`."""
+        return Scene(tuple(effects), self.body, tuple(carry))
+
     def closed_form(self) -> AbstractClosedForm | None:
         """Exact motion of a scene of nothing but one attraction by a point and free rotation."""
         return body_motion(self, self.effects)[0]
@@ -178,9 +184,6 @@ class Scene(AbstractSystem):
     def explain(self) -> str:
         """A table of the effects: what each reads and adds, and its share of the arithmetic of one
         evaluation."""
-        # Here, because that file imports this one.
-        from ._explain import explain
-
         return explain(self)
 
     def breaks(self) -> Float[Array, "times *#runs"] | None:
