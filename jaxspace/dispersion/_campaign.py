@@ -28,6 +28,11 @@ class LaneResult(NamedTuple):
     status: Array
 
 
+def _as_pairs(limits: Any) -> tuple[tuple[str, Quantity], ...]:
+    """A dict as pairs, which can be hashed, as a static field has to be."""
+    return tuple(limits.items()) if isinstance(limits, dict) else tuple(limits)
+
+
 @final
 class Campaign(eqx.Module):
     """What shall be run many times.
@@ -54,7 +59,9 @@ class Campaign(eqx.Module):
     units: dict[str, str] = eqx.field(default_factory=dict)
     start: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)
     description: str = eqx.field(static=True, default="")
-    limits: dict[str, Quantity] = eqx.field(static=True, default_factory=dict)
+    limits: tuple[tuple[str, Quantity], ...] = eqx.field(
+        static=True, converter=_as_pairs, default=()
+    )
 
     def __check_init__(self):
         if not self.inputs:
@@ -91,13 +98,13 @@ class Campaign(eqx.Module):
         """For each run whether all of its inputs lie in the ranges that their classes allow."""
         runs = next(iter(samples.values())).shape
         within = jnp.ones(runs, bool)
-        for name, limit in self.limits.items():
+        for name, limit in self.limits:
             within = within & limit.contains(samples[name])
         return within
 
     def refusal(self, samples: dict[str, Any]) -> str:
         """Why a run with these inputs, each a number, is refused; empty where it is allowed."""
-        for name, limit in self.limits.items():
+        for name, limit in self.limits:
             if not np.all(limit.contains(np.asarray(samples[name]))):
                 value = float(np.asarray(samples[name]))
                 return f"{name} is {value:.6g}: it must be {limit.allowed()}."

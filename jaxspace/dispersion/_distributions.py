@@ -23,7 +23,6 @@ from jaxtyping import Array, Float
 
 from ..core import AbstractParameters, check, is_concrete, quantity
 
-
 OF_INPUT = "unit of the input"
 """The unit of a field whose number is a value of the input."""
 
@@ -87,7 +86,9 @@ class Normal(AbstractDistribution):
     """The normal distribution."""
 
     mean: Float[Array, ""] = quantity(OF_INPUT, shared=NOMINAL, doc="mean")
-    deviation: Float[Array, ""] = quantity(SHARE_OF_INPUT, non_negative=True, doc="standard deviation")
+    deviation: Float[Array, ""] = quantity(
+        SHARE_OF_INPUT, non_negative=True, doc="standard deviation"
+    )
 
     def sample(self, key: Any) -> Float[Array, ""]:
         return self.mean + self.deviation * jax.random.normal(key)

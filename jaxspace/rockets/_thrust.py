@@ -18,6 +18,7 @@ between its points, so that the load has kinks at known times: these are its `br
 from collections.abc import Sequence
 from typing import Any, ClassVar, final
 
+import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -168,7 +169,9 @@ class Thrust(AbstractEffect):
         "m/s", positive=True, doc="thrust over mass flow"
     )
     burn_time: Float[Array, "*#runs"] = quantity("s", positive=True, doc="from ignition to burnout")
-    profile: ThrustProfile | None = None
+    profile: ThrustProfile | None = eqx.field(
+        default=None, metadata={"doc": "shape of the thrust; constant by default"}
+    )
     ignition: Float[Array, "*#runs"] = quantity("s", default=0.0, doc="time at which it ignites")
     point: Float[Array, "3 *#runs"] | None = quantity(
         "m",
