@@ -32,11 +32,6 @@ def released(theta, n, psi_rate=0.0, theta_rate=0.0):
     )
 
 
-def unwrapped(states):
-    """psi along a run whose times are on the last axis."""
-    return continuous_precession(jax.tree.map(lambda x: jnp.moveaxis(x, 0, -1), states))
-
-
 NUTATIONS = {
     "T5.13-cusp": dict(
         start=(0.6981317007977318, 150.0),
@@ -112,7 +107,7 @@ def test_nutation_in_time(case):
     )
     ts = np.unique(np.concatenate([dense, *spikes, list(case["states"])]))
     states = run(TOP, released(*case["start"]), ts)
-    psi, theta = unwrapped(states), Top.angles(states)[1]
+    psi, theta = continuous_precession(states), Top.angles(states)[1]
     for t, expected in case["states"].items():
         i = np.searchsorted(ts, t)
         assert_allclose([theta[i], psi[i]], expected, rtol=1e-8)
@@ -126,7 +121,7 @@ def test_nutation_in_time(case):
 def test_long_run():  # T5.13-long
     states = long_run(TOP, released(0.6981317007977318, 150.0), 20.0, 16000)
     assert_allclose(Top.angles(states)[1, -1], 0.7064303911108745, rtol=1e-8)
-    assert_allclose(unwrapped(states)[-1], 51.64527364769969, rtol=1e-8)
+    assert_allclose(continuous_precession(states)[-1], 51.64527364769969, rtol=1e-8)
 
 
 def test_sleeping_top():  # T5.14-sleep, H4.11-95
@@ -233,7 +228,7 @@ def test_steady_precession_is_steady():
     states = run(TOP, released(FIFTY, 150.0, float(slow)), np.linspace(0.0, 1.0, 21))
     assert_allclose(Top.angles(states)[1], FIFTY, atol=1e-11)  # rtol 1e-12 over some ten turns
     assert_allclose(Top.rates(states)[0], slow, rtol=1e-9)
-    assert_allclose(unwrapped(states), slow * np.linspace(0.0, 1.0, 21), atol=1e-10)
+    assert_allclose(continuous_precession(states), slow * np.linspace(0.0, 1.0, 21), atol=1e-10)
 
 
 def test_harrison_cosine_curve():  # H4.11-95
@@ -351,7 +346,7 @@ def test_mean_precession_is_that_of_the_motion():
     states = run(TOP, y, np.linspace(0.0, period, 65))
     theta = np.asarray(Top.angles(states)[1])
     assert_allclose(theta[-1], 1.1, atol=1e-10)
-    assert_allclose(unwrapped(states)[-1], nutation.precession(), atol=1e-10)
+    assert_allclose(continuous_precession(states)[-1], nutation.precession(), atol=1e-10)
     low, high = nutation.turning_points()
     assert low <= theta.min() + 1e-12 and theta.max() <= high + 1e-12
     assert_allclose(
@@ -436,10 +431,18 @@ def test_derivatives_of_the_closed_forms():
         )
 
 
+def test_continuous_precession_of_many_runs():
+    """Times behind the components, runs last: each run by itself."""
+    psi = jnp.linspace(0.0, 20.0, 50)[:, None] * jnp.array([1.0, -0.5, 0.3])
+    angles = jnp.stack([psi, 0.8 + 0.0 * psi, 0.0 * psi])
+    states = Top.state(angles, 0.0 * angles)
+    assert_allclose(continuous_precession(states), psi, atol=1e-13)
+
+
 def test_derivative_of_continuous_precession():
     def psi(shift):
         angles = jnp.stack([jnp.array([3.0, 3.2, 6.0]) + shift, jnp.ones(3), jnp.zeros(3)])
-        return unwrapped(Top.state(angles, 0.0 * angles))
+        return continuous_precession(Top.state(angles, 0.0 * angles))
 
     assert_allclose(psi(0.0), [3.0, 3.2, 6.0], atol=1e-14)
     assert_allclose(jax.jacfwd(psi)(0.0), np.ones(3), atol=1e-14)
@@ -462,7 +465,7 @@ def test_single_precision_stays():
         ),
         *(nutation.turning_points(), nutation.period(), nutation.precession()),
         TOP.steady_precession_rates(*(jnp.asarray(x, jnp.float32) for x in (0.5, 150.0))),
-        continuous_precession(jax.tree.map(lambda x: x[None], y)),
+        continuous_precession(jax.tree.map(lambda x: x[..., None], y)),
     )
     for tree in trees:
         assert {x.dtype for x in jax.tree.leaves(tree) if not x.weak_type} == {jnp.dtype("float32")}

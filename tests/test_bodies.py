@@ -236,10 +236,13 @@ def test_absent_parts_are_no_leaves():
 @pytest.mark.parametrize(
     ("bad", "rule"),
     [
-        ([1.0, 2.0, -1.0], "inertia is [ 1.  2. -1.]: it must be positive in every moment."),
+        (
+            [1.0, 2.0, -1.0],
+            "PrincipalInertia.moments is [ 1.  2. -1.]: it must be positive and finite.",
+        ),
         (
             [1.0, 1.0, 3.0],
-            "inertia is [1. 1. 3.]: it must be such that no moment exceeds the sum of the other two.",
+            "PrincipalInertia.moments is [1. 1. 3.]: it must be such that no moment exceeds the sum of the other two.",
         ),
         (
             [1.0, 2.0],

@@ -1,4 +1,4 @@
-"""Rotation of a body of constant mass: free bodies, the heavy top, the gravity gradient, despin."""
+"""Rotation of a body of constant mass: free bodies, heavy top, gravity gradient, despin."""
 
 from ._despin import YoYo as YoYo
 from ._despin import cord_length as cord_length
@@ -7,7 +7,12 @@ from ._gravity_gradient import GravityGradient as GravityGradient
 from ._gravity_gradient import gravity_gradient_energy as gravity_gradient_energy
 from ._gravity_gradient import gravity_gradient_torque as gravity_gradient_torque
 from ._gravity_gradient import pitch_libration_period as pitch_libration_period
+from ._initial import attitude_along as attitude_along
+from ._initial import attitude_from_angles as attitude_from_angles
 from ._nutation import Nutation as Nutation
+from ._outputs import cone_angle as cone_angle
+from ._outputs import pointing as pointing
+from ._outputs import spin_rate as spin_rate
 from ._polhode import Polhode as Polhode
 from ._top import Top as Top
 from ._top import continuous_precession as continuous_precession

@@ -19,14 +19,13 @@ Valid for a symmetric set of light cords in the plane of the mass centre, releas
 position, on a body that spins about its axis of symmetry.
 """
 
-from typing import final
+from typing import ClassVar, final
 
-import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..bodies import BodyState
-from ..core import InputError, Scalar, as_float, axis, check_positive
+from ..bodies import AbstractJump, BodyState
+from ..core import InputError, Scalar, axis, quantity
 
 
 def inertia_ratio(I: Scalar, R: Scalar, m: Scalar) -> Scalar:  # noqa: E741
@@ -45,27 +44,27 @@ def zero_spin_cord_length(I: Scalar, R: Scalar, m: Scalar) -> Scalar:  # noqa: E
 
 
 @final
-class YoYo(eqx.Module):
+class YoYo(AbstractJump):
     """A yo-yo as a jump of the state: called on the state before the unwinding it returns the state
     after the release.
 
     The unwinding takes the time l / (R w0), `unwinding_time`, and is done here in none: the
     attitude stays what it was. The spin axis is z; the rate about it is multiplied by (C -
     phi^2)/(C + phi^2) with phi = l/R, the rates across it stay. A mass in the state falls by the
-    mass let go.
+    mass let go."""
 
-    Fields: `axial_inertia` I, kg m^2, of the body without the yo-yo; `radius` R, m; `mass` m, kg,
-    of all that is let go; `cord_length` l, m, of one cord. Raises `InputError` for one that is not
-    positive."""
+    needs: ClassVar[frozenset[str]] = frozenset({"omega"})
 
-    axial_inertia: Float[Array, "*#runs"] = eqx.field(converter=as_float)
-    radius: Float[Array, "*#runs"] = eqx.field(converter=as_float)
-    mass: Float[Array, "*#runs"] = eqx.field(converter=as_float)
-    cord_length: Float[Array, "*#runs"] = eqx.field(converter=as_float)
-
-    def __check_init__(self):
-        for name in ("axial_inertia", "radius", "mass", "cord_length"):
-            check_positive(f"YoYo.{name}", getattr(self, name))
+    axial_inertia: Float[Array, "*#runs"] = quantity(
+        "kg m^2", positive=True, shared="body.inertia.2", doc="I, of the body without the yo-yo"
+    )
+    radius: Float[Array, "*#runs"] = quantity(
+        "m", positive=True, doc="R, on which the cords are wound"
+    )
+    mass: Float[Array, "*#runs"] = quantity(
+        "kg", positive=True, doc="m, of all that is let go together"
+    )
+    cord_length: Float[Array, "*#runs"] = quantity("m", positive=True, doc="l, of one cord")
 
     def __call__(self, t: Scalar, y: BodyState) -> BodyState:
         """The state after the release. Raises `InputError` for a state without omega."""

@@ -1,37 +1,48 @@
-"""The torque of a central field on an extended body, because its nearer parts are drawn more
-strongly, and the libration that it makes about the local vertical.
+"""The torque of a central field of gravity on an extended body, and the libration that it causes.
 
-    M = 3 mu / |r|^3 r^ x J r^                                                     r^ = r / |r| in body axes
-    W = 3 mu / (2 |r|^3) r^ . J r^                                                 what the turn of the body adds to its energy
+The nearer parts of the body are attracted more strongly than the farther ones.
 
-On a circular orbit, axis 1 along the velocity, 2 along the orbit's normal, 3 outwards, the turn
-theta about the normal obeys
+    M = 3 mu / |r|^3 r^ x J r^              r^ = r / |r| in body axes
+    W = 3 mu / (2 |r|^3) r^ . J r^          energy that depends on the orientation
 
-    I_2 theta'' + 3/2 n^2 (I_1 - I_3) sin 2 theta = 0                              theta' and theta relative to the vertical
-    theta small: theta'' = -p^2 theta,  p^2 = 3 n^2 (I_1 - I_3) / I_2;      period = 4 K(sin theta_max) / p
+On a circular orbit, with axis 1 along the velocity, 2 along the orbit's normal and 3 outwards, the
+angle theta about the normal, from the vertical, obeys
+
+    I_2 theta'' + 3/2 n^2 (I_1 - I_3) sin 2 theta = 0
+    theta small: theta'' = -p^2 theta,  p^2 = 3 n^2 (I_1 - I_3) / I_2
+    period = 4 K(sin theta_max) / p
 
     symbol     meaning                                                             unit
     r          position of the body's centre of mass from the attracting centre    m
-    mu         strength of the attracting body                                     m^3/s^2
+    mu         gravitational parameter of the attracting body                      m^3/s^2
     J          inertia about the centre of mass, in body axes                      kg m^2
     I_1 ...    its principal moments                                               kg m^2
     n          mean motion of the circular orbit                                   rad/s
     p          rate of small librations in pitch                                   rad/s
     K          complete elliptic integral of the first kind                        1
 
-Source: Thomson 7.4, Problems 14 and 15; Hughes, Spacecraft Attitude Dynamics, 8.1 and 9.2. To first
-order in the size of the body over |r|; what the rotation does to the orbit, of second order, is
-left out.
+Source: Thomson 7.4, Problems 14 and 15; Hughes, Spacecraft Attitude Dynamics, 8.1 and 9.2.
+
+Valid to first order in the size of the body over |r|. The effect of the rotation on the orbit, of
+second order, is left out.
 """
 
 from typing import ClassVar, final
 
-import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..bodies import AbstractBody, AbstractEffect, AbstractInertia, BodyState, Load
-from ..core import Scalar, Vector, as_float, barrier, check_positive, cross, dot, inverse_norm
+from ..core import (
+    Scalar,
+    Vector,
+    barrier,
+    check_components,
+    cross,
+    dot,
+    inverse_norm,
+    quantity,
+)
 from ..rotations import Quaternion
 from ._elliptic import complete_elliptic
 
@@ -39,7 +50,17 @@ from ._elliptic import complete_elliptic
 def gravity_gradient_torque(
     r: Vector, attitude: Quaternion, inertia: AbstractInertia, mu: Scalar
 ) -> Vector:
-    """M, N m, in body axes, at the position `r`, m, in inertial axes (Thomson 7.4, Problem 14)."""
+    """The torque on a body (Thomson 7.4, Problem 14).
+
+    **Arguments**
+
+    - `r`: position from the attracting centre, m, in inertial axes, (3, *runs).
+    - `attitude`: of the body.
+    - `inertia`: about the centre of mass, kg m^2.
+    - `mu`: gravitational parameter of the centre, m^3/s^2, (*runs,).
+
+    **Returns** M, N m, in body axes, (3, *runs).
+    """
     per_r, up = _upwards(r, attitude)
     return (3.0 * mu * per_r * (per_r * per_r)) * cross(up, inertia.times(up))
 
@@ -47,8 +68,9 @@ def gravity_gradient_torque(
 def gravity_gradient_energy(
     r: Vector, attitude: Quaternion, inertia: AbstractInertia, mu: Scalar
 ) -> Scalar:
-    """W, J, of which the torque is the negative slope along a turn of the body, at the position
-    `r`, m, in inertial axes."""
+    """The energy W, J, (*runs,), whose negative derivative by a turn of the body is the torque.
+
+    Arguments as in `gravity_gradient_torque`."""
     per_r, up = _upwards(r, attitude)
     return (1.5 * mu * per_r * (per_r * per_r)) * dot(up, inertia.times(up))
 
@@ -56,36 +78,45 @@ def gravity_gradient_energy(
 def _upwards(r: Vector, attitude: Quaternion) -> tuple[Scalar, Vector]:
     """1 / |r|, and r^ in body axes."""
     per_r = inverse_norm(r)
+    # Behind a barrier, because three components of the torque read each component of r^.
     return per_r, barrier(attitude.rotate_back(per_r * r))
 
 
 def pitch_libration_period(amplitude: Scalar, moments: Vector, mean_motion: Scalar) -> Scalar:
-    """Period, s, of the libration in the plane of a circular orbit through `amplitude`, rad, on
-    both sides of the vertical.
+    """Period of the libration in the plane of a circular orbit (Thomson 7.4, Problem 15).
 
-    `moments`: (I_1, I_2, I_3), kg m^2, along the velocity, along the normal and outwards, with I_1
-    > I_3; `mean_motion`, rad/s (Thomson 7.4, Problem 15). It grows without limit towards an
-    amplitude of a right angle."""
+    **Arguments**
+
+    - `amplitude`: greatest angle from the vertical, rad, (*runs,).
+    - `moments`: I_1 along the velocity, I_2 along the normal and I_3 outwards, kg m^2, (3, *runs),
+      with I_1 > I_3.
+    - `mean_motion`: of the orbit, rad/s, (*runs,).
+
+    **Returns** the period, s, (*runs,); it grows without limit towards a right angle.
+    """
+    check_components("pitch_libration_period: moments", moments, 3)
     along, across, outwards = moments
     rate = mean_motion * jnp.sqrt(3.0 * (along - outwards) / across)
+    # K of the complementary modulus, an input without a difference near a right angle.
     return 4.0 * complete_elliptic(jnp.cos(amplitude) ** 2) / rate
 
 
 @final
 class GravityGradient(AbstractEffect):
-    """The torque by the gradient of the attraction of a point mass at the origin: `mu`, m^3/s^2.
+    """The torque by the gradient of the attraction of a point mass at the origin.
 
-    Add `PointGravity` of the same strength for the orbit. Raises `InputError` unless `mu` is
-    positive."""
+    Add `PointGravity` of the same strength for the orbit."""
 
     needs: ClassVar[frozenset[str]] = frozenset({"position", "attitude"})
     adds: ClassVar[frozenset[str]] = frozenset({"torque"})
     keeps: ClassVar[frozenset[str]] = frozenset({"angular_momentum", "axial_angular_momentum"})
 
-    mu: Float[Array, "*#runs"] = eqx.field(converter=as_float)
-
-    def __check_init__(self):
-        check_positive("GravityGradient.mu", self.mu)
+    mu: Float[Array, "*#runs"] = quantity(
+        "m^3/s^2",
+        positive=True,
+        shared="planet.mu",
+        doc="gravitational parameter of the attracting body",
+    )
 
     def load(self, t: Scalar, y: BodyState, body: AbstractBody) -> Load:
         del t
@@ -95,7 +126,7 @@ class GravityGradient(AbstractEffect):
         )
 
     def potential(self, t: Scalar, y: BodyState, body: AbstractBody) -> None:
-        # It depends on where the body is, and the orbit does not feel it: a moving body keeps no
-        # energy that has it as a part.
+        # W depends on the position, but has no force on the orbit here: no energy that contains it
+        # is conserved while the body moves.
         del t, y, body
         return None

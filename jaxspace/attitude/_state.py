@@ -1,4 +1,4 @@
-"""The part of a body's state that turns."""
+"""The rotating part of the state of a body."""
 
 from ..bodies import BodyState
 from ..core import InputError, Vector
@@ -6,7 +6,7 @@ from ..rotations import Quaternion
 
 
 def attitude_and_omega(y: BodyState) -> tuple[Quaternion, Vector]:
-    """Orientation and angular velocity, rad/s, (3, *runs), of the state `y`.
+    """Orientation and angular velocity in body axes, rad/s, (3, *runs), of the state `y`.
 
     Raises `InputError` when the state lacks one of them."""
     if y.attitude is None or y.omega is None:

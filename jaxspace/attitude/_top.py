@@ -1,15 +1,18 @@
-"""The heavy symmetric top: a body of revolution that turns about a fixed point on its axis, under
-its own weight.
+"""The heavy symmetric top: a body of revolution that turns about a fixed point under its weight.
 
-    A omega' = [(A - C) n omega + W l Z] x z       Euler's equations about the fixed point, body axes; n' = 0
+    A omega' = [(A - C) n omega + W l Z] x z       Euler's equations about the fixed point,
+                                                   body axes; n' = 0
     q' = q (0, omega) / 2
 
-Integrated are the quaternion and omega: nothing is singular at the vertical. In Euler's angles the
-same motion reads
+The quaternion and omega are integrated, because they are not singular at the vertical. In Euler's
+angles the same motion is
 
     A theta'' = W l sin(theta) - C n psi' sin(theta) + A psi'^2 sin(theta) cos(theta)
-    h_Z = A psi' sin^2(theta) + C n cos(theta),    n = phi' + psi' cos(theta),
-    T + V = A (theta'^2 + psi'^2 sin^2(theta)) / 2 + C n^2 / 2 + W l cos(theta),    all three constant
+    h_Z = A psi' sin^2(theta) + C n cos(theta)
+    n = phi' + psi' cos(theta)
+    T + V = A (theta'^2 + psi'^2 sin^2(theta)) / 2 + C n^2 / 2 + W l cos(theta)
+
+where h_Z, n and T + V are constant.
 
     symbol  meaning                                                      unit
     A, C    moments of inertia about the fixed point: across, along z    kg m^2
@@ -22,15 +25,17 @@ same motion reads
     h_Z     angular momentum about Z                                     kg m^2/s
 
 Source: Thomson 5.13 (the second of 5.13-4 with A theta''), 5.14 (steady precession), 6.1 (small
-nutation); Harrison and Nettleton 4.11, who name phi and psi the other way round. Valid for a tip
-that stays where it is, without friction. W l < 0 is a top that hangs (a spinning pendulum), W l = 0
-is the free symmetric body.
+nutation); Harrison and Nettleton 4.11, who name phi and psi the other way round.
+Valid for a tip that does not move, without friction. W l < 0 is a top that hangs (a spinning
+pendulum), W l = 0 is the free symmetric body.
+
+The functions and methods take `theta`, rad, and the rates, rad/s, as scalars or (*runs,), vectors
+as (3, *runs).
 """
 
 from collections.abc import Sequence
 from typing import final
 
-import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
@@ -41,11 +46,12 @@ from ..core import (
     InputError,
     Scalar,
     Vector,
+    argument,
     as_float,
     axis,
-    check_finite,
-    check_positive,
+    constructor,
     cross,
+    quantity,
     safe_divide,
     safe_sqrt,
 )
@@ -56,19 +62,30 @@ from ._torque_free import symmetric_flow
 
 
 def vertical(attitude: Quaternion) -> Vector:
-    """The upward vertical Z in body axes: (sin(theta) sin(phi), sin(theta) cos(phi),
+    """The upward vertical Z in body axes, (3, *runs): (sin(theta) sin(phi), sin(theta) cos(phi),
     cos(theta))."""
     return attitude.rotate_back(axis(2, attitude.wxyz[0]))
 
 
 def angular_acceleration(omega: Vector, Z: Vector, A: Scalar, C: Scalar, Wl: Scalar) -> Vector:
-    """omega', rad/s^2, in body axes (Thomson 5.13); its part along z is exactly zero."""
+    """Angular acceleration omega', rad/s^2, in body axes, (3, *runs) (Thomson 5.13).
+
+    **Arguments**
+
+    - `omega`: angular velocity in body axes, rad/s, (3, *runs).
+    - `Z`: the upward vertical in body axes, (3, *runs).
+    - `A`, `C`: transverse and axial moment of inertia, kg m^2.
+    - `Wl`: weight times distance of the mass centre from the fixed point, N m.
+    """
+    # As a product with z, so that the part along z is exactly zero and the spin constant.
     z = axis(2, omega[2])
     return cross((A - C) / A * omega[2] * omega + Wl / A * Z, z)
 
 
 def energy(omega: Vector, Z: Vector, A: Scalar, C: Scalar, Wl: Scalar) -> Scalar:
-    """T + V, J, with V = 0 at the height of the fixed point (Thomson 5.13-9)."""
+    """Energy T + V, J, with V = 0 at the height of the fixed point (Thomson 5.13-9).
+
+    Arguments as in `angular_acceleration`."""
     return (
         0.5 * A * (omega[0] * omega[0] + omega[1] * omega[1])
         + 0.5 * C * omega[2] * omega[2]
@@ -77,27 +94,25 @@ def energy(omega: Vector, Z: Vector, A: Scalar, C: Scalar, Wl: Scalar) -> Scalar
 
 
 def vertical_angular_momentum(omega: Vector, Z: Vector, A: Scalar, C: Scalar) -> Scalar:
-    """h_Z = h . Z, kg m^2/s (Thomson 5.13-7)."""
+    """Angular momentum about the vertical h_Z = h . Z, kg m^2/s (Thomson 5.13-7); arguments as in
+    `angular_acceleration`."""
     return A * (omega[0] * Z[0] + omega[1] * Z[1]) + C * omega[2] * Z[2]
 
 
 @final
 class Top(AbstractSystem):
-    """A heavy symmetric top on a fixed point.
+    """A heavy symmetric top on a fixed point. State: `BodyState` with attitude and omega only,
+    best made by `Top.state`."""
 
-    Fields: `transverse_inertia` A and `axial_inertia` C, kg m^2, about the fixed point;
-    `weight_moment` W l, N m. State: `BodyState` with attitude and omega only, best made by
-    `Top.state`. Raises `InputError` for a moment of inertia that is not positive or a weight moment
-    that is not finite."""
-
-    transverse_inertia: Float[Array, "*#runs"] = eqx.field(converter=as_float)
-    axial_inertia: Float[Array, "*#runs"] = eqx.field(converter=as_float)
-    weight_moment: Float[Array, "*#runs"] = eqx.field(converter=as_float)
-
-    def __check_init__(self):
-        check_positive("Top.transverse_inertia", self.transverse_inertia)
-        check_positive("Top.axial_inertia", self.axial_inertia)
-        check_finite("Top.weight_moment", self.weight_moment)
+    transverse_inertia: Float[Array, "*#runs"] = quantity(
+        "kg m^2", positive=True, doc="A, about the fixed point, across the axis of the top"
+    )
+    axial_inertia: Float[Array, "*#runs"] = quantity(
+        "kg m^2", positive=True, doc="C, about the axis of the top"
+    )
+    weight_moment: Float[Array, "*#runs"] = quantity(
+        "N m", doc="W l, weight times distance of the mass centre up the axis"
+    )
 
     def vector_field(self, t: Scalar, y: BodyState) -> BodyState:
         del t
@@ -124,28 +139,42 @@ class Top(AbstractSystem):
         }
 
     @staticmethod
+    @constructor(
+        angles=argument(
+            "rad",
+            shape=(3,),
+            default=(0.0, 0.0, 0.0),
+            doc="Euler's angles 3-1-3 (psi, theta, phi): precession, nutation, spin",
+        ),
+        rates=argument("rad/s", shape=(3,), doc="their rates"),
+    )
     def state(angles: Vector | Sequence[Scalar], rates: Vector | Sequence[Scalar]) -> BodyState:
-        """The state from `angles` = (psi, theta, phi), rad, and their `rates`, rad/s, both of shape
-        (3, *runs)."""
-        a, a_dot = as_float(angles), as_float(rates)
+        """The state from Euler's angles and their rates.
+
+        **Arguments**
+
+        - `angles`: (psi, theta, phi), rad, (3, *runs).
+        - `rates`: (psi', theta', phi'), rad/s, (3, *runs).
+        """
+        a = as_float(angles)
+        a_dot = as_float(rates)
         return BodyState(attitude=from_euler_angles(a), omega=omega_from_euler_rates(a, a_dot))
 
     @staticmethod
     def angles(y: BodyState) -> Vector:
-        """(psi, theta, phi), rad, (3, *runs): precession and spin within (-pi, pi], nutation within
-        [0, pi].
+        """Euler's angles (psi, theta, phi) of a state, rad, (3, *runs).
 
-        With the axis vertical only psi + phi has a meaning: psi is then zero."""
+        Precession and spin are within (-pi, pi], nutation within [0, pi]. With the axis vertical
+        only psi + phi has a meaning: psi is then zero."""
         attitude, _ = attitude_and_omega(y)
         return to_euler_angles(attitude)
 
     @staticmethod
     def rates(y: BodyState) -> Vector:
-        """(psi', theta', phi'), rad/s, (3, *runs): precession, nutation and spin rate (Thomson
-        3.5-1).
+        """Rates (psi', theta', phi') of a state, rad/s, (3, *runs) (Thomson 3.5-1).
 
-        With the axis vertical only psi' + phi' has a meaning: psi' is then zero. Near it psi' grows
-        as 1/sin(theta)."""
+        With the axis vertical only psi' + phi' has a meaning: psi' is then zero. Near the vertical
+        psi' grows as 1/sin(theta)."""
         _, omega = attitude_and_omega(y)
         _, theta, phi = Top.angles(y)
         across = omega[0] * jnp.sin(phi) + omega[1] * jnp.cos(phi)
@@ -154,71 +183,90 @@ class Top(AbstractSystem):
         return jnp.stack([precession, nutation, omega[2] - precession * jnp.cos(theta)])
 
     def steady_precession_rates(self, theta: Scalar, n: Scalar) -> tuple[Scalar, Scalar]:
-        """The slow and the fast psi', rad/s, that keep `theta`, rad, at the spin `n`, rad/s
-        (Thomson 5.14-4).
+        """The slow and the fast steady precession psi', rad/s (Thomson 5.14-4).
 
-        Roots of A cos(theta) psi'^2 - C n psi' + W l = 0, without cancellation for a fast top or
-        near the horizontal. NaN where none exists (`least_spin`); the fast one is infinite at the
-        horizontal. At theta = 0 they are the two frequencies of a sleeping top."""
+        **Arguments**
+
+        - `theta`: the constant nutation angle, rad.
+        - `n`: the spin, rad/s.
+
+        **Returns** the two roots of A cos(theta) psi'^2 - C n psi' + W l = 0. NaN where there is
+        none (`least_spin`); the fast one is infinite at the horizontal. At theta = 0 they are the
+        two frequencies of a sleeping top.
+        """
         A, C, Wl = self._letters()
+        # Both from the root of larger magnitude and the product of the roots: nothing cancels for
+        # a fast top or near the horizontal.
         p = C * n
         p = p + jnp.where(p < 0.0, -1.0, 1.0) * safe_sqrt(p * p - 4.0 * A * Wl * jnp.cos(theta))
         return 2.0 * Wl / p, p / (2.0 * A * jnp.cos(theta))
 
     def precession_rates_from_momentum(self, theta: Scalar, h_Z: Scalar) -> tuple[Scalar, Scalar]:
-        """The slow and the fast psi', rad/s, that keep `theta`, rad, with the vertical angular
-        momentum `h_Z`, kg m^2/s.
+        """The slow and the fast steady precession psi', rad/s, of a given angular momentum about
+        the vertical (Thomson 5.14, problem 5).
 
-        Roots of A psi'^2 - h_Z psi' + W l cos(theta) = 0 (Thomson 5.14, problem 5); NaN where none
-        exists."""
+        **Arguments**
+
+        - `theta`: the constant nutation angle, rad.
+        - `h_Z`: angular momentum about the vertical, kg m^2/s.
+
+        **Returns** the two roots of A psi'^2 - h_Z psi' + W l cos(theta) = 0; NaN where there is
+        none.
+        """
         A, _, Wl = self._letters()
         weight = Wl * jnp.cos(theta)
         p = h_Z + jnp.where(h_Z < 0.0, -1.0, 1.0) * safe_sqrt(h_Z * h_Z - 4.0 * A * weight)
         return 2.0 * weight / p, p / (2.0 * A)
 
     def least_spin(self, theta: Scalar) -> Scalar:
-        """The least n, rad/s, with a steady precession at `theta`, rad; zero below the horizontal
-        (Thomson 5.14-4).
+        """The least spin n, rad/s, with a steady precession at `theta`, rad (Thomson 5.14-4).
 
-        At theta = 0 it is the spin above which a sleeping top is stable (Harrison and Nettleton
-        4.11)."""
+        Zero below the horizontal. At theta = 0 a sleeping top is stable above it (Harrison and
+        Nettleton 4.11)."""
         A, C, Wl = self._letters()
         return 2.0 / C * safe_sqrt(jnp.maximum(A * Wl * jnp.cos(theta), 0.0))
 
     def sleeping_growth_rate(self, n: Scalar) -> Scalar:
-        """Rate, 1/s, at which a small tilt of the upright top grows with the spin `n`, rad/s; zero
-        when it is stable."""
+        """Growth rate, 1/s, of a small tilt of the upright top with the spin `n`, rad/s; zero where
+        it is stable."""
         A, C, Wl = self._letters()
         return safe_sqrt(jnp.maximum(4.0 * A * Wl - (C * n) ** 2, 0.0)) / (2.0 * A)
 
     def precession_moment(self, theta: Scalar, precession: Scalar, n: Scalar) -> Scalar:
-        """The moment about the line of nodes, N m, that the steady rate `precession`, rad/s, calls
-        for (Thomson 5.14-3)."""
+        """The moment about the line of nodes, N m, that a steady precession requires (Thomson
+        5.14-3).
+
+        **Arguments**
+
+        - `theta`: nutation angle, rad.
+        - `precession`: psi', rad/s.
+        - `n`: spin, rad/s.
+        """
         A, C, _ = self._letters()
         return (C * n - A * precession * jnp.cos(theta)) * precession * jnp.sin(theta)
 
     def momentum_angle(self, theta: Scalar, precession: Scalar, n: Scalar) -> Scalar:
         """The angle, rad, between the axis and the angular momentum in steady precession (Thomson
-        5.14-7, -8)."""
+        5.14-7, -8); arguments as in `precession_moment`."""
         A, C, _ = self._letters()
         return jnp.arctan2(A * precession * jnp.sin(theta), C * n)
 
     def nutation_frequency(self, theta: Scalar, precession: Scalar, n: Scalar) -> Scalar:
-        """Angular frequency, rad/s, of a small nutation about the steady `precession`, rad/s
-        (Thomson 6.1-5)."""
+        """Angular frequency, rad/s, of a small nutation about a steady precession (Thomson 6.1-5);
+        arguments as in `precession_moment`."""
         A, C, Wl = self._letters()
         gyroscopic = (C * n) ** 2 - 4.0 * A * Wl * jnp.cos(theta)
         return safe_sqrt(gyroscopic + (A * precession * jnp.sin(theta)) ** 2) / A
 
     def precession_per_nutation(self, theta: Scalar, precession: Scalar, n: Scalar) -> Scalar:
-        """Deviation of psi' over the deviation of theta, 1/s, in a small nutation about
-        `precession` (Thomson 6.1-8)."""
+        """Deviation of psi' over the deviation of theta, 1/s, in a small nutation about a steady
+        precession (Thomson 6.1-8); arguments as in `precession_moment`."""
         A, C, _ = self._letters()
         return (C * n - 2.0 * A * precession * jnp.cos(theta)) / (A * jnp.sin(theta))
 
     def nutation(self, y: BodyState) -> Nutation:
-        """The whole, large nutation through the state `y`: turning points, period, precession
-        (Thomson 5.13-18..21)."""
+        """The large nutation through the state `y`, with turning points, period and precession
+        (Thomson 5.13-18 to -21)."""
         attitude, omega = attitude_and_omega(y)
         A, C, Wl = self._letters()
         Z = vertical(attitude)
@@ -253,15 +301,13 @@ class TopSplit(AbstractSplit):
         return BodyState(attitude=attitude, omega=omega + change)
 
 
-def continuous_precession(states: BodyState) -> Float[Array, "*runs times"]:
-    """The precession angle psi, rad, along sampled states, without jumps of whole turns.
+def continuous_precession(states: BodyState) -> Float[Array, "times *#runs"]:
+    """The precession angle psi, rad, along a trajectory, without jumps of whole turns.
 
-    `states` is laid out as in a trajectory: runs, times, then components. Between samples psi must
-    turn by less than half a turn; where the axis passes close to the vertical this asks for dense
-    samples.
+    `continuous_precession(run.states)` is (times, *runs). Between two times psi must change by less
+    than half a turn; where the axis passes close to the vertical this requires dense samples.
 
     Raises `InputError` for states without attitude."""
     if states.attitude is None:
-        raise InputError("The states hold no attitude: a precession angle needs it.")
-    psi = to_euler_angles(Quaternion(jnp.moveaxis(states.attitude.wxyz, -1, 0)))[0]
-    return jnp.unwrap(psi, axis=-1)
+        raise InputError("The states hold no attitude: a precession angle requires one.")
+    return jnp.unwrap(to_euler_angles(states.attitude)[0], axis=0)

@@ -1,9 +1,10 @@
-"""A rigid body that turns about its centre of mass with no torque.
+"""A rigid body that turns about its centre of mass without torque.
 
     J omega' = (J omega) x omega            Euler's equations, body axes
-    q' = q (0, omega) / 2                   so that h = C_NB J omega and T = omega . J omega / 2 are constant
+    q' = q (0, omega) / 2                   h = C_NB J omega and T = omega . J omega / 2 are constant
 
-Symmetric body, J = diag(A, A, C): the spin n stays, and two steady turns make up the motion
+For a symmetric body, J = diag(A, A, C), the spin n is constant, and the motion is the product of
+two steady turns:
 
     omega_12(t) = omega_12(0) e^(i lambda t)          lambda = n (C - A) / A
     q(t) = q(0) exp(h_B(0) t / A) exp(-lambda t z)    psi' = h / A,  phi' = n - psi' cos(theta) = -lambda
@@ -11,25 +12,25 @@ Symmetric body, J = diag(A, A, C): the spin n stays, and two steady turns make u
 
 Any other body moves in elliptic functions: `bodies.free_turn` has the closed form.
 
-    symbol           meaning                                                unit
-    J                inertia about the centre of mass                       kg m^2
-    A, C             transverse and axial moment of a symmetric body        kg m^2
-    omega            angular velocity in body axes                          rad/s
-    omega_12         its transverse part, omega_1 + i omega_2               rad/s
-    n                its axial part, the spin                               rad/s
-    h, h_B           angular momentum; in body axes                         kg m^2/s
-    lambda           rate at which omega_12 circles in the body             rad/s
+    symbol           meaning                                                    unit
+    J                inertia about the centre of mass                           kg m^2
+    A, C             transverse and axial moment of a symmetric body            kg m^2
+    omega            angular velocity in body axes                              rad/s
+    omega_12         its transverse part, omega_1 + i omega_2                   rad/s
+    n                its axial part, the spin                                   rad/s
+    h, h_B           angular momentum; in body axes                             kg m^2/s
+    lambda           rate at which omega_12 circles in the body                 rad/s
     theta, psi, phi  Euler's angles 3-1-3 about h: nutation, precession, spin   rad
-    gamma            angle between the axis of symmetry and omega           rad
+    gamma            angle between the axis of symmetry and omega               rad
 
 Source: Thomson 5.6 (Euler), 5.8 (body axes), 5.9 (inertial axes, with the first term of 5.9-3 as
-psi' phi'). Valid for a rigid body; what flexes or sloshes dissipates, and the body ends in turning
-about its axis of greatest inertia.
+psi' phi').
+Valid for a rigid body. A body that flexes, or in which a liquid sloshes, dissipates energy until it
+turns about its axis of greatest inertia.
 """
 
 from typing import final
 
-import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array
 
@@ -46,7 +47,9 @@ from ..core import (
     Scalar,
     Vector,
     axis,
+    check_components,
     norm,
+    quantity,
     safe_atan2,
     safe_sqrt,
 )
@@ -56,13 +59,16 @@ from ._state import attitude_and_omega
 
 @final
 class TorqueFreeBody(AbstractSystem):
-    """A free rigid body. Field: `inertia`, kg m^2 (three principal moments, a tensor, or an
-    inertia).
+    """A free rigid body.
 
     State: `BodyState` with attitude and omega only. A batch of bodies takes an inertia whose last
     axis is the run."""
 
-    inertia: AbstractInertia = eqx.field(converter=as_inertia)
+    inertia: AbstractInertia = quantity(
+        "kg m^2",
+        converter=as_inertia,
+        doc="about the centre of mass: three principal moments, a tensor, or an inertia",
+    )
 
     def vector_field(self, t: Scalar, y: BodyState) -> BodyState:
         del t
@@ -85,42 +91,75 @@ class TorqueFreeBody(AbstractSystem):
 
 
 def body_precession_rate(n: Scalar, A: Scalar, C: Scalar) -> Scalar:
-    """lambda, rad/s: how fast the transverse rate of a symmetric body circles in the body (Thomson
-    5.8-3); phi' = -lambda."""
+    """Rate lambda at which the transverse rate of a symmetric body circles in the body (Thomson
+    5.8-3); phi' = -lambda.
+
+    **Arguments**
+
+    - `n`: spin, rad/s.
+    - `A`, `C`: transverse and axial moment of inertia, kg m^2.
+
+    **Returns** lambda, rad/s, (*runs,).
+    """
     return n * (C - A) / A
 
 
 def precession_rate(omega: Vector, A: Scalar, C: Scalar) -> Scalar:
-    """psi' = h / A, rad/s: how fast the axis of a symmetric body circles about h in inertial axes
-    (Thomson 5.9)."""
+    """Rate psi' = h / A at which the axis of a symmetric body circles about h (Thomson 5.9).
+
+    **Arguments**
+
+    - `omega`: angular velocity in body axes, rad/s, (3, *runs).
+    - `A`, `C`: transverse and axial moment of inertia, kg m^2.
+
+    **Returns** psi', rad/s, (*runs,).
+    """
+    check_components("precession_rate: omega", omega, 3)
     return norm(jnp.stack([A * omega[0], A * omega[1], C * omega[2]])) / A
 
 
 def cone_angles(omega: Vector, A: Scalar, C: Scalar) -> tuple[Scalar, Scalar]:
-    """theta and gamma, rad: the angles of the symmetry axis with h and with omega (Thomson 5.8-15,
-    -16).
+    """Angles of the axis of symmetry with h and with omega (Thomson 5.8-15, -16).
 
-    The body cone has the half-angle gamma, the space cone |gamma - theta|. At omega = 0 both are
-    zero."""
+    **Arguments** as in `precession_rate`.
+
+    **Returns** theta and gamma, rad, (*runs,); both zero at omega = 0. The body cone has the
+    half-angle gamma, the space cone |gamma - theta|.
+    """
+    check_components("cone_angles: omega", omega, 3)
     transverse = safe_sqrt(omega[0] * omega[0] + omega[1] * omega[1])
     return safe_atan2(A * transverse, C * omega[2]), safe_atan2(transverse, omega[2])
 
 
 def coning_omega(theta: Scalar, precession: Scalar, A: Scalar, C: Scalar) -> Vector:
-    """The angular velocity, rad/s, body axes, with which a symmetric body cones at the angle
-    `theta`, rad, with the rate `precession` = psi', rad/s; the vector h lies in the plane of the
-    body's y and z (Thomson 5.9-1, -4)."""
+    """The angular velocity with which a symmetric body cones (Thomson 5.9-1, -4).
+
+    **Arguments**
+
+    - `theta`: angle between the axis of symmetry and h, rad.
+    - `precession`: psi', rad/s.
+    - `A`, `C`: transverse and axial moment of inertia, kg m^2.
+
+    **Returns** omega, rad/s, in body axes, (3, *runs), with h in the plane of the body's y and z.
+    """
     axial = A / C * precession * jnp.cos(theta)
     return precession * jnp.sin(theta) * axis(1, axial) + axial * axis(2, axial)
 
 
 def symmetric_flow(duration: Scalar, y: BodyState, A: Scalar, C: Scalar) -> BodyState:
-    """The exact state of the free body diag(A, A, C) a `duration`, s, after the state `y` (Thomson
-    5.8-5, 5.9).
+    """The exact state of a free symmetric body a given duration later (Thomson 5.8-5, 5.9).
 
-    Any quotient of A and C is allowed, A = C included, and any rate, zero included."""
+    **Arguments**
+
+    - `duration`: s, (*runs,), of either sign.
+    - `y`: the state, with attitude and omega; any rate, zero included.
+    - `A`, `C`: transverse and axial moment of inertia, kg m^2, of any quotient, one included.
+
+    **Returns** the state of attitude and omega.
+    """
     attitude, omega = attitude_and_omega(y)
     z = axis(2, omega[2])
+    # h_B / A = omega + (C - A)/A n z: exactly omega for a sphere.
     momentum_per_A = omega + (C - A) / A * omega[2] * z
     roll = body_precession_rate(omega[2], A, C) * duration
     turn = Quaternion.from_rotation_vector(momentum_per_A * duration).then(

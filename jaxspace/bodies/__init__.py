@@ -1,5 +1,4 @@
-"""What has mass: inertia, mass properties, the state of a body, Newton-Euler, and the interface of
-effects."""
+"""Bodies with mass: inertia, mass properties, state, equations of motion, the interface of effects."""
 
 from ._body import AbstractBody as AbstractBody
 from ._body import BurningBody as BurningBody
@@ -14,6 +13,7 @@ from ._inertia import as_inertia as as_inertia
 from ._inertia import kinetic_energy as kinetic_energy
 from ._inertia import parallel_axes as parallel_axes
 from ._inertia import principal_axes as principal_axes
+from ._jump import AbstractJump as AbstractJump
 from ._newton_euler import angular_acceleration as angular_acceleration
 from ._newton_euler import linear_acceleration as linear_acceleration
 from ._principal_frame import free_turn as free_turn

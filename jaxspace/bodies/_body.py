@@ -1,5 +1,4 @@
-"""What a scene's effects act on: mass, centre of mass and inertia, constant or changing with the
-mass that is left.
+"""Mass, centre of mass and inertia of a body, constant or changing with the mass that is left.
 
     J(m) = J_d + m_p diag(k^2) + m_d m_p / m d^2 diag(1, 1, 0)          m_p = m - m_d
 
@@ -10,46 +9,49 @@ mass that is left.
     k       radii of gyration of the propellant about its own centre         m
     d       distance of the propellant's centre from the dry centre, along z m
 
-Source: Thomson 5.5 (parallel axes), 7.9 (rocket whose radii of gyration stay). The propellant's
-centre and radii of gyration stay where they are: right for a grain that burns evenly over its
-length. The state's position is the centre of mass.
+Source: Thomson 5.5 (parallel axes), 7.9 (rocket with constant radii of gyration).
+
+The propellant's centre and radii of gyration are constant: right for a grain that burns evenly over
+its length. The position of the state is the centre of mass.
 """
 
 from abc import abstractmethod
-from typing import final
+from typing import Any, final
 
-import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..core import (
+    AbstractParameters,
     Scalar,
     Vector,
-    as_float,
-    as_optional_float,
     axis,
-    check_non_negative,
-    check_positive,
+    quantity,
+    with_rank,
 )
 from ._inertia import AbstractInertia, as_inertia
 
 
-def _as_optional_inertia(x) -> AbstractInertia | None:
+def _as_optional_inertia(x: Any) -> AbstractInertia | None:
     return None if x is None else as_inertia(x)
 
 
-class AbstractBody(eqx.Module):
-    """Mass properties as functions of the mass that is left; `None` for what the body does not
-    have."""
+class AbstractBody(AbstractParameters):
+    """Mass properties as functions of the mass that is left.
+
+    Shapes: masses (*runs,), vectors (3, *runs). `None` stands for what the body does not have."""
 
     @abstractmethod
     def constant_mass(self) -> Scalar | None:
-        """The mass, kg, of a body that keeps it; `None` when it is unknown or a part of the
-        state."""
+        """The mass, kg, if it is constant; `None` where it is unknown or a part of the state."""
+
+    @abstractmethod
+    def loaded_mass(self) -> Scalar | None:
+        """The mass, kg, at the start of a flight; `None` when it is unknown."""
 
     @abstractmethod
     def has_inertia(self) -> bool:
-        """Whether the body can rotate."""
+        """Whether the body has an inertia, so that it can rotate."""
 
     @abstractmethod
     def inertia(self, mass: Scalar | None) -> AbstractInertia:
@@ -57,32 +59,37 @@ class AbstractBody(eqx.Module):
 
     @abstractmethod
     def inertia_per_mass(self, mass: Scalar) -> Vector:
-        """Diagonal of dJ/dm, m^2: how the inertia falls with the mass that leaves."""
+        """Diagonal of dJ/dm, m^2, when `mass`, kg, is left."""
 
     @abstractmethod
     def centre_of_mass(self, mass: Scalar | None) -> Vector | float:
-        """Centre of mass in the body's construction axes, m."""
+        """Centre of mass in the body's construction axes, m, when `mass`, kg, is left."""
 
 
 @final
 class RigidBody(AbstractBody):
-    """A body whose mass properties stay: `mass`, kg; `inertia`, kg m^2 (three principal moments, a
-    tensor, or an inertia).
+    """A body with constant mass properties: `RigidBody(mass, inertia)`.
 
     Either may be absent: a point needs no inertia, and the mass drops out of motion under gravity
     alone."""
 
-    mass: Float[Array, "*#runs"] | None
-    moment_of_inertia: AbstractInertia | None
+    mass: Float[Array, "*#runs"] | None = quantity("kg", positive=True, optional=True, doc="mass")
+    moment_of_inertia: AbstractInertia | None = quantity(
+        "kg m^2",
+        key="inertia",
+        optional=True,
+        converter=_as_optional_inertia,
+        doc="about the centre of mass: three principal moments, a tensor, or an inertia",
+    )
 
     def __init__(self, mass=None, inertia=None):
-        self.mass = as_optional_float(mass)
-        self.moment_of_inertia = _as_optional_inertia(inertia)
-
-    def __check_init__(self):
-        check_positive("RigidBody.mass", self.mass)
+        self.mass = mass
+        self.moment_of_inertia = inertia
 
     def constant_mass(self) -> Scalar | None:
+        return self.mass
+
+    def loaded_mass(self) -> Scalar | None:
         return self.mass
 
     def has_inertia(self) -> bool:
@@ -105,24 +112,32 @@ class RigidBody(AbstractBody):
 class BurningBody(AbstractBody):
     """A body that carries propellant on its z axis; the mass is a part of the state.
 
-    - `dry_mass`, kg, and `dry_inertia`, kg m^2, about the dry centre of mass, which is the origin
-      of the construction axes.
-    - `gyration_radii`, m, (3, *runs): of the propellant about its own centre.
-    - `propellant_station`, m: z of the propellant's centre.
+    The dry centre of mass is the origin of the construction axes."""
 
-    Raises `InputError` for a negative mass or radius."""
-
-    dry_mass: Float[Array, "*#runs"] = eqx.field(converter=as_float)
-    dry_inertia: AbstractInertia = eqx.field(converter=as_inertia)
-    gyration_radii: Float[Array, "3 *#runs"] = eqx.field(converter=as_float)
-    propellant_station: Float[Array, "*#runs"] = eqx.field(converter=as_float, default=0.0)
-
-    def __check_init__(self):
-        check_positive("BurningBody.dry_mass", self.dry_mass)
-        check_non_negative("BurningBody.gyration_radii", self.gyration_radii)
+    dry_mass: Float[Array, "*#runs"] = quantity(
+        "kg", positive=True, doc="of the body without propellant"
+    )
+    dry_inertia: AbstractInertia = quantity(
+        "kg m^2",
+        key="inertia",
+        converter=as_inertia,
+        doc="about the dry centre of mass: three principal moments, a tensor, or an inertia",
+    )
+    gyration_radii: Float[Array, "3 *#runs"] = quantity(
+        "m", non_negative=True, doc="radii of gyration of the propellant about its own centre"
+    )
+    propellant_station: Float[Array, "*#runs"] = quantity(
+        "m", default=0.0, doc="z of the propellant's centre, from the dry centre of mass"
+    )
+    propellant_mass: Float[Array, "*#runs"] | None = quantity(
+        "kg", positive=True, optional=True, doc="carried at the start; the state holds what is left"
+    )
 
     def constant_mass(self) -> Scalar | None:
         return None
+
+    def loaded_mass(self) -> Scalar | None:
+        return None if self.propellant_mass is None else self.dry_mass + self.propellant_mass
 
     def has_inertia(self) -> bool:
         return True
@@ -130,12 +145,14 @@ class BurningBody(AbstractBody):
     def inertia(self, mass: Scalar | None) -> AbstractInertia:
         assert mass is not None
         propellant = mass - self.dry_mass
-        k = self.gyration_radii
+        k = with_rank(self.gyration_radii, jnp.ndim(mass))
+        # Parallel axes for two masses about their common centre: the reduced mass times d^2.
         apart = self.dry_mass * propellant / mass * self.propellant_station**2
         return self.dry_inertia.plus_diagonal(propellant * k * k + apart * _transverse(apart))
 
     def inertia_per_mass(self, mass: Scalar) -> Vector:
-        k = self.gyration_radii
+        k = with_rank(self.gyration_radii, jnp.ndim(mass))
+        # The derivative of the reduced mass by m is (m_d / m)^2.
         apart = (self.dry_mass / mass * self.propellant_station) ** 2
         return k * k + apart * _transverse(apart)
 

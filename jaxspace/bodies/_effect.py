@@ -1,5 +1,4 @@
-"""What may act on a body, and what it contributes: the interface between a scene and the physics of
-its effects."""
+"""The interface of an effect: what acts on a body, and what it contributes to its motion."""
 
 from abc import abstractmethod
 from typing import final
@@ -25,6 +24,8 @@ from ._state import BodyState
 class Load(eqx.Module):
     """What an effect contributes to the motion; `None` contributes nothing and costs nothing.
 
+    Vectors are (3, *runs).
+
     - `acceleration_N`, m/s^2: of the centre of mass, in inertial axes (gravity: no mass is needed).
     - `force_N`, N: in inertial axes.
     - `torque_B`, N m: about the centre of mass, in body axes.
@@ -39,13 +40,13 @@ class Load(eqx.Module):
 
 
 class AbstractEffect(AbstractParameters):
-    """Something that acts on a body. A concrete effect is final.
+    """Something that acts on a body. A concrete effect is final, and declares three sets of words.
 
-    - `needs`: the parts of the state that it reads, of `position`, `velocity`, `attitude`, `omega`,
-      `mass`.
-    - `adds`: what its load contributes, of `acceleration`, `force`, `torque`, `mass_rate`, `parts`.
-    - `keeps`: what motion under it alone conserves, of `energy`, `angular_momentum` (of the orbit,
-      all components), `axial_angular_momentum` (its z component)."""
+    - `needs`: the parts of the state that it reads, of "position", "velocity", "attitude", "omega",
+      "mass"; "body_mass" requires a body whose mass is known.
+    - `adds`: what its load contributes, of "acceleration", "force", "torque", "mass_rate", "parts".
+    - `keeps`: what motion under it alone conserves, of "energy", "angular_momentum" (of the orbit,
+      all components), "axial_angular_momentum" (its z component)."""
 
     needs: AbstractClassVar[frozenset[str]]
     adds: AbstractClassVar[frozenset[str]]
@@ -53,7 +54,7 @@ class AbstractEffect(AbstractParameters):
 
     @abstractmethod
     def load(self, t: Scalar, y: BodyState, body: AbstractBody) -> Load:
-        """The contribution at the time `t`, s, in the state `y`."""
+        """The contribution at the time `t`, s, in the state `y` of a `body`."""
 
     @abstractmethod
     def potential(self, t: Scalar, y: BodyState, body: AbstractBody) -> Scalar | None:
@@ -81,7 +82,7 @@ class AbstractEffect(AbstractParameters):
     def scaled(self, factor: Scalar) -> "AbstractEffect | None":
         """The same effect with its load multiplied by `factor`, or `None`.
 
-        Only for effects with a parameter that the whole load is proportional to: they keep their
-        other capabilities when they are scaled. `jaxspace.scene.scaled` scales every effect."""
+        For effects with a parameter that the whole load is proportional to: they keep their other
+        capabilities when they are scaled. `jaxspace.scene.scaled` scales every effect."""
         del factor
         return None

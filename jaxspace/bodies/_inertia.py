@@ -15,12 +15,12 @@ Source: Thomson 5.3 (tensor), 5.5 (principal axes), 7.1.
 from abc import abstractmethod
 from typing import Any, final
 
-import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
 from ..core import (
+    AbstractParameters,
     InputError,
     Matrix,
     Scalar,
@@ -30,11 +30,12 @@ from ..core import (
     dot,
     is_concrete,
     matvec,
+    quantity,
     solve3,
 )
 
 
-class AbstractInertia(eqx.Module):
+class AbstractInertia(AbstractParameters):
     """The linear map from angular velocity to angular momentum."""
 
     @abstractmethod
@@ -56,21 +57,22 @@ class AbstractInertia(eqx.Module):
 
 @final
 class PrincipalInertia(AbstractInertia):
-    """Inertia in principal axes: `moments` = (A, B, C), shape (3, *runs), kg m^2.
+    """Inertia in principal axes.
 
-    Raises `InputError` when a moment is not positive or one exceeds the sum of the other two, which
-    no body allows."""
+    Raises `InputError` when a moment exceeds the sum of the other two, which no body allows."""
 
-    moments: Float[Array, "3 *#runs"] = eqx.field(converter=as_float)
+    moments: Float[Array, "3 *#runs"] = quantity(
+        "kg m^2", positive=True, doc="principal moments (A, B, C)"
+    )
 
     def __check_init__(self):
         if is_concrete(self.moments):
             m = np.asarray(self.moments)
-            check(m > 0.0, "inertia", m, "positive in every moment")
             slack = m.sum(axis=0) - 2.0 * m.max(axis=0)
+            # A moment that is not positive has its own sentence, from the declaration.
             check(
-                slack >= -1e-6 * m.max(axis=0),
-                "inertia",
+                (slack >= -1e-6 * m.max(axis=0)) | np.any(m <= 0.0, axis=0),
+                "PrincipalInertia.moments",
                 m,
                 "such that no moment exceeds the sum of the other two",
             )
@@ -90,19 +92,18 @@ class PrincipalInertia(AbstractInertia):
 
 @final
 class InertiaTensor(AbstractInertia):
-    """Inertia in any body axes: `tensor`, shape (3, 3, *runs), symmetric and positive definite, kg
-    m^2.
+    """Inertia in any body axes.
 
     Raises `InputError` when the tensor of a single body is not symmetric or not positive definite.
     """
 
-    tensor: Float[Array, "3 3 *#runs"] = eqx.field(converter=as_float)
+    tensor: Float[Array, "3 3 *#runs"] = quantity("kg m^2", doc="symmetric and positive definite")
 
     def __check_init__(self):
         if is_concrete(self.tensor) and self.tensor.ndim == 2:
             j = np.asarray(self.tensor, dtype=float)
-            check(np.abs(j - j.T) <= 1e-6 * np.abs(j).max(), "inertia", j, "symmetric")
-            check(np.linalg.eigvalsh(j) > 0.0, "inertia", j, "positive definite")
+            check(np.abs(j - j.T) <= 1e-6 * np.abs(j).max(), "InertiaTensor.tensor", j, "symmetric")
+            check(np.linalg.eigvalsh(j) > 0.0, "InertiaTensor.tensor", j, "positive definite")
 
     def times(self, omega: Vector) -> Vector:
         return matvec(self.tensor, omega)

@@ -11,9 +11,11 @@
     J        inertia of what is left, about its centre of mass   kg m^2
     M        moment about the centre of mass                     N m
 
-Source: Thomson 5.6 (Euler's equations), 7.1-2, 7.7-3 (varying mass). Mass that leaves takes along
-the momentum that it has where it burns; what it gives up on the way to the nozzle is the effect
-`JetDamping`. The motion of the centre of mass inside the body is not a velocity of the body.
+Source: Thomson 5.6 (Euler's equations), 7.1-2, 7.7-3 (varying mass).
+
+Mass that leaves takes along the momentum that it has where it burns. What it gives up on the way to
+the nozzle is the effect `JetDamping`. The motion of the centre of mass inside the body is not a
+velocity of the body.
 """
 
 from ..core import Scalar, Vector, cross
@@ -23,7 +25,17 @@ from ._inertia import AbstractInertia
 def linear_acceleration(
     acceleration: Vector | None, force: Vector | None, mass: Scalar | None
 ) -> Vector:
-    """v' = a + F / m, m/s^2; absent terms cost nothing. At least one of the two must be given."""
+    """Acceleration of the centre of mass, v' = a + F / m.
+
+    **Arguments**
+
+    - `acceleration`: by gravity, m/s^2, (3, *runs), or `None`.
+    - `force`: sum of the other forces, N, (3, *runs), or `None`; one of the two must be there.
+    - `mass`: kg, (*runs,); required where there is a force.
+
+    **Returns** v', m/s^2, (3, *runs).
+    """
+    # Absent terms are `None` and not zero, so that they cost no operation.
     if force is None:
         assert acceleration is not None
         return acceleration
@@ -33,6 +45,15 @@ def linear_acceleration(
 
 
 def angular_acceleration(inertia: AbstractInertia, omega: Vector, torque: Vector | None) -> Vector:
-    """omega' from Euler's equations, rad/s^2 (Thomson 5.6, 7.1-2)."""
+    """Angular acceleration by Euler's equations (Thomson 5.6, 7.1-2).
+
+    **Arguments**
+
+    - `inertia`: about the centre of mass, kg m^2.
+    - `omega`: angular velocity in body axes, rad/s, (3, *runs).
+    - `torque`: about the centre of mass, in body axes, N m, (3, *runs), or `None`.
+
+    **Returns** omega', rad/s^2, (3, *runs).
+    """
     gyroscopic = cross(inertia.times(omega), omega)
     return inertia.solve(gyroscopic if torque is None else torque + gyroscopic)

@@ -1,4 +1,4 @@
-"""The state of a body in a scene: only the parts that the scene's effects call for."""
+"""The state of a body in a scene: only the parts that the effects of the scene require."""
 
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any, TypeAlias, final
@@ -7,19 +7,24 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..core import State
+from ..core import State, check_components, quantity
 from ..rotations import Quaternion
 
 if TYPE_CHECKING:
-    # A part is absent only where no effect reads it, which the scene has checked: to a static
-    # reader every part is there.
+    # A part is absent only where no effect reads it, which the scene has checked: for a static
+    # type checker every part is there.
     VectorPart: TypeAlias = Any
     ScalarPart: TypeAlias = Any
     AttitudePart: TypeAlias = Any
 else:
-    VectorPart: TypeAlias = Float[Array, "3 *#runs"] | Float[Array, "*#rows 3"] | None
+    VectorPart: TypeAlias = Float[Array, "3 *#runs"] | None
     ScalarPart: TypeAlias = Float[Array, "..."] | None
     AttitudePart: TypeAlias = Quaternion | None
+
+
+def as_it_is(x: Any) -> Any:
+    """`x`, because a state is also built from what is no number: axes of a batch, shapes."""
+    return x
 
 
 @final
@@ -27,22 +32,35 @@ class BodyState(eqx.Module):
     """Position and velocity of the centre of mass, orientation, angular velocity and mass of a
     body; also their rates.
 
-    A part that is `None` is absent: it is no leaf of the tree, hence in no integration, no batch
-    and no gradient. Physics has the runs on the last axis, as below; at the border
-    (`simulate_batch`, trajectories) runs and times come first.
+    Vectors are (3, *runs), along a trajectory (3, times, *runs); the mass is (*runs,) or
+    (times, *runs). `parts` holds whatever else an effect integrates, by name. A part that is `None`
+    is absent: it is no leaf of the tree, hence in no integration, no batch and no gradient.
 
-    - `position`, m, and `velocity`, m/s: (3, *runs), in inertial axes.
-    - `attitude`: a `Quaternion`, body to inertial.
-    - `omega`, rad/s: (3, *runs), relative to inertial space, in body axes.
-    - `mass`, kg: (*runs,).
-    - `parts`: whatever else an effect integrates, by name."""
+    Raises `InputError` for an array whose first axis does not hold the components."""
 
-    position: VectorPart = None
-    velocity: VectorPart = None
-    attitude: AttitudePart = None
-    omega: VectorPart = None
-    mass: ScalarPart = None
+    position: VectorPart = quantity(
+        "m", optional=True, converter=as_it_is, doc="of the centre of mass, in inertial axes"
+    )
+    velocity: VectorPart = quantity(
+        "m/s", optional=True, converter=as_it_is, doc="of the centre of mass, in inertial axes"
+    )
+    attitude: AttitudePart = quantity(
+        "", optional=True, converter=as_it_is, doc="a `Quaternion`, body to inertial"
+    )
+    omega: VectorPart = quantity(
+        "rad/s",
+        optional=True,
+        converter=as_it_is,
+        doc="angular velocity relative to inertial space, in body axes",
+    )
+    mass: ScalarPart = quantity("kg", optional=True, converter=as_it_is, doc="of the body")
     parts: dict[str, State] | None = None
+
+    def __check_init__(self):
+        for name in ("position", "velocity", "omega"):
+            check_components(f"BodyState.{name}", getattr(self, name), 3)
+        if isinstance(self.attitude, Quaternion):
+            check_components("BodyState.attitude", self.attitude.wxyz, 4)
 
     def present(self) -> tuple[str, ...]:
         """The names of the parts that this state holds."""
@@ -53,7 +71,7 @@ PARTS = ("position", "velocity", "attitude", "omega", "mass", "parts")
 
 
 def sample_state(parts: Iterable[str]) -> BodyState:
-    """Some state that holds the `parts` named, for shapes and counts: every number is one."""
+    """A state that holds these `parts`, for shapes and operation counts: every number is one."""
     vector = jnp.ones(3)
     every = BodyState(vector, vector, Quaternion(jnp.ones(4)), vector, jnp.ones(()), {})
     return BodyState(**{part: getattr(every, part) for part in parts})

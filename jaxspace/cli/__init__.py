@@ -1,5 +1,3 @@
-"""The command line: the one place that turns strings into classes, and radians into degrees."""
+"""The command line: it parses arguments and prints what the library returns."""
 
 from ._main import main as main
-from ._registry import REGISTRY as REGISTRY
-from ._registry import load as load

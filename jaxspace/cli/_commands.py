@@ -1,85 +1,59 @@
 """What the commands do with a checked scene file."""
 
+import json
 import os
 import sys
 from typing import Any
 
-import jax
-import jax.numpy as jnp
-
+from ..core import InputError
 from ..dispersion import disperse as disperse_campaign
-from ..io import SceneFile
-from ..simulation import Accuracy, Mission, MissionTrajectory, Status, simulate
-from . import _report as report
-from ._settings import settle
+from ..io import (
+    SceneFile,
+    dispersion_report,
+    listing,
+    load,
+    mission_report,
+    read_size,
+    run_report,
+    schema,
+)
+from ..simulation import Mission, Status
+from ..studies import accuracy_cost, effect_budget
+
+TOLERANCES = tuple(10.0**-k for k in range(4, 13))
 
 
-def run(file: SceneFile, folder: str) -> int:
-    """Fly the nominal run, print how it ended, and draw it."""
-    settle()
-    system, y0, ts = file.nominal()
-    print(file.title)
-    if isinstance(system, Mission):
-        status = _run_mission(file, system, y0, folder)
+def run(path: str, folder: str) -> int:
+    """Simulate the nominal run, print how it ended, and draw it."""
+    file = load(path)
+    make_folder(folder)
+    if isinstance(file.system, Mission):
+        flown = file.nominal_mission(samples=100)
+        print(mission_report(file, flown, file.nominal_mission(samples=100, factor=0.01)))
+        for name, phase in zip(flown.names, flown.phases, strict=True):
+            _draw(phase, _path(file, folder, f"_{name}.png".replace(" ", "_")))
     else:
-        flown = simulate(system, y0, ts, accuracy=file.accuracy, throw=False)
-        rows = report.state_rows(flown.final) + report.orbit_rows(file, flown.final)
-        print(report.columns([("time [s]", report.number(flown.ts[-1])), *rows]))
-        print(
-            report.columns([*report.drift_rows(flown.drift()), *report.error_rows(flown.error())])
-        )
-        print(report.status_line(flown.status))
+        flown = file.simulate(throw=False)
+        print(run_report(file, flown))
         _draw(flown, _path(file, folder, ".png"))
-        status = int(flown.status)
-    return 0 if Status(status).good else 1
+    return 0 if Status(int(flown.status)).good else 1
 
 
-def _run_mission(file: SceneFile, mission: Mission, y0: Any, folder: str) -> int:
-    flown = fly(file, mission, y0, samples=100)
-    finer = fly(file, mission, y0, samples=100, factor=0.01)
-    for name, phase in zip(flown.names, flown.phases, strict=True):
-        print(f"\n{name}: from {report.number(phase.ts[0])} s to {report.number(phase.ts[-1])} s")
-        rows = (
-            report.state_rows(phase.final)
-            + report.orbit_rows(file, phase.final)
-            + report.drift_rows(phase.drift())
-        )
-        print(report.columns(rows))
-        _draw(phase, _path(file, folder, f"_{name}.png".replace(" ", "_")))
-    print("\nat the end, after the last jump")
-    rows = report.state_rows(flown.final) + report.orbit_rows(file, flown.final)
-    error = jax.tree.map(lambda a, b: a - b, flown.final, finer.final)
-    print(
-        report.columns([("time [s]", report.number(flown.end)), *rows, *report.error_rows(error)])
-    )
-    print(report.status_line(flown.status))
-    return int(flown.status)
-
-
-def fly(
-    file: SceneFile, mission: Mission, y0: Any, samples: int = 2, factor: float = 1.0
-) -> MissionTrajectory:
-    """The nominal mission of the file, at its own accuracy times `factor`."""
-    rtol = max(file.accuracy * factor, 32.0 * float(jnp.finfo(jnp.result_type(float)).eps))
-    start = 0.0 if file.kind == "mission" else file.values["times"]["start"]
-    return simulate(mission, y0, start, accuracy=Accuracy(rtol=rtol), samples=samples, throw=False)
-
-
-def disperse(file: SceneFile, runs: int, seed: int, chunk: int, folder: str) -> int:
-    """Fly the file many times, print the table of its outputs, and keep the runs, a figure and a
+def disperse(path: str, runs: int | None, seed: int | None, chunk: int, folder: str) -> int:
+    """Run the file many times, print the table of its outputs, and keep the runs, a figure and a
     page."""
     from tqdm import tqdm
 
-    settle()
+    file = load(path)
+    runs, seed = file.runs if runs is None else runs, file.seed if seed is None else seed
+    make_folder(folder)
     print(f"{file.title}: {runs} runs, seed {seed}")
-    flown = fly(file, *file.nominal_mission())
-    campaign = file.campaign(flown)
+    for doubt in file.doubts():
+        print(doubt, file=sys.stderr)
+    nominal = file.nominal_mission()
+    campaign = file.campaign(nominal, warn=False)
     store = _path(file, folder, ".zarr")
     with tqdm(total=runs, unit="run", file=sys.stderr, disable=None) as bar:
-
-        def shown(done: int, total: int) -> None:
-            bar.update(done - bar.n)
-
         result = disperse_campaign(
             campaign,
             runs,
@@ -87,17 +61,12 @@ def disperse(file: SceneFile, runs: int, seed: int, chunk: int, folder: str) -> 
             chunk=chunk,
             accuracy=file.accuracy,
             store=store,
-            progress=shown,
+            progress=lambda done, total: bar.update(done - bar.n) and None,
         )
-    print(report.dispersion_table(result, file.nominal_outputs(flown)))
-    lines = report.contributor_lines(result)
-    if lines:
-        print(f"\nshares of the variance\n{lines}")
-    print(f"\n{report.status_lines(result)}")
+    print(dispersion_report(result, file.nominal_outputs(nominal)))
     ahead = result.attributes["preparation_seconds"]
-    print(
-        f"{result.seconds:.1f} s: {ahead:.1f} s to compile and to plan, then {runs / (result.seconds - ahead):.0f} runs/s"
-    )
+    rate = runs / max(result.seconds - ahead, 1e-9)
+    print(f"{result.seconds:.1f} s: {ahead:.1f} s to compile and to plan, then {rate:.0f} runs/s")
     _keep(file, result, folder)
     print(f"store  {store}")
     return 0 if result.good.any() else 1
@@ -116,6 +85,94 @@ def _keep(file: SceneFile, result: Any, folder: str) -> None:
         print(f"figure {figure}\npage   {page}")
 
 
+def explain(path: str) -> int:
+    """Print the table of effects of every scene of the file."""
+    file = load(path)
+    print(file.title)
+    scenes = file.scenes()
+    if not scenes:
+        print(f"{type(file.system).__name__} is a system of its own: it has no effects.")
+    for name, scene in scenes.items():
+        print(f"\n{name}\n{scene.explain()}")
+    return 0
+
+
+def cost(path: str, error: float | None, gradient: bool, folder: str) -> int:
+    """Print what accuracy costs, recommend a setting, and draw the diagram."""
+    file = load(path)
+    make_folder(folder)
+    rtol = file.values["accuracy"]
+    tolerances = sorted({*TOLERANCES, rtol}, reverse=True)
+    table = accuracy_cost(file.system, file.y0, file.ts, tolerances=tolerances, gradient=gradient)
+    print(f"{file.title}: what accuracy costs")
+    print(table)
+    print(f"\n{_recommendation(table, rtol if error is None else error)}")
+    _draw_table(table, _path(file, folder, "_cost.png"))
+    return 0
+
+
+def _recommendation(table: Any, error: float) -> str:
+    """The cheapest setting for a relative error of the final state, in words."""
+    try:
+        row = table.cheapest_row(error)
+    except InputError as problem:
+        return f"no setting is good enough: {problem}"
+    how = (
+        "the closed form"
+        if row.tolerance is None
+        else f"accuracy = {row.tolerance:.3g} with {row.method}"
+    )
+    reached = f"which reaches {row.error:.1g} in {1e3 * row.seconds:.3g} ms"
+    return f"for a relative error of {error:.1g} in the final state: {how}, {reached}"
+
+
+def budget(path: str, output: str | None, tolerance: str | None, folder: str) -> int:
+    """Print what each effect does to the output and which of them may go, and draw it."""
+    file = load(path)
+    if file.kind == "system":
+        name = type(file.system).__name__
+        raise InputError(f"{name} has no effects: the file must be of a scene or a mission.")
+    make_folder(folder)
+    output = file.y0.present()[0] if output is None else output
+    size = None if tolerance is None else read_size("--tolerance", tolerance, output)
+    table = effect_budget(
+        file.system,
+        file.y0,
+        file.ts,
+        output=output,
+        tolerance=size,
+        accuracy=min(file.values["accuracy"], 1e-9),
+    )
+    print(f"{file.title}: which effects matter")
+    print(table)
+    _draw_table(table, _path(file, folder, "_budget.png"))
+    return 0
+
+
+def show_list() -> int:
+    """Print what scene files may name."""
+    print(listing())
+    return 0
+
+
+def show_schema() -> int:
+    """Print the JSON schema of scene files."""
+    print(json.dumps(schema(), indent=1))
+    return 0
+
+
+def make_folder(name: str) -> None:
+    """Make the folder for results. Raises `InputError` where nothing can be written."""
+    try:
+        os.makedirs(name, exist_ok=True)
+    except OSError as error:
+        raise InputError(
+            f"--out is {name}: it cannot be made a folder: {error.strerror}."
+        ) from error
+    if not os.access(name, os.W_OK | os.X_OK):
+        raise InputError(f"--out is {name}: it must be a folder in which files may be written.")
+
+
 def _draw(trajectory: Any, path: str) -> None:
     import matplotlib
 
@@ -126,17 +183,13 @@ def _draw(trajectory: Any, path: str) -> None:
     print(f"figure {path}")
 
 
+def _draw_table(table: Any, path: str) -> None:
+    import matplotlib
+
+    matplotlib.use("Agg")
+    table.plot().savefig(path)
+    print(f"figure {path}")
+
+
 def _path(file: SceneFile, folder: str, ending: str) -> str:
     return os.path.join(folder, file.path.stem + ending)
-
-
-def explain(file: SceneFile) -> int:
-    """Print the table of effects of every scene of the file."""
-    settle()
-    scenes = file.scenes()
-    print(file.title)
-    if not scenes:
-        print(f"{file.values['system']['name']} is a textbook system: it has no effects.")
-    for name, scene in scenes.items():
-        print(f"\n{name}\n{scene.explain()}")
-    return 0

@@ -1,4 +1,4 @@
-"""The commands: run, disperse, explain, cost, budget."""
+"""The commands: run, disperse, explain, cost, budget, list, schema."""
 
 import argparse
 import math
@@ -9,24 +9,35 @@ from collections.abc import Sequence
 from ..core import InputError
 from ..io import SceneError
 from ..simulation import SimulationError
+from ._settings import settle
 
 BAD_INPUT, BAD_RUN = 2, 1
-OUTPUTS = ("position", "velocity", "attitude", "omega", "mass")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Carry out one command and return its exit status: 0, 1 for runs that failed, 2 for input that
     cannot be used."""
     given = _parser().parse_args(arguments)
+    file = getattr(given, "file", "jaxspace")
     try:
-        return given.command(given)
+        status = given.command(given)
+        sys.stdout.flush()
+        return status
     except (SceneError, InputError) as error:
-        text = str(error) if isinstance(error, SceneError) else f"{given.file}: {error}"
-        print(text, file=sys.stderr)
+        print(str(error) if isinstance(error, SceneError) else f"{file}: {error}", file=sys.stderr)
         return BAD_INPUT
     except SimulationError as error:
-        print(f"{given.file}: {error}", file=sys.stderr)
+        print(f"{file}: {error}", file=sys.stderr)
         return BAD_RUN
+    except BrokenPipeError:
+        # Whoever read the output has stopped. Python would fail once more when it flushes it.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        print(f"{file}: the output was closed before its end.", file=sys.stderr)
+        return BAD_RUN
+    except OSError as error:
+        where = f"{error.filename}: " if error.filename else ""
+        print(f"{where}cannot be written or read: {error.strerror}.", file=sys.stderr)
+        return BAD_INPUT
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -34,25 +45,31 @@ def _parser() -> argparse.ArgumentParser:
         prog="jaxspace", description="Space dynamics from scene files."
     )
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
-    run = commands.add_parser("run", help="fly the nominal run of a scene file")
+    run = commands.add_parser("run", help="simulate the nominal run of a scene file")
     disperse = commands.add_parser(
-        "disperse", help="fly a scene file many times with its dispersions"
+        "disperse", help="simulate a scene file many times with its dispersions"
     )
     explain = commands.add_parser(
         "explain", help="say what the effects of a scene file read, add and cost"
     )
     cost = commands.add_parser("cost", help="say what accuracy costs in the run of a scene file")
     budget = commands.add_parser("budget", help="say which effects of a scene file matter")
-    every = (
+    with_file = (
         (run, _run),
         (disperse, _disperse),
         (explain, _explain),
         (cost, _cost),
         (budget, _budget),
     )
-    for command, action in every:
+    for command, action in with_file:
         command.add_argument("file", metavar="FILE", help="a scene file, in TOML")
         command.set_defaults(command=action)
+    commands.add_parser(
+        "list", help="list what scene files may name, with fields and units"
+    ).set_defaults(command=_list)
+    commands.add_parser(
+        "schema", help="print the JSON schema of scene files, for editors"
+    ).set_defaults(command=_schema)
     for command in (run, disperse, cost, budget):
         command.add_argument(
             "--out", default="out", metavar="DIR", help="where the files go (default: out)"
@@ -74,8 +91,8 @@ def _parser() -> argparse.ArgumentParser:
     )
     budget.add_argument(
         "--output",
-        choices=OUTPUTS,
-        help="what they are judged by (default: the position, if there is one)",
+        metavar="PART",
+        help="the part of the state that they are judged by (default: the first one)",
     )
     budget.add_argument(
         "--tolerance", metavar="SIZE", help='how far the output may move, such as "10 m"'
@@ -112,53 +129,54 @@ def _whole(text: str) -> int:
     return number
 
 
+# The commands import what computes, which takes a while: `--help` and bad options do not wait for
+# it. Settings of jax come first, for the first array fixes them.
+
+
 def _run(given: argparse.Namespace) -> int:
     from ._commands import run
-    from ._registry import load
 
-    return run(load(given.file), _folder(given.out))
+    settle()
+    return run(given.file, given.out)
 
 
 def _disperse(given: argparse.Namespace) -> int:
     from ._commands import disperse
-    from ._registry import load
 
-    file = load(given.file)
-    asked = file.values.get("dispersion")
-    if asked is None:
-        raise SceneError(
-            given.file,
-            "dispersion is missing: it must be a table with outputs and inputs for this command.",
-        )
-    runs = asked["runs"] if given.runs is None else given.runs
-    seed = asked["seed"] if given.seed is None else given.seed
-    return disperse(file, runs, seed, given.chunk, _folder(given.out))
+    settle()
+    return disperse(given.file, given.runs, given.seed, given.chunk, given.out)
 
 
 def _explain(given: argparse.Namespace) -> int:
     from ._commands import explain
-    from ._registry import load
 
-    return explain(load(given.file))
+    settle()
+    return explain(given.file)
 
 
 def _cost(given: argparse.Namespace) -> int:
-    from ._registry import load
-    from ._study_commands import cost
+    from ._commands import cost
 
-    return cost(load(given.file), given.error, given.gradient, _folder(given.out))
+    settle()
+    return cost(given.file, given.error, given.gradient, given.out)
 
 
 def _budget(given: argparse.Namespace) -> int:
-    from ._registry import load
-    from ._study_commands import budget
+    from ._commands import budget
 
-    return budget(load(given.file), given.output, given.tolerance, _folder(given.out))
+    settle()
+    return budget(given.file, given.output, given.tolerance, given.out)
 
 
-def _folder(name: str) -> str:
-    try:
-        os.makedirs(name, exist_ok=True)
-    except OSError as error:
-        raise SceneError(name, f"--out cannot be made a folder: {error.strerror}.") from error
-    return name
+def _list(given: argparse.Namespace) -> int:
+    from ._commands import show_list
+
+    del given
+    return show_list()
+
+
+def _schema(given: argparse.Namespace) -> int:
+    from ._commands import show_schema
+
+    del given
+    return show_schema()

@@ -1,5 +1,5 @@
-"""The floor: the noun `System`, vector algebra, branches without NaN, checks of input. Knows jax
-and equinox only."""
+"""What every room stands on: the interface of a system, vector algebra, functions without NaN,
+declared quantities, checks of input. Imports jax and equinox only."""
 
 from ._barrier import barrier as barrier
 from ._check import InputError as InputError
@@ -8,6 +8,14 @@ from ._check import check_finite as check_finite
 from ._check import check_non_negative as check_non_negative
 from ._check import check_positive as check_positive
 from ._check import is_concrete as is_concrete
+from ._declare import Choice as Choice
+from ._declare import constructor as constructor
+from ._declare import event as event
+from ._declare import initial as initial
+from ._declare import known_time as known_time
+from ._declare import output as output
+from ._declare import reference as reference
+from ._declare import references as references
 from ._group import AbstractGroupElement as AbstractGroupElement
 from ._layout import add_batch_axis as add_batch_axis
 from ._layout import component_axes_of as component_axes_of
@@ -22,8 +30,10 @@ from ._linear import norm as norm
 from ._linear import scale as scale
 from ._linear import solve3 as solve3
 from ._linear import unit as unit
+from ._quantity import REQUIRED as REQUIRED
 from ._quantity import AbstractParameters as AbstractParameters
 from ._quantity import Quantity as Quantity
+from ._quantity import argument as argument
 from ._quantity import quantities as quantities
 from ._quantity import quantity as quantity
 from ._safe import phi1 as phi1
@@ -31,6 +41,10 @@ from ._safe import safe_atan2 as safe_atan2
 from ._safe import safe_divide as safe_divide
 from ._safe import safe_sqrt as safe_sqrt
 from ._safe import sinc_squared as sinc_squared
+from ._shapes import check_components as check_components
+from ._shapes import runs_first as runs_first
+from ._shapes import runs_last as runs_last
+from ._shapes import with_rank as with_rank
 from ._special import stumpff as stumpff
 from ._special import stumpff_near as stumpff_near
 from ._system import AbstractClosedForm as AbstractClosedForm

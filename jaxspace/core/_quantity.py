@@ -6,19 +6,23 @@ tables of the manual, the units of data sets and the labels of plots. No other f
 
 import dataclasses
 import math
+import typing
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import equinox as eqx
+import jax.numpy as jnp
 import numpy as np
 
 from ._check import check, is_concrete
 from ._types import as_float, as_optional_float
 
 _KEY = "quantity"
+REQUIRED = dataclasses.MISSING
 
 
 class Quantity(NamedTuple):
-    """What a field declares.
+    """What a field, or an argument of a named constructor, declares.
 
     - `unit`: dimensions of SI, such as "kg m^2"; empty for a pure number.
     - `doc`: meaning, as a phrase that follows the name of the field.
@@ -26,7 +30,10 @@ class Quantity(NamedTuple):
     - `optional`: whether `None` says that the field is absent.
     - `fixed`: sets the shape of a computation, so that it cannot be dispersed.
     - `shared`: where a scene file looks for a value that the table of the class does not give, such
-      as "planet.mu"."""
+      as "planet.mu".
+    - `key`: the key in a scene file where it is not the name of the field.
+    - `shape`: without the axis of runs; `None` stands for any length.
+    - `default`: the value where none is given, or `REQUIRED`."""
 
     unit: str
     doc: str
@@ -36,6 +43,9 @@ class Quantity(NamedTuple):
     optional: bool = False
     fixed: bool = False
     shared: str = ""
+    key: str = ""
+    shape: tuple[int | None, ...] = ()
+    default: Any = REQUIRED
 
     def allowed(self) -> str:
         """The range in words, as the end of the sentence "it must be ..."."""
@@ -52,15 +62,17 @@ class Quantity(NamedTuple):
         return f"{' and '.join(limits)}, and finite"
 
     def contains(self, value: Any) -> Any:
-        """Whether each number of the known `value` is finite and within the range."""
-        x = np.asarray(value)
+        """Whether each number of `value` is finite and within the range; of a traced value, an
+        array that says so."""
+        xp = np if is_concrete(value) else jnp
+        x = xp.asarray(value)
         within = (
             (x > self.low) & (x < self.high) if self.strict else (x >= self.low) & (x <= self.high)
         )
-        return np.isfinite(x) & within
+        return xp.isfinite(x) & within
 
 
-def quantity(
+def argument(
     unit: str,
     *,
     doc: str,
@@ -72,7 +84,35 @@ def quantity(
     optional: bool = False,
     fixed: bool = False,
     shared: str = "",
-    default: Any = dataclasses.MISSING,
+    key: str = "",
+    shape: tuple[int | None, ...] = (),
+    default: Any = REQUIRED,
+) -> Quantity:
+    """The declaration of an argument of a named constructor; see `constructor`.
+
+    **Arguments**
+
+    - `positive`, `non_negative`: the two common ranges, in place of `low` and `strict`.
+    - `default`: an optional argument has the default `None`.
+    - the others: see `Quantity`.
+    """
+    if positive:
+        low, strict = 0.0, True
+    if non_negative:
+        low = 0.0
+    if optional and default is REQUIRED:
+        default = None
+    return Quantity(
+        unit, doc, low, high, strict, optional, fixed, shared, key, tuple(shape), default
+    )
+
+
+def quantity(
+    unit: str,
+    *,
+    doc: str,
+    converter: Callable[[Any], Any] | None = None,
+    **declared: Any,
 ) -> Any:
     """A field of a module that holds numbers of one quantity: `mass: Scalar = quantity("kg", ...)`.
 
@@ -80,25 +120,37 @@ def quantity(
 
     **Arguments**
 
-    - `unit`, `doc`, `low`, `high`, `strict`, `optional`, `fixed`, `shared`: see `Quantity`.
-    - `positive`, `non_negative`: the two common ranges, in place of `low` and `strict`.
-    - `default`: value of the field if none is given; an optional field has the default `None`.
+    - `unit`, `doc`, and by name what else `argument` takes, but the shape.
+    - `converter`: what turns the value into that of the field, in place of a floating-point array.
     """
-    if positive:
-        low, strict = 0.0, True
-    if non_negative:
-        low = 0.0
-    if optional and default is dataclasses.MISSING:
-        default = None
-    declared = Quantity(unit, doc, low, high, strict, optional, fixed, shared)
-    converter = as_optional_float if optional else as_float
-    return eqx.field(converter=converter, default=default, metadata={_KEY: declared})
+    made = argument(unit, doc=doc, **declared)
+    if converter is None:
+        converter = as_optional_float if made.optional else as_float
+    return eqx.field(converter=converter, default=made.default, metadata={_KEY: made})
 
 
 def quantities(cls: type) -> dict[str, Quantity]:
-    """The quantities that a class declares, by the name of their field, in order."""
+    """The quantities that a class declares, by the name of their field, in order.
+
+    Their shapes are those of the annotations."""
     fields = dataclasses.fields(cls) if dataclasses.is_dataclass(cls) else ()
-    return {field.name: field.metadata[_KEY] for field in fields if _KEY in field.metadata}
+    return {
+        field.name: field.metadata[_KEY]._replace(shape=annotated_shape(field.type))
+        for field in fields
+        if _KEY in field.metadata
+    }
+
+
+def annotated_shape(annotation: Any) -> tuple[int | None, ...]:
+    """The shape that an annotation such as `Float[Array, "3 *#runs"]` gives, without runs.
+
+    A named axis of any length is `None`; `()` where the annotation is not that of an array."""
+    for one in (annotation, *typing.get_args(annotation)):
+        dims = getattr(one, "dim_str", None)
+        if dims is not None:
+            axes = [axis for axis in dims.split() if not axis.startswith(("*", "."))]
+            return tuple(int(axis) if axis.isdigit() else None for axis in axes)
+    return ()
 
 
 class AbstractParameters(eqx.Module):

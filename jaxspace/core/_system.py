@@ -1,9 +1,10 @@
-"""The one noun of the library: what moves, what its exact motion keeps, and what more it offers.
+"""The interface of a system: its vector field, what its exact motion conserves, and what more it
+offers.
 
-A system answers two questions, `vector_field` and `invariants`. What more it may know about its
-motion it offers as values: `closed_form()`, `split()`, `regularised()` and `breaks()` return an
-object, or `None` where there is none. The runner finds out by asking, so that a scene can put its
-answers together from those of its effects.
+Every system has a `vector_field` and `invariants`. What more it may know about its motion it offers
+as values: `closed_form()`, `split()`, `regularised()` and `breaks()` return an object, or `None`
+where there is none. Because they are values and not base classes, a scene can compose its own from
+those of its effects.
 """
 
 from abc import abstractmethod
@@ -24,24 +25,22 @@ class AbstractClosedForm(eqx.Module):
 
 
 class AbstractSplit(eqx.Module):
-    """A vector field as the sum of two that are each known in closed form: a drift and a kick."""
+    """A vector field as the sum of two, a drift and a kick, whose motions are known exactly."""
 
     @abstractmethod
     def drift(self, duration: Scalar, y: State) -> State:
-        """The exact state a `duration`, s (negative: backwards), after `y` under the drift
-        alone."""
+        """The exact state a `duration`, s (negative: backwards), after `y`, by the drift alone."""
 
     @abstractmethod
     def kick(self, t: Scalar, duration: Scalar, y: State) -> State:
-        """The exact state a `duration`, s, after `y` under the kick alone, held as at time `t`,
-        s."""
+        """The exact state a `duration`, s, after `y`, by the kick alone, frozen at time `t`, s."""
 
 
 class AbstractRegularised(eqx.Module):
     """A motion in regularised variables z over a fictitious time sigma.
 
     z is one array with the components first. The motion is smooth in sigma where it is fast or
-    singular in time. The last component of z is the time since z was made from a state."""
+    singular in time. The last component of z is the time, s, since z was made from a state."""
 
     @abstractmethod
     def to_regularised(self, y: State) -> Array:
@@ -61,9 +60,8 @@ class AbstractRegularised(eqx.Module):
 
     @abstractmethod
     def fictitious_time(self, duration: Scalar, z: Array) -> Scalar:
-        """The fictitious time that a `duration`, s (negative: backwards), takes from `z` on.
-
-        Exact without perturbation, approximate with one."""
+        """The fictitious time that a `duration`, s (negative: backwards), takes from `z` on: exact
+        without perturbation, approximate with one."""
 
 
 class AbstractSystem(AbstractParameters):
@@ -83,14 +81,14 @@ class AbstractSystem(AbstractParameters):
 
     @abstractmethod
     def invariants(self, t: Scalar, y: State) -> dict[str, Array]:
-        """What the exact motion keeps constant, by name; `{}` when nothing is kept."""
+        """What the exact motion conserves, by name; `{}` when nothing is conserved."""
 
     def closed_form(self) -> AbstractClosedForm | None:
         """The exact motion, or `None`."""
         return None
 
     def split(self) -> AbstractSplit | None:
-        """The drift and the kick, or `None`."""
+        """Drift and kick, or `None`."""
         return None
 
     def regularised(self) -> AbstractRegularised | None:

@@ -1,11 +1,9 @@
-"""Whether values are known, or traced by a transformation of jax."""
-
-from typing import Any
+"""Whether values are concrete, or traced by a transformation of jax."""
 
 import jax
 import jax.numpy as jnp
 from jax.core import Tracer
-from jaxtyping import Array
+from jaxtyping import Array, PyTree
 
 
 @jax.jit
@@ -13,8 +11,9 @@ def _probe() -> Array:
     return jnp.zeros(())
 
 
-def is_traced(tree: Any) -> bool:
-    """Whether anything is traced: an array of the `tree`, or the code that asks."""
+def is_traced(tree: PyTree) -> bool:
+    """Whether an array of the `tree` is traced, or the code that calls this function."""
+    # Inside of `jit` the result of a jitted call is a tracer, even when no argument is one.
     if isinstance(_probe(), Tracer):
         return True
     return any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(tree))

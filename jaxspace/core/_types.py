@@ -1,5 +1,7 @@
-"""The shapes that every formula shares: components lead, runs trail (`*runs` is empty for one
-run)."""
+"""The types that every formula shares: components lead, runs trail (`*runs` is empty for one run).
+
+Along a trajectory the times stand before the runs; `*runs` then means both.
+"""
 
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -22,12 +24,13 @@ State: TypeAlias = PyTree[Float[Array, "..."]]
 def as_float(x: Any) -> Any:
     """`x` as a floating-point array, for the fields of a module.
 
-    A Python number stays weakly typed, so that the precision follows the state that it meets;
-    integers become floats. Whatever is not a number (a placeholder of a tree transformation) passes
-    through."""
+    A Python number stays weakly typed, so that the precision follows the state that it meets.
+    Integers become floats. Whatever is not a number passes, such as a placeholder of a tree
+    transformation."""
     if isinstance(x, bool | int):
         x = float(x)
     if isinstance(x, list | tuple):
+        # Of known numbers by numpy, because a stack of them would be a program of its own.
         x = (
             np.asarray(x, dtype=float)
             if all(isinstance(v, int | float) for v in x)

@@ -2,6 +2,9 @@
 are kept."""
 
 from ._campaign import Campaign as Campaign
+from ._distributions import NOMINAL as NOMINAL
+from ._distributions import OF_INPUT as OF_INPUT
+from ._distributions import SHARE_OF_INPUT as SHARE_OF_INPUT
 from ._distributions import AbstractDistribution as AbstractDistribution
 from ._distributions import Constant as Constant
 from ._distributions import Normal as Normal

@@ -149,7 +149,7 @@ def _block(
     numbers: Integer[Array, " runs"],
 ) -> tuple[RunResults, Float[Array, "phases runs"]]:
     samples = campaign.samples(key, numbers)
-    allowed = campaign.allows(samples)
+    allowed = campaign.allowed(samples)
     # A refused run flies the nominal inputs: whatever it drew harms no other run of its block.
     nominal = campaign.nominal()
     flown = {name: jnp.where(allowed, x, nominal[name]) for name, x in samples.items()}

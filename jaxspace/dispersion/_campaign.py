@@ -8,14 +8,20 @@ from typing import Any, final
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool, Float, Integer
 
-from ..core import InputError, State, as_float, check_finite
+from ..core import InputError, Quantity, State, as_float, check_finite
 from ..simulation import Mission
 from ..simulation._runs import MissionResult
 from ._distributions import AbstractDistribution
 
 RESERVED = ("run", "status", "evaluations")  # names of their own in a store
+
+
+def _as_pairs(limits: Any) -> tuple[tuple[str, Quantity], ...]:
+    """A dict as pairs, which can be hashed, as a static field has to be."""
+    return tuple(limits.items()) if isinstance(limits, dict) else tuple(limits)
 
 
 @final
@@ -31,7 +37,8 @@ class Campaign(eqx.Module):
     - `units`: the unit of every input and output, by name; a name without one is a pure number.
     - `start`, s: the time at which the mission starts.
     - `description`: free text for the record, such as the scene file.
-    - `allowed(samples)`: which runs may fly, (runs,); the others have the status REFUSED.
+    - `limits`: what each input is, by name, with the range that its class allows; a run of which an
+      input falls outside is refused (`allowed`).
 
     `build` and `outputs` are traced once; as modules they may hold arrays of their own. Raises
     `InputError` for an input that is no distribution, whose name is reserved, or when there is
@@ -43,7 +50,9 @@ class Campaign(eqx.Module):
     units: dict[str, str] = eqx.field(default_factory=dict)
     start: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)
     description: str = eqx.field(static=True, default="")
-    allowed: Callable[[dict[str, Array]], Bool[Array, " runs"]] | None = None
+    limits: tuple[tuple[str, Quantity], ...] = eqx.field(
+        static=True, converter=_as_pairs, default=()
+    )
 
     def __check_init__(self):
         if not self.inputs:
@@ -60,12 +69,6 @@ class Campaign(eqx.Module):
         """The mean of every input, for `runs` runs."""
         return {name: jnp.full((runs,), d.mean) for name, d in self.inputs.items()}
 
-    def allows(self, samples: dict[str, Array]) -> Bool[Array, " runs"]:
-        """Which runs have inputs that they may fly with."""
-        if self.allowed is None:
-            return jnp.ones(next(iter(samples.values())).shape, bool)
-        return self.allowed(samples)
-
     def samples(
         self, key: Any, numbers: Integer[Array, " runs"]
     ) -> dict[str, Float[Array, " runs"]]:
@@ -81,6 +84,22 @@ class Campaign(eqx.Module):
             }
 
         return jax.vmap(drawn)(numbers)
+
+    def allowed(self, samples: dict[str, Float[Array, " runs"]]) -> Bool[Array, " runs"]:
+        """For each run whether all of its inputs lie in the ranges that their classes allow."""
+        runs = next(iter(samples.values())).shape
+        within = jnp.ones(runs, bool)
+        for name, limit in self.limits:
+            within = within & limit.contains(samples[name])
+        return within
+
+    def refusal(self, samples: dict[str, Any]) -> str:
+        """Why a run with these inputs, each a number, is refused; empty where it is allowed."""
+        for name, limit in self.limits:
+            if not np.all(limit.contains(np.asarray(samples[name]))):
+                value = float(np.asarray(samples[name]))
+                return f"{name} is {value:.6g}: it must be {limit.allowed()}."
+        return ""
 
     def text(self) -> str:
         """The inputs in words, one a line."""

@@ -11,6 +11,7 @@ s       its standard deviation                     that of the quantity
 a, b    limits                                     that of the quantity
 """
 
+import math
 from abc import abstractmethod
 from typing import Any, final
 
@@ -20,10 +21,19 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..core import as_float, check, check_finite, check_non_negative, check_positive, is_concrete
+from ..core import AbstractParameters, check, is_concrete, quantity
+
+OF_INPUT = "unit of the input"
+"""The unit of a field whose number is a value of the input."""
+
+SHARE_OF_INPUT = "unit of the input, or % of its nominal value"
+"""The unit of a field whose number is a difference of two values of the input."""
+
+NOMINAL = "nominal"
+"""Where a scene file finds the nominal value of an input: `shared` of a field."""
 
 
-class AbstractDistribution(eqx.Module):
+class AbstractDistribution(AbstractParameters):
     """A distribution of one number. A concrete one is final and offers `mean` and `deviation` as
     fields or properties."""
 
@@ -35,8 +45,26 @@ class AbstractDistribution(eqx.Module):
         """One draw, decided by the random `key` alone."""
 
     @abstractmethod
+    def outside(self, low: float, high: float) -> float:
+        """The share of all draws, from 0 to 1, that fall below `low` or above `high`."""
+
+    @abstractmethod
     def text(self) -> str:
         """The distribution in words, for records."""
+
+
+def _normal_share(low: float, high: float) -> float:
+    """The share of a standard normal distribution from `low` to `high`."""
+    # In the tails the difference of two values of erfc keeps its digits, that of erf does not.
+    if low > 0.0:
+        low, high = -high, -low
+    root = math.sqrt(2.0)
+    return 0.5 * (math.erfc(-high / root) - math.erfc(-low / root))
+
+
+def _uniform_share(start: float, end: float, low: float, high: float) -> float:
+    """The share of the interval from `start` to `end` that lies from `low` to `high`."""
+    return max(0.0, min(end, high) - max(start, low)) / (end - start)
 
 
 def _shown(**numbers: Any) -> str:
@@ -44,8 +72,6 @@ def _shown(**numbers: Any) -> str:
 
 
 def _check_limits(name: str, low: Any, high: Any) -> None:
-    check_finite(f"{name}.low", low)
-    check_finite(f"{name}.high", high)
     if is_concrete(low) and is_concrete(high):
         check(
             np.asarray(high) > np.asarray(low),
@@ -57,18 +83,22 @@ def _check_limits(name: str, low: Any, high: Any) -> None:
 
 @final
 class Normal(AbstractDistribution):
-    """The normal distribution. Raises `InputError` for a negative deviation or what is not
-    finite."""
+    """The normal distribution."""
 
-    mean: Float[Array, ""] = eqx.field(converter=as_float)
-    deviation: Float[Array, ""] = eqx.field(converter=as_float)
-
-    def __check_init__(self):
-        check_finite("Normal.mean", self.mean)
-        check_non_negative("Normal.deviation", self.deviation)
+    mean: Float[Array, ""] = quantity(OF_INPUT, shared=NOMINAL, doc="mean")
+    deviation: Float[Array, ""] = quantity(
+        SHARE_OF_INPUT, non_negative=True, doc="standard deviation"
+    )
 
     def sample(self, key: Any) -> Float[Array, ""]:
         return self.mean + self.deviation * jax.random.normal(key)
+
+    def outside(self, low: float, high: float) -> float:
+        mean, deviation = float(self.mean), float(self.deviation)
+        if deviation == 0.0:
+            return float(not low <= mean <= high)
+        below, above = (mean - low) / deviation, (high - mean) / deviation
+        return _normal_share(-math.inf, -below) + _normal_share(above, math.inf)
 
     def text(self) -> str:
         return "normal, " + _shown(mean=self.mean, deviation=self.deviation)
@@ -76,11 +106,10 @@ class Normal(AbstractDistribution):
 
 @final
 class Uniform(AbstractDistribution):
-    """All values from `low` to `high` alike. Raises `InputError` unless `high` is above `low`, both
-    finite."""
+    """All values from `low` to `high` alike. Raises `InputError` unless `high` is above `low`."""
 
-    low: Float[Array, ""] = eqx.field(converter=as_float)
-    high: Float[Array, ""] = eqx.field(converter=as_float)
+    low: Float[Array, ""] = quantity(OF_INPUT, doc="lower limit")
+    high: Float[Array, ""] = quantity(OF_INPUT, doc="upper limit")
 
     def __check_init__(self):
         _check_limits("Uniform", self.low, self.high)
@@ -98,6 +127,9 @@ class Uniform(AbstractDistribution):
     def sample(self, key: Any) -> Float[Array, ""]:
         return self.low + (self.high - self.low) * jax.random.uniform(key)
 
+    def outside(self, low: float, high: float) -> float:
+        return 1.0 - _uniform_share(float(self.low), float(self.high), low, high)
+
     def text(self) -> str:
         return "uniform, " + _shown(low=self.low, high=self.high)
 
@@ -107,16 +139,16 @@ class TruncatedNormal(AbstractDistribution):
     """A normal distribution of which only what lies from `low` to `high` occurs.
 
     `mean` and `deviation` are those of the normal distribution before it is cut; the cut moves the
-    one and shrinks the other. Raises `InputError` unless low <= mean <= high, low < high and the
-    deviation is positive."""
+    one and shrinks the other. Raises `InputError` unless low <= mean <= high and low < high."""
 
-    mean: Float[Array, ""] = eqx.field(converter=as_float)
-    deviation: Float[Array, ""] = eqx.field(converter=as_float)
-    low: Float[Array, ""] = eqx.field(converter=as_float)
-    high: Float[Array, ""] = eqx.field(converter=as_float)
+    mean: Float[Array, ""] = quantity(OF_INPUT, shared=NOMINAL, doc="mean before the cut")
+    deviation: Float[Array, ""] = quantity(
+        SHARE_OF_INPUT, positive=True, doc="standard deviation before the cut"
+    )
+    low: Float[Array, ""] = quantity(OF_INPUT, doc="lower limit")
+    high: Float[Array, ""] = quantity(OF_INPUT, doc="upper limit")
 
     def __check_init__(self):
-        check_positive("TruncatedNormal.deviation", self.deviation)
         _check_limits("TruncatedNormal", self.low, self.high)
         if is_concrete(self.mean) and is_concrete(self.low) and is_concrete(self.high):
             low, mean, high = (np.asarray(x) for x in (self.low, self.mean, self.high))
@@ -132,6 +164,14 @@ class TruncatedNormal(AbstractDistribution):
         drawn = self.mean + self.deviation * jax.random.truncated_normal(key, a, b)
         return jnp.clip(drawn, self.low, self.high)  # the product may round to beyond a limit
 
+    def outside(self, low: float, high: float) -> float:
+        mean, deviation = float(self.mean), float(self.deviation)
+        a, b = (float(self.low) - mean) / deviation, (float(self.high) - mean) / deviation
+        below, above = (low - mean) / deviation, (high - mean) / deviation
+        lost = _normal_share(a, min(b, below)) if below > a else 0.0
+        lost += _normal_share(max(a, above), b) if above < b else 0.0
+        return lost / _normal_share(a, b)
+
     def text(self) -> str:
         return "truncated normal, " + _shown(
             mean=self.mean, deviation=self.deviation, low=self.low, high=self.high
@@ -140,12 +180,9 @@ class TruncatedNormal(AbstractDistribution):
 
 @final
 class Constant(AbstractDistribution):
-    """Always the same `value`. Raises `InputError` for what is not finite."""
+    """Always the same value."""
 
-    value: Float[Array, ""] = eqx.field(converter=as_float)
-
-    def __check_init__(self):
-        check_finite("Constant.value", self.value)
+    value: Float[Array, ""] = quantity(OF_INPUT, doc="value")
 
     @property
     def mean(self) -> Float[Array, ""]:  # pyright: ignore[reportIncompatibleVariableOverride]
@@ -160,6 +197,9 @@ class Constant(AbstractDistribution):
     def sample(self, key: Any) -> Float[Array, ""]:
         del key
         return self.value
+
+    def outside(self, low: float, high: float) -> float:
+        return float(not low <= float(self.value) <= high)
 
     def text(self) -> str:
         return "constant, " + _shown(value=self.value)

@@ -1,10 +1,11 @@
-"""Gimbal walk: nutation of a gyro whose gimbals have mass lets the outer gimbal drift one way.
+"""Gimbal walk: the drift of the outer gimbal of a nutating gyro whose gimbals have mass.
 
-    drift = -theta_0'^2 H I_1 cos(theta_0) / (2 w^2 I_0^2)             to second order in theta_0'
-    X(theta) = H (cos(theta_0) - cos(theta)) / sqrt(J I_Z)             J theta'^2 + J X^2 = J theta_0'^2, exactly
+    drift = -theta_0'^2 H I_1 cos(theta_0) / (2 w^2 I_0^2)     to second order in theta_0'
+    X(theta) = H (cos(theta_0) - cos(theta)) / sqrt(J I_Z)     J theta'^2 + J X^2 = J theta_0'^2,
+                                                               exactly
 
-The energy integral says that theta' = theta_0' cos(chi) and X = theta_0' sin(chi), hence dt =
-d(chi) / X'(theta): the phase chi removes the singular ends of the quadrature, and the integrand is
+By the energy integral theta' = theta_0' cos(chi) and X = theta_0' sin(chi), hence dt =
+d(chi) / X'(theta). The phase chi removes the singular ends of the quadrature, and the integrand is
 periodic.
 
     symbol       meaning                                                              unit
@@ -15,11 +16,14 @@ periodic.
     I_1, I_2     the same for theta = 0, C_i + C_0, and for 90 deg, A + B_i + C_0     kg m^2
     w            H sin(theta_0) / sqrt(I_0 J), frequency of the nutation              rad/s
 
-Source: Thomson 6.3-12..14 (energy integral), 6.3-22 (the line before it has a wrong sign), problem
-5 (mean of theta). Valid as long as theta turns around before 0 and 180 deg, that is for |theta_0'|
-< H (1 - |cos(theta_0)|) / sqrt(J I_1), which is X at the nearer of the two. A faster gimbal turns
-on over the pole, which is another motion: its walk is NaN. The quadrature is exact to 1e-14 up to
-0.8 of that rate, to 1e-10 at 0.9 and to 1e-3 at 0.99; at the rate itself the period is infinite.
+Source: Thomson 6.3-12 to -14 (energy integral), 6.3-22 (the line before it has a wrong sign),
+problem 5 (mean of theta).
+Valid as long as theta turns back before 0 and 180 deg, that is for |theta_0'| < H (1 -
+|cos(theta_0)|) / sqrt(J I_1), which is X at the nearer of the two. A faster gimbal passes over the
+pole, which is another motion: its walk is NaN.
+
+The quadrature is exact to 1e-14 up to 0.8 of that rate, to 1e-10 at 0.9 and to 1e-3 at 0.99; at the
+rate itself the period is infinite.
 """
 
 from typing import final
@@ -30,9 +34,9 @@ from jaxtyping import Array, Float
 
 from ..core import Scalar
 
-# The error of the periodic quadrature falls exponentially with the nodes; Newton's steps double the
-# digits, from 1e-2 on.
+# The error of a periodic quadrature falls exponentially with the nodes.
 NODES = 48
+# Newton's steps double the digits, from 1e-2 on.
 STEPS = 6
 
 
@@ -40,9 +44,11 @@ STEPS = 6
 class GimbalWalk(eqx.Module):
     """One nutation of a gyro in two gimbals without moments, and the drift that it leaves.
 
-    Fields: `theta`, rad, and `theta_rate`, rad/s (theta_0 and its rate); `spin_momentum` H, kg
-    m^2/s; `inner_inertia` J, `outer_inertia_upright` I_1 and `outer_inertia_across` I_2, kg m^2.
-    Exact results are NaN from `greatest_rate` on."""
+    - `theta`, rad, and `theta_rate`, rad/s: theta_0 and its rate.
+    - `spin_momentum`: H, kg m^2/s.
+    - `inner_inertia` J, `outer_inertia_upright` I_1, `outer_inertia_across` I_2: kg m^2.
+
+    The exact results are NaN from `greatest_rate` on."""
 
     theta: Float[Array, "*#runs"]
     theta_rate: Float[Array, "*#runs"]
@@ -52,8 +58,8 @@ class GimbalWalk(eqx.Module):
     outer_inertia_across: Float[Array, "*#runs"]
 
     def drift_to_second_order(self) -> Scalar:
-        """Mean rate of the outer gimbal, rad/s (Thomson 6.3-22); zero at 90 deg and for gimbals
-        without mass."""
+        """Mean rate of the outer gimbal, rad/s, to second order in the rate of theta (Thomson
+        6.3-22); zero at 90 deg and for gimbals without mass."""
         scale = self.theta_rate / (self.frequency() * self.outer_inertia(self.theta))
         return (
             -0.5
@@ -65,9 +71,9 @@ class GimbalWalk(eqx.Module):
         )
 
     def offset_to_second_order(self) -> Scalar:
-        """Mean of theta - theta_0, rad (Thomson 6.3, problem 5, with the whole of the second-order
-        terms)."""
-        s, c = jnp.sin(self.theta), jnp.cos(self.theta)
+        """Mean of theta - theta_0, rad (Thomson 6.3, problem 5, with all second-order terms)."""
+        s = jnp.sin(self.theta)
+        c = jnp.cos(self.theta)
         difference = self.outer_inertia_across - self.outer_inertia_upright
         bend = c / s - 2.0 * difference * s * c / self.outer_inertia(self.theta)
         return -0.75 * (self.theta_rate / self.frequency()) ** 2 * bend
@@ -92,7 +98,7 @@ class GimbalWalk(eqx.Module):
         return 2.0 * jnp.pi * jnp.mean(1.0 / self._nodes()[3], axis=0)
 
     def frequency(self) -> Scalar:
-        """w, rad/s, of a nutation without size."""
+        """Frequency w, rad/s, of a small nutation."""
         return (
             self.spin_momentum
             * jnp.sin(self.theta)
@@ -101,12 +107,13 @@ class GimbalWalk(eqx.Module):
 
     def outer_inertia(self, theta: Scalar) -> Scalar:
         """I_Z, kg m^2, at `theta`, rad."""
-        s, c = jnp.sin(theta), jnp.cos(theta)
+        s = jnp.sin(theta)
+        c = jnp.cos(theta)
         return self.outer_inertia_across * s * s + self.outer_inertia_upright * c * c
 
     def greatest_rate(self) -> Scalar:
-        """The |theta_0'|, rad/s, that brings the gimbal just to the nearer pole; infinite for
-        gimbals without mass."""
+        """The rate |theta_0'|, rad/s, with which the gimbal just reaches the nearer pole; infinite
+        for gimbals without mass."""
         rise = 1.0 - jnp.abs(jnp.cos(self.theta))
         return (
             jnp.abs(self.spin_momentum)
@@ -117,7 +124,8 @@ class GimbalWalk(eqx.Module):
     def _map(self, deviation: Scalar) -> tuple[Scalar, Scalar]:
         """X, rad/s, and its slope, 1/s, at theta_0 + deviation."""
         theta = self.theta + deviation
-        s, c = jnp.sin(theta), jnp.cos(theta)
+        s = jnp.sin(theta)
+        c = jnp.cos(theta)
         # cos(theta_0) - cos(theta) as a product: the difference would lose the digits of a small
         # nutation.
         fall = 2.0 * jnp.sin(self.theta + 0.5 * deviation) * jnp.sin(0.5 * deviation)

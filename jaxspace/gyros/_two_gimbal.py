@@ -14,12 +14,14 @@
     M_xi, M_Z      constant moments about the inner and about the outer axis          N m
     h_Z            angular momentum of everything about Z                             kg m^2/s
 
-Source: Thomson 6.2 (massless gimbals: 6.2-1), 6.3-1..14 (with mass), 6.3-22 (drift). In 6.3-5 the
-spin reads phi' + psi' cos(theta); the expansion 6.3-16 lacks -H cos(theta_0) (theta - theta_0)^2 /
-2, which changes no drift. Valid for rigid gimbals with axes at right angles, without friction, and
-a rotor without motor torque. Gimbal lock: at theta = 0 the rotor's axis lies along Z; with gimbals
-without mass I_Z is then zero, psi and its rate are undefined, and so is the vector field. With C_i
-+ C_0 > 0 nothing is singular.
+Source: Thomson 6.2 (massless gimbals: 6.2-1), 6.3-1 to -14 (with mass), 6.3-22 (drift). In 6.3-5
+the spin is phi' + psi' cos(theta); the expansion 6.3-16 lacks
+-H cos(theta_0) (theta - theta_0)^2 / 2, which changes no drift.
+Valid for rigid gimbals with axes at right angles, without friction, and a rotor without motor
+torque.
+
+Gimbal lock: at theta = 0 the rotor's axis lies along Z. With gimbals without mass I_Z is then zero,
+so that psi, its rate and the vector field are undefined. With C_i + C_0 > 0 nothing is singular.
 """
 
 from typing import final
@@ -31,60 +33,71 @@ from jaxtyping import Array, Float
 from ..core import (
     AbstractSystem,
     Scalar,
+    argument,
     as_float,
-    check_finite,
-    check_non_negative,
-    check_positive,
+    constructor,
+    quantity,
 )
 from ._gimbal_walk import GimbalWalk
 
 
 @final
 class GimbalState(eqx.Module):
-    """Angles of the two gimbals, `theta` and `psi`, rad; `theta_rate`, rad/s; `angular_momentum`
-    h_Z, kg m^2/s; also their rates.
+    """Angles of both gimbals, rate of the inner one, momentum of the outer one; also their rates.
 
-    The momentum stands in for the rate of psi: it is constant or grows linearly, so that no error
-    of the integration adds to the drift of the outer gimbal, which is 1e-5 of the nutation rates.
+    The momentum takes the place of the rate of psi: it is constant or grows linearly, so that no
+    error of the integration adds to the drift of the outer gimbal, which is 1e-5 of the nutation
+    rates.
     """
 
-    theta: Float[Array, "*#runs"] = eqx.field(converter=as_float)
-    psi: Float[Array, "*#runs"] = eqx.field(converter=as_float)
-    theta_rate: Float[Array, "*#runs"] = eqx.field(converter=as_float)
-    angular_momentum: Float[Array, "*#runs"] = eqx.field(converter=as_float)
+    theta: Float[Array, "*#runs"] = quantity(
+        "rad", doc="angle of the rotor's axis from the outer gimbal's axis"
+    )
+    psi: Float[Array, "*#runs"] = quantity("rad", doc="angle of the outer gimbal about its axis")
+    theta_rate: Float[Array, "*#runs"] = quantity("rad/s", doc="rate of theta")
+    angular_momentum: Float[Array, "*#runs"] = quantity(
+        "kg m^2/s", doc="h_Z, of everything about the outer gimbal's axis"
+    )
 
 
 @final
 class TwoGimbalGyro(AbstractSystem):
-    """A rotor in two gimbals.
+    """A rotor in two gimbals, which have no mass by default.
 
-    Fields, in the order of the table: `transverse_inertia` A, `axial_inertia` C, kg m^2;
-    `spin_rate` n, rad/s; `inner_xi`, `inner_eta`, `inner_zeta` (A_i, B_i, C_i) and `outer` (C_0),
-    kg m^2, zero for gimbals without mass; `moment_inner` M_xi and `moment_outer` M_Z, N m. State:
-    `GimbalState`, best made by `state`. Raises `InputError` for a rotor without inertia, a negative
-    gimbal inertia, or a moment that is not finite."""
+    State: `GimbalState`, best made by `TwoGimbalGyro.state`."""
 
-    transverse_inertia: Float[Array, "*#runs"] = eqx.field(converter=as_float)
-    axial_inertia: Float[Array, "*#runs"] = eqx.field(converter=as_float)
-    spin_rate: Float[Array, "*#runs"] = eqx.field(converter=as_float)
-    inner_xi: Float[Array, "*#runs"] = eqx.field(converter=as_float, default=0.0)
-    inner_eta: Float[Array, "*#runs"] = eqx.field(converter=as_float, default=0.0)
-    inner_zeta: Float[Array, "*#runs"] = eqx.field(converter=as_float, default=0.0)
-    outer: Float[Array, "*#runs"] = eqx.field(converter=as_float, default=0.0)
-    moment_inner: Float[Array, "*#runs"] = eqx.field(converter=as_float, default=0.0)
-    moment_outer: Float[Array, "*#runs"] = eqx.field(converter=as_float, default=0.0)
-
-    def __check_init__(self):
-        for name in ("transverse_inertia", "axial_inertia"):
-            check_positive(f"TwoGimbalGyro.{name}", getattr(self, name))
-        for name in ("inner_xi", "inner_eta", "inner_zeta", "outer"):
-            check_non_negative(f"TwoGimbalGyro.{name}", getattr(self, name))
-        for name in ("spin_rate", "moment_inner", "moment_outer"):
-            check_finite(f"TwoGimbalGyro.{name}", getattr(self, name))
+    transverse_inertia: Float[Array, "*#runs"] = quantity(
+        "kg m^2", positive=True, doc="A, of the rotor across its axis"
+    )
+    axial_inertia: Float[Array, "*#runs"] = quantity(
+        "kg m^2", positive=True, doc="C, of the rotor about its axis"
+    )
+    spin_rate: Float[Array, "*#runs"] = quantity(
+        "rad/s", doc="n, of the rotor about its axis, relative to inertial space"
+    )
+    inner_xi: Float[Array, "*#runs"] = quantity(
+        "kg m^2", non_negative=True, default=0.0, doc="A_i, inner gimbal about its own axis"
+    )
+    inner_eta: Float[Array, "*#runs"] = quantity(
+        "kg m^2", non_negative=True, default=0.0, doc="B_i, inner gimbal across both axes"
+    )
+    inner_zeta: Float[Array, "*#runs"] = quantity(
+        "kg m^2", non_negative=True, default=0.0, doc="C_i, inner gimbal about the rotor's axis"
+    )
+    outer: Float[Array, "*#runs"] = quantity(
+        "kg m^2", non_negative=True, default=0.0, doc="C_0, outer gimbal about its own axis"
+    )
+    moment_inner: Float[Array, "*#runs"] = quantity(
+        "N m", default=0.0, doc="M_xi, constant moment about the inner axis"
+    )
+    moment_outer: Float[Array, "*#runs"] = quantity(
+        "N m", default=0.0, doc="M_Z, constant moment about the outer axis"
+    )
 
     def vector_field(self, t: Scalar, y: GimbalState) -> GimbalState:
         del t
-        s, c = jnp.sin(y.theta), jnp.cos(y.theta)
+        s = jnp.sin(y.theta)
+        c = jnp.cos(y.theta)
         psi_rate = self.outer_rate(y)
         moment = (
             self._gimbal_difference() * psi_rate * c - self.spin_momentum()
@@ -108,6 +121,14 @@ class TwoGimbalGyro(AbstractSystem):
             "angular_momentum": y.angular_momentum - self.moment_outer * t,
         }
 
+    @constructor(
+        theta=argument(
+            "rad", default=0.0, doc="angle of the rotor's axis from the outer gimbal's axis"
+        ),
+        psi=argument("rad", default=0.0, doc="angle of the outer gimbal about its axis"),
+        theta_rate=argument("rad/s", default=0.0, doc="rate of theta"),
+        psi_rate=argument("rad/s", default=0.0, doc="rate of psi"),
+    )
     def state(
         self, theta: Scalar, psi: Scalar, theta_rate: Scalar, psi_rate: Scalar
     ) -> GimbalState:
@@ -116,23 +137,24 @@ class TwoGimbalGyro(AbstractSystem):
         return GimbalState(theta, psi, theta_rate, h)
 
     def outer_rate(self, y: GimbalState) -> Scalar:
-        """psi' = (h_Z - H cos(theta)) / I_Z, rad/s (Thomson 6.3-14); not finite in gimbal lock."""
-        return (y.angular_momentum - self.spin_momentum() * jnp.cos(y.theta)) / self.outer_inertia(
-            y.theta
-        )
+        """Rate psi' = (h_Z - H cos(theta)) / I_Z, rad/s (Thomson 6.3-14); not finite in gimbal
+        lock."""
+        momentum = y.angular_momentum - self.spin_momentum() * jnp.cos(y.theta)
+        return momentum / self.outer_inertia(y.theta)
 
     def spin_momentum(self) -> Scalar:
-        """H = C n, kg m^2/s."""
+        """Spin momentum H = C n, kg m^2/s."""
         return self.axial_inertia * self.spin_rate
 
     def inner_inertia(self) -> Scalar:
-        """A + A_i, kg m^2: of all that turns about the inner axis."""
+        """Inertia A + A_i of all that turns about the inner axis, kg m^2."""
         return self.transverse_inertia + self.inner_xi
 
     def outer_inertia(self, theta: Scalar) -> Scalar:
-        """I_Z, kg m^2: of all that turns about Z but the spin, with the rotor's axis at `theta`,
-        rad (Thomson 6.3-10)."""
-        s, c = jnp.sin(theta), jnp.cos(theta)
+        """Inertia I_Z of all that turns about Z, without the spin, kg m^2, with the rotor's axis at
+        `theta`, rad (Thomson 6.3-10)."""
+        s = jnp.sin(theta)
+        c = jnp.cos(theta)
         return (
             (self.transverse_inertia + self.inner_eta) * s * s
             + self.inner_zeta * c * c
@@ -141,8 +163,9 @@ class TwoGimbalGyro(AbstractSystem):
 
     def nutation_frequency(self, theta: Scalar) -> Scalar:
         """Angular frequency, rad/s, of small oscillations about rest at `theta`, rad (Thomson
-        6.3-17): w = H sin(theta) / sqrt(I_Z (A + A_i)), which is C n / A for gimbals without mass.
-        """
+        6.3-17).
+
+        It is w = H sin(theta) / sqrt(I_Z (A + A_i)), and C n / A for gimbals without mass."""
         return (
             self.spin_momentum()
             * jnp.sin(theta)
@@ -150,8 +173,8 @@ class TwoGimbalGyro(AbstractSystem):
         )
 
     def walk(self, theta: Scalar, theta_rate: Scalar) -> GimbalWalk:
-        """The free nutation that starts at `theta`, rad, with `theta_rate`, rad/s, and an outer
-        gimbal at rest."""
+        """The free nutation from `theta`, rad, and `theta_rate`, rad/s, with the outer gimbal at
+        rest."""
         return GimbalWalk(
             theta=as_float(theta),
             theta_rate=as_float(theta_rate),
@@ -162,29 +185,49 @@ class TwoGimbalGyro(AbstractSystem):
         )
 
     def impulse_response(self, t: Scalar, impulse: Scalar) -> tuple[Scalar, Scalar]:
-        """Deviations of theta and psi, rad, at `t`, s, after an `impulse`, N m s, about the inner
-        axis of a gyro at rest at theta = 90 deg; gimbals without mass, to first order in the
-        impulse (Thomson 6.2-7, -8)."""
+        """Deviations of theta and psi after an impulse about the inner axis (Thomson 6.2-7, -8).
+
+        Valid for gimbals without mass, at rest at theta = 90 deg, to first order in the impulse.
+
+        **Arguments**
+
+        - `t`: time since the impulse, s.
+        - `impulse`: N m s.
+
+        **Returns** both deviations, rad.
+        """
         p = self.spin_momentum() / self.transverse_inertia
         size = impulse / self.spin_momentum()
         return size * jnp.sin(p * t), size * (1.0 - jnp.cos(p * t))
 
     def step_response(self, t: Scalar) -> tuple[Scalar, Scalar]:
-        """Deviations of theta and psi, rad, at `t`, s, under the moment M_xi from rest at theta =
-        90 deg; gimbals without mass, to first order in the moment (Thomson 6.2, problem 1)."""
+        """Deviations of theta and psi, rad, after `t`, s, under the moment M_xi (Thomson 6.2,
+        problem 1).
+
+        Valid for gimbals without mass, from rest at theta = 90 deg, to first order in the moment.
+        """
         p = self.spin_momentum() / self.transverse_inertia
         size = self.moment_inner / self.spin_momentum()
         return size / p * (1.0 - jnp.cos(p * t)), size * (t - jnp.sin(p * t) / p)
 
     def swing(self, t: Scalar, theta: Scalar) -> Scalar:
-        """theta, rad, at `t`, s, under the moment M_Z, from `theta` at first, for a momentum H so
-        large that the nutation is nothing (Thomson 6.2, problems 3 and 4): H sin(theta) theta' =
-        -M_Z. NaN once the axis has reached Z."""
+        """The angle theta under the moment M_Z (Thomson 6.2, problems 3 and 4).
+
+        Valid for a momentum H so large that the nutation is negligible: H sin(theta) theta' = -M_Z.
+
+        **Arguments**
+
+        - `t`: time, s.
+        - `theta`: the angle at t = 0, rad.
+
+        **Returns** theta, rad; NaN once the axis has reached Z.
+        """
         return jnp.arccos(jnp.cos(theta) + self.moment_outer * t / self.spin_momentum())
 
     def swing_time(self, theta: Scalar, theta_end: Scalar) -> Scalar:
-        """Time, s, of that swing from `theta` to `theta_end`, rad."""
+        """Time, s, in which the moment M_Z swings the axis from `theta` to `theta_end`, rad."""
         return self.spin_momentum() * (jnp.cos(theta_end) - jnp.cos(theta)) / self.moment_outer
 
     def _gimbal_difference(self) -> Scalar:
+        """A + B_i - C_i, kg m^2."""
         return self.transverse_inertia + self.inner_eta - self.inner_zeta

@@ -1,174 +1,232 @@
 """What has to fit together in a file whose every entry is right by itself."""
 
+import dataclasses
 from typing import Any
 
-from ._errors import hint, missing, unknown, wrong
-from ._form import BODY
-from ._registry import Registry
-from ._tables import Key, allowed
-from ._values import at
+from ..bodies import AbstractBody
+from ..core import REQUIRED, AbstractParameters, InputError
+from ._catalog import Catalog
+from ._errors import missing, wrong
+from ._kinds import Maker
+from ._objects import Building, Runs, at
 
-ROTATION = {"attitude", "omega"}
-TRANSLATION = {"position", "velocity"}
-
-
-def said(table: Any, path: str) -> str:
-    """What the entry at the path of a table must be."""
-    kind: Any = table
-    for step in path.split("."):
-        kind = kind[step].kind if isinstance(kind[step], Key) else kind[step]
-    return allowed(kind)
+ROTATION = frozenset({"attitude", "omega"})
+TRANSLATION = frozenset({"position", "velocity"})
+CALLS_FOR = {"force": TRANSLATION, "acceleration": TRANSLATION, "torque": ROTATION}
 
 
-def scene_complaints(values: dict[str, Any], registry: Registry) -> list[str]:
-    """What does not fit in a scene or a mission."""
-    found = body_complaints(values["body"]) + registry.initial.check(values)
-    mission = "phase" in values
-    phases = values["phase"] if mission else [{"name": "scene", "effects": list(acting(values))}]
-    if not mission and values["times"]["end"] == values["times"]["start"]:
-        found.append(wrong("times.end", values["times"]["end"], "another time than times.start"))
-    parts = registry.initial.parts(values)
-    for number, phase in enumerate(phases):
+@dataclasses.dataclass(frozen=True)
+class Parsed:
+    """A file whose entries are right by themselves: its kind, values, and ways to make objects."""
+
+    kind: str
+    values: dict[str, Any]
+    makers: dict[str, Maker]
+    catalog: Catalog
+
+    def building(self) -> Building:
+        """For one run, of the numbers that the file gives."""
+        return Building(self.values, self.makers, Runs())
+
+    def phases(self) -> list[dict[str, Any]]:
+        """The phases; of a scene the one that it is."""
+        if self.kind == "mission":
+            return self.values["phase"]
+        return [{"name": "scene", "effects": list(self.active_effects())}]
+
+    def active_effects(self) -> tuple[str, ...]:
+        """The effects that have a table."""
+        tables = self.values.get("effects", {})
+        return tuple(name for name, table in tables.items() if table is not None)
+
+    def parts(self) -> set[str]:
+        """The parts of the state that the file gives."""
+        initial = self.values["initial"]
+        given = {key for key, value in initial.items() if value is not None}
+        found = {key for key in given if f"initial.{key}" not in self.makers}
+        for key in given - found:
+            found |= set(self.makers[f"initial.{key}"].make.initial.gives)
+        return found
+
+
+def check_parsed(file: Parsed) -> list[str]:
+    """What does not fit together in the file, one sentence each."""
+    errors = shared_errors(file) or object_errors(file)
+    if not errors:
+        errors = initial_errors(file) if "initial" not in file.makers else []
+    times = file.values.get("times")
+    if times is not None and times["end"] == times["start"]:
+        errors.append(wrong("times.end", times["end"], "another time than times.start"))
+    if file.kind == "system" or errors:
+        return errors
+    for number, phase in enumerate(file.phases()):
         for name in phase["effects"]:
-            found += effect_complaints(name, values, parts, registry)
-        if mission:
-            found += _phase_complaints(number, phase, phases, values, parts, registry)
-    return list(dict.fromkeys(found))
+            errors += effect_errors(name, phase["effects"], file)
+        if file.kind == "mission":
+            errors += phase_errors(number, phase, file)
+    return list(dict.fromkeys(errors))
 
 
-def acting(values: dict[str, Any]) -> tuple[str, ...]:
-    """The effects that have a table."""
-    return tuple(name for name, table in values["effects"].items() if table is not None)
+def who(path: str) -> str:
+    """The entry at a path, in words."""
+    room, _, name = path.partition(".")
+    if room == "effects":
+        return f"the effect {name}"
+    if ".jump." in path:
+        return f"the jump {path.rpartition('.')[2]}"
+    return path
 
 
-def body_complaints(body: dict[str, Any]) -> list[str]:
-    """What does not fit in the table of the body."""
+def shared_errors(file: Parsed) -> list[str]:
+    """What declarations take from other tables of the file, and is not there."""
     found = []
-    burning = [k for k in ("dry_mass", "propellant_mass", "gyration_radii") if body[k] is not None]
-    if body["mass"] is not None and burning:
-        found.append(
-            f"body.mass and body.{burning[0]} are both there: give the mass, or the dry mass with its propellant."
-        )
-    elif burning:
-        needed = ("dry_mass", "propellant_mass", "inertia", "gyration_radii")
-        found += [missing(f"body.{k}", allowed(BODY[k].kind)) for k in needed if body[k] is None]
-    if body["inertia"] is not None:
-        moments = sorted(body["inertia"])
-        if moments[2] > (1.0 + 1e-6) * (moments[0] + moments[1]):
-            found.append(
-                wrong(
-                    "body.inertia",
-                    body["inertia"],
-                    "such that no moment exceeds the sum of the other two",
-                )
-            )
+    for path, maker in file.makers.items():
+        own = at(file.values, path)
+        for key, entry in maker.fields.entries.items():
+            absent = entry.shared and not maker.bare and own.get(key) is None
+            if absent and entry.default is REQUIRED and at(file.values, entry.shared) is None:
+                line = missing(entry.shared, entry.kind.expected()).removesuffix(".")
+                found.append(f"{line}; {who(path)} needs it.")
     return found
 
 
-def effect_complaints(
-    name: str, values: dict[str, Any], parts: set[str], registry: Registry
-) -> list[str]:
-    """What an effect needs and the file does not have."""
-    entry, body = registry.effects[name], values["body"]
-    tables = {"planet": registry.planet, "body": BODY}
+def object_errors(file: Parsed) -> list[str]:
+    """What a class or a named constructor does not accept although each number is in its range."""
     found = []
-    for path in entry.uses:
-        if at(values, path) is None:
-            room, _, key = path.partition(".")
-            what = said(tables[room], key) if room in tables else "a table"
-            found.append(missing(path, what).removesuffix(".") + f"; the effect {name} needs it.")
-    turns = bool(ROTATION & entry.cls.needs) or "torque" in entry.cls.adds
-    if turns and body["inertia"] is None:
-        found.append(
-            missing("body.inertia", said(BODY, "inertia")).removesuffix(".")
-            + f"; the effect {name} turns the body."
-        )
-    if "force" in entry.cls.adds and body["mass"] is None and body["dry_mass"] is None:
-        found.append(
-            missing("body.mass", said(BODY, "mass")).removesuffix(".")
-            + f"; the effect {name} adds a force."
-        )
-    wanted = (entry.cls.needs & (TRANSLATION | ROTATION)) | (ROTATION if turns else set())
-    wanted |= TRANSLATION if {"force", "acceleration"} & entry.cls.adds else set()
+    for path, maker in file.makers.items():
+        if not _checks_itself(maker) or path.startswith(("initial", "method")):
+            continue
+        try:
+            file.building().make(path)
+        except InputError as error:
+            sentence = str(error)
+            owner, dot, rest = sentence.partition(".")
+            if owner == maker.name.partition(".")[0] and dot:
+                rest = rest[rest.index(" ") :] if maker.bare else "." + rest
+                sentence = path + rest
+            else:
+                sentence = f"{path}: {sentence}"
+            # An outer object reports what an inner one has reported already.
+            if not any(f.startswith(f"{path}.") for f in found):
+                found.append(sentence)
+    return found
+
+
+def _checks_itself(maker: Maker) -> bool:
+    cls = getattr(maker.make, "__self__", maker.make)
+    own = isinstance(cls, type) and issubclass(cls, AbstractParameters)
+    return own and ("__check_init__" in vars(cls) or "." in maker.name) and not maker.references
+
+
+def initial_errors(file: Parsed) -> list[str]:
+    """What does not fit together in the parts of the initial state."""
+    found, parts = [], file.parts()
+    for key, maker in file.makers.items():
+        if not key.startswith("initial."):
+            continue
+        twice = [
+            part
+            for part in maker.make.initial.gives  # type: ignore[attr-defined]
+            if file.values["initial"].get(part) is not None and f"initial.{part}" != key
+        ]
+        if twice:
+            found.append(f"{key} and initial.{twice[0]} are both there: give one of them.")
+        for need in needed_parts(maker):
+            if need not in parts:
+                found.append(f"initial has no {need}: {key} needs it.")
+    for pair in (TRANSLATION, ROTATION):
+        if len(parts & pair) == 1:
+            one, other = sorted(pair & parts)[0], sorted(pair - parts)[0]
+            found.append(f"initial has {one} and no {other}: it must have both, or neither.")
+    if not parts:
+        found.append(f"initial is empty: it must have some of {', '.join(file.values['initial'])}.")
+    if file.kind != "system" and not found and parts & ROTATION and not _body(file).has_inertia():
+        found.append(f"{_no_inertia(file)}; initial.attitude makes the body turn.")
+    return found
+
+
+def needed_parts(maker: Maker) -> list[str]:
+    """The parts of the state that a maker of other parts needs: its undeclared arguments."""
+    import inspect
+
+    declared = set(maker.arguments.values())
+    return [
+        name
+        for name, p in inspect.signature(maker.make).parameters.items()
+        if name not in declared and p.kind is not inspect.Parameter.VAR_KEYWORD
+    ]
+
+
+def _body(file: Parsed) -> AbstractBody:
+    return file.building().make("body")
+
+
+def _no_inertia(file: Parsed) -> str:
+    entry = file.makers["body"].fields.entries.get("inertia")
+    what = "a list of 3 entries" if entry is None else entry.kind.expected()
+    return missing("body.inertia", what).removesuffix(".")
+
+
+def effect_errors(name: str, acting: list[str], file: Parsed) -> list[str]:
+    """What an effect needs and the file does not have."""
+    cls, body, found = file.catalog.effects[name], _body(file), []
+    maker, parts = file.makers[f"effects.{name}"], file.parts()
+    for attribute in maker.references.values():
+        offers = [n for n, c in file.catalog.effects.items() if hasattr(c, attribute) and n != name]
+        if not set(offers) & set(acting):
+            found.append(
+                f"the effect {name} needs another effect with a {attribute.replace('_', ' ')} that "
+                f"acts beside it: one of {', '.join(offers)}."
+            )
+    turns = bool(ROTATION & cls.needs) or "torque" in cls.adds
+    if turns and not body.has_inertia():
+        found.append(f"{_no_inertia(file)}; the effect {name} turns the body.")
+    massless = body.constant_mass() is None and body.loaded_mass() is None
+    if ("force" in cls.adds or "mass" in cls.needs) and massless:
+        entries = file.makers["body"].fields.entries
+        key = "mass" if "mass" in entries else "propellant_mass"
+        line = missing(f"body.{key}", entries[key].kind.expected()).removesuffix(".")
+        found.append(f"{line}; the effect {name} needs the mass of the body.")
+    wanted = cls.needs & (TRANSLATION | ROTATION)
+    for added in cls.adds & set(CALLS_FOR):
+        wanted |= CALLS_FOR[added]
     return found + [_lacking(part, f"the effect {name}") for part in sorted(wanted - parts)]
 
 
-def _lacking(part: str, who: str) -> str:
-    return f"initial has no {part}: {who} needs it."
+def _lacking(part: str, whose: str) -> str:
+    return f"initial has no {part}: {whose} needs it."
 
 
-def _phase_complaints(
-    number: int,
-    phase: dict[str, Any],
-    phases: list[Any],
-    values: dict[str, Any],
-    parts: set[str],
-    registry: Registry,
-) -> list[str]:
-    key, found = f"phase.{number}", []
+def phase_errors(number: int, phase: dict[str, Any], file: Parsed) -> list[str]:
+    """What does not fit together in a phase."""
+    key, found, phases = f"phase.{number}", [], file.values["phase"]
+    events, parts, until = file.catalog.events, file.parts(), phase["until"]
     if [p["name"] for p in phases].index(phase["name"]) < number:
         found.append(
             wrong(f"{key}.name", phase["name"], "another name than that of an earlier phase")
         )
-    if (phase["duration"] is None) == (phase["until"] is None):
+    ends = (*file.catalog.all_known_times(), *events)
+    if (phase["duration"] is None) == (until is None):
         found.append(
-            f"{key} must have either duration, a time, or until, one of burnout, {', '.join(registry.events)}."
+            f"{key} must have either duration, a time, or until, one of {', '.join(ends)}."
         )
-    if phase["until"] == "burnout" and "thrust" not in phase["effects"]:
-        found.append(
-            wrong(
-                f"{key}.until",
-                "burnout",
-                "another end: the effect thrust does not act in this phase",
-            )
-        )
-    if phase["until"] == "burnout" and any(p["until"] in registry.events for p in phases[:number]):
-        found.append(
-            wrong(
-                f"{key}.until",
-                "burnout",
-                "a duration: after a phase that ends at an event the time is not known",
-            )
-        )
-    if phase["until"] in registry.events and phase["within"] is None:
-        found.append(
-            missing(
-                f"{key}.within",
-                "the longest time to wait for the event, in s or text with a unit of time",
-            )
-        )
+    elif until in events:
+        if phase["within"] is None:
+            what = "the longest time to wait for the event, in s or text with a unit of time"
+            found.append(missing(f"{key}.within", what))
+        for part in sorted(events[until].event.needs - parts):
+            found.append(_lacking(part, f"the event {until}"))
+    elif until is not None:
+        if not any(until in file.catalog.known_times(name) for name in phase["effects"]):
+            what = "another end: no effect of this phase has that time"
+            found.append(wrong(f"{key}.until", until, what))
+        if any(p["until"] in events for p in phases[:number]):
+            what = "a duration: after a phase that ends at an event the time is not known"
+            found.append(wrong(f"{key}.until", until, what))
     jumps = [name for name, table in phase["jump"].items() if table is not None]
     if len(jumps) > 1:
         found.append(f"{key}.jump has {' and '.join(jumps)}: it must have one of them.")
     for name in jumps:
-        for use in registry.jumps[name].uses:
-            if use in ROTATION | TRANSLATION and use not in parts:
-                found.append(_lacking(use, f"the jump {name}"))
-            elif "." in use and at(values, use) is None:
-                found.append(
-                    missing(use, said({"body": BODY}, use)).removesuffix(".")
-                    + f"; the jump {name} needs it."
-                )
+        needs = file.catalog.jumps[name].needs - {"mass"}
+        found += [_lacking(part, f"the jump {name}") for part in sorted(needs - parts)]
     return found
-
-
-def output_complaints(values: dict[str, Any], registry: Registry) -> list[str]:
-    """What the outputs of a dispersion need and the file does not have."""
-    parts, found = registry.initial.parts(values), []
-    for name in values["dispersion"]["outputs"]:
-        for use in registry.outputs[name].uses:
-            if "." in use and at(values, use) is None:
-                found.append(f"{use} is missing: the output {name} needs it.")
-            elif "." not in use and use not in parts:
-                found.append(_lacking(use, f"the output {name}"))
-    return found
-
-
-def unknown_path(path: str, paths: list[str]) -> str:
-    """The sentence for an input of the dispersion that is no number of the file."""
-    table = path.rpartition(".")[0]
-    near = [p for p in paths if p.rpartition(".")[0] == table] or sorted(
-        {p.partition(".")[0] + ".*" for p in paths}
-    )
-    sentence = unknown(f"dispersion.inputs.{path}", path, near, "number of this file")
-    return sentence.partition(" Did you mean")[0] + hint(path, paths)

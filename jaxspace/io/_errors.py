@@ -10,21 +10,21 @@ from typing import Any
 class SceneError(ValueError):
     """A scene file that cannot be used; the message has one line for each thing that is wrong."""
 
-    def __init__(self, file: Any, complaints: str | Iterable[str]):
-        lines = [complaints] if isinstance(complaints, str) else once(list(complaints))
+    def __init__(self, file: Any, errors: str | Iterable[str]):
+        lines = [errors] if isinstance(errors, str) else without_repetition(list(errors))
         super().__init__("\n".join(f"{file}: {line}" for line in lines))
 
 
-def once(lines: list[str]) -> list[str]:
-    """The lines without those that tell the same again: a key that is missing, twice or because it
-    is misspelt."""
-    told = {
+def without_repetition(lines: list[str]) -> list[str]:
+    """The lines without those that report the same thing: a key that is missing, twice or because
+    it is misspelt."""
+    named = {
         line.rpartition(" Did you mean ")[2].rstrip("?") for line in lines if line.endswith("?")
     }
     kept: dict[str, str] = {}
     for line in lines:
         key, gap, _ = line.partition(" is missing: ")
-        if not (gap and told & set(key.split("."))):
+        if not (gap and named & set(key.split("."))):
             kept.setdefault(key if gap else line, line)
     return list(kept.values())
 
@@ -41,17 +41,18 @@ def hint(name: Any, names: Iterable[str]) -> str:
     return f" Did you mean {near[0]}?" if near else ""
 
 
-def wrong(key: str, value: Any, allowed: str) -> str:
+def wrong(key: str, value: Any, expected: str) -> str:
     """The sentence for a value that is not allowed."""
-    return f"{key} is {shown(value)}: it must be {allowed}."
+    return f"{key} is {shown(value)}: it must be {expected}."
 
 
 def unknown(key: str, name: Any, names: Iterable[str], what: str = "key") -> str:
     """The sentence for a name that is not among `names`."""
     names = list(names)
-    return f"{key} is not a {what} that is known: it must be one of {', '.join(names)}.{hint(name, names)}"
+    listed = f"it must be one of {', '.join(names)}" if names else "there is none"
+    return f"{key} is not a {what} that is known: {listed}.{hint(name, names)}"
 
 
-def missing(key: str, allowed: str) -> str:
+def missing(key: str, expected: str) -> str:
     """The sentence for a key that has to be there."""
-    return f"{key} is missing: it must be {allowed}."
+    return f"{key} is missing: it must be {expected}."

@@ -1,106 +1,231 @@
-"""The form of a scene file: which tables there are in each of its three kinds, and what stands in
-them.
+"""The form of a scene file: which tables there are in each of its three kinds.
 
     kind       tables
-    system     [system], [initial], [times]                              a textbook system by its name
+    system     [system], [planet], [initial], [times]                    a system by its name
     scene      [planet], [body], [effects.*], [initial], [times]         a body and what acts on it
-    mission    [planet], [body], [effects.*], [initial], [[phase]]       phases, each with the effects that act in it
+    mission    [planet], [body], [effects.*], [initial], [[phase]]       phases, each with its effects
 
-A scene and a mission may have [dispersion]; every kind has `title` and `accuracy`.
+Every kind may have [dispersion], `title` and how to integrate: `accuracy`, `method`, `max_step`,
+`max_steps`. What stands in the tables follows from the declarations of the classes.
 """
 
+import inspect
+from collections.abc import Mapping
 from typing import Any
 
+from ..bodies import BodyState
+from ..core import REQUIRED, argument
+from ._catalog import Catalog, part_entries, state_class, state_way
 from ._errors import missing, unknown, wrong
-from ._quantities import Choice, Quantity
-from ._registry import Registry
-from ._tables import Key, ListOf, Table
+from ._kinds import (
+    AnyTable,
+    Entry,
+    Kind,
+    ListOf,
+    Maker,
+    Number,
+    Object,
+    OneName,
+    Table,
+    Text,
+    Whole,
+)
+from ._objects import function_way
 
-MASS = Quantity("mass", "kg", "60 kg", "positive")
-INERTIA = Quantity("moment of inertia", "kg m^2", "12 slug ft^2", "positive")
-LENGTH = Quantity("length", "m", "1.2 ft")
-RADIUS = Quantity("length", "m", "1.2 ft", "not negative")
-TIME = Quantity("time", "s", "90 min", "", fixed=True)
-DURATION = Quantity("time", "s", "84 s", "positive")
-TOLERANCE = Quantity("relative tolerance", "", "1e-9", "positive", fixed=True)
-
-BODY: Table = {
-    "mass": Key(MASS, None),
-    "dry_mass": Key(MASS, None),
-    "propellant_mass": Key(MASS, None),
-    "inertia": Key(ListOf(INERTIA, 3), None),
-    "gyration_radii": Key(ListOf(RADIUS, 3), None),
-    "propellant_station": Key(LENGTH, 0.0),
-}
-TIMES: Table = {"start": Key(TIME, 0.0), "end": Key(TIME), "samples": Key(int, 200)}
-COMMON: Table = {"title": Key(str, ""), "accuracy": Key(TOLERANCE, 1e-9)}
 KINDS = ("system", "scene", "mission")
+TIME = Number(argument("s", fixed=True, doc="time"))
+DURATION = Number(argument("s", positive=True, doc="duration"))
+LONGEST_STEP = Number(argument("s", positive=True, fixed=True, doc="longest step"))
+TOLERANCE = Number(argument("", positive=True, fixed=True, doc="relative tolerance"))
+TIMES = Table(
+    {
+        "start": Entry(TIME, 0.0, doc="time of the initial state"),
+        "end": Entry(TIME, doc="time of the last state"),
+        "samples": Entry(Whole(2), 200, doc="how many states are kept from start to end"),
+    }
+)
 
 
-def kind_of(data: dict[str, Any]) -> str:
+def kind_of(data: Mapping[str, Any]) -> str:
     """The kind of a file, from the tables that it has."""
     return "system" if "system" in data else "mission" if "phase" in data else "scene"
 
 
-def form(data: dict[str, Any], registry: Registry) -> tuple[Table, list[str]]:
-    """The description of a file of the kind of `data`; or, for a system whose name is not known,
-    what is wrong with it."""
+def form(data: Mapping[str, Any], catalog: Catalog) -> tuple[Table, list[str]]:
+    """The form of a file of the kind of `data`; or, for a system whose name is not known, what is
+    wrong with it."""
     kind = kind_of(data)
-    if kind == "system":
-        return _system_form(data, registry)
-    tables = {
-        "planet": Key(registry.planet, None),
-        "body": Key(BODY, {}),
-        "effects": Key(
-            {name: Key(entry.table, None) for name, entry in registry.effects.items()}, {}
-        ),
-        "initial": Key(registry.initial.table),
-        "dispersion": Key(_dispersion(registry), None),
-    }
-    ending = (
-        {"phase": Key(ListOf(_phase(registry), least=1))}
-        if kind == "mission"
-        else {"times": Key(TIMES)}
-    )
-    return {**COMMON, **tables, **ending}, []
-
-
-def _system_form(data: dict[str, Any], registry: Registry) -> tuple[Table, list[str]]:
-    names = Choice(tuple(registry.systems))
-    system = data["system"]
-    if not isinstance(system, dict):
-        return {}, [wrong("system", system, "a table")]
+    if kind != "system":
+        return form_of(kind, catalog), []
+    system, names = data["system"], tuple(catalog.systems)
+    if not isinstance(system, Mapping):
+        return Table({}), [wrong("system", system, "a table")]
     if "name" not in system:
-        return {}, [missing("system.name", names.allowed())]
-    if system["name"] not in names.names:
-        return {}, [
-            unknown(f'system.name = "{system["name"]}"', system["name"], names.names, "system")
-        ]
-    entry = registry.systems[system["name"]]
-    parameters = {"name": Key(names), **entry.parameters}
-    return {
-        **COMMON,
-        "system": Key(parameters),
-        "initial": Key(entry.initial),
-        "times": Key(TIMES),
-    }, []
+        return Table({}), [missing("system.name", OneName(names).expected())]
+    name = system["name"]
+    if name not in names:
+        return Table({}), [unknown(f'system.name = "{name}"', name, names, "system")]
+    return form_of(kind, catalog, name), []
 
 
-def _phase(registry: Registry) -> Table:
-    return {
-        "name": Key(str),
-        "effects": Key(ListOf(Choice(tuple(registry.effects))), []),
-        "duration": Key(DURATION, None),
-        "until": Key(Choice(("burnout", *registry.events)), None),
-        "within": Key(DURATION, None),
-        "jump": Key({name: Key(entry.table, None) for name, entry in registry.jumps.items()}, {}),
+def form_of(kind: str, catalog: Catalog, system: str = "") -> Table:
+    """The form of a file of a kind, with the name of its `system` where it has one."""
+    common = {
+        "title": Entry(Text(), "", doc="for tables and figures; by default the name of the file"),
+        "accuracy": Entry(TOLERANCE, 1e-9, doc="relative tolerance of each step"),
+        "method": Entry(method_kind(catalog), None, doc="integrator; by default chosen by rules"),
+        "max_step": Entry(LONGEST_STEP, None, doc="longest step"),
+        "max_steps": Entry(Whole(), None, doc="how many steps a run may take"),
+        "planet": Entry(Table(catalog.shared("planet")), None, doc="what attracts"),
     }
-
-
-def _dispersion(registry: Registry) -> Table:
-    return {
-        "runs": Key(int, 1000),
-        "seed": Key(int, 1),
-        "outputs": Key(ListOf(Choice(tuple(registry.outputs)), least=1)),
-        "inputs": Key(dict),
+    dispersion = {"dispersion": Entry(_dispersion(), None, doc="what scatters, and what is kept")}
+    if kind == "system":
+        cls = catalog.systems[system]
+        own = Entry(_named(system, catalog.kinds[cls]), doc="the system and its parameters")
+        state = Entry(initial_kind(catalog, cls), doc="the initial state")
+        return Table(
+            {**common, "system": own, "initial": state, "times": Entry(TIMES), **dispersion}
+        )
+    bodies = tuple(way for cls in catalog.bodies.values() for way in catalog.kinds[cls].ways)
+    effects = {name: Entry(catalog.kinds[cls], None) for name, cls in catalog.effects.items()}
+    tables = {
+        "body": Entry(Object(bodies), {}, doc="mass properties"),
+        "effects": Entry(Table(effects), {}, doc="what acts on the body"),
+        "initial": Entry(initial_kind(catalog, None), doc="the initial state"),
     }
+    ending = {"phase": Entry(ListOf(_phase(catalog), least=1))}
+    ending = ending if kind == "mission" else {"times": Entry(TIMES)}
+    return Table({**common, **tables, **ending, **dispersion})
+
+
+def _named(name: str, kind: Object) -> Object:
+    """The ways to give a system, each with the entry `name`."""
+    own = {"name": Entry(OneName((name,)))}
+
+    def made(way: Maker) -> Maker:
+        # A table that holds the name is never given by its only number alone.
+        return way._replace(fields=Table({**own, **way.fields.entries}), bare=False)
+
+    return Object(tuple(made(way) for way in kind.ways))
+
+
+def initial_kind(catalog: Catalog, system: Any) -> Kind:
+    """How a file gives the initial state of a system, or of a body under effects (`None`)."""
+    way = None if system is None else state_way(system)
+    if way is not None:
+        return Object((way,))
+    cls = BodyState if system is None else state_class(system)
+    entries = part_entries(cls)
+    if system is None:
+        entries.pop("mass")  # The mass at the start is that of the body.
+    for key, ways in initial_ways(catalog, cls).items():
+        entries[key] = Entry(Object(tuple(ways)), None)
+    return Table(entries)
+
+
+def initial_ways(catalog: Catalog, cls: type) -> dict[str, list[Maker]]:
+    """The makers of parts of a state of the class, by the key of their table."""
+    found: dict[str, list[Maker]] = {}
+    parts = set(inspect.signature(cls).parameters)
+    for function in catalog.initials.values():
+        declared = function.initial
+        if set(declared.gives) <= parts:
+            found.setdefault(declared.key, []).append(function_way(function, declared.arguments))
+    return found
+
+
+def method_kind(catalog: Catalog) -> Object:
+    """The names of the integrators; one with parameters is a table with `name` and whole
+    numbers."""
+    names = ["auto"]
+    ways = []
+    for name, cls in catalog.methods.items():
+        whole = {
+            key: Entry(Whole(), REQUIRED if p.default is inspect.Parameter.empty else p.default)
+            for key, p in inspect.signature(cls).parameters.items()
+            if p.annotation is int
+        }
+        if any(
+            p.default is inspect.Parameter.empty and key not in whole
+            for key, p in inspect.signature(cls).parameters.items()
+        ):
+            continue
+        if not any(entry.default is REQUIRED for entry in whole.values()):
+            names.append(name)
+        if whole:
+            fields = Table({"name": Entry(OneName((name,))), **whole})
+            ways.append(Maker(name, cls, {key: key for key in whole}, fields, {}))
+    plain = Table({"name": Entry(OneName(tuple(names)))})
+    named = {name: cls for name, cls in catalog.methods.items() if name in names}
+
+    def make(name: str) -> Any:
+        return "auto" if name == "auto" else named[name]()
+
+    return Object((Maker("method", make, {"name": "name"}, plain, {}, bare=True), *ways))
+
+
+def _phase(catalog: Catalog) -> Table:
+    jumps = {name: Entry(catalog.kinds[cls], None) for name, cls in catalog.jumps.items()}
+    ends = OneName((*catalog.all_known_times(), *catalog.events))
+    acting = ListOf(OneName(tuple(catalog.effects)))
+    return Table(
+        {
+            "name": Entry(Text()),
+            "effects": Entry(acting, (), doc="the effects that act in this phase"),
+            "duration": Entry(DURATION, None, doc="how long it lasts"),
+            "until": Entry(ends, None, doc="the time or the event at which it ends"),
+            "within": Entry(DURATION, None, doc="how long to wait for the event"),
+            "jump": Entry(Table(jumps), {}, doc="what changes the state at the end"),
+        }
+    )
+
+
+def _dispersion() -> Table:
+    return Table(
+        {
+            "runs": Entry(Whole(), 1000, doc="how many runs"),
+            "seed": Entry(Whole(0), 1, doc="what the inputs are drawn from"),
+            "outputs": Entry(OutputList(), doc="what is kept of each run"),
+            "inputs": Entry(AnyTable(), doc="what scatters, by path"),
+        }
+    )
+
+
+class OutputList(Kind):
+    """A list of names or paths, or tables with the keys `output`, `at`, `unit` and `name`."""
+
+    KEYS = ("output", "at", "unit", "name")
+
+    def read(self, value: Any, path: str, reading: Any) -> Any:
+        if not (isinstance(value, list) and value):
+            reading.errors.append(wrong(path, value, self.expected()))
+            return None
+        return [self._one(v, f"{path}.{k}", reading) for k, v in enumerate(value)]
+
+    def _one(self, value: Any, path: str, reading: Any) -> dict[str, str]:
+        if isinstance(value, str):
+            return {"output": value}
+        if not isinstance(value, Mapping):
+            reading.errors.append(wrong(path, value, "a name, or a table with the key output"))
+            return {}
+        for key, text in value.items():
+            if key not in self.KEYS:
+                reading.errors.append(unknown(f"{path}.{key}", key, self.KEYS))
+            elif not isinstance(text, str):
+                reading.errors.append(wrong(f"{path}.{key}", text, "text"))
+        if "output" not in value:
+            reading.errors.append(missing(f"{path}.output", "the name of an output"))
+        return dict(value)
+
+    def expected(self) -> str:
+        return 'a list of names of outputs, paths such as "final.omega.2", or tables of them'
+
+    def schema(self) -> dict[str, Any]:
+        text = {"type": "string"}
+        table = {
+            "type": "object",
+            "properties": {key: text for key in self.KEYS},
+            "required": ["output"],
+            "additionalProperties": False,
+        }
+        return {"type": "array", "minItems": 1, "items": {"anyOf": [text, table]}}

@@ -1,108 +1,155 @@
 """Which numbers of a file scatter, and how: [dispersion.inputs], whose keys are paths of the file's
 own numbers."""
 
-from collections.abc import Iterator
-from typing import Any
+from collections.abc import Iterator, Mapping
+from typing import Any, NamedTuple
 
-from ..dispersion import AbstractDistribution, Normal, TruncatedNormal, Uniform
-from ._checks import unknown_path
-from ._errors import missing, wrong
-from ._quantities import Choice, Measure, Quantity, split
-from ._tables import Key, checked
-from ._values import measures
+from ..core import InputError
+from ..dispersion import NOMINAL, SHARE_OF_INPUT, AbstractDistribution
+from ._checks import Parsed
+from ._errors import hint, missing, unknown, wrong
+from ._kinds import Measure
+from ._units import expected, read_number, split
 
-LIMITS = {"normal": (), "uniform": ("low", "high"), "truncated_normal": ("low", "high")}
-FORM = {
-    "distribution": Key(Choice(tuple(LIMITS)), "normal"),
-    **{k: Key(object, None) for k in ("deviation", "low", "high")},
-}
+DEFAULT = "normal"
+RARE = 1e-3
 
 
-def entries(tables: dict[str, Any], path: str = "") -> Iterator[tuple[str, Any]]:
+class Input(NamedTuple):
+    """How a number of the file scatters: its nominal value, the name of the distribution, and the
+    numbers of that one in SI."""
+
+    nominal: Measure
+    name: str
+    numbers: dict[str, float]
+    cls: type[AbstractDistribution]
+
+    def distribution(self) -> AbstractDistribution:
+        """The distribution about the nominal value."""
+        return self.cls(**self.numbers)
+
+    def doubts(self, path: str) -> list[str]:
+        """What is allowed but hardly meant: a range without the nominal value, draws that the
+        class of the number refuses."""
+        quantity, found = self.nominal.quantity, []
+        made = self.distribution()
+        low, high = self.numbers.get("low"), self.numbers.get("high")
+        if low is not None and high is not None and not low <= self.nominal <= high:
+            found.append(
+                f"dispersion.inputs.{path} lies from {low:.6g} to {high:.6g} {quantity.unit}, "
+                f"without the nominal value {float(self.nominal):.6g}."
+            )
+        share = made.outside(quantity.low, quantity.high)
+        if share > RARE:
+            found.append(
+                f"dispersion.inputs.{path}: {100.0 * share:.2g} % of the runs will be refused, for "
+                f"{path} must be {quantity.allowed()}."
+            )
+        return found
+
+
+def read_inputs(file: Parsed) -> tuple[dict[str, Input], list[str]]:
+    """For every input how it scatters; or what is wrong."""
+    numbers = {p: m for p, m in measures(file.values) if not p.startswith("dispersion")}
+    found: dict[str, Input] = {}
+    errors = []
+    keys = {"distribution", *_fields(file)}
+    for path, entry in _entries(file.values["dispersion"]["inputs"], keys):
+        if path not in numbers:
+            errors.append(_unknown_path(path, list(numbers)))
+            continue
+        try:
+            found[path] = _read(f"dispersion.inputs.{path}", entry, numbers[path], file)
+        except ValueError as error:
+            errors.append(str(error))
+    if not found and not errors:
+        errors.append(
+            missing("dispersion.inputs", "a table whose keys are paths of numbers of this file")
+        )
+    return found, errors
+
+
+def measures(values: Any, path: str = "") -> Iterator[tuple[str, Measure]]:
+    """The path of every number that may be dispersed, and the number."""
+    if isinstance(values, Measure):
+        yield path, values
+    items: Any = ()
+    if isinstance(values, Mapping):
+        items = values.items()
+    elif isinstance(values, list):
+        items = enumerate(values)
+    for name, value in items:
+        yield from measures(value, f"{path}.{name}" if path else str(name))
+
+
+def _fields(file: Parsed) -> set[str]:
+    """The fields of all distributions."""
+    kinds = [file.catalog.kinds[cls] for cls in file.catalog.distributions.values()]
+    return {key for kind in kinds for way in kind.ways for key in way.fields.entries}
+
+
+def _entries(tables: Mapping[str, Any], keys: set[str], path: str = "") -> Iterator[Any]:
     """Path and entry of every input; a path may be one quoted key or a table in a table."""
     for name, value in tables.items():
         here = f"{path}.{name}" if path else name
-        if isinstance(value, dict) and not (
-            set(value) & set(FORM) or not any(isinstance(v, dict) for v in value.values())
-        ):
-            yield from entries(value, here)
+        nested = isinstance(value, dict) and any(isinstance(v, dict) for v in value.values())
+        if nested and not set(value) & keys:
+            yield from _entries(value, keys, here)
         else:
             yield here, value
 
 
-def distributions(
-    values: dict[str, Any],
-) -> tuple[dict[str, tuple[str, dict[str, float]]], list[str]]:
-    """For every input the name of its distribution and its numbers in SI; or what is wrong."""
-    numbers = {path: m for path, m in measures(values) if not path.startswith("dispersion")}
-    found: dict[str, tuple[str, dict[str, float]]] = {}
-    complaints = []
-    for path, entry in entries(values["dispersion"]["inputs"]):
-        if path not in numbers:
-            complaints.append(unknown_path(path, list(numbers)))
-            continue
-        try:
-            found[path] = _read(f"dispersion.inputs.{path}", entry, numbers[path])
-        except ValueError as error:
-            complaints.append(str(error))
-    if not found and not complaints:
-        complaints.append(
-            missing("dispersion.inputs", "a table whose keys are paths of numbers of this file")
-        )
-    return found, complaints
+def _unknown_path(path: str, paths: list[str]) -> str:
+    table = path.rpartition(".")[0]
+    near = [p for p in paths if p.rpartition(".")[0] == table] or sorted(
+        {p.partition(".")[0] + ".*" for p in paths}
+    )
+    sentence = unknown(f"dispersion.inputs.{path}", path, near, "number of this file")
+    return sentence.partition(" Did you mean")[0] + hint(path, paths)
 
 
-def _read(key: str, entry: Any, nominal: Measure) -> tuple[str, dict[str, float]]:
+def _read(key: str, entry: Any, nominal: Measure, file: Parsed) -> Input:
     """Raises `ValueError` with the whole sentence."""
-    form = {
-        k: Key(str if spec.kind is object else spec.kind, spec.default) for k, spec in FORM.items()
-    }
-    texts = entry
-    if isinstance(entry, dict):
-        texts = {k: str(v) if k in form and k != "distribution" else v for k, v in entry.items()}
-    _, wrongs = checked({"entry": Key(form)}, {"entry": texts})
-    if wrongs:
-        raise ValueError(wrongs[0].replace("entry", key, 1))
-    name = entry.get("distribution", "normal")
-    wanted = LIMITS[name] if name == "uniform" else ("deviation", *LIMITS[name])
-    for k in wanted:
-        if k not in entry:
-            raise ValueError(missing(f"{key}.{k}", nominal.quantity.allowed()))
-    for k in entry:
-        if k not in ("distribution", *wanted):
-            raise ValueError(
-                f"{key}.{k} has no place in the distribution {name}: give {', '.join(wanted)}."
-            )
-    numbers = {k: _number(f"{key}.{k}", entry[k], nominal, k == "deviation") for k in wanted}
-    if "low" in numbers and not numbers["low"] < numbers["high"]:
-        raise ValueError(wrong(f"{key}.high", entry["high"], "above low"))
-    if name == "truncated_normal" and not numbers["low"] <= nominal <= numbers["high"]:
-        raise ValueError(
-            f"{key}: the nominal value {float(nominal):.6g} lies outside of low and high."
-        )
-    return name, numbers
-
-
-def _number(key: str, value: Any, nominal: Measure, deviation: bool) -> float:
-    """A number in the unit of the nominal value; a deviation may be a percentage of it."""
-    quantity = nominal.quantity
-    if deviation:
-        quantity = Quantity(quantity.name, quantity.unit, quantity.example, "positive")
+    if not isinstance(entry, Mapping):
+        raise ValueError(wrong(key, entry, "a table, such as { deviation = ... }"))
+    known = file.catalog.distributions
+    name = entry.get("distribution", DEFAULT)
+    if name not in known:
+        what = f"one of {', '.join(known)}"
+        raise ValueError(wrong(f"{key}.distribution", name, what) + hint(name, known))
+    cls = known[name]
+    fields = file.catalog.kinds[cls].ways[0].fields.entries
+    for given in entry:
+        if given not in ("distribution", *fields):
+            raise ValueError(unknown(f"{key}.{given}", given, fields, f"key of {name}"))
+    numbers = {}
+    for field, declared in fields.items():
+        if field in entry:
+            numbers[field] = _number(f"{key}.{field}", entry[field], nominal, declared.kind)
+        elif declared.shared == NOMINAL:
+            numbers[field] = float(nominal)
+        else:
+            raise ValueError(missing(f"{key}.{field}", expected(nominal.quantity)))
     try:
-        if deviation and isinstance(value, str) and value.rstrip().endswith("%"):
-            share = split(value, quantity.allowed())[0] / 100.0
-            if nominal == 0.0 or not share > 0.0:
-                raise ValueError(
-                    "a positive percentage of a nominal value that is not zero, or "
-                    + quantity.allowed()
-                )
-            return share * abs(float(nominal))
-        return float(quantity.read(value))
+        cls(**numbers)
+    except InputError as error:
+        owner, _, rest = str(error).partition(".")
+        raise ValueError(f"{key}.{rest}" if owner == cls.__name__ else f"{key}: {error}") from None
+    return Input(nominal, name, numbers, cls)
+
+
+def _number(key: str, value: Any, nominal: Measure, kind: Any) -> float:
+    """A number in the unit of the nominal value; a difference may be a percentage of it."""
+    declared, quantity = kind.quantity, nominal.quantity
+    quantity = quantity._replace(low=declared.low, high=declared.high, strict=declared.strict)
+    try:
+        share = declared.unit == SHARE_OF_INPUT
+        if share and isinstance(value, str) and value.rstrip().endswith("%"):
+            percent = split(value, expected(quantity))[0] / 100.0
+            if nominal == 0.0 or not percent > 0.0:
+                what = "a positive percentage of a nominal value that is not zero, or "
+                raise ValueError(what + expected(quantity))
+            return percent * abs(float(nominal))
+        return read_number(value, quantity)[0]
     except ValueError as error:
         raise ValueError(wrong(key, value, str(error))) from None
-
-
-def distribution(name: str, numbers: dict[str, float], nominal: float) -> AbstractDistribution:
-    """The distribution about the nominal value."""
-    kind: Any = {"normal": Normal, "uniform": Uniform, "truncated_normal": TruncatedNormal}[name]
-    return kind(**numbers) if name == "uniform" else kind(mean=float(nominal), **numbers)

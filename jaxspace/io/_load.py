@@ -1,40 +1,54 @@
-"""From a file to a scene that may be built: every check that needs no computation, done at once."""
+"""From a file to a scene that may be built: every check that needs no integration, done at once."""
 
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from ._checks import output_complaints, scene_complaints
+from ._build import system_errors
+from ._catalog import Catalog, catalog
+from ._checks import Parsed, check_parsed
 from ._errors import SceneError
 from ._form import form, kind_of
-from ._inputs import distributions
-from ._registry import Registry
+from ._inputs import read_inputs
+from ._kinds import Reading
+from ._outputs import read_outputs
 from ._scene_file import SceneFile
-from ._tables import checked
 
 
-def load(path: str | Path, registry: Registry) -> SceneFile:
-    """The scene file at `path`, whose names are those of the `registry`.
+def load(path: str | Path, also: Iterable[Any] = ()) -> SceneFile:
+    """The scene file at `path`.
 
-    Raises `SceneError`, one line for each thing that is wrong; nothing is compiled before."""
+    **Arguments**
+
+    - `path`: of a file in TOML.
+    - `also`: classes and declared functions that the file may name besides those of the library:
+      final systems, effects, jumps and distributions whose fields are quantities; outputs, events
+      and makers of initial states.
+
+    **Returns** the checked file; what flies is built when it is asked for.
+
+    **Raises** `SceneError`, one line for each thing that is wrong; nothing is compiled before."""
+    known = catalog(also)
     data, text = _parsed(path)
-    table, complaints = form(data, registry)
-    if not complaints:
-        values, complaints = checked(table, _with_empty_tables(data, registry))
-    if complaints:
-        raise SceneError(path, complaints)
-    kind, inputs = kind_of(data), {}
-    if kind == "system":
-        complaints = registry.systems[values["system"]["name"]].check(values)
-    else:
-        complaints = scene_complaints(values, registry)
-    if not complaints and values.get("dispersion") is not None:
-        inputs, complaints = distributions(values)
-        complaints = output_complaints(values, registry) + complaints
-    if complaints:
-        raise SceneError(path, complaints)
-    return SceneFile(Path(path), text, kind, values, inputs, registry)
+    table, errors = form(data, known)
+    if errors:
+        raise SceneError(path, errors)
+    reading = Reading()
+    values = table.read(_with_empty_tables(data, known), "", reading)
+    if reading.errors:
+        raise SceneError(path, reading.errors)
+    file = Parsed(kind_of(data), values, reading.makers, known)
+    errors, inputs, outputs = check_parsed(file), {}, ()
+    if file.kind == "system" and not errors:
+        errors = system_errors(file)
+    if not errors and values["dispersion"] is not None:
+        outputs, errors = read_outputs(file, reading.units)
+        inputs, more = read_inputs(file)
+        errors = errors + more
+    if errors:
+        raise SceneError(path, errors)
+    return SceneFile(Path(path), text, file, inputs, outputs, reading.units)
 
 
 def _parsed(path: str | Path) -> tuple[dict[str, Any], str]:
@@ -49,7 +63,7 @@ def _parsed(path: str | Path) -> tuple[dict[str, Any], str]:
         raise SceneError(path, f"is not TOML: {str(error)[0].lower()}{str(error)[1:]}.") from error
 
 
-def _with_empty_tables(data: dict[str, Any], registry: Registry) -> dict[str, Any]:
+def _with_empty_tables(data: dict[str, Any], known: Catalog) -> dict[str, Any]:
     """The data in which an effect that a phase names has a table, if only an empty one."""
     effects, phases = data.get("effects", {}), data.get("phase", [])
     if not isinstance(effects, Mapping) or not isinstance(phases, list):
@@ -60,5 +74,5 @@ def _with_empty_tables(data: dict[str, Any], registry: Registry) -> dict[str, An
         if isinstance(p, Mapping) and isinstance(p.get("effects"), list)
         for e in p["effects"]
     ]
-    empty = {e: {} for e in named if isinstance(e, str) and e in registry.effects}
+    empty = {e: {} for e in named if isinstance(e, str) and e in known.effects}
     return {**data, "effects": {**empty, **effects}} if empty else data

@@ -1,5 +1,10 @@
-"""The numbers of interest at the end of a mission, for every run of a campaign."""
+"""The numbers of interest at the end of a run, for every run of a campaign.
 
+An output is a declared function of a state (`jaxspace.core.output`) or the path of a number of the
+state, `final.omega.2`, in which the name of a phase may stand for `final`."""
+
+import inspect
+from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -7,71 +12,235 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from ..bodies import AbstractBody, BodyState
-from ..simulation import MissionTrajectory
-from ._lanes import Lanes
-from ._values import replaced
+from ..bodies import BodyState
+from ..core import State
+from ._catalog import part_quantities, state_class
+from ._checks import Parsed
+from ._errors import unknown, wrong
+from ._objects import at
+from ._units import in_unit
+
+FINAL = "final"
+SPECIAL = ("y", "t", "body", "initial", NOMINAL := "nominal")
 
 
-class End(NamedTuple):
-    """How runs side by side ended, runs last.
+class OutputSpec(NamedTuple):
+    """One output: its `name`, where it is taken (`at`: the number of a phase, or -1 for the end),
+    its `unit`, and how many of these one unit of SI is (`factor`).
 
-    - `final`: the state after the last jump; `burnout`: at the end of the last phase with thrust,
-      else the final state.
-    - `body`, `values`: what was flown. `intended`: the initial state that the file asks for, of one
-      run: vectors (3, 1).
-    - `nominal`: the end of the nominal run, in the same form; `None` while that one is itself
-      looked at."""
+    - `function` of a state, or `path` of a number of it.
+    - `shared`: entries of the file for arguments of the function."""
 
-    final: BodyState
-    burnout: BodyState
-    body: AbstractBody
-    values: dict[str, Any]
-    intended: BodyState
-    nominal: "End | None"
+    name: str
+    at: int
+    unit: str
+    factor: float
+    function: Callable[..., Any] | None
+    path: tuple[str, ...]
+    shared: Mapping[str, str]
+
+    def arguments(self) -> tuple[str, ...]:
+        """The names of the arguments of the function."""
+        return () if self.function is None else arguments_of(self.function)
+
+
+def arguments_of(function: Callable[..., Any]) -> tuple[str, ...]:
+    """The names of the arguments of a declared output."""
+    return tuple(inspect.signature(function).parameters)
+
+
+def needs_nominal(specs: tuple[OutputSpec, ...]) -> bool:
+    """Whether one of the outputs compares with the nominal run."""
+    return any(NOMINAL in spec.arguments() for spec in specs)
+
+
+def read_outputs(
+    file: Parsed, units: Mapping[str, str]
+) -> tuple[tuple[OutputSpec, ...], list[str]]:
+    """The outputs that [dispersion] asks for; or what is wrong. `units`: as the file writes them,
+    by their unit in SI."""
+    specs, errors = [], []
+    for number, entry in enumerate(file.values["dispersion"]["outputs"]):
+        key = f"dispersion.outputs.{number}"
+        try:
+            spec = _read(key, entry, file, units)
+        except ValueError as error:
+            errors.append(str(error))
+            continue
+        if spec.name in {other.name for other in specs}:
+            errors.append(wrong(f"{key}.name", spec.name, "another name: this one is taken"))
+        specs.append(spec)
+    return tuple(specs), errors
+
+
+def _read(key: str, entry: Any, file: Parsed, units: Mapping[str, str]) -> OutputSpec:
+    """Raises `ValueError` with the whole sentence."""
+    name, catalog = entry["output"], file.catalog.outputs
+    places = _places(file)
+    head, dot, rest = name.partition(".")
+    if dot and head in places:
+        at_phase, function, shared = places[head], None, {}
+        path = tuple(rest.split("."))
+        si = _unit_of_path(f"{key} = {name}", path, file)
+    elif name in catalog:
+        where = entry.get("at", FINAL)
+        if where not in places:
+            raise ValueError(unknown(f"{key}.at", where, places, "phase"))
+        at_phase, function, path = places[where], catalog[name], ()
+        si, shared = function.output.unit, function.output.shared
+        for error in _lacking(name, function, file):
+            raise ValueError(error)
+    else:
+        expected = f"one of {', '.join(catalog)}, or a path such as final.position.0"
+        raise ValueError(wrong(key, name, expected) + _near(name, catalog))
+    unit = entry.get("unit", units.get(si, si))
+    try:
+        factor = in_unit(si, unit)
+    except ValueError as error:
+        raise ValueError(wrong(f"{key}.unit", unit, str(error))) from None
+    shown_name = entry.get("name", name)
+    return OutputSpec(shown_name, at_phase, unit, factor, function, path, shared)
+
+
+def _near(name: str, names: Mapping[str, Any]) -> str:
+    from ._errors import hint
+
+    return hint(name, names)
+
+
+def _places(file: Parsed) -> dict[str, int]:
+    """The places at which an output can be taken: the end, or the end of a phase before its
+    jump."""
+    phases = file.values.get("phase", [])
+    return {FINAL: -1, **{phase["name"]: k for k, phase in enumerate(phases)}}
+
+
+def state_of(file: Parsed) -> type:
+    """The class of the states of the file."""
+    if file.kind != "system":
+        return BodyState
+    return state_class(file.catalog.systems[file.values["system"]["name"]])
+
+
+def given_parts(file: Parsed) -> set[str]:
+    """The parts of the states of a run of the file."""
+    cls = state_of(file)
+    if cls is not BodyState or "initial" in file.makers:
+        parts = set(part_quantities(cls))
+        # A system's own maker of states says nothing about the parts; a body's are those of it.
+        return parts if cls is not BodyState else {"attitude", "omega"}
+    losing = ("mass_rate" in file.catalog.effects[e].adds for e in file.active_effects())
+    return file.parts() | ({"mass"} if any(losing) else set())
+
+
+def _unit_of_path(key: str, path: tuple[str, ...], file: Parsed) -> str:
+    declared, parts = part_quantities(state_of(file)), given_parts(file)
+    if path[0] not in parts:
+        raise ValueError(unknown(key, path[0], sorted(parts), "part of the state"))
+    quantity = declared[path[0]]
+    shape = quantity.shape or ((4,) if path[0] == "attitude" else ())
+    indices = path[1:]
+    good = len(indices) == len(shape) and all(
+        i.isdigit() and (n is None or int(i) < n) for i, n in zip(indices, shape, strict=True)
+    )
+    if not good:
+        counts = " and ".join(f"0 to {n - 1}" for n in shape if n is not None)
+        what = f"followed by {counts}" if shape else "without a number behind it"
+        raise ValueError(f"{key}: {path[0]} must be {what}.")
+    return quantity.unit
+
+
+def _lacking(name: str, function: Callable[..., Any], file: Parsed) -> list[str]:
+    """What an output needs and the file does not have."""
+    parts, shared, found = given_parts(file), function.output.shared, []  # type: ignore[attr-defined]
+    for argument in arguments_of(function):
+        if argument in shared:
+            if at(file.values, shared[argument]) is None:
+                found.append(f"{shared[argument]} is missing: the output {name} needs it.")
+        elif argument == "body" and file.kind == "system":
+            found.append(f"A system has no body: the output {name} needs one.")
+        elif argument not in SPECIAL and argument != "mass" and argument not in parts:
+            found.append(f"initial has no {argument}: the output {name} needs it.")
+    return found
+
+
+def applicable_outputs(file: Parsed, units: Mapping[str, str]) -> tuple[OutputSpec, ...]:
+    """Every output that the file has all for, of the end of the run alone."""
+    found = []
+    for name, function in file.catalog.outputs.items():
+        compares = {NOMINAL, "initial"} & set(arguments_of(function))
+        if not compares and not _lacking(name, function, file):
+            si = function.output.unit
+            unit = units.get(si, si)
+            spec = OutputSpec(
+                name, -1, unit, in_unit(si, unit), function, (), function.output.shared
+            )
+            found.append(spec)
+    return tuple(found)
 
 
 class Outputs(eqx.Module):
-    """The `outputs` of a campaign: those of the names `wanted`.
+    """The `outputs` of a campaign of the `file`: those of the `specs`.
 
-    `reference`: final state and state at burnout of the nominal run, as `nominal_states` gives
-    them."""
+    - `values`: the numbers of the file.
+    - `reference`: the states of the nominal run by phase (-1: the end), with an axis of one run;
+      `None` where no output compares with them."""
 
     file: Any = eqx.field(static=True)
+    specs: tuple[OutputSpec, ...] = eqx.field(static=True)
     values: dict[str, Any]
-    wanted: tuple[str, ...] = eqx.field(static=True)
-    reference: tuple[BodyState, BodyState] | None
+    reference: dict[int, State] | None
 
     def __call__(self, result: Any, samples: dict[str, Array]) -> dict[str, Array]:
-        last = jax.tree.map(lambda x: x[-1], result.spans[burn_phase(self.values)].states)
-        return self.numbers(result.final, last, samples)
+        states = {-1: result.final}
+        for spec in self.specs:
+            if spec.at >= 0:
+                states[spec.at] = last_state(result.spans[spec.at].states)
+        return self.numbers(states, result.end, samples)
 
     def numbers(
-        self, final: BodyState, burnout: BodyState, samples: dict[str, Array]
+        self, states: dict[int, State], end: Array, samples: dict[str, Array]
     ) -> dict[str, Array]:
-        """The outputs from the final state and the one at burnout; with a reference, compared with
-        the nominal run."""
-        intended = self.file.registry.initial.build(self.values, Lanes(1))
-        nominal = None
-        if self.reference is not None:
-            nominal = End(
-                *self.reference, self.file.body(self.values, Lanes(1)), self.values, intended, None
-            )
-        values = replaced(self.values, samples)
-        runs = final.position.shape[-1] if final.position is not None else final.omega.shape[-1]
-        end = End(final, burnout, self.file.body(values, Lanes(runs)), values, intended, nominal)
-        entries = self.file.registry.outputs
-        return {name: jnp.broadcast_to(entries[name].value(end), (runs,)) for name in self.wanted}
+        """The outputs, each (runs,), from the states by phase and the time at the end, s."""
+        runs = jax.tree.leaves(states[-1])[0].shape[-1]
+        found = {}
+        for spec in self.specs:
+            value = self._value(spec, states, end, samples, runs)
+            found[spec.name] = jnp.broadcast_to(spec.factor * value, (runs,))
+        return found
+
+    def _value(self, spec: OutputSpec, states: Any, end: Array, samples: Any, runs: int) -> Array:
+        y = states[spec.at]
+        if spec.function is None:
+            return at_path(y, spec.path)
+        arguments = {}
+        for name in spec.arguments():
+            if name in spec.shared:
+                arguments[name] = at(self.file.replaced(self.values, samples), spec.shared[name])
+            elif name == "y":
+                arguments[name] = y
+            elif name == "t":
+                arguments[name] = end
+            elif name == "body":
+                arguments[name] = self.file.body(self.values, samples, runs)
+            elif name == "initial":
+                arguments[name] = self.file.intended(self.values)
+            elif name == NOMINAL:
+                arguments[name] = y if self.reference is None else self.reference[spec.at]
+            else:
+                arguments[name] = getattr(y, name)
+        return spec.function(**arguments)
 
 
-def burn_phase(values: dict[str, Any]) -> int:
-    """Index of the last phase in which a thrust acts; -1 where none does."""
-    burning = [k for k, phase in enumerate(values.get("phase", ())) if "thrust" in phase["effects"]]
-    return burning[-1] if burning else -1
+def last_state(states: State) -> State:
+    """The state at the last of the times of a phase of a batch."""
+    return jax.tree.map(lambda x: x[-1], states)
 
 
-def nominal_states(values: dict[str, Any], flown: MissionTrajectory) -> tuple[BodyState, BodyState]:
-    """Final state and state at burnout of one flown mission, with an axis of one run."""
-    return jax.tree.map(
-        lambda x: x[..., None], (flown.final, flown.phases[burn_phase(values)].final)
-    )
+def at_path(y: State, path: tuple[str, ...]) -> Array:
+    """A number of a state: the name of a part, then indices."""
+    part = getattr(y, path[0])
+    (array,) = jax.tree.leaves(part)
+    for index in path[1:]:
+        array = array[int(index)]
+    return array

@@ -1,40 +1,59 @@
 """A scene file that has been checked, and what is built from it: one way for the nominal run and
 for many."""
 
-from dataclasses import dataclass
+import dataclasses
+import functools
+import warnings
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, final
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from ..bodies import BodyState, BurningBody, PrincipalInertia, RigidBody
-from ..core import AbstractSystem, State
+from ..bodies import AbstractBody
+from ..core import AbstractSystem, InputError, State
 from ..dispersion import Campaign
 from ..scene import Scene
-from ..simulation import Event, Mission, MissionTrajectory, Phase
-from ._checks import acting
-from ._inputs import distribution
-from ._lanes import Lanes
-from ._outputs import Outputs, nominal_states
-from ._registry import Registry
-from ._values import at, replaced
+from ..simulation import Accuracy, Mission, MissionTrajectory, Trajectory, simulate
+from ._build import build_mission, build_state, replaced
+from ._checks import Parsed
+from ._inputs import Input
+from ._objects import Building, Runs
+from ._outputs import Outputs, OutputSpec, applicable_outputs, needs_nominal
+
+ONE_PHASE = {"system": "run", "scene": "scene"}
 
 
 @final
-@dataclass(frozen=True, eq=False)
+@dataclasses.dataclass(frozen=True, eq=False)
 class SceneFile:
-    """A checked file: its `kind`, one of "system", "scene" and "mission", and its `values` in SI.
+    """A checked scene file: what flies, from where, when, how accurately, and what scatters.
 
-    `inputs`: for every dispersed number the name and the numbers of its distribution."""
+    - `path`, `text`: where it lies, and what it says.
+    - `parsed`: its values in SI.
+    - `inputs`: for every dispersed number how it scatters.
+    - `outputs`: what is kept of each run of a campaign.
+    - `units`: for each unit of SI the first other one in which the file gives a number."""
 
     path: Path
     text: str
-    kind: str
-    values: dict[str, Any]
-    inputs: dict[str, tuple[str, dict[str, float]]]
-    registry: Registry
+    parsed: Parsed
+    inputs: dict[str, Input]
+    outputs: tuple[OutputSpec, ...]
+    units: dict[str, str]
+
+    @property
+    def kind(self) -> str:
+        """What the file describes: "system", "scene" or "mission"."""
+        return self.parsed.kind
+
+    @property
+    def values(self) -> dict[str, Any]:
+        """The values of the file, numbers in SI."""
+        return self.parsed.values
 
     @property
     def title(self) -> str:
@@ -42,155 +61,186 @@ class SceneFile:
         return self.values["title"] or self.path.stem
 
     @property
-    def accuracy(self) -> float:
-        """The relative tolerance of each step."""
-        return self.values["accuracy"]
+    def runs(self) -> int:
+        """How many runs the file asks for. Raises `InputError` without [dispersion]."""
+        return self._dispersion()["runs"]
 
-    def nominal(self) -> tuple[AbstractSystem | Mission, State, Array]:
-        """System, initial state and times of the nominal run; mission, initial state and start
-        where there are phases."""
-        if self.kind == "system":
-            values = replaced(self.values, {})
-            system, y0 = self.registry.systems[values["system"]["name"]].build(values, Lanes())
-            return system, y0, self.times()
-        mission, y0 = self.nominal_mission()
+    @property
+    def seed(self) -> int:
+        """What the runs of the file are drawn from. Raises `InputError` without [dispersion]."""
+        return self._dispersion()["seed"]
+
+    @functools.cached_property
+    def accuracy(self) -> Accuracy:
+        """Tolerance, method and limits of the steps."""
+        values = self.values
+        given = {"max_step": values["max_step"], "max_steps": values["max_steps"]}
+        if values["method"] is not None:
+            given["method"] = self._building(values).make("method")
+        given = {key: value for key, value in given.items() if value is not None}
+        return Accuracy(rtol=values["accuracy"], **given)
+
+    @property
+    def system(self) -> AbstractSystem | Mission:
+        """The system, the scene or the mission of the nominal run."""
+        mission, _ = self._nominal
+        return mission if self.kind == "mission" else mission.phases[0].system
+
+    @property
+    def y0(self) -> State:
+        """The initial state of the nominal run."""
+        return self._nominal[1]
+
+    @property
+    def ts(self) -> Array:
+        """The times of the states asked for, s, (times,); the start of a mission, ()."""
         if self.kind == "mission":
-            return mission, y0, jnp.zeros(())
-        return mission.phases[0].system, y0, self.times()
-
-    def times(self) -> Array:
-        """The times of the states asked for, s."""
+            return jnp.zeros(())
         times = self.values["times"]
-        return jnp.linspace(times["start"], times["end"], max(times["samples"], 2))
+        return jnp.linspace(times["start"], times["end"], times["samples"])
+
+    @property
+    def start(self) -> float:
+        """The time of the initial state, s."""
+        return 0.0 if self.kind == "mission" else self.values["times"]["start"]
+
+    @property
+    def mission(self) -> Mission:
+        """What flies as a mission; of a system or a scene, a mission of one phase."""
+        return self._nominal[0]
+
+    @functools.cached_property
+    def _nominal(self) -> tuple[Mission, State]:
+        return eqx.filter_jit(lambda values: build_mission(self.parsed, values, Runs()))(
+            self._numbers({})
+        )
 
     def scenes(self) -> dict[str, Scene]:
-        """The scene of every phase, by the name of the phase; empty for a textbook system."""
-        if self.kind == "system":
-            return {}
-        mission, _ = self.nominal_mission()
-        return {
-            phase.name: phase.system for phase in mission.phases if isinstance(phase.system, Scene)
-        }
+        """The scene of every phase, by the name of the phase; empty for a system."""
+        return {p.name: p.system for p in self.mission.phases if isinstance(p.system, Scene)}
 
-    def nominal_mission(self) -> tuple[Mission, BodyState]:
-        """Mission and initial state of the nominal run; of a scene, a mission of one phase."""
-        return eqx.filter_jit(lambda values: self.mission(values, Lanes()))(
-            replaced(self.values, {})
-        )
+    def simulate(self, **options: Any) -> Trajectory | MissionTrajectory:
+        """The nominal run. `options`: those of `jaxspace.simulate`, which take the place of what
+        the file says."""
+        return simulate(self.system, self.y0, self.ts, **{"accuracy": self.accuracy, **options})
 
-    def mission(self, values: dict[str, Any], lanes: Lanes) -> tuple[Mission, BodyState]:
-        """Mission and initial state from values that are scalars or (runs,); a scene is a mission
-        of one phase."""
-        body = self.body(values, lanes)
-        effects = {
-            name: self.registry.effects[name].build(values, lanes) for name in acting(self.values)
-        }
-        initial = self.registry.initial.build(values, lanes)
-        if any("mass_rate" in type(e).adds for e in effects.values()):
-            initial = eqx.tree_at(
-                lambda y: y.mass,
-                initial,
-                lanes.scalar(_mass(values["body"])),
-                is_leaf=lambda x: x is None,
-            )
-        carry = initial.present()
-        if self.kind == "scene":
-            times = self.values["times"]
-            return Mission(
-                [
-                    Phase(
-                        Scene(tuple(effects.values()), body, carry),
-                        times["end"] - times["start"],
-                        name="scene",
-                    )
-                ]
-            ), initial
-        phases, start = [], 0.0
-        for phase in values["phase"]:
-            phases.append(self._phase(phase, start, values, effects, body, carry, lanes))
-            end = phases[-1].until
-            start = start + (0.0 if isinstance(end, Event) else end)
-        return Mission(phases), initial
+    def build(self, samples: Mapping[str, Array]) -> tuple[Mission, State]:
+        """Mission and initial states of many runs.
 
-    def body(self, values: dict[str, Any], lanes: Lanes) -> RigidBody | BurningBody:
-        """The body of the file, from values that are scalars or (runs,)."""
-        return _body(values["body"], lanes)
+        **Arguments**
 
-    def _phase(
-        self,
-        phase: dict[str, Any],
-        start: Any,
-        values: Any,
-        effects: Any,
-        body: Any,
-        carry: Any,
-        lanes: Lanes,
-    ) -> Phase:
-        until: Any = phase["duration"]
-        if phase["until"] == "burnout":
-            until = effects["thrust"].ignition + effects["thrust"].burn_time - start
-        elif phase["until"] is not None:
-            condition, direction = self.registry.events[phase["until"]]
-            until = Event(condition, direction, phase["within"])
-        jumps = [
-            self.registry.jumps[n].build(t, values, lanes)
-            for n, t in phase["jump"].items()
-            if t is not None
-        ]
-        scene = Scene(tuple(effects[name] for name in phase["effects"]), body, carry)
-        return Phase(scene, until, jumps[0] if jumps else None, phase["name"])
+        - `samples`: numbers of the file by their path, each (runs,).
 
-    def outputs(self, flown: MissionTrajectory | None) -> Outputs:
-        """The outputs that [dispersion] asks for, compared with the nominal run `flown`."""
-        reference = None if flown is None else nominal_states(self.values, flown)
-        return Outputs(
-            self, replaced(self.values, {}), tuple(self.values["dispersion"]["outputs"]), reference
-        )
+        **Returns** the mission, whose parameters are scalars or carry the runs on the last axis,
+        and the states, which carry them everywhere."""
+        runs = next(iter(samples.values())).shape[0]
+        return build_mission(self.parsed, self._numbers(samples), Runs(runs))
 
-    def nominal_outputs(self, flown: MissionTrajectory) -> dict[str, Array]:
-        """The outputs of the nominal run `flown` itself, each (1,)."""
-        numbers = eqx.filter_jit(lambda outputs, states: outputs.numbers(*states, {}))
-        return numbers(self.outputs(None), nominal_states(self.values, flown))
+    def campaign(self, nominal: MissionTrajectory | None = None, *, warn: bool = True) -> Campaign:
+        """What [dispersion] asks for, as a campaign for `disperse`.
 
-    def campaign(self, flown: MissionTrajectory | None) -> Campaign:
-        """What [dispersion] asks for, with the nominal run `flown` as the reference of the outputs
-        that compare."""
-        wanted = self.values["dispersion"]["outputs"]
-        spread = {
-            path: distribution(*how, at(self.values, path)) for path, how in self.inputs.items()
-        }
-        units = {path: at(self.values, path).quantity.unit for path in spread}
-        units |= {name: self.registry.outputs[name].unit for name in wanted}
-        start = 0.0 if self.kind == "mission" else self.values["times"]["start"]
+        **Arguments**
+
+        - `nominal`: the nominal run of `mission`, with which some outputs compare; flown here if it
+          is needed and not given.
+        - `warn`: whether to warn of what the file allows and hardly means (`doubts`).
+
+        **Raises** `InputError` without [dispersion]."""
+        self._dispersion()
+        for doubt in self.doubts() if warn else ():
+            warnings.warn(doubt, stacklevel=2)
+        if nominal is None and needs_nominal(self.outputs):
+            nominal = self.nominal_mission()
+        reference = None if nominal is None else self._nominal_states(nominal)
+        limits = {path: how.nominal.quantity for path, how in self.inputs.items()}
+        units = {path: quantity.unit for path, quantity in limits.items()}
         return Campaign(
-            Build(self, replaced(self.values, {})),
-            spread,
-            self.outputs(flown),
-            units,
-            start,
+            _Build(self, self._numbers({})),
+            {path: how.distribution() for path, how in self.inputs.items()},
+            Outputs(self, self.outputs, self._numbers({}), reference),
+            units | {spec.name: spec.unit for spec in self.outputs},
+            self.start,
             self.text,
+            limits,
         )
 
+    def doubts(self) -> tuple[str, ...]:
+        """What the file allows and hardly means, a sentence each: a range without the nominal
+        value, more than one draw of a thousand that will be refused."""
+        return tuple(line for path, how in self.inputs.items() for line in how.doubts(path))
 
-class Build(eqx.Module):
+    def nominal_mission(self, samples: int = 2, factor: float = 1.0) -> MissionTrajectory:
+        """The nominal run as a mission, at the accuracy of the file times `factor`; a bad end is
+        told by its status."""
+        rtol = self.values["accuracy"] * factor
+        least = 32.0 * float(jnp.finfo(jnp.result_type(float)).eps)
+        accuracy = dataclasses.replace(self.accuracy, rtol=max(rtol, least))
+        return simulate(
+            self.mission, self.y0, self.start, accuracy=accuracy, samples=samples, throw=False
+        )
+
+    def nominal_outputs(
+        self, nominal: Trajectory | MissionTrajectory, every: bool = False
+    ) -> dict[str, tuple[float, str]]:
+        """The outputs of the nominal run, with their units.
+
+        **Arguments**
+
+        - `nominal`: the run, as `nominal_mission` or `simulate` returns it.
+        - `every`: those for which the file has all that they need, in place of those that
+          [dispersion] asks for."""
+        specs = applicable_outputs(self.parsed, self.units) if every else self.outputs
+        outputs = Outputs(self, specs, self._numbers({}), None)
+        if not specs:
+            return {}
+        if isinstance(nominal, MissionTrajectory):
+            states, end = self._nominal_states(nominal), nominal.end
+        else:
+            states = {-1: jax.tree.map(lambda x: x[..., None], nominal.final)}
+            end = nominal.ts[-1]
+        end = jnp.reshape(end, (1,))
+        numbers = eqx.filter_jit(lambda o, s, t: o.numbers(s, t, {}))(outputs, states, end)
+        return {spec.name: (float(numbers[spec.name][0]), spec.unit) for spec in specs}
+
+    def body(self, values: Any, samples: Mapping[str, Array], runs: int) -> AbstractBody:
+        """The body, from the numbers of the file and those of `runs` runs in `samples`."""
+        return self._building(self.replaced(values, samples), Runs(runs)).make("body")
+
+    def intended(self, values: Any) -> State:
+        """The initial state that the file asks for, with an axis of one run."""
+        return build_state(self.parsed, self._building(values, Runs(1)))
+
+    def replaced(self, values: Any, samples: Mapping[str, Array]) -> Any:
+        """The values with the `samples` at their paths."""
+        return replaced(values, samples)
+
+    def _numbers(self, samples: Mapping[str, Any]) -> Any:
+        """The values with arrays in place of numbers: those of `samples`, and those of the file."""
+        return replaced(self.values, samples)
+
+    def _dispersion(self) -> dict[str, Any]:
+        if self.values["dispersion"] is None:
+            raise InputError(
+                "dispersion is missing: it must be a table with outputs and inputs for this."
+            )
+        return self.values["dispersion"]
+
+    def _building(self, values: Any, runs: Runs | None = None) -> Building:
+        return Building(values, self.parsed.makers, Runs() if runs is None else runs)
+
+    def _nominal_states(self, nominal: MissionTrajectory) -> dict[int, State]:
+        """The states of the nominal run by phase (-1: the end), with an axis of one run."""
+        states = {-1: nominal.final, **{k: p.final for k, p in enumerate(nominal.phases)}}
+        return jax.tree.map(lambda x: x[..., None], states)
+
+
+class _Build(eqx.Module):
     """The `build` of a campaign. The numbers of the file are leaves: another number compiles
-    nothing anew."""
+    nothing again."""
 
     file: SceneFile = eqx.field(static=True)
     values: dict[str, Any]
 
     def __call__(self, samples: dict[str, Array]) -> tuple[Mission, State]:
         runs = next(iter(samples.values())).shape[0]
-        return self.file.mission(replaced(self.values, samples), Lanes(runs))
-
-
-def _mass(body: dict[str, Any]) -> Any:
-    return body["mass"] if body["dry_mass"] is None else body["dry_mass"] + body["propellant_mass"]
-
-
-def _body(body: dict[str, Any], lanes: Lanes) -> RigidBody | BurningBody:
-    inertia = None if body["inertia"] is None else PrincipalInertia(lanes.vector(body["inertia"]))
-    if body["dry_mass"] is None:
-        return RigidBody(body["mass"], inertia)
-    radii = lanes.vector(body["gyration_radii"])
-    return BurningBody(body["dry_mass"], inertia, radii, body["propellant_station"])
+        return build_mission(self.file.parsed, replaced(self.values, samples), Runs(runs))

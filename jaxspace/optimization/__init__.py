@@ -1,4 +1,4 @@
-"""Optimal rockets: staging, steering, direct shooting. The only room that imports optax."""
+"""Optimal rockets: staging, steering, direct shooting, and a constrained minimiser by gradients."""
 
 from ._ascent import AbstractThrustAcceleration as AbstractThrustAcceleration
 from ._ascent import Ascent as Ascent

@@ -1,9 +1,8 @@
-"""An ascent over a flat earth: a burn with steered thrust, then a coast to the apex; its state at
-burnout by quadrature.
+"""An ascent over a flat earth: a burn with steered thrust, then a coast to the apex.
 
     u' = a cos phi,   w' = a sin phi - g,   x' = u,   y' = w              while t < t_b
     u(0) = v_0 cos theta_0,   w(0) = v_0 sin theta_0,   x(0) = 0,   y(0) = y_0
-    T = t_b + w_b/g,   y(T) = y_b + w_b^2/(2g)                             the apex, if w_b >= 0: not before burnout
+    T = t_b + w_b/g,   y(T) = y_b + w_b^2/(2g)        the apex, not before burnout if w_b >= 0
 
     symbol   meaning                                                  unit
     x, y     range and height                                         m
@@ -14,8 +13,8 @@ burnout by quadrature.
     g        gravity, constant                                        m/s^2
     t_b, T   time of burnout, time of the apex                        s
 
-Source: Thomson 8.3. Valid while height and range stay small beside the radius of the earth, and
-without air.
+Source: Thomson 8.3.
+Valid while height and range are small against the radius of the earth, and without air.
 """
 
 from abc import abstractmethod
@@ -38,8 +37,8 @@ from ..core import (
     is_concrete,
 )
 
-# Gauss-Legendre converges as 2 rho^(-2 n): 64 nodes reach rounding for mass flows that would leave
-# 3 % of the mass or more.
+# The error of Gauss-Legendre quadrature falls as rho^(-2 n): 64 nodes reach rounding for mass flows
+# that leave 3 % of the mass or more.
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(64)
 
 
@@ -48,7 +47,7 @@ class AbstractThrustAcceleration(eqx.Module):
 
     @abstractmethod
     def __call__(self, t: Scalar) -> Scalar:
-        """The acceleration F/m, m/s^2, at the time `t`, s."""
+        """The acceleration F/m, m/s^2, at the time `t`, s, since ignition."""
 
 
 @final
@@ -61,6 +60,7 @@ class ConstantThrustAcceleration(AbstractThrustAcceleration):
         check_positive("ConstantThrustAcceleration.acceleration", self.acceleration)
 
     def __call__(self, t: Scalar) -> Scalar:
+        # With the shape of the times, as any other thrust has it.
         return self.acceleration + 0.0 * t
 
 
@@ -126,7 +126,7 @@ class FlightState(eqx.Module):
 
 
 def release_state(ascent: Ascent, release_angle: Scalar) -> FlightState:
-    """The state at ignition, with the velocity at the angle theta_0, rad, above the horizontal."""
+    """The state at ignition, released at the angle theta_0, rad, above the horizontal."""
     v0 = ascent.release_speed + 0.0 * release_angle
     return FlightState(
         0.0 * v0,
@@ -137,8 +137,7 @@ def release_state(ascent: Ascent, release_angle: Scalar) -> FlightState:
 
 
 def velocity_gain(ascent: Ascent) -> Scalar:
-    """V, the integral of F/m over the burn, m/s: what the thrust gives without gravity and
-    steering."""
+    """The integral V of F/m over the burn, m/s: the gain of speed without gravity and steering."""
     t, weight = _abscissae(ascent, 0)
     return jnp.sum(weight * ascent.thrust(t), axis=0)
 
@@ -146,14 +145,22 @@ def velocity_gain(ascent: Ascent) -> Scalar:
 def burnout_state(
     ascent: Ascent, release_angle: Scalar, steering: Callable[[Scalar], Scalar]
 ) -> FlightState:
-    """The state at burnout under the thrust angle `steering(t)`, rad, a smooth function, by
-    Gauss-Legendre quadrature.
+    """The state at burnout, by Gauss-Legendre quadrature.
 
-    The position is a single integral: velocity that is gained at t has the time t_b - t to act."""
+    **Arguments**
+
+    - `ascent`: what is given.
+    - `release_angle`: theta_0, rad, (*runs,).
+    - `steering`: the thrust angle, rad, as a smooth function of time, s.
+    """
     t, weight = _abscissae(ascent, jnp.ndim(release_angle))
-    tb, start, phi = ascent.burn_time, release_state(ascent, release_angle), steering(t)
+    tb = ascent.burn_time
+    start = release_state(ascent, release_angle)
+    phi = steering(t)
     gain = weight * ascent.thrust(t)
-    across, up = gain * jnp.cos(phi), gain * jnp.sin(phi)
+    across = gain * jnp.cos(phi)
+    up = gain * jnp.sin(phi)
+    # The position is a single integral, because velocity gained at t acts for the time t_b - t.
     return FlightState(
         x=start.x + start.u * tb + jnp.sum((tb - t) * across, axis=0),
         y=start.y + start.w * tb + jnp.sum((tb - t) * up, axis=0) - 0.5 * ascent.gravity * tb * tb,
@@ -163,8 +170,8 @@ def burnout_state(
 
 
 def apex(ascent: Ascent, burnout: FlightState) -> tuple[Scalar, Scalar]:
-    """Time, s, and height, m, of the top of the parabola after burnout; in the past, and unreal, if
-    w_b < 0."""
+    """Time, s, and height, m, of the apex of the coast; with w_b < 0 it would lie before burnout,
+    and is not reached."""
     coast = burnout.w / ascent.gravity
     return ascent.burn_time + coast, burnout.y + 0.5 * burnout.w * coast
 
@@ -172,8 +179,8 @@ def apex(ascent: Ascent, burnout: FlightState) -> tuple[Scalar, Scalar]:
 def _abscissae(
     ascent: Ascent, rank: int
 ) -> tuple[Float[Array, "nodes *#runs"], Float[Array, "nodes *#runs"]]:
-    """Times and weights of the quadrature over the burn, on a new first axis before the axes of the
-    runs, `rank` or more."""
+    """Times, s, and weights of the quadrature over the burn, (nodes, *runs), with at least `rank`
+    axes of runs."""
     rank = max(rank, *(jnp.ndim(leaf) for leaf in jax.tree.leaves(ascent)))
     dtype = jnp.result_type(ascent.burn_time)
     nodes, weights = (

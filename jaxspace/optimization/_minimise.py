@@ -1,16 +1,16 @@
-"""Descent to a minimum under constraints, by gradients: L-BFGS inside the method of multipliers.
+"""A local minimum under constraints, by gradients: L-BFGS inside the method of multipliers.
 
     minimise f(x)   subject to   c(x) = 0,   d(x) >= 0
-    L(x) = f + lambda . c + (rho/2) |c|^2 + (1/2 rho) sum [max(0, nu - rho d)^2 - nu^2]          descended in x
-    lambda <- lambda + rho c,   nu <- max(0, nu - rho d)                                         after each descent
+    L(x) = f + lambda . c + (rho/2) |c|^2 + (1/2 rho) sum [max(0, nu - rho d)^2 - nu^2]
+    lambda <- lambda + rho c,   nu <- max(0, nu - rho d)          after each descent of L in x
 
     symbol       meaning
-    f, c, d      objective, equalities, inequalities: scaled by their author so that values of order 1 matter
+    f, c, d      objective, equalities, inequalities, scaled so that values of order 1 matter
     lambda, nu   multipliers
-    rho          weight of the constraints, grown tenfold while they resist
+    rho          weight of the constraints, ten times larger while they do not decrease
 
-Source: Hestenes 1969, Powell 1969, Rockafellar 1973; the descent is `optax.lbfgs`. Finds a local
-minimum of smooth functions. `f` may be infinite outside its domain: the line search turns back.
+Source: Hestenes 1969, Powell 1969, Rockafellar 1973; the descent is `optax.lbfgs`.
+Valid for smooth functions. `f` may be infinite outside its domain: the line search turns back.
 """
 
 from collections.abc import Callable
@@ -30,11 +30,12 @@ Point: TypeAlias = PyTree[Float[Array, "..."]]
 
 @final
 class Criterion(eqx.Module):
-    """What a problem says about a point: the `objective` to make small, `equal_zero` to make zero,
-    `non_negative` to keep so.
+    """What a problem returns for a point.
 
-    The constraints are arrays, or `None` where there are none. `report` is whatever else is wanted
-    at the minimum."""
+    - `objective`: what is minimised.
+    - `equal_zero`, `non_negative`: the constraints c and d, arrays, or `None` where there are none.
+    - `report`: whatever else the caller needs at the minimum.
+    """
 
     objective: Float[Array, ""]
     equal_zero: Float[Array, "..."] | None = None
@@ -44,14 +45,14 @@ class Criterion(eqx.Module):
 
 @final
 class Minimum(eqx.Module):
-    """Where a descent ended.
+    """The result of `minimise`.
 
     - `x` and the `criterion` there.
     - `multipliers`: lambda and nu in the places of c and d, with 1 for f: grad f + lambda . grad c
       - nu . grad d = 0.
     - `gradient`: the largest component of that sum; `violation`: the largest of the constraints.
-    - `steps`: descent steps in all; `converged`: whether gradient and violation met their
-      tolerances."""
+    - `steps`: of all descents; `converged`: whether gradient and violation met the tolerance.
+    """
 
     x: Point
     criterion: Criterion
@@ -70,12 +71,20 @@ def minimise(
     max_steps: int = 200,
     max_rounds: int = 20,
 ) -> Minimum:
-    """A local minimum of `problem(x).objective` under its constraints, from the point `start`.
+    """A local minimum of `problem(x).objective` under its constraints.
 
-    Ends when the gradient and the violation are below `tolerance`, or after `max_rounds` descents
-    of `max_steps` steps at most, and says in `converged` which. Wrap it in `jax.jit` where it is
-    called often. The result is not differentiable in what `problem` closes over."""
-    # The start is not evaluated: every mention of `problem` is one more copy of it to compile.
+    **Arguments**
+
+    - `problem`: from a point to its `Criterion`.
+    - `start`: the point at which the descent begins.
+    - `tolerance`: for the gradient and for the violation.
+    - `max_steps`: of one descent; `max_rounds`: number of descents.
+
+    **Returns** the `Minimum`, which reports in `converged` whether the tolerance was met. It is not
+    differentiable in what `problem` closes over. Wrap the call in `jax.jit` where it is repeated.
+    """
+    # The shapes of a criterion without evaluating the start: every call of `problem` is one more
+    # copy of it to compile.
     blank = jax.tree.map(
         lambda like: jnp.zeros(like.shape, like.dtype), jax.eval_shape(problem, start)
     )
@@ -88,24 +97,17 @@ def minimise(
 
     def improve(carry: tuple[Any, ...]) -> tuple[Any, ...]:
         x, _, dual, rho, _, violation, steps, rounds = carry
-        # While the multipliers are not right, a descent to the last digit is wasted.
+        # A descent to the last digit is wasted while the multipliers are not right.
         enough = jnp.maximum(0.01 * jnp.minimum(violation, 1.0), tolerance)
         x, gradient, taken = _descend(
             lambda p: _lagrangian(problem(p), dual, rho), x, enough, max_steps
         )
         criterion = problem(x)
         left = _violation(criterion, dual, rho)
-        grown = jnp.where(left > 0.25 * violation, 10.0 * rho, rho)
-        return (
-            x,
-            criterion,
-            _updated(criterion, dual, rho),
-            grown,
-            gradient,
-            left,
-            steps + taken,
-            rounds + 1,
-        )
+        # Updated with the weight of this descent, before it grows.
+        dual = _updated(criterion, dual, rho)
+        rho = jnp.where(left > 0.25 * violation, 10.0 * rho, rho)
+        return x, criterion, dual, rho, gradient, left, steps + taken, rounds + 1
 
     first = (
         start,
@@ -125,7 +127,7 @@ def minimise(
 
 
 def _lagrangian(criterion: Criterion, dual: Criterion, rho: Float[Array, ""]) -> Float[Array, ""]:
-    """The augmented Lagrangian L of the module's head."""
+    """The augmented Lagrangian L."""
     total, c, d = criterion.objective, criterion.equal_zero, criterion.non_negative
     if c is not None and dual.equal_zero is not None:
         total = total + jnp.sum(dual.equal_zero * c + 0.5 * rho * c * c)
@@ -138,7 +140,7 @@ def _lagrangian(criterion: Criterion, dual: Criterion, rho: Float[Array, ""]) ->
 
 
 def _updated(criterion: Criterion, dual: Criterion, rho: Float[Array, ""]) -> Criterion:
-    """The multipliers after a descent, in the places of the constraints that they belong to."""
+    """The multipliers after a descent, in the places of their constraints."""
     c, d = criterion.equal_zero, criterion.non_negative
     return Criterion(
         objective=jnp.ones_like(criterion.objective),
@@ -150,26 +152,28 @@ def _updated(criterion: Criterion, dual: Criterion, rho: Float[Array, ""]) -> Cr
 
 
 def _violation(criterion: Criterion, dual: Criterion, rho: Float[Array, ""]) -> Float[Array, ""]:
-    """The largest violation: of an equality, of an inequality, or of complementarity (a multiplier
-    where there is room)."""
+    """The largest violation of an equality, of an inequality, or of complementarity."""
     c, d = criterion.equal_zero, criterion.non_negative
-    worst = jnp.zeros_like(criterion.objective)
+    largest = jnp.zeros_like(criterion.objective)
     if c is not None:
-        worst = jnp.maximum(worst, jnp.max(jnp.abs(c)))
+        largest = jnp.maximum(largest, jnp.max(jnp.abs(c)))
     if d is not None and dual.non_negative is not None:
-        worst = jnp.maximum(worst, jnp.max(jnp.abs(jnp.minimum(d, dual.non_negative / rho))))
-    return worst
+        # Either d or its multiplier must be zero, and neither negative.
+        largest = jnp.maximum(largest, jnp.max(jnp.abs(jnp.minimum(d, dual.non_negative / rho))))
+    return largest
 
 
 def _largest(tree: Point) -> Float[Array, ""]:
+    """The largest magnitude in a tree."""
     return jax.tree.reduce(jnp.maximum, jax.tree.map(lambda leaf: jnp.max(jnp.abs(leaf)), tree))
 
 
 def _descend(
     f: Callable[[Point], Float[Array, ""]], x: Point, enough: Float[Array, ""], max_steps: int
 ) -> tuple[Point, Float[Array, ""], Int[Array, ""]]:
-    """L-BFGS from `x` until no component of the gradient exceeds `enough`: the point, that
-    component, the steps taken."""
+    """L-BFGS from `x` until no component of the gradient exceeds `enough`.
+
+    **Returns** the point, the largest component of the gradient, and the number of steps."""
     method = optax.lbfgs()
     value_and_gradient = optax.value_and_grad_from_state(f)
 
@@ -183,8 +187,8 @@ def _descend(
         x, state, steps = carry
         # optax mixes integer widths, which a caller's strict promotion would refuse.
         with jax.numpy_dtype_promotion("standard"):
-            # The line search leaves value and gradient at its end in the state: `f` is traced here
-            # for the first step alone.
+            # The line search leaves value and gradient at its end in the state, so that `f` is
+            # evaluated here for the first step alone.
             value, gradient = value_and_gradient(x, state=state)
             updates, state = method.update(
                 gradient, state, x, value=value, grad=gradient, value_fn=f

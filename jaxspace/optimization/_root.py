@@ -1,5 +1,7 @@
-"""The root of an increasing function between two known ends, with derivatives by the implicit
-function theorem."""
+"""The root of an increasing function between two known ends.
+
+Its derivatives follow from the implicit function theorem.
+"""
 
 from collections.abc import Callable
 
@@ -10,18 +12,23 @@ from jaxtyping import Array, Int
 
 from ..core import Scalar
 
-# Each halving gains one bit: this many exceed the digits of float64, so that the result is good to
-# the rounding of `f` itself.
+# Each halving gains one bit: so many exceed the digits of float64, and the error is the rounding of
+# the function itself.
 HALVINGS = 64
 
 
 def increasing_root(f: Callable[[Scalar], Scalar], lower: Scalar, upper: Scalar) -> Scalar:
-    """The x in [lower, upper] where the increasing function `f` changes sign; without a sign
-    change, the end nearer to one.
+    """The x where an increasing function changes sign.
 
-    `f` acts on each run by itself. The count of steps is fixed. Derivatives of every order, forward
-    and reverse, with respect to whatever `f` closes over follow from f(x) = 0 and not through the
-    iteration; those with respect to the ends are zero."""
+    **Arguments**
+
+    - `f`: acts on each run by itself; its closure may be differentiated.
+    - `lower`, `upper`: ends of the interval, (*runs,).
+
+    **Returns** x, (*runs,); without a sign change the end nearer to one. Derivatives of every
+    order, forward and reverse, follow from f(x) = 0 and not from the iteration; those by the ends
+    are zero.
+    """
     like = jax.eval_shape(f, lower)
 
     def end(x: Scalar) -> Scalar:
@@ -30,6 +37,7 @@ def increasing_root(f: Callable[[Scalar], Scalar], lower: Scalar, upper: Scalar)
     def solve(g: Callable[[Scalar], Scalar], low: Scalar) -> Scalar:
         def halve(_: Int[Array, ""], ends: tuple[Scalar, Scalar]) -> tuple[Scalar, Scalar]:
             low, high = ends
+            # Not (low + high) / 2, which may overflow.
             middle = low + 0.5 * (high - low)
             right = g(middle) < 0.0
             return jnp.where(right, middle, low), jnp.where(right, high, middle)

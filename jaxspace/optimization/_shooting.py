@@ -1,18 +1,18 @@
-"""Steering by direct shooting: the best thrust angles at given times, by gradients through the
-simulated flight.
+"""Steering by direct shooting: the best thrust angles, by gradients through the simulated flight.
 
     maximise   u_b(theta_0, phi_1, ..., phi_n)
-    subject to y_b + w_b^2/(2g) = Y,   w_b >= 0              the coast to the apex, condensed; the apex not before burnout
+    subject to y_b + w_b^2/(2g) = Y        the apex has the height Y
+               w_b >= 0                    the apex is not before burnout
 
-Nothing is known here of the optimality condition: the answer approaches linear-tangent steering as
-the nodes grow more, and serves where that does not hold.
+No optimality condition is used: with more nodes the result approaches linear-tangent steering, and
+it holds where that does not.
 
     symbol    meaning                                                    unit
     phi_i     thrust angle at the time t_i, straight lines in between    rad
     and the symbols of `_ascent.py`
 
-Source: Thomson 8.3 for the problem. Without the bound w_b >= 0 a descent finds false optima, whose
-apex lies before burnout.
+Source: Thomson 8.3 for the problem. Without the bound w_b >= 0 a descent finds false optima whose
+apex is before burnout.
 """
 
 from typing import final
@@ -22,7 +22,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from ..core import AbstractSystem, InputError, Scalar, as_float, check_finite
+from ..core import AbstractSystem, InputError, Scalar, as_float, check_finite, with_rank
 from ..simulation import Accuracy, simulate
 from ._ascent import (
     AbstractThrustAcceleration,
@@ -37,8 +37,9 @@ from ._minimise import Criterion, minimise
 
 @final
 class SteeringProfile(eqx.Module):
-    """Thrust angles `angles`, rad, at the ascending times `times`, s, (nodes, *runs), with straight
-    lines between."""
+    """Thrust angles at given times, linear in between.
+
+    - `times`: ascending, s; `angles`: rad; both (nodes, *runs)."""
 
     times: Float[Array, "nodes *#runs"] = eqx.field(converter=as_float)
     angles: Float[Array, "nodes *#runs"] = eqx.field(converter=as_float)
@@ -48,11 +49,10 @@ class SteeringProfile(eqx.Module):
         check_finite("SteeringProfile.angles", self.angles)
 
     def __call__(self, t: Scalar) -> Scalar:
-        """The angle at the time `t`, constant before the first node and after the last."""
-        more = jnp.ndim(t) - max(self.times.ndim, self.angles.ndim) + 1
-        times, angles = (
-            x.reshape(x.shape[:1] + (1,) * more + x.shape[1:]) for x in (self.times, self.angles)
-        )
+        """The angle, rad, at the time `t`, s: constant before the first node and after the last."""
+        rank = max(jnp.ndim(t), self.times.ndim - 1, self.angles.ndim - 1)
+        times = with_rank(self.times, rank)
+        angles = with_rank(self.angles, rank)
         lengths = times[1:] - times[:-1]
         slopes = (angles[1:] - angles[:-1]) / lengths
         return angles[0] + jnp.sum(slopes * jnp.clip(t - times[:-1], 0.0, lengths), axis=0)
@@ -60,30 +60,33 @@ class SteeringProfile(eqx.Module):
 
 @final
 class SteeredFlight(AbstractSystem):
-    """Powered flight over a flat earth: F/m from `thrust`, its angle from `steering`, constant
-    `gravity` g, m/s^2.
+    """Powered flight over a flat earth under constant gravity. State: `FlightState`.
 
-    State: `FlightState`. The field has corners at the inner nodes of the steering."""
+    - `thrust`: F/m over time; `steering`: its angle above the horizontal.
+    - `gravity`: g, m/s^2, (*runs,).
+    """
 
     thrust: AbstractThrustAcceleration
     steering: SteeringProfile
     gravity: Float[Array, "*#runs"] = eqx.field(converter=as_float)
 
     def vector_field(self, t: Scalar, y: FlightState) -> FlightState:
-        a, phi = self.thrust(t), self.steering(t)
+        a = self.thrust(t)
+        phi = self.steering(t)
         return FlightState(x=y.u, y=y.w, u=a * jnp.cos(phi), w=a * jnp.sin(phi) - self.gravity)
 
     def invariants(self, t: Scalar, y: FlightState) -> dict[str, Array]:
         del t, y
-        return {}  # the thrust does work, and moves the momentum
+        return {}  # The thrust does work, and changes the momentum.
 
     def breaks(self) -> Float[Array, "times *#runs"]:
+        # The angle has corners at the inner nodes.
         return self.steering.times[1:-1]
 
 
 @final
 class SteeringOptimum(eqx.Module):
-    """What a direct search found.
+    """The result of `optimise_steering`.
 
     - `release_angle`, rad, and `steering`: the optimum; `burnout`: the state there.
     - `apex_time`, s, and `final_velocity` U at the apex, m/s.
@@ -112,17 +115,22 @@ def optimise_steering(
     accuracy: Accuracy | Scalar = 1e-10,
     tolerance: Scalar = 1e-8,
 ) -> SteeringOptimum:
-    """The steering at the nodes of `start`, and the release angle, that give the greatest velocity
-    at the apex; one run.
+    """The steering and the release angle with the greatest velocity at the apex, for one run.
 
-    Search begins at the angles of `start` and at `release_angle`, rad. `accuracy` is that of
-    `simulate`; `tolerance` bounds the scaled `violation` and `gradient`. Not differentiable. Raises
-    `InputError` if `ascent` or `start` carries runs."""
-    if (
-        any(jnp.ndim(leaf) > 0 for leaf in jax.tree.leaves(ascent))
-        or start.angles.ndim != 1
-        or start.times.ndim != 1
-    ):
+    **Arguments**
+
+    - `ascent`: what is given, without runs.
+    - `start`: the nodes, and the angles at which the search begins.
+    - `release_angle`: at which the search begins, rad.
+    - `accuracy`: of the flight, as in `simulate`.
+    - `tolerance`: for the scaled `violation` and `gradient` of the result.
+
+    **Returns** a `SteeringOptimum`, which is not differentiable.
+
+    **Raises** `InputError` where `ascent` or `start` has runs.
+    """
+    batched = any(jnp.ndim(leaf) > 0 for leaf in jax.tree.leaves(ascent))
+    if batched or start.angles.ndim != 1 or start.times.ndim != 1:
         raise InputError(
             "optimise_steering got several runs: it must get scalars and one list of nodes."
         )
@@ -137,6 +145,7 @@ def _search(
     accuracy: Accuracy | Scalar,
     tolerance: Scalar,
 ) -> SteeringOptimum:
+    # Units of the problem, so that objective and constraints are of order one.
     speed = ascent.release_speed + velocity_gain(ascent)
     height = 0.5 * speed * speed / ascent.gravity
 
@@ -145,6 +154,7 @@ def _search(
             ascent.thrust, SteeringProfile(start.times, angles[1:]), ascent.gravity
         )
         ts = jnp.stack([0.0 * ascent.burn_time, ascent.burn_time])
+        # A flight that fails is no error here: its objective turns the line search back.
         return simulate(
             flight, release_state(ascent, angles[0]), ts, accuracy=accuracy, throw=False
         ).final

@@ -1,5 +1,4 @@
-"""The best division of a velocity between the stages of a rocket: the least initial mass for a
-payload.
+"""The best division of a velocity between the stages of a rocket, for the least initial mass.
 
     ln(m01/P) = sum_i ln[mu_i (1 - b_i) / (1 - b_i mu_i)]                 to be least
     v_m       = sum_i u_i ln mu_i,    mu_i >= 1                           at a given velocity
@@ -7,7 +6,7 @@ payload.
     d ln(m01/P) / dv_m = -lambda
 
 The velocity of these mass ratios falls as x rises from 0, so that x is the root of one monotone
-equation. A stage for which x >= u_i (1 - b_i) would get mu_i < 1; its best mass ratio is the bound
+equation. A stage with x >= u_i (1 - b_i) would get mu_i < 1. Its best mass ratio is the bound
 mu_i = 1: the rocket is better without it.
 
     symbol   meaning                                                                     unit
@@ -18,9 +17,9 @@ mu_i = 1: the rocket is better without it.
     m01, P   initial mass of the rocket, payload                                         kg
     lambda   multiplier, negative: lambda u_i < -1 for every stage that is used          s/m
 
-Source: Thomson 8.2; in 8.2-8 the constraint stands outside the sum. Stages burn in sequence, each
-is dropped when it is empty. Valid below v_m = sum_i u_i ln(1/b_i), the velocity at which no payload
-is left.
+Source: Thomson 8.2; in 8.2-8 the constraint belongs outside the sum.
+Valid for stages that burn in sequence, each dropped when it is empty, below v_m = sum_i u_i
+ln(1/b_i), the velocity at which no payload is left.
 """
 
 from collections.abc import Sequence
@@ -32,7 +31,16 @@ import numpy as np
 from jax.typing import ArrayLike
 from jaxtyping import Array, Bool, Float
 
-from ..core import Flag, InputError, Scalar, as_float, check, check_positive, is_concrete
+from ..core import (
+    Flag,
+    InputError,
+    Scalar,
+    as_float,
+    check,
+    check_positive,
+    is_concrete,
+    with_rank,
+)
 from ._minimise import Criterion, minimise
 from ._root import increasing_root
 
@@ -43,10 +51,16 @@ StageValues: TypeAlias = Stages | np.ndarray | Sequence[float]
 def stationary_mass_ratio(
     multiplier: ArrayLike, exhaust_velocity: ArrayLike, structural_factor: ArrayLike
 ) -> Any:
-    """Mass ratio at which ln(m01/P) is stationary for the multiplier lambda, 1/(unit of u) (Thomson
-    8.2-9).
+    """Mass ratio at which ln(m01/P) is stationary (Thomson 8.2-9).
 
-    Below 1 it is no rocket: the optimum is then at the bound mu = 1."""
+    **Arguments**
+
+    - `multiplier`: lambda, 1/(unit of u).
+    - `exhaust_velocity`: u, in any unit.
+    - `structural_factor`: b.
+
+    **Returns** mu. Below 1 it is no rocket: the optimum is then at the bound mu = 1.
+    """
     product = multiplier * exhaust_velocity
     return (1.0 + product) / (product * structural_factor)
 
@@ -58,8 +72,7 @@ def velocity_limit(exhaust_velocity: Stages, structural_factor: Stages) -> Scala
 
 @final
 class Staging(eqx.Module):
-    """The best staging; fields lead with the stages where they belong to one stage, and trail with
-    the runs.
+    """The best staging: (stages, *runs) for what belongs to one stage, else (*runs,).
 
     - `mass_ratio` mu_i and `used`: False for a stage that the optimum leaves out, whose mass ratio
       is then exactly 1.
@@ -81,12 +94,20 @@ class Staging(eqx.Module):
 def optimal_staging(
     exhaust_velocity: StageValues, structural_factor: StageValues, total_velocity: ArrayLike
 ) -> Staging:
-    """The mass ratios of the rocket that lifts a payload to `total_velocity` with the least initial
-    mass (Thomson 8.2-9, 8.2-10).
+    """The mass ratios that give a payload a velocity with the least initial mass (Thomson 8.2-9,
+    8.2-10).
 
-    `exhaust_velocity` and `structural_factor`: (stages, *runs), or (stages,) for all runs;
-    `total_velocity`: (*runs,), in the unit of the exhaust velocity. Differentiable in all three.
-    Raises `InputError` for a known demand at or above the `velocity_limit`."""
+    **Arguments**
+
+    - `exhaust_velocity`, in any unit, and `structural_factor`: (stages, *runs), or (stages,) for
+      all runs.
+    - `total_velocity`: without losses, in the unit of the exhaust velocity, (*runs,).
+
+    **Returns** a `Staging`, differentiable in all three.
+
+    **Raises** `InputError` for values out of range, and for a concrete velocity at or above the
+    limit of these stages.
+    """
     return _solve(*_checked(exhaust_velocity, structural_factor, total_velocity))
 
 
@@ -94,6 +115,7 @@ def optimal_staging(
 def _solve(u: Stages, b: Stages, v: Scalar) -> Staging:
     limit = velocity_limit(u, b)
     feasible = v < limit
+    # A velocity that has a root where there is none, so that no derivative becomes NaN.
     v = jnp.where(feasible, v, 0.5 * limit)
     x = increasing_root(
         lambda x: v - jnp.sum(u * _log_mass_ratio(x, u, b), axis=0),
@@ -102,8 +124,7 @@ def _solve(u: Stages, b: Stages, v: Scalar) -> Staging:
     )
     s = _log_mass_ratio(x, u, b)
     used = s > 0.0
-    # 1 - b mu = x/u where the stage is used: the difference on the left would lose its digits near
-    # the limit.
+    # 1 - b mu = x/u where the stage is used, because the difference loses digits near the limit.
     log_mass = jnp.sum(jnp.where(used, s + jnp.log1p(-b) - jnp.log(x / u), 0.0), axis=0)
     return Staging(
         mass_ratio=jnp.where(feasible, jnp.exp(s), 1.0 / b),
@@ -118,37 +139,42 @@ def _solve(u: Stages, b: Stages, v: Scalar) -> Staging:
 def optimal_staging_by_gradient(
     exhaust_velocity: StageValues, structural_factor: StageValues, total_velocity: ArrayLike
 ) -> Staging:
-    """The same optimum found by descent on ln(m01/P), without the stationarity condition; one run,
-    not differentiable.
+    """The optimum of `optimal_staging` by descent on ln(m01/P), without the stationarity condition.
 
-    Each stage has the share q_i^2 / sum_j q_j^2 of the velocity: every q obeys the constraint, and
-    the bound mu_i = 1 is the ordinary point q_i = 0. The multiplier follows from the most loaded
-    stage; a stage below 1e-9 of the velocity counts as left out. `feasible` also tells whether the
-    descent converged."""
+    **Arguments** as in `optimal_staging`, for one run.
+
+    **Returns** a `Staging`, which is not differentiable; `feasible` also reports whether the
+    descent converged.
+
+    **Raises** `InputError` as `optimal_staging` does, and for more than one run.
+    """
     u, b, v = _checked(exhaust_velocity, structural_factor, total_velocity)
     if v.ndim > 0:
         raise InputError(
-            f"total_velocity has the shape {v.shape}: descent serves one run, use jax.vmap for more."
+            f"total_velocity has the shape {v.shape}: "
+            "the descent takes one run, use jax.vmap for more."
         )
     return _descend(u, b, v)
 
 
 @eqx.filter_jit
 def _descend(u: Stages, b: Stages, v: Scalar) -> Staging:
+    # Each stage has the share q_i^2 / sum_j q_j^2 of the velocity: every q obeys the constraint,
+    # and the bound mu_i = 1 is the ordinary point q_i = 0.
     def log_stage_masses(q: Stages) -> tuple[Stages, Stages]:
         s = v / u * q * q / jnp.sum(q * q)
         # b mu >= 1 leaves no payload: an infinite mass there turns the line search back.
         left = 1.0 - b * jnp.exp(s)
-        return s, jnp.where(
-            left > 0.0, s + jnp.log1p(-b) - jnp.log(jnp.where(left > 0.0, left, 1.0)), jnp.inf
-        )
+        log_mass = s + jnp.log1p(-b) - jnp.log(jnp.where(left > 0.0, left, 1.0))
+        return s, jnp.where(left > 0.0, log_mass, jnp.inf)
 
-    start = jnp.sqrt(
-        -u * jnp.log(b) / velocity_limit(u, b)
-    )  # equal b_i mu_i at the limit: feasible if anything is
+    # Equal b_i mu_i for all stages: feasible if anything is.
+    start = jnp.sqrt(-u * jnp.log(b) / velocity_limit(u, b))
     found = minimise(lambda q: Criterion(jnp.sum(log_stage_masses(q)[1])), start, tolerance=1e-12)
     s, log_masses = log_stage_masses(found.x)
+    # A descent reaches the bound to its tolerance only.
     used = u * s > 1e-9 * v
+    # The multiplier from the stage with the largest share, where it is best conditioned.
     leader = jnp.argmax(u * s)
     log_mass = jnp.sum(log_masses)
     return Staging(
@@ -162,7 +188,7 @@ def _descend(u: Stages, b: Stages, v: Scalar) -> Staging:
 
 
 def _log_mass_ratio(x: Scalar, u: Stages, b: Stages) -> Stages:
-    """ln mu_i of 8.2-9 in x = -1/lambda, or 0 where the bound mu_i = 1 holds."""
+    """ln mu_i (Thomson 8.2-9) from x = -1/lambda, or 0 where the bound mu_i = 1 holds."""
     used = x < u * (1.0 - b)
     return jnp.where(used, jnp.log1p(-jnp.where(used, x / u, 0.0)) - jnp.log(b), 0.0)
 
@@ -170,8 +196,10 @@ def _log_mass_ratio(x: Scalar, u: Stages, b: Stages) -> Stages:
 def _checked(
     exhaust_velocity: StageValues, structural_factor: StageValues, total_velocity: ArrayLike
 ) -> tuple[Stages, Stages, Scalar]:
-    """The three inputs as arrays that broadcast: the axes of the runs are made even."""
-    u, b, v = as_float(exhaust_velocity), as_float(structural_factor), as_float(total_velocity)
+    """The three inputs as checked arrays that broadcast."""
+    u = as_float(exhaust_velocity)
+    b = as_float(structural_factor)
+    v = as_float(total_velocity)
     for name, stages in (("exhaust_velocity", u), ("structural_factor", b)):
         if stages.ndim == 0:
             raise InputError(
@@ -183,7 +211,8 @@ def _checked(
     if is_concrete(b):
         check(np.asarray(b) < 1.0, "structural_factor", b, "below 1")
     rank = max(u.ndim - 1, b.ndim - 1, v.ndim)
-    u, b = (stages.reshape(stages.shape + (1,) * (rank + 1 - stages.ndim)) for stages in (u, b))
+    u = with_rank(u, rank)
+    b = with_rank(b, rank)
     limit = velocity_limit(u, b)
     if is_concrete(limit) and is_concrete(v):
         check(

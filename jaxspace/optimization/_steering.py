@@ -1,7 +1,6 @@
-"""Linear-tangent steering: the thrust angle that brings a burn of given length to a height with the
-greatest velocity.
+"""Linear-tangent steering: the thrust angle of a burn for the greatest velocity at a given height.
 
-    tan phi = (1 - t/T) tan theta_0                   and the release along theta_0 too
+    tan phi = (1 - t/T) tan theta_0                   the release is along theta_0 too
     w(T) = 0,   y(T) = Y                              two equations for theta_0 and T
     dU/dY = -tan(theta_0)/T,   dU/dv_0 = 1/cos(theta_0),   dU/dg = -(T/2) tan(theta_0)
 
@@ -12,17 +11,16 @@ greatest velocity.
     U         velocity at the apex, horizontal                  m/s
     and the symbols of `_ascent.py`
 
-Without gravity, from rest to a height and a horizontal velocity in the least time, the same law
-reads
+Without gravity, from rest to a height and a horizontal velocity in the least time, the law is
 
     tan phi = b (1 - 2t/T)
 
 Source: Thomson 8.3 (8.3-9); Betts, Practical Methods for Optimal Control (minimum time).
-
 Valid only if the apex comes after burnout, T >= t_b: the optimality condition at T needs a coast.
-The same two equations have another root with T < t_b; it is no flight, and is excluded here by the
-bracket of T. Near T = t_b there may be two true roots: then U is greater on the one with the later
-apex, which is taken.
+
+The two equations have another root with T < t_b, which is no flight; the bracket of T excludes it.
+Near T = t_b there may be two true roots: the one with the later apex has the greater U, and is
+taken.
 """
 
 from typing import final
@@ -41,14 +39,23 @@ from ._root import increasing_root
 
 
 def linear_tangent_angle(t: Scalar, initial_angle: Scalar, vanishing_time: Scalar) -> Scalar:
-    """The thrust angle phi, rad, with tan phi = (1 - t/T) tan theta_0, up to the vertical theta_0 =
-    pi/2 (Thomson 8.3-9)."""
+    """The thrust angle phi of tan phi = (1 - t/T) tan theta_0 (Thomson 8.3-9).
+
+    **Arguments**
+
+    - `t`: time since ignition, s.
+    - `initial_angle`: theta_0, rad, up to the vertical pi/2.
+    - `vanishing_time`: T, s, at which phi is zero.
+
+    **Returns** phi, rad.
+    """
+    # By sine and cosine, because the tangent is infinite at the vertical.
     return jnp.arctan2((1.0 - t / vanishing_time) * jnp.sin(initial_angle), jnp.cos(initial_angle))
 
 
 @final
 class LinearTangentSteering(eqx.Module):
-    """The steering tan phi = (1 - t/T) tan theta_0, and what it reaches; each field is (*runs,).
+    """The steering tan phi = (1 - t/T) tan theta_0, and its result; each field is (*runs,).
 
     - `initial_angle` theta_0, rad; `vanishing_time` T, s, at which phi = 0: the time of the apex.
     - `final_velocity` U at the apex, m/s.
@@ -70,21 +77,22 @@ def linear_tangent_steering(ascent: Ascent) -> LinearTangentSteering:
     """The steering and release angle that maximise the velocity at the apex of `ascent` (Thomson
     8.3).
 
-    Differentiable in every field of `ascent`. Raises `InputError` if a known apex height cannot be
-    reached, or only before burnout."""
+    The result is differentiable in every field of `ascent`. Raises `InputError` if a concrete apex
+    height cannot be reached, or only before burnout."""
     result, lowest, highest = _solve(ascent)
     if is_concrete(lowest) and is_concrete(result.final_velocity):
-        allowed = f"between {np.asarray(lowest)} and {np.asarray(highest)}, the heights at which this burn can end before its apex"
+        allowed = (
+            f"between {np.asarray(lowest)} and {np.asarray(highest)}, "
+            "the heights at which this burn can end before its apex"
+        )
         check(np.asarray(result.reached), "Ascent.apex_height", ascent.apex_height, allowed)
     return result
 
 
 @eqx.filter_jit
 def _solve(ascent: Ascent) -> tuple[LinearTangentSteering, Scalar, Scalar]:
-    """The solution, and the heights between which there is one.
-
-    Once theta_0 is eliminated by w(T) = 0, the height of the apex first falls with T (from T = t_b,
-    if at all), then rises up to vertical flight. Only the rising part is optimal."""
+    """The solution, and the lowest and the highest apex for which there is one."""
+    # The bracket of T needs no derivative: the root does not depend on it.
     fixed = jax.tree.map(
         lambda leaf: lax.stop_gradient(leaf) if eqx.is_array(leaf) else leaf, ascent
     )
@@ -92,6 +100,8 @@ def _solve(ascent: Ascent) -> tuple[LinearTangentSteering, Scalar, Scalar]:
     latest = (fixed.release_speed + velocity_gain(fixed)) / fixed.gravity
     possible = latest > earliest
     latest = jnp.where(possible, latest, 2.0 * earliest)
+    # Once theta_0 is eliminated by w(T) = 0, the height of the apex first falls with T (from
+    # T = t_b, if at all), then rises up to vertical flight. Only the rising part is optimal.
     lowest_time = lax.stop_gradient(increasing_root(lambda T: _slope(fixed, T), earliest, latest))
     vertical = burnout_state(fixed, 0.5 * jnp.pi, lambda t: 0.5 * jnp.pi + 0.0 * t)
     lowest, highest = _apex_height(fixed, lowest_time), apex(fixed, vertical)[1]
@@ -106,21 +116,21 @@ def _solve(ascent: Ascent) -> tuple[LinearTangentSteering, Scalar, Scalar]:
 
 
 def _initial_angle(ascent: Ascent, T: Scalar) -> Scalar:
-    """The theta_0 for which the apex, w = 0, comes at T: w rises with theta_0 from free fall to
-    vertical flight."""
+    """The theta_0, rad, for which the apex, w = 0, comes at T."""
 
     def excess(theta0: Scalar) -> Scalar:
         end = burnout_state(ascent, theta0, lambda t: linear_tangent_angle(t, theta0, T))
         return end.w - ascent.gravity * (T - ascent.burn_time)
 
+    # w rises with theta_0 from horizontal to vertical flight.
     return increasing_root(excess, 0.0 * T, 0.5 * jnp.pi + 0.0 * T)
 
 
 def _apex_height(ascent: Ascent, T: Scalar) -> Scalar:
+    """The height of the apex, m, of the steering whose apex comes at T."""
     theta0 = _initial_angle(ascent, T)
-    return apex(
-        ascent, burnout_state(ascent, theta0, lambda t: linear_tangent_angle(t, theta0, T))
-    )[1]
+    end = burnout_state(ascent, theta0, lambda t: linear_tangent_angle(t, theta0, T))
+    return apex(ascent, end)[1]
 
 
 def _slope(ascent: Ascent, T: Scalar) -> Scalar:
@@ -130,8 +140,9 @@ def _slope(ascent: Ascent, T: Scalar) -> Scalar:
 
 @final
 class MinimumTimeSteering(eqx.Module):
-    """The steering tan phi = (1 - 2t/T) tan theta_0; `initial_angle` theta_0, rad, and `duration`
-    T, s, are (*runs,)."""
+    """The steering tan phi = (1 - 2t/T) tan theta_0.
+
+    - `initial_angle`: theta_0, rad; `duration`: T, s; both (*runs,)."""
 
     initial_angle: Float[Array, "*#runs"]
     duration: Float[Array, "*#runs"]
@@ -144,34 +155,44 @@ class MinimumTimeSteering(eqx.Module):
 def minimum_time_steering(
     acceleration: ArrayLike, height: ArrayLike, speed: ArrayLike
 ) -> MinimumTimeSteering:
-    """The quickest way from rest, without gravity, to a horizontal `speed`, m/s, at a `height`, m,
-    at a free range.
+    """The steering from rest to a height and a horizontal speed in the least time, without gravity.
 
-    `acceleration` F/m, m/s^2, is constant. With b = tan theta_0 = sinh s the integrals of the
-    velocity and the height are speed = a T s / sinh s and a height / speed^2 = (sinh 2s - 2s) / (8
-    s^2). Raises `InputError` for a known acceleration or speed that is not positive."""
-    a, h, v = as_float(acceleration), as_float(height), as_float(speed)
+    **Arguments**, each (*runs,)
+
+    - `acceleration`: F/m, m/s^2, constant.
+    - `height`: m; the range is free.
+    - `speed`: m/s.
+
+    **Raises** `InputError` for an acceleration or a speed that is not positive.
+    """
+    a = as_float(acceleration)
+    h = as_float(height)
+    v = as_float(speed)
     check_positive("acceleration", a)
     check_finite("height", h)
     check_positive("speed", v)
+    # With b = tan theta_0 = sinh s the integrals of velocity and height are
+    # v = a T s / sinh s and a h / v^2 = (sinh 2s - 2s) / (8 s^2), which rises with s.
     ratio = a * h / (v * v)
-    bound = 2.0 * jnp.arcsinh(6.0 * jnp.abs(ratio))  # s/6 below the ratio, e^(2s)/(16 s^2) above it
+    # The right side is about s/6 for small s, and grows exponentially for large s.
+    bound = 2.0 * jnp.arcsinh(6.0 * jnp.abs(ratio))
     s = increasing_root(lambda s: _height_ratio(s) - ratio, -bound, bound)
     return MinimumTimeSteering(jnp.arctan(jnp.sinh(s)), v / a * _sinh_over(s))
 
 
 def _sinh_over(s: Scalar) -> Scalar:
     """sinh(s) / s."""
-    small = jnp.abs(s) < 1e-4  # where the next term of the series is below rounding
+    # Where the next term of the series is below rounding.
+    small = jnp.abs(s) < 1e-4
     return jnp.where(small, 1.0 + s * s / 6.0, jnp.sinh(s) / jnp.where(small, 1.0, s))
 
 
 def _height_ratio(s: Scalar) -> Scalar:
     """(sinh 2s - 2s) / (8 s^2), with its series where the difference loses digits."""
     small = jnp.abs(s) < 0.5
-    z, series = jnp.where(small, 4.0 * s * s, 0.0), 1.0
+    z = jnp.where(small, 4.0 * s * s, 0.0)
+    series = 1.0
     for n in range(16, 2, -2):
         series = 1.0 + z / (n * (n + 1)) * series
-    return jnp.where(
-        small, s / 6.0 * series, (jnp.sinh(2.0 * s) - 2.0 * s) / jnp.where(small, 1.0, 8.0 * s * s)
-    )
+    closed = (jnp.sinh(2.0 * s) - 2.0 * s) / jnp.where(small, 1.0, 8.0 * s * s)
+    return jnp.where(small, s / 6.0 * series, closed)

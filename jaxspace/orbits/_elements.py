@@ -1,5 +1,4 @@
-"""Size, shape and orientation of a two-body orbit: its constants of motion, and the classical
-elements.
+"""Size, shape and orientation of a two-body orbit: constants of the motion, classical elements.
 
     E = v^2/2 - mu/r,  h = r x v,  e = (v x h)/mu - r/|r|
     p = h^2/mu,  a = -mu/(2E),  r_p = p/(1 + e),  r_a = a (1 + e)
@@ -16,36 +15,42 @@ elements.
     f         true anomaly, from periapsis                                         rad
     P, Q      unit vectors towards periapsis and 90 degrees ahead of it
 
-Source: Thomson 4.7 to 4.10; Danby, Fundamentals of Celestial Mechanics, 6.15. An angle without
-meaning is zero and takes no part in a derivative: the node of an equatorial orbit lies on the x
-axis, the periapsis of a circle at the node, so that what remains still leads back to the state. The
-semi-latus rectum rather than the semi-major axis stands among the elements because it is finite and
-smooth through the parabola.
+Source: Thomson 4.7 to 4.10; Danby, Fundamentals of Celestial Mechanics, 6.15.
+
+An angle without meaning is zero, and so is its derivative: the node of an equatorial orbit lies on
+the x axis, the periapsis of a circle at the node. The other elements then still lead back to the
+state. The semi-latus rectum is among the elements, and not the semi-major axis, because it is
+finite and smooth through the parabola.
+
+The functions take `position`, m, and `velocity`, m/s, both (3, *runs), and the gravitational
+parameter `mu`, m^3/s^2; the runs broadcast, and times may stand before them.
 """
 
 import math
 from typing import final
 
-import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..core import (
+    AbstractParameters,
     Scalar,
     Vector,
     as_float,
     axis,
-    check_non_negative,
-    check_positive,
     cross,
     dot,
     norm,
+    output,
+    quantity,
     safe_atan2,
     unit,
+    with_rank,
 )
 from ..rotations import from_euler_angles
 
 
+@output("m^2/s^2", mu="planet.mu")
 def specific_energy(position: Vector, velocity: Vector, mu: Scalar) -> Scalar:
     """Energy per unit mass E, m^2/s^2 (Thomson 4.7)."""
     return 0.5 * dot(velocity, velocity) - mu / jnp.sqrt(dot(position, position))
@@ -57,35 +62,38 @@ def angular_momentum(position: Vector, velocity: Vector) -> Vector:
 
 
 def eccentricity_vector(position: Vector, velocity: Vector, mu: Scalar) -> Vector:
-    """The constant vector e that points to periapsis and whose length is the eccentricity (Laplace,
-    Runge, Lenz)."""
-    return cross(velocity, cross(position, velocity)) / mu - position / jnp.sqrt(
-        dot(position, position)
-    )
+    """The constant vector e, (3, *runs): it points to periapsis, and its length is the eccentricity
+    (Laplace, Runge, Lenz)."""
+    h = cross(position, velocity)
+    return cross(velocity, h) / mu - position / jnp.sqrt(dot(position, position))
 
 
 def semi_latus_rectum(position: Vector, velocity: Vector, mu: Scalar) -> Scalar:
-    """p, m."""
+    """Semi-latus rectum p, m."""
     h = cross(position, velocity)
     return dot(h, h) / mu
 
 
+@output("m", mu="planet.mu")
 def semi_major_axis(position: Vector, velocity: Vector, mu: Scalar) -> Scalar:
-    """a, m: negative for a hyperbola; for the parabola infinite, with the derivative zero."""
+    """Semi-major axis a, m: negative for a hyperbola; infinite for the parabola, with the
+    derivative zero."""
     energy = specific_energy(position, velocity, mu)
     return jnp.where(energy == 0.0, math.inf, -0.5 * mu / jnp.where(energy == 0.0, 1.0, energy))
 
 
+@output("m", mu="planet.mu")
 def periapsis_radius(position: Vector, velocity: Vector, mu: Scalar) -> Scalar:
-    """Least distance from the centre on the whole conic, m; smooth through the parabola."""
+    """Least distance from the centre on the whole conic, m."""
+    # p / (1 + e) and not a (1 - e), because it is smooth through the parabola.
     return semi_latus_rectum(position, velocity, mu) / (
         1.0 + norm(eccentricity_vector(position, velocity, mu))
     )
 
 
+@output("m", mu="planet.mu")
 def apoapsis_radius(position: Vector, velocity: Vector, mu: Scalar) -> Scalar:
-    """Greatest distance from the centre, m; infinite, with the derivative zero, for an orbit that
-    is not closed."""
+    """Greatest distance from the centre, m; infinite, with the derivative zero, on an open orbit."""
     energy = specific_energy(position, velocity, mu)
     a = -0.5 * mu / jnp.where(energy < 0.0, energy, -1.0)
     return jnp.where(
@@ -93,33 +101,30 @@ def apoapsis_radius(position: Vector, velocity: Vector, mu: Scalar) -> Scalar:
     )
 
 
+@output("rad")
 def inclination(position: Vector, velocity: Vector) -> Scalar:
     """Inclination i of the orbit's plane to the equator, rad, within [0, pi]; its derivative is
     zero for an equatorial orbit."""
     h = cross(position, velocity)
+    # By an arctangent of both parts of h, because the arccosine loses half of the digits near the
+    # equator.
     return safe_atan2(norm(h * (1.0 - axis(2, h[2]))), h[2])
 
 
 @final
-class ClassicalElements(eqx.Module):
-    """Six elements of a conic that is not a straight line; angles in rad, each of shape (*runs,).
+class ClassicalElements(AbstractParameters):
+    """Six elements of a conic that is not a straight line."""
 
-    - `semi_latus_rectum`, m; `eccentricity`; `inclination`;
-    - `node`: longitude of the ascending node; `argument_of_periapsis`; `true_anomaly`.
-
-    Raises `InputError` unless the semi-latus rectum is positive and the eccentricity not negative.
-    """
-
-    semi_latus_rectum: Float[Array, "*#runs"] = eqx.field(converter=as_float)
-    eccentricity: Float[Array, "*#runs"] = eqx.field(converter=as_float)
-    inclination: Float[Array, "*#runs"] = eqx.field(converter=as_float)
-    node: Float[Array, "*#runs"] = eqx.field(converter=as_float)
-    argument_of_periapsis: Float[Array, "*#runs"] = eqx.field(converter=as_float)
-    true_anomaly: Float[Array, "*#runs"] = eqx.field(converter=as_float)
-
-    def __check_init__(self):
-        check_positive("ClassicalElements.semi_latus_rectum", self.semi_latus_rectum)
-        check_non_negative("ClassicalElements.eccentricity", self.eccentricity)
+    semi_latus_rectum: Float[Array, "*#runs"] = quantity(
+        "m", positive=True, doc="a (1 - e^2), which every conic has"
+    )
+    eccentricity: Float[Array, "*#runs"] = quantity("", non_negative=True, doc="of the conic")
+    inclination: Float[Array, "*#runs"] = quantity("rad", doc="angle from the z axis to r x v")
+    node: Float[Array, "*#runs"] = quantity("rad", doc="longitude of the ascending node")
+    argument_of_periapsis: Float[Array, "*#runs"] = quantity(
+        "rad", doc="angle from the ascending node to the periapsis"
+    )
+    true_anomaly: Float[Array, "*#runs"] = quantity("rad", doc="angle from the periapsis")
 
     @classmethod
     def from_periapsis(
@@ -132,18 +137,22 @@ class ClassicalElements(eqx.Module):
         true_anomaly: Scalar = 0.0,
     ) -> "ClassicalElements":
         """From the radius of periapsis, m, which every conic has, and the other elements."""
-        radius, e = as_float(radius), as_float(eccentricity)
+        radius = as_float(radius)
+        e = as_float(eccentricity)
         return cls(radius * (1.0 + e), e, inclination, node, argument_of_periapsis, true_anomaly)
 
 
 def elements_from_state(position: Vector, velocity: Vector, mu: Scalar) -> ClassicalElements:
-    """The classical elements of the orbit through `position`, m, and `velocity`, m/s; angles within
-    (-pi, pi]."""
+    """The classical elements of the orbit through a state, with angles within (-pi, pi].
+
+    Arguments as in the other functions of this module."""
     h = cross(position, velocity)
     e = eccentricity_vector(position, velocity, mu)
     node = safe_atan2(h[0], -h[1])
     n = jnp.cos(node) * axis(0, node) + jnp.sin(node) * axis(1, node)
     m = cross(unit(h), n)
+    # Angles in the plane of the orbit, from the node n towards m, which is 90 degrees ahead. The true
+    # anomaly as their difference: at e = 0 it is the angle from the node, as the periapsis is there.
     omega = safe_atan2(dot(e, m), dot(e, n))
     latitude = safe_atan2(dot(position, m), dot(position, n))
     return ClassicalElements(
@@ -164,13 +173,24 @@ def _wrapped(angle: Scalar) -> Scalar:
 def state_from_elements(elements: ClassicalElements, mu: Scalar) -> tuple[Vector, Vector]:
     """Position, m, and velocity, m/s, both (3, *runs), at the true anomaly of `elements`.
 
-    On an open orbit the true anomaly must lie between the asymptotes, 1 + e cos f > 0."""
-    p, e, f = elements.semi_latus_rectum, elements.eccentricity, elements.true_anomaly
+    **Arguments**
+
+    - `elements`: on an open orbit with a true anomaly between the asymptotes, 1 + e cos f > 0.
+    - `mu`: gravitational parameter, m^3/s^2, (*runs,).
+    """
+    p = elements.semi_latus_rectum
+    e = elements.eccentricity
+    f = elements.true_anomaly
     angles = jnp.broadcast_arrays(
         elements.node, elements.inclination, elements.argument_of_periapsis
     )
     axes = from_euler_angles(jnp.stack(angles), "313").matrix()
-    towards, ahead = axes[:, 0], axes[:, 1]
-    c, s = jnp.cos(f), jnp.sin(f)
-    r, speed = p / (1.0 + e * c), jnp.sqrt(mu / p)
+    # The runs of the other elements meet those of the three angles.
+    rank = max(jnp.ndim(x) for x in (p, e, f, mu))
+    towards = with_rank(axes[:, 0], rank)
+    ahead = with_rank(axes[:, 1], rank)
+    c = jnp.cos(f)
+    s = jnp.sin(f)
+    r = p / (1.0 + e * c)
+    speed = jnp.sqrt(mu / p)
     return (r * c) * towards + (r * s) * ahead, (-speed * s) * towards + (speed * (e + c)) * ahead

@@ -1,7 +1,7 @@
-"""Two-body motion in closed form, for every conic alike: Kepler's equation in the universal
-anomaly.
+"""Two-body motion in closed form, one formula for every conic.
 
-    tau = G1 + sigma G2 + G3                        Kepler's equation; G_n = chi^n c_n(beta chi^2), c_n: Stumpff
+    G_n = chi^n c_n(beta chi^2)                     c_n: Stumpff functions
+    tau = G1 + sigma G2 + G3                        Kepler's equation in the universal anomaly
     rho = G0 + sigma G1 + G2 = d(tau)/d(chi)        radius
     r = (1 - G2) r0 + (tau - G3) T v0
     v = -G1/(rho T) r0 + (1 - G2/rho) v0
@@ -17,59 +17,74 @@ anomaly.
     p       h^2 / (mu |r0|), semi-latus rectum                             1
 
 Source: Danby, Fundamentals of Celestial Mechanics, 6.9. Thomson 4.13 has the classical forms, which
-lose their digits at e = 1. The error is that of the rounding of the inputs, also for a flyby from
-afar, where the terms of Kepler's equation above nearly cancel: the anomaly comes from its form
-about periapsis (_anomaly.py). Derivatives of such a flyby lose two digits more. Not valid through a
-collision (h = 0 and past the centre): there the motion of two points has no continuation.
+lose their digits at e = 1.
+
+The error is that of the rounding of the inputs. This holds for a flyby from afar too, where the
+terms of Kepler's equation above nearly cancel, because the anomaly comes from its form about
+periapsis (`_anomaly.py`). Derivatives of such a flyby lose two digits more.
+
+Not valid through a collision (h = 0 and past the centre): there the motion of two points has no
+continuation.
 """
 
 import jax
 import jax.numpy as jnp
 
-from ..core import Scalar, Vector, barrier, cross, dot, stumpff
+from ..core import Scalar, Vector, barrier, cross, dot, stumpff, with_rank
 from ._anomaly import Anomaly, anomaly_after
 
 
 def kepler_flow(
     position: Vector, velocity: Vector, duration: Scalar, mu: Scalar
 ) -> tuple[Vector, Vector]:
-    """Position, m, and velocity, m/s, a `duration`, s (either sign), later on the conic about a
-    centre of strength `mu`, m^3/s^2.
+    """Position and velocity a given duration later.
 
-    Shapes (3, *runs) and (*runs,). No loop; derivatives of every order, forward and reverse, by the
-    implicit function theorem. Whole revolutions are taken off first: the error then grows with
-    their number, as the problem does. One state may meet many durations or centres: the runs
-    broadcast. Of a million runs a thousand at a time stay in the cache of a processor, so that
-    `jax.lax.map` over blocks, (blocks, 3, 1024), is faster than one call."""
+    **Arguments**
+
+    - `position`, m, and `velocity`, m/s: at the start, (3, *runs).
+    - `duration`: s, (*runs,), of either sign.
+    - `mu`: gravitational parameter of the centre, m^3/s^2, (*runs,).
+
+    **Returns** the position, m, and the velocity, m/s, (3, *runs). The runs broadcast: one state
+    may meet many durations or centres.
+
+    Without a loop. Derivatives of every order, forward and reverse, follow from the implicit
+    function theorem. Whole revolutions are taken off first, so that the error grows with their
+    number alone, as the sensitivity of the problem does. A thousand runs at a time fit into the
+    cache of a processor: for a million, `jax.lax.map` over (blocks, 3, 1024) is faster than one
+    call.
+    """
     rank = max(position.ndim - 1, velocity.ndim - 1, jnp.ndim(duration), jnp.ndim(mu))
-    position, velocity = _with_rank(position, rank), _with_rank(velocity, rank)
+    position = with_rank(position, rank)
+    velocity = with_rank(velocity, rank)
     r0 = jnp.sqrt(dot(position, position))
+    # In units of |r0| and of the circular speed, so that no product leaves the range of float32.
     r0, speed_unit = barrier((r0, jnp.sqrt(mu / r0)))
     scale = 1.0 / (r0 * speed_unit)
     sigma = dot(position, velocity) * scale
     beta = 2.0 - dot(velocity, velocity) / (speed_unit * speed_unit)
     h = cross(position, velocity) * scale
     time_unit = r0 / speed_unit
-    start = barrier((sigma, beta, duration / time_unit, jax.lax.stop_gradient(dot(h, h))))
-    end = _anomaly(*start)
-    g, g1 = (end.left - end.g3) * time_unit, end.chi - start[1] * end.g3
-    f, rate_f, rate_g = 1.0 - end.g2, -g1 / (end.rho * time_unit), 1.0 - end.g2 / end.rho
+    # p is a function of sigma and beta: their derivatives hold it already.
+    p = jax.lax.stop_gradient(dot(h, h))
+    sigma, beta, tau, p = barrier((sigma, beta, duration / time_unit, p))
+    end = _anomaly(sigma, beta, tau, p)
+    g1 = end.chi - beta * end.g3
+    f = 1.0 - end.g2
+    g = (end.left - end.g3) * time_unit
+    rate_f = -g1 / (end.rho * time_unit)
+    rate_g = 1.0 - end.g2 / end.rho
+    # Each factor serves three components.
     f, g, rate_f, rate_g = barrier((f, g, rate_f, rate_g))
     return f * position + g * velocity, rate_f * position + rate_g * velocity
 
 
 def universal_anomaly(sigma: Scalar, beta: Scalar, tau: Scalar, p: Scalar) -> Scalar:
-    """The anomaly chi a time `tau` later, whole revolutions included; symbols and units as above,
-    all four (*runs,)."""
+    """The anomaly chi a duration `tau` later, whole revolutions included.
+
+    All arguments and the result are in the symbols and units of the module, (*runs,)."""
     end = _anomaly(sigma, beta, tau, jax.lax.stop_gradient(p))
     return end.chi + beta * (tau - end.left)
-
-
-def _with_rank(vector: Vector, rank: int) -> Vector:
-    """The vector with `rank` run axes, the new ones of length one, lest its components meet the
-    runs of a scalar."""
-    runs = vector.shape[1:]
-    return vector.reshape(3, *(1,) * (rank - len(runs)), *runs)
 
 
 @jax.custom_jvp
@@ -78,18 +93,27 @@ def _anomaly(sigma: Scalar, beta: Scalar, tau: Scalar, p: Scalar) -> Anomaly:
 
 
 @_anomaly.defjvp
-def _anomaly_jvp(primals, tangents):
-    """The implicit function theorem, in what the value is made of: d(G_n)/d(chi) = G_(n-1), and by
-    beta as below."""
+def _anomaly_jvp(
+    primals: tuple[Scalar, ...], tangents: tuple[Scalar, ...]
+) -> tuple[Anomaly, Anomaly]:
+    # The implicit function theorem on Kepler's equation. The rule uses the functions of the result
+    # itself, so that derivatives of every order follow from it.
     sigma, beta, tau, _ = primals
     dsigma, dbeta, dtau, _ = tangents
     end = _anomaly(*primals)
     chi, g2, g3, rho, slope, left = end
     x2 = chi * chi
     *_, c4, c5 = stumpff(beta * x2)
-    g0, g1, g4, g5 = 1.0 - beta * g2, chi - beta * g3, x2 * x2 * c4, x2 * x2 * chi * c5
-    b0, b1 = -0.5 * chi * g1, 0.5 * (g3 - chi * g2)
-    b2, b3 = g4 - 0.5 * chi * g3, 0.5 * (3.0 * g5 - chi * g4)
+    g0 = 1.0 - beta * g2
+    g1 = chi - beta * g3
+    g4 = x2 * x2 * c4
+    g5 = x2 * x2 * chi * c5
+    # b_n = d(G_n)/d(beta) at a fixed chi.
+    b0 = -0.5 * chi * g1
+    b1 = 0.5 * (g3 - chi * g2)
+    b2 = g4 - 0.5 * chi * g3
+    b3 = 0.5 * (3.0 * g5 - chi * g4)
+    # The time of the whole turns taken off depends on beta, as beta^(-3/2).
     turned = left != tau
     dleft = dtau + jnp.where(turned, 1.5 * (tau - left) / jnp.where(turned, beta, 1.0), 0.0) * dbeta
     dchi = (dleft - g2 * dsigma - (b1 + sigma * b2 + b3) * dbeta) / rho

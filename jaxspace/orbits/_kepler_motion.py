@@ -1,5 +1,4 @@
-"""Two-body motion as the closed form that a system or an effect offers: `kepler_flow` of a
-state."""
+"""Two-body motion as a closed form that systems and effects offer: `kepler_flow` of a state."""
 
 from typing import final
 

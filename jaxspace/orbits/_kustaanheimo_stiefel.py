@@ -1,5 +1,6 @@
-"""Motion about a point mass in the variables of Kustaanheimo and Stiefel: regular for every orbit,
-through a collision too.
+"""Motion about a point mass in the variables of Kustaanheimo and Stiefel.
+
+They are regular on every orbit, and through a collision.
 
     r = L(u) u,  v = 2 L(u) w / |r|                     dt/ds = |r| = u . u
     u' = w
@@ -14,9 +15,7 @@ through a collision too.
     p       acceleration by all that is not the point mass                 m/s^2
     t       time                                                           s
 
-Source: Stiefel, Scheifele, Linear and Regular Celestial Mechanics, sections 8, 9, 19. Of the circle
-of u that belong to one position, the one with u4 = 0 is taken where x >= 0, else the one with u3 =
-0: neither is ever close to zero.
+Source: Stiefel, Scheifele, Linear and Regular Celestial Mechanics, sections 8, 9, 19.
 """
 
 from typing import final
@@ -30,11 +29,15 @@ from ._kepler import universal_anomaly
 
 
 def ks_parameters(r: Vector) -> Float[Array, "4 *#runs"]:
-    """Some u of the position `r`, m: L(u) u = r."""
+    """Some u, m^(1/2), of the position `r`, m: L(u) u = r."""
     x, y, z = r[0], r[1], r[2]
+    # A circle of u belongs to one position. The u with u4 = 0 is taken where x >= 0, and the one
+    # with u3 = 0 elsewhere, because the divisor below is then never close to zero.
     ahead = x >= 0.0
     first = jnp.sqrt(0.5 * (jnp.sqrt(dot(r, r)) + jnp.where(ahead, x, -x)))
-    b, c, zero = 0.5 * y / first, 0.5 * z / first, jnp.zeros_like(x)
+    b = 0.5 * y / first
+    c = 0.5 * z / first
+    zero = jnp.zeros_like(x)
     return jnp.where(ahead, jnp.stack([first, b, c, zero]), jnp.stack([b, first, zero, c]))
 
 
@@ -51,7 +54,7 @@ def ks_map(u: Array, w: Array) -> Vector:
 
 
 def ks_transposed(u: Array, p: Vector) -> Float[Array, "4 *#runs"]:
-    """L(u)^T p, for a vector p."""
+    """L(u)^T p, for a vector p without a fourth component."""
     (a, b, c, d), (x, y, z) = u, p
     return jnp.stack(
         [a * x + b * y + c * z, a * y - b * x + d * z, a * z - c * x - d * y, d * x - c * y + b * z]
@@ -60,6 +63,7 @@ def ks_transposed(u: Array, p: Vector) -> Float[Array, "4 *#runs"]:
 
 def _dot4(u: Array, w: Array) -> Scalar:
     (a, b, c, d), (e, f, g, h) = u, w
+    # Written out, because a reduction over four components hinders the compiler's fusion.
     return (a * e + b * f) + (c * g + d * h)
 
 
@@ -83,16 +87,15 @@ class KustaanheimoStiefel(AbstractRegularised):
         return BodyState(ks_map(u, u), (2.0 / _dot4(u, u)) * ks_map(u, w))
 
     def perturbation(self, t: Scalar, z: Array) -> Vector:
-        return (
-            jnp.zeros_like(z[:3])
-            if self.rest is None
-            else self.rest.vector_field(t, self.from_regularised(z)).velocity
-        )
+        if self.rest is None:
+            return jnp.zeros_like(z[:3])
+        return self.rest.vector_field(t, self.from_regularised(z)).velocity
 
     def derivative(self, z: Array, perturbation: Vector) -> Array:
         u, w, energy = z[:4], z[4:8], z[8]
         r = _dot4(u, u)
         if self.rest is None:
+            # The pure oscillator: no product with a perturbation that is zero.
             return jnp.concatenate([w, (0.5 * energy) * u, jnp.stack([jnp.zeros_like(r), r])])
         force = ks_transposed(u, perturbation)
         return jnp.concatenate(
@@ -101,8 +104,12 @@ class KustaanheimoStiefel(AbstractRegularised):
 
     def fictitious_time(self, duration: Scalar, z: Array) -> Scalar:
         u, w = z[:4], z[4:8]
-        r, climb = _dot4(u, u), 2.0 * _dot4(u, w)
+        r = _dot4(u, u)
+        # r . v = dr/ds, because dt/ds = |r|.
+        climb = 2.0 * _dot4(u, w)
         unit = jnp.sqrt(r / self.mu)
-        beta, sigma = -2.0 * z[8] * r / self.mu, climb / (unit * self.mu)
+        beta = -2.0 * z[8] * r / self.mu
+        sigma = climb / (unit * self.mu)
+        # Rounding may leave a small negative number on a straight line, where p is zero.
         p = jnp.maximum(4.0 * _dot4(w, w) / self.mu - sigma * sigma, 0.0)
         return unit * universal_anomaly(sigma, beta, duration / (r * unit), p)

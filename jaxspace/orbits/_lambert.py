@@ -1,9 +1,11 @@
-"""Lambert's problem: the conic that leads from one place to another in a given time, short or long
-way, with whole revolutions.
+"""Lambert's problem: the conic that leads from one place to another in a given time.
+
+Short way or long way, with or without whole revolutions.
 
     v1 = (gamma / |r1|) ((lambda y (1 - rho) - x (1 + rho)) i1 + sigma zeta t1)
     v2 = (gamma / |r2|) ((x (1 - rho) - lambda y (1 + rho)) i2 + sigma zeta t2)
-    gamma = sqrt(mu s / 2),  rho = (|r1| - |r2|) / c,  sigma = sqrt(1 - rho^2),  zeta = y + lambda x = kappa / eta
+    gamma = sqrt(mu s / 2),  rho = (|r1| - |r2|) / c,  sigma = sqrt(1 - rho^2)
+    zeta = y + lambda x = kappa / eta
 
     symbol     meaning                                                                 unit
     r1, r2     places at the start and at the end; i1, i2: their unit vectors          m
@@ -11,25 +13,37 @@ way, with whole revolutions.
     c, s       chord |r2 - r1|, half of |r1| + |r2| + c                                m
     x, y, eta, lambda, kappa    as in _transfer_time.py                                1
 
-Source: Thomson 4.16 states the problem; Izzo (2015), Celestial Mechanics 121, 1. The angle enters
-by its half, from the sum and the difference of the unit vectors, so that nothing cancels on short
-arcs or near half a turn. Not unique where both places are one and the same (NaN), and where they
-lie on one line through the centre: there the plane is that which `normal` asks for, and derivatives
-are those within this plane.
+Source: Thomson 4.16 states the problem; Izzo (2015), Celestial Mechanics 121, 1.
+
+Not unique where both places are the same (the result is NaN), and where they lie on one line
+through the centre: there `normal` decides the plane, and derivatives are those within this plane.
 """
 
 from typing import NamedTuple
 
 import jax.numpy as jnp
 
-from ..core import Scalar, Vector, axis, barrier, check, check_positive, cross, dot, norm, unit
+from ..core import (
+    Scalar,
+    Vector,
+    axis,
+    barrier,
+    check,
+    check_positive,
+    cross,
+    dot,
+    norm,
+    unit,
+    with_rank,
+)
 from ._conic_of_time import conic_of_time, least_time
 from ._transfer_time import transfer_time
 
 
 class _Chord(NamedTuple):
-    """The triangle of centre and places: lengths r1, r2, c, s; `root` sqrt(r1 r2); 2 sin(theta/2);
-    directions; lambda, kappa."""
+    """The triangle of the centre and the two places, in the symbols of the module.
+
+    `root` is sqrt(|r1| |r2|), and `sine` 2 sin(theta/2) of the angle theta of the transfer."""
 
     r1: Scalar
     r2: Scalar
@@ -55,16 +69,26 @@ def lambert(
     revolutions: int = 0,
     low: bool = True,
 ) -> tuple[Vector, Vector]:
-    """Velocities, m/s, at `start` and `end`, m, of the transfer between them in a `duration`, s,
-    about a centre, mu in m^3/s^2.
+    """The velocities at both ends of the transfer from `start` to `end` in a given duration.
 
-    The motion turns counterclockwise seen from the tip of `normal` (by default the third axis):
-    that decides between the short and the long way. With whole `revolutions` there are two
-    transfers; the one that leaves lower above the horizon is taken, or, not `low`, the higher one.
-    Shapes (3, *runs) and (*runs,); the runs broadcast. Derivatives of every order, forward and
-    reverse, by the implicit function theorem. A run without a transfer (a `duration` of zero or
-    below, or shorter than `least_duration`) is NaN, and harms no other. Raises `InputError` for
-    `revolutions` below zero and `mu` not positive."""
+    **Arguments**
+
+    - `start`, `end`: positions, m, (3, *runs).
+    - `duration`: s, (*runs,).
+    - `mu`: gravitational parameter of the centre, m^3/s^2, (*runs,).
+    - `normal`: the motion turns counterclockwise seen from its tip, (3, *runs); the third axis by
+      default. It decides between the short and the long way.
+    - `revolutions`: whole revolutions before the arrival.
+    - `low`: with one or more revolutions there are two transfers; whether to take the one that
+      leaves lower above the horizon.
+
+    **Returns** the velocities at `start` and at `end`, m/s, (3, *runs); the runs broadcast. A run
+    without a transfer (a `duration` of zero or below, or shorter than `least_duration`) is NaN, and
+    changes no other. Derivatives of every order, forward and reverse, follow from the implicit
+    function theorem.
+
+    **Raises** `InputError` for `revolutions` below zero and for a `mu` that is not positive.
+    """
     check(revolutions >= 0, "lambert: revolutions", revolutions, "zero or more")
     check_positive("lambert: mu", mu)
     chord = _chord(start, end, normal)
@@ -77,11 +101,14 @@ def lambert(
 def least_duration(
     start: Vector, end: Vector, mu: Scalar, revolutions: int, *, normal: Vector | None = None
 ) -> Scalar:
-    """The shortest duration, s, of a transfer from `start` to `end`, m, with whole `revolutions`
-    (one or more).
+    """The shortest duration of a transfer with one or more whole revolutions.
 
-    Arguments as those of `lambert`; result (*runs,). Raises `InputError` for `revolutions` below
-    one and `mu` not positive."""
+    **Arguments** as in `lambert`.
+
+    **Returns** the duration, s, (*runs,).
+
+    **Raises** `InputError` for `revolutions` below one and for a `mu` that is not positive.
+    """
     check(revolutions >= 1, "least_duration: revolutions", revolutions, "one or more")
     check_positive("least_duration: mu", mu)
     chord = _chord(start, end, normal)
@@ -94,48 +121,53 @@ def least_duration(
 
 def _chord(start: Vector, end: Vector, normal: Vector | None) -> _Chord:
     rank = max(start.ndim, end.ndim, 1 if normal is None else normal.ndim)
-    start, end = (
-        v.reshape(*v.shape[:1], *(1,) * (rank - v.ndim), *v.shape[1:]) for v in (start, end)
-    )
-    r1, r2, c = norm(start), norm(end), norm(end - start)
+    start = with_rank(start, rank - 1)
+    end = with_rank(end, rank - 1)
+    r1 = norm(start)
+    r2 = norm(end)
+    c = norm(end - start)
     i1, i2, r1, r2, c = barrier((start * (1.0 / r1), end * (1.0 / r2), r1, r2, c))
     t1, t2, way = _along(i1, i2, normal)
-    s, root = 0.5 * (r1 + r2 + c), jnp.sqrt(r1 * r2)
+    s = 0.5 * (r1 + r2 + c)
+    root = jnp.sqrt(r1 * r2)
+    # The angle enters by its half, from the sum and the difference of the unit vectors: nothing
+    # then cancels on short arcs or near half a turn. Of sine and cosine the larger one is computed,
+    # and the smaller one follows from the component of i2 along the motion.
     beyond = dot(i1, i2) < 0.0
     larger = jnp.where(beyond, norm(i2 - i1), way * norm(i1 + i2))
     smaller = 2.0 * dot(i2, t1) / larger
-    sine, cosine = jnp.where(beyond, larger, smaller), jnp.where(beyond, smaller, larger)
-    return _Chord(r1, r2, c, s, root, sine, i1, i2, t1, t2, 0.5 * root * cosine / s, c / s)
+    sine = jnp.where(beyond, larger, smaller)
+    cosine = jnp.where(beyond, smaller, larger)
+    lam = 0.5 * root * cosine / s
+    return _Chord(r1, r2, c, s, root, sine, i1, i2, t1, t2, lam, kappa=c / s)
 
 
 def _along(i1: Vector, i2: Vector, normal: Vector | None) -> tuple[Vector, Vector, Scalar]:
-    """Directions along the motion at both places, and whether it goes the short way (1) or the long
-    one (-1)."""
-    up = (
-        axis(2, i1[0])
-        if normal is None
-        else normal.reshape(3, *(1,) * (i1.ndim - normal.ndim), *normal.shape[1:])
-    )
+    """Directions along the motion at both places, and 1 for the short way, -1 for the long one."""
+    up = axis(2, i1[0]) if normal is None else with_rank(normal, i1.ndim - 1)
     n = barrier(cross(i1, i2))
     n2, turn = barrier((dot(n, n), dot(n, up)))
-    aligned, way = n2 == 0.0, jnp.where(turn < 0.0, -1.0, 1.0).astype(i1.dtype)
+    aligned = n2 == 0.0
+    way = jnp.where(turn < 0.0, -1.0, 1.0).astype(i1.dtype)
     per_n = way / jnp.sqrt(jnp.where(aligned, 1.0, n2))
     h = barrier(jnp.where(aligned, unit(up - dot(up, i1) * i1), per_n * n))
     return *barrier((cross(h, i1), cross(h, i2))), way
 
 
 def _velocities(x: Scalar, chord: _Chord, mu: Scalar) -> tuple[Vector, Vector]:
+    """The velocities at both places on the conic `x`."""
     r1, r2, c, s, root, sine, i1, i2, t1, t2, lam, kappa = chord
     _, _, y, eta = transfer_time(x, lam, kappa)
+    # 1 - rho and 1 + rho: the smaller one from r1 r2 (2 sin(theta/2))^2 = c^2 - (r1 - r2)^2,
+    # because the difference would lose digits.
     outer = r1 >= r2
     large = c + jnp.where(outer, r1 - r2, r2 - r1)
     small = (root * sine) ** 2 / large
-    minus, plus = jnp.where(outer, small, large) / c, jnp.where(outer, large, small) / c
+    minus = jnp.where(outer, small, large) / c
+    plus = jnp.where(outer, large, small) / c
     gamma = jnp.sqrt(0.5 * mu * s)
     across = gamma * root * sine * kappa / (c * eta)
-    radial1, radial2 = (
-        gamma * (lam * y * minus - x * plus) / r1,
-        gamma * (x * minus - lam * y * plus) / r2,
-    )
+    radial1 = gamma * (lam * y * minus - x * plus) / r1
+    radial2 = gamma * (x * minus - lam * y * plus) / r2
     radial1, radial2, across1, across2 = barrier((radial1, radial2, across / r1, across / r2))
     return radial1 * i1 + across1 * t1, radial2 * i2 + across2 * t2

@@ -1,27 +1,27 @@
-"""The field of an oblate body beyond that of a point: its second zonal harmonic, and how that
-slowly turns the orbit.
+"""Gravity of an oblate body beyond that of a point: its second zonal harmonic.
 
-    U = mu J2 R^2 / (2 r^3) (3 z^2/r^2 - 1)                         a = -grad U = s r + k Z
+    U = mu J2 R^2 / (2 r^3) (3 z^2/r^2 - 1)                     a = -grad U = s r + k Z
     s = -3/2 mu J2 R^2 / r^5 (1 - 5 z^2/r^2),  k = -3 mu J2 R^2 z / r^5
-    node' = -3/2 n J2 (R/p)^2 cos i                                 mean over a revolution, first order in J2
-    argument of periapsis' = 3/4 n J2 (R/p)^2 (5 cos^2 i - 1)
+    node' = -3/2 n J2 (R/p)^2 cos i                             mean over a revolution,
+    argument of periapsis' = 3/4 n J2 (R/p)^2 (5 cos^2 i - 1)   to first order in J2
 
     symbol  meaning                                                        unit
     r, z    position from the centre, its component along the axis Z       m
-    mu      strength of the attracting body                                m^3/s^2
+    mu      gravitational parameter of the attracting body                 m^3/s^2
     J2      oblateness (C - A) / (m R^2)                                   1
     R       equatorial radius to which J2 refers                           m
     n, p    mean motion sqrt(mu/a^3), semi-latus rectum a (1 - e^2)        rad/s, m
     i       inclination of the orbit to the equator                        rad
 
 Source: Thomson 4.18-12, per turn 3 pi J2 (R/a)^2 cos i (his uniform earth: C = 0.4 m R^2); Curtis,
-Orbital Mechanics, 4.52, 4.53. The axis of symmetry is the inertial z axis. Add `PointGravity` for
-the field of the point. Higher harmonics are left out.
+Orbital Mechanics, 4.52, 4.53.
+
+The axis of symmetry is the inertial z axis. Add `PointGravity` for the field of the point. Higher
+harmonics are left out.
 """
 
 from typing import ClassVar, final
 
-import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
@@ -29,29 +29,40 @@ from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
 from ..core import (
     Scalar,
     Vector,
-    as_float,
     axis,
-    check_finite,
-    check_positive,
     dot,
     inverse_norm,
+    quantity,
     scale,
 )
 
 
 def oblateness(r: Vector, mu: Scalar, j2: Scalar, radius: Scalar) -> Vector:
-    """Acceleration a, m/s^2, by J2 alone, at the position `r`, m, shape (3, *runs)."""
-    z, per_r2 = r[2], inverse_norm(r, 2)
-    c = (-1.5 * j2 * mu * inverse_norm(r, 3)) * (
-        radius * radius * per_r2
-    )  # so that no factor leaves the range of float32
+    """Acceleration by J2 alone.
+
+    **Arguments**
+
+    - `r`: position from the centre, m, (3, *runs).
+    - `mu`: gravitational parameter, m^3/s^2.
+    - `j2`: second zonal harmonic.
+    - `radius`: equatorial radius, m.
+
+    **Returns** a, m/s^2, (3, *runs).
+    """
+    z = r[2]
+    per_r2 = inverse_norm(r, 2)
+    # In this order no factor leaves the range of float32: mu R^2 / r^5 in metres would.
+    c = (-1.5 * j2 * mu * inverse_norm(r, 3)) * (radius * radius * per_r2)
     k = 2.0 * c * z
+    # `scale` has a derivative that does not compute the scalar again for every component.
     return scale(c * (1.0 - 5.0 * z * z * per_r2), r) + scale(k, axis(2, k))
 
 
 def oblateness_potential(r: Vector, mu: Scalar, j2: Scalar, radius: Scalar) -> Scalar:
-    """Potential energy per unit mass U, m^2/s^2, of J2 alone, zero at infinity."""
-    per_r2, z = 1.0 / dot(r, r), r[2]
+    """Potential energy per unit mass U, m^2/s^2, of J2 alone, zero at infinity; arguments as in
+    `oblateness`."""
+    z = r[2]
+    per_r2 = 1.0 / dot(r, r)
     return (
         (0.5 * j2 * radius * radius * mu)
         * (per_r2 * jnp.sqrt(per_r2))
@@ -76,11 +87,18 @@ def node_regression_rate(
     j2: Scalar,
     radius: Scalar,
 ) -> Scalar:
-    """Mean rate, rad/s, at which the node moves backwards: positive for direct orbits (Thomson
-    4.18-12).
+    """Mean rate at which the node moves backwards, by J2 to first order (Thomson 4.18-12).
 
-    It is minus the rate of the longitude of the node. Metres, radians and m^3/s^2; elliptic orbits,
-    first order in J2."""
+    **Arguments**, each (*runs,)
+
+    - `semi_major_axis`: m; `eccentricity`, below one; `inclination`: rad.
+    - `mu`: gravitational parameter, m^3/s^2.
+    - `j2`: second zonal harmonic.
+    - `radius`: equatorial radius, m.
+
+    **Returns** minus the rate of the longitude of the node, rad/s, (*runs,): positive for direct
+    orbits.
+    """
     return _rate(semi_major_axis, eccentricity, mu, j2, radius) * jnp.cos(inclination)
 
 
@@ -92,33 +110,36 @@ def apsidal_rate(
     j2: Scalar,
     radius: Scalar,
 ) -> Scalar:
-    """Mean rate of the argument of periapsis, rad/s: zero where cos^2 i = 1/5 (Curtis 4.53).
+    """Mean rate of the argument of periapsis, rad/s, by J2 to first order (Curtis 4.53).
 
-    Metres, radians and m^3/s^2; elliptic orbits, first order in J2."""
+    It is zero where cos^2 i = 1/5. Arguments as in `node_regression_rate`."""
     cosine = jnp.cos(inclination)
     return _rate(semi_major_axis, eccentricity, mu, j2, radius) * (2.5 * cosine * cosine - 0.5)
 
 
 @final
 class Oblateness(AbstractEffect):
-    """Attraction by the bulge of an oblate body about the z axis: `mu`, m^3/s^2; `j2`; equatorial
-    `radius`, m.
-
-    A negative `j2` is a prolate body. Raises `InputError` unless `mu` and `radius` are positive and
-    `j2` is finite."""
+    """Attraction by the bulge of an oblate body about the z axis."""
 
     needs: ClassVar[frozenset[str]] = frozenset({"position"})
     adds: ClassVar[frozenset[str]] = frozenset({"acceleration"})
     keeps: ClassVar[frozenset[str]] = frozenset({"energy", "axial_angular_momentum"})
 
-    mu: Float[Array, "*#runs"] = eqx.field(converter=as_float)
-    j2: Float[Array, "*#runs"] = eqx.field(converter=as_float)
-    radius: Float[Array, "*#runs"] = eqx.field(converter=as_float)
-
-    def __check_init__(self):
-        check_positive("Oblateness.mu", self.mu)
-        check_finite("Oblateness.j2", self.j2)
-        check_positive("Oblateness.radius", self.radius)
+    mu: Float[Array, "*#runs"] = quantity(
+        "m^3/s^2",
+        positive=True,
+        shared="planet.mu",
+        doc="gravitational parameter of the attracting body",
+    )
+    j2: Float[Array, "*#runs"] = quantity(
+        "", shared="planet.j2", doc="second zonal harmonic; negative for a prolate body"
+    )
+    radius: Float[Array, "*#runs"] = quantity(
+        "m",
+        positive=True,
+        shared="planet.radius",
+        doc="equatorial radius of the attracting body, to which j2 refers",
+    )
 
     def load(self, t: Scalar, y: BodyState, body: AbstractBody) -> Load:
         del t, body

@@ -3,10 +3,10 @@
     a = -mu r / |r|^3 = -grad U
     U = -mu / |r|
 
-    symbol  meaning                                      unit
-    r       position from the centre                     m
-    mu      strength G m of the attracting centre        m^3/s^2
-    U       potential energy per unit mass               m^2/s^2
+    symbol  meaning                                         unit
+    r       position from the centre                        m
+    mu      gravitational parameter G m of the centre       m^3/s^2
+    U       potential energy per unit mass                  m^2/s^2
 
 Source: Thomson 4.2-2, 4.7.
 Valid outside the attracting body; singular at its centre.
@@ -14,7 +14,6 @@ Valid outside the attracting body; singular at its centre.
 
 from typing import ClassVar, final
 
-import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
@@ -23,10 +22,9 @@ from ..core import (
     AbstractSystem,
     Scalar,
     Vector,
-    as_float,
-    check_positive,
     dot,
     inverse_norm,
+    quantity,
     scale,
 )
 from ._kepler_motion import KeplerMotion
@@ -34,19 +32,26 @@ from ._kustaanheimo_stiefel import KustaanheimoStiefel
 
 
 def point_gravity(r: Vector, mu: Scalar) -> Vector:
-    """Acceleration a, m/s^2, at the position `r`, m, shape (3, *runs) (Thomson 4.7)."""
+    """Acceleration a, m/s^2, (3, *runs) (Thomson 4.7).
+
+    **Arguments**
+
+    - `r`: position from the centre, m, (3, *runs).
+    - `mu`: gravitational parameter, m^3/s^2, (*runs,).
+    """
+    # `scale` has a derivative that does not compute the scalar again for every component.
     return scale(-mu * inverse_norm(r, 3), r)
 
 
 def point_gravity_potential(r: Vector, mu: Scalar) -> Scalar:
-    """Potential energy per unit mass U, m^2/s^2, zero at infinity (Thomson 4.7)."""
+    """Potential energy per unit mass U, m^2/s^2, zero at infinity; arguments as in
+    `point_gravity`."""
     return -mu / jnp.sqrt(dot(r, r))
 
 
 @final
 class PointGravity(AbstractEffect):
-    """Attraction by a point mass at the origin: `mu`, m^3/s^2. Raises `InputError` unless `mu` is
-    positive."""
+    """Attraction by a point mass at the origin."""
 
     needs: ClassVar[frozenset[str]] = frozenset({"position"})
     adds: ClassVar[frozenset[str]] = frozenset({"acceleration"})
@@ -54,10 +59,12 @@ class PointGravity(AbstractEffect):
         {"energy", "angular_momentum", "axial_angular_momentum"}
     )
 
-    mu: Float[Array, "*#runs"] = eqx.field(converter=as_float)
-
-    def __check_init__(self):
-        check_positive("PointGravity.mu", self.mu)
+    mu: Float[Array, "*#runs"] = quantity(
+        "m^3/s^2",
+        positive=True,
+        shared="planet.mu",
+        doc="gravitational parameter of the attracting body",
+    )
 
     def load(self, t: Scalar, y: BodyState, body: AbstractBody) -> Load:
         del t, body

@@ -2,22 +2,23 @@
 
     r'' = -mu r / |r|^3
 
-    symbol  meaning                                  unit
-    r       position from the centre                 m
-    mu      strength G m of the attracting centre    m^3/s^2
+    symbol  meaning                                     unit
+    r       position from the centre                    m
+    mu      gravitational parameter G m of the centre   m^3/s^2
 
-For two bodies of comparable mass r leads from one to the other and mu = G (m1 + m2). Source:
-Thomson 4.6 (reduction to one body), 4.7 (conics). Constant are energy, angular momentum and the
-eccentricity vector; the motion is known in closed form (`kepler_flow`).
+Energy, angular momentum and the eccentricity vector are constant; the motion is known in closed
+form (`kepler_flow`). For two bodies of comparable mass r leads from one to the other, and mu =
+G (m1 + m2).
+
+Source: Thomson 4.6 (reduction to one body), 4.7 (conics).
 """
 
 from typing import final
 
-import equinox as eqx
 from jaxtyping import Array, Float
 
 from ..bodies import BodyState
-from ..core import AbstractSystem, Scalar, as_float, check_positive
+from ..core import AbstractSystem, Scalar, quantity
 from ._elements import angular_momentum, eccentricity_vector, specific_energy
 from ._kepler_motion import KeplerMotion
 from ._point_gravity import point_gravity
@@ -25,15 +26,16 @@ from ._point_gravity import point_gravity
 
 @final
 class TwoBody(AbstractSystem):
-    """A body about a fixed centre of strength `mu`, m^3/s^2. State: `BodyState` with position and
-    velocity only.
+    """A body about a fixed attracting centre.
 
-    Raises `InputError` unless `mu` is positive."""
+    State: `BodyState` with position and velocity only."""
 
-    mu: Float[Array, "*#runs"] = eqx.field(converter=as_float)
-
-    def __check_init__(self):
-        check_positive("TwoBody.mu", self.mu)
+    mu: Float[Array, "*#runs"] = quantity(
+        "m^3/s^2",
+        positive=True,
+        shared="planet.mu",
+        doc="gravitational parameter of the attracting body",
+    )
 
     def vector_field(self, t: Scalar, y: BodyState) -> BodyState:
         del t

@@ -1,4 +1,4 @@
-"""Mass that leaves: thrust, jet damping, the rocket equation."""
+"""Bodies that lose mass: thrust, jet damping, the rocket equation."""
 
 from ._jet_damping import JetDamping as JetDamping
 from ._jet_damping import jet_damping_ratio as jet_damping_ratio

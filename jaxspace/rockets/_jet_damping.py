@@ -23,12 +23,11 @@ swirl of its own.
 from collections.abc import Callable
 from typing import Any, ClassVar, final
 
-import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
-from ..core import Scalar, as_float, axis, check_non_negative, phi1
+from ..core import Scalar, axis, phi1, quantity, reference
 
 
 def jet_damping_ratio(mass_ratio: Scalar, lever_over_gyration: Scalar) -> Scalar:
@@ -54,23 +53,21 @@ def spin_angle(
 @final
 class JetDamping(AbstractEffect):
     """Jet damping of a body whose motor loses mass at the rate `mass_rate(t, mass)`, kg/s
-    (negative).
+    (negative)."""
 
-    - `exit_station`, m: z of the nozzle's exit in the body's construction axes.
-    - `exit_radius`, m: of the ring of exits; 0 for one central nozzle.
-
-    Raises `InputError` for a negative radius."""
-
-    mass_rate: Callable[[Scalar, Scalar], Scalar]
-    exit_station: Float[Array, "*#runs"] = eqx.field(converter=as_float)
-    exit_radius: Float[Array, "*#runs"] = eqx.field(converter=as_float, default=0.0)
+    mass_rate: Callable[[Scalar, Scalar], Scalar] = reference(
+        "mass_rate", doc="rate of the mass, kg/s, as a function of time and mass"
+    )
+    exit_station: Float[Array, "*#runs"] = quantity(
+        "m", doc="z of the nozzle's exit in the body's construction axes"
+    )
+    exit_radius: Float[Array, "*#runs"] = quantity(
+        "m", non_negative=True, default=0.0, doc="of the ring of exits; 0 for one central nozzle"
+    )
 
     needs: ClassVar[frozenset[str]] = frozenset({"omega", "mass"})
     adds: ClassVar[frozenset[str]] = frozenset({"torque"})
     keeps: ClassVar[frozenset[str]] = frozenset()
-
-    def __check_init__(self):
-        check_non_negative("JetDamping.exit_radius", self.exit_radius)
 
     def load(self, t: Scalar, y: BodyState, body: AbstractBody) -> Load:
         assert y.mass is not None and y.omega is not None

@@ -2,8 +2,9 @@
 
     dv = u ln(m_0 / m)                              in free space (7.7-4)
     v  = v_0 + u ln(m_0 / m) - g t                  vertical, constant gravity (8.1-6)
-    h  = v_0 t + u t [1 - ln(mu) / (mu - 1)] - g t^2 / 2       mu = m_0 / m, constant mass flow (8.1-11)
-    H  = r x / (1 - x),  x = v^2 r / (2 g R^2)         coast from the radius r under inverse-square gravity (8.1-12)
+    h  = v_0 t + u t [1 - ln(mu) / (mu - 1)] - g t^2 / 2     constant mass flow (8.1-11)
+    H  = r x / (1 - x),  x = v^2 r / (2 g R^2)      coast from the radius r under inverse-square
+                                                    gravity (8.1-12)
 
     symbol  meaning                            unit
     u       exhaust velocity                   m/s
@@ -11,7 +12,8 @@
     mu      mass ratio m_0 / m                 1
     g, R    surface gravity, radius            m/s^2, m
 
-Source: Thomson 7.7-4, 8.1-6, 8.1-11, 8.1-12. Constant exhaust velocity and mass flow; no drag.
+Source: Thomson 7.7-4, 8.1-6, 8.1-11, 8.1-12.
+Valid for a constant exhaust velocity and mass flow, without drag.
 """
 
 import jax.numpy as jnp
@@ -20,17 +22,25 @@ from ..core import Scalar, check_positive
 
 
 def rocket_equation(exhaust_velocity: Scalar, mass_ratio: Scalar) -> Scalar:
-    """Gain of speed in free space, m/s, for the exhaust velocity u, m/s, and the mass ratio m_0 / m
-    (Thomson 7.7-4).
+    """Gain of speed in free space, u ln(m_0 / m), m/s (Thomson 7.7-4).
 
-    Raises `InputError` for a mass ratio or an exhaust velocity that is not positive."""
+    **Arguments**
+
+    - `exhaust_velocity`: u, m/s.
+    - `mass_ratio`: m_0 / m.
+
+    **Raises** `InputError` where one of them is not positive.
+    """
     check_positive("exhaust_velocity", exhaust_velocity)
     check_positive("mass_ratio", mass_ratio)
     return exhaust_velocity * jnp.log(mass_ratio)
 
 
 def mass_ratio_for(exhaust_velocity: Scalar, velocity_gain: Scalar) -> Scalar:
-    """Mass ratio m_0 / m that gives `velocity_gain`, m/s, in free space."""
+    """Mass ratio m_0 / m that gives a `velocity_gain`, m/s, in free space, with the
+    `exhaust_velocity`, m/s.
+
+    Raises `InputError` for an exhaust velocity that is not positive."""
     check_positive("exhaust_velocity", exhaust_velocity)
     return jnp.exp(velocity_gain / exhaust_velocity)
 
@@ -42,7 +52,18 @@ def vertical_burnout_velocity(
     gravity: Scalar,
     start: Scalar = 0.0,
 ) -> Scalar:
-    """Speed at burnout of a vertical flight from the speed `start`, m/s (Thomson 8.1-6)."""
+    """Speed at burnout of a vertical flight, m/s (Thomson 8.1-6).
+
+    **Arguments**
+
+    - `exhaust_velocity`: m/s.
+    - `mass_ratio`: mass at ignition over mass at burnout.
+    - `burn_time`: s.
+    - `gravity`: m/s^2.
+    - `start`: speed at ignition, m/s.
+
+    **Raises** `InputError` for a mass ratio or an exhaust velocity that is not positive.
+    """
     return start + rocket_equation(exhaust_velocity, mass_ratio) - gravity * burn_time
 
 
@@ -53,8 +74,10 @@ def vertical_burnout_height(
     gravity: Scalar,
     start: Scalar = 0.0,
 ) -> Scalar:
-    """Height gained at burnout of a vertical flight from the speed `start`, m (Thomson 8.1-11);
-    holds for a mass ratio of 1."""
+    """Height gained at burnout of a vertical flight, m (Thomson 8.1-11).
+
+    Arguments as in `vertical_burnout_velocity`; a mass ratio of 1 is allowed."""
+    # ln(mu) / (mu - 1) by its series near mu = 1, where both terms vanish.
     e = mass_ratio - 1.0
     small = jnp.abs(e) < 1e-4
     safe = jnp.where(small, 1.0, e)
@@ -67,10 +90,16 @@ def vertical_burnout_height(
 
 
 def coast_height(speed: Scalar, height: Scalar, surface_gravity: Scalar, radius: Scalar) -> Scalar:
-    """Height gained, m, from the vertical `speed`, m/s, at `height`, m, until rest, under gravity g
-    (R / r)^2 (Thomson 8.1-12).
+    """Height gained in a vertical coast until rest, m (Thomson 8.1-12); infinite from the speed of
+    escape on.
 
-    Infinite from the speed of escape on."""
+    **Arguments**
+
+    - `speed`: at the start, m/s, upwards.
+    - `height`: of the start above the surface, m.
+    - `surface_gravity`: g, m/s^2; gravity is g (R / r)^2.
+    - `radius`: R, m.
+    """
     r = radius + height
     x = speed**2 * r / (2.0 * surface_gravity * radius**2)
     return jnp.where(x < 1.0, r * x / jnp.where(x < 1.0, 1.0 - x, 1.0), jnp.inf)

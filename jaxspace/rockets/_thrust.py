@@ -1,5 +1,4 @@
-"""Thrust of a motor: along the body's z axis, but for a misalignment and an offset; it takes the
-propellant along.
+"""Thrust of a motor along the body's z axis, with misalignment and offset, and the mass it burns.
 
     F_B = F(t) (c_x, c_y, 1) / |(c_x, c_y, 1)|          m' = -F(t) / u
     M_B = (r_T - r_C(m)) x F_B                          u = I_sp g_0
@@ -10,13 +9,14 @@ propellant along.
     r_T, r_C  point of the thrust, centre of mass (construction axes)     m
     u, I_sp   exhaust velocity, specific impulse                          m/s, s
 
-Source: Thomson 7.2 (thrust misalignment), 7.7-4 (rocket), 8.1. The mass flow follows the thrust at
-a constant exhaust velocity. The profile is linear between its points, so that the load has kinks at
-known times: these are its `breaks`.
+Source: Thomson 7.2 (thrust misalignment), 7.7-4 (rocket), 8.1.
+
+The mass flow is proportional to the thrust: the exhaust velocity is constant. The profile is linear
+between its points, so that the load has kinks at known times: these are its `breaks`.
 """
 
 from collections.abc import Sequence
-from typing import ClassVar, final
+from typing import Any, ClassVar, final
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -25,32 +25,35 @@ from jaxtyping import Array, Float
 
 from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
 from ..core import (
+    AbstractParameters,
     InputError,
     Scalar,
     Vector,
+    argument,
     as_float,
-    as_optional_float,
     check,
-    check_non_negative,
-    check_positive,
+    constructor,
     cross,
     is_concrete,
+    known_time,
+    quantity,
+    with_rank,
 )
 
 
 @final
-class ThrustProfile(eqx.Module):
+class ThrustProfile(AbstractParameters):
     """Thrust in units of its mean against time in units of the burn time, linear between its
     points.
 
-    - `fraction`: ascending from 0 to 1, shape (points,) (an optional axis of runs trails); `level`:
-      thrust over mean thrust.
+    Raises `InputError` unless the fractions ascend from 0 to 1 and the levels have the mean 1."""
 
-    Raises `InputError` unless the fractions ascend from 0 to 1 and the levels are not negative with
-    the mean 1."""
-
-    fraction: Float[Array, "points *#runs"] = eqx.field(converter=as_float)
-    level: Float[Array, "points *#runs"] = eqx.field(converter=as_float)
+    fraction: Float[Array, "points *#runs"] = quantity(
+        "", low=0.0, high=1.0, doc="of the burn time, ascending from 0 to 1"
+    )
+    level: Float[Array, "points *#runs"] = quantity(
+        "", non_negative=True, doc="thrust over mean thrust"
+    )
 
     @classmethod
     def constant(cls) -> "ThrustProfile":
@@ -58,23 +61,58 @@ class ThrustProfile(eqx.Module):
         return cls([0.0, 1.0], [1.0, 1.0])
 
     @classmethod
+    @constructor(
+        sets=("fraction", "level"),
+        times=argument("s", shape=(None,), fixed=True, doc="ascending; only their ratios matter"),
+        thrusts=argument(
+            "N",
+            shape=(None,),
+            non_negative=True,
+            fixed=True,
+            doc="at these times; only their ratios matter",
+        ),
+    )
+    def of_table(
+        cls, times: Sequence[float] | Array, thrusts: Sequence[float] | Array
+    ) -> "ThrustProfile":
+        """The profile of a table of thrust against time, in any units: only ratios matter."""
+        return cls.tabulated(times, thrusts)[0]
+
+    @classmethod
     def tabulated(
         cls, times: Sequence[float] | Array, thrusts: Sequence[float] | Array
     ) -> tuple["ThrustProfile", float, float]:
-        """The profile of a table of thrust against time, with its burn time and its mean thrust in
-        the table's units."""
-        t, f = np.asarray(times, float), np.asarray(thrusts, float)
+        """The profile of a table of thrust against time, and its burn time and mean thrust.
+
+        **Arguments**
+
+        - `times`: ascending, in any unit.
+        - `thrusts`: at these times, in any unit.
+
+        **Returns** the profile, the burn time and the mean thrust, in the units of the table.
+
+        **Raises** `InputError` for times that do not ascend, or a table without thrust.
+        """
+        t = np.asarray(times, float)
+        f = np.asarray(thrusts, float)
+        if t.shape != f.shape:
+            raise InputError(
+                f"ThrustProfile has {t.size} times and {f.size} thrusts: it must have as many."
+            )
         check(np.diff(t) > 0.0, "ThrustProfile.times", t, "ascending")
+        check(np.any(f > 0.0), "ThrustProfile.thrusts", f, "above zero somewhere")
         burn_time = float(t[-1] - t[0])
         mean = float(np.sum(0.5 * (f[1:] + f[:-1]) * np.diff(t)) / burn_time)
         return cls((t - t[0]) / burn_time, f / mean), burn_time, mean
 
     def __check_init__(self):
         if is_concrete(self.fraction) and is_concrete(self.level):
-            x, f = np.asarray(self.fraction), np.asarray(self.level)
+            x = np.asarray(self.fraction)
+            f = np.asarray(self.level)
             if x.shape != f.shape or x.shape[0] < 2:
                 raise InputError(
-                    f"ThrustProfile has {x.shape} fractions and {f.shape} levels: it must have as many, two or more."
+                    f"ThrustProfile has {x.shape} fractions and {f.shape} levels: "
+                    "it must have as many, two or more."
                 )
             check(
                 (x[0] == 0.0) & (x[-1] == 1.0) & np.all(np.diff(x, axis=0) > 0.0),
@@ -82,7 +120,6 @@ class ThrustProfile(eqx.Module):
                 x,
                 "ascending from 0 to 1",
             )
-            check_non_negative("ThrustProfile.level", f)
             mean = np.sum(0.5 * (f[1:] + f[:-1]) * np.diff(x, axis=0), axis=0)
             check(
                 np.abs(mean - 1.0) < 1e-5,
@@ -92,10 +129,9 @@ class ThrustProfile(eqx.Module):
             )
 
     def at(self, x: Scalar) -> Scalar:
-        """The level at the fraction `x` of the burn time; zero before ignition and after burnout.
-
-        A sum of clipped ramps: no search, no gather, and the work of a few multiplications for each
-        point."""
+        """The level at the fraction `x` of the burn time; zero before ignition, after burnout."""
+        # A sum of clipped ramps, because a search and a gather for each run cost more than a few
+        # multiplications for each point.
         level = self.level[0]
         for k in range(self.level.shape[0] - 1):
             width = self.fraction[k + 1] - self.fraction[k]
@@ -104,96 +140,161 @@ class ThrustProfile(eqx.Module):
         return jnp.where((x >= 0.0) & (x <= 1.0), level, 0.0)
 
 
+_STATION = argument(
+    "m",
+    optional=True,
+    doc="z of the point of the thrust in the body's construction axes; without it no torque",
+)
+_OFFSET = argument("m", shape=(2,), default=(0.0, 0.0), doc="x and y of the point of the thrust")
+
+
+def _point(station: Scalar, offset: Vector | Sequence[float]) -> Vector:
+    """The point from its z and its (x, y), m."""
+    x, y = as_float(offset)
+    return jnp.stack(jnp.broadcast_arrays(x, y, as_float(station)))
+
+
 @final
 class Thrust(AbstractEffect):
-    """A motor that burns from `ignition`, s, for `burn_time`, s.
+    """A motor that burns from its ignition for its burn time; its thrust follows the `profile`,
+    constant by default.
 
-    - `mean_thrust`, N; `exhaust_velocity`, m/s; `profile`: a `ThrustProfile`, constant by default.
-    - `point`, m: where the thrust acts, in the body's construction axes, (3, *runs).
-    - `misalignment`: tangents of the angles of the thrust's line to z, towards x and y, (2, *runs).
-    - `burnout_mass`, kg: the thrust ends when no more mass than this is left; `None` lets the burn
-      time alone end it. The end by mass depends on the state: give the phase the event
-      `propellant_left` to stop on it exactly.
+    With a burnout mass the end of the thrust depends on the state: give the phase the event
+    `propellant_left` to stop on it exactly."""
 
-    Raises `InputError` for a thrust that is negative, or a burn time or an exhaust velocity that is
-    not positive."""
-
-    mean_thrust: Float[Array, "*#runs"] = eqx.field(converter=as_float)
-    exhaust_velocity: Float[Array, "*#runs"] = eqx.field(converter=as_float)
-    burn_time: Float[Array, "*#runs"] = eqx.field(converter=as_float)
-    profile: ThrustProfile | None = None
-    ignition: Float[Array, "*#runs"] = eqx.field(converter=as_float, default=0.0)
-    point: Float[Array, "3 *#runs"] | None = eqx.field(converter=as_optional_float, default=None)
-    misalignment: Float[Array, "2 *#runs"] | None = eqx.field(
-        converter=as_optional_float, default=None
+    mean_thrust: Float[Array, "*#runs"] = quantity(
+        "N", non_negative=True, doc="mean over the burn time"
     )
-    burnout_mass: Float[Array, "*#runs"] | None = eqx.field(
-        converter=as_optional_float, default=None
+    exhaust_velocity: Float[Array, "*#runs"] = quantity(
+        "m/s", positive=True, doc="thrust over mass flow"
+    )
+    burn_time: Float[Array, "*#runs"] = quantity("s", positive=True, doc="from ignition to burnout")
+    profile: ThrustProfile | None = eqx.field(
+        default=None, metadata={"doc": "shape of the thrust; constant by default"}
+    )
+    ignition: Float[Array, "*#runs"] = quantity("s", default=0.0, doc="time at which it ignites")
+    point: Float[Array, "3 *#runs"] | None = quantity(
+        "m",
+        optional=True,
+        doc="where the thrust acts, in the body's construction axes; without it there is no torque",
+    )
+    misalignment: Float[Array, "2 *#runs"] | None = quantity(
+        "", optional=True, doc="tangents of the angles from z to the thrust, towards x and y"
+    )
+    burnout_mass: Float[Array, "*#runs"] | None = quantity(
+        "kg",
+        non_negative=True,
+        optional=True,
+        doc="the thrust ends when no more mass than this is left; without it the burn time ends it",
     )
 
     needs: ClassVar[frozenset[str]] = frozenset({"attitude", "mass"})
     adds: ClassVar[frozenset[str]] = frozenset({"force", "torque", "mass_rate"})
     keeps: ClassVar[frozenset[str]] = frozenset()
 
-    def __check_init__(self):
-        check_non_negative("Thrust.mean_thrust", self.mean_thrust)
-        check_positive("Thrust.exhaust_velocity", self.exhaust_velocity)
-        check_positive("Thrust.burn_time", self.burn_time)
-
     @classmethod
+    @constructor(
+        sets=("mean_thrust", "exhaust_velocity", "burn_time", "point"),
+        total_impulse=argument("N s", positive=True, doc="mean thrust times burn time"),
+        burn_time=argument("s", positive=True, doc="from ignition to burnout"),
+        propellant_mass=argument(
+            "kg", positive=True, shared="body.propellant_mass", doc="burnt in the burn time"
+        ),
+        station=_STATION,
+        offset=_OFFSET,
+    )
     def of_motor(
-        cls, total_impulse: Scalar, burn_time: Scalar, propellant_mass: Scalar, **fields
+        cls,
+        total_impulse: Scalar,
+        burn_time: Scalar,
+        propellant_mass: Scalar,
+        station: Scalar | None = None,
+        offset: Vector | Sequence[float] = (0.0, 0.0),
+        **fields: Any,
     ) -> "Thrust":
-        """A solid motor from its total impulse, N s, burn time, s, and propellant mass, kg; the
-        other fields by name."""
-        check_positive("Thrust.total_impulse", total_impulse)
-        check_positive("Thrust.propellant_mass", propellant_mass)
-        return cls(total_impulse / burn_time, total_impulse / propellant_mass, burn_time, **fields)
+        """A solid motor from its total impulse and the mass of its propellant.
+
+        **Arguments**
+
+        - `total_impulse`, N s; `burn_time`, s; `propellant_mass`, kg.
+        - `station`, m: z of the point of the thrust; `offset`, m, (2, *runs): its x and y.
+        - `fields`: the other fields by name; `point` takes the place of station and offset.
+        """
+        thrust = total_impulse / burn_time
+        exhaust_velocity = total_impulse / propellant_mass
+        if station is not None:
+            fields["point"] = _point(station, offset)
+        return cls(thrust, exhaust_velocity, burn_time, **fields)
 
     @classmethod
+    @constructor(
+        sets=("exhaust_velocity", "point"),
+        specific_impulse=argument("s", positive=True, doc="exhaust velocity over 9.80665 m/s^2"),
+        station=_STATION,
+        offset=_OFFSET,
+    )
     def of_specific_impulse(
-        cls, mean_thrust: Scalar, specific_impulse: Scalar, burn_time: Scalar, **fields
+        cls,
+        mean_thrust: Scalar,
+        specific_impulse: Scalar,
+        burn_time: Scalar,
+        station: Scalar | None = None,
+        offset: Vector | Sequence[float] = (0.0, 0.0),
+        **fields: Any,
     ) -> "Thrust":
-        """A motor from its thrust, N, specific impulse, s (with the standard gravity that defines
-        it), and burn time, s."""
+        """A motor from its specific impulse.
+
+        **Arguments**
+
+        - `mean_thrust`, N; `specific_impulse`, s, with the standard gravity that defines it;
+          `burn_time`, s.
+        - `station`, `offset`, `fields`: as in `of_motor`.
+        """
+        if station is not None:
+            fields["point"] = _point(station, offset)
         return cls(mean_thrust, 9.80665 * specific_impulse, burn_time, **fields)
+
+    @known_time
+    def burnout(self) -> Scalar:
+        """The time, s, at which the burn time is over."""
+        return self.ignition + self.burn_time
 
     def thrust(self, t: Scalar, mass: Scalar) -> Scalar:
         """The thrust, N, at the time `t`, s, with `mass`, kg, left."""
         x = (t - self.ignition) / self.burn_time
-        thrust = self.mean_thrust * (
-            ThrustProfile.constant() if self.profile is None else self.profile
-        ).at(x)
-        return (
-            thrust
-            if self.burnout_mass is None
-            else jnp.where(mass > self.burnout_mass, thrust, 0.0)
-        )
+        profile = ThrustProfile.constant() if self.profile is None else self.profile
+        thrust = self.mean_thrust * profile.at(x)
+        if self.burnout_mass is None:
+            return thrust
+        return jnp.where(mass > self.burnout_mass, thrust, 0.0)
 
     def mass_rate(self, t: Scalar, mass: Scalar) -> Scalar:
         """Rate of the mass, kg/s, negative while the motor burns."""
         return -self.thrust(t, mass) / self.exhaust_velocity
 
     def propellant_left(self, y: BodyState) -> Scalar:
-        """Mass above the burnout mass, kg; its zero is the end of the burn. Raises `InputError`
-        without a burnout mass.
+        """Mass above the burnout mass, kg; its zero is the end of the burn.
 
-        The zero lies some thousand units in the last place before the thrust's own end: the last
-        step of a phase that ends here must not see the jump of the thrust."""
+        Raises `InputError` without a burnout mass."""
         if self.burnout_mass is None:
             raise InputError(
-                "Thrust.burnout_mass is None: it must be a mass in kg for the propellant to run out."
+                "Thrust.burnout_mass is None: "
+                "it must be a mass in kg for the propellant to run out."
             )
         assert y.mass is not None
+        # The zero lies some thousand units in the last place before the end of the thrust, so that
+        # the last step of a phase that ends here does not see the jump of the thrust.
         return y.mass - self.burnout_mass * (1.0 + 4096.0 * jnp.finfo(y.mass.dtype).eps)
 
     def load(self, t: Scalar, y: BodyState, body: AbstractBody) -> Load:
         assert y.attitude is not None and y.mass is not None
         thrust = self.thrust(t, y.mass)
         force_B = thrust * self._direction(thrust)
+        # `None` and not zero: a thrust without a point costs no operation for a torque.
         torque = None
         if self.point is not None:
-            torque = cross(self.point - body.centre_of_mass(y.mass), force_B)
+            point = with_rank(self.point, jnp.ndim(y.mass))
+            torque = cross(point - body.centre_of_mass(y.mass), force_B)
         return Load(
             force_N=y.attitude.rotate(force_B),
             torque_B=torque,
@@ -210,10 +311,10 @@ class Thrust(AbstractEffect):
 
     def potential(self, t: Scalar, y: BodyState, body: AbstractBody) -> None:
         del t, y, body
-        return None
+        return None  # The thrust does work, and moves with the body.
 
     def breaks(self) -> Float[Array, "times *#runs"]:
         x = jnp.array([0.0, 1.0]) if self.profile is None else self.profile.fraction
         runs = jnp.broadcast_shapes(x.shape[1:], self.burn_time.shape, self.ignition.shape)
-        x = x.reshape(x.shape[0], *(1,) * (len(runs) - x.ndim + 1), *x.shape[1:])
+        x = with_rank(x, len(runs))
         return self.ignition + self.burn_time * x

@@ -1,7 +1,9 @@
 """Euler's angles: three successive turns about the moving axes.
 
-    C_NB = R_i(a) R_j(b) R_k(c)         i, j, k: axes of the sequence; 3-1-3: psi, theta, phi; 3-2-1: yaw, pitch, roll
-    omega_B = a' i + b' j + c' k        i, j, k as they stand while the turn about them happens, in body components
+    C_NB = R_i(a) R_j(b) R_k(c)         i, j, k: axes of the sequence;
+                                        3-1-3: psi, theta, phi; 3-2-1: yaw, pitch, roll
+    omega_B = a' i + b' j + c' k        i, j, k: the axes during the turn about them,
+                                        in body components
 
     symbol  meaning (3-1-3)                                         unit
     psi     precession, about the inertial axis Z                   rad
@@ -9,14 +11,26 @@
     phi     spin, about the body's axis z                           rad
 
 Source: Thomson 3.4-5 (matrix, its transpose here: body to inertial), 3.5-1 (rates). Harrison and
-Nettleton swap phi and psi. The angles are singular where the first and the last axis coincide
-(3-1-3: sin(theta) = 0; 3-2-1: cos(theta) = 0): the rates are then undefined, and only a combination
-of the first and the third angle has a meaning. Integrate the quaternion.
+Nettleton swap phi and psi.
+
+The angles are singular where the first and the last axis coincide (3-1-3: sin(theta) = 0; 3-2-1:
+cos(theta) = 0). The rates are then undefined, and only a combination of the first and the third
+angle has a meaning. Integrate the quaternion instead.
 """
 
 import jax.numpy as jnp
 
-from ..core import InputError, Matrix, Vector, safe_atan2, safe_sqrt, solve3
+from ..core import (
+    InputError,
+    Matrix,
+    Vector,
+    check_components,
+    matvec,
+    safe_atan2,
+    safe_sqrt,
+    solve3,
+    with_rank,
+)
 from ._quaternion import Quaternion
 
 SEQUENCES = ("313", "321", "123", "132", "213", "231", "312", "121", "131", "212", "232", "323")
@@ -30,10 +44,17 @@ def _axes(sequence: str) -> tuple[int, int, int]:
 
 
 def from_euler_angles(angles: Vector, sequence: str = "313") -> Quaternion:
-    """The orientation reached by the three turns through `angles`, rad, shape (3, *runs), about the
-    axes of `sequence`.
+    """The orientation after three turns about the moving axes.
 
-    Raises `InputError` for a sequence that is none of the twelve."""
+    **Arguments**
+
+    - `angles`: rad, (3, *runs), in the order of the turns.
+    - `sequence`: the axes, one of `SEQUENCES`.
+
+    **Raises** `InputError` for a sequence that is none of the twelve, and for angles whose first
+    axis does not hold three.
+    """
+    check_components("from_euler_angles: angles", angles, 3)
     i, j, k = _axes(sequence)
     return (
         Quaternion.about(i, angles[0])
@@ -43,12 +64,21 @@ def from_euler_angles(angles: Vector, sequence: str = "313") -> Quaternion:
 
 
 def to_euler_angles(attitude: Quaternion, sequence: str = "313") -> Vector:
-    """The three angles, rad, of an orientation: the outer ones within (-pi, pi], the middle one
-    within [0, pi] for a sequence that repeats its first axis and within [-pi/2, pi/2] otherwise. In
-    the singular position the third angle is what remains with the first put to zero.
+    """The three angles of an orientation.
 
-    Raises `InputError` for a sequence that is none of the twelve."""
+    **Arguments**
+
+    - `attitude`: the orientation, body to inertial.
+    - `sequence`: the axes, one of `SEQUENCES`.
+
+    **Returns** the angles, rad, (3, *runs): the outer ones within (-pi, pi], the middle one within
+    [0, pi] for a sequence that repeats its first axis and within [-pi/2, pi/2] otherwise. In the
+    singular position the first angle is zero, and the third one is what remains.
+
+    **Raises** `InputError` for a sequence that is none of the twelve.
+    """
     i, j, k = _axes(sequence)
+    # The axis that is neither of the first two, and the sign of the permutation.
     n = 3 - i - j
     sign = 1.0 if (j - i) % 3 == 1 else -1.0
     c = attitude.matrix()
@@ -58,35 +88,54 @@ def to_euler_angles(attitude: Quaternion, sequence: str = "313") -> Vector:
     else:
         first = safe_atan2(-sign * c[j, k], c[k, k])
         middle = safe_atan2(sign * c[i, k], safe_sqrt(c[i, i] ** 2 + c[i, j] ** 2))
-    # The first turn taken away, row j: the middle turn leaves it alone, so that it belongs to the
-    # last turn also where the other rows vanish.
+    # Row j of the matrix without the first turn. The middle turn does not change this row, so that
+    # it gives the last angle also in the singular position, where the other rows vanish.
     row = jnp.cos(first) * c[j] + sign * jnp.sin(first) * c[n]
-    return jnp.stack(
-        [first, middle, safe_atan2(-sign * row[n] if i == k else sign * row[i], row[j])]
-    )
+    last = safe_atan2(-sign * row[n] if i == k else sign * row[i], row[j])
+    return jnp.stack([first, middle, last])
 
 
 def _turn_axes(angles: Vector, sequence: str) -> Matrix:
-    """The axes of the three turns in body components, as columns."""
+    """The axes of the three turns in body components, as columns, (3, 3, *runs)."""
     i, j, k = _axes(sequence)
     last = Quaternion.about(k, angles[2])
     later = Quaternion.about(j, angles[1]).then(last)
-    e = jnp.broadcast_to(
-        jnp.eye(3, dtype=angles.dtype).reshape(3, 3, *(1,) * (angles.ndim - 1)), (3, *angles.shape)
-    )
+    eye = with_rank(jnp.eye(3, dtype=angles.dtype), angles.ndim - 1, axes=2)
+    e = jnp.broadcast_to(eye, (3, *angles.shape))
     return jnp.stack([later.rotate_back(e[i]), last.rotate_back(e[j]), e[k]], axis=1)
 
 
 def omega_from_euler_rates(angles: Vector, rates: Vector, sequence: str = "313") -> Vector:
-    """Angular velocity in body axes, rad/s, from the angles, rad, and their rates, rad/s (Thomson
-    3.5-1)."""
-    m = _turn_axes(angles, sequence)
-    return m[:, 0] * rates[0] + m[:, 1] * rates[1] + m[:, 2] * rates[2]
+    """Angular velocity from the rates of Euler's angles (Thomson 3.5-1).
+
+    **Arguments**
+
+    - `angles`, rad, and `rates`, rad/s: (3, *runs), in the order of the turns.
+    - `sequence`: the axes, one of `SEQUENCES`.
+
+    **Returns** omega, rad/s, in body axes, (3, *runs).
+
+    **Raises** `InputError` for a sequence that is none of the twelve, and for a wrong first axis.
+    """
+    check_components("omega_from_euler_rates: angles", angles, 3)
+    check_components("omega_from_euler_rates: rates", rates, 3)
+    return matvec(_turn_axes(angles, sequence), rates)
 
 
 def euler_rates_from_omega(angles: Vector, omega: Vector, sequence: str = "313") -> Vector:
-    """Rates of the angles, rad/s, from the angular velocity in body axes, rad/s (the inverse of
-    Thomson 3.5-1).
+    """Rates of Euler's angles from the angular velocity (the inverse of Thomson 3.5-1).
 
-    Infinite in the singular position, where the rates do not exist."""
+    **Arguments**
+
+    - `angles`: rad, (3, *runs), in the order of the turns.
+    - `omega`: angular velocity in body axes, rad/s, (3, *runs).
+    - `sequence`: the axes, one of `SEQUENCES`.
+
+    **Returns** the rates, rad/s, (3, *runs); not finite in the singular position, where they do
+    not exist.
+
+    **Raises** `InputError` for a sequence that is none of the twelve, and for a wrong first axis.
+    """
+    check_components("euler_rates_from_omega: angles", angles, 3)
+    check_components("euler_rates_from_omega: omega", omega, 3)
     return solve3(_turn_axes(angles, sequence), omega)

@@ -3,7 +3,8 @@
     q = (w, x, y, z)            turns components in the body's axes into components in inertial axes
     v_N = C_NB v_B              C_NB(q): the matrix of the same turn
     q' = q (0, omega_B) / 2     omega_B: rate of the body relative to inertial space, in body axes
-    theta' = omega_B + theta x omega_B / 2 + (1 - (theta/2) cot(theta/2)) theta x (theta x omega_B) / theta^2
+    theta' = omega_B + theta x omega_B / 2
+             + (1 - (theta/2) cot(theta/2)) theta x (theta x omega_B) / theta^2
 
     symbol   meaning                                  unit
     w        cosine of half the angle of turn         1
@@ -12,8 +13,10 @@
     theta    turn from q_0, q = q_0 exp(theta/2)      rad
 
 Source: Thomson 5.1 (Euler's theorem: every displacement with a fixed point is one turn), 3.4
-(matrix), 3-P13 (rates). A quaternion of any length but zero stands for the turn of its direction:
-the small departure from unit length that an integration leaves bends no vector.
+(matrix), 3-P13 (rates).
+
+A quaternion of any length but zero stands for the turn of its direction, so that the small
+departure from unit length that an integration leaves changes no result.
 """
 
 from typing import final
@@ -29,19 +32,28 @@ from ..core import (
     Vector,
     as_float,
     axis,
+    check_components,
     cross,
     dot,
     norm,
     safe_atan2,
     sinc_squared,
+    with_rank,
 )
 
 
 @final
 class Quaternion(AbstractGroupElement):
-    """An orientation: `wxyz`, shape (4, *runs), maps body components to inertial components."""
+    """An orientation: `wxyz`, (4, *runs), maps body components to inertial components.
 
-    wxyz: Float[Array, "4 *#runs"] | Float[Array, "*#rows 4"] = eqx.field(converter=as_float)
+    Every method serves one orientation, those along a trajectory, (4, times, *runs), and vectors
+    with fewer or more axes of runs. Raises `InputError`, at construction and in every method, for
+    an array whose first axis does not hold the components."""
+
+    wxyz: Float[Array, "4 *#runs"] = eqx.field(converter=as_float)
+
+    def __check_init__(self):
+        check_components("Quaternion.wxyz", self.wxyz, 4)
 
     @classmethod
     def identity(cls) -> "Quaternion":
@@ -50,13 +62,17 @@ class Quaternion(AbstractGroupElement):
 
     @classmethod
     def from_xyzw(cls, xyzw: Float[Array, "4 *#runs"]) -> "Quaternion":
-        """From scalar-last storage."""
+        """The orientation of a quaternion stored scalar-last, (4, *runs)."""
+        check_components("Quaternion.from_xyzw: xyzw", xyzw, 4)
         return cls(jnp.concatenate([xyzw[3:], xyzw[:3]]))
 
     @classmethod
     def from_rotation_vector(cls, angle_axis: Vector) -> "Quaternion":
         """The turn about the direction of `angle_axis` through its length, rad; smooth at zero."""
+        check_components("Quaternion.from_rotation_vector: angle_axis", angle_axis, 3)
         z = dot(angle_axis, angle_axis) / 4.0
+        # cos(s) = 1 - 2 sin^2(s/2), in functions of s^2: no square root, which has no derivative
+        # at zero.
         scalar = 1.0 - 2.0 * (z / 4.0) * sinc_squared(z / 4.0) ** 2
         return cls(jnp.concatenate([scalar[None], 0.5 * sinc_squared(z) * angle_axis]))
 
@@ -70,12 +86,18 @@ class Quaternion(AbstractGroupElement):
 
     @classmethod
     def from_matrix(cls, m: Matrix) -> "Quaternion":
-        """From a rotation matrix C_NB: of Shepperd's four forms the one with the largest pivot, so
-        that no digit is lost."""
+        """The orientation of a rotation matrix C_NB, (3, 3, *runs)."""
+        check_components("Quaternion.from_matrix: m", m, 3, axes=2)
+        # Of Shepperd's four forms the one with the largest pivot: the others lose digits where
+        # their divisor is small.
         t = m[0, 0] + m[1, 1] + m[2, 2]
         pivots = jnp.stack([t, m[0, 0], m[1, 1], m[2, 2]])
-        x, y, z = m[2, 1] - m[1, 2], m[0, 2] - m[2, 0], m[1, 0] - m[0, 1]
-        p, q, r = m[0, 1] + m[1, 0], m[0, 2] + m[2, 0], m[1, 2] + m[2, 1]
+        x = m[2, 1] - m[1, 2]
+        y = m[0, 2] - m[2, 0]
+        z = m[1, 0] - m[0, 1]
+        p = m[0, 1] + m[1, 0]
+        q = m[0, 2] + m[2, 0]
+        r = m[1, 2] + m[2, 1]
         d0, d1, d2 = (1.0 - t + 2.0 * m[i, i] for i in range(3))
         rows = [[1.0 + t, x, y, z], [x, d0, p, q], [y, p, d1, r], [z, q, r, d2]]
         best = jnp.argmax(pivots, axis=0)
@@ -83,84 +105,111 @@ class Quaternion(AbstractGroupElement):
         return cls(wxyz / jnp.sqrt(jnp.sum(wxyz**2, axis=0)))
 
     def xyzw(self) -> Float[Array, "4 *#runs"]:
-        """In scalar-last storage."""
-        return jnp.concatenate([self.wxyz[1:], self.wxyz[:1]])
+        """The components stored scalar-last, (4, *runs)."""
+        q = self._components()
+        return jnp.concatenate([q[1:], q[:1]])
 
     def norm_squared(self) -> Scalar:
         """Sum of the squares of the four components; 1 for an orientation."""
-        q = self.wxyz
+        q = self._components()
         return q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]
 
     def normalised(self) -> "Quaternion":
         """The same orientation with unit length."""
-        return Quaternion(self.wxyz / jnp.sqrt(self.norm_squared()))
+        return Quaternion(self._components() / jnp.sqrt(self.norm_squared()))
 
     def inverse(self) -> "Quaternion":
         """The opposite turn: inertial components to body components."""
-        q = self.wxyz
+        q = self._components()
         return Quaternion(jnp.concatenate([q[:1], -q[1:]]) / self.norm_squared())
 
     def then(self, turn: "Quaternion") -> "Quaternion":
         """This orientation followed by `turn` about the body's own axes: the product q turn."""
-        a, b = self.wxyz, turn.wxyz
-        u, v = a[1:], b[1:]
+        rank = max(self.wxyz.ndim, turn.wxyz.ndim) - 1
+        a = with_rank(self._components(), rank)
+        b = with_rank(turn._components(), rank)
+        u = a[1:]
+        v = b[1:]
         return Quaternion(
             jnp.concatenate([(a[0] * b[0] - dot(u, v))[None], a[0] * v + b[0] * u + cross(u, v)])
         )
 
     def rotate(self, v_B: Vector) -> Vector:
-        """Inertial components of the vector whose body components are `v_B`."""
-        w, u = self.wxyz[0], self.wxyz[1:]
+        """Inertial components of the vector whose body components are `v_B`, (3, *runs)."""
+        check_components("Quaternion.rotate: v_B", v_B, 3)
+        w, u, v_B = self._meeting(v_B)
+        # Divided by the squared length, so that a length other than one changes nothing.
         s = 2.0 / self.norm_squared()
         return v_B + s * cross(u, cross(u, v_B) + w * v_B)
 
     def rotate_back(self, v_N: Vector) -> Vector:
-        """Body components of the vector whose inertial components are `v_N`."""
-        w, u = self.wxyz[0], self.wxyz[1:]
+        """Body components of the vector whose inertial components are `v_N`, (3, *runs)."""
+        check_components("Quaternion.rotate_back: v_N", v_N, 3)
+        w, u, v_N = self._meeting(v_N)
         s = 2.0 / self.norm_squared()
         return v_N + s * cross(u, cross(u, v_N) - w * v_N)
 
     def matrix(self) -> Matrix:
-        """The matrix C_NB, whose columns are the body's axes in inertial components."""
-        one = jnp.ones_like(self.wxyz[0])
+        """The matrix C_NB, (3, 3, *runs), whose columns are the body's axes, inertial components."""
+        one = jnp.ones_like(self._components()[0])
         return jnp.stack([self.rotate(axis(i, one)) for i in range(3)], axis=1)
 
     def rate(self, omega_B: Vector) -> "Quaternion":
-        """Rate of change of the quaternion, 1/s, for the angular velocity `omega_B`, rad/s, in body
-        axes."""
-        w, u = self.wxyz[0], self.wxyz[1:]
+        """Rate of change, 1/s, for the angular velocity `omega_B`, rad/s, in body axes."""
+        check_components("Quaternion.rate: omega_B", omega_B, 3)
+        w, u, omega_B = self._meeting(omega_B)
         return Quaternion(
             0.5 * jnp.concatenate([-dot(u, omega_B)[None], w * omega_B + cross(u, omega_B)])
         )
 
     def coordinates(self) -> Vector:
-        return 0.0 * self.wxyz[1:]
+        return 0.0 * self._components()[1:]
 
     def moved(self, local: Vector) -> "Quaternion":
+        # Back to unit length, so that many steps of an integrator stay on the group.
         return self.then(Quaternion.from_rotation_vector(local)).normalised()
 
     def coordinate_rate(self, local: Vector, rate: "Quaternion") -> Vector:
+        check_components("Quaternion.coordinate_rate: local", local, 3)
         omega_B = 2.0 * self.inverse().then(rate).wxyz[1:]
         across = cross(local, omega_B)
         return omega_B + 0.5 * across + _bend(dot(local, local)) * cross(local, across)
 
     def rotation_vector(self) -> Vector:
         """Axis of turn times angle, rad, the angle within [0, pi]; smooth at zero."""
-        q = jnp.where(self.wxyz[0] < 0.0, -self.wxyz, self.wxyz)
-        u, w = q[1:], q[0]
+        q = self._components()
+        # q and -q are one orientation; the one with w >= 0 has the angle within [0, pi].
+        q = jnp.where(q[0] < 0.0, -q, q)
+        w = q[0]
+        u = q[1:]
         s = norm(u)
         half = safe_atan2(s, w)
-        return (
-            jnp.where(s > 1e-3 * w, 2.0 * half / jnp.where(s > 0.0, s, 1.0), _two_atan_over(s, w))
-            * u
+        # The angle over its sine, whose derivatives near zero come from a series.
+        ratio = jnp.where(
+            s > 1e-3 * w, 2.0 * half / jnp.where(s > 0.0, s, 1.0), _two_atan_over(s, w)
         )
+        return ratio * u
+
+    def _components(self) -> Float[Array, "4 *#runs"]:
+        """`wxyz`, checked: transformations of trees rebuild a quaternion without a check."""
+        check_components("Quaternion.wxyz", self.wxyz, 4)
+        return self.wxyz
+
+    def _meeting(self, vector: Vector) -> tuple[Scalar, Vector, Vector]:
+        """w, (x, y, z) and the `vector`, with as many axes of runs as the one that has more."""
+        q = self._components()
+        rank = max(q.ndim, vector.ndim) - 1
+        q = with_rank(q, rank)
+        return q[0], q[1:], with_rank(vector, rank)
 
 
 def _bend(z: Scalar) -> Scalar:
     """(1 - s cot(s)) / (4 s^2) of z = 4 s^2, with its series about z = 0; singular at a whole
     turn."""
+    # The closed form loses digits near zero, where the series is exact to rounding.
     small = z < 0.1
-    y, x = jnp.where(small, z, 0.0), jnp.where(small, 1.0, z)
+    y = jnp.where(small, z, 0.0)
+    x = jnp.where(small, 1.0, z)
     s = 0.5 * jnp.sqrt(x)
     series = 691.0 / 1307674368000.0
     for inverse in (47900160.0, 1209600.0, 30240.0, 720.0, 12.0):
@@ -170,6 +219,8 @@ def _bend(z: Scalar) -> Scalar:
 
 def _two_atan_over(s: Scalar, w: Scalar) -> Scalar:
     """2 atan(s / w) / s by its series in s / w, for s much smaller than w."""
+    # Zero in place of an argument for which the series is not meant, because a power of it could
+    # overflow, and the derivative of the branch not taken would be NaN.
     x = s / jnp.where(w > 0.0, w, 1.0)
     z = jnp.where(jnp.abs(x) < 2e-3, x * x, 0.0)
     return 2.0 / jnp.where(w > 0.0, w, 1.0) * (1.0 - z * (1.0 / 3.0 - z * (1.0 / 5.0 - z / 7.0)))

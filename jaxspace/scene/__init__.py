@@ -1,5 +1,4 @@
-"""Composition: a body and its effects become a system that integrates only what the effects call
-for."""
+"""Composition: a body and its effects as one system, which integrates only what they require."""
 
 from ._custom import Custom as Custom
 from ._explain import EffectRow as EffectRow

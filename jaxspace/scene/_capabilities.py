@@ -1,4 +1,4 @@
-"""What a scene offers beside its vector field, put together from what its effects offer.
+"""What a scene offers beside its vector field, composed from what its effects offer.
 
 Closed form: the orbit under the one effect that has a closed form (a straight line without one),
 and the free rotation of the body. Split: this motion as the drift, all other effects as the kick.
@@ -9,7 +9,7 @@ error message can say why a scene refuses.
 """
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, final
+from typing import final
 
 from ..bodies import (
     PARTS,
@@ -20,9 +20,7 @@ from ..bodies import (
     linear_acceleration,
 )
 from ..core import AbstractClosedForm, AbstractRegularised, AbstractSplit, Scalar
-
-if TYPE_CHECKING:
-    from ._scene import Scene
+from ._interface import AbstractScene
 
 TRANSLATION = frozenset({"position", "velocity"})
 ROTATION = frozenset({"attitude", "omega"})
@@ -30,25 +28,30 @@ ROTATION = frozenset({"attitude", "omega"})
 
 @final
 class BodyMotion(AbstractClosedForm):
-    """The exact motion of a body: its `orbit`, or a straight line, and its free rotation."""
+    """The exact motion of a body: its `orbit`, or a straight line where that is `None`, and its
+    free rotation with the `inertia`, kg m^2."""
 
     orbit: AbstractClosedForm | None
     inertia: AbstractInertia | None
 
     def flow(self, duration: Scalar, y: BodyState) -> BodyState:
-        position, velocity = y.position, y.velocity
+        position = y.position
+        velocity = y.velocity
         if position is not None and self.orbit is None:
             position = position + duration * velocity
         elif self.orbit is not None:
             moved = self.orbit.flow(duration, BodyState(position, velocity))
-            position, velocity = moved.position, moved.velocity
-        attitude, omega = y.attitude, y.omega
+            position = moved.position
+            velocity = moved.velocity
+        attitude = y.attitude
+        omega = y.omega
         if attitude is not None:
             assert self.inertia is not None
             turned = FreeRotation(self.inertia).flow(
                 duration, BodyState(attitude=attitude, omega=omega)
             )
-            attitude, omega = turned.attitude, turned.omega
+            attitude = turned.attitude
+            omega = turned.omega
         return BodyState(position, velocity, attitude, omega)
 
 
@@ -57,14 +60,16 @@ class SceneSplit(AbstractSplit):
     """The exact motion of the body as the drift, the loads of the `kicking` scene as the kick."""
 
     motion: BodyMotion
-    kicking: "Scene"
+    kicking: AbstractScene
 
     def drift(self, duration: Scalar, y: BodyState) -> BodyState:
         return self.motion.flow(duration, y)
 
     def kick(self, t: Scalar, duration: Scalar, y: BodyState) -> BodyState:
+        # Exact, because the loads depend on what a kick does not change: position and attitude.
         load = self.kicking.loads(t, y)
-        velocity, omega = y.velocity, y.omega
+        velocity = y.velocity
+        omega = y.omega
         if load.acceleration_N is not None or load.force_N is not None:
             mass = self.kicking.mass(y)
             velocity = velocity + duration * linear_acceleration(
@@ -84,8 +89,10 @@ def _separate(
     return exact, [e for e in effects if e.closed_form() is None]
 
 
-def body_motion(scene: "Scene", effects: Sequence[AbstractEffect]) -> tuple[BodyMotion | None, str]:
-    """The exact motion of the body of a scene under these of its `effects`."""
+def body_motion(
+    scene: AbstractScene, effects: Sequence[AbstractEffect]
+) -> tuple[BodyMotion | None, str]:
+    """The exact motion of the body of a scene under the given `effects` alone."""
     exact, others = _separate(effects)
     if others:
         return None, f"{type(others[0]).__name__} has no closed form"
@@ -98,8 +105,8 @@ def body_motion(scene: "Scene", effects: Sequence[AbstractEffect]) -> tuple[Body
     return BodyMotion(orbit, inertia), ""
 
 
-def scene_split(scene: "Scene") -> tuple[SceneSplit | None, str]:
-    """Drift and kick of a scene: the kick may depend on position and attitude only."""
+def scene_split(scene: AbstractScene) -> tuple[SceneSplit | None, str]:
+    """Drift and kick of a scene; the loads of the kick may depend on position and attitude only."""
     exact, others = _separate(scene.effects)
     moving = {"velocity", "omega", "mass", "parts", "mass_rate"}
     for effect in others:
@@ -111,10 +118,10 @@ def scene_split(scene: "Scene") -> tuple[SceneSplit | None, str]:
     motion, reason = body_motion(scene, exact)
     if motion is None:
         return None, reason
-    return SceneSplit(motion, type(scene)(tuple(others), scene.body, scene.carry)), ""
+    return SceneSplit(motion, scene.with_effects(others, scene.carry)), ""
 
 
-def scene_regularised(scene: "Scene") -> tuple[AbstractRegularised | None, str]:
+def scene_regularised(scene: AbstractScene) -> tuple[AbstractRegularised | None, str]:
     """Regularised variables of the one effect that has them, perturbed by the others."""
     central = [e for e in scene.effects if e.regularised(None) is not None]
     others = tuple(e for e in scene.effects if e.regularised(None) is None)
@@ -131,5 +138,7 @@ def scene_regularised(scene: "Scene") -> tuple[AbstractRegularised | None, str]:
     if set(scene.parts) != TRANSLATION:
         held = ", ".join(scene.parts)
         return None, f"its state holds {held}: it must hold a position and a velocity only"
-    rest = type(scene)(others, scene.body) if others else None
+    # `None` and not an empty scene, so that an orbit without perturbation costs no product with
+    # zero.
+    rest = scene.with_effects(others) if others else None
     return central[0].regularised(rest), ""

@@ -1,11 +1,13 @@
 """What a body under several effects conserves: what each of them keeps, and nothing else.
 
-    energy per unit mass  v^2/2 + sum of potentials (+ omega . J omega / 2m, where torques couple both motions)
-                          of the orbit alone, where effects that keep no energy only turn the body
-    angular momentum      r x v, or its z component alone
+    energy per unit mass     v^2/2 + sum of potentials
+                             + omega . J omega / 2m, where torques couple both motions;
+                             of the orbit alone, where the other effects only turn the body
+    angular momentum         r x v, or its z component alone
     rotation without torque  J omega in inertial axes, omega . J omega / 2
 
-Source: Thomson 4.2, 5.3."""
+Source: Thomson 4.2, 5.3.
+"""
 
 import jax.numpy as jnp
 from jaxtyping import Array
@@ -23,13 +25,23 @@ def conserved(
     t: Scalar,
     y: BodyState,
 ) -> dict[str, Array]:
-    """The conserved quantities of a body of this `mass`, kg, by name, in the state `y` at the time
-    `t`, s."""
+    """The conserved quantities of a body under effects.
+
+    **Arguments**
+
+    - `effects`, `body`: of the scene.
+    - `mass`: kg, (*runs,); `None` where it is not known.
+    - `t`, s, and `y`: time and state.
+
+    **Returns** the quantities by name, with the runs of the state.
+    """
     kept = frozenset.intersection(*(e.keeps for e in effects)) if effects else ALL_KEPT
     adds = frozenset().union(*(e.adds for e in effects))
+    # Effects that add a torque alone do not change the energy of the orbit.
     pushing = tuple(e for e in effects if e.adds != {"torque"})
     unit = {} if y.attitude is None else {"quaternion_norm": y.attitude.norm_squared()}
     found: dict[str, Array] = {}
+    # Mass that leaves takes energy and momentum along.
     if "mass_rate" in adds:
         return unit
     if y.position is not None and y.velocity is not None:
@@ -56,8 +68,7 @@ def _energy(
     t: Scalar,
     y: BodyState,
 ) -> Array:
-    """Energy per unit mass; that of the rotation counts in where the `mass` that it belongs to is
-    given."""
+    """Energy per unit mass, J/kg, with that of the rotation where a `mass`, kg, is given."""
     energy = 0.0 if y.velocity is None else 0.5 * dot(y.velocity, y.velocity)
     for effect in effects:
         potential = effect.potential(t, y, body)

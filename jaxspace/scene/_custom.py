@@ -1,21 +1,20 @@
 """Any function as an effect."""
 
 from collections.abc import Callable
-from typing import Any, final
+from typing import final
 
 import equinox as eqx
 from jaxtyping import Array, Float
 
 from ..bodies import PARTS, AbstractBody, AbstractEffect, BodyState, Load
-from ..core import InputError, Scalar, as_optional_float
+from ..core import InputError, Scalar, quantity
 
 ADDS = ("acceleration", "force", "torque", "mass_rate", "parts")
 
 
 @final
 class Custom(AbstractEffect):
-    """An effect from a function `load(t, y, body) -> Load`, written for runs on the last axis like
-    any physics here.
+    """An effect from a function `load(t, y, body) -> Load`: components first, runs last.
 
     - `function`: best an `equinox.Module` with a `__call__`, whose parameters are then part of the
       scene. In a batch its arrays carry the runs on the last axis, or an axis of length one there
@@ -23,7 +22,6 @@ class Custom(AbstractEffect):
     - `needs`, `adds`, `keeps`: as in `AbstractEffect`.
     - `energy`: a function (t, y, body) -> potential energy per unit mass, J/kg, if the effect keeps
       the energy.
-    - `break_times`: times, s, at which the load or a derivative of it jumps, (times, *runs).
 
     Raises `InputError` for an unknown part or contribution, or an effect that keeps the energy
     without a potential."""
@@ -33,8 +31,8 @@ class Custom(AbstractEffect):
     adds: frozenset[str] = eqx.field(static=True, converter=frozenset)  # pyright: ignore[reportIncompatibleVariableOverride]
     keeps: frozenset[str] = eqx.field(static=True, converter=frozenset, default=frozenset())  # pyright: ignore
     energy: Callable[..., Scalar] | None = None
-    break_times: Float[Array, "times *#runs"] | None = eqx.field(
-        converter=as_optional_float, default=None
+    break_times: Float[Array, "times *#runs"] | None = quantity(
+        "s", optional=True, doc="at which the load or a derivative of it jumps"
     )
 
     def __check_init__(self):
@@ -46,13 +44,14 @@ class Custom(AbstractEffect):
                 )
         if "energy" in self.keeps and self.energy is None:
             raise InputError(
-                "Custom.keeps names the energy, and Custom.energy is None: give the potential energy per unit mass."
+                "Custom.keeps names the energy, and Custom.energy is None: "
+                "give the potential energy per unit mass."
             )
 
     def load(self, t: Scalar, y: BodyState, body: AbstractBody) -> Load:
         return self.function(t, y, body)
 
-    def potential(self, t: Scalar, y: BodyState, body: AbstractBody) -> Any:
+    def potential(self, t: Scalar, y: BodyState, body: AbstractBody) -> Scalar | None:
         return None if self.energy is None else self.energy(t, y, body)
 
     def breaks(self) -> Float[Array, "times *#runs"] | None:

@@ -1,19 +1,24 @@
-"""What a scene is made of, and what each part of it costs."""
+"""The effects of a scene, and the share of each in the arithmetic of an evaluation."""
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+from jax.stages import Compiled
 
 from ..bodies import BodyState, sample_state
 from ..core import AbstractSystem, Scalar, State
-from ._scene import Scene
+from ._interface import AbstractScene
 
 
 class EffectRow(NamedTuple):
-    """One effect of a scene: its name, what it reads and adds, and its share of the arithmetic of
-    one evaluation."""
+    """One effect of a scene.
+
+    - `effect`: its name; `reads`, `adds`: parts of the state, and what its load contributes.
+    - `operations`: floating-point operations of one evaluation that it costs.
+    - `share`: their share in the whole scene.
+    """
 
     effect: str
     reads: tuple[str, ...]
@@ -22,35 +27,51 @@ class EffectRow(NamedTuple):
     share: float
 
 
-def compile_vector_field(system: AbstractSystem, t: Scalar, y: State) -> Any:
-    """The compiled vector field of a system, with its parameters, the time and the state as
-    arguments."""
-    numbers, rest = eqx.partition(system, eqx.is_array)
+def compile_vector_field(system: AbstractSystem, t: Scalar, y: State) -> Compiled:
+    """The compiled vector field of a system, as a function of its arrays, the time and the state.
+
+    **Arguments**
+
+    - `system`: any system.
+    - `t`, s, and `y`: a time and a state, for their shapes and precision.
+    """
+    # The parameters are arguments, because the compiler would fold constants into the operations
+    # that are to be counted.
+    arrays, rest = eqx.partition(system, eqx.is_array)
     return (
-        jax.jit(lambda n, t, y: eqx.combine(n, rest).vector_field(t, y))
-        .lower(numbers, t, y)
+        jax.jit(lambda arrays, t, y: eqx.combine(arrays, rest).vector_field(t, y))
+        .lower(arrays, t, y)
         .compile()
     )
 
 
 def operation_count(system: AbstractSystem, t: Scalar, y: State) -> int:
-    """Floating-point operations of one evaluation as compiled, a transcendental function counted as
-    one."""
+    """Floating-point operations of one compiled evaluation; a transcendental function is one.
+
+    Arguments as in `compile_vector_field`."""
     cost = compile_vector_field(system, t, y).cost_analysis()
     return int(cost.get("flops", 0.0) + cost.get("transcendentals", 0.0)) if cost else 0
 
 
-def budget(scene: Scene, t: Scalar = 0.0, y: BodyState | None = None) -> list[EffectRow]:
-    """A row for each effect, in the order of the scene, and a last one for the equations of motion
-    themselves.
+def budget(scene: AbstractScene, t: Scalar = 0.0, y: BodyState | None = None) -> list[EffectRow]:
+    """The arithmetic of each effect of a scene: what an evaluation saves without it.
 
-    The share of an effect is what one evaluation saves when it is left out of the whole."""
-    t, y = jnp.asarray(t, float), sample_state(scene.parts) if y is None else y
+    **Arguments**
+
+    - `scene`: the scene.
+    - `t`, s, and `y`: a time and a state, for their shapes; by default one run.
+
+    **Returns** a row for each effect, in the order of the scene, and a last one for the equations
+    of motion themselves.
+    """
+    t = jnp.asarray(t, float)
+    y = sample_state(scene.parts) if y is None else y
     whole = operation_count(scene, t, y)
-    least = max(whole, 1)  # constant loads cost no operation at all
+    # Constant loads cost no operation at all.
+    divisor = max(whole, 1)
     rows = []
     for k, effect in enumerate(scene.effects):
-        rest = Scene(scene.effects[:k] + scene.effects[k + 1 :], scene.body, scene.parts)
+        rest = scene.with_effects(scene.effects[:k] + scene.effects[k + 1 :], scene.parts)
         saved = max(whole - operation_count(rest, t, y), 0)
         rows.append(
             EffectRow(
@@ -58,18 +79,17 @@ def budget(scene: Scene, t: Scalar = 0.0, y: BodyState | None = None) -> list[Ef
                 tuple(sorted(effect.needs)),
                 tuple(sorted(effect.adds)),
                 saved,
-                saved / least,
+                saved / divisor,
             )
         )
-    own = max(
-        whole - sum(row.operations for row in rows), 0
-    )  # effects may share work that none of them saves alone
-    return [*rows, EffectRow("equations of motion", scene.parts, (), own, own / least)]
+    # Effects may share work that none of them saves alone: it counts to the equations of motion.
+    own = max(whole - sum(row.operations for row in rows), 0)
+    return [*rows, EffectRow("equations of motion", scene.parts, (), own, own / divisor)]
 
 
-def explain(scene: Scene) -> str:
-    """A table of the scene: each effect, what it reads and adds, and its share of the arithmetic of
-    one evaluation."""
+def explain(scene: AbstractScene) -> str:
+    """A table of the effects: what each reads and adds, and its share of the arithmetic of one
+    evaluation."""
     rows = budget(scene)
     lines = [("effect", "reads", "adds", "operations", "share")]
     lines += [

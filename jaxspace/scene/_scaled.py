@@ -1,43 +1,55 @@
-"""An effect made stronger or weaker as a whole."""
+"""An effect whose whole load is multiplied by a factor."""
 
-from typing import Any, final
+from typing import final
 
 import equinox as eqx
 import jax
 from jaxtyping import Array, Float
 
 from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
-from ..core import Scalar, as_float
+from ..core import Scalar, quantity
 
 
 def scaled(effect: AbstractEffect, factor: Scalar) -> AbstractEffect:
-    """The `effect` with its whole load multiplied by the `factor`: by itself where it can, so that
-    it still offers its closed form and its regular variables, else as a `Scaled`."""
+    """An effect with its whole load multiplied by a factor.
+
+    **Arguments**
+
+    - `effect`: any effect.
+    - `factor`: (*runs,); 1 leaves the effect as it is, 0 removes it.
+
+    **Returns** an effect of the same class where it has a parameter for this, so that it keeps its
+    closed form and its regularised variables, else a `Scaled`.
+    """
     own = effect.scaled(factor)
     return Scaled(effect, factor) if own is None else own
 
 
 @final
 class Scaled(AbstractEffect):
-    """An `effect` whose whole load is multiplied by the `factor`: 1 leaves it as it is, 0 takes it
-    away.
+    """An `effect` whose whole load is multiplied by the `factor`: 1 leaves it as it is, 0 removes
+    it.
 
-    A derivative in the factor at 1 says what a result owes to the effect, to first order."""
+    The derivative of a result by the factor, at 1, is the share of the effect in it to first order.
+    """
 
     effect: AbstractEffect
-    factor: Float[Array, "*#runs"] = eqx.field(converter=as_float)
+    factor: Float[Array, "*#runs"] = quantity("", doc="by which the load is multiplied")
     needs: frozenset[str] = eqx.field(static=True)  # pyright: ignore[reportIncompatibleVariableOverride]
     adds: frozenset[str] = eqx.field(static=True)  # pyright: ignore[reportIncompatibleVariableOverride]
     keeps: frozenset[str] = eqx.field(static=True)  # pyright: ignore[reportIncompatibleVariableOverride]
 
-    def __init__(self, effect: AbstractEffect, factor: Any):
-        self.effect, self.factor = effect, factor
-        self.needs, self.adds, self.keeps = effect.needs, effect.adds, effect.keeps
+    def __init__(self, effect: AbstractEffect, factor: Scalar):
+        self.effect = effect
+        self.factor = factor
+        self.needs = effect.needs
+        self.adds = effect.adds
+        self.keeps = effect.keeps
 
     def load(self, t: Scalar, y: BodyState, body: AbstractBody) -> Load:
         return jax.tree.map(lambda x: self.factor * x, self.effect.load(t, y, body))
 
-    def potential(self, t: Scalar, y: BodyState, body: AbstractBody) -> Any:
+    def potential(self, t: Scalar, y: BodyState, body: AbstractBody) -> Scalar | None:
         own = self.effect.potential(t, y, body)
         return None if own is None else self.factor * own
 

@@ -1,14 +1,15 @@
-"""A body and what acts on it, put together: only what the effects call for is integrated.
+"""A scene: a body and the effects that act on it, as one system.
 
     v' = sum a + sum F / m,    J omega' = sum M - omega x J omega,    m' = sum m'_effects
 
-The state holds the parts that the effects read or change (`Scene.parts`), and those that it is told
-to carry along; every other part is `None`, hence no leaf of the state, of a batch or of a gradient.
+The state holds the parts that the effects read or change (`Scene.parts`), and those named in
+`carry`. Every other part is `None`, hence no leaf of the state, of a batch or of a gradient.
 
 Source: Thomson 5.6, 7.1, 7.7 for the sums; `jaxspace.bodies` for the equations of one body.
 """
 
-from typing import Any, final
+from collections.abc import Sequence
+from typing import final
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -28,14 +29,16 @@ from ..core import (
     AbstractClosedForm,
     AbstractRegularised,
     AbstractSplit,
-    AbstractSystem,
     InputError,
     Scalar,
 )
 from ._capabilities import ROTATION, TRANSLATION, body_motion, scene_regularised, scene_split
 from ._conserved import conserved
+from ._explain import explain
+from ._interface import AbstractScene
 
-CALLS_FOR = {
+# The parts of the state that a contribution changes.
+CHANGES = {
     "acceleration": TRANSLATION,
     "force": TRANSLATION,
     "torque": ROTATION,
@@ -45,13 +48,15 @@ CALLS_FOR = {
 
 
 @final
-class Scene(AbstractSystem):
+class Scene(AbstractScene):
     """A body under effects, as a system.
 
-    - `effects`: what acts, in any order.
-    - `body`: mass properties; may be absent where no effect asks for mass or inertia.
-    - `carry`: parts of the state to integrate although no effect asks for them (`("attitude",)`
-      lets a body turn freely).
+    `Scene([PointGravity(mu), Oblateness(mu, j2, radius)])` moves a point: position and velocity.
+
+    - `effects`: in any order.
+    - `body`: mass properties; may be absent where no effect needs a mass or an inertia.
+    - `carry`: parts of the state to integrate although no effect needs them: `("attitude",)` lets a
+      body turn freely.
 
     Raises `InputError` when an effect needs what the body lacks; the message names both."""
 
@@ -68,16 +73,18 @@ class Scene(AbstractSystem):
         for name, effect in [(type(e).__name__, e) for e in self.effects]:
             if "force" in effect.adds and self._massless():
                 raise InputError(
-                    f"{name} adds a force, and the body has no mass: give body=RigidBody(mass=...) or carry=('mass',)."
+                    f"{name} adds a force, and the body has no mass: "
+                    "give body=RigidBody(mass=...) or carry=('mass',)."
                 )
             if {"attitude", "omega"} & effect.needs or "torque" in effect.adds:
                 self._check_inertia(f"{name} needs")
             if "body_mass" in effect.needs and self._massless():
                 raise InputError(
-                    f"{name} needs the mass of the body, which has none: give body=RigidBody(mass=...)."
+                    f"{name} needs the mass of the body, which has none: "
+                    "give body=RigidBody(mass=...)."
                 )
         if ROTATION & set(self.carry):
-            self._check_inertia("Scene.carry asks for")
+            self._check_inertia("Scene.carry requires")
 
     def _massless(self) -> bool:
         return self.body.constant_mass() is None and "mass" not in self.parts
@@ -85,24 +92,26 @@ class Scene(AbstractSystem):
     def _check_inertia(self, who: str) -> None:
         if not self.body.has_inertia():
             raise InputError(
-                f"{who} a rotating body, and the body has no inertia: give body=RigidBody(inertia=...)."
+                f"{who} a rotating body, and the body has no inertia: "
+                "give body=RigidBody(inertia=...)."
             )
 
     @property
     def parts(self) -> tuple[str, ...]:
         """The parts that a state of this scene holds, in the order of `BodyState`."""
-        wanted = set(self.carry)
+        required = set(self.carry)
         for effect in self.effects:
-            wanted |= (effect.needs & set(PARTS)).union(*(CALLS_FOR[a] for a in effect.adds))
+            required |= (effect.needs & set(PARTS)).union(*(CHANGES[a] for a in effect.adds))
+        # Position and velocity are integrated together, and so are orientation and its rate.
         for pair in (TRANSLATION, ROTATION):
-            wanted |= pair if wanted & pair else set()
+            required |= pair if required & pair else set()
         if not self.effects and not self.carry:
-            wanted = set(TRANSLATION)
-        return tuple(part for part in PARTS if part in wanted)
+            required = set(TRANSLATION)
+        return tuple(part for part in PARTS if part in required)
 
     def check_state(self, y: BodyState) -> None:
-        """Raise `InputError` unless the state holds just the parts of this scene; the message names
-        who asks for one."""
+        """Raise `InputError` unless the state holds the parts of this scene and no others; the
+        message names the effect that needs a missing one."""
         for part in self.parts:
             if getattr(y, part) is None:
                 who = [type(e).__name__ for e in self.effects if part in e.needs] or ["Scene"]
@@ -112,12 +121,12 @@ class Scene(AbstractSystem):
         idle = [part for part in y.present() if part not in self.parts]
         if idle:
             raise InputError(
-                f"The state holds {idle[0]}, which no effect of the scene reads or changes: leave it out, or let "
-                f"Scene(carry=({idle[0]!r},)) integrate it."
+                f"The state holds {idle[0]}, which no effect of the scene reads or changes: "
+                f"leave it out, or let Scene(carry=({idle[0]!r},)) integrate it."
             )
 
     def loads(self, t: Scalar, y: BodyState) -> Load:
-        """The sum of the effects' loads at the time `t`, s, in the state `y`."""
+        """The sum of the loads of all effects at the time `t`, s, in the state `y`."""
         loads = [effect.load(t, y, self.body) for effect in self.effects]
         parts = [load.parts_rate for load in loads if load.parts_rate is not None]
         rates = {name: rate for part in parts for name, rate in part.items()} or None
@@ -128,12 +137,10 @@ class Scene(AbstractSystem):
         load = self.loads(t, y)
         velocity = attitude = omega = mass = None
         if y.velocity is not None:
-            free = load.acceleration_N is None and load.force_N is None
-            velocity = (
-                jnp.zeros_like(y.velocity)
-                if free
-                else linear_acceleration(load.acceleration_N, load.force_N, self.mass(y))
-            )
+            if load.acceleration_N is None and load.force_N is None:
+                velocity = jnp.zeros_like(y.velocity)
+            else:
+                velocity = linear_acceleration(load.acceleration_N, load.force_N, self.mass(y))
         if y.omega is not None and y.attitude is not None:
             attitude = y.attitude.rate(y.omega)
             omega = angular_acceleration(self.body.inertia(self.mass(y)), y.omega, load.torque_B)
@@ -146,17 +153,20 @@ class Scene(AbstractSystem):
         it has none."""
         return self.body.constant_mass() if y.mass is None else y.mass
 
+    def with_effects(self, effects: Sequence[AbstractEffect], carry: Sequence[str] = ()) -> "Scene":
+        """The scene of the same body under other `effects`, with other parts to `carry`."""
+        return Scene(tuple(effects), self.body, tuple(carry))
+
     def closed_form(self) -> AbstractClosedForm | None:
         """Exact motion of a scene of nothing but one attraction by a point and free rotation."""
         return body_motion(self, self.effects)[0]
 
     def split(self) -> AbstractSplit | None:
-        """The closed form of the scene as the drift, the loads by place and attitude as the
-        kick."""
+        """The motion in closed form as the drift, loads by position and attitude as the kick."""
         return scene_split(self)[0]
 
     def regularised(self) -> AbstractRegularised | None:
-        """The regularised variables of the attracting point, perturbed by the other effects."""
+        """The regularised variables of the one attracting point, perturbed by other effects."""
         return scene_regularised(self)[0]
 
     def missing(self, capability: str) -> str:
@@ -168,19 +178,16 @@ class Scene(AbstractSystem):
         return reasons[capability]() if capability in reasons else ""
 
     def invariants(self, t: Scalar, y: BodyState) -> dict[str, Array]:
-        """What the effects together leave constant: the energy if every effect keeps it, and so
-        on."""
+        """What all effects keep: the energy if every one of them keeps it, and so on."""
         return conserved(self.effects, self.body, self.mass(y), t, y)
 
     def explain(self) -> str:
         """A table of the effects: what each reads and adds, and its share of the arithmetic of one
         evaluation."""
-        from ._explain import explain
-
         return explain(self)
 
     def breaks(self) -> Float[Array, "times *#runs"] | None:
-        """The break times of all effects together."""
+        """The break times of all effects, s, (times, *runs)."""
         times = [e.breaks() for e in self.effects]
         times = [x for x in times if x is not None]
         if not times:
@@ -192,7 +199,8 @@ class Scene(AbstractSystem):
 SUMMED = ("acceleration_N", "force_N", "torque_B", "mass_rate")
 
 
-def _sum(terms: list[Any]) -> Any:
-    """The sum of what is there; `None` if nothing is."""
+def _sum(terms: list[Array | None]) -> Array | None:
+    """The sum of the terms that are there; `None` if none is."""
     there = [term for term in terms if term is not None]
+    # Without a zero to start from, which would be one more operation.
     return sum(there[1:], there[0]) if there else None

@@ -1,4 +1,4 @@
-"""Equal steps numbered from the osculating orbit."""
+"""The number of equal steps, from the osculating orbit."""
 
 import jax
 import jax.numpy as jnp
@@ -8,8 +8,8 @@ from systems import J2, MU, RADIUS, orbit
 
 from jaxspace import BodyState, Scene, simulate
 from jaxspace.core import InputError
-from jaxspace.orbits import Oblateness, PointGravity, TwoBody
-from jaxspace.simulation import Accuracy, steps_for
+from jaxspace.orbits import Oblateness, PointGravity, TwoBody, steps_for
+from jaxspace.simulation import Accuracy
 from jaxspace.solvers import Regularised, Stormer
 
 UNIT = TwoBody(1.0)
@@ -28,12 +28,11 @@ def at_periapsis(e, a=1.0):
 def test_a_revolution_is_one_whatever_the_eccentricity(e):
     assert steps_for(UNIT, at_periapsis(e), TURN, 64) == 64
     assert steps_for(UNIT, at_periapsis(e, 4.0), -8.0 * TURN, 64) == 64
-    assert (
-        steps_for(UNIT, at_periapsis(e), 10.0 * TURN, 90) == 1024
-    )  # of 2^(k/2), the first beyond 900
+    # Of 2^(k/2) the first beyond 900.
+    assert steps_for(UNIT, at_periapsis(e), 10.0 * TURN, 90) == 1024
 
 
-def test_orbits_alike_take_the_same_number():
+def test_similar_orbits_take_the_same_number():
     counts = {
         steps_for(UNIT, at_periapsis(0.1, a), 100.0 * TURN, 33) for a in np.linspace(1.0, 1.25, 20)
     }
@@ -48,15 +47,18 @@ def test_an_orbit_that_does_not_come_back_is_one_revolution():
 
 def test_of_many_runs_the_fastest_counts():
     y0s = jax.tree.map(
-        lambda *x: jnp.stack(x),
+        lambda *x: jnp.stack(x, axis=-1),
         at_periapsis(0.0, 4.0),
         at_periapsis(0.3),
         at_periapsis(0.0, jnp.nan),
     )
     assert steps_for(UNIT, y0s, 8.0 * TURN, 32) == 256
+    # As many runs as components: the runs are on the last axis all the same.
+    one = jax.tree.map(lambda x: x[:, :1], y0s)
+    assert steps_for(UNIT, one, 8.0 * TURN, 32) == 32
 
 
-def test_what_it_cannot_number_it_refuses():
+def test_a_state_without_attraction_or_traced_is_refused():
     with pytest.raises(InputError, match="attraction"):
         steps_for(Scene(()), at_periapsis(0.0), TURN, 32)
     with pytest.raises(InputError, match="outside of jit"):
@@ -64,16 +66,18 @@ def test_what_it_cannot_number_it_refuses():
 
 
 def test_the_steps_serve():
-    """90 a revolution by order 12 for a low orbit, and 32 in regular variables for an eccentric
-    one: nine digits and ten."""
-    scene, ts = Scene((PointGravity(MU), Oblateness(MU, J2, RADIUS))), np.array([0.0, 43200.0])
+    """Nine digits by 90 steps a revolution of order 12 on a low orbit, and ten by 32 in regularised
+    variables on an eccentric one."""
+    scene = Scene((PointGravity(MU), Oblateness(MU, J2, RADIUS)))
+    ts = np.array([0.0, 43200.0])
     method = Stormer(12, steps=steps_for(scene, orbit(), ts[-1], 90))
     run, tight = (
         simulate(scene, orbit(), ts, accuracy=a).final
         for a in (Accuracy(1e-8, method=method), 1e-12)
     )
     np.testing.assert_allclose(run.position, tight.position, atol=1e-9 * 6.6e6)
-    point, ts = Scene((PointGravity(1.0),)), np.array([0.0, 10.0 * TURN])
+    point = Scene((PointGravity(1.0),))
+    ts = np.array([0.0, 10.0 * TURN])
     method = Regularised(steps=steps_for(point, at_periapsis(0.95), ts[-1], 32))
     run = simulate(point, at_periapsis(0.95), ts, accuracy=Accuracy(method=method)).final
     np.testing.assert_allclose(run.position, at_periapsis(0.95).position, atol=1e-10)

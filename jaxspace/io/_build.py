@@ -1,0 +1,152 @@
+"""From the values of a file to what flies, for one run or for many at once."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+
+from ..core import AbstractSystem, InputError, State
+from ..scene import Scene
+from ..simulation import Event, Mission, Phase
+from ._checks import Parsed, needed_parts
+from ._kinds import Measure
+from ._objects import Building, Runs
+from ._outputs import state_of
+
+ONE_PHASE = {"system": "run", "scene": "scene"}
+
+
+def build_mission(file: Parsed, values: Any, runs: Runs) -> tuple[Mission, State]:
+    """Mission and initial state.
+
+    **Arguments**
+
+    - `values`: those of the file, whose numbers are scalars or (runs,).
+
+    **Returns** the mission (of a system or a scene, one of a single phase) and the state, which has
+    every run on the last axis."""
+    if file.kind == "system":
+        system, y0 = build_system(file, values, runs)
+        return Mission([Phase(system, _span(file), name=ONE_PHASE["system"])]), y0
+    building = Building(values, file.makers, runs)
+    body, effects = building.make("body"), _effects(file, building)
+    initial = build_state(file, building)
+    if any("mass_rate" in effect.adds for effect in effects.values()):
+        mass = runs.scalar(body.loaded_mass())
+        initial = eqx.tree_at(lambda y: y.mass, initial, mass, is_leaf=lambda x: x is None)
+    carry = initial.present()
+    if file.kind == "scene":
+        scene = Scene(tuple(effects.values()), body, carry)
+        return Mission([Phase(scene, _span(file), name=ONE_PHASE["scene"])]), initial
+    phases, start = [], 0.0
+    for number, phase in enumerate(values["phase"]):
+        acting = {name: effects[name] for name in phase["effects"]}
+        until = _until(file, phase, acting, start)
+        scene = Scene(tuple(acting.values()), body, carry)
+        phases.append(Phase(scene, until, _jump(number, phase, building), phase["name"]))
+        start = start + (0.0 if isinstance(until, Event) else until)
+    return Mission(phases), initial
+
+
+def build_system(file: Parsed, values: Any, runs: Runs) -> tuple[AbstractSystem, State]:
+    """The system of a file, and its initial state; arguments as in `build_mission`."""
+    building = Building(values, file.makers, runs)
+    system = building.make("system")
+    return system, build_state(file, building, system)
+
+
+def build_state(file: Parsed, building: Building, system: Any = None) -> State:
+    """The initial state, of every run; the mass of a body is not among its parts."""
+    full = building._replace(full=True)
+    if "initial" in full.makers:
+        maker = full.makers["initial"]._replace(make=system.state)
+        return full._replace(makers={**full.makers, "initial": maker}).make("initial")
+    parts: dict[str, Any] = {}
+    pending = {}
+    for key, value in full.values["initial"].items():
+        path = f"initial.{key}"
+        if path in full.makers:
+            pending[path] = full.makers[path]
+        elif value is not None:
+            parts[key] = (
+                full.runs.full(value) if isinstance(value, list) else full.runs.scalar(value)
+            )
+    while pending:
+        # A direction of the orbit waits until position and velocity are there.
+        path = next(p for p, m in pending.items() if set(needed_parts(m)) <= set(parts))
+        maker = pending.pop(path)
+        made = full.make(path, **{part: parts[part] for part in needed_parts(maker)})
+        gives = maker.make.initial.gives  # type: ignore[attr-defined]
+        parts |= dict(zip(gives, made if len(gives) > 1 else (made,), strict=True))
+    return state_of(file)(**parts)
+
+
+def system_errors(file: Parsed) -> list[str]:
+    """What the system does not accept in the initial state: seen by its vector field, without a
+    number being computed."""
+    system, y0 = eqx.filter_eval_shape(
+        lambda values: build_system(file, values, Runs()), replaced(file.values, {})
+    )
+    name = type(system).__name__
+    try:
+        rate = jax.eval_shape(lambda s, y: s.vector_field(0.0, y), system, y0)
+    except InputError as error:
+        return [f"initial: {error}"]
+    except (AssertionError, AttributeError, TypeError):
+        # An author's vector field says in its own way that a part is not there.
+        parts = ", ".join(n for n, part in vars(y0).items() if part is not None)
+        return [f"initial has {parts}: the vector field of {name} needs other parts."]
+    for part, value in vars(y0).items():
+        if value is not None and getattr(rate, part, None) is None:
+            return [f"initial has {part}, which {name} does not change: leave it out."]
+    return []
+
+
+def replaced(values: Any, samples: Mapping[str, Any], path: str = "") -> Any:
+    """The tree with arrays as numbers: those of `samples` at their paths, and what is there
+    elsewhere."""
+    if path in samples:
+        return samples[path]
+    if isinstance(values, Measure):
+        return jnp.asarray(float(values))
+    if isinstance(values, Mapping):
+        return {k: replaced(v, samples, f"{path}.{k}" if path else k) for k, v in values.items()}
+    if isinstance(values, list):
+        return [replaced(v, samples, f"{path}.{k}") for k, v in enumerate(values)]
+    return values
+
+
+def _span(file: Parsed) -> float:
+    return file.values["times"]["end"] - file.values["times"]["start"]
+
+
+def _effects(file: Parsed, building: Building) -> dict[str, Any]:
+    """The effects by name. Those that refer to another one are made last."""
+    made: dict[str, Any] = {}
+    names = file.active_effects()
+    makers = {name: building.makers[f"effects.{name}"] for name in names}
+    for name in sorted(names, key=lambda name: bool(makers[name].references)):
+        referred = {
+            field: next(getattr(e, attribute) for e in made.values() if hasattr(e, attribute))
+            for field, attribute in makers[name].references.items()
+        }
+        made[name] = building.make(f"effects.{name}", **referred)
+    return {name: made[name] for name in names}
+
+
+def _until(file: Parsed, phase: Any, acting: dict[str, Any], start: Any) -> Any:
+    """The duration of a phase, s, or the event that ends it; `start` is its time, s."""
+    name, events = phase["until"], file.catalog.events
+    if name is None:
+        return phase["duration"]
+    if name in events:
+        return Event(events[name], events[name].event.direction, phase["within"])
+    known = next(e for n, e in acting.items() if name in file.catalog.known_times(n))
+    return getattr(known, name)() - start
+
+
+def _jump(number: int, phase: Any, building: Building) -> Any:
+    names = [name for name, table in phase["jump"].items() if table is not None]
+    return building.make(f"phase.{number}.jump.{names[0]}") if names else None

@@ -1,0 +1,170 @@
+"""What a scene file may name: found by walking the public names of the rooms of physics.
+
+Nothing is registered. A final class or a declared function is known to files as soon as the
+`__init__` of its room gives its name, or when it is given to `load` by `also`."""
+
+import functools
+import inspect
+import typing
+from collections.abc import Iterable, Mapping
+from typing import Any, NamedTuple
+
+from .. import attitude, bodies, dispersion, gyros, orbits, rockets, rotations, scene, solvers
+from ..bodies import AbstractBody, AbstractEffect, AbstractJump, BodyState
+from ..core import AbstractSystem, InputError, Quantity, quantities
+from ..dispersion import AbstractDistribution
+from ._kinds import Entry, Maker, Object
+from ._objects import entry_of, function_way, object_kind, snake_case
+
+ROOMS = (rotations, bodies, orbits, attitude, gyros, rockets, scene, dispersion)
+
+
+class Catalog(NamedTuple):
+    """Everything that a scene file may name: classes and functions by their key, and how a file
+    gives them (`kinds`, by class)."""
+
+    systems: Mapping[str, type[AbstractSystem]]
+    effects: Mapping[str, type[AbstractEffect]]
+    bodies: Mapping[str, type[AbstractBody]]
+    jumps: Mapping[str, type[AbstractJump]]
+    distributions: Mapping[str, type[AbstractDistribution]]
+    events: Mapping[str, Any]
+    outputs: Mapping[str, Any]
+    initials: Mapping[str, Any]
+    methods: Mapping[str, Any]
+    kinds: Mapping[type, Object]
+
+    def known_times(self, effect: str) -> list[str]:
+        """The names of the times at which a phase with this effect can end."""
+        cls = self.effects[effect]
+        return [n for n in dir(cls) if getattr(getattr(cls, n), "known_time", False)]
+
+    def all_known_times(self) -> list[str]:
+        """The names of all such times."""
+        return list(dict.fromkeys(n for effect in self.effects for n in self.known_times(effect)))
+
+    def shared(self, table: str) -> dict[str, Entry]:
+        """The entries of a table such as "planet" that declarations take their values from."""
+        found: dict[str, Entry] = {}
+        declared = [
+            (entry.shared, entry)
+            for kind in self.kinds.values()
+            for way in kind.ways
+            for entry in way.fields.entries.values()
+            if entry.shared
+        ]
+        declared += [
+            (entry.shared, entry)
+            for function in self.initials.values()
+            for entry in function_way(function, function.initial.arguments).fields.entries.values()
+            if entry.shared
+        ]
+        for path, entry in declared:
+            room, _, key = path.partition(".")
+            if room == table and "." not in key:
+                found.setdefault(key, entry._replace(default=None, shared=""))
+        return found
+
+
+def catalog(also: Iterable[Any] = ()) -> Catalog:
+    """What a scene file may name: everything in the rooms of the library, and what `also` gives.
+
+    **Arguments**
+
+    - `also`: further final classes (systems, effects, jumps, distributions) and declared functions
+      (outputs, events, makers of initial states).
+
+    **Raises** `InputError` for something that no file can name, or a name that is already there."""
+    return _catalog(tuple(also))
+
+
+@functools.lru_cache(maxsize=32)
+def _catalog(also: tuple[Any, ...]) -> Catalog:
+    named: dict[str, dict[str, Any]] = {name: {} for name in Catalog._fields}
+    kinds: dict[type, Object] = {}
+    for room in ROOMS:
+        for name, thing in vars(room).items():
+            if not name.startswith("_"):
+                _add(named, kinds, thing)
+    for name, thing in vars(solvers).items():
+        if (
+            getattr(thing, "__final__", False)
+            and hasattr(thing, "step")
+            and hasattr(thing, "order")
+        ):
+            named["methods"][name] = thing
+    for thing in also:
+        before = sum(map(len, named.values()))
+        _add(named, kinds, thing, new=True)
+        if sum(map(len, named.values())) == before:
+            raise InputError(
+                f"also holds {thing!r}: it must hold final classes of systems, effects, jumps or "
+                f"distributions whose fields are quantities, or declared functions."
+            )
+    named.pop("kinds")
+    return Catalog(**named, kinds=kinds)  # pyright: ignore[reportArgumentType]
+
+
+BASES = {
+    "systems": AbstractSystem,
+    "effects": AbstractEffect,
+    "bodies": AbstractBody,
+    "jumps": AbstractJump,
+    "distributions": AbstractDistribution,
+}
+FUNCTIONS = {"events": "event", "outputs": "output", "initials": "initial"}
+
+
+def _add(named: Any, kinds: dict[type, Object], thing: Any, new: bool = False) -> None:
+    """Put a class or a function where it belongs, if it belongs anywhere."""
+    for group, base in BASES.items():
+        if isinstance(thing, type) and issubclass(thing, base):
+            kind = object_kind(thing) if getattr(thing, "__final__", False) else None
+            if kind is not None:
+                _name(named[group], snake_case(thing.__name__), thing, new)
+                kinds[thing] = kind
+    for group, mark in FUNCTIONS.items():
+        if inspect.isfunction(thing) and hasattr(thing, mark):
+            _name(named[group], thing.__name__, thing, new)
+
+
+def _name(group: dict[str, Any], name: str, thing: Any, new: bool) -> None:
+    if new and group.get(name, thing) is not thing:
+        raise InputError(f"also holds {name}: it must be another name, for this one is taken.")
+    group[name] = thing
+
+
+def state_class(system: type[AbstractSystem]) -> type:
+    """The class of the states of a system, from the annotation of its vector field.
+
+    `BodyState` where the annotation names no class with quantities."""
+    function: Any = inspect.unwrap(system.vector_field)
+    annotated = typing.get_type_hints(function).get("y")
+    return annotated if isinstance(annotated, type) and quantities(annotated) else BodyState
+
+
+def state_way(system: type[AbstractSystem]) -> Maker | None:
+    """The way to give a state by the system's own method `state`, if it is declared."""
+    method: Any = getattr(system, "state", None)
+    declared = getattr(method, "constructor", None)
+    return None if declared is None else function_way(method, declared.arguments)
+
+
+def part_entries(cls: type) -> dict[str, Entry]:
+    """The entries for the parts of a state that are numbers, all optional."""
+    return {
+        name: entry_of(declared._replace(default=None, optional=True))
+        for name, declared in quantities(cls).items()
+        if not _is_object(cls, name)
+    }
+
+
+def part_quantities(cls: type) -> dict[str, Quantity]:
+    """What the parts of a state are, by name."""
+    return quantities(cls)
+
+
+def _is_object(cls: type, name: str) -> bool:
+    """Whether a part of a state is an object such as a quaternion, and no array."""
+    annotation = cls.__dataclass_fields__[name].type  # type: ignore[attr-defined]
+    return not any(hasattr(one, "dim_str") for one in (annotation, *typing.get_args(annotation)))

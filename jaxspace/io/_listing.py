@@ -1,0 +1,131 @@
+"""What scene files may name, for people (a text) and for editors (a JSON schema)."""
+
+import re
+from collections.abc import Iterable
+from typing import Any
+
+from ..bodies import BodyState
+from ..core import REQUIRED
+from ._catalog import Catalog, catalog
+from ._form import form_of, initial_kind, initial_ways, method_kind
+from ._kinds import Entry, Kind, ListOf, Number, Object, OneName, Table
+
+DIALECT = "https://json-schema.org/draft/2020-12/schema"
+
+
+def schema(also: Iterable[Any] = ()) -> dict[str, Any]:
+    """The JSON schema of all scene files. An editor completes and checks files with it.
+
+    `also`: as in `load`."""
+    known = catalog(also)
+    systems = [form_of("system", known, name).schema() for name in known.systems]
+    body = [form_of(kind, known).schema() for kind in ("scene", "mission")]
+    forms = [*systems, *body]
+    return {"$schema": DIALECT, "title": "jaxspace scene file", "anyOf": forms}
+
+
+def listing(also: Iterable[Any] = ()) -> str:
+    """What scene files may name: systems, effects, events and so on, with fields and units.
+
+    `also`: as in `load`."""
+    known = catalog(also)
+    groups = [
+        ("systems", _classes(known, known.systems, initial=True)),
+        ("bodies", _classes(known, known.bodies)),
+        ("effects", _classes(known, known.effects)),
+        ("initial states of a body", _initials(known)),
+        ("jumps", _classes(known, known.jumps)),
+        ("events", _functions(known.events, "event") + _times(known)),
+        ("outputs", _functions(known.outputs, "output")),
+        ("distributions", _classes(known, known.distributions)),
+        ("methods", [f"  {name}" for name in method_names(known)]),
+    ]
+    return "\n\n".join("\n".join([name, *lines]) for name, lines in groups)
+
+
+def method_names(known: Catalog) -> list[str]:
+    """The names of the integrators that a file may name."""
+    names: list[str] = []
+    for way in method_kind(known).ways:
+        kind = way.fields.entries["name"].kind
+        names += kind.names if isinstance(kind, OneName) else ()
+    return list(dict.fromkeys(names))
+
+
+def _classes(known: Catalog, group: Any, initial: bool = False) -> list[str]:
+    lines = []
+    for name, cls in group.items():
+        lines.append(f"  {name}: {first_sentence(cls)}")
+        lines += _ways(known.kinds[cls])
+        if initial:
+            lines.append(f"    initial: {_keys(initial_kind(known, cls))}")
+    return lines
+
+
+def _ways(kind: Object, indent: str = "    ") -> list[str]:
+    lines = []
+    for number, way in enumerate(kind.ways):
+        if number:
+            lines.append(f"{indent}or")
+        for key, entry in way.fields.entries.items():
+            lines.append(f"{indent}{key}{_unit(entry)}: {entry.doc}{_default(entry)}")
+            if isinstance(entry.kind, Object) and not entry.kind.ways[0].bare:
+                lines += _ways(entry.kind, indent + "  ")
+    return lines
+
+
+def _initials(known: Catalog) -> list[str]:
+    lines = [f"  {_keys(initial_kind(known, None))}"]
+    for key, ways in initial_ways(known, BodyState).items():
+        lines.append(f"  {key}")
+        lines += _ways(Object(tuple(ways)))
+    return lines
+
+
+def _functions(group: Any, mark: str) -> list[str]:
+    return [
+        f"  {name} [{getattr(function, mark).unit or '1'}]: {first_sentence(function)}"
+        for name, function in group.items()
+    ]
+
+
+def _times(known: Catalog) -> list[str]:
+    return [
+        f"  {name} [s]: {first_sentence(getattr(cls, name))} ({effect})"
+        for effect, cls in known.effects.items()
+        for name in known.known_times(effect)
+    ]
+
+
+def _keys(kind: Kind) -> str:
+    if isinstance(kind, Object):
+        return "; or ".join(_keys(way.fields) for way in kind.ways)
+    assert isinstance(kind, Table)
+    return ", ".join(f"{key}{_unit(entry)}" for key, entry in kind.entries.items())
+
+
+def _unit(entry: Entry) -> str:
+    kind = entry.kind
+    while isinstance(kind, ListOf):
+        kind = kind.kind
+    if isinstance(kind, Object) and kind.ways[0].bare:
+        return _unit(next(iter(kind.ways[0].fields.entries.values())))
+    if isinstance(kind, Number):
+        return f" [{kind.quantity.unit or '1'}]"
+    if isinstance(kind, OneName):
+        return f" ({', '.join(kind.names)})"
+    return ""
+
+
+def _default(entry: Entry) -> str:
+    if entry.shared:
+        return f" (by default {entry.shared})"
+    if entry.default is REQUIRED:
+        return ""
+    return " (optional)" if entry.default is None else f" (by default {entry.default})"
+
+
+def first_sentence(thing: Any) -> str:
+    """The first sentence of a docstring, on one line."""
+    text = " ".join((thing.__doc__ or "").split())
+    return re.split(r"\.(?= [A-Z])", text)[0].rstrip(".")

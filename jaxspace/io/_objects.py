@@ -1,0 +1,227 @@
+"""From the declarations of a class or a function to the entries of a file, and back to the object.
+
+declaration                                         in a file
+a field or an argument that is a quantity           a key with a number, or a list of numbers
+a field that is another object with quantities      a table, or the number itself if it has one
+a named constructor (`constructor`)                 another way to fill the table of its class
+a field that refers to another effect (`reference`) nothing: the effect is found
+"""
+
+import dataclasses
+import inspect
+import re
+import typing
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any, NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ..bodies import AbstractBody, AbstractEffect
+from ..core import (
+    REQUIRED,
+    AbstractParameters,
+    AbstractSystem,
+    Choice,
+    Quantity,
+    Scalar,
+    quantities,
+    references,
+)
+from ._kinds import Entry, Kind, ListOf, Maker, Number, Object, OneName, Table
+
+
+def snake_case(name: str) -> str:
+    """The key of a class: `two_body` for `TwoBody`."""
+    return re.sub(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", "_", name).lower()
+
+
+def kind_of_quantity(quantity: Quantity) -> Kind:
+    """A number, or a list of numbers of the quantity's shape."""
+    kind: Kind = Number(quantity._replace(shape=()))
+    for count in reversed(quantity.shape):
+        kind = ListOf(kind, count, 0 if count is not None else 2)
+    return kind
+
+
+def entry_of(declared: Quantity | Choice) -> Entry:
+    """The entry of a table for a declaration."""
+    if isinstance(declared, Choice):
+        return Entry(OneName(declared.names), declared.default, doc=declared.doc)
+    kind = kind_of_quantity(declared)
+    return Entry(kind, declared.default, declared.shared, declared.doc)
+
+
+def entries_of(declared: Mapping[str, Any]) -> dict[str, Entry]:
+    """The entries of a table for declared arguments."""
+    return {(getattr(d, "key", "") or name): entry_of(d) for name, d in declared.items()}
+
+
+def object_kind(cls: type) -> Object | None:
+    """The ways in which a file may give an object of the class; `None` if there is none.
+
+    For an abstract class they are those of its final subclasses."""
+    if not getattr(cls, "__final__", False):
+        kinds = [object_kind(sub) for sub in cls.__subclasses__()]
+        ways = tuple(way for kind in kinds if kind is not None for way in kind.ways)
+        return Object(ways) if ways else None
+    ways = [way for way in (_plain_way(cls), *_named_ways(cls)) if way is not None]
+    return Object(tuple(ways)) if ways else None
+
+
+def function_way(function: Callable[..., Any], declared: Mapping[str, Any]) -> Maker:
+    """The way to call a function whose arguments are declared."""
+    arguments = {(getattr(d, "key", "") or name): name for name, d in declared.items()}
+    return Maker(function.__name__, function, arguments, Table(entries_of(declared)), {})
+
+
+def _plain_way(cls: type) -> Maker | None:
+    """The class itself, with its fields."""
+    taken = inspect.signature(cls).parameters
+    fields, arguments, referred = {}, {}, references(cls)
+    for name, entry in _field_entries(cls).items():
+        if entry is None:
+            return None
+        key = (quantities(cls)[name].key if name in quantities(cls) else "") or name
+        argument = name if name in taken else key
+        if argument in taken:
+            fields[key], arguments[key] = entry, argument
+    bare = len(fields) == 1 and isinstance(next(iter(fields.values())).kind, ListOf)
+    return Maker(cls.__name__, cls, arguments, Table(fields), referred, bare and not referred)
+
+
+def _named_ways(cls: type) -> Iterable[Maker]:
+    """The named constructors of the class."""
+    for name in dir(cls):
+        function = inspect.getattr_static(cls, name)
+        if not isinstance(function, classmethod):
+            continue
+        declared = getattr(function.__func__, "constructor", None)
+        if declared is None:
+            continue
+        fields = entries_of(declared.arguments)
+        arguments = {(getattr(d, "key", "") or n): n for n, d in declared.arguments.items()}
+        for field, entry in _field_entries(cls).items():
+            if entry is not None and field not in (*declared.sets, *arguments.values()):
+                fields[field], arguments[field] = entry, field
+        yield Maker(
+            f"{cls.__name__}.{name}",
+            getattr(cls, name),
+            arguments,
+            Table(fields),
+            references(cls),
+        )
+
+
+def _field_entries(cls: type) -> dict[str, Entry | None]:
+    """The entry of each field that a file can give; `None` for one that it cannot give and must."""
+    found: dict[str, Entry | None] = {}
+    declared, referred = quantities(cls), references(cls)
+    for field in dataclasses.fields(cls):
+        if field.name in referred or not field.init and field.name not in declared:
+            continue
+        nested = _nested(field.type)
+        default = REQUIRED if field.default is REQUIRED else field.default
+        if nested is not None:
+            shared = declared[field.name].shared if field.name in declared else ""
+            doc = field.metadata.get("doc", "")
+            doc = declared[field.name].doc if field.name in declared else doc
+            found[field.name] = Entry(nested, None if default is None else REQUIRED, shared, doc)
+        elif field.name in declared:
+            found[field.name] = entry_of(declared[field.name])
+        elif default is REQUIRED and field.default_factory is REQUIRED:
+            found[field.name] = None
+    return found
+
+
+def _nested(annotation: Any) -> Object | None:
+    """The ways to give a field that is itself an object with quantities."""
+    for one in (annotation, *typing.get_args(annotation)):
+        if not (isinstance(one, type) and issubclass(one, AbstractParameters)):
+            continue
+        if not issubclass(one, AbstractSystem | AbstractEffect | AbstractBody):
+            return object_kind(one)
+    return None
+
+
+class Runs(NamedTuple):
+    """How many runs are built at once: `count`, or `None` for one without an axis of runs.
+
+    A number of the file is a scalar, or (runs,) where it is dispersed. Parameters that all runs
+    share stay scalars; a state has every run."""
+
+    count: int | None = None
+
+    def vector(self, components: Any) -> Float[Array, "components *#runs"]:
+        """A parameter of several components: (3,), or for runs (3, 1) or (3, runs)."""
+        parts = [jnp.asarray(c) for c in components]
+        shape = jnp.broadcast_shapes(() if self.count is None else (1,), *(p.shape for p in parts))
+        return jnp.stack([jnp.broadcast_to(p, shape) for p in parts])
+
+    def scalar(self, number: Any) -> Scalar:
+        """A number of the state: () or (runs,)."""
+        return jnp.broadcast_to(jnp.asarray(number), () if self.count is None else (self.count,))
+
+    def full(self, components: Any) -> Float[Array, "components *#runs"]:
+        """A vector of the state: (3,) or (3, runs)."""
+        return jnp.stack([self.scalar(c) for c in components])
+
+
+class Building(NamedTuple):
+    """From the values of a file to objects.
+
+    - `values`: of the whole file, with arrays in place of numbers.
+    - `makers`: by path, which way the file gives an object.
+    - `runs`: how many are built at once.
+    - `full`: whether what is built is a state, of every run."""
+
+    values: dict[str, Any]
+    makers: Mapping[str, Maker]
+    runs: Runs
+    full: bool = False
+
+    def make(self, path: str, **more: Any) -> Any:
+        """The object at the path; `more` are arguments that are not in the file."""
+        maker = self.makers[path]
+        values = at(self.values, path)
+        if maker.bare:
+            values = {next(iter(maker.fields.entries)): values}
+        arguments = dict(more)
+        for key, entry in maker.fields.entries.items():
+            value = values.get(key)
+            source = path if maker.bare else f"{path}.{key}"
+            if value is None and entry.shared:
+                value, source = at(self.values, entry.shared), entry.shared
+            if value is not None and key in maker.arguments:
+                arguments[maker.arguments[key]] = self._value(entry.kind, value, source)
+        return maker.make(**arguments)
+
+    def _value(self, kind: Kind, value: Any, path: str) -> Any:
+        if isinstance(kind, Object):
+            return self.make(path)
+        if isinstance(kind, ListOf):
+            return self._array(kind, value)
+        if isinstance(kind, Number) and not kind.quantity.fixed:
+            return self.runs.scalar(value) if self.full else value
+        return value
+
+    def _array(self, kind: ListOf, value: list[Any]) -> Any:
+        inner = kind.kind
+        if isinstance(inner, ListOf):
+            return jnp.stack([self._array(inner, row) for row in value])
+        if isinstance(inner, Number) and inner.quantity.fixed:
+            return np.asarray(value)
+        return self.runs.full(value) if self.full else self.runs.vector(value)
+
+
+def at(values: Any, path: str) -> Any:
+    """What stands at the path of a tree of dicts and lists; `None` where nothing does."""
+    for step in path.split("."):
+        if isinstance(values, Mapping):
+            values = values.get(step)
+        elif isinstance(values, list) and step.isdigit() and int(step) < len(values):
+            values = values[int(step)]
+        else:
+            return None
+    return values

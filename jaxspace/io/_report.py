@@ -1,0 +1,184 @@
+"""What a run of a file reports: states, numbers of interest, errors and tables, in its units."""
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import jax
+import numpy as np
+
+from ..core import State, quantities
+from ..dispersion import Dispersion
+from ..rotations import Quaternion, to_euler_angles
+from ..simulation import MissionTrajectory, Status, Trajectory
+from ._scene_file import SceneFile
+from ._units import in_unit
+
+Row = tuple[str, ...]
+MOST_DIGITS = 12
+
+
+def columns(rows: Sequence[Sequence[str]]) -> str:
+    """Rows as aligned columns: the first to the left, the others to the right."""
+    widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
+    lines = []
+    for row in rows:
+        cells = [
+            cell.ljust(w) if k == 0 else cell.rjust(w)
+            for k, (cell, w) in enumerate(zip(row, widths, strict=True))
+        ]
+        lines.append("  ".join(cells).rstrip())
+    return "\n".join(lines)
+
+
+def number(x: Any, error: float = math.nan) -> str:
+    """A number with the digits that it has: down to its `error`, or six significant ones if that
+    is not known."""
+    x = float(x)
+    if math.isfinite(x) and 0.0 < error < math.inf and abs(x) < 1e15:
+        whole = math.floor(math.log10(abs(x))) + 1 if x else 0
+        decimals = min(math.ceil(-math.log10(error)), MOST_DIGITS - max(whole, 0))
+        text = f"{x:.{max(decimals, 0)}f}"
+        return "0" if float(text) == 0.0 else text
+    return "0" if abs(x) < 1e-10 else f"{x:.6g}"
+
+
+def state_rows(
+    y: State, units: Mapping[str, str], error: State | None = None
+) -> list[tuple[str, str]]:
+    """Names with units, and values, of the parts of a state.
+
+    **Arguments**
+
+    - `units`: by their unit in SI those to report in.
+    - `error`: the error of the state, if it is known: it decides on the digits.
+    """
+    rows = []
+    for name, declared in quantities(type(y)).items():
+        part = getattr(y, name)
+        if part is None:
+            continue
+        unit = units.get(declared.unit, declared.unit)
+        factor = in_unit(declared.unit, unit)
+        miss = math.nan if error is None else factor * _largest(getattr(error, name))
+        if isinstance(part, Quaternion):
+            angle = units.get("rad", "rad")
+            turned = in_unit("rad", angle) * np.asarray(to_euler_angles(part))
+            rows.append((name, _listed(part.wxyz, miss)))
+            rows.append((f"Euler angles 3-1-3 [{angle}]", _listed(turned)))
+        else:
+            rows.append((_label(name, unit), _listed(factor * np.asarray(part), miss)))
+    return rows
+
+
+def error_rows(error: State, units: Mapping[str, str]) -> list[tuple[str, str]]:
+    """The largest component of the error of every part, with its unit."""
+    rows = []
+    for name, declared in quantities(type(error)).items():
+        part = getattr(error, name)
+        if part is not None:
+            unit = units.get(declared.unit, declared.unit)
+            size = in_unit(declared.unit, unit) * _largest(part)
+            rows.append((_label(f"error of {name}", unit), f"{size:.1e}"))
+    return rows
+
+
+def drift_rows(drift: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """The largest relative change of every invariant."""
+    return [
+        (f"drift of {name.replace('_', ' ')}", f"{float(np.max(np.abs(d))):.1e}")
+        for name, d in drift.items()
+    ]
+
+
+def output_rows(outputs: Mapping[str, tuple[float, str]]) -> list[tuple[str, str]]:
+    """Names with units, and values, of outputs."""
+    return [(_label(name, unit), number(value)) for name, (value, unit) in outputs.items()]
+
+
+def run_report(file: SceneFile, run: Trajectory) -> str:
+    """How a run of a system or a scene ended: time, state, outputs, drifts, errors, status."""
+    error = run.error()
+    rows = [("time [s]", number(run.ts[-1])), *state_rows(run.final, file.units, error)]
+    rows += output_rows(file.nominal_outputs(run, every=True))
+    kept = [*drift_rows(run.drift()), *error_rows(error, file.units)]
+    return "\n".join([file.title, columns(rows), columns(kept), status_line(run.status)])
+
+
+def mission_report(file: SceneFile, run: MissionTrajectory, finer: MissionTrajectory) -> str:
+    """How a mission went, phase by phase. `finer`: the same at a tighter tolerance, from which the
+    errors follow."""
+    lines = [file.title]
+    for name, phase in zip(run.names, run.phases, strict=True):
+        lines.append(f"\n{name}: from {number(phase.ts[0])} s to {number(phase.ts[-1])} s")
+        lines.append(columns([*state_rows(phase.final, file.units), *drift_rows(phase.drift())]))
+    error = jax.tree.map(lambda a, b: a - b, run.final, finer.final)
+    rows = [("time [s]", number(run.end)), *state_rows(run.final, file.units, error)]
+    rows += output_rows(file.nominal_outputs(run, every=True))
+    lines.append("\nat the end, after the last jump")
+    lines.append(columns([*rows, *error_rows(error, file.units)]))
+    return "\n".join([*lines, status_line(run.status)])
+
+
+def dispersion_report(
+    result: Dispersion, nominal: Mapping[str, tuple[float, str]], count: int = 3
+) -> str:
+    """The outputs of a campaign: a table beside their `nominal` values, the `count` inputs that
+    make most of the variance of each, and how the runs ended."""
+    lines = [dispersion_table(result, nominal)]
+    shares = contributor_lines(result, count)
+    if shares:
+        lines.append(f"\nshares of the variance\n{shares}")
+    return "\n".join([*lines, "", status_lines(result)])
+
+
+def dispersion_table(result: Dispersion, nominal: Mapping[str, tuple[float, str]]) -> str:
+    """Mean, standard deviation and 99 % limits of every output, beside its nominal value."""
+    rows: list[Row] = [("output", "unit", "nominal", "mean", "std dev", "0.5 %", "99.5 %")]
+    for row in result.table():
+        own = number(nominal[row.name][0])
+        numbers = (number(x) for x in (row.mean, row.std, row.low, row.high))
+        rows.append((row.name, row.unit, own, *numbers))
+    return columns(rows)
+
+
+def contributor_lines(result: Dispersion, count: int = 3) -> str:
+    """For every output the inputs that make most of its variance; empty for too few runs."""
+    if np.count_nonzero(result.good) <= 2 * len(result.inputs) + 1:
+        return ""
+    rows = []
+    for name in result.outputs:
+        shares = result.contributors(name, count).shares
+        told = [f"{path} {100.0 * s:.0f} %" for path, s in shares.items() if s >= 0.01]
+        rows.append((name, ", ".join(told)))
+    width = max(len(name) for name, _ in rows)
+    return "\n".join(
+        f"{name.ljust(width)}  {text or 'no single contributor'}" for name, text in rows
+    )
+
+
+def status_lines(result: Dispersion) -> str:
+    """How many runs ended well, and each bad end with its sentence."""
+    lines = [f"{int(np.count_nonzero(result.good))} of {result.runs} runs ended well."]
+    lines += [
+        f"{f.count} {'run' if f.count == 1 else 'runs'} failed: {f.sentence}" for f in result.failed
+    ]
+    return "\n".join(lines)
+
+
+def status_line(status: Any) -> str:
+    """The sentence of a status."""
+    return Status(int(status)).sentence
+
+
+def _label(name: str, unit: str) -> str:
+    name = name.replace("_", " ")
+    return f"{name} [{unit}]" if unit else name
+
+
+def _largest(tree: State) -> float:
+    return max(float(np.max(np.abs(np.asarray(leaf)))) for leaf in jax.tree.leaves(tree))
+
+
+def _listed(xs: Any, error: float = math.nan) -> str:
+    return ", ".join(number(x, error) for x in np.asarray(xs).reshape(-1))

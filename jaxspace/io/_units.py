@@ -1,0 +1,167 @@
+"""Units of a scene file: numbers with or without one, read into SI."""
+
+import functools
+import math
+import re
+from typing import Any, NamedTuple
+
+from ..bodies import BodyState
+from ..core import InputError, Quantity, argument, quantities
+
+NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(\S.*)?")
+UNIT = re.compile(r"[A-Za-z°µ%0-9 */^().-]{1,40}")
+
+
+class Dimension(NamedTuple):
+    """What a unit of SI measures, and an example with another unit."""
+
+    name: str
+    example: str
+
+
+DIMENSIONS = {
+    "": Dimension("a pure number", "0.01"),
+    "m": Dimension("length", "400 mi"),
+    "m/s": Dimension("speed", "7.8 km/s"),
+    "m^2": Dimension("area", "2 ft^2"),
+    "s": Dimension("time", "90 min"),
+    "kg": Dimension("mass", "60 kg"),
+    "N": Dimension("force", "68 kN"),
+    "N s": Dimension("impulse", "5.8 MN s"),
+    "N m": Dimension("moment of force", "3 ft lbf"),
+    "rad": Dimension("angle", "28.5 deg"),
+    "rad/s": Dimension("angular rate", "5.5 rpm"),
+    "kg m^2": Dimension("moment of inertia", "12 slug ft^2"),
+    "m^3/s^2": Dimension("gravitational parameter", "398600.4418 km^3/s^2"),
+    "kg/m^3": Dimension("density", "1.2 kg/m^3"),
+    "kg/m^2": Dimension("mass over area", "50 kg/m^2"),
+    "m/s^2": Dimension("acceleration", "9.80665 m/s^2"),
+}
+WHOLE_TURN = 2.0 * math.pi
+
+
+def dimension(unit: str) -> Dimension:
+    """What the unit measures; the unit itself where no name is known."""
+    return DIMENSIONS.get(unit, Dimension(unit, f"1 {unit}"))
+
+
+def expected(quantity: Quantity) -> str:
+    """What a value of the quantity must be, for a sentence."""
+    number = "a number"
+    if quantity.low == 0.0 and quantity.high == math.inf:
+        number = "a positive number" if quantity.strict else "a number of zero or more"
+    elif quantity.low > -math.inf or quantity.high < math.inf:
+        number = f"a number {quantity.allowed().removesuffix(', and finite')}"
+    name, example = dimension(quantity.unit)
+    if not quantity.unit:
+        return f"{number} without unit, such as {example}"
+    return f'{number} in {quantity.unit} or text with a unit of {name}, such as "{example}"'
+
+
+def read_number(value: Any, quantity: Quantity) -> tuple[float, str]:
+    """The value in SI, and the unit in which it is written (empty for a bare number).
+
+    Raises `ValueError`, with what is expected, for anything else."""
+    unit = ""
+    if isinstance(value, str):
+        number, unit = _with_unit(value, quantity)
+    elif isinstance(value, int | float) and not isinstance(value, bool):
+        number = float(value)
+        if quantity.unit == "rad" and WHOLE_TURN < abs(number) < math.inf:
+            # Nobody writes more than a turn in radians: degrees without their unit are meant.
+            raise ValueError(
+                f"an angle with its unit, for {number:g} rad is more than a turn: "
+                f'"{number:g} deg" or "{number:g} rad"'
+            )
+    else:
+        raise ValueError(expected(quantity))
+    if not quantity.contains(number):
+        raise ValueError(expected(quantity))
+    return number, unit
+
+
+def _with_unit(text: str, quantity: Quantity) -> tuple[float, str]:
+    what = expected(quantity)
+    number, unit = split(text, what)
+    if not unit:
+        return read_number(number, quantity)
+    found, si = parse_unit(unit, what), quantity.unit or "dimensionless"
+    # Cycles per second have the dimension of radians per second, and differ by 2 pi.
+    cycles = quantity.unit.startswith("rad") and re.search("hertz|counts|becquerel", str(found))
+    if cycles or not found.is_compatible_with(si):
+        raise ValueError(what)
+    return float(units().Quantity(number, found).to(si).magnitude), unit
+
+
+def split(text: str, what: str) -> tuple[float, str]:
+    """Number and unit of a text such as "400 mi". Raises `ValueError` with what is expected."""
+    found = NUMBER.fullmatch(text)
+    unit = "" if found is None else (found[2] or "").strip()
+    if found is None or (unit and not UNIT.fullmatch(unit)):
+        raise ValueError(what)
+    return float(found[1]), unit
+
+
+def parse_unit(text: str, what: str) -> Any:
+    """The unit named by a text. Only names and powers of units are read; nothing is evaluated.
+    Raises `ValueError`."""
+    import pint
+
+    if not UNIT.fullmatch(text):
+        raise ValueError(what)
+    try:
+        return units().parse_units(text)
+    except (
+        pint.PintError,
+        ValueError,
+        TypeError,
+        AttributeError,
+        ArithmeticError,
+        AssertionError,
+        SyntaxError,
+    ) as error:
+        raise ValueError(f"{what}; {text} is no unit") from error
+
+
+def read_size(name: str, text: str, part: str) -> float:
+    """The size of a part of a `BodyState`, such as "10 m" for its position, in SI.
+
+    **Arguments**
+
+    - `name`: of what is read, for the sentence.
+
+    **Raises** `InputError` for another kind of number."""
+    declared = quantities(BodyState).get(part)
+    if declared is None:
+        raise InputError(
+            f"output is {part!r}: it must be one of {', '.join(quantities(BodyState))}."
+        )
+    # The difference of two attitudes is an angle.
+    quantity = argument(declared.unit or "rad", positive=True, doc="size")
+    try:
+        value = float(text)
+    except ValueError:
+        value = text
+    try:
+        return read_number(value, quantity)[0]
+    except ValueError as error:
+        raise InputError(f'{name} is "{text}": it must be {error}.') from error
+
+
+def in_unit(si: str, unit: str) -> float:
+    """How many of `unit` one `si` is. Raises `ValueError` for another dimension."""
+    if unit == si:
+        return 1.0
+    what = f"a unit of {dimension(si).name}"
+    found = parse_unit(unit, what)
+    if not found.is_compatible_with(si or "dimensionless"):
+        raise ValueError(what)
+    return float(units().Quantity(1.0, si or "dimensionless").to(found).magnitude)
+
+
+@functools.cache
+def units() -> Any:
+    """The registry of units, read when the first value with a unit is met."""
+    import pint
+
+    return pint.UnitRegistry()

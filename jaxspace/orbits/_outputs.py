@@ -1,0 +1,66 @@
+"""Numbers of interest of an orbit, and the conditions on which a phase of flight may end."""
+
+from typing import Any
+
+from ..bodies import BodyState
+from ..core import Scalar, Vector, dot, event, norm, output
+from ._elements import apoapsis_radius, periapsis_radius
+
+
+@output("m", mu="planet.mu", radius="planet.radius")
+def periapsis_altitude(position: Vector, velocity: Vector, mu: Scalar, radius: Scalar) -> Scalar:
+    """Least height of the orbit, m, above a sphere of the `radius`, m."""
+    return periapsis_radius(position, velocity, mu) - radius
+
+
+@output("m", mu="planet.mu", radius="planet.radius")
+def apoapsis_altitude(position: Vector, velocity: Vector, mu: Scalar, radius: Scalar) -> Scalar:
+    """Greatest height of the orbit, m, above a sphere of the `radius`, m; infinite when it is not
+    closed."""
+    return apoapsis_radius(position, velocity, mu) - radius
+
+
+@output("m/s")
+def speed(velocity: Vector) -> Scalar:
+    """Length of the velocity, m/s."""
+    return norm(velocity)
+
+
+@output("m/s")
+def speed_error(velocity: Vector, nominal: Any) -> Scalar:
+    """Speed less that of the `nominal` state, m/s."""
+    return norm(velocity) - norm(nominal.velocity)
+
+
+@output("m/s")
+def velocity_error(velocity: Vector, nominal: Any) -> Scalar:
+    """Length of the difference of the velocity from that of the `nominal` state, m/s."""
+    return norm(velocity - nominal.velocity)
+
+
+@event("m^2/s", direction=1, needs=("position", "velocity"))
+def periapsis(t: Scalar, y: BodyState) -> Scalar:
+    """r . v, m^2/s: zero at both apsides, and rising at the periapsis."""
+    del t
+    return dot(y.position, y.velocity)
+
+
+@event("m^2/s", direction=-1, needs=("position", "velocity"))
+def apoapsis(t: Scalar, y: BodyState) -> Scalar:
+    """r . v, m^2/s: zero at both apsides, and falling at the apoapsis."""
+    del t
+    return dot(y.position, y.velocity)
+
+
+@event("m", direction=1, needs=("position", "velocity"))
+def ascending_node(t: Scalar, y: BodyState) -> Scalar:
+    """z, m: zero at the nodes, and rising at the ascending one."""
+    del t
+    return y.position[2]
+
+
+@event("m", direction=-1, needs=("position", "velocity"))
+def descending_node(t: Scalar, y: BodyState) -> Scalar:
+    """z, m: zero at the nodes, and falling at the descending one."""
+    del t
+    return y.position[2]

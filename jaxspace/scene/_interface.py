@@ -1,0 +1,39 @@
+"""What the capabilities and the tables of a scene require of it."""
+
+from abc import abstractmethod
+from collections.abc import Sequence
+
+from equinox import AbstractVar
+
+from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
+from ..core import AbstractSystem, Scalar
+
+
+class AbstractScene(AbstractSystem):
+    """A body under effects; `Scene` is the one that exists.
+
+    - `effects`, `body`, `carry`: as in `Scene`."""
+
+    effects: AbstractVar[tuple[AbstractEffect, ...]]
+    body: AbstractVar[AbstractBody]
+    carry: AbstractVar[tuple[str, ...]]
+
+    @property
+    @abstractmethod
+    def parts(self) -> tuple[str, ...]:
+        """The parts that a state of this scene holds, in the order of `BodyState`."""
+
+    @abstractmethod
+    def loads(self, t: Scalar, y: BodyState) -> Load:
+        """The sum of the loads of all effects at the time `t`, s, in the state `y`."""
+
+    @abstractmethod
+    def mass(self, y: BodyState) -> Scalar | None:
+        """The mass of the body, kg: from the state where it changes, else the body's own; `None` if
+        it has none."""
+
+    @abstractmethod
+    def with_effects(
+        self, effects: Sequence[AbstractEffect], carry: Sequence[str] = ()
+    ) -> "AbstractScene":
+        """The scene of the same body under other `effects`, with other parts to `carry`."""
