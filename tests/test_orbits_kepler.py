@@ -559,7 +559,9 @@ def test_invariants_stay():
     y = BodyState(position=jnp.asarray(position), velocity=jnp.asarray(velocity))
     before, after = (
         system.invariants(0.0, y),
-        system.invariants(1.0, system.closed_form().flow(jnp.asarray(1e-2 * _length(position) ** 1.5), y)),
+        system.invariants(
+            1.0, system.closed_form().flow(jnp.asarray(1e-2 * _length(position) ** 1.5), y)
+        ),
     )
     assert set(before) == {"energy", "angular_momentum", "eccentricity_vector"}
     for name in before:

@@ -195,7 +195,7 @@ class Outputs(eqx.Module):
         states = {-1: result.final}
         for spec in self.specs:
             if spec.at >= 0:
-                states[spec.at] = last_state(result.spans[spec.at].states)
+                states[spec.at] = last_state(result.phases[spec.at].states)
         return self.numbers(states, result.end, samples)
 
     def numbers(
@@ -233,8 +233,8 @@ class Outputs(eqx.Module):
 
 
 def last_state(states: State) -> State:
-    """The state at the last of the times of a phase of a batch."""
-    return jax.tree.map(lambda x: x[-1], states)
+    """The state at the last of the times of a phase of a batch, runs last."""
+    return jax.tree.map(lambda x: x[..., -1, :], states)
 
 
 def at_path(y: State, path: tuple[str, ...]) -> Array:

@@ -176,7 +176,7 @@ class SceneFile:
         least = 32.0 * float(jnp.finfo(jnp.result_type(float)).eps)
         accuracy = dataclasses.replace(self.accuracy, rtol=max(rtol, least))
         return simulate(
-            self.mission, self.y0, self.start, accuracy=accuracy, samples=samples, throw=False
+            self.mission, self.y0, self.start, accuracy=accuracy, num_saved=samples, throw=False
         )
 
     def nominal_outputs(

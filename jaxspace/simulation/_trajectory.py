@@ -143,17 +143,8 @@ class Trajectory(eqx.Module):
 
         Absolute for an invariant that is zero at the first time."""
 
-        def relative(values: Array) -> Array:
-            # Components lead: they are all axes before those of the times and the runs.
-            components = tuple(range(values.ndim - 1 - self.run_axes))
-            rows = jnp.moveaxis(values, len(components), 0)
-            axes = tuple(range(1, 1 + len(components)))
-            size = jnp.sqrt(jnp.sum(rows[:1] ** 2, axis=axes))
-            change = jnp.sqrt(jnp.sum((rows - rows[:1]) ** 2, axis=axes))
-            return change / jnp.where(size > 0.0, size, 1.0)
-
         kept = self.along(lambda system, t, y: system.invariants(t, y))
-        return {name: relative(values) for name, values in kept.items()}
+        return {name: relative_change(values, self.run_axes) for name, values in kept.items()}
 
     def error(self) -> State:
         """Estimate of the global error of the final state, component by component.
@@ -183,6 +174,18 @@ class Trajectory(eqx.Module):
         if any(isinstance(x, Tracer) for x in jax.tree.leaves(self)) or not is_concrete(self.ts):
             return f"Trajectory of {type(self.system).__name__} (traced)"
         return "\n".join(_summary(self))
+
+
+def relative_change(values: Array, run_axes: int) -> Float[Array, "times *#runs"]:
+    """Change of (components, times, *runs) since the first time, relative to the size there.
+
+    Absolute where that is zero."""
+    components = tuple(range(values.ndim - 1 - run_axes))
+    rows = jnp.moveaxis(values, len(components), 0)
+    axes = tuple(range(1, 1 + len(components)))
+    size = jnp.sqrt(jnp.sum(rows[:1] ** 2, axis=axes))
+    change = jnp.sqrt(jnp.sum((rows - rows[:1]) ** 2, axis=axes))
+    return change / jnp.where(size > 0.0, size, 1.0)
 
 
 _program_state_at = jax.jit(state_at, static_argnums=(1, 2))

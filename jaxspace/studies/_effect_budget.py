@@ -8,10 +8,10 @@ All of this is one compiled program: the scene of scaled effects, with its deriv
 factor in forward mode.
 """
 
+import dataclasses
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -20,9 +20,10 @@ from jaxtyping import Array
 
 from ..core import AbstractSystem, InputError, Scalar, State, check_positive
 from ..integration import Accuracy, SimulationError, Status, least_tolerance
+from ..integration._accuracy import DEFAULT_RTOL, as_accuracy
 from ..scene import budget
 from ..simulation import Mission
-from ..solvers import AbstractFixedStep
+from ..solvers import refine, solver_traits
 from ._budget_table import EffectBudget, Influence
 from ._flights import aot_compile, checked_start, flight, in_precision, timed
 from ._scene_effects import labels, members, scenes, with_factors, without
@@ -85,7 +86,7 @@ def effect_budget(
     *,
     output: str | Callable[[State], Any] | None = None,
     tolerance: float | None = None,
-    accuracy: Accuracy | Scalar = 1e-9,
+    accuracy: Accuracy | Scalar | None = None,
     repeats: int = REPEATS,
 ) -> EffectBudget:
     """What each effect of a scene, or of the scenes of a mission, does to an output of the run from
@@ -107,8 +108,11 @@ def effect_budget(
         check_positive("tolerance", tolerance)
     check_positive("repeats", repeats)
     phases_of = members(scene)
-    accuracy = accuracy if isinstance(accuracy, Accuracy) else Accuracy(rtol=accuracy)
     y0, ts = checked_start(scene, y0, ts)
+    dtype = jnp.result_type(*jax.tree.leaves(y0))
+    accuracy = as_accuracy(accuracy)
+    if accuracy.rtol is None:
+        accuracy = dataclasses.replace(accuracy, rtol=DEFAULT_RTOL[dtype.name])
 
     def ask_by(how):
         return _question(scene, y0, ts, chosen, how, tuple(phases_of), name == "attitude")
@@ -117,9 +121,9 @@ def effect_budget(
     nominal = question.ask()
     if not nominal.status.good:
         raise SimulationError(nominal.status.sentence)
-    dtype = jnp.result_type(*jax.tree.leaves(y0))
-    if isinstance(accuracy.method, AbstractFixedStep):  # a tolerance only judges these
-        finer = ask_by(accuracy.tightened(1.0, dtype)).ask()
+    # A tolerance only judges fixed steps: twice as many show the error of the integration.
+    if not isinstance(accuracy.method, str) and solver_traits(accuracy.method).fixed_step:
+        finer = ask_by(dataclasses.replace(accuracy, method=refine(accuracy.method, 2))).ask()
     else:
         finer = question.ask(tighter=max(1e-2, 2.0 * least_tolerance(dtype) / question.rtol))
     ended = finer.status not in (Status.MAX_STEPS, Status.NOT_FINITE)
@@ -167,12 +171,11 @@ def _question(
 ) -> _Question:
     """The run with factors, compiled once for all the questions."""
     dtype = jnp.result_type(*jax.tree.leaves(y0))
-    forward = eqx.tree_at(lambda a: a.adjoint, accuracy, diffrax.ForwardMode())
     numbers, rest = eqx.partition((system, y0, ts), eqx.is_array)
 
     def run(numbers: Any, factors: list[Array], along: list[Array], rtol: Array) -> Any:
         system, y0, ts = eqx.combine(numbers, rest)
-        how = eqx.tree_at(lambda a: a.rtol, forward, rtol)
+        how = dataclasses.replace(accuracy, rtol=rtol)
 
         def answer(factors: list[Array]) -> Any:
             flown = flight(with_factors(system, names, factors), y0, ts, how)
@@ -230,7 +233,7 @@ def _shares(system: Any, nominal: _Answer) -> dict[str, float]:
     for k, _, scene in scenes(system):
         ts, states = in_precision(nominal.spans[k], jnp.result_type(float).name)
         rows = budget(
-            in_precision(scene, ts.dtype.name), ts[0], jax.tree.map(lambda x: x[0], states)
+            in_precision(scene, ts.dtype.name), ts[0], jax.tree.map(lambda x: x[..., 0], states)
         )
         count = int(nominal.evaluations[k])
         for label, row in zip(labels(scene), rows[:-1], strict=True):
@@ -286,7 +289,7 @@ def _flown(system: Any, y0: State, ts: Any, output: Any, accuracy: Accuracy, rep
 
     def run(numbers: Any, rtol: Any) -> Any:
         system, y0, ts = eqx.combine(numbers, rest)
-        flown = flight(system, y0, ts, eqx.tree_at(lambda a: a.rtol, accuracy, rtol))
+        flown = flight(system, y0, ts, dataclasses.replace(accuracy, rtol=rtol))
         return output(flown.final), flown.status
 
     rtol = jnp.asarray(accuracy.rtol)
