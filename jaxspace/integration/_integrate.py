@@ -11,19 +11,16 @@ from jaxtyping import Array, Float
 
 from ..core import State
 from ..solvers import (
-    RKN1210,
     BatchStepController,
     ErrorTrackingSolver,
-    Regular,
-    Regularised,
-    Split,
-    Splitting,
     StepTo,
     Tolerance,
+    bind,
+    solver_traits,
 )
 from ._accuracy import Accuracy
 from ._loop import March, Record, march, room
-from ._replay import Replay, replayable
+from ._replay import Replay
 
 
 @final
@@ -43,12 +40,13 @@ class Manner(eqx.Module):
 
     @property
     def method(self) -> Any:
-        """The method; told where states within its steps will be asked for, if that makes a
-        difference to it."""
-        method = self.accuracy.method
-        if not isinstance(method, RKN1210):
-            return method
-        return RKN1210(jnp.zeros((0,), self.lengths.dtype) if self.kept is None else self.kept)
+        """The method, with what it has to know of the run."""
+        return bind(
+            self.accuracy.method,
+            tolerance=self.tolerance,
+            save_ts=self.kept,
+            run_axes=self.tolerance.run_axes,
+        )
 
     @property
     def max_steps(self) -> int:
@@ -79,7 +77,7 @@ def integrate(rate: Any, y0: State, manner: Manner) -> Course:
         lambda x: jax.lax.stop_gradient(x) if eqx.is_inexact_array(x) else x, manner
     )
     rate, adjoint = _converted(rate, y0, manner), manner.accuracy.adjoint
-    if not replayable(manner.accuracy.method) or not isinstance(
+    if not solver_traits(manner.accuracy.method).replayable or not isinstance(
         adjoint, diffrax.RecursiveCheckpointAdjoint | diffrax.ForwardMode
     ):
         return _by_diffrax(rate, y0, manner)
@@ -89,34 +87,11 @@ def integrate(rate: Any, y0: State, manner: Manner) -> Course:
 
 
 def _converted(rate: Any, y0: State, manner: Manner) -> Any:
-    """The rate with all that it depends on as leaves; with its drift and kick, or its regular form,
-    for a method that asks."""
-    s = jnp.zeros((), manner.lengths.dtype)
-    whole = eqx.filter_closure_convert(rate, s, y0)
-    if isinstance(manner.accuracy.method, Splitting):
-        return Split(
-            whole, *(eqx.filter_closure_convert(part, s, s, y0) for part in (rate.drift, rate.kick))
-        )
-    if isinstance(manner.accuracy.method, Regularised):
-        return _regular(rate, whole, s, y0)
-    return whole
-
-
-def _regular(rate: Any, whole: Any, s: Any, y0: State) -> Regular:
-    z = jax.eval_shape(rate.enter, y0)
-    push, span = jax.eval_shape(rate.push, s, s, z), jax.eval_shape(lambda z: z[-1], z)
-    given = dict(
-        enter=(y0,),
-        leave=(z,),
-        push=(s, s, z),
-        slope=(z, push),
-        remaining=(span, z),
-        duration=(s, s),
-    )
-    return Regular(
-        whole,
-        *(eqx.filter_closure_convert(getattr(rate, part), *args) for part, args in given.items()),
-    )
+    """The rate with all that it depends on as leaves; as it is for a method that needs more of the
+    system than its vector field."""
+    if solver_traits(manner.accuracy.method).needs:
+        return rate
+    return eqx.filter_closure_convert(rate, jnp.zeros((), manner.lengths.dtype), y0)
 
 
 @eqx.filter_jit

@@ -54,36 +54,10 @@ class Rate(eqx.Module):
         pace = self.duration(s, 1.0)
         return jax.tree.map(lambda k: k * pace, self.system.vector_field(self.time(s), y))
 
-    def _form(self) -> AbstractRegularised:
+    def regularised(self) -> AbstractRegularised:
+        """The regularised variables of the system, which has them."""
         return cast(AbstractRegularised, self.system.regularised())
 
-    def enter(self, y: State) -> Array:
-        """The regular variables of a system that has a regular form."""
-        return self._form().to_regularised(y)
-
-    def leave(self, z: Array) -> State:
-        """The state of the regular variables."""
-        return self._form().from_regularised(z)
-
-    def push(self, s0: Scalar, s1: Scalar, z: Array) -> Array:
-        """The perturbation of the regular variables entered at the clock time `s0`, as it is
-        between `s0` and `s1`."""
-        whole = self.duration(s0, s1 - s0) * (1.0 - 4.0 * jnp.finfo(z.dtype).eps)
-        since = jnp.clip(z[-1], jnp.minimum(whole, 0.0), jnp.maximum(whole, 0.0))
-        return self._form().perturbation(self.time(s0) + since, z)
-
-    def slope(self, z: Array, push: Array) -> Array:
-        """The slope of the regular variables."""
-        return self._form().derivative(z, push)
-
-    def remaining(self, duration: Scalar, z: Array) -> Scalar:
-        """About how much fictitious time a `duration` takes."""
-        return self._form().fictitious_time(duration, z)
-
-    def drift(self, s: Scalar, ds: Scalar, y: State) -> State:
-        """The drift of a split system, from the clock time `s` on."""
-        return cast(AbstractSplit, self.system.split()).drift(self.duration(s, ds), y)
-
-    def kick(self, s: Scalar, ds: Scalar, y: State) -> State:
-        """The kick of a split system, as it is at the clock time `s`."""
-        return cast(AbstractSplit, self.system.split()).kick(self.time(s), self.duration(s, ds), y)
+    def split(self) -> AbstractSplit:
+        """The drift and the kick of the system, which has them."""
+        return cast(AbstractSplit, self.system.split())

@@ -18,27 +18,11 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from ..core import State, barrier
-from ..solvers import DOP853, RKN1210, AbstractFixedStep, ExponentialRosenbrock, MuntheKaas, Tsit5
 from ._loop import Record, rows
 
 # steps between which all states are known at once: more of them leave the cache, fewer are taken
 # twice in short runs
 PIECE = 32
-
-
-def replayable(method: Any) -> bool:
-    """Whether a step of the method can be repeated from the state before it alone."""
-    if isinstance(method, MuntheKaas):
-        return replayable(method.solver)
-    return isinstance(
-        method,
-        DOP853
-        | ExponentialRosenbrock
-        | RKN1210
-        | Tsit5
-        | AbstractFixedStep
-        | diffrax.AbstractRungeKutta,
-    )
 
 
 def _at(tree: Any, index: Any) -> Any:

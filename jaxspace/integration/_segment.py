@@ -3,17 +3,16 @@ integration.
 
 The integration runs on the clock of segments (`_clock.py`)."""
 
-from typing import Any, final
+from typing import Any, cast, final
 
 import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import optimistix
 from jaxtyping import Array, Float, Int
 
 from ..core import AbstractClosedForm, AbstractSystem, Scalar, State, safe_divide
-from ..solvers import AbstractFixedStep, ExponentialRosenbrock, Regularised, Splitting, Tolerance
+from ..solvers import Tolerance, solver_traits
 from ._accuracy import Accuracy
 from ._integrate import Manner, integrate
 from ._normalised_time import Rate
@@ -124,15 +123,14 @@ def _by_integration(
     dtype = jnp.result_type(*jax.tree.leaves(y0))
     t0, t1 = jnp.asarray(t0, dtype), jnp.asarray(t1, dtype)
     u = _segments(system, t0, t1 - t0, None)
-    landing = isinstance(accuracy.method, ExponentialRosenbrock | Regularised | Splitting)
-    per_run = (u.ndim > 1 or landing) and fractions is not None
+    traits = solver_traits(cast(diffrax.AbstractSolver, accuracy.method))
+    per_run = (u.ndim > 1 or traits.lands_on_save_times) and fractions is not None
     if per_run:
         u = _segments(system, t0, t1 - t0, fractions)
     atol = 1e-3 * accuracy.rtol if accuracy.atol is None else accuracy.atol
     tolerance = Tolerance(jnp.asarray(accuracy.rtol, dtype), jnp.asarray(atol, dtype), run_axes)
-    accuracy = eqx.tree_at(lambda a: a.method, accuracy, _told(accuracy.method, tolerance))
     lengths = jnp.maximum(jnp.mean(jnp.diff(u, axis=0).reshape(u.shape[0] - 1, -1), axis=1), 1e-6)
-    if isinstance(accuracy.method, AbstractFixedStep):
+    if traits.fixed_step:
         plan = jnp.arange(u.shape[0], dtype=dtype)
     longest = (
         None
@@ -156,10 +154,9 @@ def _by_integration(
     )
     finite = tolerance.alive(jax.tree.map(lambda x: x[-1], states))
     stats = {
-        "steps": course.accepted * getattr(accuracy.method, "steps", 1),
+        "steps": course.accepted * traits.steps,
         "rejected_steps": course.rejected,
-        "evaluations": (course.accepted + course.rejected)
-        * getattr(accuracy.method, "evaluations", 1),
+        "evaluations": (course.accepted + course.rejected) * traits.evaluations,
         "largest_local_error": account,
     }
     return Propagation(states, judged(course.out_of_steps, finite, account), stats, course.ends)
@@ -179,26 +176,6 @@ def _longest_of(plan: Array, rate: Rate) -> Array:
     """The longest of the steps that were fixed beforehand, s, in each run."""
     times = jax.vmap(rate.time)(jnp.minimum(plan, rate.u.shape[0] - 1.0))
     return jax.lax.stop_gradient(jnp.max(jnp.abs(jnp.diff(times, axis=0)), axis=0))
-
-
-def _told(method: Any, tolerance: Tolerance) -> Any:
-    """The method, with what it has to know of the runs and of the tolerance."""
-    if isinstance(method, ExponentialRosenbrock):
-        return ExponentialRosenbrock(tolerance.run_axes)
-    if not isinstance(method, diffrax.AbstractImplicitSolver):
-        return method
-    # diffrax leaves a mark where its root finder shall take the tolerance of the steps.
-    mine = {"rtol": tolerance.rtol, "atol": tolerance.atol, "norm": optimistix.max_norm}
-    marked = [
-        name
-        for name in mine
-        if type(getattr(method.root_finder, name)) not in (float, type(optimistix.max_norm))
-    ]
-
-    def fields(m):
-        return [getattr(m.root_finder, name) for name in marked]
-
-    return eqx.tree_at(fields, method, [mine[name] for name in marked])
 
 
 def _kept(u: Array, fractions: Any, per_run: bool) -> Array | None:

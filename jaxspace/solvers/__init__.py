@@ -5,13 +5,17 @@ integration."""
 
 from ._exponential import ExponentialRosenbrock as ExponentialRosenbrock
 from ._munthe_kaas import MuntheKaas as MuntheKaas
-from ._regularised import Regular as Regular
+from ._protocol import AbstractDeclaredSolver as AbstractDeclaredSolver
+from ._protocol import AbstractFixedStep as AbstractFixedStep
+from ._protocol import ScaledField as ScaledField
+from ._protocol import SolverTraits as SolverTraits
+from ._protocol import bind as bind
+from ._protocol import refine as refine
+from ._protocol import solver_traits as solver_traits
 from ._regularised import Regularised as Regularised
 from ._rkn1210 import RKN1210 as RKN1210
 from ._runge_kutta import DOP853 as DOP853
 from ._runge_kutta import Tsit5 as Tsit5
-from ._second_order import AbstractFixedStep as AbstractFixedStep
-from ._splitting import Split as Split
 from ._splitting import Splitting as Splitting
 from ._step_control import BatchStepController as BatchStepController
 from ._step_control import ErrorTrackingSolver as ErrorTrackingSolver

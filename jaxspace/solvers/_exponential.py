@@ -36,7 +36,9 @@ from jaxtyping import Array, Float, PyTree
 
 from ..core import barrier
 from ._phi import Square, phis
+from ._protocol import AbstractDeclaredSolver, SolverTraits
 from ._runge_kutta import slope
+from ._step_control import Tolerance
 
 Flat = Float[Array, "*runs n"]
 
@@ -85,7 +87,7 @@ def _of(matrix: Square, v: Flat) -> Flat:
 
 
 @final
-class ExponentialRosenbrock(diffrax.AbstractAdaptiveSolver):
+class ExponentialRosenbrock(AbstractDeclaredSolver, diffrax.AbstractAdaptiveSolver):
     """An exponential method of order 5 with an embedded error of order 4, for stiff and
     two-time-scale systems.
 
@@ -101,7 +103,23 @@ class ExponentialRosenbrock(diffrax.AbstractAdaptiveSolver):
     run_axes: int = eqx.field(static=True, default=0)
     term_structure: ClassVar = diffrax.ODETerm
     interpolation_cls: ClassVar = diffrax.LocalLinearInterpolation
-    evaluations: ClassVar[int] = 5
+
+    @property
+    def traits(self) -> SolverTraits:
+        return SolverTraits(
+            replayable=True,
+            lands_on_save_times=True,
+            fixed_step=False,
+            needs="",
+            evaluations=5,
+            steps=1,
+        )
+
+    def bind(
+        self, *, tolerance: Tolerance, save_ts: Float[Array, " times"] | None, run_axes: int
+    ) -> "ExponentialRosenbrock":
+        del tolerance, save_ts
+        return ExponentialRosenbrock(run_axes)
 
     def order(self, terms: Any) -> int:
         return 5

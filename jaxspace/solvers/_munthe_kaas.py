@@ -15,10 +15,12 @@ from typing import Any, ClassVar, final
 import diffrax
 import jax
 import jax.numpy as jnp
-from jaxtyping import PyTree
+from jaxtyping import Array, Float, PyTree
 
 from ..core import AbstractGroupElement, barrier
+from ._protocol import AbstractDeclaredSolver, SolverTraits, bind, solver_traits
 from ._runge_kutta import DOP853
+from ._step_control import Tolerance
 
 
 def _on_group(x: Any) -> bool:
@@ -67,7 +69,7 @@ class _Moved(diffrax.AbstractLocalInterpolation):
 
 
 @final
-class MuntheKaas(diffrax.AbstractAdaptiveSolver):
+class MuntheKaas(AbstractDeclaredSolver, diffrax.AbstractAdaptiveSolver):
     """The one-step method `solver` on the group: a `Quaternion` keeps its unit length to rounding,
     however long the run.
 
@@ -79,9 +81,15 @@ class MuntheKaas(diffrax.AbstractAdaptiveSolver):
     interpolation_cls: ClassVar = _Moved
 
     @property
-    def evaluations(self) -> int:
-        """Evaluations of the vector field in a step, without that with which Tsit5 starts anew."""
-        return getattr(self.solver, "evaluations", 1)
+    def traits(self) -> SolverTraits:
+        return solver_traits(self.solver)
+
+    def bind(
+        self, *, tolerance: Tolerance, save_ts: Float[Array, " times"] | None, run_axes: int
+    ) -> "MuntheKaas":
+        return MuntheKaas(
+            bind(self.solver, tolerance=tolerance, save_ts=save_ts, run_axes=run_axes)
+        )
 
     def order(self, terms: Any) -> int | None:
         return self.solver.order(terms)

@@ -28,10 +28,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from ..core import InputError, barrier
+from ..core import AbstractRegularised, InputError, State, barrier
 from . import _tableaus as tableau
+from ._protocol import AbstractFixedStep, SolverTraits
 from ._runge_kutta import combine
-from ._second_order import AbstractFixedStep, estimate_by_coarsening
+from ._second_order import estimate_by_coarsening
 
 LANDINGS = 3
 ERROR_REDUCTION = (
@@ -41,31 +42,15 @@ ERROR_REDUCTION = (
 )
 
 
-@final
-class Regular(eqx.Module):
-    """A vector field with its motion in regular variables z, made from a state by `enter(y)` and
-    left by `leave(z)`.
-
-    dz/d(sigma) = `slope(z, push(s0, s1, z))` where z[-1] is the time since the clock was `s0`, in a
-    stretch until `s1`; `remaining(duration, z)` is the fictitious time of a duration, `duration(s,
-    ds)` the duration of a clock time `ds`."""
-
-    rate: Callable[[Any, Any], Any]
-    enter: Callable[[Any], Array]
-    leave: Callable[[Array], Any]
-    push: Callable[[Any, Any, Array], Array]
-    slope: Callable[[Array, Array], Array]
-    remaining: Callable[[Any, Array], Any]
-    duration: Callable[[Any, Any], Any]
-
-    def __call__(self, s: Any, y: Any) -> Any:
-        return self.rate(s, y)
-
-
 @eqx.filter_jit
-def _slope(regular: Any, s0: Any, s1: Any, z: Array) -> Array:
+def _derivative(form: AbstractRegularised, t: Array, duration: Array, z: Array) -> Array:
+    """dz/d(sigma) in a segment that starts at the time `t` and takes a `duration`."""
     z = barrier(z)
-    return barrier(regular.slope(z, barrier(regular.push(s0, s1, z))))
+    # The steps overshoot the end of the segment before they land on it. Beyond the end the
+    # perturbation is that of the end, just inside: the vector field may jump there.
+    inside = duration * (1.0 - 4.0 * jnp.finfo(z.dtype).eps)
+    since = jnp.clip(z[-1], jnp.minimum(inside, 0.0), jnp.maximum(inside, 0.0))
+    return barrier(form.derivative(z, barrier(form.perturbation(t + since, z))))
 
 
 @final
@@ -94,7 +79,18 @@ class Regularised(AbstractFixedStep):
         self.steps, self.estimate = math.prod(_blocks(steps)), estimate
 
     @property
-    def evaluations(self) -> int:
+    def traits(self) -> SolverTraits:
+        return SolverTraits(
+            replayable=True,
+            lands_on_save_times=True,
+            fixed_step=True,
+            needs="regularised",
+            evaluations=self._evaluations,
+            steps=self.steps,
+        )
+
+    @property
+    def _evaluations(self) -> int:
         counts = [
             _blocks(steps)
             for steps in ((self.steps, self.steps // 2) if self.estimate else (self.steps,))
@@ -117,10 +113,12 @@ class Regularised(AbstractFixedStep):
         self, terms: Any, t0: Any, t1: Any, y0: Any, args: Any, solver_state: None, made_jump: Any
     ):
         del terms, solver_state, made_jump
-        z0 = args.enter(y0)
+        form = args.regularised()
+        z0 = form.to_regularised(y0)
+        t, duration = args.time(t0), args.duration(t0, t1 - t0)
 
-        def integrate(steps: int) -> Any:
-            return args.leave(_stretch(args, t0, t1, z0, steps))
+        def integrate(steps: int) -> State:
+            return form.from_regularised(_integrate(form, t, duration, z0, steps))
 
         y1, error = estimate_by_coarsening(
             integrate, self.steps, self.steps // 2, ERROR_REDUCTION, self.estimate
@@ -135,16 +133,17 @@ def _blocks(steps: int) -> tuple[int, int]:
     return -(-steps // length), length
 
 
-def _stretch(regular: Any, s0: Any, s1: Any, z0: Array, steps: int) -> Array:
-    """The regular variables at the end of a stretch of the clock.
+def _integrate(
+    form: AbstractRegularised, t: Array, duration: Array, z0: Array, steps: int
+) -> Array:
+    """The regularised variables a `duration` after the time `t`.
 
     In blocks of steps, so that reverse mode keeps the variables at the start of each and takes its
     steps once more. The steps' length is predicted anew before a block with which 1, 4, 16, ... are
     left to do, and before each of those that land."""
-    duration = regular.duration(s0, s1 - s0).astype(z0.dtype)
 
-    def slope(z):
-        return _slope(regular, s0, s1, z)
+    def derivative(z: Array) -> Array:
+        return _derivative(form, t, duration, z)
 
     blocks, length = _blocks(steps)
     numbers = np.arange(blocks, -LANDINGS, -1)
@@ -152,8 +151,8 @@ def _stretch(regular: Any, s0: Any, s1: Any, z0: Array, steps: int) -> Array:
 
     def predicted(z: Array, number: Array) -> Array:
         left = duration - z[-1]
-        newton = jnp.where(number <= 0, left / slope(z)[-1], 0.0)
-        aim = jax.lax.stop_gradient(regular.remaining(left, z) - newton) + newton
+        newton = jnp.where(number <= 0, left / derivative(z)[-1], 0.0)
+        aim = jax.lax.stop_gradient(form.fictitious_time(left, z) - newton) + newton
         return aim / (length * jnp.maximum(number, 1)).astype(z.dtype)
 
     def block(
@@ -161,9 +160,9 @@ def _stretch(regular: Any, s0: Any, s1: Any, z0: Array, steps: int) -> Array:
     ) -> tuple[tuple[Array, Array], None]:
         z, h = carry
         h = jax.lax.cond(now[1], lambda: predicted(z, now[0]), lambda: h)
-        z = jax.lax.scan(jax.checkpoint(lambda z, _: (_step(slope, z, h), None)), z, length=length)[
-            0
-        ]
+        z = jax.lax.scan(
+            jax.checkpoint(lambda z, _: (_step(derivative, z, h), None)), z, length=length
+        )[0]
         return (z, h), None
 
     start = (z0, jnp.zeros(z0.shape[1:], z0.dtype))

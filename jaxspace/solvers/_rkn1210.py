@@ -28,8 +28,10 @@ from jaxtyping import Array, Float
 
 from . import _tableaus as tableau
 from ._nystrom import RKN12, nystrom_step
+from ._protocol import AbstractDeclaredSolver, SolverTraits
 from ._runge_kutta import Weights, weighted
 from ._second_order import SecondOrder, second_order
+from ._step_control import Tolerance
 
 NODES = (0.0, 1.0 / 3.0, 2.0 / 3.0, 1.0)
 
@@ -86,20 +88,36 @@ class _Fitted(diffrax.AbstractLocalInterpolation):
 
 
 @final
-class RKN1210(diffrax.AbstractAdaptiveSolver):
+class RKN1210(AbstractDeclaredSolver, diffrax.AbstractAdaptiveSolver):
     """Dormand, El-Mikkawy and Prince's method of Nystrom, of order 12 with an embedded error of
     order 10.
 
     Seventeen evaluations a step; for states of a position and a velocity whose acceleration does
     not depend on the velocity: a run where it does leaves the finite numbers at once. A step within
-    which states are asked for costs 37 evaluations more, and these states are as exact as the
-    steps. `asked` are the times of these states where they are known beforehand (`simulate` fills
+    which states are saved costs 37 evaluations more, and these states are as exact as the
+    steps. `save_ts` are the times of these states where they are known beforehand (`simulate` fills
     them in); without it every step pays. Raises `InputError` for a state with further parts."""
 
-    asked: Float[Array, " times"] | None = None
+    save_ts: Float[Array, " times"] | None = None
     term_structure: ClassVar = diffrax.ODETerm
     interpolation_cls: ClassVar = _Fitted
-    evaluations: ClassVar[int] = 17
+
+    @property
+    def traits(self) -> SolverTraits:
+        return SolverTraits(
+            replayable=True,
+            lands_on_save_times=False,
+            fixed_step=False,
+            needs="",
+            evaluations=17,
+            steps=1,
+        )
+
+    def bind(
+        self, *, tolerance: Tolerance, save_ts: Float[Array, " times"] | None, run_axes: int
+    ) -> "RKN1210":
+        del tolerance, run_axes
+        return RKN1210(jnp.zeros((0,)) if save_ts is None else save_ts)
 
     def order(self, terms: Any) -> int:
         return 12
@@ -128,12 +146,12 @@ class RKN1210(diffrax.AbstractAdaptiveSolver):
         def nothing():
             return jnp.zeros((10, *r1.shape), r1.dtype)
 
-        if self.asked is None:
+        if self.save_ts is None:
             q = between()
-        elif self.asked.shape[0] == 0:
+        elif self.save_ts.shape[0] == 0:
             q = nothing()
         else:
-            q = jax.lax.cond(jnp.any((self.asked >= t0) & (self.asked <= t1)), between, nothing)
+            q = jax.lax.cond(jnp.any((self.save_ts >= t0) & (self.save_ts <= t1)), between, nothing)
         dense = dict(y0=y0, q=q, pace=step * system.pace)
         return y1, error, dense, solver_state, diffrax.RESULTS.successful
 

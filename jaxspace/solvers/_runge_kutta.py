@@ -23,6 +23,7 @@ from jaxtyping import Array, PyTree
 
 from ..core import barrier
 from . import _tableaus as tableau
+from ._protocol import AbstractDeclaredSolver, SolverTraits
 
 Weights = tuple[tuple[int, Any], ...]
 VectorField = Callable[[Any, Any], Any]
@@ -112,7 +113,7 @@ class _Polynomial(diffrax.AbstractLocalInterpolation):
 
 
 @final
-class DOP853(diffrax.AbstractAdaptiveSolver):
+class DOP853(AbstractDeclaredSolver, diffrax.AbstractAdaptiveSolver):
     """Dormand and Prince's method of order 8 with embedded errors of orders 5 and 3 and dense
     output of order 7.
 
@@ -120,7 +121,17 @@ class DOP853(diffrax.AbstractAdaptiveSolver):
 
     term_structure: ClassVar = diffrax.ODETerm
     interpolation_cls: ClassVar = _HornerPair
-    evaluations: ClassVar[int] = 12
+
+    @property
+    def traits(self) -> SolverTraits:
+        return SolverTraits(
+            replayable=True,
+            lands_on_save_times=False,
+            fixed_step=False,
+            needs="",
+            evaluations=12,
+            steps=1,
+        )
 
     def order(self, terms: Any) -> int:
         return 8
@@ -182,7 +193,7 @@ def _dense_coefficients(
 
 
 @final
-class Tsit5(diffrax.AbstractAdaptiveSolver):
+class Tsit5(AbstractDeclaredSolver, diffrax.AbstractAdaptiveSolver):
     """Tsitouras' method of order 5 with an embedded error of order 4 and dense output of order 4.
 
     Six evaluations a step: the last stage of a step is the first one of the next, unless a jump
@@ -190,7 +201,17 @@ class Tsit5(diffrax.AbstractAdaptiveSolver):
 
     term_structure: ClassVar = diffrax.ODETerm
     interpolation_cls: ClassVar = _Polynomial
-    evaluations: ClassVar[int] = 6
+
+    @property
+    def traits(self) -> SolverTraits:
+        return SolverTraits(
+            replayable=True,
+            lands_on_save_times=False,
+            fixed_step=False,
+            needs="",
+            evaluations=6,
+            steps=1,
+        )
 
     def order(self, terms: Any) -> int:
         return 5

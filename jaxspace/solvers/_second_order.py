@@ -8,15 +8,12 @@ but what the system understands.
 """
 
 import dataclasses
-from abc import abstractmethod
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from equinox import AbstractVar
 from jaxtyping import Array
 
 from ..core import InputError, barrier
@@ -77,25 +74,6 @@ def second_order(terms: Any, t0: Any, t1: Any, y0: Any, args: Any, who: str) -> 
         end, dataclasses.replace(y0, velocity=jnp.ones_like(y0.velocity)), args
     ).position
     return SecondOrder(terms, args, y0, end, pace)
-
-
-class AbstractFixedStep(diffrax.AbstractSolver):
-    """A method that passes each stretch of the clock, from one whole number to the next, in `steps`
-    equal steps.
-
-    To diffrax all of them are one step, from one state to one state: nothing is carried over a
-    place where the system jumps, and the stretch can be taken once more for derivatives."""
-
-    steps: AbstractVar[int]
-
-    @property
-    @abstractmethod
-    def evaluations(self) -> int:
-        """Evaluations of the vector field along a stretch."""
-
-    @abstractmethod
-    def refined(self, factor: int) -> "AbstractFixedStep":
-        """The method with `factor` times as many steps."""
 
 
 def estimate_by_coarsening(

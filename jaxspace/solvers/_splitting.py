@@ -19,7 +19,6 @@ Sources: Wisdom, Holman (1991), Symplectic maps for the N-body problem, Astronom
 
 import functools
 import math
-from collections.abc import Callable
 from typing import Any, ClassVar, final
 
 import diffrax
@@ -27,9 +26,11 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array
 
-from ..core import InputError, barrier, safe_divide
-from ._second_order import AbstractFixedStep, estimate_by_coarsening
+from ..core import InputError, State, barrier, safe_divide
+from ._protocol import AbstractFixedStep, ScaledField, SolverTraits
+from ._second_order import estimate_by_coarsening
 
 UNRESOLVED_FACTOR = 0.25  # what the differences are divided by where no order holds
 
@@ -40,19 +41,6 @@ COMPOSITIONS = {
     4: (_P, _P, 1.0 - 4.0 * _P, _P, _P),
     6: (*_Y, 1.0 - 2.0 * sum(_Y), *reversed(_Y)),
 }
-
-
-@final
-class Split(eqx.Module):
-    """A vector field with its two parts: `drift(s, ds, y)` and `kick(s, ds, y)` are the states a
-    clock time `ds` later."""
-
-    rate: Callable[[Any, Any], Any]
-    drift: Callable[[Any, Any, Any], Any]
-    kick: Callable[[Any, Any, Any], Any]
-
-    def __call__(self, s: Any, y: Any) -> Any:
-        return self.rate(s, y)
 
 
 @final
@@ -88,7 +76,18 @@ class Splitting(AbstractFixedStep):
             raise InputError(f"Splitting.steps is {self.steps}: it must be even, and at least 2.")
 
     @property
-    def evaluations(self) -> int:
+    def traits(self) -> SolverTraits:
+        return SolverTraits(
+            replayable=True,
+            lands_on_save_times=True,
+            fixed_step=True,
+            needs="split",
+            evaluations=self._evaluations,
+            steps=self.steps,
+        )
+
+    @property
+    def _evaluations(self) -> int:
         return len(COMPOSITIONS[self.p]) * (
             self.steps + (_fewer(self.steps) if self.estimate else 0)
         )
@@ -114,39 +113,47 @@ class Splitting(AbstractFixedStep):
         error_reduction = jnp.where(turn < 1.0, ratio**self.p - 1.0, UNRESOLVED_FACTOR)
 
         def integrate(steps):
-            return self._stretch(args, t0, t1, y0, steps)
+            return self._integrate(args, t0, t1, y0, steps)
 
         y1, error = estimate_by_coarsening(
             integrate, self.steps, _fewer(self.steps), error_reduction, self.estimate
         )
         return y1, error, dict(y0=y0, y1=y1), None, diffrax.RESULTS.successful
 
-    def _stretch(self, split: Any, t0: Any, t1: Any, y0: Any, steps: int) -> Any:
-        """The state at the end of equal steps of a `Split`, or of what has its drift and kick;
-        kicks are timed from within.
+    def _integrate(self, field: ScaledField, t0: Array, t1: Array, y0: State, steps: int) -> State:
+        """The state after `steps` equal steps from `t0` to `t1`; kicks are timed from within.
 
-        Half kicks that follow one another are one. The composition is a loop, so that drift and
-        kick are compiled once."""
+        Two half kicks that follow one another are one. The composition is a loop, so that drift
+        and kick are compiled once."""
+        split = field.split()
         h = (t1 - t0) / steps
+        # Just before the end: a kick that jumps there is that of the segment which ends.
         end = t1 - 4.0 * jnp.finfo(t1.dtype).eps * jnp.maximum(jnp.abs(t1), t1 - t0)
         g = np.array(COMPOSITIONS[self.p])
         closing = np.arange(g.size) == g.size - 1
         parts = jnp.asarray(
-            np.stack([np.cumsum(g) - g, g, 0.5 * np.roll(g, -1), closing]), h.dtype
-        ).T
+            np.stack([np.cumsum(g) - g, g, 0.5 * np.roll(g, -1), closing], axis=1), h.dtype
+        )
 
-        def part(n: Any, y: Any, row: Any) -> tuple[Any, None]:
+        def drift(s: Array, ds: Array, y: State) -> State:
+            return barrier(split.drift(field.duration(s, ds), y))
+
+        def kick(s: Array, ds: Array, y: State) -> State:
+            return barrier(split.kick(field.time(s), field.duration(s, ds), y))
+
+        def part(n: Array, y: State, row: Array) -> tuple[State, None]:
             before, g, of_next, closing = row
-            y = barrier(split.drift(jnp.clip(t0 + (n + before) * h, t0, end), g * h, y))
-            weight = 0.5 * g + jnp.where((closing > 0.0) & (n == steps - 1), 0.0, of_next)
-            return barrier(
-                split.kick(jnp.clip(t0 + (n + before + g) * h, t0, end), weight * h, y)
-            ), None
+            y = drift(jnp.clip(t0 + (n + before) * h, t0, end), g * h, y)
+            # The last half kick of all has no half kick of a next step to be joined with.
+            following = jnp.where((closing > 0.0) & (n == steps - 1), 0.0, of_next)
+            weight = 0.5 * g + following
+            return kick(jnp.clip(t0 + (n + before + g) * h, t0, end), weight * h, y), None
 
-        def one(y: Any, n: Any) -> tuple[Any, None]:
+        def one(y: State, n: Array) -> tuple[State, None]:
             return jax.lax.scan(lambda y, row: part(n, y, row), y, parts)
 
-        y = barrier(split.kick(t0, 0.5 * parts[0, 1] * h, y0))
+        y = kick(t0, 0.5 * parts[0, 1] * h, y0)
+        # Reverse mode keeps the state before each step, and repeats what lies within the step.
         return jax.lax.scan(jax.checkpoint(one), y, jnp.arange(steps, dtype=h.dtype))[0]
 
 

@@ -33,7 +33,8 @@ from jaxtyping import Array
 
 from ..core import InputError
 from ._polynomials import integrals_of
-from ._second_order import AbstractFixedStep, second_order
+from ._protocol import AbstractFixedStep, SolverTraits
+from ._second_order import second_order
 from ._stormer_steps import Kept, StormerState
 
 
@@ -104,7 +105,18 @@ class Stormer(AbstractFixedStep):
             )
 
     @property
-    def evaluations(self) -> int:
+    def traits(self) -> SolverTraits:
+        return SolverTraits(
+            replayable=True,
+            lands_on_save_times=False,
+            fixed_step=True,
+            needs="",
+            evaluations=self._evaluations,
+            steps=self.steps,
+        )
+
+    @property
+    def _evaluations(self) -> int:
         return self.steps + 11 * (self.k - 1) + 2
 
     def refined(self, factor: int) -> "Stormer":

@@ -1,0 +1,190 @@
+"""What the runner has to know of a solver, and what a solver has to know of the run.
+
+A solver of this package is an `AbstractDeclaredSolver`: it declares its traits and says how it is
+bound to a run. For the solvers of diffrax both follow from their classes. So the runner names no
+concrete solver, and a new one needs no change outside of its own file.
+"""
+
+from abc import abstractmethod
+from typing import Literal, NamedTuple, Protocol, Self
+
+import diffrax
+import equinox as eqx
+import optimistix
+from equinox import AbstractVar
+from jaxtyping import Array, Float
+
+from ..core import AbstractRegularised, AbstractSplit, Scalar, State
+from ._step_control import Tolerance
+
+
+class SolverTraits(NamedTuple):
+    """What the runner has to know of a method.
+
+    - `replayable`: a step can be repeated from the state before it alone. Derivatives along
+      recorded steps need this.
+    - `lands_on_save_times`: it has no dense output, so that a step ends at every save time.
+    - `fixed_step`: it passes each segment in a given number of steps; the tolerance only judges
+      them.
+    - `needs`: the capability of the system by which it integrates, if any.
+    - `evaluations`: of the vector field in a step of the loop, which for a fixed-step method is a
+      whole segment.
+    - `steps`: counted for each step of the loop: 1, or the number of fixed steps of a segment.
+    """
+
+    replayable: bool
+    lands_on_save_times: bool
+    fixed_step: bool
+    needs: Literal["", "split", "regularised"]
+    evaluations: int
+    steps: int
+
+
+class ScaledField(Protocol):
+    """What a step gets as `args`: the vector field in normalised time s, and what lies behind it.
+
+    Most methods only evaluate it. Those that integrate by a capability of the system ask for this
+    and for the times, which the capability takes in seconds."""
+
+    def __call__(self, s: Scalar, y: State) -> State:
+        """dy/ds at the normalised time `s`."""
+        ...
+
+    def time(self, s: Scalar) -> Scalar:
+        """The time, s, at the normalised time `s`."""
+        ...
+
+    def duration(self, s: Scalar, ds: Scalar) -> Scalar:
+        """The duration, s, of the normalised time `ds`, from `s` on."""
+        ...
+
+    def split(self) -> AbstractSplit:
+        """Drift and kick of the system."""
+        ...
+
+    def regularised(self) -> AbstractRegularised:
+        """The motion of the system in regularised variables."""
+        ...
+
+
+class AbstractDeclaredSolver(diffrax.AbstractSolver):
+    """A solver that declares what it is.
+
+    It carries nothing from step to step unless it says so: `init` returns `None`."""
+
+    @property
+    @abstractmethod
+    def traits(self) -> SolverTraits:
+        """What the runner has to know of the method."""
+
+    def bind(
+        self, *, tolerance: Tolerance, save_ts: Float[Array, " times"] | None, run_axes: int
+    ) -> Self:
+        """The solver with what it has to know of the run; see `bind`."""
+        del tolerance, save_ts, run_axes
+        return self
+
+
+class AbstractFixedStep(AbstractDeclaredSolver):
+    """A method that passes each segment of normalised time in `steps` equal steps.
+
+    To diffrax all of them are one step, from one state to one state. So nothing is carried over a
+    place where the vector field jumps, and a segment can be repeated for derivatives."""
+
+    steps: AbstractVar[int]
+
+    @abstractmethod
+    def refined(self, factor: int) -> Self:
+        """The method with `factor` times as many steps."""
+
+
+def solver_traits(solver: diffrax.AbstractSolver) -> SolverTraits:
+    """What the runner has to know of a method, one of this package or one of diffrax's."""
+    # Asked first, because a wrapper of diffrax passes for an instance of what it wraps.
+    if isinstance(solver, diffrax.AbstractWrappedSolver):
+        inner = solver_traits(solver.solver)
+        # One step and two halves of it. No other wrapper of diffrax calls the solver twice.
+        calls = 3 if type(solver) is diffrax.HalfSolver else 1
+        return inner._replace(evaluations=calls * inner.evaluations)
+    if isinstance(solver, AbstractDeclaredSolver):
+        return solver.traits
+    # The state that a Runge-Kutta method of diffrax carries along is the derivative at the end of
+    # the step, which `init` evaluates again. Of other solvers nothing is known.
+    return SolverTraits(
+        replayable=isinstance(solver, diffrax.AbstractRungeKutta),
+        lands_on_save_times=False,
+        fixed_step=False,
+        needs="",
+        evaluations=_evaluations(solver),
+        steps=1,
+    )
+
+
+def _evaluations(solver: diffrax.AbstractSolver) -> int:
+    """Stages of a Runge-Kutta method of diffrax; of other methods one, because they do not say.
+
+    An implicit stage counts once, however many iterations its root takes."""
+    tableau = getattr(solver, "tableau", None)
+    if not isinstance(tableau, diffrax.ButcherTableau):
+        return 1
+    # The first stage is the last one of the step before.
+    return tableau.num_stages - int(tableau.fsal)
+
+
+def bind(
+    solver: diffrax.AbstractSolver,
+    *,
+    tolerance: Tolerance,
+    save_ts: Float[Array, " times"] | None,
+    run_axes: int,
+) -> diffrax.AbstractSolver:
+    """The solver with what it has to know of the run.
+
+    **Arguments**
+
+    - `solver`: one of this package or one of diffrax's.
+    - `tolerance`: for the root finder of an implicit solver of diffrax that has none of its own.
+    - `save_ts`: the normalised times at which states are saved; `None` where the last one is the
+      only one.
+    - `run_axes`: how many trailing axes of each block of the state carry runs.
+
+    **Returns** a solver of the same class.
+    """
+    if isinstance(solver, diffrax.AbstractWrappedSolver):
+        inner = bind(solver.solver, tolerance=tolerance, save_ts=save_ts, run_axes=run_axes)
+        return _wrapping(solver, inner)
+    if isinstance(solver, AbstractDeclaredSolver):
+        return solver.bind(tolerance=tolerance, save_ts=save_ts, run_axes=run_axes)
+    if isinstance(solver, diffrax.AbstractImplicitSolver):
+        return _with_root_tolerance(solver, tolerance)
+    return solver
+
+
+def _wrapping(
+    solver: diffrax.AbstractWrappedSolver, inner: diffrax.AbstractSolver
+) -> diffrax.AbstractSolver:
+    """The wrapper around another solver than its own."""
+    return eqx.tree_at(lambda s: s.solver, solver, inner)
+
+
+def _with_root_tolerance(
+    solver: diffrax.AbstractImplicitSolver, tolerance: Tolerance
+) -> diffrax.AbstractImplicitSolver:
+    """The implicit solver whose root finder takes the tolerance of the steps."""
+    given = {"rtol": tolerance.rtol, "atol": tolerance.atol, "norm": optimistix.max_norm}
+    # diffrax marks by an object of its own what it fills in from its own step size controller,
+    # which is not ours; whatever the user has set is a number or a function, and stays.
+    settled = (float, type(optimistix.max_norm))
+    marked = [name for name in given if type(getattr(solver.root_finder, name)) not in settled]
+
+    def fields(s: diffrax.AbstractImplicitSolver) -> list:
+        return [getattr(s.root_finder, name) for name in marked]
+
+    return eqx.tree_at(fields, solver, [given[name] for name in marked])
+
+
+def refine(solver: diffrax.AbstractSolver, factor: int) -> diffrax.AbstractSolver:
+    """The solver with `factor` times as many steps if it is a fixed-step method, else itself."""
+    if isinstance(solver, diffrax.AbstractWrappedSolver):
+        return _wrapping(solver, refine(solver.solver, factor))
+    return solver.refined(factor) if isinstance(solver, AbstractFixedStep) else solver
