@@ -19,6 +19,7 @@ from ..solvers import (
     solver_traits,
 )
 from ._accuracy import Accuracy
+from ._closures import closures_as_leaves
 from ._loop import March, Record, march, room
 from ._replay import Replay
 
@@ -76,7 +77,9 @@ def integrate(rate: Any, y0: State, manner: Manner) -> Course:
     manner = jax.tree.map(
         lambda x: jax.lax.stop_gradient(x) if eqx.is_inexact_array(x) else x, manner
     )
-    rate, adjoint = _converted(rate, y0, manner), manner.accuracy.adjoint
+    needs = solver_traits(manner.accuracy.method).needs
+    rate = closures_as_leaves(rate, needs, jnp.zeros((), manner.lengths.dtype), y0)
+    adjoint = manner.accuracy.adjoint
     if not solver_traits(manner.accuracy.method).replayable or not isinstance(
         adjoint, diffrax.RecursiveCheckpointAdjoint | diffrax.ForwardMode
     ):
@@ -84,14 +87,6 @@ def integrate(rate: Any, y0: State, manner: Manner) -> Course:
     if isinstance(adjoint, diffrax.ForwardMode):
         return _course(_march(rate, y0, manner), manner)
     return _replayed((rate, y0), manner)
-
-
-def _converted(rate: Any, y0: State, manner: Manner) -> Any:
-    """The rate with all that it depends on as leaves; as it is for a method that needs more of the
-    system than its vector field."""
-    if solver_traits(manner.accuracy.method).needs:
-        return rate
-    return eqx.filter_closure_convert(rate, jnp.zeros((), manner.lengths.dtype), y0)
 
 
 @eqx.filter_jit

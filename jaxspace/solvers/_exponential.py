@@ -139,7 +139,7 @@ class ExponentialRosenbrock(AbstractDeclaredSolver, diffrax.AbstractAdaptiveSolv
         del tolerance, save_ts
         return ExponentialRosenbrock(run_axes)
 
-    def order(self, terms: diffrax.AbstractTerm) -> int:
+    def order(self, terms: diffrax.AbstractTerm | None) -> int:
         return 5
 
     def init(

@@ -98,7 +98,7 @@ class MuntheKaas(AbstractDeclaredSolver, diffrax.AbstractAdaptiveSolver):
         inner = bind(self.solver, tolerance=tolerance, save_ts=save_ts, run_axes=run_axes)
         return MuntheKaas(inner)
 
-    def order(self, terms: diffrax.AbstractTerm) -> int | None:
+    def order(self, terms: diffrax.AbstractTerm | None) -> int | None:
         return self.solver.order(terms)
 
     def init(

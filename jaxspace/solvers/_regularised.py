@@ -106,7 +106,7 @@ class Regularised(AbstractFixedStep):
     def refined(self, factor: int) -> "Regularised":
         return Regularised(steps=factor * self.steps, estimate=self.estimate)
 
-    def order(self, terms: diffrax.AbstractTerm) -> int:
+    def order(self, terms: diffrax.AbstractTerm | None) -> int:
         return 8
 
     def step(

@@ -129,7 +129,7 @@ class RKN1210(AbstractDeclaredSolver, diffrax.AbstractAdaptiveSolver):
         del tolerance, run_axes
         return RKN1210(jnp.zeros((0,)) if save_ts is None else save_ts)
 
-    def order(self, terms: diffrax.AbstractTerm) -> int:
+    def order(self, terms: diffrax.AbstractTerm | None) -> int:
         return 12
 
     def init(

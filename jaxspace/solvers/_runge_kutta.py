@@ -134,7 +134,7 @@ class DOP853(AbstractDeclaredSolver, diffrax.AbstractAdaptiveSolver):
             steps=1,
         )
 
-    def order(self, terms: diffrax.AbstractTerm) -> int:
+    def order(self, terms: diffrax.AbstractTerm | None) -> int:
         return 8
 
     def init(
@@ -225,7 +225,7 @@ class Tsit5(AbstractDeclaredSolver, diffrax.AbstractAdaptiveSolver):
             steps=1,
         )
 
-    def order(self, terms: diffrax.AbstractTerm) -> int:
+    def order(self, terms: diffrax.AbstractTerm | None) -> int:
         return 5
 
     def init(

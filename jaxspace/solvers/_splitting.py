@@ -106,7 +106,7 @@ class Splitting(AbstractFixedStep):
     def refined(self, factor: int) -> "Splitting":
         return Splitting(self.p, steps=factor * self.steps, estimate=self.estimate)
 
-    def order(self, terms: diffrax.AbstractTerm) -> int:
+    def order(self, terms: diffrax.AbstractTerm | None) -> int:
         return self.p
 
     def step(

@@ -161,7 +161,7 @@ class BatchStepController(diffrax.AbstractStepSizeController):
         errors = self.tolerance.error(y0, y1_candidate, y_error)
         # Without derivatives: they follow the steps as they were taken.
         worst = jax.lax.stop_gradient(jnp.max(jnp.where(self.tolerance.alive(y0), errors, 0.0)))
-        # Late in a long run, ten roundings of the time are more than the smallest step.
+        # In single precision, or after many segments, roundings of the time are the limit.
         resolved = 16.0 * jnp.finfo(t0.dtype).eps * (1.0 + t0)
         smallest = jnp.maximum(SMALLEST_STEP, resolved).astype(t0.dtype)
         accept = (worst <= 1.0) | (ds <= 1.5 * smallest)
@@ -298,7 +298,7 @@ class ErrorTrackingSolver(diffrax.AbstractAdaptiveSolver, diffrax.AbstractWrappe
         """That of an implicit solver, for which diffrax asks."""
         return self.solver.root_finder  # pyright: ignore[reportAttributeAccessIssue]
 
-    def order(self, terms: diffrax.AbstractTerm) -> int | None:
+    def order(self, terms: diffrax.AbstractTerm | None) -> int | None:
         return self.solver.order(terms)
 
     def init(

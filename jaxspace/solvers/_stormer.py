@@ -131,7 +131,7 @@ class Stormer(AbstractFixedStep):
     def refined(self, factor: int) -> "Stormer":
         return Stormer(self.k, steps=factor * self.steps)
 
-    def order(self, terms: diffrax.AbstractTerm) -> int:
+    def order(self, terms: diffrax.AbstractTerm | None) -> int:
         return self.k
 
     def step(
