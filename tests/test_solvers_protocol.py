@@ -8,8 +8,12 @@ import numpy as np
 import optimistix
 import pytest
 
-from jaxspace.bodies import BodyState
+from jaxspace import Scene
+from jaxspace.bodies import BodyState, Load
 from jaxspace.core import AbstractRegularised, AbstractSplit
+from jaxspace.orbits import PointGravity
+from jaxspace.scene import Custom
+from jaxspace.simulation import Accuracy, simulate
 from jaxspace.solvers import (
     DOP853,
     RKN1210,
@@ -117,13 +121,26 @@ def exact(s):
     return BodyState(c * y.position + d * y.velocity, c * y.velocity - d * y.position)
 
 
-def step(method, field, s0=0.0, s1=1.0, y=None, state=None):
-    """The state after one step, its error, and the state of the solver."""
-    s0, s1, y = jnp.asarray(s0), jnp.asarray(s1), start() if y is None else y
-    if state is None:
-        state = method.init(TERM, s0, s1, y, field)
+FIELD = Field(Force())
+
+
+@eqx.filter_jit
+def begin(method, field, s0, s1, y):
+    return method.init(TERM, s0, s1, y, field)
+
+
+@eqx.filter_jit
+def go(method, field, s0, s1, y, state):
+    # Compiled: evaluations that nothing reads are left out, as in a run.
     y1, error, _, state, _ = method.step(TERM, s0, s1, y, field, state, jnp.array(False))
     return y1, error, state
+
+
+def step(method, s0=0.0, s1=1.0, y=None, state=None, field=FIELD):
+    """The state after one step, its error, and the state of the solver."""
+    s0, s1, y = jnp.asarray(s0), jnp.asarray(s1), start() if y is None else y
+    state = begin(method, field, s0, s1, y) if state is None else state
+    return go(method, field, s0, s1, y, state)
 
 
 def far(a, b):
@@ -134,35 +151,29 @@ def far(a, b):
 
 
 ADAPTIVE = [DOP853(), Tsit5(), RKN1210(jnp.zeros((0,))), ExponentialRosenbrock()]
+EITHER = [Splitting(4, steps=6, estimate=False), Regularised(steps=20, estimate=False)]
 FIXED = [
     Stormer(8, steps=40),
-    Splitting(4, steps=20),
-    Splitting(2, steps=6, estimate=False),
+    Splitting(2, steps=20),
     Regularised(steps=300),
-    Regularised(steps=20, estimate=False),
+    *EITHER,
 ]
 
 
 @pytest.mark.parametrize("method", [*ADAPTIVE, *FIXED], ids=repr)
 def test_a_step_costs_as_many_evaluations_as_declared(method):
-    force = Force()
-    field = Field(force)
-    state = method.init(TERM, jnp.array(0.0), jnp.array(1.0), start(), field)
-    # Compiled, because evaluations that nothing reads are then left out.
-    jax.block_until_ready(jax.jit(lambda y: step(method, field, y=y, state=state)[:2])(start()))
-    jax.effects_barrier()
-    before = force.count
-    jax.block_until_ready(jax.jit(lambda y: step(method, field, y=y, state=state)[:2])(start()))
-    jax.effects_barrier()
-    assert force.count - before == solver_traits(method).evaluations
+    s0, s1 = jnp.array(0.0), jnp.array(1.0)
+    state = begin(method, FIELD, s0, s1, start())
+    before = FIELD.force.count
+    jax.block_until_ready(go(method, FIELD, s0, s1, start(), state))
+    assert FIELD.force.count - before == solver_traits(method).evaluations
 
 
 @pytest.mark.parametrize("method", ADAPTIVE, ids=repr)
 def test_a_replayable_step_needs_only_the_state_before_it(method):
-    field = Field(Force())
-    middle, _, state = step(method, field, 0.0, 0.1)
-    carried = step(method, field, 0.1, 0.2, middle, state)[0]
-    repeated = step(method, field, 0.1, 0.2, middle)[0]
+    middle, _, state = step(method, 0.0, 0.1)
+    carried = step(method, 0.1, 0.2, middle, state)[0]
+    repeated = step(method, 0.1, 0.2, middle)[0]
     assert solver_traits(method).replayable
     # Some roundings: Tsit5 evaluates its first stage in another program.
     assert far(carried, repeated) < 1e-14
@@ -171,8 +182,7 @@ def test_a_replayable_step_needs_only_the_state_before_it(method):
 @pytest.mark.parametrize("method", FIXED, ids=repr)
 def test_a_fixed_step_method_passes_a_segment_in_seconds_and_refines(method):
     """The fields are in normalised time, drift, kick and regularised variables in seconds."""
-    field = Field(Force())
-    coarse, fine = (far(step(m, field)[0], exact(1.0)) for m in (method, refine(method, 2)))
+    coarse, fine = (far(step(m)[0], exact(1.0)) for m in (method, refine(method, 2)))
     assert solver_traits(refine(method, 2)).steps == 2 * solver_traits(method).steps
     assert coarse < 5e-2
     # A quarter for order 2; rounding for those that are already exact.
@@ -185,8 +195,7 @@ def test_a_regularised_step_sees_the_perturbation_within_the_segment_only():
             inside = (t >= T0) & (t < T0 + SPEED)
             return jnp.where(inside, -r, jnp.nan)
 
-    method = Regularised(steps=20)
-    assert far(step(method, Field(Ending()))[0], exact(1.0)) < 1e-6
+    assert far(step(Regularised(steps=20), field=Field(Ending()))[0], exact(1.0)) < 1e-6
 
 
 def test_traits_of_the_room():
@@ -238,3 +247,24 @@ def test_a_root_finder_takes_the_tolerance_unless_it_has_its_own():
     finder = bound(own).root_finder
     assert (finder.rtol, finder.atol) == (1e-3, 1e-4)
     assert finder.norm is optimistix.rms_norm
+
+
+@pytest.mark.parametrize("method", EITHER, ids=repr)
+def test_reverse_mode_sees_what_an_effect_closes_over(method):
+    """A spring beside a point mass, whose stiffness is no field of the scene."""
+
+    def end(k):
+        spring = Custom(
+            lambda t, y, body: Load(acceleration_N=-k * y.position),
+            needs={"position"},
+            adds={"acceleration"},
+        )
+        y = BodyState(jnp.array([1.0, 0.0, 0.0]), jnp.array([0.0, 1.1, 0.0]))
+        accuracy = Accuracy(rtol=1e-3, method=method)
+        scene = Scene((PointGravity(1.0), spring))
+        ts = jnp.array([0.0, 1.0])
+        return simulate(scene, y, ts, accuracy=accuracy, throw=False).final.position[0]
+
+    value, slope = jax.jit(end), jax.jit(jax.grad(end))(0.1)
+    # The square of 1e-4, and the roundings of the values over it.
+    np.testing.assert_allclose(slope, (value(0.1001) - value(0.0999)) / 2e-4, rtol=1e-7)
