@@ -187,7 +187,7 @@ def test_reverse_mode_through_states_between_the_steps():
     np.testing.assert_allclose(found, jax.grad(size)(1.0, TwoBody(1.0), 1e-9), rtol=1e-7)
 
 
-def test_too_few_steps_are_told_or_repeated_with_more():
+def test_too_few_steps_are_reported_or_repeated_with_more():
     """In a compiled program the status tells; outside of it, as in a batch, the run takes as many
     more as it needs."""
 
@@ -218,7 +218,7 @@ def test_error_estimate_of_a_run_is_that_of_half_the_steps():
     )
 
 
-def test_an_acceleration_that_depends_on_the_velocity_is_told():
+def test_an_acceleration_that_depends_on_the_velocity_is_reported():
     drag = Custom(
         lambda t, y, body: Load(acceleration_N=-0.01 * y.velocity),
         needs={"velocity"},

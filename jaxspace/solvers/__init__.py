@@ -1,13 +1,13 @@
 """Integrators written as diffrax solvers, and their step control. No physics.
 
-Every solver here serves one run or many (runs on the last axis of every block of the state) in one
-integration."""
+Every solver integrates one run or many in one integration; the runs lie on the last axes of every
+block of the state. A solver declares its `traits`, by which the runner knows what it needs.
+"""
 
 from ._exponential import ExponentialRosenbrock as ExponentialRosenbrock
 from ._munthe_kaas import MuntheKaas as MuntheKaas
 from ._protocol import AbstractDeclaredSolver as AbstractDeclaredSolver
 from ._protocol import AbstractFixedStep as AbstractFixedStep
-from ._protocol import ScaledField as ScaledField
 from ._protocol import SolverTraits as SolverTraits
 from ._protocol import bind as bind
 from ._protocol import refine as refine
@@ -22,3 +22,4 @@ from ._step_control import ErrorTrackingSolver as ErrorTrackingSolver
 from ._step_control import StepTo as StepTo
 from ._step_control import Tolerance as Tolerance
 from ._stormer import Stormer as Stormer
+from ._vector_field import ScaledField as ScaledField

@@ -1,29 +1,32 @@
-"""Explicit methods of Nystrom: Runge-Kutta for r'' = a(t, r), where no stage needs its own
-velocity.
+"""Explicit Runge-Kutta-Nystrom methods: Runge-Kutta for r'' = a(t, r), in which no stage needs a
+velocity of its own.
 
     k_i = a(t + c_i h, r + c_i h v + h^2 sum_j a_ij k_j)
     r_1 = r + h v + h^2 sum_i b_i k_i            v_1 = v + h sum_i b'_i k_i
 
-Every method of Runge and Kutta is one of Nystrom for such a system: a_ij are then the squares of
-its matrix, b = b' a.
+Every Runge-Kutta method becomes a Runge-Kutta-Nystrom method for such a system: its matrix is
+squared, and b = b' a.
 
 Source: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, II.14.
 """
 
-from typing import Any, NamedTuple, final
+from typing import NamedTuple, final
 
 import numpy as np
-from jaxtyping import Array
+from jaxtyping import Array, Float
 
 from ..core import barrier
 from . import _tableaus as tableau
 from ._runge_kutta import Weights, weighted
-from ._second_order import SecondOrder
+from ._second_order import SecondOrder, Vectors
+
+# Of a product of matrices whose entries are of order one: what is below is rounding, not a weight.
+ROUNDING = 1e-15
 
 
 @final
-class Nystrom(NamedTuple):
-    """A tableau: nodes `c`, rows `a`, weights of the position and of the velocity."""
+class NystromTableau(NamedTuple):
+    """Nodes `c`, rows `a`, weights b of the `position` and b' of the `velocity`."""
 
     c: tuple[float, ...]
     a: tuple[Weights, ...]
@@ -31,36 +34,58 @@ class Nystrom(NamedTuple):
     velocity: Weights
 
 
-def _row(weights: np.ndarray) -> Weights:
-    return tuple((i, float(w)) for i, w in enumerate(weights) if abs(w) > 1e-15)
+@final
+class NystromStep(NamedTuple):
+    """What a step leaves: position `r` and velocity `v` at its end, the `mean_velocity` along it,
+    and the accelerations `ks` at its stages."""
+
+    r: Vectors
+    v: Vectors
+    mean_velocity: Vectors
+    ks: list[Array]
 
 
-def of_runge_kutta(c: tuple[float, ...], a: tuple[Weights, ...], b: Weights) -> Nystrom:
-    """The method of Nystrom that a method of Runge and Kutta becomes."""
-    matrix, weights = np.zeros((len(c), len(c))), np.zeros(len(c))
+def _row(weights: Float[np.ndarray, " stages"]) -> Weights:
+    return tuple((i, float(w)) for i, w in enumerate(weights) if abs(w) > ROUNDING)
+
+
+def from_runge_kutta(c: tuple[float, ...], a: tuple[Weights, ...], b: Weights) -> NystromTableau:
+    """The Runge-Kutta-Nystrom form of the Runge-Kutta method with nodes `c`, rows `a` and weights
+    `b`."""
+    matrix = np.zeros((len(c), len(c)))
     for i, row in enumerate(a):
         for j, w in row:
             matrix[i, j] = w
+    weights = np.zeros(len(c))
     for i, w in b:
         weights[i] = w
-    return Nystrom(c, tuple(_row(row) for row in matrix @ matrix), _row(weights @ matrix), b)
+    rows = tuple(_row(row) for row in matrix @ matrix)
+    return NystromTableau(c, rows, position=_row(weights @ matrix), velocity=b)
 
 
-DOP853_NYSTROM = of_runge_kutta(tableau.DOP853_C, tableau.DOP853_A, tableau.DOP853_B)
-RKN12 = Nystrom(
+DOP853_NYSTROM = from_runge_kutta(tableau.DOP853_C, tableau.DOP853_A, tableau.DOP853_B)
+RKN12 = NystromTableau(
     tableau.RKN1210_C, tableau.RKN1210_A, tableau.RKN1210_POSITION, tableau.RKN1210_VELOCITY
 )
 
 
 def nystrom_step(
-    system: SecondOrder, method: Nystrom, s0: Any, h: Any, r: Array, v: Array
-) -> tuple[Array, Array, Array, list[Array]]:
-    """Position and velocity after a step, the mean velocity along it, and the accelerations at its
-    stages."""
+    system: SecondOrder,
+    method: NystromTableau,
+    s0: Float[Array, ""],
+    h: Float[Array, ""],
+    r: Vectors,
+    v: Vectors,
+) -> NystromStep:
+    """One step of length `h` in normalised time, from position `r` and velocity `v` at `s0`."""
+    # Time keeps its own precision: a state in single precision may have a clock in double.
     h = h.astype(r.dtype)
     ks: list[Array] = []
     for c, row in zip(method.c, method.a, strict=True):
-        way = c * v + h * weighted(row, ks) if row else c * v
-        ks.append(system.acceleration(s0 + c * h.astype(s0.dtype), r + h * system.travel(way)))
+        mean = c * v + h * weighted(row, ks) if row else c * v
+        stage = r + h * system.position_rate(mean)
+        ks.append(system.acceleration(s0 + c * h.astype(s0.dtype), stage))
+    # Together: the compiler would sum the stages again for each of its readers.
     mean = barrier(v + h * weighted(method.position, ks))
-    return *barrier((r + h * system.travel(mean), v + h * weighted(method.velocity, ks))), mean, ks
+    r1, v1 = barrier((r + h * system.position_rate(mean), v + h * weighted(method.velocity, ks)))
+    return NystromStep(r1, v1, mean, ks)

@@ -1,17 +1,17 @@
 """The phi functions of small matrices, at a quarter, a half and the whole of each.
 
-    phi_0(Z) = e^Z,    phi_k(Z) = Z phi_{k+1}(Z) + 1/k!                      phi_1 = (e^Z - 1) / Z, and so on
+    phi_0(Z) = e^Z
+    phi_k(Z) = Z phi_{k+1}(Z) + 1/k!                                         phi_1 = (e^Z - 1) / Z
     phi_k(2 Z) = 2^-k [ e^Z phi_k(Z) + sum_{j=1..k} phi_j(Z) / (k - j)! ]    doubling
 
-A series serves Z / 2^m, m doublings lead back to Z. The digits lost are those that the phase of the
-fastest motion in Z has lost already: eps |Z|, no more.
+A series gives them at Z / 2^m, and m doublings lead back to Z. The digits lost are those that the
+phase of the fastest motion in Z has lost already, eps |Z|, and no more.
 
 Source: Higham, Functions of Matrices, 10.7.4 (phi functions), 10.3 (scaling and squaring); Osborne
 (1960), On pre-conditioning matrices, Journal of the ACM 7, 338 (balancing).
 """
 
 import math
-from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -19,58 +19,69 @@ import numpy as np
 from jaxtyping import Array, Float
 
 Square = Float[Array, "... n n"]
+Phis = Float[Array, "6 *runs n n"]
 
 ORDERS = 5
-TERMS = 17  # of the series of phi_5, for matrices of norm one
-DOUBLINGS = 32  # more would leave no digit of the fastest phase
+# Terms of the series of phi_5: the next one is below a rounding for matrices of norm one.
+TERMS = 17
+# More would leave no digit of the phase of the fastest motion.
+DOUBLINGS = 32
+# Passes over the matrix; the ratio of its entries shrinks to its square root in each.
 BALANCINGS = 8
 
 
-def times(a: Square, b: Square) -> Square:
-    """The product a b, in the precision of its factors on every device."""
+def _matmul(a: Square, b: Square) -> Square:
+    # In the precision of the factors on every device.
     return jnp.matmul(a, b, precision="highest")
 
 
-def phis(z: Square) -> list[Float[Array, "6 *runs n n"]]:
-    """phi_0 to phi_5 of Z/4, of Z/2 and of Z; not finite where Z is not, or is larger than 2^32."""
+def phi_functions(z: Square) -> list[Phis]:
+    """phi_0 to phi_5 of Z/4, of Z/2 and of Z.
+
+    NaN where Z is not finite, or its norm is above 2^32."""
     scale = _balance(z)
     z = z * scale[..., None, :] / scale[..., :, None]
-    size = jax.lax.stop_gradient(jnp.max(jnp.sum(jnp.abs(z), axis=-2), axis=-1))
-    doublings = jnp.clip(jnp.ceil(jnp.log2(jnp.maximum(size, 1.0))), 2.0, DOUBLINGS)[
-        ..., None, None
-    ]
-    bad = ~(size <= 2.0**DOUBLINGS)[..., None, None]
+    norm = jax.lax.stop_gradient(jnp.max(jnp.sum(jnp.abs(z), axis=-2), axis=-1))
+    # Two at least: the last two doublings lead from Z/4 to Z/2 and to Z.
+    doublings = jnp.clip(jnp.ceil(jnp.log2(jnp.maximum(norm, 1.0))), 2.0, DOUBLINGS)
+    doublings = doublings[..., None, None]
+    # Also true for NaN. A zero in its place keeps the loop below short and its result finite.
+    out_of_range = ~(norm <= 2.0**DOUBLINGS)[..., None, None]
 
-    def once(p: Array, k: Array) -> tuple[Array, None]:
-        wanted = k < doublings - 2.0
-        return jax.lax.cond(
-            jnp.any(wanted), lambda p: jnp.where(wanted, _doubled(p), p), lambda p: p, p
-        ), None
+    def double_if_due(p: Phis, k: Array) -> tuple[Phis, None]:
+        due = k < doublings - 2.0
+        # Skipped where no run needs it: most runs need few of the doublings.
+        p = jax.lax.cond(jnp.any(due), lambda p: jnp.where(due, _doubled(p), p), lambda p: p, p)
+        return p, None
 
-    def again(p: Array, _: None) -> tuple[Array, Array]:
+    def double(p: Phis, _: None) -> tuple[Phis, Phis]:
         p = _doubled(p)
         return p, p
 
-    series = _series(jnp.where(bad, 0.0, z) * 2.0**-doublings)
-    quarter = jax.lax.scan(once, series, jnp.arange(DOUBLINGS - 2, dtype=z.dtype))[0]
-    half, whole = jax.lax.scan(again, quarter, length=2)[1]
+    start = _series(jnp.where(out_of_range, 0.0, z) * 2.0**-doublings)
+    quarter = jax.lax.scan(double_if_due, start, jnp.arange(DOUBLINGS - 2, dtype=z.dtype))[0]
+    half, whole = jax.lax.scan(double, quarter, length=2)[1]
     back = scale[..., :, None] / scale[..., None, :]
-    return [jnp.where(bad, jnp.nan, p * back) for p in (quarter, half, whole)]
+    return [jnp.where(out_of_range, jnp.nan, p * back) for p in (quarter, half, whole)]
 
 
-def _one(z: Square) -> Any:
+def _identity(z: Square) -> Float[Array, "n n"]:
     return jnp.eye(z.shape[-1], dtype=z.dtype)
 
 
-def _series(z: Square) -> Float[Array, "6 *runs n n"]:
-    """phi_0, phi_1, ... of a matrix of norm one: the last by its series, the others from it."""
-    one = _one(z) + 0.0 * z
-    last = jax.lax.fori_loop(
-        0, TERMS, lambda k, p: times(z, p) / (TERMS + ORDERS - k).astype(z.dtype) + one, one
-    )
+def _series(z: Square) -> Phis:
+    """phi_0 to phi_5 of a matrix of norm one at most: the last by its series, the others from
+    it."""
+    # With the axes of the runs.
+    one = _identity(z) + 0.0 * z
+
+    def horner(k: Array, p: Square) -> Square:
+        return _matmul(z, p) / (TERMS + ORDERS - k).astype(z.dtype) + one
+
+    last = jax.lax.fori_loop(0, TERMS, horner, one)
     every = [last / math.factorial(ORDERS)]
     for k in range(ORDERS - 1, -1, -1):
-        every.insert(0, times(z, every[0]) + one / math.factorial(k))
+        every.insert(0, _matmul(z, every[0]) + one / math.factorial(k))
     return jnp.stack(every)
 
 
@@ -83,24 +94,27 @@ _SUMS = np.array(
 _HALVES = 0.5 ** np.arange(ORDERS + 1)
 
 
-def _doubled(p: Float[Array, "6 *runs n n"]) -> Float[Array, "6 *runs n n"]:
-    """phi_0, phi_1, ... of 2 Z from those of Z."""
+def _doubled(p: Phis) -> Phis:
+    """phi_0 to phi_5 of 2 Z from those of Z."""
     halves = jnp.asarray(_HALVES, p.dtype).reshape(-1, *(1,) * (p.ndim - 1))
-    return halves * (
-        times(p[0], p) + jnp.tensordot(jnp.asarray(_SUMS, p.dtype), p, 1, precision="highest")
-    )
+    sums = jnp.tensordot(jnp.asarray(_SUMS, p.dtype), p, 1, precision="highest")
+    return halves * (_matmul(p[0], p) + sums)
 
 
 def _balance(z: Square) -> Float[Array, "*runs n"]:
-    """Powers of two that bring the rows and the columns of a matrix to like size, so that a choice
-    of units doubles nothing."""
-    size = jax.lax.stop_gradient(jnp.abs(z)) * (1.0 - _one(z))
+    """Powers of two that bring rows and columns of a matrix to like size.
 
-    def once(_: Any, scale: Array) -> Array:
-        now = size * scale[..., None, :] / scale[..., :, None]
-        rows, columns = jnp.sum(now, axis=-1), jnp.sum(now, axis=-2)
+    Without them the units of the state would decide on the number of doublings."""
+    off_diagonal = jax.lax.stop_gradient(jnp.abs(z)) * (1.0 - _identity(z))
+
+    def once(_: Array | int, scale: Array) -> Array:
+        now = off_diagonal * scale[..., None, :] / scale[..., :, None]
+        rows = jnp.sum(now, axis=-1)
+        columns = jnp.sum(now, axis=-2)
         both = (rows > 0.0) & (columns > 0.0) & jnp.isfinite(rows) & jnp.isfinite(columns)
         ratio = jnp.where(both, rows, 1.0) / jnp.where(both, columns, 1.0)
+        # The fourth root of the ratio, because rows and columns change at once. A power of two
+        # scales without rounding.
         return scale * jnp.exp2(jnp.round(0.25 * jnp.log2(ratio)))
 
     return jax.lax.fori_loop(0, BALANCINGS, once, jnp.ones_like(z[..., 0]))

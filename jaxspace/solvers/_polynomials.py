@@ -1,38 +1,48 @@
-"""Weights of formulae that integrate the polynomial through values at equal distances, from exact
+"""Weights of formulas that integrate the polynomial through values at equal distances, from exact
 fractions.
 
-Source: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, III.1, III.10."""
+Source: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, III.1, III.10.
+"""
 
 import functools
+from collections.abc import Callable
 from fractions import Fraction
-from typing import Any, NamedTuple, final
+from typing import NamedTuple, final
 
 import numpy as np
+from jaxtyping import Float
 
 
 @final
-class Weights(NamedTuple):
-    """Of the accelerations, the newest first: for the step that follows (b), the `change` of these
-    from the order below, and for the velocity at the newest (g)."""
+class StormerWeights(NamedTuple):
+    """Weights of the accelerations, the newest first: `step` (b) for the next step, `difference`
+    of these from the order below, `velocity` (g) for the velocity at the newest."""
 
-    next: tuple[float, ...]
-    change: tuple[float, ...]
-    now: tuple[float, ...]
+    step: tuple[float, ...]
+    difference: tuple[float, ...]
+    velocity: tuple[float, ...]
 
 
 @functools.cache
-def weights_of(k: int) -> Weights:
-    """The weights of order k."""
-    b, lower = (
-        _fitted(n, lambda m: Fraction(1 + (-1) ** m, (m + 1) * (m + 2))) for n in (k, k - 1)
-    )
-    g = _fitted(k, lambda m: Fraction((-1) ** m, (m + 1) * (m + 2)))
-    change = [x - y for x, y in zip(b, [*lower, Fraction(0)], strict=True)]
-    return Weights(tuple(map(float, b)), tuple(map(float, change)), tuple(map(float, g)))
+def stormer_weights(k: int) -> StormerWeights:
+    """The weights of order `k`."""
+
+    def b(m: int) -> Fraction:
+        # int_0^1 (1 - x) (x^m + (-x)^m) dx
+        return Fraction(1 + (-1) ** m, (m + 1) * (m + 2))
+
+    def g(m: int) -> Fraction:
+        # int_0^1 (1 - x) (-x)^m dx
+        return Fraction((-1) ** m, (m + 1) * (m + 2))
+
+    step = _fitted(k, b)
+    below = [*_fitted(k - 1, b), Fraction(0)]
+    difference = [x - y for x, y in zip(step, below, strict=True)]
+    return StormerWeights(*(tuple(map(float, w)) for w in (step, difference, _fitted(k, g))))
 
 
-def _fitted(k: int, moment: Any) -> list[Fraction]:
-    """The weights at 0, -1, ..., 1 - k that give x^m its `moment` for every m below k."""
+def _fitted(k: int, moment: Callable[[int], Fraction]) -> list[Fraction]:
+    """The weights at 0, -1, ..., 1 - k that give x^m its `moment` for every m below `k`."""
     basis = _lagrange([Fraction(-j) for j in range(k)])
     return [sum((c * moment(m) for m, c in enumerate(p)), Fraction(0)) for p in basis]
 
@@ -45,19 +55,21 @@ def _lagrange(nodes: list[Fraction]) -> list[list[Fraction]]:
         p = [Fraction(1)]
         for other in nodes:
             if other != x:
-                p = [
-                    (up - other * here) / (x - other)
-                    for up, here in zip([Fraction(0), *p], [*p, Fraction(0)], strict=True)
-                ]
+                # p times (X - other) / (x - other): shifted up by one power, less `other` times p.
+                shifted = zip([Fraction(0), *p], [*p, Fraction(0)], strict=True)
+                p = [(up - other * here) / (x - other) for up, here in shifted]
         basis.append(p)
     return basis
 
 
-def integrals_of(k: int) -> np.ndarray:
-    """Coefficients of the first and the second integrals, from their middle, of the polynomials of
-    k neighbouring nodes a unit apart: (2, k + 2, k), the powers, lowest first, on the second axis,
-    and zero at the middle."""
+def integrals_of(k: int) -> Float[np.ndarray, "2 powers k"]:
+    """First and second integrals of the polynomials of `k` neighbouring nodes a unit apart.
+
+    **Returns** the coefficients of the powers 0 to k + 1 on the second axis, for each node on the
+    last. Both integrals are zero at the middle of the nodes.
+    """
     table = np.zeros((2, k + 2, k))
+    # About the middle, where the powers are smallest and lose least.
     for i, p in enumerate(_lagrange([Fraction(2 * j - k + 1, 2) for j in range(k)])):
         for m, c in enumerate(p):
             table[0, m + 1, i] = c / (m + 1)

@@ -6,16 +6,21 @@ concrete solver, and a new one needs no change outside of its own file.
 """
 
 from abc import abstractmethod
-from typing import Literal, NamedTuple, Protocol, Self
+from typing import Literal, NamedTuple, TypeAlias
 
 import diffrax
 import equinox as eqx
 import optimistix
 from equinox import AbstractVar
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, PyTree
 
-from ..core import AbstractRegularised, AbstractSplit, Scalar, State
+from ..core import State
 from ._step_control import Tolerance
+from ._vector_field import evaluate
+
+Step: TypeAlias = tuple[State, State, dict[str, PyTree], PyTree, diffrax.RESULTS]
+"""What the `step` of a solver returns: the state after it, its error, what the dense output needs,
+the state of the solver, and whether the step succeeded."""
 
 
 class SolverTraits(NamedTuple):
@@ -40,37 +45,8 @@ class SolverTraits(NamedTuple):
     steps: int
 
 
-class ScaledField(Protocol):
-    """What a step gets as `args`: the vector field in normalised time s, and what lies behind it.
-
-    Most methods only evaluate it. Those that integrate by a capability of the system ask for this
-    and for the times, which the capability takes in seconds."""
-
-    def __call__(self, s: Scalar, y: State) -> State:
-        """dy/ds at the normalised time `s`."""
-        ...
-
-    def time(self, s: Scalar) -> Scalar:
-        """The time, s, at the normalised time `s`."""
-        ...
-
-    def duration(self, s: Scalar, ds: Scalar) -> Scalar:
-        """The duration, s, of the normalised time `ds`, from `s` on."""
-        ...
-
-    def split(self) -> AbstractSplit:
-        """Drift and kick of the system."""
-        ...
-
-    def regularised(self) -> AbstractRegularised:
-        """The motion of the system in regularised variables."""
-        ...
-
-
 class AbstractDeclaredSolver(diffrax.AbstractSolver):
-    """A solver that declares what it is.
-
-    It carries nothing from step to step unless it says so: `init` returns `None`."""
+    """A solver that declares what it is."""
 
     @property
     @abstractmethod
@@ -79,10 +55,16 @@ class AbstractDeclaredSolver(diffrax.AbstractSolver):
 
     def bind(
         self, *, tolerance: Tolerance, save_ts: Float[Array, " times"] | None, run_axes: int
-    ) -> Self:
-        """The solver with what it has to know of the run; see `bind`."""
+    ) -> diffrax.AbstractSolver:
+        """The solver with what it has to know of the run; arguments as of the function `bind`."""
         del tolerance, save_ts, run_axes
         return self
+
+    def func(
+        self, terms: diffrax.AbstractTerm, t0: Float[Array, ""], y0: State, args: PyTree
+    ) -> State:
+        """The vector field, with which diffrax's step control chooses the first step."""
+        return evaluate(terms, t0, y0, args)
 
 
 class AbstractFixedStep(AbstractDeclaredSolver):
@@ -94,8 +76,18 @@ class AbstractFixedStep(AbstractDeclaredSolver):
     steps: AbstractVar[int]
 
     @abstractmethod
-    def refined(self, factor: int) -> Self:
+    def refined(self, factor: int) -> "AbstractFixedStep":
         """The method with `factor` times as many steps."""
+
+    def init(
+        self,
+        terms: diffrax.AbstractTerm,
+        t0: Float[Array, ""],
+        t1: Float[Array, ""],
+        y0: State,
+        args: PyTree,
+    ) -> None:
+        return None
 
 
 def solver_traits(solver: diffrax.AbstractSolver) -> SolverTraits:
@@ -103,13 +95,13 @@ def solver_traits(solver: diffrax.AbstractSolver) -> SolverTraits:
     # Asked first, because a wrapper of diffrax passes for an instance of what it wraps.
     if isinstance(solver, diffrax.AbstractWrappedSolver):
         inner = solver_traits(solver.solver)
-        # One step and two halves of it. No other wrapper of diffrax calls the solver twice.
+        # One step and two halves of it. No other wrapper of diffrax takes more than one.
         calls = 3 if type(solver) is diffrax.HalfSolver else 1
         return inner._replace(evaluations=calls * inner.evaluations)
     if isinstance(solver, AbstractDeclaredSolver):
         return solver.traits
-    # The state that a Runge-Kutta method of diffrax carries along is the derivative at the end of
-    # the step, which `init` evaluates again. Of other solvers nothing is known.
+    # What a Runge-Kutta method of diffrax carries along is the derivative at the end of the step,
+    # which `init` evaluates again. Of other solvers nothing is known.
     return SolverTraits(
         replayable=isinstance(solver, diffrax.AbstractRungeKutta),
         lands_on_save_times=False,
@@ -121,13 +113,13 @@ def solver_traits(solver: diffrax.AbstractSolver) -> SolverTraits:
 
 
 def _evaluations(solver: diffrax.AbstractSolver) -> int:
-    """Stages of a Runge-Kutta method of diffrax; of other methods one, because they do not say.
+    """Stages of a Runge-Kutta method of diffrax; one for other methods, which do not say.
 
     An implicit stage counts once, however many iterations its root takes."""
     tableau = getattr(solver, "tableau", None)
     if not isinstance(tableau, diffrax.ButcherTableau):
         return 1
-    # The first stage is the last one of the step before.
+    # Where the first stage is the last one of the step before, it is not evaluated again.
     return tableau.num_stages - int(tableau.fsal)
 
 
@@ -144,8 +136,7 @@ def bind(
 
     - `solver`: one of this package or one of diffrax's.
     - `tolerance`: for the root finder of an implicit solver of diffrax that has none of its own.
-    - `save_ts`: the normalised times at which states are saved; `None` where the last one is the
-      only one.
+    - `save_ts`: the normalised times at which states are saved; `None` if only the last state is.
     - `run_axes`: how many trailing axes of each block of the state carry runs.
 
     **Returns** a solver of the same class.
@@ -160,6 +151,13 @@ def bind(
     return solver
 
 
+def refine(solver: diffrax.AbstractSolver, factor: int) -> diffrax.AbstractSolver:
+    """The solver with `factor` times as many steps if it is a fixed-step method, else itself."""
+    if isinstance(solver, diffrax.AbstractWrappedSolver):
+        return _wrapping(solver, refine(solver.solver, factor))
+    return solver.refined(factor) if isinstance(solver, AbstractFixedStep) else solver
+
+
 def _wrapping(
     solver: diffrax.AbstractWrappedSolver, inner: diffrax.AbstractSolver
 ) -> diffrax.AbstractSolver:
@@ -169,22 +167,15 @@ def _wrapping(
 
 def _with_root_tolerance(
     solver: diffrax.AbstractImplicitSolver, tolerance: Tolerance
-) -> diffrax.AbstractImplicitSolver:
+) -> diffrax.AbstractSolver:
     """The implicit solver whose root finder takes the tolerance of the steps."""
     given = {"rtol": tolerance.rtol, "atol": tolerance.atol, "norm": optimistix.max_norm}
-    # diffrax marks by an object of its own what it fills in from its own step size controller,
-    # which is not ours; whatever the user has set is a number or a function, and stays.
-    settled = (float, type(optimistix.max_norm))
-    marked = [name for name in given if type(getattr(solver.root_finder, name)) not in settled]
+    # diffrax marks with an object of its own what it fills in from its own step size controller,
+    # and ours is another. What the user has set is a number or a function, and stays.
+    set_by_user = (float, type(optimistix.max_norm))
+    marked = [name for name in given if type(getattr(solver.root_finder, name)) not in set_by_user]
 
     def fields(s: diffrax.AbstractImplicitSolver) -> list:
         return [getattr(s.root_finder, name) for name in marked]
 
     return eqx.tree_at(fields, solver, [given[name] for name in marked])
-
-
-def refine(solver: diffrax.AbstractSolver, factor: int) -> diffrax.AbstractSolver:
-    """The solver with `factor` times as many steps if it is a fixed-step method, else itself."""
-    if isinstance(solver, diffrax.AbstractWrappedSolver):
-        return _wrapping(solver, refine(solver.solver, factor))
-    return solver.refined(factor) if isinstance(solver, AbstractFixedStep) else solver

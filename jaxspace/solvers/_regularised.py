@@ -1,13 +1,14 @@
 """Equal steps in a fictitious time in which the motion is smooth, landing on given times: for
 eccentric orbits and close passes.
 
-    dz/d(sigma) = f(t, z)             z: regular variables of the state, with the time as the last one
-    h = span(t1 - t, z) / steps left  step; predicted anew now and then, more often towards the end
+    dz/d(sigma) = f(t, z)             z: regularised variables; the last one is the time
+    h = sigma(t1 - t, z) / n          step, with n steps left; predicted again now and then
 
-The steps are those of DOP853 (order 8). What the system calls `span` is exact for the unperturbed
-motion: a perturbation leaves little over when the steps are done. Three further blocks of a few
-short steps land, each on what the last one has left over. Derivatives take the steps as they are,
-and the landing to be exact: sigma' = (t1' - t') / (dt/d(sigma)).
+The steps are those of DOP853 (order 8). The fictitious time that the system predicts for a
+duration, sigma(t1 - t, z), is exact for the unperturbed motion; with a perturbation a little time
+is left when the steps are done. Three further blocks of a few short steps land, each on what the
+last one has left. Derivatives take the steps as they are and the landing to be exact:
+sigma' = (t1' - t') / (dt/d(sigma)).
 
     symbol  meaning
     sigma   fictitious time
@@ -19,54 +20,63 @@ Norsett, Wanner, Solving Ordinary Differential Equations I, II.5, for the method
 
 import math
 from collections.abc import Callable
-from typing import Any, ClassVar, final
+from typing import ClassVar, final
 
 import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array
+from jaxtyping import Array, Bool, Float, Int
 
-from ..core import AbstractRegularised, InputError, State, barrier
+from ..core import AbstractRegularised, InputError, Scalar, State, barrier
 from . import _tableaus as tableau
-from ._protocol import AbstractFixedStep, SolverTraits
+from ._protocol import AbstractFixedStep, SolverTraits, Step
 from ._runge_kutta import combine
 from ._second_order import estimate_by_coarsening
+from ._vector_field import ScaledField
 
+STAGES = len(tableau.DOP853_A)
+# Blocks of steps that land. Each leaves of the time what the perturbation changes within its few
+# short steps: after three of them nothing but rounding is left.
 LANDINGS = 3
-ERROR_REDUCTION = (
-    2.0**4
-    # at least this much smaller are errors of half the step, also where a perturbation is not yet
-    # resolved
-)
+# Half the step of order 8 would reduce the error by 2^8. Also where the steps do not yet resolve a
+# perturbation, the error is smaller than the difference by this.
+ERROR_REDUCTION = 2.0**4
+
+Regular = Float[Array, "variables *runs"]
 
 
 @eqx.filter_jit
-def _derivative(form: AbstractRegularised, t: Array, duration: Array, z: Array) -> Array:
+def _derivative(form: AbstractRegularised, t: Scalar, duration: Scalar, z: Regular) -> Regular:
     """dz/d(sigma) in a segment that starts at the time `t` and takes a `duration`."""
     z = barrier(z)
-    # The steps overshoot the end of the segment before they land on it. Beyond the end the
-    # perturbation is that of the end, just inside: the vector field may jump there.
+    # The steps may pass the end of the segment before they land on it. Beyond it the perturbation
+    # is that of the end, just inside, because the vector field may jump there.
     inside = duration * (1.0 - 4.0 * jnp.finfo(z.dtype).eps)
-    since = jnp.clip(z[-1], jnp.minimum(inside, 0.0), jnp.maximum(inside, 0.0))
-    return barrier(form.derivative(z, barrier(form.perturbation(t + since, z))))
+    elapsed = jnp.clip(z[-1], jnp.minimum(inside, 0.0), jnp.maximum(inside, 0.0))
+    perturbation = barrier(form.perturbation(t + elapsed, z))
+    return barrier(form.derivative(z, perturbation))
 
 
 @final
 class Regularised(AbstractFixedStep):
-    """Order 8 in regular variables with `steps` equal steps of fictitious time from one time to
-    land on to the next.
+    """Order 8 in regularised variables, with `steps` equal steps of fictitious time in each
+    segment.
 
-    For systems that offer such variables (`AbstractRegularisedSystem`), as a scene of
-    `PointGravity` and any accelerations. Some 30 steps a revolution serve every eccentricity where
-    the perturbations are smooth along the orbit; one that is felt only close to the centre wants
-    more. Every state asked for is landed on. The error is estimated for the stretch as a whole,
-    with care, from the same with half as many steps, which costs half as much again;
-    `estimate=False` leaves it out, and then no status tells of too few steps.
+    For systems that offer such variables, as a scene of `PointGravity` and any accelerations does.
+    Some 30 steps a revolution serve every eccentricity where the perturbations are smooth along the
+    orbit; one that is felt only close to the centre requires more. Steps land on every save time,
+    so that a segment lasts from one to the next.
 
-    The number of steps is rounded up to whole blocks of some steps. Raises `InputError` if it is
-    less than 4."""
+    **Arguments**
+
+    - `steps`: in each segment, rounded up to whole blocks of some steps; at least 4.
+    - `estimate`: whether the error of each segment is estimated, cautiously, by half as many steps,
+      which costs half as much again. Without it no status reports too few steps.
+
+    **Raises** `InputError` for fewer than 4 steps.
+    """
 
     steps: int = eqx.field(static=True)
     estimate: bool = eqx.field(static=True)
@@ -76,46 +86,44 @@ class Regularised(AbstractFixedStep):
     def __init__(self, *, steps: int, estimate: bool = True):
         if steps < 4:
             raise InputError(f"Regularised.steps is {steps}: it must be at least 4.")
-        self.steps, self.estimate = math.prod(_blocks(steps)), estimate
+        self.steps = math.prod(_blocks(steps))
+        self.estimate = estimate
 
     @property
     def traits(self) -> SolverTraits:
+        evaluations = _evaluations(self.steps)
+        if self.estimate:
+            evaluations += _evaluations(self.steps // 2)
         return SolverTraits(
             replayable=True,
             lands_on_save_times=True,
             fixed_step=True,
             needs="regularised",
-            evaluations=self._evaluations,
+            evaluations=evaluations,
             steps=self.steps,
         )
-
-    @property
-    def _evaluations(self) -> int:
-        counts = [
-            _blocks(steps)
-            for steps in ((self.steps, self.steps // 2) if self.estimate else (self.steps,))
-        ]
-        return 12 * sum((blocks + LANDINGS) * length for blocks, length in counts)
 
     def refined(self, factor: int) -> "Regularised":
         return Regularised(steps=factor * self.steps, estimate=self.estimate)
 
-    def order(self, terms: Any) -> int:
+    def order(self, terms: diffrax.AbstractTerm | None) -> int:
         return 8
 
-    def init(self, terms: Any, t0: Any, t1: Any, y0: Any, args: Any) -> None:
-        return None
-
-    def func(self, terms: Any, t0: Any, y0: Any, args: Any) -> Any:
-        return terms.vf(t0, y0, args)
-
     def step(
-        self, terms: Any, t0: Any, t1: Any, y0: Any, args: Any, solver_state: None, made_jump: Any
-    ):
+        self,
+        terms: diffrax.AbstractTerm,
+        t0: Float[Array, ""],
+        t1: Float[Array, ""],
+        y0: State,
+        args: ScaledField,
+        solver_state: None,
+        made_jump: Bool[Array, ""] | bool,
+    ) -> Step:
         del terms, solver_state, made_jump
         form = args.regularised()
         z0 = form.to_regularised(y0)
-        t, duration = args.time(t0), args.duration(t0, t1 - t0)
+        t = args.time(t0)
+        duration = args.duration(t0, t1 - t0).astype(z0.dtype)
 
         def integrate(steps: int) -> State:
             return form.from_regularised(_integrate(form, t, duration, z0, steps))
@@ -127,52 +135,73 @@ class Regularised(AbstractFixedStep):
 
 
 def _blocks(steps: int) -> tuple[int, int]:
-    """How many blocks there are, and how many steps each has: a power of two, about a quarter of
-    the root of all steps."""
+    """How many blocks there are, and how many steps each has.
+
+    A power of two, about a quarter of the root of all steps: long enough that few states are kept
+    for reverse mode, and short enough that landing costs little."""
     length = 2 ** max(1, (steps.bit_length() - 1) // 2 - 2)
     return -(-steps // length), length
 
 
+def _schedule(steps: int) -> tuple[np.ndarray, np.ndarray]:
+    """For each block how many are left, itself included, and whether the step is predicted.
+
+    The blocks that land have the numbers 0, -1, -2."""
+    blocks, _ = _blocks(steps)
+    blocks_left = np.arange(blocks, -LANDINGS, -1)
+    return blocks_left, np.isin(blocks_left, [blocks, *4 ** np.arange(16)]) | (blocks_left <= 0)
+
+
+def _evaluations(steps: int) -> int:
+    _, length = _blocks(steps)
+    blocks_left, due = _schedule(steps)
+    # Twelve in each step, and one in each prediction.
+    return STAGES * length * blocks_left.size + int(np.sum(due))
+
+
 def _integrate(
-    form: AbstractRegularised, t: Array, duration: Array, z0: Array, steps: int
-) -> Array:
+    form: AbstractRegularised, t: Scalar, duration: Scalar, z0: Regular, steps: int
+) -> Regular:
     """The regularised variables a `duration` after the time `t`.
 
-    In blocks of steps, so that reverse mode keeps the variables at the start of each and takes its
-    steps once more. The steps' length is predicted anew before a block with which 1, 4, 16, ... are
-    left to do, and before each of those that land."""
+    In blocks of steps: reverse mode keeps the variables at the start of each block and repeats its
+    steps. The step is predicted before a block with which 1, 4, 16, ... are left, and before each
+    of those that land."""
 
-    def derivative(z: Array) -> Array:
+    def derivative(z: Regular) -> Regular:
         return _derivative(form, t, duration, z)
 
-    blocks, length = _blocks(steps)
-    numbers = np.arange(blocks, -LANDINGS, -1)
-    due = np.isin(numbers, [blocks, *4 ** np.arange(16)]) | (numbers <= 0)
-
-    def predicted(z: Array, number: Array) -> Array:
+    def predicted_step(z: Regular, blocks_left: Int[Array, ""]) -> Float[Array, "*runs"]:
         left = duration - z[-1]
-        newton = jnp.where(number <= 0, left / derivative(z)[-1], 0.0)
-        aim = jax.lax.stop_gradient(form.fictitious_time(left, z) - newton) + newton
-        return aim / (length * jnp.maximum(number, 1)).astype(z.dtype)
+        # The prediction has no derivatives but those of a Newton step in time, which make the
+        # landing exact in them. Only the blocks that land have them: they would cancel in others.
+        newton = jnp.where(blocks_left <= 0, left / derivative(z)[-1], 0.0)
+        sigma = jax.lax.stop_gradient(form.fictitious_time(left, z) - newton) + newton
+        return sigma / (length * jnp.maximum(blocks_left, 1)).astype(z.dtype)
 
     def block(
-        carry: tuple[Array, Array], now: tuple[Array, Array]
-    ) -> tuple[tuple[Array, Array], None]:
+        carry: tuple[Regular, Array], now: tuple[Int[Array, ""], Bool[Array, ""]]
+    ) -> tuple[tuple[Regular, Array], None]:
         z, h = carry
-        h = jax.lax.cond(now[1], lambda: predicted(z, now[0]), lambda: h)
-        z = jax.lax.scan(
-            jax.checkpoint(lambda z, _: (_step(derivative, z, h), None)), z, length=length
-        )[0]
+        blocks_left, due = now
+        h = jax.lax.cond(due, lambda: predicted_step(z, blocks_left), lambda: h)
+
+        def step(z: Regular, _: None) -> tuple[Regular, None]:
+            return _step(derivative, z, h), None
+
+        z, _ = jax.lax.scan(jax.checkpoint(step), z, length=length)
         return (z, h), None
 
+    _, length = _blocks(steps)
+    blocks_left, due = _schedule(steps)
     start = (z0, jnp.zeros(z0.shape[1:], z0.dtype))
-    return jax.lax.scan(jax.checkpoint(block), start, (jnp.asarray(numbers), jnp.asarray(due)))[0][
-        0
-    ]
+    given = (jnp.asarray(blocks_left), jnp.asarray(due))
+    (z, _), _ = jax.lax.scan(jax.checkpoint(block), start, given)
+    return z
 
 
-def _step(f: Callable[[Array], Array], z: Array, h: Array) -> Array:
-    """One step of DOP853 along an autonomous slope."""
+def _step(f: Callable[[Regular], Regular], z: Regular, h: Float[Array, "*runs"]) -> Regular:
+    """One step of DOP853 of dz/d(sigma) = f(z)."""
     ks = []
     for row in tableau.DOP853_A:
         ks.append(f(combine(z, h, row, ks) if row else z))

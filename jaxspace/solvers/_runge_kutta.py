@@ -2,64 +2,70 @@
 
     k_i = f(t + c_i h, y + h sum_j a_ij k_j)            y_1 = y + h sum_i b_i k_i
 
-Two measured facts shape the code. The compiler for CPUs recomputes a right-hand side once for each
-of its outputs unless a barrier holds every stage together (1.8 times faster with it); on other
-devices the barrier is left out. And a method written out stage by stage costs nothing over a
-hand-made loop, so that everything stays a diffrax solver.
+Two measured facts shape the code. The compiler for CPUs evaluates the vector field once for each of
+its outputs unless a barrier holds every stage together (1.8 times faster with it); on other devices
+the barrier is left out. And a method that is written out stage by stage as a diffrax solver costs
+no more than a loop written by hand.
 
-The stages look at a step from inside: the last one is evaluated just before the end of the step, so
-that a right-hand side that jumps there is seen from the side to which the step belongs.
+The stages see a step from inside: the last one is evaluated just before the end of the step, so
+that a vector field that jumps there is evaluated on the side of the step.
 """
 
 import functools
 from collections.abc import Callable, Sequence
-from typing import Any, ClassVar, final
+from typing import ClassVar, TypeAlias, final
 
 import diffrax
-import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, PyTree
+from jaxtyping import Array, Bool, Float, PyTree
 
-from ..core import barrier
+from ..core import State, barrier
 from . import _tableaus as tableau
-from ._protocol import AbstractDeclaredSolver, SolverTraits
+from ._dense_output import AbstractDenseOutput
+from ._protocol import AbstractDeclaredSolver, SolverTraits, Step
+from ._vector_field import evaluate
 
-Weights = tuple[tuple[int, Any], ...]
-VectorField = Callable[[Any, Any], Any]
+Weights: TypeAlias = tuple[tuple[int, float], ...]
+"""A row of a tableau: stages and their weights, without those of weight zero."""
 
 
 def weighted(weights: Weights, ks: Sequence[Array]) -> Array:
-    """sum_i w_i k_i. By the operations of `lax`: a step holds hundreds of them, and those of
-    `jax.numpy` take four times as long to trace."""
+    """sum_i w_i k_i."""
+    # By the operations of `lax`: a step holds hundreds of them, and those of `jax.numpy` take four
+    # times as long to trace.
     terms = [jax.lax.mul(ks[i], ks[i].dtype.type(w)) for i, w in weights]
     return functools.reduce(jax.lax.add, terms)
 
 
-def combine(y: PyTree, h: Any, weights: Weights, ks: list[PyTree]) -> PyTree:
-    """y + h sum_i w_i k_i, leaf by leaf; a `y` of None stands for zero."""
-
+def combine(y: State | None, h: Array, weights: Weights, ks: Sequence[State]) -> State:
+    """y + h sum_i w_i k_i, leaf by leaf; a `y` of `None` stands for zero."""
     change = jax.tree.map(lambda *kl: h.astype(kl[0].dtype) * weighted(weights, kl), *ks)
     return change if y is None else jax.tree.map(jnp.add, y, change)
 
 
-@eqx.filter_jit
-def slope(terms: Any, t: Any, y: PyTree, args: Any) -> PyTree:
-    """The vector field at one stage, held together; all stages of a step share one tracing of
-    it."""
-    return barrier(terms.vf(t, barrier(y), args))
-
-
 def stages(
-    f: VectorField,
-    t0: Any,
-    h: Any,
-    y0: PyTree,
+    f: Callable[[Array, State], State],
+    t0: Float[Array, ""],
+    h: Float[Array, ""],
+    y0: State,
     c: tuple[float, ...],
     a: tuple[Weights, ...],
-    ks: list[PyTree],
-) -> list[PyTree]:
-    """The stage derivatives that follow those in `ks`, for the rows `a` with the nodes `c`."""
+    ks: list[State],
+) -> list[State]:
+    """The derivatives at the stages of a step.
+
+    **Arguments**
+
+    - `f`: the vector field, dy/dt = f(t, y).
+    - `t0`, `h`: start and length of the step.
+    - `y0`: the state from which the stages start.
+    - `c`, `a`: nodes and rows of the stages to evaluate.
+    - `ks`: the derivatives at the stages before these.
+
+    **Returns** `ks`, followed by one derivative for each row of `a`.
+    """
+    # Not before the start: a step may be as short as a rounding.
     end = jnp.maximum(t0, t0 + h - 4.0 * jnp.finfo(t0.dtype).eps * (jnp.abs(t0) + h))
     for ci, row in zip(c, a, strict=True):
         y = combine(y0, h, row, ks) if row else y0
@@ -67,21 +73,18 @@ def stages(
     return ks
 
 
-class _HornerPair(diffrax.AbstractLocalInterpolation):
+class _NestedProducts(AbstractDenseOutput):
     """Dense output of DOP853: nested products of x and 1 - x."""
 
-    t0: Any
-    t1: Any
-    y0: PyTree
-    coefficients: list[PyTree]
+    t0: Float[Array, ""]
+    t1: Float[Array, ""]
+    y0: State
+    coefficients: list[State]
 
-    def evaluate(self, t0: Any, t1: Any | None = None, left: bool = True) -> PyTree:
-        del left
-        if t1 is not None:
-            return jax.tree.map(jnp.subtract, self.evaluate(t1), self.evaluate(t0))
-        x = (t0 - self.t0) / jnp.where(self.t1 == self.t0, 1.0, self.t1 - self.t0)
+    def state(self, t: Float[Array, ""]) -> State:
+        x = self.fraction(t)
 
-        def leaf(y0, *fs):
+        def leaf(y0: Array, *fs: Array) -> Array:
             total = jnp.zeros_like(y0)
             for i, f in enumerate(reversed(fs)):
                 total = (total + f) * (x if i % 2 == 0 else 1.0 - x).astype(y0.dtype)
@@ -90,37 +93,35 @@ class _HornerPair(diffrax.AbstractLocalInterpolation):
         return jax.tree.map(leaf, self.y0, *self.coefficients)
 
 
-class _Polynomial(diffrax.AbstractLocalInterpolation):
+class _WeightedStages(AbstractDenseOutput):
     """Dense output of Tsit5: every stage weighted by a polynomial of order four."""
 
-    t0: Any
-    t1: Any
-    y0: PyTree
-    ks: list[PyTree]
+    t0: Float[Array, ""]
+    t1: Float[Array, ""]
+    y0: State
+    ks: list[State]
 
-    def evaluate(self, t0: Any, t1: Any | None = None, left: bool = True) -> PyTree:
-        del left
-        if t1 is not None:
-            return jax.tree.map(jnp.subtract, self.evaluate(t1), self.evaluate(t0))
+    def state(self, t: Float[Array, ""]) -> State:
+        x = self.fraction(t)
         h = self.t1 - self.t0
-        x = (t0 - self.t0) / jnp.where(h == 0.0, 1.0, h)
         weights = [h * x * (a + x * (b + x * (c + x * d))) for a, b, c, d in tableau.TSIT5_DENSE]
 
-        def change(*ks):
-            return sum(w.astype(k.dtype) * k for w, k in zip(weights, ks, strict=True))
+        def change(*ks: Array) -> Array:
+            terms = [w.astype(k.dtype) * k for w, k in zip(weights, ks, strict=True)]
+            return functools.reduce(jnp.add, terms)
 
         return jax.tree.map(lambda y, *ks: y + change(*ks), self.y0, *self.ks)
 
 
 @final
 class DOP853(AbstractDeclaredSolver, diffrax.AbstractAdaptiveSolver):
-    """Dormand and Prince's method of order 8 with embedded errors of orders 5 and 3 and dense
+    """The method of Dormand and Prince of order 8, with embedded errors of orders 5 and 3 and dense
     output of order 7.
 
-    Twelve evaluations a step; four more where states between the steps are asked for."""
+    Twelve evaluations a step; four more where states within the step are saved."""
 
     term_structure: ClassVar = diffrax.ODETerm
-    interpolation_cls: ClassVar = _HornerPair
+    interpolation_cls: ClassVar = _NestedProducts
 
     @property
     def traits(self) -> SolverTraits:
@@ -133,30 +134,34 @@ class DOP853(AbstractDeclaredSolver, diffrax.AbstractAdaptiveSolver):
             steps=1,
         )
 
-    def order(self, terms: Any) -> int:
+    def order(self, terms: diffrax.AbstractTerm | None) -> int:
         return 8
 
-    def init(self, terms: Any, t0: Any, t1: Any, y0: PyTree, args: Any) -> None:
+    def init(
+        self,
+        terms: diffrax.AbstractTerm,
+        t0: Float[Array, ""],
+        t1: Float[Array, ""],
+        y0: State,
+        args: PyTree,
+    ) -> None:
         return None
-
-    def func(self, terms: Any, t0: Any, y0: PyTree, args: Any) -> PyTree:
-        return slope(terms, t0, y0, args)
 
     def step(
         self,
-        terms: Any,
-        t0: Any,
-        t1: Any,
-        y0: PyTree,
-        args: Any,
+        terms: diffrax.AbstractTerm,
+        t0: Float[Array, ""],
+        t1: Float[Array, ""],
+        y0: State,
+        args: PyTree,
         solver_state: None,
-        made_jump: Any,
-    ):
+        made_jump: Bool[Array, ""] | bool,
+    ) -> Step:
         del solver_state, made_jump
         h = t1 - t0
 
-        def f(t, y):
-            return slope(terms, t, y, args)
+        def f(t: Array, y: State) -> State:
+            return evaluate(terms, t, y, args)
 
         ks = stages(f, t0, h, y0, tableau.DOP853_C, tableau.DOP853_A, [])
         y1 = barrier(combine(y0, h, tableau.DOP853_B, ks))
@@ -169,19 +174,25 @@ class DOP853(AbstractDeclaredSolver, diffrax.AbstractAdaptiveSolver):
         return y1, error, dense, None, diffrax.RESULTS.successful
 
 
-def _blend(e5: jax.Array, e3: jax.Array) -> jax.Array:
+def _blend(e5: Array, e3: Array) -> Array:
     """The error estimate e5^2 / sqrt(e5^2 + e3^2 / 100) (Hairer, Norsett, Wanner II.10), by
     component."""
     bottom = e5 * e5 + 0.01 * e3 * e3
+    # Zero over zero in a component that does not move; a safe value keeps its derivatives finite.
     positive = bottom > 0.0
     return jnp.where(positive, e5 * e5 / jnp.sqrt(jnp.where(positive, bottom, 1.0)), 0.0)
 
 
 def _dense_coefficients(
-    f: VectorField, t0: Any, h: Any, y0: PyTree, y1: PyTree, ks: list[PyTree]
-) -> list[PyTree]:
-    """The seven coefficients of DOP853's dense output; dropped by the compiler where nothing reads
-    them."""
+    f: Callable[[Array, State], State],
+    t0: Float[Array, ""],
+    h: Float[Array, ""],
+    y0: State,
+    y1: State,
+    ks: list[State],
+) -> list[State]:
+    """The seven coefficients of DOP853's dense output."""
+    # Four evaluations, which the compiler drops where nothing reads the dense output.
     last = stages(f, t0, h, y1, (1.0,), ((),), [])[0]
     ks = stages(f, t0, h, y0, tableau.DOP853_DENSE_C, tableau.DOP853_DENSE_A, [*ks, last])
     change = jax.tree.map(jnp.subtract, y1, y0)
@@ -194,13 +205,14 @@ def _dense_coefficients(
 
 @final
 class Tsit5(AbstractDeclaredSolver, diffrax.AbstractAdaptiveSolver):
-    """Tsitouras' method of order 5 with an embedded error of order 4 and dense output of order 4.
+    """The method of Tsitouras of order 5, with an embedded error of order 4 and dense output of
+    order 4.
 
-    Six evaluations a step: the last stage of a step is the first one of the next, unless a jump
-    lies between."""
+    Six evaluations a step: the last stage of a step is the first one of the next, unless the vector
+    field jumps between them."""
 
     term_structure: ClassVar = diffrax.ODETerm
-    interpolation_cls: ClassVar = _Polynomial
+    interpolation_cls: ClassVar = _WeightedStages
 
     @property
     def traits(self) -> SolverTraits:
@@ -213,29 +225,33 @@ class Tsit5(AbstractDeclaredSolver, diffrax.AbstractAdaptiveSolver):
             steps=1,
         )
 
-    def order(self, terms: Any) -> int:
+    def order(self, terms: diffrax.AbstractTerm | None) -> int:
         return 5
 
-    def init(self, terms: Any, t0: Any, t1: Any, y0: PyTree, args: Any) -> PyTree:
+    def init(
+        self,
+        terms: diffrax.AbstractTerm,
+        t0: Float[Array, ""],
+        t1: Float[Array, ""],
+        y0: State,
+        args: PyTree,
+    ) -> State:
         return terms.vf(t0, y0, args)
-
-    def func(self, terms: Any, t0: Any, y0: PyTree, args: Any) -> PyTree:
-        return slope(terms, t0, y0, args)
 
     def step(
         self,
-        terms: Any,
-        t0: Any,
-        t1: Any,
-        y0: PyTree,
-        args: Any,
-        solver_state: PyTree,
-        made_jump: Any,
-    ):
+        terms: diffrax.AbstractTerm,
+        t0: Float[Array, ""],
+        t1: Float[Array, ""],
+        y0: State,
+        args: PyTree,
+        solver_state: State,
+        made_jump: Bool[Array, ""] | bool,
+    ) -> Step:
         h = t1 - t0
 
-        def f(t, y):
-            return slope(terms, t, y, args)
+        def f(t: Array, y: State) -> State:
+            return evaluate(terms, t, y, args)
 
         first = jax.lax.cond(made_jump, lambda: f(t0, y0), lambda: solver_state)
         ks = stages(f, t0, h, y0, tableau.TSIT5_C[1:], tableau.TSIT5_A[1:], [first])

@@ -1,11 +1,10 @@
 """Splitting: exact drift and exact kick in turns, for motion that is nearly the drift alone.
 
-    S(h) = K(h/2) D(h) K(h/2)                          order 2 (Strang)
-    S(g_m h) ... S(g_1 h)                              orders 4 and 6, with g_i = g_{m+1-i} and sum_i g_i = 1
+    S(h) = K(h/2) D(h) K(h/2)            order 2 (Strang)
+    S(g_m h) ... S(g_1 h)                orders 4 and 6, with g_i = g_{m+1-i} and sum_i g_i = 1
 
-The error is of the size of the kick times h^p: a small perturbation may be stepped over with long
-steps. The maps keep the volume and the symplectic form, so that the energy swings and does not
-wander.
+The error is of the size of the kick times h^p: long steps pass over a small perturbation. The maps
+keep the volume and the symplectic form, so that the energy oscillates and does not drift away.
 
     symbol  meaning                                          unit
     D, K    flow of the drift and of the kick
@@ -19,46 +18,56 @@ Sources: Wisdom, Holman (1991), Symplectic maps for the N-body problem, Astronom
 
 import functools
 import math
-from typing import Any, ClassVar, final
+from typing import ClassVar, final
 
 import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array
+from jaxtyping import Array, Bool, Float
 
 from ..core import InputError, State, barrier, safe_divide
-from ._protocol import AbstractFixedStep, ScaledField, SolverTraits
+from ._protocol import AbstractFixedStep, SolverTraits, Step
 from ._second_order import estimate_by_coarsening
+from ._vector_field import ScaledField, just_before
 
-UNRESOLVED_FACTOR = 0.25  # what the differences are divided by where no order holds
+# Where the steps do not resolve the motion, no order holds: the error is taken to be four times the
+# difference that is seen.
+UNRESOLVED_FACTOR = 0.25
 
-_P = 1.0 / (4.0 - 4.0 ** (1.0 / 3.0))
-_Y = (0.78451361047755726382, 0.23557321335935813368, -1.17767998417887100695)
+_SUZUKI = 1.0 / (4.0 - 4.0 ** (1.0 / 3.0))
+_YOSHIDA = (0.78451361047755726382, 0.23557321335935813368, -1.17767998417887100695)
 COMPOSITIONS = {
     2: (1.0,),
-    4: (_P, _P, 1.0 - 4.0 * _P, _P, _P),
-    6: (*_Y, 1.0 - 2.0 * sum(_Y), *reversed(_Y)),
+    4: (_SUZUKI, _SUZUKI, 1.0 - 4.0 * _SUZUKI, _SUZUKI, _SUZUKI),
+    6: (*_YOSHIDA, 1.0 - 2.0 * sum(_YOSHIDA), *reversed(_YOSHIDA)),
 }
 
 
 @final
 class Splitting(AbstractFixedStep):
-    """Splitting of `order` 2, 4 or 6 with `steps` equal steps from one time to land on to the next.
+    """Splitting of order 2, 4 or 6 with `steps` equal steps in each segment.
 
-    For systems with a drift and a kick (`AbstractSplitSystem`): a scene of `PointGravity`, free
-    rotation, and loads that depend on position and attitude; or a `Top`. Every state asked for is
-    landed on. The error is estimated for the stretch as a whole, from the same with a golden
-    section of the steps (0.62 of them), which costs as much again as that; `estimate=False` leaves
-    it out, and then no status tells of too few steps. Steps longer than a radian of the orbit or
-    two of the rotation meet the kicks as if drawn by lot: no order holds, and the estimate is four
-    times the difference.
+    For systems with a drift and a kick: a scene of `PointGravity`, free rotation, and loads that
+    depend on position and attitude; or a `Top`. Steps land on every save time, so that a segment
+    lasts from one to the next.
 
-    Order 6 steps back and forth beyond the ends of a stretch: there it takes a kick that depends on
-    the time as it is at the end.
+    The error of each segment is estimated by 0.62 as many steps, which costs as much again as
+    these. Steps longer than a radian of the orbit or two of the rotation meet the kicks at
+    effectively random places: there no order holds, and the estimate is four times the difference.
 
-    Raises `InputError` for another order, or a number of steps that is not even."""
+    Order 6 steps back and forth beyond the ends of a segment. A kick that depends on the time is
+    there taken as at the end.
+
+    **Arguments**
+
+    - `order`: 2, 4 or 6.
+    - `steps`: in each segment; even, and at least 2.
+    - `estimate`: whether the error is estimated. Without it no status reports too few steps.
+
+    **Raises** `InputError` for another order or number of steps.
+    """
 
     p: int = eqx.field(static=True)
     steps: int = eqx.field(static=True)
@@ -67,7 +76,9 @@ class Splitting(AbstractFixedStep):
     interpolation_cls: ClassVar = diffrax.LocalLinearInterpolation
 
     def __init__(self, order: int = 4, *, steps: int, estimate: bool = True):
-        self.p, self.steps, self.estimate = order, steps, estimate
+        self.p = order
+        self.steps = steps
+        self.estimate = estimate
 
     def __check_init__(self):
         if self.p not in COMPOSITIONS:
@@ -77,99 +88,123 @@ class Splitting(AbstractFixedStep):
 
     @property
     def traits(self) -> SolverTraits:
+        parts = len(COMPOSITIONS[self.p])
+        # Each part has one kick, and the first step of all one before it.
+        evaluations = parts * self.steps + 1
+        if self.estimate:
+            # The rate at which the state turns takes one more.
+            evaluations += parts * _fewer(self.steps) + 2
         return SolverTraits(
             replayable=True,
             lands_on_save_times=True,
             fixed_step=True,
             needs="split",
-            evaluations=self._evaluations,
+            evaluations=evaluations,
             steps=self.steps,
-        )
-
-    @property
-    def _evaluations(self) -> int:
-        return len(COMPOSITIONS[self.p]) * (
-            self.steps + (_fewer(self.steps) if self.estimate else 0)
         )
 
     def refined(self, factor: int) -> "Splitting":
         return Splitting(self.p, steps=factor * self.steps, estimate=self.estimate)
 
-    def order(self, terms: Any) -> int:
+    def order(self, terms: diffrax.AbstractTerm | None) -> int:
         return self.p
 
-    def init(self, terms: Any, t0: Any, t1: Any, y0: Any, args: Any) -> None:
-        return None
-
-    def func(self, terms: Any, t0: Any, y0: Any, args: Any) -> Any:
-        return terms.vf(t0, y0, args)
-
     def step(
-        self, terms: Any, t0: Any, t1: Any, y0: Any, args: Any, solver_state: None, made_jump: Any
-    ):
+        self,
+        terms: diffrax.AbstractTerm,
+        t0: Float[Array, ""],
+        t1: Float[Array, ""],
+        y0: State,
+        args: ScaledField,
+        solver_state: None,
+        made_jump: Bool[Array, ""] | bool,
+    ) -> Step:
         del terms, solver_state, made_jump
-        ratio = self.steps / _fewer(self.steps)
-        turn = (t1 - t0) / self.steps * _pace(args, t1, y0)
-        error_reduction = jnp.where(turn < 1.0, ratio**self.p - 1.0, UNRESOLVED_FACTOR)
+        fewer = _fewer(self.steps)
+        turn = (t1 - t0) / self.steps * _angular_rate(args, t0, y0)
+        resolved = (self.steps / fewer) ** self.p - 1.0
+        error_reduction = jnp.where(turn < 1.0, resolved, UNRESOLVED_FACTOR)
 
-        def integrate(steps):
-            return self._integrate(args, t0, t1, y0, steps)
+        def integrate(steps: int) -> State:
+            return _integrate(args, t0, t1, y0, COMPOSITIONS[self.p], steps)
 
         y1, error = estimate_by_coarsening(
-            integrate, self.steps, _fewer(self.steps), error_reduction, self.estimate
+            integrate, self.steps, fewer, error_reduction, self.estimate
         )
         return y1, error, dict(y0=y0, y1=y1), None, diffrax.RESULTS.successful
 
-    def _integrate(self, field: ScaledField, t0: Array, t1: Array, y0: State, steps: int) -> State:
-        """The state after `steps` equal steps from `t0` to `t1`; kicks are timed from within.
-
-        Two half kicks that follow one another are one. The composition is a loop, so that drift
-        and kick are compiled once."""
-        split = field.split()
-        h = (t1 - t0) / steps
-        # Just before the end: a kick that jumps there is that of the segment which ends.
-        end = t1 - 4.0 * jnp.finfo(t1.dtype).eps * jnp.maximum(jnp.abs(t1), t1 - t0)
-        g = np.array(COMPOSITIONS[self.p])
-        closing = np.arange(g.size) == g.size - 1
-        parts = jnp.asarray(
-            np.stack([np.cumsum(g) - g, g, 0.5 * np.roll(g, -1), closing], axis=1), h.dtype
-        )
-
-        def drift(s: Array, ds: Array, y: State) -> State:
-            return barrier(split.drift(field.duration(s, ds), y))
-
-        def kick(s: Array, ds: Array, y: State) -> State:
-            return barrier(split.kick(field.time(s), field.duration(s, ds), y))
-
-        def part(n: Array, y: State, row: Array) -> tuple[State, None]:
-            before, g, of_next, closing = row
-            y = drift(jnp.clip(t0 + (n + before) * h, t0, end), g * h, y)
-            # The last half kick of all has no half kick of a next step to be joined with.
-            following = jnp.where((closing > 0.0) & (n == steps - 1), 0.0, of_next)
-            weight = 0.5 * g + following
-            return kick(jnp.clip(t0 + (n + before + g) * h, t0, end), weight * h, y), None
-
-        def one(y: State, n: Array) -> tuple[State, None]:
-            return jax.lax.scan(lambda y, row: part(n, y, row), y, parts)
-
-        y = kick(t0, 0.5 * parts[0, 1] * h, y0)
-        # Reverse mode keeps the state before each step, and repeats what lies within the step.
-        return jax.lax.scan(jax.checkpoint(one), y, jnp.arange(steps, dtype=h.dtype))[0]
-
 
 def _fewer(steps: int) -> int:
-    """The golden section of the steps: of all quotients the one that shares least with whole turns,
-    so that steps that see the drift always in one place are told by steps that do not."""
+    """The golden section of the steps.
+
+    Of all ratios it is the one that shares least with whole turns: where the steps meet the drift
+    always in one place, those that they are compared with do not."""
     return max(1, round(0.5 * (math.sqrt(5.0) - 1.0) * steps))
 
 
-def _pace(split: Any, t: Any, y: Any) -> Any:
-    """How fast the state moves, in its own size per clock time, for each run: the fastest of its
-    vectors."""
+def _angular_rate(field: ScaledField, s: Float[Array, ""], y: State) -> Float[Array, "*runs"]:
+    """How fast the state turns in each run, in radians of normalised time: the rate of its fastest
+    vector over the length of this vector."""
     y = jax.lax.stop_gradient(y)
 
-    def size(x):
+    def length(x: Array) -> Array:
         return jnp.sqrt(jnp.sum(x * x, axis=0))
 
-    rates = jax.tree.map(lambda x, v: safe_divide(size(v), size(x)), y, split(t, y))
+    rates = jax.tree.map(lambda x, v: safe_divide(length(v), length(x)), y, field(s, y))
     return functools.reduce(jnp.maximum, jax.tree.leaves(rates))
+
+
+def _integrate(
+    field: ScaledField,
+    t0: Float[Array, ""],
+    t1: Float[Array, ""],
+    y0: State,
+    composition: tuple[float, ...],
+    steps: int,
+) -> State:
+    """The state after equal steps in normalised time.
+
+    **Arguments**
+
+    - `field`: the system in normalised time.
+    - `t0`, `t1`: start and end of the segment, in normalised time.
+    - `y0`: the state at `t0`.
+    - `composition`: the parts g_i of each step.
+    - `steps`: their number.
+
+    **Returns** the state at `t1`.
+    """
+    split = field.split()
+    h = (t1 - t0) / steps
+    end = just_before(t0, t1)
+    g = np.array(composition)
+    is_last = np.arange(g.size) == g.size - 1
+    # For each part of a step: what lies before it, itself, half of the part that follows.
+    table = np.stack([np.cumsum(g) - g, g, 0.5 * np.roll(g, -1), is_last], axis=1)
+    parts = jnp.asarray(table, h.dtype)
+
+    def drift(s: Array, ds: Array, y: State) -> State:
+        return barrier(split.drift(field.duration(s, ds), y))
+
+    def kick(s: Array, ds: Array, y: State) -> State:
+        return barrier(split.kick(field.time(s), field.duration(s, ds), y))
+
+    def at(steps_done: Array) -> Array:
+        # Within the segment, beyond which a composition with negative parts reaches.
+        return jnp.clip(t0 + steps_done * h, t0, end)
+
+    def part(n: Array, y: State, row: Float[Array, "4"]) -> tuple[State, None]:
+        before, g, half_of_next, is_last = row
+        y = drift(at(n + before), g * h, y)
+        # Half kicks that follow one another are one; the last of all has none to be joined with.
+        closing = (is_last > 0.0) & (n == steps - 1)
+        weight = 0.5 * g + jnp.where(closing, 0.0, half_of_next)
+        return kick(at(n + before + g), weight * h, y), None
+
+    def step(y: State, n: Array) -> tuple[State, None]:
+        # A loop, so that drift and kick are compiled once.
+        return jax.lax.scan(lambda y, row: part(n, y, row), y, parts)
+
+    y = kick(t0, 0.5 * parts[0, 1] * h, y0)
+    # Reverse mode keeps the state before each step, and repeats what lies within the step.
+    return jax.lax.scan(jax.checkpoint(step), y, jnp.arange(steps, dtype=h.dtype))[0]

@@ -1,198 +1,230 @@
-"""Step control for one run or many that share their steps, and the account of the error that every
-run has made.
+"""Step control for one run or many that share their steps, and the error that each run has made.
 
-    e_run = max over the blocks of the state of  |error| / (atol + rtol max(|y0|, |y1|))          | |: length of the block
+For each run, in units of the tolerance,
 
-A block is a vector (a position, a quaternion) or a scalar (a mass), and its length is taken: the
-control does not depend on the axes, and a component that passes through zero asks for no digits of
-its own. A shared step is right when the worst run is right. A run that has left the finite numbers
-no longer counts: it marks itself and harms no other.
+    e = max over the blocks of  |error| / (atol + rtol max(|y0|, |y1|))          | |: length
 
-The clock of an integration runs from 0 to the number of its segments; a step never crosses a whole
-number, so that what happens there (a burnout, a kink of a table) is never stepped over.
+A block of the state is a vector (a position, a quaternion) or a scalar (a mass), and its length is
+taken. So the control does not depend on the axes, and a component that passes through zero requires
+no digits of its own. A shared step is right if it is right for the worst run. A run that is no
+longer finite does not count: its status reports it, and other runs do not suffer.
+
+Normalised time runs from 0 to the number of segments. A step never crosses a whole number, so that
+what happens there (a burnout, a kink of a table) is never stepped over.
 
 Source: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, II.4 (starting step,
 control).
 """
 
 import functools
-from typing import Any, ClassVar, final
+from collections.abc import Callable
+from typing import ClassVar, final
 
 import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float, PyTree
+from jaxtyping import Array, Bool, Float, Int, PyTree
 
-from ..core import Scalar, safe_sqrt
+from ..core import Scalar, State, safe_sqrt
 
-SAFETY, SHRINK, GROW = 0.8, 0.2, 8.0
-# of a segment; such a step is taken whatever its error, and the account of the errors tells of it
+SAFETY = 0.8
+SHRINK = 0.2
+GROW = 8.0
+# Of a segment. A step as short as this is taken whatever its error: the status reports it, where
+# still shorter steps would only use up their number.
 SMALLEST_STEP = 1e-10
-# of a segment: too long a first step costs a rejection or two, too short a one many steps to grow
+# Of a segment. Too long a first step costs a rejection or two, too short a one many steps to grow.
 FIRST_STEP = 1e-2
+
+VectorField = Callable[..., State]
+Decision = tuple[
+    Bool[Array, ""] | bool,
+    Float[Array, ""],
+    Float[Array, ""],
+    Bool[Array, ""] | bool,
+    PyTree,
+    diffrax.RESULTS,
+]
+"""What `adapt_step_size` returns: whether the step is accepted, start and end of the next one,
+whether the vector field may jump between them, the state of the controller, and the result."""
 
 
 @final
 class Tolerance(eqx.Module):
-    """What error is allowed in a step: `rtol` of the length of each block of the state plus `atol`;
+    """What error is allowed in a step: `rtol` of the length of each block of the state plus `atol`.
+
     `run_axes` counts the trailing axes that carry runs."""
 
     rtol: Scalar
     atol: Scalar
     run_axes: int = eqx.field(static=True)
 
-    def length(self, block: Array) -> Array:
+    def length(self, block: Float[Array, "..."]) -> Float[Array, "*runs"]:
         """The length of a block for each run."""
-        return (
-            safe_sqrt(self._over(jnp.sum, jnp.add, block * block))
-            if block.ndim > self.run_axes
-            else jnp.abs(block)
-        )
+        if block.ndim <= self.run_axes:
+            return jnp.abs(block)
+        return safe_sqrt(self._reduce(jnp.sum, jnp.add, block * block))
 
-    def _over(self, whole: Any, pair: Any, block: Array) -> Array:
-        """A reduction over all axes but those of the runs: of vectors side by side component by
-        component, because the compiler for CPUs takes one run after the other in a reduction."""
+    def _reduce(
+        self,
+        whole: Callable[..., Array],
+        pair: Callable[[Array, Array], Array],
+        block: Array,
+    ) -> Array:
+        """A reduction over all axes but those of the runs."""
+        # The compiler for CPUs takes one run after the other in a reduction. Component by component
+        # it takes many at once, for the few components of a vector.
         if self.run_axes and block.ndim - self.run_axes == 1 and 0 < block.shape[0] <= 4:
             return functools.reduce(pair, block)
         return whole(block, axis=tuple(range(block.ndim - self.run_axes)))
 
-    def largest(self, blocks: PyTree, scale: PyTree) -> Scalar:
-        """The largest of the blocks' lengths in units of the tolerance that belongs to `scale`, for
-        each run."""
+    def largest(self, blocks: State, scale: PyTree[Float[Array, "*runs"]]) -> Float[Array, "*runs"]:
+        """The largest length of the blocks in units of the tolerance, for each run.
 
-        def ratio(b, s):
+        `scale` holds the length of each block of the state."""
+
+        def ratio(b: Array, s: Array) -> Array:
             return self.length(b) / (self.atol + self.rtol * s)
 
         return functools.reduce(jnp.maximum, jax.tree.leaves(jax.tree.map(ratio, blocks, scale)))
 
-    def error(self, y0: PyTree, y1: PyTree, error: PyTree) -> Scalar:
-        """The local error of each run in units of the tolerance: up to 1 is within it; infinite
-        where it is not finite."""
+    def error(self, y0: State, y1: State, error: State) -> Float[Array, "*runs"]:
+        """The local error of each run in units of the tolerance; infinite where it is not finite.
+
+        **Arguments**
+
+        - `y0`, `y1`: the states before and after the step.
+        - `error`: the estimate of the error of `y1`.
+        """
         scale = jax.tree.map(lambda a, b: jnp.maximum(self.length(a), self.length(b)), y0, y1)
         e = self.largest(error, scale)
         return jnp.where(jnp.isfinite(e), e, jnp.inf)
 
-    def alive(self, y: PyTree) -> Array:
+    def alive(self, y: State) -> Bool[Array, "*runs"]:
         """Which runs have nothing but finite numbers in their state."""
-        flags = [self._over(jnp.all, jnp.logical_and, jnp.isfinite(b)) for b in jax.tree.leaves(y)]
+        leaves = jax.tree.leaves(y)
+        flags = [self._reduce(jnp.all, jnp.logical_and, jnp.isfinite(b)) for b in leaves]
         return functools.reduce(jnp.logical_and, flags)
 
 
 @final
 class BatchStepController(diffrax.AbstractStepSizeController):
-    """Steps as long as the worst of the runs allows, landing on every whole number of the clock.
+    """Steps as long as the worst of the runs allows, landing on every whole number.
 
-    `lengths` are the relative lengths of the segments between the whole numbers, so that a step
-    keeps its size across them; `longest`, if given, the longest step that is allowed in each, on
-    the clock."""
+    - `tolerance`: what error is allowed in a step.
+    - `lengths`: the relative lengths of the segments, so that a step keeps its length in time from
+      one to the next.
+    - `longest`: the longest step that is allowed in each segment, in normalised time.
+    """
 
     tolerance: Tolerance
     lengths: Float[Array, " segments"]
     longest: Float[Array, " segments"] | None = None
 
-    def wrap(self, direction: Any) -> "BatchStepController":
+    def wrap(self, direction: Scalar) -> "BatchStepController":
         del direction
         return self
 
-    def _clip(self, s: Scalar, ds: Scalar) -> Scalar:
-        """The end of the step from `s`: at most at the next whole number, and not so that a sliver
-        is left before it."""
+    def init(
+        self,
+        terms: diffrax.AbstractTerm,
+        t0: Float[Array, ""],
+        t1: Float[Array, ""],
+        y0: State,
+        dt0: None,
+        args: PyTree,
+        func: VectorField,
+        error_order: Scalar,
+    ) -> tuple[Float[Array, ""], Float[Array, ""]]:
+        del t1, dt0
+
+        def f(s: Array, y: State) -> State:
+            return func(terms, s, y, args)
+
+        ds = self._starting_step(f, t0, y0, error_order)
+        return self._end_of_step(t0, ds), ds
+
+    def adapt_step_size(
+        self,
+        t0: Float[Array, ""],
+        t1: Float[Array, ""],
+        y0: State,
+        y1_candidate: State,
+        args: PyTree,
+        y_error: State,
+        error_order: Scalar,
+        controller_state: Float[Array, ""],
+    ) -> Decision:
+        del args
+        ds = t1 - t0
+        errors = self.tolerance.error(y0, y1_candidate, y_error)
+        # Without derivatives: they follow the steps as they were taken.
+        worst = jax.lax.stop_gradient(jnp.max(jnp.where(self.tolerance.alive(y0), errors, 0.0)))
+        # In single precision, or after many segments, roundings of the time are the limit.
+        resolved = 16.0 * jnp.finfo(t0.dtype).eps * (1.0 + t0)
+        smallest = jnp.maximum(SMALLEST_STEP, resolved).astype(t0.dtype)
+        accept = (worst <= 1.0) | (ds <= 1.5 * smallest)
+        factor = SAFETY * jnp.clip(worst, 1e-12, 1e12) ** (-1.0 / error_order)
+        # A rejected step must become shorter, whatever the estimate says.
+        most = jnp.where(accept, GROW, SAFETY)
+        factor = jnp.clip(factor, SHRINK, most).astype(ds.dtype)
+        proposal = ds * factor
+        # A step that was cut to land says nothing against the length that had been proposed.
+        was_cut = accept & (ds < controller_state)
+        proposal = jnp.where(was_cut, jnp.maximum(controller_state, proposal), proposal)
+        start = jnp.where(accept, t1, t0)
+        landed = accept & (t1 == jnp.round(t1))
+        # The same length in time in the next segment. Not shorter than a first step: what made the
+        # steps short may have ended here.
+        rescaled = proposal * self._of_segment(self.lengths, t0)
+        rescaled = rescaled / self._of_segment(self.lengths, start)
+        next_segment = jnp.maximum(rescaled, FIRST_STEP)
+        proposal = jnp.where(landed, next_segment, jnp.maximum(proposal, smallest))
+        end = self._end_of_step(start, proposal)
+        return accept, start, end, landed, proposal, diffrax.RESULTS.successful
+
+    def _end_of_step(self, s: Float[Array, ""], ds: Float[Array, ""]) -> Float[Array, ""]:
+        """The end of a step of about `ds` from `s`, at most at the next whole number."""
         node = jnp.floor(s) + 1.0
         left = node - s
         if self.longest is not None:
+            # Equal steps up to the node, none longer than allowed.
             count = jnp.ceil(left / self._of_segment(self.longest, s) - 1e-6)
             ds = jnp.minimum(ds, left / jnp.maximum(count, 1.0))
-        return jnp.where(ds >= 0.999 * left, node, s + jnp.where(ds > 0.5 * left, 0.5 * left, ds))
+        # Two equal steps to the node are better than a long one and a sliver.
+        short_of_node = s + jnp.where(ds > 0.5 * left, 0.5 * left, ds)
+        return jnp.where(ds >= 0.999 * left, node, short_of_node)
 
-    def init(
-        self,
-        terms: Any,
-        t0: Any,
-        t1: Any,
-        y0: PyTree,
-        dt0: Any,
-        args: Any,
-        func: Any,
-        error_order: Any,
-    ):
-        del t1, dt0
-        ds = self._starting_step(lambda s, y: func(terms, s, y, args), t0, y0, error_order)
-        return self._clip(t0, ds), ds
-
-    def _starting_step(self, f: Any, s: Scalar, y0: PyTree, order: Any) -> Scalar:
+    def _starting_step(
+        self, f: VectorField, s: Float[Array, ""], y0: State, order: Scalar
+    ) -> Float[Array, ""]:
+        """The length of the first step (Hairer, Norsett, Wanner II.4), for the worst run."""
         tol = self.tolerance
         scale = jax.tree.map(tol.length, y0)
         f0 = f(s, y0)
-        d0, d1 = tol.largest(y0, scale), tol.largest(f0, scale)
+        d0 = tol.largest(y0, scale)
+        d1 = tol.largest(f0, scale)
         h0 = jnp.where((d0 < 1e-5) | (d1 < 1e-5), 1e-6, 0.01 * d0 / jnp.where(d1 > 0.0, d1, 1.0))
-        h0 = jnp.where(d1 == 0.0, 1.0, h0)  # at rest, or a segment of no length
-        h0 = jnp.minimum(self._least(h0, y0), 1.0)
+        # At rest, or in a segment of no length.
+        h0 = jnp.where(d1 == 0.0, 1.0, h0)
+        h0 = jnp.where(jnp.isfinite(h0) & tol.alive(y0), h0, 1.0)
+        h0 = jnp.minimum(jnp.min(h0), 1.0)
         f1 = f(s + h0, jax.tree.map(lambda y, k: y + h0.astype(y.dtype) * k, y0, f0))
         d2 = tol.largest(jax.tree.map(jnp.subtract, f1, f0), scale) / h0
         d = jnp.maximum(d1, d2)
-        # The root of the worst run's alone: one for each run would cost as much as a stage.
+        # The root of the worst run only: one for each run would cost as much as a stage.
         worst = jnp.max(jnp.where(jnp.isfinite(d) & tol.alive(y0), d, 0.0))
         h1 = jnp.where(
             worst <= 1e-15,
             jnp.maximum(1e-6, h0),
             (0.01 / jnp.where(worst > 0.0, worst, 1.0)) ** (1.0 / order),
         )
-        return jax.lax.stop_gradient(
-            jnp.clip(jnp.minimum(100.0 * h0, h1), SMALLEST_STEP, 1.0)
-        ).astype(s.dtype)
-
-    def _least(self, h: Scalar, y: PyTree) -> Scalar:
-        return jnp.min(jnp.where(jnp.isfinite(h) & self.tolerance.alive(y), h, 1.0))
-
-    def adapt_step_size(
-        self,
-        t0: Any,
-        t1: Any,
-        y0: PyTree,
-        y1_candidate: PyTree,
-        args: Any,
-        y_error: PyTree,
-        error_order: Any,
-        controller_state: Any,
-    ):
-        del args
-        ds = t1 - t0
-        every = self.tolerance.error(y0, y1_candidate, y_error)
-        worst = jax.lax.stop_gradient(jnp.max(jnp.where(self.tolerance.alive(y0), every, 0.0)))
-        smallest = jnp.maximum(SMALLEST_STEP, 16.0 * jnp.finfo(t0.dtype).eps * (1.0 + t0)).astype(
-            t0.dtype
-        )
-        tiny = ds <= 1.5 * smallest
-        keep = (worst <= 1.0) | tiny
-        factor = SAFETY * jnp.clip(worst, 1e-12, 1e12) ** (-1.0 / error_order)
-        factor = jnp.where(
-            keep, jnp.clip(factor, SHRINK, GROW), jnp.clip(factor, SHRINK, SAFETY)
-        ).astype(ds.dtype)
-        shortened = keep & (ds < controller_state)
-        proposal = jnp.where(shortened, jnp.maximum(controller_state, ds * factor), ds * factor)
-        here, there = (
-            self._of_segment(self.lengths, t0),
-            self._of_segment(self.lengths, jnp.where(keep, t1, t0)),
-        )
-        landed = keep & (t1 == jnp.round(t1))
-        proposal = jnp.where(
-            landed,
-            jnp.maximum(proposal * here / there, FIRST_STEP),
-            jnp.maximum(proposal, smallest),
-        )
-        start = jnp.where(keep, t1, t0)
-        return (
-            keep,
-            start,
-            self._clip(start, proposal),
-            landed,
-            proposal,
-            diffrax.RESULTS.successful,
-        )
+        ds = jnp.clip(jnp.minimum(100.0 * h0, h1), SMALLEST_STEP, 1.0)
+        return jax.lax.stop_gradient(ds).astype(s.dtype)
 
     @staticmethod
-    def _of_segment(values: Array, s: Scalar) -> Scalar:
+    def _of_segment(values: Float[Array, " segments"], s: Float[Array, ""]) -> Float[Array, ""]:
         """The one of the `values` that belongs to the segment which begins at or contains `s`; the
         last one beyond the end."""
         if values.shape[0] == 1:
@@ -202,58 +234,56 @@ class BatchStepController(diffrax.AbstractStepSizeController):
 
 @final
 class StepTo(diffrax.AbstractStepSizeController):
-    """Steps that were fixed beforehand: the nodes `plan` of the clock, with every whole number
-    among them."""
+    """Steps that were fixed beforehand.
+
+    Unlike diffrax's controller of this name it reports a jump at every whole number.
+
+    - `plan`: start and ends of the steps in normalised time, with every whole number among them.
+    """
 
     plan: Float[Array, " nodes"]
 
-    def wrap(self, direction: Any) -> "StepTo":
+    def wrap(self, direction: Scalar) -> "StepTo":
         del direction
         return self
 
     def init(
         self,
-        terms: Any,
-        t0: Any,
-        t1: Any,
-        y0: PyTree,
-        dt0: Any,
-        args: Any,
-        func: Any,
-        error_order: Any,
-    ):
+        terms: diffrax.AbstractTerm,
+        t0: Float[Array, ""],
+        t1: Float[Array, ""],
+        y0: State,
+        dt0: None,
+        args: PyTree,
+        func: VectorField,
+        error_order: Scalar | None,
+    ) -> tuple[Float[Array, ""], Int[Array, ""]]:
         del terms, t0, t1, y0, dt0, args, func, error_order
         return self.plan[1], jnp.asarray(2)
 
     def adapt_step_size(
         self,
-        t0: Any,
-        t1: Any,
-        y0: PyTree,
-        y1_candidate: PyTree,
-        args: Any,
-        y_error: PyTree,
-        error_order: Any,
-        controller_state: Any,
-    ):
+        t0: Float[Array, ""],
+        t1: Float[Array, ""],
+        y0: State,
+        y1_candidate: State,
+        args: PyTree,
+        y_error: State | None,
+        error_order: Scalar | None,
+        controller_state: Int[Array, ""],
+    ) -> Decision:
         del t0, y0, y1_candidate, args, y_error, error_order
         landed = t1 == jnp.round(t1)
-        return (
-            True,
-            t1,
-            self.plan[controller_state],
-            landed,
-            controller_state + 1,
-            diffrax.RESULTS.successful,
-        )
+        end = self.plan[controller_state]
+        return True, t1, end, landed, controller_state + 1, diffrax.RESULTS.successful
 
 
 @final
 class ErrorTrackingSolver(diffrax.AbstractAdaptiveSolver, diffrax.AbstractWrappedSolver):
-    """A solver that keeps for every run the largest local error of the steps taken, in units of the
-    tolerance.
+    """A solver that keeps the largest local error of the steps taken, for each run and in units of
+    the tolerance.
 
-    The account is the second part of the solver's state."""
+    Its state is that of the `solver`, and this `max_local_error`."""
 
     solver: diffrax.AbstractSolver
     tolerance: Tolerance
@@ -264,36 +294,52 @@ class ErrorTrackingSolver(diffrax.AbstractAdaptiveSolver, diffrax.AbstractWrappe
         return self.solver.interpolation_cls
 
     @property
-    def root_finder(self) -> Any:
+    def root_finder(self):
         """That of an implicit solver, for which diffrax asks."""
         return self.solver.root_finder  # pyright: ignore[reportAttributeAccessIssue]
 
-    def order(self, terms: Any) -> int | None:
+    def order(self, terms: diffrax.AbstractTerm | None) -> int | None:
         return self.solver.order(terms)
 
-    def init(self, terms: Any, t0: Any, t1: Any, y0: PyTree, args: Any):
-        alive = self.tolerance.alive(y0)
-        dtype = jax.tree.leaves(y0)[0].dtype
-        return self.solver.init(terms, t0, t1, y0, args), jnp.where(alive, 0.0, jnp.inf).astype(
-            dtype
-        )
+    def init(
+        self,
+        terms: diffrax.AbstractTerm,
+        t0: Float[Array, ""],
+        t1: Float[Array, ""],
+        y0: State,
+        args: PyTree,
+    ) -> tuple[PyTree, Float[Array, "*runs"]]:
+        inner = self.solver.init(terms, t0, t1, y0, args)
+        # A run that starts outside of the finite numbers has no accuracy at all.
+        max_local_error = jnp.where(self.tolerance.alive(y0), 0.0, jnp.inf)
+        return inner, max_local_error.astype(jax.tree.leaves(y0)[0].dtype)
 
-    def func(self, terms: Any, t0: Any, y0: PyTree, args: Any) -> PyTree:
+    def func(
+        self, terms: diffrax.AbstractTerm, t0: Float[Array, ""], y0: State, args: PyTree
+    ) -> State:
         return self.solver.func(terms, t0, y0, args)
 
     def step(
-        self, terms: Any, t0: Any, t1: Any, y0: PyTree, args: Any, solver_state: Any, made_jump: Any
-    ):
-        inner, account = solver_state
+        self,
+        terms: diffrax.AbstractTerm,
+        t0: Float[Array, ""],
+        t1: Float[Array, ""],
+        y0: State,
+        args: PyTree,
+        solver_state: tuple[PyTree, Float[Array, "*runs"]],
+        made_jump: Bool[Array, ""] | bool,
+    ) -> tuple[State, State, dict[str, PyTree], tuple[PyTree, Array], diffrax.RESULTS]:
+        inner, max_local_error = solver_state
         y1, error, dense, inner, result = _step(
             self.solver, terms, t0, t1, y0, args, inner, jnp.asarray(made_jump)
         )
-        made = jax.lax.stop_gradient(self.tolerance.error(y0, y1, error))
-        return y1, error, dense, (inner, jnp.maximum(account, made.astype(account.dtype))), result
+        local_error = jax.lax.stop_gradient(self.tolerance.error(y0, y1, error))
+        max_local_error = jnp.maximum(max_local_error, local_error.astype(max_local_error.dtype))
+        return y1, error, dense, (inner, max_local_error), result
 
 
 @eqx.filter_jit
-def _step(solver: Any, *step: Any) -> Any:
-    """A step of the solver, which diffrax traces three times: the second and third time it is at
-    hand."""
-    return solver.step(*step)
+def _step(solver: diffrax.AbstractSolver, *args: PyTree) -> tuple:
+    """A step of the solver. diffrax traces it three times; the second and third time it is
+    cached."""
+    return solver.step(*args)

@@ -5,96 +5,107 @@
     v_n     = w_n + h sum_j g_j a_{n-j}          sum_j g_j p(-j) = int_0^1 (1 - x) p(-x) dx
 
 for every polynomial p of a degree below the order k; j runs from 0 to k - 1. Positions and
-velocities are sums of small terms (the summed form), so that rounding errors do not add up twice.
-The first k - 1 steps are those of DOP853 as a method of Nystrom: at steps as short as these, a
-higher order there changes nothing. The local error is estimated, now and then, by what the same
-step of order k - 1 would have done otherwise.
+velocities are sums of small terms (the summed form), so that rounding errors grow slowly. The first
+k - 1 steps are those of DOP853 as a Runge-Kutta-Nystrom method: for steps as short as these, a
+higher order there changes nothing. The local error is estimated now and then by the difference to
+the same step of order k - 1.
 
     symbol  meaning                       unit
     h       step                          s
     a_n     acceleration at the step n    m/s^2
 
-Between the steps, the accelerations at the k nearest ones are interpolated and integrated twice.
+Dense output integrates the polynomial through the accelerations at the k nearest steps twice.
+
 Sources: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, III.10; Berry, Healy
 (2004), Implementation of Gauss-Jackson integration for orbit propagation, Journal of the
-Astronautical Sciences 52, 331 (summed form). An order of 12 wants some 60 steps a revolution to be
+Astronautical Sciences 52, 331 (summed form). Order 12 requires some 60 steps a revolution to be
 stable, and 90 for nine digits over a day of a low orbit. Higher orders are stable only for steps so
-short that order 12 is exact to rounding, too.
+short that order 12 is accurate to rounding, too.
 """
 
 import dataclasses
-from typing import Any, ClassVar, final
+from typing import ClassVar, final
 
 import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array
+from jaxtyping import Array, Bool, Float, PyTree
 
-from ..core import InputError
+from ..core import InputError, State
+from ._dense_output import AbstractDenseOutput
 from ._polynomials import integrals_of
-from ._protocol import AbstractFixedStep, SolverTraits
-from ._second_order import second_order
-from ._stormer_steps import Kept, StormerState
+from ._protocol import AbstractFixedStep, SolverTraits, Step
+from ._second_order import Vectors, second_order
+from ._stormer_steps import StepRecord, StormerSteps
 
 
-class _Between(diffrax.AbstractLocalInterpolation):
-    """States between the steps, from what `kept` holds of them and their accelerations; `pace`: r'
-    for a velocity of ones."""
+class _InterpolatedAccelerations(AbstractDenseOutput):
+    """States between the steps, from the `record` of all of them.
 
-    t0: Any
-    t1: Any
-    y0: Any
-    kept: Kept
-    pace: Array
-    integrals: Array
+    `dt_ds` is the rate of the position for a velocity of ones, `integrals` those of the polynomials
+    through k nodes."""
 
-    def evaluate(self, t0: Any, t1: Any | None = None, left: bool = True) -> Any:
-        del left
-        if t1 is not None:
-            return jax.tree.map(jnp.subtract, self.evaluate(t1), self.evaluate(t0))
-        steps, k = self.kept.r.shape[0], self.integrals.shape[2]
+    t0: Float[Array, ""]
+    t1: Float[Array, ""]
+    y0: State
+    record: StepRecord
+    dt_ds: Vectors
+    integrals: Float[Array, "2 powers k"]
+
+    def state(self, t: Float[Array, ""]) -> State:
+        steps = self.record.r.shape[0]
+        k = self.integrals.shape[2]
         h = (self.t1 - self.t0) / steps
-        x = (t0 - self.t0) / jnp.where(h == 0.0, 1.0, h)
+        x = steps * self.fraction(t)
         j = jnp.clip(jnp.floor(x).astype(int), 0, steps - 1)
+        # The k steps about this one, as far as there are any before and after it.
         first = jnp.clip(j - (k - 1) // 2, 0, steps + 1 - k)
-        near = jax.lax.dynamic_slice_in_dim(self.kept.a, first, k)
-        h, x = h.astype(near.dtype), (x - j.astype(x.dtype)).astype(near.dtype)
-        places = (
-            jnp.stack([jnp.zeros_like(x), jnp.ones_like(x), x])
-            + (j - first).astype(near.dtype)
-            - 0.5 * (k - 1)
-        )
-        once, twice = h * jnp.tensordot(
-            jnp.vander(places, k + 2, increasing=True) @ self.integrals, near, 1
-        )
-        r, w, secant = self.kept.r[j], self.kept.w[j], twice[1] - twice[0]
-        change = h * (x * (w - secant) + twice[2] - twice[0])
+        near = jax.lax.dynamic_slice_in_dim(self.record.a, first, k)
+        h = h.astype(near.dtype)
+        x = (x - j.astype(x.dtype)).astype(near.dtype)
+        # Start of the step, its end and the state asked for, counted from the middle of the nodes.
+        within = jnp.stack([jnp.zeros_like(x), jnp.ones_like(x), x])
+        places = within + (j - first).astype(near.dtype) - 0.5 * (k - 1)
+        powers = jnp.vander(places, k + 2, increasing=True)
+        once, twice = h * jnp.tensordot(powers @ self.integrals, near, 1)
+        r = self.record.r[j]
+        w = self.record.w[j]
+        # The polynomial passes through both ends of the step: w is the mean velocity along it.
+        mean = twice[1] - twice[0]
+        change = h * (x * (w - mean) + twice[2] - twice[0])
         return dataclasses.replace(
-            self.y0, position=r + self.pace * change, velocity=w + once[2] - secant
+            self.y0, position=r + self.dt_ds * change, velocity=w + once[2] - mean
         )
 
 
 @final
 class Stormer(AbstractFixedStep):
-    """Stormer's explicit multistep method: `order` (5 to 12) with `steps` equal steps, one
+    """Stormer's explicit multistep method with `steps` equal steps in each segment, one
     acceleration each.
 
     For states of a position and a velocity whose acceleration does not depend on the velocity;
-    where it does, the account of the errors says that the tolerance was missed. Several times as
-    fast as DOP853 on nearly circular orbits; on eccentric ones (above about 0.2) equal steps are a
-    waste. `steps` count from one time on which the run has to land to the next.
+    where it does, the status reports that the tolerance was missed. Several times as fast as DOP853
+    on nearly circular orbits; on eccentric ones (above about 0.2) equal steps are a waste. It has
+    dense output, so that a segment lasts as long as the run, unless the vector field jumps.
 
-    Raises `InputError` for an order out of range, fewer steps than twice the order, or a state with
-    further parts."""
+    **Arguments**
+
+    - `order`: from 5 to 12.
+    - `steps`: in each segment; at least twice the order.
+
+    **Raises** `InputError` for an order or a number of steps out of range, and in its first step
+    for a state with further parts.
+    """
 
     k: int = eqx.field(static=True)
     steps: int = eqx.field(static=True)
     term_structure: ClassVar = diffrax.ODETerm
-    interpolation_cls: ClassVar = _Between
+    interpolation_cls: ClassVar = _InterpolatedAccelerations
 
     def __init__(self, order: int = 12, *, steps: int):
-        self.k, self.steps = order, steps
+        self.k = order
+        self.steps = steps
 
     def __check_init__(self):
         if not 5 <= self.k <= 12:
@@ -106,46 +117,48 @@ class Stormer(AbstractFixedStep):
 
     @property
     def traits(self) -> SolverTraits:
+        # Each of the k - 1 steps of DOP853 at the start takes eleven evaluations more. One more is
+        # at the step that both methods share, one at the end, and two check the velocity.
         return SolverTraits(
             replayable=True,
             lands_on_save_times=False,
             fixed_step=True,
             needs="",
-            evaluations=self._evaluations,
+            evaluations=self.steps + 11 * (self.k - 1) + 4,
             steps=self.steps,
         )
-
-    @property
-    def _evaluations(self) -> int:
-        return self.steps + 11 * (self.k - 1) + 2
 
     def refined(self, factor: int) -> "Stormer":
         return Stormer(self.k, steps=factor * self.steps)
 
-    def order(self, terms: Any) -> int:
+    def order(self, terms: diffrax.AbstractTerm | None) -> int:
         return self.k
 
-    def init(self, terms: Any, t0: Any, t1: Any, y0: Any, args: Any) -> None:
-        return None
-
-    def func(self, terms: Any, t0: Any, y0: Any, args: Any) -> Any:
-        return terms.vf(t0, y0, args)
-
     def step(
-        self, terms: Any, t0: Any, t1: Any, y0: Any, args: Any, solver_state: None, made_jump: Any
-    ):
+        self,
+        terms: diffrax.AbstractTerm,
+        t0: Float[Array, ""],
+        t1: Float[Array, ""],
+        y0: State,
+        args: PyTree,
+        solver_state: None,
+        made_jump: Bool[Array, ""] | bool,
+    ) -> Step:
         del solver_state, made_jump
         system = second_order(terms, t0, t1, y0, args, "Stormer")
-        state = StormerState(system, t0, (t1 - t0) / self.steps, self.k, self.steps)
-        past, begun = state.begin()
-        past, error, gone = state.go_on(past)
-        y1, a1 = state.finish(past)
-        error = jnp.where(system.velocity_matters(), jnp.inf, error)
-        error = system.state(state.h * system.travel(error), error)
-        last = Kept(past.r[None][:0], past.w[None][:0], a1[None])
-        kept = Kept(*(jnp.concatenate([x[i] for x in (begun, *gone, last)]) for i in range(3)))
-        integrals = jnp.asarray(integrals_of(self.k), past.r.dtype)
+        steps = StormerSteps(system, t0, (t1 - t0) / self.steps, self.k, self.steps)
+        state, first = steps.start()
+        state, v_error, others = steps.integrate(state)
+        y1, a1 = steps.final(state)
+        v_error = jnp.where(system.velocity_matters(), jnp.inf, v_error)
+        error = system.state(steps.h * system.position_rate(v_error), v_error)
+        # The acceleration at the end closes the record: there is one more of them than of steps.
+        last = StepRecord(state.r[None][:0], state.w[None][:0], a1[None])
+        record = jax.tree.map(lambda *x: jnp.concatenate(x), first, *others, last)
         dense = dict(
-            y0=y0, kept=kept, pace=system.travel(jnp.ones_like(past.w)), integrals=integrals
+            y0=y0,
+            record=record,
+            dt_ds=system.dt_ds,
+            integrals=jnp.asarray(integrals_of(self.k), state.r.dtype),
         )
         return y1, error, dense, None, diffrax.RESULTS.successful

@@ -1,5 +1,4 @@
-"""The state of Stormer's method: equal steps of a second-order system, with the accelerations at
-the last ones kept in a ring.
+"""Equal steps of a second-order system by Stormer's method.
 
 Equations and symbols: `_stormer.py`.
 """
@@ -11,34 +10,36 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array
+from jaxtyping import Array, Float, Int
 
-from ..core import barrier
+from ..core import State, barrier
 from ._nystrom import DOP853_NYSTROM, nystrom_step
-from ._polynomials import weights_of
-from ._second_order import SecondOrder
+from ._polynomials import stormer_weights
+from ._second_order import SecondOrder, Vectors
+
+Ring = Float[Array, "k ..."]
 
 
-class Kept(NamedTuple):
-    """Positions, velocities until the next step, and accelerations at steps, one after the
-    other."""
+class StormerState(NamedTuple):
+    """What one step hands to the next: position `r`, velocity `w` between the steps, and the last k
+    accelerations, that of the step n in the slot n modulo k."""
 
-    r: Array
-    w: Array
-    a: Array
+    r: Vectors
+    w: Vectors
+    ring: Ring
 
 
-class Past(NamedTuple):
-    """Position, velocity between the steps, and the last accelerations: that of the step n in the
-    slot n modulo k."""
+class StepRecord(NamedTuple):
+    """Positions `r`, velocities `w` until the next step, and accelerations `a`: of one step, or of
+    many with the steps on the first axis. Dense output needs them."""
 
-    r: Array
-    w: Array
-    ring: Array
+    r: Vectors
+    w: Vectors
+    a: Vectors
 
 
 @jax.custom_jvp
-def _weighted(row: Array, ring: Array) -> Array:
+def _weighted(row: Float[Array, " k"], ring: Ring) -> Array:
     """sum_i row_i ring_i."""
     total = row[0] * ring[0]
     for slot in range(1, ring.shape[0]):
@@ -47,96 +48,109 @@ def _weighted(row: Array, ring: Array) -> Array:
 
 
 @functools.partial(_weighted.defjvp, symbolic_zeros=True)
-def _weighted_rule(given: tuple[Array, Array], change: tuple[Any, Any]) -> tuple[Array, Array]:
-    # As a sum over the axis, because reverse mode then spreads the result over the ring in one go,
-    # not slot by slot. The row is one of a table of constants.
-    (row, ring), (_, d_ring) = given, change
-    return _weighted(row, ring), jnp.sum(
-        row.reshape(row.shape + (1,) * (ring.ndim - 1)) * d_ring, axis=0
-    )
+def _weighted_jvp(primals: tuple[Array, Array], tangents: tuple[Any, Any]) -> tuple[Array, Array]:
+    # As a sum over the axis, because reverse mode then spreads the result over the ring at once,
+    # not slot by slot. The row is one of a table of constants and has no tangent.
+    row, ring = primals
+    _, d_ring = tangents
+    weights = row.reshape(row.shape + (1,) * (ring.ndim - 1))
+    return _weighted(row, ring), jnp.sum(weights * d_ring, axis=0)
 
 
-class StormerState(NamedTuple):
-    """The equal steps `h` of order `k` of a system from the clock time `s0` on."""
+class StormerSteps(NamedTuple):
+    """Equal steps in a segment.
+
+    - `system`: the second-order system.
+    - `s0`, `h`: start of the segment and length of a step, in normalised time.
+    - `k`: order.
+    - `steps`: their number.
+    """
 
     system: SecondOrder
-    s0: Array
-    h: Array
+    s0: Float[Array, ""]
+    h: Float[Array, ""]
     k: int
     steps: int
 
-    def acceleration(self, n: Any, r: Array) -> Array:
-        """The acceleration at the step n."""
+    def acceleration(self, n: Array | int, r: Vectors) -> Vectors:
+        """The acceleration at the step `n`."""
         return self.system.acceleration(self.s0 + n * self.h, r)
 
-    def slot(self, n: Any) -> Array:
-        """Where the acceleration at the step n is kept."""
+    def slot(self, n: Int[Array, ""] | int) -> Int[Array, ""]:
+        """Where in the ring the acceleration at the step `n` lies."""
         return jnp.asarray(jax.lax.rem(jnp.asarray(n), self.k))
 
-    def put(self, a: Array, n: Any, ring: Array) -> Array:
-        """The accelerations with that at the step n in place of the oldest."""
+    def replace_oldest(self, a: Vectors, n: Int[Array, ""] | int, ring: Ring) -> Ring:
+        """The ring with the acceleration at the step `n` in place of the oldest."""
         return jax.lax.dynamic_update_index_in_dim(ring, a, self.slot(n), 0)
 
-    def turned(self, weights: tuple[float, ...], n: Any, ring: Array) -> Array:
-        """h times the sum of the accelerations up to that of the step n, weighted; the newest has
+    def velocity_change(
+        self, weights: tuple[float, ...], n: Int[Array, ""] | int, ring: Ring
+    ) -> Vectors:
+        """h times the weighted sum of the accelerations up to that at the step `n`; the newest has
         the first weight."""
-        table = np.array(
-            [[weights[(i - slot) % self.k] for slot in range(self.k)] for i in range(self.k)]
-        )
+        # One row for each slot in which the newest may lie: the weights turn, the ring does not.
+        slots = range(self.k)
+        table = np.array([[weights[(i - slot) % self.k] for slot in slots] for i in slots])
         row = jax.lax.dynamic_index_in_dim(
             jnp.asarray(table, ring.dtype), self.slot(n), keepdims=False
         )
         return self.h.astype(ring.dtype) * _weighted(row, ring)
 
-    def begin(self) -> tuple[Past, Kept]:
-        """The past of the step k - 1, and what came before."""
+    def start(self) -> tuple[StormerState, StepRecord]:
+        """The state at the step k - 1, and the record of the steps before it."""
 
-        def one(y: tuple[Array, Array], n: Array) -> tuple[tuple[Array, Array], Kept]:
-            r, v, w, ks = nystrom_step(
-                self.system, DOP853_NYSTROM, self.s0 + n * self.h, self.h, *y
-            )
-            return (r, v), Kept(y[0], w, ks[0])
+        def step(y: tuple[Array, Array], n: Array) -> tuple[tuple[Array, Array], StepRecord]:
+            found = nystrom_step(self.system, DOP853_NYSTROM, self.s0 + n * self.h, self.h, *y)
+            return (found.r, found.v), StepRecord(y[0], found.mean_velocity, found.ks[0])
 
-        y0, m = self.system.y0, self.k - 1
-        (r, v), kept = jax.lax.scan(
-            one, (y0.position, y0.velocity), jnp.arange(m, dtype=self.h.dtype)
+        y0 = self.system.y0
+        m = self.k - 1
+        (r, v), record = jax.lax.scan(
+            step, (y0.position, y0.velocity), jnp.arange(m, dtype=self.h.dtype)
         )
-        ring = jnp.concatenate([kept.a, self.acceleration(m, r)[None]])
-        return Past(r, v - self.turned(weights_of(self.k).now, m, ring), ring), kept
+        ring = jnp.concatenate([record.a, self.acceleration(m, r)[None]])
+        w = v - self.velocity_change(stormer_weights(self.k).velocity, m, ring)
+        return StormerState(r, w, ring), record
 
-    def one(self, past: Past, n: Array) -> tuple[Past, Kept]:
-        """The step that follows the step n."""
-        a = self.acceleration(n.astype(self.h.dtype), past.r)
-        ring = self.put(a, n, past.ring)
-        w = barrier(past.w + self.turned(weights_of(self.k).next, n, ring))
-        r = barrier(past.r + self.h.astype(a.dtype) * self.system.travel(w))
-        return Past(r, w, ring), Kept(past.r, w, a)
+    def step(self, state: StormerState, n: Int[Array, ""]) -> tuple[StormerState, StepRecord]:
+        """The step that follows the step `n`."""
+        a = self.acceleration(n.astype(self.h.dtype), state.r)
+        ring = self.replace_oldest(a, n, state.ring)
+        w = barrier(state.w + self.velocity_change(stormer_weights(self.k).step, n, ring))
+        r = barrier(state.r + self.h.astype(a.dtype) * self.system.position_rate(w))
+        return StormerState(r, w, ring), StepRecord(state.r, w, a)
 
-    def go_on(self, past: Past) -> tuple[Past, Array, list[Kept]]:
-        """The past of the last step, the largest local error of the velocity, and what came before.
+    def integrate(self, state: StormerState) -> tuple[StormerState, Vectors, list[StepRecord]]:
+        """The state at the last step, the largest local error of the velocity, and the records of
+        the steps in between.
 
-        In stretches, so that reverse mode keeps the past at the start of each and takes its steps
-        once more."""
+        In chunks: reverse mode keeps the state at the start of each chunk and repeats its steps.
+        The local error is estimated at the end of each chunk."""
         m = self.k - 1
         length = math.isqrt(self.steps - m)
-        stretches, rest = divmod(self.steps - m - 1, length)
+        chunks, rest = divmod(self.steps - m - 1, length)
 
-        def stretch(
-            carry: tuple[Past, Array], first: Array, count: int
-        ) -> tuple[tuple[Past, Array], Kept]:
-            past, kept = jax.lax.scan(self.one, carry[0], first + jnp.arange(count))
-            error = jnp.abs(self.turned(weights_of(self.k).change, first + count - 1, past.ring))
-            return (past, jnp.maximum(carry[1], jax.lax.stop_gradient(error))), kept
+        def chunk(
+            carry: tuple[StormerState, Vectors], first: Int[Array, ""], count: int
+        ) -> tuple[tuple[StormerState, Vectors], StepRecord]:
+            state, largest = carry
+            state, record = jax.lax.scan(self.step, state, first + jnp.arange(count))
+            difference = stormer_weights(self.k).difference
+            error = jnp.abs(self.velocity_change(difference, first + count - 1, state.ring))
+            return (state, jnp.maximum(largest, jax.lax.stop_gradient(error))), record
 
-        carry, begun = stretch((past, jnp.zeros_like(past.w)), jnp.asarray(m), rest + 1)
-        again = jax.checkpoint(lambda c, first: stretch(c, first, length))
-        carry, kept = jax.lax.scan(again, carry, m + rest + 1 + length * jnp.arange(stretches))
-        return *carry, [begun, jax.tree.map(lambda x: x.reshape(-1, *x.shape[2:]), kept)]
+        # The first one takes what does not fill a chunk.
+        carry, first = chunk((state, jnp.zeros_like(state.w)), jnp.asarray(m), rest + 1)
+        whole = jax.checkpoint(lambda carry, first: chunk(carry, first, length))
+        starts = m + rest + 1 + length * jnp.arange(chunks)
+        (state, error), others = jax.lax.scan(whole, carry, starts)
+        others = jax.tree.map(lambda x: x.reshape(-1, *x.shape[2:]), others)
+        return state, error, [first, others]
 
-    def finish(self, past: Past) -> tuple[Any, Array]:
-        """The state at the last step, and the acceleration there."""
-        a = self.acceleration(self.steps, past.r)
-        ring = self.put(a, self.steps, past.ring)
-        return self.system.state(
-            past.r, past.w + self.turned(weights_of(self.k).now, self.steps, ring)
-        ), a
+    def final(self, state: StormerState) -> tuple[State, Vectors]:
+        """The state of the system at the last step, and the acceleration there."""
+        a = self.acceleration(self.steps, state.r)
+        ring = self.replace_oldest(a, self.steps, state.ring)
+        change = self.velocity_change(stormer_weights(self.k).velocity, self.steps, ring)
+        return self.system.state(state.r, state.w + change), a

@@ -1,0 +1,37 @@
+"""States within a step, from what the step leaves behind."""
+
+from abc import abstractmethod
+
+import diffrax
+import jax
+import jax.numpy as jnp
+from equinox import AbstractVar
+from jaxtyping import Array, Float
+
+from ..core import State
+
+
+class AbstractDenseOutput(diffrax.AbstractLocalInterpolation):
+    """The dense output of a step from `t0` to `t1`, as diffrax evaluates it."""
+
+    t0: AbstractVar[Float[Array, ""]]
+    t1: AbstractVar[Float[Array, ""]]
+
+    @abstractmethod
+    def state(self, t: Float[Array, ""]) -> State:
+        """The state at the time `t` within the step."""
+
+    def evaluate(
+        self, t0: Float[Array, ""], t1: Float[Array, ""] | None = None, left: bool = True
+    ) -> State:
+        """The state at `t0`, or its change from `t0` to `t1`."""
+        del left
+        if t1 is None:
+            return self.state(t0)
+        return jax.tree.map(jnp.subtract, self.state(t1), self.state(t0))
+
+    def fraction(self, t: Float[Array, ""]) -> Float[Array, ""]:
+        """How much of the step lies before `t`."""
+        h = self.t1 - self.t0
+        # Evaluated for a step of no length too, although nothing reads the result.
+        return (t - self.t0) / jnp.where(h == 0.0, 1.0, h)

@@ -1,0 +1,58 @@
+"""The vector field as a step sees it, in normalised time.
+
+Normalised time s counts segments. The vector field is smooth within a segment and may jump from
+one to the next, so that a step looks at it from inside.
+"""
+
+from typing import Protocol, runtime_checkable
+
+import diffrax
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float, PyTree
+
+from ..core import AbstractRegularised, AbstractSplit, Scalar, State, barrier
+
+
+@runtime_checkable
+class ScaledField(Protocol):
+    """What a step gets as `args`: the vector field in normalised time, and what lies behind it.
+
+    Most methods only evaluate it. Those that integrate by a capability of the system ask for the
+    capability, and for times and durations in seconds, which the capability takes."""
+
+    def __call__(self, s: Scalar, y: State) -> State:
+        """dy/ds at the normalised time `s`."""
+        ...
+
+    def time(self, s: Scalar) -> Scalar:
+        """The time, s, at the normalised time `s`."""
+        ...
+
+    def duration(self, s: Scalar, ds: Scalar) -> Scalar:
+        """The duration, s, of the normalised time `ds` from `s` on."""
+        ...
+
+    def split(self) -> AbstractSplit:
+        """Drift and kick of the system."""
+        ...
+
+    def regularised(self) -> AbstractRegularised:
+        """The motion of the system in regularised variables."""
+        ...
+
+
+@eqx.filter_jit
+def evaluate(terms: diffrax.AbstractTerm, t: Scalar, y: State, args: PyTree) -> State:
+    """The vector field at one stage.
+
+    All stages of a step share one tracing of it, and the compiler does not merge it with what
+    reads it, because it would evaluate it again for every reader."""
+    return barrier(terms.vf(t, barrier(y), args))
+
+
+def just_before(t0: Float[Array, ""], t1: Float[Array, ""]) -> Float[Array, ""]:
+    """The time a few roundings before the end of the step from `t0` to `t1`.
+
+    A vector field that jumps at `t1` is evaluated there on the side of the step."""
+    return t1 - 4.0 * jnp.finfo(t1.dtype).eps * jnp.maximum(jnp.abs(t1), t1 - t0)
