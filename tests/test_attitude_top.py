@@ -523,7 +523,7 @@ def test_bad_input_is_named():
 @jax.jit
 def swing(v):
     """Turning angles, period and precession from N, alpha, beta and gamma."""
-    nutation = Nutation(*v)
+    nutation = Nutation.of(*v)
     return jnp.stack([*nutation.turning_points(), nutation.period(), nutation.precession()])
 
 

@@ -270,13 +270,20 @@ class Top(AbstractSystem):
         attitude, omega = attitude_and_omega(y)
         A, C, Wl = self._letters()
         Z = vertical(attitude)
+        N, beta = C * omega[2] / A, 2.0 * Wl / A
         transverse = omega[0] * omega[0] + omega[1] * omega[1]
-        gamma = vertical_angular_momentum(omega, Z, A, C) / A
+        around = omega[0] * Z[0] + omega[1] * Z[1]
+        # sin^2 and cos^2 of half the nutation angle: near a vertical, 1 - cos(theta) has no digits.
+        w, x, y_, z = attitude.wxyz
+        whole = attitude.norm_squared()
+        up, down = (x * x + y_ * y_) / whole, (w * w + z * z) / whole
         return Nutation(
-            N=C * omega[2] / A,
-            alpha=transverse + 2.0 * Wl / A * Z[2],
-            beta=2.0 * Wl / A,
-            gamma=gamma,
+            N=N,
+            beta=beta,
+            alpha_up=transverse - 2.0 * beta * up,
+            alpha_down=transverse + 2.0 * beta * down,
+            gamma_up=around - 2.0 * N * up,
+            gamma_down=around + 2.0 * N * down,
         )
 
     def _letters(self) -> tuple[Scalar, Scalar, Scalar]:
