@@ -1,8 +1,8 @@
 """Campaigns of many runs: what scatters, the engine that runs them, what they show, and where they
 are kept."""
 
+from ._campaign import BatchResult as BatchResult
 from ._campaign import Campaign as Campaign
-from ._campaign import LaneResult as LaneResult
 from ._distributions import NOMINAL as NOMINAL
 from ._distributions import OF_INPUT as OF_INPUT
 from ._distributions import SHARE_OF_INPUT as SHARE_OF_INPUT

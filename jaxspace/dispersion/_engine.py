@@ -34,7 +34,7 @@ from ..simulation import (
     refined,
     run_mission,
 )
-from ._campaign import Campaign, LaneResult, check_names
+from ._campaign import BatchResult, Campaign, check_names
 from ._statistics import Dispersion
 from ._store import Store, versions
 
@@ -247,7 +247,7 @@ def _block(
     samples = campaign.samples(key, numbers)
     mission, y0 = campaign.build(samples)
     spans, final, end, status = run_mission(mission, y0, campaign.start, 2, accuracy, 1, plans)
-    outputs = campaign.outputs(LaneResult(spans, final, end, status), samples)
+    outputs = campaign.outputs(BatchResult(spans, final, end, status), samples)
     check_names("The outputs of the campaign", outputs)
     for name in set(outputs) & set(samples):
         raise InputError(
