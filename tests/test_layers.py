@@ -35,8 +35,8 @@ ALLOWED = {
 ALLOWED["cli"] = set(ALLOWED)
 ALLOWED["__init__"] = set(ALLOWED) - {"cli"}
 
-# A result that draws itself imports its figure inside a function; the figure imports the class of the
-# result for its types alone.
+# A result that draws itself imports its figure inside a function; the figure imports the class of
+# the result for its types alone.
 ON_REQUEST = {
     "simulation": {"plots"},
     "studies": {"plots"},

@@ -45,8 +45,8 @@ class Campaign(eqx.Module):
       inputs, each (runs,). The runs are on the last axis: parameters are scalars or (runs,),
       vectors (3, runs) or (3, 1).
     - `inputs`: the distribution of each input, by name.
-    - `outputs(result, samples) -> dict`: the numbers of interest, each (runs,), from a `BatchResult`
-      and the inputs.
+    - `outputs(result, samples) -> dict`: the outputs, each (runs,), from a `BatchResult` and the
+      inputs.
     - `units`: the unit of every input and output, by name; a name without one is a pure number.
     - `start`, s: the time at which the mission starts.
     - `description`: free text for the record, such as the scene file.

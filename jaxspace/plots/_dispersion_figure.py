@@ -85,9 +85,9 @@ def shown(dispersion: "Dispersion", *names: str) -> np.ndarray:
 
 def _scatter(axes: "Axes", dispersion: "Dispersion", across: str, up: str) -> None:
     """Two quantities against each other, a point for each good run."""
-    kept = shown(dispersion, across, up)
-    x = dispersion.values(across)[kept]
-    y = dispersion.values(up)[kept]
+    good = shown(dispersion, across, up)
+    x = dispersion.values(across)[good]
+    y = dispersion.values(up)[good]
     # Many points are drawn smaller and paler, so that their density shows.
     size, alpha = (16.0, 0.7) if x.size < 500 else (6.0, 0.35)
     axes.scatter(
@@ -132,9 +132,9 @@ def _histogram(
     axes: "Axes", dispersion: "Dispersion", name: str, values: np.ndarray, row: "Row | None"
 ) -> None:
     """The histogram of a quantity, with its mean and its limits."""
-    kept = values[shown(dispersion, name)]
-    if kept.size and row is not None:
-        axes.hist(kept, bins=int(np.clip(np.sqrt(kept.size), 8, 60)), color=COLOURS[0], alpha=0.75)
+    good = values[shown(dispersion, name)]
+    if good.size and row is not None:
+        axes.hist(good, bins=int(np.clip(np.sqrt(good.size), 8, 60)), color=COLOURS[0], alpha=0.75)
         axes.axvline(row.mean, color=COLOURS[1], linewidth=1.6)
         for limit in (row.low, row.high):
             axes.axvline(limit, color=COLOURS[6], linewidth=1.1, linestyle="--")

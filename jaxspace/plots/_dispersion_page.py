@@ -176,14 +176,14 @@ def _scatter(dispersion: "Dispersion") -> "Figure":
 
     names = [*dispersion.outputs, *(n for n, x in dispersion.inputs.items() if np.ptp(x) > 0.0)]
     across, up = chosen_pair(dispersion, list(dispersion.outputs)) or (names[-1], names[0])
-    kept = np.flatnonzero(shown(dispersion))[:MOST_POINTS]
-    data = {name: _listed(dispersion.values(name)[kept]) for name in names}
+    good = np.flatnonzero(shown(dispersion))[:MOST_POINTS]
+    data = {name: _listed(dispersion.values(name)[good]) for name in names}
     points = go.Scattergl(
         x=data[across],
         y=data[up],
         mode="markers",
         marker={"size": 5, "opacity": 0.5, "color": COLOURS[0]},
-        customdata=kept.tolist(),
+        customdata=good.tolist(),
         hovertemplate=(
             "run %{customdata}<br>%{xaxis.title.text}: %{x}<br>"
             "%{yaxis.title.text}: %{y}<extra></extra>"
