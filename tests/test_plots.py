@@ -1,7 +1,8 @@
-"""Pictures hold what they are given: the right panels, labels with units, every run that is good,
-and no global state."""
+"""Figures hold what they are given: the right panels, labels with units, every good run, and no
+global state."""
 
 import sys
+from types import SimpleNamespace
 
 import jax
 import jax.numpy as jnp
@@ -10,9 +11,10 @@ import pytest
 
 from jaxspace.bodies import BodyState
 from jaxspace.dispersion import Dispersion
+from jaxspace.gyros import GimbalState
 from jaxspace.plots import dispersion_figure, dispersion_page, trajectory_figure
 from jaxspace.rotations import Quaternion
-from jaxspace.simulation import MissionTrajectory, Status, Trajectory
+from jaxspace.simulation import Status
 
 
 @pytest.fixture
@@ -114,19 +116,17 @@ def body(t):
 
 
 def trajectory(t, runs=0):
-    """A trajectory in the layout of the border: (runs, times, components)."""
-    states = jax.tree.map(lambda x: jnp.moveaxis(x, 0, -1) if x.ndim > 1 else x, body(t))
+    """What a figure reads of a trajectory: components first, then times, then runs."""
+    states = body(t)
     if not runs:
-        return Trajectory(t, states, jnp.array(0), jnp.array(-1), {})
-    many = jax.tree.map(lambda x: jnp.stack([x] * runs), (t, states))
-    return Trajectory(*many, jnp.zeros(runs, int), -jnp.ones(runs, int), {}, shared=())
+        return SimpleNamespace(ts=t, states=states, status=jnp.array(0))
+    ts, states = jax.tree.map(lambda x: jnp.stack([x] * runs, axis=-1), (t, states))
+    return SimpleNamespace(ts=ts, states=states, status=jnp.zeros(runs, int))
 
 
 def test_trajectory_figure_of_a_mission(tmp_path):
     phases = tuple(trajectory(jnp.linspace(a, b, 50)) for a, b in ((0.0, 2.0), (2.0, 3.0)))
-    mission = MissionTrajectory(
-        phases, ("burn", "coast"), phases[1].final, jnp.array(3.0), jnp.array(0)
-    )
+    mission = SimpleNamespace(phases=phases, names=("burn", "coast"))
     figure = trajectory_figure(mission, title="Flight")
     figure.savefig(tmp_path / "t.png", dpi=40)
     labels = [axes.get_ylabel() for axes in figure.axes]
@@ -142,9 +142,55 @@ def test_trajectory_figure_of_a_mission(tmp_path):
     np.testing.assert_allclose(theta, np.degrees(0.3), atol=1e-9)
 
 
-def test_trajectory_figure_of_a_batch_and_of_any_state():
-    figure = trajectory_figure(trajectory(jnp.linspace(0.0, 1.0, 5), runs=6), runs=4)
-    assert len(figure.axes[0].get_lines()) == 3 * 4
-    bare = Trajectory(jnp.arange(3.0), {"angle": jnp.arange(3.0)}, jnp.array(0), jnp.array(-1), {})
+def test_trajectory_figure_of_a_batch():
+    t = jnp.linspace(0.0, 1.0, 5)
+    batch = trajectory(t, runs=6)
+    figure = trajectory_figure(batch, runs=4)
+    lines = figure.axes[0].get_lines()
+    assert len(lines) == 3 * 4
+    # The first run's x is the time itself.
+    np.testing.assert_allclose(lines[0].get_ydata(), t)
+    # Runs that share their times, and differ in their values.
+    shared = SimpleNamespace(
+        ts=t, states={"x": jnp.outer(t, jnp.arange(3.0))}, status=jnp.zeros(3, int)
+    )
+    lines = trajectory_figure(shared).axes[0].get_lines()
+    for run, line in enumerate(lines):
+        np.testing.assert_allclose(line.get_xdata(), t)
+        np.testing.assert_allclose(line.get_ydata(), run * t)
+    assert len(lines) == 3
+
+
+def test_trajectory_figure_of_any_state():
+    t = jnp.arange(3.0)
+    bare = SimpleNamespace(ts=t, states={"angle": t}, status=jnp.array(0))
     figure = trajectory_figure(bare, units={"angle": "rad"})
     assert [axes.get_ylabel() for axes in figure.axes] == ["angle\n[rad]"]
+    alone = SimpleNamespace(ts=t, states=t, status=jnp.array(0))
+    assert [axes.get_ylabel() for axes in trajectory_figure(alone).axes] == ["state"]
+
+
+def test_labels_have_the_units_that_a_state_declares():
+    t = jnp.arange(3.0)
+    states = GimbalState(t, t, t, t)
+    figure = trajectory_figure(SimpleNamespace(ts=t, states=states, status=jnp.array(0)))
+    assert [axes.get_ylabel() for axes in figure.axes] == [
+        "theta\n[rad]",
+        "psi\n[rad]",
+        "theta rate\n[rad/s]",
+        "angular momentum\n[kg m^2/s]",
+    ]
+
+
+def test_trajectory_figure_of_a_run():
+    """Of a run of `simulate`, as it stands."""
+    from jaxspace import simulate
+    from jaxspace.orbits import TwoBody
+
+    y0 = BodyState(jnp.array([1.0, 0.0, 0.0]), jnp.array([0.0, 1.0, 0.0]))
+    run = simulate(TwoBody(1.0), y0, jnp.linspace(0.0, 6.0, 20))
+    figure = trajectory_figure(run)
+    assert [axes.get_ylabel() for axes in figure.axes] == ["position\n[m]", "velocity\n[m/s]"]
+    x = figure.axes[0].get_lines()[0].get_ydata()
+    # The circle of unit rate: x = cos t, to the tolerance of a closed form.
+    np.testing.assert_allclose(x, np.cos(np.linspace(0.0, 6.0, 20)), atol=1e-12)

@@ -105,7 +105,7 @@ def pitch_libration_period(amplitude: Scalar, moments: Vector, mean_motion: Scal
 class GravityGradient(AbstractEffect):
     """The torque by the gradient of the attraction of a point mass at the origin.
 
-    Add `PointGravity` of the same strength for the orbit."""
+    Add `PointGravity` with the same `mu` for the orbit."""
 
     needs: ClassVar[frozenset[str]] = frozenset({"position", "attitude"})
     adds: ClassVar[frozenset[str]] = frozenset({"torque"})

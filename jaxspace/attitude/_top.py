@@ -178,6 +178,7 @@ class Top(AbstractSystem):
         _, omega = attitude_and_omega(y)
         _, theta, phi = Top.angles(y)
         across = omega[0] * jnp.sin(phi) + omega[1] * jnp.cos(phi)
+        # Zero at the vertical, where the line of nodes is undefined.
         precession = safe_divide(across, jnp.sin(theta))
         nutation = omega[0] * jnp.cos(phi) - omega[1] * jnp.sin(phi)
         return jnp.stack([precession, nutation, omega[2] - precession * jnp.cos(theta)])
@@ -215,6 +216,7 @@ class Top(AbstractSystem):
         """
         A, _, Wl = self._letters()
         weight = Wl * jnp.cos(theta)
+        # The root of larger magnitude first, so that nothing cancels.
         p = h_Z + jnp.where(h_Z < 0.0, -1.0, 1.0) * safe_sqrt(h_Z * h_Z - 4.0 * A * weight)
         return 2.0 * weight / p, p / (2.0 * A)
 
@@ -224,6 +226,7 @@ class Top(AbstractSystem):
         Zero below the horizontal. At theta = 0 a sleeping top is stable above it (Harrison and
         Nettleton 4.11)."""
         A, C, Wl = self._letters()
+        # Safe, because the root is zero at the horizontal, where its derivative is infinite.
         return 2.0 / C * safe_sqrt(jnp.maximum(A * Wl * jnp.cos(theta), 0.0))
 
     def sleeping_growth_rate(self, n: Scalar) -> Scalar:
@@ -249,6 +252,7 @@ class Top(AbstractSystem):
         """The angle, rad, between the axis and the angular momentum in steady precession (Thomson
         5.14-7, -8); arguments as in `precession_moment`."""
         A, C, _ = self._letters()
+        # By an arctangent, which has no singular place for a top that does not spin.
         return jnp.arctan2(A * precession * jnp.sin(theta), C * n)
 
     def nutation_frequency(self, theta: Scalar, precession: Scalar, n: Scalar) -> Scalar:
@@ -269,6 +273,7 @@ class Top(AbstractSystem):
         (Thomson 5.13-18 to -21)."""
         attitude, omega = attitude_and_omega(y)
         A, C, Wl = self._letters()
+        # Constants of the cubic in u = cos(theta), divided by A, so that they are made of rates.
         Z = vertical(attitude)
         N, beta = C * omega[2] / A, 2.0 * Wl / A
         transverse = omega[0] * omega[0] + omega[1] * omega[1]
@@ -302,6 +307,7 @@ class TopSplit(AbstractSplit):
     def kick(self, t: Scalar, duration: Scalar, y: BodyState) -> BodyState:
         del t
         attitude, omega = attitude_and_omega(y)
+        # Exact, because the moment has no part along z and the kick does not turn the top.
         Z = vertical(attitude)
         angular_acceleration = self.top.weight_moment / self.top.transverse_inertia
         change = duration * angular_acceleration * cross(Z, axis(2, Z[2]))
@@ -317,4 +323,5 @@ def continuous_precession(states: BodyState) -> Float[Array, "times *#runs"]:
     Raises `InputError` for states without attitude."""
     if states.attitude is None:
         raise InputError("The states hold no attitude: a precession angle requires one.")
+    # The times are the first axis that is left when the angle has been taken.
     return jnp.unwrap(to_euler_angles(states.attitude)[0], axis=0)

@@ -1,13 +1,15 @@
 """A rigid body that turns about its centre of mass without torque.
 
     J omega' = (J omega) x omega            Euler's equations, body axes
-    q' = q (0, omega) / 2                   h = C_NB J omega and T = omega . J omega / 2 are constant
+    q' = q (0, omega) / 2
+    h = C_NB J omega,  T = omega . J omega / 2       constant
 
 For a symmetric body, J = diag(A, A, C), the spin n is constant, and the motion is the product of
 two steady turns:
 
     omega_12(t) = omega_12(0) e^(i lambda t)          lambda = n (C - A) / A
-    q(t) = q(0) exp(h_B(0) t / A) exp(-lambda t z)    psi' = h / A,  phi' = n - psi' cos(theta) = -lambda
+    q(t) = q(0) exp(h_B(0) t / A) exp(-lambda t z)    psi' = h / A
+                                                      phi' = n - psi' cos(theta) = -lambda
     tan(theta) = A omega_12 / (C n)                   tan(gamma) = omega_12 / n
 
 Any other body moves in elliptic functions: `bodies.free_turn` has the closed form.
@@ -127,6 +129,7 @@ def cone_angles(omega: Vector, A: Scalar, C: Scalar) -> tuple[Scalar, Scalar]:
     half-angle gamma, the space cone |gamma - theta|.
     """
     check_components("cone_angles: omega", omega, 3)
+    # Safe, because a body that spins about its axis of symmetry has no transverse rate.
     transverse = safe_sqrt(omega[0] * omega[0] + omega[1] * omega[1])
     return safe_atan2(A * transverse, C * omega[2]), safe_atan2(transverse, omega[2])
 
@@ -162,6 +165,8 @@ def symmetric_flow(duration: Scalar, y: BodyState, A: Scalar, C: Scalar) -> Body
     # h_B / A = omega + (C - A)/A n z: exactly omega for a sphere.
     momentum_per_A = omega + (C - A) / A * omega[2] * z
     roll = body_precession_rate(omega[2], A, C) * duration
+    # The turn about h, then the turn back about the body's own axis: no nutation angle, which would
+    # be singular for a pure spin.
     turn = Quaternion.from_rotation_vector(momentum_per_A * duration).then(
         Quaternion.about(2, -roll)
     )

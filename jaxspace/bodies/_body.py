@@ -82,6 +82,7 @@ class RigidBody(AbstractBody):
         doc="about the centre of mass: three principal moments, a tensor, or an inertia",
     )
 
+    # The argument has the name of the method `inertia`, so that a field of this name cannot exist.
     def __init__(self, mass=None, inertia=None):
         self.mass = mass
         self.moment_of_inertia = inertia

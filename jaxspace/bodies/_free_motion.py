@@ -17,4 +17,5 @@ class FreeRotation(AbstractClosedForm):
     def flow(self, duration: Scalar, y: BodyState) -> BodyState:
         assert y.attitude is not None and y.omega is not None
         turn, omega = free_turn(duration, self.inertia, y.omega)
+        # `then` gives the attitude the runs of the turn, where only the body carries runs.
         return BodyState(attitude=y.attitude.then(turn), omega=omega)

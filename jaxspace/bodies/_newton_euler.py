@@ -55,5 +55,6 @@ def angular_acceleration(inertia: AbstractInertia, omega: Vector, torque: Vector
 
     **Returns** omega', rad/s^2, (3, *runs).
     """
+    # h x omega and not -omega x h, which would be one operation more for each component.
     gyroscopic = cross(inertia.times(omega), omega)
     return inertia.solve(gyroscopic if torque is None else torque + gyroscopic)

@@ -30,6 +30,7 @@ def check_components(name: str, x: object, count: int, axes: int = 1) -> None:
 
     **Raises** `InputError` for any other shape.
     """
+    # Tracers are instances of `jax.Array`; lists of scalars and placeholders are not.
     if not isinstance(x, jax.Array | np.ndarray) or x.shape[:axes] == (count,) * axes:
         return
     held = (
@@ -72,6 +73,7 @@ def runs_first(tree: PyTree) -> PyTree:
 
 
 def _move(x: object, source: int, target: int) -> object:
+    # What all runs share is often a plain number.
     if not isinstance(x, jax.Array | np.ndarray) or x.ndim == 0:
         return x
     return jnp.moveaxis(x, source, target)

@@ -1,5 +1,4 @@
-"""A campaign: from scattered inputs to a mission, and from how it ended to the outputs of
-interest."""
+"""A campaign: from random inputs to a mission, and from its result to the outputs."""
 
 import zlib
 from collections.abc import Callable
@@ -16,7 +15,8 @@ from ..simulation import Mission
 from ..simulation._runs import MissionResult
 from ._distributions import AbstractDistribution
 
-RESERVED = ("run", "status", "evaluations")  # names of their own in a store
+RESERVED = ("run", "status", "evaluations")
+"""Names of the variables that every store has."""
 
 
 def _as_pairs(limits: Any) -> tuple[tuple[str, Quantity], ...]:
@@ -26,14 +26,14 @@ def _as_pairs(limits: Any) -> tuple[tuple[str, Quantity], ...]:
 
 @final
 class Campaign(eqx.Module):
-    """What shall be run many times.
+    """A mission that is run many times with random inputs.
 
     - `build(samples) -> (mission, y0)`: the mission and its initial state from a dict of the
-      inputs, each (runs,). The runs come last: parameters are scalars or (runs,), vectors (3, runs)
-      or (3, 1).
-    - `inputs`: how each input scatters, by name.
-    - `outputs(result, samples) -> dict`: the numbers of interest, each (runs,), from a `MissionResult`
-      and the inputs.
+      inputs, each (runs,). The runs are on the last axis: parameters are scalars or (runs,),
+      vectors (3, runs) or (3, 1).
+    - `inputs`: the distribution of each input, by name.
+    - `outputs(result, samples) -> dict`: the outputs, each (runs,), from a `MissionResult` and the
+      inputs.
     - `units`: the unit of every input and output, by name; a name without one is a pure number.
     - `start`, s: the time at which the mission starts.
     - `description`: free text for the record, such as the scene file.
@@ -66,24 +66,32 @@ class Campaign(eqx.Module):
         check_finite("Campaign.start", self.start)
 
     def nominal(self, runs: int = 1) -> dict[str, Float[Array, " runs"]]:
-        """The mean of every input, for `runs` runs."""
+        """The mean of every input, (runs,)."""
         return {name: jnp.full((runs,), d.mean) for name, d in self.inputs.items()}
 
     def samples(
         self, key: Any, numbers: Integer[Array, " runs"]
     ) -> dict[str, Float[Array, " runs"]]:
-        """The inputs of the runs of these `numbers`. A draw depends on the key, the number of its
-        run and its own name, and on nothing else: not on how many runs there are, nor on what is
-        drawn beside it."""
+        """The inputs of the runs with these numbers.
 
-        def drawn(number: Array) -> dict[str, Array]:
+        **Arguments**
+
+        - `key`: of the campaign.
+        - `numbers`: of the runs, (runs,).
+
+        **Returns** the inputs by name, (runs,).
+        """
+
+        # A draw depends on the key, the number of its run and its own name only, so that it is the
+        # same however many runs or other inputs there are.
+        def draw(number: Array) -> dict[str, Array]:
             own = jax.random.fold_in(key, number)
             return {
                 name: d.sample(jax.random.fold_in(own, zlib.crc32(name.encode())))
                 for name, d in self.inputs.items()
             }
 
-        return jax.vmap(drawn)(numbers)
+        return jax.vmap(draw)(numbers)
 
     def allowed(self, samples: dict[str, Float[Array, " runs"]]) -> Bool[Array, " runs"]:
         """For each run whether all of its inputs lie in the ranges that their classes allow."""
@@ -109,7 +117,7 @@ class Campaign(eqx.Module):
 
 
 def check_names(field: str, names: Any) -> None:
-    """Raise `InputError` for a name that the store keeps for itself."""
+    """Raise `InputError` for a name that every store has already; `field` is named in it."""
     for name in names:
         if name in RESERVED:
             raise InputError(

@@ -17,7 +17,7 @@ cone angle), which no linear law describes.
     s                standard deviation                       that of its quantity
     beta_j, gamma_j  regression coefficients                  1
 
-A share smaller than about 1 / (number of runs) cannot be told from none.
+A share smaller than about 1 / (number of runs) cannot be distinguished from none.
 """
 
 from typing import TYPE_CHECKING, Any, NamedTuple, final
@@ -177,12 +177,12 @@ class Dispersion(eqx.Module):
         needs.
         """
         y = self.values(output).astype(float)
-        kept = self.good & np.isfinite(y)
-        y = y[kept]
+        good = self.good & np.isfinite(y)
+        y = y[good]
         columns = {
-            name: x[kept].astype(float)
+            name: x[good].astype(float)
             for name, x in self.inputs.items()
-            if x[kept].size and np.ptp(x[kept]) > 0.0
+            if x[good].size and np.ptp(x[good]) > 0.0
         }
         if not columns or np.ptp(y) == 0.0:
             return Contributors(output, {}, float("nan"))

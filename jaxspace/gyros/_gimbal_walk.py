@@ -86,6 +86,7 @@ class GimbalWalk(eqx.Module):
             * jnp.sin(chi)
             * jnp.sqrt(self.inner_inertia / self.outer_inertia(theta))
         )
+        # Means over time: equal steps in chi have the duration 1 / X'.
         return jnp.mean(psi_rate / slope, axis=0) / jnp.mean(1.0 / slope, axis=0)
 
     def offset(self) -> Scalar:
@@ -137,12 +138,14 @@ class GimbalWalk(eqx.Module):
     def _nodes(self) -> tuple[Scalar, Scalar, Scalar, Scalar]:
         """chi, theta - theta_0, theta and X'(theta) at the nodes of one period, on a new leading
         axis."""
+        # A gimbal that passes over the pole has no turning points, and no period of this kind.
         theta_rate = jnp.where(
             jnp.abs(self.theta_rate) < self.greatest_rate(), self.theta_rate, jnp.nan
         )
         rate = theta_rate / self.frequency()
         shape = (NODES,) + (1,) * rate.ndim
         chi = 2.0 * jnp.pi / NODES * (jnp.arange(NODES, dtype=rate.dtype).reshape(shape) + 0.5)
+        # The small nutation is the start of Newton's iteration for X(theta) = theta_0' sin(chi).
         deviation = rate * jnp.sin(chi)
         for _ in range(STEPS):
             x, slope = self._map(deviation)

@@ -98,6 +98,7 @@ class TwoGimbalGyro(AbstractSystem):
         del t
         s = jnp.sin(y.theta)
         c = jnp.cos(y.theta)
+        # From the momentum, whose errors do not add to the drift of psi.
         psi_rate = self.outer_rate(y)
         moment = (
             self._gimbal_difference() * psi_rate * c - self.spin_momentum()
@@ -106,6 +107,7 @@ class TwoGimbalGyro(AbstractSystem):
             theta=y.theta_rate,
             psi=psi_rate,
             theta_rate=moment / self.inner_inertia(),
+            # A moment that all runs share has the shape of the runs in a rate.
             angular_momentum=self.moment_outer + jnp.zeros_like(y.angular_momentum),
         )
 
@@ -115,6 +117,7 @@ class TwoGimbalGyro(AbstractSystem):
         psi_rate = self.outer_rate(y)
         kinetic = self.inner_inertia() * y.theta_rate**2 + self.outer_inertia(y.theta) * psi_rate**2
         spin = self.axial_inertia * self.spin_rate**2
+        # Constant moments have potentials: the angles times the moments.
         work = self.moment_inner * y.theta + self.moment_outer * y.psi
         return {
             "energy": 0.5 * (kinetic + spin) - work,
@@ -197,6 +200,7 @@ class TwoGimbalGyro(AbstractSystem):
         **Returns** both deviations, rad.
         """
         p = self.spin_momentum() / self.transverse_inertia
+        # Without mass of the gimbals the nutation is a circle of this size.
         size = impulse / self.spin_momentum()
         return size * jnp.sin(p * t), size * (1.0 - jnp.cos(p * t))
 

@@ -14,7 +14,7 @@ Valid for smooth functions. `f` may be infinite outside its domain: the line sea
 """
 
 from collections.abc import Callable
-from typing import Any, TypeAlias, final
+from typing import NamedTuple, TypeAlias, final
 
 import equinox as eqx
 import jax
@@ -63,6 +63,27 @@ class Minimum(eqx.Module):
     converged: Bool[Array, ""]
 
 
+class RoundState(NamedTuple):
+    """What one descent hands to the next update of the multipliers."""
+
+    x: Point
+    criterion: Criterion
+    dual: Criterion
+    rho: Float[Array, ""]
+    gradient: Float[Array, ""]
+    violation: Float[Array, ""]
+    steps: Int[Array, ""]
+    rounds: Int[Array, ""]
+
+
+class DescentState(NamedTuple):
+    """What one step of a descent hands to the next; `state` is that of optax."""
+
+    x: Point
+    state: PyTree
+    steps: Int[Array, ""]
+
+
 def minimise(
     problem: Callable[[Point], Criterion],
     start: Point,
@@ -91,12 +112,12 @@ def minimise(
     dual = Criterion(jnp.ones_like(blank.objective), blank.equal_zero, blank.non_negative)
     rho = 10.0 * jnp.ones_like(blank.objective)
 
-    def unfinished(carry: tuple[Any, ...]) -> Bool[Array, ""]:
-        _, _, _, _, gradient, violation, _, rounds = carry
-        return ((gradient > tolerance) | (violation > tolerance)) & (rounds < max_rounds)
+    def unfinished(loop: RoundState) -> Bool[Array, ""]:
+        missed = (loop.gradient > tolerance) | (loop.violation > tolerance)
+        return missed & (loop.rounds < max_rounds)
 
-    def improve(carry: tuple[Any, ...]) -> tuple[Any, ...]:
-        x, _, dual, rho, _, violation, steps, rounds = carry
+    def improve(loop: RoundState) -> RoundState:
+        x, _, dual, rho, _, violation, steps, rounds = loop
         # A descent to the last digit is wasted while the multipliers are not right.
         enough = jnp.maximum(0.01 * jnp.minimum(violation, 1.0), tolerance)
         x, gradient, taken = _descend(
@@ -107,23 +128,28 @@ def minimise(
         # Updated with the weight of this descent, before it grows.
         dual = _updated(criterion, dual, rho)
         rho = jnp.where(left > 0.25 * violation, 10.0 * rho, rho)
-        return x, criterion, dual, rho, gradient, left, steps + taken, rounds + 1
+        return RoundState(x, criterion, dual, rho, gradient, left, steps + taken, rounds + 1)
 
-    first = (
-        start,
-        blank,
-        dual,
-        rho,
-        jnp.full_like(rho, jnp.inf),
-        jnp.ones_like(rho),
-        jnp.asarray(0),
-        jnp.asarray(0),
+    first = RoundState(
+        x=start,
+        criterion=blank,
+        dual=dual,
+        rho=rho,
+        gradient=jnp.full_like(rho, jnp.inf),
+        violation=jnp.ones_like(rho),
+        steps=jnp.asarray(0),
+        rounds=jnp.asarray(0),
     )
-    x, criterion, dual, _, gradient, violation, steps, _ = lax.while_loop(
-        unfinished, improve, first
+    last = lax.while_loop(unfinished, improve, first)
+    return Minimum(
+        x=last.x,
+        criterion=last.criterion,
+        multipliers=last.dual,
+        gradient=last.gradient,
+        violation=last.violation,
+        steps=last.steps,
+        converged=(last.gradient <= tolerance) & (last.violation <= tolerance),
     )
-    converged = (gradient <= tolerance) & (violation <= tolerance)
-    return Minimum(x, criterion, dual, gradient, violation, steps, converged)
 
 
 def _lagrangian(criterion: Criterion, dual: Criterion, rho: Float[Array, ""]) -> Float[Array, ""]:
@@ -177,14 +203,13 @@ def _descend(
     method = optax.lbfgs()
     value_and_gradient = optax.value_and_grad_from_state(f)
 
-    def unfinished(carry: tuple[Any, ...]) -> Bool[Array, ""]:
-        _, state, steps = carry
-        return (steps == 0) | (
-            (_largest(optax.tree.get(state, "grad")) > enough) & (steps < max_steps)
-        )
+    def unfinished(loop: DescentState) -> Bool[Array, ""]:
+        # Before the first step the state of optax holds no gradient yet.
+        steep = _largest(optax.tree.get(loop.state, "grad")) > enough
+        return (loop.steps == 0) | (steep & (loop.steps < max_steps))
 
-    def step(carry: tuple[Any, ...]) -> tuple[Any, ...]:
-        x, state, steps = carry
+    def step(loop: DescentState) -> DescentState:
+        x, state, steps = loop
         # optax mixes integer widths, which a caller's strict promotion would refuse.
         with jax.numpy_dtype_promotion("standard"):
             # The line search leaves value and gradient at its end in the state, so that `f` is
@@ -193,7 +218,7 @@ def _descend(
             updates, state = method.update(
                 gradient, state, x, value=value, grad=gradient, value_fn=f
             )
-        return optax.apply_updates(x, updates), state, steps + 1
+        return DescentState(optax.apply_updates(x, updates), state, steps + 1)
 
-    x, state, steps = lax.while_loop(unfinished, step, (x, method.init(x), jnp.asarray(0)))
-    return x, _largest(optax.tree.get(state, "grad")), steps
+    last = lax.while_loop(unfinished, step, DescentState(x, method.init(x), jnp.asarray(0)))
+    return last.x, _largest(optax.tree.get(last.state, "grad")), last.steps

@@ -93,7 +93,7 @@ def periapsis_radius(position: Vector, velocity: Vector, mu: Scalar) -> Scalar:
 
 @output("m", mu="planet.mu")
 def apoapsis_radius(position: Vector, velocity: Vector, mu: Scalar) -> Scalar:
-    """Greatest distance from the centre, m; infinite, with the derivative zero, on an open orbit."""
+    """Greatest distance from the centre, m; infinite on an open orbit, with the derivative zero."""
     energy = specific_energy(position, velocity, mu)
     a = -0.5 * mu / jnp.where(energy < 0.0, energy, -1.0)
     return jnp.where(
@@ -151,8 +151,8 @@ def elements_from_state(position: Vector, velocity: Vector, mu: Scalar) -> Class
     node = safe_atan2(h[0], -h[1])
     n = jnp.cos(node) * axis(0, node) + jnp.sin(node) * axis(1, node)
     m = cross(unit(h), n)
-    # Angles in the plane of the orbit, from the node n towards m, which is 90 degrees ahead. The true
-    # anomaly as their difference: at e = 0 it is the angle from the node, as the periapsis is there.
+    # Angles in the plane of the orbit, from the node n towards m, which is 90 degrees ahead. The
+    # true anomaly is their difference, so that it counts from the node where e = 0.
     omega = safe_atan2(dot(e, m), dot(e, n))
     latitude = safe_atan2(dot(position, m), dot(position, n))
     return ClassicalElements(

@@ -1,5 +1,4 @@
-"""Pictures: a trajectory's states against time, a dispersion as a figure or as a page. Plotting
-libraries load on demand."""
+"""Figures of trajectories, dispersions and studies. Plotting libraries are imported on demand."""
 
 from ._dispersion_figure import dispersion_figure as dispersion_figure
 from ._dispersion_page import dispersion_page as dispersion_page

@@ -1,21 +1,23 @@
-"""A dispersion on one sheet: two outputs against each other, histograms of the outputs, and what
-makes them scatter."""
+"""A dispersion in one figure: a scatter plot, histograms of the outputs, and their contributors."""
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..dispersion import Dispersion, Row
 from ._style import BAD, COLOURS, dress
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-MOST = 6  # outputs that one sheet can show legibly
+    from ..dispersion import Contributors, Dispersion, Row
+
+MOST = 6
+"""Outputs that one figure shows legibly."""
 
 
 def dispersion_figure(
-    dispersion: Dispersion,
+    dispersion: "Dispersion",
     outputs: tuple[str, ...] | list[str] | None = None,
     *,
     scatter: tuple[str, str] | None = None,
@@ -24,16 +26,25 @@ def dispersion_figure(
 ) -> "Figure":
     """A matplotlib figure of a dispersion.
 
-    - `outputs`: which outputs get a histogram with the limits of the middle 99 % of the runs, and
-      beside it the `count` largest contributors to its variance; the first six by default.
-    - `scatter`: the two quantities, outputs or inputs, of the scatter plot at the top; perigee over
-      apogee where there are such, else the first two outputs.
+    `dispersion_figure(result).savefig("dispersion.png")` shows for each output a histogram with the
+    limits of the middle 99 % of the runs, and its largest contributors.
 
-    Raises `InputError` for a name that is no output."""
+    **Arguments**
+
+    - `dispersion`: the result of a campaign.
+    - `outputs`: which outputs are shown; the first six by default.
+    - `scatter`: two quantities, outputs or inputs, for the scatter plot at the top; by default
+      perigee over apogee where there are such, else the first two outputs.
+    - `count`: of contributors for each output.
+    - `title`: of the figure; by default the number of runs.
+
+    **Raises** `InputError` for a name that is no output.
+    """
     from matplotlib.figure import Figure
 
     names = list(dispersion.outputs)[:MOST] if outputs is None else list(outputs)
     pair = chosen_pair(dispersion, names) if scatter is None else scatter
+    # Rows above those of the outputs.
     top = 0 if pair is None else 1
     figure = Figure(figsize=(10.0, 3.4 * top + 2.1 * len(names) + 0.7), layout="constrained")
     figure.suptitle(title or heading(dispersion), fontsize=12, fontweight="bold", x=0.01, ha="left")
@@ -50,17 +61,16 @@ def dispersion_figure(
     return figure
 
 
-def heading(dispersion: Dispersion) -> str:
-    """How many runs there are, and how many of them failed."""
+def heading(dispersion: "Dispersion") -> str:
+    """The number of runs, and of those that failed."""
     failed = sum(f.count for f in dispersion.failed)
     return f"{dispersion.runs} runs, seed {dispersion.seed}" + (
         f", {failed} failed" if failed else ", none failed"
     )
 
 
-def chosen_pair(dispersion: Dispersion, names: list[str]) -> tuple[str, str] | None:
-    """The two outputs worth plotting against each other: apogee and perigee, else the first two,
-    else none."""
+def chosen_pair(dispersion: "Dispersion", names: list[str]) -> tuple[str, str] | None:
+    """The outputs of the scatter plot: apogee and perigee, else the first two, else none."""
     for far, near in (("apogee", "perigee"), ("apoapsis", "periapsis")):
         both = [[n for n in dispersion.outputs if word in n] for word in (far, near)]
         if all(both):
@@ -68,14 +78,17 @@ def chosen_pair(dispersion: Dispersion, names: list[str]) -> tuple[str, str] | N
     return (names[0], names[1]) if len(names) > 1 else None
 
 
-def shown(dispersion: Dispersion, *names: str) -> np.ndarray:
-    """The good runs in which all the named quantities are finite."""
+def shown(dispersion: "Dispersion", *names: str) -> np.ndarray:
+    """Whether each run is good, and all the named quantities finite in it, (runs,)."""
     return dispersion.good & np.all([np.isfinite(dispersion.values(n)) for n in names], axis=0)
 
 
-def _scatter(axes: Any, dispersion: Dispersion, across: str, up: str) -> None:
-    kept = shown(dispersion, across, up)
-    x, y = dispersion.values(across)[kept], dispersion.values(up)[kept]
+def _scatter(axes: "Axes", dispersion: "Dispersion", across: str, up: str) -> None:
+    """Two quantities against each other, a point for each good run."""
+    good = shown(dispersion, across, up)
+    x = dispersion.values(across)[good]
+    y = dispersion.values(up)[good]
+    # Many points are drawn smaller and paler, so that their density shows.
     size, alpha = (16.0, 0.7) if x.size < 500 else (6.0, 0.35)
     axes.scatter(
         x,
@@ -84,6 +97,7 @@ def _scatter(axes: Any, dispersion: Dispersion, across: str, up: str) -> None:
         alpha=alpha,
         color=COLOURS[0],
         linewidths=0.0,
+        # In a vector file many points would be slow to draw.
         rasterized=x.size > 5000,
         label="one run",
     )
@@ -110,15 +124,17 @@ def _scatter(axes: Any, dispersion: Dispersion, across: str, up: str) -> None:
 
 
 def _plain(name: str) -> str:
+    """A name in words."""
     return name.replace("_", " ")
 
 
 def _histogram(
-    axes: Any, dispersion: Dispersion, name: str, values: np.ndarray, row: Row | None
+    axes: "Axes", dispersion: "Dispersion", name: str, values: np.ndarray, row: "Row | None"
 ) -> None:
-    kept = values[shown(dispersion, name)]
-    if kept.size and row is not None:
-        axes.hist(kept, bins=int(np.clip(np.sqrt(kept.size), 8, 60)), color=COLOURS[0], alpha=0.75)
+    """The histogram of a quantity, with its mean and its limits."""
+    good = values[shown(dispersion, name)]
+    if good.size and row is not None:
+        axes.hist(good, bins=int(np.clip(np.sqrt(good.size), 8, 60)), color=COLOURS[0], alpha=0.75)
         axes.axvline(row.mean, color=COLOURS[1], linewidth=1.6)
         for limit in (row.low, row.high):
             axes.axvline(limit, color=COLOURS[6], linewidth=1.1, linestyle="--")
@@ -131,7 +147,8 @@ def _histogram(
     axes.set_title(_plain(name), loc="left", fontsize=10, fontweight="bold", pad=17)
 
 
-def _contributors(axes: Any, dispersion: Dispersion, name: str, count: int) -> None:
+def _contributors(axes: "Axes", dispersion: "Dispersion", name: str, count: int) -> None:
+    """A bar for each of the largest contributors to the variance of an output."""
     found = contributors_or_none(dispersion, name, count)
     dress(axes, "", "share of the variance, %")
     if found is None:
@@ -146,7 +163,8 @@ def _contributors(axes: Any, dispersion: Dispersion, name: str, count: int) -> N
         )
         axes.set_yticks([])
         return
-    inputs, shares = list(found.shares), [100.0 * s for s in found.shares.values()]
+    inputs = list(found.shares)
+    shares = [100.0 * share for share in found.shares.values()]
     bars = axes.barh(inputs, shares, color=COLOURS[2], height=0.7)
     axes.bar_label(bars, [f"{s:.1f}" for s in shares], padding=3, fontsize=8)
     axes.set_yticks(inputs, [_plain(n) for n in inputs])
@@ -159,16 +177,15 @@ def _contributors(axes: Any, dispersion: Dispersion, name: str, count: int) -> N
     _subtitle(axes, explained(found.r_squared))
 
 
-def _subtitle(axes: Any, text: str) -> None:
-    """A line between the title and the axes, which must not claim width of its own in the
-    layout."""
-    axes.text(0.0, 1.03, text, transform=axes.transAxes, fontsize=7.5, va="bottom").set_in_layout(
-        False
-    )
+def _subtitle(axes: "Axes", text: str) -> None:
+    """A line between the title and the axes."""
+    line = axes.text(0.0, 1.03, text, transform=axes.transAxes, fontsize=7.5, va="bottom")
+    # A long line must not make the axes narrower.
+    line.set_in_layout(False)
 
 
-def summary(row: Row) -> str:
-    """Mean, deviation and limits of an output, to the digits that its deviation gives a meaning."""
+def summary(row: "Row") -> str:
+    """Mean, deviation and limits of an output, with as many digits as its deviation justifies."""
     mean, low, high = (rounded(x, row.std) for x in (row.mean, row.low, row.high))
     return f"mean {mean}, deviation {row.std:.3g}; 99 % within {low} … {high}"
 
@@ -182,13 +199,14 @@ def rounded(value: float, deviation: float) -> str:
 
 
 def explained(r_squared: float) -> str:
-    """What R^2 says about the shares."""
+    """The part of the variance that the shares explain, in words."""
     sentence = f"each input by itself: {100.0 * max(r_squared, 0.0):.1f} % of the variance"
     return sentence if r_squared >= 0.5 else sentence + ", so shares say little"
 
 
-def contributors_or_none(dispersion: Dispersion, name: str, count: int) -> Any:
-    """The contributors, or `None` where there is nothing to find or too few runs to find it."""
+def contributors_or_none(dispersion: "Dispersion", name: str, count: int) -> "Contributors | None":
+    """The contributors, or `None` where nothing scatters or there are too few runs."""
+    # An unknown name is an error of the caller; too few runs are not.
     dispersion.values(name)
     try:
         found = dispersion.contributors(name, count)

@@ -1,13 +1,12 @@
-"""A dispersion as one page for any browser: no network, no server, everything inside the file."""
+"""A dispersion as one page for any browser: everything is in the file, no network is needed."""
 
 import os
 from html import escape
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..dispersion import Dispersion
 from ._dispersion_figure import (
     chosen_pair,
     contributors_or_none,
@@ -18,29 +17,50 @@ from ._dispersion_figure import (
 )
 from ._style import COLOURS
 
-MOST_POINTS = 10000  # of the scatter plot: more make a browser slow
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from plotly.graph_objects import Figure
+
+    from ..dispersion import Dispersion
+
+MOST_POINTS = 10000
+"""Points of the scatter plot: more make a browser slow."""
 
 STYLE = """
-body { font: 15px/1.5 system-ui, sans-serif; color: #222; max-width: 1080px; margin: 2rem auto; padding: 0 1rem; }
+body { font: 15px/1.5 system-ui, sans-serif; color: #222; }
+body { max-width: 1080px; margin: 2rem auto; padding: 0 1rem; }
 h1 { font-size: 1.5rem; margin-bottom: 0.2rem; } h2 { font-size: 1.15rem; margin-top: 2.2rem; }
 p.note { color: #555; margin-top: 0.2rem; } p.bad { color: #b00020; }
 table { border-collapse: collapse; font-size: 14px; } .wide { overflow-x: auto; }
-th, td { padding: 0.25rem 0.8rem; border-bottom: 1px solid #ddd; text-align: right; font-variant-numeric: tabular-nums; }
+th, td { padding: 0.25rem 0.8rem; border-bottom: 1px solid #ddd; text-align: right; }
+td { font-variant-numeric: tabular-nums; }
 th:first-child, td:first-child, th:nth-child(2), td:nth-child(2) { text-align: left; }
 pre { background: #f6f6f6; padding: 0.8rem; overflow-x: auto; font-size: 13px; }
 """
 
 
 def dispersion_page(
-    dispersion: Dispersion,
+    dispersion: "Dispersion",
     path: str | os.PathLike[str],
     *,
     count: int = 8,
     title: str = "Dispersion",
 ) -> Path:
-    """Write a page with the table of outputs, an interactive scatter plot of any two of them,
-    histograms, the `count` largest contributors of each output, the failures and how it all was
-    made; returns its path."""
+    """Write a page with a table of the outputs and interactive plots.
+
+    It holds a scatter plot of any two quantities, histograms, the largest contributors to each
+    output, the failures, and the record of how the runs were made.
+
+    **Arguments**
+
+    - `dispersion`: the result of a campaign.
+    - `path`: of the HTML file.
+    - `count`: of contributors for each output.
+    - `title`: of the page.
+
+    **Returns** the path.
+    """
     body = [
         f"<h1>{escape(title)}</h1>",
         f'<p class="note">{escape(heading(dispersion))}.</p>',
@@ -51,7 +71,10 @@ def dispersion_page(
         "<h2>Record</h2>",
         f"<pre>{escape(_record(dispersion))}</pre>",
     ]
-    head = f'<meta charset="utf-8"><meta name="viewport" content="width=device-width"><title>{escape(title)}</title>'
+    head = (
+        '<meta charset="utf-8"><meta name="viewport" content="width=device-width">'
+        f"<title>{escape(title)}</title>"
+    )
     page = (
         f'<!DOCTYPE html>\n<html lang="en"><head>{head}<style>{STYLE}</style></head>\n<body>\n'
         + "\n".join(body)
@@ -62,7 +85,8 @@ def dispersion_page(
     return path
 
 
-def _table(dispersion: Dispersion) -> str:
+def _table(dispersion: "Dispersion") -> str:
+    """The table of the outputs, in HTML."""
     heads = (
         "output",
         "unit",
@@ -89,14 +113,16 @@ def _table(dispersion: Dispersion) -> str:
     return '<div class="wide"><table>' + "\n".join(lines) + "</table></div>"
 
 
-def _figures(dispersion: Dispersion, count: int) -> list[str]:
-    """The headings and plots; plotly's own script goes with the first of them."""
+def _figures(dispersion: "Dispersion", count: int) -> list[str]:
+    """The headings and plots, in HTML."""
     parts = [("Any two quantities", _scatter(dispersion)), ("Distribution", _histogram(dispersion))]
     parts += [
         (f"Contributors to {name.replace('_', ' ')}", _contributors(dispersion, name, count))
         for name in dispersion.outputs
     ]
-    lines, script = [], True
+    lines = []
+    # The first plot brings plotly's script along for all of them.
+    script = True
     for words, figure in parts:
         lines.append(f"<h2>{escape(words)}</h2>")
         if figure is None:
@@ -114,6 +140,7 @@ def _figures(dispersion: Dispersion, count: int) -> list[str]:
 
 
 def _layout(across: str, up: str, height: int = 460) -> dict[str, Any]:
+    """The layout of a plot with the labels of its axes, in plotly's words."""
     axis = {"gridcolor": "#e3e3e3", "zerolinecolor": "#e3e3e3", "linecolor": "#888"}
     return {
         "template": "none",
@@ -125,8 +152,10 @@ def _layout(across: str, up: str, height: int = 460) -> dict[str, Any]:
     }
 
 
-def _menu(names: list[str], choice: Any, active: int, place: float) -> dict[str, Any]:
-    """A menu above the plot: `choice(name)` gives the arguments of plotly's update."""
+def _menu(
+    names: list[str], choice: "Callable[[str], list[dict[str, Any]]]", active: int, place: float
+) -> dict[str, Any]:
+    """A menu above the plot; `choice(name)` gives the arguments of plotly's update."""
     buttons = [
         {"label": name.replace("_", " "), "method": "update", "args": choice(name)}
         for name in names
@@ -141,21 +170,24 @@ def _menu(names: list[str], choice: Any, active: int, place: float) -> dict[str,
     }
 
 
-def _scatter(dispersion: Dispersion) -> Any:
-    """Two quantities against each other, chosen by menus; the nearest point tells its run."""
+def _scatter(dispersion: "Dispersion") -> "Figure":
+    """Two quantities against each other, chosen by menus; a point shows the number of its run."""
     import plotly.graph_objects as go
 
     names = [*dispersion.outputs, *(n for n, x in dispersion.inputs.items() if np.ptp(x) > 0.0)]
     across, up = chosen_pair(dispersion, list(dispersion.outputs)) or (names[-1], names[0])
-    kept = np.flatnonzero(shown(dispersion))[:MOST_POINTS]
-    data = {name: _listed(dispersion.values(name)[kept]) for name in names}
+    good = np.flatnonzero(shown(dispersion))[:MOST_POINTS]
+    data = {name: _listed(dispersion.values(name)[good]) for name in names}
     points = go.Scattergl(
         x=data[across],
         y=data[up],
         mode="markers",
         marker={"size": 5, "opacity": 0.5, "color": COLOURS[0]},
-        customdata=kept.tolist(),
-        hovertemplate="run %{customdata}<br>%{xaxis.title.text}: %{x}<br>%{yaxis.title.text}: %{y}<extra></extra>",
+        customdata=good.tolist(),
+        hovertemplate=(
+            "run %{customdata}<br>%{xaxis.title.text}: %{x}<br>"
+            "%{yaxis.title.text}: %{y}<extra></extra>"
+        ),
     )
     figure = go.Figure(points, _layout(dispersion.label(across), dispersion.label(up), 560))
     menus = [
@@ -182,16 +214,15 @@ def _scatter(dispersion: Dispersion) -> Any:
 
 
 def _listed(values: np.ndarray) -> list[float]:
-    """Plain numbers with five digits beyond their deviation's first: they keep the file small."""
+    """The values with five digits beyond the first one of their deviation: the file stays small."""
     finite = values[np.isfinite(values)]
     deviation = float(np.std(finite)) if finite.size else 0.0
-    return np.round(
-        values.astype(float), 5 - int(np.floor(np.log10(deviation))) if deviation > 0.0 else 15
-    ).tolist()
+    decimals = 5 - int(np.floor(np.log10(deviation))) if deviation > 0.0 else 15
+    return np.round(values.astype(float), decimals).tolist()
 
 
-def _histogram(dispersion: Dispersion) -> Any:
-    """How an output scatters, chosen by a menu."""
+def _histogram(dispersion: "Dispersion") -> "Figure":
+    """The histogram of an output, chosen by a menu."""
     import plotly.graph_objects as go
 
     names = list(dispersion.outputs)
@@ -206,7 +237,8 @@ def _histogram(dispersion: Dispersion) -> Any:
     return figure.update_layout(updatemenus=[choice], margin={"t": 80}, bargap=0.03)
 
 
-def _contributors(dispersion: Dispersion, name: str, count: int) -> Any:
+def _contributors(dispersion: "Dispersion", name: str, count: int) -> "Figure | None":
+    """A bar for each of the largest contributors, or `None` where there are none."""
     import plotly.graph_objects as go
 
     found = contributors_or_none(dispersion, name, count)
@@ -231,14 +263,15 @@ def _contributors(dispersion: Dispersion, name: str, count: int) -> Any:
     )
 
 
-def _record(dispersion: Dispersion) -> str:
-    """How the dispersion was made, one line for each entry."""
-    lines = []
-    for key, value in {
+def _record(dispersion: "Dispersion") -> str:
+    """The record of how the runs were made, one line for each entry."""
+    record = {
         "seed": dispersion.seed,
         "seconds": f"{dispersion.seconds:.4g}",
         **dispersion.attributes,
-    }.items():
+    }
+    lines = []
+    for key, value in record.items():
         text = (
             ", ".join(f"{k} {v}" for k, v in value.items())
             if isinstance(value, dict)

@@ -1,15 +1,19 @@
-"""What accuracy costs, and what each effect does, as pictures."""
+"""Figures of what accuracy costs, and of what each effect changes."""
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ._style import COLOURS, dress
+from ._style import COLOURS, MUTED, dress
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from matplotlib.axes import Axes
+    from matplotlib.axis import Axis
     from matplotlib.figure import Figure
 
-    from ..studies import AccuracyCost, EffectBudget
+    from ..studies import AccuracyCost, Cost, EffectBudget
 
 MARKS = {"float64": ("o", "-"), "float32": ("s", "--")}
 
@@ -19,29 +23,39 @@ def _figure(width: float, height: float) -> "Figure":
     try:
         from matplotlib.figure import Figure
     except ImportError as error:
-        raise ImportError("Pictures need matplotlib: install jaxspace[app].") from error
+        raise ImportError("Figures require matplotlib: install jaxspace[app].") from error
     return Figure(figsize=(width, height), layout="constrained")
 
 
 def accuracy_cost_figure(cost: "AccuracyCost", *, title: str = "") -> "Figure":
-    """The work-precision diagram: the error of the final state against time and against
-    evaluations; where gradients were measured, their error against their time as well. The error of
-    the reference is a dotted line."""
+    """The work-precision diagram of a run: error of the final state against time and evaluations.
+
+    Where gradients were measured, their error against their time is shown as well. A dotted line
+    is the error of the reference.
+
+    **Arguments**
+
+    - `cost`: the result of `accuracy_cost`.
+    - `title`: of the figure.
+
+    **Raises** `ImportError` where matplotlib is not installed.
+    """
     gradient = any(row.gradient_seconds is not None for row in cost.rows)
     figure = _figure(12.6 if gradient else 9.0, 4.0)
     panels = figure.subplots(1, 3 if gradient else 2, sharey=True)
     if title:
         figure.suptitle(title, fontsize=12, fontweight="bold", x=0.01, ha="left")
 
-    def reached(r):
-        return max(r.error, cost.reference_error)
+    def error(row: "Cost") -> float:
+        # An error below that of the reference is not known.
+        return max(row.error, cost.reference_error)
 
-    _curves(panels[0], cost, lambda r: (1e3 * r.seconds, reached(r)))
-    _curves(
-        panels[1],
-        cost,
-        lambda r: (r.evaluations if r.tolerance is not None else np.nan, reached(r)),
-    )
+    def evaluations(row: "Cost") -> float:
+        # A closed form has no tolerance, and evaluates no vector field.
+        return np.nan if row.tolerance is None else row.evaluations
+
+    _curves(panels[0], cost, lambda r: (1e3 * r.seconds, error(r)))
+    _curves(panels[1], cost, lambda r: (evaluations(r), error(r)))
     dress(panels[0], "Time", "time of a run [ms]", "relative error of the final state")
     dress(panels[1], "Arithmetic", "evaluations of the vector field")
     if gradient:
@@ -49,7 +63,7 @@ def accuracy_cost_figure(cost: "AccuracyCost", *, title: str = "") -> "Figure":
         dress(panels[2], "Gradient", "time of a gradient [ms]", "relative error of the gradient")
         panels[2].tick_params(labelleft=True)
     for axes in panels[:2]:
-        axes.axhline(cost.reference_error, color="#707070", linewidth=0.9, linestyle=":")
+        axes.axhline(cost.reference_error, color=MUTED, linewidth=0.9, linestyle=":")
     for axes in panels:
         _ticks(axes.xaxis)
     handles, labels = panels[0].get_legend_handles_labels()
@@ -57,9 +71,8 @@ def accuracy_cost_figure(cost: "AccuracyCost", *, title: str = "") -> "Figure":
     return figure
 
 
-def _ticks(axis: Any) -> None:
-    """Plain numbers at 1, 2 and 5 of every decade, or at its beginning alone where there are
-    many."""
+def _ticks(axis: "Axis") -> None:
+    """Plain numbers at 1, 2 and 5 of every decade, or at 1 alone where there are many decades."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
     low, high = axis.get_view_interval()
@@ -70,17 +83,18 @@ def _ticks(axis: Any) -> None:
     axis.set_minor_formatter(NullFormatter())
 
 
-def _curves(axes: Any, cost: "AccuracyCost", point: Any) -> None:
-    """A curve for every method and precision, over its tolerances."""
+def _curves(
+    axes: "Axes", cost: "AccuracyCost", point: "Callable[[Cost], tuple[float, float]]"
+) -> None:
+    """A curve for each method and precision, over its tolerances."""
     names = list(dict.fromkeys(row.method for row in cost.rows))
     for name, precision in dict.fromkeys((row.method, row.precision) for row in cost.rows):
         rows = [
             r for r in cost.rows if (r.method, r.precision) == (name, precision) and not r.trouble
         ]
         points = np.array([point(r) for r in rows], float).reshape(-1, 2)
-        points[:, 1] = np.maximum(
-            points[:, 1], np.finfo(float).eps
-        )  # an error of nothing has no place on the axis
+        # An error of zero has no place on a logarithmic axis.
+        points[:, 1] = np.maximum(points[:, 1], np.finfo(float).eps)
         mark, line = MARKS[precision]
         colour = COLOURS[names.index(name) % len(COLOURS)]
         axes.loglog(
@@ -94,13 +108,24 @@ def _curves(axes: Any, cost: "AccuracyCost", point: Any) -> None:
 
 
 def effect_budget_figure(budget: "EffectBudget", *, title: str = "") -> "Figure":
-    """A bar for what every effect does to the output, and one for its share of the arithmetic;
-    effects that may go are pale."""
+    """Two bars for each effect: its change of the output, and its share of the arithmetic.
+
+    Effects that may be left out are pale.
+
+    **Arguments**
+
+    - `budget`: the result of `effect_budget`.
+    - `title`: of the figure.
+
+    **Raises** `ImportError` where matplotlib is not installed.
+    """
     figure = _figure(9.0, 1.3 + 0.45 * len(budget.rows))
     left, right = figure.subplots(1, 2, sharey=True)
     rows = sorted(budget.rows, key=lambda r: r.influence)
-    names, places = [r.effect for r in rows], np.arange(len(rows))
+    names = [r.effect for r in rows]
+    places = np.arange(len(rows))
     pale = [0.35 if r.effect in budget.dropped else 1.0 for r in rows]
+    # The length of the bar of an effect without influence, on a logarithmic axis.
     least = 0.1 * min([r.influence for r in rows if r.influence > 0.0] or [1.0])
     for place, row, alpha in zip(places, rows, pale, strict=True):
         left.barh(place, max(row.influence, least), color=COLOURS[0], alpha=alpha, height=0.6)
@@ -109,7 +134,7 @@ def effect_budget_figure(budget: "EffectBudget", *, title: str = "") -> "Figure"
     left.set_yticks(places, names)
     if budget.tolerance is not None:
         left.axvline(
-            budget.tolerance, color="#707070", linewidth=1.2, linestyle="--", label="tolerance"
+            budget.tolerance, color=MUTED, linewidth=1.2, linestyle="--", label="tolerance"
         )
         left.legend(fontsize=8, frameon=False)
     unit = f" [{budget.unit}]" if budget.unit else ""

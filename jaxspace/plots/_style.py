@@ -1,16 +1,27 @@
-"""The look that all pictures share: quiet axes, colours that stay apart in print and for
-colour-blind readers."""
+"""The style that all figures share: quiet axes, colours that differ in print and for colour-blind
+readers."""
 
-from typing import Any
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 # Okabe and Ito, Color Universal Design (2008), in an order of good contrast on white.
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 BAD = "#B00020"
 GRID = "#D9D9D9"
+MUTED = "#707070"
 
 
-def dress(axes: Any, title: str = "", across: str = "", up: str = "") -> None:
-    """Titles, labels and a light grid behind the data."""
+def dress(axes: "Axes", title: str = "", across: str = "", up: str = "") -> None:
+    """Give axes a title, labels and a light grid behind the data.
+
+    **Arguments**
+
+    - `axes`: of matplotlib.
+    - `title`: above the axes.
+    - `across`, `up`: labels of the horizontal and the vertical axis.
+    """
     axes.set_title(title, loc="left", fontsize=10, fontweight="bold")
     axes.set_xlabel(across, fontsize=9)
     axes.set_ylabel(up, fontsize=9)

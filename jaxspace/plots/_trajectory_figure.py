@@ -1,144 +1,186 @@
-"""Every block of a trajectory's states against time, whatever the system, and the Euler angles of
-an attitude."""
+"""A figure of a trajectory: every block of the state against time, with Euler angles."""
 
-from typing import TYPE_CHECKING, Any
+import dataclasses
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import jax
 import numpy as np
 
+from ..core import InputError, quantities
 from ..rotations import Quaternion, to_euler_angles
-from ..simulation import MissionTrajectory, Trajectory
-from ._style import COLOURS, dress
+from ._style import COLOURS, MUTED, dress
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-UNITS = {"position": "m", "velocity": "m/s", "omega": "rad/s", "mass": "kg", "attitude": ""}
-EULER_SUFFIX = "Euler angles 3-1-3"
-EULER = ("ψ precession", "θ nutation", "φ spin")
-MOST_RUNS = 20  # lines of one component that can still be told apart
-MOST_LINES = 7  # components of one panel
+    from ..core import State
+    from ..simulation import MissionTrajectory, Trajectory
 
-Blocks = dict[str, tuple[tuple[str, ...], np.ndarray]]
+EULER_LABELS = ("ψ precession", "θ nutation", "φ spin")
+MOST_RUNS = 20
+"""Lines of one component that a reader can still tell apart."""
+MOST_LINES = 7
+"""Components that one panel shows."""
+
+
+class Block(NamedTuple):
+    """One block of a state along a trajectory.
+
+    - `unit`: of its values; empty for pure numbers.
+    - `labels`: of its components.
+    - `values`: (components, times, runs).
+    - `wraps`: whether the values are angles in degrees that jump by a whole turn.
+    """
+
+    unit: str
+    labels: tuple[str, ...]
+    values: np.ndarray
+    wraps: bool = False
 
 
 def trajectory_figure(
-    trajectory: Trajectory | MissionTrajectory,
+    trajectory: "Trajectory | MissionTrajectory",
     *,
     units: dict[str, str] | None = None,
     runs: int = MOST_RUNS,
     title: str = "",
 ) -> "Figure":
-    """A matplotlib figure with a panel for each block of the state against time, over all phases of
-    a mission.
+    """A matplotlib figure with a panel for each block of the state against time.
 
-    - `units`: of blocks by name; those of a `BodyState` (position, velocity, omega, mass) are
-      known.
-    - `runs`: of a batch, how many runs are drawn.
+    `trajectory_figure(run).savefig("run.png")` draws a trajectory, or all phases of a mission. An
+    attitude is shown as a quaternion and as Euler's angles 3-1-3.
 
-    An attitude is shown as quaternion and as Euler's angles 3-1-3, deg. States at few times give
-    angular lines: ask the simulation for more samples."""
+    **Arguments**
+
+    - `trajectory`: its states are (components, times) or (components, times, runs). Few times give
+      angular lines.
+    - `units`: of blocks by name, where the class of the state declares none.
+    - `runs`: how many runs of a batch are drawn.
+    - `title`: of the whole figure.
+
+    **Raises** `InputError` where the times are not behind the components.
+    """
     from matplotlib.figure import Figure
 
-    phases, names = (
-        (trajectory.phases, trajectory.names)
-        if isinstance(trajectory, MissionTrajectory)
-        else ((trajectory,), ("",))
-    )
-    parts = [(_times(phase, runs), _blocks(phase, runs)) for phase in phases]
+    phases = getattr(trajectory, "phases", (trajectory,))
+    names = getattr(trajectory, "names", ("",))
+    parts = [(_times(phase, runs), _blocks(phase, runs, units or {})) for phase in phases]
+    # Phases may have states of different classes: a panel for each block of any of them.
     blocks = list(dict.fromkeys(name for _, found in parts for name in found))
-    known = {**UNITS, **(units or {})}
     figure = Figure(figsize=(9.0, 0.7 + 2.1 * len(blocks)), layout="constrained")
     if title:
         figure.suptitle(title, fontsize=12, fontweight="bold", x=0.01, ha="left")
     panels = figure.subplots(len(blocks), 1, sharex=True, squeeze=False)[:, 0]
     for axes, name in zip(panels, blocks, strict=True):
-        _panel(axes, name, [(ts, found[name]) for ts, found in parts if name in found])
-        unit = "deg" if name.endswith(EULER_SUFFIX) else known.get(name, "")
-        words = name.replace("_", " ")
-        dress(
-            axes,
-            "",
-            "time [s]" if axes is panels[-1] else "",
-            words + (f"\n[{unit}]" if unit else ""),
-        )
-        if name.endswith(EULER_SUFFIX):
+        present = [(ts, found[name]) for ts, found in parts if name in found]
+        _panel(axes, present)
+        block = present[0][1]
+        label = name.replace("_", " ") + (f"\n[{block.unit}]" if block.unit else "")
+        dress(axes, "", "time [s]" if axes is panels[-1] else "", label)
+        if block.wraps:
             axes.set_yticks([-180, -90, 0, 90, 180])
     _bounds(panels, [ts for ts, _ in parts], names)
     figure.align_ylabels(list(panels))
     return figure
 
 
-def _times(phase: Trajectory, runs: int) -> np.ndarray:
-    """The times, (runs, times)."""
-    return np.atleast_2d(np.asarray(phase.ts))[:runs]
+def _times(phase: "Trajectory", runs: int) -> np.ndarray:
+    """The times, s, (times, runs), or (times, 1) where all runs share them."""
+    ts = np.asarray(phase.ts)
+    return ts.reshape(len(ts), -1)[:, :runs]
 
 
-def _blocks(phase: Trajectory, runs: int) -> Blocks:
-    """Every block by name: labels of its components, and values (runs, times, components)."""
-    batch = np.ndim(phase.ts) == 2
-    found: Blocks = {}
-    flat = jax.tree_util.tree_flatten_with_path(
-        phase.states, is_leaf=lambda x: isinstance(x, Quaternion)
-    )[0]
-    for path, leaf in flat:
-        name = _name(path)
+def _blocks(phase: "Trajectory", runs: int, units: dict[str, str]) -> dict[str, Block]:
+    """Every block of the states by name."""
+    times = len(np.asarray(phase.ts))
+    batched = np.ndim(phase.status) == 1
+    found: dict[str, Block] = {}
+    for name, unit, leaf in _leaves(phase.states):
         quaternion = isinstance(leaf, Quaternion)
         values = np.asarray(leaf.wxyz if quaternion else leaf)
-        values = values[:runs] if batch else values[None]
-        values = values.reshape(*values.shape[:2], -1)
-        found[name] = (_labels(values.shape[2], quaternion), values)
-        if quaternion:
-            found[f"{name}, {EULER_SUFFIX}".removeprefix("attitude, ")] = (
-                EULER,
-                _euler_degrees(values),
+        if values.ndim < 1 + batched or values.shape[values.ndim - 1 - batched] != times:
+            raise InputError(
+                f"{name} has the shape {values.shape}: the {times} times must be on its "
+                f"{'last axis but one' if batched else 'last axis'}."
             )
+        # One axis for all components: none of a mass, several of a tensor.
+        values = values.reshape(-1, times, values.shape[-1] if batched else 1)[:, :, :runs]
+        labels = _labels(len(values), quaternion)
+        found[name] = Block(units.get(name, unit), labels, values)
+        if quaternion:
+            angles = _euler_degrees(values)
+            prefix = "" if name == "attitude" else f"{name}, "
+            found[f"{prefix}Euler angles 3-1-3"] = Block("deg", EULER_LABELS, angles, wraps=True)
     return found
 
 
+def _leaves(state: "State", name: str = "", unit: str = "") -> list[tuple[str, str, Any]]:
+    """Name, declared unit and value of every array or quaternion of a state, in order."""
+    if state is None:
+        return []
+    if dataclasses.is_dataclass(state) and not isinstance(state, Quaternion):
+        declared = quantities(type(state))
+        children = [
+            (field.name, declared[field.name].unit if field.name in declared else "")
+            for field in dataclasses.fields(state)
+        ]
+        members = [(key, unit, getattr(state, key)) for key, unit in children]
+    elif isinstance(state, dict):
+        members = [(str(key), "", value) for key, value in state.items()]
+    elif isinstance(state, tuple | list):
+        members = [(str(k), "", value) for k, value in enumerate(state)]
+    else:
+        return [(name or "state", unit, state)]
+    found = []
+    for key, unit, value in members:
+        # "parts" only collects what effects add: its members have names of their own.
+        path = " ".join(word for word in (name, key) if word and word != "parts")
+        found += _leaves(value, path, unit)
+    return found
+
+
+@jax.jit
+def _euler(wxyz: jax.Array) -> jax.Array:
+    # Compiled as one, because the many small operations of a conversion are slow one by one.
+    return to_euler_angles(Quaternion(wxyz))
+
+
 def _euler_degrees(wxyz: np.ndarray) -> np.ndarray:
-    """Euler's angles, deg, of quaternions with their components last; compiled as one, which is
-    quicker than piece by piece."""
-    angles = jax.jit(lambda q: to_euler_angles(Quaternion(q)))(np.moveaxis(wxyz, -1, 0))
-    return np.degrees(np.moveaxis(np.asarray(angles), 0, -1))
-
-
-def _name(path: tuple[Any, ...]) -> str:
-    words = [
-        str(getattr(key, "name", getattr(key, "key", getattr(key, "idx", key)))) for key in path
-    ]
-    return " ".join(word for word in words if word != "parts") or "state"
+    """Euler's angles 3-1-3, deg, (3, times, runs)."""
+    return np.degrees(np.asarray(_euler(wxyz)))
 
 
 def _labels(count: int, quaternion: bool) -> tuple[str, ...]:
+    """The labels of the components of a block."""
     if quaternion:
         return ("w", "x", "y", "z")
     return {1: ("",), 3: ("x", "y", "z")}.get(count, tuple(str(k + 1) for k in range(count)))
 
 
-def _panel(
-    axes: Any, name: str, parts: list[tuple[np.ndarray, tuple[tuple[str, ...], np.ndarray]]]
-) -> None:
-    for ts, (labels, values) in parts:
-        style = (
-            {"linewidth": 1.3, "alpha": 1.0}
-            if len(values) == 1
-            else {"linewidth": 0.7, "alpha": 0.5}
-        )
-        for k, label in list(enumerate(labels))[:MOST_LINES]:
-            for t, y in zip(ts, values[:, :, k], strict=True):
+def _panel(axes: "Axes", parts: list[tuple[np.ndarray, Block]]) -> None:
+    """The lines of one block, over all phases that have it, and their legend."""
+    for ts, block in parts:
+        runs = block.values.shape[2]
+        width, alpha = (1.3, 1.0) if runs == 1 else (0.7, 0.5)
+        for k, label in list(enumerate(block.labels))[:MOST_LINES]:
+            for run in range(runs):
+                y = block.values[k, :, run]
                 axes.plot(
-                    t,
-                    _broken(y) if name.endswith(EULER_SUFFIX) else y,
+                    # All runs may share one column of times.
+                    ts[:, min(run, ts.shape[1] - 1)],
+                    _broken(y) if block.wraps else y,
                     color=COLOURS[k],
                     label=label,
-                    **style,
+                    linewidth=width,
+                    alpha=alpha,
                 )
     handles, labels = axes.get_legend_handles_labels()
+    # One entry for each component, whatever the number of its lines.
     first = dict(zip(reversed(labels), reversed(handles), strict=True))
     shown = [label for label in dict.fromkeys(labels) if label]
     if shown:
-        lines = axes.legend(
+        legend = axes.legend(
             [first[label] for label in shown],
             shown,
             fontsize=8,
@@ -146,24 +188,23 @@ def _panel(
             bbox_to_anchor=(1.0, 0.5),
             frameon=False,
         )
-        for line in lines.get_lines():
+        for line in legend.get_lines():
             line.set(alpha=1.0, linewidth=1.6)
 
 
 def _broken(angle: np.ndarray) -> np.ndarray:
-    """Degrees with a gap where the angle leaps over the half turn, instead of a line across the
-    panel."""
-    leap = np.abs(np.diff(angle, prepend=angle[:1])) > 180.0
-    return np.where(leap, np.nan, angle)
+    """Degrees with a gap where the angle jumps by a turn, instead of a line across the panel."""
+    jump = np.abs(np.diff(angle, prepend=angle[:1])) > 180.0
+    return np.where(jump, np.nan, angle)
 
 
 def _bounds(panels: Any, times: list[np.ndarray], names: tuple[str, ...]) -> None:
-    """A line at every end of a phase (of the first run), and the names of the phases above the
-    first panel."""
+    """A line at the end of each phase (of the first run), and the names of the phases on top."""
     if len(times) < 2:
         return
     for ts, name in zip(times, names, strict=True):
-        start, end = ts[0, 0], ts[0, -1]
+        start = ts[0, 0]
+        end = ts[-1, 0]
         panels[0].annotate(
             name,
             (0.5 * (start + end), 1.0),
@@ -173,6 +214,6 @@ def _bounds(panels: Any, times: list[np.ndarray], names: tuple[str, ...]) -> Non
             ha="center",
             fontsize=9,
         )
-        for axes in panels:
-            if ts is not times[-1]:
-                axes.axvline(end, color="#707070", linewidth=0.9, linestyle="--")
+        if ts is not times[-1]:
+            for axes in panels:
+                axes.axvline(end, color=MUTED, linewidth=0.9, linestyle="--")

@@ -150,7 +150,8 @@ class Quaternion(AbstractGroupElement):
         return v_N + s * cross(u, cross(u, v_N) - w * v_N)
 
     def matrix(self) -> Matrix:
-        """The matrix C_NB, (3, 3, *runs), whose columns are the body's axes, inertial components."""
+        """The matrix C_NB, (3, 3, *runs)."""
+        # Its columns are the body's axes in inertial components.
         one = jnp.ones_like(self._components()[0])
         return jnp.stack([self.rotate(axis(i, one)) for i in range(3)], axis=1)
 
@@ -171,6 +172,7 @@ class Quaternion(AbstractGroupElement):
 
     def coordinate_rate(self, local: Vector, rate: "Quaternion") -> Vector:
         check_components("Quaternion.coordinate_rate: local", local, 3)
+        # q' = q (0, omega_B) / 2, solved for omega_B.
         omega_B = 2.0 * self.inverse().then(rate).wxyz[1:]
         across = cross(local, omega_B)
         return omega_B + 0.5 * across + _bend(dot(local, local)) * cross(local, across)

@@ -35,6 +35,7 @@ class BodyMotion(AbstractClosedForm):
     inertia: AbstractInertia | None
 
     def flow(self, duration: Scalar, y: BodyState) -> BodyState:
+        # Orbit and rotation are independent: no effect in a closed form couples them.
         position = y.position
         velocity = y.velocity
         if position is not None and self.orbit is None:
@@ -108,6 +109,7 @@ def body_motion(
 def scene_split(scene: AbstractScene) -> tuple[SceneSplit | None, str]:
     """Drift and kick of a scene; the loads of the kick may depend on position and attitude only."""
     exact, others = _separate(scene.effects)
+    # What a kick changes, or what changes during it.
     moving = {"velocity", "omega", "mass", "parts", "mass_rate"}
     for effect in others:
         if moving & (effect.needs | effect.adds):
@@ -125,6 +127,7 @@ def scene_regularised(scene: AbstractScene) -> tuple[AbstractRegularised | None,
     """Regularised variables of the one effect that has them, perturbed by the others."""
     central = [e for e in scene.effects if e.regularised(None) is not None]
     others = tuple(e for e in scene.effects if e.regularised(None) is None)
+    # The variables are those of a position and a velocity: nothing else can perturb them.
     for effect in others:
         alien = [part for part in PARTS if part in effect.needs - TRANSLATION]
         if alien:

@@ -27,8 +27,9 @@ class Custom(AbstractEffect):
     without a potential."""
 
     function: Callable[[Scalar, BodyState, AbstractBody], Load]
-    needs: frozenset[str] = eqx.field(static=True, converter=frozenset)  # pyright: ignore[reportIncompatibleVariableOverride]
-    adds: frozenset[str] = eqx.field(static=True, converter=frozenset)  # pyright: ignore[reportIncompatibleVariableOverride]
+    # Of the instance and not of the class, because each function has its own.
+    needs: frozenset[str] = eqx.field(static=True, converter=frozenset)  # pyright: ignore
+    adds: frozenset[str] = eqx.field(static=True, converter=frozenset)  # pyright: ignore
     keeps: frozenset[str] = eqx.field(static=True, converter=frozenset, default=frozenset())  # pyright: ignore
     energy: Callable[..., Scalar] | None = None
     break_times: Float[Array, "times *#runs"] | None = quantity(
@@ -36,6 +37,7 @@ class Custom(AbstractEffect):
     )
 
     def __check_init__(self):
+        # A misspelt word would otherwise leave a part out of the state without an error.
         for field, allowed in (("needs", PARTS), ("adds", ADDS)):
             unknown = sorted(getattr(self, field) - set(allowed))
             if unknown:

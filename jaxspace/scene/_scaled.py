@@ -35,9 +35,10 @@ class Scaled(AbstractEffect):
 
     effect: AbstractEffect
     factor: Float[Array, "*#runs"] = quantity("", doc="by which the load is multiplied")
-    needs: frozenset[str] = eqx.field(static=True)  # pyright: ignore[reportIncompatibleVariableOverride]
-    adds: frozenset[str] = eqx.field(static=True)  # pyright: ignore[reportIncompatibleVariableOverride]
-    keeps: frozenset[str] = eqx.field(static=True)  # pyright: ignore[reportIncompatibleVariableOverride]
+    # Of the instance and not of the class, because they are those of the effect.
+    needs: frozenset[str] = eqx.field(static=True)  # pyright: ignore
+    adds: frozenset[str] = eqx.field(static=True)  # pyright: ignore
+    keeps: frozenset[str] = eqx.field(static=True)  # pyright: ignore
 
     def __init__(self, effect: AbstractEffect, factor: Scalar):
         self.effect = effect

@@ -78,6 +78,7 @@ class Scene(AbstractScene):
                 )
             if {"attitude", "omega"} & effect.needs or "torque" in effect.adds:
                 self._check_inertia(f"{name} needs")
+            # A mass of the body, or one in the state: `mass` in `needs` would require the latter.
             if "body_mass" in effect.needs and self._massless():
                 raise InputError(
                     f"{name} needs the mass of the body, which has none: "
@@ -118,6 +119,7 @@ class Scene(AbstractScene):
                 raise InputError(
                     f"{who[0]} needs {part}, and the state has none: give BodyState({part}=...)."
                 )
+        # A part without a role would be integrated at a cost, or silently dropped.
         idle = [part for part in y.present() if part not in self.parts]
         if idle:
             raise InputError(
@@ -133,8 +135,10 @@ class Scene(AbstractScene):
         return Load(*(_sum([getattr(load, k) for load in loads]) for k in SUMMED), parts_rate=rates)
 
     def vector_field(self, t: Scalar, y: BodyState) -> BodyState:
+        # Static, and before the loads, whose error about a missing part would name no effect.
         self.check_state(y)
         load = self.loads(t, y)
+        # What stays `None` is absent in the derivative as it is in the state.
         velocity = attitude = omega = mass = None
         if y.velocity is not None:
             if load.acceleration_N is None and load.force_N is None:
@@ -188,6 +192,7 @@ class Scene(AbstractScene):
 
     def breaks(self) -> Float[Array, "times *#runs"] | None:
         """The break times of all effects, s, (times, *runs)."""
+        # Times that all runs share meet those of single runs by broadcasting.
         times = [e.breaks() for e in self.effects]
         times = [x for x in times if x is not None]
         if not times:
