@@ -9,12 +9,34 @@ import numpy as np
 from jaxspace import Scene
 from jaxspace.attitude import Top, TorqueFreeBody
 from jaxspace.bodies import BodyState, BurningBody, RigidBody
+from jaxspace.core import AbstractSystem
 from jaxspace.gyros import TwoGimbalGyro
 from jaxspace.orbits import Oblateness, PointGravity, TwoBody
 from jaxspace.rockets import JetDamping, Thrust, ThrustProfile
 from jaxspace.rotations import Quaternion, from_euler_angles
 
 MU, RADIUS, J2 = 3.986004418e14, 6378137.0, 1.08262668e-3
+
+
+class Integrated(AbstractSystem):
+    """A `system` without its closed form, so that it is integrated."""
+
+    system: AbstractSystem
+
+    def vector_field(self, t, y):
+        return self.system.vector_field(t, y)
+
+    def invariants(self, t, y):
+        return self.system.invariants(t, y)
+
+    def split(self):
+        return self.system.split()
+
+    def regularised(self):
+        return self.system.regularised()
+
+    def breaks(self):
+        return self.system.breaks()
 
 
 class Sample(NamedTuple):

@@ -41,11 +41,11 @@ def perturbed(state, key, count):
     leaves, tree = jax.tree.flatten(state)
     keys = jax.random.split(key, len(leaves))
     size = jax.tree.leaves(scales(state))
-    lanes = [
+    states = [
         x[..., None] + 1e-2 * s * jax.random.normal(k, (*x.shape, count))
         for x, s, k in zip(leaves, size, keys, strict=True)
     ]
-    return jax.tree.unflatten(tree, lanes)
+    return jax.tree.unflatten(tree, states)
 
 
 def lane(state, i):
@@ -70,13 +70,13 @@ def test_compiled_is_eager(name):
 @every
 def test_side_by_side_is_one_by_one(name, key):
     s = BY_NAME[name]
-    lanes = perturbed(s.state, key, 4)
+    states = perturbed(s.state, key, 4)
     shared = jax.tree.map(lambda x: x[..., None] if x.ndim else x, s.system)
     t = jnp.array(0.3 * s.span)
-    together = shared.vector_field(t, lanes)
-    mapped = jax.vmap(s.system.vector_field, (None, -1), -1)(t, lanes)
+    together = shared.vector_field(t, states)
+    mapped = jax.vmap(s.system.vector_field, (None, -1), -1)(t, states)
     for i in range(4):
-        alone = s.system.vector_field(t, lane(lanes, i))
+        alone = s.system.vector_field(t, lane(states, i))
         assert_near(lane(together, i), alone, 1e-12)
         assert_near(lane(mapped, i), alone, 1e-12)
 
@@ -143,12 +143,11 @@ def test_a_batch_is_its_runs(name, key):
     """The runs of a batch agree with single runs, and with their reverse and forward
     derivatives."""
     s = BY_NAME[name]
-    lanes = perturbed(s.state, key, 3)
-    rows = jax.tree.map(lambda x: jnp.moveaxis(x, -1, 0), lanes)
+    states = perturbed(s.state, key, 3)
     ts = jnp.array([0.0, 0.3 * s.span])
     accuracy = Accuracy(rtol=RTOL, method=Tsit5())
-    batch = simulate_batch(s.system, rows, ts, accuracy=accuracy, in_axes=(None, 0))
+    batch = simulate_batch(s.system, states, ts, accuracy=accuracy)
     assert np.all(batch.status == 0)
     for i in range(3):
-        single = simulate(s.system, lane(lanes, i), ts, accuracy=accuracy)
-        assert_near(jax.tree.map(lambda x, i=i: x[i], batch.final), single.final, 1e-7)
+        single = simulate(s.system, lane(states, i), ts, accuracy=accuracy)
+        assert_near(lane(batch.final, i), single.final, 1e-7)
