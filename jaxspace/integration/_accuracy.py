@@ -7,13 +7,12 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, DTypeLike, Float
+from jaxtyping import Array, DTypeLike, Float, PyTree
 
 from ..core import (
     AbstractParameters,
     InputError,
     Scalar,
-    State,
     check_finite,
     check_positive,
     quantity,
@@ -94,7 +93,7 @@ def least_tolerance(dtype: DTypeLike) -> float:
     return 16.0 * float(jnp.finfo(dtype).eps)
 
 
-def state_dtype(y: State) -> jnp.dtype:
+def state_dtype(y: PyTree) -> jnp.dtype:
     """The precision of a state.
 
     Raises `InputError` if it is no tree of floating-point arrays, or if its blocks differ."""
@@ -113,7 +112,7 @@ def state_dtype(y: State) -> jnp.dtype:
     return next(iter(dtypes))
 
 
-def check_initial_state(y0: State) -> None:
+def check_initial_state(y0: PyTree) -> None:
     """Raise `InputError` for an initial state that is not finite, or of mixed precision."""
     state_dtype(y0)
     for path, leaf in jax.tree_util.tree_flatten_with_path(y0)[0]:
