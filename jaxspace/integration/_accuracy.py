@@ -1,6 +1,6 @@
 """How accurate a run shall be, as its user says it."""
 
-from typing import Literal, final
+from typing import final
 
 import diffrax
 import equinox as eqx
@@ -58,7 +58,7 @@ class Accuracy(AbstractParameters):
     atol: Float[Array, ""] | None = quantity(
         "", non_negative=True, optional=True, doc="absolute tolerance of each step"
     )
-    method: diffrax.AbstractSolver | Literal["auto", "closed_form"] = "auto"
+    method: diffrax.AbstractSolver | str = "auto"
     adjoint: diffrax.AbstractAdjoint | None = None
     max_steps: int = eqx.field(static=True, default=16384)
     max_step: Float[Array, ""] | None = quantity(
