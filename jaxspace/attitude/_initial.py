@@ -54,9 +54,7 @@ def attitude_along(
     angles=argument("rad", shape=(3,), doc="Euler's angles 3-1-3: precession, nutation, spin"),
     tilt=_TILT,
 )
-def attitude_from_angles(
-    angles: Vector | Sequence[Scalar], tilt: Pair = (0.0, 0.0)
-) -> Quaternion:
+def attitude_from_angles(angles: Vector | Sequence[Scalar], tilt: Pair = (0.0, 0.0)) -> Quaternion:
     """The orientation by Euler's angles 3-1-3.
 
     **Arguments**
