@@ -274,7 +274,7 @@ def test_bad_scenes_get_one_clear_line(scene, tmp_path, case):
         ),
         (
             TWO_BODY.replace('name = "two_body"', ""),
-            ["system.name is missing", "one of two_body, top"],
+            ["system.name is missing", "one of two_body, spherical_pendulum, top"],
         ),
         (
             TWO_BODY.replace('mu = "398600.4418 km^3/s^2"', "mu = -1"),
