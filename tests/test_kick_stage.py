@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxspace.cli import load
+from jaxspace import load
 from jaxspace.orbits import apoapsis_radius, inclination, periapsis_radius
 from jaxspace.simulation import Accuracy, Status, run_mission
 
@@ -18,11 +18,11 @@ STEP = 0.015  # of a standard deviation
 
 @pytest.fixture(scope="module")
 def campaign():
-    return load(FILE).campaign(None)
+    return load(FILE).campaign()
 
 
 def final_orbit(campaign, samples):
-    """Perigee and apogee radius, inclination, spin and time at the end of runs side by side, and
+    """Periapsis and apoapsis radius, inclination, spin and time at the end of runs side by side, and
     the worst status."""
     mission, y0 = campaign.build(samples)
     _, end, time, status = run_mission(mission, y0, jnp.zeros(()), 2, Accuracy(rtol=1e-11), 1)
@@ -39,7 +39,7 @@ def test_derivatives_of_the_final_orbit_in_every_dispersed_input(campaign):
     The point is off the nominal one, where some slopes vanish. All runs of the differences share
     their steps, so that the error of the integration cancels. A step moves the phase of the spin at
     burnout by 0.13 rad, whose sixth power over 140 bounds the truncation to 4e-8 of what
-    oscillates; a perigee of 6.6e6 m is known to some 1e-8 m, its differences to 1e-6."""
+    oscillates; a periapsis of 6.6e6 m is known to some 1e-8 m, its differences to 1e-6."""
     names = list(campaign.inputs)
     mean = jnp.array([campaign.inputs[n].mean for n in names])
     sigma = jnp.array([campaign.inputs[n].deviation for n in names])

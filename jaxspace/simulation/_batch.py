@@ -175,8 +175,12 @@ def _resolve_for(
     starts = None
     if not is_traced((whole, accuracy)):
         sample = rows[np.linspace(0, rows.size - 1, SAMPLED).astype(int)]
-        carried = jax.tree.map(lambda x: x is not None, batched, is_leaf=lambda x: x is None)
-        axes = jax.tree.map(lambda flag: int(flag), carried)
+        axes = jax.tree.map(
+            lambda x, own: None if x is None else int(own is not None),
+            whole,
+            batched,
+            is_leaf=lambda x: x is None,
+        )
         starts = InitialConditions(whole, axes, sample)
     return resolve(system, y0, accuracy, starts)
 
