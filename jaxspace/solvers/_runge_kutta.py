@@ -86,7 +86,7 @@ class _NestedProducts(AbstractDenseOutput):
 
         def leaf(y0: Array, *fs: Array) -> Array:
             total = jnp.zeros_like(y0)
-            # In turns, so that all terms but the first, the change, vanish at both ends of the step.
+            # In turns: all terms but the first, the change, vanish at both ends of the step.
             for i, f in enumerate(reversed(fs)):
                 total = (total + f) * (x if i % 2 == 0 else 1.0 - x).astype(y0.dtype)
             return y0 + total
