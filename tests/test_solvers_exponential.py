@@ -226,7 +226,7 @@ def test_fast_motion_that_is_not_linear_is_seen():
 def test_many_runs_and_times_backwards_are_single_runs():
     ts = jnp.linspace(1.0, 0.0, 3)
     run = simulate_batch(Damped(jnp.array([0.1, 2.0])), jnp.cos(jnp.ones(2)), ts, accuracy=by())
-    np.testing.assert_allclose(run.states, jnp.cos(jnp.stack([ts, ts])), atol=1e-7)
+    np.testing.assert_allclose(run.states, jnp.cos(jnp.stack([ts, ts], axis=-1)), atol=1e-7)
     assert jnp.all(run.status == Status.COMPLETED)
 
 
