@@ -153,10 +153,16 @@ def resolve_phases(
     for phase in mission.phases:
         configs.append(resolve(phase.system, y, accuracy))
         zero = jax.ShapeDtypeStruct((), state_dtype(y))
-        y = jax.eval_shape(broadcast_state, phase.system, zero, y)
+        y = broadcast_shapes(phase.system, zero, y)
         if phase.then is not None:
             y = jax.eval_shape(phase.then, zero, y)
     return tuple(configs)
+
+
+def broadcast_shapes(system: AbstractSystem, t: Any, y: State) -> State:
+    """The shapes of `broadcast_state`, from arrays or from shapes."""
+    # Not as an argument: a system may hold functions, which have no shape.
+    return jax.eval_shape(lambda t, y: broadcast_state(system, t, y), t, y)
 
 
 def trajectory_of(
@@ -258,7 +264,7 @@ def check_structure(system: AbstractSystem, y0: State, t: Array) -> None:
 
 def check_events(events: tuple[Event, ...], system: AbstractSystem, y0: State, t: Array) -> None:
     """Raise `InputError` for a condition that is not one number for each run."""
-    y = jax.eval_shape(broadcast_state, system, t, y0)
+    y = broadcast_shapes(system, t, y0)
     for number, event in enumerate(events):
         value = jax.eval_shape(event.condition, t, y)
         runs = {leaf.shape[leaf.ndim - t.ndim :] for leaf in jax.tree.leaves(y)} if t.ndim else {()}
