@@ -159,7 +159,7 @@ def resolve_phases(
     return tuple(configs)
 
 
-def broadcast_shapes(system: AbstractSystem, t: Any, y: State) -> State:
+def broadcast_shapes(system: AbstractSystem, t: Any, y: Any) -> Any:
     """The shapes of `broadcast_state`, from arrays or from shapes."""
     # Not as an argument: a system may hold functions, which have no shape.
     return jax.eval_shape(lambda t, y: broadcast_state(system, t, y), t, y)
