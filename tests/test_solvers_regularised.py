@@ -182,15 +182,20 @@ def test_errors_fall_with_the_order_and_are_not_understated():
         jnp.array([0.0, 32.0]),
     )
     exact = by_scipy(oblate_force, y, [0.0, 32.0])[:, -1]
+
     # In a program of its own, where too few steps are not repeated with more.
-    run = eqx.filter_jit(
-        lambda y: simulate(oblate(J2), y, ts, accuracy=by(112, 1e-12), throw=False)
-    )(y)
+    @eqx.filter_jit
+    def run_at(rtol):
+        return simulate(oblate(J2), y, ts, accuracy=by(112, rtol), throw=False)
+
+    # Nothing is left of a run that misses its tolerance: a loose one shows its error.
+    missed, run = run_at(jnp.array(1e-12)), run_at(jnp.array(1e-6))
+    assert missed.status == Status.TOLERANCE_MISSED
+    assert run.status == Status.COMPLETED
     error = far(run.final.position, exact)
-    assert run.status == Status.TOLERANCE_MISSED
     # The largest local error is a sixteenth of the difference to half as many steps, relative to
     # the length of the position.
-    difference = 16.0 * 1e-12 * float(run.stats["largest_local_error"]) * np.linalg.norm(exact)
+    difference = 16.0 * 1e-6 * float(run.stats["largest_local_error"]) * np.linalg.norm(exact)
     assert difference / 16.0 > error
     assert np.log2(difference / error) > 6.5
 

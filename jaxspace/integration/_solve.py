@@ -190,7 +190,8 @@ class Problem:
         structure = jax.tree.structure(y0)
         of_part, of_state = replay.vjp(part, y0, jax.tree.unflatten(structure, cotangents))
         state = jax.tree.leaves(of_state)
-        found = dict(zip([k for k in moving if k < self.num_field], jax.tree.leaves(of_part)))
+        of_field = [k for k in moving if k < self.num_field]
+        found = dict(zip(of_field, jax.tree.leaves(of_part), strict=True))
         found |= {self.num_field + k: x for k, x in enumerate(state)}
         return [found[k] for k in moving]
 
