@@ -1,0 +1,39 @@
+"""Writes the table of a class's parameters wherever a page holds `<!-- parameters: ROOM.CLASS -->`.
+
+Unit, range and meaning stand where the class declares them, and nowhere else.
+"""
+
+import importlib
+import re
+
+from jaxspace.core import Quantity, quantities
+
+MARK = re.compile(r"<!-- parameters: (\w+)\.(\w+) -->")
+
+
+def table(cls: type) -> str:
+    """The parameters of a class as a Markdown table; empty where it declares none."""
+    declared = quantities(cls)
+    if not declared:
+        return ""
+    rows = [
+        f"| `{name}` | {_unit(q)} | {_allowed(q)} | {q.doc} |" for name, q in declared.items()
+    ]
+    return "\n".join(["| Parameter | Unit | Must be | Meaning |", "|---|---|---|---|", *rows])
+
+
+def _unit(declared: Quantity) -> str:
+    return declared.unit or "1"
+
+
+def _allowed(declared: Quantity) -> str:
+    return declared.allowed() + (", or absent" if declared.optional else "")
+
+
+def on_page_markdown(markdown, page, config, files):
+    del page, config, files
+
+    def written(match: re.Match[str]) -> str:
+        return table(getattr(importlib.import_module(f"jaxspace.{match[1]}"), match[2]))
+
+    return MARK.sub(written, markdown)
