@@ -17,13 +17,26 @@ def table(cls: type) -> str:
     if not declared:
         return ""
     rows = [
-        f"| `{name}` | {_unit(q)} | {_allowed(q)} | {q.doc} |" for name, q in declared.items()
+        f"| `{name}` | {_unit(q)} | {_allowed(q)} | {q.doc} |"
+        for name, q in declared.items()
     ]
-    return "\n".join(["| Parameter | Unit | Must be | Meaning |", "|---|---|---|---|", *rows])
+    return "\n".join(
+        [
+            "| Parameter | Unit | Must be | Meaning |",
+            "|---|---|---|---|",
+            *rows,
+        ]
+    )
+
+
+SUPERSCRIPT = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
 
 
 def _unit(declared: Quantity) -> str:
-    return declared.unit or "1"
+    text = declared.unit or "1"
+    return re.sub(
+        r"\^(-?\d+)", lambda match: match[1].translate(SUPERSCRIPT), text
+    )
 
 
 def _allowed(declared: Quantity) -> str:
@@ -34,6 +47,8 @@ def on_page_markdown(markdown, page, config, files):
     del page, config, files
 
     def written(match: re.Match[str]) -> str:
-        return table(getattr(importlib.import_module(f"jaxspace.{match[1]}"), match[2]))
+        return table(
+            getattr(importlib.import_module(f"jaxspace.{match[1]}"), match[2])
+        )
 
     return MARK.sub(written, markdown)

@@ -36,17 +36,23 @@ def _parser() -> argparse.ArgumentParser:
             cli.main([])
         except _Parser as found:
             return found.args[0]
-    raise RuntimeError("jaxspace.cli.main does not parse its arguments by argparse.")
+    raise RuntimeError(
+        "jaxspace.cli.main does not parse its arguments by argparse."
+    )
 
 
 def command_line() -> str:
     """The page of the command line."""
     parser = _parser()
-    commands = next(a for a in parser._actions if isinstance(a, argparse._SubParsersAction))
+    commands = next(
+        a
+        for a in parser._actions
+        if isinstance(a, argparse._SubParsersAction)
+    )
     parts = [
         "# Command line",
         parser.description or "",
-        "The command comes with the extra `app`: `pip install \".[app]\"`. It computes in double\n"
+        'The command comes with the extra `app`: `pip install ".[app]"`. It computes in double\n'
         "precision and keeps compiled programs between runs.",
         "| Command | What it does |\n|---|---|",
     ]
@@ -55,7 +61,9 @@ def command_line() -> str:
         for entry in commands._choices_actions
     )
     for entry in commands._choices_actions:
-        parts.append(_command(parser.prog, entry, commands.choices[entry.dest]))
+        parts.append(
+            _command(parser.prog, entry, commands.choices[entry.dest])
+        )
     parts.append(
         "## Exit status\n\n| Status | Meaning |\n|---|---|\n| 0 | done |\n| 1 | runs failed |\n"
         "| 2 | input that cannot be used; the message names the file, the key and what is allowed |"
@@ -79,9 +87,13 @@ def _name(action: argparse.Action) -> str:
     if not action.option_strings:
         return str(action.metavar or action.dest)
     value = action.metavar or (
-        "{" + ",".join(action.choices) + "}" if action.choices else action.dest.upper()
+        "{" + ",".join(action.choices) + "}"
+        if action.choices
+        else action.dest.upper()
     )
-    return action.option_strings[-1] + ("" if action.nargs == 0 else f" {value}")
+    return action.option_strings[-1] + (
+        "" if action.nargs == 0 else f" {value}"
+    )
 
 
 def scene_files() -> str:
@@ -91,25 +103,43 @@ def scene_files() -> str:
         ("Systems", "AbstractSystem", jaxspace.core.AbstractSystem),
         ("Effects", "AbstractEffect", jaxspace.bodies.AbstractEffect),
         ("Bodies", "AbstractBody", jaxspace.bodies.AbstractBody),
-        ("Distributions", "AbstractDistribution", jaxspace.dispersion.AbstractDistribution),
+        (
+            "Distributions",
+            "AbstractDistribution",
+            jaxspace.dispersion.AbstractDistribution,
+        ),
     )
     for title, _, base in kinds:
         parts.append(f"## {title}")
         for room, cls in _classes(base):
             parameters = table(cls)
             if parameters:
-                parts.append(f"### {cls.__name__}\n\n`jaxspace.{room}.{cls.__name__}`: {_first(cls)}")
+                parts.append(
+                    f"### {cls.__name__}\n\n`jaxspace.{room}.{cls.__name__}`: {_first(cls)}"
+                )
                 parts.append(parameters)
     return "\n\n".join(parts) + "\n"
 
 
 def _classes(base: type):
     """The public final classes of a kind, with the room that each belongs to."""
-    for room in ("bodies", "orbits", "attitude", "gyros", "rockets", "scene", "dispersion"):
+    for room in (
+        "bodies",
+        "orbits",
+        "attitude",
+        "gyros",
+        "rockets",
+        "scene",
+        "dispersion",
+    ):
         module = getattr(jaxspace, room)
         for name, value in vars(module).items():
             public = not name.startswith("_") and inspect.isclass(value)
-            if public and issubclass(value, base) and not inspect.isabstract(value):
+            if (
+                public
+                and issubclass(value, base)
+                and not inspect.isabstract(value)
+            ):
                 yield room, value
 
 
@@ -119,4 +149,5 @@ def _first(cls: type) -> str:
 
 
 SCENE_FILES = """\
-A scene file is TOML. [Write a scene file](../howto/writing_scene_files.md) explains it by example; this page lists its keys."""
+A scene file is TOML. [Write a scene file](../howto/writing_scene_files.md) explains it by example;
+this page lists its keys."""
