@@ -17,7 +17,7 @@ def table(cls: type) -> str:
     if not declared:
         return ""
     rows = [
-        f"| `{name}` | {_unit(q)} | {_allowed(q)} | {q.doc} |"
+        f"| `{name}` | {unit(q.unit)} | {_allowed(q)} | {q.doc} |"
         for name, q in declared.items()
     ]
     return "\n".join(
@@ -32,8 +32,9 @@ def table(cls: type) -> str:
 SUPERSCRIPT = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
 
 
-def _unit(declared: Quantity) -> str:
-    text = declared.unit or "1"
+def unit(text: str) -> str:
+    """A unit as it is printed: `kg m^2` as kg m²; a pure number has the unit 1."""
+    text = text or "1"
     return re.sub(
         r"\^(-?\d+)", lambda match: match[1].translate(SUPERSCRIPT), text
     )
