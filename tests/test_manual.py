@@ -1,6 +1,6 @@
 """The manual runs: every Python block of every page and of the README, in one namespace a page.
 
-A block of another library carries a title (```python title="SciPy"), and is shown only.
+A block of another library carries a title (```{.python title="SciPy"}), and is shown only.
 """
 
 import ast
