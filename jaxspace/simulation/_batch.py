@@ -197,7 +197,7 @@ def _run_systems(
     def block(piece: PyTree, given: PyTree) -> RunResult:
         shared, config, events = given
         system, y0, ts = cut_batch(piece, shared)
-        check_events(events, system, y0, ts[0])
+        check_events(events, system, y0, ts[0], 1)
         result = run_system(system, y0, ts, events, config, 1, dense)
         return _every_run(nan_where_failed(result))
 

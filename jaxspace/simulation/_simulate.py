@@ -102,7 +102,7 @@ def _simulate_system(
     ts = check_times(ts, y0)
     check_structure(system, y0, ts[0])
     events = tuple(events)
-    check_events(events, system, y0, ts[0])
+    check_events(events, system, y0, ts[0], 0)
     config = resolve(system, y0, as_accuracy(accuracy), InitialConditions.of_one(system, y0, ts))
 
     def run(config: IntegrationConfig) -> Trajectory:
@@ -270,16 +270,19 @@ def _check_structure(structure: Any, leaves: tuple[Any, ...]) -> None:
     )
 
 
-def check_events(events: tuple[Event, ...], system: AbstractSystem, y0: State, t: Array) -> None:
+def check_events(
+    events: tuple[Event, ...], system: AbstractSystem, y0: State, t: Array, run_axes: int
+) -> None:
     """Raise `InputError` for a condition that is not one number for each run."""
     if not events:
         return
     y = eqx.filter_eval_shape(broadcast_state, system, t, y0)
+    leaf = jax.tree.leaves(y)[0]
+    runs = leaf.shape[leaf.ndim - run_axes :]
     for number, event in enumerate(events):
         value = jax.eval_shape(event.condition, t, y)
-        runs = {leaf.shape[leaf.ndim - t.ndim :] for leaf in jax.tree.leaves(y)} if t.ndim else {()}
-        if not isinstance(value, jax.ShapeDtypeStruct) or value.shape not in runs | {()}:
-            shape = getattr(value, "shape", type(value).__name__)
+        shape = getattr(value, "shape", type(value).__name__)
+        if shape not in (runs, ()):
             raise InputError(
                 f"events[{number}].condition returns {shape}: it must return one number."
             )
