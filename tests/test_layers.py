@@ -151,14 +151,14 @@ def test_no_circle_of_imports_between_files():
             base = package[: len(package) - node.level + 1] if node.level else []
             base = [*base, *(node.module or "").split(".")] if node.module else base
             for alias in node.names:
-                for target in (
-                    ".".join([*base, alias.name]),
+                name_of = ".".join([*base, alias.name])
+                candidates = (
+                    name_of,
+                    f"{name_of}.__init__",
                     ".".join(base),
-                    ".".join([*base, "__init__"]),
-                ):
-                    if target in modules:
-                        graph[name].add(target)
-                        break
+                    ".".join(base) + ".__init__",
+                )
+                graph[name] |= set([c for c in candidates if c in modules][:1])
     state, circles = {}, []
 
     def visit(name, path):
