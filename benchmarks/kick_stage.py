@@ -13,7 +13,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxspace.cli import load
+from jaxspace import load
 from jaxspace.dispersion import disperse
 from jaxspace.simulation import Accuracy, run_mission
 
@@ -102,14 +102,14 @@ def soundings():
 def measure():
     """A dictionary of what was seen."""
     file = load(FILE)
-    campaign = dataclasses.replace(file.campaign(None), outputs=ends, units={})
+    campaign = dataclasses.replace(file.campaign(), outputs=ends, units={})
     cpu, wall = time.process_time(), time.perf_counter()
     result = disperse(campaign, RUNS, seed=1, accuracy=file.accuracy, chunk=RUNS)
     cpu, wall = time.process_time() - cpu, time.perf_counter() - wall
     ahead = result.attributes["preparation_seconds"]
     numbers = jnp.arange(COMPARED)
     position, attitude, status = jax.jit(
-        lambda n: end_states(campaign, n, 1, 1e-2 * file.accuracy)
+        lambda n: end_states(campaign, n, 1, 1e-2 * file.values["accuracy"])
     )(numbers)
     found_r = np.stack([result.outputs[f"r{k}"][:COMPARED] for k in range(3)])
     found_q = np.stack([result.outputs[f"q{k}"][:COMPARED] for k in range(4)])
