@@ -33,7 +33,7 @@ def run(path: str, folder: str) -> int:
         for name, phase in zip(flown.names, flown.phases, strict=True):
             _draw(phase, _path(file, folder, f"_{name}.png".replace(" ", "_")))
     else:
-        flown = file.simulate(throw=False)
+        flown: Any = file.simulate(throw=False)
         print(run_report(file, flown))
         _draw(flown, _path(file, folder, ".png"))
     return 0 if Status(int(flown.status)).good else 1
@@ -54,6 +54,10 @@ def disperse(path: str, runs: int | None, seed: int | None, chunk: int, folder: 
     campaign = file.campaign(nominal, warn=False)
     store = _path(file, folder, ".zarr")
     with tqdm(total=runs, unit="run", file=sys.stderr, disable=None) as bar:
+
+        def show(done: int, total: int) -> None:
+            bar.update(done - bar.n)
+
         result = disperse_campaign(
             campaign,
             runs,
@@ -61,7 +65,7 @@ def disperse(path: str, runs: int | None, seed: int | None, chunk: int, folder: 
             chunk=chunk,
             accuracy=file.accuracy,
             store=store,
-            progress=lambda done, total: bar.update(done - bar.n) and None,
+            progress=show,
         )
     print(dispersion_report(result, file.nominal_outputs(nominal)))
     ahead = result.attributes["preparation_seconds"]

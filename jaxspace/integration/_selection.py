@@ -9,7 +9,7 @@ Whether a run is stiff is told by its numbers (`_stiffness.py`): where they are 
 
 import dataclasses
 import functools
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, Literal, NamedTuple, final
 
 import diffrax
@@ -18,7 +18,7 @@ import jax
 import jax.extend
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, PyTree
+from jaxtyping import ArrayLike, PyTree
 
 from ..core import AbstractSystem
 from ..solvers import DOP853, RKN1210, ExponentialRosenbrock, Tsit5
@@ -122,7 +122,7 @@ def select_method(
     system: AbstractSystem,
     y0: PyTree,
     rtol: float,
-    ts: Float[Array, " times"] | None = None,
+    ts: ArrayLike | Sequence[float] | None = None,
     *,
     starts: InitialConditions | None = None,
 ) -> diffrax.AbstractSolver | Literal["closed_form"]:

@@ -26,7 +26,8 @@ class Input(NamedTuple):
 
     def distribution(self) -> AbstractDistribution:
         """The distribution about the nominal value."""
-        return self.cls(**self.numbers)
+        made: Any = self.cls
+        return made(**self.numbers)
 
     def doubts(self, path: str) -> list[str]:
         """What is allowed but hardly meant: a range without the nominal value, draws that the

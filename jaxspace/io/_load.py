@@ -1,5 +1,6 @@
 """From a file to a scene that may be built: every check that needs no integration, done at once."""
 
+import os
 import tomllib
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -16,7 +17,7 @@ from ._outputs import read_outputs
 from ._scene_file import SceneFile
 
 
-def load(path: str | Path, also: Iterable[Any] = ()) -> SceneFile:
+def load(path: str | os.PathLike[str], also: Iterable[Any] = ()) -> SceneFile:
     """The scene file at `path`.
 
     **Arguments**
@@ -51,7 +52,7 @@ def load(path: str | Path, also: Iterable[Any] = ()) -> SceneFile:
     return SceneFile(Path(path), text, file, inputs, outputs, reading.units)
 
 
-def _parsed(path: str | Path) -> tuple[dict[str, Any], str]:
+def _parsed(path: str | os.PathLike[str]) -> tuple[dict[str, Any], str]:
     try:
         text = Path(path).read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
