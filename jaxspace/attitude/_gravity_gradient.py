@@ -31,9 +31,18 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..bodies import AbstractBody, AbstractEffect, AbstractInertia, BodyState, Load
-from ..core import Scalar, Vector, as_float, barrier, check_positive, cross, dot, inverse_norm
+from ..core import (
+    Scalar,
+    Vector,
+    as_float,
+    barrier,
+    check_positive,
+    complete_elliptic,
+    cross,
+    dot,
+    inverse_norm,
+)
 from ..rotations import Quaternion
-from ._elliptic import complete_elliptic
 
 
 def gravity_gradient_torque(

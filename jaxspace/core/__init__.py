@@ -8,6 +8,9 @@ from ._check import check_finite as check_finite
 from ._check import check_non_negative as check_non_negative
 from ._check import check_positive as check_positive
 from ._check import is_concrete as is_concrete
+from ._elliptic import complete_elliptic as complete_elliptic
+from ._elliptic import complete_first as complete_first
+from ._elliptic import complete_third as complete_third
 from ._group import AbstractGroupElement as AbstractGroupElement
 from ._linear import axis as axis
 from ._linear import cross as cross
