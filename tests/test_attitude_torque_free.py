@@ -21,9 +21,8 @@ from jaxspace.attitude import (
     precession_rate,
     symmetric_flow,
 )
-from jaxspace.attitude._elliptic import complete_elliptic
 from jaxspace.bodies import BodyState, InertiaTensor, PrincipalInertia
-from jaxspace.core import InputError
+from jaxspace.core import InputError, complete_elliptic
 from jaxspace.rotations import Quaternion
 
 CASE = 1e-9  # relative tolerance of the reference cases

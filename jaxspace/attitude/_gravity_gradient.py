@@ -38,13 +38,13 @@ from ..core import (
     Vector,
     barrier,
     check_components,
+    complete_elliptic,
     cross,
     dot,
     inverse_norm,
     quantity,
 )
 from ..rotations import Quaternion
-from ._elliptic import complete_elliptic
 
 
 def gravity_gradient_torque(

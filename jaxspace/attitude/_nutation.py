@@ -13,7 +13,7 @@
     gamma          h_Z / A                                                       1/s
     u1, u2         cosines of the upper and lower turning circle                 1
     y3             beta u3, u3: the third root, which no top reaches             1/s^2
-    R_F, R_J       complete elliptic integrals (`_elliptic.py`)                  s, s^3
+    R_F, R_J       complete elliptic integrals (core)                           s, s^3
 
 Source: Thomson 5.13-10..13 (constants), 5.13-18..21 (cubic); DLMF 19.16.1, .2, 19.7.9 (integrals;
 the half turns that they leave are the passages of the vertical).
@@ -39,8 +39,15 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..core import Flag, Scalar, safe_atan2, safe_divide, safe_sqrt
-from ._elliptic import complete_first, complete_third
+from ..core import (
+    Flag,
+    Scalar,
+    complete_first,
+    complete_third,
+    safe_atan2,
+    safe_divide,
+    safe_sqrt,
+)
 
 # Newton's steps: the two bounds from which they start are within a factor of 1.5 of the root, and
 # five steps reach rounding from there.

@@ -29,8 +29,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from ..core import Scalar, Vector, dot, norm, safe_divide, safe_sqrt
-from ._elliptic import complete_elliptic
+from ..core import Scalar, Vector, complete_elliptic, dot, norm, safe_divide, safe_sqrt
 
 
 @final

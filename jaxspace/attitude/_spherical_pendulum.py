@@ -34,12 +34,12 @@ from ..core import (
     argument,
     as_float,
     axis,
+    complete_elliptic,
     constructor,
     cross,
     dot,
     quantity,
 )
-from ._elliptic import complete_elliptic
 
 
 def direction_acceleration(u: Vector, u_rate: Vector, gravity_over_length: Scalar) -> Vector:

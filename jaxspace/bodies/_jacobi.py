@@ -37,7 +37,9 @@ from jaxtyping import Array
 
 from ..core import Scalar
 
-_DUPLICATIONS = 5
+# A step takes the root of c d where both are small: nine steps bring 1e-150 to order one, and six
+# from there leave terms of order six below rounding.
+_DUPLICATIONS = 15
 
 
 class Jacobi(NamedTuple):
@@ -69,7 +71,8 @@ def jacobi(t: Scalar, x: Scalar, y: Scalar, difference: Scalar) -> Jacobi:
     q = _nome(
         jnp.where(hyperbolic, complement, low / top), jnp.where(hyperbolic, low / top, complement)
     )
-    least = float(jnp.finfo(q.dtype).tiny) ** 0.75
+    # Below it the nome is that of the separatrix: c and d of 1e-152 are the end of the range.
+    least = 2.0**10 * float(jnp.finfo(q.dtype).tiny)
     q, n, complement = jax.lax.optimization_barrier((q, n, complement))
     scale = (1.0 + 2.0 * q * (1.0 + q**3 * (1.0 + q**5))) ** 2
     log_q = jnp.log(jnp.where(q > least, q, least))

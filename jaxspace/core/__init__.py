@@ -16,6 +16,9 @@ from ._declare import known_time as known_time
 from ._declare import output as output
 from ._declare import reference as reference
 from ._declare import references as references
+from ._elliptic import complete_elliptic as complete_elliptic
+from ._elliptic import complete_first as complete_first
+from ._elliptic import complete_third as complete_third
 from ._group import AbstractGroupElement as AbstractGroupElement
 from ._layout import add_batch_axis as add_batch_axis
 from ._layout import component_axes_of as component_axes_of

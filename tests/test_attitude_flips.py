@@ -1,0 +1,121 @@
+"""The free body through flips of the intermediate axis, from a tilt of the spin of one down to
+1e-150: the whole state against sixty digits and more."""
+
+import jax
+import jax.numpy as jnp
+import mpmath
+import numpy as np
+import pytest
+import reference_free_body as reference
+from numpy.testing import assert_allclose
+
+from jaxspace.bodies._free_rotation import free_rotation
+
+
+@jax.jit
+def flow(x):
+    """Quaternion of the turn and angular velocity from the moments, omega and the duration."""
+    turn, omega = free_rotation(x[6], x[:3], x[3:6])
+    return jnp.concatenate([turn.wxyz, omega])
+
+
+FORWARD, REVERSE = jax.jit(jax.jacfwd(flow)), jax.jit(jax.jacrev(flow))
+EPS = np.finfo(float).eps
+
+
+def digits(tilt):
+    return 60 + int(-2.2 * np.log10(tilt))
+
+
+def start(moments, tilt, axis, flips):
+    """Moments, omega and the time of so many flips; omega is tilted towards the first axis or the
+    third."""
+    omega = [0.0, 1.0, 0.0]
+    omega[axis] = tilt
+    with mpmath.workdps(digits(tilt)):
+        quarter = reference.quarter_period(moments, omega)
+    return np.array([*moments, *omega, float(2 * flips * quarter)])
+
+
+def exact(x, periods=0):
+    """The state at x[6], which is `periods` whole periods and a rest."""
+    x = [mpmath.mpf(float(v)) if not isinstance(v, mpmath.mpf) else v for v in x]
+    rest = x[6] - 4 * periods * reference.quarter_period(x[:3], x[3:6])
+    turn, omega = reference.closed(x[:3], x[3:6], rest, periods)
+    return np.array([*turn, *omega])
+
+
+def alike(state, found):
+    """The quaternion of the same turn nearest to the one that was found."""
+    sign = 1 if np.dot(state[:4], found[:4]) > 0 else -1
+    return np.concatenate([sign * state[:4], state[4:]])
+
+
+BODIES = [(3.0, 2.0, 1.0), (1.0, 1.7, 2.5), (3.0, 2.999, 1.0), (1.0, 1.001, 1.9)]
+
+
+def test_both_references_agree():
+    with mpmath.workdps(40):
+        x = [mpmath.mpf(v) for v in (3.0, 2.0, 1.0, 1e-3, 1.0, 2e-3)]
+        turn, omega = reference.taylor(x[:3], x[3:], 6.0, reach=mpmath.mpf("0.3"))
+        other = reference.closed(x[:3], x[3:], 6.0)
+        assert max(abs(a - b) for a, b in zip(turn + omega, sum(other, []), strict=True)) < 1e-25
+
+
+@pytest.mark.parametrize("tilt", [1.0, 0.1, 1e-3, 1e-6, 1e-10, 1e-20, 1e-60, 1e-150])
+@pytest.mark.parametrize("moments", BODIES)
+def test_one_flip(moments, tilt):
+    for axis in (0, 2):
+        for flips in (0.4, 0.55, 0.97, 1.0, 2.0):
+            x = start(moments, tilt, axis, flips)
+            with mpmath.workdps(digits(tilt)):
+                found = np.asarray(flow(x))
+                truth = alike(exact(x), found).astype(float)
+            # Rounding of the angle about the momentum, which is that of the duration.
+            assert_allclose(found, truth, atol=1e-14 + 4.0 * EPS * x[6])
+
+
+@pytest.mark.parametrize("tilt", [0.1, 1e-3, 1e-10, 1e-100])
+@pytest.mark.parametrize("moments", BODIES[:2])
+def test_ten_thousand_flips(moments, tilt):
+    """As right as the rounding of the inputs allows, which moves the state by what its derivatives
+    say."""
+    for flips in (1.0, 2.0):
+        x = start(moments, tilt, 0, flips + 1e4)
+        with mpmath.workdps(digits(tilt)):
+            found = np.asarray(flow(x))
+            truth = alike(exact(x, 5000), found).astype(float)
+        loss = EPS * np.abs(np.asarray(FORWARD(x)) * x).sum(axis=1).max()
+        assert loss < 1e-7
+        assert_allclose(found, truth, atol=loss)
+
+
+@pytest.mark.parametrize("tilt", [1.0, 0.1, 1e-3, 1e-6, 1e-10, 1e-60])
+def test_derivatives_through_a_flip(tilt):
+    for axis in (0, 2):
+        x = start((3.0, 2.0, 1.0), tilt, axis, 1.03)
+        columns = []
+        with mpmath.workdps(2 * digits(tilt)):
+            found = np.asarray(flow(x))
+            for i in range(7):
+                step = mpmath.mpf(10) ** (-digits(tilt) // 2) * (mpmath.mpf(float(x[i])) or tilt)
+                ends = []
+                for s in (1, -1):
+                    moved = [mpmath.mpf(float(v)) + s * step * (i == j) for j, v in enumerate(x)]
+                    ends.append(alike(exact(moved), found))
+                columns.append(((ends[0] - ends[1]) / (2 * step)).astype(float))
+        truth = np.stack(columns, axis=1)
+        for slope in (np.asarray(FORWARD(x)), np.asarray(REVERSE(x))):
+            for i in range(7):
+                # Along the tilt terms of the size 1/tilt cancel.
+                lost = 100.0 * EPS / tilt if i in (3, 5) else 0.0
+                atol = 1e-12 * np.abs(truth).max() + lost
+                assert_allclose(slope[:, i], truth[:, i], atol=atol)
+
+
+@pytest.mark.parametrize("tilt", [1e-150, 1e-160, 1e-300, 0.0])
+def test_derivatives_are_finite_however_small_the_tilt(tilt):
+    for t in (0.0, 1.0, 50.0, 300.0, 600.0):
+        x = np.array([3.0, 2.0, 1.0, tilt, 1.0, 0.0, t])
+        for slope in (FORWARD(x), REVERSE(x)):
+            assert np.isfinite(slope).all()
