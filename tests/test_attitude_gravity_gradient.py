@@ -53,16 +53,14 @@ def end(system, y, span, accuracy=Accuracy(rtol=1e-11, method=DOP853())) -> Body
     "inertia", [PrincipalInertia(MOMENTS), InertiaTensor(TENSOR)], ids=["principal", "tensor"]
 )
 def test_the_torque_by_hand(inertia, key):
-    """In numpy, from the matrix of the attitude; runs side by side are runs one by one."""
+    """In numpy, from the matrix of the attitude; batched runs are runs one by one."""
     r, q = (
         7e6 * jax.random.normal(key, (3, 5)),
         Quaternion(jax.random.normal(key, (4, 5))).normalised(),
     )
     effect, body = GravityGradient(MU), RigidBody(inertia=inertia)
     wide = jax.tree.map(lambda x: x[..., None], inertia)
-    side_by_side = effect.load(
-        0.0, BodyState(position=r, attitude=q), RigidBody(inertia=wide)
-    ).torque_B
+    batched = effect.load(0.0, BodyState(position=r, attitude=q), RigidBody(inertia=wide)).torque_B
     for k in range(5):
         r_B = np.asarray(q.matrix())[..., k].T @ np.asarray(r)[:, k]
         size = np.linalg.norm(r_B)
@@ -71,7 +69,7 @@ def test_the_torque_by_hand(inertia, key):
             0.0, BodyState(position=r[:, k], attitude=Quaternion(q.wxyz[:, k])), body
         ).torque_B
         assert_allclose(alone, expected, rtol=1e-12, atol=1e-12 * np.abs(expected).max())
-        assert_allclose(side_by_side[:, k], alone, rtol=1e-13, atol=1e-13 * np.abs(expected).max())
+        assert_allclose(batched[:, k], alone, rtol=1e-13, atol=1e-13 * np.abs(expected).max())
 
 
 def test_the_torque_is_the_slope_of_the_energy():
@@ -207,8 +205,8 @@ def in_reverse(final, direction):
 @pytest.mark.slow
 @pytest.mark.parametrize("way", [forwards, in_reverse])
 def test_derivatives_through_a_splitting(way):
-    """Of the attitude after a quarter of a turn, by the start, the strength and the moments,
-    against differences."""
+    """Of the attitude after a quarter of a turn, by the start, the gravitational parameter and the
+    moments, against differences."""
 
     def final(p):
         body = RigidBody(inertia=PrincipalInertia(MOMENTS * (1.0 + p[4:])))

@@ -571,7 +571,7 @@ def test_invariants_stay():
 
 
 @pytest.mark.parametrize("mu", [0.0, -1.0, np.nan])
-def test_strength_must_be_positive(mu):
+def test_mu_must_be_positive(mu):
     with pytest.raises(ValueError, match=r"TwoBody\.mu is .*: it must be positive"):
         TwoBody(mu)
 

@@ -122,7 +122,7 @@ def test_published(case):
 )
 def test_rendezvous_on_a_circle(case, radius, behind, arc, e, a, dv):
     """Thomson 4.16: from `behind` the target, met after its `arc`; units of the earth's radius and
-    strength."""
+    gravitational parameter."""
     angle, speed = np.deg2rad(behind + arc), np.sqrt(1.0 / radius)
     r1, r2 = jnp.array([radius, 0.0, 0.0]), radius * jnp.array([np.cos(angle), np.sin(angle), 0.0])
     v1, v2 = by_normal(r1, r2, np.deg2rad(arc) * radius / speed, jnp.array([0.0, 0.0, 1.0]))

@@ -1,4 +1,4 @@
-"""The number of equal steps, from the osculating orbit."""
+"""The number of fixed steps, from the osculating orbit."""
 
 import jax
 import jax.numpy as jnp

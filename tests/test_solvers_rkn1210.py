@@ -1,5 +1,5 @@
-"""The method of Nystrom of order 12: its tableau, its order, its states between the steps, its
-derivatives."""
+"""The Runge-Kutta-Nystrom method of order 12: its tableau, its order, its states between the
+steps, its derivatives."""
 
 import diffrax
 import equinox as eqx

@@ -27,7 +27,7 @@ def start(e=0.05):
 
 
 def equal(steps, order=12, rtol=1e-9, **more):
-    """The accuracy that takes so many equal steps."""
+    """The accuracy that takes so many fixed steps."""
     return Accuracy(rtol=rtol, method=Stormer(order, steps=steps), **more)
 
 
