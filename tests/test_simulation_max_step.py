@@ -5,13 +5,12 @@ r'' = -r + k p(t),   p(t) = (1 + cos(2 pi (t - c) / w)) / w   within w/2 of c, e
 r(T) = r_0 cos T + v_0 sin T + k sin(T - c) (2/w) sin(w/2) (1 + 1/((2 pi/w)^2 - 1))
 """
 
-import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from jaxtyping import Array
+from jaxtyping import Array, Float
 
 from jaxspace import BodyState
 from jaxspace.core import AbstractSystem, InputError
@@ -22,10 +21,11 @@ from jaxspace.simulation import (
     Mission,
     Phase,
     Status,
-    run_mission,
     simulate,
     simulate_batch,
 )
+from jaxspace.simulation._runs import run_mission
+from jaxspace.simulation._simulate import resolve_phases
 from jaxspace.solvers import DOP853, RKN1210, ExponentialRosenbrock, Stormer, Tsit5
 
 T, WIDTH = 5.0, 0.02
@@ -37,9 +37,9 @@ class Struck(AbstractSystem):
     """An oscillator that is struck once: the change of velocity `kick` about the `centre`, for a
     time `width`."""
 
-    centre: Array
-    kick: Array
-    width: Array
+    centre: Float[Array, "*#runs"]
+    kick: Float[Array, "3 *#runs"]
+    width: Float[Array, "*#runs"]
 
     def vector_field(self, t, y):
         traced.append(t)
@@ -128,8 +128,7 @@ def test_it_is_seen_wherever_it_falls(centre):
 
 @pytest.mark.parametrize("forward", [False, True])
 def test_derivatives_of_a_pulse_that_is_seen(forward):
-    adjoint = diffrax.ForwardMode() if forward else diffrax.RecursiveCheckpointAdjoint()
-    accuracy = Accuracy(1e-11, method=RKN1210(), adjoint=adjoint, max_step=0.5 * WIDTH)
+    accuracy = Accuracy(1e-11, method=RKN1210(), max_step=0.5 * WIDTH)
 
     def slope(f):
         return (jax.jacfwd if forward else jax.grad)(lambda system: f(system)[1])(struck())
@@ -172,11 +171,12 @@ def test_no_step_of_any_run_is_longer(precision):
     y0 = jax.tree.map(lambda x: jnp.asarray(x, precision)[:, None], start())
     phase = Phase(system, jnp.asarray(spans, precision))
     accuracy = Accuracy(jnp.asarray(1e-4, precision), max_step=jnp.asarray(0.3, precision))
-    taken, *_, status = run_mission(
-        Mission([phase]), y0, jnp.zeros((), precision), 2, accuracy, 1, record=True
-    )
-    assert status.tolist() == [Status.COMPLETED] * 2
-    clock = np.asarray(taken[0].steps)
+    mission = Mission([phase])
+    configs = resolve_phases(mission, y0, accuracy)
+    zero = jnp.zeros((), precision)
+    result = run_mission(mission, y0, zero, 2, configs, 1, record_steps=True)
+    assert result.status.tolist() == [Status.COMPLETED] * 2
+    clock = np.asarray(result.phases[0].step_ends)
     clock = np.concatenate([[0.0], clock[np.isfinite(clock)]])
     for k, span in enumerate(spans):
         breaks = np.sort(np.clip(np.asarray(system.breaks())[:, k] / span, 0.0, 1.0)) * span
@@ -187,13 +187,15 @@ def test_no_step_of_any_run_is_longer(precision):
 
 
 def test_runs_of_a_batch_see_their_pulses():
-    centres, kicks = jnp.linspace(1.0, 3.0, 70), jnp.linspace(0.5, 1.0, 70)[:, None] * KICK
-    y0s = jax.tree.map(lambda x: jnp.tile(x, (70, 1)), start())
+    centres, kicks = jnp.linspace(1.0, 3.0, 70), KICK[:, None] * jnp.linspace(0.5, 1.0, 70)
+    y0s = jax.tree.map(lambda x: jnp.tile(x[:, None], (1, 70)), start())
     systems = Struck(centres, kicks, jnp.asarray(WIDTH))
-    ts = jnp.stack([jnp.zeros(70), jnp.linspace(4.0, 5.0, 70)], axis=1)
+    ts = jnp.stack([jnp.zeros(70), jnp.linspace(4.0, 5.0, 70)])
     accuracy = Accuracy(1e-9, method=RKN1210(), max_step=WIDTH)
     batch = simulate_batch(systems, y0s, ts, accuracy=accuracy)
-    ends = jax.vmap(lambda c, k, t: exact(struck(c, k), t))(centres, kicks, ts[:, 1])
+    ends = jax.vmap(lambda c, k, t: exact(struck(c, k), t), in_axes=(0, -1, 0), out_axes=-1)(
+        centres, kicks, ts[1]
+    )
     np.testing.assert_allclose(batch.final.position, ends, atol=1e-8)
 
 
@@ -211,15 +213,15 @@ def test_steps_fixed_beforehand_are_judged_by_it():
     y0 = jax.tree.map(lambda x: jnp.stack([x, x], axis=1), start())
     system = Struck(jnp.asarray(2.345), KICK[:, None], jnp.asarray(WIDTH))
 
-    def flown(spans, **more):
-        return run_mission(
-            Mission([Phase(system, jnp.asarray(spans))]), y0, jnp.array(0.0), 2, accuracy, 1, **more
-        )
+    def result(durations, **more):
+        mission = Mission([Phase(system, jnp.asarray(durations))])
+        configs = resolve_phases(mission, y0, accuracy)
+        return run_mission(mission, y0, jnp.array(0.0), 2, configs, 1, **more)
 
     accuracy = Accuracy(1e-3, method=DOP853(), max_step=0.1)
-    clock = np.asarray(flown([3.0, 3.0], record=True)[0][0].steps)
+    clock = np.asarray(result([3.0, 3.0], record_steps=True).phases[0].step_ends)
     plan = jnp.concatenate([jnp.zeros(1), clock[np.isfinite(clock)]])
-    assert flown([3.0, 4.0], plans=(plan,))[3].tolist() == [
+    assert result([3.0, 4.0], plans=(plan,)).status.tolist() == [
         Status.COMPLETED,
         Status.TOLERANCE_MISSED,
     ]

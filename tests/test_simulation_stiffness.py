@@ -5,17 +5,17 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from jaxspace.simulation._stiffness import Starts, is_stiff
 from systems import GYRO, TOP, rocket_scene, rocket_state
 from test_solvers_exponential import CompassState, Damped, Gyrocompass, Modes, Pendulum, Swing
 
 from jaxspace.attitude import Top
+from jaxspace.integration._stiffness import InitialConditions, is_stiff
 from jaxspace.simulation import (
     Event,
     Mission,
     Phase,
     Status,
-    chosen_method,
+    select_method,
     simulate,
     simulate_batch,
 )
@@ -71,8 +71,8 @@ def quarter(compass=COMPASS):
     ],
 )
 def test_stiff_runs_are_known_by_their_numbers(system, state, span, rtol, method):
-    assert isinstance(chosen_method(system, state, rtol, np.array([0.0, span])), method)
-    assert not isinstance(chosen_method(system, state, rtol), STIFF)
+    assert isinstance(select_method(system, state, rtol, np.array([0.0, span])), method)
+    assert not isinstance(select_method(system, state, rtol), STIFF)
 
 
 def test_a_slow_spin_in_balance_is_not_taken_for_a_linear_motion():
@@ -80,7 +80,7 @@ def test_a_slow_spin_in_balance_is_not_taken_for_a_linear_motion():
     Jacobian turns with it."""
     still = Top(0.002, 0.0008, 0.0)
     assert isinstance(
-        chosen_method(
+        select_method(
             still, Top.state(jnp.zeros(3), jnp.array([0.0, 0.0, 100.0])), 1e-6, [0.0, 1e5]
         ),
         DOP853,
@@ -89,8 +89,8 @@ def test_a_slow_spin_in_balance_is_not_taken_for_a_linear_motion():
 
 def test_many_states_asked_for_leave_the_exponential_method_no_room():
     start = Gyrocompass.start(0.3)
-    assert isinstance(chosen_method(COMPASS, start, 1e-9, np.linspace(0.0, 5e3, 1001)), STIFF)
-    assert isinstance(chosen_method(COMPASS, start, 1e-9, np.linspace(0.0, 5e3, 100001)), DOP853)
+    assert isinstance(select_method(COMPASS, start, 1e-9, np.linspace(0.0, 5e3, 1001)), STIFF)
+    assert isinstance(select_method(COMPASS, start, 1e-9, np.linspace(0.0, 5e3, 100001)), DOP853)
 
 
 def test_a_gyrocompass_by_default():
@@ -132,8 +132,8 @@ def test_a_batch_is_judged_by_its_runs():
     """Short runs beside stiff ones, and one that is not a number: every row is right, or marked."""
     n = jnp.array([1e3, 1e4, 1.0, 1e3])
     psi = jnp.array([1e-3, 2e-3, 1e-3, jnp.nan])
-    y0s = jax.vmap(lambda p: CompassState(p, 0.0 * p, 7.2921e-5 * jnp.sin(p), 0.0 * p))(psi)
-    ts = jnp.stack([jnp.asarray(quarter(Gyrocompass(x))) for x in n])
+    y0s = CompassState(psi, 0.0 * psi, 7.2921e-5 * jnp.sin(psi), 0.0 * psi)
+    ts = jnp.stack([jnp.asarray(quarter(Gyrocompass(x))) for x in n], axis=-1)
     batch = simulate_batch(Gyrocompass(n), y0s, ts)
     assert isinstance(batch.accuracy.method, STIFF)
     assert batch.status.tolist() == [Status.COMPLETED] * 3 + [Status.NOT_FINITE]
@@ -150,9 +150,8 @@ def few_among_many(few, system, of):
     def ends(x, spans):
         return simulate_batch(
             system,
-            jax.vmap(of)(jnp.asarray(x)),
-            jnp.outer(spans, jnp.array([0.0, 1.0])),
-            in_axes=(None, 0),
+            jax.vmap(of, out_axes=-1)(jnp.asarray(x)),
+            jnp.outer(jnp.array([0.0, 1.0]), spans),
         )
 
     alone = ends(x, spans).final
@@ -161,9 +160,9 @@ def few_among_many(few, system, of):
     others = np.setdiff1d(np.arange(40), places)
     assert np.all(run.status[others] == Status.COMPLETED)
     for a, b in zip(jax.tree.leaves(run.final), jax.tree.leaves(alone), strict=True):
-        np.testing.assert_allclose(a[others], b[others], rtol=1e-9, atol=1e-12)
+        np.testing.assert_allclose(a[..., others], b[..., others], rtol=1e-9, atol=1e-12)
     return jax.tree.map(lambda x: x[places], run.status), jax.tree.map(
-        lambda x: x[places], run.final
+        lambda x: x[..., places], run.final
     )
 
 
@@ -190,10 +189,9 @@ def test_one_run_that_needs_small_steps_keeps_all_explicit():
     y0s, system = Swing(jnp.asarray(amplitude), jnp.zeros(3)), Pendulum(jnp.array(1e6))
 
     def stiff(spans, rows):
-        ts = jnp.asarray(np.outer(spans, [0.0, 1.0]))
-        return is_stiff(
-            Starts((None, y0s, ts), (system, jax.tree.map(lambda x: None, y0s), None), rows), 1e-5
-        )
+        ts = jnp.asarray(np.outer([0.0, 1.0], spans))
+        axes = (jax.tree.map(lambda _: 0, system), jax.tree.map(lambda _: 1, y0s), 1)
+        return is_stiff(InitialConditions((system, y0s, ts), axes, rows), 1e-5)
 
     assert stiff([500.0] * 3, rows[:2])
     assert not stiff([500.0] * 3, rows)
@@ -205,5 +203,5 @@ def test_single_precision_is_judged_in_its_own():
     def one(x):
         return jnp.asarray(x, jnp.float32)
 
-    assert isinstance(chosen_method(Damped(one(1e6)), one(1.0), 1e-5, one([0.0, 1.0])), STIFF)
-    assert isinstance(chosen_method(Damped(one(1e2)), one(1.0), 1e-5, one([0.0, 1.0])), DOP853)
+    assert isinstance(select_method(Damped(one(1e6)), one(1.0), 1e-5, one([0.0, 1.0])), STIFF)
+    assert isinstance(select_method(Damped(one(1e2)), one(1.0), 1e-5, one([0.0, 1.0])), DOP853)

@@ -105,5 +105,6 @@ class AbstractSystem(AbstractParameters):
         """Why `capability` ("split", "regularised", ...) is `None`, as the end of a sentence.
 
         For error messages; empty where there is nothing to add."""
+        # A system without reasons of its own: the caller's sentence is enough.
         del capability
         return ""

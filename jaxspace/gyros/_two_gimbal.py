@@ -156,6 +156,7 @@ class TwoGimbalGyro(AbstractSystem):
     def outer_inertia(self, theta: Scalar) -> Scalar:
         """Inertia I_Z of all that turns about Z, without the spin, kg m^2, with the rotor's axis at
         `theta`, rad (Thomson 6.3-10)."""
+        # Across the rotor's axis the inner gimbal turns with the rotor, along it alone.
         s = jnp.sin(theta)
         c = jnp.cos(theta)
         return (
@@ -211,6 +212,7 @@ class TwoGimbalGyro(AbstractSystem):
         Valid for gimbals without mass, from rest at theta = 90 deg, to first order in the moment.
         """
         p = self.spin_momentum() / self.transverse_inertia
+        # The nutation starts from rest, so that it is a cycloid about a steady precession.
         size = self.moment_inner / self.spin_momentum()
         return size / p * (1.0 - jnp.cos(p * t)), size * (t - jnp.sin(p * t) / p)
 
@@ -230,6 +232,7 @@ class TwoGimbalGyro(AbstractSystem):
 
     def swing_time(self, theta: Scalar, theta_end: Scalar) -> Scalar:
         """Time, s, in which the moment M_Z swings the axis from `theta` to `theta_end`, rad."""
+        # The inverse of `swing`.
         return self.spin_momentum() * (jnp.cos(theta_end) - jnp.cos(theta)) / self.moment_outer
 
     def _gimbal_difference(self) -> Scalar:

@@ -1,19 +1,18 @@
 """How accurate a run shall be, as its user says it."""
 
-from typing import Literal, final
+from typing import final
 
 import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, DTypeLike, Float
+from jaxtyping import Array, DTypeLike, Float, PyTree
 
 from ..core import (
     AbstractParameters,
     InputError,
     Scalar,
-    State,
     check_finite,
     check_positive,
     quantity,
@@ -59,7 +58,7 @@ class Accuracy(AbstractParameters):
     atol: Float[Array, ""] | None = quantity(
         "", non_negative=True, optional=True, doc="absolute tolerance of each step"
     )
-    method: diffrax.AbstractSolver | Literal["auto", "closed_form"] = "auto"
+    method: diffrax.AbstractSolver | str = "auto"
     adjoint: diffrax.AbstractAdjoint | None = None
     max_steps: int = eqx.field(static=True, default=16384)
     max_step: Float[Array, ""] | None = quantity(
@@ -94,7 +93,7 @@ def least_tolerance(dtype: DTypeLike) -> float:
     return 16.0 * float(jnp.finfo(dtype).eps)
 
 
-def state_dtype(y: State) -> jnp.dtype:
+def state_dtype(y: PyTree) -> jnp.dtype:
     """The precision of a state.
 
     Raises `InputError` if it is no tree of floating-point arrays, or if its blocks differ."""
@@ -113,7 +112,7 @@ def state_dtype(y: State) -> jnp.dtype:
     return next(iter(dtypes))
 
 
-def check_initial_state(y0: State) -> None:
+def check_initial_state(y0: PyTree) -> None:
     """Raise `InputError` for an initial state that is not finite, or of mixed precision."""
     state_dtype(y0)
     for path, leaf in jax.tree_util.tree_flatten_with_path(y0)[0]:

@@ -10,9 +10,9 @@ import diffrax
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, DTypeLike, Float
+from jaxtyping import Array, DTypeLike, Float, PyTree
 
-from ..core import AbstractSystem, InputError, State, is_concrete
+from ..core import AbstractSystem, InputError, is_concrete
 from ..solvers import refine, solver_traits
 from ._accuracy import DEFAULT_RTOL, Accuracy, least_tolerance, state_dtype
 from ._selection import select_method
@@ -66,7 +66,7 @@ class IntegrationConfig(eqx.Module):
 
 def resolve(
     system: AbstractSystem,
-    y0: State,
+    y0: PyTree,
     accuracy: Accuracy,
     starts: InitialConditions | None = None,
 ) -> IntegrationConfig:
@@ -74,7 +74,7 @@ def resolve(
 
     **Arguments**
 
-    - `system`, `y0`: the system and its initial state, of one run or of many.
+    - `system`, `y0`: the system and its initial state (or its shapes), of one run or of many.
     - `accuracy`: what the user asked for.
     - `starts`: runs whose numbers may be looked at to recognise a stiff system; `None` under `jit`
       and in missions, where the structure alone decides.

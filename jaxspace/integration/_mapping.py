@@ -15,7 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, PyTree
 
-from ..core import State, component_axes_of
+from ..core import component_axes_of
 from ..solvers import Tolerance, bind
 from ._loop import LoopSettings
 from ._normalised_time import ScaledVectorField, Segments
@@ -32,7 +32,7 @@ class _CannotMap(Exception):
 
 
 def add_run_axis(
-    parts_of: Callable[[Sequence[Any]], tuple[Any, State, LoopSettings]],
+    parts_of: Callable[[Sequence[Any]], tuple[Any, PyTree, LoopSettings]],
     values: Sequence[Array],
     dims: Sequence[Any],
     size: int,
@@ -80,7 +80,7 @@ def add_run_axis(
     return (field, y0, settings), carried
 
 
-def _single(parts: Any, dims: Any) -> tuple[Any, State]:
+def _single(parts: Any, dims: Any) -> tuple[Any, PyTree]:
     """The system and the state of one of the mapped runs, as shapes."""
 
     def leaf(x: Any, d: Any) -> Any:
@@ -97,7 +97,7 @@ def _single(parts: Any, dims: Any) -> tuple[Any, State]:
 
 
 def _field_axis(
-    field: ScaledVectorField, mapped: PyTree, own: PyTree, size: int
+    field: ScaledVectorField, mapped: Any, own: Any, size: int
 ) -> ScaledVectorField:
     """The field with a further axis of runs."""
 
@@ -126,7 +126,7 @@ def _field_axis(
     return ScaledVectorField(system, segments)
 
 
-def _settings_axis(settings: LoopSettings, mapped: LoopSettings) -> LoopSettings:
+def _settings_axis(settings: LoopSettings, mapped: Any) -> LoopSettings:
     """The settings for a further axis of runs, which share their steps."""
     lengths = settings.lengths
     if mapped.lengths:
@@ -208,7 +208,7 @@ def over_blocks(
     return [join(x) for x in results]
 
 
-def follows_layout(system: Any, y0: State) -> bool:
+def follows_layout(system: Any, y0: PyTree) -> bool:
     """Whether the vector field treats a trailing axis as runs that have nothing to do with another.
 
     Seen from values: the field of three random states at once is that of each of them. A system

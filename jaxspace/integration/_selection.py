@@ -18,9 +18,9 @@ import jax
 import jax.extend
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, PyTree
 
-from ..core import AbstractSystem, State
+from ..core import AbstractSystem
 from ..solvers import DOP853, RKN1210, ExponentialRosenbrock, Tsit5
 from ._stiffness import InitialConditions, is_stiff
 
@@ -36,7 +36,7 @@ class SelectionContext(NamedTuple):
     - `starts`: runs whose numbers may be looked at, or `None`."""
 
     system: AbstractSystem
-    y: State
+    y: PyTree
     rtol: float
     starts: InitialConditions | None
 
@@ -120,7 +120,7 @@ RULES = (
 
 def select_method(
     system: AbstractSystem,
-    y0: State,
+    y0: PyTree,
     rtol: float,
     ts: Float[Array, " times"] | None = None,
     *,

@@ -102,7 +102,7 @@ class Problem:
         del problem.leaves
         return problem, leaves
 
-    def parts(self, args: Sequence[Array]) -> tuple[Any, State, LoopSettings]:
+    def parts(self, args: Sequence[Any]) -> tuple[Any, PyTree, LoopSettings]:
         """Field, initial state and settings from the arguments."""
         return eqx.combine(jax.tree.unflatten(self.structure, args), self.static)
 

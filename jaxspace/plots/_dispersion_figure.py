@@ -114,7 +114,9 @@ def _scatter(axes: "Axes", dispersion: "Dispersion", across: str, up: str) -> No
         )
         legend = axes.legend(fontsize=8, frameon=True, edgecolor="none", framealpha=0.8)
         for handle in legend.legend_handles:
-            handle.set_alpha(1.0)
+            # The sample of a pale point would be hard to see.
+            if handle is not None:
+                handle.set_alpha(1.0)
     dress(
         axes,
         f"{_plain(up)} against {_plain(across)}",
@@ -134,6 +136,7 @@ def _histogram(
     """The histogram of a quantity, with its mean and its limits."""
     good = values[shown(dispersion, name)]
     if good.size and row is not None:
+        # As many bins as the square root of the runs, within what a reader can see.
         axes.hist(good, bins=int(np.clip(np.sqrt(good.size), 8, 60)), color=COLOURS[0], alpha=0.75)
         axes.axvline(row.mean, color=COLOURS[1], linewidth=1.6)
         for limit in (row.low, row.high):
@@ -169,6 +172,7 @@ def _contributors(axes: "Axes", dispersion: "Dispersion", name: str, count: int)
     axes.bar_label(bars, [f"{s:.1f}" for s in shares], padding=3, fontsize=8)
     axes.set_yticks(inputs, [_plain(n) for n in inputs])
     axes.invert_yaxis()
+    # Room for the number behind the longest bar.
     axes.set_xlim(0.0, max(10.0, 1.18 * max(shares)))
     axes.grid(False, axis="y")
     axes.set_title(

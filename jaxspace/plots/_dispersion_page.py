@@ -174,6 +174,7 @@ def _scatter(dispersion: "Dispersion") -> "Figure":
     """Two quantities against each other, chosen by menus; a point shows the number of its run."""
     import plotly.graph_objects as go
 
+    # Inputs that do not vary would be lines.
     names = [*dispersion.outputs, *(n for n, x in dispersion.inputs.items() if np.ptp(x) > 0.0)]
     across, up = chosen_pair(dispersion, list(dispersion.outputs)) or (names[-1], names[0])
     good = np.flatnonzero(shown(dispersion))[:MOST_POINTS]
@@ -193,6 +194,7 @@ def _scatter(dispersion: "Dispersion") -> "Figure":
     menus = [
         _menu(
             names,
+            # Bound now: the loop changes the name of the axis before plotly is asked.
             lambda n, a=a: [{a: [data[n]]}, {f"{a}axis.title.text": dispersion.label(n)}],
             names.index(first),
             place,
@@ -255,6 +257,7 @@ def _contributors(dispersion: "Dispersion", name: str, count: int) -> "Figure | 
         textposition="outside",
     )
     figure = go.Figure(bars, _layout("share of the variance, %", "", 130 + 28 * len(inputs)))
+    # The largest share on top, with room for the number behind its bar.
     figure.update_yaxes(autorange="reversed").update_xaxes(
         range=[0.0, max(10.0, 1.15 * max(shares))]
     )

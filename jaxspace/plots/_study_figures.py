@@ -112,12 +112,18 @@ def accuracy_cost_figure(cost: CostTable, *, title: str = "") -> "Figure":
         # A closed form evaluates no vector field.
         return row.evaluations or np.nan
 
+    def gradient_point(row: "Cost") -> tuple[float, float]:
+        # Not every method has a gradient.
+        if row.gradient_seconds is None or row.gradient_error is None:
+            return np.nan, np.nan
+        return 1e3 * row.gradient_seconds, row.gradient_error
+
     _curves(panels[0], cost, lambda r: (1e3 * r.seconds, error(r)))
     _curves(panels[1], cost, lambda r: (evaluations(r), error(r)))
     dress(panels[0], "Time", "time of a run [ms]", "relative error of the final state")
     dress(panels[1], "Arithmetic", "evaluations of the vector field")
     if gradient:
-        _curves(panels[2], cost, lambda r: (1e3 * (r.gradient_seconds or np.nan), r.gradient_error))
+        _curves(panels[2], cost, gradient_point)
         dress(panels[2], "Gradient", "time of a gradient [ms]", "relative error of the gradient")
         panels[2].tick_params(labelleft=True)
     for axes in panels[:2]:

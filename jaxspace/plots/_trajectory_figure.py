@@ -63,7 +63,9 @@ def trajectory_figure(
     """
     from matplotlib.figure import Figure
 
-    phases = getattr(trajectory, "phases", (trajectory,))
+    # By what they have and not by their class, because an import of it would be a circle: a
+    # trajectory draws itself by this function.
+    phases: Any = getattr(trajectory, "phases", (trajectory,))
     names = getattr(trajectory, "names", ("",))
     parts = [(_times(phase, runs), _blocks(phase, runs, units or {})) for phase in phases]
     # Phases may have states of different classes: a panel for each block of any of them.
@@ -88,6 +90,7 @@ def trajectory_figure(
 def _times(phase: "Trajectory", runs: int) -> np.ndarray:
     """The times, s, (times, runs), or (times, 1) where all runs share them."""
     ts = np.asarray(phase.ts)
+    # A second axis also where all runs share the times, so that a line reads them by run.
     return ts.reshape(len(ts), -1)[:, :runs]
 
 

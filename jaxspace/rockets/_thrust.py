@@ -105,6 +105,7 @@ class ThrustProfile(AbstractParameters):
         mean = float(np.sum(0.5 * (f[1:] + f[:-1]) * np.diff(t)) / burn_time)
         return cls((t - t[0]) / burn_time, f / mean), burn_time, mean
 
+    # What the declarations of the fields cannot say: how the two tables belong together.
     def __check_init__(self):
         if is_concrete(self.fraction) and is_concrete(self.level):
             x = np.asarray(self.fraction)
@@ -303,6 +304,7 @@ class Thrust(AbstractEffect):
 
     def _direction(self, like: Scalar) -> Vector:
         """Unit vector of the thrust in body axes."""
+        # With the runs of the thrust, so that a misalignment may be shared by all of them.
         one = jnp.ones_like(like)
         if self.misalignment is None:
             return jnp.stack([0.0 * one, 0.0 * one, one])

@@ -30,7 +30,9 @@ class Custom(AbstractEffect):
     # Of the instance and not of the class, because each function has its own.
     needs: frozenset[str] = eqx.field(static=True, converter=frozenset)  # pyright: ignore
     adds: frozenset[str] = eqx.field(static=True, converter=frozenset)  # pyright: ignore
-    keeps: frozenset[str] = eqx.field(static=True, converter=frozenset, default=frozenset())  # pyright: ignore
+    keeps: frozenset[str] = eqx.field(  # pyright: ignore
+        static=True, converter=frozenset, default=frozenset()
+    )
     energy: Callable[..., Scalar] | None = None
     break_times: Float[Array, "times *#runs"] | None = quantity(
         "s", optional=True, doc="at which the load or a derivative of it jumps"

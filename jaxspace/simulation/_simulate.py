@@ -7,7 +7,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, ArrayLike, Float
+from jaxtyping import Array, ArrayLike, Float, PyTree
 
 from ..core import AbstractSystem, InputError, Scalar, State, check_finite, is_concrete, is_traced
 from ..integration._accuracy import Accuracy, as_accuracy, check_initial_state, state_dtype
@@ -27,7 +27,7 @@ Result = TypeVar("Result", Trajectory, MissionTrajectory)
 @overload
 def simulate(
     system: AbstractSystem,
-    y0: State,
+    y0: PyTree,
     ts: Float[ArrayLike, " times"],
     *,
     accuracy: Accuracy | Scalar | None = None,
@@ -40,7 +40,7 @@ def simulate(
 @overload
 def simulate(
     system: Mission,
-    y0: State,
+    y0: PyTree,
     t0: Scalar = 0.0,
     *,
     accuracy: Accuracy | Scalar | None = None,
@@ -49,7 +49,7 @@ def simulate(
 ) -> MissionTrajectory: ...
 
 
-def simulate(system: Any, y0: State, *args: Any, **kwargs: Any) -> Any:
+def simulate(system: Any, y0: PyTree, *args: Any, **kwargs: Any) -> Any:
     """Run a system or a mission from the state `y0`.
 
     `simulate(system, y0, ts, *, accuracy=None, events=(), dense=False, throw=True)` for a system,
@@ -88,7 +88,7 @@ def simulate(system: Any, y0: State, *args: Any, **kwargs: Any) -> Any:
 
 def _simulate_system(
     system: AbstractSystem,
-    y0: State,
+    y0: PyTree,
     ts: Float[ArrayLike, " times"],
     *,
     accuracy: Accuracy | Scalar | None = None,
@@ -112,7 +112,7 @@ def _simulate_system(
 
 def _simulate_mission(
     mission: Mission,
-    y0: State,
+    y0: PyTree,
     t0: Scalar = 0.0,
     *,
     accuracy: Accuracy | Scalar | None = None,
@@ -133,7 +133,7 @@ def _simulate_mission(
 @eqx.filter_jit
 def _run_system(
     system: AbstractSystem,
-    y0: State,
+    y0: PyTree,
     ts: Array,
     events: tuple[Event, ...],
     config: IntegrationConfig,
@@ -143,7 +143,7 @@ def _run_system(
 
 
 def resolve_phases(
-    mission: Mission, y0: State, accuracy: Accuracy
+    mission: Mission, y0: PyTree, accuracy: Accuracy
 ) -> tuple[IntegrationConfig, ...]:
     """The configuration of every phase, before anything is compiled.
 
@@ -153,7 +153,7 @@ def resolve_phases(
     for phase in mission.phases:
         configs.append(resolve(phase.system, y, accuracy))
         zero = jax.ShapeDtypeStruct((), state_dtype(y))
-        y = jax.eval_shape(broadcast_state, phase.system, zero, y)
+        y = eqx.filter_eval_shape(broadcast_state, phase.system, zero, y)
         if phase.then is not None:
             y = jax.eval_shape(phase.then, zero, y)
     return tuple(configs)
@@ -258,7 +258,7 @@ def check_structure(system: AbstractSystem, y0: State, t: Array) -> None:
 
 def check_events(events: tuple[Event, ...], system: AbstractSystem, y0: State, t: Array) -> None:
     """Raise `InputError` for a condition that is not one number for each run."""
-    y = jax.eval_shape(broadcast_state, system, t, y0)
+    y = eqx.filter_eval_shape(broadcast_state, system, t, y0)
     for number, event in enumerate(events):
         value = jax.eval_shape(event.condition, t, y)
         runs = {leaf.shape[leaf.ndim - t.ndim :] for leaf in jax.tree.leaves(y)} if t.ndim else {()}

@@ -1,0 +1,343 @@
+"""Results: one rule of shapes, failures that cannot be overheard, both modes of differentiation,
+mapped runs, networks, and what a trajectory shows."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from jaxtyping import Array, Float
+from systems import Integrated
+
+from jaxspace import BodyState, Scene, simulate, simulate_batch
+from jaxspace.core import AbstractSystem, InputError
+from jaxspace.orbits import PointGravity, TwoBody, specific_energy
+from jaxspace.simulation import Accuracy, Event, Mission, Phase, SimulationError, Status
+from jaxspace.solvers import DOP853, Stormer, Tsit5
+
+KEPLER = Integrated(TwoBody(1.0))
+QUICK = Accuracy(rtol=1e-8, method=Tsit5(), max_steps=1024)
+
+
+def start(speed=1.1):
+    speed = jnp.asarray(speed)
+    zero = jnp.zeros_like(speed)
+    return BodyState(jnp.stack([zero + 1.0, zero, zero]), jnp.stack([zero, speed, 0.2 + zero]))
+
+
+def position(speed, t=1.5, accuracy=QUICK, system=KEPLER):
+    ts = jnp.stack([jnp.zeros(()), jnp.asarray(t)])
+    return simulate(system, start(speed), ts, accuracy=accuracy).final.position
+
+
+# ---------------------------------------------------------------- shapes
+
+
+def test_formulas_apply_to_whole_trajectories():
+    ts = jnp.linspace(0.0, 2.0, 5)
+    run = simulate(KEPLER, start(), ts, accuracy=QUICK)
+    x, y, z = run.states.position
+    assert x.shape == y.shape == z.shape == run.ts.shape == (5,)
+    energy = specific_energy(run.states.position, run.states.velocity, 1.0)
+    assert energy.shape == (5,) and float(jnp.ptp(energy)) < 1e-6
+    batch = simulate_batch(KEPLER, start(jnp.linspace(0.9, 1.2, 7)), ts, accuracy=QUICK)
+    assert batch.states.position.shape == (3, 5, 7) and batch.ts.shape == (5, 7)
+    assert batch.final.position.shape == (3, 7) and batch.status.shape == (7,)
+    energy = specific_energy(batch.states.position, batch.states.velocity, 1.0)
+    # Of each run by itself, and the same at all of its times.
+    assert energy.shape == (5, 7) and float(jnp.ptp(energy, axis=0).max()) < 1e-6
+    one = batch.of(3)
+    np.testing.assert_array_equal(one.states.position, batch.states.position[:, :, 3])
+    np.testing.assert_array_equal(run[2].position, run.states.position[:, 2])
+    np.testing.assert_array_equal(batch[2].position, batch.states.position[:, 2])
+    with pytest.raises(InputError, match="one run"):
+        run.of(0)
+
+
+def test_a_trajectory_says_what_happened():
+    run = simulate(KEPLER, start(), jnp.linspace(0.0, 2.0, 5), accuracy=QUICK)
+    lines = repr(run).splitlines()
+    assert len(lines) == 5
+    for words in ("Integrated", "0 s to 2 s, 5 saved", "position (3, 5)", "Tsit5", "reached its"):
+        assert words in repr(run)
+    shown = []
+
+    def traced(y):
+        shown.append(repr(simulate(KEPLER, y, jnp.array([0.0, 1.0]), accuracy=QUICK)))
+        return y
+
+    jax.eval_shape(traced, start())
+    assert "traced" in shown[0]
+
+
+@pytest.mark.parametrize("method", [Tsit5(), DOP853(), Stormer(8, steps=64)])
+def test_states_between_the_save_times(method):
+    accuracy = Accuracy(rtol=1e-9, method=method, max_steps=512)
+    run = simulate(KEPLER, start(), jnp.array([0.0, 3.0]), accuracy=accuracy, dense=True)
+    ts = jnp.array([0.0, 0.1234, 1.7, 2.99999, 3.0])
+    found = jax.vmap(run.at, out_axes=-1)(ts)
+    exact = simulate(TwoBody(1.0), start(), ts).states
+    # One more step than the run itself: a few times its tolerance; Stormer's is a tenth of it.
+    np.testing.assert_allclose(found.position, exact.position, atol=3e-8)
+    assert np.all(np.isnan(run.at(3.1).position))
+    with pytest.raises(InputError, match="dense=True"):
+        simulate(KEPLER, start(), jnp.array([0.0, 3.0]), accuracy=accuracy).at(1.0)
+
+
+def test_states_between_the_save_times_of_a_batch():
+    ts = jnp.array([0.0, 2.0])
+    run = simulate_batch(KEPLER, start(jnp.array([0.9, 1.1])), ts, accuracy=QUICK, dense=True)
+    exact = simulate_batch(TwoBody(1.0), start(jnp.array([0.9, 1.1])), jnp.array([0.0, 0.7]))
+    np.testing.assert_allclose(run.at(0.7).position, exact.final.position, atol=1e-6)
+
+
+def test_a_data_set_has_named_axes():
+    pytest.importorskip("xarray")
+    run = simulate_batch(
+        KEPLER, start(jnp.array([0.9, 1.1])), jnp.linspace(0.0, 1.0, 3), accuracy=QUICK
+    )
+    data = run.to_xarray()
+    assert data["position"].dims[1:] == ("time", "run")
+    np.testing.assert_array_equal(data["position"].values, run.states.position)
+    assert data["time"].attrs["units"] == "s"
+
+
+# ---------------------------------------------------------------- failures
+
+
+FALLING = BodyState(jnp.array([1.0, 0.0, 0.0]), jnp.zeros(3))
+
+
+@pytest.mark.parametrize("returned", ["final", "states", "status", "gradient"])
+@pytest.mark.parametrize("why", ["steps", "centre"])
+def test_a_failed_run_is_loud_under_jit(why, returned):
+    """Whatever the caller returns: the steps run out, or the point falls into the centre."""
+    limit = 5 if why == "steps" else 1024
+    y0 = start() if why == "steps" else FALLING
+    accuracy = Accuracy(rtol=1e-8, method=Tsit5(), max_steps=limit)
+
+    def run(scale):
+        y = jax.tree.map(lambda x: scale * x, y0)
+        result = simulate(KEPLER, y, jnp.array([0.0, 5.0]), accuracy=accuracy)
+        return {
+            "final": result.final.position,
+            "states": result.states.velocity,
+            "status": result.status,
+            "gradient": jnp.sum(result.final.position),
+        }[returned]
+
+    function = jax.jit(jax.grad(run) if returned == "gradient" else run)
+    with pytest.raises(Exception, match="steps ran out|missed the tolerance|finite numbers"):
+        jax.block_until_ready(function(1.0))
+
+
+def test_failed_rows_are_nan_beside_their_status():
+    y0 = jax.tree.map(lambda a, b: jnp.stack([a, b], axis=-1), start(), FALLING)
+    run = simulate_batch(KEPLER, y0, jnp.array([0.0, 1.0, 5.0]), accuracy=QUICK)
+    assert run.status[0] == Status.COMPLETED and run.status[1] > Status.EVENT
+    assert np.all(np.isfinite(run.states.position[..., 0]))
+    assert np.all(np.isnan(run.final.position[:, 1])) and np.all(np.isnan(run.final.velocity[:, 1]))
+
+    def total(mu):
+        run = simulate_batch(Integrated(TwoBody(mu)), y0, jnp.array([0.0, 5.0]), accuracy=QUICK)
+        return run.final.position[0]
+
+    slopes = jax.jacfwd(total)(1.0)
+    assert np.isfinite(slopes[0]) and np.isnan(slopes[1])
+
+
+def test_a_run_that_does_not_end_leaves_no_number_of_another_time():
+    accuracy = Accuracy(rtol=1e-8, method=Tsit5(), max_steps=20)
+    ts = jnp.linspace(0.0, 50.0, 11)
+    run = simulate(KEPLER, start(), ts, accuracy=accuracy, throw=False)
+    assert run.status == Status.MAX_STEPS
+    exact = simulate(TwoBody(1.0), start(), ts).states.position
+    reached = np.isfinite(run.states.position[0])
+    assert 1 <= reached.sum() < 11 and not reached[-1]
+    np.testing.assert_allclose(run.states.position[:, reached], exact[:, reached], atol=1e-5)
+
+
+def test_a_failed_phase_leaves_no_final_state():
+    never = Event(lambda t, y: y.position[0] - 100.0, within=0.5)
+    mission = Mission([Phase(KEPLER, never, name="a"), Phase(KEPLER, 0.5, name="b")])
+    run = simulate(mission, start(), accuracy=QUICK, throw=False)
+    assert run.status == Status.EVENT_MISSED and np.all(np.isnan(run.final.position))
+    with pytest.raises(SimulationError, match="within its limit"):
+        simulate(mission, start(), accuracy=QUICK)
+
+
+# ---------------------------------------------------------------- derivatives
+
+
+def exact_position(speed, t=1.5):
+    return position(speed, t, accuracy=1e-9, system=TwoBody(1.0))
+
+
+def test_every_mode_of_differentiation_by_default():
+    """Against the closed form, whose derivatives JAX has."""
+    tight = Accuracy(rtol=1e-11, method=DOP853(), max_steps=512)
+
+    def f(x):
+        return position(x[0], x[1], tight)[0]
+
+    def g(x):
+        return exact_position(x[0], x[1])[0]
+
+    x, v = jnp.array([1.1, 1.5]), jnp.array([0.3, -0.2])
+    slope = jax.jit(jax.grad(f))(x)
+    # Errors of derivatives exceed those of the run by their growth, here some tens.
+    np.testing.assert_allclose(slope, jax.grad(g)(x), atol=3e-9)
+    np.testing.assert_allclose(jax.jacfwd(f)(x), slope, atol=1e-12)
+    np.testing.assert_allclose(jax.jvp(f, (x,), (v,))[1], slope @ v, atol=1e-12)
+    np.testing.assert_allclose(jax.linearize(f, x)[1](v), slope @ v, atol=1e-12)
+    second = jax.hessian(g)(x)
+    np.testing.assert_allclose(jax.jit(jax.hessian(f))(x), second, atol=1e-7)
+    np.testing.assert_allclose(jax.jit(jax.jacfwd(jax.jacfwd(f)))(x), second, atol=1e-7)
+    with pytest.raises(InputError, match="jacfwd"):
+        jax.jacrev(jax.jacfwd(f))(x)
+
+
+def test_derivatives_through_saved_states():
+    """Of all saved states, in both modes, for a method with dense output."""
+
+    def f(speed):
+        run = simulate(KEPLER, start(speed), jnp.linspace(0.0, 1.5, 4), accuracy=QUICK)
+        return run.states.position
+
+    def g(speed):
+        return simulate(TwoBody(1.0), start(speed), jnp.linspace(0.0, 1.5, 4)).states.position
+
+    forward, exact = jax.jacfwd(f)(1.1), jax.jacfwd(g)(1.1)
+    weights = jnp.arange(12.0).reshape(3, 4)
+    reverse = jax.grad(lambda s: jnp.sum(weights * f(s)))(1.1)
+    np.testing.assert_allclose(forward, exact, atol=1e-5)
+    np.testing.assert_allclose(reverse, jnp.sum(weights * forward), rtol=1e-10)
+
+
+# ---------------------------------------------------------------- mapped runs
+
+
+def test_mapped_runs_take_the_batch_path():
+    speeds = jnp.linspace(0.9, 1.2, 70)
+    f = lambda v: jnp.sum(position(v))  # noqa: E731
+    values, slopes = jax.jit(jax.vmap(jax.value_and_grad(f)))(speeds)
+    for k in (0, 33, 69):
+        value, slope = jax.value_and_grad(f)(speeds[k])
+        # A block takes the steps of its worst run: each within the tolerance of 1e-8.
+        np.testing.assert_allclose(values[k], value, atol=1e-6)
+        np.testing.assert_allclose(slopes[k], slope, atol=1e-5)
+    # The batch path takes no map of the loop: its program holds no loop over a mapped condition.
+    text = str(jax.make_jaxpr(jax.vmap(f))(speeds))
+    assert "integrate" in text
+
+
+class Oscillators(AbstractSystem):
+    """x'' = -k |x|^2 x / (x . x): right for one run, and a sum over all of its axes."""
+
+    k: Float[Array, "*#runs"]
+
+    def vector_field(self, t, y):
+        x, v = y
+        return v, -self.k * x / jnp.sqrt(jnp.sum(x * x)) * jnp.linalg.norm(x)
+
+    def invariants(self, t, y):
+        return {}
+
+
+def test_a_field_that_mixes_its_axes_is_mapped_as_it_stands():
+    """It does not keep to the layout: the map must not make a batch of it."""
+    k = jnp.array([1.0, 2.0, 3.0])
+    y0 = (jnp.array([1.0, 0.0]), jnp.array([0.0, 0.5]))
+    ts = jnp.array([0.0, 1.0])
+
+    def end(k):
+        return simulate(Oscillators(k), y0, ts, accuracy=QUICK).final[0]
+
+    each = jnp.stack([end(x) for x in k])
+    np.testing.assert_allclose(jax.vmap(end)(k), each, atol=1e-12)
+
+
+class Learned(AbstractSystem):
+    """An oscillator with a force from a network, whose weights declare nothing about runs."""
+
+    network: eqx.nn.MLP
+
+    def vector_field(self, t, y):
+        x, v = y
+        features = jnp.stack([x, v])
+        shape = features.shape[1:]
+        out = jax.vmap(self.network, in_axes=-1, out_axes=-1)(features.reshape(2, -1))
+        return v, -x + 0.1 * out.reshape(shape)
+
+    def invariants(self, t, y):
+        return {}
+
+
+def test_a_network_in_a_system_is_shared_by_the_runs(key):
+    network = eqx.nn.MLP(2, "scalar", 4, 1, key=key)
+    y0 = (jnp.linspace(0.0, 1.0, 5), jnp.zeros(5))
+    ts = jnp.array([0.0, 1.0])
+    batch = simulate_batch(Learned(network), y0, ts, accuracy=QUICK)
+    single = simulate(Learned(network), (y0[0][3], y0[1][3]), ts, accuracy=QUICK)
+    np.testing.assert_allclose(batch.final[0][3], single.final[0], atol=1e-6)
+    slopes = eqx.filter_grad(
+        lambda n: jnp.sum(simulate_batch(Learned(n), y0, ts, accuracy=QUICK).final[0])
+    )(network)
+    assert all(np.all(np.isfinite(x)) for x in jax.tree.leaves(eqx.filter(slopes, eqx.is_array)))
+
+
+# ---------------------------------------------------------------- closed forms of scenes
+
+
+def test_a_scene_of_one_point_takes_the_closed_form():
+    ts = jnp.linspace(0.0, 3.0, 4)
+    run = simulate(Scene([PointGravity(1.0)]), start(), ts)
+    assert run.accuracy.method == "closed_form" and run.stats["evaluations"] == 0
+    np.testing.assert_array_equal(
+        run.states.position, simulate(TwoBody(1.0), start(), ts).states.position
+    )
+
+
+# ---------------------------------------------------------------- sentences
+
+
+@pytest.mark.parametrize(
+    ("call", "sentence"),
+    [
+        (lambda: simulate(3.0, start(), SPAN), "system is of type float"),
+        (lambda: simulate(KEPLER, [1.0, 2.0], SPAN), "y0 holds 1.0 of type float"),
+        (lambda: simulate(KEPLER, start(), SPAN, accuracy=Accuracy(method="rk4")), '"rk4"'),
+        (
+            lambda: simulate(KEPLER, start(), SPAN, accuracy=Accuracy(method="closed_form")),
+            "Integrated offers no closed form",
+        ),
+        (
+            lambda: simulate(
+                KEPLER, start(), SPAN, events=(Event(lambda t, y: y.position),), accuracy=QUICK
+            ),
+            r"events\[0\].condition returns \(3,\)",
+        ),
+        (lambda: simulate(Mission([Phase(KEPLER, 1.0)]), start(), SPAN), "starts at one time"),
+        (
+            lambda: simulate(Mission([Phase(KEPLER, 1.0)]), start(), num_saved=10**12),
+            "num_saved is",
+        ),
+        (lambda: simulate(Truncated(), start(), SPAN), "must have the structure of the state"),
+    ],
+)
+def test_wrong_calls_get_a_sentence(call, sentence):
+    with pytest.raises(InputError, match=sentence):
+        call()
+
+
+SPAN = jnp.array([0.0, 1.0])
+
+
+class Truncated(AbstractSystem):
+    """A derivative that lacks a part of the state."""
+
+    def vector_field(self, t, y):
+        return BodyState(position=y.velocity)
+
+    def invariants(self, t, y):
+        return {}
