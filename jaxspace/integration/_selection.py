@@ -144,7 +144,7 @@ def select_method(
 
 def eligible_methods(
     system: AbstractSystem,
-    y0: State,
+    y0: PyTree,
     rtols: Sequence[float],
     ts: Float[Array, " times"] | None = None,
 ) -> tuple[diffrax.AbstractSolver | Literal["closed_form"], ...]:

@@ -113,13 +113,23 @@ class _Reference(NamedTuple):
     - `name`: in words.
     - `final`, `gradient`: the exact final state and gradient, as far as they are known.
     - `error`: an estimate of the error of `final`.
-    - `output`: the number whose gradient is taken."""
+    - `output`: the number whose gradient is taken.
+    - `programs`: what was compiled for it in double precision, by the name of the method: the run,
+      and the gradient if it is measured."""
 
     name: str
     final: State
     error: float
     gradient: State | None
     output: Callable[[State], Scalar]
+    programs: dict[str, "_Programs"]
+
+
+class _Programs(NamedTuple):
+    """The run and its gradient, compiled for one method in one precision."""
+
+    run: Program
+    gradient: Callable[[PyTree[Array], Scalar], State] | None
 
 
 def accuracy_cost(
@@ -162,8 +172,7 @@ def accuracy_cost(
     by_name = _methods_by_name(system, y0, ts, methods, min(tolerances))
     own = state_dtype(y0).name
     case = _Case.of(system, y0, ts, "float64")
-    programs: dict[str, Program] = {}
-    reference = _reference(system, by_name, case, min(tolerances), gradient, output, programs)
+    reference = _reference(system, by_name, case, min(tolerances), gradient, output)
     rows: list[Cost] = []
     notes: list[str] = []
     for precision in precisions:
@@ -177,12 +186,8 @@ def accuracy_cost(
             )
         for name, method in by_name.items():
             own_tolerances = _tolerances_of(method, system, y0, reachable)
-            # The reference may have compiled the same program already.
-            program = programs.get(name) if precision == "float64" else None
             try:
-                rows += _rows(
-                    case, name, method, precision, own_tolerances, reference, repeats, program
-                )
+                rows += _rows(case, name, method, precision, own_tolerances, reference, repeats)
             except (TypeError, ValueError) as error:
                 # A system may hold numbers whose precision the study cannot change.
                 if precision == own:
@@ -294,9 +299,8 @@ def _reference(
     tightest: float,
     gradient: bool,
     output: Callable[[State], Scalar] | None,
-    programs: dict[str, Program],
 ) -> _Reference:
-    """The reference, and into `programs` the runs that it compiled."""
+    """The reference: the closed form, or the tightest run that ends well."""
     exact = not isinstance(system, Mission) and system.closed_form() is not None
     candidates: dict[str, Method] = {"DOP853": DOP853()}
     if exact:
@@ -304,11 +308,12 @@ def _reference(
     for name, method in by_name.items():
         if not exact and isinstance(method, ExponentialRosenbrock):
             candidates[name] = method
+    compiled: dict[str, Program] = {}
     # Rounding may keep a run from the tightest of these.
     for (name, method), factor in itertools.product(candidates.items(), (1e-2, 1e-1, 1.0)):
-        if name not in programs:
-            programs[name] = aot_compile(case.run(method), case.arrays, tightest)
-        program = programs[name]
+        if name not in compiled:
+            compiled[name] = aot_compile(case.run(method), case.arrays, tightest)
+        program = compiled[name]
         rtol = max(factor * tightest, 2.0 * least_tolerance("float64"))
         run = program.call(case.arrays, rtol)
         if Status(int(run.status)).good:
@@ -321,9 +326,14 @@ def _reference(
     # Nothing is known better than its last digit.
     error = max(distance(other, run.final), float(np.finfo(float).eps))
     output = _scaled_sum(run.final) if output is None else output
-    slope = jax.jit(case.gradient(method, output))(case.arrays, rtol) if gradient else None
+    programs = {key: _Programs(run, None) for key, run in compiled.items()}
+    exact_gradient = None
+    if gradient:
+        of_method = jax.jit(case.gradient(method, output))
+        exact_gradient = of_method(case.arrays, rtol)
+        programs[name] = _Programs(program, of_method)
     words = "the closed form" if exact else f"{name} at {rtol:.0e} in float64"
-    return _Reference(words, run.final, error, slope, output)
+    return _Reference(words, run.final, error, exact_gradient, output, programs)
 
 
 def _scaled_sum(final: State) -> Callable[[State], Scalar]:
@@ -353,17 +363,19 @@ def _rows(
     tolerances: Sequence[float | None],
     reference: _Reference,
     repeats: int,
-    program: Program | None,
 ) -> list[Cost]:
     """The rows of one method in one precision."""
     if not tolerances:
         return []
-    if program is None:
-        program = aot_compile(case.run(method), case.arrays, FIXED_STEP_RTOL)
-    drifts = jax.jit(lambda arrays, phases: _drifts(case.restored(arrays)[0], phases))
-    gradient = None
-    if reference.gradient is not None:
+    # In double precision the reference has compiled a method already.
+    known = reference.programs.get(name) if precision == "float64" else None
+    program = (
+        aot_compile(case.run(method), case.arrays, FIXED_STEP_RTOL) if known is None else known.run
+    )
+    gradient = None if known is None else known.gradient
+    if gradient is None and reference.gradient is not None:
         gradient = jax.jit(case.gradient(method, reference.output))
+    drifts = jax.jit(lambda arrays, phases: _drifts(case.restored(arrays)[0], phases))
     rows = []
     for tolerance in tolerances:
         rtol = FIXED_STEP_RTOL if tolerance is None else tolerance
