@@ -56,22 +56,24 @@ def on_one_device(tree: Any) -> Any:
 
 
 def worst(found: Any, reference: Any) -> float:
-    """The largest relative error of the vectors on the last axis."""
-    found, reference = np.asarray(found), np.asarray(reference)
-    return float(
-        np.max(np.linalg.norm(found - reference, axis=-1) / np.linalg.norm(reference, axis=-1))
-    )
+    """The largest relative error of vectors, components first and runs last.
+
+    NaN where a run failed."""
+    found = np.asarray(found)
+    reference = np.asarray(reference)
+    error = np.linalg.norm(found - reference, axis=0) / np.linalg.norm(reference, axis=0)
+    return float(np.max(error))
 
 
 def with_errors_of_rotation(
     rows: dict[str, dict], calls: dict[str, Callable[[], Any]], reference: np.ndarray
 ) -> dict[str, dict]:
     """The rows with the worst errors of the rate and of the attitude: every call and the reference
-    give both, (runs, 3 + 4)."""
+    give both, (3 + 4, runs)."""
     for name, call in calls.items():
         found = np.asarray(call())
-        rows[name]["worst_error_of_the_rate"] = worst(found[:, :3], reference[:, :3])
-        rows[name]["worst_error_of_the_attitude"] = worst(found[:, 3:], reference[:, 3:])
+        rows[name]["worst_error_of_the_rate"] = worst(found[:3], reference[:3])
+        rows[name]["worst_error_of_the_attitude"] = worst(found[3:], reference[3:])
     return rows
 
 
@@ -89,19 +91,19 @@ def heyoka_ends(
     """A call of heyoka's Taylor integrator, eight runs in one vector, over all `states`
     (components, runs): their ends."""
     heyoka = optional("heyoka")
-    lanes = 8
+    width = 8
     rows, runs = states.shape
     integrator = heyoka.taylor_adaptive_batch(
-        equations(heyoka), np.zeros((rows, lanes)), tol=tolerance, fast_math=True
+        equations(heyoka), np.zeros((rows, width)), tol=tolerance, fast_math=True
     )
     out = np.empty((rows, runs))
 
     def call() -> np.ndarray:
-        for i in range(0, runs, lanes):
+        for i in range(0, runs, width):
             integrator.set_time(0.0)
-            integrator.state[:] = states[:, i : i + lanes]
+            integrator.state[:] = states[:, i : i + width]
             integrator.propagate_until(span)
-            out[:, i : i + lanes] = integrator.state
+            out[:, i : i + width] = integrator.state
         return out
 
     return call
@@ -141,10 +143,8 @@ def pykep(work: str, a: Any, b: Any, t: Any) -> tuple[dict[str, float], np.ndarr
             text=True,
         )
         if not found.exists():
-            print(
-                f"pykep does not run, so that it has no row: {child.stderr.strip().splitlines()[-1]}",
-                file=sys.stderr,
-            )
+            reason = child.stderr.strip().splitlines()[-1]
+            print(f"pykep does not run, so that it has no row: {reason}", file=sys.stderr)
             return None
         seen = np.load(found)
         wall, cpu = np.median(seen["seconds"], axis=0)
@@ -157,8 +157,8 @@ def pykep(work: str, a: Any, b: Any, t: Any) -> tuple[dict[str, float], np.ndarr
 
 
 def exact_position(r: Any, v: Any, t: Any) -> np.ndarray:
-    """The position a time `t` after one state about a centre of strength 1, in forty digits
-    (Kepler, universal anomaly)."""
+    """The position a time `t` after one state about a centre of gravitational parameter 1, in forty
+    digits (Kepler, universal anomaly)."""
     with mpmath.workdps(40):
         r, v, t = (
             [mpmath.mpf(float(x)) for x in r],

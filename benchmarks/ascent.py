@@ -201,7 +201,8 @@ def measure() -> dict:
     p = dispersed()
     system = mission(p)
     o = jnp.zeros(RUNS)
-    r, v = jnp.stack([RADIUS + o, o, o], axis=1), jnp.stack([o, SPIN * RADIUS + o, o], axis=1)
+    r = jnp.stack([RADIUS + o, o, o])
+    v = jnp.stack([o, SPIN * RADIUS + o, o])
     y0 = BodyState(r, v, mass=LIFT_OFF_MASS + o)
 
     def ours(rtol):
@@ -210,11 +211,11 @@ def measure() -> dict:
     calls = {
         f"ours, {rtol:.0e}": lambda rtol=rtol: ours(rtol) for rtol in (1e-4, 1e-5, 1e-6, 1e-7, 1e-8)
     }
-    calls["numpy, order 4, 1 s"] = lambda: np.stack(flight(p, 1.0))[:3].T
+    calls["numpy, order 4, 1 s"] = lambda: np.stack(flight(p, 1.0))[:3]
     if optional("numba") is not None:
         compiled = by_numba(p)
-        calls["numba, order 4, 1 s, all cores"] = lambda: compiled()[:3].T
-    reference = np.stack(flight(p, 0.05))[:3].T
+        calls["numba, order 4, 1 s, all cores"] = lambda: compiled()[:3]
+    reference = np.stack(flight(p, 0.05))[:3]
     rows = in_turn(calls, RUNS)
     for name, call in calls.items():
         rows[name]["worst_relative_error"] = worst(call(), reference)

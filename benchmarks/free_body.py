@@ -41,14 +41,12 @@ def equations(heyoka):
 def measure() -> dict:
     """Error of rate and attitude, and speed, of every method."""
     start = starts()
-    y0 = BodyState(omega=jnp.asarray(start[:3].T), attitude=Quaternion(jnp.asarray(start[3:].T)))
+    y0 = BodyState(omega=jnp.asarray(start[:3]), attitude=Quaternion(jnp.asarray(start[3:])))
     ts = jnp.array([0.0, SPAN])
 
     def ours(accuracy):
-        final = simulate_batch(
-            BODY, on_one_device(y0), ts, accuracy=accuracy, in_axes=(None, 0)
-        ).final
-        return jnp.concatenate([final.omega, final.attitude.wxyz], axis=1)
+        final = simulate_batch(BODY, on_one_device(y0), ts, accuracy=accuracy).final
+        return jnp.concatenate([final.omega, final.attitude.wxyz])
 
     def stepped(rtol):
         return ours(Accuracy(rtol=rtol, method=DOP853()))
@@ -58,8 +56,8 @@ def measure() -> dict:
     if optional("heyoka") is not None:
         for tolerance in (1e-9, 1e-12):
             ends = heyoka_ends(equations, start, SPAN, tolerance)
-            calls[f"heyoka, vectors of 8, {tolerance:.0e}"] = lambda ends=ends: ends().T.copy()
-        reference = heyoka_ends(equations, start, SPAN, 1e-18)().T.copy()
+            calls[f"heyoka, vectors of 8, {tolerance:.0e}"] = lambda ends=ends: ends().copy()
+        reference = heyoka_ends(equations, start, SPAN, 1e-18)().copy()
     else:
         reference = stepped(1e-13)
     return with_errors_of_rotation(in_turn(calls, RUNS), calls, np.asarray(reference))

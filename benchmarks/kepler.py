@@ -18,7 +18,7 @@ STATES, PEERS, CHECKED = 2**20, 2**16, 200
 
 def states():
     """Three fifths ellipses up to e = 0.95, two fifths hyperbolas from 1.05 to 4, anywhere on the
-    orbit; centre of strength 1."""
+    orbit; gravitational parameter 1."""
     g = np.random.default_rng(1)
     e = np.where(
         g.uniform(size=STATES) < 0.4, g.uniform(1.05, 4.0, STATES), g.uniform(0.0, 0.95, STATES)

@@ -13,9 +13,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxspace.cli import load
+from jaxspace import Accuracy, load, simulate_batch
 from jaxspace.dispersion import disperse
-from jaxspace.simulation import Accuracy, run_mission
 
 from ._measure import optional
 
@@ -30,13 +29,14 @@ def end_states(campaign, numbers, seed, rtol):
     at the tolerance."""
     samples = campaign.samples(jax.random.key(seed), numbers)
     mission, y0 = campaign.build(samples)
-    _, end, _, status = run_mission(mission, y0, jnp.zeros(()), 2, Accuracy(rtol=rtol), 1)
-    return end.position, end.attitude.wxyz, status
+    run = simulate_batch(mission, y0, 0.0, accuracy=Accuracy(rtol=rtol))
+    return run.final.position, run.final.attitude.wxyz, run.status
 
 
-def ends(result_or_final, lanes):
+def ends(result, samples):
     """The outputs of the error study: where the body is and how it stands."""
-    final = result_or_final.final
+    del samples
+    final = result.final
     return {f"r{k}": final.position[k] for k in range(3)} | {
         f"q{k}": final.attitude.wxyz[k] for k in range(4)
     }
@@ -88,7 +88,7 @@ def sounding_flight(rocketpy, inclination):
 
 
 def soundings():
-    """How many of such flights there are in a second, each made and flown anew; nothing without
+    """How many of such flights there are in a second, each made and flown again; nothing without
     RocketPy."""
     rocketpy, seconds = optional("rocketpy"), []
     for k in range(SOUNDINGS + 1 if rocketpy else 0):
@@ -102,15 +102,14 @@ def soundings():
 def measure():
     """A dictionary of what was seen."""
     file = load(FILE)
-    campaign = dataclasses.replace(file.campaign(None), outputs=ends, units={})
+    campaign = dataclasses.replace(file.campaign(), outputs=ends, units={})
     cpu, wall = time.process_time(), time.perf_counter()
     result = disperse(campaign, RUNS, seed=1, accuracy=file.accuracy, chunk=RUNS)
     cpu, wall = time.process_time() - cpu, time.perf_counter() - wall
     ahead = result.attributes["preparation_seconds"]
     numbers = jnp.arange(COMPARED)
-    position, attitude, status = jax.jit(
-        lambda n: end_states(campaign, n, 1, 1e-2 * file.accuracy)
-    )(numbers)
+    tight = 1e-2 * float(file.accuracy.rtol)
+    position, attitude, status = jax.jit(lambda n: end_states(campaign, n, 1, tight))(numbers)
     found_r = np.stack([result.outputs[f"r{k}"][:COMPARED] for k in range(3)])
     found_q = np.stack([result.outputs[f"q{k}"][:COMPARED] for k in range(4)])
     cosine = (

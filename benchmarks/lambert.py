@@ -19,7 +19,8 @@ PAIRS, CHECKED = 100 * 1024, 200
 
 
 def pairs():
-    """Directions anywhere, distances from 0.5 to 2, times from 0.5 to 5; centre of strength 1."""
+    """Directions anywhere, distances from 0.5 to 2, times from 0.5 to 5; gravitational parameter
+    1."""
     g = np.random.default_rng(5)
     places = g.standard_normal((2, 3, PAIRS))
     places *= g.uniform(0.5, 2.0, (2, PAIRS))[:, None] / np.linalg.norm(places, axis=1)[:, None]

@@ -34,8 +34,7 @@ def orbits() -> BodyState:
     elements = ClassicalElements(
         *(jnp.asarray(x) for x in (a * (1.0 - e**2), e, i, node, periapsis, anomaly))
     )
-    r, v = state_from_elements(elements, 1.0)
-    return BodyState(jnp.moveaxis(r, -1, 0), jnp.moveaxis(v, -1, 0))
+    return BodyState(*state_from_elements(elements, 1.0))
 
 
 def mapped(y0: BodyState, rtol: float) -> BodyState:
@@ -53,7 +52,7 @@ def mapped(y0: BodyState, rtol: float) -> BodyState:
             max_steps=16384,
         ).ys
 
-    return jax.tree.map(lambda x: x[:, 0], jax.vmap(one)(y0))
+    return jax.tree.map(lambda x: x[0], jax.vmap(one, in_axes=-1, out_axes=-1)(y0))
 
 
 def by_astrojax(astrojax, y0: BodyState, tolerance: float):
@@ -79,9 +78,9 @@ def by_astrojax(astrojax, y0: BodyState, tolerance: float):
 
         return jax.lax.while_loop(lambda c: c[0] < DAY * (1.0 - 1e-14), step, (0.0, y, 0.05))[1]
 
-    program = jax.jit(jax.vmap(one))
-    start = jnp.concatenate([y0.position, y0.velocity], axis=1)
-    return lambda: program(start)[:, :3]
+    program = jax.jit(jax.vmap(one, in_axes=-1, out_axes=-1))
+    start = jnp.concatenate([y0.position, y0.velocity])
+    return lambda: program(start)[:3]
 
 
 def by_scipy(states: np.ndarray, method: str, rtol: float):
@@ -99,7 +98,7 @@ def by_scipy(states: np.ndarray, method: str, rtol: float):
     def end(y):
         return solve_ivp(rate, (0.0, DAY), y, method=method, rtol=rtol, atol=1e-3 * rtol).y[:3, -1]
 
-    return lambda: np.stack([end(y) for y in states[:, :ALONE].T])
+    return lambda: np.stack([end(y) for y in states[:, :ALONE].T], axis=-1)
 
 
 def equations(heyoka):
@@ -125,7 +124,7 @@ def measure() -> dict:
 
     def ours(rtol, method: Any = DOP853(), y0=alone):  # noqa: B008
         accuracy = Accuracy(rtol=rtol, method=method)
-        return simulate_batch(SCENE, y0, ts, accuracy=accuracy, in_axes=(None, 0)).final.position
+        return simulate_batch(SCENE, y0, ts, accuracy=accuracy).final.position
 
     theirs = eqx.filter_jit(mapped)
     calls = {
@@ -142,21 +141,21 @@ def measure() -> dict:
     calls |= {"diffrax Dopri8 under vmap 1e-10": lambda: theirs(y0, 1e-10).position}
     if (astrojax := optional("astrojax")) is not None:
         calls |= {"astrojax RKN 12(10) under vmap 1e-10": by_astrojax(astrojax, alone, 1e-10)}
-    states = np.concatenate([np.asarray(y0.position).T, np.asarray(y0.velocity).T])
+    states = np.concatenate([y0.position, y0.velocity])
     if optional("scipy") is not None:
         for method, rtol in (("DOP853", 1e-9), ("LSODA", 1e-10)):
             calls[f"scipy {method}, one by one, {rtol:.0e}"] = by_scipy(states, method, rtol)
     if optional("heyoka") is not None:
         for tolerance in (1e-7, 4e-11):
             ends = heyoka_ends(equations, states, DAY, tolerance)
-            calls[f"heyoka, vectors of 8, {tolerance:.0e}"] = lambda ends=ends: ends()[:3].T.copy()
-        reference = heyoka_ends(equations, states, DAY, 1e-18)()[:3].T.copy()
+            calls[f"heyoka, vectors of 8, {tolerance:.0e}"] = lambda ends=ends: ends()[:3].copy()
+        reference = heyoka_ends(equations, states, DAY, 1e-18)()[:3].copy()
     else:
         reference = ours(1e-12, RKN1210())
     rows = in_turn(calls, {name: ALONE if name.startswith("scipy") else RUNS for name in calls})
     for name, call in calls.items():
         found = call()
-        rows[name]["worst_relative_error"] = worst(found, reference[: len(found)])
+        rows[name]["worst_relative_error"] = worst(found, reference[:, : found.shape[1]])
     return rows | _scaling(ours, y0)
 
 
@@ -164,7 +163,7 @@ def _scaling(ours, y0: BodyState) -> dict:
     """Many runs on one device and on all."""
     if len(jax.devices()) == 1:
         return {}
-    many = jax.tree.map(lambda x: jnp.tile(x, (8, 1)), y0)
+    many = jax.tree.map(lambda x: jnp.tile(x, (1, 8)), y0)
     one = on_one_device(many)
     calls = {
         f"Stormer of order 12, {8 * RUNS} runs on {where}": lambda y=y: ours(

@@ -8,14 +8,14 @@ from jaxspace.plots._style import COLOURS, dress
 
 PAGE = Path(__file__).parents[1] / "docs" / "benchmarks.md"
 ERRORS = ("worst_relative_error", "worst_error_of_the_rate")
-SETTING = re.compile(
-    r",? \d+e[-+]\d+$|, [\d.]+ (steps|a revolution)$"
-)  # at the end of a row's name: the rest names the method
+# Stands at the end of a row's name; the rest names the method.
+SETTING = re.compile(r",? \d+e[-+]\d+$|, [\d.]+ (steps|a revolution)$")
 HEAD = """# Speed beside accuracy
 
-Measured by `make bench` and written by it: every method does the same work in one process, in turn; medians; the first call,
-which compiles, apart. `cores` is how many cores were used on average: a figure per CPU-second compares methods that use
-different numbers of them. Errors are those of the worst run. Machines differ: compare within a table.
+`make bench` measures this and writes this page. Every method does the same work in one process, in
+turn. The figures are medians; the first call, which compiles, stands apart. `cores` is how many
+cores were used on average: a figure per CPU-second compares methods that use different numbers of
+them. Errors are those of the worst run. Machines differ: compare within a table.
 """
 
 
@@ -83,8 +83,9 @@ def write(results: Path, names: tuple[str, ...]) -> None:
         if (file := results / f"{name}.json").exists():
             seen = json.loads(file.read_text())
             where = ", ".join(f"{k} {v}" for k, v in seen["machine"].items())
-            what, picture = " ".join(seen["what"].split()), _diagram(name, seen["rows"])
-            parts.append(
-                f"## {name.replace('_', ' ').capitalize()}\n\n{what}\n\n{picture}{_table(seen['rows'])}\n\n*{where}*\n"
-            )
+            title = name.replace("_", " ").capitalize()
+            what = " ".join(seen["what"].split())
+            picture = _diagram(name, seen["rows"])
+            table = _table(seen["rows"])
+            parts.append(f"## {title}\n\n{what}\n\n{picture}{table}\n\n*{where}*\n")
     PAGE.write_text("\n".join(parts))

@@ -9,7 +9,7 @@ at its own mean step."""
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array
+from jaxtyping import Array, Float
 
 from jaxspace import BodyState
 from jaxspace.core import AbstractSystem
@@ -27,7 +27,7 @@ class Struck(AbstractSystem):
 
     centre: Array
     width: Array
-    kick: Array
+    kick: Float[Array, "3 *#runs"]
 
     def vector_field(self, t, y):
         x = (t - self.centre) / self.width

@@ -32,7 +32,7 @@ def starts() -> np.ndarray:
     omega[1] *= 0.5
     omega[outer, runs] += 2.0 * np.sign(omega[outer, runs])
     omega *= RATE / np.linalg.norm(omega, axis=0)
-    return np.concatenate([y.position[:RUNS].T, y.velocity[:RUNS].T, omega, body[3:]])
+    return np.concatenate([y.position[:, :RUNS], y.velocity[:, :RUNS], omega, body[3:]])
 
 
 def equations(heyoka):
@@ -74,15 +74,14 @@ def measure() -> dict:
     """Error of rate and attitude, and speed, of every method."""
     start = starts()
     r, v, omega, q = (
-        jnp.asarray(start[k].T) for k in (slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 13))
+        jnp.asarray(start[k]) for k in (slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 13))
     )
     y0, ts = on_one_device(BodyState(r, v, Quaternion(q), omega)), jnp.array([0.0, SPAN])
 
     def ours(rtol: float, method: Any):
-        final = simulate_batch(
-            SCENE, y0, ts, accuracy=Accuracy(rtol=rtol, method=method), in_axes=(None, 0)
-        ).final
-        return jnp.concatenate([final.omega, final.attitude.wxyz], axis=1)
+        accuracy = Accuracy(rtol=rtol, method=method)
+        final = simulate_batch(SCENE, y0, ts, accuracy=accuracy).final
+        return jnp.concatenate([final.omega, final.attitude.wxyz])
 
     calls = {
         f"ours, DOP853 {rtol:.0e}": lambda rtol=rtol: ours(rtol, DOP853())
@@ -94,8 +93,8 @@ def measure() -> dict:
     if optional("heyoka") is not None:
         for tolerance in (1e-6, 1e-8, 1e-10, 1e-11):
             ends = heyoka_ends(equations, start, SPAN, tolerance)
-            calls[f"heyoka, vectors of 8, {tolerance:.0e}"] = lambda ends=ends: ends()[6:].T.copy()
-        reference = heyoka_ends(equations, start, SPAN, 1e-18)()[6:].T.copy()
+            calls[f"heyoka, vectors of 8, {tolerance:.0e}"] = lambda ends=ends: ends()[6:].copy()
+        reference = heyoka_ends(equations, start, SPAN, 1e-18)()[6:].copy()
     else:
         reference = ours(1e-13, DOP853())
     return with_errors_of_rotation(in_turn(calls, RUNS), calls, np.asarray(reference))

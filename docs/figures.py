@@ -10,8 +10,22 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import jaxspace
-from jaxspace import Accuracy, BodyState, Mission, Phase, Scene, simulate, simulate_batch
-from jaxspace.attitude import GravityGradient, Top, TorqueFreeBody, YoYo, pitch_libration_period
+from jaxspace import (
+    Accuracy,
+    BodyState,
+    Mission,
+    Phase,
+    Scene,
+    simulate,
+    simulate_batch,
+)
+from jaxspace.attitude import (
+    GravityGradient,
+    Top,
+    TorqueFreeBody,
+    YoYo,
+    pitch_libration_period,
+)
 from jaxspace.bodies import BurningBody, PrincipalInertia, RigidBody
 from jaxspace.constants import MU_EARTH, RADIUS_EARTH
 from jaxspace.gyros import TwoGimbalGyro
@@ -44,8 +58,12 @@ HERE = Path(__file__).parent / "figures"
 
 def top():
     """The path of a heavy top's axis seen from above, for three ways of letting it go."""
-    system = Top(transverse_inertia=1.0e-3, axial_inertia=6.0e-4, weight_moment=0.08)
-    figure, panels = plt.subplots(1, 3, figsize=(9.6, 3.5), layout="constrained")
+    system = Top(
+        transverse_inertia=1.0e-3, axial_inertia=6.0e-4, weight_moment=0.08
+    )
+    figure, panels = plt.subplots(
+        1, 3, figsize=(9.6, 3.5), layout="constrained"
+    )
     starts = (
         ("let go backwards: loops", -4.0),
         ("let go at rest: cusps", 0.0),
@@ -54,10 +72,16 @@ def top():
     circle = np.linspace(0.0, 2.0 * np.pi, 200)
     for panel, (title, rate) in zip(panels, starts, strict=True):
         tilt = jnp.radians(35.0)
-        y0 = system.state([0.0, tilt, 0.0], [rate, 0.0, 60.0 - rate * jnp.cos(tilt)])
-        states = simulate(system, y0, jnp.linspace(0.0, 2.6, 3000), accuracy=1e-10).states
+        y0 = system.state(
+            [0.0, tilt, 0.0], [rate, 0.0, 60.0 - rate * jnp.cos(tilt)]
+        )
+        states = simulate(
+            system, y0, jnp.linspace(0.0, 2.6, 3000), accuracy=1e-10
+        ).states
         x, y, _ = np.asarray(
-            jax.vmap(lambda q: q.rotate(jnp.array([0.0, 0.0, 1.0])))(states.attitude)
+            jax.vmap(lambda q: q.rotate(jnp.array([0.0, 0.0, 1.0])))(
+                states.attitude
+            )
         ).T
         for angle in system.nutation(y0).turning_points():
             panel.plot(
@@ -91,22 +115,34 @@ def two_body():
     exact = simulate(system, y0, ts).final.position
     rows = []
     for rtol in 10.0 ** np.arange(-5.0, -13.5, -1.0):
-        run = simulate(system, y0, ts, accuracy=Accuracy(rtol=rtol, method=DOP853()))
+        run = simulate(
+            system, y0, ts, accuracy=Accuracy(rtol=rtol, method=DOP853())
+        )
         error, estimate = (
             float(jnp.linalg.norm(x)) / a
             for x in (run.final.position - exact, run.error().position)
         )
         rows.append(
-            (int(run.stats["evaluations"]), error, estimate, float(jnp.max(run.drift()["energy"])))
+            (
+                int(run.stats["evaluations"]),
+                error,
+                estimate,
+                float(jnp.max(run.drift()["energy"])),
+            )
         )
     cost, error, estimate, drift = np.array(rows).T
     figure, panel = plt.subplots(figsize=(6.4, 4.0), layout="constrained")
     panel.loglog(cost, error, "o-", label="error against the closed form")
     panel.loglog(cost, estimate, "x--", label="what Trajectory.error() says")
     panel.loglog(cost, drift, "s:", label="relative drift of the energy")
-    panel.set(xlabel="evaluations of the vector field", ylabel="error / semi-major axis, or drift")
+    panel.set(
+        xlabel="evaluations of the vector field",
+        ylabel="error / semi-major axis, or drift",
+    )
     panel.set_title("Five revolutions, eccentricity 0.7, DOP853")
-    panel.set_xticks([1000, 2000, 4000, 8000], labels=["1000", "2000", "4000", "8000"])
+    panel.set_xticks(
+        [1000, 2000, 4000, 8000], labels=["1000", "2000", "4000", "8000"]
+    )
     panel.minorticks_off()
     panel.grid(alpha=0.3)
     panel.legend()
@@ -122,7 +158,8 @@ def transfers():
     r2 = far * jnp.stack([jnp.cos(angle), jnp.sin(angle), 0.0 * angle])
     u1, u2 = (
         jnp.array([0.0, 1.0, 0.0]),
-        jnp.stack([-jnp.sin(angle), jnp.cos(angle), 0.0 * angle]) / jnp.sqrt(far),
+        jnp.stack([-jnp.sin(angle), jnp.cos(angle), 0.0 * angle])
+        / jnp.sqrt(far),
     )
     figure, panel = plt.subplots(figsize=(6.4, 4.0), layout="constrained")
 
@@ -131,7 +168,9 @@ def transfers():
         speed = jnp.linalg.norm(v1 - u1[:, None], axis=0) + jnp.linalg.norm(
             u2[:, None] - v2, axis=0
         )
-        panel.plot(ts / (2.0 * np.pi), speed, style, color=colour, label=label)
+        panel.plot(
+            ts / (2.0 * np.pi), speed, style, color=colour, label=label
+        )
 
     ends = 2.0 * np.pi * 5.0
     ts = jnp.geomspace(0.6, ends, 400)
@@ -140,9 +179,19 @@ def transfers():
     for n in (1, 2):
         least = float(least_duration(r1, r2, 1.0, n))
         ts = least + (ends - least) * jnp.linspace(0.0, 1.0, 300) ** 2
-        draw(ts, f"{n} revolution{'s' * (n > 1)}, low", f"C{n + 1}", revolutions=n)
         draw(
-            ts, f"{n} revolution{'s' * (n > 1)}, high", f"C{n + 1}", "--", revolutions=n, low=False
+            ts,
+            f"{n} revolution{'s' * (n > 1)}, low",
+            f"C{n + 1}",
+            revolutions=n,
+        )
+        draw(
+            ts,
+            f"{n} revolution{'s' * (n > 1)}, high",
+            f"C{n + 1}",
+            "--",
+            revolutions=n,
+            low=False,
         )
     panel.set(
         xlabel="duration / period of the inner circle",
@@ -166,12 +215,18 @@ def torque_free_body():
     h = np.concatenate([s * np.array(directions) for s in (1.0, -1.0)])
     n = len(h)
     y0s = BodyState(
-        attitude=Quaternion(jnp.tile(jnp.array([1.0, 0.0, 0.0, 0.0]), (n, 1))),
+        attitude=Quaternion(
+            jnp.tile(jnp.array([1.0, 0.0, 0.0, 0.0]), (n, 1))
+        ),
         omega=jnp.asarray(h / moments),
     )
     system = TorqueFreeBody(PrincipalInertia(jnp.asarray(moments)))
     omega = simulate_batch(
-        system, y0s, jnp.linspace(0.0, 60.0, 1500), accuracy=1e-9, in_axes=(None, 0)
+        system,
+        y0s,
+        jnp.linspace(0.0, 60.0, 1500),
+        accuracy=1e-9,
+        in_axes=(None, 0),
     ).states.omega
     # Seen from a direction (east and north span the page) between the three axes.
     azimuth, elevation = np.radians([48.0, 28.0])
@@ -185,15 +240,27 @@ def torque_free_body():
     )
     north = np.cross(towards, east)
     figure, panel = plt.subplots(figsize=(5.4, 5.2), layout="constrained")
-    panel.add_patch(plt.Circle((0.0, 0.0), 1.0, facecolor="0.95", edgecolor="0.5", zorder=0))
+    panel.add_patch(
+        plt.Circle(
+            (0.0, 0.0), 1.0, facecolor="0.95", edgecolor="0.5", zorder=0
+        )
+    )
     for path in np.asarray(omega * moments):
         color = "C0" if np.sum(path[0] ** 2 / moments) > 0.5 else "C3"
         front = np.where((path @ towards > 0.0)[:, None], path, np.nan)
         panel.plot(front @ east, front @ north, color=color, lw=1.4)
-    for axis, name in zip(np.eye(3), ("least", "middle", "greatest"), strict=True):
+    for axis, name in zip(
+        np.eye(3), ("least", "middle", "greatest"), strict=True
+    ):
         tip = np.array([axis @ east, axis @ north])
         panel.plot(*tip, "ko", ms=4)
-        panel.annotate(f"{name} axis", tip, xytext=(0, 6), textcoords="offset points", ha="center")
+        panel.annotate(
+            f"{name} axis",
+            tip,
+            xytext=(0, 6),
+            textcoords="offset points",
+            ha="center",
+        )
     panel.set(
         xlim=(-1.08, 1.08),
         ylim=(-1.08, 1.08),
@@ -213,24 +280,45 @@ def gravity_gradient():
         6.778e6,
     )  # outwards, along the velocity, along the normal
     n = jnp.sqrt(MU_EARTH / radius**3)
-    scene = Scene([PointGravity(MU_EARTH), GravityGradient(MU_EARTH)], RigidBody(inertia=moments))
+    scene = Scene(
+        [PointGravity(MU_EARTH), GravityGradient(MU_EARTH)],
+        RigidBody(inertia=moments),
+    )
     ts = jnp.linspace(0.0, 4.0 * jnp.pi / n, 400)
     figure, panel = plt.subplots(figsize=(6.4, 4.0), layout="constrained")
     for k, degrees in enumerate((10.0, 40.0, 70.0, 85.0)):
         amplitude = jnp.radians(degrees)
-        r, v = jnp.array([radius, 0.0, 0.0]), jnp.array([0.0, n * radius, 0.0])
-        y0 = BodyState(r, v, Quaternion.about(2, amplitude), jnp.array([0.0, 0.0, n]))
+        r, v = (
+            jnp.array([radius, 0.0, 0.0]),
+            jnp.array([0.0, n * radius, 0.0]),
+        )
+        y0 = BodyState(
+            r, v, Quaternion.about(2, amplitude), jnp.array([0.0, 0.0, n])
+        )
         q = simulate(scene, y0, ts, accuracy=1e-10).states.attitude.wxyz
-        lean = np.degrees(np.unwrap(2.0 * np.arctan2(q[:, 3], q[:, 0]) - n * ts))
-        panel.plot(n * ts / (2.0 * np.pi), lean, color=f"C{k}", label=f"{degrees:.0f} deg")
-        period = pitch_libration_period(amplitude, moments[jnp.array([1, 2, 0])], n)
-        panel.plot(n * period / (2.0 * np.pi), degrees, "o", ms=5, color=f"C{k}")
+        lean = np.degrees(
+            np.unwrap(2.0 * np.arctan2(q[:, 3], q[:, 0]) - n * ts)
+        )
+        panel.plot(
+            n * ts / (2.0 * np.pi),
+            lean,
+            color=f"C{k}",
+            label=f"{degrees:.0f} deg",
+        )
+        period = pitch_libration_period(
+            amplitude, moments[jnp.array([1, 2, 0])], n
+        )
+        panel.plot(
+            n * period / (2.0 * np.pi), degrees, "o", ms=5, color=f"C{k}"
+        )
     panel.set(
         xlabel="revolutions of the orbit",
         ylabel="angle to the vertical, deg",
         yticks=range(-90, 91, 30),
     )
-    panel.set_title("Libration in pitch: simulated (lines), period in closed form (dots)")
+    panel.set_title(
+        "Libration in pitch: simulated (lines), period in closed form (dots)"
+    )
     panel.grid(alpha=0.3)
     figure.legend(title="amplitude", loc="outside right center")
     return figure
@@ -241,19 +329,39 @@ def rockets():
     figure, panel = plt.subplots(figsize=(6.4, 4.0), layout="constrained")
     for k, lever in enumerate((0.5, 1.0, 1.5, 2.0)):
         gyration = 1.0  # m
-        body = BurningBody(1.0, [gyration**2] * 3, gyration_radii=[gyration] * 3)
-        motor = Thrust(mean_thrust=1.0, exhaust_velocity=100.0, burn_time=90.0)  # 0.01 kg/s
-        scene = Scene([motor, JetDamping(motor.mass_rate, exit_station=-lever)], body)
+        body = BurningBody(
+            1.0, [gyration**2] * 3, gyration_radii=[gyration] * 3
+        )
+        motor = Thrust(
+            mean_thrust=1.0, exhaust_velocity=100.0, burn_time=90.0
+        )  # 0.01 kg/s
+        scene = Scene(
+            [motor, JetDamping(motor.mass_rate, exit_station=-lever)], body
+        )
         at_rest, turning = jnp.zeros(3), jnp.array([1.0, 0.0, 0.0])
-        y0 = BodyState(at_rest, at_rest, Quaternion.identity(), turning, jnp.array(2.0))
+        y0 = BodyState(
+            at_rest, at_rest, Quaternion.identity(), turning, jnp.array(2.0)
+        )
         run = simulate(scene, y0, jnp.linspace(0.0, 90.0, 19), accuracy=1e-9)
         xi = np.linspace(1.0, 0.55, 100)
         panel.plot(
-            xi, jet_damping_ratio(xi, lever / gyration), color=f"C{k}", label=f"l / k = {lever:.1f}"
+            xi,
+            jet_damping_ratio(xi, lever / gyration),
+            color=f"C{k}",
+            label=f"l / k = {lever:.1f}",
         )
-        panel.plot(run.states.mass / 2.0, run.states.omega[:, 0], "o", ms=4, color=f"C{k}")
+        panel.plot(
+            run.states.mass / 2.0,
+            run.states.omega[:, 0],
+            "o",
+            ms=4,
+            color=f"C{k}",
+        )
     panel.invert_xaxis()
-    panel.set(xlabel="mass / initial mass", ylabel="rate across the axis / initial rate")
+    panel.set(
+        xlabel="mass / initial mass",
+        ylabel="rate across the axis / initial rate",
+    )
     panel.set_title("Jet damping: closed form (lines), simulated (dots)")
     panel.grid(alpha=0.3)
     panel.legend()
@@ -263,22 +371,39 @@ def rockets():
 def two_gimbal_gyro():
     """Gimbal walk: the outer gimbal of a nutating gyro drifts although nothing acts on it."""
     gyro = TwoGimbalGyro(
-        1.0e-4, 1.8e-4, 2500.0, inner_xi=0.6e-4, inner_eta=0.5e-4, inner_zeta=0.6e-4, outer=1.2e-4
+        1.0e-4,
+        1.8e-4,
+        2500.0,
+        inner_xi=0.6e-4,
+        inner_eta=0.5e-4,
+        inner_zeta=0.6e-4,
+        outer=1.2e-4,
     )
     tilt, rate = jnp.radians(60.0), 60.0
     walk = gyro.walk(tilt, rate)
     ts = jnp.linspace(0.0, 12.0 * walk.period(), 2000)
     run = simulate(gyro, gyro.state(tilt, 0.0, rate, 0.0), ts, accuracy=1e-10)
-    figure, (left, right) = plt.subplots(1, 2, figsize=(9.0, 3.6), layout="constrained")
+    figure, (left, right) = plt.subplots(
+        1, 2, figsize=(9.0, 3.6), layout="constrained"
+    )
     left.plot(ts * 1e3, jnp.degrees(run.states.psi), label="simulated")
     left.plot(
-        ts * 1e3, jnp.degrees(walk.drift() * ts), "--", color="C3", label="closed form of the drift"
+        ts * 1e3,
+        jnp.degrees(walk.drift() * ts),
+        "--",
+        color="C3",
+        label="closed form of the drift",
     )
     left.set(
-        xlabel="time, ms", ylabel="outer gimbal psi, deg", title="Gimbal walk", ylim=(-1.0, 4.0)
+        xlabel="time, ms",
+        ylabel="outer gimbal psi, deg",
+        title="Gimbal walk",
+        ylim=(-1.0, 4.0),
     )
     left.legend()
-    right.plot(jnp.degrees(run.states.psi), jnp.degrees(run.states.theta), lw=1.0)
+    right.plot(
+        jnp.degrees(run.states.psi), jnp.degrees(run.states.theta), lw=1.0
+    )
     right.set(
         xlabel="outer gimbal psi, deg",
         ylabel="inner gimbal theta, deg",
@@ -291,7 +416,9 @@ def two_gimbal_gyro():
 
 def optimization():
     """Payload against velocity for one to three stages; the best steering found in two ways."""
-    figure, (left, right) = plt.subplots(1, 2, figsize=(9.4, 3.8), layout="constrained")
+    figure, (left, right) = plt.subplots(
+        1, 2, figsize=(9.4, 3.8), layout="constrained"
+    )
     for stages in (1, 2, 3):
         u, b = jnp.full((stages,), 3000.0), jnp.full((stages,), 0.12)
         v = jnp.linspace(500.0, 0.999 * float(-jnp.sum(u * jnp.log(b))), 300)
@@ -307,13 +434,22 @@ def optimization():
         title="Optimal staging",
     )
     left.legend()
-    ascent = Ascent(ConstantMassFlow(3000.0, 150.0), 100.0, 0.0, 0.0, 150e3, 9.81)
+    ascent = Ascent(
+        ConstantMassFlow(3000.0, 150.0), 100.0, 0.0, 0.0, 150e3, 9.81
+    )
     best = linear_tangent_steering(ascent)
     t = jnp.linspace(0.0, 100.0, 200)
     nodes = jnp.linspace(0.0, 100.0, 6)
-    found = optimise_steering(ascent, SteeringProfile(nodes, jnp.full((6,), 0.5)), 0.5)
+    found = optimise_steering(
+        ascent, SteeringProfile(nodes, jnp.full((6,), 0.5)), 0.5
+    )
     right.plot(t, jnp.degrees(best.angle(t)), label="linear-tangent law")
-    right.plot(nodes, jnp.degrees(found.steering.angles), "o", label="direct shooting, six nodes")
+    right.plot(
+        nodes,
+        jnp.degrees(found.steering.angles),
+        "o",
+        label="direct shooting, six nodes",
+    )
     right.set(
         xlabel="time, s",
         ylabel="thrust angle, deg",
@@ -340,12 +476,22 @@ def spinning_stage():
 def missions():
     """A kick stage: spin and apogee through burn, coast and yo-yo."""
     body = BurningBody(
-        1200.0, [900.0, 900.0, 420.0], gyration_radii=[0.45, 0.45, 0.4], propellant_station=-1.2
+        1200.0,
+        [900.0, 900.0, 420.0],
+        gyration_radii=[0.45, 0.45, 0.4],
+        propellant_station=-1.2,
     )
     gravity = PointGravity(MU_EARTH)
-    motor = Thrust.of_motor(5.8e6, 84.0, 2000.0, point=[2e-3, 0.0, -2.0], misalignment=[1e-3, 0.0])
+    motor = Thrust.of_motor(
+        5.8e6, 84.0, 2000.0, point=[2e-3, 0.0, -2.0], misalignment=[1e-3, 0.0]
+    )
     burn = Scene(
-        [gravity, motor, JetDamping(motor.mass_rate, exit_station=-2.5, exit_radius=0.35)], body
+        [
+            gravity,
+            motor,
+            JetDamping(motor.mass_rate, exit_station=-2.5, exit_radius=0.35),
+        ],
+        body,
     )
     coast = Scene([gravity], body, carry=("attitude", "mass"))
     yo_yo = YoYo(axial_inertia=420.0, radius=0.7, mass=4.0, cord_length=10.0)
@@ -356,19 +502,27 @@ def missions():
     ]
     start = spinning_stage()
     flight = simulate(Mission(phases), start, accuracy=1e-8, samples=200)
-    figure, panels = plt.subplots(3, 1, figsize=(6.4, 6.2), sharex=True, layout="constrained")
+    figure, panels = plt.subplots(
+        3, 1, figsize=(6.4, 6.2), sharex=True, layout="constrained"
+    )
     for k, name in enumerate(flight.names):
         t, y = flight[name].ts, flight[name].states
         apogee = (
-            jax.vmap(lambda r, v: apoapsis_radius(r, v, MU_EARTH))(y.position, y.velocity)
+            jax.vmap(lambda r, v: apoapsis_radius(r, v, MU_EARTH))(
+                y.position, y.velocity
+            )
             - RADIUS_EARTH
         )
         for panel, values in zip(
-            panels, (apogee / 1e3, y.omega[:, 2], jnp.degrees(y.omega[:, 0])), strict=True
+            panels,
+            (apogee / 1e3, y.omega[:, 2], jnp.degrees(y.omega[:, 0])),
+            strict=True,
         ):
             panel.plot(t, values, color=f"C{k}", label=name)
     for panel, label in zip(
-        panels, ("apogee height, km", "spin, rad/s", "rate across it, deg/s"), strict=True
+        panels,
+        ("apogee height, km", "spin, rad/s", "rate across it, deg/s"),
+        strict=True,
     ):
         panel.set_ylabel(label)
         panel.grid(alpha=0.3)
@@ -382,8 +536,16 @@ def what_accuracy_costs():
     """Error against time and arithmetic of twenty revolutions of a two-body orbit, and of their
     gradient."""
     e, mu = 0.3, 1.0
-    y0 = BodyState(*state_from_elements(ClassicalElements.from_periapsis(1.0 - e, e), mu))
-    cost = accuracy_cost(TwoBody(mu), y0, jnp.array([0.0, 40.0 * np.pi]), gradient=True, repeats=20)
+    y0 = BodyState(
+        *state_from_elements(ClassicalElements.from_periapsis(1.0 - e, e), mu)
+    )
+    cost = accuracy_cost(
+        TwoBody(mu),
+        y0,
+        jnp.array([0.0, 40.0 * np.pi]),
+        gradient=True,
+        repeats=20,
+    )
     return accuracy_cost_figure(
         cost, title="Twenty revolutions of a two-body orbit, eccentricity 0.3"
     )
@@ -391,15 +553,30 @@ def what_accuracy_costs():
 
 def which_effects_matter():
     """The effects of a spinning stage in its burn, by what they do to the final velocity."""
-    body = BurningBody(1191.0, [1031.0, 1002.0, 521.0], [0.45, 0.45, 0.44], -1.69)
-    motor = Thrust(6.9e4, 2865.0, 84.1, point=[0.0, 0.0, -2.39], misalignment=[1e-3, 0.0])
+    body = BurningBody(
+        1191.0, [1031.0, 1002.0, 521.0], [0.45, 0.45, 0.44], -1.69
+    )
+    motor = Thrust(
+        6.9e4, 2865.0, 84.1, point=[0.0, 0.0, -2.39], misalignment=[1e-3, 0.0]
+    )
     bulge = Oblateness(MU_EARTH, 1.08262668e-3, RADIUS_EARTH)
     scene = Scene(
-        [PointGravity(MU_EARTH), bulge, motor, JetDamping(motor.mass_rate, -3.16, 0.265)], body
+        [
+            PointGravity(MU_EARTH),
+            bulge,
+            motor,
+            JetDamping(motor.mass_rate, -3.16, 0.265),
+        ],
+        body,
     )
     start = spinning_stage()
     budget = effect_budget(
-        scene, start, jnp.array([0.0, 84.1]), output="velocity", tolerance=5.0, accuracy=1e-8
+        scene,
+        start,
+        jnp.array([0.0, 84.1]),
+        output="velocity",
+        tolerance=5.0,
+        accuracy=1e-8,
     )
     return effect_budget_figure(budget, title="A spinning stage at burnout")
 
@@ -415,7 +592,9 @@ PAGES = (
     optimization,
     missions,
 )
-DRAWN = {f.__name__: f for f in (*PAGES, what_accuracy_costs, which_effects_matter)}
+DRAWN = {
+    f.__name__: f for f in (*PAGES, what_accuracy_costs, which_effects_matter)
+}
 
 if __name__ == "__main__":
     jaxspace.enable_x64()

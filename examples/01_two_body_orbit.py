@@ -37,7 +37,8 @@ for rtol in (1e-6, 1e-8, 1e-10, 1e-12):
     estimate = jnp.linalg.norm(run.error().position)
     drift = jnp.max(run.drift()["energy"])
     print(
-        f"{rtol:10.0e}  {run.stats['evaluations']:11d}  {error:9.2e} m  {estimate:10.2e} m  {drift:12.1e}"
+        f"{rtol:10.0e}  {run.stats['evaluations']:11d}  {error:9.2e} m  {estimate:10.2e} m"
+        f"  {drift:12.1e}"
     )
 assert error < 0.1 and 0.2 < estimate / error < 5.0
 
@@ -60,6 +61,7 @@ speed = jnp.linalg.norm(y0.velocity) + 10.0
 semi_major_axis = 1.0 / (2.0 / jnp.linalg.norm(y0.position) - speed**2 / MU_EARTH)
 by_hand = 4.0 * semi_major_axis**2 * speed / MU_EARTH
 print(
-    f"\napogee by burn, m/(m/s): {by_flow:.6f} closed form, {by_integration:.6f} integrated, {by_hand:.6f} by hand"
+    f"\napogee by burn, m/(m/s): {by_flow:.6f} closed form, {by_integration:.6f} integrated,"
+    f" {by_hand:.6f} by hand"
 )
 assert abs(by_flow / by_hand - 1.0) < 1e-9 and abs(by_integration / by_hand - 1.0) < 1e-8

@@ -1,7 +1,6 @@
 """A heavy top: Euler's angles in, precession and nutation out, and an axis that passes the vertical
 without harm."""
 
-import jax
 import jax.numpy as jnp
 
 import jaxspace
@@ -18,27 +17,23 @@ print(
     f"the least spin that stands upright: {top.least_spin(0.0):.1f} rad/s; this top has {spin:.0f}"
 )
 
-
-def angles(run):
-    """Precession, nutation and spin, rad, at every time of a run."""
-    return jax.vmap(top.angles)(run.states).T
-
-
 # Let go at rest. The closed form of the nutation says how far the top will fall, how long that
 # takes, and how far it walks meanwhile; the integration, which knows none of this, agrees.
 y0 = top.state(angles=[0.0, tilt, 0.0], rates=[0.0, 0.0, spin])
 nutation = top.nutation(y0)
 highest, lowest = nutation.turning_points()
 run = simulate(top, y0, jnp.linspace(0.0, nutation.period(), 201), accuracy=1e-11)
-theta, psi = angles(run)[1], continuous_precession(run.states)
+theta, psi = top.angles(run.states)[1], continuous_precession(run.states)
 print("\nlet go at rest          closed form    integrated")
 print(f"upper circle, deg     {jnp.degrees(highest):13.8f} {jnp.degrees(theta.min()):13.8f}")
 print(f"lower circle, deg     {jnp.degrees(lowest):13.8f} {jnp.degrees(theta.max()):13.8f}")
 print(
-    f"precession, deg       {jnp.degrees(nutation.precession()):13.8f} {jnp.degrees(psi[-1] - psi[0]):13.8f}"
+    f"precession, deg       {jnp.degrees(nutation.precession()):13.8f}"
+    f" {jnp.degrees(psi[-1] - psi[0]):13.8f}"
 )
 print(
-    f"after a period of {nutation.period():.6f} s the tilt is back to {jnp.abs(theta[-1] - tilt):.0e} rad"
+    f"after a period of {nutation.period():.6f} s the tilt is back to"
+    f" {jnp.abs(theta[-1] - tilt):.0e} rad"
 )
 assert abs(psi[-1] - psi[0] - nutation.precession()) < 1e-8 and abs(theta.max() - lowest) < 1e-8
 print(
@@ -61,26 +56,27 @@ for rate in (slow, fast):
         ts,
         accuracy=1e-11,
     )
-    wobble = jnp.max(jnp.abs(angles(steady)[1] - tilt))
+    wobble = jnp.max(jnp.abs(top.angles(steady.states)[1] - tilt))
     print(f"at {rate:8.4f} rad/s the tilt stays within {wobble:.0e} rad")
     assert wobble < 1e-7
 
 # With h_Z = C n, but for one part in a million, the axis climbs almost to the vertical. There
 # Euler's angles race and the equations written in them break down; here the quaternion is
 # integrated, and the angles are read out of it.
-C_n, A = 6.0e-4 * 25.0, 1.0e-3
+C_n, A = 6.0e-4 * 35.0, 1.0e-3
 precession = C_n * (1.0 - 1e-6 - jnp.cos(tilt)) / (A * jnp.sin(tilt) ** 2)
-y0 = top.state([0.0, tilt, 0.0], [precession, 0.0, 25.0 - precession * jnp.cos(tilt)])
+y0 = top.state([0.0, tilt, 0.0], [precession, 0.0, 35.0 - precession * jnp.cos(tilt)])
 nutation = top.nutation(y0)
 run = simulate(top, y0, jnp.linspace(0.0, nutation.period(), 20001), accuracy=1e-11)
-fastest = jnp.max(jnp.abs(jax.vmap(top.rates)(run.states)[:, 0]))
+fastest = jnp.max(jnp.abs(top.rates(run.states)[0]))
 nearest = nutation.turning_points()[0]
 print(
-    f"\nnear-vertical pass: {jnp.degrees(nearest):.6f} deg from the vertical, where psi' = {fastest:.0f} rad/s;"
+    f"\nnear-vertical pass: {jnp.degrees(nearest):.6f} deg from the vertical,"
+    f" where psi' = {fastest:.0f} rad/s;"
 )
 print(
     f"the energy drifts by {jnp.max(run.drift()['energy']):.0e}, the smallest angle is off by",
     end=" ",
 )
-print(f"{jnp.abs(jnp.min(angles(run)[1]) - nearest):.0e} rad")
-assert jnp.max(run.drift()["energy"]) < 1e-9
+print(f"{jnp.abs(jnp.min(top.angles(run.states)[1]) - nearest):.0e} rad")
+assert nearest < 1e-4 and jnp.max(run.drift()["energy"]) < 1e-9

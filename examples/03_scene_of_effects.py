@@ -1,14 +1,15 @@
 """A scene: gravity, the earth's oblateness and an air drag of your own; what each costs, and what
 each does."""
 
-import equinox as eqx
-import jax
+from typing import ClassVar, final
+
 import jax.numpy as jnp
 
 import jaxspace
 from jaxspace import BodyState, Scene, simulate
-from jaxspace.bodies import Load
+from jaxspace.bodies import AbstractEffect, Load
 from jaxspace.constants import J2_EARTH, MU_EARTH, RADIUS_EARTH
+from jaxspace.core import Scalar, norm, quantity
 from jaxspace.orbits import (
     ClassicalElements,
     Oblateness,
@@ -18,30 +19,36 @@ from jaxspace.orbits import (
     semi_major_axis,
     state_from_elements,
 )
-from jaxspace.scene import Custom
 
 jaxspace.enable_x64()
 
 
-class AirDrag(eqx.Module):
+@final
+class AirDrag(AbstractEffect):
     """Drag in an exponential atmosphere at rest, as an acceleration: no mass is needed."""
 
-    ballistic_coefficient: jax.Array  # kg/m^2
-    density: float = 3.7e-12  # kg/m^3, at 400 km
-    scale_height: float = 60e3  # m
+    ballistic_coefficient: Scalar = quantity("kg/m^2", positive=True, doc="mass over drag area")
+    density: Scalar = quantity("kg/m^3", non_negative=True, default=3.7e-12, doc="at 400 km")
+    scale_height: Scalar = quantity("m", positive=True, default=60e3, doc="of the atmosphere")
 
-    def __call__(self, t, y, body):
-        height = jnp.linalg.norm(y.position, axis=0) - RADIUS_EARTH
+    needs: ClassVar[frozenset[str]] = frozenset({"position", "velocity"})
+    adds: ClassVar[frozenset[str]] = frozenset({"acceleration"})
+    keeps: ClassVar[frozenset[str]] = frozenset()
+
+    def load(self, t, y, body):
+        height = norm(y.position) - RADIUS_EARTH
         density = self.density * jnp.exp(-(height - 400e3) / self.scale_height)
-        speed = jnp.linalg.norm(y.velocity, axis=0)
-        return Load(acceleration_N=-0.5 * density * speed / self.ballistic_coefficient * y.velocity)
+        factor = -0.5 * density * norm(y.velocity) / self.ballistic_coefficient
+        return Load(acceleration_N=factor * y.velocity)
+
+    def potential(self, t, y, body):
+        return None  # drag keeps no energy
 
 
-drag = Custom(AirDrag(jnp.asarray(100.0)), needs={"position", "velocity"}, adds={"acceleration"})
 effects = {
     "gravity": PointGravity(MU_EARTH),
     "oblateness": Oblateness(MU_EARTH, J2_EARTH, RADIUS_EARTH),
-    "drag": drag,
+    "drag": AirDrag(100.0),
 }
 scene = Scene(list(effects.values()))
 
@@ -61,7 +68,7 @@ ts = jnp.linspace(0.0, 3.0 * day, 1201)
 
 def node(run):
     """Longitude of the ascending node, rad, at every time."""
-    elements = elements_from_state(run.states.position.T, run.states.velocity.T, MU_EARTH)
+    elements = elements_from_state(run.states.position, run.states.velocity, MU_EARTH)
     return jnp.unwrap(elements.node)
 
 
@@ -71,7 +78,8 @@ run = simulate(scene, y0, ts, accuracy=1e-10)
 simulated = jnp.polyfit(ts, node(run), 1)[0]
 predicted = -node_regression_rate(a, 0.001, inclination, MU_EARTH, J2_EARTH, RADIUS_EARTH)
 print(
-    f"\nthe node moves {jnp.degrees(simulated) * day:.4f} deg a day; closed form {jnp.degrees(predicted) * day:.4f}"
+    f"\nthe node moves {jnp.degrees(simulated) * day:.4f} deg a day;"
+    f" closed form {jnp.degrees(predicted) * day:.4f}"
 )
 assert abs(simulated / predicted - 1.0) < 0.01
 

@@ -55,15 +55,19 @@ def results(knobs):
     flight = simulate(mission(knobs), start, accuracy=ACCURACY)
     end = flight.final
     apogee = apoapsis_radius(end.position, end.velocity, MU_EARTH) - RADIUS_EARTH
-    return {"apogee": apogee, "spin": end.omega[2]}, (flight.phases[0].states, end)
+    return {"apogee": apogee, "spin": end.omega[2]}, (
+        flight["burn"].initial,
+        flight["burn"].final,
+        end,
+    )
 
 
 @jax.jit
 def results_and_derivatives(knobs, result):
     """The results, the flight, and the derivatives of the weighted `result`: one flight forwards,
     one sweep back."""
-    value, pull_back, flight = jax.vjp(results, knobs, has_aux=True)
-    return value, flight, pull_back(result)[0]
+    value, vjp, flight = jax.vjp(results, knobs, has_aux=True)
+    return value, flight, vjp(result)[0]
 
 
 knobs = {
@@ -75,13 +79,13 @@ unit = {
     "apogee": {"apogee": jnp.array(1.0), "spin": jnp.array(0.0)},
     "spin": {"apogee": jnp.array(0.0), "spin": jnp.array(1.0)},
 }
-value, (burn, end), by_apogee = results_and_derivatives(knobs, unit["apogee"])
+value, (at_ignition, at_burnout, end), by_apogee = results_and_derivatives(knobs, unit["apogee"])
 slopes = {"apogee": by_apogee, "spin": results_and_derivatives(knobs, unit["spin"])[2]}
-at_ignition, at_burnout = (jax.tree.map(lambda x, k=k: x[k], burn) for k in (0, -1))
 for name, y in (("ignition", at_ignition), ("burnout", at_burnout), ("yo-yo", end)):
     across = jnp.hypot(y.omega[0], y.omega[1])
     print(
-        f"after {name:8s}  mass {y.mass:7.1f} kg   spin {y.omega[2]:9.5f} rad/s   across it {across:.5f} rad/s"
+        f"after {name:8s}  mass {y.mass:7.1f} kg   spin {y.omega[2]:9.5f} rad/s"
+        f"   across it {across:.5f} rad/s"
     )
 print(
     f"apogee {value['apogee'] / 1e3:.1f} km\n\nderivative               reverse mode   differences"

@@ -4,12 +4,11 @@ motion.
 Torque-free motion tells the tensor only up to a factor (twice the inertia moves the same way): one
 moment is set to 1."""
 
-import diffrax
 import jax
 import jax.numpy as jnp
 
 import jaxspace
-from jaxspace import Accuracy, BodyState, simulate
+from jaxspace import BodyState, simulate
 from jaxspace.attitude import TorqueFreeBody
 from jaxspace.bodies import InertiaTensor, principal_axes
 from jaxspace.rotations import Quaternion
@@ -43,12 +42,8 @@ def tensor(p):
 def readings(p):
     """What perfect gyros read, rad/s, at all times one after the other."""
     y0 = BodyState(attitude=Quaternion.identity(), omega=p[5:])
-    # More parameters in than numbers kept back: forward mode is the cheaper one here, and the
-    # adjoint says so.
-    accuracy = Accuracy(rtol=1e-9, adjoint=diffrax.ForwardMode())
-    return simulate(
-        TorqueFreeBody(InertiaTensor(tensor(p))), y0, ts, accuracy=accuracy
-    ).states.omega.reshape(-1)
+    run = simulate(TorqueFreeBody(InertiaTensor(tensor(p))), y0, ts)
+    return run.states.omega.ravel()
 
 
 data = readings(truth) + NOISE * jax.random.normal(jax.random.key(7), (3 * ts.size,))
@@ -58,7 +53,9 @@ data = readings(truth) + NOISE * jax.random.normal(jax.random.key(7), (3 * ts.si
 def gauss_newton(p):
     """The next parameters, the weighted misfit of these ones, and the covariance that the noise
     implies."""
-    residual, slope = readings(p) - data, jax.jacfwd(readings)(p)
+    residual = readings(p) - data
+    # Far more readings than parameters: forward mode is the cheaper one.
+    slope = jax.jacfwd(readings)(p)
     step = jnp.linalg.lstsq(slope, residual)[0]
     return p - step, jnp.mean((residual / NOISE) ** 2), NOISE**2 * jnp.linalg.inv(slope.T @ slope)
 

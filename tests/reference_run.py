@@ -1,7 +1,7 @@
 """An integration that owes nothing to the library's runner, and derivatives by differences: for
 tests only."""
 
-from functools import partial
+from functools import lru_cache, partial
 
 import jax
 import jax.numpy as jnp
@@ -74,6 +74,14 @@ def drifts(system, states, ts):
     }
 
 
+# Kept, so that the cases of a parametrised test share their programs; few, because a test may give
+# a function of its own, which is never asked for again.
+@lru_cache(maxsize=4)
+def _modes(f):
+    """`f`, its forward and its reverse derivative, compiled."""
+    return jax.jit(f), jax.jit(jax.jacfwd(f)), jax.jit(jax.jacrev(f))
+
+
 def check_derivatives(f, x, step=1e-6, rtol=2e-7, atol=1e-7):
     """Forward and reverse derivatives of `f` at the vector `x` are finite, equal, and right.
 
@@ -81,10 +89,10 @@ def check_derivatives(f, x, step=1e-6, rtol=2e-7, atol=1e-7):
     truncation of 1e-12 times the third derivative: hence the tolerances, for functions and
     derivatives of order one."""
     x = np.asarray(x, dtype=float)
-    forward, reverse = np.asarray(jax.jit(jax.jacfwd(f))(x)), np.asarray(jax.jit(jax.jacrev(f))(x))
+    g, forward, reverse = _modes(f)
+    forward, reverse = np.asarray(forward(x)), np.asarray(reverse(x))
     assert np.all(np.isfinite(forward)) and np.all(np.isfinite(reverse))
     np.testing.assert_allclose(forward, reverse, rtol=1e-10, atol=1e-10)
-    g = jax.jit(f)
     columns = [
         (np.asarray(g(x + step * e)) - np.asarray(g(x - step * e))) / (2.0 * step)
         for e in np.eye(x.size)

@@ -7,11 +7,11 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxspace import Scene
-from jaxspace.attitude import Top, TorqueFreeBody
+from jaxspace.attitude import SphericalPendulum, Top, TorqueFreeBody
 from jaxspace.bodies import BodyState, BurningBody, RigidBody
 from jaxspace.core import AbstractSystem
 from jaxspace.gyros import TwoGimbalGyro
-from jaxspace.orbits import Oblateness, PointGravity, TwoBody
+from jaxspace.orbits import Drag, Oblateness, PointGravity, TwoBody
 from jaxspace.rockets import JetDamping, Thrust, ThrustProfile
 from jaxspace.rotations import Quaternion, from_euler_angles
 
@@ -93,6 +93,8 @@ def rocket_state() -> BodyState:
 SPIN = BodyState(attitude=turned(), omega=jnp.array([0.4, 0.1, 2.0]))
 GYRO = TwoGimbalGyro(0.002, 0.0008, 500.0, 0.0006, 0.0005, 0.0004, 0.0015)
 TOP = Top(0.002, 0.0008, 0.3)
+PENDULUM = SphericalPendulum(1.2, 9.8)
+AIR = Drag(50.0, 1e-11, 4.0e5, 6.0e4, RADIUS, 7.29e-5)
 TENSOR = np.array([[3.0, 0.1, -0.2], [0.1, 2.0, 0.15], [-0.2, 0.15, 1.5]])
 
 SAMPLES = [
@@ -102,6 +104,8 @@ SAMPLES = [
     Sample("top", TOP, Top.state(jnp.array([0.2, 0.7, 0.1]), jnp.array([1.0, 0.3, 149.0])), 0.3),
     Sample("two_gimbal_gyro", GYRO, GYRO.state(1.05, 0.1, 2.0, 0.0), 0.2),
     Sample("oblate_orbit", Scene((PointGravity(MU), Oblateness(MU, J2, RADIUS))), orbit(), 5400.0),
+    Sample("spherical_pendulum", PENDULUM, PENDULUM.state(0.7, 0.2, 0.3, 1.1), 5.0),
+    Sample("dragged_orbit", Scene((PointGravity(MU), AIR)), orbit(), 5400.0),
     Sample(
         "free_stage",
         Scene((PointGravity(MU),), RigidBody(900.0, [520.0, 560.0, 340.0]), ("attitude",)),

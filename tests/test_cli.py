@@ -1,6 +1,7 @@
 """The command line: what it prints, writes and refuses, and the kick stage of the examples against
 independent facts."""
 
+import json
 import math
 import subprocess
 import sys
@@ -12,10 +13,11 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
-from jaxspace.cli import load, main
+from jaxspace import load
+from jaxspace.cli import main
 from jaxspace.dispersion import open_store
 from jaxspace.io import SceneFile
-from jaxspace.simulation import Accuracy, MissionTrajectory, simulate
+from jaxspace.simulation import MissionTrajectory
 
 ROOT = Path(__file__).resolve().parents[1]
 SCENES = ROOT / "examples" / "scenes"
@@ -42,7 +44,7 @@ duration = "10 min"
 [dispersion]
 runs = 300
 seed = 3
-outputs = ["perigee_altitude", "apogee_altitude", "inclination"]
+outputs = ["periapsis_altitude", "apoapsis_altitude", "inclination"]
 
 [dispersion.inputs]
 "initial.orbit.periapsis_altitude" = { deviation = "2 km" }
@@ -130,7 +132,7 @@ def test_disperse_prints_a_table_and_keeps_the_runs(tmp_path, capsys):
     assert main(["disperse", str(path), "--runs", "64", "--out", str(tmp_path / "a")]) == 0
     printed = capsys.readouterr().out
     for word in (
-        "perigee_altitude",
+        "periapsis_altitude",
         "km",
         "deg",
         "std dev",
@@ -144,15 +146,15 @@ def test_disperse_prints_a_table_and_keeps_the_runs(tmp_path, capsys):
     for name in ("coast.zarr", "coast.png", "coast.html"):
         assert (tmp_path / "a" / name).exists() and name in printed
     kept = open_store(tmp_path / "a" / "coast.zarr")
-    # In point gravity the perigee stays; its scatter is the one that goes in: 2 km, here of 64
+    # In point gravity the periapsis stays; its scatter is the one that goes in: 2 km, here of 64
     # draws.
     altitude = 400 * 1.609344
     np.testing.assert_allclose(
-        kept.outputs["perigee_altitude"],
+        kept.outputs["periapsis_altitude"],
         kept.inputs["initial.orbit.periapsis_altitude"] / 1e3,
         atol=0.05,
     )
-    assert abs(np.mean(kept.outputs["perigee_altitude"]) - altitude) < 5 * 2 / 8
+    assert abs(np.mean(kept.outputs["periapsis_altitude"]) - altitude) < 5 * 2 / 8
     assert 28.0 < kept.outputs["inclination"].min() and kept.outputs["inclination"].max() < 29.0
 
 
@@ -166,7 +168,8 @@ def test_runs_depend_on_the_seed_and_their_number_alone(tmp_path):
     ):
         assert main(["disperse", str(path), "--out", str(tmp_path / folder), *more]) == 0
     a, b, c = (
-        open_store(tmp_path / folder / "coast.zarr").outputs["apogee_altitude"] for folder in "abc"
+        open_store(tmp_path / folder / "coast.zarr").outputs["apoapsis_altitude"]
+        for folder in "abc"
     )
     np.testing.assert_array_equal(a, b[:32])
     assert not np.any(a == c)
@@ -216,7 +219,7 @@ samples = 20
 
 
 def test_a_scene_and_a_mission_that_ends_at_an_event_run(tmp_path, capsys):
-    """Half a period from the perigee the apogee is reached: pi sqrt(a^3/mu), a = (R + 400 mi) /
+    """Half a period from the periapsis the apoapsis is reached: pi sqrt(a^3/mu), a = (R + 400 mi) /
     0.9."""
     scene, mission = tmp_path / "scene.toml", tmp_path / "mission.toml"
     scene.write_text(SCENE)
@@ -257,8 +260,7 @@ def kick(tmp_path_factory) -> tuple[SceneFile, MissionTrajectory]:
     path = tmp_path_factory.mktemp("kick") / "kick.toml"
     path.write_text(text)
     file = load(path)
-    mission, y0 = file.nominal_mission()
-    return file, simulate(mission, y0, 0.0, accuracy=Accuracy(rtol=file.accuracy))
+    return file, file.simulate()
 
 
 def rates(t, y):
@@ -353,20 +355,31 @@ def test_speed_gained_is_that_of_the_rocket_equation_less_small_losses(kick):
 
 
 def test_the_orbit_that_is_reached(kick):
-    """Energy and angular momentum at burnout give the apsides; the perigee stays near the height of
+    """Energy and angular momentum at burnout give the apsides; the periapsis stays near the height of
     the injection."""
     file, flown = kick
     r, v = (np.asarray(x) for x in (flown["coast"].final.position, flown["coast"].final.velocity))
     energy, h = v @ v / 2 - MU / np.linalg.norm(r), np.linalg.norm(np.cross(r, v))
     a = -MU / (2 * energy)
     e = math.sqrt(1 - h * h / (MU * a))
-    outputs = {name: float(x[0]) for name, x in file.nominal_outputs(flown).items()}
-    assert outputs["perigee_altitude"] == pytest.approx((a * (1 - e) - RADIUS) / 1e3, abs=1e-6)
-    assert outputs["apogee_altitude"] == pytest.approx((a * (1 + e) - RADIUS) / 1e3, abs=1e-5)
-    assert 180.0 < outputs["perigee_altitude"] < 190.0
-    assert 80e3 < outputs["apogee_altitude"] < 90e3
+    outputs = {name: x for name, (x, _) in file.nominal_outputs(flown).items()}
+    assert outputs["periapsis_altitude"] == pytest.approx((a * (1 - e) - RADIUS) / 1e3, abs=1e-6)
+    assert outputs["apoapsis_altitude"] == pytest.approx((a * (1 + e) - RADIUS) / 1e3, abs=1e-5)
+    assert 180.0 < outputs["periapsis_altitude"] < 190.0
+    assert 80e3 < outputs["apoapsis_altitude"] < 90e3
     assert outputs["inclination"] == pytest.approx(28.5, abs=0.5)
     assert outputs["speed_error"] == outputs["velocity_error"] == 0.0
+    units = {name: unit for name, (_, unit) in file.nominal_outputs(flown).items()}
+    assert units == {
+        "periapsis_altitude": "km",
+        "apoapsis_altitude": "km",
+        "inclination": "deg",
+        "speed_error": "m/s",
+        "velocity_error": "m/s",
+        "pointing": "deg",
+        "spin_rate": "rpm",
+        "cone_angle": "deg",
+    }
 
 
 def test_the_coast_keeps_the_angular_momentum(kick):
@@ -387,7 +400,7 @@ def test_the_yo_yo_takes_the_spin_and_leaves_the_cone(kick):
     )
     assert float(after.mass) == pytest.approx(DRY - 6.0, rel=1e-9)
     h = np.array([1031.0, 1002.0, 521.0]) * np.asarray(after.omega)
-    outputs = {name: float(x[0]) for name, x in file.nominal_outputs(flown).items()}
+    outputs = {name: x for name, (x, _) in file.nominal_outputs(flown).items()}
     assert outputs["spin_rate"] == pytest.approx(float(after.omega[2]) * 30 / math.pi)
     assert 2.0 < outputs["spin_rate"] < 8.0
     assert outputs["cone_angle"] == pytest.approx(
@@ -442,6 +455,7 @@ BAD_STUDIES = [
     (["budget", "--tolerance", "wide"], '--tolerance is "wide": it must be a positive number in m'),
     (["budget", "--tolerance", "0 m"], '--tolerance is "0 m": it must be a positive number in m'),
     (["budget", "--output", "omega"], "output is 'omega': it must be one of position, velocity"),
+    (["budget", "--output", "spam"], "output is 'spam': it must be one of position, velocity"),
 ]
 
 
@@ -456,7 +470,57 @@ def test_bad_questions_end_with_status_2(tmp_path, capsys, arguments, words):
 
 def test_a_textbook_system_has_no_budget(capsys, tmp_path):
     assert main(["budget", str(SCENES / "top.toml"), "--out", str(tmp_path)]) == 2
-    assert "textbook system" in capsys.readouterr().err
+    assert "Top has no effects" in capsys.readouterr().err
+
+
+def test_list_and_schema(capsys):
+    assert main(["list"]) == 0
+    printed = capsys.readouterr().out
+    for word in ("  thrust: ", "total_impulse [N s]", "  periapsis [m^2/s]", "  burnout [s]"):
+        assert word in printed
+    assert main(["schema"]) == 0
+    assert json.loads(capsys.readouterr().out)["$schema"].startswith("https://json-schema.org")
+
+
+def test_a_closed_pipe_ends_in_a_sentence():
+    """The schema is longer than the buffer of a pipe: its writer notices that nobody reads."""
+    code = "import sys; from jaxspace.cli import main; sys.exit(main(['schema']))"
+    pipe = f'{sys.executable} -c "{code}" | head -c 10'
+    done = subprocess.run(["bash", "-c", pipe], capture_output=True, text=True, cwd=ROOT)
+    assert "the output was closed before its end" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_a_folder_that_cannot_be_made_ends_with_status_2(tmp_path, capsys):
+    path, taken = tmp_path / "coast.toml", tmp_path / "taken"
+    path.write_text(CHEAP)
+    taken.write_text("a file")
+    assert main(["run", str(path), "--out", str(taken)]) == 2
+    assert "cannot be made a folder" in capsys.readouterr().err
+
+
+def test_a_system_is_dispersed_like_a_scene(tmp_path, capsys):
+    """In the closed form of two bodies the mean distance after half a turn scatters as what goes
+    in: da/dr_p = 1 / (1 - e)."""
+    path = tmp_path / "two_body.toml"
+    text = (SCENES / "two_body.toml").read_text().replace('"24 h"', '"1 h"')
+    path.write_text(
+        text
+        + """
+[dispersion]
+outputs = ["semi_major_axis", "final.position.0"]
+[dispersion.inputs]
+"initial.orbit.periapsis_altitude" = { deviation = "1 km" }
+"planet.mu" = { deviation = "1e-6 %" }
+"""
+    )
+    assert main(["disperse", str(path), "--runs", "32", "--out", str(tmp_path)]) == 0
+    assert "32 of 32 runs ended well" in capsys.readouterr().out
+    kept = open_store(tmp_path / "two_body.zarr")
+    altitude = kept.inputs["initial.orbit.periapsis_altitude"]
+    np.testing.assert_allclose(
+        1e3 * kept.outputs["semi_major_axis"], (RADIUS + altitude) / (1.0 - 0.2921), rtol=1e-12
+    )
 
 
 def test_an_error_that_is_no_number_ends_with_status_2(capsys):

@@ -180,33 +180,37 @@ STARTS = {
 }
 
 
+def motion(v):
+    """Rates and invariants of a gyro (nine numbers) in a state (four)."""
+    gyro = TwoGimbalGyro(*v[:9])
+    y = gyro.state(*v[9:])
+    return jnp.concatenate(
+        [ravel_pytree(gyro.vector_field(0.2, y))[0], ravel_pytree(gyro.invariants(0.2, y))[0]]
+    )
+
+
 @pytest.mark.parametrize("x", STARTS.values(), ids=STARTS)
 def test_derivatives_of_the_motion(x):
-    def motion(v):
-        gyro = TwoGimbalGyro(*v[:9])
-        y = gyro.state(*v[9:])
-        return jnp.concatenate(
-            [ravel_pytree(gyro.vector_field(0.2, y))[0], ravel_pytree(gyro.invariants(0.2, y))[0]]
-        )
-
     check_derivatives(motion, x)
+
+
+def walk_results(v):
+    """All results of the walk of a gyro (seven numbers) from an angle at a rate."""
+    w = TwoGimbalGyro(*v[:7]).walk(v[7], v[8])
+    return jnp.stack(
+        [
+            w.drift(),
+            w.period(),
+            w.offset(),
+            w.drift_to_second_order(),
+            w.offset_to_second_order(),
+        ]
+    )
 
 
 @pytest.mark.parametrize("rate", [0.6, 0.0])
 def test_derivatives_of_the_walk(rate):
-    def walk(v):
-        w = TwoGimbalGyro(*v[:7]).walk(v[7], v[8])
-        return jnp.stack(
-            [
-                w.drift(),
-                w.period(),
-                w.offset(),
-                w.drift_to_second_order(),
-                w.offset_to_second_order(),
-            ]
-        )
-
-    check_derivatives(walk, [2.0, 0.8, 5.0, 0.6, 0.5, 0.4, 1.5, 0.9, rate])
+    check_derivatives(walk_results, [2.0, 0.8, 5.0, 0.6, 0.5, 0.4, 1.5, 0.9, rate])
 
 
 def test_a_gimbal_that_passes_the_pole_does_not_walk():
@@ -214,10 +218,11 @@ def test_a_gimbal_that_passes_the_pole_does_not_walk():
     so do their derivatives."""
     gyro = TwoGimbalGyro(2.0, 0.8, 5.0, 0.6, 0.5, 0.4, 1.5)
     limit = float(gyro.walk(0.9, 0.1).greatest_rate())
+    slope_of_drift = jax.jit(jax.value_and_grad(lambda rate: gyro.walk(0.9, rate).drift()))
     for rate, passes in ((0.999 * limit, False), (1.001 * limit, True)):
         theta = run(gyro, state(gyro, 0.9, 0.0, -rate, 0.0), np.linspace(0.0, 20.0, 401)).theta
         assert (np.min(theta) < 0.0) == passes
-        drift, slope = jax.value_and_grad(lambda rate: gyro.walk(0.9, rate).drift())(rate)
+        drift, slope = slope_of_drift(rate)
         assert np.isnan(drift) == np.isnan(slope) == passes
 
 
@@ -237,6 +242,7 @@ def test_single_precision_stays():
 def test_a_batch_is_a_loop():
     values = np.random.default_rng(4).uniform(0.5, 1.5, (13, 4))
 
+    @jax.jit
     def everything(v):
         gyro = TwoGimbalGyro(*v[:9])
         y = gyro.state(*v[9:])

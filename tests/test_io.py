@@ -1,13 +1,24 @@
 """Scene files: what is read, and in which words everything else is refused."""
 
+import json
 import math
+import tomllib
+import warnings
 from pathlib import Path
+from typing import ClassVar, final
 
+import equinox as eqx
+import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxspace.cli import load
-from jaxspace.io import Quantity, SceneError
+import jaxspace
+from jaxspace import load
+from jaxspace.bodies import AbstractEffect, Load
+from jaxspace.core import AbstractSystem, Scalar, argument, axis, output, quantity
+from jaxspace.io import SceneError
+from jaxspace.io._units import expected, in_unit, read_number
 
 SCENES = Path(__file__).resolve().parents[1] / "examples" / "scenes"
 KICK = (SCENES / "kick_stage.toml").read_text()
@@ -27,14 +38,15 @@ def scene(tmp_path):
     return loaded
 
 
-LENGTH = Quantity("length", "m", "400 mi")
-RATE = Quantity("angular rate", "rad/s", "5.5 rpm")
-MASS = Quantity("mass", "kg", "60 kg", "positive")
-ANGLE = Quantity("angle", "rad", "28.5 deg")
-ISP = Quantity("specific impulse", "s", "286 s", "positive")
-INERTIA = Quantity("moment of inertia", "kg m^2", "12 slug ft^2", "positive")
-MU = Quantity("gravitational parameter", "m^3/s^2", "398600 km^3/s^2", "positive")
-NUMBER = Quantity("a ratio", "", "0.01")
+LENGTH = argument("m", doc="a length")
+RATE = argument("rad/s", doc="an angular rate")
+MASS = argument("kg", positive=True, doc="a mass")
+ANGLE = argument("rad", doc="an angle")
+ISP = argument("s", positive=True, doc="a specific impulse")
+INERTIA = argument("kg m^2", positive=True, doc="a moment of inertia")
+MU = argument("m^3/s^2", positive=True, doc="a gravitational parameter")
+NUMBER = argument("", doc="a ratio")
+SHARE = argument("", low=0.0, high=1.0, doc="a share")
 
 
 @pytest.mark.parametrize(
@@ -55,7 +67,14 @@ NUMBER = Quantity("a ratio", "", "0.01")
     ],
 )
 def test_values_with_units(quantity, value, si):
-    assert quantity.read(value) == pytest.approx(si, rel=1e-12)  # rounding of a product
+    assert read_number(value, quantity)[0] == pytest.approx(si, rel=1e-12)  # rounding of a product
+
+
+def test_units_go_out_as_they_come_in():
+    for declared, text in ((LENGTH, "400 mi"), (RATE, "5.5 rpm"), (MU, "3 km^3/s^2")):
+        number, unit = read_number(text, declared)
+        back = number * in_unit(declared.unit, unit)
+        assert back == pytest.approx(float(text.split()[0]), rel=1e-14)  # two products, rounded
 
 
 @pytest.mark.parametrize(
@@ -77,12 +96,22 @@ def test_values_with_units(quantity, value, si):
         (LENGTH, "__import__('os')"),
         (LENGTH, "9**9**9 m"),
         (NUMBER, "3 m"),
+        (SHARE, 1.5),
+        (SHARE, "-1 %"),
     ],
 )
 def test_values_that_are_refused(quantity, value):
     with pytest.raises(ValueError) as refusal:
-        quantity.read(value)
-    assert quantity.example in str(refusal.value)
+        read_number(value, quantity)
+    assert expected(quantity) in str(refusal.value)
+
+
+@pytest.mark.parametrize("degrees", [28.5, -180, 7])
+def test_an_angle_of_more_than_a_turn_needs_its_unit(degrees):
+    with pytest.raises(ValueError, match=f'"{degrees:g} deg" or "{degrees:g} rad"'):
+        read_number(degrees, ANGLE)
+    assert read_number(f"{degrees} deg", ANGLE)[0] == pytest.approx(math.radians(degrees))
+    assert read_number(f"{degrees} rad", ANGLE)[0] == degrees
 
 
 # A change of the kick stage, and what the message has to hold: the key, the value, what is allowed,
@@ -99,7 +128,7 @@ BAD = {
         [
             "phase.0.effects.0",
             '"point_gravty"',
-            "gravity_gradient, thrust, jet_damping",
+            "gravity_gradient, jet_damping, thrust",
             "Did you mean point_gravity?",
         ],
     ),
@@ -146,7 +175,40 @@ BAD = {
         "",
         ["effects.thrust.total_impulse is missing", "N s"],
     ),
-    "no_attitude": ('along = "velocity"', "", ["initial.attitude", "along", "angles"]),
+    "no_attitude": ('along = "velocity"', "", ["initial.attitude.along is missing", "give angles"]),
+    "angle_without_unit": (
+        'inclination = "28.5 deg"',
+        "inclination = 28.5",
+        ["initial.orbit.inclination is 28.5", "more than a turn", '"28.5 deg"'],
+    ),
+    "unknown_method": (
+        "accuracy = 3e-7",
+        'method = "DOP854"',
+        ["method", '"DOP854"', "Did you mean DOP853?"],
+    ),
+    "no_room_for_steps": ("accuracy = 3e-7", "max_steps = 0", ["max_steps is 0", "above zero"]),
+    "negative_step": ("accuracy = 3e-7", 'max_step = "-1 s"', ["max_step", "positive", "in s"]),
+    "unknown_place": (
+        '"speed_error", at = "burn"',
+        '"speed_error", at = "brun"',
+        ["dispersion.outputs.3.at", "final, burn, coast", "Did you mean burn?"],
+    ),
+    "unit_of_another_kind": (
+        'unit = "rpm"',
+        'unit = "km"',
+        ["dispersion.outputs.6.unit", '"km"', "a unit of angular rate"],
+    ),
+    "path_of_an_output": (
+        '"cone_angle"',
+        '"final.omga.2"',
+        ["final.omga.2", "attitude, mass, omega, position, velocity", "Did you mean omega?"],
+    ),
+    "index_of_an_output": ('"cone_angle"', '"final.omega.3"', ["final.omega.3", "0 to 2"]),
+    "no_motor": (
+        '"oblateness", "thrust", "jet_damping"]',
+        '"oblateness"]',
+        ["phase.0.until", "burnout", "no effect of this phase has that time"],
+    ),
     "impossible_inertia": (
         '"521 kg m^2"]',
         '"5210 kg m^2"]',
@@ -212,19 +274,38 @@ def test_bad_scenes_get_one_clear_line(scene, tmp_path, case):
         ),
         (
             TWO_BODY.replace('name = "two_body"', ""),
-            ["system.name is missing", "one of top, two_body"],
+            ["system.name is missing", "one of two_body, spherical_pendulum, top"],
         ),
         (
             TWO_BODY.replace('mu = "398600.4418 km^3/s^2"', "mu = -1"),
-            ["system.mu is -1", "positive"],
+            ["planet.mu is -1", "positive"],
         ),
-        (TWO_BODY.replace("radius =", "# radius ="), ["system.radius is missing"]),
+        (
+            TWO_BODY.replace("radius =", "# radius ="),
+            ["planet.radius is missing", "initial.orbit needs it"],
+        ),
+        (
+            TWO_BODY.replace("mu =", "# mu ="),
+            ["planet.mu is missing", "system needs it"],
+        ),
+        (
+            TWO_BODY.replace("[initial.orbit]", "[initial]\nomega = [0, 0, 1]\n[initial.orbit]"),
+            ["initial has omega and no attitude"],
+        ),
+        (
+            TWO_BODY + "[initial.attitude]\nangles = [0, 0, 0]\n[initial]\nomega = [0, 0, 1]\n",
+            ["initial has attitude, which TwoBody does not change"],
+        ),
         (
             TOP.replace("axial_inertia", "axial_inertias"),
             ["system.axial_inertias", "Did you mean axial_inertia?"],
         ),
         (TOP.replace('end = "2 s"', 'end = "2 m"'), ["times.end", '"2 m"']),
-        (TOP + "\n[dispersion]\nruns = 3\n", ["dispersion is not a key"]),
+        (
+            TOP + "\n[dispersion]\noutputs = ['pointing']\n[dispersion.inputs]\n"
+            "'system.axial_inertia' = { deviation = '1 %' }\n",
+            ["has no body"],
+        ),
     ],
 )
 def test_bad_systems_get_one_clear_line(scene, text, words):
@@ -233,6 +314,14 @@ def test_bad_systems_get_one_clear_line(scene, text, words):
     assert "\n" not in str(refusal.value)
     for word in words:
         assert word in str(refusal.value)
+
+
+def test_an_effect_that_refers_to_another_one_needs_it(scene):
+    text = KICK.replace(
+        '"thrust", "jet_damping"]\nuntil = "burnout"', '"jet_damping"]\nduration = 9'
+    )
+    with pytest.raises(SceneError, match=r"jet_damping needs .* mass rate .*: one of thrust"):
+        scene(text)
 
 
 def test_two_faults_get_two_lines(scene):
@@ -249,17 +338,15 @@ def test_a_file_that_is_not_there():
 
 
 def test_dispersed_numbers_are_built_like_nominal_ones(scene):
-    """The lanes of a batch whose samples are all nominal hold the nominal mission, number for
+    """The runs of a batch whose samples are all nominal hold the nominal mission, number for
     number."""
-    import jax
-
     file = scene(KICK)
-    mission, y0 = file.nominal_mission()
-    campaign = file.campaign(None)
-    lanes, z0 = campaign.build(campaign.nominal(3))
-    assert jax.tree.structure(lanes) == jax.tree.structure(mission)
+    samples = {path: jnp.full(3, float(how.nominal)) for path, how in file.inputs.items()}
+    runs, z0 = file.build(samples)
+    assert jax.tree.structure(runs) == jax.tree.structure(file.mission)
     assert all(x.shape[-1] == 3 for x in jax.tree.leaves(z0))
-    for one, many in zip(jax.tree.leaves((mission, y0)), jax.tree.leaves((lanes, z0)), strict=True):
+    pairs = zip(jax.tree.leaves((file.mission, file.y0)), jax.tree.leaves((runs, z0)), strict=True)
+    for one, many in pairs:
         many = np.asarray(many)
         many = many if many.ndim == np.ndim(one) else many[..., 0]
         np.testing.assert_allclose(many, one, rtol=1e-14, atol=1e-14)
@@ -267,22 +354,19 @@ def test_dispersed_numbers_are_built_like_nominal_ones(scene):
 
 def test_percentages_and_units_of_deviations(scene):
     inputs = scene(KICK).inputs
-    assert inputs["effects.thrust.total_impulse"] == (
-        "normal",
-        {"deviation": pytest.approx(0.0025 * 5.8e6)},
-    )
-    assert inputs["initial.attitude.tilt.0"] == (
-        "normal",
-        {"deviation": pytest.approx(math.radians(0.3))},
-    )
-    name, numbers = inputs["initial.omega.2"]
-    assert name == "truncated_normal"
-    assert numbers["low"] == pytest.approx(56 * math.pi / 30)
+    impulse = inputs["effects.thrust.total_impulse"]
+    assert impulse.name == "normal"
+    assert impulse.numbers == {"mean": 5.8e6, "deviation": pytest.approx(0.0025 * 5.8e6)}
+    tilt = inputs["initial.attitude.tilt.0"]
+    assert tilt.numbers == {"mean": 0.0, "deviation": pytest.approx(math.radians(0.3))}
+    spin = inputs["initial.omega.2"]
+    assert spin.name == "truncated_normal"
+    assert spin.numbers["low"] == pytest.approx(56 * math.pi / 30)
 
 
 def test_inputs_may_be_nested_tables(scene):
     text = KICK.replace('"body.dry_mass" =', "body.dry_mass =")
-    assert scene(text).inputs == scene(KICK).inputs
+    assert scene(text).inputs.keys() == scene(KICK).inputs.keys()
 
 
 def test_tables_of_effects_follow_the_phases(scene):
@@ -304,3 +388,243 @@ def test_the_gravity_gradient_in_a_file(scene):
     effects = scene(text).scenes()["coast"].effects
     assert [type(e).__name__ for e in effects] == ["PointGravity", "GravityGradient"]
     assert effects[1].mu == effects[0].mu
+
+
+# ---------------------------------------------------------------- what an author adds
+
+
+@final
+class DampedState(eqx.Module):
+    """A mass on a spring."""
+
+    x: Scalar = quantity("m", doc="displacement")
+    v: Scalar = quantity("m/s", doc="its rate")
+
+
+@final
+class DampedSpring(AbstractSystem):
+    """A mass on a damped spring."""
+
+    stiffness: Scalar = quantity("1/s^2", positive=True, doc="over the mass")
+    damping: Scalar = quantity("1/s", non_negative=True, default=0.0, doc="over the mass")
+
+    def vector_field(self, t, y: DampedState) -> DampedState:
+        return DampedState(y.v, -self.stiffness * y.x - self.damping * y.v)
+
+    def invariants(self, t, y: DampedState):
+        return {}
+
+
+@output("m^2/s^2")
+def spring_energy(y: DampedState) -> Scalar:
+    """Kinetic energy per unit mass."""
+    return 0.5 * y.v**2
+
+
+@final
+class Drift(AbstractEffect):
+    """A constant acceleration along x."""
+
+    size: Scalar = quantity("m/s^2", doc="of the acceleration")
+
+    needs: ClassVar[frozenset[str]] = frozenset()
+    adds: ClassVar[frozenset[str]] = frozenset({"acceleration"})
+    keeps: ClassVar[frozenset[str]] = frozenset()
+
+    def load(self, t, y, body):
+        return Load(acceleration_N=self.size * axis(0, y.position[0]))
+
+    def potential(self, t, y, body):
+        return None
+
+
+SPRING = """
+[system]
+name = "damped_spring"
+stiffness = "4 1/s^2"
+
+[initial]
+x = "3 cm"
+
+[times]
+end = "1 s"
+
+[dispersion]
+outputs = ["final.x", "spring_energy"]
+
+[dispersion.inputs]
+"initial.x" = { deviation = "1 mm" }
+"system.damping" = { distribution = "uniform", low = 0.0, high = "0.1 1/s" }
+"""
+DRIFT = """
+[effects.drift]
+size = "2 m/s^2"
+
+[initial]
+position = [0.0, 0.0, 0.0]
+velocity = ["1 km/s", 0.0, 0.0]
+
+[times]
+end = "10 s"
+"""
+
+
+def test_a_system_defined_here_runs_from_a_file(tmp_path):
+    """x = 3 cm cos(2 t) after 1 s, to a thousand times the tolerance of a step."""
+    path = tmp_path / "spring.toml"
+    path.write_text(SPRING.replace('x = "3 cm"', 'x = "3 cm"\nv = 0.0'))
+    with pytest.raises(SceneError, match="damped_spring.*is not a system that is known"):
+        load(path)
+    file = load(path, also=[DampedSpring, spring_energy])
+    run = file.simulate()
+    assert float(run.final.x) == pytest.approx(0.03 * math.cos(2.0), rel=1e-6)
+    assert [(o.name, o.unit) for o in file.outputs] == [
+        ("final.x", "cm"),
+        ("spring_energy", "m^2/s^2"),
+    ]
+    nominal = file.nominal_outputs(run)
+    assert nominal["final.x"] == (pytest.approx(3.0 * math.cos(2.0), rel=1e-6), "cm")
+    energy = 0.5 * (0.06 * math.sin(2.0)) ** 2
+    assert nominal["spring_energy"][0] == pytest.approx(energy, rel=1e-6)
+
+
+def test_an_effect_defined_here_runs_from_a_file(tmp_path):
+    """1 km/s * 10 s + 2 m/s^2 * (10 s)^2 / 2: a polynomial, exact for the integrator."""
+    path = tmp_path / "drift.toml"
+    path.write_text(DRIFT)
+    run = load(path, also=[Drift]).simulate()
+    assert float(run.final.position[0]) == pytest.approx(10100.0, rel=1e-12)
+
+
+def test_what_is_added_is_listed_and_in_the_schema():
+    text = jaxspace.io.listing(also=[DampedSpring, Drift])
+    assert (
+        "  damped_spring: A mass on a damped spring\n    stiffness [1/s^2]: over the mass" in text
+    )
+    assert "    size [m/s^2]: of the acceleration" in text
+    assert "damped_spring" in json.dumps(jaxspace.io.schema(also=[DampedSpring]))
+    with pytest.raises(jaxspace.core.InputError, match="also holds"):
+        jaxspace.io.catalog(also=[int])
+
+
+def test_the_schema_accepts_what_is_read_and_refuses_what_is_not():
+    schema = jaxspace.io.schema()
+    assert fits(tomllib.loads(KICK), schema)
+    for text in (TOP, TWO_BODY):
+        assert fits(tomllib.loads(text), schema)
+    for case in ("unknown_key", "unknown_table", "no_impulse", "short_vector", "no_runs"):
+        old, new, _ = BAD[case]
+        assert not fits(tomllib.loads(KICK.replace(old, new, 1)), schema), case
+
+
+def fits(value, schema) -> bool:
+    """Whether a value satisfies the part of JSON schema that the files use."""
+    if "anyOf" in schema:
+        return any(fits(value, one) for one in schema["anyOf"])
+    if "enum" in schema:
+        return value in schema["enum"]
+    kind = schema.get("type")
+    if kind == "object":
+        known = schema.get("properties", {})
+        strange = schema.get("additionalProperties", True) is False and set(value) - set(known)
+        return (
+            isinstance(value, dict)
+            and not strange
+            and set(schema.get("required", ())) <= set(value)
+            and all(fits(v, known[k]) for k, v in value.items() if k in known)
+        )
+    if kind == "array":
+        least, most = schema.get("minItems", 0), schema.get("maxItems", math.inf)
+        return (
+            isinstance(value, list)
+            and least <= len(value) <= most
+            and all(fits(v, schema["items"]) for v in value)
+        )
+    if kind == "string":
+        return isinstance(value, str)
+    above = value > schema.get("exclusiveMinimum", -math.inf) if is_number(value) else False
+    return above and value >= schema.get("minimum", -math.inf)
+
+
+def is_number(value) -> bool:
+    """Whether a value is a number in JSON."""
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+# ---------------------------------------------------------------- what is refused or doubted
+
+
+def test_a_run_with_an_input_out_of_its_range_is_not_allowed(scene):
+    text = KICK.replace('"body.dry_mass" = { deviation = "2 kg" }', "")
+    text += '"initial.orbit.eccentricity" = { deviation = 0.01 }\n'
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        campaign = scene(text.replace(COMPARING, "")).campaign()
+    samples = {name: jnp.full(3, d.mean) for name, d in campaign.inputs.items()}
+    samples["initial.orbit.eccentricity"] = jnp.array([0.0, -0.001, 0.2])
+    assert eqx.filter_jit(campaign.allowed)(samples).tolist() == [True, False, True]
+    one = {name: x[1] for name, x in samples.items()}
+    assert campaign.refusal(one) == (
+        "initial.orbit.eccentricity is -0.001: it must be zero or positive, and finite."
+    )
+
+
+COMPARING = """  { output = "speed_error", at = "burn" },
+  { output = "velocity_error", at = "burn" },
+"""
+
+
+@pytest.mark.parametrize(
+    "entry, words",
+    [
+        ("eccentricity = { deviation = 0.01 }", ["50 % of the runs", "zero or positive"]),
+        (
+            'inclination = { distribution = "uniform", low = "30 deg", high = "31 deg" }',
+            ["without the nominal value"],
+        ),
+    ],
+)
+def test_what_is_hardly_meant_is_a_warning(scene, entry, words):
+    text = KICK.replace(COMPARING, "").replace(
+        "[dispersion.inputs]", f"[dispersion.inputs]\ninitial.orbit.{entry}"
+    )
+    file = scene(text)
+    assert len(file.doubts()) == 1
+    with pytest.warns(UserWarning) as told:
+        file.campaign()
+    for word in words:
+        assert word in str(told[0].message)
+
+
+def test_how_to_integrate_is_told_in_the_file(scene):
+    text = KICK.replace("accuracy = 3e-7", 'accuracy = 1e-8\nmax_step = "2 s"\nmax_steps = 500')
+    accuracy = scene(text + "").accuracy
+    assert (float(accuracy.rtol), float(accuracy.max_step), accuracy.max_steps) == (
+        pytest.approx(1e-8),
+        2.0,
+        500,
+    )
+    assert accuracy.method == "auto"
+    equal = TWO_BODY.replace("[system]", 'method = { name = "Stormer", steps = 400 }\n[system]')
+    method = scene(equal).accuracy.method
+    assert (type(method).__name__, method.steps) == ("Stormer", 400)
+
+
+def test_an_inertia_may_be_a_tensor(scene):
+    text = """
+[system]
+name = "torque_free_body"
+inertia = [["3 kg m^2", 0.1, 0.0], [0.1, 2.0, 0.0], [0.0, 0.0, 1.5]]
+[initial]
+omega = ["5 rpm", 0.0, 0.1]
+[initial.attitude]
+angles = [0.0, 0.0, 0.0]
+[times]
+end = "10 s"
+"""
+    file = scene(text)
+    np.testing.assert_array_equal(
+        file.system.inertia.tensor, [[3.0, 0.1, 0.0], [0.1, 2.0, 0.0], [0.0, 0.0, 1.5]]
+    )
+    with pytest.raises(SceneError, match="system.inertia is .*: it must be symmetric"):
+        scene(text.replace("[0.1, 2.0, 0.0]", "[0.2, 2.0, 0.0]"))

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxspace.io import load
+from jaxspace import load
 from jaxspace.orbits import apoapsis_radius, inclination, periapsis_radius
 from jaxspace.simulation import Accuracy, Status
 from jaxspace.simulation._runs import run_mission

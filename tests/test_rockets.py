@@ -184,7 +184,7 @@ def test_jet_damping_with_a_moment():
     np.testing.assert_allclose(run.final.omega[0], 0.7012008168850434, rtol=1e-11)
     q = np.asarray(run.states.attitude.wxyz)
     np.testing.assert_allclose(
-        2.0 * np.unwrap(np.arctan2(q[:, 1], q[:, 0]))[-1], 23.699979258778196, rtol=1e-10
+        2.0 * np.unwrap(np.arctan2(q[1], q[0]))[-1], 23.699979258778196, rtol=1e-10
     )
 
 

@@ -1,7 +1,6 @@
 """Regularised variables for eccentric orbits: against the closed form, under perturbations,
 landing, derivatives, honest errors."""
 
-import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -53,7 +52,7 @@ def flown(y, j2, ts):
 
 def far(a, b):
     """The largest distance of two positions."""
-    return float(np.max(np.linalg.norm(np.asarray(a) - np.asarray(b), axis=-1)))
+    return float(np.max(np.linalg.norm(np.asarray(a) - np.asarray(b), axis=0)))
 
 
 def by_scipy(force, y, ts):
@@ -65,11 +64,9 @@ def by_scipy(force, y, ts):
         return np.concatenate([v, force(t, r, v) - r / np.linalg.norm(r) ** 3])
 
     start = np.concatenate([y.position, y.velocity])
-    return (
-        solve_ivp(rate, (ts[0], ts[-1]), start, method="DOP853", rtol=1e-13, atol=1e-14, t_eval=ts)
-        .y[:3]
-        .T
-    )
+    return solve_ivp(
+        rate, (ts[0], ts[-1]), start, method="DOP853", rtol=1e-13, atol=1e-14, t_eval=ts
+    ).y[:3]
 
 
 def oblate_force(t, r, v):
@@ -109,11 +106,11 @@ def test_every_conic_in_every_direction_agrees_with_the_closed_form():
         (periapsis(3.0, 0.2, turned), 15.0),
         (BodyState(jnp.array([0.0, -1.2, 1.6]), jnp.zeros(3)), 20.0 * TURN + 1.0),
     ]
-    y = jax.tree.map(lambda *x: jnp.stack(x), *(y for y, _ in runs))
+    y = jax.tree.map(lambda *x: jnp.stack(x, axis=-1), *(y for y, _ in runs))
     spans = jnp.array([span for _, span in runs])
-    ts = jnp.stack([jnp.zeros_like(spans), spans], axis=1)
-    found = simulate_batch(Scene((PointGravity(1.0),)), y, ts, accuracy=by(640), in_axes=(None, 0))
-    exact = jax.jit(kepler_flow)(y.position.T, y.velocity.T, spans, 1.0)[0].T
+    ts = jnp.stack([jnp.zeros_like(spans), spans])
+    found = simulate_batch(Scene((PointGravity(1.0),)), y, ts, accuracy=by(640))
+    exact = jax.jit(kepler_flow)(y.position, y.velocity, spans, 1.0)[0]
     assert np.all(found.status == Status.COMPLETED)
     # 640 steps with an error of some 1e-13 each at most, where a phase error grows with the square
     # of their number
@@ -126,7 +123,7 @@ def test_oblateness_forwards_backwards_and_not_at_all():
     run = flown(y, J2, jnp.array([0.0, 60.0]))
     assert run.status == Status.COMPLETED
     # a tolerance of 1e-13 in each of scipy's steps, some hundreds of them
-    assert far(run.final.position, by_scipy(oblate_force, y, [0.0, 60.0])[-1]) < 2e-10
+    assert far(run.final.position, by_scipy(oblate_force, y, [0.0, 60.0])[:, -1]) < 2e-10
     assert float(run.drift()["energy"][-1]) < 1e-12
     back = flown(run.final, J2, jnp.array([60.0, 0.0]))
     assert far(back.final.position, y.position) < 1e-10
@@ -136,8 +133,8 @@ def test_oblateness_forwards_backwards_and_not_at_all():
 def test_derivatives_agree_with_the_closed_form_and_with_differences():
     y, ts = periapsis(0.9), jnp.array([0.0, 20.0])
 
-    def end(y, j2, span, adjoint):
-        accuracy = Accuracy(method=Regularised(steps=144, estimate=False), adjoint=adjoint)
+    def end(y, j2, span):
+        accuracy = Accuracy(method=Regularised(steps=144, estimate=False))
         return simulate(
             oblate(j2, 0.05), y, jnp.stack([ts[0], span]), accuracy=accuracy, throw=False
         ).final.position
@@ -147,17 +144,13 @@ def test_derivatives_agree_with_the_closed_form_and_with_differences():
 
     given = (y, jnp.array(0.0), ts[1])
     cotangent = jnp.array([0.3, -0.5, 0.8])
-    reverse = jax.jit(
-        lambda *p: jax.vjp(lambda *q: end(*q, diffrax.RecursiveCheckpointAdjoint()), *p)[1](
-            cotangent
-        )
-    )(*given)
+    reverse = jax.jit(lambda *p: jax.vjp(end, *p)[1](cotangent))(*given)
     exact = jax.vjp(closed, y, ts[1])[1](cotangent)
     # three revolutions at a periapsis of 0.1: the derivatives are up to some 1e4
     for a, b in zip(jax.tree.leaves((reverse[0], reverse[2])), jax.tree.leaves(exact), strict=True):
         np.testing.assert_allclose(a, b, rtol=1e-7, atol=1e-6)
     tangent = jax.tree.map(jnp.ones_like, given)
-    value = jax.jit(lambda *p: jax.jvp(lambda *q: end(*q, diffrax.ForwardMode()), p, tangent))
+    value = jax.jit(lambda *p: jax.jvp(end, p, tangent))
     forward = value(*given)[1]
     expected = sum(jnp.sum(x) for x in jax.tree.leaves(reverse))
     np.testing.assert_allclose(cotangent @ forward, expected, rtol=1e-8)
@@ -188,16 +181,21 @@ def test_errors_fall_with_the_order_and_are_not_understated():
         periapsis(0.5, axes=np.array([[0.6, 0.0, 0.8], [0.0, 1.0, 0.0], [-0.8, 0.0, 0.6]])),
         jnp.array([0.0, 32.0]),
     )
-    exact = by_scipy(oblate_force, y, [0.0, 32.0])[-1]
+    exact = by_scipy(oblate_force, y, [0.0, 32.0])[:, -1]
+
     # In a program of its own, where too few steps are not repeated with more.
-    run = eqx.filter_jit(
-        lambda y: simulate(oblate(J2), y, ts, accuracy=by(112, 1e-12), throw=False)
-    )(y)
+    @eqx.filter_jit
+    def run_at(rtol):
+        return simulate(oblate(J2), y, ts, accuracy=by(112, rtol), throw=False)
+
+    # Nothing is left of a run that misses its tolerance: a loose one shows its error.
+    missed, run = run_at(jnp.array(1e-12)), run_at(jnp.array(1e-6))
+    assert missed.status == Status.TOLERANCE_MISSED
+    assert run.status == Status.COMPLETED
     error = far(run.final.position, exact)
-    assert run.status == Status.TOLERANCE_MISSED
     # The largest local error is a sixteenth of the difference to half as many steps, relative to
     # the length of the position.
-    difference = 16.0 * 1e-12 * float(run.stats["largest_local_error"]) * np.linalg.norm(exact)
+    difference = 16.0 * 1e-6 * float(run.stats["largest_local_error"]) * np.linalg.norm(exact)
     assert difference / 16.0 > error
     assert np.log2(difference / error) > 6.5
 

@@ -1,7 +1,6 @@
 """Splitting of perturbed orbits: its order, that it is exact without a perturbation, its energy,
 its derivatives."""
 
-import diffrax
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -42,7 +41,7 @@ def sixty(span, y, order=4, rtol=1e-3, j2=J2):
 
 def far(a, b):
     """The largest distance of two positions."""
-    return float(jnp.max(jnp.linalg.norm(a - b, axis=-1)))
+    return float(jnp.max(jnp.linalg.norm(a - b, axis=0)))
 
 
 def exact(ts):
@@ -53,7 +52,7 @@ def exact(ts):
 @pytest.mark.slow
 @pytest.mark.parametrize("order", [4, 2, 6])
 def test_errors_fall_with_the_order_and_are_estimated(order):
-    end = exact(jnp.linspace(0.0, 20.0, 7))[-1]
+    end = exact(jnp.linspace(0.0, 20.0, 7))[:, -1]
     coarse, half = sixty(20.0, start(), order), sixty(10.0, start(), order)
     errors = [far(run.final.position, end) for run in (coarse, sixty(10.0, half.final, order))]
     # Of the length of the position, near 1.2; the estimate is good to the next order.
@@ -63,16 +62,15 @@ def test_errors_fall_with_the_order_and_are_estimated(order):
 
 def test_without_a_perturbation_every_step_is_exact():
     run = sixty(20.0, start(0.9), j2=0.0)
-    assert (
-        far(run.final.position, TwoBody(1.0).closed_form().flow(20.0, start(0.9)).position) < 1e-11
-    )
+    closed = simulate(TwoBody(1.0), start(0.9), jnp.array([0.0, 20.0]))
+    assert far(run.final.position, closed.final.position) < 1e-11
 
 
 def test_every_state_asked_for_is_landed_on_backwards_and_in_a_batch():
     ts = jnp.linspace(20.0, 0.0, 7)
-    both = jax.tree.map(lambda x: jnp.stack([x, x]), start())
-    run = simulate_batch(oblate(), both, ts, accuracy=by(30, 6), in_axes=(None, 0))
-    assert far(run.states.position[1], exact(ts)) < 1e-7
+    both = jax.tree.map(lambda x: jnp.stack([x, x], axis=-1), start())
+    run = simulate_batch(oblate(), both, ts, accuracy=by(30, 6))
+    assert far(run.states.position[..., 1], exact(ts)) < 1e-7
 
 
 def test_energy_swings_and_does_not_wander():
@@ -88,8 +86,8 @@ def test_energy_swings_and_does_not_wander():
     assert swing.max() < 1e-6
 
 
-def without_estimate(**more):
-    return Accuracy(method=Splitting(4, steps=60, estimate=False), **more)
+def without_estimate():
+    return Accuracy(method=Splitting(4, steps=60, estimate=False))
 
 
 def against_differences(end, derivative, given):
@@ -105,7 +103,7 @@ def against_differences(end, derivative, given):
 def test_derivatives_of_an_orbit_forwards():
     def end(j2, x):
         y = BodyState(jnp.array([1.08, 0.0, 0.0]) + x, start().velocity)
-        accuracy = without_estimate(adjoint=diffrax.ForwardMode())
+        accuracy = without_estimate()
         return jnp.sum(
             simulate(
                 oblate(j2), y, jnp.array([0.0, 20.0]), accuracy=accuracy, throw=False

@@ -14,6 +14,8 @@ from ._outputs import cone_angle as cone_angle
 from ._outputs import pointing as pointing
 from ._outputs import spin_rate as spin_rate
 from ._polhode import Polhode as Polhode
+from ._spherical_pendulum import PendulumState as PendulumState
+from ._spherical_pendulum import SphericalPendulum as SphericalPendulum
 from ._top import Top as Top
 from ._top import continuous_precession as continuous_precession
 from ._torque_free import TorqueFreeBody as TorqueFreeBody

@@ -1,11 +1,15 @@
 """Orientation for initial states: along a direction of the orbit, or by Euler's angles."""
 
 from collections.abc import Sequence
+from typing import TypeAlias
 
 import jax.numpy as jnp
+from jaxtyping import Array, Float
 
 from ..core import Choice, Scalar, Vector, argument, as_float, cross, initial, unit
 from ..rotations import Quaternion, from_euler_angles
+
+Pair: TypeAlias = Float[Array, "2 *#runs"] | Sequence[Scalar]
 
 _TILT = argument(
     "rad", shape=(2,), default=(0.0, 0.0), doc="turns about the body's x and then y axis at last"
@@ -24,7 +28,7 @@ def attitude_along(
     position: Vector,
     velocity: Vector,
     lead: Scalar = 0.0,
-    tilt: Vector | Sequence[float] = (0.0, 0.0),
+    tilt: Pair = (0.0, 0.0),
 ) -> Quaternion:
     """The orientation whose z axis lies along a direction of the orbit, and x along its normal.
 
@@ -50,9 +54,7 @@ def attitude_along(
     angles=argument("rad", shape=(3,), doc="Euler's angles 3-1-3: precession, nutation, spin"),
     tilt=_TILT,
 )
-def attitude_from_angles(
-    angles: Vector | Sequence[float], tilt: Vector | Sequence[float] = (0.0, 0.0)
-) -> Quaternion:
+def attitude_from_angles(angles: Vector | Sequence[Scalar], tilt: Pair = (0.0, 0.0)) -> Quaternion:
     """The orientation by Euler's angles 3-1-3.
 
     **Arguments**
@@ -64,6 +66,6 @@ def attitude_from_angles(
     return _tilted(from_euler_angles(as_float(angles)), tilt)
 
 
-def _tilted(straight: Quaternion, tilt: Vector | Sequence[float]) -> Quaternion:
+def _tilted(straight: Quaternion, tilt: Pair) -> Quaternion:
     about_x, about_y = as_float(tilt)
     return straight.then(Quaternion.about(0, about_x)).then(Quaternion.about(1, about_y))

@@ -25,7 +25,10 @@ def is_concrete(x: Any) -> bool:
 
 def _show(x: Any) -> str:
     a = np.asarray(x)
-    return f"{a.item():.6g}" if a.ndim == 0 else np.array2string(a, precision=6, threshold=6)
+    if a.ndim == 0:
+        return f"{a.item():.6g}"
+    # A sentence stays on one line, so that the command line can print one line for each error.
+    return " ".join(np.array2string(a, precision=6, threshold=6).split("\n"))
 
 
 def check(ok: Any, field: str, value: Any, allowed: str) -> None:

@@ -96,9 +96,7 @@ def _single(parts: Any, dims: Any) -> tuple[Any, PyTree]:
     return found[0].system, found[1]
 
 
-def _field_axis(
-    field: ScaledVectorField, mapped: Any, own: Any, size: int
-) -> ScaledVectorField:
+def _field_axis(field: ScaledVectorField, mapped: Any, own: Any, size: int) -> ScaledVectorField:
     """The field with a further axis of runs."""
 
     def leaf(x: Any, axes: int, is_mapped: Any, is_own: Any, keep_shared: bool) -> Any:

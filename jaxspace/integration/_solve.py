@@ -79,6 +79,10 @@ def _outcome(loop: Any, settings: LoopSettings) -> Outcome:
     )
 
 
+def _weak_shape(x: Array) -> jax.ShapeDtypeStruct:
+    return jax.ShapeDtypeStruct(x.shape, x.dtype, weak_type=jax.typeof(x).weak_type)
+
+
 @final
 class Problem:
     """The static part of an integration; its arrays are the arguments of the primitives.
@@ -88,7 +92,8 @@ class Problem:
     def __init__(self, parts: tuple[Any, State, LoopSettings]):
         arrays, self.static = eqx.partition(parts, eqx.is_array)
         self.leaves, self.structure = jax.tree.flatten(arrays)
-        self.avals = [jax.ShapeDtypeStruct(x.shape, x.dtype) for x in self.leaves]
+        # A Python number among the parameters stays weak: it takes the precision of the state.
+        self.avals = [_weak_shape(x) for x in self.leaves]
         # The arguments of the primitives are tracers; only their shapes may stay here.
         field, y0, settings = parts
         self.num_field = len(jax.tree.leaves(eqx.filter(field, eqx.is_array)))
@@ -185,7 +190,8 @@ class Problem:
         structure = jax.tree.structure(y0)
         of_part, of_state = replay.vjp(part, y0, jax.tree.unflatten(structure, cotangents))
         state = jax.tree.leaves(of_state)
-        found = dict(zip([k for k in moving if k < self.num_field], jax.tree.leaves(of_part)))
+        of_field = [k for k in moving if k < self.num_field]
+        found = dict(zip(of_field, jax.tree.leaves(of_part), strict=True))
         found |= {self.num_field + k: x for k, x in enumerate(state)}
         return [found[k] for k in moving]
 

@@ -206,9 +206,13 @@ class Table(Kind):
         for key in value:
             if key not in self.entries:
                 reading.errors.append(unknown(joined(path, key), key, self.entries))
+        # In the order of the file: it is that of the effects of a scene, and of the units.
+        keys = dict.fromkeys([*(key for key in value if key in self.entries), *self.entries])
         return {
-            key: self._entry(entry, value.get(key, REQUIRED), joined(path, key), reading)
-            for key, entry in self.entries.items()
+            key: self._entry(
+                self.entries[key], value.get(key, REQUIRED), joined(path, key), reading
+            )
+            for key in keys
         }
 
     def _entry(self, entry: Entry, value: Any, path: str, reading: Reading) -> Any:

@@ -15,7 +15,6 @@ from collections.abc import Callable, Iterable, Mapping
 from typing import Any, NamedTuple
 
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, Float
 
 from ..bodies import AbstractBody, AbstractEffect
@@ -211,7 +210,7 @@ class Building(NamedTuple):
         if isinstance(inner, ListOf):
             return jnp.stack([self._array(inner, row) for row in value])
         if isinstance(inner, Number) and inner.quantity.fixed:
-            return np.asarray(value)
+            return value
         return self.runs.full(value) if self.full else self.runs.vector(value)
 
 

@@ -16,12 +16,13 @@ from ..bodies import BodyState
 from ..core import State
 from ._catalog import part_quantities, state_class
 from ._checks import Parsed
-from ._errors import unknown, wrong
+from ._errors import hint, unknown, wrong
 from ._objects import at
 from ._units import in_unit
 
 FINAL = "final"
-SPECIAL = ("y", "t", "body", "initial", NOMINAL := "nominal")
+NOMINAL = "nominal"
+SPECIAL = ("y", "t", "body", "initial", NOMINAL)
 
 
 class OutputSpec(NamedTuple):
@@ -37,7 +38,7 @@ class OutputSpec(NamedTuple):
     factor: float
     function: Callable[..., Any] | None
     path: tuple[str, ...]
-    shared: Mapping[str, str]
+    shared: tuple[tuple[str, str], ...]
 
     def arguments(self) -> tuple[str, ...]:
         """The names of the arguments of the function."""
@@ -79,7 +80,7 @@ def _read(key: str, entry: Any, file: Parsed, units: Mapping[str, str]) -> Outpu
     places = _places(file)
     head, dot, rest = name.partition(".")
     if dot and head in places:
-        at_phase, function, shared = places[head], None, {}
+        at_phase, function, shared = places[head], None, ()
         path = tuple(rest.split("."))
         si = _unit_of_path(f"{key} = {name}", path, file)
     elif name in catalog:
@@ -87,12 +88,12 @@ def _read(key: str, entry: Any, file: Parsed, units: Mapping[str, str]) -> Outpu
         if where not in places:
             raise ValueError(unknown(f"{key}.at", where, places, "phase"))
         at_phase, function, path = places[where], catalog[name], ()
-        si, shared = function.output.unit, function.output.shared
+        si, shared = function.output.unit, tuple(function.output.shared.items())
         for error in _lacking(name, function, file):
             raise ValueError(error)
     else:
         expected = f"one of {', '.join(catalog)}, or a path such as final.position.0"
-        raise ValueError(wrong(key, name, expected) + _near(name, catalog))
+        raise ValueError(wrong(key, name, expected) + hint(name, catalog))
     unit = entry.get("unit", units.get(si, si))
     try:
         factor = in_unit(si, unit)
@@ -100,12 +101,6 @@ def _read(key: str, entry: Any, file: Parsed, units: Mapping[str, str]) -> Outpu
         raise ValueError(wrong(f"{key}.unit", unit, str(error))) from None
     shown_name = entry.get("name", name)
     return OutputSpec(shown_name, at_phase, unit, factor, function, path, shared)
-
-
-def _near(name: str, names: Mapping[str, Any]) -> str:
-    from ._errors import hint
-
-    return hint(name, names)
 
 
 def _places(file: Parsed) -> dict[str, int]:
@@ -172,10 +167,8 @@ def applicable_outputs(file: Parsed, units: Mapping[str, str]) -> tuple[OutputSp
         if not compares and not _lacking(name, function, file):
             si = function.output.unit
             unit = units.get(si, si)
-            spec = OutputSpec(
-                name, -1, unit, in_unit(si, unit), function, (), function.output.shared
-            )
-            found.append(spec)
+            shared = tuple(function.output.shared.items())
+            found.append(OutputSpec(name, -1, unit, in_unit(si, unit), function, (), shared))
     return tuple(found)
 
 
@@ -213,10 +206,10 @@ class Outputs(eqx.Module):
         y = states[spec.at]
         if spec.function is None:
             return at_path(y, spec.path)
-        arguments = {}
+        arguments, shared = {}, dict(spec.shared)
         for name in spec.arguments():
-            if name in spec.shared:
-                arguments[name] = at(self.file.replaced(self.values, samples), spec.shared[name])
+            if name in shared:
+                arguments[name] = at(self.file.replaced(self.values, samples), shared[name])
             elif name == "y":
                 arguments[name] = y
             elif name == "t":

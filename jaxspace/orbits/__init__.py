@@ -1,6 +1,10 @@
 """Motion of a point under gravity: attraction by a point and by an oblate body, orbital elements,
 two-body motion in closed form, transfers."""
 
+from ._drag import Drag as Drag
+from ._drag import circular_decay_rate as circular_decay_rate
+from ._drag import drag_acceleration as drag_acceleration
+from ._drag import exponential_density as exponential_density
 from ._elements import ClassicalElements as ClassicalElements
 from ._elements import angular_momentum as angular_momentum
 from ._elements import apoapsis_radius as apoapsis_radius

@@ -16,7 +16,7 @@ between its points, so that the load has kinks at known times: these are its `br
 """
 
 from collections.abc import Sequence
-from typing import Any, ClassVar, final
+from typing import Any, ClassVar, TypeAlias, final
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -73,14 +73,18 @@ class ThrustProfile(AbstractParameters):
         ),
     )
     def of_table(
-        cls, times: Sequence[float] | Array, thrusts: Sequence[float] | Array
+        cls,
+        times: Sequence[float] | np.ndarray | Array,
+        thrusts: Sequence[float] | np.ndarray | Array,
     ) -> "ThrustProfile":
         """The profile of a table of thrust against time, in any units: only ratios matter."""
         return cls.tabulated(times, thrusts)[0]
 
     @classmethod
     def tabulated(
-        cls, times: Sequence[float] | Array, thrusts: Sequence[float] | Array
+        cls,
+        times: Sequence[float] | np.ndarray | Array,
+        thrusts: Sequence[float] | np.ndarray | Array,
     ) -> tuple["ThrustProfile", float, float]:
         """The profile of a table of thrust against time, and its burn time and mean thrust.
 
@@ -141,6 +145,8 @@ class ThrustProfile(AbstractParameters):
         return jnp.where((x >= 0.0) & (x <= 1.0), level, 0.0)
 
 
+Pair: TypeAlias = Float[Array, "2 *#runs"] | Sequence[Scalar]
+
 _STATION = argument(
     "m",
     optional=True,
@@ -149,7 +155,7 @@ _STATION = argument(
 _OFFSET = argument("m", shape=(2,), default=(0.0, 0.0), doc="x and y of the point of the thrust")
 
 
-def _point(station: Scalar, offset: Vector | Sequence[float]) -> Vector:
+def _point(station: Scalar, offset: Pair) -> Vector:
     """The point from its z and its (x, y), m."""
     x, y = as_float(offset)
     return jnp.stack(jnp.broadcast_arrays(x, y, as_float(station)))
@@ -210,7 +216,7 @@ class Thrust(AbstractEffect):
         burn_time: Scalar,
         propellant_mass: Scalar,
         station: Scalar | None = None,
-        offset: Vector | Sequence[float] = (0.0, 0.0),
+        offset: Pair = (0.0, 0.0),
         **fields: Any,
     ) -> "Thrust":
         """A solid motor from its total impulse and the mass of its propellant.
@@ -240,7 +246,7 @@ class Thrust(AbstractEffect):
         specific_impulse: Scalar,
         burn_time: Scalar,
         station: Scalar | None = None,
-        offset: Vector | Sequence[float] = (0.0, 0.0),
+        offset: Pair = (0.0, 0.0),
         **fields: Any,
     ) -> "Thrust":
         """A motor from its specific impulse.

@@ -175,8 +175,12 @@ def _resolve_for(
     starts = None
     if not is_traced((whole, accuracy)):
         sample = rows[np.linspace(0, rows.size - 1, SAMPLED).astype(int)]
-        carried = jax.tree.map(lambda x: x is not None, batched, is_leaf=lambda x: x is None)
-        axes = jax.tree.map(lambda flag: int(flag), carried)
+        axes = jax.tree.map(
+            lambda x, own: None if x is None else int(own is not None),
+            whole,
+            batched,
+            is_leaf=lambda x: x is None,
+        )
         starts = InitialConditions(whole, axes, sample)
     return resolve(system, y0, accuracy, starts)
 
@@ -193,7 +197,7 @@ def _run_systems(
     def block(piece: PyTree, given: PyTree) -> RunResult:
         shared, config, events = given
         system, y0, ts = cut_batch(piece, shared)
-        check_events(events, system, y0, ts[0])
+        check_events(events, system, y0, ts[0], 1)
         result = run_system(system, y0, ts, events, config, 1, dense)
         return _every_run(nan_where_failed(result))
 

@@ -4,13 +4,12 @@ from typing import TYPE_CHECKING, Any
 
 import jax
 import numpy as np
+from jaxtyping import Array
 
-from ..core import quantities
+from ..core import State, quantities
 
 if TYPE_CHECKING:
     import xarray
-
-    from ._trajectory import Trajectory
 
 
 def _unit(tree: Any, path: tuple[Any, ...]) -> str:
@@ -34,26 +33,26 @@ def _name(path: tuple[Any, ...]) -> str:
     return ".".join(name for name in names if name != "wxyz") or "state"
 
 
-def dataset_of(trajectory: "Trajectory") -> "xarray.Dataset":
-    """A trajectory as a data set: a variable for each block of the state, named axes, units."""
+def dataset_of(ts: Array, states: State, status: Array, run_axes: int) -> "xarray.Dataset":
+    """The arrays of a trajectory as a data set: a variable for each block, named axes, units."""
     import xarray
 
-    runs = ("run",) * trajectory.run_axes
-    variables = {}
-    for path, leaf in jax.tree_util.tree_flatten_with_path(trajectory.states)[0]:
+    runs = ("run",) * run_axes
+    variables: dict[str, Any] = {}
+    for path, leaf in jax.tree_util.tree_flatten_with_path(states)[0]:
         name = _name(path)
-        components = [f"{name}_{k}" for k in range(leaf.ndim - 1 - len(runs))]
-        axes = components[1:] and components or [name + "_component"] * len(components)
-        unit = _unit(trajectory.states, path)
+        components = tuple(f"{name}_{k}" for k in range(leaf.ndim - 1 - run_axes))
+        unit = _unit(states, path)
         attributes = {"units": unit} if unit else {}
-        variables[name] = ((*axes, "time", *runs), np.asarray(leaf), attributes)
-    variables["status"] = (runs, np.asarray(trajectory.status))
-    ts = np.asarray(trajectory.ts)
-    # Runs whose times differ have no common axis of times: they are numbered, and a variable.
-    common = ts.ndim == 1 or bool(np.all(ts == ts[:, :1]))
-    coordinates = {}
-    if common:
-        coordinates["time"] = ("time", ts if ts.ndim == 1 else ts[:, 0], {"units": "s"})
+        variables[name] = ((*components, "time", *runs), np.asarray(leaf), attributes)
+    variables["status"] = (runs, np.asarray(status))
+    times = np.asarray(ts)
+    coordinates: dict[str, Any] = {}
+    if times.ndim == 1:
+        coordinates["time"] = ("time", times, {"units": "s"})
+    elif np.all(times == times[:, :1]):
+        coordinates["time"] = ("time", times[:, 0], {"units": "s"})
     else:
-        variables["t"] = (("time", *runs), ts, {"units": "s"})
+        # Runs whose times differ have no common axis: the times are a variable of their own.
+        variables["t"] = (("time", *runs), times, {"units": "s"})
     return xarray.Dataset(variables, coords=coordinates)

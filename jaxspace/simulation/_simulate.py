@@ -1,5 +1,6 @@
 """The verb: from a system and an initial state to a trajectory whose accuracy is accounted for."""
 
+import functools
 from collections.abc import Callable
 from typing import Any, TypeVar, overload
 
@@ -14,6 +15,7 @@ from ..integration._accuracy import Accuracy, as_accuracy, check_initial_state, 
 from ..integration._config import IntegrationConfig, resolve
 from ..integration._events import Event
 from ..integration._integrate import broadcast_state
+from ..integration._selection import shape_of
 from ..integration._status import Status, raise_on_failure
 from ..integration._stiffness import InitialConditions
 from ._failures import loud, nan_where_failed
@@ -100,7 +102,7 @@ def _simulate_system(
     ts = check_times(ts, y0)
     check_structure(system, y0, ts[0])
     events = tuple(events)
-    check_events(events, system, y0, ts[0])
+    check_events(events, system, y0, ts[0], 0)
     config = resolve(system, y0, as_accuracy(accuracy), InitialConditions.of_one(system, y0, ts))
 
     def run(config: IntegrationConfig) -> Trajectory:
@@ -240,7 +242,19 @@ def check_num_saved(num_saved: int) -> None:
 
 def check_structure(system: AbstractSystem, y0: State, t: Array) -> None:
     """Raise `InputError` unless the derivative has the structure of the state."""
-    derivative = jax.eval_shape(system.vector_field, t, y0)
+    leaves, structure = jax.tree.flatten(jax.tree.map(shape_of, (system, y0, t)))
+    try:
+        _check_structure(structure, tuple(leaves))
+    except TypeError:
+        # A leaf that cannot be hashed: nothing can be kept from one call to the next.
+        _check_structure.__wrapped__(structure, tuple(leaves))
+
+
+@functools.lru_cache(maxsize=256)
+def _check_structure(structure: Any, leaves: tuple[Any, ...]) -> None:
+    """Once for each system and state of one make: tracing the field costs more than a short run."""
+    system, y0, t = jax.tree.unflatten(structure, leaves)
+    derivative = eqx.filter_eval_shape(lambda s, t, y: s.vector_field(t, y), system, t, y0)
     if jax.tree.structure(derivative) == jax.tree.structure(y0):
         return
     held, given = (
@@ -256,14 +270,19 @@ def check_structure(system: AbstractSystem, y0: State, t: Array) -> None:
     )
 
 
-def check_events(events: tuple[Event, ...], system: AbstractSystem, y0: State, t: Array) -> None:
+def check_events(
+    events: tuple[Event, ...], system: AbstractSystem, y0: State, t: Array, run_axes: int
+) -> None:
     """Raise `InputError` for a condition that is not one number for each run."""
+    if not events:
+        return
     y = eqx.filter_eval_shape(broadcast_state, system, t, y0)
+    leaf = jax.tree.leaves(y)[0]
+    runs = leaf.shape[leaf.ndim - run_axes :]
     for number, event in enumerate(events):
         value = jax.eval_shape(event.condition, t, y)
-        runs = {leaf.shape[leaf.ndim - t.ndim :] for leaf in jax.tree.leaves(y)} if t.ndim else {()}
-        if not isinstance(value, jax.ShapeDtypeStruct) or value.shape not in runs | {()}:
-            shape = getattr(value, "shape", type(value).__name__)
+        shape = getattr(value, "shape", type(value).__name__)
+        if shape not in (runs, ()):
             raise InputError(
                 f"events[{number}].condition returns {shape}: it must return one number."
             )

@@ -15,6 +15,7 @@ from ..core import AbstractSystem, InputError, Scalar, State, is_concrete, run_a
 from ..integration._config import IntegrationConfig
 from ..integration._integrate import DenseOutput, state_at, take_step
 from ..integration._status import Status
+from ._dataset import dataset_of
 from ._rerun import final_state_again
 
 if TYPE_CHECKING:
@@ -160,9 +161,7 @@ class Trajectory(eqx.Module):
 
     def to_xarray(self) -> "xarray.Dataset":
         """The run as a data set with named axes and units: (component, time, run)."""
-        from ._dataset import dataset_of
-
-        return dataset_of(self)
+        return dataset_of(self.ts, self.states, self.status, self.run_axes)
 
     def plot(self) -> "Figure":
         """A figure of the run: its path, orbit or axis, as far as the states show one."""

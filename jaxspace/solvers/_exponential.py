@@ -167,6 +167,7 @@ class ExponentialRosenbrock(AbstractDeclaredSolver, diffrax.AbstractAdaptiveSolv
         end = just_before(t0, t1)
         v = layout.flat(y0)
         h = (t1 - t0).astype(v.dtype)
+        # Held: every one of the five stages reads them.
         f, f_t, jacobian = barrier(_linearise(terms, t0, y0, args, layout))
         quarter, half, whole = barrier(phi_functions(h * jacobian))
 
@@ -180,6 +181,7 @@ class ExponentialRosenbrock(AbstractDeclaredSolver, diffrax.AbstractAdaptiveSolv
             rate = evaluate(terms, t, layout.state(v + change), args)
             return layout.flat(rate) - f - _apply(jacobian, change) - c * h * f_t
 
+        # The stages 3 to 5 need D_2 only, and not one another.
         d2 = left_out(0.5, linear(0.5, half))
         d3, d4, d5 = (
             left_out(c, linear(c, phi) + 8.0 * c**3 * h * _apply(phi[3], d2))

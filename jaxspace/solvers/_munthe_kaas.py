@@ -52,6 +52,7 @@ def _coordinate_rate(
     """The derivative of the coordinates; `args` holds the terms, the state at the start of the
     step, and the arguments of the terms."""
     terms, y0, inner = args
+    # Held: the vector field and the rate of the coordinates both read the state.
     y = barrier(_moved(y0, local))
     rate = barrier(terms.vf(s, y, inner))
 

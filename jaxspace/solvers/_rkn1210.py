@@ -178,6 +178,7 @@ class RKN1210(AbstractDeclaredSolver, diffrax.AbstractAdaptiveSolver):
             return fitted()
         if self.save_ts.shape[0] == 0:
             return zeros()
+        # A condition, because the compiler cannot see that nothing reads the dense output.
         return jax.lax.cond(jnp.any((self.save_ts >= t0) & (self.save_ts <= t1)), fitted, zeros)
 
 

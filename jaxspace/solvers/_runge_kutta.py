@@ -86,6 +86,7 @@ class _NestedProducts(AbstractDenseOutput):
 
         def leaf(y0: Array, *fs: Array) -> Array:
             total = jnp.zeros_like(y0)
+            # In turns: all terms but the first, the change, vanish at both ends of the step.
             for i, f in enumerate(reversed(fs)):
                 total = (total + f) * (x if i % 2 == 0 else 1.0 - x).astype(y0.dtype)
             return y0 + total
@@ -164,6 +165,7 @@ class DOP853(AbstractDeclaredSolver, diffrax.AbstractAdaptiveSolver):
             return evaluate(terms, t, y, args)
 
         ks = stages(f, t0, h, y0, tableau.DOP853_C, tableau.DOP853_A, [])
+        # Held, because the dense output and the error read it too.
         y1 = barrier(combine(y0, h, tableau.DOP853_B, ks))
         error = jax.tree.map(
             _blend,
@@ -253,6 +255,7 @@ class Tsit5(AbstractDeclaredSolver, diffrax.AbstractAdaptiveSolver):
         def f(t: Array, y: State) -> State:
             return evaluate(terms, t, y, args)
 
+        # Beyond a jump the last stage of the step before belongs to another vector field.
         first = jax.lax.cond(made_jump, lambda: f(t0, y0), lambda: solver_state)
         ks = stages(f, t0, h, y0, tableau.TSIT5_C[1:], tableau.TSIT5_A[1:], [first])
         y1 = barrier(combine(y0, h, tableau.TSIT5_B, ks))

@@ -23,6 +23,7 @@ from ._vector_field import just_before
 Vectors = Float[Array, "..."]
 
 
+# Jitted, so that the stages of a step, seventeen and more, share one tracing of the vector field.
 @eqx.filter_jit
 def _acceleration(terms: AbstractTerm, s: Scalar, r: Vectors, y: State, args: PyTree) -> Vectors:
     return barrier(terms.vf(s, dataclasses.replace(y, position=barrier(r)), args).velocity)
@@ -64,6 +65,7 @@ class SecondOrder(NamedTuple):
         def a(v: Vectors) -> Vectors:
             return self.terms.vf(self.end, dataclasses.replace(y0, velocity=v), self.args).velocity
 
+        # By its numbers, because an effect may declare less than it reads.
         moving = a(y0.velocity)
         still = a(jnp.zeros_like(y0.velocity))
         # A thousand roundings: an acceleration may be the difference of large terms.
@@ -91,6 +93,7 @@ def second_order(
             "take DOP853() for this state."
         )
     end = just_before(t0, t1)
+    # The vector field knows how the position moves in normalised time, for each run by itself.
     ones = dataclasses.replace(y0, velocity=jnp.ones_like(y0.velocity))
     return SecondOrder(terms, args, y0, end, terms.vf(end, ones, args).position)
 

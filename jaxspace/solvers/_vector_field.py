@@ -46,8 +46,9 @@ class ScaledField(Protocol):
 def evaluate(terms: diffrax.AbstractTerm, t: Scalar, y: State, args: PyTree) -> State:
     """The vector field at one stage.
 
-    All stages of a step share one tracing of it, and the compiler does not merge it with what
-    reads it, because it would evaluate it again for every reader."""
+    All stages of a step share one tracing of it."""
+    # The first barrier keeps the sum of the stages from being repeated in every output of the
+    # vector field, the second one the vector field from being repeated in every reader.
     return barrier(terms.vf(t, barrier(y), args))
 
 

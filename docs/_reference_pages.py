@@ -1,0 +1,227 @@
+"""Writes the reference of the command line and of scene files from what the package declares."""
+
+import argparse
+import re
+from unittest import mock
+
+from _parameter_tables import unit as _unit
+from mkdocs.structure.files import File
+
+from jaxspace import cli, io
+
+
+def on_files(files, config):
+    """Add the generated pages to the site."""
+    pages = {
+        "reference/command_line.md": command_line(),
+        "reference/scene_files.md": scene_files(),
+    }
+    for name, text in pages.items():
+        files.append(File.generated(config, name, content=text))
+    return files
+
+
+class _Parser(Exception):
+    """Carries the parser of the command line out of `main`."""
+
+
+def _parser() -> argparse.ArgumentParser:
+    # `main` parses before it does anything else: its first act hands over the parser.
+    def hand_over(self, *args, **kwargs):
+        raise _Parser(self)
+
+    with mock.patch.object(argparse.ArgumentParser, "parse_args", hand_over):
+        try:
+            cli.main([])
+        except _Parser as found:
+            return found.args[0]
+    raise RuntimeError(
+        "jaxspace.cli.main does not parse its arguments by argparse."
+    )
+
+
+def command_line() -> str:
+    """The page of the command line."""
+    parser = _parser()
+    commands = next(
+        a
+        for a in parser._actions
+        if isinstance(a, argparse._SubParsersAction)
+    )
+    parts = [
+        "# Command line",
+        parser.description or "",
+        'The command comes with the extra `app`: `pip install ".[app]"`. It computes in double\n'
+        "precision and keeps compiled programs between runs.",
+        "| Command | What it does |\n|---|---|",
+    ]
+    parts[-1] += "".join(
+        f"\n| [`{parser.prog} {entry.dest}`](#{entry.dest}) | {entry.help} |"
+        for entry in commands._choices_actions
+    )
+    for entry in commands._choices_actions:
+        parts.append(
+            _command(parser.prog, entry, commands.choices[entry.dest])
+        )
+    parts.append(
+        "## Exit status\n\n| Status | Meaning |\n|---|---|\n| 0 | done |\n| 1 | runs failed |\n"
+        "| 2 | input that cannot be used; the message names the file, the key and what is allowed |"
+    )
+    return "\n\n".join(parts) + "\n"
+
+
+def _command(prog: str, entry, command: argparse.ArgumentParser) -> str:
+    usage = command.format_usage().removeprefix("usage: ").strip()
+    rows = [
+        f"| `{_name(action)}` | {(action.help or '').replace('|', '/')} |"
+        for action in command._actions
+        if action.dest != "help"
+    ]
+    head = "| Argument | Meaning |\n|---|---|"
+    text = f"## {entry.dest}\n\n{entry.help[0].upper()}{entry.help[1:]}.\n\n```sh\n{usage}\n```"
+    return text + ("\n\n" + "\n".join([head, *rows]) if rows else "")
+
+
+def _name(action: argparse.Action) -> str:
+    if not action.option_strings:
+        return str(action.metavar or action.dest)
+    value = action.metavar or (
+        "{" + ",".join(action.choices) + "}"
+        if action.choices
+        else action.dest.upper()
+    )
+    return action.option_strings[-1] + (
+        "" if action.nargs == 0 else f" {value}"
+    )
+
+
+def scene_files() -> str:
+    """The page of scene files: their tables, and everything that they may name."""
+    parts = [SCENE_FILES, _tables(io.schema())]
+    for group in io.listing().split("\n\n"):
+        title, *lines = group.split("\n")
+        parts.append(f"## {title[0].upper()}{title[1:]}")
+        parts += _group(lines)
+    return "\n\n".join(parts) + "\n"
+
+
+def _tables(schema: dict) -> str:
+    """What stands at the top of a file, and in the tables of the three kinds of files."""
+    forms = schema["anyOf"]
+    rows = {}
+    for form in forms:
+        for key, entry in form["properties"].items():
+            kinds = rows.setdefault(key, (entry.get("description", ""), []))[
+                1
+            ]
+            kinds += [kind for kind in [_kind(form)] if kind not in kinds]
+    lines = [
+        f"| `{key}` | {meaning} | {', '.join(kinds) if len(kinds) < 3 else 'all'} |"
+        for key, (meaning, kinds) in rows.items()
+    ]
+    return "\n".join(
+        ["| Key or table | Meaning | Files |", "|---|---|---|", *lines]
+    )
+
+
+def _kind(form: dict) -> str:
+    keys = form["properties"]
+    return (
+        "system"
+        if "system" in keys
+        else "mission"
+        if "phase" in keys
+        else "scene"
+    )
+
+
+def _group(lines: list[str]) -> list[str]:
+    """The entries of a group of the listing: a table of names, or for each name one of its keys."""
+    entries: list[tuple[str, list[str]]] = []
+    for line in lines:
+        if line.startswith("    "):
+            entries[-1][1].append(line[4:])
+        else:
+            entries.append((line.strip(), []))
+    if not any(keys for _, keys in entries):
+        rows = [_cells(text) for text, _ in entries]
+        head = ["| Name | Unit | Meaning |", "|---|---|---|"]
+        if not any(unit or meaning for _, unit, meaning in rows):
+            return [", ".join(f"`{name}`" for name, _, _ in rows)]
+        return [
+            "\n".join(
+                [
+                    *head,
+                    *(f"| `{n}` | {_unit(u)} | {m} |" for n, u, m in rows),
+                ]
+            )
+        ]
+    parts = []
+    for text, keys in entries:
+        if not keys:
+            parts.append(_listed(text))
+            continue
+        name, _, meaning = _cells(text)
+        parts.append(f"### {name}")
+        parts += [f"{meaning}."] if meaning else []
+        parts += _ways(keys)
+    return parts
+
+
+def _ways(keys: list[str]) -> list[str]:
+    """A table for each of the ways to give an entry."""
+    parts, rows = [], []
+    for line in [*keys, "or"]:
+        depth = (len(line) - len(line.lstrip())) // 2
+        if line.startswith("initial: "):
+            parts.append(_table(rows))
+            rows = []
+            parts.append(
+                "Its initial state: "
+                + _listed(line.removeprefix("initial: "))
+            )
+        elif line.strip() != "or":
+            name, unit, meaning = _cells(line.strip())
+            mark = "&emsp;" * depth
+            rows.append(f"| {mark}`{name}` | {_unit(unit)} | {meaning} |")
+        elif depth:
+            rows.append("| &emsp;*or* | | |")
+        else:
+            parts += [_table(rows), "*or*"]
+            rows = []
+    return [part for part in parts[:-1] if part]
+
+
+def _table(rows: list[str]) -> str:
+    return (
+        "\n".join(["| Key | Unit | Meaning |", "|---|---|---|", *rows])
+        if rows
+        else ""
+    )
+
+
+def _listed(text: str) -> str:
+    """Keys in a row, each as code."""
+    return re.sub(r"(\w+)( \[[^]]*\])?(, |; |$)", r"`\1`\2\3", text)
+
+
+def _cells(text: str) -> tuple[str, str, str]:
+    """Name, unit and meaning of a line such as "mass [kg]: of the body"."""
+    match = re.fullmatch(r"(\w+)(?: \[(.*?)\]| \((.*?)\))?(?:: (.*))?", text)
+    if match is None:
+        raise ValueError(
+            f"The listing has a line that is not known here: {text!r}."
+        )
+    name, unit, names, meaning = match.groups()
+    return name, unit or names or "", (meaning or "").replace("|", "\\|")
+
+
+SCENE_FILES = """\
+# Scene files
+
+A scene file is TOML. [Write a scene file](../howto/writing_scene_files.md) explains it by example;
+this page lists what it may hold. `jaxspace list` prints the same, `jaxspace schema` writes it for
+editors.
+
+A file is one of three kinds. A *system* names one system in `[system]`. A *scene* puts a body and
+effects together. A *mission* has `[[phase]]` tables. Numbers are in SI, or text with a unit."""

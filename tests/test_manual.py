@@ -1,0 +1,81 @@
+"""The manual runs: every Python block of every page and of the README, in one namespace a page.
+
+A block of another library carries a title (```{.python title="SciPy"}), and is shown only.
+"""
+
+import ast
+import importlib
+import inspect
+import pkgutil
+import re
+from pathlib import Path
+
+import jax
+import pytest
+
+import jaxspace
+
+ROOT = Path(__file__).parents[1]
+CODE = re.compile(r"^```python\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+LINK = re.compile(r"\]\(([^)#:]+)(?:#[^)]*)?\)")
+MANUAL = ["README.md", "CONTRIBUTING.md"]
+MANUAL += sorted(str(path.relative_to(ROOT)) for path in ROOT.glob("docs/**/*.md"))
+PAGES = [page for page in MANUAL if CODE.search((ROOT / page).read_text())]
+ROOMS = [room.name for room in pkgutil.iter_modules(jaxspace.__path__) if room.ispkg]
+# Written by a hook when the site is built.
+GENERATED = {"scene_files.md", "command_line.md"}
+
+
+def test_there_is_something_to_run():
+    assert "README.md" in PAGES
+    assert len(PAGES) >= 25
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_code_of_the_page_runs(page, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)  # a page may write a file
+    names = {"__name__": "page"}
+    # A reader has JAX as it comes: of the settings that tests share only double precision is kept.
+    with jax.numpy_dtype_promotion("standard"):
+        for block in CODE.findall((ROOT / page).read_text()):
+            exec(compile(block, page, "exec"), names)
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_page_imports_public_names_only(page):
+    for block in CODE.findall((ROOT / page).read_text()):
+        for node in ast.walk(ast.parse(block)):
+            if isinstance(node, ast.ImportFrom):
+                names = [node.module or "", *(alias.name for alias in node.names)]
+            elif isinstance(node, ast.Import):
+                names = [alias.name for alias in node.names]
+            else:
+                continue
+            private = [name for name in names if re.search(r"(^|\.)_", name)]
+            assert not private, f"{page} imports {private}"
+
+
+@pytest.mark.parametrize("page", MANUAL)
+def test_links_of_the_page_lead_somewhere(page):
+    text = (ROOT / page).read_text()
+    for target in LINK.findall(text):
+        there = ((ROOT / page).parent / target).exists() or Path(target).name in GENERATED
+        assert there, f"{page} points to {target}"
+
+
+@pytest.mark.parametrize("room", ROOMS)
+def test_every_public_name_has_a_docstring(room):
+    module = importlib.import_module(f"jaxspace.{room}")
+    assert inspect.getdoc(module), f"jaxspace.{room} has no docstring"
+    for name, value in vars(module).items():
+        # An alias of a shape, such as `Scalar`, belongs to jaxtyping.
+        ours = getattr(value, "__module__", "").startswith("jaxspace")
+        if ours and not name.startswith("_"):
+            assert value.__doc__, f"jaxspace.{room}.{name} has no docstring"
+
+
+def test_pages_need_no_network():
+    files = [ROOT / "mkdocs.yml", *(ROOT / "docs" / "assets").glob("**/*.css")]
+    files += [path for path in ROOT.glob("docs/assets/*.js")]
+    for path in files:
+        assert not re.search(r"https?:|//cdn", path.read_text()), path
