@@ -3,7 +3,7 @@ known answers, the store."""
 
 import subprocess
 import sys
-from typing import Any, final
+from typing import final
 
 import equinox as eqx
 import jax
@@ -12,7 +12,14 @@ import numpy as np
 import pytest
 import scipy.stats
 
-from jaxspace.core import AbstractSystem, InputError
+from jaxspace.core import (
+    AbstractClosedForm,
+    AbstractSystem,
+    InputError,
+    Scalar,
+    quantities,
+    quantity,
+)
 from jaxspace.dispersion import (
     Campaign,
     Constant,
@@ -29,15 +36,15 @@ DURATION = 3.0
 
 
 class Swing(eqx.Module):
-    x: Any
-    v: Any
+    x: Scalar
+    v: Scalar
 
 
 @final
 class Oscillator(AbstractSystem):
     """x'' = -w^2 x"""
 
-    w: Any
+    w: Scalar = quantity("rad/s", doc="angular frequency")
 
     def vector_field(self, t, y):
         return Swing(y.v, -self.w * self.w * y.x)
@@ -47,8 +54,16 @@ class Oscillator(AbstractSystem):
 
 
 @final
+class StraightLine(AbstractClosedForm):
+    """x grows by v t."""
+
+    def flow(self, duration, y):
+        return Swing(y.x + duration * y.v, y.v)
+
+
+@final
 class Drift(AbstractSystem):
-    """x' = v, so that x grows by v t: linear in what scatters, and without any integration."""
+    """x' = v: linear in what scatters, and without any integration."""
 
     def vector_field(self, t, y):
         return Swing(y.v, jnp.zeros_like(y.v))
@@ -56,8 +71,18 @@ class Drift(AbstractSystem):
     def invariants(self, t, y):
         return {"v": y.v}
 
-    def flow(self, duration, y):
-        return Swing(y.x + duration * y.v, y.v)
+    def closed_form(self):
+        return StraightLine()
+
+
+class Stiffness(eqx.Module):
+    """What the stiffness of an oscillator may be."""
+
+    stiffness: Scalar = quantity("1/s^2", non_negative=True, doc="of the spring")
+
+    @classmethod
+    def limit(cls):
+        return quantities(cls)["stiffness"]
 
 
 def swings(samples):
@@ -263,7 +288,22 @@ def test_a_run_that_is_not_finite_marks_its_own_row():
     assert all(row.runs == 300 - bad.sum() and np.isfinite(row.std) for row in d.table())
 
 
-def test_a_nominal_run_that_cannot_be_flown_is_told():
+def test_a_run_outside_the_range_of_its_input_is_refused():
+    """Beyond its range a stiffness is not run: its row says so, and has no number. The other rows
+    are those of the oscillator."""
+    limits = {"stiffness": Stiffness.limit()}
+    inputs = {**INPUTS, "stiffness": Normal(2.0, 2.0)}
+    d = disperse(Campaign(swings, inputs, last, limits=limits), 300, seed=3)
+    bad = d.inputs["stiffness"] < 0.0
+    # A Gaussian draw lies a deviation below its mean in 16 % of 300 runs: 48 +- 5 times 6.3.
+    assert 17 < bad.sum() < 79
+    np.testing.assert_array_equal(d.status, np.where(bad, Status.REFUSED, Status.COMPLETED))
+    assert np.all(np.isnan(d.outputs["x"][bad]))
+    # As in `test_runs_match_the_closed_form`.
+    np.testing.assert_allclose(d.outputs["x"][~bad], exact(d)[~bad], rtol=0.0, atol=1e-8)
+
+
+def test_a_nominal_run_that_fails_is_an_error():
     with pytest.raises(SimulationError, match="nominal"):
         disperse(Campaign(swings, {**INPUTS, "stiffness": Normal(-4.0, 0.1)}, last), 5)
 

@@ -10,7 +10,9 @@ import pytest
 
 from jaxspace import load
 from jaxspace.orbits import apoapsis_radius, inclination, periapsis_radius
-from jaxspace.simulation import Accuracy, Status, run_mission
+from jaxspace.simulation import Accuracy, Status
+from jaxspace.simulation._runs import run_mission
+from jaxspace.simulation._simulate import resolve_phases
 
 FILE = Path(__file__).parents[1] / "examples" / "scenes" / "kick_stage.toml"
 STEP = 0.015  # of a standard deviation
@@ -22,14 +24,16 @@ def campaign():
 
 
 def final_orbit(campaign, samples):
-    """Periapsis and apoapsis radius, inclination, spin and time at the end of runs side by side, and
+    """Periapsis and apoapsis radius, inclination, spin and time at the end of batched runs, and
     the worst status."""
     mission, y0 = campaign.build(samples)
-    _, end, time, status = run_mission(mission, y0, jnp.zeros(()), 2, Accuracy(rtol=1e-11), 1)
+    configs = resolve_phases(mission, y0, Accuracy(rtol=1e-11))
+    result = run_mission(mission, y0, jnp.zeros(()), 2, configs, 1)
     mu = mission.phases[0].system.effects[0].mu
-    r, v = end.position, end.velocity
+    r, v = result.final.position, result.final.velocity
     orbit = [periapsis_radius(r, v, mu), apoapsis_radius(r, v, mu), inclination(r, v)]
-    return jnp.stack([*orbit, end.omega[2], time]), jnp.max(status)
+    numbers = jnp.stack([*orbit, result.final.omega[2], result.end])
+    return numbers, jnp.max(result.status)
 
 
 def test_derivatives_of_the_final_orbit_in_every_dispersed_input(campaign):
@@ -39,28 +43,27 @@ def test_derivatives_of_the_final_orbit_in_every_dispersed_input(campaign):
     The point is off the nominal one, where some slopes vanish. All runs of the differences share
     their steps, so that the error of the integration cancels. A step moves the phase of the spin at
     burnout by 0.13 rad, whose sixth power over 140 bounds the truncation to 4e-8 of what
-    oscillates; a periapsis of 6.6e6 m is known to some 1e-8 m, its differences to 1e-6."""
+    oscillates; a periapsis radius of 6.6e6 m is known to some 1e-8 m, its differences to 1e-6."""
     names = list(campaign.inputs)
     mean = jnp.array([campaign.inputs[n].mean for n in names])
     sigma = jnp.array([campaign.inputs[n].deviation for n in names])
     shift = jnp.asarray(np.random.default_rng(5).uniform(0.3, 1.0, len(names)))
 
-    def flown(z):
+    def ends(z):
         """The end of runs whose inputs lie `z`, (inputs, runs), standard deviations off."""
         x = mean[:, None] + sigma[:, None] * (shift[:, None] + z)
         return final_orbit(campaign, dict(zip(names, x, strict=True)))
 
     weights = {-3: -1.0, -2: 9.0, -1: -45.0, 1: 45.0, 2: -9.0, 3: 1.0}
     offsets = jnp.concatenate([k * STEP * jnp.eye(len(names)) for k in weights], axis=1)
-    values, status = jax.jit(flown)(offsets)
+    values, status = jax.jit(ends)(offsets)
     assert int(status) == Status.COMPLETED
-    pieces = jnp.split(values, len(weights), axis=1)
-    differences = sum(w * piece for w, piece in zip(weights.values(), pieces, strict=True)) / (
-        60.0 * STEP
-    )
+    shifted = jnp.split(values, len(weights), axis=1)
+    total = sum(w * x for w, x in zip(weights.values(), shifted, strict=True))
+    differences = total / (60.0 * STEP)
 
     def slope(row):
-        return jax.grad(lambda z: jnp.sum(row * flown(z[:, None])[0][:, 0]))(jnp.zeros(len(names)))
+        return jax.grad(lambda z: jnp.sum(row * ends(z[:, None])[0][:, 0]))(jnp.zeros(len(names)))
 
     # One run, once: the compiler's optimisation would cost minutes and save seconds.
     slope = jax.jit(slope, compiler_options={"xla_backend_optimization_level": 0})

@@ -4,8 +4,10 @@ and independent runs."""
 import dataclasses
 import math
 import sys
+from typing import final
 
 import diffrax
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -16,13 +18,22 @@ from test_solvers_exponential import Gyrocompass
 
 from jaxspace import Accuracy, BodyState, Event, Mission, Phase, Scene, simulate
 from jaxspace.bodies import Load, RigidBody
-from jaxspace.core import InputError
+from jaxspace.core import AbstractSystem, InputError, Scalar
+from jaxspace.integration import eligible_methods, select_method
+from jaxspace.io import catalog
 from jaxspace.orbits import Oblateness, PointGravity, TwoBody
 from jaxspace.plots import accuracy_cost_figure, effect_budget_figure
 from jaxspace.scene import Custom, Scaled
 from jaxspace.simulation import SimulationError
-from jaxspace.solvers import DOP853, ExponentialRosenbrock, Regularised, Tsit5
-from jaxspace.studies import AccuracyCost, Cost, accuracy_cost, effect_budget
+from jaxspace.solvers import DOP853, RKN1210, ExponentialRosenbrock, Regularised, Tsit5
+from jaxspace.studies import (
+    AccuracyCost,
+    Cost,
+    EffectBudget,
+    Influence,
+    accuracy_cost,
+    effect_budget,
+)
 
 BY_NAME = {s.name: s for s in SAMPLES}
 every = pytest.mark.parametrize("name", BY_NAME)
@@ -56,29 +67,25 @@ def test_accuracy_cost_of_every_system(name):
     # that of a run ten times looser than the reference, which is a hundred times tighter than this
     # one.
     assert cost.reference_error < 0.5 * tight.error and tight.error < 1e-2 * loose.error
-    assert min(loose.seconds, tight.seconds, loose.compile_seconds) > 0.0 and not tight.trouble
+    assert min(loose.seconds, tight.seconds, loose.compile_seconds) > 0.0 and not tight.failure
     exact = jax.tree.map(lambda x: x[..., -1], run(s.system, s.state, [0.0, s.span], rtol=3e-14))
-    flown = simulate(s.system, s.state, times(name), accuracy=Accuracy(rtol=1e-5, method=Tsit5()))
-    ends = zip(jax.tree.leaves(flown.final), jax.tree.leaves(exact), strict=True)
+    result = simulate(s.system, s.state, times(name), accuracy=Accuracy(rtol=1e-5, method=Tsit5()))
+    ends = zip(jax.tree.leaves(result.final), jax.tree.leaves(exact), strict=True)
     # Two programs round differently, and the control of the steps makes more of it.
     np.testing.assert_allclose(
         loose.error, max(np.linalg.norm(a - b) / np.linalg.norm(b) for a, b in ends), rtol=0.05
     )
-    for quantity, drift in flown.drift().items():
+    for quantity, drift in result.drift().items():
         np.testing.assert_allclose(loose.drift[quantity], drift.max(), rtol=0.05, atol=1e-12)
 
 
-@pytest.mark.slow
-@every
-def test_every_method_and_precision_of_every_system(name):
-    s = BY_NAME[name]
-    cost = accuracy_cost(
-        s.system, s.state, times(name), tolerances=(1e-5, 1e-7, 1e-9), gradient=True, repeats=1
-    )
+def check_every_row(cost):
+    """Every row is good and within its tolerance, and has a gradient; so far as float32 goes."""
     assert {r.precision for r in cost.rows} == {"float64", "float32"}
     assert any("float32: tolerances below 1.9e-06 are left out" in note for note in cost.notes)
+    assert not any("does not run" in note for note in cost.notes)
     for r in cost.rows:
-        assert not r.trouble and r.gradient_seconds > 0.0
+        assert not r.failure and r.gradient_seconds > 0.0
         if r.precision == "float64":
             # Single steps within the tolerance add up; derivatives err some ten times more.
             allowed = 1e-10 if r.tolerance is None else 1e3 * r.tolerance
@@ -88,26 +95,140 @@ def test_every_method_and_precision_of_every_system(name):
         assert word in words
 
 
+@pytest.mark.sweep
+@every
+def test_every_method_and_precision_of_every_system(name):
+    s = BY_NAME[name]
+    tolerances = (1e-5, 1e-7, 1e-9)
+    check_every_row(
+        accuracy_cost(
+            s.system, s.state, times(name), tolerances=tolerances, gradient=True, repeats=1
+        )
+    )
+
+
+class Swing(eqx.Module):
+    angle: Scalar
+    rate: Scalar
+
+
+@final
+class Spring(AbstractSystem):
+    """x'' = -x, which declares no closed form."""
+
+    def vector_field(self, t, y):
+        return Swing(y.rate, -y.angle)
+
+    def invariants(self, t, y):
+        return {"energy": 0.5 * (y.rate * y.rate + y.angle * y.angle)}
+
+
+def test_every_method_and_precision():
+    """By default those that "auto" may take: here DOP853 and Tsit5. The table's errors are those
+    against the closed form, which it does not know: x = cos t + 2 sin t."""
+    y0 = Swing(jnp.array(1.0), jnp.array(2.0))
+    cost = accuracy_cost(
+        Spring(), y0, jnp.array([0.0, 3.0]), tolerances=(1e-5, 1e-9), gradient=True, repeats=1
+    )
+    check_every_row(cost)
+    assert set(cost.methods) == {"DOP853", "Tsit5"}
+    run = simulate(Spring(), y0, jnp.array([0.0, 3.0]), accuracy=Accuracy(1e-5, method=Tsit5()))
+    exact = (np.cos(3.0) + 2.0 * np.sin(3.0), 2.0 * np.cos(3.0) - np.sin(3.0))
+    error = max(
+        abs(float(a) / b - 1.0) for a, b in zip(jax.tree.leaves(run.final), exact, strict=True)
+    )
+    loose = next(r for r in cost.rows if (r.method, r.tolerance) == ("Tsit5", 1e-5))
+    # Two programs round differently, and the control of the steps makes more of it.
+    assert loose.error == pytest.approx(error, rel=0.05)
+    assert loose.drift["energy"] == pytest.approx(float(run.drift()["energy"][-1]), rel=0.05)
+
+
+def test_the_methods_are_those_that_auto_may_take_and_a_file_may_name():
+    allowed = {"closed_form", *catalog().methods}
+    for s in SAMPLES:
+        methods = eligible_methods(s.system, s.state, (1e-4, 1e-12))
+        names = {m if isinstance(m, str) else type(m).__name__ for m in methods}
+        assert {"DOP853", "Tsit5"} <= names <= allowed
+        assert ("closed_form" in names) == (s.system.closed_form() is not None)
+        for rtol in (1e-4, 1e-12):
+            assert select_method(s.system, s.state, rtol) in methods
+    assert RKN1210() in eligible_methods(TwoBody(MU), orbit(), (1e-9,))
+
+
+def test_fixed_steps_have_one_row_and_no_tolerance():
+    method = Regularised(steps=48)
+    ts = jnp.array([0.0, 5400.0])
+    cost = accuracy_cost(
+        TwoBody(MU), orbit(), ts, tolerances=(1e-4, 1e-8), methods=[method], precisions=["float64"]
+    )
+    (row,) = cost.rows
+    assert row.method == f"Regularised({method.steps} steps)" and row.tolerance is None
+    # Of order 8 with some 48 steps of a revolution: (2 pi / 48)^8 = 9e-8, over 8!.
+    assert 0.0 < row.error < 1e-8 and row.steps == method.steps and not row.failure
+    found = cost.cheapest(1e-8)
+    assert found.method == method
+    assert simulate(TwoBody(MU), orbit(), ts, accuracy=found).accuracy.method == method
+
+
+def test_auto_of_a_mission_is_shown_where_it_takes_what_was_measured():
+    """By a closed form and by RKN1210. Above 1e-5 it would take Tsit5 for the second phase."""
+    mission = Mission([Phase(Scene([PointGravity(MU)]), 300.0), Phase(OBLATE, 300.0)])
+    cost = accuracy_cost(
+        mission,
+        orbit(),
+        tolerances=(1e-4, 1e-8),
+        methods=["auto"],
+        precisions=["float64"],
+        repeats=1,
+    )
+    (row,) = cost.rows
+    assert (row.method, row.tolerance) == ("auto", 1e-8)
+    # As in `check_every_row`.
+    assert row.error < 1e-5 and not row.failure
+    assert cost.cheapest(1e-5).method == "auto"
+
+
+def test_a_constant_of_double_precision_runs_in_single_precision():
+    """A user's effect holds numbers of float64, here 1 m/s^2 along x: the row of float32 is there,
+    and has its digits. x = 1 + t^2/2 is 51 m after 10 s."""
+    y0 = BodyState(jnp.array([1.0, 2.0, 3.0]), jnp.zeros(3))
+    with jax.numpy_dtype_promotion("standard"):
+        cost = accuracy_cost(
+            Scene([wind(1.0)]),
+            y0,
+            jnp.array([0.0, 10.0]),
+            tolerances=(1e-5,),
+            methods=[Tsit5()],
+            precisions=["float32"],
+            repeats=1,
+        )
+    assert cost.notes == ()
+    (row,) = cost.rows
+    # Some ten steps, each within 1e-5 and rounded to 6e-8.
+    assert row.precision == "float32" and row.error < 1e-5 and not row.failure
+
+
 def test_closed_form_is_a_method_and_the_reference():
     cost = accuracy_cost(
         TwoBody(MU),
         orbit(),
         jnp.array([0.0, 5400.0]),
-        tolerances=(1e-6, 1e-9),
+        tolerances=(1e-9,),
+        methods=[DOP853(), "closed_form"],
         gradient=True,
         repeats=1,
     )
     assert cost.reference == "the closed form" and cost.reference_error < 1e-12
-    exact = next(r for r in cost.rows if r.method == "closed form" and r.precision == "float64")
+    exact = next(r for r in cost.rows if r.method == "closed_form" and r.precision == "float64")
     assert exact.tolerance is None and exact.error < 1e-12
-    single = next(r for r in cost.rows if r.method == "closed form" and r.precision == "float32")
+    single = next(r for r in cost.rows if r.method == "closed_form" and r.precision == "float32")
     assert 1e-9 < single.error < 1e-5
     assert cost.cheapest(1e-11).method == "auto"
     tight = next(r for r in cost.rows if r.method == "DOP853" and r.tolerance == 1e-9)
     assert tight.gradient_error < 1e-7
 
 
-def table(errors, seconds, trouble=""):
+def table(errors, seconds, failure=""):
     """A table by hand, of DOP853 at 1e-4, 1e-5, ..."""
     rows = [
         Cost(
@@ -121,7 +242,7 @@ def table(errors, seconds, trouble=""):
             10,
             2048,
             {"energy": 1e-9},
-            trouble=trouble,
+            failure=failure,
         )
         for k, (e, s) in enumerate(zip(errors, seconds, strict=True))
     ]
@@ -146,14 +267,14 @@ def test_cheapest_says_what_was_reached():
     with pytest.raises(InputError, match="error is -1: it must be positive"):
         table([1e-3], [1.0]).cheapest(-1.0)
     with pytest.raises(InputError, match="in which a run of the table ended well"):
-        table([1e-3], [1.0], trouble="It fell.").cheapest()
+        table([1e-3], [1.0], failure="It fell.").cheapest()
     # No error is known better than that of the reference.
     with pytest.raises(InputError, match="at least 1e-13"):
         table([1e-16], [1.0]).cheapest(1e-14)
 
 
 def test_the_table_is_plain_and_frozen():
-    cost = table([1e-3, math.nan], [1.0, 2e-5], trouble="It fell.")
+    cost = table([1e-3, math.nan], [1.0, 2e-5], failure="It fell.")
     with pytest.raises(dataclasses.FrozenInstanceError):
         cost.rows = ()  # pyright: ignore
     words = str(cost)
@@ -173,7 +294,7 @@ BAD_COST = [
     ({"tolerances": (1e-17,)}, "tolerances holds 1e-17: it must be at least"),
     ({"methods": ["euler"]}, "methods holds 'euler': it must hold solvers"),
     ({"methods": [diffrax.Euler()]}, "methods holds Euler.*an error estimate"),
-    ({"methods": ["closed form"]}, "Scene has none"),
+    ({"methods": ["closed_form"]}, "Scene has none"),
     (
         {"precisions": ["float16"]},
         r"precisions is \('float16',\): it must hold one or both of float64, float32",
@@ -293,13 +414,13 @@ def test_a_stiff_run_is_offered_the_exponential_method():
         compass,
         Gyrocompass.start(1e-3),
         ts,
-        tolerances=(1e-6, 1e-9),
+        tolerances=(1e-9,),
         precisions=["float64"],
         repeats=1,
     )
     assert cost.reference.startswith("ExponentialRosenbrock at") and cost.reference_error < 1e-8
-    trouble = {row.method: bool(row.trouble) for row in cost.rows}
-    assert trouble == {"DOP853": True, "Tsit5": True, "ExponentialRosenbrock": False}
+    failure = {row.method: bool(row.failure) for row in cost.rows}
+    assert failure == {"DOP853": True, "Tsit5": True, "ExponentialRosenbrock": False}
     assert isinstance(cost.cheapest(error=1e-6).method, ExponentialRosenbrock)
 
 
@@ -332,7 +453,7 @@ def test_a_budget_in_regular_variables():
     np.testing.assert_allclose(
         budget["Oblateness"].left_out, np.linalg.norm(ends[1] - ends[0]), rtol=1e-6
     )
-    assert "finite" in budget["PointGravity"].trouble and budget["PointGravity"].linear > 1e5
+    assert "finite" in budget["PointGravity"].failure and budget["PointGravity"].linear > 1e5
     assert budget.noise == pytest.approx(np.linalg.norm(budget.nominal - ends[1]), rel=0.1)
     assert f"Finer integration moves it by {budget.noise:.1g}." in str(budget)
 
@@ -344,7 +465,7 @@ def test_a_run_that_fails_without_an_effect_says_so():
     y0 = BodyState(jnp.zeros(3), jnp.array([0.0, 1.0, 0.0]))
     budget = effect_budget(mission, y0, tolerance=1.0, accuracy=QUICK, repeats=1)
     row = budget["Custom"]
-    assert row.left_out is None and "did not happen within its limit" in row.trouble
+    assert row.left_out is None and "did not happen within its limit" in row.failure
     # x = t^2/2 = 5 stays; y = t moves by sqrt(10)/2 for each unit of relative strength.
     assert row.influence == pytest.approx(math.sqrt(10.0) / 2.0, rel=1e-5)
     assert budget.dropped == ("Custom 2",) and "without Custom the run fails" in str(budget)
@@ -403,15 +524,11 @@ def test_pictures_of_studies():
         cost, rows=tuple(r._replace(gradient_error=1e-3, gradient_seconds=1.0) for r in cost.rows)
     )
     assert len(accuracy_cost_figure(gradient, title="It").axes) == 3
-    y0 = BodyState(jnp.zeros(3), jnp.zeros(3))
-    budget = effect_budget(
-        Scene([wind(1.0), wind(0.01)]),
-        y0,
-        jnp.array([0.0, 1.0]),
-        tolerance=0.1,
-        accuracy=QUICK,
-        repeats=1,
-    )
+    rows = [
+        Influence("Custom", ("scene",), 50.0, 50.0, 50.0, False, (50.0, 0.0, 0.0), 0.6),
+        Influence("Custom 2", ("scene",), 0.5, 0.5, 0.5, False, (0.5, 0.0, 0.0), 0.4),
+    ]
+    budget = EffectBudget("position", "m", np.zeros(3), 1e-9, tuple(rows), 1.0)
     left, right = effect_budget_figure(budget).axes
     assert [t.get_text() for t in left.get_yticklabels()] == ["Custom 2", "Custom"]
     assert "[m]" in left.get_xlabel() and "[%]" in right.get_xlabel()

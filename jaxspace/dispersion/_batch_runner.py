@@ -12,7 +12,7 @@ campaign was cut into chunks.
 """
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
@@ -36,7 +36,7 @@ CALL = 512
 TRIAL = 1.2
 # How far below the tolerance the errors of the trial block shall come to lie.
 MARGIN = 1.5
-# A cautious order of the local error: errors shrink at least with that power of the number of steps.
+# A cautious order of the local error: it shrinks at least with that power of the number of steps.
 ORDER = 6.0
 # Of the plan itself, and for the runs that missed the tolerance.
 FINENESS = (1.0, 2.0, 4.0)
@@ -77,7 +77,7 @@ class BatchRunner:
         self.blocks = Blocks.on(devices, max(chunk, CALL * len(devices)))
         self.call = max(CALL, self.blocks.size) * len(devices)
         self.chunk = self.call * -(-chunk // self.call)
-        self.given = (campaign, accuracy, key)
+        self.arguments = (campaign, accuracy, key)
         pilots, self.coupled = _pilot_plans(campaign, accuracy, key)
         first = np.arange(self.call, dtype=np.uint32)
         errors = self._call(first, _padded(pilots, [TRIAL] * len(pilots)))[1]
@@ -115,13 +115,14 @@ class BatchRunner:
         return jax.tree.map(lambda x: x[where], results)
 
     def _results(self, numbers: np.ndarray, level: int) -> RunResults:
-        """Whole calls, all of them handed out before the first result is fetched."""
-        pieces = numbers.astype(np.uint32).reshape(-1, self.call)
-        results = [self._call(piece, self.plans[level])[0] for piece in pieces]
+        """The runs of these `numbers`, which fill whole calls."""
+        calls = numbers.astype(np.uint32).reshape(-1, self.call)
+        # All of them are started before the first result is fetched, so that no device waits.
+        results = [self._call(own, self.plans[level])[0] for own in calls]
         return jax.tree.map(lambda *x: np.concatenate([np.asarray(part) for part in x]), *results)
 
     def _call(self, numbers: np.ndarray, plans: Plans) -> tuple[RunResults, Array]:
-        return _call(*self.given, jnp.asarray(numbers), plans, self.blocks)
+        return _call(*self.arguments, jnp.asarray(numbers), plans, self.blocks)
 
 
 @jit_wide_vectors
@@ -135,8 +136,10 @@ def _call(
 ) -> tuple[RunResults, Float[Array, "phases runs"]]:
     """The runs of these numbers, and the largest local error of each phase of each run."""
 
-    def block(numbers: Array, given: Any) -> tuple[RunResults, Array]:
-        return _block(*given, numbers)
+    def block(
+        numbers: Array, arguments: tuple[Campaign, Accuracy, Array, Plans]
+    ) -> tuple[RunResults, Array]:
+        return _block(*arguments, numbers)
 
     return blocks.map(block, numbers, (campaign, accuracy, key, plans))
 
@@ -150,13 +153,13 @@ def _block(
 ) -> tuple[RunResults, Float[Array, "phases runs"]]:
     samples = campaign.samples(key, numbers)
     allowed = campaign.allowed(samples)
-    # A refused run flies the nominal inputs: whatever it drew harms no other run of its block.
+    # A refused run takes the nominal inputs: whatever it drew harms no other run of its block.
     nominal = campaign.nominal()
-    flown = {name: jnp.where(allowed, x, nominal[name]) for name, x in samples.items()}
-    mission, y0 = campaign.build(flown)
+    inputs = {name: jnp.where(allowed, x, nominal[name]) for name, x in samples.items()}
+    mission, y0 = campaign.build(inputs)
     configs = resolve_phases(mission, y0, accuracy)
     result = run_mission(mission, y0, campaign.start, 2, configs, 1, plans)
-    outputs = campaign.outputs(result, flown)
+    outputs = campaign.outputs(result, inputs)
     check_names("The outputs of the campaign", outputs)
     for name in set(outputs) & set(samples):
         raise InputError(
@@ -177,14 +180,16 @@ def _block(
 def _pilots(
     campaign: Campaign, accuracy: Accuracy, key: Array
 ) -> tuple[list[Array | None], Array, bool]:
-    """The steps that the pilots took in every phase (none for a closed form), how they ended, the
-    nominal run first, and whether a phase ends by an event: the runs of a block then share the
-    adaptive steps of the search for it."""
+    """Adaptive runs of the pilots, the nominal one first.
+
+    **Returns** the ends of the steps of every phase (`None` for a closed form), the status of every
+    pilot, and whether a phase ends by an event."""
     drawn = campaign.samples(key, jnp.arange(PILOTS, dtype=jnp.uint32))
     samples = {name: jnp.concatenate([x, drawn[name]]) for name, x in campaign.nominal().items()}
     mission, y0 = campaign.build(samples)
     configs = resolve_phases(mission, y0, accuracy)
     result = run_mission(mission, y0, campaign.start, 2, configs, 1, record_steps=True)
+    # The runs of a block share the adaptive steps of the search for an event.
     coupled = any(isinstance(phase.until, Event) for phase in mission.phases)
     return [run.step_ends for run in result.phases], result.status, coupled
 
@@ -192,19 +197,20 @@ def _pilots(
 def _pilot_plans(
     campaign: Campaign, accuracy: Accuracy, key: Array
 ) -> tuple[list[np.ndarray | None], bool]:
-    """The nodes on which the pilots landed, phase by phase, and whether the runs of a block depend
-    on one another.
+    """The nodes at which the steps of the pilots ended, phase by phase, and whether the runs of a
+    block depend on one another.
 
-    Raises `SimulationError` when the nominal run cannot be run."""
+    **Raises** `SimulationError` when the nominal run fails."""
     taken, status, coupled = _pilots(campaign, accuracy, key)
     nominal = Status(int(status[0]))
     if nominal in (Status.NOT_FINITE, Status.MAX_STEPS):
         raise SimulationError(f"The nominal run cannot be run. {nominal.sentence}")
-    landed = [None if steps is None else np.asarray(steps) for steps in taken]
-    return [
-        None if x is None else np.concatenate([np.zeros(1, x.dtype), x[np.isfinite(x)]])
-        for x in landed
-    ], coupled
+    return [None if ends is None else _nodes(np.asarray(ends)) for ends in taken], coupled
+
+
+def _nodes(ends: np.ndarray) -> np.ndarray:
+    """The plan that ends its steps at these times, which are followed by infinities."""
+    return np.concatenate([np.zeros(1, ends.dtype), ends[np.isfinite(ends)]])
 
 
 def _factor(error: np.ndarray) -> float:

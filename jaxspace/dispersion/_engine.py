@@ -28,59 +28,62 @@ def disperse(
     accuracy: Accuracy | Scalar | None = None,
     store: str | os.PathLike[str] | None = None,
     progress: Callable[[int, int], None] | None = None,
-    devices: int | Sequence[Any] | None = None,
+    devices: int | Sequence[jax.Device] | None = None,
 ) -> Dispersion:
     """Run a campaign many times.
 
-    - `runs`: how many; `seed`: what the inputs are drawn from. Run number i is the same whatever
-      `runs`, `chunk`, `devices`.
+    **Arguments**
+
+    - `campaign`: what runs, with which random inputs and outputs.
+    - `runs`: how many.
+    - `seed`: of the random inputs. Run number i is the same whatever `runs`, `chunk` and `devices`.
     - `chunk`: after how many runs results are fetched and stored, rounded up to 512 for every
       device.
     - `accuracy`: the relative tolerance of each step, or an `Accuracy`.
     - `store`: the path of a Zarr store to which every chunk is appended as soon as it is finished;
       an old one is replaced.
-    - `progress(done, total)`: called after every chunk.
+    - `progress`: called as `progress(done, total)` after every chunk.
     - `devices`: how many of the local devices to use, or which; all of them by default.
 
-    Returns a `Dispersion`. A run that fails marks its own row. Raises `InputError` for numbers that
-    are not positive and for a tolerance beyond the precision; `SimulationError` when the nominal
-    run itself cannot be flown."""
+    **Returns** a `Dispersion`. A run that fails marks its own row.
+
+    **Raises** `InputError` for numbers that are not positive and for a tolerance that the precision
+    cannot reach; `SimulationError` when the nominal run fails."""
     check_positive("runs", runs)
     check_positive("chunk", chunk)
     started = time.perf_counter()
     accuracy = _resolved(as_accuracy(accuracy))
     runner = BatchRunner(campaign, accuracy, jax.random.key(seed), _devices(devices), chunk)
-    file, parts = None if store is None else Store(store), []
-    prepared = time.perf_counter()
-    attributes = {**_record(campaign, accuracy, runs), "preparation_seconds": prepared - started}
-    for first in range(0, runs, runner.chunk):
-        rows = _ordered(runner.run(first, min(runner.chunk, runs - first)), campaign)
+    file = None if store is None else Store(store)
+    preparation = time.perf_counter() - started
+    attributes = {**_record(campaign, accuracy, runs), "preparation_seconds": preparation}
+
+    def dispersion(results: RunResults) -> Dispersion:
         seconds = time.perf_counter() - started
-        part = Dispersion(
-            *rows, units=dict(campaign.units), seed=seed, seconds=seconds, attributes=attributes
-        )
-        parts.append(rows)
+        units = dict(campaign.units)
+        return Dispersion(*results, units=units, seed=seed, seconds=seconds, attributes=attributes)
+
+    chunks: list[RunResults] = []
+    for first in range(0, runs, runner.chunk):
+        count = min(runner.chunk, runs - first)
+        chunks.append(_ordered(runner.run(first, count), campaign))
         if file is not None:
-            file.append(part)
+            file.append(dispersion(chunks[-1]))
         if progress is not None:
-            progress(first + part.runs, runs)
-    rows = _ordered(jax.tree.map(lambda *pieces: np.concatenate(pieces), *parts), campaign)
-    return Dispersion(
-        *rows,
-        units=dict(campaign.units),
-        seed=seed,
-        seconds=time.perf_counter() - started,
-        attributes=attributes,
-    )
+            progress(first + count, runs)
+    # Dicts come back from a tree transformation sorted by name.
+    every = jax.tree.map(lambda *parts: np.concatenate(parts), *chunks)
+    return dispersion(_ordered(every, campaign))
 
 
-def _ordered(rows: RunResults, campaign: Campaign) -> RunResults:
-    """The rows with their names in the order of the campaign: transformations have sorted them by
-    the alphabet."""
+def _ordered(results: RunResults, campaign: Campaign) -> RunResults:
+    """The results with their names in the order of the campaign."""
     place = {name: number for number, name in enumerate(campaign.units)}
-    outputs = sorted(rows.outputs, key=lambda name: (place.get(name, len(place)), name))
-    inputs = {name: rows.inputs[name] for name in campaign.inputs}
-    return rows._replace(inputs=inputs, outputs={name: rows.outputs[name] for name in outputs})
+    outputs = sorted(results.outputs, key=lambda name: (place.get(name, len(place)), name))
+    inputs = {name: results.inputs[name] for name in campaign.inputs}
+    return results._replace(
+        inputs=inputs, outputs={name: results.outputs[name] for name in outputs}
+    )
 
 
 def _resolved(accuracy: Accuracy) -> Accuracy:
@@ -93,7 +96,8 @@ def _resolved(accuracy: Accuracy) -> Accuracy:
     return dataclasses.replace(accuracy, rtol=rtol)
 
 
-def _devices(chosen: int | Sequence[Any] | None) -> list[Any]:
+def _devices(chosen: int | Sequence[jax.Device] | None) -> list[jax.Device]:
+    """The devices to use. Raises `InputError` for more than there are."""
     local = jax.local_devices()
     if chosen is None:
         return local
@@ -105,14 +109,14 @@ def _devices(chosen: int | Sequence[Any] | None) -> list[Any]:
 
 
 def _record(campaign: Campaign, accuracy: Accuracy, runs: int) -> dict[str, Any]:
+    """What a store says of how its runs came about."""
+    method = accuracy.method
     return {
         "description": campaign.description,
         "inputs": campaign.text(),
         "planned_runs": runs,
         "rtol": float(accuracy.rtol),
         "atol": float(1e-3 * accuracy.rtol if accuracy.atol is None else accuracy.atol),
-        "method": accuracy.method
-        if isinstance(accuracy.method, str)
-        else type(accuracy.method).__name__,
+        "method": method if isinstance(method, str) else type(method).__name__,
         "versions": versions(),
     }

@@ -120,7 +120,9 @@ class ScaledVectorField(eqx.Module):
 
     def __call__(self, s: Scalar, y: State) -> State:
         dt_ds = self.duration(s, 1.0)
-        return jax.tree.map(lambda k: k * dt_ds, self.system.vector_field(self.time(s), y))
+        rate = self.system.vector_field(self.time(s), y)
+        # A constant of double precision in a user's effect must not change that of the run.
+        return jax.tree.map(lambda k, x: jnp.asarray(k, x.dtype) * dt_ds, rate, y)
 
     def split(self) -> AbstractSplit:
         """Drift and kick of the system, which has them."""

@@ -140,3 +140,21 @@ def select_method(
         starts = InitialConditions.of_one(system, y0, jnp.asarray(ts))
     context = SelectionContext(system, y0, rtol, starts)
     return next(rule.method for rule in RULES if rule.holds(context))
+
+
+def eligible_methods(
+    system: AbstractSystem,
+    y0: PyTree,
+    rtols: Sequence[float],
+    ts: Float[Array, " times"] | None = None,
+) -> tuple[diffrax.AbstractSolver | Literal["closed_form"], ...]:
+    """The methods of all `RULES` that hold at one of the tolerances, not only of the first one.
+
+    **Arguments**
+
+    - `system`, `y0`: a system and a state, or their shapes.
+    - `rtols`: relative tolerances.
+    - `ts`: save times, s. Only with these is a stiff run recognised."""
+    starts = None if ts is None else InitialConditions.of_one(system, y0, jnp.asarray(ts))
+    contexts = [SelectionContext(system, y0, rtol, starts) for rtol in rtols]
+    return tuple(rule.method for rule in RULES if any(rule.holds(c) for c in contexts))

@@ -1,19 +1,77 @@
 """Figures of what accuracy costs, and of what each effect changes."""
 
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
 from ._style import COLOURS, MUTED, dress
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from matplotlib.axes import Axes
     from matplotlib.axis import Axis
     from matplotlib.figure import Figure
 
-    from ..studies import AccuracyCost, Cost, EffectBudget
+
+# The tables draw themselves by these functions. So the functions say what they read of a table, and
+# do not import it.
+class CostRow(Protocol):
+    """What the figure reads of a `jaxspace.studies.Cost`."""
+
+    @property
+    def method(self) -> str: ...
+    @property
+    def precision(self) -> str: ...
+    @property
+    def tolerance(self) -> float | None: ...
+    @property
+    def error(self) -> float: ...
+    @property
+    def seconds(self) -> float: ...
+    @property
+    def evaluations(self) -> int: ...
+    @property
+    def gradient_error(self) -> float | None: ...
+    @property
+    def gradient_seconds(self) -> float | None: ...
+    @property
+    def failure(self) -> str: ...
+
+
+class CostTable(Protocol):
+    """What the figure reads of a `jaxspace.studies.AccuracyCost`."""
+
+    @property
+    def rows(self) -> Sequence[CostRow]: ...
+    @property
+    def reference_error(self) -> float: ...
+
+
+class InfluenceRow(Protocol):
+    """What the figure reads of a `jaxspace.studies.Influence`."""
+
+    @property
+    def effect(self) -> str: ...
+    @property
+    def influence(self) -> float: ...
+    @property
+    def share(self) -> float: ...
+
+
+class InfluenceTable(Protocol):
+    """What the figure reads of a `jaxspace.studies.EffectBudget`."""
+
+    @property
+    def rows(self) -> Sequence[InfluenceRow]: ...
+    @property
+    def output(self) -> str: ...
+    @property
+    def unit(self) -> str: ...
+    @property
+    def tolerance(self) -> float | None: ...
+    @property
+    def dropped(self) -> Sequence[str]: ...
+
 
 MARKS = {"float64": ("o", "-"), "float32": ("s", "--")}
 
@@ -27,7 +85,7 @@ def _figure(width: float, height: float) -> "Figure":
     return Figure(figsize=(width, height), layout="constrained")
 
 
-def accuracy_cost_figure(cost: "AccuracyCost", *, title: str = "") -> "Figure":
+def accuracy_cost_figure(cost: CostTable, *, title: str = "") -> "Figure":
     """The work-precision diagram of a run: error of the final state against time and evaluations.
 
     Where gradients were measured, their error against their time is shown as well. A dotted line
@@ -46,13 +104,13 @@ def accuracy_cost_figure(cost: "AccuracyCost", *, title: str = "") -> "Figure":
     if title:
         figure.suptitle(title, fontsize=12, fontweight="bold", x=0.01, ha="left")
 
-    def error(row: "Cost") -> float:
+    def error(row: CostRow) -> float:
         # An error below that of the reference is not known.
         return max(row.error, cost.reference_error)
 
-    def evaluations(row: "Cost") -> float:
-        # A closed form has no tolerance, and evaluates no vector field.
-        return np.nan if row.tolerance is None else row.evaluations
+    def evaluations(row: CostRow) -> float:
+        # A closed form evaluates no vector field.
+        return row.evaluations or np.nan
 
     def gradient_point(row: "Cost") -> tuple[float, float]:
         # Not every method has a gradient.
@@ -89,14 +147,12 @@ def _ticks(axis: "Axis") -> None:
     axis.set_minor_formatter(NullFormatter())
 
 
-def _curves(
-    axes: "Axes", cost: "AccuracyCost", point: "Callable[[Cost], tuple[float, float]]"
-) -> None:
+def _curves(axes: "Axes", cost: CostTable, point: Callable[[CostRow], tuple[float, float]]) -> None:
     """A curve for each method and precision, over its tolerances."""
     names = list(dict.fromkeys(row.method for row in cost.rows))
     for name, precision in dict.fromkeys((row.method, row.precision) for row in cost.rows):
         rows = [
-            r for r in cost.rows if (r.method, r.precision) == (name, precision) and not r.trouble
+            r for r in cost.rows if (r.method, r.precision) == (name, precision) and not r.failure
         ]
         points = np.array([point(r) for r in rows], float).reshape(-1, 2)
         # An error of zero has no place on a logarithmic axis.
@@ -113,7 +169,7 @@ def _curves(
         )
 
 
-def effect_budget_figure(budget: "EffectBudget", *, title: str = "") -> "Figure":
+def effect_budget_figure(budget: InfluenceTable, *, title: str = "") -> "Figure":
     """Two bars for each effect: its change of the output, and its share of the arithmetic.
 
     Effects that may be left out are pale.

@@ -73,14 +73,18 @@ class ThrustProfile(AbstractParameters):
         ),
     )
     def of_table(
-        cls, times: Sequence[float] | Array, thrusts: Sequence[float] | Array
+        cls,
+        times: Sequence[float] | np.ndarray | Array,
+        thrusts: Sequence[float] | np.ndarray | Array,
     ) -> "ThrustProfile":
         """The profile of a table of thrust against time, in any units: only ratios matter."""
         return cls.tabulated(times, thrusts)[0]
 
     @classmethod
     def tabulated(
-        cls, times: Sequence[float] | Array, thrusts: Sequence[float] | Array
+        cls,
+        times: Sequence[float] | np.ndarray | Array,
+        thrusts: Sequence[float] | np.ndarray | Array,
     ) -> tuple["ThrustProfile", float, float]:
         """The profile of a table of thrust against time, and its burn time and mean thrust.
 

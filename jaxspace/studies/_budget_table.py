@@ -1,11 +1,14 @@
 """The table of what each effect does to an output."""
 
 from dataclasses import dataclass
-from typing import Any, NamedTuple, final
+from typing import TYPE_CHECKING, NamedTuple, final
 
 import numpy as np
 
 from ._table import aligned, duration
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 class Influence(NamedTuple):
@@ -15,7 +18,7 @@ class Influence(NamedTuple):
     - `influence`: the size of the change of the output without it, in the output's unit: the
       `linear` prediction, or `left_out`, from a run without it, where both differ by more than a
       tenth: then it is `nonlinear`.
-    - `left_out` is `None` where the run without the effect fails; `trouble` says how.
+    - `left_out` is `None` where the run without the effect fails; `failure` says how.
     - `change`: of the output without the effect, component by component.
     - `share`: of the arithmetic of the whole run."""
 
@@ -27,7 +30,7 @@ class Influence(NamedTuple):
     nonlinear: bool
     change: tuple[float, ...]
     share: float
-    trouble: str = ""
+    failure: str = ""
 
 
 @final
@@ -57,11 +60,13 @@ class EffectBudget:
     seconds_kept: float | None = None
 
     def __getitem__(self, effect: str) -> Influence:
+        """The row of an effect."""
         return next(row for row in self.rows if row.effect == effect)
 
-    def plot(self) -> Any:
-        """A bar for every effect, a matplotlib figure. Raises `ImportError` where matplotlib is not
-        installed."""
+    def plot(self) -> "Figure":
+        """A bar for every effect, a matplotlib figure.
+
+        **Raises** `ImportError` where matplotlib is not installed."""
         from ..plots import effect_budget_figure
 
         return effect_budget_figure(self)
@@ -69,34 +74,31 @@ class EffectBudget:
     def __str__(self) -> str:
         unit = f" [{self.unit}]" if self.unit else ""
         rows = [("effect", "phases", f"influence{unit}", "first order", "left out", "", "share")]
-        for r in self.rows:
-            word = "fails" if r.trouble else "nonlinear" if r.nonlinear else ""
-            left_out = "-" if r.left_out is None else f"{r.left_out:.3g}"
-            share = f"{100.0 * r.share:.1f} %"
-            rows.append(
-                (
-                    r.effect,
-                    ", ".join(r.phases),
-                    f"{r.influence:.3g}",
-                    f"{r.linear:.3g}",
-                    left_out,
-                    word,
-                    share,
-                )
+        for row in self.rows:
+            cells = (
+                row.effect,
+                ", ".join(row.phases),
+                f"{row.influence:.3g}",
+                f"{row.linear:.3g}",
+                "-" if row.left_out is None else f"{row.left_out:.3g}",
+                "fails" if row.failure else "nonlinear" if row.nonlinear else "",
+                f"{100.0 * row.share:.1f} %",
             )
-        lines = [aligned(rows, left=2)]
-        lines += [f"without {r.effect} the run fails: {r.trouble}" for r in self.rows if r.trouble]
+            rows.append(cells)
         finer = "did not reach its end" if np.isnan(self.noise) else f"moves it by {self.noise:.1g}"
-        lines.append(
-            f"Influence: the change of the final {self.output} without the effect. Finer integration {finer}."
+        return "\n".join(
+            [
+                aligned(rows, left=2),
+                *(f"without {r.effect} the run fails: {r.failure}" for r in self.rows if r.failure),
+                f"Influence: the change of the final {self.output} without the effect. Finer "
+                f"integration {finer}.",
+                "Share: of the arithmetic of the run, by operation counts of compiled evaluations.",
+                *self._smallest_set(),
+            ]
         )
-        lines.append(
-            "Share: of the arithmetic of the run, by operation counts of compiled evaluations."
-        )
-        return "\n".join([*lines, *self._set()])
 
-    def _set(self) -> list[str]:
-        """What may go, in words."""
+    def _smallest_set(self) -> list[str]:
+        """Which effects may be left out, in words."""
         if self.tolerance is None:
             return []
         unit = f" {self.unit}" if self.unit else ""
@@ -110,8 +112,9 @@ class EffectBudget:
             return [f"{within}: every effect is needed"]
         arithmetic = sum(row.share for row in self.rows if row.effect in self.dropped)
         return [
-            f"{within}: keep {', '.join(self.kept) or 'nothing'}; leave out {', '.join(self.dropped)}",
+            f"{within}: keep {', '.join(self.kept) or 'nothing'}; "
+            f"leave out {', '.join(self.dropped)}",
             f"a run with just these moves the {self.output} by {self.change:.3g}{unit}, "
-            f"saves {100.0 * arithmetic:.0f} % of the arithmetic, and takes {duration(self.seconds_kept)} "
-            f"instead of {duration(self.seconds)}",
+            f"saves {100.0 * arithmetic:.0f} % of the arithmetic, and takes "
+            f"{duration(self.seconds_kept)} instead of {duration(self.seconds)}",
         ]

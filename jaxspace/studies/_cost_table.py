@@ -2,28 +2,38 @@
 
 import math
 from dataclasses import dataclass
-from typing import Any, NamedTuple, final
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias, final
+
+import diffrax
 
 from ..core import InputError, check_positive
 from ..simulation import Accuracy
+from ..solvers import solver_traits
 from ._table import aligned, duration
 
-CLOSED_FORM = "closed form"
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+CLOSED_FORM = "closed_form"
+
+# "auto" and "closed_form", or a solver, as in `Accuracy.method`.
+Method: TypeAlias = str | diffrax.AbstractSolver
 
 
 class Cost(NamedTuple):
     """One setting: what it reaches and what it takes.
 
-    - `method`, `precision`, `tolerance`: the setting; a closed form has no tolerance.
+    - `method`, `precision`, `tolerance`: the setting; a closed form and a fixed-step method have no
+      tolerance.
     - `error`: of the final state, |difference| / |block| for the worst of its blocks.
     - `seconds`: the median run; `compile_seconds`: ahead of the first run of this method and
       precision.
     - `evaluations` of the vector field, accepted `steps`; `memory`, bytes, of the compiled run
       (`None`: not known).
-    - `drift`: the largest relative change of every invariant at the times asked for.
+    - `drift`: the largest relative change of every invariant at the save times.
     - `gradient_error`, `gradient_seconds`: of the gradient in the initial state; `None` where it
-      was not asked for.
-    - `trouble`: why the run is not to be used; empty for a good run."""
+      was not measured.
+    - `failure`: why the run is not to be used; empty for a good run."""
 
     method: str
     precision: str
@@ -37,94 +47,106 @@ class Cost(NamedTuple):
     drift: dict[str, float]
     gradient_error: float | None = None
     gradient_seconds: float | None = None
-    trouble: str = ""
+    failure: str = ""
 
 
 @final
 @dataclass(frozen=True, eq=False)
 class AccuracyCost:
-    """What accuracy costs in one very run: a row for every setting.
+    """What accuracy costs in one run: a row for every setting.
 
     - `rows`: in the order of precision, method and falling tolerance.
     - `reference`: what the errors are measured against, and `reference_error`, an estimate of its
       own error.
-    - `precision`: of the state that was given; `cheapest` looks among its rows.
-    - `notes`: what was left out, and why. `methods`: the solver of every name."""
+    - `precision`: of the given state; `cheapest` looks among its rows.
+    - `notes`: what was left out, and why. `methods`: the method of every name."""
 
     rows: tuple[Cost, ...]
     reference: str
     reference_error: float
     precision: str
     notes: tuple[str, ...]
-    methods: dict[str, Any]
+    methods: dict[str, Method]
 
     def cheapest_row(self, error: float = 1e-8, precision: str | None = None) -> Cost:
-        """The quickest of the good rows whose `error` is at most the one given, among those of one
-        `precision`.
+        """The fastest of the good rows whose error is small enough.
 
-        Raises `InputError` when there is none; it says which error is the best one reached."""
+        **Arguments**
+
+        - `error`: the largest that is allowed, relative, of the final state.
+        - `precision`: "float64" or "float32"; by default that of the given state.
+
+        **Raises** `InputError` when there is none; it names the best error that was reached."""
         check_positive("error", error)
         precision = self.precision if precision is None else precision
-        there = [
-            r
-            for r in self.rows
-            if r.precision == precision and not r.trouble and math.isfinite(r.error)
+        good = [
+            row
+            for row in self.rows
+            if row.precision == precision and not row.failure and math.isfinite(row.error)
         ]
-        if not there:
+        if not good:
             raise InputError(
-                f"precision is {precision!r}: it must be one in which a run of the table ended well."
+                f"precision is {precision!r}: it must be one in which a run of the table ended "
+                f"well."
             )
         # Below the error of the reference an error is not known.
-        known = [(max(r.error, self.reference_error), r) for r in there]
-        good = [r for reached, r in known if reached <= error]
-        if not good:
+        known = [(max(row.error, self.reference_error), row) for row in good]
+        allowed = [row for reached, row in known if reached <= error]
+        if not allowed:
             best, row = min(known, key=lambda pair: pair[0])
             raise InputError(
-                f"error is {error:.3g}: it must be at least {best:.2g}, the best that was reached ({_setting(row)}); "
-                f"ask for tighter tolerances or another precision."
+                f"error is {error:.3g}: it must be at least {best:.2g}, the best that was reached "
+                f"({_setting(row)}); ask for tighter tolerances or another precision."
             )
-        return min(good, key=lambda r: r.seconds)
+        return min(allowed, key=lambda row: row.seconds)
 
     def cheapest(self, error: float = 1e-8, precision: str | None = None) -> Accuracy:
-        """The `Accuracy` of the quickest run with at most this error in the final state, in the
-        precision of the state given.
+        """The `Accuracy` of `cheapest_row`, to hand to `simulate`.
 
-        Raises `InputError` when no run is that good; it says which error is the best one reached.
-        """
+        Arguments and errors as in `cheapest_row`."""
         row = self.cheapest_row(error, precision)
-        return (
-            Accuracy()
-            if row.tolerance is None
-            else Accuracy(rtol=row.tolerance, method=self.methods[row.method])
-        )
+        method = self.methods[row.method]
+        if row.tolerance is not None:
+            return Accuracy(rtol=row.tolerance, method=method)
+        if isinstance(method, str):
+            return Accuracy()
+        # The table has judged the fixed steps by the reference, so that their own cautious estimate
+        # must not reject them.
+        return Accuracy(rtol=FIXED_STEP_RTOL, method=method)
 
-    def plot(self) -> Any:
-        """The work-precision diagram, a matplotlib figure. Raises `ImportError` where matplotlib is
-        not installed."""
+    def plot(self) -> "Figure":
+        """The work-precision diagram, a matplotlib figure.
+
+        **Raises** `ImportError` where matplotlib is not installed."""
         from ..plots import accuracy_cost_figure
 
         return accuracy_cost_figure(self)
 
     def __str__(self) -> str:
-        gradient = any(r.gradient_seconds is not None for r in self.rows)
-        head = [
-            "method",
-            "precision",
-            "tolerance",
-            "error",
-            "time",
-            "evaluations",
-            "steps",
-            "memory",
-            "drift",
-        ]
-        rows = [head + (["gradient error", "gradient time"] if gradient else []) + ["to compile"]]
-        rows += [_cells(row, self.reference_error, gradient) for row in self.rows]
-        troubles = [f"{_setting(r)}: {r.trouble}" for r in self.rows if r.trouble]
+        gradient = any(row.gradient_seconds is not None for row in self.rows)
+        head = ["method", "precision", "tolerance", "error", "time"]
+        head += ["evaluations", "steps", "memory", "drift"]
+        head += ["gradient error", "gradient time"] if gradient else []
+        head.append("to compile")
+        rows = [head, *(_cells(row, self.reference_error, gradient) for row in self.rows)]
+        failures = [f"{_setting(row)}: {row.failure}" for row in self.rows if row.failure]
         against = (
             f"Errors are against {self.reference}, itself good to about {self.reference_error:.1g}."
         )
-        return "\n".join([aligned(rows, left=2), against, *self.notes, *troubles])
+        return "\n".join([aligned(rows, left=2), against, *self.notes, *failures])
+
+
+FIXED_STEP_RTOL = 1.0
+"""The tolerance of a fixed-step method, which only judges it: no local error exceeds the state."""
+
+
+def method_name(method: Method) -> str:
+    """How tables name a method; the number of its steps is part of a fixed-step one."""
+    if isinstance(method, str):
+        return method
+    name = type(method).__name__
+    traits = solver_traits(method)
+    return f"{name}({traits.steps} steps)" if traits.fixed_step else name
 
 
 def _setting(row: Cost) -> str:
@@ -132,29 +154,25 @@ def _setting(row: Cost) -> str:
     return f"{row.method}{at} in {row.precision}"
 
 
-def _cells(row: Cost, floor: float, gradient: bool) -> list[str]:
-    """The text of a row. A star marks a run in trouble, a less-than sign an error below that of the
-    reference."""
-    error = f"{'< ' if row.error < floor else ''}{max(row.error, floor):.1e}{'*' if row.trouble else ''}"
-    tolerance = "-" if row.tolerance is None else f"{row.tolerance:.0e}"
-    memory = "-" if row.memory is None else f"{row.memory / 1024.0:.0f} KiB"
-    drift = f"{max(row.drift.values()):.1e}" if row.drift else "-"
-    counts = [str(row.evaluations), str(row.steps)] if row.tolerance is not None else ["-", "-"]
+def _cells(row: Cost, least_error: float, gradient: bool) -> list[str]:
+    """The text of a row.
+
+    A star marks a failed run, a less-than sign an error below that of the reference."""
+    below = "< " if row.error < least_error else ""
+    counted = row.steps > 0
     cells = [
         row.method,
         row.precision,
-        tolerance,
-        error,
+        "-" if row.tolerance is None else f"{row.tolerance:.0e}",
+        f"{below}{max(row.error, least_error):.1e}{'*' if row.failure else ''}",
         duration(row.seconds),
-        *counts,
-        memory,
-        drift,
+        # A closed form takes no steps.
+        str(row.evaluations) if counted else "-",
+        str(row.steps) if counted else "-",
+        "-" if row.memory is None else f"{row.memory / 1024.0:.0f} KiB",
+        f"{max(row.drift.values()):.1e}" if row.drift else "-",
     ]
     if gradient:
-        there = row.gradient_error is not None and row.gradient_seconds is not None
-        cells += (
-            [f"{row.gradient_error:.1e}", duration(row.gradient_seconds or 0.0)]
-            if there
-            else ["-", "-"]
-        )
+        cells.append("-" if row.gradient_error is None else f"{row.gradient_error:.1e}")
+        cells.append("-" if row.gradient_seconds is None else duration(row.gradient_seconds))
     return [*cells, duration(row.compile_seconds)]

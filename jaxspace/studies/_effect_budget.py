@@ -1,4 +1,4 @@
-"""Which effects matter for an output of a run, and which of them may go.
+"""Which effects matter for an output of a run, and which of them may be left out.
 
     q(s):   the output when the load of effect k is multiplied by s_k
     -dq/ds_k at s = 1       what leaving out effect k changes, to first order
@@ -9,196 +9,214 @@ factor in forward mode.
 """
 
 import dataclasses
-from collections.abc import Callable
-from typing import Any, NamedTuple
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array
+from jaxtyping import Array, ArrayLike, Float, Int, PyTree
 
-from ..core import AbstractSystem, InputError, Scalar, State, check_positive
+from ..core import InputError, Scalar, State, check_positive, quantities
 from ..integration import Accuracy, SimulationError, Status, least_tolerance
-from ..integration._accuracy import DEFAULT_RTOL, as_accuracy
+from ..integration._accuracy import DEFAULT_RTOL, as_accuracy, state_dtype
 from ..scene import budget
-from ..simulation import Mission
 from ..solvers import refine, solver_traits
 from ._budget_table import EffectBudget, Influence
-from ._flights import aot_compile, checked_start, flight, in_precision, timed
-from ._scene_effects import labels, members, scenes, with_factors, without
-
-UNITS = {"position": "m", "velocity": "m/s", "attitude": "rad", "omega": "rad/s", "mass": "kg"}
-NONLINEAR = (
-    0.1  # of the influence: where the prediction is off by more, the run without the effect counts
+from ._runs import RunOutcome, aot_compile, check_start, in_precision, run_once, timed
+from ._scene_effects import (
+    Runnable,
+    effect_names,
+    phases_by_effect,
+    remove_effects,
+    scale_effects,
+    scenes,
 )
+
+# Of the influence: where the prediction is off by more, the run without the effect counts.
+NONLINEAR = 0.1
 REPEATS = 5
 
 
-class _Answer(NamedTuple):
-    """Output and its slope along one factor, status, times and states of the phases, and
-    evaluations of each."""
+class _ScaledOutcome(NamedTuple):
+    """What a run with scaled effects leaves.
+
+    - `value`, `derivative`: the output, and its derivative along one factor.
+    - `status`, `phases`, `evaluations`: as in `RunOutcome`."""
 
     value: np.ndarray
-    slope: np.ndarray
+    derivative: np.ndarray
     status: Status
-    spans: Any
-    evaluations: tuple[Any, ...]
+    phases: tuple[tuple[Float[Array, " times"], State], ...]
+    evaluations: tuple[Int[ArrayLike, ""], ...]
 
 
-class _Question(NamedTuple):
-    """What is asked: how a run with factors is computed, and how outputs are compared."""
+class _ScaledRuns(NamedTuple):
+    """Runs with scaled effects, and how their outputs are compared.
+
+    - `names`: of the effects.
+    - `call`: the compiled run, of the factors, the direction of the derivative and the tolerance.
+    - `rtol`: the relative tolerance of the runs.
+    - `signless`: whether an output and its negative are the same."""
 
     names: tuple[str, ...]
-    call: Callable[[Any, Any, Any], Any]
+    call: Callable[[list[float], list[float], float], tuple]
     rtol: float
     signless: bool
 
-    def ask(
-        self, without: tuple[str, ...] = (), along: str | None = None, tighter: float = 1.0
-    ) -> _Answer:
-        """The run without some effects, with the slope along the factor of one."""
-        factors = [0.0 if n in without else 1.0 for n in self.names]
-        found = self.call(
-            factors, [1.0 if n == along else 0.0 for n in self.names], self.rtol * tighter
-        )
-        value, slope, status, spans, evaluations = found
-        return _Answer(
+    def run(
+        self, without: Sequence[str] = (), along: str | None = None, tighter: float = 1.0
+    ) -> _ScaledOutcome:
+        """The run without some effects, with the derivative along the factor of one."""
+        factors = [0.0 if name in without else 1.0 for name in self.names]
+        direction = [1.0 if name == along else 0.0 for name in self.names]
+        value, derivative, run = self.call(factors, direction, self.rtol * tighter)
+        return _ScaledOutcome(
             np.asarray(value, float),
-            np.asarray(slope, float),
-            Status(int(status)),
-            spans,
-            evaluations,
+            np.asarray(derivative, float),
+            Status(int(run.status)),
+            run.phases,
+            run.evaluations,
         )
 
     def change(self, value: np.ndarray, nominal: np.ndarray) -> np.ndarray:
         """How far an output has moved; a quaternion and its negative are one attitude."""
-        flipped = self.signless and np.linalg.norm(value + nominal) < np.linalg.norm(
-            value - nominal
-        )
-        return -value - nominal if flipped else value - nominal
+        if self.signless and np.linalg.norm(value + nominal) < np.linalg.norm(value - nominal):
+            return -value - nominal
+        return value - nominal
 
 
 def effect_budget(
-    scene: AbstractSystem | Mission,
+    scene: Runnable,
     y0: State,
-    ts: Any = 0.0,
+    ts: Float[ArrayLike, " times"] | Float[ArrayLike, ""] = 0.0,
     *,
-    output: str | Callable[[State], Any] | None = None,
+    output: str | Callable[[State], Array] | None = None,
     tolerance: float | None = None,
     accuracy: Accuracy | Scalar | None = None,
     repeats: int = REPEATS,
 ) -> EffectBudget:
-    """What each effect of a scene, or of the scenes of a mission, does to an output of the run from
-    `y0` over `ts`.
+    """What each effect of a scene, or of the scenes of a mission, does to an output of a run.
 
-    - `output`: of the final state: "position", "velocity", "attitude" (its change is an angle),
-      "omega", "mass", or a function of the final state; by default the first of these that the
-      state holds.
-    - `tolerance`: how far the output may move, in its unit; with it, the effects that may go are
-      found, from the least on, and a run of exactly the others confirms it.
-    - `accuracy`: of the runs; influences below the error of the integration are not resolved. It is
-      told by a run at a hundredth of the tolerance, or with twice as many equal steps.
+    **Arguments**
 
-    Returns an `EffectBudget`: print it or `plot` it. Raises `InputError` for a system without
-    effects, an output that the state does not hold or a tolerance that is not positive,
-    `SimulationError` when the run itself ends badly."""
-    chosen, name = _output(output, y0)
+    - `scene`, `y0`, `ts`: as in `simulate`; for a mission `ts` is the time of its start, s.
+    - `output`: of the final state: the name of a part, such as "position", "velocity", "attitude"
+      (its change is an angle), "omega" or "mass", or a function of the final state; by default the
+      first part that the state holds.
+    - `tolerance`: how far the output may move, in its unit. With it, the effects that may be left
+      out are found, from the least on, and a run of exactly the others confirms it.
+    - `accuracy`: of the runs. Influences below the error of the integration are not resolved; a run
+      at a hundredth of the tolerance, or with twice as many fixed steps, shows that error.
+    - `repeats`: of the timed runs.
+
+    **Returns** an `EffectBudget`: print it or `plot` it.
+
+    **Raises** `InputError` for a system without effects, an output that the state does not hold or
+    a tolerance that is not positive; `SimulationError` when the run itself fails."""
+    of_final, name, unit = _output(output, y0)
     if tolerance is not None:
         check_positive("tolerance", tolerance)
     check_positive("repeats", repeats)
-    phases_of = members(scene)
-    y0, ts = checked_start(scene, y0, ts)
-    dtype = jnp.result_type(*jax.tree.leaves(y0))
+    phases_of = phases_by_effect(scene)
+    y0, ts = check_start(scene, y0, ts)
     accuracy = as_accuracy(accuracy)
     if accuracy.rtol is None:
-        accuracy = dataclasses.replace(accuracy, rtol=DEFAULT_RTOL[dtype.name])
-
-    def ask_by(how):
-        return _question(scene, y0, ts, chosen, how, tuple(phases_of), name == "attitude")
-
-    question = ask_by(accuracy)
-    nominal = question.ask()
+        accuracy = dataclasses.replace(accuracy, rtol=DEFAULT_RTOL[state_dtype(y0).name])
+    runs = _scaled_runs(scene, y0, ts, of_final, accuracy, tuple(phases_of), name == "attitude")
+    nominal = runs.run()
     if not nominal.status.good:
         raise SimulationError(nominal.status.sentence)
     # A tolerance only judges fixed steps: twice as many show the error of the integration.
     if not isinstance(accuracy.method, str) and solver_traits(accuracy.method).fixed_step:
-        finer = ask_by(dataclasses.replace(accuracy, method=refine(accuracy.method, 2))).ask()
+        twice = dataclasses.replace(accuracy, method=refine(accuracy.method, 2))
+        finer = _scaled_runs(scene, y0, ts, of_final, twice, runs.names, runs.signless).run()
     else:
-        finer = question.ask(tighter=max(1e-2, 2.0 * least_tolerance(dtype) / question.rtol))
-    ended = finer.status not in (Status.MAX_STEPS, Status.NOT_FINITE)
-    noise = float(np.linalg.norm(question.change(finer.value, nominal.value))) if ended else np.nan
+        least = 2.0 * least_tolerance(state_dtype(y0))
+        finer = runs.run(tighter=max(1e-2, least / runs.rtol))
+    # NaN where the finer run failed.
+    noise = float(np.linalg.norm(runs.change(finer.value, nominal.value)))
     shares = _shares(scene, nominal)
     rows = [
-        _influence(question, n, phases_of[n], shares[n], nominal.value, noise) for n in phases_of
+        _influence(runs, effect, phases, shares[effect], nominal.value, noise)
+        for effect, phases in phases_of.items()
     ]
-    rows.sort(key=lambda r: -r.influence)
-    table = EffectBudget(name, UNITS.get(name, ""), nominal.value, noise, tuple(rows), tolerance)
+    rows.sort(key=lambda row: -row.influence)
+    table = EffectBudget(name, unit, nominal.value, noise, tuple(rows), tolerance)
     if tolerance is None:
         return table
-    return _verified(
-        table, question, _dropped(table, question), (scene, y0, ts), chosen, accuracy, repeats
-    )
+
+    def timed_run(system: Runnable) -> tuple[np.ndarray, Status, float]:
+        return _timed_run(system, y0, ts, of_final, accuracy, repeats)
+
+    return _verified(table, runs, _negligible(table, runs), scene, timed_run)
 
 
-def _output(output: Any, y0: Any) -> tuple[Callable[[State], Any], str]:
-    """The output as a function, and its name."""
+def _output(
+    output: str | Callable[[State], Array] | None, y0: State
+) -> tuple[Callable[[State], Array], str, str]:
+    """The output as a function, its name and its unit."""
     if callable(output):
-        return output, "output"
-    there = tuple(n for n in UNITS if getattr(y0, n, None) is not None)
-    if output is None and there:
-        output = there[0]
-    if output not in there:
+        return output, "output", ""
+    units = {
+        name: declared.unit
+        for name, declared in quantities(type(y0)).items()
+        if getattr(y0, name, None) is not None
+    }
+    if output is None and units:
+        output = next(iter(units))
+    if output not in units:
         raise InputError(
-            f"output is {output!r}: it must be one of {', '.join(there)}, or a function of the final state."
+            f"output is {output!r}: it must be one of {', '.join(units)}, or a function of the "
+            f"final state."
         )
     if output == "attitude":
-        return (
-            lambda y: 2.0 * y.attitude.wxyz,
-            output,
-        )  # a small rotation moves the quaternion by half its angle
-    return lambda y: getattr(y, output), output
+        # A small rotation moves the quaternion by half its angle.
+        return lambda y: 2.0 * y.attitude.wxyz, output, "rad"
+    return lambda y: getattr(y, output), output, units[output]
 
 
-def _question(
-    system: Any,
+def _scaled_runs(
+    system: Runnable,
     y0: State,
-    ts: Any,
-    output: Any,
+    ts: Array,
+    output: Callable[[State], Array],
     accuracy: Accuracy,
     names: tuple[str, ...],
     signless: bool,
-) -> _Question:
-    """The run with factors, compiled once for all the questions."""
-    dtype = jnp.result_type(*jax.tree.leaves(y0))
-    numbers, rest = eqx.partition((system, y0, ts), eqx.is_array)
+) -> _ScaledRuns:
+    """The run with factors, compiled once for all of them."""
+    dtype = state_dtype(y0)
+    arrays, static = eqx.partition((system, y0, ts), eqx.is_array)
 
-    def run(numbers: Any, factors: list[Array], along: list[Array], rtol: Array) -> Any:
-        system, y0, ts = eqx.combine(numbers, rest)
-        how = dataclasses.replace(accuracy, rtol=rtol)
+    def run(
+        arrays: PyTree[Array], factors: list[Array], direction: list[Array], rtol: Array
+    ) -> tuple[Array, Array, RunOutcome]:
+        system, y0, ts = eqx.combine(arrays, static)
+        own = dataclasses.replace(accuracy, rtol=rtol)
 
-        def answer(factors: list[Array]) -> Any:
-            flown = flight(with_factors(system, names, factors), y0, ts, how)
-            return output(flown.final), (flown.status, flown.spans, flown.evaluations)
+        def value_of(factors: list[Array]) -> tuple[Array, RunOutcome]:
+            scaled = scale_effects(system, dict(zip(names, factors, strict=True)))
+            outcome = run_once(scaled, y0, ts, own)
+            return output(outcome.final), outcome
 
-        value, slope, rest_of_it = jax.jvp(answer, (factors,), (along,), has_aux=True)
-        return value, slope, *rest_of_it
+        return jax.jvp(value_of, (factors,), (direction,), has_aux=True)
 
     program = jax.jit(run)
 
-    def number(x):
-        return jnp.asarray(x, dtype)
+    def call(factors: list[float], direction: list[float], rtol: float) -> tuple:
+        # Arrays of the state's precision: Python floats would compile a program of their own.
+        factor_arrays = [jnp.asarray(x, dtype) for x in factors]
+        direction_arrays = [jnp.asarray(x, dtype) for x in direction]
+        return program(arrays, factor_arrays, direction_arrays, jnp.asarray(rtol, dtype))
 
-    def call(factors: list[float], along: list[float], rtol: float) -> Any:
-        return program(
-            numbers, [number(f) for f in factors], [number(a) for a in along], number(rtol)
-        )
-
-    return _Question(names, call, float(accuracy.rtol), signless)
+    assert accuracy.rtol is not None
+    return _ScaledRuns(names, call, float(accuracy.rtol), signless)
 
 
 def _influence(
-    question: _Question,
+    runs: _ScaledRuns,
     name: str,
     phases: tuple[str, ...],
     share: float,
@@ -206,92 +224,98 @@ def _influence(
     noise: float,
 ) -> Influence:
     """The row of one effect."""
-    predicted = -question.ask(along=name).slope
-    left = question.ask(without=(name,))
+    predicted = -runs.run(along=name).derivative
+    without = runs.run(without=(name,))
     linear = float(np.linalg.norm(predicted))
-    if not left.status.good:
+    if not without.status.good:
         change = tuple(predicted.ravel().tolist())
-        return Influence(
-            name, phases, linear, linear, None, False, change, share, left.status.sentence
-        )
-    found = question.change(left.value, nominal)
+        failure = without.status.sentence
+        return Influence(name, phases, linear, linear, None, False, change, share, failure)
+    found = runs.change(without.value, nominal)
     left_out = float(np.linalg.norm(found))
     off = float(np.linalg.norm(found - predicted))
+    # A difference that the error of the integration explains is no sign of nonlinearity.
     nonlinear = off > NONLINEAR * left_out and not off <= 10.0 * noise
-    change = found if nonlinear else predicted
+    change = tuple((found if nonlinear else predicted).ravel().tolist())
     influence = left_out if nonlinear else linear
-    return Influence(
-        name, phases, influence, linear, left_out, nonlinear, tuple(change.ravel().tolist()), share
-    )
+    return Influence(name, phases, influence, linear, left_out, nonlinear, change, share)
 
 
-def _shares(system: Any, nominal: _Answer) -> dict[str, float]:
+def _shares(system: Runnable, nominal: _ScaledOutcome) -> dict[str, float]:
     """What the run saves, of its arithmetic, when an effect is left out: operations of one
     evaluation times evaluations."""
     saved: dict[str, float] = {}
     total = 0.0
     for k, _, scene in scenes(system):
-        ts, states = in_precision(nominal.spans[k], jnp.result_type(float).name)
-        rows = budget(
-            in_precision(scene, ts.dtype.name), ts[0], jax.tree.map(lambda x: x[..., 0], states)
-        )
+        # Counted in double precision, whose programs are the ones that users run.
+        ts, states = in_precision(nominal.phases[k], "float64")
+        y = jax.tree.map(lambda x: x[..., 0], states)
+        rows = budget(in_precision(scene, "float64"), ts[0], y)
         count = int(nominal.evaluations[k])
-        for label, row in zip(labels(scene), rows[:-1], strict=True):
-            saved[label] = saved.get(label, 0.0) + count * row.operations
+        for name, row in zip(effect_names(scene), rows[:-1], strict=True):
+            saved[name] = saved.get(name, 0.0) + count * row.operations
         total += count * sum(row.operations for row in rows)
-    return {label: value / max(total, 1.0) for label, value in saved.items()}
+    return {name: value / max(total, 1.0) for name, value in saved.items()}
 
 
-def _dropped(table: EffectBudget, question: _Question) -> tuple[str, ...]:
-    """The effects that may go together, from the least influence on."""
+def _negligible(table: EffectBudget, runs: _ScaledRuns) -> tuple[str, ...]:
+    """The effects that may be left out together, from the least influence on."""
     assert table.tolerance is not None
-    gone: tuple[str, ...] = ()
+    dropped: tuple[str, ...] = ()
     for row in reversed(table.rows):
-        if row.trouble or row.influence > table.tolerance:
+        if row.failure or row.influence > table.tolerance:
             continue
-        answer = question.ask(without=(*gone, row.effect))
-        moved = np.linalg.norm(question.change(answer.value, table.nominal))
-        if answer.status.good and moved <= table.tolerance:
-            gone = (*gone, row.effect)
-    return gone
+        run = runs.run(without=(*dropped, row.effect))
+        moved = np.linalg.norm(runs.change(run.value, table.nominal))
+        if run.status.good and moved <= table.tolerance:
+            dropped = (*dropped, row.effect)
+    return dropped
 
 
 def _verified(
     table: EffectBudget,
-    question: _Question,
+    runs: _ScaledRuns,
     dropped: tuple[str, ...],
-    run: Any,
-    output: Any,
-    accuracy: Accuracy,
-    repeats: int,
+    scene: Runnable,
+    timed_run: Callable[[Runnable], tuple[np.ndarray, Status, float]],
 ) -> EffectBudget:
     """The table with the set that a run of exactly that set confirms, and with what it saves."""
-    system, y0, ts = run
-    seconds = None
+    assert table.tolerance is not None
+    every = tuple(row.effect for row in table.rows)
     while dropped:
-        less = without(system, dropped)
-        (value, status), seconds_kept = _flown(less, y0, ts, output, accuracy, repeats)
-        change = float(np.linalg.norm(question.change(value, table.nominal)))
-        if status.good and table.tolerance is not None and change <= table.tolerance:
-            _, seconds = _flown(system, y0, ts, output, accuracy, repeats)
-            break
+        value, status, seconds_kept = timed_run(remove_effects(scene, dropped))
+        change = float(np.linalg.norm(runs.change(value, table.nominal)))
+        if status.good and change <= table.tolerance:
+            return dataclasses.replace(
+                table,
+                kept=tuple(name for name in every if name not in dropped),
+                dropped=dropped,
+                change=change,
+                seconds=timed_run(scene)[2],
+                seconds_kept=seconds_kept,
+            )
+        # The last one to be dropped has the largest influence.
         dropped = dropped[:-1]
-    else:
-        change = seconds_kept = None
-    kept = tuple(r.effect for r in table.rows if r.effect not in dropped)
-    head = (table.output, table.unit, table.nominal, table.noise, table.rows, table.tolerance)
-    return EffectBudget(*head, kept, dropped, change, seconds, seconds_kept)
+    return dataclasses.replace(table, kept=every)
 
 
-def _flown(system: Any, y0: State, ts: Any, output: Any, accuracy: Accuracy, repeats: int) -> Any:
+def _timed_run(
+    system: Runnable,
+    y0: State,
+    ts: Array,
+    output: Callable[[State], Array],
+    accuracy: Accuracy,
+    repeats: int,
+) -> tuple[np.ndarray, Status, float]:
     """Output and status of a plain run, and its median time, s."""
-    numbers, rest = eqx.partition((system, y0, ts), eqx.is_array)
+    arrays, static = eqx.partition((system, y0, ts), eqx.is_array)
 
-    def run(numbers: Any, rtol: Any) -> Any:
-        system, y0, ts = eqx.combine(numbers, rest)
-        flown = flight(system, y0, ts, dataclasses.replace(accuracy, rtol=rtol))
-        return output(flown.final), flown.status
+    def run(arrays: PyTree[Array], rtol: Array) -> tuple[Array, Array]:
+        system, y0, ts = eqx.combine(arrays, static)
+        outcome = run_once(system, y0, ts, dataclasses.replace(accuracy, rtol=rtol))
+        return output(outcome.final), outcome.status
 
     rtol = jnp.asarray(accuracy.rtol)
-    (value, status), seconds = timed(aot_compile(run, numbers, rtol).call, repeats, numbers, rtol)
-    return (np.asarray(value, float), Status(int(status))), seconds
+    program = aot_compile(run, arrays, rtol)
+    (value, status), seconds = timed(program.call, repeats, arrays, rtol)
+    return np.asarray(value, float), Status(int(status)), seconds

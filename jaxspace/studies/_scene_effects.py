@@ -1,16 +1,18 @@
-"""The effects of a scene, or of the scenes of a mission, by name: found, scaled, left out.
+"""The effects of a scene, or of the scenes of a mission, by name: found, scaled, removed.
 
 The effects of the same name in several phases of a mission are one effect."""
 
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Sequence
+from typing import TypeAlias
 
-from ..core import InputError
+from ..core import AbstractSystem, InputError, Scalar
 from ..scene import Scene, scaled
 from ..simulation import Mission, Phase
 
+Runnable: TypeAlias = AbstractSystem | Mission
 
-def scenes(system: Any) -> list[tuple[int, str, Scene]]:
+
+def scenes(system: Runnable) -> list[tuple[int, str, Scene]]:
     """Number, name and scene of every phase that has one."""
     if isinstance(system, Scene):
         return [(0, "scene", system)]
@@ -18,68 +20,65 @@ def scenes(system: Any) -> list[tuple[int, str, Scene]]:
     return [(k, p.name, p.system) for k, p in enumerate(phases) if isinstance(p.system, Scene)]
 
 
-def labels(scene: Scene) -> list[str]:
+def effect_names(scene: Scene) -> list[str]:
     """A name for every effect: its class, with a number from the second of a class on."""
-    kinds = [type(e).__name__ for e in scene.effects]
+    return numbered([type(effect).__name__ for effect in scene.effects])
+
+
+def numbered(names: Sequence[str]) -> list[str]:
+    """The names, with a number from the second of the same name on."""
     return [
-        kind if kind not in kinds[:k] else f"{kind} {kinds[:k].count(kind) + 1}"
-        for k, kind in enumerate(kinds)
+        name if name not in names[:k] else f"{name} {names[:k].count(name) + 1}"
+        for k, name in enumerate(names)
     ]
 
 
-def members(system: Any) -> dict[str, tuple[str, ...]]:
-    """Every effect by name, with the phases that it acts in. Raises `InputError` when there is
-    none."""
+def phases_by_effect(system: Runnable) -> dict[str, tuple[str, ...]]:
+    """Every effect by name, with the phases in which it acts.
+
+    **Raises** `InputError` when there is none."""
     found: dict[str, tuple[str, ...]] = {}
     for _, phase, scene in scenes(system):
-        for label in labels(scene):
-            found[label] = (*found.get(label, ()), phase)
+        for name in effect_names(scene):
+            found[name] = (*found.get(name, ()), phase)
     if not found:
-        kind = type(system).__name__
         raise InputError(
-            f"scene is a {kind} without effects: it must be a Scene, or a Mission of scenes, with at least one."
+            f"scene is a {type(system).__name__} without effects: it must be a Scene, or a Mission "
+            f"of scenes, with at least one."
         )
     return found
 
 
-def _rebuilt(system: Any, change: Callable[[Scene], Scene]) -> Any:
-    """The scene, or the mission with each of its scenes changed."""
-    if isinstance(system, Scene):
-        return change(system)
-    phases = system.phases
-    return Mission(
-        [
-            Phase(
-                change(p.system) if isinstance(p.system, Scene) else p.system,
-                p.until,
-                p.then,
-                p.name,
-            )
-            for p in phases
-        ]
-    )
-
-
-def with_factors(system: Any, names: tuple[str, ...], factors: list[Any]) -> Any:
-    """The scene or mission with the effects of these names multiplied."""
-    by_name = dict(zip(names, factors, strict=True))
+def scale_effects(system: Runnable, factors: dict[str, Scalar]) -> Runnable:
+    """The scene or mission with the effects of these names multiplied by their factors."""
 
     def change(scene: Scene) -> Scene:
-        effects = [
-            scaled(e, by_name[label]) for e, label in zip(scene.effects, labels(scene), strict=True)
-        ]
-        return Scene(effects, scene.body, scene.parts)
+        named = zip(effect_names(scene), scene.effects, strict=True)
+        return scene.with_effects([scaled(e, factors[name]) for name, e in named], scene.parts)
 
-    return _rebuilt(system, change)
+    return _map_scenes(system, change)
 
 
-def without(system: Any, dropped: tuple[str, ...]) -> Any:
-    """The scene or mission without the effects of these names."""
+def remove_effects(system: Runnable, removed: Sequence[str]) -> Runnable:
+    """The scene or mission without the effects of these names.
+
+    The state keeps its parts, also those that only a removed effect needs."""
 
     def change(scene: Scene) -> Scene:
-        kept = [
-            e for e, label in zip(scene.effects, labels(scene), strict=True) if label not in dropped
-        ]
-        return Scene(kept, scene.body, scene.parts)
+        named = zip(effect_names(scene), scene.effects, strict=True)
+        return scene.with_effects([e for name, e in named if name not in removed], scene.parts)
 
-    return _rebuilt(system, change)
+    return _map_scenes(system, change)
+
+
+def _map_scenes(system: Runnable, change: Callable[[Scene], Scene]) -> Runnable:
+    """The scene changed, or the mission with each of its scenes changed."""
+    if isinstance(system, Mission):
+        return Mission([_map_phase(phase, change) for phase in system.phases])
+    return change(system) if isinstance(system, Scene) else system
+
+
+def _map_phase(phase: Phase, change: Callable[[Scene], Scene]) -> Phase:
+    # A phase may also run a system without effects, which stays.
+    system = change(phase.system) if isinstance(phase.system, Scene) else phase.system
+    return Phase(system, phase.until, phase.then, phase.name)

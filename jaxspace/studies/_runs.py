@@ -1,0 +1,173 @@
+"""One run of a system or a mission as a compiled program: what it leaves, how long it takes, how
+much memory it needs."""
+
+import time
+from collections.abc import Callable
+from typing import Any, NamedTuple, TypeVar
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, ArrayLike, Float, Int, PyTree
+
+from ..core import AbstractSystem, State, check_finite
+from ..integration._accuracy import Accuracy, check_initial_state, state_dtype
+from ..simulation import Mission, Trajectory, simulate
+from ..simulation._simulate import check_times
+
+# s: a run is not repeated after its repetitions took so long.
+ENOUGH = 2.0
+
+Tree = TypeVar("Tree")
+
+
+class RunOutcome(NamedTuple):
+    """What a study keeps of a run: arrays only, so that a compiled program can return it.
+
+    - `final`: the final state.
+    - `phases`: save times and states of every phase; a system is one phase.
+    - `status`: a `Status`.
+    - `evaluations`, `steps`: of every phase: evaluations of the vector field, accepted steps."""
+
+    final: State
+    phases: tuple[tuple[Float[Array, " times"], State], ...]
+    status: Int[Array, ""]
+    evaluations: tuple[Int[ArrayLike, ""], ...]
+    steps: tuple[Int[ArrayLike, ""], ...]
+
+
+def run_once(
+    system: AbstractSystem | Mission,
+    y0: State,
+    ts: Float[Array, " times"] | Float[Array, ""],
+    accuracy: Accuracy,
+) -> RunOutcome:
+    """A run of a system or a mission.
+
+    **Arguments**
+
+    - `system`, `y0`: what runs, and its initial state.
+    - `ts`: the save times of a system, or the time at which a mission starts, s.
+    - `accuracy`: tolerance and method.
+
+    **Returns** its outcome. A failed run says so in its status, and nothing is raised."""
+    if isinstance(system, Mission):
+        mission = simulate(system, y0, ts, accuracy=accuracy, throw=False)
+        return _outcome(mission.phases, mission.final, mission.status)
+    run = simulate(system, y0, ts, accuracy=accuracy, throw=False)
+    return _outcome((run,), run.final, run.status)
+
+
+def _outcome(phases: tuple[Trajectory, ...], final: State, status: Array) -> RunOutcome:
+    def count(name: str) -> tuple[Int[ArrayLike, ""], ...]:
+        # A closed form counts nothing.
+        return tuple(phase.stats.get(name, 0) for phase in phases)
+
+    saved = tuple((phase.ts, phase.states) for phase in phases)
+    return RunOutcome(final, saved, status, count("evaluations"), count("steps"))
+
+
+def systems_of(system: AbstractSystem | Mission) -> list[AbstractSystem]:
+    """The system of every phase of a mission; of a system, itself."""
+    return [phase.system for phase in system.phases] if isinstance(system, Mission) else [system]
+
+
+def check_start(
+    system: AbstractSystem | Mission,
+    y0: State,
+    ts: Float[ArrayLike, " times"] | Float[ArrayLike, ""],
+) -> tuple[State, Float[Array, " times"] | Float[Array, ""]]:
+    """Initial state and times as arrays.
+
+    **Raises** `InputError` as `simulate` does, which cannot see them once they are traced."""
+    y0 = jax.tree.map(jnp.asarray, y0)
+    check_initial_state(y0)
+    if not isinstance(system, Mission):
+        return y0, check_times(ts, y0)
+    check_finite("ts", ts)
+    return y0, jnp.asarray(ts, state_dtype(y0))
+
+
+class Program(NamedTuple):
+    """A compiled function.
+
+    - `call`: runs it.
+    - `seconds`: what compiling it took, s.
+    - `memory`: that it needs, bytes; `None` where this is not known."""
+
+    call: Callable[..., Any]
+    seconds: float
+    memory: int | None
+
+
+def aot_compile(function: Callable[..., PyTree[Array]], *arguments: PyTree[ArrayLike]) -> Program:
+    """The function, compiled for arguments of these shapes."""
+    started = time.perf_counter()
+    call = jax.jit(function).lower(*arguments).compile()
+    seconds = time.perf_counter() - started
+    # Not every backend analyses the memory of a program, and they refuse in different ways.
+    try:
+        sizes: Any = call.memory_analysis()
+        memory = (
+            sizes.argument_size_in_bytes
+            + sizes.output_size_in_bytes
+            + sizes.temp_size_in_bytes
+            - sizes.alias_size_in_bytes
+        )
+    except (AttributeError, NotImplementedError, jax.errors.JaxRuntimeError):
+        memory = None
+    return Program(call, seconds, memory)
+
+
+def timed(call: Callable[..., Tree], repeats: int, *arguments: PyTree) -> tuple[Tree, float]:
+    """The result, and the median time, s, of up to `repeats` calls after a first one."""
+    result = jax.block_until_ready(call(*arguments))
+    times: list[float] = []
+    while len(times) < repeats and (not times or sum(times) < ENOUGH):
+        started = time.perf_counter()
+        jax.block_until_ready(call(*arguments))
+        times.append(time.perf_counter() - started)
+    return result, float(np.median(times))
+
+
+def in_precision(tree: Tree, precision: str) -> Tree:
+    """Every floating-point array of the tree in the `precision`."""
+    return jax.tree.map(lambda x: jnp.asarray(x, precision) if eqx.is_inexact_array(x) else x, tree)
+
+
+class Block(NamedTuple):
+    """One array of a state in double precision, and whether it is a quaternion."""
+
+    values: np.ndarray
+    quaternion: bool
+
+    @property
+    def size(self) -> float:
+        """Its length, or 1 where that is zero."""
+        return float(np.linalg.norm(self.values)) or 1.0
+
+
+def blocks(tree: State) -> list[Block]:
+    """The arrays of a state."""
+    leaves, _ = jax.tree_util.tree_flatten_with_path(tree)
+    found = []
+    for path, x in leaves:
+        name = getattr(path[-1], "name", "") if path else ""
+        found.append(Block(np.asarray(x, float), name == "wxyz"))
+    return found
+
+
+def distance(state: State, reference: State) -> float:
+    """The largest over all blocks of |difference| / |block| of the `reference`.
+
+    The difference itself for a block that is zero; NaN where any block is NaN."""
+    relative = []
+    for block, exact in zip(blocks(state), blocks(reference), strict=True):
+        apart = np.linalg.norm(block.values - exact.values)
+        if block.quaternion:
+            # A quaternion and its negative are one attitude.
+            apart = np.minimum(apart, np.linalg.norm(block.values + exact.values))
+        relative.append(apart / exact.size)
+    # NumPy's maximum keeps a NaN, Python's may lose it.
+    return float(np.max(relative))
