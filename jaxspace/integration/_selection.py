@@ -146,7 +146,7 @@ def eligible_methods(
     system: AbstractSystem,
     y0: PyTree,
     rtols: Sequence[float],
-    ts: Float[Array, " times"] | None = None,
+    ts: ArrayLike | Sequence[float] | None = None,
 ) -> tuple[diffrax.AbstractSolver | Literal["closed_form"], ...]:
     """The methods of all `RULES` that hold at one of the tolerances, not only of the first one.
 

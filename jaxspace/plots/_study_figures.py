@@ -112,7 +112,7 @@ def accuracy_cost_figure(cost: CostTable, *, title: str = "") -> "Figure":
         # A closed form evaluates no vector field.
         return row.evaluations or np.nan
 
-    def gradient_point(row: "Cost") -> tuple[float, float]:
+    def gradient_point(row: CostRow) -> tuple[float, float]:
         # Not every method has a gradient.
         if row.gradient_seconds is None or row.gradient_error is None:
             return np.nan, np.nan
