@@ -1,7 +1,7 @@
 """Figures of what accuracy costs, and of what each effect changes."""
 
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -14,7 +14,8 @@ if TYPE_CHECKING:
 
 
 # The tables draw themselves by these functions. So the functions say what they read of a table, and
-# do not import it.
+# do not import it; tests check their types where they run.
+@runtime_checkable
 class CostRow(Protocol):
     """What the figure reads of a `jaxspace.studies.Cost`."""
 
@@ -38,6 +39,7 @@ class CostRow(Protocol):
     def failure(self) -> str: ...
 
 
+@runtime_checkable
 class CostTable(Protocol):
     """What the figure reads of a `jaxspace.studies.AccuracyCost`."""
 
@@ -47,6 +49,7 @@ class CostTable(Protocol):
     def reference_error(self) -> float: ...
 
 
+@runtime_checkable
 class InfluenceRow(Protocol):
     """What the figure reads of a `jaxspace.studies.Influence`."""
 
@@ -58,6 +61,7 @@ class InfluenceRow(Protocol):
     def share(self) -> float: ...
 
 
+@runtime_checkable
 class InfluenceTable(Protocol):
     """What the figure reads of a `jaxspace.studies.EffectBudget`."""
 

@@ -49,7 +49,7 @@ class _ScaledOutcome(NamedTuple):
     derivative: np.ndarray
     status: Status
     phases: tuple[tuple[Float[Array, " times"], State], ...]
-    evaluations: tuple[Int[ArrayLike, ""], ...]
+    evaluations: tuple[Int[Array, ""], ...]
 
 
 class _ScaledRuns(NamedTuple):
@@ -121,16 +121,16 @@ def effect_budget(
     check_positive("repeats", repeats)
     phases_of = phases_by_effect(scene)
     y0, ts = check_start(scene, y0, ts)
-    accuracy = as_accuracy(accuracy)
-    if accuracy.rtol is None:
-        accuracy = dataclasses.replace(accuracy, rtol=DEFAULT_RTOL[state_dtype(y0).name])
-    runs = _scaled_runs(scene, y0, ts, of_final, accuracy, tuple(phases_of), name == "attitude")
+    own = as_accuracy(accuracy)
+    if own.rtol is None:
+        own = dataclasses.replace(own, rtol=DEFAULT_RTOL[state_dtype(y0).name])
+    runs = _scaled_runs(scene, y0, ts, of_final, own, tuple(phases_of), name == "attitude")
     nominal = runs.run()
     if not nominal.status.good:
         raise SimulationError(nominal.status.sentence)
     # A tolerance only judges fixed steps: twice as many show the error of the integration.
-    if not isinstance(accuracy.method, str) and solver_traits(accuracy.method).fixed_step:
-        twice = dataclasses.replace(accuracy, method=refine(accuracy.method, 2))
+    if not isinstance(own.method, str) and solver_traits(own.method).fixed_step:
+        twice = dataclasses.replace(own, method=refine(own.method, 2))
         finer = _scaled_runs(scene, y0, ts, of_final, twice, runs.names, runs.signless).run()
     else:
         least = 2.0 * least_tolerance(state_dtype(y0))
@@ -148,7 +148,7 @@ def effect_budget(
         return table
 
     def timed_run(system: Runnable) -> tuple[np.ndarray, Status, float]:
-        return _timed_run(system, y0, ts, of_final, accuracy, repeats)
+        return _timed_run(system, y0, ts, of_final, own, repeats)
 
     return _verified(table, runs, _negligible(table, runs), scene, timed_run)
 

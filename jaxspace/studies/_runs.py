@@ -33,8 +33,8 @@ class RunOutcome(NamedTuple):
     final: State
     phases: tuple[tuple[Float[Array, " times"], State], ...]
     status: Int[Array, ""]
-    evaluations: tuple[Int[ArrayLike, ""], ...]
-    steps: tuple[Int[ArrayLike, ""], ...]
+    evaluations: tuple[Int[Array, ""], ...]
+    steps: tuple[Int[Array, ""], ...]
 
 
 def run_once(
@@ -60,9 +60,9 @@ def run_once(
 
 
 def _outcome(phases: tuple[Trajectory, ...], final: State, status: Array) -> RunOutcome:
-    def count(name: str) -> tuple[Int[ArrayLike, ""], ...]:
+    def count(name: str) -> tuple[Int[Array, ""], ...]:
         # A closed form counts nothing.
-        return tuple(phase.stats.get(name, 0) for phase in phases)
+        return tuple(jnp.asarray(phase.stats.get(name, 0)) for phase in phases)
 
     saved = tuple((phase.ts, phase.states) for phase in phases)
     return RunOutcome(final, saved, status, count("evaluations"), count("steps"))
