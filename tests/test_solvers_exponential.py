@@ -81,7 +81,7 @@ class Gyrocompass(AbstractSystem):
     n = H/A, rad/s: the fast rate; k = (weight moment)/H, rad/s. To first order a slow ellipse
     (Thomson 6.5)."""
 
-    n: Array
+    n: Float[Array, "*#runs"]
     k: float = 0.02
 
     def vector_field(self, t, y):

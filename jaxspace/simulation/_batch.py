@@ -3,6 +3,7 @@
 import functools
 from typing import Any, overload
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -198,6 +199,7 @@ def _run_systems(
         shared, config, events = given
         system, y0, ts = cut_batch(piece, shared)
         check_events(events, system, y0, ts[0], 1)
+        check_runs(system, y0, ts[0], blocks.size)
         result = run_system(system, y0, ts, events, config, 1, dense)
         return _every_run(nan_where_failed(result))
 
@@ -209,6 +211,18 @@ def _run_systems(
     done = blocks.map(block, _arranged(batched, order, differ), given)
     back = jax.lax.cond(differ, jnp.argsort, lambda order: order, order)
     return _arranged(done, back, differ)
+
+
+def check_runs(system: AbstractSystem, y0: State, t: Array, runs: int) -> None:
+    """Raise `InputError` if the derivative has another number of runs than the block."""
+    shapes = jax.tree.leaves(eqx.filter_eval_shape(broadcast_state, system, t, y0))
+    if all(x.shape[-1:] == (runs,) for x in shapes):
+        return
+    name = type(system).__name__
+    raise InputError(
+        f"{name}.vector_field returns {shapes[0].shape} for {runs} runs: the runs must be on the "
+        f'last axis, and a parameter that carries runs must say so (Float[Array, "*#runs"]).'
+    )
 
 
 @jit_wide_vectors
