@@ -111,7 +111,8 @@ def integrate(
     - `plan`: steps that are fixed beforehand, as nodes in normalised time.
     - `record_steps`, `dense`: whether to return the ends of the steps, and the states there.
 
-    **Returns** an `IntegrationResult`. Differentiable with respect to `system`, `y0`, `t0`, `t1`."""
+    **Returns** an `IntegrationResult`, differentiable with respect to `system`, `y0`, `t0` and
+    `t1`."""
     dtype = jnp.result_type(*jax.tree.leaves(y0))
     t0 = jnp.asarray(t0, dtype)
     t1 = jnp.asarray(t1, dtype)

@@ -1,6 +1,6 @@
 """Derivatives along the recorded steps of a run, forwards and backwards.
 
-    (y_{n+1}, d_n) = step(p, t_n, t_{n+1}, y_n)             d: what the dense output of the step holds
+    (y_{n+1}, d_n) = step(p, t_n, t_{n+1}, y_n)       d: what the dense output of the step holds
     forwards   (y_{n+1}', d_n') = d(step)/d(p, y_n) (p', y_n')
     backwards  (p*, y_n*) = (p*, 0) + [y_{n+1}*, d_n*] d(step)/d(p, y_n)
 

@@ -20,23 +20,37 @@ that no residual depends on how runs were grouped.
 
 import functools
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple, final
+from typing import Any, NamedTuple, TypeAlias, final
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jax.extend.core import Primitive, jaxpr_as_fun
+from jax.extend.core import ClosedJaxpr, Primitive, jaxpr_as_fun
 from jax.interpreters import ad, batching, mlir
 from jaxtyping import Array, PyTree
 
 from ..core import InputError, State
-from ._loop import LoopSettings, integrate_loop
+from ._loop import LoopSettings, LoopState, integrate_loop
 from ._mapping import add_run_axis, over_blocks
 from ._replay import Record, Replay
 
+Leaves: TypeAlias = Sequence[Array]
+# A derivative that is zero by structure, and not by value, is marked by JAX as such.
+Tangents: TypeAlias = Sequence[Array | ad.Zero]
+# Which axis of each argument is mapped; `None` for one that is not.
+Dims: TypeAlias = Sequence[int | None]
+Batched: TypeAlias = tuple[list[Array], list[int | None]]
+Moving: TypeAlias = tuple[int, ...]
+Aval: TypeAlias = jax.core.ShapedArray
+Avals: TypeAlias = Sequence[jax.core.ShapedArray]
+# A derivative of a derivative, of what is fixed and of the tangents.
+Derivative: TypeAlias = Callable[[Leaves, Leaves], list[Array]]
+# Field, initial state and settings of an integration.
+Parts: TypeAlias = tuple[PyTree, PyTree, LoopSettings]
+
 REVERSE_OF_DERIVATIVE = (
-    "Reverse mode of a derivative of a run is not available: take jax.jacfwd(jax.grad(f)), which is "
-    "jax.hessian(f), or jax.jacfwd(jax.jacfwd(f))."
+    "Reverse mode of a derivative of a run is not available: take jax.jacfwd(jax.grad(f)), which "
+    "is jax.hessian(f), or jax.jacfwd(jax.jacfwd(f))."
 )
 
 
@@ -56,7 +70,7 @@ class Outcome(NamedTuple):
     step_states: State | None
 
 
-def _outcome(loop: Any, settings: LoopSettings) -> Outcome:
+def _outcome(loop: LoopState, settings: LoopSettings) -> Outcome:
     finished = loop.t >= settings.end
     if loop.saved is None:
         # The state that was reached belongs to another time if the steps ran out.
@@ -89,7 +103,7 @@ class Problem:
 
     A problem is compared by identity, and traces each of its programs once."""
 
-    def __init__(self, parts: tuple[Any, State, LoopSettings]):
+    def __init__(self, parts: Parts):
         arrays, self.static = eqx.partition(parts, eqx.is_array)
         self.leaves, self.structure = jax.tree.flatten(arrays)
         # A Python number among the parameters stays weak: it takes the precision of the state.
@@ -100,14 +114,14 @@ class Problem:
         self.num_state = len(jax.tree.leaves(eqx.filter(y0, eqx.is_array)))
 
     @classmethod
-    def of(cls, *parts: Any) -> tuple["Problem", list[Array]]:
+    def of(cls, *parts: PyTree) -> tuple["Problem", list[Array]]:
         """The problem of a field, an initial state and settings, and its arguments."""
         problem = cls(parts)
         leaves = problem.leaves
         del problem.leaves
         return problem, leaves
 
-    def parts(self, args: Sequence[Any]) -> tuple[Any, PyTree, LoopSettings]:
+    def parts(self, args: Sequence[PyTree]) -> Parts:
         """Field, initial state and settings from the arguments."""
         return eqx.combine(jax.tree.unflatten(self.structure, args), self.static)
 
@@ -125,12 +139,12 @@ class Problem:
         return jax.tree.leaves((_outcome(loop, settings), Record.of(loop)))
 
     @functools.cached_property
-    def solve_jaxpr(self) -> Any:
+    def solve_jaxpr(self) -> ClosedJaxpr:
         """The traced `solve`."""
         return jax.make_jaxpr(self.solve)(*self.avals)
 
     @functools.cached_property
-    def record_jaxpr(self) -> Any:
+    def record_jaxpr(self) -> ClosedJaxpr:
         """The traced `record`."""
         return jax.make_jaxpr(self.record)(*self.avals)
 
@@ -139,7 +153,7 @@ class Problem:
         """How many arrays the saved states have; they come first in an outcome."""
         return self.num_state
 
-    def _replay(self, args: Sequence[Array], record: Sequence[Array], moving: Sequence[int]) -> Any:
+    def _replay(self, args: Leaves, record: Leaves, moving: Moving) -> tuple[Replay, PyTree, State]:
         """The replay, the moving part of the field, the initial state, and which of it moves."""
         field_args = list(args[: self.num_field])
         moves = [k for k in moving if k < self.num_field]
@@ -147,7 +161,7 @@ class Problem:
         rest = [None if k in moves else field_args[k] for k in range(self.num_field)]
         padding = [None] * (len(args) - self.num_field)
 
-        def tree(leaves: list[Any]) -> Any:
+        def tree(leaves: Sequence[Array | None]) -> PyTree:
             return jax.tree.unflatten(self.structure, [*leaves, *padding])[0]
 
         _, y0, settings = self.parts(args)
@@ -157,10 +171,10 @@ class Problem:
 
     def forward(
         self,
-        args: Sequence[Array],
-        record: Sequence[Array],
-        moving: Sequence[int],
-        tangents: Sequence[Array],
+        args: Leaves,
+        record: Leaves,
+        moving: Moving,
+        tangents: Leaves,
     ) -> list[Array]:
         """The tangents of the saved states."""
         replay, part, y0 = self._replay(args, record, moving)
@@ -180,10 +194,10 @@ class Problem:
 
     def backward(
         self,
-        args: Sequence[Array],
-        record: Sequence[Array],
-        moving: Sequence[int],
-        cotangents: Sequence[Array],
+        args: Leaves,
+        record: Leaves,
+        moving: Moving,
+        cotangents: Leaves,
     ) -> list[Array]:
         """The cotangents of the arguments that move."""
         replay, part, y0 = self._replay(args, record, moving)
@@ -228,13 +242,13 @@ def _record_program(*args: Array, problem: Problem) -> list[Array]:
     return jaxpr_as_fun(problem.record_jaxpr)(*args)
 
 
-def _along(*values: Array, problem: Problem, moving: tuple[int, ...], columns: int) -> list[Array]:
+def _along(*values: Array, problem: Problem, moving: Moving, columns: int) -> list[Array]:
     args, record, tangents = _split(problem, values)
     function = _columns(lambda t: problem.forward(args, record, moving, t), columns)
     return function(tangents)
 
 
-def _back(*values: Array, problem: Problem, moving: tuple[int, ...], columns: int) -> list[Array]:
+def _back(*values: Array, problem: Problem, moving: Moving, columns: int) -> list[Array]:
     args, record, cotangents = _split(problem, values)
     function = _columns(lambda c: problem.backward(args, record, moving, c), columns)
     return function(cotangents)
@@ -244,7 +258,9 @@ def _no_transpose(*values: Array, function: Callable[..., list[Array]], fixed: i
     return function(values[:fixed], values[fixed:])
 
 
-def _primitive(name: str, function: Callable[..., list[Array]], shapes: Any) -> Primitive:
+def _primitive(
+    name: str, function: Callable[..., list[Array]], shapes: Callable[..., Avals]
+) -> Primitive:
     primitive = Primitive(name)
     primitive.multiple_results = True
     primitive.def_impl(function)
@@ -253,21 +269,21 @@ def _primitive(name: str, function: Callable[..., list[Array]], shapes: Any) -> 
     return primitive
 
 
-def _array_avals(shapes: Sequence[Any]) -> list[Any]:
+def _array_avals(shapes: Avals) -> Avals:
     return [jax.core.ShapedArray(x.shape, x.dtype) for x in shapes]
 
 
-def _with_columns(shapes: Sequence[Any], values: Sequence[Any], columns: int) -> list[Any]:
+def _with_columns(shapes: Avals, values: Avals, columns: int) -> Avals:
     lead = values[0].shape[:columns] if columns else ()
     return [jax.core.ShapedArray((*lead, *x.shape), x.dtype) for x in shapes]
 
 
-def _along_avals(*values: Any, problem: Problem, moving: tuple[int, ...], columns: int) -> Any:
+def _along_avals(*values: Aval, problem: Problem, moving: Moving, columns: int) -> Avals:
     _, _, tangents = _split(problem, values)
     return _with_columns(problem.solve_jaxpr.out_avals[: problem.num_states], tangents, columns)
 
 
-def _back_avals(*values: Any, problem: Problem, moving: tuple[int, ...], columns: int) -> Any:
+def _back_avals(*values: Aval, problem: Problem, moving: Moving, columns: int) -> Avals:
     args, _, cotangents = _split(problem, values)
     return _with_columns([args[k] for k in moving], cotangents, columns)
 
@@ -290,7 +306,7 @@ no_transpose_p = _primitive(
 # Derivatives.
 
 
-def _moving(tangents: Sequence[Any]) -> tuple[int, ...]:
+def _moving(tangents: Tangents) -> Moving:
     """Which arguments have a derivative that is not zero by structure."""
     return tuple(
         k
@@ -299,11 +315,11 @@ def _moving(tangents: Sequence[Any]) -> tuple[int, ...]:
     )
 
 
-def _zeros(values: Sequence[Array]) -> list[Any]:
+def _zeros(values: Leaves) -> list[ad.Zero]:
     return [ad.Zero(jax.typeof(x).to_tangent_aval()) for x in values]
 
 
-def _solve_jvp(primals: Any, tangents: Any, *, problem: Problem) -> Any:
+def _solve_jvp(primals: Leaves, tangents: Tangents, *, problem: Problem) -> tuple[Leaves, Tangents]:
     moving = _moving(tangents)
     if not moving:
         outs = solve_p.bind(*primals, problem=problem)
@@ -319,7 +335,9 @@ def _solve_jvp(primals: Any, tangents: Any, *, problem: Problem) -> Any:
 ad.primitive_jvps[solve_p] = _solve_jvp
 
 
-def _record_jvp(primals: Any, tangents: Any, *, problem: Problem) -> Any:
+def _record_jvp(
+    primals: Leaves, tangents: Tangents, *, problem: Problem
+) -> tuple[Leaves, Tangents]:
     # Of second order: the states of the record move as well, and JAX follows them by itself.
     tangents = [ad.instantiate_zeros(t) for t in tangents]
     moving = [k for k, x in enumerate(primals) if jnp.issubdtype(x.dtype, jnp.floating)]
@@ -345,7 +363,7 @@ ad.primitive_jvps[record_p] = _record_jvp
 def _linear_jvp(primitive: Primitive, program: Callable[..., list[Array]]) -> None:
     """The JVP rule of a primitive that is linear in its last arguments."""
 
-    def rule(primals: Any, tangents: Any, **params: Any) -> Any:
+    def rule(primals: Leaves, tangents: Tangents, **params: Any) -> Any:
         problem = params["problem"]
         args, record, last = _split(problem, primals)
         d_args, d_record, d_last = _split(problem, tangents)
@@ -357,7 +375,7 @@ def _linear_jvp(primitive: Primitive, program: Callable[..., list[Array]]) -> No
         if moves:
             given = [[*d_args, *d_record][k] for k in moves]
 
-            def change(fixed: Any, given: Any) -> list[Array]:
+            def change(fixed: Leaves, given: Leaves) -> list[Array]:
                 residuals, last = fixed[: len(args) + len(record)], fixed[len(args) + len(record) :]
 
                 def of(*some: Array) -> list[Array]:
@@ -380,10 +398,12 @@ _linear_jvp(along_p, _along)
 _linear_jvp(back_p, _back)
 
 
-def _transpose(primitive: Primitive, shapes: Callable[..., list[Any]]) -> Callable[..., list[Any]]:
+def _transpose(
+    primitive: Primitive, shapes: Callable[..., Avals]
+) -> Callable[..., list[Array | None]]:
     """The transpose of a primitive that is linear in its last arguments, as another one."""
 
-    def rule(cotangents: Any, *values: Any, **params: Any) -> list[Any]:
+    def rule(cotangents: Tangents, *values: Any, **params: Any) -> list[Any]:
         problem = params["problem"]
         args, record, last = _split(problem, values)
         outs = shapes(args, last, **params)
@@ -397,12 +417,26 @@ def _transpose(primitive: Primitive, shapes: Callable[..., list[Any]]) -> Callab
     return rule
 
 
-def _shapes_along(args: Any, last: Any, *, problem: Problem, moving: Any, columns: int) -> Any:
+def _shapes_along(
+    args: Leaves,
+    last: Sequence[ad.UndefinedPrimal],
+    *,
+    problem: Problem,
+    moving: Moving,
+    columns: int,
+) -> Avals:
     avals = [x.aval for x in last]
     return _with_columns(problem.solve_jaxpr.out_avals[: problem.num_states], avals, columns)
 
 
-def _shapes_back(args: Any, last: Any, *, problem: Problem, moving: Any, columns: int) -> Any:
+def _shapes_back(
+    args: Leaves,
+    last: Sequence[ad.UndefinedPrimal],
+    *,
+    problem: Problem,
+    moving: Moving,
+    columns: int,
+) -> Avals:
     avals = [x.aval for x in last]
     return _with_columns([jax.typeof(args[k]) for k in moving], avals, columns)
 
@@ -411,12 +445,14 @@ ad.primitive_transposes[along_p] = _transpose(back_p, _shapes_along)
 ad.primitive_transposes[back_p] = _transpose(along_p, _shapes_back)
 
 
-def _refuse_transpose(cotangents: Any, *values: Any, **params: Any) -> list[Any]:
+def _refuse_transpose(cotangents: Tangents, *values: Any, **params: Any) -> list[Any]:
     del cotangents, values, params
     raise InputError(REVERSE_OF_DERIVATIVE)
 
 
-def _no_transpose_jvp(primals: Any, tangents: Any, *, function: Any, fixed: int) -> Any:
+def _no_transpose_jvp(
+    primals: Leaves, tangents: Tangents, *, function: Derivative, fixed: int
+) -> tuple[Leaves, Leaves]:
     tangents = [ad.instantiate_zeros(t) for t in tangents]
     moving = [k for k, x in enumerate(primals) if jnp.issubdtype(x.dtype, jnp.floating)]
 
@@ -429,7 +465,7 @@ def _no_transpose_jvp(primals: Any, tangents: Any, *, function: Any, fixed: int)
     return jax.jvp(of, tuple(primals[k] for k in moving), tuple(tangents[k] for k in moving))
 
 
-def _no_transpose_batch(values: Any, dims: Any, *, function: Any, fixed: int) -> Any:
+def _no_transpose_batch(values: Leaves, dims: Dims, *, function: Derivative, fixed: int) -> Batched:
     outs = jax.vmap(lambda *x: function(x[:fixed], x[fixed:]), in_axes=tuple(dims))(*values)
     return outs, [0] * len(outs)
 
@@ -442,15 +478,15 @@ batching.primitive_batchers[no_transpose_p] = _no_transpose_batch
 # Mapped runs.
 
 
-def _is_mapped(dim: Any) -> bool:
+def _is_mapped(dim: int | None) -> bool:
     return dim is not None
 
 
-def _size(values: Sequence[Array], dims: Sequence[Any]) -> int:
+def _size(values: Leaves, dims: Dims) -> int:
     return next(x.shape[d] for x, d in zip(values, dims, strict=True) if _is_mapped(d))
 
 
-def _solve_batch(values: Any, dims: Any, *, problem: Problem) -> Any:
+def _solve_batch(values: Leaves, dims: Dims, *, problem: Problem) -> Batched:
     size = _size(values, dims)
     mapped = add_run_axis(problem.parts, values, dims, size, flags=None)
     if mapped is None:
@@ -458,7 +494,7 @@ def _solve_batch(values: Any, dims: Any, *, problem: Problem) -> Any:
         outs = jax.vmap(lambda *a: problem.solve(*a), in_axes=axes)(*values)
         return outs, [0] * len(outs)
 
-    def block(parts: Any) -> list[Array]:
+    def block(parts: Parts) -> list[Array]:
         inner, args = Problem.of(*parts)
         return solve_p.bind(*args, problem=inner)
 
@@ -467,14 +503,14 @@ def _solve_batch(values: Any, dims: Any, *, problem: Problem) -> Any:
     return outs, [x.ndim - 1 for x in outs]
 
 
-def _record_batch(values: Any, dims: Any, *, problem: Problem) -> Any:
+def _record_batch(values: Leaves, dims: Dims, *, problem: Problem) -> Batched:
     outs, out_dims = _solve_batch(values, dims, problem=problem)
     # The record of a mapped run is computed where it is used: nothing reads this one.
     empty = [jnp.zeros(x.shape, x.dtype) for x in problem.record_jaxpr.out_avals[len(outs) :]]
     return [*outs, *empty], [*out_dims, *[None] * len(empty)]
 
 
-def _columns_first(values: Sequence[Array], dims: Sequence[Any], size: int) -> list[Array]:
+def _columns_first(values: Leaves, dims: Dims, size: int) -> list[Array]:
     """The arrays with the mapped axis first, where they have none a new one."""
     return [
         jnp.moveaxis(x, d, 0) if _is_mapped(d) else jnp.broadcast_to(x, (size, *x.shape))
@@ -485,7 +521,9 @@ def _columns_first(values: Sequence[Array], dims: Sequence[Any], size: int) -> l
 def _linear_batch(primitive: Primitive, program: str) -> None:
     """The batching rule of `along` or of `back`."""
 
-    def rule(values: Any, dims: Any, *, problem: Problem, moving: Any, columns: int) -> Any:
+    def rule(
+        values: Leaves, dims: Dims, *, problem: Problem, moving: Moving, columns: int
+    ) -> Batched:
         args, record, last = _split(problem, values)
         arg_dims, _, last_dims = _split(problem, dims)
         size = _size(values, dims)
@@ -517,7 +555,7 @@ def _linear_batch(primitive: Primitive, program: str) -> None:
             for x, d in zip(last, last_dims, strict=True)
         ]
 
-        def block(parts: Any, last: Any) -> list[Array]:
+        def block(parts: Parts, last: Leaves) -> list[Array]:
             inner, args = Problem.of(*parts)
             found = record_p.bind(*args, problem=inner)[-(3 + inner.num_state) :]
             return primitive.bind(

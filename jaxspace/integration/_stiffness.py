@@ -1,8 +1,8 @@
 """Whether a run is slow motion beside a fast linear one, told by its numbers at the start.
 
     w = max |eigenvalue of J|,    J = df/dy at the start
-    1. w |span| >= 1e4, and w h >= 300        an explicit method would want more steps than a run may take
-    2. |J(y + f / w) - J(y)| <= 0.05 w        where the fast motion leads, it is still the same motion
+    1. w |span| >= 1e4, and w h >= 300      explicit steps would be more than a run may take
+    2. |J(y + f / w) - J(y)| <= 0.05 w      where the fast motion leads, it stays the same
     3. a step of 300 / w by the exponential method is within the tolerance
 
 All are measured in the lengths of the state's blocks, as the tolerance is. A body that spins, or an

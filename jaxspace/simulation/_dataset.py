@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 def _unit(tree: Any, path: tuple[Any, ...]) -> str:
-    """The unit that the field which holds the leaf at `path` declares; empty if it declares none."""
+    """The unit of the leaf at `path`, as its field declares it; empty if it does not."""
     unit = ""
     for key in path:
         name = getattr(key, "name", None)

@@ -37,7 +37,8 @@ class Phase(eqx.Module):
         if isinstance(self.until, Event):
             if self.until.within is None:
                 raise InputError(
-                    f"Phase {self.name!r} ends at an event without a limit: Event.within must be a time in s."
+                    f"Phase {self.name!r} ends at an event without a limit: Event.within must be a "
+                    f"time in s."
                 )
         else:
             check_finite(f"Phase {self.name!r}: until", self.until)
@@ -54,5 +55,6 @@ class Mission(eqx.Module):
         names = [phase.name for phase in self.phases]
         if not names or len(set(names)) < len(names):
             raise InputError(
-                f"Mission.phases are {names}: there must be at least one, each with a name of its own."
+                f"Mission.phases are {names}: there must be at least one, each with a name of its "
+                f"own."
             )
