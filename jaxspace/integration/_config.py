@@ -83,6 +83,7 @@ def resolve(
     method that needs what the system does not offer."""
     dtype = state_dtype(y0)
     rtol = DEFAULT_RTOL.get(dtype.name, 1e-2) if accuracy.rtol is None else accuracy.rtol
+    # Zero stands for a tolerance that is traced: then the rules of structure decide.
     known_rtol = float(np.max(np.asarray(rtol))) if is_concrete(rtol) else 0.0
     if is_concrete(rtol):
         check_tolerance(float(np.min(np.asarray(rtol))), dtype)
@@ -90,6 +91,7 @@ def resolve(
     if method == "auto":
         method = select_method(system, y0, known_rtol, starts=starts)
     needs = "closed_form" if method == "closed_form" else solver_traits(method).needs
+    # The capability has the name of the method that answers for it.
     if needs and getattr(system, needs)() is None:
         _refuse(system, method, needs)
     atol = 1e-3 * rtol if accuracy.atol is None else accuracy.atol

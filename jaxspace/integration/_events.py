@@ -2,11 +2,11 @@
 
     t_e :  g(t_e, y(t_e)) = 0            dt_e = -(dg)/(g_t + g_y f)
 
-The zero is bracketed on samples of the dense output and then closed in by Newton's method guarded
-by its bracket, outside every derivative. A dip between the samples is looked into, too: where of
-three samples of one sign the middle one is nearest to zero, and so near that the bend g_- - 2 g +
-g_+ might reach it, the extremum is sought by the secant of the slopes, and the search goes on from
-the first place beyond zero. One more correction of time and state, inside the derivatives, carries
+The zero is bracketed on samples of the dense output and then closed in by Newton's method within
+its bracket, outside every derivative. A dip between the samples is examined, too: where the middle
+one of three samples of one sign is nearest to zero, and so near that the second difference
+g_- - 2 g + g_+ might reach it, the extremum is found by the secant of the slopes, and the search
+continues from the first place beyond zero. One more correction of time and state, inside the derivatives, carries
 the exact first derivative through the event: how its time moves, and the state with it (the
 saltation).
 
@@ -16,7 +16,7 @@ saltation).
 """
 
 from collections.abc import Callable
-from typing import Any, NamedTuple, final
+from typing import NamedTuple, final
 
 import equinox as eqx
 import jax
@@ -35,11 +35,12 @@ from ..core import (
 from ._config import IntegrationConfig
 from ._integrate import integrate, state_at, times_first
 
-CLOSING_STEPS = (
-    24  # Newton's steps, guarded by the bracket, at most; four are enough for a simple zero
-)
-NARROW = 1e-4  # of an interval: to what width the place of an extremum is sought
-REACH = 0.25  # of the bend: a parabola's dip below its lowest sample is an eighth at most
+# Newton steps within the bracket, at most; four are enough for a simple zero.
+CLOSING_STEPS = 24
+# Width, as a part of an interval, to which the place of an extremum is sought.
+NARROW = 1e-4
+# Of the second difference: a parabola dips below its lowest sample by an eighth of it at most.
+REACH = 0.25
 
 
 @final
@@ -126,12 +127,15 @@ def _first_zero(
     )
     times = t0 + jnp.multiply.outer(fractions, t1 - t0)
     g = jax.vmap(event.condition)(times, states)
+    # Slopes at the two ends only: they stand in for the samples that lie beyond the run.
     ends = jax.tree.map(lambda x: x[:: event.samples], (times, states))
     slopes = jax.vmap(lambda t, y: event.slope(system, t, y)[1])(*ends)
     dip = _dips(g, (times[1] - times[0]) * slopes)
-    g = g.at[0].set(_sign_at_start(g, slopes[0]))
+    # The slope is that along the run, which may go backwards in time.
+    g = g.at[0].set(_sign_at_start(g, jnp.sign(t1 - t0) * slopes[0]))
     rise, fall = (g[:-1] < 0.0) & (g[1:] >= 0.0), (g[:-1] > 0.0) & (g[1:] <= 0.0)
     candidate = {1: rise, -1: fall, 0: rise | fall}[event.direction] | dip & ~(rise | fall)
+    # Intervals are looked at one by one, because a dip may prove to hold no zero.
     numbers = jnp.arange(event.samples).reshape(-1, *(1,) * (candidate.ndim - 1))
 
     def look(found: tuple[Scalar, Array, Array]) -> tuple[Scalar, Array, Array]:
@@ -174,6 +178,7 @@ def _dips(g: Array, changes: Array) -> Array:
 def _sign_at_start(g: Array, slope: Scalar) -> Array:
     """The condition at the start; where it is zero to rounding (a ball on the floor), the sign that
     it is about to take."""
+    # Some tens of roundings of the largest value: what a state at the event itself leaves.
     zero = jnp.abs(g[0]) <= 64.0 * jnp.finfo(g.dtype).eps * jnp.max(jnp.abs(g), axis=0)
     return jnp.where(zero, jnp.sign(slope), g[0])
 
@@ -192,7 +197,7 @@ class _Search(NamedTuple):
     dip: Array
     slopes: tuple[Scalar, Scalar]
     moving: Array
-    left: Any
+    left: Array | int
 
 
 def _close_in(
@@ -221,12 +226,15 @@ def _close_in(
         )
         value, slope = event.slope(system, guess, there)
         same, away = value * sign > 0.0, forwards * sign * slope
+        # In a dip, the first place beyond zero ends one search and begins another: which of the two
+        # zeros counts depends on the direction.
         turned = dip & ~same & back
         before = jnp.where(dip & same, away < 0.0, same) | turned
         low, high = jnp.where(before, guess, low), jnp.where(before, high, guess)
         slopes = jnp.where(before, away, slopes[0]), jnp.where(before, slopes[1], away)
         sign, dip = jnp.where(turned, -sign, sign), dip & same
         newton = guess - value / jnp.where(slope == 0.0, 1.0, slope)
+        # Newton's step only within the bracket: outside of it the dense output is no bound.
         inside = (slope != 0.0) & ((newton - low) * (newton - high) <= 0.0) & ~dip
         share = jnp.where(
             dip & jnp.isfinite(slopes[1] - slopes[0]),
@@ -265,6 +273,7 @@ def newton_correct(
     delay = jnp.zeros_like(t)
     for number, event in enumerate(events):
         g, slope = event.slope(system, t, y)
+        # The derivative of the slope would only enter the second order, and cost a Jacobian.
         slope = jax.lax.stop_gradient(slope)
         hit = (which == number) & (slope != 0.0)
         delay = jnp.where(hit, -g / jnp.where(hit, slope, 1.0), delay)

@@ -168,11 +168,13 @@ def _settings(
     dense: bool,
 ) -> LoopSettings:
     """What the loop needs of the configuration for these segments."""
+    # Normalised time counts segments: their ends are the whole numbers.
     ends = jnp.arange(len(segments) + 1, dtype=segments.u.dtype)
     save_ts = None
     if fractions is not None:
         save_ts = ends if landing else jnp.interp(fractions.astype(ends.dtype), segments.u, ends)
     traits = solver_traits(config.method)
+    # To the loop, a fixed-step method takes one step a segment.
     if traits.fixed_step:
         plan = ends
     longest = None

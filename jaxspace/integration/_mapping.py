@@ -59,6 +59,7 @@ def add_run_axis(
     field_own, _, _ = parts_of(own)
     if not isinstance(field, ScaledVectorField):
         return None
+    # Seen from one run, before any axis was moved.
     original = parts_of(list(values))
     if not follows_layout(*_single(original, parts_of(list(dims)))):
         return None
@@ -135,6 +136,7 @@ def _settings_axis(settings: LoopSettings, mapped: Any) -> LoopSettings:
     rest = (mapped.save_ts, mapped.plan, mapped.tolerance, mapped.method)
     if any(x is True for x in jax.tree.leaves(rest)):
         raise _CannotMap
+    # Tolerances, save times and plans are one for all runs of a block.
     tolerance = settings.tolerance
     axes = tolerance.run_axes + 1
     tolerance = Tolerance(tolerance.rtol, tolerance.atol, axes)
@@ -172,6 +174,7 @@ def over_blocks(
     parts, carried = mapped
     count = -(-size // BLOCK)
 
+    # What the runs of a block share, such as the number of steps, is given to each of them.
     def complete(results: list[Array], runs: int) -> list[Array]:
         return [
             jnp.broadcast_to(x[..., None], (*x.shape, runs)) if x.ndim == rank else x
@@ -222,6 +225,7 @@ def follows_layout(system: Any, y0: PyTree) -> bool:
 @functools.lru_cache(maxsize=256)
 def _follows_layout(structure: Any, leaves: tuple[Any, ...]) -> bool:
     system, y0 = jax.tree.unflatten(structure, leaves)
+    # Positive numbers of order one: roots and logarithms of a field stay defined.
     random = np.random.default_rng(0)
 
     def numbers(shape: tuple[int, ...], x: Any) -> Any:

@@ -98,6 +98,8 @@ def segments_of(
     runs = jnp.broadcast_shapes(*(x.shape[1:] for x in inner)) if inner else ()
     zero = jnp.zeros((1, *runs), span.dtype)
     one = jnp.ones((1, *runs), span.dtype)
+    # Every run has the same number of segments; where its breaks lie outside of the run, some of
+    # them have no length.
     cuts = [jnp.broadcast_to(x, (x.shape[0], *runs)).astype(span.dtype) for x in inner]
     u = jnp.concatenate([zero, *cuts, one])
     return Segments(jnp.sort(u, axis=0) if inner else u, t0, span)
@@ -202,6 +204,7 @@ def hoist(field: ScaledVectorField, y0: State, needs: str) -> ScaledVectorField 
     if not closes_over_tracers(field, y0):
         return field
     s = jnp.zeros_like(field.segments.span, shape=())
+    # Only what the method evaluates is converted: each conversion traces it once.
     split = regularised = None
     if needs == "split":
         split = _hoisted(field.split(), {"drift": (s, y0), "kick": (s, s, y0)})

@@ -68,6 +68,7 @@ def shape_of(x: Any) -> Any:
     return jax.ShapeDtypeStruct(x.shape, x.dtype, weak_type=getattr(x, "weak_type", False))
 
 
+# Traced once for each make of system and state: the answer does not depend on numbers.
 @functools.lru_cache(maxsize=256)
 def _is_second_order(tree: Any, leaves: tuple[Any, ...]) -> bool:
     shapes, rest = eqx.partition(

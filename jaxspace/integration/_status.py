@@ -85,6 +85,7 @@ def status_from(
     - `out_of_steps`: whether the steps ran out before the end.
     - `finite`: whether the state stayed finite.
     - `max_local_error`: in units of the tolerance; up to 1 is within it."""
+    # The order says which failure explains the others: NaN first, then the steps, then the error.
     status = jnp.where(max_local_error > 1.0, Status.TOLERANCE_MISSED, Status.COMPLETED)
     status = jnp.where(finite, status, Status.NOT_FINITE)
     ran_out = out_of_steps & (status != Status.NOT_FINITE)

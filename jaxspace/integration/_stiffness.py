@@ -29,19 +29,18 @@ from jaxtyping import Array, PyTree
 from ..core import AbstractSystem, State, is_traced
 from ..solvers import ExponentialRosenbrock
 
-# radians or decay times in the span: DOP853 takes five steps for three, more than a run may by
-# default
+# Radians or decay times in a run: DOP853 takes five steps for three of them, which is more than a
+# run may take by default.
 EXPLICIT = 1e4
-# radians or decay times in a step: about as many as DOP853 passes while a step of 30 components is
-# computed
+# Radians or decay times in a step of the exponential method: about as many as DOP853 passes while
+# one such step of 30 components is computed.
 TRIAL = 300.0
+# Relative change of the Jacobian up to which the fast motion counts as linear.
 SAME = 0.05
-LEAST = (
-    1e-3  # of a block's own unit: shorter ones count as this, as for the default absolute tolerance
-)
-MOST = (
-    40  # components of a state: beyond, the exponential method's matrices cost more than they save
-)
+# Of a block's own unit: shorter blocks count as this, as for the default absolute tolerance.
+LEAST = 1e-3
+# Components of a state beyond which the matrices of the method cost more than they save.
+MOST = 40
 
 
 class InitialConditions(NamedTuple):

@@ -175,6 +175,7 @@ def _resolve_for(
     system, y0, _ = whole
     starts = None
     if not is_traced((whole, accuracy)):
+        # The first and the last among them: inputs are often given in order.
         sample = rows[np.linspace(0, rows.size - 1, SAMPLED).astype(int)]
         axes = jax.tree.map(
             lambda x, own: None if x is None else int(own is not None),
@@ -267,6 +268,7 @@ def _order(
 
     Runs alike in this need similar steps, and the runs of a block share theirs. `None` where the
     steps do not depend on the runs."""
+    # A single block has nothing to sort, and equal steps do not depend on the runs.
     runs = jax.tree.leaves(batched)[0].shape[-1]
     if runs == blocks.size or config.method == "closed_form" or config.fixed_step:
         return None
@@ -329,6 +331,7 @@ def _mend(
     def stuck(result: RunResult) -> np.ndarray:
         return np.flatnonzero(np.asarray(result.status) == Status.MAX_STEPS)
 
+    # A block shares its steps, so that one slow run can use up those of all.
     rows = stuck(result)
     if rows.size and runs > 1:
         result = _put_runs(result, rows, again(rows, config, 1))
@@ -336,6 +339,7 @@ def _mend(
         other = config_for(rows) if rows.size else config
         if type(other.method) is not type(config.method):
             result = _put_runs(result, rows, again(rows, other, 1))
+    # Each number of fixed steps is a program of its own: one more, for the worst of the runs.
     error = error_of_too_few_steps(result, config)
     missed = np.flatnonzero(error)
     if missed.size:

@@ -68,6 +68,7 @@ class Blocks(NamedTuple):
         runs = jax.tree.leaves(batched)[0].shape[-1]
         parts = 1 if self.mesh is None else self.mesh.size
         count = parts * -(-runs // (self.size * parts))
+        # Whole blocks only, so that one program serves all of them.
         filling = count * self.size - runs
         arrays, static = eqx.partition(shared, eqx.is_array)
 

@@ -37,6 +37,7 @@ def dataset_of(ts: Array, states: State, status: Array, run_axes: int) -> "xarra
     """The arrays of a trajectory as a data set: a variable for each block, named axes, units."""
     import xarray
 
+    # An axis of components has the name of its variable: blocks of different length share none.
     runs = ("run",) * run_axes
     variables: dict[str, Any] = {}
     for path, leaf in jax.tree_util.tree_flatten_with_path(states)[0]:

@@ -14,6 +14,7 @@ from ..core import AbstractSystem, InputError, Scalar, State, as_float, check_fi
 from ..integration._events import Event
 
 
+# A duration becomes an array; an event passes.
 def _as_until(x: Any) -> Any:
     return x if isinstance(x, Event) else as_float(x)
 
@@ -52,6 +53,7 @@ class Mission(eqx.Module):
     phases: tuple[Phase, ...] = eqx.field(converter=tuple)
 
     def __check_init__(self):
+        # Results are found by the names of their phases.
         names = [phase.name for phase in self.phases]
         if not names or len(set(names)) < len(names):
             raise InputError(

@@ -138,10 +138,12 @@ def run_system(
         none = -jnp.ones(runs, jnp.int32)
         ts = jnp.broadcast_to(_with_runs(ts, runs), (ts.shape[0], *runs))
         return RunResult(ts, result.states, result.status, none, result.stats, result.dense, None)
+    # Each run may stop at a time of its own.
     asked = jnp.broadcast_to(_with_runs(ts, runs), (ts.shape[0], *runs))
     when, which = first_event(system, y0, asked[0], asked[-1], events, config, run_axes)
     sign = jnp.where(asked[-1] < asked[0], -1.0, 1.0).astype(when.dtype)
     ts = sign * jnp.minimum(sign * asked, sign * when)
+    # Run again to the events alone: each run lands on its own, as accurate as its steps.
     result = _at_times(system, y0, ts, config, run_axes, dense)
     last = state_at(result.states, -1, run_axes)
     t_event, y_event = newton_correct(system, events, which, ts[-1], last)

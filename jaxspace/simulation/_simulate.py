@@ -99,6 +99,7 @@ def _simulate_system(
     throw: bool = True,
 ) -> Trajectory:
     check_initial_state(y0)
+    # Everything that can be refused is refused here, before anything is compiled.
     ts = check_times(ts, y0)
     check_structure(system, y0, ts[0])
     events = tuple(events)
@@ -154,6 +155,7 @@ def resolve_phases(
     y = jax.eval_shape(lambda y: y, y0)
     for phase in mission.phases:
         configs.append(resolve(phase.system, y, accuracy))
+        # Only shapes are needed: a jump may change what the state holds.
         zero = jax.ShapeDtypeStruct((), state_dtype(y))
         y = eqx.filter_eval_shape(broadcast_state, phase.system, zero, y)
         if phase.then is not None:
