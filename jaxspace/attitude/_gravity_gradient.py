@@ -74,10 +74,14 @@ def pitch_libration_period(amplitude: Scalar, moments: Vector, mean_motion: Scal
 
     `moments`: (I_1, I_2, I_3), kg m^2, along the velocity, along the normal and outwards, with I_1
     > I_3; `mean_motion`, rad/s (Thomson 7.4, Problem 15). It grows without limit towards an
-    amplitude of a right angle."""
+    amplitude of a right angle and towards I_1 = I_3, where it is infinite, with derivatives of
+    zero; NaN for I_1 < I_3."""
     along, across, outwards = moments
-    rate = mean_motion * jnp.sqrt(3.0 * (along - outwards) / across)
-    return 4.0 * complete_elliptic(jnp.cos(amplitude) ** 2) / rate
+    stiffness = 3.0 * (along - outwards) / across
+    endless = stiffness == 0.0
+    rate = mean_motion * jnp.sqrt(jnp.where(endless, 1.0, stiffness))
+    period = 4.0 * complete_elliptic(jnp.cos(amplitude) ** 2) / rate
+    return jnp.where(endless, jnp.inf, period)
 
 
 @final

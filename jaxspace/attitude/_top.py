@@ -31,6 +31,7 @@ from collections.abc import Sequence
 from typing import final
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
@@ -43,9 +44,11 @@ from ..core import (
     Vector,
     as_float,
     axis,
+    barrier,
     check_finite,
     check_positive,
     cross,
+    end_sqrt,
     safe_divide,
     safe_sqrt,
 )
@@ -159,10 +162,22 @@ class Top(AbstractSystem):
 
         Roots of A cos(theta) psi'^2 - C n psi' + W l = 0, without cancellation for a fast top or
         near the horizontal. NaN where none exists (`least_spin`); the fast one is infinite at the
-        horizontal. At theta = 0 they are the two frequencies of a sleeping top."""
+        horizontal. At theta = 0 they are the two frequencies of a sleeping top. Exactly at
+        `least_spin` both are one, with infinite slopes (the rule of ends in `core/_safe.py`)."""
+        least = barrier(jax.lax.stop_gradient(self.least_spin(theta)))
+
+        def radicand(A, C, Wl, theta, n, least):
+            x = (C * n) ** 2 - 4.0 * A * Wl * jnp.cos(theta)
+            # The same, without the rounding of a difference of squares: zero at the least spin.
+            size = jnp.abs(n)
+            below = 4.0 * A * jnp.maximum(-Wl * jnp.cos(theta), 0.0)
+            exact = C * C * (size - least) * (size + least) + below
+            return x + jax.lax.stop_gradient(exact - x)
+
         A, C, Wl = self._letters()
+        theta, n = as_float(theta), as_float(n)
         p = C * n
-        p = p + jnp.where(p < 0.0, -1.0, 1.0) * safe_sqrt(p * p - 4.0 * A * Wl * jnp.cos(theta))
+        p = p + jnp.where(p < 0.0, -1.0, 1.0) * end_sqrt(radicand, A, C, Wl, theta, n, least)
         return 2.0 * Wl / p, p / (2.0 * A * jnp.cos(theta))
 
     def precession_rates_from_momentum(self, theta: Scalar, h_Z: Scalar) -> tuple[Scalar, Scalar]:
@@ -181,15 +196,29 @@ class Top(AbstractSystem):
         (Thomson 5.14-4).
 
         At theta = 0 it is the spin above which a sleeping top is stable (Harrison and Nettleton
-        4.11)."""
+        4.11). Where it becomes zero its slope is infinite (the rule of ends in `core/_safe.py`)."""
+
+        def radicand(A, Wl, theta):
+            return jnp.maximum(A * Wl * jnp.cos(theta), 0.0)
+
         A, C, Wl = self._letters()
-        return 2.0 / C * safe_sqrt(jnp.maximum(A * Wl * jnp.cos(theta), 0.0))
+        return 2.0 / C * end_sqrt(radicand, A, Wl, as_float(theta))
 
     def sleeping_growth_rate(self, n: Scalar) -> Scalar:
         """Rate, 1/s, at which a small tilt of the upright top grows with the spin `n`, rad/s; zero
-        when it is stable."""
+        when it is stable. At the critical spin, `least_spin` at theta = 0, its slope is infinite
+        (the rule of ends in `core/_safe.py`)."""
+        critical = barrier(jax.lax.stop_gradient(self.least_spin(jnp.zeros_like(as_float(n)))))
+
+        def radicand(A, C, Wl, n, critical):
+            x = 4.0 * A * Wl - (C * n) ** 2
+            # The same, without the rounding of a difference of squares.
+            size = jnp.abs(n)
+            exact = C * C * (critical - size) * (critical + size)
+            return jnp.maximum(x + jax.lax.stop_gradient(exact - x), 0.0)
+
         A, C, Wl = self._letters()
-        return safe_sqrt(jnp.maximum(4.0 * A * Wl - (C * n) ** 2, 0.0)) / (2.0 * A)
+        return end_sqrt(radicand, A, C, Wl, as_float(n), critical) / (2.0 * A)
 
     def precession_moment(self, theta: Scalar, precession: Scalar, n: Scalar) -> Scalar:
         """The moment about the line of nodes, N m, that the steady rate `precession`, rad/s, calls

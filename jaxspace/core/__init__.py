@@ -26,11 +26,13 @@ from ._quantity import AbstractParameters as AbstractParameters
 from ._quantity import Quantity as Quantity
 from ._quantity import quantities as quantities
 from ._quantity import quantity as quantity
+from ._safe import end_sqrt as end_sqrt
 from ._safe import phi1 as phi1
 from ._safe import safe_atan2 as safe_atan2
 from ._safe import safe_divide as safe_divide
 from ._safe import safe_sqrt as safe_sqrt
 from ._safe import sinc_squared as sinc_squared
+from ._safe import times_slope as times_slope
 from ._special import stumpff as stumpff
 from ._special import stumpff_near as stumpff_near
 from ._system import AbstractClosedForm as AbstractClosedForm
