@@ -25,7 +25,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..bodies import AbstractJump, BodyState
-from ..core import InputError, Scalar, axis, quantity
+from ..core import InputError, Scalar, as_float, axis, end_sqrt, quantity
 
 
 def inertia_ratio(I: Scalar, R: Scalar, m: Scalar) -> Scalar:  # noqa: E741
@@ -34,8 +34,15 @@ def inertia_ratio(I: Scalar, R: Scalar, m: Scalar) -> Scalar:  # noqa: E741
 
 
 def cord_length(w0: Scalar, w_f: Scalar, I: Scalar, R: Scalar, m: Scalar) -> Scalar:  # noqa: E741
-    """The cord l_f, m, that slows the spin from `w0` to `w_f`, rad/s (Thomson 7.5-15)."""
-    return R * jnp.sqrt(inertia_ratio(I, R, m) * (w0 - w_f) / (w0 + w_f))
+    """The cord l_f, m, that slows the spin from `w0` to `w_f`, rad/s (Thomson 7.5-15).
+
+    At w_f = w0, where no cord is needed, the slopes by the two rates are infinite (the rule of ends
+    in `core/_safe.py`), those by the body are zero."""
+
+    def radicand(w0, w_f, I, R, m):  # noqa: E741
+        return inertia_ratio(I, R, m) * (w0 - w_f) / (w0 + w_f)
+
+    return R * end_sqrt(radicand, *(as_float(x) for x in (w0, w_f, I, R, m)))
 
 
 def zero_spin_cord_length(I: Scalar, R: Scalar, m: Scalar) -> Scalar:  # noqa: E741

@@ -92,13 +92,17 @@ def pitch_libration_period(amplitude: Scalar, moments: Vector, mean_motion: Scal
       with I_1 > I_3.
     - `mean_motion`: of the orbit, rad/s, (*runs,).
 
-    **Returns** the period, s, (*runs,); it grows without limit towards a right angle.
+    **Returns** the period, s, (*runs,). It grows without limit towards a right angle and towards
+    I_1 = I_3, where it is infinite, with derivatives of zero; NaN for I_1 < I_3.
     """
     check_components("pitch_libration_period: moments", moments, 3)
     along, across, outwards = moments
-    rate = mean_motion * jnp.sqrt(3.0 * (along - outwards) / across)
+    stiffness = 3.0 * (along - outwards) / across
+    endless = stiffness == 0.0
+    rate = mean_motion * jnp.sqrt(jnp.where(endless, 1.0, stiffness))
     # K of the complementary modulus, an input without a difference near a right angle.
-    return 4.0 * complete_elliptic(jnp.cos(amplitude) ** 2) / rate
+    period = 4.0 * complete_elliptic(jnp.cos(amplitude) ** 2) / rate
+    return jnp.where(endless, jnp.inf, period)
 
 
 @final

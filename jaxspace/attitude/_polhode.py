@@ -76,9 +76,11 @@ class Polhode(eqx.Module):
         )
 
     def period(self) -> Scalar:
-        """Time, s, in which omega returns in the body; infinite on the separatrix and in a body
-        with three equal moments."""
-        return 4.0 * complete_elliptic(self.complement) / self.rate
+        """Time, s, in which omega returns in the body; infinite, with derivatives of zero, on the
+        separatrix, about the intermediate axis and in a body with three equal moments."""
+        endless = (self.rate == 0.0) | (self.complement == 0.0)
+        rate, complement = (jnp.where(endless, 1.0, x) for x in (self.rate, self.complement))
+        return jnp.where(endless, jnp.inf, 4.0 * complete_elliptic(complement) / rate)
 
     def herpolhode_radii(self) -> tuple[Scalar, Scalar]:
         """Distance, rad/s, of the two vertices from the foot of the invariable plane's normal

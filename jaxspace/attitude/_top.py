@@ -36,6 +36,7 @@ as (3, *runs).
 from collections.abc import Sequence
 from typing import final
 
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
@@ -49,8 +50,10 @@ from ..core import (
     argument,
     as_float,
     axis,
+    barrier,
     constructor,
     cross,
+    end_sqrt,
     quantity,
     safe_divide,
     safe_sqrt,
@@ -193,13 +196,25 @@ class Top(AbstractSystem):
 
         **Returns** the two roots of A cos(theta) psi'^2 - C n psi' + W l = 0. NaN where there is
         none (`least_spin`); the fast one is infinite at the horizontal. At theta = 0 they are the
-        two frequencies of a sleeping top.
+        two frequencies of a sleeping top. Exactly at `least_spin` both are one, with infinite
+        slopes (the rule of ends in `core/_safe.py`).
         """
+        least = barrier(jax.lax.stop_gradient(self.least_spin(theta)))
+
+        def radicand(A, C, Wl, theta, n, least):
+            x = (C * n) ** 2 - 4.0 * A * Wl * jnp.cos(theta)
+            # The same, without the rounding of a difference of squares: zero at the least spin.
+            size = jnp.abs(n)
+            below = 4.0 * A * jnp.maximum(-Wl * jnp.cos(theta), 0.0)
+            exact = C * C * (size - least) * (size + least) + below
+            return x + jax.lax.stop_gradient(exact - x)
+
         A, C, Wl = self._letters()
+        theta, n = as_float(theta), as_float(n)
         # Both from the root of larger magnitude and the product of the roots: nothing cancels for
         # a fast top or near the horizontal.
         p = C * n
-        p = p + jnp.where(p < 0.0, -1.0, 1.0) * safe_sqrt(p * p - 4.0 * A * Wl * jnp.cos(theta))
+        p = p + jnp.where(p < 0.0, -1.0, 1.0) * end_sqrt(radicand, A, C, Wl, theta, n, least)
         return 2.0 * Wl / p, p / (2.0 * A * jnp.cos(theta))
 
     def precession_rates_from_momentum(self, theta: Scalar, h_Z: Scalar) -> tuple[Scalar, Scalar]:
@@ -224,16 +239,31 @@ class Top(AbstractSystem):
         """The least spin n, rad/s, with a steady precession at `theta`, rad (Thomson 5.14-4).
 
         Zero below the horizontal. At theta = 0 a sleeping top is stable above it (Harrison and
-        Nettleton 4.11)."""
+        Nettleton 4.11). Where it becomes zero its slope is infinite (the rule of ends in
+        `core/_safe.py`)."""
+
+        def radicand(A, Wl, theta):
+            return jnp.maximum(A * Wl * jnp.cos(theta), 0.0)
+
         A, C, Wl = self._letters()
-        # Safe, because the root is zero at the horizontal, where its derivative is infinite.
-        return 2.0 / C * safe_sqrt(jnp.maximum(A * Wl * jnp.cos(theta), 0.0))
+        return 2.0 / C * end_sqrt(radicand, A, Wl, as_float(theta))
 
     def sleeping_growth_rate(self, n: Scalar) -> Scalar:
-        """Growth rate, 1/s, of a small tilt of the upright top with the spin `n`, rad/s; zero where
-        it is stable."""
+        """Growth rate, 1/s, of a small tilt of the upright top with the spin `n`, rad/s.
+
+        Zero where it is stable. At the critical spin, `least_spin` at theta = 0, its slope is
+        infinite (the rule of ends in `core/_safe.py`)."""
+        critical = barrier(jax.lax.stop_gradient(self.least_spin(jnp.zeros_like(as_float(n)))))
+
+        def radicand(A, C, Wl, n, critical):
+            x = 4.0 * A * Wl - (C * n) ** 2
+            # The same, without the rounding of a difference of squares.
+            size = jnp.abs(n)
+            exact = C * C * (critical - size) * (critical + size)
+            return jnp.maximum(x + jax.lax.stop_gradient(exact - x), 0.0)
+
         A, C, Wl = self._letters()
-        return safe_sqrt(jnp.maximum(4.0 * A * Wl - (C * n) ** 2, 0.0)) / (2.0 * A)
+        return end_sqrt(radicand, A, C, Wl, as_float(n), critical) / (2.0 * A)
 
     def precession_moment(self, theta: Scalar, precession: Scalar, n: Scalar) -> Scalar:
         """The moment about the line of nodes, N m, that a steady precession requires (Thomson

@@ -39,11 +39,13 @@ from ._quantity import Quantity as Quantity
 from ._quantity import argument as argument
 from ._quantity import quantities as quantities
 from ._quantity import quantity as quantity
+from ._safe import end_sqrt as end_sqrt
 from ._safe import phi1 as phi1
 from ._safe import safe_atan2 as safe_atan2
 from ._safe import safe_divide as safe_divide
 from ._safe import safe_sqrt as safe_sqrt
 from ._safe import sinc_squared as sinc_squared
+from ._safe import times_slope as times_slope
 from ._shapes import check_components as check_components
 from ._shapes import runs_first as runs_first
 from ._shapes import runs_last as runs_last

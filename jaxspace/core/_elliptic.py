@@ -28,13 +28,11 @@ STEPS = 11
 
 
 def complete_elliptic(complement: Scalar) -> Scalar:
-    """K, 1, from the complement k'^2 = 1 - k^2 within [0, 1]; infinite at zero, where the slope is
-    minus infinity in both modes of differentiation."""
+    """K, 1, from the complement k'^2 = 1 - k^2 within [0, 1]; infinite, with a derivative of zero,
+    at zero."""
     regular = complement > 0.0
     b = jnp.sqrt(jnp.where(regular, complement, 1.0))
-    K = 0.5 * math.pi / _mean(jnp.ones_like(b), b)
-    # 1/0 has the value and the slope of the pole, and the scale keeps its sign.
-    return jnp.where(regular, K, 1.0 / jnp.where(regular, 1.0, complement))
+    return jnp.where(regular, 0.5 * math.pi / _mean(jnp.ones_like(b), b), jnp.inf)
 
 
 def _mean(a: Scalar, b: Scalar) -> Scalar:

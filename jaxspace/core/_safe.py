@@ -3,8 +3,18 @@
 jax differentiates the branch that a `where` does not take as well, and zero times infinity is NaN.
 That branch therefore gets a harmless argument. A removable singularity gets its series where the
 closed form has lost digits.
-"""
 
+**The rule of ends.** Where a quantity ends in a square root (it exists, or differs from zero, on
+one side alone), its slope there is infinite: `end_sqrt` reports plus or minus inf in both modes of
+differentiation along what moves the radicand, and zero along what does not. `safe_sqrt` is for
+lengths and for roots whose infinite slope a vanishing factor cancels: its slope at the end is zero.
+Where a value is itself infinite (a period on a separatrix), its derivatives are zero: from there
+no step leads to a finite one."""
+
+from collections.abc import Callable
+from functools import partial
+
+import jax
 import jax.numpy as jnp
 
 from ._types import Scalar
@@ -14,6 +24,48 @@ def safe_sqrt(x: Scalar) -> Scalar:
     """Square root, with derivative zero instead of infinity at x = 0; NaN for negative x."""
     zero = x == 0.0
     return jnp.where(zero, 0.0, jnp.sqrt(jnp.where(zero, 1.0, x)))
+
+
+def times_slope(slope: Scalar, tangent: Scalar) -> Scalar:
+    """slope * tangent for derivative rules, where an infinite slope times zero is zero.
+
+    Linear in `tangent`, as both modes need it: infinity is applied as two finite factors."""
+    greatest = float(jnp.finfo(slope.dtype).max)
+    endless = jnp.isinf(slope)
+    first = jnp.where(endless, jnp.copysign(greatest, slope), slope)
+    return (tangent * first) * jnp.where(endless, greatest, 1.0)
+
+
+@partial(jax.custom_jvp, nondiff_argnums=(0,))
+def end_sqrt(radicand: Callable[..., Scalar], *args: Scalar) -> Scalar:
+    """sqrt(radicand(*args)) at the end of a range; NaN for a negative radicand.
+
+    **Arguments**
+
+    - `radicand`: acts on each run alone.
+    - `args`: arrays of runs, or one number for all.
+
+    **Returns** the root. Its derivative at zero is inf times the sign of the radicand's along each
+    of the `args`, and zero where that is zero.
+    """
+    return jnp.sqrt(radicand(*args))
+
+
+@end_sqrt.defjvp
+def _end_sqrt_tangent(radicand, args, tangents):
+    x = radicand(*args)
+    end = x == 0.0
+    root = jnp.sqrt(jnp.where(end, 1.0, x))
+    total = jnp.zeros_like(root)
+    for i, tangent in enumerate(tangents):
+
+        def along(a, i=i):
+            return radicand(*args[:i], a, *args[i + 1 :])
+
+        _, partial_i = jax.jvp(along, (args[i],), (jnp.ones_like(args[i]),))
+        endless = jnp.where(partial_i == 0.0, 0.0, jnp.copysign(jnp.inf, partial_i))
+        total = total + times_slope(jnp.where(end, endless, 0.5 * partial_i / root), tangent)
+    return jnp.where(end, 0.0, jnp.sqrt(x)), total
 
 
 def safe_divide(a: Scalar, b: Scalar) -> Scalar:

@@ -23,31 +23,56 @@ swirl of its own.
 from collections.abc import Callable
 from typing import Any, ClassVar, final
 
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
-from ..core import Scalar, axis, phi1, quantity, reference
+from ..core import Scalar, as_float, axis, phi1, quantity, reference, times_slope
 
 
 def jet_damping_ratio(mass_ratio: Scalar, lever_over_gyration: Scalar) -> Scalar:
-    """omega / omega_0 without spin, for `mass_ratio` = m / m_0 and l / k (Thomson 7.8-4)."""
-    return mass_ratio ** (lever_over_gyration**2 - 1.0)
+    """omega / omega_0 without spin, for `mass_ratio` = m / m_0 and l / k (Thomson 7.8-4).
+
+    At the mass ratio zero, the end of the range, the derivatives are one-sided: by the mass ratio
+    infinite for k < l < sqrt(2) k, by l / k zero; zero where the ratio is infinite."""
+    return _power(as_float(mass_ratio), as_float(lever_over_gyration) ** 2 - 1.0)
 
 
 def spin_ratio(mass_ratio: Scalar, ring_over_gyration: Scalar) -> Scalar:
-    """omega_z / n, for `mass_ratio` = m / m_0 and rho / k_z (Thomson 7.9)."""
-    return mass_ratio ** (ring_over_gyration**2 - 1.0)
+    """omega_z / n, for `mass_ratio` = m / m_0 and rho / k_z (Thomson 7.9); at the mass ratio zero
+    as `jet_damping_ratio`."""
+    return _power(as_float(mass_ratio), as_float(ring_over_gyration) ** 2 - 1.0)
+
+
+@jax.custom_jvp
+def _power(base: Scalar, exponent: Scalar) -> Scalar:
+    """base^exponent for a base that is not negative."""
+    return base**exponent
+
+
+@_power.defjvp
+def _power_tangent(primals, tangents):
+    base, exponent = primals
+    end = base == 0.0
+    inside = jnp.where(end, 1.0, base)
+    rises = (exponent > 0.0) & (exponent < 1.0)
+    one_sided = jnp.where(rises, jnp.inf, jnp.where(exponent == 1.0, 1.0, 0.0))
+    by_base = jnp.where(end, one_sided, exponent * inside ** (exponent - 1.0))
+    by_exponent = jnp.where(end, 0.0, inside**exponent * jnp.log(inside))
+    value = _power(base, exponent)
+    return value, times_slope(by_base, tangents[0]) + by_exponent * tangents[1]
 
 
 def spin_angle(
     time: Scalar, spin: Scalar, burn_fraction_rate: Scalar, ring_over_gyration: Scalar
 ) -> Scalar:
     """Angle of spin, rad, after `time`, s: the integral of omega_z from the rate `spin` = n, rad/s,
-    with m'/m_0 = `burn_fraction_rate`, 1/s (positive when mass leaves). Holds for a central nozzle
-    too, where it is a logarithm."""
-    log_xi = jnp.log1p(-burn_fraction_rate * time)
-    return -spin / burn_fraction_rate * log_xi * phi1(ring_over_gyration**2 * log_xi)
+    with m'/m_0 = `burn_fraction_rate`, 1/s (positive when mass leaves). Holds for a central nozzle,
+    where it is a logarithm, and without burning, where it is n t."""
+    log_xi = jnp.log1p(-burn_fraction_rate * as_float(time))
+    # -log_xi / burn_fraction_rate = time / phi1(log_xi), which has no hole where nothing burns.
+    return spin * time * phi1(ring_over_gyration**2 * log_xi) / phi1(log_xi)
 
 
 @final

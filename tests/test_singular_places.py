@@ -1,0 +1,198 @@
+"""Derivatives of closed forms at the ends and holes of their ranges: right, or infinite by the rule
+of ends (`core/_safe.py`), in both modes alike."""
+
+import jax
+import jax.numpy as jnp
+import mpmath
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from jaxspace.attitude import Polhode, Top, cord_length, pitch_libration_period
+from jaxspace.bodies import InertiaTensor, principal_axes
+from jaxspace.rockets import jet_damping_ratio, spin_angle, spin_ratio
+
+A, C, WL = 0.002, 0.0008, 0.3
+
+
+def both(f, x):
+    """The slopes of a scalar function of a vector in both modes, which must be the same."""
+    forward, reverse = (
+        jax.jit(jax.jacfwd(f))(jnp.asarray(x)),
+        jax.jit(jax.jacrev(f))(jnp.asarray(x)),
+    )
+    assert not np.isnan(forward).any()
+    assert_allclose(reverse, forward, rtol=1e-13, atol=1e-13)
+    return np.asarray(forward)
+
+
+def test_no_cord_for_no_despin():
+    found = both(lambda x: cord_length(*x), [2.0, 2.0, 3.0, 0.5, 0.1])
+    assert_allclose(found, [np.inf, -np.inf, 0.0, 0.0, 0.0])
+
+
+def test_the_spin_angle_without_burning():
+    values = [2.0, 3.0, 0.0, 0.5]
+    assert spin_angle(*values) == 6.0
+    with mpmath.workdps(40):
+
+        def exact(t, n, b, rho):  # n/(b rho^2) (1 - (1 - b t)^(rho^2)), from the integral
+            return n / (b * rho**2) * (1 - (1 - b * t) ** (rho**2))
+
+        small = mpmath.mpf(10) ** -12
+        slope = (exact(2, 3, small, mpmath.mpf("0.5")) - exact(2, 3, -small, mpmath.mpf("0.5"))) / (
+            2 * small
+        )
+    found = both(lambda x: spin_angle(*x), values)
+    assert_allclose(found, [3.0, 2.0, float(slope), 0.0], rtol=1e-14, atol=1e-15)
+
+
+@pytest.mark.parametrize("burn", [1e-3, 1e-8, 1e-13, -1e-5])
+def test_the_spin_angle_with_little_burning(burn):
+    with mpmath.workdps(40):
+        b, rho = mpmath.mpf(burn), mpmath.mpf(0.5)
+        exact = float(3 / (b * rho**2) * (1 - (1 - 2 * b) ** (rho**2)))
+    assert_allclose(spin_angle(2.0, 3.0, burn, 0.5), exact, rtol=1e-15)
+
+
+@pytest.mark.parametrize("form", [jet_damping_ratio, spin_ratio])
+@pytest.mark.parametrize(
+    ("arm", "value", "slope"),
+    [
+        (2.0, 0.0, 0.0),
+        (np.sqrt(2.0), 0.0, np.nan),  # the exponent rounds to 1 + 4e-16
+        (1.2, 0.0, np.inf),
+        (1.0, 1.0, 0.0),
+        (0.5, np.inf, 0.0),
+    ],
+)
+def test_the_ratio_of_rates_when_all_mass_is_gone(form, arm, value, slope):
+    assert form(0.0, arm) == value
+    found = both(lambda x: form(x[0], x[1]), [0.0, arm])
+    if not np.isnan(slope):
+        assert_allclose(found, [slope, 0.0])
+
+
+def polhode_period(x):
+    return Polhode.of(x[:3], x[3:]).period()
+
+
+@pytest.mark.parametrize(
+    "x",
+    [[2.0, 2.0, 2.0, 0.3, 0.4, 0.5], [3.0, 2.0, 1.0, 0.0, 1.0, 0.0], [3.0, 2.0, 1.0, 0, 0, 0.0]],
+)
+def test_an_infinite_period_has_no_slope(x):
+    x = np.asarray(x, float)
+    assert polhode_period(jnp.asarray(x)) == np.inf
+    assert_allclose(both(polhode_period, x), 0.0)
+
+
+@pytest.mark.parametrize(
+    "x",
+    [
+        [2.0, 2.0, 1.0, 0.3, 0.4, 0.5],
+        [3.0, 1.5, 1.5, 0.3, 0.4, 0.5],
+        [1.2, 2.0, 2.0, 0.3, 0.4, 0.5],
+        [3.0, 2.0, 1.0, 1.0, 0.0, 0.0],
+        [3.0, 2.0, 1.0, 0.0, 0.0, 1.0],
+    ],
+)
+def test_the_period_of_a_polhode_at_two_equal_moments(x):
+    """It is smooth there: against the agm of thirty digits, whose arguments change places where two
+    moments do."""
+
+    def exact(values):
+        moments, rates = zip(
+            *sorted(zip(values[:3], values[3:], strict=True), key=lambda v: -v[0]), strict=True
+        )
+        (a, b, c), e = moments, [i * w * w for i, w in zip(moments, rates, strict=True)]
+        p = (b - c) * ((a - b) * e[1] + (a - c) * e[2])
+        q = (a - b) * ((a - c) * e[0] + (b - c) * e[1])
+        mean = mpmath.agm(mpmath.sqrt(max(p, q)), mpmath.sqrt(abs(p - q)))
+        return 2 * mpmath.pi * mpmath.sqrt(a * b * c) / mean
+
+    with mpmath.workdps(50):
+        values = [mpmath.mpf(v) for v in x]
+        expected, step = [], mpmath.mpf(10) ** -15
+        for i in range(6):
+            ends = [exact([v + s * step * (i == j) for j, v in enumerate(values)]) for s in (1, -1)]
+            expected.append(float((ends[0] - ends[1]) / (2 * step)))
+    assert_allclose(both(polhode_period, x), expected, rtol=1e-12, atol=1e-12)
+
+
+def test_no_libration_without_a_gradient():
+    x = [0.3, 2.0, 3.0, 2.0, 1e-3]
+    form = lambda x: pitch_libration_period(x[0], x[1:4], x[4])  # noqa: E731
+    assert form(jnp.asarray(x)) == np.inf
+    assert_allclose(both(form, x), 0.0)
+
+
+def top_of(x):
+    return Top(x[0], x[1], x[2])
+
+
+@pytest.mark.parametrize("theta", [0.0, 0.3, 1.2])
+@pytest.mark.parametrize("sense", [1.0, -1.0])
+def test_steady_precession_at_the_least_spin(theta, sense):
+    """The double root C n / (2 A cos(theta)); its slopes are infinite along all that moves the
+    radicand, at theta = 0 all but theta."""
+    least = sense * float(Top(A, C, WL).least_spin(theta))
+    x = [A, C, WL, theta, least]
+    for k, sign in ((0, -sense), (1, sense)):
+
+        def rate(x, k=k):
+            return top_of(x).steady_precession_rates(x[3], x[4])[k]
+
+        double = C * least / (2.0 * A * np.cos(theta))
+        assert_allclose(rate(jnp.asarray(x)), double, rtol=1e-14)
+        tilting = sign * np.inf if theta else 0.0
+        expected = sign * np.inf * np.array([-1.0, 1.0, -1.0, 1.0, sense])
+        expected[3] = tilting
+        assert_allclose(both(rate, x), expected)
+
+
+def test_growth_at_the_critical_spin():
+    critical = float(Top(A, C, WL).least_spin(0.0))
+    growth = lambda x: top_of(x).sleeping_growth_rate(x[3])  # noqa: E731
+    assert growth(jnp.asarray([A, C, WL, critical])) == 0.0
+    expected = np.inf * np.array([1.0, -1.0, 1.0, -1.0])
+    assert_allclose(both(growth, [A, C, WL, critical]), expected)
+    assert_allclose(both(growth, [A, C, WL, 1.1 * critical]), 0.0)
+
+
+TURN = np.linalg.qr(np.array([[1.0, 0.2, 0.3], [0.5, 1.0, -0.4], [-0.3, 0.6, 1.0]]))[0]
+
+
+def axes_of(x):
+    return principal_axes(InertiaTensor(x))
+
+
+def test_principal_axes_at_equal_moments():
+    tensor = jnp.asarray(TURN @ np.diag([2.0, 2.0, 3.0]) @ TURN.T)
+    change = np.array([[0.3, 0.1, 0.2], [0.1, -0.2, 0.5], [0.2, 0.5, 0.4]])
+    (_, axes), (dm, dv) = jax.jvp(axes_of, (tensor,), (jnp.asarray(change),))
+    # First-order perturbation: a sum of equal moments, the single moment and its axis.
+    v = TURN[:, 2]
+    assert_allclose(dm[0] + dm[1], np.trace(change) - v @ change @ v, rtol=1e-13)
+    assert_allclose(dm[2], v @ change @ v, rtol=1e-13)
+    expected = (np.eye(3) - np.outer(v, v)) @ change @ v * np.sign(v @ axes[:, 2])
+    assert_allclose(dv[:, 2], expected, rtol=1e-12, atol=1e-13)
+    assert not np.isfinite(dv[:, :2]).all()
+    reverse = jax.jacrev(lambda x: axes_of(x)[1][:, 2])(tensor)
+    assert_allclose(np.einsum("kij,ij->k", reverse, change), expected, rtol=1e-12, atol=1e-13)
+    assert not np.isfinite(jax.jacrev(lambda x: axes_of(x)[1][:, 0])(tensor)).all()
+    total = jax.grad(lambda x: jnp.sum(axes_of(x)[0] ** 3))(tensor)
+    assert_allclose(total, 3.0 * tensor @ tensor, rtol=1e-12, atol=1e-12)
+
+
+def test_principal_axes_at_different_moments():
+    tensor = jnp.asarray(TURN @ np.diag([1.0, 2.0, 3.0]) @ TURN.T)
+
+    def cube(x):
+        moments, axes = axes_of(x)
+        return (axes * moments**3) @ axes.T
+
+    for mode in (jax.jacfwd, jax.jacrev):
+        expected = mode(lambda x: x @ x @ x)(tensor)
+        symmetric = 0.5 * (expected + jnp.swapaxes(expected, 2, 3))
+        assert_allclose(mode(cube)(tensor), symmetric, atol=1e-12)
