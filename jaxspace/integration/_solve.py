@@ -33,6 +33,7 @@ from ..core import InputError, State
 from ._loop import LoopSettings, integrate_loop
 from ._mapping import add_run_axis, over_blocks
 from ._replay import Record, Replay
+from ._selection import shape_of
 
 REVERSE_OF_DERIVATIVE = (
     "Reverse mode of a derivative of a run is not available: take jax.jacfwd(jax.grad(f)), which is "
@@ -88,7 +89,8 @@ class Problem:
     def __init__(self, parts: tuple[Any, State, LoopSettings]):
         arrays, self.static = eqx.partition(parts, eqx.is_array)
         self.leaves, self.structure = jax.tree.flatten(arrays)
-        self.avals = [jax.ShapeDtypeStruct(x.shape, x.dtype) for x in self.leaves]
+        # Weak types stay: a parameter given as a Python number takes the precision of the state.
+        self.avals = [shape_of(x) for x in self.leaves]
         # The arguments of the primitives are tracers; only their shapes may stay here.
         field, y0, settings = parts
         self.num_field = len(jax.tree.leaves(eqx.filter(field, eqx.is_array)))
