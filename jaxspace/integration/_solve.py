@@ -33,6 +33,7 @@ from ..core import InputError, State
 from ._loop import LoopSettings, LoopState, integrate_loop
 from ._mapping import add_run_axis, over_blocks
 from ._replay import Record, Replay
+from ._selection import shape_of
 
 Leaves: TypeAlias = Sequence[Array]
 # A derivative that is zero by structure, and not by value, is marked by JAX as such.
@@ -93,10 +94,6 @@ def _outcome(loop: LoopState, settings: LoopSettings) -> Outcome:
     )
 
 
-def _weak_shape(x: Array) -> jax.ShapeDtypeStruct:
-    return jax.ShapeDtypeStruct(x.shape, x.dtype, weak_type=jax.typeof(x).weak_type)
-
-
 @final
 class Problem:
     """The static part of an integration; its arrays are the arguments of the primitives.
@@ -106,8 +103,8 @@ class Problem:
     def __init__(self, parts: Parts):
         arrays, self.static = eqx.partition(parts, eqx.is_array)
         self.leaves, self.structure = jax.tree.flatten(arrays)
-        # A Python number among the parameters stays weak: it takes the precision of the state.
-        self.avals = [_weak_shape(x) for x in self.leaves]
+        # Weak types stay: a parameter given as a Python number takes the precision of the state.
+        self.avals = [shape_of(x) for x in self.leaves]
         # The arguments of the primitives are tracers; only their shapes may stay here.
         field, y0, settings = parts
         self.num_field = len(jax.tree.leaves(eqx.filter(field, eqx.is_array)))
