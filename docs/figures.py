@@ -4,7 +4,6 @@ docs/figures/NAME.png."""
 import sys
 from pathlib import Path
 
-import jax
 import jax.numpy as jnp
 import matplotlib.pyplot as plt
 import numpy as np
@@ -79,10 +78,8 @@ def top():
             system, y0, jnp.linspace(0.0, 2.6, 3000), accuracy=1e-10
         ).states
         x, y, _ = np.asarray(
-            jax.vmap(lambda q: q.rotate(jnp.array([0.0, 0.0, 1.0])))(
-                states.attitude
-            )
-        ).T
+            states.attitude.rotate(jnp.array([[0.0], [0.0], [1.0]]))
+        )
         for angle in system.nutation(y0).turning_points():
             panel.plot(
                 np.sin(angle) * np.cos(circle),
@@ -216,18 +213,13 @@ def torque_free_body():
     n = len(h)
     y0s = BodyState(
         attitude=Quaternion(
-            jnp.tile(jnp.array([1.0, 0.0, 0.0, 0.0]), (n, 1))
+            jnp.tile(jnp.array([[1.0], [0.0], [0.0], [0.0]]), (1, n))
         ),
-        omega=jnp.asarray(h / moments),
+        omega=jnp.asarray((h / moments).T),
     )
     system = TorqueFreeBody(PrincipalInertia(jnp.asarray(moments)))
-    omega = simulate_batch(
-        system,
-        y0s,
-        jnp.linspace(0.0, 60.0, 1500),
-        accuracy=1e-9,
-        in_axes=(None, 0),
-    ).states.omega
+    ts = jnp.linspace(0.0, 60.0, 1500)
+    omega = np.asarray(simulate_batch(system, y0s, ts).states.omega)
     # Seen from a direction (east and north span the page) between the three axes.
     azimuth, elevation = np.radians([48.0, 28.0])
     east = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
@@ -245,7 +237,7 @@ def torque_free_body():
             (0.0, 0.0), 1.0, facecolor="0.95", edgecolor="0.5", zorder=0
         )
     )
-    for path in np.asarray(omega * moments):
+    for path in np.moveaxis(omega, 0, -1).swapaxes(0, 1) * moments:
         color = "C0" if np.sum(path[0] ** 2 / moments) > 0.5 else "C3"
         front = np.where((path @ towards > 0.0)[:, None], path, np.nan)
         panel.plot(front @ east, front @ north, color=color, lw=1.4)
@@ -296,9 +288,7 @@ def gravity_gradient():
             r, v, Quaternion.about(2, amplitude), jnp.array([0.0, 0.0, n])
         )
         q = simulate(scene, y0, ts, accuracy=1e-10).states.attitude.wxyz
-        lean = np.degrees(
-            np.unwrap(2.0 * np.arctan2(q[:, 3], q[:, 0]) - n * ts)
-        )
+        lean = np.degrees(np.unwrap(2.0 * np.arctan2(q[3], q[0]) - n * ts))
         panel.plot(
             n * ts / (2.0 * np.pi),
             lean,
@@ -352,7 +342,7 @@ def rockets():
         )
         panel.plot(
             run.states.mass / 2.0,
-            run.states.omega[:, 0],
+            run.states.omega[0],
             "o",
             ms=4,
             color=f"C{k}",
@@ -501,21 +491,17 @@ def missions():
         Phase(coast, 40.0, name="despun"),
     ]
     start = spinning_stage()
-    flight = simulate(Mission(phases), start, accuracy=1e-8, samples=200)
+    flight = simulate(Mission(phases), start, accuracy=1e-8, num_saved=200)
     figure, panels = plt.subplots(
         3, 1, figsize=(6.4, 6.2), sharex=True, layout="constrained"
     )
     for k, name in enumerate(flight.names):
         t, y = flight[name].ts, flight[name].states
-        apogee = (
-            jax.vmap(lambda r, v: apoapsis_radius(r, v, MU_EARTH))(
-                y.position, y.velocity
-            )
-            - RADIUS_EARTH
-        )
+        farthest = apoapsis_radius(y.position, y.velocity, MU_EARTH)
+        apogee = farthest - RADIUS_EARTH
         for panel, values in zip(
             panels,
-            (apogee / 1e3, y.omega[:, 2], jnp.degrees(y.omega[:, 0])),
+            (apogee / 1e3, y.omega[2], jnp.degrees(y.omega[0])),
             strict=True,
         ):
             panel.plot(t, values, color=f"C{k}", label=name)
