@@ -3,7 +3,8 @@
     M = m' (r_e x (omega x r_e) averaged over the exit) - (dJ/dm) m' omega
 
     averaged over an exit ring of radius rho at the distance l behind the centre of mass:
-    M_xy = m' (l^2 + rho^2 / 2) omega_xy - m' (dJ_x,y/dm) omega_xy,       M_z = m' rho^2 omega_z - m' (dJ_z/dm) omega_z
+    M_xy = m' (l^2 + rho^2 / 2) omega_xy - m' (dJ_x,y/dm) omega_xy
+    M_z = m' rho^2 omega_z - m' (dJ_z/dm) omega_z
 
     symbol   meaning                                                unit
     m'       rate of the mass, negative when mass leaves            kg/s
@@ -46,6 +47,7 @@ def spin_angle(
     """Angle of spin, rad, after `time`, s: the integral of omega_z from the rate `spin` = n, rad/s,
     with m'/m_0 = `burn_fraction_rate`, 1/s (positive when mass leaves). Holds for a central nozzle
     too, where it is a logarithm."""
+    # By phi1(x) = (e^x - 1)/x, which has no singular case where the exponent is zero.
     log_xi = jnp.log1p(-burn_fraction_rate * time)
     return -spin / burn_fraction_rate * log_xi * phi1(ring_over_gyration**2 * log_xi)
 
@@ -71,6 +73,7 @@ class JetDamping(AbstractEffect):
 
     def load(self, t: Scalar, y: BodyState, body: AbstractBody) -> Load:
         assert y.mass is not None and y.omega is not None
+        # A body of constant mass has its centre at the origin and gives a plain 0.0.
         centre: Any = body.centre_of_mass(y.mass)
         lever = self.exit_station - (centre if isinstance(centre, float) else centre[2])
         ring = self.exit_radius * self.exit_radius
@@ -82,4 +85,5 @@ class JetDamping(AbstractEffect):
 
     def potential(self, t: Scalar, y: BodyState, body: AbstractBody) -> None:
         del t, y, body
+        # It takes energy out of the rotation.
         return None

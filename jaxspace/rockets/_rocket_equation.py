@@ -79,6 +79,7 @@ def vertical_burnout_height(
     Arguments as in `vertical_burnout_velocity`; a mass ratio of 1 is allowed."""
     # ln(mu) / (mu - 1) by its series near mu = 1, where both terms vanish.
     e = mass_ratio - 1.0
+    # Below 1e-4 the next term, e^3/4, is under 1e-12.
     small = jnp.abs(e) < 1e-4
     safe = jnp.where(small, 1.0, e)
     loss = jnp.where(small, 1.0 - e / 2.0 + e * e / 3.0, jnp.log1p(jnp.where(small, 0.0, e)) / safe)
