@@ -67,11 +67,17 @@ class _Body(NamedTuple):
 
 
 def free_rotation(duration: Scalar, moments: Vector, omega: Vector) -> tuple[Quaternion, Vector]:
-    """The turn of the body, in its axes at the start, and its angular velocity, rad/s, a
-    `duration`, s, later.
+    """The turn of a body without torque, and its angular velocity later. First derivatives hold
+    everywhere.
 
-    `moments`, kg m^2, and `omega`, rad/s: along principal axes, in any order. First derivatives
-    hold everywhere.
+    **Arguments**
+
+    - `duration`: how much later, s, (*runs,).
+    - `moments`: principal moments, in any order, kg m^2, (3, *runs).
+    - `omega`: at the start, along the same axes, rad/s, (3, *runs).
+
+    **Returns** the turn in the axes of the body at the start, (4, *runs), and the angular velocity
+    after the duration, rad/s, (3, *runs).
 
     Near the turn about the intermediate axis, which flips again and again, the result is right to
     1e-12 over a flip for every tilt of the spin down to 1e-150; a smaller one counts as none. What

@@ -41,7 +41,9 @@ class AbstractInertia(AbstractParameters):
 
     @abstractmethod
     def times(self, omega: Vector) -> Vector:
-        """Angular momentum h = J omega, kg m^2/s."""
+        """Angular momentum h = J omega, kg m^2/s, from omega, rad/s, (3, *runs).
+
+        The runs of the body and of omega broadcast; here, in `solve` and in `plus_diagonal`."""
 
     @abstractmethod
     def solve(self, h: Vector) -> Vector:
@@ -166,8 +168,16 @@ def kinetic_energy(inertia: AbstractInertia, omega: Vector) -> Scalar:
 
 
 def parallel_axes(inertia: AbstractInertia, mass: Scalar, offset: Vector) -> InertiaTensor:
-    """Inertia about the point at `offset`, m, from the centre of mass of a body of `mass`, kg
-    (Thomson 5.5)."""
+    """Inertia about another point than the centre of mass (Thomson 5.5).
+
+    **Arguments**
+
+    - `inertia`: about the centre of mass, kg m^2.
+    - `mass`: of the body, kg, (*runs,).
+    - `offset`: from the centre of mass to the point, m, (3, *runs).
+
+    **Returns** the tensor about the point, kg m^2; the runs of all three broadcast.
+    """
     tensor = inertia.matrix()
     # Any of the three may be the one that many runs share.
     rank = max(tensor.ndim - 2, jnp.ndim(mass), offset.ndim - 1)

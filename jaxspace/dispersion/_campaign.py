@@ -122,7 +122,9 @@ class Campaign(eqx.Module):
 
 
 def check_names(field: str, names: Iterable[str]) -> None:
-    """Raise `InputError` for a name that every store has already; `field` is named in it."""
+    """Raise `InputError` for one of the `names` that every store has already.
+
+    `field`: what holds the names, for the sentence."""
     for name in names:
         if name in RESERVED:
             raise InputError(

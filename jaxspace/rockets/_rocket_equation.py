@@ -37,10 +37,15 @@ def rocket_equation(exhaust_velocity: Scalar, mass_ratio: Scalar) -> Scalar:
 
 
 def mass_ratio_for(exhaust_velocity: Scalar, velocity_gain: Scalar) -> Scalar:
-    """Mass ratio m_0 / m that gives a `velocity_gain`, m/s, in free space, with the
-    `exhaust_velocity`, m/s.
+    """Mass ratio m_0 / m that gives a gain of speed in free space (Thomson 7.7-4).
 
-    Raises `InputError` for an exhaust velocity that is not positive."""
+    **Arguments**
+
+    - `exhaust_velocity`: u, m/s.
+    - `velocity_gain`: m/s.
+
+    **Raises** `InputError` for an exhaust velocity that is not positive.
+    """
     check_positive("exhaust_velocity", exhaust_velocity)
     return jnp.exp(velocity_gain / exhaust_velocity)
 
