@@ -3,7 +3,8 @@
     M = m' (r_e x (omega x r_e) averaged over the exit) - (dJ/dm) m' omega
 
     averaged over an exit ring of radius rho at the distance l behind the centre of mass:
-    M_xy = m' (l^2 + rho^2 / 2) omega_xy - m' (dJ_x,y/dm) omega_xy,       M_z = m' rho^2 omega_z - m' (dJ_z/dm) omega_z
+    M_xy = m' (l^2 + rho^2 / 2) omega_xy - m' (dJ_x,y/dm) omega_xy
+    M_z = m' rho^2 omega_z - m' (dJ_z/dm) omega_z
 
     symbol   meaning                                                unit
     m'       rate of the mass, negative when mass leaves            kg/s
@@ -67,12 +68,28 @@ def _power_tangent(primals, tangents):
 def spin_angle(
     time: Scalar, spin: Scalar, burn_fraction_rate: Scalar, ring_over_gyration: Scalar
 ) -> Scalar:
+<<<<<<< HEAD
     """Angle of spin, rad, after `time`, s: the integral of omega_z from the rate `spin` = n, rad/s,
     with m'/m_0 = `burn_fraction_rate`, 1/s (positive when mass leaves). Holds for a central nozzle,
     where it is a logarithm, and without burning, where it is n t."""
     log_xi = jnp.log1p(-burn_fraction_rate * as_float(time))
     # -log_xi / burn_fraction_rate = time / phi1(log_xi), which has no hole where nothing burns.
     return spin * time * phi1(ring_over_gyration**2 * log_xi) / phi1(log_xi)
+=======
+    """Angle of spin, rad: the integral of omega_z (Thomson 7.9). Holds for a central nozzle too,
+    where it is a logarithm.
+
+    **Arguments**
+
+    - `time`: since ignition, s.
+    - `spin`: the rate n at ignition, rad/s.
+    - `burn_fraction_rate`: m'/m_0, 1/s, positive when mass leaves.
+    - `ring_over_gyration`: rho / k_z.
+    """
+    # By phi1(x) = (e^x - 1)/x, which has no singular case where the exponent is zero.
+    log_xi = jnp.log1p(-burn_fraction_rate * time)
+    return -spin / burn_fraction_rate * log_xi * phi1(ring_over_gyration**2 * log_xi)
+>>>>>>> files
 
 
 @final
@@ -96,6 +113,7 @@ class JetDamping(AbstractEffect):
 
     def load(self, t: Scalar, y: BodyState, body: AbstractBody) -> Load:
         assert y.mass is not None and y.omega is not None
+        # A body of constant mass has its centre at the origin and gives a plain 0.0.
         centre: Any = body.centre_of_mass(y.mass)
         lever = self.exit_station - (centre if isinstance(centre, float) else centre[2])
         ring = self.exit_radius * self.exit_radius
@@ -107,4 +125,5 @@ class JetDamping(AbstractEffect):
 
     def potential(self, t: Scalar, y: BodyState, body: AbstractBody) -> None:
         del t, y, body
+        # It takes energy out of the rotation.
         return None
