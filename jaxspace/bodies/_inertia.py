@@ -33,11 +33,8 @@ from ..core import (
     matvec,
     quantity,
     solve3,
-<<<<<<< HEAD
     times_slope,
-=======
     with_rank,
->>>>>>> files
 )
 
 
@@ -196,7 +193,6 @@ def principal_axes(inertia: AbstractInertia) -> tuple[Vector, Matrix]:
     """Principal moments in ascending order, kg m^2, and the principal axes as the columns of a
     matrix (Thomson 5.5).
 
-<<<<<<< HEAD
     The derivative of an axis exists only where its moment differs from the others: where two are
     equal to rounding, those of their axes are not finite, in both modes, while the third axis has
     its own. Of equal moments the sum has the right derivative, each one alone that along the axis
@@ -207,12 +203,8 @@ def principal_axes(inertia: AbstractInertia) -> tuple[Vector, Matrix]:
 
 @jax.custom_jvp
 def _principal_axes(tensor: Matrix) -> tuple[Vector, Matrix]:
+    # `eigh` takes the runs first and the matrix last.
     moments, axes = jnp.linalg.eigh(jnp.moveaxis(tensor, (0, 1), (-2, -1)))
-=======
-    The derivative of an axis exists only where its moment differs from the others."""
-    # `eigh` wants the runs first and the matrix last.
-    moments, axes = jnp.linalg.eigh(jnp.moveaxis(inertia.matrix(), (0, 1), (-2, -1)))
->>>>>>> files
     return jnp.moveaxis(moments, -1, 0), jnp.moveaxis(axes, (-2, -1), (0, 1))
 
 

@@ -68,28 +68,12 @@ def _power_tangent(primals, tangents):
 def spin_angle(
     time: Scalar, spin: Scalar, burn_fraction_rate: Scalar, ring_over_gyration: Scalar
 ) -> Scalar:
-<<<<<<< HEAD
     """Angle of spin, rad, after `time`, s: the integral of omega_z from the rate `spin` = n, rad/s,
     with m'/m_0 = `burn_fraction_rate`, 1/s (positive when mass leaves). Holds for a central nozzle,
     where it is a logarithm, and without burning, where it is n t."""
     log_xi = jnp.log1p(-burn_fraction_rate * as_float(time))
     # -log_xi / burn_fraction_rate = time / phi1(log_xi), which has no hole where nothing burns.
     return spin * time * phi1(ring_over_gyration**2 * log_xi) / phi1(log_xi)
-=======
-    """Angle of spin, rad: the integral of omega_z (Thomson 7.9). Holds for a central nozzle too,
-    where it is a logarithm.
-
-    **Arguments**
-
-    - `time`: since ignition, s.
-    - `spin`: the rate n at ignition, rad/s.
-    - `burn_fraction_rate`: m'/m_0, 1/s, positive when mass leaves.
-    - `ring_over_gyration`: rho / k_z.
-    """
-    # By phi1(x) = (e^x - 1)/x, which has no singular case where the exponent is zero.
-    log_xi = jnp.log1p(-burn_fraction_rate * time)
-    return -spin / burn_fraction_rate * log_xi * phi1(ring_over_gyration**2 * log_xi)
->>>>>>> files
 
 
 @final
