@@ -20,13 +20,13 @@ def product(p, q):
     ]
 
 
-def taylor(moments, omega, duration, order=40, reach=mpf("0.16")):
+def taylor(moments, omega, duration, order=40, reach="0.16"):
     """Turn and angular velocity after the `duration`, by series of the `order` whose steps are
     `reach` / |omega|: the error of a step is below 1e-30."""
     i1, i2, i3 = (mpf(x) for x in moments)
     a = [(i2 - i3) / i1, (i3 - i1) / i2, (i1 - i2) / i3]
     w, q = [mpf(x) for x in omega], [mpf(1), mpf(0), mpf(0), mpf(0)]
-    steps = int(duration * mpmath.norm(w) / reach) + 1
+    steps = int(duration * mpmath.norm(w) / mpf(reach)) + 1
     h = mpf(duration) / steps
     for _ in range(steps):
         W, Q = [[x] for x in w], [[x] for x in q]

@@ -242,11 +242,13 @@ def test_absent_parts_are_no_leaves():
         ),
         (
             [1.0, 1.0, 3.0],
-            "PrincipalInertia.moments is [1. 1. 3.]: it must be such that no moment exceeds the sum of the other two.",
+            "PrincipalInertia.moments is [1. 1. 3.]: it must be such that no moment exceeds the "
+            "sum of the other two.",
         ),
         (
             [1.0, 2.0],
-            "inertia has the shape (2,): it must be (3,), the principal moments, or (3, 3), the tensor.",
+            "inertia has the shape (2,): it must be (3,), the principal moments, or (3, 3), the "
+            "tensor.",
         ),
         ([[1.0, 0.2, 0.0], [0.1, 1.0, 0.0], [0.0, 0.0, 1.0]], "it must be symmetric."),
         ([[1.0, 2.0, 0.0], [2.0, 1.0, 0.0], [0.0, 0.0, 1.0]], "it must be positive definite."),

@@ -271,7 +271,8 @@ import jaxspace
 after = dict(jax.config.values)
 print("settings:", sorted(k for k in {**before, **after} if before.get(k) != after.get(k)))
 print("libraries:", sorted({m.split(".")[0] for m in set(sys.modules) - already} & set(%r)))
-ours = [f for f in opened if "jaxspace" in f and not f.endswith((".py", ".pyc")) and ".pyc." not in f]
+read = [f for f in opened if "jaxspace" in f]
+ours = [f for f in read if not f.endswith((".py", ".pyc")) and ".pyc." not in f]
 print("files:", ours)
 print("backends:", sorted(jax._src.xla_bridge._backends))
 """

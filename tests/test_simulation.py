@@ -474,7 +474,8 @@ from test_simulation import KEPLER, rows, simulate_batch
 y, ts = rows(np.linspace(0.0, 0.5, 150)), np.array([0.0, 2.0])
 two = simulate_batch(KEPLER, y, ts, accuracy=1e-6)
 one = simulate_batch(KEPLER, jax.device_put(y, jax.devices()[0]), ts, accuracy=1e-6)
-print(len(two.status.devices()), len(one.status.devices()), np.array_equal(one.final.position, two.final.position))
+same = np.array_equal(one.final.position, two.final.position)
+print(len(two.status.devices()), len(one.status.devices()), same)
 """
     done = subprocess.run(
         [sys.executable, "-c", code],

@@ -4,7 +4,7 @@ its spin along.
     w = w0 (C - phi^2) / (C + phi^2)              phi' = w0,   C = I / (m R^2) + 1
     l_f = R sqrt(C (w0 - w_f) / (w0 + w_f))       cord for the final rate w_f
     l_0 = R sqrt(C) = sqrt(R^2 + I / m)           cord for no spin at all, whatever the first rate
-    F = 4 I C w0^2 phi / (R (C + phi^2)^2)        tension of all cords together, greatest at phi = sqrt(C/3)
+    F = 4 I C w0^2 phi / (R (C + phi^2)^2)    tension of all cords, greatest at phi = sqrt(C/3)
 
     symbol   meaning                                                  unit
     I        axial inertia of the body without the masses             kg m^2

@@ -2,7 +2,8 @@
 
     A > B > C,   P = (B - C)(2TA - h^2),   Q = (A - B)(h^2 - 2TC),   P - Q = (A - C)(2TB - h^2)
 
-    N^2 = max(P, Q) / (ABC),   k^2 = min(P, Q) / max(P, Q),   k'^2 = |P - Q| / max(P, Q),   period = 4 K / N
+    N^2 = max(P, Q) / (ABC),   k^2 = min(P, Q) / max(P, Q),   k'^2 = |P - Q| / max(P, Q)
+    period = 4 K / N
 
 For P > Q the polhode circles the axis of least inertia: omega_A ~ cn(Nt), omega_B ~ sn(Nt), omega_C
 ~ dn(Nt); for P < Q it circles the axis of greatest inertia, and cn and dn change places. P = Q is

@@ -1,7 +1,7 @@
 """The spherical pendulum: a point on a rod without mass that swings about a fixed point in any
 direction, under gravity.
 
-    u'' = lambda u - (g / l) Z,   lambda = (g / l u_Z - u'^2) / u^2            so that u . u'' = -u'^2
+    u'' = lambda u - (g / l) Z,   lambda = (g / l u_Z - u'^2) / u^2        so that u . u'' = -u'^2
     E = l^2 u'^2 / 2 + g l u_Z,   h_Z = l^2 (u x u')_Z                         both constant
 
     psi'^2 = g / (l cos(theta))                    conical pendulum

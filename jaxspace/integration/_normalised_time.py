@@ -16,8 +16,7 @@ derivatives with respect to the duration and to the break times follow by themse
     f       vector field of the system                             state/s
 """
 
-from collections.abc import Callable
-from typing import Any, cast, final
+from typing import Any, Literal, cast, final
 
 import equinox as eqx
 import jax
@@ -33,6 +32,8 @@ from ..core import (
     State,
     safe_divide,
 )
+from ..solvers import ScaledField
+from ._closures import closures_as_leaves
 
 
 @final
@@ -135,50 +136,6 @@ class ScaledVectorField(eqx.Module):
         return cast(AbstractRegularised, self.system.regularised())
 
 
-@final
-class _Hoisted(eqx.Module):
-    """An object whose methods are functions without closed-over tracers."""
-
-    methods: dict[str, Callable[..., Any]]
-
-    def __getattr__(self, name: str) -> Callable[..., Any]:
-        try:
-            return self.methods[name]
-        except KeyError:
-            raise AttributeError(name) from None
-
-
-@final
-class _HoistedField(eqx.Module):
-    """A `ScaledVectorField` whose closed-over arrays are leaves."""
-
-    field: Callable[[Scalar, State], State]
-    segments: Segments
-    split_methods: _Hoisted | None
-    regularised_methods: _Hoisted | None
-
-    def __call__(self, s: Scalar, y: State) -> State:
-        return self.field(s, y)
-
-    def time(self, s: Scalar) -> Scalar:
-        return self.segments.time(s)
-
-    def duration(self, s: Scalar, ds: Scalar) -> Scalar:
-        return self.segments.duration(s, ds)
-
-    def split(self) -> _Hoisted | None:
-        return self.split_methods
-
-    def regularised(self) -> _Hoisted | None:
-        return self.regularised_methods
-
-
-def _hoisted(owner: Any, arguments: dict[str, tuple[Any, ...]]) -> _Hoisted:
-    """The methods of the `owner`, each converted at its example arguments."""
-    convert = eqx.filter_closure_convert
-    return _Hoisted({name: convert(getattr(owner, name), *a) for name, a in arguments.items()})
-
-
 def closes_over_tracers(field: ScaledVectorField, y0: State) -> bool:
     """Whether a function inside the system, such as a user's, closes over traced arrays."""
     arrays, static = eqx.partition((field, y0), eqx.is_array)
@@ -191,7 +148,9 @@ def closes_over_tracers(field: ScaledVectorField, y0: State) -> bool:
     return any(isinstance(constant, Tracer) for constant in jaxpr.consts)
 
 
-def hoist(field: ScaledVectorField, y0: State, needs: str) -> ScaledVectorField | _HoistedField:
+def hoist(
+    field: ScaledVectorField, y0: State, needs: Literal["", "split", "regularised"]
+) -> ScaledField:
     """The field with all that it depends on as leaves, so that it can be differentiated.
 
     **Arguments**
@@ -204,23 +163,4 @@ def hoist(field: ScaledVectorField, y0: State, needs: str) -> ScaledVectorField 
     if not closes_over_tracers(field, y0):
         return field
     s = jnp.zeros_like(field.segments.span, shape=())
-    # Only what the method evaluates is converted: each conversion traces it once.
-    split = regularised = None
-    if needs == "split":
-        split = _hoisted(field.split(), {"drift": (s, y0), "kick": (s, s, y0)})
-    if needs == "regularised":
-        owner = field.regularised()
-        z = jax.eval_shape(owner.to_regularised, y0)
-        duration = jax.eval_shape(lambda z: z[-1], z)
-        p = jax.eval_shape(owner.perturbation, duration, z)
-        arguments = {
-            "to_regularised": (y0,),
-            "from_regularised": (z,),
-            "perturbation": (duration, z),
-            "derivative": (z, p),
-            "fictitious_time": (duration, z),
-        }
-        regularised = _hoisted(owner, arguments)
-    return _HoistedField(
-        eqx.filter_closure_convert(field, s, y0), field.segments, split, regularised
-    )
+    return closures_as_leaves(field, needs, s, y0)

@@ -98,7 +98,7 @@ def to_euler_angles(attitude: Quaternion, sequence: str = "313") -> Vector:
 def _turn_axes(angles: Vector, sequence: str) -> Matrix:
     """The axes of the three turns in body components, as columns, (3, 3, *runs)."""
     i, j, k = _axes(sequence)
-    # The axis of a turn is fixed in the body for the turns before it, but moves with those after it.
+    # The axis of a turn is fixed in the body for the turns before it; later turns move it.
     last = Quaternion.about(k, angles[2])
     later = Quaternion.about(j, angles[1]).then(last)
     eye = with_rank(jnp.eye(3, dtype=angles.dtype), angles.ndim - 1, axes=2)

@@ -159,9 +159,7 @@ def _evaluations(steps: int) -> int:
     return STAGES * length * blocks_left.size + int(np.sum(due))
 
 
-def _integrate(
-    form: PyTree, t: Scalar, duration: Scalar, z0: Regular, steps: int
-) -> Regular:
+def _integrate(form: PyTree, t: Scalar, duration: Scalar, z0: Regular, steps: int) -> Regular:
     """The regularised variables a `duration` after the time `t`.
 
     In blocks of steps: reverse mode keeps the variables at the start of each block and repeats its
