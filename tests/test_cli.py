@@ -356,7 +356,7 @@ def test_speed_gained_is_that_of_the_rocket_equation_less_small_losses(kick):
 
 def test_the_orbit_that_is_reached(kick):
     """Energy and angular momentum at burnout give the apsides; the periapsis stays near the height
-    of     the injection."""
+    of the injection."""
     file, flown = kick
     r, v = (np.asarray(x) for x in (flown["coast"].final.position, flown["coast"].final.velocity))
     energy, h = v @ v / 2 - MU / np.linalg.norm(r), np.linalg.norm(np.cross(r, v))
