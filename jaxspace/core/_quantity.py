@@ -63,7 +63,7 @@ class Quantity(NamedTuple):
         limits += [f"{below} {self.high:g}"] if self.high < math.inf else []
         return f"{' and '.join(limits)}, and finite"
 
-    def contains(self, value: ArrayLike) -> Array | np.ndarray:
+    def contains(self, value: ArrayLike) -> Array | np.ndarray | np.bool_:
         """Whether each number of `value` is finite and within the range; of a traced value, an
         array that says so."""
         xp = np if is_concrete(value) else jnp

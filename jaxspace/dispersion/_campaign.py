@@ -1,7 +1,7 @@
 """A campaign: from random inputs to a mission, and from its result to the outputs."""
 
 import zlib
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import final
 
 import equinox as eqx
@@ -21,10 +21,10 @@ RESERVED = ("run", "status", "evaluations")
 
 
 def _as_pairs(
-    limits: Mapping[str, Quantity] | Iterable[tuple[str, Quantity]],
+    limits: dict[str, Quantity] | Sequence[tuple[str, Quantity]],
 ) -> tuple[tuple[str, Quantity], ...]:
     """A dict as pairs, which can be hashed, as a static field has to be."""
-    return tuple(limits.items()) if isinstance(limits, Mapping) else tuple(limits)
+    return tuple(limits.items()) if isinstance(limits, dict) else tuple(limits)
 
 
 @final

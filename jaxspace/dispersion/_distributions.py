@@ -73,7 +73,7 @@ def _shown(**numbers: ArrayLike) -> str:
     return ", ".join(f"{name} {float(np.asarray(value)):.9g}" for name, value in numbers.items())
 
 
-def _check_limits(name: str, low: ArrayLike, high: ArrayLike) -> None:
+def _check_limits(name: str, low: object, high: object) -> None:
     if is_concrete(low) and is_concrete(high):
         check(
             np.asarray(high) > np.asarray(low),

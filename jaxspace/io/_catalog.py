@@ -7,7 +7,7 @@ import functools
 import inspect
 import typing
 from collections.abc import Iterable, Mapping
-from typing import NamedTuple, Protocol, TypeAlias
+from typing import NamedTuple, Protocol, TypeAlias, runtime_checkable
 
 import diffrax
 from jaxtyping import Array
@@ -26,6 +26,7 @@ ROOMS = (rotations, bodies, orbits, attitude, gyros, rockets, scene, dispersion)
 Group: TypeAlias = dict[str, object]
 
 
+@runtime_checkable
 class EventFunction(Protocol):
     """A function that `event` has declared."""
 
@@ -35,6 +36,7 @@ class EventFunction(Protocol):
     def __call__(self, t: Scalar, y: State) -> Scalar: ...
 
 
+@runtime_checkable
 class OutputFunction(Protocol):
     """A function that `output` has declared; it takes what its arguments name."""
 
@@ -44,6 +46,7 @@ class OutputFunction(Protocol):
     def __call__(self, **arguments: object) -> Array: ...
 
 
+@runtime_checkable
 class InitialFunction(Protocol):
     """A function that `initial` has declared; it takes its declared arguments, and parts."""
 

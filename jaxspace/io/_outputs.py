@@ -5,7 +5,7 @@ state, `final.omega.2`, in which the name of a phase may stand for `final`."""
 
 import inspect
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -14,16 +14,13 @@ from jaxtyping import Array
 
 from ..bodies import BodyState
 from ..core import State
+from ..simulation._runs import MissionResult
 from ._catalog import OutputFunction, part_quantities, state_class
 from ._checks import Parsed
 from ._errors import hint, unknown, wrong
 from ._kinds import Values
 from ._objects import at
 from ._units import in_unit
-
-if TYPE_CHECKING:
-    from ..simulation._runs import MissionResult
-    from ._scene_file import SceneFile
 
 FINAL = "final"
 NOMINAL = "nominal"
@@ -189,12 +186,13 @@ class Outputs(eqx.Module):
     - `reference`: the states of the nominal run by phase (-1: the end), with an axis of one run;
       `None` where no output compares with them."""
 
-    file: "SceneFile" = eqx.field(static=True)
+    # A `SceneFile`, whose module imports this one.
+    file: Any = eqx.field(static=True)
     specs: tuple[OutputSpec, ...] = eqx.field(static=True)
     values: Values
     reference: dict[int, State] | None
 
-    def __call__(self, result: "MissionResult", samples: dict[str, Array]) -> dict[str, Array]:
+    def __call__(self, result: MissionResult, samples: dict[str, Array]) -> dict[str, Array]:
         states = {-1: result.final}
         for spec in self.specs:
             # Only phases that are asked for: states of the others are not kept by the compiled

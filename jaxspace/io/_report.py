@@ -7,7 +7,6 @@ from typing import SupportsFloat, SupportsInt
 import jax
 import numpy as np
 from jax.typing import ArrayLike
-from jaxtyping import Array
 
 from ..core import State, quantities
 from ..dispersion import Dispersion
@@ -89,7 +88,7 @@ def error_rows(error: State, units: Mapping[str, str]) -> list[tuple[str, str]]:
     return rows
 
 
-def drift_rows(drift: Mapping[str, Array]) -> list[tuple[str, str]]:
+def drift_rows(drift: Mapping[str, ArrayLike]) -> list[tuple[str, str]]:
     """The largest relative change of every invariant."""
     return [
         (f"drift of {name.replace('_', ' ')}", f"{float(np.max(np.abs(d))):.1e}")
