@@ -265,3 +265,56 @@ def test_impossible_inertia(bad, rule):
 def test_impossible_mass(build):
     with pytest.raises(InputError, match="mass is .*: it must be positive and finite"):
         build()
+
+
+SHARED = [[2.0, 3.0, 4.0], [[2.0, 0.1, 0.2], [0.1, 3.0, 0.3], [0.2, 0.3, 4.0]]]
+
+
+@pytest.mark.parametrize("given", SHARED)
+@pytest.mark.parametrize("shape", [(5,), (4, 5), (3,)])  # (3,): as many runs as components
+def test_one_body_is_shared_by_many_runs(given, shape):
+    j = bodies.as_inertia(given)
+    matrix = np.asarray(j.matrix())
+    omega = np.random.default_rng(1).normal(size=(3, *shape))
+    h = np.einsum("ij,j...->i...", matrix, omega)
+    # A few roundings of double precision; the tensor has a condition number of two.
+    np.testing.assert_allclose(j.times(jnp.asarray(omega)), h, rtol=1e-13, atol=1e-13)
+    np.testing.assert_allclose(j.solve(jnp.asarray(h)), omega, rtol=1e-13, atol=1e-13)
+    added = 1.0 + omega**2
+    # Plus one and a common part, so that every sum is that of a body.
+    more = j.plus_diagonal(jnp.asarray(0.1 * added[:1] + np.zeros((3, *shape))))
+    expected = matrix.reshape(3, 3, *(1,) * len(shape)) + 0.1 * added[0] * np.eye(3).reshape(
+        3, 3, *(1,) * len(shape)
+    )
+    np.testing.assert_allclose(more.matrix(), expected, rtol=1e-15)
+
+
+@pytest.mark.parametrize("given", SHARED)
+def test_bodies_of_many_runs_meet_runs_at_many_times(given):
+    j = jnp.asarray(given)[..., None] * (1.0 + jnp.arange(5.0))
+    batch = bodies.PrincipalInertia(j) if j.ndim == 2 else bodies.InertiaTensor(j)
+    matrix = np.asarray(batch.matrix())
+    rng = np.random.default_rng(2)
+    for omega in (rng.normal(size=(3, 4, 5)), rng.normal(size=3)):
+        spread = omega if omega.ndim == 3 else omega[:, None]
+        h = np.einsum("ijr,j...r->i...r", matrix, np.broadcast_to(spread, (*spread.shape[:-1], 5)))
+        # As above: roundings of a well conditioned tensor.
+        np.testing.assert_allclose(batch.times(jnp.asarray(omega)), h, rtol=1e-13, atol=1e-13)
+        np.testing.assert_allclose(
+            batch.solve(jnp.asarray(h)), np.broadcast_to(spread, h.shape), rtol=1e-13, atol=1e-13
+        )
+        more = batch.plus_diagonal(jnp.ones_like(jnp.asarray(omega)))
+        expected = matrix + np.eye(3)[..., None]
+        if omega.ndim == 3:
+            expected = expected[:, :, None] + np.zeros((1, 1, 4, 1))
+        np.testing.assert_allclose(more.matrix(), expected, rtol=1e-15)
+
+
+def test_parallel_axes_of_one_body_about_many_points():
+    inertia = bodies.as_inertia([2.0, 3.0, 4.0])
+    points = np.random.default_rng(3).normal(size=(3, 5))
+    found = bodies.parallel_axes(inertia, 2.0, jnp.asarray(points)).matrix()
+    for k, d in enumerate(points.T):
+        expected = np.diag([2.0, 3.0, 4.0]) + 2.0 * (d @ d * np.eye(3) - np.outer(d, d))
+        # Differences of squares of order ten: a few roundings of these.
+        np.testing.assert_allclose(found[:, :, k], expected, atol=1e-13)

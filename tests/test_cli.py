@@ -350,7 +350,7 @@ def test_speed_gained_is_that_of_the_rocket_equation_less_small_losses(kick):
     along the path a few m/s."""
     _, flown = kick
     ideal = EXHAUST * math.log((DRY + PROPELLANT) / DRY)
-    first, last = (np.linalg.norm(flown["burn"].states.velocity[k]) for k in (0, -1))
+    first, last = (np.linalg.norm(flown["burn"].states.velocity[:, k]) for k in (0, -1))
     assert 0.0 < ideal - (last - first) < 0.01 * ideal
 
 

@@ -167,7 +167,7 @@ def test_mean_and_deviation_of_the_parameters():
         (lambda: Campaign(drifts, {"status": Constant(1.0)}, last), "status"),
         (lambda: disperse(SWINGS, 0), "runs"),
         (lambda: disperse(SWINGS, 5, chunk=-1), "chunk"),
-        (lambda: disperse(SWINGS, 5, accuracy=1e-20), "accuracy"),
+        (lambda: disperse(SWINGS, 5, accuracy=1e-20), "Accuracy.rtol"),
         (lambda: disperse(SWINGS, 5, devices=10**6), "devices"),
         (lambda: open_store("/no/such/place"), "store"),
     ],

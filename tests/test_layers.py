@@ -73,7 +73,7 @@ HEAVY = {
     *("dask", "distributed", "ray"),
     *("scipy", "mpmath", "hypothesis", "pytest"),
 }
-MAY_BE_HEAVY = {"simulation", "dispersion", "io", "plots", "cli"}
+MAY_BE_HEAVY = {"simulation", "studies", "dispersion", "io", "plots", "cli"}
 LIGHT = HEAVY - {"tomllib"}
 
 # Names that an `__init__` gives to its readers.

@@ -142,7 +142,7 @@ def test_it_refuses_what_cannot_be_split():
         Splitting(3, steps=10)
     with pytest.raises(InputError, match="steps is 5"):
         Splitting(4, steps=5)
-    with pytest.raises(InputError, match="TwoBody offers no drift"):
+    with pytest.raises(InputError, match="TwoBody offers no split into drift and kick"):
         simulate(TwoBody(1.0), start(), jnp.array([0.0, 1.0]), accuracy=by(10))
     refused(Scene((PointGravity(1.0), PointGravity(1.0))), "PointGravity is a second effect")
     drag = Custom(

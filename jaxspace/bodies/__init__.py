@@ -1,4 +1,5 @@
-"""Bodies with mass: inertia, mass properties, state, equations of motion, the interface of effects."""
+"""Bodies with mass: inertia, mass properties, state, equations of motion, and the interface of
+effects."""
 
 from ._body import AbstractBody as AbstractBody
 from ._body import BurningBody as BurningBody

@@ -13,11 +13,13 @@ def axis_order(moments: Vector, omega: Vector) -> tuple[tuple[Flag, Flag], Flag]
     """Whether the first or the last axis is the intermediate one, and whether the other two change
     places."""
     i0, i1, i2 = moments
+    # For two equal moments a product is zero, so that the first case takes them.
     middle = (
         (i0 - i1) * (i0 - i2) <= 0.0,
         ((i2 - i0) * (i2 - i1) <= 0.0) & ((i0 - i1) * (i0 - i2) > 0.0),
     )
     (a, b, c), (u, v, w) = arranged(moments, middle, False), arranged(omega, middle, False)
+    # Of a sphere all three moments are equal, and any order of axes is right.
     share = safe_divide(b - c, a - c) * b * b * v * v
     rest = safe_divide(a - b, a - c) * b * b * v * v
     # The squares of L_1 and L_3 where the polhode crosses the plane of these two axes.

@@ -102,6 +102,7 @@ class RigidBody(AbstractBody):
         return self.moment_of_inertia
 
     def inertia_per_mass(self, mass: Scalar) -> Vector:
+        # With the runs of the mass, because the caller multiplies it by components.
         return 0.0 * axis(0, mass)
 
     def centre_of_mass(self, mass: Scalar | None) -> Vector | float:

@@ -72,6 +72,7 @@ class AbstractEffect(AbstractParameters):
         **Arguments**
 
         - `rest`: a system of position and velocity whose accelerations perturb the motion."""
+        # Absent by default, so that a new effect is right before it is fast.
         del rest
         return None
 

@@ -4,20 +4,25 @@ inertia and every start.
 Principal axes, right-handed, the second with the intermediate moment; omega stands for omega(0),
 omega(t) for what follows.
 
-    a_1 = (I_2 - I_3)/I_1,  a_2 = (I_3 - I_1)/I_2,  a_3 = (I_1 - I_2)/I_3                    omega_1' = a_1 omega_2 omega_3 ...
-    p_1 = -a_2 a_3 omega_1^2,  p_2 = a_3 a_1 omega_2^2,  p_3 = -a_1 a_2 omega_3^2            none is negative
-    x = p_1 + p_2,  y = p_3 + p_2,  x - y = p_1 - p_3;  S, c, d of t                         (_jacobi.py)
+    omega_1' = a_1 omega_2 omega_3, ...
+    a_1 = (I_2 - I_3)/I_1,     a_2 = (I_3 - I_1)/I_2,    a_3 = (I_1 - I_2)/I_3
+    p_1 = -a_2 a_3 omega_1^2,  p_2 = a_3 a_1 omega_2^2,  p_3 = -a_1 a_2 omega_3^2, none negative
+    x = p_1 + p_2,  y = p_3 + p_2,  x - y = p_1 - p_3;   S, c, d of t (_jacobi.py)
 
-    omega_1(t) = (omega_1 d + a_1 omega_2 omega_3 S c) / D,          D = d^2 + p_3 S^2       addition theorem
+    By the addition theorem, with D = d^2 + p_3 S^2:
+
+    omega_1(t) = (omega_1 d + a_1 omega_2 omega_3 S c) / D
     omega_2(t) = (omega_2 c d + a_2 omega_3 omega_1 S) / D
     omega_3(t) = (omega_3 c + a_3 omega_1 omega_2 S d) / D
 
 The attitude is the least turn that takes the third axis to h, a turn chi about h, and the least
 turn back, later:
 
-    R(t) = F(0) R_z(chi) F(t)^-1,   F e_z = h/|h|,   chi = psi + arg(z(t) / z(0)),   z = L_2 + i L_1,   L = I omega
-    psi = h t/I_3 - third(t; M, rho) + arg Z                         M = (I_2 - I_3) G / (I_2 I_3^2),  rho = h/I_3 - h/I_1
-    Z = |z(0)|^2 c d - i h G/I_3 S D - I_3^2 a_3 omega_1 omega_2 omega_3 S (1 + M S^2),   G = h^2 - 2T I_3
+    R(t) = F(0) R_z(chi) F(t)^-1,   F e_z = h/|h|
+    chi = psi + arg(z(t) / z(0)),   z = L_2 + i L_1,   L = I omega
+    psi = h t/I_3 - third(t; M, rho) + arg Z
+    Z = |z(0)|^2 c d - i h G/I_3 S D - I_3^2 a_3 omega_1 omega_2 omega_3 S (1 + M S^2)
+    M = (I_2 - I_3) G / (I_2 I_3^2),   rho = h/I_3 - h/I_1,   G = h^2 - 2T I_3
 
     symbol   meaning                                                        unit
     I_i      principal moments; I_3 greatest or least                       kg m^2
@@ -62,11 +67,17 @@ class _Body(NamedTuple):
 
 
 def free_rotation(duration: Scalar, moments: Vector, omega: Vector) -> tuple[Quaternion, Vector]:
-    """The turn of the body, in its axes at the start, and its angular velocity, rad/s, a
-    `duration`, s, later.
+    """The turn of a body without torque, and its angular velocity later. First derivatives hold
+    everywhere.
 
-    `moments`, kg m^2, and `omega`, rad/s: along principal axes, in any order. First derivatives
-    hold everywhere.
+    **Arguments**
+
+    - `duration`: how much later, s, (*runs,).
+    - `moments`: principal moments, in any order, kg m^2, (3, *runs).
+    - `omega`: at the start, along the same axes, rad/s, (3, *runs).
+
+    **Returns** the turn in the axes of the body at the start, (4, *runs), and the angular velocity
+    after the duration, rad/s, (3, *runs).
 
     Near the turn about the intermediate axis, which flips again and again, the result is right to
     1e-12 over a flip for every tilt of the spin down to 1e-150; a smaller one counts as none. What
@@ -78,12 +89,15 @@ def free_rotation(duration: Scalar, moments: Vector, omega: Vector) -> tuple[Qua
         jnp.stack([jnp.broadcast_to(component, runs) for component in v]) for v in (moments, omega)
     )
     middle, mirrored = axis_order(moments, omega)
+    # The exchange of two axes is a reflection, under which an angular velocity changes its sign.
     sign = jnp.where(mirrored, -1.0, 1.0).astype(omega.dtype)
     body = _Body.of(arranged(moments, middle, mirrored), sign * arranged(omega, middle, mirrored))
+    # Barriers between the stages: fused into one, the program compiles for much longer.
     body, mirrored, sign = jax.lax.optimization_barrier((body, mirrored, sign))
     phase = jax.lax.optimization_barrier(jacobi(duration, body.x, body.y, body.difference))
     scaled = jax.lax.optimization_barrier(_Scaled.of(body, phase))
     within = jax.lax.optimization_barrier(_omega_within(body, scaled))
+    # A half period turns two components about: which two, the side of the separatrix decides.
     odd, circled = phase.half_periods % 2.0 != 0.0, body.difference < 0.0
     later = jnp.where(jnp.stack([odd & circled, odd, odd & ~circled]), -within, within)
     reached = jnp.where(circled, within, later)
@@ -129,6 +143,7 @@ def _omega_within(body: _Body, scaled: _Scaled) -> Vector:
     """omega(t) within a quarter period, by the addition theorem."""
     (a1, a2, a3), (w1, w2, w3) = _rates(body.moments), body.omega
     c, d, one, s, below = scaled
+    # In this order no product leaves the range: w3 s and w1 one are of order one by themselves.
     first = w1 * one * d + a1 * w2 * (w3 * s) * c
     second = w2 * (c * d) + a2 * (w3 * s) * (w1 * one)
     return jnp.stack([first, second, w3 * one * c + a3 * w2 * (w1 * s) * d]) / below
@@ -187,6 +202,7 @@ def _precession(body: _Body, phase: Jacobi, scaled: _Scaled, duration: Scalar, h
     angle = safe_atan2(imaginary * re + real * im, real * re - imaginary * im)
     rest = jnp.where(other, 1.0, -1.0)
     rate = h / jnp.where(other, i1, i3)
+    # Taken at the smaller of M and xy/M, for which the third integral is well conditioned.
     within = third(s, c, d, near, strength)
     whole, returns = _quarter(body, phase, near, strength)
     within, whole = jax.lax.optimization_barrier((within, whole))

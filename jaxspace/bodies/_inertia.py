@@ -1,7 +1,7 @@
 """Moments of inertia about the centre of mass, in body axes.
 
     h = J omega         J = diag(A, B, C) in principal axes, else the symmetric tensor
-    J_P = J + m (d^2 1 - d d^T)         parallel axes: d leads from the centre of mass to the point P
+    J_P = J + m (d^2 1 - d d^T)         parallel axes: d leads from the centre of mass to P
 
     symbol   meaning                                     unit
     A, B, C  principal moments of inertia                kg m^2
@@ -34,6 +34,7 @@ from ..core import (
     quantity,
     solve3,
     times_slope,
+    with_rank,
 )
 
 
@@ -42,7 +43,9 @@ class AbstractInertia(AbstractParameters):
 
     @abstractmethod
     def times(self, omega: Vector) -> Vector:
-        """Angular momentum h = J omega, kg m^2/s."""
+        """Angular momentum h = J omega, kg m^2/s, from omega, rad/s, (3, *runs).
+
+        The runs of the body and of omega broadcast; here, in `solve` and in `plus_diagonal`."""
 
     @abstractmethod
     def solve(self, h: Vector) -> Vector:
@@ -71,6 +74,7 @@ class PrincipalInertia(AbstractInertia):
         if is_concrete(self.moments):
             m = np.asarray(self.moments)
             slack = m.sum(axis=0) - 2.0 * m.max(axis=0)
+            # A flat body has a slack of zero, which rounding of single precision makes negative.
             # A moment that is not positive has its own sentence, from the declaration.
             check(
                 (slack >= -1e-6 * m.max(axis=0)) | np.any(m <= 0.0, axis=0),
@@ -80,13 +84,17 @@ class PrincipalInertia(AbstractInertia):
             )
 
     def times(self, omega: Vector) -> Vector:
-        return self.moments * omega
+        moments, omega = _same_rank(self.moments, omega)
+        return moments * omega
 
     def solve(self, h: Vector) -> Vector:
-        return h * (1.0 / self.moments)  # three quotients, however many runs share the body
+        moments, h = _same_rank(self.moments, h)
+        # Three quotients, however many runs share the body.
+        return h * (1.0 / moments)
 
     def plus_diagonal(self, moments: Vector) -> "PrincipalInertia":
-        return PrincipalInertia(self.moments + moments)
+        own, moments = _same_rank(self.moments, moments)
+        return PrincipalInertia(own + moments)
 
     def matrix(self) -> Matrix:
         return _diagonal(self.moments)
@@ -102,6 +110,7 @@ class InertiaTensor(AbstractInertia):
     tensor: Float[Array, "3 3 *#runs"] = quantity("kg m^2", doc="symmetric and positive definite")
 
     def __check_init__(self):
+        # A batch is not checked: eigenvalues of many tensors cost more than the sentence is worth.
         if is_concrete(self.tensor) and self.tensor.ndim == 2:
             j = np.asarray(self.tensor, dtype=float)
             check(np.abs(j - j.T) <= 1e-6 * np.abs(j).max(), "InertiaTensor.tensor", j, "symmetric")
@@ -111,13 +120,23 @@ class InertiaTensor(AbstractInertia):
         return matvec(self.tensor, omega)
 
     def solve(self, h: Vector) -> Vector:
-        return solve3(self.tensor, h)
+        tensor, h = _same_rank(self.tensor, h, axes=2)
+        return solve3(tensor, h)
 
     def plus_diagonal(self, moments: Vector) -> "InertiaTensor":
-        return InertiaTensor(self.tensor + _diagonal(moments))
+        tensor, moments = _same_rank(self.tensor, moments, axes=2)
+        return InertiaTensor(tensor + _diagonal(moments))
 
     def matrix(self) -> Matrix:
         return self.tensor
+
+
+def _same_rank(own: Array, vector: Vector, axes: int = 1) -> tuple[Array, Vector]:
+    """The inertia, with its `axes` component axes, and the vector with as many axes of times and
+    runs as the one of them that has more."""
+    # Both may be the one that is shared: a body of all runs, or one spin for a batch of bodies.
+    rank = max(own.ndim - axes, vector.ndim - 1)
+    return with_rank(own, rank, axes), with_rank(vector, rank)
 
 
 def _diagonal(d: Vector) -> Matrix:
@@ -131,6 +150,7 @@ def as_inertia(x: Any) -> AbstractInertia:
 
     A batch is built by `PrincipalInertia` or `InertiaTensor`, whose shapes leave no doubt. Raises
     `InputError` otherwise."""
+    # A bare `object` is the placeholder of a tree transformation, which converts nothing.
     if isinstance(x, AbstractInertia) or type(x) is object:
         return x  # type: ignore[return-value]
     x = as_float(x)
@@ -139,7 +159,8 @@ def as_inertia(x: Any) -> AbstractInertia:
     if x.shape == (3, 3):
         return InertiaTensor(x)
     raise InputError(
-        f"inertia has the shape {x.shape}: it must be (3,), the principal moments, or (3, 3), the tensor."
+        f"inertia has the shape {x.shape}: "
+        "it must be (3,), the principal moments, or (3, 3), the tensor."
     )
 
 
@@ -149,12 +170,23 @@ def kinetic_energy(inertia: AbstractInertia, omega: Vector) -> Scalar:
 
 
 def parallel_axes(inertia: AbstractInertia, mass: Scalar, offset: Vector) -> InertiaTensor:
-    """Inertia about the point at `offset`, m, from the centre of mass of a body of `mass`, kg
-    (Thomson 5.5)."""
-    shift = dot(offset, offset) * jnp.eye(3, dtype=offset.dtype).reshape(
-        3, 3, *(1,) * (offset.ndim - 1)
-    )
-    return InertiaTensor(inertia.matrix() + mass * (shift - offset[:, None] * offset[None, :]))
+    """Inertia about another point than the centre of mass (Thomson 5.5).
+
+    **Arguments**
+
+    - `inertia`: about the centre of mass, kg m^2.
+    - `mass`: of the body, kg, (*runs,).
+    - `offset`: from the centre of mass to the point, m, (3, *runs).
+
+    **Returns** the tensor about the point, kg m^2; the runs of all three broadcast.
+    """
+    tensor = inertia.matrix()
+    # Any of the three may be the one that many runs share.
+    rank = max(tensor.ndim - 2, jnp.ndim(mass), offset.ndim - 1)
+    tensor, offset = with_rank(tensor, rank, axes=2), with_rank(offset, rank)
+    identity = with_rank(jnp.eye(3, dtype=offset.dtype), rank, axes=2)
+    shift = dot(offset, offset) * identity - offset[:, None] * offset[None, :]
+    return InertiaTensor(tensor + mass * shift)
 
 
 def principal_axes(inertia: AbstractInertia) -> tuple[Vector, Matrix]:
@@ -171,6 +203,7 @@ def principal_axes(inertia: AbstractInertia) -> tuple[Vector, Matrix]:
 
 @jax.custom_jvp
 def _principal_axes(tensor: Matrix) -> tuple[Vector, Matrix]:
+    # `eigh` takes the runs first and the matrix last.
     moments, axes = jnp.linalg.eigh(jnp.moveaxis(tensor, (0, 1), (-2, -1)))
     return jnp.moveaxis(moments, -1, 0), jnp.moveaxis(axes, (-2, -1), (0, 1))
 

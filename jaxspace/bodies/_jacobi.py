@@ -2,14 +2,17 @@
 
     S' = c d,  c' = -x S d,  d' = -y S c          S(0) = 0,  c(0) = d(0) = 1
     c^2 = 1 - x S^2,   d^2 = 1 - y S^2,   x, y >= 0
-    third(t) = rho int_0^t M S^2 / (1 + M S^2) dt = rho M S^3/3 R_J(c^2, d^2, 1, 1 + M S^2),   rho^2 M = (M + x)(M + y)
+    third(t) = rho int_0^t M S^2 / (1 + M S^2) dt
+             = rho M S^3/3 R_J(c^2, d^2, 1, 1 + M S^2),           rho^2 M = (M + x)(M + y)
 
 For x > y: S = sn(Nt)/N, c = cn, d = dn, with N^2 = x and k^2 = y/x; for x < y the two change
 places. All are analytic in t, x and y, also where one or both vanish (circular functions, S = t)
 and where they are equal (hyperbolic functions).
 
-    N^2 = max(x, y),   k'^2 = |x - y|/N^2,   m = min(k^2, k'^2),   l = (1 - m'^(1/4))/(1 + m'^(1/4))/2,   m' = 1 - m
-    q = l + 2 l^5 + 15 l^9 + 150 l^13 + ...      nome of m; q < 0.0433, so that four terms of a theta series are exact
+    N^2 = max(x, y),   k'^2 = |x - y|/N^2,   m = min(k^2, k'^2),   m' = 1 - m
+    l = (1 - m'^(1/4))/(1 + m'^(1/4))/2
+    q = l + 2 l^5 + 15 l^9 + 150 l^13 + ...      nome of m; q < 0.0433, so that four terms of a
+                                                 theta series are exact
     K = pi/2 theta_3(q)^2 for m = k^2,   K = ln(1/q)/2 theta_3(q)^2 for m = k'^2
 
     symbol       meaning                                            unit
@@ -60,6 +63,7 @@ def jacobi(t: Scalar, x: Scalar, y: Scalar, difference: Scalar) -> Jacobi:
     y."""
     swapped = difference < 0.0
     top, low = jnp.where(swapped, y, x), jnp.where(swapped, x, y)
+    # Below it the next term of the series, of order five in top t^2, is under rounding.
     short = top * t * t < 1e-3
     still = top == 0.0
     top = jnp.where(still, 1.0, top)
@@ -67,22 +71,27 @@ def jacobi(t: Scalar, x: Scalar, y: Scalar, difference: Scalar) -> Jacobi:
         jnp.sqrt(top),
         jnp.where(still, 1.0, jnp.where(swapped, -difference, difference) / top),
     )
+    # Beyond k^2 = 1/2 the nome of k' is the smaller one, and its series the shorter.
     hyperbolic = complement < 0.5
     q = _nome(
         jnp.where(hyperbolic, complement, low / top), jnp.where(hyperbolic, low / top, complement)
     )
     # Below it the nome is that of the separatrix: c and d of 1e-152 are the end of the range.
     least = 2.0**10 * float(jnp.finfo(q.dtype).tiny)
+    # Barriers cut the graph into parts that the compiler fuses each: the whole compiles slowly.
     q, n, complement = jax.lax.optimization_barrier((q, n, complement))
     scale = (1.0 + 2.0 * q * (1.0 + q**3 * (1.0 + q**5))) ** 2
     log_q = jnp.log(jnp.where(q > least, q, least))
     quarter = scale * jnp.where(hyperbolic, -0.5 * log_q, 0.5 * math.pi) / n
     returns = ~(hyperbolic & (q <= least)) & ~still
     half_periods = jnp.where(returns, jnp.round(t / (2.0 * quarter)), 0.0)
+    # The factor zero alone would not do: close to the separatrix the derivative of the quarter
+    # period leaves the range of numbers.
     quarter = jnp.where(half_periods == 0.0, 1.0, quarter)
     time = t - 2.0 * quarter * half_periods
     argument = n * time / scale
     argument, time = jax.lax.optimization_barrier((argument, time))
+    # Each branch gets the argument zero where the other holds, so that its derivative is finite.
     circular = _circular(jnp.where(hyperbolic, 0.0, argument), q)
     exponential = _hyperbolic(jnp.where(hyperbolic, argument, 0.0), q, -0.5 * math.log(least))
     sn, cn, dn = (jnp.where(hyperbolic, b, a) for a, b in zip(circular, exponential, strict=True))
@@ -106,6 +115,7 @@ def third(s: Scalar, c: Scalar, d: Scalar, pole: Scalar, strength: Scalar) -> Sc
         x, y, z, p = (0.25 * (v + shift) for v in (x, y, z, p))
         return (x, y, z, p, jnp.sqrt(x), jnp.sqrt(y), jnp.sqrt(z), total), None
 
+    # A scan and no unrolled loop: the body of a step is compiled once.
     factors = jnp.asarray([(2.0 ** (i + 1), 0.125**i) for i in range(_DUPLICATIONS)], p.dtype)
     one = jnp.ones_like(p)
     (x, y, z, p, *_, total), _ = jax.lax.scan(
@@ -171,6 +181,7 @@ def _hyperbolic(v: Scalar, q: Scalar, most: float) -> tuple[Scalar, Scalar, Scal
         return rising**i + f**i, rising**i + (f**i) * e
 
     (a1, b1), (a2, b2), (a3, b3) = sums(1), sums(2), sums(3)
+    # `expm1`, because the sine vanishes with its argument and must keep its digits there.
     sine = -jnp.expm1(-2.0 * size) - q * (
         (b1 - 2.0 * f * e) - q**3 * (b2 - 2.0 * f**2 * e) + q**8 * (b3 - 2.0 * f**3 * e)
     )

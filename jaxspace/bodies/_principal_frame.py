@@ -2,9 +2,11 @@
 
     J' = V^T J V = diag(I) + E,     E = 0 as a number, but with a derivative
 
-    I_i != I_j:   E_ij turns the frame through theta_k = E_ij / (I_i - I_j)             (i, j, k) cyclic
-                  what the turn leaves of E has no first derivative, what a second turn leaves none below the fourth
-    I_i = I_j:    E_ij splits the moments along the axes at 45 degrees: I_i + E_ij, I_j - E_ij; right to first order in E
+    I_i != I_j:   E_ij turns the frame through theta_k = E_ij / (I_i - I_j), (i, j, k) cyclic;
+                  what the turn leaves of E has no first derivative,
+                  what a second turn leaves has none below the fourth
+    I_i = I_j:    E_ij splits the moments along the axes at 45 degrees: I_i + E_ij, I_j - E_ij;
+                  right to first order in E
 
     symbol   meaning                                           unit
     J, J'    inertia in the given and in the principal axes    kg m^2
@@ -24,7 +26,7 @@ import jax.numpy as jnp
 from jax.custom_derivatives import SymbolicZero
 from jaxtyping import Array
 
-from ..core import Matrix, Scalar, Vector, axis, cross, matvec
+from ..core import Matrix, Scalar, Vector, axis, cross, matvec, with_rank
 from ..rotations import Quaternion
 from ._free_rotation import free_rotation
 from ._inertia import AbstractInertia, InertiaTensor, PrincipalInertia, principal_axes
@@ -48,7 +50,7 @@ def free_turn(
         return free_rotation(duration, inertia.moments, omega)
     tensor = inertia.matrix()
     rank = max(jnp.ndim(duration), omega.ndim - 1, tensor.ndim - 2)
-    tensor, omega = _with_rank(tensor, 2, rank), _with_rank(omega, 1, rank)
+    tensor, omega = with_rank(tensor, rank, axes=2), with_rank(omega, rank)
     return _turned(duration, tensor, omega)
 
 
@@ -56,6 +58,7 @@ def free_turn(
 def _turned(duration: Scalar, tensor: Matrix, omega: Vector) -> tuple[Quaternion, Vector]:
     """R and omega(t), in the axes of the tensor."""
     local, axes = _principal_frame(tensor)
+    # The elements off the diagonal are rounding here: only the rule of derivatives needs them.
     moments = jnp.stack([local[k, k] for k in range(3)])
     return _in_given_axes(axes, *free_rotation(duration, moments, matvec(_transposed(axes), omega)))
 
@@ -83,6 +86,7 @@ _turned.defjvp(_turned_tangent, symbolic_zeros=True)
 
 def _principal_frame(tensor: Matrix) -> tuple[Matrix, Matrix]:
     """The tensor in its principal axes, and these as columns; the axes are without derivatives."""
+    # The derivative of `eigh` divides by the gap of the moments: it must not be formed at all.
     axes = _axes(jax.lax.stop_gradient(tensor))
     return _transformed(tensor, axes), axes
 
@@ -104,6 +108,7 @@ def _near_principal(duration: Scalar, local: Matrix, omega: Vector) -> tuple[Qua
         (moments, omega),
         *(_split(moments, x[k], omega, k) for k in range(3) for x in (between, 0.0 * moments)),
     ]
+    # One batch of seven, so that the closed form is compiled once.
     durations = jnp.stack([duration + 0.0 * moments[0]] * 7)
     turns, ends = free_rotation(
         durations, *(jnp.stack(x, axis=1) for x in zip(*split, strict=True))
@@ -112,6 +117,7 @@ def _near_principal(duration: Scalar, local: Matrix, omega: Vector) -> tuple[Qua
     real = turns.wxyz[:1, 0]
     for k in range(3):
         back, one, none = _half_right(k, between[k]), 2 * k + 1, 2 * k + 2
+        # The difference to the same axes without a split: its value cancels, its derivative stays.
         change = turns.wxyz[:, one] - turns.wxyz[:, none]
         real = real + jnp.where(equal[k], change[:1], 0.0)
         vector = vector + jnp.where(equal[k], back.rotate(change[1:]), 0.0)
@@ -134,6 +140,7 @@ def _diagonal(local: Matrix) -> tuple[Matrix, Quaternion, Array]:
         moments, _once_differentiable(between, whole, jnp.where(close, jnp.nan, 0.0))
     )
     frame = Quaternion(jnp.stack([jnp.ones_like(gap[0]), *jnp.zeros_like(gap)]))
+    # Two turns: the first leaves of the elements what is of second order, which Hessians see.
     for _ in range(2):
         apart = jnp.stack([local[i, i] - local[j, j] for i, j in _PAIRS])
         between = jnp.stack([_derivative_of(local[i, j]) for i, j in _PAIRS])
@@ -194,13 +201,9 @@ def _derivative_of(x: Array) -> Array:
 def _axes(tensor: Matrix) -> Matrix:
     """The principal axes as columns, right-handed."""
     axes = principal_axes(InertiaTensor(tensor))[1]
+    # Eigenvectors may form a left-handed frame, which no turn reaches.
     return jnp.stack([axes[:, 0], axes[:, 1], cross(axes[:, 0], axes[:, 1])], axis=1)
 
 
 def _transposed(m: Matrix) -> Matrix:
     return jnp.swapaxes(m, 0, 1)
-
-
-def _with_rank(x: Array, lead: int, rank: int) -> Array:
-    """`x` with `rank` axes of runs behind its `lead` axes of components."""
-    return x.reshape(*x.shape[:lead], *(1,) * (rank - x.ndim + lead), *x.shape[lead:])

@@ -74,5 +74,6 @@ PARTS = ("position", "velocity", "attitude", "omega", "mass", "parts")
 def sample_state(parts: Iterable[str]) -> BodyState:
     """A state that holds these `parts`, for shapes and operation counts: every number is one."""
     vector = jnp.ones(3)
+    # Ones and not zeros: a vector field may divide by a distance or a mass.
     every = BodyState(vector, vector, Quaternion(jnp.ones(4)), vector, jnp.ones(()), {})
     return BodyState(**{part: getattr(every, part) for part in parts})

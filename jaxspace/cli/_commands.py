@@ -3,9 +3,9 @@
 import json
 import os
 import sys
-from typing import Any
 
 from ..core import InputError
+from ..dispersion import Dispersion
 from ..dispersion import disperse as disperse_campaign
 from ..io import (
     SceneFile,
@@ -17,8 +17,8 @@ from ..io import (
     run_report,
     schema,
 )
-from ..simulation import Mission, Status
-from ..studies import accuracy_cost, effect_budget
+from ..simulation import Mission, Status, Trajectory
+from ..studies import AccuracyCost, EffectBudget, accuracy_cost, effect_budget
 
 TOLERANCES = tuple(10.0**-k for k in range(4, 13))
 
@@ -28,20 +28,23 @@ def run(path: str, folder: str) -> int:
     file = load(path)
     make_folder(folder)
     if isinstance(file.system, Mission):
-        flown = file.nominal_mission(samples=100)
-        print(mission_report(file, flown, file.nominal_mission(samples=100, factor=0.01)))
-        for name, phase in zip(flown.names, flown.phases, strict=True):
+        result = file.nominal_mission(samples=100)
+        # A mission has no error estimate of its own: the finer run gives one.
+        print(mission_report(file, result, file.nominal_mission(samples=100, factor=0.01)))
+        for name, phase in zip(result.names, result.phases, strict=True):
             _draw(phase, _path(file, folder, f"_{name}.png".replace(" ", "_")))
     else:
-        flown: Any = file.simulate(throw=False)
-        print(run_report(file, flown))
-        _draw(flown, _path(file, folder, ".png"))
-    return 0 if Status(int(flown.status)).good else 1
+        result = file.simulate(throw=False)
+        assert isinstance(result, Trajectory)
+        print(run_report(file, result))
+        _draw(result, _path(file, folder, ".png"))
+    return 0 if Status(int(result.status)).good else 1
 
 
 def disperse(path: str, runs: int | None, seed: int | None, chunk: int, folder: str) -> int:
     """Run the file many times, print the table of its outputs, and keep the runs, a figure and a
     page."""
+    # Late, like the plots below: commands that draw no bar do not wait for the import.
     from tqdm import tqdm
 
     file = load(path)
@@ -56,6 +59,7 @@ def disperse(path: str, runs: int | None, seed: int | None, chunk: int, folder: 
     with tqdm(total=runs, unit="run", file=sys.stderr, disable=None) as bar:
 
         def show(done: int, total: int) -> None:
+            # The bar counts steps, the campaign reports totals.
             bar.update(done - bar.n)
 
         result = disperse_campaign(
@@ -68,20 +72,23 @@ def disperse(path: str, runs: int | None, seed: int | None, chunk: int, folder: 
             progress=show,
         )
     print(dispersion_report(result, file.nominal_outputs(nominal)))
+    # Compiling is paid once, so that it must not spoil the rate that a longer campaign will see.
     ahead = result.attributes["preparation_seconds"]
     rate = runs / max(result.seconds - ahead, 1e-9)
     print(f"{result.seconds:.1f} s: {ahead:.1f} s to compile and to plan, then {rate:.0f} runs/s")
     _keep(file, result, folder)
     print(f"store  {store}")
+    # Single failed runs are part of the result; a campaign of which all failed is none.
     return 0 if result.good.any() else 1
 
 
-def _keep(file: SceneFile, result: Any, folder: str) -> None:
+def _keep(file: SceneFile, result: Dispersion, folder: str) -> None:
     import matplotlib
 
     from ..plots import dispersion_figure, dispersion_page
 
     if result.good.any():
+        # No window: the command also runs where there is no display.
         matplotlib.use("Agg")
         figure, page = _path(file, folder, ".png"), _path(file, folder, ".html")
         dispersion_figure(result).savefig(figure)
@@ -105,6 +112,7 @@ def cost(path: str, error: float | None, gradient: bool, folder: str) -> int:
     """Print what accuracy costs, recommend a setting, and draw the diagram."""
     file = load(path)
     make_folder(folder)
+    # The file's own setting is always among those measured, so that it can be compared.
     rtol = file.values["accuracy"]
     tolerances = sorted({*TOLERANCES, rtol}, reverse=True)
     table = accuracy_cost(file.system, file.y0, file.ts, tolerances=tolerances, gradient=gradient)
@@ -115,7 +123,7 @@ def cost(path: str, error: float | None, gradient: bool, folder: str) -> int:
     return 0
 
 
-def _recommendation(table: Any, error: float) -> str:
+def _recommendation(table: AccuracyCost, error: float) -> str:
     """The cheapest setting for a relative error of the final state, in words."""
     try:
         row = table.cheapest_row(error)
@@ -145,6 +153,7 @@ def budget(path: str, output: str | None, tolerance: str | None, folder: str) ->
         file.ts,
         output=output,
         tolerance=size,
+        # Effects are told apart by differences, which a coarse tolerance would drown.
         accuracy=min(file.values["accuracy"], 1e-9),
     )
     print(f"{file.title}: which effects matter")
@@ -173,11 +182,12 @@ def make_folder(name: str) -> None:
         raise InputError(
             f"--out is {name}: it cannot be made a folder: {error.strerror}."
         ) from error
+    # Asked before the run: hours of computing must not end in a refused write.
     if not os.access(name, os.W_OK | os.X_OK):
         raise InputError(f"--out is {name}: it must be a folder in which files may be written.")
 
 
-def _draw(trajectory: Any, path: str) -> None:
+def _draw(trajectory: Trajectory, path: str) -> None:
     import matplotlib
 
     from ..plots import trajectory_figure
@@ -187,7 +197,7 @@ def _draw(trajectory: Any, path: str) -> None:
     print(f"figure {path}")
 
 
-def _draw_table(table: Any, path: str) -> None:
+def _draw_table(table: AccuracyCost | EffectBudget, path: str) -> None:
     import matplotlib
 
     matplotlib.use("Agg")

@@ -21,6 +21,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     file = getattr(given, "file", "jaxspace")
     try:
         status = given.command(given)
+        # Here and not at exit, so that a closed pipe is met inside the `try`.
         sys.stdout.flush()
         return status
     except (SceneError, InputError) as error:
@@ -78,6 +79,7 @@ def _parser() -> argparse.ArgumentParser:
     disperse.add_argument(
         "--seed", type=_whole, help="what the runs are drawn from (default: what the file says)"
     )
+    # Larger chunks write less often, and lose more when a campaign is interrupted.
     disperse.add_argument(
         "--chunk", type=_count, default=2048, help="after how many runs results are stored"
     )
@@ -122,6 +124,7 @@ def _whole(text: str) -> int:
         number = int(text)
     except ValueError:
         number = -1
+    # Fits 32 bits, signed or not: without double precision jax has no wider integers.
     if not 0 <= number < 2**31:
         raise argparse.ArgumentTypeError(
             f"it is {text}: it must be a whole number from zero to 2147483647."

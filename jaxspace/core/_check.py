@@ -3,18 +3,17 @@
 Only values that are known are checked: a traced value passes, so that every check is free under
 `jit`, `vmap` and `grad`."""
 
-from typing import Any
-
 import jax
 import numpy as np
 from jax.core import Tracer
+from jax.typing import ArrayLike
 
 
 class InputError(ValueError):
     """A field has a value that is not allowed."""
 
 
-def is_concrete(x: Any) -> bool:
+def is_concrete(x: object) -> bool:
     """Whether `x` is a concrete number or array, and not a tracer, a placeholder or `None`."""
     if isinstance(x, Tracer) or not isinstance(
         x, float | int | np.ndarray | np.generic | jax.Array
@@ -23,7 +22,7 @@ def is_concrete(x: Any) -> bool:
     return np.issubdtype(np.asarray(x).dtype, np.number)
 
 
-def _show(x: Any) -> str:
+def _show(x: object) -> str:
     a = np.asarray(x)
     if a.ndim == 0:
         return f"{a.item():.6g}"
@@ -31,28 +30,28 @@ def _show(x: Any) -> str:
     return " ".join(np.array2string(a, precision=6, threshold=6).split("\n"))
 
 
-def check(ok: Any, field: str, value: Any, allowed: str) -> None:
+def check(ok: ArrayLike, field: str, value: object, allowed: str) -> None:
     """Raise `InputError` unless `ok` holds everywhere; `allowed` completes the sentence "`field` is
     `value`: it must be ..."."""
     if not np.all(ok):
         raise InputError(f"{field} is {_show(value)}: it must be {allowed}.")
 
 
-def check_positive(field: str, value: Any) -> None:
+def check_positive(field: str, value: object) -> None:
     """Raise `InputError` if the known `value` is not finite and above zero everywhere."""
     if is_concrete(value):
         a = np.asarray(value)
         check(np.isfinite(a) & (a > 0.0), field, value, "positive and finite")
 
 
-def check_non_negative(field: str, value: Any) -> None:
+def check_non_negative(field: str, value: object) -> None:
     """Raise `InputError` if the known `value` is negative or not finite anywhere."""
     if is_concrete(value):
         a = np.asarray(value)
         check(np.isfinite(a) & (a >= 0.0), field, value, "zero or positive, and finite")
 
 
-def check_finite(field: str, value: Any) -> None:
+def check_finite(field: str, value: object) -> None:
     """Raise `InputError` if the known `value` is NaN or infinite anywhere."""
     if is_concrete(value):
         check(np.isfinite(np.asarray(value)), field, value, "finite")

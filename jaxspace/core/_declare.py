@@ -8,7 +8,7 @@ import dataclasses
 import functools
 import inspect
 from collections.abc import Callable, Mapping
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar, cast
 
 import equinox as eqx
 
@@ -17,13 +17,16 @@ from ._quantity import REQUIRED, Quantity
 
 _REFERENCE = "reference"
 
+# A decorator gives back what it takes: checkers keep the signature of a declared function.
+Function = TypeVar("Function", bound=Callable[..., object])
+
 
 class Choice(NamedTuple):
     """An argument that is one of several `names`."""
 
     names: tuple[str, ...]
     doc: str
-    default: Any = REQUIRED
+    default: object = REQUIRED
 
 
 class Constructor(NamedTuple):
@@ -58,17 +61,17 @@ class Initial(NamedTuple):
     arguments: Mapping[str, Quantity | Choice]
 
 
-def _checked(function: Callable[..., Any], arguments: Mapping[str, Any]) -> Callable[..., Any]:
+def _checked(function: Function, arguments: Mapping[str, Quantity | Choice]) -> Function:
     """The function, with the known values of its declared arguments checked at every call."""
     signature = inspect.signature(function)
     owner = function.__qualname__.rpartition("<locals>.")[2].partition(".")[0]
 
     @functools.wraps(function)
-    def checked(*given: Any, **named: Any) -> Any:
+    def checked(*given: object, **named: object) -> object:
         bound = signature.bind(*given, **named).arguments
         for name, declared in arguments.items():
             value = bound.get(name)
-            if isinstance(declared, Quantity) and is_concrete(value):
+            if isinstance(declared, Quantity) and value is not None and is_concrete(value):
                 check(declared.contains(value), f"{owner}.{name}", value, declared.allowed())
             if isinstance(declared, Choice) and name in bound and value not in declared.names:
                 raise InputError(
@@ -76,10 +79,12 @@ def _checked(function: Callable[..., Any], arguments: Mapping[str, Any]) -> Call
                 )
         return function(*given, **named)
 
-    return checked
+    return cast(Function, checked)
 
 
-def constructor(*, sets: tuple[str, ...] = (), **arguments: Quantity | Choice) -> Any:
+def constructor(
+    *, sets: tuple[str, ...] = (), **arguments: Quantity | Choice
+) -> Callable[[Function], Function]:
     """Declare the arguments of a named constructor, or of a method `state` that makes a state.
 
     The decorator stands below `classmethod` or `staticmethod`. At every call the known values are
@@ -93,7 +98,7 @@ def constructor(*, sets: tuple[str, ...] = (), **arguments: Quantity | Choice) -
 
     **Raises** `InputError`, from the constructor, for a value out of its range."""
 
-    def declare(function: Callable[..., Any]) -> Callable[..., Any]:
+    def declare(function: Function) -> Function:
         checked = _checked(function, arguments)
         checked.constructor = Constructor(arguments, frozenset(sets))  # type: ignore[attr-defined]
         return checked
@@ -101,7 +106,9 @@ def constructor(*, sets: tuple[str, ...] = (), **arguments: Quantity | Choice) -
     return declare
 
 
-def initial(key: str, *, gives: tuple[str, ...], **arguments: Quantity | Choice) -> Any:
+def initial(
+    key: str, *, gives: tuple[str, ...], **arguments: Quantity | Choice
+) -> Callable[[Function], Function]:
     """Declare a function that makes parts of an initial state, for the table `[initial.key]`.
 
     **Arguments**
@@ -112,7 +119,7 @@ def initial(key: str, *, gives: tuple[str, ...], **arguments: Quantity | Choice)
       made by another function.
     """
 
-    def declare(function: Callable[..., Any]) -> Callable[..., Any]:
+    def declare(function: Function) -> Function:
         checked = _checked(function, arguments)
         checked.initial = Initial(key, gives, arguments)  # type: ignore[attr-defined]
         return checked
@@ -120,7 +127,7 @@ def initial(key: str, *, gives: tuple[str, ...], **arguments: Quantity | Choice)
     return declare
 
 
-def output(unit: str, **shared: str) -> Any:
+def output(unit: str, **shared: str) -> Callable[[Function], Function]:
     """Declare that a function of a state can be an output of a dispersion.
 
     Its arguments are taken by their names: the parts of a state (`position`, `omega`, ...), the
@@ -133,14 +140,14 @@ def output(unit: str, **shared: str) -> Any:
     - `shared`: for other arguments the entry of a scene file: `mu="planet.mu"`.
     """
 
-    def declare(function: Callable[..., Any]) -> Callable[..., Any]:
+    def declare(function: Function) -> Function:
         function.output = Output(unit, shared)  # type: ignore[attr-defined]
         return function
 
     return declare
 
 
-def event(unit: str, *, direction: int, needs: tuple[str, ...]) -> Any:
+def event(unit: str, *, direction: int, needs: tuple[str, ...]) -> Callable[[Function], Function]:
     """Declare that a condition (t, y) can end a phase where it passes through zero.
 
     **Arguments**
@@ -150,14 +157,15 @@ def event(unit: str, *, direction: int, needs: tuple[str, ...]) -> Any:
     - `needs`: the parts of the state that it reads.
     """
 
-    def declare(function: Callable[..., Any]) -> Callable[..., Any]:
-        function.event = EventCondition(unit, direction, frozenset(needs))  # type: ignore[attr-defined]
+    def declare(function: Function) -> Function:
+        condition = EventCondition(unit, direction, frozenset(needs))
+        function.event = condition  # type: ignore[attr-defined]
         return function
 
     return declare
 
 
-def known_time(method: Callable[..., Any]) -> Callable[..., Any]:
+def known_time(method: Function) -> Function:
     """Declare that a method of an effect returns a time, s, at which a phase can end.
 
     The time follows from the parameters alone, so that no event has to be searched for."""

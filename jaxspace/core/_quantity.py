@@ -13,6 +13,8 @@ from typing import Any, NamedTuple
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
+from jax.typing import ArrayLike
+from jaxtyping import Array
 
 from ._check import check, is_concrete
 from ._types import as_float, as_optional_float
@@ -45,7 +47,7 @@ class Quantity(NamedTuple):
     shared: str = ""
     key: str = ""
     shape: tuple[int | None, ...] = ()
-    default: Any = REQUIRED
+    default: object = REQUIRED
 
     def allowed(self) -> str:
         """The range in words, as the end of the sentence "it must be ..."."""
@@ -61,7 +63,7 @@ class Quantity(NamedTuple):
         limits += [f"{below} {self.high:g}"] if self.high < math.inf else []
         return f"{' and '.join(limits)}, and finite"
 
-    def contains(self, value: Any) -> Any:
+    def contains(self, value: ArrayLike) -> Array | np.ndarray:
         """Whether each number of `value` is finite and within the range; of a traced value, an
         array that says so."""
         xp = np if is_concrete(value) else jnp
@@ -86,7 +88,7 @@ def argument(
     shared: str = "",
     key: str = "",
     shape: tuple[int | None, ...] = (),
-    default: Any = REQUIRED,
+    default: object = REQUIRED,
 ) -> Quantity:
     """The declaration of an argument of a named constructor; see `constructor`.
 
@@ -111,7 +113,7 @@ def quantity(
     unit: str,
     *,
     doc: str,
-    converter: Callable[[Any], Any] | None = None,
+    converter: Callable[..., object] | None = None,
     **declared: Any,
 ) -> Any:
     """A field of a module that holds numbers of one quantity: `mass: Scalar = quantity("kg", ...)`.
@@ -141,7 +143,7 @@ def quantities(cls: type) -> dict[str, Quantity]:
     }
 
 
-def annotated_shape(annotation: Any) -> tuple[int | None, ...]:
+def annotated_shape(annotation: object) -> tuple[int | None, ...]:
     """The shape that an annotation such as `Float[Array, "3 *#runs"]` gives, without runs.
 
     A named axis of any length is `None`; `()` where the annotation is not that of an array."""

@@ -79,6 +79,7 @@ class BatchRunner:
         self.chunk = self.call * -(-chunk // self.call)
         self.arguments = (campaign, accuracy, key)
         pilots, self.coupled = _pilot_plans(campaign, accuracy, key)
+        # The trial is a whole call, so that it compiles the program that all further calls reuse.
         first = np.arange(self.call, dtype=np.uint32)
         errors = self._call(first, _padded(pilots, [TRIAL] * len(pilots)))[1]
         factors = [_factor(own) for own in np.asarray(errors)[:, :CALL]]
@@ -88,6 +89,7 @@ class BatchRunner:
         """`count` runs from the number `first` on, checked and refined."""
         whole = self.call * -(-count // self.call)
         results = self._results(np.arange(first, first + whole), 0)
+        # A copy, because refined runs are written into it and arrays of jax are read-only.
         results = jax.tree.map(lambda x: x[:count].copy(), results)
         for level in range(1, len(self.plans)):
             missed = np.flatnonzero(results.status == Status.TOLERANCE_MISSED)
@@ -97,6 +99,7 @@ class BatchRunner:
             spent = results.evaluations[missed]
             for old, new in zip(jax.tree.leaves(results), jax.tree.leaves(again), strict=True):
                 old[missed] = new
+            # A repeated run has cost both attempts.
             results.evaluations[missed] += spent
         return results
 
@@ -203,6 +206,7 @@ def _pilot_plans(
     **Raises** `SimulationError` when the nominal run fails."""
     taken, status, coupled = _pilots(campaign, accuracy, key)
     nominal = Status(int(status[0]))
+    # A missed tolerance is no failure here: the runs are checked on finer plans anyhow.
     if nominal in (Status.NOT_FINITE, Status.MAX_STEPS):
         raise SimulationError(f"The nominal run cannot be run. {nominal.sentence}")
     return [None if ends is None else _nodes(np.asarray(ends)) for ends in taken], coupled
@@ -217,6 +221,7 @@ def _factor(error: np.ndarray) -> float:
     """How much finer than the pilots' plan the plan of a phase has to be, from the errors of the
     trial block."""
     finite = error[np.isfinite(error)]
+    # Not the maximum: single hard runs are repeated, and must not make the plan of all finer.
     largest = float(np.quantile(finite, 0.99)) if finite.size else 1.0
     return float(np.clip(TRIAL * (MARGIN * largest) ** (1.0 / ORDER), 1.0, FINEST / FINENESS[-1]))
 

@@ -1,13 +1,14 @@
 """A campaign: from random inputs to a mission, and from its result to the outputs."""
 
 import zlib
-from collections.abc import Callable
-from typing import Any, final
+from collections.abc import Callable, Iterable, Mapping
+from typing import final
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.typing import ArrayLike
 from jaxtyping import Array, Bool, Float, Integer
 
 from ..core import InputError, Quantity, State, as_float, check_finite
@@ -19,9 +20,11 @@ RESERVED = ("run", "status", "evaluations")
 """Names of the variables that every store has."""
 
 
-def _as_pairs(limits: Any) -> tuple[tuple[str, Quantity], ...]:
+def _as_pairs(
+    limits: Mapping[str, Quantity] | Iterable[tuple[str, Quantity]],
+) -> tuple[tuple[str, Quantity], ...]:
     """A dict as pairs, which can be hashed, as a static field has to be."""
-    return tuple(limits.items()) if isinstance(limits, dict) else tuple(limits)
+    return tuple(limits.items()) if isinstance(limits, Mapping) else tuple(limits)
 
 
 @final
@@ -70,7 +73,7 @@ class Campaign(eqx.Module):
         return {name: jnp.full((runs,), d.mean) for name, d in self.inputs.items()}
 
     def samples(
-        self, key: Any, numbers: Integer[Array, " runs"]
+        self, key: Array, numbers: Integer[Array, " runs"]
     ) -> dict[str, Float[Array, " runs"]]:
         """The inputs of the runs with these numbers.
 
@@ -91,17 +94,19 @@ class Campaign(eqx.Module):
                 for name, d in self.inputs.items()
             }
 
+        # Distributions know one draw only; `vmap` here keeps axes of runs out of every one of them.
         return jax.vmap(draw)(numbers)
 
     def allowed(self, samples: dict[str, Float[Array, " runs"]]) -> Bool[Array, " runs"]:
         """For each run whether all of its inputs lie in the ranges that their classes allow."""
         runs = next(iter(samples.values())).shape
         within = jnp.ones(runs, bool)
+        # Traced, unlike the check of a class, so that a bad draw marks its run and raises nothing.
         for name, limit in self.limits:
             within = within & limit.contains(samples[name])
         return within
 
-    def refusal(self, samples: dict[str, Any]) -> str:
+    def refusal(self, samples: Mapping[str, ArrayLike]) -> str:
         """Why a run with these inputs, each a number, is refused; empty where it is allowed."""
         for name, limit in self.limits:
             if not np.all(limit.contains(np.asarray(samples[name]))):
@@ -116,8 +121,10 @@ class Campaign(eqx.Module):
         )
 
 
-def check_names(field: str, names: Any) -> None:
-    """Raise `InputError` for a name that every store has already; `field` is named in it."""
+def check_names(field: str, names: Iterable[str]) -> None:
+    """Raise `InputError` for one of the `names` that every store has already.
+
+    `field`: what holds the names, for the sentence."""
     for name in names:
         if name in RESERVED:
             raise InputError(

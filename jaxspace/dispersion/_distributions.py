@@ -13,12 +13,13 @@ a, b    limits                                     that of the quantity
 
 import math
 from abc import abstractmethod
-from typing import Any, final
+from typing import final
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.typing import ArrayLike
 from jaxtyping import Array, Float
 
 from ..core import AbstractParameters, check, is_concrete, quantity
@@ -41,7 +42,7 @@ class AbstractDistribution(AbstractParameters):
     deviation: eqx.AbstractVar[Float[Array, ""]]
 
     @abstractmethod
-    def sample(self, key: Any) -> Float[Array, ""]:
+    def sample(self, key: Array) -> Float[Array, ""]:
         """One draw, decided by the random `key` alone."""
 
     @abstractmethod
@@ -64,14 +65,15 @@ def _normal_share(low: float, high: float) -> float:
 
 def _uniform_share(start: float, end: float, low: float, high: float) -> float:
     """The share of the interval from `start` to `end` that lies from `low` to `high`."""
+    # Zero and not negative where the two intervals do not meet.
     return max(0.0, min(end, high) - max(start, low)) / (end - start)
 
 
-def _shown(**numbers: Any) -> str:
+def _shown(**numbers: ArrayLike) -> str:
     return ", ".join(f"{name} {float(np.asarray(value)):.9g}" for name, value in numbers.items())
 
 
-def _check_limits(name: str, low: Any, high: Any) -> None:
+def _check_limits(name: str, low: ArrayLike, high: ArrayLike) -> None:
     if is_concrete(low) and is_concrete(high):
         check(
             np.asarray(high) > np.asarray(low),
@@ -90,11 +92,12 @@ class Normal(AbstractDistribution):
         SHARE_OF_INPUT, non_negative=True, doc="standard deviation"
     )
 
-    def sample(self, key: Any) -> Float[Array, ""]:
+    def sample(self, key: Array) -> Float[Array, ""]:
         return self.mean + self.deviation * jax.random.normal(key)
 
     def outside(self, low: float, high: float) -> float:
         mean, deviation = float(self.mean), float(self.deviation)
+        # Allowed, so that a study can switch one input off; there is no tail to integrate then.
         if deviation == 0.0:
             return float(not low <= mean <= high)
         below, above = (mean - low) / deviation, (high - mean) / deviation
@@ -124,7 +127,7 @@ class Uniform(AbstractDistribution):
         """(b - a) / sqrt(12)."""
         return (self.high - self.low) / 12.0**0.5
 
-    def sample(self, key: Any) -> Float[Array, ""]:
+    def sample(self, key: Array) -> Float[Array, ""]:
         return self.low + (self.high - self.low) * jax.random.uniform(key)
 
     def outside(self, low: float, high: float) -> float:
@@ -159,15 +162,17 @@ class TruncatedNormal(AbstractDistribution):
                 f"within {low:.6g} and {high:.6g}",
             )
 
-    def sample(self, key: Any) -> Float[Array, ""]:
+    def sample(self, key: Array) -> Float[Array, ""]:
         a, b = (self.low - self.mean) / self.deviation, (self.high - self.mean) / self.deviation
         drawn = self.mean + self.deviation * jax.random.truncated_normal(key, a, b)
-        return jnp.clip(drawn, self.low, self.high)  # the product may round to beyond a limit
+        # The product may round to beyond a limit, which a class may refuse.
+        return jnp.clip(drawn, self.low, self.high)
 
     def outside(self, low: float, high: float) -> float:
         mean, deviation = float(self.mean), float(self.deviation)
         a, b = (float(self.low) - mean) / deviation, (float(self.high) - mean) / deviation
         below, above = (low - mean) / deviation, (high - mean) / deviation
+        # Over the tails alone: one minus the share within would lose the digits of a rare refusal.
         lost = _normal_share(a, min(b, below)) if below > a else 0.0
         lost += _normal_share(max(a, above), b) if above < b else 0.0
         return lost / _normal_share(a, b)
@@ -194,7 +199,7 @@ class Constant(AbstractDistribution):
         """Zero."""
         return jnp.zeros_like(self.value)
 
-    def sample(self, key: Any) -> Float[Array, ""]:
+    def sample(self, key: Array) -> Float[Array, ""]:
         del key
         return self.value
 

@@ -4,7 +4,6 @@ import dataclasses
 import os
 import time
 from collections.abc import Callable, Sequence
-from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -55,6 +54,7 @@ def disperse(
     accuracy = _resolved(as_accuracy(accuracy))
     runner = BatchRunner(campaign, accuracy, jax.random.key(seed), _devices(devices), chunk)
     file = None if store is None else Store(store)
+    # The runner has compiled and planned: what follows is the rate that a longer campaign sees.
     preparation = time.perf_counter() - started
     attributes = {**_record(campaign, accuracy, runs), "preparation_seconds": preparation}
 
@@ -67,6 +67,7 @@ def disperse(
     for first in range(0, runs, runner.chunk):
         count = min(runner.chunk, runs - first)
         chunks.append(_ordered(runner.run(first, count), campaign))
+        # Before the progress is reported: what a user has seen done survives an interruption.
         if file is not None:
             file.append(dispersion(chunks[-1]))
         if progress is not None:
@@ -108,8 +109,9 @@ def _devices(chosen: int | Sequence[jax.Device] | None) -> list[jax.Device]:
     return list(chosen)
 
 
-def _record(campaign: Campaign, accuracy: Accuracy, runs: int) -> dict[str, Any]:
+def _record(campaign: Campaign, accuracy: Accuracy, runs: int) -> dict[str, object]:
     """What a store says of how its runs came about."""
+    # Resolved values, not those given: defaults may change between versions of the library.
     method = accuracy.method
     return {
         "description": campaign.description,

@@ -148,7 +148,9 @@ class Dispersion(eqx.Module):
         unit = self.units.get(name, "")
         if x.size == 0:
             return Row(name, unit, *(float("nan"),) * 6, runs=0)
+        # In double precision, so that the moments of many runs of single precision lose nothing.
         x = x.astype(float)
+        # With one degree of freedom less, because the mean comes from the same runs.
         deviation = float(np.std(x, ddof=1)) if x.size > 1 else 0.0
         low, high = (float(q) for q in np.quantile(x, LIMITS))
         return Row(
@@ -179,6 +181,7 @@ class Dispersion(eqx.Module):
         y = self.values(output).astype(float)
         good = self.good & np.isfinite(y)
         y = y[good]
+        # An input that does not scatter explains nothing, and has a deviation of zero.
         columns = {
             name: x[good].astype(float)
             for name, x in self.inputs.items()
@@ -213,11 +216,15 @@ class Dispersion(eqx.Module):
         in the attributes; `first` is the number of the first run."""
         import xarray
 
-        variables: dict[str, Any] = {}
+        variables: dict[str, tuple[str, np.ndarray, dict[str, object]]] = {}
         for kind, values in (("input", self.inputs), ("output", self.outputs)):
             # The place of a variable is kept, because a store sorts by name.
             for place, (name, x) in enumerate(values.items()):
-                attributes = {"units": self.units.get(name, ""), "kind": kind, "place": place}
+                attributes: dict[str, object] = {
+                    "units": self.units.get(name, ""),
+                    "kind": kind,
+                    "place": place,
+                }
                 variables[name] = ("run", np.asarray(x), attributes)
         meanings = ", ".join(f"{s.value} {s.name}" for s in Status)
         variables["status"] = (

@@ -24,6 +24,7 @@ def versions() -> dict[str, str]:
     for name in LIBRARIES:
         try:
             found[name] = importlib.metadata.version(name)
+        # A library that is not needed for this campaign may be absent.
         except importlib.metadata.PackageNotFoundError:
             found[name] = "not installed"
     return found
@@ -54,6 +55,7 @@ def open_store(path: str | os.PathLike[str]) -> Dispersion:
     Raises `InputError` where `path` holds no store of a dispersion."""
     import xarray
 
+    # Checked first: the store library would report a missing folder in words of its own.
     if not Path(path).is_dir():
         raise InputError(f"{path} is no folder: it must be the Zarr store of a dispersion.")
     try:

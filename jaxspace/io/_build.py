@@ -1,24 +1,25 @@
 """From the values of a file to what flies, for one run or for many at once."""
 
 from collections.abc import Mapping
-from typing import Any
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+from jax.typing import ArrayLike
 
-from ..core import AbstractSystem, InputError, State
+from ..bodies import AbstractEffect, AbstractJump
+from ..core import AbstractSystem, InputError, Scalar, State
 from ..scene import Scene
 from ..simulation import Event, Mission, Phase
 from ._checks import Parsed, needed_parts
-from ._kinds import Measure
+from ._kinds import Measure, Value, Values
 from ._objects import Building, Runs
 from ._outputs import state_of
 
 ONE_PHASE = {"system": "run", "scene": "scene"}
 
 
-def build_mission(file: Parsed, values: Any, runs: Runs) -> tuple[Mission, State]:
+def build_mission(file: Parsed, values: Values, runs: Runs) -> tuple[Mission, State]:
     """Mission and initial state.
 
     **Arguments**
@@ -33,6 +34,7 @@ def build_mission(file: Parsed, values: Any, runs: Runs) -> tuple[Mission, State
     building = Building(values, file.makers, runs)
     body, effects = building.make("body"), _effects(file, building)
     initial = build_state(file, building)
+    # Constant mass is no part of the state: every part is integrated and costs.
     if any("mass_rate" in effect.adds for effect in effects.values()):
         mass = runs.scalar(body.loaded_mass())
         initial = eqx.tree_at(lambda y: y.mass, initial, mass, is_leaf=lambda x: x is None)
@@ -44,26 +46,29 @@ def build_mission(file: Parsed, values: Any, runs: Runs) -> tuple[Mission, State
     for number, phase in enumerate(values["phase"]):
         acting = {name: effects[name] for name in phase["effects"]}
         until = _until(file, phase, acting, start)
+        # All phases carry the same parts, so that one state passes through all of them.
         scene = Scene(tuple(acting.values()), body, carry)
         phases.append(Phase(scene, until, _jump(number, phase, building), phase["name"]))
+        # After an event the time is not known before the run; known ends are refused there.
         start = start + (0.0 if isinstance(until, Event) else until)
     return Mission(phases), initial
 
 
-def build_system(file: Parsed, values: Any, runs: Runs) -> tuple[AbstractSystem, State]:
+def build_system(file: Parsed, values: Values, runs: Runs) -> tuple[AbstractSystem, State]:
     """The system of a file, and its initial state; arguments as in `build_mission`."""
     building = Building(values, file.makers, runs)
     system = building.make("system")
     return system, build_state(file, building, system)
 
 
-def build_state(file: Parsed, building: Building, system: Any = None) -> State:
+def build_state(file: Parsed, building: Building, system: AbstractSystem | None = None) -> State:
     """The initial state, of every run; the mass of a body is not among its parts."""
+    # A state has every run from the start: a loop must not change the shape of what it carries.
     full = building._replace(full=True)
     if "initial" in full.makers:
-        maker = full.makers["initial"]._replace(make=system.state)
+        maker = full.makers["initial"]._replace(make=system.state)  # type: ignore[union-attr]
         return full._replace(makers={**full.makers, "initial": maker}).make("initial")
-    parts: dict[str, Any] = {}
+    parts: dict[str, State] = {}
     pending = {}
     for key, value in full.values["initial"].items():
         path = f"initial.{key}"
@@ -78,6 +83,7 @@ def build_state(file: Parsed, building: Building, system: Any = None) -> State:
         path = next(p for p, m in pending.items() if set(needed_parts(m)) <= set(parts))
         maker = pending.pop(path)
         made = full.make(path, **{part: parts[part] for part in needed_parts(maker)})
+        # In the order of the declaration, which is that of the returned tuple.
         gives = maker.make.initial.gives  # type: ignore[attr-defined]
         parts |= dict(zip(gives, made if len(gives) > 1 else (made,), strict=True))
     return state_of(file)(**parts)
@@ -86,6 +92,7 @@ def build_state(file: Parsed, building: Building, system: Any = None) -> State:
 def system_errors(file: Parsed) -> list[str]:
     """What the system does not accept in the initial state: seen by its vector field, without a
     number being computed."""
+    # Shapes are enough: which parts a vector field needs does not depend on numbers.
     system, y0 = eqx.filter_eval_shape(
         lambda values: build_system(file, values, Runs()), replaced(file.values, {})
     )
@@ -99,12 +106,13 @@ def system_errors(file: Parsed) -> list[str]:
         parts = ", ".join(n for n, part in vars(y0).items() if part is not None)
         return [f"initial has {parts}: the vector field of {name} needs other parts."]
     for part, value in vars(y0).items():
+        # A part without a rate would stay constant unnoticed: mostly a misunderstanding.
         if value is not None and getattr(rate, part, None) is None:
             return [f"initial has {part}, which {name} does not change: leave it out."]
     return []
 
 
-def replaced(values: Any, samples: Mapping[str, Any], path: str = "") -> Any:
+def replaced(values: Value, samples: Mapping[str, ArrayLike], path: str = "") -> Value:
     """The tree with arrays as numbers: those of `samples` at their paths, and what is there
     elsewhere."""
     if path in samples:
@@ -122,21 +130,25 @@ def _span(file: Parsed) -> float:
     return file.values["times"]["end"] - file.values["times"]["start"]
 
 
-def _effects(file: Parsed, building: Building) -> dict[str, Any]:
+def _effects(file: Parsed, building: Building) -> dict[str, AbstractEffect]:
     """The effects by name. Those that refer to another one are made last."""
-    made: dict[str, Any] = {}
+    made: dict[str, AbstractEffect] = {}
     names = file.active_effects()
     makers = {name: building.makers[f"effects.{name}"] for name in names}
+    # By whether they refer: one level is enough, for a reference names no reference.
     for name in sorted(names, key=lambda name: bool(makers[name].references)):
         referred = {
             field: next(getattr(e, attribute) for e in made.values() if hasattr(e, attribute))
             for field, attribute in makers[name].references.items()
         }
         made[name] = building.make(f"effects.{name}", **referred)
+    # In the order of the file again, which is the order of the sums and of `explain`.
     return {name: made[name] for name in names}
 
 
-def _until(file: Parsed, phase: Any, acting: dict[str, Any], start: Any) -> Any:
+def _until(
+    file: Parsed, phase: Values, acting: dict[str, AbstractEffect], start: Scalar
+) -> Scalar | Event:
     """The duration of a phase, s, or the event that ends it; `start` is its time, s."""
     name, events = phase["until"], file.catalog.events
     if name is None:
@@ -147,6 +159,6 @@ def _until(file: Parsed, phase: Any, acting: dict[str, Any], start: Any) -> Any:
     return getattr(known, name)() - start
 
 
-def _jump(number: int, phase: Any, building: Building) -> Any:
+def _jump(number: int, phase: Values, building: Building) -> AbstractJump | None:
     names = [name for name, table in phase["jump"].items() if table is not None]
     return building.make(f"phase.{number}.jump.{names[0]}") if names else None

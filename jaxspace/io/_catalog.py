@@ -7,16 +7,50 @@ import functools
 import inspect
 import typing
 from collections.abc import Iterable, Mapping
-from typing import Any, NamedTuple
+from typing import NamedTuple, Protocol, TypeAlias
+
+import diffrax
+from jaxtyping import Array
 
 from .. import attitude, bodies, dispersion, gyros, orbits, rockets, rotations, scene, solvers
 from ..bodies import AbstractBody, AbstractEffect, AbstractJump, BodyState
-from ..core import AbstractSystem, InputError, Quantity, quantities
+from ..core import AbstractSystem, InputError, Quantity, Scalar, State, quantities
+from ..core._declare import EventCondition, Initial, Output
 from ..dispersion import AbstractDistribution
 from ._kinds import Entry, Maker, Object
 from ._objects import entry_of, function_way, object_kind, snake_case
 
 ROOMS = (rotations, bodies, orbits, attitude, gyros, rockets, scene, dispersion)
+
+
+Group: TypeAlias = dict[str, object]
+
+
+class EventFunction(Protocol):
+    """A function that `event` has declared."""
+
+    event: EventCondition
+    __name__: str
+
+    def __call__(self, t: Scalar, y: State) -> Scalar: ...
+
+
+class OutputFunction(Protocol):
+    """A function that `output` has declared; it takes what its arguments name."""
+
+    output: Output
+    __name__: str
+
+    def __call__(self, **arguments: object) -> Array: ...
+
+
+class InitialFunction(Protocol):
+    """A function that `initial` has declared; it takes its declared arguments, and parts."""
+
+    initial: Initial
+    __name__: str
+
+    def __call__(self, **arguments: object) -> State | tuple[State, ...]: ...
 
 
 class Catalog(NamedTuple):
@@ -28,10 +62,10 @@ class Catalog(NamedTuple):
     bodies: Mapping[str, type[AbstractBody]]
     jumps: Mapping[str, type[AbstractJump]]
     distributions: Mapping[str, type[AbstractDistribution]]
-    events: Mapping[str, Any]
-    outputs: Mapping[str, Any]
-    initials: Mapping[str, Any]
-    methods: Mapping[str, Any]
+    events: Mapping[str, EventFunction]
+    outputs: Mapping[str, OutputFunction]
+    initials: Mapping[str, InitialFunction]
+    methods: Mapping[str, type[diffrax.AbstractSolver]]
     kinds: Mapping[type, Object]
 
     def known_times(self, effect: str) -> list[str]:
@@ -62,11 +96,13 @@ class Catalog(NamedTuple):
         for path, entry in declared:
             room, _, key = path.partition(".")
             if room == table and "." not in key:
+                # Optional in the shared table: whether it is needed depends on the effects that
+                # are there.
                 found.setdefault(key, entry._replace(default=None, shared=""))
         return found
 
 
-def catalog(also: Iterable[Any] = ()) -> Catalog:
+def catalog(also: Iterable[object] = ()) -> Catalog:
     """What a scene file may name: everything in the rooms of the library, and what `also` gives.
 
     **Arguments**
@@ -79,21 +115,24 @@ def catalog(also: Iterable[Any] = ()) -> Catalog:
 
 
 @functools.lru_cache(maxsize=32)
-def _catalog(also: tuple[Any, ...]) -> Catalog:
-    named: dict[str, dict[str, Any]] = {name: {} for name in Catalog._fields}
+def _catalog(also: tuple[object, ...]) -> Catalog:
+    named: dict[str, Group] = {name: {} for name in Catalog._fields}
     kinds: dict[type, Object] = {}
     for room in ROOMS:
         for name, thing in vars(room).items():
+            # Public names alone: what a room keeps to itself is no promise to files.
             if not name.startswith("_"):
                 _add(named, kinds, thing)
     for name, thing in vars(solvers).items():
         if (
+            # By what it offers: helpers and abstract classes of the room have no step and order.
             getattr(thing, "__final__", False)
             and hasattr(thing, "step")
             and hasattr(thing, "order")
         ):
             named["methods"][name] = thing
     for thing in also:
+        # A thing that is silently ignored would show later as an unknown name in a file.
         before = sum(map(len, named.values()))
         _add(named, kinds, thing, new=True)
         if sum(map(len, named.values())) == before:
@@ -101,6 +140,7 @@ def _catalog(also: tuple[Any, ...]) -> Catalog:
                 f"also holds {thing!r}: it must hold final classes of systems, effects, jumps or "
                 f"distributions whose fields are quantities, or declared functions."
             )
+    # It stands among the fields of the catalog but is no group of names.
     named.pop("kinds")
     return Catalog(**named, kinds=kinds)  # pyright: ignore[reportArgumentType]
 
@@ -115,7 +155,9 @@ BASES = {
 FUNCTIONS = {"events": "event", "outputs": "output", "initials": "initial"}
 
 
-def _add(named: Any, kinds: dict[type, Object], thing: Any, new: bool = False) -> None:
+def _add(
+    named: dict[str, Group], kinds: dict[type, Object], thing: object, new: bool = False
+) -> None:
     """Put a class or a function where it belongs, if it belongs anywhere."""
     for group, base in BASES.items():
         if isinstance(thing, type) and issubclass(thing, base):
@@ -128,7 +170,8 @@ def _add(named: Any, kinds: dict[type, Object], thing: Any, new: bool = False) -
             _name(named[group], thing.__name__, thing, new)
 
 
-def _name(group: dict[str, Any], name: str, thing: Any, new: bool) -> None:
+def _name(group: Group, name: str, thing: object, new: bool) -> None:
+    # The same thing twice is harmless: rooms give on the names of one another.
     if new and group.get(name, thing) is not thing:
         raise InputError(f"also holds {name}: it must be another name, for this one is taken.")
     group[name] = thing
@@ -138,16 +181,19 @@ def state_class(system: type[AbstractSystem]) -> type:
     """The class of the states of a system, from the annotation of its vector field.
 
     `BodyState` where the annotation names no class with quantities."""
-    function: Any = inspect.unwrap(system.vector_field)
+    # Decorators hide the annotations, which belong to the function below them.
+    function = inspect.unwrap(system.vector_field)
     annotated = typing.get_type_hints(function).get("y")
     return annotated if isinstance(annotated, type) and quantities(annotated) else BodyState
 
 
 def state_way(system: type[AbstractSystem]) -> Maker | None:
     """The way to give a state by the system's own method `state`, if it is declared."""
-    method: Any = getattr(system, "state", None)
+    method = getattr(system, "state", None)
     declared = getattr(method, "constructor", None)
-    return None if declared is None else function_way(method, declared.arguments)
+    if method is None or declared is None:
+        return None
+    return function_way(method, declared.arguments)
 
 
 def part_entries(cls: type) -> dict[str, Entry]:

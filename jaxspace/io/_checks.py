@@ -1,13 +1,12 @@
 """What has to fit together in a file whose every entry is right by itself."""
 
 import dataclasses
-from typing import Any
 
 from ..bodies import AbstractBody
 from ..core import REQUIRED, AbstractParameters, InputError
 from ._catalog import Catalog
 from ._errors import missing, wrong
-from ._kinds import Maker
+from ._kinds import Maker, Values
 from ._objects import Building, Runs, at
 
 ROTATION = frozenset({"attitude", "omega"})
@@ -20,7 +19,7 @@ class Parsed:
     """A file whose entries are right by themselves: its kind, values, and ways to make objects."""
 
     kind: str
-    values: dict[str, Any]
+    values: Values
     makers: dict[str, Maker]
     catalog: Catalog
 
@@ -28,7 +27,7 @@ class Parsed:
         """For one run, of the numbers that the file gives."""
         return Building(self.values, self.makers, Runs())
 
-    def phases(self) -> list[dict[str, Any]]:
+    def phases(self) -> list[Values]:
         """The phases; of a scene the one that it is."""
         if self.kind == "mission":
             return self.values["phase"]
@@ -51,19 +50,23 @@ class Parsed:
 
 def check_parsed(file: Parsed) -> list[str]:
     """What does not fit together in the file, one sentence each."""
+    # Objects can be built only when what they share is there.
     errors = shared_errors(file) or object_errors(file)
     if not errors:
         errors = initial_errors(file) if "initial" not in file.makers else []
     times = file.values.get("times")
+    # A run backwards is allowed; only one of no length has no meaning.
     if times is not None and times["end"] == times["start"]:
         errors.append(wrong("times.end", times["end"], "another time than times.start"))
     if file.kind == "system" or errors:
         return errors
     for number, phase in enumerate(file.phases()):
+        # Asked phase by phase: an effect may need another one that acts in some phases only.
         for name in phase["effects"]:
             errors += effect_errors(name, phase["effects"], file)
         if file.kind == "mission":
             errors += phase_errors(number, phase, file)
+    # An effect of several phases reports the same thing in each of them.
     return list(dict.fromkeys(errors))
 
 
@@ -94,6 +97,7 @@ def object_errors(file: Parsed) -> list[str]:
     """What a class or a named constructor does not accept although each number is in its range."""
     found = []
     for path, maker in file.makers.items():
+        # Ranges are checked already; only classes with a rule of their own can still refuse.
         if not _checks_itself(maker) or path.startswith(("initial", "method")):
             continue
         try:
@@ -101,6 +105,7 @@ def object_errors(file: Parsed) -> list[str]:
         except InputError as error:
             sentence = str(error)
             owner, dot, rest = sentence.partition(".")
+            # The author knows the path in the file, and not the class behind it.
             if owner == maker.name.partition(".")[0] and dot:
                 rest = rest[rest.index(" ") :] if maker.bare else "." + rest
                 sentence = path + rest
@@ -181,12 +186,14 @@ def effect_errors(name: str, acting: list[str], file: Parsed) -> list[str]:
     turns = bool(ROTATION & cls.needs) or "torque" in cls.adds
     if turns and not body.has_inertia():
         found.append(f"{_no_inertia(file)}; the effect {name} turns the body.")
+    # Gravity alone needs no mass, so that it is asked for only where it enters.
     massless = body.constant_mass() is None and body.loaded_mass() is None
     if ("force" in cls.adds or "mass" in cls.needs) and massless:
         entries = file.makers["body"].fields.entries
         key = "mass" if "mass" in entries else "propellant_mass"
         line = missing(f"body.{key}", entries[key].kind.expected()).removesuffix(".")
         found.append(f"{line}; the effect {name} needs the mass of the body.")
+    # What an effect adds has to be integrated, even where the effect does not read it.
     wanted = cls.needs & (TRANSLATION | ROTATION)
     for added in cls.adds & set(CALLS_FOR):
         wanted |= CALLS_FOR[added]
@@ -197,10 +204,11 @@ def _lacking(part: str, whose: str) -> str:
     return f"initial has no {part}: {whose} needs it."
 
 
-def phase_errors(number: int, phase: dict[str, Any], file: Parsed) -> list[str]:
+def phase_errors(number: int, phase: Values, file: Parsed) -> list[str]:
     """What does not fit together in a phase."""
     key, found, phases = f"phase.{number}", [], file.values["phase"]
     events, parts, until = file.catalog.events, file.parts(), phase["until"]
+    # Names of phases stand for places in outputs, so that they must tell them apart.
     if [p["name"] for p in phases].index(phase["name"]) < number:
         found.append(
             wrong(f"{key}.name", phase["name"], "another name than that of an earlier phase")
@@ -227,6 +235,7 @@ def phase_errors(number: int, phase: dict[str, Any], file: Parsed) -> list[str]:
     if len(jumps) > 1:
         found.append(f"{key}.jump has {' and '.join(jumps)}: it must have one of them.")
     for name in jumps:
+        # The mass is never given in `initial`: it is that of the body.
         needs = file.catalog.jumps[name].needs - {"mass"}
         found += [_lacking(part, f"the jump {name}") for part in sorted(needs - parts)]
     return found

@@ -4,13 +4,12 @@ the nearest valid name."""
 import difflib
 import json
 from collections.abc import Iterable
-from typing import Any
 
 
 class SceneError(ValueError):
     """A scene file that cannot be used; the message has one line for each thing that is wrong."""
 
-    def __init__(self, file: Any, errors: str | Iterable[str]):
+    def __init__(self, file: object, errors: str | Iterable[str]):
         lines = [errors] if isinstance(errors, str) else without_repetition(list(errors))
         super().__init__("\n".join(f"{file}: {line}" for line in lines))
 
@@ -18,6 +17,7 @@ class SceneError(ValueError):
 def without_repetition(lines: list[str]) -> list[str]:
     """The lines without those that report the same thing: a key that is missing, twice or because
     it is misspelt."""
+    # A misspelt key is reported as unknown and, under its right name, as missing: once is enough.
     named = {
         line.rpartition(" Did you mean ")[2].rstrip("?") for line in lines if line.endswith("?")
     }
@@ -29,24 +29,27 @@ def without_repetition(lines: list[str]) -> list[str]:
     return list(kept.values())
 
 
-def shown(value: Any) -> str:
+def shown(value: object) -> str:
     """A value as a file writes it, cut short when it is long."""
+    # JSON writes lists and text as TOML does; `default=str` serves dates, which JSON has not.
     text = json.dumps(value, ensure_ascii=False, default=str)
+    # A sentence stays readable when a whole table stands where a number should.
     return text if len(text) <= 60 else text[:57] + "..."
 
 
-def hint(name: Any, names: Iterable[str]) -> str:
+def hint(name: object, names: Iterable[str]) -> str:
     """The question for the nearest of `names`, or nothing when none is near."""
+    # Half of the letters in common: `spring` finds `sprung`, and a foreign word finds nothing.
     near = difflib.get_close_matches(str(name), list(names), n=1, cutoff=0.5)
     return f" Did you mean {near[0]}?" if near else ""
 
 
-def wrong(key: str, value: Any, expected: str) -> str:
+def wrong(key: str, value: object, expected: str) -> str:
     """The sentence for a value that is not allowed."""
     return f"{key} is {shown(value)}: it must be {expected}."
 
 
-def unknown(key: str, name: Any, names: Iterable[str], what: str = "key") -> str:
+def unknown(key: str, name: object, names: Iterable[str], what: str = "key") -> str:
     """The sentence for a name that is not among `names`."""
     names = list(names)
     listed = f"it must be one of {', '.join(names)}" if names else "there is none"

@@ -1,9 +1,9 @@
 """The form of a scene file: which tables there are in each of its three kinds.
 
     kind       tables
-    system     [system], [planet], [initial], [times]                    a system by its name
-    scene      [planet], [body], [effects.*], [initial], [times]         a body and what acts on it
-    mission    [planet], [body], [effects.*], [initial], [[phase]]       phases, each with its effects
+    system     [system], [planet], [initial], [times]               a system by its name
+    scene      [planet], [body], [effects.*], [initial], [times]    a body and what acts on it
+    mission    [planet], [body], [effects.*], [initial], [[phase]]  phases, each with its effects
 
 Every kind may have [dispersion], `title` and how to integrate: `accuracy`, `method`, `max_step`,
 `max_steps`. What stands in the tables follows from the declarations of the classes.
@@ -11,10 +11,11 @@ Every kind may have [dispersion], `title` and how to integrate: `accuracy`, `met
 
 import inspect
 from collections.abc import Mapping
-from typing import Any
+
+import diffrax
 
 from ..bodies import BodyState
-from ..core import REQUIRED, argument
+from ..core import REQUIRED, AbstractSystem, argument
 from ._catalog import Catalog, part_entries, state_class, state_way
 from ._errors import missing, unknown, wrong
 from ._kinds import (
@@ -26,8 +27,11 @@ from ._kinds import (
     Number,
     Object,
     OneName,
+    Reading,
+    Schema,
     Table,
     Text,
+    Value,
     Whole,
 )
 from ._objects import function_way
@@ -46,12 +50,13 @@ TIMES = Table(
 )
 
 
-def kind_of(data: Mapping[str, Any]) -> str:
+def kind_of(data: Mapping[str, object]) -> str:
     """The kind of a file, from the tables that it has."""
+    # No key says the kind: it follows from what the author has written anyway.
     return "system" if "system" in data else "mission" if "phase" in data else "scene"
 
 
-def form(data: Mapping[str, Any], catalog: Catalog) -> tuple[Table, list[str]]:
+def form(data: Mapping[str, object], catalog: Catalog) -> tuple[Table, list[str]]:
     """The form of a file of the kind of `data`; or, for a system whose name is not known, what is
     wrong with it."""
     kind = kind_of(data)
@@ -72,6 +77,7 @@ def form_of(kind: str, catalog: Catalog, system: str = "") -> Table:
     """The form of a file of a kind, with the name of its `system` where it has one."""
     common = {
         "title": Entry(Text(), "", doc="for tables and figures; by default the name of the file"),
+        # Far below the data of a flight, and reached by every method in double precision.
         "accuracy": Entry(TOLERANCE, 1e-9, doc="relative tolerance of each step"),
         "method": Entry(method_kind(catalog), None, doc="integrator; by default chosen by rules"),
         "max_step": Entry(LONGEST_STEP, None, doc="longest step"),
@@ -80,6 +86,7 @@ def form_of(kind: str, catalog: Catalog, system: str = "") -> Table:
     }
     dispersion = {"dispersion": Entry(_dispersion(), None, doc="what scatters, and what is kept")}
     if kind == "system":
+        # A system is a model with a state of its own: bodies and effects have no place beside it.
         cls = catalog.systems[system]
         own = Entry(_named(system, catalog.kinds[cls]), doc="the system and its parameters")
         state = Entry(initial_kind(catalog, cls), doc="the initial state")
@@ -90,6 +97,7 @@ def form_of(kind: str, catalog: Catalog, system: str = "") -> Table:
     effects = {name: Entry(catalog.kinds[cls], None) for name, cls in catalog.effects.items()}
     tables = {
         "body": Entry(Object(bodies), {}, doc="mass properties"),
+        # Without any effect a body moves freely, which is a scene as well.
         "effects": Entry(Table(effects), {}, doc="what acts on the body"),
         "initial": Entry(initial_kind(catalog, None), doc="the initial state"),
     }
@@ -109,7 +117,7 @@ def _named(name: str, kind: Object) -> Object:
     return Object(tuple(made(way) for way in kind.ways))
 
 
-def initial_kind(catalog: Catalog, system: Any) -> Kind:
+def initial_kind(catalog: Catalog, system: type[AbstractSystem] | None) -> Kind:
     """How a file gives the initial state of a system, or of a body under effects (`None`)."""
     way = None if system is None else state_way(system)
     if way is not None:
@@ -129,6 +137,7 @@ def initial_ways(catalog: Catalog, cls: type) -> dict[str, list[Maker]]:
     parts = set(inspect.signature(cls).parameters)
     for function in catalog.initials.values():
         declared = function.initial
+        # A maker of parts that this state lacks is not even offered.
         if set(declared.gives) <= parts:
             found.setdefault(declared.key, []).append(function_way(function, declared.arguments))
     return found
@@ -145,6 +154,7 @@ def method_kind(catalog: Catalog) -> Object:
             for key, p in inspect.signature(cls).parameters.items()
             if p.annotation is int
         }
+        # Needs something that a file cannot say, such as a function.
         if any(
             p.default is inspect.Parameter.empty and key not in whole
             for key, p in inspect.signature(cls).parameters.items()
@@ -158,7 +168,7 @@ def method_kind(catalog: Catalog) -> Object:
     plain = Table({"name": Entry(OneName(tuple(names)))})
     named = {name: cls for name, cls in catalog.methods.items() if name in names}
 
-    def make(name: str) -> Any:
+    def make(name: str) -> diffrax.AbstractSolver | str:
         return "auto" if name == "auto" else named[name]()
 
     return Object((Maker("method", make, {"name": "name"}, plain, {}, bare=True), *ways))
@@ -183,9 +193,11 @@ def _phase(catalog: Catalog) -> Table:
 def _dispersion() -> Table:
     return Table(
         {
+            # Enough for a mean and a deviation to a few percent.
             "runs": Entry(Whole(), 1000, doc="how many runs"),
             "seed": Entry(Whole(0), 1, doc="what the inputs are drawn from"),
             "outputs": Entry(OutputList(), doc="what is kept of each run"),
+            # Which paths exist is known only after the rest of the file has been read.
             "inputs": Entry(AnyTable(), doc="what scatters, by path"),
         }
     )
@@ -196,13 +208,13 @@ class OutputList(Kind):
 
     KEYS = ("output", "at", "unit", "name")
 
-    def read(self, value: Any, path: str, reading: Any) -> Any:
+    def read(self, value: object, path: str, reading: Reading) -> Value:
         if not (isinstance(value, list) and value):
             reading.errors.append(wrong(path, value, self.expected()))
             return None
         return [self._one(v, f"{path}.{k}", reading) for k, v in enumerate(value)]
 
-    def _one(self, value: Any, path: str, reading: Any) -> dict[str, str]:
+    def _one(self, value: object, path: str, reading: Reading) -> dict[str, str]:
         if isinstance(value, str):
             return {"output": value}
         if not isinstance(value, Mapping):
@@ -220,7 +232,7 @@ class OutputList(Kind):
     def expected(self) -> str:
         return 'a list of names of outputs, paths such as "final.omega.2", or tables of them'
 
-    def schema(self) -> dict[str, Any]:
+    def schema(self) -> Schema:
         text = {"type": "string"}
         table = {
             "type": "object",

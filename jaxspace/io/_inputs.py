@@ -1,17 +1,18 @@
 """Which numbers of a file scatter, and how: [dispersion.inputs], whose keys are paths of the file's
 own numbers."""
 
-from collections.abc import Iterator, Mapping
-from typing import Any, NamedTuple
+from collections.abc import Iterable, Iterator, Mapping
+from typing import NamedTuple
 
-from ..core import InputError
+from ..core import InputError, Quantity
 from ..dispersion import NOMINAL, SHARE_OF_INPUT, AbstractDistribution
 from ._checks import Parsed
 from ._errors import hint, missing, unknown, wrong
-from ._kinds import Measure
+from ._kinds import Entry, Measure, Number, Value
 from ._units import expected, read_number, split
 
 DEFAULT = "normal"
+# One refused run in a thousand does not move a statistic; more deserve a word.
 RARE = 1e-3
 
 
@@ -26,8 +27,7 @@ class Input(NamedTuple):
 
     def distribution(self) -> AbstractDistribution:
         """The distribution about the nominal value."""
-        made: Any = self.cls
-        return made(**self.numbers)
+        return self.cls(**self.numbers)  # type: ignore[call-arg]  # converted by its fields
 
     def doubts(self, path: str) -> list[str]:
         """What is allowed but hardly meant: a range without the nominal value, draws that the
@@ -51,6 +51,7 @@ class Input(NamedTuple):
 
 def read_inputs(file: Parsed) -> tuple[dict[str, Input], list[str]]:
     """For every input how it scatters; or what is wrong."""
+    # The numbers of the distributions themselves do not scatter.
     numbers = {p: m for p, m in measures(file.values) if not p.startswith("dispersion")}
     found: dict[str, Input] = {}
     errors = []
@@ -63,6 +64,7 @@ def read_inputs(file: Parsed) -> tuple[dict[str, Input], list[str]]:
             found[path] = _read(f"dispersion.inputs.{path}", entry, numbers[path], file)
         except ValueError as error:
             errors.append(str(error))
+    # A campaign without any input would run the nominal run again and again.
     if not found and not errors:
         errors.append(
             missing("dispersion.inputs", "a table whose keys are paths of numbers of this file")
@@ -70,11 +72,11 @@ def read_inputs(file: Parsed) -> tuple[dict[str, Input], list[str]]:
     return found, errors
 
 
-def measures(values: Any, path: str = "") -> Iterator[tuple[str, Measure]]:
+def measures(values: Value, path: str = "") -> Iterator[tuple[str, Measure]]:
     """The path of every number that may be dispersed, and the number."""
     if isinstance(values, Measure):
         yield path, values
-    items: Any = ()
+    items: Iterable[tuple[object, Value]] = ()
     if isinstance(values, Mapping):
         items = values.items()
     elif isinstance(values, list):
@@ -89,10 +91,13 @@ def _fields(file: Parsed) -> set[str]:
     return {key for kind in kinds for way in kind.ways for key in way.fields.entries}
 
 
-def _entries(tables: Mapping[str, Any], keys: set[str], path: str = "") -> Iterator[Any]:
+def _entries(
+    tables: Mapping[str, Value], keys: set[str], path: str = ""
+) -> Iterator[tuple[str, Value]]:
     """Path and entry of every input; a path may be one quoted key or a table in a table."""
     for name, value in tables.items():
         here = f"{path}.{name}" if path else name
+        # TOML reads an unquoted dotted key as a table in a table.
         nested = isinstance(value, dict) and any(isinstance(v, dict) for v in value.values())
         if nested and not set(value) & keys:
             yield from _entries(value, keys, here)
@@ -109,7 +114,7 @@ def _unknown_path(path: str, paths: list[str]) -> str:
     return sentence.partition(" Did you mean")[0] + hint(path, paths)
 
 
-def _read(key: str, entry: Any, nominal: Measure, file: Parsed) -> Input:
+def _read(key: str, entry: Value, nominal: Measure, file: Parsed) -> Input:
     """Raises `ValueError` with the whole sentence."""
     if not isinstance(entry, Mapping):
         raise ValueError(wrong(key, entry, "a table, such as { deviation = ... }"))
@@ -126,11 +131,15 @@ def _read(key: str, entry: Any, nominal: Measure, file: Parsed) -> Input:
     numbers = {}
     for field, declared in fields.items():
         if field in entry:
-            numbers[field] = _number(f"{key}.{field}", entry[field], nominal, declared.kind)
+            numbers[field] = _number(
+                f"{key}.{field}", entry[field], nominal, _quantity_of(declared)
+            )
+        # The mean is what the file says elsewhere, so that nobody has to write it twice.
         elif declared.shared == NOMINAL:
             numbers[field] = float(nominal)
         else:
             raise ValueError(missing(f"{key}.{field}", expected(nominal.quantity)))
+    # Built once here, because the rule between its numbers is known to the class alone.
     try:
         cls(**numbers)
     except InputError as error:
@@ -139,12 +148,20 @@ def _read(key: str, entry: Any, nominal: Measure, file: Parsed) -> Input:
     return Input(nominal, name, numbers, cls)
 
 
-def _number(key: str, value: Any, nominal: Measure, kind: Any) -> float:
+def _quantity_of(entry: Entry) -> Quantity:
+    """What a field of a distribution declares; all of them are single numbers."""
+    assert isinstance(entry.kind, Number)
+    return entry.kind.quantity
+
+
+def _number(key: str, value: object, nominal: Measure, declared: Quantity) -> float:
     """A number in the unit of the nominal value; a difference may be a percentage of it."""
-    declared, quantity = kind.quantity, nominal.quantity
-    quantity = quantity._replace(low=declared.low, high=declared.high, strict=declared.strict)
+    quantity = nominal.quantity._replace(
+        low=declared.low, high=declared.high, strict=declared.strict
+    )
     try:
         share = declared.unit == SHARE_OF_INPUT
+        # A difference may be relative; a value of the input, such as a limit, may not.
         if share and isinstance(value, str) and value.rstrip().endswith("%"):
             percent = split(value, expected(quantity))[0] / 100.0
             if nominal == 0.0 or not percent > 0.0:

@@ -8,13 +8,20 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 from ..core import REQUIRED, Quantity
 from ._errors import hint, missing, unknown, wrong
 from ._units import dimension, expected, read_number
 
+# What stands in a file: a table, a list, a number, text or `None`; where objects are built, arrays
+# stand for the numbers. A recursive type would need a cast at every step of a path.
+Value: TypeAlias = Any
+Values: TypeAlias = dict[str, Value]
+Schema: TypeAlias = dict[str, object]
 
+
+# A float, so that checks compare it like any number; only what scatters asks for more.
 class Measure(float):
     """A number in SI that may be dispersed, with what it is and the unit in which it is written."""
 
@@ -42,6 +49,7 @@ class Reading:
         """Add what another reading has found."""
         self.errors += other.errors
         self.makers |= other.makers
+        # The unit that was met first stays: reports use the one that the author reached for.
         self.units = {**other.units, **self.units}
 
 
@@ -49,7 +57,7 @@ class Kind(ABC):
     """What an entry of a file may be."""
 
     @abstractmethod
-    def read(self, value: Any, path: str, reading: Reading) -> Any:
+    def read(self, value: object, path: str, reading: Reading) -> Value:
         """The value as it is used; `None`, with an error in the `reading`, if it is wrong."""
 
     @abstractmethod
@@ -57,7 +65,7 @@ class Kind(ABC):
         """What a value must be, for a sentence."""
 
     @abstractmethod
-    def schema(self) -> dict[str, Any]:
+    def schema(self) -> Schema:
         """The JSON schema."""
 
 
@@ -67,27 +75,30 @@ class Number(Kind):
 
     quantity: Quantity
 
-    def read(self, value: Any, path: str, reading: Reading) -> Any:
+    def read(self, value: object, path: str, reading: Reading) -> Value:
         try:
             number, unit = read_number(value, self.quantity)
         except ValueError as error:
+            # Collected and not raised: the author sees every fault of the file in one go.
             reading.errors.append(wrong(path, value, str(error)))
             return None
         if unit:
             reading.units.setdefault(self.quantity.unit, unit)
+        # What sets the shape of a program cannot scatter, so that it stays a plain number.
         return number if self.quantity.fixed else Measure.of(number, self.quantity, unit)
 
     def expected(self) -> str:
         return expected(self.quantity)
 
-    def schema(self) -> dict[str, Any]:
+    def schema(self) -> Schema:
         low, high, strict = self.quantity.low, self.quantity.high, self.quantity.strict
-        number: dict[str, Any] = {"type": "number"}
+        number: Schema = {"type": "number"}
         if low > -math.inf:
             number["exclusiveMinimum" if strict else "minimum"] = low
         if high < math.inf:
             number["exclusiveMaximum" if strict else "maximum"] = high
         if self.quantity.unit == "":
+            # A percentage is the one unit of a pure number that people write.
             return {"anyOf": [number, {"type": "string", "pattern": "%\\s*$"}]}
         name, example = dimension(self.quantity.unit)
         text = {"type": "string", "description": f"with a unit of {name}", "examples": [example]}
@@ -102,7 +113,8 @@ class ListOf(Kind):
     count: int | None = None
     least: int = 0
 
-    def read(self, value: Any, path: str, reading: Reading) -> Any:
+    def read(self, value: object, path: str, reading: Reading) -> Value:
+        # A number in place of a list of one entry is refused: which component is meant is unclear.
         short = isinstance(value, list) and len(value) < self.least
         if (
             not isinstance(value, list)
@@ -117,7 +129,7 @@ class ListOf(Kind):
         count = f"{self.count} " if self.count else f"at least {self.least} " if self.least else ""
         return f"a list of {count}entries, each {self.kind.expected()}"
 
-    def schema(self) -> dict[str, Any]:
+    def schema(self) -> Schema:
         least = self.least if self.count is None else self.count
         made = {"type": "array", "items": self.kind.schema(), "minItems": least}
         return made if self.count is None else {**made, "maxItems": self.count}
@@ -129,7 +141,7 @@ class OneName(Kind):
 
     names: tuple[str, ...]
 
-    def read(self, value: Any, path: str, reading: Reading) -> Any:
+    def read(self, value: object, path: str, reading: Reading) -> Value:
         if value not in self.names:
             line = wrong(path, value, self.expected())
             reading.errors.append(line + hint(value, self.names))
@@ -139,7 +151,7 @@ class OneName(Kind):
     def expected(self) -> str:
         return f"one of {', '.join(self.names)}"
 
-    def schema(self) -> dict[str, Any]:
+    def schema(self) -> Schema:
         return {"enum": list(self.names)}
 
 
@@ -147,7 +159,7 @@ class OneName(Kind):
 class Text(Kind):
     """Any text."""
 
-    def read(self, value: Any, path: str, reading: Reading) -> Any:
+    def read(self, value: object, path: str, reading: Reading) -> Value:
         if isinstance(value, str):
             return value
         reading.errors.append(wrong(path, value, self.expected()))
@@ -156,7 +168,7 @@ class Text(Kind):
     def expected(self) -> str:
         return "text"
 
-    def schema(self) -> dict[str, Any]:
+    def schema(self) -> Schema:
         return {"type": "string"}
 
 
@@ -166,7 +178,8 @@ class Whole(Kind):
 
     least: int = 1
 
-    def read(self, value: Any, path: str, reading: Reading) -> Any:
+    def read(self, value: object, path: str, reading: Reading) -> Value:
+        # In Python a truth value is an int: `runs = true` must not mean one run.
         if isinstance(value, int) and not isinstance(value, bool) and value >= self.least:
             return value
         reading.errors.append(wrong(path, value, self.expected()))
@@ -176,7 +189,7 @@ class Whole(Kind):
         more = "above zero" if self.least == 1 else f"from {self.least} on"
         return f"a whole number {more}"
 
-    def schema(self) -> dict[str, Any]:
+    def schema(self) -> Schema:
         return {"type": "integer", "minimum": self.least}
 
 
@@ -188,7 +201,7 @@ class Entry(NamedTuple):
     - `doc`: what it is."""
 
     kind: Kind
-    default: Any = REQUIRED
+    default: object = REQUIRED
     shared: str = ""
     doc: str = ""
 
@@ -199,7 +212,7 @@ class Table(Kind):
 
     entries: Mapping[str, Entry]
 
-    def read(self, value: Any, path: str, reading: Reading) -> Any:
+    def read(self, value: object, path: str, reading: Reading) -> Value:
         if not isinstance(value, Mapping):
             reading.errors.append(wrong(path, value, self.expected()))
             return None
@@ -215,14 +228,17 @@ class Table(Kind):
             for key in keys
         }
 
-    def _entry(self, entry: Entry, value: Any, path: str, reading: Reading) -> Any:
+    def _entry(self, entry: Entry, value: object, path: str, reading: Reading) -> Value:
         if value is not REQUIRED:
             return entry.kind.read(value, path, reading)
+        # The value comes from another table, which is not read yet; `shared_errors` asks for it.
         if entry.shared:
             return None
         if entry.default is REQUIRED:
             reading.errors.append(missing(path, entry.kind.expected()))
             return None
+        # A default is read like a value of the file, so that it becomes a `Measure` and can
+        # scatter.
         default = list(entry.default) if isinstance(entry.default, tuple) else entry.default
         return None if default is None else entry.kind.read(default, path, reading)
 
@@ -235,7 +251,7 @@ class Table(Kind):
         """The keys that have to be there."""
         return [k for k, e in self.entries.items() if e.default is REQUIRED and not e.shared]
 
-    def schema(self) -> dict[str, Any]:
+    def schema(self) -> Schema:
         properties = {}
         for key, entry in self.entries.items():
             properties[key] = entry.kind.schema()
@@ -255,7 +271,7 @@ class Maker(NamedTuple):
     - `bare`: whether the file gives the only entry itself, and no table of it."""
 
     name: str
-    make: Callable[..., Any]
+    make: Callable[..., Any]  # of whatever class or function it is
     arguments: Mapping[str, str]
     fields: Table
     references: Mapping[str, str]
@@ -269,7 +285,7 @@ class Object(Kind):
 
     ways: tuple[Maker, ...]
 
-    def read(self, value: Any, path: str, reading: Reading) -> Any:
+    def read(self, value: object, path: str, reading: Reading) -> Value:
         found = [self._attempt(way, value, path) for way in self.ways]
         # The first way without an error; else the one in which the fewest keys are wrong, so that
         # the sentences are about the way that is meant.
@@ -282,7 +298,8 @@ class Object(Kind):
         reading.take(trial)
         return values
 
-    def _attempt(self, way: Maker, value: Any, path: str) -> tuple[Any, Reading, int]:
+    def _attempt(self, way: Maker, value: object, path: str) -> tuple[Value, Reading, int]:
+        # Each way reads into its own findings: those of the ways that are not meant are dropped.
         trial = Reading()
         table = way.fields
         if way.bare and not isinstance(value, Mapping):
@@ -292,14 +309,17 @@ class Object(Kind):
             values = table.read(value, path, trial)
             if way.bare and values is not None:
                 (values,) = values.values()
+        # Unknown keys count twice: a key of another way says more than one that is missing.
         strange = [k for k in value if k not in table.entries] if isinstance(value, Mapping) else []
         return values, trial, len(trial.errors) + len(strange)
 
     def _with_other_ways(self, line: str, best: int) -> str:
+        # Only a missing key can mean that the author had another way in mind.
         if " is missing: " not in line or len(self.ways) == 1:
             return line
         own = set(self.ways[best].fields.required())
         others = [w.fields.required() for k, w in enumerate(self.ways) if k != best]
+        # A way that asks for less than this one is no alternative to what is missing.
         others = [" with ".join(keys) for keys in others if keys and not set(keys) <= own]
         text = f"; another way is to give {', or '.join(dict.fromkeys(others))}" if others else ""
         return line.removesuffix(".") + text + "."
@@ -314,12 +334,13 @@ class Object(Kind):
             )
         )
 
-    def schema(self) -> dict[str, Any]:
+    def schema(self) -> Schema:
         made = []
         for way in self.ways:
             if way.bare:
                 made.append(next(iter(way.fields.entries.values())).kind.schema())
             made.append(way.fields.schema())
+        # An `anyOf` with one entry makes the messages of editors worse.
         return made[0] if len(made) == 1 else {"anyOf": made}
 
 
@@ -327,7 +348,7 @@ class Object(Kind):
 class AnyTable(Kind):
     """A table whose keys are read later."""
 
-    def read(self, value: Any, path: str, reading: Reading) -> Any:
+    def read(self, value: object, path: str, reading: Reading) -> Value:
         if isinstance(value, Mapping):
             return value
         reading.errors.append(wrong(path, value, self.expected()))
@@ -336,10 +357,10 @@ class AnyTable(Kind):
     def expected(self) -> str:
         return "a table whose keys are paths of numbers of this file"
 
-    def schema(self) -> dict[str, Any]:
+    def schema(self) -> Schema:
         return {"type": "object"}
 
 
-def joined(path: str, key: Any) -> str:
+def joined(path: str, key: object) -> str:
     """The path of an entry of the table at `path`."""
     return f"{path}.{key}" if path else str(key)

@@ -1,30 +1,30 @@
 """What scene files may name, for people (a text) and for editors (a JSON schema)."""
 
 import re
-from collections.abc import Iterable
-from typing import Any
+from collections.abc import Iterable, Mapping
 
 from ..bodies import BodyState
 from ..core import REQUIRED
 from ._catalog import Catalog, catalog
 from ._form import form_of, initial_kind, initial_ways, method_kind
-from ._kinds import Entry, Kind, ListOf, Number, Object, OneName, Table
+from ._kinds import Entry, Kind, ListOf, Number, Object, OneName, Schema, Table
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
 
-def schema(also: Iterable[Any] = ()) -> dict[str, Any]:
+def schema(also: Iterable[object] = ()) -> Schema:
     """The JSON schema of all scene files. An editor completes and checks files with it.
 
     `also`: as in `load`."""
     known = catalog(also)
+    # One form for each system, because the name decides on all other keys.
     systems = [form_of("system", known, name).schema() for name in known.systems]
     body = [form_of(kind, known).schema() for kind in ("scene", "mission")]
     forms = [*systems, *body]
     return {"$schema": DIALECT, "title": "jaxspace scene file", "anyOf": forms}
 
 
-def listing(also: Iterable[Any] = ()) -> str:
+def listing(also: Iterable[object] = ()) -> str:
     """What scene files may name: systems, effects, events and so on, with fields and units.
 
     `also`: as in `load`."""
@@ -52,7 +52,7 @@ def method_names(known: Catalog) -> list[str]:
     return list(dict.fromkeys(names))
 
 
-def _classes(known: Catalog, group: Any, initial: bool = False) -> list[str]:
+def _classes(known: Catalog, group: Mapping[str, type], initial: bool = False) -> list[str]:
     lines = []
     for name, cls in group.items():
         lines.append(f"  {name}: {first_sentence(cls)}")
@@ -69,6 +69,7 @@ def _ways(kind: Object, indent: str = "    ") -> list[str]:
             lines.append(f"{indent}or")
         for key, entry in way.fields.entries.items():
             lines.append(f"{indent}{key}{_unit(entry)}: {entry.doc}{_default(entry)}")
+            # A bare object reads like a number: its entries need no lines of their own.
             if isinstance(entry.kind, Object) and not entry.kind.ways[0].bare:
                 lines += _ways(entry.kind, indent + "  ")
     return lines
@@ -82,7 +83,7 @@ def _initials(known: Catalog) -> list[str]:
     return lines
 
 
-def _functions(group: Any, mark: str) -> list[str]:
+def _functions(group: Mapping[str, object], mark: str) -> list[str]:
     return [
         f"  {name} [{getattr(function, mark).unit or '1'}]: {first_sentence(function)}"
         for name, function in group.items()
@@ -125,7 +126,8 @@ def _default(entry: Entry) -> str:
     return " (optional)" if entry.default is None else f" (by default {entry.default})"
 
 
-def first_sentence(thing: Any) -> str:
+def first_sentence(thing: object) -> str:
     """The first sentence of a docstring, on one line."""
     text = " ".join((thing.__doc__ or "").split())
+    # A capital letter must follow, so that "e.g. this" and decimal points end no sentence.
     return re.split(r"\.(?= [A-Z])", text)[0].rstrip(".")

@@ -4,7 +4,6 @@ import os
 import tomllib
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any
 
 from ._build import system_errors
 from ._catalog import Catalog, catalog
@@ -12,12 +11,12 @@ from ._checks import Parsed, check_parsed
 from ._errors import SceneError
 from ._form import form, kind_of
 from ._inputs import read_inputs
-from ._kinds import Reading
+from ._kinds import Reading, Values
 from ._outputs import read_outputs
 from ._scene_file import SceneFile
 
 
-def load(path: str | os.PathLike[str], also: Iterable[Any] = ()) -> SceneFile:
+def load(path: str | os.PathLike[str], also: Iterable[object] = ()) -> SceneFile:
     """The scene file at `path`.
 
     **Arguments**
@@ -33,6 +32,7 @@ def load(path: str | os.PathLike[str], also: Iterable[Any] = ()) -> SceneFile:
     known = catalog(also)
     data, text = _parsed(path)
     table, errors = form(data, known)
+    # Without a form nothing can be read, and every further sentence would be a guess.
     if errors:
         raise SceneError(path, errors)
     reading = Reading()
@@ -41,18 +41,20 @@ def load(path: str | os.PathLike[str], also: Iterable[Any] = ()) -> SceneFile:
         raise SceneError(path, reading.errors)
     file = Parsed(kind_of(data), values, reading.makers, known)
     errors, inputs, outputs = check_parsed(file), {}, ()
+    # Traces the vector field, which needs a state without faults.
     if file.kind == "system" and not errors:
         errors = system_errors(file)
     if not errors and values["dispersion"] is not None:
         outputs, errors = read_outputs(file, reading.units)
         inputs, more = read_inputs(file)
+        # Both at once: outputs and inputs do not depend on each other.
         errors = errors + more
     if errors:
         raise SceneError(path, errors)
     return SceneFile(Path(path), text, file, inputs, outputs, reading.units)
 
 
-def _parsed(path: str | os.PathLike[str]) -> tuple[dict[str, Any], str]:
+def _parsed(path: str | os.PathLike[str]) -> tuple[Values, str]:
     try:
         text = Path(path).read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
@@ -61,12 +63,14 @@ def _parsed(path: str | os.PathLike[str]) -> tuple[dict[str, Any], str]:
     try:
         return tomllib.loads(text), text
     except tomllib.TOMLDecodeError as error:
+        # Sentences begin with the path of the file, and go on in small letters.
         raise SceneError(path, f"is not TOML: {str(error)[0].lower()}{str(error)[1:]}.") from error
 
 
-def _with_empty_tables(data: dict[str, Any], known: Catalog) -> dict[str, Any]:
+def _with_empty_tables(data: Values, known: Catalog) -> Values:
     """The data in which an effect that a phase names has a table, if only an empty one."""
     effects, phases = data.get("effects", {}), data.get("phase", [])
+    # Of the wrong type: reading it reports that, with the path.
     if not isinstance(effects, Mapping) or not isinstance(phases, list):
         return data
     named = [

@@ -12,9 +12,10 @@ import inspect
 import re
 import typing
 from collections.abc import Callable, Iterable, Mapping
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import jax.numpy as jnp
+from jax.typing import ArrayLike
 from jaxtyping import Array, Float
 
 from ..bodies import AbstractBody, AbstractEffect
@@ -28,7 +29,9 @@ from ..core import (
     quantities,
     references,
 )
-from ._kinds import Entry, Kind, ListOf, Maker, Number, Object, OneName, Table
+from ._kinds import Entry, Kind, ListOf, Maker, Number, Object, OneName, Table, Value, Values
+
+Declared: TypeAlias = Mapping[str, Quantity | Choice]
 
 
 def snake_case(name: str) -> str:
@@ -40,6 +43,7 @@ def kind_of_quantity(quantity: Quantity) -> Kind:
     """A number, or a list of numbers of the quantity's shape."""
     kind: Kind = Number(quantity._replace(shape=()))
     for count in reversed(quantity.shape):
+        # A list of any length with one entry could not be told from a number.
         kind = ListOf(kind, count, 0 if count is not None else 2)
     return kind
 
@@ -52,7 +56,7 @@ def entry_of(declared: Quantity | Choice) -> Entry:
     return Entry(kind, declared.default, declared.shared, declared.doc)
 
 
-def entries_of(declared: Mapping[str, Any]) -> dict[str, Entry]:
+def entries_of(declared: Declared) -> dict[str, Entry]:
     """The entries of a table for declared arguments."""
     return {(getattr(d, "key", "") or name): entry_of(d) for name, d in declared.items()}
 
@@ -62,6 +66,7 @@ def object_kind(cls: type) -> Object | None:
 
     For an abstract class they are those of its final subclasses."""
     if not getattr(cls, "__final__", False):
+        # A field annotated with the abstract class takes whatever final class there is.
         kinds = [object_kind(sub) for sub in cls.__subclasses__()]
         ways = tuple(way for kind in kinds if kind is not None for way in kind.ways)
         return Object(ways) if ways else None
@@ -69,7 +74,7 @@ def object_kind(cls: type) -> Object | None:
     return Object(tuple(ways)) if ways else None
 
 
-def function_way(function: Callable[..., Any], declared: Mapping[str, Any]) -> Maker:
+def function_way(function: Callable[..., object], declared: Declared) -> Maker:
     """The way to call a function whose arguments are declared."""
     arguments = {(getattr(d, "key", "") or name): name for name, d in declared.items()}
     return Maker(function.__name__, function, arguments, Table(entries_of(declared)), {})
@@ -77,15 +82,18 @@ def function_way(function: Callable[..., Any], declared: Mapping[str, Any]) -> M
 
 def _plain_way(cls: type) -> Maker | None:
     """The class itself, with its fields."""
+    # A class with its own `__init__` may name its arguments unlike its fields.
     taken = inspect.signature(cls).parameters
     fields, arguments, referred = {}, {}, references(cls)
     for name, entry in _field_entries(cls).items():
+        # A field that no file can give, and that has no default: named constructors alone remain.
         if entry is None:
             return None
         key = (quantities(cls)[name].key if name in quantities(cls) else "") or name
         argument = name if name in taken else key
         if argument in taken:
             fields[key], arguments[key] = entry, argument
+    # `inertia = [1, 2, 3]` in place of a table with the single key `moments`.
     bare = len(fields) == 1 and isinstance(next(iter(fields.values())).kind, ListOf)
     return Maker(cls.__name__, cls, arguments, Table(fields), referred, bare and not referred)
 
@@ -93,6 +101,7 @@ def _plain_way(cls: type) -> Maker | None:
 def _named_ways(cls: type) -> Iterable[Maker]:
     """The named constructors of the class."""
     for name in dir(cls):
+        # Static, because binding a descriptor would run code of the class.
         function = inspect.getattr_static(cls, name)
         if not isinstance(function, classmethod):
             continue
@@ -102,6 +111,7 @@ def _named_ways(cls: type) -> Iterable[Maker]:
         fields = entries_of(declared.arguments)
         arguments = {(getattr(d, "key", "") or n): n for n, d in declared.arguments.items()}
         for field, entry in _field_entries(cls).items():
+            # What the constructor computes must not be given as well.
             if entry is not None and field not in (*declared.sets, *arguments.values()):
                 fields[field], arguments[field] = entry, field
         yield Maker(
@@ -134,11 +144,12 @@ def _field_entries(cls: type) -> dict[str, Entry | None]:
     return found
 
 
-def _nested(annotation: Any) -> Object | None:
+def _nested(annotation: object) -> Object | None:
     """The ways to give a field that is itself an object with quantities."""
     for one in (annotation, *typing.get_args(annotation)):
         if not (isinstance(one, type) and issubclass(one, AbstractParameters)):
             continue
+        # These have tables of their own at the top of a file, and are never nested.
         if not issubclass(one, AbstractSystem | AbstractEffect | AbstractBody):
             return object_kind(one)
     return None
@@ -152,17 +163,18 @@ class Runs(NamedTuple):
 
     count: int | None = None
 
-    def vector(self, components: Any) -> Float[Array, "components *#runs"]:
+    def vector(self, components: Iterable[ArrayLike]) -> Float[Array, "components *#runs"]:
         """A parameter of several components: (3,), or for runs (3, 1) or (3, runs)."""
         parts = [jnp.asarray(c) for c in components]
+        # (3, 1) for what all runs share: it is not copied for every run.
         shape = jnp.broadcast_shapes(() if self.count is None else (1,), *(p.shape for p in parts))
         return jnp.stack([jnp.broadcast_to(p, shape) for p in parts])
 
-    def scalar(self, number: Any) -> Scalar:
+    def scalar(self, number: ArrayLike) -> Scalar:
         """A number of the state: () or (runs,)."""
         return jnp.broadcast_to(jnp.asarray(number), () if self.count is None else (self.count,))
 
-    def full(self, components: Any) -> Float[Array, "components *#runs"]:
+    def full(self, components: Iterable[ArrayLike]) -> Float[Array, "components *#runs"]:
         """A vector of the state: (3,) or (3, runs)."""
         return jnp.stack([self.scalar(c) for c in components])
 
@@ -175,12 +187,12 @@ class Building(NamedTuple):
     - `runs`: how many are built at once.
     - `full`: whether what is built is a state, of every run."""
 
-    values: dict[str, Any]
+    values: Values
     makers: Mapping[str, Maker]
     runs: Runs
     full: bool = False
 
-    def make(self, path: str, **more: Any) -> Any:
+    def make(self, path: str, **more: object) -> Any:
         """The object at the path; `more` are arguments that are not in the file."""
         maker = self.makers[path]
         values = at(self.values, path)
@@ -190,13 +202,15 @@ class Building(NamedTuple):
         for key, entry in maker.fields.entries.items():
             value = values.get(key)
             source = path if maker.bare else f"{path}.{key}"
+            # The own table comes first, so that one effect may differ from the planet of the file.
             if value is None and entry.shared:
                 value, source = at(self.values, entry.shared), entry.shared
+            # Left out and not passed as `None`: the default of the class holds.
             if value is not None and key in maker.arguments:
                 arguments[maker.arguments[key]] = self._value(entry.kind, value, source)
         return maker.make(**arguments)
 
-    def _value(self, kind: Kind, value: Any, path: str) -> Any:
+    def _value(self, kind: Kind, value: Value, path: str) -> Value:
         if isinstance(kind, Object):
             return self.make(path)
         if isinstance(kind, ListOf):
@@ -205,7 +219,7 @@ class Building(NamedTuple):
             return self.runs.scalar(value) if self.full else value
         return value
 
-    def _array(self, kind: ListOf, value: list[Any]) -> Any:
+    def _array(self, kind: ListOf, value: list[Value]) -> Value:
         inner = kind.kind
         if isinstance(inner, ListOf):
             return jnp.stack([self._array(inner, row) for row in value])
@@ -214,7 +228,7 @@ class Building(NamedTuple):
         return self.runs.full(value) if self.full else self.runs.vector(value)
 
 
-def at(values: Any, path: str) -> Any:
+def at(values: Value, path: str) -> Value:
     """What stands at the path of a tree of dicts and lists; `None` where nothing does."""
     for step in path.split("."):
         if isinstance(values, Mapping):

@@ -5,7 +5,7 @@ state, `final.omega.2`, in which the name of a phase may stand for `final`."""
 
 import inspect
 from collections.abc import Callable, Mapping
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import equinox as eqx
 import jax
@@ -14,11 +14,16 @@ from jaxtyping import Array
 
 from ..bodies import BodyState
 from ..core import State
-from ._catalog import part_quantities, state_class
+from ._catalog import OutputFunction, part_quantities, state_class
 from ._checks import Parsed
 from ._errors import hint, unknown, wrong
+from ._kinds import Values
 from ._objects import at
 from ._units import in_unit
+
+if TYPE_CHECKING:
+    from ..simulation._runs import MissionResult
+    from ._scene_file import SceneFile
 
 FINAL = "final"
 NOMINAL = "nominal"
@@ -36,7 +41,7 @@ class OutputSpec(NamedTuple):
     at: int
     unit: str
     factor: float
-    function: Callable[..., Any] | None
+    function: OutputFunction | None
     path: tuple[str, ...]
     shared: tuple[tuple[str, str], ...]
 
@@ -45,7 +50,7 @@ class OutputSpec(NamedTuple):
         return () if self.function is None else arguments_of(self.function)
 
 
-def arguments_of(function: Callable[..., Any]) -> tuple[str, ...]:
+def arguments_of(function: Callable[..., object]) -> tuple[str, ...]:
     """The names of the arguments of a declared output."""
     return tuple(inspect.signature(function).parameters)
 
@@ -68,17 +73,19 @@ def read_outputs(
         except ValueError as error:
             errors.append(str(error))
             continue
+        # Two outputs of one name would overwrite each other in the store.
         if spec.name in {other.name for other in specs}:
             errors.append(wrong(f"{key}.name", spec.name, "another name: this one is taken"))
         specs.append(spec)
     return tuple(specs), errors
 
 
-def _read(key: str, entry: Any, file: Parsed, units: Mapping[str, str]) -> OutputSpec:
+def _read(key: str, entry: Values, file: Parsed, units: Mapping[str, str]) -> OutputSpec:
     """Raises `ValueError` with the whole sentence."""
     name, catalog = entry["output"], file.catalog.outputs
     places = _places(file)
     head, dot, rest = name.partition(".")
+    # A path comes before a name, for no declared function has a dot in its name.
     if dot and head in places:
         at_phase, function, shared = places[head], None, ()
         path = tuple(rest.split("."))
@@ -94,6 +101,7 @@ def _read(key: str, entry: Any, file: Parsed, units: Mapping[str, str]) -> Outpu
     else:
         expected = f"one of {', '.join(catalog)}, or a path such as final.position.0"
         raise ValueError(wrong(key, name, expected) + hint(name, catalog))
+    # By default in the unit in which the author wrote quantities of this kind.
     unit = entry.get("unit", units.get(si, si))
     try:
         factor = in_unit(si, unit)
@@ -133,6 +141,7 @@ def _unit_of_path(key: str, path: tuple[str, ...], file: Parsed) -> str:
     if path[0] not in parts:
         raise ValueError(unknown(key, path[0], sorted(parts), "part of the state"))
     quantity = declared[path[0]]
+    # The declaration of an attitude says that it is an object, and not how many numbers it has.
     shape = quantity.shape or ((4,) if path[0] == "attitude" else ())
     indices = path[1:]
     good = len(indices) == len(shape) and all(
@@ -145,9 +154,9 @@ def _unit_of_path(key: str, path: tuple[str, ...], file: Parsed) -> str:
     return quantity.unit
 
 
-def _lacking(name: str, function: Callable[..., Any], file: Parsed) -> list[str]:
+def _lacking(name: str, function: OutputFunction, file: Parsed) -> list[str]:
     """What an output needs and the file does not have."""
-    parts, shared, found = given_parts(file), function.output.shared, []  # type: ignore[attr-defined]
+    parts, shared, found = given_parts(file), function.output.shared, []
     for argument in arguments_of(function):
         if argument in shared:
             if at(file.values, shared[argument]) is None:
@@ -163,6 +172,7 @@ def applicable_outputs(file: Parsed, units: Mapping[str, str]) -> tuple[OutputSp
     """Every output that the file has all for, of the end of the run alone."""
     found = []
     for name, function in file.catalog.outputs.items():
+        # For the nominal run itself a comparison with the nominal run is zero, and says nothing.
         compares = {NOMINAL, "initial"} & set(arguments_of(function))
         if not compares and not _lacking(name, function, file):
             si = function.output.unit
@@ -179,14 +189,16 @@ class Outputs(eqx.Module):
     - `reference`: the states of the nominal run by phase (-1: the end), with an axis of one run;
       `None` where no output compares with them."""
 
-    file: Any = eqx.field(static=True)
+    file: "SceneFile" = eqx.field(static=True)
     specs: tuple[OutputSpec, ...] = eqx.field(static=True)
-    values: dict[str, Any]
+    values: Values
     reference: dict[int, State] | None
 
-    def __call__(self, result: Any, samples: dict[str, Array]) -> dict[str, Array]:
+    def __call__(self, result: "MissionResult", samples: dict[str, Array]) -> dict[str, Array]:
         states = {-1: result.final}
         for spec in self.specs:
+            # Only phases that are asked for: states of the others are not kept by the compiled
+            # program.
             if spec.at >= 0:
                 states[spec.at] = last_state(result.phases[spec.at].states)
         return self.numbers(states, result.end, samples)
@@ -199,10 +211,18 @@ class Outputs(eqx.Module):
         found = {}
         for spec in self.specs:
             value = self._value(spec, states, end, samples, runs)
+            # An output of shared numbers alone has no runs, but a column of the store has.
             found[spec.name] = jnp.broadcast_to(spec.factor * value, (runs,))
         return found
 
-    def _value(self, spec: OutputSpec, states: Any, end: Array, samples: Any, runs: int) -> Array:
+    def _value(
+        self,
+        spec: OutputSpec,
+        states: dict[int, State],
+        end: Array,
+        samples: dict[str, Array],
+        runs: int,
+    ) -> Array:
         y = states[spec.at]
         if spec.function is None:
             return at_path(y, spec.path)
@@ -219,6 +239,8 @@ class Outputs(eqx.Module):
             elif name == "initial":
                 arguments[name] = self.file.intended(self.values)
             elif name == NOMINAL:
+                # Shapes are the same, and no output that compares is asked for without a
+                # reference.
                 arguments[name] = y if self.reference is None else self.reference[spec.at]
             else:
                 arguments[name] = getattr(y, name)

@@ -2,10 +2,12 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import SupportsFloat, SupportsInt
 
 import jax
 import numpy as np
+from jax.typing import ArrayLike
+from jaxtyping import Array
 
 from ..core import State, quantities
 from ..dispersion import Dispersion
@@ -15,6 +17,7 @@ from ._scene_file import SceneFile
 from ._units import in_unit
 
 Row = tuple[str, ...]
+# Rounding of a long run leaves no more than this, whatever the estimate says.
 MOST_DIGITS = 12
 
 
@@ -31,14 +34,16 @@ def columns(rows: Sequence[Sequence[str]]) -> str:
     return "\n".join(lines)
 
 
-def number(x: Any, error: float = math.nan) -> str:
+def number(x: SupportsFloat, error: float = math.nan) -> str:
     """A number with the digits that it has: down to its `error`, or six significant ones if that
     is not known."""
     x = float(x)
+    # Digits below the error would look like knowledge.
     if math.isfinite(x) and 0.0 < error < math.inf and abs(x) < 1e15:
         whole = math.floor(math.log10(abs(x))) + 1 if x else 0
         decimals = min(math.ceil(-math.log10(error)), MOST_DIGITS - max(whole, 0))
         text = f"{x:.{max(decimals, 0)}f}"
+        # Not "-0.00", which a rounded negative number gives.
         return "0" if float(text) == 0.0 else text
     return "0" if abs(x) < 1e-10 else f"{x:.6g}"
 
@@ -62,6 +67,7 @@ def state_rows(
         factor = in_unit(declared.unit, unit)
         miss = math.nan if error is None else factor * _largest(getattr(error, name))
         if isinstance(part, Quaternion):
+            # Nobody reads a quaternion: the angles stand beside it, in the angle unit of the file.
             angle = units.get("rad", "rad")
             turned = in_unit("rad", angle) * np.asarray(to_euler_angles(part))
             rows.append((name, _listed(part.wxyz, miss)))
@@ -83,7 +89,7 @@ def error_rows(error: State, units: Mapping[str, str]) -> list[tuple[str, str]]:
     return rows
 
 
-def drift_rows(drift: Mapping[str, Any]) -> list[tuple[str, str]]:
+def drift_rows(drift: Mapping[str, Array]) -> list[tuple[str, str]]:
     """The largest relative change of every invariant."""
     return [
         (f"drift of {name.replace('_', ' ')}", f"{float(np.max(np.abs(d))):.1e}")
@@ -144,11 +150,13 @@ def dispersion_table(result: Dispersion, nominal: Mapping[str, tuple[float, str]
 
 def contributor_lines(result: Dispersion, count: int = 3) -> str:
     """For every output the inputs that make most of its variance; empty for too few runs."""
+    # With fewer runs than coefficients the regression would explain anything.
     if np.count_nonzero(result.good) <= 2 * len(result.inputs) + 1:
         return ""
     rows = []
     for name in result.outputs:
         shares = result.contributors(name, count).shares
+        # Shares below a percent are noise of the sampling.
         told = [f"{path} {100.0 * s:.0f} %" for path, s in shares.items() if s >= 0.01]
         rows.append((name, ", ".join(told)))
     width = max(len(name) for name, _ in rows)
@@ -166,7 +174,7 @@ def status_lines(result: Dispersion) -> str:
     return "\n".join(lines)
 
 
-def status_line(status: Any) -> str:
+def status_line(status: SupportsInt) -> str:
     """The sentence of a status."""
     return Status(int(status)).sentence
 
@@ -180,5 +188,5 @@ def _largest(tree: State) -> float:
     return max(float(np.max(np.abs(np.asarray(leaf)))) for leaf in jax.tree.leaves(tree))
 
 
-def _listed(xs: Any, error: float = math.nan) -> str:
+def _listed(xs: ArrayLike, error: float = math.nan) -> str:
     return ", ".join(number(x, error) for x in np.asarray(xs).reshape(-1))

@@ -11,6 +11,7 @@ from typing import Any, final
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+from jax.typing import ArrayLike
 from jaxtyping import Array
 
 from ..bodies import AbstractBody
@@ -21,6 +22,7 @@ from ..simulation import Accuracy, Mission, MissionTrajectory, Trajectory, simul
 from ._build import build_mission, build_state, replaced
 from ._checks import Parsed
 from ._inputs import Input
+from ._kinds import Values
 from ._objects import Building, Runs
 from ._outputs import Outputs, OutputSpec, applicable_outputs, needs_nominal
 
@@ -51,7 +53,7 @@ class SceneFile:
         return self.parsed.kind
 
     @property
-    def values(self) -> dict[str, Any]:
+    def values(self) -> Values:
         """The values of the file, numbers in SI."""
         return self.parsed.values
 
@@ -77,6 +79,7 @@ class SceneFile:
         given = {"max_step": values["max_step"], "max_steps": values["max_steps"]}
         if values["method"] is not None:
             given["method"] = self._building(values).make("method")
+        # Left out, so that the defaults stand in one place: `Accuracy`.
         given = {key: value for key, value in given.items() if value is not None}
         return Accuracy(rtol=values["accuracy"], **given)
 
@@ -111,6 +114,7 @@ class SceneFile:
 
     @functools.cached_property
     def _nominal(self) -> tuple[Mission, State]:
+        # Compiled as one program: built one by one, each small operation would compile its own.
         return eqx.filter_jit(lambda values: build_mission(self.parsed, values, Runs()))(
             self._numbers({})
         )
@@ -133,6 +137,7 @@ class SceneFile:
 
         **Returns** the mission, whose parameters are scalars or carry the runs on the last axis,
         and the states, which carry them everywhere."""
+        # A campaign has at least one input, so that the number of runs is always known.
         runs = next(iter(samples.values())).shape[0]
         return build_mission(self.parsed, self._numbers(samples), Runs(runs))
 
@@ -146,6 +151,7 @@ class SceneFile:
         - `warn`: whether to warn of what the file allows and hardly means (`doubts`).
 
         **Raises** `InputError` without [dispersion]."""
+        # Raises where there is no [dispersion], before the nominal run is flown for nothing.
         self._dispersion()
         for doubt in self.doubts() if warn else ():
             warnings.warn(doubt, stacklevel=2)
@@ -173,6 +179,7 @@ class SceneFile:
         """The nominal run as a mission, at the accuracy of the file times `factor`; a bad end is
         told by its status."""
         rtol = self.values["accuracy"] * factor
+        # A finer tolerance than rounding allows would be refused.
         least = 32.0 * float(jnp.finfo(jnp.result_type(float)).eps)
         accuracy = dataclasses.replace(self.accuracy, rtol=max(rtol, least))
         return simulate(
@@ -191,6 +198,7 @@ class SceneFile:
           [dispersion] asks for."""
         specs = applicable_outputs(self.parsed, self.units) if every else self.outputs
         outputs = Outputs(self, specs, self._numbers({}), None)
+        # A jitted function without outputs would still be compiled.
         if not specs:
             return {}
         if isinstance(nominal, MissionTrajectory):
@@ -198,34 +206,35 @@ class SceneFile:
         else:
             states = {-1: jax.tree.map(lambda x: x[..., None], nominal.final)}
             end = nominal.ts[-1]
+        # Outputs are written for runs on the last axis: the nominal run is a batch of one.
         end = jnp.reshape(end, (1,))
         numbers = eqx.filter_jit(lambda o, s, t: o.numbers(s, t, {}))(outputs, states, end)
         return {spec.name: (float(numbers[spec.name][0]), spec.unit) for spec in specs}
 
-    def body(self, values: Any, samples: Mapping[str, Array], runs: int) -> AbstractBody:
+    def body(self, values: Values, samples: Mapping[str, Array], runs: int) -> AbstractBody:
         """The body, from the numbers of the file and those of `runs` runs in `samples`."""
         return self._building(self.replaced(values, samples), Runs(runs)).make("body")
 
-    def intended(self, values: Any) -> State:
+    def intended(self, values: Values) -> State:
         """The initial state that the file asks for, with an axis of one run."""
         return build_state(self.parsed, self._building(values, Runs(1)))
 
-    def replaced(self, values: Any, samples: Mapping[str, Array]) -> Any:
+    def replaced(self, values: Values, samples: Mapping[str, Array]) -> Values:
         """The values with the `samples` at their paths."""
         return replaced(values, samples)
 
-    def _numbers(self, samples: Mapping[str, Any]) -> Any:
+    def _numbers(self, samples: Mapping[str, ArrayLike]) -> Values:
         """The values with arrays in place of numbers: those of `samples`, and those of the file."""
         return replaced(self.values, samples)
 
-    def _dispersion(self) -> dict[str, Any]:
+    def _dispersion(self) -> Values:
         if self.values["dispersion"] is None:
             raise InputError(
                 "dispersion is missing: it must be a table with outputs and inputs for this."
             )
         return self.values["dispersion"]
 
-    def _building(self, values: Any, runs: Runs | None = None) -> Building:
+    def _building(self, values: Values, runs: Runs | None = None) -> Building:
         return Building(values, self.parsed.makers, Runs() if runs is None else runs)
 
     def _nominal_states(self, nominal: MissionTrajectory) -> dict[int, State]:
@@ -239,7 +248,7 @@ class _Build(eqx.Module):
     nothing again."""
 
     file: SceneFile = eqx.field(static=True)
-    values: dict[str, Any]
+    values: Values
 
     def __call__(self, samples: dict[str, Array]) -> tuple[Mission, State]:
         runs = next(iter(samples.values())).shape[0]

@@ -3,12 +3,16 @@
 import functools
 import math
 import re
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from ..bodies import BodyState
 from ..core import InputError, Quantity, argument, quantities
 
+if TYPE_CHECKING:
+    import pint
+
 NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(\S.*)?")
+# A short alphabet keeps a file from handing the unit parser anything but a unit.
 UNIT = re.compile(r"[A-Za-z°µ%0-9 */^().-]{1,40}")
 
 
@@ -42,6 +46,7 @@ WHOLE_TURN = 2.0 * math.pi
 
 def dimension(unit: str) -> Dimension:
     """What the unit measures; the unit itself where no name is known."""
+    # An author of a class may declare a unit that the library has not met.
     return DIMENSIONS.get(unit, Dimension(unit, f"1 {unit}"))
 
 
@@ -58,7 +63,7 @@ def expected(quantity: Quantity) -> str:
     return f'{number} in {quantity.unit} or text with a unit of {name}, such as "{example}"'
 
 
-def read_number(value: Any, quantity: Quantity) -> tuple[float, str]:
+def read_number(value: object, quantity: Quantity) -> tuple[float, str]:
     """The value in SI, and the unit in which it is written (empty for a bare number).
 
     Raises `ValueError`, with what is expected, for anything else."""
@@ -102,15 +107,18 @@ def split(text: str, what: str) -> tuple[float, str]:
     return float(found[1]), unit
 
 
-def parse_unit(text: str, what: str) -> Any:
+def parse_unit(text: str, what: str) -> "pint.Unit":
     """The unit named by a text. Only names and powers of units are read; nothing is evaluated.
     Raises `ValueError`."""
+    # Imported late: the registry takes a while, and most files have SI numbers alone.
     import pint
 
     if not UNIT.fullmatch(text):
         raise ValueError(what)
     try:
         return units().parse_units(text)
+    # The parser of pint lets errors of its own internals pass for odd texts; none may reach a user
+    # as a traceback.
     except (
         pint.PintError,
         ValueError,
@@ -139,6 +147,7 @@ def read_size(name: str, text: str, part: str) -> float:
     # The difference of two attitudes is an angle.
     quantity = argument(declared.unit or "rad", positive=True, doc="size")
     try:
+        # The command line hands over text only: a bare number is one in SI.
         value = float(text)
     except ValueError:
         value = text
@@ -150,6 +159,7 @@ def read_size(name: str, text: str, part: str) -> float:
 
 def in_unit(si: str, unit: str) -> float:
     """How many of `unit` one `si` is. Raises `ValueError` for another dimension."""
+    # Exactly 1, without the rounding of a conversion.
     if unit == si:
         return 1.0
     what = f"a unit of {dimension(si).name}"
@@ -160,7 +170,7 @@ def in_unit(si: str, unit: str) -> float:
 
 
 @functools.cache
-def units() -> Any:
+def units() -> "pint.UnitRegistry":
     """The registry of units, read when the first value with a unit is met."""
     import pint
 

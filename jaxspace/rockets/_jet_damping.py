@@ -3,7 +3,8 @@
     M = m' (r_e x (omega x r_e) averaged over the exit) - (dJ/dm) m' omega
 
     averaged over an exit ring of radius rho at the distance l behind the centre of mass:
-    M_xy = m' (l^2 + rho^2 / 2) omega_xy - m' (dJ_x,y/dm) omega_xy,       M_z = m' rho^2 omega_z - m' (dJ_z/dm) omega_z
+    M_xy = m' (l^2 + rho^2 / 2) omega_xy - m' (dJ_x,y/dm) omega_xy
+    M_z = m' rho^2 omega_z - m' (dJ_z/dm) omega_z
 
     symbol   meaning                                                unit
     m'       rate of the mass, negative when mass leaves            kg/s
@@ -96,6 +97,7 @@ class JetDamping(AbstractEffect):
 
     def load(self, t: Scalar, y: BodyState, body: AbstractBody) -> Load:
         assert y.mass is not None and y.omega is not None
+        # A body of constant mass has its centre at the origin and gives a plain 0.0.
         centre: Any = body.centre_of_mass(y.mass)
         lever = self.exit_station - (centre if isinstance(centre, float) else centre[2])
         ring = self.exit_radius * self.exit_radius
@@ -107,4 +109,5 @@ class JetDamping(AbstractEffect):
 
     def potential(self, t: Scalar, y: BodyState, body: AbstractBody) -> None:
         del t, y, body
+        # It takes energy out of the rotation.
         return None

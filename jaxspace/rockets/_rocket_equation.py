@@ -37,10 +37,15 @@ def rocket_equation(exhaust_velocity: Scalar, mass_ratio: Scalar) -> Scalar:
 
 
 def mass_ratio_for(exhaust_velocity: Scalar, velocity_gain: Scalar) -> Scalar:
-    """Mass ratio m_0 / m that gives a `velocity_gain`, m/s, in free space, with the
-    `exhaust_velocity`, m/s.
+    """Mass ratio m_0 / m that gives a gain of speed in free space (Thomson 7.7-4).
 
-    Raises `InputError` for an exhaust velocity that is not positive."""
+    **Arguments**
+
+    - `exhaust_velocity`: u, m/s.
+    - `velocity_gain`: m/s.
+
+    **Raises** `InputError` for an exhaust velocity that is not positive.
+    """
     check_positive("exhaust_velocity", exhaust_velocity)
     return jnp.exp(velocity_gain / exhaust_velocity)
 
@@ -79,6 +84,7 @@ def vertical_burnout_height(
     Arguments as in `vertical_burnout_velocity`; a mass ratio of 1 is allowed."""
     # ln(mu) / (mu - 1) by its series near mu = 1, where both terms vanish.
     e = mass_ratio - 1.0
+    # Below 1e-4 the next term, e^3/4, is under 1e-12.
     small = jnp.abs(e) < 1e-4
     safe = jnp.where(small, 1.0, e)
     loss = jnp.where(small, 1.0 - e / 2.0 + e * e / 3.0, jnp.log1p(jnp.where(small, 0.0, e)) / safe)

@@ -58,7 +58,7 @@ class ThrustProfile(AbstractParameters):
     @classmethod
     def constant(cls) -> "ThrustProfile":
         """The same thrust from ignition to burnout."""
-        return cls([0.0, 1.0], [1.0, 1.0])
+        return cls(as_float([0.0, 1.0]), as_float([1.0, 1.0]))
 
     @classmethod
     @constructor(
@@ -97,6 +97,7 @@ class ThrustProfile(AbstractParameters):
 
         **Raises** `InputError` for times that do not ascend, or a table without thrust.
         """
+        # In NumPy: a table is data, whose faults are reported before anything is traced.
         t = np.asarray(times, float)
         f = np.asarray(thrusts, float)
         if t.shape != f.shape:
@@ -105,9 +106,11 @@ class ThrustProfile(AbstractParameters):
             )
         check(np.diff(t) > 0.0, "ThrustProfile.times", t, "ascending")
         check(np.any(f > 0.0), "ThrustProfile.thrusts", f, "above zero somewhere")
+        # By trapezoids, which are exact for the polygon that `at` evaluates.
         burn_time = float(t[-1] - t[0])
         mean = float(np.sum(0.5 * (f[1:] + f[:-1]) * np.diff(t)) / burn_time)
-        return cls((t - t[0]) / burn_time, f / mean), burn_time, mean
+        profile = cls(as_float((t - t[0]) / burn_time), as_float(f / mean))
+        return profile, burn_time, mean
 
     # What the declarations of the fields cannot say: how the two tables belong together.
     def __check_init__(self):
@@ -125,6 +128,7 @@ class ThrustProfile(AbstractParameters):
                 x,
                 "ascending from 0 to 1",
             )
+            # Looser than rounding, for tables that are given with six digits.
             mean = np.sum(0.5 * (f[1:] + f[:-1]) * np.diff(x, axis=0), axis=0)
             check(
                 np.abs(mean - 1.0) < 1e-5,
@@ -147,6 +151,7 @@ class ThrustProfile(AbstractParameters):
 
 Pair: TypeAlias = Float[Array, "2 *#runs"] | Sequence[Scalar]
 
+# Shared by the two constructors, so that a file finds the same words in both.
 _STATION = argument(
     "m",
     optional=True,
@@ -229,6 +234,7 @@ class Thrust(AbstractEffect):
         """
         thrust = total_impulse / burn_time
         exhaust_velocity = total_impulse / propellant_mass
+        # No zero vector in its place: a thrust without a point must cost no torque.
         if station is not None:
             fields["point"] = _point(station, offset)
         return cls(thrust, exhaust_velocity, burn_time, **fields)
@@ -257,6 +263,7 @@ class Thrust(AbstractEffect):
           `burn_time`, s.
         - `station`, `offset`, `fields`: as in `of_motor`.
         """
+        # No zero vector in its place: a thrust without a point must cost no torque.
         if station is not None:
             fields["point"] = _point(station, offset)
         return cls(mean_thrust, 9.80665 * specific_impulse, burn_time, **fields)
@@ -273,6 +280,7 @@ class Thrust(AbstractEffect):
         thrust = self.mean_thrust * profile.at(x)
         if self.burnout_mass is None:
             return thrust
+        # Compared with the state and not with the time, so that a low thrust burns longer.
         return jnp.where(mass > self.burnout_mass, thrust, 0.0)
 
     def mass_rate(self, t: Scalar, mass: Scalar) -> Scalar:
@@ -322,6 +330,7 @@ class Thrust(AbstractEffect):
         return None  # The thrust does work, and moves with the body.
 
     def breaks(self) -> Float[Array, "times *#runs"]:
+        # With runs behind the points: each run has its own ignition and burn time.
         x = jnp.array([0.0, 1.0]) if self.profile is None else self.profile.fraction
         runs = jnp.broadcast_shapes(x.shape[1:], self.burn_time.shape, self.ignition.shape)
         x = with_rank(x, len(runs))

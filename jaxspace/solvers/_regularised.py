@@ -27,9 +27,9 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Bool, Float, Int, PyTree
 
-from ..core import AbstractRegularised, InputError, Scalar, State, barrier
+from ..core import InputError, Scalar, State, barrier
 from . import _tableaus as tableau
 from ._protocol import AbstractFixedStep, SolverTraits, Step
 from ._runge_kutta import combine
@@ -48,7 +48,7 @@ Regular = Float[Array, "variables *runs"]
 
 
 @eqx.filter_jit
-def _derivative(form: AbstractRegularised, t: Scalar, duration: Scalar, z: Regular) -> Regular:
+def _derivative(form: PyTree, t: Scalar, duration: Scalar, z: Regular) -> Regular:
     """dz/d(sigma) in a segment that starts at the time `t` and takes a `duration`."""
     z = barrier(z)
     # The steps may pass the end of the segment before they land on it. Beyond it the perturbation
@@ -160,7 +160,7 @@ def _evaluations(steps: int) -> int:
 
 
 def _integrate(
-    form: AbstractRegularised, t: Scalar, duration: Scalar, z0: Regular, steps: int
+    form: PyTree, t: Scalar, duration: Scalar, z0: Regular, steps: int
 ) -> Regular:
     """The regularised variables a `duration` after the time `t`.
 

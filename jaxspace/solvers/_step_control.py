@@ -122,7 +122,7 @@ class BatchStepController(diffrax.AbstractStepSizeController):
     lengths: Float[Array, " segments"]
     longest: Float[Array, " segments"] | None = None
 
-    def wrap(self, direction: Scalar) -> "BatchStepController":
+    def wrap(self, direction: Int[Array, ""] | int) -> "BatchStepController":
         del direction
         return self
 
@@ -243,7 +243,7 @@ class StepTo(diffrax.AbstractStepSizeController):
 
     plan: Float[Array, " nodes"]
 
-    def wrap(self, direction: Scalar) -> "StepTo":
+    def wrap(self, direction: Int[Array, ""] | int) -> "StepTo":
         del direction
         return self
 
