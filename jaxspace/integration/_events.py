@@ -7,8 +7,8 @@ its bracket, outside every derivative. A dip between the samples is examined, to
 one of three samples of one sign is nearest to zero, and so near that the second difference
 g_- - 2 g + g_+ might reach it, the extremum is found by the secant of the slopes, and the search
 continues from the first place beyond zero. One more correction of time and state, inside the
-derivatives, carries the exact first derivative through the event: how its time moves, and the state with it (the
-saltation).
+derivatives, carries the exact first derivative through the event: how its time moves, and the state
+with it (the saltation).
 
     symbol  meaning                            unit
     g       condition                          any
