@@ -54,6 +54,12 @@ def test_formulas_apply_to_whole_trajectories():
         run.of(0)
 
 
+def test_a_batch_may_hold_one_run():
+    run = simulate_batch(KEPLER, start(jnp.array([1.1])), jnp.array([0.0, 1.0]), accuracy=QUICK)
+    single = simulate(KEPLER, start(1.1), jnp.array([0.0, 1.0]), accuracy=QUICK)
+    np.testing.assert_allclose(run.final.position[:, 0], single.final.position, rtol=1e-12)
+
+
 def test_a_trajectory_says_what_happened():
     run = simulate(KEPLER, start(), jnp.linspace(0.0, 2.0, 5), accuracy=QUICK)
     lines = repr(run).splitlines()

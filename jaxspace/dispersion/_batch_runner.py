@@ -12,7 +12,7 @@ campaign was cut into chunks.
 """
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -51,10 +51,10 @@ Plans = tuple[Array | None, ...]
 class RunResults(NamedTuple):
     """Inputs, outputs, status and evaluations of runs; every array is (runs,)."""
 
-    inputs: dict[str, Array]
-    outputs: dict[str, Array]
-    status: Array
-    evaluations: Array
+    inputs: dict[str, Any]
+    outputs: dict[str, Any]
+    status: Any
+    evaluations: Any
 
 
 class BatchRunner:

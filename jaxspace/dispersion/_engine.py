@@ -113,12 +113,13 @@ def _record(campaign: Campaign, accuracy: Accuracy, runs: int) -> dict[str, obje
     """What a store says of how its runs came about."""
     # Resolved values, not those given: defaults may change between versions of the library.
     method = accuracy.method
+    rtol = float(np.asarray(accuracy.rtol))
     return {
         "description": campaign.description,
         "inputs": campaign.text(),
         "planned_runs": runs,
-        "rtol": float(accuracy.rtol),
-        "atol": float(1e-3 * accuracy.rtol if accuracy.atol is None else accuracy.atol),
+        "rtol": rtol,
+        "atol": 1e-3 * rtol if accuracy.atol is None else float(np.asarray(accuracy.atol)),
         "method": method if isinstance(method, str) else type(method).__name__,
         "versions": versions(),
     }

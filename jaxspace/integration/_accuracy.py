@@ -7,7 +7,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, DTypeLike, Float, PyTree
+from jaxtyping import Array, DTypeLike, PyTree
 
 from ..core import (
     AbstractParameters,
@@ -52,18 +52,16 @@ class Accuracy(AbstractParameters):
     **Raises** `InputError` for a value that is not positive, and for `max_step` with a fixed-step
     method."""
 
-    rtol: Float[Array, ""] | None = quantity(
+    rtol: Scalar | None = quantity(
         "", positive=True, optional=True, doc="relative tolerance of each step"
     )
-    atol: Float[Array, ""] | None = quantity(
+    atol: Scalar | None = quantity(
         "", non_negative=True, optional=True, doc="absolute tolerance of each step"
     )
     method: diffrax.AbstractSolver | str = "auto"
     adjoint: diffrax.AbstractAdjoint | None = None
     max_steps: int = eqx.field(static=True, default=16384)
-    max_step: Float[Array, ""] | None = quantity(
-        "s", positive=True, optional=True, doc="longest step"
-    )
+    max_step: Scalar | None = quantity("s", positive=True, optional=True, doc="longest step")
 
     def __check_init__(self):
         check_positive("Accuracy.max_steps", self.max_steps)

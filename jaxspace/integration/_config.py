@@ -4,7 +4,7 @@
 everything after it takes the configuration as it is.
 """
 
-from typing import Literal, final
+from typing import final
 
 import diffrax
 import equinox as eqx
@@ -32,10 +32,16 @@ class IntegrationConfig(eqx.Module):
 
     rtol: Float[Array, ""]
     atol: Float[Array, ""]
-    method: diffrax.AbstractSolver | Literal["closed_form"]
+    method: diffrax.AbstractSolver | str
     adjoint: diffrax.AbstractAdjoint | None
     max_steps: int = eqx.field(static=True)
     max_step: Float[Array, ""] | None
+
+    @property
+    def solver(self) -> diffrax.AbstractSolver:
+        """The method of a run that is integrated."""
+        assert not isinstance(self.method, str), "a closed form takes no steps"
+        return self.method
 
     @property
     def fixed_step(self) -> bool:
@@ -88,9 +94,10 @@ def resolve(
     if is_concrete(rtol):
         check_tolerance(float(np.min(np.asarray(rtol))), dtype)
     method = accuracy.method
-    if method == "auto":
-        method = select_method(system, y0, known_rtol, starts=starts)
-    needs = "closed_form" if method == "closed_form" else solver_traits(method).needs
+    if isinstance(method, str):
+        closed = method == "closed_form"
+        method = method if closed else select_method(system, y0, known_rtol, starts=starts)
+    needs = "closed_form" if isinstance(method, str) else solver_traits(method).needs
     # The capability has the name of the method that answers for it.
     if needs and getattr(system, needs)() is None:
         _refuse(system, method, needs)
@@ -122,9 +129,7 @@ CAPABILITIES = {
 }
 
 
-def _refuse(
-    system: AbstractSystem, method: diffrax.AbstractSolver | Literal["closed_form"], needs: str
-) -> None:
+def _refuse(system: AbstractSystem, method: diffrax.AbstractSolver | str, needs: str) -> None:
     """Raise `InputError`: the system does not offer what the method needs, and why."""
     name = method if isinstance(method, str) else type(method).__name__
     reason = system.missing(needs)

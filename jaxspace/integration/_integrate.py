@@ -5,13 +5,13 @@ inside the loop, where a state is one row of a buffer; results have the componen
 times, then the runs.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Float, Int, PyTree
 
 from ..core import AbstractClosedForm, AbstractSystem, Scalar, State
 from ..solvers import Tolerance, bind, solver_traits
@@ -120,7 +120,7 @@ def integrate(
         closed_form = system.closed_form()
         assert closed_form is not None
         return _by_closed_form(closed_form, y0, t1 - t0, fractions, run_axes)
-    traits = solver_traits(config.method)
+    traits = solver_traits(config.solver)
     segments = segments_of(system, t0, t1, None)
     # Runs with their own breaks have their own segments: the save times become ends of segments,
     # which all runs reach together.
@@ -173,7 +173,7 @@ def _settings(
     save_ts = None
     if fractions is not None:
         save_ts = ends if landing else jnp.interp(fractions.astype(ends.dtype), segments.u, ends)
-    traits = solver_traits(config.method)
+    traits = solver_traits(config.solver)
     # To the loop, a fixed-step method takes one step a segment.
     if traits.fixed_step:
         plan = ends
@@ -182,7 +182,7 @@ def _settings(
         longest = segments.longest_steps(config.max_step)
     max_steps = config.max_steps if plan is None else min(plan.shape[0] - 1, config.max_steps)
     tolerance = Tolerance(config.rtol, config.atol, run_axes)
-    method = bind(config.method, tolerance=tolerance, save_ts=save_ts, run_axes=run_axes)
+    method = bind(config.solver, tolerance=tolerance, save_ts=save_ts, run_axes=run_axes)
     return LoopSettings(
         method,
         tolerance,
@@ -216,7 +216,7 @@ def _result(
         states = _at_fractions(states, field.segments.u, landed, run_axes)
     finite = settings.tolerance.alive(jax.tree.map(lambda x: x[-1], states))
     finite = finite | outcome.out_of_steps  # a state that was not reached is NaN, too
-    traits = solver_traits(config.method)
+    traits = solver_traits(config.solver)
     taken = outcome.num_accepted + outcome.num_rejected
     stats = {
         "steps": outcome.num_accepted * traits.steps,
@@ -267,7 +267,7 @@ def _dense_output(outcome: Outcome, segments: Segments, y0: State, run_axes: int
 
 
 def _by_diffrax(
-    field: ScaledVectorField,
+    field: PyTree,
     y0: State,
     settings: LoopSettings,
     adjoint: diffrax.AbstractAdjoint | None,
@@ -282,7 +282,7 @@ def _by_diffrax(
     ]
     if settings.record_steps or settings.dense:
         saves.append(diffrax.SubSaveAt(steps=True))
-    solution = diffrax.diffeqsolve(
+    solution: Any = diffrax.diffeqsolve(
         TERM,
         settings.solver(),
         jnp.zeros_like(end),

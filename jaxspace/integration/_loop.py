@@ -223,6 +223,7 @@ def integrate_loop(
         count = jnp.where(accept, loop.num_accepted + 1, loop.num_accepted)
         saved, step_ends, step_states, checkpoints = loop[-4:]
         if saved is not None:
+            assert settings.save_ts is not None
             interpolation = solver.interpolation_cls(t0=loop.t, t1=loop.t_next, **dense_info)
             # Nothing lies before time -1: a rejected step saves no state.
             reached = jnp.where(accept, loop.t_next, -1.0)

@@ -20,12 +20,13 @@ that no residual depends on how runs were grouped.
 
 import functools
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple, TypeAlias, final
+from typing import Any, NamedTuple, TypeAlias, cast, final
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jax.extend.core import ClosedJaxpr, Primitive, jaxpr_as_fun
+from jax.core import ShapedArray
+from jax.extend.core import ClosedJaxpr, Primitive, jaxpr_as_fun  # pyright: ignore
 from jax.interpreters import ad, batching, mlir
 from jaxtyping import Array, PyTree
 
@@ -42,8 +43,8 @@ Tangents: TypeAlias = Sequence[Array | ad.Zero]
 Dims: TypeAlias = Sequence[int | None]
 Batched: TypeAlias = tuple[list[Array], list[int | None]]
 Moving: TypeAlias = tuple[int, ...]
-Aval: TypeAlias = jax.core.ShapedArray
-Avals: TypeAlias = Sequence[jax.core.ShapedArray]
+Aval: TypeAlias = ShapedArray
+Avals: TypeAlias = Sequence[ShapedArray | jax.ShapeDtypeStruct]
 # A derivative of a derivative, of what is fixed and of the tangents.
 Derivative: TypeAlias = Callable[[Leaves, Leaves], list[Array]]
 # Field, initial state and settings of an integration.
@@ -144,6 +145,16 @@ class Problem:
     def record_jaxpr(self) -> ClosedJaxpr:
         """The traced `record`."""
         return jax.make_jaxpr(self.record)(*self.avals)
+
+    @property
+    def outcome_avals(self) -> Avals:
+        """Shapes of the arrays of the outcome."""
+        return cast(Avals, self.solve_jaxpr.out_avals)
+
+    @property
+    def record_avals(self) -> Avals:
+        """Shapes of the arrays of the record."""
+        return cast(Avals, self.record_jaxpr.out_avals[len(self.outcome_avals) :])
 
     @property
     def num_states(self) -> int:
@@ -267,17 +278,17 @@ def _primitive(
 
 
 def _array_avals(shapes: Avals) -> Avals:
-    return [jax.core.ShapedArray(x.shape, x.dtype) for x in shapes]
+    return [ShapedArray(x.shape, x.dtype) for x in shapes]
 
 
 def _with_columns(shapes: Avals, values: Avals, columns: int) -> Avals:
     lead = values[0].shape[:columns] if columns else ()
-    return [jax.core.ShapedArray((*lead, *x.shape), x.dtype) for x in shapes]
+    return [ShapedArray((*lead, *x.shape), x.dtype) for x in shapes]
 
 
 def _along_avals(*values: Aval, problem: Problem, moving: Moving, columns: int) -> Avals:
     _, _, tangents = _split(problem, values)
-    return _with_columns(problem.solve_jaxpr.out_avals[: problem.num_states], tangents, columns)
+    return _with_columns(problem.outcome_avals[: problem.num_states], tangents, columns)
 
 
 def _back_avals(*values: Aval, problem: Problem, moving: Moving, columns: int) -> Avals:
@@ -308,7 +319,7 @@ def _moving(tangents: Tangents) -> Moving:
     return tuple(
         k
         for k, t in enumerate(tangents)
-        if type(t) is not ad.Zero and jnp.issubdtype(t.dtype, jnp.floating)
+        if not isinstance(t, ad.Zero) and jnp.issubdtype(t.dtype, jnp.floating)
     )
 
 
@@ -423,7 +434,7 @@ def _shapes_along(
     columns: int,
 ) -> Avals:
     avals = [x.aval for x in last]
-    return _with_columns(problem.solve_jaxpr.out_avals[: problem.num_states], avals, columns)
+    return _with_columns(problem.outcome_avals[: problem.num_states], avals, columns)
 
 
 def _shapes_back(
@@ -475,19 +486,15 @@ batching.primitive_batchers[no_transpose_p] = _no_transpose_batch
 # Mapped runs.
 
 
-def _is_mapped(dim: int | None) -> bool:
-    return dim is not None
-
-
 def _size(values: Leaves, dims: Dims) -> int:
-    return next(x.shape[d] for x, d in zip(values, dims, strict=True) if _is_mapped(d))
+    return next(x.shape[d] for x, d in zip(values, dims, strict=True) if d is not None)
 
 
 def _solve_batch(values: Leaves, dims: Dims, *, problem: Problem) -> Batched:
     size = _size(values, dims)
     mapped = add_run_axis(problem.parts, values, dims, size, flags=None)
     if mapped is None:
-        axes = tuple(d if _is_mapped(d) else None for d in dims)
+        axes = tuple(dims)
         outs = jax.vmap(lambda *a: problem.solve(*a), in_axes=axes)(*values)
         return outs, [0] * len(outs)
 
@@ -495,7 +502,7 @@ def _solve_batch(values: Leaves, dims: Dims, *, problem: Problem) -> Batched:
         inner, args = Problem.of(*parts)
         return solve_p.bind(*args, problem=inner)
 
-    ranks = [x.ndim for x in problem.solve_jaxpr.out_avals]
+    ranks = [x.ndim for x in problem.outcome_avals]
     outs = over_blocks(block, mapped, size, ranks)
     return outs, [x.ndim - 1 for x in outs]
 
@@ -503,14 +510,14 @@ def _solve_batch(values: Leaves, dims: Dims, *, problem: Problem) -> Batched:
 def _record_batch(values: Leaves, dims: Dims, *, problem: Problem) -> Batched:
     outs, out_dims = _solve_batch(values, dims, problem=problem)
     # The record of a mapped run is computed where it is used: nothing reads this one.
-    empty = [jnp.zeros(x.shape, x.dtype) for x in problem.record_jaxpr.out_avals[len(outs) :]]
+    empty = [jnp.zeros(x.shape, x.dtype) for x in problem.record_avals]
     return [*outs, *empty], [*out_dims, *[None] * len(empty)]
 
 
 def _columns_first(values: Leaves, dims: Dims, size: int) -> list[Array]:
     """The arrays with the mapped axis first, where they have none a new one."""
     return [
-        jnp.moveaxis(x, d, 0) if _is_mapped(d) else jnp.broadcast_to(x, (size, *x.shape))
+        jnp.moveaxis(x, d, 0) if d is not None else jnp.broadcast_to(x, (size, *x.shape))
         for x, d in zip(values, dims, strict=True)
     ]
 
@@ -526,7 +533,7 @@ def _linear_batch(primitive: Primitive, program: str) -> None:
         size = _size(values, dims)
         static = dict(problem=problem, moving=moving)
         num_results = problem.num_states if primitive is along_p else len(moving)
-        if not any(_is_mapped(d) for d in arg_dims):
+        if not any(d is not None for d in arg_dims):
             # Several tangents of one run, as in a Jacobian.
             last = _columns_first(last, last_dims, size)
             outs = primitive.bind(*args, *record, *last, **static, columns=columns + 1)
@@ -535,7 +542,7 @@ def _linear_batch(primitive: Primitive, program: str) -> None:
         flags = [k in moving for k in range(len(args))]
         mapped = add_run_axis(problem.parts, args, arg_dims, size, flags=flags)
         if mapped is None:
-            axes = tuple(d if _is_mapped(d) else None for d in (*arg_dims, *last_dims))
+            axes = (*arg_dims, *last_dims)
 
             def one(*x: Array) -> list[Array]:
                 args, last = x[: len(arg_dims)], x[len(arg_dims) :]
@@ -547,7 +554,7 @@ def _linear_batch(primitive: Primitive, program: str) -> None:
             return outs, [0] * len(outs)
         last = [
             jnp.moveaxis(x, d, -1)
-            if _is_mapped(d)
+            if d is not None
             else jnp.broadcast_to(x[..., None], (*x.shape, size))
             for x, d in zip(last, last_dims, strict=True)
         ]
@@ -588,5 +595,5 @@ def solve(field: PyTree, y0: State, settings: LoopSettings) -> Outcome:
     problem, args = Problem.of(field, y0, settings)
     leaves = solve_p.bind(*args, problem=problem)
     asked = settings.record_steps or settings.dense
-    shape = Outcome(y0, 0, 0, 0, 0, 0 if asked else None, y0 if settings.dense else None)
-    return jax.tree.unflatten(jax.tree.structure(shape), leaves)
+    shape = (y0, 0, 0, 0, 0, 0 if asked else None, y0 if settings.dense else None)
+    return Outcome(*jax.tree.unflatten(jax.tree.structure(shape), leaves))

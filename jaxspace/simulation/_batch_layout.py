@@ -15,14 +15,14 @@ from ._blocks import Blocks
 InAxes: TypeAlias = tuple[PyTree, PyTree] | None
 
 
-def _declared(tree: PyTree, undeclared: int) -> PyTree[bool]:
+def _declared(tree: PyTree, undeclared: int, least: int) -> PyTree[bool]:
     """For every leaf whether its declared shape says that it carries runs on its last axis.
 
-    An array that declares nothing carries at most so many axes of runs as `undeclared` says."""
+    An array that declares nothing carries at most so many axes of runs as `undeclared` says; fewer
+    than `least` runs are what all runs share."""
 
     def leaf(x: Any, axes: int) -> bool:
-        # An axis of length one is what all runs share.
-        return bool(eqx.is_array(x) and axes > 0 and x.shape[-1] != 1)
+        return bool(eqx.is_array(x) and axes > 0 and x.shape[-1] >= least)
 
     return jax.tree.map(leaf, tree, run_axes_of(tree, lambda x: min(x.ndim, undeclared)))
 
@@ -72,7 +72,10 @@ def split_batch(
     - `ts`: times with `times_axes` axes, and one more if they differ between runs."""
     ts = jnp.asarray(ts, state_dtype(y0s))
     if in_axes is None:
-        flags = (_declared(systems, 0), _declared(y0s, 1))
+        flags = (_declared(systems, 0, 2), _declared(y0s, 1, 2))
+        if not any(jax.tree.leaves((flags, ts.ndim > times_axes))):
+            # A batch of one run: nothing else says how many there are.
+            flags = (_declared(systems, 0, 1), _declared(y0s, 1, 1))
     else:
         flags = (_marked(systems, in_axes[0]), _marked(y0s, in_axes[1]))
     every = (systems, y0s, ts)
