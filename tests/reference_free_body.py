@@ -20,7 +20,7 @@ def product(p, q):
     ]
 
 
-def taylor(moments, omega, duration, order=40, reach="0.16"):
+def taylor(moments, omega, duration, order=40, reach=0.15):
     """Turn and angular velocity after the `duration`, by series of the `order` whose steps are
     `reach` / |omega|: the error of a step is below 1e-30."""
     i1, i2, i3 = (mpf(x) for x in moments)

@@ -57,7 +57,7 @@ BODIES = [(3.0, 2.0, 1.0), (1.0, 1.7, 2.5), (3.0, 2.999, 1.0), (1.0, 1.001, 1.9)
 def test_both_references_agree():
     with mpmath.workdps(40):
         x = [mpmath.mpf(v) for v in (3.0, 2.0, 1.0, 1e-3, 1.0, 2e-3)]
-        turn, omega = reference.taylor(x[:3], x[3:], 6.0, reach=mpmath.mpf("0.3"))
+        turn, omega = reference.taylor(x[:3], x[3:], 6.0, reach=0.25)
         other = reference.closed(x[:3], x[3:], 6.0)
         assert max(abs(a - b) for a, b in zip(turn + omega, sum(other, []), strict=True)) < 1e-25
 
@@ -92,25 +92,24 @@ def test_ten_thousand_flips(moments, tilt):
 
 @pytest.mark.parametrize("tilt", [1.0, 0.1, 1e-3, 1e-6, 1e-10, 1e-30])
 def test_derivatives_through_a_flip(tilt):
-    for axis in (0, 2)[:1]:
-        x = start((3.0, 2.0, 1.0), tilt, axis, 1.03)
-        columns = []
-        with mpmath.workdps(2 * digits(tilt)):
-            found = np.asarray(flow(x))
-            for i in range(7):
-                step = mpmath.mpf(10) ** (-digits(tilt) // 2) * (mpmath.mpf(float(x[i])) or tilt)
-                ends = []
-                for s in (1, -1):
-                    moved = [mpmath.mpf(float(v)) + s * step * (i == j) for j, v in enumerate(x)]
-                    ends.append(alike(exact(moved), found))
-                columns.append(((ends[0] - ends[1]) / (2 * step)).astype(float))
-        truth = np.stack(columns, axis=1)
-        for slope in (np.asarray(FORWARD(x)), np.asarray(REVERSE(x))):
-            for i in range(7):
-                # Along the tilt terms of the size 1/tilt cancel.
-                lost = 100.0 * EPS / tilt if i in (3, 5) else 0.0
-                atol = 1e-12 * np.abs(truth).max() + lost
-                assert_allclose(slope[:, i], truth[:, i], atol=atol)
+    x = start((3.0, 2.0, 1.0), tilt, 0, 1.03)
+    columns = []
+    with mpmath.workdps(2 * digits(tilt)):
+        found = np.asarray(flow(x))
+        for i in range(7):
+            step = mpmath.mpf(10) ** (-digits(tilt) // 2) * (mpmath.mpf(float(x[i])) or tilt)
+            ends = []
+            for s in (1, -1):
+                moved = [mpmath.mpf(float(v)) + s * step * (i == j) for j, v in enumerate(x)]
+                ends.append(alike(exact(moved), found))
+            columns.append(((ends[0] - ends[1]) / (2 * step)).astype(float))
+    truth = np.stack(columns, axis=1)
+    for slope in (np.asarray(FORWARD(x)), np.asarray(REVERSE(x))):
+        for i in range(7):
+            # Along the tilt terms of the size 1/tilt cancel.
+            lost = 100.0 * EPS / tilt if i in (3, 5) else 0.0
+            atol = 1e-12 * np.abs(truth).max() + lost
+            assert_allclose(slope[:, i], truth[:, i], atol=atol)
 
 
 @pytest.mark.parametrize("tilt", [1e-150, 1e-160, 1e-300, 0.0])

@@ -174,7 +174,10 @@ def _hyperbolic(v: Scalar, q: Scalar, most: float) -> tuple[Scalar, Scalar, Scal
     sign = jnp.where(v < 0.0, -1.0, 1.0).astype(v.dtype)
     size = jnp.minimum(sign * v, most)
     falling = jnp.exp(-size)
-    e, rising = falling * falling, q * jnp.exp(2.0 * size)
+    # The square of sqrt(q) e^|v|: q and e^(2|v|) alone have derivatives beyond the range of numbers.
+    regular = q > math.exp(-2.0 * most)
+    root = jnp.where(regular, jnp.sqrt(jnp.where(regular, q, 1.0)), 0.0)
+    e, rising = falling * falling, (root * jnp.exp(size)) ** 2
     f = q * e
 
     def sums(i: int) -> tuple[Scalar, Scalar]:
