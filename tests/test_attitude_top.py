@@ -425,10 +425,12 @@ def test_derivatives_of_the_closed_forms():
 
     check_derivatives(forms, [1.3, 1.0, 0.7, 0.8, 4.0], rtol=1e-6)
     forward, reverse = jax.jit(jax.jacfwd(steady)), jax.jit(jax.jacrev(steady))
+    # Without weight the least spin begins as sqrt(Wl): that one slope, row 2 to Wl, is infinite.
     for x in ([1.3, 1.0, 0.7, 0.0, 4.0], [1.3, 1.3, 0.0, 0.8, 4.0], [1.3, 1.0, -0.7, 0.8, 0.0]):
-        assert np.all(np.isfinite(forward(jnp.array(x)))) and np.all(
-            np.isfinite(reverse(jnp.array(x)))
-        )
+        for derivative in (forward(jnp.array(x)), reverse(jnp.array(x))):
+            infinite = np.argwhere(~np.isfinite(derivative)).tolist()
+            assert infinite == ([[2, 2]] if x[2] == 0.0 else [])
+            assert x[2] != 0.0 or derivative[2, 2] == np.inf
 
 
 def test_continuous_precession_of_many_runs():

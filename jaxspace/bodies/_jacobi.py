@@ -174,7 +174,7 @@ def _hyperbolic(v: Scalar, q: Scalar, most: float) -> tuple[Scalar, Scalar, Scal
     sign = jnp.where(v < 0.0, -1.0, 1.0).astype(v.dtype)
     size = jnp.minimum(sign * v, most)
     falling = jnp.exp(-size)
-    # The square of sqrt(q) e^|v|: q and e^(2|v|) alone have derivatives beyond the range of numbers.
+    # The square of sqrt(q) e^|v|: q and e^(2|v|) alone have derivatives out of range.
     regular = q > math.exp(-2.0 * most)
     root = jnp.where(regular, jnp.sqrt(jnp.where(regular, q, 1.0)), 0.0)
     e, rising = falling * falling, (root * jnp.exp(size)) ** 2

@@ -9,6 +9,9 @@ from ._check import check_non_negative as check_non_negative
 from ._check import check_positive as check_positive
 from ._check import is_concrete as is_concrete
 from ._declare import Choice as Choice
+from ._declare import EventCondition as EventCondition
+from ._declare import Initial as Initial
+from ._declare import Output as Output
 from ._declare import constructor as constructor
 from ._declare import event as event
 from ._declare import initial as initial

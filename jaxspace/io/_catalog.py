@@ -14,8 +14,17 @@ from jaxtyping import Array
 
 from .. import attitude, bodies, dispersion, gyros, orbits, rockets, rotations, scene, solvers
 from ..bodies import AbstractBody, AbstractEffect, AbstractJump, BodyState
-from ..core import AbstractSystem, InputError, Quantity, Scalar, State, quantities
-from ..core._declare import EventCondition, Initial, Output
+from ..core import (
+    AbstractSystem,
+    EventCondition,
+    Initial,
+    InputError,
+    Output,
+    Quantity,
+    Scalar,
+    State,
+    quantities,
+)
 from ..dispersion import AbstractDistribution
 from ._kinds import Entry, Maker, Object
 from ._objects import entry_of, function_way, object_kind, snake_case

@@ -14,7 +14,7 @@ from jaxtyping import Array
 
 from ..bodies import BodyState
 from ..core import State
-from ..simulation._runs import MissionResult
+from ..simulation import MissionResult
 from ._catalog import OutputFunction, part_quantities, state_class
 from ._checks import Parsed
 from ._errors import hint, unknown, wrong
