@@ -97,7 +97,8 @@ def _name(action: argparse.Action) -> str:
 
 def scene_files() -> str:
     """The page of scene files: their tables, and everything that they may name."""
-    parts = [SCENE_FILES, _tables(io.schema())]
+    schema = io.schema()
+    parts = [SCENE_FILES, _tables(schema), *_fixed_tables(schema)]
     for group in io.listing().split("\n\n"):
         title, *lines = group.split("\n")
         parts.append(f"## {title[0].upper()}{title[1:]}")
@@ -122,6 +123,25 @@ def _tables(schema: dict) -> str:
     return "\n".join(
         ["| Key or table | Meaning | Files |", "|---|---|---|", *lines]
     )
+
+
+def _fixed_tables(schema: dict) -> list[str]:
+    """The keys of the tables that are the same in every file."""
+    parts = []
+    for name in ("times", "phase", "dispersion"):
+        form = next(f for f in schema["anyOf"] if name in f["properties"])
+        entry = form["properties"][name]
+        # A phase is one of a list of tables.
+        table = entry.get("items", entry)
+        required = table.get("required", ())
+        rows = [
+            f"| `{key}` | {value.get('description', '')} | {'yes' if key in required else ''} |"
+            for key, value in table["properties"].items()
+        ]
+        head = ["| Key | Meaning | Required |", "|---|---|---|"]
+        title = f"[[{name}]]" if "items" in entry else f"[{name}]"
+        parts += [f"## `{title}`", "\n".join([*head, *rows])]
+    return parts
 
 
 def _kind(form: dict) -> str:
