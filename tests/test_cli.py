@@ -7,7 +7,6 @@ import subprocess
 import sys
 from pathlib import Path
 
-import jax
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -18,6 +17,9 @@ from jaxspace.cli import main
 from jaxspace.dispersion import open_store
 from jaxspace.io import SceneFile
 from jaxspace.simulation import MissionTrajectory
+
+# The command line settles JAX for its own process.
+pytestmark = pytest.mark.usefixtures("settings_stay")
 
 ROOT = Path(__file__).resolve().parents[1]
 SCENES = ROOT / "examples" / "scenes"
@@ -50,20 +52,6 @@ outputs = ["periapsis_altitude", "apoapsis_altitude", "inclination"]
 "initial.orbit.periapsis_altitude" = { deviation = "2 km" }
 "initial.orbit.inclination" = { distribution = "uniform", low = "28 deg", high = "29 deg" }
 """
-
-
-@pytest.fixture(autouse=True)
-def settings_stay():
-    """The command line settles jax for its own process: a test hands the settings back."""
-    names = ("jax_enable_x64", "jax_compilation_cache_dir")
-    names += (
-        "jax_persistent_cache_min_compile_time_secs",
-        "jax_persistent_cache_min_entry_size_bytes",
-    )
-    before = {name: getattr(jax.config, name) for name in names}
-    yield
-    for name, value in before.items():
-        jax.config.update(name, value)
 
 
 @pytest.fixture(autouse=True)

@@ -32,7 +32,7 @@ def test_there_is_something_to_run():
 
 
 @pytest.mark.parametrize("page", PAGES)
-def test_code_of_the_page_runs(page, tmp_path, monkeypatch):
+def test_code_of_the_page_runs(page, tmp_path, monkeypatch, settings_stay):
     monkeypatch.chdir(tmp_path)  # a page may write a file
     names = {"__name__": "page"}
     # A reader has JAX as it comes: of the settings that tests share only double precision is kept.
