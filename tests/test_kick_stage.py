@@ -36,6 +36,7 @@ def final_orbit(campaign, samples):
     return numbers, jnp.max(result.status)
 
 
+@pytest.mark.sweep
 def test_derivatives_of_the_final_orbit_in_every_dispersed_input(campaign):
     """Reverse mode through the whole mission against central differences of order six, input by
     input.

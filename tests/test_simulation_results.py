@@ -76,6 +76,7 @@ def test_a_trajectory_says_what_happened():
     assert "traced" in shown[0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", [Tsit5(), DOP853(), Stormer(8, steps=64)])
 def test_states_between_the_save_times(method):
     accuracy = Accuracy(rtol=1e-9, method=method, max_steps=512)
@@ -115,16 +116,12 @@ FALLING = BodyState(jnp.array([1.0, 0.0, 0.0]), jnp.zeros(3))
 
 
 @pytest.mark.parametrize("returned", ["final", "states", "status", "gradient"])
-@pytest.mark.parametrize("why", ["steps", "centre"])
-def test_a_failed_run_is_loud_under_jit(why, returned):
+def test_a_failed_run_is_loud_under_jit(returned):
     """Whatever the caller returns: the steps run out, or the point falls into the centre."""
-    limit = 5 if why == "steps" else 1024
-    y0 = start() if why == "steps" else FALLING
-    accuracy = Accuracy(rtol=1e-8, method=Tsit5(), max_steps=limit)
 
-    def run(scale):
-        y = jax.tree.map(lambda x: scale * x, y0)
-        result = simulate(KEPLER, y, jnp.array([0.0, 5.0]), accuracy=accuracy)
+    def run(y0, duration):
+        ts = jnp.stack([jnp.zeros(()), duration])
+        result = simulate(KEPLER, y0, ts, accuracy=QUICK)
         return {
             "final": result.final.position,
             "states": result.states.velocity,
@@ -133,8 +130,10 @@ def test_a_failed_run_is_loud_under_jit(why, returned):
         }[returned]
 
     function = jax.jit(jax.grad(run) if returned == "gradient" else run)
-    with pytest.raises(Exception, match="steps ran out|missed the tolerance|finite numbers"):
-        jax.block_until_ready(function(1.0))
+    # 1024 steps last for a hundred revolutions at most.
+    for y0, duration in ((start(), 1e4), (FALLING, 5.0)):
+        with pytest.raises(Exception, match="steps ran out|missed the tolerance|finite numbers"):
+            jax.block_until_ready(function(y0, duration))
 
 
 def test_failed_rows_are_nan_beside_their_status():
@@ -181,7 +180,7 @@ def exact_position(speed, t=1.5):
 
 def test_every_mode_of_differentiation_by_default():
     """Against the closed form, whose derivatives JAX has."""
-    tight = Accuracy(rtol=1e-11, method=DOP853(), max_steps=512)
+    tight = Accuracy(rtol=1e-10, method=Tsit5(), max_steps=512)
 
     def f(x):
         return position(x[0], x[1], tight)[0]
