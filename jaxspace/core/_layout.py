@@ -58,12 +58,26 @@ def component_axes_of(tree: PyTree) -> PyTree[int]:
     """How many axes of components each array of the tree declares before its runs.
 
     -1 for an array whose field declares nothing, and for leaves that are no arrays."""
-    leaves, structure = jax.tree_util.tree_flatten_with_path(tree)
+    leaves, structure = jax.tree.flatten(tree)
+    arrays = tuple(hasattr(leaf, "ndim") for leaf in leaves)
+    try:
+        found = _component_axes(structure, arrays)
+    except TypeError:
+        # A static field that cannot be hashed: nothing can be kept from one call to the next.
+        found = _component_axes.__wrapped__(structure, arrays)
+    return jax.tree.unflatten(structure, found)
+
+
+@functools.lru_cache(maxsize=256)
+def _component_axes(structure: Any, arrays: tuple[bool, ...]) -> tuple[int, ...]:
+    """Once for each make of a tree: to read annotations takes longer than a short run."""
+    tree = jax.tree.unflatten(structure, arrays)
+    paths = [path for path, _ in jax.tree_util.tree_flatten_with_path(tree)[0]]
     found = []
-    for path, leaf in leaves:
-        declared = _declared_axes(tree, path) if hasattr(leaf, "ndim") else None
+    for path, is_array in zip(paths, arrays, strict=True):
+        declared = _declared_axes(tree, path) if is_array else None
         found.append(-1 if declared is None else declared)
-    return jax.tree_util.tree_unflatten(structure, found)
+    return tuple(found)
 
 
 def run_axes_of(tree: PyTree, undeclared: Callable[[Array], int]) -> PyTree[int]:
