@@ -124,7 +124,7 @@ def _batch_of_systems(
     whole = cut_batch(batched, shared)
     check_structure(whole[0], whole[1], ts[0])
     config_for = functools.partial(_resolve_for, as_accuracy(accuracy), whole, batched)
-    config = config_for(np.arange(runs))
+    config = config_for(None)
     blocks = local_blocks((batched, shared), runs)
     result = _run_systems(batched, shared, config, events, blocks, dense)
     if is_concrete(result.status) and not is_traced((batched, shared)):
@@ -169,12 +169,14 @@ def check_initial_state_of_batch(y0s: State) -> None:
 
 
 def _resolve_for(
-    accuracy: Accuracy, whole: PyTree, batched: PyTree, rows: np.ndarray
+    accuracy: Accuracy, whole: PyTree, batched: PyTree, rows: np.ndarray | None
 ) -> IntegrationConfig:
-    """The configuration that some of these runs call for, the first and the last among them."""
+    """The configuration that some of these runs, or of all of them, call for."""
     system, y0, _ = whole
     starts = None
     if not is_traced((whole, accuracy)):
+        every = np.arange(jax.tree.leaves(batched)[0].shape[-1])
+        rows = every if rows is None else rows
         # The first and the last among them: inputs are often given in order.
         sample = rows[np.linspace(0, rows.size - 1, SAMPLED).astype(int)]
         axes = jax.tree.map(

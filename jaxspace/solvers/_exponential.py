@@ -42,7 +42,7 @@ from jaxtyping import Array, Float
 from ..core import State, barrier
 from ._phi import Square, phi_functions
 from ._protocol import AbstractFieldSolver, Advance, SolverTraits
-from ._step_control import Tolerance
+from ._tolerance import Tolerance
 from ._vector_field import StepField, just_before
 
 Flat = Float[Array, "*runs n"]

@@ -23,7 +23,7 @@ from ..core import AbstractGroupElement, State, barrier
 from ._dense_output import AbstractDenseOutput
 from ._protocol import AbstractFieldSolver, Advance, SolverTraits, bind, solver_traits
 from ._runge_kutta import DOP853
-from ._step_control import Tolerance
+from ._tolerance import Tolerance
 from ._vector_field import StepField
 
 Block = AbstractGroupElement | Array

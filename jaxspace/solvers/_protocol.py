@@ -15,7 +15,7 @@ from equinox import AbstractVar
 from jaxtyping import Array, Bool, Float, PyTree
 
 from ..core import State
-from ._step_control import Tolerance
+from ._tolerance import Tolerance
 from ._vector_field import StepField, evaluate
 
 Step: TypeAlias = tuple[State, State, dict[str, PyTree], PyTree, diffrax.RESULTS]
@@ -75,7 +75,11 @@ class AbstractDeclaredSolver(diffrax.AbstractSolver):
         args: PyTree,
     ) -> PyTree:
         """What is carried to the first step: nothing, by default."""
-        del terms, t0, t1, y0, args
+        return self.start(StepField(terms, args, False), t0, t1, y0)
+
+    def start(self, f: StepField, t0: Float[Array, ""], t1: Float[Array, ""], y0: State) -> PyTree:
+        """`init` for a vector field f(t, y), without the terms of diffrax."""
+        del f, t0, t1, y0
 
 
 @final

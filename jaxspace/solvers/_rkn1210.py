@@ -25,7 +25,7 @@ from typing import ClassVar, final
 import diffrax
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, PyTree
+from jaxtyping import Array, Bool, Float
 
 from ..core import State
 from . import _tableaus as tableau
@@ -34,7 +34,7 @@ from ._nystrom import RKN12, NystromStep, nystrom_step
 from ._protocol import AbstractFieldSolver, Advance, SolverTraits
 from ._runge_kutta import Weights, weighted
 from ._second_order import SecondOrder, Vectors, second_order
-from ._step_control import Tolerance
+from ._tolerance import Tolerance
 from ._vector_field import StepField
 
 NODES = (0.0, 1.0 / 3.0, 2.0 / 3.0, 1.0)
@@ -126,15 +126,10 @@ class RKN1210(AbstractFieldSolver, diffrax.AbstractAdaptiveSolver):
     def order(self, terms: diffrax.AbstractTerm | None) -> int:
         return 12
 
-    def init(
-        self,
-        terms: diffrax.AbstractTerm,
-        t0: Float[Array, ""],
-        t1: Float[Array, ""],
-        y0: State,
-        args: PyTree,
+    def start(
+        self, f: StepField, t0: Float[Array, ""], t1: Float[Array, ""], y0: State
     ) -> Bool[Array, "*runs"]:
-        return second_order(terms, t0, t1, y0, args, "RKN1210").velocity_matters()
+        return second_order(f.terms, t0, t1, y0, f.args, "RKN1210").velocity_matters()
 
     def advance(
         self,

@@ -18,7 +18,7 @@ from typing import ClassVar, TypeAlias, final
 import diffrax
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float, PyTree
+from jaxtyping import Array, Float
 
 from ..core import State, barrier
 from . import _tableaus as tableau
@@ -195,15 +195,8 @@ class Tsit5(AbstractFieldSolver, diffrax.AbstractAdaptiveSolver):
     def order(self, terms: diffrax.AbstractTerm | None) -> int:
         return 5
 
-    def init(
-        self,
-        terms: diffrax.AbstractTerm,
-        t0: Float[Array, ""],
-        t1: Float[Array, ""],
-        y0: State,
-        args: PyTree,
-    ) -> State:
-        return terms.vf(t0, y0, args)
+    def start(self, f: StepField, t0: Float[Array, ""], t1: Float[Array, ""], y0: State) -> State:
+        return f.terms.vf(t0, y0, f.args)
 
     def advance(
         self, f: StepField, t0: Float[Array, ""], t1: Float[Array, ""], y0: State, carried: State
