@@ -5,6 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from jax import export
+from jaxtyping import config
 from systems import MU, Integrated, orbit
 
 from jaxspace import Accuracy, simulate_batch
@@ -37,7 +38,12 @@ def program() -> export.Exported:
     """The batch, for a number of runs that is left open, written out and read again."""
     (n,) = export.symbolic_shape("n")
     shapes = [jax.ShapeDtypeStruct((3, n), float)] * 2
-    return export.deserialize(export.export(jax.jit(run))(*shapes).serialize())
+    # The checks of shapes, which the tests alone turn on, broadcast numbers and no symbols.
+    config.update("jaxtyping_disable", True)
+    try:
+        return export.deserialize(export.export(jax.jit(run))(*shapes).serialize())
+    finally:
+        config.update("jaxtyping_disable", False)
 
 
 # Less than a block, and more than one, the last of which is filled up.

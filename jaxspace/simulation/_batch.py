@@ -20,14 +20,11 @@ from ..integration._stiffness import InitialConditions
 from ..solvers import Tolerance
 from ._batch_layout import InAxes, cut_batch, local_blocks, split_batch
 from ._blocks import Blocks, jit_wide_vectors
+from ._checks import check_events, check_num_saved, check_structure, check_times
 from ._failures import nan_where_failed
 from ._mission import Mission
 from ._runs import MissionResult, RunResult, run_mission, run_system
 from ._simulate import (
-    check_events,
-    check_num_saved,
-    check_structure,
-    check_times,
     error_of_too_few_steps,
     mission_trajectory_of,
     raise_failures,
