@@ -1,8 +1,7 @@
 """The loop of an integration: adaptive or planned steps, saved states, checkpoints.
 
 diffrax's own loop does the same work. This one is traced once where diffrax's is traced three
-times, which halves the first call, and it stores checkpoints as densely as a fixed buffer allows:
-after every step at first, and after every second one of those whenever the buffer is full.
+times, which halves the first call, and it stores checkpoints for derivatives (`_buffers.py`).
 """
 
 from typing import Any, NamedTuple, final
@@ -14,16 +13,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from ..core import State
-from ..solvers import (
-    BatchStepController,
-    ErrorTrackingSolver,
-    StepTo,
-    Tolerance,
-)
-
-CHECKPOINT_BYTES = 2**18
-"""Size of the checkpoint buffer. A larger one takes longer to fill and to move than the steps
-between two checkpoints take to be computed again (measured by `benchmarks/gradients.py`)."""
+from ..solvers import BatchStepController, ErrorTrackingSolver, StepTo, Tolerance
+from ._buffers import Checkpoints, SavedStates, capacity_for, empty_buffer, nan_buffer, put_row
 
 
 @final
@@ -63,62 +54,6 @@ class LoopSettings(eqx.Module):
         return StepTo(self.plan.astype(self.lengths.dtype))
 
 
-class SavedStates(NamedTuple):
-    """States at the save times, times first, filled from the front. `count` of them are there."""
-
-    states: State
-    count: Int[Array, ""]
-
-    def record(
-        self,
-        interpolation: diffrax.AbstractLocalInterpolation,
-        save_ts: Float[Array, " times"],
-        t1: Float[Array, ""],
-    ) -> "SavedStates":
-        """Append the states at every save time up to `t1`, from the dense output of a step."""
-        size = save_ts.shape[0]
-
-        def due(saved: SavedStates) -> Bool[Array, ""]:
-            # Clamped, because the condition is evaluated once more after the last save time.
-            following = save_ts[jnp.minimum(saved.count, size - 1)]
-            return (saved.count < size) & (following <= t1)
-
-        def append(saved: SavedStates) -> SavedStates:
-            y = interpolation.evaluate(save_ts[jnp.minimum(saved.count, size - 1)])
-            return SavedStates(put_row(saved.states, saved.count, y), saved.count + 1)
-
-        return jax.lax.while_loop(due, append, self)
-
-
-class Checkpoints(NamedTuple):
-    """States after every `stride`-th step, in a buffer whose last row takes what is not kept."""
-
-    states: State
-    stride: Int[Array, ""]
-
-    def record(
-        self, accepted: Bool[Array, ""], count: Int[Array, ""], y: State, capacity: int, limit: int
-    ) -> "Checkpoints":
-        """Keep the state `y` after step number `count`, if it was accepted and is due.
-
-        When the buffer is full, every second row is dropped and the stride doubles."""
-        due = accepted & (count % self.stride == 0)
-        # What is not due goes to the last row: a condition around the writing would copy the
-        # whole buffer.
-        row = jnp.where(due, count // self.stride - 1, capacity)
-        states = put_row(self.states, row, y)
-
-        def full(kept: Checkpoints) -> Bool[Array, ""]:
-            return accepted & (count // kept.stride >= capacity) & (capacity < limit)
-
-        def thin(kept: Checkpoints) -> Checkpoints:
-            half = capacity // 2
-            states = jax.tree.map(lambda x: x.at[:half].set(x[1:capacity:2]), kept.states)
-            return Checkpoints(states, 2 * kept.stride)
-
-        return jax.lax.while_loop(full, thin, Checkpoints(states, self.stride))
-
-
 class LoopState(NamedTuple):
     """What one pass of the loop hands to the next. Times are normalised.
 
@@ -139,34 +74,6 @@ class LoopState(NamedTuple):
     step_ends: Float[Array, " steps"] | None
     step_states: State | None
     checkpoints: Checkpoints | None
-
-
-def capacity_for(y0: State, limit: int) -> int:
-    """How many checkpoints of at most `limit` steps fit the buffer.
-
-    An even number where they do not all fit, so that it can be halved."""
-    size = sum(leaf.size * leaf.dtype.itemsize for leaf in jax.tree.leaves(y0))
-    return min(limit, max(2, CHECKPOINT_BYTES // size // 2 * 2))
-
-
-def empty_buffer(count: int, y: State) -> State:
-    """Uninitialised memory for `count` states: most of a buffer is never used."""
-    return jax.tree.map(lambda x: jax.lax.empty((count, *x.shape), x.dtype), y)
-
-
-def nan_buffer(count: int, y: State) -> State:
-    """Memory for `count` states, NaN until they are reached."""
-    return jax.tree.map(lambda x: jnp.full((count, *x.shape), jnp.nan, x.dtype), y)
-
-
-def get_row(rows: PyTree, index: Int[Array, ""]) -> PyTree:
-    """One row of a tree of rows."""
-    return jax.tree.map(lambda x: x[index], rows)
-
-
-def put_row(rows: PyTree, index: Int[Array, ""], row: PyTree) -> PyTree:
-    """A tree of rows with one of them replaced."""
-    return jax.tree.map(lambda x, a: x.at[index].set(a), rows, row)
 
 
 @eqx.filter_jit
@@ -193,66 +100,33 @@ def integrate_loop(
 
     **Returns** the last `LoopState`. The run is complete if its `t` is `settings.end`; otherwise
     the steps ran out, and the caller reports it in the status."""
-    solver = settings.solver()
-    controller = settings.controller()
-    limit = settings.max_steps
-    end = settings.end
-    order = solver.error_order(TERM)
-    capacity = capacity_for(y0, limit)
-    t_next, controller_state = controller.init(
-        TERM, jnp.zeros_like(end), end, y0, None, field, solver.func, order
-    )
-
-    def body(loop: LoopState) -> LoopState:
-        y1, error, dense_info, solver_state, result = solver.step(
-            TERM, loop.t, loop.t_next, loop.y, field, loop.solver_state, loop.made_jump
-        )
-        # A root finder that failed leaves a state of no meaning: its step is rejected.
-        failed = result != diffrax.RESULTS.successful
-        error = jax.tree.map(lambda e: jnp.where(failed, jnp.inf, e), error)
-        accept, t_after, t_next, made_jump, controller_state, _ = controller.adapt_step_size(
-            loop.t, loop.t_next, loop.y, y1, field, error, order, loop.controller_state
-        )
-        accept = jnp.asarray(accept)
-
-        # A rejected step changes nothing but the step size. Selecting is cheaper than `lax.cond`,
-        # which copies the whole state on CPU.
-        def select(new: PyTree, old: PyTree) -> PyTree:
-            return jax.tree.map(lambda a, b: jnp.where(accept, a, b), new, old)
-
-        count = jnp.where(accept, loop.num_accepted + 1, loop.num_accepted)
-        saved, step_ends, step_states, checkpoints = loop[-4:]
-        if saved is not None:
-            assert settings.save_ts is not None
-            interpolation = solver.interpolation_cls(t0=loop.t, t1=loop.t_next, **dense_info)
-            # Nothing lies before time -1: a rejected step saves no state.
-            reached = jnp.where(accept, loop.t_next, -1.0)
-            saved = saved.record(interpolation, settings.save_ts, reached)
-        if step_ends is not None:
-            # A rejected step writes to the row that the next accepted one overwrites.
-            step_ends = step_ends.at[loop.num_accepted].set(loop.t_next)
-        if step_states is not None:
-            step_states = put_row(step_states, loop.num_accepted, y1)
-        if checkpoints is not None:
-            checkpoints = checkpoints.record(accept, loop.num_accepted + 1, y1, capacity, limit)
-        return LoopState(
-            t=t_after,
-            t_next=jnp.minimum(t_next, end),
-            y=select(y1, loop.y),
-            solver_state=select(solver_state, loop.solver_state),
-            controller_state=controller_state,
-            made_jump=select(made_jump, loop.made_jump),
-            num_accepted=count,
-            num_rejected=jnp.where(accept, loop.num_rejected, loop.num_rejected + 1),
-            saved=saved,
-            step_ends=step_ends,
-            step_states=step_states,
-            checkpoints=checkpoints,
-        )
+    tools = settings.solver(), settings.controller()
 
     def unfinished(loop: LoopState) -> Bool[Array, ""]:
-        return (loop.t < end) & (loop.num_accepted + loop.num_rejected < limit)
+        steps = loop.num_accepted + loop.num_rejected
+        return (loop.t < settings.end) & (steps < settings.max_steps)
 
+    start = _start(settings, *tools, field, y0, checkpointed)
+    return jax.lax.while_loop(
+        unfinished, lambda loop: _advance(settings, *tools, field, loop), start
+    )
+
+
+def _start(
+    settings: LoopSettings,
+    solver: ErrorTrackingSolver,
+    controller: BatchStepController | StepTo,
+    field: Any,
+    y0: State,
+    checkpointed: bool,
+) -> LoopState:
+    """The loop before its first step, with the buffers that it fills."""
+    limit = settings.max_steps
+    end = settings.end
+    start = jnp.zeros_like(end)
+    t_next, controller_state = controller.init(
+        TERM, start, end, y0, None, field, solver.func, solver.error_order(TERM)
+    )
     zero = jnp.asarray(0)
     saved = step_ends = step_states = checkpoints = None
     if settings.save_ts is not None:
@@ -262,12 +136,12 @@ def integrate_loop(
     if settings.dense:
         step_states = empty_buffer(limit, y0)
     if checkpointed:
-        checkpoints = Checkpoints(empty_buffer(capacity + 1, y0), zero + 1)
-    start = LoopState(
-        t=jnp.zeros_like(end),
+        checkpoints = Checkpoints(empty_buffer(capacity_for(y0, limit) + 1, y0), zero + 1)
+    return LoopState(
+        t=start,
         t_next=t_next,
         y=y0,
-        solver_state=solver.init(TERM, jnp.zeros_like(end), t_next, y0, field),
+        solver_state=solver.init(TERM, start, t_next, y0, field),
         controller_state=controller_state,
         made_jump=jnp.array(False),
         num_accepted=zero,
@@ -277,4 +151,71 @@ def integrate_loop(
         step_states=step_states,
         checkpoints=checkpoints,
     )
-    return jax.lax.while_loop(unfinished, body, start)
+
+
+def _advance(
+    settings: LoopSettings,
+    solver: ErrorTrackingSolver,
+    controller: BatchStepController | StepTo,
+    field: Any,
+    loop: LoopState,
+) -> LoopState:
+    """The loop after one more step, accepted or rejected."""
+    y1, error, dense_info, solver_state, result = solver.step(
+        TERM, loop.t, loop.t_next, loop.y, field, loop.solver_state, loop.made_jump
+    )
+    # A root finder that failed leaves a state of no meaning: its step is rejected.
+    failed = result != diffrax.RESULTS.successful
+    error = jax.tree.map(lambda e: jnp.where(failed, jnp.inf, e), error)
+    order = solver.error_order(TERM)
+    accept, t_after, t_next, made_jump, controller_state, _ = controller.adapt_step_size(
+        loop.t, loop.t_next, loop.y, y1, field, error, order, loop.controller_state
+    )
+    accept = jnp.asarray(accept)
+
+    # A rejected step changes nothing but the step size. Selecting is cheaper than `lax.cond`,
+    # which copies the whole state on CPU.
+    def select(new: PyTree, old: PyTree) -> PyTree:
+        return jax.tree.map(lambda a, b: jnp.where(accept, a, b), new, old)
+
+    interpolation = solver.interpolation_cls(t0=loop.t, t1=loop.t_next, **dense_info)
+    return _written(settings, loop, accept, y1, interpolation)._replace(
+        t=t_after,
+        # The last step must not pass the end, where the vector field may not be defined.
+        t_next=jnp.minimum(t_next, settings.end),
+        y=select(y1, loop.y),
+        solver_state=select(solver_state, loop.solver_state),
+        controller_state=controller_state,
+        made_jump=select(made_jump, loop.made_jump),
+        num_accepted=jnp.where(accept, loop.num_accepted + 1, loop.num_accepted),
+        num_rejected=jnp.where(accept, loop.num_rejected, loop.num_rejected + 1),
+    )
+
+
+def _written(
+    settings: LoopSettings,
+    loop: LoopState,
+    accept: Bool[Array, ""],
+    y1: State,
+    interpolation: diffrax.AbstractLocalInterpolation,
+) -> LoopState:
+    """The loop with what this step leaves in the buffers: the state `y1`, and those within it."""
+    saved, step_ends, step_states, checkpoints = loop[-4:]
+    if saved is not None:
+        assert settings.save_ts is not None
+        # Nothing lies before time -1: a rejected step saves no state.
+        reached = jnp.where(accept, loop.t_next, -1.0)
+        saved = saved.record(interpolation, settings.save_ts, reached)
+    if step_ends is not None:
+        # A rejected step writes to the row that the next accepted one overwrites.
+        step_ends = step_ends.at[loop.num_accepted].set(loop.t_next)
+    if step_states is not None:
+        step_states = put_row(step_states, loop.num_accepted, y1)
+    if checkpoints is not None:
+        capacity = capacity_for(y1, settings.max_steps)
+        checkpoints = checkpoints.record(
+            accept, loop.num_accepted + 1, y1, capacity, settings.max_steps
+        )
+    return loop._replace(
+        saved=saved, step_ends=step_ends, step_states=step_states, checkpoints=checkpoints
+    )

@@ -20,7 +20,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, PyTree
 
 from ..core import State, barrier
-from ._loop import TERM, LoopSettings, LoopState, empty_buffer, get_row, put_row
+from ._buffers import empty_buffer, get_row, put_row
+from ._loop import TERM, LoopSettings, LoopState
 
 CHUNK = 32
 """Steps between which all states are kept at once: more of them leave the cache, fewer are taken

@@ -20,14 +20,11 @@ from ..integration._stiffness import InitialConditions
 from ..solvers import Tolerance
 from ._batch_layout import InAxes, cut_batch, local_blocks, split_batch
 from ._blocks import Blocks, jit_wide_vectors
+from ._checks import check_events, check_num_saved, check_structure, check_times
 from ._failures import nan_where_failed
 from ._mission import Mission
 from ._runs import MissionResult, RunResult, run_mission, run_system
 from ._simulate import (
-    check_events,
-    check_num_saved,
-    check_structure,
-    check_times,
     error_of_too_few_steps,
     mission_trajectory_of,
     raise_failures,
@@ -124,7 +121,7 @@ def _batch_of_systems(
     whole = cut_batch(batched, shared)
     check_structure(whole[0], whole[1], ts[0])
     config_for = functools.partial(_resolve_for, as_accuracy(accuracy), whole, batched)
-    config = config_for(np.arange(runs))
+    config = config_for(None)
     blocks = local_blocks((batched, shared), runs)
     result = _run_systems(batched, shared, config, events, blocks, dense)
     if is_concrete(result.status) and not is_traced((batched, shared)):
@@ -169,12 +166,14 @@ def check_initial_state_of_batch(y0s: State) -> None:
 
 
 def _resolve_for(
-    accuracy: Accuracy, whole: PyTree, batched: PyTree, rows: np.ndarray
+    accuracy: Accuracy, whole: PyTree, batched: PyTree, rows: np.ndarray | None
 ) -> IntegrationConfig:
-    """The configuration that some of these runs call for, the first and the last among them."""
+    """The configuration that some of these runs, or of all of them, call for."""
     system, y0, _ = whole
     starts = None
     if not is_traced((whole, accuracy)):
+        every = np.arange(jax.tree.leaves(batched)[0].shape[-1])
+        rows = every if rows is None else rows
         # The first and the last among them: inputs are often given in order.
         sample = rows[np.linspace(0, rows.size - 1, SAMPLED).astype(int)]
         axes = jax.tree.map(

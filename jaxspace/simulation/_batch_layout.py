@@ -5,12 +5,13 @@ from typing import Any, TypeAlias
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+from jax.export import is_symbolic_dim
 from jaxtyping import Array, PyTree
 
 from ..core import InputError, State, add_batch_axis, is_traced, run_axes_of
 from ..integration._accuracy import state_dtype
 from ..integration._mapping import BLOCK
-from ._blocks import Blocks
+from ._blocks import Blocks, NumRuns
 
 InAxes: TypeAlias = tuple[PyTree, PyTree] | None
 
@@ -22,7 +23,10 @@ def _declared(tree: PyTree, undeclared: int, least: int) -> PyTree[bool]:
     than `least` runs are what all runs share."""
 
     def leaf(x: Any, axes: int) -> bool:
-        return bool(eqx.is_array(x) and axes > 0 and x.shape[-1] >= least)
+        if not eqx.is_array(x) or axes == 0:
+            return False
+        # A number of runs that is left open, as `jax.export` allows, stands for many.
+        return is_symbolic_dim(x.shape[-1]) or x.shape[-1] >= least
 
     return jax.tree.map(leaf, tree, run_axes_of(tree, lambda x: min(x.ndim, undeclared)))
 
@@ -38,7 +42,7 @@ def _marked(tree: PyTree, in_axes: PyTree) -> PyTree[bool]:
     return jax.tree.map(part, in_axes, tree, is_leaf=lambda a: a is None or a == -1)
 
 
-def _count(tree: PyTree, flags: PyTree[bool]) -> int:
+def _count(tree: PyTree, flags: PyTree[bool]) -> NumRuns:
     """The number of runs. Raises `InputError` when the last axes of the arrays differ."""
     sizes: dict[str, Any] = {}
     leaves = jax.tree_util.tree_flatten_with_path(tree)[0]
@@ -63,7 +67,7 @@ def _count(tree: PyTree, flags: PyTree[bool]) -> int:
 
 def split_batch(
     systems: Any, y0s: State, ts: Any, in_axes: InAxes, times_axes: int
-) -> tuple[PyTree, PyTree, int]:
+) -> tuple[PyTree, PyTree, NumRuns]:
     """What carries runs, what all runs share, and how many runs there are.
 
     **Arguments**
@@ -91,7 +95,7 @@ def cut_batch(piece: PyTree, shared: PyTree) -> tuple[Any, State, Array]:
     return eqx.combine(piece, (add_batch_axis(system), add_batch_axis(y0), ts))
 
 
-def local_blocks(arrays: PyTree, runs: int) -> Blocks:
+def local_blocks(arrays: PyTree, runs: NumRuns) -> Blocks:
     """The blocks of so many runs: on all local devices, if there is a block for each of them.
 
     On one device where the arrays were put on a device, or within a transformation."""
@@ -102,4 +106,5 @@ def local_blocks(arrays: PyTree, runs: int) -> Blocks:
     )
     devices = devices[: max(1, runs // BLOCK)] if free else devices[:1]
     blocks = Blocks.on(devices, runs)
-    return Blocks(min(blocks.size, runs), blocks.mesh)
+    # A program for any number of runs has blocks of one size, the last of them filled up.
+    return blocks if is_symbolic_dim(runs) else Blocks(min(blocks.size, runs), blocks.mesh)

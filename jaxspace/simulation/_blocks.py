@@ -2,7 +2,7 @@
 
 import functools
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple, ParamSpec, TypeVar
+from typing import Any, NamedTuple, ParamSpec, TypeAlias, TypeVar
 
 import equinox as eqx
 import jax
@@ -15,6 +15,9 @@ from ..integration._mapping import BLOCK
 
 # Where the processor has no vectors as wide, the compiler takes what there is.
 WIDE_VECTORS: dict[str, Any] = {"compiler_options": {"xla_cpu_prefer_vector_width": "512"}}
+
+# A number, or the symbol that `jax.export` takes for one that is left open.
+NumRuns: TypeAlias = Any
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -50,7 +53,7 @@ class Blocks(NamedTuple):
     mesh: Mesh | None
 
     @classmethod
-    def on(cls, devices: Sequence[jax.Device], runs: int) -> "Blocks":
+    def on(cls, devices: Sequence[jax.Device], runs: NumRuns) -> "Blocks":
         """For so many runs on these devices.
 
         On CPUs a block is what fits the cache; an accelerator takes all of its runs at once."""

@@ -4,6 +4,7 @@ Every solver integrates one run or many in one integration; the runs lie on the 
 block of the state. A solver declares its `traits`, by which the runner knows what it needs.
 """
 
+from ._error_tracking import ErrorTrackingSolver as ErrorTrackingSolver
 from ._exponential import ExponentialRosenbrock as ExponentialRosenbrock
 from ._munthe_kaas import MuntheKaas as MuntheKaas
 from ._protocol import AbstractDeclaredSolver as AbstractDeclaredSolver
@@ -18,8 +19,7 @@ from ._runge_kutta import DOP853 as DOP853
 from ._runge_kutta import Tsit5 as Tsit5
 from ._splitting import Splitting as Splitting
 from ._step_control import BatchStepController as BatchStepController
-from ._step_control import ErrorTrackingSolver as ErrorTrackingSolver
 from ._step_control import StepTo as StepTo
-from ._step_control import Tolerance as Tolerance
 from ._stormer import Stormer as Stormer
+from ._tolerance import Tolerance as Tolerance
 from ._vector_field import ScaledField as ScaledField

@@ -37,13 +37,13 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, PyTree
+from jaxtyping import Array, Float
 
 from ..core import State, barrier
 from ._phi import Square, phi_functions
-from ._protocol import AbstractDeclaredSolver, SolverTraits, Step
-from ._step_control import Tolerance
-from ._vector_field import evaluate, just_before
+from ._protocol import AbstractFieldSolver, Advance, SolverTraits
+from ._tolerance import Tolerance
+from ._vector_field import StepField, just_before
 
 Flat = Float[Array, "*runs n"]
 
@@ -76,10 +76,9 @@ class _Linearisation(NamedTuple):
     jacobian: Square
 
 
-def _linearise(
-    terms: diffrax.AbstractTerm, s: Float[Array, ""], y: State, args: PyTree, layout: _Layout
-) -> _Linearisation:
-    rate, derivative = jax.linearize(lambda s, y: terms.vf(s, y, args), s, y)
+def _linearise(f: StepField, s: Float[Array, ""], y: State, layout: _Layout) -> _Linearisation:
+    # Not by `evaluate`: its barriers would stand between the derivatives.
+    rate, derivative = jax.linearize(lambda s, y: f.terms.vf(s, y, f.args), s, y)
     v = layout.flat(y)
     n = v.shape[-1]
     # One directional derivative for each component of one run: a component of one run moves no
@@ -101,7 +100,7 @@ def _apply(matrix: Square, v: Flat) -> Flat:
 
 
 @final
-class ExponentialRosenbrock(AbstractDeclaredSolver, diffrax.AbstractAdaptiveSolver):
+class ExponentialRosenbrock(AbstractFieldSolver, diffrax.AbstractAdaptiveSolver):
     """An exponential method of order 5 with an embedded error of order 4, for stiff systems and
     those with two time scales.
 
@@ -124,14 +123,7 @@ class ExponentialRosenbrock(AbstractDeclaredSolver, diffrax.AbstractAdaptiveSolv
 
     @property
     def traits(self) -> SolverTraits:
-        return SolverTraits(
-            replayable=True,
-            lands_on_save_times=True,
-            fixed_step=False,
-            needs="",
-            evaluations=5,
-            steps=1,
-        )
+        return SolverTraits(lands_on_save_times=True, evaluations=5)
 
     def bind(
         self, *, tolerance: Tolerance, save_ts: Float[Array, " times"] | None, run_axes: int
@@ -142,44 +134,27 @@ class ExponentialRosenbrock(AbstractDeclaredSolver, diffrax.AbstractAdaptiveSolv
     def order(self, terms: diffrax.AbstractTerm | None) -> int:
         return 5
 
-    def init(
-        self,
-        terms: diffrax.AbstractTerm,
-        t0: Float[Array, ""],
-        t1: Float[Array, ""],
-        y0: State,
-        args: PyTree,
-    ) -> None:
-        return None
-
-    def step(
-        self,
-        terms: diffrax.AbstractTerm,
-        t0: Float[Array, ""],
-        t1: Float[Array, ""],
-        y0: State,
-        args: PyTree,
-        solver_state: None,
-        made_jump: Bool[Array, ""] | bool,
-    ) -> Step:
-        del solver_state, made_jump
+    def advance(
+        self, f: StepField, t0: Float[Array, ""], t1: Float[Array, ""], y0: State, carried: None
+    ) -> Advance:
+        del carried
         layout = _Layout(y0, self.run_axes)
         end = just_before(t0, t1)
         v = layout.flat(y0)
         h = (t1 - t0).astype(v.dtype)
         # Held: every one of the five stages reads them.
-        f, f_t, jacobian = barrier(_linearise(terms, t0, y0, args, layout))
+        rate0, rate0_t, jacobian = barrier(_linearise(f, t0, y0, layout))
         quarter, half, whole = barrier(phi_functions(h * jacobian))
 
         def linear(c: float, phi: Array) -> Flat:
             """G_i - y."""
-            return c * h * (_apply(phi[1], f) + c * h * _apply(phi[2], f_t))
+            return c * h * (_apply(phi[1], rate0) + c * h * _apply(phi[2], rate0_t))
 
         def left_out(c: float, change: Flat) -> Flat:
             """D_i, for `change` = U_i - y."""
             t = jnp.minimum(t0 + c * (t1 - t0), end)
-            rate = evaluate(terms, t, layout.state(v + change), args)
-            return layout.flat(rate) - f - _apply(jacobian, change) - c * h * f_t
+            rate = layout.flat(f(t, layout.state(v + change)))
+            return rate - rate0 - _apply(jacobian, change) - c * h * rate0_t
 
         # The stages 3 to 5 need D_2 only, and not one another.
         d2 = left_out(0.5, linear(0.5, half))
@@ -191,4 +166,4 @@ class ExponentialRosenbrock(AbstractDeclaredSolver, diffrax.AbstractAdaptiveSolv
         error = 2.0 / 3.0 * h * _apply(p3 - 18.0 * p4 + 96.0 * p5, 32.0 * d3 - 12.0 * d4 + d5)
         rest = _apply(64.0 * p3 - 384.0 * p4, d3) + _apply(96.0 * p4 - 8.0 * p3, d4)
         y1 = barrier(layout.state(v + (linear(1.0, whole) + h * rest + error)))
-        return y1, layout.state(error), dict(y0=y0, y1=y1), None, diffrax.RESULTS.successful
+        return Advance(y1, layout.state(error), dict(y0=y0, y1=y1))

@@ -17,13 +17,14 @@ from typing import ClassVar, TypeGuard, final
 import diffrax
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, PyTree
+from jaxtyping import Array, Float, PyTree
 
 from ..core import AbstractGroupElement, State, barrier
 from ._dense_output import AbstractDenseOutput
-from ._protocol import AbstractDeclaredSolver, SolverTraits, Step, bind, solver_traits
+from ._protocol import AbstractFieldSolver, Advance, SolverTraits, bind, solver_traits
 from ._runge_kutta import DOP853
-from ._step_control import Tolerance
+from ._tolerance import Tolerance
+from ._vector_field import StepField
 
 Block = AbstractGroupElement | Array
 
@@ -78,7 +79,7 @@ class _MovedOutput(AbstractDenseOutput):
 
 
 @final
-class MuntheKaas(AbstractDeclaredSolver, diffrax.AbstractAdaptiveSolver):
+class MuntheKaas(AbstractFieldSolver, diffrax.AbstractAdaptiveSolver):
     """The one-step method `solver` on the group: a `Quaternion` keeps its unit length to rounding,
     however long the run.
 
@@ -102,29 +103,12 @@ class MuntheKaas(AbstractDeclaredSolver, diffrax.AbstractAdaptiveSolver):
     def order(self, terms: diffrax.AbstractTerm | None) -> int | None:
         return self.solver.order(terms)
 
-    def init(
-        self,
-        terms: diffrax.AbstractTerm,
-        t0: Float[Array, ""],
-        t1: Float[Array, ""],
-        y0: State,
-        args: PyTree,
-    ) -> None:
-        return None
-
-    def step(
-        self,
-        terms: diffrax.AbstractTerm,
-        t0: Float[Array, ""],
-        t1: Float[Array, ""],
-        y0: State,
-        args: PyTree,
-        solver_state: None,
-        made_jump: Bool[Array, ""] | bool,
-    ) -> Step:
-        del solver_state, made_jump
+    def advance(
+        self, f: StepField, t0: Float[Array, ""], t1: Float[Array, ""], y0: State, carried: None
+    ) -> Advance:
+        del carried
         local = _coordinates(y0)
-        inner_args = (terms, y0, args)
+        inner_args = (f.terms, y0, f.args)
         # The coordinates of the next step are others, so that nothing of this one serves it.
         inner_state = self.solver.init(_TERM, t0, t1, local, inner_args)
         x1, x_error, dense, _, result = self.solver.step(
@@ -135,4 +119,4 @@ class MuntheKaas(AbstractDeclaredSolver, diffrax.AbstractAdaptiveSolver):
         embedded = _moved(y0, jax.tree.map(jnp.subtract, x1, x_error))
         error = jax.tree.map(jnp.subtract, y1, embedded)
         inner = self.solver.interpolation_cls(t0=t0, t1=t1, **dense)
-        return y1, error, dict(y0=y0, inner=inner), None, result
+        return Advance(y1, error, dict(y0=y0, inner=inner), result=result)

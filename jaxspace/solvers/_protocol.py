@@ -6,17 +6,17 @@ concrete solver, and a new one needs no change outside of its own file.
 """
 
 from abc import abstractmethod
-from typing import Literal, NamedTuple, TypeAlias
+from typing import Literal, NamedTuple, TypeAlias, final
 
 import diffrax
 import equinox as eqx
 import optimistix
 from equinox import AbstractVar
-from jaxtyping import Array, Float, PyTree
+from jaxtyping import Array, Bool, Float, PyTree
 
 from ..core import State
-from ._step_control import Tolerance
-from ._vector_field import evaluate
+from ._tolerance import Tolerance
+from ._vector_field import StepField, evaluate
 
 Step: TypeAlias = tuple[State, State, dict[str, PyTree], PyTree, diffrax.RESULTS]
 """What the `step` of a solver returns: the state after it, its error, what the dense output needs,
@@ -37,12 +37,12 @@ class SolverTraits(NamedTuple):
     - `steps`: counted for each step of the loop: 1, or the number of fixed steps of a segment.
     """
 
-    replayable: bool
-    lands_on_save_times: bool
-    fixed_step: bool
-    needs: Literal["", "split", "regularised"]
-    evaluations: int
-    steps: int
+    replayable: bool = True
+    lands_on_save_times: bool = False
+    fixed_step: bool = False
+    needs: Literal["", "split", "regularised"] = ""
+    evaluations: int = 1
+    steps: int = 1
 
 
 class AbstractDeclaredSolver(diffrax.AbstractSolver):
@@ -66,6 +66,58 @@ class AbstractDeclaredSolver(diffrax.AbstractSolver):
         """The vector field, with which diffrax's step control chooses the first step."""
         return evaluate(terms, t0, y0, args)
 
+    def init(
+        self,
+        terms: diffrax.AbstractTerm,
+        t0: Float[Array, ""],
+        t1: Float[Array, ""],
+        y0: State,
+        args: PyTree,
+    ) -> PyTree:
+        """What is carried to the first step: nothing, by default."""
+        return self.start(StepField(terms, args, False), t0, t1, y0)
+
+    def start(self, f: StepField, t0: Float[Array, ""], t1: Float[Array, ""], y0: State) -> PyTree:
+        """`init` for a vector field f(t, y), without the terms of diffrax."""
+        del f, t0, t1, y0
+
+
+@final
+class Advance(NamedTuple):
+    """What a step leaves.
+
+    - `y1`, `error`: the state after it, and the estimate of its error.
+    - `dense`: what the dense output needs.
+    - `carried`: what serves the next step."""
+
+    y1: State
+    error: State
+    dense: dict[str, PyTree]
+    carried: PyTree = None
+    result: diffrax.RESULTS = diffrax.RESULTS.successful
+
+
+class AbstractFieldSolver(AbstractDeclaredSolver):
+    """A solver whose step is written for a vector field f(t, y), without the terms of diffrax."""
+
+    @abstractmethod
+    def advance(
+        self, f: StepField, t0: Float[Array, ""], t1: Float[Array, ""], y0: State, carried: PyTree
+    ) -> Advance:
+        """The step from the state `y0` at `t0` to `t1`, with what the step before has `carried`."""
+
+    def step(
+        self,
+        terms: diffrax.AbstractTerm,
+        t0: Float[Array, ""],
+        t1: Float[Array, ""],
+        y0: State,
+        args: PyTree,
+        solver_state: PyTree,
+        made_jump: Bool[Array, ""] | bool,
+    ) -> Step:
+        return self.advance(StepField(terms, args, made_jump), t0, t1, y0, solver_state)
+
 
 class AbstractFixedStep(AbstractDeclaredSolver):
     """A method that passes each segment of normalised time in `steps` equal steps.
@@ -78,16 +130,6 @@ class AbstractFixedStep(AbstractDeclaredSolver):
     @abstractmethod
     def refined(self, factor: int) -> "AbstractFixedStep":
         """The method with `factor` times as many steps."""
-
-    def init(
-        self,
-        terms: diffrax.AbstractTerm,
-        t0: Float[Array, ""],
-        t1: Float[Array, ""],
-        y0: State,
-        args: PyTree,
-    ) -> None:
-        return None
 
 
 def solver_traits(solver: diffrax.AbstractSolver) -> SolverTraits:
@@ -104,11 +146,7 @@ def solver_traits(solver: diffrax.AbstractSolver) -> SolverTraits:
     # which `init` evaluates again. Of other solvers nothing is known.
     return SolverTraits(
         replayable=isinstance(solver, diffrax.AbstractRungeKutta),
-        lands_on_save_times=False,
-        fixed_step=False,
-        needs="",
         evaluations=_evaluations(solver),
-        steps=1,
     )
 
 

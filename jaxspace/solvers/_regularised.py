@@ -31,10 +31,10 @@ from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from ..core import InputError, Scalar, State, barrier
 from . import _tableaus as tableau
-from ._protocol import AbstractFixedStep, SolverTraits, Step
+from ._protocol import AbstractFieldSolver, AbstractFixedStep, Advance, SolverTraits
 from ._runge_kutta import combine
 from ._second_order import estimate_by_coarsening
-from ._vector_field import ScaledField
+from ._vector_field import ScaledField, StepField
 
 STAGES = len(tableau.DOP853_A)
 # Blocks of steps that land. Each leaves of the time what the perturbation changes within its few
@@ -60,7 +60,7 @@ def _derivative(form: PyTree, t: Scalar, duration: Scalar, z: Regular) -> Regula
 
 
 @final
-class Regularised(AbstractFixedStep):
+class Regularised(AbstractFieldSolver, AbstractFixedStep):
     """Order 8 in regularised variables, with `steps` equal steps of fictitious time in each
     segment.
 
@@ -95,7 +95,6 @@ class Regularised(AbstractFixedStep):
         if self.estimate:
             evaluations += _evaluations(self.steps // 2)
         return SolverTraits(
-            replayable=True,
             lands_on_save_times=True,
             fixed_step=True,
             needs="regularised",
@@ -109,21 +108,15 @@ class Regularised(AbstractFixedStep):
     def order(self, terms: diffrax.AbstractTerm | None) -> int:
         return 8
 
-    def step(
-        self,
-        terms: diffrax.AbstractTerm,
-        t0: Float[Array, ""],
-        t1: Float[Array, ""],
-        y0: State,
-        args: ScaledField,
-        solver_state: None,
-        made_jump: Bool[Array, ""] | bool,
-    ) -> Step:
-        del terms, solver_state, made_jump
-        form = args.regularised()
+    def advance(
+        self, f: StepField, t0: Float[Array, ""], t1: Float[Array, ""], y0: State, carried: None
+    ) -> Advance:
+        del carried
+        field: ScaledField = f.args
+        form = field.regularised()
         z0 = form.to_regularised(y0)
-        t = args.time(t0)
-        duration = args.duration(t0, t1 - t0).astype(z0.dtype)
+        t = field.time(t0)
+        duration = field.duration(t0, t1 - t0).astype(z0.dtype)
 
         def integrate(steps: int) -> State:
             return form.from_regularised(_integrate(form, t, duration, z0, steps))
@@ -131,7 +124,7 @@ class Regularised(AbstractFixedStep):
         y1, error = estimate_by_coarsening(
             integrate, self.steps, self.steps // 2, ERROR_REDUCTION, self.estimate
         )
-        return y1, error, dict(y0=y0, y1=y1), None, diffrax.RESULTS.successful
+        return Advance(y1, error, dict(y0=y0, y1=y1))
 
 
 def _blocks(steps: int) -> tuple[int, int]:

@@ -25,16 +25,17 @@ from typing import ClassVar, final
 import diffrax
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, PyTree
+from jaxtyping import Array, Bool, Float
 
 from ..core import State
 from . import _tableaus as tableau
 from ._dense_output import AbstractDenseOutput
 from ._nystrom import RKN12, NystromStep, nystrom_step
-from ._protocol import AbstractDeclaredSolver, SolverTraits, Step
+from ._protocol import AbstractFieldSolver, Advance, SolverTraits
 from ._runge_kutta import Weights, weighted
 from ._second_order import SecondOrder, Vectors, second_order
-from ._step_control import Tolerance
+from ._tolerance import Tolerance
+from ._vector_field import StepField
 
 NODES = (0.0, 1.0 / 3.0, 2.0 / 3.0, 1.0)
 COEFFICIENTS = 3 * len(NODES) - 2
@@ -91,7 +92,7 @@ class _HermiteOutput(AbstractDenseOutput):
 
 
 @final
-class RKN1210(AbstractDeclaredSolver, diffrax.AbstractAdaptiveSolver):
+class RKN1210(AbstractFieldSolver, diffrax.AbstractAdaptiveSolver):
     """The Runge-Kutta-Nystrom method of Dormand, El-Mikkawy and Prince, of order 12 with an
     embedded error of order 10.
 
@@ -114,14 +115,7 @@ class RKN1210(AbstractDeclaredSolver, diffrax.AbstractAdaptiveSolver):
 
     @property
     def traits(self) -> SolverTraits:
-        return SolverTraits(
-            replayable=True,
-            lands_on_save_times=False,
-            fixed_step=False,
-            needs="",
-            evaluations=17,
-            steps=1,
-        )
+        return SolverTraits(evaluations=17)
 
     def bind(
         self, *, tolerance: Tolerance, save_ts: Float[Array, " times"] | None, run_axes: int
@@ -132,36 +126,28 @@ class RKN1210(AbstractDeclaredSolver, diffrax.AbstractAdaptiveSolver):
     def order(self, terms: diffrax.AbstractTerm | None) -> int:
         return 12
 
-    def init(
-        self,
-        terms: diffrax.AbstractTerm,
-        t0: Float[Array, ""],
-        t1: Float[Array, ""],
-        y0: State,
-        args: PyTree,
+    def start(
+        self, f: StepField, t0: Float[Array, ""], t1: Float[Array, ""], y0: State
     ) -> Bool[Array, "*runs"]:
-        return second_order(terms, t0, t1, y0, args, "RKN1210").velocity_matters()
+        return second_order(f.terms, t0, t1, y0, f.args, "RKN1210").velocity_matters()
 
-    def step(
+    def advance(
         self,
-        terms: diffrax.AbstractTerm,
+        f: StepField,
         t0: Float[Array, ""],
         t1: Float[Array, ""],
         y0: State,
-        args: PyTree,
-        solver_state: Bool[Array, "*runs"],
-        made_jump: Bool[Array, ""] | bool,
-    ) -> Step:
-        del made_jump
-        system = second_order(terms, t0, t1, y0, args, "RKN1210")
+        carried: Bool[Array, "*runs"],
+    ) -> Advance:
+        system = second_order(f.terms, t0, t1, y0, f.args, "RKN1210")
         step = nystrom_step(system, RKN12, t0, t1 - t0, y0.position, y0.velocity)
         # The velocity matters: the method would converge to the motion of another system.
-        y1 = system.state(step.r, jnp.where(solver_state, jnp.nan, step.v))
+        y1 = system.state(step.r, jnp.where(carried, jnp.nan, step.v))
         h = (t1 - t0).astype(step.r.dtype)
         position_error = h * system.position_rate(h * weighted(POSITION_ERROR, step.ks))
         error = system.state(position_error, h * weighted(VELOCITY_ERROR, step.ks))
         dense = dict(y0=y0, q=self._dense(system, t0, t1, step), travel=h * system.dt_ds)
-        return y1, error, dense, solver_state, diffrax.RESULTS.successful
+        return Advance(y1, error, dense, carried)
 
     def _dense(
         self, system: SecondOrder, t0: Float[Array, ""], t1: Float[Array, ""], step: NystromStep

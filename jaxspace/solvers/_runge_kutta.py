@@ -18,13 +18,13 @@ from typing import ClassVar, TypeAlias, final
 import diffrax
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, PyTree
+from jaxtyping import Array, Float
 
 from ..core import State, barrier
 from . import _tableaus as tableau
 from ._dense_output import AbstractDenseOutput
-from ._protocol import AbstractDeclaredSolver, SolverTraits, Step
-from ._vector_field import evaluate
+from ._protocol import AbstractFieldSolver, Advance, SolverTraits
+from ._vector_field import StepField
 
 Weights: TypeAlias = tuple[tuple[int, float], ...]
 """A row of a tableau: stages and their weights, without those of weight zero."""
@@ -115,7 +115,7 @@ class _WeightedStages(AbstractDenseOutput):
 
 
 @final
-class DOP853(AbstractDeclaredSolver, diffrax.AbstractAdaptiveSolver):
+class DOP853(AbstractFieldSolver, diffrax.AbstractAdaptiveSolver):
     """The method of Dormand and Prince of order 8, with embedded errors of orders 5 and 3 and dense
     output of order 7.
 
@@ -126,44 +126,16 @@ class DOP853(AbstractDeclaredSolver, diffrax.AbstractAdaptiveSolver):
 
     @property
     def traits(self) -> SolverTraits:
-        return SolverTraits(
-            replayable=True,
-            lands_on_save_times=False,
-            fixed_step=False,
-            needs="",
-            evaluations=12,
-            steps=1,
-        )
+        return SolverTraits(evaluations=12)
 
     def order(self, terms: diffrax.AbstractTerm | None) -> int:
         return 8
 
-    def init(
-        self,
-        terms: diffrax.AbstractTerm,
-        t0: Float[Array, ""],
-        t1: Float[Array, ""],
-        y0: State,
-        args: PyTree,
-    ) -> None:
-        return None
-
-    def step(
-        self,
-        terms: diffrax.AbstractTerm,
-        t0: Float[Array, ""],
-        t1: Float[Array, ""],
-        y0: State,
-        args: PyTree,
-        solver_state: None,
-        made_jump: Bool[Array, ""] | bool,
-    ) -> Step:
-        del solver_state, made_jump
+    def advance(
+        self, f: StepField, t0: Float[Array, ""], t1: Float[Array, ""], y0: State, carried: None
+    ) -> Advance:
+        del carried
         h = t1 - t0
-
-        def f(t: Array, y: State) -> State:
-            return evaluate(terms, t, y, args)
-
         ks = stages(f, t0, h, y0, tableau.DOP853_C, tableau.DOP853_A, [])
         # Held, because the dense output and the error read it too.
         y1 = barrier(combine(y0, h, tableau.DOP853_B, ks))
@@ -173,7 +145,7 @@ class DOP853(AbstractDeclaredSolver, diffrax.AbstractAdaptiveSolver):
             combine(None, h, tableau.DOP853_ERROR_3, ks),
         )
         dense = dict(y0=y0, coefficients=_dense_coefficients(f, t0, h, y0, y1, ks))
-        return y1, error, dense, None, diffrax.RESULTS.successful
+        return Advance(y1, error, dense)
 
 
 def _blend(e5: Array, e3: Array) -> Array:
@@ -206,7 +178,7 @@ def _dense_coefficients(
 
 
 @final
-class Tsit5(AbstractDeclaredSolver, diffrax.AbstractAdaptiveSolver):
+class Tsit5(AbstractFieldSolver, diffrax.AbstractAdaptiveSolver):
     """The method of Tsitouras of order 5, with an embedded error of order 4 and dense output of
     order 4.
 
@@ -218,46 +190,21 @@ class Tsit5(AbstractDeclaredSolver, diffrax.AbstractAdaptiveSolver):
 
     @property
     def traits(self) -> SolverTraits:
-        return SolverTraits(
-            replayable=True,
-            lands_on_save_times=False,
-            fixed_step=False,
-            needs="",
-            evaluations=6,
-            steps=1,
-        )
+        return SolverTraits(evaluations=6)
 
     def order(self, terms: diffrax.AbstractTerm | None) -> int:
         return 5
 
-    def init(
-        self,
-        terms: diffrax.AbstractTerm,
-        t0: Float[Array, ""],
-        t1: Float[Array, ""],
-        y0: State,
-        args: PyTree,
-    ) -> State:
-        return terms.vf(t0, y0, args)
+    def start(self, f: StepField, t0: Float[Array, ""], t1: Float[Array, ""], y0: State) -> State:
+        return f.terms.vf(t0, y0, f.args)
 
-    def step(
-        self,
-        terms: diffrax.AbstractTerm,
-        t0: Float[Array, ""],
-        t1: Float[Array, ""],
-        y0: State,
-        args: PyTree,
-        solver_state: State,
-        made_jump: Bool[Array, ""] | bool,
-    ) -> Step:
+    def advance(
+        self, f: StepField, t0: Float[Array, ""], t1: Float[Array, ""], y0: State, carried: State
+    ) -> Advance:
         h = t1 - t0
-
-        def f(t: Array, y: State) -> State:
-            return evaluate(terms, t, y, args)
-
         # Beyond a jump the last stage of the step before belongs to another vector field.
-        first = jax.lax.cond(made_jump, lambda: f(t0, y0), lambda: solver_state)
+        first = jax.lax.cond(f.made_jump, lambda: f(t0, y0), lambda: carried)
         ks = stages(f, t0, h, y0, tableau.TSIT5_C[1:], tableau.TSIT5_A[1:], [first])
         y1 = barrier(combine(y0, h, tableau.TSIT5_B, ks))
         error = combine(None, h, tableau.TSIT5_ERROR, ks)
-        return y1, error, dict(y0=y0, ks=ks), ks[-1], diffrax.RESULTS.successful
+        return Advance(y1, error, dict(y0=y0, ks=ks), carried=ks[-1])

@@ -25,12 +25,12 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Float
 
 from ..core import InputError, State, barrier, safe_divide
-from ._protocol import AbstractFixedStep, SolverTraits, Step
+from ._protocol import AbstractFieldSolver, AbstractFixedStep, Advance, SolverTraits
 from ._second_order import estimate_by_coarsening
-from ._vector_field import ScaledField, just_before
+from ._vector_field import ScaledField, StepField, just_before
 
 # Where the steps do not resolve the motion, no order holds: the error is taken to be four times the
 # difference that is seen.
@@ -46,7 +46,7 @@ COMPOSITIONS = {
 
 
 @final
-class Splitting(AbstractFixedStep):
+class Splitting(AbstractFieldSolver, AbstractFixedStep):
     """Splitting of order 2, 4 or 6 with `steps` equal steps in each segment.
 
     For systems with a drift and a kick: a scene of `PointGravity`, free rotation, and loads that
@@ -95,7 +95,6 @@ class Splitting(AbstractFixedStep):
             # The rate at which the state turns takes one more.
             evaluations += parts * _fewer(self.steps) + 2
         return SolverTraits(
-            replayable=True,
             lands_on_save_times=True,
             fixed_step=True,
             needs="split",
@@ -109,29 +108,23 @@ class Splitting(AbstractFixedStep):
     def order(self, terms: diffrax.AbstractTerm | None) -> int:
         return self.p
 
-    def step(
-        self,
-        terms: diffrax.AbstractTerm,
-        t0: Float[Array, ""],
-        t1: Float[Array, ""],
-        y0: State,
-        args: ScaledField,
-        solver_state: None,
-        made_jump: Bool[Array, ""] | bool,
-    ) -> Step:
-        del terms, solver_state, made_jump
+    def advance(
+        self, f: StepField, t0: Float[Array, ""], t1: Float[Array, ""], y0: State, carried: None
+    ) -> Advance:
+        del carried
+        field: ScaledField = f.args
         fewer = _fewer(self.steps)
-        turn = (t1 - t0) / self.steps * _angular_rate(args, t0, y0)
+        turn = (t1 - t0) / self.steps * _angular_rate(field, t0, y0)
         resolved = (self.steps / fewer) ** self.p - 1.0
         error_reduction = jnp.where(turn < 1.0, resolved, UNRESOLVED_FACTOR)
 
         def integrate(steps: int) -> State:
-            return _integrate(args, t0, t1, y0, COMPOSITIONS[self.p], steps)
+            return _integrate(field, t0, t1, y0, COMPOSITIONS[self.p], steps)
 
         y1, error = estimate_by_coarsening(
             integrate, self.steps, fewer, error_reduction, self.estimate
         )
-        return y1, error, dict(y0=y0, y1=y1), None, diffrax.RESULTS.successful
+        return Advance(y1, error, dict(y0=y0, y1=y1))
 
 
 def _fewer(steps: int) -> int:

@@ -1,13 +1,8 @@
-"""Step control for one run or many that share their steps, and the error that each run has made.
+"""Step control for one run or many that share their steps.
 
-For each run, in units of the tolerance,
-
-    e = max over the blocks of  |error| / (atol + rtol max(|y0|, |y1|))          | |: length
-
-A block of the state is a vector (a position, a quaternion) or a scalar (a mass), and its length is
-taken. So the control does not depend on the axes, and a component that passes through zero requires
-no digits of its own. A shared step is right if it is right for the worst run. A run that is no
-longer finite does not count: its status reports it, and other runs do not suffer.
+The error of a step is measured for each run in units of the tolerance (`_tolerance.py`). A shared
+step is right if it is right for the worst run. A run that is no longer finite does not count: its
+status reports it, and other runs do not suffer.
 
 Normalised time runs from 0 to the number of segments. A step never crosses a whole number, so that
 what happens there (a burnout, a kink of a table) is never stepped over.
@@ -16,17 +11,16 @@ Source: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, II.4
 control).
 """
 
-import functools
 from collections.abc import Callable
-from typing import ClassVar, final
+from typing import final
 
 import diffrax
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
-from ..core import Scalar, State, safe_sqrt
+from ..core import Scalar, State
+from ._tolerance import Tolerance
 
 SAFETY = 0.8
 SHRINK = 0.2
@@ -48,64 +42,6 @@ Decision = tuple[
 ]
 """What `adapt_step_size` returns: whether the step is accepted, start and end of the next one,
 whether the vector field may jump between them, the state of the controller, and the result."""
-
-
-@final
-class Tolerance(eqx.Module):
-    """What error is allowed in a step: `rtol` of the length of each block of the state plus `atol`.
-
-    `run_axes` counts the trailing axes that carry runs."""
-
-    rtol: Scalar
-    atol: Scalar
-    run_axes: int = eqx.field(static=True)
-
-    def length(self, block: Float[Array, "..."]) -> Float[Array, "*runs"]:
-        """The length of a block for each run."""
-        if block.ndim <= self.run_axes:
-            return jnp.abs(block)
-        return safe_sqrt(self._reduce(jnp.sum, jnp.add, block * block))
-
-    def _reduce(
-        self,
-        whole: Callable[..., Array],
-        pair: Callable[[Array, Array], Array],
-        block: Array,
-    ) -> Array:
-        """A reduction over all axes but those of the runs."""
-        # The compiler for CPUs takes one run after the other in a reduction. Component by component
-        # it takes many at once, for the few components of a vector.
-        if self.run_axes and block.ndim - self.run_axes == 1 and 0 < block.shape[0] <= 4:
-            return functools.reduce(pair, block)
-        return whole(block, axis=tuple(range(block.ndim - self.run_axes)))
-
-    def largest(self, blocks: State, scale: PyTree[Float[Array, "*runs"]]) -> Float[Array, "*runs"]:
-        """The largest length of the blocks in units of the tolerance, for each run.
-
-        `scale` holds the length of each block of the state."""
-
-        def ratio(b: Array, s: Array) -> Array:
-            return self.length(b) / (self.atol + self.rtol * s)
-
-        return functools.reduce(jnp.maximum, jax.tree.leaves(jax.tree.map(ratio, blocks, scale)))
-
-    def error(self, y0: State, y1: State, error: State) -> Float[Array, "*runs"]:
-        """The local error of each run in units of the tolerance; infinite where it is not finite.
-
-        **Arguments**
-
-        - `y0`, `y1`: the states before and after the step.
-        - `error`: the estimate of the error of `y1`.
-        """
-        scale = jax.tree.map(lambda a, b: jnp.maximum(self.length(a), self.length(b)), y0, y1)
-        e = self.largest(error, scale)
-        return jnp.where(jnp.isfinite(e), e, jnp.inf)
-
-    def alive(self, y: State) -> Bool[Array, "*runs"]:
-        """Which runs have nothing but finite numbers in their state."""
-        leaves = jax.tree.leaves(y)
-        flags = [self._reduce(jnp.all, jnp.logical_and, jnp.isfinite(b)) for b in leaves]
-        return functools.reduce(jnp.logical_and, flags)
 
 
 @final
@@ -276,70 +212,3 @@ class StepTo(diffrax.AbstractStepSizeController):
         landed = t1 == jnp.round(t1)
         end = self.plan[controller_state]
         return True, t1, end, landed, controller_state + 1, diffrax.RESULTS.successful
-
-
-@final
-class ErrorTrackingSolver(diffrax.AbstractAdaptiveSolver, diffrax.AbstractWrappedSolver):
-    """A solver that keeps the largest local error of the steps taken, for each run and in units of
-    the tolerance.
-
-    Its state is that of the `solver`, and this `max_local_error`."""
-
-    solver: diffrax.AbstractSolver
-    tolerance: Tolerance
-    term_structure: ClassVar = diffrax.ODETerm
-
-    @property
-    def interpolation_cls(self):  # pyright: ignore[reportIncompatibleVariableOverride]
-        return self.solver.interpolation_cls
-
-    @property
-    def root_finder(self):
-        """That of an implicit solver, for which diffrax asks."""
-        return self.solver.root_finder  # pyright: ignore[reportAttributeAccessIssue]
-
-    def order(self, terms: diffrax.AbstractTerm | None) -> int | None:
-        return self.solver.order(terms)
-
-    def init(
-        self,
-        terms: diffrax.AbstractTerm,
-        t0: Float[Array, ""],
-        t1: Float[Array, ""],
-        y0: State,
-        args: PyTree,
-    ) -> tuple[PyTree, Float[Array, "*runs"]]:
-        inner = self.solver.init(terms, t0, t1, y0, args)
-        # A run that starts outside of the finite numbers has no accuracy at all.
-        max_local_error = jnp.where(self.tolerance.alive(y0), 0.0, jnp.inf)
-        return inner, max_local_error.astype(jax.tree.leaves(y0)[0].dtype)
-
-    def func(
-        self, terms: diffrax.AbstractTerm, t0: Float[Array, ""], y0: State, args: PyTree
-    ) -> State:
-        return self.solver.func(terms, t0, y0, args)
-
-    def step(
-        self,
-        terms: diffrax.AbstractTerm,
-        t0: Float[Array, ""],
-        t1: Float[Array, ""],
-        y0: State,
-        args: PyTree,
-        solver_state: tuple[PyTree, Float[Array, "*runs"]],
-        made_jump: Bool[Array, ""] | bool,
-    ) -> tuple[State, State, dict[str, PyTree], tuple[PyTree, Array], diffrax.RESULTS]:
-        inner, max_local_error = solver_state
-        y1, error, dense, inner, result = _step(
-            self.solver, terms, t0, t1, y0, args, inner, jnp.asarray(made_jump)
-        )
-        local_error = jax.lax.stop_gradient(self.tolerance.error(y0, y1, error))
-        max_local_error = jnp.maximum(max_local_error, local_error.astype(max_local_error.dtype))
-        return y1, error, dense, (inner, max_local_error), result
-
-
-@eqx.filter_jit
-def _step(solver: diffrax.AbstractSolver, *args: PyTree) -> tuple:
-    """A step of the solver. diffrax traces it three times; the second and third time it is
-    cached."""
-    return solver.step(*args)

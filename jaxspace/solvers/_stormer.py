@@ -30,14 +30,15 @@ import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, PyTree
+from jaxtyping import Array, Float
 
 from ..core import InputError, State
 from ._dense_output import AbstractDenseOutput
 from ._polynomials import integrals_of
-from ._protocol import AbstractFixedStep, SolverTraits, Step
+from ._protocol import AbstractFieldSolver, AbstractFixedStep, Advance, SolverTraits
 from ._second_order import Vectors, second_order
 from ._stormer_steps import StepRecord, StormerSteps
+from ._vector_field import StepField
 
 
 class _InterpolatedAccelerations(AbstractDenseOutput):
@@ -80,7 +81,7 @@ class _InterpolatedAccelerations(AbstractDenseOutput):
 
 
 @final
-class Stormer(AbstractFixedStep):
+class Stormer(AbstractFieldSolver, AbstractFixedStep):
     """Stormer's explicit multistep method with `steps` equal steps in each segment, one
     acceleration each.
 
@@ -120,10 +121,7 @@ class Stormer(AbstractFixedStep):
         # Each of the k - 1 steps of DOP853 at the start takes eleven evaluations more. One more is
         # at the step that both methods share, one at the end, and two check the velocity.
         return SolverTraits(
-            replayable=True,
-            lands_on_save_times=False,
             fixed_step=True,
-            needs="",
             evaluations=self.steps + 11 * (self.k - 1) + 4,
             steps=self.steps,
         )
@@ -134,18 +132,11 @@ class Stormer(AbstractFixedStep):
     def order(self, terms: diffrax.AbstractTerm | None) -> int:
         return self.k
 
-    def step(
-        self,
-        terms: diffrax.AbstractTerm,
-        t0: Float[Array, ""],
-        t1: Float[Array, ""],
-        y0: State,
-        args: PyTree,
-        solver_state: None,
-        made_jump: Bool[Array, ""] | bool,
-    ) -> Step:
-        del solver_state, made_jump
-        system = second_order(terms, t0, t1, y0, args, "Stormer")
+    def advance(
+        self, f: StepField, t0: Float[Array, ""], t1: Float[Array, ""], y0: State, carried: None
+    ) -> Advance:
+        del carried
+        system = second_order(f.terms, t0, t1, y0, f.args, "Stormer")
         steps = StormerSteps(system, t0, (t1 - t0) / self.steps, self.k, self.steps)
         state, first = steps.start()
         state, v_error, others = steps.integrate(state)
@@ -161,4 +152,4 @@ class Stormer(AbstractFixedStep):
             dt_ds=system.dt_ds,
             integrals=jnp.asarray(integrals_of(self.k), state.r.dtype),
         )
-        return y1, error, dense, None, diffrax.RESULTS.successful
+        return Advance(y1, error, dense)

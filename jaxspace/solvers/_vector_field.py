@@ -4,12 +4,12 @@ Normalised time s counts segments. The vector field is smooth within a segment a
 one to the next, so that a step looks at it from inside.
 """
 
-from typing import Protocol, runtime_checkable
+from typing import NamedTuple, Protocol, final, runtime_checkable
 
 import diffrax
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Float, PyTree
+from jaxtyping import Array, Bool, Float, PyTree
 
 from ..core import AbstractRegularised, AbstractSplit, Scalar, State, barrier
 
@@ -50,6 +50,21 @@ def evaluate(terms: diffrax.AbstractTerm, t: Scalar, y: State, args: PyTree) -> 
     # The first barrier keeps the sum of the stages from being repeated in every output of the
     # vector field, the second one the vector field from being repeated in every reader.
     return barrier(terms.vf(t, barrier(y), args))
+
+
+@final
+class StepField(NamedTuple):
+    """The vector field dy/dt = f(t, y) during one step, as diffrax hands it to a solver.
+
+    - `made_jump`: whether it may have jumped at the start of the step, so that what was evaluated
+      before belongs to another vector field."""
+
+    terms: diffrax.AbstractTerm
+    args: PyTree
+    made_jump: Bool[Array, ""] | bool
+
+    def __call__(self, t: Scalar, y: State) -> State:
+        return evaluate(self.terms, t, y, self.args)
 
 
 def just_before(t0: Float[Array, ""], t1: Float[Array, ""]) -> Float[Array, ""]:

@@ -14,7 +14,7 @@ from jaxtyping import Array, ArrayLike, Float, Int, PyTree
 from ..core import AbstractSystem, State, check_finite
 from ..integration._accuracy import Accuracy, check_initial_state, state_dtype
 from ..simulation import Mission, Trajectory, simulate
-from ..simulation._simulate import check_times
+from ..simulation._checks import check_times
 
 # s: a run is not repeated after its repetitions took so long.
 ENOUGH = 2.0

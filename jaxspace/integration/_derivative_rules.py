@@ -1,0 +1,163 @@
+"""The rules by which JAX differentiates and transposes the primitives of an integration.
+
+JAX learns of them when this file is imported.
+"""
+
+from collections.abc import Callable, Sequence
+from typing import Any, TypeAlias
+
+import jax
+import jax.numpy as jnp
+from jax.core import ShapedArray
+from jax.extend.core import Primitive
+from jax.interpreters import ad
+from jaxtyping import Array
+
+from ..core import InputError
+from ._primitives import (
+    Program,
+    along,
+    along_avals,
+    along_p,
+    back,
+    back_avals,
+    back_p,
+    derivative_p,
+    record_p,
+    solve_p,
+)
+from ._problem import Avals, Leaves, Moving, Problem
+
+# A derivative that is zero by structure, and not by value, is marked by JAX as such.
+Tangents: TypeAlias = Sequence[Array | ad.Zero]
+
+REVERSE_OF_DERIVATIVE = (
+    "Reverse mode of a derivative of a run is not available: take jax.jacfwd(jax.grad(f)), which "
+    "is jax.hessian(f), or jax.jacfwd(jax.jacfwd(f))."
+)
+
+
+def _moving(tangents: Tangents) -> Moving:
+    """Which arguments have a derivative that is not zero by structure."""
+    return tuple(
+        k
+        for k, t in enumerate(tangents)
+        if not isinstance(t, ad.Zero) and jnp.issubdtype(t.dtype, jnp.floating)
+    )
+
+
+def _zeros(values: Leaves) -> list[ad.Zero]:
+    return [ad.Zero(jax.typeof(x).to_tangent_aval()) for x in values]
+
+
+def _jvp_in(
+    function: Program, values: Leaves, moving: Sequence[int], tangents: Leaves
+) -> tuple[list[Array], list[Array]]:
+    """`function(*values)`, and its tangent for `tangents` of those of the values that move."""
+
+    def of(*some: Array) -> list[Array]:
+        every = list(values)
+        for k, x in zip(moving, some, strict=True):
+            every[k] = x
+        return function(*every)
+
+    return jax.jvp(of, tuple(values[k] for k in moving), tuple(tangents))
+
+
+def _jvp_in_floats(
+    function: Program, values: Leaves, tangents: Tangents
+) -> tuple[list[Array], list[Array]]:
+    """`function(*values)` and its tangent, as JAX finds it by itself."""
+    # Counters have no derivative that `jax.jvp` would take.
+    moving = [k for k, x in enumerate(values) if jnp.issubdtype(x.dtype, jnp.floating)]
+    whole = [ad.instantiate_zeros(t) for t in tangents]
+    return _jvp_in(function, values, moving, [whole[k] for k in moving])
+
+
+def _solve_jvp(primals: Leaves, tangents: Tangents, *, problem: Problem) -> tuple[Leaves, Tangents]:
+    moving = _moving(tangents)
+    if not moving:
+        # Nothing is recorded for a derivative that is zero.
+        outs = solve_p.bind(*primals, problem=problem)
+        return outs, _zeros(outs)
+    outs, record = problem.split_record(record_p.bind(*primals, problem=problem))
+    given = [tangents[k] for k in moving]
+    along = along_p.bind(*primals, *record, *given, problem=problem, moving=moving, columns=0)
+    return outs, [*along, *_zeros(outs[problem.num_states :])]
+
+
+def _record_jvp(
+    primals: Leaves, tangents: Tangents, *, problem: Problem
+) -> tuple[Leaves, Tangents]:
+    # Of second order: the states of the record move as well, and JAX follows them by itself.
+    outs, d_outs = _jvp_in_floats(problem.record, primals, tangents)
+    return outs, [
+        d if jnp.issubdtype(x.dtype, jnp.floating) else zero
+        for x, d, zero in zip(outs, d_outs, _zeros(outs), strict=True)
+    ]
+
+
+def _linear_jvp(primitive: Primitive, program: Program) -> Callable[..., Any]:
+    """The JVP rule of a primitive that is linear in its last arguments."""
+
+    def rule(primals: Leaves, tangents: Tangents, **params: Any) -> Any:
+        args, record, last = params["problem"].split(primals)
+        d_args, d_record, d_last = params["problem"].split(tangents)
+        outs = primitive.bind(*primals, **params)
+        d_last = [ad.instantiate_zeros(t) for t in d_last]
+        d_outs = primitive.bind(*args, *record, *d_last, **params)
+        # A derivative of the derivative: of what the primitive is not linear in.
+        moves = _moving([*d_args, *d_record])
+        if moves:
+            given = [[*d_args, *d_record][k] for k in moves]
+
+            def change(*values: Array) -> list[Array]:
+                fixed, given = values[: len(primals)], values[len(primals) :]
+                return _jvp_in(lambda *x: program(*x, **params), fixed, moves, given)[1]
+
+            more = derivative_p.bind(*primals, *given, function=change)
+            d_outs = [a + b for a, b in zip(d_outs, more, strict=True)]
+        return outs, d_outs
+
+    return rule
+
+
+def _transpose(primitive: Primitive, shapes: Callable[..., Avals]) -> Callable[..., list[Any]]:
+    """The transpose, another `primitive`, of one that is linear in its last arguments.
+
+    `shapes` are those of the results of the one that is transposed."""
+
+    def aval(x: Array | ad.UndefinedPrimal) -> ShapedArray:
+        return x.aval if ad.is_undefined_primal(x) else jax.typeof(x)
+
+    def rule(cotangents: Tangents, *values: Any, **params: Any) -> list[Any]:
+        args, record, _ = params["problem"].split(values)
+        cotangents = [
+            jnp.zeros(s.shape, s.dtype) if type(c) is ad.Zero else c
+            for c, s in zip(cotangents, shapes(*map(aval, values), **params), strict=True)
+        ]
+        found = primitive.bind(*args, *record, *cotangents, **params)
+        return [None] * (len(args) + len(record)) + list(found)
+
+    return rule
+
+
+def _derivative_jvp(
+    primals: Leaves, tangents: Tangents, *, function: Program
+) -> tuple[Leaves, Leaves]:
+    return _jvp_in_floats(function, primals, tangents)
+
+
+def _refuse_transpose(cotangents: Tangents, *values: Any, **params: Any) -> list[Any]:
+    del cotangents, values, params
+    raise InputError(REVERSE_OF_DERIVATIVE)
+
+
+ad.primitive_jvps[solve_p] = _solve_jvp
+ad.primitive_jvps[record_p] = _record_jvp
+ad.primitive_jvps[along_p] = _linear_jvp(along_p, along)
+ad.primitive_jvps[back_p] = _linear_jvp(back_p, back)
+ad.primitive_jvps[derivative_p] = _derivative_jvp
+ad.primitive_transposes[along_p] = _transpose(back_p, along_avals)
+ad.primitive_transposes[back_p] = _transpose(along_p, back_avals)
+ad.primitive_transposes[derivative_p] = _refuse_transpose

@@ -1,0 +1,209 @@
+"""One integration as a function of flat arrays: what the primitives of `_primitives.py` compute.
+
+JAX hands a primitive its arguments as flat arrays. A `Problem` keeps the rest, and turns arrays
+into the field, the initial state and the settings of an integration, and results into arrays.
+"""
+
+import functools
+from collections.abc import Sequence
+from typing import NamedTuple, TypeAlias, TypeVar, cast, final
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jax.core import ShapedArray
+from jax.extend.core import ClosedJaxpr  # pyright: ignore
+from jaxtyping import Array, PyTree
+
+from ..core import State
+from ._loop import LoopSettings, LoopState, integrate_loop
+from ._replay import Record, Replay
+from ._selection import shape_of
+
+Leaves: TypeAlias = Sequence[Array]
+Moving: TypeAlias = tuple[int, ...]
+Avals: TypeAlias = Sequence[ShapedArray | jax.ShapeDtypeStruct]
+# Field, initial state and settings of an integration.
+Parts: TypeAlias = tuple[PyTree, PyTree, LoopSettings]
+T = TypeVar("T")
+
+
+class Outcome(NamedTuple):
+    """What an integration leaves; times lead in `states` here.
+
+    - `states`: at the save times, or the last one alone.
+    - `max_local_error`: of each run, in units of the tolerance.
+    - `step_ends`, `step_states`: of the accepted steps, where asked for."""
+
+    states: State
+    max_local_error: Array
+    out_of_steps: Array
+    num_accepted: Array
+    num_rejected: Array
+    step_ends: Array | None
+    step_states: State | None
+
+
+def _outcome(loop: LoopState, settings: LoopSettings) -> Outcome:
+    finished = loop.t >= settings.end
+    if loop.saved is None:
+        # The state that was reached belongs to another time if the steps ran out.
+        states = jax.tree.map(lambda x: jnp.where(finished, x, jnp.nan)[None], loop.y)
+    else:
+        states = loop.saved.states
+    asked = settings.record_steps or settings.dense
+    ends = loop.step_ends if asked else None
+    if ends is not None:
+        # Beyond the last accepted step the buffer is uninitialised.
+        ends = jnp.where(jnp.arange(ends.shape[0]) < loop.num_accepted, ends, jnp.inf)
+    return Outcome(
+        states,
+        loop.solver_state[1],
+        ~finished,
+        loop.num_accepted,
+        loop.num_rejected,
+        ends,
+        loop.step_states,
+    )
+
+
+@final
+class Problem:
+    """The static part of an integration; its arrays are the arguments of the primitives.
+
+    A problem is compared by identity, and traces each of its programs once."""
+
+    def __init__(self, parts: Parts):
+        arrays, self.static = eqx.partition(parts, eqx.is_array)
+        self.leaves, self.structure = jax.tree.flatten(arrays)
+        # Weak types stay: a parameter given as a Python number takes the precision of the state.
+        self.avals = [shape_of(x) for x in self.leaves]
+        # The arguments of the primitives are tracers; only their shapes may stay here.
+        field, y0, settings = parts
+        self.num_field = len(jax.tree.leaves(eqx.filter(field, eqx.is_array)))
+        # Saved states have as many arrays as one state, and come first in an outcome.
+        self.num_states = len(jax.tree.leaves(eqx.filter(y0, eqx.is_array)))
+
+    @classmethod
+    def of(cls, *parts: PyTree) -> tuple["Problem", list[Array]]:
+        """The problem of a field, an initial state and settings, and its arguments."""
+        problem = cls(parts)
+        leaves = problem.leaves
+        del problem.leaves
+        return problem, leaves
+
+    def parts(self, args: Sequence[PyTree]) -> Parts:
+        """Field, initial state and settings from the arguments."""
+        return eqx.combine(jax.tree.unflatten(self.structure, args), self.static)
+
+    # The programs, as functions of flat arguments.
+
+    def solve(self, *args: Array) -> list[Array]:
+        """The arrays of the outcome."""
+        field, y0, settings = self.parts(args)
+        return jax.tree.leaves(_outcome(integrate_loop(settings, field, y0), settings))
+
+    def record(self, *args: Array) -> list[Array]:
+        """The arrays of the outcome, then those of the record."""
+        field, y0, settings = self.parts(args)
+        loop = integrate_loop(settings, field, y0, checkpointed=True)
+        return jax.tree.leaves((_outcome(loop, settings), Record.of(loop)))
+
+    @functools.cached_property
+    def solve_jaxpr(self) -> ClosedJaxpr:
+        """The traced `solve`."""
+        return jax.make_jaxpr(self.solve)(*self.avals)
+
+    @functools.cached_property
+    def record_jaxpr(self) -> ClosedJaxpr:
+        """The traced `record`."""
+        return jax.make_jaxpr(self.record)(*self.avals)
+
+    @property
+    def outcome_avals(self) -> Avals:
+        """Shapes of the arrays of the outcome."""
+        return cast(Avals, self.solve_jaxpr.out_avals)
+
+    @property
+    def record_avals(self) -> Avals:
+        """Shapes of the arrays of the record."""
+        return cast(Avals, self.record_jaxpr.out_avals[len(self.outcome_avals) :])
+
+    @property
+    def num_record(self) -> int:
+        """How many arrays the record has: those of a state, and three of its own."""
+        return 3 + self.num_states
+
+    def split_record(self, results: Sequence[Array]) -> tuple[list[Array], list[Array]]:
+        """What `record` returns, as the outcome and the record."""
+        n = len(results) - self.num_record
+        return list(results[:n]), list(results[n:])
+
+    def split(self, values: Sequence[T]) -> tuple[list[T], list[T], list[T]]:
+        """Arguments of `along` or `back`: those of the problem, the record's, and the rest."""
+        n = len(self.avals)
+        m = n + self.num_record
+        return list(values[:n]), list(values[n:m]), list(values[m:])
+
+    def _replay(self, args: Leaves, record: Leaves, moving: Moving) -> tuple[Replay, PyTree, State]:
+        """The replay, the moving part of the field, the initial state, and which of it moves."""
+        field_args = list(args[: self.num_field])
+        moves = [k for k in moving if k < self.num_field]
+        part = [field_args[k] if k in moves else None for k in range(self.num_field)]
+        rest = [None if k in moves else field_args[k] for k in range(self.num_field)]
+        padding = [None] * (len(args) - self.num_field)
+
+        def tree(leaves: Sequence[Array | None]) -> PyTree:
+            return jax.tree.unflatten(self.structure, [*leaves, *padding])[0]
+
+        _, y0, settings = self.parts(args)
+        fixed = eqx.combine(tree(rest), self.static[0])
+        replay = Replay(settings, fixed, _record(record, y0))
+        return replay, tree(part), y0
+
+    def forward(
+        self,
+        args: Leaves,
+        record: Leaves,
+        moving: Moving,
+        tangents: Leaves,
+    ) -> list[Array]:
+        """The tangents of the saved states."""
+        replay, part, y0 = self._replay(args, record, moving)
+        given = dict(zip(moving, tangents, strict=True))
+        leaves, structure = jax.tree.flatten(part)
+        d_part = [given[k] for k in moving if k < self.num_field]
+        assert len(leaves) == len(d_part)
+        state, state_tree = jax.tree.flatten(y0)
+        d_state = [given.get(self.num_field + k, jnp.zeros_like(x)) for k, x in enumerate(state)]
+        result = replay.jvp(
+            part,
+            y0,
+            jax.tree.unflatten(structure, d_part),
+            jax.tree.unflatten(state_tree, d_state),
+        )
+        return jax.tree.leaves(result)
+
+    def backward(
+        self,
+        args: Leaves,
+        record: Leaves,
+        moving: Moving,
+        cotangents: Leaves,
+    ) -> list[Array]:
+        """The cotangents of the arguments that move."""
+        replay, part, y0 = self._replay(args, record, moving)
+        structure = jax.tree.structure(y0)
+        of_part, of_state = replay.vjp(part, y0, jax.tree.unflatten(structure, cotangents))
+        state = jax.tree.leaves(of_state)
+        of_field = [k for k in moving if k < self.num_field]
+        found = dict(zip(of_field, jax.tree.leaves(of_part), strict=True))
+        found |= {self.num_field + k: x for k, x in enumerate(state)}
+        return [found[k] for k in moving]
+
+
+def _record(leaves: Sequence[Array], y0: State) -> Record:
+    """The record from its arrays."""
+    structure = jax.tree.structure(y0)
+    *first, stride, count = leaves
+    return Record(first[0], jax.tree.unflatten(structure, first[1:]), stride, count)

@@ -1,0 +1,79 @@
+"""The error that each run makes in a step, in units of the tolerance.
+
+For each run
+
+    e = max over the blocks of  |error| / (atol + rtol max(|y0|, |y1|))          | |: length
+
+A block of the state is a vector (a position, a quaternion) or a scalar (a mass), and its length is
+taken. So the error does not depend on the axes, and a component that passes through zero requires
+no digits of its own.
+"""
+
+import functools
+from collections.abc import Callable
+from typing import final
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, PyTree
+
+from ..core import Scalar, State, safe_sqrt
+
+
+@final
+class Tolerance(eqx.Module):
+    """What error is allowed in a step: `rtol` of the length of each block of the state plus `atol`.
+
+    `run_axes` counts the trailing axes that carry runs."""
+
+    rtol: Scalar
+    atol: Scalar
+    run_axes: int = eqx.field(static=True)
+
+    def length(self, block: Float[Array, "..."]) -> Float[Array, "*runs"]:
+        """The length of a block for each run."""
+        if block.ndim <= self.run_axes:
+            return jnp.abs(block)
+        return safe_sqrt(self._reduce(jnp.sum, jnp.add, block * block))
+
+    def _reduce(
+        self,
+        whole: Callable[..., Array],
+        pair: Callable[[Array, Array], Array],
+        block: Array,
+    ) -> Array:
+        """A reduction over all axes but those of the runs."""
+        # The compiler for CPUs takes one run after the other in a reduction. Component by component
+        # it takes many at once, for the few components of a vector.
+        if self.run_axes and block.ndim - self.run_axes == 1 and 0 < block.shape[0] <= 4:
+            return functools.reduce(pair, block)
+        return whole(block, axis=tuple(range(block.ndim - self.run_axes)))
+
+    def largest(self, blocks: State, scale: PyTree[Float[Array, "*runs"]]) -> Float[Array, "*runs"]:
+        """The largest length of the blocks in units of the tolerance, for each run.
+
+        `scale` holds the length of each block of the state."""
+
+        def ratio(b: Array, s: Array) -> Array:
+            return self.length(b) / (self.atol + self.rtol * s)
+
+        return functools.reduce(jnp.maximum, jax.tree.leaves(jax.tree.map(ratio, blocks, scale)))
+
+    def error(self, y0: State, y1: State, error: State) -> Float[Array, "*runs"]:
+        """The local error of each run in units of the tolerance; infinite where it is not finite.
+
+        **Arguments**
+
+        - `y0`, `y1`: the states before and after the step.
+        - `error`: the estimate of the error of `y1`.
+        """
+        scale = jax.tree.map(lambda a, b: jnp.maximum(self.length(a), self.length(b)), y0, y1)
+        e = self.largest(error, scale)
+        return jnp.where(jnp.isfinite(e), e, jnp.inf)
+
+    def alive(self, y: State) -> Bool[Array, "*runs"]:
+        """Which runs have nothing but finite numbers in their state."""
+        leaves = jax.tree.leaves(y)
+        flags = [self._reduce(jnp.all, jnp.logical_and, jnp.isfinite(b)) for b in leaves]
+        return functools.reduce(jnp.logical_and, flags)
