@@ -12,7 +12,7 @@ export NO_MKDOCS_2_WARNING := true
 .NOTPARALLEL:
 .DELETE_ON_ERROR:
 
-demo: $(VENV)/.demo  ## fly the example scene: a kick stage and its dispersion
+demo: $(VENV)/.demo  ## simulate the example scene: a kick stage and its dispersion
 	@$(BIN)/jaxspace disperse examples/scenes/kick_stage.toml
 
 test: lint types docs unit  ## everything that a change has to pass

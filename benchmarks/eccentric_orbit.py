@@ -15,7 +15,7 @@ from jaxspace.solvers import DOP853, Regularised
 
 from ._measure import in_turn, optional
 
-SPAN, E, TILT, RADIUS, STRENGTH = 200.0 * np.pi, 0.95, 0.5, 0.04, 1e-3
+SPAN, E, TILT, RADIUS, J2 = 200.0 * np.pi, 0.95, 0.5, 0.04, 1e-3
 SPEED = np.sqrt((1.0 + E) / (1.0 - E))
 START = np.array([1.0 - E, 0.0, 0.0, 0.0, SPEED * np.cos(TILT), SPEED * np.sin(TILT)])
 
@@ -125,10 +125,10 @@ def measure() -> dict:
     """Milliseconds a call and errors."""
     every = methods()
     rows = in_turn({name: lambda f=f: f(0.0) for name, f in every.items()}, 1, repeats=31)
-    oblate = by_heyoka(1e-19, np.longdouble)(STRENGTH) if optional("heyoka") is not None else None
+    oblate = by_heyoka(1e-19, np.longdouble)(J2) if optional("heyoka") is not None else None
     for name, call in every.items():
         rows[name]["milliseconds"] = 1e3 / rows[name]["runs_per_second"]
         rows[name]["worst_relative_error"] = float(np.linalg.norm(call(0.0) - START[:3]))
         if oblate is not None and call is not by_rebound:
-            rows[name]["error_with_oblateness"] = float(np.linalg.norm(call(STRENGTH) - oblate))
+            rows[name]["error_with_oblateness"] = float(np.linalg.norm(call(J2) - oblate))
     return rows

@@ -70,11 +70,11 @@ def measure() -> dict:
     error of the samples."""
     r, v, t = states()
     flow = jax.jit(lambda r, v, t: kepler_flow(r, v, t, 1.0))
-    slope = jax.jit(jax.grad(lambda r, v, t: jnp.sum(kepler_flow(r, v, t, 1.0)[0][0])))
+    gradient = jax.jit(jax.grad(lambda r, v, t: jnp.sum(kepler_flow(r, v, t, 1.0)[0][0])))
     alone, together = in_blocks(lambda *block: kepler_flow(*block, 1.0), (r, v, t))
     calls = {
         "ours, one array": lambda: flow(r, v, t),
-        "ours, one array, with reverse mode": lambda: slope(r, v, t),
+        "ours, one array, with reverse mode": lambda: gradient(r, v, t),
         "ours, in blocks": alone,
         "ours, in blocks on every core": together,
     }

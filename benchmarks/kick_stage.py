@@ -20,7 +20,7 @@ from ._measure import optional
 
 FILE = Path(__file__).parents[1] / "examples" / "scenes" / "kick_stage.toml"
 RUNS = 8192
-COMPARED = 64  # runs flown again for the reference
+COMPARED = 64  # runs repeated for the reference
 SOUNDINGS = 5
 
 
@@ -88,8 +88,7 @@ def sounding_flight(rocketpy, inclination):
 
 
 def soundings():
-    """How many of such flights there are in a second, each made and flown again; nothing without
-    RocketPy."""
+    """How many such flights a second, each built and simulated; nothing without RocketPy."""
     rocketpy, seconds = optional("rocketpy"), []
     for k in range(SOUNDINGS + 1 if rocketpy else 0):
         start = time.perf_counter()

@@ -59,16 +59,16 @@ def measure() -> dict:
     of the samples."""
     given, hard = pairs(), hard_pairs()
 
-    def slope(*block):
+    def gradient(*block):
         return jax.grad(lambda *block: jnp.sum(lambert(*block, 1.0)[0]), argnums=(0, 1, 2))(*block)
 
     def solve(*block):
         return lambert(*block, 1.0)
 
-    (alone, together), (slope_alone, _) = in_blocks(solve, given), in_blocks(slope, given)
+    (alone, together), (gradient_alone, _) = in_blocks(solve, given), in_blocks(gradient, given)
     calls = {
         "ours, in blocks": alone,
-        "ours, in blocks, with reverse mode": slope_alone,
+        "ours, in blocks, with reverse mode": gradient_alone,
         "ours, in blocks on every core": together,
     }
     seen = in_turn(calls, PAIRS)

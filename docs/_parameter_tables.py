@@ -34,7 +34,8 @@ SUPERSCRIPT = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
 
 def unit(text: str) -> str:
     """A unit as it is printed: `kg m^2` as kg m²; a pure number has the unit 1."""
-    text = text or "1"
+    # A product of units stays on one line.
+    text = re.sub(r"\b(kg|N) ", "\\1\u00a0", text or "1")
     return re.sub(
         r"\^(-?\d+)", lambda match: match[1].translate(SUPERSCRIPT), text
     )

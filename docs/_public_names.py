@@ -1,5 +1,5 @@
 """What a reference page shows of a room: every name that its `__init__` gives to readers as `X as
-X`."""
+X`, below the words of the page itself."""
 
 import griffe
 
@@ -10,6 +10,8 @@ class PublicNames(griffe.Extension):
     def on_package(self, *, pkg: griffe.Module, **kwargs) -> None:
         del kwargs
         for room in pkg.modules.values():
+            # The docstring of a room speaks to those who change it.
+            room.docstring = None
             if room.is_init_module and room.exports is None:
                 room.exports = [
                     name

@@ -2,7 +2,6 @@
 
 import argparse
 import re
-from unittest import mock
 
 from _parameter_tables import unit as _unit
 from mkdocs.structure.files import File
@@ -21,28 +20,9 @@ def on_files(files, config):
     return files
 
 
-class _Parser(Exception):
-    """Carries the parser of the command line out of `main`."""
-
-
-def _parser() -> argparse.ArgumentParser:
-    # `main` parses before it does anything else: its first act hands over the parser.
-    def hand_over(self, *args, **kwargs):
-        raise _Parser(self)
-
-    with mock.patch.object(argparse.ArgumentParser, "parse_args", hand_over):
-        try:
-            cli.main([])
-        except _Parser as found:
-            return found.args[0]
-    raise RuntimeError(
-        "jaxspace.cli.main does not parse its arguments by argparse."
-    )
-
-
 def command_line() -> str:
     """The page of the command line."""
-    parser = _parser()
+    parser = cli.parser()
     commands = next(
         a
         for a in parser._actions
@@ -71,7 +51,8 @@ def command_line() -> str:
 
 
 def _command(prog: str, entry, command: argparse.ArgumentParser) -> str:
-    usage = command.format_usage().removeprefix("usage: ").strip()
+    # On one line, whatever the width of the terminal.
+    usage = " ".join(command.format_usage().removeprefix("usage: ").split())
     rows = [
         f"| `{_name(action)}` | {(action.help or '').replace('|', '/')} |"
         for action in command._actions
@@ -112,9 +93,7 @@ def _tables(schema: dict) -> str:
     rows = {}
     for form in forms:
         for key, entry in form["properties"].items():
-            kinds = rows.setdefault(key, (entry.get("description", ""), []))[
-                1
-            ]
+            kinds = rows.setdefault(key, (_meaning(entry), []))[1]
             kinds += [kind for kind in [_kind(form)] if kind not in kinds]
     lines = [
         f"| `{key}` | {meaning} | {', '.join(kinds) if len(kinds) < 3 else 'all'} |"
@@ -128,20 +107,33 @@ def _tables(schema: dict) -> str:
 def _fixed_tables(schema: dict) -> list[str]:
     """The keys of the tables that are the same in every file."""
     parts = []
-    for name in ("times", "phase", "dispersion"):
+    for name in ("planet", "times", "phase", "dispersion"):
         form = next(f for f in schema["anyOf"] if name in f["properties"])
         entry = form["properties"][name]
         # A phase is one of a list of tables.
         table = entry.get("items", entry)
         required = table.get("required", ())
         rows = [
-            f"| `{key}` | {value.get('description', '')} | {'yes' if key in required else ''} |"
+            [f"`{key}`", _meaning(value), "yes" if key in required else ""]
             for key, value in table["properties"].items()
         ]
-        head = ["| Key | Meaning | Required |", "|---|---|---|"]
+        rows = [["Key", "Meaning", "Required"], ["---"] * 3, *rows]
+        # Where nothing is required, the column would be empty.
+        lines = [" | ".join(row[: 3 if required else 2]) for row in rows]
         title = f"[[{name}]]" if "items" in entry else f"[{name}]"
-        parts += [f"## `{title}`", "\n".join([*head, *rows])]
+        parts += [
+            f"## `{title}`",
+            "\n".join(f"| {line} |" for line in lines),
+        ]
     return parts
+
+
+def _meaning(entry: dict) -> str:
+    default = (
+        f" (by default {entry['default']})" if "default" in entry else ""
+    )
+    meaning = entry.get("description", "")
+    return re.sub(r"\(in .*?\)$", lambda m: _unit(m[0]), meaning) + default
 
 
 def _kind(form: dict) -> str:

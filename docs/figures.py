@@ -195,7 +195,7 @@ def transfers():
         ylabel="both impulses / speed on the inner circle",
         ylim=(0.0, 4.0),
     )
-    panel.set_title("From a circle to one of twice its radius, 120 deg on")
+    panel.set_title("To a circle of twice the radius, 120 deg ahead")
     panel.grid(alpha=0.3)
     figure.legend(loc="outside right center")
     return figure
@@ -411,7 +411,9 @@ def optimization():
     )
     for stages in (1, 2, 3):
         u, b = jnp.full((stages,), 3000.0), jnp.full((stages,), 0.12)
-        v = jnp.linspace(500.0, 0.999 * float(-jnp.sum(u * jnp.log(b))), 300)
+        # Dense towards the velocity at which no payload is left.
+        limit = -jnp.sum(u * jnp.log(b))
+        v = limit - jnp.geomspace(limit - 500.0, 1e-3, 400)
         left.semilogy(
             v / 1e3,
             optimal_staging(u, b, v).payload_ratio,
@@ -420,6 +422,7 @@ def optimization():
     left.set(
         xlabel="total velocity, km/s",
         ylabel="payload / initial mass",
+        xlim=(0.0, 17.5),
         ylim=(1e-4, 1.0),
         title="Optimal staging",
     )

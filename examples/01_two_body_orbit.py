@@ -28,8 +28,8 @@ print(f"closed form: after five revolutions the orbit closes to {closing:.1e} m"
 assert closing < 1e-5
 
 # Naming a method asks for an integration. The closed form then says what its accuracy costs, and
-# the trajectory judges itself without that help: by the drift of what the exact motion keeps, and
-# by a repetition at a tighter tolerance.
+# the trajectory estimates its own error without it: by the drift of what the exact motion keeps,
+# and by a repetition at a tighter tolerance.
 print("\n      rtol  evaluations   true error  its estimate  energy drift")
 for rtol in (1e-6, 1e-8, 1e-10, 1e-12):
     run = simulate(earth, y0, ts, accuracy=Accuracy(rtol=rtol, method=DOP853()))
@@ -43,7 +43,7 @@ for rtol in (1e-6, 1e-8, 1e-10, 1e-12):
 assert error < 0.1 and 0.2 < estimate / error < 5.0
 
 # A burn at periapsis, a coast of two hours, and the apogee of what results. Its derivative passes
-# through the whole flight.
+# through the whole run.
 forwards = y0.velocity / jnp.linalg.norm(y0.velocity)
 
 

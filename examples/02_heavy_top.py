@@ -1,5 +1,5 @@
 """A heavy top: Euler's angles in, precession and nutation out, and an axis that passes the vertical
-without harm."""
+safely."""
 
 import jax.numpy as jnp
 
@@ -18,7 +18,7 @@ print(
 )
 
 # Let go at rest. The closed form of the nutation says how far the top will fall, how long that
-# takes, and how far it walks meanwhile; the integration, which knows none of this, agrees.
+# takes, and how far it precesses meanwhile; the integration agrees.
 y0 = top.state(angles=[0.0, tilt, 0.0], rates=[0.0, 0.0, spin])
 nutation = top.nutation(y0)
 highest, lowest = nutation.turning_points()

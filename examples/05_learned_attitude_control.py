@@ -69,15 +69,16 @@ optimiser = optax.adam(optax.cosine_decay_schedule(0.03, UPDATES))
 
 
 @eqx.filter_jit
-def update(network, memory, y0s):
-    value, slope = eqx.filter_value_and_grad(loss)(network, y0s)
-    change, memory = optimiser.update(slope, memory)
-    return eqx.apply_updates(network, change), memory, value
+def update(network, opt_state, y0s):
+    value, gradient = eqx.filter_value_and_grad(loss)(network, y0s)
+    change, opt_state = optimiser.update(gradient, opt_state)
+    return eqx.apply_updates(network, change), opt_state, value
 
 
-memory, history = optimiser.init(eqx.filter(network, eqx.is_array)), []
+opt_state = optimiser.init(eqx.filter(network, eqx.is_array))
+history = []
 for k, draw in enumerate(jax.random.split(key, UPDATES)):
-    network, memory, value = update(network, memory, tumbling(draw, BODIES))
+    network, opt_state, value = update(network, opt_state, tumbling(draw, BODIES))
     history.append(float(value))
     if k % 20 == 0 or k == UPDATES - 1:
         print(f"update {k:3d}   loss {value:.5f}")

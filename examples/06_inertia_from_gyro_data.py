@@ -1,8 +1,8 @@
 """The inertia tensor of a free body from noisy rate gyros: least squares through the simulated
 motion.
 
-Torque-free motion tells the tensor only up to a factor (twice the inertia moves the same way): one
-moment is set to 1."""
+Torque-free motion determines the tensor only up to a factor (twice the inertia moves the same way):
+one moment is set to 1."""
 
 import jax
 import jax.numpy as jnp
@@ -55,9 +55,10 @@ def gauss_newton(p):
     implies."""
     residual = readings(p) - data
     # Far more readings than parameters: forward mode is the cheaper one.
-    slope = jax.jacfwd(readings)(p)
-    step = jnp.linalg.lstsq(slope, residual)[0]
-    return p - step, jnp.mean((residual / NOISE) ** 2), NOISE**2 * jnp.linalg.inv(slope.T @ slope)
+    jacobian = jax.jacfwd(readings)(p)
+    step = jnp.linalg.lstsq(jacobian, residual)[0]
+    covariance = NOISE**2 * jnp.linalg.inv(jacobian.T @ jacobian)
+    return p - step, jnp.mean((residual / NOISE) ** 2), covariance
 
 
 estimate = guess

@@ -53,7 +53,7 @@ if TYPE_CHECKING:
 
 
 def load(path: "str | os.PathLike[str]", also: "Iterable[Any]" = ()) -> "SceneFile":
-    """The scene file at `path`: what flies, from where, when, how accurately, and what scatters.
+    """The scene file at `path`: what moves, from where, when, how accurately, and what scatters.
 
     `file.system`, `file.y0`, `file.ts` and `file.accuracy` are what `simulate` takes;
     `file.simulate()` runs it, `file.campaign()` is what `disperse` takes.

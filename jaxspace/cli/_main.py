@@ -17,7 +17,7 @@ BAD_INPUT, BAD_RUN = 2, 1
 def main(arguments: Sequence[str] | None = None) -> int:
     """Carry out one command and return its exit status: 0, 1 for runs that failed, 2 for input that
     cannot be used."""
-    given = _parser().parse_args(arguments)
+    given = parser().parse_args(arguments)
     file = getattr(given, "file", "jaxspace")
     try:
         status = given.command(given)
@@ -41,20 +41,21 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return BAD_INPUT
 
 
-def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        prog="jaxspace", description="Space dynamics from scene files."
-    )
-    commands = parser.add_subparsers(required=True, metavar="COMMAND")
+def parser() -> argparse.ArgumentParser:
+    """The parser of the command line: its commands, their arguments and what they mean."""
+    top = argparse.ArgumentParser(prog="jaxspace", description="Space dynamics from scene files.")
+    commands = top.add_subparsers(required=True, metavar="COMMAND")
     run = commands.add_parser("run", help="simulate the nominal run of a scene file")
     disperse = commands.add_parser(
         "disperse", help="simulate a scene file many times with its dispersions"
     )
     explain = commands.add_parser(
-        "explain", help="say what the effects of a scene file read, add and cost"
+        "explain", help="show what the effects of a scene file read, add and cost"
     )
-    cost = commands.add_parser("cost", help="say what accuracy costs in the run of a scene file")
-    budget = commands.add_parser("budget", help="say which effects of a scene file matter")
+    cost = commands.add_parser(
+        "cost", help="measure what accuracy costs in the run of a scene file"
+    )
+    budget = commands.add_parser("budget", help="show which effects of a scene file matter")
     with_file = (
         (run, _run),
         (disperse, _disperse),
@@ -81,7 +82,10 @@ def _parser() -> argparse.ArgumentParser:
     )
     # Larger chunks write less often, and lose more when a campaign is interrupted.
     disperse.add_argument(
-        "--chunk", type=_count, default=2048, help="after how many runs results are stored"
+        "--chunk",
+        type=_count,
+        default=2048,
+        help="after how many runs results are stored (default: 2048)",
     )
     cost.add_argument(
         "--error",
@@ -99,7 +103,7 @@ def _parser() -> argparse.ArgumentParser:
     budget.add_argument(
         "--tolerance", metavar="SIZE", help='how far the output may move, such as "10 m"'
     )
-    return parser
+    return top
 
 
 def _positive(text: str) -> float:

@@ -3,11 +3,7 @@ No physics."""
 
 from ._accuracy import Accuracy as Accuracy
 from ._accuracy import least_tolerance as least_tolerance
-from ._config import IntegrationConfig as IntegrationConfig
-from ._config import resolve as resolve
 from ._events import Event as Event
-from ._integrate import IntegrationResult as IntegrationResult
-from ._integrate import integrate as integrate
 from ._selection import eligible_methods as eligible_methods
 from ._selection import select_method as select_method
 from ._status import SimulationError as SimulationError

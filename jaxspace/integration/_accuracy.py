@@ -37,7 +37,7 @@ class Accuracy(AbstractParameters):
     - `method`: `"auto"` (see `select_method`), `"closed_form"`, or a diffrax solver with an error
       estimate. A fixed-step method takes the steps that it is given, and the tolerance judges
       them: if they prove too few, the run is repeated with up to eight times as many, except under
-      `jit` and in derivatives.
+      `jit`, in derivatives of a batch and in missions.
     - `adjoint`: `None` differentiates along the recorded steps, in forward and in reverse mode.
       Any of diffrax's adjoints takes its place.
     - `max_steps`: how many steps a run may take. Reverse mode reserves memory for all of them, so

@@ -1,4 +1,4 @@
-"""Scene files: TOML that says what flies, checked as a whole before anything is computed.
+"""Scene files: TOML that says what moves, checked as a whole before anything is computed.
 
 The room knows the form of a file - bodies, phases, dispersions, units - and no particular force:
 which systems, effects, jumps, events and outputs there are, the rooms of physics declare."""

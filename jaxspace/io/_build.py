@@ -1,4 +1,4 @@
-"""From the values of a file to what flies, for one run or for many at once."""
+"""From the values of a file to what is simulated, for one run or for many at once."""
 
 from collections.abc import Mapping
 

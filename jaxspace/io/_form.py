@@ -91,7 +91,13 @@ def form_of(kind: str, catalog: Catalog, system: str = "") -> Table:
         own = Entry(_named(system, catalog.kinds[cls]), doc="the system and its parameters")
         state = Entry(initial_kind(catalog, cls), doc="the initial state")
         return Table(
-            {**common, "system": own, "initial": state, "times": Entry(TIMES), **dispersion}
+            {
+                **common,
+                "system": own,
+                "initial": state,
+                "times": Entry(TIMES, doc="from when to when"),
+                **dispersion,
+            }
         )
     bodies = tuple(way for cls in catalog.bodies.values() for way in catalog.kinds[cls].ways)
     effects = {name: Entry(catalog.kinds[cls], None) for name, cls in catalog.effects.items()}
@@ -101,14 +107,16 @@ def form_of(kind: str, catalog: Catalog, system: str = "") -> Table:
         "effects": Entry(Table(effects), {}, doc="what acts on the body"),
         "initial": Entry(initial_kind(catalog, None), doc="the initial state"),
     }
-    ending = {"phase": Entry(ListOf(_phase(catalog), least=1))}
-    ending = ending if kind == "mission" else {"times": Entry(TIMES)}
+    ending = {
+        "phase": Entry(ListOf(_phase(catalog), least=1), doc="the phases, one after the other")
+    }
+    ending = ending if kind == "mission" else {"times": Entry(TIMES, doc="from when to when")}
     return Table({**common, **tables, **ending, **dispersion})
 
 
 def _named(name: str, kind: Object) -> Object:
     """The ways to give a system, each with the entry `name`."""
-    own = {"name": Entry(OneName((name,)))}
+    own = {"name": Entry(OneName((name,)), doc="of the system")}
 
     def made(way: Maker) -> Maker:
         # A table that holds the name is never given by its only number alone.
@@ -163,9 +171,9 @@ def method_kind(catalog: Catalog) -> Object:
         if not any(entry.default is REQUIRED for entry in whole.values()):
             names.append(name)
         if whole:
-            fields = Table({"name": Entry(OneName((name,))), **whole})
+            fields = Table({"name": Entry(OneName((name,)), doc="of the method"), **whole})
             ways.append(Maker(name, cls, {key: key for key in whole}, fields, {}))
-    plain = Table({"name": Entry(OneName(tuple(names)))})
+    plain = Table({"name": Entry(OneName(tuple(names)), doc="of the method")})
     named = {name: cls for name, cls in catalog.methods.items() if name in names}
 
     def make(name: str) -> diffrax.AbstractSolver | str:
@@ -180,7 +188,7 @@ def _phase(catalog: Catalog) -> Table:
     acting = ListOf(OneName(tuple(catalog.effects)))
     return Table(
         {
-            "name": Entry(Text()),
+            "name": Entry(Text(), doc="of the phase, for tables and figures"),
             "effects": Entry(acting, (), doc="the effects that act in this phase"),
             "duration": Entry(DURATION, None, doc="how long it lasts"),
             "until": Entry(ends, None, doc="the time or the event at which it ends"),

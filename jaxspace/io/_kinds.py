@@ -256,7 +256,11 @@ class Table(Kind):
         for key, entry in self.entries.items():
             properties[key] = entry.kind.schema()
             if entry.doc:
-                properties[key] = {**properties[key], "description": entry.doc}
+                unit = entry.kind.quantity.unit if isinstance(entry.kind, Number) else ""
+                meaning = f"{entry.doc} (in {unit})" if unit else entry.doc
+                properties[key] = {**properties[key], "description": meaning}
+            if isinstance(entry.default, int | float | str) and entry.default != "":
+                properties[key] = {**properties[key], "default": entry.default}
         made = {"type": "object", "properties": properties, "additionalProperties": False}
         return {**made, "required": self.required()} if self.required() else made
 

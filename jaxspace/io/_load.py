@@ -26,7 +26,7 @@ def load(path: str | os.PathLike[str], also: Iterable[object] = ()) -> SceneFile
       final systems, effects, jumps and distributions whose fields are quantities; outputs, events
       and makers of initial states.
 
-    **Returns** the checked file; what flies is built when it is asked for.
+    **Returns** the checked file; the system is built when it is asked for.
 
     **Raises** `SceneError`, one line for each thing that is wrong; nothing is compiled before."""
     known = catalog(also)

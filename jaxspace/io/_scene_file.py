@@ -32,7 +32,7 @@ ONE_PHASE = {"system": "run", "scene": "scene"}
 @final
 @dataclasses.dataclass(frozen=True, eq=False)
 class SceneFile:
-    """A checked scene file: what flies, from where, when, how accurately, and what scatters.
+    """A checked scene file: what moves, from where, when, how accurately, and what scatters.
 
     - `path`, `text`: where it lies, and what it says.
     - `parsed`: its values in SI.
@@ -109,7 +109,7 @@ class SceneFile:
 
     @property
     def mission(self) -> Mission:
-        """What flies as a mission; of a system or a scene, a mission of one phase."""
+        """The file as a mission; of a system or a scene, a mission of one phase."""
         return self._nominal[0]
 
     @functools.cached_property
@@ -146,12 +146,12 @@ class SceneFile:
 
         **Arguments**
 
-        - `nominal`: the nominal run of `mission`, with which some outputs compare; flown here if it
-          is needed and not given.
+        - `nominal`: the nominal run of `mission`, with which some outputs compare; computed here if
+          it is needed and not given.
         - `warn`: whether to warn of what the file allows and hardly means (`doubts`).
 
         **Raises** `InputError` without [dispersion]."""
-        # Raises where there is no [dispersion], before the nominal run is flown for nothing.
+        # Raises where there is no [dispersion], before the nominal run is simulated for nothing.
         self._dispersion()
         for doubt in self.doubts() if warn else ():
             warnings.warn(doubt, stacklevel=2)

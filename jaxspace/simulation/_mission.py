@@ -47,7 +47,7 @@ class Phase(eqx.Module):
 
 @final
 class Mission(eqx.Module):
-    """Phases flown one after the other. Raises `InputError` when there is none, or two of one
+    """Phases, one after the other. Raises `InputError` when there is none, or two of one
     name."""
 
     phases: tuple[Phase, ...] = eqx.field(converter=tuple)
