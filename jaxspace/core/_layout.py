@@ -12,6 +12,7 @@ from collections.abc import Callable
 from typing import Any
 
 import jax
+import jax.numpy as jnp
 from jaxtyping import Array, PyTree
 
 
@@ -104,6 +105,6 @@ def add_batch_axis(tree: PyTree) -> PyTree:
     Arrays whose fields declare nothing, such as the weights of a network, stay as they are."""
 
     def leaf(x: Any, axes: int) -> Any:
-        return x[..., None] if axes > 0 and x.ndim == axes else x
+        return jnp.expand_dims(x, -1) if axes > 0 and x.ndim == axes else x
 
     return jax.tree.map(leaf, tree, component_axes_of(tree))

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Array, ArrayLike, Bool, Float, PyTree
 
 from ..core import AbstractSystem, InputError, Scalar, State, is_concrete, is_traced, safe_divide
-from ..integration._accuracy import Accuracy, as_accuracy, check_initial_state
+from ..integration._accuracy import Accuracy, as_accuracy, state_dtype
 from ..integration._config import IntegrationConfig, resolve
 from ..integration._events import Event
 from ..integration._integrate import broadcast_state
@@ -114,12 +114,13 @@ def _batch_of_systems(
     in_axes: InAxes = None,
     throw: bool = False,
 ) -> Trajectory:
-    check_initial_state_of_batch(y0s)
+    # A state that is not finite marks its own run: only the precision is checked of all.
+    state_dtype(y0s)
     ts = check_times(ts, y0s, axes=2)
     events = tuple(events)
     batched, shared, runs = split_batch(systems, y0s, ts, in_axes, times_axes=1)
     whole = cut_batch(batched, shared)
-    check_structure(whole[0], whole[1], ts[0])
+    check_structure(whole[0], whole[1], jax.ShapeDtypeStruct(ts.shape[1:], ts.dtype))
     config_for = functools.partial(_resolve_for, as_accuracy(accuracy), whole, batched)
     config = config_for(None)
     blocks = local_blocks((batched, shared), runs)
@@ -141,7 +142,7 @@ def _batch_of_missions(
     in_axes: InAxes = None,
     throw: bool = False,
 ) -> MissionTrajectory:
-    check_initial_state_of_batch(y0s)
+    state_dtype(y0s)
     check_num_saved(num_saved)
     batched, shared, runs = split_batch(missions, y0s, t0, in_axes, times_axes=0)
     mission, y0, _ = cut_batch(batched, shared)
@@ -156,13 +157,6 @@ def _batch_of_missions(
             result = _put_runs(result, stuck, alone)
     trajectory = mission_trajectory_of(result, mission, configs, 1)
     return raise_failures(trajectory) if throw else trajectory
-
-
-def check_initial_state_of_batch(y0s: State) -> None:
-    """Raise `InputError` for states of mixed precision.
-
-    A state that is not finite marks its own run."""
-    check_initial_state(jax.tree.map(lambda x: jnp.zeros((), jnp.asarray(x).dtype), y0s))
 
 
 def _resolve_for(

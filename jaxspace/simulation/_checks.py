@@ -38,7 +38,7 @@ def check_num_saved(num_saved: int) -> None:
         raise InputError(f"num_saved is {num_saved}: it must be from 2 to 1e7.")
 
 
-def check_structure(system: AbstractSystem, y0: State, t: Array) -> None:
+def check_structure(system: AbstractSystem, y0: State, t: Array | jax.ShapeDtypeStruct) -> None:
     """Raise `InputError` unless the derivative has the structure of the state."""
     leaves, structure = jax.tree.flatten(jax.tree.map(shape_of, (system, y0, t)))
     try:
