@@ -7,7 +7,7 @@ from jaxtyping import Array, Float
 
 from jaxspace import Scene, simulate
 from jaxspace.bodies import BodyState, Load, RigidBody
-from jaxspace.core import axis, cross, norm
+from jaxspace.core import axis, cross, norm, unit
 from jaxspace.orbits import kepler_flow
 from jaxspace.rotations import Quaternion
 from jaxspace.scene import Custom
@@ -17,30 +17,29 @@ from .case import vec
 ACCURACY = 1e-13
 # One program for all rows: only the numbers differ.
 kepler = jax.jit(kepler_flow)
-POINT = {"position", "velocity"}
 
 
 class Field(eqx.Module):
-    """Near the ground: gravity along -z, Coriolis' acceleration, a linear pull to the origin."""
+    """Near the ground: gravity along -z, Coriolis' acceleration, a linear pull to the origin, and
+    a thrust along the velocity, thrust / (1 - rate t)."""
 
     gravity: Array
     spin: Float[Array, "3"]
     pull: Array
+    thrust: Array
+    rate: Array
 
     def __call__(self, t, y, body):
         down = -self.gravity * axis(2, y.position[2])
-        return Load(
-            acceleration_N=down - 2.0 * cross(self.spin, y.velocity) - self.pull * y.position
-        )
+        push = self.thrust / (1.0 - self.rate * t) * unit(y.velocity)
+        turn = -2.0 * cross(self.spin, y.velocity)
+        return Load(acceleration_N=down + push + turn - self.pull * y.position)
 
 
-def near_ground(gravity=0.0, spin=(0.0, 0.0, 0.0), pull=0.0) -> Custom:
-    """A `Field`; gravity, m/s^2, turning frame, rad/s, pull, 1/s^2."""
-    return Custom(
-        Field(jnp.asarray(gravity, float), vec(*spin), jnp.asarray(pull, float)),
-        POINT,
-        {"acceleration"},
-    )
+def near_ground(gravity=0.0, spin=(0.0, 0.0, 0.0), pull=0.0, thrust=0.0, rate=0.0) -> Custom:
+    """A `Field`; gravity and thrust, m/s^2, turning frame, rad/s, pull, 1/s^2, rate, 1/s."""
+    numbers = (jnp.asarray(x, float) for x in (gravity, spin, pull, thrust, rate))
+    return Custom(Field(*numbers), {"position", "velocity"}, {"acceleration"})
 
 
 class PowerLaw(eqx.Module):
@@ -59,29 +58,10 @@ def power_law(K, n) -> Custom:
     return Custom(law, {"position"}, {"acceleration"})
 
 
-class GravityTurn(eqx.Module):
-    """Thrust along the velocity, n g / (1 - t / tau), under gravity along -z."""
-
-    n: Array
-    g: Array
-    rate: Array
-
-    def __call__(self, t, y, body):
-        thrust = self.n * self.g / (1.0 - self.rate * t)
-        along = thrust * y.velocity / norm(y.velocity)
-        return Load(acceleration_N=along - self.g * axis(2, y.position[2]))
-
-
-def gravity_turn(n, g, rate=0.0) -> Custom:
-    """A `GravityTurn`; rate = 1 / tau."""
-    turn = GravityTurn(*(jnp.asarray(x, float) for x in (n, g, rate)))
-    return Custom(turn, POINT, {"acceleration"})
-
-
-def fly(effect, position, velocity, duration):
+def fly(effect, position, velocity, duration, accuracy=ACCURACY):
     """Position and velocity of a point under one effect, (2, 3): halfway and at the end."""
     y0 = BodyState(position=vec(*position), velocity=vec(*velocity))
-    run = simulate(Scene((effect,)), y0, duration * vec(0.0, 0.5, 1.0), accuracy=ACCURACY)
+    run = simulate(Scene((effect,)), y0, duration * vec(0.0, 0.5, 1.0), accuracy=accuracy)
     return run.states.position[:, 1:].T, run.states.velocity[:, 1:].T
 
 

@@ -20,7 +20,7 @@ from jaxspace.bodies import (
     angular_acceleration,
 )
 from jaxspace.core import cross, norm
-from jaxspace.rockets import JetDamping, spin_angle
+from jaxspace.rockets import JetDamping, spin_angle, spin_ratio
 from jaxspace.rotations import (
     Quaternion,
     omega_from_euler_rates,
@@ -77,7 +77,7 @@ def damped(A, C, k, start, n, t):
 def large_nutation(A, C, n, rotation, start, t):
     """theta e^(i psi) of a free body, and the error of the linear formula 7.3-7."""
     y0 = BodyState(attitude=Quaternion.from_rotation_vector(rotation * X), omega=vec(start, 0.0, n))
-    found = jnp.stack(angle_of_attack(free(vec(A, A, C), t, y0).attitude))
+    found = jnp.stack(angle_of_attack(free(jnp.diag(vec(A, A, C)), t, y0).attitude))
     one = jnp.ones(())
 
     def small(s):
@@ -109,11 +109,11 @@ def euler_rates(angles, rates):
     node = omega_from_euler_rates(vec(psi, theta, 0.0), vec(psi1, theta1, 0.0))
 
     def theta_12(t):
-        return (theta + theta1 * t) * jnp.exp(-1j * (phi + phi1 * t))
+        turn = phi + phi1 * t
+        return (theta + theta1 * t) * jnp.stack([jnp.cos(turn), -jnp.sin(turn)])
 
     start, rate = jax.jvp(theta_12, (jnp.zeros(()),), (jnp.ones(()),))
-    lhs = rate + 1j * omega[2] * start
-    return omega, node[:2], jnp.stack([lhs.real, lhs.imag])
+    return omega, node[:2], rate + omega[2] * jnp.stack([-start[1], start[0]])
 
 
 def misaligned(A, C, n, M1, t):
@@ -193,8 +193,10 @@ def spinning_rocket(rho, t, k=1.5, kz=0.4, exit_station=-2.0, n=6.0, start=0.03)
     y0 = BodyState(attitude=Quaternion.identity(), omega=vec(start, 0.0, n), mass=jnp.array(1000.0))
     # The tolerance is that of the whole rate, a thousand times the transverse one.
     end = simulate(scene, y0, vec(0.0, t), accuracy=5e-15).final
-    angle = spin_angle(t, n, 8e-3, rho / kz)
-    return end.omega[:2], end.omega[2], angle, jnp.stack(angle_of_attack(end.attitude))
+    return (
+        *(end.omega[:2], end.omega[2], n * spin_ratio(end.mass / 1000.0, rho / kz)),
+        *(spin_angle(t, n, 8e-3, rho / kz), jnp.stack(angle_of_attack(end.attitude))),
+    )
 
 
 def leak(t, m):
@@ -213,7 +215,7 @@ def gyrostat(A, C, rotor, acceleration, n, t):
 
 
 SPUN = (simulate, Scene, Custom, RigidBody)
-ROCKET = (simulate, BurningBody, JetDamping, spin_angle)
+ROCKET = (simulate, BurningBody, JetDamping, spin_angle, spin_ratio)
 MISSILE = {"A": 4000.0, "C": 400.0, "n": PI2, "M1": 250.0}
 SATELLITE = {"ratio": 1.2, "beta": 0.05, "n": PI2, "start": 0.1}
 FREE = {"A": 10.0, "C": 2.0, "n": 6.0}
@@ -227,9 +229,11 @@ def rocket(id, title, rho, t, rate, spin, angle, tip):
         ROCKET,
         {"rho": rho, "t": t},
         spinning_rocket,
-        {"w_xy (rad/s)": rate, "w_z (rad/s)": spin, "angle (rad)": angle, "theta_XY (rad)": tip},
+        {
+            **{"w_xy (rad/s)": rate, "w_z (rad/s)": spin, "w_z by its formula (rad/s)": spin},
+            **{"angle of spin (rad)": angle, "theta_XY (rad)": tip},
+        },
         1e-9,
-        # A thousandth of the tilt is the digits that an attitude keeps over a hundred radians.
         1e-12,
         STEPS,
     )
