@@ -85,6 +85,42 @@ def pin(b, theta, thetadot, thetaddot, disk_omega, disk_omegadot):
     return *along, still[0][:2], still[1][:2], turning[0][:2], turning[1][:2]
 
 
+def centre(omega, place, v):
+    """The instantaneous centre of a plane motion."""
+    return place + omega * cross(UP, v) / omega**2
+
+
+def leaning_rod(h, theta):
+    """A rod whose foot slides on the floor, on a pin at the height h."""
+
+    def foot(t):
+        return -h / jnp.tan(theta + t) * vec(1, 0, 0)
+
+    return (centre(1.0, foot(jnp.zeros(())), rates(foot)[0])[:2],)
+
+
+def crank(R, k, theta):
+    """A rod of the length k R between a crank of the length R and a slider on the x axis."""
+
+    def tilt(t):
+        return -jnp.arcsin(jnp.sin(theta + t) / k)
+
+    def slider(t):
+        return R * (jnp.cos(theta + t) + k * jnp.cos(tilt(t))) * vec(1, 0, 0)
+
+    found = centre(rates(tilt)[0], slider(jnp.zeros(())), rates(slider)[0])
+    return found[:2], norm(found)
+
+
+def parachutist(height, vx, vz, slope, times):
+    """Height above the hillside where it is met, and the distance along it."""
+    met = []
+    for sign, t in zip((1.0, -1.0), times, strict=True):
+        r, _ = fly(near_ground(), (0, 0, height), (sign * vx, 0, vz), t)
+        met += [r[1, 2] - r[1, 0] * jnp.tan(slope), jnp.abs(r[1, 0]) / jnp.cos(slope)]
+    return met
+
+
 def polar_satellite(period, latitude, day):
     """Angle west of north of the path of a polar satellite over the turning Earth."""
     rate = 2.0 * jnp.pi / period
@@ -449,6 +485,41 @@ CASES = [
         inertial_circle,
         {"radius (m)": 96996.81497757854, "gap (m)": 0.0},
         atol=1e-5,
+        why=STEPS,
+    ),
+    Case(
+        "T3-P6",
+        "Instantaneous centre of the rod of a crank and slider",
+        (cross,),
+        {"R": 2.0, "k": 1.8, "theta": 35 * DEG},
+        crank,
+        {
+            "centre (ft)": [5.050640573547093, 3.5364966023854865],
+            "distance (ft)": 6.165693669153877,
+        },
+    ),
+    Case(
+        "T3-P7",
+        "Instantaneous centre of a rod that leans on a pin",
+        (cross,),
+        {"h": 4.0, "theta": 40 * DEG},
+        leaning_rod,
+        {"centre (ft)": [-4.76701437037684, 9.681106501844825]},
+    ),
+    Case(
+        "T3-P8",
+        "Parachutist over a hillside, towards uphill and downhill",
+        SHOT,
+        {
+            **{"height": 60.0, "vx": 10.0, "vz": -20.0, "slope": 20 * DEG},
+            "times": (2.5381030238997293, 3.667414936860186),
+        },
+        parachutist,
+        {
+            **{"gap, uphill (ft)": 0.0, "uphill (ft)": 27.009928222879907},
+            **{"gap, downhill (ft)": 0.0, "downhill (ft)": 39.027814582527604},
+        },
+        atol=1e-11,
         why=STEPS,
     ),
     Case(

@@ -4,6 +4,7 @@ import jax
 import jax.numpy as jnp
 
 from jaxspace import Scene, simulate
+from jaxspace.bodies import BodyState, RigidBody
 from jaxspace.core import cross, dot, inverse_norm, norm
 from jaxspace.orbits import (
     angular_momentum,
@@ -69,8 +70,57 @@ def circle_through_centre(radius, h, r, speed, t):
     start = r * vec(jnp.cos(turn), jnp.sin(turn), 0.0)
     radial = (start - radius * X) / radius
     path, _ = fly(effect, start, speed * cross(Z, radial), t)
-    force = norm(start) ** -5.0 * 8.0 * radius**2 * h**2
-    return -force, *(norm(p - radius * X) for p in path)
+    return attraction(effect, start), *(norm(p - radius * X) for p in path)
+
+
+def attraction(effect, position):
+    """The force of an effect on a unit mass along its distance from the origin."""
+    y = BodyState(position=position, velocity=0.0 * position)
+    force = effect.load(0.0, y, RigidBody()).acceleration_N
+    return dot(force, position) / norm(position)
+
+
+def equal_areas(areal_rate, r, t):
+    """A circle under h^2 / r^3, on which every circle has the same areal rate."""
+    h = 2.0 * areal_rate
+    effect = power_law(h**2, 3.0)
+    path, _ = fly(effect, r * X, h / r * Y, t)
+    return -attraction(effect, r * X), *(norm(p) for p in path)
+
+
+def apsis(n, h, r_p, t):
+    """Angle and distance after a time from the inner turning point, and the radial speed."""
+    r, v = fly(power_law(1.0, n), r_p * X, h / r_p * Y, t)
+    angle = jnp.arctan2(r[1, 1], r[1, 0]) % (2.0 * jnp.pi)
+    return angle / DEG, norm(r[1]), dot(r[1], v[1])
+
+
+@jax.jit
+def change_of_circle(n, r, h, t):
+    """First-order change of the radius at t / 2 and t, over that at the start, h kept: 1 / r^n."""
+    zero = jnp.zeros(())
+
+    def radius(s):
+        start = r * (1.0 + s)
+        path, _ = fly(power_law(1.0, n), start * X, h / start * Y, t)
+        return norm(path.T)
+
+    return jax.jvp(radius, (zero,), (zero + 1.0,))[1] / r
+
+
+def half_oscillations(exponents, angles):
+    """A quarter of an oscillation about the unit circle, and half of it."""
+    turns = zip(exponents, angles, strict=True)
+    return jnp.stack([change_of_circle(-n, 1.0, 1.0, angle * DEG) for n, angle in turns]).T
+
+
+def oscillations(L, exponents, radii, frequencies):
+    """Circles of one angular momentum: the attraction; a quarter and half an oscillation."""
+    balance, change = [], []
+    for n, r, w in zip(exponents, radii, frequencies, strict=True):
+        balance.append(-attraction(power_law(1.0, -n), r * X) / (L**2 / r**3))
+        change.append(change_of_circle(-n, r, L, jnp.pi / w))
+    return jnp.stack(balance), *jnp.stack(change).T
 
 
 def power_orbit(K, n, r0, v0, t):
@@ -282,6 +332,15 @@ CASES = [
         {},
         lambda: (jnp.sqrt(-2.0 * point_gravity_potential(R * X, G * R**2)),),
         {"v (ft/s)": 36695.05034742424},
+    ),
+    Case(
+        "T4.5-P1",
+        "Equal areal rate on all circles: attraction h^2 / r^3",
+        FLOWN,
+        {"areal_rate": 3.0, "r": 2.0, "t": 2.0},
+        equal_areas,
+        {"f (m/s^2)": 4.5, "halfway (m)": 2.0, "end (m)": 2.0},
+        why=STEPS,
     ),
     Case(
         "T4.5-P3",
@@ -508,6 +567,69 @@ CASES = [
         disturbed_circle,
         {"r1": -0.004161468365471424, "theta'": 1.0083229367309428, "change of h": 0.0},
         atol=1e-14,
+        why=LINEAR,
+    ),
+    Case(
+        "T4.15-aps",
+        "Apsidal angle from r = 0.5 to 1.5 under 1 / r and 1 / r^2.5",
+        FLOWN,
+        {
+            # The times between the turning points, by another integration.
+            "slow": (1.0, 0.7861103054761537, 0.5, 2.271279693361946),
+            "fast": (2.5, 0.9254923157692287, 0.5, 4.353122511496559),
+        },
+        lambda slow, fast: (*apsis(*slow), *apsis(*fast)),
+        {
+            **{"angle, n = 1 (deg)": 124.29977951580105, "r, n = 1": 1.5, "r r', n = 1": 0.0},
+            **{"angle, n = 2.5 (deg)": 259.8972093935691, "r, n = 2.5": 1.5, "r r', n = 2.5": 0.0},
+        },
+        atol=1e-11,
+        why=STEPS,
+    ),
+    Case(
+        "T4.15-unst",
+        "Growth about the unit circle under 1 / r^4 with the rate 1: cosh(t)",
+        FLOWN,
+        {"n": 4.0, "t": 1.5},
+        lambda n, t: (change_of_circle(n, 1.0, 1.0, t),),
+        {"change of r at t / 2 and t": [1.2946832846768448, 2.352409615243247]},
+        why=LINEAR,
+    ),
+    Case(
+        "H5.22",
+        "Circles with L = 1.1 under r^n: radius, and half an oscillation about it",
+        FLOWN,
+        {
+            **{"L": 1.1, "exponents": (1.0, -1.0, -2.0, -2.5)},
+            "radii": (1.0488088481701516, 1.1, 1.21, 1.4641),
+            "frequencies": (2.0, 1.2856486930664501, 0.7513148009015778, 0.36285758522186085),
+        },
+        oscillations,
+        {
+            "attraction over L^2 / r^3": [1.0, 1.0, 1.0, 1.0],
+            "change of r, a quarter": [0.0, 0.0, 0.0, 0.0],
+            "change of r, half": [-1.0, -1.0, -1.0, -1.0],
+        },
+        atol=1e-9,
+        why=LINEAR,
+    ),
+    Case(
+        "H5.24",
+        "Apsidal angles of nearly circular orbits under r^n, n = 1, 0, -1, -2, -2.5",
+        FLOWN,
+        {
+            "exponents": (1.0, 0.0, -1.0, -2.0, -2.5),
+            "angles": (
+                *(90.0, 103.92304845413264, 127.27922061357856),
+                *(180.0, 254.55844122715712),
+            ),
+        },
+        half_oscillations,
+        {
+            "change of r, a quarter": [0.0, 0.0, 0.0, 0.0, 0.0],
+            "change of r, half": [-1.0, -1.0, -1.0, -1.0, -1.0],
+        },
+        atol=1e-9,
         why=LINEAR,
     ),
     Case(

@@ -20,6 +20,7 @@ from jaxspace.bodies import (
     angular_acceleration,
 )
 from jaxspace.core import cross, norm
+from jaxspace.orbits import angular_momentum
 from jaxspace.rockets import JetDamping, spin_angle, spin_ratio
 from jaxspace.rotations import (
     Quaternion,
@@ -212,6 +213,24 @@ def gyrostat(A, C, rotor, acceleration, n, t):
     end = final([A, A, C], (0, 0, n), t, rotor=(0, rotor * acceleration, 0))
     momentum = vec(A, A, C) * end.omega + rotor * acceleration * t * Y
     return end.omega, norm(momentum)
+
+
+def moving_bar(m, l, V, w, theta):
+    """Momentum about the end of a turning bar, its rate, and R_0' x m r'; their sum is M_0."""
+    inertia = PrincipalInertia(m * l**2 / 12.0 * vec(1.0, 1e-16, 1.0))
+
+    def arm(t):
+        turned = theta + w * t
+        return 0.5 * l * jnp.stack([jnp.cos(turned), jnp.sin(turned), 0.0 * turned])
+
+    def momentum(t):
+        return (inertia.times(w * Z) + m * angular_momentum(arm(t), V * X))[2]
+
+    zero = jnp.zeros(())
+    h, rate = jax.jvp(momentum, (zero,), (zero + 1.0,))
+    end = V * X - cross(w * Z, arm(zero))
+    balance = cross(end, m * V * X)[2]
+    return h, rate, balance, rate + balance
 
 
 SPUN = (simulate, Scene, Custom, RigidBody)
@@ -502,6 +521,21 @@ CASES = [
         lambda A, rotor, speed: (PrincipalInertia([A, A, A]).solve(-rotor * speed * Y),),
         {"omega (rad/s)": [0.0, -0.125, 0.0]},
         1e-12,
+    ),
+    Case(
+        "T7.11-P2",
+        "Turning bar whose mass centre moves uniformly, about one end",
+        (PrincipalInertia, angular_momentum, cross),
+        {"m": 3.0, "l": 2.0, "V": 5.0, "w": 0.8, "theta": 0.6},
+        moving_bar,
+        {
+            "h_0 (kg m^2/s)": -7.66963710092553,
+            "h_0' (N m)": -9.90402737891614,
+            "R_0' x m r' (N m)": 9.90402737891614,
+            "M_0 (N m)": 0.0,
+        },
+        1e-12,
+        1e-13,
     ),
     Case(
         "T7.11-P4",
