@@ -18,7 +18,6 @@ from jaxspace.rockets import (
     mass_ratio_for,
     rocket_equation,
     spin_angle,
-    spin_ratio,
     vertical_burnout_height,
     vertical_burnout_velocity,
 )
@@ -186,62 +185,6 @@ def test_jet_damping_with_a_moment():
     np.testing.assert_allclose(
         2.0 * np.unwrap(np.arctan2(q[1], q[0]))[-1], 23.699979258778196, rtol=1e-10
     )
-
-
-def leak(t, m):
-    """Eight kilograms a second."""
-    return -8.0 + 0.0 * m
-
-
-LEAK = Custom(lambda t, y, b: Load(mass_rate=leak(t, y.mass)), {"mass"}, {"mass_rate"})
-
-
-@pytest.mark.parametrize(
-    ("rho", "t", "w_x", "w_y", "w_z", "angle", "tilt_x", "tilt_y"),
-    [
-        # T7.9-Ex1-a, -b, -c, -d: nozzle ring inside, at, without, and outside of the radius of
-        # gyration.
-        (
-            0.2,
-            20.0,
-            0.02265170051521131,
-            0.013076051778517317,
-            6.838199798129711,
-            127.95608478552124,
-        )
-        + (0.019871574844924897, 0.12081681732498376),
-        (0.4, 60.0, 0.003148824539818691, -0.01734177712488905, 6.0, 360.0)
-        + (0.020110411499214685, 0.033532422078701656),
-        (
-            0.0,
-            60.0,
-            -0.018027022769078953,
-            0.0006824235862432634,
-            11.538461538461538,
-            490.444850554998,
-        )
-        + (-0.004566914446980836, 0.09098415027756093),
-        (0.6, 20.0, 0.02578983180583812, 0.001487509218308234, 4.825033777560324, 108.1650903805182)
-        + (0.07398018658816413, 0.060213995076644745),
-    ],
-    ids=["a", "b", "c", "d"],
-)
-def test_spinning_rocket_with_jet_damping(rho, t, w_x, w_y, w_z, angle, tilt_x, tilt_y):
-    spin = 6.0
-    scene = Scene((LEAK, JetDamping(leak, -2.0, rho)), gyrating(1.5, 0.4))
-    y = BodyState(
-        attitude=Quaternion.identity(), omega=jnp.array([0.03, 0.0, spin]), mass=jnp.array(1000.0)
-    )
-    # The tolerance is that of the whole rate, a thousand times the transverse one that is compared.
-    end = simulate(scene, y, jnp.array([0.0, t]), accuracy=5e-15).final
-    np.testing.assert_allclose(end.omega[:2], [w_x, w_y], rtol=1e-9, atol=1e-12)
-    np.testing.assert_allclose(end.omega[2], w_z, rtol=1e-11)
-    np.testing.assert_allclose(spin * spin_ratio(end.mass / 1000.0, rho / 0.4), w_z, rtol=1e-11)
-    np.testing.assert_allclose(spin_angle(t, spin, 8e-3, rho / 0.4), angle, rtol=1e-11)
-    # theta e^{i psi} from the tip of the axis, (sin(theta) sin(psi), -sin(theta) cos(psi)).
-    z = np.asarray(end.attitude.rotate(jnp.array([0.0, 0.0, 1.0])))
-    tilt = np.arctan2(np.hypot(z[0], z[1]), z[2]) * np.exp(1j * np.arctan2(z[0], -z[1]))
-    np.testing.assert_allclose([tilt.real, tilt.imag], [tilt_x, tilt_y], rtol=1e-7, atol=1e-9)
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,16 @@
+"""Reference cases of the textbooks as tables, a module for each chapter: `CASES` lists its rows.
+
+`tests/test_cases.py` computes every row; the manual lists them on its page of cases."""
+
+from types import ModuleType
+
+from . import thomson_1, thomson_4, thomson_5, thomson_7, thomson_8, thomson_9
+
+CHAPTERS: dict[str, ModuleType] = {
+    "Vectors, kinematics, orientation (Thomson 1 to 3)": thomson_1,
+    "Gravity and orbits (Thomson 4)": thomson_4,
+    "Rotation of rigid bodies (Thomson 5, Harrison and Nettleton)": thomson_5,
+    "Spinning bodies and rockets (Thomson 7)": thomson_7,
+    "Flight of rockets (Thomson 8)": thomson_8,
+    "Instruments and pendulums (Thomson 6 and 9)": thomson_9,
+}

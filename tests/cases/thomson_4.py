@@ -1,0 +1,718 @@
+"""Thomson, chapter 4: gravity, central forces, orbits, changes of orbit, ballistic flight."""
+
+import jax
+import jax.numpy as jnp
+
+from jaxspace import Scene, simulate
+from jaxspace.bodies import BodyState, RigidBody
+from jaxspace.core import cross, dot, inverse_norm, norm
+from jaxspace.orbits import (
+    angular_momentum,
+    apoapsis_altitude,
+    apoapsis_radius,
+    eccentricity_vector,
+    elements_from_state,
+    kepler_flow,
+    lambert,
+    oblateness,
+    orbit_from_radius,
+    periapsis_radius,
+    point_gravity,
+    point_gravity_potential,
+    semi_major_axis,
+)
+from jaxspace.scene import Custom
+
+from .case import CLOSED, DEG, LINEAR, MILE, STEPS, Case, vec
+from .motions import fly, kepler, power_law
+
+G = 32.2  # ft/s^2
+R = 3960.0 * MILE
+K = 1.407e16  # ft^3/s^2, as most problems have it; g R^2 where g is given
+MPH = MILE / 3600.0
+X, Y, Z = vec(1, 0, 0), vec(0, 1, 0), vec(0, 0, 1)
+
+elements = jax.jit(elements_from_state)
+orbit = jax.jit(orbit_from_radius)
+
+
+def place(q, e, true_anomaly=0.0, mu=1.0):
+    """State on the orbit with the periapsis q, in the plane of x and y."""
+    return orbit(q, mu, e, true_anomaly=true_anomaly)
+
+
+def speed_between(near, far, at, mu=1.0):
+    """Speed at the radius `at` of the orbit with these apsides (at one of them)."""
+    e = (far - near) / (far + near)
+    return norm(place(near, e, 0.0 if at == near else jnp.pi, mu)[1])
+
+
+def launch(r, lam, beta, mu=1.0):
+    """State at the distance r with r v^2 / mu = lam, at the angle beta above the horizontal."""
+    v = jnp.sqrt(lam * mu / r)
+    return r * X, v * vec(jnp.sin(beta), jnp.cos(beta), 0.0)
+
+
+def pushed(r, v, gain):
+    """The velocity with a tangential impulse."""
+    return v * (1.0 + gain / norm(v))
+
+
+def flat(x):
+    """The first two components."""
+    return x[:2]
+
+
+def circle_through_centre(radius, h, r, speed, t):
+    """A motion under 8 R^2 h^2 / r^5 on the circle that passes through the centre of force."""
+    effect = power_law(8.0 * radius**2 * h**2, 5.0)
+    turn = jnp.arccos(r / (2.0 * radius))
+    start = r * vec(jnp.cos(turn), jnp.sin(turn), 0.0)
+    radial = (start - radius * X) / radius
+    path, _ = fly(effect, start, speed * cross(Z, radial), t)
+    return attraction(effect, start), *(norm(p - radius * X) for p in path)
+
+
+def attraction(effect, position):
+    """The force of an effect on a unit mass along its distance from the origin."""
+    y = BodyState(position=position, velocity=0.0 * position)
+    force = effect.load(0.0, y, RigidBody()).acceleration_N
+    return dot(force, position) / norm(position)
+
+
+def equal_areas(areal_rate, r, t):
+    """A circle under h^2 / r^3, on which every circle has the same areal rate."""
+    h = 2.0 * areal_rate
+    effect = power_law(h**2, 3.0)
+    path, _ = fly(effect, r * X, h / r * Y, t)
+    return -attraction(effect, r * X), *(norm(p) for p in path)
+
+
+def apsis(n, h, r_p, t):
+    """Angle and distance after a time from the inner turning point, and the radial speed."""
+    r, v = fly(power_law(1.0, n), r_p * X, h / r_p * Y, t)
+    angle = jnp.arctan2(r[1, 1], r[1, 0]) % (2.0 * jnp.pi)
+    return angle / DEG, norm(r[1]), dot(r[1], v[1])
+
+
+@jax.jit
+def change_of_circle(n, r, h, t):
+    """First-order change of the radius at t / 2 and t, over that at the start, h kept: 1 / r^n."""
+    zero = jnp.zeros(())
+
+    def radius(s):
+        start = r * (1.0 + s)
+        path, _ = fly(power_law(1.0, n), start * X, h / start * Y, t)
+        return norm(path.T)
+
+    return jax.jvp(radius, (zero,), (zero + 1.0,))[1] / r
+
+
+def half_oscillations(exponents, angles):
+    """A quarter of an oscillation about the unit circle, and half of it."""
+    turns = zip(exponents, angles, strict=True)
+    return jnp.stack([change_of_circle(-n, 1.0, 1.0, angle * DEG) for n, angle in turns]).T
+
+
+def oscillations(L, exponents, radii, frequencies):
+    """Circles of one angular momentum: the attraction; a quarter and half an oscillation."""
+    balance, change = [], []
+    for n, r, w in zip(exponents, radii, frequencies, strict=True):
+        balance.append(-attraction(power_law(1.0, -n), r * X) / (L**2 / r**3))
+        change.append(change_of_circle(-n, r, L, jnp.pi / w))
+    return jnp.stack(balance), *jnp.stack(change).T
+
+
+def power_orbit(K, n, r0, v0, t):
+    """State, energy and angular momentum under K / r^n."""
+    r, v = fly(power_law(K, n), (*r0, 0.0), (*v0, 0.0), t)
+    energy = 0.5 * dot(v[1], v[1]) - K / (n - 1.0) * norm(r[1]) ** (1.0 - n)
+    return flat(r[1]), flat(v[1]), energy, cross(r[1], v[1])[2]
+
+
+def moon(D, mass_ratio, period):
+    """The Moon's distance: a circle of the period, the common centre, the neutral point."""
+    days = 86400.0
+    pull = G * R**2
+    rate = 2.0 * jnp.pi / (period * days)
+    a = semi_major_axis(D * MILE * X, rate * D * MILE * Y, pull / (1.0 - mass_ratio))
+    neutral = 0.9 * D * MILE * X
+    moon_pull = pull * mass_ratio / (1.0 - mass_ratio)
+    balance = point_gravity(neutral, pull) + point_gravity(neutral - D * MILE * X, moon_pull)
+    return a / MILE, D * mass_ratio, norm(balance) / norm(point_gravity(neutral, pull))
+
+
+def two_masses(m1, m2, r1, r2, v1, v2, t):
+    """Two bodies by their relative orbit and the motion of their centre."""
+    m = m1 + m2
+    r1, r2, v1, v2 = (vec(*x, 0) for x in (r1, r2, v1, v2))
+    r, v = r1 - r2, v1 - v2
+    centre, drift = (m1 * r1 + m2 * r2) / m, (m1 * v1 + m2 * v2) / m
+    apart, _ = kepler(r, v, t, m)
+    middle = centre + drift * t
+    a = semi_major_axis(r, v, m)
+    again, _ = kepler(r, v, 2.0 * jnp.pi * jnp.sqrt(a**3 / m), m)
+    e = norm(eccentricity_vector(r, v, m))
+    return flat(middle + m2 / m * apart), flat(middle - m1 / m * apart), a, e, norm(again - r)
+
+
+def hohmann(x):
+    """Both impulses from a circle to one x times as large, over the circular speed."""
+    return speed_between(1.0, x, 1.0) - 1.0 + 1.0 / jnp.sqrt(x) - speed_between(1.0, x, x)
+
+
+def hohmann_inwards(r2, r1):
+    leave = jnp.sqrt(K / r2) - speed_between(r1, r2, r2, K)
+    arrive = speed_between(r1, r2, r1, K) - jnp.sqrt(K / r1)
+    e, a = (r2 - r1) / (r2 + r1), 0.5 * (r1 + r2)
+    time = jnp.pi * jnp.sqrt(a**3 / K)
+    end, _ = kepler(*place(r1, e, jnp.pi, K), time, K)
+    return leave, arrive, e, time, norm(end) / MILE
+
+
+def coaxial(e1, a1, e2, a2):
+    """From the perigee of the inner ellipse to the apogee of the outer one."""
+    q1, Q2 = a1 * R * (1.0 - e1), a2 * R * (1.0 + e2)
+    v_p1 = norm(place(q1, e1, 0.0, K)[1])
+    v_pt, v_at = speed_between(q1, Q2, q1, K), speed_between(q1, Q2, Q2, K)
+    v_a2 = norm(place(a2 * R * (1.0 - e2), e2, jnp.pi, K)[1])
+    return v_p1, v_pt, v_pt - v_p1, v_a2, v_a2 - v_at, v_pt - v_p1 + v_a2 - v_at
+
+
+def radial_impulse(beta0):
+    r, v = X, Y + jnp.tan(beta0) * X
+    x = elements(r, v, 1.0)
+    q, Q = periapsis_radius(r, v, 1.0), apoapsis_radius(r, v, 1.0)
+    # The time to the apogee is the area over the areal rate.
+    rate = 0.5 * norm(angular_momentum(r, v))
+    end, _ = kepler(r, v, 1.4122928361164249 / rate, 1.0)
+    return x.eccentricity, x.true_anomaly / DEG, q, Q, rate, norm(end)
+
+
+def tangential_impulse(e1, a1, theta, gain):
+    r, v = place(a1 * (1.0 - e1), e1, theta)
+    v = pushed(r, v, gain * jnp.sqrt(1.0 / norm(r)))
+    x = elements(r, v, 1.0)
+    turned = theta - x.true_anomaly
+    return x.eccentricity, semi_major_axis(r, v, 1.0), x.true_anomaly / DEG, turned / DEG
+
+
+def apogee_impulse(h, lam, beta0, gain):
+    r, v = launch(R + h, lam, beta0, K)
+    x = elements(r, v, K)
+    a = semi_major_axis(r, v, K)
+    r_a, v_a = place(a * (1.0 - x.eccentricity), x.eccentricity, jnp.pi, K)
+    new = pushed(r_a, v_a, gain)
+    y = elements(r_a, new, K)
+    return (
+        *(x.eccentricity, a / R, x.true_anomaly / DEG, norm(v_a)),
+        *(y.eccentricity, semi_major_axis(r_a, new, K) / R, jnp.abs(y.true_anomaly) / DEG),
+    )
+
+
+def eccentricity_slope(e, theta):
+    """Rate of the eccentricity with a tangential impulse."""
+    r, v = place(1.0, e, theta)
+    return jax.jvp(lambda v: norm(eccentricity_vector(r, v, 1.0)), (v,), (v / norm(v),))[1]
+
+
+def finite_impulse(lambda1, lambda2, beta):
+    angles = [elements(*launch(1.0, lam, beta), 1.0).true_anomaly for lam in (lambda1, lambda2)]
+    difference = 1.0 / jnp.tan(angles[1]) - 1.0 / jnp.tan(angles[0])
+    return angles[0] / DEG, angles[1] / DEG, difference
+
+
+def disturbed_circle(r1, t):
+    """First-order motion about a circle with the angular momentum kept."""
+
+    def change(t):
+        return jax.jvp(lambda r, v: kepler_flow(r, v, t, 1.0), (X, Y), (r1 * X, -r1 * Y))
+
+    (r, v), (dr, dv) = change(jnp.asarray(t, float))
+    dh = cross(dr, v) + cross(r, dv)
+    outwards = dot(r, dr)
+    return outwards, 1.0 - 2.0 * outwards, norm(dh)
+
+
+def phasing(phi, n):
+    """Retro impulse to meet after one revolution; forward impulse, N = 1."""
+    found = []
+    for periods, sign in ((1.0 - phi / 360.0, -1.0), (n - phi / 360.0, 1.0)):
+        other = 2.0 * periods ** (2.0 / 3.0) - 1.0
+        v = speed_between(min(other, 1.0), max(other, 1.0), 1.0)
+        back, _ = kepler(X, v * Y, 2.0 * jnp.pi * periods, 1.0)
+        found += [sign * (v - 1.0), norm(back - X)]
+    return found
+
+
+def straight_transfer(q, phi):
+    """Angle from the perigee of a transfer in almost no time."""
+    end = q * vec(jnp.cos(phi), jnp.sin(phi), 0.0)
+    v, _ = lambert(X, end, 1e-6, 1.0)
+    return (elements(X, v, 1.0).true_anomaly / DEG,)
+
+
+def ballistic(lam, beta0, t):
+    r, v = launch(R, lam, beta0, K)
+    x = elements(r, v, K)
+    phi = 2.0 * (jnp.pi - x.true_anomaly)
+    end, _ = kepler(r, v, t, K)
+    landed = jnp.arctan2(end[1], end[0])
+    return (
+        *(x.eccentricity, phi / DEG, phi * R / MILE, semi_major_axis(r, v, K) / R),
+        *(apoapsis_altitude(r, v, K, R) / MILE, norm(end) / R, landed / DEG),
+    )
+
+
+def range_angle(lam, beta):
+    return 2.0 * (jnp.pi - elements_from_state(*launch(1.0, lam, beta), 1.0).true_anomaly)
+
+
+def longest_range(lam, beta):
+    reach, slope = jax.jvp(lambda b: range_angle(lam, b), (jnp.asarray(beta),), (jnp.ones(()),))
+    return reach / DEG, slope
+
+
+def equatorial(v_rel, beta_rel, Omega, times):
+    """Inertial velocity east and west; the ground runs on by Omega t."""
+    ground = []
+    for sign, t in zip((1.0, -1.0), times, strict=True):
+        v = v_rel * vec(jnp.sin(beta_rel), sign * jnp.cos(beta_rel), 0.0) + Omega * R * Y
+        end, _ = kepler(R * X, v, t, K)
+        inertial = jnp.arctan2(end[1], end[0])
+        ground += [norm(end) / R, sign * (inertial - Omega * t) / DEG]
+        if sign > 0:
+            ground.insert(0, inertial / DEG)
+    return ground
+
+
+def bulge_moment(a_over_R, theta, phi, ratio):
+    """Moment per K m_s / R, on a satellite above a bulge with C = 0.4 m R^2."""
+    place = a_over_R * vec(
+        jnp.cos(phi), jnp.sin(phi) * jnp.cos(theta), -jnp.sin(phi) * jnp.sin(theta)
+    )
+    moment = cross(place, oblateness(place, 1.0, 0.4 * ratio, 1.0))
+    return (moment,)
+
+
+def expansion(rho, cosine):
+    """(a / r)^3 of a point at the distance rho from the mass centre of a satellite."""
+    along = vec(cosine, jnp.sqrt(1.0 - cosine**2), 0.0)
+
+    def cube(s):
+        return inverse_norm(X - s * along, 3)
+
+    def slope(s):
+        return jax.jvp(cube, (s,), (jnp.ones(()),))[1]
+
+    one, zero = jnp.ones(()), jnp.zeros(())
+    first, second = jax.jvp(slope, (zero,), (one,))
+    exact = cube(jnp.asarray(rho))
+    return exact, 1.0 + rho * first, 1.0 + rho * first + 0.5 * rho**2 * second
+
+
+ORBIT = (orbit_from_radius,)
+FLOWN = (simulate, Scene, Custom)
+CASES = [
+    Case(
+        "T4.3-10",
+        "Potential energy of a slug at 400 miles",
+        (point_gravity_potential,),
+        {"h": 400 * MILE},
+        lambda h: (
+            point_gravity_potential((R + h) * X, G * R**2)
+            - point_gravity_potential(R * X, G * R**2),
+        ),
+        {"U (ft lbf)": 61767280.73394495},
+    ),
+    Case(
+        "T4.4-P1",
+        "Speed of a meteor from rest at infinity",
+        (point_gravity_potential,),
+        {},
+        lambda: (jnp.sqrt(-2.0 * point_gravity_potential(R * X, G * R**2)),),
+        {"v (ft/s)": 36695.05034742424},
+    ),
+    Case(
+        "T4.5-P1",
+        "Equal areal rate on all circles: attraction h^2 / r^3",
+        FLOWN,
+        {"areal_rate": 3.0, "r": 2.0, "t": 2.0},
+        equal_areas,
+        {"f (m/s^2)": 4.5, "halfway (m)": 2.0, "end (m)": 2.0},
+        why=STEPS,
+    ),
+    Case(
+        "T4.5-P3",
+        "Circle through the centre of force: attraction 8 R^2 h^2 / r^5",
+        FLOWN,
+        {"radius": 2.0, "h": 5.0, "r": 3.0, "speed": 2.2222222222222223, "t": 0.3},
+        circle_through_centre,
+        {"F (m/s^2)": -3.292181069958848, "halfway (m)": 2.0, "end (m)": 2.0},
+        why=STEPS,
+    ),
+    Case(
+        "T4.5-pow",
+        "Central attraction 1 / r^2.5: the state at t = 5",
+        FLOWN,
+        {"K": 1.0, "n": 2.5, "r0": (1, 0), "v0": (0, 1.1), "t": 5.0},
+        power_orbit,
+        {
+            "r": [-2.0198463686514745, 0.25183171470189836],
+            "v": [-0.2744255033108277, -0.5103808739827946],
+            "E": -0.06166666666666667,
+            "h": 1.1,
+        },
+        why=STEPS,
+    ),
+    Case(
+        "T4.6-P1",
+        "Distance of the Moon, common centre, neutral point at 0.9 of the way",
+        (semi_major_axis, point_gravity),
+        {
+            "D": 239069.09137076788,
+            "mass_ratio": 1 / 82,
+            "period": 27.32,
+        },
+        moon,
+        {"D (mi)": 239069.09137076788, "centre (mi)": 2915.4767240337546, "balance": 0.0},
+        atol=1e-14,
+    ),
+    Case(
+        "T4.6-dyn",
+        "Two bodies of masses 3 and 1 whose centre moves",
+        (kepler_flow, semi_major_axis, eccentricity_vector),
+        {
+            **{"m1": 3.0, "m2": 1.0, "r1": (0.75, 0), "r2": (-2.25, 0)},
+            **{"v1": (0.1, 0.225), "v2": (0.1, -0.675), "t": 10.0},
+        },
+        two_masses,
+        {
+            "r1": [1.7497604728805087, 0.014772290042572245],
+            "r2": [-1.249281418641526, -0.044316870127716734],
+            "a": 2.154398563734291,
+            "e": 0.3925,
+            "gap after the period": 0.0,
+        },
+        atol=1e-14,
+    ),
+    Case(
+        "T4.11-9",
+        "Hohmann transfer: total impulse, equal to that of escape at a ratio of 3.304",
+        ORBIT,
+        {
+            "ratios": (1.5, 2.0, 4.0, 8.0, 20.0),
+            "escape": 3.3041671317677737,
+            "most": 15.581718738763179,
+        },
+        lambda ratios, escape, most: (
+            jnp.stack([hohmann(x) for x in ratios]),
+            hohmann(escape),
+            *jax.jvp(hohmann, (jnp.asarray(most),), (jnp.ones(()),)),
+        ),
+        {
+            "dv / v_c": [
+                *(0.18164495259783678, 0.2844570503761733, 0.4486832980505138),
+                *(0.5202200572599405, 0.534731360500452),
+            ],
+            "at 3.304: sqrt(2) - 1": 0.41421356237309503,
+            "greatest": 0.5362583055704092,
+            "slope at the greatest": 0.0,
+        },
+        atol=1e-12,
+    ),
+    Case(
+        "T4.11-10",
+        "Constant of the Sun from the Earth's orbit",
+        (semi_major_axis,),
+        {"K": 4.6780928535673045e21, "r": 490.5e9, "year": 365.25 * 86400.0},
+        lambda K, r, year: (semi_major_axis(r * X, 2.0 * jnp.pi * r / year * Y, K),),
+        {"a (ft)": 490.5e9},
+    ),
+    Case(
+        "T4.11-P5",
+        "Radial impulse on a circular orbit, 20 deg",
+        (elements_from_state, periapsis_radius, apoapsis_radius, kepler_flow),
+        {"beta0": 20 * DEG},
+        radial_impulse,
+        {
+            "e": 0.36397023426620234,
+            "theta0 (deg)": 90.0,
+            "r_p": 0.7331538290774993,
+            "r_a": 1.5722534602547793,
+            "areal rate": 0.5,
+            "r where the area to the apogee is swept": 1.5722534602547793,
+        },
+    ),
+    Case(
+        "T4.11-P7",
+        "Retro rocket at 300 mi, to come down to 100 mi",
+        ORBIT,
+        {"v_p": 18300 * MPH, "high": R + 300 * MILE, "low": R + 100 * MILE},
+        lambda v_p, high, low: (
+            speed_between(low, high, high, K) / MPH,
+            (v_p - speed_between(low, high, high, K)) / MPH,
+            v_p - speed_between(low, high, high, K),
+        ),
+        {
+            "v_new (mph)": 16846.520609676336,
+            "dv (mph)": 1453.4793903236653,
+            "dv (ft/s)": 2131.769772474709,
+        },
+    ),
+    Case(
+        "T4.11-P9",
+        "Hohmann transfer inwards, from 3 R to 1.2 R",
+        (*ORBIT, kepler_flow),
+        {"r2": 11880 * MILE, "r1": 4752 * MILE},
+        hohmann_inwards,
+        {
+            "departure (ft/s)": 3655.427238867438,
+            "arrival (ft/s)": 4623.121765086922,
+            "e": 0.42857142857142855,
+            "time (s)": 7705.936550306528,
+            "radius then (mi)": 4752,
+        },
+    ),
+    Case(
+        "T4.11-P11",
+        "Speed of escape from the Sun at the Earth's orbit",
+        (point_gravity_potential,),
+        {"K": 4.68e21, "r": 490.5e9},
+        lambda K, r: (jnp.sqrt(-2.0 * point_gravity_potential(r * X, K)),),
+        {"v (ft/s)": 138139.67137408227},
+    ),
+    Case(
+        "T4.12",
+        "Transfer between coplanar coaxial ellipses",
+        ORBIT,
+        {"e1": 0.2, "a1": 1.5, "e2": 0.3, "a2": 4.0},
+        coaxial,
+        {
+            "v_p1 (ft/s)": 25940.74798221808,
+            "v_pt (ft/s)": 30186.902644884005,
+            "dv_p1 (ft/s)": 4246.154662665926,
+            "v_a2 (ft/s)": 9517.652467044369,
+            "dv_a2 (ft/s)": 2551.444164378829,
+            "total (ft/s)": 6797.598827044755,
+        },
+    ),
+    Case(
+        "T4.13-P1",
+        "Tangential impulse at 150 deg",
+        (orbit_from_radius, elements_from_state, semi_major_axis),
+        {"e1": 0.5081941891541355, "a1": 3.3333333333333335, "theta": 150 * DEG, "gain": 0.202},
+        tangential_impulse,
+        {
+            "e": 0.41556884475897027,
+            "a / R": 4.6385462483081605,
+            "theta (deg)": 108.37466575266158,
+            "turn of the apses (deg)": 41.62533424733842,
+        },
+    ),
+    Case(
+        "T4.13-P4",
+        "Launch at 400 mi, impulse of 2000 ft/s at the apogee",
+        (elements_from_state, semi_major_axis, orbit_from_radius),
+        {"h": 400 * MILE, "lam": 1.5, "beta0": 10 * DEG, "gain": 2000.0},
+        apogee_impulse,
+        {
+            "e": 0.5221257197316412,
+            "a / R": 2.202020202020202,
+            "theta0 (deg)": 29.42540014068281,
+            "v_apogee (ft/s)": 9794.976790332053,
+            "new e": 0.3070514095314394,
+            "new a / R": 2.564360942822572,
+            "new theta (deg)": 180.0,
+        },
+    ),
+    Case(
+        "T4.13-P6",
+        "Launch at the perigee 1.2 R with e = 0.6: 100 deg on",
+        (orbit_from_radius, semi_major_axis),
+        {"e": 0.6, "q": 1.2, "theta": 100 * DEG},
+        lambda e, q, theta: (
+            semi_major_axis(*place(q, e, theta), 1.0),
+            norm(place(q, e, theta)[0]),
+        ),
+        {"a / R": 3.0, "r / R": 2.1433090236838757},
+    ),
+    Case(
+        "T4.14-P1",
+        "Finite tangential impulse: true anomaly before and after",
+        (elements_from_state,),
+        {"lambda1": 0.7, "lambda2": 0.95, "beta": 20 * DEG},
+        finite_impulse,
+        {
+            "theta1 (deg)": 149.49682177973148,
+            "theta2 (deg)": 117.82198382228158,
+            "difference of cotangents": 1.1697171630529415,
+        },
+    ),
+    Case(
+        "T4.14-P2",
+        "At 107.46 deg a tangential impulse leaves e = 0.3",
+        (eccentricity_vector,),
+        {"e": 0.3, "theta": 107.4576031237221 * DEG},
+        lambda e, theta: (eccentricity_slope(e, theta),),
+        {"de / dv": 0.0},
+        atol=1e-9,
+        why=LINEAR,
+    ),
+    Case(
+        "T4.15-1",
+        "Small radial disturbance of a circle",
+        (kepler_flow,),
+        {"r1": 0.01, "t": 2.0},
+        disturbed_circle,
+        {"r1": -0.004161468365471424, "theta'": 1.0083229367309428, "change of h": 0.0},
+        atol=1e-14,
+        why=LINEAR,
+    ),
+    Case(
+        "T4.15-aps",
+        "Apsidal angle from r = 0.5 to 1.5 under 1 / r and 1 / r^2.5",
+        FLOWN,
+        {
+            # The times between the turning points, by another integration.
+            "slow": (1.0, 0.7861103054761537, 0.5, 2.271279693361946),
+            "fast": (2.5, 0.9254923157692287, 0.5, 4.353122511496559),
+        },
+        lambda slow, fast: (*apsis(*slow), *apsis(*fast)),
+        {
+            **{"angle, n = 1 (deg)": 124.29977951580105, "r, n = 1": 1.5, "r r', n = 1": 0.0},
+            **{"angle, n = 2.5 (deg)": 259.8972093935691, "r, n = 2.5": 1.5, "r r', n = 2.5": 0.0},
+        },
+        atol=1e-11,
+        why=STEPS,
+    ),
+    Case(
+        "T4.15-unst",
+        "Growth about the unit circle under 1 / r^4 with the rate 1: cosh(t)",
+        FLOWN,
+        {"n": 4.0, "t": 1.5},
+        lambda n, t: (change_of_circle(n, 1.0, 1.0, t),),
+        {"change of r at t / 2 and t": [1.2946832846768448, 2.352409615243247]},
+        why=LINEAR,
+    ),
+    Case(
+        "H5.22",
+        "Circles with L = 1.1 under r^n: radius, and half an oscillation about it",
+        FLOWN,
+        {
+            **{"L": 1.1, "exponents": (1.0, -1.0, -2.0, -2.5)},
+            "radii": (1.0488088481701516, 1.1, 1.21, 1.4641),
+            "frequencies": (2.0, 1.2856486930664501, 0.7513148009015778, 0.36285758522186085),
+        },
+        oscillations,
+        {
+            "attraction over L^2 / r^3": [1.0, 1.0, 1.0, 1.0],
+            "change of r, a quarter": [0.0, 0.0, 0.0, 0.0],
+            "change of r, half": [-1.0, -1.0, -1.0, -1.0],
+        },
+        atol=1e-9,
+        why=LINEAR,
+    ),
+    Case(
+        "H5.24",
+        "Apsidal angles of nearly circular orbits under r^n, n = 1, 0, -1, -2, -2.5",
+        FLOWN,
+        {
+            "exponents": (1.0, 0.0, -1.0, -2.0, -2.5),
+            "angles": (
+                *(90.0, 103.92304845413264, 127.27922061357856),
+                *(180.0, 254.55844122715712),
+            ),
+        },
+        half_oscillations,
+        {
+            "change of r, a quarter": [0.0, 0.0, 0.0, 0.0, 0.0],
+            "change of r, half": [-1.0, -1.0, -1.0, -1.0, -1.0],
+        },
+        atol=1e-9,
+        why=LINEAR,
+    ),
+    Case(
+        "T4.16-P3",
+        "Phasing by 40 deg: retro impulse, and forward impulse with N = 1",
+        (orbit_from_radius, kepler_flow),
+        {"phi": 40.0, "n": 2.0},
+        phasing,
+        {
+            "dv / v_c, retro": 0.041713601124672275,
+            "gap, retro": 0.0,
+            "dv / v_c, forward": 0.15998759354931014,
+            "gap, forward": 0.0,
+        },
+        atol=1e-13,
+    ),
+    Case(
+        "T4.16-P6",
+        "Straight transfer: angle from its perigee",
+        (lambert, elements_from_state),
+        {"q": 1.3333333333333333, "phi": 50 * DEG},
+        straight_transfer,
+        {"theta1 (deg)": -7.967128601115746},
+    ),
+    Case(
+        "T4.17",
+        "Ballistic flight with R v^2 / K = 0.7 at 35 deg",
+        (elements_from_state, apoapsis_altitude, kepler_flow),
+        {"lam": 0.7, "beta0": 35 * DEG, "t": 1757.9930022037092},
+        ballistic,
+        {
+            "e": 0.6240038740158755,
+            "phi (deg)": 63.61511699246009,
+            "range (mi)": 4396.761252416893,
+            "a / R": 0.7692307692307693,
+            "H (mi)": 986.9656470022056,
+            "r / R at the end of the time of flight": 1.0,
+            "angle then (deg)": 63.61511699246009,
+        },
+    ),
+    Case(
+        "T4.17-P2",
+        "Greatest range for R v^2 / K = 0.6, at 32.31 deg",
+        (elements_from_state,),
+        {"lam": 0.6, "beta": 32.31153323742385 * DEG},
+        longest_range,
+        {"phi (deg)": 50.753867050304606, "slope": 0.0},
+        atol=1e-13,
+        why=LINEAR,
+    ),
+    Case(
+        "T4.17-P7",
+        "Launch from the equator at 20000 ft/s, to the east and to the west",
+        (kepler_flow,),
+        {
+            **{"v_rel": 20000.0, "beta_rel": 30 * DEG, "Omega": 7.29e-05},
+            "times": (1464.9149109804155, 1111.6322224894934),
+        },
+        equatorial,
+        {
+            "inertial angle, east (deg)": 61.33420452478302,
+            "r / R, east": 1.0,
+            "ground, east (deg)": 55.2154566215754,
+            "r / R, west": 1.0,
+            "ground, west (deg)": 45.56226954744208,
+        },
+    ),
+    Case(
+        "T4.18-7",
+        "Moment of the Earth's bulge on a satellite's orbit",
+        (oblateness, cross),
+        {"a_over_R": 1.5, "theta": 35 * DEG, "phi": 50 * DEG, "ratio": 0.0032},
+        bulge_moment,
+        {"M": [0.00031370482686647274, -0.0003213440122104169, 0.0]},
+        1e-12,
+    ),
+    Case(
+        "T4.18-P2",
+        "(a / r)^3: exact, to first and to second order",
+        (inverse_norm,),
+        {"rho": 0.05, "cosine": 0.3},
+        expansion,
+        {"exact": 1.0427149132409128, "first order": 1.045, "second order": 1.0429375},
+        why=CLOSED,
+    ),
+]

@@ -1,0 +1,465 @@
+"""Thomson, chapter 8: vertical flight, impulsive and finite burns, the gravity turn."""
+
+import jax
+import jax.numpy as jnp
+
+from jaxspace import Scene, simulate
+from jaxspace.optimization import (
+    Ascent,
+    ConstantThrustAcceleration,
+    apex,
+    burnout_state,
+)
+from jaxspace.rockets import (
+    coast_height,
+    vertical_burnout_height,
+    vertical_burnout_velocity,
+)
+from jaxspace.scene import Custom
+
+from .case import DEG, MILE, STEPS, Case, vec
+from .motions import fly, near_ground
+
+G = 32.2  # ft/s^2
+R = 3960.0 * MILE
+
+
+def burn_time(impulse, thrust_ratio, mass_ratio):
+    """Time in which the propellant burns at a constant thrust, I (1 - 1 / mu) / ratio."""
+    return impulse / thrust_ratio * (1.0 - 1.0 / mass_ratio)
+
+
+def burnout_speed(impulse, thrust_ratio, mass_ratio):
+    time = burn_time(impulse, thrust_ratio, mass_ratio)
+    return vertical_burnout_velocity(impulse * G, mass_ratio, time, G)
+
+
+def burnout_height(impulse, thrust_ratio, mass_ratio):
+    time = burn_time(impulse, thrust_ratio, mass_ratio)
+    return vertical_burnout_height(impulse * G, mass_ratio, time, G)
+
+
+def single_stage(I, ratio, mu):
+    v, h = burnout_speed(I, ratio, mu), burnout_height(I, ratio, mu)
+    coast = coast_height(v, h, G, R)
+    return v, h, coast, h + coast, (h + coast) / MILE
+
+
+def sensitivities(I, ratio, mu):
+    at = vec(I, ratio, mu)
+    slopes = jax.grad(lambda x: burnout_speed(*x))(at)
+    return *slopes, burnout_speed(250.0, ratio, mu), burnout_speed(I, ratio, 6.0)
+
+
+def throw(u, w, t):
+    """Height halfway and at the end, and the velocity there."""
+    r, v = fly(near_ground(G), (0, 0, 0), (u, 0, w), t)
+    return r[0, 2], r[1, 2], v[1, 0], v[1, 2]
+
+
+def impulsive_launch(Y, U, w0, T):
+    """One impulse at the start that brings a satellite to the height Y with the velocity U."""
+    _, top, u, w = throw(U, w0, T)
+    return top / MILE, w, jnp.hypot(U, w0), jnp.arctan2(w0, U) / DEG
+
+
+def ballistic_tangent(v0, theta0, t, T):
+    u, w = v0 * jnp.cos(theta0), v0 * jnp.sin(theta0)
+    *_, across, up = throw(u, w, t)
+    return up / across, throw(u, w, T)[3]
+
+
+def impulse_at_start(v0, theta0, Y, gain, phi, T):
+    """All fuel at the start: height, climb and velocity at the time T."""
+    u = v0 * jnp.cos(theta0) + gain * jnp.cos(phi)
+    w = v0 * jnp.sin(theta0) + gain * jnp.sin(phi)
+    _, top, across, up = throw(u, w, T)
+    return top, up, across
+
+
+def split_impulses(v0, theta0, gains, angles, T):
+    """Fuel at the start and at the time T, which is too short for one impulse."""
+    (first, last), (phi0, phiT) = gains, angles
+    u = v0 * jnp.cos(theta0) + first * jnp.cos(phi0)
+    w = v0 * jnp.sin(theta0) + first * jnp.sin(phi0)
+    _, top, across, up = throw(u, w, T)
+    return top, up + last * jnp.sin(phiT), across + last * jnp.cos(phiT)
+
+
+def finite_burn(burns, angles, times, v0, theta0, Y, gain):
+    """Linear-tangent burns of several durations from a given release: height and velocity."""
+    heights, ends, velocities = [], [], []
+    for burn, phi0, T in zip(burns, angles, times, strict=True):
+        ascent = Ascent(ConstantThrustAcceleration(gain / burn), burn, v0, 0.0, Y, G)
+
+        def steering(t, phi0=phi0, T=T):
+            return jnp.arctan((1.0 - t / T) * jnp.tan(phi0))
+
+        end = burnout_state(ascent, jnp.asarray(theta0), steering)
+        time, height = apex(ascent, end)
+        heights.append(height)
+        ends.append(time)
+        velocities.append(end.u)
+    return jnp.stack(velocities), jnp.stack(ends), jnp.stack(heights)
+
+
+def turned(n, g, v0, psi0, t, rate=0.0):
+    """Speed, angle from the vertical, range and height of a gravity turn at the time t."""
+    start = v0 * vec(jnp.sin(psi0), 0.0, jnp.cos(psi0))
+    r, v = fly(near_ground(g, thrust=n * g, rate=rate), (0, 0, 0), start, t)
+    speed = jnp.hypot(v[1, 0], v[1, 2])
+    return speed, jnp.arctan2(v[1, 0], v[1, 2]) / DEG, r[1, 0], r[1, 2]
+
+
+def slopes_of_turn(**given):
+    """State, and its derivatives by the initial angle per rad."""
+    psi0 = jnp.asarray(given.pop("psi0"))
+    state, slope = jax.jvp(lambda psi: turned(psi0=psi, **given), (psi0,), (jnp.ones(()),))
+    return *state, slope[1] * DEG, slope[0], slope[3]
+
+
+def horizontal(angles, times):
+    """Speed, path angle and height at 90 deg for several initial angles."""
+    found = [turned(1.5, G, 400.0, a * DEG, t) for a, t in zip(angles, times, strict=True)]
+    speed, psi, _, height = (jnp.stack(x) for x in zip(*found, strict=True))
+    return speed, psi, height
+
+
+VERTICAL = (vertical_burnout_velocity, vertical_burnout_height)
+FLOWN = (simulate, Scene, Custom)
+STAGE = {"I": 300.0, "ratio": 2.0, "mu": 5.0}
+FIGURE = [
+    (I, ratio, 1 / f) for I in (200, 300, 400) for ratio in (1.5, 3) for f in (0.05, 0.1, 0.2, 0.5)
+]
+
+
+def gravity_row(id, n, psi0, psi, expected, g=G, v0=400.0):
+    """A row of T8.5 with a constant thrust over weight."""
+    v, t, x, y = expected
+    return Case(
+        id,
+        f"Gravity turn with F / m g = {n}, from {psi0} to {psi} deg",
+        FLOWN,
+        {"n": n, "g": g, "v0": v0, "psi0": psi0 * DEG, "t": t},
+        turned,
+        {"v": v, "psi (deg)": psi, "x": x, "y": y},
+        1e-11,
+        why=STEPS,
+    )
+
+
+CASES = [
+    Case(
+        "T8.1-P3",
+        "Burnout height for I = 150, 300, 400 s",
+        VERTICAL[1:],
+        {"impulses": (150.0, 300.0, 400.0)},
+        lambda impulses: tuple(burnout_height(I, 2.0, 4.0) for I in impulses),
+        {
+            "150 s (ft)": 95199.81067107993,
+            "300 s (ft)": 380799.24268431973,
+            "400 s (ft)": 676976.4314387908,
+        },
+        1e-11,
+    ),
+    Case(
+        "T8.1-P5",
+        "Single stage, I = 300 s, thrust over weight 2, mass ratio 5",
+        (*VERTICAL, coast_height),
+        STAGE,
+        single_stage,
+        {
+            "v (ft/s)": 11683.170234113408,
+            "h (ft)": 460944.89297659765,
+            "coast (ft)": 2469881.4417636762,
+            "h_max (ft)": 2930826.3347402737,
+            "h_max (mi)": 555.080745215961,
+        },
+        1e-11,
+    ),
+    Case(
+        "T8.1-P7",
+        "Sensitivities of the speed at burnout",
+        VERTICAL[:1],
+        STAGE,
+        sensitivities,
+        {
+            "dv/dI (ft/s^2)": 38.94390078037803,
+            "dv/dR (ft/s)": 1932.0,
+            "dv/dmu (ft/s)": 1738.8,
+            "v at I = 250 s (ft/s)": 9735.975195094506,
+            "v at mu = 6 (ft/s)": 13283.39647274301,
+        },
+        1e-11,
+    ),
+    Case(
+        "T8.1-P11",
+        "I doubled by twice the time of burning",
+        VERTICAL,
+        STAGE,
+        lambda I, ratio, mu: (
+            burnout_speed(2.0 * I, ratio, mu) / burnout_speed(I, ratio, mu),
+            burnout_height(2.0 * I, ratio, mu) / burnout_height(I, ratio, mu),
+        ),
+        {"ratio of speeds": 2.0, "ratio of heights": 4.0},
+        1e-12,
+    ),
+    Case(
+        "T8.1-P12",
+        "Mass ratio doubled from 5 to 10",
+        VERTICAL[1:],
+        STAGE,
+        lambda I, ratio, mu: (burnout_height(I, ratio, 2 * mu) / burnout_height(I, ratio, mu),),
+        {"ratio of heights": 1.4687936244464175},
+        1e-12,
+    ),
+    Case(
+        "T8.1-Fig2",
+        "Speed at burnout for I = 200, 300, 400 s, two thrusts and four mass fractions",
+        VERTICAL[:1],
+        {"rows": FIGURE},
+        lambda rows: (burnout_speed(*vec(*zip(*rows, strict=True))),),
+        {
+            "v (ft/s)": [
+                *(15213.849175021036, 10964.647998881657, 6930.113489408939, 2317.2011761393815),
+                *(17253.18250835437, 12896.647998881659, 8647.446822742275, 3390.534509472715),
+                *(22820.773762531553, 16446.971998322482, 10395.170234113408, 3475.8017642090717),
+                *(25879.77376253155, 19344.971998322486, 12971.17023411341, 5085.801764209072),
+                *(30427.698350042072, 21929.295997763315, 13860.226978817878, 4634.402352278763),
+                *(34506.36501670874, 25793.295997763318, 17294.89364548455, 6781.06901894543),
+            ]
+        },
+        1e-11,
+    ),
+    Case(
+        "T8.4-P2",
+        "Ballistic flight: tangent of the path after 20 s, and the time of the apex",
+        FLOWN,
+        {"v0": 2000.0, "theta0": 50 * DEG, "t": 20.0, "T": 47.58040019372534},
+        ballistic_tangent,
+        {"tangent": 0.6908105203451572, "climb at T (ft/s)": 0.0},
+        1e-11,
+        atol=1e-9,
+        why=STEPS,
+    ),
+    Case(
+        "T8.4-P5",
+        "Satellite at 300 mi by one impulse",
+        FLOWN,
+        {"Y": 300.0, "U": 22000.0, "w0": 10099.98019800039, "T": 313.66398130435994},
+        impulsive_launch,
+        {
+            "Y (mi)": 300.0,
+            "climb at T (ft/s)": 0.0,
+            "V_k (ft/s)": 24207.635159180667,
+            "phi_0 (deg)": 24.65938247810715,
+        },
+        1e-11,
+        atol=1e-8,
+        why=STEPS,
+    ),
+    Case(
+        "T8.4-P8",
+        "Impulses at the start and at a prescribed time of 120 s",
+        FLOWN,
+        {
+            **{"v0": 3000.0, "theta0": 30 * DEG, "T": 120.0},
+            "gains": (10931.612903225807, 4068.387096774193),
+            "angles": (0.351646953029878, -0.3516469530298779),
+        },
+        split_impulses,
+        {"Y (ft)": 400000.0, "climb (ft/s)": 0.0, "U (ft/s)": 16680.17674911243},
+        1e-11,
+        atol=1e-8,
+        why=STEPS,
+    ),
+    Case(
+        "T8.4-split-up-low",
+        "Target above: one impulse at the start",
+        FLOWN,
+        {
+            **{"v0": 3000.0, "theta0": 30 * DEG, "Y": 400000.0, "gain": 15000.0},
+            **{"phi": 0.24067895642322526, "T": 157.62208124782012},
+        },
+        impulse_at_start,
+        {"Y (ft)": 400000.0, "climb (ft/s)": 0.0, "U (ft/s)": 17165.72163017579},
+        1e-11,
+        atol=1e-8,
+        why=STEPS,
+    ),
+    Case(
+        "T8.4-split-down",
+        "Target below: one impulse at the end",
+        FLOWN,
+        {
+            **{"v0": 3000.0, "theta0": 20 * DEG, "gains": (0.0, 15000.0)},
+            **{"angles": (0.0, 0.30564490647498105), "T": 172.03988359983938},
+        },
+        split_impulses,
+        {"Y - y_0 (ft)": -300000.0, "climb (ft/s)": 0.0, "U (ft/s)": 17123.87426056051},
+        1e-11,
+        atol=1e-8,
+        why=STEPS,
+    ),
+    Case(
+        "T8.4-finite",
+        "Burns of 10, 40 and 160 s with linear-tangent steering",
+        (Ascent, burnout_state, apex),
+        {
+            "burns": (10.0, 40.0, 160.0),
+            "angles": (0.2561786146318576, 0.30709441707383994, 0.5700864745693154),
+            "times": (161.18064163341128, 172.24069121117267, 218.46891178586966),
+            **{"v0": 3000.0, "theta0": 30 * DEG, "Y": 400000.0, "gain": 15000.0},
+        },
+        finite_burn,
+        {
+            "U (ft/s)": [17136.969106935663, 17039.03494142279, 16431.319928700537],
+            "T (s)": [161.18064163341128, 172.24069121117267, 218.46891178586966],
+            "Y (ft)": [400000.0, 400000.0, 400000.0],
+        },
+        why="quadrature by 64 nodes: the digits of the case",
+    ),
+    gravity_row(
+        "T8.5-n1.5-psi30",
+        1.5,
+        5,
+        30,
+        (1060.0467238970523, 37.50607698638997, 8215.830509523359, 25397.335791691537),
+    ),
+    gravity_row(
+        "T8.5-n1.5-psi60",
+        1.5,
+        5,
+        60,
+        (1935.7299119903792, 71.3784334097903, 43873.89746603523, 59052.361665554396),
+    ),
+    gravity_row(
+        "T8.5-n1.5-psi90",
+        1.5,
+        5,
+        90,
+        (3821.3457498980297, 117.60349678535023, 169845.97597072585, 85749.84636607901),
+    ),
+    gravity_row(
+        "T8.5-n2-psi30",
+        2.0,
+        5,
+        30,
+        (2626.060208813329, 65.50597713343448, 34593.89593610614, 90582.55115738408),
+    ),
+    gravity_row(
+        "T8.5-n2-psi60",
+        2.0,
+        5,
+        60,
+        (7039.112271506367, 169.76503933260062, 399645.63477897295, 414281.1358134388),
+    ),
+    gravity_row(
+        "T8.5-n1.3SI-psi30",
+        1.3,
+        3,
+        30,
+        (215.18407417820617, 34.9114206788801, 1387.2807987002298, 5148.7138171825945),
+        9.80665,
+        100.0,
+    ),
+    gravity_row(
+        "T8.5-n1.3SI-psi90",
+        1.3,
+        3,
+        90,
+        (596.09014536667, 80.55081752070686, 16321.790543594696, 11430.667167908816),
+        9.80665,
+        100.0,
+    ),
+    gravity_row(
+        "T8.5-n1-psi60",
+        1.0,
+        5,
+        60,
+        (532.3185861577988, 34.06808427613018, 5918.399238247284, 12643.517975011528),
+    ),
+    gravity_row(
+        "T8.5-n1-psi90",
+        1.0,
+        5,
+        90,
+        (798.4778792366982, 45.01168828635445, 12767.620655984114, 14262.60097182663),
+    ),
+    gravity_row(
+        "T8.5-n0.5-psi90",
+        0.5,
+        30,
+        90,
+        (1931.8516525781365, 73.13146920413288, 103214.35699256754, 69689.96695205878),
+        v0=2000.0,
+    ),
+    gravity_row(
+        "T8.5-retro-psi90",
+        -2.0,
+        60,
+        90,
+        (1443.3756729740644, 47.75619724691378, 139635.38198303324, 53916.49413388544),
+        v0=5000.0,
+    ),
+    Case(
+        "T8.5-var2",
+        "Gravity turn at constant thrust, F / m g = 1.3 / (1 - t / 150 s), and its derivatives",
+        FLOWN,
+        {
+            **{"n": 1.3, "rate": 1.0 / 150.0, "g": 9.80665},
+            **{"v0": 60.0, "psi0": 1 * DEG, "t": 110.0},
+        },
+        slopes_of_turn,
+        {
+            "v (m/s)": 1759.7475505738214,
+            "psi (deg)": 65.49738518869172,
+            "x (m)": 47468.53584943561,
+            "y (m)": 38755.1569883828,
+            "dpsi / dpsi_0": 42.14717065708055,
+            "dv / dpsi_0 (m/s)": 19842.150847870565,
+            "dy / dpsi_0 (m)": -1498987.6864175946,
+        },
+        why=STEPS,
+    ),
+    Case(
+        "T8.5-P2",
+        "Initial angles of 1, 2, 5 and 10 deg: speed and height where the path is horizontal",
+        FLOWN,
+        {
+            "angles": (1.0, 2.0, 5.0, 10.0),
+            "times": (294.276106721131, 200.7526228646315, 117.60349678535023, 75.3357178738642),
+        },
+        horizontal,
+        {
+            "v (ft/s)": [
+                *(8563.034915725386, 6053.366267406037),
+                *(3821.3457498980297, 2684.1238304186118),
+            ],
+            "psi (deg)": [90.0, 90.0, 90.0, 90.0],
+            "y (ft)": [
+                *(450470.1168204687, 222631.86612657981),
+                *(85749.84636607901, 39854.89196218849),
+            ],
+        },
+        1e-11,
+        why=STEPS,
+    ),
+    Case(
+        "T8.5-P3",
+        "Initial angle doubled from 5 to 10 deg: the state after 30 s",
+        FLOWN,
+        {"angles": (5.0, 10.0)},
+        lambda angles: tuple(
+            x * s
+            for a in angles
+            for x, s in zip(turned(1.5, G, 400.0, a * DEG, 30.0)[:2], (1.0, DEG), strict=True)
+        ),
+        {
+            **{"v_a (ft/s)": 913.1278753257347, "psi_a (rad)": 0.41318226175032735},
+            **{"v_b (ft/s)": 991.7808270849149, "psi_b (rad)": 0.7674738379440255},
+        },
+        1e-10,
+        why=STEPS,
+    ),
+]
