@@ -19,7 +19,7 @@ TS = np.array([0.0, 300.0, 600.0])
 def orbits(count: int) -> list[jax.Array]:
     """Position and velocity of so many orbits that differ."""
     y = orbit()
-    factor = 1.0 + 0.01 * jnp.arange(count)
+    factor = 1.0 + 0.01 * jnp.arange(count, dtype=float)
     return [y.position[:, None] * factor, y.velocity[:, None] / jnp.sqrt(factor)]
 
 
@@ -35,13 +35,13 @@ def run(position, velocity):
 
 @pytest.fixture(scope="module")
 def program() -> export.Exported:
-    """The batch, for a number of runs that is left open, written out and read again."""
+    """The batch, for a number of runs that is left open."""
     (n,) = export.symbolic_shape("n")
     shapes = [jax.ShapeDtypeStruct((3, n), float)] * 2
     # The checks of shapes, which the tests alone turn on, broadcast numbers and no symbols.
     config.update("jaxtyping_disable", True)
     try:
-        return export.deserialize(export.export(jax.jit(run))(*shapes).serialize())
+        return export.export(jax.jit(run))(*shapes)
     finally:
         config.update("jaxtyping_disable", False)
 
