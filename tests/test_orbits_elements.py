@@ -250,3 +250,43 @@ def test_input_is_checked():
         ClassicalElements(0.0, 0.1, 0.0, 0.0, 0.0, 0.0)
     with pytest.raises(ValueError, match=r"ClassicalElements\.eccentricity is -0\.1"):
         ClassicalElements(1.0, -0.1, 0.0, 0.0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize("size", [5e-17, 1e-16, 1e-15])
+def test_an_eccentricity_of_rounding_counts_as_none(size):
+    """The split into argument and anomaly would be arbitrary, with derivatives of 1/e."""
+    y = jnp.array([1.0, 0.0, 0.0, 0.0, 0.8, 0.6]) + size * jnp.array([1.0, 0, 0, 1.0, 0, 0])
+    x = to_elements(y[:3], y[3:], 1.0)
+    assert float(x.eccentricity) == 0.0 and float(x.argument_of_periapsis) == 0.0
+    assert np.abs(elements_forward(y)).max() < 10.0
+    np.testing.assert_allclose(jnp.concatenate(to_state(x, 1.0)), y, atol=2e-15)
+
+
+def test_the_circles_of_rounding():
+    """Circles in any plane, rounded to doubles, have no periapsis; e = 1e-13 has one, to 1e-2."""
+    g = np.random.default_rng(5)
+    angles = g.uniform(0.1, 3.0, (4, 2000))
+    for e in (0.0, 1e-13):
+        x = ClassicalElements(1.0 + 0.0 * angles[0], e + 0.0 * angles[0], *angles)
+        back = to_elements(*to_state(x, 1.0), 1.0)
+        found = np.asarray(back.argument_of_periapsis)
+        if e == 0.0:
+            assert np.all(found == 0.0)
+        else:
+            np.testing.assert_allclose(found, angles[2], atol=2e-2)
+
+
+def test_derivatives_lead_back_only_where_the_angles_have_a_meaning():
+    """State to elements and back: the identity away from the circle and the equator, not there."""
+    again = jax.jit(
+        jax.jacfwd(
+            lambda y: jnp.concatenate(
+                state_from_elements(elements_from_state(y[:3], y[3:], 1.0), 1.0)
+            )
+        )
+    )
+    regular = jnp.array([1.0, 0.1, 0.2, -0.1, 0.9, 0.6])
+    np.testing.assert_allclose(again(regular), np.eye(6), atol=1e-13)
+    for name in ("circular", "equatorial"):
+        slope = again(jnp.array(SINGULAR[name], dtype=float))
+        assert np.isfinite(slope).all() and np.abs(slope - np.eye(6)).max() > 0.5

@@ -1,6 +1,8 @@
 """Lambert's problem: published transfers, motions in 60 digits run backwards through it, its edges,
 derivatives."""
 
+import re
+
 import jax
 import jax.numpy as jnp
 import mpmath as mp
@@ -13,12 +15,14 @@ from test_orbits_kepler import forward as slope_of_flow
 
 from jaxspace.core import InputError
 from jaxspace.orbits import (
+    TransferStatus,
     eccentricity_vector,
     kepler_flow,
     lambert,
     least_duration,
     periapsis_radius,
     semi_major_axis,
+    transfer_status,
 )
 from jaxspace.orbits._conic_of_time import conic_of_time, least_time
 from jaxspace.orbits._transfer_time import transfer_time
@@ -339,15 +343,61 @@ def test_half_a_turn_stays_in_the_plane_of_the_normal():
     """A Hohmann transfer, and its derivatives within the plane: those out of it are infinite, and
     left out."""
     y = np.array([1.0, 0.0, 0.0, -1.5, 0.0, 0.0, np.pi * 1.25**1.5, 1.0])
-    found = packed(y)
+
+    def within(y):
+        up = jnp.array([0.0, 0.0, 1.0])
+        return jnp.concatenate(lambert(y[:3], y[3:6], y[6], y[7], normal=up))
+
+    found = jax.jit(within)(y)
     np.testing.assert_allclose(
         found, [0.0, np.sqrt(1.2), 0.0, 0.0, -np.sqrt(1.2) / 1.5, 0.0], atol=1e-15
     )
     inside = np.ix_([0, 1, 3, 4], [0, 1, 3, 4, 6, 7])
-    slope = np.asarray(forward(y))
+    slope = np.asarray(jax.jit(jax.jacfwd(within))(y))
     assert np.all(np.isfinite(slope))
-    np.testing.assert_allclose(slope[inside], differences(y)[inside], rtol=1e-9, atol=1e-10)
-    np.testing.assert_allclose(reverse(y), slope, atol=1e-14)
+    # In the plane z = 0 the default serves on both sides; exactly opposite it is not asked.
+    aside = y + np.array([0, 0, 0, 0, 1e-7, 0, 0, 0])
+    np.testing.assert_allclose(slope[inside], differences(aside)[inside], rtol=1e-6, atol=1e-6)
+    np.testing.assert_allclose(jax.jit(jax.jacrev(within))(y), slope, atol=1e-14)
+    # Off by a rounding, the places would say another plane.
+    off = y + np.array([0, 0, 0, 0, 0, 2e-16, 0, 0])
+    np.testing.assert_allclose(jax.jit(within)(off), found, atol=1e-15)
+
+
+X, Y, Z = np.eye(3)
+STATUS = jax.jit(transfer_status, static_argnames="revolutions")
+
+
+@pytest.mark.parametrize(
+    ("expected", "start", "end", "duration", "rest"),
+    [
+        (TransferStatus.SAME_PLACE, X + Y, X + Y, 2.0, {}),
+        (TransferStatus.SAME_PLACE, X + Y, X + Y, 40.0, {"revolutions": 1}),
+        (TransferStatus.NO_PLANE, X, -1.5 * X, 2.0, {}),
+        (TransferStatus.NO_PLANE, X, -1.5 * X + 2e-16 * Z, 2.0, {}),
+        (TransferStatus.NO_PLANE, X, -1.5 * X, 2.0, {"normal": X}),
+        (TransferStatus.INVALID, 0.0 * X, Y, 2.0, {}),
+        (TransferStatus.INVALID, X, np.nan * Y, 2.0, {}),
+        (TransferStatus.INVALID, X, Y, 0.0, {}),
+        (TransferStatus.INVALID, X, Y, np.inf, {}),
+        (TransferStatus.TOO_SHORT, X, Y, 2.0, {"revolutions": 1}),
+    ],
+)
+def test_what_has_no_single_transfer_is_named(expected, start, end, duration, rest):
+    start, end = jnp.asarray(start), jnp.asarray(end)
+    if "normal" in rest:
+        rest = {**rest, "normal": jnp.asarray(rest["normal"])}
+    with pytest.raises(InputError, match=f"lambert: {re.escape(expected.sentence)}"):
+        lambert(start, end, duration, 1.0, **rest)
+    # Beside a good one in a batch: NaN and a status.
+    places = jnp.stack([end, Z + 0.1 * Y], axis=1)
+    durations = jnp.array([duration, 40.0])
+    rest = {**rest, "normal": jnp.stack([rest["normal"], Y], axis=1)} if "normal" in rest else rest
+    starts = jnp.stack([start, X], axis=1)
+    v1, v2 = transfer(starts, places, durations, 1.0, **rest)
+    assert np.isnan(v1[:, 0]).all() and np.isnan(v2[:, 0]).all()
+    assert np.isfinite(v1[:, 1]).all() and np.isfinite(v2[:, 1]).all()
+    assert list(STATUS(starts, places, durations, 1.0, **rest)) == [expected, TransferStatus.FOUND]
 
 
 @pytest.mark.parametrize("duration", [1.0, 4.0])

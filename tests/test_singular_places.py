@@ -1,6 +1,8 @@
 """Derivatives of closed forms at the ends and holes of their ranges: right, or infinite by the rule
 of ends (`core/_safe.py`), in both modes alike."""
 
+from functools import partial
+
 import jax
 import jax.numpy as jnp
 import mpmath
@@ -9,7 +11,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from jaxspace.attitude import Polhode, Top, cord_length, pitch_libration_period
-from jaxspace.bodies import InertiaTensor, principal_axes
+from jaxspace.bodies import InertiaTensor, principal_axes, tensor_function
 from jaxspace.rockets import jet_damping_ratio, spin_angle, spin_ratio
 
 A, C, WL = 0.002, 0.0008, 0.3
@@ -151,6 +153,45 @@ def test_steady_precession_at_the_least_spin(theta, sense):
         assert_allclose(both(rate, x), expected)
 
 
+@pytest.mark.parametrize("theta", [0.0, 0.3, 1.2])
+@pytest.mark.parametrize("sense", [1.0, -1.0])
+def test_steady_precession_at_the_least_momentum(theta, sense):
+    """The double root h_Z / (2 A), with infinite slopes along all that moves the radicand."""
+    least = sense * 2.0 * np.sqrt(A * WL * np.cos(theta))
+    x = [A, C, WL, theta, least]
+    for k, sign in ((0, -sense), (1, sense)):
+
+        def rate(x, k=k):
+            return top_of(x).precession_rates_from_momentum(x[3], x[4])[k]
+
+        assert_allclose(rate(jnp.asarray(x)), least / (2.0 * A), rtol=1e-14)
+        expected = sign * np.inf * np.array([-1.0, 1.0, -1.0, 1.0, sense])
+        expected[1], expected[3] = 0.0, expected[3] if theta else 0.0
+        assert_allclose(both(rate, x), expected)
+
+
+def test_nutation_of_the_upright_top_at_the_critical_spin():
+    least = float(Top(A, C, WL).least_spin(0.0))
+    frequency = lambda x: top_of(x).nutation_frequency(x[3], x[4], x[5])  # noqa: E731
+    x = [A, C, WL, 0.0, 1.7, least]
+    assert frequency(jnp.asarray(x)) == 0.0
+    expected = [-np.inf, np.inf, -np.inf, 0.0, 0.0, np.inf]
+    assert_allclose(both(frequency, x), expected)
+    # Away from the end the slope is that of the formula.
+    x = [A, C, WL, 0.4, 1.7, 1.5 * least]
+    with mpmath.workdps(40):
+
+        def exact(*v):
+            a, c, w, th, psi, n = v
+            moving = (c * n) ** 2 - 4 * a * w * mpmath.cos(th) + (a * psi * mpmath.sin(th)) ** 2
+            return mpmath.sqrt(moving) / a
+
+        slopes = [
+            float(mpmath.diff(exact, x, tuple(int(i == j) for j in range(6)))) for i in range(6)
+        ]
+    assert_allclose(both(frequency, x), slopes, rtol=1e-13)
+
+
 def test_growth_at_the_critical_spin():
     critical = float(Top(A, C, WL).least_spin(0.0))
     growth = lambda x: top_of(x).sleeping_growth_rate(x[3])  # noqa: E731
@@ -165,6 +206,74 @@ TURN = np.linalg.qr(np.array([[1.0, 0.2, 0.3], [0.5, 1.0, -0.4], [-0.3, 0.6, 1.0
 
 def axes_of(x):
     return principal_axes(InertiaTensor(x))
+
+
+def _tensor_function_of(f, x):
+    return tensor_function(f, InertiaTensor(x)).tensor
+
+
+FORMS = {
+    f: [jax.jit(way(partial(_tensor_function_of, f))) for way in (partial, jax.jacfwd, jax.jacrev)]
+    for f in (jnp.sqrt, jnp.reciprocal)
+}
+
+
+@pytest.mark.parametrize(
+    "moments",
+    [
+        [2.0, 2.0, 3.0],
+        [2.0, 2.0, 2.0],
+        [1.0, 1.0 + 1e-15, 3.0],
+        [1.0, 1.0 + 1e-9, 3.0],
+        [1.0, 1.0 + 1e-4, 1.02],
+        [1.0, 1.3, 7.0],
+    ],
+)
+def test_a_function_of_the_tensor_is_smooth(moments):
+    """Root and inverse: their derivatives X solve  R X + X R = change  and X = -J^-1 change J^-1,
+    in forty digits, however close the moments are."""
+    tensor = TURN @ np.diag(moments) @ TURN.T
+    tensor = 0.5 * (tensor + tensor.T)
+    change = np.array([[0.3, 0.1, 0.2], [0.1, -0.2, 0.5], [0.2, 0.5, 0.4]])
+    with mpmath.workdps(40):
+        J, E = mpmath.matrix(tensor), mpmath.matrix(change)
+        values, V = mpmath.eigsy(J)
+        roots, local = [mpmath.sqrt(v) for v in values], V.T * E * V
+        solved = mpmath.matrix(
+            [[local[i, j] / (roots[i] + roots[j]) for j in range(3)] for i in range(3)]
+        )
+        exact = {
+            jnp.sqrt: (V * mpmath.diag(roots) * V.T, V * solved * V.T),
+            jnp.reciprocal: (J**-1, -(J**-1) * E * J**-1),
+        }
+        exact = {f: [np.array(x.tolist(), float) for x in pair] for f, pair in exact.items()}
+    for f, (value, slope) in exact.items():
+        form, forward, reverse = FORMS[f]
+        assert_allclose(form(tensor), value, rtol=1e-13, atol=1e-14)
+        for jacobian in (forward, reverse):
+            found = np.einsum("ijkl,kl->ij", jacobian(tensor), change)
+            assert_allclose(found, slope, rtol=1e-12, atol=1e-13)
+
+
+def test_functions_of_a_tensor_in_a_batch_and_of_second_order():
+    tensors = jnp.stack([jnp.asarray(TURN @ np.diag(m) @ TURN.T) for m in ([1, 2, 3], [2, 2, 3])])
+    batch = jnp.moveaxis(tensors, 0, -1)
+    cubes = _tensor_function_of(_cube, batch)
+    assert_allclose(cubes, jnp.moveaxis(tensors @ tensors @ tensors, 0, -1), rtol=1e-13)
+    # Second derivatives: right where the moments differ, else not finite.
+    bend = jax.jit(jax.hessian(lambda x: jnp.sum(jnp.sin(_tensor_function_of(_cube, x)))))
+    truth = jax.jit(jax.hessian(lambda x: jnp.sum(jnp.sin(_cubed(x)))))
+    assert_allclose(bend(tensors[0]), truth(tensors[0]), rtol=1e-10, atol=1e-10)
+    assert not np.isfinite(bend(tensors[1])).all()
+
+
+def _cube(moment):
+    return moment * moment * moment
+
+
+def _cubed(x):
+    x = 0.5 * (x + x.T)
+    return x @ x @ x
 
 
 def test_principal_axes_at_equal_moments():

@@ -56,7 +56,6 @@ from ..core import (
     end_sqrt,
     quantity,
     safe_divide,
-    safe_sqrt,
 )
 from ..rotations import Quaternion, from_euler_angles, omega_from_euler_rates, to_euler_angles
 from ._nutation import Nutation
@@ -201,20 +200,12 @@ class Top(AbstractSystem):
         """
         least = barrier(jax.lax.stop_gradient(self.least_spin(theta)))
 
-        def radicand(A, C, Wl, theta, n, least):
-            x = (C * n) ** 2 - 4.0 * A * Wl * jnp.cos(theta)
-            # The same, without the rounding of a difference of squares: zero at the least spin.
-            size = jnp.abs(n)
-            below = 4.0 * A * jnp.maximum(-Wl * jnp.cos(theta), 0.0)
-            exact = C * C * (size - least) * (size + least) + below
-            return x + jax.lax.stop_gradient(exact - x)
-
         A, C, Wl = self._letters()
         theta, n = as_float(theta), as_float(n)
         # Both from the root of larger magnitude and the product of the roots: nothing cancels for
         # a fast top or near the horizontal.
         p = C * n
-        p = p + jnp.where(p < 0.0, -1.0, 1.0) * end_sqrt(radicand, A, C, Wl, theta, n, least)
+        p = p + jnp.where(p < 0.0, -1.0, 1.0) * end_sqrt(_gyroscopic, A, C, Wl, theta, n, least)
         return 2.0 * Wl / p, p / (2.0 * A * jnp.cos(theta))
 
     def precession_rates_from_momentum(self, theta: Scalar, h_Z: Scalar) -> tuple[Scalar, Scalar]:
@@ -227,13 +218,20 @@ class Top(AbstractSystem):
         - `h_Z`: angular momentum about the vertical, kg m^2/s.
 
         **Returns** the two roots of A psi'^2 - h_Z psi' + W l cos(theta) = 0; NaN where there is
-        none.
+        none. At the least momentum, 2 sqrt(A W l cos(theta)), both are one, with infinite slopes
+        (the rule of ends in `core/_safe.py`).
         """
+
+        def radicand(A, Wl, theta, h_Z, least):
+            return _gyroscopic(A, jnp.ones_like(h_Z), Wl, theta, h_Z, least)
+
         A, _, Wl = self._letters()
-        weight = Wl * jnp.cos(theta)
+        theta, h_Z = as_float(theta), as_float(h_Z)
+        least = 2.0 * jnp.sqrt(jnp.maximum(A * Wl * jnp.cos(theta), 0.0))
+        least = barrier(jax.lax.stop_gradient(least))
         # The root of larger magnitude first, so that nothing cancels.
-        p = h_Z + jnp.where(h_Z < 0.0, -1.0, 1.0) * safe_sqrt(h_Z * h_Z - 4.0 * A * weight)
-        return 2.0 * weight / p, p / (2.0 * A)
+        p = h_Z + jnp.where(h_Z < 0.0, -1.0, 1.0) * end_sqrt(radicand, A, Wl, theta, h_Z, least)
+        return 2.0 * (Wl * jnp.cos(theta)) / p, p / (2.0 * A)
 
     def least_spin(self, theta: Scalar) -> Scalar:
         """The least spin n, rad/s, with a steady precession at `theta`, rad (Thomson 5.14-4).
@@ -287,10 +285,19 @@ class Top(AbstractSystem):
 
     def nutation_frequency(self, theta: Scalar, precession: Scalar, n: Scalar) -> Scalar:
         """Angular frequency, rad/s, of a small nutation about a steady precession (Thomson 6.1-5);
-        arguments as in `precession_moment`."""
+        arguments as in `precession_moment`.
+
+        NaN where the precession is unstable. Where the frequency becomes zero its slope is infinite
+        (the rule of ends in `core/_safe.py`)."""
+
+        def radicand(A, C, Wl, theta, precession, n, least):
+            around = A * precession * jnp.sin(theta)
+            return _gyroscopic(A, C, Wl, theta, n, least) + around * around
+
         A, C, Wl = self._letters()
-        gyroscopic = (C * n) ** 2 - 4.0 * A * Wl * jnp.cos(theta)
-        return safe_sqrt(gyroscopic + (A * precession * jnp.sin(theta)) ** 2) / A
+        theta, precession, n = (as_float(x) for x in (theta, precession, n))
+        least = barrier(jax.lax.stop_gradient(self.least_spin(theta)))
+        return end_sqrt(radicand, A, C, Wl, theta, precession, n, least) / A
 
     def precession_per_nutation(self, theta: Scalar, precession: Scalar, n: Scalar) -> Scalar:
         """Deviation of psi' over the deviation of theta, 1/s, in a small nutation about a steady
@@ -323,6 +330,19 @@ class Top(AbstractSystem):
 
     def _letters(self) -> tuple[Scalar, Scalar, Scalar]:
         return self.transverse_inertia, self.axial_inertia, self.weight_moment
+
+
+def _gyroscopic(
+    A: Scalar, C: Scalar, Wl: Scalar, theta: Scalar, n: Scalar, least: Scalar
+) -> Scalar:
+    """(C n)^2 - 4 A W l cos(theta), zero exactly at the `least` spin; its derivatives are those of
+    this formula."""
+    x = (C * n) ** 2 - 4.0 * A * Wl * jnp.cos(theta)
+    # The same, without the rounding of a difference of squares.
+    size = jnp.abs(n)
+    below = 4.0 * A * jnp.maximum(-Wl * jnp.cos(theta), 0.0)
+    exact = C * C * (size - least) * (size + least) + below
+    return x + jax.lax.stop_gradient(exact - x)
 
 
 @final

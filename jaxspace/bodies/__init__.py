@@ -13,10 +13,11 @@ from ._inertia import PrincipalInertia as PrincipalInertia
 from ._inertia import as_inertia as as_inertia
 from ._inertia import kinetic_energy as kinetic_energy
 from ._inertia import parallel_axes as parallel_axes
-from ._inertia import principal_axes as principal_axes
 from ._jump import AbstractJump as AbstractJump
 from ._newton_euler import angular_acceleration as angular_acceleration
 from ._newton_euler import linear_acceleration as linear_acceleration
+from ._principal_axes import principal_axes as principal_axes
+from ._principal_axes import tensor_function as tensor_function
 from ._principal_frame import free_turn as free_turn
 from ._state import PARTS as PARTS
 from ._state import BodyState as BodyState

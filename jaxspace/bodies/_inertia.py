@@ -9,13 +9,12 @@
              minus the product of inertia, -int xy dm
     h        angular momentum                            kg m^2/s
 
-Source: Thomson 5.3 (tensor), 5.5 (principal axes), 7.1.
+Source: Thomson 5.3 (tensor), 5.5 (parallel axes), 7.1.
 """
 
 from abc import abstractmethod
 from typing import Any, final
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -33,7 +32,6 @@ from ..core import (
     matvec,
     quantity,
     solve3,
-    times_slope,
     with_rank,
 )
 
@@ -187,38 +185,3 @@ def parallel_axes(inertia: AbstractInertia, mass: Scalar, offset: Vector) -> Ine
     identity = with_rank(jnp.eye(3, dtype=offset.dtype), rank, axes=2)
     shift = dot(offset, offset) * identity - offset[:, None] * offset[None, :]
     return InertiaTensor(tensor + mass * shift)
-
-
-def principal_axes(inertia: AbstractInertia) -> tuple[Vector, Matrix]:
-    """Principal moments in ascending order, kg m^2, and the principal axes as the columns of a
-    matrix (Thomson 5.5).
-
-    The derivative of an axis exists only where its moment differs from the others: where two are
-    equal to rounding, those of their axes are not finite, in both modes, while the third axis has
-    its own. Of equal moments the sum has the right derivative, each one alone that along the axis
-    which happens to be returned. For the motion of such a body use `FreeRotation`, whose
-    derivatives need no axes."""
-    return _principal_axes(inertia.matrix())
-
-
-@jax.custom_jvp
-def _principal_axes(tensor: Matrix) -> tuple[Vector, Matrix]:
-    # `eigh` takes the runs first and the matrix last.
-    moments, axes = jnp.linalg.eigh(jnp.moveaxis(tensor, (0, 1), (-2, -1)))
-    return jnp.moveaxis(moments, -1, 0), jnp.moveaxis(axes, (-2, -1), (0, 1))
-
-
-@_principal_axes.defjvp
-def _principal_axes_tangent(primals, tangents):
-    moments, axes = _principal_axes(*primals)
-    (change,) = tangents
-    # Only the symmetric part of a change is one of an inertia.
-    change = 0.5 * (change + jnp.swapaxes(change, 0, 1))
-    local = jnp.einsum("ki...,kl...,lj...->ij...", axes, change, axes)
-    gap = moments[None, :] - moments[:, None]
-    equal = jnp.abs(gap) <= 8.0 * float(jnp.finfo(gap.dtype).eps) * moments[2]
-    same = jnp.eye(3, dtype=bool).reshape(3, 3, *(1,) * (gap.ndim - 2))
-    slope = jnp.where(same, 0.0, jnp.where(equal, jnp.inf, 1.0 / jnp.where(equal, 1.0, gap)))
-    turn = times_slope(slope, local)
-    along = jnp.stack([local[k, k] for k in range(3)])
-    return (moments, axes), (along, jnp.einsum("ki...,ij...->kj...", axes, turn))

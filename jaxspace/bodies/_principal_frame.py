@@ -29,7 +29,8 @@ from jaxtyping import Array
 from ..core import Matrix, Scalar, Vector, axis, cross, matvec, with_rank
 from ..rotations import Quaternion
 from ._free_rotation import free_rotation
-from ._inertia import AbstractInertia, InertiaTensor, PrincipalInertia, principal_axes
+from ._inertia import AbstractInertia, InertiaTensor, PrincipalInertia
+from ._principal_axes import principal_axes
 
 _PAIRS = ((1, 2), (2, 0), (0, 1))
 

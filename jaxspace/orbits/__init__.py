@@ -21,6 +21,7 @@ from ._initial import orbit_from_radius as orbit_from_radius
 from ._kepler import kepler_flow as kepler_flow
 from ._lambert import lambert as lambert
 from ._lambert import least_duration as least_duration
+from ._lambert import transfer_status as transfer_status
 from ._oblateness import Oblateness as Oblateness
 from ._oblateness import apsidal_rate as apsidal_rate
 from ._oblateness import node_regression_rate as node_regression_rate
@@ -39,4 +40,5 @@ from ._point_gravity import PointGravity as PointGravity
 from ._point_gravity import point_gravity as point_gravity
 from ._point_gravity import point_gravity_potential as point_gravity_potential
 from ._steps import steps_for as steps_for
+from ._transfer_status import TransferStatus as TransferStatus
 from ._two_body import TwoBody as TwoBody

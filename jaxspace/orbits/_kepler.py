@@ -23,6 +23,13 @@ The error is that of the rounding of the inputs. This holds for a flyby from afa
 terms of Kepler's equation above nearly cancel, because the anomaly comes from its form about
 periapsis (`_anomaly.py`). Derivatives of such a flyby lose two digits more.
 
+Near the parabola the inputs say the energy with few digits: at periapsis beta = 1 - e is the rest
+of 2 - v0^2 |r0|/mu, and half a unit in the last place of v0 moves the energy by 1e-16/(1 - e) of
+itself. So at e = 1 - 1e-8 the energy of a state later has a relative error of 2e-8, period and
+semi-major axis likewise, and after a revolution the place along the orbit. More digits in beta
+would follow one rounded state more closely, not the motion that was meant; to fly with a given
+small 1 - e, start away from periapsis, where |r0| is of the order of a and v0 is small.
+
 Not valid through a collision (h = 0 and past the centre): there the motion of two points has no
 continuation.
 """

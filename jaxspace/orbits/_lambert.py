@@ -15,15 +15,17 @@ Short way or long way, with or without whole revolutions.
 
 Source: Thomson 4.16 states the problem; Izzo (2015), Celestial Mechanics 121, 1.
 
-Not unique where both places are the same (the result is NaN), and where they lie on one line
-through the centre: there `normal` decides the plane, and derivatives are those within this plane.
+Not unique where both places are the same, and where they lie opposite each other: there a `normal`
+must decide the plane, and derivatives are those within this plane.
 """
 
 from typing import NamedTuple
 
 import jax.numpy as jnp
+from jaxtyping import Array, Int
 
 from ..core import (
+    InputError,
     Scalar,
     Vector,
     axis,
@@ -32,11 +34,13 @@ from ..core import (
     check_positive,
     cross,
     dot,
+    is_traced,
     norm,
     unit,
     with_rank,
 )
 from ._conic_of_time import conic_of_time, least_time
+from ._transfer_status import TransferStatus, geometry_status, rounding_of_directions
 from ._transfer_time import transfer_time
 
 
@@ -77,25 +81,73 @@ def lambert(
     - `duration`: s, (*runs,).
     - `mu`: gravitational parameter of the centre, m^3/s^2, (*runs,).
     - `normal`: the motion turns counterclockwise seen from its tip, (3, *runs); the third axis by
-      default. It decides between the short and the long way.
+      default. It decides between the short and the long way, and the plane at half a turn, where it
+      must be given.
     - `revolutions`: whole revolutions before the arrival.
     - `low`: with one or more revolutions there are two transfers; whether to take the one that
       leaves lower above the horizon.
 
-    **Returns** the velocities at `start` and at `end`, m/s, (3, *runs); the runs broadcast. A run
-    without a transfer (a `duration` of zero or below, or shorter than `least_duration`) is NaN, and
-    changes no other. Derivatives of every order, forward and reverse, follow from the implicit
-    function theorem.
+    **Returns** the velocities at `start` and at `end`, m/s, (3, *runs); the runs broadcast. In a
+    batch and under a transformation, a run without one transfer is NaN and changes no other:
+    `transfer_status` says why. Derivatives of every order, forward and reverse, follow from the
+    implicit function theorem.
 
-    **Raises** `InputError` for `revolutions` below zero and for a `mu` that is not positive.
+    **Raises** `InputError` for `revolutions` below zero, for a `mu` that is not positive, and for a
+    single transfer whose known inputs have none, or more than one (`TransferStatus`).
     """
     check(revolutions >= 0, "lambert: revolutions", revolutions, "zero or more")
     check_positive("lambert: mu", mu)
+    v1, v2, status = _transfer(start, end, duration, mu, normal, revolutions, low)
+    if status.ndim == 0 and not is_traced(status) and status != TransferStatus.FOUND:
+        raise InputError(f"lambert: {TransferStatus(int(status)).sentence}")
+    found = status == TransferStatus.FOUND
+    return jnp.where(found, v1, jnp.nan), jnp.where(found, v2, jnp.nan)
+
+
+def transfer_status(
+    start: Vector,
+    end: Vector,
+    duration: Scalar,
+    mu: Scalar,
+    *,
+    normal: Vector | None = None,
+    revolutions: int = 0,
+) -> Int[Array, "*runs"]:
+    """Why `lambert` has no answer, where it has none.
+
+    **Arguments** as in `lambert`.
+
+    **Returns** a `TransferStatus` for each run, (*runs,).
+
+    **Raises** `InputError` for `revolutions` below zero.
+    """
+    check(revolutions >= 0, "transfer_status: revolutions", revolutions, "zero or more")
+    return _transfer(start, end, duration, mu, normal, revolutions, True)[2]
+
+
+def _transfer(
+    start: Vector,
+    end: Vector,
+    duration: Scalar,
+    mu: Scalar,
+    normal: Vector | None,
+    revolutions: int,
+    low: bool,
+) -> tuple[Vector, Vector, Int[Array, "*runs"]]:
+    """The velocities at both ends, and the `TransferStatus`; arguments as in `lambert`."""
     chord = _chord(start, end, normal)
     unit_of_time = chord.s * jnp.sqrt(chord.s / (2.0 * mu))
     time, lam, kappa = barrier((duration / unit_of_time, chord.lam, chord.kappa))
     x = conic_of_time(time, lam, kappa, revolutions, low)
-    return _velocities(x, chord, mu)
+    status = geometry_status(
+        (chord.r1, chord.r2, chord.c),
+        (chord.i1, chord.i2),
+        jnp.asarray(duration),
+        jnp.asarray(mu),
+        normal,
+    )
+    short = jnp.isnan(x) & (status == TransferStatus.FOUND)
+    return *_velocities(x, chord, mu), jnp.where(short, TransferStatus.TOO_SHORT, status)
 
 
 def least_duration(
@@ -147,7 +199,9 @@ def _along(i1: Vector, i2: Vector, normal: Vector | None) -> tuple[Vector, Vecto
     up = axis(2, i1[0]) if normal is None else with_rank(normal, i1.ndim - 1)
     n = barrier(cross(i1, i2))
     n2, turn = barrier((dot(n, n), dot(n, up)))
-    aligned = n2 == 0.0
+    # At half a turn but for rounding, the places say no plane.
+    noise = rounding_of_directions(n2)
+    aligned = (n2 == 0.0) | ((n2 <= noise * noise) & (dot(i1, i2) < 0.0))
     way = jnp.where(turn < 0.0, -1.0, 1.0).astype(i1.dtype)
     per_n = way / jnp.sqrt(jnp.where(aligned, 1.0, n2))
     h = barrier(jnp.where(aligned, unit(up - dot(up, i1) * i1), per_n * n))
