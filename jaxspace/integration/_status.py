@@ -20,6 +20,10 @@ class Status(enum.IntEnum):
     EVENT_MISSED = 4
     NOT_FINITE = 5
     REFUSED = 6
+    EVENT_UNRESOLVED = 7
+    CONDITION_NOT_FINITE = 8
+    EVENTS_PILE_UP = 9
+    OUTSIDE_MODEL = 10
 
     @property
     def sentence(self) -> str:
@@ -51,6 +55,22 @@ _SENTENCES = {
         "The state left the finite numbers: check the initial state and the parameters of this run."
     ),
     Status.REFUSED: "A parameter of this run lies outside its allowed range: it was not run.",
+    Status.EVENT_UNRESOLVED: (
+        "The search for the time of an event did not converge: look at the condition around its "
+        "zero, where it must be smooth."
+    ),
+    Status.CONDITION_NOT_FINITE: (
+        "The condition of an event was NaN or infinite on the way: it must be finite wherever the "
+        "run goes."
+    ),
+    Status.EVENTS_PILE_UP: (
+        "Events follow each other faster than the time resolves, as the last bounces of a ball: "
+        "end the run before, or go on with a system that is at rest."
+    ),
+    Status.OUTSIDE_MODEL: (
+        "The run left what the model describes, as by a collision or by a mass below the dry mass: "
+        "end it before by an event."
+    ),
 }
 
 

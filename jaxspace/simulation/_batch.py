@@ -22,9 +22,9 @@ from ._batch_layout import InAxes, cut_batch, local_blocks, split_batch
 from ._blocks import Blocks, jit_wide_vectors
 from ._failures import nan_where_failed
 from ._mission import Mission
-from ._runs import MissionResult, RunResult, run_mission, run_system
+from ._runs import MissionResult, RunResult, check_events, run_mission, run_system
 from ._simulate import (
-    check_events,
+    as_events,
     check_num_saved,
     check_structure,
     check_times,
@@ -119,7 +119,7 @@ def _batch_of_systems(
 ) -> Trajectory:
     check_initial_state_of_batch(y0s)
     ts = check_times(ts, y0s, axes=2)
-    events = tuple(events)
+    events = as_events(events)
     batched, shared, runs = split_batch(systems, y0s, ts, in_axes, times_axes=1)
     whole = cut_batch(batched, shared)
     check_structure(whole[0], whole[1], ts[0])

@@ -18,6 +18,15 @@ LOUD = tuple(
     for status in Status
 )
 
+# After which nothing behind the start is known: a step missed the tolerance, an event may have
+# passed unseen, or the model does not hold.
+WITHOUT_BOUND = (
+    Status.TOLERANCE_MISSED,
+    Status.EVENT_UNRESOLVED,
+    Status.CONDITION_NOT_FINITE,
+    Status.OUTSIDE_MODEL,
+)
+
 
 def _scaled(tree: PyTree, factor: Array) -> PyTree:
     """Floating-point arrays times a factor of each run (one, or NaN), derivatives included."""
@@ -40,8 +49,8 @@ def nan_where_failed(result: T, status: Array | None = None) -> T:
 
     - `result`: a `RunResult`; or with a `status` any tree of arrays with the runs last.
 
-    **Returns** the same with NaN: in a `RunResult` all states after the first where a step missed
-    the tolerance, and every state that is not finite in one of its blocks; else all of it."""
+    **Returns** the same with NaN: in a `RunResult` all states after the first for a status of
+    `WITHOUT_BOUND`, and every state that is not finite in one of its blocks; else all of it."""
     if status is not None:
         return _scaled(result, _nan_unless(status <= Status.EVENT))
     assert isinstance(result, RunResult)
@@ -50,9 +59,9 @@ def nan_where_failed(result: T, status: Array | None = None) -> T:
     for block in jax.tree.leaves(result.states):
         components = tuple(range(block.ndim - 1 - run_axes))
         good = good & jnp.all(jnp.isfinite(block), axis=components)
-    # Where a step missed the tolerance, everything behind it is without a bound.
     first = jnp.arange(result.ts.shape[0]).reshape(-1, *(1,) * run_axes) == 0
-    good = good & (first | (result.status != Status.TOLERANCE_MISSED))
+    for unbounded in WITHOUT_BOUND:
+        good = good & (first | (result.status != unbounded))
     return result._replace(states=_scaled(result.states, _nan_unless(good)))
 
 
@@ -77,7 +86,18 @@ def loud(result: T) -> T:
     return _with_numbers(result, eqx.combine(jax.tree.map(leaf, floats), integers))
 
 
-NUMBERS = ("ts", "states", "status", "event", "stats", "dense", "final", "end", "phases")
+NUMBERS = (
+    "ts",
+    "states",
+    "status",
+    "event",
+    "happened",
+    "stats",
+    "dense",
+    "final",
+    "end",
+    "phases",
+)
 
 
 def _numbers(result: Any) -> dict[str, Any]:

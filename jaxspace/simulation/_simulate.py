@@ -20,7 +20,7 @@ from ..integration._status import Status, raise_on_failure
 from ..integration._stiffness import InitialConditions
 from ._failures import loud, nan_where_failed
 from ._mission import Mission
-from ._runs import MissionResult, RunResult, run_mission, run_system
+from ._runs import MissionResult, RunResult, check_events, first_line, run_mission, run_system
 from ._trajectory import MissionTrajectory, Trajectory
 
 Result = TypeVar("Result", Trajectory, MissionTrajectory)
@@ -93,8 +93,8 @@ def _simulate_system(
     y0: PyTree,
     ts: Float[ArrayLike, " times"],
     *,
-    accuracy: Accuracy | Scalar | None = None,
-    events: tuple[Event, ...] = (),
+    accuracy: Any = None,
+    events: Any = (),
     dense: bool = False,
     throw: bool = True,
 ) -> Trajectory:
@@ -102,7 +102,7 @@ def _simulate_system(
     # Everything that can be refused is refused here, before anything is compiled.
     ts = check_times(ts, y0)
     check_structure(system, y0, ts[0])
-    events = tuple(events)
+    events = as_events(events)
     check_events(events, system, y0, ts[0], 0)
     config = resolve(system, y0, as_accuracy(accuracy), InitialConditions.of_one(system, y0, ts))
 
@@ -118,7 +118,7 @@ def _simulate_mission(
     y0: PyTree,
     t0: Scalar = 0.0,
     *,
-    accuracy: Accuracy | Scalar | None = None,
+    accuracy: Any = None,
     num_saved: int = 2,
     throw: bool = True,
 ) -> MissionTrajectory:
@@ -154,9 +154,10 @@ def resolve_phases(
     configs = []
     y = jax.eval_shape(lambda y: y, y0)
     for phase in mission.phases:
-        configs.append(resolve(phase.system, y, accuracy))
         # Only shapes are needed: a jump may change what the state holds.
         zero = jax.ShapeDtypeStruct((), state_dtype(y))
+        check_structure(phase.system, y, zero)
+        configs.append(resolve(phase.system, y, accuracy))
         y = eqx.filter_eval_shape(broadcast_state, phase.system, zero, y)
         if phase.then is not None:
             y = jax.eval_shape(phase.then, zero, y)
@@ -167,8 +168,8 @@ def trajectory_of(
     result: RunResult, system: AbstractSystem, config: IntegrationConfig, run_axes: int
 ) -> Trajectory:
     """A `Trajectory` from what the run left."""
-    ts, states, status, event, stats, dense, _ = result
-    return Trajectory(ts, states, status, event, stats, system, config, dense, run_axes)
+    ts, states, status, event, happened, stats, dense, _ = result
+    return Trajectory(ts, states, status, event, happened, stats, system, config, dense, run_axes)
 
 
 def mission_trajectory_of(
@@ -242,7 +243,7 @@ def check_num_saved(num_saved: int) -> None:
         raise InputError(f"num_saved is {num_saved}: it must be from 2 to 1e7.")
 
 
-def check_structure(system: AbstractSystem, y0: State, t: Array) -> None:
+def check_structure(system: AbstractSystem, y0: PyTree, t: Any) -> None:
     """Raise `InputError` unless the derivative has the structure of the state."""
     leaves, structure = jax.tree.flatten(jax.tree.map(shape_of, (system, y0, t)))
     try:
@@ -256,35 +257,37 @@ def check_structure(system: AbstractSystem, y0: State, t: Array) -> None:
 def _check_structure(structure: Any, leaves: tuple[Any, ...]) -> None:
     """Once for each system and state of one make: tracing the field costs more than a short run."""
     system, y0, t = jax.tree.unflatten(structure, leaves)
-    derivative = eqx.filter_eval_shape(lambda s, t, y: s.vector_field(t, y), system, t, y0)
-    if jax.tree.structure(derivative) == jax.tree.structure(y0):
-        return
-    held, given = (
-        [
-            jax.tree_util.keystr(path) or "an array"
-            for path, _ in jax.tree_util.tree_flatten_with_path(tree)[0]
-        ]
-        for tree in (y0, derivative)
-    )
+    # Whatever a field that meets another state than its own may raise is told in its words.
+    try:
+        derivative = eqx.filter_eval_shape(lambda s, t, y: s.vector_field(t, y), system, t, y0)
+        if jax.tree.structure(derivative) == jax.tree.structure(y0):
+            eqx.filter_eval_shape(broadcast_state, system, t, y0)
+            return
+    except InputError:
+        raise
+    except Exception as error:
+        raise InputError(
+            f"{type(system).__name__}.vector_field cannot take y0, which holds {_held(y0)}: "
+            f"{type(error).__name__}: {first_line(error)}"
+        ) from error
     raise InputError(
-        f"y0 holds {', '.join(held)}, and {type(system).__name__}.vector_field returns "
-        f"{', '.join(given)}: the derivative must have the structure of the state."
+        f"y0 holds {_held(y0)}, and {type(system).__name__}.vector_field returns "
+        f"{_held(derivative)}: the derivative must have the structure of the state."
     )
 
 
-def check_events(
-    events: tuple[Event, ...], system: AbstractSystem, y0: State, t: Array, run_axes: int
-) -> None:
-    """Raise `InputError` for a condition that is not one number for each run."""
-    if not events:
-        return
-    y = eqx.filter_eval_shape(broadcast_state, system, t, y0)
-    leaf = jax.tree.leaves(y)[0]
-    runs = leaf.shape[leaf.ndim - run_axes :]
-    for number, event in enumerate(events):
-        value = jax.eval_shape(event.condition, t, y)
-        shape = getattr(value, "shape", type(value).__name__)
-        if shape not in (runs, ()):
-            raise InputError(
-                f"events[{number}].condition returns {shape}: it must return one number."
-            )
+def _held(tree: PyTree) -> str:
+    """The arrays of a tree with their shapes, in words."""
+    leaves = jax.tree_util.tree_flatten_with_path(tree)[0]
+    return ", ".join(
+        f"{jax.tree_util.keystr(path) or 'an array'} {getattr(leaf, 'shape', '')}".strip()
+        for path, leaf in leaves
+    )
+
+
+def as_events(events: Any) -> tuple[Event, ...]:
+    """The events as a tuple. Raises `InputError` for anything else than a sequence of them."""
+    if isinstance(events, Event) or not all(isinstance(event, Event) for event in events):
+        name = type(events).__name__
+        raise InputError(f"events is of type {name}: it must be a tuple of `Event`.")
+    return tuple(events)

@@ -9,7 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
-from jaxtyping import Array, Float, Int, PyTree
+from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from ..core import AbstractSystem, InputError, Scalar, State, is_concrete, run_axes_of
 from ..integration._config import IntegrationConfig
@@ -33,6 +33,8 @@ class Trajectory(eqx.Module):
     - `status`: a `Status` for each run, (*runs,). A run that failed has NaN for what it did not
       reach within the tolerance.
     - `event`: which of the events stopped the run, -1 for none.
+    - `happened`: for each event whether it happened at that time, (events, *runs): two conditions
+      may be zero at once.
     - `stats`: steps, evaluations of the vector field, largest local error in units of the
       tolerance.
     - `system`, `accuracy`: what was run, and by which method and tolerances.
@@ -42,6 +44,7 @@ class Trajectory(eqx.Module):
     states: State
     status: Int[Array, "*runs"]
     event: Int[Array, "*runs"]
+    happened: Bool[Array, "events *#runs"]
     stats: dict[str, Array]
     system: AbstractSystem
     accuracy: IntegrationConfig
@@ -80,10 +83,11 @@ class Trajectory(eqx.Module):
         axes = _system_axes(self.system)
         system = jax.tree.map(lambda x, n: x[..., i] if n else x, self.system, axes)
         stats = {name: x[..., i] if x.ndim else x for name, x in self.stats.items()}
-        rest = (self.ts, self.states, self.status, self.event)
-        ts, states, status, event = jax.tree.map(lambda x: x[..., i], rest)
-        dense = jax.tree.map(lambda x: x[..., i], self.dense)
-        return Trajectory(ts, states, status, event, stats, system, self.accuracy, dense, 0)
+        rest = (self.ts, self.states, self.status, self.event, self.happened, self.dense)
+        ts, states, status, event, happened, dense = jax.tree.map(lambda x: x[..., i], rest)
+        return Trajectory(
+            ts, states, status, event, happened, stats, system, self.accuracy, dense, 0
+        )
 
     def at(self, t: Scalar) -> State:
         """The state at the time `t`, s, between the save times, as accurate as the steps.
