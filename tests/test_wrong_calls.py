@@ -1,19 +1,23 @@
 """Wrong calls get one sentence that names what is wrong, and no error of Python or JAX."""
 
 import jax.numpy as jnp
+import numpy as np
 import pytest
 from systems import Integrated
 
 from jaxspace import BodyState, Scene, simulate
+from jaxspace.attitude import TorqueFreeBody
 from jaxspace.bodies import Load, RigidBody
 from jaxspace.core import AbstractSystem, InputError
-from jaxspace.orbits import TwoBody
+from jaxspace.orbits import ClassicalElements, TwoBody, orbit_from_altitude, orbit_from_radius
+from jaxspace.rotations import Quaternion
 from jaxspace.scene import Custom
 from jaxspace.simulation import Accuracy, Event, Mission, Phase
 
 SPAN = jnp.array([0.0, 1.0])
 Y = BodyState(jnp.array([1.0, 0.0, 0.0]), jnp.array([0.0, 1.0, 0.0]))
 KEPLER = Integrated(TwoBody(1.0))
+FREE = TorqueFreeBody([3.0, 2.0, 1.0])
 
 
 class Decay(AbstractSystem):
@@ -95,3 +99,41 @@ def custom(function, adds):
 def test_wrong_calls_get_a_sentence(call, sentence):
     with pytest.raises(InputError, match=sentence):
         call()
+
+
+@pytest.mark.parametrize(
+    ("call", "sentence"),
+    [
+        (
+            lambda: BodyState(jnp.ones((2, 3)), jnp.ones((2, 3))),
+            r"BodyState.position has the shape \(2, 3\)",
+        ),
+        (
+            lambda: simulate(
+                FREE, BodyState(attitude=Quaternion(jnp.zeros(4)), omega=jnp.ones(3)), SPAN
+            ),
+            r"Quaternion.wxyz is \[0. 0. 0. 0.\]: it must be of another length than zero",
+        ),
+        (
+            lambda: simulate(KEPLER, BodyState(Y.position, Y.velocity, mass=jnp.array(-1.0)), SPAN),
+            "BodyState.mass is -1: it must be positive",
+        ),
+        (
+            lambda: RigidBody(1.0, np.diag([1.0, 1.0, 5.0])),
+            "InertiaTensor.tensor is .*no principal moment exceeds the sum of the other two",
+        ),
+        (
+            lambda: ClassicalElements(1.0, 2.0, 0.0, 0.0, 0.0, 3.0),
+            r"true_anomaly is 3: it must be within 2.0944 rad of the periapsis",
+        ),
+        (lambda: orbit_from_radius(1.0, 1.0, 1.5, true_anomaly=-2.5), "true_anomaly is -2.5"),
+    ],
+)
+def test_what_no_body_has_is_refused(call, sentence):
+    with pytest.raises(InputError, match=sentence):
+        call()
+
+
+def test_an_orbit_through_its_planet_is_doubted():
+    with pytest.warns(UserWarning, match="periapsis_altitude is -100000 m: the orbit passes"):
+        orbit_from_altitude(-1e5, 6.4e6, 4e14)

@@ -129,3 +129,16 @@ def check_initial_state(y0: PyTree) -> None:
     state_dtype(y0)
     for path, leaf in jax.tree_util.tree_flatten_with_path(y0)[0]:
         check_finite("y0" + jax.tree_util.keystr(path), leaf)
+
+
+def check_start(y0: PyTree) -> None:
+    """Ask every part of an initial state that knows what no run starts with (`check_start`).
+
+    Raises `InputError` for it. Traced numbers pass."""
+
+    def knows(x: object) -> bool:
+        return hasattr(x, "check_start")
+
+    for part in jax.tree.leaves(y0, is_leaf=knows):
+        if knows(part):
+            part.check_start()

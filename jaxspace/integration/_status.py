@@ -1,6 +1,7 @@
 """How a run ended, in a number that fits a batch and a sentence that says what to do."""
 
 import enum
+from collections.abc import Callable
 
 import jax.numpy as jnp
 import numpy as np
@@ -83,8 +84,10 @@ def combine_status(first: Int[Array, "..."], second: Int[Array, "..."]) -> Int[A
     return jnp.where(first > Status.EVENT, first, second)
 
 
-def raise_on_failure(status: Array) -> None:
-    """Raise `SimulationError` for the first failure among known statuses, with its sentence."""
+def raise_on_failure(status: Array, where: Callable[[], str] | None = None) -> None:
+    """Raise `SimulationError` for the first failure among known statuses, with its sentence.
+
+    `where` says at which time and in which state a single run failed, as a sentence more."""
     every = np.asarray(status).reshape(-1)
     failed = np.flatnonzero(every > Status.EVENT)
     if failed.size == 0:
@@ -92,7 +95,8 @@ def raise_on_failure(status: Array) -> None:
     which = ""
     if every.size > 1:
         which = f"Run {failed[0]} ({failed.size} of {every.size} runs failed): "
-    raise SimulationError(which + Status(int(every[failed[0]])).sentence)
+    sentence = which + Status(int(every[failed[0]])).sentence
+    raise SimulationError(sentence if where is None else f"{sentence} {where()}".rstrip())
 
 
 def status_from(

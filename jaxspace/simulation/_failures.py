@@ -6,8 +6,10 @@ from typing import Any, TypeVar
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, PyTree
 
+from ..integration._integrate import DenseOutput
 from ..integration._status import Status
 from ._runs import RunResult
 
@@ -84,6 +86,40 @@ def loud(result: T) -> T:
         return x * (factor if own else jnp.min(factor)).astype(x.dtype)
 
     return _with_numbers(result, eqx.combine(jax.tree.map(leaf, floats), integers))
+
+
+def place_of_failure(status: int, dense: DenseOutput | None, t0: float, y0: PyTree) -> str:
+    """Where a single run failed, as a sentence: time and state.
+
+    **Arguments**
+
+    - `dense`: the steps of the run; `None` for a closed form, which takes none.
+    - `t0`, `y0`: its start, s, and the state there."""
+    if dense is None:
+        return f"The run starts at t = {t0:.6g} s with {_numbers_of(y0)}."
+    ts = np.asarray(dense.ts)
+    states = jax.tree.map(np.asarray, dense.states)
+    finite = np.isfinite(ts)
+    for x in jax.tree.leaves(states):
+        finite &= np.all(np.isfinite(x), axis=tuple(range(x.ndim - 1)))
+    last = int(np.flatnonzero(finite)[-1]) if finite.any() else 0
+    text = "It got to"
+    if status == Status.TOLERANCE_MISSED and last > 0:
+        # Where the steps are shortest is what they could not pass.
+        last, text = int(np.argmin(np.abs(np.diff(ts[: last + 1])))), "Its shortest step is at"
+    state = _numbers_of(jax.tree.map(lambda x: x[..., last], states))
+    return f"{text} t = {ts[last]:.6g} s, with {state}."
+
+
+def _numbers_of(y: PyTree) -> str:
+    """The numbers of a state, by the names of its parts."""
+    leaves = jax.tree_util.tree_flatten_with_path(y)[0]
+    parts = []
+    for path, leaf in leaves:
+        name = jax.tree_util.keystr(path).strip(".") or "y"
+        number = np.array2string(np.asarray(leaf), precision=6, threshold=12)
+        parts.append(f"{name} = {' '.join(number.split())}")
+    return ", ".join(parts)
 
 
 NUMBERS = (
