@@ -94,6 +94,10 @@ def simulate_batch(systems: Any, y0s: State, *args: Any, **kwargs: Any) -> Any:
     times as many. All local devices take part, unless the arrays or a transformation say where to
     compute.
 
+    The runs of a block share their adaptive steps: what else stands in the block, a run that fails
+    among them, moves a run within its tolerance. With fixed steps or a closed form it does not. The
+    same runs in the same blocks give the same numbers to rounding, whatever the number of devices.
+
     **Raises** `InputError` as `simulate` does, and for arrays that disagree about the number of
     runs."""
     if isinstance(systems, Mission):
