@@ -151,3 +151,12 @@ def test_a_batch_is_its_runs(name, key):
     for i in range(3):
         single = simulate(s.system, lane(states, i), ts, accuracy=accuracy)
         assert_near(lane(batch.final, i), single.final, 1e-7)
+
+
+@pytest.mark.parametrize("name", [s.name for s in SAMPLES if s.system.closed_form() is not None])
+def test_a_closed_form_over_no_time_returns_its_input(name):
+    sample = BY_NAME[name]
+    flow = eqx.filter_jit(lambda system, t, y: system.closed_form().flow(t, y))
+    after = flow(sample.system, jnp.zeros(()), sample.state)
+    for a, b in zip(jax.tree.leaves(after), jax.tree.leaves(sample.state), strict=True):
+        np.testing.assert_array_equal(a, b)

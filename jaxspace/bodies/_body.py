@@ -49,6 +49,10 @@ class AbstractBody(AbstractParameters):
     def loaded_mass(self) -> Scalar | None:
         """The mass, kg, at the start of a flight; `None` when it is unknown."""
 
+    def least_mass(self) -> Scalar | None:
+        """The mass, kg, below which nothing is left to burn; `None` where there is no such."""
+        return None
+
     @abstractmethod
     def has_inertia(self) -> bool:
         """Whether the body has an inertia, so that it can rotate."""
@@ -140,6 +144,9 @@ class BurningBody(AbstractBody):
 
     def loaded_mass(self) -> Scalar | None:
         return None if self.propellant_mass is None else self.dry_mass + self.propellant_mass
+
+    def least_mass(self) -> Scalar | None:
+        return self.dry_mass
 
     def has_inertia(self) -> bool:
         return True

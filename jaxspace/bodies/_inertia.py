@@ -102,8 +102,8 @@ class PrincipalInertia(AbstractInertia):
 class InertiaTensor(AbstractInertia):
     """Inertia in any body axes.
 
-    Raises `InputError` when the tensor of a single body is not symmetric or not positive definite.
-    """
+    Raises `InputError` when the tensor of a single body is not symmetric, not positive definite, or
+    has a principal moment that exceeds the sum of the other two, which no body allows."""
 
     tensor: Float[Array, "3 3 *#runs"] = quantity("kg m^2", doc="symmetric and positive definite")
 
@@ -112,7 +112,15 @@ class InertiaTensor(AbstractInertia):
         if is_concrete(self.tensor) and self.tensor.ndim == 2:
             j = np.asarray(self.tensor, dtype=float)
             check(np.abs(j - j.T) <= 1e-6 * np.abs(j).max(), "InertiaTensor.tensor", j, "symmetric")
-            check(np.linalg.eigvalsh(j) > 0.0, "InertiaTensor.tensor", j, "positive definite")
+            moments = np.linalg.eigvalsh(j)
+            check(moments > 0.0, "InertiaTensor.tensor", j, "positive definite")
+            # A flat body has a slack of zero, to rounding.
+            check(
+                moments[0] + moments[1] - moments[2] >= -1e-6 * moments[2],
+                "InertiaTensor.tensor",
+                j,
+                "such that no principal moment exceeds the sum of the other two",
+            )
 
     def times(self, omega: Vector) -> Vector:
         return matvec(self.tensor, omega)

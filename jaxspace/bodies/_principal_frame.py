@@ -61,7 +61,11 @@ def _turned(duration: Scalar, tensor: Matrix, omega: Vector) -> tuple[Quaternion
     local, axes = _principal_frame(tensor)
     # The elements off the diagonal are rounding here: only the rule of derivatives needs them.
     moments = jnp.stack([local[k, k] for k in range(3)])
-    return _in_given_axes(axes, *free_rotation(duration, moments, matvec(_transposed(axes), omega)))
+    turn, later = _in_given_axes(
+        axes, *free_rotation(duration, moments, matvec(_transposed(axes), omega))
+    )
+    # There and back again through the principal axes is the same to rounding only.
+    return turn, jnp.where(duration == 0.0, omega, later)
 
 
 def _turned_tangent(primals: tuple[Any, ...], tangents: tuple[Any, ...]) -> Any:

@@ -7,7 +7,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..core import State, check_components, quantity
+from ..core import State, check_components, check_positive, quantity
 from ..rotations import Quaternion
 
 if TYPE_CHECKING:
@@ -62,6 +62,13 @@ class BodyState(eqx.Module):
             check_components(f"BodyState.{name}", getattr(self, name), 3)
         if isinstance(self.attitude, Quaternion):
             check_components("BodyState.attitude", self.attitude.wxyz, 4)
+
+    def check_start(self) -> None:
+        """Raise `InputError` for known numbers that no body starts with: a mass that is not
+        positive, a quaternion of zeros."""
+        check_positive("BodyState.mass", self.mass)
+        if isinstance(self.attitude, Quaternion):
+            self.attitude.check_start()
 
     def present(self) -> tuple[str, ...]:
         """The names of the parts that this state holds."""

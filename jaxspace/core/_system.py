@@ -13,7 +13,7 @@ import equinox as eqx
 from jaxtyping import Array, Float
 
 from ._quantity import AbstractParameters
-from ._types import Scalar, State
+from ._types import Flag, Scalar, State
 
 
 class AbstractClosedForm(eqx.Module):
@@ -22,6 +22,12 @@ class AbstractClosedForm(eqx.Module):
     @abstractmethod
     def flow(self, duration: Scalar, y: State) -> State:
         """The exact state a `duration`, s (negative: backwards), after the state `y`."""
+
+    def outside(self, duration: Scalar, y: State) -> Flag | None:
+        """Whether a motion of this `duration`, s, from `y` on leaves what the closed form
+        describes, as by a collision, for each run; `None` where none does."""
+        del duration, y
+        return None
 
 
 class AbstractSplit(eqx.Module):
@@ -99,6 +105,15 @@ class AbstractSystem(AbstractParameters):
         """Times, s, at which the vector field or a derivative of it jumps, or `None`.
 
         Every integration lands a step on each of them."""
+        return None
+
+    def outside(self, t: Scalar, y: State) -> Flag | None:
+        """Whether the state `y` lies outside of what the system describes, such as a mass below the
+        dry mass, for each run; `None` where every state is inside.
+
+        Asked of the state at the end of an integration, which then has the status
+        `OUTSIDE_MODEL`."""
+        del t, y
         return None
 
     def missing(self, capability: str) -> str:

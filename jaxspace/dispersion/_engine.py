@@ -35,7 +35,9 @@ def disperse(
 
     - `campaign`: what runs, with which random inputs and outputs.
     - `runs`: how many.
-    - `seed`: of the random inputs. Run number i is the same whatever `runs`, `chunk` and `devices`.
+    - `seed`: of the random inputs. Run number i draws the same inputs, bit for bit, whatever
+      `runs`, `chunk` and `devices`; its outputs are the same to rounding, because another number of
+      devices is another compiled program.
     - `chunk`: after how many runs results are fetched and stored, rounded up to 512 for every
       device.
     - `accuracy`: the relative tolerance of each step, or an `Accuracy`.

@@ -1,6 +1,6 @@
 """How accurate a run shall be, as its user says it."""
 
-from typing import final
+from typing import Any, final
 
 import diffrax
 import equinox as eqx
@@ -65,12 +65,17 @@ class Accuracy(AbstractParameters):
 
     def __check_init__(self):
         check_positive("Accuracy.max_steps", self.max_steps)
+        for name in ("rtol", "atol", "max_step"):
+            check_number(f"Accuracy.{name}", getattr(self, name))
         if isinstance(self.method, str):
             if self.method not in ("auto", "closed_form"):
                 raise InputError(
                     f'Accuracy.method is "{self.method}": it must be "auto", "closed_form" or a '
                     f"solver, such as jaxspace.solvers.DOP853()."
                 )
+        elif isinstance(self.method, type):
+            name = self.method.__name__
+            raise InputError(f"Accuracy.method is the class {name}: it must be a solver, {name}().")
         elif isinstance(self.method, diffrax.AbstractSolver) and self.max_step is not None:
             # A placeholder of a tree transformation is no solver, and passes.
             if solver_traits(self.method).fixed_step:
@@ -81,9 +86,18 @@ class Accuracy(AbstractParameters):
                 )
 
 
-def as_accuracy(accuracy: Accuracy | Scalar | None) -> Accuracy:
+def check_number(name: str, value: object) -> None:
+    """Raise `InputError` for a text or a list in the place of a number."""
+    if isinstance(value, str | list | tuple | dict):
+        raise InputError(f"{name} is {value!r}: it must be a number.")
+
+
+def as_accuracy(accuracy: Any) -> Accuracy:
     """An `Accuracy` from itself, from a relative tolerance, or the default one."""
-    return accuracy if isinstance(accuracy, Accuracy) else Accuracy(rtol=accuracy)
+    if isinstance(accuracy, Accuracy):
+        return accuracy
+    check_number("accuracy", accuracy)
+    return Accuracy(rtol=accuracy)
 
 
 def least_tolerance(dtype: DTypeLike) -> float:
@@ -115,3 +129,16 @@ def check_initial_state(y0: PyTree) -> None:
     state_dtype(y0)
     for path, leaf in jax.tree_util.tree_flatten_with_path(y0)[0]:
         check_finite("y0" + jax.tree_util.keystr(path), leaf)
+
+
+def check_start(y0: PyTree) -> None:
+    """Ask every part of an initial state that knows what no run starts with (`check_start`).
+
+    Raises `InputError` for it. Traced numbers pass."""
+
+    def knows(x: object) -> bool:
+        return hasattr(x, "check_start")
+
+    for part in jax.tree.leaves(y0, is_leaf=knows):
+        if knows(part):
+            part.check_start()

@@ -13,13 +13,13 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, PyTree
 
-from ..core import AbstractClosedForm, AbstractSystem, Scalar, State
+from ..core import AbstractClosedForm, AbstractSystem, Flag, Scalar, State
 from ..solvers import Tolerance, bind, solver_traits
 from ._config import IntegrationConfig
 from ._loop import TERM, LoopSettings
 from ._normalised_time import ScaledVectorField, Segments, hoist, segments_of
 from ._solve import Outcome, solve
-from ._status import status_from
+from ._status import Status, status_from
 
 
 class DenseOutput(NamedTuple):
@@ -119,7 +119,8 @@ def integrate(
     if config.method == "closed_form":
         closed_form = system.closed_form()
         assert closed_form is not None
-        return _by_closed_form(closed_form, y0, t1 - t0, fractions, run_axes)
+        result = _by_closed_form(closed_form, y0, t1 - t0, fractions, run_axes)
+        return _within_model(result, closed_form.outside(t1 - t0, y0))
     traits = solver_traits(config.solver)
     segments = segments_of(system, t0, t1, None)
     # Runs with their own breaks have their own segments: the save times become ends of segments,
@@ -133,7 +134,17 @@ def integrate(
         outcome = solve(hoist(field, y0, traits.needs), y0, settings)
     else:
         outcome = _by_diffrax(hoist(field, y0, traits.needs), y0, settings, config.adjoint)
-    return _result(outcome, field, y0, settings, config, fractions if landing else None)
+    result = _result(outcome, field, y0, settings, config, fractions if landing else None)
+    return _within_model(result, system.outside(t1, state_at(result.states, -1, run_axes)))
+
+
+def _within_model(result: IntegrationResult, outside: Flag | None) -> IntegrationResult:
+    """The result with its status where a run ends `outside` of what its system describes."""
+    if outside is None:
+        return result
+    left = outside & (result.status == Status.COMPLETED)
+    status = jnp.where(left, Status.OUTSIDE_MODEL, result.status).astype(jnp.int32)
+    return result._replace(status=status)
 
 
 def _by_closed_form(
@@ -262,7 +273,14 @@ def _dense_output(outcome: Outcome, segments: Segments, y0: State, run_axes: int
     taken = taken.reshape(-1, *(1,) * (times.ndim - 1))
     start = jnp.broadcast_to(segments.t0, times.shape[1:])[None]
     ts = jnp.concatenate([start, jnp.where(taken, times, jnp.inf)])
-    states = jax.tree.map(lambda a, b: jnp.concatenate([a[None], b]), y0, outcome.step_states)
+    reached = jnp.isfinite(ends)
+
+    # Beyond the last step the buffer is uninitialised.
+    def with_start(first: Array, others: Array) -> Array:
+        rows = reached.reshape(-1, *(1,) * (others.ndim - 1))
+        return jnp.concatenate([first[None], jnp.where(rows, others, jnp.nan)])
+
+    states = jax.tree.map(with_start, y0, outcome.step_states)
     return DenseOutput(ts, times_behind_components(states, run_axes))
 
 

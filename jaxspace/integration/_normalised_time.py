@@ -30,6 +30,7 @@ from ..core import (
     AbstractSystem,
     Scalar,
     State,
+    breaks_of,
     safe_divide,
 )
 from ..solvers import ScaledField
@@ -87,7 +88,7 @@ def segments_of(
     `landings` are fractions of the run at which a step has to end, too."""
     span = t1 - t0
     inner = []
-    breaks = system.breaks()
+    breaks = breaks_of(system)
     if breaks is not None and breaks.shape[0] > 0:
         breaks = breaks.astype(span.dtype)
         missing = (1,) * (span.ndim - breaks.ndim + 1)

@@ -1,6 +1,7 @@
 """How a run ended, in a number that fits a batch and a sentence that says what to do."""
 
 import enum
+from collections.abc import Callable
 
 import jax.numpy as jnp
 import numpy as np
@@ -20,6 +21,10 @@ class Status(enum.IntEnum):
     EVENT_MISSED = 4
     NOT_FINITE = 5
     REFUSED = 6
+    EVENT_UNRESOLVED = 7
+    CONDITION_NOT_FINITE = 8
+    EVENTS_PILE_UP = 9
+    OUTSIDE_MODEL = 10
 
     @property
     def sentence(self) -> str:
@@ -51,6 +56,22 @@ _SENTENCES = {
         "The state left the finite numbers: check the initial state and the parameters of this run."
     ),
     Status.REFUSED: "A parameter of this run lies outside its allowed range: it was not run.",
+    Status.EVENT_UNRESOLVED: (
+        "The search for the time of an event did not converge: look at the condition around its "
+        "zero, where it must be smooth."
+    ),
+    Status.CONDITION_NOT_FINITE: (
+        "The condition of an event was NaN or infinite on the way: it must be finite wherever the "
+        "run goes."
+    ),
+    Status.EVENTS_PILE_UP: (
+        "Events follow each other faster than the time resolves, as the last bounces of a ball: "
+        "end the run before, or go on with a system that is at rest."
+    ),
+    Status.OUTSIDE_MODEL: (
+        "The run left what the model describes, as by a collision or by a mass below the dry mass: "
+        "end it before by an event."
+    ),
 }
 
 
@@ -63,8 +84,10 @@ def combine_status(first: Int[Array, "..."], second: Int[Array, "..."]) -> Int[A
     return jnp.where(first > Status.EVENT, first, second)
 
 
-def raise_on_failure(status: Array) -> None:
-    """Raise `SimulationError` for the first failure among known statuses, with its sentence."""
+def raise_on_failure(status: Array, where: Callable[[], str] | None = None) -> None:
+    """Raise `SimulationError` for the first failure among known statuses, with its sentence.
+
+    `where` says at which time and in which state a single run failed, as a sentence more."""
     every = np.asarray(status).reshape(-1)
     failed = np.flatnonzero(every > Status.EVENT)
     if failed.size == 0:
@@ -72,7 +95,8 @@ def raise_on_failure(status: Array) -> None:
     which = ""
     if every.size > 1:
         which = f"Run {failed[0]} ({failed.size} of {every.size} runs failed): "
-    raise SimulationError(which + Status(int(every[failed[0]])).sentence)
+    sentence = which + Status(int(every[failed[0]])).sentence
+    raise SimulationError(sentence if where is None else f"{sentence} {where()}".rstrip())
 
 
 def status_from(

@@ -45,7 +45,7 @@ TIMES = Table(
     {
         "start": Entry(TIME, 0.0, doc="time of the initial state"),
         "end": Entry(TIME, doc="time of the last state"),
-        "samples": Entry(Whole(2), 200, doc="how many states are kept from start to end"),
+        "samples": Entry(Whole(2, 10**7), 200, doc="how many states are kept from start to end"),
     }
 )
 

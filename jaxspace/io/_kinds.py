@@ -174,23 +174,29 @@ class Text(Kind):
 
 @dataclass(frozen=True, eq=False)
 class Whole(Kind):
-    """A whole number from `least` on."""
+    """A whole number from `least` to `most`."""
 
     least: int = 1
+    # Fits 32 bits: without double precision jax has no wider integers.
+    most: int = 2**31 - 1
 
     def read(self, value: object, path: str, reading: Reading) -> Value:
         # In Python a truth value is an int: `runs = true` must not mean one run.
-        if isinstance(value, int) and not isinstance(value, bool) and value >= self.least:
+        if (
+            isinstance(value, int)
+            and not isinstance(value, bool)
+            and self.least <= value <= self.most
+        ):
             return value
         reading.errors.append(wrong(path, value, self.expected()))
         return None
 
     def expected(self) -> str:
         more = "above zero" if self.least == 1 else f"from {self.least} on"
-        return f"a whole number {more}"
+        return f"a whole number {more}, at most {self.most}"
 
     def schema(self) -> Schema:
-        return {"type": "integer", "minimum": self.least}
+        return {"type": "integer", "minimum": self.least, "maximum": self.most}
 
 
 class Entry(NamedTuple):

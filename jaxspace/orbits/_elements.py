@@ -41,6 +41,7 @@ import math
 from typing import final
 
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from ..core import (
@@ -49,8 +50,10 @@ from ..core import (
     Vector,
     as_float,
     axis,
+    check,
     cross,
     dot,
+    is_concrete,
     norm,
     output,
     quantity,
@@ -128,7 +131,9 @@ def inclination(position: Vector, velocity: Vector) -> Scalar:
 
 @final
 class ClassicalElements(AbstractParameters):
-    """Six elements of a conic that is not a straight line."""
+    """Six elements of a conic that is not a straight line.
+
+    Raises `InputError` for a true anomaly beyond the asymptotes of an open orbit."""
 
     semi_latus_rectum: Float[Array, "*#runs"] = quantity(
         "m", positive=True, doc="a (1 - e^2), which every conic has"
@@ -140,6 +145,19 @@ class ClassicalElements(AbstractParameters):
         "rad", doc="angle from the ascending node to the periapsis"
     )
     true_anomaly: Float[Array, "*#runs"] = quantity("rad", doc="angle from the periapsis")
+
+    def __check_init__(self):
+        e, f = self.eccentricity, self.true_anomaly
+        if is_concrete(e) and is_concrete(f) and np.all(np.asarray(e) >= 0.0):
+            e, f = np.asarray(e, float), np.asarray(f, float)
+            limit = np.arccos(-1.0 / np.maximum(e, 1.0))
+            # To rounding, for elements that come from a state far out.
+            check(
+                1.0 + e * np.cos(f) > -1e-6,
+                "ClassicalElements.true_anomaly",
+                f,
+                f"within {np.min(limit):.6g} rad of the periapsis, where the asymptote is",
+            )
 
     @classmethod
     def from_periapsis(

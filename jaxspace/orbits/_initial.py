@@ -1,6 +1,10 @@
 """Position and velocity from an orbit, for initial states."""
 
-from ..core import Scalar, Vector, argument, initial
+import warnings
+
+import numpy as np
+
+from ..core import Scalar, Vector, argument, initial, is_concrete
 from ._elements import ClassicalElements, state_from_elements
 
 _MU = argument(
@@ -69,5 +73,13 @@ def orbit_from_altitude(
     - `periapsis_altitude`, `radius`, m: height above the sphere of the planet, and its radius.
     - `mu`, m^3/s^2, and `elements`: as in `orbit_from_radius`.
 
-    **Returns** position, m, and velocity, m/s, each (3, *runs)."""
+    **Returns** position, m, and velocity, m/s, each (3, *runs). Warns of a periapsis inside the
+    planet."""
+    if is_concrete(periapsis_altitude) and np.any(np.asarray(periapsis_altitude) < 0.0):
+        # No error: a ballistic flight begins and ends on the ground.
+        warnings.warn(
+            f"periapsis_altitude is {float(np.min(np.asarray(periapsis_altitude))):.6g} m: the "
+            f"orbit passes through the planet; it must be positive for an orbit that does not.",
+            stacklevel=2,
+        )
     return orbit_from_radius(radius + periapsis_altitude, mu, **elements)

@@ -23,6 +23,7 @@ from typing import final
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from ..core import (
@@ -32,9 +33,11 @@ from ..core import (
     Vector,
     as_float,
     axis,
+    check,
     check_components,
     cross,
     dot,
+    is_concrete,
     norm,
     safe_atan2,
     sinc_squared,
@@ -54,6 +57,13 @@ class Quaternion(AbstractGroupElement):
 
     def __check_init__(self):
         check_components("Quaternion.wxyz", self.wxyz, 4)
+
+    def check_start(self) -> None:
+        """Raise `InputError` for a known quaternion of zeros, which is no orientation; the rate of
+        a quaternion may be one."""
+        if is_concrete(self.wxyz):
+            q = np.asarray(self.wxyz)
+            check(np.any(q != 0.0, axis=0), "Quaternion.wxyz", q, "of another length than zero")
 
     @classmethod
     def identity(cls) -> "Quaternion":

@@ -19,7 +19,7 @@ from ..bodies import (
     FreeRotation,
     linear_acceleration,
 )
-from ..core import AbstractClosedForm, AbstractRegularised, AbstractSplit, Scalar
+from ..core import AbstractClosedForm, AbstractRegularised, AbstractSplit, Flag, Scalar
 from ._interface import AbstractScene
 
 TRANSLATION = frozenset({"position", "velocity"})
@@ -54,6 +54,11 @@ class BodyMotion(AbstractClosedForm):
             attitude = turned.attitude
             omega = turned.omega
         return BodyState(position, velocity, attitude, omega)
+
+    def outside(self, duration: Scalar, y: BodyState) -> Flag | None:
+        if self.orbit is None:
+            return None
+        return self.orbit.outside(duration, BodyState(y.position, y.velocity))
 
 
 @final

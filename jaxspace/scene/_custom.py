@@ -9,7 +9,14 @@ from jaxtyping import Array, Float
 from ..bodies import PARTS, AbstractBody, AbstractEffect, BodyState, Load
 from ..core import InputError, Scalar, quantity
 
-ADDS = ("acceleration", "force", "torque", "mass_rate", "parts")
+# What a load may hold: the word of `adds`, and the field.
+FIELDS = {
+    "acceleration": "acceleration_N",
+    "force": "force_N",
+    "torque": "torque_B",
+    "mass_rate": "mass_rate",
+    "parts": "parts_rate",
+}
 
 
 @final
@@ -23,8 +30,8 @@ class Custom(AbstractEffect):
     - `energy`: a function (t, y, body) -> potential energy per unit mass, J/kg, if the effect keeps
       the energy.
 
-    Raises `InputError` for an unknown part or contribution, or an effect that keeps the energy
-    without a potential."""
+    Raises `InputError` for an unknown part or contribution, an effect that keeps the energy without
+    a potential, and, when it is first evaluated, a load that holds what `adds` does not name."""
 
     function: Callable[[Scalar, BodyState, AbstractBody], Load]
     # Of the instance and not of the class, because each function has its own.
@@ -40,7 +47,7 @@ class Custom(AbstractEffect):
 
     def __check_init__(self):
         # A misspelt word would otherwise leave a part out of the state without an error.
-        for field, allowed in (("needs", PARTS), ("adds", ADDS)):
+        for field, allowed in (("needs", PARTS), ("adds", tuple(FIELDS))):
             unknown = sorted(getattr(self, field) - set(allowed))
             if unknown:
                 raise InputError(
@@ -53,7 +60,20 @@ class Custom(AbstractEffect):
             )
 
     def load(self, t: Scalar, y: BodyState, body: AbstractBody) -> Load:
-        return self.function(t, y, body)
+        load = self.function(t, y, body)
+        if not isinstance(load, Load):
+            raise InputError(
+                f"Custom.function returns {type(load).__name__}: it must return a Load."
+            )
+        # What is not declared would be left out of the state, and so out of the motion.
+        given = (word for word, field in FIELDS.items() if getattr(load, field) is not None)
+        undeclared = sorted(set(given) - self.adds)
+        if undeclared:
+            raise InputError(
+                f"Custom.function returns {' and '.join(undeclared)}, and Custom.adds names "
+                f"{', '.join(sorted(self.adds)) or 'nothing'}: it must name what the load holds."
+            )
+        return load
 
     def potential(self, t: Scalar, y: BodyState, body: AbstractBody) -> Scalar | None:
         return None if self.energy is None else self.energy(t, y, body)

@@ -29,6 +29,7 @@ from ..core import (
     AbstractClosedForm,
     AbstractRegularised,
     AbstractSplit,
+    Flag,
     InputError,
     Scalar,
 )
@@ -156,6 +157,16 @@ class Scene(AbstractScene):
         """The mass of the body, kg: from the state where it changes, else the body's own; `None` if
         it has none."""
         return self.body.constant_mass() if y.mass is None else y.mass
+
+    def outside(self, t: Scalar, y: BodyState) -> Flag | None:
+        """Whether more propellant was burnt than the body carries; `None` where it has no least
+        mass."""
+        least = self.body.least_mass()
+        if least is None or y.mass is None:
+            return None
+        # A burn that ends at the dry mass does so within the tolerance of the run.
+        slack = max(1e-6, 1e3 * float(jnp.finfo(y.mass.dtype).eps))
+        return y.mass < (1.0 - slack) * least
 
     def with_effects(self, effects: Sequence[AbstractEffect], carry: Sequence[str] = ()) -> "Scene":
         """The scene of the same body under other `effects`, with other parts to `carry`."""

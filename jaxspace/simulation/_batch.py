@@ -20,7 +20,7 @@ from ..integration._stiffness import InitialConditions
 from ..solvers import Tolerance
 from ._batch_layout import InAxes, cut_batch, local_blocks, split_batch
 from ._blocks import Blocks, jit_wide_vectors
-from ._checks import check_events, check_num_saved, check_structure, check_times
+from ._checks import as_events, check_events, check_num_saved, check_structure, check_times
 from ._failures import nan_where_failed
 from ._mission import Mission
 from ._runs import MissionResult, RunResult, run_mission, run_system
@@ -91,6 +91,10 @@ def simulate_batch(systems: Any, y0s: State, *args: Any, **kwargs: Any) -> Any:
     times as many. All local devices take part, unless the arrays or a transformation say where to
     compute.
 
+    The runs of a block share their adaptive steps: what else stands in the block, a run that fails
+    among them, moves a run within its tolerance. With fixed steps or a closed form it does not. The
+    same runs in the same blocks give the same numbers to rounding, whatever the number of devices.
+
     **Raises** `InputError` as `simulate` does, and for arrays that disagree about the number of
     runs."""
     if isinstance(systems, Mission):
@@ -117,7 +121,7 @@ def _batch_of_systems(
     # A state that is not finite marks its own run: only the precision is checked of all.
     state_dtype(y0s)
     ts = check_times(ts, y0s, axes=2)
-    events = tuple(events)
+    events = as_events(events)
     batched, shared, runs = split_batch(systems, y0s, ts, in_axes, times_axes=1)
     whole = cut_batch(batched, shared)
     check_structure(whole[0], whole[1], jax.ShapeDtypeStruct(ts.shape[1:], ts.dtype))

@@ -7,9 +7,9 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array
+from jaxtyping import Array, PyTree
 
-from ..core import AbstractSystem, InputError, State, check_finite, is_concrete
+from ..core import AbstractSystem, InputError, Scalar, State, check_finite, is_concrete
 from ..integration._accuracy import state_dtype
 from ..integration._events import Event
 from ..integration._integrate import broadcast_state
@@ -38,7 +38,7 @@ def check_num_saved(num_saved: int) -> None:
         raise InputError(f"num_saved is {num_saved}: it must be from 2 to 1e7.")
 
 
-def check_structure(system: AbstractSystem, y0: State, t: Array | jax.ShapeDtypeStruct) -> None:
+def check_structure(system: AbstractSystem, y0: PyTree, t: Any) -> None:
     """Raise `InputError` unless the derivative has the structure of the state."""
     leaves, structure = jax.tree.flatten(jax.tree.map(shape_of, (system, y0, t)))
     try:
@@ -52,35 +52,73 @@ def check_structure(system: AbstractSystem, y0: State, t: Array | jax.ShapeDtype
 def _check_structure(structure: Any, leaves: tuple[Any, ...]) -> None:
     """Once for each system and state of one make: tracing the field costs more than a short run."""
     system, y0, t = jax.tree.unflatten(structure, leaves)
-    derivative = eqx.filter_eval_shape(lambda s, t, y: s.vector_field(t, y), system, t, y0)
-    if jax.tree.structure(derivative) == jax.tree.structure(y0):
-        return
-    held, given = (
-        [
-            jax.tree_util.keystr(path) or "an array"
-            for path, _ in jax.tree_util.tree_flatten_with_path(tree)[0]
-        ]
-        for tree in (y0, derivative)
-    )
+    # Whatever a field that meets another state than its own may raise is told in its words.
+    try:
+        derivative = eqx.filter_eval_shape(lambda s, t, y: s.vector_field(t, y), system, t, y0)
+        if jax.tree.structure(derivative) == jax.tree.structure(y0):
+            eqx.filter_eval_shape(broadcast_state, system, t, y0)
+            return
+    except InputError:
+        raise
+    except Exception as error:
+        raise InputError(
+            f"{type(system).__name__}.vector_field cannot take y0, which holds {_held(y0)}: "
+            f"{type(error).__name__}: {first_line(error)}"
+        ) from error
     raise InputError(
-        f"y0 holds {', '.join(held)}, and {type(system).__name__}.vector_field returns "
-        f"{', '.join(given)}: the derivative must have the structure of the state."
+        f"y0 holds {_held(y0)}, and {type(system).__name__}.vector_field returns "
+        f"{_held(derivative)}: the derivative must have the structure of the state."
     )
+
+
+def _held(tree: PyTree) -> str:
+    """The arrays of a tree with their shapes, in words."""
+    leaves = jax.tree_util.tree_flatten_with_path(tree)[0]
+    return ", ".join(
+        f"{jax.tree_util.keystr(path) or 'an array'} {getattr(leaf, 'shape', '')}".strip()
+        for path, leaf in leaves
+    )
+
+
+def as_events(events: Any) -> tuple[Event, ...]:
+    """The events as a tuple. Raises `InputError` for anything else than a sequence of them."""
+    if isinstance(events, Event) or not all(isinstance(event, Event) for event in events):
+        name = type(events).__name__
+        raise InputError(f"events is of type {name}: it must be a tuple of `Event`.")
+    return tuple(events)
 
 
 def check_events(
-    events: tuple[Event, ...], system: AbstractSystem, y0: State, t: Array, run_axes: int
+    events: tuple[Event, ...],
+    system: AbstractSystem,
+    y0: State,
+    t: Scalar,
+    run_axes: int,
+    name: str = "events[{}]",
 ) -> None:
-    """Raise `InputError` for a condition that is not one number for each run."""
+    """Raise `InputError` for a condition that is not one number for each run.
+
+    `name` is that of an event, for the sentence, with a place for its number."""
     if not events:
         return
     y = eqx.filter_eval_shape(broadcast_state, system, t, y0)
     leaf = jax.tree.leaves(y)[0]
     runs = leaf.shape[leaf.ndim - run_axes :]
     for number, event in enumerate(events):
-        value = jax.eval_shape(event.condition, t, y)
+        what = f"{name.format(number)}.condition"
+        try:
+            value = eqx.filter_eval_shape(event.condition, t, y)
+        # Whatever a condition that meets another state than its own may raise, in its words.
+        except Exception as error:
+            raise InputError(
+                f"{what} cannot take the time and the state of {type(system).__name__}: "
+                f"{type(error).__name__}: {first_line(error)}"
+            ) from error
         shape = getattr(value, "shape", type(value).__name__)
         if shape not in (runs, ()):
-            raise InputError(
-                f"events[{number}].condition returns {shape}: it must return one number."
-            )
+            raise InputError(f"{what} returns {shape}: it must return one number.")
+
+
+def first_line(error: Exception) -> str:
+    """The first line of what an error says, for a sentence of one line."""
+    return (str(error).splitlines() or [""])[0]

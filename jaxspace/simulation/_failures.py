@@ -6,8 +6,10 @@ from typing import Any, TypeVar
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, PyTree
 
+from ..integration._integrate import DenseOutput
 from ..integration._status import Status
 from ._runs import RunResult
 
@@ -16,6 +18,15 @@ T = TypeVar("T")
 LOUD = tuple(
     f"{status.sentence} Call simulate with throw=False to read the status of each run."
     for status in Status
+)
+
+# After which nothing behind the start is known: a step missed the tolerance, an event may have
+# passed unseen, or the model does not hold.
+WITHOUT_BOUND = (
+    Status.TOLERANCE_MISSED,
+    Status.EVENT_UNRESOLVED,
+    Status.CONDITION_NOT_FINITE,
+    Status.OUTSIDE_MODEL,
 )
 
 
@@ -40,8 +51,8 @@ def nan_where_failed(result: T, status: Array | None = None) -> T:
 
     - `result`: a `RunResult`; or with a `status` any tree of arrays with the runs last.
 
-    **Returns** the same with NaN: in a `RunResult` all states after the first where a step missed
-    the tolerance, and every state that is not finite in one of its blocks; else all of it."""
+    **Returns** the same with NaN: in a `RunResult` all states after the first for a status of
+    `WITHOUT_BOUND`, and every state that is not finite in one of its blocks; else all of it."""
     if status is not None:
         return _scaled(result, _nan_unless(status <= Status.EVENT))
     assert isinstance(result, RunResult)
@@ -50,9 +61,9 @@ def nan_where_failed(result: T, status: Array | None = None) -> T:
     for block in jax.tree.leaves(result.states):
         components = tuple(range(block.ndim - 1 - run_axes))
         good = good & jnp.all(jnp.isfinite(block), axis=components)
-    # Where a step missed the tolerance, everything behind it is without a bound.
     first = jnp.arange(result.ts.shape[0]).reshape(-1, *(1,) * run_axes) == 0
-    good = good & (first | (result.status != Status.TOLERANCE_MISSED))
+    for unbounded in WITHOUT_BOUND:
+        good = good & (first | (result.status != unbounded))
     return result._replace(states=_scaled(result.states, _nan_unless(good)))
 
 
@@ -77,7 +88,52 @@ def loud(result: T) -> T:
     return _with_numbers(result, eqx.combine(jax.tree.map(leaf, floats), integers))
 
 
-NUMBERS = ("ts", "states", "status", "event", "stats", "dense", "final", "end", "phases")
+def place_of_failure(status: int, dense: DenseOutput | None, t0: float, y0: PyTree) -> str:
+    """Where a single run failed, as a sentence: time and state.
+
+    **Arguments**
+
+    - `dense`: the steps of the run; `None` for a closed form, which takes none.
+    - `t0`, `y0`: its start, s, and the state there."""
+    if dense is None:
+        return f"The run starts at t = {t0:.6g} s with {_numbers_of(y0)}."
+    ts = np.asarray(dense.ts)
+    states = jax.tree.map(np.asarray, dense.states)
+    finite = np.isfinite(ts)
+    for x in jax.tree.leaves(states):
+        finite &= np.all(np.isfinite(x), axis=tuple(range(x.ndim - 1)))
+    last = int(np.flatnonzero(finite)[-1]) if finite.any() else 0
+    text = "It got to"
+    if status == Status.TOLERANCE_MISSED and last > 0:
+        # Where the steps are shortest is what they could not pass.
+        last, text = int(np.argmin(np.abs(np.diff(ts[: last + 1])))), "Its shortest step is at"
+    state = _numbers_of(jax.tree.map(lambda x: x[..., last], states))
+    return f"{text} t = {ts[last]:.6g} s, with {state}."
+
+
+def _numbers_of(y: PyTree) -> str:
+    """The numbers of a state, by the names of its parts."""
+    leaves = jax.tree_util.tree_flatten_with_path(y)[0]
+    parts = []
+    for path, leaf in leaves:
+        name = jax.tree_util.keystr(path).strip(".") or "y"
+        number = np.array2string(np.asarray(leaf), precision=6, threshold=12)
+        parts.append(f"{name} = {' '.join(number.split())}")
+    return ", ".join(parts)
+
+
+NUMBERS = (
+    "ts",
+    "states",
+    "status",
+    "event",
+    "happened",
+    "stats",
+    "dense",
+    "final",
+    "end",
+    "phases",
+)
 
 
 def _numbers(result: Any) -> dict[str, Any]:

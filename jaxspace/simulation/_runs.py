@@ -9,11 +9,12 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, ArrayLike, Float, Int
+from jaxtyping import Array, ArrayLike, Bool, Float, Int
 
 from ..core import AbstractSystem, Scalar, State, safe_divide
 from ..integration._config import IntegrationConfig
-from ..integration._events import Event, first_event, newton_correct
+from ..integration._event_search import first_event, happened_together
+from ..integration._events import Event, newton_correct
 from ..integration._integrate import (
     DenseOutput,
     IntegrationResult,
@@ -22,6 +23,7 @@ from ..integration._integrate import (
     state_at,
 )
 from ..integration._status import Status, combine_status
+from ._checks import check_events
 from ._mission import Mission, Phase
 
 
@@ -33,6 +35,7 @@ class RunResult(NamedTuple):
     states: State
     status: Int[Array, "*runs"]
     event: Int[Array, "*runs"]
+    happened: Bool[Array, "events *#runs"]
     stats: dict[str, Array]
     dense: DenseOutput | None
     step_ends: Float[Array, " steps"] | None
@@ -137,10 +140,14 @@ def run_system(
         result = _at_times(system, y0, ts, config, run_axes, dense)
         none = -jnp.ones(runs, jnp.int32)
         ts = jnp.broadcast_to(_with_runs(ts, runs), (ts.shape[0], *runs))
-        return RunResult(ts, result.states, result.status, none, result.stats, result.dense, None)
+        happened = jnp.zeros((0, *runs), bool)
+        return RunResult(
+            ts, result.states, result.status, none, happened, result.stats, result.dense, None
+        )
     # Each run may stop at a time of its own.
     asked = jnp.broadcast_to(_with_runs(ts, runs), (ts.shape[0], *runs))
-    when, which = first_event(system, y0, asked[0], asked[-1], events, config, run_axes)
+    found = first_event(system, y0, asked[0], asked[-1], events, config, run_axes)
+    when, which = found.time, found.which
     sign = jnp.where(asked[-1] < asked[0], -1.0, 1.0).astype(when.dtype)
     ts = sign * jnp.minimum(sign * asked, sign * when)
     # Run again to the events alone: each run lands on its own, as accurate as its steps.
@@ -155,9 +162,11 @@ def run_system(
         return jnp.where(flags, jnp.expand_dims(x, x.ndim - run_axes), xs)
 
     states = jax.tree.map(leaf, result.states, y_event)
-    happened = (which >= 0) & (result.status == Status.COMPLETED)
-    status = jnp.where(happened, Status.EVENT, result.status)
-    return RunResult(ts, states, status, which, result.stats, result.dense, None)
+    status = combine_status(result.status, found.status)
+    happened = (which >= 0) & (status == Status.COMPLETED)
+    status = jnp.where(happened, Status.EVENT, status)
+    together = happened_together(system, events, found, asked[0], t_event, y_event, run_axes)
+    return RunResult(ts, states, status, which, together, result.stats, result.dense, None)
 
 
 def _with_runs(ts: Array, runs: tuple[int, ...]) -> Array:
@@ -185,9 +194,12 @@ def _run_phase(
     t0 = jnp.broadcast_to(jnp.asarray(t0, dtype), runs)
     t1 = t0 + (until.within if isinstance(until, Event) else until)
     which = -jnp.ones(runs, jnp.int32)
-    events = (until,) if isinstance(until, Event) else ()
-    if events:
-        t1, which = first_event(system, y0, t0, t1, events, config, run_axes)
+    happened = jnp.zeros((0, *runs), bool)
+    found = None
+    if isinstance(until, Event):
+        check_events((until,), system, y0, t0, run_axes, "Phase.until")
+        found = first_event(system, y0, t0, t1, (until,), config, run_axes)
+        t1, which = found.time, found.which
     fractions = jnp.linspace(0.0, 1.0, num_saved, dtype=dtype)
     result = integrate(
         system,
@@ -205,14 +217,17 @@ def _run_phase(
         states = _with_start(y0, states, run_axes)
     ts = t0 + jnp.multiply.outer(fractions, t1 - t0)
     status = result.status
-    if events:
+    if found is not None:
+        assert isinstance(until, Event)
         last = state_at(states, -1, run_axes)
-        t_event, y_event = newton_correct(system, events, which, t1, last)
+        t_event, y_event = newton_correct(system, (until,), which, t1, last)
+        happened = (which >= 0)[None]
         ts = ts.at[-1].set(t_event)
         states = _replace_state(states, -1, y_event, run_axes)
         ended = jnp.where(which >= 0, Status.EVENT, Status.EVENT_MISSED)
+        status = combine_status(status, found.status)
         status = jnp.where(status == Status.COMPLETED, ended, status)
-    return RunResult(ts, states, status, which, result.stats, None, result.step_ends)
+    return RunResult(ts, states, status, which, happened, result.stats, None, result.step_ends)
 
 
 @eqx.filter_jit

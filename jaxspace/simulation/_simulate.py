@@ -10,14 +10,20 @@ import numpy as np
 from jaxtyping import Array, ArrayLike, Float, PyTree
 
 from ..core import AbstractSystem, InputError, Scalar, is_concrete, is_traced
-from ..integration._accuracy import Accuracy, as_accuracy, check_initial_state, state_dtype
+from ..integration._accuracy import (
+    Accuracy,
+    as_accuracy,
+    check_initial_state,
+    check_start,
+    state_dtype,
+)
 from ..integration._config import IntegrationConfig, resolve
 from ..integration._events import Event
 from ..integration._integrate import broadcast_state
 from ..integration._status import Status, raise_on_failure
 from ..integration._stiffness import InitialConditions
-from ._checks import check_events, check_num_saved, check_structure, check_times
-from ._failures import loud, nan_where_failed
+from ._checks import as_events, check_events, check_num_saved, check_structure, check_times
+from ._failures import loud, nan_where_failed, place_of_failure
 from ._mission import Mission
 from ._runs import MissionResult, RunResult, run_mission, run_system
 from ._trajectory import MissionTrajectory, Trajectory
@@ -92,20 +98,21 @@ def _simulate_system(
     y0: PyTree,
     ts: Float[ArrayLike, " times"],
     *,
-    accuracy: Accuracy | Scalar | None = None,
-    events: tuple[Event, ...] = (),
+    accuracy: Any = None,
+    events: Any = (),
     dense: bool = False,
     throw: bool = True,
 ) -> Trajectory:
     check_initial_state(y0)
+    check_start(y0)
     # Everything that can be refused is refused here, before anything is compiled.
     ts = check_times(ts, y0)
     check_structure(system, y0, ts[0])
-    events = tuple(events)
+    events = as_events(events)
     check_events(events, system, y0, ts[0], 0)
     config = resolve(system, y0, as_accuracy(accuracy), InitialConditions.of_one(system, y0, ts))
 
-    def run(config: IntegrationConfig) -> Trajectory:
+    def run(config: IntegrationConfig, dense: bool = dense) -> Trajectory:
         result = _run_system(system, y0, ts, events, config, dense)
         return trajectory_of(result, system, config, 0)
 
@@ -117,11 +124,12 @@ def _simulate_mission(
     y0: PyTree,
     t0: Scalar = 0.0,
     *,
-    accuracy: Accuracy | Scalar | None = None,
+    accuracy: Any = None,
     num_saved: int = 2,
     throw: bool = True,
 ) -> MissionTrajectory:
     check_initial_state(y0)
+    check_start(y0)
     t0 = jnp.asarray(t0, state_dtype(y0))
     if t0.ndim != 0:
         raise InputError(f"t0 has the shape {t0.shape}: a mission starts at one time, in s.")
@@ -129,7 +137,16 @@ def _simulate_mission(
     configs = resolve_phases(mission, y0, as_accuracy(accuracy))
     result = run_mission(mission, y0, t0, num_saved, configs, 0)
     trajectory = mission_trajectory_of(result, mission, configs, 0)
-    return raise_failures(trajectory) if throw else trajectory
+    return raise_failures(trajectory, lambda: _failed_phase(trajectory)) if throw else trajectory
+
+
+def _failed_phase(result: MissionTrajectory) -> str:
+    """In which phase a mission failed, and where that began, as a sentence."""
+    for name, phase in zip(result.names, result.phases, strict=True):
+        if int(phase.status) > Status.EVENT:
+            start = place_of_failure(int(phase.status), None, float(phase.ts[0]), phase.initial)
+            return start.replace("The run", f"The phase {name!r}")
+    return ""
 
 
 @eqx.filter_jit
@@ -153,9 +170,10 @@ def resolve_phases(
     configs = []
     y = jax.eval_shape(lambda y: y, y0)
     for phase in mission.phases:
-        configs.append(resolve(phase.system, y, accuracy))
         # Only shapes are needed: a jump may change what the state holds.
         zero = jax.ShapeDtypeStruct((), state_dtype(y))
+        check_structure(phase.system, y, zero)
+        configs.append(resolve(phase.system, y, accuracy))
         y = eqx.filter_eval_shape(broadcast_state, phase.system, zero, y)
         if phase.then is not None:
             y = jax.eval_shape(phase.then, zero, y)
@@ -166,8 +184,8 @@ def trajectory_of(
     result: RunResult, system: AbstractSystem, config: IntegrationConfig, run_axes: int
 ) -> Trajectory:
     """A `Trajectory` from what the run left."""
-    ts, states, status, event, stats, dense, _ = result
-    return Trajectory(ts, states, status, event, stats, system, config, dense, run_axes)
+    ts, states, status, event, happened, stats, dense, _ = result
+    return Trajectory(ts, states, status, event, happened, stats, system, config, dense, run_axes)
 
 
 def mission_trajectory_of(
@@ -186,24 +204,34 @@ def mission_trajectory_of(
     return MissionTrajectory(tuple(phases), names, final, end, result.status)
 
 
-def finish(
-    run: Callable[[IntegrationConfig], Trajectory], config: IntegrationConfig, throw: bool
-) -> Trajectory:
-    """The trajectory, with more fixed steps where they proved too few, and a failure raised."""
+def finish(run: Callable[..., Trajectory], config: IntegrationConfig, throw: bool) -> Trajectory:
+    """The trajectory, with more fixed steps where they proved too few, and a failure raised.
+
+    `run(config, dense)` runs once; without `dense` as its caller asked for."""
     trajectory = run(config)
     if is_concrete(trajectory.status):
         error = error_of_too_few_steps(trajectory, config)
         if np.any(error):
-            trajectory = run(config.with_more_steps(float(np.max(error))))
-    return raise_failures(trajectory) if throw else trajectory
+            config = config.with_more_steps(float(np.max(error)))
+            trajectory = run(config)
+    if not throw:
+        return trajectory
+
+    # Run once more, because only a run that failed has to know its steps.
+    def where() -> str:
+        steps = None if config.method == "closed_form" else run(config, True).dense
+        initial = trajectory.initial
+        return place_of_failure(int(trajectory.status), steps, float(trajectory.ts[0]), initial)
+
+    return raise_failures(trajectory, where)
 
 
-def raise_failures(result: Result) -> Result:
-    """The result, unless a run in it failed: then `SimulationError`.
+def raise_failures(result: Result, where: Callable[[], str] | None = None) -> Result:
+    """The result, unless a run in it failed: then `SimulationError`, which says `where`.
 
     Under a transformation the error hangs on every array of the result, and on its derivatives."""
     if is_concrete(result.status) and not is_traced(result):
-        raise_on_failure(result.status)
+        raise_on_failure(result.status, where)
         return result
     return loud(result)
 

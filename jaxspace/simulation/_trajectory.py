@@ -9,7 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
-from jaxtyping import Array, Float, Int, PyTree
+from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from ..core import AbstractSystem, InputError, Scalar, State, is_concrete, run_axes_of
 from ..integration._config import IntegrationConfig
@@ -33,6 +33,8 @@ class Trajectory(eqx.Module):
     - `status`: a `Status` for each run, (*runs,). A run that failed has NaN for what it did not
       reach within the tolerance.
     - `event`: which of the events stopped the run, -1 for none.
+    - `happened`: for each event whether it happened at that time, (events, *runs): two conditions
+      may be zero at once.
     - `stats`: steps, evaluations of the vector field, largest local error in units of the
       tolerance.
     - `system`, `accuracy`: what was run, and by which method and tolerances.
@@ -42,6 +44,7 @@ class Trajectory(eqx.Module):
     states: State
     status: Int[Array, "*runs"]
     event: Int[Array, "*runs"]
+    happened: Bool[Array, "events *#runs"]
     stats: dict[str, Array]
     system: AbstractSystem
     accuracy: IntegrationConfig
@@ -80,10 +83,11 @@ class Trajectory(eqx.Module):
         axes = _system_axes(self.system)
         system = jax.tree.map(lambda x, n: x[..., i] if n else x, self.system, axes)
         stats = {name: x[..., i] if x.ndim else x for name, x in self.stats.items()}
-        rest = (self.ts, self.states, self.status, self.event)
-        ts, states, status, event = jax.tree.map(lambda x: x[..., i], rest)
-        dense = jax.tree.map(lambda x: x[..., i], self.dense)
-        return Trajectory(ts, states, status, event, stats, system, self.accuracy, dense, 0)
+        rest = (self.ts, self.states, self.status, self.event, self.happened, self.dense)
+        ts, states, status, event, happened, dense = jax.tree.map(lambda x: x[..., i], rest)
+        return Trajectory(
+            ts, states, status, event, happened, stats, system, self.accuracy, dense, 0
+        )
 
     def at(self, t: Scalar) -> State:
         """The state at the time `t`, s, between the save times, as accurate as the steps.
@@ -92,7 +96,7 @@ class Trajectory(eqx.Module):
         `jax.vmap(run.at, out_axes=-1)(ts)`.
 
         **Raises** `InputError` for a run that did not ask for it by `dense=True`; closed forms need
-        not ask. NaN outside of the run."""
+        not ask. NaN outside of the run, and where a run that failed did not get to."""
         t = jnp.asarray(t, self.ts.dtype)
         t = jnp.broadcast_to(t, self.ts.shape[1:])
         closed_form = self.system.closed_form() if self.accuracy.method == "closed_form" else None
@@ -104,12 +108,27 @@ class Trajectory(eqx.Module):
             state = self._one_step(t)
         first, last = self.ts[0], self.ts[-1]
         inside = (t - first) * (t - last) <= 0.0
+        inside = inside & (self._reached(t) | (t == first))
         return jax.tree.map(lambda x: jnp.where(inside, x, jnp.nan), state)
+
+    def _sign(self) -> Array:
+        """1 for a run forwards in time, -1 for one backwards."""
+        return jnp.where(self.ts[-1] < self.ts[0], -1.0, 1.0).astype(self.ts.dtype)
+
+    def _reached(self, t: Array) -> Array:
+        """Whether the run got to the time `t`, s, within its tolerance."""
+        good = self.status <= Status.EVENT
+        if self.dense is None:
+            return good
+        # A run whose steps ran out is right up to its last step.
+        sign, steps = self._sign(), self.dense.ts
+        last = jnp.max(jnp.where(jnp.isfinite(steps), sign * steps, -jnp.inf), axis=0)
+        return good | ((self.status == Status.MAX_STEPS) & (sign * t <= last))
 
     def _one_step(self, t: Array) -> State:
         assert self.dense is not None
         steps = self.dense.ts
-        sign = jnp.where(self.ts[-1] < self.ts[0], -1.0, 1.0).astype(t.dtype)
+        sign = self._sign()
         # The number of the last step end at or before t; the ends ascend in the direction of time.
         passed = jnp.sum(sign * steps <= sign * t, axis=0) - 1
         index = jnp.clip(passed, 0, steps.shape[0] - 1)

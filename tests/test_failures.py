@@ -1,0 +1,105 @@
+"""Runs that fail: nothing of them is a plausible number, and the error tells where it was."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from systems import Integrated
+
+from jaxspace import BodyState, Scene, simulate, simulate_batch
+from jaxspace.bodies import BurningBody
+from jaxspace.orbits import TwoBody
+from jaxspace.rockets import Thrust
+from jaxspace.rotations import Quaternion
+from jaxspace.simulation import Accuracy, Event, Mission, Phase, SimulationError, Status
+from jaxspace.solvers import Tsit5
+
+KEPLER = Integrated(TwoBody(1.0))
+Y = BodyState(jnp.array([1.0, 0.0, 0.0]), jnp.array([0.0, 1.1, 0.0]))
+FEW = Accuracy(rtol=1e-9, max_steps=40, method=Tsit5())
+
+
+def test_times_that_were_not_reached_are_nan():
+    """At the save times, at the end, between the steps, and behind an event that is too far."""
+    ts = jnp.linspace(0.0, 100.0, 101)
+    run = simulate(KEPLER, Y, ts, accuracy=FEW, throw=False, dense=True)
+    assert run.status == Status.MAX_STEPS
+    taken = int(np.sum(np.isfinite(run.dense.ts)))
+    last = float(run.dense.ts[taken - 1])
+    assert 1.0 < last < 99.0 and taken <= 41
+    exact = simulate(TwoBody(1.0), Y, ts).states.position
+    reached = np.asarray(ts) <= last
+    for block in jax.tree.leaves(run.states):
+        np.testing.assert_array_equal(np.isfinite(block), np.broadcast_to(reached, block.shape))
+    np.testing.assert_allclose(
+        run.states.position[:, reached], exact[:, reached], rtol=0.0, atol=1e-6
+    )
+    for block in jax.tree.leaves((run.final, run.at(99.0), run.at(last + 0.01))):
+        assert np.all(np.isnan(block))
+    assert np.all(np.isnan(run.dense.states.position[:, taken:]))
+    assert np.all(np.isfinite(run.at(0.9 * last).position))
+    clock = Event(lambda t, y: t - 99.0)
+    stopped = simulate(KEPLER, Y, ts[::50], accuracy=FEW, throw=False, events=(clock,))
+    assert stopped.status == Status.MAX_STEPS and np.all(np.isnan(stopped.final.position))
+
+
+def test_an_error_tells_time_and_state():
+    with pytest.raises(SimulationError, match=r"It got to t = \d.*, with position = \[.*velocity"):
+        simulate(KEPLER, Y, jnp.array([0.0, 100.0]), accuracy=FEW)
+    late = Event(lambda t, y: t - 9.0, within=1.0)
+    mission = Mission([Phase(TwoBody(1.0), 0.5, name="one"), Phase(TwoBody(1.0), late, name="two")])
+    with pytest.raises(SimulationError, match="The phase 'two' starts at t = 0.5 s with position"):
+        simulate(mission, Y)
+
+
+def passage(energy):
+    """A straight fall from a distance of one with an `energy`, mu = 1: the time of the passage of
+    the centre, by Simpson's rule over sqrt(r)."""
+    s = np.linspace(0.0, 1.0, 2001)
+    rate = 2.0 * s**2 / np.sqrt(2.0 * (1.0 + energy * s**2))
+    weights = np.full(2001, 2.0)
+    weights[1::2], weights[[0, -1]] = 4.0, 1.0
+    return float(np.sum(weights * rate) / 3.0 / 2000.0)
+
+
+def test_a_flight_through_the_centre_has_a_status():
+    """Straight falls on an ellipse, the parabola and a hyperbola, to just before and just after the
+    centre, in both directions of time, and up and down again; a close flyby is none."""
+    axis = np.array([2.0, -1.0, 2.0]) / 3.0
+    starts, ends, expected = [], [], []
+    for energy in (-0.7, 0.0, 0.8):
+        speed = np.sqrt(2.0 * (1.0 + energy))
+        time = passage(energy)
+        for part, through in ((0.99, False), (1.01, True)):
+            for sign in (1.0, -1.0):
+                starts.append((axis, -sign * speed * axis))
+                ends.append(sign * part * time)
+                expected.append(through)
+        starts.append((axis, speed * axis))
+        # Out to the apoapsis and back on the ellipse, for ever on the others.
+        ends.append(20.0)
+        expected.append(energy < 0.0)
+    starts.append((axis, np.array([1e-9, 2e-9, 0.0]) - 0.5 * axis))
+    ends.append(5.0)
+    expected.append(False)
+    r, v = (jnp.asarray(np.stack(x, -1)) for x in zip(*starts, strict=True))
+    ts = jnp.stack([jnp.zeros(len(ends)), jnp.asarray(ends)])
+    run = simulate_batch(TwoBody(1.0), BodyState(r, v), ts)
+    status = np.where(expected, Status.OUTSIDE_MODEL, Status.COMPLETED)
+    np.testing.assert_array_equal(run.status, status)
+    np.testing.assert_array_equal(np.isnan(run.final.position[0]), expected)
+
+
+def test_fuel_below_the_dry_mass_has_a_status():
+    """A motor that burns 100 kg, with 100 kg and with 99 kg on board."""
+    body = BurningBody(50.0, [1.0, 1.0, 1.0], [0.1, 0.1, 0.1])
+    scene = Scene((Thrust(1000.0, 100.0, 10.0),), body)
+
+    def fly(mass):
+        y = BodyState(
+            jnp.zeros(3), jnp.zeros(3), Quaternion.identity(), jnp.zeros(3), jnp.asarray(mass)
+        )
+        return simulate(scene, y, jnp.array([0.0, 12.0]), throw=False)
+
+    assert fly(150.0).status == Status.COMPLETED
+    assert fly(149.0).status == Status.OUTSIDE_MODEL and np.isnan(fly(149.0).final.mass)

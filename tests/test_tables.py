@@ -1,0 +1,116 @@
+"""Functions of time given at nodes: their values, and gradients of runs through their kinks."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.interpolate import CubicSpline
+
+from jaxspace import BodyState, Scene, simulate, simulate_batch
+from jaxspace.bodies import Load
+from jaxspace.core import InputError, Spline, Table, breaks_of
+from jaxspace.orbits import PointGravity
+from jaxspace.scene import Custom
+
+TIMES = np.array([0.0, 0.7, 1.0, 2.5, 4.0])
+VALUES = np.array([1.0, -2.0, 0.5, 3.0, 0.0])
+
+
+def test_values_between_nodes_and_beyond_them():
+    """Against NumPy and SciPy; with one value for each run, and times for each run."""
+    t = np.linspace(-0.5, 4.5, 201)
+    within = np.clip(t, TIMES[0], TIMES[-1])
+    linear = np.interp(t, TIMES, VALUES)
+    cubic = CubicSpline(TIMES, VALUES, bc_type="natural")(within)
+    for make, expected in ((Table, linear), (Spline, cubic)):
+        np.testing.assert_allclose(jax.vmap(make(TIMES, VALUES))(t), expected, atol=1e-14)
+        runs = make(np.stack([TIMES, 2.0 * TIMES], -1), np.stack([VALUES, 3.0 * VALUES], -1))
+        found = runs(jnp.stack([jnp.asarray(0.8), jnp.asarray(1.6)]))
+        np.testing.assert_allclose(found[1], 3.0 * found[0], rtol=1e-14)
+        shared = make(TIMES, np.stack([VALUES, 3.0 * VALUES], -1))(0.8)
+        np.testing.assert_allclose(shared, found, rtol=1e-13)
+        assert make(np.float32(TIMES), np.float32(VALUES))(jnp.float32(0.8)).dtype == jnp.float32
+    assert Spline([0.0, 1.0], [1.0, 2.0])(0.25) == 1.25
+
+
+class Push(eqx.Module):
+    """A push along x that follows a table, as the function of an effect."""
+
+    control: Table | Spline
+
+    def __call__(self, t, y, body):
+        push = self.control(t) * jnp.array([1.0, 0.0, 0.0]).reshape(3, *(1,) * jnp.ndim(t))
+        return Load(acceleration_N=push + 0.0 * y.position)
+
+
+def scene(control, *effects):
+    return Scene((Custom(Push(control), ("position",), ("acceleration",)), *effects))
+
+
+def test_the_nodes_are_breaks_wherever_the_table_is():
+    control = Table(TIMES, VALUES)
+    np.testing.assert_array_equal(breaks_of(scene(control)), TIMES)
+    hidden = Custom(lambda t, y, body: Push(control)(t, y, body), ("position",), ("acceleration",))
+    np.testing.assert_array_equal(breaks_of(Scene((hidden,))), TIMES)
+    assert breaks_of(Scene((PointGravity(1.0),))) is None
+
+
+def test_the_gradient_of_a_run_through_a_table_is_right():
+    """Of the end of a flight under gravity by 31 values of its control, against differences."""
+    nodes = np.linspace(0.0, 3.0, 31)
+    values = 0.2 * np.sin(2.0 * nodes)
+    y0 = BodyState(jnp.array([1.0, 0.0, 0.0]), jnp.array([0.0, 1.1, 0.0]))
+
+    @jax.jit
+    def end(values):
+        flight = scene(Table(nodes, values), PointGravity(1.0))
+        return simulate(flight, y0, jnp.array([0.0, 3.0]), accuracy=1e-11).final.position[0]
+
+    slopes = jax.grad(end)(jnp.asarray(values))
+    for k in (0, 7, 16, 30):
+        h = 1e-4 * np.eye(31)[k]
+        # A central difference of runs good to 1e-11: 1e-7 from both, against slopes of 0.1.
+        np.testing.assert_allclose(
+            slopes[k], (end(values + h) - end(values - h)) / 2e-4, rtol=0.0, atol=2e-8
+        )
+
+
+def test_the_gradient_of_a_run_through_a_spline_is_right():
+    """Of x(T) = int (T - t) u(t) dt by every value of u, in closed form."""
+    y0 = BodyState(jnp.zeros(3), jnp.zeros(3))
+
+    def end(values):
+        flight = scene(Spline(TIMES, values))
+        return simulate(flight, y0, jnp.array([0.0, 4.0]), accuracy=1e-9).final.position[0]
+
+    value, slopes = jax.jit(jax.value_and_grad(end))(jnp.asarray(VALUES))
+    exact = []
+    for k in range(5):
+        hill = CubicSpline(TIMES, np.eye(5)[k], bc_type="natural")
+        exact.append(hill.antiderivative(2)(4.0))
+    # A polynomial of degree three between the nodes: the method integrates it exactly.
+    np.testing.assert_allclose(slopes, exact, atol=1e-12)
+    np.testing.assert_allclose(value, np.dot(exact, VALUES), rtol=1e-12)
+
+
+def test_the_runs_of_a_batch_have_tables_of_their_own():
+    values = np.stack([VALUES, 2.0 * VALUES, -VALUES], -1)
+    y0s = BodyState(jnp.zeros((3, 3)), jnp.zeros((3, 3)))
+    run = simulate_batch(scene(Table(TIMES, values)), y0s, jnp.array([0.0, 4.0]))
+    x = np.asarray(run.final.position[0])
+    np.testing.assert_allclose(x / x[0], [1.0, 2.0, -1.0], rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("times", "values", "sentence"),
+    [
+        ([0.0, 1.0, 1.0], [0.0, 1.0, 2.0], "Table.times is .* it must be ascending"),
+        ([0.0, 1.0], [0.0, 1.0, 2.0], "it must have as many of both, two or more"),
+        ([0.0], [0.0], "two or more"),
+        ([0.0, 1.0], [0.0, np.nan], "Table.values is .* it must be finite"),
+    ],
+)
+def test_tables_that_are_none_are_refused(times, values, sentence):
+    with pytest.raises(InputError, match=sentence):
+        Table(times, values)

@@ -1,0 +1,139 @@
+"""Wrong calls get one sentence that names what is wrong, and no error of Python or JAX."""
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from systems import Integrated
+
+from jaxspace import BodyState, Scene, simulate
+from jaxspace.attitude import TorqueFreeBody
+from jaxspace.bodies import Load, RigidBody
+from jaxspace.core import AbstractSystem, InputError
+from jaxspace.orbits import ClassicalElements, TwoBody, orbit_from_altitude, orbit_from_radius
+from jaxspace.rotations import Quaternion
+from jaxspace.scene import Custom
+from jaxspace.simulation import Accuracy, Event, Mission, Phase
+
+SPAN = jnp.array([0.0, 1.0])
+Y = BodyState(jnp.array([1.0, 0.0, 0.0]), jnp.array([0.0, 1.0, 0.0]))
+KEPLER = Integrated(TwoBody(1.0))
+FREE = TorqueFreeBody([3.0, 2.0, 1.0])
+
+
+class Decay(AbstractSystem):
+    """A vector that decays at three rates."""
+
+    rates: object
+
+    def vector_field(self, t, y):
+        return -self.rates * y
+
+    def invariants(self, t, y):
+        return {}
+
+
+class Other(AbstractSystem):
+    """A derivative of another tree than the state."""
+
+    def vector_field(self, t, y):
+        return {"a": y["a"], "b": y["a"]}
+
+    def invariants(self, t, y):
+        return {}
+
+
+def custom(function, adds):
+    body = RigidBody(1.0, [1.0, 1.0, 1.0])
+    return Scene((Custom(function, ("position",), adds),), body)
+
+
+@pytest.mark.parametrize(
+    ("call", "sentence"),
+    [
+        (
+            lambda: simulate(Decay(jnp.ones(3)), jnp.ones(4), SPAN),
+            r"Decay.vector_field cannot take y0, which holds an array \(4,\): .*\(3,\), \(4,\)",
+        ),
+        (
+            lambda: simulate(Other(), {"a": jnp.ones(3)}, SPAN),
+            r"y0 holds \['a'\] \(3,\), and Other.vector_field returns .*\['b'\] \(3,\)",
+        ),
+        (
+            lambda: simulate(KEPLER, [jnp.ones(3), jnp.ones(3)], SPAN),
+            r"cannot take y0, which holds \[0\] \(3,\), \[1\] \(3,\)",
+        ),
+        (lambda: simulate(KEPLER, jnp.ones(6), SPAN), r"which holds an array \(6,\)"),
+        (
+            lambda: simulate(custom(lambda t, y, body: None, ("force",)), Y, SPAN),
+            "Custom.function returns NoneType: it must return a Load",
+        ),
+        (
+            lambda: simulate(custom(lambda t, y, body: -y.position, ("force",)), Y, SPAN),
+            "it must return a Load",
+        ),
+        (
+            lambda: simulate(
+                custom(lambda t, y, body: Load(force_N=-y.position), ("acceleration",)), Y, SPAN
+            ),
+            "returns force, and Custom.adds names acceleration",
+        ),
+        (
+            lambda: simulate(
+                Mission([Phase(KEPLER, Event(lambda t, y: y.position, within=1.0))]), Y
+            ),
+            r"Phase.until.condition returns \(3,\): it must return one number",
+        ),
+        (
+            lambda: simulate(Mission([Phase(KEPLER, 1.0)]), [jnp.ones(3)]),
+            "cannot take y0, which holds",
+        ),
+        (
+            lambda: simulate(KEPLER, Y, SPAN, events=(Event(lambda t, y: y.height),)),
+            r"events\[0\].condition cannot take the time and the state .*no attribute 'height'",
+        ),
+        (lambda: simulate(KEPLER, Y, SPAN, events=Event(lambda t, y: t)), "must be a tuple"),
+        (lambda: simulate(KEPLER, Y, SPAN, accuracy="high"), "accuracy is 'high'"),
+        (lambda: Accuracy(rtol="high"), "Accuracy.rtol is 'high'"),
+    ],
+)
+def test_wrong_calls_get_a_sentence(call, sentence):
+    with pytest.raises(InputError, match=sentence):
+        call()
+
+
+@pytest.mark.parametrize(
+    ("call", "sentence"),
+    [
+        (
+            lambda: BodyState(jnp.ones((2, 3)), jnp.ones((2, 3))),
+            r"BodyState.position has the shape \(2, 3\)",
+        ),
+        (
+            lambda: simulate(
+                FREE, BodyState(attitude=Quaternion(jnp.zeros(4)), omega=jnp.ones(3)), SPAN
+            ),
+            r"Quaternion.wxyz is \[0. 0. 0. 0.\]: it must be of another length than zero",
+        ),
+        (
+            lambda: simulate(KEPLER, BodyState(Y.position, Y.velocity, mass=jnp.array(-1.0)), SPAN),
+            "BodyState.mass is -1: it must be positive",
+        ),
+        (
+            lambda: RigidBody(1.0, np.diag([1.0, 1.0, 5.0])),
+            "InertiaTensor.tensor is .*no principal moment exceeds the sum of the other two",
+        ),
+        (
+            lambda: ClassicalElements(1.0, 2.0, 0.0, 0.0, 0.0, 3.0),
+            r"true_anomaly is 3: it must be within 2.0944 rad of the periapsis",
+        ),
+        (lambda: orbit_from_radius(1.0, 1.0, 1.5, true_anomaly=-2.5), "true_anomaly is -2.5"),
+    ],
+)
+def test_what_no_body_has_is_refused(call, sentence):
+    with pytest.raises(InputError, match=sentence):
+        call()
+
+
+def test_an_orbit_through_its_planet_is_doubted():
+    with pytest.warns(UserWarning, match="periapsis_altitude is -100000 m: the orbit passes"):
+        orbit_from_altitude(-1e5, 6.4e6, 4e14)
