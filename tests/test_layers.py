@@ -255,10 +255,26 @@ def run(code: str) -> str:
     return done.stdout
 
 
-@pytest.mark.parametrize("room", ROOMS)
-def test_room_imports_alone(room):
-    """In a fresh interpreter, so that no room lives on what another one has imported before it."""
-    run(f"import jaxspace.{room}")
+# The libraries are imported once, and each room in a copy of that process.
+ALONE = """
+import os, traceback
+import jax, equinox, diffrax, optax
+for room in %r:
+    child = os.fork()
+    if child == 0:
+        try:
+            __import__("jaxspace." + room)
+        except BaseException:
+            traceback.print_exc()
+            os._exit(1)
+        os._exit(0)
+    print(room, os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
+"""
+
+
+def test_each_room_imports_alone():
+    """No room lives on what another one has imported before it."""
+    assert run(ALONE % ROOMS).splitlines() == [f"{room} 0" for room in ROOMS]
 
 
 WATCH = """
