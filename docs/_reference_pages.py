@@ -64,7 +64,8 @@ def command_line() -> str:
             _command(parser.prog, entry, commands.choices[entry.dest])
         )
     parts.append(
-        "## Exit status\n\n| Status | Meaning |\n|---|---|\n| 0 | done |\n| 1 | runs failed |\n"
+        "## Exit status\n\n| Status | Meaning |\n|---|---|\n| 0 | done |\n"
+        "| 1 | runs or hard cases failed |\n"
         "| 2 | input that cannot be used; the message names the file, the key and what is allowed |"
     )
     return "\n\n".join(parts) + "\n"

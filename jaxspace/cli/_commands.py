@@ -19,6 +19,7 @@ from ..io import (
 )
 from ..simulation import Mission, Status, Trajectory
 from ..studies import AccuracyCost, EffectBudget, accuracy_cost, effect_budget
+from ..verification import run_cases
 
 TOLERANCES = tuple(10.0**-k for k in range(4, 13))
 
@@ -172,6 +173,17 @@ def show_schema() -> int:
     """Print the JSON schema of scene files."""
     print(json.dumps(schema(), indent=1))
     return 0
+
+
+def verify(precision: str, device: str | None, json_path: str | None, page: str | None) -> int:
+    """Evaluate the hard cases and print the table; 1 where a case fails."""
+    result = run_cases(precision=precision, device=device)
+    print(result)
+    for path, text in ((json_path, result.json()), (page, result.markdown())):
+        if path is not None:
+            with open(path, "w", encoding="utf-8") as file:
+                file.write(text)
+    return 0 if result.passed else 1
 
 
 def make_folder(name: str) -> None:
