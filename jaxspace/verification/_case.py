@@ -30,7 +30,7 @@ class Case:
     - `slope_roundings`: the error allowed in the derivatives, in roundings of the largest one of
       the same output.
     - `value`, `slopes`: the truth in closed form. Where `value` is `None`, the truth is stored in
-      `truths.json`, to thirty digits; `tests/truths.py` computes it. `slopes` has a row for each
+      `truths.json`, to twenty digits; `tests/truths.py` computes it. `slopes` has a row for each
       output and is empty where the value has no derivatives.
     - `single`: why float32 cannot hold this case; empty where it can."""
 

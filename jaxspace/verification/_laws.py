@@ -67,7 +67,7 @@ class LawReport:
         return all(law.holds for law in self.laws)
 
     def __repr__(self) -> str:
-        rows = [("law", "error", "allowed", "verdict")]
+        rows: list[tuple[str, ...]] = [("law", "error", "allowed", "verdict")]
         for law in self.laws:
             shown = ("-", "-") if law.note else (f"{law.error:.1e}", f"{law.allowed:.1e}")
             rows.append((law.name, *shown, law.note or ("holds" if law.holds else "FAILS")))

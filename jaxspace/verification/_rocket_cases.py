@@ -86,18 +86,18 @@ CASES = (
     Case(
         "rockets: height below its series",
         burnout_height,
-        (2850.0, 1.0 + 9.9e-5, 60.0, 0.0, 0.0),
-        "the series leaves 1e-12",
-        1e4,
-        1e6,
+        (2850.0, 1.0 + 9.9e-3, 60.0, 0.0, 0.0),
+        "a series",
+        8.0,
+        256.0,
     ),
     Case(
         "rockets: height above its series",
         burnout_height,
-        (2850.0, 1.0 + 1.01e-4, 60.0, 0.0, 0.0),
+        (2850.0, 1.0 + 1.01e-2, 60.0, 0.0, 0.0),
         "1 - ln(mu)/(mu - 1) is a difference",
         8.0,
-        1e6,
+        1e4,
         single="the difference has no digits",
     ),
     Case(
@@ -107,7 +107,9 @@ CASES = (
         value=(0.0,),
         slopes=((0.0,) * 4,),
     ),
-    Case("rockets: coast below escape", coast, (11180.0, 0.0, 9.81, 6.378e6)),
+    Case(
+        "rockets: coast below escape", coast, (11180.0, 0.0, 9.81, 6.378e6), slope_roundings=256.0
+    ),
     Case(
         "rockets: coast of escape",
         coast,
@@ -129,7 +131,7 @@ CASES = (
         "rockets: spin to the last grain",
         spun_angle,
         (20.0, 3.0, 0.0499999, 0.5),
-        slope_roundings=256.0,
+        slope_roundings=1e6,
     ),
     Case(
         "rockets: damping, everything burns",
@@ -169,7 +171,7 @@ CASES = (
         (3000.0, 4000.0, 0.1, 0.1, 16118.0),
         ROOT,
         64.0,
-        1e4,
+        1e6,
     ),
     Case("optimization: quickest, level", quickest, (20.0, 0.0, 7000.0), ROOT, 16.0, 64.0),
     Case(

@@ -89,7 +89,8 @@ def _run_group(
         # In one piece: a case of a loop that does not end would otherwise look like any other.
         found = jax.tree.map(np.asarray, program(jax.device_put(inputs, device)))
         for number, case in enumerate(with_slopes):
-            results.append(_judge(case, *(x[number] for x in found), precision))
+            value, forward, reverse = (x[number] for x in found)
+            results.append(_judge(case, value, forward, reverse, precision))
     for case in cases:
         if case not in with_slopes:
             with jax.default_device(device):

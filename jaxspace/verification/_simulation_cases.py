@@ -5,7 +5,7 @@ import math
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from ..bodies import BodyState, BurningBody
+from ..bodies import BodyState, BurningBody, as_inertia
 from ..dispersion import Normal, TruncatedNormal, Uniform
 from ..orbits import TwoBody, apoapsis
 from ..rockets import Thrust
@@ -39,7 +39,14 @@ def time_of_apoapsis(x: Array) -> Array:
     the greatest time, of either sign."""
     stop = Event(apoapsis, samples=16)
     ts = jnp.stack([0.0 * x[1], x[1]])
-    run = simulate(TwoBody(1.0), on_circle(x[0]), ts, accuracy=TIGHT, events=(stop,), throw=False)
+    run = simulate(
+        TwoBody(jnp.ones_like(x[0])),
+        on_circle(x[0]),
+        ts,
+        accuracy=TIGHT,
+        events=(stop,),
+        throw=False,
+    )
     return run.ts[-1:]
 
 
@@ -47,7 +54,7 @@ def burnt(x: Array) -> Array:
     """The speed long after burnout, from thrust, exhaust velocity, burn time and mass."""
     zero = jnp.zeros(3, x.dtype)
     ones = jnp.ones(3, x.dtype)
-    body = BurningBody(1.0, ones, 0.3 * ones, 0.0)
+    body = BurningBody(ones[0], as_inertia(ones), 0.3 * ones, 0.0 * ones[0])
     scene = Scene((Thrust(x[0], x[1], x[2]),), body)
     attitude = Quaternion(jnp.asarray([1.0, 0.0, 0.0, 0.0], x.dtype))
     start = BodyState(position=zero, velocity=zero, attitude=attitude, omega=zero, mass=x[3])
@@ -58,7 +65,9 @@ def burnt(x: Array) -> Array:
 def fall_into_the_centre(x: Array) -> Array:
     """Whether the run from rest fails, and whether its end is not a number."""
     start = BodyState(position=x[:3], velocity=jnp.zeros(3))
-    run = simulate(TwoBody(1.0), start, jnp.asarray([0.0, 3.0]), accuracy=TIGHT, throw=False)
+    run = simulate(
+        TwoBody(jnp.ones_like(x[0])), start, jnp.asarray([0.0, 3.0]), accuracy=TIGHT, throw=False
+    )
     return jnp.stack([run.status > Status.EVENT, jnp.all(jnp.isnan(run.final.position))])
 
 
@@ -66,7 +75,11 @@ def out_of_steps(x: Array) -> Array:
     """The status of a run with too few steps, and whether its end is not a number."""
     few = Accuracy(rtol=1e-12, method=DOP853(), max_steps=4)
     run = simulate(
-        TwoBody(1.0), on_circle(x[0]), jnp.asarray([0.0, 100.0]), accuracy=few, throw=False
+        TwoBody(jnp.ones_like(x[0])),
+        on_circle(x[0]),
+        jnp.asarray([0.0, 100.0]),
+        accuracy=few,
+        throw=False,
     )
     return jnp.stack([1.0 * run.status, jnp.all(jnp.isnan(run.final.position))])
 
@@ -74,15 +87,21 @@ def out_of_steps(x: Array) -> Array:
 def beside_a_failure(x: Array) -> Array:
     """Of three runs, of which one falls into the centre: which failed."""
     starts = on_circle(x)
-    run = simulate_batch(TwoBody(1.0), starts, jnp.asarray([0.0, 3.0]), accuracy=TIGHT)
+    run = simulate_batch(
+        TwoBody(jnp.ones_like(x[0])), starts, jnp.asarray([0.0, 3.0]), accuracy=TIGHT
+    )
     return 1.0 * (run.status > Status.EVENT)
 
 
-def tails(x: Array) -> tuple[float, ...]:
+def tails(x: Array) -> Array:
     """The shares of three distributions beyond the limit."""
-    limit = float(x[0])
-    laws = Normal(0.0, 1.0), TruncatedNormal(0.0, 1.0, -12.0, 12.0), Uniform(0.0, 2.0 * limit)
-    return tuple(law.outside(-math.inf, limit) for law in laws)
+    zero, one, limit = 0.0 * x[0], jnp.ones_like(x[0]), x[0]
+    laws = (
+        Normal(zero, one),
+        TruncatedNormal(zero, one, -12.0 * one, 12.0 * one),
+        Uniform(zero, 2.0 * limit),
+    )
+    return jnp.asarray([law.outside(-math.inf, float(limit)) for law in laws])
 
 
 STEPS = "tolerance 1e-12 of each step"
