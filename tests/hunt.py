@@ -169,9 +169,10 @@ def subjects(names: Sequence[str] = ()) -> Iterator[Subject]:
 HEAD = """# The hunt
 
 `make hunt` searches for the inputs at which the closed forms are worst, and writes this page:
-random inputs, also close to the singular places of the [hard cases](verification.md), and steps
-from the worst ones to worse ones. Errors are in roundings (2.2e-16) times the condition number of
-the place: what the rounding of the inputs alone would do is about 1. Above 100 is a defect.
+random inputs, also close to the singular places of the [hard cases](../reference/hard_cases.md),
+and steps from the worst ones to worse ones. Errors are in roundings (2.2e-16) times the condition
+number of the place: what the rounding of the inputs alone would do is about 1. Above 100 is a
+defect.
 
 The truth is an evaluation of the same formulas in forty digits. It sees every rounding,
 cancellation and overflow, and by differences every wrong rule of a derivative. It does not see

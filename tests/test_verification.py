@@ -3,8 +3,6 @@
 import dataclasses
 import json
 import math
-import re
-from pathlib import Path
 
 import equinox as eqx
 import hunt
@@ -23,7 +21,6 @@ from jaxspace.orbits import TwoBody
 from jaxspace.verification import CASES, Verification, run_cases, verify
 from jaxspace.verification import _runner as runner
 
-ROOT = Path(__file__).parents[1]
 BY_NAME = {case.name: case for case in CASES}
 QUICK = (
     *("core: angle of the origin", "core: end of a range", "core: (e^x - 1)/x at its branch"),
@@ -204,9 +201,3 @@ def test_no_run_ends_well_and_is_no_number(sample):
     for row in nan_hunt.count(sample, 24):
         assert row.silent == 0
         assert row.good + sum(row.failed.values()) == row.runs
-
-
-def test_the_page_names_every_case():
-    text = (ROOT / "docs" / "explanation" / "verification.md").read_text()
-    listed = re.findall(r"^\| ([a-z]+: [^|]+?) \|", text, re.MULTILINE)
-    assert listed == [case.name for case in CASES]

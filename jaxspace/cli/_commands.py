@@ -175,14 +175,13 @@ def show_schema() -> int:
     return 0
 
 
-def verify(precision: str, device: str | None, json_path: str | None, page: str | None) -> int:
-    """Evaluate the hard cases and print the table; 1 where a case fails."""
+def verify(precision: str, device: str | None, path: str | None) -> int:
+    """Evaluate the hard cases, print the table, and keep it as JSON; 1 where a case fails."""
     result = run_cases(precision=precision, device=device)
     print(result)
-    for path, text in ((json_path, result.json()), (page, result.markdown())):
-        if path is not None:
-            with open(path, "w", encoding="utf-8") as file:
-                file.write(text)
+    if path is not None:
+        with open(path, "w", encoding="utf-8") as file:
+            file.write(result.json())
     return 0 if result.passed else 1
 
 

@@ -85,7 +85,6 @@ def _parser() -> argparse.ArgumentParser:
         "--device", metavar="NAME", help="such as cpu or gpu (default: what JAX chooses)"
     )
     verify.add_argument("--json", metavar="PATH", help="a file for the results")
-    verify.add_argument("--page", metavar="PATH", help="a file for the table, in Markdown")
     for command in (run, disperse, cost, budget):
         command.add_argument(
             "--out", default="out", metavar="DIR", help="where the files go (default: out)"
@@ -204,4 +203,4 @@ def _verify(given: argparse.Namespace) -> int:
     from ._commands import verify
 
     settle()
-    return verify(given.precision, given.device, given.json, given.page)
+    return verify(given.precision, given.device, given.json)

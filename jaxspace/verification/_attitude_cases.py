@@ -115,15 +115,6 @@ CASES = (
         single=LOST,
     ),
     Case(
-        "bodies: thirty turns",
-        free_flight,
-        (*BODY, 0.4, 1.1, 2.0, 90.0),
-        FLIP,
-        16.0,
-        1e3,
-        single="the phase has no digits left in float32",
-    ),
-    Case(
         "bodies: about the middle axis exactly",
         free_flight,
         (*BODY, 0.0, 1.0, 0.0, 3.0),

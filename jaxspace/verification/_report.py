@@ -93,36 +93,6 @@ class Verification:
         # JSON has no infinity: it is text there.
         return json.dumps(_plain(record), indent=1, allow_nan=False) + "\n"
 
-    def markdown(self) -> str:
-        """The page of the manual."""
-        lines = []
-        for row in self.rows:
-            name, *numbers, verdict = _cells(row)
-            lines.append(f"| {name} | {' | '.join(numbers)} | {verdict} | {row.why} |")
-        return "\n".join([PAGE, *lines, "", f"*{self.summary()}; jax {jax.__version__}*"]) + "\n"
-
-
-PAGE = """# Hard cases
-
-`jaxspace verify` evaluates the cases below on your machine, in value and in both modes of
-differentiation, prints this table, and ends with status 1 where a case fails. `--precision float32`
-does the same in single precision and says which cases it cannot hold; `--device gpu` does it there.
-
-Errors of values are relative to the condition of the case: 1.1e-16 is half a rounding of the inputs
-and of the result. Errors of derivatives are relative to the largest one of the same output. The
-truths are closed forms, or computed by other formulas in sixty digits.
-
-```python
-from jaxspace.verification import run_cases
-```
-
-gives the same in Python, and `verify(system, y0, span)` checks the laws of motion on a system or a
-scene of your own: invariants, the way back, the closed form, both modes of differentiation,
-differences, batches, float32.
-
-| Case | Error | Allowed | Gradient error | Allowed | Verdict | Why |
-|---|---|---|---|---|---|---|"""
-
 
 def _plain(x):
     if isinstance(x, dict):
