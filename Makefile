@@ -8,7 +8,7 @@ INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check --ed
 export PYRIGHT_PYTHON_IGNORE_WARNINGS := 1
 export NO_MKDOCS_2_WARNING := true
 
-.PHONY: demo test lint format types docs unit sweep bench clean
+.PHONY: demo test lint format types docs unit sweep hunt bench clean
 .NOTPARALLEL:
 .DELETE_ON_ERROR:
 
@@ -36,6 +36,10 @@ unit: $(VENV)/.test  ## the tests; of a long sweep a fixed sample
 
 sweep: $(VENV)/.test  ## the tests with every case of the long sweeps
 	@$(BIN)/python -m pytest -n 2 --dist worksteal --sweep all
+
+hunt: $(VENV)/.test  ## search for the worst errors of all closed forms, and for a silent NaN
+	@$(BIN)/python tests/hunt.py
+	@$(BIN)/python tests/nan_hunt.py
 
 bench: $(VENV)/.bench  ## speed and accuracy on this machine
 	@$(BIN)/python -m benchmarks

@@ -7,6 +7,7 @@ from _parameter_tables import unit as _unit
 from mkdocs.structure.files import File
 
 from jaxspace import cli, io
+from jaxspace.verification import CASES
 
 
 def on_files(files, config):
@@ -14,10 +15,22 @@ def on_files(files, config):
     pages = {
         "reference/command_line.md": command_line(),
         "reference/scene_files.md": scene_files(),
+        "reference/hard_cases.md": hard_cases(),
     }
     for name, text in pages.items():
         files.append(File.generated(config, name, content=text))
     return files
+
+
+def hard_cases() -> str:
+    """The page of the hard cases: what each one allows, and why."""
+    rows = [
+        f"| {case.name} | {case.roundings:.3g} | "
+        f"{f'{case.slope_roundings:.3g}' if case.truth()[1] else '-'} | {case.why} | "
+        f"{case.single or 'held too'} |"
+        for case in CASES
+    ]
+    return "\n".join([HARD_CASES, *rows]) + "\n"
 
 
 def command_line() -> str:
@@ -44,7 +57,8 @@ def command_line() -> str:
             _command(parser.prog, entry, commands.choices[entry.dest])
         )
     parts.append(
-        "## Exit status\n\n| Status | Meaning |\n|---|---|\n| 0 | done |\n| 1 | runs failed |\n"
+        "## Exit status\n\n| Status | Meaning |\n|---|---|\n| 0 | done |\n"
+        "| 1 | runs or hard cases failed |\n"
         "| 2 | input that cannot be used; the message names the file, the key and what is allowed |"
     )
     return "\n\n".join(parts) + "\n"
@@ -237,3 +251,19 @@ editors.
 
 A file is one of three kinds. A *system* names one system in `[system]`. A *scene* puts a body and
 effects together. A *mission* has `[[phase]]` tables. Numbers are in SI, or text with a unit."""
+
+HARD_CASES = """\
+# Hard cases
+
+`jaxspace verify` evaluates these cases on your machine, in value and in both modes of
+differentiation, prints the errors, and ends with status 1 where a case fails. `--precision float32`
+does the same in single precision, and says which cases it cannot hold; `--device gpu` does it
+there. In Python it is `jaxspace.verification.run_cases()`; `verify(system, y0, span)` of the same
+room checks the laws of motion on a system or a scene of your own.
+
+Errors are in roundings. That of a value is divided by the condition of the case, so that 1 is what
+the rounding of the inputs does; that of a derivative is relative to the largest one of the same
+output. The truths are closed forms, or computed by other formulas in sixty digits.
+
+| Case | Value | Derivatives | Why | In float32 |
+|---|---|---|---|---|"""

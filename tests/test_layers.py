@@ -35,6 +35,11 @@ ALLOWED = {
         *("scene", "solvers", "simulation", "dispersion"),
     },
     "plots": {"core", "rotations"},
+    # Hard cases of every room.
+    "verification": {
+        *("core", "rotations", "bodies", "orbits", "attitude", "rockets", "gyros", "scene"),
+        *("solvers", "simulation", "studies", "dispersion", "optimization"),
+    },
 }
 ALLOWED["cli"] = set(ALLOWED)
 ALLOWED["__init__"] = set(ALLOWED) - {"cli"}
@@ -53,6 +58,7 @@ ENGINE = {
     "simulation": {"integration"},
     "studies": {"integration", "simulation"},
     "dispersion": {"integration", "simulation"},
+    "verification": {"studies"},
 }
 
 # What a room may import at all, of the world outside.

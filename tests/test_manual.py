@@ -23,7 +23,7 @@ MANUAL += sorted(str(path.relative_to(ROOT)) for path in ROOT.glob("docs/**/*.md
 PAGES = [page for page in MANUAL if CODE.search((ROOT / page).read_text())]
 ROOMS = [room.name for room in pkgutil.iter_modules(jaxspace.__path__) if room.ispkg]
 # Written by a hook when the site is built.
-GENERATED = {"scene_files.md", "command_line.md"}
+GENERATED = {"scene_files.md", "command_line.md", "hard_cases.md"}
 
 
 def test_there_is_something_to_run():

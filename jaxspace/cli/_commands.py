@@ -19,6 +19,7 @@ from ..io import (
 )
 from ..simulation import Mission, Status, Trajectory
 from ..studies import AccuracyCost, EffectBudget, accuracy_cost, effect_budget
+from ..verification import run_cases
 
 TOLERANCES = tuple(10.0**-k for k in range(4, 13))
 
@@ -172,6 +173,16 @@ def show_schema() -> int:
     """Print the JSON schema of scene files."""
     print(json.dumps(schema(), indent=1))
     return 0
+
+
+def verify(precision: str, device: str | None, path: str | None) -> int:
+    """Evaluate the hard cases, print the table, and keep it as JSON; 1 where a case fails."""
+    result = run_cases(precision=precision, device=device)
+    print(result)
+    if path is not None:
+        with open(path, "w", encoding="utf-8") as file:
+            file.write(result.json())
+    return 0 if result.passed else 1
 
 
 def make_folder(name: str) -> None:

@@ -1,4 +1,4 @@
-"""The commands: run, disperse, explain, cost, budget, list, schema."""
+"""The commands: run, disperse, explain, cost, budget, list, schema, verify."""
 
 import argparse
 import math
@@ -72,6 +72,20 @@ def parser() -> argparse.ArgumentParser:
     commands.add_parser(
         "schema", help="print the JSON schema of scene files, for editors"
     ).set_defaults(command=_schema)
+    verify = commands.add_parser(
+        "verify", help="evaluate the hard cases, in value and gradient, on this machine"
+    )
+    verify.set_defaults(command=_verify)
+    verify.add_argument(
+        "--precision",
+        choices=("float64", "float32"),
+        default="float64",
+        help="of the inputs (default: float64)",
+    )
+    verify.add_argument(
+        "--device", metavar="NAME", help="such as cpu or gpu (default: what JAX chooses)"
+    )
+    verify.add_argument("--json", metavar="PATH", help="a file for the results")
     for command in (run, disperse, cost, budget):
         command.add_argument(
             "--out", default="out", metavar="DIR", help="where the files go (default: out)"
@@ -187,3 +201,10 @@ def _schema(given: argparse.Namespace) -> int:
 
     del given
     return show_schema()
+
+
+def _verify(given: argparse.Namespace) -> int:
+    from ._commands import verify
+
+    settle()
+    return verify(given.precision, given.device, given.json)

@@ -84,15 +84,15 @@ def vertical_burnout_height(
     Arguments as in `vertical_burnout_velocity`; a mass ratio of 1 is allowed."""
     # ln(mu) / (mu - 1) by its series near mu = 1, where both terms vanish.
     e = mass_ratio - 1.0
-    # Below 1e-4 the next term, e^3/4, is under 1e-12.
-    small = jnp.abs(e) < 1e-4
-    safe = jnp.where(small, 1.0, e)
-    loss = jnp.where(small, 1.0 - e / 2.0 + e * e / 3.0, jnp.log1p(jnp.where(small, 0.0, e)) / safe)
-    return (
-        start * burn_time
-        + exhaust_velocity * burn_time * (1.0 - loss)
-        - 0.5 * gravity * burn_time**2
-    )
+    small = jnp.abs(e) < 1e-2
+    s = jnp.where(small, e, 0.0)
+    # 1 - ln(mu) / (mu - 1) = e/2 - e^2/3 + ...; the tenth power is below rounding, also in slopes.
+    series = 0.0
+    for n in range(10, 1, -1):
+        series = 1.0 / n - s * series
+    closed = 1.0 - jnp.log1p(jnp.where(small, 0.0, e)) / jnp.where(small, 1.0, e)
+    share = jnp.where(small, s * series, closed)
+    return start * burn_time + exhaust_velocity * burn_time * share - 0.5 * gravity * burn_time**2
 
 
 def coast_height(speed: Scalar, height: Scalar, surface_gravity: Scalar, radius: Scalar) -> Scalar:

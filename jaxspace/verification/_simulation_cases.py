@@ -1,0 +1,169 @@
+"""Hard cases of runs: events, phases, burnouts, failures; and of dispersions."""
+
+import math
+
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from ..bodies import BodyState, BurningBody, as_inertia
+from ..dispersion import Normal, TruncatedNormal, Uniform
+from ..orbits import TwoBody, apoapsis
+from ..rockets import Thrust
+from ..rotations import Quaternion
+from ..scene import Scene
+from ..simulation import Accuracy, Event, Status, simulate, simulate_batch
+from ..solvers import DOP853
+from ._case import Case
+
+TIGHT = Accuracy(rtol=1e-12, method=DOP853(), max_steps=256)
+
+
+def on_circle(speed: Array) -> BodyState:
+    """At the distance 1, at right angles to the radius."""
+    zero = 0.0 * speed
+    return BodyState(
+        position=jnp.stack([zero + 1.0, zero, zero]), velocity=jnp.stack([zero, speed, zero])
+    )
+
+
+def stepped(x: Array) -> Array:
+    """Position and velocity by steps, from position, velocity, duration and mu."""
+    ts = jnp.stack([0.0 * x[6], x[6]])
+    start = BodyState(position=x[:3], velocity=x[3:6])
+    end = simulate(TwoBody(x[7]), start, ts, accuracy=TIGHT, throw=False).final
+    return jnp.concatenate([end.position, end.velocity])
+
+
+def time_of_apoapsis(x: Array) -> Array:
+    """The time of the next apoapsis from the speed at periapsis, where the condition is zero, and
+    the greatest time, of either sign."""
+    stop = Event(apoapsis, samples=16)
+    ts = jnp.stack([0.0 * x[1], x[1]])
+    run = simulate(
+        TwoBody(jnp.ones_like(x[0])),
+        on_circle(x[0]),
+        ts,
+        accuracy=TIGHT,
+        events=(stop,),
+        throw=False,
+    )
+    return run.ts[-1:]
+
+
+def burnt(x: Array) -> Array:
+    """The speed long after burnout, from thrust, exhaust velocity, burn time and mass."""
+    zero = jnp.zeros(3, x.dtype)
+    ones = jnp.ones(3, x.dtype)
+    body = BurningBody(ones[0], as_inertia(ones), 0.3 * ones, 0.0 * ones[0])
+    scene = Scene((Thrust(x[0], x[1], x[2]),), body)
+    attitude = Quaternion(jnp.asarray([1.0, 0.0, 0.0, 0.0], x.dtype))
+    start = BodyState(position=zero, velocity=zero, attitude=attitude, omega=zero, mass=x[3])
+    ts = jnp.stack([zero[0], 2.0 * x[2]])
+    return simulate(scene, start, ts, accuracy=TIGHT, throw=False).final.velocity[2:]
+
+
+def fall_into_the_centre(x: Array) -> Array:
+    """Whether the run from rest fails, and whether its end is not a number."""
+    start = BodyState(position=x[:3], velocity=jnp.zeros(3))
+    run = simulate(
+        TwoBody(jnp.ones_like(x[0])), start, jnp.asarray([0.0, 3.0]), accuracy=TIGHT, throw=False
+    )
+    return jnp.stack([run.status > Status.EVENT, jnp.all(jnp.isnan(run.final.position))])
+
+
+def out_of_steps(x: Array) -> Array:
+    """The status of a run with too few steps, and whether its end is not a number."""
+    few = Accuracy(rtol=1e-12, method=DOP853(), max_steps=4)
+    run = simulate(
+        TwoBody(jnp.ones_like(x[0])),
+        on_circle(x[0]),
+        jnp.asarray([0.0, 100.0]),
+        accuracy=few,
+        throw=False,
+    )
+    return jnp.stack([1.0 * run.status, jnp.all(jnp.isnan(run.final.position))])
+
+
+def beside_a_failure(x: Array) -> Array:
+    """Of three runs, of which one falls into the centre: which failed."""
+    starts = on_circle(x)
+    run = simulate_batch(
+        TwoBody(jnp.ones_like(x[0])), starts, jnp.asarray([0.0, 3.0]), accuracy=TIGHT
+    )
+    return 1.0 * (run.status > Status.EVENT)
+
+
+def tails(x: Array) -> Array:
+    """The shares of three distributions beyond the limit."""
+    zero, one, limit = 0.0 * x[0], jnp.ones_like(x[0]), x[0]
+    laws = (
+        Normal(zero, one),
+        TruncatedNormal(zero, one, -12.0 * one, 12.0 * one),
+        Uniform(zero, 2.0 * limit),
+    )
+    return jnp.asarray([law.outside(-math.inf, float(limit)) for law in laws])
+
+
+STEPS = "tolerance 1e-12 of each step"
+SINGLE = "float32 holds no tolerance of 1e-12"
+V = 1.3
+AXIS = 1.0 / (2.0 - V * V)
+HALF = math.pi * AXIS**1.5
+SLOPE = 3.0 * math.pi * V * AXIS**2.5
+
+CASES = (
+    Case(
+        "simulation: ellipse of e = 0.9 by steps",
+        stepped,
+        (0.1, 0.0, 0.0, 0.0, 4.358898943540674, 0.3, 9.0, 1.0),
+        STEPS,
+        1e5,
+        1e7,
+        single=SINGLE,
+    ),
+    Case(
+        "simulation: time of apoapsis",
+        time_of_apoapsis,
+        (V, 40.0),
+        STEPS,
+        1e5,
+        1e6,
+        (HALF,),
+        ((SLOPE, 0.0),),
+        SINGLE,
+    ),
+    Case(
+        "simulation: apoapsis before, from a zero",
+        time_of_apoapsis,
+        (V, -40.0),
+        STEPS,
+        1e5,
+        1e6,
+        (-HALF,),
+        ((-SLOPE, 0.0),),
+        SINGLE,
+    ),
+    Case("simulation: burnout", burnt, (50.0, 3000.0, 100.0, 4.0), STEPS, 1e5, 1e6, single=SINGLE),
+    Case(
+        "simulation: fall into the centre",
+        fall_into_the_centre,
+        (1.0, 0.0, 0.0),
+        "exact",
+        value=(1.0, 1.0),
+    ),
+    Case("simulation: out of steps", out_of_steps, (1.0,), "exact", value=(3.0, 1.0)),
+    Case(
+        "simulation: batch beside a failure",
+        beside_a_failure,
+        (1.0, 0.0, 1.2),
+        "exact",
+        value=(0.0, 1.0, 0.0),
+    ),
+    Case(
+        "dispersion: tail beyond 8 deviations",
+        tails,
+        (8.0,),
+        value=(6.22096057427178e-16, 6.22096057427178e-16, 0.5),
+        roundings=64.0,
+    ),
+)

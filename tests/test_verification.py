@@ -1,0 +1,203 @@
+"""The hard cases, the laws and the hunt: a sample of each, and that each of them can fail."""
+
+import dataclasses
+import json
+import math
+
+import equinox as eqx
+import hunt
+import jax.numpy as jnp
+import mp_trace
+import nan_hunt
+import numpy as np
+import pytest
+import truths
+from mpmath import mp, mpf
+from systems import SAMPLES
+
+from jaxspace.cli import main
+from jaxspace.core import AbstractSystem, InputError
+from jaxspace.orbits import TwoBody
+from jaxspace.verification import CASES, Verification, run_cases, verify
+from jaxspace.verification import _runner as runner
+
+BY_NAME = {case.name: case for case in CASES}
+QUICK = (
+    *("core: angle of the origin", "core: end of a range", "core: (e^x - 1)/x at its branch"),
+    *("attitude: no cord for no change", "rockets: gain of a grain"),
+)
+STORED = json.loads(truths.TRUTHS.read_text())
+SAMPLE = tuple(BY_NAME[name] for name in QUICK)
+
+
+def test_there_are_cases_of_every_room():
+    rooms = {name.split(":")[0] for name in BY_NAME}
+    assert len(CASES) == len(BY_NAME) >= 60
+    assert rooms == {
+        *("core", "rotations", "bodies", "orbits", "attitude", "gyros", "rockets"),
+        *("simulation", "dispersion", "optimization"),
+    }
+
+
+@pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
+def test_every_case_has_a_truth_of_its_shape(case):
+    value, slopes = case.truth()
+    assert case.value is not None or truths.stored(case, STORED)
+    assert not any(math.isnan(x) for x in value)
+    assert not slopes or np.shape(slopes) == (len(value), len(case.inputs))
+    assert case.why
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "core: Stumpff functions near zero",
+        "attitude: cones of 1e-12 rad",
+        "rockets: damping, l = k",
+    ],
+)
+def test_the_stored_truths_are_those_that_the_script_computes(name):
+    found, (value, slopes) = truths.truth(BY_NAME[name]), BY_NAME[name].truth()
+    assert tuple(map(float, found["value"])) == value
+    assert np.array_equal(np.asarray(found["slopes"], float), slopes)
+
+
+@pytest.mark.parametrize("precision", ["float64", "float32"])
+def test_a_sample_of_the_cases_holds(precision):
+    result = run_cases(SAMPLE, precision=precision)
+    assert result.passed, str(result)
+    assert {row.verdict for row in result.rows} <= {"holds", "left out"}
+    left_out = {row.name for row in result.rows if row.verdict == "left out"}
+    assert left_out == ({"rockets: gain of a grain"} if precision == "float32" else set())
+    assert all(f"left out, {name}" in str(result) for name in left_out)
+
+
+def wrong(case, **changes):
+    return dataclasses.replace(case, **changes)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"value": (1e-15,)},
+        {"slopes": ((0.0, 1e-13),)},
+        {"slopes": ((0.0, math.inf),)},
+        {"value": (math.nan,)},
+    ],
+)
+def test_a_wrong_case_fails(changes):
+    (row,) = run_cases([wrong(BY_NAME["core: angle of the origin"], **changes)]).rows
+    assert row.verdict == "fails"
+
+
+@pytest.fixture
+def few(monkeypatch, tmp_path, settings_stay):
+    """The command line, with the sample in the place of all cases."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    monkeypatch.setattr(runner.run_cases, "__kwdefaults__", runner.run_cases.__kwdefaults__)
+
+    def use(cases):
+        monkeypatch.setattr(runner.run_cases, "__defaults__", (cases,))
+
+    return use
+
+
+def test_the_command_prints_writes_and_ends_with_0_or_1(few, capsys, tmp_path):
+    few(SAMPLE)
+    path = tmp_path / "found.json"
+    assert main(["verify", "--json", str(path)]) == 0
+    printed = capsys.readouterr().out
+    assert all(name in printed for name in QUICK) and "5 hold, 0 fail" in printed
+    assert json.loads(path.read_text())["passed"]
+    few((*SAMPLE, wrong(SAMPLE[0], name="wrong", value=(0.5,))))
+    assert main(["verify", "--json", str(path)]) == 1
+    assert "1 fail" in capsys.readouterr().out
+    kept = json.loads(path.read_text())
+    assert [row["name"] for row in kept["cases"] if row["verdict"] == "fails"] == ["wrong"]
+
+
+def test_a_device_that_is_not_there_is_named(few, capsys):
+    few(SAMPLE[:1])
+    assert main(["verify", "--device", "tpu"]) == 2
+    assert "tpu" in capsys.readouterr().err
+
+
+def test_a_precision_that_does_not_exist_is_refused():
+    with pytest.raises(InputError, match="float16"):
+        run_cases(SAMPLE, precision="float16")
+
+
+def test_json_holds_what_is_infinite():
+    (row,) = run_cases([wrong(SAMPLE[0], value=(math.inf,))]).rows
+    text = Verification((row,), "float64", "cpu", 1.0).json()
+    assert json.loads(text)["cases"][0]["error"] == "inf"
+
+
+# Laws.
+
+
+class Leaking(AbstractSystem):
+    """A two-body system whose field is not that of its invariants."""
+
+    rest: TwoBody
+    loss: float = eqx.field(static=True)
+
+    def vector_field(self, t, y):
+        rate = self.rest.vector_field(t, y)
+        return eqx.tree_at(lambda r: r.velocity, rate, rate.velocity - self.loss * y.velocity)
+
+    def invariants(self, t, y):
+        return self.rest.invariants(t, y)
+
+
+def test_the_laws_hold_for_a_system_and_find_a_leak():
+    orbit = next(s for s in SAMPLES if s.name == "two_body")
+    report = verify(orbit.system, orbit.state, 600.0)
+    assert report.passed, report
+    assert "closed form" in repr(report) and "every law holds" in repr(report)
+    leak = verify(Leaking(orbit.system, 1e-6), orbit.state, 600.0)
+    failed = {law.name for law in leak.laws if not law.holds}
+    assert "invariants: energy" in failed and "reversibility" not in failed
+    assert "FAILS" in repr(leak) and not leak.passed
+
+
+def test_the_laws_refuse_single_precision():
+    orbit = SAMPLES[0]
+    with pytest.raises(InputError, match="float64"):
+        verify(orbit.system, jnp.float32(1.0), 1.0)
+
+
+# The hunt.
+
+
+def test_the_trace_in_mpmath_is_the_function():
+    with mp.workdps(40):
+        for name in ("orbits: parabola, exact", "attitude: pendulum of no amplitude"):
+            case = BY_NAME[name]
+            trace = mp_trace.traced(case.function, case.inputs)
+            found = mp_trace.evaluate(trace, [np.asarray(case.inputs)])[0]
+            assert isinstance(found[0], mpf)
+            np.testing.assert_allclose(
+                np.asarray(found, float), case.truth()[0], rtol=1e-15, atol=1e-15
+            )
+
+
+def test_the_hunt_finds_nothing_in_a_sample_and_a_loss_where_there_is_one():
+    def lossy(x):
+        return (1.0 - jnp.cos(x[:1])) / x[:1] ** 2
+
+    with mp.workdps(hunt.DIGITS):
+        good = hunt.Subject(BY_NAME["core: (e^x - 1)/x at its branch"].function, [(0.1,), (-40.0,)])
+        found = hunt.hunt(good, 6, 6, 2)
+        assert found.places == 12
+        assert found.value < hunt.DEFECT and found.slopes < hunt.DEFECT
+        bad = hunt.hunt(hunt.Subject(lossy, [(1e-5,)]), 4, 8, 1)
+        assert bad.value > hunt.DEFECT and bad.slopes > hunt.DEFECT
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("sample", SAMPLES, ids=lambda sample: sample.name)
+def test_no_run_ends_well_and_is_no_number(sample):
+    for row in nan_hunt.count(sample, 24):
+        assert row.silent == 0
+        assert row.good + sum(row.failed.values()) == row.runs
