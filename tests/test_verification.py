@@ -1,6 +1,7 @@
 """The hard cases, the laws and the hunt: a sample of each, and that each of them can fail."""
 
 import dataclasses
+import functools
 import json
 import math
 
@@ -15,11 +16,10 @@ import truths
 from mpmath import mp, mpf
 from systems import SAMPLES
 
-from jaxspace.cli import main
+from jaxspace.cli import _commands, main
 from jaxspace.core import AbstractSystem, InputError
 from jaxspace.orbits import TwoBody
 from jaxspace.verification import CASES, Verification, run_cases, verify
-from jaxspace.verification import _runner as runner
 
 BY_NAME = {case.name: case for case in CASES}
 QUICK = (
@@ -94,10 +94,9 @@ def test_a_wrong_case_fails(changes):
 def few(monkeypatch, tmp_path, settings_stay):
     """The command line, with the sample in the place of all cases."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    monkeypatch.setattr(runner.run_cases, "__kwdefaults__", runner.run_cases.__kwdefaults__)
 
     def use(cases):
-        monkeypatch.setattr(runner.run_cases, "__defaults__", (cases,))
+        monkeypatch.setattr(_commands, "run_cases", functools.partial(run_cases, cases))
 
     return use
 

@@ -81,7 +81,9 @@ def out_of_steps(x: Array) -> Array:
         accuracy=few,
         throw=False,
     )
-    return jnp.stack([1.0 * run.status, jnp.all(jnp.isnan(run.final.position))])
+    return jnp.stack(
+        [run.status.astype(x.dtype), jnp.all(jnp.isnan(run.final.position)).astype(x.dtype)]
+    )
 
 
 def beside_a_failure(x: Array) -> Array:
@@ -90,7 +92,7 @@ def beside_a_failure(x: Array) -> Array:
     run = simulate_batch(
         TwoBody(jnp.ones_like(x[0])), starts, jnp.asarray([0.0, 3.0]), accuracy=TIGHT
     )
-    return 1.0 * (run.status > Status.EVENT)
+    return (run.status > Status.EVENT).astype(x.dtype)
 
 
 def tails(x: Array) -> Array:
