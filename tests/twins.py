@@ -485,4 +485,4 @@ def quickest(x):
 
 def burnt(x):
     thrust, u, t, mass = x
-    return [u * mp.log(mass / (mass - thrust * t / u))]
+    return [1000 + u * mp.log(mass / (mass - thrust * t / u))]

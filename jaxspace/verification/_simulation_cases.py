@@ -51,13 +51,16 @@ def time_of_apoapsis(x: Array) -> Array:
 
 
 def burnt(x: Array) -> Array:
-    """The speed long after burnout, from thrust, exhaust velocity, burn time and mass."""
+    """The speed after burnout, 1000 at ignition, from thrust, exhaust velocity, burn time, mass."""
     zero = jnp.zeros(3, x.dtype)
     ones = jnp.ones(3, x.dtype)
     body = BurningBody(ones[0], as_inertia(ones), 0.3 * ones, 0.0 * ones[0])
     scene = Scene((Thrust(x[0], x[1], x[2]),), body)
     attitude = Quaternion(jnp.asarray([1.0, 0.0, 0.0, 0.0], x.dtype))
-    start = BodyState(position=zero, velocity=zero, attitude=attitude, omega=zero, mass=x[3])
+    moving = 1e3 * jnp.asarray([0.0, 0.0, 1.0], x.dtype)
+    start = BodyState(
+        position=1e3 * moving, velocity=moving, attitude=attitude, omega=zero, mass=x[3]
+    )
     ts = jnp.stack([zero[0], 2.0 * x[2]])
     return simulate(scene, start, ts, accuracy=TIGHT, throw=False).final.velocity[2:]
 
