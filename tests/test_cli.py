@@ -414,8 +414,10 @@ def test_cost_prints_a_table_and_recommends(tmp_path, capsys):
         "Errors are against DOP853",
     ):
         assert word in printed
-    # Under the attraction of a point alone a body has a closed form, which costs the least.
-    assert "for a relative error of 1e-09 in the final state: the closed form" in printed
+    # Under the attraction of a point alone a body has a closed form. Which of so short runs takes
+    # the least time is up to the machine.
+    assert "closed_form  float64" in printed
+    assert "for a relative error of 1e-09 in the final state: " in printed
     assert (tmp_path / "a" / "coast_cost.png").exists() and "coast_cost.png" in printed
 
 
