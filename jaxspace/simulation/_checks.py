@@ -92,7 +92,7 @@ def check_events(
     events: tuple[Event, ...],
     system: AbstractSystem,
     y0: State,
-    t: Scalar,
+    t: Scalar | jax.ShapeDtypeStruct,
     run_axes: int,
     name: str = "events[{}]",
 ) -> None:

@@ -107,9 +107,10 @@ def _simulate_system(
     check_start(y0)
     # Everything that can be refused is refused here, before anything is compiled.
     ts = check_times(ts, y0)
-    check_structure(system, y0, ts[0])
+    start = jax.ShapeDtypeStruct((), ts.dtype)
+    check_structure(system, y0, start)
     events = as_events(events)
-    check_events(events, system, y0, ts[0], 0)
+    check_events(events, system, y0, start, 0)
     config = resolve(system, y0, as_accuracy(accuracy), InitialConditions.of_one(system, y0, ts))
 
     def run(config: IntegrationConfig, dense: bool = dense) -> Trajectory:

@@ -167,7 +167,7 @@ CASES = (
         (*on_conic(1e-6, 1.2, 0.7), 1.0),
         ANGLES,
         8.0,
-        1e8,
+        1e6,
         single=LOST,
     ),
     Case(

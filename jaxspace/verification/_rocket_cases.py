@@ -20,34 +20,42 @@ from ._case import Case
 
 
 def gain(x: Array) -> Array:
+    """The gain of speed from exhaust velocity and mass ratio."""
     return rocket_equation(x[0], x[1])[None]
 
 
 def ratio_for(x: Array) -> Array:
+    """The mass ratio for a gain of speed, from exhaust velocity and gain."""
     return mass_ratio_for(x[0], x[1])[None]
 
 
 def burnout_height(x: Array) -> Array:
+    """Height at burnout of a vertical ascent from its five parameters."""
     return vertical_burnout_height(*x)[None]
 
 
 def coast(x: Array) -> Array:
+    """Height gained after burnout from speed, height, gravity and radius."""
     return coast_height(*x)[None]
 
 
 def spun_angle(x: Array) -> Array:
+    """Angle turned through during a burn, rad."""
     return spin_angle(*x)[None]
 
 
 def damping(x: Array) -> Array:
+    """The rate left by jet damping without spin, from mass ratio and l/k."""
     return jet_damping_ratio(*x)[None]
 
 
 def spin_left(x: Array) -> Array:
+    """The spin left by jet damping, from mass ratio and rho/k_z."""
     return spin_ratio(*x)[None]
 
 
 def density(x: Array) -> Array:
+    """Density from its parameters: the exponential atmosphere."""
     return exponential_density(*x)[None]
 
 
@@ -131,6 +139,7 @@ CASES = (
         "rockets: spin to the last grain",
         spun_angle,
         (20.0, 3.0, 0.0499999, 0.5),
+        "the mass left is a difference: 2e-6 of the first",
         slope_roundings=1e6,
     ),
     Case(
