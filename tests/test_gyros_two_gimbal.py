@@ -12,7 +12,7 @@ from numpy.testing import assert_allclose
 from reference_run import check_derivatives, drifts, long_run, run
 
 from jaxspace.core import InputError
-from jaxspace.gyros import GimbalState, TwoGimbalGyro
+from jaxspace.gyros import GimbalState, GimbalWalk, TwoGimbalGyro
 from jaxspace.rotations import Quaternion, omega_from_euler_rates
 
 CASE = 1e-9  # relative tolerance of the reference cases
@@ -272,3 +272,16 @@ def test_bad_input_is_named():
     with pytest.raises(InputError, match=r"TwoGimbalGyro\.axial_inertia is 0"):
         TwoGimbalGyro(1.0, 0.0, 1.0)
     assert isinstance(state(BARE, 1.0, 0.0, 0.0, 0.0), GimbalState)
+
+
+def test_the_drift_of_a_small_nutation_keeps_its_digits():
+    """It is of second order: a mean of terms of first order would lose seven digits of it."""
+
+    def drift(rate, exact):
+        walk = GimbalWalk(*map(jnp.asarray, (1.1, rate, 1.0, 1.0, 0.6, 1.3)))
+        return walk.drift() if exact else walk.drift_to_second_order()
+
+    # What follows the second order is the square of the rate, 1e-14, times some ten.
+    assert_allclose(drift(1e-7, True), drift(1e-7, False), rtol=1e-12)
+    slope, expected = (jax.grad(drift)(1e-7, exact) for exact in (True, False))
+    assert_allclose(slope, expected, rtol=1e-12)
