@@ -27,7 +27,7 @@ def hard_cases() -> str:
     rows = [
         f"| {case.name} | {case.roundings:.3g} | "
         f"{f'{case.slope_roundings:.3g}' if case.truth()[1] else '-'} | {case.why} | "
-        f"{case.single or 'held too'} |"
+        f"{case.single or '-'} |"
         for case in CASES
     ]
     return "\n".join([HARD_CASES, *rows]) + "\n"
@@ -261,9 +261,10 @@ does the same in single precision, and says which cases it cannot hold; `--devic
 there. In Python it is `jaxspace.verification.run_cases()`; `verify(system, y0, span)` of the same
 room checks the laws of motion on a system or a scene of your own.
 
-Errors are in roundings. That of a value is divided by the condition of the case, so that 1 is what
-the rounding of the inputs does; that of a derivative is relative to the largest one of the same
-output. The truths are closed forms, or computed by other formulas in sixty digits.
+The table has the errors that are allowed, in roundings. That of a value is divided by the condition
+of the case, so that 1 is what the rounding of the inputs does; that of a derivative is relative to
+the largest one of the same output. The truths are closed forms, or computed by other formulas in
+sixty digits. The last column is the reason why a case is left out of `--precision float32`.
 
-| Case | Value | Derivatives | Why | In float32 |
+| Case | Value | Derivatives | Why | Left out of float32 |
 |---|---|---|---|---|"""
