@@ -21,6 +21,11 @@ def tight() -> Accuracy:
     return Accuracy(rtol=1e-12, method=DOP853(), max_steps=256)
 
 
+def usual(max_steps: int = 256) -> Accuracy:
+    """The tolerance of the precision of the state."""
+    return Accuracy(method=DOP853(), max_steps=max_steps)
+
+
 def on_circle(speed: Array) -> BodyState:
     """At the distance 1, at right angles to the radius."""
     zero = 0.0 * speed
@@ -70,21 +75,20 @@ def burnt(x: Array) -> Array:
 
 def fall_into_the_centre(x: Array) -> Array:
     """Whether the run from rest fails, and whether its end is not a number."""
-    start = BodyState(position=x[:3], velocity=jnp.zeros(3))
+    start = BodyState(position=x[:3], velocity=jnp.zeros_like(x[:3]))
     run = simulate(
-        TwoBody(jnp.ones_like(x[0])), start, jnp.asarray([0.0, 3.0]), accuracy=tight(), throw=False
+        TwoBody(jnp.ones_like(x[0])), start, jnp.asarray([0.0, 3.0]), accuracy=usual(), throw=False
     )
     return jnp.stack([run.status > Status.EVENT, jnp.all(jnp.isnan(run.final.position))])
 
 
 def out_of_steps(x: Array) -> Array:
     """The status of a run with too few steps, and whether its end is not a number."""
-    few = Accuracy(rtol=1e-12, method=DOP853(), max_steps=4)
     run = simulate(
         TwoBody(jnp.ones_like(x[0])),
         on_circle(x[0]),
         jnp.asarray([0.0, 100.0]),
-        accuracy=few,
+        accuracy=usual(4),
         throw=False,
     )
     return jnp.stack(
@@ -96,7 +100,7 @@ def beside_a_failure(x: Array) -> Array:
     """Of three runs, of which one falls into the centre: which failed."""
     starts = on_circle(x)
     run = simulate_batch(
-        TwoBody(jnp.ones_like(x[0])), starts, jnp.asarray([0.0, 3.0]), accuracy=tight()
+        TwoBody(jnp.ones_like(x[0])), starts, jnp.asarray([0.0, 3.0]), accuracy=usual()
     )
     return (run.status > Status.EVENT).astype(x.dtype)
 
