@@ -176,6 +176,7 @@ CASES = (
         (0.0, 12.566, 0.01),
         "slopes of the cosine vanish there",
         slope_roundings=1e4,
+        single="the distance from whole turns is five hundred roundings of the angle",
     ),
     Case(
         "rotations: angle of no turn",
