@@ -1,7 +1,9 @@
 """Settings of every test: double precision, no silent promotion of precision, the same draws on
 every machine."""
 
+import gc
 import os
+from pathlib import Path
 
 import hypothesis
 import jax
@@ -19,6 +21,10 @@ hypothesis.settings.register_profile(
 hypothesis.settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "default"))
 
 SAMPLE = 5
+
+# Each compiled program holds regions of memory, and Linux allows a process 65,530 of them: beyond,
+# the compiler crashes. A single file of tests adds less than 20,000.
+MAX_REGIONS = 20_000
 
 
 def pytest_addoption(parser):
@@ -51,6 +57,16 @@ def pytest_collection_modifyitems(config, items):
     if left_out:
         config.hook.pytest_deselected(items=left_out)
         items[:] = kept
+
+
+@pytest.fixture(scope="module", autouse=True)
+def programs_are_dropped():
+    """Forget the compiled programs after a file of tests when they have become many."""
+    yield
+    regions = Path("/proc/self/maps")
+    if regions.exists() and regions.read_bytes().count(b"\n") > MAX_REGIONS:
+        jax.clear_caches()
+        gc.collect()
 
 
 @pytest.fixture

@@ -5,9 +5,10 @@ tables of the manual, the units of data sets and the labels of plots. No other f
 """
 
 import dataclasses
+import functools
 import math
 import typing
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -131,7 +132,9 @@ def quantity(
     return eqx.field(converter=converter, default=made.default, metadata={_KEY: made})
 
 
-def quantities(cls: type) -> dict[str, Quantity]:
+# Asked at every construction; the answer belongs to the class.
+@functools.cache
+def quantities(cls: type) -> Mapping[str, Quantity]:
     """The quantities that a class declares, by the name of their field, in order.
 
     Their shapes are those of the annotations."""

@@ -92,10 +92,15 @@ def check_number(name: str, value: object) -> None:
         raise InputError(f"{name} is {value!r}: it must be a number.")
 
 
+DEFAULT = Accuracy()
+
+
 def as_accuracy(accuracy: Any) -> Accuracy:
     """An `Accuracy` from itself, from a relative tolerance, or the default one."""
     if isinstance(accuracy, Accuracy):
         return accuracy
+    if accuracy is None:
+        return DEFAULT
     check_number("accuracy", accuracy)
     return Accuracy(rtol=accuracy)
 

@@ -8,11 +8,12 @@ from typing import final
 
 import diffrax
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, DTypeLike, Float, PyTree
 
-from ..core import AbstractSystem, InputError, is_concrete
+from ..core import AbstractSystem, InputError, Scalar, is_concrete
 from ..solvers import refine, solver_traits
 from ._accuracy import DEFAULT_RTOL, Accuracy, least_tolerance, state_dtype
 from ._selection import select_method
@@ -30,12 +31,12 @@ class IntegrationConfig(eqx.Module):
     - `method`: a solver, or "closed_form".
     - `adjoint`, `max_steps`, `max_step`: as in `Accuracy`."""
 
-    rtol: Float[Array, ""]
-    atol: Float[Array, ""]
+    rtol: Float[Array | np.ndarray, ""]
+    atol: Float[Array | np.ndarray, ""]
     method: diffrax.AbstractSolver | str
     adjoint: diffrax.AbstractAdjoint | None
     max_steps: int = eqx.field(static=True)
-    max_step: Float[Array, ""] | None
+    max_step: Float[Array | np.ndarray, ""] | None
 
     @property
     def solver(self) -> diffrax.AbstractSolver:
@@ -52,12 +53,12 @@ class IntegrationConfig(eqx.Module):
         """The same with tolerances `factor` times as large, as far as the precision allows.
 
         Half the `max_step`, and twice the steps of a fixed-step method."""
-        rtol = jnp.maximum(self.rtol * factor, 2.0 * least_tolerance(self.rtol.dtype))
-        max_step = None if self.max_step is None else 0.5 * self.max_step
+        dtype = self.rtol.dtype
+        rtol = jnp.maximum(self.rtol * factor, 2.0 * least_tolerance(dtype))
+        atol = _in_precision(self.atol * factor, dtype)
+        max_step = None if self.max_step is None else _in_precision(0.5 * self.max_step, dtype)
         method = self.method if isinstance(self.method, str) else refine(self.method, 2)
-        return IntegrationConfig(
-            rtol, self.atol * factor, method, self.adjoint, self.max_steps, max_step
-        )
+        return IntegrationConfig(rtol, atol, method, self.adjoint, self.max_steps, max_step)
 
     def with_more_steps(self, error: float) -> "IntegrationConfig":
         """The same with as many more fixed steps as a largest local `error` calls for.
@@ -94,22 +95,26 @@ def resolve(
     if is_concrete(rtol):
         check_tolerance(float(np.min(np.asarray(rtol))), dtype)
     method = accuracy.method
-    if isinstance(method, str):
-        closed = method == "closed_form"
-        method = method if closed else select_method(system, y0, known_rtol, starts=starts)
-    needs = "closed_form" if isinstance(method, str) else solver_traits(method).needs
-    # The capability has the name of the method that answers for it.
-    if needs and getattr(system, needs)() is None:
-        _refuse(system, method, needs)
+    if method == "auto":
+        # Its rules have asked the system already.
+        method = select_method(system, y0, known_rtol, starts=starts)
+    else:
+        _check_needs(system, method)
     atol = 1e-3 * rtol if accuracy.atol is None else accuracy.atol
     return IntegrationConfig(
-        jnp.asarray(rtol, dtype),
-        jnp.asarray(atol, dtype),
+        _in_precision(rtol, dtype),
+        _in_precision(atol, dtype),
         method,
         accuracy.adjoint,
         accuracy.max_steps,
-        None if accuracy.max_step is None else jnp.asarray(accuracy.max_step, dtype),
+        None if accuracy.max_step is None else _in_precision(accuracy.max_step, dtype),
     )
+
+
+def _in_precision(x: Scalar, dtype: DTypeLike) -> Float[Array | np.ndarray, ""]:
+    """The number in this precision."""
+    # A conversion by JAX takes as long as a tenth of a short run, one by NumPy next to nothing.
+    return jnp.asarray(x, dtype) if isinstance(x, jax.Array) else np.asarray(x, dtype)
 
 
 def check_tolerance(rtol: float, dtype: DTypeLike) -> None:
@@ -129,8 +134,12 @@ CAPABILITIES = {
 }
 
 
-def _refuse(system: AbstractSystem, method: diffrax.AbstractSolver | str, needs: str) -> None:
-    """Raise `InputError`: the system does not offer what the method needs, and why."""
+def _check_needs(system: AbstractSystem, method: diffrax.AbstractSolver | str) -> None:
+    """Raise `InputError` if the system does not offer what the method needs, and why."""
+    needs = method if isinstance(method, str) else solver_traits(method).needs
+    # The capability has the name of the method that answers for it.
+    if not needs or getattr(system, needs)() is not None:
+        return
     name = method if isinstance(method, str) else type(method).__name__
     reason = system.missing(needs)
     raise InputError(

@@ -217,7 +217,7 @@ def part_entries(cls: type) -> dict[str, Entry]:
     }
 
 
-def part_quantities(cls: type) -> dict[str, Quantity]:
+def part_quantities(cls: type) -> Mapping[str, Quantity]:
     """What the parts of a state are, by name."""
     return quantities(cls)
 
