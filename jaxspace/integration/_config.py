@@ -52,6 +52,7 @@ class IntegrationConfig(eqx.Module):
         """The same with tolerances `factor` times as large, as far as the precision allows.
 
         Half the `max_step`, and twice the steps of a fixed-step method."""
+        # Twice the least: at the limit itself, rounding would reject steps.
         rtol = jnp.maximum(self.rtol * factor, 2.0 * least_tolerance(self.rtol.dtype))
         max_step = None if self.max_step is None else 0.5 * self.max_step
         method = self.method if isinstance(self.method, str) else refine(self.method, 2)
@@ -66,6 +67,7 @@ class IntegrationConfig(eqx.Module):
         assert not isinstance(self.method, str)
         order = self.method.order(None)  # pyright: ignore[reportArgumentType]
         assert order is not None
+        # A tenth more, because the error follows its order only roughly.
         factor = int(np.clip(np.ceil(1.1 * error ** (1.0 / order)), 2, MAX_REFINEMENT))
         return eqx.tree_at(lambda c: c.method, self, refine(self.method, factor))
 

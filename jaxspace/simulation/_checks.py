@@ -12,7 +12,7 @@ from jaxtyping import Array, PyTree
 from ..core import AbstractSystem, InputError, Scalar, State, check_finite, is_concrete
 from ..integration._accuracy import state_dtype
 from ..integration._events import Event
-from ..integration._integrate import broadcast_state
+from ..integration._layout import broadcast_state
 from ..integration._selection import shape_of
 
 
