@@ -20,6 +20,7 @@ from ._check import check, is_concrete
 from ._types import as_float, as_optional_float
 
 _KEY = "quantity"
+# The marker of dataclasses, so that fields take a default as it is declared.
 REQUIRED = dataclasses.MISSING
 
 
@@ -66,6 +67,7 @@ class Quantity(NamedTuple):
     def contains(self, value: ArrayLike) -> Array | np.ndarray | np.bool_:
         """Whether each number of `value` is finite and within the range; of a traced value, an
         array that says so."""
+        # NumPy for known values: a check must not start a device.
         xp = np if is_concrete(value) else jnp
         x = xp.asarray(value)
         within = (
