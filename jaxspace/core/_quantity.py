@@ -149,6 +149,7 @@ def annotated_shape(annotation: object) -> tuple[int | None, ...]:
     """The shape that an annotation such as `Float[Array, "3 *#runs"]` gives, without runs.
 
     A named axis of any length is `None`; `()` where the annotation is not that of an array."""
+    # Of an optional field, the array is one of the alternatives.
     for one in (annotation, *typing.get_args(annotation)):
         dims = getattr(one, "dim_str", None)
         if dims is not None:

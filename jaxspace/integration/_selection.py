@@ -67,6 +67,7 @@ def shape_of(x: Any) -> Any:
     """The shape and precision of an array; anything else as it is."""
     if not isinstance(x, jax.Array | np.ndarray):
         return x
+    # A weak type promotes in its own way, and leads to another trace.
     return jax.ShapeDtypeStruct(x.shape, x.dtype, weak_type=getattr(x, "weak_type", False))
 
 

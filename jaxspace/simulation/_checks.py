@@ -115,6 +115,7 @@ def check_events(
                 f"{type(error).__name__}: {first_line(error)}"
             ) from error
         shape = getattr(value, "shape", type(value).__name__)
+        # A condition of the time alone carries no runs.
         if shape not in (runs, ()):
             raise InputError(f"{what} returns {shape}: it must return one number.")
 

@@ -61,6 +61,7 @@ def methods_by_name(
                 f"methods holds {method!r}: it must hold solvers with an error estimate or with "
                 f"fixed steps, such as DOP853(), or {CLOSED_FORM!r}."
             )
+        # "auto" may stand for a method that is named as well.
         if method not in found:
             found.append(method)
     names = numbered([method_name(method) for method in found])

@@ -105,6 +105,7 @@ def _first_good_run(candidates: dict[str, Method], case: Case, tightest: float) 
     compiled: dict[str, Program] = {}
     failure = ""
     for (name, method), factor in itertools.product(candidates.items(), TIGHTER):
+        # Once for each method, because the tolerance is traced.
         if name not in compiled:
             compiled[name] = aot_compile(case.run(method), case.arrays, tightest)
         rtol = max(factor * tightest, 2.0 * least_tolerance("float64"))

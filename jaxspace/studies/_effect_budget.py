@@ -64,6 +64,7 @@ def effect_budget(
     y0, ts = check_start(scene, y0, ts)
     own = as_accuracy(accuracy)
     if own.rtol is None:
+        # Here and not in the run, which takes the tolerance as a traced number.
         own = dataclasses.replace(own, rtol=DEFAULT_RTOL[state_dtype(y0).name])
     is_attitude = name == "attitude"
     runs = scaled_runs(scene, y0, ts, of_final, own, tuple(phases_of), is_attitude)

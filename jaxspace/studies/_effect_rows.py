@@ -34,6 +34,7 @@ def influence_of(
     predicted = -runs.run(along=name).derivative
     without = runs.run(without=(name,))
     linear = float(np.linalg.norm(predicted))
+    # Where it cannot be left out, the first order is all that is known.
     if not without.status.good:
         change = tuple(predicted.ravel().tolist())
         failure = without.status.sentence
