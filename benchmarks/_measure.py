@@ -85,6 +85,23 @@ def optional(name: str) -> Any:
         return None
 
 
+def oblate_orbit(heyoka, j2):
+    """An orbit about an oblate body of unit gravitational parameter in heyoka's symbols, with `j2`
+    times the square of the radius."""
+    x, y, z, vx, vy, vz = heyoka.make_vars("x", "y", "z", "vx", "vy", "vz")
+    r2 = x**2 + y**2 + z**2
+    pull, c, s = r2 ** (-1.5), 1.5 * j2 / r2, 5.0 * z**2 / r2
+    a = -pull * (1.0 + c * (1.0 - s))
+    return [
+        (x, vx),
+        (y, vy),
+        (z, vz),
+        (vx, x * a),
+        (vy, y * a),
+        (vz, -z * pull * (1.0 + c * (3.0 - s))),
+    ]
+
+
 def heyoka_ends(
     equations: Callable[[Any], list], states: np.ndarray, span: float, tolerance: float
 ) -> Callable[[], np.ndarray]:

@@ -13,7 +13,7 @@ from jaxspace.orbits import Oblateness, PointGravity
 from jaxspace.simulation import Accuracy
 from jaxspace.solvers import DOP853, Regularised
 
-from ._measure import in_turn, optional
+from ._measure import in_turn, oblate_orbit, optional
 
 SPAN, E, TILT, RADIUS, J2 = 200.0 * np.pi, 0.95, 0.5, 0.04, 1e-3
 SPEED = np.sqrt((1.0 + E) / (1.0 - E))
@@ -65,18 +65,7 @@ def by_diffrax(rtol):
 def by_heyoka(tolerance, kind=float):
     """The same by heyoka's Taylor integrator, one run at a time."""
     heyoka = optional("heyoka")
-    x, y, z, vx, vy, vz = heyoka.make_vars("x", "y", "z", "vx", "vy", "vz")
-    r2 = x**2 + y**2 + z**2
-    pull, c, s = r2 ** (-1.5), 1.5 * RADIUS**2 * heyoka.par[0] / r2, 5.0 * z**2 / r2
-    a = -pull * (1.0 + c * (1.0 - s))
-    system = [
-        (x, vx),
-        (y, vy),
-        (z, vz),
-        (vx, x * a),
-        (vy, y * a),
-        (vz, -z * pull * (1.0 + c * (3.0 - s))),
-    ]
+    system = oblate_orbit(heyoka, RADIUS**2 * heyoka.par[0])
     start, exact = [kind(v) for v in START], kind is not float
     ta = heyoka.taylor_adaptive(
         system, start, pars=[kind(0.0)], tol=kind(tolerance), fp_type=kind, fast_math=not exact

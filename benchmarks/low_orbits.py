@@ -16,7 +16,7 @@ from jaxspace.orbits import ClassicalElements, Oblateness, PointGravity, state_f
 from jaxspace.simulation import Accuracy, simulate_batch
 from jaxspace.solvers import DOP853, RKN1210, Stormer
 
-from ._measure import heyoka_ends, in_turn, on_one_device, optional, worst
+from ._measure import heyoka_ends, in_turn, oblate_orbit, on_one_device, optional, worst
 
 RUNS, ALONE, DAY, J2 = 2048, 8, 86400.0 / 806.8110, 1.08262668e-3
 SCENE = Scene((PointGravity(1.0), Oblateness(1.0, J2, 1.0)))
@@ -103,18 +103,7 @@ def by_scipy(states: np.ndarray, method: str, rtol: float):
 
 def equations(heyoka):
     """The same motion in heyoka's symbols."""
-    x, y, z, vx, vy, vz = heyoka.make_vars("x", "y", "z", "vx", "vy", "vz")
-    r2 = x**2 + y**2 + z**2
-    pull, c, s = r2 ** (-1.5), 1.5 * J2 / r2, 5.0 * z**2 / r2
-    a = -pull * (1.0 + c * (1.0 - s))
-    return [
-        (x, vx),
-        (y, vy),
-        (z, vz),
-        (vx, x * a),
-        (vy, y * a),
-        (vz, -z * pull * (1.0 + c * (3.0 - s))),
-    ]
+    return oblate_orbit(heyoka, J2)
 
 
 def measure() -> dict:

@@ -24,7 +24,7 @@ from jaxspace.simulation import (
     simulate,
     simulate_batch,
 )
-from jaxspace.simulation._runs import run_mission
+from jaxspace.simulation._mission_runs import run_mission
 from jaxspace.simulation._simulate import resolve_phases
 from jaxspace.solvers import DOP853, RKN1210, ExponentialRosenbrock, Stormer, Tsit5
 

@@ -64,6 +64,7 @@ class Initial(NamedTuple):
 def _checked(function: Function, arguments: Mapping[str, Quantity | Choice]) -> Function:
     """The function, with the known values of its declared arguments checked at every call."""
     signature = inspect.signature(function)
+    # Without the function around a class that is defined within one.
     owner = function.__qualname__.rpartition("<locals>.")[2].partition(".")[0]
 
     @functools.wraps(function)
@@ -71,6 +72,7 @@ def _checked(function: Function, arguments: Mapping[str, Quantity | Choice]) -> 
         bound = signature.bind(*given, **named).arguments
         for name, declared in arguments.items():
             value = bound.get(name)
+            # `None` stands for an optional argument that is absent.
             if isinstance(declared, Quantity) and value is not None and is_concrete(value):
                 check(declared.contains(value), f"{owner}.{name}", value, declared.allowed())
             if isinstance(declared, Choice) and name in bound and value not in declared.names:

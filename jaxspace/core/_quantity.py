@@ -21,6 +21,7 @@ from ._check import check, is_concrete
 from ._types import as_float, as_optional_float
 
 _KEY = "quantity"
+# The marker of dataclasses, so that fields take a default as it is declared.
 REQUIRED = dataclasses.MISSING
 
 
@@ -67,6 +68,7 @@ class Quantity(NamedTuple):
     def contains(self, value: ArrayLike) -> Array | np.ndarray | np.bool_:
         """Whether each number of `value` is finite and within the range; of a traced value, an
         array that says so."""
+        # NumPy for known values: a check must not start a device.
         xp = np if is_concrete(value) else jnp
         x = xp.asarray(value)
         within = (
@@ -150,6 +152,7 @@ def annotated_shape(annotation: object) -> tuple[int | None, ...]:
     """The shape that an annotation such as `Float[Array, "3 *#runs"]` gives, without runs.
 
     A named axis of any length is `None`; `()` where the annotation is not that of an array."""
+    # Of an optional field, the array is one of the alternatives.
     for one in (annotation, *typing.get_args(annotation)):
         dims = getattr(one, "dim_str", None)
         if dims is not None:

@@ -58,7 +58,7 @@ def _end_sqrt_tangent(radicand, args, tangents):
     root = jnp.sqrt(jnp.where(end, 1.0, x))
     total = jnp.zeros_like(root)
     for i, tangent in enumerate(tangents):
-
+        # One argument at a time, because the sign of each slope decides for itself.
         def along(a, i=i):
             return radicand(*args[:i], a, *args[i + 1 :])
 

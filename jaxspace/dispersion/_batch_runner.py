@@ -24,28 +24,15 @@ from ..core import InputError
 from ..integration import Accuracy, Event, SimulationError, Status
 from ..simulation._blocks import Blocks, jit_wide_vectors
 from ..simulation._failures import nan_where_failed
-from ..simulation._runs import refine_plan, run_mission
+from ..simulation._mission_runs import run_mission
 from ..simulation._simulate import resolve_phases
 from ._campaign import Campaign, check_names
+from ._plans import FINENESS, TRIAL, Plans, nodes_of, padded, refinement
 
 # Besides the nominal run.
 PILOTS = 15
 # Runs in one call on every device at least: enough to pay for the call.
 CALL = 512
-# How much finer than the pilots' plan the trial block runs.
-TRIAL = 1.2
-# How far below the tolerance the errors of the trial block shall come to lie.
-MARGIN = 1.5
-# A cautious order of the local error: it shrinks at least with that power of the number of steps.
-ORDER = 6.0
-# Of the plan itself, and for the runs that missed the tolerance.
-FINENESS = (1.0, 2.0, 4.0)
-# How much finer than the pilots' plan a plan may be: what the padded length holds.
-FINEST = 8.0
-# Plans are padded to a multiple of this, so that a similar campaign finds its program compiled.
-PADDING = 1024
-
-Plans = tuple[Array | None, ...]
 
 
 class RunResults(NamedTuple):
@@ -81,9 +68,9 @@ class BatchRunner:
         pilots, self.coupled = _pilot_plans(campaign, accuracy, key)
         # The trial is a whole call, so that it compiles the program that all further calls reuse.
         first = np.arange(self.call, dtype=np.uint32)
-        errors = self._call(first, _padded(pilots, [TRIAL] * len(pilots)))[1]
-        factors = [_factor(own) for own in np.asarray(errors)[:, :CALL]]
-        self.plans = [_padded(pilots, [level * f for f in factors]) for level in FINENESS]
+        errors = self._call(first, padded(pilots, [TRIAL] * len(pilots)))[1]
+        factors = [refinement(own) for own in np.asarray(errors)[:, :CALL]]
+        self.plans = [padded(pilots, [level * f for f in factors]) for level in FINENESS]
 
     def run(self, first: int, count: int) -> RunResults:
         """`count` runs from the number `first` on, checked and refined."""
@@ -209,33 +196,4 @@ def _pilot_plans(
     # A missed tolerance is no failure here: the runs are checked on finer plans anyhow.
     if nominal in (Status.NOT_FINITE, Status.MAX_STEPS):
         raise SimulationError(f"The nominal run cannot be run. {nominal.sentence}")
-    return [None if ends is None else _nodes(np.asarray(ends)) for ends in taken], coupled
-
-
-def _nodes(ends: np.ndarray) -> np.ndarray:
-    """The plan that ends its steps at these times, which are followed by infinities."""
-    return np.concatenate([np.zeros(1, ends.dtype), ends[np.isfinite(ends)]])
-
-
-def _factor(error: np.ndarray) -> float:
-    """How much finer than the pilots' plan the plan of a phase has to be, from the errors of the
-    trial block."""
-    finite = error[np.isfinite(error)]
-    # Not the maximum: single hard runs are repeated, and must not make the plan of all finer.
-    largest = float(np.quantile(finite, 0.99)) if finite.size else 1.0
-    return float(np.clip(TRIAL * (MARGIN * largest) ** (1.0 / ORDER), 1.0, FINEST / FINENESS[-1]))
-
-
-def _padded(pilots: list[np.ndarray | None], factors: list[float]) -> Plans:
-    """The plans refined by `factors`, each brought to a length that holds the finest by nodes
-    beyond its end, which are never reached."""
-    plans: list[Array | None] = []
-    for pilot, factor in zip(pilots, factors, strict=True):
-        if pilot is None:
-            plans.append(None)
-            continue
-        plan = refine_plan(pilot, factor)
-        length = PADDING * -(-len(refine_plan(pilot, FINEST)) // PADDING)
-        filled = np.concatenate([plan, plan[-1] + 1.0 + np.arange(length - len(plan))])
-        plans.append(jnp.asarray(filled, pilot.dtype))
-    return tuple(plans)
+    return [None if ends is None else nodes_of(np.asarray(ends)) for ends in taken], coupled

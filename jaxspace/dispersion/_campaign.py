@@ -13,7 +13,7 @@ from jaxtyping import Array, Bool, Float, Integer
 
 from ..core import InputError, Quantity, State, as_float, check_finite
 from ..simulation import Mission
-from ..simulation._runs import MissionResult
+from ..simulation._mission_runs import MissionResult
 from ._distributions import AbstractDistribution
 
 RESERVED = ("run", "status", "evaluations")

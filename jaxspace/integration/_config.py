@@ -54,6 +54,7 @@ class IntegrationConfig(eqx.Module):
 
         Half the `max_step`, and twice the steps of a fixed-step method."""
         dtype = self.rtol.dtype
+        # Twice the least: at the limit itself, rounding would reject steps.
         rtol = jnp.maximum(self.rtol * factor, 2.0 * least_tolerance(dtype))
         atol = _in_precision(self.atol * factor, dtype)
         max_step = None if self.max_step is None else _in_precision(0.5 * self.max_step, dtype)
@@ -67,6 +68,7 @@ class IntegrationConfig(eqx.Module):
         assert not isinstance(self.method, str)
         order = self.method.order(None)  # pyright: ignore[reportArgumentType]
         assert order is not None
+        # A tenth more, because the error follows its order only roughly.
         factor = int(np.clip(np.ceil(1.1 * error ** (1.0 / order)), 2, MAX_REFINEMENT))
         return eqx.tree_at(lambda c: c.method, self, refine(self.method, factor))
 

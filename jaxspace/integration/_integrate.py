@@ -1,87 +1,24 @@
 """One integration: from a state at t0 to states until t1, by the closed form or step by step.
 
-The path is `resolve` (how), `integrate` (here), `solve` (the loop and its derivatives). Times lead
-inside the loop, where a state is one row of a buffer; results have the components first, then the
-times, then the runs.
+The path is `resolve` (how), `integrate` (here), `solve` (the loop and its derivatives), `result_of`
+(states, status and statistics).
 """
 
-from typing import Any, NamedTuple
-
-import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float, Int, PyTree
+from jaxtyping import Array, Float
 
-from ..core import AbstractClosedForm, AbstractSystem, Flag, Scalar, State
+from ..core import AbstractClosedForm, AbstractSystem, Scalar, State
 from ..solvers import Tolerance, bind, solver_traits
+from ._by_diffrax import solve_by_diffrax
 from ._config import IntegrationConfig
+from ._layout import state_at, times_behind_components
 from ._loop import TERM, LoopSettings
 from ._normalised_time import ScaledVectorField, Segments, hoist, segments_of
-from ._solve import Outcome, solve
-from ._status import Status, status_from
-
-
-class DenseOutput(NamedTuple):
-    """The accepted steps of a run, from which states between the save times follow.
-
-    - `ts`: times, s, of the start of every step and of the last end, (steps, *runs); infinite
-      beyond it.
-    - `states`: the states there, times behind the components."""
-
-    ts: Float[Array, "steps *#runs"]
-    states: State
-
-
-class IntegrationResult(NamedTuple):
-    """What an integration leaves.
-
-    - `states`: at the save times, or at the end alone: (components, times, *runs).
-    - `status`: of each run.
-    - `stats`: steps, rejected steps, evaluations of the vector field, and the largest local error
-      of each run in units of the tolerance.
-    - `step_ends`: normalised times of the ends of the steps, infinite beyond the last, if asked
-      for.
-    - `dense`: the steps, if asked for."""
-
-    states: State
-    status: Int[Array, "*runs"]
-    stats: dict[str, Array]
-    step_ends: Float[Array, " steps"] | None
-    dense: DenseOutput | None
-
-
-def broadcast_state(system: AbstractSystem, t: Scalar, y: State) -> State:
-    """The state with every block broadcast to the runs that the system or another block carries."""
-    # A block can learn of runs from another one only through the derivative of a third: three
-    # passes are enough for every system, and one is for most.
-    for _ in range(3):
-        shape = jax.eval_shape(system.vector_field, t, y)
-        before = jax.tree.map(jnp.shape, y)
-        y = jax.tree.map(
-            lambda a, b: jnp.broadcast_to(a, jnp.broadcast_shapes(a.shape, b.shape)), y, shape
-        )
-        if jax.tree.map(jnp.shape, y) == before:
-            break
-    return y
-
-
-def times_behind_components(states: State, run_axes: int) -> State:
-    """States with the times first, as a loop stores them, in the layout of results."""
-    return jax.tree.map(lambda x: jnp.moveaxis(x, 0, x.ndim - 1 - run_axes), states)
-
-
-def times_first(states: State, run_axes: int) -> State:
-    """States in the layout of results, with the times first."""
-    return jax.tree.map(lambda x: jnp.moveaxis(x, x.ndim - 1 - run_axes, 0), states)
-
-
-def state_at(states: State, index: int, run_axes: int) -> State:
-    """The state at one of the times, in the layout of results."""
-    return jax.tree.map(
-        lambda x: x[..., index] if run_axes == 0 else x[(..., index, *(slice(None),) * run_axes)],
-        states,
-    )
+from ._result import IntegrationResult, result_of, within_model
+from ._solve import solve
+from ._status import status_from
 
 
 @eqx.filter_jit
@@ -120,7 +57,7 @@ def integrate(
         closed_form = system.closed_form()
         assert closed_form is not None
         result = _by_closed_form(closed_form, y0, t1 - t0, fractions, run_axes)
-        return _within_model(result, closed_form.outside(t1 - t0, y0))
+        return within_model(result, closed_form.outside(t1 - t0, y0))
     traits = solver_traits(config.solver)
     segments = segments_of(system, t0, t1, None)
     # Runs with their own breaks have their own segments: the save times become ends of segments,
@@ -133,18 +70,10 @@ def integrate(
     if config.adjoint is None and traits.replayable:
         outcome = solve(hoist(field, y0, traits.needs), y0, settings)
     else:
-        outcome = _by_diffrax(hoist(field, y0, traits.needs), y0, settings, config.adjoint)
-    result = _result(outcome, field, y0, settings, config, fractions if landing else None)
-    return _within_model(result, system.outside(t1, state_at(result.states, -1, run_axes)))
-
-
-def _within_model(result: IntegrationResult, outside: Flag | None) -> IntegrationResult:
-    """The result with its status where a run ends `outside` of what its system describes."""
-    if outside is None:
-        return result
-    left = outside & (result.status == Status.COMPLETED)
-    status = jnp.where(left, Status.OUTSIDE_MODEL, result.status).astype(jnp.int32)
-    return result._replace(status=status)
+        # Adjoints of diffrax, and methods that carry more than a state, need its loop.
+        outcome = solve_by_diffrax(hoist(field, y0, traits.needs), y0, settings, config.adjoint)
+    result = result_of(outcome, field, y0, settings, config, fractions if landing else None)
+    return within_model(result, system.outside(t1, state_at(result.states, -1, run_axes)))
 
 
 def _by_closed_form(
@@ -207,126 +136,6 @@ def _settings(
     )
 
 
-def _result(
-    outcome: Outcome,
-    field: ScaledVectorField,
-    y0: State,
-    settings: LoopSettings,
-    config: IntegrationConfig,
-    landed: Float[Array, " times"] | None,
-) -> IntegrationResult:
-    """The result in the layout of results, with status and statistics."""
-    run_axes = settings.tolerance.run_axes
-    error = outcome.max_local_error
-    if settings.plan is not None and config.max_step is not None:
-        longest = _longest_step(settings.plan, field.segments)
-        # A plan that keeps the limit to rounding keeps it.
-        error = jnp.maximum(error, longest / config.max_step - 1e-3)
-    states = outcome.states
-    if landed is not None:
-        states = _at_fractions(states, field.segments.u, landed, run_axes)
-    finite = settings.tolerance.alive(jax.tree.map(lambda x: x[-1], states))
-    finite = finite | outcome.out_of_steps  # a state that was not reached is NaN, too
-    traits = solver_traits(config.solver)
-    taken = outcome.num_accepted + outcome.num_rejected
-    stats = {
-        "steps": outcome.num_accepted * traits.steps,
-        "rejected_steps": outcome.num_rejected,
-        "evaluations": taken * traits.evaluations,
-        "largest_local_error": error,
-    }
-    status = status_from(outcome.out_of_steps, finite, error)
-    dense = None
-    if settings.dense:
-        dense = _dense_output(outcome, field.segments, y0, run_axes)
-    states = times_behind_components(states, run_axes)
-    return IntegrationResult(states, status, stats, outcome.step_ends, dense)
-
-
-def _longest_step(plan: Array, segments: Segments) -> Array:
-    """The longest of the planned steps, s, in each run."""
-    times = jax.vmap(segments.time)(jnp.minimum(plan, float(len(segments))))
-    return jax.lax.stop_gradient(jnp.max(jnp.abs(jnp.diff(times, axis=0)), axis=0))
-
-
-def _at_fractions(states: State, u: Array, fractions: Array, run_axes: int) -> State:
-    """Of the states at all ends of segments, those at `fractions` of each run."""
-    if u.ndim == 1:
-        index = jnp.searchsorted(u, fractions)
-        return jax.tree.map(lambda x: x[index], states)
-    index = jnp.sum(u[:, None] < fractions.reshape(-1, *(1,) * (u.ndim - 1)), axis=0)
-
-    def leaf(x: Array) -> Array:
-        missing = (1,) * (x.ndim - 1 - run_axes)
-        where = index.reshape(index.shape[0], *missing, *index.shape[1:])
-        return jnp.take_along_axis(x, where, axis=0)
-
-    return jax.tree.map(leaf, states)
-
-
-def _dense_output(outcome: Outcome, segments: Segments, y0: State, run_axes: int) -> DenseOutput:
-    """The steps of a run in time, the start among them."""
-    ends = outcome.step_ends
-    assert ends is not None
-    taken = jnp.isfinite(ends)
-    times = jax.vmap(segments.time)(jnp.where(taken, ends, 0.0))
-    taken = taken.reshape(-1, *(1,) * (times.ndim - 1))
-    start = jnp.broadcast_to(segments.t0, times.shape[1:])[None]
-    ts = jnp.concatenate([start, jnp.where(taken, times, jnp.inf)])
-    reached = jnp.isfinite(ends)
-
-    # Beyond the last step the buffer is uninitialised.
-    def with_start(first: Array, others: Array) -> Array:
-        rows = reached.reshape(-1, *(1,) * (others.ndim - 1))
-        return jnp.concatenate([first[None], jnp.where(rows, others, jnp.nan)])
-
-    states = jax.tree.map(with_start, y0, outcome.step_states)
-    return DenseOutput(ts, times_behind_components(states, run_axes))
-
-
-def _by_diffrax(
-    field: PyTree,
-    y0: State,
-    settings: LoopSettings,
-    adjoint: diffrax.AbstractAdjoint | None,
-) -> Outcome:
-    """The outcome by diffrax's loop: for its adjoints, and for methods that carry on more than a
-    state from step to step."""
-    end = settings.end
-    saves = [
-        diffrax.SubSaveAt(t1=True)
-        if settings.save_ts is None
-        else diffrax.SubSaveAt(ts=settings.save_ts)
-    ]
-    if settings.record_steps or settings.dense:
-        saves.append(diffrax.SubSaveAt(steps=True))
-    solution: Any = diffrax.diffeqsolve(
-        TERM,
-        settings.solver(),
-        jnp.zeros_like(end),
-        end,
-        None,
-        y0,
-        field,
-        saveat=diffrax.SaveAt(subs=saves, solver_state=True),
-        stepsize_controller=settings.controller(),
-        adjoint=diffrax.RecursiveCheckpointAdjoint() if adjoint is None else adjoint,
-        max_steps=settings.max_steps,
-        throw=False,
-    )
-    out_of_steps = solution.result == diffrax.RESULTS.max_steps_reached
-    states = jax.tree.map(lambda x: jnp.where(out_of_steps, jnp.nan, x), solution.ys[0])
-    return Outcome(
-        states,
-        solution.solver_state[1],
-        out_of_steps,
-        solution.stats["num_accepted_steps"],
-        solution.stats["num_rejected_steps"],
-        solution.ts[1] if len(saves) > 1 else None,
-        solution.ys[1] if settings.dense else None,
-    )
-
-
 def take_step(
     system: AbstractSystem,
     y: State,
@@ -340,6 +149,7 @@ def take_step(
     For times within an accepted step of the same run, where it is as accurate as the run."""
     assert not isinstance(config.method, str)
     zero = jnp.zeros_like(t1 - t0, shape=())
+    # A single segment from t0 to t1, so that normalised time runs from 0 to 1.
     u = jnp.stack([zero, zero + 1.0])
     field = ScaledVectorField(system, Segments(u, t0, t1 - t0))
     settings = _settings(config, field.segments, None, False, run_axes, None, False, False)

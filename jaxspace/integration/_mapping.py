@@ -129,9 +129,11 @@ def _settings_axis(settings: LoopSettings, mapped: Any) -> LoopSettings:
     """The settings for a further axis of runs, which share their steps."""
     lengths = settings.lengths
     if mapped.lengths:
+        # As `Segments.lengths` makes them.
         lengths = jnp.mean(lengths, axis=-1)
     longest = settings.longest_steps
     if longest is not None and mapped.longest_steps:
+        # The shortest one, because the runs share their steps.
         longest = jnp.min(longest, axis=-1)
     rest = (mapped.save_ts, mapped.plan, mapped.tolerance, mapped.method)
     if any(x is True for x in jax.tree.leaves(rest)):

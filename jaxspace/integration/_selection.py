@@ -53,6 +53,8 @@ class Rule(NamedTuple):
 def is_second_order(system: AbstractSystem, y: Any) -> bool:
     """Whether the state is a position and a velocity alone, and the acceleration provably free of
     the velocity."""
+    # Whatever else moves, a mass or an attitude, has no place in a method for position and
+    # velocity.
     if len(jax.tree.leaves(y)) != 2 or any(
         getattr(y, part, None) is None for part in ("position", "velocity")
     ):
@@ -65,6 +67,7 @@ def shape_of(x: Any) -> Any:
     """The shape and precision of an array; anything else as it is."""
     if not isinstance(x, jax.Array | np.ndarray):
         return x
+    # A weak type promotes in its own way, and leads to another trace.
     return jax.ShapeDtypeStruct(x.shape, x.dtype, weak_type=getattr(x, "weak_type", False))
 
 
@@ -84,11 +87,13 @@ def _is_second_order(tree: Any, leaves: tuple[Any, ...]) -> bool:
 
     jaxpr = jax.make_jaxpr(rates)(shapes, shapes[1].position, shapes[1].velocity).jaxpr
     velocity = jaxpr.invars[-1]
+    # Forwards through the operations: what is computed from the velocity may depend on it.
     moved = {velocity}
     for operation in jaxpr.eqns:
         if any(x in moved for x in operation.invars if not isinstance(x, jax.extend.core.Literal)):
             moved.update(operation.outvars)
     travel, acceleration = jaxpr.outvars
+    # The same variable, and not equal numbers: these would prove nothing.
     return travel is velocity and acceleration not in moved
 
 
@@ -98,6 +103,7 @@ def _is_fast_and_linear(context: SelectionContext) -> bool:
     return is_stiff(context.starts, context.rtol)
 
 
+# The first that holds decides: what is exact comes first, and what serves all systems last.
 RULES = (
     Rule(
         "the system has a closed form",

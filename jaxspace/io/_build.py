@@ -12,9 +12,10 @@ from ..core import AbstractSystem, InputError, Scalar, State
 from ..scene import Scene
 from ..simulation import Event, Mission, Phase
 from ._checks import Parsed, needed_parts
-from ._kinds import Measure, Value, Values
+from ._kinds import Value, Values
 from ._objects import Building, Runs
 from ._outputs import state_of
+from ._value_kinds import Measure
 
 ONE_PHASE = {"system": "run", "scene": "scene"}
 

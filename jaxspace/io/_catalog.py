@@ -26,8 +26,9 @@ from ..core import (
     quantities,
 )
 from ..dispersion import AbstractDistribution
-from ._kinds import Entry, Maker, Object
+from ._kinds import Entry, Maker
 from ._objects import entry_of, function_way, object_kind, snake_case
+from ._table_kinds import Object
 
 ROOMS = (rotations, bodies, orbits, attitude, gyros, rockets, scene, dispersion)
 
@@ -96,13 +97,13 @@ class Catalog(NamedTuple):
             (entry.shared, entry)
             for kind in self.kinds.values()
             for way in kind.ways
-            for entry in way.fields.entries.values()
+            for entry in way.entries.values()
             if entry.shared
         ]
         declared += [
             (entry.shared, entry)
             for function in self.initials.values()
-            for entry in function_way(function, function.initial.arguments).fields.entries.values()
+            for entry in function_way(function, function.initial.arguments).entries.values()
             if entry.shared
         ]
         for path, entry in declared:

@@ -85,7 +85,7 @@ def shared_errors(file: Parsed) -> list[str]:
     found = []
     for path, maker in file.makers.items():
         own = at(file.values, path)
-        for key, entry in maker.fields.entries.items():
+        for key, entry in maker.entries.items():
             absent = entry.shared and not maker.bare and own.get(key) is None
             if absent and entry.default is REQUIRED and at(file.values, entry.shared) is None:
                 line = missing(entry.shared, entry.kind.expected()).removesuffix(".")
@@ -167,7 +167,7 @@ def _body(file: Parsed) -> AbstractBody:
 
 
 def _no_inertia(file: Parsed) -> str:
-    entry = file.makers["body"].fields.entries.get("inertia")
+    entry = file.makers["body"].entries.get("inertia")
     what = "a list of 3 entries" if entry is None else entry.kind.expected()
     return missing("body.inertia", what).removesuffix(".")
 
@@ -189,7 +189,7 @@ def effect_errors(name: str, acting: list[str], file: Parsed) -> list[str]:
     # Gravity alone needs no mass, so that it is asked for only where it enters.
     massless = body.constant_mass() is None and body.loaded_mass() is None
     if ("force" in cls.adds or "mass" in cls.needs) and massless:
-        entries = file.makers["body"].fields.entries
+        entries = file.makers["body"].entries
         key = "mass" if "mass" in entries else "propellant_mass"
         line = missing(f"body.{key}", entries[key].kind.expected()).removesuffix(".")
         found.append(f"{line}; the effect {name} needs the mass of the body.")

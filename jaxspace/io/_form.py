@@ -18,23 +18,10 @@ from ..bodies import BodyState
 from ..core import REQUIRED, AbstractSystem, argument
 from ._catalog import Catalog, part_entries, state_class, state_way
 from ._errors import missing, unknown, wrong
-from ._kinds import (
-    AnyTable,
-    Entry,
-    Kind,
-    ListOf,
-    Maker,
-    Number,
-    Object,
-    OneName,
-    Reading,
-    Schema,
-    Table,
-    Text,
-    Value,
-    Whole,
-)
+from ._kinds import Entry, Kind, Maker, Reading, Schema, Value
 from ._objects import function_way
+from ._table_kinds import AnyTable, Object, Table
+from ._value_kinds import ListOf, Number, OneName, Text, Whole
 
 KINDS = ("system", "scene", "mission")
 TIME = Number(argument("s", fixed=True, doc="time"))
@@ -120,7 +107,7 @@ def _named(name: str, kind: Object) -> Object:
 
     def made(way: Maker) -> Maker:
         # A table that holds the name is never given by its only number alone.
-        return way._replace(fields=Table({**own, **way.fields.entries}), bare=False)
+        return way._replace(entries={**own, **way.entries}, bare=False)
 
     return Object(tuple(made(way) for way in kind.ways))
 
@@ -171,9 +158,9 @@ def method_kind(catalog: Catalog) -> Object:
         if not any(entry.default is REQUIRED for entry in whole.values()):
             names.append(name)
         if whole:
-            fields = Table({"name": Entry(OneName((name,)), doc="of the method"), **whole})
-            ways.append(Maker(name, cls, {key: key for key in whole}, fields, {}))
-    plain = Table({"name": Entry(OneName(tuple(names)), doc="of the method")})
+            entries = {"name": Entry(OneName((name,)), doc="of the method"), **whole}
+            ways.append(Maker(name, cls, {key: key for key in whole}, entries, {}))
+    plain = {"name": Entry(OneName(tuple(names)), doc="of the method")}
     named = {name: cls for name, cls in catalog.methods.items() if name in names}
 
     def make(name: str) -> diffrax.AbstractSolver | str:

@@ -8,8 +8,9 @@ from ..core import InputError, Quantity
 from ..dispersion import NOMINAL, SHARE_OF_INPUT, AbstractDistribution
 from ._checks import Parsed
 from ._errors import hint, missing, unknown, wrong
-from ._kinds import Entry, Measure, Number, Value
+from ._kinds import Entry, Value
 from ._units import expected, read_number, split
+from ._value_kinds import Measure, Number
 
 DEFAULT = "normal"
 # One refused run in a thousand does not move a statistic; more deserve a word.
@@ -88,7 +89,7 @@ def measures(values: Value, path: str = "") -> Iterator[tuple[str, Measure]]:
 def _fields(file: Parsed) -> set[str]:
     """The fields of all distributions."""
     kinds = [file.catalog.kinds[cls] for cls in file.catalog.distributions.values()]
-    return {key for kind in kinds for way in kind.ways for key in way.fields.entries}
+    return {key for kind in kinds for way in kind.ways for key in way.entries}
 
 
 def _entries(
@@ -124,7 +125,7 @@ def _read(key: str, entry: Value, nominal: Measure, file: Parsed) -> Input:
         what = f"one of {', '.join(known)}"
         raise ValueError(wrong(f"{key}.distribution", name, what) + hint(name, known))
     cls = known[name]
-    fields = file.catalog.kinds[cls].ways[0].fields.entries
+    fields = file.catalog.kinds[cls].ways[0].entries
     for given in entry:
         if given not in ("distribution", *fields):
             raise ValueError(unknown(f"{key}.{given}", given, fields, f"key of {name}"))

@@ -7,7 +7,9 @@ from ..bodies import BodyState
 from ..core import REQUIRED
 from ._catalog import Catalog, catalog
 from ._form import form_of, initial_kind, initial_ways, method_kind
-from ._kinds import Entry, Kind, ListOf, Number, Object, OneName, Schema, Table
+from ._kinds import Entry, Kind, Schema
+from ._table_kinds import Object, Table
+from ._value_kinds import ListOf, Number, OneName
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
@@ -47,7 +49,7 @@ def method_names(known: Catalog) -> list[str]:
     """The names of the integrators that a file may name."""
     names: list[str] = []
     for way in method_kind(known).ways:
-        kind = way.fields.entries["name"].kind
+        kind = way.entries["name"].kind
         names += kind.names if isinstance(kind, OneName) else ()
     return list(dict.fromkeys(names))
 
@@ -67,7 +69,7 @@ def _ways(kind: Object, indent: str = "    ") -> list[str]:
     for number, way in enumerate(kind.ways):
         if number:
             lines.append(f"{indent}or")
-        for key, entry in way.fields.entries.items():
+        for key, entry in way.entries.items():
             lines.append(f"{indent}{key}{_unit(entry)}: {entry.doc}{_default(entry)}")
             # A bare object reads like a number: its entries need no lines of their own.
             if isinstance(entry.kind, Object) and not entry.kind.ways[0].bare:
@@ -100,7 +102,7 @@ def _times(known: Catalog) -> list[str]:
 
 def _keys(kind: Kind) -> str:
     if isinstance(kind, Object):
-        return "; or ".join(_keys(way.fields) for way in kind.ways)
+        return "; or ".join(_keys(Table(way.entries)) for way in kind.ways)
     assert isinstance(kind, Table)
     return ", ".join(f"{key}{_unit(entry)}" for key, entry in kind.entries.items())
 
@@ -110,7 +112,7 @@ def _unit(entry: Entry) -> str:
     while isinstance(kind, ListOf):
         kind = kind.kind
     if isinstance(kind, Object) and kind.ways[0].bare:
-        return _unit(next(iter(kind.ways[0].fields.entries.values())))
+        return _unit(kind.ways[0].first)
     if isinstance(kind, Number):
         return f" [{kind.quantity.unit or '1'}]"
     if isinstance(kind, OneName):

@@ -29,7 +29,9 @@ from ..core import (
     quantities,
     references,
 )
-from ._kinds import Entry, Kind, ListOf, Maker, Number, Object, OneName, Table, Value, Values
+from ._kinds import Entry, Kind, Maker, Value, Values
+from ._table_kinds import Object
+from ._value_kinds import ListOf, Number, OneName
 
 Declared: TypeAlias = Mapping[str, Quantity | Choice]
 
@@ -77,7 +79,7 @@ def object_kind(cls: type) -> Object | None:
 def function_way(function: Callable[..., object], declared: Declared) -> Maker:
     """The way to call a function whose arguments are declared."""
     arguments = {(getattr(d, "key", "") or name): name for name, d in declared.items()}
-    return Maker(function.__name__, function, arguments, Table(entries_of(declared)), {})
+    return Maker(function.__name__, function, arguments, entries_of(declared), {})
 
 
 def _plain_way(cls: type) -> Maker | None:
@@ -95,7 +97,7 @@ def _plain_way(cls: type) -> Maker | None:
             fields[key], arguments[key] = entry, argument
     # `inertia = [1, 2, 3]` in place of a table with the single key `moments`.
     bare = len(fields) == 1 and isinstance(next(iter(fields.values())).kind, ListOf)
-    return Maker(cls.__name__, cls, arguments, Table(fields), referred, bare and not referred)
+    return Maker(cls.__name__, cls, arguments, fields, referred, bare and not referred)
 
 
 def _named_ways(cls: type) -> Iterable[Maker]:
@@ -118,7 +120,7 @@ def _named_ways(cls: type) -> Iterable[Maker]:
             f"{cls.__name__}.{name}",
             getattr(cls, name),
             arguments,
-            Table(fields),
+            fields,
             references(cls),
         )
 
@@ -197,9 +199,9 @@ class Building(NamedTuple):
         maker = self.makers[path]
         values = at(self.values, path)
         if maker.bare:
-            values = {next(iter(maker.fields.entries)): values}
+            values = {next(iter(maker.entries)): values}
         arguments = dict(more)
-        for key, entry in maker.fields.entries.items():
+        for key, entry in maker.entries.items():
             value = values.get(key)
             source = path if maker.bare else f"{path}.{key}"
             # The own table comes first, so that one effect may differ from the planet of the file.

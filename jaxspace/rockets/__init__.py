@@ -10,4 +10,4 @@ from ._rocket_equation import rocket_equation as rocket_equation
 from ._rocket_equation import vertical_burnout_height as vertical_burnout_height
 from ._rocket_equation import vertical_burnout_velocity as vertical_burnout_velocity
 from ._thrust import Thrust as Thrust
-from ._thrust import ThrustProfile as ThrustProfile
+from ._thrust_profile import ThrustProfile as ThrustProfile

@@ -20,134 +20,22 @@ from typing import Any, ClassVar, TypeAlias, final
 
 import equinox as eqx
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, Float
 
 from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
 from ..core import (
-    AbstractParameters,
     InputError,
     Scalar,
     Vector,
     argument,
     as_float,
-    check,
     constructor,
     cross,
-    is_concrete,
     known_time,
     quantity,
     with_rank,
 )
-
-
-@final
-class ThrustProfile(AbstractParameters):
-    """Thrust in units of its mean against time in units of the burn time, linear between its
-    points.
-
-    Raises `InputError` unless the fractions ascend from 0 to 1 and the levels have the mean 1."""
-
-    fraction: Float[Array, "points *#runs"] = quantity(
-        "", low=0.0, high=1.0, doc="of the burn time, ascending from 0 to 1"
-    )
-    level: Float[Array, "points *#runs"] = quantity(
-        "", non_negative=True, doc="thrust over mean thrust"
-    )
-
-    @classmethod
-    def constant(cls) -> "ThrustProfile":
-        """The same thrust from ignition to burnout."""
-        return cls(as_float([0.0, 1.0]), as_float([1.0, 1.0]))
-
-    @classmethod
-    @constructor(
-        sets=("fraction", "level"),
-        times=argument("s", shape=(None,), fixed=True, doc="ascending; only their ratios matter"),
-        thrusts=argument(
-            "N",
-            shape=(None,),
-            non_negative=True,
-            fixed=True,
-            doc="at these times; only their ratios matter",
-        ),
-    )
-    def of_table(
-        cls,
-        times: Sequence[float] | np.ndarray | Array,
-        thrusts: Sequence[float] | np.ndarray | Array,
-    ) -> "ThrustProfile":
-        """The profile of a table of thrust against time, in any units: only ratios matter."""
-        return cls.tabulated(times, thrusts)[0]
-
-    @classmethod
-    def tabulated(
-        cls,
-        times: Sequence[float] | np.ndarray | Array,
-        thrusts: Sequence[float] | np.ndarray | Array,
-    ) -> tuple["ThrustProfile", float, float]:
-        """The profile of a table of thrust against time, and its burn time and mean thrust.
-
-        **Arguments**
-
-        - `times`: ascending, in any unit.
-        - `thrusts`: at these times, in any unit.
-
-        **Returns** the profile, the burn time and the mean thrust, in the units of the table.
-
-        **Raises** `InputError` for times that do not ascend, or a table without thrust.
-        """
-        # In NumPy: a table is data, whose faults are reported before anything is traced.
-        t = np.asarray(times, float)
-        f = np.asarray(thrusts, float)
-        if t.shape != f.shape:
-            raise InputError(
-                f"ThrustProfile has {t.size} times and {f.size} thrusts: it must have as many."
-            )
-        check(np.diff(t) > 0.0, "ThrustProfile.times", t, "ascending")
-        check(np.any(f > 0.0), "ThrustProfile.thrusts", f, "above zero somewhere")
-        # By trapezoids, which are exact for the polygon that `at` evaluates.
-        burn_time = float(t[-1] - t[0])
-        mean = float(np.sum(0.5 * (f[1:] + f[:-1]) * np.diff(t)) / burn_time)
-        profile = cls(as_float((t - t[0]) / burn_time), as_float(f / mean))
-        return profile, burn_time, mean
-
-    # What the declarations of the fields cannot say: how the two tables belong together.
-    def __check_init__(self):
-        if is_concrete(self.fraction) and is_concrete(self.level):
-            x = np.asarray(self.fraction)
-            f = np.asarray(self.level)
-            if x.shape != f.shape or x.shape[0] < 2:
-                raise InputError(
-                    f"ThrustProfile has {x.shape} fractions and {f.shape} levels: "
-                    "it must have as many, two or more."
-                )
-            check(
-                (x[0] == 0.0) & (x[-1] == 1.0) & np.all(np.diff(x, axis=0) > 0.0),
-                "ThrustProfile.fraction",
-                x,
-                "ascending from 0 to 1",
-            )
-            # Looser than rounding, for tables that are given with six digits.
-            mean = np.sum(0.5 * (f[1:] + f[:-1]) * np.diff(x, axis=0), axis=0)
-            check(
-                np.abs(mean - 1.0) < 1e-5,
-                "ThrustProfile.level",
-                f,
-                f"of mean 1 (it is {np.max(mean):.6g})",
-            )
-
-    def at(self, x: Scalar) -> Scalar:
-        """The level at the fraction `x` of the burn time; zero before ignition, after burnout."""
-        # A sum of clipped ramps, because a search and a gather for each run cost more than a few
-        # multiplications for each point.
-        level = self.level[0]
-        for k in range(self.level.shape[0] - 1):
-            width = self.fraction[k + 1] - self.fraction[k]
-            slope = (self.level[k + 1] - self.level[k]) / width
-            level = level + slope * jnp.clip(x - self.fraction[k], 0.0, width)
-        return jnp.where((x >= 0.0) & (x <= 1.0), level, 0.0)
-
+from ._thrust_profile import ThrustProfile
 
 Pair: TypeAlias = Float[Array, "2 *#runs"] | Sequence[Scalar]
 
@@ -160,10 +48,13 @@ _STATION = argument(
 _OFFSET = argument("m", shape=(2,), default=(0.0, 0.0), doc="x and y of the point of the thrust")
 
 
-def _point(station: Scalar, offset: Pair) -> Vector:
-    """The point from its z and its (x, y), m."""
+def _point(station: Scalar | None, offset: Pair) -> dict[str, Vector]:
+    """The field `point`, m, from its z and its (x, y); none without a `station`."""
+    # No zero vector in its place: a thrust without a point must cost no torque.
+    if station is None:
+        return {}
     x, y = as_float(offset)
-    return jnp.stack(jnp.broadcast_arrays(x, y, as_float(station)))
+    return {"point": jnp.stack(jnp.broadcast_arrays(x, y, as_float(station)))}
 
 
 @final
@@ -234,9 +125,7 @@ class Thrust(AbstractEffect):
         """
         thrust = total_impulse / burn_time
         exhaust_velocity = total_impulse / propellant_mass
-        # No zero vector in its place: a thrust without a point must cost no torque.
-        if station is not None:
-            fields["point"] = _point(station, offset)
+        fields |= _point(station, offset)
         return cls(thrust, exhaust_velocity, burn_time, **fields)
 
     @classmethod
@@ -263,9 +152,7 @@ class Thrust(AbstractEffect):
           `burn_time`, s.
         - `station`, `offset`, `fields`: as in `of_motor`.
         """
-        # No zero vector in its place: a thrust without a point must cost no torque.
-        if station is not None:
-            fields["point"] = _point(station, offset)
+        fields |= _point(station, offset)
         return cls(mean_thrust, 9.80665 * specific_impulse, burn_time, **fields)
 
     @known_time

@@ -8,7 +8,7 @@ from ..integration import select_method as select_method
 from ._batch import simulate_batch as simulate_batch
 from ._mission import Mission as Mission
 from ._mission import Phase as Phase
-from ._runs import MissionResult as MissionResult
+from ._mission_runs import MissionResult as MissionResult
 from ._simulate import simulate as simulate
 from ._trajectory import MissionTrajectory as MissionTrajectory
 from ._trajectory import Trajectory as Trajectory

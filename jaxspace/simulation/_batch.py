@@ -3,40 +3,25 @@
 import functools
 from typing import Any, overload
 
-import equinox as eqx
 import jax
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, ArrayLike, Bool, Float, PyTree
+from jaxtyping import ArrayLike, Float, PyTree
 
-from ..core import AbstractSystem, InputError, Scalar, State, is_concrete, is_traced, safe_divide
+from ..core import AbstractSystem, InputError, Scalar, State, is_concrete, is_traced
 from ..integration._accuracy import Accuracy, as_accuracy, state_dtype
 from ..integration._config import IntegrationConfig, resolve
 from ..integration._events import Event
-from ..integration._integrate import broadcast_state
-from ..integration._mapping import BLOCK
-from ..integration._status import Status
 from ..integration._stiffness import InitialConditions
-from ..solvers import Tolerance
 from ._batch_layout import InAxes, cut_batch, local_blocks, split_batch
-from ._blocks import Blocks, jit_wide_vectors
-from ._checks import as_events, check_events, check_num_saved, check_structure, check_times
-from ._failures import nan_where_failed
+from ._batch_repeat import repeat_missions, repeat_systems
+from ._batch_runs import run_missions, run_systems
+from ._checks import as_events, check_num_saved, check_structure, check_times
 from ._mission import Mission
-from ._runs import MissionResult, RunResult, run_mission, run_system
-from ._simulate import (
-    error_of_too_few_steps,
-    mission_trajectory_of,
-    raise_failures,
-    resolve_phases,
-    trajectory_of,
-)
+from ._simulate import mission_trajectory_of, raise_failures, resolve_phases, trajectory_of
 from ._trajectory import MissionTrajectory, Trajectory
 
 # How many runs of a batch are looked at to choose its method.
 SAMPLED = 16
-# Quotient of the fastest rate and the slowest up to which the runs of a batch are not sorted.
-UNIFORM = 1.25
 
 
 @overload
@@ -128,10 +113,9 @@ def _batch_of_systems(
     config_for = functools.partial(_resolve_for, as_accuracy(accuracy), whole, batched)
     config = config_for(None)
     blocks = local_blocks((batched, shared), runs)
-    result = _run_systems(batched, shared, config, events, blocks, dense)
+    result = run_systems(batched, shared, config, events, blocks, dense)
     if is_concrete(result.status) and not is_traced((batched, shared)):
-        again = functools.partial(_repeat, batched, shared, events=events, dense=dense)
-        result, config = _mend(result, config, config_for, again, runs)
+        result, config = repeat_systems(result, batched, shared, config, config_for, events, dense)
     trajectory = trajectory_of(result, whole[0], config, 1)
     return raise_failures(trajectory) if throw else trajectory
 
@@ -152,13 +136,9 @@ def _batch_of_missions(
     mission, y0, _ = cut_batch(batched, shared)
     configs = resolve_phases(mission, y0, as_accuracy(accuracy))
     blocks = local_blocks((batched, shared), runs)
-    result = _run_missions(batched, shared, configs, num_saved, blocks)
+    result = run_missions(batched, shared, configs, num_saved, blocks)
     if is_concrete(result.status) and not is_traced((batched, shared)):
-        stuck = np.flatnonzero(np.asarray(result.status) == Status.MAX_STEPS)
-        if stuck.size and runs > 1:
-            rows = jax.tree.map(lambda x: x[..., stuck], batched)
-            alone = _run_missions(rows, shared, configs, num_saved, Blocks(1, None))
-            result = _put_runs(result, stuck, alone)
+        result = repeat_missions(result, batched, shared, configs, num_saved)
     trajectory = mission_trajectory_of(result, mission, configs, 1)
     return raise_failures(trajectory) if throw else trajectory
 
@@ -182,164 +162,3 @@ def _resolve_for(
         )
         starts = InitialConditions(whole, axes, sample)
     return resolve(system, y0, accuracy, starts)
-
-
-@jit_wide_vectors
-def _run_systems(
-    batched: PyTree,
-    shared: PyTree,
-    config: IntegrationConfig,
-    events: tuple[Event, ...],
-    blocks: Blocks,
-    dense: bool,
-) -> RunResult:
-    def block(piece: PyTree, given: PyTree) -> RunResult:
-        shared, config, events = given
-        system, y0, ts = cut_batch(piece, shared)
-        check_events(events, system, y0, ts[0], 1)
-        check_runs(system, y0, ts[0], blocks.size)
-        result = run_system(system, y0, ts, events, config, 1, dense)
-        return _every_run(nan_where_failed(result))
-
-    given = (shared, config, events)
-    order = _order(batched, shared, config, blocks)
-    if order is None:
-        return blocks.map(block, batched, given)
-    order, differ = order
-    done = blocks.map(block, _arranged(batched, order, differ), given)
-    back = jax.lax.cond(differ, jnp.argsort, lambda order: order, order)
-    return _arranged(done, back, differ)
-
-
-def check_runs(system: AbstractSystem, y0: State, t: Array, runs: int) -> None:
-    """Raise `InputError` if the derivative has another number of runs than the block."""
-    shapes = jax.tree.leaves(eqx.filter_eval_shape(broadcast_state, system, t, y0))
-    if all(x.shape[-1:] == (runs,) for x in shapes):
-        return
-    name = type(system).__name__
-    raise InputError(
-        f"{name}.vector_field returns {shapes[0].shape} for {runs} runs: the runs must be on the "
-        f'last axis, and a parameter that carries runs must say so (Float[Array, "*#runs"]).'
-    )
-
-
-@jit_wide_vectors
-def _run_missions(
-    batched: PyTree,
-    shared: PyTree,
-    configs: tuple[IntegrationConfig, ...],
-    num_saved: int,
-    blocks: Blocks,
-) -> MissionResult:
-    def block(piece: PyTree, given: PyTree) -> MissionResult:
-        shared, configs = given
-        mission, y0, t0 = cut_batch(piece, shared)
-        result = run_mission(mission, y0, t0, num_saved, configs, 1)
-        return result._replace(phases=[_every_run(phase) for phase in result.phases])
-
-    return blocks.map(block, batched, (shared, configs))
-
-
-def _every_run(result: RunResult) -> RunResult:
-    """The result of a block with the runs on the last axis of its statistics, too."""
-    runs = result.status.shape
-
-    def every(x: Array) -> Array:
-        return jnp.broadcast_to(x, runs)
-
-    def times(x: Array) -> Array:
-        missing = (1,) * (len(runs) + 1 - x.ndim)
-        return jnp.broadcast_to(x.reshape(*x.shape, *missing), (x.shape[0], *runs))
-
-    dense = result.dense
-    if dense is not None:
-        dense = dense._replace(ts=times(dense.ts))
-    stats = {name: every(x) for name, x in result.stats.items()}
-    return result._replace(stats=stats, dense=dense, step_ends=None)
-
-
-def _order(
-    batched: PyTree, shared: PyTree, config: IntegrationConfig, blocks: Blocks
-) -> tuple[Array, Bool[Array, ""]] | None:
-    """The order of the runs by how fast they begin, and whether they differ enough to sort them.
-
-    Runs alike in this need similar steps, and the runs of a block share theirs. `None` where the
-    steps do not depend on the runs."""
-    # A single block has nothing to sort, and equal steps do not depend on the runs.
-    runs = jax.tree.leaves(batched)[0].shape[-1]
-    if runs == blocks.size or config.method == "closed_form" or config.fixed_step:
-        return None
-    system, y0, ts = cut_batch(batched, shared)
-    rate = _relative_rate(system, y0, ts[0])
-    differ = ~(jnp.max(rate) <= UNIFORM * jnp.min(rate))
-    order = jax.lax.cond(differ, jnp.argsort, lambda rate: jnp.arange(rate.size), rate)
-    return order, differ
-
-
-def _relative_rate(system: AbstractSystem, y0: State, t: Array) -> Array:
-    """max |dy/dt| / |y| over the blocks of each state, 1/s."""
-    y = jax.lax.stop_gradient(broadcast_state(system, t, y0))
-    length = Tolerance(0.0, 0.0, 1).length
-    rates = jax.tree.map(
-        lambda k, b: safe_divide(length(k), length(b)), system.vector_field(t, y), y
-    )
-    return jax.lax.stop_gradient(functools.reduce(jnp.maximum, jax.tree.leaves(rates)))
-
-
-def _arranged(tree: PyTree, order: Array, differ: Array) -> PyTree:
-    """The runs in this order if they differ.
-
-    To sort and to gather runs of one rate costs as much as a few steps of each."""
-    return jax.lax.cond(
-        differ, lambda tree: jax.tree.map(lambda x: x[..., order], tree), lambda tree: tree, tree
-    )
-
-
-def _put_runs(result: PyTree, rows: np.ndarray, part: PyTree) -> PyTree:
-    """The result with some of its runs replaced."""
-    return jax.tree.map(lambda a, b: a.at[..., rows].set(b), result, part)
-
-
-def _repeat(
-    batched: PyTree,
-    shared: PyTree,
-    rows: np.ndarray,
-    config: IntegrationConfig,
-    block: int,
-    *,
-    events: tuple[Event, ...],
-    dense: bool,
-) -> RunResult:
-    """Some of the runs once more."""
-    filled = np.concatenate([rows, np.full(-rows.size % block, rows[-1])])
-    part = jax.tree.map(lambda x: x[..., filled], batched)
-    again = _run_systems(part, shared, config, events, Blocks(block, None), dense)
-    return jax.tree.map(lambda x: x[..., : rows.size], again)
-
-
-def _mend(
-    result: RunResult, config: IntegrationConfig, config_for: Any, again: Any, runs: int
-) -> tuple[RunResult, IntegrationConfig]:
-    """The result with runs repeated that failed for a reason that repetition can cure.
-
-    Runs whose block ran out of steps: each alone, then by the method that their own numbers call
-    for. Runs that missed the tolerance by too few fixed steps: with more of them."""
-
-    def stuck(result: RunResult) -> np.ndarray:
-        return np.flatnonzero(np.asarray(result.status) == Status.MAX_STEPS)
-
-    # A block shares its steps, so that one slow run can use up those of all.
-    rows = stuck(result)
-    if rows.size and runs > 1:
-        result = _put_runs(result, rows, again(rows, config, 1))
-        rows = stuck(result)
-        other = config_for(rows) if rows.size else config
-        if type(other.method) is not type(config.method):
-            result = _put_runs(result, rows, again(rows, other, 1))
-    # Each number of fixed steps is a program of its own: one more, for the worst of the runs.
-    error = error_of_too_few_steps(result, config)
-    missed = np.flatnonzero(error)
-    if missed.size:
-        config = config.with_more_steps(float(np.max(error)))
-        result = _put_runs(result, missed, again(missed, config, BLOCK))
-    return result, config

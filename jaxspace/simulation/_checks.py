@@ -12,7 +12,7 @@ from jaxtyping import Array, PyTree
 from ..core import AbstractSystem, InputError, Scalar, State, check_finite, is_concrete
 from ..integration._accuracy import state_dtype
 from ..integration._events import Event
-from ..integration._integrate import broadcast_state
+from ..integration._layout import broadcast_state
 from ..integration._selection import shape_of
 
 
@@ -115,6 +115,7 @@ def check_events(
                 f"{type(error).__name__}: {first_line(error)}"
             ) from error
         shape = getattr(value, "shape", type(value).__name__)
+        # A condition of the time alone carries no runs.
         if shape not in (runs, ()):
             raise InputError(f"{what} returns {shape}: it must return one number.")
 

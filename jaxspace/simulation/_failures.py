@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, PyTree
 
-from ..integration._integrate import DenseOutput
+from ..integration._result import DenseOutput
 from ..integration._status import Status
 from ._runs import RunResult
 

@@ -6,7 +6,7 @@ from jaxtyping import Array
 
 from ..core import AbstractSystem, State
 from ..integration._config import IntegrationConfig
-from ..integration._integrate import broadcast_state, state_at
+from ..integration._layout import broadcast_state, state_at
 from ..integration._status import Status
 from ._batch_layout import cut_batch, local_blocks, split_batch
 from ._blocks import Blocks, jit_wide_vectors

@@ -19,13 +19,14 @@ from ..integration._accuracy import (
 )
 from ..integration._config import IntegrationConfig, resolve
 from ..integration._events import Event
-from ..integration._integrate import broadcast_state
+from ..integration._layout import broadcast_state
 from ..integration._status import Status, raise_on_failure
 from ..integration._stiffness import InitialConditions
 from ._checks import as_events, check_events, check_num_saved, check_structure, check_times
 from ._failures import loud, nan_where_failed, place_of_failure
 from ._mission import Mission
-from ._runs import MissionResult, RunResult, run_mission, run_system
+from ._mission_runs import MissionResult, run_mission
+from ._runs import RunResult, run_system
 from ._trajectory import MissionTrajectory, Trajectory
 
 Result = TypeVar("Result", Trajectory, MissionTrajectory)
@@ -145,6 +146,7 @@ def _failed_phase(result: MissionTrajectory) -> str:
     """In which phase a mission failed, and where that began, as a sentence."""
     for name, phase in zip(result.names, result.phases, strict=True):
         if int(phase.status) > Status.EVENT:
+            # A mission keeps no steps: the start of the phase is what is known.
             start = place_of_failure(int(phase.status), None, float(phase.ts[0]), phase.initial)
             return start.replace("The run", f"The phase {name!r}")
     return ""
@@ -175,6 +177,7 @@ def resolve_phases(
         zero = jax.ShapeDtypeStruct((), state_dtype(y))
         check_structure(phase.system, y, zero)
         configs.append(resolve(phase.system, y, accuracy))
+        # The jump meets the state as the phase leaves it, with the runs of its system.
         y = eqx.filter_eval_shape(broadcast_state, phase.system, zero, y)
         if phase.then is not None:
             y = jax.eval_shape(phase.then, zero, y)
@@ -212,6 +215,7 @@ def finish(run: Callable[..., Trajectory], config: IntegrationConfig, throw: boo
     trajectory = run(config)
     if is_concrete(trajectory.status):
         error = error_of_too_few_steps(trajectory, config)
+        # Once only: what still misses the tolerance then says so in its status.
         if np.any(error):
             config = config.with_more_steps(float(np.max(error)))
             trajectory = run(config)

@@ -13,7 +13,9 @@ from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from ..core import AbstractSystem, InputError, Scalar, State, is_concrete, run_axes_of
 from ..integration._config import IntegrationConfig
-from ..integration._integrate import DenseOutput, state_at, take_step
+from ..integration._integrate import take_step
+from ..integration._layout import state_at
+from ..integration._result import DenseOutput
 from ..integration._status import Status
 from ._dataset import dataset_of
 from ._rerun import final_state_again
@@ -98,6 +100,7 @@ class Trajectory(eqx.Module):
         **Raises** `InputError` for a run that did not ask for it by `dense=True`; closed forms need
         not ask. NaN outside of the run, and where a run that failed did not get to."""
         t = jnp.asarray(t, self.ts.dtype)
+        # Each run has steps of its own, also where all are asked for one time.
         t = jnp.broadcast_to(t, self.ts.shape[1:])
         closed_form = self.system.closed_form() if self.accuracy.method == "closed_form" else None
         if closed_form is not None:
@@ -150,6 +153,7 @@ class Trajectory(eqx.Module):
         if self.run_axes == 0:
             return times(self.system, self.ts, self.states)
         axes = jax.tree.map(lambda n: -1 if n else None, _system_axes(self.system))
+        # `jax.vmap` takes arrays alone: what else a system holds goes around it.
         arrays, static = eqx.partition(self.system, eqx.is_array)
         axes, _ = eqx.partition(axes, jax.tree.map(eqx.is_array, self.system))
 
@@ -184,11 +188,13 @@ class Trajectory(eqx.Module):
 
     def plot(self) -> "Figure":
         """A figure of the run: its path, orbit or axis, as far as the states show one."""
+        # Imported here, because matplotlib is an extra, and slow to import.
         from ..plots import trajectory_figure
 
         return trajectory_figure(self)
 
     def __repr__(self) -> str:
+        # Error messages print traced runs, too, which have no numbers yet.
         if any(isinstance(x, Tracer) for x in jax.tree.leaves(self)) or not is_concrete(self.ts):
             return f"Trajectory of {type(self.system).__name__} (traced)"
         return "\n".join(_summary(self))
@@ -206,6 +212,7 @@ def relative_change(values: Array, run_axes: int) -> Float[Array, "times *#runs"
     return change / jnp.where(size > 0.0, size, 1.0)
 
 
+# One program: outside of `jit`, each array of the state would be a call of its own.
 _program_state_at = jax.jit(state_at, static_argnums=(1, 2))
 
 
@@ -226,6 +233,7 @@ def _summary(run: Trajectory) -> list[str]:
         ended = f"{runs - failed.size} of {runs} runs ended well." + (
             f" Run {failed[0]}: {ended}" if failed.size else ""
         )
+    # Of the first run: others may have times of their own.
     first, last = (float(np.ravel(run.ts[k])[0]) for k in (0, -1))
     evaluations = int(np.max(np.asarray(run.stats.get("evaluations", 0))))
     steps = int(np.max(np.asarray(run.stats.get("steps", 0))))

@@ -1,0 +1,128 @@
+"""The parser of the command line: its commands, their arguments and what they mean."""
+
+import argparse
+import math
+from collections.abc import Callable
+
+from . import _actions as actions
+
+
+def parser() -> argparse.ArgumentParser:
+    """The parser of the command line: its commands, their arguments and what they mean."""
+    top = argparse.ArgumentParser(prog="jaxspace", description="Space dynamics from scene files.")
+    commands = top.add_subparsers(required=True, metavar="COMMAND")
+
+    def add(
+        name: str, action: Callable[[argparse.Namespace], int], text: str
+    ) -> argparse.ArgumentParser:
+        command = commands.add_parser(name, help=text)
+        command.set_defaults(command=action)
+        return command
+
+    # In this order `--help` lists them.
+    run = add("run", actions.run, "simulate the nominal run of a scene file")
+    disperse = add(
+        "disperse", actions.disperse, "simulate a scene file many times with its dispersions"
+    )
+    explain = add(
+        "explain", actions.explain, "show what the effects of a scene file read, add and cost"
+    )
+    cost = add("cost", actions.cost, "measure what accuracy costs in the run of a scene file")
+    budget = add("budget", actions.budget, "show which effects of a scene file matter")
+    add("list", actions.show_list, "list what scene files may name, with fields and units")
+    add("schema", actions.show_schema, "print the JSON schema of scene files, for editors")
+    verify = add(
+        "verify",
+        actions.verify,
+        "evaluate the hard cases, in value and gradient, on this machine",
+    )
+    for command in (run, disperse, explain, cost, budget):
+        command.add_argument("file", metavar="FILE", help="a scene file, in TOML")
+    for command in (run, disperse, cost, budget):
+        command.add_argument(
+            "--out", default="out", metavar="DIR", help="where the files go (default: out)"
+        )
+    _disperse_options(disperse)
+    _cost_options(cost)
+    _budget_options(budget)
+    _verify_options(verify)
+    return top
+
+
+def _disperse_options(disperse: argparse.ArgumentParser) -> None:
+    disperse.add_argument("--runs", type=_count, help="how many runs (default: what the file says)")
+    disperse.add_argument(
+        "--seed", type=_whole, help="what the runs are drawn from (default: what the file says)"
+    )
+    # Larger chunks write less often, and lose more when a campaign is interrupted.
+    disperse.add_argument(
+        "--chunk",
+        type=_count,
+        default=2048,
+        help="after how many runs results are stored (default: 2048)",
+    )
+
+
+def _cost_options(cost: argparse.ArgumentParser) -> None:
+    cost.add_argument(
+        "--error",
+        type=_positive,
+        help="the relative error to recommend for (default: the file's accuracy)",
+    )
+    cost.add_argument(
+        "--gradient", action="store_true", help="measure the gradient in the initial state as well"
+    )
+
+
+def _budget_options(budget: argparse.ArgumentParser) -> None:
+    budget.add_argument(
+        "--output",
+        metavar="PART",
+        help="the part of the state that they are judged by (default: the first one)",
+    )
+    budget.add_argument(
+        "--tolerance", metavar="SIZE", help='how far the output may move, such as "10 m"'
+    )
+
+
+def _verify_options(verify: argparse.ArgumentParser) -> None:
+    verify.add_argument(
+        "--precision",
+        choices=("float64", "float32"),
+        default="float64",
+        help="of the inputs (default: float64)",
+    )
+    verify.add_argument(
+        "--device", metavar="NAME", help="such as cpu or gpu (default: what JAX chooses)"
+    )
+    verify.add_argument("--json", metavar="PATH", help="a file for the results")
+
+
+def _positive(text: str) -> float:
+    try:
+        number = float(text)
+    except ValueError:
+        number = math.nan
+    if not 0.0 < number < math.inf:
+        raise argparse.ArgumentTypeError(f"it is {text}: it must be a positive number.")
+    return number
+
+
+def _count(text: str) -> int:
+    number = _whole(text)
+    if number < 1:
+        raise argparse.ArgumentTypeError(f"it is {text}: it must be a whole number above zero.")
+    return number
+
+
+def _whole(text: str) -> int:
+    try:
+        number = int(text)
+    except ValueError:
+        number = -1
+    # Fits 32 bits, signed or not: without double precision jax has no wider integers.
+    if not 0 <= number < 2**31:
+        raise argparse.ArgumentTypeError(
+            f"it is {text}: it must be a whole number from zero to 2147483647."
+        )
+    return number

@@ -1,0 +1,68 @@
+"""Plans of steps: nodes in normalised time, refined until runs that are no pilots meet them."""
+
+from typing import TypeAlias
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, ArrayLike
+
+# How much finer than the pilots' plan the trial block runs.
+TRIAL = 1.2
+# How far below the tolerance the errors of the trial block shall come to lie.
+MARGIN = 1.5
+# A cautious order of the local error: it shrinks at least with that power of the number of steps.
+ORDER = 6.0
+# Of the plan itself, and for the runs that missed the tolerance.
+FINENESS = (1.0, 2.0, 4.0)
+# How much finer than the pilots' plan a plan may be: what the padded length holds.
+FINEST = 8.0
+# Plans are padded to a multiple of this, so that a similar campaign finds its program compiled.
+PADDING = 1024
+
+# Of every phase; `None` for a closed form.
+Plans: TypeAlias = tuple[Array | None, ...]
+
+
+def nodes_of(ends: np.ndarray) -> np.ndarray:
+    """The plan that ends its steps at these times, which are followed by infinities."""
+    return np.concatenate([np.zeros(1, ends.dtype), ends[np.isfinite(ends)]])
+
+
+def refinement(error: np.ndarray) -> float:
+    """How much finer than the pilots' plan the plan of a phase has to be, from the errors of the
+    trial block."""
+    finite = error[np.isfinite(error)]
+    # Not the maximum: single hard runs are repeated, and must not make the plan of all finer.
+    largest = float(np.quantile(finite, 0.99)) if finite.size else 1.0
+    return float(np.clip(TRIAL * (MARGIN * largest) ** (1.0 / ORDER), 1.0, FINEST / FINENESS[-1]))
+
+
+def padded(pilots: list[np.ndarray | None], factors: list[float]) -> Plans:
+    """The plans refined by `factors`, each brought to a length that holds the finest by nodes
+    beyond its end, which are never reached."""
+    plans: list[Array | None] = []
+    for pilot, factor in zip(pilots, factors, strict=True):
+        if pilot is None:
+            plans.append(None)
+            continue
+        plan = _refined(pilot, factor)
+        # All plans of a phase have one length, so that one program serves them.
+        length = PADDING * -(-len(_refined(pilot, FINEST)) // PADDING)
+        filled = np.concatenate([plan, plan[-1] + 1.0 + np.arange(length - len(plan))])
+        plans.append(jnp.asarray(filled, pilot.dtype))
+    return tuple(plans)
+
+
+def _refined(plan: ArrayLike, factor: float) -> np.ndarray:
+    """A plan with about `factor` times as many steps in every segment, distributed alike."""
+    plan = np.asarray(plan)
+    pieces = [plan[:1]]
+    for k in range(round(plan[-1])):
+        nodes = plan[(plan >= k) & (plan <= k + 1)]
+        count = int(np.ceil(factor * (len(nodes) - 1)))
+        places = np.linspace(0.0, len(nodes) - 1.0, count + 1)[1:]
+        piece = np.interp(places, np.arange(len(nodes)), nodes)
+        # A step has to land on the end of the segment to the last bit.
+        piece[-1] = k + 1.0
+        pieces.append(piece)
+    return np.concatenate(pieces)

@@ -1,0 +1,172 @@
+"""The zero of a condition between two samples, closed in by Newton's method within its bracket.
+
+In a dip, where the condition has one sign at both samples, the extremum is sought first, by the
+secant of the slopes. From the first place beyond zero on the search is the same as elsewhere.
+"""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float
+
+from ..core import AbstractSystem, Scalar, State, safe_divide
+from ._config import IntegrationConfig
+from ._events import Event
+from ._integrate import integrate
+from ._layout import state_at, times_first
+
+# Steps within the bracket, at most. Four are enough for a simple zero; one of a ball's last bounces
+# is next to another zero, the start, where Newton's method gains a bit a step, as bisection does.
+CLOSING_STEPS = 128
+# Width, as a part of an interval, to which the place of an extremum is sought.
+NARROW = 1e-4
+
+
+class ConditionOnRun(NamedTuple):
+    """The condition of an event along the runs of a system, and how these are integrated."""
+
+    system: AbstractSystem
+    event: Event
+    config: IntegrationConfig
+    run_axes: int
+
+    def value(self, t: Scalar, y: State) -> Scalar:
+        """What is zero at the event."""
+        return self.event.value(self.system, t, y)
+
+    def slope(self, t: Scalar, y: State) -> tuple[Scalar, Scalar]:
+        """The `value` and its rate along the motion, 1/s times its unit."""
+        return self.event.slope(self.system, t, y)
+
+    def state(self, y: State, t: Scalar, end: Scalar) -> State:
+        """The state at `end`, s, of the run that has the state `y` at `t`."""
+        result = integrate(self.system, y, t, end, None, self.config, self.run_axes)
+        return state_at(result.states, -1, self.run_axes)
+
+    def states(self, y: State, t: Scalar, end: Scalar, fractions: Float[Array, " times"]) -> State:
+        """The states at these fractions of the time from `t` to `end`, times first."""
+        result = integrate(self.system, y, t, end, fractions, self.config, self.run_axes)
+        return times_first(result.states, self.run_axes)
+
+
+class _Bracket(NamedTuple):
+    """Where the zero is sought: between `low`, still on the side of `sign`, and `high`; next at
+    `guess`.
+
+    - `dip`: whether the condition has shown one sign alone so far.
+    - `slopes`: rates at both ends, positive away from zero, infinite where unknown.
+    - `moving`: whether the guess still changes.
+    - `left`: the steps that are left.
+    - `finite`: whether the condition was finite at every guess."""
+
+    low: Scalar
+    high: Scalar
+    guess: Scalar
+    sign: Scalar
+    dip: Bool[Array, "*#runs"]
+    slopes: tuple[Scalar, Scalar]
+    moving: Bool[Array, "*#runs"]
+    left: Array | int
+    finite: Bool[Array, "*#runs"]
+
+
+def close_in(
+    along: ConditionOnRun,
+    span: tuple[Scalar, Scalar],
+    y: State,
+    g: tuple[Scalar, Scalar],
+    wanted: Bool[Array, "*runs"],
+) -> tuple[Scalar, Bool[Array, "*runs"], Bool[Array, "*runs"]]:
+    """The zero between two samples.
+
+    **Arguments**
+
+    - `along`: the condition.
+    - `span`: the times of the samples, s, and `g` the condition there.
+    - `y`: the state at the first of them.
+    - `wanted`: the runs whose zero is sought.
+
+    **Returns** the time, whether there is a zero, and whether the search converged."""
+    t, end = span
+    # A dip has one sign at both ends: from the first place with the other one on, it is a span like
+    # all others, up to there or, where only the way back counts, from there.
+    back = jnp.sign(g[0]) * along.event.direction > 0.0
+    forwards = jnp.sign(end - t)
+    length = jnp.abs(end - t)
+    least = 16.0 * float(jnp.finfo(t.dtype).eps)
+
+    def step(old: _Bracket) -> _Bracket:
+        guess = old.guess
+        value, slope = along.slope(guess, along.state(y, t, guess))
+        new = _narrowed(old, value, forwards * old.sign * slope, back)
+        following = _next_guess(new, value, slope)
+        change = jnp.where(new.dip, jnp.abs(new.high - new.low), jnp.abs(following - guess))
+        resolved = least * jnp.maximum(jnp.abs(guess), length)
+        enough = jnp.where(new.dip, NARROW * length, resolved)
+        new = new._replace(guess=following, moving=old.moving & (change > enough))
+        # A run that has its zero stays there, however long the others search.
+        new = jax.tree.map(
+            lambda a, b: jnp.where(old.moving, a, b), new._replace(left=0), old._replace(left=0)
+        )
+        return new._replace(left=old.left - 1)
+
+    unknown = jnp.full_like(t, jnp.inf)
+    start = _Bracket(
+        low=t,
+        high=end,
+        guess=0.5 * (t + end),
+        sign=jnp.sign(g[0]),
+        dip=g[0] * g[1] > 0.0,
+        slopes=(-unknown, unknown),
+        moving=wanted,
+        left=CLOSING_STEPS,
+        finite=jnp.ones(jnp.shape(t), bool),
+    )
+    found = jax.lax.while_loop(
+        lambda bracket: (bracket.left > 0) & jnp.any(bracket.moving), step, start
+    )
+    met = ~found.dip
+    event = along.event
+    if event.touch is not None:
+        condition = event.condition(found.guess, along.state(y, t, found.guess))
+        met = met & (jnp.abs(condition) <= event.touch)
+    return found.guess, met, ~found.moving & found.finite
+
+
+def _narrowed(bracket: _Bracket, value: Scalar, away: Scalar, back: Array) -> _Bracket:
+    """The bracket with its guess as one of its ends, where the condition is `value`.
+
+    **Arguments**
+
+    - `away`: the rate of the condition away from zero, along the run.
+    - `back`: whether of a dip only the way back counts."""
+    low, high, guess, sign, dip, slopes, *_ = bracket
+    same = value * sign > 0.0
+    # In a dip, the first place beyond zero ends one search and begins another: which of the two
+    # zeros counts depends on the direction.
+    turned = dip & ~same & back
+    before = jnp.where(dip & same, away < 0.0, same) | turned
+    return bracket._replace(
+        low=jnp.where(before, guess, low),
+        high=jnp.where(before, high, guess),
+        sign=jnp.where(turned, -sign, sign),
+        dip=dip & same,
+        slopes=(jnp.where(before, away, slopes[0]), jnp.where(before, slopes[1], away)),
+        finite=bracket.finite & jnp.isfinite(value),
+    )
+
+
+def _next_guess(bracket: _Bracket, value: Scalar, slope: Scalar) -> Scalar:
+    """Newton's step; in a dip the zero of the secant of the slopes; else the middle."""
+    low, high, guess, _, dip, slopes, *_ = bracket
+    newton = guess - value / jnp.where(slope == 0.0, 1.0, slope)
+    # Newton's step only within the bracket: outside of it the dense output is no bound.
+    inside = (slope != 0.0) & ((newton - low) * (newton - high) <= 0.0) & ~dip
+    share = jnp.where(
+        dip & jnp.isfinite(slopes[1] - slopes[0]),
+        safe_divide(slopes[0], slopes[0] - slopes[1]),
+        0.5,
+    )
+    # Away from both ends, so that the bracket shrinks by a tenth at least.
+    return jnp.where(inside, newton, low + jnp.clip(share, 0.1, 0.9) * (high - low))

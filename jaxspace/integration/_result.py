@@ -1,0 +1,142 @@
+"""What an integration leaves: states, status, statistics, and its steps where asked for."""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float, Int
+
+from ..core import Flag, State
+from ..solvers import solver_traits
+from ._config import IntegrationConfig
+from ._layout import times_behind_components
+from ._loop import LoopSettings
+from ._normalised_time import ScaledVectorField, Segments
+from ._problem import Outcome
+from ._status import Status, status_from
+
+
+class DenseOutput(NamedTuple):
+    """The accepted steps of a run, from which states between the save times follow.
+
+    - `ts`: times, s, of the start of every step and of the last end, (steps, *runs); infinite
+      beyond it.
+    - `states`: the states there, times behind the components."""
+
+    ts: Float[Array, "steps *#runs"]
+    states: State
+
+
+class IntegrationResult(NamedTuple):
+    """What an integration leaves.
+
+    - `states`: at the save times, or at the end alone: (components, times, *runs).
+    - `status`: of each run.
+    - `stats`: steps, rejected steps, evaluations of the vector field, and the largest local error
+      of each run in units of the tolerance.
+    - `step_ends`: normalised times of the ends of the steps, infinite beyond the last, if asked
+      for.
+    - `dense`: the steps, if asked for."""
+
+    states: State
+    status: Int[Array, "*runs"]
+    stats: dict[str, Array]
+    step_ends: Float[Array, " steps"] | None
+    dense: DenseOutput | None
+
+
+def within_model(result: IntegrationResult, outside: Flag | None) -> IntegrationResult:
+    """The result with its status where a run ends `outside` of what its system describes."""
+    if outside is None:
+        return result
+    left = outside & (result.status == Status.COMPLETED)
+    status = jnp.where(left, Status.OUTSIDE_MODEL, result.status).astype(jnp.int32)
+    return result._replace(status=status)
+
+
+def result_of(
+    outcome: Outcome,
+    field: ScaledVectorField,
+    y0: State,
+    settings: LoopSettings,
+    config: IntegrationConfig,
+    landed: Float[Array, " times"] | None,
+) -> IntegrationResult:
+    """The result in the layout of results, with status and statistics.
+
+    **Arguments**
+
+    - `outcome`: what the loop has left.
+    - `field`, `y0`, `settings`, `config`: what was integrated, and how.
+    - `landed`: the save times as fractions of the duration, where every segment ends in a saved
+      state; `None` where the states are those at the save times already.
+
+    **Returns** an `IntegrationResult`."""
+    run_axes = settings.tolerance.run_axes
+    error = outcome.max_local_error
+    if settings.plan is not None and config.max_step is not None:
+        longest = _longest_step(settings.plan, field.segments)
+        # A plan that keeps the limit to rounding keeps it.
+        error = jnp.maximum(error, longest / config.max_step - 1e-3)
+    states = outcome.states
+    if landed is not None:
+        states = _at_fractions(states, field.segments.u, landed, run_axes)
+    finite = settings.tolerance.alive(jax.tree.map(lambda x: x[-1], states))
+    finite = finite | outcome.out_of_steps  # a state that was not reached is NaN, too
+    traits = solver_traits(config.solver)
+    taken = outcome.num_accepted + outcome.num_rejected
+    stats = {
+        "steps": outcome.num_accepted * traits.steps,
+        "rejected_steps": outcome.num_rejected,
+        "evaluations": taken * traits.evaluations,
+        "largest_local_error": error,
+    }
+    status = status_from(outcome.out_of_steps, finite, error)
+    dense = None
+    if settings.dense:
+        dense = _dense_output(outcome, field.segments, y0, run_axes)
+    states = times_behind_components(states, run_axes)
+    return IntegrationResult(states, status, stats, outcome.step_ends, dense)
+
+
+def _longest_step(plan: Array, segments: Segments) -> Array:
+    """The longest of the planned steps, s, in each run."""
+    # A padded plan goes on beyond the end of the run.
+    times = jax.vmap(segments.time)(jnp.minimum(plan, float(len(segments))))
+    return jax.lax.stop_gradient(jnp.max(jnp.abs(jnp.diff(times, axis=0)), axis=0))
+
+
+def _at_fractions(states: State, u: Array, fractions: Array, run_axes: int) -> State:
+    """Of the states at all ends of segments, those at `fractions` of each run."""
+    if u.ndim == 1:
+        index = jnp.searchsorted(u, fractions)
+        return jax.tree.map(lambda x: x[index], states)
+    index = jnp.sum(u[:, None] < fractions.reshape(-1, *(1,) * (u.ndim - 1)), axis=0)
+
+    def leaf(x: Array) -> Array:
+        missing = (1,) * (x.ndim - 1 - run_axes)
+        where = index.reshape(index.shape[0], *missing, *index.shape[1:])
+        return jnp.take_along_axis(x, where, axis=0)
+
+    return jax.tree.map(leaf, states)
+
+
+def _dense_output(outcome: Outcome, segments: Segments, y0: State, run_axes: int) -> DenseOutput:
+    """The steps of a run in time, the start among them."""
+    ends = outcome.step_ends
+    assert ends is not None
+    taken = jnp.isfinite(ends)
+    # The time of an infinite end would be NaN, and so would its derivative.
+    times = jax.vmap(segments.time)(jnp.where(taken, ends, 0.0))
+    taken = taken.reshape(-1, *(1,) * (times.ndim - 1))
+    start = jnp.broadcast_to(segments.t0, times.shape[1:])[None]
+    ts = jnp.concatenate([start, jnp.where(taken, times, jnp.inf)])
+    reached = jnp.isfinite(ends)
+
+    # Beyond the last step the buffer is uninitialised.
+    def with_start(first: Array, others: Array) -> Array:
+        rows = reached.reshape(-1, *(1,) * (others.ndim - 1))
+        return jnp.concatenate([first[None], jnp.where(rows, others, jnp.nan)])
+
+    states = jax.tree.map(with_start, y0, outcome.step_states)
+    return DenseOutput(ts, times_behind_components(states, run_axes))

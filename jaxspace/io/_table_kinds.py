@@ -1,0 +1,154 @@
+"""Kinds of tables: one with known keys, one of an object that can be given in several ways."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from ..core import REQUIRED
+from ._errors import missing, unknown, wrong
+from ._kinds import Entry, Kind, Maker, Reading, Schema, Value
+from ._value_kinds import Number
+
+
+@dataclass(frozen=True, eq=False)
+class Table(Kind):
+    """A table of `entries`; a key that is not among them is an error."""
+
+    entries: Mapping[str, Entry]
+
+    def read(self, value: object, path: str, reading: Reading) -> Value:
+        if not isinstance(value, Mapping):
+            reading.errors.append(wrong(path, value, self.expected()))
+            return None
+        for key in value:
+            if key not in self.entries:
+                reading.errors.append(unknown(_joined(path, key), key, self.entries))
+        # In the order of the file: it is that of the effects of a scene, and of the units.
+        keys = dict.fromkeys([*(key for key in value if key in self.entries), *self.entries])
+        return {
+            key: self._entry(
+                self.entries[key], value.get(key, REQUIRED), _joined(path, key), reading
+            )
+            for key in keys
+        }
+
+    def _entry(self, entry: Entry, value: object, path: str, reading: Reading) -> Value:
+        if value is not REQUIRED:
+            return entry.kind.read(value, path, reading)
+        # The value comes from another table, which is not read yet; `shared_errors` asks for it.
+        if entry.shared:
+            return None
+        if entry.default is REQUIRED:
+            reading.errors.append(missing(path, entry.kind.expected()))
+            return None
+        # A default is read like a value of the file, so that it becomes a `Measure` and can
+        # scatter.
+        default = list(entry.default) if isinstance(entry.default, tuple) else entry.default
+        return None if default is None else entry.kind.read(default, path, reading)
+
+    def expected(self) -> str:
+        if not self.entries:
+            return "an empty table"
+        return f"a table with the keys {', '.join(self.entries)}"
+
+    def schema(self) -> Schema:
+        properties = {}
+        for key, entry in self.entries.items():
+            properties[key] = entry.kind.schema()
+            if entry.doc:
+                unit = entry.kind.quantity.unit if isinstance(entry.kind, Number) else ""
+                meaning = f"{entry.doc} (in {unit})" if unit else entry.doc
+                properties[key] = {**properties[key], "description": meaning}
+            if isinstance(entry.default, int | float | str) and entry.default != "":
+                properties[key] = {**properties[key], "default": entry.default}
+        made = {"type": "object", "properties": properties, "additionalProperties": False}
+        required = _required(self.entries)
+        return {**made, "required": required} if required else made
+
+
+@dataclass(frozen=True, eq=False)
+class Object(Kind):
+    """An object that can be given in several ways; the keys that are there decide which is
+    meant."""
+
+    ways: tuple[Maker, ...]
+
+    def read(self, value: object, path: str, reading: Reading) -> Value:
+        found = [self._attempt(way, value, path) for way in self.ways]
+        # The first way without an error; else the one in which the fewest keys are wrong, so that
+        # the sentences are about the way that is meant.
+        best = min(range(len(found)), key=lambda k: found[k][2])
+        values, trial, _ = found[best]
+        if trial.errors:
+            trial.errors = [self._with_other_ways(line, best) for line in trial.errors]
+        else:
+            trial.makers[path] = self.ways[best]
+        reading.take(trial)
+        return values
+
+    def _attempt(self, way: Maker, value: object, path: str) -> tuple[Value, Reading, int]:
+        # Each way reads into its own findings: those of the ways that are not meant are dropped.
+        trial = Reading()
+        if way.bare and not isinstance(value, Mapping):
+            values = way.first.kind.read(value, path, trial)
+        else:
+            values = Table(way.entries).read(value, path, trial)
+            if way.bare and values is not None:
+                (values,) = values.values()
+        # Unknown keys count twice: a key of another way says more than one that is missing.
+        strange = [k for k in value if k not in way.entries] if isinstance(value, Mapping) else []
+        return values, trial, len(trial.errors) + len(strange)
+
+    def _with_other_ways(self, line: str, best: int) -> str:
+        # Only a missing key can mean that the author had another way in mind.
+        if " is missing: " not in line or len(self.ways) == 1:
+            return line
+        own = set(_required(self.ways[best].entries))
+        others = [_required(w.entries) for k, w in enumerate(self.ways) if k != best]
+        # A way that asks for less than this one is no alternative to what is missing.
+        others = [" with ".join(keys) for keys in others if keys and not set(keys) <= own]
+        text = f"; another way is to give {', or '.join(dict.fromkeys(others))}" if others else ""
+        return line.removesuffix(".") + text + "."
+
+    def expected(self) -> str:
+        return " or ".join(
+            dict.fromkeys(
+                way.first.kind.expected() if way.bare else Table(way.entries).expected()
+                for way in self.ways
+            )
+        )
+
+    def schema(self) -> Schema:
+        made = []
+        for way in self.ways:
+            if way.bare:
+                made.append(way.first.kind.schema())
+            made.append(Table(way.entries).schema())
+        # An `anyOf` with one entry makes the messages of editors worse.
+        return made[0] if len(made) == 1 else {"anyOf": made}
+
+
+@dataclass(frozen=True, eq=False)
+class AnyTable(Kind):
+    """A table whose keys are read later."""
+
+    def read(self, value: object, path: str, reading: Reading) -> Value:
+        if isinstance(value, Mapping):
+            return value
+        reading.errors.append(wrong(path, value, self.expected()))
+        return None
+
+    def expected(self) -> str:
+        return "a table whose keys are paths of numbers of this file"
+
+    def schema(self) -> Schema:
+        return {"type": "object"}
+
+
+def _required(entries: Mapping[str, Entry]) -> list[str]:
+    """The keys that have to be there."""
+    return [key for key, e in entries.items() if e.default is REQUIRED and not e.shared]
+
+
+def _joined(path: str, key: object) -> str:
+    """The path of an entry of the table at `path`."""
+    return f"{path}.{key}" if path else str(key)

@@ -1,0 +1,154 @@
+"""Kinds of single values and of lists: numbers with units, whole numbers, names, text."""
+
+import math
+from dataclasses import dataclass
+
+from ..core import Quantity
+from ._errors import hint, wrong
+from ._kinds import Kind, Reading, Schema, Value
+from ._units import dimension, expected, read_number
+
+
+# A float, so that checks compare it like any number; only what scatters asks for more.
+class Measure(float):
+    """A number in SI that may be dispersed, with what it is and the unit in which it is written."""
+
+    quantity: Quantity
+    unit: str
+
+    @classmethod
+    def of(cls, number: float, quantity: Quantity, unit: str) -> "Measure":
+        """The `number` as a measure of this quantity."""
+        measure = cls(number)
+        measure.quantity, measure.unit = quantity, unit
+        return measure
+
+
+@dataclass(frozen=True, eq=False)
+class Number(Kind):
+    """A number of a `quantity`, with or without unit."""
+
+    quantity: Quantity
+
+    def read(self, value: object, path: str, reading: Reading) -> Value:
+        try:
+            number, unit = read_number(value, self.quantity)
+        except ValueError as error:
+            # Collected and not raised: the author sees every fault of the file in one go.
+            reading.errors.append(wrong(path, value, str(error)))
+            return None
+        if unit:
+            reading.units.setdefault(self.quantity.unit, unit)
+        # What sets the shape of a program cannot scatter, so that it stays a plain number.
+        return number if self.quantity.fixed else Measure.of(number, self.quantity, unit)
+
+    def expected(self) -> str:
+        return expected(self.quantity)
+
+    def schema(self) -> Schema:
+        low, high, strict = self.quantity.low, self.quantity.high, self.quantity.strict
+        number: Schema = {"type": "number"}
+        if low > -math.inf:
+            number["exclusiveMinimum" if strict else "minimum"] = low
+        if high < math.inf:
+            number["exclusiveMaximum" if strict else "maximum"] = high
+        if self.quantity.unit == "":
+            # A percentage is the one unit of a pure number that people write.
+            return {"anyOf": [number, {"type": "string", "pattern": "%\\s*$"}]}
+        name, example = dimension(self.quantity.unit)
+        text = {"type": "string", "description": f"with a unit of {name}", "examples": [example]}
+        return {"anyOf": [number, text], "description": f"{name}, in {self.quantity.unit}"}
+
+
+@dataclass(frozen=True, eq=False)
+class ListOf(Kind):
+    """A list of entries of one kind: `count` of them, or at least `least`."""
+
+    kind: Kind
+    count: int | None = None
+    least: int = 0
+
+    def read(self, value: object, path: str, reading: Reading) -> Value:
+        # A number in place of a list of one entry is refused: which component is meant is unclear.
+        short = isinstance(value, list) and len(value) < self.least
+        if (
+            not isinstance(value, list)
+            or short
+            or (self.count is not None and len(value) != self.count)
+        ):
+            reading.errors.append(wrong(path, value, self.expected()))
+            return None
+        return [self.kind.read(v, f"{path}.{k}", reading) for k, v in enumerate(value)]
+
+    def expected(self) -> str:
+        count = f"{self.count} " if self.count else f"at least {self.least} " if self.least else ""
+        return f"a list of {count}entries, each {self.kind.expected()}"
+
+    def schema(self) -> Schema:
+        least = self.least if self.count is None else self.count
+        made = {"type": "array", "items": self.kind.schema(), "minItems": least}
+        return made if self.count is None else {**made, "maxItems": self.count}
+
+
+@dataclass(frozen=True, eq=False)
+class OneName(Kind):
+    """One name out of several."""
+
+    names: tuple[str, ...]
+
+    def read(self, value: object, path: str, reading: Reading) -> Value:
+        if value not in self.names:
+            line = wrong(path, value, self.expected())
+            reading.errors.append(line + hint(value, self.names))
+            return None
+        return value
+
+    def expected(self) -> str:
+        return f"one of {', '.join(self.names)}"
+
+    def schema(self) -> Schema:
+        return {"enum": list(self.names)}
+
+
+@dataclass(frozen=True, eq=False)
+class Text(Kind):
+    """Any text."""
+
+    def read(self, value: object, path: str, reading: Reading) -> Value:
+        if isinstance(value, str):
+            return value
+        reading.errors.append(wrong(path, value, self.expected()))
+        return None
+
+    def expected(self) -> str:
+        return "text"
+
+    def schema(self) -> Schema:
+        return {"type": "string"}
+
+
+@dataclass(frozen=True, eq=False)
+class Whole(Kind):
+    """A whole number from `least` to `most`."""
+
+    least: int = 1
+    # Fits 32 bits: without double precision jax has no wider integers.
+    most: int = 2**31 - 1
+
+    def read(self, value: object, path: str, reading: Reading) -> Value:
+        # In Python a truth value is an int: `runs = true` must not mean one run.
+        if (
+            isinstance(value, int)
+            and not isinstance(value, bool)
+            and self.least <= value <= self.most
+        ):
+            return value
+        reading.errors.append(wrong(path, value, self.expected()))
+        return None
+
+    def expected(self) -> str:
+        more = "above zero" if self.least == 1 else f"from {self.least} on"
+        return f"a whole number {more}, at most {self.most}"
+
+    def schema(self) -> Schema:
+        return {"type": "integer", "minimum": self.least, "maximum": self.most}

@@ -1,0 +1,56 @@
+"""The order of the runs of a batch: runs of like rates share their blocks, and their steps."""
+
+import functools
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, PyTree
+
+from ..core import AbstractSystem, State, safe_divide
+from ..integration._config import IntegrationConfig
+from ..integration._layout import broadcast_state
+from ..solvers import Tolerance
+from ._batch_layout import cut_batch
+from ._blocks import Blocks
+
+# Quotient of the fastest rate and the slowest up to which the runs of a batch are not sorted.
+UNIFORM = 1.25
+
+
+def order_of(
+    batched: PyTree, shared: PyTree, config: IntegrationConfig, blocks: Blocks
+) -> tuple[Array, Bool[Array, ""]] | None:
+    """The order of the runs by how fast they begin, and whether they differ enough to sort them.
+
+    Runs alike in this need similar steps, and the runs of a block share theirs. `None` where the
+    steps do not depend on the runs."""
+    # A single block has nothing to sort, and equal steps do not depend on the runs.
+    runs = jax.tree.leaves(batched)[0].shape[-1]
+    if runs == blocks.size or config.method == "closed_form" or config.fixed_step:
+        return None
+    system, y0, ts = cut_batch(batched, shared)
+    rate = _relative_rate(system, y0, ts[0])
+    # Negated, so that rates that are NaN count as different.
+    differ = ~(jnp.max(rate) <= UNIFORM * jnp.min(rate))
+    order = jax.lax.cond(differ, jnp.argsort, lambda rate: jnp.arange(rate.size), rate)
+    return order, differ
+
+
+def _relative_rate(system: AbstractSystem, y0: State, t: Array) -> Array:
+    """max |dy/dt| / |y| over the blocks of each state, 1/s."""
+    # The order changes no result, and therefore no derivative.
+    y = jax.lax.stop_gradient(broadcast_state(system, t, y0))
+    length = Tolerance(0.0, 0.0, 1).length
+    rates = jax.tree.map(
+        lambda k, b: safe_divide(length(k), length(b)), system.vector_field(t, y), y
+    )
+    return jax.lax.stop_gradient(functools.reduce(jnp.maximum, jax.tree.leaves(rates)))
+
+
+def arranged(tree: PyTree, order: Array, differ: Array) -> PyTree:
+    """The runs in this order if they differ.
+
+    To sort and to gather runs of one rate costs as much as a few steps of each."""
+    return jax.lax.cond(
+        differ, lambda tree: jax.tree.map(lambda x: x[..., order], tree), lambda tree: tree, tree
+    )

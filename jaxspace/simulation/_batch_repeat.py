@@ -1,0 +1,98 @@
+"""Runs of a batch that failed for a reason that repetition can cure, and their second attempt."""
+
+from collections.abc import Callable
+
+import jax
+import numpy as np
+from jaxtyping import PyTree
+
+from ..integration._config import IntegrationConfig
+from ..integration._events import Event
+from ..integration._mapping import BLOCK
+from ..integration._status import Status
+from ._batch_runs import run_missions, run_systems
+from ._blocks import Blocks
+from ._mission_runs import MissionResult
+from ._runs import RunResult
+from ._simulate import error_of_too_few_steps
+
+
+def repeat_systems(
+    result: RunResult,
+    batched: PyTree,
+    shared: PyTree,
+    config: IntegrationConfig,
+    config_for: Callable[[np.ndarray], IntegrationConfig],
+    events: tuple[Event, ...],
+    dense: bool,
+) -> tuple[RunResult, IntegrationConfig]:
+    """The result with failed runs of a system repeated, and the configuration of the last attempt.
+
+    Runs whose block ran out of steps: each alone, then by the method that their own numbers call
+    for. Runs that missed the tolerance by too few fixed steps: with more of them.
+
+    **Arguments**
+
+    - `result`, `config`: the first attempt.
+    - `batched`, `shared`: what carries runs, and what all runs share.
+    - `config_for`: the configuration that the runs of these numbers call for.
+    - `events`, `dense`: as in `simulate_batch`.
+
+    **Returns** the result and its configuration."""
+
+    def again(
+        result: RunResult, rows: np.ndarray, config: IntegrationConfig, block: int
+    ) -> RunResult:
+        # Filled up to whole blocks, so that fewer shapes have to be compiled.
+        filled = np.concatenate([rows, np.full(-rows.size % block, rows[-1])])
+        part = run_systems(
+            _runs_at(batched, filled), shared, config, events, Blocks(block, None), dense
+        )
+        part = jax.tree.map(lambda x: x[..., : rows.size], part)
+        return _with_runs_at(result, rows, part)
+
+    # A block shares its steps, so that one slow run can use up those of all.
+    rows = _out_of_steps(result)
+    if rows.size and result.status.size > 1:
+        result = again(result, rows, config, 1)
+        rows = _out_of_steps(result)
+        other = config_for(rows) if rows.size else config
+        # The same method would fail once more.
+        if type(other.method) is not type(config.method):
+            result = again(result, rows, other, 1)
+    # Each number of fixed steps is a program of its own: one more, for the worst of the runs.
+    error = error_of_too_few_steps(result, config)
+    missed = np.flatnonzero(error)
+    if missed.size:
+        config = config.with_more_steps(float(np.max(error)))
+        result = again(result, missed, config, BLOCK)
+    return result, config
+
+
+def repeat_missions(
+    result: MissionResult,
+    batched: PyTree,
+    shared: PyTree,
+    configs: tuple[IntegrationConfig, ...],
+    num_saved: int,
+) -> MissionResult:
+    """The result with the missions repeated alone whose block ran out of steps."""
+    rows = _out_of_steps(result)
+    if not rows.size or result.status.size == 1:
+        return result
+    alone = run_missions(_runs_at(batched, rows), shared, configs, num_saved, Blocks(1, None))
+    return _with_runs_at(result, rows, alone)
+
+
+def _out_of_steps(result: RunResult | MissionResult) -> np.ndarray:
+    return np.flatnonzero(np.asarray(result.status) == Status.MAX_STEPS)
+
+
+def _runs_at(batched: PyTree, rows: np.ndarray) -> PyTree:
+    """Some of the runs."""
+    return jax.tree.map(lambda x: x[..., rows], batched)
+
+
+def _with_runs_at(result: PyTree, rows: np.ndarray, part: PyTree) -> PyTree:
+    """The result with some of its runs replaced."""
+    return jax.tree.map(lambda a, b: a.at[..., rows].set(b), result, part)

@@ -1,0 +1,100 @@
+"""The runs of a batch, block by block, with all of their numbers on the axis of runs."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, PyTree
+
+from ..core import AbstractSystem, InputError, State
+from ..integration._config import IntegrationConfig
+from ..integration._events import Event
+from ..integration._layout import broadcast_state
+from ._batch_layout import cut_batch
+from ._batch_order import arranged, order_of
+from ._blocks import Blocks, jit_wide_vectors
+from ._checks import check_events
+from ._failures import nan_where_failed
+from ._mission_runs import MissionResult, run_mission
+from ._runs import RunResult, run_system
+
+
+@jit_wide_vectors
+def run_systems(
+    batched: PyTree,
+    shared: PyTree,
+    config: IntegrationConfig,
+    events: tuple[Event, ...],
+    blocks: Blocks,
+    dense: bool,
+) -> RunResult:
+    """The runs of a system, cut into blocks: what carries runs, and what all of them share."""
+
+    def block(piece: PyTree, given: PyTree) -> RunResult:
+        shared, config, events = given
+        system, y0, ts = cut_batch(piece, shared)
+        # Not before, because a condition meets the axis of runs here for the first time.
+        check_events(events, system, y0, ts[0], 1)
+        _check_runs(system, y0, ts[0], blocks.size)
+        result = run_system(system, y0, ts, events, config, 1, dense)
+        return _every_run(nan_where_failed(result))
+
+    # Passed and not closed over, so that every device gets its own copy of these arrays.
+    given = (shared, config, events)
+    order = order_of(batched, shared, config, blocks)
+    if order is None:
+        return blocks.map(block, batched, given)
+    order, differ = order
+    done = blocks.map(block, arranged(batched, order, differ), given)
+    # The inverse of a permutation is its argsort; the order that changes nothing is its own.
+    back = jax.lax.cond(differ, jnp.argsort, lambda order: order, order)
+    return arranged(done, back, differ)
+
+
+@jit_wide_vectors
+def run_missions(
+    batched: PyTree,
+    shared: PyTree,
+    configs: tuple[IntegrationConfig, ...],
+    num_saved: int,
+    blocks: Blocks,
+) -> MissionResult:
+    """The runs of a mission, cut into blocks: what carries runs, and what all of them share."""
+
+    def block(piece: PyTree, given: PyTree) -> MissionResult:
+        shared, configs = given
+        mission, y0, t0 = cut_batch(piece, shared)
+        result = run_mission(mission, y0, t0, num_saved, configs, 1)
+        return result._replace(phases=[_every_run(phase) for phase in result.phases])
+
+    return blocks.map(block, batched, (shared, configs))
+
+
+def _check_runs(system: AbstractSystem, y0: State, t: Array, runs: int) -> None:
+    """Raise `InputError` if the derivative has another number of runs than the block."""
+    shapes = jax.tree.leaves(eqx.filter_eval_shape(broadcast_state, system, t, y0))
+    if all(x.shape[-1:] == (runs,) for x in shapes):
+        return
+    name = type(system).__name__
+    raise InputError(
+        f"{name}.vector_field returns {shapes[0].shape} for {runs} runs: the runs must be on the "
+        f'last axis, and a parameter that carries runs must say so (Float[Array, "*#runs"]).'
+    )
+
+
+def _every_run(result: RunResult) -> RunResult:
+    """The result of a block with the runs on the last axis of its statistics, too."""
+    runs = result.status.shape
+
+    def every(x: Array) -> Array:
+        return jnp.broadcast_to(x, runs)
+
+    def times(x: Array) -> Array:
+        missing = (1,) * (len(runs) + 1 - x.ndim)
+        return jnp.broadcast_to(x.reshape(*x.shape, *missing), (x.shape[0], *runs))
+
+    dense = result.dense
+    if dense is not None:
+        dense = dense._replace(ts=times(dense.ts))
+    stats = {name: every(x) for name, x in result.stats.items()}
+    # The ends of the steps are those of the block, and of no single run.
+    return result._replace(stats=stats, dense=dense, step_ends=None)

@@ -1,0 +1,150 @@
+"""Runs of a mission: one phase after the other, in the layout of the physics, runs last."""
+
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float, Int
+
+from ..core import AbstractSystem, Scalar, State
+from ..integration._config import IntegrationConfig
+from ..integration._event_search import FoundEvents, first_event
+from ..integration._events import Event, newton_correct
+from ..integration._integrate import integrate
+from ..integration._layout import broadcast_state, replace_state, runs_of, state_at, with_start
+from ..integration._status import Status, combine_status
+from ._checks import check_events
+from ._mission import Mission, Phase
+from ._runs import RunResult
+
+
+class MissionResult(NamedTuple):
+    """What a mission leaves.
+
+    - `phases`: of each phase, up to and including its end before the jump.
+    - `final`, `end`: the state after the last jump, and its time, s.
+    - `status`: of each run: its first failure, or how its last phase ended."""
+
+    phases: list[RunResult]
+    final: State
+    end: Float[Array, "*runs"]
+    status: Int[Array, "*runs"]
+
+
+@eqx.filter_jit
+def _run_phase(
+    system: AbstractSystem,
+    until: Scalar | Event,
+    y0: State,
+    t0: Scalar,
+    num_saved: int,
+    config: IntegrationConfig,
+    run_axes: int,
+    plan: Array | None,
+    record_steps: bool,
+) -> RunResult:
+    """A phase without its name and its jump, so that equal phases are compiled once."""
+    y0 = broadcast_state(system, t0, y0)
+    runs = runs_of(y0, run_axes)
+    dtype = jnp.result_type(*jax.tree.leaves(y0))
+    # Each run may start, and meet its event, at a time of its own.
+    t0 = jnp.broadcast_to(jnp.asarray(t0, dtype), runs)
+    t1 = t0 + (until.within if isinstance(until, Event) else until)
+    found = None
+    if isinstance(until, Event):
+        check_events((until,), system, y0, t0, run_axes, "Phase.until")
+        found = first_event(system, y0, t0, t1, (until,), config, run_axes)
+        t1 = found.time
+    fractions = jnp.linspace(0.0, 1.0, num_saved, dtype=dtype)
+    result = integrate(
+        system,
+        y0,
+        t0,
+        t1,
+        # Start and end alone are no save times within a step, which would cost evaluations.
+        fractions if num_saved > 2 else None,
+        config,
+        run_axes,
+        plan=plan,
+        record_steps=record_steps,
+    )
+    phase = RunResult(
+        ts=t0 + jnp.multiply.outer(fractions, t1 - t0),
+        states=with_start(y0, result.states, run_axes) if num_saved == 2 else result.states,
+        status=result.status,
+        event=-jnp.ones(runs, jnp.int32),
+        happened=jnp.zeros((0, *runs), bool),
+        stats=result.stats,
+        dense=None,
+        step_ends=result.step_ends,
+    )
+    if found is None:
+        return phase
+    assert isinstance(until, Event)
+    return _ended_by(until, found, phase, system, run_axes)
+
+
+def _ended_by(
+    event: Event, found: FoundEvents, phase: RunResult, system: AbstractSystem, run_axes: int
+) -> RunResult:
+    """The phase with its end moved to the event, and with the status of the search."""
+    last = state_at(phase.states, -1, run_axes)
+    t_event, y_event = newton_correct(system, (event,), found.which, found.time, last)
+    hit = found.which >= 0
+    ended = jnp.where(hit, Status.EVENT, Status.EVENT_MISSED)
+    status = combine_status(phase.status, found.status)
+    return phase._replace(
+        # The derivatives of the end pass through the correction, and not through the search.
+        ts=phase.ts.at[-1].set(t_event),
+        states=replace_state(phase.states, -1, y_event, run_axes),
+        status=jnp.where(status == Status.COMPLETED, ended, status),
+        event=found.which,
+        happened=hit[None],
+    )
+
+
+# Compiled, because each operation of a jump would be a call of its own.
+@eqx.filter_jit
+def _jump(phase: Phase, t: Scalar, y: State) -> State:
+    assert phase.then is not None
+    return phase.then(t, y)
+
+
+def after_jump(phase: Phase, t: Scalar, y: State) -> State:
+    """The state after the jump at the end of a phase."""
+    return y if phase.then is None else _jump(phase, t, y)
+
+
+def run_mission(
+    mission: Mission,
+    y0: State,
+    t0: Scalar,
+    num_saved: int,
+    configs: tuple[IntegrationConfig, ...],
+    run_axes: int,
+    plans: tuple[Array | None, ...] | None = None,
+    record_steps: bool = False,
+) -> MissionResult:
+    """All phases of a mission.
+
+    **Arguments**
+
+    - `mission`, `y0`, `t0`: what runs, its initial state and the time of its start, s.
+    - `num_saved`: how many states each phase saves from its start to its end.
+    - `configs`: one for each phase, from `resolve_phases`.
+    - `plans`: fixed steps for each phase, as nodes in normalised time.
+    - `record_steps`: whether to return the ends of the steps."""
+    results = []
+    y, t, status = y0, t0, None
+    for number, (phase, config) in enumerate(zip(mission.phases, configs, strict=True)):
+        plan = None if plans is None else plans[number]
+        result = _run_phase(
+            phase.system, phase.until, y, t, num_saved, config, run_axes, plan, record_steps
+        )
+        results.append(result)
+        status = result.status if status is None else combine_status(status, result.status)
+        t = result.ts[-1]
+        y = after_jump(phase, t, state_at(result.states, -1, run_axes))
+    assert status is not None
+    return MissionResult(results, y, t, status)

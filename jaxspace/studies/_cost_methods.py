@@ -1,0 +1,91 @@
+"""The methods that a study of accuracy and cost compares, and at which tolerances."""
+
+from collections.abc import Sequence
+
+import diffrax
+from jaxtyping import Array
+
+from ..core import InputError, State
+from ..integration import eligible_methods, least_tolerance, select_method
+from ..integration._accuracy import state_dtype
+from ..simulation import Mission
+from ..simulation._simulate import resolve_phases
+from ..solvers import DOP853, Tsit5, solver_traits
+from ._cost_case import accuracy_of
+from ._cost_table import CLOSED_FORM, Method, method_name
+from ._runs import systems_of
+from ._scene_effects import Runnable, numbered
+
+TOLERANCES = tuple(10.0**-k for k in range(4, 13))
+
+
+def _methods_of_phases(mission: Mission, y0: State, rtol: float) -> list[Method]:
+    """What "auto" stands for in each phase of a mission."""
+    return [config.method for config in resolve_phases(mission, y0, accuracy_of("auto", rtol))]
+
+
+def default_methods(
+    system: Runnable, y0: State, ts: Array, tolerances: Sequence[float]
+) -> tuple[Method, ...]:
+    """The methods that "auto" may stand for; for a mission those that serve all of its phases."""
+    if not isinstance(system, Mission):
+        # The loosest tolerance is among them, so that every table has the method for it.
+        ends = (max(*tolerances, TOLERANCES[0]), min(tolerances))
+        return eligible_methods(system, y0, ends, ts)
+    if all(s.closed_form() is not None for s in systems_of(system)):
+        return DOP853(), Tsit5(), CLOSED_FORM
+    chosen = _methods_of_phases(system, y0, min(tolerances))
+    same = all(isinstance(method, DOP853) for method in chosen)
+    # Where phases differ, no method but "auto" stands for what "auto" takes.
+    return (DOP853(), Tsit5()) if same else (DOP853(), Tsit5(), "auto")
+
+
+def methods_by_name(
+    system: Runnable, y0: State, ts: Array, methods: Sequence[Method], rtol: float
+) -> dict[str, Method]:
+    """The methods by name.
+
+    **Raises** `InputError` for what is no method, and for a closed form that there is not."""
+    exact = all(s.closed_form() is not None for s in systems_of(system))
+    found: list[Method] = []
+    for method in methods:
+        if method == "auto" and not isinstance(system, Mission):
+            method = select_method(system, y0, rtol, ts)
+        if method == CLOSED_FORM and not exact:
+            raise InputError(
+                f"methods holds {CLOSED_FORM!r}: {type(system).__name__} has none, it must hold "
+                f"solvers."
+            )
+        if method not in ("auto", CLOSED_FORM) and not _has_error_estimate(method):
+            raise InputError(
+                f"methods holds {method!r}: it must hold solvers with an error estimate or with "
+                f"fixed steps, such as DOP853(), or {CLOSED_FORM!r}."
+            )
+        # "auto" may stand for a method that is named as well.
+        if method not in found:
+            found.append(method)
+    names = numbered([method_name(method) for method in found])
+    return dict(zip(names, found, strict=True))
+
+
+def _has_error_estimate(method: Method) -> bool:
+    """Whether it is a solver whose steps a tolerance controls or judges."""
+    if not isinstance(method, diffrax.AbstractSolver):
+        return False
+    return isinstance(method, diffrax.AbstractAdaptiveSolver) or solver_traits(method).fixed_step
+
+
+def tolerances_of(
+    method: Method, system: Runnable, y0: State, tolerances: list[float]
+) -> list[float | None]:
+    """The tolerances at which the method is run; `None` where it has none."""
+    if method == CLOSED_FORM:
+        return [None]
+    if method == "auto" and isinstance(system, Mission):
+        # The tolerance is traced, so that "auto" stands for what it takes at tight ones. Looser
+        # ones, for which it takes another method, would show the wrong row.
+        tight = _methods_of_phases(system, y0, 2.0 * least_tolerance(state_dtype(y0)))
+        return [r for r in tolerances if _methods_of_phases(system, y0, r) == tight]
+    if isinstance(method, diffrax.AbstractSolver) and solver_traits(method).fixed_step:
+        return [None]
+    return list(tolerances)

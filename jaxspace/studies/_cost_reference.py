@@ -1,0 +1,136 @@
+"""What the errors of a study are measured against: a closed form, or the tightest good run."""
+
+import itertools
+from collections.abc import Callable
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ..core import Scalar, State
+from ..integration import SimulationError, Status, least_tolerance
+from ..simulation import Mission
+from ..solvers import DOP853, ExponentialRosenbrock
+from ._cost_case import Case, Programs
+from ._cost_table import CLOSED_FORM, Method
+from ._runs import Program, RunOutcome, aot_compile, blocks, distance
+from ._scene_effects import Runnable
+
+# Of the duration: where a closed form is cut in two. In no simple ratio to the rest, so that no
+# whole number of revolutions hides an error.
+FIRST_PART = 0.381966
+# Of the tightest tolerance: rounding may keep a run from the first of these.
+TIGHTER = (1e-2, 1e-1, 1.0)
+
+
+class Reference(NamedTuple):
+    """What errors are measured against.
+
+    - `name`: in words.
+    - `final`, `gradient`: the exact final state and gradient, as far as they are known.
+    - `error`: an estimate of the error of `final`.
+    - `output`: the number whose gradient is taken.
+    - `programs`: what was compiled for it in double precision, by the name of the method: the run,
+      and the gradient if it is measured."""
+
+    name: str
+    final: State
+    error: float
+    gradient: State | None
+    output: Callable[[State], Scalar]
+    programs: dict[str, Programs]
+
+
+class _GoodRun(NamedTuple):
+    """The first run that ends well, and what was compiled on the way to it."""
+
+    name: str
+    rtol: float
+    outcome: RunOutcome
+    compiled: dict[str, Program]
+
+
+def reference_of(
+    system: Runnable,
+    by_name: dict[str, Method],
+    case: Case,
+    tightest: float,
+    gradient: bool,
+    output: Callable[[State], Scalar] | None,
+) -> Reference:
+    """The reference: the closed form, or the tightest run that ends well.
+
+    **Arguments**
+
+    - `system`, `case`: what runs, and the same in double precision.
+    - `by_name`: the methods that are compared.
+    - `tightest`: of the tolerances, relative.
+    - `gradient`, `output`: as in `accuracy_cost`.
+
+    **Returns** the reference with its own error.
+
+    **Raises** `SimulationError` when no run ends well."""
+    exact = not isinstance(system, Mission) and system.closed_form() is not None
+    candidates = _candidates(by_name, exact)
+    name, rtol, outcome, compiled = _first_good_run(candidates, case, tightest)
+    if exact:
+        other = _in_two_parts(case)
+    else:
+        other = compiled[name].call(case.arrays, 10.0 * rtol).final
+    # Nothing is known better than its last digit.
+    error = max(distance(other, outcome.final), float(np.finfo(float).eps))
+    output = _scaled_sum(outcome.final) if output is None else output
+    programs = {key: Programs(run, None) for key, run in compiled.items()}
+    exact_gradient = None
+    if gradient:
+        of_method = jax.jit(case.gradient(candidates[name], output))
+        exact_gradient = of_method(case.arrays, rtol)
+        programs[name] = Programs(compiled[name], of_method)
+    words = "the closed form" if exact else f"{name} at {rtol:.0e} in float64"
+    return Reference(words, outcome.final, error, exact_gradient, output, programs)
+
+
+def _candidates(by_name: dict[str, Method], exact: bool) -> dict[str, Method]:
+    """The methods that may serve as the reference, by name, the preferred one first."""
+    if exact:
+        return {CLOSED_FORM: CLOSED_FORM}
+    # The exponential method ends a stiff run that DOP853 does not.
+    stiff = {k: m for k, m in by_name.items() if isinstance(m, ExponentialRosenbrock)}
+    return {"DOP853": DOP853(), **stiff}
+
+
+def _first_good_run(candidates: dict[str, Method], case: Case, tightest: float) -> _GoodRun:
+    """The run of the first candidate that ends well, at the tightest tolerance at which it does."""
+    compiled: dict[str, Program] = {}
+    failure = ""
+    for (name, method), factor in itertools.product(candidates.items(), TIGHTER):
+        # Once for each method, because the tolerance is traced.
+        if name not in compiled:
+            compiled[name] = aot_compile(case.run(method), case.arrays, tightest)
+        rtol = max(factor * tightest, 2.0 * least_tolerance("float64"))
+        outcome = compiled[name].call(case.arrays, rtol)
+        status = Status(int(outcome.status))
+        if status.good:
+            return _GoodRun(name, rtol, outcome, compiled)
+        failure = f"The reference, {name} at {rtol:.0e}, failed. {status.sentence}"
+    raise SimulationError(failure)
+
+
+def _scaled_sum(final: State) -> Callable[[State], Scalar]:
+    """The sum of a state's numbers, each over the length of its block in the state `final`."""
+    sizes = [block.size for block in blocks(final)]
+
+    def output(y: State) -> Scalar:
+        terms = zip(jax.tree.leaves(y), sizes, strict=True)
+        return sum((jnp.sum(x) / size for x, size in terms), 0.0)
+
+    return output
+
+
+def _in_two_parts(case: Case) -> State:
+    """The final state of a closed form whose duration is passed in two parts."""
+    system, y0, ts = case.restored(case.arrays)
+    flow = jax.jit(lambda duration, y: system.closed_form().flow(duration, y))
+    first = FIRST_PART * (ts[-1] - ts[0])
+    return flow(ts[-1] - ts[0] - first, flow(first, y0))

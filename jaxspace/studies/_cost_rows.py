@@ -1,0 +1,110 @@
+"""The rows of a table of accuracy and cost: every setting is run, timed and compared."""
+
+from collections.abc import Sequence
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ..core import State
+from ..integration import Status
+from ..simulation._trajectory import relative_change
+from ._cost_case import Case, Programs
+from ._cost_reference import Reference
+from ._cost_table import FIXED_STEP_RTOL, Cost, Method
+from ._runs import aot_compile, blocks, distance, systems_of, timed
+from ._scene_effects import Runnable
+
+
+def cost_rows(
+    case: Case,
+    name: str,
+    method: Method,
+    precision: str,
+    tolerances: Sequence[float | None],
+    reference: Reference,
+    repeats: int,
+) -> list[Cost]:
+    """The rows of one method in one precision.
+
+    **Arguments**
+
+    - `case`: what runs, in this precision.
+    - `name`, `method`: the method, and how tables name it.
+    - `tolerances`: relative ones; `None` where the method has none.
+    - `reference`: what errors are measured against.
+    - `repeats`: of the timed runs.
+
+    **Returns** a row for each tolerance."""
+    if not tolerances:
+        return []
+    programs = _programs(case, name, method, precision, reference)
+    drifts = jax.jit(lambda arrays, phases: _drifts(case.restored(arrays)[0], phases))
+    rows = []
+    for tolerance in tolerances:
+        rtol = FIXED_STEP_RTOL if tolerance is None else tolerance
+        run, seconds = timed(programs.run.call, repeats, case.arrays, rtol)
+        status = Status(int(run.status))
+        # Outside of the timed program: invariants are no part of a run.
+        drift = drifts(case.arrays, run.phases)
+        row = Cost(
+            method=name,
+            precision=precision,
+            tolerance=tolerance,
+            error=distance(run.final, reference.final),
+            seconds=seconds,
+            compile_seconds=programs.run.seconds,
+            evaluations=sum(int(n) for n in run.evaluations),
+            steps=sum(int(n) for n in run.steps),
+            memory=programs.run.memory,
+            drift={key: float(value) for key, value in drift.items()},
+            failure="" if status.good else status.sentence,
+        )
+        if programs.gradient is not None:
+            found, seconds = timed(programs.gradient, repeats, case.arrays, rtol)
+            error = _gradient_error(found, reference.gradient, case)
+            row = row._replace(gradient_error=error, gradient_seconds=seconds)
+        rows.append(row)
+    return rows
+
+
+def _programs(
+    case: Case, name: str, method: Method, precision: str, reference: Reference
+) -> Programs:
+    """The compiled run, and the gradient where the reference has one."""
+    # In double precision the reference has compiled a method already.
+    known = reference.programs.get(name) if precision == "float64" else None
+    if known is None:
+        # The tolerance is traced, so that one program serves all of them.
+        known = Programs(aot_compile(case.run(method), case.arrays, FIXED_STEP_RTOL), None)
+    if known.gradient is None and reference.gradient is not None:
+        known = known._replace(gradient=jax.jit(case.gradient(method, reference.output)))
+    return known
+
+
+def _drifts(
+    system: Runnable, phases: tuple[tuple[Float[Array, " times"], State], ...]
+) -> dict[str, Float[Array, ""]]:
+    """The largest relative change of every invariant, over all phases of a mission."""
+    largest: dict[str, Array] = {}
+    for phase, (ts, states) in zip(systems_of(system), phases, strict=True):
+        kept = jax.vmap(phase.invariants, in_axes=(0, -1), out_axes=-1)(ts, states)
+        for name, values in kept.items():
+            change = jnp.max(relative_change(values, 0))
+            largest[name] = jnp.maximum(change, largest[name]) if name in largest else change
+    return largest
+
+
+def _gradient_error(gradient: State, reference: State, case: Case) -> float:
+    """|difference| / |gradient|, with every block of the initial state in units of its own size."""
+    _, y0, _ = case.restored(case.arrays)
+    sizes = [block.size for block in blocks(y0)]
+
+    def scaled(tree: State) -> np.ndarray:
+        pairs = zip(sizes, blocks(tree), strict=True)
+        return np.concatenate([size * block.values.ravel() for size, block in pairs])
+
+    exact = scaled(reference)
+    # A gradient of zero is compared as it is.
+    return float(np.linalg.norm(scaled(gradient) - exact) / (np.linalg.norm(exact) or 1.0))

@@ -1,0 +1,90 @@
+"""Which effects may be left out together: proposed by scaled runs, confirmed by a plain one."""
+
+import dataclasses
+from collections.abc import Callable
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, PyTree
+
+from ..core import State
+from ..integration import Accuracy, Status
+from ._budget_table import EffectBudget
+from ._runs import aot_compile, run_once, timed
+from ._scaled_runs import ScaledRuns
+from ._scene_effects import Runnable, remove_effects
+
+
+def negligible(table: EffectBudget, runs: ScaledRuns) -> tuple[str, ...]:
+    """The effects that may be left out together, from the least influence on."""
+    assert table.tolerance is not None
+    dropped: tuple[str, ...] = ()
+    for row in reversed(table.rows):
+        if row.failure or row.influence > table.tolerance:
+            continue
+        # With those already dropped, because small changes may add up.
+        run = runs.run(without=(*dropped, row.effect))
+        moved = np.linalg.norm(runs.change(run.value, table.nominal))
+        if run.status.good and moved <= table.tolerance:
+            dropped = (*dropped, row.effect)
+    return dropped
+
+
+def verified(
+    table: EffectBudget,
+    runs: ScaledRuns,
+    dropped: tuple[str, ...],
+    scene: Runnable,
+    plain_run: Callable[[Runnable], tuple[np.ndarray, Status, float]],
+) -> EffectBudget:
+    """The table with the set that a run of exactly that set confirms, and with what it saves.
+
+    **Arguments**
+
+    - `table`, `runs`: the rows, and the runs that they come from.
+    - `dropped`: what may be left out by the scaled runs, from the least influence on.
+    - `scene`: with all of its effects.
+    - `plain_run`: a run of a scene as users run it: output, status and time, s.
+
+    **Returns** the table, with the largest part of `dropped` that holds."""
+    assert table.tolerance is not None
+    every = tuple(row.effect for row in table.rows)
+    while dropped:
+        value, status, seconds_kept = plain_run(remove_effects(scene, dropped))
+        change = float(np.linalg.norm(runs.change(value, table.nominal)))
+        if status.good and change <= table.tolerance:
+            return dataclasses.replace(
+                table,
+                kept=tuple(name for name in every if name not in dropped),
+                dropped=dropped,
+                change=change,
+                seconds=plain_run(scene)[2],
+                seconds_kept=seconds_kept,
+            )
+        # The last one to be dropped has the largest influence.
+        dropped = dropped[:-1]
+    return dataclasses.replace(table, kept=every)
+
+
+def timed_run(
+    system: Runnable,
+    y0: State,
+    ts: Array,
+    output: Callable[[State], Array],
+    accuracy: Accuracy,
+    repeats: int,
+) -> tuple[np.ndarray, Status, float]:
+    """Output and status of a plain run, and its median time, s."""
+    # Without factors: what is timed is the run as its users would write it.
+    arrays, static = eqx.partition((system, y0, ts), eqx.is_array)
+
+    def run(arrays: PyTree[Array], rtol: Array) -> tuple[Array, Array]:
+        system, y0, ts = eqx.combine(arrays, static)
+        outcome = run_once(system, y0, ts, dataclasses.replace(accuracy, rtol=rtol))
+        return output(outcome.final), outcome.status
+
+    rtol = jnp.asarray(accuracy.rtol)
+    program = aot_compile(run, arrays, rtol)
+    (value, status), seconds = timed(program.call, repeats, arrays, rtol)
+    return np.asarray(value, float), Status(int(status)), seconds

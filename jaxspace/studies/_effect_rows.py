@@ -1,0 +1,67 @@
+"""The rows of a table of effects: what leaving out each of them changes, and what it saves."""
+
+import jax
+import numpy as np
+
+from ..scene import budget
+from ._budget_table import Influence
+from ._runs import in_precision
+from ._scaled_runs import ScaledOutcome, ScaledRuns
+from ._scene_effects import Runnable, effect_names, scenes
+
+# Of the influence: where the prediction is off by more, the run without the effect counts.
+NONLINEAR = 0.1
+
+
+def influence_of(
+    runs: ScaledRuns,
+    name: str,
+    phases: tuple[str, ...],
+    share: float,
+    nominal: np.ndarray,
+    noise: float,
+) -> Influence:
+    """The row of one effect.
+
+    **Arguments**
+
+    - `runs`: with all effects scaled.
+    - `name`, `phases`, `share`: of the effect: where it acts, and what it costs.
+    - `nominal`: the output with all effects.
+    - `noise`: the error of the integration in the output.
+
+    **Returns** the row."""
+    predicted = -runs.run(along=name).derivative
+    without = runs.run(without=(name,))
+    linear = float(np.linalg.norm(predicted))
+    # Where it cannot be left out, the first order is all that is known.
+    if not without.status.good:
+        change = tuple(predicted.ravel().tolist())
+        failure = without.status.sentence
+        return Influence(name, phases, linear, linear, None, False, change, share, failure)
+    found = runs.change(without.value, nominal)
+    left_out = float(np.linalg.norm(found))
+    off = float(np.linalg.norm(found - predicted))
+    # A difference that the error of the integration explains is no sign of nonlinearity.
+    nonlinear = off > NONLINEAR * left_out and not off <= 10.0 * noise
+    change = tuple((found if nonlinear else predicted).ravel().tolist())
+    influence = left_out if nonlinear else linear
+    return Influence(name, phases, influence, linear, left_out, nonlinear, change, share)
+
+
+def shares_of(system: Runnable, nominal: ScaledOutcome) -> dict[str, float]:
+    """What the run saves, of its arithmetic, when an effect is left out: operations of one
+    evaluation times evaluations."""
+    saved: dict[str, float] = {}
+    total = 0.0
+    for k, _, scene in scenes(system):
+        # Counted in double precision, whose programs are the ones that users run.
+        ts, states = in_precision(nominal.phases[k], "float64")
+        y = jax.tree.map(lambda x: x[..., 0], states)
+        rows = budget(in_precision(scene, "float64"), ts[0], y)
+        count = int(nominal.evaluations[k])
+        for name, row in zip(effect_names(scene), rows[:-1], strict=True):
+            saved[name] = saved.get(name, 0.0) + count * row.operations
+        total += count * sum(row.operations for row in rows)
+    # A scene may cost no operation at all.
+    return {name: value / max(total, 1.0) for name, value in saved.items()}
