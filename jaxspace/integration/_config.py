@@ -4,6 +4,7 @@
 everything after it takes the configuration as it is.
 """
 
+from collections.abc import Callable
 from typing import final
 
 import diffrax
@@ -77,7 +78,7 @@ def resolve(
     system: AbstractSystem,
     y0: PyTree,
     accuracy: Accuracy,
-    starts: InitialConditions | None = None,
+    starts: Callable[[], InitialConditions | None] | None = None,
 ) -> IntegrationConfig:
     """The configuration of an integration.
 
@@ -85,8 +86,8 @@ def resolve(
 
     - `system`, `y0`: the system and its initial state (or its shapes), of one run or of many.
     - `accuracy`: what the user asked for.
-    - `starts`: runs whose numbers may be looked at to recognise a stiff system; `None` under `jit`
-      and in missions, where the structure alone decides.
+    - `starts`: gives the runs whose numbers may be looked at to recognise a stiff system, where the
+      rules get that far; `None` in missions, where the structure alone decides.
 
     **Raises** `InputError` for a tolerance that the precision of the state cannot reach, and for a
     method that needs what the system does not offer."""

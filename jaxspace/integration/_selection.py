@@ -33,12 +33,12 @@ class SelectionContext(NamedTuple):
 
     - `system`, `y`: a system and a state, or their shapes.
     - `rtol`: the relative tolerance; zero where it is not known.
-    - `starts`: runs whose numbers may be looked at, or `None`."""
+    - `starts`: gives runs whose numbers may be looked at, or `None`."""
 
     system: AbstractSystem
     y: PyTree
     rtol: float
-    starts: InitialConditions | None
+    starts: Callable[[], InitialConditions | None] | None
 
 
 @final
@@ -100,7 +100,8 @@ def _is_second_order(tree: Any, leaves: tuple[Any, ...]) -> bool:
 def _is_fast_and_linear(context: SelectionContext) -> bool:
     if context.starts is None or is_second_order(context.system, context.y):
         return False
-    return is_stiff(context.starts, context.rtol)
+    starts = context.starts()
+    return starts is not None and is_stiff(starts, context.rtol)
 
 
 # The first that holds decides: what is exact comes first, and what serves all systems last.
@@ -131,7 +132,7 @@ def select_method(
     rtol: float,
     ts: ArrayLike | Sequence[float] | None = None,
     *,
-    starts: InitialConditions | None = None,
+    starts: Callable[[], InitialConditions | None] | None = None,
 ) -> diffrax.AbstractSolver | Literal["closed_form"]:
     """The method that `"auto"` stands for: that of the first of the `RULES` that holds.
 
@@ -140,11 +141,11 @@ def select_method(
     - `system`, `y0`: a system and a state, or their shapes.
     - `rtol`: the relative tolerance; zero where it is not known.
     - `ts`: save times, s. Only with these is a stiff run recognised.
-    - `starts`: several runs in place of `ts`.
+    - `starts`: gives several runs in place of `ts`.
 
     **Returns** a solver, or "closed_form"."""
     if starts is None and ts is not None:
-        starts = InitialConditions.of_one(system, y0, jnp.asarray(ts))
+        starts = functools.partial(InitialConditions.of_one, system, y0, jnp.asarray(ts))
     context = SelectionContext(system, y0, rtol, starts)
     return next(rule.method for rule in RULES if rule.holds(context))
 
@@ -162,6 +163,8 @@ def eligible_methods(
     - `system`, `y0`: a system and a state, or their shapes.
     - `rtols`: relative tolerances.
     - `ts`: save times, s. Only with these is a stiff run recognised."""
-    starts = None if ts is None else InitialConditions.of_one(system, y0, jnp.asarray(ts))
+    starts = None
+    if ts is not None:
+        starts = functools.partial(InitialConditions.of_one, system, y0, jnp.asarray(ts))
     contexts = [SelectionContext(system, y0, rtol, starts) for rtol in rtols]
     return tuple(rule.method for rule in RULES if any(rule.holds(c) for c in contexts))

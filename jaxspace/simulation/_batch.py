@@ -148,17 +148,19 @@ def _resolve_for(
 ) -> IntegrationConfig:
     """The configuration that some of these runs, or of all of them, call for."""
     system, y0, _ = whole
-    starts = None
-    if not is_traced((whole, accuracy)):
-        every = np.arange(jax.tree.leaves(batched)[0].shape[-1])
-        rows = every if rows is None else rows
+
+    def starts() -> InitialConditions | None:
+        if is_traced((whole, accuracy)):
+            return None
+        among = np.arange(jax.tree.leaves(batched)[0].shape[-1]) if rows is None else rows
         # The first and the last among them: inputs are often given in order.
-        sample = rows[np.linspace(0, rows.size - 1, SAMPLED).astype(int)]
+        sample = among[np.linspace(0, among.size - 1, SAMPLED).astype(int)]
         axes = jax.tree.map(
             lambda x, own: None if x is None else int(own is not None),
             whole,
             batched,
             is_leaf=lambda x: x is None,
         )
-        starts = InitialConditions(whole, axes, sample)
+        return InitialConditions(whole, axes, sample)
+
     return resolve(system, y0, accuracy, starts)

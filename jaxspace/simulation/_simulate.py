@@ -1,5 +1,6 @@
 """The verb: from a system and an initial state to a trajectory whose accuracy is accounted for."""
 
+import functools
 from collections.abc import Callable
 from typing import Any, TypeVar, overload
 
@@ -112,7 +113,8 @@ def _simulate_system(
     check_structure(system, y0, start)
     events = as_events(events)
     check_events(events, system, y0, start, 0)
-    config = resolve(system, y0, as_accuracy(accuracy), InitialConditions.of_one(system, y0, ts))
+    starts = functools.partial(InitialConditions.of_one, system, y0, ts)
+    config = resolve(system, y0, as_accuracy(accuracy), starts)
 
     def run(config: IntegrationConfig, dense: bool = dense) -> Trajectory:
         result = _run_system(system, y0, ts, events, config, dense)
