@@ -97,6 +97,7 @@ def gimbal_walk(x: Array) -> Array:
 BODY = (3.0, 2.0, 1.0)
 TOP = (1.0, 0.5, 1.0)
 FLIP = "elliptic functions and the angle about h"
+LOSS = "a derivative by the tilt is a difference of large terms: the formula loses it"
 LOST = "the inputs round onto the singular place"
 CUBIC = "the root of a cubic, and elliptic integrals of it"
 ENDLESS = ((0.0,) * 6,)
@@ -128,13 +129,13 @@ CASES = (
         (*BODY, 1e-3, 1.0, 0.0, 20.0),
         FLIP,
         64.0,
-        1e5,
+        4096.0,
     ),
     Case(
         "bodies: flip from a tilt of 1e-8",
         free_flight,
         (*BODY, 1e-8, 1.0, 0.0, 40.0),
-        FLIP,
+        LOSS,
         64.0,
         1e5,
     ),
@@ -142,7 +143,7 @@ CASES = (
         "bodies: flip from a tilt of 1e-15",
         free_flight,
         (*BODY, 1e-15, 1.0, 1e-16, 70.0),
-        FLIP,
+        LOSS,
         64.0,
         1e6,
     ),
