@@ -146,6 +146,38 @@ def test_derivatives_in_a_hundred_digits(name):
             assert_allclose(row, truth, rtol=1e-11, atol=1e-12 * np.abs(truth).max())
 
 
+def nearly_steady(size, spin):
+    """Steady precession of a top at 0.8 rad, but for a rate of nutation of this size."""
+    (a, c, wl), theta, phi = (1.3, 1.0, 0.7), 0.8, -0.2
+    p = c * spin + np.sqrt((c * spin) ** 2 - 4.0 * a * wl * np.cos(theta))
+    around = 2.0 * wl / p * np.sin(theta)
+    omega = [
+        around * np.sin(phi) + size * np.cos(phi),
+        around * np.cos(phi) - size * np.sin(phi),
+        spin,
+    ]
+    return tilted((a, c, wl), theta, omega)
+
+
+@pytest.mark.parametrize(("size", "spin"), [(1e-2, 4.0), (1e-5, 400.0), (1e-8, 4.0)])
+def test_a_nearly_steady_precession_in_a_hundred_digits(size, spin):
+    """The cubic has nearly a double root: from its constants alone the angles would be lost to
+    1e-16 over the width of the nutation."""
+    v = nearly_steady(size, spin)
+    with mpmath.workdps(DIGITS):
+        truth = [mpmath.mpf(float(x)) for x in v]
+        expected, bends = np.array(exact(truth), dtype=float), slopes(truth)
+    found = swing(v)
+    assert_allclose(found[:3], expected[:3], rtol=2e-15)
+    assert_allclose(found[3], expected[3], rtol=1e-14)
+    # The slopes of the width hold the direction of the start seen from steady precession: the
+    # inputs hold it to 1e-16 over the size.
+    loss = 1e-13 + 1e-14 / size
+    for derivative in (FORWARD(v), REVERSE(v)):
+        for row, truth in zip(np.asarray(derivative), bends, strict=True):
+            assert_allclose(row, truth, atol=loss * np.abs(truth).max())
+
+
 @pytest.mark.parametrize("size", [1e-3, 1e-6, 1e-9, 1e-12])
 @pytest.mark.parametrize("kind", ["dropped", "thrown"])
 def test_derivatives_of_a_pendulum_near_the_separatrix(kind, size):

@@ -274,14 +274,15 @@ def test_bad_input_is_named():
     assert isinstance(state(BARE, 1.0, 0.0, 0.0, 0.0), GimbalState)
 
 
-def test_the_drift_of_a_small_nutation_keeps_its_digits():
-    """It is of second order: a mean of terms of first order would lose seven digits of it."""
+@pytest.mark.parametrize("name", ["drift", "offset"])
+def test_the_means_of_a_small_nutation_keep_their_digits(name):
+    """They are of second order: a mean of terms of first order would lose seven digits of them."""
 
-    def drift(rate, exact):
+    def mean(rate, exact):
         walk = GimbalWalk(*map(jnp.asarray, (1.1, rate, 1.0, 1.0, 0.6, 1.3)))
-        return walk.drift() if exact else walk.drift_to_second_order()
+        return getattr(walk, name if exact else f"{name}_to_second_order")()
 
     # What follows the second order is the square of the rate, 1e-14, times some ten.
-    assert_allclose(drift(1e-7, True), drift(1e-7, False), rtol=1e-12)
-    slope, expected = (jax.grad(drift)(1e-7, exact) for exact in (True, False))
+    assert_allclose(mean(1e-7, True), mean(1e-7, False), rtol=1e-12)
+    slope, expected = (jax.grad(mean)(1e-7, exact) for exact in (True, False))
     assert_allclose(slope, expected, rtol=1e-12)

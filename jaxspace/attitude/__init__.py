@@ -11,13 +11,13 @@ from ._initial import attitude_along as attitude_along
 from ._initial import attitude_from_angles as attitude_from_angles
 from ._nutation import Nutation as Nutation
 from ._outputs import cone_angle as cone_angle
+from ._outputs import continuous_precession as continuous_precession
 from ._outputs import pointing as pointing
 from ._outputs import spin_rate as spin_rate
 from ._polhode import Polhode as Polhode
 from ._spherical_pendulum import PendulumState as PendulumState
 from ._spherical_pendulum import SphericalPendulum as SphericalPendulum
 from ._top import Top as Top
-from ._top import continuous_precession as continuous_precession
 from ._torque_free import TorqueFreeBody as TorqueFreeBody
 from ._torque_free import body_precession_rate as body_precession_rate
 from ._torque_free import cone_angles as cone_angles

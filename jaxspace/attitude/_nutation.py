@@ -18,69 +18,32 @@
 Source: Thomson 5.13-10..13 (constants), 5.13-18..21 (cubic); DLMF 19.16.1, .2, 19.7.9 (integrals;
 the half turns that they leave are the passages of the vertical).
 
-The cubic is solved for d = y3 - |beta|, measured from the vertical at which the weight is highest,
-whose constants are e = alpha - |beta| and g = gamma - N (for beta < 0 the signs of N, u and psi's
-two poles change):
-
-    d^3 + a2 d^2 + a1 d = (|beta| g)^2,     a2 = 2 |beta| - e - N^2,   a1 = 2 |beta| (N g - e)
-    q = |beta| (2 - u1 - u2) = d + a2 = (|beta|^2 X - a1)/d
-    X = (1 - u1)(1 - u2) = g^2/d = (a1 + q d)/|beta|^2
-
-d, q and X are not negative, and of each pair of forms one is a sum of what is not negative: a1 < 0
-or a1 >= 0 decides. So no digit is lost where d and 1 - u1 vanish together, the separatrix, where
-the period is infinite; e and g, which decide there, are formed from the state, not from alpha and
-gamma.
+The cubic is solved in `_turning_circles.py`; for beta < 0 the signs of N, u and psi's two poles
+change, so that the weight is highest at u = 1.
 """
 
-from typing import NamedTuple, final
+from typing import final
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..core import (
     Flag,
     Scalar,
+    Vector,
     complete_first,
     complete_third,
     safe_atan2,
     safe_divide,
     safe_sqrt,
 )
+from ..rotations import Quaternion
+from ._turning_circles import Place, TurningCircles, turning_circles
 
-# Newton's steps: the two bounds from which they start are within a factor of 1.5 of the root, and
-# five steps reach rounding from there.
-STEPS = 7
 # Where d < NEAR |beta| (1 - u2), the upper pole's integral has a form without a half turn, so that
 # the small precession of a nearly plane pendulum is not a difference of half turns.
 NEAR = 0.1
-
-
-class _Roots(NamedTuple):
-    """d, 1/s^2, and sums and products of sin^2 (`up`) and cos^2 (`down`) of half the two turning
-    angles, which are measured from the vertical at which the weight is highest."""
-
-    d: Scalar
-    sum_up: Scalar
-    product_up: Scalar
-    sum_down: Scalar
-    product_down: Scalar
-
-    def half_angles(self) -> tuple[tuple[Scalar, Scalar], tuple[Scalar, Scalar]]:
-        """sin^2 and cos^2 of half the turning angle, of the nearer and of the farther circle."""
-        up, down = self.sum_up, self.sum_down
-        # The square of the difference of both sin^2, or of both cos^2: of two equal numbers the one
-        # that is formed from the smaller terms.
-        squared = jnp.where(
-            up < down, up * up - 4.0 * self.product_up, down * down - 4.0 * self.product_down
-        )
-        apart = safe_sqrt(jnp.maximum(squared, 0.0))
-        sine, cosine = 0.5 * (up + apart), 0.5 * (down + apart)
-        return (
-            (safe_divide(self.product_up, sine), cosine),
-            (sine, safe_divide(self.product_down, cosine)),
-        )
 
 
 @final
@@ -91,9 +54,11 @@ class Nutation(eqx.Module):
     - `alpha_up` = alpha - beta and `alpha_down` = alpha + beta, 1/s^2: what alpha - beta u is where
       the axis points up and down.
     - `gamma_up` = gamma - N and `gamma_down` = gamma + N, 1/s, likewise.
+    - `start`: a place on the way.
 
     Near the separatrix these differences decide: `Top.nutation` forms them from the state without
-    loss, `Nutation.of` from alpha and gamma."""
+    loss, `Nutation.of` from alpha and gamma. Near a steady precession the place decides; without
+    one, the turning angles are right to the root of rounding (1e-8) there."""
 
     N: Float[Array, "*#runs"]
     beta: Float[Array, "*#runs"]
@@ -101,6 +66,7 @@ class Nutation(eqx.Module):
     alpha_down: Float[Array, "*#runs"]
     gamma_up: Float[Array, "*#runs"]
     gamma_down: Float[Array, "*#runs"]
+    start: Place | None = None
 
     @classmethod
     def of(cls, N: Scalar, alpha: Scalar, beta: Scalar, gamma: Scalar) -> "Nutation":
@@ -125,8 +91,7 @@ class Nutation(eqx.Module):
         """theta_1 and theta_2, rad: the axis swings between them, theta_1 the nearer to the upward
         vertical.
 
-        Each angle from its vertical is right to rounding. The difference of the two is so to the
-        root of rounding (1e-8): it is what the start leaves of a steady precession."""
+        Each angle from its vertical is right to rounding, also of a nearly steady precession."""
         near, far = self._roots().half_angles()
         stands = self.beta >= 0.0
         # A top that hangs is highest at theta = pi: sine and cosine change places.
@@ -176,34 +141,17 @@ class Nutation(eqx.Module):
         sign = self._sign()
         return sign * self.N, sign * self.beta, *high, *low
 
-    def _roots(self) -> _Roots:
-        """The solution of the cubic."""
+    def _roots(self) -> TurningCircles:
+        """The solution of the cubic, measured from the vertical at which the weight is highest."""
+        stands, start = self.beta >= 0.0, self.start
+        if start is not None:
+            # Seen from the other vertical up and down change places, and u its sign.
+            up, down = (jnp.where(stands, *pair) for pair in (start[:2], start[1::-1]))
+            start = Place(up, down, start.rate_squared, self._sign() * start.slope)
         N, b, e, g, e_down, g_down = self._highest()
-        half_slope = N * g - e
-        a2, a1 = 2.0 * b - e - N * N, 2.0 * b * half_slope
-        d = _largest_root(a2, a1, (b * g) ** 2)
-        # Of each pair of forms the one that adds numbers that are not negative. Those divided by d
-        # have d > 0, because a1 < 0 or a2 < 0; those divided by |beta| have |beta| > 0, because
-        # a2 > 0.
-        wide, falls = a2 > 0.0, (a1 < 0.0) | (a2 <= 0.0)
-        below = jnp.where(falls & (d > 0.0), d, 1.0)
-        width = jnp.where(wide, b, 1.0)
-        rest = (a2 + d) / width
-        product = jnp.where(falls, g * g / below, (2.0 * half_slope + rest * d) / width)
-        total = jnp.where(wide, rest, (b * product - 2.0 * half_slope) / below)
-        # From the other vertical y3 + |beta| is far: no second form is needed there.
-        far = jnp.where(d + b == 0.0, 1.0, d + 2.0 * b)
-        product_down = g_down * g_down / far
-        total_down = (2.0 * (e_down + N * g_down) - b * product_down) / far
-        return _Roots(
-            d,
-            0.5 * jnp.maximum(total, 0.0),
-            0.25 * jnp.maximum(product, 0.0),
-            0.5 * jnp.maximum(total_down, 0.0),
-            0.25 * product_down,
-        )
+        return turning_circles(N, b, e, g, e_down, g_down, start)
 
-    def _means(self, roots: _Roots) -> tuple[Scalar, Scalar, Flag]:
+    def _means(self, roots: TurningCircles) -> tuple[Scalar, Scalar, Flag]:
         """Sum of the square roots of y3 - beta u1 and y3 - beta u2, 1/s, square root of their
         product, 1/s^2, and whether it is zero: then the motion takes for ever, and the means are
         1."""
@@ -214,7 +162,7 @@ class Nutation(eqx.Module):
         product = jnp.sqrt(jnp.where(ever, 1.0, squared))
         return jnp.sqrt(jnp.where(ever, 2.0, 2.0 * d + q + 2.0 * product)), product, ever
 
-    def _precession(self, roots: _Roots) -> Scalar:
+    def _precession(self, roots: TurningCircles) -> Scalar:
         """psi in one nutation that ends, rad."""
         _, b, _, g, _, g_down = self._highest()
         total, product, ever = self._means(roots)
@@ -234,27 +182,34 @@ class Nutation(eqx.Module):
         return jnp.pi * turns + (near + 2.0 / 3.0 * b * g_down * standing)
 
 
-def _largest_root(a2: Scalar, a1: Scalar, c: Scalar) -> Scalar:
-    """The largest root of d^3 + a2 d^2 + a1 d = c, where one is not negative and two are not
-    positive."""
+def nutation_through(
+    attitude: Quaternion, omega: Vector, Z: Vector, N: Scalar, beta: Scalar
+) -> Nutation:
+    """The nutation of a motion.
 
-    def excess(d: Scalar) -> Scalar:
-        return ((d + a2) * d + a1) * d - c
+    **Arguments**
 
-    def newton(d: Scalar) -> Scalar:
-        return d - safe_divide(excess(d), (3.0 * d + 2.0 * a2) * d + a1)
-
-    # Two upper bounds: Samuelson's, exact where the other two roots are equal, and, for a2 > 0, the
-    # root without the cubic term, exact for a small root.
-    samuelson = (2.0 * safe_sqrt(jnp.maximum(a2 * a2 - 3.0 * a1, 0.0)) - a2) / 3.0
-    width = jnp.where(a2 > 0.0, a2, 1.0)
-    root = safe_sqrt(a1 * a1 + 4.0 * width * c)
-    quadratic = jnp.where(a1 < 0.0, 0.5 * (root - a1) / width, safe_divide(2.0 * c, a1 + root))
-    start = jnp.where(a2 > 0.0, jnp.minimum(samuelson, quadratic), samuelson)
-    start = jax.lax.stop_gradient(jnp.maximum(start, 0.0))
-    d = jax.lax.fori_loop(0, STEPS, lambda _, d: newton(d), start)
-    # Two steps more carry the derivatives of first and second order.
-    return newton(newton(jax.lax.stop_gradient(d)))
+    - `attitude`, `omega`, rad/s, (3, *runs): the motion at one moment, in the axes of the top.
+    - `Z`: the upward vertical in the same axes, (3, *runs).
+    - `N`, 1/s, and `beta`, 1/s^2: constants of the equations above.
+    """
+    transverse = omega[0] * omega[0] + omega[1] * omega[1]
+    around = omega[0] * Z[0] + omega[1] * Z[1]
+    # sin^2 and cos^2 of half the nutation angle: near a vertical, 1 - cos(theta) has no digits.
+    w, x, y, z = attitude.wxyz
+    whole = attitude.norm_squared()
+    up, down = (x * x + y * y) / whole, (w * w + z * z) / whole
+    rate = omega[1] * Z[0] - omega[0] * Z[1]
+    slope = 2.0 * (N * around - Z[2] * transverse) - beta * (Z[0] * Z[0] + Z[1] * Z[1])
+    return Nutation(
+        N=N,
+        beta=beta,
+        alpha_up=transverse - 2.0 * beta * up,
+        alpha_down=transverse + 2.0 * beta * down,
+        gamma_up=around - 2.0 * N * up,
+        gamma_down=around + 2.0 * N * down,
+        start=Place(up, down, rate * rate, slope),
+    )
 
 
 def _angle(sin_squared: Scalar, cos_squared: Scalar) -> Scalar:

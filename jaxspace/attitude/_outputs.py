@@ -3,10 +3,11 @@
 from typing import Any
 
 import jax.numpy as jnp
+from jaxtyping import Array, Float
 
-from ..bodies import AbstractBody, BurningBody
-from ..core import Scalar, Vector, axis, cross, dot, norm, output, safe_atan2
-from ..rotations import Quaternion
+from ..bodies import AbstractBody, BodyState, BurningBody
+from ..core import InputError, Scalar, Vector, axis, cross, dot, norm, output, safe_atan2
+from ..rotations import Quaternion, to_euler_angles
 
 
 @output("rad/s")
@@ -31,6 +32,19 @@ def pointing(
     h = _angular_momentum_B(omega, mass, body)
     intended = initial.attitude.rotate(axis(2, initial.omega[2]))
     return _angle_between(attitude.rotate(h), intended)
+
+
+def continuous_precession(states: BodyState) -> Float[Array, "times *#runs"]:
+    """The precession angle psi, rad, along a trajectory, without jumps of whole turns.
+
+    `continuous_precession(run.states)` is (times, *runs). Between two times psi must change by less
+    than half a turn; where the axis passes close to the vertical this requires dense samples.
+
+    Raises `InputError` for states without attitude."""
+    if states.attitude is None:
+        raise InputError("The states hold no attitude: a precession angle requires one.")
+    # The times are the first axis that is left when the angle has been taken.
+    return jnp.unwrap(to_euler_angles(states.attitude)[0], axis=0)
 
 
 def _angular_momentum_B(omega: Vector, mass: Scalar | None, body: AbstractBody) -> Vector:

@@ -36,7 +36,6 @@ as (3, *runs).
 from collections.abc import Sequence
 from typing import final
 
-import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
@@ -44,22 +43,26 @@ from ..bodies import BodyState
 from ..core import (
     AbstractSplit,
     AbstractSystem,
-    InputError,
     Scalar,
     Vector,
     argument,
     as_float,
     axis,
-    barrier,
     constructor,
     cross,
-    end_sqrt,
     quantity,
     safe_divide,
 )
 from ..rotations import Quaternion, from_euler_angles, omega_from_euler_rates, to_euler_angles
-from ._nutation import Nutation
+from ._nutation import Nutation, nutation_through
 from ._state import attitude_and_omega
+from ._steady_precession import (
+    least_spin,
+    nutation_frequency,
+    rates_from_momentum,
+    sleeping_growth_rate,
+    steady_rates,
+)
 from ._torque_free import symmetric_flow
 
 
@@ -198,15 +201,7 @@ class Top(AbstractSystem):
         two frequencies of a sleeping top. Exactly at `least_spin` both are one, with infinite
         slopes (the rule of ends in `core/_safe.py`).
         """
-        least = barrier(jax.lax.stop_gradient(self.least_spin(theta)))
-
-        A, C, Wl = self._letters()
-        theta, n = as_float(theta), as_float(n)
-        # Both from the root of larger magnitude and the product of the roots: nothing cancels for
-        # a fast top or near the horizontal.
-        p = C * n
-        p = p + jnp.where(p < 0.0, -1.0, 1.0) * end_sqrt(_gyroscopic, A, C, Wl, theta, n, least)
-        return 2.0 * Wl / p, p / (2.0 * A * jnp.cos(theta))
+        return steady_rates(*self._letters(), as_float(theta), as_float(n))
 
     def precession_rates_from_momentum(self, theta: Scalar, h_Z: Scalar) -> tuple[Scalar, Scalar]:
         """The slow and the fast steady precession psi', rad/s, of a given angular momentum about
@@ -221,17 +216,8 @@ class Top(AbstractSystem):
         none. At the least momentum, 2 sqrt(A W l cos(theta)), both are one, with infinite slopes
         (the rule of ends in `core/_safe.py`).
         """
-
-        def radicand(A, Wl, theta, h_Z, least):
-            return _gyroscopic(A, jnp.ones_like(h_Z), Wl, theta, h_Z, least)
-
         A, _, Wl = self._letters()
-        theta, h_Z = as_float(theta), as_float(h_Z)
-        least = 2.0 * jnp.sqrt(jnp.maximum(A * Wl * jnp.cos(theta), 0.0))
-        least = barrier(jax.lax.stop_gradient(least))
-        # The root of larger magnitude first, so that nothing cancels.
-        p = h_Z + jnp.where(h_Z < 0.0, -1.0, 1.0) * end_sqrt(radicand, A, Wl, theta, h_Z, least)
-        return 2.0 * (Wl * jnp.cos(theta)) / p, p / (2.0 * A)
+        return rates_from_momentum(A, Wl, as_float(theta), as_float(h_Z))
 
     def least_spin(self, theta: Scalar) -> Scalar:
         """The least spin n, rad/s, with a steady precession at `theta`, rad (Thomson 5.14-4).
@@ -239,29 +225,14 @@ class Top(AbstractSystem):
         Zero below the horizontal. At theta = 0 a sleeping top is stable above it (Harrison and
         Nettleton 4.11). Where it becomes zero its slope is infinite (the rule of ends in
         `core/_safe.py`)."""
-
-        def radicand(A, Wl, theta):
-            return jnp.maximum(A * Wl * jnp.cos(theta), 0.0)
-
-        A, C, Wl = self._letters()
-        return 2.0 / C * end_sqrt(radicand, A, Wl, as_float(theta))
+        return least_spin(*self._letters(), as_float(theta))
 
     def sleeping_growth_rate(self, n: Scalar) -> Scalar:
         """Growth rate, 1/s, of a small tilt of the upright top with the spin `n`, rad/s.
 
         Zero where it is stable. At the critical spin, `least_spin` at theta = 0, its slope is
         infinite (the rule of ends in `core/_safe.py`)."""
-        critical = barrier(jax.lax.stop_gradient(self.least_spin(jnp.zeros_like(as_float(n)))))
-
-        def radicand(A, C, Wl, n, critical):
-            x = 4.0 * A * Wl - (C * n) ** 2
-            # The same, without the rounding of a difference of squares.
-            size = jnp.abs(n)
-            exact = C * C * (critical - size) * (critical + size)
-            return jnp.maximum(x + jax.lax.stop_gradient(exact - x), 0.0)
-
-        A, C, Wl = self._letters()
-        return end_sqrt(radicand, A, C, Wl, as_float(n), critical) / (2.0 * A)
+        return sleeping_growth_rate(*self._letters(), as_float(n))
 
     def precession_moment(self, theta: Scalar, precession: Scalar, n: Scalar) -> Scalar:
         """The moment about the line of nodes, N m, that a steady precession requires (Thomson
@@ -289,15 +260,9 @@ class Top(AbstractSystem):
 
         NaN where the precession is unstable. Where the frequency becomes zero its slope is infinite
         (the rule of ends in `core/_safe.py`)."""
-
-        def radicand(A, C, Wl, theta, precession, n, least):
-            around = A * precession * jnp.sin(theta)
-            return _gyroscopic(A, C, Wl, theta, n, least) + around * around
-
-        A, C, Wl = self._letters()
-        theta, precession, n = (as_float(x) for x in (theta, precession, n))
-        least = barrier(jax.lax.stop_gradient(self.least_spin(theta)))
-        return end_sqrt(radicand, A, C, Wl, theta, precession, n, least) / A
+        return nutation_frequency(
+            *self._letters(), as_float(theta), as_float(precession), as_float(n)
+        )
 
     def precession_per_nutation(self, theta: Scalar, precession: Scalar, n: Scalar) -> Scalar:
         """Deviation of psi' over the deviation of theta, 1/s, in a small nutation about a steady
@@ -310,39 +275,10 @@ class Top(AbstractSystem):
         (Thomson 5.13-18 to -21)."""
         attitude, omega = attitude_and_omega(y)
         A, C, Wl = self._letters()
-        # Constants of the cubic in u = cos(theta), divided by A, so that they are made of rates.
-        Z = vertical(attitude)
-        N, beta = C * omega[2] / A, 2.0 * Wl / A
-        transverse = omega[0] * omega[0] + omega[1] * omega[1]
-        around = omega[0] * Z[0] + omega[1] * Z[1]
-        # sin^2 and cos^2 of half the nutation angle: near a vertical, 1 - cos(theta) has no digits.
-        w, x, y_, z = attitude.wxyz
-        whole = attitude.norm_squared()
-        up, down = (x * x + y_ * y_) / whole, (w * w + z * z) / whole
-        return Nutation(
-            N=N,
-            beta=beta,
-            alpha_up=transverse - 2.0 * beta * up,
-            alpha_down=transverse + 2.0 * beta * down,
-            gamma_up=around - 2.0 * N * up,
-            gamma_down=around + 2.0 * N * down,
-        )
+        return nutation_through(attitude, omega, vertical(attitude), C * omega[2] / A, 2.0 * Wl / A)
 
     def _letters(self) -> tuple[Scalar, Scalar, Scalar]:
         return self.transverse_inertia, self.axial_inertia, self.weight_moment
-
-
-def _gyroscopic(
-    A: Scalar, C: Scalar, Wl: Scalar, theta: Scalar, n: Scalar, least: Scalar
-) -> Scalar:
-    """(C n)^2 - 4 A W l cos(theta), zero exactly at the `least` spin; its derivatives are those of
-    this formula."""
-    x = (C * n) ** 2 - 4.0 * A * Wl * jnp.cos(theta)
-    # The same, without the rounding of a difference of squares.
-    size = jnp.abs(n)
-    below = 4.0 * A * jnp.maximum(-Wl * jnp.cos(theta), 0.0)
-    exact = C * C * (size - least) * (size + least) + below
-    return x + jax.lax.stop_gradient(exact - x)
 
 
 @final
@@ -362,16 +298,3 @@ class TopSplit(AbstractSplit):
         angular_acceleration = self.top.weight_moment / self.top.transverse_inertia
         change = duration * angular_acceleration * cross(Z, axis(2, Z[2]))
         return BodyState(attitude=attitude, omega=omega + change)
-
-
-def continuous_precession(states: BodyState) -> Float[Array, "times *#runs"]:
-    """The precession angle psi, rad, along a trajectory, without jumps of whole turns.
-
-    `continuous_precession(run.states)` is (times, *runs). Between two times psi must change by less
-    than half a turn; where the axis passes close to the vertical this requires dense samples.
-
-    Raises `InputError` for states without attitude."""
-    if states.attitude is None:
-        raise InputError("The states hold no attitude: a precession angle requires one.")
-    # The times are the first axis that is left when the angle has been taken.
-    return jnp.unwrap(to_euler_angles(states.attitude)[0], axis=0)

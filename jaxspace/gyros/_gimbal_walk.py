@@ -32,7 +32,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..core import Scalar
+from ..core import Scalar, stumpff
 
 # The error of a periodic quadrature falls exponentially with the nodes.
 NODES = 48
@@ -74,28 +74,32 @@ class GimbalWalk(eqx.Module):
         """Mean of theta - theta_0, rad (Thomson 6.3, problem 5, with all second-order terms)."""
         s = jnp.sin(self.theta)
         c = jnp.cos(self.theta)
-        difference = self.outer_inertia_across - self.outer_inertia_upright
-        bend = c / s - 2.0 * difference * s * c / self.outer_inertia(self.theta)
+        bend = c / s - 2.0 * self._difference() * s * c / self.outer_inertia(self.theta)
         return -0.75 * (self.theta_rate / self.frequency()) ** 2 * bend
 
     def drift(self) -> Scalar:
         """Mean rate of the outer gimbal, rad/s, exactly."""
         chi, deviation, theta, slope = self._nodes()
-        s0, s, c = jnp.sin(self.theta), jnp.sin(theta), jnp.cos(theta)
-        difference = self.outer_inertia_across - self.outer_inertia_upright
-        bend = difference * s * c * self._fall(deviation) / self.outer_inertia(theta)
+        s0, bend = jnp.sin(self.theta), self._bend(deviation)
         # psi' / X' = theta_0' sin(chi) J / (H v), v = sin(theta) - bend. Of it 1/v_0 has the mean
         # zero: it is taken off, because the drift of a small nutation is of second order.
-        rise = bend - 2.0 * jnp.cos(self.theta + 0.5 * deviation) * jnp.sin(0.5 * deviation)
-        inverse = rise / ((s - bend) * s0)
+        inverse = (bend - self._rise(deviation)) / ((jnp.sin(theta) - bend) * s0)
         turn = self.theta_rate * self.inner_inertia / self.spin_momentum
         # Means over time: equal steps in chi have the duration 1 / X'.
         return turn * jnp.mean(jnp.sin(chi) * inverse, axis=0) / jnp.mean(1.0 / slope, axis=0)
 
     def offset(self) -> Scalar:
         """Mean of theta - theta_0, rad, exactly."""
-        _, deviation, _, slope = self._nodes()
-        return jnp.mean(deviation / slope, axis=0) / jnp.mean(1.0 / slope, axis=0)
+        _, d, theta, slope = self._nodes()
+        s0, inertia = jnp.sin(self.theta), self.outer_inertia(self.theta)
+        # d / X' less X / X_0'^2 = share rest / X': what is taken off has the mean zero, because X =
+        # theta_0' sin(chi). The offset is of second order, and so is every term of the rest.
+        growth = self._difference() * jnp.sin(2.0 * self.theta + d) * jnp.sin(d)
+        odd = s0 * (d**3 * stumpff(d * d)[1] + d * growth / inertia)
+        even = 2.0 * jnp.cos(self.theta) * jnp.sin(0.5 * d) ** 2
+        rest = s0 * (odd - even) + self._fall(d) * (self._bend(d) - self._rise(d))
+        share = inertia / (self.outer_inertia(theta) * s0 * s0)
+        return jnp.mean(share * rest / slope, axis=0) / jnp.mean(1.0 / slope, axis=0)
 
     def period(self) -> Scalar:
         """Time, s, of one nutation, exactly."""
@@ -130,16 +134,25 @@ class GimbalWalk(eqx.Module):
         # As a product: the difference would lose the digits of a small nutation.
         return 2.0 * jnp.sin(self.theta + 0.5 * deviation) * jnp.sin(0.5 * deviation)
 
+    def _rise(self, deviation: Scalar) -> Scalar:
+        """sin(theta_0 + deviation) - sin(theta_0), likewise."""
+        return 2.0 * jnp.cos(self.theta + 0.5 * deviation) * jnp.sin(0.5 * deviation)
+
+    def _bend(self, deviation: Scalar) -> Scalar:
+        """sin(theta) - X' sqrt(J I_Z)/H: what the change of I_Z takes off the slope of X."""
+        theta = self.theta + deviation
+        turned = jnp.sin(theta) * jnp.cos(theta) * self._fall(deviation)
+        return self._difference() * turned / self.outer_inertia(theta)
+
+    def _difference(self) -> Scalar:
+        return self.outer_inertia_across - self.outer_inertia_upright
+
     def _map(self, deviation: Scalar) -> tuple[Scalar, Scalar]:
         """X, rad/s, and its slope, 1/s, at theta_0 + deviation."""
         theta = self.theta + deviation
-        s = jnp.sin(theta)
-        c = jnp.cos(theta)
-        fall = self._fall(deviation)
-        inertia = self.outer_inertia(theta)
-        scale = self.spin_momentum / jnp.sqrt(self.inner_inertia * inertia)
-        difference = self.outer_inertia_across - self.outer_inertia_upright
-        return scale * fall, scale * (s - fall * difference * s * c / inertia)
+        scale = self.spin_momentum / jnp.sqrt(self.inner_inertia * self.outer_inertia(theta))
+        slope = scale * (jnp.sin(theta) - self._bend(deviation))
+        return scale * self._fall(deviation), slope
 
     def _nodes(self) -> tuple[Scalar, Scalar, Scalar, Scalar]:
         """chi, theta - theta_0, theta and X'(theta) at the nodes of one period, on a new leading

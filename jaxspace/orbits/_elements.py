@@ -189,23 +189,21 @@ def elements_from_state(position: Vector, velocity: Vector, mu: Scalar) -> Class
     node = safe_atan2(h[0], -h[1])
     n = jnp.cos(node) * axis(0, node) + jnp.sin(node) * axis(1, node)
     m = cross(unit(h), n)
-    # Angles in the plane of the orbit, from the node n towards m, which is 90 degrees ahead. The
-    # true anomaly is their difference, so that it counts from the node where e = 0.
+    # Angles in the plane of the orbit, from the node n towards m, which is 90 degrees ahead.
     omega = safe_atan2(dot(e, m), dot(e, n))
     latitude = safe_atan2(dot(position, m), dot(position, n))
+    # Without the node, on which it does not depend: beside the equator that turns fast. Where e = 0
+    # it counts from there.
+    anomaly = safe_atan2(dot(unit(h), cross(e, position)), dot(e, position))
+    circle = dot(e, e) == 0.0
     return ClassicalElements(
         semi_latus_rectum=dot(h, h) / mu,
         eccentricity=norm(e),
         inclination=inclination(position, velocity),
         node=node,
         argument_of_periapsis=omega,
-        true_anomaly=_wrapped(latitude - omega),
+        true_anomaly=jnp.where(circle, latitude, anomaly),
     )
-
-
-def _wrapped(angle: Scalar) -> Scalar:
-    """The angle within [-pi, pi]."""
-    return angle - 2.0 * math.pi * jnp.round(angle / (2.0 * math.pi))
 
 
 def state_from_elements(elements: ClassicalElements, mu: Scalar) -> tuple[Vector, Vector]:

@@ -82,16 +82,18 @@ def vertical_burnout_height(
     """Height gained at burnout of a vertical flight, m (Thomson 8.1-11).
 
     Arguments as in `vertical_burnout_velocity`; a mass ratio of 1 is allowed."""
-    # ln(mu) / (mu - 1) by its series near mu = 1, where both terms vanish.
+    # 1 - ln(mu) / (mu - 1) = z - (1 - z) z^2 (1/3 + z^2/5 + ...), z = (mu - 1) / (mu + 1), near
+    # mu = 1, where the difference loses its digits. The 22nd power of z is below rounding, also in
+    # slopes.
     e = mass_ratio - 1.0
-    small = jnp.abs(e) < 1e-2
+    small = jnp.abs(e) < 0.25
     s = jnp.where(small, e, 0.0)
-    # 1 - ln(mu) / (mu - 1) = e/2 - e^2/3 + ...; the tenth power is below rounding, also in slopes.
+    z = s / (2.0 + s)
     series = 0.0
-    for n in range(10, 1, -1):
-        series = 1.0 / n - s * series
+    for n in range(21, 1, -2):
+        series = 1.0 / n + z * z * series
     closed = 1.0 - jnp.log1p(jnp.where(small, 0.0, e)) / jnp.where(small, 1.0, e)
-    share = jnp.where(small, s * series, closed)
+    share = jnp.where(small, z - (1.0 - z) * z * z * series, closed)
     return start * burn_time + exhaust_velocity * burn_time * share - 0.5 * gravity * burn_time**2
 
 

@@ -97,6 +97,7 @@ def gimbal_walk(x: Array) -> Array:
 BODY = (3.0, 2.0, 1.0)
 TOP = (1.0, 0.5, 1.0)
 FLIP = "elliptic functions and the angle about h"
+LOSS = "a derivative by the tilt is a difference of large terms: the formula loses it"
 LOST = "the inputs round onto the singular place"
 CUBIC = "the root of a cubic, and elliptic integrals of it"
 ENDLESS = ((0.0,) * 6,)
@@ -128,13 +129,13 @@ CASES = (
         (*BODY, 1e-3, 1.0, 0.0, 20.0),
         FLIP,
         64.0,
-        1e5,
+        4096.0,
     ),
     Case(
         "bodies: flip from a tilt of 1e-8",
         free_flight,
         (*BODY, 1e-8, 1.0, 0.0, 40.0),
-        FLIP,
+        LOSS,
         64.0,
         1e5,
     ),
@@ -142,7 +143,7 @@ CASES = (
         "bodies: flip from a tilt of 1e-15",
         free_flight,
         (*BODY, 1e-15, 1.0, 1e-16, 70.0),
-        FLIP,
+        LOSS,
         64.0,
         1e6,
     ),
@@ -186,14 +187,14 @@ CASES = (
         slopes=((0.0,) * 5,) * 2,
     ),
     Case("attitude: cones of 1e-12 rad", cones, (1e-12, 2e-12, 2.0, 1.0, 0.5)),
-    Case("attitude: top let go", nutation, (*TOP, 0.5, 0.0, 0.0, 8.0), CUBIC, 64.0, 1e3),
+    Case("attitude: top let go", nutation, (*TOP, 0.5, 0.0, 0.0, 8.0), CUBIC, 16.0, 64.0),
     Case(
         "attitude: fast top",
         nutation,
         (*TOP, 1.0, 0.01, 0.0, 400.0),
-        "a double root but for 1e-5, which explains some tens; 590 were found",
-        4096.0,
-        1e6,
+        "a double root but for 1e-5, whose width the start holds",
+        16.0,
+        64.0,
         single="the small nutation of a fast top is below float32",
     ),
     Case(
@@ -201,23 +202,28 @@ CASES = (
         nutation,
         (*TOP, 1e-6, 0.0, 0.0, 2.0),
         CUBIC,
-        256.0,
-        1e5,
+        16.0,
+        64.0,
         single=LOST,
     ),
     Case(
-        "attitude: swing through the bottom", cubic_period, (0.0, 2.0, -0.4, 0.0), CUBIC, 64.0, 1e3
+        "attitude: swing through the bottom", cubic_period, (0.0, 2.0, -0.4, 0.0), CUBIC, 16.0, 64.0
     ),
     Case(
-        "attitude: top that hangs", nutation, (1.0, 0.5, -1.0, 2.4, 0.1, 0.3, 1.0), CUBIC, 64.0, 1e3
+        "attitude: top that hangs",
+        nutation,
+        (1.0, 0.5, -1.0, 2.4, 0.1, 0.3, 1.0),
+        CUBIC,
+        16.0,
+        64.0,
     ),
     Case(
         "attitude: nutation 1e-12 beside its separatrix",
         cubic_period,
         (1.0, 2.0, 1e-12, 0.0),
         CUBIC,
+        16.0,
         64.0,
-        1e3,
     ),
     Case(
         "attitude: nutation on its separatrix",

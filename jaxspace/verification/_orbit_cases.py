@@ -140,7 +140,7 @@ CASES = (
         (*on_conic(1.5, -2.3004), 14000.0, 1.0),
         WIDE,
         16.0,
-        8192.0,
+        64.0,
         single=FAR,
     ),
     Case("orbits: a short time", kepler, (*on_conic(0.7, 2.0, 0.4), 1e-7, 1.0)),
@@ -158,7 +158,7 @@ CASES = (
         (*on_conic(0.4, 1.2, 1e-6), 1.0),
         ANGLES,
         8.0,
-        1e6,
+        64.0,
         single=LOST,
     ),
     Case(
@@ -176,7 +176,7 @@ CASES = (
         (*on_conic(0.4, 1.2, math.pi - 1e-5), 1.0),
         ANGLES,
         8.0,
-        1e5,
+        64.0,
         single=LOST,
     ),
     Case(
@@ -243,8 +243,8 @@ CASES = (
         transfer,
         (1.0, 0.0, 0.0, -1.2, 1e-5, 3e-6, 3.0, 1.0),
         "the plane is a quotient of numbers of 1e-5",
-        16.0,
-        1e7,
+        8.0,
+        64.0,
         single=LOST,
     ),
     Case(

@@ -1,0 +1,96 @@
+"""The steady precession of a heavy symmetric top, the least spin that has one, and the small
+motions about it. Equations, symbols and units in `_top.py`.
+
+    A cos(theta) psi'^2 - C n psi' + W l = 0         A psi'^2 - h_Z psi' + W l cos(theta) = 0
+    (C n)^2 >= 4 A W l cos(theta)                    the condition that roots exist
+
+Each function computes what the method of `Top` with its name, or the end of it, returns. Near the
+least spin the radicand is formed from differences of spins: nothing cancels, and it is zero exactly
+there.
+
+Source: Thomson 5.14-3, -4 (steady precession), 6.1-5 (small nutation); Harrison and Nettleton 4.11
+(sleeping top).
+"""
+
+import jax
+import jax.numpy as jnp
+
+from ..core import Scalar, barrier, end_sqrt
+
+
+def steady_rates(
+    A: Scalar, C: Scalar, Wl: Scalar, theta: Scalar, n: Scalar
+) -> tuple[Scalar, Scalar]:
+    """The slow and the fast psi', rad/s, for the spin `n`, rad/s."""
+    least = _constant(least_spin(A, C, Wl, theta))
+    # Both from the root of larger magnitude and the product of the roots: nothing cancels for a
+    # fast top or near the horizontal.
+    p = C * n
+    p = p + jnp.where(p < 0.0, -1.0, 1.0) * end_sqrt(_gyroscopic, A, C, Wl, theta, n, least)
+    return 2.0 * Wl / p, p / (2.0 * A * jnp.cos(theta))
+
+
+def rates_from_momentum(A: Scalar, Wl: Scalar, theta: Scalar, h_Z: Scalar) -> tuple[Scalar, Scalar]:
+    """The slow and the fast psi', rad/s, for the momentum `h_Z`, kg m^2/s."""
+
+    def radicand(A, Wl, theta, h_Z, least):
+        return _gyroscopic(A, jnp.ones_like(h_Z), Wl, theta, h_Z, least)
+
+    least = _constant(2.0 * jnp.sqrt(jnp.maximum(A * Wl * jnp.cos(theta), 0.0)))
+    # The root of larger magnitude first, so that nothing cancels.
+    p = h_Z + jnp.where(h_Z < 0.0, -1.0, 1.0) * end_sqrt(radicand, A, Wl, theta, h_Z, least)
+    return 2.0 * (Wl * jnp.cos(theta)) / p, p / (2.0 * A)
+
+
+def least_spin(A: Scalar, C: Scalar, Wl: Scalar, theta: Scalar) -> Scalar:
+    """The least n, rad/s, with a steady precession at `theta`, rad."""
+
+    def radicand(A, Wl, theta):
+        return jnp.maximum(A * Wl * jnp.cos(theta), 0.0)
+
+    return 2.0 / C * end_sqrt(radicand, A, Wl, theta)
+
+
+def sleeping_growth_rate(A: Scalar, C: Scalar, Wl: Scalar, n: Scalar) -> Scalar:
+    """Growth rate, 1/s, of a small tilt of the upright top."""
+
+    def radicand(A, C, Wl, n, critical):
+        x = 4.0 * A * Wl - (C * n) ** 2
+        # The same, without the rounding of a difference of squares.
+        size = jnp.abs(n)
+        exact = C * C * (critical - size) * (critical + size)
+        return jnp.maximum(x + jax.lax.stop_gradient(exact - x), 0.0)
+
+    critical = _constant(least_spin(A, C, Wl, jnp.zeros_like(n)))
+    return end_sqrt(radicand, A, C, Wl, n, critical) / (2.0 * A)
+
+
+def nutation_frequency(
+    A: Scalar, C: Scalar, Wl: Scalar, theta: Scalar, precession: Scalar, n: Scalar
+) -> Scalar:
+    """Angular frequency, rad/s, of a small nutation about a steady precession."""
+
+    def radicand(A, C, Wl, theta, precession, n, least):
+        around = A * precession * jnp.sin(theta)
+        return _gyroscopic(A, C, Wl, theta, n, least) + around * around
+
+    least = _constant(least_spin(A, C, Wl, theta))
+    return end_sqrt(radicand, A, C, Wl, theta, precession, n, least) / A
+
+
+def _constant(x: Scalar) -> Scalar:
+    """A value without derivatives, rounded once for all who take it."""
+    return barrier(jax.lax.stop_gradient(x))
+
+
+def _gyroscopic(
+    A: Scalar, C: Scalar, Wl: Scalar, theta: Scalar, n: Scalar, least: Scalar
+) -> Scalar:
+    """(C n)^2 - 4 A W l cos(theta), zero exactly at the `least` spin; its derivatives are those of
+    this formula."""
+    x = (C * n) ** 2 - 4.0 * A * Wl * jnp.cos(theta)
+    # The same, without the rounding of a difference of squares.
+    size = jnp.abs(n)
+    below = 4.0 * A * jnp.maximum(-Wl * jnp.cos(theta), 0.0)
+    exact = C * C * (size - least) * (size + least) + below
+    return x + jax.lax.stop_gradient(exact - x)
