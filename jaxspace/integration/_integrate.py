@@ -13,7 +13,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, PyTree
 
-from ..core import AbstractClosedForm, AbstractSystem, Flag, Scalar, State
+from ..core import AbstractClosedForm, AbstractSystem, Flag, Scalar, State, project
 from ..solvers import Tolerance, bind, solver_traits
 from ._config import IntegrationConfig
 from ._loop import TERM, LoopSettings
@@ -239,7 +239,8 @@ def _result(
     dense = None
     if settings.dense:
         dense = _dense_output(outcome, field.segments, y0, run_axes)
-    states = times_behind_components(states, run_axes)
+    # States within a step are off the group by its error.
+    states = project(times_behind_components(states, run_axes))
     return IntegrationResult(states, status, stats, outcome.step_ends, dense)
 
 
