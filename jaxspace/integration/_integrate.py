@@ -13,7 +13,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, PyTree
 
-from ..core import AbstractClosedForm, AbstractSystem, Flag, Scalar, State, project
+from ..core import AbstractClosedForm, AbstractSystem, Flag, Scalar, State, breaks_of, project
 from ..solvers import Tolerance, bind, solver_traits
 from ._config import IntegrationConfig
 from ._loop import TERM, LoopSettings
@@ -342,7 +342,9 @@ def take_step(
     assert not isinstance(config.method, str)
     zero = jnp.zeros_like(t1 - t0, shape=())
     u = jnp.stack([zero, zero + 1.0])
-    field = ScaledVectorField(system, Segments(u, t0, t1 - t0))
+    # The step may begin or end at a break.
+    segments = Segments(u, t0, t1 - t0, breaks_of(system) is not None)
+    field = ScaledVectorField(system, segments)
     settings = _settings(config, field.segments, None, False, run_axes, None, False, False)
     method = settings.method
     state = method.init(TERM, u[0], u[1], y, field)
