@@ -148,9 +148,11 @@ def _batch_of_missions(
 ) -> MissionTrajectory:
     state_dtype(y0s)
     check_num_saved(num_saved)
+    if jnp.ndim(t0) > 1:
+        raise InputError(f"t0 has the shape {jnp.shape(t0)}: each run starts at one time, in s.")
     batched, shared, runs = split_batch(missions, y0s, t0, in_axes, times_axes=0)
     mission, y0, _ = cut_batch(batched, shared)
-    configs = resolve_phases(mission, y0, as_accuracy(accuracy))
+    configs = resolve_phases(mission, y0, as_accuracy(accuracy), 1)
     blocks = local_blocks((batched, shared), runs)
     result = _run_missions(batched, shared, configs, num_saved, blocks)
     if is_concrete(result.status) and not is_traced((batched, shared)):
