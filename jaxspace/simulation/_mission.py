@@ -22,12 +22,12 @@ def _as_until(x: Any) -> Any:
 
 
 def _as_phases(x: Any) -> tuple["Phase", ...]:
-    phases = (x,) if isinstance(x, Phase | AbstractSystem) else tuple(x)
+    phases: list[Any] = [x] if isinstance(x, Phase | AbstractSystem) else list(x)
     for phase in phases:
         if isinstance(phase, AbstractSystem):
             name = type(phase).__name__
             raise InputError(f"Mission.phases holds a {name}: it must hold phases, Phase(...).")
-    return phases
+    return tuple(phases)
 
 
 @final
