@@ -1,10 +1,22 @@
 """Constrained descent on problems with known answers."""
 
+import warnings
+from collections.abc import Callable
+
 import jax
 import jax.numpy as jnp
 import numpy as np
+import pytest
+from jaxtyping import Array
 
+from jaxspace import simulate
+from jaxspace.core import AbstractSystem, Table
 from jaxspace.optimization import Criterion, minimise
+from jaxspace.optimization._gradient_check import GRADIENT_TOLERANCE, gradient_error
+from jaxspace.simulation import Accuracy
+from jaxspace.solvers import Tsit5
+
+NODES = jnp.linspace(0.0, 6.0, 31)
 
 
 def test_free_minimum_of_a_curved_valley():
@@ -44,3 +56,64 @@ def test_infeasible_problem_says_so():
     )
     assert not found.converged
     assert found.violation > 0.9
+
+
+class Controlled(AbstractSystem):
+    """x'' = u(t)."""
+
+    control: Callable[[Array], Array]
+
+    def vector_field(self, t, y):
+        return jnp.stack([y[1], self.control(t)])
+
+    def invariants(self, t, y):
+        return {}
+
+
+@pytest.mark.parametrize("kind", ["interp", "Table"])
+def test_a_gradient_over_kinks_that_are_no_breaks_is_found(kind):
+    """From a control of zero, where the steps are long, by nodes that they pass over."""
+
+    def objective(u):
+        control = Table(NODES, u) if kind == "Table" else lambda t: jnp.interp(t, NODES, u)
+        ts = jnp.array([0.0, 6.0])
+        accuracy = Accuracy(method=Tsit5())
+        y0 = jnp.array([1.0, 0.0])
+        end = simulate(Controlled(control), y0, ts, accuracy=accuracy, throw=False).final
+        return end[0] ** 2 + end[1] ** 2
+
+    with warnings.catch_warnings():
+        # The kinks are warned of before the run, too.
+        warnings.simplefilter("ignore")
+        u = jnp.zeros(31)
+        error = gradient_error(jax.jit(objective), u, jax.jit(jax.grad(objective))(u))
+    if kind == "Table":
+        # The objective is a square, of which a difference is exact but for rounding and the
+        # tolerance of the runs.
+        assert error < 1e-6
+    else:
+        assert error > GRADIENT_TOLERANCE
+
+
+def test_a_wrong_gradient_is_warned_of():
+    """A custom derivative that is wrong by a tenth: (2.2 - 2) / 2.2. Under `jit` the result holds
+    it."""
+
+    @jax.custom_jvp
+    def square(x):
+        return jnp.sum(x * x)
+
+    square.defjvp(lambda p, t: (square(*p), 2.2 * jnp.sum(p[0] * t[0])))
+
+    def descend(x, check=True):
+        return minimise(
+            lambda x: Criterion(square(x)), x, max_rounds=1, max_steps=1, check_gradient=check
+        ).gradient_error
+
+    start = jnp.array([1.0, -2.0, 0.3])
+    with pytest.warns(UserWarning, match=r"by 0.09 of it: .*core.Table or Spline"):
+        np.testing.assert_allclose(descend(start), 1.0 / 11.0, rtol=1e-8)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        np.testing.assert_allclose(jax.jit(descend)(start), 1.0 / 11.0, rtol=1e-8)
+        assert descend(start, check=False) == 0.0

@@ -57,6 +57,17 @@ def test_rocket_in_free_space():
     )
 
 
+def test_a_flight_from_rest_beyond_burnout():
+    """At a tight tolerance no step is rejected, because the first one after the burnout sees no
+    thrust; and the flight leaves with the velocity of the rocket equation."""
+    motor = Thrust(3000.0, 2000.0, 17.3, ignition=0.1)
+    scene = Scene((motor,), BurningBody(1.0, [1.0, 1.0, 1.0], [0.3, 0.3, 0.3]))
+    run = simulate(scene, drifting(70.0), jnp.array([0.0, 31.7]), accuracy=1e-12)
+    assert run.stats["rejected_steps"] == 0
+    expected = rocket_equation(2000.0, 70.0 / (70.0 - 1.5 * 17.3))
+    np.testing.assert_allclose(run.final.velocity[2], expected, rtol=1e-12)
+
+
 def test_body_that_sweeps_up_matter_at_rest():
     """T7.7-3: m v stays; matter at rest enters with a force -m' v against the motion."""
 

@@ -1,17 +1,21 @@
-"""Functions of time given at nodes: their values, and gradients of runs through their kinks."""
+"""Functions of time given at nodes: their values, and runs, with their gradients, through kinks and
+jumps."""
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from jaxtyping import Array
 from scipy.interpolate import CubicSpline
 
 from jaxspace import BodyState, Scene, simulate, simulate_batch
 from jaxspace.bodies import Load
-from jaxspace.core import InputError, Spline, Table, breaks_of
+from jaxspace.core import AbstractSystem, InputError, Spline, Table, breaks_of
 from jaxspace.orbits import PointGravity
 from jaxspace.scene import Custom
+from jaxspace.simulation import Accuracy, Status
+from jaxspace.solvers import DOP853
 
 TIMES = np.array([0.0, 0.7, 1.0, 2.5, 4.0])
 VALUES = np.array([1.0, -2.0, 0.5, 3.0, 0.0])
@@ -114,3 +118,44 @@ def test_the_runs_of_a_batch_have_tables_of_their_own():
 def test_tables_that_are_none_are_refused(times, values, sentence):
     with pytest.raises(InputError, match=sentence):
         Table(times, values)
+
+
+class Switch(AbstractSystem):
+    """dy/dt = 3 until the time `at`, then -1; which of them at that time itself does not matter."""
+
+    at: Array
+    late: bool = eqx.field(static=True)
+
+    def vector_field(self, t, y):
+        first = t <= self.at if self.late else t < self.at
+        return jnp.where(first, 3.0, -1.0) * jnp.ones_like(y)
+
+    def invariants(self, t, y):
+        return {}
+
+    def breaks(self):
+        return self.at[None]
+
+
+@pytest.mark.parametrize("late", [False, True])
+def test_a_step_that_begins_or_ends_at_a_break_sees_its_own_side(late):
+    """Forwards and backwards, wherever the break lies: the polygon is exact, from step to step and
+    within the step that begins at the break."""
+
+    @jax.jit
+    def integrate(at, start, end):
+        ts = jnp.stack([start, end])
+        system, accuracy = Switch(at, late), Accuracy(rtol=1e-12, method=DOP853())
+        there = simulate(system, jnp.ones(1), ts, accuracy=accuracy, dense=True, throw=False)
+        back = simulate(system, there.final, ts[::-1], accuracy=accuracy, throw=False)
+        within = there.at(at + 1e-3 * (end - start))
+        return there, back, jnp.concatenate([there.final, back.final, within])
+
+    for at, start, end in ((10.0, 0.0, 20.0), (17.4, 0.0, 31.7), (700_012.7, 700_000.3, 700_021.1)):
+        there, back, found = integrate(at, start, end)
+        assert there.status == back.status == Status.COMPLETED
+        assert there.stats["rejected_steps"] == back.stats["rejected_steps"] == 0
+        highest = 1.0 + 3.0 * (at - start)
+        expected = [highest - (end - at), 1.0, highest - 1e-3 * (end - start)]
+        # The times are rounded to a unit in the last place of the start.
+        np.testing.assert_allclose(found, expected, rtol=1e-13, atol=4e-16 * (1.0 + 4.0 * end))

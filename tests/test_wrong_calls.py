@@ -9,7 +9,13 @@ from jaxspace import BodyState, Scene, simulate
 from jaxspace.attitude import TorqueFreeBody
 from jaxspace.bodies import Load, RigidBody
 from jaxspace.core import AbstractSystem, InputError
-from jaxspace.orbits import ClassicalElements, TwoBody, orbit_from_altitude, orbit_from_radius
+from jaxspace.orbits import (
+    ClassicalElements,
+    PointGravity,
+    TwoBody,
+    orbit_from_altitude,
+    orbit_from_radius,
+)
 from jaxspace.rotations import Quaternion
 from jaxspace.scene import Custom
 from jaxspace.simulation import Accuracy, Event, Mission, Phase
@@ -94,6 +100,22 @@ def custom(function, adds):
         (lambda: simulate(KEPLER, Y, SPAN, events=Event(lambda t, y: t)), "must be a tuple"),
         (lambda: simulate(KEPLER, Y, SPAN, accuracy="high"), "accuracy is 'high'"),
         (lambda: Accuracy(rtol="high"), "Accuracy.rtol is 'high'"),
+        (
+            lambda: simulate(Mission([Phase(KEPLER, 1.0)]), Y, events=()),
+            "unexpected keyword argument 'events': it takes mission, y0, t0, accuracy, num_saved",
+        ),
+        (
+            lambda: simulate(Mission([Phase(KEPLER, jnp.ones(3))]), Y),
+            r"Phase 'phase': until has the shape \(3,\): it must be one time",
+        ),
+        (
+            lambda: simulate(Mission([Phase(KEPLER, 1.0)]), Y, jnp.linspace(0.0, 1.0, 5)),
+            r"t0 has the shape \(5,\): a mission starts at one time",
+        ),
+        (lambda: Phase(KEPLER, "1 day"), "Phase.until is '1 day': it must be a duration in s"),
+        (lambda: Mission([KEPLER]), "Mission.phases holds a Integrated: it must hold phases"),
+        (lambda: Scene(PointGravity(1.0)), "Scene.effects is a PointGravity: it must be a list"),
+        (lambda: Scene((3.0,)), "Scene.effects holds an object of type float"),
     ],
 )
 def test_wrong_calls_get_a_sentence(call, sentence):

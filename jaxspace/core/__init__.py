@@ -23,6 +23,8 @@ from ._elliptic import complete_elliptic as complete_elliptic
 from ._elliptic import complete_first as complete_first
 from ._elliptic import complete_third as complete_third
 from ._group import AbstractGroupElement as AbstractGroupElement
+from ._group import on_group as on_group
+from ._group import project as project
 from ._layout import add_batch_axis as add_batch_axis
 from ._layout import component_axes_of as component_axes_of
 from ._layout import run_axes_of as run_axes_of

@@ -92,12 +92,23 @@ def check_number(name: str, value: object) -> None:
         raise InputError(f"{name} is {value!r}: it must be a number.")
 
 
+def _check_kind(field: str, value: object, kinds: Any, allowed: str) -> None:
+    """Raise `InputError` for a value of another type. Here and not where the `Accuracy` is made,
+    because transformations of trees put placeholders in its fields."""
+    if not isinstance(value, kinds):
+        raise InputError(f"Accuracy.{field} is {value!r}: it must be {allowed}.")
+
+
 DEFAULT = Accuracy()
 
 
 def as_accuracy(accuracy: Any) -> Accuracy:
     """An `Accuracy` from itself, from a relative tolerance, or the default one."""
     if isinstance(accuracy, Accuracy):
+        _check_kind("method", accuracy.method, str | diffrax.AbstractSolver, "a solver")
+        kinds = None | diffrax.AbstractAdjoint
+        _check_kind("adjoint", accuracy.adjoint, kinds, "None or an adjoint of diffrax")
+        _check_kind("max_steps", accuracy.max_steps, int | np.integer, "a whole number")
         return accuracy
     if accuracy is None:
         return DEFAULT

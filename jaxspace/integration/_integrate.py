@@ -9,7 +9,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..core import AbstractClosedForm, AbstractSystem, Scalar, State
+from ..core import AbstractClosedForm, AbstractSystem, Scalar, State, breaks_of
 from ..solvers import Tolerance, bind, solver_traits
 from ._by_diffrax import solve_by_diffrax
 from ._config import IntegrationConfig
@@ -151,7 +151,9 @@ def take_step(
     zero = jnp.zeros_like(t1 - t0, shape=())
     # A single segment from t0 to t1, so that normalised time runs from 0 to 1.
     u = jnp.stack([zero, zero + 1.0])
-    field = ScaledVectorField(system, Segments(u, t0, t1 - t0))
+    # The step may begin or end at a break.
+    segments = Segments(u, t0, t1 - t0, breaks_of(system) is not None)
+    field = ScaledVectorField(system, segments)
     settings = _settings(config, field.segments, None, False, run_axes, None, False, False)
     method = settings.method
     state = method.init(TERM, u[0], u[1], y, field)

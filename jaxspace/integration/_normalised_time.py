@@ -39,11 +39,14 @@ from ._closures import closures_as_leaves
 
 @final
 class Segments(eqx.Module):
-    """The map from normalised time to time: ends `u` of the segments, start and span."""
+    """The map from normalised time to time: ends `u` of the segments, start and span.
+
+    `jumps`: whether the vector field may jump where one segment ends and the next begins."""
 
     u: Float[Array, "ends *#runs"]
     t0: Float[Array, "*#runs"]
     span: Float[Array, "*#runs"]
+    jumps: bool = eqx.field(static=True, default=False)
 
     def __len__(self) -> int:
         return self.u.shape[0] - 1
@@ -59,6 +62,17 @@ class Segments(eqx.Module):
         """The time, s, at the normalised time `s`."""
         start, u, width = self._segment(s)
         return self.t0 + self.span * (u + (s - start) * width)
+
+    def time_inside(self, s: Scalar) -> Scalar:
+        """The time, s, at the normalised time `s`, a few roundings inside where a segment begins or
+        ends: a vector field that jumps there has the value of this segment."""
+        if not self.jumps:
+            return self.time(s)
+        # Of the time and of the fraction, and of what an effect computes its break times from.
+        rounding = 4.0 * jnp.finfo(self.span.dtype).eps
+        edge = rounding * jnp.copysign(jnp.abs(self.t0) + jnp.abs(self.span), self.span)
+        x = s - self._segment(s)[0]
+        return self.time(s) + jax.lax.stop_gradient((1.0 - 2.0 * x) * edge)
 
     def duration(self, s: Scalar, ds: Scalar) -> Scalar:
         """The duration, s, of a normalised time `ds` from `s` on, within one segment."""
@@ -104,7 +118,7 @@ def segments_of(
     # them have no length.
     cuts = [jnp.broadcast_to(x, (x.shape[0], *runs)).astype(span.dtype) for x in inner]
     u = jnp.concatenate([zero, *cuts, one])
-    return Segments(jnp.sort(u, axis=0) if inner else u, t0, span)
+    return Segments(jnp.sort(u, axis=0) if inner else u, t0, span, breaks is not None)
 
 
 @final
@@ -115,8 +129,8 @@ class ScaledVectorField(eqx.Module):
     segments: Segments
 
     def time(self, s: Scalar) -> Scalar:
-        """The time, s, at the normalised time `s`."""
-        return self.segments.time(s)
+        """The time, s, at the normalised time `s`, seen from within its segment."""
+        return self.segments.time_inside(s)
 
     def duration(self, s: Scalar, ds: Scalar) -> Scalar:
         """The duration, s, of a normalised time `ds` from `s` on."""

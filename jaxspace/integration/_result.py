@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
-from ..core import Flag, State
+from ..core import Flag, State, project
 from ..solvers import solver_traits
 from ._config import IntegrationConfig
 from ._layout import times_behind_components
@@ -95,7 +95,8 @@ def result_of(
     dense = None
     if settings.dense:
         dense = _dense_output(outcome, field.segments, y0, run_axes)
-    states = times_behind_components(states, run_axes)
+    # States within a step are off the group by its error.
+    states = project(times_behind_components(states, run_axes))
     return IntegrationResult(states, status, stats, outcome.step_ends, dense)
 
 

@@ -13,6 +13,7 @@ Source: Hestenes 1969, Powell 1969, Rockafellar 1973; the descent is `optax.lbfg
 Valid for smooth functions. `f` may be infinite outside its domain: the line search turns back.
 """
 
+import functools
 from collections.abc import Callable
 from typing import NamedTuple, TypeAlias, final
 
@@ -23,7 +24,8 @@ import optax
 from jax import lax
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
-from ..core import Scalar
+from ..core import Scalar, is_concrete
+from ._gradient_check import gradient_error, warn_of_gradient
 
 Point: TypeAlias = PyTree[Float[Array, "..."]]
 
@@ -52,6 +54,8 @@ class Minimum(eqx.Module):
       - nu . grad d = 0.
     - `gradient`: the largest component of that sum; `violation`: the largest of the constraints.
     - `steps`: of all descents; `converged`: whether gradient and violation met the tolerance.
+    - `gradient_error`: the relative difference of gradient and slope at the start, as far as it is
+      known; zero where it was not checked. Above 1e-3 the gradient is wrong.
     """
 
     x: Point
@@ -61,6 +65,7 @@ class Minimum(eqx.Module):
     violation: Float[Array, ""]
     steps: Int[Array, ""]
     converged: Bool[Array, ""]
+    gradient_error: Float[Array, ""]
 
 
 class RoundState(NamedTuple):
@@ -74,6 +79,7 @@ class RoundState(NamedTuple):
     violation: Float[Array, ""]
     steps: Int[Array, ""]
     rounds: Int[Array, ""]
+    gradient_error: Float[Array, ""]
 
 
 class DescentState(NamedTuple):
@@ -91,6 +97,7 @@ def minimise(
     tolerance: Scalar = 1e-9,
     max_steps: int = 200,
     max_rounds: int = 20,
+    check_gradient: bool = True,
 ) -> Minimum:
     """A local minimum of `problem(x).objective` under its constraints.
 
@@ -100,6 +107,9 @@ def minimise(
     - `start`: the point at which the descent begins.
     - `tolerance`: for the gradient and for the violation.
     - `max_steps`: of one descent; `max_rounds`: number of descents.
+    - `check_gradient`: whether to compare the gradient at the start with the slope of the
+      objective, by four more evaluations. A warning names the difference; under `jit` it stands in
+      `gradient_error`.
 
     **Returns** the `Minimum`, which reports in `converged` whether the tolerance was met. It is not
     differentiable in what `problem` closes over. Wrap the call in `jax.jit` where it is repeated.
@@ -117,18 +127,24 @@ def minimise(
         return missed & (loop.rounds < max_rounds)
 
     def improve(loop: RoundState) -> RoundState:
-        x, _, dual, rho, _, violation, steps, rounds = loop
+        x, _, dual, rho, _, violation, steps, rounds, wrong = loop
+
+        def lagrangian(x: Point) -> Float[Array, ""]:
+            return _lagrangian(problem(x), dual, rho)
+
         # A descent to the last digit is wasted while the multipliers are not right.
         enough = jnp.maximum(0.01 * jnp.minimum(violation, 1.0), tolerance)
-        x, gradient, taken = _descend(
-            lambda p: _lagrangian(problem(p), dual, rho), x, enough, max_steps
-        )
+        value, slopes = jax.value_and_grad(lagrangian)(x)
+        if check_gradient:
+            check = functools.partial(gradient_error, lagrangian, x, slopes)
+            wrong = lax.cond(rounds == 0, check, lambda: wrong)
+        x, gradient, taken = _descend(lagrangian, x, value, slopes, enough, max_steps)
         criterion = problem(x)
         left = _violation(criterion, dual, rho)
         # Updated with the weight of this descent, before it grows.
         dual = _updated(criterion, dual, rho)
         rho = jnp.where(left > 0.25 * violation, 10.0 * rho, rho)
-        return RoundState(x, criterion, dual, rho, gradient, left, steps + taken, rounds + 1)
+        return RoundState(x, criterion, dual, rho, gradient, left, steps + taken, rounds + 1, wrong)
 
     first = RoundState(
         x=start,
@@ -139,8 +155,11 @@ def minimise(
         violation=jnp.ones_like(rho),
         steps=jnp.asarray(0),
         rounds=jnp.asarray(0),
+        gradient_error=jnp.zeros_like(rho),
     )
     last = lax.while_loop(unfinished, improve, first)
+    if is_concrete(last.gradient_error):
+        warn_of_gradient(float(last.gradient_error), stacklevel=2)
     return Minimum(
         x=last.x,
         criterion=last.criterion,
@@ -149,6 +168,7 @@ def minimise(
         violation=last.violation,
         steps=last.steps,
         converged=(last.gradient <= tolerance) & (last.violation <= tolerance),
+        gradient_error=last.gradient_error,
     )
 
 
@@ -195,30 +215,35 @@ def _largest(tree: Point) -> Float[Array, ""]:
 
 
 def _descend(
-    f: Callable[[Point], Float[Array, ""]], x: Point, enough: Float[Array, ""], max_steps: int
+    f: Callable[[Point], Float[Array, ""]],
+    x: Point,
+    value: Float[Array, ""],
+    gradient: Point,
+    enough: Float[Array, ""],
+    max_steps: int,
 ) -> tuple[Point, Float[Array, ""], Int[Array, ""]]:
-    """L-BFGS from `x` until no component of the gradient exceeds `enough`.
+    """L-BFGS from `x`, where `f` has this value and gradient, until no component of the gradient
+    exceeds `enough`.
 
     **Returns** the point, the largest component of the gradient, and the number of steps."""
     method = optax.lbfgs()
-    value_and_gradient = optax.value_and_grad_from_state(f)
 
     def unfinished(loop: DescentState) -> Bool[Array, ""]:
-        # Before the first step the state of optax holds no gradient yet.
         steep = _largest(optax.tree.get(loop.state, "grad")) > enough
         return (loop.steps == 0) | (steep & (loop.steps < max_steps))
 
     def step(loop: DescentState) -> DescentState:
         x, state, steps = loop
+        # The line search leaves value and gradient at its end in the state.
+        value = optax.tree.get(state, "value")
+        gradient = optax.tree.get(state, "grad")
         # optax mixes integer widths, which a caller's strict promotion would refuse.
         with jax.numpy_dtype_promotion("standard"):
-            # The line search leaves value and gradient at its end in the state, so that `f` is
-            # evaluated here for the first step alone.
-            value, gradient = value_and_gradient(x, state=state)
             updates, state = method.update(
                 gradient, state, x, value=value, grad=gradient, value_fn=f
             )
         return DescentState(optax.apply_updates(x, updates), state, steps + 1)
 
-    last = lax.while_loop(unfinished, step, DescentState(x, method.init(x), jnp.asarray(0)))
+    state = optax.tree.set(method.init(x), value=value, grad=gradient)
+    last = lax.while_loop(unfinished, step, DescentState(x, state, jnp.asarray(0)))
     return last.x, _largest(optax.tree.get(last.state, "grad")), last.steps

@@ -166,8 +166,12 @@ def _search(
             objective=-end.u / speed, equal_zero=miss, non_negative=end.w / speed, report=end
         )
 
+    # The corners of the steering are breaks: its gradient needs no check.
     found = minimise(
-        problem, jnp.concatenate([release_angle[None], start.angles]), tolerance=tolerance
+        problem,
+        jnp.concatenate([release_angle[None], start.angles]),
+        tolerance=tolerance,
+        check_gradient=False,
     )
     end = found.criterion.report
     return SteeringOptimum(

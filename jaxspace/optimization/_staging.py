@@ -170,7 +170,12 @@ def _descend(u: Stages, b: Stages, v: Scalar) -> Staging:
 
     # Equal b_i mu_i for all stages: feasible if anything is.
     start = jnp.sqrt(-u * jnp.log(b) / velocity_limit(u, b))
-    found = minimise(lambda q: Criterion(jnp.sum(log_stage_masses(q)[1])), start, tolerance=1e-12)
+    found = minimise(
+        lambda q: Criterion(jnp.sum(log_stage_masses(q)[1])),
+        start,
+        tolerance=1e-12,
+        check_gradient=False,
+    )
     s, log_masses = log_stage_masses(found.x)
     # A descent reaches the bound to its tolerance only.
     used = u * s > 1e-9 * v

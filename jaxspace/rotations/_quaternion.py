@@ -15,8 +15,9 @@
 Source: Thomson 5.1 (Euler's theorem: every displacement with a fixed point is one turn), 3.4
 (matrix), 3-P13 (rates).
 
-A quaternion of any length but zero stands for the turn of its direction, so that the small
-departure from unit length that an integration leaves changes no result.
+A quaternion of any length but zero stands for the turn of its direction: within a step, where it
+departs from unit length by the error of the step, no result changes. Integrators bring it back to
+unit length at the end of every step.
 """
 
 from typing import final
@@ -179,6 +180,9 @@ class Quaternion(AbstractGroupElement):
     def moved(self, local: Vector) -> "Quaternion":
         # Back to unit length, so that many steps of an integrator stay on the group.
         return self.then(Quaternion.from_rotation_vector(local)).normalised()
+
+    def projected(self) -> "Quaternion":
+        return self.normalised()
 
     def coordinate_rate(self, local: Vector, rate: "Quaternion") -> Vector:
         check_components("Quaternion.coordinate_rate: local", local, 3)

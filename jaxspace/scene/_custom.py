@@ -4,10 +4,12 @@ from collections.abc import Callable
 from typing import final
 
 import equinox as eqx
+import jax
+import numpy as np
 from jaxtyping import Array, Float
 
 from ..bodies import PARTS, AbstractBody, AbstractEffect, BodyState, Load
-from ..core import InputError, Scalar, quantity
+from ..core import InputError, Scalar, check_components, quantity
 
 # What a load may hold: the word of `adds`, and the field.
 FIELDS = {
@@ -17,6 +19,20 @@ FIELDS = {
     "mass_rate": "mass_rate",
     "parts": "parts_rate",
 }
+VECTORS = ("acceleration_N", "force_N", "torque_B")
+
+
+def _check_vector(name: str, value: object) -> None:
+    """Raise `InputError` unless the value is a vector, or absent. A number would push along all
+    three axes."""
+    if value is None:
+        return
+    if not isinstance(value, jax.Array | np.ndarray):
+        kind = type(value).__name__
+        raise InputError(f"{name} is of type {kind}: it must be an array (3, *runs), or None.")
+    if value.ndim == 0:
+        raise InputError(f"{name} has no axis: it must be an array (3, *runs), or None.")
+    check_components(name, value, 3)
 
 
 @final
@@ -73,6 +89,8 @@ class Custom(AbstractEffect):
                 f"Custom.function returns {' and '.join(undeclared)}, and Custom.adds names "
                 f"{', '.join(sorted(self.adds)) or 'nothing'}: it must name what the load holds."
             )
+        for field in VECTORS:
+            _check_vector(f"Custom.function: Load.{field}", getattr(load, field))
         return load
 
     def potential(self, t: Scalar, y: BodyState, body: AbstractBody) -> Scalar | None:

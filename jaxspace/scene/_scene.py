@@ -9,7 +9,7 @@ Source: Thomson 5.6, 7.1, 7.7 for the sums; `jaxspace.bodies` for the equations 
 """
 
 from collections.abc import Sequence
-from typing import final
+from typing import Any, final
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -48,6 +48,17 @@ CHANGES = {
 }
 
 
+def _as_effects(x: Any) -> tuple[AbstractEffect, ...]:
+    if isinstance(x, AbstractEffect):
+        raise InputError(f"Scene.effects is a {type(x).__name__}: it must be a list of effects.")
+    effects = tuple(x)
+    for effect in effects:
+        if not isinstance(effect, AbstractEffect):
+            kind = type(effect).__name__
+            raise InputError(f"Scene.effects holds an object of type {kind}: it must hold effects.")
+    return effects
+
+
 @final
 class Scene(AbstractScene):
     """A body under effects, as a system.
@@ -61,7 +72,7 @@ class Scene(AbstractScene):
 
     Raises `InputError` when an effect needs what the body lacks; the message names both."""
 
-    effects: tuple[AbstractEffect, ...] = eqx.field(converter=tuple)
+    effects: tuple[AbstractEffect, ...] = eqx.field(converter=_as_effects)
     body: AbstractBody = RigidBody()
     carry: tuple[str, ...] = eqx.field(static=True, converter=tuple, default=())
 

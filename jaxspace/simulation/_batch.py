@@ -4,6 +4,7 @@ import functools
 from typing import Any, overload
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import ArrayLike, Float, PyTree
 
@@ -132,9 +133,11 @@ def _batch_of_missions(
 ) -> MissionTrajectory:
     state_dtype(y0s)
     check_num_saved(num_saved)
+    if jnp.ndim(t0) > 1:
+        raise InputError(f"t0 has the shape {jnp.shape(t0)}: each run starts at one time, in s.")
     batched, shared, runs = split_batch(missions, y0s, t0, in_axes, times_axes=0)
     mission, y0, _ = cut_batch(batched, shared)
-    configs = resolve_phases(mission, y0, as_accuracy(accuracy))
+    configs = resolve_phases(mission, y0, as_accuracy(accuracy), 1)
     blocks = local_blocks((batched, shared), runs)
     result = run_missions(batched, shared, configs, num_saved, blocks)
     if is_concrete(result.status) and not is_traced((batched, shared)):

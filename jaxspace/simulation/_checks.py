@@ -1,6 +1,8 @@
 """What is refused before a run is compiled: times, structures and events that cannot be right."""
 
 import functools
+import inspect
+from collections.abc import Callable
 from typing import Any
 
 import equinox as eqx
@@ -14,12 +16,15 @@ from ..integration._accuracy import state_dtype
 from ..integration._events import Event
 from ..integration._layout import broadcast_state
 from ..integration._selection import shape_of
+from ._kinks import warn_of_kinks
 
 
 def check_times(ts: Any, y0: State, axes: int = 1) -> Array:
     """The save times in the precision of the state.
 
     Raises `InputError` unless they are finite and ascend or descend."""
+    if ts is None or isinstance(ts, str):
+        raise InputError(f"ts is {ts!r}: it must be an array of times, s.")
     ts = jnp.asarray(ts, state_dtype(y0))
     if not 1 <= ts.ndim <= axes or ts.shape[0] < 2:
         allowed = "one axis of at least two times" if axes == 1 else "(times,) or (times, runs)"
@@ -34,8 +39,17 @@ def check_times(ts: Any, y0: State, axes: int = 1) -> Array:
 
 def check_num_saved(num_saved: int) -> None:
     """Raise `InputError` unless each phase saves a start and an end."""
-    if not 2 <= num_saved <= 10**7:
-        raise InputError(f"num_saved is {num_saved}: it must be from 2 to 1e7.")
+    if not isinstance(num_saved, int) or not 2 <= num_saved <= 10**7:
+        raise InputError(f"num_saved is {num_saved}: it must be a whole number from 2 to 1e7.")
+
+
+def check_arguments(function: Callable[..., Any], *args: Any, **kwargs: Any) -> None:
+    """Raise `InputError` for arguments that the function does not take."""
+    try:
+        inspect.signature(function).bind(*args, **kwargs)
+    except TypeError as error:
+        names = ", ".join(inspect.signature(function).parameters)
+        raise InputError(f"The call has {error}: it takes {names}.") from None
 
 
 def check_structure(system: AbstractSystem, y0: PyTree, t: Any) -> None:
@@ -54,9 +68,13 @@ def _check_structure(structure: Any, leaves: tuple[Any, ...]) -> None:
     system, y0, t = jax.tree.unflatten(structure, leaves)
     # Whatever a field that meets another state than its own may raise is told in its words.
     try:
-        derivative = eqx.filter_eval_shape(lambda s, t, y: s.vector_field(t, y), system, t, y0)
+        trace = eqx.filter_make_jaxpr(lambda s, t, y: s.vector_field(t, y))
+        jaxpr, *derivative = trace(system, t, y0)
+        derivative = eqx.combine(*derivative)
         if jax.tree.structure(derivative) == jax.tree.structure(y0):
             eqx.filter_eval_shape(broadcast_state, system, t, y0)
+            # The level of the call of `simulate`, from here.
+            warn_of_kinks(jaxpr.jaxpr, system, y0, stacklevel=5)
             return
     except InputError:
         raise

@@ -16,7 +16,18 @@ from ..integration._events import Event
 
 # A duration becomes an array; an event passes.
 def _as_until(x: Any) -> Any:
+    if isinstance(x, str):
+        raise InputError(f"Phase.until is {x!r}: it must be a duration in s, or an Event.")
     return x if isinstance(x, Event) else as_float(x)
+
+
+def _as_phases(x: Any) -> tuple["Phase", ...]:
+    phases: list[Any] = [x] if isinstance(x, Phase | AbstractSystem) else list(x)
+    for phase in phases:
+        if isinstance(phase, AbstractSystem):
+            name = type(phase).__name__
+            raise InputError(f"Mission.phases holds a {name}: it must hold phases, Phase(...).")
+    return tuple(phases)
 
 
 @final
@@ -50,7 +61,7 @@ class Mission(eqx.Module):
     """Phases, one after the other. Raises `InputError` when there is none, or two of one
     name."""
 
-    phases: tuple[Phase, ...] = eqx.field(converter=tuple)
+    phases: tuple[Phase, ...] = eqx.field(converter=_as_phases)
 
     def __check_init__(self):
         # Results are found by the names of their phases.

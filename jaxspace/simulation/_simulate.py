@@ -23,9 +23,16 @@ from ..integration._events import Event
 from ..integration._layout import broadcast_state
 from ..integration._status import Status, raise_on_failure
 from ..integration._stiffness import InitialConditions
-from ._checks import as_events, check_events, check_num_saved, check_structure, check_times
+from ._checks import (
+    as_events,
+    check_arguments,
+    check_events,
+    check_num_saved,
+    check_structure,
+    check_times,
+)
 from ._failures import loud, nan_where_failed, place_of_failure
-from ._mission import Mission
+from ._mission import Mission, Phase
 from ._mission_runs import MissionResult, run_mission
 from ._runs import RunResult, run_system
 from ._trajectory import MissionTrajectory, Trajectory
@@ -87,11 +94,13 @@ def simulate(system: Any, y0: PyTree, *args: Any, **kwargs: Any) -> Any:
     serve, and an initial state that is not finite, of mixed precision or of another structure than
     its derivative. `SimulationError` for a run that failed; under `jit`, where the program runs."""
     if isinstance(system, Mission):
+        check_arguments(_simulate_mission, system, y0, *args, **kwargs)
         return _simulate_mission(system, y0, *args, **kwargs)
     if not isinstance(system, AbstractSystem):
         raise InputError(
             f"system is of type {type(system).__name__}: it must be a system, a scene or a mission."
         )
+    check_arguments(_simulate_system, system, y0, *args, **kwargs)
     return _simulate_system(system, y0, *args, **kwargs)
 
 
@@ -167,7 +176,7 @@ def _run_system(
 
 
 def resolve_phases(
-    mission: Mission, y0: PyTree, accuracy: Accuracy
+    mission: Mission, y0: PyTree, accuracy: Accuracy, run_axes: int = 0
 ) -> tuple[IntegrationConfig, ...]:
     """The configuration of every phase, before anything is compiled.
 
@@ -175,6 +184,7 @@ def resolve_phases(
     configs = []
     y = jax.eval_shape(lambda y: y, y0)
     for phase in mission.phases:
+        check_until(phase, run_axes)
         # Only shapes are needed: a jump may change what the state holds.
         zero = jax.ShapeDtypeStruct((), state_dtype(y))
         check_structure(phase.system, y, zero)
@@ -184,6 +194,16 @@ def resolve_phases(
         if phase.then is not None:
             y = jax.eval_shape(phase.then, zero, y)
     return tuple(configs)
+
+
+def check_until(phase: Phase, run_axes: int) -> None:
+    """Raise `InputError` for a duration with other axes than the runs."""
+    until = phase.until
+    if not isinstance(until, Event) and jnp.ndim(until) > run_axes:
+        allowed = "(runs,) or one time" if run_axes else "one time"
+        raise InputError(
+            f"Phase {phase.name!r}: until has the shape {until.shape}: it must be {allowed}, in s."
+        )
 
 
 def trajectory_of(

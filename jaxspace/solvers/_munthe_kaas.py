@@ -12,14 +12,14 @@ Source: Munthe-Kaas (1999), High order Runge-Kutta methods on manifolds, Applied
 Mathematics 29, 115; Hairer, Lubich, Wanner, Geometric Numerical Integration, IV.8.
 """
 
-from typing import ClassVar, TypeGuard, final
+from typing import ClassVar, final
 
 import diffrax
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, PyTree
 
-from ..core import AbstractGroupElement, State, barrier
+from ..core import AbstractGroupElement, State, barrier, on_group
 from ._dense_output import AbstractDenseOutput
 from ._protocol import AbstractFieldSolver, Advance, SolverTraits, bind, solver_traits
 from ._runge_kutta import DOP853
@@ -29,22 +29,18 @@ from ._vector_field import StepField
 Block = AbstractGroupElement | Array
 
 
-def _on_group(x: PyTree) -> TypeGuard[AbstractGroupElement]:
-    return isinstance(x, AbstractGroupElement)
-
-
 def _coordinates(y: State) -> State:
     """The coordinates of the state about itself."""
-    return jax.tree.map(lambda x: x.coordinates() if _on_group(x) else x, y, is_leaf=_on_group)
+    return jax.tree.map(lambda x: x.coordinates() if on_group(x) else x, y, is_leaf=on_group)
 
 
 def _moved(y0: State, local: State) -> State:
     """The state at the coordinates `local` about `y0`."""
 
     def block(y: Block, x: Array) -> Block:
-        return y.moved(x) if _on_group(y) else x
+        return y.moved(x) if on_group(y) else x
 
-    return jax.tree.map(block, y0, local, is_leaf=_on_group)
+    return jax.tree.map(block, y0, local, is_leaf=on_group)
 
 
 def _coordinate_rate(
@@ -58,9 +54,9 @@ def _coordinate_rate(
     rate = barrier(terms.vf(s, y, inner))
 
     def block(y: Block, x: Array, k: Block) -> Block:
-        return y.coordinate_rate(x, k) if _on_group(y) else k
+        return y.coordinate_rate(x, k) if on_group(y) else k
 
-    return jax.tree.map(block, y, local, rate, is_leaf=_on_group)
+    return jax.tree.map(block, y, local, rate, is_leaf=on_group)
 
 
 _TERM = diffrax.ODETerm(_coordinate_rate)  # pyright: ignore[reportArgumentType]
@@ -80,8 +76,9 @@ class _MovedOutput(AbstractDenseOutput):
 
 @final
 class MuntheKaas(AbstractFieldSolver, diffrax.AbstractAdaptiveSolver):
-    """The one-step method `solver` on the group: a `Quaternion` keeps its unit length to rounding,
-    however long the run.
+    """The one-step method `solver` on the group: a `Quaternion` has unit length to rounding at the
+    stages, within and at the end of every step. Other methods of this package bring it back to unit
+    length at the end of a step.
 
     Order, steps and dense output are those of the inner method, which starts again in every step:
     Tsit5 then takes seven evaluations where it counts six. Raises what the inner method raises."""

@@ -14,7 +14,7 @@ import optimistix
 from equinox import AbstractVar
 from jaxtyping import Array, Bool, Float, PyTree
 
-from ..core import State
+from ..core import State, project
 from ._tolerance import Tolerance
 from ._vector_field import StepField, evaluate
 
@@ -116,7 +116,9 @@ class AbstractFieldSolver(AbstractDeclaredSolver):
         solver_state: PyTree,
         made_jump: Bool[Array, ""] | bool,
     ) -> Step:
-        return self.advance(StepField(terms, args, made_jump), t0, t1, y0, solver_state)
+        advance = self.advance(StepField(terms, args, made_jump), t0, t1, y0, solver_state)
+        # A quaternion of unit length stays of unit length, however long the run.
+        return advance._replace(y1=project(advance.y1))
 
 
 class AbstractFixedStep(AbstractDeclaredSolver):

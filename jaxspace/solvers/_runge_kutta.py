@@ -20,7 +20,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..core import State, barrier
+from ..core import State, barrier, project
 from . import _tableaus as tableau
 from ._dense_output import AbstractDenseOutput
 from ._protocol import AbstractFieldSolver, Advance, SolverTraits
@@ -204,7 +204,10 @@ class Tsit5(AbstractFieldSolver, diffrax.AbstractAdaptiveSolver):
         h = t1 - t0
         # Beyond a jump the last stage of the step before belongs to another vector field.
         first = jax.lax.cond(f.made_jump, lambda: f(t0, y0), lambda: carried)
-        ks = stages(f, t0, h, y0, tableau.TSIT5_C[1:], tableau.TSIT5_A[1:], [first])
-        y1 = barrier(combine(y0, h, tableau.TSIT5_B, ks))
+        ks = stages(f, t0, h, y0, tableau.TSIT5_C[1:-1], tableau.TSIT5_A[1:-1], [first])
+        # Projected before the last stage, which is the first one of the next step: a repetition of
+        # that step for derivatives evaluates it at the state from which it starts.
+        y1 = barrier(project(combine(y0, h, tableau.TSIT5_B, ks)))
+        ks = [*ks, *stages(f, t0, h, y1, tableau.TSIT5_C[-1:], ((),), [])]
         error = combine(None, h, tableau.TSIT5_ERROR, ks)
         return Advance(y1, error, dict(y0=y0, ks=ks), carried=ks[-1])

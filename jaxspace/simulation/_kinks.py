@@ -1,0 +1,71 @@
+"""Interpolations in time inside of a vector field whose nodes are no breaks of the integration.
+
+A search for the interval of a time is seen in the traced vector field. `Table` and `Spline` search
+for none, and what follows the state, such as the density over the height, is left out: its kinks
+are met by the steps as any other change.
+"""
+
+import warnings
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+from jaxtyping import PyTree
+
+from ..core import AbstractSystem, breaks_of
+
+
+class Follows(NamedTuple):
+    """What a traced value depends on."""
+
+    time: bool
+    state: bool
+
+
+NOTHING = Follows(False, False)
+
+
+def warn_of_kinks(jaxpr: Any, system: AbstractSystem, y0: PyTree, stacklevel: int) -> None:
+    """Warn of a traced vector field that interpolates in time, unless the system has breaks.
+
+    `jaxpr` has the arrays of the system, of the time and of the state as its arguments, in this
+    order."""
+    breaks = eqx.filter_eval_shape(breaks_of, system)
+    if breaks is not None and breaks.shape[0] > 0:
+        return
+    states = len(jax.tree.leaves(eqx.filter(y0, lambda x: hasattr(x, "shape"))))
+    given = [NOTHING] * (len(jaxpr.invars) - states - 1)
+    given += [Follows(True, False)] + [Follows(False, True)] * states
+    if _searches(jaxpr, given):
+        warnings.warn(
+            f"{type(system).__name__}.vector_field interpolates in time between nodes that are no "
+            f"breaks: steps pass over its kinks, and gradients by its values are wrong; take a "
+            f"jaxspace.core.Table or Spline, or declare breaks().",
+            stacklevel=stacklevel + 1,
+        )
+
+
+def _searches(jaxpr: Any, given: Sequence[Follows]) -> bool:
+    """Whether the program searches sorted nodes for a time, by what its arguments follow."""
+    known = dict(zip(jaxpr.invars, given, strict=True))
+
+    def follows(x: Any) -> Follows:
+        # Literals cannot be hashed, and follow nothing.
+        return NOTHING if hasattr(x, "val") else known.get(x, NOTHING)
+
+    for operation in jaxpr.eqns:
+        inputs = [follows(x) for x in operation.invars]
+        time = any(x.time for x in inputs)
+        state = any(x.state for x in inputs)
+        name = operation.params.get("name", "") or operation.primitive.name
+        if time and not state and name.lower() == "searchsorted":
+            return True
+        inner = operation.params.get("jaxpr")
+        inner = getattr(inner, "jaxpr", inner)
+        # Calls alone: loops and branches order their arguments in other ways.
+        if time and inner is not None and len(inner.invars) == len(inputs):
+            if _searches(inner, inputs):
+                return True
+        known.update(dict.fromkeys(operation.outvars, Follows(time, state)))
+    return False
