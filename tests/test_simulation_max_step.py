@@ -172,7 +172,7 @@ def test_no_step_of_any_run_is_longer(precision):
     phase = Phase(system, jnp.asarray(spans, precision))
     accuracy = Accuracy(jnp.asarray(1e-4, precision), max_step=jnp.asarray(0.3, precision))
     mission = Mission([phase])
-    configs = resolve_phases(mission, y0, accuracy)
+    configs = resolve_phases(mission, y0, accuracy, 1)
     zero = jnp.zeros((), precision)
     result = run_mission(mission, y0, zero, 2, configs, 1, record_steps=True)
     assert result.status.tolist() == [Status.COMPLETED] * 2
@@ -215,7 +215,7 @@ def test_steps_fixed_beforehand_are_judged_by_it():
 
     def result(durations, **more):
         mission = Mission([Phase(system, jnp.asarray(durations))])
-        configs = resolve_phases(mission, y0, accuracy)
+        configs = resolve_phases(mission, y0, accuracy, 1)
         return run_mission(mission, y0, jnp.array(0.0), 2, configs, 1, **more)
 
     accuracy = Accuracy(1e-3, method=DOP853(), max_step=0.1)

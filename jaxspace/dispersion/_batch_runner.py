@@ -147,7 +147,7 @@ def _block(
     nominal = campaign.nominal()
     inputs = {name: jnp.where(allowed, x, nominal[name]) for name, x in samples.items()}
     mission, y0 = campaign.build(inputs)
-    configs = resolve_phases(mission, y0, accuracy)
+    configs = resolve_phases(mission, y0, accuracy, 1)
     result = run_mission(mission, y0, campaign.start, 2, configs, 1, plans)
     outputs = campaign.outputs(result, inputs)
     check_names("The outputs of the campaign", outputs)
@@ -177,7 +177,7 @@ def _pilots(
     drawn = campaign.samples(key, jnp.arange(PILOTS, dtype=jnp.uint32))
     samples = {name: jnp.concatenate([x, drawn[name]]) for name, x in campaign.nominal().items()}
     mission, y0 = campaign.build(samples)
-    configs = resolve_phases(mission, y0, accuracy)
+    configs = resolve_phases(mission, y0, accuracy, 1)
     result = run_mission(mission, y0, campaign.start, 2, configs, 1, record_steps=True)
     # The runs of a block share the adaptive steps of the search for an event.
     coupled = any(isinstance(phase.until, Event) for phase in mission.phases)
