@@ -52,6 +52,10 @@ TITLES = {
 SYSTEMS = "Vector fields and invariants of systems"
 # What is known of the worst places, by the name of the function.
 NOTES: dict[str, str] = {
+    "direction": "the derivative of a direction along itself vanishes; what is left is one "
+    "rounding of the value",
+    "kepler": "a flyby of e = 100 from afar: the derivatives lose three digits more than the "
+    "position",
     "nutation": "the turning circles of a fast top are nearly one, and its precession is what is "
     "left of half turns",
     "top_angles": "`Top.rates` divides by the sine of an angle close to half a turn",
