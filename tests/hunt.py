@@ -1,113 +1,185 @@
-"""The hunt: searches for the inputs at which the closed forms are worst: `python tests/hunt.py`.
+"""The hunt: searches for the inputs at which the closed forms and the systems are worst.
 
-For each function random inputs, also close to the inputs of its hard cases, which lie on its
-singular places; then steps from the worst of them to worse ones. The error is measured in roundings
-of the value times the condition number, against the same formulas in forty digits (`mp_trace.py`),
-and so are both modes of differentiation, against central differences in forty digits.
+`python tests/hunt.py [--seconds S] [NAME ...]`: S of search for each function (`forms/`).
 
-It writes the page of the manual `docs/explanation/hunt.md`, and ends with status 1 where a value is
-off by more than 100."""
+For each function random inputs, also close to its singular places; then steps from the worst of
+them to worse ones. The error is measured in roundings of the value times the condition number,
+against the same formulas in forty digits (`mp_trace.py`), and so are both modes of
+differentiation, against central differences in forty digits.
 
-import json
+What it finds it keeps in `hunt.json`, from which it writes the page of the manual
+`docs/explanation/hunt.md`; with names it renews their rows alone. It ends with status 1 where a
+value or a derivative is off by more than 100."""
+
+import argparse
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
-from pathlib import Path
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple
 
+import hunt_page
 import jax
 import jax.numpy as jnp
 import mp_trace
 import numpy as np
+from forms import forms
+from forms.form import Form
 from mpmath import mp, mpf
 
-from jaxspace.verification import CASES
-
 DIGITS = 40
-STEP = mpf(10) ** -15
+# Derivatives by differences of these steps, and their change by this share of the inputs.
+SLOPE_DIGITS = 60
+STEP = mpf(10) ** -25
+CHANGE = mpf(10) ** -28
 EPS = float(np.finfo(float).eps)
-DEFECT = 100.0
-PAGE = Path(__file__).parents[1] / "docs" / "explanation" / "hunt.md"
-# Runs are judged by `nan_hunt.py`; the optimum of stages is a root that lives in no jaxpr.
-LEFT_OUT = ("simulation", "dispersion", "optimization")
+SECONDS = 15.0
+
+
+class Limits(NamedTuple):
+    """How long the search for one function goes on: whatever comes first."""
+
+    places: int = 400
+    ascents: int = 200
+    slopes: int = 24
+    seconds: float = SECONDS
 
 
 @dataclass
 class Worst:
-    """The worst place found of one function: roundings, and the inputs there."""
+    """The worst places found of one function: roundings, and the inputs there."""
 
     name: str
+    room: str = ""
+    computes: tuple[str, ...] = ()
     places: int = 0
     value: float = 0.0
     inputs: tuple[float, ...] = ()
+    slope_places: int = 0
     slopes: float = 0.0
-    slope_inputs: tuple[float, ...] = ()
+    slope_inputs: tuple[float, ...] = field(default=())
 
 
 class Subject:
     """One function, with what is needed to measure its error at a place."""
 
-    def __init__(self, function: Callable, starts: list[tuple[float, ...]]):
-        self.name = function.__name__
-        self.starts = [np.asarray(s, float) for s in starts]
-        self.trace = mp_trace.traced(function, self.starts[0])
-        self.compiled = jax.jit(
-            lambda x: (function(x), jax.jacfwd(function)(x), jax.jacrev(function)(x))
-        )
+    def __init__(self, form: Form):
+        self.form = form
+        self.starts = [np.asarray(s, float) for s in form.starts]
+        self.blocks = form.blocks
+
+        def flat(x):
+            found = form.function(x)
+            parts = found if isinstance(found, tuple) else (found,)
+            if len(parts) > 1 or not self.blocks:
+                self.blocks = tuple(part.size for part in parts)
+            return jnp.concatenate([jnp.ravel(part) for part in parts])
+
+        self.trace = None if form.exact else mp_trace.traced(flat, self.starts[0])
+        self.compiled = jax.jit(lambda x: (flat(x), jax.jacfwd(flat)(x), jax.jacrev(flat)(x)))
 
     def exact(self, x) -> list[mpf]:
-        inputs = np.empty(len(x), object)
-        inputs[:] = [mpf(float(c)) if not isinstance(c, mpf) else c for c in x]
+        numbers = [c if isinstance(c, mpf) else mpf(float(c)) for c in x]
+        if self.form.exact:
+            return list(self.form.exact(numbers))
+        inputs = np.empty(len(numbers), object)
+        inputs[:] = numbers
         return list(mp_trace.evaluate(self.trace, [inputs])[0])
 
-    def error(self, x: np.ndarray) -> float:
+    def error(self, x: np.ndarray) -> float | None:
         """Roundings of the value times its condition number; infinite for a number where there is
-        none, and the other way round."""
+        none, and the other way round. `None` where the function has no value."""
         value, forward, _ = (np.asarray(y) for y in self.compiled(jnp.asarray(x)))
         truth = self.exact(x)
-        size = np.abs(value) + np.abs(forward) @ np.abs(x)
-        return _roundings(value, truth, size)
+        exists = all(mp.isfinite(b) and abs(b) < 1e300 for b in truth)
+        if np.all(np.isfinite(value)) and exists:
+            if np.any(np.isinf(forward)):
+                # The end of a square root: any rounding of the inputs moves the value at will.
+                return None
+            return _roundings(
+                value, truth, np.abs(value) + np.abs(forward) @ np.abs(x), self.blocks
+            )
+        # Within some roundings of the end of its range either answer is right.
+        if np.all(np.isfinite(value)) == exists or self._near_an_end(x, exists):
+            return None
+        return np.inf
 
-    def slope_error(self, x: np.ndarray) -> float:
-        """The same of the derivatives in both modes; their condition from their change by a random
-        rounding of the inputs."""
+    def _near_an_end(self, x: np.ndarray, exists: bool) -> bool:
+        """Whether moving by some roundings decides if the function has a value."""
+        for number in range(8):
+            signs = np.random.default_rng(number).choice([-1, 1], len(x))
+            moved = [mpf(float(c)) * (1 + 8 * EPS * int(s)) for c, s in zip(x, signs, strict=True)]
+            if all(mp.isfinite(b) for b in self.exact(moved)) != exists:
+                return True
+        return False
+
+    def slope_error(self, x: np.ndarray, key: np.random.Generator) -> float | None:
+        """The same of the derivatives in both modes, each times its input: roundings of the largest
+        one of its block and of what a rounding of the inputs changes in those looked at. `None`
+        where there is no derivative."""
         _, *modes = (np.asarray(y) for y in self.compiled(jnp.asarray(x)))
-        truth = self._differences([mpf(float(c)) for c in x])
-        signs = np.random.default_rng(1).choice([-1, 1], (2, len(x)))
-        small = mpf(10) ** -10
-        condition = np.abs(np.asarray(truth, float))
-        for sign in signs:
-            moved = self._differences(
-                [mpf(float(c)) * (1 + int(s) * small) for c, s in zip(x, sign, strict=True)]
-            )
-            condition = condition + np.abs(np.asarray((moved - truth) / small, float))
-        size = np.max(condition, axis=1, keepdims=True)
-        return max(_roundings(found, truth, size + 0.0 * found) for found in modes)
+        scales = np.where(x == 0.0, 1.0, np.abs(x))
+        some = key.permutation(len(x))[:4]
+        size = np.max(np.nan_to_num(np.abs(modes[0])) * scales, axis=1)
+        with mp.workdps(SLOPE_DIGITS):
+            at = [mpf(float(c)) for c in x]
+            truth = self._differences(at, some, STEP)
+            if not all(mp.isfinite(c) for c in truth.flat):
+                return None
 
-    def _differences(self, x: list[mpf]) -> np.ndarray:
-        columns = []
-        for number, c in enumerate(x):
-            h = STEP * (abs(c) or mpf(1))
+            def error(directions) -> float:
+                """With a condition number from the changes along these directions."""
+                nonlocal size
+                for signs in directions:
+                    moved = [c * (1 + int(s) * CHANGE) for c, s in zip(at, signs, strict=True)]
+                    change = (self._differences(moved, some, STEP) - truth) / CHANGE
+                    size = size + np.max(np.abs(np.nan_to_num(change.astype(float))), axis=1)
+                return max(
+                    _roundings((found * scales)[:, some], truth, size, self.blocks)
+                    for found in modes
+                )
+
+            found = error(key.choice([-1, 1], (2, len(x))))
+            if found < 0.3 * hunt_page.DEFECT:
+                return found
+            # Differences that depend on their step are no derivative: a kink, a square root's end.
+            other = self._differences(at, some, STEP / 64)
+            if any(abs(a - b) > 1e-6 * abs(b) for a, b in zip(truth.flat, other.flat, strict=True)):
+                return None
+            # Two directions may miss what counts.
+            return error(np.eye(len(x), dtype=int))
+
+    def _differences(self, x: list[mpf], columns: Sequence[int], step: mpf) -> np.ndarray:
+        """Derivatives times inputs."""
+        found = []
+        for number in columns:
+            scale = abs(x[number]) or mpf(1)
             ahead, behind = (
-                self.exact([*x[:number], c + step, *x[number + 1 :]]) for step in (h, -h)
+                self.exact([*x[:number], x[number] + h, *x[number + 1 :]])
+                for h in (step * scale, -step * scale)
             )
-            columns.append([(a - b) / (2 * h) for a, b in zip(ahead, behind, strict=True)])
-        return np.asarray(columns, object).T
+            found.append([(a - b) / (2 * step) for a, b in zip(ahead, behind, strict=True)])
+        return np.asarray(found, object).T
 
 
-def _roundings(found: np.ndarray, truth, size: np.ndarray) -> float:
-    """The largest |found - truth| in roundings of the largest size."""
-    finite = size[np.isfinite(size)]
-    largest = float(np.max(finite, initial=0.0)) or 1.0
-    worst = 0.0
-    for a, b in zip(np.ravel(found), np.ravel(np.asarray(truth, object)), strict=True):
-        if not mp.isfinite(b):
-            # Infinite there: a number here is an overflow of the other kind.
-            worst = max(worst, 0.0 if not np.isfinite(a) or abs(a) > 1e15 else np.inf)
-        elif not np.isfinite(a):
-            worst = np.inf
-        else:
-            worst = max(worst, float(abs(mpf(float(a)) - b)) / (EPS * largest))
+def _roundings(found: np.ndarray, truth, size: np.ndarray, blocks: Sequence[int]) -> float:
+    """The largest |found - truth| in roundings of the largest size of its block."""
+    worst, first = 0.0, 0
+    truth = np.asarray(truth, object)
+    for number in blocks:
+        rows = slice(first, first + number)
+        sizes = size[rows][np.isfinite(size[rows])]
+        largest = float(np.max(sizes, initial=0.0)) or 1.0
+        for a, b in zip(np.ravel(found[rows]), np.ravel(truth[rows]), strict=True):
+            if not mp.isfinite(b):
+                # Infinite there: a number here is an overflow of the other kind.
+                error = 0.0 if not np.isfinite(a) or abs(a) > 1e15 else np.inf
+            elif not np.isfinite(a):
+                error = np.inf
+            else:
+                error = float(abs(mpf(float(a)) - b)) / (EPS * largest)
+            worst = max(worst, error)
+        first += number
     return worst
 
 
@@ -120,98 +192,92 @@ def near(x: np.ndarray, key: np.random.Generator) -> np.ndarray:
     return np.where(x > 0.0, np.abs(moved), moved)
 
 
-def legal(subject: Subject, x: np.ndarray) -> bool:
-    """Whether the function has a value there, in double precision and in forty digits."""
-    value = np.asarray(subject.compiled(jnp.asarray(x))[0])
-    return bool(np.all(np.isfinite(value)))
-
-
-def hunt(subject: Subject, places: int, ascents: int, slopes: int, seed: int = 0) -> Worst:
-    """The worst of so many random places and steps from the worst on."""
+def hunt(subject: Subject, limits: Limits, seed: int = 0) -> Worst:
+    """The worst of random places and of steps from the worst on."""
     key = np.random.default_rng(seed)
     seen: list[tuple[float, np.ndarray]] = []
+    found = Worst(subject.form.name, subject.form.room, subject.form.computes)
+    # Not the time that the first evaluation takes to compile.
+    subject.error(subject.starts[0])
+    # Of this process: others may share the machine.
+    started = time.process_time()
 
-    def look(x: np.ndarray) -> float:
-        if not legal(subject, x):
-            return -1.0
+    def late(share: float) -> bool:
+        return time.process_time() - started > share * limits.seconds
+
+    def look(x: np.ndarray) -> bool:
         error = subject.error(x)
+        if error is None:
+            return False
         seen.append((error, x))
-        return error
+        found.places += 1
+        if error > found.value or not found.inputs:
+            found.value, found.inputs = error, tuple(map(float, x))
+            return True
+        return False
 
-    for number in range(places):
-        look(near(subject.starts[number % len(subject.starts)], key))
-    if not seen:
-        return Worst(subject.name)
-    best, x = max(seen, key=lambda pair: pair[0])
-    for _ in range(ascents):
-        moved = near(x, key)
-        if (error := look(moved)) > best:
-            best, x = error, moved
-    found = Worst(subject.name, len(seen), best, tuple(map(float, x)))
-    seen.sort(key=lambda pair: -pair[0])
-    for _, x in [*seen[: slopes // 2], *seen[-(slopes - slopes // 2) :]][:slopes]:
+    for number in range(limits.places):
+        start = subject.starts[number % len(subject.starts)]
+        # First the places themselves.
+        look(start if number < len(subject.starts) else near(start, key))
+        if late(0.4):
+            break
+    for _ in range(limits.ascents if seen else 0):
+        if late(0.6) or found.value == np.inf:
+            break
+        look(near(np.asarray(found.inputs), key))
+    # From the best and the worst of the values in turn.
+    seen.sort(key=lambda pair: pair[0])
+    for number in range(min(limits.slopes, len(seen))):
+        _, x = seen[number // 2 if number % 2 else -1 - number // 2]
         # Off the exact switch of a series, across which differences mean nothing.
         x = x * (1.0 + 1e-12 * key.uniform(0.5, 1.0, x.shape))
-        if (error := subject.slope_error(x)) > found.slopes:
-            found.slopes, found.slope_inputs = error, tuple(map(float, x))
+        error = subject.slope_error(x, key)
+        if error is not None:
+            found.slope_places += 1
+            if error > found.slopes:
+                found.slopes, found.slope_inputs = error, tuple(map(float, x))
+        if late(1.0):
+            break
     return found
 
 
 def subjects(names: Sequence[str] = ()) -> Iterator[Subject]:
-    """The closed forms of these names among the hard cases, or all."""
-    starts: dict[Callable, list[tuple[float, ...]]] = {}
-    for case in CASES:
-        if not case.name.startswith(LEFT_OUT):
-            starts.setdefault(case.function, []).append(case.inputs)
-    for function, places in starts.items():
-        if not names or function.__name__ in names:
-            yield Subject(function, places)
+    """The closed forms and the systems of these names, or all."""
+    for form in every():
+        if not names or form.name in names:
+            yield Subject(form)
 
 
-HEAD = """# The hunt
+def every() -> list[Form]:
+    """All that is hunted."""
+    # Here, because its arrays are made on import, in the precision that is set by then.
+    from forms.systems import forms as systems
 
-`make hunt` searches for the inputs at which the closed forms are worst, and writes this page:
-random inputs, also close to the singular places of the [hard cases](../reference/hard_cases.md),
-and steps from the worst ones to worse ones. Errors are in roundings (2.2e-16) times the condition
-number of the place: what the rounding of the inputs alone would do is about 1. Above 100 is a
-defect.
-
-The truth is an evaluation of the same formulas in forty digits. It sees every rounding,
-cancellation and overflow, and by differences every wrong rule of a derivative. It does not see
-the truncation of a series, a quadrature or a fixed number of steps, which it repeats; the hard
-cases, whose truths come from other formulas, do. Next to a singular place the condition of a
-derivative is estimated by two random directions, so that its figure is rougher.
-
-| Function | Places | Value | Derivatives | Inputs of the worst value | of the worst derivative |
-|---|---|---|---|---|---|
-"""
-
-
-def page(rows: list[Worst]) -> str:
-    def shown(x: tuple[float, ...]) -> str:
-        return ", ".join(f"{c:.17g}" for c in x)
-
-    lines = [
-        f"| `{r.name}` | {r.places} | {r.value:.3g} | {r.slopes:.3g} | {shown(r.inputs)} | "
-        f"{shown(r.slope_inputs)} |"
-        for r in rows
-    ]
-    return HEAD + "\n".join(lines) + "\n"
+    return [*forms(), *systems()]
 
 
 def main() -> int:
     jax.config.update("jax_enable_x64", True)
     mp.dps = DIGITS
-    names = sys.argv[1:]
-    rows = []
-    for subject in subjects(names):
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawTextHelpFormatter
+    )
+    parser.add_argument("names", nargs="*", help="functions; all without any")
+    parser.add_argument(
+        "--seconds", type=float, default=SECONDS, help="of search for each function"
+    )
+    asked = parser.parse_args()
+    defect = False
+    for subject in subjects(asked.names):
         started = time.perf_counter()
-        rows.append(hunt(subject, 60, 60, 8))
-        seconds = time.perf_counter() - started
-        print(json.dumps({**vars(rows[-1]), "seconds": round(seconds, 1)}), flush=True)
-    if not names:
-        PAGE.write_text(page(rows))
-    return int(any(row.value > DEFECT for row in rows))
+        row = hunt(subject, Limits(seconds=asked.seconds))
+        seconds = round(time.perf_counter() - started, 1)
+        print(f"{row.name}: {row.value:.3g}, derivatives {row.slopes:.3g}; {seconds} s", flush=True)
+        hunt_page.keep(row)
+        defect = defect or max(row.value, row.slopes) > hunt_page.DEFECT
+    hunt_page.write([form.name for form in every()])
+    return int(defect)
 
 
 if __name__ == "__main__":

@@ -66,8 +66,11 @@ def _apply(equation, args):
 
 
 def _elementwise(function, *args):
-    shape = np.broadcast_shapes(*(np.shape(x) for x in args))
-    flat = [np.broadcast_to(x, shape).reshape(-1) for x in args]
+    shapes = {np.shape(x) for x in args}
+    shape = np.broadcast_shapes(*shapes)
+    if len(shapes) > 1:
+        args = [np.broadcast_to(x, shape) for x in args]
+    flat = [np.reshape(x, -1) for x in args]
     found = [function(*numbers) for numbers in zip(*flat, strict=True)]
     kind = object if not found or isinstance(found[0], mpf) else None
     out = np.empty(len(found), kind or type(found[0]))
@@ -81,27 +84,28 @@ def _unstack(params, x):
 
 def _moved(equation, args):
     """A primitive that only moves numbers: done on positions in a list of all arguments."""
-    numbers, positions, count = [], [], 0
-    for atom, x in zip(equation.invars, args, strict=True):
-        x = np.asarray(x)
-        if x.dtype == object or x.dtype == bool:
+    args = [np.asarray(x) for x in args]
+    moves = [x.dtype == object or x.dtype == bool for x in args]
+    if not any(moves):
+        return [np.asarray(x) for x in _bind(equation, [jnp.asarray(x) for x in args])]
+    numbers = [x.reshape(-1) for x, move in zip(args, moves, strict=True) if move]
+    numbers = numbers[0] if len(numbers) == 1 else np.concatenate(numbers)
+    if id(equation) in PLACES:
+        return [numbers[x] for x in PLACES[id(equation)]]
+    positions, count = [], 0
+    for atom, x, move in zip(equation.invars, args, moves, strict=True):
+        if move:
             positions.append(jnp.asarray(count + np.arange(x.size).reshape(x.shape)))
-            numbers.append(x.reshape(-1))
             count += x.size
         else:
             # An index.
             positions.append(jnp.asarray(x, atom.aval.dtype))
-    if not numbers:
-        return [np.asarray(_bind(equation, [jnp.asarray(x) for x in args]))]
-    fixed = len(numbers) == len(args)
-    places = PLACES.get(id(equation)) if fixed else None
-    if places is None:
-        places = np.asarray(_bind(equation, positions))
-        if fixed:
-            # The equation is kept, so that no other one takes its number.
-            PLACES[id(equation)] = places
-            KEPT.append(equation)
-    return [np.concatenate(numbers)[places]]
+    places = [np.asarray(x) for x in _bind(equation, positions)]
+    if all(moves):
+        # The equation is kept, so that no other one takes its number.
+        PLACES[id(equation)] = places
+        KEPT.append(equation)
+    return [numbers[x] for x in places]
 
 
 PLACES, KEPT = {}, []
@@ -109,7 +113,7 @@ PLACES, KEPT = {}, []
 
 def _bind(equation, args):
     found = equation.primitive.bind(*args, **equation.params)
-    return found[0] if equation.primitive.multiple_results else found
+    return found if equation.primitive.multiple_results else [found]
 
 
 def _finite(x):
@@ -260,9 +264,24 @@ def _sort(params, *args):
 
 
 def _dot_general(params, a, b):
-    (left, right), batch = params["dimension_numbers"]
-    assert not batch[0] and not batch[1]
-    return [np.tensordot(a, b, axes=(left, right))]
+    summed, batch = params["dimension_numbers"]
+    both = []
+    for x, over, along in zip((np.asarray(a), np.asarray(b)), summed, batch, strict=True):
+        free = [k for k in range(x.ndim) if k not in (*over, *along)]
+        order = x.transpose(*along, *free, *over)
+        sizes = [[x.shape[k] for k in axes] for axes in (along, free, over)]
+        both.append((order.reshape([int(np.prod(size)) for size in sizes]), sizes))
+    (left, (shared, rows, _)), (right, (_, columns, _)) = both
+    product = np.matmul(left, np.swapaxes(right, 1, 2))
+    return [product.reshape(*shared, *rows, *columns)]
+
+
+def _eigh(params, a):
+    """Of symmetric matrices one at a time; the vectors first."""
+    assert np.ndim(a) == 2
+    values, vectors = mp.eigsy(mp.matrix(a.tolist()))
+    rows = [[vectors[i, k] for k in range(len(values))] for i in range(len(values))]
+    return [np.array(rows, object), np.array(list(values), object)]
 
 
 def _best(function):
@@ -288,6 +307,7 @@ SPECIAL = {
     "convert_element_type": _convert,
     "optimization_barrier": lambda params, *x: list(x),
     "sort": _sort,
+    "eigh": _eigh,
     "dot_general": _dot_general,
     "argmax": _best(np.argmax),
     "argmin": _best(np.argmin),

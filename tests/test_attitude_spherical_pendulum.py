@@ -36,6 +36,16 @@ def test_the_conical_pendulum_stays_at_its_angle(theta):
     assert abs(turned) < 1e-8 / np.sin(theta)
 
 
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_nothing_pulls_along_the_rod_at_a_vertical(side):
+    tilt = 1e-11
+    at = PendulumState(jnp.array([tilt, 0.0, side]), jnp.zeros(3))
+    pull = PENDULUM.vector_field(0.0, at).direction_rate
+    expected = np.array([G / L * side * tilt, 0.0, -G / L * tilt**2])
+    # By component: the one along the rod is of second order.
+    np.testing.assert_allclose(pull, expected, rtol=1e-14)
+
+
 @pytest.mark.parametrize("amplitude", [1e-4, 0.5, 2.0, 3.0])
 def test_the_swing_in_a_plane_has_its_period(amplitude):
     """Scipy's K; after one period the rod is where it was."""

@@ -133,6 +133,25 @@ def test_poinsot():  # T5.10
     )
 
 
+def test_the_herpolhode_keeps_its_digits_beside_a_steady_turn():
+    a, b, c = moments = (3.0, 2.0, 1.0)
+    for omega in ((1.0, 1e-9, 2e-9), (1e-7, 3e-7, 1.0)):
+        radii = Polhode.of(jnp.array(moments), jnp.array(omega)).herpolhode_radii()
+        with mpmath.workdps(50):
+            w = [mpmath.mpf(x) for x in omega]
+            two_t, h2 = (sum(m**n * x * x for m, x in zip(moments, w, strict=True)) for n in (1, 2))
+            # Where the polhode crosses two planes of principal axes: |v|^2 there.
+            below, above = two_t * a - h2, h2 - two_t * c
+            squares = [above / (a * (a - c)) + below / (c * (a - c))]
+            middle = two_t * b - h2
+            if middle > 0:
+                squares.append(above / (b * (b - c)) + middle / (c * (b - c)))
+            else:
+                squares.append(-middle / (a * (a - b)) + below / (b * (a - b)))
+            expected = [float(mpmath.sqrt(v2 - two_t**2 / h2)) for v2 in squares]
+        assert_allclose(radii, expected, rtol=1e-14)
+
+
 def test_cone_of_the_least_axis():  # T5.12-P8
     moments = jnp.array([3.0, 2.0, 1.0])
     first, second = Polhode.of(moments, jnp.array([0.4, 0.0, 2.0])).vertices

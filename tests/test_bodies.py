@@ -252,6 +252,11 @@ def test_absent_parts_are_no_leaves():
         ),
         ([[1.0, 0.2, 0.0], [0.1, 1.0, 0.0], [0.0, 0.0, 1.0]], "it must be symmetric."),
         ([[1.0, 2.0, 0.0], [2.0, 1.0, 0.0], [0.0, 0.0, 1.0]], "it must be positive definite."),
+        (
+            [[1e300, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
+            "exceeds the sum of the other two.",
+        ),
+        (np.diag([np.inf, 1.0, 1.0]).tolist(), "it must be finite."),
     ],
 )
 def test_impossible_inertia(bad, rule):

@@ -1,18 +1,25 @@
 """The hard cases, the laws and the hunt: a sample of each, and that each of them can fail."""
 
 import dataclasses
+import fnmatch
 import functools
 import json
 import math
 
 import equinox as eqx
+import forms
+import forms.public
+import forms.systems
 import hunt
+import hunt_page
+import jax
 import jax.numpy as jnp
 import mp_trace
 import nan_hunt
 import numpy as np
 import pytest
 import truths
+from forms.form import Form
 from mpmath import mp, mpf
 from systems import SAMPLES
 
@@ -181,22 +188,95 @@ def test_the_trace_in_mpmath_is_the_function():
             )
 
 
+FEW = hunt.Limits(places=8, ascents=6, slopes=3)
+
+
 def test_the_hunt_finds_nothing_in_a_sample_and_a_loss_where_there_is_one():
     def lossy(x):
         return (1.0 - jnp.cos(x[:1])) / x[:1] ** 2
 
+    def kinked(x):
+        return jnp.abs(x[:1] - 1.0), jnp.sqrt(x[:1])
+
+    names = ("exponential_quotient", "quickest", "principal_moments", "best_ratio")
+    some = [form for form in forms.forms() if form.name in names]
+    assert len(some) == len(names)
     with mp.workdps(hunt.DIGITS):
-        good = hunt.Subject(BY_NAME["core: (e^x - 1)/x at its branch"].function, [(0.1,), (-40.0,)])
-        found = hunt.hunt(good, 6, 6, 2)
-        assert found.places == 12
-        assert found.value < hunt.DEFECT and found.slopes < hunt.DEFECT
-        bad = hunt.hunt(hunt.Subject(lossy, [(1e-5,)]), 4, 8, 1)
-        assert bad.value > hunt.DEFECT and bad.slopes > hunt.DEFECT
+        rows = [hunt.hunt(hunt.Subject(form), FEW) for form in some]
+        for row in rows:
+            assert row.places > 8 and row.slope_places > 0, row
+            assert row.value < hunt_page.DEFECT and row.slopes < hunt_page.DEFECT, row
+        bad = hunt.hunt(hunt.Subject(Form(lossy, ("core.lossy",), [(1e-5,)])), FEW)
+        assert bad.value > hunt_page.DEFECT and bad.slopes > hunt_page.DEFECT
+        # A kink and the end of a range are no error.
+        odd = hunt.hunt(hunt.Subject(Form(kinked, ("core.kinked",), [(1.0,), (0.0,)])), FEW)
+        assert odd.value < hunt_page.DEFECT and odd.slopes < hunt_page.DEFECT
+    page = hunt_page.page([*rows, bad])
+    assert all(row.name in page for row in (*rows, bad))
+    assert str(bad.inputs[0]) in page and str(rows[0].inputs[0]) not in page
+
+
+def test_the_hunt_finds_a_wrong_rule_of_a_derivative_and_a_silent_nan():
+    @jax.custom_jvp
+    def square(x):
+        return x * x
+
+    square.defjvps(lambda d, _, x: 2.0 * x * d * (1.0 + 1e-12))
+
+    def holed(x):
+        return jnp.where(x[:1] == 2.0, jnp.nan, x[:1]) * 1.0
+
+    with mp.workdps(hunt.DIGITS):
+        subject = hunt.Subject(Form(lambda x: square(x[:1]), ("core.square",), [(3.0,)]))
+        found = hunt.hunt(subject, FEW)
+        assert found.value < hunt_page.DEFECT < found.slopes
+        # The twin has a value where the function has none.
+        subject = hunt.Subject(Form(holed, ("core.holed",), [(2.0,)], exact=lambda x: x[:1]))
+        assert subject.error(np.array([2.0])) == math.inf
+
+
+def test_every_public_formula_is_hunted_or_left_out_for_a_reason():
+    every = (*forms.forms(), *forms.systems.forms())
+    hunted = {name for form in every for name in form.computes}
+    public = forms.public.public_names()
+    left_out = forms.public.left_out(public)
+    named = {name for some in left_out.values() for name in some}
+    assert hunted <= public and not hunted & named
+    assert public == hunted | named
+    patterns = [p for some in forms.public.LEFT_OUT.values() for p in some]
+    idle = [p for p in patterns if not any(fnmatch.fnmatch(name, p) for name in public)]
+    assert not idle
+    cases = {case.function.__name__ for case in CASES}
+    assert forms.OF_CASES.keys() <= cases
+    # A run is judged by its status, a distribution has no formula to search.
+    assert cases - forms.OF_CASES.keys() == {
+        *("stepped", "time_of_apoapsis", "burnt", "fall_into_the_centre", "out_of_steps"),
+        *("beside_a_failure", "tails"),
+    }
+    starts = {form.name: form.starts for form in every}
+    assert len(starts) == len(every) and all(starts.values())
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("sample", SAMPLES, ids=lambda sample: sample.name)
 def test_no_run_ends_well_and_is_no_number(sample):
-    for row in nan_hunt.count(sample, 24):
-        assert row.silent == 0
+    legal, illegal = nan_hunt.count(sample, 24)
+    for row in (legal, illegal):
+        assert row.silent == row.wrong == 0, row
         assert row.good + sum(row.failed.values()) == row.runs
+    assert legal.refused == 0 < illegal.refused
+    assert sum(illegal.failed.values()) >= illegal.runs // 3
+    page = nan_hunt.page([legal, illegal])
+    assert page.count(sample.name) == 2
+
+
+def test_a_number_that_is_not_legal_is_refused_or_ends_with_a_status():
+    sample = next(s for s in SAMPLES if s.name == "two_body")
+    key = np.random.default_rng(0)
+    (system, state), refused = nan_hunt.poisoned(*nan_hunt.legal_inputs(sample, 64, key), key)
+    mu = np.asarray(system.mu)
+    # What construction refuses is the parameter; the state is read by the run.
+    assert np.array_equal(refused, ~(np.isfinite(mu) & (mu > 0.0)))
+    numbers = np.concatenate([mu[None], state.position, state.velocity])
+    odd = ~np.isfinite(numbers) | (np.abs(numbers) > 1e200) | (numbers[:1] <= 0.0)
+    assert np.all(np.any(odd, axis=0))

@@ -3,6 +3,10 @@ always with digits to spare. Named as in `jaxspace.verification`."""
 
 from mpmath import mp, mpf
 
+from jaxspace.core import InputError
+from jaxspace.optimization import Ascent, ConstantMassFlow, linear_tangent_steering
+from jaxspace.optimization._ascent import NODES, WEIGHTS
+
 DIGITS = 60
 
 
@@ -34,6 +38,27 @@ def bisected(f, low, high):
 
 
 # Core and rotations.
+
+
+def cubic(x):
+    """The natural spline through four values at 0, 1, 2.5 and 3."""
+    times, values, t = [mpf(0), mpf(1), mpf(5) / 2, mpf(3)], x[:4], x[4]
+    h = [b - a for a, b in zip(times, times[1:], strict=False)]
+    m = [(b - a) / c for a, b, c in zip(values, values[1:], h, strict=False)]
+    a, b, c = 2 * (h[0] + h[1]), h[1], 2 * (h[1] + h[2])
+    right = [6 * (m[1] - m[0]), 6 * (m[2] - m[1])]
+    whole = a * c - b * b
+    bends = [
+        mpf(0),
+        (right[0] * c - b * right[1]) / whole,
+        (a * right[1] - b * right[0]) / whole,
+        0,
+    ]
+    t = min(max(t, times[0]), times[-1])
+    k = min(sum(t >= time for time in times[1:]), 2)
+    s, bend, after = t - times[k], bends[k], bends[k + 1]
+    slope = m[k] - h[k] * (2 * bend + after) / 6
+    return [values[k] + s * (slope + s * (bend / 2 + s * (after - bend) / (6 * h[k])))]
 
 
 def exponential_quotient(x):
@@ -454,6 +479,9 @@ def density(x):
 
 def two_stages(x):
     u, b, v = x[:2], x[2:4], x[4]
+    if v >= sum(c * mp.log(1 / s) for c, s in zip(u, b, strict=True)):
+        # More than the stages can give.
+        return [mp.nan] * 4
 
     def ratios(z):
         return [max(mpf(1), (1 - z / c) / s) for c, s in zip(u, b, strict=True)]
@@ -478,6 +506,47 @@ def quickest(x):
 
     s = bisected(excess, -2 * mp.asinh(6 * abs(ratio)) - 1, 2 * mp.asinh(6 * abs(ratio)) + 1)
     return [mp.atan(mp.sinh(s)), v / a * stumpff(1, -s * s)]
+
+
+def quick_angle(x):
+    theta, duration = quickest(x[:3])
+    return [mp.atan2((1 - 2 * x[3] / duration) * mp.sin(theta), mp.cos(theta))]
+
+
+def steepest(x):
+    """Angle, time and velocity of the best linear-tangent steering: its two equations by Newton's
+    method from the root of the library, with the quadrature of the library."""
+    u, tau, tb, v0, y0, height, g = x
+    nodes = [mpf(float(c)) for c in NODES]
+    weights = [mpf(float(c)) for c in WEIGHTS]
+    times = [tb / 2 * (1 + c) for c in nodes]
+    gains = [tb / 2 * c * u / (tau - t) for c, t in zip(weights, times, strict=True)]
+
+    def burnout(theta, T):
+        """Both velocities and the height."""
+        angles = [mp.atan2((1 - t / T) * mp.sin(theta), mp.cos(theta)) for t in times]
+        up = [c * mp.sin(a) for c, a in zip(gains, angles, strict=True)]
+        across = sum(c * mp.cos(a) for c, a in zip(gains, angles, strict=True))
+        rise = sum((tb - t) * c for t, c in zip(times, up, strict=True))
+        w = v0 * mp.sin(theta) + sum(up) - g * tb
+        y = y0 + v0 * mp.sin(theta) * tb + rise - g * tb**2 / 2
+        return v0 * mp.cos(theta) + across, w, y
+
+    def equations(theta, T):
+        _, w, y = burnout(theta, T)
+        return [w - g * (T - tb), y + w**2 / (2 * g) - height]
+
+    try:
+        given = Ascent(
+            ConstantMassFlow(*map(float, (u, tau))), *map(float, (tb, v0, y0, height, g))
+        )
+        best = linear_tangent_steering(given)
+    except InputError:
+        # A height that this burn cannot reach.
+        return [mp.nan] * 3
+    start = mpf(float(best.initial_angle)), mpf(float(best.vanishing_time))
+    theta, T = mp.findroot(equations, start, tol=mpf(10) ** (-2 * mp.dps + 10))
+    return [theta, T, burnout(theta, T)[0]]
 
 
 # Runs.

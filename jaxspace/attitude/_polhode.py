@@ -30,7 +30,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from ..core import Scalar, Vector, complete_elliptic, dot, norm, safe_divide, safe_sqrt
+from ..core import Scalar, Vector, complete_elliptic, cross, dot, norm, safe_divide, safe_sqrt
 
 
 @final
@@ -42,7 +42,8 @@ class Polhode(eqx.Module):
     - `vertices`: two points of the polhode, rad/s, body axes, components not negative: where the
       intermediate component vanishes, and where the outer component of the axis not circled does.
       All else of Poinsot's construction follows from them.
-    - `plane_distance`: 2T/h, rad/s, of the invariable plane from the centre."""
+    - `plane_distance`: 2T/h, rad/s, of the invariable plane from the centre.
+    - `herpolhode`: distances, rad/s, of the two vertices from the foot of that plane's normal."""
 
     rate: Float[Array, "*#runs"]
     modulus_squared: Float[Array, "*#runs"]
@@ -50,6 +51,7 @@ class Polhode(eqx.Module):
     about_least: Bool[Array, "*#runs"]
     vertices: tuple[Float[Array, "3 *#runs"], Float[Array, "3 *#runs"]]
     plane_distance: Float[Array, "*#runs"]
+    herpolhode: tuple[Float[Array, "*#runs"], Float[Array, "*#runs"]]
 
     @classmethod
     def of(cls, moments: Vector, omega: Vector) -> "Polhode":
@@ -65,15 +67,19 @@ class Polhode(eqx.Module):
         p, q = (b - c) * below, (a - b) * above
         most, about_least = jnp.maximum(p, q), p > q
         two_t, h = dot(moments * omega, omega), norm(moments * omega)
+        ends = _vertices((a, b, c), (below, above, middle), about_least)
+        # |v x h| / h, because |v|^2 - (2T/h)^2 has no digits near a steady turn.
+        near, far = (safe_divide(norm(cross(v, jnp.stack([a, b, c]) * v)), h) for v in ends)
+        back = jnp.argsort(order, axis=0)
+        first, second = (jnp.take_along_axis(v, back, axis=0) for v in ends)
         return cls(
             rate=safe_sqrt(most / (a * b * c)),
             modulus_squared=safe_divide(jnp.minimum(p, q), most),
             complement=jnp.where(most == 0.0, 1.0, safe_divide((a - c) * jnp.abs(middle), most)),
             about_least=about_least,
-            vertices=_vertices(
-                (a, b, c), (below, above, middle), about_least, jnp.argsort(order, axis=0)
-            ),
+            vertices=(first, second),
             plane_distance=safe_divide(two_t, h),
+            herpolhode=(near, far),
         )
 
     def period(self) -> Scalar:
@@ -86,10 +92,7 @@ class Polhode(eqx.Module):
     def herpolhode_radii(self) -> tuple[Scalar, Scalar]:
         """Distance, rad/s, of the two vertices from the foot of the invariable plane's normal
         (Thomson 5.10-19)."""
-        first, second = (
-            safe_sqrt(jnp.maximum(dot(v, v) - self.plane_distance**2, 0.0)) for v in self.vertices
-        )
-        return first, second
+        return self.herpolhode
 
 
 def _differences(
@@ -102,9 +105,9 @@ def _differences(
     return below, above, (b - c) * energies[2] - (a - b) * energies[0]
 
 
-def _vertices(moments, differences, about_least, back) -> tuple[Vector, Vector]:
+def _vertices(moments, differences, about_least) -> tuple[Vector, Vector]:
     """The polhode's points with omega_B = 0 and with omega_A = 0 (about the least axis) or omega_C
-    = 0 (greatest)."""
+    = 0 (greatest), in the order of the moments."""
     (a, b, c), (below, above, middle) = moments, differences
     zero = jnp.zeros_like(middle)
 
@@ -114,5 +117,4 @@ def _vertices(moments, differences, about_least, back) -> tuple[Vector, Vector]:
     first = jnp.stack([rate(above, a, a - c), zero, rate(below, c, a - c)])
     least = jnp.stack([zero, rate(above, b, b - c), rate(middle, c, b - c)])
     greatest = jnp.stack([rate(-middle, a, a - b), rate(below, b, a - b), zero])
-    second = jnp.where(about_least, least, greatest)
-    return jnp.take_along_axis(first, back, axis=0), jnp.take_along_axis(second, back, axis=0)
+    return first, jnp.where(about_least, least, greatest)

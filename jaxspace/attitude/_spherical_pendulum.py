@@ -52,9 +52,9 @@ def direction_acceleration(u: Vector, u_rate: Vector, gravity_over_length: Scala
     - `gravity_over_length`: g / l, 1/s^2.
 
     **Returns** u'', 1/s^2, (3, *runs)."""
-    pull = gravity_over_length
-    factor = (pull * u[2] - dot(u_rate, u_rate)) / dot(u, u)
-    return factor * u - pull * axis(2, factor)
+    # u_Z u - u^2 Z = u x (u x Z), in which nothing cancels at the verticals.
+    tangent = jnp.stack([u[2] * u[0], u[2] * u[1], -u[0] * u[0] - u[1] * u[1]])
+    return (gravity_over_length * tangent - dot(u_rate, u_rate) * u) / dot(u, u)
 
 
 def energy(u: Vector, u_rate: Vector, length: Scalar, gravity: Scalar) -> Scalar:

@@ -69,7 +69,8 @@ class PrincipalInertia(AbstractInertia):
     )
 
     def __check_init__(self):
-        if is_concrete(self.moments):
+        # What is not finite has its own sentence, from the declaration.
+        if is_concrete(self.moments) and np.all(np.isfinite(self.moments)):
             m = np.asarray(self.moments)
             slack = m.sum(axis=0) - 2.0 * m.max(axis=0)
             # A flat body has a slack of zero, which rounding of single precision makes negative.
@@ -109,10 +110,14 @@ class InertiaTensor(AbstractInertia):
 
     def __check_init__(self):
         # A batch is not checked: eigenvalues of many tensors cost more than the sentence is worth.
-        if is_concrete(self.tensor) and self.tensor.ndim == 2:
+        # What is not finite has its own sentence, from the declaration.
+        single = is_concrete(self.tensor) and self.tensor.ndim == 2
+        if single and np.all(np.isfinite(self.tensor)):
             j = np.asarray(self.tensor, dtype=float)
-            check(np.abs(j - j.T) <= 1e-6 * np.abs(j).max(), "InertiaTensor.tensor", j, "symmetric")
-            moments = np.linalg.eigvalsh(j)
+            # In units of the largest element, because those of any size shall not overflow.
+            unit = j / (np.abs(j).max() or 1.0)
+            check(np.abs(unit - unit.T) <= 1e-6, "InertiaTensor.tensor", j, "symmetric")
+            moments = np.linalg.eigvalsh(unit)
             check(moments > 0.0, "InertiaTensor.tensor", j, "positive definite")
             # A flat body has a slack of zero, to rounding.
             check(

@@ -1,0 +1,88 @@
+"""The public names of the rooms with formulas, and those that the hunt leaves out."""
+
+import importlib
+import inspect
+from collections.abc import Iterable
+from fnmatch import fnmatch
+
+ROOMS = "core rotations bodies orbits attitude gyros rockets optimization".split()
+# Of core only these files hold formulas.
+FLOOR = ("_safe", "_special", "_elliptic", "_linear", "_tables")
+
+# Patterns of names, by why there is nothing to search.
+LEFT_OUT: dict[str, tuple[str, ...]] = {
+    "declares an interface, or holds inputs or results": (
+        *("bodies.Abstract*", "bodies.Load", "bodies.BodyState.*", "attitude.PendulumState"),
+        *("gyros.GimbalState", "optimization.AbstractThrustAcceleration", "optimization.Ascent"),
+        *("optimization.ConstantThrustAcceleration", "optimization.Criterion"),
+        *("optimization.FlightState", "optimization.Minimum", "optimization.Staging"),
+        "optimization.SteeringOptimum",
+    ),
+    "returns a field, a component of the state, a constant or nothing": (
+        *("bodies.*Body.constant_mass", "bodies.*Body.has_inertia", "bodies.*Body.least_mass"),
+        *("bodies.*Body.loaded_mass", "bodies.RigidBody.inertia*", "bodies.RigidBody.centre*"),
+        *("bodies.PrincipalInertia.matrix", "attitude.spin_rate", "orbits.*_node", "core.axis"),
+        *("core.expand", "rotations.Quaternion.coordinates", "rotations.Quaternion.identity"),
+        *("rotations.Quaternion.*xyzw", "*.breaks", "orbits.Drag.potential", "*.scaled"),
+        *("rockets.JetDamping.potential", "rockets.Thrust.potential", "bodies.sample_state"),
+        *("attitude.GravityGradient.potential", "optimization.SteeredFlight.invariants"),
+        "rockets.ThrustProfile.constant",
+    ),
+    "chooses, counts or checks, without an error to measure": (
+        *("bodies.as_inertia", "orbits.steps_for", "orbits.transfer_status", "core.breaks_of"),
+        *("orbits.TransferStatus.sentence", "rotations.Quaternion.check_start"),
+    ),
+    "calls one of the functions above and nothing else": (
+        *("attitude.GravityGradient.load", "attitude.continuous_precession", "orbits.apoapsis"),
+        "orbits.periapsis",
+        *("orbits.TwoBody.closed_form", "orbits.PointGravity.closed_form"),
+        *("attitude.TorqueFreeBody.closed_form", "rockets.Thrust.propellant_left"),
+        "bodies.FreeRotation.flow",
+    ),
+    "gives integrators a form of the motion, whose steps they check": (
+        *("attitude.Top.split", "orbits.PointGravity.regularised"),
+    ),
+    "reads a table in NumPy": ("rockets.ThrustProfile.of_table", "rockets.ThrustProfile.tabulated"),
+    "is half of a rule of differentiation, seen in the derivatives above": ("core.times_slope",),
+    "iterates to a tolerance, and is tested against the closed forms": (
+        *("optimization.minimise", "optimization.optimise_steering"),
+        "optimization.optimal_staging_by_gradient",
+    ),
+}
+
+
+def public_names() -> set[str]:
+    """Functions, and the methods of classes, "room.name" and "room.Class.method"."""
+    names = set()
+    for room in ROOMS:
+        module = importlib.import_module(f"jaxspace.{room}")
+        for name, found in vars(module).items():
+            if name.startswith("_") or inspect.ismodule(found) or not callable(found):
+                continue
+            if room == "core" and found.__module__.rpartition(".")[2] not in FLOOR:
+                continue
+            names |= {f"{room}.{name}{method}" for method in _methods(found)}
+    return names
+
+
+def left_out(names: Iterable[str]) -> dict[str, list[str]]:
+    """Of these names those that are left out, each under the first reason that holds."""
+    found: dict[str, list[str]] = {why: [] for why in LEFT_OUT}
+    for name in sorted(names):
+        for why, patterns in LEFT_OUT.items():
+            if any(fnmatch(name, pattern) for pattern in patterns):
+                found[why].append(name)
+                break
+    return found
+
+
+def _methods(found) -> list[str]:
+    if not inspect.isclass(found):
+        return [""]
+    own = [name for name, value in vars(found).items() if _acts(name, value)]
+    return [f".{name}" for name in own if not name.startswith("_")] or [""]
+
+
+def _acts(name, value) -> bool:
+    kinds = (property, classmethod, staticmethod)
+    return not name.startswith("_") and (callable(value) or isinstance(value, kinds))

@@ -1,0 +1,63 @@
+"""The vector field and the invariants of every system of the registry."""
+
+from functools import partial
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.flatten_util import ravel_pytree
+from systems import SAMPLES
+
+from jaxspace import Scene
+
+from .form import Form
+
+
+def rates(built, t, x):
+    """The vector field at the time t, and the invariants: each block by its own size."""
+    system, state = built(x)
+    time = jnp.asarray(t, x.dtype)
+    found = system.vector_field(time, state), system.invariants(time, state)
+    return tuple(jnp.ravel(leaf) for leaf in jax.tree.leaves(found))
+
+
+def aligned(block):
+    """Of each block of a state its greatest component alone: spins, circles, axes along axes."""
+    x = np.asarray(block)
+    return jnp.asarray(np.where(np.abs(x) == np.max(np.abs(x)), x, 0.0))
+
+
+def form(sample) -> Form:
+    """Of all numbers of a system and its state."""
+
+    def flat(state):
+        numbers, rest = eqx.partition((sample.system, state), eqx.is_inexact_array)
+        return *ravel_pytree(numbers), rest
+
+    numbers, unravel, rest = flat(sample.state)
+    special, _, _ = flat(jax.tree.map(aligned, sample.state))
+    function = partial(rates, lambda x: eqx.combine(unravel(x), rest), 0.3 * sample.span)
+    starts = [tuple(map(float, np.asarray(x))) for x in (numbers, special)]
+    return Form(function, _computes(sample.system), starts, label=sample.name)
+
+
+def _computes(system) -> tuple[str, ...]:
+    """The public methods behind a system: its own, or those of its effects."""
+    parts = system.effects if isinstance(system, Scene) else (system,)
+    methods = ("vector_field", "invariants", "load", "potential")
+    names = []
+    for part in parts:
+        kind = type(part)
+        room = kind.__module__.split(".")[1]
+        own = [method for method in methods if hasattr(part, method)]
+        if "energy" not in getattr(part, "keeps", {"energy"}):
+            # The potential of a force that does work is `None`.
+            own.remove("potential")
+        names += [f"{room}.{kind.__name__}.{method}" for method in own]
+    return tuple(names)
+
+
+def forms() -> tuple[Form, ...]:
+    """Of the registry."""
+    return tuple(form(sample) for sample in SAMPLES)

@@ -1,0 +1,141 @@
+"""What the hunt found: `hunt.json`, and the page `docs/explanation/hunt.md` of it."""
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+from forms.public import left_out, public_names
+
+PAGE = Path(__file__).parents[1] / "docs" / "explanation" / "hunt.md"
+RECORD = Path(__file__).parent / "hunt.json"
+# From here on the inputs are shown.
+SHOWN = 30.0
+DEFECT = 100.0
+
+HEAD = """# The hunt
+
+`make hunt` searches for the inputs at which the formulas are worst, and writes this page. Errors
+are in roundings (2.2e-16) times the condition number of the place: what the rounding of the
+inputs alone does is about 1, and more than 100 is a defect.
+
+{summary}
+
+## How it is measured
+
+For each function the search takes random inputs, on and close to its singular places too, and
+steps from the worst ones to worse ones. `python tests/hunt.py --seconds 60 NAME` searches longer.
+
+The truth is an evaluation of the same formulas in forty digits. Derivatives, those of forward and
+of reverse mode, are compared with central differences in sixty digits, each times its input.
+Outputs of one kind are measured by the largest of them. This sees every rounding, cancellation
+and overflow, and every wrong rule of a derivative. It does not see the truncation of a series, a
+quadrature or a fixed number of steps, which it repeats: the [hard
+cases](../reference/hard_cases.md), whose truths come from other formulas, do. Next to a singular
+place the condition of a derivative is an estimate.
+"""
+TABLE = """
+| Function | Places | Value | Places | Derivatives |
+|---|--:|--:|--:|--:|
+"""
+TITLES = {
+    "core": "Functions without NaN, vectors",
+    "rotations": "Rotations",
+    "bodies": "Bodies",
+    "orbits": "Orbits",
+    "attitude": "Attitude",
+    "gyros": "Gyros",
+    "rockets": "Rockets",
+    "optimization": "Optimal flight",
+}
+SYSTEMS = "Vector fields and invariants of systems"
+# What is known of the worst places, by the name of the function.
+NOTES: dict[str, str] = {
+    "direction": "the derivative of a direction along itself vanishes; what is left is one "
+    "rounding of the value",
+    "kepler": "a flyby of e = 100 from afar: the derivatives lose three digits more than the "
+    "position",
+    "nutation": "the turning circles of a fast top are nearly one, and its precession is what is "
+    "left of half turns",
+    "top_angles": "`Top.rates` divides by the sine of an angle close to half a turn",
+    "large_nutation": "`gamma` of a top is the sum of two fields, which nearly cancel",
+    "second_order": "`greatest_rate` close to the pole is a difference from 1",
+    "walk_offset": "the offset of a small nutation is of second order, and a sum of terms of first",
+    "responses": "right after the start the angles are differences from 1, or from the time",
+    "swings": "the arccosine loses the digits of a small angle",
+}
+
+
+def keep(row: Any) -> None:
+    """Put one row into the record."""
+    record = {**stored(), row.name: vars(row)}
+    lines = ",\n".join(f"{json.dumps(name)}: {json.dumps(x)}" for name, x in record.items())
+    RECORD.write_text("{\n" + lines + "\n}\n")
+
+
+def stored() -> dict[str, dict[str, Any]]:
+    """The record: a row of each function."""
+    return json.loads(RECORD.read_text()) if RECORD.exists() else {}
+
+
+def write(names: Sequence[str]) -> None:
+    """The page of these functions, in this order."""
+    record = stored()
+    PAGE.write_text(page([SimpleNamespace(**record[name]) for name in names if name in record]))
+
+
+def page(rows) -> str:
+    """All rows, by room; then the worst places, and what is left out."""
+    parts = [HEAD.format(summary=_summary(rows))]
+    by_room = [(title, [r for r in rows if r.room == room]) for room, title in TITLES.items()]
+    for title, some in [*by_room, (SYSTEMS, [r for r in rows if r.room == "systems"])]:
+        if some:
+            lines = "\n".join(_row(r) for r in some)
+            parts.append(f"\n## {title}\n{TABLE}{lines}\n")
+    parts.append(
+        "\n## The worst places\n\nWhere a figure above is over 30, and at which inputs:\n\n"
+    )
+    parts += [_place(r) for r in rows if max(r.value, r.slopes) > SHOWN] or ["- None.\n"]
+    parts.append("\n## Left out\n\nPublic names without an error to search for:\n\n")
+    for why, names in left_out(public_names()).items():
+        listed = ", ".join(f"`{name}`" for name in names)
+        parts.append(f"- What {why}: {listed}.\n")
+    return "".join(parts)
+
+
+def _summary(rows) -> str:
+    places = sum(r.places for r in rows)
+    over = [[r for r in rows if x(r) > DEFECT] for x in (lambda r: r.value, lambda r: r.slopes)]
+    counts = [f"{len(some)} of them ({_listed(some)})" if some else "none" for some in over]
+    rest = [
+        max((x(r) for r in rows if x(r) <= DEFECT), default=0.0)
+        for x in (lambda r: r.value, lambda r: r.slopes)
+    ]
+    return (
+        f"The last search looked at {len(rows)} functions and systems, at {places} places. Over "
+        f"100 in value: {counts[0]}; over 100 in a derivative: {counts[1]}. The others are within "
+        f"{rest[0]:.2g} in value and {rest[1]:.2g} in derivatives."
+    )
+
+
+def _listed(rows) -> str:
+    return ", ".join(f"`{r.name}`" for r in rows)
+
+
+def _row(r) -> str:
+    names = ", ".join(f"`{name.partition('.')[2]}`" for name in r.computes)
+    names = f"{r.name}: {names}" if r.room == "systems" else f"{names} ({r.name})"
+    cells = (names, r.places, f"{r.value:.2g}", r.slope_places, f"{r.slopes:.2g}")
+    return "| " + " | ".join(map(str, cells)) + " |"
+
+
+def _place(r) -> str:
+    lines = [f"**{r.name}**" + (f": {NOTES[r.name]}" if r.name in NOTES else "")]
+    for what, figure, x in (
+        ("value", r.value, r.inputs),
+        ("derivatives", r.slopes, r.slope_inputs),
+    ):
+        if figure > SHOWN:
+            lines.append(f"{what} {figure:.2g} at `({', '.join(f'{c:.17g}' for c in x)})`")
+    return "- " + "; ".join(lines) + "\n"
