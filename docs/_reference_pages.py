@@ -259,8 +259,8 @@ HARD_CASES = """\
 differentiation, prints the errors, and ends with status 1 where a case fails. `--precision float32`
 does the same in single precision, and says which cases it cannot hold; `--device gpu` does it
 there. In Python it is `jaxspace.verification.run_cases()`; `verify(system, y0, span)` of the same
-room checks the laws of motion on a system or a scene of your own. [The hunt](../explanation/hunt.md)
-searches for worse places than these.
+room checks the laws of motion on a system or a scene of your own.
+[The hunt](../explanation/hunt.md) searches for worse places than these.
 
 The table has the errors that are allowed, in roundings. That of a value is divided by the condition
 of the case, so that 1 is what the rounding of the inputs does; that of a derivative is relative to

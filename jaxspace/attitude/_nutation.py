@@ -75,12 +75,12 @@ class Nutation(eqx.Module):
 
     @property
     def alpha(self) -> Scalar:
-        """[2 (T + V) - C n^2] / A, 1/s^2."""
+        """[2 (T + V) - C n^2] / A, 1/s^2, to the rounding of beta."""
         return 0.5 * (self.alpha_up + self.alpha_down)
 
     @property
     def gamma(self) -> Scalar:
-        """h_Z / A, 1/s."""
+        """h_Z / A, 1/s, to the rounding of N."""
         return 0.5 * (self.gamma_up + self.gamma_down)
 
     def third_root(self) -> Scalar:

@@ -52,6 +52,7 @@ from ..core import (
     cross,
     quantity,
     safe_divide,
+    safe_sqrt,
 )
 from ..rotations import Quaternion, from_euler_angles, omega_from_euler_rates, to_euler_angles
 from ._nutation import Nutation, nutation_through
@@ -180,11 +181,14 @@ class Top(AbstractSystem):
 
         With the axis vertical only psi' + phi' has a meaning: psi' is then zero. Near the vertical
         psi' grows as 1/sin(theta)."""
-        _, omega = attitude_and_omega(y)
+        attitude, omega = attitude_and_omega(y)
         _, theta, phi = Top.angles(y)
         across = omega[0] * jnp.sin(phi) + omega[1] * jnp.cos(phi)
+        # sin(theta) from the parts of the attitude: an angle close to pi has no digits of it.
+        a, b, c, d = attitude.wxyz
+        sine = 2.0 * safe_sqrt((b * b + c * c) * (a * a + d * d)) / attitude.norm_squared()
         # Zero at the vertical, where the line of nodes is undefined.
-        precession = safe_divide(across, jnp.sin(theta))
+        precession = safe_divide(across, sine)
         nutation = omega[0] * jnp.cos(phi) - omega[1] * jnp.sin(phi)
         return jnp.stack([precession, nutation, omega[2] - precession * jnp.cos(theta)])
 

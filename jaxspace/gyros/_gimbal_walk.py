@@ -122,9 +122,11 @@ class GimbalWalk(eqx.Module):
     def greatest_rate(self) -> Scalar:
         """The rate |theta_0'|, rad/s, with which the gimbal just reaches the nearer pole; infinite
         for gimbals without mass."""
-        rise = 1.0 - jnp.abs(jnp.cos(self.theta))
+        # (1 - |cos(theta)|) / 2, which would lose its digits close to a pole.
+        rise = jnp.minimum(jnp.sin(0.5 * self.theta) ** 2, jnp.cos(0.5 * self.theta) ** 2)
         return (
-            jnp.abs(self.spin_momentum)
+            2.0
+            * jnp.abs(self.spin_momentum)
             * rise
             / jnp.sqrt(self.inner_inertia * self.outer_inertia_upright)
         )

@@ -36,7 +36,9 @@ from ..core import (
     argument,
     as_float,
     constructor,
+    end_sqrt,
     quantity,
+    stumpff,
 )
 from ._gimbal_walk import GimbalWalk
 
@@ -203,7 +205,7 @@ class TwoGimbalGyro(AbstractSystem):
         p = self.spin_momentum() / self.transverse_inertia
         # Without mass of the gimbals the nutation is a circle of this size.
         size = impulse / self.spin_momentum()
-        return size * jnp.sin(p * t), size * (1.0 - jnp.cos(p * t))
+        return size * jnp.sin(p * t), 2.0 * size * jnp.sin(0.5 * p * t) ** 2
 
     def step_response(self, t: Scalar) -> tuple[Scalar, Scalar]:
         """Deviations of theta and psi, rad, after `t`, s, under the moment M_xi (Thomson 6.2,
@@ -214,7 +216,7 @@ class TwoGimbalGyro(AbstractSystem):
         p = self.spin_momentum() / self.transverse_inertia
         # The nutation starts from rest, so that it is a cycloid about a steady precession.
         size = self.moment_inner / self.spin_momentum()
-        return size / p * (1.0 - jnp.cos(p * t)), size * (t - jnp.sin(p * t) / p)
+        return 2.0 * size / p * jnp.sin(0.5 * p * t) ** 2, size / p * _less_sine(p * t)
 
     def swing(self, t: Scalar, theta: Scalar) -> Scalar:
         """The angle theta under the moment M_Z (Thomson 6.2, problems 3 and 4).
@@ -228,13 +230,25 @@ class TwoGimbalGyro(AbstractSystem):
 
         **Returns** theta, rad; NaN once the axis has reached Z.
         """
-        return jnp.arccos(jnp.cos(theta) + self.moment_outer * t / self.spin_momentum())
+        change = 0.5 * self.moment_outer * t / self.spin_momentum()
+        # Of half the angle: the cosine itself has no digits of a small one.
+        sine = end_sqrt(lambda c, a: jnp.sin(0.5 * a) ** 2 - c, change, as_float(theta))
+        cosine = end_sqrt(lambda c, a: jnp.cos(0.5 * a) ** 2 + c, change, as_float(theta))
+        return 2.0 * jnp.arctan2(sine, cosine)
 
     def swing_time(self, theta: Scalar, theta_end: Scalar) -> Scalar:
         """Time, s, in which the moment M_Z swings the axis from `theta` to `theta_end`, rad."""
-        # The inverse of `swing`.
-        return self.spin_momentum() * (jnp.cos(theta_end) - jnp.cos(theta)) / self.moment_outer
+        # The inverse of `swing`; the difference of the cosines as a product.
+        fall = 2.0 * jnp.sin(0.5 * (theta + theta_end)) * jnp.sin(0.5 * (theta - theta_end))
+        return self.spin_momentum() * fall / self.moment_outer
 
     def _gimbal_difference(self) -> Scalar:
         """A + B_i - C_i, kg m^2."""
         return self.transverse_inertia + self.inner_eta - self.inner_zeta
+
+
+def _less_sine(x: Scalar) -> Scalar:
+    """x - sin(x), right to rounding also for a small x."""
+    small = jnp.abs(x) < 1.0
+    near = jnp.where(small, x, 0.0)
+    return jnp.where(small, near**3 * stumpff(near * near)[1], x - jnp.sin(x))
