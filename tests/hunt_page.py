@@ -56,14 +56,6 @@ NOTES: dict[str, str] = {
     "rounding of the value",
     "kepler": "a flyby of e = 100 from afar: the derivatives lose three digits more than the "
     "position",
-    "nutation": "the turning circles of a fast top are nearly one, and its precession is what is "
-    "left of half turns",
-    "top_angles": "`Top.rates` divides by the sine of an angle close to half a turn",
-    "large_nutation": "`gamma` of a top is the sum of two fields, which nearly cancel",
-    "second_order": "`greatest_rate` close to the pole is a difference from 1",
-    "walk_offset": "the offset of a small nutation is of second order, and a sum of terms of first",
-    "responses": "right after the start the angles are differences from 1, or from the time",
-    "swings": "the arccosine loses the digits of a small angle",
 }
 
 

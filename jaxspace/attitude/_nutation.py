@@ -73,16 +73,6 @@ class Nutation(eqx.Module):
         """The nutation with the constants of the equations above, units as there."""
         return cls(N, beta, alpha - beta, alpha + beta, gamma - N, gamma + N)
 
-    @property
-    def alpha(self) -> Scalar:
-        """[2 (T + V) - C n^2] / A, 1/s^2, to the rounding of beta."""
-        return 0.5 * (self.alpha_up + self.alpha_down)
-
-    @property
-    def gamma(self) -> Scalar:
-        """h_Z / A, 1/s, to the rounding of N."""
-        return 0.5 * (self.gamma_up + self.gamma_down)
-
     def third_root(self) -> Scalar:
         """y3 = beta u3, 1/s^2: the largest root of the cubic in y = beta u."""
         return self._sign() * self.beta + self._roots().d
