@@ -55,6 +55,10 @@ from ._radial_motion import effective_potential as effective_potential
 from ._radial_motion import radial_frequency_squared as radial_frequency_squared
 from ._radial_motion import radial_motion as radial_motion
 from ._radial_motion import turning_points as turning_points
+from ._rotating_earth import local_frame as local_frame
+from ._rotating_earth import navigation_rates as navigation_rates
+from ._rotating_earth import planet_frame as planet_frame
+from ._rotating_earth import plumb_line_deviation as plumb_line_deviation
 from ._steps import steps_for as steps_for
 from ._transfer_status import TransferStatus as TransferStatus
 from ._two_body import TwoBody as TwoBody

@@ -6,6 +6,12 @@ import jax.numpy as jnp
 from jaxspace import Scene, simulate
 from jaxspace.bodies import BodyState, RigidBody
 from jaxspace.core import cross, dot, inverse_norm, norm
+from jaxspace.mechanics import (
+    contact_impulse,
+    contact_inverse_mass,
+    crushable_pad,
+    impact_energy_loss,
+)
 from jaxspace.orbits import (
     PowerLawForce,
     SphereGravity,
@@ -138,6 +144,25 @@ def circles(L, exponents):
     # The potential of a power has its zero at r = 1, here at the centre or at infinity.
     zero = jnp.where(n == -1.0, 0.0, 1.0 / jnp.where(n == -1.0, 1.0, n + 1.0))
     return r * r * rate, frequency, effective_potential(potential, r, L) + zero
+
+
+def head_on(m1, m2, V1, V2, e):
+    """Velocities after a central impact, and the energy that it takes."""
+    inverse = 1.0 / m1 + 1.0 / m2
+    J = contact_impulse(V1 - V2, inverse, e)
+    return V1 - J / m1, V2 + J / m2, impact_energy_loss(V1 - V2, inverse, e)
+
+
+def dumbbell(v, l, e, m, omega0_ccw=0.0):
+    """Two masses m on a light rod along x, of which the left one falls on a ledge."""
+    arm, mass, inertia = -0.5 * l * X, 2.0 * m, 0.5 * m * l**2
+    # About its own axis any moment of inertia will do.
+    tensor = jnp.diag(vec(1.0, inertia, inertia))
+    # Turning counterclockwise about z, the left mass moves down.
+    J = contact_impulse(v + 0.5 * l * omega0_ccw, contact_inverse_mass(mass, tensor, arm, Y), e)
+    v_cm = -v + J / mass
+    omega = omega0_ccw + cross(arm, J * Y)[2] / inertia
+    return -omega, v_cm, J, v_cm - 0.5 * l * omega, v_cm + 0.5 * l * omega
 
 
 def tunnel(G_rho, R, a):
@@ -340,6 +365,48 @@ ORBIT = (orbit_from_radius,)
 FLOWN = (simulate, Scene, PowerLawForce)
 POWER = (power_law_potential,)
 CASES = [
+    Case(
+        "T4.2-1",
+        "Landing of 200 lb from 20 ft on a honeycomb of 50 lb/in^2 with 10 g",
+        (crushable_pad,),
+        {"weight": 200.0, "height": 20.0, "deceleration": 10.0, "strength": 50.0, "gravity": G},
+        crushable_pad,
+        {"A (in^2)": 44.0, "crush (ft)": 2.0, "t (s)": 0.11145564251507056},
+        1e-13,
+    ),
+    Case(
+        "T4.2-2",
+        "Central impact with restitution",
+        (contact_impulse, impact_energy_loss),
+        {"m1": 3.0, "m2": 5.0, "V1": 7.0, "V2": -2.0, "e": 0.6},
+        head_on,
+        {"v1 (m/s)": -2.0, "v2 (m/s)": 3.4, "energy loss (J)": 48.6},
+        1e-13,
+    ),
+    Case(
+        "T4.4-1",
+        "A dumbbell that falls flat with its left mass on a ledge",
+        (contact_impulse, contact_inverse_mass),
+        {"v": 6.0, "l": 1.2, "e": 0.7, "m": 2.0},
+        dumbbell,
+        {
+            "theta' (rad/s)": 8.5,
+            "v_cm (m/s)": -0.9,
+            "impulse (N s)": 20.4,
+            "v_left (m/s)": 4.2,
+            "v_right (m/s)": -6.0,
+        },
+        1e-13,
+    ),
+    Case(
+        "T4.4-P6",
+        "The same dumbbell, which turns at 0.2 rad/s before",
+        (contact_impulse, contact_inverse_mass),
+        {"v": 6.0, "l": 1.2, "e": 0.7, "m": 2.0, "omega0_ccw": 0.2},
+        lambda **given: dumbbell(**given)[:1],
+        {"theta', clockwise (rad/s)": 8.47},
+        1e-13,
+    ),
     Case(
         "T4.3-10",
         "Potential energy of a slug at 400 miles",
