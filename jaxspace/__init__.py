@@ -9,6 +9,7 @@ The rooms, from the ground up:
     attitude        rotation of a body: torque-free, heavy top, despin
     gyros           instruments: two-gimbal gyro
     rockets         mass that leaves: thrust, jet damping, rocket equation
+    mechanics       impulse and impact (imported by name)
     scene           a body and its effects as one system
     solvers         integrators as diffrax solvers
     simulation      the runner: simulate one run or many, a system or a mission of phases

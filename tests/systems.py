@@ -3,15 +3,25 @@ new system is a new line."""
 
 from typing import NamedTuple
 
+import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array
 
 from jaxspace import Scene
 from jaxspace.attitude import SphericalPendulum, Top, TorqueFreeBody
 from jaxspace.bodies import BodyState, BurningBody, RigidBody
-from jaxspace.core import AbstractSystem
+from jaxspace.core import AbstractSystem, as_float
 from jaxspace.gyros import TwoGimbalGyro
-from jaxspace.orbits import Drag, Oblateness, PointGravity, TwoBody
+from jaxspace.orbits import (
+    CentralPotential,
+    Drag,
+    Oblateness,
+    PointGravity,
+    PowerLawForce,
+    SphereGravity,
+    TwoBody,
+)
 from jaxspace.rockets import JetDamping, Thrust, ThrustProfile
 from jaxspace.rotations import Quaternion, from_euler_angles
 
@@ -37,6 +47,16 @@ class Integrated(AbstractSystem):
 
     def breaks(self):
         return self.system.breaks()
+
+
+class Screened(eqx.Module):
+    """The potential of Yukawa: a point's attraction that fades beyond `range`, m."""
+
+    mu: Array = eqx.field(converter=as_float)
+    range: Array = eqx.field(converter=as_float)
+
+    def __call__(self, r):
+        return -self.mu / r * jnp.exp(-r / self.range)
 
 
 class Sample(NamedTuple):
@@ -106,6 +126,18 @@ SAMPLES = [
     Sample("oblate_orbit", Scene((PointGravity(MU), Oblateness(MU, J2, RADIUS))), orbit(), 5400.0),
     Sample("spherical_pendulum", PENDULUM, PENDULUM.state(0.7, 0.2, 0.3, 1.1), 5.0),
     Sample("dragged_orbit", Scene((PointGravity(MU), AIR)), orbit(), 5400.0),
+    Sample(
+        "central_forces",
+        Scene(
+            (
+                PowerLawForce(6e17, 2.5, 6.6e6),
+                SphereGravity(MU, 7.0e6),
+                CentralPotential(Screened(0.1 * MU, 3.0e7)),
+            )
+        ),
+        orbit(),
+        2000.0,
+    ),
     Sample(
         "free_stage",
         Scene((PointGravity(MU),), RigidBody(900.0, [520.0, 560.0, 340.0]), ("attitude",)),

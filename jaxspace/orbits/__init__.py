@@ -1,6 +1,16 @@
-"""Motion of a point under gravity: attraction by a point and by an oblate body, orbital elements,
-two-body motion in closed form, transfers."""
+"""Motion of a point under gravity and other central forces: attraction by a point, a sphere and an
+oblate body, orbital elements, two-body motion in closed form, radial motion by quadrature,
+transfers."""
 
+from ._central_force import CentralPotential as CentralPotential
+from ._central_force import PowerLawForce as PowerLawForce
+from ._central_force import SphereGravity as SphereGravity
+from ._central_force import power_law as power_law
+from ._central_force import power_law_potential as power_law_potential
+from ._central_force import shell_gravity as shell_gravity
+from ._central_force import shell_potential as shell_potential
+from ._central_force import sphere_gravity as sphere_gravity
+from ._central_force import sphere_potential as sphere_potential
 from ._drag import Drag as Drag
 from ._drag import circular_decay_rate as circular_decay_rate
 from ._drag import drag_acceleration as drag_acceleration
@@ -39,6 +49,20 @@ from ._outputs import velocity_error as velocity_error
 from ._point_gravity import PointGravity as PointGravity
 from ._point_gravity import point_gravity as point_gravity
 from ._point_gravity import point_gravity_potential as point_gravity_potential
+from ._radial_motion import RadialMotion as RadialMotion
+from ._radial_motion import circular_rate as circular_rate
+from ._radial_motion import effective_potential as effective_potential
+from ._radial_motion import radial_frequency_squared as radial_frequency_squared
+from ._radial_motion import radial_motion as radial_motion
+from ._radial_motion import turning_points as turning_points
+from ._rotating_earth import local_frame as local_frame
+from ._rotating_earth import navigation_rates as navigation_rates
+from ._rotating_earth import planet_frame as planet_frame
+from ._rotating_earth import plumb_line_deviation as plumb_line_deviation
 from ._steps import steps_for as steps_for
 from ._transfer_status import TransferStatus as TransferStatus
 from ._two_body import TwoBody as TwoBody
+from ._two_masses import from_relative as from_relative
+from ._two_masses import reduced_mass as reduced_mass
+from ._two_masses import sphere_of_influence as sphere_of_influence
+from ._two_masses import to_relative as to_relative

@@ -7,7 +7,7 @@ from jaxtyping import Array, Float
 
 from jaxspace import Scene, simulate
 from jaxspace.bodies import BodyState, Load, RigidBody
-from jaxspace.core import axis, cross, norm, unit
+from jaxspace.core import axis, cross, unit
 from jaxspace.orbits import kepler_flow
 from jaxspace.rotations import Quaternion
 from jaxspace.scene import Custom
@@ -40,22 +40,6 @@ def near_ground(gravity=0.0, spin=(0.0, 0.0, 0.0), pull=0.0, thrust=0.0, rate=0.
     """A `Field`; gravity and thrust, m/s^2, turning frame, rad/s, pull, 1/s^2, rate, 1/s."""
     numbers = (jnp.asarray(x, float) for x in (gravity, spin, pull, thrust, rate))
     return Custom(Field(*numbers), {"position", "velocity"}, {"acceleration"})
-
-
-class PowerLaw(eqx.Module):
-    """A central attraction K / r^n."""
-
-    K: Array
-    n: Array
-
-    def __call__(self, t, y, body):
-        return Load(acceleration_N=-self.K * norm(y.position) ** (-self.n - 1.0) * y.position)
-
-
-def power_law(K, n) -> Custom:
-    """A `PowerLaw`."""
-    law = PowerLaw(jnp.asarray(K, float), jnp.asarray(n, float))
-    return Custom(law, {"position"}, {"acceleration"})
 
 
 def fly(effect, position, velocity, duration, accuracy=ACCURACY):

@@ -8,10 +8,20 @@ from jaxspace.core import axis, cross, dot, matvec, norm, safe_atan2
 from jaxspace.orbits import (
     apoapsis_radius,
     kepler_flow,
+    local_frame,
+    navigation_rates,
     orbit_from_radius,
+    plumb_line_deviation,
     point_gravity,
 )
-from jaxspace.rotations import Quaternion, from_euler_angles, omega_from_euler_rates
+from jaxspace.rotations import (
+    MovingFrame,
+    Quaternion,
+    from_euler_angles,
+    instantaneous_centre,
+    path_components,
+    polar_components,
+)
 from jaxspace.scene import Custom
 
 from .case import DEG, MILE, STEPS, Case, rates, vec
@@ -36,13 +46,13 @@ def moving(t):
 def curvature(path, t):
     """Velocity, acceleration and radius of curvature."""
     v, a = rates(path, t)
-    return v, a, norm(v) ** 3 / norm(cross(v, a))
+    return v, a, 1.0 / path_components(v, a)[2]
 
 
 def surface_acceleration(Omega, latitude):
     """The centripetal acceleration of the surface."""
-    spin = Omega * vec(-jnp.cos(latitude), 0, jnp.sin(latitude))
-    return (cross(spin, cross(spin, R * UP)),)
+    frame = local_frame(latitude, 0.0, R, Omega)
+    return (frame.attitude.rotate_back(frame.acceleration),)
 
 
 def angle(a, b):
@@ -52,9 +62,7 @@ def angle(a, b):
 
 def polar(radius, turn):
     """Components along and across the radius of velocity and acceleration at t = 0."""
-    v, a = rates(lambda t: Quaternion.about(2, turn(t)).rotate(radius(t) * vec(1, 0, 0)))
-    back = Quaternion.about(2, turn(jnp.zeros(()))).rotate_back
-    return back(v)[:2], back(a)[:2]
+    return polar_components(radius(0.0), *rates(radius), *rates(turn))
 
 
 def slot(omega, omegadot, slot_radius, slot_centre, phi, sdot, sddot):
@@ -85,18 +93,13 @@ def pin(b, theta, thetadot, thetaddot, disk_omega, disk_omegadot):
     return *along, still[0][:2], still[1][:2], turning[0][:2], turning[1][:2]
 
 
-def centre(omega, place, v):
-    """The instantaneous centre of a plane motion."""
-    return place + omega * cross(UP, v) / omega**2
-
-
 def leaning_rod(h, theta):
     """A rod whose foot slides on the floor, on a pin at the height h."""
 
     def foot(t):
         return -h / jnp.tan(theta + t) * vec(1, 0, 0)
 
-    return (centre(1.0, foot(jnp.zeros(())), rates(foot)[0])[:2],)
+    return (instantaneous_centre(foot(jnp.zeros(())), rates(foot)[0], UP)[:2],)
 
 
 def crank(R, k, theta):
@@ -108,7 +111,7 @@ def crank(R, k, theta):
     def slider(t):
         return R * (jnp.cos(theta + t) + k * jnp.cos(tilt(t))) * vec(1, 0, 0)
 
-    found = centre(rates(tilt)[0], slider(jnp.zeros(())), rates(slider)[0])
+    found = instantaneous_centre(slider(jnp.zeros(())), rates(slider)[0], rates(tilt)[0] * UP)
     return found[:2], norm(found)
 
 
@@ -130,13 +133,6 @@ def polar_satellite(period, latitude, day):
     return (safe_atan2(-seen[1], norm(seen - seen[1] * axis(1, seen[1]))) / DEG,)
 
 
-def plumb_angle(latitude, Omega):
-    """Angle between the plumb line and the line to the Earth's centre."""
-    r = R * jnp.stack([jnp.cos(latitude), 0.0 * latitude, jnp.sin(latitude)])
-    spin = Omega * UP
-    return angle(point_gravity(r, K) - cross(spin, cross(spin, r)), -r)
-
-
 def sounding_rocket(v0, t, latitude, Omega):
     """A launch straight up from the turning Earth, seen from inertial space."""
     r = R * vec(jnp.cos(latitude), 0.0, jnp.sin(latitude))
@@ -150,17 +146,10 @@ def sounding_rocket(v0, t, latitude, Omega):
 
 def navigation(lat, latdot, londot, Omega, r, rdot):
     """Angular velocity and acceleration in the axes east, north, up of a moving vehicle."""
-    turn = londot + Omega
-
-    def axes(t):
-        return from_euler_angles(
-            jnp.stack([0.5 * jnp.pi + turn * t, 0.5 * jnp.pi - lat - latdot * t, 0.0 * t])
-        )
-
-    _, a = rates(lambda t: axes(t).rotate((r + rdot * t) * UP))
-    start = vec(0.5 * jnp.pi, 0.5 * jnp.pi - lat, 0.0)
-    omega = omega_from_euler_rates(start, vec(turn, -latdot, 0.0))
-    return omega, axes(jnp.zeros(())).rotate_back(a)
+    omega, omega_rate = navigation_rates(lat, latdot, londot, Omega)
+    frame = MovingFrame(Quaternion.identity(), omega, omega_rate)
+    _, _, a = frame.to_inertial(r * UP, rdot * UP, vec(0, 0, 0))
+    return omega, a
 
 
 def look_angles(inclination, phi, h, lat0, psi0):
@@ -284,7 +273,7 @@ CASES = [
     Case(
         "T2.3-P1",
         "Path (6t, 4t^2): velocity, acceleration, radius of curvature",
-        (norm, cross),
+        (path_components,),
         {"t": 1.5},
         lambda t: curvature(lambda t: t * vec(6, 0, 0) + t**2 * vec(0, 4, 0), t),
         {"v (ft/s)": [6, 12, 0], "a (ft/s^2)": [0, 8, 0], "rho (ft)": 50.31152949374527},
@@ -332,7 +321,7 @@ CASES = [
     Case(
         "T2.3-P7",
         "Radial and transverse components for r = 20 + 10t, theta = 0.2t^2",
-        TURNED,
+        (polar_components,),
         {"t": 2.0},
         lambda t: polar(lambda s: 20.0 + 10.0 * (t + s), lambda s: 0.2 * (t + s) ** 2),
         {"v_r, v_theta (ft/s)": [10, 32.0], "a_r, a_theta (ft/s^2)": [-25.6, 32.0]},
@@ -427,10 +416,10 @@ CASES = [
     Case(
         "T2.6-P1",
         "Deviation of the plumb line at 45 deg, and where it is greatest",
-        (point_gravity, cross, safe_atan2),
+        (plumb_line_deviation,),
         {"Omega": 7.29e-05, "latitudes": (45.0, 44.95048450279786)},
         lambda Omega, latitudes: tuple(
-            plumb_angle(jnp.asarray(x * DEG), Omega) / DEG for x in latitudes
+            plumb_line_deviation(x * DEG, K, R, Omega) / DEG for x in latitudes
         ),
         {"at 45 deg (deg)": 0.09903084648077252, "greatest (deg)": 0.09903099440427672},
     ),
@@ -472,7 +461,7 @@ CASES = [
     Case(
         "T2.6-acc",
         "Acceleration of a place on the surface at 35 deg, axes south, east, up",
-        (cross,),
+        (local_frame,),
         {"Omega": 7.29e-05, "latitude": 35 * DEG},
         surface_acceleration,
         {"a (ft/s^2)": [-0.052208352157869925, 0, -0.07456125406955232]},
@@ -490,7 +479,7 @@ CASES = [
     Case(
         "T3-P6",
         "Instantaneous centre of the rod of a crank and slider",
-        (cross,),
+        (instantaneous_centre,),
         {"R": 2.0, "k": 1.8, "theta": 35 * DEG},
         crank,
         {
@@ -501,7 +490,7 @@ CASES = [
     Case(
         "T3-P7",
         "Instantaneous centre of a rod that leans on a pin",
-        (cross,),
+        (instantaneous_centre,),
         {"h": 4.0, "theta": 40 * DEG},
         leaning_rod,
         {"centre (ft)": [-4.76701437037684, 9.681106501844825]},
@@ -543,7 +532,7 @@ CASES = [
     Case(
         "T3-P12",
         "Angular velocity and acceleration in axes east, north, up",
-        (from_euler_angles, omega_from_euler_rates),
+        (navigation_rates, MovingFrame),
         {
             **{"lat": 0.7, "latdot": 0.0002, "londot": 0.0003},
             **{"Omega": 7.292115e-05, "r": 6400000.0, "rdot": 30.0},
