@@ -1,6 +1,11 @@
 """Motion of a point under gravity: attraction by a point and by an oblate body, orbital elements,
 two-body motion in closed form, transfers."""
 
+from ._burnout import circular_speed as circular_speed
+from ._burnout import elements_from_burnout as elements_from_burnout
+from ._burnout import escape_speed as escape_speed
+from ._burnout import orbit_from_burnout as orbit_from_burnout
+from ._burnout import vis_viva_speed as vis_viva_speed
 from ._drag import Drag as Drag
 from ._drag import circular_decay_rate as circular_decay_rate
 from ._drag import drag_acceleration as drag_acceleration
@@ -16,12 +21,14 @@ from ._elements import semi_latus_rectum as semi_latus_rectum
 from ._elements import semi_major_axis as semi_major_axis
 from ._elements import specific_energy as specific_energy
 from ._elements import state_from_elements as state_from_elements
+from ._equinoctial import EquinoctialElements as EquinoctialElements
 from ._initial import orbit_from_altitude as orbit_from_altitude
 from ._initial import orbit_from_radius as orbit_from_radius
 from ._kepler import kepler_flow as kepler_flow
 from ._lambert import lambert as lambert
 from ._lambert import least_duration as least_duration
 from ._lambert import transfer_status as transfer_status
+from ._modified_equinoctial import ModifiedEquinoctialElements as ModifiedEquinoctialElements
 from ._oblateness import Oblateness as Oblateness
 from ._oblateness import apsidal_rate as apsidal_rate
 from ._oblateness import node_regression_rate as node_regression_rate
@@ -40,5 +47,8 @@ from ._point_gravity import PointGravity as PointGravity
 from ._point_gravity import point_gravity as point_gravity
 from ._point_gravity import point_gravity_potential as point_gravity_potential
 from ._steps import steps_for as steps_for
+from ._time_of_flight import period as period
+from ._time_of_flight import time_of_flight as time_of_flight
+from ._time_of_flight import true_anomaly_after as true_anomaly_after
 from ._transfer_status import TransferStatus as TransferStatus
 from ._two_body import TwoBody as TwoBody
