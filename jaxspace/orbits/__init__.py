@@ -1,11 +1,14 @@
 """Motion of a point under gravity: attraction by a point and by an oblate body, orbital elements,
 two-body motion in closed form, transfers."""
 
+from ._bielliptic import bielliptic_break_even as bielliptic_break_even
 from ._burnout import circular_speed as circular_speed
 from ._burnout import elements_from_burnout as elements_from_burnout
 from ._burnout import escape_speed as escape_speed
 from ._burnout import orbit_from_burnout as orbit_from_burnout
 from ._burnout import vis_viva_speed as vis_viva_speed
+from ._clohessy_wiltshire import clohessy_wiltshire_flow as clohessy_wiltshire_flow
+from ._clohessy_wiltshire import clohessy_wiltshire_transfer as clohessy_wiltshire_transfer
 from ._drag import Drag as Drag
 from ._drag import circular_decay_rate as circular_decay_rate
 from ._drag import drag_acceleration as drag_acceleration
@@ -22,6 +25,13 @@ from ._elements import semi_major_axis as semi_major_axis
 from ._elements import specific_energy as specific_energy
 from ._elements import state_from_elements as state_from_elements
 from ._equinoctial import EquinoctialElements as EquinoctialElements
+from ._impulses import Impulse as Impulse
+from ._impulses import OrbitChange as OrbitChange
+from ._impulses import apse_line_impulse as apse_line_impulse
+from ._impulses import eccentricities_through as eccentricities_through
+from ._impulses import plane_change_impulse as plane_change_impulse
+from ._impulses import small_tangential_impulse as small_tangential_impulse
+from ._impulses import tangential_impulse as tangential_impulse
 from ._initial import orbit_from_altitude as orbit_from_altitude
 from ._initial import orbit_from_radius as orbit_from_radius
 from ._kepler import kepler_flow as kepler_flow
@@ -51,4 +61,9 @@ from ._time_of_flight import period as period
 from ._time_of_flight import time_of_flight as time_of_flight
 from ._time_of_flight import true_anomaly_after as true_anomaly_after
 from ._transfer_status import TransferStatus as TransferStatus
+from ._transfers import ImpulsiveTransfer as ImpulsiveTransfer
+from ._transfers import apsidal_impulse as apsidal_impulse
+from ._transfers import bielliptic_transfer as bielliptic_transfer
+from ._transfers import coaxial_transfer as coaxial_transfer
+from ._transfers import hohmann_transfer as hohmann_transfer
 from ._two_body import TwoBody as TwoBody
