@@ -1,6 +1,13 @@
 """Motion of a point under gravity: attraction by a point and by an oblate body, orbital elements,
 two-body motion in closed form, transfers."""
 
+from ._ballistic import BallisticFlight as BallisticFlight
+from ._ballistic import BallisticImpact as BallisticImpact
+from ._ballistic import ballistic_angles as ballistic_angles
+from ._ballistic import ballistic_flight as ballistic_flight
+from ._ballistic import ballistic_impact as ballistic_impact
+from ._ballistic import least_energy_launch as least_energy_launch
+from ._ballistic import longest_range as longest_range
 from ._bielliptic import bielliptic_break_even as bielliptic_break_even
 from ._burnout import circular_speed as circular_speed
 from ._burnout import elements_from_burnout as elements_from_burnout
