@@ -2,6 +2,19 @@
 oblate body, orbital elements, two-body motion in closed form, radial motion by quadrature,
 transfers."""
 
+from ._ballistic import BallisticFlight as BallisticFlight
+from ._ballistic import BallisticImpact as BallisticImpact
+from ._ballistic import ballistic_angles as ballistic_angles
+from ._ballistic import ballistic_flight as ballistic_flight
+from ._ballistic import ballistic_impact as ballistic_impact
+from ._ballistic import least_energy_launch as least_energy_launch
+from ._ballistic import longest_range as longest_range
+from ._bielliptic import bielliptic_break_even as bielliptic_break_even
+from ._burnout import circular_speed as circular_speed
+from ._burnout import elements_from_burnout as elements_from_burnout
+from ._burnout import escape_speed as escape_speed
+from ._burnout import orbit_from_burnout as orbit_from_burnout
+from ._burnout import vis_viva_speed as vis_viva_speed
 from ._central_force import CentralPotential as CentralPotential
 from ._central_force import PowerLawForce as PowerLawForce
 from ._central_force import SphereGravity as SphereGravity
@@ -11,6 +24,8 @@ from ._central_force import shell_gravity as shell_gravity
 from ._central_force import shell_potential as shell_potential
 from ._central_force import sphere_gravity as sphere_gravity
 from ._central_force import sphere_potential as sphere_potential
+from ._clohessy_wiltshire import clohessy_wiltshire_flow as clohessy_wiltshire_flow
+from ._clohessy_wiltshire import clohessy_wiltshire_transfer as clohessy_wiltshire_transfer
 from ._drag import Drag as Drag
 from ._drag import circular_decay_rate as circular_decay_rate
 from ._drag import drag_acceleration as drag_acceleration
@@ -26,12 +41,21 @@ from ._elements import semi_latus_rectum as semi_latus_rectum
 from ._elements import semi_major_axis as semi_major_axis
 from ._elements import specific_energy as specific_energy
 from ._elements import state_from_elements as state_from_elements
+from ._equinoctial import EquinoctialElements as EquinoctialElements
+from ._impulses import Impulse as Impulse
+from ._impulses import OrbitChange as OrbitChange
+from ._impulses import apse_line_impulse as apse_line_impulse
+from ._impulses import eccentricities_through as eccentricities_through
+from ._impulses import plane_change_impulse as plane_change_impulse
+from ._impulses import small_tangential_impulse as small_tangential_impulse
+from ._impulses import tangential_impulse as tangential_impulse
 from ._initial import orbit_from_altitude as orbit_from_altitude
 from ._initial import orbit_from_radius as orbit_from_radius
 from ._kepler import kepler_flow as kepler_flow
 from ._lambert import lambert as lambert
 from ._lambert import least_duration as least_duration
 from ._lambert import transfer_status as transfer_status
+from ._modified_equinoctial import ModifiedEquinoctialElements as ModifiedEquinoctialElements
 from ._oblateness import Oblateness as Oblateness
 from ._oblateness import apsidal_rate as apsidal_rate
 from ._oblateness import node_regression_rate as node_regression_rate
@@ -60,7 +84,15 @@ from ._rotating_earth import navigation_rates as navigation_rates
 from ._rotating_earth import planet_frame as planet_frame
 from ._rotating_earth import plumb_line_deviation as plumb_line_deviation
 from ._steps import steps_for as steps_for
+from ._time_of_flight import period as period
+from ._time_of_flight import time_of_flight as time_of_flight
+from ._time_of_flight import true_anomaly_after as true_anomaly_after
 from ._transfer_status import TransferStatus as TransferStatus
+from ._transfers import ImpulsiveTransfer as ImpulsiveTransfer
+from ._transfers import apsidal_impulse as apsidal_impulse
+from ._transfers import bielliptic_transfer as bielliptic_transfer
+from ._transfers import coaxial_transfer as coaxial_transfer
+from ._transfers import hohmann_transfer as hohmann_transfer
 from ._two_body import TwoBody as TwoBody
 from ._two_masses import from_relative as from_relative
 from ._two_masses import reduced_mass as reduced_mass

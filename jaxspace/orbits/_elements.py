@@ -21,8 +21,8 @@ An angle without meaning is zero, and so is its derivative: the node of an equat
 the x axis, the periapsis of a circle at the node. The other elements then still lead back to the
 state, but their derivatives do not: state to elements and back is not the identity in its
 derivatives on a circle or at the equator. There the elements of a neighbouring orbit are no smooth
-function of its state, and a zero stands where no derivative exists. Vary the state, or the
-eccentricity vector and the angular momentum, instead.
+function of its state, and a zero stands where no derivative exists. Vary the state instead, or
+`ModifiedEquinoctialElements`, which are smooth there.
 
 The eccentricity vector of a state is a difference of vectors of length one, and has an error of
 some roundings. One shorter than 8 of them (2e-15 in double precision) is taken as zero: its
@@ -181,7 +181,7 @@ def elements_from_state(position: Vector, velocity: Vector, mu: Scalar) -> Class
     Arguments as in the other functions of this module. An eccentricity below 8 roundings is noise
     and counts as zero. Angles without a meaning, and their derivatives, are zero: at the circle and
     the equator, derivatives of the elements do not lead back to those of the state (see the module
-    and "Singular places" in the manual)."""
+    and "Singular places" in the manual); those of `ModifiedEquinoctialElements` do."""
     h = cross(position, velocity)
     e = eccentricity_vector(position, velocity, mu)
     noise = _NOISE * float(jnp.finfo(e.dtype).eps)

@@ -7,7 +7,7 @@ import numpy as np
 from ..core import Scalar, Vector, argument, initial, is_concrete
 from ._elements import ClassicalElements, state_from_elements
 
-_MU = argument(
+MU = argument(
     "m^3/s^2", positive=True, shared="planet.mu", doc="gravitational parameter of the planet"
 )
 _PLACE = {
@@ -18,7 +18,7 @@ _PLACE = {
         "rad", default=0.0, doc="angle from the ascending node to the periapsis"
     ),
     "true_anomaly": argument("rad", default=0.0, doc="angle from the periapsis"),
-    "mu": _MU,
+    "mu": MU,
 }
 
 

@@ -1,0 +1,138 @@
+"""Elements without the holes of the classical ones: modified equinoctial elements.
+
+    e vector = f F + g G                      f = e cos(omega + I node), g = e sin(omega + I node)
+    h = tan(i/2)^I cos(node)                  k = tan(i/2)^I sin(node)
+    F = (1 + h^2 - k^2, 2 h k, -2 I k) / s    G = (2 I h k, I (1 - h^2 + k^2), 2 h) / s
+    s = 1 + h^2 + k^2                         r = |r| (cos L F + sin L G)
+    |r| = p / (1 + f cos L + g sin L)         v = sqrt(mu/p) ((f + cos L) G - (g + sin L) F)
+
+    symbol  meaning                                               unit
+    p       semi-latus rectum                                     m
+    F, G    unit vectors in the plane of the orbit, 90 deg apart  1
+    L       true longitude, from F                                rad
+    I       1; -1 for retrograde elements                         1
+
+Source: Walker, Ireland and Owens (1985), Celestial Mechanics 36, 409.
+
+They hold for every conic, and nothing is singular at the circle and at the equator: state to
+elements and back is the identity in its derivatives too. At i = 180 degrees h and k are infinite;
+the retrograde elements are singular at i = 0 instead.
+"""
+
+from typing import final
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ..core import (
+    AbstractParameters,
+    InputError,
+    Scalar,
+    Vector,
+    check,
+    cross,
+    dot,
+    is_concrete,
+    quantity,
+    scale,
+    unit,
+)
+from ._elements import eccentricity_vector
+
+
+@final
+class ModifiedEquinoctialElements(AbstractParameters):
+    """Six elements of any conic that is not a straight line, regular at the circle and the equator.
+
+    Raises `InputError` for a longitude beyond the asymptotes of an open orbit."""
+
+    semi_latus_rectum: Float[Array, "*#runs"] = quantity(
+        "m", positive=True, doc="p, which every conic has"
+    )
+    f: Float[Array, "*#runs"] = quantity("", doc="e cos(argument of periapsis + node)")
+    g: Float[Array, "*#runs"] = quantity("", doc="e sin(argument of periapsis + node)")
+    h: Float[Array, "*#runs"] = quantity("", doc="tan(i/2) cos(node)")
+    k: Float[Array, "*#runs"] = quantity("", doc="tan(i/2) sin(node)")
+    true_longitude: Float[Array, "*#runs"] = quantity(
+        "rad", doc="L, node + argument of periapsis + true anomaly"
+    )
+    retrograde: bool = eqx.field(
+        static=True,
+        default=False,
+        metadata={"doc": "count from the other end of the line of nodes: regular at i = 180 deg"},
+    )
+
+    def __check_init__(self):
+        values = (self.f, self.g, self.true_longitude)
+        if all(is_concrete(x) for x in values):
+            f, g, L = (np.asarray(x, float) for x in values)
+            check(
+                1.0 + f * np.cos(L) + g * np.sin(L) > -1e-6,
+                "ModifiedEquinoctialElements.true_longitude",
+                L,
+                "between the asymptotes of the open orbit",
+            )
+
+    @classmethod
+    def of_state(
+        cls, position: Vector, velocity: Vector, mu: Scalar, *, retrograde: bool = False
+    ) -> "ModifiedEquinoctialElements":
+        """The elements of the orbit through a state, with the longitude within (-pi, pi].
+
+        **Arguments**
+
+        - `position`, m, and `velocity`, m/s: (3, *runs).
+        - `mu`: gravitational parameter, m^3/s^2, (*runs,).
+        - `retrograde`: whether i = 180 degrees is to be regular, and not i = 0.
+
+        **Raises** `InputError` for a known state at the one singular place.
+        """
+        momentum = cross(position, velocity)
+        h, k = _tilt(momentum, retrograde)
+        F, G = _axes(h, k, retrograde)
+        e = eccentricity_vector(position, velocity, mu)
+        return cls(
+            dot(momentum, momentum) / mu,
+            dot(e, F),
+            dot(e, G),
+            h,
+            k,
+            jnp.arctan2(dot(position, G), dot(position, F)),
+            retrograde,
+        )
+
+    def state(self, mu: Scalar) -> tuple[Vector, Vector]:
+        """Position, m, and velocity, m/s, each (3, *runs), for the parameter `mu`, m^3/s^2."""
+        F, G = _axes(self.h, self.k, self.retrograde)
+        c, s = jnp.cos(self.true_longitude), jnp.sin(self.true_longitude)
+        r = self.semi_latus_rectum / (1.0 + self.f * c + self.g * s)
+        speed = jnp.sqrt(mu / self.semi_latus_rectum)
+        position = scale(r * c, F) + scale(r * s, G)
+        return position, scale(speed * (self.f + c), G) - scale(speed * (self.g + s), F)
+
+
+def _tilt(momentum: Vector, retrograde: bool) -> tuple[Scalar, Scalar]:
+    """h and k from the angular momentum."""
+    w = unit(momentum)
+    sense = -1.0 if retrograde else 1.0
+    if is_concrete(w[2]) and np.any(np.asarray(w[2]) == -sense):
+        raise InputError(
+            f"The inclination is {180 * (not retrograde)} deg, where these elements are infinite: "
+            f"take those with retrograde={not retrograde}."
+        )
+    # The sum has no small value but beside the place where the elements are singular.
+    per = 1.0 / (1.0 + sense * w[2])
+    return -w[1] * per, w[0] * per
+
+
+def _axes(h: Scalar, k: Scalar, retrograde: bool) -> tuple[Vector, Vector]:
+    """The unit vectors F and G in the plane of the orbit."""
+    sense = -1.0 if retrograde else 1.0
+    h, k = jnp.broadcast_arrays(h, k)
+    h2, k2, hk = h * h, k * k, 2.0 * h * k
+    per = 1.0 / (1.0 + h2 + k2)
+    F = (1.0 + h2 - k2, hk, -2.0 * sense * k)
+    G = (sense * hk, sense * (1.0 - h2 + k2), 2.0 * h)
+    return scale(per, jnp.stack(F)), scale(per, jnp.stack(G))
