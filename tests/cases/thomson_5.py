@@ -8,9 +8,12 @@ from jaxspace.bodies import (
     InertiaTensor,
     PrincipalInertia,
     angular_acceleration,
-    kinetic_energy,
+    moment_along,
     parallel_axes,
+    particles,
+    pivot_impact,
 )
+from jaxspace.bodies import cylinder as solid_cylinder
 from jaxspace.core import cross, dot, norm
 from jaxspace.orbits import angular_momentum, inclination
 from jaxspace.rotations import Quaternion, from_euler_angles, omega_from_euler_rates
@@ -30,7 +33,9 @@ def landing(m, arm, moments, product, velocity):
     """Angular velocity about a boulder that a vehicle hits with one foot."""
     tensor = jnp.diag(vec(*moments)) - product * (jnp.outer(Y, Z) + jnp.outer(Z, Y))
     r = vec(0.0, *arm)
-    return (InertiaTensor(tensor).solve(cross(r, m * vec(*velocity))),)
+    # The case lists the moments about the pivot.
+    inertia = InertiaTensor(tensor - particles(vec(m), r[:, None]).about(0.0 * r))
+    return (pivot_impact(inertia, m, r, vec(*velocity), 0.0 * r).omega,)
 
 
 def propeller(m, l, spin, turn, blade):
@@ -74,9 +79,8 @@ def flat_spin(I_roll, I_yaw, rate, alpha):
 
 def cylinder(m, R):
     """Moments of a cylinder of the length 2 R, and that about a line to the rim of an end."""
-    inertia = PrincipalInertia(m * R**2 * vec(7.0 / 12.0, 7.0 / 12.0, 0.5))
-    line = vec(1.0, 0.0, 1.0) / jnp.sqrt(2.0)
-    return tuple(2.0 * kinetic_energy(inertia, axis) for axis in (Z, X, line))
+    tensor = solid_cylinder(m, R, 2.0 * R).tensor
+    return tuple(moment_along(tensor, line) for line in (Z, X, X + Z))
 
 
 def crusher(R, l, theta, rate):
@@ -166,7 +170,7 @@ CASES = [
     Case(
         "T5.5-P10",
         "Landing vehicle that pivots about a boulder",
-        (InertiaTensor, cross),
+        (pivot_impact, particles),
         {
             **{"m": 50.0, "arm": (1.2, 0.9), "moments": (180.0, 120.0, 150.0)},
             **{"product": 60.0, "velocity": (-4.0, 0, -6.0)},
@@ -209,7 +213,7 @@ CASES = [
     Case(
         "T5.12-P2",
         "Cylinder of the length 2 R about a line to the rim of an end",
-        (kinetic_energy,),
+        (solid_cylinder, moment_along),
         {"m": 1.0, "R": 1.0},
         cylinder,
         {
