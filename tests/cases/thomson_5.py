@@ -3,13 +3,12 @@
 import jax
 import jax.numpy as jnp
 
-from jaxspace.attitude import Polhode, Top
+from jaxspace.attitude import Polhode, Top, bank_angle, bearing_reactions, required_torque
 from jaxspace.bodies import (
     InertiaTensor,
     PrincipalInertia,
-    angular_acceleration,
+    box,
     moment_along,
-    parallel_axes,
     particles,
     pivot_impact,
 )
@@ -22,11 +21,6 @@ from .case import DEG, LINEAR, Case, rates, vec
 
 G = 32.2  # ft/s^2
 X, Y, Z = vec(1, 0, 0), vec(0, 1, 0), vec(0, 0, 1)
-
-
-def holding_torque(inertia, omega):
-    """The torque that keeps the body turning steadily, in body axes."""
-    return -inertia.times(angular_acceleration(inertia, omega, None))
 
 
 def landing(m, arm, moments, product, velocity):
@@ -50,31 +44,32 @@ def propeller(m, l, spin, turn, blade):
 
 def skewed_plate(m, a, b, alpha, omega, l):
     """Bearing force of a plate whose sides stand askew to the shaft."""
-    inertia = PrincipalInertia(m / 12.0 * vec(b**2, a**2, a**2 + b**2))
-    torque = holding_torque(inertia, omega * vec(jnp.cos(alpha), jnp.sin(alpha), 0.0))
-    return (jnp.abs(torque[2]) / l,)
+    plate = box(m, vec(a, b, 0.0))
+    shaft = vec(jnp.cos(alpha), jnp.sin(alpha), 0.0)
+    held = bearing_reactions(plate.inertia(), m, plate.centre, shaft, (0.0, l), omega)
+    return (norm(held.first),)
 
 
 def banked_turn(V, R, A, B, C):
     """Bank and rolling moment; x lateral, y longitudinal, z up."""
-    bank = jnp.arctan(V**2 / (R * G))
+    bank = bank_angle(V, R, G)
     rate = V / R * vec(jnp.sin(bank), 0.0, jnp.cos(bank))
-    return bank / DEG, jnp.abs(holding_torque(PrincipalInertia([A, B, C]), rate)[1])
+    return bank / DEG, jnp.abs(required_torque(PrincipalInertia([A, B, C]), rate)[1])
 
 
 def welded_rod(m, l, theta, omega, c):
     """Bearing reactions of a rod that is welded to a shaft at a third of its length."""
+    # Across its own axis a slender rod has no moment of inertia.
     inertia = PrincipalInertia(m * l**2 / 12.0 * vec(1.0, 1.0, 1e-16))
-    about = parallel_axes(inertia, m, l / 6.0 * Z)
-    couple = norm(holding_torque(about, omega * vec(jnp.sin(theta), 0.0, jnp.cos(theta))))
-    force = m * omega**2 * l / 6.0 * jnp.sin(theta)
-    return 0.5 * force + couple / (2.0 * c), jnp.abs(0.5 * force - couple / (2.0 * c))
+    shaft = vec(jnp.sin(theta), 0.0, jnp.cos(theta))
+    held = bearing_reactions(inertia, m, l / 6.0 * Z, shaft, (c, -c), omega)
+    return norm(held.first), norm(held.second)
 
 
 def flat_spin(I_roll, I_yaw, rate, alpha):
     moments = PrincipalInertia([I_roll, I_yaw, I_yaw])
     omega = rate * vec(jnp.sin(alpha), 0.0, jnp.cos(alpha))
-    return (norm(holding_torque(moments, omega)),)
+    return (norm(required_torque(moments, omega)),)
 
 
 def cylinder(m, R):
@@ -109,14 +104,14 @@ def forced_precession(I1, I3, mgh, omega_z, rate, angles):
 def node_moment(I1, I3, angles, first, second):
     """Moment in node axes for a prescribed motion; psi is the spin here."""
 
-    def omega(t):
-        at = vec(*angles) + t * vec(*first)
-        return omega_from_euler_rates(at, vec(*first) + t * vec(*second))
+    def rates(t):
+        """Angular velocity of the body and of the node axes, which do not spin, in node axes."""
+        at, rate = vec(*angles) + t * vec(*first), vec(*first) + t * vec(*second)
+        node = at * vec(1, 1, 0)
+        return omega_from_euler_rates(node, rate), omega_from_euler_rates(node, rate * vec(1, 1, 0))
 
-    inertia = PrincipalInertia([I1, I1, I3])
-    w, rate = jax.jvp(omega, (jnp.zeros(()),), (jnp.ones(()),))
-    moment = inertia.times(rate) + cross(w, inertia.times(w))
-    return (Quaternion.about(2, jnp.asarray(angles[2])).rotate(moment),)
+    (w, axes_rate), (w_rate, _) = jax.jvp(rates, (jnp.zeros(()),), (jnp.ones(()),))
+    return (required_torque(PrincipalInertia([I1, I1, I3]), w, w_rate, axes_rate),)
 
 
 def satellite_impulse(m, V, impulse):
@@ -154,7 +149,8 @@ def two_body(m1, m2, s, omega):
     return h[2], dot(force, X)
 
 
-FORCED = (angular_acceleration, PrincipalInertia)
+FORCED = (required_torque, PrincipalInertia)
+HELD = (bearing_reactions, PrincipalInertia)
 CASES = [
     Case(
         "T5.5-P3",
@@ -181,7 +177,7 @@ CASES = [
     Case(
         "T5.9-P9",
         "Plate that stands askew on its shaft",
-        FORCED,
+        (bearing_reactions, box),
         {"m": 4.0, "a": 0.2, "b": 0.5, "alpha": 25 * DEG, "omega": 100.0, "l": 0.6},
         skewed_plate,
         {"F (N)": 446.85925848607053},
@@ -189,7 +185,7 @@ CASES = [
     Case(
         "T5.9-P10",
         "Banked turn: gyroscopic rolling moment",
-        FORCED,
+        (*FORCED, bank_angle),
         {"V": 300.0, "R": 3000.0, "A": 9000.0, "B": 25000.0, "C": 31000.0},
         banked_turn,
         {"bank (deg)": 42.97430562187732, "moment (lbf ft)": 109.72511926643398},
@@ -205,7 +201,7 @@ CASES = [
     Case(
         "T5.9-P13",
         "Rod that is welded to a shaft at a third of its length",
-        (*FORCED, parallel_axes),
+        HELD,
         {"m": 4.0, "l": 0.9, "theta": 50 * DEG, "omega": 30.0, "c": 0.4},
         welded_rod,
         {"near the long end (N)": 406.2555696270962, "far (N)": 7.408429657151937},
@@ -307,7 +303,7 @@ CASES = [
     Case(
         "H4.81",
         "Moments of a symmetric body for a prescribed motion, in node axes",
-        (omega_from_euler_rates, PrincipalInertia),
+        (omega_from_euler_rates, required_torque),
         {
             **{"I1": 0.002, "I3": 0.0008, "angles": (0.4, 0.9, 1.3)},
             **{"first": (0.5, -0.3, 7.0), "second": (-0.2, 0.7, 0.1)},
