@@ -22,22 +22,6 @@ def tensor(x, y, z, xy=0.0, xz=0.0, yz=0.0):
     return jnp.array([[x, -xy, -xz], [-xy, y, -yz], [-xz, -yz, z]])
 
 
-def point_masses(masses, places):
-    """The tensor about the origin of point masses, each put there by the law of parallel axes."""
-    nothing = bodies.InertiaTensor(
-        1e-13 * jnp.eye(3)
-    )  # a point, but a body: its moments are positive
-    return sum(
-        bodies.parallel_axes(nothing, m, jnp.array(p)).matrix()
-        for m, p in zip(masses, places, strict=True)
-    )
-
-
-def about(j, direction):
-    """The moment of inertia about an axis through the origin."""
-    return direction @ j @ direction
-
-
 positive = arrays(float, 3, elements=st.floats(0.1, 10.0))
 vectors = arrays(float, 3, elements=st.floats(-5.0, 5.0))
 
@@ -54,7 +38,7 @@ def test_momentum_energy_and_axes():  # T5.2
     xi, eta = jnp.array([1.0, 2.0, 2.0]) / 3.0, jnp.array([2.0, 1.0, -2.0]) / 3.0
     np.testing.assert_allclose(j.times(omega), [2.1, 10.1, -18.1], rtol=1e-9)
     np.testing.assert_allclose(bodies.kinetic_energy(j, omega), 38.3, rtol=1e-9)
-    np.testing.assert_allclose(about(j.matrix(), xi), 5.066666666666666, rtol=1e-9)
+    np.testing.assert_allclose(bodies.moment_along(j.matrix(), xi), 5.066666666666666, rtol=1e-9)
     np.testing.assert_allclose(-xi @ j.matrix() @ eta, 0.8333333333333334, rtol=1e-9)
     moments, axes = bodies.principal_axes(j)
     np.testing.assert_allclose(
@@ -73,47 +57,51 @@ def test_dyadic():  # TB-9
 def test_six_weights():  # T5.5-P4
     m, (x, y, z) = 10.0 / 32.2, (5.0, 2.0, 6.0)
     places = [[x, 0, 0], [-x, 0, 0], [0, y, 0], [0, -y, 0], [0, 0, z], [0, 0, -z]]
-    j = point_masses([m] * 6, np.array(places, dtype=float))
+    body = bodies.particles(jnp.full(6, m), jnp.array(places, dtype=float).T)
     np.testing.assert_allclose(
-        np.diag(j), [24.84472049689441, 37.88819875776397, 18.012422360248447], rtol=1e-9
+        np.diag(body.tensor), [24.84472049689441, 37.88819875776397, 18.012422360248447], rtol=1e-9
     )
+    direction = jnp.array([1.0, 2.0, 2.0])
     np.testing.assert_allclose(
-        about(j, jnp.array([1.0, 2.0, 2.0]) / 3.0), 27.605244996549345, rtol=1e-9
+        body.moment_about(direction, jnp.zeros(3)), 27.605244996549345, rtol=1e-9
     )
-    np.testing.assert_allclose(np.diag(j) * 32.2, [800.0, 1220.0, 580.0], rtol=1e-9)
-    semi_axes = [0.2006240264773888, 0.16246058790657758, 0.23562096973595187]
-    np.testing.assert_allclose(1.0 / np.sqrt(np.diag(j)), semi_axes, rtol=1e-9)
-    # The same in metres and kilograms: the law of parallel axes holds in every consistent set of
-    # units.
-    np.testing.assert_allclose(SLUG * FOOT**2 * np.diag(j)[0], 33.68491797096647, rtol=1e-9)
+    np.testing.assert_allclose(np.diag(body.tensor) * 32.2, [800.0, 1220.0, 580.0], rtol=1e-9)
+    # The longest semi-axis, along z, first.
+    semi_axes, axes = bodies.inertia_ellipsoid(body.inertia())
+    longest = [0.23562096973595187, 0.2006240264773888, 0.16246058790657758]
+    np.testing.assert_allclose(semi_axes, longest, rtol=1e-9)
+    np.testing.assert_allclose(np.abs(axes), np.eye(3)[[1, 2, 0]], atol=1e-15)
+    # The same in metres and kilograms: the formulas hold in every consistent set of units.
+    np.testing.assert_allclose(SLUG * FOOT**2 * body.tensor[0, 0], 33.68491797096647, rtol=1e-9)
 
 
 def test_skewed_disk():  # T5.5-P6
     m, radius, alpha = 2.0, 0.3, 0.13962634015954636
-    turn = Quaternion.about(1, jnp.array(alpha)).matrix()
-    j = turn @ jnp.diag(m * radius**2 * jnp.array([0.25, 0.25, 0.5])) @ turn.T
+    disk = bodies.cylinder(m, radius, 0.0).turned(Quaternion.about(1, jnp.array(alpha)))
+    j = disk.tensor
     np.testing.assert_allclose(j[2, 2], 0.08912838815861217, rtol=1e-9)
     np.testing.assert_allclose(j[0, 0], 0.04587161184138783, rtol=1e-9)
     np.testing.assert_allclose(j[1, 1], 0.045, rtol=1e-9)
     np.testing.assert_allclose(abs(j[0, 2]), 0.006201840505882482, rtol=1e-9)
-    moments, _ = bodies.principal_axes(bodies.as_inertia(j))
+    moments, _ = bodies.principal_axes(disk.inertia())
     np.testing.assert_allclose(moments, m * radius**2 * np.array([0.25, 0.25, 0.5]), rtol=1e-13)
 
 
 def test_cube():  # T5.5-P7
     m, c = 3.0, 0.4
-    cube = bodies.as_inertia(m * c**2 / 6.0 * jnp.ones(3))
-    diagonal = jnp.ones(3) / jnp.sqrt(3.0)
-    np.testing.assert_allclose(about(cube.matrix(), diagonal), 0.08, rtol=1e-9)
-    corner = bodies.parallel_axes(cube, m, c / 2.0 * jnp.ones(3))
-    np.testing.assert_allclose(bodies.principal_axes(corner)[0], [0.08, 0.44, 0.44], rtol=1e-9)
-    np.testing.assert_allclose(about(corner.matrix(), diagonal), 0.08, rtol=1e-9)
+    cube = bodies.box(m, c * jnp.ones(3))
+    diagonal, corner = jnp.ones(3), c / 2.0 * jnp.ones(3)
+    np.testing.assert_allclose(cube.moment_about(diagonal, jnp.zeros(3)), 0.08, rtol=1e-9)
+    about_corner = bodies.parallel_axes(cube.inertia(), m, corner)
+    moments, _ = bodies.principal_axes(about_corner)
+    np.testing.assert_allclose(moments, [0.08, 0.44, 0.44], rtol=1e-9)
+    np.testing.assert_allclose(cube.moment_about(diagonal, corner), 0.08, rtol=1e-9)
 
 
 def test_three_masses():  # T5.5-P14
-    angles = np.radians([0.0, 120.0, 240.0])
-    places = 0.5 * np.stack([np.cos(angles), np.sin(angles), np.zeros(3)], axis=1)
-    j = point_masses([2.0] * 3, places)
+    angles = jnp.radians(jnp.array([0.0, 120.0, 240.0]))
+    places = 0.5 * jnp.stack([jnp.cos(angles), jnp.sin(angles), 0.0 * angles])
+    j = bodies.particles(jnp.full(3, 2.0), places).tensor
     np.testing.assert_allclose(np.diag(j), [0.75, 0.75, 1.5], rtol=1e-9)
     np.testing.assert_allclose(j[0, 1], 0.0, atol=1e-15)
 

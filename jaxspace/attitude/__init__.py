@@ -3,6 +3,10 @@
 from ._despin import YoYo as YoYo
 from ._despin import cord_length as cord_length
 from ._despin import zero_spin_cord_length as zero_spin_cord_length
+from ._forced_rotation import BearingReactions as BearingReactions
+from ._forced_rotation import bank_angle as bank_angle
+from ._forced_rotation import bearing_reactions as bearing_reactions
+from ._forced_rotation import required_torque as required_torque
 from ._gravity_gradient import GravityGradient as GravityGradient
 from ._gravity_gradient import gravity_gradient_energy as gravity_gradient_energy
 from ._gravity_gradient import gravity_gradient_torque as gravity_gradient_torque
@@ -15,6 +19,11 @@ from ._outputs import continuous_precession as continuous_precession
 from ._outputs import pointing as pointing
 from ._outputs import spin_rate as spin_rate
 from ._polhode import Polhode as Polhode
+from ._principal_spins import InvariablePlane as InvariablePlane
+from ._principal_spins import cone_bounds as cone_bounds
+from ._principal_spins import invariable_plane as invariable_plane
+from ._principal_spins import spin_modes as spin_modes
+from ._principal_spins import spin_stiffness as spin_stiffness
 from ._spherical_pendulum import PendulumState as PendulumState
 from ._spherical_pendulum import SphericalPendulum as SphericalPendulum
 from ._top import Top as Top
@@ -23,4 +32,5 @@ from ._torque_free import body_precession_rate as body_precession_rate
 from ._torque_free import cone_angles as cone_angles
 from ._torque_free import coning_omega as coning_omega
 from ._torque_free import precession_rate as precession_rate
+from ._torque_free import space_cone_angle as space_cone_angle
 from ._torque_free import symmetric_flow as symmetric_flow

@@ -125,13 +125,30 @@ def cone_angles(omega: Vector, A: Scalar, C: Scalar) -> tuple[Scalar, Scalar]:
 
     **Arguments** as in `precession_rate`.
 
-    **Returns** theta and gamma, rad, (*runs,); both zero at omega = 0. The body cone has the
-    half-angle gamma, the space cone |gamma - theta|.
+    **Returns** theta and gamma, rad, (*runs,); both zero at omega = 0. Gamma is the half-angle of
+    the body cone, `space_cone_angle` that of the space cone.
     """
     check_components("cone_angles: omega", omega, 3)
     # Safe, because a body that spins about its axis of symmetry has no transverse rate.
     transverse = safe_sqrt(omega[0] * omega[0] + omega[1] * omega[1])
     return safe_atan2(A * transverse, C * omega[2]), safe_atan2(transverse, omega[2])
+
+
+def space_cone_angle(omega: Vector, A: Scalar, C: Scalar) -> Scalar:
+    """Angle of omega with h, the half-angle of the space cone on which the body cone rolls (Thomson
+    5.8, 5.9).
+
+    **Arguments** as in `precession_rate`.
+
+    **Returns** the angle, rad, (*runs,), with a sign: negative for a slender body, A > C, whose
+    precession is direct (the cones roll on their outsides), and positive for a flat one, C > A,
+    whose precession is retrograde (the space cone lies within the body cone). Zero at omega = 0.
+    """
+    check_components("space_cone_angle: omega", omega, 3)
+    square = omega[0] * omega[0] + omega[1] * omega[1]
+    # Of gamma - theta, without the difference, which loses digits for nearly equal moments.
+    across = safe_sqrt(square) * jnp.abs(omega[2]) * (C - A)
+    return safe_atan2(across, A * square + C * omega[2] * omega[2])
 
 
 def coning_omega(theta: Scalar, precession: Scalar, A: Scalar, C: Scalar) -> Vector:

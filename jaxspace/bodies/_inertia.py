@@ -96,7 +96,7 @@ class PrincipalInertia(AbstractInertia):
         return PrincipalInertia(own + moments)
 
     def matrix(self) -> Matrix:
-        return _diagonal(self.moments)
+        return diagonal(self.moments)
 
 
 @final
@@ -136,7 +136,7 @@ class InertiaTensor(AbstractInertia):
 
     def plus_diagonal(self, moments: Vector) -> "InertiaTensor":
         tensor, moments = _same_rank(self.tensor, moments, axes=2)
-        return InertiaTensor(tensor + _diagonal(moments))
+        return InertiaTensor(tensor + diagonal(moments))
 
     def matrix(self) -> Matrix:
         return self.tensor
@@ -150,7 +150,7 @@ def _same_rank(own: Array, vector: Vector, axes: int = 1) -> tuple[Array, Vector
     return with_rank(own, rank, axes), with_rank(vector, rank)
 
 
-def _diagonal(d: Vector) -> Matrix:
+def diagonal(d: Vector) -> Matrix:
     """The matrix with `d` on its diagonal."""
     return jnp.eye(3, dtype=d.dtype).reshape(3, 3, *(1,) * (d.ndim - 1)) * d[:, None]
 
@@ -191,10 +191,15 @@ def parallel_axes(inertia: AbstractInertia, mass: Scalar, offset: Vector) -> Ine
 
     **Returns** the tensor about the point, kg m^2; the runs of all three broadcast.
     """
-    tensor = inertia.matrix()
-    # Any of the three may be the one that many runs share.
-    rank = max(tensor.ndim - 2, jnp.ndim(mass), offset.ndim - 1)
-    tensor, offset = with_rank(tensor, rank, axes=2), with_rank(offset, rank)
-    identity = with_rank(jnp.eye(3, dtype=offset.dtype), rank, axes=2)
-    shift = dot(offset, offset) * identity - offset[:, None] * offset[None, :]
-    return InertiaTensor(tensor + mass * shift)
+    tensor, shift = inertia.matrix(), particle_inertia(mass, offset)
+    rank = max(tensor.ndim, shift.ndim) - 2
+    return InertiaTensor(with_rank(tensor, rank, axes=2) + with_rank(shift, rank, axes=2))
+
+
+def particle_inertia(mass: Scalar, offset: Vector) -> Matrix:
+    """The tensor m (d^2 1 - d d^T) of a particle of the `mass`, kg, (*runs,), about a point at the
+    `offset` d, m, (3, *runs), from it; kg m^2, (3, 3, *runs)."""
+    # Either of the two may be the one that many runs share.
+    offset = with_rank(offset, jnp.ndim(mass))
+    identity = with_rank(jnp.eye(3, dtype=offset.dtype), offset.ndim - 1, axes=2)
+    return mass * (dot(offset, offset) * identity - offset[:, None] * offset[None, :])

@@ -3,14 +3,11 @@
     q = (w, x, y, z)            turns components in the body's axes into components in inertial axes
     v_N = C_NB v_B              C_NB(q): the matrix of the same turn
     q' = q (0, omega_B) / 2     omega_B: rate of the body relative to inertial space, in body axes
-    theta' = omega_B + theta x omega_B / 2
-             + (1 - (theta/2) cot(theta/2)) theta x (theta x omega_B) / theta^2
 
     symbol   meaning                                  unit
     w        cosine of half the angle of turn         1
     x, y, z  axis of turn times sine of half angle    1
     omega_B  angular velocity in body axes            rad/s
-    theta    turn from q_0, q = q_0 exp(theta/2)      rad
 
 Source: Thomson 5.1 (Euler's theorem: every displacement with a fixed point is one turn), 3.4
 (matrix), 3-P13 (rates).
@@ -42,8 +39,10 @@ from ..core import (
     norm,
     safe_atan2,
     sinc_squared,
+    unit,
     with_rank,
 )
+from ._rotation_vector import rotation_vector_rate
 
 
 @final
@@ -86,6 +85,17 @@ class Quaternion(AbstractGroupElement):
         # at zero.
         scalar = 1.0 - 2.0 * (z / 4.0) * sinc_squared(z / 4.0) ** 2
         return cls(jnp.concatenate([scalar[None], 0.5 * sinc_squared(z) * angle_axis]))
+
+    @classmethod
+    def from_axis_angle(cls, axis: Vector, angle: Scalar) -> "Quaternion":
+        """The turn about `axis`, (3, *runs), of any length but zero, through `angle`, rad, of any
+        size."""
+        check_components("Quaternion.from_axis_angle: axis", axis, 3)
+        angle = jnp.asarray(angle)
+        rank = max(axis.ndim - 1, angle.ndim)
+        direction = with_rank(unit(axis), rank)
+        scalar = jnp.cos(angle / 2.0) + 0.0 * direction[0]
+        return cls(jnp.concatenate([scalar[None], jnp.sin(angle / 2.0) * direction]))
 
     @classmethod
     def about(cls, index: int, angle: Scalar) -> "Quaternion":
@@ -188,8 +198,7 @@ class Quaternion(AbstractGroupElement):
         check_components("Quaternion.coordinate_rate: local", local, 3)
         # q' = q (0, omega_B) / 2, solved for omega_B.
         omega_B = 2.0 * self.inverse().then(rate).wxyz[1:]
-        across = cross(local, omega_B)
-        return omega_B + 0.5 * across + _bend(dot(local, local)) * cross(local, across)
+        return rotation_vector_rate(local, omega_B)
 
     def rotation_vector(self) -> Vector:
         """Axis of turn times angle, rad, the angle within [0, pi]; smooth at zero."""
@@ -206,6 +215,15 @@ class Quaternion(AbstractGroupElement):
         )
         return ratio * u
 
+    def axis_angle(self) -> tuple[Vector, Scalar]:
+        """Axis of turn, a unit vector, and angle within [0, pi], rad (Thomson 5.1).
+
+        Without a turn the axis is the zero vector, and both have derivatives of zero. At half a
+        turn one of two opposite axes is returned."""
+        q = self._components()
+        q = jnp.where(q[0] < 0.0, -q, q)
+        return unit(q[1:]), 2.0 * safe_atan2(norm(q[1:]), q[0])
+
     def _components(self) -> Float[Array, "4 *#runs"]:
         """`wxyz`, checked: transformations of trees rebuild a quaternion without a check."""
         check_components("Quaternion.wxyz", self.wxyz, 4)
@@ -217,20 +235,6 @@ class Quaternion(AbstractGroupElement):
         rank = max(q.ndim, vector.ndim) - 1
         q = with_rank(q, rank)
         return q[0], q[1:], with_rank(vector, rank)
-
-
-def _bend(z: Scalar) -> Scalar:
-    """(1 - s cot(s)) / (4 s^2) of z = 4 s^2, with its series about z = 0; singular at a whole
-    turn."""
-    # The closed form loses digits near zero, where the series is exact to rounding.
-    small = z < 0.1
-    y = jnp.where(small, z, 0.0)
-    x = jnp.where(small, 1.0, z)
-    s = 0.5 * jnp.sqrt(x)
-    series = 691.0 / 1307674368000.0
-    for inverse in (47900160.0, 1209600.0, 30240.0, 720.0, 12.0):
-        series = 1.0 / inverse + y * series
-    return jnp.where(small, series, (1.0 - s / jnp.tan(s)) / x)
 
 
 def _two_atan_over(s: Scalar, w: Scalar) -> Scalar:

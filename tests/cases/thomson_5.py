@@ -3,14 +3,16 @@
 import jax
 import jax.numpy as jnp
 
-from jaxspace.attitude import Polhode, Top
+from jaxspace.attitude import Polhode, Top, bank_angle, bearing_reactions, required_torque
 from jaxspace.bodies import (
     InertiaTensor,
     PrincipalInertia,
-    angular_acceleration,
-    kinetic_energy,
-    parallel_axes,
+    box,
+    moment_along,
+    particles,
+    pivot_impact,
 )
+from jaxspace.bodies import cylinder as solid_cylinder
 from jaxspace.core import cross, dot, norm
 from jaxspace.orbits import angular_momentum, inclination
 from jaxspace.rotations import Quaternion, from_euler_angles, omega_from_euler_rates
@@ -21,16 +23,13 @@ G = 32.2  # ft/s^2
 X, Y, Z = vec(1, 0, 0), vec(0, 1, 0), vec(0, 0, 1)
 
 
-def holding_torque(inertia, omega):
-    """The torque that keeps the body turning steadily, in body axes."""
-    return -inertia.times(angular_acceleration(inertia, omega, None))
-
-
 def landing(m, arm, moments, product, velocity):
     """Angular velocity about a boulder that a vehicle hits with one foot."""
     tensor = jnp.diag(vec(*moments)) - product * (jnp.outer(Y, Z) + jnp.outer(Z, Y))
     r = vec(0.0, *arm)
-    return (InertiaTensor(tensor).solve(cross(r, m * vec(*velocity))),)
+    # The case lists the moments about the pivot.
+    inertia = InertiaTensor(tensor - particles(vec(m), r[:, None]).about(0.0 * r))
+    return (pivot_impact(inertia, m, r, vec(*velocity), 0.0 * r).omega,)
 
 
 def propeller(m, l, spin, turn, blade):
@@ -45,38 +44,38 @@ def propeller(m, l, spin, turn, blade):
 
 def skewed_plate(m, a, b, alpha, omega, l):
     """Bearing force of a plate whose sides stand askew to the shaft."""
-    inertia = PrincipalInertia(m / 12.0 * vec(b**2, a**2, a**2 + b**2))
-    torque = holding_torque(inertia, omega * vec(jnp.cos(alpha), jnp.sin(alpha), 0.0))
-    return (jnp.abs(torque[2]) / l,)
+    plate = box(m, vec(a, b, 0.0))
+    shaft = vec(jnp.cos(alpha), jnp.sin(alpha), 0.0)
+    held = bearing_reactions(plate.inertia(), m, plate.centre, shaft, (0.0, l), omega)
+    return (norm(held.first),)
 
 
 def banked_turn(V, R, A, B, C):
     """Bank and rolling moment; x lateral, y longitudinal, z up."""
-    bank = jnp.arctan(V**2 / (R * G))
+    bank = bank_angle(V, R, G)
     rate = V / R * vec(jnp.sin(bank), 0.0, jnp.cos(bank))
-    return bank / DEG, jnp.abs(holding_torque(PrincipalInertia([A, B, C]), rate)[1])
+    return bank / DEG, jnp.abs(required_torque(PrincipalInertia([A, B, C]), rate)[1])
 
 
 def welded_rod(m, l, theta, omega, c):
     """Bearing reactions of a rod that is welded to a shaft at a third of its length."""
+    # Across its own axis a slender rod has no moment of inertia.
     inertia = PrincipalInertia(m * l**2 / 12.0 * vec(1.0, 1.0, 1e-16))
-    about = parallel_axes(inertia, m, l / 6.0 * Z)
-    couple = norm(holding_torque(about, omega * vec(jnp.sin(theta), 0.0, jnp.cos(theta))))
-    force = m * omega**2 * l / 6.0 * jnp.sin(theta)
-    return 0.5 * force + couple / (2.0 * c), jnp.abs(0.5 * force - couple / (2.0 * c))
+    shaft = vec(jnp.sin(theta), 0.0, jnp.cos(theta))
+    held = bearing_reactions(inertia, m, l / 6.0 * Z, shaft, (c, -c), omega)
+    return norm(held.first), norm(held.second)
 
 
 def flat_spin(I_roll, I_yaw, rate, alpha):
     moments = PrincipalInertia([I_roll, I_yaw, I_yaw])
     omega = rate * vec(jnp.sin(alpha), 0.0, jnp.cos(alpha))
-    return (norm(holding_torque(moments, omega)),)
+    return (norm(required_torque(moments, omega)),)
 
 
 def cylinder(m, R):
     """Moments of a cylinder of the length 2 R, and that about a line to the rim of an end."""
-    inertia = PrincipalInertia(m * R**2 * vec(7.0 / 12.0, 7.0 / 12.0, 0.5))
-    line = vec(1.0, 0.0, 1.0) / jnp.sqrt(2.0)
-    return tuple(2.0 * kinetic_energy(inertia, axis) for axis in (Z, X, line))
+    tensor = solid_cylinder(m, R, 2.0 * R).tensor
+    return tuple(moment_along(tensor, line) for line in (Z, X, X + Z))
 
 
 def crusher(R, l, theta, rate):
@@ -105,14 +104,14 @@ def forced_precession(I1, I3, mgh, omega_z, rate, angles):
 def node_moment(I1, I3, angles, first, second):
     """Moment in node axes for a prescribed motion; psi is the spin here."""
 
-    def omega(t):
-        at = vec(*angles) + t * vec(*first)
-        return omega_from_euler_rates(at, vec(*first) + t * vec(*second))
+    def rates(t):
+        """Angular velocity of the body and of the node axes, which do not spin, in node axes."""
+        at, rate = vec(*angles) + t * vec(*first), vec(*first) + t * vec(*second)
+        node = at * vec(1, 1, 0)
+        return omega_from_euler_rates(node, rate), omega_from_euler_rates(node, rate * vec(1, 1, 0))
 
-    inertia = PrincipalInertia([I1, I1, I3])
-    w, rate = jax.jvp(omega, (jnp.zeros(()),), (jnp.ones(()),))
-    moment = inertia.times(rate) + cross(w, inertia.times(w))
-    return (Quaternion.about(2, jnp.asarray(angles[2])).rotate(moment),)
+    (w, axes_rate), (w_rate, _) = jax.jvp(rates, (jnp.zeros(()),), (jnp.ones(()),))
+    return (required_torque(PrincipalInertia([I1, I1, I3]), w, w_rate, axes_rate),)
 
 
 def satellite_impulse(m, V, impulse):
@@ -150,7 +149,8 @@ def two_body(m1, m2, s, omega):
     return h[2], dot(force, X)
 
 
-FORCED = (angular_acceleration, PrincipalInertia)
+FORCED = (required_torque, PrincipalInertia)
+HELD = (bearing_reactions, PrincipalInertia)
 CASES = [
     Case(
         "T5.5-P3",
@@ -166,7 +166,7 @@ CASES = [
     Case(
         "T5.5-P10",
         "Landing vehicle that pivots about a boulder",
-        (InertiaTensor, cross),
+        (pivot_impact, particles),
         {
             **{"m": 50.0, "arm": (1.2, 0.9), "moments": (180.0, 120.0, 150.0)},
             **{"product": 60.0, "velocity": (-4.0, 0, -6.0)},
@@ -177,7 +177,7 @@ CASES = [
     Case(
         "T5.9-P9",
         "Plate that stands askew on its shaft",
-        FORCED,
+        (bearing_reactions, box),
         {"m": 4.0, "a": 0.2, "b": 0.5, "alpha": 25 * DEG, "omega": 100.0, "l": 0.6},
         skewed_plate,
         {"F (N)": 446.85925848607053},
@@ -185,7 +185,7 @@ CASES = [
     Case(
         "T5.9-P10",
         "Banked turn: gyroscopic rolling moment",
-        FORCED,
+        (*FORCED, bank_angle),
         {"V": 300.0, "R": 3000.0, "A": 9000.0, "B": 25000.0, "C": 31000.0},
         banked_turn,
         {"bank (deg)": 42.97430562187732, "moment (lbf ft)": 109.72511926643398},
@@ -201,7 +201,7 @@ CASES = [
     Case(
         "T5.9-P13",
         "Rod that is welded to a shaft at a third of its length",
-        (*FORCED, parallel_axes),
+        HELD,
         {"m": 4.0, "l": 0.9, "theta": 50 * DEG, "omega": 30.0, "c": 0.4},
         welded_rod,
         {"near the long end (N)": 406.2555696270962, "far (N)": 7.408429657151937},
@@ -209,7 +209,7 @@ CASES = [
     Case(
         "T5.12-P2",
         "Cylinder of the length 2 R about a line to the rim of an end",
-        (kinetic_energy,),
+        (solid_cylinder, moment_along),
         {"m": 1.0, "R": 1.0},
         cylinder,
         {
@@ -303,7 +303,7 @@ CASES = [
     Case(
         "H4.81",
         "Moments of a symmetric body for a prescribed motion, in node axes",
-        (omega_from_euler_rates, PrincipalInertia),
+        (omega_from_euler_rates, required_torque),
         {
             **{"I1": 0.002, "I3": 0.0008, "angles": (0.4, 0.9, 1.3)},
             **{"first": (0.5, -0.3, 7.0), "second": (-0.2, 0.7, 0.1)},
