@@ -310,6 +310,7 @@ def cube(x):
     return _transformed(jnp.diag(jnp.stack([local[k, k] ** 3 for k in range(3)])), frame.matrix().T)
 
 
+@pytest.mark.sweep
 def test_principal_axes_have_derivatives_of_second_order_or_say_not():
     x, bend = np.array([3.0, 2.0, 1.0, 0.0, 0.0, 0.0]), jax.jit(jax.hessian(cube))
     exact = jax.hessian(lambda x: tensor_of(x) @ tensor_of(x) @ tensor_of(x))(x)

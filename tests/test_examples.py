@@ -17,6 +17,7 @@ def test_there_are_examples():
 
 # A process of its own: an example chooses its precision, and no other test has touched JAX's
 # settings before it.
+@pytest.mark.slow
 @pytest.mark.parametrize("name", EXAMPLES)
 def test_example_runs(name, request):
     path = os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")]))

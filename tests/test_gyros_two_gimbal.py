@@ -208,6 +208,7 @@ def walk_results(v):
     )
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize("rate", [0.6, 0.0])
 def test_derivatives_of_the_walk(rate):
     check_derivatives(walk_results, [2.0, 0.8, 5.0, 0.6, 0.5, 0.4, 1.5, 0.9, rate])

@@ -21,6 +21,8 @@ LINK = re.compile(r"\]\(([^)#:]+)(?:#[^)]*)?\)")
 MANUAL = ["README.md", "CONTRIBUTING.md"]
 MANUAL += sorted(str(path.relative_to(ROOT)) for path in ROOT.glob("docs/**/*.md"))
 PAGES = [page for page in MANUAL if CODE.search((ROOT / page).read_text())]
+# What a reader opens first is run always, of the other pages a sample.
+FIRST = ("README.md", "docs/index.md", "docs/howto/extending.md", "docs/tutorials/")
 ROOMS = [room.name for room in pkgutil.iter_modules(jaxspace.__path__) if room.ispkg]
 # Written by a hook when the site is built.
 GENERATED = {"scene_files.md", "command_line.md", "hard_cases.md"}
@@ -31,7 +33,10 @@ def test_there_is_something_to_run():
     assert len(PAGES) >= 25
 
 
-@pytest.mark.parametrize("page", PAGES)
+@pytest.mark.parametrize(
+    "page",
+    [pytest.param(p, marks=() if p.startswith(FIRST) else pytest.mark.slow) for p in PAGES],
+)
 def test_code_of_the_page_runs(page, tmp_path, monkeypatch, settings_stay):
     monkeypatch.chdir(tmp_path)  # a page may write a file
     names = {"__name__": "page"}

@@ -126,6 +126,7 @@ def test_it_is_seen_wherever_it_falls(centre):
     assert error(struck(centre), Accuracy(1e-9, method=RKN1210(), max_step=WIDTH)) < 1e-8
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("forward", [False, True])
 def test_derivatives_of_a_pulse_that_is_seen(forward):
     accuracy = Accuracy(1e-11, method=RKN1210(), max_step=0.5 * WIDTH)

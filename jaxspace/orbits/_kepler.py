@@ -21,7 +21,7 @@ lose their digits at e = 1.
 
 The error is that of the rounding of the inputs. This holds for a flyby from afar too, where the
 terms of Kepler's equation above nearly cancel, because the anomaly comes from its form about
-periapsis (`_anomaly.py`). Derivatives of such a flyby lose two digits more.
+periapsis (`_anomaly.py`). Derivatives of such a flyby lose up to three digits more.
 
 Near the parabola the inputs say the energy with few digits: at periapsis beta = 1 - e is the rest
 of 2 - v0^2 |r0|/mu, and half a unit in the last place of v0 moves the energy by 1e-16/(1 - e) of
