@@ -147,6 +147,7 @@ def test_ten_thousand_flips_step_by_step():
         assert_allclose(left[name], value, rtol=1e-11, atol=1e-11)
 
 
+@pytest.mark.sweep
 def test_a_hundred_precessions():
     """Long spans of every kind of body, beside integration at a tolerance of 3e-14 over some 600
     rad."""
@@ -251,6 +252,7 @@ def derivatives():
     }
 
 
+@pytest.mark.sweep
 def test_ten_thousand_flips_have_derivatives(derivatives):
     """The time of a flip depends on the start, and ten thousand of them on it as often: derivatives
     of up to 1e7."""
@@ -296,6 +298,7 @@ def test_derivatives(derivatives, x):
     ],
     ids=["general", "principal", "symmetric", "sphere"],
 )
+@pytest.mark.sweep
 def test_derivatives_of_a_tensor(derivatives, tensor):
     value, forward, reverse = derivatives[tensorial]
     x = np.array([*tensor, 0.4, 0.1, 2.0, 2.0])

@@ -204,6 +204,7 @@ def in_reverse(final, direction):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("way", [forwards, in_reverse])
+@pytest.mark.sweep
 def test_derivatives_through_a_splitting(way):
     """Of the attitude after a quarter of a turn, by the start, the gravitational parameter and the
     moments, against differences."""

@@ -306,6 +306,7 @@ def start():
     return np.concatenate([position, velocity, [q[3], q[0], q[1], q[2]], omega, [DRY + PROPELLANT]])
 
 
+@pytest.mark.sweep
 def test_burn_and_coast_agree_with_another_integration(kick):
     """1 m and 1e-4 rad: the accuracy that the mission asks for. The other integration is a hundred
     times finer."""

@@ -248,6 +248,7 @@ def test_profile_is_interpolation():
     np.testing.assert_allclose(profile(jnp.asarray(t)), np.interp(t, times, angles), atol=1e-15)
 
 
+@pytest.mark.sweep
 def test_direct_shooting_finds_linear_tangent_steering():
     """T8.3-A from a constant 20 degrees: gradients through the simulation find what the optimality
     condition demands."""

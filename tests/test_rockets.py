@@ -83,6 +83,7 @@ def test_body_that_sweeps_up_matter_at_rest():
     np.testing.assert_allclose(end.position[0], 5377.784490423637, rtol=1e-12)
 
 
+@pytest.mark.sweep
 def test_a_profile_with_kinks_loses_no_digits():
     """The rocket equation depends on the masses alone: a tabulated thrust gives the same speed, in
     few steps, and its slope with respect to the burn time is zero."""

@@ -166,6 +166,7 @@ def few_among_many(few, system, of):
     )
 
 
+@pytest.mark.sweep
 def test_stiff_runs_among_others_that_no_sample_shows_are_taken_by_themselves():
     def start(p):
         return CompassState(p, 0.0 * p, 7.2921e-5 * jnp.sin(p), 0.0 * p)

@@ -232,6 +232,7 @@ def test_many_runs_and_times_backwards_are_single_runs():
     assert jnp.all(run.status == Status.COMPLETED)
 
 
+@pytest.mark.sweep
 def test_derivatives_forwards_and_reverse():
     h, start = jnp.array(0.7), Swing(jnp.array(1.0), jnp.array(0.2))
 

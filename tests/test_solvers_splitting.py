@@ -114,6 +114,7 @@ def test_derivatives_of_an_orbit_forwards():
     against_differences(end, jax.jacfwd, (jnp.array(J2), jnp.array(0.1)))
 
 
+@pytest.mark.sweep
 def test_derivatives_of_a_top_in_reverse():
     y = Top.state(jnp.array([0.2, 0.7, 0.1]), jnp.array([1.0, 0.3, 14.0]))
 

@@ -5,6 +5,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+import pytest
 
 from jaxspace import Scene
 from jaxspace.attitude import GravityGradient, Top, TorqueFreeBody, gravity_gradient_energy
@@ -52,6 +53,7 @@ def jacobi(y):
     )
 
 
+@pytest.mark.sweep
 def test_libration_under_the_gravity_gradient():
     y = start([0.05, 0.02, 1.1])
     run = split(6.0 * ORBIT, y)
@@ -105,6 +107,7 @@ def test_a_top_precesses():
     assert all(np.max(drift) < 1e-6 for drift in run.drift().values())
 
 
+@pytest.mark.sweep
 def test_steps_that_pass_whole_turns_do_not_understate_their_error():
     """From a tenth of a turn to three turns a step, against steps 64 times as short: below a
     quarter of a turn the estimate is near the error; beyond, it is effectively random and lies

@@ -171,6 +171,7 @@ def test_fixed_steps_have_one_row_and_no_tolerance():
     assert simulate(scene, orbit(), ts, accuracy=found).accuracy.method == method
 
 
+@pytest.mark.sweep
 def test_auto_of_a_mission_is_shown_where_it_takes_what_was_measured():
     """By a closed form and by RKN1210. Above 1e-5 it would take Tsit5 for the second phase."""
     free = Phase(Scene([PointGravity(MU)]), 300.0, name="free")
@@ -443,6 +444,7 @@ def test_a_mission_counts_an_effect_over_all_of_its_phases():
     assert "Oblateness" in budget.dropped
 
 
+@pytest.mark.sweep
 def test_a_budget_in_regularised_variables():
     """The attraction is weaker or stronger within them; without it there are none, which its row
     says. Twice as many fixed steps show the error of the integration."""
@@ -460,6 +462,7 @@ def test_a_budget_in_regularised_variables():
     assert f"Finer integration moves it by {budget.noise:.1g}." in str(budget)
 
 
+@pytest.mark.sweep
 def test_a_run_that_fails_without_an_effect_says_so():
     """Nothing falls without the wind, and the phase waits in vain for its event."""
     down = Event(lambda t, y: y.position[0] - 5.0, direction=1, within=20.0)
