@@ -11,6 +11,7 @@ from ._settings import settle
 
 
 def run(given: argparse.Namespace) -> int:
+    """Fly the scene or mission of the file once."""
     from . import _commands
 
     settle()
@@ -18,6 +19,7 @@ def run(given: argparse.Namespace) -> int:
 
 
 def disperse(given: argparse.Namespace) -> int:
+    """Fly it many times with its inputs dispersed."""
     from . import _commands
 
     settle()
@@ -25,6 +27,7 @@ def disperse(given: argparse.Namespace) -> int:
 
 
 def explain(given: argparse.Namespace) -> int:
+    """Print the table of effects of every scene of the file."""
     from . import _commands
 
     settle()
@@ -32,6 +35,7 @@ def explain(given: argparse.Namespace) -> int:
 
 
 def cost(given: argparse.Namespace) -> int:
+    """Print what accuracy costs in time."""
     from . import _commands
 
     settle()
@@ -39,6 +43,7 @@ def cost(given: argparse.Namespace) -> int:
 
 
 def budget(given: argparse.Namespace) -> int:
+    """Print what each effect does to the answer."""
     from . import _commands
 
     settle()
@@ -46,6 +51,7 @@ def budget(given: argparse.Namespace) -> int:
 
 
 def show_list(given: argparse.Namespace) -> int:
+    """Print the systems, effects, events and outputs that a file may name."""
     from . import _commands
 
     del given
@@ -53,6 +59,7 @@ def show_list(given: argparse.Namespace) -> int:
 
 
 def show_schema(given: argparse.Namespace) -> int:
+    """Print the JSON schema of scene files."""
     from . import _commands
 
     del given
@@ -60,6 +67,7 @@ def show_schema(given: argparse.Namespace) -> int:
 
 
 def verify(given: argparse.Namespace) -> int:
+    """Compute the hard cases and print how they hold."""
     from . import _commands
 
     settle()
