@@ -29,6 +29,7 @@ rate itself the period is infinite.
 from typing import final
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
@@ -36,7 +37,7 @@ from ..core import Scalar, stumpff
 
 # The error of a periodic quadrature falls exponentially with the nodes.
 NODES = 48
-# Newton's steps double the digits, from 1e-2 on.
+# Newton's steps double the digits, from 1e-2 on. The last two, which carry the derivatives, count.
 STEPS = 6
 
 
@@ -156,6 +157,11 @@ class GimbalWalk(eqx.Module):
         slope = scale * (jnp.sin(theta) - self._bend(deviation))
         return scale * self._fall(deviation), slope
 
+    def _newton_step(self, deviation: Scalar, target: Scalar) -> Scalar:
+        """A better root of X(theta_0 + deviation) = target."""
+        x, slope = self._map(deviation)
+        return deviation - (x - target) / slope
+
     def _nodes(self) -> tuple[Scalar, Scalar, Scalar, Scalar]:
         """chi, theta - theta_0, theta and X'(theta) at the nodes of one period, on a new leading
         axis."""
@@ -167,8 +173,16 @@ class GimbalWalk(eqx.Module):
         shape = (NODES,) + (1,) * rate.ndim
         chi = 2.0 * jnp.pi / NODES * (jnp.arange(NODES, dtype=rate.dtype).reshape(shape) + 0.5)
         # The small nutation is the start of Newton's iteration for X(theta) = theta_0' sin(chi).
-        deviation = rate * jnp.sin(chi)
-        for _ in range(STEPS):
-            x, slope = self._map(deviation)
-            deviation = deviation - (x - theta_rate * jnp.sin(chi)) / slope
+        deviation = _converged(self, rate * jnp.sin(chi), theta_rate * jnp.sin(chi))
+        # From the root on, two steps bring its first three derivatives.
+        for _ in range(2):
+            deviation = self._newton_step(deviation, theta_rate * jnp.sin(chi))
         return chi, deviation, self.theta + deviation, self._map(deviation)[1]
+
+
+def _converged(walk: GimbalWalk, deviation: Scalar, target: Scalar) -> Scalar:
+    """The root of X(theta_0 + deviation) = target but for two steps of Newton, without
+    derivatives."""
+    walk, deviation, target = jax.lax.stop_gradient((walk, deviation, target))
+    # A loop: written out, its steps and their derivatives take two minutes to compile.
+    return jax.lax.fori_loop(0, STEPS - 2, lambda _, d: walk._newton_step(d, target), deviation)
