@@ -49,11 +49,12 @@ def pytest_collection_modifyitems(config, items):
         return
     seen, kept, left_out = {}, [], []
     for item in items:
-        count = 1 if item.get_closest_marker("sweep") is not None else 0
-        if item.get_closest_marker("slow") is not None:
+        leave = item.get_closest_marker("sweep") is not None
+        if item.get_closest_marker("slow") is not None and not leave:
             test = (item.path, item.cls, item.originalname)
-            count = seen[test] = seen.get(test, -1) + 1
-        (left_out if count % SAMPLE else kept).append(item)
+            seen[test] = seen.get(test, -1) + 1
+            leave = seen[test] % SAMPLE > 0
+        (left_out if leave else kept).append(item)
     if left_out:
         config.hook.pytest_deselected(items=left_out)
         items[:] = kept

@@ -395,6 +395,7 @@ def test_derivatives_of_the_angles(x):
         check_derivatives(read, at)
 
 
+@pytest.mark.sweep
 def test_derivatives_of_the_closed_forms():
     def steady(v):
         top, theta, n = Top(v[0], v[1], v[2]), v[3], v[4]

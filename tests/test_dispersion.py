@@ -209,6 +209,7 @@ def test_a_run_is_the_same_bit_for_bit_however_the_campaign_is_cut(whole, chunk,
     assert not np.array_equal(disperse(SWINGS, 5, seed=8).outputs["x"], whole.outputs["x"][:5])
 
 
+@pytest.mark.sweep
 def test_devices_change_no_number():
     """In a process of its own, because the number of devices is fixed when the first one is
     touched."""

@@ -22,7 +22,12 @@ MANUAL = ["README.md", "CONTRIBUTING.md"]
 MANUAL += sorted(str(path.relative_to(ROOT)) for path in ROOT.glob("docs/**/*.md"))
 PAGES = [page for page in MANUAL if CODE.search((ROOT / page).read_text())]
 # What a reader opens first is run always, of the other pages a sample.
-FIRST = ("README.md", "docs/index.md", "docs/howto/extending.md", "docs/tutorials/")
+FIRST = (
+    "README.md",
+    "docs/index.md",
+    "docs/tutorials/getting_started.md",
+    "docs/howto/extending.md",
+)
 ROOMS = [room.name for room in pkgutil.iter_modules(jaxspace.__path__) if room.ispkg]
 # Written by a hook when the site is built.
 GENERATED = {"scene_files.md", "command_line.md", "hard_cases.md"}

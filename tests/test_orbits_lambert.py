@@ -306,6 +306,7 @@ def test_it_arrives_and_can_be_turned_round(r1, r2, duration):
     np.testing.assert_allclose(back, [-v2, -v1], rtol=0.0, atol=bound)
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize("revolutions", [1, pytest.param(4, marks=pytest.mark.sweep)])
 def test_transfers_with_revolutions_arrive_from_a_least_duration_on(revolutions):
     r1, r2 = jnp.array([1.0, 0.2, 0.1]), jnp.array([-0.3, 1.4, 0.2])
@@ -457,6 +458,7 @@ def test_derivatives_with_revolutions(low):
     assert relative(reverse(y, 2, low), differences(y, 2, low)) < 1e-9
 
 
+@pytest.mark.sweep
 def test_second_derivatives():
     y = jnp.array([1.0, 0.2, 0.1, -0.3, 1.4, 0.2, 2.0, 1.0])
     slope = jax.grad(lambda y: jnp.sum(_packed(y)))

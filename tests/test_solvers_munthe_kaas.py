@@ -94,7 +94,7 @@ def whole_run(omega):
     return simulate(BALL, start(omega), jnp.array([0.0, 0.05]), accuracy=accuracy).final.attitude
 
 
-@pytest.mark.slow
+@pytest.mark.sweep
 @pytest.mark.parametrize("mode", [jax.jacrev, jax.jacfwd])
 @pytest.mark.parametrize("way", [one_step, whole_run])
 def test_derivatives_forwards_and_reverse(way, mode):

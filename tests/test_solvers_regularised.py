@@ -130,6 +130,7 @@ def test_oblateness_forwards_backwards_and_not_at_all():
     assert far(flown(y, J2, jnp.array([3.0, 3.0])).final.position, y.position) < 1e-15
 
 
+@pytest.mark.sweep
 def test_derivatives_agree_with_the_closed_form_and_with_differences():
     y, ts = periapsis(0.9), jnp.array([0.0, 20.0])
 

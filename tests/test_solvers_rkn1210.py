@@ -143,6 +143,7 @@ def end(mu, y0, system, accuracy):
     return run.final.position
 
 
+@pytest.mark.sweep
 def test_derivatives_forwards_and_reverse():
     """Against those of the closed form."""
     reverse, forward = (

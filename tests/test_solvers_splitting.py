@@ -100,6 +100,7 @@ def against_differences(end, derivative, given):
         np.testing.assert_allclose(value, (end(*up) - end(*down)) / 2e-6, rtol=1e-6)
 
 
+@pytest.mark.sweep
 def test_derivatives_of_an_orbit_forwards():
     def end(j2, x):
         y = BodyState(jnp.array([1.08, 0.0, 0.0]) + x, start().velocity)

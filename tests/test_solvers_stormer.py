@@ -167,6 +167,7 @@ def test_derivatives_forwards_and_reverse():
             np.testing.assert_allclose(a, b, rtol=0.0, atol=1e-7)
 
 
+@pytest.mark.sweep
 def test_reverse_mode_through_states_between_the_steps():
     ts = jnp.linspace(0.0, 20.0, 7)
 

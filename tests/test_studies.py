@@ -123,6 +123,7 @@ class Spring(AbstractSystem):
         return {"energy": 0.5 * (y.rate * y.rate + y.angle * y.angle)}
 
 
+@pytest.mark.sweep
 def test_every_method_and_precision():
     """By default those that "auto" may take: here DOP853 and Tsit5. The table's errors are those
     against the closed form, which it does not know: x = cos t + 2 sin t."""
@@ -155,6 +156,7 @@ def test_the_methods_are_those_that_auto_may_take_and_a_file_may_name():
     assert RKN1210() in eligible_methods(TwoBody(MU), orbit(), (1e-9,))
 
 
+@pytest.mark.sweep
 def test_fixed_steps_have_one_row_and_no_tolerance():
     scene = Scene([PointGravity(MU)])
     method = Regularised(steps=48)
@@ -211,6 +213,7 @@ def test_a_constant_of_double_precision_runs_in_single_precision():
     assert row.precision == "float32" and row.error < 1e-5 and not row.failure
 
 
+@pytest.mark.sweep
 def test_closed_form_is_a_method_and_the_reference():
     cost = accuracy_cost(
         TwoBody(MU),

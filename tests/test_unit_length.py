@@ -59,7 +59,7 @@ def test_unit_length_over_many_steps(run, duration, rtol, max_step, error):
         np.testing.assert_allclose(result.states.attitude.wxyz[:, k], expected, atol=error)
 
 
-@pytest.mark.slow
+@pytest.mark.sweep
 @pytest.mark.parametrize(
     ("method", "rtol", "error"), [(Tsit5(), 1e-9, 1e-7), (DOP853(), 1e-11, 1e-9)]
 )
