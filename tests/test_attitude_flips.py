@@ -97,8 +97,9 @@ def test_ten_thousand_flips(moments, tilt):
     "tilt",
     [1e-30, 1e-3, *(pytest.param(x, marks=pytest.mark.slow) for x in (0.1, 1.0, 1e-6, 1e-10))],
 )
-def test_derivatives_through_a_flip(tilt):
-    x = start((3.0, 2.0, 1.0), tilt, 0, 1.03)
+@pytest.mark.parametrize("flips", [1.03, pytest.param(0.9, marks=pytest.mark.slow)])
+def test_derivatives_through_a_flip(flips, tilt):
+    x = start((3.0, 2.0, 1.0), tilt, 0, flips)
     columns = []
     with mpmath.workdps(digits(tilt) + 15):
         found = np.asarray(flow(x))
@@ -113,9 +114,9 @@ def test_derivatives_through_a_flip(tilt):
     truth = np.stack(columns, axis=1)
     for slope in (np.asarray(FORWARD(x)), np.asarray(REVERSE(x))):
         for i in range(7):
-            # Along the tilt terms of the size 1/tilt cancel.
-            lost = 100.0 * EPS / tilt if i in (3, 5) else 0.0
-            atol = 1e-12 * np.abs(truth).max() + lost
+            # The derivatives by the tilt grow and fall with 1/tilt, at rest too they keep their
+            # digits. What is left is the rounding of the flip's time, some N t roundings.
+            atol = 1e-12 * max(1.0, np.abs(truth[:, i]).max())
             assert_allclose(slope[:, i], truth[:, i], atol=atol)
 
 

@@ -24,6 +24,11 @@ turn back, later:
     Z = |z(0)|^2 c d - i h G/I_3 S D - I_3^2 a_3 omega_1 omega_2 omega_3 S (1 + M S^2)
     M = (I_2 - I_3) G / (I_2 I_3^2),   rho = h/I_3 - h/I_1,   G = h^2 - 2T I_3
 
+A change of the start turns the body at t by theta, in its axes there. theta' = delta omega + theta
+x omega and L' = L x omega give (L . theta)' = L . delta omega = delta T, which stays:
+
+    L(t) . theta = t L . delta omega
+
     symbol   meaning                                                        unit
     I_i      principal moments; I_3 greatest or least                       kg m^2
     omega    angular velocity in principal axes                             rad/s
@@ -40,10 +45,11 @@ addition theorem asks for no phase, and so for no inverse function and no separa
 """
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
+from jax.custom_derivatives import SymbolicZero
 
 from ..core import Flag, Scalar, Vector, complete_third, cross, dot, norm, safe_atan2
 from ..rotations import Quaternion
@@ -85,16 +91,84 @@ def free_rotation(duration: Scalar, moments: Vector, omega: Vector) -> tuple[Qua
     some 1e-10 where the tilt is 0.1, and 1e-8 where it is 1e-100.
 
     The derivative by the tilt is of the size 1/tilt during a flip, because the tilt moves the flip
-    in time, and of order one where the spin rests between two. Its error is up to some 1e-15/tilt
-    in both places, against 50 digits. During a flip that is rounding. At rest it is a loss of the
-    formula and not of the problem, whose second derivatives allow 6e-14 there for a tilt of 1e-8:
-    the attitude's derivative is the difference between those of the reduced time and of the angle
-    about h in a half period. The angular velocity has no such terms: its derivative keeps its
-    digits at rest."""
+    in time, and of order one where the spin rests between two. All derivatives keep their digits in
+    both places."""
     runs = jnp.broadcast_shapes(moments.shape[1:], omega.shape[1:], jnp.shape(duration))
     moments, omega = (
         jnp.stack([jnp.broadcast_to(component, runs) for component in v]) for v in (moments, omega)
     )
+    return _rotated(jnp.broadcast_to(duration, runs), moments, omega)
+
+
+@jax.custom_jvp
+def _rotated(duration: Scalar, moments: Vector, omega: Vector) -> tuple[Quaternion, Vector]:
+    """R and omega(t), all arguments with the runs."""
+    return _formula(duration, moments, omega, moments_stay=False)
+
+
+def _rotated_tangent(primals: tuple[Any, ...], tangents: tuple[Any, ...]) -> Any:
+    """By the start and the duration, with the angle about h from the identity of the module's
+    docstring; by the moments, whose formula loses nothing."""
+    duration, moments, omega = primals
+    of_duration, of_moments, of_omega = (
+        None if isinstance(x, SymbolicZero) else x for x in tangents
+    )
+    found, slopes = _rotated(duration, moments, omega), []
+    if of_duration is not None or of_omega is not None:
+        moved = tuple(
+            jnp.zeros_like(x) if slope is None else slope
+            for x, slope in ((duration, of_duration), (omega, of_omega))
+        )
+        _, slope = jax.jvp(
+            lambda t, w: _formula(t, moments, w, moments_stay=True), (duration, omega), moved
+        )
+        slopes.append(slope)
+    if of_moments is not None:
+        _, slope = jax.jvp(
+            lambda i: _formula(duration, i, omega, moments_stay=False), (moments,), (of_moments,)
+        )
+        slopes.append(slope)
+    return found, jax.tree.map(lambda *parts: sum(parts), *slopes)
+
+
+_rotated.defjvp(_rotated_tangent, symbolic_zeros=True)
+
+
+def _direction(moments: Vector, omega: Vector) -> tuple[Vector, Scalar]:
+    """L/h and 1/h; zero for a body at rest."""
+    momentum = moments * omega
+    h = norm(momentum)
+    inverse = jnp.where(h > 0.0, 1.0 / jnp.where(h > 0.0, h, 1.0), 0.0)
+    return momentum * inverse, inverse
+
+
+@jax.custom_jvp
+def _of_equal_energy(later: Vector, moments: Vector, omega: Vector) -> Vector:
+    """`later`, whose derivative along L is that by which T stays: I omega . delta omega + omega .
+    delta I omega / 2 is the same at both times."""
+    return later
+
+
+@_of_equal_energy.defjvp
+def _of_equal_energy_tangent(primals: tuple[Any, ...], tangents: tuple[Any, ...]) -> Any:
+    later, moments, omega = primals
+    of_later, of_moments, of_omega = tangents
+
+    def change(omega: Vector, of_omega: Vector) -> Scalar:
+        along, inverse = _direction(moments, omega)
+        return dot(along, of_omega) + 0.5 * dot(omega * inverse, of_moments * omega)
+
+    # The formula has it as a difference of terms that grow like 1/tilt.
+    missing = change(omega, of_omega) - change(later, of_later)
+    along = _direction(moments, later)[0]
+    return _of_equal_energy(*primals), of_later + missing * along
+
+
+def _formula(
+    duration: Scalar, moments: Vector, omega: Vector, *, moments_stay: bool
+) -> tuple[Quaternion, Vector]:
+    """R and omega(t), as the module's docstring writes them. Where `moments_stay`, their
+    derivatives are those of given moments, and keep all digits."""
     middle, mirrored = axis_order(moments, omega)
     # The exchange of two axes is a reflection, under which an angular velocity changes its sign.
     sign = jnp.where(mirrored, -1.0, 1.0).astype(omega.dtype)
@@ -107,9 +181,11 @@ def free_rotation(duration: Scalar, moments: Vector, omega: Vector) -> tuple[Qua
     # A half period turns two components about: which two, the side of the separatrix decides.
     odd, circled = phase.half_periods % 2.0 != 0.0, body.difference < 0.0
     later = jnp.where(jnp.stack([odd & circled, odd, odd & ~circled]), -within, within)
-    reached = jnp.where(circled, within, later)
+    later = _of_equal_energy(later, body.moments, body.omega)
+    # The whole half turns of z are counted by the precession.
+    reached = jnp.where(odd & circled, -later, later)
     small = _slow(body, duration)
-    large = _turn(body, phase, scaled, duration, reached, later, small).wxyz
+    large = _turn(body, phase, scaled, duration, reached, later, small, moments_stay).wxyz
     turn = jnp.where(small, _small_turn(body, later, duration).wxyz, large)
     vector = sign * restored(turn[1:], middle, mirrored)
     return Quaternion(jnp.concatenate([turn[:1], vector])), sign * restored(later, middle, mirrored)
@@ -164,6 +240,7 @@ def _turn(
     reached: Vector,
     later: Vector,
     unused: Flag,
+    moments_stay: bool,
 ) -> Quaternion:
     """R. Where it is `unused`, of a body that turns about an arbitrary axis."""
     i = body.moments
@@ -171,7 +248,10 @@ def _turn(
     start, end, reached = (jnp.where(unused, stand_in, i * w) for w in (body.omega, later, reached))
     h = norm(start)
     chi = _precession(body, phase, scaled, duration, h) + _angle_between(start, reached)
-    half = 0.5 * jax.lax.optimization_barrier(chi)
+    chi = jax.lax.optimization_barrier(chi)
+    if moments_stay:
+        chi = _by_energy(jax.lax.stop_gradient(chi), duration, body.omega, later, start, end)
+    half = 0.5 * chi
     c, s = jnp.cos(half), jnp.sin(half)
     zero = jnp.zeros_like(h)
     tilt = Quaternion(jnp.stack([h + start[2], -start[1], start[0], zero]))
@@ -181,6 +261,30 @@ def _turn(
         )
     )
     return Quaternion(tilt.then(back).wxyz / (2.0 * h * jnp.sqrt((h + start[2]) * (h + end[2]))))
+
+
+@jax.custom_jvp
+def _by_energy(
+    chi: Scalar, duration: Scalar, omega: Vector, later: Vector, start: Vector, end: Vector
+) -> Scalar:
+    """`chi`, with the derivative by which L(t) . theta = t L . delta omega; `start` and `end` are
+    L. The formula has it as a difference of terms that grow with every flip."""
+    return chi
+
+
+@_by_energy.defjvp
+def _by_energy_tangent(primals: tuple[Any, ...], tangents: tuple[Any, ...]) -> Any:
+    _, duration, omega, later, start, end = primals
+    _, of_duration, of_omega, _, of_start, of_end = tangents
+    h = norm(start)
+
+    def twist(n: Vector, of_n: Vector) -> Scalar:
+        """What the least turn from e_z to n turns about n when n moves."""
+        return (n[1] * of_n[0] - n[0] * of_n[1]) / (1.0 + n[2])
+
+    along = (duration * dot(start, of_omega) + dot(end, later) * of_duration) / h
+    twists = twist(end / h, of_end / h) - twist(start / h, of_start / h)
+    return _by_energy(*primals), along + twists
 
 
 def _angle_between(start: Vector, reached: Vector) -> Scalar:
