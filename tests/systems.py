@@ -15,7 +15,9 @@ from jaxspace.core import AbstractSystem, as_float
 from jaxspace.gyros import TwoGimbalGyro
 from jaxspace.orbits import (
     CentralPotential,
+    ClohessyWiltshire,
     Drag,
+    LowThrust,
     Oblateness,
     PointGravity,
     PowerLawForce,
@@ -144,5 +146,12 @@ SAMPLES = [
         orbit(attitude=turned(), omega=jnp.array([0.02, -0.1, 2.0])),
         20.0,
     ),
+    Sample(
+        "clohessy_wiltshire",
+        ClohessyWiltshire(1.13e-3),
+        BodyState(jnp.array([300.0, -2000.0, 150.0]), jnp.array([0.4, -0.2, 0.3])),
+        5400.0,
+    ),
+    Sample("spiral", Scene((PointGravity(MU), LowThrust(1e-4, 3e4))), orbit(), 5400.0),
     Sample("burning_stage", rocket_scene(), rocket_state(), 9.0),
 ]
