@@ -44,13 +44,14 @@ def eccentric_anomaly(true_anomaly: Scalar, eccentricity: Scalar) -> Scalar:
     """
     f, e = as_float(true_anomaly), as_float(eccentricity)
     closed = e < 1.0
-    inner = jnp.where(closed, e, 0.0)
-    # The difference of the halves by one arctangent: no branch, and a circle is no special place.
-    share = inner / (1.0 + jnp.sqrt((1.0 - inner) * (1.0 + inner)))
-    ellipse = f - 2.0 * jnp.arctan2(share * jnp.sin(f), 1.0 + share * jnp.cos(f))
-    outer = jnp.where(closed, 2.0, e)
-    half = jnp.tan(0.5 * f) * safe_sqrt((outer - 1.0) / (outer + 1.0))
-    return jnp.where(closed, ellipse, 2.0 * jnp.arctanh(half))
+    turns = _TURN * jnp.round(f / _TURN)
+    half = 0.5 * (f - turns)
+    # Of half the angle, whose ratio loses no digits near the parabola.
+    inner, outer = jnp.where(closed, e, 0.0), jnp.where(closed, 2.0, e)
+    out, across = jnp.cos(half), jnp.sin(half)
+    angle = jnp.arctan2(jnp.sqrt(1.0 - inner) * across, jnp.sqrt(1.0 + inner) * out)
+    ratio = jnp.tan(0.5 * f) * safe_sqrt((outer - 1.0) / (outer + 1.0))
+    return jnp.where(closed, turns + 2.0 * angle, 2.0 * jnp.arctanh(ratio))
 
 
 def true_anomaly(eccentric_anomaly: Scalar, eccentricity: Scalar) -> Scalar:
@@ -58,13 +59,15 @@ def true_anomaly(eccentric_anomaly: Scalar, eccentricity: Scalar) -> Scalar:
     its arguments (*runs,)."""
     x, e = as_float(eccentric_anomaly), as_float(eccentricity)
     closed = e < 1.0
-    inner = jnp.where(closed, e, 0.0)
-    share = inner / (1.0 + jnp.sqrt((1.0 - inner) * (1.0 + inner)))
-    ellipse = x + 2.0 * jnp.arctan2(share * jnp.sin(x), 1.0 - share * jnp.cos(x))
-    outer = jnp.where(closed, 2.0, e)
-    # As a quotient of two terms, whose ratio is infinite at the asymptote alone.
-    near = jnp.tanh(0.5 * x) * jnp.sqrt(outer + 1.0)
-    return jnp.where(closed, ellipse, 2.0 * jnp.arctan2(near, safe_sqrt(outer - 1.0)))
+    turns = jnp.where(closed, _TURN * jnp.round(x / _TURN), 0.0)
+    half = 0.5 * (x - turns)
+    inner, outer = jnp.where(closed, e, 0.0), jnp.where(closed, 2.0, e)
+    # As a quotient of two terms, infinite in the asymptote and at the apoapsis.
+    across = jnp.where(closed, jnp.sqrt(1.0 + inner) * jnp.sin(half), 0.0)
+    out = jnp.where(closed, jnp.sqrt(1.0 - inner) * jnp.cos(half), 1.0)
+    ellipse = turns + 2.0 * jnp.arctan2(across, out)
+    hyperbola = 2.0 * jnp.arctan2(jnp.sqrt(outer + 1.0) * jnp.tanh(half), safe_sqrt(outer - 1.0))
+    return jnp.where(closed, ellipse, hyperbola)
 
 
 def mean_anomaly(eccentric_anomaly: Scalar, eccentricity: Scalar) -> Scalar:

@@ -19,7 +19,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..core import Scalar, Vector, cross, norm
+from ..core import Scalar, Vector, cross, norm, with_rank
 from ._kepler import kepler_flow
 from ._lambert import lambert
 
@@ -70,8 +70,9 @@ def interception(
     **Returns** an `Interception`.
     """
     departure, arrival = jnp.asarray(departure), jnp.asarray(arrival)
-    ends = kepler_flow(*chaser, departure, mu), kepler_flow(*target, arrival, mu)
-    (start, before), (end, after) = ends
+    states = (*kepler_flow(*chaser, departure, mu), *kepler_flow(*target, arrival, mu))
+    rank = max(x.ndim - 1 for x in states)
+    start, before, end, after = (with_rank(x, rank) for x in states)
     # Of a point on a line through the centre the sense is none: `lambert` has its default then.
     normal = cross(*chaser) if normal is None else normal
     duration = arrival - departure
