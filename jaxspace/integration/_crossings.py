@@ -168,9 +168,8 @@ def _search(along: ConditionOnRun, samples: Samples) -> _Found:
         # The way back of a dip begins at its first zero, on the other side.
         last = pick(found.times, jnp.maximum(found.count - 1, 0), along.run_axes)
         start = jnp.where(found.again, last, t)
-        y = jax.lax.cond(jnp.any(found.again), lambda: along.state(y, t, start), lambda: y)
         value = jnp.where(found.again, -other, value)
-        there, met, sure = close_in(along, (start, end), y, (value, other), wanted)
+        there, met, sure = close_in(along, (t, end), y, (value, other), wanted, start)
         good = wanted & met & sure
         here = (rows == found.count) & good
         # Of a dip, only an event of both directions has another zero.
