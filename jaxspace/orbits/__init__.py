@@ -83,6 +83,9 @@ from ._rotating_earth import local_frame as local_frame
 from ._rotating_earth import navigation_rates as navigation_rates
 from ._rotating_earth import planet_frame as planet_frame
 from ._rotating_earth import plumb_line_deviation as plumb_line_deviation
+from ._shadow import shadow as shadow
+from ._shadow import shadow_event as shadow_event
+from ._shadow import sunlight as sunlight
 from ._steps import steps_for as steps_for
 from ._time_of_flight import period as period
 from ._time_of_flight import time_of_flight as time_of_flight
