@@ -29,7 +29,6 @@ from ._clohessy_wiltshire import clohessy_wiltshire_transfer as clohessy_wiltshi
 from ._drag import Drag as Drag
 from ._drag import circular_decay_rate as circular_decay_rate
 from ._drag import drag_acceleration as drag_acceleration
-from ._drag import exponential_density as exponential_density
 from ._elements import ClassicalElements as ClassicalElements
 from ._elements import angular_momentum as angular_momentum
 from ._elements import apoapsis_radius as apoapsis_radius
@@ -70,6 +69,10 @@ from ._outputs import periapsis_altitude as periapsis_altitude
 from ._outputs import speed as speed
 from ._outputs import speed_error as speed_error
 from ._outputs import velocity_error as velocity_error
+from ._paths import AbstractPath as AbstractPath
+from ._paths import CircularPath as CircularPath
+from ._paths import KeplerPath as KeplerPath
+from ._paths import TabulatedPath as TabulatedPath
 from ._point_gravity import PointGravity as PointGravity
 from ._point_gravity import point_gravity as point_gravity
 from ._point_gravity import point_gravity_potential as point_gravity_potential
@@ -83,10 +86,20 @@ from ._rotating_earth import local_frame as local_frame
 from ._rotating_earth import navigation_rates as navigation_rates
 from ._rotating_earth import planet_frame as planet_frame
 from ._rotating_earth import plumb_line_deviation as plumb_line_deviation
+from ._rotating_frame import RotatingFrame as RotatingFrame
+from ._secular_rates import CRITICAL_INCLINATION as CRITICAL_INCLINATION
+from ._secular_rates import SecularRates as SecularRates
+from ._secular_rates import secular_rates as secular_rates
+from ._secular_rates import sun_synchronous_inclination as sun_synchronous_inclination
 from ._shadow import shadow as shadow
 from ._shadow import shadow_event as shadow_event
 from ._shadow import sunlight as sunlight
+from ._solar_pressure import SolarPressure as SolarPressure
+from ._solar_pressure import solar_pressure as solar_pressure
 from ._steps import steps_for as steps_for
+from ._third_body import ThirdBody as ThirdBody
+from ._third_body import third_body as third_body
+from ._third_body import third_body_potential as third_body_potential
 from ._time_of_flight import period as period
 from ._time_of_flight import time_of_flight as time_of_flight
 from ._time_of_flight import true_anomaly_after as true_anomaly_after
@@ -101,3 +114,6 @@ from ._two_masses import from_relative as from_relative
 from ._two_masses import reduced_mass as reduced_mass
 from ._two_masses import sphere_of_influence as sphere_of_influence
 from ._two_masses import to_relative as to_relative
+from ._zonals import Zonals as Zonals
+from ._zonals import zonal_potential as zonal_potential
+from ._zonals import zonals as zonals
