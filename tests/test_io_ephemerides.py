@@ -70,10 +70,9 @@ def test_faults_of_two_line_sets(tmp_path):
         read_tle("\n".join(TLE.splitlines()[:2]) + "\n")
     with pytest.raises(InputError, match="no two-line"):
         read_tle("nothing\n")
+    decayed = TLE.replace("1859667", "9859667").replace("413667", "413665")
     with pytest.raises(InputError, match="SGP4 has no state of VANGUARD 1"):
-        read_tle(
-            TLE.replace("1859667", "9859667").replace("13667", "13668").replace("136686", "136676")
-        )[0].ephemeris([0.0])
+        read_tle(decayed)[0].ephemeris(np.arange(0.0, 8e3, 100.0))
 
 
 def test_an_ephemeris_message_comes_back(tmp_path):

@@ -10,18 +10,20 @@ from scipy.integrate import solve_ivp
 from scipy.special import eval_legendre
 
 from jaxspace import Accuracy, Scene, load, simulate
-from jaxspace.bodies import BodyState, RigidBody
+from jaxspace.bodies import BodyState, RigidBody, StandardAtmosphere
 from jaxspace.constants import ASTRONOMICAL_UNIT, J2_EARTH, RADIUS_SUN, ZONALS_EARTH
 from jaxspace.core import InputError, breaks_of
 from jaxspace.orbits import (
     CRITICAL_INCLINATION,
     CircularPath,
+    Drag,
     KeplerPath,
     PointGravity,
     RotatingFrame,
     SolarPressure,
     TabulatedPath,
     ThirdBody,
+    Zonals,
     apsidal_rate,
     elements_from_state,
     kepler_flow,
@@ -111,7 +113,7 @@ def test_mean_rates_of_a_full_integration():
     """Forty revolutions about the periapsis at 45 degrees, where the terms of long period have no
     rate: first order is right to J2, second order to its square times the numbers of the formula.
     The mean anomaly by its first order alone: the mean axis is known to J2^2."""
-    j2, j4, a, e, i = 1e-3, -2e-6, 1.25, 0.02, 0.9
+    j2, j4, a, e, i = 1e-3, -2e-6, 1.6, 0.25, 0.9
     harmonics = jnp.array([j2, 0.0, j4])
     drift = float(secular_rates(a, e, i, 1.0, j2, 1.0).argument_of_periapsis)
     turns = 40
@@ -128,7 +130,7 @@ def test_mean_rates_of_a_full_integration():
         r, s = np.sqrt(r2), y[2] / np.sqrt(r2)
         term2, term4 = 1.5 * j2 / r2, 0.625 * j4 / r2**2
         along = 1.0 + term2 * (1 - 5 * s * s) + term4 * (-3 + 42 * s**2 - 63 * s**4)
-        up = 2 * term2 * s + term4 * (12 * s - 28 * s**3)
+        up = 2 * term2 * s + term4 * (28 * s**3 - 12 * s)
         return np.concatenate([y[3:], -along * y[:3] / r**3 - np.array([0, 0, up]) / r2])
 
     # The field written once more, as explicit polynomials of both degrees.
@@ -145,14 +147,17 @@ def test_mean_rates_of_a_full_integration():
     E = 2.0 * np.arctan2(np.sqrt(1 - ecc) * np.sin(f / 2), np.sqrt(1 + ecc) * np.cos(f / 2))
     angles = [found.node, found.argument_of_periapsis, E - ecc * np.sin(E)]
     size = np.asarray(found.semi_latus_rectum) / (1.0 - ecc**2)
-    mean = [float(np.mean(x[:-1])) for x in (size, ecc, np.asarray(found.inclination))]
-    slope = [np.polyfit(ts, np.unwrap(np.asarray(x)), 1)[0] for x in angles]
+    # A window that fades at both ends leaves nothing of the terms of short period.
+    window = np.sin(np.pi * ts / end) ** 2
+    osculating = (size, ecc, np.asarray(found.inclination))
+    mean = [float(np.average(x, weights=window)) for x in osculating]
+    slope = [np.polyfit(ts, np.unwrap(np.asarray(x)), 1, w=window)[0] for x in angles]
     first = np.array(secular_rates(*mean, 1.0, j2, 1.0))
     second = np.array(secular_rates(*mean, 1.0, j2, 1.0, j4, True))
     error = np.abs(np.array([first, second]) / slope - 1.0)
-    assert np.all(error[0, :2] < 8e-3) and np.all(error[1, :2] < 2e-4), error
-    assert np.all(error[1, :2] < 0.2 * error[0, :2]), error
-    assert error[0, 2] < 1e-5 and abs(mean[0] ** -1.5 / slope[2] - 1.0) > 1e-4, error
+    # J2^2 leaves 2e-6; of the first order 2e-4 of the node and 2e-3 of the periapsis are wrong.
+    assert np.all(error[1, :2] < 5e-6) and np.all(error[0, :2] > 1e-4), error
+    assert error[0, 2] < 1e-6 and abs(mean[0] ** -1.5 / slope[2] - 1.0) > 2e-5, error
 
 
 def test_special_inclinations():
@@ -274,6 +279,55 @@ def test_turning_axes_and_inertial_space_agree():
     push = RotatingFrame(w).load(0.0, BodyState(r0, v0), BODY).acceleration_N
     _, _, inertial = frame.to_inertial(r0, v0, push)
     np.testing.assert_allclose(inertial, 0.0, atol=1e-14 * float(jnp.linalg.norm(push)))
+
+
+@pytest.mark.slow
+def test_all_of_them_together():
+    """A batch is its runs; the slopes of the vector field by state and parameters agree, forward,
+    reverse and as central differences of order four."""
+    scene = Scene(
+        (
+            PointGravity(MU),
+            Zonals(MU, jnp.array(ZONALS_EARTH), RADIUS),
+            Drag(50.0, StandardAtmosphere(), RADIUS, 7.29e-5),
+            ThirdBody(4.9e12, MOON),
+            SolarPressure(0.02, SUN, RADIUS, RADIUS_SUN),
+            RotatingFrame(jnp.array([1e-6, 0.0, 7.29e-5])),
+        )
+    )
+    y = BodyState(jnp.array([6.6e6, 4.0e5, -3.0e5]), jnp.array([-300.0, 6900.0, 3600.0]))
+    keys = iter(jax.random.split(jax.random.key(4), 40))
+
+    def field(both):
+        return both[0].vector_field(100.0, both[1]).velocity
+
+    def direction(x):
+        return 1e-3 * x * jax.random.normal(next(keys), x.shape)
+
+    here = (scene, y)
+    along = jax.tree.map(direction, here)
+
+    @jax.jit
+    def at(h):
+        return field(jax.tree.map(lambda x, d: x + h * d, here, along))
+
+    @jax.jit
+    def slopes(here):
+        _, forward = jax.jvp(field, (here,), (along,))
+        (gradient,) = jax.vjp(field, here)[1](forward)
+        terms = jax.tree.map(lambda g, d: jnp.sum(g * d), gradient, along)
+        return forward, sum(jax.tree.leaves(terms))
+
+    forward, reverse = slopes(here)
+    h = 0.03
+    difference = (8.0 * (at(h) - at(-h)) - (at(2 * h) - at(-2 * h))) / (12.0 * h)
+    size = float(jnp.linalg.norm(forward))
+    assert abs(float(reverse) - size**2) < 1e-12 * size**2
+    # Rounding of 1e-16 of 9 m/s^2 over a step of 3 percent of the change of 1e-2.
+    np.testing.assert_allclose(forward, difference, atol=1e-8 * size)
+    runs = jax.tree.map(lambda x: jnp.stack([x, x], -1), y)
+    batch = jax.jit(field)((scene, runs))
+    np.testing.assert_allclose(batch, jnp.stack([at(0.0)] * 2, -1), rtol=1e-12)
 
 
 FILE = """

@@ -19,7 +19,17 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..core import AbstractParameters, InputError, Scalar, Spline, Vector, as_float, quantity
+from ..core import (
+    AbstractParameters,
+    InputError,
+    Scalar,
+    Spline,
+    Vector,
+    argument,
+    as_float,
+    constructor,
+    quantity,
+)
 from ._kepler import kepler_flow
 
 
@@ -85,20 +95,34 @@ class TabulatedPath(AbstractPath):
     begin and end some nodes outside of the run. Raises `InputError` for times that do not ascend,
     or another number of positions."""
 
-    times: Float[Array, "nodes *#runs"] = quantity("s", doc="ascending")
-    positions: Float[Array, "3 nodes *#runs"] = quantity(
-        "m", doc="at these times: a list of each component"
-    )
-    curves: tuple[Spline, ...] = eqx.field(init=False)
+    # Of x; of y and z values and curvatures alone, so that each node is one break and not three.
+    curve: Spline
+    others: tuple[tuple[Array, Array], ...]
 
     def __init__(self, times: Any, positions: Any):
-        self.times, self.positions = as_float(times), as_float(positions)
-        if self.positions.ndim < 2 or self.positions.shape[0] != 3:
+        """The path through the `positions`, m, (3, nodes, *runs), at the `times`, s, (nodes,
+        *runs)."""
+        times, positions = as_float(times), as_float(positions)
+        if positions.ndim < 2 or positions.shape[0] != 3:
             raise InputError(
-                f"TabulatedPath.positions has the shape {self.positions.shape}: it must be "
+                f"TabulatedPath.positions has the shape {positions.shape}: it must be "
                 f"(3, nodes, *runs)."
             )
-        self.curves = tuple(Spline(self.times, component) for component in self.positions)
+        self.curve, *others = (Spline(times, component) for component in positions)
+        self.others = tuple((one.values, one.curvatures) for one in others)
+
+    @classmethod
+    @constructor(
+        times=argument("s", shape=(None,), doc="ascending"),
+        positions=argument("m", shape=(3, None), doc="there: a list for each component"),
+    )
+    def of_table(cls, times: Any, positions: Any) -> "TabulatedPath":
+        """The same, as scene files give it."""
+        return cls(times, positions)
 
     def __call__(self, t: Scalar) -> Vector:
-        return jnp.stack([curve(t) for curve in self.curves])
+        others = [
+            eqx.tree_at(lambda c: (c.values, c.curvatures), self.curve, numbers)
+            for numbers in self.others
+        ]
+        return jnp.stack([curve(t) for curve in (self.curve, *others)])

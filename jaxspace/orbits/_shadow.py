@@ -34,7 +34,6 @@ from ..core import (
     norm,
     safe_atan2,
     safe_sqrt,
-    stumpff,
     unit,
     with_rank,
 )
@@ -156,6 +155,10 @@ def _half_angles(a: Scalar, b: Scalar, c: Scalar) -> tuple[Scalar, Scalar]:
 def _segment(x: Scalar) -> Scalar:
     """x - sin x cos x for 0 <= x <= pi, without loss of digits near zero."""
     u = 2.0 * x
-    near = u < jnp.pi
+    near = u < 0.5
     s = jnp.where(near, u, 0.0)
-    return 0.5 * jnp.where(near, s**3 * stumpff(s * s)[1], u - jnp.sin(u))
+    series = 1.0
+    # 0.5^12 / (4 ... 15) is below rounding.
+    for n in range(14, 3, -2):
+        series = 1.0 - s * s / (n * (n + 1)) * series
+    return 0.5 * jnp.where(near, s * s * s / 6.0 * series, u - jnp.sin(u))
