@@ -10,7 +10,7 @@ from jaxtyping import Array
 
 from jaxspace import Scene
 from jaxspace.attitude import SphericalPendulum, Top, TorqueFreeBody
-from jaxspace.bodies import BodyState, BurningBody, RigidBody
+from jaxspace.bodies import BodyState, BurningBody, ExponentialAtmosphere, RigidBody
 from jaxspace.core import AbstractSystem, as_float
 from jaxspace.gyros import TwoGimbalGyro
 from jaxspace.orbits import (
@@ -116,7 +116,7 @@ SPIN = BodyState(attitude=turned(), omega=jnp.array([0.4, 0.1, 2.0]))
 GYRO = TwoGimbalGyro(0.002, 0.0008, 500.0, 0.0006, 0.0005, 0.0004, 0.0015)
 TOP = Top(0.002, 0.0008, 0.3)
 PENDULUM = SphericalPendulum(1.2, 9.8)
-AIR = Drag(50.0, 1e-11, 4.0e5, 6.0e4, RADIUS, 7.29e-5)
+AIR = Drag(50.0, ExponentialAtmosphere(1e-11, 4.0e5, 6.0e4), RADIUS, 7.29e-5)
 TENSOR = np.array([[3.0, 0.1, -0.2], [0.1, 2.0, 0.15], [-0.2, 0.15, 1.5]])
 
 SAMPLES = [

@@ -8,7 +8,7 @@ from jaxtyping import Array, Float
 
 from jaxspace import BodyState, Event, Scene, Status, simulate, simulate_batch
 from jaxspace.core import AbstractClosedForm, AbstractSystem, InputError
-from jaxspace.orbits import PointGravity, orbit_from_radius
+from jaxspace.orbits import PointGravity, orbit_from_radius, shadow_event
 from jaxspace.simulation import Mission, Phase, crossings
 
 ARGUMENT, INCLINATION = 0.4, 0.7  # of periapsis, rad; of the orbit, rad
@@ -160,3 +160,19 @@ def test_wrong_uses_are_refused():
         Event(height, capacity=0)
     with pytest.raises(InputError, match="terminal=False"):
         Mission([Phase(Wheel(1.0), Event(height, within=1.0, terminal=False))])
+
+
+def test_every_eclipse_of_a_circle():
+    """In parallel light the shadow is a cylinder: dark while the angle from the axis behind the
+    planet is below asin(R/r). Two full turns, from the sunlit side on."""
+    radius, sun = 0.8, jnp.array([0.0, 0.0, -0.5])
+    shade = Event(shadow_event(sun, radius), terminal=False, capacity=6)
+    y0 = BodyState(jnp.array([0.0, 0.0, -1.0]), jnp.array([0.0, 1.0, 0.0]))
+    run = simulate(Wheel(1.0), y0, jnp.array([0.0, 4.0 * np.pi]), events=(shade,))
+    found = run.crossings[0]
+    half = np.arcsin(radius)
+    expected = np.pi * np.array([1, 1, 3, 3]) + half * np.array([-1, 1, -1, 1])
+    assert found.count == 4
+    np.testing.assert_allclose(found.ts[:4], expected, rtol=1e-13)
+    # It falls at the entry and rises at the exit.
+    np.testing.assert_array_equal(found.rising[:4], [False, True, False, True])
