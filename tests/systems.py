@@ -17,7 +17,6 @@ from jaxspace.orbits import (
     CentralPotential,
     ClohessyWiltshire,
     Drag,
-    LowThrust,
     Oblateness,
     PointGravity,
     PowerLawForce,
@@ -152,6 +151,5 @@ SAMPLES = [
         BodyState(jnp.array([300.0, -2000.0, 150.0]), jnp.array([0.4, -0.2, 0.3])),
         5400.0,
     ),
-    Sample("spiral", Scene((PointGravity(MU), LowThrust(1e-4, 3e4))), orbit(), 5400.0),
     Sample("burning_stage", rocket_scene(), rocket_state(), 9.0),
 ]

@@ -81,9 +81,8 @@ LEFT_OUT: dict[str, tuple[str, ...]] = {
         *("orbits.departure_phase", "orbits.synodic_period", "orbits.force_of_orbit"),
         *("orbits.projectile*", "orbits.impulse_change", "orbits.excess_speed"),
         *(
-            "orbits.ClohessyWiltshire.*",
+            "orbits.ClohessyWiltshire.closed_form",
             "orbits.LowThrust.*",
-            "orbits.Interception",
             "orbits.Phasing",
         ),
         *("orbits.Interception*", "orbits.Porkchop*", "orbits.interception", "orbits.phasing"),
