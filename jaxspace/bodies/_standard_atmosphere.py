@@ -20,12 +20,12 @@ Source: U.S. Standard Atmosphere, 1976 (NOAA-S/T 76-1562), Eqs. 18, 22, 23, 33, 
 Above 86 km the standard gives the densities of six gases by differential equations, which were
 solved once; here ln rho and M are cubic splines through that solution, within 1e-3 of it, and of
 the printed table within its last digit. Temperature is that of the standard there. The standard
-gives no speed of sound above 86 km: c is continued. Above 1000 km ln rho and M fall on with their
-last slopes, below the ground the first layer goes on.
+gives no speed of sound above 86 km: c is continued. Above 1000 km ln rho falls on with its last
+slope and M stays; below the ground the first layer goes on, to a depth of 100 km.
 
-Every value is continuous; slopes jump at the bases of the layers (11, 20, 32, 47, 51, 71 km of H)
-and at 86 km, where the derivative is the mean of both sides. The joints are too weak to disturb
-steps of a run at 1e-9: the density's own slope changes by a fifth.
+Every value is continuous. Slopes jump at the bases of the layers (11, 20, 32, 47, 51, 71 km of H),
+that of the density by up to a fifth, and at 86 km; there the derivative is the mean of both sides.
+Adaptive steps shorten where a run passes such a height; across it, fixed steps are of second order.
 """
 
 import math
@@ -45,6 +45,7 @@ RADIUS = 6356766.0  # m, r_0
 HEAT_RATIO = 1.4  # gamma
 PRESSURE = 101325.0  # Pa, at H = 0
 TOP = 86e3  # m, where the layers end
+BOTTOM = -1e5  # m, below which the air stays as it is
 # Of each layer: H_k, m, L_k, K/m, and T_k, K.
 LAYERS = (
     (0.0, -6.5e-3, 288.15),
@@ -103,7 +104,7 @@ def standard_atmosphere(height: Scalar) -> Air:
 
 def _layers(height: Scalar) -> tuple[Scalar, Scalar]:
     """ln rho and T_M of the layers; above their top those at the top."""
-    level = geopotential_height(jnp.minimum(height, TOP))
+    level = geopotential_height(jnp.clip(height, BOTTOM, TOP))
     tops = [layer[0] for layer in LAYERS[1:]] + [math.inf]
     logarithm, temperature = math.log(PRESSURE), LAYERS[0][2]
     # Every layer adds what is climbed in it: no branch, and one formula for a batch.

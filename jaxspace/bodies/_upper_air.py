@@ -44,9 +44,11 @@ _MOLAR_MASS_SLOPES = (-4.1312e-3, -2.95301e-3)
 class Climb:
     """A cubic spline of the height as a sum: each interval adds what changes in it."""
 
-    def __init__(self, nodes: np.ndarray, values: np.ndarray, slopes: tuple[float, float]):
+    def __init__(
+        self, nodes: np.ndarray, values: np.ndarray, slopes: tuple[float, float], beyond: float
+    ):
         """The twice differentiable spline through the `values` at the `nodes`, with these `slopes`
-        at its ends; it starts at zero, and goes on straight after the last node."""
+        at its ends; it starts at zero, and after the last node it has the slope `beyond`."""
         widths = np.diff(nodes)
         mean = np.diff(values) / widths
         # Equal curvatures on both sides of each inner node; the slopes at the ends are given.
@@ -57,7 +59,7 @@ class Climb:
             matrix[k, k - 1 : k + 2] = before, 2.0 * (before + after), after
             right[k] = 3.0 * (mean[k - 1] * before + mean[k] * after)
         m = np.linalg.solve(matrix, right)
-        self.nodes, self.widths, self.end = nodes, widths, slopes[1]
+        self.nodes, self.widths, self.beyond = nodes, widths, beyond
         self.first = m[:-1]
         self.second = (3.0 * mean - 2.0 * m[:-1] - m[1:]) / widths
         self.third = (m[:-1] + m[1:] - 2.0 * mean) / widths**2
@@ -74,12 +76,14 @@ class Climb:
         passed = jnp.clip(x - column(self.nodes[:-1]), 0.0, column(self.widths))
         cubic = column(self.second) + passed * column(self.third)
         risen = jnp.sum(passed * (column(self.first) + passed * cubic), axis=0)
-        return risen + self.end * jnp.maximum(x - self.nodes[-1].item(), 0.0)
+        return risen + self.beyond * jnp.maximum(x - self.nodes[-1].item(), 0.0)
 
 
 # By the height above 86 km, km: the changes of ln rho and of the molar mass, kg/kmol.
-LOG_DENSITY = Climb(_NODES[:, 0] - 86.0, np.log(_NODES[:, 1]), _DENSITY_SLOPES)
-MOLAR_MASS_CHANGE = Climb(_NODES[:, 0] - 86.0, _NODES[:, 2], _MOLAR_MASS_SLOPES)
+_ABOVE = _NODES[:, 0] - 86.0
+LOG_DENSITY = Climb(_ABOVE, np.log(_NODES[:, 1]), _DENSITY_SLOPES, _DENSITY_SLOPES[1])
+# A molar mass that went on falling would be none.
+MOLAR_MASS_CHANGE = Climb(_ABOVE, _NODES[:, 2], _MOLAR_MASS_SLOPES, 0.0)
 
 # Table 8: 1 - M / M_0 from 80 to 86 km.
 _RATIO_HEIGHTS = (80e3, 81e3, 82e3, 83e3, 84e3, 85e3, 86e3)

@@ -94,7 +94,7 @@ LEFT_OUT: dict[str, tuple[str, ...]] = {
         *("rotations.Quaternion.projected", "rotations.instantaneous_centre"),
         *("bodies.Air", "bodies.ExponentialAtmosphere*", "bodies.StandardAtmosphere*"),
         *("bodies.geometric_height", "bodies.geopotential_height", "bodies.standard_atmosphere"),
-        *("orbits.*Path", "orbits.RotatingFrame*", "orbits.SecularRates", "orbits.SolarPressure*"),
+        *("orbits.*Path*", "orbits.RotatingFrame*", "orbits.SecularRates", "orbits.SolarPressure*"),
         *("orbits.ThirdBody*", "orbits.Zonals*", "orbits.secular_rates", "orbits.shadow*"),
         *("orbits.solar_pressure", "orbits.sun_synchronous_inclination", "orbits.sunlight"),
         *("orbits.third_body*", "orbits.zonal*"),
