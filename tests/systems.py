@@ -10,11 +10,12 @@ from jaxtyping import Array
 
 from jaxspace import Scene
 from jaxspace.attitude import SphericalPendulum, Top, TorqueFreeBody
-from jaxspace.bodies import BodyState, BurningBody, RigidBody
+from jaxspace.bodies import BodyState, BurningBody, ExponentialAtmosphere, RigidBody
 from jaxspace.core import AbstractSystem, as_float
 from jaxspace.gyros import TwoGimbalGyro
 from jaxspace.orbits import (
     CentralPotential,
+    ClohessyWiltshire,
     Drag,
     Oblateness,
     PointGravity,
@@ -114,7 +115,7 @@ SPIN = BodyState(attitude=turned(), omega=jnp.array([0.4, 0.1, 2.0]))
 GYRO = TwoGimbalGyro(0.002, 0.0008, 500.0, 0.0006, 0.0005, 0.0004, 0.0015)
 TOP = Top(0.002, 0.0008, 0.3)
 PENDULUM = SphericalPendulum(1.2, 9.8)
-AIR = Drag(50.0, 1e-11, 4.0e5, 6.0e4, RADIUS, 7.29e-5)
+AIR = Drag(50.0, ExponentialAtmosphere(1e-11, 4.0e5, 6.0e4), RADIUS, 7.29e-5)
 TENSOR = np.array([[3.0, 0.1, -0.2], [0.1, 2.0, 0.15], [-0.2, 0.15, 1.5]])
 
 SAMPLES = [
@@ -143,6 +144,12 @@ SAMPLES = [
         Scene((PointGravity(MU),), RigidBody(900.0, [520.0, 560.0, 340.0]), ("attitude",)),
         orbit(attitude=turned(), omega=jnp.array([0.02, -0.1, 2.0])),
         20.0,
+    ),
+    Sample(
+        "clohessy_wiltshire",
+        ClohessyWiltshire(1.13e-3),
+        BodyState(jnp.array([300.0, -2000.0, 150.0]), jnp.array([0.4, -0.2, 0.3])),
+        5400.0,
     ),
     Sample("burning_stage", rocket_scene(), rocket_state(), 9.0),
 ]

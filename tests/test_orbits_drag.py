@@ -7,7 +7,14 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from jaxspace import Scene, load, simulate
-from jaxspace.bodies import BodyState, RigidBody
+from jaxspace.bodies import (
+    BodyState,
+    ExponentialAtmosphere,
+    RigidBody,
+    StandardAtmosphere,
+    exponential_density,
+    standard_atmosphere,
+)
 from jaxspace.core import InputError
 from jaxspace.orbits import (
     Drag,
@@ -15,13 +22,14 @@ from jaxspace.orbits import (
     angular_momentum,
     circular_decay_rate,
     drag_acceleration,
-    exponential_density,
     semi_major_axis,
     specific_energy,
 )
 
 MU, RADIUS = 3.986004418e14, 6378137.0
-AIR = Drag(50.0, 3.725e-12, 4.0e5, 5.8515e4, RADIUS)  # Vallado, table 8-4, at 400 km
+AIR = Drag(
+    50.0, ExponentialAtmosphere(3.725e-12, 4.0e5, 5.8515e4), RADIUS
+)  # Vallado, table 8-4, at 400 km
 
 
 def test_the_density_of_the_table():
@@ -34,7 +42,7 @@ def test_the_density_of_the_table():
 @pytest.mark.parametrize("t", [1.0, 30.0, 1000.0])
 def test_a_straight_way_in_air_of_one_density(t):
     """v' = -k v^2 has v = v0 / (1 + k v0 t) and x = ln(1 + k v0 t) / k, k = rho / (2 B)."""
-    drag = Drag(20.0, 0.01, 0.0, 1e18, RADIUS)
+    drag = Drag(20.0, ExponentialAtmosphere(0.01, 0.0, 1e18), RADIUS)
     k, v0 = 0.01 / 40.0, 300.0
     y0 = BodyState(jnp.array([7.0e6, 1.0, -2.0]), v0 * jnp.array([0.6, 0.0, 0.8]))
     run = simulate(Scene([drag]), y0, jnp.array([0.0, t]), accuracy=1e-11)
@@ -68,7 +76,7 @@ def test_the_load_takes_energy_and_turns_with_the_air():
     """The rate of the energy is a . v; air that turns with the body does not brake it."""
     omega = 7.292115e-5
     r = jnp.array([6.6e6, 3.0e5, -2.0e5])
-    turning = Drag(50.0, 1e-10, 2.0e5, 4.0e4, RADIUS, omega)
+    turning = Drag(50.0, ExponentialAtmosphere(1e-10, 2.0e5, 4.0e4), RADIUS, omega)
     along = omega * jnp.array([-r[1], r[0], 0.0])
     still = turning.load(0.0, BodyState(r, along), RigidBody())
     np.testing.assert_array_equal(still.acceleration_N, np.zeros(3))
@@ -85,7 +93,8 @@ def test_the_load_takes_energy_and_turns_with_the_air():
 def test_an_orbit_agrees_with_another_integration():
     """Scipy's DOP853 on the equations written once more. A few hundred steps at 1e-11 of 7e6 m."""
     y0 = np.array([6.6e6, 4.0e5, -3.0e5, -300.0, 6900.0, 3600.0])
-    drag, omega = Drag(50.0, 1e-9, 2.0e5, 4.0e4, RADIUS, 7.292115e-5), 7.292115e-5
+    omega = 7.292115e-5
+    drag = Drag(50.0, ExponentialAtmosphere(1e-9, 2.0e5, 4.0e4), RADIUS, omega)
 
     def rate(t, y):
         r, v = y[:3], y[3:]
@@ -121,7 +130,7 @@ def test_the_derivative_in_the_coefficient_agrees_with_differences():
     y0 = BodyState(jnp.array([6.6e6, 0.0, 0.0]), jnp.array([0.0, 7700.0, 0.0]))
 
     def end(coefficient):
-        drag = Drag(coefficient, 1e-9, 2.0e5, 4.0e4, RADIUS)
+        drag = Drag(coefficient, ExponentialAtmosphere(1e-9, 2.0e5, 4.0e4), RADIUS)
         scene = Scene([PointGravity(MU), drag])
         run = simulate(scene, y0, jnp.array([0.0, 2500.0]), accuracy=1e-12)
         return run.final.position[0]
@@ -134,10 +143,13 @@ def test_the_derivative_in_the_coefficient_agrees_with_differences():
 @pytest.mark.parametrize(
     ("make", "sentence"),
     [
-        (lambda: Drag(0.0, 1.0, 0.0, 1.0, 1.0), "Drag.ballistic_coefficient is 0: it must be pos"),
-        (lambda: Drag(1.0, -1.0, 0.0, 1.0, 1.0), "Drag.density is -1: it must be zero or positive"),
-        (lambda: Drag(1.0, 1.0, 0.0, 0.0, 1.0), "Drag.scale_height is 0"),
-        (lambda: Drag(1.0, 1.0, np.nan, 1.0, 1.0), "Drag.reference_height is nan"),
+        (lambda: Drag(0.0, AIR.atmosphere, 1.0), "Drag.ballistic_coefficient is 0: it must be pos"),
+        (
+            lambda: ExponentialAtmosphere(-1.0, 0.0, 1.0),
+            "ExponentialAtmosphere.density is -1: it must be zero or positive",
+        ),
+        (lambda: ExponentialAtmosphere(1.0, 0.0, 0.0), "ExponentialAtmosphere.scale_height is 0"),
+        (lambda: ExponentialAtmosphere(1.0, np.nan, 1.0), "reference_height is nan"),
     ],
 )
 def test_bad_input_is_named(make, sentence):
@@ -156,6 +168,7 @@ radius = "6378.137 km"
 [effects.point_gravity]
 [effects.drag]
 ballistic_coefficient = "50 kg/m^2"
+[effects.drag.atmosphere]
 density = "3.725e-12 kg/m^3"
 reference_height = "400 km"
 scale_height = "58.515 km"
@@ -176,3 +189,34 @@ outputs = ["semi_major_axis"]
     np.testing.assert_array_equal(
         scene.phases[0].system.effects[1].ballistic_coefficient, [40.0, 60.0]
     )
+
+
+def test_the_standard_atmosphere_in_a_file(tmp_path):
+    """By its name, with a factor that scatters; the drag is that of its density."""
+    path = tmp_path / "drag.toml"
+    path.write_text(
+        """
+[planet]
+mu = "398600.4418 km^3/s^2"
+radius = "6378.137 km"
+[effects.point_gravity]
+[effects.drag]
+ballistic_coefficient = "50 kg/m^2"
+atmosphere = { model = "us_1976", density_factor = 2.0 }
+air_rate = 7.292115e-5
+[initial.orbit]
+periapsis_altitude = "200 km"
+[times]
+end = "90 min"
+[dispersion]
+outputs = ["semi_major_axis"]
+[dispersion.inputs]
+"effects.drag.atmosphere.density_factor" = { deviation = "10 %" }
+"""
+    )
+    drag = load(path).system.effects[1]
+    r = jnp.array([RADIUS + 2.0e5, 0.0, 0.0])
+    expected = 2.0 * float(standard_atmosphere(2.0e5).density)
+    assert isinstance(drag.atmosphere, StandardAtmosphere)
+    assert float(drag.density_at(r)) == pytest.approx(expected, rel=1e-12)
+    assert float(drag.scaled(0.5).density_at(r)) == pytest.approx(0.5 * expected, rel=1e-12)

@@ -102,14 +102,6 @@ def test_node_of_an_inclined_orbit():  # T4.18-J2
     assert float(per_turn) == pytest.approx(-0.006907628967326636, rel=1e-9)
 
 
-def test_regression_at_400_miles():  # T4.18-P3; J2 = 0.4 (C - A)/C for the uniform earth
-    a, i, radius, mu = 6373002.24 + 643737.6, 0.6108652381980153, 6373002.24, 398418031549440.0
-    period = 5850.775543373628
-    regression = node_regression_rate(a, 0.0, i, mu, 0.4 * 0.0032, radius) * period
-    assert float(regression) == pytest.approx(0.008151978203560502, rel=1e-9)
-    assert float(regression) + 7.29e-05 * period == pytest.approx(0.434673515315498, rel=1e-9)
-
-
 def test_drift_over_48_hours():  # PERT-CURTIS-12-2
     mu, radius = 398600.4418, 6378.137
     y0 = np.array([-2384.46, 5729.01, 3050.46, -7.36138, -2.98997, 1.64354])

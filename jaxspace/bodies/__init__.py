@@ -1,6 +1,9 @@
-"""Bodies with mass: inertia, mass properties, state, equations of motion, and the interface of
-effects."""
+"""Bodies with mass: inertia, mass properties, state, equations of motion, the interface of
+effects, and air by its height."""
 
+from ._atmosphere import AbstractAtmosphere as AbstractAtmosphere
+from ._atmosphere import ExponentialAtmosphere as ExponentialAtmosphere
+from ._atmosphere import exponential_density as exponential_density
 from ._body import AbstractBody as AbstractBody
 from ._body import BurningBody as BurningBody
 from ._body import RigidBody as RigidBody
@@ -34,6 +37,11 @@ from ._solids import ellipsoid as ellipsoid
 from ._solids import particles as particles
 from ._solids import simplex as simplex
 from ._solids import sphere as sphere
+from ._standard_atmosphere import Air as Air
+from ._standard_atmosphere import StandardAtmosphere as StandardAtmosphere
+from ._standard_atmosphere import geometric_height as geometric_height
+from ._standard_atmosphere import geopotential_height as geopotential_height
+from ._standard_atmosphere import standard_atmosphere as standard_atmosphere
 from ._state import PARTS as PARTS
 from ._state import BodyState as BodyState
 from ._state import sample_state as sample_state

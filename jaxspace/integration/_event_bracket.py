@@ -77,6 +77,7 @@ def close_in(
     y: State,
     g: tuple[Scalar, Scalar],
     wanted: Bool[Array, "*runs"],
+    behind: Scalar | None = None,
 ) -> tuple[Scalar, Bool[Array, "*runs"], Bool[Array, "*runs"]]:
     """The zero between two samples.
 
@@ -86,14 +87,17 @@ def close_in(
     - `span`: the times of the samples, s, and `g` the condition there.
     - `y`: the state at the first of them.
     - `wanted`: the runs whose zero is sought.
+    - `behind`: after which time, s, it is sought; by default after that of the first sample. `g`
+      is then the condition right behind this time.
 
     **Returns** the time, whether there is a zero, and whether the search converged."""
     t, end = span
+    first = t if behind is None else behind
     # A dip has one sign at both ends: from the first place with the other one on, it is a span like
     # all others, up to there or, where only the way back counts, from there.
     back = jnp.sign(g[0]) * along.event.direction > 0.0
-    forwards = jnp.sign(end - t)
-    length = jnp.abs(end - t)
+    forwards = jnp.sign(end - first)
+    length = jnp.abs(end - first)
     least = 16.0 * float(jnp.finfo(t.dtype).eps)
 
     def step(old: _Bracket) -> _Bracket:
@@ -113,9 +117,9 @@ def close_in(
 
     unknown = jnp.full_like(t, jnp.inf)
     start = _Bracket(
-        low=t,
+        low=first,
         high=end,
-        guess=0.5 * (t + end),
+        guess=0.5 * (first + end),
         sign=jnp.sign(g[0]),
         dip=g[0] * g[1] > 0.0,
         slopes=(-unknown, unknown),

@@ -31,7 +31,7 @@ class Zero(NamedTuple):
     failed: Scalar
 
 
-class _Samples(NamedTuple):
+class Samples(NamedTuple):
     """A condition along each run.
 
     - `times`, `states`, `g`: of the samples, which lead; at a zero at the start `g` has the sign
@@ -53,7 +53,10 @@ class _Samples(NamedTuple):
 
 def first_zero(along: ConditionOnRun, y0: State, t0: Scalar, t1: Scalar) -> Zero:
     """The first zero of the condition of each run between `t0` and `t1`, s."""
-    samples = _samples(along, y0, t0, t1)
+    # Equal parts of the time, from the dense output of one integration.
+    fractions = jnp.linspace(0.0, 1.0, along.event.samples + 1, dtype=jnp.result_type(t0))
+    times = t0 + jnp.multiply.outer(fractions, t1 - t0)
+    samples = sampled(along, times, along.states(y0, t0, t1, fractions))
     when, hit, unresolved = _first_in_intervals(along, samples, t1)
     event = along.event
     at_zero = samples.at_zero
@@ -75,22 +78,21 @@ def first_zero(along: ConditionOnRun, y0: State, t0: Scalar, t1: Scalar) -> Zero
     return Zero(when, hit, samples.size, status.astype(jnp.int32), failed)
 
 
-def _samples(along: ConditionOnRun, y0: State, t0: Scalar, t1: Scalar) -> _Samples:
-    """The condition on equal parts of the time, from the dense output of one integration."""
+def sampled(along: ConditionOnRun, times: Float[Array, "samples *#runs"], states: State) -> Samples:
+    """The condition at these times, s, and the states there, times first."""
     system, event, _, run_axes = along
-    fractions = jnp.linspace(0.0, 1.0, event.samples + 1, dtype=jnp.result_type(t0))
-    states = along.states(y0, t0, t1, fractions)
-    times = t0 + jnp.multiply.outer(fractions, t1 - t0)
+    t0, t1 = times[0], times[-1]
+    y0 = jax.tree.map(lambda x: x[0], states)
     g = jnp.broadcast_to(jax.vmap(along.value)(times, states), times.shape)
     # Slopes at the two ends only: they stand in for the samples that lie beyond the run.
-    ends = jax.tree.map(lambda x: x[:: event.samples], (times, states))
+    ends = jax.tree.map(lambda x: x[:: times.shape[0] - 1], (times, states))
     slopes = jax.vmap(lambda t, y: along.slope(t, y)[1])(*ends)
     dip = _dips(g, (times[1] - times[0]) * slopes)
     size = jnp.max(jnp.abs(g), axis=0)
     span = jnp.maximum(jnp.abs(t0), jnp.abs(t1 - t0))
     change = rounding_change(event, system, t0, y0, run_axes) + size + jnp.abs(slopes[0]) * span
     at_zero = jnp.abs(g[0]) <= ROUNDINGS * float(jnp.finfo(g.dtype).eps) * change
-    ill = _ill_after(g, states, times, run_axes)
+    ill = ill_after(g, states, times, run_axes)
     # From a zero (a ball on the floor) the condition has the sign that it is about to take. The
     # slope is that along the run, which may go backwards in time.
     away = jnp.sign(t1 - t0) * slopes[0]
@@ -99,11 +101,11 @@ def _samples(along: ConditionOnRun, y0: State, t0: Scalar, t1: Scalar) -> _Sampl
     fall = (g[:-1] > 0.0) & (g[1:] <= 0.0)
     crossing = {1: rise, -1: fall, 0: rise | fall}[event.direction]
     candidate = crossing | dip & ~(rise | fall)
-    return _Samples(times, states, g, candidate, at_zero, away, size, ill)
+    return Samples(times, states, g, candidate, at_zero, away, size, ill)
 
 
 def _first_in_intervals(
-    along: ConditionOnRun, samples: _Samples, t1: Scalar
+    along: ConditionOnRun, samples: Samples, t1: Scalar
 ) -> tuple[Scalar, Array, Array]:
     """The time of the first zero of each run, whether there is one, and whether the search for it
     did not converge."""
@@ -115,8 +117,8 @@ def _first_in_intervals(
         when, hit, unresolved, first = found
         ahead = candidate & (numbers >= first)
         index = jnp.argmax(ahead, axis=0)
-        y, t, value = _pick((samples.states, samples.times, samples.g), index, along.run_axes)
-        end, other = _pick((samples.times, samples.g), index + 1, along.run_axes)
+        y, t, value = pick((samples.states, samples.times, samples.g), index, along.run_axes)
+        end, other = pick((samples.times, samples.g), index + 1, along.run_axes)
         wanted = jnp.any(ahead, axis=0) & ~hit & ~unresolved
         there, met, sure = close_in(along, (t, end), y, (value, other), wanted)
         good = wanted & met & sure
@@ -134,7 +136,7 @@ def _first_in_intervals(
     return when, hit, unresolved
 
 
-def _pick(tree: State, index: Array, run_axes: int) -> State:
+def pick(tree: State, index: Array, run_axes: int) -> State:
     """Of blocks with the samples on the first axis, the one at `index` of each run."""
 
     def leaf(x):
@@ -146,13 +148,13 @@ def _pick(tree: State, index: Array, run_axes: int) -> State:
     return jax.tree.map(leaf, tree)
 
 
-def _ill_after(g: Array, states: State, times: Array, run_axes: int) -> Scalar:
+def ill_after(g: Array, states: State, times: Array, run_axes: int) -> Scalar:
     """How long after the start, s, the condition of a finite state is first not finite; infinite
     where it always is. A state that is not finite has a status of its own."""
     ill = ~jnp.isfinite(g)
     for x in jax.tree.leaves(states):
         ill = ill & jnp.all(jnp.isfinite(x), axis=tuple(range(1, x.ndim - run_axes)))
-    after = jnp.abs(_pick(times, jnp.argmax(ill, axis=0), run_axes) - times[0])
+    after = jnp.abs(pick(times, jnp.argmax(ill, axis=0), run_axes) - times[0])
     return jnp.where(jnp.any(ill, axis=0), after, jnp.inf)
 
 

@@ -49,9 +49,12 @@ class Event(eqx.Module):
     - `at_start`: whether a zero at the start of the run, to rounding, is an event. By default it is
       none, because it is the one at which the run before has ended; an event that happens together
       with that one is named in `Trajectory.happened`.
+    - `terminal`: with `False` the run goes on, and `Trajectory.crossings` holds every zero, up to
+      `capacity` of them. The span is then sampled between its save times, in `samples` parts or
+      more.
 
-    Raises `InputError` for another direction, a number of samples below 2, or a `touch` or `within`
-    that is not positive."""
+    Raises `InputError` for another direction, a number of samples below 2, a capacity below 1, or a
+    `touch` or `within` that is not positive."""
 
     condition: Callable[[Scalar, State], Scalar]
     direction: int = eqx.field(static=True, default=0)
@@ -59,6 +62,8 @@ class Event(eqx.Module):
     samples: int = eqx.field(static=True, default=128)
     touch: Scalar | None = eqx.field(converter=as_optional_float, default=None)
     at_start: bool = eqx.field(static=True, default=False)
+    terminal: bool = eqx.field(static=True, default=True)
+    capacity: int = eqx.field(static=True, default=64)
 
     def __check_init__(self):
         if self.direction not in (-1, 0, 1):
@@ -67,6 +72,8 @@ class Event(eqx.Module):
             )
         if self.samples < 2:
             raise InputError(f"Event.samples is {self.samples}: it must be at least 2.")
+        if self.capacity < 1:
+            raise InputError(f"Event.capacity is {self.capacity}: it must be at least 1.")
         check_positive("Event.within", self.within)
         check_positive("Event.touch", self.touch)
 

@@ -25,6 +25,7 @@ class Status(enum.IntEnum):
     CONDITION_NOT_FINITE = 8
     EVENTS_PILE_UP = 9
     OUTSIDE_MODEL = 10
+    SAMPLES_TOO_FEW = 11
 
     @property
     def sentence(self) -> str:
@@ -71,6 +72,10 @@ _SENTENCES = {
     Status.OUTSIDE_MODEL: (
         "The run left what the model describes, as by a collision or by a mass below the dry mass: "
         "end it before by an event."
+    ),
+    Status.SAMPLES_TOO_FEW: (
+        "The condition of an event changes faster than it is sampled, so that zeros may be "
+        "missing: raise Event.samples, or give more save times."
     ),
 }
 

@@ -5,10 +5,16 @@ which systems, effects, jumps, events and outputs there are, the rooms of physic
 
 from ._catalog import Catalog as Catalog
 from ._catalog import catalog as catalog
+from ._ephemeris import Ephemeris as Ephemeris
+from ._ephemeris import read_oem as read_oem
+from ._ephemeris import write_oem as write_oem
 from ._errors import SceneError as SceneError
 from ._listing import listing as listing
 from ._listing import schema as schema
 from ._load import load as load
+from ._mean_elements import CataloguedOrbit as CataloguedOrbit
+from ._mean_elements import read_omm as read_omm
+from ._mean_elements import read_tle as read_tle
 from ._report import dispersion_report as dispersion_report
 from ._report import mission_report as mission_report
 from ._report import run_report as run_report

@@ -1,4 +1,5 @@
-"""Optimal rockets: staging, steering, direct shooting, and a constrained minimiser by gradients."""
+"""Optimal rockets and transfers: staging, steering, direct shooting, rendezvous, and a constrained
+minimiser by gradients."""
 
 from ._ascent import AbstractThrustAcceleration as AbstractThrustAcceleration
 from ._ascent import Ascent as Ascent
@@ -10,6 +11,8 @@ from ._ascent import burnout_state as burnout_state
 from ._minimise import Criterion as Criterion
 from ._minimise import Minimum as Minimum
 from ._minimise import minimise as minimise
+from ._rendezvous import Rendezvous as Rendezvous
+from ._rendezvous import least_rendezvous as least_rendezvous
 from ._shooting import SteeredFlight as SteeredFlight
 from ._shooting import SteeringOptimum as SteeringOptimum
 from ._shooting import SteeringProfile as SteeringProfile

@@ -32,6 +32,13 @@ def escape_speed(radius: Scalar, mu: Scalar) -> Scalar:
     return jnp.sqrt(2.0 * mu / radius)
 
 
+def excess_speed(radius: Scalar, speed: Scalar, mu: Scalar) -> Scalar:
+    """Speed that is left far away, m/s, after an escape from the `radius`, m, at this `speed`, m/s;
+    `mu`, m^3/s^2. NaN below the escape speed (Thomson 4.7, 4.10)."""
+    escape = escape_speed(radius, mu)
+    return jnp.sqrt((speed - escape) * (speed + escape))
+
+
 def vis_viva_speed(radius: Scalar, semi_major_axis: Scalar, mu: Scalar) -> Scalar:
     """Speed at a distance from the centre (Thomson 4.9).
 

@@ -19,9 +19,23 @@ Valid for distances small against the radius of the circle. q1 to q3 are series 
 digit is lost there, and n = 0 is motion without gravity.
 """
 
-import jax.numpy as jnp
+from typing import final
 
-from ..core import Scalar, Vector, as_float, stumpff_near, with_rank
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ..bodies import BodyState
+from ..core import (
+    AbstractClosedForm,
+    AbstractSystem,
+    Scalar,
+    Vector,
+    as_float,
+    dot,
+    quantity,
+    stumpff_near,
+    with_rank,
+)
 
 _SMALL = 9.0
 
@@ -104,3 +118,54 @@ def _functions(t: Scalar, n: Scalar) -> tuple[Scalar, Scalar, Scalar, Scalar]:
     q2 = jnp.where(small, t * angle * c2, (1.0 - jnp.cos(angle)) * per)
     q3 = jnp.where(small, t * z * c3, t - jnp.sin(angle) * per)
     return jnp.cos(angle), q1, q2, q3
+
+
+@final
+class RelativeMotion(AbstractClosedForm):
+    """`clohessy_wiltshire_flow` of a state, about a circle of this mean motion, rad/s."""
+
+    mean_motion: Scalar
+
+    def flow(self, duration: Scalar, y: BodyState) -> BodyState:
+        assert y.position is not None and y.velocity is not None
+        return BodyState(
+            *clohessy_wiltshire_flow(y.position, y.velocity, duration, self.mean_motion)
+        )
+
+
+@final
+class ClohessyWiltshire(AbstractSystem):
+    """Motion relative to a body on a circle, to first order in the distance.
+
+    State: `BodyState` with position and velocity in the rotating axes: outwards, along the motion,
+    normal."""
+
+    mean_motion: Float[Array, "*#runs"] = quantity("rad/s", doc="of the circle")
+
+    def vector_field(self, t: Scalar, y: BodyState) -> BodyState:
+        del t
+        assert y.position is not None and y.velocity is not None
+        n = self.mean_motion
+        x, _, z = y.position
+        u, v, _ = y.velocity
+        rates = jnp.stack([3.0 * n * n * x + 2.0 * n * v, -2.0 * n * u, -n * n * z])
+        return BodyState(position=y.velocity, velocity=rates)
+
+    def invariants(self, t: Scalar, y: BodyState) -> dict[str, Array]:
+        """The energy of the relative motion, that of the oscillation normal to the plane, and the
+        momentum along the motion, which is n/2 of the distance of the ellipse's centre."""
+        del t
+        assert y.position is not None and y.velocity is not None
+        n = self.mean_motion
+        x, _, z = y.position
+        _, v, w = y.velocity
+        across = 0.5 * (w * w + n * n * z * z)
+        in_plane = dot(y.velocity, y.velocity) - w * w - 3.0 * n * n * x * x
+        return {
+            "energy": 0.5 * in_plane + across,
+            "normal_energy": across,
+            "momentum_along": v + 2.0 * n * x,
+        }
+
+    def closed_form(self) -> RelativeMotion:
+        return RelativeMotion(self.mean_motion)

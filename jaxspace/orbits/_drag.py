@@ -1,47 +1,31 @@
-"""Drag of an atmosphere whose density falls exponentially with the height.
+"""Drag of an atmosphere that may turn with the planet.
 
     a = -1/2 rho |v_r| v_r / B                 v_r = v - Omega Z x r
-    rho(r) = rho_0 exp(-(|r| - R - h_0) / H)
     a' = -rho sqrt(mu a) / B                   circular orbit, air at rest, first order in rho
 
     symbol     meaning                                               unit
     r, v       position from the centre, velocity                    m, m/s
     v_r        velocity relative to the air                          m/s
     Omega, Z   rotation rate of the air, axis of the planet          rad/s, 1
-    rho, rho_0 density; at the reference height h_0                  kg/m^3
-    R, h_0, H  radius of the planet, reference height, scale height  m
+    rho        density at the height |r| - R                         kg/m^3
+    R          radius of the planet                                  m
     B          ballistic coefficient m / (C_D A)                     kg/m^2
     a, a'      acceleration; in the last line, radius and its rate   m/s^2; m, m/s
 
-Source: Curtis, Orbital Mechanics, 12.4 (drag); Vallado, Fundamentals of Astrodynamics, 8.6.2
-(exponential model, with a table of rho_0, h_0 and H); King-Hele, Satellite Orbits in an Atmosphere,
-4.2 (decay). Valid within some scale heights of the reference height: the scale height grows with
-the height, and the density varies with the sun by a factor of ten at 500 km. The air turns like a
-rigid body.
+Source: Curtis, Orbital Mechanics, 12.4 (drag); King-Hele, Satellite Orbits in an Atmosphere,
+4.2 (decay).
+
+The atmospheres are those of `bodies`. The air turns like a rigid body, heights count from a sphere.
 """
 
 from typing import ClassVar, final
 
+import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
+from ..bodies import AbstractAtmosphere, AbstractBody, AbstractEffect, BodyState, Load
 from ..core import Scalar, Vector, axis, cross, norm, quantity
-
-
-def exponential_density(
-    height: Scalar, density: Scalar, reference_height: Scalar, scale_height: Scalar
-) -> Scalar:
-    """Density rho at a height (Vallado 8.6.2).
-
-    **Arguments**
-
-    - `height`: above the planet, m.
-    - `density`: rho_0, kg/m^3, at the `reference_height`, m.
-    - `scale_height`: m.
-
-    **Returns** the density, kg/m^3."""
-    return density * jnp.exp((reference_height - height) / scale_height)
 
 
 def drag_acceleration(
@@ -77,19 +61,14 @@ def circular_decay_rate(
 
 @final
 class Drag(AbstractEffect):
-    """Drag of an exponential atmosphere, which may turn with the planet about the z axis."""
+    """Drag of an atmosphere, which may turn with the planet about the z axis."""
 
     ballistic_coefficient: Float[Array, "*#runs"] = quantity(
         "kg/m^2", positive=True, doc="mass over drag coefficient times area"
     )
-    density: Float[Array, "*#runs"] = quantity(
-        "kg/m^3", non_negative=True, doc="of the air at the reference height"
-    )
-    reference_height: Float[Array, "*#runs"] = quantity(
-        "m", doc="height above the planet at which the density is given"
-    )
-    scale_height: Float[Array, "*#runs"] = quantity(
-        "m", positive=True, doc="climb over which the density falls by the factor e"
+    # The checker takes the quantity above for a default.
+    atmosphere: AbstractAtmosphere = eqx.field(  # pyright: ignore[reportGeneralTypeIssues]
+        metadata={"doc": "density by the height"}
     )
     radius: Float[Array, "*#runs"] = quantity(
         "m", positive=True, shared="planet.radius", doc="of the planet, from which heights count"
@@ -117,15 +96,8 @@ class Drag(AbstractEffect):
 
     def density_at(self, position: Vector) -> Scalar:
         """Density of the air, kg/m^3, at a `position`, m, (3, *runs)."""
-        height = norm(position) - self.radius
-        return exponential_density(height, self.density, self.reference_height, self.scale_height)
+        return self.atmosphere.density_at(norm(position) - self.radius)
 
     def scaled(self, factor: Scalar) -> "Drag":
-        return Drag(
-            self.ballistic_coefficient,
-            factor * self.density,
-            self.reference_height,
-            self.scale_height,
-            self.radius,
-            self.air_rate,
-        )
+        air = self.atmosphere.scaled(factor)
+        return Drag(self.ballistic_coefficient, air, self.radius, self.air_rate)

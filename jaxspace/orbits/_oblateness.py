@@ -16,8 +16,8 @@
 Source: Thomson 4.18-12, per turn 3 pi J2 (R/a)^2 cos i (his uniform earth: C = 0.4 m R^2); Curtis,
 Orbital Mechanics, 4.52, 4.53.
 
-The axis of symmetry is the inertial z axis. Add `PointGravity` for the field of the point. Higher
-harmonics are left out.
+The axis of symmetry is the inertial z axis. Add `PointGravity` for the field of the point; `Zonals`
+has the harmonics of higher degree too.
 """
 
 from typing import ClassVar, final
@@ -35,6 +35,7 @@ from ..core import (
     quantity,
     scale,
 )
+from ._secular_rates import secular_rates
 
 
 def oblateness(r: Vector, mu: Scalar, j2: Scalar, radius: Scalar) -> Vector:
@@ -70,15 +71,6 @@ def oblateness_potential(r: Vector, mu: Scalar, j2: Scalar, radius: Scalar) -> S
     )
 
 
-def _rate(
-    semi_major_axis: Scalar, eccentricity: Scalar, mu: Scalar, j2: Scalar, radius: Scalar
-) -> Scalar:
-    """3/2 n J2 (R/p)^2, rad/s."""
-    a = semi_major_axis
-    ratio = radius / (a * (1.0 - eccentricity * eccentricity))
-    return 1.5 * jnp.sqrt(mu / a) / a * j2 * ratio * ratio
-
-
 def node_regression_rate(
     semi_major_axis: Scalar,
     eccentricity: Scalar,
@@ -99,7 +91,7 @@ def node_regression_rate(
     **Returns** minus the rate of the longitude of the node, rad/s, (*runs,): positive for direct
     orbits.
     """
-    return _rate(semi_major_axis, eccentricity, mu, j2, radius) * jnp.cos(inclination)
+    return -secular_rates(semi_major_axis, eccentricity, inclination, mu, j2, radius).node
 
 
 def apsidal_rate(
@@ -113,8 +105,8 @@ def apsidal_rate(
     """Mean rate of the argument of periapsis, rad/s, by J2 to first order (Curtis 4.53).
 
     It is zero where cos^2 i = 1/5. Arguments as in `node_regression_rate`."""
-    cosine = jnp.cos(inclination)
-    return _rate(semi_major_axis, eccentricity, mu, j2, radius) * (2.5 * cosine * cosine - 0.5)
+    rates = secular_rates(semi_major_axis, eccentricity, inclination, mu, j2, radius)
+    return rates.argument_of_periapsis
 
 
 @final

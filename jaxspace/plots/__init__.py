@@ -2,6 +2,7 @@
 
 from ._dispersion_figure import dispersion_figure as dispersion_figure
 from ._dispersion_page import dispersion_page as dispersion_page
+from ._porkchop_figure import porkchop_figure as porkchop_figure
 from ._study_figures import accuracy_cost_figure as accuracy_cost_figure
 from ._study_figures import effect_budget_figure as effect_budget_figure
 from ._trajectory_figure import trajectory_figure as trajectory_figure

@@ -13,6 +13,7 @@ from ._moving_frame import MovingFrame as MovingFrame
 from ._moving_frame import instantaneous_centre as instantaneous_centre
 from ._moving_frame import path_components as path_components
 from ._moving_frame import polar_components as polar_components
+from ._plane_motion import centrodes as centrodes
 from ._quaternion import Quaternion as Quaternion
 from ._rotation_vector import omega_from_rotation_vector_rate as omega_from_rotation_vector_rate
 from ._rotation_vector import rotation_vector_rate as rotation_vector_rate

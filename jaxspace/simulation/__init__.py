@@ -1,11 +1,13 @@
 """Simulate one run or many, a system or a mission of phases, to a stated accuracy. No physics."""
 
 from ..integration import Accuracy as Accuracy
+from ..integration import Crossings as Crossings
 from ..integration import Event as Event
 from ..integration import SimulationError as SimulationError
 from ..integration import Status as Status
 from ..integration import select_method as select_method
 from ._batch import simulate_batch as simulate_batch
+from ._crossings import crossings as crossings
 from ._mission import Mission as Mission
 from ._mission import Phase as Phase
 from ._mission_runs import MissionResult as MissionResult

@@ -27,6 +27,7 @@ WITHOUT_BOUND = (
     Status.EVENT_UNRESOLVED,
     Status.CONDITION_NOT_FINITE,
     Status.OUTSIDE_MODEL,
+    Status.SAMPLES_TOO_FEW,
 )
 
 
@@ -52,7 +53,8 @@ def nan_where_failed(result: T, status: Array | None = None) -> T:
     - `result`: a `RunResult`; or with a `status` any tree of arrays with the runs last.
 
     **Returns** the same with NaN: in a `RunResult` all states after the first for a status of
-    `WITHOUT_BOUND`, and every state that is not finite in one of its blocks; else all of it."""
+    `WITHOUT_BOUND`, every state that is not finite in one of its blocks, and all crossings of a run
+    that failed; else all of it."""
     if status is not None:
         return _scaled(result, _nan_unless(status <= Status.EVENT))
     assert isinstance(result, RunResult)
@@ -64,7 +66,8 @@ def nan_where_failed(result: T, status: Array | None = None) -> T:
     first = jnp.arange(result.ts.shape[0]).reshape(-1, *(1,) * run_axes) == 0
     for unbounded in WITHOUT_BOUND:
         good = good & (first | (result.status != unbounded))
-    return result._replace(states=_scaled(result.states, _nan_unless(good)))
+    crossings = _scaled(result.crossings, _nan_unless(result.status <= Status.EVENT))
+    return result._replace(states=_scaled(result.states, _nan_unless(good)), crossings=crossings)
 
 
 def loud(result: T) -> T:
@@ -130,6 +133,7 @@ NUMBERS = (
     "happened",
     "stats",
     "dense",
+    "crossings",
     "final",
     "end",
     "phases",

@@ -38,7 +38,8 @@ class Phase(eqx.Module):
     - `then`: a function (t, y) -> y applied at the end; `None` leaves the state as it is.
     - `name`: for tables and plots.
 
-    Raises `InputError` for an event without a limit or a duration that is not finite."""
+    Raises `InputError` for an event without a limit or that ends no run, and for a duration that is
+    not finite."""
 
     system: AbstractSystem
     until: Float[Array, "*#runs"] | Event = eqx.field(converter=_as_until)
@@ -51,6 +52,11 @@ class Phase(eqx.Module):
                 raise InputError(
                     f"Phase {self.name!r} ends at an event without a limit: Event.within must be a "
                     f"time in s."
+                )
+            if not self.until.terminal:
+                raise InputError(
+                    f"Phase {self.name!r} ends at an event with terminal=False: it must be an "
+                    f"event that ends a run."
                 )
         else:
             check_finite(f"Phase {self.name!r}: until", self.until)

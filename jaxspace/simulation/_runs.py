@@ -11,6 +11,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from ..core import AbstractSystem, State, safe_divide
 from ..integration._config import IntegrationConfig
+from ..integration._crossings import Crossings, crossings_between
 from ..integration._event_search import first_event, happened_together
 from ..integration._events import Event, newton_correct
 from ..integration._integrate import integrate
@@ -20,6 +21,7 @@ from ..integration._layout import (
     runs_of,
     state_at,
     times_behind_components,
+    times_first,
     with_start,
 )
 from ..integration._result import DenseOutput, IntegrationResult
@@ -28,7 +30,9 @@ from ..integration._status import Status, combine_status
 
 class RunResult(NamedTuple):
     """What one run, or a batch of them, leaves: the fields of a `Trajectory`, and the recorded
-    ends of the steps in normalised time."""
+    ends of the steps in normalised time.
+
+    - `crossings`: of each event that is not terminal."""
 
     ts: Float[Array, "times *#runs"]
     states: State
@@ -38,6 +42,7 @@ class RunResult(NamedTuple):
     stats: dict[str, Array]
     dense: DenseOutput | None
     step_ends: Float[Array, " steps"] | None
+    crossings: tuple[Crossings, ...] = ()
 
 
 def integrate_through_times(
@@ -84,6 +89,62 @@ def _at_times(
     return result._replace(states=replace_state(result.states, 0, y0, run_axes))
 
 
+def _sampled(
+    system: AbstractSystem,
+    y0: State,
+    ts: Array,
+    config: IntegrationConfig,
+    run_axes: int,
+    dense: bool,
+    samples: int,
+) -> tuple[IntegrationResult, Array, State]:
+    """`_at_times`, with the times and states of at least `samples` parts of the run, times first.
+
+    One integration, except where runs have save times of their own."""
+    runs = runs_of(y0, run_axes)
+    span = ts[-1] - ts[0]
+    if ts.ndim > 1:
+        result = _at_times(system, y0, ts, config, run_axes, dense)
+        fractions = jnp.linspace(0.0, 1.0, samples + 1, dtype=ts.dtype)
+        between = integrate(system, y0, ts[0], ts[-1], fractions, config, run_axes)
+        times = ts[0] + jnp.multiply.outer(fractions, span)
+        states = replace_state(between.states, 0, y0, run_axes)
+        return result, times, times_first(states, run_axes)
+    parts = -(-samples // (ts.shape[0] - 1))
+    shares = jnp.linspace(0.0, 1.0, parts, endpoint=False, dtype=ts.dtype)
+    # Every save time is a sample, to the last bit.
+    inner = ts[:-1, None] + shares * jnp.diff(ts)[:, None]
+    times = jnp.concatenate([inner.reshape(-1), ts[-1:]])
+    result = _at_times(system, y0, times, config, run_axes, dense)
+    states = times_first(result.states, run_axes)
+    asked = times_behind_components(jax.tree.map(lambda x: x[::parts], states), run_axes)
+    every = jnp.broadcast_to(_with_runs(times, runs), (times.shape[0], *runs))
+    return result._replace(states=asked), every, states
+
+
+def _with_crossings(
+    system: AbstractSystem,
+    y0: State,
+    ts: Array,
+    events: tuple[Event, ...],
+    config: IntegrationConfig,
+    run_axes: int,
+    dense: bool,
+) -> tuple[IntegrationResult, tuple[Crossings, ...]]:
+    """`_at_times`, with every zero of these events on the way."""
+    if not events:
+        return _at_times(system, y0, ts, config, run_axes, dense), ()
+    samples = max(event.samples for event in events)
+    result, times, states = _sampled(system, y0, ts, config, run_axes, dense, samples)
+    found = []
+    status = result.status
+    for event in events:
+        crossings = crossings_between(system, event, times, states, config, run_axes)
+        found.append(crossings)
+        status = combine_status(status, crossings.status)
+    return result._replace(status=status), tuple(found)
+
+
 def run_system(
     system: AbstractSystem,
     y0: State,
@@ -95,34 +156,51 @@ def run_system(
 ) -> RunResult:
     """One system from `y0` through `ts`, (times,) or (times, *runs), or to its first event.
 
-    From the event on, states and times are those of the event."""
+    From the event on, states and times are those of the event. Events that are not terminal are
+    collected on the way."""
     y0 = broadcast_state(system, ts[0], y0)
     runs = runs_of(y0, run_axes)
     asked = jnp.broadcast_to(_with_runs(ts, runs), (ts.shape[0], *runs))
-    if not events:
-        result = _at_times(system, y0, ts, config, run_axes, dense)
+    passed = tuple(event for event in events if not event.terminal)
+    numbers = [number for number, event in enumerate(events) if event.terminal]
+    ending = tuple(events[number] for number in numbers)
+    if not ending:
+        result, crossings = _with_crossings(system, y0, ts, passed, config, run_axes, dense)
         which = -jnp.ones(runs, jnp.int32)
-        happened = jnp.zeros((0, *runs), bool)
+        happened = jnp.zeros((len(events), *runs), bool)
         return RunResult(
-            asked, result.states, result.status, which, happened, result.stats, result.dense, None
+            asked,
+            result.states,
+            result.status,
+            which,
+            happened,
+            result.stats,
+            result.dense,
+            None,
+            crossings,
         )
-    found = first_event(system, y0, asked[0], asked[-1], events, config, run_axes)
+    found = first_event(system, y0, asked[0], asked[-1], ending, config, run_axes)
     when, which = found.time, found.which
     # Each run may stop at a time of its own.
     sign = jnp.where(asked[-1] < asked[0], -1.0, 1.0).astype(when.dtype)
     ts = sign * jnp.minimum(sign * asked, sign * when)
     # Run again to the events alone: each run lands on its own, as accurate as its steps.
-    result = _at_times(system, y0, ts, config, run_axes, dense)
+    result, crossings = _with_crossings(system, y0, ts, passed, config, run_axes, dense)
     last = state_at(result.states, -1, run_axes)
-    t_event, y_event = newton_correct(system, events, which, ts[-1], last)
+    t_event, y_event = newton_correct(system, ending, which, ts[-1], last)
     stopped = (which >= 0) & (sign * asked >= sign * when)
     ts = jnp.where(stopped, t_event, ts)
     states = _where_stopped(stopped, y_event, result.states, run_axes)
     status = combine_status(result.status, found.status)
-    happened = (which >= 0) & (status == Status.COMPLETED)
-    status = jnp.where(happened, Status.EVENT, status)
-    together = happened_together(system, events, found, asked[0], t_event, y_event, run_axes)
-    return RunResult(ts, states, status, which, together, result.stats, result.dense, None)
+    hit = (which >= 0) & (status == Status.COMPLETED)
+    status = jnp.where(hit, Status.EVENT, status)
+    together = happened_together(system, ending, found, asked[0], t_event, y_event, run_axes)
+    # Numbers among all events, as the caller gave them.
+    happened = jnp.zeros((len(events), *runs), bool).at[jnp.array(numbers)].set(together)
+    event = jnp.where(which >= 0, jnp.array(numbers)[which], -1).astype(jnp.int32)
+    return RunResult(
+        ts, states, status, event, happened, result.stats, result.dense, None, crossings
+    )
 
 
 def _where_stopped(stopped: Array, y: State, states: State, run_axes: int) -> State:

@@ -78,7 +78,8 @@ def simulate(system: Any, y0: PyTree, *args: Any, **kwargs: Any) -> Any:
     - `ts`: save times of a system, s. The first is that of `y0`; descending times run backwards.
     - `t0`: the time at which a mission starts, s.
     - `accuracy`: the relative tolerance of each step, or an `Accuracy`; 1e-9 by default.
-    - `events`: the run of a system stops at the first zero of one of these. The phases of a mission
+    - `events`: the run of a system stops at the first zero of one of these; of those with
+      `terminal=False` every zero is collected (`Trajectory.crossings`). The phases of a mission
       bring their own.
     - `dense`: whether to keep the steps, for states between the save times (`Trajectory.at`).
     - `num_saved`: how many states each phase of a mission saves, from its start to its end.
@@ -210,8 +211,10 @@ def trajectory_of(
     result: RunResult, system: AbstractSystem, config: IntegrationConfig, run_axes: int
 ) -> Trajectory:
     """A `Trajectory` from what the run left."""
-    ts, states, status, event, happened, stats, dense, _ = result
-    return Trajectory(ts, states, status, event, happened, stats, system, config, dense, run_axes)
+    ts, states, status, event, happened, stats, dense, _, crossings = result
+    return Trajectory(
+        ts, states, status, event, happened, stats, system, config, dense, run_axes, crossings
+    )
 
 
 def mission_trajectory_of(

@@ -13,6 +13,7 @@ from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from ..core import AbstractSystem, InputError, Scalar, State, is_concrete, run_axes_of
 from ..integration._config import IntegrationConfig
+from ..integration._crossings import Crossings
 from ..integration._integrate import take_step
 from ..integration._layout import state_at
 from ..integration._result import DenseOutput
@@ -40,7 +41,8 @@ class Trajectory(eqx.Module):
     - `stats`: steps, evaluations of the vector field, largest local error in units of the
       tolerance.
     - `system`, `accuracy`: what was run, and by which method and tolerances.
-    - `dense`: the steps of the run, where `dense=True` asked for them."""
+    - `dense`: the steps of the run, where `dense=True` asked for them.
+    - `crossings`: of each event that is not terminal, every zero on the way, as `Crossings`."""
 
     ts: Float[Array, "times *#runs"]
     states: State
@@ -52,6 +54,7 @@ class Trajectory(eqx.Module):
     accuracy: IntegrationConfig
     dense: DenseOutput | None
     run_axes: int = eqx.field(static=True)
+    crossings: tuple[Crossings, ...] = ()
 
     @property
     def final(self) -> State:
@@ -85,11 +88,9 @@ class Trajectory(eqx.Module):
         axes = _system_axes(self.system)
         system = jax.tree.map(lambda x, n: x[..., i] if n else x, self.system, axes)
         stats = {name: x[..., i] if x.ndim else x for name, x in self.stats.items()}
-        rest = (self.ts, self.states, self.status, self.event, self.happened, self.dense)
-        ts, states, status, event, happened, dense = jax.tree.map(lambda x: x[..., i], rest)
-        return Trajectory(
-            ts, states, status, event, happened, stats, system, self.accuracy, dense, 0
-        )
+        names = ("ts", "states", "status", "event", "happened", "dense", "crossings")
+        parts = jax.tree.map(lambda x: x[..., i], {name: getattr(self, name) for name in names})
+        return Trajectory(**parts, stats=stats, system=system, accuracy=self.accuracy, run_axes=0)
 
     def at(self, t: Scalar) -> State:
         """The state at the time `t`, s, between the save times, as accurate as the steps.

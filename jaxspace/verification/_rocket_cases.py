@@ -5,8 +5,8 @@ import math
 import jax.numpy as jnp
 from jaxtyping import Array
 
+from ..bodies import exponential_density
 from ..optimization import minimum_time_steering, optimal_staging
-from ..orbits import exponential_density
 from ..rockets import (
     coast_height,
     jet_damping_ratio,

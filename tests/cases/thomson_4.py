@@ -31,14 +31,17 @@ from jaxspace.orbits import (
     kepler_flow,
     lambert,
     longest_range,
+    node_regression_rate,
     oblateness,
     orbit_from_radius,
     periapsis_radius,
+    period,
     point_gravity,
     point_gravity_potential,
     power_law_potential,
     radial_frequency_squared,
     radial_motion,
+    secular_rates,
     semi_major_axis,
     shell_gravity,
     shell_potential,
@@ -361,6 +364,21 @@ def expansion(rho, cosine):
 ORBIT = (orbit_from_radius,)
 FLOWN = (simulate, Scene, PowerLawForce)
 POWER = (power_law_potential,)
+
+
+def node_shift(a, i, mu, j2, radius):
+    """Of one revolution on a circle."""
+    return (secular_rates(a, 0.0, i, mu, j2, radius).node * 2.0 * jnp.pi * jnp.sqrt(a**3 / mu),)
+
+
+def regression(a, i, mu, j2, radius, rate):
+    """Period, and the turns of node and ground in it."""
+    turn = period(a, mu)
+    node = node_regression_rate(a, 0.0, i, mu, j2, radius) * turn / DEG
+    ground = rate * turn / DEG
+    return turn, node, ground, node + ground
+
+
 CASES = [
     Case(
         "T4.2-1",
@@ -814,6 +832,31 @@ CASES = [
         bulge_moment,
         {"M": [0.00031370482686647274, -0.0003213440122104169, 0.0]},
         1e-12,
+    ),
+    Case(
+        "T4.18-J2",
+        "First-order shift of the node in a revolution",
+        (secular_rates,),
+        {"a": 1.1, "i": 0.6108652381980153, "mu": 1.0, "j2": 0.00108262668, "radius": 1.0},
+        node_shift,
+        {"node shift, first order (rad)": -0.006907628967326636},
+    ),
+    Case(
+        "T4.18-P3",
+        "Regression in a revolution at 400 miles, and the ground's turn",
+        (node_regression_rate, period),
+        # J2 = 0.4 (C - A)/C for the uniform earth.
+        {
+            **{"a": 4360.0 * MILE, "i": 35 * DEG, "mu": 1.407e16, "j2": 0.4 * 0.0032},
+            **{"radius": 3960.0 * MILE, "rate": 7.29e-5},
+        },
+        regression,
+        {
+            "period (s)": 5850.775543373628,
+            "inertial regression (deg)": 0.46707394574665545,
+            "earth rotation (deg)": 24.437883947946528,
+            "total westward (deg)": 24.904957893693187,
+        },
     ),
     Case(
         "T4.18-P2",

@@ -59,7 +59,7 @@ OF_CASES: dict[str, tuple[str, tuple[int, ...]]] = {
     "spun_angle": ("rockets.spin_angle", ()),
     "damping": ("rockets.jet_damping_ratio", ()),
     "spin_left": ("rockets.spin_ratio", ()),
-    "density": ("orbits.exponential_density", ()),
+    "density": ("bodies.exponential_density", ()),
     "two_stages": ("optimization.optimal_staging", (2, 1, 1)),
     "quickest": ("optimization.minimum_time_steering", (1, 1)),
 }

@@ -2,6 +2,7 @@
 
 from types import SimpleNamespace
 
+from jaxspace.bodies import ExponentialAtmosphere
 from jaxspace.orbits import (
     Drag,
     angular_momentum,
@@ -64,7 +65,7 @@ def air(x):
     """Acceleration, decay and density from velocity, density, ballistic coefficient, radius, mu,
     reference height, scale height and position."""
     v, density, ballistic, radius, mu, reference, scale = x[:3], *x[3:9]
-    drag = Drag(ballistic, density, reference, scale, radius)
+    drag = Drag(ballistic, ExponentialAtmosphere(density, reference, scale), radius)
     decay = circular_decay_rate(radius, density, ballistic, mu)[None]
     return drag_acceleration(v, density, ballistic), decay, drag.density_at(x[9:])[None]
 

@@ -1,0 +1,217 @@
+"""Every zero of a condition along a run, not only the first: times, states and their number.
+
+    t_k :  g(t_k, y(t_k)) = 0            dt_k = -(dg)/(g_t + g_y f)
+
+The run is sampled by its own dense output. Outside of every derivative each change of sign, and
+each dip between samples of one sign, is closed in as for the first event (`_event_bracket`). From
+the sample before it, the run is then integrated to the zero once more, inside the derivatives, and
+one Newton step carries those of the time (`_events`).
+
+Samples that are too few miss zeros in pairs, which nothing in their signs tells. What tells it is
+the rate of the condition: between samples that resolve it, its change is h (g_k' + g_{k+1}')/2.
+For a sine, the root mean square of the difference passes half of that of the sine at three and a
+half samples a period.
+
+    symbol  meaning                      unit
+    g, g'   condition, its rate          any, 1/s times it
+    f       vector field of the system   state/s
+    h       time between two samples     s
+"""
+
+from typing import NamedTuple, final
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, Int
+
+from ..core import AbstractSystem, Scalar, State
+from ..solvers import DOP853
+from ._config import IntegrationConfig
+from ._event_bracket import ConditionOnRun, close_in
+from ._event_zero import Samples, pick, sampled
+from ._events import Event, newton_correct
+from ._integrate import integrate
+from ._layout import state_at, times_behind_components
+from ._status import Status
+
+# Of the root mean square of the condition: how far the samples may differ from their rates.
+RESOLVED = 0.5
+# Steps between a sample and a zero, at most: more would mean that nothing resolves the motion.
+STEPS_TO_ZERO = 256
+
+
+@final
+class Crossings(eqx.Module):
+    """Every zero of the condition of an event along a run, or a batch of runs.
+
+    - `ts`: times, s, (zeros, *runs), in the order of the run; NaN behind the last one. There is
+      room for as many as `Event.capacity` says.
+    - `states`: the states there: a position is (3, zeros, *runs).
+    - `rising`: whether the condition rises along the run.
+    - `count`: how many zeros are given, (*runs,).
+    - `overflow`: whether there are more, for which there is no room.
+    - `status`: of the search, a `Status`."""
+
+    ts: Float[Array, "zeros *#runs"]
+    states: State
+    rising: Bool[Array, "zeros *#runs"]
+    count: Int[Array, "*runs"]
+    overflow: Bool[Array, "*runs"]
+    status: Int[Array, "*runs"]
+
+
+class _Found(NamedTuple):
+    """What the search has found: times of zeros, s, and the sample before each, with one row more
+    than there is room; how many there are; which sample is next, and whether the interval behind it
+    is searched a second time; whether the search failed."""
+
+    times: Float[Array, "zeros *#runs"]
+    before: Int[Array, "zeros *#runs"]
+    count: Int[Array, "*runs"]
+    following: Int[Array, "*runs"]
+    again: Bool[Array, "*runs"]
+    unresolved: Bool[Array, "*runs"]
+
+
+def crossings_between(
+    system: AbstractSystem,
+    event: Event,
+    times: Float[Array, "samples *#runs"],
+    states: State,
+    config: IntegrationConfig,
+    run_axes: int,
+) -> Crossings:
+    """Every zero of the condition of an event along runs that are sampled at these times.
+
+    **Arguments**
+
+    - `times`: of the samples, s, from the start of each run to its end.
+    - `states`: the states there, times first.
+    - `config`: of the runs.
+
+    **Returns** the `Crossings`, differentiable with respect to `system`, `times`, `states` and the
+    event."""
+    config = _for_short_ways(config)
+    fixed = jax.tree.map(_fixed, (system, event, times, states))
+    along = ConditionOnRun(fixed[0], fixed[1], config, run_axes)
+    samples = sampled(along, fixed[2], fixed[3])
+    found = _search(along, samples)
+    stored = jnp.minimum(found.count, event.capacity)
+    used = _numbers(event.capacity, stored) < stored
+
+    # One after the other: the zeros of one number, of all runs, are one integration.
+    def one(
+        carry: None, zero: tuple[Array, Array, Array]
+    ) -> tuple[None, tuple[Array, State, Array]]:
+        t, before, used = zero
+        y, start = pick((states, times), before, run_axes)
+        t = jnp.where(used, t, jax.lax.stop_gradient(start))
+        result = integrate(system, y, start, t, None, config, run_axes)
+        y = state_at(result.states, -1, run_axes)
+        slope = event.slope(system, t, y)[1]
+        t, y = newton_correct(system, (event,), jnp.where(used, 0, -1), t, y)
+        return carry, (t, y, used & (slope * jnp.sign(times[-1] - times[0]) > 0.0))
+
+    rows = (found.times[:-1], found.before[:-1], used)
+    _, (ts, at_zeros, rising) = jax.lax.scan(one, None, rows)
+    at_zeros = times_behind_components(at_zeros, run_axes)
+    return Crossings(
+        jnp.where(used, ts, jnp.nan),
+        jax.tree.map(lambda x: jnp.where(used, x, jnp.nan), at_zeros),
+        rising,
+        stored,
+        found.count > event.capacity,
+        _status(along, samples, found),
+    )
+
+
+# A system may hold functions among its leaves.
+def _fixed(x: object) -> object:
+    return jax.lax.stop_gradient(x) if eqx.is_array(x) else x
+
+
+def _for_short_ways(config: IntegrationConfig) -> IntegrationConfig:
+    """The configuration for the way from a sample to a zero.
+
+    A method of fixed steps would take all of them, and reverse mode reserves memory for every step
+    that there may be."""
+    method = DOP853() if config.fixed_step else config.method
+    steps = min(config.max_steps, STEPS_TO_ZERO)
+    return IntegrationConfig(
+        config.rtol, config.atol, method, config.adjoint, steps, config.max_step
+    )
+
+
+def _numbers(count: int, runs: Array) -> Array:
+    """0, 1, ... on an axis before those of the runs."""
+    return jnp.arange(count).reshape(-1, *(1,) * runs.ndim)
+
+
+def _search(along: ConditionOnRun, samples: Samples) -> _Found:
+    """All zeros of each run, as far as there is room for them and one more."""
+    event, runs = along.event, samples.times.shape[1:]
+    room = event.capacity + 1
+    intervals = samples.candidate.shape[0]
+    rows, numbers = _numbers(room, samples.at_zero), _numbers(intervals, samples.at_zero)
+
+    def ahead(found: _Found) -> Array:
+        open_to = (found.count < room) & ~found.unresolved
+        return samples.candidate & (numbers >= found.following) & open_to
+
+    def look(found: _Found) -> _Found:
+        wanted = jnp.any(ahead(found), axis=0)
+        index = jnp.argmax(ahead(found), axis=0)
+        y, t, value = pick((samples.states, samples.times, samples.g), index, along.run_axes)
+        end, other = pick((samples.times, samples.g), index + 1, along.run_axes)
+        dip = (value * other > 0.0) & ~found.again
+        # The way back of a dip begins at its first zero, on the other side.
+        last = pick(found.times, jnp.maximum(found.count - 1, 0), along.run_axes)
+        start = jnp.where(found.again, last, t)
+        value = jnp.where(found.again, -other, value)
+        there, met, sure = close_in(along, (t, end), y, (value, other), wanted, start)
+        good = wanted & met & sure
+        here = (rows == found.count) & good
+        # Of a dip, only an event of both directions has another zero.
+        again = good & dip & (event.direction == 0)
+        return _Found(
+            jnp.where(here, there, found.times),
+            jnp.where(here, index, found.before),
+            found.count + good.astype(int),
+            jnp.where(wanted & ~again, index + 1, jnp.where(wanted, index, found.following)),
+            again,
+            found.unresolved | (wanted & ~sure),
+        )
+
+    none = jnp.zeros(runs, bool)
+    at_start = samples.at_zero & (event.direction * samples.away >= 0.0) & event.at_start
+    start = _Found(
+        times=jnp.broadcast_to(samples.times[0], (room, *runs)),
+        before=jnp.zeros((room, *runs), int),
+        count=at_start.astype(int),
+        following=jnp.zeros(runs, int),
+        again=none,
+        unresolved=none,
+    )
+    return jax.lax.while_loop(lambda found: jnp.any(ahead(found)), look, start)
+
+
+def _status(along: ConditionOnRun, samples: Samples, found: _Found) -> Int[Array, "*runs"]:
+    """How the search ended."""
+    status = jnp.where(found.unresolved, Status.EVENT_UNRESOLVED, Status.COMPLETED)
+    few = _change_unexplained(along, samples) > RESOLVED
+    status = jnp.where(few, Status.SAMPLES_TOO_FEW, status)
+    ill = jnp.isfinite(samples.ill)
+    return jnp.where(ill, Status.CONDITION_NOT_FINITE, status).astype(jnp.int32)
+
+
+def _change_unexplained(along: ConditionOnRun, samples: Samples) -> Scalar:
+    """The change of the condition between samples that their rates do not explain: its root mean
+    square in units of that of the condition."""
+    # Not of `samples.g`, whose first value may stand for a sign alone.
+    g, slopes = jax.vmap(along.slope)(samples.times, samples.states)
+    steps = jnp.diff(samples.times, axis=0)
+    change = jnp.diff(g, axis=0) - 0.5 * steps * (slopes[1:] + slopes[:-1])
+    size = jnp.sqrt(jnp.mean(g * g, axis=0))
+    rms = jnp.sqrt(jnp.mean(change * change, axis=0))
+    return jnp.where(size > 0.0, rms / jnp.where(size > 0.0, size, 1.0), 0.0)

@@ -1,0 +1,51 @@
+"""Motion relative to axes that turn uniformly: the forces of inertia.
+
+    a = -2 w x v - w x (w x r)                        relative to the turning axes
+    U = -|w x r|^2 / 2
+    J = v^2/2 + U + other potentials                  the integral of Jacobi
+
+    symbol  meaning                                                  unit
+    r, v    position, velocity relative to the turning axes          m, m/s
+    w       angular velocity of the axes, in them                    rad/s
+    J       kept where the other effects rest in the turning axes    m^2/s^2
+
+Source: Thomson 2.5-7, 2.6; Goldstein, Classical Mechanics, 4.10. Coriolis' force does no work.
+
+The origin of the axes does not accelerate. `MovingFrame` of `rotations` turns states into inertial
+ones and back: with w along z, V = v + w x r and both turned by the angle w t.
+"""
+
+from typing import ClassVar, final
+
+from jaxtyping import Array, Float
+
+from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
+from ..core import Scalar, cross, dot, quantity
+
+
+@final
+class RotatingFrame(AbstractEffect):
+    """The forces of inertia in uniformly turning axes, in which the scene's state is then given.
+
+    The energy of such a scene is the integral of Jacobi. Of the orbit alone: the attitude of a body
+    stays that relative to inertial axes."""
+
+    needs: ClassVar[frozenset[str]] = frozenset({"position", "velocity"})
+    adds: ClassVar[frozenset[str]] = frozenset({"acceleration"})
+    keeps: ClassVar[frozenset[str]] = frozenset({"energy"})
+
+    omega: Float[Array, "3 *#runs"] = quantity("rad/s", doc="angular velocity of the axes, in them")
+
+    def load(self, t: Scalar, y: BodyState, body: AbstractBody) -> Load:
+        del t, body
+        assert y.position is not None and y.velocity is not None
+        # One product for both forces: w x (2 v + w x r).
+        return Load(
+            acceleration_N=-cross(self.omega, 2.0 * y.velocity + cross(self.omega, y.position))
+        )
+
+    def potential(self, t: Scalar, y: BodyState, body: AbstractBody) -> Scalar:
+        del t, body
+        assert y.position is not None
+        turning = cross(self.omega, y.position)
+        return -0.5 * dot(turning, turning)

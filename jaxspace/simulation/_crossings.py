@@ -1,0 +1,77 @@
+"""Every zero of a condition along a run that was simulated before."""
+
+import dataclasses
+from collections.abc import Callable
+
+from jaxtyping import Array
+
+from ..core import AbstractSystem, Scalar, State
+from ..integration._config import IntegrationConfig
+from ..integration._crossings import Crossings
+from ..integration._events import Event
+from ._batch_layout import local_blocks, split_batch
+from ._batch_runs import run_systems
+from ._blocks import jit_wide_vectors
+from ._checks import as_events, check_events
+from ._failures import nan_where_failed
+from ._runs import RunResult, run_system
+from ._trajectory import Trajectory
+
+
+def crossings(
+    run: Trajectory,
+    condition: Callable[[Scalar, State], Scalar] | Event,
+    *,
+    samples: int | None = None,
+    capacity: int | None = None,
+) -> Crossings:
+    """Every zero of a condition along a run, or along each run of a batch.
+
+    **Arguments**
+
+    - `run`: from `simulate` or `simulate_batch`. It is run once more, by the same method: to save
+      this, give `simulate` an event with `terminal=False`.
+    - `condition`: a function (t, y) of time, s, and state, which returns one number for each run;
+      or an `Event`, whose `direction`, `touch` and `at_start` then count.
+    - `samples`: in how many parts the run is searched at least; by default `Event.samples`, or the
+      number of save times if there are more.
+    - `capacity`: for how many zeros there is room; by default `Event.capacity`.
+
+    **Returns** `Crossings`: times, states, how many there are and whether they are all. In order
+    of the run, differentiable in both modes with respect to all that the run depends on. Where the
+    search or the run failed, the numbers are NaN, and `status` says why.
+
+    **Raises** `InputError` for a condition that is not one number for each run."""
+    event = condition if isinstance(condition, Event) else Event(condition)
+    event = dataclasses.replace(
+        event,
+        terminal=False,
+        samples=max(event.samples, len(run) - 1) if samples is None else samples,
+        capacity=event.capacity if capacity is None else capacity,
+    )
+    events = as_events((event,))
+    system, y0, config = run.system, run.initial, run.accuracy
+    ends = run.ts[:: len(run) - 1]
+    if run.run_axes == 0:
+        check_events(events, system, y0, ends[0], 0)
+        return _of_one_run(system, y0, ends, events, config)
+    batched, shared, runs = split_batch(system, y0, ends, None, 1)
+    blocks = local_blocks((batched, shared), runs)
+    result = run_systems(batched, shared, config, events, blocks, False)
+    return _with_status(result)
+
+
+@jit_wide_vectors
+def _of_one_run(
+    system: AbstractSystem,
+    y0: State,
+    ts: Array,
+    events: tuple[Event, ...],
+    config: IntegrationConfig,
+) -> Crossings:
+    return _with_status(nan_where_failed(run_system(system, y0, ts, events, config, 0)))
+
+
+def _with_status(result: RunResult) -> Crossings:
+    """The crossings, with the status of the run where that failed."""
+    return dataclasses.replace(result.crossings[0], status=result.status)

@@ -1,0 +1,138 @@
+"""Orbits from and to other programs: the test case of SGP4, messages that come back as they
+were."""
+
+import numpy as np
+import pytest
+
+from jaxspace.core import InputError
+from jaxspace.io import Ephemeris, read_oem, read_omm, read_tle, write_oem
+
+# Vallado et al., AIAA 2006-6753, the first verification case: epoch and states after 0 and 360 min.
+TLE = """VANGUARD 1
+1 00005U 58002B   00179.78495062  .00000023  00000-0  28098-4 0  4753
+2 00005  34.2682 348.7242 1859667 331.7664  19.3264 10.82419157413667
+"""
+STATES = np.array(
+    [
+        [7022.46529266, -1400.08296755, 0.03995155, 1.893841015, 6.405893759, 4.534807250],
+        [-7154.03120202, -3783.17682504, -3536.19412294, 4.741887409, -4.151817765, -2.093935425],
+    ]
+)
+OMM = """<omm id="CCSDS_OMM_VERS" version="2.0"><body><segment><metadata>
+<OBJECT_NAME>VANGUARD 1</OBJECT_NAME><OBJECT_ID>1958-002B</OBJECT_ID>
+<CENTER_NAME>EARTH</CENTER_NAME><REF_FRAME>TEME</REF_FRAME><TIME_SYSTEM>UTC</TIME_SYSTEM>
+<MEAN_ELEMENT_THEORY>SGP4</MEAN_ELEMENT_THEORY></metadata><data><meanElements>
+<EPOCH>2000-06-27T18:50:19.733568</EPOCH><MEAN_MOTION>10.82419157</MEAN_MOTION>
+<ECCENTRICITY>.1859667</ECCENTRICITY><INCLINATION>34.2682</INCLINATION>
+<RA_OF_ASC_NODE>348.7242</RA_OF_ASC_NODE><ARG_OF_PERICENTER>331.7664</ARG_OF_PERICENTER>
+<MEAN_ANOMALY>19.3264</MEAN_ANOMALY></meanElements><tleParameters>
+<EPHEMERIS_TYPE>0</EPHEMERIS_TYPE><CLASSIFICATION_TYPE>U</CLASSIFICATION_TYPE>
+<NORAD_CAT_ID>5</NORAD_CAT_ID><ELEMENT_SET_NO>475</ELEMENT_SET_NO>
+<REV_AT_EPOCH>41366</REV_AT_EPOCH><BSTAR>.28098E-4</BSTAR>
+<MEAN_MOTION_DOT>2.3E-7</MEAN_MOTION_DOT><MEAN_MOTION_DDOT>0</MEAN_MOTION_DDOT>
+</tleParameters></data></segment></body></omm>
+"""
+
+
+def test_a_two_line_set_is_that_of_the_verification():
+    pytest.importorskip("sgp4")
+    (satellite,) = read_tle(TLE)
+    run = satellite.ephemeris([0.0, 21600.0])
+    found = np.concatenate([run.position, run.velocity]).T / 1e3
+    # Eight digits after the point are printed, of the velocity nine.
+    np.testing.assert_allclose(found, STATES, atol=1.5e-8)
+    assert (run.name, run.identifier, run.frame) == ("VANGUARD 1", "58002B", "TEME")
+    assert satellite.epoch == "2000-06-27T18:50:19.733568"
+    np.testing.assert_allclose(satellite.state().position, 1e3 * STATES[0, :3], atol=2e-5)
+
+
+def test_a_message_of_mean_elements_is_the_same_orbit(tmp_path):
+    """The mean motion of the message has a digit less; the epoch a microsecond."""
+    pytest.importorskip("sgp4")
+    path = tmp_path / "one.xml"
+    path.write_text(OMM)
+    (satellite,) = read_omm(path)
+    assert satellite.name == "VANGUARD 1" and satellite.epoch == "2000-06-27T18:50:19.733568"
+    run = satellite.ephemeris([0.0, 21600.0])
+    np.testing.assert_allclose(run.position.T, 1e3 * STATES[:, :3], atol=1.0)
+    with pytest.raises(InputError, match="must end with .xml or .csv"):
+        read_omm(tmp_path / "one.txt")
+
+
+def test_faults_of_two_line_sets(tmp_path):
+    pytest.importorskip("sgp4")
+    path = tmp_path / "sets.tle"
+    path.write_text(TLE)
+    assert read_tle(path)[0].name == "VANGUARD 1"
+    with pytest.raises(InputError, match="wrong check sum"):
+        read_tle(TLE.replace("4753", "4754"))
+    with pytest.raises(InputError, match="no second line"):
+        read_tle("\n".join(TLE.splitlines()[:2]) + "\n")
+    with pytest.raises(InputError, match="no two-line"):
+        read_tle("nothing\n")
+    decayed = TLE.replace("1859667", "9859667").replace("413667", "413665")
+    with pytest.raises(InputError, match="SGP4 has no state of VANGUARD 1"):
+        read_tle(decayed)[0].ephemeris(np.arange(0.0, 8e3, 100.0))
+
+
+def test_an_ephemeris_message_comes_back(tmp_path):
+    """Bit for bit, and times to a nanosecond, across a midnight and in two segments."""
+    times = np.array([0.0, 60.0, 120.5, 86400.25])
+    r, v = np.random.default_rng(2).normal(size=(2, 3, 4)) * [[[7e6]], [[7e3]]]
+    one = Ephemeris("2026-02-28T23:59:30.125", times, r, v, "ONE", "2026-001A")
+    other = Ephemeris("2026-03-01T00:00:00.0", times[:2], r[:, :2], v[:, :2], frame="ICRF")
+    path = tmp_path / "orbits.oem"
+    write_oem(path, [one, other], created="2026-01-01T00:00:00")
+    first, second = read_oem(path)
+    np.testing.assert_allclose(first.times, times, atol=2e-9)
+    np.testing.assert_allclose(first.position, r, rtol=4e-16)
+    np.testing.assert_allclose(first.velocity, v, rtol=4e-16)
+    assert (first.name, first.identifier, first.epoch) == ("ONE", "2026-001A", one.epoch + "000000")
+    assert second.frame == "ICRF" and second.name == "UNKNOWN" and second.times.shape == (2,)
+    np.testing.assert_allclose(first.path()(60.0), r[:, 1], rtol=1e-12)
+    np.testing.assert_array_equal(first.state(2).velocity, first.velocity[:, 2])
+
+
+# Annex G of the standard, shortened: comments, accelerations, a covariance, a day of the year.
+ANNEX = """CCSDS_OEM_VERS = 2.0
+COMMENT from Mars
+CREATION_DATE = 1996-11-04T17:22:31
+ORIGINATOR = NASA/JPL
+META_START
+OBJECT_NAME = MARS GLOBAL SURVEYOR
+OBJECT_ID = 1996-062A
+CENTER_NAME = MARS BARYCENTER
+REF_FRAME = EME2000
+TIME_SYSTEM = UTC
+START_TIME = 1996-12-28T21:29:07.267
+STOP_TIME = 1996-12-30T01:28:02.267
+INTERPOLATION = HERMITE
+META_STOP
+COMMENT two states
+1996-12-28T21:29:07.267 -2432.166 -063.042 1742.754 7.33702 -3.495867 -1.041945
+1996-363T21:59:02.267 -2445.234 -878.141 1873.073 1.86043 -3.421256 -0.996366 0.1 0.2 0.3
+COVARIANCE_START
+EPOCH = 1996-12-28T22:28:02.267
+3.3313494e-04
+COVARIANCE_STOP
+"""
+
+
+def test_the_message_of_the_standard(tmp_path):
+    path = tmp_path / "mars.oem"
+    path.write_text(ANNEX)
+    (found,) = read_oem(path)
+    assert found.centre == "MARS BARYCENTER" and found.epoch == "1996-12-28T21:29:07.267"
+    np.testing.assert_allclose(found.times, [0.0, 1795.0], atol=1e-9)
+    np.testing.assert_allclose(found.position[:, 1], [-2445234.0, -878141.0, 1873073.0])
+    for old, new, sentence in (
+        ("CCSDS_OEM_VERS", "CCSDS_OPM_VERS", "must begin with CCSDS_OEM_VERS"),
+        ("REF_FRAME = EME2000\n", "", "lacks REF_FRAME"),
+        (" -1.041945", "", "line 16.*6 columns"),
+        ("1996-363T21:59", "1996-360T21:59", "do not ascend"),
+        ("1996-363T21", "soon", "is no time"),
+        ("7.33702", "fast", "is no number"),
+    ):
+        path.write_text(ANNEX.replace(old, new))
+        with pytest.raises(InputError, match=sentence):
+            read_oem(path)
