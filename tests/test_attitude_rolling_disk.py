@@ -4,6 +4,7 @@ of the plane, and the coin that settles."""
 import jax
 import jax.numpy as jnp
 import numpy as np
+import pytest
 from numpy.testing import assert_allclose
 
 from jaxspace import Event, simulate
@@ -74,8 +75,9 @@ def test_the_plane_turns_the_disk():
     assert float(dot(COIN.velocity(y), COIN.velocity(y))) > 0.0
 
 
+@pytest.mark.sweep
 def test_a_coin_settles_until_it_is_all_but_flat():
-    """From 2e-3 to 1e-4 rad in some 140 turns, by the law of slow resistance, and not before."""
+    """From 1e-3 to 1e-4 rad in a hundred turns, by the law of slow resistance, and not before."""
     disk = RollingDisk(M, R, A, C, G, contour_damping=4e-12)
     theta = 1e-3
     rate, _ = disk.steady_precession_rates(theta, 0.0)
@@ -90,6 +92,7 @@ def test_a_coin_settles_until_it_is_all_but_flat():
     assert fast < 0.05
 
 
+@pytest.mark.sweep
 def test_the_derivative_of_a_roll():
     disk = RollingDisk.uniform(1.0, 0.3, G)
 
