@@ -9,7 +9,19 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxspace import Scene
-from jaxspace.attitude import SphericalPendulum, Top, TorqueFreeBody
+from jaxspace.attitude import (
+    BodyTorque,
+    DipoleField,
+    MagneticDipole,
+    RollingDisk,
+    ShaftPendulum,
+    SpaceTorque,
+    SphericalPendulum,
+    SpringTorque,
+    Top,
+    TorqueFreeBody,
+    ViscousTorque,
+)
 from jaxspace.bodies import BodyState, BurningBody, ExponentialAtmosphere, RigidBody
 from jaxspace.core import AbstractSystem, as_float
 from jaxspace.gyros import TwoGimbalGyro
@@ -116,6 +128,8 @@ GYRO = TwoGimbalGyro(0.002, 0.0008, 500.0, 0.0006, 0.0005, 0.0004, 0.0015)
 TOP = Top(0.002, 0.0008, 0.3)
 PENDULUM = SphericalPendulum(1.2, 9.8)
 AIR = Drag(50.0, ExponentialAtmosphere(1e-11, 4.0e5, 6.0e4), RADIUS, 7.29e-5)
+SHAFT = ShaftPendulum(0.1, 0.02, 2.94, 7.0)
+DISK = RollingDisk.uniform(1.0, 0.3, 9.8)
 TENSOR = np.array([[3.0, 0.1, -0.2], [0.1, 2.0, 0.15], [-0.2, 0.15, 1.5]])
 
 SAMPLES = [
@@ -126,6 +140,29 @@ SAMPLES = [
     Sample("two_gimbal_gyro", GYRO, GYRO.state(1.05, 0.1, 2.0, 0.0), 0.2),
     Sample("oblate_orbit", Scene((PointGravity(MU), Oblateness(MU, J2, RADIUS))), orbit(), 5400.0),
     Sample("spherical_pendulum", PENDULUM, PENDULUM.state(0.7, 0.2, 0.3, 1.1), 5.0),
+    Sample("shaft_pendulum", SHAFT, SHAFT.state(0.4, 0.3), 5.0),
+    Sample(
+        "rolling_disk",
+        DISK,
+        DISK.state(jnp.array([0.1, 1.3, 0.2]), jnp.array([0.5, 0.2, -11.0])),
+        0.5,
+    ),
+    Sample(
+        "torqued_satellite",
+        Scene(
+            (
+                PointGravity(MU),
+                BodyTorque([0.1, -0.2, 0.3]),
+                SpaceTorque([0.2, 0.1, -0.1]),
+                ViscousTorque([0.3, 0.2, 0.1]),
+                SpringTorque([3.0, 2.0, 1.0]),
+                MagneticDipole(DipoleField([0.0, 0.0, -7.8e15]), [2e3, 1e3, -1e3]),
+            ),
+            RigidBody(900.0, [520.0, 560.0, 340.0]),
+        ),
+        orbit(attitude=turned(), omega=jnp.array([0.02, -0.1, 0.2])),
+        20.0,
+    ),
     Sample("dragged_orbit", Scene((PointGravity(MU), AIR)), orbit(), 5400.0),
     Sample(
         "central_forces",

@@ -5,7 +5,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from systems import GYRO, TOP, rocket_scene, rocket_state
+from systems import GYRO, TOP, Integrated, rocket_scene, rocket_state
 from test_solvers_exponential import CompassState, Damped, Gyrocompass, Modes, Pendulum, Swing
 
 from jaxspace.attitude import Top
@@ -61,7 +61,7 @@ def quarter(compass=COMPASS):
         ),
         # Nor is a body that spins, however long.
         (
-            TOP,
+            Integrated(TOP),
             Top.state(jnp.array([0.2, 0.7, 0.1]), jnp.array([1.0, 0.3, 149.0])),
             1e5,
             1e-9,
@@ -78,10 +78,13 @@ def test_stiff_runs_are_known_by_their_numbers(system, state, span, rtol, method
 def test_a_slow_spin_in_balance_is_not_taken_for_a_linear_motion():
     """Nothing but the attitude moves, at a constant rate: its derivatives would be wrong, for the
     Jacobian turns with it."""
-    still = Top(0.002, 0.0008, 0.0)
+    still = Integrated(Top(0.002, 0.0008, 0.0))
     assert isinstance(
         select_method(
-            still, Top.state(jnp.zeros(3), jnp.array([0.0, 0.0, 100.0])), 1e-6, [0.0, 1e5]
+            Integrated(still),
+            Top.state(jnp.zeros(3), jnp.array([0.0, 0.0, 100.0])),
+            1e-6,
+            [0.0, 1e5],
         ),
         DOP853,
     )

@@ -1,5 +1,12 @@
-"""Rotation of a body of constant mass: free bodies, heavy top, gravity gradient, despin."""
+"""Rotation of a body of constant mass: free bodies, heavy top, rolling disk, gravity gradient,
+applied torques, precession of the Earth, despin."""
 
+from ._applied_torques import BodyTorque as BodyTorque
+from ._applied_torques import DipoleField as DipoleField
+from ._applied_torques import MagneticDipole as MagneticDipole
+from ._applied_torques import SpaceTorque as SpaceTorque
+from ._applied_torques import SpringTorque as SpringTorque
+from ._applied_torques import ViscousTorque as ViscousTorque
 from ._despin import YoYo as YoYo
 from ._despin import cord_length as cord_length
 from ._despin import zero_spin_cord_length as zero_spin_cord_length
@@ -19,14 +26,28 @@ from ._outputs import continuous_precession as continuous_precession
 from ._outputs import pointing as pointing
 from ._outputs import spin_rate as spin_rate
 from ._polhode import Polhode as Polhode
+from ._precession_of_earth import luni_solar_nutation as luni_solar_nutation
+from ._precession_of_earth import luni_solar_rate as luni_solar_rate
+from ._precession_of_earth import luni_solar_rates_at as luni_solar_rates_at
 from ._principal_spins import InvariablePlane as InvariablePlane
 from ._principal_spins import cone_bounds as cone_bounds
 from ._principal_spins import invariable_plane as invariable_plane
 from ._principal_spins import spin_modes as spin_modes
 from ._principal_spins import spin_stiffness as spin_stiffness
+from ._rolling_disk import RollingDisk as RollingDisk
+from ._rolling_disk import disk_tilt as disk_tilt
+from ._rolling_disk import lies_flat as lies_flat
 from ._spherical_pendulum import PendulumState as PendulumState
 from ._spherical_pendulum import SphericalPendulum as SphericalPendulum
 from ._top import Top as Top
+from ._top_motion import TopMotion as TopMotion
+from ._top_relatives import ShaftPendulum as ShaftPendulum
+from ._top_relatives import TiltState as TiltState
+from ._top_relatives import best_crusher_tilt as best_crusher_tilt
+from ._top_relatives import crusher_force as crusher_force
+from ._top_relatives import crusher_spin as crusher_spin
+from ._top_relatives import gyro_on_a_string as gyro_on_a_string
+from ._top_relatives import sprung_flywheel_frequencies as sprung_flywheel_frequencies
 from ._torque_free import TorqueFreeBody as TorqueFreeBody
 from ._torque_free import body_precession_rate as body_precession_rate
 from ._torque_free import cone_angles as cone_angles

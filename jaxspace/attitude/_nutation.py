@@ -115,6 +115,33 @@ class Nutation(eqx.Module):
         rate = 0.25 * self._precession(roots) / complete_first(total, product)
         return jnp.where(ever, 0.5 * self._sign() * self.N, rate)
 
+    def circle_rates(self) -> tuple[Scalar, Scalar]:
+        """psi', rad/s, at the upper and at the lower turning circle (Thomson 5.13-17).
+
+        Of one sign the path is a wave, of two signs it has loops, and where the upper rate is zero,
+        cusps; zero at a circle that is a vertical, where psi is undefined."""
+        near, far = self._roots().half_angles()
+        stands = self.beta >= 0.0
+        first, second = (
+            [jnp.where(stands, a, b) for a, b in zip(*pair, strict=True)]
+            for pair in ((near, far[::-1]), (far, near[::-1]))
+        )
+        return self._rate(*first), self._rate(*second)
+
+    def loops(self) -> Scalar:
+        """The sign of psi' at the upper circle over that at the lower one (Thomson 5.13-3 to -5):
+        1 for waves, 0 for cusps, -1 for loops."""
+        upper, lower = self.circle_rates()
+        return jnp.sign(upper) * jnp.sign(lower)
+
+    def _rate(self, up: Scalar, down: Scalar) -> Scalar:
+        """psi', rad/s, where sin^2 and cos^2 of half the nutation angle are `up` and `down`."""
+        # gamma - N u from the side on which it keeps its digits.
+        momentum = jnp.where(
+            up < down, self.gamma_up + 2.0 * self.N * up, self.gamma_down - 2.0 * self.N * down
+        )
+        return safe_divide(momentum, 4.0 * up * down)
+
     def _sign(self) -> Scalar:
         """1 where the top is highest upright, -1 where it hangs."""
         return jnp.where(self.beta < 0.0, -1.0, 1.0)

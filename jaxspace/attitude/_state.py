@@ -1,7 +1,7 @@
 """The rotating part of the state of a body."""
 
 from ..bodies import BodyState
-from ..core import InputError, Vector
+from ..core import InputError, Vector, axis
 from ..rotations import Quaternion
 
 
@@ -13,3 +13,9 @@ def attitude_and_omega(y: BodyState) -> tuple[Quaternion, Vector]:
         present = ", ".join(y.present()) or "nothing"
         raise InputError(f"The state holds {present}: it must hold attitude and omega.")
     return y.attitude, y.omega
+
+
+def vertical(attitude: Quaternion) -> Vector:
+    """The upward vertical Z in body axes, (3, *runs): (sin(theta) sin(phi), sin(theta) cos(phi),
+    cos(theta))."""
+    return attitude.rotate_back(axis(2, attitude.wxyz[0]))

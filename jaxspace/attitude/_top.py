@@ -54,9 +54,9 @@ from ..core import (
     safe_divide,
     safe_sqrt,
 )
-from ..rotations import Quaternion, from_euler_angles, omega_from_euler_rates, to_euler_angles
+from ..rotations import from_euler_angles, omega_from_euler_rates, to_euler_angles
 from ._nutation import Nutation, nutation_through
-from ._state import attitude_and_omega
+from ._state import attitude_and_omega, vertical
 from ._steady_precession import (
     least_spin,
     nutation_frequency,
@@ -64,13 +64,8 @@ from ._steady_precession import (
     sleeping_growth_rate,
     steady_rates,
 )
+from ._top_motion import TopMotion
 from ._torque_free import symmetric_flow
-
-
-def vertical(attitude: Quaternion) -> Vector:
-    """The upward vertical Z in body axes, (3, *runs): (sin(theta) sin(phi), sin(theta) cos(phi),
-    cos(theta))."""
-    return attitude.rotate_back(axis(2, attitude.wxyz[0]))
 
 
 def angular_acceleration(omega: Vector, Z: Vector, A: Scalar, C: Scalar, Wl: Scalar) -> Vector:
@@ -128,6 +123,9 @@ class Top(AbstractSystem):
             attitude=attitude.rate(omega),
             omega=angular_acceleration(omega, vertical(attitude), A, C, Wl),
         )
+
+    def closed_form(self) -> TopMotion:
+        return TopMotion(*self._letters())
 
     def split(self) -> "TopSplit":
         return TopSplit(self)

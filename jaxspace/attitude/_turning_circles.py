@@ -29,7 +29,7 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 
-from ..core import Flag, Scalar, safe_divide, safe_sqrt
+from ..core import Flag, Scalar, barrier, safe_divide, safe_sqrt
 
 # Newton's steps: the two bounds from which they start are within a factor of 1.5 of the root, and
 # five steps reach rounding from there.
@@ -62,8 +62,12 @@ class TurningCircles(NamedTuple):
         """sin^2 and cos^2 of half the turning angle, of the nearer and of the farther circle."""
         apart = safe_sqrt(self.apart_squared)
         sine, cosine = 0.5 * (self.sum_up + apart), 0.5 * (self.sum_down + apart)
+        # Where both circles are the vertical, each takes half of the sum's derivative.
+        near = jnp.where(
+            sine == 0.0, 0.5 * (self.sum_up - apart), safe_divide(self.product_up, sine)
+        )
         return (
-            (safe_divide(self.product_up, sine), cosine),
+            (near, cosine),
             (sine, safe_divide(self.product_down, cosine)),
         )
 
@@ -88,11 +92,12 @@ def turning_circles(
     """
     half_slope = N * g - e
     a2, a1 = 2.0 * b - e - N * N, 2.0 * b * half_slope
-    d = _largest_root(a2, a1, (b * g) ** 2)
+    # Behind a barrier, because every form below reads it.
+    d = barrier(_largest_root(a2, a1, (b * g) ** 2))
     # Of each pair of forms the one that adds numbers that are not negative. Those divided by d
     # have d > 0, because a1 < 0 or a2 < 0; those divided by |beta| have |beta| > 0, because
-    # a2 > 0.
-    wide, falls = a2 > 0.0, (a1 < 0.0) | (a2 <= 0.0)
+    # a2 > 0. Where d vanishes with a2, at the critical spin, the sum still has a derivative.
+    wide, falls = (a2 > 0.0) | ((a2 == 0.0) & (b > 0.0)), (a1 < 0.0) | (a2 <= 0.0)
     below = jnp.where(falls & (d > 0.0), d, 1.0)
     width = jnp.where(wide, b, 1.0)
     rest = (a2 + d) / width
@@ -102,8 +107,11 @@ def turning_circles(
     far = jnp.where(d + b == 0.0, 1.0, d + 2.0 * b)
     product_down = g_down * g_down / far
     total_down = (2.0 * (e_down + N * g_down) - b * product_down) / far
-    sum_up, product_up = 0.5 * jnp.maximum(total, 0.0), 0.25 * jnp.maximum(product, 0.0)
-    sum_down, product_down = 0.5 * jnp.maximum(total_down, 0.0), 0.25 * product_down
+    # No `maximum`, which halves the derivative at zero.
+    sum_up = 0.5 * jnp.where(total < 0.0, 0.0, total)
+    product_up = 0.25 * jnp.maximum(product, 0.0)
+    sum_down = 0.5 * jnp.where(total_down < 0.0, 0.0, total_down)
+    product_down = 0.25 * product_down
     # Of two equal numbers the one that is formed from the smaller terms.
     nearer = sum_up < sum_down
     total = jnp.where(nearer, sum_up, sum_down)

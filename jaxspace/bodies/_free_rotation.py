@@ -7,7 +7,7 @@ omega(t) for what follows.
     omega_1' = a_1 omega_2 omega_3, ...
     a_1 = (I_2 - I_3)/I_1,     a_2 = (I_3 - I_1)/I_2,    a_3 = (I_1 - I_2)/I_3
     p_1 = -a_2 a_3 omega_1^2,  p_2 = a_3 a_1 omega_2^2,  p_3 = -a_1 a_2 omega_3^2, none negative
-    x = p_1 + p_2,  y = p_3 + p_2,  x - y = p_1 - p_3;   S, c, d of t (_jacobi.py)
+    x = p_1 + p_2,  y = p_3 + p_2,  x - y = p_1 - p_3;   S, c, d of t (core)
 
     By the addition theorem, with D = d^2 + p_3 S^2:
 
@@ -51,10 +51,21 @@ import jax
 import jax.numpy as jnp
 from jax.custom_derivatives import SymbolicZero
 
-from ..core import Flag, Scalar, Vector, complete_third, cross, dot, norm, safe_atan2
+from ..core import (
+    Flag,
+    Jacobi,
+    Scalar,
+    Vector,
+    complete_third,
+    cross,
+    dot,
+    jacobi,
+    norm,
+    safe_atan2,
+    third,
+)
 from ..rotations import Quaternion
 from ._axis_order import arranged, axis_order, restored
-from ._jacobi import Jacobi, jacobi, third
 
 
 class _Body(NamedTuple):
@@ -314,7 +325,7 @@ def _precession(body: _Body, phase: Jacobi, scaled: _Scaled, duration: Scalar, h
     rest = jnp.where(other, 1.0, -1.0)
     rate = h / jnp.where(other, i1, i3)
     # Taken at the smaller of M and xy/M, for which the third integral is well conditioned.
-    within = third(s, c, d, near, strength)
+    within = third(s, c, d, 1.0 + near * s * s, near * strength)
     whole, returns = _quarter(body, phase, near, strength)
     within, whole = jax.lax.optimization_barrier((within, whole))
     sense = jnp.where(other, 0.0, -jnp.sign(gain)) + jnp.where(

@@ -25,6 +25,9 @@ from ._elliptic import complete_third as complete_third
 from ._group import AbstractGroupElement as AbstractGroupElement
 from ._group import on_group as on_group
 from ._group import project as project
+from ._jacobi import Jacobi as Jacobi
+from ._jacobi import jacobi as jacobi
+from ._jacobi import third as third
 from ._layout import add_batch_axis as add_batch_axis
 from ._layout import component_axes_of as component_axes_of
 from ._layout import run_axes_of as run_axes_of

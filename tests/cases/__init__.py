@@ -4,12 +4,21 @@
 
 from types import ModuleType
 
-from . import thomson_1, thomson_4, thomson_5, thomson_7, thomson_8, thomson_9
+from . import (
+    thomson_1,
+    thomson_4,
+    thomson_5,
+    thomson_5_rolling,
+    thomson_7,
+    thomson_8,
+    thomson_9,
+)
 
 CHAPTERS: dict[str, ModuleType] = {
     "Vectors, kinematics, orientation (Thomson 1 to 3)": thomson_1,
     "Gravity and orbits (Thomson 4)": thomson_4,
     "Rotation of rigid bodies (Thomson 5, Harrison and Nettleton)": thomson_5,
+    "Tops, rolling disks and the Earth (Thomson 5.13 to 5.16)": thomson_5_rolling,
     "Spinning bodies and rockets (Thomson 7)": thomson_7,
     "Flight of rockets (Thomson 8)": thomson_8,
     "Instruments and pendulums (Thomson 6 and 9)": thomson_9,

@@ -2,8 +2,8 @@
 
     S' = c d,  c' = -x S d,  d' = -y S c          S(0) = 0,  c(0) = d(0) = 1
     c^2 = 1 - x S^2,   d^2 = 1 - y S^2,   x, y >= 0
-    third(t) = rho int_0^t M S^2 / (1 + M S^2) dt
-             = rho M S^3/3 R_J(c^2, d^2, 1, 1 + M S^2),           rho^2 M = (M + x)(M + y)
+    third(t) = rho int_0^t M S^2 / p dt
+             = rho M S^3/3 R_J(c^2, d^2, 1, p),    p = 1 + M S^2,  rho^2 M = (M + x)(M + y)
 
 For x > y: S = sn(Nt)/N, c = cn, d = dn, with N^2 = x and k^2 = y/x; for x < y the two change
 places. All are analytic in t, x and y, also where one or both vanish (circular functions, S = t)
@@ -23,7 +23,7 @@ and where they are equal (hyperbolic functions).
     q            nome of k or, where k^2 > 1/2, of k'               1
     K            quarter period, in the argument                    1
     M            pole of the third integral                         1/s^2
-    rho          its strength                                       rad/s
+    rho          its rate                                           rad/s
 
 Source: Abramowitz and Stegun 16.27, 16.38, 17.3 (theta series, imaginary transformation, nome);
 DLMF 19.25.14, 19.26.18 (R_J); Carlson (1995), Numer. Algorithms 10, 13 (duplication). A step of the
@@ -38,7 +38,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from ..core import Scalar
+from ._types import Scalar
 
 # A step takes the root of c d where both are small: nine steps bring 1e-150 to order one, and six
 # from there leave terms of order six below rounding.
@@ -59,8 +59,16 @@ class Jacobi(NamedTuple):
 
 
 def jacobi(t: Scalar, x: Scalar, y: Scalar, difference: Scalar) -> Jacobi:
-    """S, c and d at the time `t`, s, for the parameters `x`, `y`, 1/s^2, and their `difference` x -
-    y."""
+    """S, c and d of a time.
+
+    **Arguments**
+
+    - `t`: time, s.
+    - `x`, `y`: parameters, 1/s^2, not negative.
+    - `difference`: x - y, 1/s^2.
+
+    **Returns** them within a quarter period, with what was taken off.
+    """
     swapped = difference < 0.0
     top, low = jnp.where(swapped, y, x), jnp.where(swapped, x, y)
     # Below it the next term of the series, of order five in top t^2, is under rounding.
@@ -101,11 +109,19 @@ def jacobi(t: Scalar, x: Scalar, y: Scalar, difference: Scalar) -> Jacobi:
     return Jacobi(s, c, d, time, half_periods, quarter)
 
 
-def third(s: Scalar, c: Scalar, d: Scalar, pole: Scalar, strength: Scalar) -> Scalar:
-    """The third integral, rad, within a quarter period, for S, c, d there; best conditioned for M
-    <= sqrt(xy)."""
-    p = 1.0 + pole * s * s
-    size = strength * pole * s**3
+def third(s: Scalar, c: Scalar, d: Scalar, p: Scalar, weight: Scalar) -> Scalar:
+    """The third integral, rad, within a quarter period.
+
+    **Arguments**
+
+    - `s`, `c`, `d`: S, c and d there.
+    - `p`: 1 + M S^2 there, 1; positive. Where it vanishes, M near -x, the caller forms it as the
+      sum c^2 + (M + x) S^2.
+    - `weight`: rho M, 1/s^3.
+
+    **Returns** the integral; best conditioned for |M| <= sqrt(xy).
+    """
+    size = weight * s**3
 
     def duplicated(carry: tuple[Scalar, ...], factors: Array) -> tuple[tuple[Scalar, ...], None]:
         x, y, z, p, a, b, e, total = carry

@@ -1,0 +1,298 @@
+"""A thin disk that rolls on a horizontal plane without slip: a thrown hoop, a spinning coin.
+
+The triad of the disk: xi horizontal along the tangent at the contact, eta in the disk up from the
+contact, zeta = z the normal. Components of omega along it, with K = C + m R^2, J = A + m R^2:
+
+    J omega_xi'   = (A - C) omega_eta omega_zeta - (m R^2 omega_eta psi' + m g R) cos(theta)
+    A omega_eta'  = (C - A) omega_zeta omega_xi + T cos(theta)
+    K omega_zeta' = m R^2 omega_eta omega_xi - T sin(theta)
+    v = R (omega_xi zeta - omega_zeta xi),     psi' = omega_eta / sin(theta)
+    T sin(theta) = c phi' + mu m g R sgn(phi'),   phi' = omega_zeta - psi' cos(theta)
+    E = m v^2/2 + [A (omega_xi^2 + omega_eta^2) + C omega_zeta^2]/2 + m g R sin(theta)
+
+With the forward spin s = -omega_zeta, the motion near a steady circle has
+
+    [K s + A psi' cos(theta)] psi' sin(theta) = m g R cos(theta)           steady circle
+    theta~'' + kappa theta~ = 0,   kappa = -(dG/dtheta)/J along psi'(theta), s(theta)
+    G = A psi'^2 sin cos + K s psi' sin - m g R cos
+    s^2 > m g A R / (C K)   rolls upright,     psi'^2 > m g R / J   spins upright on its rim
+
+    symbol          meaning                                                         unit
+    A, C            moments of inertia about the centre: a diameter, the normal     kg m^2
+    m, R, g         mass, radius, acceleration of free fall                         kg, m, m/s^2
+    theta           angle of the normal with the upward vertical; pi/2 is upright   rad
+    psi, phi        precession of the tangent xi; turn about the normal             rad
+    c, mu           viscous and dry resistance of the contour, along which the      N m s, 1
+                    contact runs: it takes the power c phi'^2 + mu m g R |phi'|
+
+Source: Thomson 5.16 (with the missing Eqs. 5.16-1..13 derived again, s for its omega_zeta, and the
+term C omega_zeta psi' theta that 5.16-36 and -43 leave out); Leine (2009), Arch. Appl. Mech. 79,
+1063 (resistance of the contour). Valid without slip, as long as the plane pushes. The quaternion
+and omega are integrated: nothing is singular but a disk that lies flat, which has no contact.
+"""
+
+from collections.abc import Sequence
+from typing import final
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ..bodies import BodyState
+from ..core import (
+    AbstractSystem,
+    Scalar,
+    Vector,
+    argument,
+    as_float,
+    axis,
+    constructor,
+    dot,
+    end_sqrt,
+    event,
+    output,
+    quantity,
+)
+from ..rotations import Quaternion, from_euler_angles, omega_from_euler_rates
+from ._state import attitude_and_omega, vertical
+
+
+@output("rad")
+def disk_tilt(attitude: Quaternion) -> Scalar:
+    """Angle of the normal, z, with the upward vertical, rad: pi/2 where the disk stands upright."""
+    Z = vertical(attitude)
+    return jnp.arctan2(jnp.sqrt(Z[0] * Z[0] + Z[1] * Z[1]), Z[2])
+
+
+@event("", direction=-1, needs=("attitude",))
+def lies_flat(t: Scalar, y: BodyState) -> Scalar:
+    """theta - 1e-4 rad: zero where a settling coin is all but flat."""
+    del t
+    return disk_tilt(y.attitude) - 1e-4
+
+
+@final
+class RollingDisk(AbstractSystem):
+    """A disk that rolls on the plane z = 0. State: `BodyState` with the position of its centre,
+    attitude and omega, best made by `state`; the velocity follows from them."""
+
+    mass: Float[Array, "*#runs"] = quantity("kg", positive=True, doc="m, of the disk")
+    radius: Float[Array, "*#runs"] = quantity("m", positive=True, doc="R, of the rim")
+    transverse_inertia: Float[Array, "*#runs"] = quantity(
+        "kg m^2", positive=True, doc="A, about a diameter: m R^2/4 for a disk, m R^2/2 for a hoop"
+    )
+    axial_inertia: Float[Array, "*#runs"] = quantity(
+        "kg m^2", positive=True, doc="C, about the normal: m R^2/2 for a disk, m R^2 for a hoop"
+    )
+    gravity: Float[Array, "*#runs"] = quantity("m/s^2", positive=True, doc="g, downwards")
+    contour_damping: Float[Array, "*#runs"] | None = quantity(
+        "N m s", non_negative=True, optional=True, doc="c, viscous resistance of the contour"
+    )
+    contour_friction: Float[Array, "*#runs"] | None = quantity(
+        "", non_negative=True, optional=True, doc="mu, dry resistance of the contour"
+    )
+
+    @classmethod
+    def uniform(cls, mass: Scalar, radius: Scalar, gravity: Scalar) -> "RollingDisk":
+        """A uniform disk of the `mass`, kg, and `radius`, m, under `gravity`, m/s^2."""
+        axial = 0.5 * mass * radius * radius
+        return cls(mass, radius, 0.5 * axial, axial, gravity)
+
+    @classmethod
+    def hoop(cls, mass: Scalar, radius: Scalar, gravity: Scalar) -> "RollingDisk":
+        """A hoop of the `mass`, kg, and `radius`, m, under `gravity`, m/s^2."""
+        axial = mass * radius * radius
+        return cls(mass, radius, 0.5 * axial, axial, gravity)
+
+    def vector_field(self, t: Scalar, y: BodyState) -> BodyState:
+        del t
+        attitude, omega = attitude_and_omega(y)
+        xi, eta, s, c = _triad(attitude)
+        w1, w2, w3 = dot(omega, xi), dot(omega, eta), omega[2]
+        A, C, mRR, mgR = self._letters()
+        precession = w2 / s
+        rolling = w3 - precession * c
+        resistance = self._resistance(rolling)
+        first = (A - C) * w2 * w3 - (mRR * w2 * precession + mgR) * c
+        second = (C - A) * w3 * w1 + resistance * c / s
+        third = mRR * w2 * w1 - resistance
+        rate = (first / (A + mRR)) * xi + (second / A) * eta + (third / (C + mRR)) * axis(2, third)
+        return BodyState(position=self.velocity(y), attitude=attitude.rate(omega), omega=rate)
+
+    def invariants(self, t: Scalar, y: BodyState) -> dict[str, Array]:
+        del t
+        attitude, _ = attitude_and_omega(y)
+        _, _, s, _ = _triad(attitude)
+        kept = {
+            # One, because the rim stays on the plane.
+            "height_over_tilt": y.position[2] / (self.radius * s),
+            "quaternion_norm": jnp.sqrt(attitude.norm_squared()),
+        }
+        if self.contour_damping is None and self.contour_friction is None:
+            return {"energy": self.energy(y)} | kept
+        return kept
+
+    @constructor(
+        angles=argument(
+            "rad",
+            shape=(3,),
+            doc="Euler's angles 3-1-3 (psi, theta, phi): precession, tilt of the normal, spin",
+        ),
+        rates=argument("rad/s", shape=(3,), doc="their rates"),
+        centre=argument("m", shape=(2,), default=(0.0, 0.0), doc="horizontal place of the centre"),
+    )
+    def state(
+        self,
+        angles: Vector | Sequence[Scalar],
+        rates: Vector | Sequence[Scalar],
+        centre: Array | Sequence[Scalar] = (0.0, 0.0),
+    ) -> BodyState:
+        """The state from Euler's angles and their rates.
+
+        **Arguments**
+
+        - `angles`: (psi, theta, phi), rad, (3, *runs), theta within (0, pi).
+        - `rates`: (psi', theta', phi'), rad/s, (3, *runs).
+        - `centre`: x and y of the centre, m, (2, *runs).
+        """
+        a, a_dot, place = as_float(angles), as_float(rates), as_float(centre)
+        height = self.radius * jnp.sin(a[1])
+        x, y, z = jnp.broadcast_arrays(place[0], place[1], height)
+        return BodyState(
+            position=jnp.stack([x, y, z]),
+            attitude=from_euler_angles(a),
+            omega=omega_from_euler_rates(a, a_dot),
+        )
+
+    def energy(self, y: BodyState) -> Scalar:
+        """E, J, with zero height of the centre in the plane."""
+        attitude, omega = attitude_and_omega(y)
+        _, _, s, _ = _triad(attitude)
+        A, C, mRR, mgR = self._letters()
+        across = omega[0] * omega[0] + omega[1] * omega[1]
+        turning = A * across + C * omega[2] * omega[2]
+        v = self.velocity(y)
+        return 0.5 * (turning + self.mass * dot(v, v)) + mgR * s
+
+    def velocity(self, y: BodyState) -> Vector:
+        """Of the centre, in inertial axes, m/s, (3, *runs): the contact rests."""
+        attitude, omega = attitude_and_omega(y)
+        xi, _, _, _ = _triad(attitude)
+        return attitude.rotate(self.radius * (dot(omega, xi) * axis(2, omega[2]) - omega[2] * xi))
+
+    def contact(self, y: BodyState) -> Vector:
+        """The lowest point of the rim, in inertial axes, m, (3, *runs)."""
+        attitude, _ = attitude_and_omega(y)
+        return y.position - attitude.rotate(self.radius * _triad(attitude)[1])
+
+    def contact_force(self, y: BodyState) -> Vector:
+        """Of the plane on the disk, in inertial axes, N, (3, *runs).
+
+        The disk lifts off where its z is negative, and slips where the rest exceeds the friction
+        times z."""
+
+        def velocity(y: BodyState) -> Vector:
+            return self.velocity(y)
+
+        _, acceleration = jax.jvp(velocity, (y,), (self.vector_field(jnp.zeros(()), y),))
+        return self.mass * (acceleration + self.gravity * axis(2, acceleration[2]))
+
+    def tilt_acceleration(self, theta: Scalar, precession: Scalar, spin: Scalar) -> Scalar:
+        """theta'' without resistance, rad/s^2.
+
+        **Arguments**
+
+        - `theta`: tilt of the normal, rad.
+        - `precession`: psi', rad/s.
+        - `spin`: s, rad/s, forward.
+        """
+        A, C, mRR, mgR = self._letters()
+        s, c = jnp.sin(theta), jnp.cos(theta)
+        gyroscopic = A * precession * precession * c + (C + mRR) * spin * precession
+        return (gyroscopic * s - mgR * c) / (A + mRR)
+
+    def steady_spin(self, theta: Scalar, precession: Scalar) -> Scalar:
+        """The spin s, rad/s, of the steady circle with the tilt `theta`, rad, and the `precession`
+        psi', rad/s; the radius of the centre's circle is R s/psi'."""
+        A, C, mRR, mgR = self._letters()
+        balance = mgR / jnp.tan(theta) / precession - A * precession * jnp.cos(theta)
+        return balance / (C + mRR)
+
+    def steady_precession_rates(self, theta: Scalar, spin: Scalar) -> tuple[Scalar, Scalar]:
+        """Both psi', rad/s, of the steady circles with the tilt `theta`, rad, and the `spin` s,
+        rad/s: the slow one, and the fast one, which is infinite upright. Of the sign of s and of
+        the other one for theta < pi/2."""
+        A, C, mRR, mgR = self._letters()
+        p, q = (C + mRR) * as_float(spin), A * jnp.cos(theta)
+        pull = mgR / jnp.tan(theta)
+        # Of both roots of q psi'^2 + p psi' = pull the larger one first: nothing cancels.
+        large = p + jnp.where(p < 0.0, -1.0, 1.0) * jnp.sqrt(p * p + 4.0 * q * pull)
+        return 2.0 * pull / large, -0.5 * large / q
+
+    def tilt_stiffness(self, theta: Scalar, precession: Scalar, spin: Scalar) -> Scalar:
+        """kappa, 1/s^2: the squared frequency of small oscillations about a steady circle, negative
+        where they grow; arguments as in `tilt_acceleration`.
+
+        The disk that rolls upright has psi' = 0, the one that spins upright s = 0."""
+        A, C, mRR, _ = self._letters()
+
+        def along(theta):
+            # What turns about the two axes in the plane of Z, to first order about this place.
+            rate = -(C * spin + 2.0 * A * precession * jnp.cos(theta_0)) / (A * jnp.sin(theta_0))
+            slow = -mRR * precession * jnp.sin(theta_0) / (C + mRR)
+            step = theta - theta_0
+            return self.tilt_acceleration(theta, precession + rate * step, spin + slow * step)
+
+        theta_0 = as_float(theta)
+        return -jax.jvp(along, (theta_0,), (jnp.ones_like(theta_0),))[1]
+
+    def least_rolling_spin(self) -> Scalar:
+        """The s, rad/s, above which the disk rolls upright along a straight line (Thomson 5.16)."""
+        A, C, mRR, mgR = self._letters()
+        return jnp.sqrt(mgR * A / (C * (C + mRR)))
+
+    def least_standing_spin(self) -> Scalar:
+        """The psi', rad/s, above which the disk spins upright in place (Thomson 5.16-33)."""
+        A, _, mRR, mgR = self._letters()
+        return jnp.sqrt(mgR / (A + mRR))
+
+    def growth_rate(self, theta: Scalar, precession: Scalar, spin: Scalar) -> Scalar:
+        """Growth rate of small oscillations, 1/s, zero where they are stable (the rule of ends of
+        `end_sqrt`); arguments as in `tilt_acceleration`."""
+
+        def unstable(*x):
+            return jnp.maximum(-self.tilt_stiffness(*x), 0.0)
+
+        return end_sqrt(unstable, *(as_float(x) for x in (theta, precession, spin)))
+
+    def settling_time(self, theta: Scalar) -> Scalar:
+        """Time, s, in which a coin without spin, s = 0, settles from a small tilt `theta`, rad, to
+        flat (Leine): 3 A theta^2/(4 c), or theta^(3/2) sqrt(A/(m g R))/mu without c; infinite
+        without both."""
+        A, _, _, mgR = self._letters()
+        if self.contour_damping is not None:
+            return 0.75 * A * theta * theta / self.contour_damping
+        if self.contour_friction is None:
+            return jnp.full_like(as_float(theta), jnp.inf)
+        return theta * jnp.sqrt(theta) * jnp.sqrt(A / mgR) / self.contour_friction
+
+    def _resistance(self, rolling: Scalar) -> Scalar:
+        """T sin(theta), N m, at the rate phi', rad/s."""
+        _, _, _, mgR = self._letters()
+        viscous = 0.0 if self.contour_damping is None else self.contour_damping * rolling
+        if self.contour_friction is None:
+            return viscous + 0.0 * rolling
+        return viscous + self.contour_friction * mgR * jnp.sign(rolling)
+
+    def _letters(self) -> tuple[Scalar, Scalar, Scalar, Scalar]:
+        """A, C, m R^2 and m g R."""
+        mR = self.mass * self.radius
+        return self.transverse_inertia, self.axial_inertia, mR * self.radius, mR * self.gravity
+
+
+def _triad(attitude: Quaternion) -> tuple[Vector, Vector, Scalar, Scalar]:
+    """xi and eta in body axes, (3, *runs), and sine and cosine of theta."""
+    Z = vertical(attitude)
+    s = jnp.sqrt(Z[0] * Z[0] + Z[1] * Z[1])
+    zero = jnp.zeros_like(s)
+    return jnp.stack([Z[1], -Z[0], zero]) / s, jnp.stack([Z[0], Z[1], zero]) / s, s, Z[2]
