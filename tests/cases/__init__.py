@@ -4,13 +4,24 @@
 
 from types import ModuleType
 
-from . import thomson_1, thomson_4, thomson_5, thomson_7, thomson_8, thomson_9
+from . import (
+    thomson_1,
+    thomson_4,
+    thomson_5,
+    thomson_6,
+    thomson_7,
+    thomson_8,
+    thomson_9,
+    thomson_9_systems,
+)
 
 CHAPTERS: dict[str, ModuleType] = {
     "Vectors, kinematics, orientation (Thomson 1 to 3)": thomson_1,
     "Gravity and orbits (Thomson 4)": thomson_4,
     "Rotation of rigid bodies (Thomson 5, Harrison and Nettleton)": thomson_5,
+    "Gyroscopic instruments (Thomson 6)": thomson_6,
     "Spinning bodies and rockets (Thomson 7)": thomson_7,
     "Flight of rockets (Thomson 8)": thomson_8,
     "Instruments and pendulums (Thomson 6 and 9)": thomson_9,
+    "Systems by their Lagrangian (Thomson 9, appendices)": thomson_9_systems,
 }

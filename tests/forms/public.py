@@ -51,6 +51,10 @@ LEFT_OUT: dict[str, tuple[str, ...]] = {
     "is not hunted yet; its own tests hold it against closed forms, quadrature or 30 digits": (
         *("attitude.BearingReactions", "attitude.InvariablePlane", "attitude.bank_angle"),
         *("attitude.bearing_reactions", "attitude.cone_bounds", "attitude.invariable_plane"),
+        *("gyros.Duffing*", "gyros.Gyrocompass*", "gyros.Gyropendulum*", "gyros.NavigationError*"),
+        *("gyros.Platform*", "gyros.RateGyro*", "gyros.coupled_rates", "gyros.gimbal_lock_margin"),
+        *("gyros.resolve_signals", "gyros.schuler_*", "gyros.table_rates"),
+        *("gyros.allan_*", "gyros.gyro_noise"),
         *("attitude.required_torque", "attitude.space_cone_angle", "attitude.spin_modes"),
         *("attitude.spin_stiffness", "bodies.MassProperties*", "bodies.PivotImpact"),
         *("bodies.box", "bodies.combined", "bodies.cone", "bodies.conical_shell"),
