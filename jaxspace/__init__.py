@@ -7,13 +7,13 @@ The rooms, from the ground up:
     bodies          what has mass: inertia, mass properties, Newton-Euler, the interface of effects
     orbits          a point under gravity: two-body motion, elements, Kepler, oblateness
     attitude        rotation of a body: torque-free, heavy top, despin
-    gyros           instruments: two-gimbal gyro
+    gyros           instruments: two-gimbal gyro, gyrocompass, rate gyro, platform
     rockets         mass that leaves: thrust, jet damping, rocket equation
-    mechanics       impulse and impact (imported by name)
+    mechanics       systems from a Lagrangian, impulse and impact (imported by name)
     scene           a body and its effects as one system
     solvers         integrators as diffrax solvers
     simulation      the runner: simulate one run or many, a system or a mission of phases
-    studies         questions about a run: what accuracy costs, which effects matter
+    studies         questions about a run: what accuracy costs, which effects matter, modes
     dispersion      campaigns of many runs: distributions, statistics
     optimization    staging, steering
     verification    hard cases and laws (imported by name)

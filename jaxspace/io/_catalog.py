@@ -12,7 +12,18 @@ from typing import NamedTuple, Protocol, TypeAlias, runtime_checkable
 import diffrax
 from jaxtyping import Array
 
-from .. import attitude, bodies, dispersion, gyros, orbits, rockets, rotations, scene, solvers
+from .. import (
+    attitude,
+    bodies,
+    dispersion,
+    gyros,
+    mechanics,
+    orbits,
+    rockets,
+    rotations,
+    scene,
+    solvers,
+)
 from ..bodies import AbstractBody, AbstractEffect, AbstractJump, BodyState
 from ..core import (
     AbstractSystem,
@@ -30,7 +41,7 @@ from ._kinds import Entry, Maker
 from ._objects import entry_of, function_way, object_kind, snake_case
 from ._table_kinds import Object
 
-ROOMS = (rotations, bodies, orbits, attitude, gyros, rockets, scene, dispersion)
+ROOMS = (rotations, bodies, orbits, attitude, gyros, rockets, mechanics, scene, dispersion)
 
 
 Group: TypeAlias = dict[str, object]

@@ -1,6 +1,39 @@
-"""General mechanics: impulse and impact."""
+"""General mechanics: systems from a Lagrangian, constraints, impulse and impact, beams."""
 
+from ._arm import ArmPendulum as ArmPendulum
+from ._arm import ArmState as ArmState
+from ._arm import foucault_motion as foucault_motion
+from ._beams import beam_integral as beam_integral
+from ._beams import beam_roots as beam_roots
+from ._beams import beam_shape as beam_shape
+from ._constraints import Accelerations as Accelerations
+from ._constraints import degrees_of_freedom as degrees_of_freedom
+from ._flexible_missile import FlexibleMissile as FlexibleMissile
+from ._flexible_missile import MissileState as MissileState
 from ._impact import contact_impulse as contact_impulse
 from ._impact import contact_inverse_mass as contact_inverse_mass
 from ._impact import crushable_pad as crushable_pad
 from ._impact import impact_energy_loss as impact_energy_loss
+from ._impulse import apply_impact as apply_impact
+from ._impulse import apply_impulse as apply_impulse
+from ._lagrangian import AbstractLagrangian as AbstractLagrangian
+from ._lagrangian import GeneralisedState as GeneralisedState
+from ._lagrangian import Lagrangian as Lagrangian
+from ._pendulums import CentrifugalPendulum as CentrifugalPendulum
+from ._pendulums import DoublePendulum as DoublePendulum
+from ._pendulums import ElasticPendulum as ElasticPendulum
+from ._pendulums import FramedPendulum as FramedPendulum
+from ._pendulums import RotatingHoop as RotatingHoop
+from ._pendulums import SimplePendulum as SimplePendulum
+from ._pendulums import SliderCarrier as SliderCarrier
+from ._reduction import CanonicalState as CanonicalState
+from ._reduction import Hamiltonian as Hamiltonian
+from ._reduction import routh as routh
+from ._rolling import InclineDisk as InclineDisk
+from ._rolling import Trailer as Trailer
+from ._rolling import TrailerState as TrailerState
+from ._rolling import rolling_loop as rolling_loop
+from ._rolling import turntable_motion as turntable_motion
+from ._variational import action as action
+from ._variational import brachistochrone as brachistochrone
+from ._variational import hanging_chain as hanging_chain

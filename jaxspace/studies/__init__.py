@@ -1,4 +1,4 @@
-"""Questions about a run: what its accuracy costs, and which of its effects matter."""
+"""Questions about a run: what its accuracy costs, which effects matter, its small motions."""
 
 from ._accuracy_cost import accuracy_cost as accuracy_cost
 from ._budget_table import EffectBudget as EffectBudget
@@ -6,3 +6,6 @@ from ._budget_table import Influence as Influence
 from ._cost_table import AccuracyCost as AccuracyCost
 from ._cost_table import Cost as Cost
 from ._effect_budget import effect_budget as effect_budget
+from ._modes import Modes as Modes
+from ._modes import equilibrium as equilibrium
+from ._modes import modes as modes

@@ -9,9 +9,11 @@ from . import (
     thomson_4,
     thomson_5,
     thomson_5_rolling,
+    thomson_6,
     thomson_7,
     thomson_8,
     thomson_9,
+    thomson_9_systems,
 )
 
 CHAPTERS: dict[str, ModuleType] = {
@@ -19,7 +21,9 @@ CHAPTERS: dict[str, ModuleType] = {
     "Gravity and orbits (Thomson 4)": thomson_4,
     "Rotation of rigid bodies (Thomson 5, Harrison and Nettleton)": thomson_5,
     "Tops, rolling disks and the Earth (Thomson 5.13 to 5.16)": thomson_5_rolling,
+    "Gyroscopic instruments (Thomson 6)": thomson_6,
     "Spinning bodies and rockets (Thomson 7)": thomson_7,
     "Flight of rockets (Thomson 8)": thomson_8,
     "Instruments and pendulums (Thomson 6 and 9)": thomson_9,
+    "Systems by their Lagrangian (Thomson 9, appendices)": thomson_9_systems,
 }

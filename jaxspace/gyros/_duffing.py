@@ -1,0 +1,85 @@
+"""Forced oscillator with a spring that softens or stiffens: Duffing's equation.
+
+    m y'' + c y' + k y - b y^3 = F sin(p t)
+
+    symbol   meaning                                     unit
+    m, c, k  mass, damping, stiffness                    kg, N s/m, N/m
+    b        cubic coefficient: positive softens         N/m^3
+    F, p     amplitude and angular frequency of force    N, rad/s
+
+Source: Thomson 6.3, problems 3 and 4.
+"""
+
+from typing import final
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ..core import AbstractSystem, Scalar, quantity
+
+# Newton's steps double the digits.
+STEPS = 60
+
+
+@final
+class DuffingState(eqx.Module):
+    """Deflection and velocity; also the rates of both."""
+
+    position: Float[Array, "*#runs"] = quantity("m", doc="y")
+    velocity: Float[Array, "*#runs"] = quantity("m/s", doc="rate of y")
+
+
+@final
+class DuffingOscillator(AbstractSystem):
+    """A forced oscillator with a cubic spring. State: `DuffingState`."""
+
+    mass: Float[Array, "*#runs"] = quantity("kg", positive=True, doc="m")
+    stiffness: Float[Array, "*#runs"] = quantity("N/m", doc="k")
+    softening: Float[Array, "*#runs"] = quantity("N/m^3", doc="b, positive softens")
+    force: Float[Array, "*#runs"] = quantity("N", default=0.0, doc="F, amplitude of the force")
+    frequency: Float[Array, "*#runs"] = quantity("rad/s", default=0.0, doc="p, of the force")
+    damping: Float[Array, "*#runs"] = quantity("N s/m", default=0.0, doc="c")
+
+    def vector_field(self, t: Scalar, y: DuffingState) -> DuffingState:
+        push = self.force * jnp.sin(self.frequency * t)
+        spring = (self.stiffness - self.softening * y.position**2) * y.position
+        rate = (push - self.damping * y.velocity - spring) / self.mass
+        return DuffingState(y.velocity, rate)
+
+    def invariants(self, t: Scalar, y: DuffingState) -> dict[str, Array]:
+        """Nothing stays: the force works on the mass."""
+        del t, y
+        return {}
+
+    def first_order(self) -> tuple[Scalar, Scalar]:
+        """Amplitudes, m, of sin(p t) and of sin(3 p t) without damping, to first order in b."""
+        p2 = self.frequency**2
+        linear = self.force / (self.stiffness - self.mass * p2)
+        cube = self.softening * linear**3
+        first = linear + 0.75 * cube / (self.stiffness - self.mass * p2)
+        return first, -0.25 * cube / (self.stiffness - 9.0 * self.mass * p2)
+
+    def harmonic_balance(self, guess: Scalar | None = None) -> Scalar:
+        """The amplitude a, m, of sin(p t) alone without damping: (k - m p^2) a - 3/4 b a^3 = F.
+
+        **Arguments**
+
+        - `guess`: near one of the up to three roots, m; by default near the linear one.
+
+        **Returns** the root; its derivatives are not finite where two roots meet (the jump)."""
+        stiffness = self.stiffness - self.mass * self.frequency**2
+
+        def newton(a: Array, stiffness: Scalar, softening: Scalar, force: Scalar) -> Array:
+            cube = 0.75 * softening * a * a
+            return a - ((stiffness - cube) * a - force) / (stiffness - 3.0 * cube)
+
+        given = (stiffness, self.softening, self.force)
+        fixed = jax.lax.stop_gradient(given)
+        start = fixed[2] / fixed[0] if guess is None else jnp.asarray(guess)
+        shape = jnp.broadcast_shapes(*(jnp.shape(x) for x in (start, *fixed)))
+        start = jnp.broadcast_to(start, shape)
+        root = jax.lax.fori_loop(0, STEPS, lambda _, a: newton(a, *fixed), start)
+        # One step more carries the derivatives of the root.
+        return newton(jax.lax.stop_gradient(root), *given)

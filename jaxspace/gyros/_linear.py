@@ -1,0 +1,82 @@
+"""Linear instruments: y' = A y + b with constant A and b, whose motion is known exactly.
+
+    [y(t), 1] = exp([[A, b], [0, 0]] t) [y(0), 1]
+
+The exponential holds for every A, also where it is singular, and so do its derivatives. An
+instrument whose fast and slow motions differ by a factor of 1e6 costs no more than any other; the
+digits that the phase of the fastest motion loses, eps |A t|, are lost.
+
+Source: Higham, Functions of Matrices, 10.3 (scaling and squaring).
+"""
+
+from typing import Any, final
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.scipy.linalg import expm
+from jaxtyping import Array, Float
+
+from ..core import AbstractClosedForm, Scalar, State, component_axes_of, with_rank
+
+# Norms up to 2^48, beyond which no digit of the phase is left.
+SQUARINGS = 48
+
+
+def rows(*of_row: tuple[Scalar, ...]) -> Float[Array, "n m *#runs"]:
+    """A matrix from its entries, each a scalar or (*runs,)."""
+    flat = jnp.broadcast_arrays(*(jnp.asarray(x) for row in of_row for x in row))
+    return jnp.stack(flat).reshape(len(of_row), -1, *flat[0].shape)
+
+
+def stacked(y: State) -> Float[Array, "n *#runs"]:
+    """All components of a state, in the order of its fields."""
+    parts = [
+        x if k > 0 else x[None]
+        for x, k in zip(jax.tree.leaves(y), jax.tree.leaves(component_axes_of(y)), strict=True)
+    ]
+    runs = jnp.broadcast_shapes(*(x.shape[1:] for x in parts))
+    return jnp.concatenate([jnp.broadcast_to(x, (x.shape[0], *runs)) for x in parts])
+
+
+def unstacked(x: Float[Array, "n *#runs"], like: State) -> State:
+    """The state of these components, in the form of `like`."""
+    leaves, structure = jax.tree.flatten(like)
+    axes = jax.tree.leaves(component_axes_of(like))
+    sizes = [leaf.shape[0] if k > 0 else 1 for leaf, k in zip(leaves, axes, strict=True)]
+    parts = jnp.split(x, np.cumsum(sizes)[:-1].tolist())
+    found = [part if k > 0 else part[0] for part, k in zip(parts, axes, strict=True)]
+    return jax.tree.unflatten(structure, found)
+
+
+def linear_rate(matrix: Array, drive: Array, y: State) -> Any:
+    """A y + b as a rate of the form of the state.
+
+    **Arguments**
+
+    - `matrix`, `drive`: A, (n, n, *runs), and b, (n, *runs)."""
+    return unstacked(jnp.einsum("ij...,j...->i...", matrix, stacked(y)) + drive, y)
+
+
+@final
+class LinearFlow(AbstractClosedForm):
+    """The exact motion under A, (n, n, *runs), and b, (n, *runs)."""
+
+    matrix: Float[Array, "n n *#runs"]
+    drive: Float[Array, "n *#runs"]
+
+    def flow(self, duration: Scalar, y: State) -> State:
+        x = stacked(y)
+        n = x.shape[0]
+        duration = jnp.asarray(duration, x.dtype)
+        runs = jnp.broadcast_shapes(duration.shape, x.shape[1:], self.matrix.shape[2:])
+        matrix, drive = with_rank(self.matrix, len(runs), axes=2), with_rank(self.drive, len(runs))
+        a = jnp.broadcast_to(matrix * duration, (n, n, *runs))
+        b = jnp.broadcast_to(drive * duration, (n, *runs))
+        upper = jnp.concatenate([a, b[:, None]], axis=1)
+        whole = jnp.concatenate([upper, jnp.zeros((1, n + 1, *runs), x.dtype)])
+        front, back = (0, 1), (-2, -1)
+        power = expm(jnp.moveaxis(whole, front, back), max_squarings=SQUARINGS)
+        power = jnp.moveaxis(power, back, front)
+        x = jnp.broadcast_to(with_rank(x, len(runs)), (n, *runs))
+        return unstacked(jnp.einsum("ij...,j...->i...", power[:n, :n], x) + power[:n, n], y)

@@ -1,0 +1,176 @@
+"""A flexible missile whose engine swivels on a sprung hinge: bending, engine and thrust together.
+
+    m (q_i'' + w_i^2 q_i) - S_i d'' = F [(1 - C_2) d + y_h'] phi_i(-l_h)
+    J d'' - sum S_i q_i'' + M_d d = C_2 F [(l_h + C_1) d + l_h y_h' + y_h] + M_A (d_A - d) - M_D d'
+    I_0 th'' = -F [(l_h + C_1) d + l_h y_h' + y_h] - (I_h + m_e l_h z_e) d''
+    J = I_h - C_1 m_e z_e - C_2 (I_h + m_e l_h z_e)
+    C_1 = m_e z_e / m,  C_2 = (I_h + m_e l_h z_e) / I_0,  S_i = int phi_i(-l_h - z) z dm
+
+    symbol        meaning                                                      unit
+    d, q_i, th    angle of the engine; bending coordinates; pitch              rad, m, rad
+    m, L, EI      mass, length, bending stiffness of the uniform beam          kg, m, N m^2
+    l_h           distance of the hinge behind the mass centre                 m
+    m_e, z_e, I_h engine, the part of the beam behind the hinge: mass, mass
+                  centre behind the hinge, moment about it                     kg, m, kg m^2
+    F             thrust, along the engine                                     N
+    y_h, y_h'     deflection and slope of the beam at the hinge                m, 1
+    M_d, M_A, M_D stiffness of the hinge; stiffness and damping of the actuator  N m, N m s
+
+Source: Thomson 9.12-12 to -30 (in -30 "I_hze" is l_h z_e, and m_e z_e g sin(th) is missing).
+The swivel turns the missile by -C_2 d and moves its mass centre by C_1 d: where the thrust acts
+both are small corrections. Softening of the beam by the axial load is neglected, as in the book;
+without aerodynamic forces; modes are those with the engine locked.
+"""
+
+from typing import Any, final
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ..core import AbstractSystem, Scalar, argument, as_float, constructor, quantity, with_rank
+from ._beams import beam_integral, beam_roots, beam_shape
+from ._equations import solve
+
+Number = Float[Array, "*#runs"]
+
+
+@final
+class MissileState(eqx.Module):
+    """Engine, bending and pitch with their rates; also the rates of all."""
+
+    engine: Number = quantity("rad", doc="d, angle of the engine")
+    bending: Float[Array, "modes *#runs"] = quantity("m", doc="q, of the bending modes")
+    pitch: Number = quantity("rad", doc="theta")
+    engine_rate: Number = quantity("rad/s", doc="rate of the engine's angle")
+    bending_rate: Float[Array, "modes *#runs"] = quantity("m/s", doc="rate of the bending")
+    pitch_rate: Number = quantity("rad/s", doc="rate of theta")
+
+
+@final
+class FlexibleMissile(AbstractSystem):
+    """A uniform flexible missile with an engine that swivels. State: `MissileState`, best made by
+    `state`."""
+
+    mass: Number = quantity("kg", positive=True, doc="m, with the engine")
+    length: Number = quantity("m", positive=True, doc="L")
+    bending_stiffness: Number = quantity("N m^2", positive=True, doc="EI")
+    engine_length: Number = quantity("m", positive=True, doc="b, of the part behind the hinge")
+    hinge_stiffness: Number = quantity("N m", non_negative=True, doc="M_d, of the hinge")
+    thrust: Number = quantity("N", default=0.0, doc="F, along the engine")
+    actuator_stiffness: Number = quantity("N m", default=0.0, doc="M_A, of the actuator")
+    actuator_damping: Number = quantity("N m s", default=0.0, doc="M_D, of the actuator")
+    command: Number = quantity("rad", default=0.0, doc="d_A, of the actuator")
+    damping_ratio: Number = quantity("", default=0.0, doc="of every bending mode")
+    modes: int = eqx.field(static=True, default=3)
+
+    def vector_field(self, t: Scalar, y: MissileState) -> MissileState:
+        del t
+        m, k = self.matrices()
+        x = jnp.concatenate([y.engine[None], y.bending])
+        rank = x.ndim - 1
+        m, k = with_rank(m, rank, axes=2), with_rank(k, rank, axes=2)
+        moment = self.actuator_stiffness * self.command - self.actuator_damping * y.engine_rate
+        friction = 2.0 * self.damping_ratio * self.mass
+        modal = friction * with_rank(self.frequencies(), rank) * y.bending_rate
+        drive = jnp.concatenate([jnp.broadcast_to(moment, y.engine.shape)[None], -modal])
+        force = drive - jnp.einsum("ij...,j...->i...", k, x)
+        m = jnp.broadcast_to(m, (*m.shape[:2], *force.shape[1:]))
+        rate = solve(m, force[:, None])[:, 0]
+        engine = self.engine()
+        shapes, slopes, _ = (with_rank(x, rank) for x in self.hinge())
+        bent = jnp.sum((self.lever() * slopes + shapes) * y.bending, axis=0)
+        turning = -self.thrust * ((self.lever() + engine["shift"]) * y.engine + bent)
+        pitch = turning / self.inertia() - engine["turn"] * rate[0]
+        return MissileState(y.engine_rate, y.bending_rate, y.pitch_rate, rate[0], rate[1:], pitch)
+
+    def invariants(self, t: Scalar, y: MissileState) -> dict[str, Array]:
+        """Nothing stays under thrust."""
+        del t, y
+        return {}
+
+    @constructor(
+        engine=argument("rad", default=0.0, doc="angle of the engine"),
+        pitch=argument("rad", default=0.0, doc="of the missile"),
+    )
+    def state(self, engine: Scalar = 0.0, pitch: Scalar = 0.0) -> MissileState:
+        """A straight missile at rest, with the engine and the pitch at these angles, rad."""
+        e, p, zero = jnp.broadcast_arrays(*(as_float(x) for x in (engine, pitch, 0.0 * engine)))
+        straight = jnp.broadcast_to(zero, (self.modes, *zero.shape))
+        return MissileState(e, straight, p, zero, straight, zero)
+
+    def lever(self) -> Scalar:
+        """l_h, m, of the hinge behind the mass centre."""
+        return 0.5 * self.length - self.engine_length
+
+    def inertia(self) -> Scalar:
+        """I_0, kg m^2, of the straight missile about its mass centre."""
+        return self.mass * self.length**2 / 12.0
+
+    def engine(self) -> dict[str, Array]:
+        """Mass m_e, mass centre z_e, moment I_h about the hinge, and the ratios `shift` C_1, m, and
+        `turn` C_2, and the moment J that is left to a free missile, kg m^2."""
+        mass = self.mass * self.engine_length / self.length
+        centre, moment = 0.5 * self.engine_length, mass * self.engine_length**2 / 3.0
+        coupled = moment + mass * self.lever() * centre
+        shift, turn = mass * centre / self.mass, coupled / self.inertia()
+        free = moment - shift * mass * centre - turn * coupled
+        names = ("mass", "centre", "moment", "shift", "turn", "free_moment")
+        values = (mass, centre, moment, shift, turn, free)
+        return {name: jnp.asarray(x) for name, x in zip(names, values, strict=True)}
+
+    def frequencies(self) -> Float[Array, "modes *#runs"]:
+        """Angular frequencies w_i, rad/s, of bending with the engine locked."""
+        stiffness = self.bending_stiffness / (self.mass * self.length**3)
+        roots = jnp.asarray(self.roots(), jnp.result_type(stiffness))
+        return with_rank(roots, jnp.ndim(stiffness)) ** 2 * jnp.sqrt(stiffness)
+
+    def roots(self) -> Any:
+        """The roots beta of the free-free beam."""
+        return beam_roots("free-free", self.modes)
+
+    def hinge(self) -> tuple[Array, Array, Array]:
+        """phi_i and phi_i', 1/m, at the hinge, and S_i, kg m: each (modes, *runs)."""
+        at = jnp.asarray(self.engine_length / self.length)
+        shapes = jnp.stack([beam_shape("free-free", b, at) for b in self.roots()])
+        slopes = jnp.stack([beam_shape("free-free", b, at, 1) for b in self.roots()])
+
+        def moment(root: float) -> Array:
+            # A place z behind the hinge is b - z from the end.
+            return beam_integral(lambda z: beam_shape("free-free", root, at - z) * z, 0.0, at)
+
+        moments = jnp.stack([moment(b) for b in self.roots()])
+        return shapes, slopes / self.length, moments * self.mass * self.length
+
+    def matrices(self) -> tuple[Float[Array, "n n *#runs"], Float[Array, "n n *#runs"]]:
+        """Masses and stiffnesses of engine and bending, without dampers: of M x'' + K x = 0."""
+        shapes, slopes, s = self.hinge()
+        engine, F = self.engine(), self.thrust
+        n = self.modes
+        m: list[list[Any]] = [[0.0] * (n + 1) for _ in range(n + 1)]
+        k: list[list[Any]] = [[0.0] * (n + 1) for _ in range(n + 1)]
+        turning, w = engine["turn"] * F, self.frequencies()
+        m[0][0] = engine["free_moment"]
+        stiff = self.hinge_stiffness + self.actuator_stiffness
+        k[0][0] = stiff - turning * (self.lever() + engine["shift"])
+        for i in range(n):
+            m[0][i + 1] = m[i + 1][0] = -s[i]
+            k[0][i + 1] = -turning * (self.lever() * slopes[i] + shapes[i])
+            k[i + 1][0] = -F * (1.0 - engine["turn"]) * shapes[i]
+            for j in range(n):
+                same = 1.0 if i == j else 0.0
+                m[i + 1][j + 1] = same * self.mass
+                k[i + 1][j + 1] = same * self.mass * w[i] ** 2 - F * shapes[i] * slopes[j]
+        return _matrix(m), _matrix(k)
+
+    def coupled_frequencies_squared(self) -> np.ndarray:
+        """w^2, rad^2/s^2, of engine and bending together, ascending, of one run; negative or
+        complex where the thrust makes them unstable. It cannot be traced: see `studies.modes`."""
+        m, k = (np.asarray(x) for x in self.matrices())
+        return np.sort_complex(np.linalg.eigvals(np.linalg.solve(m, k)))
+
+
+def _matrix(rows: list[list[Any]]) -> Array:
+    flat = jnp.broadcast_arrays(*(jnp.asarray(x) for row in rows for x in row))
+    return jnp.stack(flat).reshape(len(rows), len(rows), *flat[0].shape)

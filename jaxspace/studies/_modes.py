@@ -1,0 +1,214 @@
+"""Small motions about a state: modes, stability, transfer functions, root loci.
+
+    x' = A x + B u,   o = C x            x: small change of the state
+    A v = lambda v                       frequency |lambda|, damping ratio -Re(lambda) / |lambda|
+    G(s) = C (s I - A)^-1 B              transfer functions
+    A - k B C                            the loop u = -k o closed
+
+Source: Thomson 6.5, 6.8, 9.10 (characteristic equations); Kailath (1980), Linear Systems, 2.
+Valid for motions so small that the vector field is linear. Where the state is no equilibrium the
+matrices are those of the instant `t`, and `residual` shows the rate that is left.
+"""
+
+from collections.abc import Sequence
+from typing import Any, final
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, ArrayLike, Bool, Complex, Float
+
+from ..core import AbstractSystem, Scalar, State
+from ._eigenvalues import eigenvalues, ordered
+from ._linearise import Blocks, Input, Output, forced, jacobian, measured
+
+
+@final
+class Modes(eqx.Module):
+    """A system linearised about a state, with its modes in the order of their frequencies.
+
+    - `matrix` A, `input_matrix` B, `output_matrix` C: (n, n, *runs), (n, m, *runs), (p, n, *runs).
+    - `residual`: the rate of the state itself, (n, *runs), zero at an equilibrium.
+    - `eigenvalues`: lambda, 1/s, (n, *runs); of a pair the one with positive frequency first.
+    - `states`, `inputs`, `outputs`: what the rows and columns belong to.
+
+    Derivatives of the eigenvalues are those of each root. Where roots are equal and have their own
+    shapes it is the mean slope of them; where shapes meet as well, as of a free translation, the
+    slope is not finite."""
+
+    matrix: Float[Array, "n n *#runs"]
+    input_matrix: Float[Array, "n m *#runs"]
+    output_matrix: Float[Array, "p n *#runs"]
+    residual: Float[Array, "n *#runs"]
+    eigenvalues: Complex[Array, "n *#runs"]
+    states: tuple[str, ...] = eqx.field(static=True)
+    inputs: tuple[str, ...] = eqx.field(static=True)
+    outputs: tuple[str, ...] = eqx.field(static=True)
+
+    @property
+    def frequencies(self) -> Float[Array, "n *#runs"]:
+        """|lambda|, rad/s: of a mode without damping its angular frequency."""
+        size = self.eigenvalues.real**2 + self.eigenvalues.imag**2
+        zero = size == 0.0
+        return jnp.where(zero, 0.0, jnp.sqrt(jnp.where(zero, 1.0, size)))
+
+    @property
+    def damping_ratios(self) -> Float[Array, "n *#runs"]:
+        """-Re(lambda) / |lambda|: 1 of a decay, -1 of a growth, 0 of a ringing and at zero."""
+        size = self.frequencies
+        zero = size == 0.0
+        return jnp.where(zero, 0.0, -self.eigenvalues.real / jnp.where(zero, 1.0, size))
+
+    @property
+    def growth(self) -> Float[Array, "*#runs"]:
+        """The greatest real part, 1/s: below zero the state is stable to small changes."""
+        return jnp.max(self.eigenvalues.real, axis=0)
+
+    @property
+    def stable(self) -> Bool[Array, "*#runs"]:
+        """Whether every small change decays: a ringing that neither grows nor decays is not
+        stable."""
+        # Roundings of the matrix move a root from the imaginary axis.
+        rounding = 1e2 * jnp.finfo(self.matrix.dtype).eps
+        return self.growth < -rounding * jnp.max(jnp.abs(self.eigenvalues), axis=0)
+
+    @property
+    def shapes(self) -> Complex[Array, "n n *#runs"]:
+        """The shape of each mode, a column of length one; without derivatives."""
+        return _runs_last(ordered(_runs_first(self.matrix))[1])
+
+    def transfer(self, s: Complex[ArrayLike, "..."] | complex) -> Complex[Array, "p m ..."]:
+        """The transfer functions G(s) of one run at complex frequencies, 1/s, of any shape."""
+        kind = self.eigenvalues.dtype
+        s = jnp.asarray(s).astype(kind)
+        a, b, c = (x.astype(kind) for x in (self.matrix, self.input_matrix, self.output_matrix))
+        pencil = s[..., None, None] * jnp.eye(a.shape[0], dtype=kind) - a
+        answer = c @ jnp.linalg.solve(pencil, jnp.broadcast_to(b, (*s.shape, *b.shape)))
+        return jnp.moveaxis(answer, (-2, -1), (0, 1))
+
+    def bode(self, frequency: Float[ArrayLike, "..."]) -> tuple[Array, Array]:
+        """Magnitude, dB, and phase, rad, of G(i w) at angular frequencies w, rad/s, each
+        (p, m, ...); the phase goes on along the last axis without jumps."""
+        w = jnp.asarray(frequency, self.matrix.dtype)
+        g = self.transfer(jax.lax.complex(0.0 * w, w))
+        phase = jnp.angle(g)
+        magnitude = 20.0 * jnp.log10(jnp.abs(g))
+        return magnitude, jnp.unwrap(phase) if phase.ndim > 2 else phase
+
+    def zeros(self, output: int = 0, input: int = 0) -> np.ndarray:
+        """The zeros of one transfer function of one run, 1/s; it cannot be traced."""
+        n = self.matrix.shape[0]
+        b, c = self.input_matrix[:, input : input + 1], self.output_matrix[output : output + 1]
+        pencil = np.block([[np.asarray(self.matrix), np.asarray(b)], [np.asarray(c), np.zeros(1)]])
+        weight = np.diag([1.0] * n + [0.0])
+        # Of (P - s W) x = 0 about a place where P - s W is regular: 1/(s - place) are eigenvalues.
+        scale = max(float(np.max(np.abs(np.asarray(self.matrix)))), 1e-300)
+        place = 0.377 * scale
+        inverse = np.linalg.eigvals(np.linalg.solve(pencil - place * weight, weight))
+        # The others lie at infinity.
+        finite = np.abs(inverse) * scale > np.finfo(pencil.dtype).eps ** 0.3
+        return np.sort_complex(place + 1.0 / inverse[finite])
+
+    def root_locus(
+        self, gains: Float[ArrayLike, " gains"], output: int = 0, input: int = 0
+    ) -> Complex[Array, "n gains"]:
+        """The eigenvalues of one run with the loop u = -k o closed, for each gain k."""
+        loop = jnp.outer(self.input_matrix[:, input], self.output_matrix[output])
+        gains = jnp.asarray(gains)
+        return eigenvalues(self.matrix - gains[:, None, None] * loop).T
+
+    def __str__(self) -> str:
+        if self.eigenvalues.ndim > 1:
+            return f"modes of {self.eigenvalues.shape[1:]} runs"
+        lines = [f"{'eigenvalue (1/s)':>28}  {'frequency (rad/s)':>18}  {'damping ratio':>13}"]
+        for value, w, zeta in zip(
+            np.asarray(self.eigenvalues), self.frequencies, self.damping_ratios, strict=True
+        ):
+            root = f"{value.real:+.6e} {value.imag:+.6e}i"
+            lines.append(f"{root:>28}  {float(w):18.6e}  {float(zeta):13.4f}")
+        return "\n".join(lines)
+
+
+def modes(
+    system: AbstractSystem,
+    y: State,
+    *,
+    inputs: Sequence[Input] = (),
+    outputs: Sequence[Output] = (),
+    t: Scalar = 0.0,
+) -> Modes:
+    """The small motions of a system about a state.
+
+    **Arguments**
+
+    - `system`: any system; parameters with runs on the last axis give a batch.
+    - `y`: the state, usually an equilibrium: see `equilibrium`.
+    - `inputs`: names of parameters of the system that are driven, or functions
+      (system, u) -> system of one number.
+    - `outputs`: names of parts of the state, or functions of the state.
+    - `t`: the time, s.
+
+    **Returns** the `Modes`, differentiable in everything; see there for eigenvalues that meet.
+
+    **Raises** `InputError` for a name that is neither a parameter nor a part of the state."""
+    blocks = Blocks.of(system, y, t)
+    zero = jnp.zeros((blocks.count, *blocks.runs), blocks.dtype)
+    driven, input_names = forced(system, tuple(inputs), blocks.runs)
+    drive = jnp.zeros((len(input_names), *blocks.runs), blocks.dtype)
+
+    def field(x: Array, u: Array) -> Array:
+        moved = blocks.moved(x)
+        return blocks.rate(x, moved, driven(u).vector_field(t, moved))
+
+    a = jacobian(lambda x: field(x, drive), zero)
+    b = jacobian(lambda u: field(zero, u), drive) if input_names else a[:, :0]
+    c, output_names = a[:0], ()
+    if outputs:
+        c = jacobian(lambda x: measured(tuple(outputs), blocks.moved(x), blocks.runs), zero)
+        output_names = tuple(
+            given if isinstance(given, str) else getattr(given, "__name__", "output")
+            for given in outputs
+        )
+    roots = _runs_last(eigenvalues(_runs_first(a)), axes=1)
+    residual = field(zero, drive)
+    return Modes(a, b, c, residual, roots, blocks.labels, input_names, output_names)
+
+
+def equilibrium(system: AbstractSystem, y: State, t: Scalar = 0.0, steps: int = 20) -> State:
+    """The equilibrium near a state, by Newton's method with the shortest steps.
+
+    **Arguments**
+
+    - `system`, `t`: whose vector field vanishes at the equilibrium.
+    - `y`: where the search begins; coordinates on which nothing depends stay there.
+    - `steps`: of Newton's method; the digits double in each.
+
+    **Returns** the state; its derivatives in the parameters are those of the equilibrium. One run;
+    map it by `jax.vmap`."""
+
+    def newton(system: Any, y: State) -> State:
+        blocks = Blocks.of(system, y, t)
+        zero = jnp.zeros(blocks.count, blocks.dtype)
+
+        def field(x: Array) -> Array:
+            moved = blocks.moved(x)
+            return blocks.rate(x, moved, system.vector_field(t, moved))
+
+        a = jacobian(field, zero)
+        # Of the root alone the derivative matters: that of the matrix is multiplied by zero there.
+        step = jnp.linalg.pinv(jax.lax.stop_gradient(a)) @ field(zero)
+        return blocks.moved(-step)
+
+    arrays, static = eqx.partition(system, eqx.is_array)
+    fixed = eqx.combine(jax.lax.stop_gradient(arrays), static)
+    found = jax.lax.fori_loop(0, steps, lambda _, y: newton(fixed, y), jax.lax.stop_gradient(y))
+    return newton(system, jax.lax.stop_gradient(found))
+
+
+def _runs_first(x: Array) -> Array:
+    return jnp.moveaxis(x, (0, 1), (-2, -1))
+
+
+def _runs_last(x: Any, axes: int = 2) -> Any:
+    return jnp.moveaxis(x, (-2, -1), (0, 1)) if axes == 2 else jnp.moveaxis(x, -1, 0)

@@ -1,0 +1,224 @@
+"""Systems from a Lagrangian: constraints, symmetries, reduced and canonical forms, impacts."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from jaxspace import simulate
+from jaxspace.core import InputError
+from jaxspace.gyros import Gyrocompass
+from jaxspace.mechanics import (
+    CanonicalState,
+    DoublePendulum,
+    FramedPendulum,
+    GeneralisedState,
+    Hamiltonian,
+    InclineDisk,
+    Lagrangian,
+    SimplePendulum,
+    SliderCarrier,
+    apply_impact,
+    brachistochrone,
+    routh,
+)
+
+DOUBLE = DoublePendulum(2.0, 1.0, 1.0, 0.8, 9.8)
+FRAMED = FramedPendulum(0.3, 1.0, 0.8, 9.8)
+
+
+def free_point(t, q, v, p):
+    return 0.5 * jnp.sum(v * v, axis=0) - p * q[-1]
+
+
+def circle(t, q, p):
+    return (jnp.sum(q * q, axis=0) - 1.0)[None]
+
+
+def rod(**more):
+    """A point on a rod in Cartesian coordinates, with a constraint for the rod."""
+    return Lagrangian(free_point, ("x", "z"), 9.8, fixed=circle, decay=5.0, **more)
+
+
+def test_a_constraint_holds_to_rounding_over_many_periods():
+    period = SimplePendulum(1.0, 9.8).period(jnp.pi / 2)
+    system = rod()
+    ts = jnp.stack([0.0 * period, 20.0 * period])
+    run = simulate(system, system.state([1.0, 0.0]), ts, accuracy=1e-12)
+    x, z = run.states.coordinates
+    # The drift of the constraint does not grow: 1e-15 also after 100 periods.
+    assert_allclose(x * x + z * z, 1.0, atol=1e-13)
+    # 20 periods of 60 steps at 1e-12.
+    assert_allclose([x[-1], z[-1]], [1.0, 0.0], atol=1e-8)
+    assert run.drift()["energy"].max() < 1e-9
+
+
+def test_reactions_and_consistent_states():
+    system = rod()
+    # At the bottom, with the speed v: the rod carries m (g + v^2), as 2 lambda z.
+    found = system.reactions(0.0, system.state([0.0, -1.0], [2.0, 0.0]))
+    assert_allclose(found.forces, [0.0, 9.8 + 4.0], atol=1e-14)
+    off = system.consistent(system.state([0.6, 0.9], [1.0, 0.3]))
+    assert_allclose(circle(0.0, off.coordinates, None), 0.0, atol=1e-15)
+    assert_allclose(jnp.sum(off.coordinates * off.rates), 0.0, atol=1e-15)
+
+    @jax.jit
+    def pull(g):
+        system = Lagrangian(free_point, ("x", "z"), g, fixed=circle)
+        return system.reactions(0.0, system.state([0.6, -0.8], [0.8, 0.6])).multipliers[0]
+
+    # lambda = -(v^2 + g z) / 2 per unit of mass, in closed form and its slope.
+    assert_allclose(pull(9.8), -0.5 * (1.0 + 9.8 * 0.8), rtol=1e-14)
+    assert_allclose(jax.grad(pull)(9.8), -0.4, rtol=1e-14)
+
+
+def test_redundant_and_vanishing_constraints():
+    twice = dict(fixed=lambda t, q, p: jnp.concatenate([circle(t, q, p)] * 2))
+    refused = Lagrangian(free_point, ("x", "z"), 9.8, **twice)
+    y = refused.state([0.6, -0.8], [0.8, 0.6])
+    with pytest.raises(InputError, match="1 of the 2 constraints are independent"):
+        refused.consistent(y)
+    served = Lagrangian(free_point, ("x", "z"), 9.8, redundant=True, **twice)
+    both, one = served.reactions(0.0, y), rod().reactions(0.0, y)
+    assert_allclose(both.accelerations, one.accelerations, rtol=1e-12)
+    assert_allclose(both.multipliers, 0.5 * jnp.repeat(one.multipliers, 2), rtol=1e-12)
+    flat = Lagrangian(free_point, ("x", "z"), 9.8, fixed=lambda t, q, p: (q[0] ** 2)[None])
+    with pytest.raises(InputError, match="no gradient"):
+        flat.consistent(flat.state([0.0, 1.0]))
+
+
+def test_symmetries_are_found_and_none_wrongly():
+    assert FRAMED.cyclic() == ("phi",)
+    kept = FRAMED.invariants(0.0, FRAMED.state(0.4, 0.1, 0.0, 2.0))
+    assert set(kept) == {"energy", "momentum_phi"}
+    assert SliderCarrier(10.0, 4.0, 1.0, 30.0, 0.6).cyclic() == ("x", "y")
+    # Rolling holds x, y and phi; the heading is free.
+    assert InclineDisk(1.0, 0.5, 0.2, 9.8).cyclic() == ("psi",)
+
+    def make(function, **more):
+        system = Lagrangian(function, ("x", "z"), 9.8, **more)
+        return set(system.invariants(0.0, system.state([0.1, 0.2])))
+
+    assert make(free_point) == {"energy", "momentum_x"}
+    assert make(lambda t, q, v, p: free_point(t, q, v, p) * (1.0 + t * t)) == {"momentum_x"}
+    # A spring that acts on one side only, and friction.
+    contact = make(lambda t, q, v, p: free_point(t, q, v, p) - jnp.maximum(q[0], 0.0) ** 2)
+    assert contact == {"energy"}
+    drag = make(free_point, rayleigh=lambda t, q, v, p: 0.5 * v[1] ** 2)
+    assert drag == {"momentum_x"}
+    moving = make(free_point, fixed=lambda t, q, p: (q[1] - jnp.sin(t))[None])
+    assert moving == {"momentum_x"}
+    # Under a trace the same is found.
+    assert eqx.filter_jit(lambda s: s.invariants(0.0, FRAMED.state(0.4)))(FRAMED).keys() == {
+        "energy",
+        "momentum_phi",
+    }
+
+
+def test_forces_and_friction():
+    system = Lagrangian(
+        free_point,
+        ("x", "z"),
+        9.8,
+        forces=lambda t, q, v, p: jnp.stack([3.0 + 0.0 * v[0], v[0]]),
+        rayleigh=lambda t, q, v, p: 0.5 * 0.4 * jnp.sum(v * v, axis=0),
+    )
+    rate = system.vector_field(0.0, system.state([0.0, 0.0], [1.0, 2.0]))
+    assert_allclose(rate.rates, [3.0 - 0.4, 1.0 - 9.8 - 0.8], rtol=1e-14)
+
+
+def test_reduced_and_canonical_forms_move_alike():
+    y = FRAMED.state(0.4, 0.1, 0.0, 2.0)
+    full = FRAMED.vector_field(0.0, y)
+    reduced = routh(FRAMED, y)
+    part = eqx.filter_jit(reduced.vector_field)(0.0, reduced.state([0.4], [0.1]))
+    assert_allclose(part.rates[0], full.rates[0], rtol=1e-12)
+    with pytest.raises(InputError, match="0 of the 2 coordinates are cyclic"):
+        routh(DOUBLE, DOUBLE.state(0.1, 0.2))
+    canonical = Hamiltonian.of(FRAMED)
+    p = FRAMED.momenta(0.0, y)
+    rate = eqx.filter_jit(canonical.vector_field)(0.0, CanonicalState(y.coordinates, p))
+    assert_allclose(rate.coordinates, y.rates, rtol=1e-12)
+    assert_allclose(rate.momenta[1], 0.0, atol=1e-14)
+    assert_allclose(
+        canonical.energy(0.0, CanonicalState(y.coordinates, p)), FRAMED.energy(0.0, y), rtol=1e-13
+    )
+
+
+def test_a_batch_of_parameters_meets_one_state():
+    masses = jnp.array([0.5, 1.0, 2.0])
+    many = DoublePendulum(2.0, masses, 1.0, 0.8, 9.8)
+    y = DOUBLE.state(0.7, -0.4, 0.3, 1.1)
+    rates = eqx.filter_jit(many.vector_field)(0.0, y).rates
+    single = jax.jit(lambda m: DoublePendulum(2.0, m, 1.0, 0.8, 9.8).vector_field(0.0, y).rates)
+    for i in range(3):
+        assert_allclose(rates[:, i], single(masses[i]), rtol=1e-13)
+
+
+def test_more_coordinates_than_are_written_out():
+    """A chain of eight springs, by LAPACK, against its matrix."""
+    n = 8
+
+    def chain(t, q, v, p):
+        gaps = jnp.diff(q, axis=0)
+        return 0.5 * jnp.sum(v * v, axis=0) - 0.5 * jnp.sum(gaps * gaps, axis=0)
+
+    system = Lagrangian(chain, tuple(f"x{i}" for i in range(n)))
+    q = jnp.linspace(0.0, 1.0, n) ** 2
+    laplace = 2 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1)
+    laplace[0, 0] = laplace[-1, -1] = 1.0
+    rate = eqx.filter_jit(system.vector_field)(0.0, GeneralisedState(q, 0.0 * q))
+    assert_allclose(rate.rates, -laplace @ q, atol=1e-14)
+
+
+def test_gyrocompass_is_its_routhian():
+    """The hand-written instrument against derivatives of I_h w_h^2/2 + I_e w_e^2/2 + H w_u less the
+    potential of the bail."""
+    compass = Gyrocompass(3.0, 0.8, 1.1, 75.0, 0.8, speed=300.0, course=0.4)
+    east, north, up = (float(x) for x in compass.frame_rate())
+
+    def routhian(t, q, v, p):
+        (sa, ca), (sp, cp) = (jnp.sin(q[0]), jnp.cos(q[0])), (jnp.sin(q[1]), jnp.cos(q[1]))
+        level = north * cp - east * sp
+        w_u = ca * level + sa * up + v[1] * sa
+        w_h = -(east * cp + north * sp) - v[0]
+        w_e = ca * up - sa * level + v[1] * ca
+        return 0.5 * (0.8 * w_h**2 + 1.1 * w_e**2) + 3.0 * w_u + 75.0 * ca
+
+    by_derivatives = Lagrangian(routhian, ("tilt", "azimuth"))
+    rate = by_derivatives.vector_field(0.0, by_derivatives.state([0.3, 0.7], [0.2, -0.5]))
+    by_hand = compass.vector_field(0.0, compass.state(0.3, 0.7, 0.2, -0.5))
+    assert_allclose([by_hand.tilt_rate, by_hand.azimuth_rate], rate.rates, rtol=1e-12)
+
+
+def test_a_bar_falls_flat_on_two_supports():
+    l = 0.5
+
+    def kinetic(t, q, v, p):
+        return 0.5 * (v[0] ** 2 + l * l / 3.0 * v[1] ** 2)
+
+    def ends(q):
+        return jnp.stack([q[0] - l * jnp.sin(q[1]), q[0] + l * jnp.sin(q[1])])
+
+    system = Lagrangian(kinetic, ("height", "theta"))
+    hit = jax.jit(lambda y: apply_impact(system, 0.0, y, ends, 0.5))
+    end, impulses = hit(system.state([0.0, 0.0], [-2.0, 0.0]))
+    assert_allclose(end.rates, [1.0, 0.0], atol=1e-15)
+    assert_allclose(impulses, [1.5, 1.5], rtol=1e-14)
+    # Nothing touches: nothing happens; and one end alone as in the closed form of a free bar.
+    end, impulses = hit(system.state([0.0, 0.0], [2.0, 0.0]))
+    assert_allclose([*end.rates, *impulses], [2.0, 0.0, 0.0, 0.0])
+    end, impulses = hit(system.state([0.0, 0.0], [-1.0, -6.0]))
+    # The first end opens by itself: of the other -(1 + e) u / (1 + 3), u = -1 - 3.
+    assert_allclose(impulses, [0.0, 1.5], rtol=1e-14)
+
+
+def test_brachistochrone_against_a_straight_slide():
+    radius, angle, time = brachistochrone(2.0, 1.0, 9.8)
+    assert_allclose(radius * (angle - np.sin(angle)), 2.0, rtol=1e-13)
+    assert_allclose(radius * (1.0 - np.cos(angle)), 1.0, rtol=1e-13)
+    assert time < np.sqrt(2.0 * 5.0 / 9.8)
+    # To the lowest point of the cycloid: half a turn.
+    assert_allclose(brachistochrone(np.pi, 2.0, 9.8)[1], np.pi, rtol=1e-13)
