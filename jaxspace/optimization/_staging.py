@@ -38,11 +38,11 @@ from ..core import (
     as_float,
     check,
     check_positive,
+    increasing_root,
     is_concrete,
     with_rank,
 )
 from ._minimise import Criterion, minimise
-from ._root import increasing_root
 
 Stages: TypeAlias = Float[Array, "stages *#runs"]
 StageValues: TypeAlias = Stages | np.ndarray | Sequence[float]

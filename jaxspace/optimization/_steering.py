@@ -33,9 +33,17 @@ from jax import lax
 from jax.typing import ArrayLike
 from jaxtyping import Array, Float
 
-from ..core import Flag, Scalar, as_float, check, check_finite, check_positive, is_concrete
+from ..core import (
+    Flag,
+    Scalar,
+    as_float,
+    check,
+    check_finite,
+    check_positive,
+    increasing_root,
+    is_concrete,
+)
 from ._ascent import Ascent, apex, burnout_state, velocity_gain
-from ._root import increasing_root
 
 
 def linear_tangent_angle(t: Scalar, initial_angle: Scalar, vanishing_time: Scalar) -> Scalar:

@@ -81,6 +81,10 @@ LEFT_OUT: dict[str, tuple[str, ...]] = {
         *("rotations.interpolate_attitude", "rotations.mean_attitude"),
         *("rotations.omega_from_rotation_vector_rate", "rotations.path_components"),
         *("rotations.polar_components", "rotations.rotation_vector_rate", "rotations.slerp"),
+        *("rockets.GravityTurn*", "rockets.MassStream*", "rockets.SpinningRocket*"),
+        *("rockets.angle_of_attack", "rockets.complex_angle_of_attack", "rockets.gravity_turn*"),
+        *("rockets.jet_engine_thrust", "rockets.sprinkler_*", "rockets.swept_motion"),
+        "rockets.variable_mass_acceleration",
     ),
 }
 
