@@ -84,7 +84,14 @@ LEFT_OUT: dict[str, tuple[str, ...]] = {
         *("rockets.GravityTurn*", "rockets.MassStream*", "rockets.SpinningRocket*"),
         *("rockets.angle_of_attack", "rockets.complex_angle_of_attack", "rockets.gravity_turn*"),
         *("rockets.jet_engine_thrust", "rockets.sprinkler_*", "rockets.swept_motion"),
-        "rockets.variable_mass_acceleration",
+        *("rockets.AbstractSteering*", "rockets.AlongVelocity*", "rockets.AttitudeControl*"),
+        *("rockets.BackPressure*", "rockets.FixedDirection*", "rockets.FlightPlane*"),
+        *("rockets.Motor*", "rockets.PitchPolynomial*", "rockets.PitchTable*"),
+        *("rockets.Separation", "rockets.SteeredThrust*", "rockets.TangentSteering*"),
+        *("rockets.UserSteering*", "rockets.read_motor"),
+        *("rockets.variable_mass_acceleration", "optimization.propellant_use"),
+        *("optimization.PropellantUse*", "optimization.equal_stages_payload"),
+        *("optimization.MaximumVelocitySteering*", "optimization.maximum_velocity_steering"),
     ),
 }
 
