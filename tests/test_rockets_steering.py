@@ -190,7 +190,8 @@ def test_motors_from_files(tmp_path):
     motor = read_motor(path)
     impulse = 0.1 + 1.1 + 0.6 + 0.45
     np.testing.assert_allclose(motor.total_impulse, impulse, rtol=1e-14)
-    assert (motor.name, motor.diameter, motor.length) == ("A8", 0.018, 0.07)
+    assert motor.name == "A8"
+    np.testing.assert_allclose([motor.diameter, motor.length], [0.018, 0.07], rtol=1e-14)
     assert (motor.propellant_mass, motor.loaded_mass) == (0.00312, 0.0162)
     thrust = motor.thrust(ignition=1.0)
     np.testing.assert_allclose(thrust.mean_thrust * thrust.burn_time, impulse, rtol=1e-14)

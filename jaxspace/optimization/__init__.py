@@ -7,9 +7,11 @@ from ._ascent import ConstantThrustAcceleration as ConstantThrustAcceleration
 from ._ascent import FlightState as FlightState
 from ._ascent import apex as apex
 from ._ascent import burnout_state as burnout_state
-from ._minimise import Criterion as Criterion
-from ._minimise import Minimum as Minimum
+from ._criterion import Criterion as Criterion
+from ._criterion import Minimum as Minimum
+from ._criterion import StopReason as StopReason
 from ._minimise import minimise as minimise
+from ._minimise import minimise_from as minimise_from
 from ._propellant_use import PropellantUse as PropellantUse
 from ._propellant_use import propellant_use as propellant_use
 from ._shooting import SteeredFlight as SteeredFlight

@@ -28,11 +28,12 @@ from jaxtyping import Array, Bool, Float, Int
 
 from ._quadratic import Programme, solve_programme
 
-MOST_WEIGHT = 1e7
+# With this weight a violation that no step reduces is final.
+MOST_WEIGHT = 1e6
 
 
 class Values(NamedTuple):
-    """Objective f, constraints c and d, and their derivatives g, J and K; `report` of the caller."""
+    """Objective f, constraints c and d, derivatives g, J and K; the `report` of the caller."""
 
     f: Float[Array, ""]
     c: Float[Array, " equal"]
@@ -56,6 +57,7 @@ class SqpState(NamedTuple):
     radius: Float[Array, ""]
     shift: tuple[Float[Array, " equal"], Float[Array, " inequal"]]
     corrected: Bool[Array, ""]
+    hopeless: Bool[Array, ""]
     gradient: Float[Array, ""]
     violation: Float[Array, ""]
     steps: Int[Array, ""]
@@ -86,7 +88,7 @@ def solve_sqp(
     one = jnp.ones_like(at.f)
     first = SqpState(
         x, at, jnp.eye(x.size, dtype=x.dtype), *zero, 10.0 * one, one, zero,
-        jnp.asarray(False), jnp.inf * one, _violation(at), jnp.asarray(0),
+        jnp.asarray(False), jnp.asarray(False), jnp.inf * one, _violation(at), jnp.asarray(0),
         jnp.full((max_steps, 3), jnp.nan, x.dtype),
     )  # fmt: skip
     first = first._replace(gradient=_gradient(first, lower, upper))
@@ -94,6 +96,7 @@ def solve_sqp(
 
     def unfinished(s: SqpState) -> Bool[Array, ""]:
         missed = (s.gradient > tolerance) | (s.violation > tolerance)
+        missed = missed & ~s.hopeless
         return missed & (s.steps < max_steps) & (s.radius > least)
 
     def advance(s: SqpState) -> SqpState:
@@ -137,16 +140,14 @@ def _programme(s: SqpState, lower: Array, upper: Array) -> tuple[Programme, Arra
     Q = jnp.zeros((n + slack, n + slack), s.x.dtype).at[:n, :n].set(s.B)
     q = jnp.concatenate([s.at.g, jnp.full(slack, s.rho, s.x.dtype)])
     eye_n, eye_s = jnp.eye(n, dtype=s.x.dtype), jnp.eye(slack, dtype=s.x.dtype)
-    rows = jnp.concatenate([s.at.J, s.at.K])
     body = jnp.concatenate([jnp.concatenate([s.at.J, s.at.K, -s.at.J]), eye_n, -eye_n])
     side = jnp.concatenate([eye_s, eye_s[:me], jnp.zeros((2 * n, slack), s.x.dtype)])
     G = jnp.concatenate([body, side], axis=1)
     # The elastic unknowns of inequalities are not negative; those of equalities follow.
-    G = jnp.concatenate([G, jnp.concatenate([jnp.zeros((mi, n)), eye_s[me:]], axis=1)])
+    G = jnp.concatenate([G, jnp.concatenate([jnp.zeros((mi, n), s.x.dtype), eye_s[me:]], axis=1)])
     low = jnp.maximum(lower - s.x, -s.radius)
     high = jnp.minimum(upper - s.x, s.radius)
     h = jnp.concatenate([c, d, -c, -low, high, jnp.zeros_like(d)])
-    del rows
     first = jnp.concatenate([0.5 * (low + high), 1.0 + jnp.abs(c), 1.0 + jnp.maximum(-d, 0.0)])
     return Programme(Q, q, G, h), first
 
@@ -178,12 +179,16 @@ def _advance(
     length = jnp.max(jnp.abs(p))
     grow = (ratio > 0.75) & (length > 0.8 * s.radius)
     # A correction is worth one trial where the constraints, and not the objective, refuse.
-    curved = finite & ~take & ~s.corrected & (_penalty(trial.c, trial.d) > _penalty(c, d))
+    raised = _penalty(trial.c, trial.d) > _penalty(c, d) + noise
+    curved = finite & ~take & ~s.corrected & raised
     small = jnp.where(curved, s.radius, 0.35 * jnp.minimum(s.radius, length))
     radius = jnp.where(take, jnp.where(grow, 2.0 * s.radius, s.radius), small)
     radius = jnp.where(take & (ratio < 0.25), 0.5 * s.radius, radius)
     far = _penalty(s.at.c, s.at.d)
-    stuck = (_penalty(c, d) > 0.5 * far) & (far > 0.0) & solved
+    reached = _penalty(c, d)
+    present = far > 1e4 * jnp.finfo(p.dtype).eps
+    stuck = (reached > 0.5 * far) & present & solved
+    hopeless = (reached > (1.0 - 1e-6) * far) & present & (s.rho >= MOST_WEIGHT)
     rho = jnp.where(stuck, jnp.minimum(4.0 * s.rho, MOST_WEIGHT), s.rho)
     B = jnp.where(take, _damped_bfgs(s, trial, p, y, nu), s.B) if update else s.B
     keep = lambda new, old: jnp.where(take, new, old)  # noqa: E731
@@ -198,6 +203,7 @@ def _advance(
         radius=radius,
         shift=jax.tree.map(lambda x: jnp.where(curved, x, 0.0), shift),
         corrected=curved,
+        hopeless=hopeless,
         steps=s.steps + 1,
     )
     moved = moved._replace(gradient=_gradient(moved, lower, upper), violation=_violation(moved.at))

@@ -42,7 +42,8 @@ from ..core import (
     is_concrete,
     with_rank,
 )
-from ._minimise import Criterion, minimise
+from ._criterion import Criterion
+from ._minimise import minimise
 
 Stages: TypeAlias = Float[Array, "stages *#runs"]
 StageValues: TypeAlias = Stages | np.ndarray | Sequence[float]
