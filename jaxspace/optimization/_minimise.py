@@ -184,11 +184,14 @@ def _by_sqp(
     # Forward mode costs a run for each unknown, reverse mode several for each number.
     mode = jax.jacfwd if x0.size <= 4 * (1 + me + mi) else jax.jacrev
     derivatives = mode(numbers, has_aux=True)
-    first_jacobian, _ = derivatives(x0 / size)
+    # Evaluated once before the loop: every place is one more copy of the problem to compile.
+    z0 = jnp.clip(x0, low, high) / size
+    first = derivatives(z0)
+    first_jacobian = first[0]
     weight = _weights(first_jacobian)
 
-    def evaluate(z: Array) -> Values:
-        jacobian, (values, criterion) = derivatives(z)
+    def scaled(found: tuple[Array, tuple[Array, Criterion]]) -> Values:
+        jacobian, (values, criterion) = found
         values, jacobian = weight * values, weight[:, None] * jacobian
         f, c, d = values[0], values[1 : 1 + me], values[1 + me :]
         return Values(f, c, d, jacobian[0], jacobian[1 : 1 + me], jacobian[1 + me :], criterion)
@@ -201,8 +204,17 @@ def _by_sqp(
     if check_gradient:
         mixed = weight * jnp.cos(1.3 * jnp.arange(weight.size, dtype=weight.dtype))
         slope = mixed @ first_jacobian
-        wrong = gradient_error(lambda z: mixed @ numbers(z)[0], x0 / size, slope)
-    last = solve_sqp(evaluate, x0 / size, low / size, high / size, tolerance, max_steps, curvature)
+        wrong = gradient_error(lambda z: mixed @ numbers(z)[0], z0, slope)
+    last = solve_sqp(
+        lambda z: scaled(derivatives(z)),
+        z0,
+        scaled(first),
+        low / size,
+        high / size,
+        tolerance,
+        max_steps,
+        curvature,
+    )
     return _sqp_minimum(last, unravel, size, weight, tolerance, max_steps, wrong)
 
 

@@ -66,7 +66,8 @@ class SqpState(NamedTuple):
 
 def solve_sqp(
     evaluate: Callable[[Float[Array, " n"]], Values],
-    start: Float[Array, " n"],
+    x: Float[Array, " n"],
+    at: Values,
     lower: Float[Array, " n"],
     upper: Float[Array, " n"],
     tolerance: Any,
@@ -78,12 +79,11 @@ def solve_sqp(
     **Arguments**
 
     - `evaluate`: scaled problem with derivatives.
-    - `start`, `lower`, `upper`: scaled unknowns, and their bounds, which may be infinite.
+    - `x`: scaled unknowns at the start, and `at`: the problem there.
+    - `lower`, `upper`: their bounds, which may be infinite.
     - `tolerance`: for the projected gradient of the Lagrangian and the violation, both scaled.
     - `curvature`: (x, y, nu) -> Hessian of the Lagrangian; without it BFGS.
     """
-    x = jnp.clip(start, lower, upper)
-    at = evaluate(x)
     zero = (jnp.zeros_like(at.c), jnp.zeros_like(at.d))
     one = jnp.ones_like(at.f)
     first = SqpState(
@@ -163,7 +163,8 @@ def _advance(
     p = jnp.where(solved, z[:n], 0.0)
     y = lam[me + mi : 2 * me + mi] - lam[:me]
     nu = lam[me : me + mi]
-    c, d = s.at.c + s.at.J @ p, s.at.d + s.at.K @ p
+    # Of a corrected step the model is that of the corrected constraints.
+    c, d = s.at.c + s.shift[0] + s.at.J @ p, s.at.d + s.shift[1] + s.at.K @ p
     trial_x = jnp.clip(s.x + p, lower, upper)
     trial = evaluate(trial_x)
     before = s.at.f + s.rho * _penalty(s.at.c, s.at.d)
