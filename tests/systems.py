@@ -35,7 +35,13 @@ from jaxspace.orbits import (
     SphereGravity,
     TwoBody,
 )
-from jaxspace.rockets import JetDamping, Thrust, ThrustProfile
+from jaxspace.rockets import (
+    GravityTurn,
+    GravityTurnState,
+    JetDamping,
+    Thrust,
+    ThrustProfile,
+)
 from jaxspace.rotations import Quaternion, from_euler_angles
 
 MU, RADIUS, J2 = 3.986004418e14, 6378137.0, 1.08262668e-3
@@ -187,6 +193,12 @@ SAMPLES = [
         ClohessyWiltshire(1.13e-3),
         BodyState(jnp.array([300.0, -2000.0, 150.0]), jnp.array([0.4, -0.2, 0.3])),
         5400.0,
+    ),
+    Sample(
+        "gravity_turn",
+        GravityTurn(1.4, 9.8, 1.0 / 180.0, RADIUS, 8000.0),
+        GravityTurnState(*(jnp.array(x) for x in (60.0, 0.1, 20.0, 300.0))),
+        60.0,
     ),
     Sample("burning_stage", rocket_scene(), rocket_state(), 9.0),
 ]

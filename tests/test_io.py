@@ -128,7 +128,7 @@ BAD = {
         [
             "phase.0.effects.0",
             '"point_gravty"',
-            "gravity_gradient, jet_damping, thrust",
+            "jet_damping, steered_thrust, thrust",
             "Did you mean point_gravity?",
         ],
     ),

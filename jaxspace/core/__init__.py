@@ -47,6 +47,7 @@ from ._quantity import Quantity as Quantity
 from ._quantity import argument as argument
 from ._quantity import quantities as quantities
 from ._quantity import quantity as quantity
+from ._root import increasing_root as increasing_root
 from ._safe import end_sqrt as end_sqrt
 from ._safe import phi1 as phi1
 from ._safe import safe_atan2 as safe_atan2

@@ -101,6 +101,16 @@ class Catalog(NamedTuple):
         """The names of all such times."""
         return list(dict.fromkeys(n for effect in self.effects for n in self.known_times(effect)))
 
+    def numbered(self, names: Iterable[str]) -> "Catalog":
+        """The catalog with those of these `names` that are an effect with a number, such as
+        `steered_thrust_2`: two effects of one class in one file."""
+        more = {}
+        for name in names:
+            base, _, number = name.rpartition("_")
+            if number.isdigit() and base in self.effects and name not in self.effects:
+                more[name] = self.effects[base]
+        return self._replace(effects={**self.effects, **more}) if more else self
+
     def shared(self, table: str) -> dict[str, Entry]:
         """The entries of a table such as "planet" that declarations take their values from."""
         found: dict[str, Entry] = {}

@@ -29,8 +29,8 @@ def load(path: str | os.PathLike[str], also: Iterable[object] = ()) -> SceneFile
     **Returns** the checked file; the system is built when it is asked for.
 
     **Raises** `SceneError`, one line for each thing that is wrong; nothing is compiled before."""
-    known = catalog(also)
     data, text = _parsed(path)
+    known = catalog(also).numbered(_named_effects(data))
     table, errors = form(data, known)
     # Without a form nothing can be read, and every further sentence would be a guess.
     if errors:
@@ -69,15 +69,22 @@ def _parsed(path: str | os.PathLike[str]) -> tuple[Values, str]:
 
 def _with_empty_tables(data: Values, known: Catalog) -> Values:
     """The data in which an effect that a phase names has a table, if only an empty one."""
-    effects, phases = data.get("effects", {}), data.get("phase", [])
+    effects = data.get("effects", {})
     # Of the wrong type: reading it reports that, with the path.
-    if not isinstance(effects, Mapping) or not isinstance(phases, list):
+    if not isinstance(effects, Mapping):
         return data
-    named = [
+    empty = {e: {} for e in _named_effects(data) if e in known.effects}
+    return {**data, "effects": {**empty, **effects}} if empty else data
+
+
+def _named_effects(data: Values) -> list[str]:
+    """The effects that have a table, or that a phase names."""
+    effects, phases = data.get("effects", {}), data.get("phase", [])
+    acting = [
         e
-        for p in phases
+        for p in (phases if isinstance(phases, list) else [])
         if isinstance(p, Mapping) and isinstance(p.get("effects"), list)
         for e in p["effects"]
     ]
-    empty = {e: {} for e in named if isinstance(e, str) and e in known.effects}
-    return {**data, "effects": {**empty, **effects}} if empty else data
+    own = list(effects) if isinstance(effects, Mapping) else []
+    return [e for e in (*own, *acting) if isinstance(e, str)]

@@ -32,7 +32,8 @@ from ._ascent import (
     release_state,
     velocity_gain,
 )
-from ._minimise import Criterion, minimise
+from ._criterion import Criterion
+from ._minimise import minimise
 
 
 @final

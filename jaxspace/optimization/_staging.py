@@ -38,11 +38,12 @@ from ..core import (
     as_float,
     check,
     check_positive,
+    increasing_root,
     is_concrete,
     with_rank,
 )
-from ._minimise import Criterion, minimise
-from ._root import increasing_root
+from ._criterion import Criterion
+from ._minimise import minimise
 
 Stages: TypeAlias = Float[Array, "stages *#runs"]
 StageValues: TypeAlias = Stages | np.ndarray | Sequence[float]
@@ -68,6 +69,33 @@ def stationary_mass_ratio(
 def velocity_limit(exhaust_velocity: Stages, structural_factor: Stages) -> Scalar:
     """The total velocity, unit of u, at which the payload vanishes: sum_i u_i ln(1/b_i)."""
     return -jnp.sum(exhaust_velocity * jnp.log(structural_factor), axis=0)
+
+
+def equal_stages_payload(
+    total_velocity: Scalar,
+    exhaust_velocity: Scalar,
+    structural_factor: Scalar,
+    stages: Scalar,
+) -> Scalar:
+    """Payload over initial mass, P/m01, of a rocket of equal stages (Thomson 8.2-P1).
+
+    **Arguments**
+
+    - `total_velocity`: v_m, and `exhaust_velocity`: u, in one unit.
+    - `structural_factor`: b, below 1.
+    - `stages`: N, one or more; infinite for the limit exp(-v_m/(u (1 - b))).
+
+    **Returns** [(1/mu - b)/(1 - b)]^N with mu = exp(v_m/(N u)); zero where the stages cannot.
+    """
+    check_positive("exhaust_velocity", exhaust_velocity)
+    each = as_float(total_velocity) / (exhaust_velocity * stages)
+    # ln of the ratio by its difference from 1, which keeps its digits for many stages.
+    lost = -jnp.expm1(-each) / (1.0 - structural_factor)
+    able = lost < 1.0
+    finite = jnp.isfinite(as_float(stages))
+    log_ratio = jnp.where(finite, stages, 1.0) * jnp.log1p(-jnp.where(able, lost, 0.0))
+    endless = -total_velocity / (exhaust_velocity * (1.0 - structural_factor))
+    return jnp.where(able, jnp.exp(jnp.where(finite, log_ratio, endless)), 0.0)
 
 
 @final

@@ -33,9 +33,17 @@ from jax import lax
 from jax.typing import ArrayLike
 from jaxtyping import Array, Float
 
-from ..core import Flag, Scalar, as_float, check, check_finite, check_positive, is_concrete
+from ..core import (
+    Flag,
+    Scalar,
+    as_float,
+    check,
+    check_finite,
+    check_positive,
+    increasing_root,
+    is_concrete,
+)
 from ._ascent import Ascent, apex, burnout_state, velocity_gain
-from ._root import increasing_root
 
 
 def linear_tangent_angle(t: Scalar, initial_angle: Scalar, vanishing_time: Scalar) -> Scalar:
@@ -178,6 +186,52 @@ def minimum_time_steering(
     bound = 2.0 * jnp.arcsinh(6.0 * jnp.abs(ratio))
     s = increasing_root(lambda s: _height_ratio(s) - ratio, -bound, bound)
     return MinimumTimeSteering(jnp.arctan(jnp.sinh(s)), v / a * _sinh_over(s))
+
+
+@final
+class MaximumVelocitySteering(eqx.Module):
+    """The steering tan phi = (1 - 2t/T) tan theta_0, and what it reaches.
+
+    - `initial_angle`: theta_0, rad; `duration`: T, s; `final_velocity`: m/s; each (*runs,)."""
+
+    initial_angle: Float[Array, "*#runs"]
+    duration: Float[Array, "*#runs"]
+    final_velocity: Float[Array, "*#runs"]
+
+    def angle(self, t: Scalar) -> Scalar:
+        """The thrust angle, rad, at the time `t`, s."""
+        return linear_tangent_angle(t, self.initial_angle, 0.5 * self.duration)
+
+
+def maximum_velocity_steering(
+    acceleration: ArrayLike, height: ArrayLike, duration: ArrayLike
+) -> MaximumVelocitySteering:
+    """The steering from rest to a height with the greatest horizontal speed in a given time,
+    without gravity: the counterpart of `minimum_time_steering`.
+
+    **Arguments**, each (*runs,)
+
+    - `acceleration`: F/m, m/s^2, constant.
+    - `height`: m, of either sign, less than a quarter of acceleration times duration squared, which
+      thrust straight up and down reaches.
+    - `duration`: T, s.
+
+    **Raises** `InputError` for an acceleration or a duration that is not positive, and a height
+    that cannot be reached.
+    """
+    a, h, T = (as_float(x) for x in (acceleration, height, duration))
+    check_positive("acceleration", a)
+    check_positive("duration", T)
+    ratio = h / (a * T * T)
+    if is_concrete(ratio):
+        check(
+            np.abs(np.asarray(ratio)) < 0.25, "height", h, "less than acceleration duration^2 / 4"
+        )
+    # h/(a T^2) = (sinh 2s - 2s)/(8 sinh^2 s), which rises from -1/4 to 1/4. Beyond s = 18 it rounds
+    # to its limit.
+    end = 20.0 + 0.0 * ratio
+    s = increasing_root(lambda s: _height_ratio(s) / _sinh_over(s) ** 2 - ratio, -end, end)
+    return MaximumVelocitySteering(jnp.arctan(jnp.sinh(s)), T + 0.0 * s, a * T / _sinh_over(s))
 
 
 def _sinh_over(s: Scalar) -> Scalar:

@@ -6,6 +6,9 @@
     M_xy = m' (l^2 + rho^2 / 2) omega_xy - m' (dJ_x,y/dm) omega_xy
     M_z = m' rho^2 omega_z - m' (dJ_z/dm) omega_z
 
+    averaged over a cluster of nozzles at the places r_i, which share the flow equally:
+    M = m' (mean of |r_i|^2 omega - r_i (r_i . omega)) - m' (dJ/dm) omega
+
     symbol   meaning                                                unit
     m'       rate of the mass, negative when mass leaves            kg/s
     l        distance of the nozzle's exit from the centre of mass  m
@@ -29,7 +32,18 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
-from ..core import Scalar, as_float, axis, phi1, quantity, reference, times_slope
+from ..core import (
+    Scalar,
+    Vector,
+    as_float,
+    axis,
+    dot,
+    phi1,
+    quantity,
+    reference,
+    times_slope,
+    with_rank,
+)
 
 
 def jet_damping_ratio(mass_ratio: Scalar, lever_over_gyration: Scalar) -> Scalar:
@@ -91,6 +105,12 @@ class JetDamping(AbstractEffect):
         "m", non_negative=True, default=0.0, doc="of the ring of exits; 0 for one central nozzle"
     )
 
+    nozzles: Float[Array, "2 nozzles *#runs"] | None = quantity(
+        "m",
+        optional=True,
+        doc="x and y of the nozzles of a cluster, in place of a ring; they share the flow equally",
+    )
+
     needs: ClassVar[frozenset[str]] = frozenset({"omega", "mass"})
     adds: ClassVar[frozenset[str]] = frozenset({"torque"})
     keeps: ClassVar[frozenset[str]] = frozenset()
@@ -100,12 +120,24 @@ class JetDamping(AbstractEffect):
         # A body of constant mass has its centre at the origin and gives a plain 0.0.
         centre: Any = body.centre_of_mass(y.mass)
         lever = self.exit_station - (centre if isinstance(centre, float) else centre[2])
+        rate = self.mass_rate(t, y.mass)
+        kept = body.inertia_per_mass(y.mass) * y.omega
+        if self.nozzles is not None:
+            return Load(torque_B=rate * (self._carried_by(lever, centre, y.omega) - kept))
         ring = self.exit_radius * self.exit_radius
         across, along = lever * lever + 0.5 * ring, ring + 0.0 * lever
         carried = across + (along - across) * axis(2, across)
-        return Load(
-            torque_B=self.mass_rate(t, y.mass) * (carried - body.inertia_per_mass(y.mass)) * y.omega
-        )
+        return Load(torque_B=rate * (carried * y.omega - kept))
+
+    def _carried_by(self, lever: Scalar, centre: Any, omega: Vector) -> Vector:
+        """The mean of r x (omega x r) over the nozzles."""
+        assert self.nozzles is not None
+        x, y = (with_rank(n, omega.ndim - 1) for n in self.nozzles)
+        aside = (0.0, 0.0) if isinstance(centre, float) else (centre[0], centre[1])
+        places = jnp.broadcast_arrays(x - aside[0], y - aside[1], lever)
+        r = jnp.stack(places)
+        w = omega[:, None]
+        return jnp.mean(dot(r, r) * w - r * dot(r, w), axis=1)
 
     def potential(self, t: Scalar, y: BodyState, body: AbstractBody) -> None:
         del t, y, body

@@ -21,7 +21,14 @@ from jaxspace.bodies import (
 )
 from jaxspace.core import cross, norm
 from jaxspace.orbits import angular_momentum
-from jaxspace.rockets import JetDamping, spin_angle, spin_ratio
+from jaxspace.rockets import (
+    JetDamping,
+    SpinningRocket,
+    spin_angle,
+    spin_ratio,
+    sprinkler_moment,
+    sprinkler_speed,
+)
 from jaxspace.rotations import (
     Quaternion,
     omega_from_euler_rates,
@@ -208,6 +215,21 @@ def leak(t, m):
 LEAK = Custom(lambda t, y, b: Load(mass_rate=leak(t, y.mass)), {"mass"}, {"mass_rate"})
 
 
+# Slugs a second of the sprinkler's nozzles: rho Q.
+WATER = 62.4 / 32.2 * 0.1
+
+
+def spiral(ratio, t, rate=0.02, tau=125.0, spin=10.0):
+    """theta_XY and the transverse rate for rho = k_z and a lever that makes the exponent three."""
+    rocket = SpinningRocket(spin, 1.0 / tau, jnp.sqrt(4.0 - 0.5 * ratio), 1.0, jnp.sqrt(ratio))
+    start = vec(rate, 0.0)
+    angle = spiral_angle(rocket, jnp.asarray(t), start)
+    return angle, jnp.hypot(*rocket.transverse_rate(t, start))
+
+
+spiral_angle = jax.jit(lambda rocket, t, start: rocket.angle_of_attack(t, start))
+
+
 def gyrostat(A, C, rotor, acceleration, n, t):
     """A pitch motor that is spun up in a spinning satellite."""
     end = final([A, A, C], (0, 0, n), t, rotor=(0, rotor * acceleration, 0))
@@ -255,6 +277,34 @@ def rocket(id, title, rho, t, rate, spin, angle, tip):
         1e-9,
         1e-12,
         STEPS,
+    )
+
+
+def spiral_row(id, ratio, t, expected, rate):
+    """A row of T7.10-P8."""
+    return Case(
+        id,
+        f"Path of the axis for l^2/k^2 = 4, rho = k_z, k_z^2/k^2 = {ratio}, after {t} s",
+        (SpinningRocket,),
+        {"ratio": ratio, "t": t},
+        spiral,
+        {"theta_XY (rad)": expected, "|w_xy| (rad/s)": rate},
+        1e-10,
+        1e-12,
+        "quadrature: the digits of the case",
+    )
+
+
+def sprinkler_row(id, nozzles, rate):
+    """A row of T7.10-P2."""
+    return Case(
+        id,
+        f"Sprinkler with friction, nozzles: {nozzles}",
+        (sprinkler_speed,),
+        {"flow": nozzles * WATER, "arm": 1.5, "jet_speed": 30.0, "bend": PI2 / 12.0},
+        lambda **given: (sprinkler_speed(**given, friction=1.72) * 60.0 / PI2,),
+        {"rate (rpm)": rate},
+        1e-11,
     )
 
 
@@ -549,5 +599,39 @@ CASES = [
         },
         1e-11,
         why=STEPS,
+    ),
+    sprinkler_row("T7.10-P2-N1", 1, 57.82357539273749),
+    sprinkler_row("T7.10-P2-N2", 2, 76.65827062393737),
+    Case(
+        "T7.10-P1-N2",
+        "Moment that turns a sprinkler with two radial nozzles at 60 rpm",
+        (sprinkler_moment,),
+        {"flow": 2.0 * WATER, "arm": 1.5, "spin_rate": PI2},
+        lambda **given: (sprinkler_moment(**given),),
+        {"M (lb ft)": 5.479249795826173},
+        1e-11,
+    ),
+    spiral_row("T7.10-P8-r0-t40", 0.0, 40.0, [0.4913664, 0.0], 0.006288639999999999),
+    spiral_row("T7.10-P8-r0-t80", 0.0, 80.0, [0.6145024, 0.0], 0.00093312),
+    spiral_row(
+        "T7.10-P8-r0.05-t40",
+        0.05,
+        40.0,
+        [0.013001345522707998, 0.034013424352213856],
+        0.006288639999999999,
+    ),
+    spiral_row(
+        "T7.10-P8-r0.2-t40",
+        0.2,
+        40.0,
+        [-0.0029983342582919413, 0.010401205834851684],
+        0.006288639999999999,
+    ),
+    spiral_row(
+        "T7.10-P8-r0.2-t80",
+        0.2,
+        80.0,
+        [0.00023746461583604305, 0.010450480775661925],
+        0.00093312,
     ),
 ]

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, Int
 
-from ..core import Scalar
+from ._types import Scalar
 
 # Each halving gains one bit: so many exceed the digits of float64, and the error is the rounding of
 # the function itself.

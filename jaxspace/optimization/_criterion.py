@@ -1,0 +1,105 @@
+"""What a problem of optimisation returns, and what its minimum is."""
+
+import enum
+from typing import TypeAlias, final
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, Int, PyTree
+
+from ..core import InputError, is_concrete
+
+Point: TypeAlias = PyTree[Float[Array, "..."]]
+
+
+@final
+class Criterion(eqx.Module):
+    """What a problem returns for a point.
+
+    - `objective`: what is minimised.
+    - `equal_zero`, `non_negative`: the constraints c and d, arrays, or `None` where there are none.
+    - `report`: whatever else the caller needs at the minimum.
+    """
+
+    objective: Float[Array, ""]
+    equal_zero: Float[Array, "..."] | None = None
+    non_negative: Float[Array, "..."] | None = None
+    report: PyTree = None
+
+
+class StopReason(enum.IntEnum):
+    """Why a search ended."""
+
+    CONVERGED = 0
+    STEP_LIMIT = 1
+    INFEASIBLE = 2
+    NO_PROGRESS = 3
+    NOT_FINITE = 4
+
+
+SENTENCES = {
+    StopReason.CONVERGED: "Converged after {steps} steps: {found}.",
+    StopReason.STEP_LIMIT: (
+        "Stopped at the limit of steps, {steps}: {found}. Allow more, or begin nearer."
+    ),
+    StopReason.INFEASIBLE: (
+        "The constraints cannot be met from this start: x has the least violation found ({found})."
+    ),
+    StopReason.NO_PROGRESS: (
+        "No step improves the result further: {found}; the problem is known no better than this."
+    ),
+    StopReason.NOT_FINITE: "The objective or a constraint is not finite at the start.",
+}
+
+
+def stop_reason(
+    finite: Bool[Array, ""],
+    converged: Bool[Array, ""],
+    limited: Bool[Array, ""],
+    missed: Bool[Array, ""],
+) -> Int[Array, ""]:
+    """The first of the reasons that holds; `missed`: whether the constraints are violated."""
+    reason = jnp.where(missed, StopReason.INFEASIBLE, StopReason.NO_PROGRESS)
+    reason = jnp.where(limited, StopReason.STEP_LIMIT, reason)
+    reason = jnp.where(converged, StopReason.CONVERGED, reason)
+    return jnp.where(finite, reason, StopReason.NOT_FINITE).astype(int)
+
+
+@final
+class Minimum(eqx.Module):
+    """The result of `minimise`.
+
+    - `x` and the `criterion` there.
+    - `multipliers`: lambda and nu in the places of c and d, with 1 for f: grad f + lambda . grad c
+      - nu . grad d = 0.
+    - `gradient`: the largest component of that sum; `violation`: the largest of the constraints.
+    - `steps`: of all descents; `converged`: whether gradient and violation met the tolerance.
+    - `gradient_error`: the relative difference of gradient and slope at the start, as far as it is
+      known; zero where it was not checked. Above 1e-3 the gradient is wrong.
+    - `reason`: why the search ended, a `StopReason`; `sentence()` says it.
+    - `bound_multipliers`: the derivative of the objective by the place of each bound that holds x,
+      in its place in x; about zero elsewhere.
+    - `history`: objective, violation and gradient after each round or step, (rows, 3), NaN for
+      those not taken; that of "sqp" in its scaled units.
+    """
+
+    x: Point
+    criterion: Criterion
+    multipliers: Criterion
+    gradient: Float[Array, ""]
+    violation: Float[Array, ""]
+    steps: Int[Array, ""]
+    converged: Bool[Array, ""]
+    gradient_error: Float[Array, ""]
+    reason: Int[Array, ""]
+    bound_multipliers: Point
+    history: Float[Array, "rows 3"]
+
+    def sentence(self) -> str:
+        """Why the search ended, in words, for a known result of one run.
+
+        Raises `InputError` for several runs, or under `jit`."""
+        if not is_concrete(self.reason) or self.reason.ndim > 0:
+            raise InputError("Minimum.sentence describes one known run: pick one.")
+        found = f"gradient {float(self.gradient):.1e}, violation {float(self.violation):.1e}"
+        return SENTENCES[StopReason(int(self.reason))].format(found=found, steps=int(self.steps))

@@ -1,0 +1,144 @@
+"""Where to spend the propellant of an ascent in impulses: at the start, at the end, or split.
+
+    W_1 = D/T + g T/2 - w_0        vertical part of the impulse at the start,   D = Y - y_0
+    W_2 = g T/2 - D/T              vertical part of the impulse at the end
+    U   = u_0 + sqrt(V^2 - c^2),   c = |W_1| + |W_2|,   V_1/V_2 = |W_1|/|W_2|
+
+The vertical parts bring the rocket to the height Y without climb; what is left of V goes into the
+horizontal velocity U, and both impulses have the same slope. For a given T the propellant is split.
+With T free the least c lies at a corner of |W_1| + |W_2|: one of the impulses vanishes.
+
+    D > 0    at the start:  T = sqrt(2 D/g),                  c = |sqrt(2 g D) - w_0|
+    D < 0    at the end:    T = [w_0 + sqrt(w_0^2 - 2 g D)]/g,  c = sqrt(w_0^2 - 2 g D)
+    D = 0    degenerate for w_0 > 0: every split and every T up to 2 w_0/g have c = w_0
+
+The impulse belongs to the lower altitude, where the thrust is steepest.
+
+    symbol    meaning                                                unit
+    u_0, w_0  horizontal and vertical velocity at release            m/s
+    y_0, Y    height of release, height of the end                   m
+    V         gain of velocity that the propellant gives             m/s
+    T, g      time of flight; gravity, constant                      s, m/s^2
+
+Source: Thomson 8.4; the sign test of the book needs C_2 Phi instead of Phi, and its third case, the
+split, arises for a given T alone. Flat earth, no air.
+"""
+
+from typing import final
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ..core import (
+    Flag,
+    InputError,
+    Scalar,
+    as_float,
+    check_non_negative,
+    check_positive,
+    is_concrete,
+    safe_divide,
+    safe_sqrt,
+)
+
+
+@final
+class PropellantUse(eqx.Module):
+    """The result of `propellant_use`; each field is (*runs,).
+
+    - `first`, `last`: velocity gained by the impulse at the start and at the end, m/s.
+    - `first_angle`, `last_angle`: their angles above the horizontal, rad, of equal size.
+    - `duration`: T, s; `final_velocity`: U, m/s, horizontal.
+    - `corner`: whether U has a kink in T there, so that a search by gradients stalls.
+    - `degenerate`: whether other splits and durations give the same U.
+    - `feasible`: False where the propellant does not reach the height without climb; U is then
+      that of the steepest impulse, and the height is missed."""
+
+    first: Float[Array, "*#runs"]
+    last: Float[Array, "*#runs"]
+    first_angle: Float[Array, "*#runs"]
+    last_angle: Float[Array, "*#runs"]
+    duration: Float[Array, "*#runs"]
+    final_velocity: Float[Array, "*#runs"]
+    corner: Flag
+    degenerate: Flag
+    feasible: Flag
+
+    def sentence(self) -> str:
+        """What to do, in words, of one known run.
+
+        Raises `InputError` for several runs."""
+        if not is_concrete(self.first) or jnp.ndim(self.first) > 0:
+            raise InputError("PropellantUse.sentence describes one known run: pick one.")
+        if not bool(self.feasible):
+            return "The propellant is too little to reach the height without climb."
+        if bool(self.degenerate):
+            return "Every split gives the same velocity: the height is that of the release."
+        if float(self.last) == 0.0:
+            return "All propellant at the start."
+        if float(self.first) == 0.0:
+            return "All propellant at the end."
+        share = float(self.first) / float(self.first + self.last)
+        return f"{share:.1%} of the propellant at the start, the rest at the end."
+
+
+def propellant_use(
+    velocity: Float[Array, "2 *#runs"],
+    climb: Scalar,
+    velocity_gain: Scalar,
+    gravity: Scalar,
+    duration: Scalar | None = None,
+) -> PropellantUse:
+    """The impulses with the greatest horizontal velocity at a given height (Thomson 8.4).
+
+    **Arguments**
+
+    - `velocity`: at release, horizontal and vertical, m/s, (2, *runs).
+    - `climb`: D, height of the end above the release, m; negative below it.
+    - `velocity_gain`: V, of all propellant, m/s; `gravity`: m/s^2.
+    - `duration`: T, s, where it is prescribed; `None` chooses the best.
+
+    **Returns** a `PropellantUse`.
+
+    **Raises** `InputError` for a gravity or duration that is not positive, or a negative gain.
+    """
+    check_positive("gravity", gravity)
+    check_positive("duration", duration)
+    check_non_negative("velocity_gain", velocity_gain)
+    u0, w0 = as_float(velocity)
+    D, V, g = (as_float(x) + 0.0 * u0 for x in (climb, velocity_gain, gravity))
+    free = duration is None
+    T = _best_duration(w0, D, g) if duration is None else as_float(duration) + 0.0 * u0
+    # Their sum and difference are exact at the corners, where one of them must be exactly zero.
+    up = D > 0.0
+    mean = safe_divide(D, T)
+    first = mean + 0.5 * g * T - w0
+    last = 0.5 * g * T - mean
+    if free:
+        first = jnp.where(up, safe_sqrt(2.0 * g * jnp.maximum(D, 0.0)) - w0, 0.0)
+        last = jnp.where(up, 0.0, g * T - w0)
+    size = jnp.abs(first) + jnp.abs(last)
+    feasible = size <= V
+    kept = jnp.minimum(size, V)
+    across = safe_sqrt(V * V - kept * kept)
+    share = jnp.where(size > 0.0, safe_divide(jnp.abs(first), size), 1.0)
+    angle = jnp.arctan2(kept, jnp.where(V > 0.0, across, 1.0))
+    return PropellantUse(
+        first=V * share,
+        last=V * (1.0 - share),
+        first_angle=jnp.sign(first) * angle,
+        last_angle=jnp.sign(last) * angle,
+        duration=T,
+        final_velocity=u0 + across,
+        corner=(first == 0.0) | (last == 0.0),
+        degenerate=(D == 0.0) & (w0 > 0.0) & (free | (g * T <= 2.0 * w0)),
+        feasible=feasible,
+    )
+
+
+def _best_duration(w0: Scalar, D: Scalar, g: Scalar) -> Scalar:
+    """The T of the least |W_1| + |W_2|."""
+    rise = safe_sqrt(2.0 * jnp.maximum(D, 0.0) / g)
+    fall = (w0 + safe_sqrt(w0 * w0 - 2.0 * g * jnp.minimum(D, 0.0))) / g
+    return jnp.where(D > 0.0, rise, fall)

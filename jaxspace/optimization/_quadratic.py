@@ -1,0 +1,90 @@
+"""A small quadratic programme by Mehrotra's interior-point method.
+
+    minimise z.Q z/2 + q.z   subject to   s = G z + h >= 0
+    Q z + q = G^T nu,   s nu = 0,   nu >= 0
+
+    symbol  meaning
+    z       unknowns
+    Q, q    convex quadratic form, slope
+    s, nu   slacks and multipliers of the inequalities
+
+Source: Nocedal and Wright, Numerical Optimization, 16.6. Dense: for some hundred unknowns at most.
+"""
+
+from typing import NamedTuple
+
+import jax.numpy as jnp
+from jax import lax
+from jaxtyping import Array, Bool, Float, Int
+
+# From a cold start ten to twenty steps reach rounding.
+MOST_STEPS = 60
+
+
+class Programme(NamedTuple):
+    """Q (n, n), q (n,), G (m, n) and h (m,)."""
+
+    Q: Float[Array, "n n"]
+    q: Float[Array, " n"]
+    G: Float[Array, "m n"]
+    h: Float[Array, " m"]
+
+
+class _Place(NamedTuple):
+    z: Float[Array, " n"]
+    s: Float[Array, " m"]
+    nu: Float[Array, " m"]
+    steps: Int[Array, ""]
+
+
+def solve_programme(
+    p: Programme, start: Float[Array, " n"]
+) -> tuple[Float[Array, " n"], Float[Array, " m"]]:
+    """The unknowns and the multipliers, from a `start` that need not be feasible."""
+    # Beyond this gap the matrix of a step loses its digits, and with them the multipliers.
+    size = 1.0 + jnp.max(jnp.abs(p.q))
+    enough = 100.0 * jnp.finfo(p.q.dtype).eps * size
+    s = jnp.maximum(p.G @ start + p.h, 1e-2)
+    first = _Place(start, s, jnp.full_like(s, 0.1 * size), jnp.asarray(0))
+
+    def unfinished(at: _Place) -> Bool[Array, ""]:
+        _, primal = _residuals(p, at)
+        off = (jnp.max(at.s * at.nu) > enough) | (jnp.max(jnp.abs(primal)) > 10.0 * enough)
+        return off & (at.steps < MOST_STEPS) & jnp.all(jnp.isfinite(at.z))
+
+    last = lax.while_loop(unfinished, lambda at: _step(p, at), first)
+    return last.z, last.nu
+
+
+def _residuals(p: Programme, at: _Place) -> tuple[Float[Array, " n"], Float[Array, " m"]]:
+    return p.Q @ at.z + p.q - p.G.T @ at.nu, p.G @ at.z + p.h - at.s
+
+
+def _step(p: Programme, at: _Place) -> _Place:
+    """Predictor and corrector with one matrix."""
+    z, s, nu, steps = at
+    dual, primal = _residuals(p, at)
+    weight = nu / s
+    matrix = p.Q + (p.G.T * weight) @ p.G
+    # A trace of the identity: elastic unknowns are held by their inequalities alone.
+    matrix = matrix + 1e-15 * jnp.max(jnp.abs(matrix)) * jnp.eye(z.size, dtype=z.dtype)
+
+    def newton(target: Float[Array, " m"]) -> tuple[Array, Array, Array]:
+        push = (target - s * nu) / s - weight * primal
+        dz = jnp.linalg.solve(matrix, p.G.T @ push - dual)
+        ds = p.G @ dz + primal
+        return dz, ds, (target - s * nu) / s - weight * ds
+
+    mean = jnp.mean(s * nu)
+    _, ds, dnu = newton(jnp.zeros_like(s))
+    share = jnp.minimum(_room(s, ds), _room(nu, dnu))
+    left = jnp.mean((s + share * ds) * (nu + share * dnu)) / mean
+    dz, ds, dnu = newton(left**3 * mean - ds * dnu)
+    share = jnp.minimum(1.0, 0.995 * jnp.minimum(_room(s, ds), _room(nu, dnu)))
+    return _Place(z + share * dz, s + share * ds, nu + share * dnu, steps + 1)
+
+
+def _room(x: Float[Array, " m"], dx: Float[Array, " m"]) -> Float[Array, ""]:
+    """How far a positive vector may go along `dx` before a component is zero, at most 1."""
+    falls = dx < 0.0
+    return jnp.minimum(1.0, jnp.min(jnp.where(falls, -x / jnp.where(falls, dx, 1.0), jnp.inf)))

@@ -1,0 +1,206 @@
+"""Thrust along a steering law: the flight of a rocket as a point, without any rotation.
+
+    a = F d/m,   F = s F_m f(x) - p A,   m' = -s F_m f(x)/u
+
+    symbol  meaning                                                           unit
+    F_m, f  mean thrust in vacuum, profile over the burn                      N, 1
+    s, u    throttle, exhaust velocity in vacuum                              1, m/s
+    p, A    pressure of the air, area of the nozzle's exit                    Pa, m^2
+    d       direction of the thrust by its law                                1
+
+The specific impulse at sea level follows: u (1 - p_0 A/F_m).
+
+Source: Thomson 8.1, 8.3, 8.5; Sutton, Rocket Propulsion Elements, 2.2 (pressure thrust).
+"""
+
+from typing import Any, ClassVar, final
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ..bodies import AbstractBody, AbstractEffect, AbstractJump, BodyState, Load
+from ..core import (
+    AbstractParameters,
+    Scalar,
+    argument,
+    as_float,
+    constructor,
+    known_time,
+    norm,
+    quantity,
+)
+from ._steering import AbstractSteering
+from ._thrust import Thrust
+from ._thrust_profile import ThrustProfile
+
+
+@final
+class BackPressure(AbstractParameters):
+    """What the air takes from a thrust: its pressure on the exit of the nozzle, falling
+    exponentially with the height."""
+
+    exit_area: Float[Array, "*#runs"] = quantity("m^2", non_negative=True, doc="of all nozzles")
+    radius: Float[Array, "*#runs"] = quantity(
+        "m", non_negative=True, doc="of the planet, from which heights count"
+    )
+    surface_pressure: Float[Array, "*#runs"] = quantity(
+        "Pa", non_negative=True, default=101325.0, doc="of the air at the height zero"
+    )
+    scale_height: Float[Array, "*#runs"] = quantity(
+        "m", positive=True, default=7000.0, doc="climb over which it falls by the factor e"
+    )
+
+    def loss(self, y: BodyState) -> Scalar:
+        """The thrust lost, N, in the state `y`."""
+        height = norm(y.position) - self.radius
+        return self.exit_area * self.surface_pressure * jnp.exp(-height / self.scale_height)
+
+
+@final
+class SteeredThrust(AbstractEffect):
+    """A motor whose thrust points along a steering law; the body is a point."""
+
+    steering: AbstractSteering = eqx.field(metadata={"doc": "direction of the thrust"})
+    mean_thrust: Float[Array, "*#runs"] = quantity(
+        "N", non_negative=True, doc="in vacuum, mean over the burn time"
+    )
+    exhaust_velocity: Float[Array, "*#runs"] = quantity(
+        "m/s", positive=True, doc="thrust over mass flow in vacuum"
+    )
+    burn_time: Float[Array, "*#runs"] = quantity("s", positive=True, doc="from ignition to burnout")
+    ignition: Float[Array, "*#runs"] = quantity("s", default=0.0, doc="time at which it ignites")
+    throttle: Float[Array, "*#runs"] = quantity(
+        "", low=0.0, high=1.0, default=1.0, doc="share of the full thrust"
+    )
+    profile: ThrustProfile | None = eqx.field(
+        default=None, metadata={"doc": "shape of the thrust; constant by default"}
+    )
+    back_pressure: BackPressure | None = eqx.field(
+        default=None, metadata={"doc": "what the air takes; nothing by default"}
+    )
+    burnout_mass: Float[Array, "*#runs"] | None = quantity(
+        "kg",
+        non_negative=True,
+        optional=True,
+        doc="the thrust ends when no more mass than this is left; without it the burn time ends it",
+    )
+
+    needs: ClassVar[frozenset[str]] = frozenset({"position", "velocity", "mass"})
+    adds: ClassVar[frozenset[str]] = frozenset({"force", "mass_rate"})
+    keeps: ClassVar[frozenset[str]] = frozenset()
+
+    @classmethod
+    @constructor(
+        sets=("mean_thrust", "exhaust_velocity", "burn_time"),
+        mean_thrust=argument("N", positive=True, doc="in vacuum"),
+        specific_impulse=argument(
+            "s", positive=True, doc="in vacuum: exhaust velocity over 9.80665 m/s^2"
+        ),
+        propellant_mass=argument("kg", positive=True, doc="burnt from ignition to burnout"),
+        throttle=argument("", low=0.0, high=1.0, default=1.0, doc="share of the full thrust"),
+    )
+    def of_propellant(
+        cls,
+        steering: AbstractSteering,
+        mean_thrust: Scalar,
+        specific_impulse: Scalar,
+        propellant_mass: Scalar,
+        throttle: Scalar = 1.0,
+        **fields: Any,
+    ) -> "SteeredThrust":
+        """An engine that burns a mass of propellant: its burn time follows.
+
+        **Arguments**
+
+        - `steering`: the law.
+        - `mean_thrust`, N; `specific_impulse`, s; `propellant_mass`, kg; `throttle`.
+        - `fields`: the other fields by name.
+        """
+        u = 9.80665 * as_float(specific_impulse)
+        burn_time = propellant_mass * u / (mean_thrust * throttle)
+        return cls(steering, mean_thrust, u, burn_time, throttle=throttle, **fields)
+
+    @classmethod
+    def of_thrust(cls, motor: Thrust, steering: AbstractSteering) -> "SteeredThrust":
+        """The motor of a flight with six degrees of freedom, for one with three: the same thrust
+        and mass flow along a law; point and misalignment play no role.
+
+        **Arguments**
+
+        - `motor`: of the body that rotates.
+        - `steering`: where its axis is to point.
+        """
+        return cls(
+            steering,
+            motor.mean_thrust,
+            motor.exhaust_velocity,
+            motor.burn_time,
+            motor.ignition,
+            profile=motor.profile,
+            burnout_mass=motor.burnout_mass,
+        )
+
+    @known_time
+    def burnout(self) -> Scalar:
+        """The time, s, at which the burn time is over."""
+        return self.ignition + self.burn_time
+
+    def thrust(self, t: Scalar, mass: Scalar) -> Scalar:
+        """The thrust in vacuum, N, at the time `t`, s, with `mass`, kg, left."""
+        return self._motor().thrust(t, mass)
+
+    def mass_rate(self, t: Scalar, mass: Scalar) -> Scalar:
+        """Rate of the mass, kg/s, negative while the motor burns."""
+        return self._motor().mass_rate(t, mass)
+
+    def propellant_left(self, y: BodyState) -> Scalar:
+        """Mass above the burnout mass, kg; its zero is the end of the burn. Raises `InputError`
+        without a burnout mass."""
+        return self._motor().propellant_left(y)
+
+    def load(self, t: Scalar, y: BodyState, body: AbstractBody) -> Load:
+        del body
+        full = self.thrust(t, y.mass)
+        force = full
+        if self.back_pressure is not None:
+            # While it burns: a motor that is off has no pressure thrust.
+            force = jnp.where(full > 0.0, full - self.back_pressure.loss(y), 0.0)
+        return Load(
+            force_N=force * self.steering.direction(t, y), mass_rate=-full / self.exhaust_velocity
+        )
+
+    def potential(self, t: Scalar, y: BodyState, body: AbstractBody) -> None:
+        del t, y, body
+        return None  # The thrust does work.
+
+    def breaks(self) -> Float[Array, "times *#runs"]:
+        own, law = self._motor().breaks(), self.steering.breaks()
+        if law is None:
+            return own
+        runs = jnp.broadcast_shapes(own.shape[1:], law.shape[1:])
+        own, law = (x.reshape(x.shape + (1,) * (len(runs) + 1 - x.ndim)) for x in (own, law))
+        return jnp.concatenate([jnp.broadcast_to(x, (x.shape[0], *runs)) for x in (own, law)])
+
+    def _motor(self) -> Thrust:
+        return Thrust(
+            self.throttle * self.mean_thrust,
+            self.exhaust_velocity,
+            self.burn_time,
+            self.profile,
+            self.ignition,
+            burnout_mass=self.burnout_mass,
+        )
+
+
+@final
+class Separation(AbstractJump):
+    """Mass that is dropped between two phases, without an impulse: an empty stage, a fairing."""
+
+    needs: ClassVar[frozenset[str]] = frozenset({"mass"})
+
+    dropped: Float[Array, "*#runs"] = quantity("kg", non_negative=True, doc="mass that is left")
+
+    def __call__(self, t: Scalar, y: BodyState) -> BodyState:
+        del t
+        return eqx.tree_at(lambda y: y.mass, y, y.mass - self.dropped)

@@ -1,0 +1,143 @@
+"""Sequential quadratic programming, bounds, several starts, and reasons for stopping, on problems
+with known optima."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jaxspace.core import InputError
+from jaxspace.optimization import (
+    Criterion,
+    StopReason,
+    minimise,
+    minimise_from,
+    minimum_time_steering,
+)
+
+
+def search(problem, start, **options):
+    return jax.jit(lambda x: minimise(problem, x, **options))(start)
+
+
+def hock_71(x):
+    """Hock and Schittkowski, problem 71."""
+    return Criterion(
+        x[0] * x[3] * (x[0] + x[1] + x[2]) + x[2], jnp.sum(x * x) - 40.0, jnp.prod(x)[None] - 25.0
+    )
+
+
+def test_bounds_and_constraints():
+    """The optimum 17.0140173 with x_0 at its bound, by quadratic programmes; its multipliers are
+    the derivatives of the optimum."""
+    found = search(hock_71, jnp.array([1.0, 5.0, 5.0, 1.0]), method="sqp", bounds=(1.0, 5.0))
+    assert found.converged and found.sentence().startswith("Converged after 9 steps")
+    np.testing.assert_allclose(found.criterion.objective, 17.0140172891563, rtol=1e-12)
+    expected = [1.0, 4.7429996, 3.8211500, 1.3794083]
+    np.testing.assert_allclose(found.x, expected, rtol=1e-7)
+    np.testing.assert_allclose(found.multipliers.equal_zero, 0.1614686, rtol=1e-6)
+    np.testing.assert_allclose(found.multipliers.non_negative, [0.5522937], rtol=1e-6)
+    np.testing.assert_allclose(found.bound_multipliers, [1.0878712, 0, 0, 0], rtol=1e-6, atol=1e-7)
+    rows = np.asarray(found.history)
+    assert np.all(np.isfinite(rows[:9])) and np.all(np.isnan(rows[9:]))
+
+
+def test_bounds_by_smooth_maps():
+    """One number at its lower bound, one within, one above a bound of its own: by descents."""
+
+    def problem(p):
+        x, y = p["x"], p["y"]
+        return Criterion((x[0] + 1.0) ** 2 + (x[1] - 0.3) ** 2 + (y - 2.0) ** 2)
+
+    bounds = (
+        {"x": jnp.array([0.0, 0.0]), "y": jnp.array(-jnp.inf)},
+        {"x": jnp.array([1.0, 1.0]), "y": jnp.array(1.5)},
+    )
+    start = {"x": jnp.array([0.0, 0.9]), "y": jnp.array(-3.0)}
+    found = search(problem, start, bounds=bounds, adam_steps=20)
+    assert found.converged and int(found.reason) == StopReason.CONVERGED
+    np.testing.assert_allclose(found.x["x"], [0.0, 0.3], atol=1e-8)
+    np.testing.assert_allclose(found.x["y"], 1.5, atol=1e-8)
+    np.testing.assert_allclose(found.bound_multipliers["x"], [2.0, 0.0], atol=1e-7)
+    np.testing.assert_allclose(found.bound_multipliers["y"], -1.0, atol=1e-7)
+    with pytest.raises(InputError, match="the lower one must be below"):
+        minimise(problem, start, bounds=(1.0, 0.0))
+    with pytest.raises(InputError, match="method is 'newton'"):
+        minimise(problem, start, method="newton")
+
+
+def test_an_infeasible_target_ends_at_what_can_be_reached():
+    """x <= 1 and x >= 2 + y^2: the least sum of violations, on the line y = 0."""
+
+    def problem(x):
+        return Criterion(x[1] + x[0], None, jnp.stack([1.0 - x[0], x[0] - 2.0 - x[1] ** 2]))
+
+    found = search(problem, jnp.array([0.5, 3.0]), method="sqp")
+    assert not found.converged and int(found.reason) == StopReason.INFEASIBLE
+    assert "cannot be met" in found.sentence()
+    np.testing.assert_allclose(found.x[1], 0.0, atol=1e-5)
+    assert np.all(np.isfinite(found.x)) and 0.5 - 1e-6 < found.violation < 1.0 + 1e-6
+
+
+def tangent_burn(x):
+    """The linear-tangent problem: tan phi = a + b t with the acceleration 100 from rest to the
+    height 5 and the velocity (45, 0) in the least time, integrals in closed form."""
+    start, end, time = x
+    low, high = jnp.arcsinh(start), jnp.arcsinh(end)
+    rate = (end - start) / time
+    across = 100.0 * (high - low) / rate
+    up = 100.0 * (jnp.cosh(high) - jnp.cosh(low)) / rate
+
+    def twice(s):
+        # The integral of sqrt(1 + q^2) over q, for q = sinh s.
+        return 0.5 * (s + 0.5 * jnp.sinh(2.0 * s))
+
+    height = 100.0 * ((twice(high) - twice(low)) / rate - time * jnp.cosh(low)) / rate
+    return Criterion(time, jnp.stack([across - 45.0, up, height - 5.0]))
+
+
+def test_linear_tangent_steering_in_the_least_time():
+    """0.5545709 (Betts): 1e-5 of the optimum is wanted."""
+    found = search(tangent_burn, jnp.array([0.5, -0.5, 1.0]), method="sqp")
+    assert found.converged
+    exact = minimum_time_steering(100.0, 5.0, 45.0)
+    np.testing.assert_allclose(found.x[2], exact.duration, rtol=1e-9)
+    np.testing.assert_allclose(jnp.arctan(found.x[0]), exact.initial_angle, rtol=1e-8)
+
+
+@pytest.mark.sweep
+def test_several_starts():
+    """A wave on a bowl, with five minima: the best of five starts is the lowest."""
+
+    def problem(x):
+        return Criterion(0.05 * (x[0] - 1.0) ** 2 - jnp.cos(3.0 * x[0]), x[1] - x[0])
+
+    starts = jnp.stack([jnp.linspace(-5.0, 5.0, 5), jnp.zeros(5)])
+    best, every = minimise_from(problem, starts, method="sqp")
+    assert every.x.shape == (2, 5) and bool(jnp.all(every.converged))
+    grid = np.linspace(-5.0, 5.0, 200001)
+    lowest = np.min(0.05 * (grid - 1.0) ** 2 - np.cos(3.0 * grid))
+    np.testing.assert_allclose(best.criterion.objective, lowest, atol=1e-8)
+
+
+@pytest.mark.sweep
+@pytest.mark.parametrize("exact", [False, True])
+def test_hard_valleys(exact):
+    """Rosenbrock's valley and Maratos' problem, where full steps raise both objective and
+    violation."""
+    valley = search(
+        lambda x: Criterion(100.0 * (x[1] - x[0] ** 2) ** 2 + (1.0 - x[0]) ** 2),
+        jnp.array([-1.2, 1.0]),
+        method="sqp",
+        exact_hessian=exact,
+    )
+    assert valley.converged
+    np.testing.assert_allclose(valley.x, [1.0, 1.0], atol=1e-6)
+    ring = search(
+        lambda x: Criterion(2.0 * (x @ x - 1.0) - x[0], x @ x - 1.0),
+        jnp.array([0.8, 0.6]),
+        method="sqp",
+    )
+    assert ring.converged and int(ring.steps) < 20
+    np.testing.assert_allclose(ring.x, [1.0, 0.0], atol=1e-7)
+    np.testing.assert_allclose(ring.multipliers.equal_zero, -1.5, rtol=1e-6)
