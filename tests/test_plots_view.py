@@ -95,9 +95,19 @@ def test_page_holds_the_run(tmp_path):
     quaternions = np.array(data["attitude"])
     assert np.all(np.sum(quaternions[1:] * quaternions[:-1], axis=1) > 0.99)
     assert list(data["traces"]) == ["axis", "rate", "momentum"]
-    assert len(data["wheels"]) == 3
+    assert len(data["wheels"]) == 3 and data["planet"] == 0.0
     # To the three digits that are written.
     np.testing.assert_allclose(data["wheels"][1]["angle"], -2.0 * TIMES, atol=6e-4)
+
+
+def test_what_attracts_is_a_planet(tmp_path):
+    shown = spacecraft(wheels=False)
+    shown.system.effects = (SimpleNamespace(mu=1.0),)
+    planets = [
+        data_of(view_page(shown, tmp_path / "run.html", planet_radius=radius))["planet"]
+        for radius in (None, 6e6)
+    ]
+    np.testing.assert_allclose(planets, [7e6 / 3.0, 6e6])
 
 
 def test_long_run_is_thinned_out(tmp_path):

@@ -180,7 +180,7 @@ function drawOrbit(scene, extent) {
   const at = project(position);
   const body = () => {
     if (hidden(at)) return;
-    if (data.attitude) faces(scene, position, 0.09 * extent / data.reach / state.zoom);
+    if (data.attitude) faces(scene, position, data.size || 0.09 * extent / data.reach / state.zoom);
     else {
       pen.fillStyle = colour("axis");
       pen.beginPath();
@@ -195,13 +195,13 @@ function drawOrbit(scene, extent) {
   }
   if (at[2] < 0) body();
   if (data.rod) line([centre, at], colour("muted"), 1.5);
-  else sphere(centre, radius);
+  else if (radius > 0) sphere(centre, radius);
   if (state.traces.orbit) trace(scene, data.position, colour("orbit"), true);
   if (at[2] >= 0) body();
 }
 
 function sphere(centre, radius) {
-  const size = Math.max(radius, 3);
+  const size = Math.max(radius, 2);
   pen.fillStyle = colour("planet");
   pen.beginPath();
   pen.arc(centre[0], centre[1], size, 0, 7);

@@ -44,7 +44,8 @@ def view_page(
     - `trajectory`: of one run (`run.of(0)` of a batch), or a mission, whose phases follow one
       another.
     - `path`: of the HTML file.
-    - `planet_radius`: of the body at the origin, m; a third of the closest distance if left out.
+    - `planet_radius`: of the body at the origin, m; where something attracts (has a `mu`), a third
+      of the closest distance if left out.
     - `title`: of the page.
 
     **Returns** the path.
@@ -59,7 +60,7 @@ def view_page(
     if data["position"] and data["attitude"]:
         boxes.insert(
             0,
-            "<select id=near aria-label='what is seen'><option value=orbit>orbit"
+            "<select id=near aria-label='what is seen'><option value=orbit>whole path"
             "<option value=body>body</select>",
         )
     speeds = "".join(
@@ -181,10 +182,15 @@ def _orbit(phase: Any, blocks: dict, rows: dict, planet: float | None) -> dict[s
     if "position" not in blocks:
         return {"position": None}
     distance = np.linalg.norm(blocks["position"], axis=0)
+    system = phase.system
+    attracts = any(hasattr(x, "mu") for x in (system, *getattr(system, "effects", ())))
+    fallback = float(np.min(distance)) / 3.0 if attracts else 0.0
     return {
         "position": rows["position"],
         "extent": float(np.max(distance)),
-        "planet": float(np.min(distance)) / 3.0 if planet is None else planet,
+        "planet": fallback if planet is None else planet,
+        # A system that is a body of a radius, such as a rolling disk, is drawn as large as it is.
+        "size": float(getattr(system, "radius", 0.0)),
         "rod": getattr(phase.states, "direction", None) is not None,
     }
 
@@ -222,6 +228,9 @@ def _faces(phase: Any) -> list[dict[str, Any]]:
     if hasattr(phase.system, "weight_moment"):
         return top_faces()
     inertia = _inertia(phase.system, phase.initial)
+    if hasattr(phase.system, "axial_inertia") and hasattr(phase.system, "transverse_inertia"):
+        across = float(phase.system.transverse_inertia)
+        return faces_of(np.array([across, across, float(phase.system.axial_inertia)]), np.eye(3))
     if inertia is None:
         return faces_of(np.array([2.0, 3.0, 4.0]), np.eye(3))
     tensor = np.asarray(inertia.matrix(), float)
