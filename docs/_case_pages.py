@@ -74,7 +74,11 @@ def theory(page: str) -> str:
         names = sorted(name for name in used if row_of(name, rows) is row)
         functions = row.functions.split()
         functions += [_name(f) for name in names for f in used[name]]
-        reached = [ERRORS[name]["error"] for name in names if name in ERRORS]
+        reached = [
+            ERRORS[name]["error"]
+            for name in names
+            if "error" in ERRORS.get(name, {})
+        ]
         cells = (
             *(row.section, row.title),
             ", ".join(f"`{f}`" for f in dict.fromkeys(functions)) or "-",
@@ -100,7 +104,11 @@ def _row(case) -> str:
     )
     uses = ", ".join(f"`{_name(used)}`" for used in case.uses)
     # A case whose numbers are all zero has no relative error.
-    reached = _error(ERRORS[case.id]["error"]) if case.id in ERRORS else "-"
+    reached = (
+        _error(ERRORS[case.id]["error"])
+        if "error" in ERRORS.get(case.id, {})
+        else "-"
+    )
     return _line(
         (case.id, case.title, expected, uses, f"{case.rtol:.0e}", reached)
     )

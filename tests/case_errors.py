@@ -17,16 +17,19 @@ import pytest
 HERE = Path(__file__).parent
 RECORD = HERE / "case_errors.json"
 # A case of Thomson, of one of the appendices, or of Harrison and Nettleton.
-NAME = re.compile(r"\b(?:T\d\.\d+|T[\dABC]-|H\d\.\d+|T\d\.P)(?:[\w-]|\.(?=\d)|\.\.(?=\d))*")
+NAME = re.compile(r"\b(?:T\d\.\d+|T[\dABC]-|H\d\.\d+|T\d\.P)(?:[\w-]|\.(?=\d)|\.\.(?=\d))*\b")
 # Looser comparisons are of approximations with each other, not of numbers of a case.
 LOOSEST = 1e-5
 
 
 def cases_of(item) -> set[str]:
     """The cases that a test names: in its row, else in its text and the comment above it."""
-    named = set(NAME.findall(item.name))
-    if named or "[" in item.name and item.function.__name__ == "test_case":
-        return named
+    row = getattr(item, "callspec", None)
+    named = [row.id, *row.params.values()] if row is not None else []
+    named = {x for x in named if isinstance(x, str) and NAME.fullmatch(x)}
+    if named or item.function.__name__ == "test_case":
+        # A parameter that is a name comes before the joined names of all parameters.
+        return {x for x in named if not any(x != y and x.startswith(y) for y in named)}
     lines, start = inspect.getsourcelines(item.function)
     above = inspect.getsourcelines(inspect.getmodule(item.function))[0][max(start - 3, 0) : start]
     text = "".join([*(line for line in above if line.startswith("#")), *lines])
@@ -42,30 +45,31 @@ class Recorder:
     def pytest_configure(self):
         compare, approx, take = np.testing.assert_allclose, pytest.approx, self.take
 
-        def allclose(actual, desired, rtol=1e-7, **rest):
-            take(actual, desired, rtol)
-            compare(actual, desired, rtol=rtol, **rest)
+        def allclose(actual, desired, rtol=1e-7, atol=0.0, **rest):
+            take(actual, desired, rtol, atol)
+            compare(actual, desired, rtol=rtol, atol=atol, **rest)
 
         class Approx:
             # NumPy leaves the comparison to this class.
             __array_ufunc__ = None
 
-            def __init__(self, expected, rel=1e-6, **rest):
-                self.expected, self.rel = expected, rel
-                self.judge = approx(expected, rel=rel, **rest)
+            def __init__(self, expected, rel=1e-6, abs=0.0, **rest):
+                self.expected, self.rel, self.abs = expected, rel, abs
+                # Without both there is pytest's own absolute tolerance.
+                self.judge = approx(expected, rel=rel, abs=abs or None, **rest)
 
             def __eq__(self, actual):
-                take(actual, self.expected, self.rel)
+                take(actual, self.expected, self.rel, self.abs)
                 return self.judge == actual
 
         # Before any test is imported.
         np.testing.assert_allclose, pytest.approx = allclose, Approx
 
-    def take(self, actual, desired, rtol):
+    def take(self, actual, desired, rtol, atol=0.0):
         """One comparison; a zero has no relative error."""
         actual, desired = np.asarray(actual, float), np.asarray(desired, float)
         size = np.max(np.abs(desired), initial=0.0)
-        if 0.0 < rtol <= LOOSEST and size > 0.0:
+        if size > 0.0 and 0.0 < rtol + np.max(atol) / size <= LOOSEST:
             error = float(np.max(np.abs(actual - desired)) / size)
             self.error = max(self.error or 0.0, error)
 
@@ -79,9 +83,10 @@ class Recorder:
         self.error = None
 
     def pytest_runtest_teardown(self, item):
-        for name in self.names[item.nodeid] if self.error is not None else ():
-            old = self.record.setdefault(name, {"file": item.path.name, "error": 0.0})
-            if self.error >= old["error"]:
+        for name in self.names[item.nodeid]:
+            # A test may judge by inequalities alone, of which no error is known.
+            old = self.record.setdefault(name, {"file": item.path.name})
+            if self.error is not None and self.error >= old.get("error", 0.0):
                 # Two digits: the rest differs from machine to machine.
                 old.update(file=item.path.name, error=float(f"{self.error:.1e}"))
 

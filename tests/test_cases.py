@@ -8,7 +8,7 @@ import re
 
 import numpy as np
 import pytest
-from case_errors import RECORD
+from case_errors import RECORD, Recorder
 from cases import CHAPTERS
 from cases.rows import PAGES, row_of
 
@@ -59,4 +59,16 @@ def test_errors_of_the_cases_are_stored():
         for case in chapter.CASES:
             # A case whose numbers are all zero has no relative error.
             if np.any([np.any(value) for value in case.expected.values()]):
-                assert stored[case.id]["error"] <= 2.0 * case.rtol + case.atol, case.id
+                assert stored[case.id].get("error", np.inf) <= 2.0 * case.rtol + case.atol, case.id
+
+
+def test_recorder_keeps_the_largest_relative_error():
+    recorder = Recorder({})
+    recorder.take([1.0, 2.2], [1.0, 2.0], 1e-6)
+    recorder.take(1.05, 1.0, 1e-6)
+    np.testing.assert_allclose(recorder.error, 0.1, rtol=1e-12)
+    # A zero has no relative error, and a loose comparison is of approximations.
+    recorder.take(0.5, 0.0, 1e-6)
+    recorder.take(3.0, 1.0, 1e-3)
+    recorder.take(3.0, 1.0, 1e-6, 1e-3)
+    np.testing.assert_allclose(recorder.error, 0.1, rtol=1e-12)
