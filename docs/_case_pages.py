@@ -1,5 +1,7 @@
-"""Writes the page of reference cases from the tables of the tests."""
+"""Writes the page of reference cases, and a page of each group of chapters, from the tables of the
+tests."""
 
+import json
 import sys
 from pathlib import Path
 
@@ -8,7 +10,11 @@ from mkdocs.structure.files import File
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 
+from case_errors import RECORD  # noqa: E402
 from cases import CHAPTERS  # noqa: E402
+from cases.rows import PAGES, row_of  # noqa: E402
+
+ERRORS = json.loads(RECORD.read_text())
 
 START = """\
 # Reference cases
@@ -16,15 +22,71 @@ START = """\
 The cases of the textbooks (Thomson, *Introduction to Space Dynamics*; Harrison and Nettleton,
 *Advanced Engineering Dynamics*) that the tests compute with the functions of this library, from the
 tables in `tests/cases`. The numbers are in the units of the book. The tolerance of a vector is
-relative to its greatest component; a zero is compared to the size of what cancels."""
-HEAD = "| Case | What | Expected | Computed by | Relative tolerance |\n|---|---|---|---|---|"
+relative to its greatest component; a zero is compared to the size of what cancels. The error is
+what `python tests/case_errors.py` measured last."""
+HEAD = """\
+| Case | What | Expected | Computed by | Relative tolerance | Error reached |
+|---|---|---|---|---|---|"""
+ROWS_START = """\
+# {title}
+
+{books}, row by row:
+what computes it, and the reference cases whose numbers the tests compare it
+with. The error is the largest relative one of these comparisons, as
+`python tests/case_errors.py` measured it last. The numbers of most cases are
+on the page of [reference cases](cases.md).
+
+| Section | What it is | Computed by | Cases | Error reached |
+|---|---|---|---|---|"""
+BOOKS = {
+    "chapters_1_to_4": (
+        "Thomson, *Introduction to Space Dynamics*, chapters 1 to 4, and the central forces of\n"
+        "Harrison and Nettleton, *Advanced Engineering Dynamics* (H)"
+    ),
+    "chapter_5": (
+        "Thomson, *Introduction to Space Dynamics*, chapter 5, and the rigid bodies of Harrison\n"
+        "and Nettleton, *Advanced Engineering Dynamics* (H)"
+    ),
+    "vehicles": (
+        "Thomson, *Introduction to Space Dynamics*, sections 7.1 to 7.6 and 7.11"
+    ),
+}
 
 
 def on_files(files, config):
-    """Add the generated page to the site."""
-    page = "reference/cases.md"
-    files.append(File.generated(config, page, content=cases()))
+    """Add the generated pages to the site."""
+    pages = {"cases": cases(), **{name: theory(name) for name in PAGES}}
+    for name, text in pages.items():
+        files.append(
+            File.generated(config, f"reference/{name}.md", content=text)
+        )
     return files
+
+
+def theory(page: str) -> str:
+    """The page of a group of chapters: a line for each row of the theory."""
+    title, rows = PAGES[page]
+    tables = [case for c in CHAPTERS.values() for case in c.CASES]
+    # A case that stands in a test and in no table is known by its error.
+    used = {**dict.fromkeys(ERRORS, ()), **{c.id: c.uses for c in tables}}
+    lines = [ROWS_START.format(title=title, books=BOOKS[page])]
+    for row in rows:
+        names = sorted(name for name in used if row_of(name, rows) is row)
+        functions = row.functions.split()
+        functions += [_name(f) for name in names for f in used[name]]
+        reached = [
+            ERRORS[name]["error"]
+            for name in names
+            if "error" in ERRORS.get(name, {})
+        ]
+        cells = (
+            *(row.section, row.title),
+            ", ".join(f"`{f}`" for f in dict.fromkeys(functions)) or "-",
+            ", ".join(names) or "-",
+            _error(max(reached)) if reached else "-",
+        )
+        lines.append(_line(cells))
+    return "\n".join(lines) + "\n"
 
 
 def cases() -> str:
@@ -41,8 +103,23 @@ def _row(case) -> str:
         f"{name}: {_number(value)}" for name, value in case.expected.items()
     )
     uses = ", ".join(f"`{_name(used)}`" for used in case.uses)
-    cells = (case.id, case.title, expected, uses, f"{case.rtol:.0e}")
-    # A bar would end the cell, an asterisk start an emphasis.
+    # A case whose numbers are all zero has no relative error.
+    reached = (
+        _error(ERRORS[case.id]["error"])
+        if "error" in ERRORS.get(case.id, {})
+        else "-"
+    )
+    return _line(
+        (case.id, case.title, expected, uses, f"{case.rtol:.0e}", reached)
+    )
+
+
+def _error(value: float) -> str:
+    return f"{value:.0e}" if value else "0"
+
+
+def _line(cells) -> str:
+    # A bar would end the cell.
     return "| " + " | ".join(c.replace("|", "\\|") for c in cells) + " |"
 
 
@@ -54,5 +131,4 @@ def _number(value) -> str:
 
 def _name(used) -> str:
     """The public name of a function, class or method of the library."""
-    room = used.__module__.split(".")[1]
-    return f"{room}.{used.__qualname__}"
+    return f"{used.__module__.split('.')[1]}.{used.__qualname__}"

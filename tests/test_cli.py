@@ -206,16 +206,19 @@ samples = 20
 """
 
 
-def test_a_scene_and_a_mission_that_ends_at_an_event_run(tmp_path, capsys):
+def test_a_scene_and_a_mission_that_ends_at_an_event_run(tmp_path, capsys, monkeypatch):
     """Half a period from the periapsis the apoapsis is reached: pi sqrt(a^3/mu), a = (R + 400 mi) /
     0.9."""
     scene, mission = tmp_path / "scene.toml", tmp_path / "mission.toml"
     scene.write_text(SCENE)
     ending = 'until = "apoapsis"\nwithin = "2 h"'
     mission.write_text(CHEAP[: CHEAP.index("[dispersion]")].replace('duration = "10 min"', ending))
+    opened = []
+    monkeypatch.setattr("webbrowser.open", opened.append)
     for path, png in ((scene, "scene.png"), (mission, "mission_coast.png")):
-        assert main(["run", str(path), "--out", str(tmp_path)]) == 0
+        assert main(["run", str(path), "--out", str(tmp_path), "--show"]) == 0
         assert (tmp_path / png).exists()
+    assert opened == [(tmp_path / name).as_uri() for name in ("scene.html", "mission.html")]
     printed = capsys.readouterr().out
     half = math.pi * math.sqrt(((RADIUS + 400 * 1609.344) / 0.9) ** 3 / MU)
     assert f"to {half:.6g} s" in printed

@@ -15,7 +15,7 @@ def run(given: argparse.Namespace) -> int:
     from . import _commands
 
     settle()
-    return _commands.run(given.file, given.out)
+    return _commands.run(given.file, given.out, given.show)
 
 
 def disperse(given: argparse.Namespace) -> int:

@@ -24,8 +24,8 @@ from ..verification import run_cases
 TOLERANCES = tuple(10.0**-k for k in range(4, 13))
 
 
-def run(path: str, folder: str) -> int:
-    """Simulate the nominal run, print how it ended, and draw it."""
+def run(path: str, folder: str, show: bool = False) -> int:
+    """Simulate the nominal run, print how it ended, draw it, and show it in the browser."""
     file = load(path)
     make_folder(folder)
     if isinstance(file.system, Mission):
@@ -39,6 +39,8 @@ def run(path: str, folder: str) -> int:
         assert isinstance(result, Trajectory)
         print(run_report(file, result))
         _draw(result, _path(file, folder, ".png"))
+    if show:
+        print(f"page   {result.show(_path(file, folder, '.html'))}")
     return 0 if Status(int(result.status)).good else 1
 
 

@@ -42,6 +42,9 @@ def parser() -> argparse.ArgumentParser:
         command.add_argument(
             "--out", default="out", metavar="DIR", help="where the files go (default: out)"
         )
+    run.add_argument(
+        "--show", action="store_true", help="open the run in the browser as a page that moves"
+    )
     _disperse_options(disperse)
     _cost_options(cost)
     _budget_options(budget)

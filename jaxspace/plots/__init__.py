@@ -1,4 +1,6 @@
-"""Figures of trajectories, dispersions and studies. Plotting libraries are imported on demand."""
+"""Figures of trajectories, dispersions and studies, and runs that move.
+
+Plotting libraries are imported on demand."""
 
 from ._dispersion_figure import dispersion_figure as dispersion_figure
 from ._dispersion_page import dispersion_page as dispersion_page
@@ -6,3 +8,5 @@ from ._porkchop_figure import porkchop_figure as porkchop_figure
 from ._study_figures import accuracy_cost_figure as accuracy_cost_figure
 from ._study_figures import effect_budget_figure as effect_budget_figure
 from ._trajectory_figure import trajectory_figure as trajectory_figure
+from ._view_page import show_run as show_run
+from ._view_page import view_page as view_page

@@ -22,6 +22,9 @@ from ._dataset import dataset_of
 from ._rerun import final_state_again
 
 if TYPE_CHECKING:
+    import os
+    from pathlib import Path
+
     import xarray
     from matplotlib.figure import Figure
 
@@ -194,6 +197,12 @@ class Trajectory(eqx.Module):
 
         return trajectory_figure(self)
 
+    def show(self, path: "str | os.PathLike[str] | None" = None) -> "Path":
+        """Open the run in the browser as a page that moves (`jaxspace.plots.view_page`)."""
+        from ..plots import show_run
+
+        return show_run(self, path)
+
     def __repr__(self) -> str:
         # Error messages print traced runs, too, which have no numbers yet.
         if any(isinstance(x, Tracer) for x in jax.tree.leaves(self)) or not is_concrete(self.ts):
@@ -275,6 +284,12 @@ class MissionTrajectory(eqx.Module):
         phases = tuple(phase.of(i) for phase in self.phases)
         final, end, status = jax.tree.map(lambda x: x[..., i], (self.final, self.end, self.status))
         return MissionTrajectory(phases, self.names, final, end, status)
+
+    def show(self, path: "str | os.PathLike[str] | None" = None) -> "Path":
+        """Open the mission in the browser as a page that moves (`jaxspace.plots.view_page`)."""
+        from ..plots import show_run
+
+        return show_run(self, path)
 
     def evaluations(self) -> Array:
         """Evaluations of the vector field over all phases."""

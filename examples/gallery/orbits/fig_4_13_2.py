@@ -1,0 +1,35 @@
+"""Fig. 4.13-2 and 4.13-3: speed and heading along an orbit
+
+The angle beta of the path above the horizon against lambda = r v^2 / mu, on
+lines of one eccentricity, which an orbit runs along, and on lines of one true
+anomaly. An impulse leads from one point to another."""
+
+import jax.numpy as jnp
+import matplotlib.pyplot as plt
+
+import jaxspace
+from jaxspace.orbits import elements_from_burnout
+
+jaxspace.enable_x64()
+lam = jnp.linspace(0.02, 2.8, 300)
+beta = jnp.radians(jnp.linspace(0.0, 89.0, 300))[:, None]
+orbit = elements_from_burnout(1.0, jnp.sqrt(lam), beta, 1.0)
+figure, axes = plt.subplots(figsize=(6.8, 4.8))
+lines = axes.contour(
+    *(lam, jnp.degrees(beta[:, 0]), orbit.eccentricity),
+    levels=[0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0, 1.2, 1.5],
+    colors="C0",
+    linewidths=1.0,
+)
+axes.clabel(lines, fontsize=7)
+lines = axes.contour(
+    *(lam, jnp.degrees(beta[:, 0]), jnp.degrees(orbit.true_anomaly)),
+    levels=[15, 30, 45, 60, 75, 90, 105, 120, 135, 150, 165],
+    colors="C1",
+    linewidths=0.8,
+    linestyles="--",
+)
+axes.clabel(lines, fontsize=7, fmt="%.0f deg")
+axes.set(xlabel="lambda, 1", ylabel="beta, deg")
+axes.set_title("Eccentricity (blue) and true anomaly (red)")
+plt.show()

@@ -1,0 +1,31 @@
+"""Fig. 4.16-2: what an interception costs
+
+The first impulse, from the circle through the start, against the time
+until the target is met, for several angles of transfer to 1.5 times the
+radius; dashed, with the second impulse that keeps to the circle there."""
+
+import jax.numpy as jnp
+import matplotlib.pyplot as plt
+
+import jaxspace
+from jaxspace.orbits import lambert
+
+jaxspace.enable_x64()
+start = jnp.array([[1.0], [0.0], [0.0]])
+t = jnp.linspace(0.4, 8.0, 300)
+figure, axes = plt.subplots()
+for k, degrees in enumerate((60.0, 90.0, 120.0, 150.0)):
+    a = jnp.radians(degrees)
+    out = jnp.stack([jnp.cos(a), jnp.sin(a), 0.0 * a])[:, None]
+    along = jnp.stack([-jnp.sin(a), jnp.cos(a), 0.0 * a])[:, None]
+    v1, v2 = lambert(start, 1.5 * out, t, 1.0)
+    meet = jnp.linalg.norm(v1 - jnp.array([[0.0], [1.0], [0.0]]), axis=0)
+    stay = meet + jnp.linalg.norm(along / jnp.sqrt(1.5) - v2, axis=0)
+    turns = t / (2.0 * jnp.pi)
+    axes.plot(turns, meet, color=f"C{k}", label=f"{degrees:.0f} deg")
+    axes.plot(turns, stay, "--", color=f"C{k}")
+axes.set(xlabel="time / period of the first circle", ylim=(0.0, 2.5))
+axes.set(ylabel="impulse / circular speed at the start")
+axes.set_title("To meet (lines), to meet and stay (dashed)")
+axes.legend(title="angle of transfer")
+plt.show()

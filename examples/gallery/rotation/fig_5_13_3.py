@@ -1,0 +1,46 @@
+"""Fig. 5.13-3 to 5.13-5: waves, cusps, loops
+
+The path of a top's axis on the sphere. Let go at rest it falls, and comes to
+a cusp again and again; a push forwards makes waves, one backwards makes
+loops. The dashed circles are the turning points in closed form."""
+
+import jax.numpy as jnp
+import matplotlib.pyplot as plt
+
+import jaxspace
+from jaxspace import simulate_batch
+from jaxspace.attitude import Top
+
+jaxspace.enable_x64()
+top = Top(transverse_inertia=1.0e-3, axial_inertia=6.0e-4, weight_moment=0.08)
+tilt = jnp.radians(35.0) * jnp.ones(3)
+push = jnp.array([1.2, 0.0, -4.0])
+start = top.state(
+    [0.0 * tilt, tilt, 0.0 * tilt],
+    [push, 0.0 * tilt, 60.0 - push * jnp.cos(tilt)],
+)
+run = simulate_batch(top, start, jnp.linspace(0.0, 1.9, 1200))
+path = run.states.attitude.rotate(jnp.array([0.0, 0.0, 1.0])[:, None, None])
+circles = top.nutation(start).turning_points()
+
+figure = plt.figure(figsize=(9.0, 3.5))
+u, v = jnp.meshgrid(jnp.linspace(0, 2 * jnp.pi, 40), jnp.linspace(0, 1.2, 12))
+for k, title in enumerate(("waves", "cusps", "loops")):
+    axes = figure.add_subplot(1, 3, k + 1, projection="3d")
+    axes.plot_surface(
+        *(jnp.cos(u) * jnp.sin(v), jnp.sin(u) * jnp.sin(v), jnp.cos(v)),
+        color="0.95",
+        shade=False,
+    )
+    for angle in circles:
+        ring = jnp.sin(angle[k]) * jnp.stack([jnp.cos(u[0]), jnp.sin(u[0])])
+        axes.plot(
+            *ring, jnp.cos(angle[k]), "--", color="0.5", lw=0.8, zorder=8
+        )
+    axes.plot(*(1.002 * path[:, :, k]), color=f"C{k}", zorder=9)
+    axes.set(xlim=(-0.75, 0.75), ylim=(-0.75, 0.75), zlim=(0.4, 1.05))
+    axes.set_box_aspect((1.5, 1.5, 0.65), zoom=1.35)
+    axes.view_init(38, -60)
+    axes.set_axis_off()
+    axes.set_title(title)
+plt.show()

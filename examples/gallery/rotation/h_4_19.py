@@ -1,0 +1,31 @@
+"""H 4.19: pseudo-potential of the top
+
+V' = (p_phi - p_psi cos theta)^2 / (2 I1 sin^2 theta) + m g h cos theta: the
+axis stays where V' lies below the energy. The dots are the turning points
+of a top that is let go at rest."""
+
+import jax.numpy as jnp
+import matplotlib.pyplot as plt
+
+import jaxspace
+from jaxspace.attitude import Top
+
+jaxspace.enable_x64()
+A, C, weight = 1.0e-3, 6.0e-4, 0.08
+top = Top(A, C, weight)
+theta = jnp.radians(jnp.linspace(2.0, 178.0, 500))
+figure, axes = plt.subplots()
+for k, spin in enumerate((15.0, 25.0, 40.0)):
+    tilt = jnp.radians(40.0)
+    p_spin, p_up = C * spin, C * spin * jnp.cos(tilt)
+    turning = (p_up - p_spin * jnp.cos(theta)) ** 2
+    level = weight * jnp.cos(theta)
+    V = turning / (2.0 * A * jnp.sin(theta) ** 2) + level
+    axes.plot(jnp.degrees(theta), V, label=f"{spin:g} rad/s")
+    motion = top.nutation(top.state([0.0, tilt, 0.0], [0.0, 0.0, spin]))
+    ends = jnp.degrees(jnp.stack(motion.turning_points()))
+    axes.plot(ends, [weight * jnp.cos(tilt)] * 2, "o-", color=f"C{k}", lw=0.8)
+axes.set(xlabel="theta, deg", ylabel="V', J", ylim=(-0.1, 0.2))
+axes.set(xticks=range(0, 181, 30))
+axes.legend(title="spin")
+plt.show()

@@ -1,0 +1,277 @@
+"use strict";
+// Draws `data`, which stands above this script: frames of one run, with a body and its traces.
+const $ = (id) => document.getElementById(id);
+const canvas = $("view"), pen = canvas.getContext("2d");
+const ends = [data.times[0], data.times[data.times.length - 1]];
+const span = ends[1] - ends[0] || 1;
+const still = matchMedia("(prefers-reduced-motion: reduce)").matches;
+const state = { t: ends[0], playing: !still, speed: 1, yaw: -0.9, pitch: 0.42, zoom: 1,
+  near: !data.position, last: null, frames: 0, traces: {} };
+// Seconds of a whole run at speed 1.
+const SHOWN = 12;
+// The light comes from over the reader's left shoulder.
+const LIGHT = [-0.35, 0.45, 0.82];
+
+const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue("--" + name).trim();
+const add = (a, b, s = 1) => [a[0] + s * b[0], a[1] + s * b[1], a[2] + s * b[2]];
+const scale = (a, s) => [a[0] * s, a[1] * s, a[2] * s];
+const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+
+function turn(q, v) {
+  const u = [q[1], q[2], q[3]], w = scale(cross(u, v), 2);
+  return add(add(v, w, q[0]), cross(u, w));
+}
+
+// The frame before the time t, and the share of the way to the next one.
+function place(t) {
+  let low = 0, high = data.times.length - 1;
+  while (high - low > 1) {
+    const middle = (low + high) >> 1;
+    if (data.times[middle] <= t) low = middle; else high = middle;
+  }
+  const gap = data.times[high] - data.times[low];
+  return [low, high, gap > 0 ? Math.min(Math.max((t - data.times[low]) / gap, 0), 1) : 0];
+}
+
+function between(rows, [low, high, s]) {
+  const mixed = rows[low].map((x, i) => x + s * (rows[high][i] - x));
+  if (mixed.length !== 4) return mixed;
+  const size = Math.hypot(...mixed) || 1;
+  return mixed.map((x) => x / size);
+}
+
+// The camera: world to right, up, towards the reader.
+function camera() {
+  const [sy, cy, sp, cp] = [Math.sin(state.yaw), Math.cos(state.yaw), Math.sin(state.pitch), Math.cos(state.pitch)];
+  return [[-sy, cy, 0], [-sp * cy, -sp * sy, cp], [cp * cy, cp * sy, sp]];
+}
+
+function draw() {
+  const ratio = devicePixelRatio || 1, w = canvas.clientWidth, h = canvas.clientHeight;
+  if (canvas.width !== Math.round(w * ratio) || canvas.height !== Math.round(h * ratio)) {
+    canvas.width = Math.round(w * ratio);
+    canvas.height = Math.round(h * ratio);
+  }
+  pen.setTransform(ratio, 0, 0, ratio, 0, 0);
+  pen.clearRect(0, 0, w, h);
+  const axes = camera(), now = place(state.t);
+  // The largest thing that is seen fills the smaller side.
+  const extent = state.near ? data.reach : data.extent;
+  const unit = 0.43 * Math.min(w, h) * state.zoom / extent;
+  const project = (p) => [w / 2 + unit * dot(axes[0], p), h / 2 - unit * dot(axes[1], p), dot(axes[2], p)];
+  const scene = { axes, project, unit, now, attitude: data.attitude && between(data.attitude, now) };
+  frame(scene, extent);
+  if (state.near) drawBody(scene, [0, 0, 0], 1); else drawOrbit(scene, extent);
+  $("clock").textContent = "t = " + state.t.toPrecision(6) + " s" + (data.phases ? ", " + phase() : "");
+  state.frames += 1;
+  document.body.dataset.frames = state.frames;
+}
+
+function phase() {
+  return data.phases.filter(([start]) => start <= state.t).pop()?.[1] ?? "";
+}
+
+function line(points, style, width = 1.2, dash = []) {
+  pen.strokeStyle = style;
+  pen.lineWidth = width;
+  pen.setLineDash(dash);
+  pen.beginPath();
+  points.forEach((p, i) => (i ? pen.lineTo(p[0], p[1]) : pen.moveTo(p[0], p[1])));
+  pen.stroke();
+  pen.setLineDash([]);
+}
+
+function frame({ project }, extent) {
+  const size = 1.08 * extent;
+  ["X", "Y", "Z"].forEach((name, i) => {
+    const tip = [0, 0, 0];
+    tip[i] = size;
+    const [a, b] = [project([0, 0, 0]), project(tip)];
+    line([a, b], colour("line"), 1);
+    pen.fillStyle = colour("muted");
+    pen.font = "12px system-ui, sans-serif";
+    pen.fillText(name, b[0] + 3, b[1] - 3);
+  });
+}
+
+// A trace up to now; `front` picks the half that lies towards the reader.
+function trace({ project, now }, rows, style, front, hidden, size = 1) {
+  pen.strokeStyle = style;
+  pen.lineWidth = 1.5;
+  const last = now[0] + 1;
+  let open = false, before = null;
+  pen.beginPath();
+  for (let i = 0; i <= last; i++) {
+    const p = scale(i === last ? between(rows, now) : rows[i], size), q = project(p);
+    const seen = (q[2] >= 0) === front && !(hidden && hidden(q));
+    // From the point before, so that both halves meet.
+    if (seen && !open) pen.moveTo(...(before || q).slice(0, 2));
+    if (seen) pen.lineTo(q[0], q[1]);
+    [open, before] = [seen, q];
+  }
+  pen.stroke();
+}
+
+function arrow({ project }, tip, style, name) {
+  const [a, b] = [project([0, 0, 0]), project(tip)];
+  line([a, b], style, 2);
+  pen.fillStyle = style;
+  pen.beginPath();
+  pen.arc(b[0], b[1], 3.2, 0, 7);
+  pen.fill();
+  pen.font = "12px system-ui, sans-serif";
+  pen.fillText(name, b[0] + 6, b[1] + 4);
+}
+
+// Faces from the far ones to the near ones.
+function faces({ axes, project, attitude, now }, centre, size) {
+  const q = attitude || [1, 0, 0, 0];
+  const found = [];
+  for (const face of data.faces) {
+    let points = face.points, order = 0;
+    if (face.wheel !== undefined) {
+      const { axis, at, angle } = data.wheels[face.wheel];
+      const half = 0.5 * (angle[now[0]] + now[2] * (angle[now[1]] - angle[now[0]]));
+      const spin = [Math.cos(half), ...scale(axis, Math.sin(half))];
+      points = points.map((p) => add(turn(spin, p), at));
+      // A wheel stands outside of the body: before all of it, or behind.
+      order = dot(axes[2], turn(q, at)) > 0 ? 1 : -1;
+    }
+    const world = points.map((p) => add(centre, scale(turn(q, p), size)));
+    const normal = cross(add(world[1], world[0], -1), add(world[2], world[0], -1));
+    const length = Math.hypot(...normal) || 1;
+    const towards = dot(axes[2], normal) / length;
+    if (towards <= 0 && !face.both) continue;
+    const light = axes.reduce((sum, axis, i) => sum + LIGHT[i] * dot(axis, normal) / length, 0);
+    const seen = world.map(project);
+    found.push({ seen, light, order, kind: face.kind, depth: seen.reduce((s, p) => s + p[2], 0) / seen.length });
+  }
+  found.sort((a, b) => a.order - b.order || a.depth - b.depth);
+  for (const { seen, light, kind } of found) {
+    pen.beginPath();
+    seen.forEach((p, i) => (i ? pen.lineTo(p[0], p[1]) : pen.moveTo(p[0], p[1])));
+    pen.closePath();
+    pen.fillStyle = colour(kind);
+    pen.fill();
+    // Shade and edges by black and white over the colour.
+    pen.fillStyle = light > 0.4 ? `rgba(255,255,255,${0.45 * (light - 0.4)})` : `rgba(0,0,0,${0.55 * (0.4 - light)})`;
+    pen.fill();
+    pen.strokeStyle = "rgba(0,0,0,0.25)";
+    pen.lineWidth = 0.6;
+    pen.stroke();
+  }
+}
+
+function drawBody(scene, centre, size) {
+  const shown = Object.entries(data.traces).filter(([name]) => state.traces[name]);
+  for (const [name, rows] of shown) trace(scene, rows, colour(name), false);
+  faces(scene, centre, size);
+  for (const [name, rows] of shown) {
+    trace(scene, rows, colour(name), true);
+    arrow(scene, between(rows, scene.now), colour(name), data.names[name]);
+  }
+}
+
+function drawOrbit(scene, extent) {
+  const { project, unit, now } = scene, position = between(data.position, now);
+  const radius = data.planet * unit, centre = project([0, 0, 0]);
+  const hidden = (q) => q[2] < 0 && Math.hypot(q[0] - centre[0], q[1] - centre[1]) < radius;
+  const at = project(position);
+  const body = () => {
+    if (hidden(at)) return;
+    if (data.attitude) faces(scene, position, data.size || 0.09 * extent / data.reach / state.zoom);
+    else {
+      pen.fillStyle = colour("axis");
+      pen.beginPath();
+      pen.arc(at[0], at[1], 5, 0, 7);
+      pen.fill();
+    }
+  };
+  if (state.traces.orbit) {
+    // The whole path, before what is gone of it.
+    line(data.position.map(project), colour("line"), 1);
+    trace(scene, data.position, colour("orbit"), false, hidden);
+  }
+  if (at[2] < 0) body();
+  if (data.rod) line([centre, at], colour("muted"), 1.5);
+  else if (radius > 0) sphere(centre, radius);
+  if (state.traces.orbit) trace(scene, data.position, colour("orbit"), true);
+  if (at[2] >= 0) body();
+}
+
+function sphere(centre, radius) {
+  const size = Math.max(radius, 2);
+  pen.fillStyle = colour("planet");
+  pen.beginPath();
+  pen.arc(centre[0], centre[1], size, 0, 7);
+  pen.fill();
+  const shade = pen.createRadialGradient(centre[0] - 0.35 * size, centre[1] - 0.45 * size, 0.1 * size,
+    centre[0], centre[1], size);
+  shade.addColorStop(0, "rgba(255,255,255,0.35)");
+  shade.addColorStop(1, "rgba(0,0,0,0.35)");
+  pen.fillStyle = shade;
+  pen.fill();
+}
+
+function step(clock) {
+  if (state.playing) {
+    const gone = state.last === null ? 0 : Math.min(clock - state.last, 100) / 1000;
+    state.t += gone * state.speed * span / SHOWN;
+    // From the end it begins again.
+    if (state.t > ends[1]) state.t = ends[0];
+    $("time").value = (state.t - ends[0]) / span;
+    draw();
+  }
+  state.last = clock;
+  requestAnimationFrame(step);
+}
+
+function play(on) {
+  state.playing = on;
+  $("play").textContent = on ? "Pause" : "Play";
+}
+
+$("play").onclick = () => play(!state.playing);
+$("time").oninput = (event) => {
+  play(false);
+  state.t = ends[0] + span * Number(event.target.value);
+  draw();
+};
+$("speed").onchange = (event) => (state.speed = Number(event.target.value));
+if ($("near")) $("near").onchange = (event) => {
+  state.near = event.target.value === "body";
+  state.zoom = 1;
+  draw();
+};
+document.querySelectorAll("#controls input[type=checkbox]").forEach((box) => {
+  state.traces[box.value] = box.checked;
+  box.onchange = () => {
+    state.traces[box.value] = box.checked;
+    draw();
+  };
+});
+document.onkeydown = (event) => {
+  if (event.key === " " && event.target === document.body) {
+    event.preventDefault();
+    play(!state.playing);
+  }
+};
+canvas.onpointerdown = (event) => canvas.setPointerCapture(event.pointerId);
+canvas.onpointermove = (event) => {
+  if (!event.buttons) return;
+  state.yaw -= 0.008 * event.movementX;
+  state.pitch = Math.min(Math.max(state.pitch + 0.008 * event.movementY, -1.57), 1.57);
+  draw();
+};
+canvas.addEventListener("wheel", (event) => {
+  event.preventDefault();
+  state.zoom = Math.min(Math.max(state.zoom * Math.exp(-0.0015 * event.deltaY), 0.2), 50);
+  draw();
+}, { passive: false });
+matchMedia("(prefers-color-scheme: dark)").addEventListener("change", draw);
+addEventListener("resize", draw);
+addEventListener("error", (event) => (document.body.dataset.error = event.message));
+play(state.playing);
+draw();
+requestAnimationFrame(step);

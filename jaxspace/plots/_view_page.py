@@ -1,0 +1,262 @@
+"""A run as a page that moves: body, wheels and orbit in three dimensions, with their traces."""
+
+import json
+import os
+import tempfile
+import webbrowser
+from html import escape
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..core import InputError
+from ..rotations import Quaternion
+from ._view_shapes import faces_of, top_faces, wheel_faces
+
+if TYPE_CHECKING:
+    from ..core import AbstractSystem, State
+    from ..simulation import MissionTrajectory, Trajectory
+
+HERE = Path(__file__).parent
+MOST_FRAMES = 1500
+"""Frames of a page: more make it slow to load."""
+NAMES = {"axis": "body axis z", "rate": "angular velocity", "momentum": "angular momentum"}
+SPEEDS = {"0.1": "1/10", "0.25": "1/4", "0.5": "1/2", "1": "1", "2": "2", "4": "4", "10": "10"}
+
+
+def view_page(
+    trajectory: "Trajectory | MissionTrajectory",
+    path: str | os.PathLike[str],
+    *,
+    planet_radius: float | None = None,
+    title: str = "",
+) -> Path:
+    """Write a page that plays a run in three dimensions; it needs no network.
+
+    It shows the position with its orbit, the attitude as the homogeneous body of the same moments
+    of inertia (a box, a cylinder, a top), and the wheels of effects that state their `speeds`.
+    Drag to look from elsewhere. The view interpolates between the saved times: a fast spin needs
+    several in each turn.
+
+    **Arguments**
+
+    - `trajectory`: of one run (`run.of(0)` of a batch), or a mission, whose phases follow one
+      another.
+    - `path`: of the HTML file.
+    - `planet_radius`: of the body at the origin, m; where something attracts (has a `mu`), a third
+      of the closest distance if left out.
+    - `title`: of the page.
+
+    **Returns** the path.
+
+    **Raises** `InputError` for a batch, and where the states have neither position nor attitude.
+    """
+    data = _data(trajectory, planet_radius)
+    boxes = [
+        f"<label><input type=checkbox value={name} checked> {words}</label>"
+        for name, words in _traces(data).items()
+    ]
+    if data["position"] and data["attitude"]:
+        boxes.insert(
+            0,
+            "<select id=near aria-label='what is seen'><option value=orbit>whole path"
+            "<option value=body>body</select>",
+        )
+    speeds = "".join(
+        f"<option value={v}{' selected' * (v == '1')}>{w} x</option>" for v, w in SPEEDS.items()
+    )
+    # The name of a phase must not end the script.
+    script_safe = json.dumps(data, separators=(",", ":")).replace("</", "<\\/")
+    page = f"""<!DOCTYPE html>
+<html lang="en"><head><meta charset="utf-8">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<title>{escape(title or "jaxspace")}</title><style>
+{(HERE / "_view.css").read_text(encoding="utf-8")}</style></head><body>
+{f"<h1>{escape(title)}</h1>" if title else ""}
+<canvas id="view" role="img" aria-label="the run in three dimensions"></canvas>
+<div id="controls"><button id="play">Play</button><span id="clock"></span>
+<input id="time" type="range" min="0" max="1" step="0.0005" value="0" aria-label="time">
+<select id="speed" aria-label="speed">{speeds}</select>
+{"".join(boxes)}</div>
+<script>const data = {script_safe};
+{(HERE / "_view.js").read_text(encoding="utf-8")}</script></body></html>
+"""
+    path = Path(path)
+    path.write_text(page, encoding="utf-8")
+    return path
+
+
+def show_run(
+    trajectory: "Trajectory | MissionTrajectory", path: str | os.PathLike[str] | None = None
+) -> Path:
+    """Write the page of `view_page`, and open it in the browser.
+
+    **Arguments**
+
+    - `trajectory`: of one run, or a mission.
+    - `path`: of the HTML file; a temporary one if left out.
+
+    **Returns** the path.
+    """
+    if path is None:
+        path = Path(tempfile.mkdtemp(prefix="jaxspace-")) / "run.html"
+    page = view_page(trajectory, path)
+    webbrowser.open(page.resolve().as_uri())
+    return page
+
+
+def _traces(data: dict[str, Any]) -> dict[str, str]:
+    """Words for each trace that the page can show."""
+    found = {name: words for name, words in NAMES.items() if name in data["traces"]}
+    return {"orbit": "path", **found} if data["position"] else found
+
+
+def _data(trajectory: "Trajectory | MissionTrajectory", planet: float | None) -> dict[str, Any]:
+    """What the script of the page draws."""
+    phases: Any = getattr(trajectory, "phases", (trajectory,))
+    names = getattr(trajectory, "names", ())
+    if any(np.ndim(phase.status) for phase in phases):
+        raise InputError("The page shows one run: take run.of(0) of a batch.")
+    parts = [_frames(phase.system, phase.ts, phase.states) for phase in phases]
+    # What every phase has; a block that begins later has no frames before.
+    blocks = {name for name in parts[0] if all(name in part for part in parts)}
+    if not blocks & {"position", "attitude"}:
+        raise InputError(
+            "The states have neither a position nor an attitude: run.plot() shows them in time."
+        )
+    joined = {name: np.concatenate([part[name] for part in parts], axis=-1) for name in blocks}
+    times = joined.pop("times")
+    wanted = np.linspace(times[0], times[-1], min(len(times), MOST_FRAMES))
+    pick = np.unique(np.searchsorted(times, wanted).clip(0, len(times) - 1))
+    rows = {name: _listed(values[..., pick]) for name, values in joined.items()}
+    return {
+        "times": times[pick].tolist(),
+        "phases": [(float(phase.ts[0]), name) for phase, name in zip(phases, names, strict=False)]
+        or None,
+        **_orbit(phases[0], joined, rows, planet),
+        **_body(phases[0], parts[0], rows, times, pick),
+    }
+
+
+def _frames(system: "AbstractSystem", ts: Any, states: "State") -> dict[str, np.ndarray]:
+    """The blocks of the states that can be seen, each (components, times), finite ones alone."""
+    direction = getattr(states, "direction", None)
+    position = getattr(states, "position", None) if direction is None else direction
+    found = {"times": np.asarray(ts)[None]}
+    if position is not None:
+        found["position"] = np.asarray(position)
+    attitude = getattr(states, "attitude", None)
+    if isinstance(attitude, Quaternion):
+        found["attitude"] = _continuous(np.asarray(attitude.wxyz))
+        found["axis"] = np.asarray(attitude.matrix())[:, 2]
+        omega = getattr(states, "omega", None)
+        if omega is not None:
+            found["rate"] = np.asarray(attitude.rotate(omega))
+            inertia = _inertia(system, states)
+            if inertia is not None:
+                found["momentum"] = np.asarray(attitude.rotate(inertia.times(omega)))
+    good = np.all([np.all(np.isfinite(x), axis=0) for x in found.values()], axis=0)
+    found = {name: values[:, good] for name, values in found.items()}
+    found["times"] = found["times"][0]
+    return found
+
+
+def _continuous(wxyz: np.ndarray) -> np.ndarray:
+    """Of the two quaternions of each attitude the one next to that before it."""
+    jumps = np.where(np.sum(wxyz[:, 1:] * wxyz[:, :-1], axis=0) < 0.0, -1.0, 1.0)
+    return wxyz * np.concatenate([[1.0], np.cumprod(jumps)])
+
+
+def _inertia(system: Any, states: Any) -> Any:
+    """The inertia of what turns, at the masses of the states; `None` where the system has none."""
+    body = getattr(system, "body", system)
+    if getattr(body, "has_inertia", lambda: False)():
+        return body.inertia(getattr(states, "mass", None))
+    found = getattr(system, "inertia", None)
+    return found if hasattr(found, "times") else None
+
+
+def _orbit(phase: Any, blocks: dict, rows: dict, planet: float | None) -> dict[str, Any]:
+    """The path, and what stands at the origin."""
+    if "position" not in blocks:
+        return {"position": None}
+    distance = np.linalg.norm(blocks["position"], axis=0)
+    system = phase.system
+    attracts = any(hasattr(x, "mu") for x in (system, *getattr(system, "effects", ())))
+    fallback = float(np.min(distance)) / 3.0 if attracts else 0.0
+    return {
+        "position": rows["position"],
+        "extent": float(np.max(distance)),
+        "planet": fallback if planet is None else planet,
+        # A system that is a body of a radius, such as a rolling disk, is drawn as large as it is.
+        "size": float(getattr(system, "radius", 0.0)),
+        "rod": getattr(phase.states, "direction", None) is not None,
+    }
+
+
+def _body(phase: Any, part: dict, rows: dict, times: np.ndarray, pick: np.ndarray) -> dict:
+    """The body with its wheels, and the traces of its vectors, each in units of its greatest."""
+    if "attitude" not in rows:
+        return {"attitude": None, "traces": {}, "faces": [], "wheels": [], "reach": 1.2}
+    traces = {}
+    for name in NAMES:
+        if name in rows:
+            vectors = np.asarray(rows[name])
+            size = np.max(np.linalg.norm(vectors, axis=1))
+            # Beyond the body, so that the tips are seen.
+            length = 1.3 if name == "axis" else 1.5
+            traces[name] = _listed((length / (size or 1.0) * vectors).T)
+    faces, wheels = _faces(phase), _wheels(phase, times, pick)
+    corners = [point for face in faces for point in face["points"]]
+    for k, wheel in enumerate(wheels):
+        along = np.asarray(wheel["axis"])
+        # Outside of the body, where it is seen.
+        wheel["at"] = ((np.max(corners @ along) + 0.1) * along).tolist()
+        faces += wheel_faces(k, along)
+    names = {**NAMES, "rate": "omega", "momentum": "h", "axis": "z"}
+    reach = {"reach": 1.7, "faces": faces, "wheels": wheels, "traces": traces, "names": names}
+    return (
+        {"attitude": rows["attitude"], "extent": 1.7, **reach}
+        if "position" not in rows
+        else {"attitude": rows["attitude"], **reach}
+    )
+
+
+def _faces(phase: Any) -> list[dict[str, Any]]:
+    """The body as its inertia tells; a top on its tip; a box where nothing is known."""
+    if hasattr(phase.system, "weight_moment"):
+        return top_faces()
+    inertia = _inertia(phase.system, phase.initial)
+    if hasattr(phase.system, "axial_inertia") and hasattr(phase.system, "transverse_inertia"):
+        across = float(phase.system.transverse_inertia)
+        return faces_of(np.array([across, across, float(phase.system.axial_inertia)]), np.eye(3))
+    if inertia is None:
+        return faces_of(np.array([2.0, 3.0, 4.0]), np.eye(3))
+    tensor = np.asarray(inertia.matrix(), float)
+    if np.allclose(tensor, np.diag(np.diag(tensor)), rtol=0.0, atol=1e-9 * np.max(tensor)):
+        return faces_of(np.diag(tensor), np.eye(3))
+    return faces_of(*np.linalg.eigh(tensor))
+
+
+def _wheels(phase: Any, times: np.ndarray, pick: np.ndarray) -> list[dict[str, Any]]:
+    """Axis, place and angle of every wheel of the effects that state the speeds of wheels."""
+    found = []
+    for effect in getattr(phase.system, "effects", ()):
+        if not hasattr(effect, "speeds") or len(phase.ts) != len(times):
+            continue
+        speeds = np.asarray(effect.speeds(phase.states))
+        axes = np.asarray(effect.axes).reshape(3, -1)
+        mean = 0.5 * (speeds[:, 1:] + speeds[:, :-1]) * np.diff(times)
+        angles = np.cumsum(np.concatenate([np.zeros((len(speeds), 1)), mean], axis=1), axis=1)
+        for axis, angle in zip(axes.T, angles, strict=True):
+            along = axis / np.linalg.norm(axis)
+            found.append({"axis": along.tolist(), "angle": np.round(angle[pick], 3).tolist()})
+    return found
+
+
+def _listed(values: np.ndarray) -> list:
+    """(components, times) as a list of times, to six digits of the greatest."""
+    size = np.max(np.abs(values), initial=0.0)
+    decimals = 5 - int(np.floor(np.log10(size))) if size > 0.0 else 6
+    return np.round(values.astype(float), decimals).T.tolist()

@@ -1,0 +1,199 @@
+"""The page that plays a run: what it holds, and that it draws and plays in a browser."""
+
+import json
+import re
+import shutil
+import subprocess
+from types import SimpleNamespace
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from jaxtyping import Array
+
+from jaxspace.attitude import TorqueFreeBody
+from jaxspace.bodies import BodyState, PrincipalInertia, RigidBody
+from jaxspace.core import InputError
+from jaxspace.plots import show_run, view_page
+from jaxspace.plots._view_shapes import faces_of, top_faces, wheel_faces
+from jaxspace.rotations import Quaternion
+
+BROWSER = shutil.which("chromium") or shutil.which("chromium-browser")
+TIMES = np.linspace(0.0, 20.0, 101)
+# After a while, with the controls: pause, the middle of the run, the other view.
+WATCH = """<script>
+const found = {};
+const seen = () => {
+  const copy = document.createElement("canvas").getContext("2d", { willReadFrequently: true });
+  [copy.canvas.width, copy.canvas.height] = [canvas.width, canvas.height];
+  copy.drawImage(canvas, 0, 0);
+  const p = copy.getImageData(0, 0, canvas.width, canvas.height).data;
+  const colours = new Set();
+  for (let i = 0; i < p.length; i += 4) if (p[i + 3]) colours.add(p.slice(i, i + 3).join());
+  return colours.size;
+};
+setTimeout(() => {
+  found.played = state.t;
+  found.colours = seen();
+  $("play").click();
+  found.paused = state.t;
+  $("time").value = 0.5;
+  $("time").dispatchEvent(new Event("input"));
+  found.middle = $("clock").textContent;
+  if ($("near")) { $("near").value = "body"; $("near").dispatchEvent(new Event("change")); }
+  found.near = seen();
+  setTimeout(() => {
+    found.later = state.t;
+    found.error = document.body.dataset.error || "";
+    document.body.insertAdjacentHTML("beforeend", "<i id=found>" + JSON.stringify(found) + "</i>");
+  }, 300);
+}, 1500);
+</script></body>"""
+
+
+class Wheels(eqx.Module):
+    """Stands for an effect with wheels."""
+
+    axes: Array
+
+    def speeds(self, y):
+        return jnp.ones((3, len(TIMES))) * jnp.array([[1.0], [-2.0], [0.5]])
+
+
+def run(system, states, ts=TIMES, **more):
+    """What the page reads of a trajectory."""
+    first = SimpleNamespace(mass=None)
+    return SimpleNamespace(
+        system=system, ts=ts, states=states, status=np.array(0), initial=first, **more
+    )
+
+
+def spacecraft(ts=TIMES, wheels=True):
+    """A body with three wheels, on a circle; its quaternion changes its sign halfway."""
+    wxyz = Quaternion.about(2, jnp.asarray(0.3 * ts)).wxyz * np.where(ts > 9.0, -1.0, 1.0)
+    circle = 7e6 * np.stack([np.cos(ts), np.sin(ts), 0.0 * ts])
+    omega = jnp.asarray(0.3 * np.stack([0.0 * ts, 0.0 * ts, 1.0 + 0.0 * ts]))
+    states = BodyState(position=circle, attitude=Quaternion(wxyz), omega=omega)
+    body = RigidBody(inertia=jnp.array([1.0, 2.0, 2.5]))
+    effects = (Wheels(jnp.eye(3)),) if wheels else ()
+    return run(SimpleNamespace(body=body, effects=effects), states, ts)
+
+
+def data_of(page):
+    """What the script of a page is given."""
+    return json.loads(re.search(r"const data = (.*);\n", page.read_text()).group(1))
+
+
+def test_page_holds_the_run(tmp_path):
+    page = view_page(spacecraft(), tmp_path / "run.html", title="A <b>run</b>")
+    text, data = page.read_text(), data_of(page)
+    assert "A &lt;b&gt;run" in text
+    assert not re.search(r"https?:|src=|@import", text)  # no network
+    assert len(data["times"]) == len(data["position"]) == len(data["attitude"]) == 101
+    np.testing.assert_allclose(data["position"][0], [7e6, 0.0, 0.0])
+    quaternions = np.array(data["attitude"])
+    assert np.all(np.sum(quaternions[1:] * quaternions[:-1], axis=1) > 0.99)
+    assert list(data["traces"]) == ["axis", "rate", "momentum"]
+    assert len(data["wheels"]) == 3 and data["planet"] == 0.0
+    # To the three digits that are written.
+    np.testing.assert_allclose(data["wheels"][1]["angle"], -2.0 * TIMES, atol=6e-4)
+
+
+def test_what_attracts_is_a_planet(tmp_path):
+    shown = spacecraft(wheels=False)
+    shown.system.effects = (SimpleNamespace(mu=1.0),)
+    planets = [
+        data_of(view_page(shown, tmp_path / "run.html", planet_radius=radius))["planet"]
+        for radius in (None, 6e6)
+    ]
+    np.testing.assert_allclose(planets, [7e6 / 3.0, 6e6])
+
+
+def test_long_run_is_thinned_out(tmp_path):
+    data = data_of(view_page(spacecraft(np.linspace(0.0, 20.0, 4001), False), tmp_path / "r.html"))
+    assert len(data["times"]) <= 1500
+    assert data["times"][0] == 0.0 and data["times"][-1] == 20.0
+
+
+def test_failed_end_is_left_out(tmp_path):
+    failed = spacecraft(wheels=False)
+    states = eqx.tree_at(
+        lambda y: y.position, failed.states, np.where(TIMES > 15.0, np.nan, failed.states.position)
+    )
+    data = data_of(view_page(run(failed.system, states), tmp_path / "run.html"))
+    assert data["times"][-1] == 15.0
+
+
+def test_phases_of_a_mission_follow_one_another(tmp_path):
+    phases = (spacecraft(TIMES, False), spacecraft(TIMES + 20.0, False))
+    mission = SimpleNamespace(phases=phases, names=("burn", "coast"))
+    data = data_of(view_page(mission, tmp_path / "run.html"))
+    assert data["phases"] == [[0.0, "burn"], [20.0, "coast"]]
+    assert data["times"][-1] == 40.0
+
+
+def test_batches_and_states_that_cannot_be_seen_are_refused(tmp_path):
+    batch = spacecraft()
+    batch.status = np.zeros(3)
+    with pytest.raises(InputError, match="one run"):
+        view_page(batch, tmp_path / "run.html")
+    with pytest.raises(InputError, match="neither a position nor an attitude"):
+        view_page(run(None, SimpleNamespace(angle=TIMES)), tmp_path / "run.html")
+
+
+def test_show_opens_the_browser(monkeypatch):
+    opened = []
+    monkeypatch.setattr("webbrowser.open", opened.append)
+    page = show_run(spacecraft())
+    assert opened == [page.as_uri()] and page.exists()
+
+
+@pytest.mark.parametrize(
+    "faces",
+    [
+        faces_of(np.array([1.0, 2.0, 2.5]), np.eye(3)),
+        faces_of(np.array([2.0, 2.0, 1.0]), np.eye(3)),
+        faces_of(np.array([4.0, 2.0, 2.0]), np.eye(3)[:, ::-1]),
+        top_faces(),
+    ],
+    ids=["box", "cylinder", "disk", "top"],
+)
+def test_faces_look_outwards(faces):
+    """The volume inside, by the divergence theorem: of faces turned inwards it is negative."""
+    volume = 0.0
+    for face in faces:
+        a, *rest = np.array(face["points"], float)
+        volume += sum(a @ np.cross(b, c) for b, c in zip(rest, rest[1:], strict=False)) / 6.0
+    assert volume > 0.01
+
+
+def test_wheel_stands_across_its_axis():
+    axis = np.array([1.0, 1.0, 0.0])
+    points = np.concatenate([face["points"] for face in wheel_faces(0, axis)])
+    assert np.max(np.abs(points @ axis)) < 0.05 < np.max(np.abs(points))
+
+
+@pytest.mark.skipif(BROWSER is None, reason="no Chromium")
+@pytest.mark.parametrize("what", ["spacecraft", "tumbling"])
+def test_page_draws_and_plays(what, tmp_path):
+    if what == "spacecraft":
+        shown = spacecraft()
+    else:
+        attitude = Quaternion.about(0, jnp.asarray(TIMES))
+        omega = jnp.asarray(np.stack([1.0 + 0.0 * TIMES, 0.0 * TIMES, 0.0 * TIMES]))
+        body = TorqueFreeBody(PrincipalInertia(jnp.array([1.0, 2.0, 2.5])))
+        shown = run(body, BodyState(attitude=attitude, omega=omega))
+    page = view_page(shown, tmp_path / "run.html")
+    page.write_text(page.read_text().replace("</body>", WATCH))
+    command = [BROWSER, "--headless", "--no-sandbox", "--disable-gpu", "--enable-logging=stderr"]
+    command += [f"--user-data-dir={tmp_path / 'user'}", "--virtual-time-budget=4000", "--dump-dom"]
+    done = subprocess.run([*command, page.as_uri()], capture_output=True, text=True, timeout=120)
+    assert "CONSOLE" not in done.stderr, done.stderr
+    found = json.loads(re.search(r"<i id=\"found\">(.*)</i>", done.stdout).group(1))
+    assert found["error"] == ""
+    assert 0.0 < found["played"] < 20.0
+    # Faces in many shades, lines, letters.
+    assert found["colours"] > 20 and found["near"] > 20
+    assert found["middle"].startswith("t = 10.0000 s")
+    assert found["later"] == 10.0  # it stands
