@@ -10,6 +10,7 @@ those of its effects.
 from abc import abstractmethod
 
 import equinox as eqx
+import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ._quantity import AbstractParameters
@@ -68,6 +69,27 @@ class AbstractRegularised(eqx.Module):
     def fictitious_time(self, duration: Scalar, z: Array) -> Scalar:
         """The fictitious time that a `duration`, s (negative: backwards), takes from `z` on: exact
         without perturbation, approximate with one."""
+
+    def scale(self, z: Array) -> Array:
+        """Of each variable, the size by which its error is judged; infinite where it is not."""
+        size = jnp.sqrt(jnp.sum(z[:-1] * z[:-1], axis=0))
+        return jnp.concatenate(
+            [jnp.broadcast_to(size, z[:-1].shape), jnp.full_like(z[-1:], jnp.inf)]
+        )
+
+    def second_order(self, z: Array) -> "AbstractSecondOrderForm | None":
+        """The same motion in variables whose second derivatives depend on themselves alone, or
+        `None`; for runs of the shape of `z`."""
+        del z
+        return None
+
+
+class AbstractSecondOrderForm(AbstractRegularised):
+    """Regularised variables z = (q, q', c, t) with q'' = f(q, c), t' = g(q, c) and constant c."""
+
+    @abstractmethod
+    def rates(self, q: Array, c: Array) -> Array:
+        """q'', and t' as one component more."""
 
 
 class AbstractSystem(AbstractParameters):

@@ -15,12 +15,11 @@ from typing import Any, Literal, NamedTuple, final
 import diffrax
 import equinox as eqx
 import jax
-import jax.extend
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import ArrayLike, PyTree
 
-from ..core import AbstractSystem
+from ..core import AbstractSystem, depending_on
 from ..solvers import DOP853, RKN1210, ExponentialRosenbrock, Tsit5
 from ._stiffness import InitialConditions, is_stiff
 
@@ -87,14 +86,9 @@ def _is_second_order(tree: Any, leaves: tuple[Any, ...]) -> bool:
 
     jaxpr = jax.make_jaxpr(rates)(shapes, shapes[1].position, shapes[1].velocity).jaxpr
     velocity = jaxpr.invars[-1]
-    # Forwards through the operations: what is computed from the velocity may depend on it.
-    moved = {velocity}
-    for operation in jaxpr.eqns:
-        if any(x in moved for x in operation.invars if not isinstance(x, jax.extend.core.Literal)):
-            moved.update(operation.outvars)
     travel, acceleration = jaxpr.outvars
     # The same variable, and not equal numbers: these would prove nothing.
-    return travel is velocity and acceleration not in moved
+    return travel is velocity and acceleration not in depending_on(jaxpr, [velocity])
 
 
 def _is_fast_and_linear(context: SelectionContext) -> bool:

@@ -18,14 +18,20 @@ They are regular on every orbit, and through a collision.
 Source: Stiefel, Scheifele, Linear and Regular Celestial Mechanics, sections 8, 9, 19.
 """
 
-from typing import final
+from collections.abc import Callable
+from typing import TYPE_CHECKING, final
 
+import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..bodies import BodyState
-from ..core import AbstractRegularised, AbstractSystem, Scalar, Vector, dot
+from ..core import AbstractRegularised, AbstractSystem, Scalar, Vector, depending_on, dot
 from ._kepler import universal_anomaly
+
+if TYPE_CHECKING:
+    from ._ks_second_order import SecondOrderKS
 
 
 def ks_parameters(r: Vector) -> Float[Array, "4 *#runs"]:
@@ -61,7 +67,8 @@ def ks_transposed(u: Array, p: Vector) -> Float[Array, "4 *#runs"]:
     )
 
 
-def _dot4(u: Array, w: Array) -> Scalar:
+def dot4(u: Array, w: Array) -> Scalar:
+    """u . w of four components."""
     (a, b, c, d), (e, f, g, h) = u, w
     # Written out, because a reduction over four components hinders the compiler's fusion.
     return (a * e + b * f) + (c * g + d * h)
@@ -84,7 +91,7 @@ class KustaanheimoStiefel(AbstractRegularised):
 
     def from_regularised(self, z: Array) -> BodyState:
         u, w = z[:4], z[4:8]
-        return BodyState(ks_map(u, u), (2.0 / _dot4(u, u)) * ks_map(u, w))
+        return BodyState(ks_map(u, u), (2.0 / dot4(u, u)) * ks_map(u, w))
 
     def perturbation(self, t: Scalar, z: Array) -> Vector:
         if self.rest is None:
@@ -93,23 +100,59 @@ class KustaanheimoStiefel(AbstractRegularised):
 
     def derivative(self, z: Array, perturbation: Vector) -> Array:
         u, w, energy = z[:4], z[4:8], z[8]
-        r = _dot4(u, u)
+        r = dot4(u, u)
         if self.rest is None:
             # The pure oscillator: no product with a perturbation that is zero.
             return jnp.concatenate([w, (0.5 * energy) * u, jnp.stack([jnp.zeros_like(r), r])])
         force = ks_transposed(u, perturbation)
         return jnp.concatenate(
-            [w, 0.5 * (energy * u + r * force), jnp.stack([2.0 * _dot4(w, force), r])]
+            [w, 0.5 * (energy * u + r * force), jnp.stack([2.0 * dot4(w, force), r])]
         )
 
     def fictitious_time(self, duration: Scalar, z: Array) -> Scalar:
         u, w = z[:4], z[4:8]
-        r = _dot4(u, u)
+        r = dot4(u, u)
         # r . v = dr/ds, because dt/ds = |r|.
-        climb = 2.0 * _dot4(u, w)
+        climb = 2.0 * dot4(u, w)
         unit = jnp.sqrt(r / self.mu)
         beta = -2.0 * z[8] * r / self.mu
         sigma = climb / (unit * self.mu)
         # Rounding may leave a small negative number on a straight line, where p is zero.
-        p = jnp.maximum(4.0 * _dot4(w, w) / self.mu - sigma * sigma, 0.0)
+        p = jnp.maximum(4.0 * dot4(w, w) / self.mu - sigma * sigma, 0.0)
         return unit * universal_anomaly(sigma, beta, duration / (r * unit), p)
+
+    def scale(self, z: Array) -> Array:
+        r = dot4(z[:4], z[:4])
+        of_u = jnp.sqrt(r)
+        # On an ellipse a constant, sqrt(mu/2): w itself is small about the apoapsis.
+        of_w = jnp.sqrt(dot4(z[4:8], z[4:8]) + 0.5 * jnp.abs(z[8]) * r)
+        # E is zero on a parabola, whose energy is judged by a hundredth of the attraction.
+        of_energy = jnp.abs(z[8]) + 0.01 * self.mu / r
+        return jnp.stack([*[of_u] * 4, *[of_w] * 4, of_energy, jnp.full_like(r, jnp.inf)])
+
+    def second_order(self, z: Array) -> "SecondOrderKS | None":
+        from ._ks_second_order import SecondOrderKS
+
+        if self.rest is None or _has_potential(self.rest, self.from_regularised, z):
+            return SecondOrderKS(self)
+        return None
+
+
+def _has_potential(rest: AbstractSystem, state: Callable[[Array], BodyState], z: Array) -> bool:
+    """Whether the accelerations of `rest` keep an energy, and depend on the position alone.
+
+    The latter as the traced functions show it; what keeps the energy, its effects say."""
+    y = jax.eval_shape(state, z)
+    time = jax.ShapeDtypeStruct((), z.dtype)
+    arrays, static = eqx.partition(rest, eqx.is_array)
+    shapes = jax.tree.map(lambda x: jax.ShapeDtypeStruct(x.shape, x.dtype), arrays)
+
+    def both(t: Scalar, v: Vector, r: Vector, arrays: AbstractSystem) -> tuple[Array, ...]:
+        system = eqx.combine(arrays, static)
+        kept = system.invariants(t, BodyState(r, jnp.zeros_like(r)))
+        a = system.vector_field(t, BodyState(r, v)).velocity
+        return (a, kept["energy"]) if "energy" in kept else (a,)
+
+    jaxpr = jax.make_jaxpr(both)(time, y.velocity, y.position, shapes).jaxpr
+    moved = depending_on(jaxpr, jaxpr.invars[:2])
+    return len(jaxpr.outvars) == 2 and not any(x in moved for x in jaxpr.outvars)

@@ -1,0 +1,331 @@
+"""The loop of an integration in which every run takes steps of its own, in regularised variables.
+
+A pass of the loop is a step for each run that is not yet at its end: accepted or rejected, and as
+long as that run allows. So nothing is lost where the runs of a block are at different places of
+their orbits. Each run lands on the end of every segment, and then begins the next one.
+"""
+
+from typing import Any, NamedTuple, final
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, Int
+
+from ..core import AbstractRegularised, Scalar, State
+from ..solvers import Tolerance
+from ..solvers._adaptive_regularised import (
+    CLOSE,
+    FIRST_STEP,
+    attempt,
+    form_of,
+    landed,
+    order_of,
+    size,
+)
+from ..solvers._regularised import Regular, derivative_in
+from ..solvers._step_control import GROW, SHRINK, SMALLEST_STEP
+from ._buffers import Checkpoints, capacity_for, empty_buffer, nan_buffer, put_row
+from ._loop import LoopSettings
+
+# Closer to the error allowed than where steps are shared: few steps are rejected, because the next
+# error is foreseen from the last two.
+SAFETY = 0.9
+
+
+@final
+class OwnState(eqx.Module):
+    """Where a run is: its regularised variables, the last of them the time, s, since its segment
+    began, and how many segments lie behind it."""
+
+    z: Regular
+    segment: Float[Array, "*runs"]
+
+
+class OwnLoop(NamedTuple):
+    """What one pass of the loop hands to the next; everything but the buffers is of each run.
+
+    - `h`: the next step; `free`, the length that the error allows; `ideal`, that which would have
+      had just the error allowed, the last time.
+    - `landing`: whether the next step is one that should end the segment.
+    - `worst`: the largest local error of the steps taken, in units of the tolerance.
+    - `steps`: of each pass in which a run moved, the steps of the runs (zero for one that does not
+      move) and whether they landed; `count` of them, of `passes`.
+    - `ends`, `states`: normalised times and states after each of these passes, where asked for."""
+
+    y: OwnState
+    h: Float[Array, "*runs"]
+    free: Float[Array, "*runs"]
+    ideal: Float[Array, "*runs"]
+    landing: Bool[Array, "*runs"]
+    worst: Float[Array, "*runs"]
+    accepted: Int[Array, "*runs"]
+    rejected: Int[Array, "*runs"]
+    passes: Int[Array, ""]
+    count: Int[Array, ""]
+    saved: State | None
+    steps: Float[Array, "passes 2 *runs"] | None
+    ends: Float[Array, " passes *runs"] | None
+    states: State | None
+    checkpoints: Checkpoints | None
+
+
+class Segment(NamedTuple):
+    """When the segment of each run begins, and how long it takes, s."""
+
+    t: Scalar
+    duration: Scalar
+
+    @classmethod
+    def of(cls, field: Any, settings: LoopSettings, number: Array) -> "Segment":
+        """That with this number; the last one beyond the end."""
+        last = jnp.minimum(number, settings.end - 1.0).astype(settings.end.dtype)
+        duration = field.duration(last, jnp.ones_like(last))
+        return cls(field.time(last), duration.astype(number.dtype))
+
+
+def _alive(z: Regular) -> Bool[Array, "*runs"]:
+    return Tolerance(0.0, 0.0, z.ndim - 1).alive(z)
+
+
+def _unit(form: AbstractRegularised, z: Regular, rate: Regular) -> Scalar:
+    """The fictitious time in which the variables change by their own sizes."""
+    return 1.0 / size(rate, form.scale(z))
+
+
+def integrate_own_steps(
+    settings: LoopSettings, field: Any, y0: OwnState, *, checkpointed: bool = False
+) -> OwnLoop:
+    """Integrate every run to the end of its last segment; arguments as of `integrate_loop`."""
+    form = form_of(field, y0.z)
+
+    def unfinished(loop: OwnLoop) -> Bool[Array, ""]:
+        left = (loop.y.segment < settings.end) & _alive(loop.y.z)
+        return jnp.any(left) & (loop.passes < settings.max_steps)
+
+    start = _start(settings, form, field, y0, checkpointed)
+    return jax.lax.while_loop(unfinished, lambda loop: _advance(settings, form, field, loop), start)
+
+
+def _start(
+    settings: LoopSettings,
+    form: AbstractRegularised,
+    field: Any,
+    y0: OwnState,
+    checkpointed: bool,
+) -> OwnLoop:
+    segment = Segment.of(field, settings, y0.segment)
+    rate = derivative_in(form, *segment, y0.z)
+    free = FIRST_STEP * _unit(form, y0.z, rate)
+    free = jnp.broadcast_to(free, y0.segment.shape)
+    to_end = form.fictitious_time(segment.duration, y0.z)
+    landing = jnp.abs(to_end) <= free
+    zero = jnp.asarray(0)
+    none = jnp.zeros(y0.segment.shape, int)
+    limit, dtype = settings.max_steps, y0.z.dtype
+    runs = y0.segment.shape
+    saved = steps = ends = states = checkpoints = None
+    if settings.save_ts is not None:
+        saved = put_row(nan_buffer(settings.save_ts.shape[0], y0), zero, y0)
+    if checkpointed:
+        steps = jax.lax.empty((limit, 2, *runs), dtype)
+        checkpoints = Checkpoints(empty_buffer(capacity_for(y0, limit) + 1, y0), zero + 1)
+    if settings.record_steps or settings.dense:
+        ends = jax.lax.empty((limit, *runs), settings.end.dtype)
+    if settings.dense:
+        states = empty_buffer(limit, y0)
+    return OwnLoop(
+        y=y0,
+        h=jnp.where(landing, to_end, jnp.sign(segment.duration) * free),
+        free=free,
+        ideal=jnp.zeros_like(free),
+        landing=landing,
+        worst=jnp.where(_alive(y0.z), 0.0, jnp.inf).astype(dtype),
+        accepted=none,
+        rejected=none,
+        passes=zero,
+        count=zero,
+        saved=saved,
+        steps=steps,
+        ends=ends,
+        states=states,
+        checkpoints=checkpoints,
+    )
+
+
+def _advance(
+    settings: LoopSettings, form: AbstractRegularised, field: Any, loop: OwnLoop
+) -> OwnLoop:
+    """The loop after one more pass."""
+    y, free = loop.y, loop.free
+    active = (y.segment < settings.end) & _alive(y.z)
+    segment = Segment.of(field, settings, y.segment)
+    h = jnp.where(active, loop.h, 0.0)
+    z1, error, rate = attempt(form, *segment, y.z, h)
+    scale = jnp.maximum(form.scale(y.z), form.scale(z1))
+    local = size(error, scale) / settings.tolerance.rtol
+    local = jnp.where(jnp.isfinite(local) & _alive(z1), local, jnp.inf).astype(free.dtype)
+    if settings.longest_steps is not None:
+        local = jnp.maximum(local, _too_long(settings, form, segment, y, z1))
+    # A step as short as this is taken whatever its error, which the status then reports.
+    tiny = ~(jnp.abs(h) > SMALLEST_STEP * _unit(form, y.z, rate))
+    good = active & ((local <= 1.0) | tiny)
+    # The direction of the duration, and not of the step: one that lands may go back a little.
+    beyond = (segment.duration - z1[-1]) * jnp.sign(segment.duration) < 0.0
+    past = good & ~loop.landing & beyond
+    accept = good & ~past
+    # The length that would have had just the error allowed, and on the way to a periapsis the next
+    # one will be shorter by as much again.
+    ideal = jnp.abs(h) * jnp.clip(local, 1e-14, 1e14) ** (-1.0 / order_of(form))
+    trend = jnp.where(loop.ideal > 0.0, jnp.minimum(ideal / loop.ideal, 1.0), 1.0)
+    proposal = SAFETY * ideal * jnp.where(accept & ~loop.landing, trend, 1.0)
+    proposal = jnp.clip(proposal, SHRINK * jnp.abs(h), jnp.where(good, GROW, SAFETY) * jnp.abs(h))
+    # A step that lands is shorter than it might have been.
+    proposal = jnp.where(accept & loop.landing, jnp.maximum(free, proposal), proposal)
+    free = jnp.where(active & ~past, proposal, free)
+    z = jnp.where(accept, z1, y.z)
+    turn = _Turn(OwnState(z, y.segment), past, accept & loop.landing, free)
+    y1, h, landing, done = jax.lax.cond(
+        jnp.any(turn.past | turn.closing),
+        lambda: _turned(settings, form, field, segment, turn),
+        lambda: (
+            turn.y,
+            jnp.sign(segment.duration) * free,
+            jnp.zeros_like(past),
+            jnp.zeros_like(past),
+        ),
+    )
+    worst = jnp.where(accept, jnp.maximum(loop.worst, local), loop.worst)
+    return _written(
+        settings, field, loop, accept, jnp.where(accept, loop.h, 0.0), done, y1
+    )._replace(
+        y=y1,
+        h=h,
+        free=free,
+        ideal=jnp.where(accept & ~loop.landing, ideal, loop.ideal),
+        landing=landing,
+        worst=worst,
+        accepted=loop.accepted + accept,
+        rejected=loop.rejected + (active & ~accept),
+        passes=loop.passes + 1,
+    )
+
+
+class _Turn(NamedTuple):
+    """Runs close to the end of their segment: those whose step would have gone `past` it, and those
+    that a step has brought close."""
+
+    y: OwnState
+    past: Bool[Array, "*runs"]
+    closing: Bool[Array, "*runs"]
+    free: Float[Array, "*runs"]
+
+
+def _turned(
+    settings: LoopSettings, form: AbstractRegularised, field: Any, segment: Segment, turn: _Turn
+) -> tuple[OwnState, Array, Array, Array]:
+    """The states with those landed that are there, the next steps, whether these should land, and
+    which runs have."""
+    z, number = turn.y.z, turn.y.segment
+    rate = derivative_in(form, *segment, z)
+    left = segment.duration - z[-1]
+    close = jnp.abs(left) <= CLOSE * jnp.abs(rate[-1]) * _unit(form, z, rate)
+    done = turn.closing & (close | (segment.duration == 0.0))
+    y1 = landing_state(form, segment, turn.y, done)
+    following = Segment.of(field, settings, y1.segment)
+    to_end = form.fictitious_time(following.duration - y1.z[-1], y1.z)
+    short = turn.past | (turn.closing & ~done) | (jnp.abs(to_end) <= turn.free)
+    landing = (turn.past | turn.closing) & short & (y1.segment < settings.end)
+    return y1, jnp.where(landing, to_end, jnp.sign(following.duration) * turn.free), landing, done
+
+
+def landing_state(
+    form: AbstractRegularised, segment: Segment, y: OwnState, done: Bool[Array, "*runs"]
+) -> OwnState:
+    """The states with those that are `done` at the start of their next segment."""
+    z = landed(form, *segment, y.z)
+    z = jnp.concatenate([z[:-1], jnp.zeros_like(z[-1:])])
+    return OwnState(jnp.where(done, z, y.z), y.segment + done)
+
+
+def _too_long(
+    settings: LoopSettings,
+    form: AbstractRegularised,
+    segment: Segment,
+    y: OwnState,
+    z1: Regular,
+) -> Array:
+    """The step in units of the longest that is allowed, as an error that shortens it as much."""
+    assert settings.longest_steps is not None
+    index = jnp.minimum(y.segment, settings.end - 1.0).astype(int)
+    longest = settings.longest_steps[index] * jnp.abs(segment.duration)
+    part = jnp.abs(z1[-1] - y.z[-1]) / jnp.where(longest > 0.0, longest, jnp.inf)
+    return jnp.where(part > 1.0 + 1e-6, part, 0.0) ** order_of(form)
+
+
+def put_landed(rows: State, y: State, number: Array, done: Bool[Array, "*runs"]) -> State:
+    """Rows, (times, ..., *runs), with that of its segment replaced for each run that has landed."""
+    runs = number.size
+    row = jnp.where(done, number, jnp.inf).reshape(runs)
+
+    def leaf(x: Array, new: Array) -> Array:
+        flat = x.reshape(x.shape[0], -1, runs)
+        where = jnp.where(jnp.isfinite(row), row, x.shape[0]).astype(int)
+        values = new.reshape(-1, runs).T
+        return flat.at[where, :, jnp.arange(runs)].set(values, mode="drop").reshape(x.shape)
+
+    return jax.tree.map(leaf, rows, y)
+
+
+def get_landed(rows: State, number: Array, done: Bool[Array, "*runs"]) -> State:
+    """Of rows, (times, ..., *runs), that of its segment for each run that has landed, else zero."""
+    runs = number.size
+
+    def leaf(x: Array) -> Array:
+        flat = x.reshape(x.shape[0], -1, runs)
+        where = jnp.clip(number.reshape(runs), 0, x.shape[0] - 1).astype(int)
+        values = flat[where, :, jnp.arange(runs)].T.reshape(x.shape[1:])
+        return jnp.where(done, values, 0.0)
+
+    return jax.tree.map(leaf, rows)
+
+
+def _written(
+    settings: LoopSettings,
+    field: Any,
+    loop: OwnLoop,
+    accept: Array,
+    h: Array,
+    done: Array,
+    y: OwnState,
+) -> OwnLoop:
+    """The loop with what this pass leaves in the buffers."""
+    saved, steps, ends, states, checkpoints = loop[-5:]
+    moved = jnp.any(accept)
+    if saved is not None:
+        # A loop of at most one pass: a condition would copy the whole buffer.
+        saved, _ = jax.lax.while_loop(
+            lambda carry: carry[1],
+            lambda carry: (put_landed(carry[0], y, y.segment, done), jnp.array(False)),
+            (saved, jnp.any(done)),
+        )
+    if steps is not None:
+        # A pass in which no run moved writes to the row that the next one overwrites.
+        steps = steps.at[loop.count].set(jnp.stack([h, done.astype(h.dtype)]))
+    if ends is not None:
+        segment = Segment.of(field, settings, y.segment)
+        part = y.z[-1] / jnp.where(segment.duration == 0.0, 1.0, segment.duration)
+        ends = ends.at[loop.count].set((y.segment + part).astype(ends.dtype))
+    if states is not None:
+        states = put_row(states, loop.count, y)
+    if checkpoints is not None:
+        capacity = capacity_for(y, settings.max_steps)
+        checkpoints = checkpoints.record(moved, loop.count + 1, y, capacity, settings.max_steps)
+    return loop._replace(
+        count=loop.count + moved,
+        saved=saved,
+        steps=steps,
+        ends=ends,
+        states=states,
+        checkpoints=checkpoints,
+    )
