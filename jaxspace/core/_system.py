@@ -88,8 +88,8 @@ class AbstractSecondOrderForm(AbstractRegularised):
     """Regularised variables z = (q, q', c, t) with q'' = f(q, c), t' = g(q, c) and constant c."""
 
     @abstractmethod
-    def rates(self, q: Array, c: Array) -> Array:
-        """q'', and t' as one component more."""
+    def rates(self, q: Array, c: Array) -> tuple[Array, Scalar]:
+        """q'' and t'."""
 
 
 class AbstractSystem(AbstractParameters):

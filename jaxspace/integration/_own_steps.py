@@ -47,7 +47,8 @@ class OwnLoop(NamedTuple):
 
     - `h`: the next step; `free`, the length that the error allows; `ideal`, that which would have
       had just the error allowed, the last time.
-    - `landing`: whether the next step is one that should end the segment.
+    - `landing`: whether the next step is one that should end the segment; `pending`, whether the
+      run waits for the others before it takes such a step, or has taken one.
     - `worst`: the largest local error of the steps taken, in units of the tolerance.
     - `steps`: of each pass in which a run moved, the steps of the runs (zero for one that does not
       move) and whether they landed; `count` of them, of `passes`.
@@ -58,6 +59,7 @@ class OwnLoop(NamedTuple):
     free: Float[Array, "*runs"]
     ideal: Float[Array, "*runs"]
     landing: Bool[Array, "*runs"]
+    pending: Bool[Array, "*runs"]
     worst: Float[Array, "*runs"]
     accepted: Int[Array, "*runs"]
     rejected: Int[Array, "*runs"]
@@ -140,6 +142,7 @@ def _start(
         free=free,
         ideal=jnp.zeros_like(free),
         landing=landing,
+        pending=jnp.zeros_like(landing),
         worst=jnp.where(_alive(y0.z), 0.0, jnp.inf).astype(dtype),
         accepted=none,
         rejected=none,
@@ -159,8 +162,9 @@ def _advance(
     """The loop after one more pass."""
     y, free = loop.y, loop.free
     active = (y.segment < settings.end) & _alive(y.z)
+    moving = active & ~loop.pending
     segment = Segment.of(field, settings, y.segment)
-    h = jnp.where(active, loop.h, 0.0)
+    h = jnp.where(moving, loop.h, 0.0)
     z1, error, rate = attempt(form, *segment, y.z, h)
     scale = jnp.maximum(form.scale(y.z), form.scale(z1))
     local = size(error, scale) / settings.tolerance.rtol
@@ -169,7 +173,7 @@ def _advance(
         local = jnp.maximum(local, _too_long(settings, form, segment, y, z1))
     # A step as short as this is taken whatever its error, which the status then reports.
     tiny = ~(jnp.abs(h) > SMALLEST_STEP * _unit(form, y.z, rate))
-    good = active & ((local <= 1.0) | tiny)
+    good = moving & ((local <= 1.0) | tiny)
     # The direction of the duration, and not of the step: one that lands may go back a little.
     beyond = (segment.duration - z1[-1]) * jnp.sign(segment.duration) < 0.0
     past = good & ~loop.landing & beyond
@@ -182,61 +186,65 @@ def _advance(
     proposal = jnp.clip(proposal, SHRINK * jnp.abs(h), jnp.where(good, GROW, SAFETY) * jnp.abs(h))
     # A step that lands is shorter than it might have been.
     proposal = jnp.where(accept & loop.landing, jnp.maximum(free, proposal), proposal)
-    free = jnp.where(active & ~past, proposal, free)
+    free = jnp.where(moving & ~past, proposal, free)
     z = jnp.where(accept, z1, y.z)
-    turn = _Turn(OwnState(z, y.segment), past, accept & loop.landing, free)
-    y1, h, landing, done = jax.lax.cond(
-        jnp.any(turn.past | turn.closing),
-        lambda: _turned(settings, form, field, segment, turn),
-        lambda: (
-            turn.y,
-            jnp.sign(segment.duration) * free,
-            jnp.zeros_like(past),
-            jnp.zeros_like(past),
-        ),
+    pending = active & (loop.pending | past | (accept & loop.landing))
+    turn = _Turn(
+        OwnState(z, y.segment), jnp.sign(segment.duration) * free, pending, jnp.zeros_like(past)
+    )
+    # All at once, when no run is still on its way: to land costs as much as some steps.
+    y1, h1, pending, landing, done = jax.lax.cond(
+        jnp.any(pending) & jnp.all(pending | ~active),
+        lambda: _turned(settings, form, field, segment, turn, free),
+        lambda: (*turn, jnp.zeros_like(past)),
     )
     worst = jnp.where(accept, jnp.maximum(loop.worst, local), loop.worst)
-    return _written(
-        settings, field, loop, accept, jnp.where(accept, loop.h, 0.0), done, y1
-    )._replace(
+    taken = jnp.where(accept, loop.h, 0.0)
+    return _written(settings, field, loop, accept | done, taken, done, y1)._replace(
         y=y1,
-        h=h,
+        h=h1,
         free=free,
         ideal=jnp.where(accept & ~loop.landing, ideal, loop.ideal),
         landing=landing,
+        pending=pending,
         worst=worst,
         accepted=loop.accepted + accept,
-        rejected=loop.rejected + (active & ~accept),
+        rejected=loop.rejected + (moving & ~accept),
         passes=loop.passes + 1,
     )
 
 
 class _Turn(NamedTuple):
-    """Runs close to the end of their segment: those whose step would have gone `past` it, and those
-    that a step has brought close."""
+    """Where the runs are, their next steps, which of them are close to the end of their segment,
+    and which steps should land."""
 
     y: OwnState
-    past: Bool[Array, "*runs"]
-    closing: Bool[Array, "*runs"]
-    free: Float[Array, "*runs"]
+    h: Float[Array, "*runs"]
+    pending: Bool[Array, "*runs"]
+    landing: Bool[Array, "*runs"]
 
 
 def _turned(
-    settings: LoopSettings, form: AbstractRegularised, field: Any, segment: Segment, turn: _Turn
-) -> tuple[OwnState, Array, Array, Array]:
-    """The states with those landed that are there, the next steps, whether these should land, and
-    which runs have."""
-    z, number = turn.y.z, turn.y.segment
+    settings: LoopSettings,
+    form: AbstractRegularised,
+    field: Any,
+    segment: Segment,
+    turn: _Turn,
+    free: Array,
+) -> tuple[OwnState, Array, Array, Array, Array]:
+    """The next `_Turn` of runs that are close to the end of their segment, those that are there in
+    the next one, and which have landed so."""
+    z = turn.y.z
     rate = derivative_in(form, *segment, z)
     left = segment.duration - z[-1]
     close = jnp.abs(left) <= CLOSE * jnp.abs(rate[-1]) * _unit(form, z, rate)
-    done = turn.closing & (close | (segment.duration == 0.0))
+    done = turn.pending & (close | (segment.duration == 0.0))
     y1 = landing_state(form, segment, turn.y, done)
     following = Segment.of(field, settings, y1.segment)
     to_end = form.fictitious_time(following.duration - y1.z[-1], y1.z)
-    short = turn.past | (turn.closing & ~done) | (jnp.abs(to_end) <= turn.free)
-    landing = (turn.past | turn.closing) & short & (y1.segment < settings.end)
-    return y1, jnp.where(landing, to_end, jnp.sign(following.duration) * turn.free), landing, done
+    landing = turn.pending & (~done | (jnp.abs(to_end) <= free)) & (y1.segment < settings.end)
+    h = jnp.where(landing, to_end, jnp.sign(following.duration) * free)
+    return y1, h, jnp.zeros_like(turn.pending), landing, done
 
 
 def landing_state(

@@ -17,12 +17,19 @@ Source: Stiefel, Scheifele, Linear and Regular Celestial Mechanics, sections 8, 
 
 from typing import final
 
+import jax
 import jax.numpy as jnp
-from jaxtyping import Array
+from jaxtyping import Array, PyTree
 
 from ..bodies import BodyState
-from ..core import AbstractSecondOrderForm, Scalar, Vector
+from ..core import AbstractSecondOrderForm, Scalar, Vector, barrier
 from ._kustaanheimo_stiefel import KustaanheimoStiefel, dot4, ks_map, ks_transposed
+
+
+def _together(x: PyTree) -> PyTree:
+    """The arrays, computed once for all components that read them; for a single run it would cost
+    more to hold them."""
+    return barrier(x) if jax.tree.leaves(x)[-1].ndim > 1 else x
 
 
 @final
@@ -59,18 +66,18 @@ class SecondOrderKS(AbstractSecondOrderForm):
 
     def derivative(self, z: Array, perturbation: Vector) -> Array:
         del perturbation
-        rates = self.rates(z[:4], z[8:9])
-        return jnp.concatenate([z[4:8], rates[:4], jnp.zeros_like(z[8:9]), rates[4:]])
+        acceleration, r = self.rates(z[:4], z[8:9])
+        return jnp.concatenate([z[4:8], acceleration, jnp.zeros_like(z[8:9]), r[None]])
 
-    def rates(self, q: Array, c: Array) -> Array:
+    def rates(self, q: Array, c: Array) -> tuple[Array, Scalar]:
         r = dot4(q, q)
         if self.ks.rest is None:
-            return jnp.concatenate([(0.5 * c[0]) * q, r[None]])
-        position = ks_map(q, q)
+            return (0.5 * c[0]) * q, r
+        position = _together(ks_map(q, q))
         at_rest = BodyState(position, jnp.zeros_like(position))
         p = self.ks.rest.vector_field(jnp.zeros((), q.dtype), at_rest).velocity
-        energy = c[0] - self._potential(position)
-        return jnp.concatenate([0.5 * (energy * q + r * ks_transposed(q, p)), r[None]])
+        energy, half = _together((0.5 * (c[0] - self._potential(position)), (0.5 * r) * p))
+        return energy * q + ks_transposed(q, half), r
 
     def fictitious_time(self, duration: Scalar, z: Array) -> Scalar:
         return self.ks.fictitious_time(duration, self._of_two_bodies(z))

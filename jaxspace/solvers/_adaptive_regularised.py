@@ -136,26 +136,31 @@ def attempt(
 
 
 @eqx.filter_jit
-def _rates(form: AbstractSecondOrderForm, q: Array, c: Array) -> Array:
+def _rates(form: AbstractSecondOrderForm, q: Array, c: Array) -> tuple[Array, Scalar]:
     return barrier(form.rates(barrier(q), c))
 
 
 def _second_order_attempt(form: AbstractSecondOrderForm, z: Regular, h: Scalar) -> Attempt:
     n = (z.shape[0] - 2) // 2
-    q, p, c = z[:n], z[n : 2 * n], z[2 * n : -1]
+    q, p, c = barrier((z[:n], z[n : 2 * n], z[2 * n : -1]))
     ks: list[Array] = []
-    for node, row in zip(tableau.RKN1210_C, tableau.RKN1210_A, strict=True):
-        mean = node * p + h * weighted(row, ks)[:n] if row else node * p
-        ks.append(_rates(form, q + h * mean, c))
-    q1 = q + h * (p + h * weighted(tableau.RKN1210_POSITION, ks)[:n])
     # The time is a velocity without a position.
-    change = h * weighted(tableau.RKN1210_VELOCITY, ks)
-    z1 = barrier(jnp.concatenate([q1, p + change[:n], c, z[-1:] + change[n:]]))
-    of_q = (h * h) * weighted(POSITION_ERROR, ks)[:n]
+    rates: list[Array] = []
+    for node, row in zip(tableau.RKN1210_C, tableau.RKN1210_A, strict=True):
+        mean = node * p + h * weighted(row, ks) if row else node * p
+        k, rate = _rates(form, q + h * mean, c)
+        ks.append(k)
+        rates.append(rate)
+    q1 = q + h * (p + h * weighted(tableau.RKN1210_POSITION, ks))
+    p1 = p + h * weighted(tableau.RKN1210_VELOCITY, ks)
+    t1 = z[-1] + h * weighted(tableau.RKN1210_VELOCITY, rates)
+    of_q = (h * h) * weighted(POSITION_ERROR, ks)
     of_p = h * weighted(VELOCITY_ERROR, ks)
-    zero = jnp.zeros_like(c)
-    error = jnp.concatenate([of_q, of_p[:n], zero, of_p[n:]])
-    return Attempt(z1, error, jnp.concatenate([p, ks[0][:n], zero, ks[0][n:]]))
+    q1, p1, t1, of_q, of_p = barrier((q1, p1, t1, of_q, of_p))
+    zero = jnp.zeros_like(z[2 * n :])
+    z1 = jnp.concatenate([q1, p1, c, t1[None]])
+    error = jnp.concatenate([of_q, of_p, zero])
+    return Attempt(z1, error, jnp.concatenate([p, ks[0], zero[:-1], rates[0][None]]))
 
 
 def size(x: Regular, scale: Regular) -> Scalar:
