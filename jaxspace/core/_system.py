@@ -70,12 +70,15 @@ class AbstractRegularised(eqx.Module):
         """The fictitious time that a `duration`, s (negative: backwards), takes from `z` on: exact
         without perturbation, approximate with one."""
 
-    def scale(self, z: Array) -> Array:
-        """Of each variable, the size by which its error is judged; infinite where it is not."""
-        size = jnp.sqrt(jnp.sum(z[:-1] * z[:-1], axis=0))
-        return jnp.concatenate(
-            [jnp.broadcast_to(size, z[:-1].shape), jnp.full_like(z[-1:], jnp.inf)]
-        )
+    def size(self, x: Array, z0: Array, z1: Array) -> Scalar:
+        """The length of a change `x` of the variables, beside those before and after a step.
+
+        By default that of all but the time, of equal unit."""
+
+        def squared(x: Array) -> Scalar:
+            return jnp.sum(x[:-1] * x[:-1], axis=0)
+
+        return jnp.sqrt(squared(x) / jnp.maximum(squared(z0), squared(z1)))
 
     def second_order(self, z: Array) -> "AbstractSecondOrderForm | None":
         """The same motion in variables whose second derivatives depend on themselves alone, or

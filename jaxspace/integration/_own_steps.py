@@ -5,6 +5,7 @@ long as that run allows. So nothing is lost where the runs of a block are at dif
 their orbits. Each run lands on the end of every segment, and then begins the next one.
 """
 
+import functools
 from typing import Any, NamedTuple, final
 
 import equinox as eqx
@@ -13,7 +14,6 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
 from ..core import AbstractRegularised, Scalar, State
-from ..solvers import Tolerance
 from ..solvers._adaptive_regularised import (
     CLOSE,
     FIRST_STEP,
@@ -21,7 +21,6 @@ from ..solvers._adaptive_regularised import (
     form_of,
     landed,
     order_of,
-    size,
 )
 from ..solvers._regularised import Regular, derivative_in
 from ..solvers._step_control import GROW, SHRINK, SMALLEST_STEP
@@ -87,12 +86,13 @@ class Segment(NamedTuple):
 
 
 def _alive(z: Regular) -> Bool[Array, "*runs"]:
-    return Tolerance(0.0, 0.0, z.ndim - 1).alive(z)
+    # The sum of all is finite if they are, and no reduction, which takes one run after the other.
+    return jnp.isfinite(functools.reduce(jnp.add, list(z)))
 
 
 def _unit(form: AbstractRegularised, z: Regular, rate: Regular) -> Scalar:
     """The fictitious time in which the variables change by their own sizes."""
-    return 1.0 / size(rate, form.scale(z))
+    return 1.0 / form.size(rate, z, z)
 
 
 def integrate_own_steps(
@@ -166,13 +166,12 @@ def _advance(
     segment = Segment.of(field, settings, y.segment)
     h = jnp.where(moving, loop.h, 0.0)
     z1, error, rate = attempt(form, *segment, y.z, h)
-    scale = jnp.maximum(form.scale(y.z), form.scale(z1))
-    local = size(error, scale) / settings.tolerance.rtol
+    local = form.size(error, y.z, z1) / settings.tolerance.rtol
     local = jnp.where(jnp.isfinite(local) & _alive(z1), local, jnp.inf).astype(free.dtype)
     if settings.longest_steps is not None:
         local = jnp.maximum(local, _too_long(settings, form, segment, y, z1))
     # A step as short as this is taken whatever its error, which the status then reports.
-    tiny = ~(jnp.abs(h) > SMALLEST_STEP * _unit(form, y.z, rate))
+    tiny = ~(jnp.abs(h * rate[-1]) > SMALLEST_STEP * jnp.abs(segment.duration))
     good = moving & ((local <= 1.0) | tiny)
     # The direction of the duration, and not of the step: one that lands may go back a little.
     beyond = (segment.duration - z1[-1]) * jnp.sign(segment.duration) < 0.0

@@ -82,5 +82,6 @@ class SecondOrderKS(AbstractSecondOrderForm):
     def fictitious_time(self, duration: Scalar, z: Array) -> Scalar:
         return self.ks.fictitious_time(duration, self._of_two_bodies(z))
 
-    def scale(self, z: Array) -> Array:
-        return self.ks.scale(self._of_two_bodies(z))
+    def size(self, x: Array, z0: Array, z1: Array) -> Scalar:
+        # By the energy of the whole motion: its perturbation changes little of a scale.
+        return self.ks.size(x, z0, z1)

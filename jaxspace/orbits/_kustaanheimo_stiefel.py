@@ -125,14 +125,17 @@ class KustaanheimoStiefel(AbstractRegularised):
         p = jnp.maximum(4.0 * dot4(w, w) / self.mu - sigma * sigma, 0.0)
         return unit * universal_anomaly(sigma, beta, duration / (r * unit), p)
 
-    def scale(self, z: Array) -> Array:
-        r = dot4(z[:4], z[:4])
-        of_u = jnp.sqrt(r)
-        # On an ellipse a constant, sqrt(mu/2): w itself is small about the apoapsis.
-        of_w = jnp.sqrt(dot4(z[4:8], z[4:8]) + 0.5 * jnp.abs(z[8]) * r)
+    def size(self, x: Array, z0: Array, z1: Array) -> Scalar:
+        # The larger of both ends: u may be zero at one of them, in a collision.
+        r = jnp.maximum(dot4(z0[:4], z0[:4]), dot4(z1[:4], z1[:4]))
+        w2 = jnp.maximum(dot4(z0[4:8], z0[4:8]), dot4(z1[4:8], z1[4:8]))
+        energy = jnp.maximum(jnp.abs(z0[8]), jnp.abs(z1[8]))
+        # On an ellipse of constant size: w itself is small about the apoapsis.
+        w2 = w2 + 0.5 * energy * r
         # E is zero on a parabola, whose energy is judged by a hundredth of the attraction.
-        of_energy = jnp.abs(z[8]) + 0.01 * self.mu / r
-        return jnp.stack([*[of_u] * 4, *[of_w] * 4, of_energy, jnp.full_like(r, jnp.inf)])
+        energy = energy + 0.01 * self.mu / r
+        of_energy = x[8] / energy
+        return jnp.sqrt(dot4(x[:4], x[:4]) / r + dot4(x[4:8], x[4:8]) / w2 + of_energy * of_energy)
 
     def second_order(self, z: Array) -> "SecondOrderKS | None":
         from ._ks_second_order import SecondOrderKS

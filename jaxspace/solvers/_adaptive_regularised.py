@@ -21,7 +21,6 @@ Source: Stiefel, Scheifele, Linear and Regular Celestial Mechanics, for such var
 El-Mikkawy, Prince (1987), for the method of order 12.
 """
 
-import functools
 from typing import ClassVar, NamedTuple, final
 
 import diffrax
@@ -161,13 +160,6 @@ def _second_order_attempt(form: AbstractSecondOrderForm, z: Regular, h: Scalar) 
     z1 = jnp.concatenate([q1, p1, c, t1[None]])
     error = jnp.concatenate([of_q, of_p, zero])
     return Attempt(z1, error, jnp.concatenate([p, ks[0], zero[:-1], rates[0][None]]))
-
-
-def size(x: Regular, scale: Regular) -> Scalar:
-    """The length of `x` in units of the `scale`, for each run."""
-    # Component by component: a reduction takes one run after the other.
-    parts = x / scale
-    return jnp.sqrt(functools.reduce(jnp.add, list(parts * parts)))
 
 
 def landed(form: AbstractRegularised, t: Scalar, duration: Scalar, z: Regular) -> Regular:
