@@ -80,6 +80,8 @@ def integrate(
     if form is not None:
         taken = outcome.num_accepted + outcome.num_rejected
         result.stats["evaluations"] = taken * evaluations_of(form)
+        # There are no common steps that others could follow.
+        result = result._replace(step_ends=None)
     return within_model(result, system.outside(t1, state_at(result.states, -1, run_axes)))
 
 

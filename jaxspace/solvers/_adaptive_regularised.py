@@ -102,7 +102,11 @@ def regularised_start(field: ScaledField, y0: State) -> tuple[AbstractRegularise
 
 def form_of(field: ScaledField, z: Array | jax.ShapeDtypeStruct) -> AbstractRegularised:
     """The variables of second order where the motion has such, for runs of the shape of `z`."""
-    form = field.regularised()
+    return form_in(field.regularised(), z)
+
+
+def form_in(form: AbstractRegularised, z: Array | jax.ShapeDtypeStruct) -> AbstractRegularised:
+    """The variables of second order that `form` offers, or itself."""
     second = form.second_order(z)  # pyright: ignore[reportArgumentType]
     return form if second is None else second
 
