@@ -1,5 +1,5 @@
-"""Adaptive steps in regularised variables: the truth is RKN 12(10), or DOP853, of tight tolerance in
-time and Cartesian variables, which shares neither the variables nor the steps."""
+"""Adaptive steps in regularised variables: the truth is RKN 12(10), or DOP853, of tight tolerance
+in time and Cartesian variables, which shares neither the variables nor the steps."""
 
 import diffrax
 import jax
