@@ -52,14 +52,13 @@ def test_it_is_chosen_for_eccentric_orbits():
     def chosen(e, scene=OBLATE, ts=TS):
         return type(select_method(scene, at_periapsis(e), 1e-9, ts))
 
-    assert [chosen(e) for e in (0.45, 0.55, 0.9)] == [RKN1210, AdaptiveRegularised] + [
-        AdaptiveRegularised
-    ]
+    own = AdaptiveRegularised
+    assert [chosen(e) for e in (0.4, 0.6, 0.9)] == [RKN1210, own, own]
     assert chosen(0.9, DRAGGED) is AdaptiveRegularised
     assert chosen(0.3, DRAGGED) is DOP853
     # Less than a revolution, more states than it would land on, and numbers that are not known.
     assert chosen(0.9, ts=TS / 20.0) is RKN1210
-    assert chosen(0.9, ts=jnp.linspace(0.0, 20.0, 99)) is RKN1210
+    assert chosen(0.9, ts=jnp.linspace(0.0, 20.0, 999)) is RKN1210
     assert type(select_method(OBLATE, at_periapsis(0.9), 1e-9)) is RKN1210
 
 

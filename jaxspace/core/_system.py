@@ -10,6 +10,7 @@ those of its effects.
 from abc import abstractmethod
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
@@ -80,7 +81,7 @@ class AbstractRegularised(eqx.Module):
 
         return jnp.sqrt(squared(x) / jnp.maximum(squared(z0), squared(z1)))
 
-    def second_order(self, z: Array) -> "AbstractSecondOrderForm | None":
+    def second_order(self, z: jax.ShapeDtypeStruct) -> "AbstractSecondOrderForm | None":
         """The same motion in variables whose second derivatives depend on themselves alone, or
         `None`; for runs of the shape of `z`."""
         del z

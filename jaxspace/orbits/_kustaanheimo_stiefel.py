@@ -137,7 +137,7 @@ class KustaanheimoStiefel(AbstractRegularised):
         of_energy = x[8] / energy
         return jnp.sqrt(dot4(x[:4], x[:4]) / r + dot4(x[4:8], x[4:8]) / w2 + of_energy * of_energy)
 
-    def second_order(self, z: Array) -> "SecondOrderKS | None":
+    def second_order(self, z: jax.ShapeDtypeStruct) -> "SecondOrderKS | None":
         from ._ks_second_order import SecondOrderKS
 
         if self.rest is None or _has_potential(self.rest, self.from_regularised, z):
@@ -145,7 +145,9 @@ class KustaanheimoStiefel(AbstractRegularised):
         return None
 
 
-def _has_potential(rest: AbstractSystem, state: Callable[[Array], BodyState], z: Array) -> bool:
+def _has_potential(
+    rest: AbstractSystem, state: Callable[[Array], BodyState], z: jax.ShapeDtypeStruct
+) -> bool:
     """Whether the accelerations of `rest` keep an energy, and depend on the position alone.
 
     The latter as the traced functions show it; what keeps the energy, its effects say."""

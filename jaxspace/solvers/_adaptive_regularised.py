@@ -107,7 +107,7 @@ def form_of(field: ScaledField, z: Array | jax.ShapeDtypeStruct) -> AbstractRegu
 
 def form_in(form: AbstractRegularised, z: Array | jax.ShapeDtypeStruct) -> AbstractRegularised:
     """The variables of second order that `form` offers, or itself."""
-    second = form.second_order(z)  # pyright: ignore[reportArgumentType]
+    second = form.second_order(jax.ShapeDtypeStruct(z.shape, z.dtype))
     return form if second is None else second
 
 
