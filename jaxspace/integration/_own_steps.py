@@ -207,8 +207,8 @@ def _advance(
         landing=landing,
         pending=pending,
         worst=worst,
-        accepted=loop.accepted + accept,
-        rejected=loop.rejected + (moving & ~accept),
+        accepted=loop.accepted + accept.astype(int),
+        rejected=loop.rejected + (moving & ~accept).astype(int),
         passes=loop.passes + 1,
     )
 
@@ -252,7 +252,7 @@ def landing_state(
     """The states with those that are `done` at the start of their next segment."""
     z = landed(form, *segment, y.z)
     z = jnp.concatenate([z[:-1], jnp.zeros_like(z[-1:])])
-    return OwnState(jnp.where(done, z, y.z), y.segment + done)
+    return OwnState(jnp.where(done, z, y.z), y.segment + done.astype(y.segment.dtype))
 
 
 def _too_long(
@@ -329,7 +329,7 @@ def _written(
         capacity = capacity_for(y, settings.max_steps)
         checkpoints = checkpoints.record(moved, loop.count + 1, y, capacity, settings.max_steps)
     return loop._replace(
-        count=loop.count + moved,
+        count=loop.count + moved.astype(int),
         saved=saved,
         steps=steps,
         ends=ends,
