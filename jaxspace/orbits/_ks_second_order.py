@@ -22,8 +22,15 @@ import jax.numpy as jnp
 from jaxtyping import Array, PyTree
 
 from ..bodies import BodyState
-from ..core import AbstractSecondOrderForm, Scalar, Vector, barrier
-from ._kustaanheimo_stiefel import KustaanheimoStiefel, dot4, ks_map, ks_transposed
+from ..core import (
+    AbstractRegularised,
+    AbstractSecondOrderForm,
+    AbstractSystem,
+    Scalar,
+    Vector,
+    barrier,
+)
+from ._ks_map import dot4, ks_map, ks_transposed
 
 
 def _together(x: PyTree) -> PyTree:
@@ -34,13 +41,14 @@ def _together(x: PyTree) -> PyTree:
 
 @final
 class SecondOrderKS(AbstractSecondOrderForm):
-    """The motion of `ks`, whose perturbation has a potential, in the variables (u, w, H, t),
-    (10, *runs)."""
+    """The motion of `ks`, where the accelerations of `rest` have a potential, in the variables
+    (u, w, H, t), (10, *runs)."""
 
-    ks: KustaanheimoStiefel
+    ks: AbstractRegularised
+    rest: AbstractSystem | None
 
     def _potential(self, r: Vector) -> Scalar:
-        rest = self.ks.rest
+        rest = self.rest
         if rest is None:
             return jnp.zeros_like(r[0])
         # The energy at rest: what the perturbations conserve by themselves.
@@ -71,11 +79,11 @@ class SecondOrderKS(AbstractSecondOrderForm):
 
     def rates(self, q: Array, c: Array) -> tuple[Array, Scalar]:
         r = dot4(q, q)
-        if self.ks.rest is None:
+        if self.rest is None:
             return (0.5 * c[0]) * q, r
         position = _together(ks_map(q, q))
         at_rest = BodyState(position, jnp.zeros_like(position))
-        p = self.ks.rest.vector_field(jnp.zeros((), q.dtype), at_rest).velocity
+        p = self.rest.vector_field(jnp.zeros((), q.dtype), at_rest).velocity
         energy, half = _together((0.5 * (c[0] - self._potential(position)), (0.5 * r) * p))
         return energy * q + ks_transposed(q, half), r
 
