@@ -1,7 +1,7 @@
 """Why `method="auto"` selects as it does: 256 eccentric orbits of ten revolutions, whose periapsis
-lies low above an oblate body, by RKN 12(10) in time and by fixed steps in regularised variables
-with their estimate; and a gyrocompass for a hundred seconds, 1e5 radians of its rotor's nutation,
-by DOP853 and by default."""
+lies low above an oblate body, by RKN 12(10) in time, by adaptive steps in regularised variables, by
+fixed ones with their estimate, and by heyoka's vectors; and a gyrocompass for a hundred seconds,
+1e5 radians of its rotor's nutation, by DOP853 and by default."""
 
 from typing import Any
 
@@ -14,9 +14,9 @@ from jaxspace import BodyState, Scene, simulate
 from jaxspace.core import AbstractSystem
 from jaxspace.orbits import ClassicalElements, Oblateness, PointGravity, state_from_elements
 from jaxspace.simulation import Accuracy, simulate_batch
-from jaxspace.solvers import DOP853, RKN1210, Regularised
+from jaxspace.solvers import DOP853, RKN1210, AdaptiveRegularised, Regularised
 
-from ._measure import in_turn, on_one_device, worst
+from ._measure import heyoka_ends, in_turn, oblate_orbit, on_one_device, optional, worst
 
 RUNS, TURNS = 256, 10
 CASES = ((0.7, 1e-3, (48, 64)), (0.95, 0.0, (32,)), (0.95, 1e-3, (64, 128)))
@@ -49,6 +49,21 @@ def _eccentric(e: float, j2: float, counts: tuple[int, ...]) -> dict:
         f"{about}: RKN 12(10) {rtol:.0e}": lambda rtol=rtol: ends(RKN1210(), rtol)
         for rtol in (1e-9, 1e-10, 1e-12)
     }
+    calls |= {
+        f"{about}: adaptive regularised {rtol:.0e}": lambda rtol=rtol: ends(
+            AdaptiveRegularised(), rtol
+        )
+        for rtol in (1e-9, 1e-10, 1e-12)
+    }
+    if optional("heyoka") is not None:
+        start = np.concatenate([np.asarray(y0.position), np.asarray(y0.velocity)])
+        peers = {
+            tol: heyoka_ends(lambda h: oblate_orbit(h, j2), start, float(ts[-1]), tol)
+            for tol in (1e-11, 1e-12, 1e-13)
+        }
+        calls |= {
+            f"{about}: heyoka {tol:.0e}": lambda end=end: end()[:3] for tol, end in peers.items()
+        }
     for n in counts:
         calls[f"{about}: regularised, {n} a revolution"] = lambda n=n: ends(
             Regularised(steps=n * TURNS), 1e-1

@@ -11,7 +11,7 @@ import numpy as np
 from jaxspace import BodyState, Scene, simulate
 from jaxspace.orbits import Oblateness, PointGravity
 from jaxspace.simulation import Accuracy
-from jaxspace.solvers import DOP853, Regularised
+from jaxspace.solvers import DOP853, AdaptiveRegularised, Regularised
 
 from ._measure import in_turn, oblate_orbit, optional
 
@@ -96,6 +96,10 @@ def methods() -> dict:
     found = {
         f"ours, regularised, {n} steps": ours(Regularised(steps=n, estimate=False))
         for n in (2400, 3400, 6400, 12800)
+    }
+    found |= {
+        f"ours, adaptive regularised, {rtol:.0e}": ours(AdaptiveRegularised(), rtol)
+        for rtol in (1e-11, 1e-12, 1e-13)
     }
     found["ours, regularised with estimate, 3400 steps"] = ours(Regularised(steps=3400))
     found["ours, DOP853 in time, 1e-13"] = ours(DOP853(), 1e-13)

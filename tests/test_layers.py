@@ -55,6 +55,7 @@ ON_REQUEST = {
 # The engine is built on several floors, whose plumbing is nobody else's: these rooms may open the
 # private files of those, so that the public names stay what users need.
 ENGINE = {
+    "integration": {"solvers"},
     "simulation": {"integration"},
     "studies": {"integration", "simulation"},
     "dispersion": {"integration", "simulation"},

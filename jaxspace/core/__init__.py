@@ -63,11 +63,13 @@ from ._special import stumpff as stumpff
 from ._special import stumpff_near as stumpff_near
 from ._system import AbstractClosedForm as AbstractClosedForm
 from ._system import AbstractRegularised as AbstractRegularised
+from ._system import AbstractSecondOrderForm as AbstractSecondOrderForm
 from ._system import AbstractSplit as AbstractSplit
 from ._system import AbstractSystem as AbstractSystem
 from ._tables import Spline as Spline
 from ._tables import Table as Table
 from ._tables import breaks_of as breaks_of
+from ._tracing import depending_on as depending_on
 from ._tracing import is_traced as is_traced
 from ._types import Flag as Flag
 from ._types import Matrix as Matrix

@@ -10,6 +10,8 @@ those of its effects.
 from abc import abstractmethod
 
 import equinox as eqx
+import jax
+import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ._quantity import AbstractParameters
@@ -68,6 +70,30 @@ class AbstractRegularised(eqx.Module):
     def fictitious_time(self, duration: Scalar, z: Array) -> Scalar:
         """The fictitious time that a `duration`, s (negative: backwards), takes from `z` on: exact
         without perturbation, approximate with one."""
+
+    def size(self, x: Array, z0: Array, z1: Array) -> Scalar:
+        """The length of a change `x` of the variables, beside those before and after a step.
+
+        By default that of all but the time, of equal unit."""
+
+        def squared(x: Array) -> Scalar:
+            return jnp.sum(x[:-1] * x[:-1], axis=0)
+
+        return jnp.sqrt(squared(x) / jnp.maximum(squared(z0), squared(z1)))
+
+    def second_order(self, z: jax.ShapeDtypeStruct) -> "AbstractSecondOrderForm | None":
+        """The same motion in variables whose second derivatives depend on themselves alone, or
+        `None`; for runs of the shape of `z`."""
+        del z
+        return None
+
+
+class AbstractSecondOrderForm(AbstractRegularised):
+    """Regularised variables z = (q, q', c, t) with q'' = f(q, c), t' = g(q, c) and constant c."""
+
+    @abstractmethod
+    def rates(self, q: Array, c: Array) -> tuple[Array, Scalar]:
+        """q'' and t'."""
 
 
 class AbstractSystem(AbstractParameters):

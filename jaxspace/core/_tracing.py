@@ -1,6 +1,10 @@
 """Whether values are concrete, or traced by a transformation of jax."""
 
+from collections.abc import Sequence
+from typing import Any
+
 import jax
+import jax.extend
 import jax.numpy as jnp
 from jax.core import Tracer
 from jaxtyping import Array, PyTree
@@ -17,3 +21,14 @@ def is_traced(tree: PyTree) -> bool:
     if isinstance(_probe(), Tracer):
         return True
     return any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(tree))
+
+
+def depending_on(jaxpr: Any, variables: Sequence[Any]) -> set[Any]:
+    """The variables of a traced function that some operation leads to from these `variables`.
+
+    Forwards through the operations: what is computed from one of them may depend on it."""
+    moved = set(variables)
+    for operation in jaxpr.eqns:
+        if any(x in moved for x in operation.invars if not isinstance(x, jax.extend.core.Literal)):
+            moved.update(operation.outvars)
+    return moved

@@ -35,6 +35,7 @@ class _Regularised(AbstractRegularised):
     of_perturbation: Callable[[Scalar, Array], Array]
     of_derivative: Callable[[Array, Array], Array]
     of_time: Callable[[Scalar, Array], Scalar]
+    of_size: Callable[[Array, Array, Array], Scalar]
 
     def to_regularised(self, y: State) -> Array:
         return self.to(y)
@@ -50,6 +51,9 @@ class _Regularised(AbstractRegularised):
 
     def fictitious_time(self, duration: Scalar, z: Array) -> Scalar:
         return self.of_time(duration, z)
+
+    def size(self, x: Array, z0: Array, z1: Array) -> Scalar:
+        return self.of_size(x, z0, z1)
 
 
 @final
@@ -112,6 +116,7 @@ def closures_as_leaves(
             of_perturbation=convert(form.perturbation, t_of_run, z),
             of_derivative=convert(form.derivative, z, perturbation),
             of_time=convert(form.fictitious_time, duration_of_run, z),
+            of_size=convert(form.size, z, z, z),
         )
     return _Field(
         convert(field, s, y0), convert(field.time, s), convert(field.duration, s, s), capability

@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Array, DTypeLike, Float, PyTree
 
 from ..core import AbstractSystem, InputError, Scalar, is_concrete
-from ..solvers import refine, solver_traits
+from ..solvers import SolverTraits, refine, solver_traits
 from ._accuracy import DEFAULT_RTOL, Accuracy, least_tolerance, state_dtype
 from ._selection import select_method
 from ._stiffness import InitialConditions
@@ -101,8 +101,16 @@ def resolve(
     if method == "auto":
         # Its rules have asked the system already.
         method = select_method(system, y0, known_rtol, starts=starts)
+        if accuracy.adjoint is not None and solver_traits_of(method).own_steps:
+            method = select_method(system, y0, known_rtol)
     else:
         _check_needs(system, method)
+        if accuracy.adjoint is not None and solver_traits_of(method).own_steps:
+            name = type(method).__name__
+            raise InputError(
+                f"Accuracy.adjoint is given with {name}, whose steps diffrax cannot take: leave it "
+                f"out, or take another method."
+            )
     atol = 1e-3 * rtol if accuracy.atol is None else accuracy.atol
     return IntegrationConfig(
         _in_precision(rtol, dtype),
@@ -112,6 +120,11 @@ def resolve(
         accuracy.max_steps,
         None if accuracy.max_step is None else _in_precision(accuracy.max_step, dtype),
     )
+
+
+def solver_traits_of(method: diffrax.AbstractSolver | str) -> SolverTraits:
+    """The traits of a method; those of a closed form are the default ones."""
+    return SolverTraits() if isinstance(method, str) else solver_traits(method)
 
 
 def _in_precision(x: Scalar, dtype: DTypeLike) -> Float[Array | np.ndarray, ""]:

@@ -11,13 +11,14 @@ from jaxtyping import Array, Float
 
 from ..core import AbstractClosedForm, AbstractSystem, Scalar, State, breaks_of
 from ..solvers import Tolerance, bind, solver_traits
+from ..solvers._adaptive_regularised import evaluations_of
 from ._by_diffrax import solve_by_diffrax
 from ._config import IntegrationConfig
 from ._layout import state_at, times_behind_components
 from ._loop import TERM, LoopSettings
 from ._normalised_time import ScaledVectorField, Segments, hoist, segments_of
 from ._result import IntegrationResult, result_of, within_model
-from ._solve import solve
+from ._solve import solve, solve_own_steps
 from ._status import status_from
 
 
@@ -67,12 +68,20 @@ def integrate(
         segments = segments_of(system, t0, t1, fractions)
     settings = _settings(config, segments, fractions, landing, run_axes, plan, record_steps, dense)
     field = ScaledVectorField(system, segments)
-    if config.adjoint is None and traits.replayable:
+    form = None
+    if traits.own_steps:
+        outcome, form = solve_own_steps(hoist(field, y0, traits.needs), y0, settings)
+    elif config.adjoint is None and traits.replayable:
         outcome = solve(hoist(field, y0, traits.needs), y0, settings)
     else:
         # Adjoints of diffrax, and methods that carry more than a state, need its loop.
         outcome = solve_by_diffrax(hoist(field, y0, traits.needs), y0, settings, config.adjoint)
     result = result_of(outcome, field, y0, settings, config, fractions if landing else None)
+    if form is not None:
+        taken = outcome.num_accepted + outcome.num_rejected
+        result.stats["evaluations"] = taken * evaluations_of(form)
+        # There are no common steps that others could follow.
+        result = result._replace(step_ends=None)
     return within_model(result, system.outside(t1, state_at(result.states, -1, run_axes)))
 
 

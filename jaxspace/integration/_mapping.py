@@ -19,6 +19,7 @@ from ..core import component_axes_of
 from ..solvers import Tolerance, bind
 from ._loop import LoopSettings
 from ._normalised_time import ScaledVectorField, Segments
+from ._own_steps import OwnState
 from ._selection import shape_of
 
 BLOCK = 64
@@ -94,7 +95,10 @@ def _single(parts: Any, dims: Any) -> tuple[Any, PyTree]:
 
     # `None` marks an axis that is not mapped, and must count as a leaf here.
     found = jax.tree.map(leaf, parts, dims, is_leaf=lambda x: x is None)
-    return found[0].system, found[1]
+    system, y = found[0].system, found[1]
+    if isinstance(y, OwnState):
+        y = eqx.filter_eval_shape(lambda s, z: s.regularised().from_regularised(z), system, y.z)
+    return system, y
 
 
 def _field_axis(field: ScaledVectorField, mapped: Any, own: Any, size: int) -> ScaledVectorField:

@@ -17,6 +17,8 @@ from jaxtyping import Array, PyTree
 
 from ..core import State
 from ._loop import LoopSettings, LoopState, integrate_loop
+from ._own_replay import OwnReplay
+from ._own_steps import OwnLoop, OwnState, integrate_own_steps
 from ._replay import Record, Replay
 from ._selection import shape_of
 
@@ -67,6 +69,39 @@ def _outcome(loop: LoopState, settings: LoopSettings) -> Outcome:
     )
 
 
+def _own_outcome(loop: OwnLoop, settings: LoopSettings) -> Outcome:
+    """That of runs with steps of their own, in their variables."""
+    finished = loop.y.segment >= settings.end
+    states = loop.saved
+    if states is None:
+        states = jax.tree.map(lambda x: jnp.where(finished, x, jnp.nan)[None], loop.y)
+    ends = loop.ends
+    if ends is not None:
+        rows = jnp.arange(ends.shape[0]).reshape(-1, *(1,) * (ends.ndim - 1))
+        ends = jnp.where(rows < loop.count, ends, jnp.inf)
+    alive = jnp.isfinite(loop.worst)
+    return Outcome(
+        states,
+        loop.worst,
+        ~finished & alive & (loop.passes >= settings.max_steps),
+        loop.accepted,
+        loop.rejected,
+        ends,
+        loop.states,
+    )
+
+
+def run_loop(
+    settings: LoopSettings, field: PyTree, y0: PyTree, *, checkpointed: bool = False
+) -> tuple[Outcome, Record | None]:
+    """Integrate by the loop that the state belongs to: what it leaves, and its record."""
+    if isinstance(y0, OwnState):
+        own = integrate_own_steps(settings, field, y0, checkpointed=checkpointed)
+        return _own_outcome(own, settings), Record.of_own(own) if checkpointed else None
+    loop = integrate_loop(settings, field, y0, checkpointed=checkpointed)
+    return _outcome(loop, settings), Record.of(loop) if checkpointed else None
+
+
 @final
 class Problem:
     """The static part of an integration; its arrays are the arguments of the primitives.
@@ -101,13 +136,12 @@ class Problem:
     def solve(self, *args: Array) -> list[Array]:
         """The arrays of the outcome."""
         field, y0, settings = self.parts(args)
-        return jax.tree.leaves(_outcome(integrate_loop(settings, field, y0), settings))
+        return jax.tree.leaves(run_loop(settings, field, y0))
 
     def record(self, *args: Array) -> list[Array]:
         """The arrays of the outcome, then those of the record."""
         field, y0, settings = self.parts(args)
-        loop = integrate_loop(settings, field, y0, checkpointed=True)
-        return jax.tree.leaves((_outcome(loop, settings), Record.of(loop)))
+        return jax.tree.leaves(run_loop(settings, field, y0, checkpointed=True))
 
     @functools.cached_property
     def solve_jaxpr(self) -> ClosedJaxpr:
@@ -158,7 +192,8 @@ class Problem:
 
         _, y0, settings = self.parts(args)
         fixed = eqx.combine(tree(rest), self.static[0])
-        replay = Replay(settings, fixed, _record(record, y0))
+        kind = OwnReplay if isinstance(y0, OwnState) else Replay
+        replay = kind(settings, fixed, _record(record, y0))
         return replay, tree(part), y0
 
     def forward(

@@ -11,7 +11,7 @@ holds. Backwards, the steps between two checkpoints are taken again, in chunks w
 kept at once.
 """
 
-from typing import Any, NamedTuple, final
+from typing import Any, NamedTuple
 
 import diffrax
 import equinox as eqx
@@ -22,6 +22,7 @@ from jaxtyping import Array, Float, Int, PyTree
 from ..core import State, barrier
 from ._buffers import empty_buffer, get_row, put_row
 from ._loop import TERM, LoopSettings, LoopState
+from ._own_steps import OwnLoop
 
 CHUNK = 32
 """Steps between which all states are kept at once: more of them leave the cache, fewer are taken
@@ -44,6 +45,13 @@ class Record(NamedTuple):
         checkpoints = loop.checkpoints
         return cls(loop.step_ends, checkpoints.states, checkpoints.stride, loop.num_accepted)
 
+    @classmethod
+    def of_own(cls, loop: OwnLoop) -> "Record":
+        """That of runs with steps of their own: the steps and landings in the place of the ends."""
+        assert loop.steps is not None and loop.checkpoints is not None
+        checkpoints = loop.checkpoints
+        return cls(loop.steps, checkpoints.states, checkpoints.stride, loop.count)
+
 
 def _add(first: PyTree, second: PyTree) -> PyTree:
     return jax.tree.map(jnp.add, first, second)
@@ -53,7 +61,6 @@ def _select(condition: Array, first: PyTree, second: PyTree) -> PyTree:
     return jax.tree.map(lambda a, b: jnp.where(condition, a, b), first, second)
 
 
-@final
 class Replay(eqx.Module):
     """The steps of a run once more, as functions of the part of the field that is differentiated.
 

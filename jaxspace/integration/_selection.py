@@ -15,13 +15,13 @@ from typing import Any, Literal, NamedTuple, final
 import diffrax
 import equinox as eqx
 import jax
-import jax.extend
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import ArrayLike, PyTree
 
-from ..core import AbstractSystem
-from ..solvers import DOP853, RKN1210, ExponentialRosenbrock, Tsit5
+from ..core import AbstractSystem, depending_on
+from ..solvers import DOP853, RKN1210, AdaptiveRegularised, ExponentialRosenbrock, Tsit5
+from ._eccentric import is_eccentric
 from ._stiffness import InitialConditions, is_stiff
 
 # above this tolerance the method of order 5 needs fewer evaluations than those of high order
@@ -87,14 +87,9 @@ def _is_second_order(tree: Any, leaves: tuple[Any, ...]) -> bool:
 
     jaxpr = jax.make_jaxpr(rates)(shapes, shapes[1].position, shapes[1].velocity).jaxpr
     velocity = jaxpr.invars[-1]
-    # Forwards through the operations: what is computed from the velocity may depend on it.
-    moved = {velocity}
-    for operation in jaxpr.eqns:
-        if any(x in moved for x in operation.invars if not isinstance(x, jax.extend.core.Literal)):
-            moved.update(operation.outvars)
     travel, acceleration = jaxpr.outvars
     # The same variable, and not equal numbers: these would prove nothing.
-    return travel is velocity and acceleration not in moved
+    return travel is velocity and acceleration not in depending_on(jaxpr, [velocity])
 
 
 def _is_fast_and_linear(context: SelectionContext) -> bool:
@@ -102,6 +97,14 @@ def _is_fast_and_linear(context: SelectionContext) -> bool:
         return False
     starts = context.starts()
     return starts is not None and is_stiff(starts, context.rtol)
+
+
+def _is_eccentric(context: SelectionContext) -> bool:
+    starts = None if context.starts is None else context.starts()
+    if starts is None:
+        return False
+    second_order = is_second_order(context.system, context.y)
+    return is_eccentric(starts, context.system, second_order)
 
 
 # The first that holds decides: what is exact comes first, and what serves all systems last.
@@ -117,6 +120,11 @@ RULES = (
         ExponentialRosenbrock(),
     ),
     Rule("the tolerance is above 1e-5", lambda c: c.rtol > LOOSE, Tsit5()),
+    Rule(
+        "orbits of e >= 0.5 about a point mass, perturbed by a potential or by velocities",
+        _is_eccentric,
+        AdaptiveRegularised(),
+    ),
     Rule(
         "r' = v, v' = a(t, r), and nothing else moves",
         lambda c: is_second_order(c.system, c.y),

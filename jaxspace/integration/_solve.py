@@ -23,14 +23,17 @@ them in `_derivative_rules.py` and `_mapped_rules.py`.
 
 import equinox as eqx
 import jax
+import jax.numpy as jnp
 from jaxtyping import PyTree
 
-from ..core import State
+from ..core import AbstractRegularised, State
+from ..solvers._adaptive_regularised import regularised_start
 
 # Imported for their rules, which JAX takes from them.
 from . import _derivative_rules as _derivative_rules
 from . import _mapped_rules as _mapped_rules
 from ._loop import LoopSettings
+from ._own_steps import OwnState
 from ._primitives import solve_p
 from ._problem import Outcome as Outcome
 from ._problem import Problem
@@ -54,3 +57,22 @@ def solve(field: PyTree, y0: State, settings: LoopSettings) -> Outcome:
     asked = settings.record_steps or settings.dense
     shape = (y0, 0, 0, 0, 0, 0 if asked else None, y0 if settings.dense else None)
     return Outcome(*jax.tree.unflatten(jax.tree.structure(shape), leaves))
+
+
+def solve_own_steps(
+    field: PyTree, y0: State, settings: LoopSettings
+) -> tuple[Outcome, AbstractRegularised]:
+    """`solve` by steps that every run chooses for itself, in regularised variables.
+
+    **Arguments** as of `solve`. **Returns** the `Outcome`, and the variables."""
+    form, z0 = regularised_start(field, y0)
+    runs = z0.shape[1:]
+    outcome = solve(field, OwnState(z0, jnp.zeros(runs, z0.dtype)), settings)
+
+    def states(own: OwnState | None) -> State | None:
+        return None if own is None else jax.vmap(form.from_regularised)(own.z)
+
+    outcome = outcome._replace(
+        states=states(outcome.states), step_states=states(outcome.step_states)
+    )
+    return outcome, form

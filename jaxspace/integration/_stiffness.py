@@ -107,7 +107,7 @@ def is_stiff(starts: InitialConditions, rtol: float) -> bool:
     return bool(np.all((np.abs(error) <= rtol * np.maximum(size, size_after))[long]))
 
 
-def _each(starts: InitialConditions, function: Callable[..., Any], given: Array) -> Any:
+def of_each(starts: InitialConditions, function: Callable[..., Any], given: Array) -> Any:
     """`function(system, y, ts, x)` of each run looked at, and of its row of `given`."""
     picked = jax.tree.map(
         lambda x, n: jnp.moveaxis(x[..., starts.rows], -1, 0) if n else x,
@@ -155,7 +155,7 @@ def _linearised(starts: InitialConditions, away: Any) -> tuple[Array, Array, Arr
             f = jnp.full((v.size + 1, v.size), jnp.nan, v.dtype)
         return f[0], ((f[1:] - f[0]) / step[:, None]).T, size, ts[-1] - ts[0]
 
-    return _each(starts, one, jnp.asarray(away))
+    return of_each(starts, one, jnp.asarray(away))
 
 
 @eqx.filter_jit
@@ -169,4 +169,4 @@ def _trial(starts: InitialConditions, h: Any) -> tuple[Array, Array]:
         )
         return ravel_pytree(error)[0], _sizes(y1)
 
-    return _each(starts, one, jnp.asarray(h))
+    return of_each(starts, one, jnp.asarray(h))

@@ -18,53 +18,19 @@ They are regular on every orbit, and through a collision.
 Source: Stiefel, Scheifele, Linear and Regular Celestial Mechanics, sections 8, 9, 19.
 """
 
+from collections.abc import Callable
 from typing import final
 
+import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..bodies import BodyState
-from ..core import AbstractRegularised, AbstractSystem, Scalar, Vector, dot
+from ..core import AbstractRegularised, AbstractSystem, Scalar, Vector, depending_on, dot
 from ._kepler import universal_anomaly
-
-
-def ks_parameters(r: Vector) -> Float[Array, "4 *#runs"]:
-    """Some u, m^(1/2), of the position `r`, m: L(u) u = r."""
-    x, y, z = r[0], r[1], r[2]
-    # A circle of u belongs to one position. The u with u4 = 0 is taken where x >= 0, and the one
-    # with u3 = 0 elsewhere, because the divisor below is then never close to zero.
-    ahead = x >= 0.0
-    first = jnp.sqrt(0.5 * (jnp.sqrt(dot(r, r)) + jnp.where(ahead, x, -x)))
-    b = 0.5 * y / first
-    c = 0.5 * z / first
-    zero = jnp.zeros_like(x)
-    return jnp.where(ahead, jnp.stack([first, b, c, zero]), jnp.stack([b, first, zero, c]))
-
-
-def ks_map(u: Array, w: Array) -> Vector:
-    """The first three rows of L(u) w; the position for w = u."""
-    (a, b, c, d), (e, f, g, h) = u, w
-    return jnp.stack(
-        [
-            a * e - b * f - c * g + d * h,
-            b * e + a * f - d * g - c * h,
-            c * e + d * f + a * g + b * h,
-        ]
-    )
-
-
-def ks_transposed(u: Array, p: Vector) -> Float[Array, "4 *#runs"]:
-    """L(u)^T p, for a vector p without a fourth component."""
-    (a, b, c, d), (x, y, z) = u, p
-    return jnp.stack(
-        [a * x + b * y + c * z, a * y - b * x + d * z, a * z - c * x - d * y, d * x - c * y + b * z]
-    )
-
-
-def _dot4(u: Array, w: Array) -> Scalar:
-    (a, b, c, d), (e, f, g, h) = u, w
-    # Written out, because a reduction over four components hinders the compiler's fusion.
-    return (a * e + b * f) + (c * g + d * h)
+from ._ks_map import dot4, ks_map, ks_parameters, ks_transposed
+from ._ks_second_order import SecondOrderKS
 
 
 @final
@@ -84,7 +50,7 @@ class KustaanheimoStiefel(AbstractRegularised):
 
     def from_regularised(self, z: Array) -> BodyState:
         u, w = z[:4], z[4:8]
-        return BodyState(ks_map(u, u), (2.0 / _dot4(u, u)) * ks_map(u, w))
+        return BodyState(ks_map(u, u), (2.0 / dot4(u, u)) * ks_map(u, w))
 
     def perturbation(self, t: Scalar, z: Array) -> Vector:
         if self.rest is None:
@@ -93,23 +59,62 @@ class KustaanheimoStiefel(AbstractRegularised):
 
     def derivative(self, z: Array, perturbation: Vector) -> Array:
         u, w, energy = z[:4], z[4:8], z[8]
-        r = _dot4(u, u)
+        r = dot4(u, u)
         if self.rest is None:
             # The pure oscillator: no product with a perturbation that is zero.
             return jnp.concatenate([w, (0.5 * energy) * u, jnp.stack([jnp.zeros_like(r), r])])
         force = ks_transposed(u, perturbation)
         return jnp.concatenate(
-            [w, 0.5 * (energy * u + r * force), jnp.stack([2.0 * _dot4(w, force), r])]
+            [w, 0.5 * (energy * u + r * force), jnp.stack([2.0 * dot4(w, force), r])]
         )
 
     def fictitious_time(self, duration: Scalar, z: Array) -> Scalar:
         u, w = z[:4], z[4:8]
-        r = _dot4(u, u)
+        r = dot4(u, u)
         # r . v = dr/ds, because dt/ds = |r|.
-        climb = 2.0 * _dot4(u, w)
+        climb = 2.0 * dot4(u, w)
         unit = jnp.sqrt(r / self.mu)
         beta = -2.0 * z[8] * r / self.mu
         sigma = climb / (unit * self.mu)
         # Rounding may leave a small negative number on a straight line, where p is zero.
-        p = jnp.maximum(4.0 * _dot4(w, w) / self.mu - sigma * sigma, 0.0)
+        p = jnp.maximum(4.0 * dot4(w, w) / self.mu - sigma * sigma, 0.0)
         return unit * universal_anomaly(sigma, beta, duration / (r * unit), p)
+
+    def size(self, x: Array, z0: Array, z1: Array) -> Scalar:
+        # The larger of both ends: u may be zero at one of them, in a collision.
+        r = jnp.maximum(dot4(z0[:4], z0[:4]), dot4(z1[:4], z1[:4]))
+        w2 = jnp.maximum(dot4(z0[4:8], z0[4:8]), dot4(z1[4:8], z1[4:8]))
+        energy = jnp.maximum(jnp.abs(z0[8]), jnp.abs(z1[8]))
+        # On an ellipse of constant size: w itself is small about the apoapsis.
+        w2 = w2 + 0.5 * energy * r
+        # E is zero on a parabola, whose energy is judged by a hundredth of the attraction.
+        energy = energy + 0.01 * self.mu / r
+        of_energy = x[8] / energy
+        return jnp.sqrt(dot4(x[:4], x[:4]) / r + dot4(x[4:8], x[4:8]) / w2 + of_energy * of_energy)
+
+    def second_order(self, z: jax.ShapeDtypeStruct) -> SecondOrderKS | None:
+        if self.rest is None or _has_potential(self.rest, self.from_regularised, z):
+            return SecondOrderKS(self, self.rest)
+        return None
+
+
+def _has_potential(
+    rest: AbstractSystem, state: Callable[[Array], BodyState], z: jax.ShapeDtypeStruct
+) -> bool:
+    """Whether the accelerations of `rest` keep an energy, and depend on the position alone.
+
+    The latter as the traced functions show it; what keeps the energy, its effects say."""
+    y = jax.eval_shape(state, z)
+    time = jax.ShapeDtypeStruct((), z.dtype)
+    arrays, static = eqx.partition(rest, eqx.is_array)
+    shapes = jax.tree.map(lambda x: jax.ShapeDtypeStruct(x.shape, x.dtype), arrays)
+
+    def both(t: Scalar, v: Vector, r: Vector, arrays: AbstractSystem) -> tuple[Array, ...]:
+        system = eqx.combine(arrays, static)
+        kept = system.invariants(t, BodyState(r, jnp.zeros_like(r)))
+        a = system.vector_field(t, BodyState(r, v)).velocity
+        return (a, kept["energy"]) if "energy" in kept else (a,)
+
+    jaxpr = jax.make_jaxpr(both)(time, y.velocity, y.position, shapes).jaxpr
+    moved = depending_on(jaxpr, jaxpr.invars[:2])
+    return len(jaxpr.outvars) == 2 and not any(x in moved for x in jaxpr.outvars)

@@ -4,6 +4,7 @@ Every solver integrates one run or many in one integration; the runs lie on the 
 block of the state. A solver declares its `traits`, by which the runner knows what it needs.
 """
 
+from ._adaptive_regularised import AdaptiveRegularised as AdaptiveRegularised
 from ._error_tracking import ErrorTrackingSolver as ErrorTrackingSolver
 from ._exponential import ExponentialRosenbrock as ExponentialRosenbrock
 from ._munthe_kaas import MuntheKaas as MuntheKaas

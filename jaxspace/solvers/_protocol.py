@@ -34,6 +34,7 @@ class SolverTraits(NamedTuple):
     - `needs`: the capability of the system by which it integrates, if any.
     - `evaluations`: of the vector field in a step of the loop, which for a fixed-step method is a
       whole segment.
+    - `own_steps`: every run of a batch takes steps of its own, in variables of its own.
     - `steps`: counted for each step of the loop: 1, or the number of fixed steps of a segment.
     """
 
@@ -43,6 +44,7 @@ class SolverTraits(NamedTuple):
     needs: Literal["", "split", "regularised"] = ""
     evaluations: int = 1
     steps: int = 1
+    own_steps: bool = False
 
 
 class AbstractDeclaredSolver(diffrax.AbstractSolver):

@@ -48,7 +48,7 @@ Regular = Float[Array, "variables *runs"]
 
 
 @eqx.filter_jit
-def _derivative(form: PyTree, t: Scalar, duration: Scalar, z: Regular) -> Regular:
+def derivative_in(form: PyTree, t: Scalar, duration: Scalar, z: Regular) -> Regular:
     """dz/d(sigma) in a segment that starts at the time `t` and takes a `duration`."""
     z = barrier(z)
     # The steps may pass the end of the segment before they land on it. Beyond it the perturbation
@@ -160,7 +160,7 @@ def _integrate(form: PyTree, t: Scalar, duration: Scalar, z0: Regular, steps: in
     of those that land."""
 
     def derivative(z: Regular) -> Regular:
-        return _derivative(form, t, duration, z)
+        return derivative_in(form, t, duration, z)
 
     def predicted_step(z: Regular, blocks_left: Int[Array, ""]) -> Float[Array, "*runs"]:
         left = duration - z[-1]

@@ -140,7 +140,7 @@ class DOP853(AbstractFieldSolver, diffrax.AbstractAdaptiveSolver):
         # Held, because the dense output and the error read it too.
         y1 = barrier(combine(y0, h, tableau.DOP853_B, ks))
         error = jax.tree.map(
-            _blend,
+            blend,
             combine(None, h, tableau.DOP853_ERROR_5, ks),
             combine(None, h, tableau.DOP853_ERROR_3, ks),
         )
@@ -148,7 +148,7 @@ class DOP853(AbstractFieldSolver, diffrax.AbstractAdaptiveSolver):
         return Advance(y1, error, dense)
 
 
-def _blend(e5: Array, e3: Array) -> Array:
+def blend(e5: Array, e3: Array) -> Array:
     """The error estimate e5^2 / sqrt(e5^2 + e3^2 / 100) (Hairer, Norsett, Wanner II.10), by
     component."""
     bottom = e5 * e5 + 0.01 * e3 * e3

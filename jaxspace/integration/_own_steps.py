@@ -1,0 +1,338 @@
+"""The loop of an integration in which every run takes steps of its own, in regularised variables.
+
+A pass of the loop is a step for each run that is not yet at its end: accepted or rejected, and as
+long as that run allows. So nothing is lost where the runs of a block are at different places of
+their orbits. Each run lands on the end of every segment, and then begins the next one.
+"""
+
+import functools
+from typing import Any, NamedTuple, final
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, Int
+
+from ..core import AbstractRegularised, Scalar, State
+from ..solvers._adaptive_regularised import (
+    CLOSE,
+    FIRST_STEP,
+    attempt,
+    form_of,
+    landed,
+    order_of,
+)
+from ..solvers._regularised import Regular, derivative_in
+from ..solvers._step_control import GROW, SHRINK, SMALLEST_STEP
+from ._buffers import Checkpoints, capacity_for, empty_buffer, nan_buffer, put_row
+from ._loop import LoopSettings
+
+# Closer to the error allowed than where steps are shared: few steps are rejected, because the next
+# error is foreseen from the last two.
+SAFETY = 0.9
+
+
+@final
+class OwnState(eqx.Module):
+    """Where a run is: its regularised variables, the last of them the time, s, since its segment
+    began, and how many segments lie behind it."""
+
+    z: Regular
+    segment: Float[Array, "*runs"]
+
+
+class OwnLoop(NamedTuple):
+    """What one pass of the loop hands to the next; everything but the buffers is of each run.
+
+    - `h`: the next step; `free`, the length that the error allows; `ideal`, that which would have
+      had just the error allowed, the last time.
+    - `landing`: whether the next step is one that should end the segment; `pending`, whether the
+      run waits for the others before it takes such a step, or has taken one.
+    - `worst`: the largest local error of the steps taken, in units of the tolerance.
+    - `steps`: of each pass in which a run moved, the steps of the runs (zero for one that does not
+      move) and whether they landed; `count` of them, of `passes`.
+    - `ends`, `states`: normalised times and states after each of these passes, where asked for."""
+
+    y: OwnState
+    h: Float[Array, "*runs"]
+    free: Float[Array, "*runs"]
+    ideal: Float[Array, "*runs"]
+    landing: Bool[Array, "*runs"]
+    pending: Bool[Array, "*runs"]
+    worst: Float[Array, "*runs"]
+    accepted: Int[Array, "*runs"]
+    rejected: Int[Array, "*runs"]
+    passes: Int[Array, ""]
+    count: Int[Array, ""]
+    saved: State | None
+    steps: Float[Array, "passes 2 *runs"] | None
+    ends: Float[Array, " passes *runs"] | None
+    states: State | None
+    checkpoints: Checkpoints | None
+
+
+class Segment(NamedTuple):
+    """When the segment of each run begins, and how long it takes, s."""
+
+    t: Scalar
+    duration: Scalar
+
+    @classmethod
+    def of(cls, field: Any, settings: LoopSettings, number: Array) -> "Segment":
+        """That with this number; the last one beyond the end."""
+        last = jnp.minimum(number, settings.end - 1.0).astype(settings.end.dtype)
+        duration = field.duration(last, jnp.ones_like(last))
+        return cls(field.time(last), duration.astype(number.dtype))
+
+
+def _alive(z: Regular) -> Bool[Array, "*runs"]:
+    # The sum of all is finite if they are, and no reduction, which takes one run after the other.
+    return jnp.isfinite(functools.reduce(jnp.add, list(z)))
+
+
+def _unit(form: AbstractRegularised, z: Regular, rate: Regular) -> Scalar:
+    """The fictitious time in which the variables change by their own sizes."""
+    return 1.0 / form.size(rate, z, z)
+
+
+def integrate_own_steps(
+    settings: LoopSettings, field: Any, y0: OwnState, *, checkpointed: bool = False
+) -> OwnLoop:
+    """Integrate every run to the end of its last segment; arguments as of `integrate_loop`."""
+    form = form_of(field, y0.z)
+
+    def unfinished(loop: OwnLoop) -> Bool[Array, ""]:
+        left = (loop.y.segment < settings.end) & _alive(loop.y.z)
+        return jnp.any(left) & (loop.passes < settings.max_steps)
+
+    start = _start(settings, form, field, y0, checkpointed)
+    return jax.lax.while_loop(unfinished, lambda loop: _advance(settings, form, field, loop), start)
+
+
+def _start(
+    settings: LoopSettings,
+    form: AbstractRegularised,
+    field: Any,
+    y0: OwnState,
+    checkpointed: bool,
+) -> OwnLoop:
+    segment = Segment.of(field, settings, y0.segment)
+    rate = derivative_in(form, *segment, y0.z)
+    free = FIRST_STEP * _unit(form, y0.z, rate)
+    free = jnp.broadcast_to(free, y0.segment.shape)
+    to_end = form.fictitious_time(segment.duration, y0.z)
+    landing = jnp.abs(to_end) <= free
+    zero = jnp.asarray(0)
+    none = jnp.zeros(y0.segment.shape, int)
+    limit, dtype = settings.max_steps, y0.z.dtype
+    runs = y0.segment.shape
+    saved = steps = ends = states = checkpoints = None
+    if settings.save_ts is not None:
+        saved = put_row(nan_buffer(settings.save_ts.shape[0], y0), zero, y0)
+    if checkpointed:
+        steps = jax.lax.empty((limit, 2, *runs), dtype)
+        checkpoints = Checkpoints(empty_buffer(capacity_for(y0, limit) + 1, y0), zero + 1)
+    if settings.record_steps or settings.dense:
+        ends = jax.lax.empty((limit, *runs), settings.end.dtype)
+    if settings.dense:
+        states = empty_buffer(limit, y0)
+    return OwnLoop(
+        y=y0,
+        h=jnp.where(landing, to_end, jnp.sign(segment.duration) * free),
+        free=free,
+        ideal=jnp.zeros_like(free),
+        landing=landing,
+        pending=jnp.zeros_like(landing),
+        worst=jnp.where(_alive(y0.z), 0.0, jnp.inf).astype(dtype),
+        accepted=none,
+        rejected=none,
+        passes=zero,
+        count=zero,
+        saved=saved,
+        steps=steps,
+        ends=ends,
+        states=states,
+        checkpoints=checkpoints,
+    )
+
+
+def _advance(
+    settings: LoopSettings, form: AbstractRegularised, field: Any, loop: OwnLoop
+) -> OwnLoop:
+    """The loop after one more pass."""
+    y, free = loop.y, loop.free
+    active = (y.segment < settings.end) & _alive(y.z)
+    moving = active & ~loop.pending
+    segment = Segment.of(field, settings, y.segment)
+    h = jnp.where(moving, loop.h, 0.0)
+    z1, error, rate = attempt(form, *segment, y.z, h)
+    local = form.size(error, y.z, z1) / settings.tolerance.rtol
+    local = jnp.where(jnp.isfinite(local) & _alive(z1), local, jnp.inf).astype(free.dtype)
+    if settings.longest_steps is not None:
+        local = jnp.maximum(local, _too_long(settings, form, segment, y, z1))
+    # A step as short as this is taken whatever its error, which the status then reports.
+    tiny = ~(jnp.abs(h * rate[-1]) > SMALLEST_STEP * jnp.abs(segment.duration))
+    good = moving & ((local <= 1.0) | tiny)
+    # The direction of the duration, and not of the step: one that lands may go back a little.
+    beyond = (segment.duration - z1[-1]) * jnp.sign(segment.duration) < 0.0
+    past = good & ~loop.landing & beyond
+    accept = good & ~past
+    # The length that would have had just the error allowed, and on the way to a periapsis the next
+    # one will be shorter by as much again.
+    ideal = jnp.abs(h) * jnp.clip(local, 1e-14, 1e14) ** (-1.0 / order_of(form))
+    trend = jnp.where(loop.ideal > 0.0, jnp.minimum(ideal / loop.ideal, 1.0), 1.0)
+    proposal = SAFETY * ideal * jnp.where(accept & ~loop.landing, trend, 1.0)
+    proposal = jnp.clip(proposal, SHRINK * jnp.abs(h), jnp.where(good, GROW, SAFETY) * jnp.abs(h))
+    # A step that lands is shorter than it might have been.
+    proposal = jnp.where(accept & loop.landing, jnp.maximum(free, proposal), proposal)
+    free = jnp.where(moving & ~past, proposal, free)
+    z = jnp.where(accept, z1, y.z)
+    pending = active & (loop.pending | past | (accept & loop.landing))
+    turn = _Turn(
+        OwnState(z, y.segment), jnp.sign(segment.duration) * free, pending, jnp.zeros_like(past)
+    )
+    # All at once, when no run is still on its way: to land costs as much as some steps.
+    y1, h1, pending, landing, done = jax.lax.cond(
+        jnp.any(pending) & jnp.all(pending | ~active),
+        lambda: _turned(settings, form, field, segment, turn, free),
+        lambda: (*turn, jnp.zeros_like(past)),
+    )
+    worst = jnp.where(accept, jnp.maximum(loop.worst, local), loop.worst)
+    taken = jnp.where(accept, loop.h, 0.0)
+    return _written(settings, field, loop, accept | done, taken, done, y1)._replace(
+        y=y1,
+        h=h1,
+        free=free,
+        ideal=jnp.where(accept & ~loop.landing, ideal, loop.ideal),
+        landing=landing,
+        pending=pending,
+        worst=worst,
+        accepted=loop.accepted + accept.astype(int),
+        rejected=loop.rejected + (moving & ~accept).astype(int),
+        passes=loop.passes + 1,
+    )
+
+
+class _Turn(NamedTuple):
+    """Where the runs are, their next steps, which of them are close to the end of their segment,
+    and which steps should land."""
+
+    y: OwnState
+    h: Float[Array, "*runs"]
+    pending: Bool[Array, "*runs"]
+    landing: Bool[Array, "*runs"]
+
+
+def _turned(
+    settings: LoopSettings,
+    form: AbstractRegularised,
+    field: Any,
+    segment: Segment,
+    turn: _Turn,
+    free: Array,
+) -> tuple[OwnState, Array, Array, Array, Array]:
+    """The next `_Turn` of runs that are close to the end of their segment, those that are there in
+    the next one, and which have landed so."""
+    z = turn.y.z
+    rate = derivative_in(form, *segment, z)
+    left = segment.duration - z[-1]
+    close = jnp.abs(left) <= CLOSE * jnp.abs(rate[-1]) * _unit(form, z, rate)
+    done = turn.pending & (close | (segment.duration == 0.0))
+    y1 = landing_state(form, segment, turn.y, done)
+    following = Segment.of(field, settings, y1.segment)
+    to_end = form.fictitious_time(following.duration - y1.z[-1], y1.z)
+    landing = turn.pending & (~done | (jnp.abs(to_end) <= free)) & (y1.segment < settings.end)
+    h = jnp.where(landing, to_end, jnp.sign(following.duration) * free)
+    return y1, h, jnp.zeros_like(turn.pending), landing, done
+
+
+def landing_state(
+    form: AbstractRegularised, segment: Segment, y: OwnState, done: Bool[Array, "*runs"]
+) -> OwnState:
+    """The states with those that are `done` at the start of their next segment."""
+    z = landed(form, *segment, y.z)
+    z = jnp.concatenate([z[:-1], jnp.zeros_like(z[-1:])])
+    return OwnState(jnp.where(done, z, y.z), y.segment + done.astype(y.segment.dtype))
+
+
+def _too_long(
+    settings: LoopSettings,
+    form: AbstractRegularised,
+    segment: Segment,
+    y: OwnState,
+    z1: Regular,
+) -> Array:
+    """The step in units of the longest that is allowed, as an error that shortens it as much."""
+    assert settings.longest_steps is not None
+    index = jnp.minimum(y.segment, settings.end - 1.0).astype(int)
+    longest = settings.longest_steps[index] * jnp.abs(segment.duration)
+    part = jnp.abs(z1[-1] - y.z[-1]) / jnp.where(longest > 0.0, longest, jnp.inf)
+    return jnp.where(part > 1.0 + 1e-6, part, 0.0) ** order_of(form)
+
+
+def put_landed(rows: State, y: State, number: Array, done: Bool[Array, "*runs"]) -> State:
+    """Rows, (times, ..., *runs), with that of its segment replaced for each run that has landed."""
+    runs = number.size
+    row = jnp.where(done, number, jnp.inf).reshape(runs)
+
+    def leaf(x: Array, new: Array) -> Array:
+        flat = x.reshape(x.shape[0], -1, runs)
+        where = jnp.where(jnp.isfinite(row), row, x.shape[0]).astype(int)
+        values = new.reshape(-1, runs).T
+        return flat.at[where, :, jnp.arange(runs)].set(values, mode="drop").reshape(x.shape)
+
+    return jax.tree.map(leaf, rows, y)
+
+
+def get_landed(rows: State, number: Array, done: Bool[Array, "*runs"]) -> State:
+    """Of rows, (times, ..., *runs), that of its segment for each run that has landed, else zero."""
+    runs = number.size
+
+    def leaf(x: Array) -> Array:
+        flat = x.reshape(x.shape[0], -1, runs)
+        where = jnp.clip(number.reshape(runs), 0, x.shape[0] - 1).astype(int)
+        values = flat[where, :, jnp.arange(runs)].T.reshape(x.shape[1:])
+        return jnp.where(done, values, 0.0)
+
+    return jax.tree.map(leaf, rows)
+
+
+def _written(
+    settings: LoopSettings,
+    field: Any,
+    loop: OwnLoop,
+    accept: Array,
+    h: Array,
+    done: Array,
+    y: OwnState,
+) -> OwnLoop:
+    """The loop with what this pass leaves in the buffers."""
+    saved, steps, ends, states, checkpoints = loop[-5:]
+    moved = jnp.any(accept)
+    if saved is not None:
+        # A loop of at most one pass: a condition would copy the whole buffer.
+        saved, _ = jax.lax.while_loop(
+            lambda carry: carry[1],
+            lambda carry: (put_landed(carry[0], y, y.segment, done), jnp.array(False)),
+            (saved, jnp.any(done)),
+        )
+    if steps is not None:
+        # A pass in which no run moved writes to the row that the next one overwrites.
+        steps = steps.at[loop.count].set(jnp.stack([h, done.astype(h.dtype)]))
+    if ends is not None:
+        segment = Segment.of(field, settings, y.segment)
+        part = y.z[-1] / jnp.where(segment.duration == 0.0, 1.0, segment.duration)
+        ends = ends.at[loop.count].set((y.segment + part).astype(ends.dtype))
+    if states is not None:
+        states = put_row(states, loop.count, y)
+    if checkpoints is not None:
+        capacity = capacity_for(y, settings.max_steps)
+        checkpoints = checkpoints.record(moved, loop.count + 1, y, capacity, settings.max_steps)
+    return loop._replace(
+        count=loop.count + moved.astype(int),
+        saved=saved,
+        steps=steps,
+        ends=ends,
+        states=states,
+        checkpoints=checkpoints,
+    )

@@ -1,0 +1,136 @@
+"""Adaptive steps in regularised variables: the truth is RKN 12(10), or DOP853, of tight tolerance
+in time and Cartesian variables, which shares neither the variables nor the steps."""
+
+import diffrax
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jaxspace import Accuracy, BodyState, Scene, simulate, simulate_batch
+from jaxspace.bodies import Load
+from jaxspace.core import InputError
+from jaxspace.integration import select_method
+from jaxspace.orbits import Oblateness, PointGravity
+from jaxspace.scene import Custom
+from jaxspace.simulation import Event
+from jaxspace.solvers import DOP853, RKN1210, AdaptiveRegularised
+
+OWN = AdaptiveRegularised()
+J2, RADIUS = 1e-2, 0.25
+OBLATE = Scene((PointGravity(1.0), Oblateness(1.0, J2, RADIUS)))
+AIR = Custom(
+    lambda t, y, body: Load(acceleration_N=-1e-3 * y.velocity),
+    needs={"velocity"},
+    adds={"acceleration"},
+)
+DRAGGED = Scene((*OBLATE.effects, AIR))
+# Revolutions of 2 pi; the times lie unevenly, and one of them twice.
+TS = jnp.array([0.0, 1.0, 2.5, 2.5, 9.0, 20.0])
+
+
+def at_periapsis(e, tilt=0.4):
+    """An orbit of semi-major axis 1 and eccentricity `e`."""
+    speed = jnp.sqrt((1.0 + e) / (1.0 - e))
+    r = jnp.array([1.0 - e, 0.0, 0.0])
+    return BodyState(r, speed * jnp.array([0.0, np.cos(tilt), np.sin(tilt)]))
+
+
+def accuracy(method, rtol=1e-12):
+    return Accuracy(rtol=rtol, method=method, max_steps=2048)
+
+
+def difference(a, b):
+    """The largest difference of positions, in semi-major axes, and of velocities."""
+    return max(
+        float(np.max(np.abs(a.position - b.position))),
+        float(np.max(np.abs(a.velocity - b.velocity))),
+    )
+
+
+def test_it_is_chosen_for_eccentric_orbits():
+    def chosen(e, scene=OBLATE, ts=TS):
+        return type(select_method(scene, at_periapsis(e), 1e-9, ts))
+
+    own = AdaptiveRegularised
+    assert [chosen(e) for e in (0.4, 0.6, 0.9)] == [RKN1210, own, own]
+    assert chosen(0.9, DRAGGED) is AdaptiveRegularised
+    assert chosen(0.3, DRAGGED) is DOP853
+    # Less than a revolution, more states than it would land on, and numbers that are not known.
+    assert chosen(0.9, ts=TS / 20.0) is RKN1210
+    assert chosen(0.9, ts=jnp.linspace(0.0, 20.0, 999)) is RKN1210
+    assert type(select_method(OBLATE, at_periapsis(0.9), 1e-9)) is RKN1210
+
+
+@pytest.mark.parametrize(
+    ("scene", "truth", "evaluations"), [(OBLATE, RKN1210(), 17), (DRAGGED, DOP853(), 12)]
+)
+def test_states_on_the_way_and_between_the_steps(scene, truth, evaluations):
+    """The potential decides the order. Rounding in the truth, grown by the periapsides passed, is a
+    tenth of the bound."""
+    y0 = at_periapsis(0.7)
+    run = simulate(scene, y0, TS, accuracy=accuracy(OWN), dense=True)
+    true = simulate(scene, y0, TS, accuracy=accuracy(truth, 1e-13))
+    assert difference(run.states, true.states) < 2e-11
+    taken = run.stats["steps"] + run.stats["rejected_steps"]
+    assert run.stats["evaluations"] == evaluations * taken
+    assert difference(run.at(TS[4]), true[4]) < 2e-11
+    back = simulate(scene, run.final, TS[::-1], accuracy=accuracy(OWN))
+    assert difference(back.final, y0) < 2e-10  # the velocity at the periapsis is 2.4
+
+
+def test_every_run_of_a_batch_takes_its_own_steps():
+    """Runs alone and together agree to rounding, however different their neighbours."""
+    states = [at_periapsis(e, tilt) for e, tilt in ((0.1, 0.1), (0.9, 0.5), (0.6, 0.3))]
+    y0s = jax.tree.map(lambda *x: jnp.stack(x, axis=-1), *states)
+    together = simulate_batch(OBLATE, y0s, TS, accuracy=accuracy(OWN))
+    for k in (1, 2):
+        one = simulate(OBLATE, states[k], TS, accuracy=accuracy(OWN))
+        assert difference(together.of(k).states, one.states) < 1e-12
+        assert together.stats["steps"][k] == one.stats["steps"]
+
+
+def test_derivatives_agree_with_differences():
+    """Of states on the way and at the end, in the start, the attraction and the time."""
+    y0 = at_periapsis(0.7)
+
+    def total(x):
+        scene = Scene((PointGravity(1.0 + x[0]), Oblateness(1.0, J2, RADIUS)))
+        start = BodyState(y0.position + x[1:4], y0.velocity)
+        ts = jnp.array([0.0, 1.0, 7.0]) * (1.0 + x[4])
+        states = simulate(scene, start, ts, accuracy=accuracy(OWN), throw=False).states
+        weights = jnp.array([1.0, 2.0, 3.0])
+        return jnp.sum(weights * states.position) + jnp.sum(states.velocity[:, 1:] ** 2)
+
+    total = jax.jit(total)
+    x = jnp.zeros(5)
+    h = 1e-4
+
+    def rate(k):
+        # Of order four, so that the bound is that of the runs: 1e-12 by the step.
+        d = [float(total(x.at[k].set(n * h))) for n in (-2, -1, 1, 2)]
+        return (8.0 * (d[2] - d[1]) - (d[3] - d[0])) / (12.0 * h)
+
+    reverse = jax.grad(total)(x)
+    np.testing.assert_allclose(reverse, jax.jacfwd(total)(x), rtol=1e-9)
+    # Their size is that of the fourth power of the frequency times h, beside the largest one.
+    differences = np.array([rate(k) for k in range(5)])
+    np.testing.assert_allclose(reverse, differences, atol=1e-6 * np.max(np.abs(differences)))
+
+
+def test_an_event_ends_it():
+    node = Event(lambda t, y: y.position[2], direction=1, samples=16)
+    y0, ts = at_periapsis(0.7), jnp.array([0.0, 8.0])
+    runs = [
+        simulate(OBLATE, y0, ts, accuracy=accuracy(method), events=(node,))
+        for method in (OWN, RKN1210())
+    ]
+    assert runs[0].event == 0
+    np.testing.assert_allclose(runs[0].ts[-1], runs[1].ts[-1], rtol=1e-11)
+    assert difference(runs[0].final, runs[1].final) < 1e-10
+
+
+def test_it_refuses_the_adjoints_of_diffrax():
+    how = Accuracy(method=OWN, adjoint=diffrax.DirectAdjoint())
+    with pytest.raises(InputError, match="adjoint is given with AdaptiveRegularised"):
+        simulate(OBLATE, at_periapsis(0.7), TS, accuracy=how)
