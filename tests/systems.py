@@ -9,7 +9,16 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxspace import Scene
-from jaxspace.attitude import SphericalPendulum, Top, TorqueFreeBody
+from jaxspace.attitude import (
+    AttitudeDrift,
+    DriftState,
+    NutationDamper,
+    ReactionWheels,
+    SphericalPendulum,
+    Top,
+    TorqueFreeBody,
+    UnwindingCords,
+)
 from jaxspace.bodies import BodyState, BurningBody, RigidBody
 from jaxspace.core import AbstractSystem, as_float
 from jaxspace.gyros import TwoGimbalGyro
@@ -110,9 +119,20 @@ def rocket_state() -> BodyState:
     return orbit(attitude=turned(), omega=jnp.array([0.02, -0.01, 6.0]), mass=jnp.array(1700.0))
 
 
+def dual_spin() -> tuple[Scene, BodyState]:
+    """A satellite with a rotor and a nutation damper, and a state of it."""
+    rotor = ReactionWheels.rotor([0.1, 0.0, 1.0], 8.0, 20.0, friction=0.01)
+    damper = NutationDamper(
+        4.0, [0.8, 0.2, -0.1], [0.1, 0.2, 1.0], 24.5, 2.0, displacement=0.02, rate=-0.05
+    )
+    scene = Scene((rotor, damper), RigidBody(200.0, [40.0, 50.0, 60.0]))
+    return scene, scene.start(BodyState(attitude=turned(), omega=jnp.array([0.2, -0.1, 0.5])))
+
+
 SPIN = BodyState(attitude=turned(), omega=jnp.array([0.4, 0.1, 2.0]))
 GYRO = TwoGimbalGyro(0.002, 0.0008, 500.0, 0.0006, 0.0005, 0.0004, 0.0015)
 TOP = Top(0.002, 0.0008, 0.3)
+CORDS = UnwindingCords(0.264, 0.127, 0.01134)
 PENDULUM = SphericalPendulum(1.2, 9.8)
 AIR = Drag(50.0, 1e-11, 4.0e5, 6.0e4, RADIUS, 7.29e-5)
 TENSOR = np.array([[3.0, 0.1, -0.2], [0.1, 2.0, 0.15], [-0.2, 0.15, 1.5]])
@@ -145,4 +165,7 @@ SAMPLES = [
         20.0,
     ),
     Sample("burning_stage", rocket_scene(), rocket_state(), 9.0),
+    Sample("dual_spin", *dual_spin(), 8.0),
+    Sample("unwinding_cords", CORDS, CORDS.closed_form().flow(0.1, CORDS.state(41.9)), 0.15),
+    Sample("attitude_drift", AttitudeDrift(6.6e-4, 1.2, 0.05), DriftState(jnp.array(0.3)), 900.0),
 ]
