@@ -1,6 +1,8 @@
 """Wheels, dampers, gyros and masses that move in a body: the momentum and the energy of all by
 direct sums, the closed form of the gyrostat, saturation, and stability."""
 
+from pathlib import Path
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -9,7 +11,7 @@ import pytest
 from numpy.testing import assert_allclose
 from systems import TENSOR, turned
 
-from jaxspace import Accuracy, Scene, simulate
+from jaxspace import Accuracy, Scene, load, simulate
 from jaxspace.attitude import (
     ConstantTorque,
     ControlMomentGyros,
@@ -300,3 +302,18 @@ def test_parts_are_told_apart():
     y = spinning(Scene((damper(),), BODY))
     rate = Scene((), BODY, ("attitude", "parts")).vector_field(jnp.zeros(()), y)
     assert jax.tree.leaves(rate.parts) == [0.0, 0.0]
+
+
+def test_scene_files_hold_what_moves():
+    """The rotor of a dual-spin satellite and its damper, and three wheels with a control: as the
+    files start them."""
+    files = Path(__file__).parents[1] / "examples" / "scenes"
+    for name, parts, momentum in (
+        ("dual_spin", {"wheels", "damper"}, 80.0 * (2.0 * np.pi + np.pi / 180.0)),
+        ("wheel_slew", {"wheels"}, 0.02 * (500.0 * np.pi / 30.0 - 0.1 * np.pi / 180.0)),
+    ):
+        file = load(files / f"{name}.toml")
+        assert set(file.y0.parts) == parts
+        assert_allclose(file.y0.parts["wheels"][-1], momentum, rtol=1e-12)
+        rate = eqx.filter_jit(lambda s, y: s.vector_field(jnp.zeros(()), y))(file.system, file.y0)
+        assert all(bool(jnp.all(jnp.isfinite(x))) for x in jax.tree.leaves(rate))

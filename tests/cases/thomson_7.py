@@ -136,7 +136,11 @@ def euler_rates(angles, rates):
 
 
 def misaligned(A, C, n, M1, t):
-    """theta e^(i psi) under a body-fixed moment: exact and to first order."""
+    """theta e^(i psi) under a body-fixed moment: in closed form, to first order, exact; and the
+    circles of the axis."""
+    missile, still = SpinningMissile(A, C, n), vec(0, 0)
+    closed = missile.attack_angle(t, still, still, vec(M1, 0))
+    centre, slow, fast = missile.circles(vec(M1, 0))
     ts = t * vec(0.0, 0.5, 1.0)
 
     def tip(moment):
@@ -145,7 +149,8 @@ def misaligned(A, C, n, M1, t):
 
     exact = angle_of_attack(turn([A, A, C], (0, 0, n), ts, steady=(M1, 0, 0)).final.attitude)
     zero = jnp.zeros(())
-    return jnp.stack(jax.jvp(tip, (zero,), (zero + M1,))[1]), jnp.stack(exact)
+    first = jnp.stack(jax.jvp(tip, (zero,), (zero + M1,))[1])
+    return closed, first, jnp.stack(exact), centre[0], slow, fast
 
 
 def near_symmetric(ratio, beta, n, start, t):
@@ -160,7 +165,9 @@ def near_symmetric(ratio, beta, n, start, t):
         return direction(end.attitude.then(askew))
 
     zero = jnp.zeros(())
-    return jax.jvp(tip, (zero,), (jnp.ones(()),))[1]
+    missile = SpinningMissile(1.0, ratio, n)
+    closed = missile.attack_angle(t, vec(0, 0), vec(start * n, 0), vec(0, 0), tilt=vec(beta, 0))
+    return closed, *jax.jvp(tip, (zero,), (jnp.ones(()),))[1]
 
 
 def near_symmetric_exact(I1, I3, beta, n, start, t):
@@ -172,7 +179,9 @@ def near_symmetric_exact(I1, I3, beta, n, start, t):
 
 
 def rolling(A, C, n, moment, t):
-    """Pitch and yaw of a missile that rolls about x under a body-fixed yawing moment."""
+    """Pitch and yaw of a missile that rolls about x under a body-fixed yawing moment: in closed
+    form with y and z as the transverse axes, to first order, exact."""
+    closed = SpinningMissile(A, C, n).attack_angle(t, vec(0, 0), vec(0, 0), vec(0, moment))
     ts = t * vec(0.0, 0.5, 1.0)
 
     def tilt(moment):
@@ -181,7 +190,7 @@ def rolling(A, C, n, moment, t):
         return to_euler_angles(run.final.attitude, "321")[1::-1]
 
     zero = jnp.zeros(())
-    return jax.jvp(tilt, (zero,), (zero + moment,))[1], tilt(zero + moment)
+    return closed, jax.jvp(tilt, (zero,), (zero + moment,))[1], tilt(zero + moment)
 
 
 def steady(A, C, theta, n):
@@ -314,12 +323,18 @@ def angles_321(angles, rates):
     return *matrix, omega_from_euler_rates(vec(*angles), vec(*rates), "321")
 
 
-def libration(moments, mu, radius, amplitude):
-    """Mean motion, rates of the modes, period of a wide pitch and its ratio to a small one."""
+def libration(moments, mu, radius):
+    """Mean motion, rate of the pitch, and those of all modes over the mean motion."""
     n = jnp.sqrt(mu / radius**3)
     modes = libration_modes(vec(*moments), n)
+    return n, modes.frequency[0], modes.frequency / n
+
+
+def wide_pitch(moments, mu, radius, amplitude):
+    """Period of a wide libration in pitch, and its ratio to that of a small one."""
+    n, rate, _ = libration(moments, mu, radius)
     period = pitch_libration_period(amplitude, vec(*moments), n)
-    return n, modes.frequency[0], modes.frequency / n, period, period * modes.frequency[0] / PI2
+    return period, period * rate / PI2
 
 
 def pioneer(w0, last):
@@ -402,10 +417,16 @@ def tip(id, t, linear, exact):
     return Case(
         id,
         f"Thrust misalignment of a spinning missile after {t} s",
-        SPUN,
+        (SpinningMissile, *SPUN),
         {**MISSILE, "t": t},
         misaligned,
-        {"theta_XY to first order (rad)": linear, "theta_XY (rad)": exact},
+        {
+            "theta_XY in closed form (rad)": linear,
+            **{"theta_XY to first order (rad)": linear, "theta_XY (rad)": exact},
+            "centre of the slow circle (rad)": -0.015831434944115277,
+            "its radius (rad)": 0.017590483271239195,
+            "radius of the fast circle (rad)": 0.0017590483271239196,
+        },
         1e-9,
         why=STEPS,
     )
@@ -416,10 +437,13 @@ def wobble(id, t, expected):
     return Case(
         id,
         f"Nearly symmetric satellite, axis 0.05 rad askew, after {t} s",
-        (symmetric_flow,),
+        (SpinningMissile, symmetric_flow),
         {**SATELLITE, "t": t},
         near_symmetric,
-        {"re theta_XY (rad)": expected[0], "im theta_XY (rad)": expected[1]},
+        {
+            "theta_XY in closed form (rad)": expected,
+            **{"re theta_XY (rad)": expected[0], "im theta_XY (rad)": expected[1]},
+        },
         1e-10,
         1e-12,
         LINEAR,
@@ -605,17 +629,24 @@ CASES = [
     ),
     Case(
         "T7.4-P14-15",
-        "Small librations of a body in a circular orbit, and a wide one in pitch (T7.4-P15-pitch)",
-        (libration_modes, pitch_libration_period),
-        {**ORBIT, "amplitude": 40.0 * DEG},
+        "Small librations of a body in a circular orbit",
+        (libration_modes,),
+        ORBIT,
         libration,
         {
             "n (rad/s)": 0.0011314009553257084,
             "pitch (rad/s)": 0.0013856775175227058,
             "modes over n": [1.2247448713915892, 0.6944460469498098, 1.8214677290239822],
-            "period (s)": 5157.820957012799,
-            "period over that of small ones": 1.137492559923922,
         },
+        1e-12,
+    ),
+    Case(
+        "T7.4-P15-pitch",
+        "A libration of 40 degrees in pitch",
+        (pitch_libration_period,),
+        {**ORBIT, "amplitude": 40.0 * DEG},
+        wide_pitch,
+        {"period (s)": 5157.820957012799, "period over that of small ones": 1.137492559923922},
         1e-12,
     ),
     Case(
@@ -630,10 +661,11 @@ CASES = [
     Case(
         "T7.4-P13",
         "Rolling missile under a body-fixed yawing moment",
-        (*SPUN, to_euler_angles),
+        (SpinningMissile, *SPUN, to_euler_angles),
         {"A": 5000.0, "C": 500.0, "n": 1.5, "moment": 40.0, "t": 6.0},
         rolling,
         {
+            "theta_2, theta_3 in closed form (rad)": [-0.029318125870747967, -0.007398597749762673],
             "theta_2, theta_3 to first order (rad)": [-0.029318125870747967, -0.007398597749762673],
             "theta_2, theta_3 (rad)": [-0.02931654371985564, -0.0074034562308989155],
         },
