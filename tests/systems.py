@@ -11,6 +11,7 @@ from jaxtyping import Array
 from jaxspace import Scene
 from jaxspace.attitude import (
     AttitudeDrift,
+    CordState,
     DriftState,
     NutationDamper,
     ReactionWheels,
@@ -166,6 +167,6 @@ SAMPLES = [
     ),
     Sample("burning_stage", rocket_scene(), rocket_state(), 9.0),
     Sample("dual_spin", *dual_spin(), 8.0),
-    Sample("unwinding_cords", CORDS, CORDS.closed_form().flow(0.1, CORDS.state(41.9)), 0.15),
+    Sample("unwinding_cords", CORDS, CordState(*jnp.array([30.0, 3.0, 41.0])), 0.15),
     Sample("attitude_drift", AttitudeDrift(6.6e-4, 1.2, 0.05), DriftState(jnp.array(0.3)), 900.0),
 ]
