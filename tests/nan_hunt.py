@@ -80,8 +80,8 @@ def poisoned(system, state, key: np.random.Generator):
     for path, x in jax.tree_util.tree_flatten_with_path(tree)[0]:
         owner = tree
         for step in path[:-1]:
-            owner = owner[step.idx] if hasattr(step, "idx") else getattr(owner, step.name)
-        places.append((owner, path[-1].name, x))
+            owner = getattr(owner, step.name) if hasattr(step, "name") else owner[_place(step)]
+        places.append((owner, _place(path[-1]), x))
     runs = places[0][2].shape[-1]
     refused = np.zeros(runs, bool)
     for run in range(runs):
@@ -90,6 +90,11 @@ def poisoned(system, state, key: np.random.Generator):
         x[place] = key.choice(_illegal(owner, name, x[place]))
         refused[run] = _refuses(owner, run)
     return jax.tree.map(jnp.asarray, tree), refused
+
+
+def _place(step):
+    """The name of a field, the key of a part or the number of an item."""
+    return next(getattr(step, kind) for kind in ("name", "key", "idx") if hasattr(step, kind))
 
 
 def _illegal(owner, name: str, x: float) -> tuple[float, ...]:

@@ -10,9 +10,14 @@ from jaxtyping import Array
 
 from jaxspace import Scene
 from jaxspace.attitude import (
+    AttitudeDrift,
     BodyTorque,
+    CordState,
     DipoleField,
+    DriftState,
     MagneticDipole,
+    NutationDamper,
+    ReactionWheels,
     RollingDisk,
     ShaftPendulum,
     SpaceTorque,
@@ -20,6 +25,7 @@ from jaxspace.attitude import (
     SpringTorque,
     Top,
     TorqueFreeBody,
+    UnwindingCords,
     ViscousTorque,
 )
 from jaxspace.bodies import BodyState, BurningBody, ExponentialAtmosphere, RigidBody
@@ -129,9 +135,20 @@ def rocket_state() -> BodyState:
     return orbit(attitude=turned(), omega=jnp.array([0.02, -0.01, 6.0]), mass=jnp.array(1700.0))
 
 
+def dual_spin() -> tuple[Scene, BodyState]:
+    """A satellite with a rotor and a nutation damper, and a state of it."""
+    rotor = ReactionWheels.rotor([0.1, 0.0, 1.0], 8.0, 20.0, friction=0.01)
+    damper = NutationDamper(
+        4.0, [0.8, 0.2, -0.1], [0.1, 0.2, 1.0], 24.5, 2.0, displacement=0.02, rate=-0.05
+    )
+    scene = Scene((rotor, damper), RigidBody(200.0, [40.0, 50.0, 60.0]))
+    return scene, scene.start(BodyState(attitude=turned(), omega=jnp.array([0.2, -0.1, 0.5])))
+
+
 SPIN = BodyState(attitude=turned(), omega=jnp.array([0.4, 0.1, 2.0]))
 GYRO = TwoGimbalGyro(0.002, 0.0008, 500.0, 0.0006, 0.0005, 0.0004, 0.0015)
 TOP = Top(0.002, 0.0008, 0.3)
+CORDS = UnwindingCords(0.264, 0.127, 0.01134)
 PENDULUM = SphericalPendulum(1.2, 9.8)
 AIR = Drag(50.0, ExponentialAtmosphere(1e-11, 4.0e5, 6.0e4), RADIUS, 7.29e-5)
 SHAFT = ShaftPendulum(0.1, 0.02, 2.94, 7.0)
@@ -201,4 +218,7 @@ SAMPLES = [
         60.0,
     ),
     Sample("burning_stage", rocket_scene(), rocket_state(), 9.0),
+    Sample("dual_spin", *dual_spin(), 8.0),
+    Sample("unwinding_cords", CORDS, CordState(*jnp.array([30.0, 3.0, 41.0])), 0.15),
+    Sample("attitude_drift", AttitudeDrift(6.6e-4, 1.2, 0.05), DriftState(jnp.array(0.3)), 900.0),
 ]

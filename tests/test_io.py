@@ -128,7 +128,9 @@ BAD = {
         [
             "phase.0.effects.0",
             '"point_gravty"',
-            "jet_damping, steered_thrust, thrust",
+            "gravity_gradient, ",
+            "jet_damping, ",
+            "steered_thrust, ",
             "Did you mean point_gravity?",
         ],
     ),
@@ -274,7 +276,7 @@ def test_bad_scenes_get_one_clear_line(scene, tmp_path, case):
         ),
         (
             TWO_BODY.replace('name = "two_body"', ""),
-            ["system.name is missing", "one of two_body, spherical_pendulum, top"],
+            ["system.name is missing", "one of two_body, "],
         ),
         (
             TWO_BODY.replace('mu = "398600.4418 km^3/s^2"', "mu = -1"),

@@ -1,5 +1,5 @@
 """Rotation of a body of constant mass: free bodies, heavy top, rolling disk, gravity gradient,
-applied torques, precession of the Earth, despin."""
+applied torques, precession of the Earth, despin, drift, moving parts."""
 
 from ._applied_torques import BodyTorque as BodyTorque
 from ._applied_torques import DipoleField as DipoleField
@@ -7,6 +7,15 @@ from ._applied_torques import MagneticDipole as MagneticDipole
 from ._applied_torques import SpaceTorque as SpaceTorque
 from ._applied_torques import SpringTorque as SpringTorque
 from ._applied_torques import ViscousTorque as ViscousTorque
+from ._attitude_drift import FASTEST_DRIFT as FASTEST_DRIFT
+from ._attitude_drift import AttitudeDrift as AttitudeDrift
+from ._attitude_drift import DriftState as DriftState
+from ._attitude_drift import antenna_drift_constant as antenna_drift_constant
+from ._attitude_drift import drift_by_dissipation as drift_by_dissipation
+from ._attitude_drift import drift_energy as drift_energy
+from ._attitude_drift import structural_damping as structural_damping
+from ._attitude_drift import tube_drift_constant as tube_drift_constant
+from ._control_moment_gyros import ControlMomentGyros as ControlMomentGyros
 from ._despin import YoYo as YoYo
 from ._despin import cord_length as cord_length
 from ._despin import zero_spin_cord_length as zero_spin_cord_length
@@ -20,7 +29,18 @@ from ._gravity_gradient import gravity_gradient_torque as gravity_gradient_torqu
 from ._gravity_gradient import pitch_libration_period as pitch_libration_period
 from ._initial import attitude_along as attitude_along
 from ._initial import attitude_from_angles as attitude_from_angles
+from ._libration import LibrationModes as LibrationModes
+from ._libration import forced_pitch as forced_pitch
+from ._libration import inertia_ratios as inertia_ratios
+from ._libration import jacobi_integral as jacobi_integral
+from ._libration import libration_is_stable as libration_is_stable
+from ._libration import libration_modes as libration_modes
+from ._moving_masses import MovingMasses as MovingMasses
+from ._moving_masses import ParticleEquations as ParticleEquations
+from ._moving_masses import particle_equations as particle_equations
 from ._nutation import Nutation as Nutation
+from ._nutation_damper import DamperMotion as DamperMotion
+from ._nutation_damper import NutationDamper as NutationDamper
 from ._outputs import cone_angle as cone_angle
 from ._outputs import continuous_precession as continuous_precession
 from ._outputs import pointing as pointing
@@ -39,6 +59,14 @@ from ._rolling_disk import disk_tilt as disk_tilt
 from ._rolling_disk import lies_flat as lies_flat
 from ._spherical_pendulum import PendulumState as PendulumState
 from ._spherical_pendulum import SphericalPendulum as SphericalPendulum
+from ._spinning_missile import SpinningMissile as SpinningMissile
+from ._spinning_missile import angle_of_attack as angle_of_attack
+from ._spinning_missile import principal_tilt as principal_tilt
+from ._swinging import SwingingCords as SwingingCords
+from ._swinging import SwingOutArms as SwingOutArms
+from ._swinging import SwingState as SwingState
+from ._swinging import radial_release_spin as radial_release_spin
+from ._swinging import zero_spin_radial_cord as zero_spin_radial_cord
 from ._top import Top as Top
 from ._top_motion import TopMotion as TopMotion
 from ._top_relatives import ShaftPendulum as ShaftPendulum
@@ -55,3 +83,12 @@ from ._torque_free import coning_omega as coning_omega
 from ._torque_free import precession_rate as precession_rate
 from ._torque_free import space_cone_angle as space_cone_angle
 from ._torque_free import symmetric_flow as symmetric_flow
+from ._unwinding import CordState as CordState
+from ._unwinding import StretchingCords as StretchingCords
+from ._unwinding import UnwindingCords as UnwindingCords
+from ._wheels import AbstractMotor as AbstractMotor
+from ._wheels import ConstantTorque as ConstantTorque
+from ._wheels import PointingControl as PointingControl
+from ._wheels import ReactionWheels as ReactionWheels
+from ._wheels import gyrostat_nutation_rate as gyrostat_nutation_rate
+from ._wheels import rotor_moment as rotor_moment

@@ -9,6 +9,7 @@ from ._body import BurningBody as BurningBody
 from ._body import RigidBody as RigidBody
 from ._effect import AbstractEffect as AbstractEffect
 from ._effect import Load as Load
+from ._effect import with_parts as with_parts
 from ._free_motion import FreeRotation as FreeRotation
 from ._inertia import AbstractInertia as AbstractInertia
 from ._inertia import InertiaTensor as InertiaTensor

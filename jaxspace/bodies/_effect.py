@@ -1,6 +1,8 @@
 """The interface of an effect: what acts on a body, and what it contributes to its motion."""
 
+import dataclasses
 from abc import abstractmethod
+from collections.abc import Iterable
 from typing import final
 
 import equinox as eqx
@@ -12,6 +14,8 @@ from ..core import (
     AbstractParameters,
     AbstractRegularised,
     AbstractSystem,
+    InputError,
+    Matrix,
     Scalar,
     State,
     Vector,
@@ -30,13 +34,18 @@ class Load(eqx.Module):
     - `force_N`, N: in inertial axes.
     - `torque_B`, N m: about the centre of mass, in body axes.
     - `mass_rate`, kg/s: negative when mass leaves.
-    - `parts_rate`: rates of the state's extra parts, by name."""
+    - `parts_rate`: rates of the state's extra parts, by name.
+    - `inertia_B`, kg m^2, (3, 3, *runs): what moving parts add to the inertia of the body.
+    - `momentum_B`, kg m^2/s: angular momentum of moving parts in body axes, beside what turns with
+      the body. Their torque is that of the changes in body axes, without omega x momentum."""
 
     acceleration_N: Vector | None = None
     force_N: Vector | None = None
     torque_B: Vector | None = None
     mass_rate: Scalar | None = None
     parts_rate: dict[str, State] | None = None
+    inertia_B: Matrix | None = None
+    momentum_B: Vector | None = None
 
 
 class AbstractEffect(AbstractParameters):
@@ -44,9 +53,11 @@ class AbstractEffect(AbstractParameters):
 
     - `needs`: the parts of the state that it reads, of "position", "velocity", "attitude", "omega",
       "mass"; "body_mass" requires a body whose mass is known.
-    - `adds`: what its load contributes, of "acceleration", "force", "torque", "mass_rate", "parts".
+    - `adds`: what its load contributes, of "acceleration", "force", "torque", "mass_rate", "parts",
+      "inertia", "momentum".
     - `keeps`: what motion under it alone conserves, of "energy", "angular_momentum" (of the orbit,
-      all components), "axial_angular_momentum" (its z component)."""
+      all components), "axial_angular_momentum" (its z component), "rotational_momentum" (of the
+      body and its moving parts: of effects whose torques are internal)."""
 
     needs: AbstractClassVar[frozenset[str]]
     adds: AbstractClassVar[frozenset[str]]
@@ -59,6 +70,17 @@ class AbstractEffect(AbstractParameters):
     @abstractmethod
     def potential(self, t: Scalar, y: BodyState, body: AbstractBody) -> Scalar | None:
         """Potential energy per unit mass, J/kg; `None` says that the effect is not conservative."""
+
+    def start(self, y: BodyState, body: AbstractBody) -> dict[str, State] | None:
+        """The extra parts of the state that this effect integrates, by name, as they start; `None`
+        if it has none.
+
+        **Arguments**
+
+        - `y`: the state without them, of every run.
+        - `body`: that of the scene."""
+        del y, body
+        return None
 
     def closed_form(self) -> AbstractClosedForm | None:
         """The exact motion of a position and a velocity under this effect alone, or `None`.
@@ -87,3 +109,26 @@ class AbstractEffect(AbstractParameters):
         capabilities when they are scaled. `jaxspace.scene.scaled` scales every effect."""
         del factor
         return None
+
+
+def with_parts(y: BodyState, effects: Iterable[AbstractEffect], body: AbstractBody) -> BodyState:
+    """A state with the extra parts that effects integrate.
+
+    **Arguments**
+
+    - `y`: the state; parts that it holds already stay as they are.
+    - `effects`, `body`: of the scene.
+
+    **Raises** `InputError` where two effects integrate a part of the same name."""
+    found: dict[str, State] = {}
+    for effect in effects:
+        for name, part in (effect.start(y, body) or {}).items():
+            if name in found:
+                raise InputError(
+                    f"{type(effect).__name__}.part is {name!r}: it must be another name, "
+                    "for another effect of the scene integrates that part."
+                )
+            found[name] = part
+    if not found:
+        return y
+    return dataclasses.replace(y, parts={**found, **(y.parts or {})})

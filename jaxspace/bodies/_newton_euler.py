@@ -1,7 +1,7 @@
 """The equations of motion of one rigid body, of constant or varying mass.
 
     v' = a + F / m                                  centre of mass, inertial axes
-    J omega' = M - omega x J omega                  about the centre of mass, body axes
+    J omega' = M - omega x (J omega + h)            about the centre of mass, body axes
     q' = q (0, omega) / 2
 
     symbol   meaning                                             unit
@@ -9,16 +9,18 @@
     a, F     acceleration by gravity, other forces               m/s^2, N
     m        mass that is left                                   kg
     J        inertia of what is left, about its centre of mass   kg m^2
-    M        moment about the centre of mass                     N m
+    h        angular momentum of parts that move in the body     kg m^2/s
+    M        moment about the centre of mass, less the changes   N m
+             of h and J by moving parts, in body axes
 
-Source: Thomson 5.6 (Euler's equations), 7.1-2, 7.7-3 (varying mass).
+Source: Thomson 5.6 (Euler's equations), 7.1-2, 7.7-3 (varying mass), 7.11 (moving parts).
 
 Mass that leaves takes along the momentum that it has where it burns. What it gives up on the way to
 the nozzle is the effect `JetDamping`. The motion of the centre of mass inside the body is not a
 velocity of the body.
 """
 
-from ..core import Scalar, Vector, cross
+from ..core import Matrix, Scalar, Vector, cross, matvec, solve3, with_rank
 from ._inertia import AbstractInertia
 
 
@@ -44,17 +46,37 @@ def linear_acceleration(
     return by_force if acceleration is None else acceleration + by_force
 
 
-def angular_acceleration(inertia: AbstractInertia, omega: Vector, torque: Vector | None) -> Vector:
-    """Angular acceleration by Euler's equations (Thomson 5.6, 7.1-2).
+def angular_acceleration(
+    inertia: AbstractInertia,
+    omega: Vector,
+    torque: Vector | None,
+    added: Matrix | None = None,
+    momentum: Vector | None = None,
+) -> Vector:
+    """Angular acceleration by Euler's equations (Thomson 5.6, 7.1-2, 7.11).
 
     **Arguments**
 
     - `inertia`: about the centre of mass, kg m^2.
     - `omega`: angular velocity in body axes, rad/s, (3, *runs).
     - `torque`: about the centre of mass, in body axes, N m, (3, *runs), or `None`.
+    - `added`: to the inertia by parts that move, kg m^2, (3, 3, *runs), or `None`.
+    - `momentum`: h of parts that move in the body, kg m^2/s, (3, *runs), or `None`.
 
     **Returns** omega', rad/s^2, (3, *runs).
     """
     # h x omega and not -omega x h, which would be one operation more for each component.
-    gyroscopic = cross(inertia.times(omega), omega)
-    return inertia.solve(gyroscopic if torque is None else torque + gyroscopic)
+    h = inertia.times(omega)
+    if added is not None:
+        h = h + matvec(added, omega)
+    if momentum is not None:
+        h = h + momentum
+    total = cross(h, omega)
+    if torque is not None:
+        total = torque + total
+    if added is None:
+        return inertia.solve(total)
+    tensor = inertia.matrix()
+    rank = max(tensor.ndim, added.ndim, total.ndim + 1) - 2
+    tensor, added = with_rank(tensor, rank, axes=2), with_rank(added, rank, axes=2)
+    return solve3(tensor + added, with_rank(total, rank))

@@ -7,7 +7,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..core import State, check_components, check_positive, quantity
+from ..core import InputError, State, check_components, check_positive, quantity
 from ..rotations import Quaternion
 
 if TYPE_CHECKING:
@@ -69,6 +69,14 @@ class BodyState(eqx.Module):
         check_positive("BodyState.mass", self.mass)
         if isinstance(self.attitude, Quaternion):
             self.attitude.check_start()
+
+    def part(self, name: str) -> Any:
+        """The extra part of this name. Raises `InputError` where the state does not hold it."""
+        if self.parts is None or name not in self.parts:
+            raise InputError(
+                f"The state has no part {name!r}: Scene.start adds what the effects integrate."
+            )
+        return self.parts[name]
 
     def present(self) -> tuple[str, ...]:
         """The names of the parts that this state holds."""

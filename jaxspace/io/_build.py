@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 from jax.typing import ArrayLike
 
-from ..bodies import AbstractEffect, AbstractJump
+from ..bodies import AbstractEffect, AbstractJump, with_parts
 from ..core import AbstractSystem, InputError, Scalar, State
 from ..scene import Scene
 from ..simulation import Event, Mission, Phase
@@ -39,6 +39,8 @@ def build_mission(file: Parsed, values: Values, runs: Runs) -> tuple[Mission, St
     if any("mass_rate" in effect.adds for effect in effects.values()):
         mass = runs.scalar(body.loaded_mass())
         initial = eqx.tree_at(lambda y: y.mass, initial, mass, is_leaf=lambda x: x is None)
+    # Before the phases, because a part that one of them integrates stays in the others.
+    initial = with_parts(initial, effects.values(), body)
     carry = initial.present()
     if file.kind == "scene":
         scene = Scene(tuple(effects.values()), body, carry)

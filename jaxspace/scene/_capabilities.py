@@ -115,7 +115,7 @@ def scene_split(scene: AbstractScene) -> tuple[SceneSplit | None, str]:
     """Drift and kick of a scene; the loads of the kick may depend on position and attitude only."""
     exact, others = _separate(scene.effects)
     # What a kick changes, or what changes during it.
-    moving = {"velocity", "omega", "mass", "parts", "mass_rate"}
+    moving = {"velocity", "omega", "mass", "parts", "mass_rate", "inertia", "momentum"}
     for effect in others:
         if moving & (effect.needs | effect.adds):
             return (

@@ -5,6 +5,8 @@
                              of the orbit alone, where the other effects only turn the body
     angular momentum         r x v, or its z component alone
     rotation without torque  J omega in inertial axes, omega . J omega / 2
+    internal torques alone   J omega + h in inertial axes, with the inertia and the momentum h of
+                             moving parts
 
 Source: Thomson 4.2, 5.3.
 """
@@ -13,9 +15,11 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from ..bodies import AbstractBody, AbstractEffect, BodyState, kinetic_energy
-from ..core import Scalar, cross, dot
+from ..core import Scalar, cross, dot, matvec
 
 ALL_KEPT = frozenset({"energy", "angular_momentum", "axial_angular_momentum"})
+# What turns the body, or moves in it, and leaves the orbit alone.
+TURNING = frozenset({"torque", "inertia", "momentum", "parts"})
 
 
 def conserved(
@@ -38,7 +42,7 @@ def conserved(
     kept = frozenset.intersection(*(e.keeps for e in effects)) if effects else ALL_KEPT
     adds = frozenset().union(*(e.adds for e in effects))
     # Effects that add a torque alone do not change the energy of the orbit.
-    pushing = tuple(e for e in effects if e.adds != {"torque"})
+    pushing = tuple(e for e in effects if not e.adds or not e.adds <= TURNING)
     unit = {} if y.attitude is None else {"quaternion_norm": y.attitude.norm_squared()}
     found: dict[str, Array] = {}
     # Mass that leaves takes energy and momentum along.
@@ -54,10 +58,19 @@ def conserved(
         found["energy"] = _energy(effects, body, mass if "torque" in adds else None, t, y)
     elif pushing and all("energy" in e.keeps and "torque" not in e.adds for e in pushing):
         found["orbital_energy"] = _energy(pushing, body, None, t, y)
-    if y.omega is not None and y.attitude is not None and "torque" not in adds:
+    if y.omega is not None and y.attitude is not None:
         inertia = body.inertia(mass)
-        found["rotational_momentum"] = y.attitude.rotate(inertia.times(y.omega))
-        found["rotational_energy"] = kinetic_energy(inertia, y.omega)
+        turning = tuple(e for e in effects if e.adds & (TURNING - {"parts"}))
+        if all("rotational_momentum" in e.keeps for e in turning):
+            h = inertia.times(y.omega)
+            for load in (e.load(t, y, body) for e in turning):
+                if load.inertia_B is not None:
+                    h = h + matvec(load.inertia_B, y.omega)
+                if load.momentum_B is not None:
+                    h = h + load.momentum_B
+            found["rotational_momentum"] = y.attitude.rotate(h)
+        if not turning:
+            found["rotational_energy"] = kinetic_energy(inertia, y.omega)
     return found | unit
 
 

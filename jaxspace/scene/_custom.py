@@ -18,8 +18,10 @@ FIELDS = {
     "torque": "torque_B",
     "mass_rate": "mass_rate",
     "parts": "parts_rate",
+    "inertia": "inertia_B",
+    "momentum": "momentum_B",
 }
-VECTORS = ("acceleration_N", "force_N", "torque_B")
+VECTORS = ("acceleration_N", "force_N", "torque_B", "momentum_B")
 
 
 def _check_vector(name: str, value: object) -> None:

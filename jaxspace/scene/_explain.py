@@ -65,7 +65,7 @@ def budget(scene: AbstractScene, t: Scalar = 0.0, y: BodyState | None = None) ->
     of motion themselves.
     """
     t = jnp.asarray(t, float)
-    y = sample_state(scene.parts) if y is None else y
+    y = scene.start(sample_state(scene.parts)) if y is None else y
     whole = operation_count(scene, t, y)
     # Constant loads cost no operation at all.
     divisor = max(whole, 1)

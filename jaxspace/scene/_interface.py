@@ -28,6 +28,10 @@ class AbstractScene(AbstractSystem):
         """The sum of the loads of all effects at the time `t`, s, in the state `y`."""
 
     @abstractmethod
+    def start(self, y: BodyState) -> BodyState:
+        """The state `y` with the extra parts that the effects integrate, as they start."""
+
+    @abstractmethod
     def mass(self, y: BodyState) -> Scalar | None:
         """The mass of the body, kg: from the state where it changes, else the body's own; `None` if
         it has none."""

@@ -7,7 +7,7 @@ import jax
 from jaxtyping import Array, Float
 
 from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
-from ..core import Scalar, quantity
+from ..core import Scalar, State, quantity
 
 
 def scaled(effect: AbstractEffect, factor: Scalar) -> AbstractEffect:
@@ -53,6 +53,9 @@ class Scaled(AbstractEffect):
     def potential(self, t: Scalar, y: BodyState, body: AbstractBody) -> Scalar | None:
         own = self.effect.potential(t, y, body)
         return None if own is None else self.factor * own
+
+    def start(self, y: BodyState, body: AbstractBody) -> dict[str, State] | None:
+        return self.effect.start(y, body)
 
     def breaks(self) -> Float[Array, "times *#runs"] | None:
         return self.effect.breaks()

@@ -1,6 +1,8 @@
 """A scene: a body and the effects that act on it, as one system.
 
-    v' = sum a + sum F / m,    J omega' = sum M - omega x J omega,    m' = sum m'_effects
+    v' = sum a + sum F / m,    J omega' = sum M - omega x (J omega + h),    m' = sum m'_effects
+
+J and h hold what moving parts add to the inertia, and their own angular momentum.
 
 The state holds the parts that the effects read or change (`Scene.parts`), and those named in
 `carry`. Every other part is `None`, hence no leaf of the state, of a batch or of a gradient.
@@ -12,6 +14,7 @@ from collections.abc import Sequence
 from typing import Any, final
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
@@ -24,6 +27,7 @@ from ..bodies import (
     RigidBody,
     angular_acceleration,
     linear_acceleration,
+    with_parts,
 )
 from ..core import (
     AbstractClosedForm,
@@ -32,6 +36,7 @@ from ..core import (
     Flag,
     InputError,
     Scalar,
+    State,
 )
 from ._capabilities import ROTATION, TRANSLATION, body_motion, scene_regularised, scene_split
 from ._conserved import conserved
@@ -45,6 +50,8 @@ CHANGES = {
     "torque": ROTATION,
     "mass_rate": {"mass"},
     "parts": {"parts"},
+    "inertia": ROTATION,
+    "momentum": ROTATION,
 }
 
 
@@ -139,12 +146,20 @@ class Scene(AbstractScene):
                 f"leave it out, or let Scene(carry=({idle[0]!r},)) integrate it."
             )
 
+    def start(self, y: BodyState) -> BodyState:
+        """The state `y` with the extra parts that the effects integrate, as they start.
+
+        Parts that `y` already holds stay as they are. Raises `InputError` where two effects
+        integrate a part of the same name."""
+        return with_parts(y, self.effects, self.body)
+
     def loads(self, t: Scalar, y: BodyState) -> Load:
         """The sum of the loads of all effects at the time `t`, s, in the state `y`."""
         loads = [effect.load(t, y, self.body) for effect in self.effects]
         parts = [load.parts_rate for load in loads if load.parts_rate is not None]
         rates = {name: rate for part in parts for name, rate in part.items()} or None
-        return Load(*(_sum([getattr(load, k) for load in loads]) for k in SUMMED), parts_rate=rates)
+        summed = {k: _sum([getattr(load, k) for load in loads]) for k in SUMMED}
+        return Load(**summed, parts_rate=rates)
 
     def vector_field(self, t: Scalar, y: BodyState) -> BodyState:
         # Static, and before the loads, whose error about a missing part would name no effect.
@@ -159,10 +174,17 @@ class Scene(AbstractScene):
                 velocity = linear_acceleration(load.acceleration_N, load.force_N, self.mass(y))
         if y.omega is not None and y.attitude is not None:
             attitude = y.attitude.rate(y.omega)
-            omega = angular_acceleration(self.body.inertia(self.mass(y)), y.omega, load.torque_B)
+            omega = angular_acceleration(
+                self.body.inertia(self.mass(y)),
+                y.omega,
+                load.torque_B,
+                load.inertia_B,
+                load.momentum_B,
+            )
         if y.mass is not None:
             mass = jnp.zeros_like(y.mass) if load.mass_rate is None else load.mass_rate
-        return BodyState(y.velocity, velocity, attitude, omega, mass, load.parts_rate)
+        parts = None if y.parts is None else _rates_of(y.parts, load.parts_rate or {})
+        return BodyState(y.velocity, velocity, attitude, omega, mass, parts)
 
     def mass(self, y: BodyState) -> Scalar | None:
         """The mass of the body, kg: from the state where it changes, else the body's own; `None` if
@@ -223,7 +245,16 @@ class Scene(AbstractScene):
         return jnp.concatenate([jnp.broadcast_to(x, (x.shape[0], *runs)) for x in times])
 
 
-SUMMED = ("acceleration_N", "force_N", "torque_B", "mass_rate")
+SUMMED = ("acceleration_N", "force_N", "torque_B", "mass_rate", "inertia_B", "momentum_B")
+
+
+def _rates_of(parts: dict[str, State], rates: dict[str, State]) -> dict[str, State]:
+    """The rates of the extra parts of a state: zero for those that no effect changes, such as those
+    of an effect that acts in another phase."""
+    return {
+        name: rates[name] if name in rates else jax.tree.map(jnp.zeros_like, part)
+        for name, part in parts.items()
+    }
 
 
 def _sum(terms: list[Array | None]) -> Array | None:

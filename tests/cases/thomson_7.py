@@ -5,11 +5,28 @@ import jax.numpy as jnp
 
 from jaxspace import BodyState, Scene, simulate
 from jaxspace.attitude import (
+    FASTEST_DRIFT,
+    AttitudeDrift,
+    NutationDamper,
+    ReactionWheels,
+    SpinningMissile,
+    SwingOutArms,
+    SwingState,
     TorqueFreeBody,
+    UnwindingCords,
+    YoYo,
     body_precession_rate,
     coning_omega,
+    cord_length,
+    libration_modes,
+    particle_equations,
+    pitch_libration_period,
     precession_rate,
+    rotor_moment,
+    structural_damping,
     symmetric_flow,
+    tube_drift_constant,
+    zero_spin_cord_length,
 )
 from jaxspace.bodies import (
     BurningBody,
@@ -31,12 +48,13 @@ from jaxspace.rockets import (
 )
 from jaxspace.rotations import (
     Quaternion,
+    from_euler_angles,
     omega_from_euler_rates,
     to_euler_angles,
 )
 from jaxspace.scene import Custom
 
-from .case import CLOSED, LINEAR, STEPS, Case, vec
+from .case import CLOSED, DEG, LINEAR, STEPS, Case, vec
 from .motions import ACCURACY, angle_of_attack, turn
 
 X, Y, Z = vec(1, 0, 0), vec(0, 1, 0), vec(0, 0, 1)
@@ -125,7 +143,11 @@ def euler_rates(angles, rates):
 
 
 def misaligned(A, C, n, M1, t):
-    """theta e^(i psi) under a body-fixed moment: exact and to first order."""
+    """theta e^(i psi) under a body-fixed moment: in closed form, to first order, exact; and the
+    circles of the axis."""
+    missile, still = SpinningMissile(A, C, n), vec(0, 0)
+    closed = missile.attack_angle(t, still, still, vec(M1, 0))
+    centre, slow, fast = missile.circles(vec(M1, 0))
     ts = t * vec(0.0, 0.5, 1.0)
 
     def tip(moment):
@@ -134,7 +156,8 @@ def misaligned(A, C, n, M1, t):
 
     exact = angle_of_attack(turn([A, A, C], (0, 0, n), ts, steady=(M1, 0, 0)).final.attitude)
     zero = jnp.zeros(())
-    return jnp.stack(jax.jvp(tip, (zero,), (zero + M1,))[1]), jnp.stack(exact)
+    first = jnp.stack(jax.jvp(tip, (zero,), (zero + M1,))[1])
+    return closed, first, jnp.stack(exact), centre[0], slow, fast
 
 
 def near_symmetric(ratio, beta, n, start, t):
@@ -149,7 +172,9 @@ def near_symmetric(ratio, beta, n, start, t):
         return direction(end.attitude.then(askew))
 
     zero = jnp.zeros(())
-    return jax.jvp(tip, (zero,), (jnp.ones(()),))[1]
+    missile = SpinningMissile(1.0, ratio, n)
+    closed = missile.attack_angle(t, vec(0, 0), vec(start * n, 0), vec(0, 0), tilt=vec(beta, 0))
+    return closed, *jax.jvp(tip, (zero,), (jnp.ones(()),))[1]
 
 
 def near_symmetric_exact(I1, I3, beta, n, start, t):
@@ -161,7 +186,9 @@ def near_symmetric_exact(I1, I3, beta, n, start, t):
 
 
 def rolling(A, C, n, moment, t):
-    """Pitch and yaw of a missile that rolls about x under a body-fixed yawing moment."""
+    """Pitch and yaw of a missile that rolls about x under a body-fixed yawing moment: in closed
+    form with y and z as the transverse axes, to first order, exact."""
+    closed = SpinningMissile(A, C, n).attack_angle(t, vec(0, 0), vec(0, 0), vec(0, moment))
     ts = t * vec(0.0, 0.5, 1.0)
 
     def tilt(moment):
@@ -170,7 +197,7 @@ def rolling(A, C, n, moment, t):
         return to_euler_angles(run.final.attitude, "321")[1::-1]
 
     zero = jnp.zeros(())
-    return jax.jvp(tilt, (zero,), (zero + moment,))[1], tilt(zero + moment)
+    return closed, jax.jvp(tilt, (zero,), (zero + moment,))[1], tilt(zero + moment)
 
 
 def steady(A, C, theta, n):
@@ -255,6 +282,133 @@ def moving_bar(m, l, V, w, theta):
     return h, rate, balance, rate + balance
 
 
+def drift_of_disks(tube, A, C, w0):
+    """K, times from 1 to 10 degrees to first order and exact, and the fastest drift."""
+    K = tube_drift_constant(*tube, A, C, w0)
+    drift = AttitudeDrift(K)
+    first, last = DEG, 10.0 * DEG
+    small = jnp.log(last / first) / K
+    return K, small, drift.drift_time(first, last), FASTEST_DRIFT, drift.rate(FASTEST_DRIFT)
+
+
+def rest_wheel(A, rotor, speed):
+    """A body at rest whose wheel has been spun up: without momentum."""
+    wheels = ReactionWheels.rotor(Y, rotor, speed)
+    body = PrincipalInertia([A, A, A])
+    y = BodyState(attitude=Quaternion.identity(), omega=-rotor * speed / A * Y)
+    scene = Scene((wheels,), RigidBody(inertia=body))
+    momentum = scene.invariants(0.0, scene.start(y))["rotational_momentum"]
+    return body.solve(-rotor * speed * Y), momentum
+
+
+def damper_of(k, c):
+    return NutationDamper(4.0, [0.8, 0.0, 0.0], Z, k, c)
+
+
+def damped_satellite(A, C, k, c, start, times):
+    """omega, displacement, angle to h, energy and loss, at two times; at first angle, energy, h."""
+    damper = damper_of(k, c)
+    scene = Scene((damper,), RigidBody(200.0, jnp.array([A, A, C])))
+    y0 = scene.start(BodyState(attitude=Quaternion.identity(), omega=vec(start, 0, 5)))
+    run = simulate(scene, y0, vec(0.0, *times), accuracy=ACCURACY)
+    h = scene.invariants(run.ts, run.states)["rotational_momentum"]
+    inside = run.states.attitude.rotate_back(h)
+    theta = jnp.arctan2(jnp.hypot(inside[0], inside[1]), inside[2])
+    energy = damper.energy(run.states, scene.body)
+    place = damper.motion(run.states, scene.body).displacement
+    return (
+        *(run.states.omega[:, 1:].T, place[1:], theta[1:], energy[1:]),
+        *(energy[0] - energy[1:], theta[0], energy[0], norm(h)[0]),
+    )
+
+
+def damper_eigenvalues(A, C, k, c):
+    """The fastest growth, and both pairs as real and imaginary part, slower decay first."""
+    growth, frequency = damper_of(k, c).eigenvalues(vec(A, A, C), 200.0, 5.0)
+    order = jnp.argsort(-growth)
+    pairs = jnp.stack([growth, jnp.abs(frequency)])[:, order]
+    return growth[order[0]], pairs[:, 0], pairs[:, 4]
+
+
+def misaligned_rates(A, C, n, M1, start, t):
+    """w_12, lambda, and the greatest |w_12| from rest."""
+    missile = SpinningMissile(A, C, n)
+    rate = missile.transverse_rate(t, vec(*start), vec(M1, 0))
+    # From rest w_12 is a circle through the origin.
+    half = missile.transverse_rate(jnp.pi / missile.nutation_rate(), vec(0, 0), vec(M1, 0))
+    return rate, missile.nutation_rate(), jnp.hypot(*half)
+
+
+def angles_321(angles, rates):
+    """The matrix from inertial to body axes, and the body rates; angles in the order 3, 2, 1."""
+    matrix = from_euler_angles(vec(*angles), "321").matrix().T
+    return *matrix, omega_from_euler_rates(vec(*angles), vec(*rates), "321")
+
+
+def libration(moments, mu, radius):
+    """Mean motion, rate of the pitch, and those of all modes over the mean motion."""
+    n = jnp.sqrt(mu / radius**3)
+    modes = libration_modes(vec(*moments), n)
+    return n, modes.frequency[0], modes.frequency / n
+
+
+def wide_pitch(moments, mu, radius, amplitude):
+    """Period of a wide libration in pitch, and its ratio to that of a small one."""
+    n, rate, _ = libration(moments, mu, radius)
+    period = pitch_libration_period(amplitude, vec(*moments), n)
+    return period, period * rate / PI2
+
+
+def pioneer(w0, last):
+    """C, both cords, time and angle of the unwinding."""
+    I, R, m = PIONEER  # noqa: E741
+    cord = cord_length(w0, last, I, R, m)
+    yoyo = YoYo(I, R, m, cord)
+    return (
+        *(yoyo.inertia_ratio(), cord, zero_spin_cord_length(I, R, m)),
+        *(yoyo.unwinding_time(w0), cord / R),
+    )
+
+
+def unwound(w0, phi):
+    """Time, spin, speed of the masses and tension at an angle unwound."""
+    yoyo = YoYo(*PIONEER, phi * PIONEER[1])
+    found = (f(phi, w0) for f in (yoyo.spin_rate, yoyo.mass_speed, yoyo.tension))
+    return yoyo.unwinding_time(w0), *found
+
+
+def unwinding(w0, phi, t):
+    """Spin at first; angle, spin and rate a time later; greatest tension, and the angle of it."""
+    cords = UnwindingCords(*PIONEER)
+    flow, start = cords.closed_form().flow, cords.state(w0)
+    y = flow(phi / w0, start)
+    end = flow(t, y)
+    most = jnp.sqrt(cords.inertia_ratio() / 3.0)
+    return y.spin, end.angle, end.spin, end.angle_rate, cords.tension(flow(most / w0, start)), most
+
+
+def swung(theta, w0):
+    """Spin, rate, time and outward acceleration of arms that have swung out."""
+    arms = SwingOutArms(2.0, 0.2, 0.5, 0.8)
+    y = SwingState(arms.spin_rate(theta, w0), jnp.asarray(theta), arms.angle_rate(theta, w0))
+    return y.spin, y.angle_rate, arms.swing_time(theta, w0), arms.outward_acceleration(y)
+
+
+PIONEER = (92.0 / 386.4, 5.0, 0.025 / 386.4)  # lbf s^2 in, in, lbf s^2/in
+ORBIT = {"moments": (1000.0, 1200.0, 400.0), "mu": 398600441800000.0, "radius": 6778000.0}
+PARTICLES = {
+    "mass": (2.0, 1.5, 3.0),
+    "places": ((0.5, -0.2, 0.3), (-0.4, 0.6, 0.1), (0.2, 0.1, -0.7)),
+    "velocities": ((0.1, 0.3, -0.2), (0.0, -0.1, 0.4), (-0.3, 0.2, 0.05)),
+    "accelerations": ((0.02, -0.05, 0.1), (0.07, 0.0, -0.03), (-0.01, 0.04, 0.06)),
+    "mass_rates": (0.0, -0.02, -0.05),
+    "exhaust": ((0.0, 0.0, 0.0), (0.0, 0.0, -50.0), (5.0, 0.0, -80.0)),
+    "omega": (0.3, -0.4, 1.2),
+    "omega_rate": (0.05, -0.02, 0.1),
+    "origin_acceleration": (0.4, -0.3, 0.2),
+}
+
+
 SPUN = (simulate, Scene, Custom, RigidBody)
 ROCKET = (simulate, BurningBody, JetDamping, spin_angle, spin_ratio)
 MISSILE = {"A": 4000.0, "C": 400.0, "n": PI2, "M1": 250.0}
@@ -313,10 +467,16 @@ def tip(id, t, linear, exact):
     return Case(
         id,
         f"Thrust misalignment of a spinning missile after {t} s",
-        SPUN,
+        (SpinningMissile, *SPUN),
         {**MISSILE, "t": t},
         misaligned,
-        {"theta_XY to first order (rad)": linear, "theta_XY (rad)": exact},
+        {
+            "theta_XY in closed form (rad)": linear,
+            **{"theta_XY to first order (rad)": linear, "theta_XY (rad)": exact},
+            "centre of the slow circle (rad)": -0.015831434944115277,
+            "its radius (rad)": 0.017590483271239195,
+            "radius of the fast circle (rad)": 0.0017590483271239196,
+        },
         1e-9,
         why=STEPS,
     )
@@ -327,10 +487,13 @@ def wobble(id, t, expected):
     return Case(
         id,
         f"Nearly symmetric satellite, axis 0.05 rad askew, after {t} s",
-        (symmetric_flow,),
+        (SpinningMissile, symmetric_flow),
         {**SATELLITE, "t": t},
         near_symmetric,
-        {"re theta_XY (rad)": expected[0], "im theta_XY (rad)": expected[1]},
+        {
+            "theta_XY in closed form (rad)": expected,
+            **{"re theta_XY (rad)": expected[0], "im theta_XY (rad)": expected[1]},
+        },
         1e-10,
         1e-12,
         LINEAR,
@@ -361,6 +524,31 @@ CASES = [
         body_axes_velocity,
         {"v (m/s)": [-9.421717027946872, -9.63550844872628, 0.0]},
         why=STEPS,
+    ),
+    *(
+        Case(
+            id,
+            f"Misaligned thrust on a spinning missile, {title}",
+            (SpinningMissile,),
+            {**MISSILE, "start": start, "t": t},
+            misaligned_rates,
+            {
+                "w_12 (rad/s)": rate,
+                "lambda (rad/s)": -5.654866776461628,
+                "greatest |w_12| from rest (rad/s)": 0.022104853207207686,
+            },
+            1e-12,
+        )
+        for id, title, start, t, rate in (
+            (
+                *("T7.2-P6-t7.5", "from rest", (0.0, 0.0), 7.5),
+                [-0.011052426603603843, -0.011052426603603843],
+            ),
+            (
+                *("T7.2-P6-ic", "from a transverse rate", (0.03, -0.02), 3.0),
+                [-0.0007608618475766982, 0.020244221123154344],
+            ),
+        )
     ),
     Case(
         "T7.2-9",
@@ -476,16 +664,174 @@ CASES = [
         1e-12,
     ),
     Case(
+        "T7.4-P11",
+        "Yaw, pitch and roll: matrix and body rates",
+        (from_euler_angles, omega_from_euler_rates),
+        {"angles": (0.3, -0.2, 0.5), "rates": (0.11, -0.07, 0.05)},
+        angles_321,
+        {
+            "x": [0.9362933635841992, 0.28962947762551555, 0.19866933079506122],
+            "y": [-0.3503364588118941, 0.8102391858702562, 0.4698689469495153],
+            "z": [-0.02488177918333981, -0.5095362866083979, 0.8600893382050473],
+            "omega (rad/s)": [0.07185362638745674, -0.009745195167879417, 0.1281696149048494],
+        },
+        1e-12,
+    ),
+    Case(
+        "T7.4-P14-15",
+        "Small librations of a body in a circular orbit",
+        (libration_modes,),
+        ORBIT,
+        libration,
+        {
+            "n (rad/s)": 0.0011314009553257084,
+            "pitch (rad/s)": 0.0013856775175227058,
+            "modes over n": [1.2247448713915892, 0.6944460469498098, 1.8214677290239822],
+        },
+        1e-12,
+    ),
+    Case(
+        "T7.4-P15-pitch",
+        "A libration of 40 degrees in pitch",
+        (pitch_libration_period,),
+        {**ORBIT, "amplitude": 40.0 * DEG},
+        wide_pitch,
+        {"period (s)": 5157.820957012799, "period over that of small ones": 1.137492559923922},
+        1e-12,
+    ),
+    Case(
+        "T7.4-P14-unst",
+        "Growth of roll and yaw of a body that stands unstably",
+        (libration_modes,),
+        {"moments": (1000.0, 600.0, 800.0)},
+        lambda moments: (jnp.max(libration_modes(vec(*moments), 1.0).growth),),
+        {"growth over n": 0.437295970730166},
+        1e-12,
+    ),
+    Case(
         "T7.4-P13",
         "Rolling missile under a body-fixed yawing moment",
-        (*SPUN, to_euler_angles),
+        (SpinningMissile, *SPUN, to_euler_angles),
         {"A": 5000.0, "C": 500.0, "n": 1.5, "moment": 40.0, "t": 6.0},
         rolling,
         {
+            "theta_2, theta_3 in closed form (rad)": [-0.029318125870747967, -0.007398597749762673],
             "theta_2, theta_3 to first order (rad)": [-0.029318125870747967, -0.007398597749762673],
             "theta_2, theta_3 (rad)": [-0.02931654371985564, -0.0074034562308989155],
         },
         why=STEPS,
+    ),
+    Case(
+        "T7.5-Ex1",
+        "Cord of a yo-yo that slows Pioneer III from 400 to 5.5 rpm",
+        (YoYo, cord_length, zero_spin_cord_length),
+        {"w0": 41.8879020478639, "last": 0.5759586531581287},
+        pioneer,
+        {
+            **{"C": 148.2, "l_f (in)": 60.03744207821231, "l_0 (in)": 60.868711174132805},
+            **{"t_f (s)": 0.28665767032022527, "phi_f (rad)": 12.007488415642461},
+        },
+        1e-12,
+    ),
+    Case(
+        "T7.5-12-phi9",
+        "The same yo-yo with 9 rad unwound",
+        (YoYo,),
+        {"w0": 41.8879020478639, "phi": 9.0},
+        unwound,
+        {
+            **{"t (s)": 0.2148591731740587, "w (rad/s)": 12.281269710368475},
+            **{"speed (in/s)": 2438.3860557369817, "tension (lbf)": 8.485538371812844},
+        },
+        1e-11,
+    ),
+    Case(
+        "T7.5-dyn",
+        "The motion of its cords from 0.5 rad on, and the greatest tension",
+        (UnwindingCords,),
+        {"w0": 41.88790204786391, "phi": 0.5, "t": 0.28665767032022527 - 0.01193662073189215},
+        unwinding,
+        {
+            "w at first (rad/s)": 41.74681783753093,
+            "phi (rad)": 12.007488415642463,
+            "w (rad/s)": 0.5759586531581286,
+            "phi' (rad/s)": 41.88790204786391,
+            "greatest tension (lbf)": 8.915705462974516,
+            "angle of the greatest tension (rad)": 7.0285133563222315,
+        },
+        1e-10,
+    ),
+    Case(
+        "T7.6-P3",
+        "Despin by four arms that swing out by 90 degrees",
+        (SwingOutArms,),
+        {"theta": 90.0 * DEG, "w0": 10.0},
+        swung,
+        {
+            "w (rad/s)": 8.768177929854577,
+            "theta' (rad/s)": 14.045782406890975,
+            # By 30 digits from rest: the source leaves out the first 1e-15 rad, 6e-9 s.
+            "swing (s)": 0.2090891405174409,
+            "outward acceleration (m/s^2)": -257.772430209848,
+        },
+        1e-11,
+    ),
+    Case(
+        "T7.6-P3b",
+        "The same arms at 30 degrees",
+        (SwingOutArms,),
+        {"theta": 30.0 * DEG, "w0": 10.0},
+        lambda **given: swung(**given)[:2],
+        {"w (rad/s)": 9.481961147086032, "theta' (rad/s)": 9.108631073712607},
+        1e-12,
+    ),
+    Case(
+        "T7.6-Ex1-num",
+        "Drift of two disks on a flexible tube, from 1 to 10 degrees",
+        (tube_drift_constant, AttitudeDrift),
+        {
+            "tube": (0.05, 29e6, 0.1136, 12.0, 3.0, 2.71, 14.5),
+            **{"A": 20.44, "C": 8.16, "w0": 157.07963267948966},
+        },
+        drift_of_disks,
+        {
+            "K (1/s)": 0.0006559051105058076,
+            "t to first order (s)": 3510.546047153658,
+            "t (s)": 3537.6717658157468,
+            "angle of the fastest drift (rad)": 0.6154797086703874,
+            "fastest drift (rad/s)": 0.0002524579947422528,
+        },
+        1e-12,
+    ),
+    *(
+        Case(
+            f"T7.6-f-{first:.0f}-{last:.0f}",
+            f"Time of the drift from {first:.0f} to {last:.0f} degrees",
+            (AttitudeDrift,),
+            {"K": 0.0006559051105058076, "first": first * DEG, "last": last * DEG},
+            lambda K, first, last: (AttitudeDrift(K).drift_time(first, last),),
+            {"t (s)": t},
+            1e-12,
+        )
+        for first, last, t in ((1.0, 30.0, 5456.489081195428), (5.0, 80.0, 11756.008641972363))
+    ),
+    Case(
+        "T7.6-f-2h",
+        "Angle two hours after 1 degree",
+        (AttitudeDrift,),
+        {"K": 0.0006559051105058076, "first": DEG, "t": 7200.0},
+        lambda K, first, t: (AttitudeDrift(K).angle_after(t, first),),
+        {"theta (rad)": 0.9295370339778448},
+        1e-12,
+    ),
+    Case(
+        "T7.6-P9",
+        "Structural damping from the hysteretic factor",
+        (structural_damping,),
+        {"gamma": 0.05},
+        lambda gamma: (structural_damping(gamma),),
+        {"alpha": 0.007957747154594767},
+        1e-14,
     ),
     Case(
         "T7.6-14",
@@ -552,13 +898,13 @@ CASES = [
     Case(
         "T7.11-Ex1",
         "Moment of a motor on its body, -M_p = [h_1'] + w x h_1",
-        (cross,),
+        (rotor_moment,),
         {
             **{"omega": (0.1, 0.2, 0.3), "axis": (1 / 3, 2 / 3, 2 / 3)},
             **{"C1": 0.02, "speed": 300.0, "rate": 15.0},
         },
         lambda omega, axis, C1, speed, rate: (
-            C1 * rate * vec(*axis) + cross(vec(*omega), C1 * speed * vec(*axis)),
+            rotor_moment(vec(*omega), vec(*axis), C1, speed, rate),
         ),
         {"M_p (N m)": [-0.3, 0.4, 0.2]},
         1e-12,
@@ -566,11 +912,89 @@ CASES = [
     Case(
         "T7.11-Ex1-rest",
         "Reaction wheel that is spun up in a body at rest",
-        (PrincipalInertia.solve,),
+        (ReactionWheels, Scene),
         {"A": 800.0, "rotor": 0.5, "speed": 200.0},
-        lambda A, rotor, speed: (PrincipalInertia([A, A, A]).solve(-rotor * speed * Y),),
-        {"omega (rad/s)": [0.0, -0.125, 0.0]},
+        rest_wheel,
+        {"omega (rad/s)": [0.0, -0.125, 0.0], "h (kg m^2/s)": [0.0, 0.0, 0.0]},
         1e-12,
+        1e-13,
+    ),
+    Case(
+        "T7.11-11..14",
+        "Moment and force of three particles that move and lose mass, term by term",
+        (particle_equations,),
+        PARTICLES,
+        lambda **given: particle_equations(*(jnp.array(x).T for x in given.values())),
+        {
+            "M_0 (N m)": [-3.02685, 0.2146, -0.3972],
+            "F (N)": [-2.07, -4.3485, -2.9215],
+            "m r x R_0'' (N m)": [-0.245, -0.74, -0.62],
+            "J w' (N m)": [0.12375, -0.0015, 0.1552],
+            "w x J w (N m)": [-0.0216, 0.3216, 0.1126],
+            "r x m [r''] (N m)": [0.065, -0.1105, -0.078],
+            "2 r x w x m [r'] (N m)": [-1.949, 0.52, 0.058],
+            "-r x m' u (N m)": [-1.0, 0.225, -0.025],
+            "[J'] w (N m)": [-0.40256, -0.14094, -0.5729],
+            "jet damping (N m)": [0.01756, -0.00806, 0.0169],
+        },
+        1e-12,
+    ),
+    Case(
+        "T7.11-P12-oblate",
+        "Satellite with a nutation damper, oblate, after 10 and 40 s",
+        (NutationDamper, simulate),
+        {"A": 40.0, "C": 60.0, "k": 24.5, "c": 2.0, "start": 0.4, "times": (10.0, 40.0)},
+        damped_satellite,
+        {
+            "omega (rad/s)": [
+                [-0.11829348604076954, -0.0344533268963404, 5.006657295552015],
+                [-0.0011492139257429721, 0.006202773489972586, 5.007104049502204],
+            ],
+            "zeta (m)": [-0.024349050213598743, -0.0017615752898549812],
+            "theta (rad)": [0.015511813878562928, 0.0009202084191357908],
+            "energy (J)": [752.2929293988307, 752.1338502778293],
+            "dissipated (J)": [0.9070706011694447, 1.066149722171045],
+            "theta at first (rad)": 0.05328285155969089,
+            "energy at first (J)": 753.2,
+            "h (kg m^2/s)": 300.4263636900064,
+        },
+        2e-10,
+        why=STEPS,
+    ),
+    Case(
+        "T7.11-P12-prolate",
+        "Satellite with a nutation damper, prolate, after 20 and 60 s",
+        (NutationDamper, simulate),
+        {"A": 60.0, "C": 40.0, "k": 100.0, "c": 10.0, "start": 0.1, "times": (20.0, 60.0)},
+        damped_satellite,
+        {
+            "omega (rad/s)": [
+                [-0.020792106078625455, 0.18577789126914743, 4.993993210183639],
+                [0.34816063935561775, -0.413752341574462, 4.927204595021469],
+            ],
+            "zeta (m)": [0.014217064829308046, -0.1041784487153295],
+            "theta (rad)": [0.05738010651270728, 0.17004092624894637],
+            "energy (J)": [499.9162307955948, 495.6463690852157],
+            "dissipated (J)": [0.38376920440501544, 4.653630914784025],
+            "theta at first (rad)": 0.029991004856874958,
+            "energy at first (J)": 500.3,
+            "h (kg m^2/s)": 200.08997975910736,
+        },
+        2e-10,
+        why=STEPS,
+    ),
+    Case(
+        "T7.11-P12-prolate-lin",
+        "Nutation damper, prolate: eigenvalues about the pure spin",
+        (NutationDamper,),
+        {"A": 60.0, "C": 40.0, "k": 100.0, "c": 10.0},
+        damper_eigenvalues,
+        {
+            "greatest growth (1/s)": 0.027978582309987066,
+            "nutation (1/s, rad/s)": [0.027978582309987066, 1.80234271240942],
+            "damper (1/s, rad/s)": [-1.3615489948277686, 4.885316160979756],
+        },
+        1e-10,
     ),
     Case(
         "T7.11-P2",
