@@ -24,7 +24,6 @@ Valid for light cords in the plane of the mass centre; the wound part of a cord 
 from typing import TYPE_CHECKING, Any, TypeAlias, final
 
 import equinox as eqx
-import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..core import (
@@ -114,16 +113,15 @@ class _Unwinding(AbstractClosedForm):
 
     def flow(self, duration: Scalar, y: CordState) -> CordState:
         C, s = self.cords.inertia_ratio(), y.spin + y.angle_rate
-        momentum = C * y.spin + y.angle * y.angle * s
         rate2 = y.spin * y.spin + (y.angle * s) ** 2 / C
-        product = y.angle * y.angle_rate
         square = (y.angle + 2.0 * y.angle_rate * duration) * y.angle + rate2 * duration**2
         angle = safe_sqrt(square)
-        # Where nothing is unwound yet the rate is that of the start.
-        unwound = angle > 0.0
-        moved = (product + rate2 * duration) / jnp.where(unwound, angle, 1.0)
-        rate = jnp.where(unwound, moved, y.angle_rate)
-        spin = (momentum - square * rate) / (C + square)
+        # As changes, which are exactly zero over no time; where nothing is unwound yet the rate is
+        # that of the start.
+        grown = y.angle_rate * (y.angle - angle) + rate2 * duration
+        rate = y.angle_rate + safe_divide(grown, angle)
+        lost = square * (y.spin + rate) - y.angle * y.angle * s
+        spin = y.spin - lost / (C + square)
         return CordState(spin, angle, rate)
 
 
