@@ -54,8 +54,10 @@ class Segments(eqx.Module):
     def _segment(self, s: Scalar) -> tuple[Scalar, Scalar, Scalar]:
         """Normalised time at which the segment of `s` starts, its u there, and its width in u."""
         start = jnp.clip(jnp.floor(s), 0.0, len(self) - 1.0)
-        # A single segment needs no gather, which would hinder the compiler's fusion.
-        i = start.astype(jnp.int32) if len(self) > 1 else jnp.int32(0)
+        if len(self) == 1:
+            # Without a gather, which would hinder the compiler's fusion.
+            return start, self.u[0], self.u[1] - self.u[0]
+        i = start.astype(jnp.int32)
         if i.ndim and self.u.ndim > 1:
             # Runs with their own segments, each of them in another one.
             u, end = (jnp.take_along_axis(self.u, k[None], axis=0)[0] for k in (i, i + 1))
