@@ -129,7 +129,7 @@ def _transpose(primitive: Primitive, shapes: Callable[..., Avals]) -> Callable[.
     `shapes` are those of the results of the one that is transposed."""
 
     def aval(x: Array | np.ndarray | ad.UndefinedPrimal) -> ShapedArray:
-        return x.aval if ad.is_undefined_primal(x) else jax.typeof(x)
+        return x.aval if isinstance(x, ad.UndefinedPrimal) else jax.typeof(x)
 
     def rule(cotangents: Tangents, *values: Any, **params: Any) -> list[Any]:
         args, record, _ = params["problem"].split(values)
