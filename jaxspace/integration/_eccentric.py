@@ -48,7 +48,7 @@ def is_eccentric(starts: InitialConditions, system: AbstractSystem, second_order
         z = jax.eval_shape(form.to_regularised, y)
         if form_in(form, z) is form:
             return False
-    e, revolutions = map(np.asarray, _orbits(starts, np.zeros(starts.rows.size)))
+    e, revolutions = map(np.asarray, _orbits(starts, jnp.zeros(starts.rows.size)))
     between = revolutions * STATES >= np.shape(ts)[0] - 1
     return bool(np.median(e) >= ECCENTRIC and np.median(revolutions) >= 1.0 and np.all(between))
 

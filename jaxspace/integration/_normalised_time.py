@@ -56,7 +56,7 @@ class Segments(eqx.Module):
         start = jnp.clip(jnp.floor(s), 0.0, len(self) - 1.0)
         # A single segment needs no gather, which would hinder the compiler's fusion.
         i = start.astype(jnp.int32) if len(self) > 1 else 0
-        if jnp.ndim(i) and self.u.ndim > 1:
+        if not isinstance(i, int) and i.ndim and self.u.ndim > 1:
             # Runs with their own segments, each of them in another one.
             u, end = (jnp.take_along_axis(self.u, k[None], axis=0)[0] for k in (i, i + 1))
             return start, u, end - u
