@@ -8,7 +8,6 @@ from typing import Any, TypeAlias
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jax.core import ShapedArray
 from jax.extend.core import Primitive
 from jax.interpreters import ad
@@ -128,8 +127,8 @@ def _transpose(primitive: Primitive, shapes: Callable[..., Avals]) -> Callable[.
 
     `shapes` are those of the results of the one that is transposed."""
 
-    def aval(x: Array | np.ndarray | ad.UndefinedPrimal) -> ShapedArray:
-        return x.aval if isinstance(x, ad.UndefinedPrimal) else jax.typeof(x)
+    def aval(x: Array | ad.UndefinedPrimal) -> ShapedArray:
+        return x.aval if ad.is_undefined_primal(x) else jax.typeof(x)
 
     def rule(cotangents: Tangents, *values: Any, **params: Any) -> list[Any]:
         args, record, _ = params["problem"].split(values)

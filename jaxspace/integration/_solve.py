@@ -66,8 +66,9 @@ def solve_own_steps(
 
     **Arguments** as of `solve`. **Returns** the `Outcome`, and the variables."""
     form, z0 = regularised_start(field, y0)
-    runs = z0.shape[1:]
-    outcome = solve(field, OwnState(z0, jnp.zeros(runs, z0.dtype)), settings)
+    # Zero, but of the run: a constant would not be traced, as the rules for derivatives expect.
+    number = jnp.floor(0.5 * jnp.isfinite(z0[0]).astype(z0.dtype))
+    outcome = solve(field, OwnState(z0, number), settings)
 
     def states(own: OwnState | None) -> State | None:
         return None if own is None else jax.vmap(form.from_regularised)(own.z)
