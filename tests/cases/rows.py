@@ -27,33 +27,46 @@ CHAPTERS_1_TO_4 = (
     Row("1.5", "Finite rotations", "T1.3-rot", "rotations.Quaternion"),
     Row("1.6", "Rate of a vector in a turning frame", "T1.P15", "rotations.MovingFrame"),
     Row("2.2", "Polar components", "T2.3-P7"),
-    Row("2.3", "Tangential and normal components, projectiles", "T2.3"),
+    Row(
+        *("2.3", "Tangential and normal components, projectiles", "T2.3"),
+        "orbits.projectile_envelope orbits.projectile_angles",
+    ),
     Row("2.4", "Motion on a turning curve", "T2.4 T2.5-P3", "rotations.MovingFrame"),
     Row("2.5", "General motion in space", "T2.5", "rotations.MovingFrame"),
     Row("2.5 P15", "Satellite seen from the turning Earth", "T2.5-P15", "orbits.planet_frame"),
-    Row("2.6", "Motion relative to the turning Earth", "T2.6", "orbits.local_frame"),
+    Row(
+        *("2.6", "Motion relative to the turning Earth", "T2.6"),
+        "orbits.local_frame orbits.projectile_position",
+    ),
     Row("2.6 P1", "Plumb line", "T2.6-P1"),
-    Row("3.1 to 3.3", "Plane motion, instantaneous centre", "T3-P1 T3-P6 T3-P7 T3-P8"),
+    Row(
+        *("3.1 to 3.3", "Plane motion, instantaneous centre", "T3-P1 T3-P6 T3-P7 T3-P8"),
+        "rotations.centrodes",
+    ),
     Row("3.4", "Euler angles", "", "rotations.from_euler_angles rotations.to_euler_angles"),
     Row(
         *("3.5", "Rates of Euler angles", "T3.5"),
         "rotations.omega_from_euler_rates rotations.euler_rates_from_omega",
     ),
     Row("3 P9 to P12", "Navigation frame", "T3-P12"),
-    Row("3 P11", "Look angles of a satellite", "T3-P11"),
+    Row(
+        *("3 P11", "Look angles of a satellite", "T3-P11"),
+        "orbits.Station orbits.ground_point",
+    ),
     Row("3 P13 to P16", "Rates of direction cosines", "T3-P15"),
     Row("4.2", "Impulse, restitution, crushable pad", "T4.2"),
     Row("4.3", "Work and energy", "T4.3"),
     Row("4.4", "Moment about a moving point", "T4.4"),
     Row(
         *("4.5", "Central forces", "T4.5"),
-        "orbits.PowerLawForce orbits.radial_motion orbits.turning_points",
+        "orbits.PowerLawForce orbits.radial_motion orbits.turning_points orbits.force_of_orbit",
     ),
     Row("4.6", "Reduction of two bodies", "T4.6", "orbits.reduced_mass orbits.sphere_of_influence"),
     Row("4.7", "Kepler's problem", "T4.7", "orbits.kepler_flow orbits.TwoBody"),
     Row(
         *("4.8", "Geometry of conics", "T4.8"),
-        "orbits.ClassicalElements orbits.elements_from_state orbits.state_from_elements",
+        "orbits.ClassicalElements orbits.elements_from_state orbits.state_from_elements "
+        "orbits.conic_radius orbits.eccentric_anomaly orbits.mean_anomaly",
     ),
     Row(
         *("4.9", "Orbit from the burnout", "T4.9"),
@@ -61,24 +74,31 @@ CHAPTERS_1_TO_4 = (
     ),
     Row(
         *("4.10", "Launch along the horizon, period, escape", "T4.10"),
-        "orbits.period orbits.escape_speed orbits.orbit_from_radius",
+        "orbits.period orbits.escape_speed orbits.orbit_from_radius orbits.excess_speed "
+        "orbits.turning_angle",
     ),
     Row(
         *("4.11", "Hohmann transfer, planets", "T4.11"),
-        "orbits.bielliptic_transfer orbits.bielliptic_break_even",
+        "orbits.bielliptic_transfer orbits.bielliptic_break_even orbits.synodic_period "
+        "orbits.departure_phase",
     ),
     Row("4.12", "Coaxial ellipses", "T4.12"),
     Row(
         *("4.13", "Change by an impulse, time of flight", "T4.13"),
         "orbits.apse_line_impulse orbits.plane_change_impulse orbits.Impulse "
-        "orbits.time_of_flight orbits.true_anomaly_after orbits.eccentricities_through",
+        "orbits.time_of_flight orbits.true_anomaly_after orbits.eccentricities_through "
+        "orbits.impulse_change",
     ),
-    Row("4.14", "Small impulses", "T4.14"),
+    Row(
+        *("4.14", "Small impulses", "T4.14"),
+        "orbits.impulse_change",
+    ),
     Row("4.15", "Stability of circular orbits", "T4.15"),
     Row(
         *("4.16", "Interception and rendezvous", "T4.16"),
         "orbits.lambert orbits.least_duration orbits.clohessy_wiltshire_flow "
-        "orbits.clohessy_wiltshire_transfer",
+        "orbits.clohessy_wiltshire_transfer orbits.interception orbits.phasing "
+        "orbits.porkchop orbits.ClohessyWiltshire optimization.least_rendezvous",
     ),
     Row(
         *("4.17", "Ballistic trajectory", "T4.17"),
@@ -86,7 +106,8 @@ CHAPTERS_1_TO_4 = (
     ),
     Row(
         *("4.18", "Oblate body: moment, secular rates", "T4.18"),
-        "orbits.Oblateness orbits.node_regression_rate orbits.apsidal_rate",
+        "orbits.Oblateness orbits.node_regression_rate orbits.apsidal_rate orbits.Zonals "
+        "orbits.secular_rates orbits.sun_synchronous_inclination",
     ),
     Row("H 5.2", "Gravity of shells and spheres", "H5.8 H5.11", "orbits.sphere_potential"),
     Row("H 5.3", "Two bodies", "H5.17"),
@@ -128,17 +149,35 @@ CHAPTER_5 = (
         "attitude.spin_modes attitude.spin_stiffness",
     ),
     Row("5.12 P7", "Pendulum with its exact period", "T5.12-P7", "attitude.Top"),
-    Row("5.13", "Heavy top", "T5.13", "attitude.Top attitude.Nutation"),
+    Row(
+        *("5.13", "Heavy top", "T5.13"),
+        "attitude.Top attitude.Nutation attitude.TopMotion",
+    ),
     Row(
         *("5.14", "Steady precession, sleeping top", "T5.14"),
         "attitude.Top.steady_precession_rates attitude.Top.least_spin",
     ),
     Row("5.14 P12", "Disk on a turning shaft", "T5.14-P12"),
-    Row("5.14 P13", "Elastically restrained flywheel", "T5.14-P13"),
-    Row("5.14 P14 to P17", "Ore crusher", "T5.14-P16 T5.14-P17"),
-    Row("5.14 P20", "Gyro on a string", "T5.14-P20"),
-    Row("5.15", "Precession by Sun and Moon", "T5.15"),
-    Row("5.16", "Rolling disk", "T5.16"),
+    Row(
+        *("5.14 P13", "Elastically restrained flywheel", "T5.14-P13"),
+        "attitude.sprung_flywheel_frequencies",
+    ),
+    Row(
+        *("5.14 P14 to P17", "Ore crusher", "T5.14-P16 T5.14-P17"),
+        "attitude.crusher_force attitude.best_crusher_tilt",
+    ),
+    Row(
+        *("5.14 P20", "Gyro on a string", "T5.14-P20"),
+        "attitude.gyro_on_a_string",
+    ),
+    Row(
+        *("5.15", "Precession by Sun and Moon", "T5.15"),
+        "attitude.luni_solar_rate attitude.luni_solar_nutation",
+    ),
+    Row(
+        *("5.16", "Rolling disk", "T5.16"),
+        "attitude.RollingDisk attitude.disk_tilt",
+    ),
     Row("H 4.9", "Binet's diagrams", "H4.14 H4.15 H4.16"),
     Row("H 4.10", "Euler's rates, node axes", "H4.78 H4.81"),
     Row("H 4.11", "Top, pseudo-potential", "H4.11 H4.25", "attitude.Top.least_spin"),
@@ -148,27 +187,51 @@ CHAPTER_5 = (
 
 VEHICLES = (
     Row("7.1", "Rigid body in body axes that are no principal ones", "T7.1"),
-    Row("7.2", "Spinning missile under a transverse moment", "T7.2"),
+    Row(
+        *("7.2", "Spinning missile under a transverse moment", "T7.2"),
+        "attitude.SpinningMissile",
+    ),
     Row("7.2 P5", "Symmetric body with damping", "T7.2-P5"),
     Row("7.3", "Complex angle of attack", "T7.3", "attitude.symmetric_flow"),
-    Row("7.4", "Nearly symmetric body", "T7.4-P5 T7.4-P9"),
+    Row(
+        *("7.4", "Nearly symmetric body", "T7.4-P5 T7.4-P9"),
+        "attitude.principal_tilt attitude.angle_of_attack",
+    ),
     Row("7.4 P6 to P10", "Thrust misalignment in inertial axes", "T7.4-P6"),
     Row("7.4 P11, P12", "Angles 3-2-1", "T7.4-P11", "rotations.from_euler_angles"),
     Row("7.4 P13", "Rolling missile", "T7.4-P13"),
     Row(
         *("7.4 P14, P15", "Gravity gradient", "T7.4-P14 T7.4-P15 T7.4-GG"),
-        "attitude.GravityGradient attitude.gravity_gradient_torque attitude.pitch_libration_period",
+        "attitude.GravityGradient attitude.gravity_gradient_torque "
+        "attitude.pitch_libration_period attitude.libration_modes "
+        "attitude.libration_is_stable attitude.jacobi_integral",
     ),
     Row(
         *("7.5", "Yo-yo", "T7.5"),
-        "attitude.YoYo attitude.cord_length attitude.zero_spin_cord_length",
+        "attitude.YoYo attitude.cord_length attitude.zero_spin_cord_length "
+        "attitude.UnwindingCords attitude.StretchingCords",
     ),
-    Row("7.6 P3", "Swing-out arms", "T7.6-P3"),
-    Row("7.6", "Attitude drift by structural damping", "T7.6"),
+    Row(
+        *("7.6 P3", "Swing-out arms", "T7.6-P3"),
+        "attitude.SwingOutArms attitude.SwingingCords",
+    ),
+    Row(
+        *("7.6", "Attitude drift by structural damping", "T7.6"),
+        "attitude.AttitudeDrift attitude.structural_damping",
+    ),
     Row("7.6-13, 14", "Field of acceleration", "T7.6-14"),
-    Row("7.11", "Particles, moving origin", "T7.11-11..14 T7.11-P2"),
-    Row("7.11 Ex. 1", "Reaction wheel, gyrostat", "T7.11-Ex1 T7.11-P4"),
-    Row("7.11 P12", "Nutation damper", "T7.11-P12"),
+    Row(
+        *("7.11", "Particles, moving origin", "T7.11-11..14 T7.11-P2"),
+        "attitude.MovingMasses",
+    ),
+    Row(
+        *("7.11 Ex. 1", "Reaction wheel, gyrostat", "T7.11-Ex1 T7.11-P4"),
+        "attitude.ReactionWheels attitude.ControlMomentGyros",
+    ),
+    Row(
+        *("7.11 P12", "Nutation damper", "T7.11-P12"),
+        "attitude.NutationDamper",
+    ),
 )
 
 PAGES = {
