@@ -268,6 +268,7 @@ def test_ten_thousand_flips_have_derivatives(derivatives):
         assert_allclose(found[:, column], change, atol=1e-4 * size)
 
 
+@pytest.mark.sweep
 def test_single_precision(derivatives):
     """The error is what the rounding of the inputs does to the result, some times over."""
     duration, moments, omega = bodies(3, 24)

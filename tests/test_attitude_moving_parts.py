@@ -255,6 +255,7 @@ def slew(torque_limit, ts):
     return wheels, simulate(scene, y0, ts, accuracy=Accuracy(1e-9, method=Tsit5()))
 
 
+@pytest.mark.sweep
 def test_a_slew_by_wheels_ends_at_its_target_and_saturation_stops_at_the_limit():
     ts = jnp.linspace(0.0, 500.0, 101)
     wheels, run = slew(0.3, ts)

@@ -134,6 +134,7 @@ def test_nutation_in_a_hundred_digits(name):
         assert_allclose(found[3], expected[3], rtol=5e-15)
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize("name", [name for name in CASES if name not in PLANE])
 def test_derivatives_in_a_hundred_digits(name):
     v = CASES[name]

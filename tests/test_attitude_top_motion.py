@@ -4,6 +4,7 @@ of motion, in 18 digits, with complex steps; the reference cases; steps and batc
 import jax
 import jax.numpy as jnp
 import numpy as np
+import pytest
 from jax.flatten_util import ravel_pytree
 from numpy.testing import assert_allclose
 from systems import Integrated
@@ -143,6 +144,7 @@ def test_reference_cases_in_one_evaluation():  # T5.13-cusp, -slow, -near0, -lon
         assert_allclose(found[:2], [psi, theta], rtol=1e-8)  # the digits of the cases
 
 
+@pytest.mark.sweep
 def test_angles_without_jumps_are_those_of_the_states():
     ts = jnp.linspace(0.0, 0.5, 2001)
     for Wl, name in ((WL, "waves, backwards"), (-WL, "hangs"), (WL, "spherical pendulum")):

@@ -136,7 +136,7 @@ def test_derivatives_of_the_times_in_both_modes():
     np.testing.assert_allclose(backwards, np.sum(2.0 * exact * rate), rtol=1e-9)
 
 
-@pytest.mark.slow
+@pytest.mark.sweep
 def test_a_batch_and_a_run_afterwards_find_the_same():
     scene = Scene([PointGravity(1.0)])
     eccentricities = np.array([0.0, 0.2, 0.4])

@@ -28,6 +28,12 @@ FIRST = (
     "docs/tutorials/getting_started.md",
     "docs/howto/extending.md",
 )
+# Which compile for half a minute each.
+LONG = (
+    "docs/howto/what_accuracy_costs.md",
+    "docs/tutorials/first_gradient.md",
+    "docs/tutorials/physics_as_a_layer.md",
+)
 ROOMS = [room.name for room in pkgutil.iter_modules(jaxspace.__path__) if room.ispkg]
 # Written by a hook when the site is built.
 GENERATED = {"scene_files.md", "command_line.md", "hard_cases.md"}
@@ -38,10 +44,13 @@ def test_there_is_something_to_run():
     assert len(PAGES) >= 25
 
 
-@pytest.mark.parametrize(
-    "page",
-    [pytest.param(p, marks=() if p.startswith(FIRST) else pytest.mark.slow) for p in PAGES],
-)
+def marks_of(page):
+    if page in LONG:
+        return pytest.mark.sweep
+    return () if page.startswith(FIRST) else pytest.mark.slow
+
+
+@pytest.mark.parametrize("page", [pytest.param(p, marks=marks_of(p)) for p in PAGES])
 def test_code_of_the_page_runs(page, tmp_path, monkeypatch, settings_stay):
     monkeypatch.chdir(tmp_path)  # a page may write a file
     names = {"__name__": "page"}

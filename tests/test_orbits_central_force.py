@@ -150,6 +150,7 @@ def test_unstable_circles(n):
     assert np.isnan(motion(jnp.array([1.0, 1.5, n]))[0])
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize(("inner", "outer"), [(0.5, 1.5), (1.0, 1.0), (1.0, 1.0 + 1e-9)])
 def test_conics_and_their_derivatives(inner, outer):
     x = jnp.array([inner, outer, 2.0])

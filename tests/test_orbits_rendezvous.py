@@ -85,6 +85,7 @@ def test_a_table_holds_every_pair_and_its_figure_the_least():
     assert axes.texts[0].get_text() == f"{float(jnp.nanmin(table.total)):.3f} km/s"
 
 
+@pytest.mark.sweep
 def test_the_least_rendezvous_of_two_circles_is_that_of_hohmann():
     chaser, target = ring(1.0), ring(2.0, 1.3)
     best = least_rendezvous(chaser, target, (1.5, 8.5), 1.0)

@@ -118,6 +118,7 @@ def test_derivatives_agree_with_differences():
     np.testing.assert_allclose(reverse, differences, atol=1e-6 * np.max(np.abs(differences)))
 
 
+@pytest.mark.sweep
 def test_an_event_ends_it():
     node = Event(lambda t, y: y.position[2], direction=1, samples=16)
     y0, ts = at_periapsis(0.7), jnp.array([0.0, 8.0])

@@ -31,18 +31,20 @@ duplication adds an arc tangent, because rho^2 M = (M + x)(M + y). The differenc
 argument of its own: near the separatrix it decides, and must not be formed from x and y.
 """
 
+import functools
 import math
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array
 
 from ._types import Scalar
 
-# A step takes the root of c d where both are small: nine steps bring 1e-150 to order one, and six
-# from there leave terms of order six below rounding.
-_DUPLICATIONS = 15
+# A step takes the root of c d where both are small: three steps bring 1e-4 to order one, and six
+# from there leave terms of order six below rounding. Six more bring 1e-150 to 1e-4.
+_DUPLICATIONS = 9
+_MORE_DUPLICATIONS = 6
+_SMALL = 1e-4
 
 
 class Jacobi(NamedTuple):
@@ -123,20 +125,26 @@ def third(s: Scalar, c: Scalar, d: Scalar, p: Scalar, weight: Scalar) -> Scalar:
     """
     size = weight * s**3
 
-    def duplicated(carry: tuple[Scalar, ...], factors: Array) -> tuple[tuple[Scalar, ...], None]:
-        x, y, z, p, a, b, e, total = carry
+    def duplicated(carry: tuple[Scalar, ...], _: None) -> tuple[tuple[Scalar, ...], None]:
+        x, y, z, p, a, b, e, total, two, eighth = carry
         r = jnp.sqrt(p)
-        total = total + factors[0] * jnp.arctan(factors[1] * size / ((r + a) * (r + b) * (r + e)))
+        total = total + two * jnp.arctan(eighth * size / ((r + a) * (r + b) * (r + e)))
         shift = a * b + b * e + e * a
         x, y, z, p = (0.25 * (v + shift) for v in (x, y, z, p))
-        return (x, y, z, p, jnp.sqrt(x), jnp.sqrt(y), jnp.sqrt(z), total), None
+        roots = jnp.sqrt(x), jnp.sqrt(y), jnp.sqrt(z)
+        return (x, y, z, p, *roots, total, 2.0 * two, 0.125 * eighth), None
 
     # A scan and no unrolled loop: the body of a step is compiled once.
-    factors = jnp.asarray([(2.0 ** (i + 1), 0.125**i) for i in range(_DUPLICATIONS)], p.dtype)
+    def repeated(times: int, carry: tuple[Scalar, ...]) -> tuple[Scalar, ...]:
+        return jax.lax.scan(duplicated, carry, None, length=times)[0]
+
     one = jnp.ones_like(p)
-    (x, y, z, p, *_, total), _ = jax.lax.scan(
-        duplicated, (c * c, d * d, one, p, c, d, one, 0.0 * one), factors
-    )
+    carry = (c * c, d * d, one, p, c, d, one, 0.0 * one, jnp.asarray(2.0, p.dtype))
+    carry = (*carry, jnp.asarray(1.0, p.dtype))
+    small = (jnp.maximum(c, d) < _SMALL) | (p < _SMALL * _SMALL)
+    more = functools.partial(repeated, _MORE_DUPLICATIONS)
+    carry = jax.lax.cond(jnp.any(small), more, lambda carry: carry, carry)
+    x, y, z, p, *_, total, two, _ = repeated(_DUPLICATIONS, carry)
     mean = (x + y + z + 2.0 * p) / 5.0
     x, y, z = (1.0 - v / mean for v in (x, y, z))
     p = -0.5 * (x + y + z)
@@ -153,7 +161,8 @@ def third(s: Scalar, c: Scalar, d: Scalar, p: Scalar, weight: Scalar) -> Scalar:
         - 9.0 * e2 * e3 / 52.0
         + 3.0 * e5 / 26.0
     )
-    return total + 0.25**_DUPLICATIONS / 3.0 * size * rest / (mean * jnp.sqrt(mean))
+    # Each step has quartered the sum.
+    return total + (2.0 / two) ** 2 / 3.0 * size * rest / (mean * jnp.sqrt(mean))
 
 
 def _nome(m: Scalar, rest: Scalar) -> Scalar:
