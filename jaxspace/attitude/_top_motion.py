@@ -135,6 +135,10 @@ class TopMotion(AbstractClosedForm):
         q = jnp.where(hangs, lowered(q), q)
         # Unit length to rounding; what the start lacked of it stays.
         q = q * jnp.sqrt(attitude.norm_squared() / jnp.sum(q * q, axis=0))
+        # There and back again through a and b is the same to rounding only.
+        still = jnp.asarray(duration) == 0.0
+        q = jnp.where(still, attitude.wxyz + 0.0 * q, q)
+        across = jnp.where(still, omega[:2] + 0.0 * across, across)
         return BodyState(
             attitude=Quaternion(q),
             omega=jnp.stack([across[0], across[1], omega[2] + 0.0 * across[0]]),
