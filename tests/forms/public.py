@@ -44,7 +44,7 @@ LEFT_OUT: dict[str, tuple[str, ...]] = {
         *("orbits.TwoBody.closed_form", "orbits.PointGravity.closed_form"),
         *("attitude.TorqueFreeBody.closed_form", "rockets.Thrust.propellant_left"),
         "bodies.FreeRotation.flow",
-        *("attitude.Top.closed_form"),
+        "attitude.Top.closed_form",
     ),
     "gives integrators a form of the motion, whose steps they check": (
         *("attitude.Top.split", "orbits.PointGravity.regularised"),
