@@ -167,6 +167,7 @@ def test_auto_takes_it_and_it_is_the_integral():
     assert max(float(jnp.max(d)) for d in exact.drift().values()) < 1e-12
 
 
+@pytest.mark.sweep
 def test_long_and_in_single_precision():
     y = start_of([0.2, 0.5236, 0.1], [0.0, 0.0, 45.0])
     vector = ravel_pytree(y)[0]

@@ -168,6 +168,7 @@ def test_bounces_until_the_time_resolves_them_no_more():
         simulate(Mission(phases), ball(), accuracy=1e-12)
 
 
+@pytest.mark.sweep
 def test_a_condition_that_is_not_finite_has_a_status():
     """NaN from t = 4 on: found is what lies before it, and what might lie behind it is named."""
     for level, status in ((1.0, Status.EVENT), (-1.0, Status.CONDITION_NOT_FINITE)):

@@ -17,8 +17,9 @@ def test_there_are_examples():
 
 # A process of its own: an example chooses its precision, and no other test has touched JAX's
 # settings before it.
-@pytest.mark.slow
-@pytest.mark.parametrize("name", EXAMPLES)
+@pytest.mark.parametrize(
+    "name", [EXAMPLES[0], *(pytest.param(name, marks=pytest.mark.sweep) for name in EXAMPLES[1:])]
+)
 def test_example_runs(name, request):
     path = os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")]))
     command = [sys.executable, "-W", "error", str(ROOT / "examples" / name)]

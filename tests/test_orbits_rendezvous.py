@@ -70,6 +70,7 @@ def test_from_the_pole_to_the_equator():  # T4.16-P7
         np.testing.assert_allclose(solve(way * short), dv, rtol=1e-9)
 
 
+@pytest.mark.sweep
 def test_a_table_holds_every_pair_and_its_figure_the_least():
     chaser, target = ring(1.0), ring(2.0, 0.6)
     leave, meet = jnp.linspace(0.0, 6.0, 7), jnp.linspace(3.0, 20.0, 9)

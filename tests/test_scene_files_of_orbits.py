@@ -51,7 +51,7 @@ def test_the_apsides_of_the_molniya_orbit_stay():
     assert np.all(np.asarray(run.states.position)[2, far] > 0.0)
 
 
-@pytest.mark.slow
+@pytest.mark.sweep
 def test_the_transfer_reaches_the_distance_of_the_moon():
     """Five days after the impulse, within the pull of the moon of the distance meant."""
     result = load(SCENES / "lunar_distance.toml").simulate()
