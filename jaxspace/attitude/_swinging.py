@@ -37,7 +37,13 @@ from ..core import AbstractSystem, Scalar, argument, as_float, constructor, quan
 _PLACES, _WEIGHTS = np.polynomial.legendre.leggauss(48)
 
 
-def radial_release_spin(w0: Scalar, cord: Scalar, I: Scalar, R: Scalar, m: Scalar) -> Scalar:  # noqa: E741
+def radial_release_spin(
+    w0: Scalar,
+    cord: Scalar,
+    I: Scalar,  # noqa: E741
+    R: Scalar,
+    m: Scalar,
+) -> Scalar:
     """Spin, rad/s, after masses have unwound, swung out and were let go at the radius.
 
     **Arguments**, each (*runs,)

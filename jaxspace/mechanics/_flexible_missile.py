@@ -17,8 +17,9 @@
     M_d, M_A, M_D stiffness of the hinge; stiffness and damping of the actuator  N m, N m s
 
 Source: Thomson 9.12-12 to -30 (in -30 "I_hze" is l_h z_e, and m_e z_e g sin(th) is missing).
-The swivel turns the missile by -C_2 d and moves its mass centre by C_1 d: where the thrust acts
-both are small corrections. Softening of the beam by the axial load is neglected, as in the book;
+The factor (1 - C_2) on d is taken from reference eigenvalues, not derived: with the angle d to the
+undeformed axis alone it would be missing.
+Softening of the beam by the axial load is neglected, as in the book;
 without aerodynamic forces; modes are those with the engine locked.
 """
 

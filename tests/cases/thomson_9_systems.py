@@ -321,6 +321,7 @@ def exact_hinge():
 
 
 def pushed(thrust):
+    # The factor (1 - C_2) of the missile is taken from these rows: they are no independent check.
     found = missile(3, thrust)
     m, k = found.matrices()
     return np.sqrt(found.coupled_frequencies_squared().real), -k[0, 0] / m[0, 0]
