@@ -8,13 +8,15 @@ from systems import Integrated
 
 from jaxspace import BodyState, Scene, simulate, simulate_batch
 from jaxspace.bodies import BurningBody
-from jaxspace.orbits import TwoBody
+from jaxspace.orbits import Oblateness, PointGravity, TwoBody
 from jaxspace.rockets import Thrust
 from jaxspace.rotations import Quaternion
 from jaxspace.simulation import Accuracy, Event, Mission, Phase, SimulationError, Status
-from jaxspace.solvers import Tsit5
+from jaxspace.solvers import AdaptiveRegularised, Tsit5
 
 KEPLER = Integrated(TwoBody(1.0))
+# Too little to be seen, but no closed form.
+NEARLY_ROUND = Scene((PointGravity(1.0), Oblateness(1.0, 1e-14, 1.0)))
 Y = BodyState(jnp.array([1.0, 0.0, 0.0]), jnp.array([0.0, 1.1, 0.0]))
 FEW = Accuracy(rtol=1e-9, max_steps=40, method=Tsit5())
 
@@ -50,6 +52,51 @@ def test_an_error_tells_time_and_state():
     mission = Mission([Phase(TwoBody(1.0), 0.5, name="one"), Phase(TwoBody(1.0), late, name="two")])
     with pytest.raises(SimulationError, match="The phase 'two' starts at t = 0.5 s with position"):
         simulate(mission, Y)
+
+
+@pytest.mark.parametrize(
+    "system, method, max_steps, rtol",
+    [(KEPLER, Tsit5(), 60, 1e-7), (NEARLY_ROUND, AdaptiveRegularised(), 12, 1e-9)],
+    ids=["shared", "own"],
+)
+def test_a_slow_run_harms_no_other_under_jit(system, method, max_steps, rtol):
+    """Circular orbits, two of them so small that they turn 30 times as fast and need as many times
+    the steps: value, gradient and status of the others are right."""
+    accuracy = Accuracy(rtol=rtol, max_steps=max_steps, method=method)
+    radius = jnp.array([1.0, 0.9, 0.1, 1.1, 1.2, 0.1])
+    speed = 1.0 / jnp.sqrt(radius)
+
+    def end(radius, speed):
+        zero = jnp.zeros_like(radius)
+        y = BodyState(jnp.stack([radius, zero, zero]), jnp.stack([zero, speed, zero]))
+        run = simulate(system, y, jnp.array([0.0, 3.0]), accuracy=accuracy, throw=False)
+        return run.final.position[0], run.status
+
+    @jax.jit
+    def both(radius, speed):
+        one = jax.value_and_grad(end, has_aux=True)
+        return jax.vmap(end)(radius, speed), jax.vmap(one)(radius, speed)
+
+    (x, status), ((again, _), slope) = both(radius, speed)
+    slow = np.asarray(radius) < 0.5
+    np.testing.assert_array_equal(status, np.where(slow, Status.MAX_STEPS, Status.COMPLETED))
+    np.testing.assert_array_equal(np.isnan(x), slow)
+    np.testing.assert_array_equal(np.isnan(slope), slow)
+    # Two programs, which round differently.
+    np.testing.assert_allclose(x, again, rtol=0.0, atol=1e-12)
+    exact = jax.vmap(
+        jax.value_and_grad(
+            lambda r, v: simulate(
+                TwoBody(1.0),
+                BodyState(jnp.array([r, 0.0, 0.0]), jnp.array([0.0, v, 0.0])),
+                jnp.array([0.0, 3.0]),
+            ).final.position[0]
+        )
+    )
+    value, of_radius = exact(radius[~slow], speed[~slow])
+    # A hundred times the tolerance of a step: the errors of some fifty steps, and their growth.
+    np.testing.assert_allclose(x[~slow], value, rtol=0.0, atol=100.0 * rtol)
+    np.testing.assert_allclose(slope[~slow], of_radius, rtol=0.0, atol=1000.0 * rtol)
 
 
 def passage(energy):

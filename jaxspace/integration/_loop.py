@@ -15,6 +15,7 @@ from jaxtyping import Array, Bool, Float, Int, PyTree
 from ..core import State
 from ..solvers import BatchStepController, ErrorTrackingSolver, StepTo, Tolerance
 from ._buffers import Checkpoints, SavedStates, capacity_for, empty_buffer, nan_buffer, put_row
+from ._slow_runs import nan_where, without_slow_runs
 
 
 @final
@@ -60,6 +61,7 @@ class LoopState(NamedTuple):
     - `t`, `t_next`: the time reached, and the proposed end of the next step.
     - `made_jump`: whether the vector field jumped at `t`, so that the solver starts again.
     - `step_ends`, `step_states`: ends of the accepted steps and the states there, where asked for.
+    - `left_out`: the runs that used up the steps of all, without which the others went on.
     """
 
     t: Float[Array, ""]
@@ -74,6 +76,7 @@ class LoopState(NamedTuple):
     step_ends: Float[Array, " steps"] | None
     step_states: State | None
     checkpoints: Checkpoints | None
+    left_out: Bool[Array, "*runs"]
 
 
 @eqx.filter_jit
@@ -98,18 +101,45 @@ def integrate_loop(
     - `y0`: the initial state, components first and runs last.
     - `checkpointed`: whether to keep step ends and checkpoints for derivatives.
 
-    **Returns** the last `LoopState`. The run is complete if its `t` is `settings.end`; otherwise
-    the steps ran out, and the caller reports it in the status."""
+    **Returns** the last `LoopState`. The runs are complete if its `t` is `settings.end`, but for
+    those `left_out`; otherwise the steps ran out, and the caller reports it in the status."""
     tools = settings.solver(), settings.controller()
 
     def unfinished(loop: LoopState) -> Bool[Array, ""]:
         steps = loop.num_accepted + loop.num_rejected
         return (loop.t < settings.end) & (steps < settings.max_steps)
 
+    def run(loop: LoopState) -> LoopState:
+        return jax.lax.while_loop(
+            unfinished, lambda loop: _advance(settings, *tools, field, loop), loop
+        )
+
     start = _start(settings, *tools, field, y0, checkpointed)
-    return jax.lax.while_loop(
-        unfinished, lambda loop: _advance(settings, *tools, field, loop), start
-    )
+    # A single run waits for no other, and a plan has as many steps as it needs.
+    if start.left_out.size == 1 or settings.plan is not None:
+        return run(start)
+
+    def slow(loop: LoopState) -> Bool[Array, "*runs"]:
+        limiting = jnp.where(settings.tolerance.alive(loop.y), loop.controller_state.limiting, 0)
+        return (loop.t < settings.end) & (2 * limiting >= jnp.maximum(jnp.max(limiting), 1))
+
+    def restarted(loop: LoopState, left_out: Array) -> LoopState:
+        saved, checkpoints = loop.saved, loop.checkpoints
+        if saved is not None:
+            saved = saved._replace(count=start.num_accepted)
+        if checkpoints is not None:
+            assert start.checkpoints is not None
+            checkpoints = start.checkpoints._replace(states=checkpoints.states)
+        return start._replace(
+            y=nan_where(left_out, start.y),
+            saved=saved,
+            step_ends=loop.step_ends,
+            step_states=loop.step_states,
+            checkpoints=checkpoints,
+        )
+
+    loop, left_out = without_slow_runs(start, run, slow, restarted)
+    return loop._replace(left_out=left_out)
 
 
 def _start(
@@ -150,6 +180,7 @@ def _start(
         step_ends=step_ends,
         step_states=step_states,
         checkpoints=checkpoints,
+        left_out=jnp.zeros_like(settings.tolerance.alive(y0)),
     )
 
 
@@ -200,7 +231,7 @@ def _written(
     interpolation: diffrax.AbstractLocalInterpolation,
 ) -> LoopState:
     """The loop with what this step leaves in the buffers: the state `y1`, and those within it."""
-    saved, step_ends, step_states, checkpoints = loop[-4:]
+    saved, step_ends, step_states, checkpoints = loop[-5:-1]
     if saved is not None:
         assert settings.save_ts is not None
         # Nothing lies before time -1: a rejected step saves no state.

@@ -26,6 +26,7 @@ from ..solvers._regularised import Regular, derivative_in
 from ..solvers._step_control import GROW, SHRINK, SMALLEST_STEP
 from ._buffers import Checkpoints, capacity_for, empty_buffer, nan_buffer, put_row
 from ._loop import LoopSettings
+from ._slow_runs import nan_where, without_slow_runs
 
 # Closer to the error allowed than where steps are shared: few steps are rejected, because the next
 # error is foreseen from the last two.
@@ -51,7 +52,8 @@ class OwnLoop(NamedTuple):
     - `worst`: the largest local error of the steps taken, in units of the tolerance.
     - `steps`: of each pass in which a run moved, the steps of the runs (zero for one that does not
       move) and whether they landed; `count` of them, of `passes`.
-    - `ends`, `states`: normalised times and states after each of these passes, where asked for."""
+    - `ends`, `states`: normalised times and states after each of these passes, where asked for.
+    - `left_out`: the runs for which the others would have waited too long."""
 
     y: OwnState
     h: Float[Array, "*runs"]
@@ -69,6 +71,7 @@ class OwnLoop(NamedTuple):
     ends: Float[Array, " passes *runs"] | None
     states: State | None
     checkpoints: Checkpoints | None
+    left_out: Bool[Array, "*runs"]
 
 
 class Segment(NamedTuple):
@@ -105,8 +108,36 @@ def integrate_own_steps(
         left = (loop.y.segment < settings.end) & _alive(loop.y.z)
         return jnp.any(left) & (loop.passes < settings.max_steps)
 
+    def run(loop: OwnLoop) -> OwnLoop:
+        return jax.lax.while_loop(
+            unfinished, lambda loop: _advance(settings, form, field, loop), loop
+        )
+
     start = _start(settings, form, field, y0, checkpointed)
-    return jax.lax.while_loop(unfinished, lambda loop: _advance(settings, form, field, loop), start)
+    if start.left_out.size == 1:
+        return run(start)
+
+    def slow(loop: OwnLoop) -> Bool[Array, "*runs"]:
+        # Those on their way; the others wait for them to land together.
+        moving = (loop.y.segment < settings.end) & _alive(loop.y.z) & ~loop.pending
+        return moving & (loop.passes >= settings.max_steps)
+
+    def restarted(loop: OwnLoop, left_out: Array) -> OwnLoop:
+        checkpoints = loop.checkpoints
+        if checkpoints is not None:
+            assert start.checkpoints is not None
+            checkpoints = start.checkpoints._replace(states=checkpoints.states)
+        return start._replace(
+            y=OwnState(nan_where(left_out, start.y.z), start.y.segment),
+            saved=loop.saved,
+            steps=loop.steps,
+            ends=loop.ends,
+            states=loop.states,
+            checkpoints=checkpoints,
+        )
+
+    loop, left_out = without_slow_runs(start, run, slow, restarted)
+    return loop._replace(left_out=left_out)
 
 
 def _start(
@@ -153,6 +184,7 @@ def _start(
         ends=ends,
         states=states,
         checkpoints=checkpoints,
+        left_out=jnp.zeros_like(landing),
     )
 
 
@@ -307,7 +339,7 @@ def _written(
     y: OwnState,
 ) -> OwnLoop:
     """The loop with what this pass leaves in the buffers."""
-    saved, steps, ends, states, checkpoints = loop[-5:]
+    saved, steps, ends, states, checkpoints = loop[-6:-1]
     moved = jnp.any(accept)
     if saved is not None:
         # A loop of at most one pass: a condition would copy the whole buffer.

@@ -34,7 +34,7 @@ class Outcome(NamedTuple):
     """What an integration leaves; times lead in `states` here.
 
     - `states`: at the save times, or the last one alone.
-    - `max_local_error`: of each run, in units of the tolerance.
+    - `max_local_error`, `out_of_steps`: of each run; the former in units of the tolerance.
     - `step_ends`, `step_states`: of the accepted steps, where asked for."""
 
     states: State
@@ -61,7 +61,7 @@ def _outcome(loop: LoopState, settings: LoopSettings) -> Outcome:
     return Outcome(
         states,
         loop.solver_state[1],
-        ~finished,
+        loop.left_out | ~finished,
         loop.num_accepted,
         loop.num_rejected,
         ends,
@@ -83,7 +83,7 @@ def _own_outcome(loop: OwnLoop, settings: LoopSettings) -> Outcome:
     return Outcome(
         states,
         loop.worst,
-        ~finished & alive & (loop.passes >= settings.max_steps),
+        loop.left_out | (~finished & alive & (loop.passes >= settings.max_steps)),
         loop.accepted,
         loop.rejected,
         ends,

@@ -12,7 +12,7 @@ control).
 """
 
 from collections.abc import Callable
-from typing import final
+from typing import NamedTuple, final
 
 import diffrax
 import jax
@@ -44,6 +44,20 @@ Decision = tuple[
 whether the vector field may jump between them, the state of the controller, and the result."""
 
 
+# Of the worst error: a run with more than this part of it holds up the others.
+LIMITING = 0.5
+
+
+class StepControl(NamedTuple):
+    """What the control of shared steps carries on.
+
+    - `proposal`: the length of the next step, in normalised time.
+    - `limiting`: how many of the accepted steps each run has kept as short as they were."""
+
+    proposal: Float[Array, ""]
+    limiting: Int[Array, "*runs"]
+
+
 @final
 class BatchStepController(diffrax.AbstractStepSizeController):
     """Steps as long as the worst of the runs allows, landing on every whole number.
@@ -72,14 +86,15 @@ class BatchStepController(diffrax.AbstractStepSizeController):
         args: PyTree,
         func: VectorField,
         error_order: Scalar,
-    ) -> tuple[Float[Array, ""], Float[Array, ""]]:
+    ) -> tuple[Float[Array, ""], StepControl]:
         del t1, dt0
 
         def f(s: Array, y: State) -> State:
             return func(terms, s, y, args)
 
         ds = self._starting_step(f, t0, y0, error_order)
-        return self._end_of_step(t0, ds), ds
+        limiting = jnp.zeros(self.tolerance.alive(y0).shape, jnp.int32)
+        return self._end_of_step(t0, ds), StepControl(ds, limiting)
 
     def adapt_step_size(
         self,
@@ -90,13 +105,15 @@ class BatchStepController(diffrax.AbstractStepSizeController):
         args: PyTree,
         y_error: State,
         error_order: Scalar,
-        controller_state: Float[Array, ""],
+        controller_state: StepControl,
     ) -> Decision:
         del args
+        before, limiting = controller_state
         ds = t1 - t0
         errors = self.tolerance.error(y0, y1_candidate, y_error)
         # Without derivatives: they follow the steps as they were taken.
-        worst = jax.lax.stop_gradient(jnp.max(jnp.where(self.tolerance.alive(y0), errors, 0.0)))
+        errors = jax.lax.stop_gradient(jnp.where(self.tolerance.alive(y0), errors, 0.0))
+        worst = jnp.max(errors)
         # In single precision, or after many segments, roundings of the time are the limit.
         resolved = 16.0 * jnp.finfo(t0.dtype).eps * (1.0 + t0)
         smallest = jnp.maximum(SMALLEST_STEP, resolved).astype(t0.dtype)
@@ -107,8 +124,9 @@ class BatchStepController(diffrax.AbstractStepSizeController):
         factor = jnp.clip(factor, SHRINK, most).astype(ds.dtype)
         proposal = ds * factor
         # A step that was cut to land says nothing against the length that had been proposed.
-        was_cut = accept & (ds < controller_state)
-        proposal = jnp.where(was_cut, jnp.maximum(controller_state, proposal), proposal)
+        was_cut = accept & (ds < before)
+        proposal = jnp.where(was_cut, jnp.maximum(before, proposal), proposal)
+        limiting = limiting + (accept & (errors >= LIMITING * worst)).astype(limiting.dtype)
         start = jnp.where(accept, t1, t0)
         landed = accept & (t1 == jnp.round(t1))
         # The same length in time in the next segment. Not shorter than a first step: what made the
@@ -118,7 +136,8 @@ class BatchStepController(diffrax.AbstractStepSizeController):
         next_segment = jnp.maximum(rescaled, FIRST_STEP)
         proposal = jnp.where(landed, next_segment, jnp.maximum(proposal, smallest))
         end = self._end_of_step(start, proposal)
-        return accept, start, end, landed, proposal, diffrax.RESULTS.successful
+        state = StepControl(proposal, limiting)
+        return accept, start, end, landed, state, diffrax.RESULTS.successful
 
     def _end_of_step(self, s: Float[Array, ""], ds: Float[Array, ""]) -> Float[Array, ""]:
         """The end of a step of about `ds` from `s`, at most at the next whole number."""

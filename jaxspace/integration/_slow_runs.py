@@ -1,0 +1,62 @@
+"""Runs that share their steps: what becomes of the others when one of them uses up the steps.
+
+A block ends when its steps run out, for all of its runs. So that a slow run costs no other its
+result, the block starts once more without the runs that kept the steps short, until the rest
+reaches the end or nothing is left of it. A block that ends by itself is computed once.
+"""
+
+from collections.abc import Callable
+from typing import NamedTuple, TypeVar
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, PyTree
+
+from ..core import State
+
+Loop = TypeVar("Loop")
+
+
+class _Attempt(NamedTuple):
+    """A loop, the runs that it leaves out, and whether it is still to be run."""
+
+    loop: PyTree
+    left_out: Bool[Array, "*runs"]
+    repeat: Bool[Array, ""]
+
+
+def without_slow_runs(
+    start: Loop,
+    run: Callable[[Loop], Loop],
+    slow: Callable[[Loop], Bool[Array, "*runs"]],
+    restarted: Callable[[Loop, Bool[Array, "*runs"]], Loop],
+) -> tuple[Loop, Bool[Array, "*runs"]]:
+    """The loop at its end, and the runs that it had to leave out.
+
+    **Arguments**
+
+    - `start`: the loop before its first step.
+    - `run`: takes all its steps.
+    - `slow`: the runs that used up the steps of a loop; none of one that reached its end.
+    - `restarted`: a loop at its start without some runs, with its buffers as they are."""
+
+    def attempt(carry: _Attempt) -> _Attempt:
+        loop = run(carry.loop)
+        found = slow(loop)
+        left_out = carry.left_out | found
+        again = restarted(loop, left_out)
+        # Where all that is left is slow, the loop stays as it ended.
+        repeat = jnp.any(found) & ~jnp.all(left_out)
+        # A buffer that stays as it is must not be selected: that would copy it.
+        loop = jax.tree.map(lambda a, b: a if a is b else jnp.where(repeat, a, b), again, loop)
+        return _Attempt(loop, left_out, repeat)
+
+    none = jnp.zeros_like(slow(start))
+    first = _Attempt(start, none, jnp.array(True))
+    last = jax.lax.while_loop(lambda carry: carry.repeat, attempt, first)
+    return last.loop, last.left_out
+
+
+def nan_where(left_out: Bool[Array, "*runs"], y: State) -> State:
+    """The state with NaN in the runs that are left out, which no step waits for then."""
+    return jax.tree.map(lambda x: jnp.where(left_out, jnp.nan, x), y)
