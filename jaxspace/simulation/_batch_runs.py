@@ -63,7 +63,7 @@ def run_missions(
     def block(piece: PyTree, given: PyTree) -> MissionResult:
         shared, configs = given
         mission, y0, t0 = cut_batch(piece, shared)
-        result = run_mission(mission, y0, t0, num_saved, configs, 1)
+        result = nan_where_failed(run_mission(mission, y0, t0, num_saved, configs, 1))
         return result._replace(phases=[_every_run(phase) for phase in result.phases])
 
     return blocks.map(block, batched, (shared, configs))

@@ -52,18 +52,36 @@ def check_arguments(function: Callable[..., Any], *args: Any, **kwargs: Any) -> 
         raise InputError(f"The call has {error}: it takes {names}.") from None
 
 
-def check_structure(system: AbstractSystem, y0: PyTree, t: Any) -> None:
-    """Raise `InputError` unless the derivative has the structure of the state."""
-    leaves, structure = jax.tree.flatten(jax.tree.map(shape_of, (system, y0, t)))
+def check_structure(system: AbstractSystem, y0: PyTree, t: Any) -> PyTree:
+    """The shapes of the state, with the runs that it meets in the system.
+
+    Raises `InputError` unless the derivative has the structure of the state."""
+    return _for_shapes(_check_structure, (system, y0, t))
+
+
+def shapes_after(jump: Callable[[Any, State], State], t: Any, y: PyTree) -> PyTree:
+    """The shapes of the state after a jump, from those of the time and of the state before."""
+    return _for_shapes(_jumped, (jump, t, y))
+
+
+def _for_shapes(function: Callable[..., PyTree], args: PyTree) -> PyTree:
+    """The result of a kept function for the structure and the shapes of its arguments."""
+    leaves, structure = jax.tree.flatten(jax.tree.map(shape_of, args))
     try:
-        _check_structure(structure, tuple(leaves))
+        return function(structure, tuple(leaves))
     except TypeError:
         # A leaf that cannot be hashed: nothing can be kept from one call to the next.
-        _check_structure.__wrapped__(structure, tuple(leaves))
+        return function.__wrapped__(structure, tuple(leaves))  # pyright: ignore
 
 
 @functools.lru_cache(maxsize=256)
-def _check_structure(structure: Any, leaves: tuple[Any, ...]) -> None:
+def _jumped(structure: Any, leaves: tuple[Any, ...]) -> PyTree:
+    jump, t, y = jax.tree.unflatten(structure, leaves)
+    return eqx.filter_eval_shape(lambda jump, t, y: jump(t, y), jump, t, y)
+
+
+@functools.lru_cache(maxsize=256)
+def _check_structure(structure: Any, leaves: tuple[Any, ...]) -> PyTree:
     """Once for each system and state of one make: tracing the field costs more than a short run."""
     system, y0, t = jax.tree.unflatten(structure, leaves)
     # Whatever a field that meets another state than its own may raise is told in its words.
@@ -72,10 +90,10 @@ def _check_structure(structure: Any, leaves: tuple[Any, ...]) -> None:
         jaxpr, *derivative = trace(system, t, y0)
         derivative = eqx.combine(*derivative)
         if jax.tree.structure(derivative) == jax.tree.structure(y0):
-            eqx.filter_eval_shape(broadcast_state, system, t, y0)
+            whole = eqx.filter_eval_shape(broadcast_state, system, t, y0)
             # The level of the call of `simulate`, from here.
             warn_of_kinks(jaxpr.jaxpr, system, y0, stacklevel=5)
-            return
+            return whole
     except InputError:
         raise
     except Exception as error:

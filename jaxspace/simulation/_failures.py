@@ -11,6 +11,7 @@ from jaxtyping import Array, PyTree
 
 from ..integration._result import DenseOutput
 from ..integration._status import Status
+from ._mission_runs import MissionResult
 from ._runs import RunResult
 
 T = TypeVar("T")
@@ -50,13 +51,19 @@ def nan_where_failed(result: T, status: Array | None = None) -> T:
 
     **Arguments**
 
-    - `result`: a `RunResult`; or with a `status` any tree of arrays with the runs last.
+    - `result`: a `RunResult` or `MissionResult`; or with a `status` any tree of arrays with the
+      runs last.
 
     **Returns** the same with NaN: in a `RunResult` all states after the first for a status of
     `WITHOUT_BOUND`, every state that is not finite in one of its blocks, and all crossings of a run
+    that failed; in a `MissionResult` this in each phase, and the final state and the end of a run
     that failed; else all of it."""
     if status is not None:
         return _scaled(result, _nan_unless(status <= Status.EVENT))
+    if isinstance(result, MissionResult):
+        final, end = nan_where_failed((result.final, result.end), result.status)
+        phases = [nan_where_failed(phase) for phase in result.phases]
+        return result._replace(phases=phases, final=final, end=end)
     assert isinstance(result, RunResult)
     run_axes = result.status.ndim
     good = jnp.ones(result.ts.shape, bool)

@@ -20,7 +20,6 @@ from ..integration._accuracy import (
 )
 from ..integration._config import IntegrationConfig, resolve
 from ..integration._events import Event
-from ..integration._layout import broadcast_state
 from ..integration._status import Status, raise_on_failure
 from ..integration._stiffness import InitialConditions
 from ._checks import (
@@ -30,6 +29,7 @@ from ._checks import (
     check_num_saved,
     check_structure,
     check_times,
+    shapes_after,
 )
 from ._failures import loud, nan_where_failed, place_of_failure
 from ._mission import Mission, Phase
@@ -149,7 +149,7 @@ def _simulate_mission(
         raise InputError(f"t0 has the shape {t0.shape}: a mission starts at one time, in s.")
     check_num_saved(num_saved)
     configs = resolve_phases(mission, y0, as_accuracy(accuracy))
-    result = run_mission(mission, y0, t0, num_saved, configs, 0)
+    result = _failed_are_nan(run_mission(mission, y0, t0, num_saved, configs, 0))
     trajectory = mission_trajectory_of(result, mission, configs, 0)
     return raise_failures(trajectory, lambda: _failed_phase(trajectory)) if throw else trajectory
 
@@ -162,6 +162,10 @@ def _failed_phase(result: MissionTrajectory) -> str:
             start = place_of_failure(int(phase.status), None, float(phase.ts[0]), phase.initial)
             return start.replace("The run", f"The phase {name!r}")
     return ""
+
+
+# Compiled, because each of its many operations would be a call of its own.
+_failed_are_nan = eqx.filter_jit(nan_where_failed)
 
 
 @eqx.filter_jit
@@ -188,12 +192,12 @@ def resolve_phases(
         check_until(phase, run_axes)
         # Only shapes are needed: a jump may change what the state holds.
         zero = jax.ShapeDtypeStruct((), state_dtype(y))
-        check_structure(phase.system, y, zero)
+        whole = check_structure(phase.system, y, zero)
         configs.append(resolve(phase.system, y, accuracy))
         # The jump meets the state as the phase leaves it, with the runs of its system.
-        y = eqx.filter_eval_shape(broadcast_state, phase.system, zero, y)
+        y = whole
         if phase.then is not None:
-            y = jax.eval_shape(phase.then, zero, y)
+            y = shapes_after(phase.then, zero, y)
     return tuple(configs)
 
 
@@ -226,11 +230,9 @@ def mission_trajectory_of(
     """A `MissionTrajectory` from what the phases left."""
     phases = []
     for run, phase, config in zip(result.phases, mission.phases, configs, strict=True):
-        phases.append(trajectory_of(nan_where_failed(run), phase.system, config, run_axes))
+        phases.append(trajectory_of(run, phase.system, config, run_axes))
     names = tuple(phase.name for phase in mission.phases)
-    # A failed run has no final state and no end, whatever its last phase computed.
-    final, end = nan_where_failed((result.final, result.end), result.status)
-    return MissionTrajectory(tuple(phases), names, final, end, result.status)
+    return MissionTrajectory(tuple(phases), names, result.final, result.end, result.status)
 
 
 def finish(run: Callable[..., Trajectory], config: IntegrationConfig, throw: bool) -> Trajectory:
