@@ -101,7 +101,8 @@ def methods() -> dict:
         f"ours, adaptive regularised, {rtol:.0e}": ours(AdaptiveRegularised(), rtol)
         for rtol in (1e-11, 1e-12, 1e-13)
     }
-    found["ours, regularised with estimate, 3400 steps"] = ours(Regularised(steps=3400))
+    # The loose tolerance lets no run fail: its error stands beside its speed.
+    found["ours, regularised with estimate, 3400 steps"] = ours(Regularised(steps=3400), 1e-1)
     found["ours, DOP853 in time, 1e-13"] = ours(DOP853(), 1e-13)
     found["diffrax Dopri8, 1e-13"] = by_diffrax(1e-13)
     if optional("heyoka") is not None:

@@ -4,7 +4,6 @@ Source: Stiefel, Scheifele, Linear and Regular Celestial Mechanics, sections 8, 
 """
 
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, Float
 
 from ..core import Scalar, Vector, dot
@@ -23,27 +22,24 @@ def ks_parameters(r: Vector) -> Float[Array, "4 *#runs"]:
     return jnp.where(ahead, jnp.stack([first, b, c, zero]), jnp.stack([b, first, zero, c]))
 
 
-# The three vectors of the rows of L(u) are u with its components exchanged in pairs, with signs.
-# Written so, they need no reordering component by component, which compiles to slow code.
-_SIGNS = np.array([[1.0, -1.0, -1.0, 1.0], [1.0, 1.0, -1.0, -1.0], [1.0, 1.0, 1.0, 1.0]])
-
-
-def _row(u: Array, k: int) -> Array:
-    """The row number `k` of L(u): component i is that number (i xor k) of u, with a sign."""
-    axes = [axis for axis, bit in ((1, 1), (0, 2)) if k & bit]
-    pairs = u.reshape(2, 2, *u.shape[1:])
-    signs = jnp.asarray(_SIGNS[k].reshape(4, *(1,) * (u.ndim - 1)), u.dtype)
-    return signs * jnp.flip(pairs, axes).reshape(u.shape)
-
-
 def ks_map(u: Array, w: Array) -> Vector:
     """The first three rows of L(u) w; the position for w = u."""
-    return jnp.stack([dot4(_row(u, k), w) for k in range(3)])
+    (a, b, c, d), (e, f, g, h) = u, w
+    return jnp.stack(
+        [
+            a * e - b * f - c * g + d * h,
+            b * e + a * f - d * g - c * h,
+            c * e + d * f + a * g + b * h,
+        ]
+    )
 
 
 def ks_transposed(u: Array, p: Vector) -> Float[Array, "4 *#runs"]:
     """L(u)^T p, for a vector p without a fourth component."""
-    return _row(u, 0) * p[0] + (_row(u, 1) * p[1] + _row(u, 2) * p[2])
+    (a, b, c, d), (x, y, z) = u, p
+    return jnp.stack(
+        [a * x + b * y + c * z, a * y - b * x + d * z, a * z - c * x - d * y, d * x - c * y + b * z]
+    )
 
 
 def dot4(u: Array, w: Array) -> Scalar:
