@@ -18,6 +18,7 @@ from ._layout import state_at, times_behind_components
 from ._loop import TERM, LoopSettings
 from ._normalised_time import ScaledVectorField, Segments, hoist, segments_of
 from ._result import IntegrationResult, result_of, within_model
+from ._save_times import at_save_times
 from ._solve import solve, solve_own_steps
 from ._status import status_from
 
@@ -73,6 +74,10 @@ def integrate(
         outcome, form = solve_own_steps(hoist(field, y0, traits.needs), y0, settings)
     elif config.adjoint is None and traits.replayable:
         outcome = solve(hoist(field, y0, traits.needs), y0, settings)
+        if fractions is not None and not landing:
+            assert settings.save_ts is not None
+            states = at_save_times(outcome.states, system, segments, settings.save_ts, fractions)
+            outcome = outcome._replace(states=states)
     else:
         # Adjoints of diffrax, and methods that carry more than a state, need its loop.
         outcome = solve_by_diffrax(hoist(field, y0, traits.needs), y0, settings, config.adjoint)
