@@ -139,6 +139,8 @@ def _log(x):
 
 
 def _power(x, y):
+    if x == 0 and y < 0:
+        return mp.inf
     found = x**y
     return found if isinstance(found, mpf) else mp.nan
 
@@ -188,6 +190,7 @@ ELEMENTWISE = {
     "cosh": mp.cosh,
     "tanh": mp.tanh,
     "asinh": mp.asinh,
+    "atanh": lambda x: mp.atanh(x) if abs(x) < 1 else mp.nan,
     "pow": _power,
     "floor": mp.floor,
     "round": _round,

@@ -107,11 +107,12 @@ def test_safe_functions_at_their_singular_points():
     assert core.safe_atan2(jnp.array(0.0), jnp.array(-1.0)) == np.pi
 
 
-@pytest.mark.parametrize("name", ["phi1", "sinc_squared"])
+@pytest.mark.parametrize("name", ["phi1", "phi2", "sinc_squared"])
 def test_removable_singularities_against_many_digits(name):
     mp = pytest.importorskip("mpmath")
     closed = {
         "phi1": lambda z: mp.hyp1f1(1, 2, z),
+        "phi2": lambda z: mp.hyp1f1(1, 3, z) / 2,
         "sinc_squared": lambda z: mp.hyp0f1(mp.mpf(3) / 2, -z / 4),
     }[name]
     points = [0.0, 1e-300, 1e-9, -1e-9, 1e-3, 0.0999999, -0.0999999, 0.1, -0.1, 0.5, -2.0, 10.0]

@@ -549,6 +549,35 @@ def steepest(x):
     return [theta, T, burnout(theta, T)[0]]
 
 
+# Transfers.
+
+
+def bielliptic_break_even(x):
+    """The radius of the impulse between at which three impulses cost as much as two; infinite where
+    they always cost more, that of the larger circle where they never do."""
+    ratio = max(x[0], 1 / x[0])
+
+    def speed(r, other):
+        """At the apsis `r` of an ellipse whose other one is `other`."""
+        return mp.sqrt(2 * other / (r * (r + other)))
+
+    circle = mp.sqrt(1 / ratio)
+    two = speed(1, ratio) - 1 + circle - speed(ratio, 1)
+
+    def saved(u):
+        # What three impulses save, over b - x, which every difference holds.
+        b = ratio / u
+        three = speed(1, b) - 1 + speed(b, ratio) - speed(b, 1) + speed(ratio, b) - circle
+        return (two - three) * b / (b - ratio)
+
+    tiny = mpf(10) ** -25
+    if saved(tiny) <= 0:
+        return [mp.inf]
+    if saved(1 - tiny) >= 0:
+        return [ratio]
+    return [ratio / bisected(lambda u: -saved(u), tiny, 1 - tiny)]
+
+
 # Runs.
 
 

@@ -65,7 +65,8 @@ class Polhode(eqx.Module):
         energies = jnp.take_along_axis(moments * omega * omega, order, axis=0)
         below, above, middle = _differences((a, b, c), energies)
         p, q = (b - c) * below, (a - b) * above
-        most, about_least = jnp.maximum(p, q), p > q
+        # p - q = (a - c) middle, whose sign has no rounding beside the separatrix.
+        most, about_least = jnp.maximum(p, q), middle > 0.0
         two_t, h = dot(moments * omega, omega), norm(moments * omega)
         ends = _vertices((a, b, c), (below, above, middle), about_least)
         # |v x h| / h, because |v|^2 - (2T/h)^2 has no digits near a steady turn.

@@ -61,7 +61,8 @@ def luni_solar_rates_at(
     **Returns** psi' and theta', rad/s.
     """
     rate = _amplitude(mass_share, period, ellipticity, spin)
-    precession = -rate * jnp.cos(obliquity) * (1.0 - jnp.cos(2.0 * longitude))
+    # 1 - cos 2L, with its digits where the body crosses the equator.
+    precession = -2.0 * rate * jnp.cos(obliquity) * jnp.sin(longitude) ** 2
     return precession, -rate * jnp.sin(obliquity) * jnp.sin(2.0 * longitude)
 
 

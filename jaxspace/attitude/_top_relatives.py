@@ -170,8 +170,10 @@ def crusher_force(
     **Returns** F, N.
     """
     wheel, axle = axial_inertia / radius, transverse_inertia / arm
-    gyroscopic = wheel * (1.0 - jnp.cos(2.0 * theta)) + axle * jnp.sin(2.0 * theta)
-    return weight * jnp.sin(theta) + 0.5 * precession * precession * gyroscopic
+    sine = jnp.sin(theta)
+    # sin^2 for (1 - cos 2 theta)/2, which keeps no digit of a small angle.
+    gyroscopic = wheel * sine * sine + 0.5 * axle * jnp.sin(2.0 * theta)
+    return weight * sine + precession * precession * gyroscopic
 
 
 def crusher_spin(theta: Scalar, precession: Scalar, radius: Scalar, arm: Scalar) -> Scalar:

@@ -172,7 +172,8 @@ def pivot_impact(
     surplus = velocity - cross(omega, arm)
     change = about_pivot.solve(mass * cross(arm, surplus))
     gain = cross(change, arm) - surplus
-    after = velocity + gain
+    # velocity + gain, without the digits that cancel where the pivot is close to the centre.
+    after = cross(omega + change, arm)
     # T - T' as a sum of squares: what is lost is the energy of the change of motion.
     loss = kinetic_energy(inertia, change) + 0.5 * mass * dot(gain, gain)
     return PivotImpact(omega + change, after, mass * gain, loss)

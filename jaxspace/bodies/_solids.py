@@ -62,8 +62,11 @@ def particles(
     rank = max(masses.ndim - 1, places.ndim - 2)
     masses, places = with_rank(masses, rank), with_rank(places, rank, axes=2)
     total = jnp.sum(masses, axis=0)
-    centre = jnp.sum(masses * places, axis=1) / total
-    return MassProperties(total, centre, _tensor(masses, places - centre[:, None]))
+    # From the first of them: a small set far from the origin keeps the digits of its shape.
+    apart = places - places[:, :1]
+    centre = jnp.sum(masses * apart, axis=1) / total
+    tensor = _tensor(masses, apart - centre[:, None])
+    return MassProperties(total, places[:, 0] + centre, tensor)
 
 
 def simplex(mass: Scalar, vertices: Float[Array, "3 vertices *#runs"]) -> MassProperties:
@@ -86,11 +89,13 @@ def simplex(mass: Scalar, vertices: Float[Array, "3 vertices *#runs"]) -> MassPr
     check_positive("simplex: mass", mass)
     mass = as_float(mass)
     vertices = with_rank(vertices, mass.ndim, axes=2)
-    centre = jnp.mean(vertices, axis=1)
+    # From the first vertex, as in `particles`.
+    apart = vertices - vertices[:, :1]
+    centre = jnp.mean(apart, axis=1)
     # Of the formula above the second term is zero about the centre.
     share = with_rank((mass / (count * (count + 1)))[None], vertices.ndim - 2)
-    tensor = _tensor(share, vertices - centre[:, None])
-    return MassProperties(mass, centre, tensor)
+    tensor = _tensor(share, apart - centre[:, None])
+    return MassProperties(mass, vertices[:, 0] + centre, tensor)
 
 
 def box(mass: Scalar, sides: Vector) -> MassProperties:

@@ -50,6 +50,7 @@ from ._quantity import quantity as quantity
 from ._root import increasing_root as increasing_root
 from ._safe import end_sqrt as end_sqrt
 from ._safe import phi1 as phi1
+from ._safe import phi2 as phi2
 from ._safe import safe_atan2 as safe_atan2
 from ._safe import safe_divide as safe_divide
 from ._safe import safe_sqrt as safe_sqrt

@@ -92,6 +92,18 @@ def phi1(x: Scalar) -> Scalar:
     return jnp.where(small, series, jnp.expm1(x) / jnp.where(small, 1.0, x))
 
 
+def phi2(x: Scalar) -> Scalar:
+    """(e^x - 1 - x) / x^2, with its series about x = 0, so that every derivative holds there too."""
+    small = jnp.abs(x) < 1.0
+    s = jnp.where(small, x, 0.0)
+    series = 1.0
+    # 2 / 20! is below rounding, also for the first derivatives.
+    for n in range(20, 2, -1):
+        series = 1.0 + s / n * series
+    far = jnp.where(small, 1.0, x)
+    return jnp.where(small, 0.5 * series, (jnp.expm1(far) / far - 1.0) / far)
+
+
 def sinc_squared(z: Scalar) -> Scalar:
     """sin(sqrt(z)) / sqrt(z), analytic in z: hyperbolic for z < 0, a series near z = 0."""
     small = jnp.abs(z) < 0.1

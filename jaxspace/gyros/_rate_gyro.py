@@ -26,7 +26,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Complex, Float
 
-from ..core import AbstractSystem, Scalar, as_float, phi1, quantity
+from ..core import AbstractSystem, Scalar, as_float, phi2, quantity
 from ._linear import LinearFlow, linear_rate, rows
 
 
@@ -126,9 +126,10 @@ class RateGyro(AbstractSystem):
     def integrated_angle(self, t: Scalar) -> Scalar:
         """theta, rad, of an integrating gyro, without spring, at `t`, s, from rest:
         (H w_i / c) [t - tau (1 - e^(-t / tau))], tau = A / c (Thomson 6.7)."""
-        lag = self.damping / self.transverse_inertia
+        rate = self.damping / self.transverse_inertia
         torque = self.spin_momentum * self.input_rate
-        return torque / self.damping * t * (1.0 - phi1(-lag * t))
+        # t - tau (1 - e^(-t / tau)) = t^2 phi2(-t / tau) / tau, without the difference.
+        return torque / self.transverse_inertia * t * t * phi2(-rate * t)
 
     def frequency_response(self, frequency: Float[ArrayLike, "..."]) -> Complex[Array, "..."]:
         """theta / w_i, s, at angular frequencies, rad/s, of any shape that meets the parameters."""

@@ -127,7 +127,8 @@ def shadow_event(
 def _hidden_part(a: Scalar, b: Scalar, c: Scalar) -> Scalar:
     """Part of a disk of the radius `a` behind one of the radius `b` at the distance `c`."""
     alpha, beta = _half_angles(a, b, c)
-    return (_segment(alpha) + (b / a) ** 2 * _segment(beta)) / jnp.pi
+    # In the umbra all of it, to the last bit: the rest is no negative light.
+    return jnp.minimum((_segment(alpha) + (b / a) ** 2 * _segment(beta)) / jnp.pi, 1.0)
 
 
 @_hidden_part.defjvp
@@ -139,7 +140,9 @@ def _hidden_part_rule(primals, tangents):
     alpha, beta = _half_angles(a, b, c)
     hidden = _hidden_part(a, b, c)
     turned = a * alpha * da + b * beta * db - a * jnp.sin(alpha) * dc
-    return hidden, 2.0 * (turned / (jnp.pi * a) - hidden * da) / a
+    slope = 2.0 * (turned / (jnp.pi * a) - hidden * da) / a
+    # All of it stays hidden.
+    return hidden, jnp.where(c <= b - a, 0.0, slope)
 
 
 def _half_angles(a: Scalar, b: Scalar, c: Scalar) -> tuple[Scalar, Scalar]:

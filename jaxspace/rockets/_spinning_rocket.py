@@ -36,7 +36,7 @@ from ..core import (
     constructor,
     quantity,
 )
-from ._jet_damping import _power, spin_angle, spin_ratio
+from ._jet_damping import _power, spin_angle
 
 # Nodes of one panel, and the panels of the quadrature of the angle of attack.
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(16)
@@ -100,7 +100,7 @@ class SpinningRocket(AbstractParameters):
 
     def spin_rate(self, time: Scalar) -> Scalar:
         """omega_z, rad/s, after `time`, s."""
-        return self.spin * spin_ratio(self.mass_ratio(time), self.ring_over_gyration)
+        return self.spin * self._ratio_to(time, as_float(self.ring_over_gyration) ** 2 - 1.0)
 
     def spin_angle(self, time: Scalar) -> Scalar:
         """Phi, rad, after `time`, s."""
@@ -111,7 +111,14 @@ class SpinningRocket(AbstractParameters):
         """|w_xy| over its value at the start, after `time`, s."""
         ring = self.ring_over_gyration * self.gyration_ratio
         exponent = self.lever_over_gyration**2 + 0.5 * ring * ring - 1.0
-        return _power(self.mass_ratio(time), exponent)
+        return self._ratio_to(time, exponent)
+
+    def _ratio_to(self, time: Scalar, exponent: Scalar) -> Scalar:
+        """(m/m_0)^exponent, with the digits of its logarithm where little has burnt."""
+        burnt = self.burn_fraction_rate * as_float(time)
+        little = burnt < 0.5
+        near = jnp.exp(exponent * jnp.log1p(-jnp.where(little, burnt, 0.0)))
+        return jnp.where(little, near, _power(jnp.where(little, 1.0, 1.0 - burnt), exponent))
 
     def transverse_rate(
         self, time: Scalar, start: Float[Array, "2 *#runs"]

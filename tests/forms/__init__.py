@@ -7,7 +7,7 @@ import twins
 
 from jaxspace.verification import CASES
 
-from . import attitude, floor, orbits, rockets
+from . import attitude, floor, orbits, rockets, solids, transfers, vehicles
 from .form import Form
 
 # What the functions of the hard cases compute, and how many of their outputs belong to one size.
@@ -78,4 +78,5 @@ def forms() -> list[Form]:
         names, blocks = OF_CASES[function.__name__]
         exact = TWINS.get(function.__name__)
         of_cases.append(Form(function, tuple(names.split()), places, blocks, exact))
-    return [*of_cases, *floor.FORMS, *orbits.FORMS, *attitude.FORMS, *rockets.FORMS]
+    rooms = floor, solids, orbits, transfers, attitude, vehicles, rockets
+    return [*of_cases, *(form for room in rooms for form in room.FORMS)]

@@ -22,6 +22,7 @@ from jaxspace.core import (
     dot,
     inverse_norm,
     matvec,
+    phi2,
     safe_divide,
     scale,
     solve3,
@@ -51,6 +52,10 @@ def quotient(x):
 def first_kind(x):
     """R_F(0, y, z) from sum and product of the roots."""
     return complete_first(x[0], x[1])[None]
+
+
+def second_exponential_quotient(x):
+    return phi2(x[0])[None]
 
 
 def stumpff_within(x):
@@ -171,6 +176,11 @@ FORMS = (
             (2.0, 0.1, 0.2, 0.1, 3.0, 0.4, 0.2, 0.4, 1.0, 1.0, -2.0, 0.5),
             (1.0, 2.0, 3.0, 1.0, 2.0, 3.0 + 1e-9, 0.0, 1.0, 0.0, 1.0, 1.0, 0.3),
         ],
+    ),
+    Form(
+        second_exponential_quotient,
+        ("core.phi2",),
+        [(0.5,), (0.0,), (1e-9,), (-0.9999999,), (1.0,), (30.0,), (-700.0,)],
     ),
     Form(quotient, ("core.safe_divide",), [(1.0, 3.0), (1e-30, 1e-30)]),
     Form(first_kind, ("core.complete_first",), [(2.0, 1.0), (1.0, 1e-12), (3.0, 1.0)]),
