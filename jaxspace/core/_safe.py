@@ -93,7 +93,7 @@ def phi1(x: Scalar) -> Scalar:
 
 
 def phi2(x: Scalar) -> Scalar:
-    """(e^x - 1 - x) / x^2, with its series about x = 0, so that every derivative holds there too."""
+    """(e^x - 1 - x) / x^2, with a series about x = 0, as `phi1`."""
     small = jnp.abs(x) < 1.0
     s = jnp.where(small, x, 0.0)
     series = 1.0

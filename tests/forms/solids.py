@@ -107,67 +107,106 @@ PLACE = (0.3, -0.2, 0.7)
 
 FORMS = (
     Form(
-        boxes, ("bodies.box", "bodies.ellipsoid", "bodies.sphere"),
+        boxes,
+        ("bodies.box", "bodies.ellipsoid", "bodies.sphere"),
         [(2.0, 1.0, 2.0, 3.0, 0.5), (1.0, 1.0, 1e-9, 0.0, 0.9999999), (1.0, 1.0, 1.0, 1.0, 0.0)],
     ),
     Form(
-        round_solids, ("bodies.cylinder", "bodies.cone", "bodies.conical_shell"),
+        round_solids,
+        ("bodies.cylinder", "bodies.cone", "bodies.conical_shell"),
         [(2.0, 1.0, 2.0, 0.5), (1.0, 1.0, 1e-9, 0.9999999), (1.0, 1.0, 3.0, 0.0)],
     ),
     Form(
-        points, ("bodies.particles", "bodies.simplex"),
+        points,
+        ("bodies.particles", "bodies.simplex"),
         [(1.0, 2.0, 1.0, 2.0, 3.0, 0.5, 0.1, 0.2, 0.3, 0.4, 0.9), (1.0, 1e-12, *(1.0,) * 9)],
     ),
     Form(
         put_together,
-        ("bodies.combined", "bodies.turned_tensor", "bodies.moment_along",
-         *(f"bodies.MassProperties.{name}" for name in
-           ("about", "hole", "inertia", "moment_about", "moved", "turned"))),
-        [(2.0, 1.0, 2.0, 3.0, 1.0, 0.5, 0.6, 0.7, *PLACE, 0.1, 0.2, 0.3, 1.0, 2.0, 3.0, *PLACE),
-         (2.0, 1.0, 2.0, 3.0, 1.0, 0.5, 0.6, 0.7, *STILL, *STILL, 0.0, 0.0, 1.0, *STILL)],
+        (
+            "bodies.combined",
+            "bodies.turned_tensor",
+            "bodies.moment_along",
+            *(
+                f"bodies.MassProperties.{name}"
+                for name in ("about", "hole", "inertia", "moment_about", "moved", "turned")
+            ),
+        ),
+        [
+            (2.0, 1.0, 2.0, 3.0, 1.0, 0.5, 0.6, 0.7, *PLACE, 0.1, 0.2, 0.3, 1.0, 2.0, 3.0, *PLACE),
+            (2.0, 1.0, 2.0, 3.0, 1.0, 0.5, 0.6, 0.7, *STILL, *STILL, 0.0, 0.0, 1.0, *STILL),
+        ],
     ),
     Form(
-        held, ("bodies.pivot_impact", "bodies.PivotImpact"),
-        [(1.0, 2.0, 2.5, 2.0, *PLACE, 1.0, 2.0, 3.0, 0.1, 0.2, 0.3),
-         (1.0, 1.0, 1.0, 1.0, *STILL, 1.0, 0.0, 0.0, 0.1, 0.0, 0.0)],
+        held,
+        ("bodies.pivot_impact", "bodies.PivotImpact"),
+        [
+            (1.0, 2.0, 2.5, 2.0, *PLACE, 1.0, 2.0, 3.0, 0.1, 0.2, 0.3),
+            (1.0, 1.0, 1.0, 1.0, *STILL, 1.0, 0.0, 0.0, 0.1, 0.0, 0.0),
+        ],
     ),
     Form(
         standard_air,
-        ("bodies.standard_atmosphere", "bodies.geopotential_height", "bodies.geometric_height",
-         "bodies.Air", "bodies.StandardAtmosphere.density_at"),
+        (
+            "bodies.standard_atmosphere",
+            "bodies.geopotential_height",
+            "bodies.geometric_height",
+            "bodies.Air",
+            "bodies.StandardAtmosphere.density_at",
+        ),
         [(5e3,), (1.1e4,), (1.5e4,), (4e4,), (8.6e4,), (9.1e4,), (1.1e5,), (2e5,), (9e5,), (0.0,)],
     ),
     Form(
-        between, ("rotations.slerp",),
+        between,
+        ("rotations.slerp",),
         [(*PLACE, 0.1, 0.2, -0.3, 0.4), (*PLACE, *PLACE, 0.3), (*STILL, 3.14, 0.0, 0.0, 0.5)],
     ),
     Form(
-        between_rates, ("rotations.interpolate_attitude",),
-        [(0.3, 1.0, *PLACE, 0.1, 0.2, 0.3, 0.4, 0.5, -0.3, 0.2, 0.1, 0.0),
-         (0.5, 1.0, *PLACE, *STILL, *PLACE, *STILL)],
+        between_rates,
+        ("rotations.interpolate_attitude",),
+        [
+            (0.3, 1.0, *PLACE, 0.1, 0.2, 0.3, 0.4, 0.5, -0.3, 0.2, 0.1, 0.0),
+            (0.5, 1.0, *PLACE, *STILL, *PLACE, *STILL),
+        ],
     ),
     Form(
-        vector_rates, ("rotations.rotation_vector_rate", "rotations.omega_from_rotation_vector_rate"),
-        [(*PLACE, 1.0, 2.0, 3.0), (*STILL, 1.0, 2.0, 3.0), (1e-9, 0.0, 0.0, 1.0, 2.0, 3.0),
-         (3.1415926, 0.0, 0.0, 1.0, 2.0, 3.0)],
+        vector_rates,
+        ("rotations.rotation_vector_rate", "rotations.omega_from_rotation_vector_rate"),
+        [
+            (*PLACE, 1.0, 2.0, 3.0),
+            (*STILL, 1.0, 2.0, 3.0),
+            (1e-9, 0.0, 0.0, 1.0, 2.0, 3.0),
+            (3.1415926, 0.0, 0.0, 1.0, 2.0, 3.0),
+        ],
     ),
     Form(
-        moving, ("rotations.MovingFrame.to_inertial", "rotations.MovingFrame.from_inertial"),
-        [tuple(0.1 * (k + 1) * (-1.0) ** k for k in range(27)),
-         (*STILL, *STILL, *STILL, *STILL, *STILL, *STILL, *PLACE, *PLACE, *PLACE)],
+        moving,
+        ("rotations.MovingFrame.to_inertial", "rotations.MovingFrame.from_inertial"),
+        [
+            tuple(0.1 * (k + 1) * (-1.0) ** k for k in range(27)),
+            (*STILL, *STILL, *STILL, *STILL, *STILL, *STILL, *PLACE, *PLACE, *PLACE),
+        ],
     ),
     Form(
-        at_rest, ("rotations.instantaneous_centre",),
+        at_rest,
+        ("rotations.instantaneous_centre",),
         [(*PLACE, 1.0, 2.0, 0.0, 0.5), (*PLACE, 0.0, 0.0, 0.0, 1e-9)],
     ),
     Form(
-        along_the_path, ("rotations.polar_components", "rotations.path_components"),
-        [(1.0, 0.1, 0.2, 0.3, 0.4, 1.0, 2.0, 3.0, 0.1, 0.2, 0.5),
-         (1.0, 0.0, 0.0, 1.0, 0.0, 1.0, 0.0, 0.0, 1.0, 1e-9, 0.0)],
+        along_the_path,
+        ("rotations.polar_components", "rotations.path_components"),
+        [
+            (1.0, 0.1, 0.2, 0.3, 0.4, 1.0, 2.0, 3.0, 0.1, 0.2, 0.5),
+            (1.0, 0.0, 0.0, 1.0, 0.0, 1.0, 0.0, 0.0, 1.0, 1e-9, 0.0),
+        ],
     ),
     Form(
-        about_an_axis, ("rotations.Quaternion.from_axis_angle", "rotations.Quaternion.axis_angle"),
-        [(*PLACE, 1.0, 0.1, 0.2, 0.3), (*PLACE, 1e-9, 1e-9, 0.0, 0.0),
-         (*PLACE, 3.1415926, 3.1415926, 0.0, 0.0)],
+        about_an_axis,
+        ("rotations.Quaternion.from_axis_angle", "rotations.Quaternion.axis_angle"),
+        [
+            (*PLACE, 1.0, 0.1, 0.2, 0.3),
+            (*PLACE, 1e-9, 1e-9, 0.0, 0.0),
+            (*PLACE, 3.1415926, 3.1415926, 0.0, 0.0),
+        ],
     ),
-)  # fmt: skip
+)

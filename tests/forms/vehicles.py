@@ -5,7 +5,6 @@ import jax.numpy as jnp
 from jaxspace import attitude as a
 from jaxspace import gyros as g
 from jaxspace import rockets as k
-from jaxspace.bodies import BodyState, PrincipalInertia
 from jaxspace.rotations import Quaternion
 
 from .form import Form
@@ -119,7 +118,9 @@ def gyrocompass(x):
 def rate_gyro(x):
     """Integrated angle, steady angle and overshoot of a rate gyro."""
     gyro = g.RateGyro(*x[:5])
-    return tuple(f[None] for f in (gyro.integrated_angle(x[5]), gyro.steady_angle(), gyro.overshoot()))
+    return tuple(
+        f[None] for f in (gyro.integrated_angle(x[5]), gyro.steady_angle(), gyro.overshoot())
+    )
 
 
 def of_navigation(x):
@@ -146,25 +147,43 @@ MISSILE = (10.0, 0.01, 2.0, 0.5, 0.3, 3.0, 0.1, 0.2)
 
 FORMS = (
     Form(
-        principal_spins, _names("attitude", "spin_stiffness", "spin_modes", "cone_bounds"),
-        [(3.0, 2.0, 1.0, 0.5, 0.1, 0.2, 0.3), (2.0, 2.0, 1.0, 1.0, 1.0, 0.0, 1e-9),
-         (3.0, 2.0000001, 2.0, 1.0, 1e-9, 1.0, 0.0), (1.0, 1.0, 1.0, 1.0, 0.0, 0.0, 1.0)],
+        principal_spins,
+        _names("attitude", "spin_stiffness", "spin_modes", "cone_bounds"),
+        [
+            (3.0, 2.0, 1.0, 0.5, 0.1, 0.2, 0.3),
+            (2.0, 2.0, 1.0, 1.0, 1.0, 0.0, 1e-9),
+            (3.0, 2.0000001, 2.0, 1.0, 1e-9, 1.0, 0.0),
+            (1.0, 1.0, 1.0, 1.0, 0.0, 0.0, 1.0),
+        ],
     ),
     Form(
         librations,
         _names("attitude", "inertia_ratios", "libration_modes", "LibrationModes", "forced_pitch"),
-        [(2.0, 3.0, 1.5, 1e-3, 0.1, 1.0), (2.0, 3.0, 2.0, 1.0, 0.0, 0.0), (3.0, 2.0, 1.0, 1.0, 0.1, 1.0),
-         (2.0, 2.0, 1.0, 1.0, 0.01, 3.0)],
+        [
+            (2.0, 3.0, 1.5, 1e-3, 0.1, 1.0),
+            (2.0, 3.0, 2.0, 1.0, 0.0, 0.0),
+            (3.0, 2.0, 1.0, 1.0, 0.1, 1.0),
+            (2.0, 2.0, 1.0, 1.0, 0.01, 3.0),
+        ],
     ),
     Form(
-        drift_of_energy, _names("attitude", "drift_energy", "drift_by_dissipation"),
+        drift_of_energy,
+        _names("attitude", "drift_energy", "drift_by_dissipation"),
         [(0.3, 2.0, 1.0, 3.0, 0.01), (1e-9, 2.0, 1.0, 3.0, 0.01), (1.57, 1.0, 1.0000001, 1.0, 0.0)],
     ),
     Form(
         drifting,
-        _names("attitude", "AttitudeDrift.rate", "AttitudeDrift.drift_time", "AttitudeDrift.angle_after"),
-        [(1e-3, 0.0, 0.0, 0.3, 0.6, 10.0), (1e-3, 0.3, 0.01, 0.3, 0.6, 10.0),
-         (1e-3, 0.0, 0.0, 1e-6, 1.57, 0.0)],
+        _names(
+            "attitude",
+            "AttitudeDrift.rate",
+            "AttitudeDrift.drift_time",
+            "AttitudeDrift.angle_after",
+        ),
+        [
+            (1e-3, 0.0, 0.0, 0.3, 0.6, 10.0),
+            (1e-3, 0.3, 0.01, 0.3, 0.6, 10.0),
+            (1e-3, 0.0, 0.0, 1e-6, 1.57, 0.0),
+        ],
     ),
     Form(
         drift_constants,
@@ -172,13 +191,17 @@ FORMS = (
         [(0.1, 2.0, 3.0, 4.0, 0.5, 0.6, 0.7, 0.8, 1.5, 1.2)],
     ),
     Form(
-        released, _names("attitude", "radial_release_spin", "zero_spin_radial_cord"),
+        released,
+        _names("attitude", "radial_release_spin", "zero_spin_radial_cord"),
         [(10.0, 1.0, 5.0, 0.5, 0.1), (10.0, 0.0, 5.0, 0.5, 0.1), (10.0, 1.0, 5.0, 0.5, 1e-12)],
     ),
     Form(
         precessing_earth,
         _names("attitude", "luni_solar_rate", "luni_solar_rates_at", "luni_solar_nutation"),
-        [(1.0, 1.0, 3.15e7, 3.27e-3, 0.409, 7.29e-5), (0.0, 0.012, 2.36e6, 3.27e-3, 1.5707963, 7.29e-5)],
+        [
+            (1.0, 1.0, 3.15e7, 3.27e-3, 0.409, 7.29e-5),
+            (0.0, 0.012, 2.36e6, 3.27e-3, 1.5707963, 7.29e-5),
+        ],
     ),
     Form(
         top_relatives,
@@ -187,65 +210,116 @@ FORMS = (
     ),
     Form(
         on_a_shaft,
-        _names("attitude", "ShaftPendulum.critical_rate", "ShaftPendulum.equilibrium",
-               "ShaftPendulum.frequency"),
+        _names(
+            "attitude",
+            "ShaftPendulum.critical_rate",
+            "ShaftPendulum.equilibrium",
+            "ShaftPendulum.frequency",
+        ),
         [(2.0, 1.0, 3.0, 2.0, 0.5), (2.0, 1.0, 3.0, 1.0, 0.0), (2.0, 1.0, 3.0, 1.7320509, 1e-6)],
     ),
     Form(
-        gyrostat, _names("attitude", "gyrostat_nutation_rate", "rotor_moment"),
-        [(1.0, 2.0, 1.5, 0.3, 0.1, 0.2, 0.3, 0.0, 0.6, 0.8, 0.1, 100.0, 1.0),
-         (1.0, 2.0, 2.0, 0.0, 0.1, 0.2, 0.3, 0.0, 0.0, 1.0, 0.1, 0.0, 0.0)],
+        gyrostat,
+        _names("attitude", "gyrostat_nutation_rate", "rotor_moment"),
+        [
+            (1.0, 2.0, 1.5, 0.3, 0.1, 0.2, 0.3, 0.0, 0.6, 0.8, 0.1, 100.0, 1.0),
+            (1.0, 2.0, 2.0, 0.0, 0.1, 0.2, 0.3, 0.0, 0.0, 1.0, 0.1, 0.0, 0.0),
+        ],
     ),
     Form(
         attack,
         ("attitude.angle_of_attack", "rockets.angle_of_attack", "rockets.complex_angle_of_attack"),
-        [(0.1, 0.2, 0.3, 1.0, 2.0, 3.0), (0.0, 0.0, 0.3, 0.0, 0.0, 1.0), (1e-9, 0.0, 0.0, 0.0, 0.0, 1.0),
-         (0.0, 3.1415926, 0.0, 0.0, 0.0, 1.0)],
+        [
+            (0.1, 0.2, 0.3, 1.0, 2.0, 3.0),
+            (0.0, 0.0, 0.3, 0.0, 0.0, 1.0),
+            (1e-9, 0.0, 0.0, 0.0, 0.0, 1.0),
+            (0.0, 3.1415926, 0.0, 0.0, 0.0, 1.0),
+        ],
     ),
     Form(
-        turning_by_gravity, ("rockets.gravity_turn",),
-        [(0.6, 1.5, 9.81, 100.0, 0.2), (0.6, 1.0, 9.81, 100.0, 0.2), (0.6, 0.5, 9.81, 100.0, 0.2),
-         (0.6, 1.0000001, 9.81, 100.0, 0.2), (0.2, 2.0, 9.81, 100.0, 0.2), (0.6, 2.0, 9.81, 1.0, 1e-6)],
+        turning_by_gravity,
+        ("rockets.gravity_turn",),
+        [
+            (0.6, 1.5, 9.81, 100.0, 0.2),
+            (0.6, 1.0, 9.81, 100.0, 0.2),
+            (0.6, 0.5, 9.81, 100.0, 0.2),
+            (0.6, 1.0000001, 9.81, 100.0, 0.2),
+            (0.2, 2.0, 9.81, 100.0, 0.2),
+            (0.6, 2.0, 9.81, 1.0, 1e-6),
+        ],
     ),
     Form(
-        variable_mass, _names("rockets", "swept_motion", "jet_engine_thrust"),
-        [(1.0, 10.0, 0.5, 3.0, 0.1, 2.0, 50.0, 1.0, 600.0, 200.0, 1e4, 0.3),
-         (1.0, 10.0, 1e-12, 3.0, 0.0, 0.0, 50.0, 0.0, 200.0, 200.0, 0.0, 0.0),
-         (0.0, 10.0, -0.5, 3.0, 0.1, 2.0, 50.0, 1.0, 600.0, 0.0, 0.0, 0.0)],
+        variable_mass,
+        _names("rockets", "swept_motion", "jet_engine_thrust"),
+        [
+            (1.0, 10.0, 0.5, 3.0, 0.1, 2.0, 50.0, 1.0, 600.0, 200.0, 1e4, 0.3),
+            (1.0, 10.0, 1e-12, 3.0, 0.0, 0.0, 50.0, 0.0, 200.0, 200.0, 0.0, 0.0),
+            (0.0, 10.0, -0.5, 3.0, 0.1, 2.0, 50.0, 1.0, 600.0, 0.0, 0.0, 0.0),
+        ],
     ),
     Form(
-        sprinkling, _names("rockets", "sprinkler_moment", "sprinkler_speed"),
+        sprinkling,
+        _names("rockets", "sprinkler_moment", "sprinkler_speed"),
         [(1.0, 0.3, 5.0, 0.7, 0.1, 2.0), (1.0, 0.3, 5.0, 0.0, 0.0, 0.0)],
     ),
     Form(
         burning_and_spinning,
-        _names("rockets", "SpinningRocket.mass_ratio", "SpinningRocket.spin_rate",
-               "SpinningRocket.spin_angle", "SpinningRocket.damping", "SpinningRocket.transverse_rate"),
-        [MISSILE, (10.0, 0.0, 2.0, 0.5, 0.3, 3.0, 0.1, 0.2), (10.0, 0.3, 2.0, 0.0, 0.0, 3.0, 0.1, 0.2),
-         (10.0, 0.1, 1.0, 1.0, 1.0, 9.99, 0.1, 0.2)],
+        _names(
+            "rockets",
+            "SpinningRocket.mass_ratio",
+            "SpinningRocket.spin_rate",
+            "SpinningRocket.spin_angle",
+            "SpinningRocket.damping",
+            "SpinningRocket.transverse_rate",
+        ),
+        [
+            MISSILE,
+            (10.0, 0.0, 2.0, 0.5, 0.3, 3.0, 0.1, 0.2),
+            (10.0, 0.3, 2.0, 0.0, 0.0, 3.0, 0.1, 0.2),
+            (10.0, 0.1, 1.0, 1.0, 1.0, 9.99, 0.1, 0.2),
+        ],
     ),
     Form(
         gyrocompass,
-        _names("gyros", "Gyrocompass.rest_tilt", "Gyrocompass.rest_azimuth", "Gyrocompass.heading_error",
-               "Gyrocompass.slow_frequency", "Gyrocompass.damping_ratio", "Gyrocompass.frequencies",
-               "Gyrocompass.clamped_frequency"),
-        [(10.0, 0.01, 0.01, 2.0, 0.7, 0.0, 10.0, 0.5), (10.0, 0.01, 0.01, 2.0, 0.0, 0.1, 0.0, 0.0),
-         (10.0, 0.01, 0.01, 2.0, 1.5, 0.1, 10.0, 3.0)],
+        _names(
+            "gyros",
+            "Gyrocompass.rest_tilt",
+            "Gyrocompass.rest_azimuth",
+            "Gyrocompass.heading_error",
+            "Gyrocompass.slow_frequency",
+            "Gyrocompass.damping_ratio",
+            "Gyrocompass.frequencies",
+            "Gyrocompass.clamped_frequency",
+        ),
+        [
+            (10.0, 0.01, 0.01, 2.0, 0.7, 0.0, 10.0, 0.5),
+            (10.0, 0.01, 0.01, 2.0, 0.0, 0.1, 0.0, 0.0),
+            (10.0, 0.01, 0.01, 2.0, 1.5, 0.1, 10.0, 3.0),
+        ],
     ),
     Form(
         rate_gyro,
         _names("gyros", "RateGyro.integrated_angle", "RateGyro.steady_angle", "RateGyro.overshoot"),
-        [(1e-4, 1e-2, 0.1, 1.0, 0.5, 0.1), (1.0, 2.0, 1.0, 1.0, 1.0, 1.0), (1.0, 2.0000001, 1.0, 1.0, 1.0, 1.0),
-         (1.0, 1e-9, 1.0, 1.0, 1.0, 10.0), (1.0, 5.0, 1.0, 1.0, 1.0, 1e-9)],
+        [
+            (1e-4, 1e-2, 0.1, 1.0, 0.5, 0.1),
+            (1.0, 2.0, 1.0, 1.0, 1.0, 1.0),
+            (1.0, 2.0000001, 1.0, 1.0, 1.0, 1.0),
+            (1.0, 1e-9, 1.0, 1.0, 1.0, 10.0),
+            (1.0, 5.0, 1.0, 1.0, 1.0, 1e-9),
+        ],
     ),
     Form(
         of_navigation,
         _names("gyros", "schuler_frequency", "schuler_period", "coupled_rates", "table_rates"),
-        [(9.81, 6.378e6, 7.29e-5, 0.7, 100.0, 200.0, 7.29e-5), (9.81, 6.378e6, 0.0, 0.0, 0.0, 0.0, 7.29e-5),
-         (9.81, 6.378e6, 1.24e-3, 1.5, 0.0, 0.0, 7.29e-5)],
+        [
+            (9.81, 6.378e6, 7.29e-5, 0.7, 100.0, 200.0, 7.29e-5),
+            (9.81, 6.378e6, 0.0, 0.0, 0.0, 0.0, 7.29e-5),
+            (9.81, 6.378e6, 1.24e-3, 1.5, 0.0, 0.0, 7.29e-5),
+        ],
     ),
     Form(
-        resolved, _names("gyros", "resolve_signals", "gimbal_lock_margin"),
+        resolved,
+        _names("gyros", "resolve_signals", "gimbal_lock_margin"),
         [(1.0, 2.0, 3.0, 0.3, 0.4), (1.0, 2.0, 3.0, 0.0, 1.5707963)],
     ),
-)  # fmt: skip
+)
