@@ -103,7 +103,40 @@ def as_events(events: Any) -> tuple[Event, ...]:
     if isinstance(events, Event) or not all(isinstance(event, Event) for event in events):
         name = type(events).__name__
         raise InputError(f"events is of type {name}: it must be a tuple of `Event`.")
-    return tuple(events)
+    events = tuple(events)
+    passed = any(not event.terminal and event.then is None for event in events)
+    if passed and has_restarts(events):
+        raise InputError(
+            "events holds one with a jump (then) and one that is only collected: beside a jump, "
+            "events must end the run or jump. Give that one a jump that changes nothing."
+        )
+    return events
+
+
+def has_restarts(events: tuple[Event, ...]) -> bool:
+    """Whether one of the events jumps and lets the run go on."""
+    return any(event.then is not None for event in events)
+
+
+def check_dense(dense: bool, events: tuple[Event, ...]) -> None:
+    """Raise `InputError` for a run with jumps in place that is to keep its steps."""
+    if dense and has_restarts(events):
+        raise InputError(
+            "dense=True is given with an event that jumps (then): such a run keeps no steps, so "
+            "that the times that are wanted must be among ts."
+        )
+
+
+def check_jump(event: Event, t: Any, y: Any, name: str) -> None:
+    """Raise `InputError` for a jump in place that returns another state than it takes."""
+    if event.then is None:
+        return
+    after = eqx.filter_eval_shape(event.then, t, y)
+    if _held(after) != _held(y):
+        raise InputError(
+            f"{name}.then takes a state that holds {_held(y)}, and returns {_held(after)}: it must "
+            f"be the same, because the run goes on."
+        )
 
 
 def check_events(
@@ -136,6 +169,7 @@ def check_events(
         # A condition of the time alone carries no runs.
         if shape not in (runs, ()):
             raise InputError(f"{what} returns {shape}: it must return one number.")
+        check_jump(event, t, y, name.format(number))
 
 
 def first_line(error: Exception) -> str:
