@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, PyTree
 
-from ..core import AbstractSystem, InputError, Scalar, State, check_finite, is_concrete
+from ..core import AbstractSystem, InputError, Scalar, State, check_finite, is_concrete, is_traced
 from ..integration._accuracy import state_dtype
 from ..integration._events import Event
 from ..integration._layout import broadcast_state
@@ -50,6 +50,12 @@ def check_arguments(function: Callable[..., Any], *args: Any, **kwargs: Any) -> 
     except TypeError as error:
         names = ", ".join(inspect.signature(function).parameters)
         raise InputError(f"The call has {error}: it takes {names}.") from None
+
+
+def check_values(system: AbstractSystem, t: Any, y0: PyTree) -> None:
+    """Raise `InputError` for what a system finds wrong in its numbers at the start of a run."""
+    if not is_traced((system, t, y0)):
+        system.check_values(t, y0)
 
 
 def check_structure(system: AbstractSystem, y0: PyTree, t: Any) -> None:
@@ -155,6 +161,8 @@ def check_events(
     y = eqx.filter_eval_shape(broadcast_state, system, t, y0)
     leaf = jax.tree.leaves(y)[0]
     runs = leaf.shape[leaf.ndim - run_axes :]
+    # Each run has a time of its own, so that a condition of the time alone carries runs, too.
+    t = jax.ShapeDtypeStruct(runs, t.dtype)
     for number, event in enumerate(events):
         what = f"{name.format(number)}.condition"
         try:
@@ -166,9 +174,9 @@ def check_events(
                 f"{type(error).__name__}: {first_line(error)}"
             ) from error
         shape = getattr(value, "shape", type(value).__name__)
-        # A condition of the time alone carries no runs.
-        if shape not in (runs, ()):
-            raise InputError(f"{what} returns {shape}: it must return one number.")
+        if shape != runs:
+            of_each = f", {runs}: it may not add up over the runs" if runs else ""
+            raise InputError(f"{what} returns {shape}: it must return one number{of_each}.")
         check_jump(event, t, y, name.format(number))
 
 

@@ -31,6 +31,7 @@ from ._checks import (
     check_num_saved,
     check_structure,
     check_times,
+    check_values,
 )
 from ._failures import loud, nan_where_failed, place_of_failure
 from ._mission import Mission, Phase
@@ -123,6 +124,7 @@ def _simulate_system(
     ts = check_times(ts, y0)
     start = jax.ShapeDtypeStruct((), ts.dtype)
     check_structure(system, y0, start)
+    check_values(system, ts[0], y0)
     events = as_events(events)
     check_events(events, system, y0, start, 0)
     check_dense(dense, events)
