@@ -89,9 +89,9 @@ def measure() -> dict:
         calls[f"ours, {kind}, one array"] = lambda whole=whole: whole(r, v)
         calls[f"ours, {kind}, in blocks on every core"] = shared
     rows = in_turn(calls, STATES)
-    base = rows["NumPy, classical"]["runs_per_second"]
+    base = rows["NumPy, classical"]["runs_per_cpu_second"]
     for name, call in calls.items():
-        rows[name]["times_numpy"] = rows[name]["runs_per_second"] / base
+        rows[name]["times_numpy_per_cpu_second"] = rows[name]["runs_per_cpu_second"] / base
         found = np.asarray(call()[0])
         if found.ndim == 2:
             rows[name]["worst_position_error"] = worst(found, array[0])
