@@ -1,6 +1,6 @@
 """A thousand low orbits for a day by DOP853 at 1e-9 under one more effect at a time: what each adds
-to the CPU time of the attraction alone, and to the evaluations. The cost of an effect in an evaluation
-is the first divided by the second."""
+to the CPU time of the attraction alone, and to the evaluations. The cost of an effect in an
+evaluation is the first divided by the second."""
 
 from typing import Any
 
