@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxspace import BodyState, Scene
+from jaxspace.bodies import ExponentialAtmosphere
 from jaxspace.orbits import (
     ClassicalElements,
     Drag,
@@ -46,9 +47,7 @@ def case(name: str) -> tuple[Scene, BodyState]:
     )
     drag = Drag(
         jnp.asarray(100.0 * np.exp(g.normal(0.0, 0.1, RUNS))),
-        6.1e-11,
-        2.5e5,
-        4.5e4,
+        ExponentialAtmosphere(6.1e-11, 2.5e5, 4.5e4),
         RADIUS,
         7.2921159e-5,
     )

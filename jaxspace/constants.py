@@ -1,6 +1,8 @@
 """Numbers with their unit and their source. No formula of the library imports them: every parameter
 is passed."""
 
+from typing import NamedTuple
+
 STANDARD_GRAVITY = 9.80665  # m/s^2, defines the specific impulse in seconds (CGPM 1901)
 MU_EARTH = 3.986004418e14  # m^3/s^2, geocentric gravitational constant (IERS Conventions 2010)
 RADIUS_EARTH = 6378137.0  # m, equatorial radius (WGS 84)
@@ -14,3 +16,29 @@ MU_MOON = 4.902800e12
 ASTRONOMICAL_UNIT = 1.495978707e11  # m (IAU 2012, resolution B2)
 RADIUS_SUN = 6.957e8  # m, nominal (IAU 2015, resolution B3)
 RADIUS_MOON = 1.7374e6  # m, mean (IAU 2015 report on cartographic coordinates)
+
+
+class Planet(NamedTuple):
+    """A planet on a circle in the plane of the ecliptic: `orbit_radius`, m, the semi-major axis of
+    its orbit at J2000; `mu`, m^3/s^2, its gravitational parameter, with that of its moons from Mars
+    on; `radius`, m, at the equator.
+
+    `orbits.orbit_from_radius(planet.orbit_radius, MU_SUN, true_anomaly=longitude)` is its state."""
+
+    orbit_radius: float
+    mu: float
+    radius: float
+
+
+# Orbits: Standish, Williams, Keplerian elements for approximate positions of the major planets
+# (JPL), of 1800 to 2050; gravitational parameters: DE440 (2021); radii: IAU 2015 report.
+PLANETS = {
+    "mercury": Planet(0.38709927 * ASTRONOMICAL_UNIT, 2.2031868551e13, 2.44053e6),
+    "venus": Planet(0.72333566 * ASTRONOMICAL_UNIT, 3.24858592e14, 6.0518e6),
+    "earth": Planet(1.00000261 * ASTRONOMICAL_UNIT, MU_EARTH, RADIUS_EARTH),
+    "mars": Planet(1.52371034 * ASTRONOMICAL_UNIT, 4.2828375816e13, 3.39619e6),
+    "jupiter": Planet(5.202887 * ASTRONOMICAL_UNIT, 1.267127641e17, 7.1492e7),
+    "saturn": Planet(9.53667594 * ASTRONOMICAL_UNIT, 3.79405848418e16, 6.0268e7),
+    "uranus": Planet(19.18916464 * ASTRONOMICAL_UNIT, 5.7945564e15, 2.5559e7),
+    "neptune": Planet(30.06992276 * ASTRONOMICAL_UNIT, 6.83652710058e15, 2.4764e7),
+}

@@ -8,17 +8,21 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.integrate import quad
 
-from jaxspace import Accuracy, simulate
+from jaxspace import Accuracy, Scene, simulate
 from jaxspace.attitude import (
     FASTEST_DRIFT,
     AttitudeDrift,
     DriftState,
+    EnergySink,
     antenna_drift_constant,
     drift_by_dissipation,
     drift_energy,
+    energy_sink_angle,
     structural_damping,
     tube_drift_constant,
 )
+from jaxspace.bodies import BodyState, RigidBody
+from jaxspace.rotations import Quaternion
 from jaxspace.solvers import DOP853
 
 K = 6.559e-4
@@ -119,3 +123,34 @@ def test_the_fastest_drift():
     law = AttitudeDrift(K)
     assert_allclose(jax.grad(law.rate)(FASTEST_DRIFT), 0.0, atol=1e-18)
     assert_allclose(law.rate(FASTEST_DRIFT), K * 2.0 / (3.0 * np.sqrt(3.0)), rtol=1e-14)
+
+
+def test_an_energy_sink_in_a_scene():
+    """A symmetric body falls to its axis of greatest moment by the closed form of a slow sink; any
+    body keeps the size of its momentum, and loses c w_h^2."""
+    A, C, c, theta, h = 1.0, 1.6, 0.02, 0.9, 2.0
+    scene = Scene((EnergySink(c),), RigidBody(inertia=[A, A, C]))
+    omega = h * jnp.array([jnp.sin(theta) / A, 0.0, jnp.cos(theta) / C])
+    y0 = BodyState(attitude=Quaternion.identity(), omega=omega)
+    ts = jnp.linspace(0.0, 200.0, 5)
+    run = simulate(scene, y0, ts, accuracy=1e-10)
+    spin = jnp.array([A, A, C])[:, None] * run.states.omega
+    assert_allclose(jnp.sqrt(jnp.sum(spin**2, axis=0)), h, rtol=1e-8)
+    found = jnp.arctan2(jnp.hypot(spin[0], spin[1]), spin[2])
+    assert_allclose(found, energy_sink_angle(theta, ts, A, C, c), rtol=1e-7)
+    away = energy_sink_angle(theta, 1e3, C, A, c)
+    assert_allclose(away, 0.5 * np.pi, atol=1e-3)
+    # Its direction circles by c w_h/(h psi') at most.
+    space = run.states.attitude.rotate(spin)
+    first = space[:, :1]
+    turned = jnp.sqrt(jnp.sum(jnp.cross(space, first, axis=0) ** 2, axis=0)) / h**2
+    assert 0.0 < float(jnp.max(turned)) < 2.0 * c / h
+    body = RigidBody(inertia=[1.0, 1.3, 1.9])
+    any_body = Scene((EnergySink(c),), body)
+    y = BodyState(attitude=Quaternion.identity(), omega=jnp.array([0.4, -0.7, 0.5]))
+    rate = any_body.vector_field(jnp.zeros(()), y).omega
+    moments = jnp.array([1.0, 1.3, 1.9])
+    h = moments * y.omega
+    across = y.omega - h * jnp.dot(y.omega, h) / jnp.dot(h, h)
+    assert_allclose(jnp.dot(moments * y.omega, rate), -c * jnp.dot(across, across), rtol=1e-12)
+    assert_allclose(jnp.dot(h, moments * rate), 0.0, atol=1e-15)

@@ -4,17 +4,22 @@ Jacobi's integral, and the pitch that an elliptic orbit forces."""
 import jax
 import jax.numpy as jnp
 import numpy as np
+import pytest
 from numpy.testing import assert_allclose
 from scipy.integrate import solve_ivp
 
-from jaxspace import Scene
+from jaxspace import Scene, simulate
 from jaxspace.attitude import (
+    EllipticLibration,
     GravityGradient,
+    LibrationState,
     forced_pitch,
     inertia_ratios,
     jacobi_integral,
     libration_is_stable,
     libration_modes,
+    pitch_libration,
+    pitch_libration_period,
 )
 from jaxspace.bodies import BodyState, InertiaTensor, RigidBody
 from jaxspace.orbits import PointGravity
@@ -111,3 +116,110 @@ def test_an_elliptic_orbit_forces_pitch():
 
     assert 5.0 < error(1e-2) / error(2e-3) < 30.0
     assert error(2e-3) < 2e-4
+
+
+MOMENTS = jnp.array([1000.0, 1200.0, 400.0])
+
+
+@pytest.mark.parametrize("amplitude", [1e-9, 0.4, 1.5, 0.5 * np.pi])
+def test_the_pitch_in_time(amplitude):
+    """It obeys its equation from rest at the amplitude, with the period of
+    `pitch_libration_period`; from a right angle it never returns. Small librations are a cosine."""
+    n, square = 1.1e-3, 3.0 * 1.1e-3**2 * 0.5
+
+    def angle(t):
+        return pitch_libration(t, amplitude, MOMENTS, n)
+
+    period = pitch_libration_period(amplitude, MOMENTS, n)
+    ts = jnp.linspace(-1e4, 2e4, 31)
+    one = jnp.ones_like(ts)
+    pitch, rate = jax.jvp(angle, (ts,), (one,))
+    _, bend = jax.jvp(lambda t: jax.jvp(angle, (t,), (one,))[1], (ts,), (one,))
+    size = square * amplitude
+    assert_allclose(bend, -0.5 * square * np.sin(2.0 * pitch), atol=1e-11 * size)
+    energy = rate**2 + square * np.sin(pitch) ** 2
+    assert_allclose(energy, square * np.sin(amplitude) ** 2, rtol=1e-11)
+    assert_allclose(angle(jnp.zeros(())), amplitude, rtol=1e-15)
+    if amplitude < 1.5:
+        assert_allclose(angle(ts + period), pitch, atol=1e-12 * amplitude)
+    if amplitude < 1e-3:
+        assert_allclose(pitch, amplitude * np.cos(np.sqrt(square) * ts), atol=1e-12 * amplitude)
+    slope = jax.grad(lambda a: pitch_libration(300.0, a, MOMENTS, n))(amplitude)
+    assert np.isfinite(slope)
+
+
+@pytest.mark.sweep
+def test_libration_on_an_ellipse():
+    """Against the scene of point gravity and its gradient over three orbits, on the way and at the
+    resonance of the forced motion; and on a circle the closed form."""
+    mu, a, e = 3.986e14, 9e6, 0.2
+    n = np.sqrt(mu / a**3)
+    system = EllipticLibration(n, e, 0.5)
+    start = LibrationState(*(jnp.array(x) for x in (0.3, 1e-4, 0.0)))
+    ts = jnp.linspace(0.0, 6.0 * np.pi / n, 13)
+    run = simulate(system, start, ts, accuracy=1e-11)
+    scene = Scene((PointGravity(mu), GravityGradient(mu)), RigidBody(inertia=MOMENTS))
+    r = jnp.array([a * (1.0 - e), 0.0, 0.0])
+    v = jnp.array([0.0, np.sqrt(mu / a * (1.0 + e) / (1.0 - e)), 0.0])
+    f_rate = float(v[1] / r[0])
+    turn = Quaternion.from_axis_angle(jnp.array([0.0, 0.0, 1.0]), jnp.array(0.3))
+    # Columns: body axes 1, 2, 3 in space: 3 outwards, 2 along the normal, 1 = 2 x 3.
+    rest = Quaternion.from_matrix(jnp.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]))
+    y0 = BodyState(r, v, turn.then(rest), jnp.array([0.0, f_rate + 1e-4, 0.0]))
+    flown = simulate(scene, y0, ts, accuracy=1e-12)
+    axis = flown.states.attitude.rotate(jnp.array([0.0, 0.0, 1.0])[:, None] + 0.0 * ts)
+    place = flown.states.position
+    pitch = jnp.arctan2(
+        place[0] * axis[1] - place[1] * axis[0], place[0] * axis[0] + place[1] * axis[1]
+    )
+    gap = np.asarray(run.states.pitch - pitch)
+    assert_allclose(np.exp(1j * gap), 1.0, atol=1e-7)
+    circle = EllipticLibration(n, 0.0, 0.5)
+    rest = LibrationState(*(jnp.array(x) for x in (0.6, 0.0, 0.0)))
+    run = simulate(circle, rest, ts, accuracy=1e-12)
+    assert_allclose(run.states.pitch, pitch_libration(ts, 0.6, MOMENTS, n), atol=1e-9)
+
+
+def test_the_modes_of_a_body_in_each_region_are_those_of_its_motion():
+    """At one place of the region of Lagrange and one of that of DeBra and Delp the linear motion of
+    the scene itself has the frequencies of the modes, and does not grow; between them it does."""
+    mu, radius = 1.0, 1.0
+
+    def moments_at(k1, k3):
+        # I_1 = 1: I_2 - I_3 = k_1, I_2 - 1 = k_3 I_3.
+        third = (1.0 - k1) / (1.0 - k3)
+        return jnp.array([1.0, third + k1, third])
+
+    @jax.jit
+    def eigenvalues(moments):
+        scene = Scene((PointGravity(mu), GravityGradient(mu)), RigidBody(inertia=moments))
+        rest = Quaternion.from_matrix(
+            jnp.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+        )
+
+        def field(x):
+            # Small turns from the axes of the orbit, which turn about axis 2.
+            small = Quaternion.from_rotation_vector(x[:3])
+            omega = x[3:] + small.rotate_back(jnp.array([0.0, 1.0, 0.0]))
+            y = BodyState(
+                jnp.array([radius, 0.0, 0.0]), jnp.array([0.0, 1.0, 0.0]), rest.then(small), omega
+            )
+            torque = scene.loads(jnp.zeros(()), y).torque_B
+            spin = moments * omega
+            turning = (torque - jnp.cross(omega, spin)) / moments
+            # x' of the turn is its relative rate; of the relative rate, less that of the frame.
+            frame = jnp.cross(small.rotate_back(jnp.array([0.0, 1.0, 0.0])), x[3:])
+            return jnp.concatenate([x[3:], turning - frame])
+
+        return jax.jacfwd(field)(jnp.zeros(6))
+
+    for (k1, k3), stable in (((0.8, 0.4), True), ((-0.05, -0.5), True), ((0.3, -0.3), False)):
+        moments = moments_at(k1, k3)
+        assert_allclose(inertia_ratios(moments), (k1, k3), rtol=1e-14)
+        found = np.linalg.eigvals(eigenvalues(moments))
+        assert (max(found.real) < 1e-7) == stable == bool(libration_is_stable(k1, k3))
+        frequency, growth = (np.asarray(x) for x in libration_modes(moments, 1.0))
+        expected = np.concatenate([growth + 1j * frequency, -growth - 1j * frequency])
+        expected = np.concatenate([expected, expected.conj()])
+        for value in found:
+            assert np.min(np.abs(expected - value)) < 1e-7

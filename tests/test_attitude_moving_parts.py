@@ -1,6 +1,7 @@
 """Wheels, dampers, gyros and masses that move in a body: the momentum and the energy of all by
 direct sums, the closed form of the gyrostat, saturation, and stability."""
 
+import dataclasses
 from pathlib import Path
 
 import equinox as eqx
@@ -151,6 +152,26 @@ def test_momentum_and_energy_of_a_damper_are_those_of_its_particles():
         )
         assert_allclose(loss, -c * 0.3**2, atol=1e-12 * energy)
     assert mu > 0.0
+
+
+def test_a_thrust_pushes_the_body_and_not_the_damper():
+    """The energy changes by the work of the thrust at its line, which moves from the mass centre by
+    -m0 z u/m, and by that of the dashpot; at rest the damper falls back by m0 F/(m k)."""
+    F, share = jnp.array([30.0, -20.0, 50.0]), MASS / 200.0
+    pushed = damper(thrust=F)
+    scene = Scene((pushed,), BODY)
+    y = spinning(scene)
+    work = along_the_motion(scene, y, lambda y: pushed.energy(y, BODY))
+    z, rate, _ = pushed.motion(y, BODY)
+    line_rate = -share * (jnp.cross(y.omega, z * U) + rate * U)
+    expected = jnp.dot(F, line_rate) - 2.0 * rate**2
+    assert_allclose(work, expected, rtol=1e-11)
+    along = NutationDamper(MASS, [0.0, 0.0, 0.4], [0, 0, 1], 24.5, 2.0, thrust=[0, 0, 50.0])
+    back = dataclasses.replace(along, displacement=-share * 50.0 / 24.5)
+    still = Scene((back,), BODY)
+    end = still.vector_field(jnp.zeros(()), spinning(still, [0.0, 0.0, 0.0]))
+    for rest in (*jax.tree.leaves(end.parts), end.omega):
+        assert_allclose(rest, 0.0, atol=1e-14)
 
 
 def test_a_damper_needs_the_axis_of_the_greatest_moment():

@@ -5,10 +5,11 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.testing import assert_allclose
 
-from jaxspace import Scene
+from jaxspace import Accuracy, Scene, simulate
 from jaxspace.attitude import (
     BodyTorque,
     DipoleField,
+    GravityGradient,
     MagneticDipole,
     Nutation,
     ShaftPendulum,
@@ -27,7 +28,9 @@ from jaxspace.attitude import (
 )
 from jaxspace.bodies import BodyState, PrincipalInertia, RigidBody
 from jaxspace.core import cross
+from jaxspace.orbits import PointGravity
 from jaxspace.rotations import Quaternion, from_euler_angles
+from jaxspace.solvers import Splitting
 
 BODY = RigidBody(2.0, [3.0, 2.0, 1.0])
 Q = from_euler_angles(jnp.array([0.3, 1.1, -0.7]))
@@ -166,3 +169,33 @@ def test_kinds_of_paths():
             assert nutation.loops() == kind
         # Of the two circles the start is one.
         assert_allclose(min(abs(upper - rate), abs(lower - rate)), 0.0, atol=1e-9)
+
+
+def test_a_year_of_the_precession_of_the_earth():
+    """The scene of the sun's attraction and its gradient on a spinning Earth for a year of circular
+    orbit, against the formula: secular and periodic parts of node and obliquity."""
+    C, ellipticity, obliquity, spin, period = 8.0e37, 0.0032, 0.409, 7.29e-5, 3.156e7
+    A, n = C * (1.0 - ellipticity), 2.0 * np.pi / 3.156e7
+    radius = 1.5e11
+    mu = n**2 * radius**3
+    scene = Scene((PointGravity(mu), GravityGradient(mu)), RigidBody(6e24, [A, A, C]))
+    # From the Earth the sun is seen at the longitude L = n t, and the Earth from it opposite.
+    y0 = BodyState(
+        jnp.array([-radius, 0.0, 0.0]),
+        jnp.array([0.0, -n * radius, 0.0]),
+        from_euler_angles(jnp.array([0.0, obliquity, 0.0])),
+        jnp.array([0.0, 0.0, spin]),
+    )
+    ts = jnp.linspace(0.0, period, 9)
+    how = Accuracy(1e-9, method=Splitting(4, steps=256, estimate=False))
+    axis = simulate(scene, y0, ts, accuracy=how).states.attitude
+    s = axis.rotate(jnp.array([0.0, 0.0, 1.0])[:, None] + 0.0 * ts)
+    psi, theta = jnp.arctan2(s[0], -s[1]), jnp.arctan2(jnp.hypot(s[0], s[1]), s[2])
+    earth = (1.0, period, ellipticity, obliquity, spin)
+    swing, nod = luni_solar_nutation(*earth)
+    L = n * ts
+    expected = luni_solar_rate(*earth) * ts + swing * jnp.sin(2.0 * L)
+    # The formula neglects what is of the order of orbit over spin: the nod is greater by 2 n/Omega.
+    assert_allclose(psi, expected, atol=4e-3 * float(jnp.max(jnp.abs(expected))))
+    assert_allclose(theta - obliquity, nod * (jnp.cos(2.0 * L) - 1.0), atol=0.012 * float(nod))
+    assert_allclose(psi[-1], -7.55e-5, rtol=5e-3)  # 15.58 seconds of arc

@@ -176,3 +176,20 @@ def test_every_eclipse_of_a_circle():
     np.testing.assert_allclose(found.ts[:4], expected, rtol=1e-13)
     # It falls at the entry and rises at the exit.
     np.testing.assert_array_equal(found.rising[:4], [False, True, False, True])
+
+
+def test_a_corner_between_samples_is_no_way_past():
+    """|t - 3.3| < 1e-3 wherever the samples fall: two zeros, of which the first one ends a run."""
+    ends = jnp.linspace(5.0, 9.0, 41)
+    start = jax.tree.map(lambda x: jnp.broadcast_to(x[:, None], (3, 41)), SIDE)
+    near = Event(lambda t, y: jnp.abs(t - 3.3) - 1e-3)
+    ts = jnp.stack([0.0 * ends, ends])
+    run = simulate_batch(Wheel(1.0), start, ts, events=(near,))
+    np.testing.assert_allclose(run.ts[-1], 3.299, rtol=1e-12)
+
+
+def test_a_condition_that_adds_up_the_runs_is_refused():
+    start = jax.tree.map(lambda x: jnp.broadcast_to(x[:, None], (3, 4)), SIDE)
+    mixed = Event(lambda t, y: jnp.sum(y.position))
+    with pytest.raises(InputError, match="may not add up over the runs"):
+        simulate_batch(Wheel(1.0), start, jnp.array([0.0, 1.0]), events=(mixed,))

@@ -11,6 +11,8 @@ from jaxspace.mechanics import (
     contact_inverse_mass,
     crushable_pad,
     impact_energy_loss,
+    moment_about_moving_point,
+    momentum_about,
 )
 from jaxspace.orbits import (
     local_frame,
@@ -224,3 +226,52 @@ def test_pad_takes_the_energy_of_the_fall():
     area, depth, duration = crushable_pad(900.0, 6.0, 10.0, 3e5, 9.8)
     assert float(area * 3e5 * depth) == pytest.approx(900.0 * (6.0 + depth), rel=1e-14)
     assert float(duration) == pytest.approx(2.0 * depth / np.sqrt(2.0 * 9.8 * 6.0), rel=1e-14)
+
+
+def test_moment_about_a_moving_point():  # Thomson 4.4-3 to -5
+    """About the pivot of a pendulum that is shaken, about the centre of mass and about a point that
+    accelerates towards it: always the moment of the forces that move the particles."""
+    masses = jnp.array([2.0, 3.0, 0.5])
+
+    def places(t):
+        c, s = jnp.cos(1.3 * t), jnp.sin(0.7 * t)
+        return jnp.stack([
+            jnp.stack([c, t * t, s]), jnp.stack([s * c, 0.3 * t, 1.0 + c]),
+            jnp.stack([t**3, 2.0 - s, c]),
+        ])  # fmt: skip
+
+    def centre(t):
+        return places(t) @ masses / jnp.sum(masses)
+
+    def to_centre(t):
+        # At t = 0.4 its acceleration is along the arm to the centre of mass.
+        return 1.7 * (t - 0.4) ** 2 * (centre(jnp.asarray(0.4)) - 1.0)
+
+    points = (
+        lambda t: jnp.stack([jnp.sin(2.0 * t), t, 0.1 * t**3]),
+        lambda t: jnp.stack([3.0 * t, 1.0 - t, 2.0 + 0.0 * t]),
+        centre,
+        to_centre,
+    )
+
+    @jax.jit
+    def found_at(t):
+        forces = masses * rates(places, t)[1]
+        return [about(point, t, forces) for point in points]
+
+    def about(point, t, forces):
+        def momentum(t):
+            v, w = rates(places, t)[0], rates(point, t)[0]
+            return momentum_about(masses, places(t), v, point(t), w)
+
+        _, turning = jax.jvp(momentum, (t,), (jnp.ones(()),))
+        arm = centre(t) - point(t)
+        found = moment_about_moving_point(turning, jnp.sum(masses), arm, rates(point, t)[1])
+        truth = jnp.sum(jnp.cross(places(t) - point(t)[:, None], forces, axis=0), axis=1)
+        return turning, found, truth
+
+    rows = found_at(jnp.asarray(0.4))
+    for (turning, found, truth), free in zip(rows, (False, True, True, None), strict=True):
+        np.testing.assert_allclose(found, truth, atol=1e-12)
+        if free is not None:
+            assert free == bool(np.allclose(turning, truth, atol=1e-12))

@@ -6,6 +6,7 @@ import jax.numpy as jnp
 import mpmath as mp
 import numpy as np
 
+from jaxspace.constants import MU_SUN, PLANETS
 from jaxspace.orbits import (
     ClassicalElements,
     conic_radius,
@@ -100,6 +101,20 @@ def test_planets_on_circles():
     a = 0.5 * (1.0 + 1.523679)
     np.testing.assert_allclose(phase, np.pi - np.pi * (a / 1.523679) ** 1.5, rtol=1e-14)
     assert departure_phase(1.0, 0.723) < 0.0
+
+
+def test_the_table_of_planets():
+    """Synodic periods of the almanac, days; gravity at the equators, m/s^2."""
+    almanac = {"mercury": 115.88, "venus": 583.92, "mars": 779.94, "jupiter": 398.88}
+    almanac |= {"saturn": 378.09, "uranus": 369.66, "neptune": 367.49}
+    earth = PLANETS["earth"].orbit_radius
+    for name, days in almanac.items():
+        found = synodic_period(earth, PLANETS[name].orbit_radius, MU_SUN) / 86400.0
+        # The masses of the planets shorten their own periods: Jupiter's by 5e-4.
+        np.testing.assert_allclose(found, days, rtol=2e-4)
+    pulls = (3.70, 8.87, 9.80, 3.71, 24.79, 10.44, 8.87, 11.15)
+    found = [planet.mu / planet.radius**2 for planet in PLANETS.values()]
+    np.testing.assert_allclose(found, pulls, rtol=2e-3)
 
 
 def test_the_force_of_an_orbit():

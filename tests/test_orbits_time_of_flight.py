@@ -16,6 +16,7 @@ from jaxspace.orbits import (
     orbit_from_burnout,
     periapsis_radius,
     period,
+    semi_major_axis_of_period,
     state_from_elements,
     time_of_flight,
     true_anomaly_after,
@@ -180,3 +181,17 @@ def test_speeds():
     assert float(vis_viva_speed(2.0, 2.0, 1.0)) == pytest.approx(float(circular_speed(2.0, 1.0)))
     assert float(vis_viva_speed(2.0, np.inf, 1.0)) == float(escape_speed(2.0, 1.0))
     assert np.isnan(vis_viva_speed(5.0, 2.0, 1.0))
+
+
+def test_axis_of_a_period():  # T4.6-P1
+    """It undoes the period; its logarithmic slopes are 2/3 and 1/3."""
+    mu = jnp.array([1.0, 3.986004418e14])
+    a = jnp.array([1e-3, 4.2164e7])
+    found, slopes = jax.jvp(
+        lambda s: semi_major_axis_of_period(period(a, mu) * s, mu * s), (1.0,), (1.0,)
+    )
+    np.testing.assert_allclose(found, a, rtol=4e-16)
+    np.testing.assert_allclose(slopes, a, rtol=1e-15)
+    single = semi_major_axis_of_period(jnp.float32(86164.1), jnp.float32(3.986004418e14))
+    assert single.dtype == jnp.float32
+    np.testing.assert_allclose(single, 4.216417e7, rtol=1e-6)

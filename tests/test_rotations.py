@@ -259,6 +259,27 @@ def test_rates_of_direction_cosines():  # T3-P15
     np.testing.assert_allclose([c_rate[0, 0], c_rate[1, 0], c_rate[2, 2]], want, rtol=1e-9)
 
 
+def test_direction_cosines_of_many_bodies(key):  # T3-P15
+    """Their rates are those of the quaternion, the way back finds omega, and their exact motion
+    keeps the six conditions; a part of C' that no turn has changes nothing."""
+    one, two, three = jax.random.split(key, 3)
+    wxyz, omega = jax.random.normal(one, (4, 5)), jax.random.normal(two, (3, 5))
+    q = Quaternion(wxyz).normalised()
+    c, c_rate = q.matrix(), rotations.cosine_rates(q.matrix(), omega)
+    _, truth = jax.jvp(Quaternion.matrix, (q,), (q.rate(omega),))
+    np.testing.assert_allclose(c_rate, truth, atol=1e-14)
+    np.testing.assert_allclose(rotations.omega_from_cosine_rates(c, c_rate), omega, atol=1e-14)
+    stretch = jax.random.normal(three, (3, 3, 5))
+    stretch = jnp.einsum("ijr,jkr->ikr", c, stretch + jnp.swapaxes(stretch, 0, 1))
+    found = rotations.omega_from_cosine_rates(c, c_rate + stretch)
+    np.testing.assert_allclose(found, omega, atol=1e-13)
+    missed, missed_rate = jax.jvp(rotations.cosine_conditions, (c,), (c_rate,))
+    np.testing.assert_allclose(missed, 0.0, atol=1e-15)
+    np.testing.assert_allclose(missed_rate, 0.0, atol=1e-14)
+    longer = rotations.cosine_conditions(c.at[:, 1].multiply(2.0))
+    np.testing.assert_allclose(longer, np.outer([0, 3, 0, 0, 0, 0], np.ones(5)), atol=1e-14)
+
+
 def test_moving_euler_frame():  # T2.5-gen, rotation only
     def angles(t):
         return jnp.stack([0.3 + 0.5 * t, 0.8 + 0.2 * t**2, -0.4 + 1.1 * t])

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from systems import J2, MU, RADIUS, SAMPLES, motor, orbit, rocket_scene, rocket_state, turned
 
-from jaxspace import Scene, simulate
+from jaxspace import Scene, simulate, simulate_batch
 from jaxspace.attitude import TorqueFreeBody
 from jaxspace.bodies import BodyState, Load, RigidBody
-from jaxspace.core import InputError
+from jaxspace.core import InputError, cross, dot
 from jaxspace.orbits import Oblateness, PointGravity, TwoBody
 from jaxspace.rockets import JetDamping
 from jaxspace.scene import Custom, budget, compile_vector_field, operation_count
@@ -145,3 +145,61 @@ def test_jet_damping_needs_what_it_reads():
         "omega",
         "mass",
     )
+
+
+def spring(energy, **more):
+    """k r^2/2 per unit mass, k = 4, as an effect with a given energy."""
+    return Custom(
+        lambda t, y, body: Load(acceleration_N=-4.0 * y.position),
+        needs={"position"}, adds={"acceleration"}, keeps={"energy"}, energy=energy, **more,
+    )  # fmt: skip
+
+
+def test_the_energy_of_a_function_is_that_of_its_work():
+    """From rest, too, and in batches; a wrong sign, a wrong factor and a part that grows with the
+    time are refused."""
+    ts = jnp.array([0.0, 0.1])
+    y = BodyState(jnp.array([1.0, 2.0, -1.0]), jnp.array([0.3, 0.0, 0.1]))
+    rest = BodyState(y.position, jnp.zeros(3))
+    right = Scene((spring(lambda t, y, body: 2.0 * dot(y.position, y.position)),))
+    for start in (y, rest):
+        assert simulate(right, start, ts).drift()["energy"].max() < 1e-9
+    wrong = {
+        "sign": lambda t, y, body: -2.0 * dot(y.position, y.position),
+        "factor": lambda t, y, body: 4.0 * dot(y.position, y.position),
+        "time": lambda t, y, body: (2.0 + t) * dot(y.position, y.position),
+    }
+    for energy in wrong.values():
+        for start in (y, rest):
+            with pytest.raises(InputError, match="Custom.energy does not belong"):
+                simulate(Scene((spring(energy),)), start, ts)
+    many = jax.tree.map(lambda x: jnp.stack([x, 2.0 * x], axis=-1), y)
+    simulate_batch(right, many, ts)
+    with pytest.raises(InputError, match="Custom.energy does not belong"):
+        simulate_batch(Scene((spring(wrong["sign"]),)), many, ts)
+
+
+def test_the_energy_of_a_torque_and_of_a_force_is_per_unit_mass():
+    """A weight of 3 m/s^2, and a torque that turns z towards the vertical: energy -M cos/m."""
+    body, Z = RigidBody(2.0, [3.0, 2.0, 1.0]), jnp.array([0.0, 0.0, 1.0])
+
+    def load(t, y, body):
+        up = y.attitude.rotate_back(Z)
+        return Load(force_N=-6.0 * Z, torque_B=0.5 * cross(Z, up))
+
+    def energy(factor):
+        def of(t, y, body):
+            return 3.0 * y.position[2] - factor * y.attitude.rotate(Z)[2]
+
+        return of
+
+    parts = {"position", "attitude"}
+    y = orbit(attitude=turned(), omega=jnp.array([0.1, -0.2, 0.3]))
+    for factor, good in ((0.25, True), (0.5, False)):
+        effect = Custom(load, parts, {"force", "torque"}, {"energy"}, energy(factor))
+        scene = Scene((effect,), body)
+        if good:
+            scene.check_values(T, y)
+        else:
+            with pytest.raises(InputError, match="Custom.energy does not belong"):
+                scene.check_values(T, y)

@@ -9,11 +9,11 @@ import pytest
 
 from jaxspace import Accuracy, BodyState, Scene, simulate, simulate_batch
 from jaxspace.bodies import Load
-from jaxspace.core import InputError
+from jaxspace.core import InputError, dot
 from jaxspace.integration import select_method
 from jaxspace.orbits import Oblateness, PointGravity
 from jaxspace.scene import Custom
-from jaxspace.simulation import Event
+from jaxspace.simulation import Event, Mission, Phase
 from jaxspace.solvers import DOP853, RKN1210, AdaptiveRegularised
 
 OWN = AdaptiveRegularised()
@@ -151,3 +151,84 @@ def test_it_refuses_the_adjoints_of_diffrax():
     how = Accuracy(method=OWN, adjoint=diffrax.DirectAdjoint())
     with pytest.raises(InputError, match="adjoint is given with AdaptiveRegularised"):
         simulate(OBLATE, at_periapsis(0.7), TS, accuracy=how)
+
+
+def test_single_precision():
+    """Three revolutions, to the rounding that the phase gathers: 60 rad times 6e-8."""
+    single = jax.tree.map(lambda x: jnp.asarray(x, jnp.float32), (OBLATE, at_periapsis(0.7)))
+    ts = jnp.array([0.0, 1.0, 20.0], jnp.float32)
+    run = simulate(*single, ts, accuracy=Accuracy(1e-5, method=OWN))
+    assert run.states.position.dtype == jnp.float32
+    y0 = jax.tree.map(lambda x: x.astype(float), single[1])
+    true = simulate(OBLATE, y0, ts.astype(float), accuracy=accuracy(OWN))
+    found = jax.tree.map(lambda x: x.astype(float), run.states)
+    assert difference(found, true.states) < 4e-5
+
+
+@pytest.mark.sweep
+def test_a_thrust_that_comes_and_goes():
+    """Steps end where it is switched; without its times the jump costs the accuracy, or steps."""
+
+    def push(t, y, body):
+        on = (t > 3.0) & (t < 5.5)
+        return Load(acceleration_N=jnp.where(on, 1e-3, 0.0) * y.velocity)
+
+    thrust = Custom(
+        push, needs={"velocity"}, adds={"acceleration"}, break_times=jnp.array([3.0, 5.5])
+    )
+    scene = Scene((*OBLATE.effects, thrust))
+    y0, ts = at_periapsis(0.7), jnp.array([0.0, 1.0, 4.0, 20.0])
+    run = simulate(scene, y0, ts, accuracy=accuracy(OWN))
+    true = simulate(scene, y0, ts, accuracy=accuracy(DOP853(), 1e-13))
+    assert difference(run.states, true.states) < 2e-11
+
+
+def flight(kick, method, rtol, y0=None):
+    """To the apoapsis, an impulse along the path, and on; for a batch of `y0`, too."""
+    apoapsis = Event(lambda t, y: dot(y.position, y.velocity), direction=-1, within=8.0)
+
+    def jump(t, y):
+        return BodyState(y.position, kick * y.velocity)
+
+    mission = Mission([Phase(OBLATE, apoapsis, jump, "up"), Phase(OBLATE, 9.0, name="round")])
+    how = accuracy(method, rtol)
+    if y0 is not None:
+        return simulate_batch(mission, y0, accuracy=how)
+    return simulate(mission, at_periapsis(0.7), accuracy=how)
+
+
+@pytest.mark.sweep
+def test_missions_and_their_derivatives():
+    """Alone and in a batch of very different orbits, against RKN 12(10)."""
+    run, true = flight(1.1, OWN, 1e-12), flight(1.1, RKN1210(), 1e-13)
+    np.testing.assert_allclose(run["up"].ts[-1], true["up"].ts[-1], rtol=1e-12)
+    assert difference(run.final, true.final) < 1e-11
+    states = [at_periapsis(e) for e in (0.5, 0.7, 0.9)]
+    y0s = jax.tree.map(lambda *x: jnp.stack(x, axis=-1), *states)
+    together, true = (flight(1.1, m, r, y0s) for m, r in ((OWN, 1e-12), (RKN1210(), 1e-13)))
+    np.testing.assert_allclose(together.final.position[:, 1], run.final.position, atol=1e-11)
+    assert difference(together.final, true.final) < 1e-10
+
+    total = jax.jit(lambda kick: jnp.sum(flight(kick, OWN, 1e-12).final.position))
+    ends = [float(total(1.1 + h)) for h in (-1e-5, 1e-5)]
+    slope = jax.grad(lambda kick: jnp.sum(flight(kick, OWN, 1e-12).final.position))(1.1)
+    np.testing.assert_allclose(slope, (ends[1] - ends[0]) / 2e-5, rtol=1e-6)
+
+
+@pytest.mark.sweep
+def test_second_derivatives():
+    """Forwards over reverse and over forwards, against those of RKN 12(10) in time."""
+
+    def end(x, method, rtol):
+        scene = Scene((PointGravity(1.0 + x[0]), Oblateness(1.0 + x[0], J2, RADIUS)))
+        y0 = at_periapsis(0.7)
+        start = BodyState(y0.position.at[0].add(x[1]), y0.velocity)
+        ts = jnp.array([0.0, 7.0 + x[2]])
+        run = simulate(scene, start, ts, accuracy=accuracy(method, rtol), throw=False)
+        return jnp.sum(jnp.array([1.0, 2.0, 3.0]) * run.final.position)
+
+    x = jnp.zeros(3)
+    truth = jax.jit(jax.hessian(lambda x: end(x, RKN1210(), 1e-13)))(x)
+    for mode in (jax.hessian, lambda f: jax.jacfwd(jax.jacfwd(f))):
+        found = jax.jit(mode(lambda x: end(x, OWN, 1e-12)))(x)
+        np.testing.assert_allclose(found, truth, atol=1e-8 * float(jnp.max(jnp.abs(truth))))

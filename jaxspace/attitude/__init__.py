@@ -19,6 +19,8 @@ from ._control_moment_gyros import ControlMomentGyros as ControlMomentGyros
 from ._despin import YoYo as YoYo
 from ._despin import cord_length as cord_length
 from ._despin import zero_spin_cord_length as zero_spin_cord_length
+from ._energy_sink import EnergySink as EnergySink
+from ._energy_sink import energy_sink_angle as energy_sink_angle
 from ._forced_rotation import BearingReactions as BearingReactions
 from ._forced_rotation import bank_angle as bank_angle
 from ._forced_rotation import bearing_reactions as bearing_reactions
@@ -45,6 +47,9 @@ from ._outputs import cone_angle as cone_angle
 from ._outputs import continuous_precession as continuous_precession
 from ._outputs import pointing as pointing
 from ._outputs import spin_rate as spin_rate
+from ._pitch_libration import EllipticLibration as EllipticLibration
+from ._pitch_libration import LibrationState as LibrationState
+from ._pitch_libration import pitch_libration as pitch_libration
 from ._polhode import Polhode as Polhode
 from ._precession_of_earth import luni_solar_nutation as luni_solar_nutation
 from ._precession_of_earth import luni_solar_rate as luni_solar_rate

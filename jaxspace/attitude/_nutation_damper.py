@@ -6,6 +6,7 @@
     p' = omega . J'(z) omega / 2 - k z - c z'
     H = J* omega + b p/mu,      J* = J(z) - b b^T/mu
     J* omega' = M - z' J'(z) omega - b p'/mu - omega x H
+    under a thrust F:   p' - (m0/m) F . u,   M - (m0/m) z u x F
 
     symbol    meaning                                                             unit
     m, m0     mass of all, of the damper                                          kg
@@ -14,11 +15,13 @@
     p         momentum of the damper along the line                               kg m/s
     k, c      stiffness of the spring, of the dashpot                             N/m, N s/m
     J, J(z)   inertia of all about the mass centre: at rest, displaced            kg m^2
+    F         thrust, fixed in the body, through the mass centre at z = 0         N
 
 Source: Thomson 7.11, Problem 12 (r0 along x, u along z; with the signs corrected), in the momenta
 of Lagrange's equations: the state holds p and not z', so that its rate holds no acceleration of the
 body, and the momentum of all is conserved to the rounding of the run.
-Valid where the body is pushed by gravity alone: a thrust would push the damper, too.
+A thrust pushes the body and not the damper, which therefore falls back by m0 F/(m k) along it, and
+moves the mass centre off the line of F. Gravity pushes both alike.
 """
 
 from typing import ClassVar, NamedTuple, final
@@ -74,6 +77,9 @@ class NutationDamper(AbstractEffect):
     damping: Float[Array, "*#runs"] = quantity("N s/m", non_negative=True, doc="c, of the dashpot")
     displacement: Float[Array, "*#runs"] = quantity("m", default=0.0, doc="z at the start")
     rate: Float[Array, "*#runs"] = quantity("m/s", default=0.0, doc="z' at the start")
+    thrust: Float[Array, "3 *#runs"] | None = quantity(
+        "N", optional=True, doc="F, that pushes the body, in body axes"
+    )
     part: str = eqx.field(static=True, default="damper")
 
     def start(self, y: BodyState, body: AbstractBody) -> dict[str, State]:
@@ -93,7 +99,10 @@ class NutationDamper(AbstractEffect):
         rate = (p - dot(b, y.omega)) / self.reduced_mass(_mass_of(y, body))
         # The tensor is symmetric: half of omega . J' omega is the centrifugal force.
         outwards = 0.5 * dot(y.omega, self._inertia_rate(y, body))
-        return DamperMotion(z, rate, outwards - self.stiffness * z - self.damping * rate)
+        push = outwards - self.stiffness * z - self.damping * rate
+        if self.thrust is not None:
+            push = push - dot(self._thrust_share(y, body), self._lines(y.omega.ndim - 1)[1])
+        return DamperMotion(z, rate, push)
 
     def energy(self, y: BodyState, body: AbstractBody) -> Scalar:
         """Energy, J, (*runs,), of the rotation of all about the mass centre, of the motion of the
@@ -114,8 +123,11 @@ class NutationDamper(AbstractEffect):
         one = with_rank(jnp.eye(3, dtype=r0.dtype), rank, axes=2)
         first = 2.0 * dot(r0, u) * one - _outer(r0, u) - _outer(u, r0)
         second = one - _outer(u, u)
+        torque = -scale(rate, self._inertia_rate(y, body)) - scale(momentum_rate / mu, b)
+        if self.thrust is not None:
+            torque = torque - scale(z, cross(u, self._thrust_share(y, body)))
         return Load(
-            torque_B=-scale(rate, self._inertia_rate(y, body)) - scale(momentum_rate / mu, b),
+            torque_B=torque,
             parts_rate={self.part: {"displacement": rate, "momentum": momentum_rate}},
             inertia_B=self.mass * z * first + mu * z * z * second - _outer(b, b) / mu,
             momentum_B=scale(p / mu, b),
@@ -166,6 +178,12 @@ class NutationDamper(AbstractEffect):
         """r0, u and b, with `rank` axes of times and runs."""
         r0, u = with_rank(self.position, rank), with_rank(unit(self.direction), rank)
         return r0, u, scale(self.mass, cross(r0, u))
+
+    def _thrust_share(self, y: BodyState, body: AbstractBody) -> Vector:
+        """(m0/m) F, N."""
+        assert self.thrust is not None
+        thrust = with_rank(self.thrust, y.omega.ndim - 1)
+        return scale(self.mass / _mass_of(y, body), thrust)
 
     def _inertia_rate(self, y: BodyState, body: AbstractBody) -> Vector:
         """J'(z) omega, kg m^2/s per m."""

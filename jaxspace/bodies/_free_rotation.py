@@ -44,43 +44,17 @@ Zanna (2008), SIAM J. Sci. Comput. 30, 2084. The third axis is the outer one whi
 addition theorem asks for no phase, and so for no inverse function and no separatrix.
 """
 
-import math
-from typing import Any, NamedTuple
+from typing import Any
 
 import jax
 import jax.numpy as jnp
 from jax.custom_derivatives import SymbolicZero
 
-from ..core import (
-    Flag,
-    Jacobi,
-    Scalar,
-    Vector,
-    complete_third,
-    cross,
-    dot,
-    jacobi,
-    norm,
-    safe_atan2,
-    third,
-)
+from ..core import Flag, Jacobi, Scalar, Vector, cross, dot, jacobi, norm
 from ..rotations import Quaternion
 from ._axis_order import arranged, axis_order, restored
-
-
-class _Body(NamedTuple):
-    """A body and its start, principal axes arranged: I_i, omega, and x, y, x - y."""
-
-    moments: Vector
-    omega: Vector
-    x: Scalar
-    y: Scalar
-    difference: Scalar
-
-    @classmethod
-    def of(cls, moments: Vector, omega: Vector) -> "_Body":
-        p = _products(moments) * omega * omega
-        return cls(moments, omega, p[1] - p[0], p[1] - p[2], p[2] - p[0])
+from ._energy_rules import by_energy, of_equal_energy
+from ._free_precession import ArrangedBody, Scaled, angle_between, precession, rate_coefficients
 
 
 def free_rotation(duration: Scalar, moments: Vector, omega: Vector) -> tuple[Quaternion, Vector]:
@@ -145,36 +119,6 @@ def _rotated_tangent(primals: tuple[Any, ...], tangents: tuple[Any, ...]) -> Any
 _rotated.defjvp(_rotated_tangent, symbolic_zeros=True)
 
 
-def _direction(moments: Vector, omega: Vector) -> tuple[Vector, Scalar]:
-    """L/h and 1/h; zero for a body at rest."""
-    momentum = moments * omega
-    h = norm(momentum)
-    inverse = jnp.where(h > 0.0, 1.0 / jnp.where(h > 0.0, h, 1.0), 0.0)
-    return momentum * inverse, inverse
-
-
-@jax.custom_jvp
-def _of_equal_energy(later: Vector, moments: Vector, omega: Vector) -> Vector:
-    """`later`, whose derivative along L is that by which T stays: I omega . delta omega + omega .
-    delta I omega / 2 is the same at both times."""
-    return later
-
-
-@_of_equal_energy.defjvp
-def _of_equal_energy_tangent(primals: tuple[Any, ...], tangents: tuple[Any, ...]) -> Any:
-    later, moments, omega = primals
-    of_later, of_moments, of_omega = tangents
-
-    def change(omega: Vector, of_omega: Vector) -> Scalar:
-        along, inverse = _direction(moments, omega)
-        return dot(along, of_omega) + 0.5 * dot(omega * inverse, of_moments * omega)
-
-    # The formula has it as a difference of terms that grow like 1/tilt.
-    missing = change(omega, of_omega) - change(later, of_later)
-    along = _direction(moments, later)[0]
-    return _of_equal_energy(*primals), of_later + missing * along
-
-
 def _formula(
     duration: Scalar, moments: Vector, omega: Vector, *, moments_stay: bool
 ) -> tuple[Quaternion, Vector]:
@@ -183,16 +127,18 @@ def _formula(
     middle, mirrored = axis_order(moments, omega)
     # The exchange of two axes is a reflection, under which an angular velocity changes its sign.
     sign = jnp.where(mirrored, -1.0, 1.0).astype(omega.dtype)
-    body = _Body.of(arranged(moments, middle, mirrored), sign * arranged(omega, middle, mirrored))
+    body = ArrangedBody.of(
+        arranged(moments, middle, mirrored), sign * arranged(omega, middle, mirrored)
+    )
     # Barriers between the stages: fused into one, the program compiles for much longer.
     body, mirrored, sign = jax.lax.optimization_barrier((body, mirrored, sign))
     phase = jax.lax.optimization_barrier(jacobi(duration, body.x, body.y, body.difference))
-    scaled = jax.lax.optimization_barrier(_Scaled.of(body, phase))
+    scaled = jax.lax.optimization_barrier(Scaled.of(body, phase))
     within = jax.lax.optimization_barrier(_omega_within(body, scaled))
     # A half period turns two components about: which two, the side of the separatrix decides.
     odd, circled = phase.half_periods % 2.0 != 0.0, body.difference < 0.0
     later = jnp.where(jnp.stack([odd & circled, odd, odd & ~circled]), -within, within)
-    later = _of_equal_energy(later, body.moments, body.omega)
+    later = of_equal_energy(later, body.moments, body.omega)
     # The whole half turns of z are counted by the precession.
     reached = jnp.where(odd & circled, -later, later)
     small = _slow(body, duration)
@@ -202,40 +148,9 @@ def _formula(
     return Quaternion(jnp.concatenate([turn[:1], vector])), sign * restored(later, middle, mirrored)
 
 
-def _rates(moments: Vector) -> tuple[Scalar, Scalar, Scalar]:
-    """a_1, a_2, a_3."""
-    i = moments
-    return (i[1] - i[2]) / i[0], (i[2] - i[0]) / i[1], (i[0] - i[1]) / i[2]
-
-
-def _products(moments: Vector) -> Vector:
-    """a_2 a_3, a_3 a_1, a_1 a_2."""
-    a1, a2, a3 = _rates(moments)
-    return jnp.stack([a2 * a3, a3 * a1, a1 * a2])
-
-
-class _Scaled(NamedTuple):
-    """c, d, 1 and S over the greater of c and d: near the separatrix both are as small as the tilt
-    of the spin, and their squares, and those of derivatives, would leave the range of numbers."""
-
-    c: Scalar
-    d: Scalar
-    one: Scalar
-    s: Scalar
-    denominator: Scalar
-
-    @classmethod
-    def of(cls, body: _Body, phase: Jacobi) -> "_Scaled":
-        greater = jnp.where(body.difference < 0.0, phase.c, phase.d)
-        one = 1.0 / greater
-        c, d, s = phase.c / greater, phase.d / greater, phase.s * one
-        # D is a sum of what is not negative.
-        return cls(c, d, one, s, d * d - _products(body.moments)[2] * (body.omega[2] * s) ** 2)
-
-
-def _omega_within(body: _Body, scaled: _Scaled) -> Vector:
+def _omega_within(body: ArrangedBody, scaled: Scaled) -> Vector:
     """omega(t) within a quarter period, by the addition theorem."""
-    (a1, a2, a3), (w1, w2, w3) = _rates(body.moments), body.omega
+    (a1, a2, a3), (w1, w2, w3) = rate_coefficients(body.moments), body.omega
     c, d, one, s, below = scaled
     # In this order no product leaves the range: w3 s and w1 one are of order one by themselves.
     first = w1 * one * d + a1 * w2 * (w3 * s) * c
@@ -244,9 +159,9 @@ def _omega_within(body: _Body, scaled: _Scaled) -> Vector:
 
 
 def _turn(
-    body: _Body,
+    body: ArrangedBody,
     phase: Jacobi,
-    scaled: _Scaled,
+    scaled: Scaled,
     duration: Scalar,
     reached: Vector,
     later: Vector,
@@ -258,10 +173,10 @@ def _turn(
     stand_in = jnp.asarray([0.6, 0.0, 0.8], i.dtype).reshape(3, *(1,) * (i.ndim - 1))
     start, end, reached = (jnp.where(unused, stand_in, i * w) for w in (body.omega, later, reached))
     h = norm(start)
-    chi = _precession(body, phase, scaled, duration, h) + _angle_between(start, reached)
+    chi = precession(body, phase, scaled, duration, h) + angle_between(start, reached)
     chi = jax.lax.optimization_barrier(chi)
     if moments_stay:
-        chi = _by_energy(jax.lax.stop_gradient(chi), duration, body.omega, later, start, end)
+        chi = by_energy(jax.lax.stop_gradient(chi), duration, body.omega, later, start, end)
     half = 0.5 * chi
     c, s = jnp.cos(half), jnp.sin(half)
     zero = jnp.zeros_like(h)
@@ -274,94 +189,19 @@ def _turn(
     return Quaternion(tilt.then(back).wxyz / (2.0 * h * jnp.sqrt((h + start[2]) * (h + end[2]))))
 
 
-@jax.custom_jvp
-def _by_energy(
-    chi: Scalar, duration: Scalar, omega: Vector, later: Vector, start: Vector, end: Vector
-) -> Scalar:
-    """`chi`, with the derivative by which L(t) . theta = t L . delta omega; `start` and `end` are
-    L. The formula has it as a difference of terms that grow with every flip."""
-    return chi
-
-
-@_by_energy.defjvp
-def _by_energy_tangent(primals: tuple[Any, ...], tangents: tuple[Any, ...]) -> Any:
-    _, duration, omega, later, start, end = primals
-    _, of_duration, of_omega, _, of_start, of_end = tangents
-    h = norm(start)
-
-    def twist(n: Vector, of_n: Vector) -> Scalar:
-        """What the least turn from e_z to n turns about n when n moves."""
-        return (n[1] * of_n[0] - n[0] * of_n[1]) / (1.0 + n[2])
-
-    along = (duration * dot(start, of_omega) + dot(end, later) * of_duration) / h
-    twists = twist(end / h, of_end / h) - twist(start / h, of_start / h)
-    return _by_energy(*primals), along + twists
-
-
-def _angle_between(start: Vector, reached: Vector) -> Scalar:
-    """arg(z(t) / z(0)) within a quarter period."""
-    return jnp.arctan2(
-        reached[0] * start[1] - reached[1] * start[0], reached[0] * start[0] + reached[1] * start[1]
-    )
-
-
-def _precession(body: _Body, phase: Jacobi, scaled: _Scaled, duration: Scalar, h: Scalar) -> Scalar:
-    """psi of the third axis, and the whole half turns of z, rad.
-
-    For M > sqrt(xy) the third integral passes to the pole xy/M, for which third(M) = rho t - arg(c
-    d + i rho S) - third(xy/M)."""
-    (i1, i2, i3), (w1, w2, w3), (s, c, d) = body.moments, body.omega, phase[:3]
-    gain = (i1 - i3) * i1 * w1 * w1 + (i2 - i3) * i2 * w2 * w2
-    pole, strength = (i2 - i3) * gain / (i2 * i3 * i3), h / i3 - h / i1
-    other = pole * pole > body.x * body.y
-    near = jnp.where(other, body.x * body.y / jnp.where(other, pole, 1.0), pole)
-    transverse = (i1 * w1) ** 2 + (i2 * w2) ** 2
-    # Z, like D over the square of the greater of c and d.
-    triple = (w1 * scaled.one) * w2 * (w3 * scaled.s)
-    real = transverse * scaled.c * scaled.d - i3 * (i1 - i2) * triple * (1.0 + pole * s * s)
-    imaginary = -h / i3 * gain * s * scaled.denominator
-    re, im = jnp.where(other, c * d, 1.0), jnp.where(other, strength * s, 0.0)
-    angle = safe_atan2(imaginary * re + real * im, real * re - imaginary * im)
-    rest = jnp.where(other, 1.0, -1.0)
-    rate = h / jnp.where(other, i1, i3)
-    # Taken at the smaller of M and xy/M, for which the third integral is well conditioned.
-    within = third(s, c, d, 1.0 + near * s * s, near * strength)
-    whole, returns = _quarter(body, phase, near, strength)
-    within, whole = jax.lax.optimization_barrier((within, whole))
-    sense = jnp.where(other, 0.0, -jnp.sign(gain)) + jnp.where(
-        body.difference < 0.0, jnp.sign(w3 * gain), 0.0
-    )
-    period = jnp.where(returns, 2.0 * rest * whole + math.pi * sense, 0.0)
-    return rate * duration + rest * within + angle + phase.half_periods * period
-
-
-def _quarter(body: _Body, phase: Jacobi, pole: Scalar, strength: Scalar) -> tuple[Scalar, Flag]:
-    """The third integral over a quarter period, rad, where the time reaches beyond it, and whether
-    it does."""
-    returns = phase.half_periods != 0.0
-    circled = body.difference < 0.0
-    top = jnp.where(returns, jnp.where(circled, body.y, body.x), 1.0)
-    least = jnp.sqrt(
-        jnp.where(returns, jnp.where(circled, -body.difference, body.difference) / top, 1.0)
-    )
-    share = pole / top
-    size = strength * share / (3.0 * jnp.sqrt(top))
-    return size * complete_third(1.0 + least, least, 1.0 + share), returns
-
-
-def _slow(body: _Body, duration: Scalar) -> Flag:
+def _slow(body: ArrangedBody, duration: Scalar) -> Flag:
     """Whether the body turns through less than some 0.003 rad: there the direction of h has no
     digits to differentiate."""
     i, w = body.moments, body.omega
     return dot(i * w, w) / jnp.min(i, axis=0) * duration * duration < 1e-5
 
 
-def _small_turn(body: _Body, later: Vector, duration: Scalar) -> Quaternion:
+def _small_turn(body: ArrangedBody, later: Vector, duration: Scalar) -> Quaternion:
     """R of a small turn: Magnus' series of order four, the integrals by the Hermite polynomial of
     omega."""
 
     def rate(w: Vector) -> Vector:
-        a1, a2, a3 = _rates(body.moments)
+        a1, a2, a3 = rate_coefficients(body.moments)
         return jnp.stack([a1 * w[1] * w[2], a2 * w[2] * w[0], a3 * w[0] * w[1]])
 
     w = body.omega

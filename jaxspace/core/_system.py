@@ -142,6 +142,11 @@ class AbstractSystem(AbstractParameters):
         del t, y
         return None
 
+    def check_values(self, t: Scalar, y: State) -> None:
+        """Raise `InputError` for what the numbers of the system and of the first state `y`, at the
+        time `t`, s, contradict. Asked before a run, where no number is traced."""
+        del t, y
+
     def missing(self, capability: str) -> str:
         """Why `capability` ("split", "regularised", ...) is `None`, as the end of a sentence.
 

@@ -51,7 +51,9 @@ class Crossings(eqx.Module):
     - `rising`: whether the condition rises along the run.
     - `count`: how many zeros are given, (*runs,).
     - `overflow`: whether there are more, for which there is no room.
-    - `status`: of the search, a `Status`."""
+    - `status`: of the search, a `Status`.
+    - `after`: the states after the jumps of an event with `then`, whose `states` are those before;
+      `None` for other events."""
 
     ts: Float[Array, "zeros *#runs"]
     states: State
@@ -59,6 +61,7 @@ class Crossings(eqx.Module):
     count: Int[Array, "*runs"]
     overflow: Bool[Array, "*runs"]
     status: Int[Array, "*runs"]
+    after: State | None = None
 
 
 class _Found(NamedTuple):

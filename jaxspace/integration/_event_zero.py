@@ -12,8 +12,9 @@ from ._event_bracket import ConditionOnRun, close_in
 from ._events import Event
 from ._status import Status
 
-# Of the second difference: a parabola dips below its lowest sample by an eighth of it at most.
-REACH = 0.25
+# Of the second difference, and some more for what bends: a corner, as of a distance to a place that
+# is passed, dips below its lowest sample by half of it at most, a parabola by an eighth.
+REACH = 0.55
 # Roundings that a state at an event itself leaves in its condition.
 ROUNDINGS = 64.0
 # Roundings of the time between two events that are resolved as two.

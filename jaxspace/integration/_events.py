@@ -52,9 +52,12 @@ class Event(eqx.Module):
     - `terminal`: with `False` the run goes on, and `Trajectory.crossings` holds every zero, up to
       `capacity` of them. The span is then sampled between its save times, in `samples` parts or
       more.
+    - `then`: with `terminal=False` a jump in place, a function (t, y) -> y as `Phase.then`, after
+      which the run goes on: a ball bounces. `Trajectory.crossings` then holds the states on both
+      sides, and the run ends at a zero for which there is no room.
 
-    Raises `InputError` for another direction, a number of samples below 2, a capacity below 1, or a
-    `touch` or `within` that is not positive."""
+    Raises `InputError` for another direction, a number of samples below 2, a capacity below 1, a
+    `touch` or `within` that is not positive, or a `then` of an event that ends the run."""
 
     condition: Callable[[Scalar, State], Scalar]
     direction: int = eqx.field(static=True, default=0)
@@ -64,6 +67,7 @@ class Event(eqx.Module):
     at_start: bool = eqx.field(static=True, default=False)
     terminal: bool = eqx.field(static=True, default=True)
     capacity: int = eqx.field(static=True, default=64)
+    then: Callable[[Scalar, State], State] | None = None
 
     def __check_init__(self):
         if self.direction not in (-1, 0, 1):
@@ -74,6 +78,11 @@ class Event(eqx.Module):
             raise InputError(f"Event.samples is {self.samples}: it must be at least 2.")
         if self.capacity < 1:
             raise InputError(f"Event.capacity is {self.capacity}: it must be at least 1.")
+        if self.terminal and self.then is not None:
+            raise InputError(
+                "Event.then is given with terminal=True: after the jump the run goes on, so that "
+                "terminal must be False."
+            )
         check_positive("Event.within", self.within)
         check_positive("Event.touch", self.touch)
 

@@ -19,6 +19,8 @@ from ._impulse import apply_impulse as apply_impulse
 from ._lagrangian import AbstractLagrangian as AbstractLagrangian
 from ._lagrangian import GeneralisedState as GeneralisedState
 from ._lagrangian import Lagrangian as Lagrangian
+from ._moving_point import moment_about_moving_point as moment_about_moving_point
+from ._moving_point import momentum_about as momentum_about
 from ._pendulums import CentrifugalPendulum as CentrifugalPendulum
 from ._pendulums import DoublePendulum as DoublePendulum
 from ._pendulums import ElasticPendulum as ElasticPendulum

@@ -130,6 +130,7 @@ from ._third_body import ThirdBody as ThirdBody
 from ._third_body import third_body as third_body
 from ._third_body import third_body_potential as third_body_potential
 from ._time_of_flight import period as period
+from ._time_of_flight import semi_major_axis_of_period as semi_major_axis_of_period
 from ._time_of_flight import time_of_flight as time_of_flight
 from ._time_of_flight import true_anomaly_after as true_anomaly_after
 from ._transfer_status import TransferStatus as TransferStatus

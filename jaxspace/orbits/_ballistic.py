@@ -124,12 +124,15 @@ def least_energy_launch(radius: Scalar, range_angle: Scalar, mu: Scalar) -> tupl
 
     **Arguments**, each (*runs,)
 
-    - `radius`: of the sphere, m; `range_angle`: rad, up to pi.
+    - `radius`: of the sphere, m; `range_angle`: rad, up to pi; at zero the slope of the speed is
+      infinite.
     - `mu`: gravitational parameter, m^3/s^2.
     """
     phi = as_float(range_angle)
     sine = jnp.sin(0.5 * phi)
-    speed = jnp.sqrt(2.0 * mu * sine / (as_float(radius) * (1.0 + sine)))
+    circular = jnp.sqrt(mu / as_float(radius))
+    # Its slope at no range is infinite, by the rule of ends, and that by mu is zero there.
+    speed = circular * end_sqrt(lambda s: 2.0 * s / (1.0 + s), sine)
     return speed, 0.25 * (jnp.pi - phi)
 
 

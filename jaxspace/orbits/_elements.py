@@ -50,6 +50,7 @@ from ..core import (
     Vector,
     as_float,
     axis,
+    barrier,
     check,
     cross,
     dot,
@@ -61,7 +62,6 @@ from ..core import (
     unit,
     with_rank,
 )
-from ..rotations import from_euler_angles
 
 # In roundings: the greatest eccentricity that rounding gave to circles of any size and plane was
 # 7.6, the median 1.5.
@@ -183,11 +183,12 @@ def elements_from_state(position: Vector, velocity: Vector, mu: Scalar) -> Class
     the equator, derivatives of the elements do not lead back to those of the state (see the module
     and "Singular places" in the manual); those of `ModifiedEquinoctialElements` do."""
     h = cross(position, velocity)
-    e = eccentricity_vector(position, velocity, mu)
+    e = barrier(eccentricity_vector(position, velocity, mu))
     noise = _NOISE * float(jnp.finfo(e.dtype).eps)
     e = jnp.where(norm(e) <= noise, 0.0, e)
     node = safe_atan2(h[0], -h[1])
-    n = jnp.cos(node) * axis(0, node) + jnp.sin(node) * axis(1, node)
+    cosine, sine = barrier((jnp.cos(node), jnp.sin(node)))
+    n = cosine * axis(0, node) + sine * axis(1, node)
     m = cross(unit(h), n)
     # Angles in the plane of the orbit, from the node n towards m, which is 90 degrees ahead.
     omega = safe_atan2(dot(e, m), dot(e, n))
@@ -220,13 +221,17 @@ def state_from_elements(elements: ClassicalElements, mu: Scalar) -> tuple[Vector
     angles = jnp.broadcast_arrays(
         elements.node, elements.inclination, elements.argument_of_periapsis
     )
-    axes = from_euler_angles(jnp.stack(angles), "313").matrix()
+    # Behind a barrier: fused with the components, each of the six would compute all angles again.
+    cn, ci, cw, sn, si, sw = barrier((*map(jnp.cos, angles), *map(jnp.sin, angles)))
+    # Two columns of the matrix of the three angles: to the periapsis, and a right angle ahead.
+    axes = (
+        jnp.stack([cn * cw - sn * sw * ci, sn * cw + cn * sw * ci, sw * si]),
+        jnp.stack([-cn * sw - sn * cw * ci, -sn * sw + cn * cw * ci, cw * si]),
+    )
     # The runs of the other elements meet those of the three angles.
     rank = max(jnp.ndim(x) for x in (p, e, f, mu))
-    towards = with_rank(axes[:, 0], rank)
-    ahead = with_rank(axes[:, 1], rank)
-    c = jnp.cos(f)
-    s = jnp.sin(f)
-    r = p / (1.0 + e * c)
-    speed = jnp.sqrt(mu / p)
+    towards = with_rank(axes[0], rank)
+    ahead = with_rank(axes[1], rank)
+    c, s = barrier((jnp.cos(f), jnp.sin(f)))
+    r, speed = barrier((p / (1.0 + e * c), jnp.sqrt(mu / p)))
     return (r * c) * towards + (r * s) * ahead, (-speed * s) * towards + (speed * (e + c)) * ahead

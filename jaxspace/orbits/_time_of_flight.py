@@ -44,6 +44,21 @@ def period(semi_major_axis: Scalar, mu: Scalar) -> Scalar:
     return jnp.where(closed, _TURN * a * jnp.sqrt(a / mu), math.inf)
 
 
+def semi_major_axis_of_period(period: Scalar, mu: Scalar) -> Scalar:
+    """The semi-major axis (mu (T/(2 pi))^2)^(1/3), m, (*runs,), of the closed orbits of a period:
+    undoes `period`.
+
+    Of two masses it is their mean distance D, with mu = G (m1 + m2), by Thomson 4.6
+    D^3 = g R^2/(w^2 (1 - m2/(m1 + m2))).
+
+    **Arguments**, each (*runs,)
+
+    - `period`: T, s, positive.
+    - `mu`: gravitational parameter, of two masses that of both together, m^3/s^2.
+    """
+    return jnp.cbrt(mu * (as_float(period) / _TURN) ** 2)
+
+
 def time_of_flight(
     start: Scalar, end: Scalar, semi_latus_rectum: Scalar, eccentricity: Scalar, mu: Scalar
 ) -> Scalar:

@@ -1,6 +1,9 @@
 """Orientation: quaternion, Euler angles, matrix, rotation vector, their rates, interpolation and
 mean; motion seen from moving frames. No mass, no force."""
 
+from ._direction_cosines import cosine_conditions as cosine_conditions
+from ._direction_cosines import cosine_rates as cosine_rates
+from ._direction_cosines import omega_from_cosine_rates as omega_from_cosine_rates
 from ._euler_angles import SEQUENCES as SEQUENCES
 from ._euler_angles import euler_rates_from_omega as euler_rates_from_omega
 from ._euler_angles import from_euler_angles as from_euler_angles

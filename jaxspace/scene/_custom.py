@@ -1,15 +1,17 @@
 """Any function as an effect."""
 
+import dataclasses
 from collections.abc import Callable
 from typing import final
 
 import equinox as eqx
 import jax
+import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, PyTree
 
 from ..bodies import PARTS, AbstractBody, AbstractEffect, BodyState, Load
-from ..core import InputError, Scalar, check_components, quantity
+from ..core import InputError, Scalar, check_components, dot, norm, quantity
 
 # What a load may hold: the word of `adds`, and the field.
 FIELDS = {
@@ -46,7 +48,7 @@ class Custom(AbstractEffect):
       when all runs share them.
     - `needs`, `adds`, `keeps`: as in `AbstractEffect`.
     - `energy`: a function (t, y, body) -> potential energy per unit mass, J/kg, if the effect keeps
-      the energy.
+      the energy. Before a run it is compared with the work of the load at the start.
 
     Raises `InputError` for an unknown part or contribution, an effect that keeps the energy without
     a potential, and, when it is first evaluated, a load that holds what `adds` does not name."""
@@ -98,5 +100,82 @@ class Custom(AbstractEffect):
     def potential(self, t: Scalar, y: BodyState, body: AbstractBody) -> Scalar | None:
         return None if self.energy is None else self.energy(t, y, body)
 
+    def check_energy(self, t: Scalar, y: BodyState, body: AbstractBody) -> None:
+        """Raise `InputError` where the load does not do the work that the energy gives.
+
+        The power at the state `y`, and at the same place with other rates, is -d(energy)/dt: to a
+        thousandth in single precision, and to 1e-6 in double."""
+        if "energy" not in self.keeps:
+            return
+        power, change, size = (np.asarray(x) for x in _power(self, t, y, body))
+        known = np.isfinite(power + change)
+        # Of each number below: a root of the rounding would be 1e-8, and tables are no better.
+        allowed = 1e-6 if power.dtype == np.float64 else 1e-3
+        wrong = known & (np.abs(power + change) > allowed * size)
+        if np.any(wrong):
+            at = np.unravel_index(np.argmax(wrong), wrong.shape)
+            raise InputError(
+                f"Custom.energy does not belong to Custom.function: at the start the load does the "
+                f"work {power[at]:.6g} W/kg, and the energy falls by {-change[at]:.6g} W/kg. It "
+                f"must be the potential energy per unit mass, or keeps must not name the energy."
+            )
+
     def breaks(self) -> Float[Array, "times *#runs"] | None:
         return self.break_times
+
+
+@eqx.filter_jit
+def _power(
+    effect: Custom, t: Scalar, y: BodyState, body: AbstractBody
+) -> tuple[Array, Array, Array]:
+    """Power of the load, rate of the energy and the size of what they are made of, W/kg, at the
+    rates of `y` and at others, which lead."""
+    # One rate at a time: the power of an orbit would hide that of a turn.
+    states = [
+        dataclasses.replace(each, **{other: None if x is None else jnp.zeros_like(x)})
+        for each in (y, _with_other_rates(y))
+        for other, x in (("omega", each.omega), ("velocity", each.velocity))
+    ]
+    rows = [_power_at(effect, t, each, body) for each in states]
+    return tuple(jnp.stack(jnp.broadcast_arrays(*x)) for x in zip(*rows, strict=True))  # pyright: ignore
+
+
+def _with_other_rates(y: BodyState) -> BodyState:
+    """The same place, with rates in no special direction, as large or of one unit."""
+
+    def other(v: Array | None) -> Array | None:
+        if v is None:
+            return None
+        size = norm(v)
+        size = jnp.where(size > 0.0, size, 1.0)
+        direction = jnp.array([0.48, -0.6, 0.64], v.dtype).reshape(3, *(1,) * (v.ndim - 1))
+        return size * direction
+
+    return dataclasses.replace(y, velocity=other(y.velocity), omega=other(y.omega))
+
+
+def _power_at(
+    effect: Custom, t: Scalar, y: BodyState, body: AbstractBody
+) -> tuple[Scalar, Scalar, Scalar]:
+    load, mass = effect.load(t, y, body), body.constant_mass() if y.mass is None else y.mass
+    pairs = [(load.acceleration_N, y.velocity, None), (load.force_N, y.velocity, mass)]
+    pairs += [(load.torque_B, y.omega, mass)]
+    power = size = jnp.zeros(())
+    for push, rate, per in pairs:
+        if push is not None and rate is not None and (per is not None or push is pairs[0][0]):
+            per = 1.0 if per is None else per
+            power = power + dot(push, rate) / per
+            size = size + norm(push) * norm(rate) / per
+    turning = None
+    if y.attitude is not None and y.omega is not None:
+        turning = y.attitude.rate(y.omega)
+
+    def energy(t: Scalar, r: Array | None, q: PyTree) -> Scalar:
+        moved = dataclasses.replace(y, position=r, attitude=q)
+        return jnp.asarray(effect.potential(t, moved, body))
+
+    still = jax.tree.map(jnp.zeros_like, (y.position, y.attitude))
+    rates = (still[0] if y.velocity is None else y.velocity, turning or still[1])
+    at = jnp.asarray(t, power.dtype)
+    _, change = jax.jvp(energy, (at, y.position, y.attitude), (jnp.ones_like(at), *rates))
+    return power, change, size + jnp.abs(change)

@@ -40,6 +40,7 @@ from ..core import (
 )
 from ._capabilities import ROTATION, TRANSLATION, body_motion, scene_regularised, scene_split
 from ._conserved import conserved
+from ._custom import Custom
 from ._explain import explain
 from ._interface import AbstractScene
 
@@ -145,6 +146,12 @@ class Scene(AbstractScene):
                 f"The state holds {idle[0]}, which no effect of the scene reads or changes: "
                 f"leave it out, or let Scene(carry=({idle[0]!r},)) integrate it."
             )
+
+    def check_values(self, t: Scalar, y: BodyState) -> None:
+        """Raise `InputError` for a `Custom` effect whose energy is not that of its load."""
+        for effect in self.effects:
+            if isinstance(effect, Custom):
+                effect.check_energy(t, y, self.body)
 
     def start(self, y: BodyState) -> BodyState:
         """The state `y` with the extra parts that the effects integrate, as they start.

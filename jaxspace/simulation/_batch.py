@@ -16,7 +16,14 @@ from ..integration._stiffness import InitialConditions
 from ._batch_layout import InAxes, cut_batch, local_blocks, split_batch
 from ._batch_repeat import repeat_missions, repeat_systems
 from ._batch_runs import run_missions, run_systems
-from ._checks import as_events, check_num_saved, check_structure, check_times
+from ._checks import (
+    as_events,
+    check_dense,
+    check_num_saved,
+    check_structure,
+    check_times,
+    check_values,
+)
 from ._mission import Mission
 from ._simulate import mission_trajectory_of, raise_failures, resolve_phases, trajectory_of
 from ._trajectory import MissionTrajectory, Trajectory
@@ -108,9 +115,11 @@ def _batch_of_systems(
     state_dtype(y0s)
     ts = check_times(ts, y0s, axes=2)
     events = as_events(events)
+    check_dense(dense, events)
     batched, shared, runs = split_batch(systems, y0s, ts, in_axes, times_axes=1)
     whole = cut_batch(batched, shared)
     check_structure(whole[0], whole[1], jax.ShapeDtypeStruct(ts.shape[1:], ts.dtype))
+    check_values(whole[0], ts[0], whole[1])
     config_for = functools.partial(_resolve_for, as_accuracy(accuracy), whole, batched)
     config = config_for(None)
     blocks = local_blocks((batched, shared), runs)

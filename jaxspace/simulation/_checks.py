@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, PyTree
 
-from ..core import AbstractSystem, InputError, Scalar, State, check_finite, is_concrete
+from ..core import AbstractSystem, InputError, Scalar, State, check_finite, is_concrete, is_traced
 from ..integration._accuracy import state_dtype
 from ..integration._events import Event
 from ..integration._layout import broadcast_state
@@ -50,6 +50,12 @@ def check_arguments(function: Callable[..., Any], *args: Any, **kwargs: Any) -> 
     except TypeError as error:
         names = ", ".join(inspect.signature(function).parameters)
         raise InputError(f"The call has {error}: it takes {names}.") from None
+
+
+def check_values(system: AbstractSystem, t: Any, y0: PyTree) -> None:
+    """Raise `InputError` for what a system finds wrong in its numbers at the start of a run."""
+    if not is_traced((system, t, y0)):
+        system.check_values(t, y0)
 
 
 def check_structure(system: AbstractSystem, y0: PyTree, t: Any) -> PyTree:
@@ -121,7 +127,40 @@ def as_events(events: Any) -> tuple[Event, ...]:
     if isinstance(events, Event) or not all(isinstance(event, Event) for event in events):
         name = type(events).__name__
         raise InputError(f"events is of type {name}: it must be a tuple of `Event`.")
-    return tuple(events)
+    events = tuple(events)
+    passed = any(not event.terminal and event.then is None for event in events)
+    if passed and has_restarts(events):
+        raise InputError(
+            "events holds one with a jump (then) and one that is only collected: beside a jump, "
+            "events must end the run or jump. Give that one a jump that changes nothing."
+        )
+    return events
+
+
+def has_restarts(events: tuple[Event, ...]) -> bool:
+    """Whether one of the events jumps and lets the run go on."""
+    return any(event.then is not None for event in events)
+
+
+def check_dense(dense: bool, events: tuple[Event, ...]) -> None:
+    """Raise `InputError` for a run with jumps in place that is to keep its steps."""
+    if dense and has_restarts(events):
+        raise InputError(
+            "dense=True is given with an event that jumps (then): such a run keeps no steps, so "
+            "that the times that are wanted must be among ts."
+        )
+
+
+def check_jump(event: Event, t: Any, y: Any, name: str) -> None:
+    """Raise `InputError` for a jump in place that returns another state than it takes."""
+    if event.then is None:
+        return
+    after = eqx.filter_eval_shape(event.then, t, y)
+    if _held(after) != _held(y):
+        raise InputError(
+            f"{name}.then takes a state that holds {_held(y)}, and returns {_held(after)}: it must "
+            f"be the same, because the run goes on."
+        )
 
 
 def check_events(
@@ -140,6 +179,8 @@ def check_events(
     y = eqx.filter_eval_shape(broadcast_state, system, t, y0)
     leaf = jax.tree.leaves(y)[0]
     runs = leaf.shape[leaf.ndim - run_axes :]
+    # Each run has a time of its own, so that a condition of the time alone carries runs, too.
+    t = jax.ShapeDtypeStruct(runs, t.dtype)
     for number, event in enumerate(events):
         what = f"{name.format(number)}.condition"
         try:
@@ -151,9 +192,10 @@ def check_events(
                 f"{type(error).__name__}: {first_line(error)}"
             ) from error
         shape = getattr(value, "shape", type(value).__name__)
-        # A condition of the time alone carries no runs.
-        if shape not in (runs, ()):
-            raise InputError(f"{what} returns {shape}: it must return one number.")
+        if shape != runs:
+            of_each = f", {runs}: it may not add up over the runs" if runs else ""
+            raise InputError(f"{what} returns {shape}: it must return one number{of_each}.")
+        check_jump(event, t, y, name.format(number))
 
 
 def first_line(error: Exception) -> str:

@@ -41,11 +41,14 @@ def crossings(
     of the run, differentiable in both modes with respect to all that the run depends on. Where the
     search or the run failed, the numbers are NaN, and `status` says why.
 
-    **Raises** `InputError` for a condition that is not one number for each run."""
+    **Raises** `InputError` for a condition that is not one number for each run, and for a run that
+    jumps in place on its way."""
+    run.check_without_jumps("crossings")
     event = condition if isinstance(condition, Event) else Event(condition)
     event = dataclasses.replace(
         event,
         terminal=False,
+        then=None,
         samples=max(event.samples, len(run) - 1) if samples is None else samples,
         capacity=event.capacity if capacity is None else capacity,
     )

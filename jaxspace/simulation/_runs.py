@@ -26,6 +26,7 @@ from ..integration._layout import (
 )
 from ..integration._result import DenseOutput, IntegrationResult
 from ..integration._status import Status, combine_status
+from ._restarts import collected, restarts_between, states_between
 
 
 class RunResult(NamedTuple):
@@ -161,6 +162,8 @@ def run_system(
     y0 = broadcast_state(system, ts[0], y0)
     runs = runs_of(y0, run_axes)
     asked = jnp.broadcast_to(_with_runs(ts, runs), (ts.shape[0], *runs))
+    if any(event.then is not None for event in events):
+        return _with_restarts(system, y0, asked, events, config, run_axes)
     passed = tuple(event for event in events if not event.terminal)
     numbers = [number for number, event in enumerate(events) if event.terminal]
     ending = tuple(events[number] for number in numbers)
@@ -201,6 +204,30 @@ def run_system(
     return RunResult(
         ts, states, status, event, happened, result.stats, result.dense, None, crossings
     )
+
+
+def _with_restarts(
+    system: AbstractSystem,
+    y0: State,
+    asked: Array,
+    events: tuple[Event, ...],
+    config: IntegrationConfig,
+    run_axes: int,
+) -> RunResult:
+    """A run that goes on from the jumps of its events, through `asked`, (times, *runs)."""
+    found = restarts_between(system, y0, asked[0], asked[-1], events, config, run_axes)
+    sign = jnp.where(asked[-1] < asked[0], -1.0, 1.0).astype(asked.dtype)
+    stopped = (found.stopped_by >= 0) & (sign * asked >= sign * found.end)
+    ts = jnp.where(stopped, found.end, asked)
+    states, status, stats = states_between(system, y0, ts, found, config, run_axes)
+    states = _where_stopped(stopped, found.final, states, run_axes)
+    hit = (found.stopped_by >= 0) & (status == Status.COMPLETED)
+    status = jnp.where(hit, Status.EVENT, status)
+    numbers = jnp.arange(len(events), dtype=jnp.int32).reshape(-1, *(1,) * found.end.ndim)
+    happened = numbers == found.stopped_by
+    event = found.stopped_by.astype(jnp.int32)
+    crossings = collected(found, events, run_axes)
+    return RunResult(ts, states, status, event, happened, stats, None, None, crossings)
 
 
 def _where_stopped(stopped: Array, y: State, states: State, run_axes: int) -> State:

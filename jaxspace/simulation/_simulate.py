@@ -25,10 +25,12 @@ from ..integration._stiffness import InitialConditions
 from ._checks import (
     as_events,
     check_arguments,
+    check_dense,
     check_events,
     check_num_saved,
     check_structure,
     check_times,
+    check_values,
     shapes_after,
 )
 from ._failures import loud, nan_where_failed, place_of_failure
@@ -79,7 +81,8 @@ def simulate(system: Any, y0: PyTree, *args: Any, **kwargs: Any) -> Any:
     - `t0`: the time at which a mission starts, s.
     - `accuracy`: the relative tolerance of each step, or an `Accuracy`; 1e-9 by default.
     - `events`: the run of a system stops at the first zero of one of these; of those with
-      `terminal=False` every zero is collected (`Trajectory.crossings`). The phases of a mission
+      `terminal=False` every zero is collected (`Trajectory.crossings`), and after their jumps, if
+      they have some, the run goes on. The phases of a mission
       bring their own.
     - `dense`: whether to keep the steps, for states between the save times (`Trajectory.at`).
     - `num_saved`: how many states each phase of a mission saves, from its start to its end.
@@ -121,8 +124,10 @@ def _simulate_system(
     ts = check_times(ts, y0)
     start = jax.ShapeDtypeStruct((), ts.dtype)
     check_structure(system, y0, start)
+    check_values(system, ts[0], y0)
     events = as_events(events)
     check_events(events, system, y0, start, 0)
+    check_dense(dense, events)
     starts = functools.partial(InitialConditions.of_one, system, y0, ts)
     config = resolve(system, y0, as_accuracy(accuracy), starts)
 

@@ -180,11 +180,23 @@ class Trajectory(eqx.Module):
         How far it moves when the run is repeated with a hundredth of the tolerance (and half the
         `max_step`, or twice as many fixed steps); for a closed form, when its duration is passed in
         two parts. NaN where the steps of the repetition run out. A pulse that both runs miss stays
-        unknown (`Accuracy.max_step`)."""
+        unknown (`Accuracy.max_step`).
+
+        **Raises** `InputError` for a run that jumps in place on its way."""
+        self.check_without_jumps("error")
         again = final_state_again(
             self.system, self.initial, self.ts, self.accuracy.tightened(0.01), self.run_axes
         )
         return jax.tree.map(lambda a, b: jnp.abs(a - b), self.final, again)
+
+    def check_without_jumps(self, what: str) -> None:
+        """Raise `InputError` for a run with jumps in place (`Event.then`), which cannot be repeated
+        without its events."""
+        if any(found.after is not None for found in self.crossings):
+            raise InputError(
+                f"{what} repeats a run, and this one jumps on its way (Event.then): simulate it "
+                f"again, with its events."
+            )
 
     def to_xarray(self) -> "xarray.Dataset":
         """The run as a data set with named axes and units: (component, time, run)."""

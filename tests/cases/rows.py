@@ -53,10 +53,16 @@ CHAPTERS_1_TO_4 = (
         *("3 P11", "Look angles of a satellite", "T3-P11"),
         "orbits.Station orbits.ground_point",
     ),
-    Row("3 P13 to P16", "Rates of direction cosines", "T3-P15"),
+    Row(
+        *("3 P13 to P16", "Rates of direction cosines", "T3-P15"),
+        "rotations.omega_from_cosine_rates rotations.cosine_conditions",
+    ),
     Row("4.2", "Impulse, restitution, crushable pad", "T4.2"),
     Row("4.3", "Work and energy", "T4.3"),
-    Row("4.4", "Moment about a moving point", "T4.4"),
+    Row(
+        *("4.4", "Moment about a moving point", "T4.4"),
+        "mechanics.momentum_about mechanics.moment_about_moving_point",
+    ),
     Row(
         *("4.5", "Central forces", "T4.5"),
         "orbits.PowerLawForce orbits.radial_motion orbits.turning_points orbits.force_of_orbit",
@@ -80,7 +86,7 @@ CHAPTERS_1_TO_4 = (
     Row(
         *("4.11", "Hohmann transfer, planets", "T4.11"),
         "orbits.bielliptic_transfer orbits.bielliptic_break_even orbits.synodic_period "
-        "orbits.departure_phase",
+        "orbits.departure_phase constants.PLANETS",
     ),
     Row("4.12", "Coaxial ellipses", "T4.12"),
     Row(

@@ -43,6 +43,7 @@ from jaxspace.orbits import (
     radial_motion,
     secular_rates,
     semi_major_axis,
+    semi_major_axis_of_period,
     shell_gravity,
     shell_potential,
     small_tangential_impulse,
@@ -197,16 +198,16 @@ def power_orbit(K, n, r0, v0, t):
     return flat(r[1]), flat(v[1]), energy, cross(r[1], v[1])[2]
 
 
-def moon(D, mass_ratio, period):
-    """The Moon's distance: a circle of the period, the common centre, the neutral point."""
-    days = 86400.0
+def moon(mass_ratio, days):
+    """The Moon's distance by its period, the common centre, the neutral point."""
     pull = G * R**2
-    rate = 2.0 * jnp.pi / (period * days)
-    a = semi_major_axis(D * MILE * X, rate * D * MILE * Y, pull / (1.0 - mass_ratio))
-    neutral = 0.9 * D * MILE * X
-    moon_pull = pull * mass_ratio / (1.0 - mass_ratio)
-    balance = point_gravity(neutral, pull) + point_gravity(neutral - D * MILE * X, moon_pull)
-    return a / MILE, D * mass_ratio, norm(balance) / norm(point_gravity(neutral, pull))
+    moon_pull = pull * mass_ratio
+    D = semi_major_axis_of_period(days * 86400.0, pull + moon_pull)
+    centre, _ = to_relative(pull, moon_pull, 0.0 * X, D * X)
+    neutral = 0.9 * D * X
+    balance = point_gravity(neutral, pull) + point_gravity(neutral - D * X, moon_pull)
+    rest = norm(balance) / norm(point_gravity(neutral, pull))
+    return D / MILE, norm(centre) / MILE, neutral[0] / MILE, rest
 
 
 def two_masses(m1, m2, r1, r2, v1, v2, t):
@@ -476,14 +477,15 @@ CASES = [
     Case(
         "T4.6-P1",
         "Distance of the Moon, common centre, neutral point at 0.9 of the way",
-        (semi_major_axis, point_gravity),
-        {
-            "D": 239069.09137076788,
-            "mass_ratio": 1 / 82,
-            "period": 27.32,
-        },
+        (semi_major_axis_of_period, to_relative, point_gravity),
+        {"mass_ratio": 1 / 81, "days": 27.32},
         moon,
-        {"D (mi)": 239069.09137076788, "centre (mi)": 2915.4767240337546, "balance": 0.0},
+        {
+            "D (mi)": 239069.09137076788,
+            "centre (mi)": 2915.4767240337546,
+            "neutral point (mi)": 215162.1822336911,
+            "balance": 0.0,
+        },
         atol=1e-14,
     ),
     Case(

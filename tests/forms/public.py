@@ -13,7 +13,7 @@ FLOOR = ("_safe", "_special", "_elliptic", "_linear", "_tables")
 LEFT_OUT: dict[str, tuple[str, ...]] = {
     "declares an interface, or holds inputs or results": (
         *("attitude.AbstractMotor*", "attitude.CordState", "attitude.DriftState"),
-        "attitude.SwingState",
+        *("attitude.SwingState", "attitude.LibrationState"),
         *("bodies.Abstract*", "bodies.Load", "bodies.BodyState.*", "attitude.PendulumState"),
         *("gyros.GimbalState", "optimization.AbstractThrustAcceleration", "optimization.Ascent"),
         *("optimization.ConstantThrustAcceleration", "optimization.Criterion"),
@@ -29,6 +29,7 @@ LEFT_OUT: dict[str, tuple[str, ...]] = {
         *("rockets.JetDamping.potential", "rockets.Thrust.potential", "bodies.sample_state"),
         *("attitude.*Torque.potential", "attitude.MagneticDipole.potential", "attitude.TiltState"),
         *("attitude.NutationDamper.potential", "attitude.ReactionWheels.potential"),
+        "attitude.EnergySink.potential",
         *("attitude.GravityGradient.potential", "optimization.SteeredFlight.invariants"),
         "rockets.ThrustProfile.constant",
     ),
@@ -73,6 +74,9 @@ LEFT_OUT: dict[str, tuple[str, ...]] = {
         *("attitude.principal_tilt", "attitude.radial_release_spin"),
         "attitude.zero_spin_radial_cord",
         *("attitude.PointingControl.torque", "attitude.ConstantTorque.torque"),
+        *("attitude.energy_sink_angle", "attitude.pitch_libration"),
+        *("orbits.semi_major_axis_of_period", "rotations.cosine_*"),
+        "rotations.omega_from_cosine_rates",
         *("attitude.BearingReactions", "attitude.InvariablePlane", "attitude.bank_angle"),
         *(
             "attitude.DipoleField*",

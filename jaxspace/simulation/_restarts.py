@@ -1,0 +1,191 @@
+"""Runs that an event moves in place and lets go on, as a floor does with a ball.
+
+    y(t_k+) = then(t_k, y(t_k-)),   g(t_k, y(t_k-)) = 0        k = 1, 2, ... up to the capacity
+
+From one restart to the next the run is that of a phase: the search is outside of every derivative,
+and one Newton step carries those of the time, so that they pass through all restarts. The states at
+the save times follow afterwards, each from the last restart or save time before it.
+"""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, Int
+
+from ..core import AbstractSystem, State
+from ..integration._config import IntegrationConfig
+from ..integration._crossings import Crossings
+from ..integration._event_search import first_event
+from ..integration._event_zero import pick
+from ..integration._events import Event, newton_correct
+from ..integration._integrate import integrate
+from ..integration._layout import runs_of, state_at, times_behind_components, with_start
+from ..integration._status import Status, combine_status
+
+
+class Restarts(NamedTuple):
+    """Every restart of each run, and how the run ended: rows lead.
+
+    - `ts`, `before`, `after`: times, s, and the states on both sides; the end of the run, and the
+      state there, behind the last one.
+    - `which`: the number of the event, -1 behind the last one; `rising`: the way of its condition.
+    - `end`, `final`: the time at which the run ends, s, and the state there; `stopped_by`: the
+      number of the event that ended it, or -1.
+    - `counts`, `overflow`: of each event, how many restarts, and whether there was no room."""
+
+    ts: Float[Array, "restarts *#runs"]
+    before: State
+    after: State
+    which: Int[Array, "restarts *#runs"]
+    rising: Bool[Array, "restarts *#runs"]
+    end: Float[Array, "*runs"]
+    final: State
+    stopped_by: Int[Array, "*runs"]
+    counts: Int[Array, "events *#runs"]
+    overflow: Bool[Array, "events *#runs"]
+    status: Int[Array, "*runs"]
+    stats: dict[str, Array]
+
+
+class _Way(NamedTuple):
+    """How far a run has got: time, state, status, restarts of each event, and what ended it."""
+
+    t: Array
+    y: State
+    status: Array
+    counts: Array
+    stopped_by: Array
+
+
+def restarts_between(
+    system: AbstractSystem,
+    y0: State,
+    t0: Array,
+    t1: Array,
+    events: tuple[Event, ...],
+    config: IntegrationConfig,
+    run_axes: int,
+) -> Restarts:
+    """All restarts from `t0` to `t1`, s, (*runs,); events without `then` end the run, and so does a
+    restart for which there is no room."""
+    runs = runs_of(y0, run_axes)
+    axes = (1,) * len(runs)
+    rooms = [0 if event.then is None else event.capacity for event in events]
+    room = jnp.array(rooms, jnp.int32).reshape(-1, *axes)
+    numbers = jnp.arange(len(events), dtype=jnp.int32).reshape(-1, *axes)
+
+    def one(way: _Way, _: None) -> tuple[_Way, tuple]:
+        stopped = way.stopped_by >= 0
+        last = jnp.where(stopped, way.t, t1)
+        found = first_event(system, way.y, way.t, last, events, config, run_axes)
+        result = integrate(system, way.y, way.t, found.time, None, config, run_axes)
+        y = state_at(result.states, -1, run_axes)
+        t, y = newton_correct(system, events, found.which, found.time, y)
+        hit = found.which >= 0
+        here = (numbers == found.which) & hit & (way.counts < room)
+        goes_on = jnp.any(here, axis=0)
+        after, rising = y, jnp.zeros(runs, bool)
+        for number, event in enumerate(events):
+            slope = event.slope(system, t, y)[1]
+            rising = jnp.where(here[number], slope * jnp.sign(t1 - t0) > 0.0, rising)
+            if event.then is not None:
+                moved = event.then(t, y)
+                after = jax.tree.map(lambda a, b, k=number: jnp.where(here[k], a, b), moved, after)
+        status = combine_status(way.status, combine_status(result.status, found.status))
+        by = jnp.where(hit & ~goes_on, found.which, way.stopped_by)
+        row = (t, y, after, jnp.where(goes_on, found.which, -1), rising, result.stats)
+        return _Way(t, after, status, way.counts + here.astype(jnp.int32), by), row
+
+    none = jnp.zeros((len(events), *runs), jnp.int32)
+    start = _Way(
+        jnp.broadcast_to(t0, runs),
+        y0,
+        jnp.zeros(runs, jnp.int32),
+        none,
+        jnp.full(runs, -1, jnp.int32),
+    )
+    way, (ts, before, after, which, rising, stats) = jax.lax.scan(
+        one, start, None, length=sum(rooms) + 1
+    )
+    overflow = (numbers == way.stopped_by) & (room > 0)
+    return Restarts(
+        ts, before, after, which, rising, way.t, way.y, way.stopped_by, way.counts, overflow,
+        way.status, _total(stats),
+    )  # fmt: skip
+
+
+def states_between(
+    system: AbstractSystem,
+    y0: State,
+    ts: Float[Array, "times *#runs"],
+    found: Restarts,
+    config: IntegrationConfig,
+    run_axes: int,
+) -> tuple[State, Int[Array, "*runs"], dict[str, Array]]:
+    """The states at the save times `ts`, (times, *runs), which end where the run does; right after
+    a restart at one of them. Also status and work."""
+    sign = jnp.where(found.end < ts[0], -1.0, 1.0).astype(ts.dtype)
+    happened = found.which >= 0
+
+    def one(carry: tuple[State, Array, Array], t: Array) -> tuple[tuple, tuple]:
+        y, t_before, status = carry
+        passed = happened & (sign * found.ts <= sign * t) & (sign * found.ts >= sign * t_before)
+        # Of several the last one, and none where the row is not one of them.
+        index = passed.shape[0] - 1 - jnp.argmax(passed[::-1], axis=0)
+        restarted, t_restart = pick((found.after, found.ts), index, run_axes)
+        anew = jnp.any(passed, axis=0)
+        y = jax.tree.map(lambda a, b: jnp.where(anew, a, b), restarted, y)
+        start = jnp.where(anew, t_restart, t_before)
+        result = integrate(system, y, start, t, None, config, run_axes)
+        y = state_at(result.states, -1, run_axes)
+        status = combine_status(status, result.status)
+        return (y, t, status), (y, result.stats)
+
+    start = (y0, ts[0], found.status)
+    (_, _, status), (states, stats) = jax.lax.scan(one, start, ts[1:])
+    states = with_start(y0, times_behind_components(states, run_axes), run_axes)
+    work = {name: jnp.stack([x, found.stats[name]]) for name, x in _total(stats).items()}
+    return states, status, _total(work)
+
+
+def collected(found: Restarts, events: tuple[Event, ...], run_axes: int) -> tuple[Crossings, ...]:
+    """The restarts of each event that has some, as its `Crossings`."""
+    return tuple(
+        _of_event(found, number, event.capacity, run_axes)
+        for number, event in enumerate(events)
+        if event.then is not None
+    )
+
+
+def _of_event(found: Restarts, number: int, capacity: int, run_axes: int) -> Crossings:
+    # Those of the event come first, in their order.
+    order = jnp.argsort(found.which != number, axis=0, stable=True)[:capacity]
+    both = found.ts, found.before, found.after
+    ts, before, after = jax.vmap(lambda index: pick(both, index, run_axes))(order)
+    rising = jnp.take_along_axis(found.rising, order, axis=0)
+    used = (
+        jnp.arange(capacity, dtype=jnp.int32).reshape(-1, *(1,) * run_axes) < found.counts[number]
+    )
+
+    def leaf(x: Array) -> Array:
+        return jnp.where(used, x, jnp.nan)
+
+    before, after = (times_behind_components(y, run_axes) for y in (before, after))
+    return Crossings(
+        leaf(ts),
+        jax.tree.map(leaf, before),
+        rising & used,
+        found.counts[number],
+        found.overflow[number],
+        jnp.where(found.status == Status.COMPLETED, Status.COMPLETED, found.status),
+        jax.tree.map(leaf, after),
+    )
+
+
+def _total(stats: dict[str, Array]) -> dict[str, Array]:
+    """Work over all rows."""
+    return {
+        name: jnp.max(x, axis=0) if name == "largest_local_error" else jnp.sum(x, axis=0)
+        for name, x in stats.items()
+    }

@@ -1,0 +1,139 @@
+"""Places where the formulas of rotation lose their digits, each against an analytic truth: nearly
+equal moments, fast tops, ten thousand nutations, the sleeping top at its limit, a half turn."""
+
+import jax
+import jax.numpy as jnp
+import mpmath
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from test_attitude_nutation import WL, A, C, exact, swing, tilted
+
+from jaxspace.attitude import Top, TorqueFreeBody, symmetric_flow
+from jaxspace.bodies import BodyState
+from jaxspace.rotations import Quaternion
+
+TOP = Top(A, C, WL)
+
+
+@jax.jit
+def flow(v, t):
+    """Attitude and rate of a top, a time later."""
+    y = BodyState(attitude=Quaternion(v[3:7]), omega=v[7:])
+    end = Top(v[0], v[1], v[2]).closed_form().flow(t, y)
+    return end.attitude.wxyz, end.omega
+
+
+def tilt_of(wxyz):
+    """The angle of the axis from the upward vertical, with all digits near it."""
+    across = 2.0 * np.hypot(wxyz[1], wxyz[2]) * np.hypot(wxyz[0], wxyz[3])
+    up = wxyz[0] ** 2 + wxyz[3] ** 2 - wxyz[1] ** 2 - wxyz[2] ** 2
+    return np.arctan2(across, up)
+
+
+@pytest.mark.parametrize("which", [(0, 1), (1, 2), (0, 2)])
+def test_moments_that_differ_by_a_rounding(which):
+    """To 1e-14 it is the symmetric body, whatever axis that has; its derivatives, too."""
+    q0, omega = Quaternion([0.7, 0.1, -0.5, 0.5]).normalised(), jnp.array([0.3, -0.2, 0.9])
+    other = 3 - sum(which)
+    moments = jnp.full(3, 1.0).at[other].set(2.0)
+    nearly = moments.at[which[0]].add(1e-14)
+    # The axis of symmetry is the third one of `symmetric_flow`: the axes in a right-handed order.
+    order = jnp.array([(other + 1) % 3, (other + 2) % 3, other])
+    turn = jnp.eye(3)[order].T  # from the ordered axes to those of the body
+
+    def by_symmetry(omega):
+        q = q0.then(Quaternion.from_matrix(turn))
+        end = symmetric_flow(50.0, BodyState(attitude=q, omega=omega[order]), 1.0, 2.0)
+        back = end.attitude.then(Quaternion.from_matrix(turn.T))
+        return jnp.concatenate([back.wxyz, turn @ end.omega])
+
+    def by_ellipses(omega):
+        y = BodyState(attitude=q0, omega=omega)
+        end = TorqueFreeBody(nearly).closed_form().flow(jnp.asarray(50.0), y)
+        return jnp.concatenate([end.attitude.wxyz, end.omega])
+
+    truth, found = by_symmetry(omega), by_ellipses(omega)
+    sign = jnp.sign(jnp.sum(truth[:4] * found[:4]))
+    truth = truth.at[:4].multiply(sign)
+    # 50 s of turning by 1 rad/s, each radian to a rounding.
+    assert_allclose(found, truth, atol=2e-13)
+    slopes, expected = jax.jacfwd(by_ellipses)(omega), jax.jacfwd(by_symmetry)(omega)
+    expected = expected.at[:4].multiply(sign)
+    assert_allclose(slopes, expected, atol=2e-12 * float(jnp.max(jnp.abs(expected))))
+
+
+@pytest.mark.parametrize("ratio", [1e4, 1e6, 1e10])
+def test_a_fast_top(ratio):
+    """(Cn)^2/(A W l) of instruments: the width of the nutation keeps its digits beside 0.8 rad, and
+    a thousand nutations their phase."""
+    n = np.sqrt(ratio * A * WL) / C
+    v = tilted((A, C, WL), 0.8, [0.0, 0.0, n])
+    with mpmath.workdps(100):
+        truth = [float(x) for x in exact([mpmath.mpf(float(x)) for x in v])]
+    found = swing(v)
+    assert_allclose(found, truth, rtol=1e-14)
+    # 2 A W l sin/(Cn)^2 to first order: of the width itself nothing is lost but the rounding of the
+    # angle.
+    width = 2.0 * np.sin(0.8) / ratio
+    assert_allclose(found[1] - found[0], width, rtol=5.0 / ratio, atol=3e-16)
+    wxyz, _ = flow(v, jnp.asarray(1000.0 * truth[2]))
+    assert_allclose(tilt_of(wxyz), 0.8, atol=1e-13)
+    wxyz, _ = flow(v, jnp.asarray(1000.5 * truth[2]))
+    assert_allclose(tilt_of(wxyz), truth[1], atol=1e-13)
+
+
+def test_ten_thousand_nutations():
+    """The axis is back at its tilt, and its precession is ten thousand times that of one."""
+    v = tilted((A, C, WL), 0.7, [0.0, 0.0, 150.0])
+    with mpmath.workdps(60):
+        low, _, period, turn = exact([mpmath.mpf(float(x)) for x in v])
+        time, turned = 10_000 * period, float(mpmath.fmod(10_000 * turn, 2 * mpmath.pi))
+    wxyz, omega = flow(v, jnp.asarray(float(time)))
+    assert_allclose(tilt_of(wxyz), float(low), atol=1e-12)
+    assert_allclose(omega[2], 150.0, rtol=1e-14)
+    # psi from the node: the sum and the difference of psi and phi are the angles of (q0, q3) and
+    # (q1, q2).
+    psi = np.arctan2(wxyz[3], wxyz[0]) + np.arctan2(wxyz[2], wxyz[1])
+    psi_0 = np.arctan2(v[6], v[3]) + np.arctan2(v[5], v[4])
+    # Some 600 rad, each number of the motion to a rounding.
+    assert_allclose(np.exp(1j * (psi - psi_0)), np.exp(1j * turned), atol=1e-11)
+
+
+@pytest.mark.parametrize("gap", [0.0, 1e-12, -1e-12, 1e-6, -1e-6, 1e-3, -1e-3])
+def test_a_sleeping_top_at_its_limit(gap):
+    """A tilt of 1e-6 at rest, at the critical spin and on both sides of it: z = theta e^(i psi)
+    seen from axes that turn at C n/(2A) obeys z'' + W^2 z = 0, W^2 = ((Cn)^2 - 4 A W l)/(2A)^2."""
+    n = float(TOP.least_spin(0.0)) * (1.0 + gap)
+    tilt, half = 1e-6, 0.5 * C * n / A
+    v = tilted((A, C, WL), tilt, [0.0, 0.0, n])
+    square = half**2 - WL / A
+    if gap == 0.0:
+        square = 0.0  # but for the rounding of n
+    t = np.array([0.1, 0.7, 2.0])
+    rate = np.sqrt(complex(square) + 1e-300)
+    z = np.cos(rate * t) - 1j * half * np.sin(rate * t) / rate
+    for when, place in zip(t, z, strict=True):
+        wxyz, _ = flow(v, jnp.asarray(when))
+        # The cube of the tilt, which grows to 1e-4, and the rounding of W^2 over the time.
+        assert_allclose(tilt_of(wxyz), tilt * abs(place), rtol=1e-6)
+
+
+@pytest.mark.parametrize("short", [0.0, 1e-15, 1e-9, 1e-4])
+def test_logarithm_of_a_half_turn(short):
+    """The vector of a turn by pi, and just below it, comes back; its slopes are those of one."""
+    direction = np.array([0.48, -0.6, 0.64])
+    v = (np.pi - short) * direction
+
+    def back(v):
+        return Quaternion.from_rotation_vector(v).rotation_vector()
+
+    found = np.asarray(back(jnp.asarray(v)))
+    # At pi itself both signs name the same turn.
+    sign = np.sign(found @ direction)
+    assert_allclose(sign * found, v, atol=1e-15 * 8)
+    if short > 1e-12:
+        assert sign == 1.0
+        assert_allclose(jax.jacfwd(back)(jnp.asarray(v)), np.eye(3), atol=1e-12)
+    for mode in (jax.jacfwd, jax.jacrev):
+        assert np.isfinite(mode(back)(jnp.asarray(v))).all()
