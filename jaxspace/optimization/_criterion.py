@@ -35,6 +35,8 @@ class StopReason(enum.IntEnum):
     INFEASIBLE = 2
     NO_PROGRESS = 3
     NOT_FINITE = 4
+    WRONG_GRADIENT = 5
+    INTERRUPTED = 6
 
 
 SENTENCES = {
@@ -49,6 +51,10 @@ SENTENCES = {
         "No step improves the result further: {found}; the problem is known no better than this."
     ),
     StopReason.NOT_FINITE: "The objective or a constraint is not finite at the start.",
+    StopReason.WRONG_GRADIENT: (
+        "The gradient at the start is not the slope of the objective: the search did not begin."
+    ),
+    StopReason.INTERRUPTED: "Interrupted after {steps} steps: {found}.",
 }
 
 
@@ -81,6 +87,7 @@ class Minimum(eqx.Module):
       in its place in x; about zero elsewhere.
     - `history`: objective, violation and gradient after each round or step, (rows, 3), NaN for
       those not taken; that of "sqp" in its scaled units.
+    - `search`: where the search stands, from which `minimise` can go on.
     """
 
     x: Point
@@ -94,6 +101,7 @@ class Minimum(eqx.Module):
     reason: Int[Array, ""]
     bound_multipliers: Point
     history: Float[Array, "rows 3"]
+    search: PyTree = None
 
     def sentence(self) -> str:
         """Why the search ended, in words, for a known result of one run.
