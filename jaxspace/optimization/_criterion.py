@@ -1,7 +1,7 @@
 """What a problem of optimisation returns, and what its minimum is."""
 
 import enum
-from typing import TypeAlias, final
+from typing import Any, TypeAlias, final
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -102,6 +102,12 @@ class Minimum(eqx.Module):
     bound_multipliers: Point
     history: Float[Array, "rows 3"]
     search: PyTree = None
+
+    def plot(self, title: str = "") -> Any:
+        """A figure of the history, with matplotlib. Raises `ImportError` without it."""
+        from ..plots import convergence_figure
+
+        return convergence_figure(self.history, title)
 
     def sentence(self) -> str:
         """Why the search ended, in words, for a known result of one run.

@@ -29,8 +29,8 @@ from ..solvers import _tableaus as tableau
 from ._mission import Mission, Phase
 
 STAGES = 12
-# How often the step to an event is shortened: the secant needs five, and has some in reserve.
-SEARCH = 10
+# How often the step to an event is shortened: some eight reach rounding.
+SEARCH = 12
 
 
 def _filled(rows: tuple, columns: int) -> np.ndarray:
@@ -49,10 +49,12 @@ C = np.asarray(tableau.DOP853_C[:STAGES])
 
 class CompactPhase(NamedTuple):
     """A phase: the times of its steps' ends, (steps + 1,), s, the states there, components lead,
-    and whether the event that ends it happened."""
+    the
+    state at its end `before` the jump, and whether the event that ends it happened."""
 
     ts: Float[Array, " times"]
     states: State
+    before: State
     happened: Bool[Array, ""]
 
 
@@ -150,7 +152,7 @@ def _phase(
     states = jax.vmap(unravel, out_axes=-1)(jnp.concatenate([v0[None], vs]))
     sizes = _sizes(states, unravel(v0))
     error = jnp.sum(jnp.max(jnp.abs(wrongs) / sizes, axis=1))
-    return CompactPhase(times, states, happened), t, y, error
+    return CompactPhase(times, states, y, happened), t, y, error
 
 
 def _sizes(states: State, like: State) -> Float[Array, " components"]:
@@ -163,10 +165,28 @@ def _sizes(states: State, like: State) -> Float[Array, " components"]:
     return lax.stop_gradient(ravel_pytree(jax.tree.map(leaf, states, like))[0])
 
 
+class _Search(NamedTuple):
+    """Before an event: time, state and condition g; the number of the next step of the plan.
+
+    - `hit`: whether the zero is bracketed, then `rest`: the length to a place beyond it, where the
+      condition is `g1`; `ahead`, `past`: the weights of both; `side`: which end moved last."""
+
+    t: Array
+    v: Array
+    g: Array
+    number: Array
+    hit: Array
+    rest: Array
+    g1: Array
+    ahead: Array
+    past: Array
+    side: Array
+
+
 def _until_event(event, step, unravel, ts, v0):  # noqa: ANN001, ANN202
     """Steps up to the zero of the event's condition.
 
-    A step across the zero is not taken but shortened by the secant, until the state stands just
+    A step across the zero is not taken but shortened by regula falsi, until the state stands just
     before it."""
     sign = float(event.direction)
 
@@ -174,26 +194,37 @@ def _until_event(event, step, unravel, ts, v0):  # noqa: ANN001, ANN202
         ahead = (g0 < 0.0) & (g >= 0.0), (g0 > 0.0) & (g <= 0.0)
         return ahead[0] if sign > 0 else ahead[1] if sign < 0 else ahead[0] | ahead[1]
 
-    def advance(carry, _):  # noqa: ANN001, ANN202
-        t, v, g0, number, h, hit = carry
-        # `h` is the rest of a step that was too long; elsewhere the next one of the plan.
-        full = ts[jnp.minimum(number + 1, ts.size - 1)] - t
-        h = jnp.where(hit, h, full)
-        v1, wrong = step(t, h, v)
-        g1 = event.condition(t + h, unravel(v1))
-        across = passed(g1, g0)
-        gap = jnp.where(across, g0 - g1, 1.0)
-        shorter = lax.stop_gradient(h * jnp.clip(g0 / gap, 0.0, 1.0))
-        # Once the zero is bracketed, what is left after an accepted part is the rest of the step.
-        rest = jnp.where(across, shorter, jnp.where(hit, 0.0, h))
-        t_new, v_new = jnp.where(across, t, t + h), jnp.where(across, v, v1)
-        g_new = jnp.where(across, g0, g1)
-        wrong = jnp.where(across, 0.0, wrong)
-        new = (t_new, v_new, g_new, number + jnp.where(hit | across, 0, 1), rest, hit | across)
-        return new, (t_new, v_new, wrong)
+    def advance(at, _):  # noqa: ANN001, ANN202
+        full = ts[jnp.minimum(at.number + 1, ts.size - 1)] - at.t
+        share = at.ahead * at.g / jnp.where(at.hit, at.ahead * at.g - at.past * at.g1, 1.0)
+        h = lax.stop_gradient(at.rest * share)
+        h = jnp.where(at.hit, h, full)
+        v1, wrong = step(at.t, h, at.v)
+        g1 = event.condition(at.t + h, unravel(v1))
+        across = passed(g1, at.g)
+        keep = lambda new, old: jnp.where(across, old, new)  # noqa: E731
+        first = across & ~at.hit
+        # Whichever end is kept twice counts half, so that it does not stay for ever (Illinois).
+        ahead = jnp.where(across & at.hit & (at.side < 0.0), 0.5 * at.ahead, 1.0)
+        past = jnp.where(~across & at.hit & (at.side > 0.0), 0.5 * at.past, 1.0)
+        new = _Search(
+            t=keep(at.t + h, at.t),
+            v=keep(v1, at.v),
+            g=keep(g1, at.g),
+            number=at.number + jnp.where(at.hit | across, 0, 1),
+            hit=at.hit | across,
+            rest=jnp.where(across, h, at.rest - h),
+            g1=jnp.where(across, g1, at.g1),
+            ahead=jnp.where(first, 1.0, ahead),
+            past=jnp.where(first, 1.0, past),
+            side=jnp.where(across, -1.0, 1.0),
+        )
+        return new, (new.t, new.v, keep(wrong, 0.0 * wrong))
 
-    g0 = event.condition(ts[0], unravel(v0))
-    zero = jnp.zeros_like(ts[0])
-    start = (ts[0], v0, g0, jnp.asarray(0), zero, jnp.asarray(False))
+    zero, one = jnp.zeros_like(ts[0]), jnp.ones_like(ts[0])
+    start = _Search(
+        ts[0], v0, event.condition(ts[0], unravel(v0)), jnp.asarray(0), jnp.asarray(False),
+        zero, zero, one, one, zero,
+    )  # fmt: skip
     last, kept = lax.scan(advance, start, None, length=ts.size - 1 + SEARCH)
-    return (last[0], last[1], last[5]), kept
+    return (last.t, last.v, last.hit), kept
