@@ -217,7 +217,7 @@ def _by_sqp(
     mi = 0 if shapes.non_negative is None else shapes.non_negative.size
     # Forward mode costs a run for each unknown, reverse mode several for each number, and more to
     # compile.
-    mode = jax.jacfwd if x0.size <= 8 * (1 + me + mi) else jax.jacrev
+    mode = jax.jacfwd if x0.size <= 16 * (1 + me + mi) else jax.jacrev
     derivatives = mode(numbers, has_aux=True)
 
     def evaluate(s: sqp.SqpState) -> sqp.Found:
