@@ -87,9 +87,9 @@ class Optimum:
         def lagrangian(numbers: dict[str, Array]) -> Array:
             found = criterion(self.file, self.task, {**numbers, **self.minimum.x})
             total = found.objective
-            if found.equal_zero is not None:
+            if found.equal_zero is not None and dual.equal_zero is not None:
                 total = total + dual.equal_zero @ found.equal_zero
-            if found.non_negative is not None:
+            if found.non_negative is not None and dual.non_negative is not None:
                 total = total - dual.non_negative @ found.non_negative
             return self.task.sign * total
 
@@ -218,6 +218,6 @@ def _put(table: Any, path: list[str], value: str | float) -> None:
             table[key] = {}
         table = table[key]
     last: Any = int(path[-1]) if isinstance(table, list) else path[-1]
-    if not isinstance(table, list | Mapping):
+    if not isinstance(table, list | dict):
         raise InputError(f"{'.'.join(path)} cannot be written: its table is given by one number.")
     table[last] = value

@@ -139,7 +139,8 @@ def optimum_report(found: Optimum, confirmed: Sequence[float] = ()) -> str:
         ("", "found", "confirmed"),
         (label, number(goal.factor * found.objective), _or_dash(goal.factor * checked[0])),
     ])]  # fmt: skip
-    held, rows = found.bound_derivatives, [("free", "start", "optimum", "low", "high", "slope")]
+    held = found.bound_derivatives
+    rows: list[Row] = [("free", "start", "optimum", "low", "high", "slope")]
     for free in task.free:
         numbers = (free.start, found.values[free.path], free.low, free.high)
         # By its bound, where one holds it.

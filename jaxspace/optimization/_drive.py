@@ -15,6 +15,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jax import lax
+from jax.core import Tracer
 from jaxtyping import Array
 
 Progress: TypeAlias = Callable[[int, float, float, float], None]
@@ -25,7 +26,7 @@ def is_traced(tree: Any) -> bool:
     """Whether the numbers of a tree, or those of any computation made here, are not known."""
     # Within a trace of jit every operation is recorded, also one of known numbers.
     leaves = [jnp.zeros(()) + 0.0, *jax.tree.leaves(tree)]
-    return any(isinstance(x, jax.core.Tracer) for x in leaves)
+    return any(isinstance(x, Tracer) for x in leaves)
 
 
 def drive(

@@ -206,6 +206,10 @@ def _by_sqp(
     low, high = (ravel_pytree(b)[0] for b in common.limits)
     size = _sizes(x0, low, high) if scale is None else ravel_pytree(scale)[0]
 
+    if before is not None and isinstance(before.search, sqp.SqpState):
+        # The search goes on in its own scaled unknowns.
+        size = before.search.size
+
     def numbers(z: Array) -> tuple[Array, tuple[Array, Criterion]]:
         criterion = problem(unravel(size * z))
         parts = (criterion.objective, criterion.equal_zero, criterion.non_negative)
@@ -228,7 +232,7 @@ def _by_sqp(
     limits = sqp.Limits(low / size, high / size, jnp.asarray(common.tolerance, x0.dtype))
     blank = jax.tree.map(lambda like: jnp.zeros(like.shape, like.dtype), shapes)
     z0 = jnp.clip(x0, low, high) / size
-    state = sqp.begin(z0, me, mi, blank, max_steps, common.check)
+    state = sqp.begin(z0, size, me, mi, blank, max_steps, common.check)
     if before is not None:
         state = _taken_up(before, state)
     last, interrupted = drive(

@@ -202,7 +202,8 @@ def _by_adam(s: Descent, good: Array, options: Options) -> Descent:
     # Outside of the domain the objective is infinite, and has no slope to follow.
     slopes = jnp.where(jnp.isfinite(s.slopes), s.slopes, 0.0)
     with jax.numpy_dtype_promotion("standard"):
-        step, adam = optax.scale_by_adam().update(slopes, s.adam, s.x)
+        made, adam = optax.scale_by_adam().update(slopes, s.adam, s.x)
+    step = jnp.asarray(made)
     trial = s.x - jnp.asarray(options.adam_rate, s.x.dtype) * step
     return s._replace(trial=trial, adam=adam, adam_left=s.adam_left - 1)
 
@@ -214,8 +215,9 @@ def _by_lbfgs(s: Descent, good: Array, options: Options) -> Descent:
     with jax.numpy_dtype_promotion("standard"):
         fresh = method.init(s.x)
         memory = jax.tree.map(lambda a, b: jnp.where(s.fresh, a, b), fresh, s.memory)
-        step, memory = method.update(s.slopes, memory, s.x)
+        made, memory = method.update(s.slopes, memory, s.x)
     memory = jax.tree.map(lambda a, b: a.astype(b.dtype), memory, s.memory)
+    step = jnp.asarray(made)
     slope = -(step @ s.slopes)
     downhill = slope < 0.0
     p = jnp.where(downhill, -step, -s.slopes)

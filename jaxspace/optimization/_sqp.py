@@ -61,7 +61,8 @@ class SqpState(NamedTuple):
     second-order correction of (c, d), `weight` the scale of (f, c, d), `rows` the history.
 
     - `calls`: the number of the next evaluation: below zero the probes of the gradient, at zero
-      that of the start; `probed`: the values of the probes, and `wrong`: what they find."""
+      that of the start; `probed`: the values of the probes, and `wrong`: what they find.
+    - `size`: of the unknowns, by which they are scaled."""
 
     x: Float[Array, " n"]
     at: Values
@@ -83,6 +84,7 @@ class SqpState(NamedTuple):
     calls: Int[Array, ""]
     probed: Float[Array, "4 all"]
     wrong: Float[Array, ""]
+    size: Float[Array, " n"]
 
 
 class Found(NamedTuple):
@@ -103,13 +105,19 @@ class Limits(NamedTuple):
 
 
 def begin(
-    x: Float[Array, " n"], me: int, mi: int, report: Any, max_steps: int, check: bool
+    x: Float[Array, " n"],
+    size: Float[Array, " n"],
+    me: int,
+    mi: int,
+    report: Any,
+    max_steps: int,
+    check: bool,
 ) -> SqpState:
     """The state before the first evaluation.
 
     **Arguments**
 
-    - `x`: scaled unknowns at the start.
+    - `x`: scaled unknowns at the start; `size`: by which they are scaled.
     - `me`, `mi`: how many equalities and inequalities there are.
     - `report`: a tree of the shapes of what the problem reports.
     - `check`: whether the gradient is compared with differences first."""
@@ -124,7 +132,7 @@ def begin(
         jnp.full((max_steps, 3), jnp.nan, x.dtype),
         probe(x, jnp.ones_like(x), calls) if check else x,
         Pending(zeros(n), zeros(me), zeros(mi), no), jnp.ones(rows, x.dtype), calls,
-        zeros((PROBES, rows)), zeros(()),
+        zeros((PROBES, rows)), zeros(()), size,
     )  # fmt: skip
 
 
@@ -164,7 +172,7 @@ def advance(
             values, vectors = jnp.linalg.eigh(curvature(s.x, weights))
             floor = 1e-8 * jnp.max(jnp.abs(values)) + 1e-12
             s = s._replace(B=(vectors * jnp.maximum(jnp.abs(values), floor)) @ vectors.T)
-        s = s._replace(calls=jnp.asarray(1), gradient=_gradient(s, limits))
+        s = s._replace(calls=s.calls + 1, gradient=_gradient(s, limits))
         return _planned(s, limits)
 
     return lax.cond(s.calls < 0, probing, searching, s)
@@ -308,7 +316,7 @@ def _damped_bfgs(s: SqpState, trial: Values, p: Array, y: Array, nu: Array) -> A
     own = p @ B @ p
     along = p @ change
     # The first step sets the size of the curvature.
-    fresh = (s.taken == 0) & (along > 0.0)
+    fresh = (s.calls == 1) & (along > 0.0)
     scale = jnp.where(fresh, (change @ change) / jnp.where(fresh, along, 1.0), 1.0)
     B = jnp.where(fresh, jnp.clip(scale, 1e-4, 1e4) * B, B)
     own = jnp.where(fresh, p @ B @ p, own)

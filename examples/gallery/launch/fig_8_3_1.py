@@ -57,6 +57,7 @@ def loss(eps, k):
 eps = jnp.linspace(-0.1, 0.1, 15)
 for k in (1, 2, 3):
     right.plot(eps, [loss(float(e), k) for e in eps], label=f"k = {k}")
+right.set_xticks([-0.1, -0.05, 0.0, 0.05, 0.1])
 right.set(xlabel="eps, rad", ylabel="loss of velocity, m/s")
 right.legend()
 plt.show()
