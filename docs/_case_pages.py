@@ -47,6 +47,9 @@ BOOKS = {
         "Thomson, *Introduction to Space Dynamics*, chapter 5, and the rigid bodies of Harrison\n"
         "and Nettleton, *Advanced Engineering Dynamics* (H)"
     ),
+    "chapter_8": (
+        "Thomson, *Introduction to Space Dynamics*, chapter 8"
+    ),
     "vehicles": (
         "Thomson, *Introduction to Space Dynamics*, sections 7.1 to 7.6 and 7.11"
     ),

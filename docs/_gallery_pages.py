@@ -12,6 +12,7 @@ PAGES = {
     "orbits": "Orbits (chapters 1 to 4, H 5)",
     "rotation": "Rotation (chapter 5, H 4)",
     "vehicles": "Vehicles (chapter 7)",
+    "launch": "Launch (chapter 8)",
 }
 START = """\
 # {title}

@@ -32,7 +32,7 @@ ALLOWED = {
     # The rooms of physics, whose public names scene files may use, and what runs them.
     "io": {
         *("core", "rotations", "bodies", "orbits", "attitude", "rockets", "gyros", "mechanics"),
-        *("scene", "solvers", "simulation", "dispersion"),
+        *("scene", "solvers", "simulation", "dispersion", "optimization"),
     },
     "plots": {"core", "rotations"},
     # Hard cases of every room.
@@ -49,6 +49,7 @@ ALLOWED["__init__"] = set(ALLOWED) - {"cli"}
 ON_REQUEST = {
     "simulation": {"plots"},
     "studies": {"plots"},
+    "optimization": {"plots"},
     "plots": {"simulation", "studies", "dispersion"},
 }
 
@@ -56,7 +57,7 @@ ON_REQUEST = {
 # private files of those, so that the public names stay what users need.
 ENGINE = {
     "integration": {"solvers"},
-    "simulation": {"integration"},
+    "simulation": {"integration", "solvers"},
     "studies": {"integration", "simulation"},
     "dispersion": {"integration", "simulation"},
     "verification": {"studies"},

@@ -141,3 +141,83 @@ def test_hard_valleys(exact):
     assert ring.converged and int(ring.steps) < 20
     np.testing.assert_allclose(ring.x, [1.0, 0.0], atol=1e-7)
     np.testing.assert_allclose(ring.multipliers.equal_zero, -1.5, rtol=1e-6)
+
+
+def valley(x):
+    return Criterion(100.0 * (x[1] - x[0] ** 2) ** 2 + (1.0 - x[0]) ** 2, x[0] + x[1] - 1.5)
+
+
+@pytest.mark.parametrize("method", ["sqp", pytest.param("multipliers", marks=pytest.mark.sweep)])
+def test_a_search_is_watched_and_goes_on(method):
+    """It is interrupted after two steps or rounds, goes on where it stood, and ends where it would
+    have ended."""
+    start, rows = jnp.array([-1.2, 1.0]), []
+
+    def watch(number, objective, violation, gradient):
+        rows.append((number, objective, violation, gradient))
+        if len(rows) == 2:
+            raise KeyboardInterrupt
+
+    straight = minimise(valley, start, method=method)
+    begun = minimise(valley, start, method=method, progress=watch)
+    assert int(begun.reason) == StopReason.INTERRUPTED and not begun.converged
+    assert begun.sentence().startswith("Interrupted after ")
+    found = minimise(valley, begun, method=method)
+    assert found.converged
+    np.testing.assert_allclose(found.x, straight.x, rtol=1e-12)
+    assert int(found.steps) == int(straight.steps)
+    taken = int(jnp.sum(~jnp.isnan(straight.history[:, 0])))
+    np.testing.assert_array_equal(found.history[:taken], straight.history[:taken])
+    assert [row[0] for row in rows] == [1, 2]
+    # The figure holds what was taken.
+    (line,) = found.plot("valley").axes[0].lines
+    assert len(line.get_xdata()) == taken
+    with pytest.raises(InputError, match="of another problem or method"):
+        other = {"sqp": "multipliers", "multipliers": "sqp"}[method]
+        minimise(valley, begun, method=other)
+
+
+@pytest.mark.sweep
+def test_maratos_with_the_exact_curvature():
+    """Full steps raise both objective and violation: with the exact Hessian the correction keeps
+    the convergence of second order. A step and its correction are two."""
+    found = search(
+        lambda x: Criterion(2.0 * (x @ x - 1.0) - x[0], x @ x - 1.0),
+        jnp.array([0.8, 0.6]),
+        method="sqp",
+        exact_hessian=True,
+    )
+    assert found.converged and int(found.steps) <= 12
+    np.testing.assert_allclose(found.x, [1.0, 0.0], atol=1e-8)
+
+
+@pytest.mark.sweep
+def test_the_spread_of_dispersed_inputs():
+    """The 99 % miss of a throw over a dispersed wind, by the gradient of the quantile: a sum of
+    mean and spread has the closed form of a normal distribution, and its trade is monotone."""
+    wind = jnp.asarray(np.random.default_rng(1).normal(size=400))
+
+    def misses(x):
+        # The reach of the aim x[0]; the spread falls with the damping x[1], which costs reach.
+        return x[0] - 1.0 + 0.3 * x[1] + 0.5 * wind * jnp.exp(-x[1])
+
+    def quantile(x):
+        return Criterion(jnp.quantile(jnp.sqrt(misses(x) ** 2 + 1e-6), 0.99) + 0.1 * x[1] ** 2)
+
+    start = jnp.array([0.0, 0.2])
+    found = minimise(quantile, start, method="multipliers", tolerance=1e-3, max_steps=60)
+    assert found.criterion.objective < 0.5 * quantile(start).objective
+    means, spreads = [], []
+    for weight in (0.2, 1.0, 5.0):
+
+        def trade(x, weight=weight):
+            m = misses(x)
+            return Criterion(
+                jnp.mean(m) ** 2 + weight * jnp.var(m) + 0.1 * x[1] ** 2 + 0.01 * x[0] ** 2
+            )
+
+        best = minimise(trade, start, method="sqp")
+        assert best.converged
+        means.append(float(jnp.abs(jnp.mean(misses(best.x)))))
+        spreads.append(float(jnp.std(misses(best.x))))
+    assert spreads[0] > spreads[1] > spreads[2]

@@ -257,7 +257,8 @@ def test_direct_shooting_finds_linear_tangent_steering():
     assert found.converged
     assert found.violation < 1e-8
     assert found.burnout.w > 0.0
-    np.testing.assert_allclose(apex(A, found.burnout)[1], A.apex_height, rtol=1e-8)
+    # The violation counts in the height of the best vertical impulse, 8.8 times that of the apex.
+    np.testing.assert_allclose(apex(A, found.burnout)[1], A.apex_height, rtol=8.8e-8)
     np.testing.assert_allclose(found.final_velocity, best.final_velocity, rtol=1e-6)
     np.testing.assert_allclose(found.apex_time, best.vanishing_time, rtol=1e-6)
     # straight lines miss the curve by phi'' h^2/8 with phi'' about 1e-5 rad/s^2 and h = 20 s

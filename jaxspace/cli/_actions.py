@@ -50,6 +50,14 @@ def budget(given: argparse.Namespace) -> int:
     return _commands.budget(given.file, given.output, given.tolerance, given.out)
 
 
+def optimize(given: argparse.Namespace) -> int:
+    """Search the best values of the free numbers of the file."""
+    from . import _commands
+
+    settle()
+    return _commands.optimize(given.file, given.out, given.sensitivities)
+
+
 def show_list(given: argparse.Namespace) -> int:
     """Print the systems, effects, events and outputs that a file may name."""
     from . import _commands

@@ -13,9 +13,11 @@ from ..io import (
     listing,
     load,
     mission_report,
+    optimum_report,
     read_size,
     run_report,
     schema,
+    sensitivity_report,
 )
 from ..simulation import Mission, Status, Trajectory
 from ..studies import AccuracyCost, EffectBudget, accuracy_cost, effect_budget
@@ -97,6 +99,38 @@ def _keep(file: SceneFile, result: Dispersion, folder: str) -> None:
         dispersion_figure(result).savefig(figure)
         dispersion_page(result, page)
         print(f"figure {figure}\npage   {page}")
+
+
+def optimize(path: str, folder: str, sensitivities: bool) -> int:
+    """Search the best values of the free numbers, print their table, and keep the file, the
+    figures of its run and of the search."""
+    from tqdm import tqdm
+
+    file = load(path)
+    make_folder(folder)
+    with tqdm(unit="step", file=sys.stderr, disable=None) as bar:
+
+        def show(step: int, objective: float, violation: float, gradient: float) -> None:
+            bar.update(step - bar.n)
+            bar.set_postfix_str(f"violation {violation:.1e}, gradient {gradient:.1e}")
+
+        found = file.optimize(progress=show)
+    best = _path(file, folder, "_optimum.toml")
+    with open(best, "w", encoding="utf-8") as out:
+        out.write(found.text())
+    optimum = load(best)
+    # At the accuracy of the file, with adaptive steps: what the search has found must stand it.
+    run = optimum.nominal_mission(samples=100)
+    print(optimum_report(found, found.confirmed(run, optimum)))
+    if sensitivities:
+        print(f"\n{sensitivity_report(found)}")
+    print(f"file   {best}")
+    for name, phase in zip(run.names, run.phases, strict=True):
+        _draw(phase, _path(file, folder, f"_optimum_{name}.png".replace(" ", "_")))
+    figure = _path(file, folder, "_search.png")
+    found.minimum.plot(file.title).savefig(figure)
+    print(f"figure {figure}")
+    return 0 if bool(found.minimum.converged) else 1
 
 
 def explain(path: str) -> int:

@@ -1,4 +1,4 @@
-"""The commands: run, disperse, explain, cost, budget, list, schema, verify."""
+"""The commands: run, disperse, explain, cost, budget, optimize, list, schema, verify."""
 
 import os
 import sys

@@ -29,6 +29,7 @@ def parser() -> argparse.ArgumentParser:
     )
     cost = add("cost", actions.cost, "measure what accuracy costs in the run of a scene file")
     budget = add("budget", actions.budget, "show which effects of a scene file matter")
+    optimize = add("optimize", actions.optimize, "find the best values of the free numbers")
     add("list", actions.show_list, "list what scene files may name, with fields and units")
     add("schema", actions.show_schema, "print the JSON schema of scene files, for editors")
     verify = add(
@@ -36,14 +37,19 @@ def parser() -> argparse.ArgumentParser:
         actions.verify,
         "evaluate the hard cases, in value and gradient, on this machine",
     )
-    for command in (run, disperse, explain, cost, budget):
+    for command in (run, disperse, explain, cost, budget, optimize):
         command.add_argument("file", metavar="FILE", help="a scene file, in TOML")
-    for command in (run, disperse, cost, budget):
+    for command in (run, disperse, cost, budget, optimize):
         command.add_argument(
             "--out", default="out", metavar="DIR", help="where the files go (default: out)"
         )
     run.add_argument(
         "--show", action="store_true", help="open the run in the browser as a page that moves"
+    )
+    optimize.add_argument(
+        "--sensitivities",
+        action="store_true",
+        help="show which other numbers of the file move the optimum",
     )
     _disperse_options(disperse)
     _cost_options(cost)

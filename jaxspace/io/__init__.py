@@ -15,8 +15,11 @@ from ._load import load as load
 from ._mean_elements import CataloguedOrbit as CataloguedOrbit
 from ._mean_elements import read_omm as read_omm
 from ._mean_elements import read_tle as read_tle
+from ._optimum import Optimum as Optimum
 from ._report import dispersion_report as dispersion_report
 from ._report import mission_report as mission_report
+from ._report import optimum_report as optimum_report
 from ._report import run_report as run_report
+from ._report import sensitivity_report as sensitivity_report
 from ._scene_file import SceneFile as SceneFile
 from ._units import read_size as read_size

@@ -5,8 +5,8 @@
     scene      [planet], [body], [effects.*], [initial], [times]    a body and what acts on it
     mission    [planet], [body], [effects.*], [initial], [[phase]]  phases, each with its effects
 
-Every kind may have [dispersion], `title` and how to integrate: `accuracy`, `method`, `max_step`,
-`max_steps`. What stands in the tables follows from the declarations of the classes.
+Every kind may have [dispersion], [optimize], `title` and how to integrate: `accuracy`, `method`,
+`max_step`, `max_steps`. What stands in the tables follows from the declarations of the classes.
 """
 
 import inspect
@@ -20,6 +20,7 @@ from ._catalog import Catalog, part_entries, state_class, state_way
 from ._errors import missing, unknown, wrong
 from ._kinds import Entry, Kind, Maker, Reading, Schema, Value
 from ._objects import function_way
+from ._optimize_table import optimize_table
 from ._table_kinds import AnyTable, Object, Table
 from ._value_kinds import ListOf, Number, OneName, Text, Whole
 
@@ -71,7 +72,12 @@ def form_of(kind: str, catalog: Catalog, system: str = "") -> Table:
         "max_steps": Entry(Whole(), None, doc="how many steps a run may take"),
         "planet": Entry(Table(catalog.shared("planet")), None, doc="what attracts"),
     }
-    dispersion = {"dispersion": Entry(_dispersion(), None, doc="what scatters, and what is kept")}
+    dispersion = {
+        "dispersion": Entry(_dispersion(), None, doc="what scatters, and what is kept"),
+        "optimize": Entry(
+            optimize_table(OutputList(), TOLERANCE), None, doc="what is best, and what is free"
+        ),
+    }
     if kind == "system":
         # A system is a model with a state of its own: bodies and effects have no place beside it.
         cls = catalog.systems[system]

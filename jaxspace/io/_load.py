@@ -12,6 +12,7 @@ from ._errors import SceneError
 from ._form import form, kind_of
 from ._inputs import read_inputs
 from ._kinds import Reading, Values
+from ._optimize_table import read_task
 from ._outputs import read_outputs
 from ._scene_file import SceneFile
 
@@ -49,9 +50,12 @@ def load(path: str | os.PathLike[str], also: Iterable[object] = ()) -> SceneFile
         inputs, more = read_inputs(file)
         # Both at once: outputs and inputs do not depend on each other.
         errors = errors + more
+    task = None
+    if not errors and values["optimize"] is not None:
+        task, errors = read_task(file, reading.units)
     if errors:
         raise SceneError(path, errors)
-    return SceneFile(Path(path), text, file, inputs, outputs, reading.units)
+    return SceneFile(Path(path), text, file, inputs, outputs, reading.units, task)
 
 
 def _parsed(path: str | os.PathLike[str]) -> tuple[Values, str]:

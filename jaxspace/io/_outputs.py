@@ -66,7 +66,7 @@ def read_outputs(
     for number, entry in enumerate(file.values["dispersion"]["outputs"]):
         key = f"dispersion.outputs.{number}"
         try:
-            spec = _read(key, entry, file, units)
+            spec = read_output(key, entry, file, units)
         except ValueError as error:
             errors.append(str(error))
             continue
@@ -77,8 +77,8 @@ def read_outputs(
     return tuple(specs), errors
 
 
-def _read(key: str, entry: Values, file: Parsed, units: Mapping[str, str]) -> OutputSpec:
-    """Raises `ValueError` with the whole sentence."""
+def read_output(key: str, entry: Values, file: Parsed, units: Mapping[str, str]) -> OutputSpec:
+    """The output that an entry asks for. Raises `ValueError` with the whole sentence."""
     name, catalog = entry["output"], file.catalog.outputs
     places = _places(file)
     head, dot, rest = name.partition(".")
@@ -106,6 +106,13 @@ def _read(key: str, entry: Values, file: Parsed, units: Mapping[str, str]) -> Ou
         raise ValueError(wrong(f"{key}.unit", unit, str(error))) from None
     shown_name = entry.get("name", name)
     return OutputSpec(shown_name, at_phase, unit, factor, function, path, shared)
+
+
+def unit_of(spec: OutputSpec, file: Parsed) -> str:
+    """The unit of an output in SI."""
+    if spec.function is not None:
+        return spec.function.output.unit
+    return _unit_of_path(spec.name, spec.path, file)
 
 
 def _places(file: Parsed) -> dict[str, int]:

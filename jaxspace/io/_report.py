@@ -12,6 +12,8 @@ from ..core import State, quantities
 from ..dispersion import Dispersion
 from ..rotations import Quaternion, to_euler_angles
 from ..simulation import MissionTrajectory, Status, Trajectory
+from ._inputs import measures
+from ._optimum import Optimum
 from ._scene_file import SceneFile
 from ._units import in_unit
 
@@ -123,6 +125,59 @@ def mission_report(file: SceneFile, run: MissionTrajectory, finer: MissionTrajec
     lines.append("\nat the end, after the last jump")
     lines.append(columns([*rows, *error_rows(error, file.units)]))
     return "\n".join([*lines, status_line(run.status)])
+
+
+def optimum_report(found: Optimum, confirmed: Sequence[float] = ()) -> str:
+    """The table of an optimum: objective, free numbers, constraints with their multipliers, and why
+    the search ended. `confirmed`: the outputs as a run at the accuracy of the file has them."""
+    task, file = found.task, found.file
+    checked = [*confirmed] or [math.nan] * (1 + len(task.demands))
+    goal = task.objective
+    verb = "least" if task.sign > 0.0 else "greatest"
+    label = _label(f"{verb} {goal.name}", goal.unit)
+    lines = [file.title, columns([
+        ("", "found", "confirmed"),
+        (label, number(goal.factor * found.objective), _or_dash(goal.factor * checked[0])),
+    ])]  # fmt: skip
+    held = found.bound_derivatives
+    rows: list[Row] = [("free", "start", "optimum", "low", "high", "slope")]
+    for free in task.free:
+        numbers = (free.start, found.values[free.path], free.low, free.high)
+        # By its bound, where one holds it.
+        slope = goal.factor * held[free.path] / free.factor if free.path in held else math.nan
+        shown = (number(free.factor * x) for x in numbers)
+        rows.append((f"{free.path} [{free.unit or '1'}]", *shown, _or_dash(slope)))
+    lines.append(columns(rows))
+    rows = [("constraint", "", "target", "found", "confirmed", "slope")]
+    derivatives = found.target_derivatives
+    for k, demand in enumerate(task.demands):
+        spec = demand.spec
+        numbers = (demand.target, found.constraints[k], checked[k + 1])
+        shown = [_or_dash(spec.factor * x) for x in numbers]
+        slope = number(goal.factor * derivatives[k] / spec.factor)
+        name = demand.limit.replace("_", " ")
+        rows.append((_label(spec.name, spec.unit), name, *shown, slope))
+    if task.demands:
+        lines.append(columns(rows))
+    lines.append(
+        f"slope: change of {goal.name} [{goal.unit or '1'}] for one unit of the bound or target"
+    )
+    lines.append(f"relative error of the steps: {found.error:.1e}")
+    return "\n\n".join([*lines, found.minimum.sentence()])
+
+
+def sensitivity_report(found: Optimum, count: int = 12) -> str:
+    """The numbers of the file that move the best objective most, by one percent of each."""
+    goal, numbers = found.task.objective, dict(measures(found.file.values))
+    slopes = found.sensitivities()
+    moves = {p: 0.01 * goal.factor * float(numbers[p]) * x for p, x in slopes.items()}
+    order = sorted(moves, key=lambda p: -abs(moves[p]))[:count]
+    rows = [("one percent more of", f"moves {_label(goal.name, goal.unit)} by")]
+    return columns([*rows, *((p, f"{moves[p]:+.4g}") for p in order if moves[p] != 0.0)])
+
+
+def _or_dash(x: float) -> str:
+    return "-" if math.isnan(x) else number(x)
 
 
 def dispersion_report(

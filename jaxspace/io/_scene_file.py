@@ -17,6 +17,7 @@ from jaxtyping import Array
 from ..bodies import AbstractBody
 from ..core import AbstractSystem, InputError, State
 from ..dispersion import Campaign
+from ..optimization import Progress
 from ..scene import Scene
 from ..simulation import Accuracy, Mission, MissionTrajectory, Trajectory, simulate
 from ._build import build_mission, build_state, replaced
@@ -24,6 +25,8 @@ from ._checks import Parsed
 from ._inputs import Input
 from ._kinds import Values
 from ._objects import Building, Runs
+from ._optimize_table import Task
+from ._optimum import Optimum, optimise
 from ._outputs import Outputs, OutputSpec, applicable_outputs, needs_nominal
 
 ONE_PHASE = {"system": "run", "scene": "scene"}
@@ -38,7 +41,8 @@ class SceneFile:
     - `parsed`: its values in SI.
     - `inputs`: for every dispersed number how it scatters.
     - `outputs`: what is kept of each run of a campaign.
-    - `units`: for each unit of SI the first other one in which the file gives a number."""
+    - `units`: for each unit of SI the first other one in which the file gives a number.
+    - `task`: what [optimize] asks for, or `None`."""
 
     path: Path
     text: str
@@ -46,6 +50,7 @@ class SceneFile:
     inputs: dict[str, Input]
     outputs: tuple[OutputSpec, ...]
     units: dict[str, str]
+    task: Task | None = None
 
     @property
     def kind(self) -> str:
@@ -169,6 +174,20 @@ class SceneFile:
             self.text,
             limits,
         )
+
+    def optimize(self, progress: Progress | None = None) -> Optimum:
+        """The best values of the free numbers of the file, as [optimize] asks for.
+
+        **Arguments**
+
+        - `progress`: called after each step with its number, objective, violation and gradient.
+
+        **Returns** an `Optimum`, whose `minimum.converged` says whether it is one.
+
+        **Raises** `InputError` without [optimize], or where the gradient is not the slope."""
+        if self.task is None:
+            raise InputError("optimize is missing: it must be a table with free numbers for this.")
+        return optimise(self, self.task, progress)
 
     def doubts(self) -> tuple[str, ...]:
         """What the file allows and hardly means, a sentence each: a range without the nominal

@@ -11,6 +11,7 @@ from ._ascent import burnout_state as burnout_state
 from ._criterion import Criterion as Criterion
 from ._criterion import Minimum as Minimum
 from ._criterion import StopReason as StopReason
+from ._drive import Progress as Progress
 from ._minimise import minimise as minimise
 from ._minimise import minimise_from as minimise_from
 from ._propellant_use import PropellantUse as PropellantUse

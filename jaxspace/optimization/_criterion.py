@@ -1,7 +1,7 @@
 """What a problem of optimisation returns, and what its minimum is."""
 
 import enum
-from typing import TypeAlias, final
+from typing import Any, TypeAlias, final
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -35,6 +35,8 @@ class StopReason(enum.IntEnum):
     INFEASIBLE = 2
     NO_PROGRESS = 3
     NOT_FINITE = 4
+    WRONG_GRADIENT = 5
+    INTERRUPTED = 6
 
 
 SENTENCES = {
@@ -49,6 +51,10 @@ SENTENCES = {
         "No step improves the result further: {found}; the problem is known no better than this."
     ),
     StopReason.NOT_FINITE: "The objective or a constraint is not finite at the start.",
+    StopReason.WRONG_GRADIENT: (
+        "The gradient at the start is not the slope of the objective: the search did not begin."
+    ),
+    StopReason.INTERRUPTED: "Interrupted after {steps} steps: {found}.",
 }
 
 
@@ -81,6 +87,7 @@ class Minimum(eqx.Module):
       in its place in x; about zero elsewhere.
     - `history`: objective, violation and gradient after each round or step, (rows, 3), NaN for
       those not taken; that of "sqp" in its scaled units.
+    - `search`: where the search stands, from which `minimise` can go on.
     """
 
     x: Point
@@ -94,6 +101,13 @@ class Minimum(eqx.Module):
     reason: Int[Array, ""]
     bound_multipliers: Point
     history: Float[Array, "rows 3"]
+    search: PyTree = None
+
+    def plot(self, title: str = "") -> Any:
+        """A figure of the history, with matplotlib. Raises `ImportError` without it."""
+        from ..plots import convergence_figure
+
+        return convergence_figure(self.history, title)
 
     def sentence(self) -> str:
         """Why the search ended, in words, for a known result of one run.

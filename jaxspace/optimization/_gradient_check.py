@@ -4,18 +4,17 @@
 
 The gradient of a run is that of its steps. Where a control has kinks that are no breaks of the
 integration, the steps pass over what a single value of it changes: the run is right, its gradient
-is not, and a descent comes to rest in a wrong place or diverges.
+is not, and a descent comes to rest in a wrong place or diverges. A search therefore refuses to
+begin with a gradient that is not the slope.
 """
-
-import warnings
-from collections.abc import Callable
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float, PyTree
 
-Point = PyTree[Float[Array, "..."]]
+from ..core import InputError
 
 GRADIENT_TOLERANCE = 1e-3
 """Measured for runs at the default tolerance: sound gradients agree with the difference to 1e-8,
@@ -23,52 +22,59 @@ those by an interpolation without breaks to 1e-2; below 1e-3 a descent does not 
 DOUBT = 3.0
 """How many times the difference of D(h) and D(h/2) is forgiven: their errors, of which that of
 rounding and of the tolerance of a run is effectively random."""
+PROBES = 4
 
 
-def gradient_error(
-    f: Callable[[Point], Float[Array, ""]], x: Point, gradient: Point
+def probe(x: Float[Array, " n"], size: Float[Array, " n"], number: Array) -> Float[Array, " n"]:
+    """The place of a probe, 0 to 3, about `x`: along one fixed direction of effectively random
+    components, each of the `size` of its unknown."""
+    return x + _shares(x)[number] * _direction(x, size)
+
+
+def probed_error(
+    values: Float[Array, "4"], x: Float[Array, " n"], size: Float[Array, " n"], gradient: Array
 ) -> Float[Array, ""]:
-    """The relative difference of the `gradient` of `f` at `x` from its slope, along one fixed
-    direction of effectively random components; zero where the slope is not known better.
-
-    Four more evaluations of `f`, in a loop, so that it is compiled once."""
-    leaves = jax.tree.leaves(x)
-    structure = jax.tree.structure(x)
-    # The best step of a difference of fourth order; of the size of each part of the point.
-    h = float(jnp.finfo(leaves[0].dtype).eps) ** 0.2
-    pattern = np.cos(2.4 * np.arange(sum(leaf.size for leaf in leaves)) + 1.0)
-    direction = []
-    for leaf in leaves:
-        own, pattern = pattern[: leaf.size], pattern[leaf.size :]
-        size = jnp.max(jnp.abs(leaf), initial=0.0)
-        scale = jnp.where(size > 0.0, size, 1.0)
-        direction.append(scale * jnp.asarray(own.reshape(leaf.shape), leaf.dtype))
-    d = jax.tree.unflatten(structure, direction)
-
-    def at(part: Array) -> Array:
-        return f(jax.tree.map(lambda x, d: x + part.astype(x.dtype) * d, x, d))
-
-    parts = h * np.array([1.0, -1.0, 0.5, -0.5])
-    ahead, behind, half_ahead, half_behind = jax.lax.map(at, jnp.asarray(parts, leaves[0].dtype))
-    coarse = (ahead - behind) / (2.0 * h)
-    fine = (half_ahead - half_behind) / h
+    """The relative difference of the `gradient` at `x` from the slope of the `values` at the
+    probes; zero where the slope is not known better."""
+    h = _shares(x)[0]
+    coarse = (values[0] - values[1]) / (2.0 * h)
+    fine = (values[2] - values[3]) / h
     slope = (4.0 * fine - coarse) / 3.0
-    along = jax.tree.map(lambda g, d: jnp.sum(g * d), gradient, d)
-    claimed = jax.tree.reduce(jnp.add, along)
+    claimed = gradient @ _direction(x, size)
     beyond = jnp.maximum(jnp.abs(slope - claimed) - DOUBT * jnp.abs(fine - coarse), 0.0)
-    size = jnp.maximum(jnp.abs(slope), jnp.abs(claimed))
-    error = beyond / jnp.where(size > 0.0, size, 1.0)
+    largest = jnp.maximum(jnp.abs(slope), jnp.abs(claimed))
+    error = beyond / jnp.where(largest > 0.0, largest, 1.0)
     # Outside of its domain the objective is infinite, and has no slope.
     return jax.lax.stop_gradient(jnp.where(jnp.isfinite(error), error, 0.0))
 
 
-def warn_of_gradient(error: float, stacklevel: int) -> None:
-    """Warn of a gradient that differs from the slope by this relative `error`."""
+def sizes_of(point: PyTree[Float[Array, "..."]]) -> Float[Array, " n"]:
+    """For each unknown the largest magnitude in its part of the point, or 1 where that is zero."""
+
+    def leaf(x: Array) -> Array:
+        largest = jnp.max(jnp.abs(x), initial=0.0)
+        return jnp.broadcast_to(jnp.where(largest > 0.0, largest, 1.0), x.shape)
+
+    return ravel_pytree(jax.tree.map(leaf, point))[0]
+
+
+def refuse(error: float) -> None:
+    """Raise `InputError` for a gradient that differs from the slope by this relative `error`."""
     if error <= GRADIENT_TOLERANCE:
         return
-    warnings.warn(
-        f"The gradient at the start differs from the slope of the objective by {error:.1g} of it: "
-        f"a control with kinks that are no breaks is the likely cause; make it a "
-        f"jaxspace.core.Table or Spline, or let the system declare its breaks().",
-        stacklevel=stacklevel + 1,
+    raise InputError(
+        f"The gradient at the start differs from the slope of the objective by {error:.1g} of it, "
+        f"and a search would end in a wrong place: a control with kinks that are no breaks is the "
+        f"likely cause; make it a jaxspace.core.Table or Spline, let the system declare its "
+        f"breaks(), or use finer steps. (check_gradient=False begins all the same.)"
     )
+
+
+def _shares(x: Array) -> Float[Array, "4"]:
+    # The best step of a difference of fourth order.
+    h = float(jnp.finfo(x.dtype).eps) ** 0.2
+    return jnp.asarray(h * np.array([1.0, -1.0, 0.5, -0.5]), x.dtype)
+
+
+def _direction(x: Array, size: Array) -> Array:
+    return size * jnp.asarray(np.cos(2.4 * np.arange(x.size) + 1.0), x.dtype)

@@ -11,27 +11,28 @@ outside its domain: both methods turn back.
 """
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jax.flatten_util import ravel_pytree
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
-from ..core import InputError, Scalar, is_concrete
+from ..core import InputError, Scalar
+from . import _multipliers as multipliers
+from . import _sqp as sqp
 from ._bounds import Bounds, as_bounds
-from ._criterion import Criterion, Minimum, Point, stop_reason
-from ._gradient_check import gradient_error, warn_of_gradient
-from ._multipliers import solve_multipliers
-from ._sqp import Values, solve_sqp
+from ._criterion import Criterion, Minimum, Point, StopReason, stop_reason
+from ._drive import Progress, drive, is_traced
+from ._gradient_check import GRADIENT_TOLERANCE, refuse, sizes_of
 
 METHODS = ("multipliers", "sqp")
 
 
 def minimise(
     problem: Callable[[Point], Criterion],
-    start: Point,
+    start: Point | Minimum,
     *,
     bounds: Any = None,
     method: str = "multipliers",
@@ -43,46 +44,67 @@ def minimise(
     adam_rate: Scalar = 0.03,
     exact_hessian: bool = False,
     scale: Point | None = None,
+    progress: Progress | None = None,
 ) -> Minimum:
     """A local minimum of `problem(x).objective` under its constraints.
 
     **Arguments**
 
     - `problem`: from a point to its `Criterion`.
-    - `start`: the point at which the descent begins, a tree of arrays.
+    - `start`: the point at which the descent begins, a tree of arrays; or a `Minimum` that ended
+      before its time, whose search goes on with the same options.
     - `bounds`: a pair of lower and upper bounds, each a tree like `start`, a number or `None`.
     - `method`: "multipliers" or "sqp".
     - `tolerance`: for the gradient and for the violation; of "sqp" after its scaling.
     - `max_steps`: of one descent, or of "sqp"; `max_rounds`: number of descents.
     - `check_gradient`: whether to compare the gradient at the start with the slope of the
-      objective, by four more evaluations. A warning names the difference; under `jit` it stands in
-      `gradient_error`.
+      objective, by four more evaluations, and to refuse to begin where they differ; under `jit`
+      the search ends there with the reason `WRONG_GRADIENT`.
     - `adam_steps`, `adam_rate`: steps of Adam before the first descent of "multipliers", for flat
       or rough starts.
     - `exact_hessian`: of "sqp": curvature by second derivatives in place of BFGS, for problems that
       are cheap to differentiate twice.
     - `scale`: of "sqp": sizes of the unknowns, a tree like `start`; by default the range of the
       bounds, or the larger of the start and 1.
+    - `progress`: called after each round or step with its number, objective, violation and
+      gradient; not under `jit`. Ctrl-C ends such a search with what it has reached.
 
     **Returns** the `Minimum`, which reports in `converged` whether the tolerance was met and in
-    `sentence()` why it ended. It is not differentiable in what `problem` closes over. Wrap the call
-    in `jax.jit` where it is repeated.
+    `sentence()` why it ended. It is not differentiable in what `problem` closes over. The problem
+    and its derivatives are compiled once; wrap the call in `jax.jit` where it is repeated.
 
-    **Raises** `InputError` for an unknown method, or bounds that do not fit.
+    **Raises** `InputError` for an unknown method, bounds that do not fit, or a gradient that is
+    not the slope.
     """
     if method not in METHODS:
         raise InputError(f"method is {method!r}: it must be one of {', '.join(METHODS)}.")
-    limits = as_bounds(bounds, start)
+    before = start if isinstance(start, Minimum) else None
+    x = start.x if isinstance(start, Minimum) else start
+    limits = as_bounds(bounds, x)
+    # Traced once for its shapes and its derivatives.
+    problem = jax.jit(problem)
+    if before is not None and before.search is None:
+        raise InputError("start is a Minimum that keeps no search: start from its x.")
+    common = _Common(problem, x, limits, tolerance, check_gradient and before is None, progress)
     if method == "sqp":
-        found = _by_sqp(
-            problem, start, limits, tolerance, max_steps, check_gradient, exact_hessian, scale
-        )
+        found = _by_sqp(common, max_steps, exact_hessian, scale, before)
     else:
-        options = (tolerance, max_steps, max_rounds, check_gradient, adam_steps, adam_rate)
-        found = _by_multipliers(problem, start, limits if bounds is not None else None, options)
-    if is_concrete(found.gradient_error):
-        warn_of_gradient(float(found.gradient_error), stacklevel=2)
+        rounds = (max_steps, max_rounds, adam_steps, adam_rate)
+        found = _by_multipliers(common, bounds is not None, rounds, before)
+    if check_gradient and not is_traced(found.gradient_error):
+        refuse(float(found.gradient_error))
     return found
+
+
+class _Common(NamedTuple):
+    """What both methods need."""
+
+    problem: Callable[[Point], Criterion]
+    start: Point
+    limits: Bounds
+    tolerance: Scalar
+    check: bool
+    progress: Progress | None
 
 
 def minimise_from(
@@ -110,23 +132,51 @@ def minimise_from(
 
 
 def _by_multipliers(
-    problem: Callable[[Point], Criterion], start: Point, bounds: Bounds | None, options: Any
+    common: _Common, bounded: bool, rounds: tuple[int, int, int, Scalar], before: Minimum | None
 ) -> Minimum:
     """Descents in free numbers, from which the bounds make x."""
-    inner, first = problem, start
-    if bounds is not None:
-        first = bounds.free(start)
-        inner = lambda q: problem(bounds.inside(q))  # noqa: E731
-    last = solve_multipliers(inner, first, *options)
-    tolerance, max_rounds = options[0], options[2]
-    x = last.x if bounds is None else bounds.inside(last.x)
-    held = jax.tree.map(jnp.zeros_like, x)
-    if bounds is not None:
-        # With the multipliers as they are, the slope in x is what a bound takes.
-        held = jax.grad(lambda x: _plain_lagrangian(problem(x), last.dual))(x)
-    missed = last.violation > tolerance
-    converged = (last.gradient <= tolerance) & ~missed
-    finite = jnp.isfinite(last.criterion.objective)
+    max_steps, max_rounds, adam_steps, adam_rate = rounds
+    limits, problem = common.limits, common.problem
+    first = limits.free(common.start) if bounded else common.start
+    q0, unravel = ravel_pytree(first)
+
+    def inside(q: Array) -> Point:
+        return limits.inside(unravel(q)) if bounded else unravel(q)
+
+    shapes = jax.eval_shape(problem, common.start)
+    blank = jax.tree.map(lambda like: jnp.zeros(like.shape, like.dtype), shapes)
+    state = multipliers.begin(q0, sizes_of(first), blank, max_rounds, adam_steps, common.check)
+    if before is not None:
+        state = _taken_up(before, state)
+
+    def evaluate(s: multipliers.Descent) -> multipliers.Evaluation:
+        x, to_free = jax.vjp(inside, s.trial)
+        flat, back = ravel_pytree(x)
+
+        def value(flat: Array) -> tuple[Array, tuple[Array, Criterion]]:
+            criterion = problem(back(flat))
+            total = multipliers.lagrangian(criterion, s.dual, s.rho)
+            return total, (total, criterion)
+
+        # In x, where the slope is what a bound takes; in the free numbers it is zero there.
+        held, (total, criterion) = jax.grad(value, has_aux=True)(flat)
+        slopes, _ = ravel_pytree(to_free(back(held))[0])
+        return multipliers.Evaluation(total, slopes, held, criterion)
+
+    options = multipliers.Options(common.tolerance, max_steps, adam_rate)
+    last, interrupted = drive(
+        evaluate,
+        lambda s, found: multipliers.advance(s, found, options),
+        lambda s: multipliers.unfinished(s, options),
+        state,
+        common.progress,
+    )
+    x = inside(last.x)
+    held = ravel_pytree(x)[1](last.held if bounded else jnp.zeros_like(last.held))
+    missed = last.violation > common.tolerance
+    converged = (last.gradient <= common.tolerance) & ~missed
+    finite = jnp.isfinite(last.value)
+    limited = (last.taken >= max_rounds) & ~missed
     return Minimum(
         x=x,
         criterion=last.criterion,
@@ -135,100 +185,76 @@ def _by_multipliers(
         violation=last.violation,
         steps=last.steps,
         converged=converged,
-        gradient_error=last.gradient_error,
-        reason=stop_reason(finite, converged, (last.rounds >= max_rounds) & ~missed, missed),
+        gradient_error=last.wrong,
+        reason=_reason(last.wrong, interrupted, finite, converged, limited, missed),
         bound_multipliers=held,
-        history=last.history,
+        history=_rows(before, last.rows),
+        search=last,
     )
-
-
-def _plain_lagrangian(criterion: Criterion, dual: Criterion) -> Float[Array, ""]:
-    """f + lambda . c - nu . d."""
-    total = criterion.objective
-    for values, weights, sign in (
-        (criterion.equal_zero, dual.equal_zero, 1.0),
-        (criterion.non_negative, dual.non_negative, -1.0),
-    ):
-        if values is not None and weights is not None:
-            total = total + sign * jnp.sum(weights * values)
-    return total
 
 
 def _by_sqp(
-    problem: Callable[[Point], Criterion],
-    start: Point,
-    bounds: Bounds,
-    tolerance: Scalar,
+    common: _Common,
     max_steps: int,
-    check_gradient: bool,
     exact_hessian: bool,
     scale: Point | None,
+    before: Minimum | None,
 ) -> Minimum:
     """Quadratic programmes in scaled unknowns, with scaled objective and constraints."""
-    x0, unravel = ravel_pytree(start)
-    low, high = (ravel_pytree(b)[0] for b in bounds)
+    problem = common.problem
+    x0, unravel = ravel_pytree(common.start)
+    low, high = (ravel_pytree(b)[0] for b in common.limits)
     size = _sizes(x0, low, high) if scale is None else ravel_pytree(scale)[0]
+
+    if before is not None and isinstance(before.search, sqp.SqpState):
+        # The search goes on in its own scaled unknowns.
+        size = before.search.size
 
     def numbers(z: Array) -> tuple[Array, tuple[Array, Criterion]]:
         criterion = problem(unravel(size * z))
-        parts = [jnp.ravel(criterion.objective)]
-        parts += [
-            jnp.ravel(x) for x in (criterion.equal_zero, criterion.non_negative) if x is not None
-        ]
-        stacked = jnp.concatenate(parts)
+        parts = (criterion.objective, criterion.equal_zero, criterion.non_negative)
+        stacked = jnp.concatenate([jnp.ravel(x) for x in parts if x is not None])
         return stacked, (stacked, criterion)
 
-    shapes = jax.eval_shape(problem, start)
+    shapes = jax.eval_shape(problem, common.start)
     me = 0 if shapes.equal_zero is None else shapes.equal_zero.size
     mi = 0 if shapes.non_negative is None else shapes.non_negative.size
-    # Forward mode costs a run for each unknown, reverse mode several for each number.
-    mode = jax.jacfwd if x0.size <= 4 * (1 + me + mi) else jax.jacrev
+    # Forward mode costs a run for each unknown, reverse mode several for each number, and more to
+    # compile.
+    mode = jax.jacfwd if x0.size <= 16 * (1 + me + mi) else jax.jacrev
     derivatives = mode(numbers, has_aux=True)
-    # Evaluated once before the loop: every place is one more copy of the problem to compile.
+
+    def evaluate(s: sqp.SqpState) -> sqp.Found:
+        jacobian, (values, criterion) = derivatives(s.trial)
+        return sqp.Found(values, jacobian, criterion)
+
+    curvature = jax.hessian(lambda z, w: w @ numbers(z)[0]) if exact_hessian else None
+    limits = sqp.Limits(low / size, high / size, jnp.asarray(common.tolerance, x0.dtype))
+    blank = jax.tree.map(lambda like: jnp.zeros(like.shape, like.dtype), shapes)
     z0 = jnp.clip(x0, low, high) / size
-    first = derivatives(z0)
-    first_jacobian = first[0]
-    weight = _weights(first_jacobian)
-
-    def scaled(found: tuple[Array, tuple[Array, Criterion]]) -> Values:
-        jacobian, (values, criterion) = found
-        values, jacobian = weight * values, weight[:, None] * jacobian
-        f, c, d = values[0], values[1 : 1 + me], values[1 + me :]
-        return Values(f, c, d, jacobian[0], jacobian[1 : 1 + me], jacobian[1 + me :], criterion)
-
-    def lagrangian(z: Array, y: Array, nu: Array) -> Array:
-        return jnp.concatenate([jnp.ones(1, z.dtype), y, -nu]) @ (weight * numbers(z)[0])
-
-    curvature = jax.hessian(lagrangian) if exact_hessian else None
-    wrong = jnp.zeros((), x0.dtype)
-    if check_gradient:
-        mixed = weight * jnp.cos(1.3 * jnp.arange(weight.size, dtype=weight.dtype))
-        slope = mixed @ first_jacobian
-        wrong = gradient_error(lambda z: mixed @ numbers(z)[0], z0, slope)
-    last = solve_sqp(
-        lambda z: scaled(derivatives(z)),
-        z0,
-        scaled(first),
-        low / size,
-        high / size,
-        tolerance,
-        max_steps,
-        curvature,
+    state = sqp.begin(z0, size, me, mi, blank, max_steps, common.check)
+    if before is not None:
+        state = _taken_up(before, state)
+    last, interrupted = drive(
+        evaluate,
+        lambda s, found: sqp.advance(s, found, limits, curvature),
+        lambda s: sqp.unfinished(s, limits),
+        state,
+        common.progress,
     )
-    return _sqp_minimum(last, unravel, size, weight, tolerance, max_steps, wrong)
+    return _sqp_minimum(last, unravel, size, common.tolerance, interrupted, before)
 
 
 def _sqp_minimum(
-    last: Any,
+    last: sqp.SqpState,
     unravel: Callable[[Array], Point],
     size: Array,
-    weight: Array,
     tolerance: Scalar,
-    max_steps: int,
-    wrong: Array,
+    interrupted: bool,
+    before: Minimum | None,
 ) -> Minimum:
     """The result in the units of the problem."""
-    me = last.y.size
+    me, weight = last.y.size, last.weight
     c, d = last.at.report.equal_zero, last.at.report.non_negative
     y = last.y * weight[1 : 1 + me] / weight[0]
     nu = last.nu * weight[1 + me :] / weight[0]
@@ -241,6 +267,8 @@ def _sqp_minimum(
     missed = last.violation > tolerance
     converged = (last.gradient <= tolerance) & ~missed
     finite = jnp.isfinite(last.at.f) & jnp.all(jnp.isfinite(last.at.g))
+    limited = last.taken >= last.rows.shape[0]
+    rows = _rows(before, last.rows)
     return Minimum(
         x=unravel(size * last.x),
         criterion=last.at.report,
@@ -251,23 +279,44 @@ def _sqp_minimum(
         ),
         gradient=last.gradient,
         violation=violation,
-        steps=last.steps,
+        steps=last.taken if before is None else last.taken + before.steps,
         converged=converged,
-        gradient_error=wrong,
-        reason=stop_reason(finite, converged, last.steps >= max_steps, missed),
+        gradient_error=last.wrong,
+        reason=_reason(last.wrong, interrupted, finite, converged, limited, missed),
         bound_multipliers=unravel(slope),
-        history=last.rows,
+        history=rows,
+        search=last,
     )
+
+
+def _reason(
+    wrong: Array, interrupted: bool, finite: Array, converged: Array, limited: Array, missed: Array
+) -> Int[Array, ""]:
+    """The reason of the end, of which a wrong gradient and an interruption come first."""
+    reason = stop_reason(finite, converged, limited, missed)
+    if interrupted:
+        reason = jnp.full_like(reason, StopReason.INTERRUPTED)
+    return jnp.where(wrong > GRADIENT_TOLERANCE, StopReason.WRONG_GRADIENT, reason).astype(int)
+
+
+def _taken_up(before: Minimum, blank: Any) -> Any:
+    """The state in which a search ended, with room for as many further steps."""
+    last = before.search
+    if type(last) is not type(blank) or last.trial.shape != blank.trial.shape:
+        raise InputError("start is a Minimum of another problem or method: start from its x.")
+    # What was pending when it ended is evaluated first.
+    return last._replace(rows=blank.rows, taken=jnp.asarray(0))
+
+
+def _rows(before: Minimum | None, rows: Array) -> Float[Array, "rows 3"]:
+    """The history, with that of the search that was taken up before it."""
+    if before is None:
+        return rows
+    old = before.history
+    return jnp.concatenate([old[~jnp.isnan(old[:, 0])], rows])
 
 
 def _sizes(x: Array, low: Array, high: Array) -> Array:
     """The range of the bounds, or the larger of the start and 1."""
     both = jnp.isfinite(low) & jnp.isfinite(high)
     return jnp.where(both, jnp.where(both, high - low, 1.0), jnp.maximum(jnp.abs(x), 1.0))
-
-
-def _weights(jacobian: Float[Array, "rows n"]) -> Float[Array, " rows"]:
-    """The inverse of the size of each row of the Jacobian; 1 for a row of zeros."""
-    row = jnp.max(jnp.abs(jacobian), axis=1)
-    usable = (row > 0.0) & jnp.isfinite(row)
-    return jnp.where(usable, 1.0 / jnp.where(usable, row, 1.0), 1.0)

@@ -9,128 +9,252 @@
     lambda, nu   multipliers
     rho          weight of the constraints, ten times larger while they do not decrease
 
-Source: Hestenes 1969, Powell 1969, Rockafellar 1973; the descent is `optax.lbfgs`.
+Every evaluation has one purpose, by `calls` and the flags of the state: a probe of the gradient,
+the start of a descent (`fresh`), a step of Adam, or a trial of the line search:
+
+    L(x + t p) <= L(x) + 1e-4 t p.g,   p.g(x + t p) >= 0.9 p.g        (weak Wolfe conditions)
+
+Source: Hestenes 1969, Powell 1969, Rockafellar 1973; the directions are those of
+`optax.scale_by_lbfgs` and `optax.adam`; Nocedal and Wright, 3.1, 3.5.
 Valid for smooth functions. `f` may be infinite outside its domain: the line search turns back.
 """
 
-import functools
-from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import optax
 from jax import lax
-from jaxtyping import Array, Bool, Float, Int, PyTree
+from jaxtyping import Array, Bool, Float, Int
 
 from ..core import Scalar
-from ._criterion import Criterion, Point
-from ._gradient_check import gradient_error
+from ._criterion import Criterion
+from ._gradient_check import GRADIENT_TOLERANCE, PROBES, probe, probed_error
+
+ARMIJO, WOLFE = 1e-4, 0.9
+MOST_TRIALS = 30
 
 
-class RoundState(NamedTuple):
-    """What one descent hands to the next update of the multipliers."""
+class Line(NamedTuple):
+    """A line search along p from x: the slope there, the trial t, its bracket with the value and
+    the slope at the lower end and the value at the upper one, and how many trials there were."""
 
-    x: Point
+    p: Float[Array, " n"]
+    slope: Float[Array, ""]
+    t: Float[Array, ""]
+    low: Float[Array, ""]
+    low_value: Float[Array, ""]
+    low_slope: Float[Array, ""]
+    high: Float[Array, ""]
+    high_value: Float[Array, ""]
+    trials: Int[Array, ""]
+
+
+class Descent(NamedTuple):
+    """Where the search stands: x with the value and gradient of L, the criterion there, multipliers
+    and weight; `held`: the gradient in the unknowns of the problem, before the maps of the bounds;
+    `rows`, `calls`, `probed` and `wrong` as in `_sqp.py`."""
+
+    x: Float[Array, " n"]
+    size: Float[Array, " n"]
+    trial: Float[Array, " n"]
+    value: Float[Array, ""]
+    slopes: Float[Array, " n"]
+    held: Float[Array, " n"]
     criterion: Criterion
     dual: Criterion
     rho: Float[Array, ""]
+    memory: Any
+    adam: Any
+    adam_left: Int[Array, ""]
+    line: Line
+    fresh: Bool[Array, ""]
     gradient: Float[Array, ""]
     violation: Float[Array, ""]
     steps: Int[Array, ""]
-    rounds: Int[Array, ""]
-    gradient_error: Float[Array, ""]
-    history: Float[Array, "rounds 3"]
+    round_steps: Int[Array, ""]
+    taken: Int[Array, ""]
+    rows: Float[Array, "rounds 3"]
+    calls: Int[Array, ""]
+    probed: Float[Array, "4"]
+    wrong: Float[Array, ""]
 
 
-class DescentState(NamedTuple):
-    """What one step of a descent hands to the next; `state` is that of optax."""
+class Evaluation(NamedTuple):
+    """L and its gradient at a trial, the gradient `held` of `Descent`, and the criterion."""
 
-    x: Point
-    state: PyTree
-    steps: Int[Array, ""]
+    value: Float[Array, ""]
+    slopes: Float[Array, " n"]
+    held: Float[Array, " n"]
+    criterion: Criterion
 
 
-def solve_multipliers(
-    problem: Callable[[Point], Criterion],
-    start: Point,
-    tolerance: Scalar,
-    max_steps: int,
+class Options(NamedTuple):
+    """The options of `minimise` that this method has."""
+
+    tolerance: Scalar
+    max_steps: int
+    adam_rate: Scalar
+
+
+def begin(
+    x: Float[Array, " n"],
+    size: Float[Array, " n"],
+    blank: Criterion,
     max_rounds: int,
-    check_gradient: bool,
     adam_steps: int,
-    adam_rate: Scalar,
-) -> RoundState:
-    """The last round of descents; arguments as in `minimise`."""
-    # The shapes of a criterion without evaluating the start: every call of `problem` is one more
-    # copy of it to compile.
-    blank = jax.tree.map(
-        lambda like: jnp.zeros(like.shape, like.dtype), jax.eval_shape(problem, start)
-    )
+    check: bool,
+) -> Descent:
+    """The state before the first evaluation; `size`: of the unknowns, `blank`: a criterion of
+    zeros."""
+    zeros, one = jnp.zeros_like(x), jnp.ones((), x.dtype)
     dual = Criterion(jnp.ones_like(blank.objective), blank.equal_zero, blank.non_negative)
-    rho = 10.0 * jnp.ones_like(blank.objective)
+    no, none = jnp.asarray(0), 0.0 * one
+    calls = jnp.asarray(-PROBES if check else 0)
+    with jax.numpy_dtype_promotion("standard"):
+        memory, adam = optax.scale_by_lbfgs().init(x), optax.scale_by_adam().init(x)
+    return Descent(
+        x, size, probe(x, size, calls) if check else x, none, zeros, zeros, blank, dual,
+        10.0 * one,
+        memory, adam, jnp.asarray(adam_steps), _line(zeros, one, none, none), jnp.asarray(True),
+        jnp.inf * one, one, no, no, no, jnp.full((max_rounds, 3), jnp.nan, x.dtype), calls,
+        jnp.zeros(PROBES, x.dtype), none,
+    )  # fmt: skip
 
-    if adam_steps > 0:
-        start = _adam(lambda x: _lagrangian(problem(x), dual, rho), start, adam_steps, adam_rate)
 
-    def unfinished(loop: RoundState) -> Bool[Array, ""]:
-        missed = (loop.gradient > tolerance) | (loop.violation > tolerance)
-        return missed & (loop.rounds < max_rounds)
+def unfinished(s: Descent, options: Options) -> Bool[Array, ""]:
+    """Whether another evaluation is wanted."""
+    missed = (s.gradient > options.tolerance) | (s.violation > options.tolerance)
+    sound = (s.wrong <= GRADIENT_TOLERANCE) & jnp.isfinite(s.value)
+    return (s.calls <= 0) | (missed & (s.taken < s.rows.shape[0]) & sound)
 
-    def improve(loop: RoundState) -> RoundState:
-        x, _, dual, rho, _, violation, steps, rounds, wrong, history = loop
 
-        def lagrangian(x: Point) -> Float[Array, ""]:
-            return _lagrangian(problem(x), dual, rho)
+def advance(s: Descent, found: Evaluation, options: Options) -> Descent:
+    """The state after an evaluation at `s.trial`."""
+    value, slopes = found.value, found.slopes
 
-        # A descent to the last digit is wasted while the multipliers are not right.
-        enough = jnp.maximum(0.01 * jnp.minimum(violation, 1.0), tolerance)
-        value, slopes = jax.value_and_grad(lagrangian)(x)
-        if check_gradient:
-            check = functools.partial(gradient_error, lagrangian, x, slopes)
-            wrong = lax.cond(rounds == 0, check, lambda: wrong)
-        x, gradient, taken = _descend(lagrangian, x, value, slopes, enough, max_steps)
-        criterion = problem(x)
-        left = _violation(criterion, dual, rho)
-        # Updated with the weight of this descent, before it grows.
-        dual = _updated(criterion, dual, rho)
-        rho = jnp.where(left > 0.25 * violation, 10.0 * rho, rho)
-        history = history.at[rounds].set(jnp.stack([criterion.objective, left, gradient]))
-        taken, done = steps + taken, rounds + 1
-        return RoundState(x, criterion, dual, rho, gradient, left, taken, done, wrong, history)
+    def probing(s: Descent) -> Descent:
+        following = s.calls + 1
+        place = jnp.where(following < 0, probe(s.x, s.size, following), s.x)
+        return s._replace(probed=s.probed.at[s.calls].set(value), calls=following, trial=place)
 
-    first = RoundState(
-        x=start,
-        criterion=blank,
-        dual=dual,
-        rho=rho,
-        gradient=jnp.full_like(rho, jnp.inf),
-        violation=jnp.ones_like(rho),
-        steps=jnp.asarray(0),
-        rounds=jnp.asarray(0),
-        gradient_error=jnp.zeros_like(rho),
-        history=jnp.full((max_rounds, 3), jnp.nan, rho.dtype),
+    def searching(s: Descent) -> Descent:
+        checked = (s.calls == 0) & jnp.any(s.probed != 0.0)
+        wrong = probed_error(s.probed, s.x, s.size, slopes)
+        s = s._replace(wrong=jnp.where(checked, wrong, s.wrong), calls=jnp.asarray(1))
+        fell, steep = _conditions(s, value, slopes)
+        give_up = ~s.fresh & (s.line.trials + 1 >= MOST_TRIALS)
+        done = s.fresh | (fell & ~steep) | give_up
+        return lax.cond(done, _moved, _tried_again, s, found, fell, options)
+
+    return lax.cond(s.calls < 0, probing, searching, s)
+
+
+def _line(p: Array, slope: Array, value: Array, t: Array) -> Line:
+    zero = 0.0 * value
+    return Line(p, slope, t, zero, value, slope, jnp.inf + zero, zero, jnp.asarray(0))
+
+
+def _conditions(s: Descent, value: Array, slopes: Array) -> tuple[Array, Array]:
+    """Whether the trial fell enough, and whether it still falls steeply."""
+    finite = jnp.isfinite(value) & jnp.all(jnp.isfinite(slopes))
+    # Where both are rounding, the trial is a success.
+    noise = 10.0 * jnp.finfo(s.x.dtype).eps * jnp.abs(s.value)
+    fell = finite & (value <= s.value + ARMIJO * s.line.t * s.line.slope + noise)
+    return fell, slopes @ s.line.p < WOLFE * s.line.slope
+
+
+def _tried_again(s: Descent, found: Evaluation, fell: Array, options: Options) -> Descent:
+    """With another trial: within the bracket, or farther where there is none yet."""
+    del options
+    line, value = s.line, found.value
+    along = found.slopes @ line.p
+    low, high = jnp.where(fell, line.t, line.low), jnp.where(fell, line.high, line.t)
+    low_value = jnp.where(fell, value, line.low_value)
+    low_slope = jnp.where(fell, along, line.low_slope)
+    high_value = jnp.where(fell, line.high_value, value)
+    width = jnp.where(jnp.isfinite(high), high - low, 1.0)
+    # The minimum of a parabola by the slope at the lower end, kept away from both ends.
+    bend = high_value - low_value - low_slope * width
+    usable = jnp.isfinite(bend) & (bend > 0.0)
+    share = jnp.where(usable, -0.5 * low_slope * width / jnp.where(usable, bend, 1.0), 0.5)
+    within = low + width * jnp.clip(share, 0.1, 0.9)
+    t = jnp.where(jnp.isfinite(high), within, 4.0 * line.t)
+    line = line._replace(
+        t=t, low=low, low_value=low_value, low_slope=low_slope, high=high, high_value=high_value,
+        trials=line.trials + 1,
+    )  # fmt: skip
+    return s._replace(line=line, trial=s.x + t * line.p)
+
+
+def _moved(s: Descent, found: Evaluation, fell: Array, options: Options) -> Descent:
+    """With x at the trial, and the next direction; or the end of this descent."""
+    # A line search that gave up leaves x where it was.
+    good = s.fresh | fell
+    new = s._replace(x=s.trial, **found._asdict())
+    s = jax.tree.map(lambda a, b: jnp.where(good, a, b), new, s)
+    return lax.cond(s.adam_left > 0, _by_adam, _by_lbfgs, s, good, options)
+
+
+def _by_adam(s: Descent, good: Array, options: Options) -> Descent:
+    """A step of Adam, which leaves flat and rough starts that a line search does not."""
+    del good
+    # Outside of the domain the objective is infinite, and has no slope to follow.
+    slopes = jnp.where(jnp.isfinite(s.slopes), s.slopes, 0.0)
+    with jax.numpy_dtype_promotion("standard"):
+        made, adam = optax.scale_by_adam().update(slopes, s.adam, s.x)
+    step = jnp.asarray(made)
+    trial = s.x - jnp.asarray(options.adam_rate, s.x.dtype) * step
+    return s._replace(trial=trial, adam=adam, adam_left=s.adam_left - 1)
+
+
+def _by_lbfgs(s: Descent, good: Array, options: Options) -> Descent:
+    """The next direction, or with the gradient small enough the next multipliers."""
+    method = optax.scale_by_lbfgs()
+    # optax mixes integer widths, which a caller's strict promotion would refuse.
+    with jax.numpy_dtype_promotion("standard"):
+        fresh = method.init(s.x)
+        memory = jax.tree.map(lambda a, b: jnp.where(s.fresh, a, b), fresh, s.memory)
+        made, memory = method.update(s.slopes, memory, s.x)
+    memory = jax.tree.map(lambda a, b: a.astype(b.dtype), memory, s.memory)
+    step = jnp.asarray(made)
+    slope = -(step @ s.slopes)
+    downhill = slope < 0.0
+    p = jnp.where(downhill, -step, -s.slopes)
+    slope = jnp.where(downhill, slope, -(s.slopes @ s.slopes))
+    round_steps = jnp.where(s.fresh, 0, s.round_steps + 1)
+    largest = jnp.max(jnp.abs(s.slopes))
+    # A descent to the last digit is wasted while the multipliers are not right.
+    enough = jnp.maximum(0.01 * jnp.minimum(s.violation, 1.0), options.tolerance)
+    # At a start that is stationary by symmetry the first direction is zero: nothing is left to do.
+    still = (round_steps > 0) & (largest <= enough)
+    ended = still | (round_steps >= options.max_steps) | ~good | (largest == 0.0)
+    s = s._replace(
+        memory=memory,
+        line=_line(p, slope, s.value, jnp.ones_like(s.value)),
+        trial=s.x + p,
+        fresh=jnp.asarray(False),
+        steps=s.steps + jnp.where(round_steps > 0, 1, 0),
+        round_steps=round_steps,
     )
-    return lax.while_loop(unfinished, improve, first)
+    return lax.cond(ended, _next_round, lambda s, g: s, s, largest)
 
 
-def _adam(f: Callable[[Point], Array], x: Point, steps: int, rate: Scalar) -> Point:
-    """A number of steps of Adam, which leave flat and rough starts that a line search does not."""
-    method = optax.adam(rate)
-
-    def step(_: Array, loop: tuple[Point, PyTree]) -> tuple[Point, PyTree]:
-        x, state = loop
-        slope = jax.grad(f)(x)
-        # Outside of the domain the objective is infinite, and has no slope to follow.
-        slope = jax.tree.map(lambda g: jnp.where(jnp.isfinite(g), g, 0.0), slope)
-        with jax.numpy_dtype_promotion("standard"):
-            updates, state = method.update(slope, state, x)
-        return optax.apply_updates(x, updates), state
-
-    return lax.fori_loop(0, steps, step, (x, method.init(x)))[0]
+def _next_round(s: Descent, largest: Array) -> Descent:
+    """With the multipliers after a descent."""
+    left = _violation(s.criterion, s.dual, s.rho)
+    # Updated with the weight of this descent, before it grows.
+    dual = _updated(s.criterion, s.dual, s.rho)
+    rho = jnp.where(left > 0.25 * s.violation, 10.0 * s.rho, s.rho)
+    row = jnp.stack([s.criterion.objective, left, largest])
+    return s._replace(
+        trial=s.x, dual=dual, rho=rho, violation=left, gradient=largest,
+        rows=s.rows.at[s.taken].set(row), taken=s.taken + 1, fresh=jnp.asarray(True),
+        round_steps=jnp.asarray(0),
+    )  # fmt: skip
 
 
-def _lagrangian(criterion: Criterion, dual: Criterion, rho: Float[Array, ""]) -> Float[Array, ""]:
+def lagrangian(criterion: Criterion, dual: Criterion, rho: Float[Array, ""]) -> Float[Array, ""]:
     """The augmented Lagrangian L."""
     total, c, d = criterion.objective, criterion.equal_zero, criterion.non_negative
     if c is not None and dual.equal_zero is not None:
@@ -165,43 +289,3 @@ def _violation(criterion: Criterion, dual: Criterion, rho: Float[Array, ""]) -> 
         # Either d or its multiplier must be zero, and neither negative.
         largest = jnp.maximum(largest, jnp.max(jnp.abs(jnp.minimum(d, dual.non_negative / rho))))
     return largest
-
-
-def _largest(tree: Point) -> Float[Array, ""]:
-    """The largest magnitude in a tree."""
-    return jax.tree.reduce(jnp.maximum, jax.tree.map(lambda leaf: jnp.max(jnp.abs(leaf)), tree))
-
-
-def _descend(
-    f: Callable[[Point], Float[Array, ""]],
-    x: Point,
-    value: Float[Array, ""],
-    gradient: Point,
-    enough: Float[Array, ""],
-    max_steps: int,
-) -> tuple[Point, Float[Array, ""], Int[Array, ""]]:
-    """L-BFGS from `x`, where `f` has this value and gradient, until no component of the gradient
-    exceeds `enough`.
-
-    **Returns** the point, the largest component of the gradient, and the number of steps."""
-    method = optax.lbfgs()
-
-    def unfinished(loop: DescentState) -> Bool[Array, ""]:
-        steep = _largest(optax.tree.get(loop.state, "grad")) > enough
-        return (loop.steps == 0) | (steep & (loop.steps < max_steps))
-
-    def step(loop: DescentState) -> DescentState:
-        x, state, steps = loop
-        # The line search leaves value and gradient at its end in the state.
-        value = optax.tree.get(state, "value")
-        gradient = optax.tree.get(state, "grad")
-        # optax mixes integer widths, which a caller's strict promotion would refuse.
-        with jax.numpy_dtype_promotion("standard"):
-            updates, state = method.update(
-                gradient, state, x, value=value, grad=gradient, value_fn=f
-            )
-        return DescentState(optax.apply_updates(x, updates), state, steps + 1)
-
-    state = optax.tree.set(method.init(x), value=value, grad=gradient)
-    last = lax.while_loop(unfinished, step, DescentState(x, state, jnp.asarray(0)))
-    return last.x, _largest(optax.tree.get(last.state, "grad")), last.steps

@@ -13,11 +13,13 @@
 The programme of a step always has a solution, so that infeasible targets end at the point with the
 least violation. A step that raises the violation is corrected once with the constraints where it
 leads (second-order correction). Unknowns are scaled by `scale`, objective and constraints by their
-gradients at the start.
+gradients at the start. The loop is that of `_drive.py`: the state carries the step that waits for
+its evaluation.
 
 Source: Fletcher, Practical Methods of Optimization, 12.4 (S l1 QP), 14.4; Powell 1978 (damping).
 """
 
+import functools
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -26,6 +28,7 @@ import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, Bool, Float, Int
 
+from ._gradient_check import GRADIENT_TOLERANCE, PROBES, probe, probed_error
 from ._quadratic import Programme, solve_programme
 
 # With this weight a violation that no step reduces is final.
@@ -44,9 +47,22 @@ class Values(NamedTuple):
     report: Any
 
 
+class Pending(NamedTuple):
+    """A step p whose end is not evaluated yet, and the multipliers of its programme."""
+
+    p: Float[Array, " n"]
+    y: Float[Array, " equal"]
+    nu: Float[Array, " inequal"]
+    solved: Bool[Array, ""]
+
+
 class SqpState(NamedTuple):
     """What one step hands to the next; `y`, `nu` are the multipliers of c and d, `shift` the
-    second-order correction of (c, d), `rows` the history."""
+    second-order correction of (c, d), `weight` the scale of (f, c, d), `rows` the history.
+
+    - `calls`: the number of the next evaluation: below zero the probes of the gradient, at zero
+      that of the start; `probed`: the values of the probes, and `wrong`: what they find.
+    - `size`: of the unknowns, by which they are scaled."""
 
     x: Float[Array, " n"]
     at: Values
@@ -60,53 +76,131 @@ class SqpState(NamedTuple):
     hopeless: Bool[Array, ""]
     gradient: Float[Array, ""]
     violation: Float[Array, ""]
-    steps: Int[Array, ""]
+    taken: Int[Array, ""]
     rows: Float[Array, "steps 3"]
+    trial: Float[Array, " n"]
+    pending: Pending
+    weight: Float[Array, " all"]
+    calls: Int[Array, ""]
+    probed: Float[Array, "4 all"]
+    wrong: Float[Array, ""]
+    size: Float[Array, " n"]
 
 
-def solve_sqp(
-    evaluate: Callable[[Float[Array, " n"]], Values],
+class Found(NamedTuple):
+    """An evaluation of the problem: values of f, c and d together, their Jacobian, the report."""
+
+    values: Float[Array, " all"]
+    jacobian: Float[Array, "all n"]
+    report: Any
+
+
+class Limits(NamedTuple):
+    """Bounds of the scaled unknowns, which may be infinite, and the tolerance for the projected
+    gradient of the Lagrangian and the violation, both scaled."""
+
+    lower: Float[Array, " n"]
+    upper: Float[Array, " n"]
+    tolerance: Float[Array, ""]
+
+
+def begin(
     x: Float[Array, " n"],
-    at: Values,
-    lower: Float[Array, " n"],
-    upper: Float[Array, " n"],
-    tolerance: Any,
+    size: Float[Array, " n"],
+    me: int,
+    mi: int,
+    report: Any,
     max_steps: int,
-    curvature: Callable[[Array, Array, Array], Array] | None = None,
+    check: bool,
 ) -> SqpState:
-    """The last state of the search.
+    """The state before the first evaluation.
 
     **Arguments**
 
-    - `evaluate`: scaled problem with derivatives.
-    - `x`: scaled unknowns at the start, and `at`: the problem there.
-    - `lower`, `upper`: their bounds, which may be infinite.
-    - `tolerance`: for the projected gradient of the Lagrangian and the violation, both scaled.
-    - `curvature`: (x, y, nu) -> Hessian of the Lagrangian; without it BFGS.
-    """
-    zero = (jnp.zeros_like(at.c), jnp.zeros_like(at.d))
-    one = jnp.ones_like(at.f)
-    first = SqpState(
-        x, at, jnp.eye(x.size, dtype=x.dtype), *zero, 10.0 * one, one, zero,
-        jnp.asarray(False), jnp.asarray(False), jnp.inf * one, _violation(at), jnp.asarray(0),
+    - `x`: scaled unknowns at the start; `size`: by which they are scaled.
+    - `me`, `mi`: how many equalities and inequalities there are.
+    - `report`: a tree of the shapes of what the problem reports.
+    - `check`: whether the gradient is compared with differences first."""
+    n, rows = x.size, 1 + me + mi
+    zeros = functools.partial(jnp.zeros, dtype=x.dtype)
+    at = Values(zeros(()), zeros(me), zeros(mi), zeros(n), zeros((me, n)), zeros((mi, n)), report)
+    one, no = jnp.ones((), x.dtype), jnp.asarray(False)
+    calls = jnp.asarray(-PROBES if check else 0)
+    return SqpState(
+        x, at, jnp.eye(n, dtype=x.dtype), zeros(me), zeros(mi), 10.0 * one, one,
+        (zeros(me), zeros(mi)), no, no, jnp.inf * one, jnp.inf * one, jnp.asarray(0),
         jnp.full((max_steps, 3), jnp.nan, x.dtype),
+        probe(x, jnp.ones_like(x), calls) if check else x,
+        Pending(zeros(n), zeros(me), zeros(mi), no), jnp.ones(rows, x.dtype), calls,
+        zeros((PROBES, rows)), zeros(()), size,
     )  # fmt: skip
-    first = first._replace(gradient=_gradient(first, lower, upper))
-    least = 1e2 * jnp.finfo(x.dtype).eps
 
-    def unfinished(s: SqpState) -> Bool[Array, ""]:
-        missed = (s.gradient > tolerance) | (s.violation > tolerance)
-        missed = missed & ~s.hopeless
-        return missed & (s.steps < max_steps) & (s.radius > least)
 
-    def advance(s: SqpState) -> SqpState:
+def unfinished(s: SqpState, limits: Limits) -> Bool[Array, ""]:
+    """Whether another evaluation is wanted."""
+    missed = (s.gradient > limits.tolerance) | (s.violation > limits.tolerance)
+    sound = (s.wrong <= GRADIENT_TOLERANCE) & jnp.isfinite(s.at.f)
+    least = 1e2 * jnp.finfo(s.x.dtype).eps
+    goes_on = missed & ~s.hopeless & (s.taken < s.rows.shape[0]) & (s.radius > least) & sound
+    return (s.calls <= 0) | goes_on
+
+
+def advance(
+    s: SqpState,
+    found: Found,
+    limits: Limits,
+    curvature: Callable[[Array, Array], Array] | None = None,
+) -> SqpState:
+    """The state after an evaluation at `s.trial`: it is a probe, the start, or the end of a step.
+
+    - `curvature`: from x and the weights of (f, c, d) to the Hessian of their sum; without it
+      BFGS."""
+
+    def probing(s: SqpState) -> SqpState:
+        following = s.calls + 1
+        place = probe(s.x, jnp.ones_like(s.x), following)
+        return s._replace(
+            probed=s.probed.at[s.calls].set(found.values),
+            calls=following,
+            trial=jnp.where(following < 0, place, s.x),
+        )
+
+    def searching(s: SqpState) -> SqpState:
+        s = lax.cond(s.calls == 0, _started, functools.partial(_judged, limits=limits), s, found)
         if curvature is not None:
-            values, vectors = jnp.linalg.eigh(curvature(s.x, s.y, s.nu))
+            weights = s.weight * jnp.concatenate([jnp.ones(1, s.x.dtype), s.y, -s.nu])
+            values, vectors = jnp.linalg.eigh(curvature(s.x, weights))
             floor = 1e-8 * jnp.max(jnp.abs(values)) + 1e-12
             s = s._replace(B=(vectors * jnp.maximum(jnp.abs(values), floor)) @ vectors.T)
-        return _advance(evaluate, s, lower, upper, curvature is None)
+        s = s._replace(calls=s.calls + 1, gradient=_gradient(s, limits))
+        return _planned(s, limits)
 
-    return lax.while_loop(unfinished, advance, first)
+    return lax.cond(s.calls < 0, probing, searching, s)
+
+
+def _scaled(found: Found, weight: Array, me: int) -> Values:
+    values, jacobian = weight * found.values, weight[:, None] * found.jacobian
+    f, c, d = values[0], values[1 : 1 + me], values[1 + me :]
+    return Values(f, c, d, jacobian[0], jacobian[1 : 1 + me], jacobian[1 + me :], found.report)
+
+
+def _started(s: SqpState, found: Found) -> SqpState:
+    """With the values at the start, which set the scales."""
+    weight = _weights(found.jacobian)
+    at = _scaled(found, weight, s.y.size)
+    mixed = weight * jnp.cos(1.3 * jnp.arange(weight.size, dtype=weight.dtype))
+    checked = jnp.any(s.probed != 0.0)
+    wrong = probed_error(s.probed @ mixed, s.x, jnp.ones_like(s.x), mixed @ found.jacobian)
+    return s._replace(
+        at=at, weight=weight, violation=_violation(at), wrong=jnp.where(checked, wrong, 0.0)
+    )
+
+
+def _weights(jacobian: Float[Array, "rows n"]) -> Float[Array, " rows"]:
+    """The inverse of the size of each row of the Jacobian; 1 for a row of zeros."""
+    row = jnp.max(jnp.abs(jacobian), axis=1)
+    usable = (row > 0.0) & jnp.isfinite(row)
+    return jnp.where(usable, 1.0 / jnp.where(usable, row, 1.0), 1.0)
 
 
 def _violation(at: Values) -> Float[Array, ""]:
@@ -120,10 +214,10 @@ def _slope(at: Values, y: Array, nu: Array) -> Float[Array, " n"]:
     return at.g + at.J.T @ y - at.K.T @ nu
 
 
-def _gradient(s: SqpState, lower: Array, upper: Array) -> Float[Array, ""]:
+def _gradient(s: SqpState, limits: Limits) -> Float[Array, ""]:
     """The largest component of the gradient that the bounds leave free, or of nu d."""
     x = s.x
-    free = x - jnp.clip(x - _slope(s.at, s.y, s.nu), lower, upper)
+    free = x - jnp.clip(x - _slope(s.at, s.y, s.nu), limits.lower, limits.upper)
     loose = jnp.minimum(jnp.maximum(s.at.d, 0.0), s.nu)
     return jnp.maximum(jnp.max(jnp.abs(free)), jnp.max(loose, initial=0.0))
 
@@ -132,7 +226,7 @@ def _penalty(c: Array, d: Array) -> Float[Array, ""]:
     return jnp.sum(jnp.abs(c)) + jnp.sum(jnp.maximum(-d, 0.0))
 
 
-def _programme(s: SqpState, lower: Array, upper: Array) -> tuple[Programme, Array]:
+def _programme(s: SqpState, limits: Limits) -> tuple[Programme, Array]:
     """The programme of a step in (p, e, f): elastic unknowns e of c and f of d; and a start."""
     c, d = s.at.c + s.shift[0], s.at.d + s.shift[1]
     n, me, mi = s.x.size, c.size, d.size
@@ -145,28 +239,31 @@ def _programme(s: SqpState, lower: Array, upper: Array) -> tuple[Programme, Arra
     G = jnp.concatenate([body, side], axis=1)
     # The elastic unknowns of inequalities are not negative; those of equalities follow.
     G = jnp.concatenate([G, jnp.concatenate([jnp.zeros((mi, n), s.x.dtype), eye_s[me:]], axis=1)])
-    low = jnp.maximum(lower - s.x, -s.radius)
-    high = jnp.minimum(upper - s.x, s.radius)
+    low = jnp.maximum(limits.lower - s.x, -s.radius)
+    high = jnp.minimum(limits.upper - s.x, s.radius)
     h = jnp.concatenate([c, d, -c, -low, high, jnp.zeros_like(d)])
     first = jnp.concatenate([0.5 * (low + high), 1.0 + jnp.abs(c), 1.0 + jnp.maximum(-d, 0.0)])
     return Programme(Q, q, G, h), first
 
 
-def _advance(
-    evaluate: Callable[[Array], Values], s: SqpState, lower: Array, upper: Array, update: bool
-) -> SqpState:
-    """One step: solve the programme, try the point, and take it or shrink the radius."""
-    programme, first = _programme(s, lower, upper)
+def _planned(s: SqpState, limits: Limits) -> SqpState:
+    """With the next step, from the programme at x."""
+    programme, first = _programme(s, limits)
     z, lam = solve_programme(programme, first)
     n, me, mi = s.x.size, s.at.c.size, s.at.d.size
     solved = jnp.all(jnp.isfinite(z))
     p = jnp.where(solved, z[:n], 0.0)
     y = lam[me + mi : 2 * me + mi] - lam[:me]
-    nu = lam[me : me + mi]
+    pending = Pending(p, y, lam[me : me + mi], solved)
+    return s._replace(trial=jnp.clip(s.x + p, limits.lower, limits.upper), pending=pending)
+
+
+def _judged(s: SqpState, found: Found, limits: Limits) -> SqpState:
+    """With the end of the step that was pending, if it is taken, or a smaller radius."""
+    p, y, nu, solved = s.pending
+    trial = _scaled(found, s.weight, s.y.size)
     # Of a corrected step the model is that of the corrected constraints.
     c, d = s.at.c + s.shift[0] + s.at.J @ p, s.at.d + s.shift[1] + s.at.K @ p
-    trial_x = jnp.clip(s.x + p, lower, upper)
-    trial = evaluate(trial_x)
     before = s.at.f + s.rho * _penalty(s.at.c, s.at.d)
     after = trial.f + s.rho * _penalty(trial.c, trial.d)
     model = s.at.f + s.at.g @ p + 0.5 * p @ s.B @ p + s.rho * _penalty(c, d)
@@ -191,11 +288,11 @@ def _advance(
     stuck = (reached > 0.5 * far) & present & solved
     hopeless = (reached > (1.0 - 1e-6) * far) & present & (s.rho >= MOST_WEIGHT)
     rho = jnp.where(stuck, jnp.minimum(4.0 * s.rho, MOST_WEIGHT), s.rho)
-    B = jnp.where(take, _damped_bfgs(s, trial, p, y, nu), s.B) if update else s.B
+    B = jnp.where(take, _damped_bfgs(s, trial, p, y, nu), s.B)
     keep = lambda new, old: jnp.where(take, new, old)  # noqa: E731
     shift = (trial.c - c, trial.d - d)
     moved = s._replace(
-        x=keep(trial_x, s.x),
+        x=keep(s.trial, s.x),
         at=jax.tree.map(keep, trial, s.at),
         B=B,
         y=keep(y, s.y),
@@ -205,11 +302,11 @@ def _advance(
         shift=jax.tree.map(lambda x: jnp.where(curved, x, 0.0), shift),
         corrected=curved,
         hopeless=hopeless,
-        steps=s.steps + 1,
+        taken=s.taken + 1,
     )
-    moved = moved._replace(gradient=_gradient(moved, lower, upper), violation=_violation(moved.at))
+    moved = moved._replace(gradient=_gradient(moved, limits), violation=_violation(moved.at))
     row = jnp.stack([moved.at.f, moved.violation, moved.gradient])
-    return moved._replace(rows=s.rows.at[s.steps].set(row))
+    return moved._replace(rows=s.rows.at[s.taken].set(row))
 
 
 def _damped_bfgs(s: SqpState, trial: Values, p: Array, y: Array, nu: Array) -> Array:
@@ -219,7 +316,7 @@ def _damped_bfgs(s: SqpState, trial: Values, p: Array, y: Array, nu: Array) -> A
     own = p @ B @ p
     along = p @ change
     # The first step sets the size of the curvature.
-    fresh = (s.steps == 0) & (along > 0.0)
+    fresh = (s.calls == 1) & (along > 0.0)
     scale = jnp.where(fresh, (change @ change) / jnp.where(fresh, along, 1.0), 1.0)
     B = jnp.where(fresh, jnp.clip(scale, 1e-4, 1e4) * B, B)
     own = jnp.where(fresh, p @ B @ p, own)

@@ -79,12 +79,14 @@ from ._oblateness import node_regression_rate as node_regression_rate
 from ._oblateness import oblateness as oblateness
 from ._oblateness import oblateness_potential as oblateness_potential
 from ._orbit_force import force_of_orbit as force_of_orbit
+from ._outputs import altitude as altitude
 from ._outputs import apoapsis as apoapsis
 from ._outputs import apoapsis_altitude as apoapsis_altitude
 from ._outputs import ascending_node as ascending_node
 from ._outputs import descending_node as descending_node
 from ._outputs import periapsis as periapsis
 from ._outputs import periapsis_altitude as periapsis_altitude
+from ._outputs import radial_speed as radial_speed
 from ._outputs import speed as speed
 from ._outputs import speed_error as speed_error
 from ._outputs import velocity_error as velocity_error

@@ -20,6 +20,18 @@ def apoapsis_altitude(position: Vector, velocity: Vector, mu: Scalar, radius: Sc
     return apoapsis_radius(position, velocity, mu) - radius
 
 
+@output("m", radius="planet.radius")
+def altitude(position: Vector, radius: Scalar) -> Scalar:
+    """Height above a sphere of the `radius`, m."""
+    return norm(position) - radius
+
+
+@output("m/s")
+def radial_speed(position: Vector, velocity: Vector) -> Scalar:
+    """Rate of the distance from the centre, m/s: zero at an apsis and on a circle."""
+    return dot(position, velocity) / norm(position)
+
+
 @output("m/s")
 def speed(velocity: Vector) -> Scalar:
     """Length of the velocity, m/s."""

@@ -2,6 +2,7 @@
 
 Plotting libraries are imported on demand."""
 
+from ._convergence_figure import convergence_figure as convergence_figure
 from ._dispersion_figure import dispersion_figure as dispersion_figure
 from ._dispersion_page import dispersion_page as dispersion_page
 from ._porkchop_figure import porkchop_figure as porkchop_figure

@@ -240,9 +240,40 @@ VEHICLES = (
     ),
 )
 
+CHAPTER_8 = (
+    Row(
+        *("8.1", "Single stage, vertical: burnout, height, coast, partial derivatives", "T8.1"),
+        "rockets.vertical_burnout_velocity rockets.vertical_burnout_height rockets.coast_height",
+    ),
+    Row(
+        *("8.1 Fig. 2", "Velocity and total height over the thrust ratio", "T8.1-Fig2"),
+        "rockets.coast_height",
+    ),
+    Row(
+        *("8.2", "Staging: shares of the velocity, stages that vanish", "T8.2"),
+        "optimization.optimal_staging optimization.optimal_staging_by_gradient "
+        "optimization.equal_stages_payload optimization.stationary_mass_ratio",
+    ),
+    Row(
+        *("8.3", "Linear-tangent steering; the least time, direct shooting", "T8.3"),
+        "optimization.linear_tangent_steering optimization.maximum_velocity_steering "
+        "optimization.minimum_time_steering optimization.optimise_steering",
+    ),
+    Row(
+        *("8.4", "Propellant use: impulses at the start, at the end or split", "T8.4"),
+        "optimization.propellant_use optimization.burnout_state optimization.apex",
+    ),
+    Row(
+        *("8.5", "Gravity turn at a constant thrust ratio, with n = 1 and n = 1/2", "T8.5"),
+        "rockets.GravityTurn",
+    ),
+    Row("8.5 var.", "Gravity turn with a ratio that changes with the mass", "T8.5-var"),
+)
+
 PAGES = {
     "chapters_1_to_4": ("Chapters 1 to 4", CHAPTERS_1_TO_4),
     "chapter_5": ("Chapter 5", CHAPTER_5),
+    "chapter_8": ("Chapter 8", CHAPTER_8),
     "vehicles": ("Vehicles", VEHICLES),
 }
 

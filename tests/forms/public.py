@@ -16,7 +16,11 @@ LEFT_OUT: dict[str, tuple[str, ...]] = {
         *("attitude.SwingState", "attitude.LibrationState"),
         *("bodies.Abstract*", "bodies.Load", "bodies.BodyState.*", "attitude.PendulumState"),
         *("gyros.GimbalState", "optimization.AbstractThrustAcceleration", "optimization.Ascent"),
-        *("optimization.ConstantThrustAcceleration", "optimization.Criterion"),
+        *(
+            "optimization.ConstantThrustAcceleration",
+            "optimization.Criterion",
+            "optimization.Progress",
+        ),
         *("optimization.FlightState", "optimization.Minimum*", "optimization.Staging"),
         *("optimization.SteeringOptimum", "optimization.StopReason*"),
     ),

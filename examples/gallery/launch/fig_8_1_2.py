@@ -1,0 +1,28 @@
+"""Velocity at burnout
+
+A single stage that rises vertically (8.1): speed at burnout over the share of
+the mass that is left, for three specific impulses; thrust over weight 1.5
+(dashed) and 3."""
+
+import jax.numpy as jnp
+import matplotlib.pyplot as plt
+
+import jaxspace
+from jaxspace.rockets import vertical_burnout_velocity
+
+jaxspace.enable_x64()
+g, left = 9.80665, jnp.linspace(0.02, 0.6, 200)
+
+figure, axes = plt.subplots()
+for k, impulse in enumerate((200.0, 300.0, 400.0)):
+    for ratio, line in ((1.5, "--"), (3.0, "-")):
+        time = impulse / ratio * (1.0 - left)
+        v = vertical_burnout_velocity(impulse * g, 1.0 / left, time, g)
+        label = f"I = {impulse:.0f} s" if ratio == 3.0 else None
+        axes.plot(left, v / 1e3, line, color=f"C{k}", label=label)
+axes.set(
+    xlabel="mass at burnout over mass at the start", ylabel="speed, km/s"
+)
+axes.set(xlim=(0.0, 0.6), ylim=(0.0, None))
+axes.legend()
+plt.show()

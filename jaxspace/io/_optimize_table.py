@@ -1,0 +1,216 @@
+"""The table [optimize] of a file: what is best, which of its numbers are free, what must hold.
+
+[optimize]
+maximise = "final.mass"                         or minimise; an output as in [dispersion]
+[optimize.free]
+"initial.velocity.0" = { low = "1 km/s", high = "3 km/s" }
+"effects.steered_thrust.steering.angles.*" = { low = "0 deg", high = "90 deg" }
+[[optimize.constraint]]
+output = "periapsis_altitude"
+at_least = "185 km"                             or at_most, or equal
+"""
+
+from collections.abc import Mapping
+from fnmatch import fnmatchcase
+from typing import NamedTuple
+
+from ..core import argument
+from ._checks import Parsed
+from ._errors import hint, missing, unknown, wrong
+from ._inputs import measures
+from ._kinds import Entry, Kind, Reading, Schema, Value
+from ._outputs import OutputSpec, needs_nominal, read_output, unit_of
+from ._table_kinds import AnyTable, Table
+from ._units import in_unit, read_number
+from ._value_kinds import ListOf, Measure, Number, OneName, Whole
+
+GOALS = ("minimise", "maximise")
+LIMITS = ("equal", "at_least", "at_most")
+OWN_TABLES = ("dispersion", "optimize")
+
+
+class Free(NamedTuple):
+    """A free number of the file: where it stands, its value, bounds, size and unit."""
+
+    path: str
+    start: Measure
+    low: float
+    high: float
+    scale: float | None
+    unit: str
+    factor: float
+
+
+class Demand(NamedTuple):
+    """A constraint: the output, which of `LIMITS` it is, the target in SI, and its number in the
+    list of the file."""
+
+    spec: OutputSpec
+    limit: str
+    target: float
+
+
+class Task(NamedTuple):
+    """What [optimize] asks for; `sign` is -1 where the objective is to be greatest."""
+
+    objective: OutputSpec
+    sign: float
+    free: tuple[Free, ...]
+    demands: tuple[Demand, ...]
+
+
+class OneOutput(Kind):
+    """The name of an output, or a table of it, as in a list of outputs."""
+
+    def __init__(self, outputs: Kind, more: tuple[str, ...] = ()):
+        self.outputs, self.more = outputs, more
+
+    def read(self, value: object, path: str, reading: Reading) -> Value:
+        own: dict[str, Value] = {}
+        if self.more and isinstance(value, Mapping):
+            own = {key: value[key] for key in self.more if key in value}
+            value = {key: x for key, x in value.items() if key not in self.more}
+            if not own:
+                reading.errors.append(missing(path, f"one of {', '.join(self.more)}"))
+        trial = Reading()
+        read = self.outputs.read([value], path, trial)
+        # The list has this one entry, whose number nobody wrote.
+        reading.errors += [line.replace(f"{path}.0", path, 1) for line in trial.errors]
+        return {**read[0], **own} if read else None
+
+    def expected(self) -> str:
+        return self.outputs.expected()
+
+    def schema(self) -> Schema:
+        one = self.outputs.schema()["items"]
+        assert isinstance(one, dict)
+        if not self.more:
+            return one
+        table = one["anyOf"][1]
+        limits = {key: {"type": ["number", "string"]} for key in self.more}
+        return {**table, "properties": {**table["properties"], **limits}}
+
+
+def optimize_table(outputs: Kind, tolerance: Number) -> Table:
+    """The form of the table; `outputs`: the kind of a list of outputs."""
+    goal = OneOutput(outputs)
+    return Table(
+        {
+            "minimise": Entry(goal, None, doc="the output that is to be least"),
+            "maximise": Entry(goal, None, doc="the output that is to be greatest"),
+            "free": Entry(AnyTable(), doc="free numbers, by path, each with low, high and scale"),
+            "constraint": Entry(
+                ListOf(OneOutput(outputs, LIMITS)), (), doc="outputs that are equal, at_least, ..."
+            ),
+            # Between two breaks a phase has its share of these steps.
+            "steps": Entry(Whole(), 40, doc="integration steps of each phase"),
+            "method": Entry(OneName(("sqp", "multipliers")), "sqp", doc="of the search"),
+            "tolerance": Entry(tolerance, 1e-6, doc="of gradient and violation, scaled"),
+            "max_steps": Entry(Whole(), 200, doc="how many steps the search may take"),
+        }
+    )
+
+
+def read_task(file: Parsed, units: Mapping[str, str]) -> tuple[Task | None, list[str]]:
+    """What the table asks for; or what is wrong with it."""
+    table, errors = file.values["optimize"], []
+    goals = [goal for goal in GOALS if table[goal] is not None]
+    if len(goals) != 1:
+        return None, ["optimize must have one of minimise and maximise."]
+    objective, demands = None, []
+    try:
+        objective = _output(f"optimize.{goals[0]}", table[goals[0]], file, units)
+    except ValueError as error:
+        errors.append(str(error))
+    for number, entry in enumerate(table["constraint"]):
+        try:
+            demands += _demands(f"optimize.constraint.{number}", entry, file, units)
+        except ValueError as error:
+            errors.append(str(error))
+    free, more = _free(table["free"], file, units)
+    errors += more
+    if errors or objective is None:
+        return None, errors
+    return Task(objective, -1.0 if goals[0] == "maximise" else 1.0, free, tuple(demands)), []
+
+
+def _output(key: str, entry: Value, file: Parsed, units: Mapping[str, str]) -> OutputSpec:
+    own = {k: x for k, x in entry.items() if k not in LIMITS}
+    spec = read_output(key, own, file, units)
+    if needs_nominal((spec,)) or "initial" in spec.arguments():
+        raise ValueError(f"{key} compares with the nominal run, which the search changes.")
+    return spec
+
+
+def _demands(key: str, entry: Value, file: Parsed, units: Mapping[str, str]) -> list[Demand]:
+    spec = _output(key, entry, file, units)
+    found = []
+    for limit in LIMITS:
+        if limit in entry:
+            quantity = argument(unit_of(spec, file), doc="target")
+            try:
+                found.append(Demand(spec, limit, read_number(entry[limit], quantity)[0]))
+            except ValueError as error:
+                raise ValueError(wrong(f"{key}.{limit}", entry[limit], str(error))) from None
+    return found
+
+
+def _free(
+    entries: Mapping[str, Value], file: Parsed, units: Mapping[str, str]
+) -> tuple[tuple[Free, ...], list[str]]:
+    """The free numbers, or what is wrong with them; a `*` in a path stands for any of its steps."""
+    numbers = {p: m for p, m in measures(file.values) if p.split(".")[0] not in OWN_TABLES}
+    found: dict[str, Free] = {}
+    errors = []
+    for pattern, entry in entries.items():
+        key = f"optimize.free.{pattern}"
+        paths = [p for p in numbers if fnmatchcase(p, pattern)]
+        if not paths:
+            errors.append(f"{key} is not a number of this file.{hint(pattern, numbers)}")
+        elif not isinstance(entry, Mapping):
+            errors.append(wrong(key, entry, "a table, such as { low = ..., high = ... }"))
+        else:
+            errors += [
+                unknown(f"{key}.{k}", k, ("low", "high", "scale"))
+                for k in entry
+                if k not in ("low", "high", "scale")
+            ]
+            for path in paths:
+                try:
+                    found[path] = _one_free(key, path, entry, numbers[path], units)
+                except ValueError as error:
+                    errors.append(str(error))
+    if not found and not errors:
+        errors.append(missing("optimize.free", "a table whose keys are paths of numbers"))
+    return tuple(found.values()), list(dict.fromkeys(errors))
+
+
+def _one_free(
+    key: str, path: str, entry: Mapping[str, Value], start: Measure, units: Mapping[str, str]
+) -> Free:
+    """Raises `ValueError` with the whole sentence."""
+    quantity = start.quantity
+
+    def read(name: str, default: float | None) -> float | None:
+        if name not in entry:
+            return default
+        try:
+            # A bound may stand on the edge of what is allowed, a size is any number.
+            wide = quantity._replace(strict=False)
+            if name == "scale":
+                wide = argument(quantity.unit, positive=True, doc="size")
+            return read_number(entry[name], wide)[0]
+        except ValueError as error:
+            raise ValueError(wrong(f"{key}.{name}", entry[name], str(error))) from None
+
+    low, high = read("low", quantity.low), read("high", quantity.high)
+    assert low is not None and high is not None
+    if not low < high:
+        raise ValueError(f"{key}.low is {low:g} and high is {high:g}: low must be below high.")
+    if not low <= start <= high:
+        raise ValueError(
+            f"{key}: {path} is {float(start):g} {quantity.unit}, where the search would start: "
+            f"it must be between {low:g} and {high:g}."
+        )
+    unit = start.unit or units.get(quantity.unit, quantity.unit)
+    return Free(path, start, low, high, read("scale", None), unit, in_unit(quantity.unit, unit))

@@ -1,0 +1,87 @@
+"""The loop of a search, in which a problem and its derivatives stand once.
+
+    state <- advance(state, evaluate(state))          while unfinished(state)
+
+A search says at each step where it wants the problem evaluated, and is handed the result: so that
+its start, the check of its gradient, its line search and its corrections share one program. With
+known numbers the loop is Python's: `evaluate` is compiled once, a run can be watched, interrupted
+and taken up again. Under a transformation it is a loop of the compiled program.
+"""
+
+from collections.abc import Callable
+from typing import Any, TypeAlias
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jax import lax
+from jax.core import Tracer
+from jaxtyping import Array
+
+Progress: TypeAlias = Callable[[int, float, float, float], None]
+"""Called after each step with its number, objective, violation and gradient."""
+
+
+def is_traced(tree: Any) -> bool:
+    """Whether the numbers of a tree, or those of any computation made here, are not known."""
+    # Within a trace of jit every operation is recorded, also one of known numbers.
+    leaves = [jnp.zeros(()) + 0.0, *jax.tree.leaves(tree)]
+    return any(isinstance(x, Tracer) for x in leaves)
+
+
+def drive(
+    evaluate: Callable[[Any], Any],
+    advance: Callable[[Any, Any], Any],
+    unfinished: Callable[[Any], Array],
+    state: Any,
+    progress: Progress | None = None,
+) -> tuple[Any, bool]:
+    """The last state of a search, and whether it was interrupted (by Ctrl-C).
+
+        **Arguments**
+
+        - `evaluate`: from a state to values and derivatives.
+    at its `trial`;
+        - `advance`: the next state; `unfinished`: whether there is one.
+        - `progress`: see `Progress`; its numbers are the last row of `state.rows`.
+    """
+    if not is_traced(state):
+        compiled = jax.jit(evaluate)
+        first = compiled(state)
+        # Of a problem that closes over traced numbers the results are traced.
+        if not is_traced(first):
+            return _watched(compiled, advance, unfinished, state, first, progress)
+
+    def body(state: Any) -> Any:
+        return advance(state, evaluate(state))
+
+    return lax.while_loop(unfinished, body, state), False
+
+
+def _watched(
+    evaluate: Callable[[Any], Any],
+    advance: Callable[[Any, Any], Any],
+    unfinished: Callable[[Any], Array],
+    state: Any,
+    found: Any,
+    progress: Progress | None,
+) -> tuple[Any, bool]:
+    def move(state: Any, found: Any) -> tuple[Any, Array]:
+        state = advance(state, found)
+        return state, unfinished(state)
+
+    move = eqx.filter_jit(move)
+    # A search that is taken up may have nothing left to do.
+    more, taken = bool(unfinished(state)), int(state.taken)
+    try:
+        while more:
+            found = evaluate(state) if found is None else found
+            (state, goes_on), found = move(state, found), None
+            more = bool(goes_on)
+            if progress is not None and int(state.taken) > taken:
+                taken = int(state.taken)
+                objective, violation, gradient = (float(x) for x in state.rows[taken - 1])
+                progress(taken, objective, violation, gradient)
+    except KeyboardInterrupt:
+        return state, True
+    return state, False

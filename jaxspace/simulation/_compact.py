@@ -1,0 +1,230 @@
+"""A mission as a program that compiles in seconds: fixed steps of DOP853 whose stages are a loop.
+
+    k_i = f(t + c_i h, y + h sum_j a_ij k_j)            y_1 = y + h sum_i b_i k_i
+
+The vector field of a phase stands once in the program, in place of once for each of twelve stages,
+again for events and again for the record of steps: an optimisation compiles this and its derivative
+once, and the whole answer comes after seconds. A step runs slower than that of `simulate`, and
+takes no notice of a tolerance: `error` says whether the steps were enough, and the run of the
+optimum by `simulate` confirms it.
+
+Steps end on the `breaks` of the phases. A phase that ends at an event steps up to its zero, where
+one Newton step carries the derivative.
+
+Source: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, II.5 (DOP853).
+"""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import lax
+from jax.flatten_util import ravel_pytree
+from jaxtyping import Array, Bool, Float
+
+from ..core import InputError, Scalar, State, as_float
+from ..integration._events import Event, newton_correct
+from ..solvers import _tableaus as tableau
+from ._mission import Mission, Phase
+
+STAGES = 12
+# How often the step to an event is shortened: some eight reach rounding.
+SEARCH = 12
+
+
+def _filled(rows: tuple, columns: int) -> np.ndarray:
+    """Rows of (stage, weight) as a matrix."""
+    made = np.zeros((len(rows), columns))
+    for number, row in enumerate(rows):
+        for stage, weight in row:
+            made[number, stage] = weight
+    return made
+
+
+A = _filled(tableau.DOP853_A[:STAGES], STAGES)
+B, ERROR = _filled((tableau.DOP853_B, tableau.DOP853_ERROR_5), STAGES)
+C = np.asarray(tableau.DOP853_C[:STAGES])
+
+
+class CompactPhase(NamedTuple):
+    """A phase: the times of its steps' ends, (steps + 1,), s, the states there, components lead,
+    the
+    state at its end `before` the jump, and whether the event that ends it happened."""
+
+    ts: Float[Array, " times"]
+    states: State
+    before: State
+    happened: Bool[Array, ""]
+
+
+class CompactFlight(NamedTuple):
+    """What `fly_compact` returns.
+
+    - `final`, `end`: the state after the last jump, and its time, s.
+    - `phases`: one `CompactPhase` for each phase.
+    - `error`: the sum of what the steps estimate of their errors (of fifth order, so that it is on
+      the safe side), relative to the largest component of each part of the state."""
+
+    final: State
+    end: Float[Array, ""]
+    phases: tuple[CompactPhase, ...]
+    error: Float[Array, ""]
+
+
+def fly_compact(mission: Mission, y0: State, t0: Scalar = 0.0, *, steps: int = 40) -> CompactFlight:
+    """The run of a mission in fixed steps, as a small program, for optimisation.
+
+    **Arguments**
+
+    - `mission`, `y0`, `t0`: as in `simulate`, of one run.
+    - `steps`: of each phase, shared among the spans between its breaks, at least two each.
+
+    **Returns** a `CompactFlight`, differentiable in both modes.
+
+    **Raises** `InputError` for fewer than one step, or an event that is a touch."""
+    if steps < 1:
+        raise InputError(f"fly_compact got steps = {steps}: it must be at least 1.")
+    t, y, error, phases = as_float(t0), y0, jnp.zeros(()), []
+    for phase in mission.phases:
+        flown, t, y, more = _phase(phase, t, y, steps)
+        phases.append(flown)
+        error = error + more
+        y = y if phase.then is None else phase.then(t, y)
+    return CompactFlight(y, t, tuple(phases), error)
+
+
+def _ends(phase: Phase, t0: Scalar, t1: Scalar, steps: int) -> Float[Array, " times"]:
+    """Starts and ends of the steps, s: equal between two breaks."""
+    breaks = phase.system.breaks()
+    inner = jnp.zeros((0,)) if breaks is None else jnp.clip(breaks, t0, t1)
+    knots = jnp.concatenate([t0[None], jnp.sort(inner), t1[None]])
+    each = max(2, -(-steps // (knots.size - 1)))
+    shares = jnp.arange(each) / each
+    inside = knots[:-1, None] + shares * (knots[1:] - knots[:-1])[:, None]
+    return jnp.concatenate([inside.ravel(), t1[None]])
+
+
+def _phase(
+    phase: Phase, t0: Scalar, y0: State, steps: int
+) -> tuple[CompactPhase, Scalar, State, Scalar]:
+    """A phase, the time and the state at its end before the jump, and the error of its steps."""
+    event = phase.until if isinstance(phase.until, Event) else None
+    if event is not None and event.touch is not None:
+        raise InputError(f"Phase {phase.name!r} ends at a touch: fly_compact needs a crossing.")
+    t1 = t0 + (phase.until if event is None else event.within)
+    # Constants of the phase, as far as its state is concerned, are integrated along.
+    v0, unravel = ravel_pytree(y0)
+    system = phase.system
+    ts = _ends(phase, t0, t1, steps)
+    tiny = 4.0 * jnp.finfo(v0.dtype).eps
+
+    def rate(t: Scalar, v: Array) -> Array:
+        return ravel_pytree(system.vector_field(t, unravel(v)))[0]
+
+    def step(t: Scalar, h: Scalar, v: Array) -> tuple[Array, Array]:
+        # The end is seen from inside: the field may jump there.
+        last = jnp.maximum(t, t + h - tiny * (jnp.abs(t) + h))
+
+        def stage(ks: Array, row: tuple[Array, Array, Array]) -> tuple[Array, None]:
+            i, a, c = row
+            k = rate(jnp.minimum(t + c * h, last), v + h * (a @ ks))
+            return ks.at[i].set(k), None
+
+        rows = (jnp.arange(STAGES), jnp.asarray(A, v.dtype), jnp.asarray(C, v.dtype))
+        ks, _ = lax.scan(stage, jnp.zeros((STAGES, v.size), v.dtype), rows)
+        return v + h * (jnp.asarray(B, v.dtype) @ ks), h * (jnp.asarray(ERROR, v.dtype) @ ks)
+
+    if event is None:
+
+        def advance(v: Array, span: tuple[Array, Array]) -> tuple[Array, tuple[Array, Array]]:
+            v, wrong = step(span[0], span[1] - span[0], v)
+            return v, (v, wrong)
+
+        v, (vs, wrongs) = lax.scan(advance, v0, (ts[:-1], ts[1:]))
+        times, happened = ts, jnp.asarray(True)
+        t, y = t1, unravel(v)
+    else:
+        found = _until_event(event, step, unravel, ts, v0)
+        (t, v, happened), (times, vs, wrongs) = found
+        times = jnp.concatenate([t0[None], times])
+        t, y = newton_correct(system, (event,), jnp.where(happened, 0, -1), t, unravel(v))
+    states = jax.vmap(unravel, out_axes=-1)(jnp.concatenate([v0[None], vs]))
+    sizes = _sizes(states, unravel(v0))
+    error = jnp.sum(jnp.max(jnp.abs(wrongs) / sizes, axis=1))
+    return CompactPhase(times, states, y, happened), t, y, error
+
+
+def _sizes(states: State, like: State) -> Float[Array, " components"]:
+    """The largest magnitude of each part of a state along a phase, for each of its components."""
+
+    def leaf(x: Array, one: Array) -> Array:
+        largest = jnp.max(jnp.abs(x))
+        return jnp.broadcast_to(jnp.where(largest > 0.0, largest, 1.0), one.shape)
+
+    return lax.stop_gradient(ravel_pytree(jax.tree.map(leaf, states, like))[0])
+
+
+class _Search(NamedTuple):
+    """Before an event: time, state and condition g; the number of the next step of the plan.
+
+    - `hit`: whether the zero is bracketed, then `rest`: the length to a place beyond it, where the
+      condition is `g1`; `ahead`, `past`: the weights of both; `side`: which end moved last."""
+
+    t: Array
+    v: Array
+    g: Array
+    number: Array
+    hit: Array
+    rest: Array
+    g1: Array
+    ahead: Array
+    past: Array
+    side: Array
+
+
+def _until_event(event, step, unravel, ts, v0):  # noqa: ANN001, ANN202
+    """Steps up to the zero of the event's condition.
+
+    A step across the zero is not taken but shortened by regula falsi, until the state stands just
+    before it."""
+    sign = float(event.direction)
+
+    def passed(g: Scalar, g0: Scalar) -> Bool[Array, ""]:
+        ahead = (g0 < 0.0) & (g >= 0.0), (g0 > 0.0) & (g <= 0.0)
+        return ahead[0] if sign > 0 else ahead[1] if sign < 0 else ahead[0] | ahead[1]
+
+    def advance(at, _):  # noqa: ANN001, ANN202
+        full = ts[jnp.minimum(at.number + 1, ts.size - 1)] - at.t
+        share = at.ahead * at.g / jnp.where(at.hit, at.ahead * at.g - at.past * at.g1, 1.0)
+        h = lax.stop_gradient(at.rest * share)
+        h = jnp.where(at.hit, h, full)
+        v1, wrong = step(at.t, h, at.v)
+        g1 = event.condition(at.t + h, unravel(v1))
+        across = passed(g1, at.g)
+        keep = lambda new, old: jnp.where(across, old, new)  # noqa: E731
+        first = across & ~at.hit
+        # Whichever end is kept twice counts half, so that it does not stay for ever (Illinois).
+        ahead = jnp.where(across & at.hit & (at.side < 0.0), 0.5 * at.ahead, 1.0)
+        past = jnp.where(~across & at.hit & (at.side > 0.0), 0.5 * at.past, 1.0)
+        new = _Search(
+            t=keep(at.t + h, at.t),
+            v=keep(v1, at.v),
+            g=keep(g1, at.g),
+            number=at.number + jnp.where(at.hit | across, 0, 1),
+            hit=at.hit | across,
+            rest=jnp.where(across, h, at.rest - h),
+            g1=jnp.where(across, g1, at.g1),
+            ahead=jnp.where(first, 1.0, ahead),
+            past=jnp.where(first, 1.0, past),
+            side=jnp.where(across, -1.0, 1.0),
+        )
+        return new, (new.t, new.v, keep(wrong, 0.0 * wrong))
+
+    zero, one = jnp.zeros_like(ts[0]), jnp.ones_like(ts[0])
+    start = _Search(
+        ts[0], v0, event.condition(ts[0], unravel(v0)), jnp.asarray(0), jnp.asarray(False),
+        zero, zero, one, one, zero,
+    )  # fmt: skip
+    last, kept = lax.scan(advance, start, None, length=ts.size - 1 + SEARCH)
+    return (last.t, last.v, last.hit), kept
