@@ -25,6 +25,9 @@ from ._platform import gimbal_lock_margin as gimbal_lock_margin
 from ._platform import resolve_signals as resolve_signals
 from ._rate_gyro import RateGyro as RateGyro
 from ._rate_gyro import RateGyroState as RateGyroState
+from ._stable_platform import StablePlatform as StablePlatform
+from ._stable_platform import StablePlatformState as StablePlatformState
+from ._stable_platform import gimbal_axes as gimbal_axes
 from ._two_gimbal import GimbalState as GimbalState
 from ._two_gimbal import TwoGimbalGyro as TwoGimbalGyro
 from ._vehicle import Place as Place

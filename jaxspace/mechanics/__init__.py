@@ -20,6 +20,8 @@ from ._impulse import apply_impact as apply_impact
 from ._impulse import apply_impulse as apply_impulse
 from ._lagrangian import AbstractLagrangian as AbstractLagrangian
 from ._lagrangian import Lagrangian as Lagrangian
+from ._missile_loop import MissileLoop as MissileLoop
+from ._missile_loop import MissileLoopState as MissileLoopState
 from ._pendulums import CentrifugalPendulum as CentrifugalPendulum
 from ._pendulums import DoublePendulum as DoublePendulum
 from ._pendulums import ElasticPendulum as ElasticPendulum
