@@ -50,6 +50,7 @@ from ._vehicle import Felt, Path, Place, felt_on
 Number = Float[Array, "*#runs"]
 Three = Float[Array, "3 *#runs"]
 ZERO = (0.0, 0.0, 0.0)
+Given = Three | tuple[float, float, float]
 
 
 @final
@@ -60,7 +61,7 @@ class NavigatorState(eqx.Module):
     longitude: Number = quantity("rad", doc="lambda, to the east")
     height: Number = quantity("m", doc="h, above the ellipsoid")
     velocity: Three = quantity("m/s", doc="v, over the ground: east, north, up")
-    attitude: Quaternion
+    attitude: Quaternion  # pyright: ignore[reportGeneralTypeIssues]
 
 
 @final
@@ -134,7 +135,7 @@ class InertialNavigator(AbstractSystem):
         tilt=argument("rad", shape=(3,), default=ZERO, doc="error of the attitude, a turn"),
     )
     def state(
-        self, position: Vector = ZERO, velocity: Vector = ZERO, tilt: Vector = ZERO
+        self, position: Given = ZERO, velocity: Given = ZERO, tilt: Given = ZERO
     ) -> NavigatorState:
         """What a navigator with these errors in level axes, (3, *runs), holds at the time zero."""
         felt, earth = self.felt(0.0), self.earth()

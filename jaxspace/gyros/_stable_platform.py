@@ -64,7 +64,7 @@ class StablePlatformState(eqx.Module):
     gyro_angles: Three = quantity("rad", doc="theta, about the output axes")
     gyro_rates: Three = quantity("rad/s", doc="rates of theta")
     integrals: Three = quantity("rad s", doc="of theta over time")
-    attitude: Quaternion
+    attitude: Quaternion  # pyright: ignore[reportGeneralTypeIssues]
 
 
 @final
