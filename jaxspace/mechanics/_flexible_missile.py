@@ -169,7 +169,8 @@ class FlexibleMissile(AbstractSystem):
 
     def roots(self) -> Any:
         """The roots beta of the free-free beam."""
-        return beam_roots("free-free", self.modes)
+        # As plain numbers, which leave the precision to the parameters.
+        return beam_roots("free-free", self.modes).tolist()
 
     def hinge(self) -> tuple[Array, Array, Array]:
         """phi_i and phi_i', 1/m, at the hinge, and S_i, kg m: each (modes, *runs)."""
