@@ -263,7 +263,7 @@ SAMPLES = [
     Sample("double_pendulum", DOUBLE, DOUBLE.state(0.6, 0.5, 0.1, -0.3), 2.0),
     Sample("incline_disk", INCLINE, INCLINE.state(0.3, 1.1, 2.0), 2.0, sweep=True),
     Sample("gyrocompass", COMPASS, COMPASS.state(0.02, 0.3, 0.01, 0.02), 1.0, sweep=True),
-    Sample("stable_platform", PLATFORM, PLATFORM.state(0.3, -0.2, 0.5, 0.1), 1.0, sweep=True),
+    Sample("stable_platform", PLATFORM, PLATFORM.state(0.3, -0.2, 0.5, 0.1), 0.1, sweep=True),
     Sample(
         "inertial_navigator",
         NAVIGATOR,
