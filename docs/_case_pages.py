@@ -47,8 +47,10 @@ BOOKS = {
         "Thomson, *Introduction to Space Dynamics*, chapter 5, and the rigid bodies of Harrison\n"
         "and Nettleton, *Advanced Engineering Dynamics* (H)"
     ),
-    "chapter_8": (
-        "Thomson, *Introduction to Space Dynamics*, chapter 8"
+    "chapter_8": ("Thomson, *Introduction to Space Dynamics*, chapter 8"),
+    "chapter_6": ("Thomson, *Introduction to Space Dynamics*, chapter 6"),
+    "chapter_9": (
+        "Thomson, *Introduction to Space Dynamics*, chapter 9 and appendices B and C"
     ),
     "vehicles": (
         "Thomson, *Introduction to Space Dynamics*, sections 7.1 to 7.6 and 7.11"

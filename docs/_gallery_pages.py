@@ -11,6 +11,7 @@ SCRIPTS = Path(__file__).resolve().parents[1] / "examples" / "gallery"
 PAGES = {
     "orbits": "Orbits (chapters 1 to 4, H 5)",
     "rotation": "Rotation (chapter 5, H 4)",
+    "instruments": "Instruments and mechanics (chapters 6 and 9)",
     "vehicles": "Vehicles (chapter 7)",
     "launch": "Launch (chapter 8)",
 }

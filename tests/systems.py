@@ -33,7 +33,21 @@ from jaxspace.attitude import (
 )
 from jaxspace.bodies import BodyState, BurningBody, ExponentialAtmosphere, RigidBody
 from jaxspace.core import AbstractSystem, as_float
-from jaxspace.gyros import TwoGimbalGyro
+from jaxspace.gyros import (
+    Gyrocompass,
+    InertialNavigator,
+    NavigationErrors,
+    StablePlatform,
+    TwoGimbalGyro,
+)
+from jaxspace.mechanics import (
+    DoublePendulum,
+    FlexibleMissile,
+    InclineDisk,
+    MissileLoop,
+    Trailer,
+    TrailerState,
+)
 from jaxspace.orbits import (
     CentralPotential,
     ClohessyWiltshire,
@@ -88,12 +102,14 @@ class Screened(eqx.Module):
 
 
 class Sample(NamedTuple):
-    """A system, a state of it, and a span, s, in which it does something worth seeing."""
+    """A system, a state of it, and a span, s, in which it does something worth seeing; `sweep` of
+    one that compiles for long."""
 
     name: str
     system: object
     state: object
     span: float
+    sweep: bool = False
 
 
 def orbit(**more) -> BodyState:
@@ -157,6 +173,30 @@ AIR = Drag(50.0, ExponentialAtmosphere(1e-11, 4.0e5, 6.0e4), RADIUS, 7.29e-5)
 SHAFT = ShaftPendulum(0.1, 0.02, 2.94, 7.0)
 DISK = RollingDisk.uniform(1.0, 0.3, 9.8)
 TENSOR = np.array([[3.0, 0.1, -0.2], [0.1, 2.0, 0.15], [-0.2, 0.15, 1.5]])
+
+DOUBLE = DoublePendulum(2.0, 1.0, 1.0, 0.8, 9.8)
+INCLINE = InclineDisk(1.0, 0.3, 0.4, 9.8)
+COMPASS = Gyrocompass(30.0, 0.2, 0.2, 8.5, 0.8, damping_moment=0.17, speed=8.0, course=0.3)
+PLATFORM = StablePlatform(
+    *([0.3, 0.4, 0.5], 0.02, 2e-3, 0.05, 4.0, 0.2),
+    gyro_damping=0.05,
+    sway=[0.3, 0.1, 0.05],
+    outer_gain=3.0,
+    fourth=True,
+)
+NAVIGATOR = InertialNavigator(
+    *(0.8, 0.3, 1e4, 200.0, -50.0),
+    heading=0.4,
+    roll_amplitude=0.1,
+    roll_frequency=0.05,
+    altitude_rate_gain=0.02,
+    altitude_gain=1e-4,
+)
+ERRORS = NavigationErrors(6.4e6, 9.8, [0.0, 5e-5, 5e-5], [0.0, 0.1, 9.8], altitude_rate_gain=0.01)
+LOOP = MissileLoop(
+    FlexibleMissile(2e4, 20.0, 2e8, 1.5, 0.0, 4e5, actuator_stiffness=3e6, modes=2),
+    *(1.0, 0.1, 2.0, 1500.0, 2.5, 0.01, 4.0),
+)
 
 SAMPLES = [
     Sample("two_body", TwoBody(MU), orbit(), 5400.0),
@@ -230,5 +270,24 @@ SAMPLES = [
         LibrationState(*(jnp.array(x) for x in (0.2, 1e-4, 0.3))),
         5400.0,
     ),
+    Sample("double_pendulum", DOUBLE, DOUBLE.state(0.6, 0.5, 0.1, -0.3), 2.0),
+    Sample("incline_disk", INCLINE, INCLINE.state(0.3, 1.1, 2.0), 2.0, sweep=True),
+    Sample("gyrocompass", COMPASS, COMPASS.state(0.02, 0.3, 0.01, 0.02), 1.0, sweep=True),
+    Sample("stable_platform", PLATFORM, PLATFORM.state(0.3, -0.2, 0.5, 0.1), 0.1, sweep=True),
+    Sample(
+        "inertial_navigator",
+        NAVIGATOR,
+        NAVIGATOR.state(*jnp.array([[100.0, 200.0, 30.0], [0.1, 0.2, 0.3], [1e-4, 2e-4, 3e-4]])),
+        600.0,
+        sweep=True,
+    ),
+    Sample("navigation_errors", ERRORS, ERRORS.errors(jnp.array([100.0, 20.0, 3.0])), 600.0),
+    Sample(
+        "trailer",
+        Trailer(800.0, 1.0, 2.5, 0.6, 2e4, 20.0),
+        TrailerState(*jnp.array([0.1, 0.05, 0.2])),
+        1.0,
+    ),
+    Sample("missile_loop", LOOP, LOOP.state(0.02, 0.1), 0.3, sweep=True),
     Sample("attitude_drift", AttitudeDrift(6.6e-4, 1.2, 0.05), DriftState(jnp.array(0.3)), 900.0),
 ]

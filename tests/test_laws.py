@@ -12,7 +12,10 @@ from jaxspace.simulation import Accuracy, simulate, simulate_batch
 from jaxspace.solvers import Tsit5
 
 BY_NAME = {s.name: s for s in SAMPLES}
-every = pytest.mark.parametrize("name", BY_NAME)
+SWEEP = {True: pytest.mark.sweep, False: ()}
+every = pytest.mark.parametrize(
+    "name", [pytest.param(s.name, marks=SWEEP[s.sweep]) for s in SAMPLES]
+)
 RTOL = 1e-10
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from jaxspace import simulate
+from jaxspace import Accuracy, simulate
 from jaxspace.core import InputError
 from jaxspace.gyros import Gyrocompass
 from jaxspace.mechanics import (
@@ -222,3 +222,13 @@ def test_brachistochrone_against_a_straight_slide():
     assert time < np.sqrt(2.0 * 5.0 / 9.8)
     # To the lowest point of the cycloid: half a turn.
     assert_allclose(brachistochrone(np.pi, 2.0, 9.8)[1], np.pi, rtol=1e-13)
+
+
+@pytest.mark.sweep
+def test_energy_of_a_double_pendulum_over_a_thousand_seconds():
+    accuracy = Accuracy(1e-12, max_steps=10**6)
+    y = DOUBLE.state(1.2, 0.7, 0.1, -0.3)
+    run = simulate(DOUBLE, y, jnp.linspace(0.0, 1000.0, 101), accuracy=accuracy)
+    # Chaotic, so that the energy alone is known; 4e5 stages of rounding.
+    energy = DOUBLE.energy(0.0, run.states)
+    assert_allclose(energy, energy[0], atol=1e-11 * 2.0 * 3.0 * 9.8)

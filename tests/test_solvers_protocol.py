@@ -101,6 +101,9 @@ class Field(eqx.Module):
     def duration(self, s, ds):
         return SPEED * ds
 
+    def projected(self, s, y):
+        return y
+
     def split(self):
         return Split(self.force)
 

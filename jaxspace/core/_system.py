@@ -133,6 +133,15 @@ class AbstractSystem(AbstractParameters):
         Every integration lands a step on each of them."""
         return None
 
+    def projected(self, t: Scalar, y: State) -> State | None:
+        """The state nearest to `y` that meets the constraints of the system, or `None` where it
+        has none.
+
+        Every step of the integrators of this package ends on it, and so does every state saved
+        within a step: `y` is off it by the error of a step."""
+        del t, y
+        return None
+
     def outside(self, t: Scalar, y: State) -> Flag | None:
         """Whether the state `y` lies outside of what the system describes, such as a mass below the
         dry mass, for each run; `None` where every state is inside.

@@ -1,4 +1,5 @@
-"""Instruments: free gyro, gyrocompass, gyropendulum, rate gyro, platform, navigator's errors."""
+"""Instruments: free gyro, gyrocompass, gyropendulum, rate gyro, platform, navigator and its
+errors."""
 
 from ._duffing import DuffingOscillator as DuffingOscillator
 from ._duffing import DuffingState as DuffingState
@@ -13,6 +14,8 @@ from ._navigation_errors import NavigationErrors as NavigationErrors
 from ._navigation_errors import NavigationErrorState as NavigationErrorState
 from ._navigation_errors import coupled_rates as coupled_rates
 from ._navigation_errors import table_rates as table_rates
+from ._navigator import InertialNavigator as InertialNavigator
+from ._navigator import NavigatorState as NavigatorState
 from ._noise import allan_of_walks as allan_of_walks
 from ._noise import allan_variance as allan_variance
 from ._noise import gyro_noise as gyro_noise
@@ -22,5 +25,9 @@ from ._platform import gimbal_lock_margin as gimbal_lock_margin
 from ._platform import resolve_signals as resolve_signals
 from ._rate_gyro import RateGyro as RateGyro
 from ._rate_gyro import RateGyroState as RateGyroState
+from ._stable_platform import StablePlatform as StablePlatform
+from ._stable_platform import StablePlatformState as StablePlatformState
+from ._stable_platform import gimbal_axes as gimbal_axes
 from ._two_gimbal import GimbalState as GimbalState
 from ._two_gimbal import TwoGimbalGyro as TwoGimbalGyro
+from ._vehicle import Place as Place

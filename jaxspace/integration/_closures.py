@@ -61,6 +61,7 @@ class _Field(eqx.Module):
     rate: Callable[[Scalar, State], State]
     of_time: Callable[[Scalar], Scalar]
     of_duration: Callable[[Scalar, Scalar], Scalar]
+    of_projection: Callable[[Scalar, State], State]
     capability: AbstractSplit | AbstractRegularised | None
 
     def __call__(self, s: Scalar, y: State) -> State:
@@ -71,6 +72,9 @@ class _Field(eqx.Module):
 
     def duration(self, s: Scalar, ds: Scalar) -> Scalar:
         return self.of_duration(s, ds)
+
+    def projected(self, s: Scalar, y: State) -> State:
+        return self.of_projection(s, y)
 
     def split(self) -> AbstractSplit:
         assert isinstance(self.capability, AbstractSplit)
@@ -119,5 +123,9 @@ def closures_as_leaves(
             of_size=convert(form.size, z, z, z),
         )
     return _Field(
-        convert(field, s, y0), convert(field.time, s), convert(field.duration, s, s), capability
+        convert(field, s, y0),
+        convert(field.time, s),
+        convert(field.duration, s, s),
+        convert(field.projected, s, y0),
+        capability,
     )

@@ -31,6 +31,7 @@ from ..core import (
     Scalar,
     State,
     breaks_of,
+    project,
     safe_divide,
 )
 from ..solvers import ScaledField
@@ -147,6 +148,12 @@ class ScaledVectorField(eqx.Module):
         rate = self.system.vector_field(self.time(s), y)
         # A constant of double precision in a user's effect must not change that of the run.
         return jax.tree.map(lambda k, x: jnp.asarray(k, x.dtype) * dt_ds, rate, y)
+
+    def projected(self, s: Scalar, y: State) -> State:
+        """The state nearest to `y` on its groups that meets the constraints of the system."""
+        y = project(y)
+        found = self.system.projected(self.time(s), y)
+        return y if found is None else jax.tree.map(lambda a, b: a.astype(b.dtype), found, y)
 
     def split(self) -> AbstractSplit:
         """Drift and kick of the system, which has them."""

@@ -95,8 +95,13 @@ def result_of(
     dense = None
     if settings.dense:
         dense = _dense_output(outcome, field.segments, y0, run_axes)
-    # States within a step are off the group by its error.
-    states = project(times_behind_components(states, run_axes))
+    # States within a step are off the groups and the constraints by its error.
+    states = times_behind_components(states, run_axes)
+    states = project(states)
+    if settings.save_ts is not None and landed is None:
+        times = jax.vmap(field.segments.time)(settings.save_ts)
+        on_constraints = field.system.projected(times, states)
+        states = states if on_constraints is None else on_constraints
     return IntegrationResult(states, status, stats, outcome.step_ends, dense)
 
 

@@ -8,6 +8,8 @@ from ._beams import beam_roots as beam_roots
 from ._beams import beam_shape as beam_shape
 from ._constraints import Accelerations as Accelerations
 from ._constraints import degrees_of_freedom as degrees_of_freedom
+from ._description import GeneralisedState as GeneralisedState
+from ._discrete import variational_motion as variational_motion
 from ._flexible_missile import FlexibleMissile as FlexibleMissile
 from ._flexible_missile import MissileState as MissileState
 from ._impact import contact_impulse as contact_impulse
@@ -17,8 +19,9 @@ from ._impact import impact_energy_loss as impact_energy_loss
 from ._impulse import apply_impact as apply_impact
 from ._impulse import apply_impulse as apply_impulse
 from ._lagrangian import AbstractLagrangian as AbstractLagrangian
-from ._lagrangian import GeneralisedState as GeneralisedState
 from ._lagrangian import Lagrangian as Lagrangian
+from ._missile_loop import MissileLoop as MissileLoop
+from ._missile_loop import MissileLoopState as MissileLoopState
 from ._moving_point import moment_about_moving_point as moment_about_moving_point
 from ._moving_point import momentum_about as momentum_about
 from ._pendulums import CentrifugalPendulum as CentrifugalPendulum

@@ -8,7 +8,7 @@ holonomic one, c of a nonholonomic one.
 Source: Thomson 9.9 (multipliers); see `AbstractLagrangian` for what decays errors of constraints.
 """
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -16,10 +16,8 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..core import InputError, Scalar, is_concrete, with_rank
+from ._description import AbstractDescription, GeneralisedState
 from ._equations import columns, inertial_force, least_squares, mass_matrix, matmul, solve
-
-if TYPE_CHECKING:
-    from ._lagrangian import AbstractLagrangian, GeneralisedState
 
 
 class Accelerations(NamedTuple):
@@ -49,7 +47,7 @@ class Constraints(NamedTuple):
 
 
 def together(
-    system: "AbstractLagrangian", t: Scalar, q: Array, v: Array
+    system: AbstractDescription, t: Scalar, q: Array, v: Array
 ) -> tuple[Float[Array, "n *#runs"], Float[Array, "n *#runs"]]:
     """Coordinates and rates with the runs of everything in the system.
 
@@ -69,7 +67,7 @@ def together(
 
 
 def constraints_of(
-    system: "AbstractLagrangian", t: Scalar, q: Array, v: Array
+    system: AbstractDescription, t: Scalar, q: Array, v: Array
 ) -> Constraints | None:
     """The constraints of a system at a state, or `None` where it has none."""
     t = jnp.asarray(t, q.dtype)
@@ -96,7 +94,7 @@ def constraints_of(
     return Constraints(*map(jnp.concatenate, zip(*parts, strict=True))) if parts else None
 
 
-def _holonomic(system: "AbstractLagrangian"):
+def _holonomic(system: AbstractDescription):
     def positions(t: Array, q: Array) -> Array:
         g = system.holonomic(t, q)
         assert g is not None
@@ -105,18 +103,21 @@ def _holonomic(system: "AbstractLagrangian"):
     return positions
 
 
-def active_force(system: "AbstractLagrangian", t: Scalar, q: Array, v: Array) -> Array:
+def active_force(system: AbstractDescription, t: Scalar, q: Array, v: Array) -> Array:
     """All generalised forces but those of constraints, inertial ones included, (n, *runs)."""
-    f = inertial_force(system.lagrangian, t, q, v)
+    return inertial_force(system.lagrangian, t, q, v) + applied_force(system, t, q, v)
+
+
+def applied_force(system: AbstractDescription, t: Scalar, q: Array, v: Array) -> Array:
+    """The given generalised forces Q and those of friction, (n, *runs)."""
     force = system.force(t, q, v)
-    if force is not None:
-        f = f + force
+    f = jnp.zeros_like(v) if force is None else force
     if system.dissipation(t, q, v) is not None:
         f = f - jax.grad(lambda v: jnp.sum(jnp.asarray(system.dissipation(t, q, v))))(v)
     return f
 
 
-def accelerations(system: "AbstractLagrangian", t: Scalar, q: Array, v: Array) -> Accelerations:
+def accelerations(system: AbstractDescription, t: Scalar, q: Array, v: Array) -> Accelerations:
     """Accelerations and reactions of a system, as its vector field needs them."""
     q, v = together(system, t, q, v)
     f = active_force(system, t, q, v)
@@ -142,9 +143,7 @@ def accelerations(system: "AbstractLagrangian", t: Scalar, q: Array, v: Array) -
     )
 
 
-def schur_solve(
-    system: "AbstractLagrangian", matrix: Array, mobility: Array, right: Array
-) -> Array:
+def schur_solve(system: AbstractDescription, matrix: Array, mobility: Array, right: Array) -> Array:
     """The multipliers of given right sides, (m, k, *runs)."""
     s = matmul(matrix, mobility)
     if system.stabilisation()[1]:
@@ -152,7 +151,7 @@ def schur_solve(
     return solve(s, right)
 
 
-def consistent(system: "AbstractLagrangian", t: Scalar, q: Array, v: Array) -> tuple[Array, Array]:
+def consistent(system: AbstractDescription, t: Scalar, q: Array, v: Array) -> tuple[Array, Array]:
     """The coordinates and rates nearest to the given ones that meet all constraints, in the metric
     of the mass matrix."""
     q, v = together(system, t, q, v)
@@ -162,12 +161,27 @@ def consistent(system: "AbstractLagrangian", t: Scalar, q: Array, v: Array) -> t
     return q, v - _correction(system, t, q, v, positions=False)
 
 
-# Newton's steps double the digits.
+# Newton's steps double the digits: from anywhere, and from the error of a step.
 NEWTON = 5
+NEWTON_NEAR = 2
+
+
+def projected(
+    system: AbstractDescription, t: Scalar, q: Array, v: Array
+) -> tuple[Array, Array] | None:
+    """`consistent` of a state that meets the constraints but for the error of a step; `None`
+    without constraints."""
+    q, v = together(system, t, q, v)
+    if constraints_of(system, t, q, v) is None:
+        return None
+    if system.holonomic(t, q) is not None:
+        for _ in range(NEWTON_NEAR):
+            q = q - _correction(system, t, q, v, positions=True)
+    return q, v - _correction(system, t, q, v, positions=False)
 
 
 def _correction(
-    system: "AbstractLagrangian", t: Scalar, q: Array, v: Array, positions: bool
+    system: AbstractDescription, t: Scalar, q: Array, v: Array, positions: bool
 ) -> Array:
     found = constraints_of(system, t, q, v)
     if found is None:
@@ -179,7 +193,7 @@ def _correction(
     return matmul(mobility, answer)[:, 0]
 
 
-def degrees_of_freedom(system: "AbstractLagrangian", y: "GeneralisedState", t: Scalar = 0.0) -> int:
+def degrees_of_freedom(system: AbstractDescription, y: GeneralisedState, t: Scalar = 0.0) -> int:
     """Coordinates less independent constraints at a known state of one run (Thomson 9.2)."""
     q, v = together(system, t, y.coordinates, y.rates)
     found = constraints_of(system, t, q, v)
@@ -187,7 +201,7 @@ def degrees_of_freedom(system: "AbstractLagrangian", y: "GeneralisedState", t: S
     return len(system.names) - rank
 
 
-def check_independent(system: "AbstractLagrangian", t: Scalar, q: Array, v: Array) -> None:
+def check_independent(system: AbstractDescription, t: Scalar, q: Array, v: Array) -> None:
     """Raise `InputError` where known constraints depend on each other, or one has no gradient."""
     found = constraints_of(system, t, q, v)
     if found is None or system.stabilisation()[1] or not is_concrete(found.matrix):

@@ -17,8 +17,11 @@
     M_d, M_A, M_D stiffness of the hinge; stiffness and damping of the actuator  N m, N m s
 
 Source: Thomson 9.12-12 to -30 (in -30 "I_hze" is l_h z_e, and m_e z_e g sin(th) is missing).
-The factor (1 - C_2) on d is taken from reference eigenvalues, not derived: with the angle d to the
-undeformed axis alone it would be missing.
+Bending is counted across the mean axis, about which deformation has neither momentum nor angular
+momentum. An engine turned by d leaves the straight beam at C_1 - C_2 x beside it, so that engine
+and thrust are at (1 - C_2) d + y_h' to it. Across the axis of the beam itself the factor (1 - C_2)
+would be missing: the difference is the work of the axial thrust in a beam inclined by C_2 d, which
+is of the size of the softening.
 Softening of the beam by the axial load is neglected, as in the book;
 without aerodynamic forces; modes are those with the engine locked.
 """
@@ -68,23 +71,60 @@ class FlexibleMissile(AbstractSystem):
 
     def vector_field(self, t: Scalar, y: MissileState) -> MissileState:
         del t
+        rate, pitch = self.accelerations(y, self.command)
+        return MissileState(y.engine_rate, y.bending_rate, y.pitch_rate, rate[0], rate[1:], pitch)
+
+    def accelerations(
+        self, y: MissileState, command: Scalar, force: Scalar = 0.0, place: Scalar = 0.0
+    ) -> tuple[Float[Array, "n *#runs"], Scalar]:
+        """Accelerations of engine and bending together, (1 + modes, *runs), and of the pitch.
+
+        **Arguments**
+
+        - `y`: the state; `command`: d_A, rad.
+        - `force`: a further one across the missile, N, at `place`, m before the mass centre."""
         m, k = self.matrices()
         x = jnp.concatenate([y.engine[None], y.bending])
         rank = x.ndim - 1
         m, k = with_rank(m, rank, axes=2), with_rank(k, rank, axes=2)
-        moment = self.actuator_stiffness * self.command - self.actuator_damping * y.engine_rate
+        moment = self.actuator_stiffness * command - self.actuator_damping * y.engine_rate
         friction = 2.0 * self.damping_ratio * self.mass
         modal = friction * with_rank(self.frequencies(), rank) * y.bending_rate
         drive = jnp.concatenate([jnp.broadcast_to(moment, y.engine.shape)[None], -modal])
-        force = drive - jnp.einsum("ij...,j...->i...", k, x)
-        m = jnp.broadcast_to(m, (*m.shape[:2], *force.shape[1:]))
-        rate = solve(m, force[:, None])[:, 0]
+        pushed = with_rank(self.across(place), rank) * force
+        force_of = drive + pushed - jnp.einsum("ij...,j...->i...", k, x)
+        m = jnp.broadcast_to(m, (*m.shape[:2], *force_of.shape[1:]))
+        rate = solve(m, force_of[:, None])[:, 0]
         engine = self.engine()
         shapes, slopes, _ = (with_rank(x, rank) for x in self.hinge())
         bent = jnp.sum((self.lever() * slopes + shapes) * y.bending, axis=0)
         turning = -self.thrust * ((self.lever() + engine["shift"]) * y.engine + bent)
-        pitch = turning / self.inertia() - engine["turn"] * rate[0]
-        return MissileState(y.engine_rate, y.bending_rate, y.pitch_rate, rate[0], rate[1:], pitch)
+        turning = turning + place * force
+        return rate, turning / self.inertia() - engine["turn"] * rate[0]
+
+    def across(self, place: Scalar) -> Float[Array, "n *#runs"]:
+        """How far a place on the straight beam, m before the mass centre and before the hinge,
+        moves across the mean axis with the engine's angle, m, and with the bending, 1."""
+        engine = self.engine()
+        shapes = self._shapes_at(place, 0)
+        lean = engine["shift"] - engine["turn"] * place
+        lean = jnp.broadcast_to(lean, jnp.broadcast_shapes(lean.shape, shapes.shape[1:]))
+        return jnp.concatenate([lean[None], jnp.broadcast_to(shapes, (self.modes, *lean.shape))])
+
+    def slopes(self, place: Scalar) -> Float[Array, "modes *#runs"]:
+        """The slopes of the bending shapes at a place, m before the mass centre, 1/m."""
+        return self._shapes_at(place, 1) / self.length
+
+    def _shapes_at(self, place: Scalar, derivative: int) -> Array:
+        at = jnp.asarray(0.5 + place / self.length)
+        return jnp.stack([beam_shape("free-free", b, at, derivative) for b in self.roots()])
+
+    def tail_wags_dog_frequency(self) -> Scalar:
+        """The frequency, rad/s, at which an engine that swings turns the rigid missile no more: its
+        inertia undoes the thrust, a zero of the pitch: F (l_h + C_1) / (I_h + m_e l_h z_e)."""
+        engine = self.engine()
+        coupled = engine["turn"] * self.inertia()
+        return jnp.sqrt(self.thrust * (self.lever() + engine["shift"]) / coupled)
 
     def invariants(self, t: Scalar, y: MissileState) -> dict[str, Array]:
         """Nothing stays under thrust."""
@@ -129,7 +169,8 @@ class FlexibleMissile(AbstractSystem):
 
     def roots(self) -> Any:
         """The roots beta of the free-free beam."""
-        return beam_roots("free-free", self.modes)
+        # As plain numbers, which leave the precision to the parameters.
+        return beam_roots("free-free", self.modes).tolist()
 
     def hinge(self) -> tuple[Array, Array, Array]:
         """phi_i and phi_i', 1/m, at the hinge, and S_i, kg m: each (modes, *runs)."""

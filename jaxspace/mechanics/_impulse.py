@@ -21,8 +21,9 @@ from jaxtyping import Array, Float
 
 from ..core import Scalar
 from ._constraints import constraints_of, schur_solve, together
+from ._description import GeneralisedState
 from ._equations import columns, mass_matrix, matmul, solve
-from ._lagrangian import AbstractLagrangian, GeneralisedState
+from ._lagrangian import AbstractLagrangian
 
 
 def apply_impulse(

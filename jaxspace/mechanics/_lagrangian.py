@@ -14,10 +14,13 @@ equations of motion follow by derivatives.
     lambda   multipliers, one for each constraint
     k        rate at which an error of a constraint decays      1/s
 
-The index of a constrained system is reduced: constraints hold for the accelerations, and what
-roundings and steps leave of g and c decays as e^(-k t), by terms that are zero where they hold:
+The index of a constrained system is reduced: constraints hold for the accelerations, and each step
+of an integration ends on the nearest state that meets g and c, in the metric of M. Within a step,
+and under integrators that do not project, an error decays as e^(-k t), by terms that are zero
+where there is none:
 
     A v' = (...) - k c,      q' = v - k M^-1 A^T S^-1 g,     S = A M^-1 A^T
+    q -> q - M^-1 A^T S^-1 g,     v -> v - M^-1 A^T S^-1 c
 
 Source: Thomson 9.2 to 9.9; Ascher, Chin, Reich (1994), Stabilization of DAEs and invariant
 manifolds, Numerische Mathematik 67, 131.
@@ -25,70 +28,27 @@ Valid for a positive definite mass matrix d^2 L/dv^2 and independent constraints
 served by least squares on request, and refused in a sentence otherwise.
 """
 
-from abc import abstractmethod
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, final
+from typing import Any, final
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..core import AbstractSystem, InputError, Scalar, as_float, quantity
-from ._constraints import Accelerations, accelerations, consistent, together
+from ..core import InputError, Scalar, as_float, quantity
+from ._constraints import Accelerations, accelerations, consistent, projected, together
+from ._description import AbstractDescription, GeneralisedState
 from ._equations import mass_matrix, momenta
 from ._symmetry import symmetries
 
 
-@final
-class GeneralisedState(eqx.Module):
-    """Generalised coordinates and their rates; also the rates of both."""
-
-    coordinates: Float[Array, "n *#runs"] = quantity("", doc="q, generalised coordinates")
-    rates: Float[Array, "n *#runs"] = quantity("", doc="v, their rates")
-
-
-class AbstractLagrangian(AbstractSystem):
+class AbstractLagrangian(AbstractDescription):
     """A system that its Lagrangian describes.
 
     A final class names its coordinates in `names` and has `lagrangian`; what else acts it gives by
     `force`, `dissipation`, `holonomic` and `nonholonomic`. All of them act on components first: q
     and v are (n, *runs), and parameters are scalars or (*runs,)."""
-
-    if TYPE_CHECKING:
-        # For checkers no field, which would stand before those of a subclass.
-        @property
-        def names(self) -> tuple[str, ...]: ...
-    else:
-        names: eqx.AbstractVar[tuple[str, ...]]
-
-    @abstractmethod
-    def lagrangian(self, t: Scalar, q: Array, v: Array) -> Scalar:
-        """L, J, (*runs,)."""
-
-    def force(self, t: Scalar, q: Array, v: Array) -> Array | None:
-        """Generalised forces Q, (n, *runs), or `None`."""
-        del t, q, v
-        return None
-
-    def dissipation(self, t: Scalar, q: Array, v: Array) -> Scalar | None:
-        """Rayleigh's function D, W, (*runs,), or `None`: half the power that friction takes."""
-        del t, q, v
-        return None
-
-    def holonomic(self, t: Scalar, q: Array) -> Array | None:
-        """What holonomic constraints keep at zero, (m, *runs), or `None`."""
-        del t, q
-        return None
-
-    def nonholonomic(self, t: Scalar, q: Array, v: Array) -> Array | None:
-        """What nonholonomic constraints keep at zero, linear in v, (m, *runs), or `None`."""
-        del t, q, v
-        return None
-
-    def stabilisation(self) -> tuple[Scalar, bool]:
-        """The rate k, 1/s, and whether constraints may be redundant."""
-        return 1.0, False
 
     def vector_field(self, t: Scalar, y: GeneralisedState) -> GeneralisedState:
         found = accelerations(self, t, y.coordinates, y.rates)
@@ -102,6 +62,10 @@ class AbstractLagrangian(AbstractSystem):
         return found | {
             f"momentum_{name}": p[i] for i, name in enumerate(self.names) if kept.cyclic[i]
         }
+
+    def projected(self, t: Scalar, y: GeneralisedState) -> GeneralisedState | None:
+        found = projected(self, t, y.coordinates, y.rates)
+        return None if found is None else GeneralisedState(*found)
 
     def momenta(self, t: Scalar, y: GeneralisedState) -> Float[Array, "n *#runs"]:
         """The generalised momenta dL/dv."""

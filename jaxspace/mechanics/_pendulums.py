@@ -20,7 +20,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..core import Scalar, argument, as_float, complete_elliptic, constructor, quantity
-from ._lagrangian import AbstractLagrangian, GeneralisedState
+from ._description import GeneralisedState
+from ._lagrangian import AbstractLagrangian
 
 Number = Float[Array, "*#runs"]
 

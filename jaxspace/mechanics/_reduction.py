@@ -15,8 +15,9 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..core import AbstractSystem, InputError, Scalar, quantity
+from ._description import GeneralisedState
 from ._equations import mass_matrix, momenta, solve
-from ._lagrangian import AbstractLagrangian, GeneralisedState, Lagrangian
+from ._lagrangian import AbstractLagrangian, Lagrangian
 
 
 @final

@@ -25,7 +25,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..core import AbstractSystem, Scalar, quantity, stumpff
-from ._lagrangian import AbstractLagrangian, GeneralisedState
+from ._description import GeneralisedState
+from ._lagrangian import AbstractLagrangian
 
 Number = Float[Array, "*#runs"]
 

@@ -9,7 +9,7 @@ Source: Thomson 9.8 (cyclic coordinates), 9.3.
 """
 
 import functools
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -19,9 +19,7 @@ from jaxtyping import Array
 
 from ..core import component_axes_of
 from ._constraints import constraints_of
-
-if TYPE_CHECKING:
-    from ._lagrangian import AbstractLagrangian
+from ._description import AbstractDescription
 
 PLACES = 8
 
@@ -33,7 +31,7 @@ class Symmetries(NamedTuple):
     cyclic: tuple[bool, ...]
 
 
-def symmetries(system: "AbstractLagrangian") -> Symmetries:
+def symmetries(system: AbstractDescription) -> Symmetries:
     """The symmetries of a system, by its structure alone; the same under every transformation."""
     arrays, static = eqx.partition(system, eqx.is_array_like)
     leaves, structure = jax.tree.flatten(arrays)

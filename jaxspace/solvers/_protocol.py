@@ -14,7 +14,7 @@ import optimistix
 from equinox import AbstractVar
 from jaxtyping import Array, Bool, Float, PyTree
 
-from ..core import State, project
+from ..core import State
 from ._tolerance import Tolerance
 from ._vector_field import StepField, evaluate
 
@@ -90,13 +90,15 @@ class Advance(NamedTuple):
 
     - `y1`, `error`: the state after it, and the estimate of its error.
     - `dense`: what the dense output needs.
-    - `carried`: what serves the next step."""
+    - `carried`: what serves the next step.
+    - `projected`: whether `y1` is on its groups and constraints already."""
 
     y1: State
     error: State
     dense: dict[str, PyTree]
     carried: PyTree = None
     result: diffrax.RESULTS = diffrax.RESULTS.successful
+    projected: bool = False
 
 
 class AbstractFieldSolver(AbstractDeclaredSolver):
@@ -118,9 +120,10 @@ class AbstractFieldSolver(AbstractDeclaredSolver):
         solver_state: PyTree,
         made_jump: Bool[Array, ""] | bool,
     ) -> Step:
-        advance = self.advance(StepField(terms, args, made_jump), t0, t1, y0, solver_state)
-        # A quaternion of unit length stays of unit length, however long the run.
-        return advance._replace(y1=project(advance.y1))
+        f = StepField(terms, args, made_jump)
+        advance = self.advance(f, t0, t1, y0, solver_state)
+        y1 = advance.y1 if advance.projected else f.projected(t1, advance.y1)
+        return y1, advance.error, advance.dense, advance.carried, advance.result
 
 
 class AbstractFixedStep(AbstractDeclaredSolver):

@@ -20,7 +20,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..core import State, barrier, project
+from ..core import State, barrier
 from . import _tableaus as tableau
 from ._dense_output import AbstractDenseOutput
 from ._protocol import AbstractFieldSolver, Advance, SolverTraits
@@ -207,7 +207,7 @@ class Tsit5(AbstractFieldSolver, diffrax.AbstractAdaptiveSolver):
         ks = stages(f, t0, h, y0, tableau.TSIT5_C[1:-1], tableau.TSIT5_A[1:-1], [first])
         # Projected before the last stage, which is the first one of the next step: a repetition of
         # that step for derivatives evaluates it at the state from which it starts.
-        y1 = barrier(project(combine(y0, h, tableau.TSIT5_B, ks)))
+        y1 = barrier(f.projected(t1, combine(y0, h, tableau.TSIT5_B, ks)))
         ks = [*ks, *stages(f, t0, h, y1, tableau.TSIT5_C[-1:], ((),), [])]
         error = combine(None, h, tableau.TSIT5_ERROR, ks)
-        return Advance(y1, error, dict(y0=y0, ks=ks), carried=ks[-1])
+        return Advance(y1, error, dict(y0=y0, ks=ks), carried=ks[-1], projected=True)

@@ -11,7 +11,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, PyTree
 
-from ..core import AbstractRegularised, AbstractSplit, Scalar, State, barrier
+from ..core import AbstractRegularised, AbstractSplit, Scalar, State, barrier, project
 
 
 @runtime_checkable
@@ -31,6 +31,10 @@ class ScaledField(Protocol):
 
     def duration(self, s: Scalar, ds: Scalar) -> Scalar:
         """The duration, s, of the normalised time `ds` from `s` on."""
+        ...
+
+    def projected(self, s: Scalar, y: State) -> State:
+        """The state nearest to `y` on its groups that meets the constraints of the system."""
         ...
 
     def split(self) -> AbstractSplit:
@@ -65,6 +69,12 @@ class StepField(NamedTuple):
 
     def __call__(self, t: Scalar, y: State) -> State:
         return evaluate(self.terms, t, y, self.args)
+
+    def projected(self, t: Scalar, y: State) -> State:
+        """The state at the end `t` of a step, on its groups and constraints, so that neither
+        drifts, however long the run."""
+        # Other arguments are those of a user of diffrax, or local coordinates.
+        return self.args.projected(t, y) if isinstance(self.args, ScaledField) else project(y)
 
 
 def just_before(t0: Float[Array, ""], t1: Float[Array, ""]) -> Float[Array, ""]:

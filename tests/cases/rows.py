@@ -270,11 +270,104 @@ CHAPTER_8 = (
     Row("8.5 var.", "Gravity turn with a ratio that changes with the mass", "T8.5-var"),
 )
 
+CHAPTER_6 = (
+    Row("6.1", "Small oscillations about steady precession", "T6.1", "attitude.Nutation"),
+    Row(
+        *("6.2", "Gyro in gimbals without mass", "T6.2"),
+        "gyros.TwoGimbalGyro gyros.TwoGimbalGyro.impulse_response "
+        "gyros.TwoGimbalGyro.step_response gyros.TwoGimbalGyro.swing "
+        "gyros.TwoGimbalGyro.swing_time",
+    ),
+    Row("6.2 P5 to P7", "Change of attitude by two impulses", "T6.2-P6"),
+    Row(
+        *("6.3", "Gimbals with mass, gimbal walk", "T6.3"),
+        "gyros.TwoGimbalGyro.walk gyros.GimbalWalk.drift "
+        "gyros.GimbalWalk.drift_to_second_order gyros.GimbalWalk.offset_to_second_order",
+    ),
+    Row("6.3 P3, P4", "Duffing oscillator", "T6.3-P3", "gyros.DuffingOscillator"),
+    Row("6.4", "Gyrocompass at rest", "T6.4", "gyros.Gyrocompass.rest_tilt"),
+    Row(
+        *("6.5", "Oscillation of the gyrocompass, damping, heading error", "T6.5"),
+        "gyros.Gyrocompass gyros.Gyrocompass.frequencies gyros.Gyrocompass.slow_motion",
+    ),
+    Row(
+        *("6.5 P7 to P10", "Gyropendulum, Schuler's tuning", "T6.5-P10"),
+        "gyros.Gyropendulum gyros.Gyropendulum.frequencies",
+    ),
+    Row("6.6", "Rate gyro", "T6.6", "gyros.RateGyro gyros.gyro_noise gyros.allan_variance"),
+    Row("6.7", "Integrating gyro", "T6.7", "gyros.RateGyro.integrated_angle"),
+    Row(
+        *("6.8", "Stable platform about one axis", "T6.8"),
+        "gyros.PlatformAxis studies.modes",
+    ),
+    Row(
+        *("6.9", "Platform about three axes, resolver, gimbal lock", "T6.9"),
+        "gyros.gimbal_lock_margin",
+    ),
+    Row("6.10", "Inertial navigator", "", "gyros.InertialNavigator gyros.Place"),
+    Row(
+        *("6.11", "Errors of inertial navigation", "T6.11"),
+        "gyros.NavigationErrors gyros.InertialNavigator.error_equations gyros.coupled_rates "
+        "gyros.table_rates",
+    ),
+)
+
+CHAPTER_9 = (
+    Row(
+        *("9.2", "Degrees of freedom, generalised coordinates", "T9.2"),
+        "mechanics.degrees_of_freedom",
+    ),
+    Row(
+        *("9.3", "Lagrange's equations, simple and double pendulum", "T9.3"),
+        "mechanics.Lagrangian mechanics.DoublePendulum mechanics.SimplePendulum",
+    ),
+    Row(
+        *("9.4, 9.6", "Rolling wheel, sphere on a turntable", "T9.4 T9.6"),
+        "mechanics.rolling_loop mechanics.turntable_motion",
+    ),
+    Row("9.7", "Hamilton's principle", "T9.7", "mechanics.action mechanics.variational_motion"),
+    Row(
+        *("9.8-1", "Spherical pendulum, cyclic coordinates", "T9.8-Ex1"),
+        "attitude.SphericalPendulum mechanics.routh mechanics.Hamiltonian",
+    ),
+    Row("9.8-2", "Whip antennas, clamped-free beams", "T9.8-cantilever", "mechanics.beam_shape"),
+    Row(
+        *("9.9", "Disk on an incline, multipliers", "T9.9"),
+        "mechanics.InclineDisk mechanics.AbstractLagrangian.reactions",
+    ),
+    Row(
+        *("9.10", "Impulsive motion, struck bars", "T9.10"),
+        "mechanics.apply_impulse mechanics.apply_impact",
+    ),
+    Row("9.10 P3", "Foucault's pendulum", "T9.10-P3", "mechanics.foucault_motion"),
+    Row("9.10 P8", "Elastic pendulum", "T9.10-P8", "mechanics.ElasticPendulum"),
+    Row("9.10 P11", "Centrifugal pendulum", "T9.10-P11", "mechanics.CentrifugalPendulum"),
+    Row("9.10 P12", "Bead on a turning hoop", "T9.10-P12", "mechanics.RotatingHoop"),
+    Row("9.10 P19", "Pendulum in a free frame", "T9.10-P19", "mechanics.FramedPendulum"),
+    Row("9.10 P20, P21", "Pendulum on a turning arm", "T9.10-P20", "mechanics.ArmPendulum"),
+    Row("9.10 P22, P23", "Trailer", "T9.10-P22", "mechanics.Trailer"),
+    Row("9.10 P24", "Spin axis turned by two impulses", "T9.10-P24"),
+    Row("9.11", "Moving axes: slider on a free carrier", "T9.11", "mechanics.SliderCarrier"),
+    Row(
+        *("9.12", "Flexible missile with an engine that swivels", "T9.12"),
+        "mechanics.FlexibleMissile mechanics.beam_roots mechanics.beam_shape",
+    ),
+    Row("B", "Dyadics: the tensor of inertia", "TB-9", "bodies.RigidBody"),
+    Row(
+        *("C", "Variational calculus: free end, chain, brachistochrone", "TC-9 TC-12"),
+        "mechanics.hanging_chain mechanics.brachistochrone",
+    ),
+)
+
 PAGES = {
     "chapters_1_to_4": ("Chapters 1 to 4", CHAPTERS_1_TO_4),
     "chapter_5": ("Chapter 5", CHAPTER_5),
     "chapter_8": ("Chapter 8", CHAPTER_8),
+)
+
+    "chapter_6": ("Chapter 6", CHAPTER_6),
     "vehicles": ("Vehicles", VEHICLES),
+    "chapter_9": ("Chapter 9", CHAPTER_9),
 }
 
 

@@ -1,0 +1,25 @@
+"""Fig. 6.2-2: a gyro after an impulse
+
+The end of the axis of a gyro in gimbals without mass, struck about the inner
+axis: it runs round a circle of the size M / H at the nutation frequency."""
+
+import jax.numpy as jnp
+import matplotlib.pyplot as plt
+
+import jaxspace
+from jaxspace.gyros import TwoGimbalGyro
+
+jaxspace.enable_x64()
+A, C, n, impulse = 0.002, 0.0008, 500.0, 2e-3  # kg m^2, rad/s, N m s
+gyro = TwoGimbalGyro(A, C, n)
+period = 2.0 * jnp.pi * A / (C * n)
+t = jnp.linspace(0.0, 2.0 * period, 400)
+theta, psi = gyro.impulse_response(t, impulse)
+figure, (left, right) = plt.subplots(1, 2, figsize=(8.4, 3.8))
+left.plot(1e3 * t, jnp.degrees(theta), label="theta")
+left.plot(1e3 * t, jnp.degrees(psi), label="psi")
+left.set(xlabel="time, ms", ylabel="deviation, deg")
+left.legend()
+right.plot(jnp.degrees(psi), jnp.degrees(theta))
+right.set(xlabel="psi, deg", ylabel="theta, deg", aspect="equal")
+plt.show()

@@ -1,0 +1,78 @@
+"""The rotating ellipsoidal earth in level axes: east, north, and up along its normal.
+
+    N = a / w,  M = N (1 - e^2) / w^2,  w = sqrt(1 - e^2 sin^2(phi)),  e^2 = f (2 - f)
+    p = (N + h) cos(phi),   z = (N (1 - e^2) + h) sin(phi)
+    G = -mu/r^3 [p (1 + k (1 - 5 z^2/r^2)), z (1 + k (3 - 5 z^2/r^2))],   k = 3/2 J_2 (a/r)^2
+    g = G + Omega^2 p outwards
+
+    symbol          meaning                                              unit
+    phi, h          geodetic latitude, height above the ellipsoid        rad, m
+    a, f, e         equatorial radius, flattening, eccentricity          m, 1, 1
+    M, N            radii of curvature along the meridian and across it  m
+    p, z            distance from the axis, height above the equator     m
+    mu, J_2, Omega  gravitational parameter, second zonal, rate          m^3/s^2, 1, rad/s
+    G, g            attraction; gravity, which a plumb line feels        m/s^2
+
+Source: Thomson 2.6, 6.11; Titterton and Weston, Strapdown Inertial Navigation Technology, 3.7.
+With f = J_2 = 0 the earth is the sphere of the book.
+"""
+
+from typing import NamedTuple
+
+import jax.numpy as jnp
+
+from ..core import Scalar, Vector
+
+
+class Earth(NamedTuple):
+    """An earth: a, f, mu, J_2 and its rate, each (*runs,)."""
+
+    radius: Scalar
+    flattening: Scalar
+    mu: Scalar
+    j2: Scalar
+    rate: Scalar
+
+    def curvature_radii(self, latitude: Scalar) -> tuple[Scalar, Scalar]:
+        """M and N, m, at a latitude, rad."""
+        e2 = self.flattening * (2.0 - self.flattening)
+        w2 = 1.0 - e2 * jnp.sin(latitude) ** 2
+        across = self.radius / jnp.sqrt(w2)
+        return across * (1.0 - e2) / w2, across
+
+    def from_axis(self, latitude: Scalar, height: Scalar) -> tuple[Scalar, Scalar]:
+        """p and z, m, of a place."""
+        _, across = self.curvature_radii(latitude)
+        polar = across * (1.0 - self.flattening) ** 2
+        return (across + height) * jnp.cos(latitude), (polar + height) * jnp.sin(latitude)
+
+    def gravity(self, latitude: Scalar, height: Scalar) -> Vector:
+        """Gravity, m/s^2, in level axes, (3, *runs)."""
+        s, c = jnp.sin(latitude), jnp.cos(latitude)
+        p, z = self.from_axis(latitude, height)
+        r2 = p * p + z * z
+        fall, oblate = self.mu / (r2 * jnp.sqrt(r2)), 1.5 * self.j2 * self.radius**2 / r2
+        polar = 5.0 * z * z / r2
+        outwards = -fall * p * (1.0 + oblate * (1.0 - polar)) + self.rate**2 * p
+        along = -fall * z * (1.0 + oblate * (3.0 - polar))
+        north, up = c * along - s * outwards, c * outwards + s * along
+        return jnp.stack(jnp.broadcast_arrays(0.0 * up, north, up))
+
+    def own_rate(self, latitude: Scalar) -> Vector:
+        """The earth's angular velocity, rad/s, in level axes."""
+        east = 0.0 * latitude
+        parts = (east, self.rate * jnp.cos(latitude), self.rate * jnp.sin(latitude))
+        return jnp.stack(jnp.broadcast_arrays(*parts))
+
+    def place_rates(self, latitude: Scalar, height: Scalar, velocity: Vector) -> tuple[Scalar, ...]:
+        """Rates of latitude and longitude, rad/s, and of height, m/s, of a velocity over the
+        ground, m/s, in level axes; infinite at a pole."""
+        along, across = self.curvature_radii(latitude)
+        east, north, up = velocity
+        return north / (along + height), east / ((across + height) * jnp.cos(latitude)), up
+
+    def transport_rate(self, latitude: Scalar, height: Scalar, velocity: Vector) -> Vector:
+        """How level axes turn over the earth as they move, rad/s, in level axes."""
+        north, east, _ = self.place_rates(latitude, height, velocity)
+        parts = (-north, east * jnp.cos(latitude), east * jnp.sin(latitude))
+        return jnp.stack(jnp.broadcast_arrays(*parts))

@@ -1,0 +1,254 @@
+"""Inertial navigator on the rotating ellipsoidal earth in level axes: strapdown or gimballed.
+
+    v' = C f + g(phi, h) - (2 Omega + rho) x v - (0, 0, k_1 (v_u - v_u*) + k_2 (h - h*))
+    phi' = v_n / (M + h),   lambda' = v_e / ((N + h) cos(phi)),   h' = v_u
+    C' = C [omega] - [Omega + rho] C
+    strapdown   f = (1 + S_a) f_B + b,  omega = (1 + S_g) omega_B + e          C: body to level axes
+    gimballed   the same of instruments that a table keeps level; e turns the table
+
+    symbol              meaning                                                   unit
+    phi, lambda, h      latitude, longitude, height that the navigator computes   rad, m
+    v                   velocity over the ground: east, north, up                 m/s
+    C                   attitude that it computes; of a table, its tilt
+    f_B, omega_B        what perfect accelerometers and gyros feel                m/s^2, rad/s
+    b, e                bias of the accelerometers, drift of the gyros            m/s^2, rad/s
+    S_a, S_g            errors of scale                                           1
+    Omega, rho          rate of the earth, of level axes over it                  rad/s
+    h*, v_u*, k_1, k_2  what an altimeter tells, its gains                        m, m/s, 1/s, 1/s^2
+
+The vehicle moves on a path of its own (see `felt_on`), which the navigator does not know. Errors of
+the navigator are those of 6.11: `errors` gives them as `NavigationErrors` has them, whose motion is
+the derivative of this one on a sphere.
+
+Source: Thomson 6.10, 6.11; Titterton and Weston, Strapdown Inertial Navigation Technology, 3, 12.
+Level axes do not exist at a pole. Without an altimeter the height is unstable (6.11).
+"""
+
+from collections.abc import Callable
+from typing import final
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ..core import (
+    AbstractSystem,
+    Scalar,
+    Vector,
+    argument,
+    as_float,
+    constructor,
+    cross,
+    quantity,
+    with_rank,
+)
+from ..rotations import Quaternion
+from ._earth import Earth
+from ._navigation_errors import NavigationErrors, NavigationErrorState
+from ._vehicle import Felt, Path, Place, felt_on
+
+Number = Float[Array, "*#runs"]
+Three = Float[Array, "3 *#runs"]
+ZERO = (0.0, 0.0, 0.0)
+Given = Three | tuple[float, float, float]
+
+
+@final
+class NavigatorState(eqx.Module):
+    """What a navigator computes; also the rates of all."""
+
+    latitude: Number = quantity("rad", doc="phi, geodetic")
+    longitude: Number = quantity("rad", doc="lambda, to the east")
+    height: Number = quantity("m", doc="h, above the ellipsoid")
+    velocity: Three = quantity("m/s", doc="v, over the ground: east, north, up")
+    attitude: Quaternion  # pyright: ignore[reportGeneralTypeIssues]
+
+
+@final
+class InertialNavigator(AbstractSystem):
+    """A navigator in a vehicle on a parallel, a steady course or a path of its own, strapdown by
+    default. State: `NavigatorState`, best made by `state`.
+
+    - `path`: from the time, s, to a `Place`; it replaces the course that the parameters describe.
+    - `anomaly`: from latitude, longitude, rad, and height, m, to what the real gravity has over
+      that of the ellipsoid, m/s^2, (3, *runs) in level axes: deflections of the vertical times -g,
+      and anomaly. The navigator does not know it.
+    - `gimballed`: whether a table keeps the instruments level."""
+
+    latitude: Number = quantity("rad", doc="of the vehicle at the time zero")
+    longitude: Number = quantity("rad", default=0.0, doc="of the vehicle at the time zero")
+    height: Number = quantity("m", default=0.0, doc="of the vehicle at the time zero")
+    east_speed: Number = quantity("m/s", default=0.0, doc="at the time zero")
+    north_speed: Number = quantity("m/s", default=0.0, doc="at the time zero")
+    climb: Number = quantity("m/s", default=0.0, doc="rate of the height")
+    heading: Number = quantity("rad", default=0.0, doc="of the body, from north to east")
+    roll_amplitude: Number = quantity("rad", default=0.0, doc="of a swing about the body's x axis")
+    roll_frequency: Number = quantity("rad/s", default=1.0, doc="of that swing")
+    accelerometer_bias: Three = quantity("m/s^2", default=ZERO, doc="b")
+    gyro_drift: Three = quantity("rad/s", default=ZERO, doc="e, what gyros tell too much")
+    accelerometer_scale: Three = quantity("", default=ZERO, doc="S_a")
+    gyro_scale: Three = quantity("", default=ZERO, doc="S_g, of a body's gyros")
+    altitude_rate_gain: Number = quantity("1/s", default=0.0, doc="k_1")
+    altitude_gain: Number = quantity("1/s^2", default=0.0, doc="k_2")
+    radius: Number = quantity(
+        "m", positive=True, default=6378137.0, doc="equatorial", shared="planet.radius"
+    )
+    flattening: Number = quantity(
+        "", low=0.0, high=0.5, default=1.0 / 298.257223563, doc="of the ellipsoid"
+    )
+    mu: Number = quantity(
+        "m^3/s^2", positive=True, default=3.986004418e14, doc="of the earth", shared="planet.mu"
+    )
+    j2: Number = quantity("", default=1.08262668e-3, doc="second zonal", shared="planet.j2")
+    earth_rate: Number = quantity(
+        "rad/s", default=7.292115e-5, doc="of the earth", shared="planet.rotation_rate"
+    )
+    path: Path | None = None
+    anomaly: Callable[[Scalar, Scalar, Scalar], Vector] | None = None
+    gimballed: bool = eqx.field(static=True, default=False)
+
+    def vector_field(self, t: Scalar, y: NavigatorState) -> NavigatorState:
+        earth, felt = self.earth(), self.felt(t)
+        force, turn = self._measured(felt, y.attitude)
+        # What all runs share meets what each has of its own.
+        rank = max(force.ndim, turn.ndim, y.velocity.ndim, jnp.ndim(y.latitude) + 1) - 1
+        velocity = with_rank(y.velocity, rank)
+        own = with_rank(earth.own_rate(y.latitude), rank)
+        transport = with_rank(earth.transport_rate(y.latitude, y.height, y.velocity), rank)
+        gravity = with_rank(earth.gravity(y.latitude, y.height), rank)
+        rate = with_rank(force, rank) + gravity - cross(2.0 * own + transport, velocity)
+        up = with_rank(jnp.asarray(ZERO[:2] + (1.0,), rate.dtype), rank)
+        aided = self.altitude_rate_gain * (y.velocity[2] - felt.velocity[2])
+        aided = aided + self.altitude_gain * (y.height - felt.place.height)
+        north, east, climb = earth.place_rates(y.latitude, y.height, y.velocity)
+        turn = with_rank(turn, rank) - y.attitude.rotate_back(own + transport)
+        return NavigatorState(north, east, climb, rate - aided * up, y.attitude.rate(turn))
+
+    def invariants(self, t: Scalar, y: NavigatorState) -> dict[str, Array]:
+        """Nothing stays with faults of the instruments."""
+        del t, y
+        return {}
+
+    @constructor(
+        position=argument("m", shape=(3,), default=ZERO, doc="error: east, north, up"),
+        velocity=argument("m/s", shape=(3,), default=ZERO, doc="error over the ground"),
+        tilt=argument("rad", shape=(3,), default=ZERO, doc="error of the attitude, a turn"),
+    )
+    def state(
+        self, position: Given = ZERO, velocity: Given = ZERO, tilt: Given = ZERO
+    ) -> NavigatorState:
+        """What a navigator with these errors in level axes, (3, *runs), holds at the time zero."""
+        felt, earth = self.felt(0.0), self.earth()
+        east, north, up = as_float(position)
+        place = felt.place
+        along, across = earth.curvature_radii(place.latitude)
+        level = (across + place.height) * jnp.cos(place.latitude)
+        turned = Quaternion.from_rotation_vector(as_float(tilt))
+        true = Quaternion.identity() if self.gimballed else felt.attitude
+        parts = (place.latitude + north / (along + place.height), place.longitude + east / level)
+        attitude = turned.then(true)
+        v = as_float(velocity)
+        rank = max(v.ndim, felt.velocity.ndim, attitude.wxyz.ndim) - 1
+        v = with_rank(v, rank) + with_rank(felt.velocity, rank)
+        return NavigatorState(*parts, place.height + up, v, attitude)
+
+    def earth(self) -> Earth:
+        """The earth on which it navigates."""
+        return Earth(self.radius, self.flattening, self.mu, self.j2, self.earth_rate)
+
+    def felt(self, t: Scalar) -> Felt:
+        """The motion of the vehicle at `t`, s, and what perfect instruments would feel."""
+        return felt_on(self._course if self.path is None else self.path, self.earth(), t)
+
+    def errors(self, t: Scalar, y: NavigatorState) -> NavigationErrorState:
+        """The errors of what the navigator holds, in the true level axes, exactly; its tilt is that
+        of the attitude it knows in inertial space."""
+        felt = self.felt(t)
+        place = felt.place
+        true = Quaternion.identity() if self.gimballed else felt.attitude
+        here = NavigatorState(*place[:3], felt.velocity, true)
+        level, computed = (_level(p.latitude, p.longitude) for p in (here, y))
+        found, known = self._inertial(y, computed), self._inertial(here, level)
+        rank = found[1].ndim - 1
+        r, v = (a - with_rank(b, rank) for a, b in zip(found, known, strict=True))
+        position = level.rotate_back(r)
+        velocity = level.rotate_back(v) - cross(with_rank(felt.level_rate, rank), position)
+        tilt = computed.then(y.attitude).then(level.then(true).inverse()).rotation_vector()
+        return NavigationErrorState(position, velocity, level.rotate_back(tilt))
+
+    def error_equations(self, t: Scalar = 0.0) -> NavigationErrors:
+        """The linear error equations of 6.11 at the time `t`, s, with constant coefficients: exact
+        to first order for a body that keeps its heading on a parallel of a sphere."""
+        felt = self.felt(t)
+        p, z = self.earth().from_axis(felt.place.latitude, felt.place.height)
+        radius = jnp.sqrt(p * p + z * z)
+        faults = (self.accelerometer_bias, self.gyro_drift)
+        turn = Quaternion.identity() if self.gimballed else felt.attitude
+        bias, drift = (turn.rotate(x) for x in faults)
+        return NavigationErrors(
+            radius,
+            self.mu / radius**2,
+            felt.level_rate,
+            felt.specific_force,
+            bias,
+            drift,
+            self.altitude_rate_gain,
+            self.altitude_gain,
+        )
+
+    def _course(self, t: Scalar) -> Place:
+        place = self.latitude, self.height
+        speed = jnp.broadcast_arrays(self.east_speed, self.north_speed, self.climb)
+        north, east, up = self.earth().place_rates(*place, jnp.stack(speed))
+        roll = self.roll_amplitude * jnp.sin(self.roll_frequency * t)
+        still = 0.0 * t
+        return Place(
+            self.latitude + north * t,
+            self.longitude + east * t,
+            self.height + up * t,
+            self.heading + still,
+            still,
+            roll,
+        )
+
+    def _measured(self, felt: Felt, attitude: Quaternion) -> tuple[Vector, Vector]:
+        """The specific force in the computed level axes, and the rate of what `attitude` turns, in
+        its own axes."""
+        force = felt.specific_force
+        if self.anomaly is not None:
+            place = felt.place
+            more = self.anomaly(place.latitude, place.longitude, place.height)
+            force = force - with_rank(more, force.ndim - 1)
+        if self.gimballed:
+            # The table has the axes of the instruments.
+            sensed = attitude.rotate(force)
+            sensed = _plus(sensed, self.accelerometer_scale, self.accelerometer_bias)
+            drift = attitude.rotate_back(self.gyro_drift)
+            return sensed, with_rank(felt.level_rate, drift.ndim - 1) + drift
+        sensed = felt.attitude.rotate_back(force)
+        turn = felt.attitude.rotate_back(felt.level_rate)
+        turn = turn + with_rank(felt.body_rate, turn.ndim - 1)
+        sensed = _plus(sensed, self.accelerometer_scale, self.accelerometer_bias)
+        return attitude.rotate(sensed), _plus(turn, self.gyro_scale, self.gyro_drift)
+
+    def _inertial(self, y: NavigatorState, level: Quaternion) -> tuple[Vector, Vector]:
+        """Position and velocity in inertial axes that meet those of the earth now."""
+        p, z = self.earth().from_axis(y.latitude, y.height)
+        r = jnp.stack(jnp.broadcast_arrays(p * jnp.cos(y.longitude), p * jnp.sin(y.longitude), z))
+        spin = jnp.stack(jnp.broadcast_arrays(-r[1], r[0], 0.0 * r[2]))
+        v = level.rotate(y.velocity)
+        return with_rank(r, v.ndim - 1), v + with_rank(self.earth_rate * spin, v.ndim - 1)
+
+
+def _level(latitude: Scalar, longitude: Scalar) -> Quaternion:
+    """From level axes to those of the earth."""
+    # East to y, north to z, up to x, then down to the latitude and round to the longitude.
+    half = 0.5 + 0.0 * latitude
+    swap = Quaternion(jnp.stack([half, half, half, half]))
+    return Quaternion.about(2, longitude).then(Quaternion.about(1, -latitude)).then(swap)
+
+
+def _plus(x: Vector, scale: Vector, bias: Vector) -> Vector:
+    rank = max(x.ndim, scale.ndim, bias.ndim) - 1
+    x, scale, bias = (with_rank(a, rank) for a in (x, scale, bias))
+    return x + scale * x + bias

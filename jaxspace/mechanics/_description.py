@@ -1,0 +1,60 @@
+"""What describes a Lagrangian system: its coordinates, its Lagrangian, and what else acts.
+
+The equations, the constraints and the symmetries of a system are found from a description alone;
+`AbstractLagrangian` makes a system of it.
+"""
+
+from abc import abstractmethod
+from typing import TYPE_CHECKING, final
+
+import equinox as eqx
+from jaxtyping import Array, Float
+
+from ..core import AbstractSystem, Scalar, quantity
+
+
+@final
+class GeneralisedState(eqx.Module):
+    """Generalised coordinates and their rates; also the rates of both."""
+
+    coordinates: Float[Array, "n *#runs"] = quantity("", doc="q, generalised coordinates")
+    rates: Float[Array, "n *#runs"] = quantity("", doc="v, their rates")
+
+
+class AbstractDescription(AbstractSystem):
+    """A Lagrangian, its coordinates and what else acts; see `AbstractLagrangian`."""
+
+    if TYPE_CHECKING:
+        # For checkers no field, which would stand before those of a subclass.
+        @property
+        def names(self) -> tuple[str, ...]: ...
+    else:
+        names: eqx.AbstractVar[tuple[str, ...]]
+
+    @abstractmethod
+    def lagrangian(self, t: Scalar, q: Array, v: Array) -> Scalar:
+        """L, J, (*runs,)."""
+
+    def force(self, t: Scalar, q: Array, v: Array) -> Array | None:
+        """Generalised forces Q, (n, *runs), or `None`."""
+        del t, q, v
+        return None
+
+    def dissipation(self, t: Scalar, q: Array, v: Array) -> Scalar | None:
+        """Rayleigh's function D, W, (*runs,), or `None`: half the power that friction takes."""
+        del t, q, v
+        return None
+
+    def holonomic(self, t: Scalar, q: Array) -> Array | None:
+        """What holonomic constraints keep at zero, (m, *runs), or `None`."""
+        del t, q
+        return None
+
+    def nonholonomic(self, t: Scalar, q: Array, v: Array) -> Array | None:
+        """What nonholonomic constraints keep at zero, linear in v, (m, *runs), or `None`."""
+        del t, q, v
+        return None
+
+    def stabilisation(self) -> tuple[Scalar, bool]:
+        """The rate k, 1/s, and whether constraints may be redundant."""
+        return 1.0, False

@@ -1,0 +1,96 @@
+"""A flexible missile in its autopilot's loop, with propellant that sloshes in one tank.
+
+    d_A = k_p th_g + k_r th_g',      th_g = th + sum phi_i'(x_g) q_i
+    s'' + 2 zeta w s' + w^2 s = -A,     f = m_s (w^2 s + 2 zeta w s')
+    A = [F ((1 - C_2) d + y_h') + f] / m + x_s (th + C_2 d)'' + g d'' + sum phi_i(x_s) q_i''
+
+    symbol        meaning                                                     unit
+    th_g, x_g     pitch that a gyro feels; its place                          rad, m
+    k_p, k_r      gains of the autopilot on pitch and its rate                1, s
+    s, m_s, w     slosh across the missile, its mass, its frequency           m, kg, rad/s
+    x_s, zeta     place of the tank, damping ratio of the slosh               m, 1
+    f, A          force of the slosh; acceleration of its place               N, m/s^2
+    g             C_1 - C_2 x_s, see `FlexibleMissile.across`                 m
+
+Places are counted forwards from the mass centre. A pendulum of the length l in a missile that
+accelerates by a is a slosh with w^2 = a / l. The sloshing mass adds to that of the missile.
+
+Source: Thomson 9.12; Bauer (1964), Fluid oscillations in the containers of a space vehicle, NASA TR
+R-187 (mechanical model).
+Stability in the gains: `studies.modes` and its `root_locus`.
+"""
+
+from typing import final
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ..core import AbstractSystem, Scalar, quantity, with_rank
+from ._flexible_missile import FlexibleMissile, MissileState
+
+Number = Float[Array, "*#runs"]
+
+
+@final
+class MissileLoopState(eqx.Module):
+    """The missile's state, and the slosh with its rate; also the rates of all."""
+
+    missile: MissileState
+    slosh: Number = quantity("m", doc="s, across the missile")
+    slosh_rate: Number = quantity("m/s", doc="rate of s")
+
+
+@final
+class MissileLoop(AbstractSystem):
+    """A flexible missile with autopilot and slosh; without slosh by default. State:
+    `MissileLoopState`, made by `state`.
+
+    - `missile`: whose actuator takes the command; its own `command` adds to it."""
+
+    missile: FlexibleMissile
+    pitch_gain: Number = quantity("", default=0.0, doc="k_p, on the pitch")
+    rate_gain: Number = quantity("s", default=0.0, doc="k_r, on the rate of pitch")
+    gyro_place: Number = quantity("m", default=0.0, doc="x_g, before the mass centre")
+    slosh_mass: Number = quantity("kg", non_negative=True, default=0.0, doc="m_s")
+    slosh_frequency: Number = quantity("rad/s", positive=True, default=1.0, doc="w")
+    slosh_damping: Number = quantity("", non_negative=True, default=0.0, doc="zeta")
+    tank_place: Number = quantity("m", default=0.0, doc="x_s, before the mass centre")
+
+    def vector_field(self, t: Scalar, y: MissileLoopState) -> MissileLoopState:
+        del t
+        missile, state = self.missile, y.missile
+        rank = state.engine.ndim
+        pitch, pitch_rate = self.felt_pitch(state)
+        command = missile.command + self.pitch_gain * pitch + self.rate_gain * pitch_rate
+        w = self.slosh_frequency
+        pull = w * w * y.slosh + 2.0 * self.slosh_damping * w * y.slosh_rate
+        force = self.slosh_mass * pull
+        rate, turn = missile.accelerations(state, command, force, self.tank_place)
+        engine = missile.engine()
+        _, slopes, _ = (with_rank(x, rank) for x in missile.hinge())
+        thrust = (1.0 - engine["turn"]) * state.engine + jnp.sum(slopes * state.bending, axis=0)
+        sideways = (missile.thrust * thrust + force) / missile.mass
+        mean_turn = turn + engine["turn"] * rate[0]
+        moved = jnp.sum(with_rank(missile.across(self.tank_place), rank) * rate, axis=0)
+        place = sideways + self.tank_place * mean_turn + moved
+        rates = MissileState(
+            *(state.engine_rate, state.bending_rate, state.pitch_rate), rate[0], rate[1:], turn
+        )
+        return MissileLoopState(rates, y.slosh_rate, -pull - place)
+
+    def invariants(self, t: Scalar, y: MissileLoopState) -> dict[str, Array]:
+        """Nothing stays under thrust."""
+        del t, y
+        return {}
+
+    def state(self, engine: Scalar = 0.0, pitch: Scalar = 0.0) -> MissileLoopState:
+        """A straight missile at rest, with the engine and the pitch at these angles, rad."""
+        missile = self.missile.state(engine, pitch)
+        return MissileLoopState(missile, 0.0 * missile.pitch, 0.0 * missile.pitch)
+
+    def felt_pitch(self, y: MissileState) -> tuple[Scalar, Scalar]:
+        """The pitch, rad, and its rate, rad/s, at the gyro."""
+        slopes = with_rank(self.missile.slopes(self.gyro_place), y.engine.ndim)
+        bent = jnp.sum(slopes * y.bending, axis=0)
+        return y.pitch + bent, y.pitch_rate + jnp.sum(slopes * y.bending_rate, axis=0)
