@@ -362,10 +362,8 @@ CHAPTER_9 = (
 PAGES = {
     "chapters_1_to_4": ("Chapters 1 to 4", CHAPTERS_1_TO_4),
     "chapter_5": ("Chapter 5", CHAPTER_5),
-    "chapter_8": ("Chapter 8", CHAPTER_8),
-)
-
     "chapter_6": ("Chapter 6", CHAPTER_6),
+    "chapter_8": ("Chapter 8", CHAPTER_8),
     "vehicles": ("Vehicles", VEHICLES),
     "chapter_9": ("Chapter 9", CHAPTER_9),
 }
