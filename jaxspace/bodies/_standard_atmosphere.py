@@ -29,20 +29,16 @@ Adaptive steps shorten where a run passes such a height; across it, fixed steps 
 """
 
 import math
-from typing import NamedTuple, final
+from typing import final
 
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..core import Choice, Scalar, constructor, quantity
-from ._atmosphere import AbstractAtmosphere
+from ._atmosphere import GAS_CONSTANT, GRAVITY, HEAT_RATIO, MOLAR_MASS, AbstractAtmosphere, Air
 from ._upper_air import LOG_DENSITY, MOLAR_MASS_CHANGE, molar_mass_ratio
 
-GAS_CONSTANT = 8314.32  # J/(kmol K)
-MOLAR_MASS = 28.9644  # kg/kmol
-GRAVITY = 9.80665  # m/s^2
 RADIUS = 6356766.0  # m, r_0
-HEAT_RATIO = 1.4  # gamma
 PRESSURE = 101325.0  # Pa, at H = 0
 TOP = 86e3  # m, where the layers end
 BOTTOM = -1e5  # m, below which the air stays as it is
@@ -56,20 +52,6 @@ LAYERS = (
     (51e3, -2.8e-3, 270.65),
     (71e3, -2.0e-3, 214.65),
 )
-
-
-class Air(NamedTuple):
-    """The state of the air, each (*runs,).
-
-    - `temperature`: K.
-    - `pressure`: Pa.
-    - `density`: kg/m^3.
-    - `sound_speed`: m/s."""
-
-    temperature: Scalar
-    pressure: Scalar
-    density: Scalar
-    sound_speed: Scalar
 
 
 def geopotential_height(height: Scalar) -> Scalar:
@@ -150,6 +132,11 @@ class StandardAtmosphere(AbstractAtmosphere):
 
     def density_at(self, height: Scalar) -> Scalar:
         return self.density_factor * standard_atmosphere(height).density
+
+    def air_at(self, height: Scalar) -> Air:
+        air = standard_atmosphere(height)
+        f = self.density_factor
+        return Air(air.temperature, f * air.pressure, f * air.density, air.sound_speed)
 
     def scaled(self, factor: Scalar) -> "StandardAtmosphere":
         return StandardAtmosphere(factor * self.density_factor)
