@@ -106,14 +106,24 @@ def curve(given) -> tuple[np.ndarray, np.ndarray]:
     return np.array([0.0]), np.array([given])
 
 
+def refined(x: np.ndarray, y: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """The same polygon with `count` points: rockets with as many can be stacked in one batch."""
+    while len(x) < count:
+        k = int(np.argmax(np.diff(x))) if len(x) > 1 else 0
+        new = 0.5 * (x[k] + x[k + 1]) if len(x) > 1 else x[0] + 1.0
+        y = np.insert(y, k + 1, np.interp(new, x, y))
+        x = np.insert(x, k + 1, new)
+    return x, y
+
+
 def propellant_mass(rocket: dict) -> float:
     """Of all grains, kg."""
     number, density, outer, inner, height, _ = rocket["grains"]
     return number * density * np.pi * (outer**2 - inner**2) * height
 
 
-def vehicle(rocket: dict):
-    """The rocket as a `jaxspace.vehicles.Vehicle`."""
+def vehicle(rocket: dict, points: int = 0):
+    """The rocket as a `jaxspace.vehicles.Vehicle`; its tables have at least so many `points`."""
     from jaxspace.rockets import read_motor
     from jaxspace.vehicles import FinSet, MachTable, NoseCone, RadiusChange, Vehicle
 
@@ -123,13 +133,18 @@ def vehicle(rocket: dict):
     # A tail that changes no radius gives no force.
     plain = {"fore_radius": rocket["radius"], "aft_radius": rocket["radius"]}
     tail = rocket["tail"] or {**plain, "length": 1.0, "fore_end": 0.0}
+    motor = read_motor(HERE / rocket["motor_file"])
+    times, thrusts = refined(motor.times, motor.thrusts, points)
+    drag = refined(*curve(rocket["drag"]), points)
+    coasting = refined(*curve(rocket.get("coasting_drag", rocket["drag"])), points)
+    nose = {k: rocket["nose"][k] for k in ("tip", "length", "shape")}
     return Vehicle.model_rocket(
-        read_motor(HERE / rocket["motor_file"]),
+        motor._replace(times=times, thrusts=thrusts),
         propellant_mass=propellant_mass(rocket),
         grain=(outer, inner, number * height + (number - 1) * gap),
-        drag=MachTable(*curve(rocket["drag"])),
-        coasting_drag=MachTable(*curve(rocket.get("coasting_drag", rocket["drag"]))),
-        nose=NoseCone.of_shape(rocket["radius"], **{k: rocket["nose"][k] for k in ("tip", "length", "shape")}),
+        drag=MachTable(*drag),
+        coasting_drag=MachTable(*coasting),
+        nose=NoseCone.of_shape(rocket["radius"], **nose),
         fins=FinSet(**rocket["fins"]),
         tail=RadiusChange(**tail),
         **{name: rocket[name] for name in same},

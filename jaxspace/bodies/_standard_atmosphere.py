@@ -32,6 +32,7 @@ import math
 from typing import final
 
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from ..core import Choice, Scalar, constructor, quantity
@@ -87,20 +88,36 @@ def standard_atmosphere(height: Scalar) -> Air:
 def _layers(height: Scalar) -> tuple[Scalar, Scalar]:
     """ln rho and T_M of the layers; above their top those at the top."""
     level = geopotential_height(jnp.clip(height, BOTTOM, TOP))
-    tops = [layer[0] for layer in LAYERS[1:]] + [math.inf]
-    logarithm, temperature = math.log(PRESSURE), LAYERS[0][2]
-    # Every layer adds what is climbed in it: no branch, and one formula for a batch.
-    for (base, lapse, at_base), top in zip(LAYERS, tops, strict=True):
-        low = -math.inf if base == 0.0 else 0.0
-        climbed = jnp.clip(level - base, low, top - base)
-        per_kelvin = GRAVITY * MOLAR_MASS / GAS_CONSTANT
-        if lapse == 0.0:
-            logarithm = logarithm - per_kelvin / at_base * climbed
-        else:
-            rise = jnp.log1p(lapse / at_base * climbed)
-            logarithm = logarithm - per_kelvin / lapse * rise
-            temperature = temperature + lapse * climbed
+    dtype = jnp.result_type(level, float)
+    level = jnp.asarray(level, dtype)
+    # Every layer adds what is climbed in it: no branch, one formula for a batch, and few operations
+    # to compile.
+    base, low, thick, lapse, exponent, decay = (
+        jnp.asarray(c.reshape(-1, *(1,) * level.ndim), dtype) for c in _COLUMNS
+    )
+    climbed = jnp.clip(level - base, low, thick)
+    fall = exponent * jnp.log1p(lapse * climbed) + decay * climbed
+    logarithm = math.log(PRESSURE) - jnp.sum(fall, axis=0)
+    warming = jnp.asarray(_LAPSES.reshape(lapse.shape), dtype)
+    temperature = LAYERS[0][2] + jnp.sum(warming * climbed, axis=0)
     return logarithm + jnp.log(MOLAR_MASS / GAS_CONSTANT / temperature), temperature
+
+
+def _columns() -> tuple[np.ndarray, ...]:
+    """Of each layer: base and least and greatest climb, m; lapse over base temperature, 1/m; what
+    multiplies the logarithm, and what multiplies the climb, 1/m."""
+    base, lapse, at_base = np.array(LAYERS).T
+    low = np.where(base == 0.0, -np.inf, 0.0)
+    thick = np.append(base[1:], np.inf) - base
+    per_kelvin = GRAVITY * MOLAR_MASS / GAS_CONSTANT
+    warms = lapse != 0.0
+    exponent = np.where(warms, per_kelvin / np.where(warms, lapse, 1.0), 0.0)
+    decay = np.where(warms, 0.0, per_kelvin / at_base)
+    return base, low, thick, lapse / at_base, exponent, decay
+
+
+_COLUMNS = _columns()
+_LAPSES = np.array(LAYERS)[:, 1]
 
 
 def _upper_temperature(above: Scalar) -> Scalar:

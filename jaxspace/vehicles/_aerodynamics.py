@@ -47,6 +47,14 @@ class Aerodynamics(AbstractEffect):
         default=None, metadata={"doc": "a change of the body's radius: a tail or a shoulder"}
     )
     air: LocalAir = eqx.field(default=LocalAir(), metadata={"doc": "about the vehicle"})
+    coasting: MachTable | None = eqx.field(
+        default=None,
+        converter=lambda x: None if x is None else as_coefficient(x),
+        metadata={"doc": "C_A after the burnout, where it is another"},
+    )
+    burnout: Float[Array, "*#runs"] | None = quantity(
+        "s", optional=True, doc="from which the coefficient is that of coasting"
+    )
 
     needs: ClassVar[frozenset[str]] = frozenset({"position", "velocity", "attitude", "omega"})
     adds: ClassVar[frozenset[str]] = frozenset({"force", "torque"})
@@ -71,8 +79,17 @@ class Aerodynamics(AbstractEffect):
         zeroth, first, _ = self.moments_of_slope(mach)
         return first / zeroth
 
+    def axial_coefficient(self, t: Scalar, mach: Scalar) -> Scalar:
+        """C_A at the time `t`, s, and a Mach number."""
+        value = self.coefficient(mach)
+        if self.coasting is None or self.burnout is None:
+            return value
+        return jnp.where(t < self.burnout, value, self.coasting(mach))
+
+    def breaks(self) -> Float[Array, "times *#runs"] | None:
+        return None if self.burnout is None else self.burnout[None]
+
     def load(self, t: Scalar, y: BodyState, body: AbstractBody) -> Load:
-        del t
         air, moving = self.air.at(y.position)
         w = y.attitude.rotate_back(y.velocity - moving)
         speed = norm(w)
@@ -81,12 +98,14 @@ class Aerodynamics(AbstractEffect):
         centre = body.centre_of_mass(y.mass)
         station = centre if isinstance(centre, float) else centre[2]
         s0, s1, s2 = self.moments_of_slope(mach, station)
-        axial = self.area * self.coefficient(mach)
+        axial = self.area * self.axial_coefficient(t, mach)
         p, q, r = y.omega
         force = -push * jnp.stack([s0 * w[0] + s1 * q, s0 * w[1] - s1 * p, axial * w[2]])
         roll = 0.0 * push
         if self.fins is not None:
-            roll = push * (self.fins.roll_forcing(mach) * speed - self.fins.roll_damping(mach) * r)
+            forcing = self.fins.roll_forcing(mach)
+            roll = -push * self.fins.roll_damping(mach) * r
+            roll = roll if forcing is None else roll + push * speed * forcing
         turn = jnp.stack([push * (s1 * w[1] - s2 * p), -push * (s1 * w[0] + s2 * q), roll])
         return Load(force_N=y.attitude.rotate(force), torque_B=turn)
 

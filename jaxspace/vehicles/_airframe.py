@@ -134,8 +134,12 @@ class FinSet(AbstractSurface):
     leading_edge: Float[Array, "*#runs"] = quantity(
         "m", doc="z of the leading edge of the root in construction axes"
     )
-    cant: Float[Array, "*#runs"] = quantity(
-        "rad", low=-0.5, high=0.5, default=0.0, doc="of the fins, positive for a roll about +z"
+    cant: Float[Array, "*#runs"] | None = quantity(
+        "rad",
+        low=-0.5,
+        high=0.5,
+        optional=True,
+        doc="of the fins, positive for a roll about +z; straight by default",
     )
 
     def single_slope(self, mach: Scalar) -> Scalar:
@@ -162,8 +166,10 @@ class FinSet(AbstractSurface):
         behind = self.sweep_length / 3.0 * (root + 2.0 * tip) / both
         return self.leading_edge - behind - (both - root * tip / both) / 6.0
 
-    def roll_forcing(self, mach: Scalar) -> Scalar:
-        """Moment about the axis over rho |w|^2/2 and for the cant, m^3."""
+    def roll_forcing(self, mach: Scalar) -> Scalar | None:
+        """Moment about the axis over rho |w|^2/2, m^3; `None` for straight fins."""
+        if self.cant is None:
+            return None
         arm = self.span / 3.0 * (self.root_chord + 2.0 * self.tip_chord)
         arm = arm / (self.root_chord + self.tip_chord) + self.radius
         return self.count * self._forcing_share() * arm * self.single_slope(mach) * self.cant

@@ -1,6 +1,6 @@
 """The flight of a sounding rocket from its rail to the ground, in phases.
 
-    rail -> boost -> coast -> [fall] -> parachute, [parachute, opening] -> ground
+    rail -> ascent -> [wait] -> parachute -> [wait] -> parachute -> ground
 
 On the rail nothing turns; from its end to the first parachute the rocket flies with six degrees of
 freedom, under parachutes with three: the attitude is no longer a part of the state. A parachute
@@ -94,16 +94,6 @@ class Recovery(AbstractParameters):
 
 
 @final
-class _Passed(eqx.Module):
-    """Time since `time`, s: an event at a known time."""
-
-    time: Scalar
-
-    def __call__(self, t: Scalar, y: BodyState) -> Scalar:
-        return t - self.time + 0.0 * y.mass
-
-
-@final
 class _Above(eqx.Module):
     """Height above `height`, m."""
 
@@ -127,7 +117,12 @@ def as_point(t: Scalar, y: BodyState) -> BodyState:
 
 
 def sounding_flight(
-    vehicle: Vehicle, site: LaunchSite, recovery: Sequence[Recovery] = (), *, within: Scalar = 2000.0
+    vehicle: Vehicle,
+    site: LaunchSite,
+    recovery: Sequence[Recovery] = (),
+    *,
+    ascent_within: Scalar = 300.0,
+    descent_within: Scalar = 2000.0,
 ) -> tuple[Mission, BodyState]:
     """The mission of a sounding rocket and its state on the rail.
 
@@ -137,9 +132,11 @@ def sounding_flight(
     - `site`: of the launch.
     - `recovery`: the parachutes in the order of their opening, the first at the apogee; without
       one the mission ends at the apogee.
-    - `within`: the longest time to wait for an event, s.
+    - `ascent_within`, `descent_within`: the longest times to wait for the apogee, and for the next
+      parachute or the ground, s. The search for an event samples all of that time: a narrow limit
+      is a fast run.
 
-    **Returns** the mission, with the phases "rail", "boost", "coast" and for each parachute "wait"
+    **Returns** the mission, with the phases "rail", "ascent" and for each parachute "wait"
     and "parachute", numbered; and the state at ignition, of every run.
     """
     air, environment = site.air(), site.environment()
@@ -147,20 +144,15 @@ def sounding_flight(
     def scene(*effects: AbstractEffect, carry: tuple[str, ...] = ()) -> Scene:
         return Scene((*environment, *effects), vehicle.body, carry)
 
-    def until(condition, direction: int) -> Event:
-        return Event(condition, direction, within)
-
     rail = Rail(site.direction(), site.rail_length)
     burning, gliding = vehicle.as_body(air), vehicle.as_body(air, powered=False)
-    apogee = until(climb_rate, -1)
-    coast = scene(*gliding, carry=("mass",))
-    leave = Event(rail.rail_exit, 1, within)
+    leaving = jnp.max(vehicle.motor.burnout())
     phases = [
-        Phase(scene(*burning, rail), leave, name="rail"),
-        Phase(scene(*burning), until(_Passed(vehicle.motor.burnout()), 1), name="boost"),
-        Phase(coast, apogee, name="coast"),
+        # A rocket that has not left its rail by the burnout never does.
+        Phase(scene(*burning, rail), Event(rail.rail_exit, 1, leaving), name="rail"),
+        Phase(scene(*burning), Event(climb_rate, -1, ascent_within), name="ascent"),
     ]
-    flying, last = coast, len(recovery) - 1
+    flying, last = scene(*gliding, carry=("mass",)), len(recovery) - 1
     for number, chute in enumerate(recovery):
         name = f"{number + 1}"
         drag = Parachute(chute.drag_area, air=air)
@@ -171,7 +163,7 @@ def sounding_flight(
         else:
             phases[-1] = dataclasses.replace(phases[-1], then=turn)
         below = as_float(0.0) if number == last else recovery[number + 1].height
-        phases.append(Phase(hanging, until(_Above(below), -1), name=f"parachute {name}"))
+        phases.append(Phase(hanging, Event(_Above(below), -1, descent_within), name=f"parachute {name}"))
         flying = hanging
     return Mission(phases), _at_rest(vehicle, site)
 

@@ -155,7 +155,9 @@ class Vehicle(AbstractParameters):
         - `powered`: whether the motor may burn.
         - `control`: of the attitude, by default none."""
         parts = (self.nose, self.fins, self.tail)
-        effects = (Aerodynamics(self.area, self._drag(powered), *parts, air),)
+        later = (self.coasting_drag, self.motor.burnout())
+        later = later if powered and self.coasting_drag is not None else ()
+        effects = (Aerodynamics(self.area, self._drag(powered), *parts, air, *later),)
         if powered:
             effects = (self.motor, *effects)
             if self.exit_station is not None:
