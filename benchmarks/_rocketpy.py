@@ -1,6 +1,8 @@
-"""The rockets of `examples/model_rockets` flown by RocketPy: `python benchmarks/_rocketpy.py` prints
-apogee above the ground, when it is reached, where the flight ends, and the seconds a flight takes,
-as JSON; with a number behind it, of so many flights up to the apogee alone."""
+"""The rockets of `examples/model_rockets` flown by RocketPy.
+
+`python benchmarks/_rocketpy.py` prints apogee above the ground, when it is reached, where the
+flight ends, and the seconds a flight takes, as JSON; with a number behind it, of so many flights up
+to the apogee alone."""
 
 import json
 import sys

@@ -1,6 +1,6 @@
-"""A model rocket flown from its motor file with six degrees of freedom, Calisto from its rail to its
-apogee: many inclinations of the rail in one batch, against RocketPy, which flies the same vehicle
-one flight after the other. The error is that of the apogee against a run at 1e-10.
+"""A model rocket flown from its motor file with six degrees of freedom, Calisto from its rail to
+its apogee: many inclinations of the rail in one batch, against RocketPy, which flies the same
+vehicle one flight after the other. The error is that of the apogee against a run at 1e-10.
 
 Wanted: 300 times the rate of RocketPy, 1000 as a goal.
 """

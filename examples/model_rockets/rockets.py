@@ -16,7 +16,11 @@ import numpy as np
 HERE = Path(__file__).parent
 
 # Heights above sea level, m, and the wind towards east and north there, m/s.
-WIND = ([0.0, 300.0, 1500.0, 3000.0, 6000.0], [3.0, 3.0, 5.0, 7.0, 9.0], [1.5, 1.5, 1.0, -1.0, -2.0])
+WIND = (
+    [0.0, 300.0, 1500.0, 3000.0, 6000.0],
+    [3.0, 3.0, 5.0, 7.0, 9.0],
+    [1.5, 1.5, 1.0, -1.0, -2.0],
+)
 
 CALISTO = {
     "motor_file": "cesaroni_m1670.eng",

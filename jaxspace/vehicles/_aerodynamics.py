@@ -30,7 +30,7 @@ from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
 from ..core import Scalar, norm, quantity
 from ._airframe import AbstractSurface, FinSet, NoseCone, RadiusChange
 from ._coefficient import MachTable, as_coefficient
-from ._local_air import LocalAir
+from ._local_air import LocalAir, air_about
 
 
 @final
@@ -46,7 +46,9 @@ class Aerodynamics(AbstractEffect):
     tail: RadiusChange | None = eqx.field(
         default=None, metadata={"doc": "a change of the body's radius: a tail or a shoulder"}
     )
-    air: LocalAir = eqx.field(default=LocalAir(), metadata={"doc": "about the vehicle"})
+    air: LocalAir | None = eqx.field(
+        default=None, metadata={"doc": "about the vehicle; calm standard air by default"}
+    )
     coasting: MachTable | None = eqx.field(
         default=None,
         converter=lambda x: None if x is None else as_coefficient(x),
@@ -90,7 +92,7 @@ class Aerodynamics(AbstractEffect):
         return None if self.burnout is None else self.burnout[None]
 
     def load(self, t: Scalar, y: BodyState, body: AbstractBody) -> Load:
-        air, moving = self.air.at(y.position)
+        air, moving = air_about(self.air).at(y.position)
         w = y.attitude.rotate_back(y.velocity - moving)
         speed = norm(w)
         mach = speed / air.sound_speed

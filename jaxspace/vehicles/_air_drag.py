@@ -20,7 +20,7 @@ from jaxtyping import Array, Float
 from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
 from ..core import Scalar, Vector, norm, quantity
 from ._coefficient import MachTable, as_coefficient
-from ._local_air import LocalAir
+from ._local_air import LocalAir, air_about
 
 
 def drag_force(relative_velocity: Vector, density: Scalar, drag_area: Scalar) -> Vector:
@@ -44,7 +44,9 @@ class AirDrag(AbstractEffect):
     coefficient: MachTable = eqx.field(
         converter=as_coefficient, metadata={"doc": "C_D by the Mach number"}
     )
-    air: LocalAir = eqx.field(default=LocalAir(), metadata={"doc": "about the vehicle"})
+    air: LocalAir | None = eqx.field(
+        default=None, metadata={"doc": "about the vehicle; calm standard air by default"}
+    )
 
     needs: ClassVar[frozenset[str]] = frozenset({"position", "velocity"})
     adds: ClassVar[frozenset[str]] = frozenset({"force"})
@@ -52,7 +54,7 @@ class AirDrag(AbstractEffect):
 
     def load(self, t: Scalar, y: BodyState, body: AbstractBody) -> Load:
         del t, body
-        air, moving = self.air.at(y.position)
+        air, moving = air_about(self.air).at(y.position)
         w = y.velocity - moving
         drag_area = self.area * self.coefficient(norm(w) / air.sound_speed)
         return Load(force_N=drag_force(w, air.density, drag_area))
@@ -63,7 +65,7 @@ class AirDrag(AbstractEffect):
 
     def dynamic_pressure(self, y: BodyState) -> Scalar:
         """rho |w|^2 / 2, Pa, in the state `y`."""
-        air, moving = self.air.at(y.position)
+        air, moving = air_about(self.air).at(y.position)
         return 0.5 * air.density * norm(y.velocity - moving) ** 2
 
 
@@ -76,7 +78,9 @@ class Parachute(AbstractEffect):
     inflation_time: Float[Array, "*#runs"] = quantity(
         "s", non_negative=True, default=0.0, doc="over which its drag area grows linearly"
     )
-    air: LocalAir = eqx.field(default=LocalAir(), metadata={"doc": "about the vehicle"})
+    air: LocalAir | None = eqx.field(
+        default=None, metadata={"doc": "about the vehicle; calm standard air by default"}
+    )
 
     needs: ClassVar[frozenset[str]] = frozenset({"position", "velocity"})
     adds: ClassVar[frozenset[str]] = frozenset({"force"})
@@ -84,11 +88,12 @@ class Parachute(AbstractEffect):
 
     def load(self, t: Scalar, y: BodyState, body: AbstractBody) -> Load:
         del body
-        air, moving = self.air.at(y.position)
+        air, moving = air_about(self.air).at(y.position)
         instant = self.inflation_time == 0.0
         time = jnp.where(instant, 1.0, self.inflation_time)
         since = t - self.opening
-        filled = jnp.clip(jnp.where(instant, 1.0 * (since >= 0.0), since / time), 0.0, 1.0)
+        step = jnp.where(since >= 0.0, 1.0, 0.0)
+        filled = jnp.where(instant, step, jnp.clip(since / time, 0.0, 1.0))
         return Load(force_N=drag_force(y.velocity - moving, air.density, filled * self.drag_area))
 
     def potential(self, t: Scalar, y: BodyState, body: AbstractBody) -> None:

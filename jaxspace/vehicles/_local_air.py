@@ -23,8 +23,19 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..bodies import AbstractAtmosphere, Air, StandardAtmosphere
-from ..core import AbstractParameters, Scalar, Vector, axis, check, cross, norm, quantity, unit
-from ..core import is_concrete, with_rank
+from ..core import (
+    AbstractParameters,
+    Scalar,
+    Vector,
+    axis,
+    check,
+    cross,
+    is_concrete,
+    norm,
+    quantity,
+    unit,
+    with_rank,
+)
 
 
 def interpolated(
@@ -75,12 +86,18 @@ class Wind(AbstractParameters):
         )
 
 
+def air_about(air: "LocalAir | None") -> "LocalAir":
+    """The air that is given, or calm standard air over flat ground at sea level."""
+    return LocalAir() if air is None else air
+
+
 @final
 class LocalAir(AbstractParameters):
     """The air about a vehicle: an atmosphere, a wind, and the ground from which heights count."""
 
-    atmosphere: AbstractAtmosphere = eqx.field(
-        default=StandardAtmosphere(), metadata={"doc": "state of the air by its height"}
+    atmosphere: AbstractAtmosphere | None = eqx.field(
+        default=None,
+        metadata={"doc": "state of the air by its height; the U.S. standard by default"},
     )
     radius: Float[Array, "*#runs"] | None = quantity(
         "m", positive=True, optional=True, doc="of the planet; without it z is up from flat ground"
@@ -101,7 +118,9 @@ class LocalAir(AbstractParameters):
     def at(self, position: Vector) -> tuple[Air, Vector]:
         """The state of the air, and its velocity in the axes of the position, m/s, (3, *runs)."""
         height = self.height(position)
-        return self.atmosphere.air_at(height), self._velocity(position, height)
+        # Made here and not as a default: importing the package makes no array.
+        atmosphere = StandardAtmosphere() if self.atmosphere is None else self.atmosphere
+        return atmosphere.air_at(height), self._velocity(position, height)
 
     def _velocity(self, position: Vector, height: Scalar) -> Vector:
         up = axis(2, position[2])

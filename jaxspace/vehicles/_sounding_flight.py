@@ -163,7 +163,9 @@ def sounding_flight(
         else:
             phases[-1] = dataclasses.replace(phases[-1], then=turn)
         below = as_float(0.0) if number == last else recovery[number + 1].height
-        phases.append(Phase(hanging, Event(_Above(below), -1, descent_within), name=f"parachute {name}"))
+        phases.append(
+            Phase(hanging, Event(_Above(below), -1, descent_within), name=f"parachute {name}")
+        )
         flying = hanging
     return Mission(phases), _at_rest(vehicle, site)
 

@@ -1,14 +1,15 @@
 """One rocket, described once, as a point that follows a steering law or as a body that turns.
 
     point   position, velocity, mass                      thrust along a law, drag along the flow
-    body    with attitude and angular velocity            thrust along the axis, forces of the parts,
-                                                          jet damping, control of the attitude
+    body    with attitude and angular velocity            thrust along the axis, forces of the
+                                                          parts, jet damping, control
 
 The effects of the point read no attitude: a scene of them integrates and compiles no rotation.
 
 Source: Thomson 7.8 to 7.10, 8.5; Barrowman, 1967.
 """
 
+from collections.abc import Sequence
 from typing import final
 
 import equinox as eqx
@@ -65,11 +66,11 @@ class Vehicle(AbstractParameters):
         *,
         radius: Scalar,
         mass: Scalar,
-        inertia: Vector,
+        inertia: Vector | Sequence[Scalar],
         centre: Scalar,
         case_mass: Scalar,
         case_station: Scalar,
-        case_inertia: Vector = (0.0, 0.0, 0.0),
+        case_inertia: Vector | Sequence[Scalar] = (0.0, 0.0, 0.0),
         propellant_station: Scalar,
         grain: tuple[Scalar, Scalar, Scalar],
         exit_station: Scalar,
