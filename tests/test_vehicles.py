@@ -262,8 +262,17 @@ def mirrored(rocket):
     return eqx.tree_at(places, rocket, tuple(-x for x in places(rocket)))
 
 
+@pytest.fixture
+def quickly_compiled():
+    """Without the compiler's optimisations, which here cost minutes and save seconds."""
+    before = jax.config.read("jax_disable_most_optimizations")
+    jax.config.update("jax_disable_most_optimizations", True)
+    yield
+    jax.config.update("jax_disable_most_optimizations", before)
+
+
 @pytest.mark.sweep
-def test_three_rockets_fly_as_in_rocketpy():
+def test_three_rockets_fly_as_in_rocketpy(quickly_compiled):
     """Apogee, landing and drift within one percent, of the rockets as they are against RocketPy
     with its centre of mass on the right side, and of mirrored ones against RocketPy as shipped.
 
