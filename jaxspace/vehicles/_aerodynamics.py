@@ -20,7 +20,7 @@ Source: Barrowman, 1967, 3; Etkin, Dynamics of Atmospheric Flight, 5.5 (damping)
 at the centre of mass.
 """
 
-from typing import ClassVar, final
+from typing import Any, ClassVar, final
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -38,7 +38,8 @@ class Aerodynamics(AbstractEffect):
     """Forces and moments of the air on a slender rocket with nose, fins and tail."""
 
     area: Float[Array, "*#runs"] = quantity("m^2", positive=True, doc="A, the reference area")
-    coefficient: MachTable = eqx.field(
+    # The checker takes the quantity above for a default.
+    coefficient: MachTable = eqx.field(  # pyright: ignore[reportGeneralTypeIssues]
         converter=as_coefficient, metadata={"doc": "C_A by the Mach number"}
     )
     nose: NoseCone | None = eqx.field(default=None, metadata={"doc": "the nose"})
@@ -97,7 +98,8 @@ class Aerodynamics(AbstractEffect):
         speed = norm(w)
         mach = speed / air.sound_speed
         push = 0.5 * air.density * speed
-        centre = body.centre_of_mass(y.mass)
+        # A body of constant mass has its centre at the origin and gives a plain 0.0.
+        centre: Any = body.centre_of_mass(y.mass)
         station = centre if isinstance(centre, float) else centre[2]
         s0, s1, s2 = self.moments_of_slope(mach, station)
         axial = self.area * self.axial_coefficient(t, mach)

@@ -41,7 +41,8 @@ class AirDrag(AbstractEffect):
     it."""
 
     area: Float[Array, "*#runs"] = quantity("m^2", positive=True, doc="A, the reference area")
-    coefficient: MachTable = eqx.field(
+    # The checker takes the quantity above for a default.
+    coefficient: MachTable = eqx.field(  # pyright: ignore[reportGeneralTypeIssues]
         converter=as_coefficient, metadata={"doc": "C_D by the Mach number"}
     )
     air: LocalAir | None = eqx.field(

@@ -18,7 +18,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..bodies import AbstractBody, AbstractEffect, BurningBody, as_inertia
-from ..core import AbstractParameters, Scalar, Vector, as_float, quantity
+from ..core import AbstractParameters, Scalar, Vector, as_float, as_optional_float, quantity
 from ..rockets import (
     AbstractSteering,
     AttitudeControl,
@@ -41,7 +41,8 @@ class Vehicle(AbstractParameters):
     body: AbstractBody
     motor: Thrust
     area: Float[Array, "*#runs"] = quantity("m^2", positive=True, doc="reference area of the drag")
-    drag: MachTable = eqx.field(
+    # The checker takes the quantity above for a default.
+    drag: MachTable = eqx.field(  # pyright: ignore[reportGeneralTypeIssues]
         converter=as_coefficient, metadata={"doc": "coefficient of the drag while the motor burns"}
     )
     coasting_drag: MachTable | None = eqx.field(
@@ -115,7 +116,7 @@ class Vehicle(AbstractParameters):
             as_inertia(dry_inertia),
             jnp.stack([across, across, jnp.sqrt(0.5 * square)]),
             propellant_station - dry_centre,
-            filled,
+            as_optional_float(filled),
         )
         return cls(
             body=body,
@@ -156,9 +157,12 @@ class Vehicle(AbstractParameters):
         - `powered`: whether the motor may burn.
         - `control`: of the attitude, by default none."""
         parts = (self.nose, self.fins, self.tail)
-        later = (self.coasting_drag, self.motor.burnout())
-        later = later if powered and self.coasting_drag is not None else ()
-        effects = (Aerodynamics(self.area, self._drag(powered), *parts, air, *later),)
+        coasting = self.coasting_drag if powered else None
+        burnout = None if coasting is None else self.motor.burnout()
+        air_forces = Aerodynamics(
+            self.area, self._drag(powered), *parts, air, coasting=coasting, burnout=burnout
+        )
+        effects: tuple[AbstractEffect, ...] = (air_forces,)
         if powered:
             effects = (self.motor, *effects)
             if self.exit_station is not None:
