@@ -130,7 +130,7 @@ LEFT_OUT: dict[str, tuple[str, ...]] = {
         *("orbits.turning_points", "orbits.vis_viva_speed", "rotations.MovingFrame*"),
         *("rotations.Quaternion.axis_angle", "rotations.Quaternion.from_axis_angle"),
         *("rotations.Quaternion.projected", "rotations.instantaneous_centre"),
-        *("vehicles.*",),
+        "vehicles.*",
         *("bodies.Air", "bodies.ExponentialAtmosphere*", "bodies.StandardAtmosphere*"),
         *("bodies.geometric_height", "bodies.geopotential_height", "bodies.standard_atmosphere"),
         *("orbits.*Path*", "orbits.RotatingFrame*", "orbits.SecularRates", "orbits.SolarPressure*"),
