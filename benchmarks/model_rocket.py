@@ -5,7 +5,6 @@ vehicle one flight after the other. The error is that of the apogee against a ru
 Wanted: 300 times the rate of RocketPy, 1000 as a goal.
 """
 
-import dataclasses
 import json
 import subprocess
 import sys
@@ -36,9 +35,8 @@ def flights(runs: int):
 
     given = GIVEN["Calisto"]
     tilted = {**given, "site": {**given["site"], "inclination": np.linspace(80.0, 88.0, runs)}}
-    # The mass has every run, like the rest of the state.
-    mission, y0 = sounding_flight(vehicle(given), site(tilted), ascent_within=27.0)
-    return mission, dataclasses.replace(y0, mass=np.full(runs, y0.mass))
+    # No flight climbs for longer: what lies behind the apogee is searched in vain.
+    return sounding_flight(vehicle(given), site(tilted), ascent_within=27.0)
 
 
 def apogees(runs: int, rtol: float):

@@ -13,10 +13,16 @@ import numpy as np
 import pytest
 from jax.test_util import check_grads
 
-from jaxspace import Accuracy, Scene, simulate, simulate_batch
-from jaxspace.bodies import BodyState, ExponentialAtmosphere, RigidBody, standard_atmosphere
+from jaxspace import Accuracy, Scene, load, simulate, simulate_batch
+from jaxspace.bodies import (
+    BodyState,
+    ExponentialAtmosphere,
+    RigidBody,
+    StandardAtmosphere,
+    standard_atmosphere,
+)
 from jaxspace.core import InputError
-from jaxspace.rockets import AlongVelocity
+from jaxspace.rockets import AlongVelocity, BackPressure
 from jaxspace.rotations import Quaternion, from_euler_angles
 from jaxspace.vehicles import (
     Aerodynamics,
@@ -165,6 +171,24 @@ def test_air_of_both_atmospheres():
     found = air.air_at(height)
     np.testing.assert_allclose(slope, -9.80665 * found.density, rtol=1e-12)
     np.testing.assert_allclose(found.sound_speed**2, 1.4 * found.pressure / found.density)
+
+
+def test_two_specific_impulses_give_the_exit_of_the_nozzle():
+    """At the ground the thrust over the mass flow is the impulse at sea level; at 10 km the loss is
+    the standard's pressure there (US-1976, table I: 26499.9 Pa) on the exit."""
+    exits = BackPressure.of_impulses(190e3, 311.0, 265.0, 6.4e6, StandardAtmosphere())
+    at = lambda h: BodyState(jnp.array([6.4e6 + h, 0.0, 0.0]), jnp.zeros(3))  # noqa: E731
+    ratio = 1.0 - exits.loss(at(0.0)) / 190e3
+    np.testing.assert_allclose(ratio, 265.0 / 311.0, rtol=1e-8)
+    np.testing.assert_allclose(exits.loss(at(1e4)), exits.exit_area * 26499.9, rtol=1e-5)
+
+
+def test_the_file_from_pad_to_orbit_holds_what_flies():
+    file = load(Path(__file__).resolve().parents[1] / "examples" / "scenes" / "pad_to_orbit.toml")
+    drag, engine = (file.system.phases[0].system.effects[k] for k in (1, 2))
+    np.testing.assert_allclose(drag.coefficient(jnp.asarray(1.1)), 0.55)
+    np.testing.assert_allclose(drag.air.wind.at(jnp.asarray(11e3)), [30.0, 5.0])
+    np.testing.assert_allclose(engine.back_pressure.exit_area, 190e3 * (46 / 311) / 101325.0)
 
 
 def test_wrong_tables_are_refused():
