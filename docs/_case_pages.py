@@ -55,6 +55,9 @@ BOOKS = {
     "vehicles": (
         "Thomson, *Introduction to Space Dynamics*, sections 7.1 to 7.6 and 7.11"
     ),
+    "variable_mass": (
+        "Thomson, *Introduction to Space Dynamics*, sections 7.7 to 7.10"
+    ),
 }
 
 

@@ -9,6 +9,7 @@ The rooms, from the ground up:
     attitude        rotation of a body: torque-free, heavy top, despin
     gyros           instruments: two-gimbal gyro, gyrocompass, rate gyro, platform
     rockets         mass that leaves: thrust, jet damping, rocket equation
+    vehicles        rockets in air: airframe, wind, rail, flights (imported by name)
     mechanics       systems from a Lagrangian, impulse and impact (imported by name)
     scene           a body and its effects as one system
     solvers         integrators as diffrax solvers

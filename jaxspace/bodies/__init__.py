@@ -2,6 +2,7 @@
 effects, and air by its height."""
 
 from ._atmosphere import AbstractAtmosphere as AbstractAtmosphere
+from ._atmosphere import Air as Air
 from ._atmosphere import ExponentialAtmosphere as ExponentialAtmosphere
 from ._atmosphere import exponential_density as exponential_density
 from ._body import AbstractBody as AbstractBody
@@ -38,7 +39,6 @@ from ._solids import ellipsoid as ellipsoid
 from ._solids import particles as particles
 from ._solids import simplex as simplex
 from ._solids import sphere as sphere
-from ._standard_atmosphere import Air as Air
 from ._standard_atmosphere import StandardAtmosphere as StandardAtmosphere
 from ._standard_atmosphere import geometric_height as geometric_height
 from ._standard_atmosphere import geopotential_height as geopotential_height

@@ -1,10 +1,12 @@
 """Air by height: the interface of an atmosphere, and one whose density falls exponentially.
 
     rho(h) = rho_0 exp(-(h - h_0) / H)
+    p = rho g_0 H,   T = g_0 H / R_air,   c = sqrt(gamma g_0 H)     isothermal air in equilibrium
 
     symbol     meaning                                   unit
     rho, rho_0 density; at the reference height h_0      kg/m^3
     h, H       height above the planet, scale height     m
+    p, T, c    pressure, temperature, speed of sound     Pa, K, m/s
 
 Source: Vallado, Fundamentals of Astrodynamics, 8.6.2 (with a table of rho_0, h_0 and H). Valid
 within some scale heights of the reference height: the scale height grows with the height, and the
@@ -12,12 +14,31 @@ density varies with the sun by a factor of ten at 500 km.
 """
 
 from abc import abstractmethod
-from typing import final
+from typing import NamedTuple, final
 
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..core import AbstractParameters, Scalar, quantity
+
+GAS_CONSTANT = 8314.32  # J/(kmol K)
+MOLAR_MASS = 28.9644  # kg/kmol
+GRAVITY = 9.80665  # m/s^2
+HEAT_RATIO = 1.4  # gamma
+
+
+class Air(NamedTuple):
+    """The state of the air, each (*runs,).
+
+    - `temperature`: K.
+    - `pressure`: Pa.
+    - `density`: kg/m^3.
+    - `sound_speed`: m/s."""
+
+    temperature: Scalar
+    pressure: Scalar
+    density: Scalar
+    sound_speed: Scalar
 
 
 def exponential_density(
@@ -43,6 +64,10 @@ class AbstractAtmosphere(AbstractParameters):
         """Density, kg/m^3, at a `height` above the planet, m; both (*runs,)."""
 
     @abstractmethod
+    def air_at(self, height: Scalar) -> Air:
+        """The state of the air at a `height` above the planet, m, (*runs,)."""
+
+    @abstractmethod
     def scaled(self, factor: Scalar) -> "AbstractAtmosphere":
         """The same atmosphere with its density multiplied by `factor`."""
 
@@ -63,6 +88,13 @@ class ExponentialAtmosphere(AbstractAtmosphere):
 
     def density_at(self, height: Scalar) -> Scalar:
         return exponential_density(height, self.density, self.reference_height, self.scale_height)
+
+    def air_at(self, height: Scalar) -> Air:
+        density = self.density_at(height)
+        # The pressure carries the weight of the air above: that of one scale height.
+        per_mass = GRAVITY * self.scale_height + 0.0 * density
+        temperature = per_mass * MOLAR_MASS / GAS_CONSTANT
+        return Air(temperature, density * per_mass, density, jnp.sqrt(HEAT_RATIO * per_mass))
 
     def scaled(self, factor: Scalar) -> "ExponentialAtmosphere":
         return ExponentialAtmosphere(

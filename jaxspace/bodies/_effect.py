@@ -71,6 +71,12 @@ class AbstractEffect(AbstractParameters):
     def potential(self, t: Scalar, y: BodyState, body: AbstractBody) -> Scalar | None:
         """Potential energy per unit mass, J/kg; `None` says that the effect is not conservative."""
 
+    def constrained(self, t: Scalar, y: BodyState, rate: BodyState) -> BodyState:
+        """The rate of the state as a guide leaves it, from the `rate` under all loads: a rail holds
+        a body on its line. By default nothing is held, and nothing costs."""
+        del t, y
+        return rate
+
     def start(self, y: BodyState, body: AbstractBody) -> dict[str, State] | None:
         """The extra parts of the state that this effect integrates, by name, as they start; `None`
         if it has none.

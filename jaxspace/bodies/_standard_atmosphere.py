@@ -29,20 +29,17 @@ Adaptive steps shorten where a run passes such a height; across it, fixed steps 
 """
 
 import math
-from typing import NamedTuple, final
+from typing import final
 
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from ..core import Choice, Scalar, constructor, quantity
-from ._atmosphere import AbstractAtmosphere
+from ._atmosphere import GAS_CONSTANT, GRAVITY, HEAT_RATIO, MOLAR_MASS, AbstractAtmosphere, Air
 from ._upper_air import LOG_DENSITY, MOLAR_MASS_CHANGE, molar_mass_ratio
 
-GAS_CONSTANT = 8314.32  # J/(kmol K)
-MOLAR_MASS = 28.9644  # kg/kmol
-GRAVITY = 9.80665  # m/s^2
 RADIUS = 6356766.0  # m, r_0
-HEAT_RATIO = 1.4  # gamma
 PRESSURE = 101325.0  # Pa, at H = 0
 TOP = 86e3  # m, where the layers end
 BOTTOM = -1e5  # m, below which the air stays as it is
@@ -56,20 +53,6 @@ LAYERS = (
     (51e3, -2.8e-3, 270.65),
     (71e3, -2.0e-3, 214.65),
 )
-
-
-class Air(NamedTuple):
-    """The state of the air, each (*runs,).
-
-    - `temperature`: K.
-    - `pressure`: Pa.
-    - `density`: kg/m^3.
-    - `sound_speed`: m/s."""
-
-    temperature: Scalar
-    pressure: Scalar
-    density: Scalar
-    sound_speed: Scalar
 
 
 def geopotential_height(height: Scalar) -> Scalar:
@@ -105,20 +88,36 @@ def standard_atmosphere(height: Scalar) -> Air:
 def _layers(height: Scalar) -> tuple[Scalar, Scalar]:
     """ln rho and T_M of the layers; above their top those at the top."""
     level = geopotential_height(jnp.clip(height, BOTTOM, TOP))
-    tops = [layer[0] for layer in LAYERS[1:]] + [math.inf]
-    logarithm, temperature = math.log(PRESSURE), LAYERS[0][2]
-    # Every layer adds what is climbed in it: no branch, and one formula for a batch.
-    for (base, lapse, at_base), top in zip(LAYERS, tops, strict=True):
-        low = -math.inf if base == 0.0 else 0.0
-        climbed = jnp.clip(level - base, low, top - base)
-        per_kelvin = GRAVITY * MOLAR_MASS / GAS_CONSTANT
-        if lapse == 0.0:
-            logarithm = logarithm - per_kelvin / at_base * climbed
-        else:
-            rise = jnp.log1p(lapse / at_base * climbed)
-            logarithm = logarithm - per_kelvin / lapse * rise
-            temperature = temperature + lapse * climbed
+    dtype = jnp.result_type(level, float)
+    level = jnp.asarray(level, dtype)
+    # Every layer adds what is climbed in it: no branch, one formula for a batch, and few operations
+    # to compile.
+    base, low, thick, lapse, exponent, decay = (
+        jnp.asarray(c.reshape(-1, *(1,) * level.ndim), dtype) for c in _COLUMNS
+    )
+    climbed = jnp.clip(level - base, low, thick)
+    fall = exponent * jnp.log1p(lapse * climbed) + decay * climbed
+    logarithm = math.log(PRESSURE) - jnp.sum(fall, axis=0)
+    warming = jnp.asarray(_LAPSES.reshape(lapse.shape), dtype)
+    temperature = LAYERS[0][2] + jnp.sum(warming * climbed, axis=0)
     return logarithm + jnp.log(MOLAR_MASS / GAS_CONSTANT / temperature), temperature
+
+
+def _columns() -> tuple[np.ndarray, ...]:
+    """Of each layer: base and least and greatest climb, m; lapse over base temperature, 1/m; what
+    multiplies the logarithm, and what multiplies the climb, 1/m."""
+    base, lapse, at_base = np.array(LAYERS).T
+    low = np.where(base == 0.0, -np.inf, 0.0)
+    thick = np.append(base[1:], np.inf) - base
+    per_kelvin = GRAVITY * MOLAR_MASS / GAS_CONSTANT
+    warms = lapse != 0.0
+    exponent = np.where(warms, per_kelvin / np.where(warms, lapse, 1.0), 0.0)
+    decay = np.where(warms, 0.0, per_kelvin / at_base)
+    return base, low, thick, lapse / at_base, exponent, decay
+
+
+_COLUMNS = _columns()
+_LAPSES = np.array(LAYERS)[:, 1]
 
 
 def _upper_temperature(above: Scalar) -> Scalar:
@@ -150,6 +149,11 @@ class StandardAtmosphere(AbstractAtmosphere):
 
     def density_at(self, height: Scalar) -> Scalar:
         return self.density_factor * standard_atmosphere(height).density
+
+    def air_at(self, height: Scalar) -> Air:
+        air = standard_atmosphere(height)
+        f = self.density_factor
+        return Air(air.temperature, f * air.pressure, f * air.density, air.sound_speed)
 
     def scaled(self, factor: Scalar) -> "StandardAtmosphere":
         return StandardAtmosphere(factor * self.density_factor)

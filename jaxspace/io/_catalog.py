@@ -23,6 +23,7 @@ from .. import (
     rotations,
     scene,
     solvers,
+    vehicles,
 )
 from ..bodies import AbstractBody, AbstractEffect, AbstractJump, BodyState
 from ..core import (
@@ -41,7 +42,10 @@ from ._kinds import Entry, Maker
 from ._objects import entry_of, function_way, object_kind, snake_case
 from ._table_kinds import Object
 
-ROOMS = (rotations, bodies, orbits, attitude, gyros, rockets, mechanics, scene, dispersion)
+ROOMS = (
+    *(rotations, bodies, orbits, attitude, gyros, rockets, vehicles),
+    *(mechanics, scene, dispersion),
+)
 
 
 Group: TypeAlias = dict[str, object]

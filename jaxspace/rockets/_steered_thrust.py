@@ -19,7 +19,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..bodies import AbstractBody, AbstractEffect, AbstractJump, BodyState, Load
+from ..bodies import AbstractAtmosphere, AbstractBody, AbstractEffect, AbstractJump, BodyState, Load
 from ..core import (
     AbstractParameters,
     Scalar,
@@ -37,8 +37,8 @@ from ._thrust_profile import ThrustProfile
 
 @final
 class BackPressure(AbstractParameters):
-    """What the air takes from a thrust: its pressure on the exit of the nozzle, falling
-    exponentially with the height."""
+    """What the air takes from a thrust: its pressure on the exit of the nozzle, that of an
+    atmosphere, or falling exponentially with the height."""
 
     exit_area: Float[Array, "*#runs"] = quantity("m^2", non_negative=True, doc="of all nozzles")
     radius: Float[Array, "*#runs"] = quantity(
@@ -50,10 +50,40 @@ class BackPressure(AbstractParameters):
     scale_height: Float[Array, "*#runs"] = quantity(
         "m", positive=True, default=7000.0, doc="climb over which it falls by the factor e"
     )
+    atmosphere: AbstractAtmosphere | None = eqx.field(
+        default=None, metadata={"doc": "whose pressure holds, in place of the exponential one"}
+    )
+
+    @classmethod
+    @constructor(
+        sets=("exit_area", "surface_pressure", "scale_height"),
+        mean_thrust=argument("N", positive=True, doc="in vacuum"),
+        vacuum_impulse=argument("s", positive=True, doc="specific impulse in vacuum"),
+        sea_level_impulse=argument("s", positive=True, doc="specific impulse at sea level"),
+    )
+    def of_impulses(
+        cls,
+        mean_thrust: Scalar,
+        vacuum_impulse: Scalar,
+        sea_level_impulse: Scalar,
+        radius: Scalar,
+        atmosphere: AbstractAtmosphere | None = None,
+    ) -> "BackPressure":
+        """The exit of an engine from its specific impulses: A = F (1 - I_0/I)/p_0.
+
+        **Arguments**
+
+        - `mean_thrust`: in vacuum, N; `vacuum_impulse`, `sea_level_impulse`: s.
+        - `radius`: of the planet, m; `atmosphere`: as the field.
+        """
+        area = as_float(mean_thrust) * (1.0 - sea_level_impulse / as_float(vacuum_impulse))
+        return cls(area / 101325.0, radius, atmosphere=atmosphere)
 
     def loss(self, y: BodyState) -> Scalar:
         """The thrust lost, N, in the state `y`."""
         height = norm(y.position) - self.radius
+        if self.atmosphere is not None:
+            return self.exit_area * self.atmosphere.air_at(height).pressure
         return self.exit_area * self.surface_pressure * jnp.exp(-height / self.scale_height)
 
 

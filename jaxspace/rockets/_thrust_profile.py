@@ -27,6 +27,7 @@ from ..core import (
     constructor,
     is_concrete,
     quantity,
+    with_rank,
 )
 
 
@@ -128,11 +129,11 @@ class ThrustProfile(AbstractParameters):
 
     def at(self, x: Scalar) -> Scalar:
         """The level at the fraction `x` of the burn time; zero before ignition, after burnout."""
+        rank = max(jnp.ndim(x), self.fraction.ndim - 1, self.level.ndim - 1)
+        fraction, level = with_rank(self.fraction, rank), with_rank(self.level, rank)
+        widths = fraction[1:] - fraction[:-1]
         # A sum of clipped ramps, because a search and a gather for each run cost more than a few
         # multiplications for each point.
-        level = self.level[0]
-        for k in range(self.level.shape[0] - 1):
-            width = self.fraction[k + 1] - self.fraction[k]
-            slope = (self.level[k + 1] - self.level[k]) / width
-            level = level + slope * jnp.clip(x - self.fraction[k], 0.0, width)
-        return jnp.where((x >= 0.0) & (x <= 1.0), level, 0.0)
+        passed = jnp.clip(x - fraction[:-1], 0.0, widths)
+        found = level[0] + jnp.sum((level[1:] - level[:-1]) / widths * passed, axis=0)
+        return jnp.where((x >= 0.0) & (x <= 1.0), found, 0.0)

@@ -191,7 +191,10 @@ class Scene(AbstractScene):
         if y.mass is not None:
             mass = jnp.zeros_like(y.mass) if load.mass_rate is None else load.mass_rate
         parts = None if y.parts is None else _rates_of(y.parts, load.parts_rate or {})
-        return BodyState(y.velocity, velocity, attitude, omega, mass, parts)
+        rate = BodyState(y.velocity, velocity, attitude, omega, mass, parts)
+        for effect in self.effects:
+            rate = effect.constrained(t, y, rate)
+        return rate
 
     def mass(self, y: BodyState) -> Scalar | None:
         """The mass of the body, kg: from the state where it changes, else the body's own; `None` if

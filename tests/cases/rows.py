@@ -359,6 +359,40 @@ CHAPTER_9 = (
     ),
 )
 
+VARIABLE_MASS = (
+    Row(
+        *("7.7", "Balance of momentum with inflow and outflow: rocket, jet engine", "T7.7-4"),
+        "rockets.rocket_equation rockets.mass_ratio_for rockets.variable_mass_acceleration "
+        "rockets.jet_engine_thrust rockets.Thrust rockets.SteeredThrust",
+    ),
+    Row(
+        *("7.7", "Accretion of matter", "T7.7-3"),
+        "rockets.MassStream rockets.swept_motion",
+    ),
+    Row(
+        *("7.8", "Jet damping without spin", "T7.8-4 T7.10-P4 T7.10-P6"),
+        "rockets.JetDamping rockets.jet_damping_ratio",
+    ),
+    Row(
+        *("7.8", "Jet damping under a constant moment", "T7.8-2"),
+        "rockets.JetDamping",
+    ),
+    Row(
+        *("7.9", "Spinning rocket: rates in closed form", "T7.9"),
+        "rockets.SpinningRocket rockets.spin_ratio rockets.spin_angle bodies.BurningBody",
+    ),
+    Row(
+        *("7.10", "Angle of attack of that rocket, small angles and full attitude", "T7.10-P8"),
+        "rockets.SpinningRocket.angle_of_attack rockets.complex_angle_of_attack "
+        "rockets.angle_of_attack",
+    ),
+    Row("7.10 P7", "Angle of spin through a central nozzle", "T7.10-7", "rockets.spin_angle"),
+    Row(
+        *("7.10 P1, P2", "Sprinkler", "T7.10-P1 T7.10-P2"),
+        "rockets.sprinkler_moment rockets.sprinkler_speed",
+    ),
+)
+
 PAGES = {
     "chapters_1_to_4": ("Chapters 1 to 4", CHAPTERS_1_TO_4),
     "chapter_5": ("Chapter 5", CHAPTER_5),
@@ -366,6 +400,7 @@ PAGES = {
     "chapter_8": ("Chapter 8", CHAPTER_8),
     "vehicles": ("Vehicles", VEHICLES),
     "chapter_9": ("Chapter 9", CHAPTER_9),
+    "variable_mass": ("Variable mass", VARIABLE_MASS),
 }
 
 

@@ -5,7 +5,7 @@ import inspect
 from collections.abc import Iterable
 from fnmatch import fnmatch
 
-ROOMS = "core rotations bodies orbits attitude gyros rockets optimization".split()
+ROOMS = "core rotations bodies orbits attitude gyros rockets vehicles optimization".split()
 # Of core only these files hold formulas.
 FLOOR = ("_safe", "_special", "_elliptic", "_linear", "_tables")
 
@@ -139,6 +139,7 @@ LEFT_OUT: dict[str, tuple[str, ...]] = {
         *("orbits.turning_points", "orbits.vis_viva_speed", "rotations.MovingFrame*"),
         *("rotations.Quaternion.axis_angle", "rotations.Quaternion.from_axis_angle"),
         *("rotations.Quaternion.projected", "rotations.instantaneous_centre"),
+        "vehicles.*",
         *("bodies.Air", "bodies.ExponentialAtmosphere*", "bodies.StandardAtmosphere*"),
         *("bodies.geometric_height", "bodies.geopotential_height", "bodies.standard_atmosphere"),
         *("orbits.*Path*", "orbits.RotatingFrame*", "orbits.SecularRates", "orbits.SolarPressure*"),

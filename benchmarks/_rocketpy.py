@@ -1,0 +1,193 @@
+"""The rockets of `examples/model_rockets` flown by RocketPy.
+
+`python benchmarks/_rocketpy.py` prints apogee above the ground, when it is reached, where the
+flight ends, and the seconds a flight takes, as JSON; with a number behind it, of so many flights up
+to the apogee alone."""
+
+import json
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "examples" / "model_rockets"))
+
+from rockets import HERE, ROCKETS, WIND, curve
+
+NOSES = {"von_karman": "von karman", "ogive": "tangent"}
+
+
+def environment(given: dict):
+    """Its site, with the standard atmosphere and the wind."""
+    import rocketpy
+
+    air = rocketpy.Environment(
+        latitude=given["latitude"], longitude=0.0, elevation=given["elevation"], datum="WGS84"
+    )
+    heights, east, north = WIND
+    air.set_atmospheric_model(
+        type="custom_atmosphere",
+        pressure=None,
+        temperature=None,
+        wind_u=list(zip(heights, east, strict=True)),
+        wind_v=list(zip(heights, north, strict=True)),
+    )
+    return air
+
+
+def drag(given):
+    """Its curve of drag."""
+    import rocketpy
+
+    mach, values = curve(given)
+    if len(mach) == 1:
+        return float(values[0])
+    points = np.column_stack([mach, values]).tolist()
+    return rocketpy.Function(points, "Mach", "C", interpolation="linear", extrapolation="constant")
+
+
+def rocket(given: dict):
+    """Its rocket, with the motor, the parts and the parachutes."""
+    import rocketpy
+
+    number, density, outer, inner, height, gap = given["grains"]
+    nozzle = given["exit_station"]
+    motor = rocketpy.SolidMotor(
+        thrust_source=str(HERE / given["motor_file"]),
+        burn_time=given["burn_time"],
+        dry_mass=given["case_mass"],
+        dry_inertia=given["case_inertia"],
+        center_of_dry_mass_position=given["case_station"] - nozzle,
+        grains_center_of_mass_position=given["propellant_station"] - nozzle,
+        grain_number=number,
+        grain_density=density,
+        grain_outer_radius=outer,
+        grain_initial_inner_radius=inner,
+        grain_initial_height=height,
+        grain_separation=gap,
+        nozzle_radius=given["exit_radius"],
+        nozzle_position=0,
+        interpolation_method="linear",
+        coordinate_system_orientation="nozzle_to_combustion_chamber",
+    )
+    made = rocketpy.Rocket(
+        radius=given["radius"],
+        mass=given["mass"],
+        inertia=given["inertia"],
+        power_off_drag=drag(given.get("coasting_drag", given["drag"])),
+        power_on_drag=drag(given["drag"]),
+        center_of_mass_without_motor=given["centre"],
+        coordinate_system_orientation="tail_to_nose",
+    )
+    made.add_motor(motor, position=nozzle)
+    nose, fins, tail = given["nose"], given["fins"], given["tail"]
+    made.add_nose(length=nose["length"], kind=NOSES[nose["shape"]], position=nose["tip"])
+    made.add_trapezoidal_fins(
+        n=fins["count"],
+        span=fins["span"],
+        root_chord=fins["root_chord"],
+        tip_chord=fins["tip_chord"],
+        sweep_length=fins["sweep_length"],
+        radius=fins["radius"],
+        position=fins["leading_edge"],
+    )
+    if tail:
+        made.add_tail(
+            top_radius=tail["fore_radius"],
+            bottom_radius=tail["aft_radius"],
+            length=tail["length"],
+            position=tail["fore_end"],
+        )
+    for k, (area, lag, below) in enumerate(given["parachutes"]):
+        trigger = "apogee" if below is None else below
+        # Without the noise of the barometer, so that a flight is the same every time.
+        made.add_parachute(
+            f"{k}", cd_s=area, trigger=trigger, sampling_rate=105, lag=lag, noise=(0, 0, 0)
+        )
+    return made
+
+
+def flight(given: dict, made=None, air=None, *, to_apogee: bool = False, inclination=None):
+    """Its flight."""
+    import rocketpy
+
+    site = given["site"]
+    return rocketpy.Flight(
+        rocket=made or rocket(given),
+        environment=air or environment(site),
+        rail_length=site["rail_length"],
+        inclination=site["inclination"] if inclination is None else inclination,
+        heading=site["heading"],
+        terminate_on_apogee=to_apogee,
+        rtol=1e-8,
+        atol=6 * [1e-6] + 4 * [1e-9] + 3 * [1e-6],
+        # A motor that builds up slowly is missed by longer steps on the rail.
+        max_time_step=0.05,
+    )
+
+
+def corrected(made):
+    """Its rocket with centre of mass and nozzle behind the centre of dry mass.
+
+    RocketPy 1.13 gives both to its equations of motion as if they were ahead of it
+    (`com_to_cdm_function` and `nozzle_to_cdm` count towards the tail, its body axis towards the
+    nose), which makes the rocket more stable; and it takes a quarter of the square of the nozzle's
+    lever in the jet damping (`evaluate_nozzle_gyration_tensor`)."""
+    from rocketpy.mathutils.vector_matrix import Matrix
+
+    along = 0.5 * made.motor.nozzle_radius**2
+    across = 0.5 * along + made.nozzle_to_cdm**2
+    made.nozzle_gyration_tensor = Matrix([[across, 0, 0], [0, across, 0], [0, 0, along]])
+    made.com_to_cdm_function = -1 * made.com_to_cdm_function
+    made.nozzle_to_cdm = -made.nozzle_to_cdm
+    return made
+
+
+def summary(given: dict, *, correct: bool = False) -> dict[str, float]:
+    """The numbers of a flight."""
+    made = rocket(given)
+    flown = flight(given, corrected(made) if correct else made)
+    return {
+        "apogee": float(flown.apogee - given["site"]["elevation"]),
+        "apogee_time": float(flown.apogee_time),
+        "apogee_east": float(flown.x(flown.apogee_time)),
+        "apogee_north": float(flown.y(flown.apogee_time)),
+        "rail_exit_speed": float(flown.out_of_rail_velocity),
+        "end_time": float(flown.t_final),
+        "east": float(flown.x_impact),
+        "north": float(flown.y_impact),
+    }
+
+
+def seconds(flights: int) -> dict[str, float]:
+    """Seconds of one flight of Calisto to its apogee, as RocketPy flies it by default: the median
+    of some; the rocket and the air are built once, and the time of that is left out."""
+    import rocketpy
+
+    given = ROCKETS["Calisto"]
+    made, air, site = rocket(given), environment(given["site"]), given["site"]
+    taken = []
+    for k in range(flights + 1):
+        start = time.perf_counter()
+        rocketpy.Flight(
+            rocket=made,
+            environment=air,
+            rail_length=site["rail_length"],
+            inclination=site["inclination"] - 0.1 * k,
+            heading=site["heading"],
+            terminate_on_apogee=True,
+        )
+        taken.append(time.perf_counter() - start)
+    return {"seconds": float(np.median(taken[1:])), "flights": flights}
+
+
+if __name__ == "__main__":
+    if len(sys.argv) > 1:
+        print(json.dumps(seconds(int(sys.argv[1]))))
+    else:
+        found = {
+            "as shipped": {name: summary(given) for name, given in ROCKETS.items()},
+            "corrected": {name: summary(given, correct=True) for name, given in ROCKETS.items()},
+        }
+        print(json.dumps(found, indent=4))

@@ -1,0 +1,118 @@
+"""Forces of the air on a rocket that turns: axial force by the Mach number, normal forces of its
+parts, and their moments.
+
+    F_z  = -rho/2 |w| A C_A(M) w_z
+    F_xy = -rho/2 |w| [S_0 w_xy + S_1 (omega_y, -omega_x)]           S_i = sum_k S_k (z_k - z_C)^i
+    M_x  =  rho/2 |w| [S_1 w_y - S_2 omega_x]
+    M_y  = -rho/2 |w| [S_1 w_x + S_2 omega_y]
+
+    symbol      meaning                                                          unit
+    w           velocity of the centre of mass relative to the air, body axes    m/s
+    S_k, z_k    slope of the normal force of a part, its centre of pressure      m^2, m
+    z_C         centre of mass                                                   m
+    A, C_A      reference area, coefficient of the axial force                   m^2, 1
+
+S_1 < 0 is a stable rocket: the moment turns its nose into the flow. S_2 damps the turning, by the
+flow that the turning makes at each part. The force is linear in the velocity across the axis, which
+is the sine of the angle of attack: it holds for every angle without a branch.
+
+Source: Barrowman, 1967, 3; Etkin, Dynamics of Atmospheric Flight, 5.5 (damping). The flow is that
+at the centre of mass.
+"""
+
+from typing import Any, ClassVar, final
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
+from ..core import Scalar, norm, quantity
+from ._airframe import AbstractSurface, FinSet, NoseCone, RadiusChange
+from ._coefficient import MachTable, as_coefficient
+from ._local_air import LocalAir, air_about
+
+
+@final
+class Aerodynamics(AbstractEffect):
+    """Forces and moments of the air on a slender rocket with nose, fins and tail."""
+
+    area: Float[Array, "*#runs"] = quantity("m^2", positive=True, doc="A, the reference area")
+    # The checker takes the quantity above for a default.
+    coefficient: MachTable = eqx.field(  # pyright: ignore[reportGeneralTypeIssues]
+        converter=as_coefficient, metadata={"doc": "C_A by the Mach number"}
+    )
+    nose: NoseCone | None = eqx.field(default=None, metadata={"doc": "the nose"})
+    fins: FinSet | None = eqx.field(default=None, metadata={"doc": "the fins"})
+    tail: RadiusChange | None = eqx.field(
+        default=None, metadata={"doc": "a change of the body's radius: a tail or a shoulder"}
+    )
+    air: LocalAir | None = eqx.field(
+        default=None, metadata={"doc": "about the vehicle; calm standard air by default"}
+    )
+    coasting: MachTable | None = eqx.field(
+        default=None,
+        converter=lambda x: None if x is None else as_coefficient(x),
+        metadata={"doc": "C_A after the burnout, where it is another"},
+    )
+    burnout: Float[Array, "*#runs"] | None = quantity(
+        "s", optional=True, doc="from which the coefficient is that of coasting"
+    )
+
+    needs: ClassVar[frozenset[str]] = frozenset({"position", "velocity", "attitude", "omega"})
+    adds: ClassVar[frozenset[str]] = frozenset({"force", "torque"})
+    keeps: ClassVar[frozenset[str]] = frozenset()
+
+    @property
+    def surfaces(self) -> tuple[AbstractSurface, ...]:
+        """The parts that give a normal force."""
+        return tuple(s for s in (self.nose, self.fins, self.tail) if s is not None)
+
+    def moments_of_slope(self, mach: Scalar, station: Scalar | float = 0.0) -> tuple[Scalar, ...]:
+        """S_0, m^2, S_1, m^3, and S_2, m^4, about the `station`, m, at a Mach number."""
+        zeroth = first = second = jnp.zeros_like(mach)
+        for surface in self.surfaces:
+            slope, arm = surface.slope(mach), surface.centre() - station
+            zeroth, first = zeroth + slope, first + slope * arm
+            second = second + slope * arm * arm
+        return zeroth, first, second
+
+    def centre_of_pressure(self, mach: Scalar) -> Scalar:
+        """z of the point at which all normal forces act, m, at a Mach number."""
+        zeroth, first, _ = self.moments_of_slope(mach)
+        return first / zeroth
+
+    def axial_coefficient(self, t: Scalar, mach: Scalar) -> Scalar:
+        """C_A at the time `t`, s, and a Mach number."""
+        value = self.coefficient(mach)
+        if self.coasting is None or self.burnout is None:
+            return value
+        return jnp.where(t < self.burnout, value, self.coasting(mach))
+
+    def breaks(self) -> Float[Array, "times *#runs"] | None:
+        return None if self.burnout is None else self.burnout[None]
+
+    def load(self, t: Scalar, y: BodyState, body: AbstractBody) -> Load:
+        air, moving = air_about(self.air).at(y.position)
+        w = y.attitude.rotate_back(y.velocity - moving)
+        speed = norm(w)
+        mach = speed / air.sound_speed
+        push = 0.5 * air.density * speed
+        # A body of constant mass has its centre at the origin and gives a plain 0.0.
+        centre: Any = body.centre_of_mass(y.mass)
+        station = centre if isinstance(centre, float) else centre[2]
+        s0, s1, s2 = self.moments_of_slope(mach, station)
+        axial = self.area * self.axial_coefficient(t, mach)
+        p, q, r = y.omega
+        force = -push * jnp.stack([s0 * w[0] + s1 * q, s0 * w[1] - s1 * p, axial * w[2]])
+        roll = 0.0 * push
+        if self.fins is not None:
+            forcing = self.fins.roll_forcing(mach)
+            roll = -push * self.fins.roll_damping(mach) * r
+            roll = roll if forcing is None else roll + push * speed * forcing
+        turn = jnp.stack([push * (s1 * w[1] - s2 * p), -push * (s1 * w[0] + s2 * q), roll])
+        return Load(force_N=y.attitude.rotate(force), torque_B=turn)
+
+    def potential(self, t: Scalar, y: BodyState, body: AbstractBody) -> None:
+        del t, y, body
+        return None

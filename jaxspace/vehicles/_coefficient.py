@@ -1,0 +1,39 @@
+"""A coefficient of the forces of the air by the Mach number, from a table.
+
+Linear between the points and constant outside; one point is a constant coefficient."""
+
+from collections.abc import Sequence
+from typing import Any, final
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ..core import AbstractParameters, Scalar, as_float, quantity
+from ._local_air import check_nodes, interpolated
+
+
+@final
+class MachTable(AbstractParameters):
+    """A coefficient by the Mach number: `MachTable([0.0, 0.9, 1.1], [0.4, 0.5, 0.7])(mach)`.
+
+    Raises `InputError` for Mach numbers that do not ascend, or another number of values."""
+
+    mach: Float[Array, "nodes *#runs"] = quantity("", non_negative=True, doc="ascending")
+    values: Float[Array, "nodes *#runs"] = quantity("", doc="the coefficient there")
+
+    def __check_init__(self):
+        check_nodes("MachTable.mach", self.mach, values=self.values)
+
+    def __call__(self, mach: Scalar) -> Scalar:
+        """The coefficient at the Mach number, (*runs,)."""
+        return interpolated(mach, self.mach, self.values)
+
+
+def as_coefficient(x: Any) -> MachTable:
+    """A table as it is; a pair of Mach numbers and values as a table; a number as a constant."""
+    if isinstance(x, MachTable):
+        return x
+    if isinstance(x, Sequence) and len(x) == 2:
+        return MachTable(as_float(x[0]), as_float(x[1]))
+    value = as_float(x)
+    return MachTable(jnp.zeros((1,), value.dtype), value[None])

@@ -1,0 +1,139 @@
+"""The air about a vehicle: its state by the height, and its motion by wind and rotation.
+
+    h = |r| - R + h_0,   or z + h_0 over flat ground
+    v_air = omega x r + east e + north n
+
+    symbol       meaning                                              unit
+    r, h         position, height above sea level                     m
+    R, h_0       radius of the planet, height of its ground           m
+    omega        rotation of the air about the z axis                 rad/s
+    e, n         directions of east and north                         1
+
+Over a planet e = z x r / |z x r| and n = r x e / |r|; over flat ground x points east, y north and z
+up. At a pole, where no direction is east, there is no wind.
+
+Source: Zipfel, Modeling and Simulation of Aerospace Vehicle Dynamics, 8.3 (wind).
+"""
+
+from typing import final
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ..bodies import AbstractAtmosphere, Air, StandardAtmosphere
+from ..core import (
+    AbstractParameters,
+    Scalar,
+    Vector,
+    axis,
+    check,
+    cross,
+    is_concrete,
+    norm,
+    quantity,
+    unit,
+    with_rank,
+)
+
+
+def interpolated(
+    x: Scalar, nodes: Float[Array, "nodes *#runs"], values: Float[Array, "nodes *#runs"]
+) -> Scalar:
+    """The value at `x` on the polygon through the `values` at ascending `nodes`, constant
+    outside."""
+    rank = max(jnp.ndim(x), nodes.ndim - 1, values.ndim - 1)
+    nodes, values = with_rank(nodes, rank), with_rank(values, rank)
+    widths = nodes[1:] - nodes[:-1]
+    # A sum over all intervals: a search and a gather for each run cost more than a few
+    # multiplications for each node.
+    passed = jnp.clip(x - nodes[:-1], 0.0, widths)
+    return values[0] + jnp.sum((values[1:] - values[:-1]) / widths * passed, axis=0)
+
+
+def check_nodes(name: str, nodes: Array, **values: Array) -> None:
+    """Raise `InputError` for nodes that do not ascend, or another number of values."""
+    for field, value in values.items():
+        check(
+            np.asarray(nodes.shape[0] == value.shape[0]),
+            f"{name}.{field}",
+            np.asarray(value.shape[0]),
+            f"as many as the {nodes.shape[0]} nodes",
+        )
+    if is_concrete(nodes):
+        check(np.diff(np.asarray(nodes), axis=0) > 0.0, name, nodes, "ascending")
+
+
+@final
+class Wind(AbstractParameters):
+    """A wind that varies with the height above sea level, linear between its points and constant
+    outside. It blows towards the direction that it names: `east` is positive where it moves the air
+    eastwards."""
+
+    heights: Float[Array, "nodes *#runs"] = quantity("m", doc="above sea level, ascending")
+    east: Float[Array, "nodes *#runs"] = quantity("m/s", doc="towards the east at these heights")
+    north: Float[Array, "nodes *#runs"] = quantity("m/s", doc="towards the north")
+
+    def __check_init__(self):
+        check_nodes("Wind.heights", self.heights, east=self.east, north=self.north)
+
+    def at(self, height: Scalar) -> tuple[Scalar, Scalar]:
+        """The components to the east and to the north, m/s, at a `height`, m."""
+        return (
+            interpolated(height, self.heights, self.east),
+            interpolated(height, self.heights, self.north),
+        )
+
+
+def air_about(air: "LocalAir | None") -> "LocalAir":
+    """The air that is given, or calm standard air over flat ground at sea level."""
+    return LocalAir() if air is None else air
+
+
+@final
+class LocalAir(AbstractParameters):
+    """The air about a vehicle: an atmosphere, a wind, and the ground from which heights count."""
+
+    atmosphere: AbstractAtmosphere | None = eqx.field(
+        default=None,
+        metadata={"doc": "state of the air by its height; the U.S. standard by default"},
+    )
+    radius: Float[Array, "*#runs"] | None = quantity(
+        "m", positive=True, optional=True, doc="of the planet; without it z is up from flat ground"
+    )
+    elevation: Float[Array, "*#runs"] = quantity(
+        "m", default=0.0, doc="of the ground at the origin above sea level"
+    )
+    air_rate: Float[Array, "*#runs"] = quantity(
+        "rad/s", default=0.0, doc="rotation of the air about the z axis"
+    )
+    wind: Wind | None = eqx.field(default=None, metadata={"doc": "calm by default"})
+
+    def height(self, position: Vector) -> Scalar:
+        """Above sea level, m, of a `position`, m, (3, *runs)."""
+        above = position[2] if self.radius is None else norm(position) - self.radius
+        return above + self.elevation
+
+    def at(self, position: Vector) -> tuple[Air, Vector]:
+        """The state of the air, and its velocity in the axes of the position, m/s, (3, *runs)."""
+        height = self.height(position)
+        # Made here and not as a default: importing the package makes no array.
+        atmosphere = StandardAtmosphere() if self.atmosphere is None else self.atmosphere
+        return atmosphere.air_at(height), self._velocity(position, height)
+
+    def _velocity(self, position: Vector, height: Scalar) -> Vector:
+        up = axis(2, position[2])
+        if self.radius is None:
+            moving = jnp.zeros_like(position)
+            if self.wind is None:
+                return moving
+            east, north = self.wind.at(height)
+            return jnp.stack([east + moving[0], north + moving[1], moving[2]])
+        across = cross(up, position)
+        moving = self.air_rate * across
+        if self.wind is None:
+            return moving
+        east, north = self.wind.at(height)
+        e = unit(across)
+        return moving + east * e + north * cross(unit(position), e)

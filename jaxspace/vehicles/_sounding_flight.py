@@ -1,0 +1,181 @@
+"""The flight of a sounding rocket from its rail to the ground, in phases.
+
+    rail -> ascent -> [wait] -> parachute -> [wait] -> parachute -> ground
+
+On the rail nothing turns; from its end to the first parachute the rocket flies with six degrees of
+freedom, under parachutes with three: the attitude is no longer a part of the state. A parachute
+opens a lag after its trigger, the apogee or a height above the ground.
+
+Axes: x to the east, y to the north, z up from the ground at the rail; they turn with the Earth.
+
+Source: Niskanen, OpenRocket technical documentation, 4.
+"""
+
+import dataclasses
+from collections.abc import Sequence
+from typing import final
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ..bodies import AbstractEffect, BodyState
+from ..core import AbstractParameters, Scalar, Vector, as_float, is_concrete, quantity, with_rank
+from ..orbits import RotatingFrame
+from ..rotations import Quaternion
+from ..scene import Scene
+from ..simulation import Event, Mission, Phase
+from ._air_drag import Parachute
+from ._ground_gravity import GroundGravity
+from ._local_air import LocalAir, Wind
+from ._rail import Rail
+from ._vehicle import Vehicle
+
+EARTH_RATE = 7.2921159e-5  # rad/s
+
+
+@final
+class LaunchSite(AbstractParameters):
+    """Where and how a sounding rocket is launched."""
+
+    latitude: Float[Array, "*#runs"] = quantity("rad", low=-1.6, high=1.6, doc="geodetic")
+    rail_length: Float[Array, "*#runs"] = quantity("m", positive=True, doc="travel on the rail")
+    inclination: Float[Array, "*#runs"] = quantity(
+        "rad", low=0.0, high=1.6, doc="of the rail above the horizontal"
+    )
+    heading: Float[Array, "*#runs"] = quantity(
+        "rad", default=0.0, doc="of the rail, from north towards east"
+    )
+    elevation: Float[Array, "*#runs"] = quantity(
+        "m", default=0.0, doc="of the ground above sea level"
+    )
+    wind: Wind | None = eqx.field(default=None, metadata={"doc": "calm by default"})
+
+    def air(self) -> LocalAir:
+        """The air over the site: the standard atmosphere and the wind."""
+        return LocalAir(elevation=self.elevation, wind=self.wind)
+
+    def environment(self) -> tuple[AbstractEffect, ...]:
+        """Gravity, and the forces of inertia in axes that turn with the Earth."""
+        s, c = jnp.sin(self.latitude), jnp.cos(self.latitude)
+        turning = EARTH_RATE * jnp.stack([0.0 * s, c, s])
+        return GroundGravity.of_latitude(self.latitude, self.elevation), RotatingFrame(turning)
+
+    def direction(self) -> Vector:
+        """The unit vector of the rail, (3, *runs)."""
+        c = jnp.cos(self.inclination)
+        east, north = c * jnp.sin(self.heading), c * jnp.cos(self.heading)
+        return jnp.stack(jnp.broadcast_arrays(east, north, jnp.sin(self.inclination)))
+
+    def attitude(self) -> Quaternion:
+        """The attitude of a rocket on the rail: turned about z by the heading, then off the
+        vertical."""
+        tilt = 0.5 * (0.5 * jnp.pi - self.inclination)
+        c, s = jnp.cos(tilt), jnp.sin(tilt)
+        # The axis of the tilt lies across the heading: (cos, -sin, 0) turns z towards north for 0.
+        a, b = jnp.sin(self.heading), jnp.cos(self.heading)
+        return Quaternion(jnp.stack(jnp.broadcast_arrays(c, -s * b, s * a, 0.0 * c)))
+
+
+@final
+class Recovery(AbstractParameters):
+    """A parachute: what it drags, and when it opens."""
+
+    drag_area: Float[Array, "*#runs"] = quantity("m^2", non_negative=True, doc="C_D A")
+    lag: Float[Array, "*#runs"] = quantity(
+        "s", non_negative=True, default=0.0, doc="from its trigger to its opening"
+    )
+    height: Float[Array, "*#runs"] | None = quantity(
+        "m",
+        non_negative=True,
+        optional=True,
+        doc="above the ground, at which it is triggered on the way down; without it at the apogee",
+    )
+
+
+@final
+class _Above(eqx.Module):
+    """Height above `height`, m."""
+
+    height: Scalar
+
+    def __call__(self, t: Scalar, y: BodyState) -> Scalar:
+        del t
+        return y.position[2] - self.height
+
+
+def climb_rate(t: Scalar, y: BodyState) -> Scalar:
+    """v_z, m/s: it falls through zero at the apogee over flat ground."""
+    del t
+    return y.velocity[2]
+
+
+def as_point(t: Scalar, y: BodyState) -> BodyState:
+    """The state without its rotation."""
+    del t
+    return dataclasses.replace(y, attitude=None, omega=None)
+
+
+def sounding_flight(
+    vehicle: Vehicle,
+    site: LaunchSite,
+    recovery: Sequence[Recovery] = (),
+    *,
+    ascent_within: Scalar = 300.0,
+    descent_within: Scalar = 2000.0,
+) -> tuple[Mission, BodyState]:
+    """The mission of a sounding rocket and its state on the rail.
+
+    **Arguments**
+
+    - `vehicle`: with a known mass of its propellant.
+    - `site`: of the launch.
+    - `recovery`: the parachutes in the order of their opening, the first at the apogee; without
+      one the mission ends at the apogee.
+    - `ascent_within`, `descent_within`: the longest times to wait for the apogee, and for the next
+      parachute or the ground, s. The search for an event samples all of that time: a narrow limit
+      is a fast run.
+
+    **Returns** the mission, with the phases "rail", "ascent" and for each parachute "wait"
+    and "parachute", numbered; and the state at ignition, of every run.
+    """
+    air, environment = site.air(), site.environment()
+
+    def scene(*effects: AbstractEffect, carry: tuple[str, ...] = ()) -> Scene:
+        return Scene((*environment, *effects), vehicle.body, carry)
+
+    rail = Rail(site.direction(), site.rail_length)
+    burning, gliding = vehicle.as_body(air), vehicle.as_body(air, powered=False)
+    leaving = jnp.max(vehicle.motor.burnout())
+    phases = [
+        # A rocket that has not left its rail by the burnout never does.
+        Phase(scene(*burning, rail), Event(rail.rail_exit, 1, leaving), name="rail"),
+        Phase(scene(*burning), Event(climb_rate, -1, ascent_within), name="ascent"),
+    ]
+    flying, last = scene(*gliding, carry=("mass",)), len(recovery) - 1
+    for number, chute in enumerate(recovery):
+        name = f"{number + 1}"
+        drag = Parachute(chute.drag_area, air=air)
+        hanging = scene(drag, carry=("mass",))
+        turn = as_point if number == 0 else None
+        if not is_concrete(chute.lag) or bool(jnp.any(chute.lag > 0.0)):
+            phases.append(Phase(flying, chute.lag, turn, f"wait {name}"))
+        else:
+            phases[-1] = dataclasses.replace(phases[-1], then=turn)
+        below = as_float(0.0) if number == last else recovery[number + 1].height
+        phases.append(
+            Phase(hanging, Event(_Above(below), -1, descent_within), name=f"parachute {name}")
+        )
+        flying = hanging
+    return Mission(phases), _at_rest(vehicle, site)
+
+
+def _at_rest(vehicle: Vehicle, site: LaunchSite) -> BodyState:
+    """The state on the rail, with the runs of the vehicle and the site."""
+    mass, attitude = vehicle.body.loaded_mass(), site.attitude()
+    assert mass is not None
+    wxyz = attitude.wxyz
+    runs = jnp.broadcast_shapes(jnp.shape(mass), wxyz.shape[1:])
+    zero = jnp.zeros((3, *runs), wxyz.dtype)
+    wxyz = jnp.broadcast_to(with_rank(wxyz, len(runs)), (4, *runs))
+    return BodyState(zero, zero, Quaternion(wxyz), zero, jnp.broadcast_to(mass, runs))

@@ -1,0 +1,183 @@
+"""One rocket, described once, as a point that follows a steering law or as a body that turns.
+
+    point   position, velocity, mass                      thrust along a law, drag along the flow
+    body    with attitude and angular velocity            thrust along the axis, forces of the
+                                                          parts, jet damping, control
+
+The effects of the point read no attitude: a scene of them integrates and compiles no rotation.
+
+Source: Thomson 7.8 to 7.10, 8.5; Barrowman, 1967.
+"""
+
+from collections.abc import Sequence
+from typing import final
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ..bodies import AbstractBody, AbstractEffect, BurningBody, as_inertia
+from ..core import AbstractParameters, Scalar, Vector, as_float, as_optional_float, quantity
+from ..rockets import (
+    AbstractSteering,
+    AttitudeControl,
+    JetDamping,
+    Motor,
+    SteeredThrust,
+    Thrust,
+)
+from ._aerodynamics import Aerodynamics
+from ._air_drag import AirDrag
+from ._airframe import FinSet, NoseCone, RadiusChange
+from ._coefficient import MachTable, as_coefficient
+from ._local_air import LocalAir
+
+
+@final
+class Vehicle(AbstractParameters):
+    """A rocket: its body, its motor, and what the air sees of it."""
+
+    body: AbstractBody
+    motor: Thrust
+    area: Float[Array, "*#runs"] = quantity("m^2", positive=True, doc="reference area of the drag")
+    # The checker takes the quantity above for a default.
+    drag: MachTable = eqx.field(  # pyright: ignore[reportGeneralTypeIssues]
+        converter=as_coefficient, metadata={"doc": "coefficient of the drag while the motor burns"}
+    )
+    coasting_drag: MachTable | None = eqx.field(
+        default=None,
+        converter=lambda x: None if x is None else as_coefficient(x),
+        metadata={"doc": "coefficient of the drag after burnout; the same by default"},
+    )
+    nose: NoseCone | None = None
+    fins: FinSet | None = None
+    tail: RadiusChange | None = None
+    exit_station: Float[Array, "*#runs"] | None = quantity(
+        "m", optional=True, doc="z of the nozzle's exit in construction axes, for jet damping"
+    )
+    exit_radius: Float[Array, "*#runs"] = quantity(
+        "m", non_negative=True, default=0.0, doc="of the nozzle's exit, through which all flows"
+    )
+
+    @classmethod
+    def model_rocket(
+        cls,
+        motor: Motor,
+        *,
+        radius: Scalar,
+        mass: Scalar,
+        inertia: Vector | Sequence[Scalar],
+        centre: Scalar,
+        case_mass: Scalar,
+        case_station: Scalar,
+        case_inertia: Vector | Sequence[Scalar] = (0.0, 0.0, 0.0),
+        propellant_station: Scalar,
+        grain: tuple[Scalar, Scalar, Scalar],
+        exit_station: Scalar,
+        exit_radius: Scalar,
+        propellant_mass: Scalar | None = None,
+        drag: MachTable | Scalar,
+        coasting_drag: MachTable | Scalar | None = None,
+        nose: NoseCone | None = None,
+        fins: FinSet | None = None,
+        tail: RadiusChange | None = None,
+    ) -> "Vehicle":
+        """A model rocket put together from its parts.
+
+        All stations are along one axis towards the nose, from an origin of the builder's choice;
+        the construction axes of the body have theirs at the dry centre of mass.
+
+        **Arguments**
+
+        - `motor`: from `read_motor`; `propellant_mass`, kg, where its file gives none.
+        - `radius`: of the body, m, for the reference area.
+        - `mass`, kg, principal `inertia`, kg m^2, (3,), and `centre` of mass, m, of the rocket
+          without its motor.
+        - `case_mass`, `case_station`, `case_inertia`: of the empty motor, about its own centre.
+        - `propellant_station`: of the propellant's centre, m; `grain`: outer and inner radius and
+          length of the whole column of grains, m.
+        - `exit_station`, `exit_radius`: of the nozzle, m.
+        - `drag`, `coasting_drag`: coefficients of the axial force by the Mach number.
+        - `nose`, `fins`, `tail`: with stations from the builder's origin.
+        """
+        mass, case_mass = as_float(mass), as_float(case_mass)
+        dry_mass = mass + case_mass
+        dry_centre = (mass * centre + case_mass * case_station) / dry_mass
+        apart = mass * case_mass / dry_mass * (as_float(centre) - case_station) ** 2
+        parts = [jnp.asarray(a) + b for a, b in zip(inertia, case_inertia, strict=True)]
+        dry_inertia = jnp.stack([parts[0] + apart, parts[1] + apart, parts[2] + 0.0 * apart])
+        outer, inner, length = (as_float(x) for x in grain)
+        square = outer * outer + inner * inner
+        across = jnp.sqrt(0.25 * square + length * length / 12.0)
+        filled = motor.propellant_mass if propellant_mass is None else propellant_mass
+        body = BurningBody(
+            dry_mass,
+            as_inertia(dry_inertia),
+            jnp.stack([across, across, jnp.sqrt(0.5 * square)]),
+            propellant_station - dry_centre,
+            as_optional_float(filled),
+        )
+        return cls(
+            body=body,
+            motor=motor.thrust(propellant_mass),
+            area=np.pi * as_float(radius) ** 2,
+            drag=drag,
+            coasting_drag=coasting_drag,
+            nose=_shifted(nose, "tip", dry_centre),
+            fins=_shifted(fins, "leading_edge", dry_centre),
+            tail=_shifted(tail, "fore_end", dry_centre),
+            exit_station=exit_station - dry_centre,
+            exit_radius=exit_radius,
+        )
+
+    def as_point(
+        self, air: LocalAir, steering: AbstractSteering | None = None
+    ) -> tuple[AbstractEffect, ...]:
+        """The effects on a point: thrust along a law, and drag along the flow.
+
+        **Arguments**
+
+        - `air`: about the vehicle.
+        - `steering`: of the thrust; without it the motor is off."""
+        if steering is None:
+            return (AirDrag(self.area, self._drag(False), air),)
+        thrust = SteeredThrust.of_thrust(self.motor, steering)
+        return (thrust, AirDrag(self.area, self._drag(True), air))
+
+    def as_body(
+        self, air: LocalAir, *, powered: bool = True, control: AttitudeControl | None = None
+    ) -> tuple[AbstractEffect, ...]:
+        """The effects on a body that turns: thrust along its axis, jet damping, forces of the air,
+        and the control of its attitude.
+
+        **Arguments**
+
+        - `air`: about the vehicle.
+        - `powered`: whether the motor may burn.
+        - `control`: of the attitude, by default none."""
+        parts = (self.nose, self.fins, self.tail)
+        coasting = self.coasting_drag if powered else None
+        burnout = None if coasting is None else self.motor.burnout()
+        air_forces = Aerodynamics(
+            self.area, self._drag(powered), *parts, air, coasting=coasting, burnout=burnout
+        )
+        effects: tuple[AbstractEffect, ...] = (air_forces,)
+        if powered:
+            effects = (self.motor, *effects)
+            if self.exit_station is not None:
+                # A full exit has the mean square radius of a ring of its radius over sqrt(2).
+                ring = self.exit_radius / np.sqrt(2.0)
+                damping = JetDamping(self.motor.mass_rate, self.exit_station, ring)
+                effects = (*effects, damping)
+        return effects if control is None else (*effects, control)
+
+    def _drag(self, powered: bool) -> MachTable:
+        return self.drag if powered or self.coasting_drag is None else self.coasting_drag
+
+
+def _shifted(part, field: str, origin: Scalar):
+    """The part with its station from another origin; `None` for no part."""
+    if part is None:
+        return None
+    return eqx.tree_at(lambda p: getattr(p, field), part, getattr(part, field) - origin)
