@@ -19,4 +19,5 @@ from ._report import dispersion_report as dispersion_report
 from ._report import mission_report as mission_report
 from ._report import run_report as run_report
 from ._scene_file import SceneFile as SceneFile
+from ._stored import stored_scene as stored_scene
 from ._units import read_size as read_size

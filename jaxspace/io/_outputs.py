@@ -13,14 +13,14 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from ..bodies import BodyState
-from ..core import State
+from ..core import Quantity, State
 from ..simulation import MissionResult
 from ._catalog import OutputFunction, part_quantities, state_class
 from ._checks import Parsed
 from ._errors import hint, unknown, wrong
 from ._kinds import Values
 from ._objects import at
-from ._units import in_unit
+from ._units import in_unit, read_number
 
 FINAL = "final"
 NOMINAL = "nominal"
@@ -32,7 +32,8 @@ class OutputSpec(NamedTuple):
     its `unit`, and how many of these one unit of SI is (`factor`).
 
     - `function` of a state, or `path` of a number of it.
-    - `shared`: entries of the file for arguments of the function."""
+    - `shared`: entries of the file for arguments of the function.
+    - `required`: the least and the greatest value that is allowed, in `unit`; `None` for none."""
 
     name: str
     at: int
@@ -41,6 +42,7 @@ class OutputSpec(NamedTuple):
     function: OutputFunction | None
     path: tuple[str, ...]
     shared: tuple[tuple[str, str], ...]
+    required: tuple[float | None, float | None] = (None, None)
 
     def arguments(self) -> tuple[str, ...]:
         """The names of the arguments of the function."""
@@ -105,7 +107,18 @@ def _read(key: str, entry: Values, file: Parsed, units: Mapping[str, str]) -> Ou
     except ValueError as error:
         raise ValueError(wrong(f"{key}.unit", unit, str(error))) from None
     shown_name = entry.get("name", name)
-    return OutputSpec(shown_name, at_phase, unit, factor, function, path, shared)
+    low, high = (_limit(f"{key}.{k}", entry.get(k), si, factor) for k in ("at_least", "at_most"))
+    return OutputSpec(shown_name, at_phase, unit, factor, function, path, shared, (low, high))
+
+
+def _limit(key: str, value: object, si: str, factor: float) -> float | None:
+    """A limit of an output in its unit. Raises `ValueError` with the whole sentence."""
+    if value is None:
+        return None
+    try:
+        return factor * read_number(value, Quantity(si, "limit"))[0]
+    except ValueError as error:
+        raise ValueError(wrong(key, value, str(error))) from None
 
 
 def _places(file: Parsed) -> dict[str, int]:

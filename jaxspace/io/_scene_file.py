@@ -16,12 +16,13 @@ from jaxtyping import Array
 
 from ..bodies import AbstractBody
 from ..core import AbstractSystem, InputError, State
-from ..dispersion import Campaign
+from ..dispersion import Campaign, LatinHypercube, Sobol
 from ..scene import Scene
 from ..simulation import Accuracy, Mission, MissionTrajectory, Trajectory, simulate
 from ._build import build_mission, build_state, replaced
 from ._checks import Parsed
 from ._inputs import Input
+from ._joint_inputs import JointInput
 from ._kinds import Values
 from ._objects import Building, Runs
 from ._outputs import Outputs, OutputSpec, applicable_outputs, needs_nominal
@@ -43,7 +44,7 @@ class SceneFile:
     path: Path
     text: str
     parsed: Parsed
-    inputs: dict[str, Input]
+    inputs: dict[str, Input | JointInput]
     outputs: tuple[OutputSpec, ...]
     units: dict[str, str]
 
@@ -141,7 +142,13 @@ class SceneFile:
         runs = next(iter(samples.values())).shape[0]
         return build_mission(self.parsed, self._numbers(samples), Runs(runs))
 
-    def campaign(self, nominal: MissionTrajectory | None = None, *, warn: bool = True) -> Campaign:
+    def campaign(
+        self,
+        nominal: MissionTrajectory | None = None,
+        *,
+        warn: bool = True,
+        runs: int | None = None,
+    ) -> Campaign:
         """What [dispersion] asks for, as a campaign for `disperse`.
 
         **Arguments**
@@ -149,6 +156,8 @@ class SceneFile:
         - `nominal`: the nominal run of `mission`, with which some outputs compare; computed here if
           it is needed and not given.
         - `warn`: whether to warn of what the file allows and hardly means (`doubts`).
+        - `runs`: how many there will be, if not what the file says; a Latin hypercube is made for
+          them.
 
         **Raises** `InputError` without [dispersion]."""
         # Raises where there is no [dispersion], before the nominal run is simulated for nothing.
@@ -168,7 +177,15 @@ class SceneFile:
             self.start,
             self.text,
             limits,
+            self._design(self.runs if runs is None else runs),
+            {spec.name: spec.required for spec in self.outputs if spec.required != (None, None)},
         )
+
+    def _design(self, runs: int) -> LatinHypercube | Sobol | None:
+        """Where so many runs lie among the inputs."""
+        made = {"latin_hypercube": lambda: LatinHypercube(runs), "sobol": Sobol}
+        name = self._dispersion()["sampling"]
+        return made[name]() if name in made else None
 
     def doubts(self) -> tuple[str, ...]:
         """What the file allows and hardly means, a sentence each: a range without the nominal
