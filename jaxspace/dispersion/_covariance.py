@@ -65,6 +65,15 @@ class Moments(NamedTuple):
         return float(np.sqrt(self.covariance[k, k]))
 
 
+class _Series(NamedTuple):
+    """Value, first and second derivatives of each output, by name, and the status of the run."""
+
+    values: dict[str, Array]
+    first: dict[str, Array]
+    second: dict[str, Array]
+    status: Array
+
+
 def moments(
     campaign: Campaign,
     method: str = "lincov",
@@ -101,10 +110,11 @@ def _expanded(campaign: Campaign, accuracy: Accuracy, method: str) -> Moments:
     scale = np.where(scale > 0.0, scale, 1.0)
     second = method == "second_order"
 
-    def differentiate() -> tuple[dict[str, Array], ...]:
-        return _derivatives(campaign, accuracy, jnp.asarray(centre), jnp.asarray(scale), second)
+    def differentiate() -> _Series:
+        point = jnp.asarray(centre), jnp.asarray(scale)
+        return _derivatives(campaign, accuracy, *point, inputs, second)
 
-    (values, first, hessian), status = differentiate()
+    values, first, hessian, status = differentiate()
     _check_good(int(status), "nominal run")
     # Again: compiling is paid once, and is not what the method costs.
     started = time.perf_counter()
@@ -128,10 +138,12 @@ def _derivatives(
     accuracy: Accuracy,
     centre: Float[Array, " inputs"],
     scale: Float[Array, " inputs"],
+    names: tuple[str, ...],
     second: bool,
-) -> tuple[tuple[dict[str, Array], ...], Array]:
-    """Value, first and second derivatives of every output at `centre`, in units of `scale`."""
-    names = list(campaign.inputs)
+) -> _Series:
+    """Value, first and second derivatives of every output at `centre`, in units of `scale`.
+
+    `names`: of the inputs in their order, which the dict loses on its way through `jit`."""
 
     def outputs(u: Array) -> tuple[dict[str, Array], Array]:
         x = centre + scale * u
@@ -147,7 +159,7 @@ def _derivatives(
         return jax.jacfwd(lambda u: outputs(u)[0])(u)
 
     hessian = jax.jacfwd(slopes)(zero) if second else {}
-    return (values, slopes(zero), hessian), status
+    return _Series(values, slopes(zero), hessian, status)
 
 
 def _unscented(campaign: Campaign, accuracy: Accuracy) -> Moments:
@@ -158,7 +170,7 @@ def _unscented(campaign: Campaign, accuracy: Accuracy) -> Moments:
     z = np.concatenate([np.zeros((1, n)), size * np.eye(n), -size * np.eye(n)])
     weights = np.full(2 * n + 1, 0.5 / (n + k))
     weights[0] = k / (n + k)
-    points = {name: np.asarray(x) for name, x in map_normals(campaign.inputs, z).items()}
+    points = map_normals(campaign.inputs, z)
     run = Evaluator(campaign, accuracy)
     found = run(points)
     started = time.perf_counter()

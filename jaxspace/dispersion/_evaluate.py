@@ -8,6 +8,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.typing import ArrayLike
 from jaxtyping import Array, Float, Int
 
 from ..integration import Accuracy, Status
@@ -67,11 +68,12 @@ class Evaluator(eqx.Module):
     campaign: Campaign
     accuracy: Accuracy
 
-    def __call__(self, samples: Mapping[str, np.ndarray]) -> Evaluated:
+    def __call__(self, samples: Mapping[str, ArrayLike]) -> Evaluated:
         """The runs with these inputs, each (runs,), of whatever number."""
-        runs = len(next(iter(samples.values())))
+        given = {name: np.asarray(x) for name, x in samples.items()}
+        runs = len(next(iter(given.values())))
         filled = {
-            name: np.concatenate([x, np.full(-runs % BLOCK, x[-1])]) for name, x in samples.items()
+            name: np.concatenate([x, np.full(-runs % BLOCK, x[-1])]) for name, x in given.items()
         }
         parts = []
         for first in range(0, runs, BLOCK):

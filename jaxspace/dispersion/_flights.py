@@ -37,7 +37,8 @@ def fly(
 ) -> Flights | None:
     """The nominal run and the runs with these `numbers`, with `num_saved` positions a phase.
 
-    `None` where the states have no position. The inputs are those of `disperse` with this `seed`."""
+    `None` where the states have no position. The inputs are those of `disperse` with the same
+    `seed`."""
     numbers = np.asarray(numbers, np.uint32)
     found = _fly(campaign, as_accuracy(accuracy), jax.random.key(seed), numbers, num_saved)
     if found is None:

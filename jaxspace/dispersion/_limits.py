@@ -17,7 +17,7 @@ Clopper and Pearson, Biometrika 26 (1934), 404.
 from typing import NamedTuple
 
 import numpy as np
-from jax.typing import ArrayLike
+from numpy.typing import ArrayLike
 
 from ..core import InputError
 

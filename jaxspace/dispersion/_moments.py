@@ -13,7 +13,7 @@ the circular error probable, which is a percentile, still counts what lies withi
 from typing import NamedTuple
 
 import numpy as np
-from jax.typing import ArrayLike
+from numpy.typing import ArrayLike
 
 from ..core import InputError
 from ._limits import Percentile, check_share, percentile

@@ -72,19 +72,19 @@ class Triangular(AbstractDistribution):
     def outside(self, low: float, high: float) -> float:
         a, b, c = float(self.low), float(self.high), float(self.mode)
 
-        def tail(end: float, x: float) -> float:
-            """The share between an end of the triangle and x."""
-            if (x - end) * (c - end) <= 0.0 and x != c:
-                return 0.0
-            if abs(x - end) <= abs(c - end):
-                return (x - end) ** 2 / ((b - a) * abs(c - end)) if c != end else 0.0
-            other = b if end == a else a
-            rest = min(0.0, (x - other) * np.sign(other - end)) ** 2
-            return 1.0 - rest / ((b - a) * abs(other - c)) if c != other else 1.0
+        def rising(x: float) -> float:
+            """The share from a to x, which is below c."""
+            return (x - a) ** 2 / ((b - a) * (c - a))
 
-        below = tail(a, low) if low > a else 0.0
-        above = tail(b, high) if high < b else 0.0
-        return float(min(1.0, below + above))
+        def falling(x: float) -> float:
+            """The share from x, which is above c, to b."""
+            return (b - x) ** 2 / ((b - a) * (b - c))
+
+        x, y = (min(max(v, a), b) for v in (low, high))
+        # From the nearer end, so that a small share keeps its digits.
+        below = rising(x) if x < c else 1.0 - falling(x) if x < b else 1.0
+        above = falling(y) if y > c else 1.0 - rising(y) if y > a else 1.0
+        return below + above
 
     def text(self) -> str:
         return "triangular, " + _shown(low=self.low, mode=self.mode, high=self.high)

@@ -103,7 +103,7 @@ def rare_event(
     def margin(z: np.ndarray) -> np.ndarray:
         """g of runs, (runs,), from z, (runs, n); minus infinity where a run failed."""
         nonlocal failed
-        found = run({k: np.asarray(x) for k, x in map_normals(campaign.inputs, z).items()})
+        found = run(map_normals(campaign.inputs, z))
         if output not in found.outputs:
             raise InputError(f"{output!r} is no output: there are {', '.join(found.outputs)}.")
         g = sign * (found.outputs[output].astype(float) - limit)
@@ -168,7 +168,7 @@ def _design_points(slope: Slope, n: int, rng: np.random.Generator) -> np.ndarray
 
 
 def _nearest(slope: Slope, z: np.ndarray) -> np.ndarray | None:
-    """The iteration of Hasofer, Lind, Rackwitz and Fiessler, damped; `None` where it ends nowhere."""
+    """The nearest violation by the damped iteration; `None` where it ends nowhere."""
     g, s = slope(z)
     scale = abs(g)
     for _ in range(ITERATIONS):
@@ -244,7 +244,7 @@ def _chains(
     size: int,
     rng: np.random.Generator,
 ) -> tuple[np.ndarray, np.ndarray, int]:
-    """`size` runs below the border, by chains from those that are there: all chains step at once."""
+    """`size` runs below the border, by chains from those there; all chains step at once."""
     every_z, every_g, made = [z], [g], 0
     while sum(map(len, every_g)) < size:
         u = rng.standard_normal(z.shape)

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-# Differences of this many units of rounding are no scatter: sums over the steps of a run leave them.
+# So many units of rounding are no scatter: the sums over the steps of a run leave them.
 NOISE = 4096.0
 
 

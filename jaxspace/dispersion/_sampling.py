@@ -66,7 +66,8 @@ class LatinHypercube(AbstractDesign):
             layers = jax.vmap(lambda seed: _permuted(place, self.runs, seed))(seeds)
             # Another stream than that of the permutations.
             own = jax.random.fold_in(jax.random.fold_in(key, 0x4C4853), number)
-            return (layers + jax.random.uniform(own, (dimensions,))) / self.runs
+            within = jax.random.uniform(own, (dimensions,))
+            return (layers.astype(within.dtype) + within) / self.runs
 
         return jax.vmap(one)(numbers, again, places)
 
@@ -164,7 +165,8 @@ def normal_columns(inputs: Mapping[str, AbstractDistribution]) -> dict[str, list
     found: dict[str, list[int]] = {}
     sources: dict[str, str] = {}
     width = 0
-    for name, d in inputs.items():
+    # Sorted, because a dict that passes through `jit` comes out so: places must not change.
+    for name, d in sorted(inputs.items()):
         # The numbers of a joint distribution share the columns of the first one.
         first = sources.setdefault(d.source, name) if d.source else name
         if first == name:

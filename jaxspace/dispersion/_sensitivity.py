@@ -6,8 +6,8 @@ of their own.
 
 From two independent samples A and B, and A with the column j of B (A_j), n runs each:
 
-    S_j  = mean(f(B) (f(A_j) - f(A))) / V      Saltelli et al., Comput. Phys. Commun. 181 (2010), 259
-    S_Tj = mean((f(A) - f(A_j))^2) / (2 V)     Jansen, Comput. Phys. Commun. 117 (1999), 35
+    S_j  = mean(f(B) (f(A_j) - f(A))) / V   Saltelli et al., Comput. Phys. Commun. 181 (2010), 259
+    S_Tj = mean((f(A) - f(A_j))^2) / (2 V)  Jansen, Comput. Phys. Commun. 117 (1999), 35
 
 The samples are scrambled Sobol points, on which the errors fall nearly as 1/n.
 """
@@ -15,7 +15,7 @@ The samples are scrambled Sobol points, on which the errors fall nearly as 1/n.
 from typing import NamedTuple
 
 import numpy as np
-from jax.typing import ArrayLike
+from numpy.typing import ArrayLike
 
 from ..core import InputError, Scalar
 from ..integration._accuracy import Accuracy, as_accuracy
@@ -53,7 +53,9 @@ def rank_correlation(x: ArrayLike, y: ArrayLike) -> RankCorrelation:
     half = 1.96 * np.sqrt((1.0 + 0.5 * r * r) / (both.sum() - 3))
     # A perfect correlation has an infinite transform: its interval is a point.
     centre = np.arctanh(np.clip(r, -1.0 + 1e-15, 1.0 - 1e-15))
-    return RankCorrelation(r, float(np.tanh(centre - half)), float(np.tanh(centre + half)))
+    low, high = (float(np.tanh(centre + s * half)) for s in (-1.0, 1.0))
+    # The clipped transform of a perfect correlation would leave it outside by rounding.
+    return RankCorrelation(r, min(low, r), max(high, r))
 
 
 class SobolIndex(NamedTuple):

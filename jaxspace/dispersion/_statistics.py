@@ -7,7 +7,8 @@ orthogonal to them:
     z_j = (x_j - mean(x_j)) / s_j,      q_j = z_j^2 - 1 - mean(z_j^3) z_j
     share_j = mean(u f_j),      sum_j share_j = R^2
 
-The shares add up to R^2 exactly; for independent inputs share_j is beta_j^2 + gamma_j^2 mean(q_j^2).
+The shares add up to R^2 exactly; of independent inputs share_j is
+beta_j^2 + gamma_j^2 mean(q_j^2).
 The rest, 1 - R^2, is due to products of inputs, to higher powers and to what is no input. The
 squares matter for outputs that are magnitudes (a pointing error, a cone angle), which no linear law
 describes.

@@ -207,8 +207,8 @@ def _dispersion() -> Table:
 
 
 class OutputList(Kind):
-    """A list of names or paths, or tables with the keys `output`, `at`, `unit` and `name`, and with a
-    requirement, `at_least` and `at_most`."""
+    """A list of names or paths, or tables with the keys `output`, `at`, `unit`, `name`, and for a
+    requirement `at_least` and `at_most`."""
 
     KEYS = ("output", "at", "unit", "name", "at_least", "at_most")
 

@@ -1,4 +1,4 @@
-"""Numbers of a file that scatter together: [[dispersion.correlated]] and [[dispersion.direction]]."""
+"""Numbers that scatter together: [[dispersion.correlated]] and [[dispersion.direction]]."""
 
 import math
 from collections.abc import Callable, Mapping

@@ -50,7 +50,7 @@ def page_data(
         "convergence": {n: _convergence(dispersion, n, rows[n]) for n in outputs},
         "matrix": [n for n in outputs if rows[n].runs and rows[n].std > 0.0][:MOST_OUTPUTS],
         "time": time_budget(dispersion),
-        "trajectories": None if flights is None else _paths(flights),
+        "trajectories": _paths(flights),
     }
 
 
@@ -149,17 +149,20 @@ def _convergence(dispersion: "Dispersion", name: str, row: "Row") -> dict[str, A
     }
 
 
-def _paths(flights: "Flights") -> dict[str, Any]:
-    """The trajectories in km, or in m where they are short."""
+def _paths(flights: "Flights | None") -> dict[str, Any] | None:
+    """The trajectories in km, or in m where they are short; `None` without any."""
+    if flights is None or not np.isfinite(flights.positions).any():
+        return None
     x = np.asarray(flights.positions, float)
     factor, unit = (1e-3, "km") if np.nanmax(np.abs(x)) > 1e4 else (1.0, "m")
     digits = 6 - int(np.ceil(np.log10(max(factor * float(np.nanmax(np.abs(x))), 1e-6))))
     rounded = np.round(factor * x, digits)
-    paths = [rounded[..., k].tolist() for k in range(x.shape[-1])]
-    # The first one is the nominal run.
+    # A failed run has no path.
+    good = [k for k in range(x.shape[-1]) if np.all(np.isfinite(x[..., k]))]
     return {
         "unit": unit,
-        "numbers": [int(n) for n in flights.numbers[1:]],
-        "runs": paths[1:],
-        "nominal": paths[0],
+        # The first one is the nominal run.
+        "numbers": [int(flights.numbers[k]) for k in good if k > 0],
+        "runs": [rounded[..., k].tolist() for k in good if k > 0],
+        "nominal": rounded[..., 0].tolist() if 0 in good else None,
     }
