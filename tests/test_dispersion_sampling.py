@@ -46,6 +46,11 @@ KNOWN = [
 Z = np.array([-6.0, -3.0, -1.0, 0.0, 0.3, 2.0, 5.0])
 
 
+def drawn(inputs, design=None):
+    """A campaign of which only the inputs are asked."""
+    return Campaign(lambda samples: None, inputs, lambda result, samples: {}, design=design)
+
+
 @pytest.mark.parametrize("distribution, reference", KNOWN)
 def test_quantiles_and_tails(distribution, reference):
     """F^-1(Phi(z)) from the nearer end, and the shares outside of an interval."""
@@ -107,7 +112,7 @@ def test_a_cone_of_directions():
 def test_correlated_inputs(key):
     covariance = np.array([[4.0, -0.9], [-0.9, 0.25]])
     joint = MultivariateNormal.from_covariance([1.0, -1.0], covariance)
-    campaign = Campaign(None, joint.inputs("b", "a") | {"c": Normal(0.0, 1.0)}, None)
+    campaign = drawn(joint.inputs("b", "a") | {"c": Normal(0.0, 1.0)})
     x = campaign.samples(key, jnp.arange(40000))
     found = np.cov(np.stack([x["b"], x["a"], x["c"]]))
     # Each entry to five times s_i s_j sqrt((1 + r^2)/n).
@@ -115,7 +120,7 @@ def test_correlated_inputs(key):
     assert abs(found[2, 0]) < 5 * 2.0 / 200.0
     # The ranks of a copula are those of its normal numbers, whatever the marginals.
     copula = Correlated.of((Uniform(0.0, 1.0), Lognormal(2.0, 0.5)), [[1.0, 0.8], [0.8, 1.0]])
-    y = Campaign(None, copula.inputs("u", "v"), None).samples(key, jnp.arange(40000))
+    y = drawn(copula.inputs("u", "v")).samples(key, jnp.arange(40000))
     expected = 6.0 / np.pi * np.arcsin(0.4)  # Spearman's for a normal correlation of 0.8
     assert scipy.stats.spearmanr(y["u"], y["v"])[0] == pytest.approx(expected, abs=0.02)
     # A singular covariance is a law between the inputs.
@@ -159,9 +164,9 @@ def test_scrambled_points_fill_the_cube(key):
 @pytest.mark.parametrize("design", [None, LatinHypercube(600), Sobol()])
 def test_a_run_depends_on_seed_and_number_alone(design, key):
     inputs = {"b": Normal(0.0, 1.0), **ConeDirection(jnp.ones(3), 0.1).inputs("x", "y", "a")}
-    campaign = Campaign(None, inputs, None, design=design)
+    campaign = drawn(inputs, design)
     every = campaign.samples(key, jnp.arange(600))
-    some = jax.jit(campaign.samples)(key, jnp.array([599, 3]))
+    some = jax.jit(lambda numbers: campaign.samples(key, numbers))(jnp.array([599, 3]))
     for name, x in some.items():
         # Compiled together an operation may round otherwise: the last bit, of numbers of size one.
         np.testing.assert_allclose(x, every[name][jnp.array([599, 3])], rtol=0.0, atol=1e-14)
@@ -174,7 +179,7 @@ def test_a_mean_over_even_points_is_nearer(key):
     exact = 3.0 * np.exp(0.5)
     error = np.sqrt(3.0 * (np.exp(2.0) - np.exp(1.0)) / 512.0)
     for design in (LatinHypercube(512), Sobol()):
-        x = Campaign(None, inputs, None, design=design).samples(key, jnp.arange(512))
+        x = drawn(inputs, design).samples(key, jnp.arange(512))
         assert abs(sum(float(jnp.mean(jnp.exp(v))) for v in x.values()) - exact) < 0.2 * error
 
 
@@ -230,7 +235,7 @@ def test_a_file_scatters_in_every_way(tmp_path, key):
     campaign = jaxspace.load(path).campaign(runs=64)
     assert campaign.design == LatinHypercube(64)
     assert campaign.requirements == (("periapsis_altitude", (300.0, None)),)
-    x = campaign.samples(key, jnp.arange(64))
+    x = jax.jit(lambda numbers: campaign.samples(key, numbers))(jnp.arange(64))
     # The unit is converted by a factor that rounds.
     np.testing.assert_allclose(np.unique(x["planet.mu"]), [3.986e14, 3.986015e14], rtol=1e-14)
     assert np.all((x["initial.position.1"] > -1e3) & (x["initial.position.1"] < 3e3))

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Mapping
-from typing import NamedTuple, Protocol
+from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -24,6 +24,7 @@ RARE = 1e-3
 ANGLE = Quantity("rad", "half angle", 0.0, math.pi, False)
 
 
+@runtime_checkable
 class Scattering(Protocol):
     """What is known of an input: its nominal value, and how it scatters."""
 

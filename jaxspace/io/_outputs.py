@@ -206,22 +206,23 @@ class Outputs(eqx.Module):
     reference: dict[int, State] | None
 
     def __call__(self, result: MissionResult, samples: dict[str, Array]) -> dict[str, Array]:
-        states = {-1: result.final}
+        states, ends = {-1: result.final}, {-1: result.end}
         for spec in self.specs:
             # Only phases that are asked for: states of the others are not kept by the compiled
             # program.
             if spec.at >= 0:
                 states[spec.at] = last_state(result.phases[spec.at].states)
-        return self.numbers(states, result.end, samples)
+                ends[spec.at] = result.phases[spec.at].ts[-1]
+        return self.numbers(states, ends, samples)
 
     def numbers(
-        self, states: dict[int, State], end: Array, samples: dict[str, Array]
+        self, states: dict[int, State], ends: dict[int, Array], samples: dict[str, Array]
     ) -> dict[str, Array]:
-        """The outputs, each (runs,), from the states by phase and the time at the end, s."""
+        """The outputs, each (runs,), from the states by phase and the times at their ends, s."""
         runs = jax.tree.leaves(states[-1])[0].shape[-1]
         found = {}
         for spec in self.specs:
-            value = self._value(spec, states, end, samples, runs)
+            value = self._value(spec, states, ends, samples, runs)
             # An output of shared numbers alone has no runs, but a column of the store has.
             found[spec.name] = jnp.broadcast_to(spec.factor * value, (runs,))
         return found
@@ -230,7 +231,7 @@ class Outputs(eqx.Module):
         self,
         spec: OutputSpec,
         states: dict[int, State],
-        end: Array,
+        ends: dict[int, Array],
         samples: dict[str, Array],
         runs: int,
     ) -> Array:
@@ -244,7 +245,7 @@ class Outputs(eqx.Module):
             elif name == "y":
                 arguments[name] = y
             elif name == "t":
-                arguments[name] = end
+                arguments[name] = ends[spec.at]
             elif name == "body":
                 arguments[name] = self.file.body(self.values, samples, runs)
             elif name == "initial":

@@ -219,13 +219,14 @@ class SceneFile:
         if not specs:
             return {}
         if isinstance(nominal, MissionTrajectory):
-            states, end = self._nominal_states(nominal), nominal.end
+            states = self._nominal_states(nominal)
+            ends = {-1: nominal.end, **{k: p.ts[-1] for k, p in enumerate(nominal.phases)}}
         else:
             states = {-1: jax.tree.map(lambda x: x[..., None], nominal.final)}
-            end = nominal.ts[-1]
+            ends = {-1: nominal.ts[-1]}
         # Outputs are written for runs on the last axis: the nominal run is a batch of one.
-        end = jnp.reshape(end, (1,))
-        numbers = eqx.filter_jit(lambda o, s, t: o.numbers(s, t, {}))(outputs, states, end)
+        ends = {place: jnp.reshape(t, (1,)) for place, t in ends.items()}
+        numbers = eqx.filter_jit(lambda o, s, t: o.numbers(s, t, {}))(outputs, states, ends)
         return {spec.name: (float(numbers[spec.name][0]), spec.unit) for spec in specs}
 
     def body(self, values: Values, samples: Mapping[str, Array], runs: int) -> AbstractBody:
