@@ -19,6 +19,7 @@ from ..io import (
 from ..simulation import Mission, Status, Trajectory
 from ..studies import AccuracyCost, EffectBudget, accuracy_cost, effect_budget
 from ..verification import run_cases
+from ._folder import make_folder
 from ._report import keep_pictures
 
 TOLERANCES = tuple(10.0**-k for k in range(4, 13))
@@ -172,19 +173,6 @@ def verify(precision: str, device: str | None, path: str | None) -> int:
         with open(path, "w", encoding="utf-8") as file:
             file.write(result.json())
     return 0 if result.passed else 1
-
-
-def make_folder(name: str) -> None:
-    """Make the folder for results. Raises `InputError` where nothing can be written."""
-    try:
-        os.makedirs(name, exist_ok=True)
-    except OSError as error:
-        raise InputError(
-            f"--out is {name}: it cannot be made a folder: {error.strerror}."
-        ) from error
-    # Asked before the run: hours of computing must not end in a refused write.
-    if not os.access(name, os.W_OK | os.X_OK):
-        raise InputError(f"--out is {name}: it must be a folder in which files may be written.")
 
 
 def _draw(trajectory: Trajectory, path: str) -> None:

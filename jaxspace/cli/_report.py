@@ -11,6 +11,7 @@ import numpy as np
 from ..core import InputError
 from ..dispersion import Dispersion, Flights, fly, open_store
 from ..io import SceneError, SceneFile, dispersion_report, stored_scene
+from ._folder import make_folder
 
 FLIGHTS = 24
 """Runs whose trajectories are drawn."""
@@ -48,8 +49,6 @@ def keep_pictures(
 
 def report(path: str, folder: str | None) -> int:
     """Write the page of a store with trajectories, and its runs as tables."""
-    from ._commands import make_folder
-
     result = open_store(path)
     file = _scene(result)
     name = Path(path).name.removesuffix(".zarr")

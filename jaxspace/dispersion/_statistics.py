@@ -32,7 +32,7 @@ import numpy as np
 from ..core import InputError
 from ..simulation import Status
 from ._limits import Percentile, Probability, clopper_pearson, percentile
-from ._moments import Ellipsoid, ellipsoid
+from ._moments import Convergence, Ellipsoid, convergence, ellipsoid
 from ._rounding import rounded, scatters
 from ._sensitivity import RankCorrelation, rank_correlation
 
@@ -253,6 +253,10 @@ class Dispersion(eqx.Module):
     def ellipsoid(self, *names: str, probability: float = 0.99) -> Ellipsoid:
         """The ellipse or ellipsoid of the named quantities, over the good runs."""
         return ellipsoid(self.together(*names), probability)
+
+    def convergence(self, name: str, share: float = 0.99) -> Convergence:
+        """How mean, deviation and a percentile of a quantity settled with the good runs."""
+        return convergence(self.together(name)[0], share)
 
     def violation(
         self,

@@ -127,11 +127,9 @@ def _contributors(dispersion: "Dispersion", name: str, count: int) -> dict[str, 
 
 
 def _convergence(dispersion: "Dispersion", name: str, row: "Row") -> dict[str, Any] | None:
-    from ..dispersion import convergence
-
     if row.runs < 2:
         return None
-    found = convergence(dispersion.values(name)[shown(dispersion, name)])
+    found = dispersion.convergence(name)
     # An interval without an end is none: the band begins where there are enough runs.
     known = np.isfinite(found.low) & np.isfinite(found.high)
     low, high = (np.where(known, x, found.limit) for x in (found.low, found.high))
