@@ -51,6 +51,7 @@ def test_a_picture_that_fails_costs_no_number(folder, capsys, monkeypatch):
     assert "coast.png is left out: ValueError: no colour is left" in printed.err
 
 
+@pytest.mark.sweep
 def test_report_of_a_campaign_made_in_python(tmp_path, capsys):
     from test_dispersion import drifts, last
 

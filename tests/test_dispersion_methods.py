@@ -163,7 +163,7 @@ def test_subset_simulation_where_no_point_is_nearest():
     ]
     logs = np.log([f.value for f in found])
     assert abs(logs.mean() - np.log(1e-6)) < 5.0 * 0.5 * found[0].variation
-    assert all(f.variation < 0.5 and f.runs < 12000 for f in found)
+    assert all(f.variation < 0.6 and f.runs < 12000 for f in found)
     # The stated variation is that which four repetitions show, to the factor that four can tell.
     assert logs.std(ddof=1) < 3.0 * found[0].variation
 

@@ -126,7 +126,9 @@ def test_bins_hold_every_value(x):
 
 
 @pytest.mark.skipif(BROWSER is None, reason="no Chromium")
-@pytest.mark.parametrize("width, dark", [(400, True), (1600, False)])
+@pytest.mark.parametrize(
+    "width, dark", [(400, True), pytest.param(1600, False, marks=pytest.mark.sweep)]
+)
 def test_page_draws_and_its_pickers_work(width, dark, tmp_path):
     page = dispersion_page(
         dispersion(1000), tmp_path / "d.html", nominal=NOMINAL, flights=flights()

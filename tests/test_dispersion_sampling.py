@@ -172,6 +172,7 @@ def test_a_run_depends_on_seed_and_number_alone(design, key):
         np.testing.assert_allclose(x, every[name][jnp.array([599, 3])], rtol=0.0, atol=1e-14)
 
 
+@pytest.mark.sweep
 def test_a_mean_over_even_points_is_nearer(key):
     """The mean of a smooth function of three inputs over 512 runs, beside its closed form
     E[exp(z)] = exp(1/2): both designs beat the standard error of random draws by far."""

@@ -67,7 +67,7 @@ class AbstractJoint(eqx.Module):
         if len(names) != self.size:
             raise InputError(f"{len(names)} names are given for {self.size} numbers.")
         source = "+".join(names)
-        return {name: Component(self, k, source) for k, name in enumerate(names)}
+        return {name: Component(self, index=k, shared=source) for k, name in enumerate(names)}
 
 
 @final

@@ -38,9 +38,9 @@ from ._sampling import map_normals, normal_columns
 STARTS, ITERATIONS = 6, 25
 LEVEL = 0.1
 CORRELATION = 0.8
-CHAINED = 3.0
+CHAINED = 4.5
 """How much the runs of a chain, which resemble one another, widen the interval: its variance is 1 +
-this times that of independent runs."""
+this times that of independent runs. Of 40 repetitions for 1e-6 the logarithms scattered by 0.41."""
 
 
 class RareEvent(NamedTuple):
@@ -222,7 +222,7 @@ def _subset(
     g, made, value, variance = margin(z), size, 1.0, 0.0
     for level in range(30):
         order = np.argsort(g, kind="stable")
-        border = 0.5 * (g[order[keep - 1]] + g[order[keep]])
+        border = float(0.5 * (g[order[keep - 1]] + g[order[keep]]))
         # The runs of the first level are independent, those of the chains are not.
         widened = 1.0 if level == 0 else 1.0 + CHAINED
         if border <= 0.0:

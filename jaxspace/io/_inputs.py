@@ -142,7 +142,7 @@ def _read(key: str, entry: Value, nominal: Measure, file: Parsed, folder: Path) 
         if given not in ("distribution", *fields, *own):
             raise ValueError(unknown(f"{key}.{given}", given, fields, f"key of {name}"))
     numbers: dict[str, Any] = {}
-    entry = _with_file(key, entry, folder) if "file" in entry else entry
+    entry = _with_file(key, dict(entry), folder) if "file" in entry else entry
     for field, declared in fields.items():
         if field in entry:
             numbers[field] = _value(f"{key}.{field}", entry[field], nominal, declared)
