@@ -67,7 +67,12 @@ class AbstractJoint(eqx.Module):
         if len(names) != self.size:
             raise InputError(f"{len(names)} names are given for {self.size} numbers.")
         source = "+".join(names)
-        return {name: Component(self, index=k, shared=source) for k, name in enumerate(names)}
+        # The abstract fields of the base are properties here, and no arguments.
+        made = (
+            Component(joint=self, index=k, shared=source)  # pyright: ignore[reportCallIssue]
+            for k in range(self.size)
+        )
+        return dict(zip(names, made, strict=True))
 
 
 @final
