@@ -68,7 +68,8 @@ name = "on"
 effects = ["point_gravity"]
 duration = "100 s"
 [dispersion]
-outputs = [{ output = "end_time", at = "up", name = "rise" }, "end_time", "along_track_error"]
+outputs = [{ output = "end_time", at = "up", name = "rise", unit = "s" },
+  { output = "end_time", unit = "s" }, "along_track_error"]
 [dispersion.inputs]
 "initial.velocity.1" = { deviation = "10 m/s" }
 """
