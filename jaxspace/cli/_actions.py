@@ -26,6 +26,14 @@ def disperse(given: argparse.Namespace) -> int:
     return _commands.disperse(given.file, given.runs, given.seed, given.chunk, given.out)
 
 
+def report(given: argparse.Namespace) -> int:
+    """Write the page and the tables of a stored campaign."""
+    from . import _report
+
+    settle()
+    return _report.report(given.file, given.out)
+
+
 def explain(given: argparse.Namespace) -> int:
     """Print the table of effects of every scene of the file."""
     from . import _commands

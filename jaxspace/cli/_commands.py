@@ -5,7 +5,6 @@ import os
 import sys
 
 from ..core import InputError
-from ..dispersion import Dispersion
 from ..dispersion import disperse as disperse_campaign
 from ..io import (
     SceneFile,
@@ -22,6 +21,8 @@ from ..io import (
 from ..simulation import Mission, Status, Trajectory
 from ..studies import AccuracyCost, EffectBudget, accuracy_cost, effect_budget
 from ..verification import run_cases
+from ._folder import make_folder
+from ._report import keep_pictures
 
 TOLERANCES = tuple(10.0**-k for k in range(4, 13))
 
@@ -59,7 +60,7 @@ def disperse(path: str, runs: int | None, seed: int | None, chunk: int, folder: 
     for doubt in file.doubts():
         print(doubt, file=sys.stderr)
     nominal = file.nominal_mission()
-    campaign = file.campaign(nominal, warn=False)
+    campaign = file.campaign(nominal, warn=False, runs=runs)
     store = _path(file, folder, ".zarr")
     with tqdm(total=runs, unit="run", file=sys.stderr, disable=None) as bar:
 
@@ -76,29 +77,16 @@ def disperse(path: str, runs: int | None, seed: int | None, chunk: int, folder: 
             store=store,
             progress=show,
         )
-    print(dispersion_report(result, file.nominal_outputs(nominal)))
+    own = file.nominal_outputs(nominal)
+    print(dispersion_report(result, own))
     # Compiling is paid once, so that it must not spoil the rate that a longer campaign will see.
     ahead = result.attributes["preparation_seconds"]
     rate = runs / max(result.seconds - ahead, 1e-9)
     print(f"{result.seconds:.1f} s: {ahead:.1f} s to compile and to plan, then {rate:.0f} runs/s")
-    _keep(file, result, folder)
+    keep_pictures(result, file.title, own, _path(file, folder, ""))
     print(f"store  {store}")
     # Single failed runs are part of the result; a campaign of which all failed is none.
     return 0 if result.good.any() else 1
-
-
-def _keep(file: SceneFile, result: Dispersion, folder: str) -> None:
-    import matplotlib
-
-    from ..plots import dispersion_figure, dispersion_page
-
-    if result.good.any():
-        # No window: the command also runs where there is no display.
-        matplotlib.use("Agg")
-        figure, page = _path(file, folder, ".png"), _path(file, folder, ".html")
-        dispersion_figure(result).savefig(figure)
-        dispersion_page(result, page)
-        print(f"figure {figure}\npage   {page}")
 
 
 def optimize(path: str, folder: str, sensitivities: bool) -> int:
@@ -219,19 +207,6 @@ def verify(precision: str, device: str | None, path: str | None) -> int:
         with open(path, "w", encoding="utf-8") as file:
             file.write(result.json())
     return 0 if result.passed else 1
-
-
-def make_folder(name: str) -> None:
-    """Make the folder for results. Raises `InputError` where nothing can be written."""
-    try:
-        os.makedirs(name, exist_ok=True)
-    except OSError as error:
-        raise InputError(
-            f"--out is {name}: it cannot be made a folder: {error.strerror}."
-        ) from error
-    # Asked before the run: hours of computing must not end in a refused write.
-    if not os.access(name, os.W_OK | os.X_OK):
-        raise InputError(f"--out is {name}: it must be a folder in which files may be written.")
 
 
 def _draw(trajectory: Trajectory, path: str) -> None:

@@ -24,6 +24,9 @@ def parser() -> argparse.ArgumentParser:
     disperse = add(
         "disperse", actions.disperse, "simulate a scene file many times with its dispersions"
     )
+    report = add("report", actions.report, "write the page and the tables of a stored campaign")
+    report.add_argument("file", metavar="STORE", help="the store of a dispersion")
+    report.add_argument("--out", metavar="DIR", help="where the files go (default: beside STORE)")
     explain = add(
         "explain", actions.explain, "show what the effects of a scene file read, add and cost"
     )

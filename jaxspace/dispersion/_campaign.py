@@ -1,11 +1,9 @@
 """A campaign: from random inputs to a mission, and from its result to the outputs."""
 
-import zlib
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import final
+from typing import TypeAlias, TypeVar, final
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
@@ -15,14 +13,16 @@ from ..core import InputError, Quantity, State, as_float, check_finite
 from ..simulation import Mission
 from ..simulation._mission_runs import MissionResult
 from ._distributions import AbstractDistribution
+from ._sampling import AbstractDesign, draw
+
+Limits: TypeAlias = tuple[float | None, float | None]
+T = TypeVar("T")
 
 RESERVED = ("run", "status", "evaluations")
 """Names of the variables that every store has."""
 
 
-def _as_pairs(
-    limits: dict[str, Quantity] | Sequence[tuple[str, Quantity]],
-) -> tuple[tuple[str, Quantity], ...]:
+def _as_pairs(limits: dict[str, T] | Sequence[tuple[str, T]]) -> tuple[tuple[str, T], ...]:
     """A dict as pairs, which can be hashed, as a static field has to be."""
     return tuple(limits.items()) if isinstance(limits, dict) else tuple(limits)
 
@@ -42,6 +42,9 @@ class Campaign(eqx.Module):
     - `description`: free text for the record, such as the scene file.
     - `limits`: what each input is, by name, with the range that its class allows; a run of which an
       input falls outside is refused (`allowed`).
+    - `requirements`: of each output that has some, by name, the least and the greatest value that
+      is allowed, `None` for no such limit; statistics and reports count violations.
+    - `design`: where the runs lie (`LatinHypercube`, `Sobol`); at random if left out.
 
     `build` and `outputs` are traced once; as modules they may hold arrays of their own. Raises
     `InputError` for an input that is no distribution, whose name is reserved, or when there is
@@ -54,6 +57,10 @@ class Campaign(eqx.Module):
     start: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)
     description: str = eqx.field(static=True, default="")
     limits: tuple[tuple[str, Quantity], ...] = eqx.field(
+        static=True, converter=_as_pairs, default=()
+    )
+    design: AbstractDesign | None = None
+    requirements: tuple[tuple[str, Limits], ...] = eqx.field(
         static=True, converter=_as_pairs, default=()
     )
 
@@ -84,18 +91,7 @@ class Campaign(eqx.Module):
 
         **Returns** the inputs by name, (runs,).
         """
-
-        # A draw depends on the key, the number of its run and its own name only, so that it is the
-        # same however many runs or other inputs there are.
-        def draw(number: Array) -> dict[str, Array]:
-            own = jax.random.fold_in(key, number)
-            return {
-                name: d.sample(jax.random.fold_in(own, zlib.crc32(name.encode())))
-                for name, d in self.inputs.items()
-            }
-
-        # Distributions know one draw only; `vmap` here keeps axes of runs out of every one of them.
-        return jax.vmap(draw)(numbers)
+        return draw(self.inputs, self.design, key, numbers)
 
     def allowed(self, samples: dict[str, Float[Array, " runs"]]) -> Bool[Array, " runs"]:
         """For each run whether all of its inputs lie in the ranges that their classes allow."""

@@ -19,6 +19,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.scipy.special import ndtr, ndtri
 from jax.typing import ArrayLike
 from jaxtyping import Array, Float
 
@@ -35,15 +36,32 @@ NOMINAL = "nominal"
 
 
 class AbstractDistribution(AbstractParameters):
-    """A distribution of one number. A concrete one is final and offers `mean` and `deviation` as
-    fields or properties."""
+    """A distribution of one number. A concrete one is final and offers `mean` (the value of the
+    nominal run) and `deviation` as fields or properties."""
 
     mean: eqx.AbstractVar[Float[Array, ""]]
     deviation: eqx.AbstractVar[Float[Array, ""]]
 
+    @property
+    def source(self) -> str:
+        """The name of the draw that several inputs share; empty for a draw of one's own."""
+        return ""
+
+    @property
+    def dimensions(self) -> int:
+        """How many standard normal numbers make one draw."""
+        return 1
+
     @abstractmethod
     def sample(self, key: Array) -> Float[Array, ""]:
         """One draw, decided by the random `key` alone."""
+
+    @abstractmethod
+    def from_normal(self, z: Float[Array, "..."]) -> Float[Array, ""]:
+        """The value that has the same place in this distribution as `z` has in the standard normal
+        one, F^-1(Phi(z)): the way of Latin hypercubes, of Sobol points and of rare events.
+
+        `z`: (), or (dimensions,) where one draw takes several."""
 
     @abstractmethod
     def outside(self, low: float, high: float) -> float:
@@ -95,6 +113,9 @@ class Normal(AbstractDistribution):
     def sample(self, key: Array) -> Float[Array, ""]:
         return self.mean + self.deviation * jax.random.normal(key)
 
+    def from_normal(self, z: Float[Array, "..."]) -> Float[Array, ""]:
+        return self.mean + self.deviation * z
+
     def outside(self, low: float, high: float) -> float:
         mean, deviation = float(self.mean), float(self.deviation)
         # Allowed, so that a study can switch one input off; there is no tail to integrate then.
@@ -129,6 +150,9 @@ class Uniform(AbstractDistribution):
 
     def sample(self, key: Array) -> Float[Array, ""]:
         return self.low + (self.high - self.low) * jax.random.uniform(key)
+
+    def from_normal(self, z: Float[Array, "..."]) -> Float[Array, ""]:
+        return self.low + (self.high - self.low) * ndtr(z)
 
     def outside(self, low: float, high: float) -> float:
         return 1.0 - _uniform_share(float(self.low), float(self.high), low, high)
@@ -168,6 +192,14 @@ class TruncatedNormal(AbstractDistribution):
         # The product may round to beyond a limit, which a class may refuse.
         return jnp.clip(drawn, self.low, self.high)
 
+    def from_normal(self, z: Float[Array, "..."]) -> Float[Array, ""]:
+        a, b = (self.low - self.mean) / self.deviation, (self.high - self.mean) / self.deviation
+        # From the nearer end: one minus a small share would lose the digits of the upper tail.
+        lower = ndtr(a) + ndtr(-jnp.abs(z)) * (ndtr(b) - ndtr(a))
+        upper = ndtr(-b) + ndtr(-jnp.abs(z)) * (ndtr(-a) - ndtr(-b))
+        place = jnp.where(z > 0.0, -ndtri(upper), ndtri(lower))
+        return jnp.clip(self.mean + self.deviation * place, self.low, self.high)
+
     def outside(self, low: float, high: float) -> float:
         mean, deviation = float(self.mean), float(self.deviation)
         a, b = (float(self.low) - mean) / deviation, (float(self.high) - mean) / deviation
@@ -202,6 +234,9 @@ class Constant(AbstractDistribution):
     def sample(self, key: Array) -> Float[Array, ""]:
         del key
         return self.value
+
+    def from_normal(self, z: Float[Array, "..."]) -> Float[Array, ""]:
+        return self.value + 0.0 * z
 
     def outside(self, low: float, high: float) -> float:
         return float(not low <= float(self.value) <= high)

@@ -119,6 +119,7 @@ def _record(campaign: Campaign, accuracy: Accuracy, runs: int) -> dict[str, obje
     return {
         "description": campaign.description,
         "inputs": campaign.text(),
+        "requirements": dict(campaign.requirements),
         "planned_runs": runs,
         "rtol": rtol,
         "atol": 1e-3 * rtol if accuracy.atol is None else float(np.asarray(accuracy.atol)),

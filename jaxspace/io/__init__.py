@@ -22,4 +22,5 @@ from ._report import optimum_report as optimum_report
 from ._report import run_report as run_report
 from ._report import sensitivity_report as sensitivity_report
 from ._scene_file import SceneFile as SceneFile
+from ._stored import stored_scene as stored_scene
 from ._units import read_size as read_size

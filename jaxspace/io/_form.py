@@ -25,6 +25,7 @@ from ._table_kinds import AnyTable, Object, Table
 from ._value_kinds import ListOf, Number, OneName, Text, Whole
 
 KINDS = ("system", "scene", "mission")
+DESIGNS = ("random", "latin_hypercube", "sobol")
 TIME = Number(argument("s", fixed=True, doc="time"))
 DURATION = Number(argument("s", positive=True, doc="duration"))
 LONGEST_STEP = Number(argument("s", positive=True, fixed=True, doc="longest step"))
@@ -199,15 +200,23 @@ def _dispersion() -> Table:
             "seed": Entry(Whole(0), 1, doc="what the inputs are drawn from"),
             "outputs": Entry(OutputList(), doc="what is kept of each run"),
             # Which paths exist is known only after the rest of the file has been read.
-            "inputs": Entry(AnyTable(), doc="what scatters, by path"),
+            "inputs": Entry(AnyTable(), {}, doc="what scatters, by path"),
+            "correlated": Entry(
+                ListOf(AnyTable()), (), doc="inputs that are correlated, by a matrix"
+            ),
+            "direction": Entry(ListOf(AnyTable()), (), doc="vectors whose direction scatters"),
+            "sampling": Entry(
+                OneName(DESIGNS), "random", doc="where the runs lie among the inputs"
+            ),
         }
     )
 
 
 class OutputList(Kind):
-    """A list of names or paths, or tables with the keys `output`, `at`, `unit` and `name`."""
+    """A list of names or paths, or tables with the keys `output`, `at`, `unit`, `name`, and for a
+    requirement `at_least` and `at_most`."""
 
-    KEYS = ("output", "at", "unit", "name")
+    KEYS = ("output", "at", "unit", "name", "at_least", "at_most")
 
     def read(self, value: object, path: str, reading: Reading) -> Value:
         if not (isinstance(value, list) and value):
@@ -224,7 +233,8 @@ class OutputList(Kind):
         for key, text in value.items():
             if key not in self.KEYS:
                 reading.errors.append(unknown(f"{path}.{key}", key, self.KEYS))
-            elif not isinstance(text, str):
+            # A limit may be a number without a unit.
+            elif not isinstance(text, str) and not key.startswith("at_"):
                 reading.errors.append(wrong(f"{path}.{key}", text, "text"))
         if "output" not in value:
             reading.errors.append(missing(f"{path}.output", "the name of an output"))
@@ -235,9 +245,11 @@ class OutputList(Kind):
 
     def schema(self) -> Schema:
         text = {"type": "string"}
+        limit = {"type": ["string", "number"]}
+        kinds = {key: limit if key.startswith("at_") else text for key in self.KEYS}
         table = {
             "type": "object",
-            "properties": {key: text for key in self.KEYS},
+            "properties": kinds,
             "required": ["output"],
             "additionalProperties": False,
         }

@@ -1,20 +1,24 @@
 """Which numbers of a file scatter, and how: [dispersion.inputs], whose keys are paths of the file's
 own numbers."""
 
+import csv
 from collections.abc import Iterable, Iterator, Mapping
-from typing import NamedTuple
+from pathlib import Path
+from typing import Any, NamedTuple
 
 from ..core import InputError, Quantity
 from ..dispersion import NOMINAL, SHARE_OF_INPUT, AbstractDistribution
 from ._checks import Parsed
-from ._errors import hint, missing, unknown, wrong
-from ._kinds import Entry, Value
+from ._errors import hint, missing, shown, unknown, wrong
+from ._joint_inputs import JointInput, read_correlated, read_direction
+from ._kinds import Entry, Value, Values
 from ._units import expected, read_number, split
-from ._value_kinds import Measure, Number
+from ._value_kinds import ListOf, Measure, Number
 
 DEFAULT = "normal"
 # One refused run in a thousand does not move a statistic; more deserve a word.
 RARE = 1e-3
+FILE_KEYS = ("file", "column", "unit")
 
 
 class Input(NamedTuple):
@@ -23,7 +27,7 @@ class Input(NamedTuple):
 
     nominal: Measure
     name: str
-    numbers: dict[str, float]
+    numbers: dict[str, Any]
     cls: type[AbstractDistribution]
 
     def distribution(self) -> AbstractDistribution:
@@ -50,21 +54,27 @@ class Input(NamedTuple):
         return found
 
 
-def read_inputs(file: Parsed) -> tuple[dict[str, Input], list[str]]:
-    """For every input how it scatters; or what is wrong."""
+def read_inputs(file: Parsed, folder: Path) -> tuple[dict[str, Input | JointInput], list[str]]:
+    """For every input how it scatters; or what is wrong. `folder`: where files of values lie."""
     # The numbers of the distributions themselves do not scatter.
     numbers = {p: m for p, m in measures(file.values) if not p.startswith("dispersion")}
-    found: dict[str, Input] = {}
+    found: dict[str, Input | JointInput] = {}
     errors = []
-    keys = {"distribution", *_fields(file)}
+    keys = {"distribution", *FILE_KEYS, *_fields(file)}
     for path, entry in _entries(file.values["dispersion"]["inputs"], keys):
         if path not in numbers:
             errors.append(_unknown_path(path, list(numbers)))
             continue
         try:
-            found[path] = _read(f"dispersion.inputs.{path}", entry, numbers[path], file)
+            found[path] = _read(f"dispersion.inputs.{path}", entry, numbers[path], file, folder)
         except ValueError as error:
             errors.append(str(error))
+    for table, read in (("correlated", read_correlated), ("direction", read_direction)):
+        for k, entry in enumerate(file.values["dispersion"][table]):
+            try:
+                found |= read(f"dispersion.{table}.{k}", entry, numbers, found)
+            except ValueError as error:
+                errors.append(str(error))
     # A campaign without any input would run the nominal run again and again.
     if not found and not errors:
         errors.append(
@@ -115,7 +125,7 @@ def _unknown_path(path: str, paths: list[str]) -> str:
     return sentence.partition(" Did you mean")[0] + hint(path, paths)
 
 
-def _read(key: str, entry: Value, nominal: Measure, file: Parsed) -> Input:
+def _read(key: str, entry: Value, nominal: Measure, file: Parsed, folder: Path) -> Input:
     """Raises `ValueError` with the whole sentence."""
     if not isinstance(entry, Mapping):
         raise ValueError(wrong(key, entry, "a table, such as { deviation = ... }"))
@@ -126,15 +136,16 @@ def _read(key: str, entry: Value, nominal: Measure, file: Parsed) -> Input:
         raise ValueError(wrong(f"{key}.distribution", name, what) + hint(name, known))
     cls = known[name]
     fields = file.catalog.kinds[cls].ways[0].entries
+    # Measured values may stand in a file of their own.
+    own = FILE_KEYS if "values" in fields and "weights" not in fields else ()
     for given in entry:
-        if given not in ("distribution", *fields):
+        if given not in ("distribution", *fields, *own):
             raise ValueError(unknown(f"{key}.{given}", given, fields, f"key of {name}"))
-    numbers = {}
+    numbers: dict[str, Any] = {}
+    entry = _with_file(key, dict(entry), folder) if "file" in entry else entry
     for field, declared in fields.items():
         if field in entry:
-            numbers[field] = _number(
-                f"{key}.{field}", entry[field], nominal, _quantity_of(declared)
-            )
+            numbers[field] = _value(f"{key}.{field}", entry[field], nominal, declared)
         # The mean is what the file says elsewhere, so that nobody has to write it twice.
         elif declared.shared == NOMINAL:
             numbers[field] = float(nominal)
@@ -149,10 +160,41 @@ def _read(key: str, entry: Value, nominal: Measure, file: Parsed) -> Input:
     return Input(nominal, name, numbers, cls)
 
 
-def _quantity_of(entry: Entry) -> Quantity:
-    """What a field of a distribution declares; all of them are single numbers."""
-    assert isinstance(entry.kind, Number)
-    return entry.kind.quantity
+def _with_file(key: str, entry: Values, folder: Path) -> Values:
+    """The entry with the values of its file: a number a line, or a named column of a CSV file."""
+    if "values" in entry or not isinstance(entry["file"], str):
+        raise ValueError(wrong(f"{key}.file", entry["file"], "the name of a file, without values"))
+    path, column = folder / entry["file"], entry.get("column")
+    try:
+        with open(path, newline="", encoding="utf-8") as source:
+            lines = list(csv.DictReader(source) if column else csv.reader(source))
+    except OSError as error:
+        raise ValueError(f"{key}.file: {path} cannot be read: {error.strerror}.") from None
+    unit = entry.get("unit", "")
+    values = []
+    for number, line in enumerate(lines, 2 if column else 1):
+        if line and (text := line.get(column) if isinstance(line, dict) else line[0]) is not None:
+            try:
+                values.append(f"{float(text)!r} {unit}" if unit else float(text))
+            except ValueError:
+                what = f"line {number} of {path} is {shown(text)}: it must be a number"
+                raise ValueError(f"{key}.file: {what}.") from None
+    if not values:
+        raise ValueError(f"{key}.file: {path} holds no numbers{f' in {column}' * bool(column)}.")
+    kept = {name: value for name, value in entry.items() if name not in FILE_KEYS}
+    return {**kept, "values": values}
+
+
+def _value(key: str, value: object, nominal: Measure, entry: Entry) -> float | list[float]:
+    """A field of a distribution: a number, or a list of them."""
+    if not isinstance(entry.kind, ListOf):
+        assert isinstance(entry.kind, Number)
+        return _number(key, value, nominal, entry.kind.quantity)
+    if not (isinstance(value, list) and value):
+        raise ValueError(wrong(key, value, "a list of one or more numbers"))
+    assert isinstance(entry.kind.kind, Number)
+    declared = entry.kind.kind.quantity
+    return [_number(f"{key}.{k}", v, nominal, declared) for k, v in enumerate(value)]
 
 
 def _number(key: str, value: object, nominal: Measure, declared: Quantity) -> float:
@@ -160,6 +202,9 @@ def _number(key: str, value: object, nominal: Measure, declared: Quantity) -> fl
     quantity = nominal.quantity._replace(
         low=declared.low, high=declared.high, strict=declared.strict
     )
+    # A pure number, such as a weight, has nothing to do with the unit of the input.
+    if declared.unit == "1":
+        quantity = declared
     try:
         share = declared.unit == SHARE_OF_INPUT
         # A difference may be relative; a value of the input, such as a limit, may not.

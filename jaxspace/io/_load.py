@@ -47,7 +47,7 @@ def load(path: str | os.PathLike[str], also: Iterable[object] = ()) -> SceneFile
         errors = system_errors(file)
     if not errors and values["dispersion"] is not None:
         outputs, errors = read_outputs(file, reading.units)
-        inputs, more = read_inputs(file)
+        inputs, more = read_inputs(file, Path(path).parent)
         # Both at once: outputs and inputs do not depend on each other.
         errors = errors + more
     task = None

@@ -99,9 +99,10 @@ class Optimum:
     def confirmed(self, run: MissionTrajectory, file: Any) -> tuple[float, ...]:
         """Objective and constraints, SI, of a `run` of the `file` of the optimum by `simulate`."""
         specs = (self.task.objective, *(d.spec for d in self.task.demands))
-        ends = {-1: run.final, **{k: p.final for k, p in enumerate(run.phases)}}
+        states = {-1: run.final, **{k: p.final for k, p in enumerate(run.phases)}}
+        ends = {-1: run.end, **{k: p.ts[-1] for k, p in enumerate(run.phases)}}
         numbers = replaced(file.values, {})
-        return tuple(float(x) for x in values_of(file, numbers, specs, ends, run.end))
+        return tuple(float(x) for x in values_of(file, numbers, specs, states, ends))
 
     def text(self) -> str:
         """The scene file with the optimum in place of its free numbers, comments and units kept."""
@@ -148,9 +149,10 @@ def criterion(file: Any, task: Task, x: Mapping[str, Array]) -> Criterion:
     values = replaced(file.values, x)
     mission, y0 = build_mission(file.parsed, values, Runs())
     flight = fly_compact(mission, y0, file.start, steps=file.values["optimize"]["steps"])
-    ends = {-1: flight.final, **{k: p.before for k, p in enumerate(flight.phases)}}
+    states = {-1: flight.final, **{k: p.before for k, p in enumerate(flight.phases)}}
+    ends = {-1: flight.end, **{k: p.ts[-1] for k, p in enumerate(flight.phases)}}
     specs = (task.objective, *(d.spec for d in task.demands))
-    objective, *numbers = values_of(file, values, specs, ends, flight.end)
+    objective, *numbers = values_of(file, values, specs, states, ends)
     equal = [v - d.target for v, d in zip(numbers, task.demands, strict=True) if d.limit == "equal"]
     above = [
         _margin(v, d) for v, d in zip(numbers, task.demands, strict=True) if d.limit != "equal"
@@ -170,15 +172,15 @@ def values_of(
     file: Any,
     values: Any,
     specs: tuple[OutputSpec, ...],
-    ends: dict[int, State],
-    end: Array,
+    states: dict[int, State],
+    ends: dict[int, Array],
 ) -> list[Array]:
-    """The outputs, SI, from the states at the end of each phase (-1: at the end of all)."""
+    """The outputs, SI, from the states and the times, s, at the end of each phase (-1: of all)."""
     # Outputs are written for runs on the last axis: this is a batch of one.
-    batch = {k: jax.tree.map(lambda x: x[..., None], y) for k, y in ends.items()}
+    batch, times = jax.tree.map(lambda x: jnp.asarray(x)[..., None], (states, ends))
     # By number, for an objective may be constrained too.
     named = tuple(s._replace(name=str(k), factor=1.0) for k, s in enumerate(specs))
-    found = Outputs(file, named, values, None).numbers(batch, jnp.reshape(end, (1,)), {})
+    found = Outputs(file, named, values, None).numbers(batch, times, {})
     return [found[spec.name][0] for spec in named]
 
 

@@ -13,14 +13,14 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from ..bodies import BodyState
-from ..core import State
+from ..core import Quantity, State
 from ..simulation import MissionResult
 from ._catalog import OutputFunction, part_quantities, state_class
 from ._checks import Parsed
 from ._errors import hint, unknown, wrong
 from ._kinds import Values
 from ._objects import at
-from ._units import in_unit
+from ._units import in_unit, read_number
 
 FINAL = "final"
 NOMINAL = "nominal"
@@ -32,7 +32,8 @@ class OutputSpec(NamedTuple):
     its `unit`, and how many of these one unit of SI is (`factor`).
 
     - `function` of a state, or `path` of a number of it.
-    - `shared`: entries of the file for arguments of the function."""
+    - `shared`: entries of the file for arguments of the function.
+    - `required`: the least and the greatest value that is allowed, in `unit`; `None` for none."""
 
     name: str
     at: int
@@ -41,6 +42,7 @@ class OutputSpec(NamedTuple):
     function: OutputFunction | None
     path: tuple[str, ...]
     shared: tuple[tuple[str, str], ...]
+    required: tuple[float | None, float | None] = (None, None)
 
     def arguments(self) -> tuple[str, ...]:
         """The names of the arguments of the function."""
@@ -105,7 +107,18 @@ def read_output(key: str, entry: Values, file: Parsed, units: Mapping[str, str])
     except ValueError as error:
         raise ValueError(wrong(f"{key}.unit", unit, str(error))) from None
     shown_name = entry.get("name", name)
-    return OutputSpec(shown_name, at_phase, unit, factor, function, path, shared)
+    low, high = (_limit(f"{key}.{k}", entry.get(k), si, factor) for k in ("at_least", "at_most"))
+    return OutputSpec(shown_name, at_phase, unit, factor, function, path, shared, (low, high))
+
+
+def _limit(key: str, value: object, si: str, factor: float) -> float | None:
+    """A limit of an output in its unit. Raises `ValueError` with the whole sentence."""
+    if value is None:
+        return None
+    try:
+        return factor * read_number(value, Quantity(si, "limit"))[0]
+    except ValueError as error:
+        raise ValueError(wrong(key, value, str(error))) from None
 
 
 def unit_of(spec: OutputSpec, file: Parsed) -> str:
@@ -200,22 +213,23 @@ class Outputs(eqx.Module):
     reference: dict[int, State] | None
 
     def __call__(self, result: MissionResult, samples: dict[str, Array]) -> dict[str, Array]:
-        states = {-1: result.final}
+        states, ends = {-1: result.final}, {-1: result.end}
         for spec in self.specs:
             # Only phases that are asked for: states of the others are not kept by the compiled
             # program.
             if spec.at >= 0:
                 states[spec.at] = last_state(result.phases[spec.at].states)
-        return self.numbers(states, result.end, samples)
+                ends[spec.at] = result.phases[spec.at].ts[-1]
+        return self.numbers(states, ends, samples)
 
     def numbers(
-        self, states: dict[int, State], end: Array, samples: dict[str, Array]
+        self, states: dict[int, State], ends: dict[int, Array], samples: dict[str, Array]
     ) -> dict[str, Array]:
-        """The outputs, each (runs,), from the states by phase and the time at the end, s."""
+        """The outputs, each (runs,), from the states by phase and the times at their ends, s."""
         runs = jax.tree.leaves(states[-1])[0].shape[-1]
         found = {}
         for spec in self.specs:
-            value = self._value(spec, states, end, samples, runs)
+            value = self._value(spec, states, ends, samples, runs)
             # An output of shared numbers alone has no runs, but a column of the store has.
             found[spec.name] = jnp.broadcast_to(spec.factor * value, (runs,))
         return found
@@ -224,7 +238,7 @@ class Outputs(eqx.Module):
         self,
         spec: OutputSpec,
         states: dict[int, State],
-        end: Array,
+        ends: dict[int, Array],
         samples: dict[str, Array],
         runs: int,
     ) -> Array:
@@ -238,7 +252,7 @@ class Outputs(eqx.Module):
             elif name == "y":
                 arguments[name] = y
             elif name == "t":
-                arguments[name] = end
+                arguments[name] = ends[spec.at]
             elif name == "body":
                 arguments[name] = self.file.body(self.values, samples, runs)
             elif name == "initial":

@@ -196,8 +196,8 @@ def dispersion_table(result: Dispersion, nominal: Mapping[str, tuple[float, str]
     """Mean, standard deviation and 99 % limits of every output, beside its nominal value."""
     rows: list[Row] = [("output", "unit", "nominal", "mean", "std dev", "0.5 %", "99.5 %")]
     for row in result.table():
-        own = number(nominal[row.name][0])
-        numbers = (number(x) for x in (row.mean, row.std, row.low, row.high))
+        numbers = (row.shown(x) for x in (row.mean, row.std, row.low, row.high))
+        own = row.shown(nominal[row.name][0])
         rows.append((row.name, row.unit, own, *numbers))
     return columns(rows)
 

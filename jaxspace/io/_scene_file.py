@@ -16,13 +16,14 @@ from jaxtyping import Array
 
 from ..bodies import AbstractBody
 from ..core import AbstractSystem, InputError, State
-from ..dispersion import Campaign
+from ..dispersion import Campaign, LatinHypercube, Sobol
 from ..optimization import Progress
 from ..scene import Scene
 from ..simulation import Accuracy, Mission, MissionTrajectory, Trajectory, simulate
 from ._build import build_mission, build_state, replaced
 from ._checks import Parsed
 from ._inputs import Input
+from ._joint_inputs import JointInput
 from ._kinds import Values
 from ._objects import Building, Runs
 from ._optimize_table import Task
@@ -47,7 +48,7 @@ class SceneFile:
     path: Path
     text: str
     parsed: Parsed
-    inputs: dict[str, Input]
+    inputs: dict[str, Input | JointInput]
     outputs: tuple[OutputSpec, ...]
     units: dict[str, str]
     task: Task | None = None
@@ -146,7 +147,13 @@ class SceneFile:
         runs = next(iter(samples.values())).shape[0]
         return build_mission(self.parsed, self._numbers(samples), Runs(runs))
 
-    def campaign(self, nominal: MissionTrajectory | None = None, *, warn: bool = True) -> Campaign:
+    def campaign(
+        self,
+        nominal: MissionTrajectory | None = None,
+        *,
+        warn: bool = True,
+        runs: int | None = None,
+    ) -> Campaign:
         """What [dispersion] asks for, as a campaign for `disperse`.
 
         **Arguments**
@@ -154,6 +161,8 @@ class SceneFile:
         - `nominal`: the nominal run of `mission`, with which some outputs compare; computed here if
           it is needed and not given.
         - `warn`: whether to warn of what the file allows and hardly means (`doubts`).
+        - `runs`: how many there will be, if not what the file says; a Latin hypercube is made for
+          them.
 
         **Raises** `InputError` without [dispersion]."""
         # Raises where there is no [dispersion], before the nominal run is simulated for nothing.
@@ -173,6 +182,8 @@ class SceneFile:
             self.start,
             self.text,
             limits,
+            self._design(self.runs if runs is None else runs),
+            {spec.name: spec.required for spec in self.outputs if spec.required != (None, None)},
         )
 
     def optimize(self, progress: Progress | None = None) -> Optimum:
@@ -188,6 +199,12 @@ class SceneFile:
         if self.task is None:
             raise InputError("optimize is missing: it must be a table with free numbers for this.")
         return optimise(self, self.task, progress)
+
+    def _design(self, runs: int) -> LatinHypercube | Sobol | None:
+        """Where so many runs lie among the inputs."""
+        made = {"latin_hypercube": lambda: LatinHypercube(runs), "sobol": Sobol}
+        name = self._dispersion()["sampling"]
+        return made[name]() if name in made else None
 
     def doubts(self) -> tuple[str, ...]:
         """What the file allows and hardly means, a sentence each: a range without the nominal
@@ -221,13 +238,14 @@ class SceneFile:
         if not specs:
             return {}
         if isinstance(nominal, MissionTrajectory):
-            states, end = self._nominal_states(nominal), nominal.end
+            states = self._nominal_states(nominal)
+            ends = {-1: nominal.end, **{k: p.ts[-1] for k, p in enumerate(nominal.phases)}}
         else:
             states = {-1: jax.tree.map(lambda x: x[..., None], nominal.final)}
-            end = nominal.ts[-1]
+            ends = {-1: nominal.ts[-1]}
         # Outputs are written for runs on the last axis: the nominal run is a batch of one.
-        end = jnp.reshape(end, (1,))
-        numbers = eqx.filter_jit(lambda o, s, t: o.numbers(s, t, {}))(outputs, states, end)
+        ends = {place: jnp.reshape(t, (1,)) for place, t in ends.items()}
+        numbers = eqx.filter_jit(lambda o, s, t: o.numbers(s, t, {}))(outputs, states, ends)
         return {spec.name: (float(numbers[spec.name][0]), spec.unit) for spec in specs}
 
     def body(self, values: Values, samples: Mapping[str, Array], runs: int) -> AbstractBody:

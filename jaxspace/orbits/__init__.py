@@ -33,6 +33,12 @@ from ._conic import eccentric_anomaly as eccentric_anomaly
 from ._conic import mean_anomaly as mean_anomaly
 from ._conic import true_anomaly as true_anomaly
 from ._conic import turning_angle as turning_angle
+from ._deviation_outputs import along_track_error as along_track_error
+from ._deviation_outputs import argument_of_periapsis as argument_of_periapsis
+from ._deviation_outputs import cross_track_error as cross_track_error
+from ._deviation_outputs import eccentricity as eccentricity
+from ._deviation_outputs import node_longitude as node_longitude
+from ._deviation_outputs import radial_error as radial_error
 from ._drag import Drag as Drag
 from ._drag import circular_decay_rate as circular_decay_rate
 from ._drag import drag_acceleration as drag_acceleration

@@ -1,9 +1,11 @@
 """A dispersion in one figure: a scatter plot, histograms of the outputs, and their contributors."""
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ._bins import bins
 from ._style import BAD, COLOURS, dress
 
 if TYPE_CHECKING:
@@ -23,6 +25,7 @@ def dispersion_figure(
     scatter: tuple[str, str] | None = None,
     count: int = 5,
     title: str = "",
+    nominal: Mapping[str, float] | None = None,
 ) -> "Figure":
     """A matplotlib figure of a dispersion.
 
@@ -37,6 +40,7 @@ def dispersion_figure(
       perigee over apogee where there are such, else the first two outputs.
     - `count`: of contributors for each output.
     - `title`: of the figure; by default the number of runs.
+    - `nominal`: the outputs of the nominal run, in the units of the dispersion.
 
     **Raises** `InputError` for a name that is no output.
     """
@@ -55,7 +59,12 @@ def dispersion_figure(
     for number, name in enumerate(names):
         values = dispersion.values(name)
         _histogram(
-            figure.add_subplot(grid[top + number, 0]), dispersion, name, values, rows.get(name)
+            figure.add_subplot(grid[top + number, 0]),
+            dispersion,
+            name,
+            values,
+            rows.get(name),
+            (nominal or {}).get(name, np.nan),
         )
         _contributors(figure.add_subplot(grid[top + number, 1]), dispersion, name, count)
     return figure
@@ -131,17 +140,27 @@ def _plain(name: str) -> str:
 
 
 def _histogram(
-    axes: "Axes", dispersion: "Dispersion", name: str, values: np.ndarray, row: "Row | None"
+    axes: "Axes",
+    dispersion: "Dispersion",
+    name: str,
+    values: np.ndarray,
+    row: "Row | None",
+    nominal: float,
 ) -> None:
-    """The histogram of a quantity, with its mean and its limits."""
+    """The histogram of a quantity, with its mean, its limits, and its nominal value."""
     good = values[shown(dispersion, name)]
     if good.size and row is not None:
-        # As many bins as the square root of the runs, within what a reader can see.
-        axes.hist(good, bins=int(np.clip(np.sqrt(good.size), 8, 60)), color=COLOURS[0], alpha=0.75)
+        start, counts, width = bins(good)
+        places = start + width * np.arange(counts.size)
+        axes.bar(places, counts, width, align="edge", color=COLOURS[0], alpha=0.75)
         axes.axvline(row.mean, color=COLOURS[1], linewidth=1.6)
         for limit in (row.low, row.high):
             axes.axvline(limit, color=COLOURS[6], linewidth=1.1, linestyle="--")
-        _subtitle(axes, summary(row))
+        words = summary(row)
+        if np.isfinite(nominal):
+            axes.axvline(nominal, color=COLOURS[2], linewidth=1.6, linestyle=":")
+            words += f"; nominal {row.shown(nominal)}"
+        _subtitle(axes, words)
     else:
         axes.text(
             0.5, 0.5, "no good run", ha="center", va="center", color=BAD, transform=axes.transAxes
@@ -167,7 +186,8 @@ def _contributors(axes: "Axes", dispersion: "Dispersion", name: str, count: int)
         axes.set_yticks([])
         return
     inputs = list(found.shares)
-    shares = [100.0 * share for share in found.shares.values()]
+    # By chance a share of nothing may come out below zero.
+    shares = [100.0 * max(share, 0.0) for share in found.shares.values()]
     bars = axes.barh(inputs, shares, color=COLOURS[2], height=0.7)
     axes.bar_label(bars, [f"{s:.1f}" for s in shares], padding=3, fontsize=8)
     axes.set_yticks(inputs, [_plain(n) for n in inputs])
@@ -178,7 +198,7 @@ def _contributors(axes: "Axes", dispersion: "Dispersion", name: str, count: int)
     axes.set_title(
         f"contributors to {_plain(name)}", loc="left", fontsize=10, fontweight="bold", pad=17
     )
-    _subtitle(axes, explained(found.r_squared))
+    _subtitle(axes, explained(found))
 
 
 def _subtitle(axes: "Axes", text: str) -> None:
@@ -189,23 +209,15 @@ def _subtitle(axes: "Axes", text: str) -> None:
 
 
 def summary(row: "Row") -> str:
-    """Mean, deviation and limits of an output, with as many digits as its deviation justifies."""
-    mean, low, high = (rounded(x, row.std) for x in (row.mean, row.low, row.high))
-    return f"mean {mean}, deviation {row.std:.3g}; 99 % within {low} … {high}"
+    """Mean, deviation and limits of an output, with the digits that its deviation justifies."""
+    numbers = (row.shown(x) for x in (row.mean, row.std, row.low, row.high))
+    return "mean {}, deviation {}; 99 % within {} … {}".format(*numbers)
 
 
-def rounded(value: float, deviation: float) -> str:
-    """The value with as many decimals as a hundredth of the deviation has."""
-    if not (np.isfinite(value) and np.isfinite(deviation) and deviation > 0.0):
-        return f"{value:.6g}"
-    decimals = 2 - int(np.floor(np.log10(deviation)))
-    return f"{value:.{max(decimals, 0)}f}" if decimals <= 6 else f"{value:.4g}"
-
-
-def explained(r_squared: float) -> str:
-    """The part of the variance that the shares explain, in words."""
-    sentence = f"each input by itself: {100.0 * max(r_squared, 0.0):.1f} % of the variance"
-    return sentence if r_squared >= 0.5 else sentence + ", so shares say little"
+def explained(found: "Contributors") -> str:
+    """What the shares explain together, and what they do not, in words."""
+    part = f"{100.0 * max(found.r_squared, 0.0):.1f} % of the variance by inputs one by one"
+    return part + ("" if found.r_squared >= 0.9995 else "; rest: products, higher powers")
 
 
 def contributors_or_none(dispersion: "Dispersion", name: str, count: int) -> "Contributors | None":

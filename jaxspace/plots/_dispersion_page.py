@@ -1,43 +1,26 @@
 """A dispersion as one page for any browser: everything is in the file, no network is needed."""
 
+import base64
+import gzip
+import json
 import os
+from collections.abc import Mapping
 from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ._dispersion_figure import (
-    chosen_pair,
-    contributors_or_none,
-    explained,
-    heading,
-    rounded,
-    shown,
-)
-from ._style import COLOURS
+from ._dispersion_figure import heading
+from ._page_data import page_data, requirements
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from ..dispersion import Dispersion, Failure, Flights
 
-    from plotly.graph_objects import Figure
-
-    from ..dispersion import Dispersion
-
-MOST_POINTS = 10000
-"""Points of the scatter plot: more make a browser slow."""
-
-STYLE = """
-body { font: 15px/1.5 system-ui, sans-serif; color: #222; }
-body { max-width: 1080px; margin: 2rem auto; padding: 0 1rem; }
-h1 { font-size: 1.5rem; margin-bottom: 0.2rem; } h2 { font-size: 1.15rem; margin-top: 2.2rem; }
-p.note { color: #555; margin-top: 0.2rem; } p.bad { color: #b00020; }
-table { border-collapse: collapse; font-size: 14px; } .wide { overflow-x: auto; }
-th, td { padding: 0.25rem 0.8rem; border-bottom: 1px solid #ddd; text-align: right; }
-td { font-variant-numeric: tabular-nums; }
-th:first-child, td:first-child, th:nth-child(2), td:nth-child(2) { text-align: left; }
-pre { background: #f6f6f6; padding: 0.8rem; overflow-x: auto; font-size: 13px; }
-"""
+HERE = Path(__file__).parent
+EXAMPLES = 5
+"""Numbers of failed runs that are named for each cause."""
+ELLIPSE = "The ellipse is that of a normal distribution with the same covariance."
 
 
 def dispersion_page(
@@ -46,11 +29,15 @@ def dispersion_page(
     *,
     count: int = 8,
     title: str = "Dispersion",
+    nominal: Mapping[str, float] | None = None,
+    flights: "Flights | None" = None,
 ) -> Path:
-    """Write a page with a table of the outputs and interactive plots.
+    """Write a page of a campaign: its card, tables and interactive plots, light or dark.
 
-    It holds a scatter plot of any two quantities, histograms, the largest contributors to each
-    output, the failures, and the record of how the runs were made.
+    It holds the outputs beside their nominal values and limits, a scatter plot of any two
+    quantities with the ellipse of 99 %, histograms, a scatter matrix, the largest contributors to
+    each output, convergence, failures, the time budget, and trajectories. Of a million runs the
+    plots show bins and 2000 points: the file stays below 5 MB.
 
     **Arguments**
 
@@ -58,221 +45,206 @@ def dispersion_page(
     - `path`: of the HTML file.
     - `count`: of contributors for each output.
     - `title`: of the page.
+    - `nominal`: the outputs of the nominal run, in the units of the dispersion.
+    - `flights`: some runs in full (`jaxspace.dispersion.fly`).
 
     **Returns** the path.
     """
+    nominal = {} if nominal is None else nominal
+    data = page_data(dispersion, nominal, count, flights)
     body = [
         f"<h1>{escape(title)}</h1>",
         f'<p class="note">{escape(heading(dispersion))}.</p>',
-        *(f'<p class="bad">{f.count} runs: {escape(f.sentence)}</p>' for f in dispersion.failed),
-        "<h2>Outputs</h2>",
-        _table(dispersion),
-        *_figures(dispersion, count),
-        "<h2>Record</h2>",
-        f"<pre>{escape(_record(dispersion))}</pre>",
+        _card(dispersion),
+        _section("Outputs", _table(dispersion, nominal)),
+        *_plots(dispersion, data),
+        _section("Failures", _failures(dispersion)),
+        _section("Time", _plot("time", "low")),
+        _section("Inputs", f"<pre>{escape(str(dispersion.attributes.get('inputs', '')))}</pre>"),
+        _section("Record", f"<pre>{escape(_record(dispersion))}</pre>"),
     ]
-    head = (
-        '<meta charset="utf-8"><meta name="viewport" content="width=device-width">'
-        f"<title>{escape(title)}</title>"
-    )
-    page = (
-        f'<!DOCTYPE html>\n<html lang="en"><head>{head}<style>{STYLE}</style></head>\n<body>\n'
-        + "\n".join(body)
-        + "\n</body></html>\n"
-    )
+    page = f"""<!DOCTYPE html>
+<html lang="en"><head><meta charset="utf-8">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<title>{escape(title)}</title><style>
+{(HERE / "_dispersion.css").read_text(encoding="utf-8")}</style></head><body>
+{"".join(body)}
+<script id="library" type="text/plain">{_library()}</script>
+<script>const data = {_script_safe(data)};
+{(HERE / "_dispersion.js").read_text(encoding="utf-8")}</script></body></html>
+"""
     path = Path(path)
     path.write_text(page, encoding="utf-8")
     return path
 
 
-def _table(dispersion: "Dispersion") -> str:
-    """The table of the outputs, in HTML."""
-    heads = (
-        "output",
-        "unit",
-        "mean",
-        "deviation",
-        "0.5 % limit",
-        "99.5 % limit",
-        "least",
-        "greatest",
-        "runs",
+def _script_safe(data: dict[str, Any]) -> str:
+    # A name must not end the script.
+    return json.dumps(data, separators=(",", ":"), allow_nan=False).replace("</", "<\\/")
+
+
+def _library() -> str:
+    """The plotting library, compressed, as letters."""
+    from plotly.offline import get_plotlyjs
+
+    return base64.b64encode(gzip.compress(get_plotlyjs().encode(), 9, mtime=0)).decode()
+
+
+def _section(title: str, *parts: str) -> str:
+    return f"<section><h2>{escape(title)}</h2>\n" + "\n".join(parts) + "</section>\n"
+
+
+def _plot(name: str, size: str = "") -> str:
+    return f'<div class="plot {size}" id="{name}"></div>'
+
+
+def _picker(name: str, words: str, choices: list[str], chosen: str) -> str:
+    options = "".join(
+        f'<option value="{escape(c)}"{" selected" * (c == chosen)}>'
+        f"{escape(c.replace('_', ' '))}</option>"
+        for c in choices
     )
-    lines = ["<tr>" + "".join(f"<th>{h}</th>" for h in heads) + "</tr>"]
+    return f'<label>{words} <select id="{name}">{options}</select></label>'
+
+
+def _card(dispersion: "Dispersion") -> str:
+    """What was run, how and on what, at a glance."""
+    record = dispersion.attributes
+    good = int(np.count_nonzero(dispersion.good))
+    versions = record.get("versions", {})
+    rows = {
+        "runs": f"{good} of {dispersion.runs} ended well",
+        "seed": str(dispersion.seed),
+        "inputs": f"{len(dispersion.inputs)}, {len(dispersion.outputs)} outputs",
+        "accuracy": f"{record['rtol']:.3g}, method {record.get('method', 'auto')}"
+        if "rtol" in record
+        else "",
+        "time": f"{dispersion.seconds:.3g} s" if np.isfinite(dispersion.seconds) else "",
+        "evaluations": f"{np.mean(dispersion.evaluations):.4g} of the vector field a run",
+        "versions": ", ".join(f"{k} {v}" for k, v in versions.items() if v != "not installed"),
+    }
+    terms = "".join(f"<dt>{k}</dt><dd>{escape(v)}</dd>" for k, v in rows.items() if v)
+    return f"<dl>{terms}</dl>"
+
+
+def _cells(cells: list[str], tag: str = "td", text: int = 2) -> str:
+    """A line of a table, whose first `text` cells are words."""
+    shown = (f"<{tag}{' class=text' * (k < text)}>{escape(c)}</{tag}>" for k, c in enumerate(cells))
+    return "<tr>" + "".join(shown) + "</tr>"
+
+
+def _table(dispersion: "Dispersion", nominal: Mapping[str, float]) -> str:
+    """The outputs, with their nominal values, limits and requirements."""
+    required = requirements(dispersion)
+    heads = ["output", "unit", "nominal", "mean", "deviation", "0.5 %", "99.5 %", "99.5 % from"]
+    heads += ["to", "least", "greatest", "runs"]
+    heads += ["required", "violated", "at most"] if required else []
+    lines = [_cells(heads, "th")]
     for row in dispersion.table():
-        numbers = [rounded(x, row.std) for x in (row.mean, row.low, row.high, row.min, row.max)]
-        cells = [
-            row.name.replace("_", " "),
-            row.unit,
-            numbers[0],
-            f"{row.std:.3g}",
-            *numbers[1:],
-            str(row.runs),
-        ]
-        lines.append("<tr>" + "".join(f"<td>{escape(c)}</td>" for c in cells) + "</tr>")
-    return '<div class="wide"><table>' + "\n".join(lines) + "</table></div>"
+        cells = [row.name.replace("_", " "), row.unit, *_numbers(dispersion, row, nominal)]
+        cells.append(str(row.runs))
+        if required:
+            cells += _violation(dispersion, row, required.get(row.name))
+        lines.append(_cells(cells))
+    note = "“From … to” is the interval that holds the 99.5 % limit with 95 % confidence."
+    if required:
+        note += " A failed run counts as a violation; “at most” holds with 97.5 % confidence."
+    table = '<div class="wide"><table>' + "\n".join(lines) + "</table></div>"
+    return f'{table}<p class="note">{note}</p>'
 
 
-def _figures(dispersion: "Dispersion", count: int) -> list[str]:
-    """The headings and plots, in HTML."""
-    parts = [("Any two quantities", _scatter(dispersion)), ("Distribution", _histogram(dispersion))]
-    parts += [
-        (f"Contributors to {name.replace('_', ' ')}", _contributors(dispersion, name, count))
-        for name in dispersion.outputs
-    ]
-    lines = []
-    # The first plot brings plotly's script along for all of them.
-    script = True
-    for words, figure in parts:
-        lines.append(f"<h2>{escape(words)}</h2>")
-        if figure is None:
-            lines.append('<p class="note">Too few good runs, or nothing scatters.</p>')
-            continue
-        lines.append(
-            figure.to_html(
-                full_html=False,
-                include_plotlyjs=script,
-                config={"displaylogo": False, "responsive": True},
-            )
-        )
-        script = False
-    return lines
+def _numbers(dispersion: "Dispersion", row: Any, nominal: Mapping[str, float]) -> list[str]:
+    """The numbers of an output, all by the same rule."""
+    if row.runs == 0:
+        return ["", *["none"] * 8]
+    limit = dispersion.percentile(row.name, 0.995)
+    own = [row.shown(nominal[row.name])] if row.name in nominal else ["–"]
+    numbers = (row.mean, row.std, row.low, row.high, limit.low, limit.high, row.min, row.max)
+    return own + [row.shown(x) for x in numbers]
 
 
-def _layout(across: str, up: str, height: int = 460) -> dict[str, Any]:
-    """The layout of a plot with the labels of its axes, in plotly's words."""
-    axis = {"gridcolor": "#e3e3e3", "zerolinecolor": "#e3e3e3", "linecolor": "#888"}
-    return {
-        "template": "none",
-        "height": height,
-        "margin": {"l": 80, "r": 20, "t": 50, "b": 60},
-        "xaxis": {**axis, "title": {"text": across}},
-        "yaxis": {**axis, "title": {"text": up}, "automargin": True},
-        "showlegend": False,
-    }
+def _violation(
+    dispersion: "Dispersion", row: Any, limits: tuple[float | None, float | None] | None
+) -> list[str]:
+    """The requirement in words, how often it was violated, and at most how often it is."""
+    if limits is None:
+        return ["", "", ""]
+    low, high = limits
+    words = [f"≥ {low:g}"] if low is not None else []
+    words += [f"≤ {high:g}"] if high is not None else []
+    found = dispersion.violation(
+        row.name,
+        at_least=-np.inf if low is None else low,
+        at_most=np.inf if high is None else high,
+    )
+    return [" and ".join(words), f"{found.value:.3g}", f"{found.high:.2g}"]
 
 
-def _menu(
-    names: list[str], choice: "Callable[[str], list[dict[str, Any]]]", active: int, place: float
-) -> dict[str, Any]:
-    """A menu above the plot; `choice(name)` gives the arguments of plotly's update."""
-    buttons = [
-        {"label": name.replace("_", " "), "method": "update", "args": choice(name)}
-        for name in names
-    ]
-    return {
-        "buttons": buttons,
-        "active": active,
-        "x": place,
-        "y": 1.13,
-        "xanchor": "left",
-        "yanchor": "bottom",
-    }
+def _plots(dispersion: "Dispersion", data: dict[str, Any]) -> list[str]:
+    """The sections with plots, each with its pickers."""
+    names, outputs = data["names"], list(dispersion.outputs)
+    pickers = _picker("across", "across", names, data["pair"][0])
+    pickers += _picker("up", "up", names, data["pair"][1])
 
+    def chosen(name: str, words: str = "output") -> str:
+        return f'<div class="pickers">{_picker(name, words, outputs, outputs[0])}</div>'
 
-def _scatter(dispersion: "Dispersion") -> "Figure":
-    """Two quantities against each other, chosen by menus; a point shows the number of its run."""
-    import plotly.graph_objects as go
-
-    # Inputs that do not vary would be lines.
-    names = [*dispersion.outputs, *(n for n, x in dispersion.inputs.items() if np.ptp(x) > 0.0)]
-    across, up = chosen_pair(dispersion, list(dispersion.outputs)) or (names[-1], names[0])
-    good = np.flatnonzero(shown(dispersion))[:MOST_POINTS]
-    data = {name: _listed(dispersion.values(name)[good]) for name in names}
-    points = go.Scattergl(
-        x=data[across],
-        y=data[up],
-        mode="markers",
-        marker={"size": 5, "opacity": 0.5, "color": COLOURS[0]},
-        customdata=good.tolist(),
-        hovertemplate=(
-            "run %{customdata}<br>%{xaxis.title.text}: %{x}<br>"
-            "%{yaxis.title.text}: %{y}<extra></extra>"
+    shown, good = len(data["numbers"]), int(np.count_nonzero(dispersion.good))
+    thinned = f" The first {shown} of {good} runs are shown." if shown < good else ""
+    parts = [
+        _section(
+            "Any two quantities",
+            f'<div class="pickers">{pickers}</div>',
+            _plot("scatter", "tall"),
+            f'<p class="note">{ELLIPSE}{thinned}</p>',
         ),
-    )
-    figure = go.Figure(points, _layout(dispersion.label(across), dispersion.label(up), 560))
-    menus = [
-        _menu(
-            names,
-            # Bound now: the loop changes the name of the axis before plotly is asked.
-            lambda n, a=a: [{a: [data[n]]}, {f"{a}axis.title.text": dispersion.label(n)}],
-            names.index(first),
-            place,
-        )
-        for a, first, place in (("x", across, 0.0), ("y", up, 0.4))
+        _section(
+            "Distribution",
+            chosen("histogram-of"),
+            '<p class="note" id="histogram-words"></p>',
+            _plot("histogram"),
+        ),
+        _section(
+            "Contributors to the variance",
+            chosen("contributors-of"),
+            '<p class="note" id="contributors-words"></p>',
+            _plot("contributors"),
+        ),
+        _section(
+            "Convergence",
+            chosen("convergence-of"),
+            '<p class="note" id="convergence-words"></p>',
+            _plot("convergence"),
+        ),
     ]
-    figure.update_layout(updatemenus=menus, margin={"t": 90})
-    for text, place in (("across", 0.0), ("up", 0.4)):
-        note = {
-            "text": text,
-            "showarrow": False,
-            "xref": "paper",
-            "yref": "paper",
-            "xanchor": "left",
-            "yanchor": "bottom",
-        }
-        figure.add_annotation(x=place, y=1.05, font={"size": 12, "color": "#555"}, **note)
-    return figure
+    if len(data["matrix"]) > 1:
+        parts.append(_section("Outputs against each other", _plot("matrix", "tall")))
+    if data["trajectories"] is not None:
+        parts.append(_section("Trajectories", _plot("trajectories", "tall")))
+    return parts
 
 
-def _listed(values: np.ndarray) -> list[float]:
-    """The values with five digits beyond the first one of their deviation: the file stays small."""
-    finite = values[np.isfinite(values)]
-    deviation = float(np.std(finite)) if finite.size else 0.0
-    decimals = 5 - int(np.floor(np.log10(deviation))) if deviation > 0.0 else 15
-    return np.round(values.astype(float), decimals).tolist()
+def _failures(dispersion: "Dispersion") -> str:
+    """The bad ends: how many, why, and some of their numbers."""
+    if not dispersion.failed:
+        return "<p>All runs ended well.</p>"
+    lines = [_cells(["status", "what happened", "runs", "numbers"], "th")]
+    lines += [_cells(_failure(dispersion, f)) for f in dispersion.failed]
+    table = "\n".join(lines).replace("<td class=text>", '<td class="text long">')
+    return f'<div class="wide bad"><table>{table}</table></div>'
 
 
-def _histogram(dispersion: "Dispersion") -> "Figure":
-    """The histogram of an output, chosen by a menu."""
-    import plotly.graph_objects as go
-
-    names = list(dispersion.outputs)
-    data = {name: _listed(dispersion.values(name)[shown(dispersion, name)]) for name in names}
-    figure = go.Figure(
-        go.Histogram(x=data[names[0]], marker={"color": COLOURS[0]}),
-        _layout(dispersion.label(names[0]), "runs"),
-    )
-    choice = _menu(
-        names, lambda n: [{"x": [data[n]]}, {"xaxis.title.text": dispersion.label(n)}], 0, 0.0
-    )
-    return figure.update_layout(updatemenus=[choice], margin={"t": 80}, bargap=0.03)
-
-
-def _contributors(dispersion: "Dispersion", name: str, count: int) -> "Figure | None":
-    """A bar for each of the largest contributors, or `None` where there are none."""
-    import plotly.graph_objects as go
-
-    found = contributors_or_none(dispersion, name, count)
-    if found is None:
-        return None
-    inputs = [n.replace("_", " ") for n in found.shares]
-    shares = [100.0 * s for s in found.shares.values()]
-    bars = go.Bar(
-        x=shares,
-        y=inputs,
-        orientation="h",
-        marker={"color": COLOURS[2]},
-        text=[f"{s:.1f}" for s in shares],
-        textposition="outside",
-    )
-    figure = go.Figure(bars, _layout("share of the variance, %", "", 130 + 28 * len(inputs)))
-    # The largest share on top, with room for the number behind its bar.
-    figure.update_yaxes(autorange="reversed").update_xaxes(
-        range=[0.0, max(10.0, 1.15 * max(shares))]
-    )
-    return figure.update_layout(
-        title={"text": explained(found.r_squared), "font": {"size": 13}, "x": 0.0, "xref": "paper"}
-    )
+def _failure(dispersion: "Dispersion", failure: "Failure") -> list[str]:
+    numbers = np.flatnonzero(dispersion.status == failure.status)
+    some = ", ".join(str(n) for n in numbers[:EXAMPLES]) + (" …" if numbers.size > EXAMPLES else "")
+    return [failure.status.name, failure.sentence, str(failure.count), some]
 
 
 def _record(dispersion: "Dispersion") -> str:
     """The record of how the runs were made, one line for each entry."""
-    record = {
-        "seed": dispersion.seed,
-        "seconds": f"{dispersion.seconds:.4g}",
-        **dispersion.attributes,
-    }
+    record = {"seed": dispersion.seed, "seconds": f"{dispersion.seconds:.4g}"}
+    # The inputs have a section of their own.
+    record |= {k: v for k, v in dispersion.attributes.items() if k != "inputs"}
     lines = []
     for key, value in record.items():
         text = (

@@ -6,6 +6,7 @@ from ._explain import budget as budget
 from ._explain import compile_vector_field as compile_vector_field
 from ._explain import explain as explain
 from ._explain import operation_count as operation_count
+from ._outputs import end_time as end_time
 from ._scaled import Scaled as Scaled
 from ._scaled import scaled as scaled
 from ._scene import Scene as Scene

@@ -61,6 +61,8 @@ LEFT_OUT: dict[str, tuple[str, ...]] = {
         "optimization.optimal_staging_by_gradient",
     ),
     "is not hunted yet; its own tests hold it against closed forms, quadrature or 30 digits": (
+        *("orbits.*_error", "orbits.eccentricity", "orbits.node_longitude"),
+        *("orbits.argument_of_periapsis",),
         *("attitude.ControlMomentGyros.*", "attitude.DamperMotion", "attitude.MovingMasses*"),
         *("attitude.NutationDamper.e*", "attitude.NutationDamper.motion"),
         *("attitude.NutationDamper.reduced_mass", "attitude.ParticleEquations"),

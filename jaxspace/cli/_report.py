@@ -1,0 +1,91 @@
+"""What is drawn and written of a campaign: its figure, its page, its tables."""
+
+import importlib.util
+import os
+import sys
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+import numpy as np
+
+from ..core import InputError
+from ..dispersion import Dispersion, Flights, fly, open_store
+from ..io import SceneError, SceneFile, dispersion_report, stored_scene
+from ._folder import make_folder
+
+FLIGHTS = 24
+"""Runs whose trajectories are drawn."""
+
+
+def keep_pictures(
+    result: Dispersion,
+    title: str,
+    nominal: Mapping[str, tuple[float, str]],
+    start: str,
+    flights: Flights | None = None,
+) -> None:
+    """Draw the figure and write the page, at paths that begin with `start`; print where.
+
+    A picture that cannot be drawn costs a line on the error output, and no number."""
+    import matplotlib
+
+    from ..plots import dispersion_figure, dispersion_page
+
+    if not result.good.any():
+        return
+    # No window: the command also runs where there is no display.
+    matplotlib.use("Agg")
+    values = {name: value for name, (value, _) in nominal.items()}
+
+    def figure(path: str) -> None:
+        dispersion_figure(result, title=title, nominal=values).savefig(path)
+
+    def page(path: str) -> None:
+        dispersion_page(result, path, title=title, nominal=values, flights=flights)
+
+    _attempt("figure", f"{start}.png", figure)
+    _attempt("page", f"{start}.html", page)
+
+
+def report(path: str, folder: str | None) -> int:
+    """Write the page of a store with trajectories, and its runs as tables."""
+    result = open_store(path)
+    file = _scene(result)
+    name = Path(path).name.removesuffix(".zarr")
+    folder = str(Path(path).parent) if folder is None else folder
+    make_folder(folder)
+    nominal, flights, title = {}, None, name
+    if file is not None:
+        run = file.nominal_mission()
+        title, nominal = file.title, file.nominal_outputs(run)
+        some = np.arange(min(FLIGHTS, result.runs))
+        campaign = file.campaign(run, warn=False, runs=result.runs)
+        flights = fly(campaign, some, seed=result.seed, accuracy=file.accuracy)
+        print(dispersion_report(result, nominal))
+    start = os.path.join(folder, name)
+    keep_pictures(result, title, nominal, start, flights)
+    _attempt("table", f"{start}.csv", result.to_csv)
+    if importlib.util.find_spec("pyarrow") is not None:
+        _attempt("table", f"{start}.parquet", result.to_parquet)
+    return 0
+
+
+def _scene(result: Dispersion) -> SceneFile | None:
+    """The scene file in a store, or `None`, with a sentence, where the campaign came from Python or
+    its file is no longer understood."""
+    try:
+        return stored_scene(result)
+    except (SceneError, InputError) as error:
+        print(f"No nominal run and no trajectories: {error}", file=sys.stderr)
+        return None
+
+
+def _attempt(what: str, path: str, write: Callable[[str], None]) -> None:
+    """Write a file, and say where it is or why it is not there."""
+    try:
+        write(path)
+    # Whatever a library of plots may raise: the numbers are safe, and shall be seen.
+    except Exception as error:
+        print(f"{path} is left out: {type(error).__name__}: {error}", file=sys.stderr)
+        return
+    print(f"{what:<6} {path}")

@@ -1,0 +1,72 @@
+"""Some runs of a campaign in full, for pictures: where the body was, from start to end."""
+
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ..core import Scalar
+from ..integration._accuracy import Accuracy, as_accuracy
+from ..integration._status import Status
+from ..simulation._blocks import jit_wide_vectors
+from ..simulation._mission_runs import run_mission
+from ..simulation._simulate import resolve_phases
+from ._campaign import Campaign
+
+
+class Flights(NamedTuple):
+    """Positions along some runs; the first one is the nominal run, with the number -1.
+
+    - `numbers`: of the runs, (runs,).
+    - `times`: s, (times, runs); `positions`: m, (3, times, runs), NaN for a run that failed."""
+
+    numbers: np.ndarray
+    times: np.ndarray
+    positions: np.ndarray
+
+
+def fly(
+    campaign: Campaign,
+    numbers: Any,
+    *,
+    seed: int = 0,
+    num_saved: int = 40,
+    accuracy: Accuracy | Scalar | None = None,
+) -> Flights | None:
+    """The nominal run and the runs with these `numbers`, with `num_saved` positions a phase.
+
+    `None` where the states have no position. The inputs are those of `disperse` with the same
+    `seed`."""
+    numbers = np.asarray(numbers, np.uint32)
+    found = _fly(campaign, as_accuracy(accuracy), jax.random.key(seed), numbers, num_saved)
+    if found is None:
+        return None
+    times, positions, status = (np.asarray(x) for x in found)
+    positions = np.where(status <= Status.EVENT, positions, np.nan)
+    return Flights(np.concatenate([[-1], numbers.astype(int)]), times, positions)
+
+
+@jit_wide_vectors
+def _fly(
+    campaign: Campaign, accuracy: Accuracy, key: Array, numbers: Array, num_saved: int
+) -> tuple[Float[Array, "times runs"], Float[Array, "3 times runs"], Array] | None:
+    drawn = campaign.samples(key, numbers)
+    nominal = campaign.nominal()
+    samples = {name: jnp.concatenate([x, drawn[name]]) for name, x in nominal.items()}
+    allowed = campaign.allowed(samples)
+    samples = {name: jnp.where(allowed, x, nominal[name]) for name, x in samples.items()}
+    mission, y0 = campaign.build(samples)
+    configs = resolve_phases(mission, y0, accuracy, 1)
+    result = run_mission(mission, y0, campaign.start, num_saved, configs, 1)
+    found = [getattr(phase.states, "position", None) for phase in result.phases]
+    parts = [x for x in found if x is not None and x.shape[0] == 3]
+    if len(parts) < len(found):
+        return None
+    times = jnp.concatenate([phase.ts for phase in result.phases])
+    # Phases of a closed form may share one time among all runs.
+    shape = (times.shape[0], allowed.shape[0])
+    positions = jnp.concatenate(parts, axis=1)
+    status = jnp.where(allowed, result.status, Status.REFUSED)
+    return jnp.broadcast_to(times, shape), positions, status

@@ -1,0 +1,206 @@
+"""Distributions that lean to one side, take few values, or come from a file.
+
+triangular    p(x) rises in a straight line from a to c, and falls to b
+lognormal     ln x is normal:  s^2 = ln(1 + (d/m)^2),  ln x = ln m - s^2/2 + s z
+discrete      x = v_k with the probability w_k / sum(w)
+samples       x = one of the values of a list, each as likely
+
+symbol   meaning                                     unit
+a, b, c  least and greatest value, and the mode      that of the quantity
+m, d     mean and standard deviation of x            that of the quantity
+z        standard normal number                      1
+"""
+
+from typing import final
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.scipy.special import ndtr
+from jaxtyping import Array, Float
+
+from ..core import check, is_concrete, quantity
+from ._distributions import (
+    NOMINAL,
+    OF_INPUT,
+    SHARE_OF_INPUT,
+    AbstractDistribution,
+    _check_limits,
+    _normal_share,
+    _shown,
+)
+
+
+@final
+class Triangular(AbstractDistribution):
+    """From `low` over the most frequent value `mode` to `high`. Raises `InputError` unless
+    low <= mode <= high and low < high."""
+
+    mode: Float[Array, ""] = quantity(OF_INPUT, shared=NOMINAL, doc="the most frequent value")
+    low: Float[Array, ""] = quantity(OF_INPUT, doc="lower limit")
+    high: Float[Array, ""] = quantity(OF_INPUT, doc="upper limit")
+
+    def __check_init__(self):
+        _check_limits("Triangular", self.low, self.high)
+        if is_concrete(self.mode) and is_concrete(self.low) and is_concrete(self.high):
+            low, mode, high = (np.asarray(x) for x in (self.low, self.mode, self.high))
+            check((low <= mode) & (mode <= high), "Triangular.mode", mode, f"{low:g} to {high:g}")
+
+    @property
+    def mean(self) -> Float[Array, ""]:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """(a + b + c) / 3."""
+        return (self.low + self.mode + self.high) / 3.0
+
+    @property
+    def deviation(self) -> Float[Array, ""]:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """sqrt((a^2 + b^2 + c^2 - ab - ac - bc) / 18), as a sum of squares."""
+        a, b, c = self.low, self.high, self.mode
+        return jnp.sqrt(((a - b) ** 2 + (b - c) ** 2 + (c - a) ** 2) / 36.0)
+
+    def sample(self, key: Array) -> Float[Array, ""]:
+        return self.from_normal(jax.random.normal(key))
+
+    def from_normal(self, z: Float[Array, "..."]) -> Float[Array, ""]:
+        width = self.high - self.low
+        below, above = ndtr(z), ndtr(-z)
+        rising = below * width < self.mode - self.low
+        # The untaken root gets one: its slope at zero would be infinite.
+        left = jnp.where(rising, below * width * (self.mode - self.low), 1.0)
+        right = jnp.where(rising, 1.0, above * width * (self.high - self.mode))
+        return jnp.where(rising, self.low + jnp.sqrt(left), self.high - jnp.sqrt(right))
+
+    def outside(self, low: float, high: float) -> float:
+        a, b, c = float(self.low), float(self.high), float(self.mode)
+
+        def rising(x: float) -> float:
+            """The share from a to x, which is below c."""
+            return (x - a) ** 2 / ((b - a) * (c - a))
+
+        def falling(x: float) -> float:
+            """The share from x, which is above c, to b."""
+            return (b - x) ** 2 / ((b - a) * (b - c))
+
+        x, y = (min(max(v, a), b) for v in (low, high))
+        # From the nearer end, so that a small share keeps its digits.
+        below = rising(x) if x < c else 1.0 - falling(x) if x < b else 1.0
+        above = falling(y) if y > c else 1.0 - rising(y) if y > a else 1.0
+        return below + above
+
+    def text(self) -> str:
+        return "triangular, " + _shown(low=self.low, mode=self.mode, high=self.high)
+
+
+@final
+class Lognormal(AbstractDistribution):
+    """A positive number whose logarithm is normal; `mean` and `deviation` are those of the number
+    itself."""
+
+    mean: Float[Array, ""] = quantity(OF_INPUT, positive=True, shared=NOMINAL, doc="mean")
+    deviation: Float[Array, ""] = quantity(SHARE_OF_INPUT, positive=True, doc="standard deviation")
+
+    def _logarithm(self) -> tuple[Float[Array, ""], Float[Array, ""]]:
+        """Mean and deviation of the logarithm."""
+        square = jnp.log1p((self.deviation / self.mean) ** 2)
+        return jnp.log(self.mean) - 0.5 * square, jnp.sqrt(square)
+
+    def sample(self, key: Array) -> Float[Array, ""]:
+        return self.from_normal(jax.random.normal(key))
+
+    def from_normal(self, z: Float[Array, "..."]) -> Float[Array, ""]:
+        centre, spread = self._logarithm()
+        return jnp.exp(centre + spread * z)
+
+    def outside(self, low: float, high: float) -> float:
+        centre, spread = (float(x) for x in self._logarithm())
+        with np.errstate(divide="ignore"):
+            places = [(float(np.log(max(x, 0.0))) - centre) / spread for x in (low, high)]
+        return _normal_share(-np.inf, places[0]) + _normal_share(places[1], np.inf)
+
+    def text(self) -> str:
+        return "lognormal, " + _shown(mean=self.mean, deviation=self.deviation)
+
+
+@final
+class Discrete(AbstractDistribution):
+    """One of the `values`, (n,), with probabilities as the `weights`, (n,)."""
+
+    values: Float[Array, " n"] = quantity(OF_INPUT, shape=(None,), doc="what may occur")
+    weights: Float[Array, " n"] = quantity(
+        "1", non_negative=True, shape=(None,), doc="how often each one occurs, to a common factor"
+    )
+
+    def __check_init__(self):
+        if is_concrete(self.weights):
+            same = np.shape(self.values) == np.shape(self.weights)
+            one = np.ndim(self.values) == 1 and float(np.sum(np.asarray(self.weights))) > 0.0
+            what = "as many as there are values, and not all zero"
+            check(same and one, "Discrete.weights", self.weights, what)
+
+    @property
+    def mean(self) -> Float[Array, ""]:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """sum(w v) / sum(w)."""
+        return jnp.sum(self.weights * self.values) / jnp.sum(self.weights)
+
+    @property
+    def deviation(self) -> Float[Array, ""]:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """The root of sum(w (v - mean)^2) / sum(w)."""
+        square = self.weights * (self.values - self.mean) ** 2
+        return jnp.sqrt(jnp.sum(square) / jnp.sum(self.weights))
+
+    def sample(self, key: Array) -> Float[Array, ""]:
+        return self._at(jax.random.uniform(key))
+
+    def from_normal(self, z: Float[Array, "..."]) -> Float[Array, ""]:
+        return self._at(ndtr(z))
+
+    def _at(self, share: Float[Array, ""]) -> Float[Array, ""]:
+        """The value below which this share of all draws lies."""
+        ends = jnp.cumsum(self.weights)
+        # The sum may round to less than the share asks for.
+        place = jnp.searchsorted(ends, share * ends[-1], side="right")
+        return self.values[jnp.minimum(place, self.values.size - 1)]
+
+    def outside(self, low: float, high: float) -> float:
+        values, weights = np.asarray(self.values), np.asarray(self.weights)
+        return float(weights[(values < low) | (values > high)].sum() / weights.sum())
+
+    def text(self) -> str:
+        pairs = zip(np.asarray(self.values), np.asarray(self.weights), strict=True)
+        return "discrete, " + ", ".join(f"{v:.9g} ({w:.4g})" for v, w in pairs)
+
+
+@final
+class Samples(AbstractDistribution):
+    """One of the measured `values`, (n,), each as likely: as from a file of test firings."""
+
+    values: Float[Array, " n"] = quantity(OF_INPUT, shape=(None,), doc="measured values")
+
+    def __check_init__(self):
+        if is_concrete(self.values):
+            check(np.ndim(self.values) == 1 and np.size(self.values) > 0, "Samples.values",
+                  self.values, "a list of one or more numbers")  # fmt: skip
+
+    @property
+    def mean(self) -> Float[Array, ""]:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """Of the values."""
+        return jnp.mean(self.values)
+
+    @property
+    def deviation(self) -> Float[Array, ""]:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """Of the values, which are all that may occur."""
+        return jnp.std(self.values)
+
+    def sample(self, key: Array) -> Float[Array, ""]:
+        return self.values[jax.random.randint(key, (), 0, self.values.size)]
+
+    def from_normal(self, z: Float[Array, "..."]) -> Float[Array, ""]:
+        # Sorted, so that neighbours of a hypercube are neighbours among the values.
+        place = jnp.floor(ndtr(z) * self.values.size).astype(int)
+        return jnp.sort(self.values)[jnp.clip(place, 0, self.values.size - 1)]
+
+    def outside(self, low: float, high: float) -> float:
+        values = np.asarray(self.values)
+        return float(np.mean((values < low) | (values > high)))
+
+    def text(self) -> str:
+        return f"{self.values.size} samples, " + _shown(mean=self.mean, deviation=self.deviation)

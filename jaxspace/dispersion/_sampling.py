@@ -1,0 +1,213 @@
+"""Where the runs of a campaign lie: drawn at random, on a Latin hypercube, or on Sobol points.
+
+A design gives run i its place in the unit cube from the key of the campaign and the number i alone,
+so that a run is the same in any chunk, on any machine and after a restart:
+
+- `LatinHypercube`: of N runs each of N equal layers of every input holds one. The layer of a run is
+  its number under a random permutation, evaluated for this number alone (Kensler, Correlated
+  Multi-Jittered Sampling, Pixar 13-01, 2013).
+- `Sobol`: a sequence whose first 2^m points fill the cube evenly, under Owen's scrambling by a hash
+  (Burley, J. Comput. Graph. Tech. 9 (2020), 1). Direction numbers: `scipy.stats.qmc`.
+"""
+
+import functools
+import zlib
+from abc import abstractmethod
+from collections.abc import Mapping
+from typing import final
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.scipy.special import ndtri
+from jaxtyping import Array, Float, Integer
+
+from ..core import InputError
+from ._distributions import AbstractDistribution
+
+BITS = 32
+
+
+class AbstractDesign(eqx.Module):
+    """Where the runs lie in the unit cube."""
+
+    @abstractmethod
+    def uniforms(
+        self, key: Array, numbers: Integer[Array, " runs"], dimensions: int
+    ) -> Float[Array, "runs dimensions"]:
+        """The places of the runs with these numbers, from 0 to 1."""
+
+
+@final
+class LatinHypercube(AbstractDesign):
+    """Each of `runs` equal layers of every input holds one run.
+
+    The design is made for this number of runs: of fewer it is no hypercube, and further runs go
+    through the layers again."""
+
+    runs: int = eqx.field(static=True)
+
+    def __check_init__(self):
+        if not 1 <= self.runs < 2**31:
+            raise InputError(
+                f"LatinHypercube.runs is {self.runs}: it must be from 1 to 2147483647."
+            )
+
+    def uniforms(
+        self, key: Array, numbers: Integer[Array, " runs"], dimensions: int
+    ) -> Float[Array, "runs dimensions"]:
+        # Each time through the layers is another permutation.
+        numbers = numbers.astype(jnp.uint32)
+        again, places = numbers // self.runs, numbers % self.runs
+
+        def one(number: Array, again: Array, place: Array) -> Array:
+            seeds = jax.random.bits(jax.random.fold_in(key, again), (dimensions,), jnp.uint32)
+            layers = jax.vmap(lambda seed: _permuted(place, self.runs, seed))(seeds)
+            # Another stream than that of the permutations.
+            own = jax.random.fold_in(jax.random.fold_in(key, 0x4C4853), number)
+            within = jax.random.uniform(own, (dimensions,))
+            return (layers.astype(within.dtype) + within) / self.runs
+
+        return jax.vmap(one)(numbers, again, places)
+
+
+@final
+class Sobol(AbstractDesign):
+    """Scrambled Sobol points: use a power of two of runs. There are 2^24 points."""
+
+    def uniforms(
+        self, key: Array, numbers: Integer[Array, " runs"], dimensions: int
+    ) -> Float[Array, "runs dimensions"]:
+        directions = jnp.asarray(_directions(dimensions))
+        seeds = jax.random.bits(key, (dimensions,), jnp.uint32)
+        numbers = numbers.astype(jnp.uint32)
+        gray = numbers ^ (numbers >> 1)
+        points = jnp.zeros((*numbers.shape, dimensions), jnp.uint32)
+        for bit in range(directions.shape[1]):
+            on = (gray >> bit) & 1
+            points = points ^ (on[:, None] * directions[:, bit])
+        # Half a step inwards: no point lies on the border, where a normal number is infinite.
+        dtype = jnp.result_type(float)
+        share = (_scrambled(points, seeds).astype(dtype) + 0.5) * 2.0**-BITS
+        return jnp.minimum(share, 1.0 - float(jnp.finfo(dtype).epsneg))
+
+
+NUMBERS = 24
+"""Bits of the number of a run on Sobol points."""
+
+
+@functools.cache
+def _directions(dimensions: int) -> np.ndarray:
+    """The direction numbers of Joe and Kuo, (dimensions, NUMBERS), from SciPy's sequence."""
+    from scipy.stats import qmc
+
+    engine = qmc.Sobol(dimensions, scramble=False, bits=BITS)
+    # In Gray code the points 2^k - 1 and 2^k differ by the direction number k.
+    found = []
+    for k in range(NUMBERS):
+        # SciPy takes a skip of no points for one of 2^32.
+        if k:
+            engine.fast_forward(2**k - 1)
+        whole = np.round(engine.random(2) * 2.0**BITS).astype(np.uint64).astype(np.uint32)
+        found.append(whole[0] ^ whole[1])
+        engine.reset()
+    return np.stack(found, axis=1)
+
+
+def _reversed(x: Array) -> Array:
+    """The bits in the opposite order."""
+    for shift, mask in ((1, 0x55555555), (2, 0x33333333), (4, 0x0F0F0F0F), (8, 0x00FF00FF)):
+        low = jnp.uint32(mask)
+        x = ((x >> shift) & low) | ((x & low) << shift)
+    return (x >> 16) | (x << 16)
+
+
+def _scrambled(x: Array, seed: Array) -> Array:
+    """Owen's nested scrambling: whether a bit flips depends on the bits above it and the seed."""
+    x = _reversed(x) + seed
+    # Burley's constants: even factors, so that a bit only meets those below it in this order.
+    for factor in (0x6C50B47C, 0xB82F1E52, 0xC7AFE638, 0x8D22F6E6):
+        x = x ^ (x * jnp.uint32(factor))
+    return _reversed(x)
+
+
+def _permuted(place: Array, count: int, seed: Array) -> Array:
+    """The number `place`, below `count`, under a permutation decided by the seed."""
+    mask = 1
+    while mask < count - 1:
+        mask = 2 * mask + 1
+    w, p = jnp.uint32(mask), seed
+
+    def mixed(i: Array) -> Array:
+        # Kensler's steps, each of which can be undone within the bits of w.
+        i = (i ^ p) * jnp.uint32(0xE170893D)
+        i = i ^ (p >> 16)
+        i = i ^ ((i & w) >> 4)
+        i = (i ^ (p >> 8)) * jnp.uint32(0x0929EB3F)
+        i = i ^ (p >> 23)
+        i = i ^ ((i & w) >> 1)
+        i = i * (jnp.uint32(1) | (p >> 27)) * jnp.uint32(0x6935FA69)
+        for shift, factor in ((11, 0x74DCB303), (2, 0x9E501CC3), (2, 0xC860A3DF)):
+            i = (i ^ ((i & w) >> shift)) * jnp.uint32(factor)
+        i = i & w
+        return i ^ (i >> 5)
+
+    # A number that leaves the range walks on along its cycle until it is back.
+    i = jax.lax.while_loop(lambda i: i >= count, mixed, mixed(place.astype(jnp.uint32)))
+    # Without an overflow of the sum.
+    return (i + p % jnp.uint32(count)) % jnp.uint32(count)
+
+
+def normal_columns(inputs: Mapping[str, AbstractDistribution]) -> dict[str, list[int]]:
+    """The columns of the standard normal numbers that each independent input takes, by the name of
+    its first number."""
+    found: dict[str, list[int]] = {}
+    sources: dict[str, str] = {}
+    width = 0
+    # Sorted, because a dict that passes through `jit` comes out so: places must not change.
+    for name, d in sorted(inputs.items()):
+        # The numbers of a joint distribution share the columns of the first one.
+        first = sources.setdefault(d.source, name) if d.source else name
+        if first == name:
+            found[name] = list(range(width, width + d.dimensions))
+            width += d.dimensions
+    return found
+
+
+def map_normals(
+    inputs: Mapping[str, AbstractDistribution], z: Float[Array, "runs dimensions"] | np.ndarray
+) -> dict[str, Float[Array, " runs"]]:
+    """The inputs, each (runs,), from independent standard normal numbers."""
+    columns = normal_columns(inputs)
+    by_source = {inputs[first].source or first: own for first, own in columns.items()}
+    z = jnp.asarray(z)
+    found = {}
+    for name, d in inputs.items():
+        own = by_source[d.source or name]
+        found[name] = jax.vmap(d.from_normal)(z[:, own] if d.source else z[:, own[0]])
+    return found
+
+
+def draw(
+    inputs: Mapping[str, AbstractDistribution],
+    design: AbstractDesign | None,
+    key: Array,
+    numbers: Integer[Array, " runs"],
+) -> dict[str, Float[Array, " runs"]]:
+    """The inputs of the runs with these numbers, each (runs,); at random without a `design`."""
+    if design is not None:
+        dimensions = sum(map(len, normal_columns(inputs).values()))
+        return map_normals(inputs, ndtri(design.uniforms(key, numbers, dimensions)))
+
+    # A draw depends on the key, the number of its run and its own name only, so that it is the
+    # same however many runs or other inputs there are.
+    def one(number: Array) -> dict[str, Array]:
+        own = jax.random.fold_in(key, number)
+        return {
+            name: d.sample(jax.random.fold_in(own, zlib.crc32((d.source or name).encode())))
+            for name, d in inputs.items()
+        }
+
+    # Distributions know one draw only; `vmap` here keeps axes of runs out of every one of them.
+    return jax.vmap(one)(numbers)

@@ -1,0 +1,22 @@
+"""Bins that any values have, also those that differ by rounding alone."""
+
+import numpy as np
+
+MOST_BINS = 60
+
+
+def bins(x: np.ndarray) -> tuple[float, np.ndarray, float]:
+    """Where the bins of a histogram start, how many values each holds, and their width.
+
+    One bin where the values differ by rounding alone, which cannot be divided."""
+    x = x.astype(float)
+    low, high = float(x.min()), float(x.max())
+    # Narrower bins than this have edges that are the same number.
+    least = 1e3 * float(np.spacing(max(abs(low), abs(high), 1e-300)))
+    if high - low <= least:
+        width = max(1e-3 * abs(low), least)
+        return low - 0.5 * width, np.array([x.size]), width
+    # As many bins as the square root of the runs, within what a reader can see.
+    number = int(np.clip(np.sqrt(x.size), 8, MOST_BINS))
+    counts, _ = np.histogram(x, number, (low, high))
+    return low, counts, (high - low) / number

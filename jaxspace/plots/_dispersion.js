@@ -1,0 +1,162 @@
+const $ = (id) => document.getElementById(id);
+const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+const narrow = () => document.documentElement.clientWidth < 600;
+const config = () => ({ displaylogo: false, responsive: true, displayModeBar: narrow() ? false : "hover" });
+const words = (name) => name.replaceAll("_", " ");
+// A long path is cut in front: its end tells the inputs of one table apart.
+const short = (name, most) => {
+  const text = words(name);
+  return text.length > most ? "…" + text.slice(text.length - most + 1) : text;
+};
+const label = (name) => words(name) + (data.units[name] ? ` [${data.units[name]}]` : "");
+
+function axis(text, more = {}) {
+  const line = colour("--line");
+  return { title: { text, font: { size: 13 } }, gridcolor: line, zerolinecolor: line,
+    linecolor: colour("--soft"), automargin: true, exponentformat: "power", minexponent: 6, ...more };
+}
+
+function layout(x, y, more = {}) {
+  const clear = "rgba(0,0,0,0)";
+  return { paper_bgcolor: clear, plot_bgcolor: clear, font: { color: colour("--ink"), size: 12 },
+    margin: { l: narrow() ? 50 : 70, r: 12, t: 34, b: 50 }, ...(x && { xaxis: x, yaxis: y }), hovermode: "closest",
+    modebar: { bgcolor: clear, color: colour("--soft"), activecolor: colour("--ink") },
+    legend: { orientation: "h", x: 0, y: 1.02, yanchor: "bottom", font: { size: 12 } }, ...more };
+}
+
+function ellipse(a, b) {
+  const i = data.names.indexOf(a), j = data.names.indexOf(b), m = data.moments;
+  if (!m || i === j) return null;
+  const [sxx, sxy, syy] = [m.covariance[i][i], m.covariance[i][j], m.covariance[j][j]];
+  if (!(sxx > 0 && syy > 0)) return null;
+  // The factor of Cholesky maps a circle to the ellipse; chi^2 of two degrees, 99 %.
+  const k = Math.sqrt(2 * Math.log(100)), l11 = Math.sqrt(sxx), l21 = sxy / l11;
+  const l22 = Math.sqrt(Math.max(syy - l21 * l21, 0)), x = [], y = [];
+  for (let n = 0; n <= 120; n++) {
+    const [c, s] = [Math.cos((n * Math.PI) / 60), Math.sin((n * Math.PI) / 60)];
+    x.push(m.mean[i] + k * l11 * c);
+    y.push(m.mean[j] + k * (l21 * c + l22 * s));
+  }
+  return { x, y, mode: "lines", name: "ellipse of 99 %", line: { color: colour("--c1"), width: 1.6 },
+    hoverinfo: "skip" };
+}
+
+function mark(name, a, b, at, symbol, tint) {
+  if (!at || at[a] === undefined || at[b] === undefined) return [];
+  return [{ x: [at[a]], y: [at[b]], mode: "markers", name, hoverinfo: "name+x+y",
+    marker: { symbol, size: 12, color: tint, line: { width: 2, color: tint } } }];
+}
+
+function drawScatter() {
+  const [a, b] = [$("across").value, $("up").value];
+  const points = { x: data.points[a], y: data.points[b], customdata: data.numbers, mode: "markers",
+    name: "one run", marker: { size: 4.5, opacity: 0.5, color: colour("--c0") },
+    hovertemplate: "run %{customdata}<br>%{x}<br>%{y}<extra></extra>" };
+  const traces = [points, ...[ellipse(a, b)].filter(Boolean),
+    ...mark("mean", a, b, data.mean, "cross-thin", colour("--c1")),
+    ...mark("nominal", a, b, data.nominal, "diamond-open", colour("--c2"))];
+  return Plotly.react("scatter", traces, layout(axis(label(a)), axis(label(b))), config());
+}
+
+function upright(x, top, name, tint, dash) {
+  return { x: [x, x], y: [0, top], mode: "lines", name, line: { color: tint, width: 1.8, dash } };
+}
+
+function drawHistogram() {
+  const name = $("histogram-of").value, h = data.histograms[name];
+  if (!h) { Plotly.purge("histogram"); $("histogram").innerHTML = "<p class=note>No good run.</p>"; return null; }
+  const top = 1.05 * Math.max(...h.counts), centres = h.counts.map((_, k) => h.start + (k + 0.5) * h.width);
+  const bars = { type: "bar", x: centres, y: h.counts, width: h.width * 0.96, name: "runs", showlegend: false,
+    marker: { color: colour("--c0"), opacity: 0.75 }, hovertemplate: "%{x}<br>%{y} runs<extra></extra>" };
+  const lines = [upright(h.mean, top, "mean", colour("--c1"), "solid"),
+    { ...upright(h.low, top, "limits of the middle 99 %", colour("--soft"), "dash"), legendgroup: "l" },
+    { ...upright(h.high, top, "", colour("--soft"), "dash"), legendgroup: "l", showlegend: false }];
+  if (h.nominal !== null) lines.push(upright(h.nominal, top, "nominal", colour("--c2"), "dot"));
+  for (const [k, x] of h.required.entries())
+    lines.push({ ...upright(x, top, "requirement", colour("--bad"), "longdash"), showlegend: k === 0 });
+  $("histogram-words").textContent = h.words;
+  return Plotly.react("histogram", [bars, ...lines], layout(axis(label(name)), axis("runs"), { bargap: 0 }), config());
+}
+
+function drawContributors() {
+  const name = $("contributors-of").value, c = data.contributors[name];
+  $("contributors-words").textContent = c.words;
+  const most = narrow() ? 18 : 40, shares = c.shares.map((s) => 100 * s);
+  const bars = { type: "bar", orientation: "h", x: shares.map((s) => Math.max(s, 0)), width: 0.7,
+    y: c.inputs.map((_, k) => k),
+    text: shares.map((s) => Math.max(s, 0).toFixed(1)), textposition: "outside", cliponaxis: false,
+    customdata: c.inputs, marker: { color: colour("--c2") }, hovertemplate: "%{customdata}: %{text} %<extra></extra>" };
+  const y = axis("", { autorange: "reversed", tickvals: c.inputs.map((_, k) => k), ticktext: c.inputs.map((n) => short(n, most)) });
+  const x = axis("share of the variance, %", { range: [0, 1.18 * Math.max(5, ...shares)] });
+  return Plotly.react("contributors", [bars], layout(x, y, { showlegend: false }), config());
+}
+
+function drawConvergence() {
+  const name = $("convergence-of").value, c = data.convergence[name];
+  if (!c) return null;
+  const band = { x: [...c.runs, ...c.runs.slice().reverse()], y: [...c.high, ...c.low.slice().reverse()],
+    fill: "toself", mode: "none", fillcolor: colour("--c0") + "33", name: "its interval of 95 %", hoverinfo: "skip" };
+  const limit = { x: c.runs, y: c.limit, mode: "lines", name: "99 % limit", line: { color: colour("--c0"), width: 2 } };
+  const mean = { x: c.runs, y: c.mean, mode: "lines", name: "mean", line: { color: colour("--c1"), width: 2 } };
+  $("convergence-words").textContent = c.words;
+  return Plotly.react("convergence", [band, limit, mean], layout(axis("runs", { type: "log", dtick: 1 }), axis(label(name))), config());
+}
+
+function drawMatrix() {
+  const names = data.matrix.slice(0, narrow() ? 3 : 5), n = names.length, traces = [], axes = {};
+  const gap = 0.03, size = (1 - gap * (n - 1)) / n, few = { showticklabels: false, showgrid: false, zeroline: false, linecolor: colour("--line"), mirror: true, showline: true };
+  names.forEach((b, row) => names.forEach((a, column) => {
+    if (column > row) return;
+    // The first axis has no number in its name: all of these have one.
+    const k = row * n + column + 2, h = data.histograms[a], place = [column * (size + gap), 1 - row * (size + gap) - size];
+    const title = (show, name) => ({ text: show ? short(name, narrow() ? 12 : 22) : "", font: { size: 11 }, standoff: 4 });
+    axes[`xaxis${k}`] = { ...few, domain: [place[0], place[0] + size], anchor: `y${k}`, title: title(row === n - 1, a) };
+    axes[`yaxis${k}`] = { ...few, domain: [place[1], place[1] + size], anchor: `x${k}`, title: title(column === 0, b) };
+    const common = { xaxis: `x${k}`, yaxis: `y${k}`, hoverinfo: "skip", marker: { color: colour("--c0") } };
+    if (a === b) traces.push({ ...common, type: "bar", x: h.counts.map((_, i) => h.start + (i + 0.5) * h.width), y: h.counts, width: h.width });
+    else traces.push({ ...common, mode: "markers", x: data.points[a].slice(0, 400), y: data.points[b].slice(0, 400), marker: { color: colour("--c0"), size: 3, opacity: 0.5 } });
+  }));
+  const frame = layout(undefined, undefined, { showlegend: false, ...axes, margin: { l: 40, r: 8, t: 8, b: 40 } });
+  return Plotly.react("matrix", traces, frame, config());
+}
+
+function drawTrajectories() {
+  const t = data.trajectories, tint = colour("--c0"), scene = {};
+  const traces = t.runs.map((p, k) => ({ type: "scatter3d", mode: "lines", x: p[0], y: p[1], z: p[2], showlegend: k === 0, name: "runs",
+    opacity: 0.35, line: { color: tint, width: 2 }, hoverinfo: "name", text: `run ${t.numbers[k]}` }));
+  if (t.nominal) traces.push({ type: "scatter3d", mode: "lines", x: t.nominal[0], y: t.nominal[1], z: t.nominal[2],
+    name: "nominal", line: { color: colour("--c1"), width: 5 }, hoverinfo: "name" });
+  for (const k of ["x", "y", "z"]) scene[k + "axis"] = { ...axis(`${k} [${t.unit}]`), backgroundcolor: "rgba(0,0,0,0)" };
+  return Plotly.react("trajectories", traces, layout(undefined, undefined, { scene: { ...scene, aspectmode: "data" }, margin: { l: 0, r: 0, t: 10, b: 0 } }), config());
+}
+
+function drawTime() {
+  const tints = ["--c1", "--c0", "--c2", "--c3", "--soft"];
+  const traces = Object.entries(data.time).map(([name, s], k) => ({ type: "bar", orientation: "h", y: [""], x: [s], name,
+    marker: { color: colour(tints[k % tints.length]) }, hovertemplate: `${name}: %{x:.3g} s<extra></extra>` }));
+  return Plotly.react("time", traces, layout(axis("s"), axis("", { showticklabels: false }), { barmode: "stack" }), config());
+}
+
+const drawings = { scatter: drawScatter, histogram: drawHistogram, contributors: drawContributors,
+  convergence: drawConvergence, matrix: drawMatrix, trajectories: drawTrajectories, time: drawTime };
+
+async function drawAll() {
+  for (const [id, draw] of Object.entries(drawings)) if ($(id)) await draw();
+  document.body.dataset.drawn = "yes";
+}
+
+async function start() {
+  // The plotting library is in the page, compressed: it needs no network and a third of the room.
+  const bytes = Uint8Array.from(atob($("library").textContent), (c) => c.charCodeAt(0));
+  const text = await new Response(new Blob([bytes]).stream().pipeThrough(new DecompressionStream("gzip"))).text();
+  const script = document.createElement("script");
+  script.textContent = text;
+  document.head.appendChild(script);
+  for (const [id, draw] of [["across", drawScatter], ["up", drawScatter], ["histogram-of", drawHistogram],
+    ["contributors-of", drawContributors], ["convergence-of", drawConvergence]]) if ($(id)) $(id).addEventListener("change", draw);
+  await drawAll();
+  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", drawAll);
+  let before = narrow();
+  addEventListener("resize", () => { if (narrow() !== before) { before = narrow(); drawAll(); } });
+}
+start().catch((error) => { document.body.dataset.error = error.message; console.error(error); });

@@ -1,0 +1,166 @@
+"""The numbers of a dispersion that its page draws: binned and thinned, so that the page of a
+million runs is no larger than that of a thousand."""
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ._bins import bins
+from ._dispersion_figure import chosen_pair, contributors_or_none, explained, shown, summary
+
+if TYPE_CHECKING:
+    from ..dispersion import Dispersion, Flights, Row
+
+MOST_POINTS = 2000
+"""Runs of the scatter plots: more hide one another."""
+MOST_OUTPUTS = 5
+"""Outputs of the scatter matrix."""
+
+
+def page_data(
+    dispersion: "Dispersion",
+    nominal: Mapping[str, float],
+    count: int,
+    flights: "Flights | None",
+) -> dict[str, Any]:
+    """What the script of the page is given: points, bins, contributors, convergence, times."""
+    outputs = list(dispersion.outputs)
+    # Inputs that do not vary would be lines.
+    names = [*outputs, *(n for n, x in dispersion.inputs.items() if np.ptp(x) > 0.0)]
+    good = np.flatnonzero(shown(dispersion, *outputs))
+    chosen = good[:MOST_POINTS]
+    rows = {row.name: row for of in ("outputs", "inputs") for row in dispersion.table(of)}
+    required = requirements(dispersion)
+    means = {n: rows[n].mean for n in names if rows[n].runs}
+    pair = chosen_pair(dispersion, outputs) or (names[-1], names[0])
+    return {
+        "names": names,
+        "units": {n: u for n in names if (u := dispersion.units.get(n, "")) not in ("", "1")},
+        "pair": pair,
+        "numbers": chosen.tolist(),
+        "points": {n: _listed(dispersion.values(n)[chosen], rows[n].std) for n in names},
+        "moments": _moments(dispersion, names, good),
+        "mean": means,
+        "nominal": {n: x for n, x in nominal.items() if n in names and np.isfinite(x)},
+        "histograms": {
+            n: _histogram(dispersion, rows[n], nominal.get(n), required.get(n, ())) for n in outputs
+        },
+        "contributors": {n: _contributors(dispersion, n, count) for n in outputs},
+        "convergence": {n: _convergence(dispersion, n, rows[n]) for n in outputs},
+        "matrix": [n for n in outputs if rows[n].runs and rows[n].std > 0.0][:MOST_OUTPUTS],
+        "time": time_budget(dispersion),
+        "trajectories": _paths(flights),
+    }
+
+
+def requirements(dispersion: "Dispersion") -> dict[str, tuple[float | None, float | None]]:
+    """The least and the greatest value that is allowed of each output that has a requirement."""
+    found = dispersion.attributes.get("requirements", {})
+    return {n: (at[0], at[1]) for n, at in found.items() if n in dispersion.outputs}
+
+
+def time_budget(dispersion: "Dispersion") -> dict[str, float]:
+    """The seconds of each part of the campaign, by its name."""
+    record = dispersion.attributes
+    ahead = float(record.get("preparation_seconds", 0.0))
+    parts = {"compiling and planning": ahead}
+    for key, value in record.items():
+        # Whatever else a store says of its time, such as that of writing.
+        if key.endswith("_seconds") and key != "preparation_seconds":
+            parts[key.removesuffix("_seconds").replace("_", " ")] = float(value)
+    rest = dispersion.seconds - sum(parts.values())
+    if np.isfinite(rest) and rest > 0.0:
+        parts["running"] = rest
+    return {name: seconds for name, seconds in parts.items() if seconds > 0.0}
+
+
+def _listed(values: np.ndarray, deviation: float) -> list[float | None]:
+    """The values with three digits beyond the first one of their deviation."""
+    deviation = deviation if np.isfinite(deviation) else 0.0
+    decimals = 3 - int(np.floor(np.log10(deviation))) if deviation > 0.0 else 15
+    rounded = np.round(values.astype(float), min(decimals, 300))
+    # JSON has no NaN.
+    return [x if np.isfinite(x) else None for x in rounded.tolist()]
+
+
+def _moments(dispersion: "Dispersion", names: list[str], good: np.ndarray) -> dict[str, Any] | None:
+    """Mean and covariance of all quantities, for the ellipses."""
+    if good.size < 3:
+        return None
+    x = np.stack([dispersion.values(n)[good].astype(float) for n in names])
+    return {"mean": x.mean(axis=1).tolist(), "covariance": np.atleast_2d(np.cov(x)).tolist()}
+
+
+def _histogram(
+    dispersion: "Dispersion",
+    row: "Row",
+    nominal: float | None,
+    required: Sequence[float | None],
+) -> dict[str, Any] | None:
+    """Bins over the good runs, with the lines that stand in them."""
+    if row.runs == 0:
+        return None
+    start, counts, width = bins(dispersion.values(row.name)[shown(dispersion, row.name)])
+    return {
+        "start": start,
+        "width": width,
+        "counts": counts.tolist(),
+        "mean": row.mean,
+        "low": row.low,
+        "high": row.high,
+        "nominal": None if nominal is None or not np.isfinite(nominal) else nominal,
+        "required": [x for x in required if x is not None],
+        "words": summary(row),
+    }
+
+
+def _contributors(dispersion: "Dispersion", name: str, count: int) -> dict[str, Any]:
+    found = contributors_or_none(dispersion, name, count)
+    if found is None:
+        return {"inputs": [], "shares": [], "words": "Too few runs, or nothing scatters."}
+    return {
+        "inputs": list(found.shares),
+        "shares": [float(s) for s in found.shares.values()],
+        "words": explained(found),
+    }
+
+
+def _convergence(dispersion: "Dispersion", name: str, row: "Row") -> dict[str, Any] | None:
+    if row.runs < 2:
+        return None
+    found = dispersion.convergence(name)
+    # An interval without an end is none: the band begins where there are enough runs.
+    known = np.isfinite(found.low) & np.isfinite(found.high)
+    low, high = (np.where(known, x, found.limit) for x in (found.low, found.high))
+    words = "too few runs for an interval"
+    if known[-1]:
+        ends = (row.shown(x) for x in (found.limit[-1], low[-1], high[-1]))
+        words = "99 % limit {}, with 95 % confidence from {} to {}".format(*ends)
+    return {
+        "runs": found.runs.tolist(),
+        "mean": found.mean.tolist(),
+        "limit": found.limit.tolist(),
+        "low": low.tolist(),
+        "high": high.tolist(),
+        "words": f"{words}.",
+    }
+
+
+def _paths(flights: "Flights | None") -> dict[str, Any] | None:
+    """The trajectories in km, or in m where they are short; `None` without any."""
+    if flights is None or not np.isfinite(flights.positions).any():
+        return None
+    x = np.asarray(flights.positions, float)
+    factor, unit = (1e-3, "km") if np.nanmax(np.abs(x)) > 1e4 else (1.0, "m")
+    digits = 6 - int(np.ceil(np.log10(max(factor * float(np.nanmax(np.abs(x))), 1e-6))))
+    rounded = np.round(factor * x, digits)
+    # A failed run has no path.
+    good = [k for k in range(x.shape[-1]) if np.all(np.isfinite(x[..., k]))]
+    return {
+        "unit": unit,
+        # The first one is the nominal run.
+        "numbers": [int(flights.numbers[k]) for k in good if k > 0],
+        "runs": [rounded[..., k].tolist() for k in good if k > 0],
+        "nominal": rounded[..., 0].tolist() if 0 in good else None,
+    }
