@@ -11,8 +11,14 @@ from ._distributions import Normal as Normal
 from ._distributions import TruncatedNormal as TruncatedNormal
 from ._distributions import Uniform as Uniform
 from ._engine import disperse as disperse
+from ._engines import AbstractEngine as AbstractEngine
+from ._engines import DaskCluster as DaskCluster
+from ._engines import InProcess as InProcess
+from ._engines import ProcessPool as ProcessPool
+from ._lock import StoreError as StoreError
 from ._statistics import Contributors as Contributors
 from ._statistics import Dispersion as Dispersion
 from ._statistics import Failure as Failure
 from ._statistics import Row as Row
-from ._store import open_store as open_store
+from ._stored import DamagedStore as DamagedStore
+from ._stored import open_store as open_store

@@ -1,0 +1,355 @@
+"""Engines: where the chunks of a campaign are computed. Behind one interface stand this process,
+other processes of this machine, and a Dask cluster; every one of them gives the same bits."""
+
+import contextlib
+import functools
+import io
+import multiprocessing
+import os
+import pickle
+import signal
+import sys
+import time
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from typing import Any, NamedTuple, final
+
+import jax
+
+from ..core import InputError
+from ._batch_runner import BatchRunner, PlannedCampaign, RunResults
+from ._lock import StoreError
+
+RETRIES = 3
+# Of a program and of its results; where programs are kept.
+SETTINGS = (
+    "jax_enable_x64",
+    "jax_numpy_dtype_promotion",
+    "jax_disable_most_optimizations",
+    "jax_compilation_cache_dir",
+    "jax_persistent_cache_min_compile_time_secs",
+    "jax_persistent_cache_min_entry_size_bytes",
+)
+
+
+class Extent(NamedTuple):
+    """A chunk by its number, its first run and the number of its runs."""
+
+    chunk: int
+    first: int
+    runs: int
+
+
+class Done(NamedTuple):
+    """A chunk that has been computed, its results, and the processor time that it took, s."""
+
+    chunk: int
+    results: RunResults
+    cpu: float
+
+
+class AbstractEngine(ABC):
+    """Computes chunks, in any order."""
+
+    @abstractmethod
+    def compute(self, runner: BatchRunner, extents: Sequence[Extent]) -> Iterator[Done]:
+        """The chunks, each as soon as it is there.
+
+        **Raises** `StoreError` where a chunk cannot be computed after all retries."""
+
+    @property
+    @abstractmethod
+    def workers(self) -> int:
+        """How many chunks are computed at a time."""
+
+
+@final
+class InProcess(AbstractEngine):
+    """In this process: all cores of its CPU, or all of its accelerators, share every chunk."""
+
+    @property
+    def workers(self) -> int:
+        return 1
+
+    def compute(self, runner: BatchRunner, extents: Sequence[Extent]) -> Iterator[Done]:
+        for extent in extents:
+            yield _timed(runner, extent)
+
+
+def _timed(runner: BatchRunner, extent: Extent) -> Done:
+    before = time.process_time()
+    results = runner.run(extent.first, extent.runs)
+    return Done(extent.chunk, results, time.process_time() - before)
+
+
+@final
+class ProcessPool(AbstractEngine):
+    """In other processes of this machine, each on one core. A process that dies, whatever kills it,
+    is replaced, and the chunks that were lost are computed again.
+
+    **Arguments**
+
+    - `workers`: how many; as many as cores by default.
+    - `limit`: after how many seconds a chunk that has not returned counts as lost; never by
+      default. It includes the start of a process, which compiles or loads the program.
+    - `retries`: how often a chunk may be lost."""
+
+    def __init__(
+        self, workers: int | None = None, *, limit: float | None = None, retries: int = RETRIES
+    ):
+        self._workers = cores() if workers is None else workers
+        if self._workers < 1:
+            raise InputError(f"ProcessPool.workers is {workers}: it must be at least 1.")
+        self.limit = limit
+        self.retries = retries
+
+    @property
+    def workers(self) -> int:
+        return self._workers
+
+    def compute(self, runner: BatchRunner, extents: Sequence[Extent]) -> Iterator[Done]:
+        payload, lost = payload_of(runner.planned), dict.fromkeys(extents, 0)
+        while lost:
+            for done in self._round(payload, list(lost)):
+                lost = {e: n for e, n in lost.items() if e.chunk != done.chunk}
+                yield done
+            # What is left was lost with a process, or waited for one.
+            lost = {extent: n + 1 for extent, n in lost.items()}
+            for extent, n in lost.items():
+                if n > self.retries:
+                    raise StoreError(
+                        f"Chunk {extent.chunk} (runs {extent.first} to "
+                        f"{extent.first + extent.runs - 1}) was lost {n} times: its process ended "
+                        f"or took too long. All other chunks that had been finished are kept."
+                    )
+
+    def _round(self, payload: bytes, extents: list[Extent]) -> Iterator[Done]:
+        """The chunks, until a process is lost."""
+        # Not forked: a fork of a process that has threads, as jax has, may hang.
+        context = multiprocessing.get_context("spawn")
+        with _without_main():
+            pool = ProcessPoolExecutor(self._workers, context, _ignore_interrupts)
+        waiting, started = list(extents), {}
+        try:
+            while waiting or started:
+                # As many as work, and one for each to go on with: memory is bounded by chunks.
+                while waiting and len(started) < 2 * self._workers:
+                    with _without_main():
+                        future = pool.submit(compute_chunk, payload, waiting.pop(0))
+                    started[future] = time.monotonic()
+                done = _first_done(started, self.limit)
+                for future in done:
+                    del started[future]
+                    yield future.result()
+        except BrokenProcessPool:
+            return
+        except TimeoutError:
+            return
+        finally:
+            _stop(pool)
+
+
+def _first_done(started: dict["Future[Done]", float], limit: float | None) -> set["Future[Done]"]:
+    """Those that are done. Raises `TimeoutError` when nothing came within the limit."""
+    done, _ = wait(started, limit, FIRST_COMPLETED)
+    if not done:
+        raise TimeoutError
+    return done
+
+
+def _stop(pool: ProcessPoolExecutor) -> None:
+    """End the pool with all of its processes, whatever they do."""
+    processes = list((pool._processes or {}).values())
+    pool.shutdown(wait=False, cancel_futures=True)
+    for process in processes:
+        process.kill()
+    for process in processes:
+        process.join()
+
+
+@contextlib.contextmanager
+def _without_main() -> Iterator[None]:
+    """While processes start: they do not import the script of the user, who would have to guard it,
+    for what it defines travels with the campaign."""
+    main = sys.modules["__main__"]
+    kept = {name: main.__dict__.pop(name) for name in ("__file__",) if name in main.__dict__}
+    spec, main.__spec__ = getattr(main, "__spec__", None), None
+    try:
+        yield
+    finally:
+        main.__dict__.update(kept)
+        main.__spec__ = spec
+
+
+def _ignore_interrupts() -> None:
+    # Ctrl-C reaches all processes of a terminal: the first one tells the others to end.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+@final
+class DaskCluster(AbstractEngine):
+    """On the workers of Dask distributed, which needs the extra `cluster`.
+
+    **Arguments**
+
+    - `address`: of a scheduler, such as "tcp://10.0.0.5:8786"; by default a cluster of this
+      machine's own is started, which listens to this machine alone.
+    - `workers`: of the cluster that is started.
+    - `retries`: how often a chunk may fail or be lost with its worker."""
+
+    def __init__(
+        self, address: str | None = None, *, workers: int | None = None, retries: int = RETRIES
+    ):
+        self.address = address
+        self._workers = cores() if workers is None else workers
+        self.retries = retries
+
+    @property
+    def workers(self) -> int:
+        return self._workers
+
+    def compute(self, runner: BatchRunner, extents: Sequence[Extent]) -> Iterator[Done]:
+        payload, waiting, started = payload_of(runner.planned), list(extents), {}
+        with self._client() as client:
+            from distributed import FIRST_COMPLETED as FIRST
+            from distributed import wait as wait_for
+
+            while waiting or started:
+                self._workers = max(len(client.scheduler_info()["workers"]), 1)
+                while waiting and len(started) < 2 * self._workers:
+                    extent = waiting.pop(0)
+                    future = client.submit(
+                        compute_chunk, payload, extent, retries=self.retries, pure=False
+                    )
+                    started[future] = extent
+                # Woken now and then, for a scheduler that is gone sends no word.
+                with contextlib.suppress(TimeoutError):
+                    wait_for(list(started), timeout=5, return_when=FIRST)
+                if client.status != "running":
+                    raise ConnectionError("the scheduler does not answer")
+                for future in [f for f in started if f.done()]:
+                    del started[future]
+                    # Lost with all that the scheduler knew; it alone could say more.
+                    if future.cancelled():
+                        raise ConnectionError("the scheduler has forgotten a chunk")
+                    yield future.result()
+
+    @contextlib.contextmanager
+    def _client(self) -> Iterator[Any]:
+        try:
+            from distributed import Client, LocalCluster
+        except ImportError as error:
+            raise InputError(
+                'engine is "dask": it needs the extra `cluster` (pip install "jaxspace[cluster]").'
+            ) from error
+        from distributed.scheduler import KilledWorker
+
+        where = "of this machine" if self.address is None else f"at {self.address}"
+        with contextlib.ExitStack() as stack:
+            # What Dask says of broken connections is said once, by the error below.
+            stack.enter_context(_quiet("distributed"))
+            try:
+                target = self.address
+                if target is None:
+                    target = stack.enter_context(
+                        LocalCluster(
+                            self._workers,
+                            threads_per_worker=1,
+                            host="127.0.0.1",
+                            dashboard_address=None,
+                            preload=[],
+                        )
+                    )
+                client = Client(target, set_as_default=False, timeout=10)
+                stack.callback(_closed, client)
+                yield client
+            except (OSError, KilledWorker) as error:
+                raise StoreError(
+                    f"The Dask cluster {where} failed ({type(error).__name__}: {error}). All "
+                    f"chunks that had been finished are kept."
+                ) from error
+
+
+def _closed(client: Any) -> None:
+    """Close a client whose scheduler may be gone."""
+    with contextlib.suppress(Exception):
+        client.close(timeout=2)
+
+
+@contextlib.contextmanager
+def _quiet(name: str) -> Iterator[None]:
+    import logging
+
+    logger = logging.getLogger(name)
+    before = logger.level
+    logger.setLevel(logging.CRITICAL)
+    try:
+        yield
+    finally:
+        logger.setLevel(before)
+
+
+ENGINES: dict[str, Callable[[], AbstractEngine]] = {
+    "local": InProcess,
+    "processes": ProcessPool,
+    "dask": DaskCluster,
+}
+
+
+def as_engine(engine: str | AbstractEngine) -> AbstractEngine:
+    """An engine by its name or by the address of a Dask scheduler; an engine passes.
+
+    Raises `InputError` for anything else."""
+    if isinstance(engine, AbstractEngine):
+        return engine
+    if engine in ENGINES:
+        return ENGINES[engine]()
+    if "://" in engine:
+        return DaskCluster(engine)
+    raise InputError(
+        f"engine is {engine!r}: it must be one of {', '.join(ENGINES)}, or the address of a Dask "
+        f'scheduler, such as "tcp://10.0.0.5:8786".'
+    )
+
+
+def cores() -> int:
+    """How many cores this process may use."""
+    # Containers and clusters often give a process fewer cores than the machine has.
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def payload_of(planned: PlannedCampaign) -> bytes:
+    """The campaign with the settings of jax, for another process.
+
+    Raises `InputError` where it holds what cannot be sent."""
+    settings = {name: getattr(jax.config, name) for name in SETTINGS}
+    arrays, buffer = jax.device_get(planned), io.BytesIO()
+    try:
+        # Sends functions by what they do, also those of the script that is run.
+        import cloudpickle as pickler
+    except ImportError:
+        pickler = pickle
+    try:
+        pickler.dump((settings, arrays), buffer)
+    except (pickle.PicklingError, AttributeError, TypeError) as error:
+        raise InputError(
+            f"The campaign cannot be sent to another process ({error}): install cloudpickle, or "
+            f"define its functions in a module."
+        ) from error
+    return buffer.getvalue()
+
+
+# One is enough: a worker serves one campaign after the other, each for a long time.
+@functools.lru_cache(maxsize=1)
+def _runner(payload: bytes) -> BatchRunner:
+    settings, planned = pickle.loads(payload)
+    for name, value in settings.items():
+        jax.config.update(name, value)
+    return BatchRunner(planned, jax.local_devices(), in_flight=1)
+
+
+def compute_chunk(payload: bytes, extent: Extent) -> Done:
+    """A chunk, in a worker."""
+    return _timed(_runner(payload), extent)
