@@ -16,6 +16,7 @@ from ._engines import DaskCluster as DaskCluster
 from ._engines import InProcess as InProcess
 from ._engines import ProcessPool as ProcessPool
 from ._lock import StoreError as StoreError
+from ._replay import Replay as Replay
 from ._statistics import Contributors as Contributors
 from ._statistics import Dispersion as Dispersion
 from ._statistics import Failure as Failure

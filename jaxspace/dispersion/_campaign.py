@@ -2,7 +2,7 @@
 
 import zlib
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import final
+from typing import TYPE_CHECKING, final
 
 import equinox as eqx
 import jax
@@ -11,10 +11,14 @@ import numpy as np
 from jax.typing import ArrayLike
 from jaxtyping import Array, Bool, Float, Integer
 
-from ..core import InputError, Quantity, State, as_float, check_finite
+from ..core import InputError, Quantity, Scalar, State, as_float, check_finite
+from ..integration._accuracy import Accuracy, as_accuracy
 from ..simulation import Mission
 from ..simulation._mission_runs import MissionResult
 from ._distributions import AbstractDistribution
+
+if TYPE_CHECKING:
+    from ._replay import Replay
 
 RESERVED = ("run", "status", "evaluations")
 """Names of the variables that every store has."""
@@ -113,6 +117,32 @@ class Campaign(eqx.Module):
                 value = float(np.asarray(samples[name]))
                 return f"{name} is {value:.6g}: it must be {limit.allowed()}."
         return ""
+
+    def replay(
+        self,
+        number: int,
+        *,
+        seed: int = 0,
+        accuracy: Accuracy | Scalar | None = None,
+        num_saved: int = 200,
+    ) -> "Replay":
+        """Run one sample once more, in full detail.
+
+        **Arguments**
+
+        - `number`, `seed`: of the run and of the campaign.
+        - `accuracy`: the relative tolerance of each step, or an `Accuracy`.
+        - `num_saved`: how many states of each phase are kept.
+
+        **Returns** a `Replay`: inputs, outputs and the trajectory. A run that fails says so in its
+        status.
+
+        **Raises** `InputError` for a number below zero, and whatever a function of the campaign
+        raises."""
+        # Here, because a replay is of a campaign.
+        from ._replay import replay
+
+        return replay(self, number, seed, as_accuracy(accuracy), num_saved)
 
     def text(self) -> str:
         """The inputs in words, one a line."""

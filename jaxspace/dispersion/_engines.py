@@ -7,6 +7,7 @@ import io
 import multiprocessing
 import os
 import pickle
+import queue
 import signal
 import sys
 import time
@@ -23,6 +24,8 @@ from ._batch_runner import BatchRunner, PlannedCampaign, RunResults
 from ._lock import StoreError
 
 RETRIES = 3
+# Between two looks at whether the scheduler is still there, s.
+PULSE = 2.0
 # Of a program and of its results; where programs are kept.
 SETTINGS = (
     "jax_enable_x64",
@@ -211,29 +214,26 @@ class DaskCluster(AbstractEngine):
         return self._workers
 
     def compute(self, runner: BatchRunner, extents: Sequence[Extent]) -> Iterator[Done]:
-        payload, waiting, started = payload_of(runner.planned), list(extents), {}
+        payload, waiting = payload_of(runner.planned), list(extents)
+        started, finished = set(), queue.SimpleQueue()
         with self._client() as client:
-            from distributed import FIRST_COMPLETED as FIRST
-            from distributed import wait as wait_for
-
             while waiting or started:
                 self._workers = max(len(client.scheduler_info()["workers"]), 1)
                 while waiting and len(started) < 2 * self._workers:
-                    extent = waiting.pop(0)
                     future = client.submit(
-                        compute_chunk, payload, extent, retries=self.retries, pure=False
+                        compute_chunk, payload, waiting.pop(0), retries=self.retries, pure=False
                     )
-                    started[future] = extent
-                # Woken now and then, for a scheduler that is gone sends no word.
-                with contextlib.suppress(TimeoutError):
-                    wait_for(list(started), timeout=5, return_when=FIRST)
-                if client.status != "running":
+                    future.add_done_callback(finished.put)
+                    started.add(future)
+                try:
+                    future = finished.get(timeout=PULSE)
+                except queue.Empty:
+                    future = None
+                # A scheduler that is gone sends no word, or cancels whatever it knew of.
+                if client.status != "running" or (future and future.cancelled()):
                     raise ConnectionError("the scheduler does not answer")
-                for future in [f for f in started if f.done()]:
-                    del started[future]
-                    # Lost with all that the scheduler knew; it alone could say more.
-                    if future.cancelled():
-                        raise ConnectionError("the scheduler has forgotten a chunk")
+                if future is not None:
+                    started.discard(future)
                     yield future.result()
 
     @contextlib.contextmanager
@@ -253,15 +253,11 @@ class DaskCluster(AbstractEngine):
             try:
                 target = self.address
                 if target is None:
-                    target = stack.enter_context(
-                        LocalCluster(
-                            self._workers,
-                            threads_per_worker=1,
-                            host="127.0.0.1",
-                            dashboard_address=None,
-                            preload=[],
-                        )
-                    )
+                    # For as long as the cluster lives, which replaces workers that die.
+                    stack.enter_context(_without_main())
+                    options = {"host": "127.0.0.1", "dashboard_address": None}
+                    target = LocalCluster(self._workers, threads_per_worker=1, **options)
+                    stack.enter_context(target)
                 client = Client(target, set_as_default=False, timeout=10)
                 stack.callback(_closed, client)
                 yield client
@@ -324,7 +320,7 @@ def payload_of(planned: PlannedCampaign) -> bytes:
     """The campaign with the settings of jax, for another process.
 
     Raises `InputError` where it holds what cannot be sent."""
-    settings = {name: getattr(jax.config, name) for name in SETTINGS}
+    settings = {name: jax.config.values[name] for name in SETTINGS}
     arrays, buffer = jax.device_get(planned), io.BytesIO()
     try:
         # Sends functions by what they do, also those of the script that is run.
