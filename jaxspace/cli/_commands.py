@@ -2,21 +2,9 @@
 
 import json
 import os
-import sys
 
 from ..core import InputError
-from ..dispersion import Dispersion
-from ..dispersion import disperse as disperse_campaign
-from ..io import (
-    SceneFile,
-    dispersion_report,
-    listing,
-    load,
-    mission_report,
-    read_size,
-    run_report,
-    schema,
-)
+from ..io import SceneFile, listing, load, mission_report, read_size, run_report, schema
 from ..simulation import Mission, Status, Trajectory
 from ..studies import AccuracyCost, EffectBudget, accuracy_cost, effect_budget
 from ..verification import run_cases
@@ -33,70 +21,15 @@ def run(path: str, folder: str, show: bool = False) -> int:
         # A mission has no error estimate of its own: the finer run gives one.
         print(mission_report(file, result, file.nominal_mission(samples=100, factor=0.01)))
         for name, phase in zip(result.names, result.phases, strict=True):
-            _draw(phase, _path(file, folder, f"_{name}.png".replace(" ", "_")))
+            draw(phase, path_of(file, folder, f"_{name}.png".replace(" ", "_")))
     else:
         result = file.simulate(throw=False)
         assert isinstance(result, Trajectory)
         print(run_report(file, result))
-        _draw(result, _path(file, folder, ".png"))
+        draw(result, path_of(file, folder, ".png"))
     if show:
-        print(f"page   {result.show(_path(file, folder, '.html'))}")
+        print(f"page   {result.show(path_of(file, folder, '.html'))}")
     return 0 if Status(int(result.status)).good else 1
-
-
-def disperse(path: str, runs: int | None, seed: int | None, chunk: int, folder: str) -> int:
-    """Run the file many times, print the table of its outputs, and keep the runs, a figure and a
-    page."""
-    # Late, like the plots below: commands that draw no bar do not wait for the import.
-    from tqdm import tqdm
-
-    file = load(path)
-    runs, seed = file.runs if runs is None else runs, file.seed if seed is None else seed
-    make_folder(folder)
-    print(f"{file.title}: {runs} runs, seed {seed}")
-    for doubt in file.doubts():
-        print(doubt, file=sys.stderr)
-    nominal = file.nominal_mission()
-    campaign = file.campaign(nominal, warn=False)
-    store = _path(file, folder, ".zarr")
-    with tqdm(total=runs, unit="run", file=sys.stderr, disable=None) as bar:
-
-        def show(done: int, total: int) -> None:
-            # The bar counts steps, the campaign reports totals.
-            bar.update(done - bar.n)
-
-        result = disperse_campaign(
-            campaign,
-            runs,
-            seed=seed,
-            chunk=chunk,
-            accuracy=file.accuracy,
-            store=store,
-            progress=show,
-        )
-    print(dispersion_report(result, file.nominal_outputs(nominal)))
-    # Compiling is paid once, so that it must not spoil the rate that a longer campaign will see.
-    ahead = result.attributes["preparation_seconds"]
-    rate = runs / max(result.seconds - ahead, 1e-9)
-    print(f"{result.seconds:.1f} s: {ahead:.1f} s to compile and to plan, then {rate:.0f} runs/s")
-    _keep(file, result, folder)
-    print(f"store  {store}")
-    # Single failed runs are part of the result; a campaign of which all failed is none.
-    return 0 if result.good.any() else 1
-
-
-def _keep(file: SceneFile, result: Dispersion, folder: str) -> None:
-    import matplotlib
-
-    from ..plots import dispersion_figure, dispersion_page
-
-    if result.good.any():
-        # No window: the command also runs where there is no display.
-        matplotlib.use("Agg")
-        figure, page = _path(file, folder, ".png"), _path(file, folder, ".html")
-        dispersion_figure(result).savefig(figure)
-        dispersion_page(result, page)
-        print(f"figure {figure}\npage   {page}")
 
 
 def explain(path: str) -> int:
@@ -122,7 +55,7 @@ def cost(path: str, error: float | None, gradient: bool, folder: str) -> int:
     print(f"{file.title}: what accuracy costs")
     print(table)
     print(f"\n{_recommendation(table, rtol if error is None else error)}")
-    _draw_table(table, _path(file, folder, "_cost.png"))
+    _draw_table(table, path_of(file, folder, "_cost.png"))
     return 0
 
 
@@ -161,7 +94,7 @@ def budget(path: str, output: str | None, tolerance: str | None, folder: str) ->
     )
     print(f"{file.title}: which effects matter")
     print(table)
-    _draw_table(table, _path(file, folder, "_budget.png"))
+    _draw_table(table, path_of(file, folder, "_budget.png"))
     return 0
 
 
@@ -200,7 +133,8 @@ def make_folder(name: str) -> None:
         raise InputError(f"--out is {name}: it must be a folder in which files may be written.")
 
 
-def _draw(trajectory: Trajectory, path: str) -> None:
+def draw(trajectory: Trajectory, path: str) -> None:
+    """Draw a trajectory to a file."""
     import matplotlib
 
     from ..plots import trajectory_figure
@@ -218,5 +152,6 @@ def _draw_table(table: AccuracyCost | EffectBudget, path: str) -> None:
     print(f"figure {path}")
 
 
-def _path(file: SceneFile, folder: str, ending: str) -> str:
+def path_of(file: SceneFile, folder: str, ending: str) -> str:
+    """A path in the folder by the name of the file."""
     return os.path.join(folder, file.path.stem + ending)

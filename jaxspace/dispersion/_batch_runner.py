@@ -29,7 +29,7 @@ from ..simulation._failures import nan_where_failed
 from ..simulation._mission_runs import MissionResult, run_mission
 from ..simulation._simulate import resolve_phases
 from ._campaign import Campaign, check_names
-from ._isolation import isolate
+from ._isolation import RAISED, isolate
 from ._plans import FINENESS, TRIAL, Plans, nodes_of, padded, refinement
 
 # Besides the nominal run.
@@ -162,7 +162,11 @@ class BatchRunner:
             if k >= width:
                 results.append(self._fetched(calls[k - width], level, started[k - width])[0])
                 started[k - width] = None
-            started.append(self._start(own, level, np.ones(self.call, bool), k))
+            try:
+                started.append(self._start(own, level, np.ones(self.call, bool), k))
+            # Already here where the program calls back, for then it is not left to run alone.
+            except RAISED:
+                started.append(None)
         for k in range(len(results), len(calls)):
             results.append(self._fetched(calls[k], level, started[k])[0])
         return jax.tree.map(lambda *x: np.concatenate(x, axis=-1), *results)

@@ -75,7 +75,7 @@ def _lock(handle: int) -> bool:
         return False
 
 
-def _owner(handle: int) -> dict[str, str]:
+def _owner(handle: int) -> dict[str, str | int]:
     """Whose name the file bears; empty for nobody's."""
     try:
         os.lseek(handle, 0, os.SEEK_SET)
@@ -85,13 +85,13 @@ def _owner(handle: int) -> dict[str, str]:
         return {}
 
 
-def _named(owner: dict[str, str]) -> str:
+def _named(owner: dict[str, str | int]) -> str:
     if not owner:
         return " by another process"
     return f" by process {owner['pid']} on {owner['host']} since {owner['since']}"
 
 
-def _advice(owner: dict[str, str], host: str) -> str:
+def _advice(owner: dict[str, str | int], host: str) -> str:
     if owner and owner["host"] != host:
         return f". If that has ended, remove {NAME} in the store and try again."
     return ": wait for its end, or end it."

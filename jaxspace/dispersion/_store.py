@@ -22,7 +22,7 @@ from ..simulation import Status
 from ._batch_runner import RunResults
 from ._lock import NAME, Lock, StoreError
 
-MANIFEST, FORM = ".manifest", 1
+MANIFEST, UNFINISHED, FORM = ".manifest", ".unfinished-", 1
 # Of the status of a run that has not been run.
 PENDING = -1
 # What the chunks may lack to the free space of the disk besides what is reckoned.
@@ -204,13 +204,16 @@ class StoreWriter:
 
     def _check_content(self) -> None:
         path = self.store.path
+        # Of a process that was killed: under the lock nobody else writes.
+        for left in path.rglob(f"{UNFINISHED}*"):
+            left.unlink()
         others = {x.name for x in path.iterdir()} - {NAME, MANIFEST}
         if not others or "zarr.json" not in others:
-            # Arrays without the metadata at their head: a preparation that was interrupted.
-            strange = [x for x in others if not (path / x / "zarr.json").is_file()]
+            # Folders of arrays without the head: a preparation that was interrupted.
+            strange = [x for x in sorted(others) if not _is_begun(path / x)]
             if strange:
                 raise StoreError(
-                    f"{path} holds {sorted(strange)[0]}, which is of no store: choose a new folder."
+                    f"{path} holds {strange[0]}, which is of no store: choose a new folder."
                 )
             if self.resume:
                 raise StoreError(f"{path} holds no runs: there is nothing to resume.")
@@ -307,6 +310,11 @@ class StoreWriter:
             write_whole(path, json.dumps(root).encode())
 
 
+def _is_begun(path: Path) -> bool:
+    """Whether this is the folder of an array, or will be one."""
+    return path.is_dir() and ((path / "zarr.json").is_file() or not any(path.iterdir()))
+
+
 class _disk:
     """Turns an error of the disk into a sentence that says what is kept."""
 
@@ -330,7 +338,7 @@ def write_whole(path: Path, data: bytes) -> None:
     """Write a file that is there as a whole or not at all.
 
     Not flushed to the disk: what a loss of power leaves behind, the checksums find."""
-    temporary = path.with_name(f".{path.name}.{os.getpid()}")
+    temporary = path.with_name(f"{UNFINISHED}{os.getpid()}-{path.name}")
     path.parent.mkdir(parents=True, exist_ok=True)
     try:
         temporary.write_bytes(data)

@@ -79,8 +79,7 @@ _SENTENCES = {
         "missing: raise Event.samples, or give more save times."
     ),
     Status.RAISED: (
-        "A function of the scene raised an error in this run: replay it to see which, and for which "
-        "inputs."
+        "A function that the run calls raised an error: replay this run to see which error it was."
     ),
 }
 
