@@ -17,7 +17,7 @@ from ..integration._accuracy import DEFAULT_RTOL, Accuracy, as_accuracy
 from ..integration._config import check_tolerance
 from ._batch_runner import BatchRunner, RunResults
 from ._campaign import Campaign
-from ._engines import AbstractEngine, Extent, as_engine
+from ._engines import AbstractEngine, Extent, MultiHost, as_engine
 from ._record import record
 from ._statistics import Dispersion
 from ._store import StoreWriter, columns_of
@@ -63,7 +63,8 @@ def disperse(
     - `samples`: how many states of each phase, from its start to its end, the store keeps of every
       run besides the outputs; none by default, else at least 2.
     - `engine`: "local" (this process, with all of its cores or accelerators), "processes", "dask",
-      the address of a Dask scheduler, or an engine object.
+      the address of a Dask scheduler, "hosts" (the processes of `jax.distributed`), or an engine
+      object.
     - `notes`: what else the attributes of the store shall say, by name.
     - `progress`: called as `progress(done, total)` after every chunk.
     - `devices`: how many of the local devices to use, or which; all of them by default.
@@ -80,12 +81,16 @@ def disperse(
     if samples and (samples < 2 or store is None):
         raise InputError(f"samples is {samples}: it must be 0, or at least 2 with a store.")
     using, local = as_engine(engine), _devices(devices)
+    if isinstance(using, MultiHost) and store is None:
+        raise InputError("store is missing: several hosts meet in it.")
     with contextlib.ExitStack() as stack:
         writer = None
         # Locked before the runner compiles: what can be refused is refused at once.
         if store is not None:
             writer = StoreWriter(store, overwrite=overwrite, resume=resume)
-            stack.enter_context(writer)
+            # Of several processes that share the campaign, one holds the lock for all.
+            if using.leads:
+                stack.enter_context(writer)
             if writer.lock.stale:
                 warnings.warn(writer.lock.stale, DamagedStore, stacklevel=2)
         runner = BatchRunner.plan(campaign, accuracy, seed, local, samples)
@@ -142,11 +147,17 @@ def _stored(
     planned = runner.planned
     assert runner.example is not None
     example = _ordered(runner.example, planned.campaign)
-    store = writer.prepare(columns_of(example, planned.campaign.units), attributes)
+    columns = columns_of(example, planned.campaign.units)
+    if engine.leads:
+        writer.prepare(columns, attributes)
+    engine.sync("prepared")
+    store = writer.store if engine.leads else writer.join(columns, attributes)
     missing, damages = writer.missing()
+    # None writes before all have looked.
+    engine.sync("counted")
     for damage in damages:
         warnings.warn(f"{store.path}: {damage} It is computed again.", DamagedStore, stacklevel=4)
-    extents = [Extent(chunk, *store.extent(chunk)) for chunk in missing]
+    extents = engine.share([Extent(chunk, *store.extent(chunk)) for chunk in missing])
     last = time.perf_counter()
     storing = 0.0
     for chunk, (results, cpu) in _flown(runner, engine, extents, store.runs, progress):
@@ -154,7 +165,9 @@ def _stored(
         writer.commit(chunk, results, before - last, cpu)
         last = time.perf_counter()
         storing += last - before
-    writer.note(storing_seconds=storing + store.attributes.get("storing_seconds", 0.0))
+    engine.sync("finished")
+    if engine.leads:
+        writer.note(storing_seconds=storing + store.attributes.get("storing_seconds", 0.0))
     return as_dispersion(store, store.finished())
 
 

@@ -67,6 +67,19 @@ class AbstractEngine(ABC):
     def workers(self) -> int:
         """How many chunks are computed at a time."""
 
+    @property
+    def leads(self) -> bool:
+        """Whether this process makes the store; one of several that share a campaign does."""
+        return True
+
+    def share(self, extents: Sequence[Extent]) -> list[Extent]:
+        """What this process computes of the chunks."""
+        return list(extents)
+
+    def sync(self, stage: str) -> None:
+        """Wait until all processes that share a campaign have come to this stage."""
+        del stage
+
 
 @final
 class InProcess(AbstractEngine):
@@ -113,48 +126,57 @@ class ProcessPool(AbstractEngine):
         return self._workers
 
     def compute(self, runner: BatchRunner, extents: Sequence[Extent]) -> Iterator[Done]:
-        payload, lost = payload_of(runner.planned), dict.fromkeys(extents, 0)
-        while lost:
-            for done in self._round(payload, list(lost)):
-                lost = {e: n for e, n in lost.items() if e.chunk != done.chunk}
+        payload, losses = payload_of(runner.planned), dict.fromkeys(extents, 0)
+        # Two for each process, so that none waits for the next one; memory is bounded by them.
+        width, hopeless = 2 * self._workers, []
+        while losses:
+            started: dict[Future[Done], Extent] = {}
+            # What was lost comes last, so that it keeps nothing else waiting.
+            order = sorted(losses, key=lambda extent: (losses[extent], extent.chunk))
+            for done in self._round(payload, order, width, started):
+                losses = {e: n for e, n in losses.items() if e.chunk != done.chunk}
                 yield done
-            # What is left was lost with a process, or waited for one.
-            lost = {extent: n + 1 for extent, n in lost.items()}
-            for extent, n in lost.items():
-                if n > self.retries:
-                    raise StoreError(
-                        f"Chunk {extent.chunk} (runs {extent.first} to "
-                        f"{extent.first + extent.runs - 1}) was lost {n} times: its process ended "
-                        f"or took too long. All other chunks that had been finished are kept."
-                    )
+            for extent in started.values():
+                losses[extent] += 1
+                if losses[extent] > self.retries:
+                    hopeless.append((extent, losses.pop(extent)))
+            # One for each from now on, so that a chunk is lost through itself alone.
+            width = self._workers
+        for extent, times in hopeless:
+            raise StoreError(
+                f"Chunk {extent.chunk} (runs {extent.first} to {extent.first + extent.runs - 1}) "
+                f"was lost {times} times: its process ended or took too long. All other chunks "
+                f"that could be computed are kept."
+            )
 
-    def _round(self, payload: bytes, extents: list[Extent]) -> Iterator[Done]:
-        """The chunks, until a process is lost."""
+    def _round(
+        self,
+        payload: bytes,
+        waiting: list[Extent],
+        width: int,
+        started: dict["Future[Done]", Extent],
+    ) -> Iterator[Done]:
+        """The chunks, until a process is lost; `started` then holds those that were under way."""
         # Not forked: a fork of a process that has threads, as jax has, may hang.
         context = multiprocessing.get_context("spawn")
-        with _without_main():
-            pool = ProcessPoolExecutor(self._workers, context, _ignore_interrupts)
-        waiting, started = list(extents), {}
+        pool = ProcessPoolExecutor(self._workers, context, _ignore_interrupts)
         try:
             while waiting or started:
-                # As many as work, and one for each to go on with: memory is bounded by chunks.
-                while waiting and len(started) < 2 * self._workers:
+                while waiting and len(started) < width:
                     with _without_main():
-                        future = pool.submit(compute_chunk, payload, waiting.pop(0))
-                    started[future] = time.monotonic()
-                done = _first_done(started, self.limit)
-                for future in done:
+                        future = pool.submit(compute_chunk, payload, waiting[0])
+                    started[future] = waiting.pop(0)
+                for future in _first_done(started, self.limit):
+                    done = future.result()
                     del started[future]
-                    yield future.result()
-        except BrokenProcessPool:
-            return
-        except TimeoutError:
+                    yield done
+        except (BrokenProcessPool, TimeoutError):
             return
         finally:
             _stop(pool)
 
 
-def _first_done(started: dict["Future[Done]", float], limit: float | None) -> set["Future[Done]"]:
+def _first_done(started: dict["Future[Done]", Extent], limit: float | None) -> set["Future[Done]"]:
     """Those that are done. Raises `TimeoutError` when nothing came within the limit."""
     done, _ = wait(started, limit, FIRST_COMPLETED)
     if not done:
@@ -189,6 +211,33 @@ def _without_main() -> Iterator[None]:
 def _ignore_interrupts() -> None:
     # Ctrl-C reaches all processes of a terminal: the first one tells the others to end.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+@final
+class MultiHost(AbstractEngine):
+    """On the processes of `jax.distributed`, on one machine or many, each with its own accelerators
+    or cores. Every one of them makes the same call of `disperse` after
+    `jax.distributed.initialize`; the store lies where all of them see it, and is needed."""
+
+    @property
+    def workers(self) -> int:
+        return jax.process_count()
+
+    @property
+    def leads(self) -> bool:
+        return jax.process_index() == 0
+
+    def share(self, extents: Sequence[Extent]) -> list[Extent]:
+        # In turn, so that all of them come to the end together.
+        return list(extents[jax.process_index() :: jax.process_count()])
+
+    def sync(self, stage: str) -> None:
+        from jax.experimental.multihost_utils import sync_global_devices
+
+        sync_global_devices(f"jaxspace campaign {stage}")
+
+    def compute(self, runner: BatchRunner, extents: Sequence[Extent]) -> Iterator[Done]:
+        return InProcess().compute(runner, extents)
 
 
 @final
@@ -291,6 +340,7 @@ ENGINES: dict[str, Callable[[], AbstractEngine]] = {
     "local": InProcess,
     "processes": ProcessPool,
     "dask": DaskCluster,
+    "hosts": MultiHost,
 }
 
 

@@ -235,19 +235,26 @@ class StoreWriter:
 
         **Raises** `StoreError` where that is of another campaign, naming the difference, and where
         the disk has too little space."""
-        store = self.store
         if self.resume and not self.overwrite:
-            difference = _difference(store, columns, attributes)
-            if difference:
-                raise StoreError(f"{store.path} is the store of another campaign: {difference}")
-        else:
-            self._clear()
-            store.attributes = {**attributes, "form": FORM}
-            store.columns = dict(columns)
-            self._check_space()
-            with _disk(store):
-                for name, data in _metadata(store):
-                    write_whole(store.path / name, data)
+            return self.join(columns, attributes)
+        store = self.store
+        self._clear()
+        store.attributes = {**attributes, "form": FORM}
+        store.columns = dict(columns)
+        self._check_space()
+        with _disk(store):
+            for name, data in _metadata(store):
+                write_whole(store.path / name, data)
+        return store
+
+    def join(self, columns: Mapping[str, Column], attributes: Mapping[str, Any]) -> Store:
+        """The store that another process has prepared, and holds.
+
+        **Raises** `StoreError` where its runs come out differently there."""
+        store = self.store.read()
+        difference = _difference(store, columns, attributes)
+        if difference:
+            raise StoreError(f"{store.path} is the store of another campaign: {difference}")
         return store
 
     def _clear(self) -> None:
