@@ -20,6 +20,7 @@ from .kick_stage import FILE
 
 ASCENTS, KICKS = 1_000_000, 32_768
 ACCURACY = 1e-6
+CHUNK = 2**16  # of the ascents, which are so quick that smaller ones would be gone in no time
 
 INPUTS = {
     "thrust": Normal(1.0, 4e-3),
@@ -75,6 +76,7 @@ def measure() -> dict:
             Campaign(build, INPUTS, outputs, {"altitude": "m", "speed": "m/s"}),
             ASCENTS,
             accuracy=ACCURACY,
+            chunk=CHUNK,
             store=folder / "ascents",
         )
         return rows | {"two-stage ascent": row(ascents)}
