@@ -6,8 +6,6 @@ import warnings
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-from tqdm import tqdm
-
 from ..core import InputError
 from ..dispersion import DamagedStore, Dispersion, StoreError, open_store
 from ..dispersion import disperse as disperse_campaign
@@ -52,6 +50,9 @@ def resume(store: str, engine: str) -> int:
 
 
 def _fly(file: SceneFile, store: str, runs: int, engine: str, **how: Any) -> int:
+    # Late: commands that draw no bar do not wait for the import.
+    from tqdm import tqdm
+
     nominal = file.nominal_mission()
     campaign = file.campaign(nominal, warn=False)
     with tqdm(total=runs, unit="run", file=sys.stderr, disable=None) as bar, _told(bar):

@@ -8,8 +8,6 @@ from pathlib import Path
 
 import jax
 
-from ..dispersion._engines import cores
-
 
 def settle() -> None:
     """Set jax up for one command; to be called before the first array is made."""
@@ -23,6 +21,12 @@ def settle() -> None:
     # Every program is kept: a command line starts anew each time, and many small ones add up.
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
     jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
+
+
+def cores() -> int:
+    """How many cores this process may use."""
+    # Containers and clusters often give a process fewer cores than the machine has.
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def cache_folder() -> Path:

@@ -13,7 +13,6 @@ from ._distributions import Uniform as Uniform
 from ._engine import disperse as disperse
 from ._engines import AbstractEngine as AbstractEngine
 from ._engines import DaskCluster as DaskCluster
-from ._engines import InProcess as InProcess
 from ._engines import MultiHost as MultiHost
 from ._engines import ProcessPool as ProcessPool
 from ._lock import StoreError as StoreError

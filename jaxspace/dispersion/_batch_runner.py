@@ -174,8 +174,9 @@ class BatchRunner:
     def _start(self, numbers: np.ndarray, level: int, flown: np.ndarray, k: int = 0) -> PyTree:
         device = self.devices[k % len(self.devices)]
         given = jax.device_put((jnp.asarray(numbers), jnp.asarray(flown)), device)
-        *shared, samples = self.arguments
-        return _call(*shared, *given, self.planned.plans[level], self.blocks, samples)
+        campaign, accuracy, key, samples = self.arguments
+        plans = self.planned.plans[level]
+        return _call(campaign, accuracy, key, given[0], given[1], plans, self.blocks, samples)
 
     def _fetched(
         self, numbers: np.ndarray, level: int, started: PyTree = None

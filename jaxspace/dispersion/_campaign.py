@@ -2,7 +2,7 @@
 
 import zlib
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, final
+from typing import final
 
 import equinox as eqx
 import jax
@@ -16,9 +16,7 @@ from ..integration._accuracy import Accuracy, as_accuracy
 from ..simulation import Mission
 from ..simulation._mission_runs import MissionResult
 from ._distributions import AbstractDistribution
-
-if TYPE_CHECKING:
-    from ._replay import Replay
+from ._replay import Replay, replay
 
 RESERVED = ("run", "status", "evaluations")
 """Names of the variables that every store has."""
@@ -125,7 +123,7 @@ class Campaign(eqx.Module):
         seed: int = 0,
         accuracy: Accuracy | Scalar | None = None,
         num_saved: int = 200,
-    ) -> "Replay":
+    ) -> Replay:
         """Run one sample once more, in full detail.
 
         **Arguments**
@@ -139,9 +137,6 @@ class Campaign(eqx.Module):
 
         **Raises** `InputError` for a number below zero, and whatever a function of the campaign
         raises."""
-        # Here, because a replay is of a campaign.
-        from ._replay import replay
-
         return replay(self, number, seed, as_accuracy(accuracy), num_saved)
 
     def text(self) -> str:

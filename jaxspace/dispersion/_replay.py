@@ -1,6 +1,6 @@
 """One run of a campaign once more, in full detail."""
 
-from typing import final
+from typing import Any, final
 
 import equinox as eqx
 import jax
@@ -13,7 +13,6 @@ from ..integration._config import IntegrationConfig
 from ..simulation import MissionTrajectory
 from ..simulation._mission_runs import MissionResult, run_mission
 from ..simulation._simulate import mission_trajectory_of, resolve_phases
-from ._campaign import Campaign
 
 
 @final
@@ -41,7 +40,7 @@ class Replay(eqx.Module):
 
 @eqx.filter_jit
 def _fly(
-    campaign: Campaign, accuracy: Accuracy, samples: dict[str, Array], num_saved: int
+    campaign: Any, accuracy: Accuracy, samples: dict[str, Array], num_saved: int
 ) -> tuple[MissionResult, dict[str, Array], tuple[IntegrationConfig, ...]]:
     mission, y0 = campaign.build(samples)
     configs = resolve_phases(mission, y0, accuracy, 1)
@@ -49,10 +48,8 @@ def _fly(
     return result, campaign.outputs(result, samples), configs
 
 
-def replay(
-    campaign: Campaign, number: int, seed: int, accuracy: Accuracy, num_saved: int
-) -> Replay:
-    """`Campaign.replay`."""
+def replay(campaign: Any, number: int, seed: int, accuracy: Accuracy, num_saved: int) -> Replay:
+    """`Campaign.replay`; campaigns know their replays, which do not know them in turn."""
     if not 0 <= number < 2**32:
         raise InputError(f"number is {number}: it must be that of a run, from 0 on.")
     numbers = jnp.full((1,), number, jnp.uint32)

@@ -404,8 +404,9 @@ def _metadata(store: Store) -> Iterator[tuple[str, bytes]]:
     """The files of metadata, the head of the store last."""
     import zarr
     from zarr.codecs import BytesCodec, Crc32cCodec
+    from zarr.storage import MemoryStore
 
-    memory = zarr.storage.MemoryStore()
+    memory = MemoryStore()
     group = zarr.create_group(memory, attributes=store.attributes)
     for name, column in store.columns.items():
         group.create_array(

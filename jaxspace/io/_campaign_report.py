@@ -1,5 +1,7 @@
 """What the store of a campaign reports: one of its runs in detail, and those that failed."""
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from ..dispersion import Dispersion, Replay
@@ -52,7 +54,7 @@ def failures_report(file: SceneFile | None, kept: Dispersion, most: int = 20) ->
         lines.append(f"{planned - kept.runs} runs are missing: `jaxspace resume` computes them.")
     # Once, because each column is read from the disk.
     inputs = dict(kept.inputs) if kept.failed else {}
-    moments = {name: (np.mean(x), np.std(x)) for name, x in inputs.items()}
+    moments = {name: (float(np.mean(x)), float(np.std(x))) for name, x in inputs.items()}
     for failure in kept.failed:
         rows = np.flatnonzero(kept.status == failure.status)
         runs = "run" if failure.count == 1 else "runs"
@@ -77,7 +79,7 @@ def _refusal(file: SceneFile | None, inputs: dict[str, float]) -> str:
 
 
 def _farthest(
-    inputs: dict[str, float], moments: dict[str, tuple[float, float]], count: int = 2
+    inputs: dict[str, float], moments: Mapping[str, tuple[float, float]], count: int = 2
 ) -> str:
     """The inputs that lie farthest from the mean of all runs, in standard deviations."""
     off = {
