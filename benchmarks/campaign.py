@@ -1,5 +1,5 @@
-"""A campaign that is kept: the two-stage ascent of `ascent.py` a million times, and the dispersion of
-the kick stage, each into a store; what the store costs, and the greatest memory.
+"""A campaign that is kept: the two-stage ascent of `ascent.py` a million times, and the dispersion
+of the kick stage, each into a store; what the store costs, and the greatest memory.
 
 Wanted: a million ascents in under a minute on two cores, the store included, below 2 GB; the store
 under 5 % of the time of the runs."""
