@@ -50,6 +50,13 @@ def resume(store: str, engine: str) -> int:
 
 
 def _fly(file: SceneFile, store: str, runs: int, engine: str, **how: Any) -> int:
+    try:
+        return _fly_and_report(file, store, runs, engine, **how)
+    except KeyboardInterrupt:
+        raise Stopped(_left(store)) from None
+
+
+def _fly_and_report(file: SceneFile, store: str, runs: int, engine: str, **how: Any) -> int:
     # Late: commands that draw no bar do not wait for the import.
     from tqdm import tqdm
 
@@ -61,19 +68,16 @@ def _fly(file: SceneFile, store: str, runs: int, engine: str, **how: Any) -> int
             # The bar counts steps, the campaign reports totals.
             bar.update(done - bar.n)
 
-        try:
-            result = disperse_campaign(
-                campaign,
-                runs,
-                accuracy=file.accuracy,
-                store=store,
-                engine=engine,
-                notes={"title": file.title, "scene_file": str(file.path)},
-                progress=show,
-                **how,
-            )
-        except KeyboardInterrupt:
-            raise Stopped(_left(store)) from None
+        result = disperse_campaign(
+            campaign,
+            runs,
+            accuracy=file.accuracy,
+            store=store,
+            engine=engine,
+            notes={"title": file.title, "scene_file": str(file.path)},
+            progress=show,
+            **how,
+        )
     print(dispersion_report(result, file.nominal_outputs(nominal)))
     print(_times(result))
     _keep(file, result, os.path.splitext(store)[0])
