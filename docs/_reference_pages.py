@@ -60,6 +60,7 @@ def command_line() -> str:
         "## Exit status\n\n| Status | Meaning |\n|---|---|\n| 0 | done |\n"
         "| 1 | runs or hard cases failed |\n"
         "| 2 | input that cannot be used; the message names the file, the key and what is allowed |"
+        "\n| 130 | stopped by Ctrl-C or SIGTERM; the message says what is kept |"
     )
     return "\n\n".join(parts) + "\n"
 

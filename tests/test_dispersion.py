@@ -377,7 +377,7 @@ def test_table_of_known_numbers():
 
 def test_what_is_stored_comes_back(whole, tmp_path):
     place = tmp_path / "campaign.zarr"
-    disperse(SWINGS, 100, seed=1, store=place)  # of another make: it is replaced
+    disperse(SWINGS, 100, seed=1, store=place)
     seen = []
     disperse(
         SWINGS,
@@ -385,6 +385,7 @@ def test_what_is_stored_comes_back(whole, tmp_path):
         seed=7,
         chunk=CALL,
         store=place,
+        overwrite=True,
         progress=lambda done, total: seen.append((done, total)),
     )
     # A chunk is whole blocks.

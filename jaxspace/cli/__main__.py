@@ -2,6 +2,12 @@
 
 import sys
 
-from ._main import main
+try:
+    from ._main import main
 
-sys.exit(main())
+    status = main()
+except KeyboardInterrupt:
+    # While the library was imported, or between two of its commands.
+    print("jaxspace: stopped.", file=sys.stderr)
+    status = 130
+sys.exit(status)

@@ -20,10 +20,35 @@ def run(given: argparse.Namespace) -> int:
 
 def disperse(given: argparse.Namespace) -> int:
     """Fly it many times with its inputs dispersed."""
-    from . import _commands
+    from . import _campaigns
 
     settle()
-    return _commands.disperse(given.file, given.runs, given.seed, given.chunk, given.out)
+    own = {name: getattr(given, name) for name in _campaigns.Options._fields}
+    return _campaigns.disperse(given.file, _campaigns.Options(**own), given.out)
+
+
+def resume(given: argparse.Namespace) -> int:
+    """Compute what a store lacks."""
+    from . import _campaigns
+
+    settle()
+    return _campaigns.resume(given.file, given.engine)
+
+
+def replay(given: argparse.Namespace) -> int:
+    """Fly one run of a store in full detail."""
+    from . import _campaigns
+
+    settle()
+    return _campaigns.replay(given.file, given.run, given.samples, given.out, given.show)
+
+
+def failures(given: argparse.Namespace) -> int:
+    """List the failed runs of a store."""
+    from . import _campaigns
+
+    settle()
+    return _campaigns.failures(given.file, given.all)
 
 
 def report(given: argparse.Namespace) -> int:

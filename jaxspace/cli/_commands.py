@@ -5,10 +5,8 @@ import os
 import sys
 
 from ..core import InputError
-from ..dispersion import disperse as disperse_campaign
 from ..io import (
     SceneFile,
-    dispersion_report,
     listing,
     load,
     mission_report,
@@ -22,7 +20,6 @@ from ..simulation import Mission, Status, Trajectory
 from ..studies import AccuracyCost, EffectBudget, accuracy_cost, effect_budget
 from ..verification import run_cases
 from ._folder import make_folder
-from ._report import keep_pictures
 
 TOLERANCES = tuple(10.0**-k for k in range(4, 13))
 
@@ -36,57 +33,15 @@ def run(path: str, folder: str, show: bool = False) -> int:
         # A mission has no error estimate of its own: the finer run gives one.
         print(mission_report(file, result, file.nominal_mission(samples=100, factor=0.01)))
         for name, phase in zip(result.names, result.phases, strict=True):
-            _draw(phase, _path(file, folder, f"_{name}.png".replace(" ", "_")))
+            draw(phase, path_of(file, folder, f"_{name}.png".replace(" ", "_")))
     else:
         result = file.simulate(throw=False)
         assert isinstance(result, Trajectory)
         print(run_report(file, result))
-        _draw(result, _path(file, folder, ".png"))
+        draw(result, path_of(file, folder, ".png"))
     if show:
-        print(f"page   {result.show(_path(file, folder, '.html'))}")
+        print(f"page   {result.show(path_of(file, folder, '.html'))}")
     return 0 if Status(int(result.status)).good else 1
-
-
-def disperse(path: str, runs: int | None, seed: int | None, chunk: int, folder: str) -> int:
-    """Run the file many times, print the table of its outputs, and keep the runs, a figure and a
-    page."""
-    # Late, like the plots below: commands that draw no bar do not wait for the import.
-    from tqdm import tqdm
-
-    file = load(path)
-    runs, seed = file.runs if runs is None else runs, file.seed if seed is None else seed
-    make_folder(folder)
-    print(f"{file.title}: {runs} runs, seed {seed}")
-    for doubt in file.doubts():
-        print(doubt, file=sys.stderr)
-    nominal = file.nominal_mission()
-    campaign = file.campaign(nominal, warn=False, runs=runs)
-    store = _path(file, folder, ".zarr")
-    with tqdm(total=runs, unit="run", file=sys.stderr, disable=None) as bar:
-
-        def show(done: int, total: int) -> None:
-            # The bar counts steps, the campaign reports totals.
-            bar.update(done - bar.n)
-
-        result = disperse_campaign(
-            campaign,
-            runs,
-            seed=seed,
-            chunk=chunk,
-            accuracy=file.accuracy,
-            store=store,
-            progress=show,
-        )
-    own = file.nominal_outputs(nominal)
-    print(dispersion_report(result, own))
-    # Compiling is paid once, so that it must not spoil the rate that a longer campaign will see.
-    ahead = result.attributes["preparation_seconds"]
-    rate = runs / max(result.seconds - ahead, 1e-9)
-    print(f"{result.seconds:.1f} s: {ahead:.1f} s to compile and to plan, then {rate:.0f} runs/s")
-    keep_pictures(result, file.title, own, _path(file, folder, ""))
-    print(f"store  {store}")
-    # Single failed runs are part of the result; a campaign of which all failed is none.
-    return 0 if result.good.any() else 1
 
 
 def optimize(path: str, folder: str, sensitivities: bool) -> int:
@@ -103,7 +58,7 @@ def optimize(path: str, folder: str, sensitivities: bool) -> int:
             bar.set_postfix_str(f"violation {violation:.1e}, gradient {gradient:.1e}")
 
         found = file.optimize(progress=show)
-    best = _path(file, folder, "_optimum.toml")
+    best = path_of(file, folder, "_optimum.toml")
     with open(best, "w", encoding="utf-8") as out:
         out.write(found.text())
     optimum = load(best)
@@ -114,8 +69,8 @@ def optimize(path: str, folder: str, sensitivities: bool) -> int:
         print(f"\n{sensitivity_report(found)}")
     print(f"file   {best}")
     for name, phase in zip(run.names, run.phases, strict=True):
-        _draw(phase, _path(file, folder, f"_optimum_{name}.png".replace(" ", "_")))
-    figure = _path(file, folder, "_search.png")
+        draw(phase, path_of(file, folder, f"_optimum_{name}.png".replace(" ", "_")))
+    figure = path_of(file, folder, "_search.png")
     found.minimum.plot(file.title).savefig(figure)
     print(f"figure {figure}")
     return 0 if bool(found.minimum.converged) else 1
@@ -144,7 +99,7 @@ def cost(path: str, error: float | None, gradient: bool, folder: str) -> int:
     print(f"{file.title}: what accuracy costs")
     print(table)
     print(f"\n{_recommendation(table, rtol if error is None else error)}")
-    _draw_table(table, _path(file, folder, "_cost.png"))
+    _draw_table(table, path_of(file, folder, "_cost.png"))
     return 0
 
 
@@ -183,7 +138,7 @@ def budget(path: str, output: str | None, tolerance: str | None, folder: str) ->
     )
     print(f"{file.title}: which effects matter")
     print(table)
-    _draw_table(table, _path(file, folder, "_budget.png"))
+    _draw_table(table, path_of(file, folder, "_budget.png"))
     return 0
 
 
@@ -209,7 +164,8 @@ def verify(precision: str, device: str | None, path: str | None) -> int:
     return 0 if result.passed else 1
 
 
-def _draw(trajectory: Trajectory, path: str) -> None:
+def draw(trajectory: Trajectory, path: str) -> None:
+    """Draw a trajectory to a file."""
     import matplotlib
 
     from ..plots import trajectory_figure
@@ -227,5 +183,6 @@ def _draw_table(table: AccuracyCost | EffectBudget, path: str) -> None:
     print(f"figure {path}")
 
 
-def _path(file: SceneFile, folder: str, ending: str) -> str:
+def path_of(file: SceneFile, folder: str, ending: str) -> str:
+    """A path in the folder by the name of the file."""
     return os.path.join(folder, file.path.stem + ending)

@@ -1,4 +1,5 @@
-"""The commands: run, disperse, explain, cost, budget, optimize, list, schema, verify."""
+"""The commands: run, disperse, resume, replay, failures, report, explain, cost, budget, optimize,
+list, schema, verify."""
 
 import os
 import sys
@@ -8,20 +9,27 @@ from ..core import InputError
 from ..io import SceneError
 from ..simulation import SimulationError
 from ._parser import parser
+from ._stopping import Stopped, stopped_by_signals
 
 BAD_INPUT, BAD_RUN = 2, 1
+# As a shell reports a command that SIGINT has ended.
+STOPPED = 130
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Carry out one command and return its exit status: 0, 1 for runs that failed, 2 for input that
-    cannot be used."""
+    cannot be used, 130 for a command that was stopped."""
     given = parser().parse_args(arguments)
     file = getattr(given, "file", "jaxspace")
     try:
-        status = given.command(given)
+        with stopped_by_signals():
+            status = given.command(given)
         # Here and not at exit, so that a closed pipe is met inside the `try`.
         sys.stdout.flush()
         return status
+    except (KeyboardInterrupt, Stopped) as error:
+        print(f"{file}: {str(error) or 'stopped.'}", file=sys.stderr)
+        return STOPPED
     except (SceneError, InputError) as error:
         print(str(error) if isinstance(error, SceneError) else f"{file}: {error}", file=sys.stderr)
         return BAD_INPUT

@@ -24,6 +24,9 @@ def parser() -> argparse.ArgumentParser:
     disperse = add(
         "disperse", actions.disperse, "simulate a scene file many times with its dispersions"
     )
+    resume = add("resume", actions.resume, "compute the runs that a store lacks, or has damaged")
+    replay = add("replay", actions.replay, "simulate one run of a store again, in full detail")
+    failures = add("failures", actions.failures, "list the failed runs of a store, each with why")
     report = add("report", actions.report, "write the page and the tables of a stored campaign")
     report.add_argument("file", metavar="STORE", help="the store of a dispersion")
     report.add_argument("--out", metavar="DIR", help="where the files go (default: beside STORE)")
@@ -42,7 +45,9 @@ def parser() -> argparse.ArgumentParser:
     )
     for command in (run, disperse, explain, cost, budget, optimize):
         command.add_argument("file", metavar="FILE", help="a scene file, in TOML")
-    for command in (run, disperse, cost, budget, optimize):
+    for command in (resume, replay, failures):
+        command.add_argument("file", metavar="STORE", help="the Zarr store of a campaign")
+    for command in (run, disperse, replay, cost, budget, optimize):
         command.add_argument(
             "--out", default="out", metavar="DIR", help="where the files go (default: out)"
         )
@@ -55,6 +60,12 @@ def parser() -> argparse.ArgumentParser:
         help="show which other numbers of the file move the optimum",
     )
     _disperse_options(disperse)
+    _engine_option(disperse)
+    _engine_option(resume)
+    _replay_options(replay)
+    failures.add_argument(
+        "--all", action="store_true", help="list all of them, and not 20 of a kind at most"
+    )
     _cost_options(cost)
     _budget_options(budget)
     _verify_options(verify)
@@ -70,8 +81,36 @@ def _disperse_options(disperse: argparse.ArgumentParser) -> None:
     disperse.add_argument(
         "--chunk",
         type=_count,
-        default=2048,
-        help="after how many runs results are stored (default: 2048)",
+        default=8192,
+        help="after how many runs results are stored; it bounds the memory (default: 8192)",
+    )
+    disperse.add_argument(
+        "--samples",
+        type=_whole,
+        default=0,
+        help="how many states of every phase are stored of every run (default: none)",
+    )
+    disperse.add_argument(
+        "--overwrite", action="store_true", help="replace the store that is there"
+    )
+
+
+def _engine_option(command: argparse.ArgumentParser) -> None:
+    command.add_argument(
+        "--engine",
+        default="local",
+        help="where the runs are computed: local, processes, dask, or the address of a Dask "
+        "scheduler (default: local)",
+    )
+
+
+def _replay_options(replay: argparse.ArgumentParser) -> None:
+    replay.add_argument("--run", type=_whole, required=True, help="the number of the run")
+    replay.add_argument(
+        "--samples", type=_count, default=200, help="states of each phase (default: 200)"
+    )
+    replay.add_argument(
+        "--show", action="store_true", help="open the run in the browser as a page that moves"
     )
 
 

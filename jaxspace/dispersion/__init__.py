@@ -16,6 +16,10 @@ from ._distributions import Normal as Normal
 from ._distributions import TruncatedNormal as TruncatedNormal
 from ._distributions import Uniform as Uniform
 from ._engine import disperse as disperse
+from ._engines import AbstractEngine as AbstractEngine
+from ._engines import DaskCluster as DaskCluster
+from ._engines import MultiHost as MultiHost
+from ._engines import ProcessPool as ProcessPool
 from ._evaluate import Evaluator as Evaluator
 from ._flights import Flights as Flights
 from ._flights import fly as fly
@@ -28,6 +32,7 @@ from ._limits import Probability as Probability
 from ._limits import clopper_pearson as clopper_pearson
 from ._limits import percentile as percentile
 from ._limits import runs_for as runs_for
+from ._lock import StoreError as StoreError
 from ._moments import Convergence as Convergence
 from ._moments import Ellipsoid as Ellipsoid
 from ._moments import StopRule as StopRule
@@ -40,6 +45,7 @@ from ._more_distributions import Samples as Samples
 from ._more_distributions import Triangular as Triangular
 from ._rare import RareEvent as RareEvent
 from ._rare import rare_event as rare_event
+from ._replay import Replay as Replay
 from ._sampling import AbstractDesign as AbstractDesign
 from ._sampling import LatinHypercube as LatinHypercube
 from ._sampling import Sobol as Sobol
@@ -51,4 +57,5 @@ from ._statistics import Contributors as Contributors
 from ._statistics import Dispersion as Dispersion
 from ._statistics import Failure as Failure
 from ._statistics import Row as Row
-from ._store import open_store as open_store
+from ._stored import DamagedStore as DamagedStore
+from ._stored import open_store as open_store

@@ -9,10 +9,12 @@ import numpy as np
 from jax.typing import ArrayLike
 from jaxtyping import Array, Bool, Float, Integer
 
-from ..core import InputError, Quantity, State, as_float, check_finite
+from ..core import InputError, Quantity, Scalar, State, as_float, check_finite
+from ..integration._accuracy import Accuracy, as_accuracy
 from ..simulation import Mission
 from ..simulation._mission_runs import MissionResult
 from ._distributions import AbstractDistribution
+from ._replay import Replay, replay
 from ._sampling import AbstractDesign, draw
 
 Limits: TypeAlias = tuple[float | None, float | None]
@@ -110,11 +112,37 @@ class Campaign(eqx.Module):
                 return f"{name} is {value:.6g}: it must be {limit.allowed()}."
         return ""
 
+    def replay(
+        self,
+        number: int,
+        *,
+        seed: int = 0,
+        accuracy: Accuracy | Scalar | None = None,
+        num_saved: int = 200,
+    ) -> Replay:
+        """Run one sample once more, in full detail.
+
+        **Arguments**
+
+        - `number`, `seed`: of the run and of the campaign.
+        - `accuracy`: the relative tolerance of each step, or an `Accuracy`.
+        - `num_saved`: how many states of each phase are kept.
+
+        **Returns** a `Replay`: inputs, outputs and the trajectory. A run that fails says so in its
+        status.
+
+        **Raises** `InputError` for a number below zero, and whatever a function of the campaign
+        raises."""
+        return replay(self, number, seed, as_accuracy(accuracy), num_saved)
+
     def text(self) -> str:
-        """The inputs in words, one a line."""
-        return "\n".join(
+        """The inputs in words, one a line, and where the runs lie among them."""
+        lines = [
             f"{name} [{self.units.get(name, '')}]: {d.text()}" for name, d in self.inputs.items()
-        )
+        ]
+        if self.design is not None:
+            lines.append(f"design: {type(self.design).__name__}")
+        return "\n".join(lines)
 
 
 def check_names(field: str, names: Iterable[str]) -> None:

@@ -1,9 +1,12 @@
-"""The verb of campaigns: many runs, stored chunk by chunk."""
+"""The verb of campaigns: many runs, by any engine, stored chunk by chunk."""
 
+import contextlib
 import dataclasses
 import os
 import time
-from collections.abc import Callable, Sequence
+import warnings
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -14,8 +17,14 @@ from ..integration._accuracy import DEFAULT_RTOL, Accuracy, as_accuracy
 from ..integration._config import check_tolerance
 from ._batch_runner import BatchRunner, RunResults
 from ._campaign import Campaign
+from ._engines import AbstractEngine, Extent, MultiHost, as_engine
+from ._record import record
 from ._statistics import Dispersion
-from ._store import Store, versions
+from ._store import StoreWriter, columns_of
+from ._stored import DamagedStore, as_dispersion
+
+CHUNK = 8192
+"""Runs in a chunk: large enough that storing them takes a percent of the time to compute them."""
 
 
 def disperse(
@@ -23,9 +32,14 @@ def disperse(
     runs: int,
     *,
     seed: int = 0,
-    chunk: int = 2048,
+    chunk: int = CHUNK,
     accuracy: Accuracy | Scalar | None = None,
     store: str | os.PathLike[str] | None = None,
+    overwrite: bool = False,
+    resume: bool = False,
+    samples: int = 0,
+    engine: str | AbstractEngine = "local",
+    notes: Mapping[str, Any] | None = None,
     progress: Callable[[int, int], None] | None = None,
     devices: int | Sequence[jax.Device] | None = None,
 ) -> Dispersion:
@@ -35,48 +49,126 @@ def disperse(
 
     - `campaign`: what runs, with which random inputs and outputs.
     - `runs`: how many.
-    - `seed`: of the random inputs. Run number i draws the same inputs, bit for bit, whatever
-      `runs`, `chunk` and `devices`; its outputs are the same to rounding, because another number of
-      devices is another compiled program.
-    - `chunk`: after how many runs results are fetched and stored, rounded up to 512 for every
-      device.
+    - `seed`: of the random inputs. Run number i has the same inputs and outputs, bit for bit,
+      whatever `runs`, `chunk`, `engine` and `devices`, and after a restart, on one kind of
+      processor and by one set of versions.
+    - `chunk`: after how many runs results are fetched and stored, rounded up to whole calls of 512
+      (2^14 on an accelerator). It bounds the memory.
     - `accuracy`: the relative tolerance of each step, or an `Accuracy`.
-    - `store`: the path of a Zarr store to which every chunk is appended as soon as it is finished;
-      an old one is replaced.
+    - `store`: the path of a Zarr store, which gets every chunk as soon as it is finished. The
+      columns of the result are then read from it when they are asked for.
+    - `overwrite`: whether a store that is there may be replaced; it is refused otherwise.
+    - `resume`: whether to complete the store that is there: only chunks that are missing or damaged
+      are computed. A store of another campaign is refused, and the difference named.
+    - `samples`: how many states of each phase, from its start to its end, the store keeps of every
+      run besides the outputs; none by default, else at least 2.
+    - `engine`: "local" (this process, with all of its cores or accelerators), "processes", "dask",
+      the address of a Dask scheduler, "hosts" (the processes of `jax.distributed`), or an engine
+      object.
+    - `notes`: what else the attributes of the store shall say, by name.
     - `progress`: called as `progress(done, total)` after every chunk.
     - `devices`: how many of the local devices to use, or which; all of them by default.
 
     **Returns** a `Dispersion`. A run that fails marks its own row.
 
     **Raises** `InputError` for numbers that are not positive and for a tolerance that the precision
-    cannot reach; `SimulationError` when the nominal run fails."""
+    cannot reach; `StoreError`, before anything is computed where that can be, for a store that
+    refuses or cannot be written; `SimulationError` when the nominal run fails."""
     check_positive("runs", runs)
     check_positive("chunk", chunk)
     started = time.perf_counter()
     accuracy = _resolved(as_accuracy(accuracy))
-    runner = BatchRunner(campaign, accuracy, jax.random.key(seed), _devices(devices), chunk)
-    file = None if store is None else Store(store)
-    # The runner has compiled and planned: what follows is the rate that a longer campaign sees.
-    preparation = time.perf_counter() - started
-    attributes = {**_record(campaign, accuracy, runs), "preparation_seconds": preparation}
-
-    def dispersion(results: RunResults) -> Dispersion:
+    if samples and (samples < 2 or store is None):
+        raise InputError(f"samples is {samples}: it must be 0, or at least 2 with a store.")
+    using, local = as_engine(engine), _devices(devices)
+    if isinstance(using, MultiHost) and store is None:
+        raise InputError("store is missing: several hosts meet in it.")
+    with contextlib.ExitStack() as stack:
+        writer = None
+        # Locked before the runner compiles: what can be refused is refused at once.
+        if store is not None:
+            writer = StoreWriter(store, overwrite=overwrite, resume=resume)
+            # Of several processes that share the campaign, one holds the lock for all.
+            if using.leads:
+                stack.enter_context(writer)
+            if writer.lock.stale:
+                warnings.warn(writer.lock.stale, DamagedStore, stacklevel=2)
+        runner = BatchRunner.plan(campaign, accuracy, seed, local, samples)
+        # The runner has compiled and planned: what follows is the rate that a longer campaign sees.
+        preparation = time.perf_counter() - started
+        kept = {**record(campaign, accuracy, runs), **(notes or {}), "seed": seed}
+        kept |= {"preparation_seconds": preparation, "digest": runner.planned.digest}
+        kept |= {"chunk": runner.chunk(chunk), "samples": samples}
+        if writer is not None:
+            return _stored(writer, runner, using, kept, progress)
+        chunks = dict(_flown(runner, using, _extents(runs, kept["chunk"]), runs, progress))
+        # Dicts come back from a tree transformation sorted by name.
+        every = jax.tree.map(
+            lambda *x: np.concatenate(x, axis=-1), *(chunks[k][0] for k in sorted(chunks))
+        )
         seconds = time.perf_counter() - started
-        units = dict(campaign.units)
-        return Dispersion(*results, units=units, seed=seed, seconds=seconds, attributes=attributes)
+        kept["cpu_seconds"] = sum(cpu for _, cpu in chunks.values())
+        results = _ordered(every, campaign)
+        return Dispersion(*results[:4], dict(campaign.units), seed, seconds, kept)
 
-    chunks: list[RunResults] = []
-    for first in range(0, runs, runner.chunk):
-        count = min(runner.chunk, runs - first)
-        chunks.append(_ordered(runner.run(first, count), campaign))
-        # Before the progress is reported: what a user has seen done survives an interruption.
-        if file is not None:
-            file.append(dispersion(chunks[-1]))
+
+def _extents(runs: int, chunk: int) -> list[Extent]:
+    firsts = range(0, runs, chunk)
+    return [Extent(k, first, min(chunk, runs - first)) for k, first in enumerate(firsts)]
+
+
+def _flown(
+    runner: BatchRunner,
+    engine: AbstractEngine,
+    extents: list[Extent],
+    total: int,
+    progress: Callable[[int, int], None] | None,
+) -> Iterator[tuple[int, tuple[RunResults, float]]]:
+    """The results of these chunks with the processor time of each."""
+    done = total - sum(extent.runs for extent in extents)
+    own = {extent.chunk: extent.runs for extent in extents}
+    for found in engine.compute(runner, extents):
+        # What is yielded has been stored when the loop goes on, and only then is it reported:
+        # what a user has seen done survives an interruption.
+        yield found.chunk, (_ordered(found.results, runner.planned.campaign), found.cpu)
+        done += own[found.chunk]
         if progress is not None:
-            progress(first + count, runs)
-    # Dicts come back from a tree transformation sorted by name.
-    every = jax.tree.map(lambda *parts: np.concatenate(parts), *chunks)
-    return dispersion(_ordered(every, campaign))
+            progress(done, total)
+
+
+def _stored(
+    writer: StoreWriter,
+    runner: BatchRunner,
+    engine: AbstractEngine,
+    attributes: dict[str, Any],
+    progress: Callable[[int, int], None] | None,
+) -> Dispersion:
+    """The chunks that the store lacks, written to it."""
+    planned = runner.planned
+    assert runner.example is not None
+    example = _ordered(runner.example, planned.campaign)
+    columns = columns_of(example, planned.campaign.units)
+    if engine.leads:
+        writer.prepare(columns, attributes)
+    engine.sync("prepared")
+    store = writer.store if engine.leads else writer.join(columns, attributes)
+    missing, damages = writer.missing()
+    # None writes before all have looked.
+    engine.sync("counted")
+    for damage in damages:
+        warnings.warn(f"{store.path}: {damage} It is computed again.", DamagedStore, stacklevel=4)
+    extents = engine.share([Extent(chunk, *store.extent(chunk)) for chunk in missing])
+    last = time.perf_counter()
+    storing = 0.0
+    for chunk, (results, cpu) in _flown(runner, engine, extents, store.runs, progress):
+        before = time.perf_counter()
+        writer.commit(chunk, results, before - last, cpu)
+        last = time.perf_counter()
+        storing += last - before
+    engine.sync("finished")
+    if engine.leads:
+        writer.note(storing_seconds=storing + store.attributes.get("storing_seconds", 0.0))
+    return as_dispersion(store, store.finished())
 
 
 def _ordered(results: RunResults, campaign: Campaign) -> RunResults:
@@ -109,20 +201,3 @@ def _devices(chosen: int | Sequence[jax.Device] | None) -> list[jax.Device]:
             raise InputError(f"devices is {chosen}: it must be from 1 to {len(local)}.")
         return local[:chosen]
     return list(chosen)
-
-
-def _record(campaign: Campaign, accuracy: Accuracy, runs: int) -> dict[str, object]:
-    """What a store says of how its runs came about."""
-    # Resolved values, not those given: defaults may change between versions of the library.
-    method = accuracy.method
-    rtol = float(np.asarray(accuracy.rtol))
-    return {
-        "description": campaign.description,
-        "inputs": campaign.text(),
-        "requirements": dict(campaign.requirements),
-        "planned_runs": runs,
-        "rtol": rtol,
-        "atol": 1e-3 * rtol if accuracy.atol is None else float(np.asarray(accuracy.atol)),
-        "method": method if isinstance(method, str) else type(method).__name__,
-        "versions": versions(),
-    }

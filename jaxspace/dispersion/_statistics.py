@@ -24,6 +24,7 @@ A share smaller than about 1 / (number of runs) cannot be distinguished from non
 together explain no more than as many random columns would (an F test at 0.1 %), there are none.
 """
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple, final
 
 import equinox as eqx
@@ -100,16 +101,18 @@ class Dispersion(eqx.Module):
     - `units`: of inputs and outputs, by name.
     - `seed`: of the random numbers; `seconds`: wall time.
     - `attributes`: the record of how the runs were made.
+    - `numbers`: of the runs; from 0 on by default.
     """
 
-    inputs: dict[str, np.ndarray]
-    outputs: dict[str, np.ndarray]
+    inputs: Mapping[str, np.ndarray]
+    outputs: Mapping[str, np.ndarray]
     status: np.ndarray
     evaluations: np.ndarray
     units: dict[str, str]
     seed: int
     seconds: float = float("nan")
     attributes: dict[str, Any] = eqx.field(default_factory=dict)
+    numbers: np.ndarray | None = None
 
     @property
     def runs(self) -> int:
@@ -137,12 +140,12 @@ class Dispersion(eqx.Module):
         """An output or input by name, over all runs.
 
         Raises `InputError` for a name that is neither."""
-        every = {**self.inputs, **self.outputs}
-        if name not in every:
-            raise InputError(
-                f"{name!r} is no output of this dispersion: it must be one of {', '.join(every)}."
-            )
-        return every[name]
+        # One by one, because a column of a store is read when it is asked for.
+        for kind in (self.inputs, self.outputs):
+            if name in kind:
+                return kind[name]
+        every = ", ".join((*self.inputs, *self.outputs))
+        raise InputError(f"{name!r} is no output of this dispersion: it must be one of {every}.")
 
     def label(self, name: str) -> str:
         """A name in words with its unit, for tables and axes."""
@@ -332,7 +335,7 @@ class Dispersion(eqx.Module):
             {"units": "", "meanings": meanings},
         )
         variables["evaluations"] = ("run", np.asarray(self.evaluations), {"units": ""})
-        numbers = np.arange(first, first + self.runs)
+        numbers = np.arange(first, first + self.runs) if self.numbers is None else self.numbers
         return xarray.Dataset(
             variables,
             {"run": ("run", numbers, {"long_name": "number of the run"})},

@@ -26,6 +26,7 @@ class Status(enum.IntEnum):
     EVENTS_PILE_UP = 9
     OUTSIDE_MODEL = 10
     SAMPLES_TOO_FEW = 11
+    RAISED = 12
 
     @property
     def sentence(self) -> str:
@@ -76,6 +77,9 @@ _SENTENCES = {
     Status.SAMPLES_TOO_FEW: (
         "The condition of an event changes faster than it is sampled, so that zeros may be "
         "missing: raise Event.samples, or give more save times."
+    ),
+    Status.RAISED: (
+        "A function that the run calls raised an error: replay this run to see which error it was."
     ),
 }
 

@@ -17,7 +17,9 @@ from ._outputs import read_outputs
 from ._scene_file import SceneFile
 
 
-def load(path: str | os.PathLike[str], also: Iterable[object] = ()) -> SceneFile:
+def load(
+    path: str | os.PathLike[str], also: Iterable[object] = (), *, text: str | None = None
+) -> SceneFile:
     """The scene file at `path`.
 
     **Arguments**
@@ -30,7 +32,7 @@ def load(path: str | os.PathLike[str], also: Iterable[object] = ()) -> SceneFile
     **Returns** the checked file; the system is built when it is asked for.
 
     **Raises** `SceneError`, one line for each thing that is wrong; nothing is compiled before."""
-    data, text = _parsed(path)
+    data, text = _parsed(path, text)
     known = catalog(also).numbered(_named_effects(data))
     table, errors = form(data, known)
     # Without a form nothing can be read, and every further sentence would be a guess.
@@ -58,9 +60,9 @@ def load(path: str | os.PathLike[str], also: Iterable[object] = ()) -> SceneFile
     return SceneFile(Path(path), text, file, inputs, outputs, reading.units, task)
 
 
-def _parsed(path: str | os.PathLike[str]) -> tuple[Values, str]:
+def _parsed(path: str | os.PathLike[str], text: str | None) -> tuple[Values, str]:
     try:
-        text = Path(path).read_text(encoding="utf-8")
+        text = Path(path).read_text(encoding="utf-8") if text is None else text
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) else "it is not text in UTF-8"
         raise SceneError(path, f"cannot be read: {reason}.") from error

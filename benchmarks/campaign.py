@@ -1,0 +1,84 @@
+"""A campaign that is kept: the two-stage ascent of `ascent.py` a million times, and the dispersion
+of the kick stage, each into a store; what the store costs, and the greatest memory.
+
+Wanted: a million ascents in under a minute on two cores, the store included, below 2 GB; the store
+under 5 % of the time of the runs."""
+
+import resource
+import shutil
+import tempfile
+from pathlib import Path
+
+import jax.numpy as jnp
+
+from jaxspace import BodyState, load
+from jaxspace.core import norm
+from jaxspace.dispersion import Campaign, Dispersion, Normal, disperse
+
+from .ascent import LIFT_OFF_MASS, RADIUS, SPIN, mission
+from .kick_stage import FILE
+
+ASCENTS, KICKS = 1_000_000, 32_768
+ACCURACY = 1e-6
+CHUNK = 2**16  # of the ascents, which are so quick that smaller ones would be gone in no time
+
+INPUTS = {
+    "thrust": Normal(1.0, 4e-3),
+    "specific_impulse": Normal(1.0, 3e-3),
+    "drag": Normal(1.0, 0.05),
+    "kick": Normal(0.0122173, 0.000349),  # 0.7 deg, 0.02 deg
+    "density": Normal(1.0, 0.05),
+}
+
+
+def build(samples):
+    """The ascent for these factors, from the equator."""
+    o = jnp.zeros_like(samples["thrust"])
+    r = jnp.stack([RADIUS + o, o, o])
+    v = jnp.stack([o, SPIN * RADIUS + o, o])
+    factors = [samples[name] for name in INPUTS]
+    return mission(factors), BodyState(r, v, mass=LIFT_OFF_MASS + o)
+
+
+def outputs(result, samples):
+    """Height and speed at the end."""
+    del samples
+    final = result.final
+    return {"altitude": norm(final.position) - RADIUS, "speed": norm(final.velocity)}
+
+
+def row(result: Dispersion) -> dict:
+    """What is told of a campaign."""
+    there = result.attributes
+    flying = result.seconds - there["preparation_seconds"]
+    return {
+        "runs": result.runs,
+        "runs per second": result.runs / flying,
+        "seconds to compile and plan": there["preparation_seconds"],
+        "seconds, store included": flying,
+        "share of the store": there["storing_seconds"] / flying,
+        "utilisation of the cores": there["cpu_seconds"] / flying / there["machine"]["cores"],
+        "greatest memory so far, MB": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0,
+        "runs that ended well": int(result.good.sum()),
+    }
+
+
+def measure() -> dict:
+    """A dictionary of what was seen."""
+    folder = Path(tempfile.mkdtemp())
+    file = load(FILE)
+    try:
+        kicks = disperse(
+            file.campaign(), KICKS, seed=1, accuracy=file.accuracy, store=folder / "kicks"
+        )
+        rows = {"kick stage": row(kicks)}
+        ascents = disperse(
+            Campaign(build, INPUTS, outputs, {"altitude": "m", "speed": "m/s"}),
+            ASCENTS,
+            accuracy=ACCURACY,
+            chunk=CHUNK,
+            store=folder / "ascents",
+        )
+        return rows | {"two-stage ascent": row(ascents)}
+    finally:
+        shutil.rmtree(folder)

@@ -1,0 +1,192 @@
+"""What the commands of campaigns do: disperse, resume, replay, failures."""
+
+import os
+import sys
+import warnings
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+from ..core import InputError
+from ..dispersion import DamagedStore, Dispersion, StoreError, open_store
+from ..dispersion import disperse as disperse_campaign
+from ..io import SceneFile, dispersion_report, failures_report, load, replay_report
+from ._commands import draw, path_of
+from ._folder import make_folder
+from ._report import keep_pictures
+from ._stopping import Stopped
+
+
+class Options(NamedTuple):
+    """What a campaign is asked for on the command line."""
+
+    runs: int | None = None
+    seed: int | None = None
+    chunk: int = 8192
+    samples: int = 0
+    engine: str = "local"
+    overwrite: bool = False
+
+
+def disperse(path: str, options: Options, folder: str) -> int:
+    """Run the file many times, print the table of its outputs, and keep the runs, a figure and a
+    page."""
+    file = load(path)
+    runs = file.runs if options.runs is None else options.runs
+    seed = file.seed if options.seed is None else options.seed
+    make_folder(folder)
+    print(f"{file.title}: {runs} runs, seed {seed}")
+    for doubt in file.doubts():
+        print(doubt, file=sys.stderr)
+    how = {"overwrite": options.overwrite, "chunk": options.chunk, "samples": options.samples}
+    store = path_of(file, folder, ".zarr")
+    return _fly(file, store, runs, options.engine, seed=seed, **how)
+
+
+def resume(store: str, engine: str) -> int:
+    """Compute what a store lacks, and report on the whole."""
+    there = _attributes(store)
+    file = _scene(store, there)
+    print(f"{file.title}: {there['planned_runs']} runs, seed {there['seed']}")
+    own = {name: there[name] for name in ("seed", "chunk", "samples")}
+    return _fly(file, store, there["planned_runs"], engine, resume=True, **own)
+
+
+def _fly(file: SceneFile, store: str, runs: int, engine: str, **how: Any) -> int:
+    try:
+        return _fly_and_report(file, store, runs, engine, **how)
+    except KeyboardInterrupt:
+        raise Stopped(_left(store)) from None
+
+
+def _fly_and_report(file: SceneFile, store: str, runs: int, engine: str, **how: Any) -> int:
+    # Late: commands that draw no bar do not wait for the import.
+    from tqdm import tqdm
+
+    nominal = file.nominal_mission()
+    campaign = file.campaign(nominal, warn=False, runs=runs)
+    with tqdm(total=runs, unit="run", file=sys.stderr, disable=None) as bar, _told(bar):
+
+        def show(done: int, total: int) -> None:
+            # The bar counts steps, the campaign reports totals.
+            bar.update(done - bar.n)
+
+        result = disperse_campaign(
+            campaign,
+            runs,
+            accuracy=file.accuracy,
+            store=store,
+            engine=engine,
+            notes={"title": file.title, "scene_file": str(file.path)},
+            progress=show,
+            **how,
+        )
+    own = file.nominal_outputs(nominal)
+    print(dispersion_report(result, own))
+    print(_times(result))
+    keep_pictures(result, file.title, own, os.path.splitext(store)[0])
+    print(f"store  {store}")
+    # Single failed runs are part of the result; a campaign of which all failed is none.
+    return 0 if result.good.any() else 1
+
+
+def _left(store: str) -> str:
+    """What a campaign that was stopped leaves, in a sentence."""
+    try:
+        there = open_store(store)
+    # Stopped before the first run.
+    except StoreError:
+        return "stopped before the first run: nothing is kept."
+    planned = there.attributes["planned_runs"]
+    return (
+        f"stopped: {there.runs} of {planned} runs are kept in {store}. "
+        f"`jaxspace resume {store}` computes the rest."
+    )
+
+
+def _times(result: Dispersion) -> str:
+    # Compiling is paid once, so that it must not spoil the rate that a longer campaign will see.
+    ahead = result.attributes["preparation_seconds"]
+    flying = max(result.seconds - ahead, 1e-9)
+    cores = result.attributes["machine"]["cores"]
+    use = 100.0 * result.attributes["cpu_seconds"] / (flying * cores)
+    return (
+        f"{result.seconds:.1f} s: {ahead:.1f} s to compile and to plan, then "
+        f"{result.runs / flying:.0f} runs/s, {use:.0f} % of {cores} cores"
+    )
+
+
+def replay(store: str, run: int, samples: int, folder: str, show: bool) -> int:
+    """Run one sample of a store once more, print it, and draw its phases."""
+    there = _attributes(store)
+    planned = there["planned_runs"]
+    if run >= planned:
+        raise InputError(f"--run is {run}: it must be from 0 to {planned - 1}.")
+    file = _scene(store, there)
+    make_folder(folder)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DamagedStore)
+        kept = open_store(store)
+    found = file.campaign(warn=False, runs=planned).replay(
+        run, seed=there["seed"], accuracy=file.accuracy, num_saved=samples
+    )
+    print(replay_report(file, found, kept))
+    for name, phase in zip(found.trajectory.names, found.trajectory.phases, strict=True):
+        draw(phase, path_of(file, folder, f"_run_{run}_{name}.png".replace(" ", "_")))
+    if show:
+        print(f"page   {found.trajectory.show(path_of(file, folder, f'_run_{run}.html'))}")
+    return 0 if found.status.good else 1
+
+
+def failures(store: str, every: bool) -> int:
+    """List the failed runs of a store with their reasons."""
+    kept = open_store(store)
+    text = kept.attributes.get("description")
+    file = None
+    # A campaign from Python has no scene; its failures are listed all the same.
+    if text and "scene_file" in kept.attributes:
+        file = _scene(store, kept.attributes)
+    print(failures_report(file, kept, kept.runs if every else 20))
+    return 0
+
+
+def _attributes(store: str) -> Mapping[str, Any]:
+    """The record of a store."""
+    with warnings.catch_warnings():
+        # Damage is told by what follows.
+        warnings.simplefilter("ignore", DamagedStore)
+        kept = open_store(store)
+    return {**kept.attributes, "seed": kept.seed}
+
+
+def _scene(store: str, attributes: Mapping[str, Any]) -> SceneFile:
+    """The scene of a store. Raises `InputError` for a campaign that was built in Python."""
+    if "scene_file" not in attributes:
+        raise InputError(
+            f"{store} is of a campaign from Python, which the command line cannot build: call "
+            f"disperse(campaign, ..., store=..., resume=True) or campaign.replay(number, seed=...)."
+        )
+    return load(attributes["scene_file"], text=attributes["description"])
+
+
+class _told:
+    """Prints the warnings about a store as lines beside the bar."""
+
+    def __init__(self, bar: Any):
+        self.bar = bar
+        self.context = warnings.catch_warnings()
+
+    def __enter__(self) -> None:
+        self.context.__enter__()
+        before = warnings.showwarning
+
+        def show(message: Any, category: Any, *more: Any, **options: Any) -> None:
+            if issubclass(category, DamagedStore):
+                self.bar.write(str(message), file=sys.stderr)
+            else:
+                before(message, category, *more, **options)
+
+        warnings.simplefilter("always", DamagedStore)
+        warnings.showwarning = show
+
+    def __exit__(self, *error: Any) -> None:
+        self.context.__exit__(*error)

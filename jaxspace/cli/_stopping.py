@@ -1,0 +1,41 @@
+"""The end of a command by Ctrl-C or by SIGTERM: a sentence, and what was stored stays."""
+
+import contextlib
+import os
+import signal
+import sys
+import threading
+from collections.abc import Iterator
+from types import FrameType
+
+
+class Stopped(Exception):
+    """A command was stopped; the message says what is left of it."""
+
+
+@contextlib.contextmanager
+def stopped_by_signals() -> Iterator[None]:
+    """SIGTERM, with which systems end a process, is met like Ctrl-C."""
+
+    def stop(number: int, frame: FrameType | None) -> None:
+        raise KeyboardInterrupt
+
+    # Elsewhere signals are not ours to handle.
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+
+    def again(what: "sys.UnraisableHookArgs") -> None:
+        # Met where Python can only print it, as in a callback of its collector: ask once more.
+        if issubclass(what.exc_type, KeyboardInterrupt):
+            threading.Timer(0.05, os.kill, (os.getpid(), signal.SIGINT)).start()
+        else:
+            hook(what)
+
+    before, hook = signal.signal(signal.SIGTERM, stop), sys.unraisablehook
+    sys.unraisablehook = again
+    try:
+        yield
+    finally:
+        sys.unraisablehook = hook
+        signal.signal(signal.SIGTERM, before)

@@ -1,0 +1,48 @@
+"""Runs that raise an error: found by halving, so that they cost their own rows alone."""
+
+from collections.abc import Callable
+from typing import TypeVar
+
+import jax
+import numpy as np
+
+T = TypeVar("T")
+
+# What jax raises when a compiled program fails: an error of a function that it calls back, too.
+RAISED = jax.errors.JaxRuntimeError
+
+
+def isolate(call: Callable[[np.ndarray], T], count: int, first: Callable[[], T] | None = None) -> T:
+    """`call(flown)` with as many of `count` runs flown as raise no error.
+
+    **Arguments**
+
+    - `call`: computes the runs that are flown, (count,); the others take the nominal inputs.
+    - `first`: the same with all of them, if that has been started already.
+
+    **Raises** what was raised, where it is raised without any of these runs as well."""
+    flown = np.ones(count, bool)
+    try:
+        return call(flown) if first is None else first()
+    except RAISED as error:
+        # Short memory is no property of a run.
+        if "RESOURCE_EXHAUSTED" in str(error):
+            raise
+        # The nominal inputs fly in place of every run: where these raise, nothing can be told.
+        call(np.zeros(count, bool))
+        flown[_raising(call, np.arange(count), count)] = False
+        return call(flown)
+
+
+def _raising(call: Callable[[np.ndarray], T], among: np.ndarray, count: int) -> np.ndarray:
+    """Those of the runs `among` which raise."""
+    flown = np.zeros(count, bool)
+    flown[among] = True
+    try:
+        call(flown)
+        return among[:0]
+    except RAISED:
+        if among.size == 1:
+            return among
+    halves = np.array_split(among, 2)
+    return np.concatenate([_raising(call, half, count) for half in halves])

@@ -1,0 +1,65 @@
+"""What a store says of how its runs came about."""
+
+import importlib.metadata
+import platform
+from pathlib import Path
+
+import jax
+import numpy as np
+
+from ..integration import Accuracy
+from ._campaign import Campaign
+from ._engines import cores
+
+LIBRARIES = ("jaxspace", "jax", "jaxlib", "equinox", "diffrax", "numpy", "xarray", "zarr")
+
+
+def versions() -> dict[str, str]:
+    """The versions of Python and of the libraries on which the numbers depend."""
+    found = {"python": platform.python_version()}
+    for name in LIBRARIES:
+        try:
+            found[name] = importlib.metadata.version(name)
+        # A library that is not needed for this campaign may be absent.
+        except importlib.metadata.PackageNotFoundError:
+            found[name] = "not installed"
+    return found
+
+
+def machine() -> dict[str, str | int]:
+    """The machine on which the numbers depend."""
+    device = jax.local_devices()[0]
+    return {
+        "processor": _processor(),
+        "system": f"{platform.system()} {platform.machine()}",
+        "device": device.device_kind,
+        "cores": cores(),
+    }
+
+
+def _processor() -> str:
+    """The model of the processor, by the name that its maker gives it."""
+    known = Path("/proc/cpuinfo")
+    if known.exists():
+        for line in known.read_text(errors="replace").splitlines():
+            if line.startswith("model name"):
+                return line.partition(":")[2].strip()
+    return platform.processor() or platform.machine()
+
+
+def record(campaign: Campaign, accuracy: Accuracy, runs: int) -> dict[str, object]:
+    """What was run, how accurately, by which versions and on which machine."""
+    # Resolved values, not those given: defaults may change between versions of the library.
+    method = accuracy.method
+    rtol = float(np.asarray(accuracy.rtol))
+    return {
+        "description": campaign.description,
+        "inputs": campaign.text(),
+        "requirements": dict(campaign.requirements),
+        "planned_runs": runs,
+        "rtol": rtol,
+        "atol": 1e-3 * rtol if accuracy.atol is None else float(np.asarray(accuracy.atol)),
+        "method": method if isinstance(method, str) else type(method).__name__,
+        "versions": versions(),
+        "machine": machine(),
+    }

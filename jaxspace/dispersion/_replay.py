@@ -1,0 +1,65 @@
+"""One run of a campaign once more, in full detail."""
+
+from typing import Any, final
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from ..core import InputError
+from ..integration import Accuracy, Status
+from ..integration._config import IntegrationConfig
+from ..simulation import MissionTrajectory
+from ..simulation._mission_runs import MissionResult, run_mission
+from ..simulation._simulate import mission_trajectory_of, resolve_phases
+
+
+@final
+class Replay(eqx.Module):
+    """A run of a campaign with its trajectory.
+
+    - `number`, `seed`: which run it is.
+    - `inputs`, `outputs`: by name; the outputs of the trajectory, whose steps are adaptive, agree
+      with those of the campaign to the tolerance.
+    - `trajectory`: the phases, with as many states as were asked for.
+    - `refusal`: why a run is refused; its trajectory then is that of the inputs all the same."""
+
+    number: int
+    seed: int
+    inputs: dict[str, float]
+    outputs: dict[str, float]
+    trajectory: MissionTrajectory
+    refusal: str
+
+    @property
+    def status(self) -> Status:
+        """How the run ended."""
+        return Status.REFUSED if self.refusal else Status(int(self.trajectory.status))
+
+
+@eqx.filter_jit
+def _fly(
+    campaign: Any, accuracy: Accuracy, samples: dict[str, Array], num_saved: int
+) -> tuple[MissionResult, dict[str, Array], tuple[IntegrationConfig, ...]]:
+    mission, y0 = campaign.build(samples)
+    configs = resolve_phases(mission, y0, accuracy, 1)
+    result = run_mission(mission, y0, campaign.start, num_saved, configs, 1)
+    return result, campaign.outputs(result, samples), configs
+
+
+def replay(campaign: Any, number: int, seed: int, accuracy: Accuracy, num_saved: int) -> Replay:
+    """`Campaign.replay`; campaigns know their replays, which do not know them in turn."""
+    if not 0 <= number < 2**32:
+        raise InputError(f"number is {number}: it must be that of a run, from 0 on.")
+    numbers = jnp.full((1,), number, jnp.uint32)
+    samples = eqx.filter_jit(lambda c, k, n: c.samples(k, n))(
+        campaign, jax.random.key(seed), numbers
+    )
+    inputs = {name: float(samples[name][0]) for name in campaign.inputs}
+    result, outputs, configs = _fly(campaign, accuracy, samples, num_saved)
+    mission, _ = campaign.build(samples)
+    trajectory = mission_trajectory_of(result, mission, configs, 1).of(0)
+    found = {name: float(jnp.broadcast_to(x, (1,))[0]) for name, x in outputs.items()}
+    ordered = {name: found[name] for name in campaign.units if name in found} | found
+    return Replay(number, seed, inputs, ordered, trajectory, campaign.refusal(inputs))

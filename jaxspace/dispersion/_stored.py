@@ -1,0 +1,85 @@
+"""The runs of a store as a `Dispersion`: its columns are read when they are asked for."""
+
+import os
+import warnings
+from collections.abc import Iterator, Mapping
+from typing import final
+
+import numpy as np
+
+from ._statistics import Dispersion
+from ._store import Store
+
+BOOKKEEPING = ("form", "seed", "preparation_seconds")
+
+
+class DamagedStore(UserWarning):
+    """Chunks of a store differ from what was written; the message names them."""
+
+
+@final
+class StoredColumns(Mapping[str, np.ndarray]):
+    """Columns of a store by name, each (runs,). None is kept: memory holds those in use."""
+
+    def __init__(self, store: Store, chunks: list[int], names: list[str]):
+        self.store, self.chunks, self.names = store, chunks, names
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        if name not in self.names:
+            raise KeyError(name)
+        return self.store.values(name, self.chunks)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.names)
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+
+def open_store(path: str | os.PathLike[str]) -> Dispersion:
+    """The runs of a store, also of a campaign that was interrupted or is under way.
+
+    Its columns are read from the disk when they are asked for. Chunks that differ from what was
+    written are left out, with a warning that names them: `disperse(..., resume=True)` or `jaxspace
+    resume` computes them again.
+
+    Raises `StoreError`, an `InputError`, where `path` holds no store of a dispersion."""
+    store = Store(path).read()
+    chunks = []
+    for chunk in store.finished():
+        damage = store.damage(chunk, scalars=True)
+        if damage:
+            warnings.warn(f"{path}: {damage} Its runs are left out.", DamagedStore, stacklevel=2)
+        else:
+            chunks.append(chunk)
+    return as_dispersion(store, chunks)
+
+
+def as_dispersion(store: Store, chunks: list[int]) -> Dispersion:
+    """The runs of these chunks of a store."""
+    kinds = {
+        kind: sorted(
+            (n for n, c in store.columns.items() if c.attributes.get("kind") == kind),
+            key=lambda n: store.columns[n].attributes["place"],
+        )
+        for kind in ("input", "output")
+    }
+    inputs, outputs = (StoredColumns(store, chunks, names) for names in kinds.values())
+    units = {name: store.columns[name].attributes["units"] for name in (*inputs, *outputs)}
+    attributes = {k: v for k, v in store.attributes.items() if k not in BOOKKEEPING}
+    entries = [store.entry(chunk) or {} for chunk in chunks]
+    preparation = float(store.attributes["preparation_seconds"])
+    flying = sum(float(entry.get("seconds", 0.0)) for entry in entries)
+    attributes["preparation_seconds"] = preparation
+    attributes["cpu_seconds"] = sum(float(entry.get("cpu_seconds", 0.0)) for entry in entries)
+    return Dispersion(
+        inputs,
+        outputs,
+        store.values("status", chunks),
+        store.values("evaluations", chunks),
+        units,
+        int(store.attributes["seed"]),
+        preparation + flying,
+        attributes,
+        store.values("run", chunks),
+    )

@@ -1,0 +1,91 @@
+"""What the store of a campaign reports: one of its runs in detail, and those that failed."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from ..dispersion import Dispersion, Replay
+from ..simulation import Status
+from ._report import columns, drift_rows, number, state_rows, status_line
+from ._scene_file import SceneFile
+
+
+def replay_report(file: SceneFile, run: Replay, kept: Dispersion | None) -> str:
+    """One run of a campaign: its inputs beside the nominal ones, its outputs beside those of the
+    store (`kept`), the state at the end of every phase, and how it ended."""
+    units = {name: how.nominal.quantity.unit for name, how in file.inputs.items()}
+    rows = [("input", "unit", "nominal", "this run")]
+    for name, value in run.inputs.items():
+        nominal = number(float(file.inputs[name].nominal))
+        rows.append((name, units[name], nominal, number(value)))
+    lines = [f"{file.title}: run {run.number}, seed {run.seed}", "", columns(rows)]
+    stored = _row_of(kept, run.number)
+    rows = [("output", "unit", "in the store", "here")]
+    for spec in file.outputs:
+        there = number(stored[spec.name]) if spec.name in stored else "-"
+        rows.append((spec.name, spec.unit, there, number(run.outputs[spec.name])))
+    lines += ["", columns(rows)]
+    for name, phase in zip(run.trajectory.names, run.trajectory.phases, strict=True):
+        lines += ["", f"{name}: from {number(phase.ts[0])} s to {number(phase.ts[-1])} s"]
+        lines.append(columns([*state_rows(phase.final, file.units), *drift_rows(phase.drift())]))
+    return "\n".join([*lines, "", f"{status_line(run.status)} {run.refusal}".rstrip()])
+
+
+def _row_of(kept: Dispersion | None, run: int) -> dict[str, float]:
+    """The outputs of a run in a store; empty where the store has not got it."""
+    if kept is None or kept.numbers is None:
+        return {}
+    where = np.flatnonzero(kept.numbers == run)
+    if not where.size:
+        return {}
+    return {name: float(x[where[0]]) for name, x in kept.outputs.items()}
+
+
+def failures_report(file: SceneFile | None, kept: Dispersion, most: int = 20) -> str:
+    """The failed runs of a store, by how they ended: number and reason of each, up to `most` of a
+    kind, with what to do.
+
+    `file`: the scene of the store, which says which of its inputs a refused run has out of
+    range."""
+    numbers = np.arange(kept.runs) if kept.numbers is None else kept.numbers
+    planned = int(kept.attributes.get("planned_runs", kept.runs))
+    lines = [f"{int(np.count_nonzero(kept.good))} of {kept.runs} runs ended well."]
+    if kept.runs < planned:
+        lines.append(f"{planned - kept.runs} runs are missing: `jaxspace resume` computes them.")
+    # Once, because each column is read from the disk.
+    inputs = dict(kept.inputs) if kept.failed else {}
+    moments = {name: (float(np.mean(x)), float(np.std(x))) for name, x in inputs.items()}
+    for failure in kept.failed:
+        rows = np.flatnonzero(kept.status == failure.status)
+        runs = "run" if failure.count == 1 else "runs"
+        lines += ["", f"{failure.count} {runs}, {failure.status.name}: {failure.sentence}"]
+        for row in rows[:most]:
+            own = {name: float(x[row]) for name, x in inputs.items()}
+            refused = failure.status == Status.REFUSED
+            reason = _refusal(file, own) if refused else _farthest(own, moments)
+            lines.append(f"  run {numbers[row]}: {reason}")
+        if rows.size > most:
+            lines.append(f"  and {rows.size - most} more (--all lists them)")
+    return "\n".join(lines)
+
+
+def _refusal(file: SceneFile | None, inputs: dict[str, float]) -> str:
+    for name, how in (file.inputs if file is not None else {}).items():
+        limit = how.nominal.quantity
+        if not np.all(limit.contains(np.asarray(inputs[name]))):
+            value = f"{inputs[name]:.6g} {limit.unit}".rstrip()
+            return f"{name} is {value}: it must be {limit.allowed()}."
+    return "an input is out of its range."
+
+
+def _farthest(
+    inputs: dict[str, float], moments: Mapping[str, tuple[float, float]], count: int = 2
+) -> str:
+    """The inputs that lie farthest from the mean of all runs, in standard deviations."""
+    off = {
+        name: (value - moments[name][0]) / moments[name][1]
+        for name, value in inputs.items()
+        if moments[name][1] > 0.0
+    }
+    most = sorted(off, key=lambda name: -abs(off[name]))[:count]
+    return ", ".join(f"{name} is {inputs[name]:.6g} ({off[name]:+.1f} sigma)" for name in most)

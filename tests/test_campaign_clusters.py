@@ -1,0 +1,179 @@
+"""Campaigns on Dask, on several processes of jax, and within bounded memory: each test starts
+processes of its own, so that all of them are left to the sweeps."""
+
+import contextlib
+import os
+import signal
+import socket
+import subprocess
+import sys
+
+import pytest
+from test_campaigns import HERE, child, files_of, fly, resumed, whole  # noqa: F401
+
+from jaxspace.dispersion import DaskCluster, StoreError, open_store
+
+pytestmark = pytest.mark.sweep
+
+
+def free_port() -> int:
+    with socket.socket() as s:
+        s.bind(("127.0.0.1", 0))
+        return s.getsockname()[1]
+
+
+@contextlib.contextmanager
+def cluster(workers: int):
+    """A scheduler and workers as processes: its address, and the processes."""
+    pytest.importorskip("distributed")
+    port = free_port()
+    address = f"tcp://127.0.0.1:{port}"
+    env = {**os.environ, "PYTHONPATH": f"{HERE.parent}:{HERE}"}
+    program = [sys.executable, "-W", "ignore", "-m"]
+    where = ["--host", "127.0.0.1"]
+    commands = [
+        ["distributed.cli.dask_scheduler", *where, "--port", str(port), "--no-dashboard"],
+        *[["distributed.cli.dask_worker", address, *where, "--no-nanny", "--nthreads", "1"]]
+        * workers,
+    ]
+    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, "env": env}
+    processes = [subprocess.Popen([*program, *command], **quiet) for command in commands]
+    try:
+        yield address, processes
+    finally:
+        for process in processes:
+            process.kill()
+            process.wait()
+
+
+# Dask's own sockets and loops are closed by Dask, later than a test ends.
+@pytest.mark.filterwarnings("ignore")
+def test_dask_on_this_machine_computes_the_same_bits(whole, tmp_path):  # noqa: F811
+    fly(tmp_path / "s.zarr", engine=DaskCluster(workers=1))
+    assert files_of(tmp_path / "s.zarr") == files_of(whole)
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_a_dask_worker_that_is_killed_costs_no_run(whole, tmp_path):  # noqa: F811
+    with cluster(2) as (address, processes):
+        seen = []
+
+        def strike(done, total):
+            seen.append(done)
+            if len(seen) == 1:
+                processes[1].send_signal(signal.SIGKILL)
+
+        fly(tmp_path / "s.zarr", engine=address, progress=strike)
+    assert files_of(tmp_path / "s.zarr") == files_of(whole)
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_a_dask_scheduler_that_is_killed_leaves_a_store_that_resumes(whole, tmp_path):  # noqa: F811
+    store = tmp_path / "s.zarr"
+    with cluster(1) as (address, processes):
+
+        def strike(done, total):
+            processes[0].send_signal(signal.SIGKILL)
+            processes[0].wait()
+
+        with pytest.raises(StoreError, match="The Dask cluster at tcp://.* failed"):
+            fly(store, engine=address, progress=strike)
+    assert 0 < open_store(store).runs < 2200
+    resumed(store)
+    assert files_of(store) == files_of(whole)
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_a_scheduler_that_is_not_there_is_an_error_in_a_sentence(tmp_path):
+    pytest.importorskip("distributed")
+    with pytest.raises(StoreError, match="The Dask cluster at tcp://127.0.0.1"):
+        fly(tmp_path / "s.zarr", engine=f"tcp://127.0.0.1:{free_port()}")
+
+
+WAIT = """
+import sys, time
+import numpy as np, jax
+from test_campaigns import *
+from jaxspace.dispersion import ProcessPool, disperse, StoreError
+
+def slow(w):
+    # In workers alone, and only in the third chunk, whose run 1029 draws this.
+    import os
+    if os.getpid() != int(os.environ["FIRST"]) and np.any(w == float(os.environ["RARE"])):
+        time.sleep(1000)
+    return w
+
+def build(samples):
+    w = jax.pure_callback(slow, jax.ShapeDtypeStruct(samples["w"].shape, samples["w"].dtype),
+        samples["w"])
+    return swing({**samples, "w": w})
+
+if __name__ == "__main__":
+    import os
+    os.environ["FIRST"] = str(os.getpid())
+    campaign = Campaign(build, INPUTS, last, CAMPAIGN.units)
+    samples = campaign.samples(jax.random.key(SEED), np.arange(1029, 1030, dtype=np.uint32))
+    os.environ["RARE"] = repr(float(samples["w"][0]))
+    try:
+        fly(sys.argv[1], campaign, engine=ProcessPool(1, limit=20.0, retries=1))
+    except StoreError as error:
+        print(error)
+"""
+
+
+def test_a_chunk_that_never_returns_is_named_and_the_others_kept(tmp_path):
+    process = child(WAIT, tmp_path / "s.zarr")
+    told, _ = process.communicate(timeout=300)
+    assert "Chunk 2 (runs 1024 to 1535) was lost 2 times" in told
+    assert open_store(tmp_path / "s.zarr").runs == 2200 - 512
+
+
+MEMORY = """
+import resource, sys
+import test_campaigns as t
+from jaxspace.dispersion import disperse
+
+def peak():
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
+
+options = {"seed": 1, "chunk": 2048, "samples": 200}
+disperse(t.CAMPAIGN, 2048, store=sys.argv[1] + "/small", **options)
+before = peak()
+kept = disperse(t.CAMPAIGN, 60 * 2048, store=sys.argv[1] + "/large", **options)
+mean = kept.table()[0].mean
+print(peak() - before, mean)
+"""
+
+
+def test_memory_is_bounded_by_the_chunk(tmp_path):
+    """Three numbers at 200 times of 122,880 runs are 590 MB, and ten times the 59 MB by which the
+    process may grow over a campaign of a single chunk, which is 10 MB."""
+    process = child(MEMORY, tmp_path)
+    told, errors = process.communicate()
+    assert process.returncode == 0, errors
+    grown, mean = map(float, told.split())
+    size = sum(p.stat().st_size for p in (tmp_path / "large").rglob("*") if p.is_file())
+    assert size > 590e6 and grown < 59.0
+    # x0 cos(w t), of mean 1 and exp(-(0.1 t)^2/2) cos(2 t): 0.918 to a few 1e-3 of sampling.
+    assert mean == pytest.approx(0.9179, abs=0.01)
+
+
+HOSTS = """
+import sys
+import jax
+jax.distributed.initialize(sys.argv[2], 2, int(sys.argv[3]))
+from test_campaigns import fly
+seen = []
+kept = fly(sys.argv[1], engine="hosts", progress=lambda done, total: seen.append(done))
+print(kept.runs, len(seen))
+"""
+
+
+def test_two_processes_of_jax_share_a_campaign(whole, tmp_path):  # noqa: F811
+    address = f"127.0.0.1:{free_port()}"
+    processes = [child(HOSTS, tmp_path / "s.zarr", address, k) for k in range(2)]
+    told = [process.communicate(timeout=300) for process in processes]
+    # Five chunks: three for the first process, two for the second.
+    # Before that the library of the exchange says that it is connected.
+    assert [out.split()[-2:] for out, _ in told] == [["2200", "3"], ["2200", "2"]], told
+    assert files_of(tmp_path / "s.zarr") == files_of(whole)

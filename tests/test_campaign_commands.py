@@ -1,0 +1,206 @@
+"""The commands of campaigns: resume, replay, failures, and the end of a campaign by a signal."""
+
+import os
+import random
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import jax
+import numpy as np
+import pytest
+
+from jaxspace.cli import main
+from jaxspace.dispersion import disperse, open_store
+from jaxspace.io import load
+
+# The command line settles JAX for its own process.
+pytestmark = pytest.mark.usefixtures("settings_stay")
+
+ROOT = Path(__file__).resolve().parents[1]
+COAST = """
+title = "A coast"
+accuracy = 1e-6
+
+[planet]
+mu = "398600.4418 km^3/s^2"
+radius = "6378.137 km"
+
+[initial.orbit]
+periapsis_altitude = "400 mi"
+eccentricity = 0.1
+
+[[phase]]
+name = "coast"
+effects = ["point_gravity"]
+duration = "10 min"
+
+[dispersion]
+runs = 1200
+seed = 3
+outputs = ["periapsis_altitude", "apoapsis_altitude"]
+
+[dispersion.inputs]
+"initial.orbit.periapsis_altitude" = { deviation = "2 km" }
+"initial.orbit.eccentricity" = { deviation = 0.05 }
+"""
+
+
+@pytest.fixture(scope="module")
+def flown(tmp_path_factory) -> Path:
+    """The store of the coast, flown by the command line; the scene file is gone since."""
+    folder = tmp_path_factory.mktemp("coast")
+    (folder / "coast.toml").write_text(COAST)
+    assert main(["disperse", str(folder / "coast.toml"), "--out", str(folder)]) == 0
+    (folder / "coast.toml").unlink()
+    return folder / "coast.zarr"
+
+
+@pytest.fixture
+def store(flown, tmp_path) -> Path:
+    return Path(shutil.copytree(flown, tmp_path / "coast.zarr"))
+
+
+def test_disperse_refuses_a_store_that_is_there(store, tmp_path, capsys):
+    path = tmp_path / "coast.toml"
+    path.write_text(COAST)
+    given = ["disperse", str(path), "--out", str(tmp_path), "--runs", "40"]
+    assert main(given) == 2
+    assert "holds 1200 of 1200 runs already" in capsys.readouterr().err
+    assert open_store(store).runs == 1200
+    assert main([*given, "--overwrite"]) == 0
+    assert open_store(store).runs == 40
+
+
+def test_resume_computes_what_is_missing_or_damaged(flown, store, capsys):
+    """The scene is in the store, which needs no file beside it."""
+    chunk = store / "apoapsis_altitude" / "c" / "0"
+    data = bytearray(chunk.read_bytes())
+    data[5] ^= 16
+    chunk.write_bytes(data)
+    assert main(["resume", str(store)]) == 0
+    printed = capsys.readouterr()
+    assert "apoapsis_altitude/c/0 differs from its checksum. It is computed again." in printed.err
+    assert "of 1200 runs ended well" in printed.out and "% of" in printed.out
+    assert chunk.read_bytes() == (flown / "apoapsis_altitude" / "c" / "0").read_bytes()
+    assert store.with_suffix(".png").exists()
+
+
+def test_replay_flies_one_run_again(store, tmp_path, capsys):
+    assert main(["replay", str(store), "--run", "17", "--out", str(tmp_path / "a")]) == 0
+    printed = capsys.readouterr().out
+    kept = open_store(store)
+    assert "A coast: run 17, seed 3" in printed and "reached its end" in printed
+    rows = [line.split() for line in printed.splitlines()]
+    (row,) = [r for r in rows if r[:1] == ["periapsis_altitude"]]
+    assert row[2] == row[3] == f"{kept.outputs['periapsis_altitude'][17]:.6g}"
+    assert (tmp_path / "a" / "coast_run_17_coast.png").exists()
+    assert main(["replay", str(store), "--run", "1200"]) == 2
+    assert "--run is 1200: it must be from 0 to 1199." in capsys.readouterr().err
+
+
+def test_failures_gives_the_reason_of_each(store, capsys):
+    kept = open_store(store)
+    bad = np.flatnonzero(kept.inputs["initial.orbit.eccentricity"] < 0.0)
+    # Two deviations below the mean: 2.3 % of 1200 runs, 27 +- 5.
+    assert 5 < bad.size < 55
+    assert main(["failures", str(store), "--all"]) == 0
+    printed = capsys.readouterr().out
+    assert f"{bad.size} runs, REFUSED" in printed
+    for number in bad:
+        assert f"  run {number}: initial.orbit.eccentricity is -0.0" in printed
+    assert main(["failures", str(store)]) == 0
+    printed = capsys.readouterr().out
+    assert printed.count("\n  run ") == min(bad.size, 20)
+
+
+def test_a_campaign_from_python_is_not_the_command_line_s(tmp_path, capsys):
+    file = tmp_path / "coast.toml"
+    file.write_text(COAST)
+    campaign = load(file).campaign(warn=False)
+    disperse(campaign, 20, store=tmp_path / "s.zarr", accuracy=1e-6)
+    assert main(["resume", str(tmp_path / "s.zarr")]) == 2
+    assert "campaign from Python" in capsys.readouterr().err
+    assert main(["failures", str(tmp_path / "s.zarr")]) == 0
+
+
+@pytest.mark.parametrize("command", [["resume"], ["failures"], ["replay", "--run", "1"]])
+def test_what_is_no_store_is_refused_in_a_sentence(tmp_path, capsys, command):
+    assert main([*command, str(tmp_path / "none.zarr")]) == 2
+    printed = capsys.readouterr().err
+    assert "it must be the Zarr store of a dispersion" in printed and printed.count("\n") == 1
+
+
+def test_a_picture_that_fails_costs_no_number(tmp_path, capsys, monkeypatch):
+    def broken(_):
+        raise ValueError("no ink")
+
+    monkeypatch.setattr("jaxspace.plots.dispersion_figure", broken)
+    path = tmp_path / "coast.toml"
+    path.write_text(COAST)
+    assert main(["disperse", str(path), "--out", str(tmp_path), "--runs", "40"]) == 0
+    printed = capsys.readouterr()
+    assert "The figure could not be drawn: no ink" in printed.err and "store " in printed.out
+    assert open_store(tmp_path / "coast.zarr").runs == 40
+
+
+LONG = 20_000
+
+
+def stopped(folder: Path, number: signal.Signals, delay: float) -> Path:
+    """The store of a campaign that was sent a signal so many seconds after its first chunk."""
+    (folder / "coast.toml").write_text(COAST)
+    store = folder / "coast.zarr"
+    program = [sys.executable, "-m", "jaxspace.cli", "disperse", "coast.toml", "--out", "."]
+    process = subprocess.Popen(
+        [*program, "--runs", str(LONG), "--chunk", "512"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        cwd=folder,
+        # To the bit what this process computes.
+        env={
+            **os.environ,
+            "PYTHONPATH": str(ROOT),
+            "JAX_DISABLE_MOST_OPTIMIZATIONS": str(
+                int(jax.config.values["jax_disable_most_optimizations"])
+            ),
+        },
+    )
+    while process.poll() is None and not (store / ".manifest").exists():
+        time.sleep(0.005)
+    time.sleep(delay)
+    process.send_signal(number)
+    _, errors = process.communicate()
+    # Whole sentences, and no traceback of whatever was under way.
+    assert "Traceback" not in errors, errors
+    if process.returncode != 0:
+        assert process.returncode == 130, errors
+        assert "runs are kept in" in errors and "`jaxspace resume" in errors
+    return store
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_in_a_sentence_and_a_store_that_resumes(tmp_path, number):
+    store = stopped(tmp_path, number, 0.05)
+    assert 0 < open_store(store).runs <= LONG
+    assert main(["resume", str(store)]) == 0
+    kept = open_store(store)
+    assert kept.runs == LONG
+    # In point gravity the periapsis is what went in, to the tolerance.
+    good = kept.good
+    altitude = kept.inputs["initial.orbit.periapsis_altitude"][good] / 1e3
+    np.testing.assert_allclose(kept.outputs["periapsis_altitude"][good], altitude, atol=0.05)
+
+
+@pytest.mark.sweep
+@pytest.mark.parametrize("part", range(20))
+def test_ctrl_c_at_random_moments(tmp_path, part):
+    store = stopped(tmp_path, signal.SIGINT, random.Random(part).uniform(0.0, 1.0))
+    kept = open_store(store)
+    assert 0 < kept.runs <= LONG
+    np.testing.assert_array_equal(kept.numbers, np.arange(kept.runs))
