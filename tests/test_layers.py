@@ -29,6 +29,7 @@ ALLOWED = {
     "studies": {"core", "solvers", "integration", "simulation", "scene"},
     "dispersion": {"core", "integration", "simulation"},
     "optimization": {"core", "orbits", "rockets", "simulation"},
+    "estimation": {"core", "simulation", "studies"},
     # The rooms of physics, whose public names scene files may use, and what runs them.
     "io": {
         *("core", "rotations", "bodies", "orbits", "attitude", "rockets", "gyros", "mechanics"),
@@ -59,6 +60,7 @@ ENGINE = {
     "simulation": {"integration"},
     "studies": {"integration", "simulation"},
     "dispersion": {"integration", "simulation"},
+    "estimation": {"studies"},
     "verification": {"studies"},
 }
 
@@ -70,6 +72,7 @@ OUTSIDE = {
     "simulation": FLOOR | {"diffrax", "lineax", "optimistix"},
     "studies": FLOOR | {"diffrax"},
     "optimization": FLOOR | {"optax"},
+    "estimation": FLOOR | {"lineax", "optimistix"},
 }
 # Plotting, tables, files and clusters: only where a person asks for them, inside the function that
 # needs them.

@@ -102,7 +102,13 @@ class Coordinates(NamedTuple):
 
 def name_of(path: Sequence[Any]) -> str:
     """The place of a leaf in a tree, as `effects[0].mu`."""
-    return jax.tree_util.keystr(tuple(path)).lstrip(".") or "value"
+    name = ""
+    for key in path:
+        if isinstance(key, jax.tree_util.SequenceKey):
+            name += f"[{key.idx}]"
+        else:
+            name += f".{getattr(key, 'name', getattr(key, 'key', key))}"
+    return name.lstrip(".") or "value"
 
 
 def _zeros(block: AbstractGroupElement) -> Array:
