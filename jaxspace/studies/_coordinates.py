@@ -70,6 +70,11 @@ class Coordinates(NamedTuple):
         """The precision of the blocks."""
         return jnp.result_type(*jax.tree.leaves(self.blocks))
 
+    @property
+    def tree(self) -> PyTree:
+        """The tree that the coordinates are about."""
+        return jax.tree.unflatten(self.structure, self.blocks)
+
     def at(self, tree: PyTree) -> "Coordinates":
         """The same coordinates about another tree."""
         return self._replace(blocks=tuple(jax.tree.leaves(tree, is_leaf=on_group)))
