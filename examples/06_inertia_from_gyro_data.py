@@ -9,7 +9,7 @@ import numpy as np
 
 import jaxspace
 from jaxspace import Accuracy, BodyState, Scene, simulate
-from jaxspace.attitude import ConstantTorque, ReactionWheels
+from jaxspace.attitude import ConstantTorque, ReactionWheels, TorqueFreeBody
 from jaxspace.bodies import InertiaTensor, RigidBody, principal_axes
 from jaxspace.estimation import fit
 from jaxspace.rotations import Quaternion
@@ -44,10 +44,11 @@ def readings(p, with_wheel=True):
     axis = jnp.append(p["axis"], 1.0)
     motor = ConstantTorque(TORQUE, until=UNTIL)
     wheel = ReactionWheels.rotor(axis, WHEEL, motor=motor)
-    scene = Scene([wheel] * with_wheel, RigidBody(inertia=tensor(p["J"])))
-    y0 = scene.start(BodyState(attitude=Quaternion.identity(), omega=p["omega"]))
+    scene = Scene([wheel], RigidBody(inertia=tensor(p["J"])))
+    y0 = BodyState(attitude=Quaternion.identity(), omega=p["omega"])
+    system, y0 = (scene, scene.start(y0)) if with_wheel else (TorqueFreeBody(tensor(p["J"])), y0)
     accuracy = Accuracy(1e-8, method=Tsit5(), max_steps=512)
-    run = simulate(scene, y0, ts, accuracy=accuracy, throw=False)
+    run = simulate(system, y0, ts, accuracy=accuracy, throw=False)
     return run.states.omega + p["bias"][:, None]
 
 

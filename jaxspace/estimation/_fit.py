@@ -24,10 +24,11 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import lineax
+import numpy as np
 import optimistix
 from jaxtyping import Array, PyTree
 
-from ..core import InputError, Scalar
+from ..core import InputError, Scalar, is_concrete
 from ..studies._coordinates import Coordinates
 from ._fit_result import Fit
 from ._residuals import residual_tests
@@ -94,7 +95,7 @@ def fit(
 
 def _check_noise(noise: PyTree) -> None:
     for x in jax.tree.leaves(noise):
-        if not isinstance(x, jax.core.Tracer) and not bool(jnp.all(jnp.asarray(x) > 0.0)):
+        if is_concrete(x) and not np.all(np.asarray(x) > 0.0):
             raise InputError(f"noise holds {x}: every standard deviation must be positive.")
 
 
@@ -187,7 +188,7 @@ def _search(
     )
     x = scale * found.value
     jacobian, (r, tree) = linear(x)
-    readings = sum(jnp.sum(s) for s in jax.tree.leaves(seen))
+    readings = jnp.asarray(sum(jnp.sum(s) for s in jax.tree.leaves(seen)))
     freedom = readings.astype(r.dtype) - (coordinates.count if beforehand is None else 0)
     chi_squared = r @ r
     variance = jnp.ones((), r.dtype)

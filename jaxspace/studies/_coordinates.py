@@ -43,7 +43,7 @@ class Coordinates(NamedTuple):
         firsts = np.cumsum([0, *(len(jax.tree.leaves(block)) for block in blocks)])
         shapes, behind, labels = [], [], []
         for block, k in zip(blocks, firsts[:-1], strict=True):
-            name, axes = names[k], counts[k]
+            name, axes = names[int(k)], counts[int(k)]
             if on_group(block):
                 # Its coordinates are no field of it.
                 name = name.rpartition(".")[0] or name

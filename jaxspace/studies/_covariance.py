@@ -57,7 +57,7 @@ class Uncertain(AbstractSystem):
         AP = jnp.einsum("ij...,jk...->ik...", A, P)
         rate = AP + jnp.swapaxes(AP, 0, 1)
         if self.noise is not None:
-            Q = self.noise(t, y.mean) if callable(self.noise) else self.noise
+            Q = jnp.asarray(self.noise(t, y.mean) if callable(self.noise) else self.noise)
             rate = rate + Q.reshape(Q.shape + (1,) * (rate.ndim - Q.ndim))
         return MeanCovariance(self.system.vector_field(t, y.mean), rate)
 

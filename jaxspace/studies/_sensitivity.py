@@ -171,7 +171,7 @@ def _derivatives(
 ) -> tuple[Any, Any]:
     leaves, structure = jax.tree.flatten((system, y0))
     columns = choice.columns(system, y0)
-    verb = simulate_batch if batch else simulate
+    verb: Callable[..., Any] = simulate_batch if batch else simulate
     held = []
 
     def parts_at(x: Array) -> tuple[PyTree, PyTree]:
