@@ -17,7 +17,8 @@ from . import page  # noqa: E402
 
 NAMES = (
     *("kepler", "lambert", "low_orbits", "eccentric_orbit", "free_body", "torqued_body", "ascent"),
-    *("choice", "dragged_orbits", "short_pulses", "gradients", "first_call", "kick_stage"),
+    *("choice", "dragged_orbits", "short_pulses", "gradients", "hybrid_training", "first_call"),
+    "kick_stage",
 )
 RESULTS = Path(__file__).parent / "results"
 

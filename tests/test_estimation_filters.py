@@ -155,6 +155,7 @@ def test_exact_readings_leave_no_doubt(kind):
     )
 
 
+@pytest.mark.sweep
 def test_an_attitude_from_star_readings():
     """The covariance of an attitude has three rows; the error is within it."""
     body = TorqueFreeBody(jnp.array([1.0, 1.4, 1.9]))

@@ -43,7 +43,9 @@ def angle(k, t):
     return jnp.cos(jnp.sqrt(k) * t)
 
 
-@pytest.mark.parametrize("remat", [False, True], ids=["scan", "checkpoint"])
+@pytest.mark.parametrize(
+    "remat", [True, pytest.param(False, marks=pytest.mark.sweep)], ids=["checkpoint", "scan"]
+)
 def test_in_a_scan_with_and_without_checkpoints(remat):
     """Ten steps of half a second, and the derivative through all of them."""
     step = jax.checkpoint(half_second) if remat else half_second
