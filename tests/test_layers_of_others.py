@@ -141,15 +141,18 @@ def test_inside_torch():
     forwards = jax.jit(ends)
     backwards = jax.jit(lambda k, x, g: jax.vjp(ends, k, x)[1](g))
 
+    def of_torch(a):
+        return jnp.from_dlpack(a.detach().contiguous())
+
     class Run(torch.autograd.Function):
         @staticmethod
         def forward(context, k, x):
             context.save_for_backward(k, x)
-            return torch.from_dlpack(forwards(jnp.from_dlpack(k), jnp.from_dlpack(x)))
+            return torch.from_dlpack(forwards(*map(of_torch, (k, x))))
 
         @staticmethod
         def backward(context, g):
-            given = (jnp.from_dlpack(a.detach().contiguous()) for a in (*context.saved_tensors, g))
+            given = map(of_torch, (*context.saved_tensors, g))
             return tuple(torch.from_dlpack(a) for a in backwards(*given))
 
     k = torch.tensor(2.0, dtype=torch.float64, requires_grad=True)
