@@ -88,24 +88,25 @@ class Fit(eqx.Module):
         **Raises** `InputError` for a batch: ask `of(i)`."""
         if self.singular_values.ndim > 1:
             raise InputError("This fit is a batch: ask one of its data sets, fit.of(i).")
-        sentences = []
-        for seen, row in zip(np.asarray(self._seen), np.asarray(self.directions), strict=True):
-            if seen:
-                continue
+        blind = np.asarray(self.directions)[~np.asarray(self._seen)]
+        # A parameter without influence by itself lies in what cannot be seen as a whole.
+        alone = np.sum(blind**2, axis=0) > 1.0 - 1e-9
+        sentences = [
+            f"{name} cannot be seen: no reading depends on it."
+            for name, is_alone in zip(self.names, alone, strict=True)
+            if is_alone
+        ]
+        _, _, rows = np.linalg.svd(np.where(alone, 0.0, blind), full_matrices=False)
+        for row in rows[: len(blind) - int(np.sum(alone))]:
             # From columns of length one back to the units of the parameters.
             parts = row / np.asarray(self.columns)
-            parts = parts / np.max(np.abs(parts))
+            parts = parts / parts[np.argmax(np.abs(parts))]
             strong = [k for k in range(row.size) if abs(row[k]) > 1e-3]
-            if len(strong) == 1:
-                sentences.append(
-                    f"{self.names[strong[0]]} cannot be seen: no reading depends on it."
-                )
-            else:
-                terms = " ".join(f"{parts[k]:+.3g} {self.names[k]}" for k in strong)
-                sentences.append(
-                    f"The combination {terms} cannot be seen: when the parameters change by it, no "
-                    f"reading does. Fix one of them, or give a prior."
-                )
+            terms = " ".join(f"{parts[k]:+.3g} {self.names[k]}" for k in strong)
+            sentences.append(
+                f"The combination {terms} cannot be seen: when the parameters change by it, no "
+                f"reading does. Fix one of them, or give a prior."
+            )
         return "\n".join(sentences)
 
     def of(self, i: int) -> "Fit":
