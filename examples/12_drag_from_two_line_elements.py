@@ -25,8 +25,7 @@ ELEMENTS = np.array(
     [[27.60500207, 16.01003387], [46.14148403, 16.04256914], [46.58112813, 16.04338150]]
 )
 days, revolutions = ELEMENTS.T
-DAY = 86400.0
-MEAN_RADIUS = 6371e3
+DAY, MEAN_RADIUS = 86400.0, 6371e3  # s, m
 ACCURACY = Accuracy(1e-9, method=Tsit5(), max_steps=1024)
 
 
@@ -76,6 +75,5 @@ slope = change.times[:, -1] / DAY
 spread = float(jnp.sqrt(slope @ found.covariance @ slope))
 print(f"re-entry on day {end:.1f} +- {spread:.1f} by the elements alone; it was day 92.0")
 print(f"one percent of drag moves it by {float(slope[0] * p['B']) / 100.0:.2f} days")
-# What the covariance does not know: the standard is air of mean solar activity. In the minimum of
-# 2018 the air at 290 km was thinner beside that at 200 km, so that the true end came earlier.
+# The standard is air of mean solar activity: in the minimum of 2018 the end came earlier.
 assert found.converged and 92.0 < end < 125.0
