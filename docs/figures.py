@@ -1,6 +1,7 @@
 """Draws the manual's pictures by the library itself: `python docs/figures.py [NAME ...]` writes
 docs/figures/NAME.png."""
 
+import runpy
 import sys
 from pathlib import Path
 
@@ -27,6 +28,7 @@ from jaxspace.attitude import (
 )
 from jaxspace.bodies import BurningBody, PrincipalInertia, RigidBody
 from jaxspace.constants import MU_EARTH, RADIUS_EARTH
+from jaxspace.estimation import kalman_filter
 from jaxspace.gyros import TwoGimbalGyro
 from jaxspace.optimization import (
     Ascent,
@@ -53,6 +55,7 @@ from jaxspace.solvers import DOP853
 from jaxspace.studies import accuracy_cost, effect_budget
 
 HERE = Path(__file__).parent / "figures"
+EXAMPLES = Path(__file__).parents[1] / "examples"
 
 
 def top():
@@ -570,6 +573,83 @@ def which_effects_matter():
     return effect_budget_figure(budget, title="A spinning stage at burnout")
 
 
+def hybrid():
+    """A pendulum with unknown friction: data, physics alone, physics with a trained network."""
+    made = runpy.run_path(str(EXAMPLES / "13_hybrid_network.py"))
+    ts, test, paths = made["ts"], made["test"], made["paths"]
+    known = paths(made["Pendulum"](), test)
+    learned = paths(made["Pendulum"](made["network"]), test)
+    true = paths(made["truth"], test)
+    figure, axes = plt.subplots(
+        1, 3, figsize=(9.0, 3.0), layout="constrained", sharey=True
+    )
+    swings = np.argsort(-np.ptp(np.asarray(true), axis=0))[[0, 4, 10]]
+    for k, panel in zip(swings, axes, strict=True):
+        panel.plot(ts, known[:, k], "--", color="C7", label="physics alone")
+        panel.plot(ts, learned[:, k], color="C0", label="with the network")
+        panel.plot(ts, true[:, k], "o", ms=3, color="C3", label="truth")
+        panel.set(xlabel="time")
+        panel.grid(alpha=0.3)
+    axes[0].set(ylabel="angle, rad")
+    axes[1].set(title="Paths that the network never saw")
+    axes[0].legend(fontsize=8)
+    return figure
+
+
+def estimation():
+    """Residuals of a radar pass, and a filter beside the truth."""
+    made = runpy.run_path(
+        str(EXAMPLES / "10_orbit_from_ranges_and_angles.py")
+    )
+    figure, (left, right) = plt.subplots(
+        1, 2, figsize=(9.0, 3.6), layout="constrained"
+    )
+    for name, r in made["found"].residuals.items():
+        left.plot(made["ts"], r, "o-", ms=4, lw=0.8, label=name)
+    left.axhspan(-1.0, 1.0, color="C7", alpha=0.15)
+    left.set(
+        xlabel="time, s",
+        ylabel="residual over its standard deviation",
+        title="GEOS-3 over Kaena Point",
+    )
+    left.legend()
+    swing = TwoBody(1.0)
+    ts = jnp.linspace(0.0, 8.0, 81)
+    start = BodyState(jnp.array([1.0, 0.0, 0.1]), jnp.array([0.0, 1.0, 0.2]))
+    wrong = BodyState(
+        jnp.array([1.05, 0.03, 0.05]), jnp.array([0.04, 0.95, 0.22])
+    )
+    run = simulate(swing, start, ts)
+    noise = np.random.default_rng(0).normal(size=(2, ts.size))
+    z = run.states.position[:2] + 0.02 * noise
+    found = kalman_filter(
+        swing,
+        wrong,
+        0.05**2 * jnp.eye(6),
+        ts,
+        z,
+        lambda t, y: y.position[:2],
+        noise=jnp.array([0.02, 0.02]),
+        accuracy=1e-8,
+    )
+    error = found.states.position[0] - run.states.position[0]
+    sigma = 3.0 * found.std[0]
+    right.plot(ts, z[0] - run.states.position[0], ".", color="C7", ms=3)
+    right.plot(ts, error, label="error of the filter")
+    right.plot(ts, sigma, "--", color="C3", label="three sigma")
+    right.plot(ts, -sigma, "--", color="C3")
+    right.set(
+        xlabel="time",
+        ylabel="x",
+        title="A filter on an orbit, started wrong",
+        ylim=(-0.16, 0.16),
+    )
+    right.legend()
+    for panel in (left, right):
+        panel.grid(alpha=0.3)
+    return figure
+
+
 PAGES = (
     top,
     two_body,
@@ -582,7 +662,14 @@ PAGES = (
     missions,
 )
 DRAWN = {
-    f.__name__: f for f in (*PAGES, what_accuracy_costs, which_effects_matter)
+    f.__name__: f
+    for f in (
+        *PAGES,
+        what_accuracy_costs,
+        which_effects_matter,
+        hybrid,
+        estimation,
+    )
 }
 
 if __name__ == "__main__":

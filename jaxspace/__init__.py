@@ -17,6 +17,7 @@ The rooms, from the ground up:
     studies         questions about a run: what accuracy costs, which effects matter, modes
     dispersion      campaigns of many runs: distributions, statistics
     optimization    staging, steering
+    estimation      parameters and states from data (imported by name)
     verification    hard cases and laws (imported by name)
     io, plots, cli  files, figures, the command line (imported by name, with the extra `app`)
 """

@@ -33,6 +33,7 @@ ALLOWED = {
     "studies": {"core", "solvers", "integration", "simulation", "scene"},
     "dispersion": {"core", "integration", "simulation"},
     "optimization": {"core", "orbits", "rockets", "simulation"},
+    "estimation": {"core", "simulation", "studies"},
     # The rooms of physics, whose public names scene files may use, and what runs them.
     "io": {
         *("core", "rotations", "bodies", "orbits", "attitude", "rockets", "gyros", "mechanics"),
@@ -64,6 +65,7 @@ ENGINE = {
     "simulation": {"integration", "solvers"},
     "studies": {"integration", "simulation"},
     "dispersion": {"integration", "simulation"},
+    "estimation": {"studies"},
     "verification": {"studies"},
 }
 
@@ -75,6 +77,7 @@ OUTSIDE = {
     "simulation": FLOOR | {"diffrax", "lineax", "optimistix"},
     "studies": FLOOR | {"diffrax"},
     "optimization": FLOOR | {"optax"},
+    "estimation": FLOOR | {"lineax", "optimistix"},
 }
 # Plotting, tables, files and clusters: only where a person asks for them, inside the function that
 # needs them.

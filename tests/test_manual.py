@@ -30,6 +30,9 @@ FIRST = (
 )
 # Which compile for half a minute each.
 LONG = (
+    "docs/howto/as_a_layer.md",
+    "docs/howto/cookbook.md",
+    "docs/howto/estimation.md",
     "docs/howto/what_accuracy_costs.md",
     "docs/tutorials/first_gradient.md",
     "docs/tutorials/physics_as_a_layer.md",

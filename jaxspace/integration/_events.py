@@ -106,13 +106,20 @@ class Event(eqx.Module):
 def newton_correct(
     system: AbstractSystem, events: tuple[Event, ...], which: Array, t: Scalar, y: State
 ) -> tuple[Scalar, State]:
-    """Time and state at the event, moved by one Newton step whose derivative is that of the
-    event."""
+    """Time and state at the event, moved by one step of Newton's method with its curvature, whose
+    first and second derivatives are those of the event."""
+    rate = system.vector_field(t, y)
     delay = jnp.zeros_like(t)
     for number, event in enumerate(events):
-        g, slope = event.slope(system, t, y)
-        # The derivative of the slope would only enter the second order, and cost a Jacobian.
-        slope = jax.lax.stop_gradient(slope)
+        # g + g' d + g'' d^2/2 = 0: at the event g is zero, so that the second term has no value
+        # and no first derivative, but the second one that the event has.
+        (g, slope), (_, bend) = jax.jvp(
+            lambda t, y, e=event: e.slope(system, t, y), (t, y), (jnp.ones_like(t), rate)
+        )
         hit = (which == number) & (slope != 0.0)
-        delay = jnp.where(hit, -g / jnp.where(hit, slope, 1.0), delay)
-    return t + delay, jax.tree.map(lambda a, k: a + k * delay, y, system.vector_field(t, y))
+        step = -g / jnp.where(hit, slope, 1.0)
+        bend = bend / jnp.where(hit, slope, 1.0)
+        delay = jnp.where(hit, step - 0.5 * bend * step * step, delay)
+    _, change = jax.jvp(system.vector_field, (t, y), (jnp.ones_like(t), rate))
+    moved = jax.tree.map(lambda a, k, c: a + k * delay + c * (0.5 * delay * delay), y, rate, change)
+    return t + delay, moved

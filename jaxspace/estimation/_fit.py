@@ -1,0 +1,229 @@
+"""Parameters from data: weighted least squares on exact Jacobians.
+
+    minimise  sum_k ((z_k - h_k(p)) / sigma_k)^2  +  sum_j ((p_j - p0_j) / s_j)^2
+    P = (J^T J)^-1,     J = d r / d p         covariance of the estimate
+
+    symbol  meaning
+    z, h    readings, and what the model predicts
+    sigma   standard deviation of the noise of a reading
+    p0, s   start, and standard deviation of what is known of it beforehand
+    r       residuals over their standard deviations
+
+The columns of J are scaled to one, so that units do not matter. Where J has no full rank, some
+combination of parameters has no influence on any reading: it stays where it started, its variance
+is infinite, and a sentence names it.
+
+Source: Tapley, Schutz and Born, Statistical Orbit Determination, 4.3 to 4.6; Nocedal and Wright,
+Numerical Optimization, 10.3.
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import lineax
+import numpy as np
+import optimistix
+from jaxtyping import Array, PyTree
+
+from ..core import InputError, Scalar, is_concrete
+from ..studies._coordinates import Coordinates
+from ._fit_result import Fit
+from ._residuals import residual_tests
+
+COLUMN = 30.0
+"""Length of the scaled columns. The damping starts at 1 beside their squares: at a thousandth."""
+
+SMALL = 1e-4
+"""A step that ends the search, in units of a thirtieth of a standard deviation of a parameter by
+itself; and what is left of the residuals."""
+
+METHODS = ("levenberg_marquardt", "gauss_newton")
+
+
+def fit(
+    model: Callable[[Any], PyTree],
+    data: PyTree,
+    parameters: PyTree,
+    *,
+    noise: PyTree = None,
+    prior: PyTree = None,
+    method: str = "levenberg_marquardt",
+    tolerance: Scalar = 1e-8,
+    max_steps: int = 64,
+    batch: bool = False,
+) -> Fit:
+    """The parameters with which a model predicts the data best, and how well they are known.
+
+    **Arguments**
+
+    - `model`: from parameters to predicted readings, a tree of arrays like `data`. Whatever it
+      calls, such as `simulate` with `throw=False`, is differentiated in forward mode.
+    - `data`: the readings, a tree of arrays with the time on the last axis; NaN where there is
+      none.
+    - `parameters`: where the search starts: a tree of arrays, such as an initial state, a mass and
+      the biases of the instruments together. A quaternion moves on its group.
+    - `noise`: standard deviations of the readings: one number, or a tree like `data` of numbers or
+      arrays. Without it all readings count alike, and their scatter gives the noise.
+    - `prior`: standard deviations of what is known beforehand about the start: one number, or a
+      tree like `parameters`; infinite for nothing. A quaternion takes a number, rad.
+    - `method`: "levenberg_marquardt", which turns back from a step that fails, or "gauss_newton",
+      which does not, for starts nearby.
+    - `tolerance`: relative change of the residuals and of the parameters at which the search ends.
+    - `max_steps`: of the search.
+    - `batch`: whether the arrays of `data` and `parameters` carry data sets on their last axis,
+      each of which is fitted alone. The model sees one.
+
+    **Returns** a `Fit`; with `batch` its arrays carry the data sets on the last axis.
+
+    **Raises** `InputError` for another method, for noise that is not positive, for predictions of
+    another structure than the data, and for fewer readings than parameters."""
+    if method not in METHODS:
+        raise InputError(f"method is {method!r}: it must be one of {', '.join(METHODS)}.")
+    parameters = jax.tree.map(jnp.asarray, parameters)
+    if not jax.tree.leaves(parameters):
+        raise InputError("parameters hold no array: there is nothing to fit.")
+    _check_noise(noise)
+    stated = noise is not None
+    noise = 1.0 if noise is None else noise
+    known = (noise, prior, tolerance)
+    search = _search if not batch else _search_batch
+    return search(model, data, parameters, known, method, max_steps, stated)
+
+
+def _check_noise(noise: PyTree) -> None:
+    for x in jax.tree.leaves(noise):
+        if is_concrete(x) and not np.all(np.asarray(x) > 0.0):
+            raise InputError(f"noise holds {x}: every standard deviation must be positive.")
+
+
+def _like(tree: PyTree, form: PyTree) -> PyTree:
+    """A number, or a tree, with the structure and the shapes of another one."""
+    if jax.tree.structure(tree) != jax.tree.structure(form):
+        tree = jax.tree.map(lambda x: tree, form)
+    return jax.tree.map(lambda x, y: jnp.broadcast_to(jnp.asarray(x, y.dtype), y.shape), tree, form)
+
+
+def _prior_of(prior: PyTree, coordinates: Coordinates) -> Array | None:
+    """The standard deviation of every coordinate, (n,)."""
+    if prior is None:
+        return None
+    blocks = jax.tree.unflatten(coordinates.structure, coordinates.blocks)
+    leaves = jax.tree.leaves(prior)
+    if len(leaves) == 1:
+        leaves = leaves * len(coordinates.blocks)
+    if len(leaves) != len(coordinates.blocks):
+        raise InputError(f"prior must be one number or a tree like the parameters, {blocks}.")
+    found = [
+        jnp.broadcast_to(jnp.asarray(s, coordinates.dtype), shape).reshape(-1)
+        for s, shape in zip(leaves, coordinates.shapes, strict=True)
+    ]
+    return jnp.concatenate(found)
+
+
+def _search_batch(
+    model: Any, data: Any, parameters: Any, known: Any, method: str, max_steps: int, stated: bool
+) -> Fit:
+    def one(data: Any, parameters: Any) -> Fit:
+        return _search(model, data, parameters, known, method, max_steps, stated)
+
+    return eqx.filter_jit(jax.vmap(one, in_axes=-1, out_axes=-1))(data, parameters)
+
+
+@eqx.filter_jit
+def _search(
+    model: Any, data: Any, parameters: Any, known: Any, method: str, max_steps: int, stated: bool
+) -> Fit:
+    noise, prior, tolerance = known
+    coordinates = Coordinates.of(parameters, 0)
+    data = jax.tree.map(lambda x: jnp.asarray(x, coordinates.dtype), data)
+    shapes = jax.eval_shape(model, parameters)
+    if jax.tree.map(jnp.shape, shapes) != jax.tree.map(jnp.shape, data):
+        raise InputError(
+            f"model predicts {jax.tree.map(jnp.shape, shapes)}: it must be like the data, "
+            f"{jax.tree.map(jnp.shape, data)}."
+        )
+    seen = jax.tree.map(lambda z: ~jnp.isnan(z), data)
+    sigma = _like(noise, data)
+    beforehand = _prior_of(prior, coordinates)
+    count = sum(z.size for z in jax.tree.leaves(data))
+    if count + (coordinates.count if beforehand is not None else 0) < coordinates.count:
+        raise InputError(
+            f"There are {count} readings for {coordinates.count} parameters: there must be at "
+            f"least as many, or a prior."
+        )
+
+    def residuals(x: Array) -> tuple[Array, PyTree]:
+        predicted = model(coordinates.moved(x))
+
+        def leaf(z: Array, h: Array, s: Array, there: Array) -> Array:
+            return jnp.where(there, (jnp.where(there, z, 0.0) - h) / s, 0.0)
+
+        tree = jax.tree.map(leaf, data, predicted, sigma, seen)
+        parts = [r.ravel() for r in jax.tree.leaves(tree)]
+        if beforehand is not None:
+            parts.append(-x / beforehand)
+        return jnp.concatenate(parts), tree
+
+    def linear(x: Array) -> tuple[Array, tuple[Array, PyTree]]:
+        """J, the residuals, and these as a tree."""
+        jacobian, held = jax.jacfwd(lambda x: _twice(residuals(x)), has_aux=True)(x)
+        return jacobian, held
+
+    zero = jnp.zeros(coordinates.count, coordinates.dtype)
+    start, _ = linear(zero)
+    size = jnp.sqrt(jnp.sum(start**2, axis=0))
+    # A parameter of no influence keeps its unit.
+    usable = jnp.isfinite(size) & (size > 0.0)
+    scale = COLUMN / jnp.where(usable, size, 1.0)
+    found = optimistix.least_squares(
+        lambda u, _: residuals(scale * u)[0],
+        _solver(method, tolerance),
+        zero,
+        max_steps=max_steps,
+        throw=False,
+        options={"jac": "fwd"},
+    )
+    x = scale * found.value
+    jacobian, (r, tree) = linear(x)
+    readings = jnp.asarray(sum(jnp.sum(s) for s in jax.tree.leaves(seen)))
+    freedom = readings.astype(r.dtype) - (coordinates.count if beforehand is None else 0)
+    chi_squared = r @ r
+    variance = jnp.ones((), r.dtype)
+    if not stated:
+        variance = chi_squared / jnp.maximum(freedom, 1.0)
+    columns = jnp.sqrt(jnp.sum(jacobian**2, axis=0))
+    columns = jnp.where(columns > 0.0, columns, 1.0)
+    _, singular, rows = jnp.linalg.svd(jacobian / columns, full_matrices=False)
+    return Fit(
+        parameters=coordinates.moved(x),
+        names=coordinates.labels,
+        residuals=tree,
+        chi_squared=chi_squared,
+        freedom=freedom,
+        scaled_variance=variance,
+        singular_values=singular,
+        directions=rows,
+        columns=columns,
+        steps=found.stats["num_steps"],
+        converged=(found.result == optimistix.RESULTS.successful) & jnp.all(jnp.isfinite(r)),
+        tests=jax.tree.map(residual_tests, tree, seen),
+        stated=stated,
+    )
+
+
+def _twice(held: tuple[Array, PyTree]) -> tuple[Array, tuple[Array, PyTree]]:
+    return held[0], held
+
+
+def _solver(method: str, tolerance: Scalar) -> Any:
+    if method == "gauss_newton":
+        # By singular values: a direction without influence is not moved along.
+        return optimistix.GaussNewton(tolerance, SMALL, linear_solver=lineax.SVD())
+    # The trust region of optimistix lets go of its damping only where a step achieves 99 % of what
+    # the linear model says, and takes five times as many steps to an orbit.
+    search = optimistix.ClassicalTrustRegion(0.75, 0.25, 10.0, 0.2)
+    solver = optimistix.LevenbergMarquardt(tolerance, SMALL)
+    return eqx.tree_at(lambda s: s.search, solver, search)

@@ -1,0 +1,241 @@
+"""State-transition matrices: what a run becomes when its initial state or a parameter changes.
+
+    Phi(t)   = d y(t) / d p            first order      (rows, columns, times, *runs)
+    Psi(t)   = d^2 y(t) / d p^2        second order     (rows, columns, columns, times, *runs)
+    y(t; p + x) = y + Phi x + x^T Psi x / 2 + ...
+
+    symbol  meaning
+    y       state, in the coordinates of `rows`
+    p       what `wrt` picks of the initial state and of the system, in those of `columns`
+
+The derivatives are those of the run itself, along its own steps, in forward mode: the run is
+computed once, and every column adds a tangent. They include how the time of an event moves, and
+with it all that follows (the saltation matrix), the length of a phase, jumps and breaks.
+
+A quaternion counts with three coordinates, the small rotation in body axes, rad.
+
+Source: Battin, An Introduction to the Mathematics and Methods of Astrodynamics, 9.5; Park and
+Scheeres (J. Guid. Control Dyn. 29, 2006) for the second order.
+"""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple, final
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, ArrayLike, Float, PyTree
+
+from ..core import InputError, State
+from ..integration._accuracy import as_accuracy
+from ..simulation import Mission, MissionTrajectory, Trajectory, simulate, simulate_batch
+from ..simulation._batch_layout import split_batch
+from ._coordinates import Coordinates, name_of
+
+Selection = Callable[[Any, Any], PyTree]
+
+
+def initial_state(system: Any, y0: Any) -> Any:
+    """What `sensitivity` varies by default: every component of the initial state."""
+    del system
+    return y0
+
+
+@final
+class Sensitivity(eqx.Module):
+    """The derivatives of the states of a run, or of one phase of a mission.
+
+    - `rows`, `columns`: names of the components of the state, and of what is varied.
+    - `first`: Phi, (rows, columns, times, *runs), in units of the row per unit of the column.
+    - `second`: Psi, (rows, columns, columns, times, *runs), or `None`.
+    - `times`: d(ts)/dp, s per unit, (columns, times, *runs): not zero where an event ends the run.
+    """
+
+    rows: tuple[str, ...] = eqx.field(static=True)
+    columns: tuple[str, ...] = eqx.field(static=True)
+    first: Float[Array, "rows columns times *runs"]
+    second: Float[Array, "rows columns columns times *runs"] | None
+    times: Float[Array, "columns times *runs"]
+
+    @property
+    def final(self) -> Float[Array, "rows columns *runs"]:
+        """Phi at the last time."""
+        return self.first[:, :, -1]
+
+    def change(self, x: Float[ArrayLike, "columns *#runs"]) -> Float[Array, "rows times *runs"]:
+        """How the states change when what is varied changes by `x`, to the order computed."""
+        x = jnp.asarray(x)
+        lead = jnp.expand_dims(x, 1)
+        found = jnp.einsum("rct...,c...->rt...", self.first, x)
+        if self.second is not None:
+            found += 0.5 * jnp.einsum("rcdt...,ct...,dt...->rt...", self.second, lead, lead)
+        return found
+
+    def covariance(
+        self, initial: Float[ArrayLike, "columns columns *#runs"]
+    ) -> Float[Array, "rows rows times *runs"]:
+        """Phi P Phi^T: the covariance of the states from that of what is varied, to first order."""
+        P = jnp.expand_dims(jnp.asarray(initial), 2)
+        return jnp.einsum("act...,cdt...,bdt...->abt...", self.first, P, self.first)
+
+
+@final
+class MissionSensitivity(eqx.Module):
+    """The derivatives of a mission: `phases` by number or name, and of its end.
+
+    - `phases`: a `Sensitivity` for each phase; its rows are those of the state in that phase.
+    - `end`: of the state after the last jump and of its time, as a `Sensitivity` of one time."""
+
+    phases: tuple[Sensitivity, ...]
+    names: tuple[str, ...] = eqx.field(static=True)
+    end: Sensitivity
+
+    def __getitem__(self, phase: int | str) -> Sensitivity:
+        return self.phases[self.names.index(phase) if isinstance(phase, str) else phase]
+
+
+def sensitivity(
+    system: Any,
+    y0: State,
+    ts: Any = 0.0,
+    *,
+    wrt: Selection = initial_state,
+    order: int = 1,
+    batch: bool = False,
+    in_axes: Any = None,
+    **options: Any,
+) -> tuple[Trajectory | MissionTrajectory, Any]:
+    """A run, and the derivatives of its states by its initial state and its parameters.
+
+    **Arguments**
+
+    - `system`, `y0`, `ts`: as in `simulate`: a system and its save times, or a mission and the time
+      of its start.
+    - `wrt`: a function (system, y0) -> tree of those of their arrays that are varied, such as
+      `lambda scene, y0: (y0, scene.effects[0].mu)`; by default the initial state.
+    - `order`: 1, or 2 for second derivatives too.
+    - `batch`: whether `simulate_batch` runs it, with the runs on the last axis; `in_axes` as there.
+      An array shared by the runs is one column for all of them.
+    - `options`: further arguments of `simulate` or `simulate_batch`: `accuracy`, `events`, ...
+
+    **Returns** the run, and its `Sensitivity`, or `MissionSensitivity` of a mission.
+
+    **Raises** `InputError` as `simulate` does, and for an order other than 1 or 2 or a selection
+    that holds no real number."""
+    if order not in (1, 2):
+        raise InputError(f"order is {order!r}: it must be 1 or 2.")
+    options = {**options, "accuracy": as_accuracy(options.get("accuracy"))}
+    if batch:
+        options["in_axes"] = in_axes
+    leaves, structure = jax.tree.flatten((system, y0))
+    # Numbers in the place of the arrays: what is compiled depends on which of them are picked, and
+    # not on the function that picks them.
+    picked = wrt(*jax.tree.unflatten(structure, range(len(leaves))))
+    numbers, shape = jax.tree.flatten(picked)
+    if not numbers or not all(isinstance(n, int) for n in numbers):
+        raise InputError("wrt must return arrays of the system or of the initial state, as a tree.")
+    carried = _carried(system, y0, ts, in_axes) if batch else [0] * len(leaves)
+    choice = _Choice(tuple(numbers), shape, tuple(carried[n] for n in numbers))
+    return _derivatives(system, y0, ts, choice, order, batch, options)
+
+
+class _Choice(NamedTuple):
+    """What is varied: the numbers of the leaves, the structure of the tree that `wrt` made of them,
+    and whether each carries runs."""
+
+    numbers: tuple[int, ...]
+    structure: Any
+    run_axes: tuple[int, ...]
+
+    def columns(self, system: Any, y0: State) -> Coordinates:
+        paths, leaves = zip(*jax.tree_util.tree_flatten_with_path((system, y0))[0], strict=True)
+        tree = jax.tree.unflatten(self.structure, [jnp.asarray(leaves[n]) for n in self.numbers])
+        # Without the number that says whether it is of the system or of the state.
+        names = [name_of(paths[n][1:]) for n in self.numbers]
+        return Coordinates.of(tree, self.run_axes, names)
+
+
+def _carried(system: Any, y0: State, ts: Any, in_axes: Any) -> list[int]:
+    """For every leaf of the system and of the initial state, whether it carries runs."""
+    times_axes = 0 if isinstance(system, Mission) else 1
+    batched, _, _ = split_batch(system, y0, ts, in_axes, times_axes)
+    every, own = (
+        jax.tree.leaves(tree, is_leaf=lambda x: x is None) for tree in ((system, y0), batched[:2])
+    )
+    return [int(b is not None) for a, b in zip(every, own, strict=True) if a is not None]
+
+
+@eqx.filter_jit
+def _derivatives(
+    system: Any, y0: State, ts: Any, choice: _Choice, order: int, batch: bool, options: Any
+) -> tuple[Any, Any]:
+    leaves, structure = jax.tree.flatten((system, y0))
+    columns = choice.columns(system, y0)
+    verb: Callable[..., Any] = simulate_batch if batch else simulate
+    held = []
+
+    def parts_at(x: Array) -> tuple[PyTree, PyTree]:
+        moved = list(leaves)
+        for n, leaf in zip(choice.numbers, jax.tree.leaves(columns.moved(x)), strict=True):
+            moved[n] = leaf
+        run = verb(*jax.tree.unflatten(structure, moved), ts, **options)
+        # What is no array goes around the transformations.
+        arrays, static = eqx.partition(run, eqx.is_array)
+        held.append(static)
+        return _parts(run), arrays
+
+    units = jnp.eye(columns.count, dtype=columns.dtype)
+
+    def first(x: Array) -> tuple[PyTree, PyTree]:
+        """The tangents of every column, and the run."""
+
+        def column(e: Array) -> tuple[PyTree, PyTree]:
+            _, tangent, arrays = jax.jvp(parts_at, (x,), (e,), has_aux=True)
+            return tangent, arrays
+
+        return jax.vmap(column, out_axes=(0, None))(units)
+
+    x = jnp.zeros(columns.count, columns.dtype)
+    tangents, arrays, seconds = None, None, None
+    if order == 1:
+        tangents, arrays = first(x)
+    else:
+
+        def column(e: Array) -> tuple[PyTree, PyTree, PyTree]:
+            tangents, change, arrays = jax.jvp(first, (x,), (e,), has_aux=True)
+            return tangents, change, arrays
+
+        tangents, seconds, arrays = jax.vmap(column, out_axes=(None, 0, None))(units)
+    run = eqx.combine(arrays, held[-1])
+    found = []
+    for k, (states, _) in enumerate(_parts(run)):
+        second = None if seconds is None else seconds[k][0]
+        found.append(_of_part(states, tangents[k], second, columns.labels, int(batch)))
+    if isinstance(run, Trajectory):
+        return run, found[0]
+    return run, MissionSensitivity(tuple(found[:-1]), run.names, found[-1])
+
+
+def _parts(run: Trajectory | MissionTrajectory) -> list[tuple[State, Array]]:
+    """States and times, the last with an axis of one time for the end of a mission."""
+    if isinstance(run, Trajectory):
+        return [(run.states, run.ts)]
+    runs = run.end.ndim
+    final = jax.tree.map(lambda x: jnp.expand_dims(x, x.ndim - runs), run.final)
+    return [*((phase.states, phase.ts) for phase in run.phases), (final, run.end[None])]
+
+
+def _of_part(
+    states: State, tangents: tuple[State, Array], second: State | None, names: Any, runs: int
+) -> Sensitivity:
+    rows = Coordinates.of(states, 1 + runs)
+    along, times = tangents
+    matrix = jax.vmap(rows.components, out_axes=1)(along)
+    psi = None
+    if second is not None:
+        psi = jax.vmap(jax.vmap(rows.components, out_axes=1), out_axes=1)(second)
+    times = jnp.broadcast_to(
+        times.reshape(*times.shape, *(1,) * (matrix.ndim - 1 - times.ndim)),
+        (times.shape[0], *matrix.shape[2:]),
+    )
+    return Sensitivity(rows.labels, names, matrix, psi, times)

@@ -1,0 +1,202 @@
+"""Filters against the linear one in NumPy, for consistency over many runs, and in hard cases."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from scipy.stats import chi2
+
+from jaxspace import Accuracy, BodyState, simulate
+from jaxspace.attitude import TorqueFreeBody
+from jaxspace.core import AbstractSystem, InputError
+from jaxspace.estimation import kalman_filter
+from jaxspace.rotations import Quaternion
+from jaxspace.solvers import Tsit5
+
+KINDS = pytest.mark.parametrize("kind", ["extended", "unscented"])
+FAST = Accuracy(1e-7, method=Tsit5(), max_steps=64)
+TS = np.linspace(0.0, 4.0, 21)
+STEP = TS[1]
+
+
+class Swing(AbstractSystem):
+    """A pendulum: x'' = -k sin x; with `linear` x'' = -k x."""
+
+    k: jax.Array
+    linear: bool = False
+
+    def vector_field(self, t, y):
+        pull = y["x"] if self.linear else jnp.sin(y["x"])
+        return {"v": -self.k * pull, "x": y["v"]}
+
+    def invariants(self, t, y):
+        return {}
+
+
+SWING, SPRING = Swing(jnp.array(2.0)), Swing(jnp.array(2.0), linear=True)
+
+
+def position(t, y):
+    return y["x"][None]
+
+
+def linear_filter(P, z, r, q):
+    """The textbook's filter of x'' = -k x with white noise in x'', in NumPy; state (v, x)."""
+    k = 2.0
+    w, h = np.sqrt(k), STEP
+    c, s = np.cos(w * h), np.sin(w * h)
+    phi = np.array([[c, -w * s], [s / w, c]])
+    # The integral of Phi(s) Q Phi(s)^T by Gauss's rule: exact to rounding for a smooth one.
+    nodes, weights = np.polynomial.legendre.leggauss(12)
+    Q = np.zeros((2, 2))
+    for x, a in zip(0.5 * h * (nodes + 1.0), 0.5 * h * weights, strict=True):
+        column = np.array([np.cos(w * x), np.sin(w * x) / w])
+        Q += a * q * np.outer(column, column)
+    m, means, covariances = np.array([0.1, 0.4]), [], []
+    for i, reading in enumerate(z):
+        if i:
+            m, P = phi @ m, phi @ P @ phi.T + Q
+        if not np.isnan(reading):
+            K = P[:, 1] / (P[1, 1] + r**2)
+            m = m + K * (reading - m[1])
+            P = P - np.outer(K, P[1])
+        means.append(m)
+        covariances.append(P)
+    return np.array(means), np.array(covariances)
+
+
+START = {"v": jnp.array(0.1), "x": jnp.array(0.4)}
+
+
+@KINDS
+def test_a_linear_system_is_filtered_as_the_textbook_does(kind):
+    r, q = 0.05, 0.02
+    z = np.cos(1.4 * TS) * 0.5
+    z[7] = np.nan
+    P = np.diag([0.04, 0.09])
+    process = np.diag([q, 0.0])
+    found = kalman_filter(
+        SPRING, START, P, TS, z[None], position,
+        noise=np.array([r]), process=jnp.asarray(process), kind=kind, accuracy=FAST,
+    )  # fmt: skip
+    means, covariances = linear_filter(P, z, r, q)
+    assert found.names == ("v", "x") and np.all(np.asarray(found.status) <= 1)
+    # The tolerance of each propagation.
+    assert_allclose(found.states["x"], means[:, 1], atol=1e-6)
+    assert_allclose(np.moveaxis(found.covariance, -1, 0), covariances, atol=1e-7)
+    assert float(found.innovations[0, 7]) == 0.0
+
+
+@KINDS
+def test_consistent_over_many_runs(kind):
+    """Errors of 200 pendulums with noise in the acceleration, beside the covariance."""
+    runs, q, r, fine = 200, 0.02, 0.05, 40
+    rng = np.random.default_rng(5)
+    P = np.diag([0.05**2, 0.1**2])
+    v = 0.1 + 0.05 * rng.normal(size=runs)
+    x = 0.4 + 0.1 * rng.normal(size=runs)
+    truth = {"v": [v], "x": [x]}
+    dt = STEP / fine
+    for _ in range(TS.size - 1):
+        for _ in range(fine):
+            # A step of Stormer and Verlet, with noise: its error is far below the noise.
+            half = v - 0.5 * dt * 2.0 * np.sin(x) + np.sqrt(q * dt) * rng.normal(size=runs)
+            x = x + dt * half
+            v = half - 0.5 * dt * 2.0 * np.sin(x)
+        truth["v"].append(v)
+        truth["x"].append(x)
+    truth = {name: jnp.asarray(np.array(values)) for name, values in truth.items()}
+    readings = truth["x"][None] + r * rng.normal(size=(1, TS.size, runs))
+    start = jax.tree.map(lambda a: jnp.full(runs, a), START)
+    found = kalman_filter(
+        SWING, start, P, TS, readings, position, noise=np.array([r]),
+        process=jnp.diag(jnp.array([q, 0.0])), kind=kind, batch=True, accuracy=FAST,
+    )  # fmt: skip
+    nees, nis = np.asarray(found.nees(truth)), np.asarray(found.nis())
+    assert nees.shape == (TS.size, runs) and found.covariance.shape == (2, 2, TS.size, runs)
+    # By chance outside in one of a thousand cases; the seed is fixed.
+    low, high = chi2.ppf([5e-4, 1.0 - 5e-4], 2 * runs) / runs
+    assert low < nees[-1].mean() < high and low < nees[10].mean() < high
+    # Innovations are independent of each other: all of them count.
+    low, high = chi2.ppf([5e-4, 1.0 - 5e-4], nis.size) / nis.size
+    assert low < nis.mean() < high
+
+
+@KINDS
+def test_started_exactly_right_and_without_any_noise(kind):
+    """No covariance, no noise: the filter is the simulation, and stays finite."""
+    found = kalman_filter(
+        SPRING, START, np.zeros((2, 2)), TS, np.full((1, TS.size), 0.4), position,
+        noise=np.zeros(1), kind=kind, accuracy=FAST,
+    )  # fmt: skip
+    w = np.sqrt(2.0)
+    exact = 0.4 * np.cos(w * TS) + 0.1 / w * np.sin(w * TS)
+    # It believes itself, and no reading.
+    assert_allclose(found.states["x"], exact, atol=1e-6)
+    assert_allclose(found.covariance, 0.0, atol=1e-12)
+
+
+@KINDS
+def test_exact_readings_leave_no_doubt(kind):
+    w = np.sqrt(2.0)
+    x = 0.3 * np.cos(w * TS) + 0.2 * np.sin(w * TS)
+    found = kalman_filter(
+        SPRING, START, np.eye(2), TS, x[None], position,
+        noise=np.zeros(1), kind=kind, accuracy=FAST,
+    )  # fmt: skip
+    # Two readings determine the state.
+    assert_allclose(found.states["x"], x, atol=1e-6)
+    assert_allclose(
+        found.states["v"][-1], w * (0.2 * np.cos(4 * w) - 0.3 * np.sin(4 * w)), atol=1e-5
+    )
+    assert (
+        np.all(np.isfinite(found.covariance)) and np.max(np.abs(found.covariance[..., -1])) < 1e-6
+    )
+
+
+@pytest.mark.sweep
+def test_an_attitude_from_star_readings():
+    """The covariance of an attitude has three rows; the error is within it."""
+    body = TorqueFreeBody(jnp.array([1.0, 1.4, 1.9]))
+    truth = BodyState(attitude=Quaternion.identity(), omega=jnp.array([0.3, 0.2, -0.4]))
+    turn = Quaternion.from_rotation_vector(jnp.array([0.05, -0.04, 0.03]))
+    start = BodyState(attitude=turn, omega=jnp.array([0.28, 0.22, -0.41]))
+    stars = jnp.array([[1.0, 0.0], [0.0, 0.8], [0.0, 0.6]])
+
+    def seen(t, y):
+        return (y.attitude.inverse().matrix() @ stars).ravel()
+
+    run = simulate(body, truth, TS)
+    rng = np.random.default_rng(3)
+    exact = run.along(lambda system, t, y: seen(t, y))
+    z = exact + 1e-3 * rng.normal(size=exact.shape)
+    P = np.diag([0.05**2] * 3 + [0.02**2] * 3)
+    found = kalman_filter(body, start, P, TS, z, seen, noise=np.full(6, 1e-3), accuracy=FAST)
+    assert found.covariance.shape == (6, 6, TS.size)
+    nees = np.asarray(found.nees(run.states))
+    assert nees[-1] < chi2.ppf(0.999, 6)
+    assert float(found.std[0, -1]) < 1e-3 < float(found.std[0, 0]) * 2.0
+
+
+@pytest.mark.parametrize(
+    ("change", "sentence"),
+    [
+        ({"kind": "ensemble"}, "kind is 'ensemble'"),
+        ({"readings": np.zeros((1, 3))}, r"must be \(m, 21\)"),
+        ({"covariance": np.eye(3)}, r"must be \(2, 2\) for v, x"),
+        ({"noise": np.ones(2)}, "readings of 1 numbers"),
+    ],
+)
+def test_wrong_calls(change, sentence):
+    given = {
+        "system": SPRING,
+        "y0": START,
+        "covariance": np.eye(2),
+        "ts": TS,
+        "readings": np.zeros((1, 21)),
+        "measure": position,
+        "noise": np.ones(1),
+    } | change
+    with pytest.raises(InputError, match=sentence):
+        kalman_filter(**given)
