@@ -26,6 +26,7 @@ class Status(enum.IntEnum):
     EVENTS_PILE_UP = 9
     OUTSIDE_MODEL = 10
     SAMPLES_TOO_FEW = 11
+    COMMAND_NOT_FINITE = 12
 
     @property
     def sentence(self) -> str:
@@ -76,6 +77,10 @@ _SENTENCES = {
     Status.SAMPLES_TOO_FEW: (
         "The condition of an event changes faster than it is sampled, so that zeros may be "
         "missing: raise Event.samples, or give more save times."
+    ),
+    Status.COMMAND_NOT_FINITE: (
+        "The controller gave a command that is NaN or infinite: check its parameters, its memory "
+        "and what its sensors read in this run."
     ),
 }
 
