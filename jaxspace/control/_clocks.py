@@ -1,8 +1,8 @@
 """The times at which something happens in a loop, known before it runs.
 
-Clocks tick at their own rates: that of the controller, that at which delayed commands arrive, those
-of the sensors. States are saved, and the vector field breaks, at other times. All of them are nodes;
-each integration goes from one node to the next, so that it lands on every one of them. What
+Clocks tick at their own rates: that of the controller, that at which delayed commands arrive,
+those of the sensors. States are saved, and the vector field breaks, at other times. All of them are
+nodes; each integration goes from one node to the next, so that it lands on every one of them. What
 coincides to rounding is one node.
 """
 
@@ -40,7 +40,7 @@ class Nodes(NamedTuple):
 
 def known_times(ts: object) -> np.ndarray:
     """Save times as known numbers, ascending. Raises `InputError` for anything else."""
-    if not is_concrete(ts):
+    if not all(map(is_concrete, ts if isinstance(ts, list | tuple) else [ts])):
         raise InputError(
             "ts is traced: it must be known, because it says how many samples there are; give "
             "numpy.linspace(...) in place of jax.numpy's."
@@ -95,13 +95,14 @@ def nodes_of(ts: np.ndarray, clocks: tuple[Clock, ...], breaks: Array | None) ->
 
 
 def _with_breaks(times: np.ndarray, ticks: np.ndarray, saved: np.ndarray, breaks: Array) -> Nodes:
-    """The nodes with breaks that are traced, or of each run: those outside of the loop end up at its
-    ends, with nothing between them and the node there."""
+    """The nodes with breaks that are traced, or of each run: those outside of the loop end up at
+    its ends, with nothing between them and the node there."""
     runs = breaks.shape[1:]
     inner = jnp.clip(breaks, times[0], times[-1])
     # The breaks behind the start and before the end, so that the first node and the last one stay.
-    own = jnp.broadcast_to(jnp.asarray(times, breaks.dtype).reshape(-1, *(1,) * len(runs)), (
-        times.size, *runs))
+    own = jnp.broadcast_to(
+        jnp.asarray(times, breaks.dtype).reshape(-1, *(1,) * len(runs)), (times.size, *runs)
+    )
     merged = jnp.concatenate([own, inner])
     # The start stays in front of a break that coincides with it, and the end behind one.
     rank = jnp.concatenate([own.at[0].set(-jnp.inf).at[-1].set(jnp.inf), inner])

@@ -12,12 +12,11 @@ Source: Franklin, Powell and Workman, Digital Control of Dynamic Systems, 4.3, 6
 (quantisation).
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, final
 
 import equinox as eqx
-import numpy as np
-from jaxtyping import Array, Float, PRNGKeyArray, PyTree
+from jaxtyping import Array, ArrayLike, Float, PRNGKeyArray, PyTree
 
 from ..core import AbstractSystem, InputError, Scalar, State, as_optional_float, check_positive
 from ..integration._accuracy import Accuracy
@@ -38,7 +37,7 @@ def _as_sensors(x: Any) -> Any:
 
 @final
 class ClosedLoop(eqx.Module):
-    """A system under a controller that acts every `period`, s: `ClosedLoop(scene, law, period=0.1)`.
+    """A system under a controller that acts at samples: `ClosedLoop(scene, law, period=0.1)`.
 
     - `system`: a scene or any system with parts that take a command, such as `CommandedTorque`.
     - `controller`: an `AbstractController`, or a function `(measured) -> command` or
@@ -82,12 +81,12 @@ class ClosedLoop(eqx.Module):
     def simulate(
         self,
         y0: State,
-        ts: Float[np.ndarray, " times"],
+        ts: ArrayLike | Sequence[float],
         *,
         key: PRNGKeyArray | None = None,
         accuracy: Accuracy | Scalar | None = None,
         steps: int = 1,
-        events: tuple[Event, ...] = (),
+        events: Event | Sequence[Event] = (),
         start: Scalar | None = None,
         memory: PyTree = None,
         throw: bool = True,
@@ -118,12 +117,12 @@ class ClosedLoop(eqx.Module):
     def simulate_batch(
         self,
         y0s: State,
-        ts: Float[np.ndarray, " times"],
+        ts: ArrayLike | Sequence[float],
         *,
         key: PRNGKeyArray | None = None,
         accuracy: Accuracy | Scalar | None = None,
         steps: int = 1,
-        events: tuple[Event, ...] = (),
+        events: Event | Sequence[Event] = (),
         start: Scalar | None = None,
         memory: PyTree = None,
         throw: bool = False,
@@ -135,5 +134,3 @@ class ClosedLoop(eqx.Module):
         draws its noise from a key of its own: `jax.random.split(key, runs)[j]` gives that of run j
         alone."""
         return fly(self, y0s, ts, key, accuracy, steps, events, start, memory, throw, 1)
-
-

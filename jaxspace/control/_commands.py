@@ -19,7 +19,7 @@ def _driven(x: Any) -> bool:
     return dataclasses.is_dataclass(x) and any(f.name == "command" for f in dataclasses.fields(x))
 
 
-def _commands(system: AbstractSystem) -> list[Array]:
+def _commands(system: Any) -> list[Any]:
     parts = jax.tree.leaves(system, is_leaf=_driven)
     return [part.command for part in parts if _driven(part)]
 
@@ -56,7 +56,7 @@ class Held(AbstractSystem):
     `limit` bounds what the line extrapolates."""
 
     system: AbstractSystem
-    actuate: Actuate
+    actuate: Actuate = eqx.field(static=True)
     command: PyTree
     slope: PyTree
     since: Scalar

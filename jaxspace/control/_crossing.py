@@ -64,17 +64,22 @@ def crossed(
     - `t`, `span`: start and length of the piece, s; `y0`, `y1`: the states at its ends."""
     events = setting.events
     values = values_of(events, t + span, y1, still)
-    hits = jnp.stack([
-        _hit(event, stop.values[k], values[k]) & ~still for k, event in enumerate(events)
-    ])
+    hits = jnp.stack(
+        [_hit(event, stop.values[k], values[k]) & ~still for k, event in enumerate(events)]
+    )
     bad = stop.bad | (~still & ~jnp.all(jnp.isfinite(values), axis=0))
     any_hit = jnp.any(hits, axis=0)
 
     def found(_: Any) -> tuple[State, Array, Array]:
         parts = []
         for k, event in enumerate(events):
-            parts.append(jnp.where(hits[k], _share(setting, held, event, t, span, y0, hits[k],
-                stop.values[k], values[k]), 2.0))
+            parts.append(
+                jnp.where(
+                    hits[k],
+                    _share(setting, held, event, t, span, y0, hits[k], stop.values[k], values[k]),
+                    2.0,
+                )
+            )
         shares = jnp.stack(parts)
         which = jnp.where(any_hit, jnp.argmin(shares, axis=0), -1).astype(jnp.int32)
         share = jnp.where(any_hit, jnp.min(shares, axis=0), 1.0)

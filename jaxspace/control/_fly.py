@@ -1,16 +1,15 @@
 """From a loop and a state to a run: what is refused, what is known before, one program, and once
 more with finer steps where they proved too few."""
 
-import functools
-from typing import TYPE_CHECKING, Any, final
+from typing import TYPE_CHECKING, Any, TypeAlias, final
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int, PRNGKeyArray, PyTree
+from jaxtyping import Array, Int, PRNGKeyArray, PyTree
 
-from ..core import InputError, Scalar, State, breaks_of, is_concrete, is_traced
+from ..core import InputError, State, breaks_of, is_concrete, is_traced
 from ..integration._accuracy import (
     DEFAULT_RTOL,
     as_accuracy,
@@ -26,14 +25,19 @@ from ..simulation import Trajectory
 from ..simulation._batch_layout import cut_batch, local_blocks, split_batch
 from ..simulation._blocks import Blocks, jit_wide_vectors
 from ..simulation._failures import loud, nan_where_failed
-from ..solvers import Tolerance
+from ..simulation._runs import RunResult
+from ..simulation._simulate import trajectory_of
+from ..solvers import FixedSteps, Tolerance
 from ._advance import as_fixed
-from ._clocks import Clock, at_nodes, known_times, nodes_of
+from ._clocks import Clock, Nodes, at_nodes, known_times, nodes_of
 from ._controller import AbstractController
 from ._samples import Left, Setting, run_samples
 
 if TYPE_CHECKING:
     from ._closed_loop import ClosedLoop
+
+Flown: TypeAlias = tuple[RunResult, PyTree, PyTree, PyTree]
+"""What a flight leaves: the run, commands, readings, and the memory of the controller."""
 
 REPEATS = 3
 """How often a run is repeated with finer steps before its status tells that they are too few."""
@@ -146,21 +150,15 @@ def _program(
     loop: "ClosedLoop", known: PyTree, ts: np.ndarray, config: IntegrationConfig, run_axes: int
 ) -> LoopRun:
     """One flight, as one compiled program for all that has the same shapes."""
-    parts, y0, start, key, memory, events = known
-    keyed = tuple(ts.tolist())
-    static = (keyed, loop.period, loop.hold, loop.delay, loop.actuate, run_axes)
-    left, ends = _compiled(parts, y0, start, key, memory, events, config, static)
-    run_trajectory = _trajectory(left, ends, parts[0], config, run_axes, events)
-    bad = left.status > Status.EVENT
-    factor = jnp.where(bad, jnp.nan, 1.0)
-    commands, readings = jax.tree.map(
-        lambda x: times_behind_components(x, run_axes), (left.commands, left.readings)
-    )
-    scaled = jax.tree.map(lambda x: x * factor.astype(x.dtype), (commands, readings))
-    return LoopRun(run_trajectory, *scaled, left.memory, config.solver.steps)
+    static = (tuple(ts.tolist()), loop.period, loop.hold, loop.delay, loop.actuate, run_axes)
+    result, commands, readings, memory = _compiled(*known, config, static)
+    trajectory = trajectory_of(result, loop.system, config, run_axes)
+    solver = config.solver
+    assert isinstance(solver, FixedSteps)
+    return LoopRun(trajectory, commands, readings, memory, solver.steps)
 
 
-@functools.partial(jit_wide_vectors)
+@jit_wide_vectors
 def _compiled(
     parts: PyTree,
     y0: State,
@@ -170,7 +168,7 @@ def _compiled(
     events: tuple[Event, ...],
     config: IntegrationConfig,
     static: tuple,
-) -> tuple[Left, Array]:
+) -> Flown:
     run_axes = static[-1]
     if run_axes == 0:
         return _flight(parts, y0, start, key, memory, events, config, static)
@@ -195,7 +193,7 @@ def _flight(
     events: tuple[Event, ...],
     config: IntegrationConfig,
     static: tuple,
-) -> tuple[Left, Array]:
+) -> Flown:
     """The flight of one run, or of one block of runs, and its save times."""
     system, controller, sensors, limit, quantum = parts
     ts, period, hold, delay, actuate, run_axes = static
@@ -225,40 +223,32 @@ def _flight(
         run_axes=run_axes,
     )
     left = run_samples(setting, y0, memory, start, nodes, keys)
-    # Rows of passes belong to the nodes at which they begin; the last node has that before it.
-    before = np.maximum(nodes.saved - 1, 0) if isinstance(nodes.saved, np.ndarray) else (
-        jnp.maximum(nodes.saved - 1, 0))
-    last = nodes.saved.at[-1].set(before[-1]) if not isinstance(nodes.saved, np.ndarray) else (
-        np.append(nodes.saved[:-1], before[-1]))
-    rows = at_nodes((left.commands, left.readings), last)
-    states = at_nodes(left.states, nodes.saved)
-    times = jnp.asarray(np.array(ts) - ts[0], start.dtype)
-    stopped = left.stop.number >= 0
-    times = start + times.reshape(-1, *(1,) * max(start.ndim, run_axes))
-    ends = jnp.where(stopped, jnp.minimum(times, left.stop.t), times) if events else times
-    ends = jnp.broadcast_to(ends, (ends.shape[0], *left.status.shape))
-    return left._replace(states=states, commands=rows[0], readings=rows[1]), ends
+    times = start + jnp.asarray(np.array(ts) - ts[0], start.dtype).reshape(-1, *(1,) * start.ndim)
+    return _flown(left, nodes, times, len(events), run_axes)
 
 
-def _trajectory(
-    left: Left,
-    ends: Array,
-    system: Any,
-    config: IntegrationConfig,
-    run_axes: int,
-    events: tuple[Event, ...],
-) -> Trajectory:
-    from ..simulation._runs import RunResult
-    from ..simulation._simulate import trajectory_of
-
-    states = times_behind_components(left.states, run_axes)
-    count = left.states and ends.shape[0]
-    del count
+def _flown(left: Left, nodes: Nodes, times: Array, events: int, run_axes: int) -> Flown:
+    """What is kept of a flight: rows at the save times, and NaN where it failed."""
+    saved = jnp.asarray(nodes.saved)
+    # Commands and readings belong to the pass behind a node; the last node has that before it.
+    rows = saved.at[-1].add(-1)
+    commands, readings = jax.tree.map(
+        lambda x: times_behind_components(x, run_axes),
+        at_nodes((left.commands, left.readings), rows),
+    )
+    states = times_behind_components(at_nodes(left.states, saved), run_axes)
+    status, number = left.status, left.stop.number
+    times = times.reshape(times.shape[0], *(times.shape[1:] or (1,) * run_axes))
+    # Blocks of runs are joined along the runs: each has its own times, though they agree.
+    times = jnp.broadcast_to(times, (times.shape[0], *status.shape))
+    if events:
+        times = jnp.where(number >= 0, jnp.minimum(times, left.stop.t), times)
+    kinds = jnp.arange(events, dtype=number.dtype).reshape(-1, *(1,) * run_axes)
     stats = {"largest_local_error": left.worst}
-    numbers = jnp.arange(len(events)).reshape(-1, *(1,) * run_axes)
-    happened = numbers == left.stop.number
-    result = RunResult(ends, states, left.status, left.stop.number, happened, stats, None, None, ())
-    return trajectory_of(nan_where_failed(result), system, config, run_axes)
+    result = RunResult(times, states, status, number, kinds == number, stats, None, None, ())
+    factor = jnp.where(status > Status.EVENT, jnp.nan, 1.0)
+    commands, readings = jax.tree.map(lambda x: x * factor.astype(x.dtype), (commands, readings))
+    return nan_where_failed(result), commands, readings, left.memory
 
 
 def _too_few(run: LoopRun) -> float:

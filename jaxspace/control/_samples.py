@@ -11,7 +11,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, PRNGKeyArray, PyTree
 
-from ..core import AbstractSystem, Scalar, State
+from ..core import AbstractSystem, Scalar, State, barrier
 from ..integration._events import Event
 from ..integration._status import Status
 from ..solvers import FixedSteps, Tolerance
@@ -201,8 +201,10 @@ def _pass(
     p = _sensed(setting, p, t, ticks, always, keys)
     p = _decided(setting, p, t, ticks[CONTROL], always[CONTROL])
     p = _arrived(setting, p, ticks[ARRIVAL], always[ARRIVAL])
+    # Held together, or the compiler puts the whole controller into every stage of the steps.
+    p = barrier(p)
     held = Held(setting.system, setting.actuate, p.command, p.slope, t, setting.limit)
-    y1, error = advance(held, p.y, t, span, setting.method)
+    y1, error = barrier(advance(held, p.y, t, span, setting.method))
     local = setting.tolerance.error(p.y, y1, error)
     still = (p.stop.number >= 0) | p.bad
     stop = p.stop
@@ -255,10 +257,12 @@ def _decided(setting: Setting, p: Passing, t: Array, tick: Array, always: bool) 
         return act(p)
     if tick.ndim == 0:
         return jax.lax.cond(tick, act, lambda p: p, p)
-    return p._replace(**{
-        name: select(tick, getattr(act(p), name), getattr(p, name))
-        for name in ("memory", "queue", "bad")
-    })
+    return p._replace(
+        **{
+            name: select(tick, getattr(act(p), name), getattr(p, name))
+            for name in ("memory", "queue", "bad")
+        }
+    )
 
 
 def _arrived(setting: Setting, p: Passing, tick: Array, always: bool) -> Passing:

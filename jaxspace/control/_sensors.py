@@ -17,7 +17,7 @@ Attitude Determination and Control, 4.7 (gyros), 4.2 (star trackers).
 
 from abc import abstractmethod
 from collections.abc import Callable
-from typing import Any, final
+from typing import Any, TypeAlias, final
 
 import equinox as eqx
 import jax
@@ -27,6 +27,8 @@ from jaxtyping import Array, Float, PRNGKeyArray, PyTree
 from ..core import AbstractParameters, InputError, Scalar, State, Vector, quantity, with_rank
 from ..rotations import Quaternion
 from ._commands import clipped, rounded
+
+Draw: TypeAlias = Callable[[int, Array], Array]
 
 
 def _as_period(x: Any) -> float | None:
@@ -44,7 +46,12 @@ class AbstractSensor(AbstractParameters):
 
     @abstractmethod
     def read(
-        self, t: Scalar, y: State, drift: PyTree, elapsed: float, draw: Callable[[int, Array], Array]
+        self,
+        t: Scalar,
+        y: State,
+        drift: PyTree,
+        elapsed: float,
+        draw: Draw,
     ) -> tuple[PyTree, PyTree]:
         """The reading, and the drift after it.
 
@@ -95,7 +102,12 @@ class Sensor(AbstractSensor):
         return None if self.walk is None else jnp.zeros_like(self.truth(t, y))
 
     def read(
-        self, t: Scalar, y: State, drift: PyTree, elapsed: float, draw: Callable[[int, Array], Array]
+        self,
+        t: Scalar,
+        y: State,
+        drift: PyTree,
+        elapsed: float,
+        draw: Draw,
     ) -> tuple[PyTree, PyTree]:
         z = self.truth(t, y)
         # Each as far as it is there: what is left out costs nothing, and draws nothing.
@@ -128,7 +140,12 @@ class StarTracker(AbstractSensor):
         del t, y
 
     def read(
-        self, t: Scalar, y: State, drift: PyTree, elapsed: float, draw: Callable[[int, Array], Array]
+        self,
+        t: Scalar,
+        y: State,
+        drift: PyTree,
+        elapsed: float,
+        draw: Draw,
     ) -> tuple[PyTree, PyTree]:
         del t, elapsed
         like: Vector = y.attitude.wxyz[1:]
@@ -149,9 +166,7 @@ def _meeting(error: Array, like: Array) -> Array:
     return with_rank(error, like.ndim - 1) if error.ndim else error
 
 
-def drawing(
-    keys: PRNGKeyArray | None, number: int, count: Array, run_axes: int, name: str
-) -> Callable[[int, Array], Array]:
+def drawing(keys: PRNGKeyArray | None, number: int, count: Array, run_axes: int, name: str) -> Draw:
     """What draws for the reading `count` of the sensor `number`; each run from its own key.
 
     Raises `InputError`, when it is asked, where there is no key."""

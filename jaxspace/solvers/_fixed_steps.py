@@ -1,8 +1,8 @@
 """A number of equal steps of any method, chosen beforehand.
 
-What an adaptive method decides while it runs is decided here before: so a sample of a controller, or
-a step of an environment, always costs the same, has no loop whose length depends on the state, and
-is differentiated like any other formula.
+What an adaptive method decides while it runs is decided here before: so a sample of a controller,
+or a step of an environment, always costs the same, has no loop whose length depends on the state,
+and is differentiated like any other formula.
 """
 
 from typing import ClassVar, final
