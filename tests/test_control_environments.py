@@ -1,4 +1,4 @@
-"""Single steps and environments: their error, their spaces, their episodes, in batches and mapped."""
+"""Single steps and environments: their error, spaces, episodes, in batches and mapped."""
 
 import equinox as eqx
 import jax
@@ -42,7 +42,7 @@ def test_an_episode(task):
     stepped = eqx.filter_jit(task.step)
     seen, after, reward, done, info = stepped(key, state, actions)
     assert reward.shape == done.shape == info["truncated"].shape == (RUNS,) and not done.any()
-    mapped = eqx.filter_jit(jax.vmap(task.step, (None, -1, -1), -1))(key, state, actions)
+    mapped = jax.jit(jax.vmap(lambda *a: task.step(*a), (None, -1, -1), -1))(key, state, actions)
     for a, b in zip(
         jax.tree.leaves((seen, after, reward)), jax.tree.leaves(mapped[:3]), strict=True
     ):

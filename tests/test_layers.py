@@ -27,12 +27,17 @@ ALLOWED = {
     "integration": {"core", "solvers"},
     "simulation": {"core", "solvers", "integration"},
     "studies": {"core", "solvers", "integration", "simulation", "scene"},
+    # Loops drive whatever has a command; the tasks of the environments are made of physics.
+    "control": {
+        *("core", "rotations", "bodies", "orbits", "attitude", "scene"),
+        *("solvers", "integration", "simulation", "studies"),
+    },
     "dispersion": {"core", "integration", "simulation"},
     "optimization": {"core", "orbits", "rockets", "simulation"},
     # The rooms of physics, whose public names scene files may use, and what runs them.
     "io": {
         *("core", "rotations", "bodies", "orbits", "attitude", "rockets", "gyros", "mechanics"),
-        *("scene", "solvers", "simulation", "dispersion"),
+        *("scene", "solvers", "simulation", "dispersion", "control"),
     },
     "plots": {"core", "rotations"},
     # Hard cases of every room.
@@ -59,6 +64,7 @@ ENGINE = {
     "simulation": {"integration"},
     "studies": {"integration", "simulation"},
     "dispersion": {"integration", "simulation"},
+    "control": {"integration", "simulation"},
     "verification": {"studies"},
 }
 
@@ -69,6 +75,7 @@ OUTSIDE = {
     "integration": FLOOR | {"diffrax", "lineax", "optimistix"},
     "simulation": FLOOR | {"diffrax", "lineax", "optimistix"},
     "studies": FLOOR | {"diffrax"},
+    "control": FLOOR | {"diffrax"},
     "optimization": FLOOR | {"optax"},
 }
 # Plotting, tables, files and clusters: only where a person asks for them, inside the function that
@@ -88,7 +95,7 @@ LIGHT = HEAVY - {"tomllib"}
 # name, and the bodies have one for each solid.
 MOST_NAMES = {"__init__": 25, "core": 80, "orbits": 150, "attitude": 130, "bodies": 50}
 # Instruments and textbook systems bring a state each.
-MOST_NAMES |= {"optimization": 48, "rockets": 48, "gyros": 24, "mechanics": 44}
+MOST_NAMES |= {"control": 36, "optimization": 48, "rockets": 48, "gyros": 24, "mechanics": 44}
 
 
 def room_of(file: Path) -> str:

@@ -71,7 +71,7 @@ class CommandedMotor(AbstractMotor):
     The limits of torque and speed are those of the wheels."""
 
     command: Float[Array, "wheels *#runs"] = quantity(
-        "N m", default=(0.0, 0.0, 0.0), shape=(None,), doc="on each wheel before the first command"
+        "N m", default=(0.0, 0.0, 0.0), doc="on each wheel before the first command"
     )
 
     def torque(self, t: Scalar, y: BodyState, axes: Array, speed: Array) -> Array:

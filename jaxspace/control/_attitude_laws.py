@@ -60,13 +60,13 @@ class QuaternionFeedback(AbstractController):
         "N m s", non_negative=True, doc="k_d, torque per angular velocity"
     )
     target: Float[Array, "4 *#runs"] = quantity(
-        "", shape=(4,), default=(1.0, 0.0, 0.0, 0.0), doc="quaternion, scalar first, to turn to"
+        "", default=(1.0, 0.0, 0.0, 0.0), doc="quaternion, scalar first, to turn to"
     )
     integral: Float[Array, "*#runs"] | None = quantity(
         "N m/s", non_negative=True, optional=True, doc="k_i, torque per error and time"
     )
     axes: Float[Array, "3 wheels *#runs"] | None = quantity(
-        "", shape=(3, None), optional=True, doc="of wheels as columns: x of all, y, z"
+        "", optional=True, doc="of wheels as columns: x of all, y, z"
     )
 
     def start(self, measured: PyTree) -> Integral | None:
@@ -105,7 +105,7 @@ class MomentumDumping(AbstractController):
         "1/s", positive=True, doc="k, torque over momentum: the inverse of the time that it takes"
     )
     axes: Float[Array, "3 wheels *#runs"] = quantity(
-        "", shape=(3, None), doc="of the wheels as columns: x of all, y, z"
+        "", doc="of the wheels as columns: x of all, y, z"
     )
     dead_band: Float[Array, "*#runs"] = quantity(
         "kg m^2/s", non_negative=True, default=0.0, doc="momentum that is left in the wheels"
@@ -127,7 +127,7 @@ class SpinRateControl(AbstractController):
     gain: Float[Array, "*#runs"] = quantity("N m s", positive=True, doc="k, torque over rate")
     rate: Float[Array, "*#runs"] = quantity("rad/s", doc="n, wanted about the axis")
     axis: Float[Array, "3 *#runs"] = quantity(
-        "", shape=(3,), default=(0.0, 0.0, 1.0), doc="of the spin, of any length but zero"
+        "", default=(0.0, 0.0, 1.0), doc="of the spin, of any length but zero"
     )
 
     def act(self, t: Scalar, memory: None, measured: PyTree) -> tuple[Array, None]:
@@ -143,7 +143,7 @@ class NutationControl(AbstractController):
 
     gain: Float[Array, "*#runs"] = quantity("N m s", positive=True, doc="k, torque over rate")
     axis: Float[Array, "3 *#runs"] = quantity(
-        "", shape=(3,), default=(0.0, 0.0, 1.0), doc="of the spin, of any length but zero"
+        "", default=(0.0, 0.0, 1.0), doc="of the spin, of any length but zero"
     )
     dead_band: Float[Array, "*#runs"] = quantity(
         "rad/s", non_negative=True, default=0.0, doc="rate across the axis that is left alone"

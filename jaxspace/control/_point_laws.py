@@ -42,7 +42,7 @@ class PID(AbstractController):
         "", optional=True, doc="k_i, command over integral of the error"
     )
     target: Float[Array, "3 *#runs"] = quantity(
-        "", shape=(3,), default=(0.0, 0.0, 0.0), doc="r, where to go, in the unit of what is read"
+        "", default=(0.0, 0.0, 0.0), doc="r, where to go, in the unit of what is read"
     )
     reads: str = eqx.field(static=True, default="position")
     rate: str = eqx.field(static=True, default="velocity")
@@ -74,12 +74,10 @@ class LeastEffortGuidance(AbstractController):
     falls no lower than `least_time`."""
 
     arrival: Float[Array, "*#runs"] = quantity("s", doc="time at which to be there")
-    gravity: Float[Array, "3 *#runs"] = quantity("m/s^2", shape=(3,), doc="g, in inertial axes")
-    target: Float[Array, "3 *#runs"] = quantity(
-        "m", shape=(3,), default=(0.0, 0.0, 0.0), doc="r, where to be"
-    )
+    gravity: Float[Array, "3 *#runs"] = quantity("m/s^2", doc="g, in inertial axes")
+    target: Float[Array, "3 *#runs"] = quantity("m", default=(0.0, 0.0, 0.0), doc="r, where to be")
     velocity: Float[Array, "3 *#runs"] = quantity(
-        "m/s", shape=(3,), default=(0.0, 0.0, 0.0), doc="v_f, with which to arrive"
+        "m/s", default=(0.0, 0.0, 0.0), doc="v_f, with which to arrive"
     )
     least_time: Float[Array, "*#runs"] = quantity(
         "s", positive=True, default=1.0, doc="to go, below which the gains grow no more"
@@ -104,20 +102,18 @@ class LinearController(AbstractController):
 
     Raises `InputError` for tables whose sizes do not fit together."""
 
-    d: Float[Array, "commands inputs"] = quantity(
-        "", shape=(None, None), doc="D, command over measurement"
-    )
+    d: Float[Array, "commands inputs"] = quantity("", doc="D, command over measurement")
     a: Float[Array, "states states"] | None = quantity(
-        "", shape=(None, None), optional=True, doc="A, memory over memory; none where left out"
+        "", optional=True, doc="A, memory over memory; none where left out"
     )
     b: Float[Array, "states inputs"] | None = quantity(
-        "", shape=(None, None), optional=True, doc="B, memory over measurement"
+        "", optional=True, doc="B, memory over measurement"
     )
     c: Float[Array, "commands states"] | None = quantity(
-        "", shape=(None, None), optional=True, doc="C, command over memory"
+        "", optional=True, doc="C, command over memory"
     )
     reference: Float[Array, " inputs"] | None = quantity(
-        "", shape=(None,), optional=True, doc="r, taken off the measurement; zero where left out"
+        "", optional=True, doc="r, taken off the measurement; zero where left out"
     )
 
     def __check_init__(self):

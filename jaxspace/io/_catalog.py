@@ -15,6 +15,7 @@ from jaxtyping import Array
 from .. import (
     attitude,
     bodies,
+    control,
     dispersion,
     gyros,
     mechanics,
@@ -25,6 +26,7 @@ from .. import (
     solvers,
 )
 from ..bodies import AbstractBody, AbstractEffect, AbstractJump, BodyState
+from ..control import AbstractController
 from ..core import (
     AbstractSystem,
     EventCondition,
@@ -41,7 +43,10 @@ from ._kinds import Entry, Maker
 from ._objects import entry_of, function_way, object_kind, snake_case
 from ._table_kinds import Object
 
-ROOMS = (rotations, bodies, orbits, attitude, gyros, rockets, mechanics, scene, dispersion)
+ROOMS = (
+    *(rotations, bodies, orbits, attitude, gyros, rockets, mechanics, scene, dispersion),
+    control,
+)
 
 
 Group: TypeAlias = dict[str, object]
@@ -86,6 +91,7 @@ class Catalog(NamedTuple):
     bodies: Mapping[str, type[AbstractBody]]
     jumps: Mapping[str, type[AbstractJump]]
     distributions: Mapping[str, type[AbstractDistribution]]
+    controllers: Mapping[str, type[AbstractController]]
     events: Mapping[str, EventFunction]
     outputs: Mapping[str, OutputFunction]
     initials: Mapping[str, InitialFunction]
@@ -185,6 +191,7 @@ BASES = {
     "bodies": AbstractBody,
     "jumps": AbstractJump,
     "distributions": AbstractDistribution,
+    "controllers": AbstractController,
 }
 FUNCTIONS = {"events": "event", "outputs": "output", "initials": "initial"}
 

@@ -138,13 +138,13 @@ from ._transfers import apsidal_impulse as apsidal_impulse
 from ._transfers import bielliptic_transfer as bielliptic_transfer
 from ._transfers import coaxial_transfer as coaxial_transfer
 from ._transfers import hohmann_transfer as hohmann_transfer
-from ._uniform_gravity import UniformGravity as UniformGravity
-from ._uniform_gravity import touchdown as touchdown
 from ._two_body import TwoBody as TwoBody
 from ._two_masses import from_relative as from_relative
 from ._two_masses import reduced_mass as reduced_mass
 from ._two_masses import sphere_of_influence as sphere_of_influence
 from ._two_masses import to_relative as to_relative
+from ._uniform_gravity import UniformGravity as UniformGravity
+from ._uniform_gravity import touchdown as touchdown
 from ._zonals import Zonals as Zonals
 from ._zonals import zonal_potential as zonal_potential
 from ._zonals import zonals as zonals

@@ -22,7 +22,7 @@ class UniformGravity(AbstractEffect):
     """The same acceleration everywhere."""
 
     acceleration: Float[Array, "3 *#runs"] = quantity(
-        "m/s^2", shape=(3,), doc="g, in inertial axes; the third axis points up by convention"
+        "m/s^2", doc="g, in inertial axes; the third axis points up by convention"
     )
 
     needs: ClassVar[frozenset[str]] = frozenset({"position", "velocity"})
