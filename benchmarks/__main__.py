@@ -18,6 +18,7 @@ from . import page  # noqa: E402
 NAMES = (
     *("kepler", "lambert", "low_orbits", "eccentric_orbit", "free_body", "torqued_body", "ascent"),
     *("choice", "dragged_orbits", "short_pulses", "gradients", "first_call", "kick_stage"),
+    "closed_loops",
 )
 RESULTS = Path(__file__).parent / "results"
 

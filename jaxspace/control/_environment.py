@@ -119,7 +119,8 @@ class AbstractEnvironment(AbstractParameters):
         last = self.observe(y, time)
 
         def again(_: None) -> tuple[State, Array, Array]:
-            fresh = self.start(key, time.shape)
+            # In the precision of the episode, whatever that of the process.
+            fresh = jax.tree.map(lambda a, x: a.astype(x.dtype), self.start(key, time.shape), y)
             new, begun = select(done, fresh, y), jnp.where(done, 0.0, time)
             return new, begun, self.observe(new, begun)
 
