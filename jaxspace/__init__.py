@@ -14,7 +14,7 @@ The rooms, from the ground up:
     solvers         integrators as diffrax solvers
     simulation      the runner: simulate one run or many, a system or a mission of phases
     studies         questions about a run: what accuracy costs, which effects matter, modes
-    control         closed loops of sampled controllers, sensors, steps, environments
+    control         controllers that act at samples, sensors, environments (imported by name)
     dispersion      campaigns of many runs: distributions, statistics
     optimization    staging, steering
     verification    hard cases and laws (imported by name)
@@ -28,7 +28,6 @@ from typing import TYPE_CHECKING, Any
 from . import attitude as attitude
 from . import bodies as bodies
 from . import constants as constants
-from . import control as control
 from . import dispersion as dispersion
 from . import gyros as gyros
 from . import optimization as optimization

@@ -40,6 +40,7 @@ from jaxspace.orbits import (
     PowerLawForce,
     SphereGravity,
     TwoBody,
+    UniformGravity,
 )
 from jaxspace.rockets import (
     GravityTurn,
@@ -219,6 +220,7 @@ SAMPLES = [
     ),
     Sample("burning_stage", rocket_scene(), rocket_state(), 9.0),
     Sample("dual_spin", *dual_spin(), 8.0),
+    Sample("uniform_gravity", Scene([UniformGravity([0.0, 1.0, -9.8])]), orbit(), 5.0),
     Sample("unwinding_cords", CORDS, CordState(*jnp.array([30.0, 3.0, 41.0])), 0.15),
     Sample("attitude_drift", AttitudeDrift(6.6e-4, 1.2, 0.05), DriftState(jnp.array(0.3)), 900.0),
 ]
