@@ -79,7 +79,7 @@ class QuaternionFeedback(AbstractController):
         attitude, omega = measurement(measured, "attitude"), measurement(measured, "omega")
         error = error_vector(attitude, self.target)
         torque = -self.stiffness * error - self.damping * omega
-        if memory is not None:
+        if memory is not None and self.integral is not None:
             memory = integrated(memory, t, error)
             torque = torque - self.integral * memory.total
         if self.axes is None:

@@ -97,7 +97,11 @@ class LoopRun(eqx.Module):
 
         Of the same noise; commands in quanta may switch, and then it tells of them."""
         loop, y0, ts, options, run_axes = self.asked
-        again = fly(loop, y0, ts, *options[:2], 2 * self.steps, *options[2:], False, run_axes)
+        key, accuracy, events, start, memory = options
+        again = fly(
+            *(loop, y0, ts, key, accuracy, 2 * self.steps),
+            *(events, start, memory, False, run_axes),
+        )
         return jax.tree.map(lambda a, b: jnp.abs(a - b), self.final, again.final)
 
 
@@ -151,7 +155,10 @@ def _program(
 ) -> LoopRun:
     """One flight, as one compiled program for all that has the same shapes."""
     static = (tuple(ts.tolist()), loop.period, loop.hold, loop.delay, loop.actuate, run_axes)
-    result, commands, readings, memory = _compiled(*known, config, static)
+    parts, y0, start, key, memory, events = known
+    result, commands, readings, memory = _compiled(
+        parts, y0, start, key, memory, events, config, static
+    )
     trajectory = trajectory_of(result, loop.system, config, run_axes)
     solver = config.solver
     assert isinstance(solver, FixedSteps)
@@ -205,6 +212,8 @@ def _flight(
     breaks = breaks_of(system)
     nodes = nodes_of(np.array(ts), clocks, None if breaks is None else breaks - start)
     y0 = broadcast_state(system, jnp.zeros((), start.dtype), y0)
+    method = config.solver
+    assert isinstance(method, FixedSteps)
     tolerance = Tolerance(config.rtol, config.atol, run_axes)
     setting = Setting(
         system=system,
@@ -214,7 +223,7 @@ def _flight(
         quantum=quantum,
         events=events,
         tolerance=tolerance,
-        method=config.solver,
+        method=method,
         actuate=actuate,
         period=period,
         elapsed=periods,

@@ -56,7 +56,7 @@ class PID(AbstractController):
         x, v = measurement(measured, self.reads), measurement(measured, self.rate)
         error = with_rank(self.target, x.ndim - 1) - x
         command = self.proportional * error - self.derivative * v
-        if memory is not None:
+        if memory is not None and self.integral is not None:
             memory = integrated(memory, t, error)
             command = command + self.integral * memory.total
         return command, memory

@@ -12,7 +12,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, PRNGKeyArray
 
 from ..bodies import BodyState, RigidBody
-from ..core import AbstractSystem, Scalar, dot, norm, quantity, with_rank
+from ..core import AbstractSystem, Scalar, as_float, dot, norm, quantity, with_rank
 from ..orbits import ClohessyWiltshire, UniformGravity
 from ..scene import Scene
 from ._actuators import CommandedEngine
@@ -43,8 +43,8 @@ class PushedRelativeMotion(AbstractSystem):
 
 def _lander() -> Scene:
     """A lander of 2 t on the Moon, a third of it propellant, with twice its weight of thrust."""
-    engine = CommandedEngine(6500.0, 3050.0, 1300.0)
-    return Scene([UniformGravity([0.0, 0.0, -1.62]), engine], RigidBody())
+    engine = CommandedEngine(*map(as_float, (6500.0, 3050.0, 1300.0)))
+    return Scene([UniformGravity(as_float([0.0, 0.0, -1.62])), engine], RigidBody())
 
 
 @final
@@ -120,7 +120,9 @@ class RendezvousTask(AbstractEnvironment):
     `thrust`. An episode ends within a hundredth of both, which `met` tells, and beyond four times
     the distance."""
 
-    motion: ClohessyWiltshire = eqx.field(default_factory=lambda: ClohessyWiltshire(1.1e-3))
+    motion: ClohessyWiltshire = eqx.field(
+        default_factory=lambda: ClohessyWiltshire(as_float(1.1e-3))
+    )
     thrust: Float[Array, ""] = quantity(
         "m/s^2", positive=True, default=0.01, doc="greatest acceleration along an axis"
     )

@@ -247,8 +247,10 @@ def _decided(setting: Setting, p: Passing, t: Array, tick: Array, always: bool) 
         finite = setting.tolerance.alive(asked)
         # A run whose command is no number stands still, and does not spoil the sums of a batch.
         asked = select(finite, asked, jax.tree.map(jnp.zeros_like, asked))
-        applied = rounded(clipped(asked, setting.limit), setting.quantum)
-        memory = setting.controller.settle(memory, asked, applied)
+        # Before it is rounded: a quantum is no limit, and an integral has to work against it.
+        cut = clipped(asked, setting.limit)
+        memory = setting.controller.settle(memory, asked, cut)
+        applied = rounded(cut, setting.quantum)
         running = (p.stop.number < 0) & ~p.bad
         queue = (*p.queue[1:], applied)
         return p._replace(memory=memory, queue=queue, bad=p.bad | (running & ~finite))

@@ -115,7 +115,7 @@ class Sensor(AbstractSensor):
             z = z + _meeting(self.bias, z)
         if self.noise is not None:
             z = z + _meeting(self.noise, z) * draw(0, z)
-        if drift is not None:
+        if self.walk is not None:
             z = z + drift
             drift = drift + _meeting(self.walk, z) * elapsed**0.5 * draw(1, z)
         return rounded(clipped(z, self.limit), self.quantum), drift

@@ -12,7 +12,7 @@ from jaxtyping import Array, Bool, Float, PRNGKeyArray
 
 from ..attitude import ReactionWheels
 from ..bodies import BodyState, RigidBody
-from ..core import Scalar, dot, quantity
+from ..core import Scalar, as_float, dot, quantity
 from ..rotations import Quaternion
 from ..scene import Scene
 from ._actuators import CommandedMotor
@@ -25,10 +25,10 @@ def _satellite() -> Scene:
     """A small satellite, 100 kg, with three wheels along its axes."""
     wheels = ReactionWheels(
         jnp.eye(3),
-        [0.002] * 3,
-        [0.0] * 3,
-        torque_limit=0.02,
-        speed_limit=600.0,
+        jnp.full(3, 0.002),
+        jnp.zeros(3),
+        torque_limit=as_float(0.02),
+        speed_limit=as_float(600.0),
         motor=CommandedMotor(),
     )
     return Scene([wheels], RigidBody(inertia=[8.0, 10.0, 6.0]))
@@ -73,11 +73,14 @@ class SlewTask(AbstractEnvironment):
     def advance(self, y: BodyState, action: Array, time: Scalar) -> tuple[BodyState, Scalar]:
         del time
         limit = self._wheels.torque_limit
+        assert limit is not None  # of the wheels of this task
         return step(self.scene, y, limit * action, self.period, method=self.method), self.period
 
     def observe(self, y: BodyState, time: Scalar) -> Array:
         del time
-        wheels = self._wheels.speeds(y) / self._wheels.speed_limit
+        limit = self._wheels.speed_limit
+        assert limit is not None
+        wheels = self._wheels.speeds(y) / limit
         error = error_vector(y.attitude, jnp.array([1.0, 0.0, 0.0, 0.0], y.omega.dtype))
         return jnp.concatenate([error, y.omega / self.rate_scale, wheels])
 

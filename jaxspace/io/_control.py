@@ -12,6 +12,7 @@ import jax
 from ..control import (
     AbstractSensor,
     ClosedLoop,
+    LoopRun,
     Sensor,
     StarTracker,
     Together,
@@ -99,7 +100,7 @@ def loop_of(file: Parsed, building: Building, scene: Scene) -> ClosedLoop:
         raise InputError(f"control: {error}") from error
 
 
-def flown(file: Parsed, loop: ClosedLoop, y0: object, ts: object, **options: object) -> object:
+def flown(file: Parsed, loop: ClosedLoop, y0: object, ts: object, **options: object) -> LoopRun:
     """The run of a loop with the event, the noise and the options of its file."""
     control, events = file.values["control"], file.catalog.events
     given: dict[str, object] = {"key": jax.random.key(control["seed"])}

@@ -33,9 +33,13 @@ class FixedSteps(AbstractFixedStep):
     **Raises** `InputError` for fewer steps, and for a solver that has fixed steps already."""
 
     solver: diffrax.AbstractSolver
-    steps: int = eqx.field(static=True, default=1)
+    steps: int = eqx.field(static=True)
     term_structure: ClassVar = diffrax.AbstractTerm
     interpolation_cls: ClassVar = diffrax.LocalLinearInterpolation
+
+    def __init__(self, solver: diffrax.AbstractSolver, steps: int = 1):
+        self.solver = solver
+        self.steps = steps
 
     def __check_init__(self):
         if self.steps < 1:
