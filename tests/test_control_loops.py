@@ -353,6 +353,18 @@ def test_a_linear_controller_is_its_matrices():
         LinearController(d, a, b.T, c)
 
 
+def test_noise_of_a_batch_is_that_of_each_run_alone():
+    """Each run draws from its own key of the split."""
+    sensors = {"position": Sensor("position", noise=0.1), "velocity": Sensor("velocity")}
+    loop = ClosedLoop(POINT, PID(KP, KD), sensors, period=T)
+    starts = jax.tree.map(lambda x: jnp.repeat(x[:, None], 3, axis=1), START)
+    key = jax.random.key(5)
+    batch = loop.simulate_batch(starts, [0.0, 2.0], key=key).final.position
+    alone = loop.simulate(START, [0.0, 2.0], key=jax.random.split(key, 3)[1]).final.position
+    np.testing.assert_allclose(batch[:, 1], alone, atol=ROUNDING)
+    assert jnp.abs(batch[:, 0] - batch[:, 1]).max() > 1e-3
+
+
 def test_networks_are_controllers():
     """An equinox network over the readings, trained by one step of descent, and in a batch."""
     net = eqx.nn.MLP(6, 3, 8, 1, key=jax.random.key(0))

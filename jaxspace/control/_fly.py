@@ -32,6 +32,7 @@ from ._advance import as_fixed
 from ._clocks import Clock, Nodes, at_nodes, known_times, nodes_of
 from ._controller import AbstractController
 from ._samples import Left, Setting, run_samples
+from ._sensors import Keys
 
 if TYPE_CHECKING:
     from ._closed_loop import ClosedLoop
@@ -177,6 +178,8 @@ def _compiled(
     static: tuple,
 ) -> Flown:
     run_axes = static[-1]
+    if key is not None and not jnp.issubdtype(key.dtype, jax.dtypes.prng_key):
+        key = jax.random.wrap_key_data(key)  # one of the old style, an array of numbers
     if run_axes == 0:
         return _flight(parts, y0, start, key, memory, events, config, static)
     batched, shared, runs = split_batch(parts, (y0, start, memory), 0.0, None, 0)
@@ -195,7 +198,7 @@ def _flight(
     parts: PyTree,
     y0: State,
     start: Array,
-    keys: PRNGKeyArray | None,
+    keys: Keys | None,
     memory: PyTree,
     events: tuple[Event, ...],
     config: IntegrationConfig,

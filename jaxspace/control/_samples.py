@@ -9,7 +9,7 @@ from typing import NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, PRNGKeyArray, PyTree
+from jaxtyping import Array, PyTree
 
 from ..core import AbstractSystem, Scalar, State, barrier
 from ..integration._events import Event
@@ -20,7 +20,7 @@ from ._clocks import Nodes
 from ._commands import Actuate, Held, clipped, rounded
 from ._controller import AbstractController, act_on, started
 from ._crossing import Stop, crossed, not_stopped
-from ._sensors import AbstractSensor, drawing
+from ._sensors import AbstractSensor, Keys, drawing
 
 CONTROL, ARRIVAL = 0, 1
 """The numbers of the first two clocks; those of the sensors follow."""
@@ -90,7 +90,7 @@ def run_samples(
     memory: PyTree,
     start: Scalar,
     nodes: Nodes,
-    keys: PRNGKeyArray | None,
+    keys: Keys | None,
 ) -> Left:
     """Fly a loop from the state `y0` at the time `start`, s.
 
@@ -126,9 +126,7 @@ def run_samples(
     return Left(states, rows[1], rows[2], last.memory, last.y, status, last.worst, last.stop)
 
 
-def _first(
-    setting: Setting, y0: State, memory: PyTree, t: Array, keys: PRNGKeyArray | None
-) -> Passing:
+def _first(setting: Setting, y0: State, memory: PyTree, t: Array, keys: Keys | None) -> Passing:
     """Before the first pass: no reading, and a command of zeros."""
     runs = setting.tolerance.alive(y0)
     sensors = setting.sensors or {}
@@ -180,7 +178,7 @@ def _read(
     y: State,
     drifts: dict[str, PyTree],
     counts: dict[str, Array],
-    keys: PRNGKeyArray | None,
+    keys: Keys | None,
 ) -> tuple[PyTree, PyTree]:
     assert setting.sensors is not None
     draw = drawing(keys, number, counts[name], setting.run_axes, name)
@@ -195,7 +193,7 @@ def _pass(
     span: Array,
     ticks: Array,
     always: tuple[bool, ...],
-    keys: PRNGKeyArray | None,
+    keys: Keys | None,
 ) -> tuple[Passing, tuple]:
     """One pass: what happens at the node at `t`, and the motion of `span`, s, behind it."""
     p = _sensed(setting, p, t, ticks, always, keys)
@@ -222,7 +220,7 @@ def _sensed(
     t: Array,
     ticks: Array,
     always: tuple[bool, ...],
-    keys: PRNGKeyArray | None,
+    keys: Keys | None,
 ) -> Passing:
     readings, drifts, counts = dict(p.readings), dict(p.drifts), dict(p.counts)
     for number, name in enumerate(setting.sensors or {}):

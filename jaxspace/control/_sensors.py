@@ -22,12 +22,14 @@ from typing import Any, TypeAlias, final
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float, PRNGKeyArray, PyTree
+from jaxtyping import Array, Float, Key, PyTree
 
 from ..core import AbstractParameters, InputError, Scalar, State, Vector, quantity, with_rank
 from ..rotations import Quaternion
 from ._commands import clipped, rounded
 
+# One key, or one of each run.
+Keys: TypeAlias = Key[Array, "..."]
 Draw: TypeAlias = Callable[[int, Array], Array]
 
 
@@ -166,7 +168,7 @@ def _meeting(error: Array, like: Array) -> Array:
     return with_rank(error, like.ndim - 1) if error.ndim else error
 
 
-def drawing(keys: PRNGKeyArray | None, number: int, count: Array, run_axes: int, name: str) -> Draw:
+def drawing(keys: Keys | None, number: int, count: Array, run_axes: int, name: str) -> Draw:
     """What draws for the reading `count` of the sensor `number`; each run from its own key.
 
     Raises `InputError`, when it is asked, where there is no key."""
@@ -175,7 +177,7 @@ def drawing(keys: PRNGKeyArray | None, number: int, count: Array, run_axes: int,
         if keys is None:
             raise InputError(f"The sensor {name} is noisy: give key=jax.random.key(...).")
 
-        def one(key: PRNGKeyArray) -> Array:
+        def one(key: Keys) -> Array:
             for fold in (2 * number + purpose, count):
                 key = jax.random.fold_in(key, fold)
             components = like.shape[: like.ndim - run_axes]
