@@ -28,6 +28,7 @@ from jaxspace.attitude import (
 )
 from jaxspace.bodies import BurningBody, PrincipalInertia, RigidBody
 from jaxspace.constants import MU_EARTH, RADIUS_EARTH
+from jaxspace.control import error_vector
 from jaxspace.estimation import kalman_filter
 from jaxspace.gyros import TwoGimbalGyro
 from jaxspace.optimization import (
@@ -524,6 +525,39 @@ def missions():
     return figure
 
 
+def closed_loops():
+    """The slew and the landing of the scene files under sampled control."""
+    scenes = Path(__file__).parents[1] / "examples" / "scenes"
+    slew = jaxspace.load(scenes / "sampled_slew.toml").simulate()
+    landing = jaxspace.load(scenes / "powered_landing.toml").simulate()
+    figure, axes = plt.subplots(
+        2, 2, figsize=(9.0, 6.0), layout="constrained"
+    )
+    t = np.asarray(slew.ts) / 60.0
+    error = error_vector(slew.states.attitude, jnp.full(4, 0.5))
+    axes[0, 0].plot(t, np.degrees(np.asarray(error)).T, label=["x", "y", "z"])
+    axes[0, 0].set(
+        ylabel="error, deg", title="Slew by wheels, two samples a second"
+    )
+    axes[1, 0].step(t, np.asarray(slew.commands).T, where="post", lw=0.8)
+    axes[1, 0].set(xlabel="time, min", ylabel="torque on each wheel, N m")
+    axes[0, 0].legend(frameon=False)
+    x, y, z = np.asarray(landing.states.position)
+    axes[0, 1].plot(np.hypot(x, y), z)
+    axes[0, 1].set(
+        xlabel="distance, m", ylabel="height, m", title="Landing on the Moon"
+    )
+    thrust = np.linalg.norm(np.asarray(landing.commands), axis=0) / 1e3
+    axes[1, 1].step(np.asarray(landing.ts), thrust, where="post", lw=1.0)
+    axes[1, 1].axhline(6.5, color="0.6", lw=0.8, ls="--")
+    axes[1, 1].set(
+        xlabel="time, s", ylabel="commanded thrust, kN", ylim=(0.0, None)
+    )
+    for ax in axes.flat:
+        ax.grid(color="0.92")
+    return figure
+
+
 def what_accuracy_costs():
     """Error against time and arithmetic of twenty revolutions of a two-body orbit, and of their
     gradient."""
@@ -665,6 +699,7 @@ DRAWN = {
     f.__name__: f
     for f in (
         *PAGES,
+        closed_loops,
         what_accuracy_costs,
         which_effects_matter,
         hybrid,

@@ -15,6 +15,7 @@ The rooms, from the ground up:
     solvers         integrators as diffrax solvers
     simulation      the runner: simulate one run or many, a system or a mission of phases
     studies         questions about a run: what accuracy costs, which effects matter, modes
+    control         controllers that act at samples, sensors, environments (imported by name)
     dispersion      campaigns of many runs: distributions, statistics
     optimization    staging, steering
     estimation      parameters and states from data (imported by name)

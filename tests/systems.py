@@ -57,6 +57,7 @@ from jaxspace.orbits import (
     PowerLawForce,
     SphereGravity,
     TwoBody,
+    UniformGravity,
 )
 from jaxspace.rockets import (
     GravityTurn,
@@ -263,6 +264,7 @@ SAMPLES = [
     ),
     Sample("burning_stage", rocket_scene(), rocket_state(), 9.0),
     Sample("dual_spin", *dual_spin(), 8.0),
+    Sample("uniform_gravity", Scene([UniformGravity([0.0, 1.0, -9.8])]), orbit(), 5.0),
     Sample("unwinding_cords", CORDS, CordState(*jnp.array([30.0, 3.0, 41.0])), 0.15),
     Sample(
         "elliptic_libration",

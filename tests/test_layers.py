@@ -31,6 +31,11 @@ ALLOWED = {
         *("core", "rotations", "bodies", "orbits", "rockets", "scene", "simulation"),
     },
     "studies": {"core", "solvers", "integration", "simulation", "scene"},
+    # Loops drive whatever has a command; the tasks of the environments are made of physics.
+    "control": {
+        *("core", "rotations", "bodies", "orbits", "attitude", "scene"),
+        *("solvers", "integration", "simulation", "studies"),
+    },
     "dispersion": {"core", "integration", "simulation"},
     "optimization": {"core", "orbits", "rockets", "simulation"},
     "estimation": {"core", "simulation", "studies"},
@@ -38,6 +43,7 @@ ALLOWED = {
     "io": {
         *("core", "rotations", "bodies", "orbits", "attitude", "rockets", "gyros", "mechanics"),
         *("scene", "solvers", "simulation", "dispersion", "optimization", "vehicles"),
+        "control",
     },
     "plots": {"core", "rotations"},
     # Hard cases of every room.
@@ -66,6 +72,7 @@ ENGINE = {
     "studies": {"integration", "simulation"},
     "dispersion": {"integration", "simulation"},
     "estimation": {"studies"},
+    "control": {"integration", "simulation"},
     "verification": {"studies"},
 }
 
@@ -76,6 +83,7 @@ OUTSIDE = {
     "integration": FLOOR | {"diffrax", "lineax", "optimistix"},
     "simulation": FLOOR | {"diffrax", "lineax", "optimistix"},
     "studies": FLOOR | {"diffrax"},
+    "control": FLOOR | {"diffrax"},
     "optimization": FLOOR | {"optax"},
     "estimation": FLOOR | {"lineax", "optimistix"},
 }
@@ -96,7 +104,7 @@ LIGHT = HEAVY - {"tomllib"}
 # name, and the bodies have one for each solid.
 MOST_NAMES = {"__init__": 25, "core": 80, "orbits": 155, "attitude": 130, "bodies": 50}
 # Instruments and textbook systems bring a state each.
-MOST_NAMES |= {"dispersion": 60}
+MOST_NAMES |= {"control": 36, "dispersion": 60}
 MOST_NAMES |= {"optimization": 48, "rockets": 48, "gyros": 40, "mechanics": 44}
 
 

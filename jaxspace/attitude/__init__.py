@@ -97,3 +97,4 @@ from ._wheels import PointingControl as PointingControl
 from ._wheels import ReactionWheels as ReactionWheels
 from ._wheels import gyrostat_nutation_rate as gyrostat_nutation_rate
 from ._wheels import rotor_moment as rotor_moment
+from ._wheels import wheel_torques as wheel_torques

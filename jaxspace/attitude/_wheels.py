@@ -135,11 +135,19 @@ class PointingControl(AbstractMotor):
         # Of both quaternions of one attitude the nearer: the body turns the short way.
         sign = jnp.where(error[0] < 0.0, -1.0, 1.0)
         wanted = -2.0 * self.stiffness * sign * error[1:] - self.damping * y.omega
-        return -_shares(axes, wanted)
+        return -wheel_torques(axes, wanted)
 
 
-def _shares(axes: Array, torque: Vector) -> Array:
-    """The torques on the wheels with the least sum of squares that add up to `torque`, N m."""
+def wheel_torques(axes: Array, torque: Vector) -> Array:
+    """The torques along the axes of wheels with the least sum of squares that add up to a torque.
+
+    **Arguments**
+
+    - `axes`: of three wheels or more, of length one, as columns, (3, wheels, *runs).
+    - `torque`: N m, in body axes, (3, *runs).
+
+    **Returns** the torques, N m, (wheels, *runs). On the body act those that are opposite to the
+    torques on the wheels."""
     gram = jnp.sum(axes[:, None] * axes[None, :], axis=2)
     return _along(axes, solve3(gram, with_rank(torque, gram.ndim - 2)))
 

@@ -4,6 +4,7 @@ import json
 import os
 import sys
 
+from ..control import LoopRun
 from ..core import InputError
 from ..io import (
     SceneFile,
@@ -36,8 +37,9 @@ def run(path: str, folder: str, show: bool = False) -> int:
             draw(phase, path_of(file, folder, f"_{name}.png".replace(" ", "_")))
     else:
         result = file.simulate(throw=False)
-        assert isinstance(result, Trajectory)
+        assert isinstance(result, Trajectory | LoopRun)
         print(run_report(file, result))
+        result = result.trajectory if isinstance(result, LoopRun) else result
         draw(result, path_of(file, folder, ".png"))
     if show:
         print(f"page   {result.show(path_of(file, folder, '.html'))}")

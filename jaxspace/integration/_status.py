@@ -27,6 +27,7 @@ class Status(enum.IntEnum):
     OUTSIDE_MODEL = 10
     SAMPLES_TOO_FEW = 11
     RAISED = 12
+    COMMAND_NOT_FINITE = 13
 
     @property
     def sentence(self) -> str:
@@ -80,6 +81,10 @@ _SENTENCES = {
     ),
     Status.RAISED: (
         "A function that the run calls raised an error: replay this run to see which error it was."
+    ),
+    Status.COMMAND_NOT_FINITE: (
+        "The controller gave a command that is NaN or infinite: check its parameters, its memory "
+        "and what its sensors read in this run."
     ),
 }
 

@@ -15,6 +15,7 @@ from jaxtyping import Array
 from .. import (
     attitude,
     bodies,
+    control,
     dispersion,
     gyros,
     mechanics,
@@ -26,6 +27,7 @@ from .. import (
     vehicles,
 )
 from ..bodies import AbstractBody, AbstractEffect, AbstractJump, BodyState
+from ..control import AbstractController
 from ..core import (
     AbstractSystem,
     EventCondition,
@@ -44,7 +46,7 @@ from ._table_kinds import Object
 
 ROOMS = (
     *(rotations, bodies, orbits, attitude, gyros, rockets, vehicles),
-    *(mechanics, scene, dispersion),
+    *(mechanics, scene, control, dispersion),
 )
 
 
@@ -90,6 +92,7 @@ class Catalog(NamedTuple):
     bodies: Mapping[str, type[AbstractBody]]
     jumps: Mapping[str, type[AbstractJump]]
     distributions: Mapping[str, type[AbstractDistribution]]
+    controllers: Mapping[str, type[AbstractController]]
     events: Mapping[str, EventFunction]
     outputs: Mapping[str, OutputFunction]
     initials: Mapping[str, InitialFunction]
@@ -189,6 +192,7 @@ BASES = {
     "bodies": AbstractBody,
     "jumps": AbstractJump,
     "distributions": AbstractDistribution,
+    "controllers": AbstractController,
 }
 FUNCTIONS = {"events": "event", "outputs": "output", "initials": "initial"}
 

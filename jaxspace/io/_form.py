@@ -17,6 +17,7 @@ import diffrax
 from ..bodies import BodyState
 from ..core import REQUIRED, AbstractSystem, argument
 from ._catalog import Catalog, part_entries, state_class, state_way
+from ._control import control_kind
 from ._errors import missing, unknown, wrong
 from ._kinds import Entry, Kind, Maker, Reading, Schema, Value
 from ._objects import function_way
@@ -104,7 +105,11 @@ def form_of(kind: str, catalog: Catalog, system: str = "") -> Table:
     ending = {
         "phase": Entry(ListOf(_phase(catalog), least=1), doc="the phases, one after the other")
     }
-    ending = ending if kind == "mission" else {"times": Entry(TIMES, doc="from when to when")}
+    if kind == "scene":
+        ending = {
+            "times": Entry(TIMES, doc="from when to when"),
+            "control": Entry(control_kind(catalog), None, doc="what acts at samples"),
+        }
     return Table({**common, **tables, **ending, **dispersion})
 
 

@@ -39,6 +39,7 @@ def listing(also: Iterable[object] = ()) -> str:
         ("jumps", _classes(known, known.jumps)),
         ("events", _functions(known.events, "event") + _times(known)),
         ("outputs", _functions(known.outputs, "output")),
+        ("controllers", _classes(known, known.controllers)),
         ("distributions", _classes(known, known.distributions)),
         ("methods", [f"  {name}" for name in method_names(known)]),
     ]

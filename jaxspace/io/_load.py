@@ -8,6 +8,7 @@ from pathlib import Path
 from ._build import system_errors
 from ._catalog import Catalog, catalog
 from ._checks import Parsed, check_parsed
+from ._control import control_errors
 from ._errors import SceneError
 from ._form import form, kind_of
 from ._inputs import read_inputs
@@ -43,7 +44,7 @@ def load(
     if reading.errors:
         raise SceneError(path, reading.errors)
     file = Parsed(kind_of(data), values, reading.makers, known)
-    errors, inputs, outputs = check_parsed(file), {}, ()
+    errors, inputs, outputs = check_parsed(file) + control_errors(file), {}, ()
     # Traces the vector field, which needs a state without faults.
     if file.kind == "system" and not errors:
         errors = system_errors(file)

@@ -19,6 +19,7 @@ from jax.typing import ArrayLike
 from jaxtyping import Array, Float
 
 from ..bodies import AbstractBody, AbstractEffect
+from ..control import AbstractController
 from ..core import (
     REQUIRED,
     AbstractParameters,
@@ -34,6 +35,9 @@ from ._table_kinds import Object
 from ._value_kinds import ListOf, Number, OneName
 
 Declared: TypeAlias = Mapping[str, Quantity | Choice]
+
+# What has tables of its own at the top of a file.
+TOP_LEVEL = (AbstractSystem, AbstractEffect, AbstractBody, AbstractController)
 
 
 def snake_case(name: str) -> str:
@@ -152,7 +156,7 @@ def _nested(annotation: object) -> Object | None:
         if not (isinstance(one, type) and issubclass(one, AbstractParameters)):
             continue
         # These have tables of their own at the top of a file, and are never nested.
-        if not issubclass(one, AbstractSystem | AbstractEffect | AbstractBody):
+        if not issubclass(one, TOP_LEVEL):
             return object_kind(one)
     return None
 

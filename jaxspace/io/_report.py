@@ -8,6 +8,7 @@ import jax
 import numpy as np
 from jax.typing import ArrayLike
 
+from ..control import LoopRun
 from ..core import State, quantities
 from ..dispersion import Dispersion
 from ..rotations import Quaternion, to_euler_angles
@@ -103,12 +104,14 @@ def output_rows(outputs: Mapping[str, tuple[float, str]]) -> list[tuple[str, str
     return [(_label(name, unit), number(value)) for name, (value, unit) in outputs.items()]
 
 
-def run_report(file: SceneFile, run: Trajectory) -> str:
+def run_report(file: SceneFile, run: Trajectory | LoopRun) -> str:
     """How a run of a system or a scene ended: time, state, outputs, drifts, errors, status."""
     error = run.error()
     rows = [("time [s]", number(run.ts[-1])), *state_rows(run.final, file.units, error)]
     rows += output_rows(file.nominal_outputs(run, every=True))
-    kept = [*drift_rows(run.drift()), *error_rows(error, file.units)]
+    # A controller keeps nothing, whatever the scene alone would keep.
+    drift = run.drift() if isinstance(run, Trajectory) else {}
+    kept = [*drift_rows(drift), *error_rows(error, file.units)]
     return "\n".join([file.title, columns(rows), columns(kept), status_line(run.status)])
 
 

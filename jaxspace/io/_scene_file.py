@@ -15,6 +15,7 @@ from jax.typing import ArrayLike
 from jaxtyping import Array
 
 from ..bodies import AbstractBody
+from ..control import ClosedLoop, LoopRun
 from ..core import AbstractSystem, InputError, State
 from ..dispersion import Campaign, LatinHypercube, Sobol
 from ..optimization import Progress
@@ -22,6 +23,7 @@ from ..scene import Scene
 from ..simulation import Accuracy, Mission, MissionTrajectory, Trajectory, simulate
 from ._build import build_mission, build_state, replaced
 from ._checks import Parsed
+from ._control import flown, loop_of
 from ._inputs import Input
 from ._joint_inputs import JointInput
 from ._kinds import Values
@@ -129,9 +131,20 @@ class SceneFile:
         """The scene of every phase, by the name of the phase; empty for a system."""
         return {p.name: p.system for p in self.mission.phases if isinstance(p.system, Scene)}
 
-    def simulate(self, **options: Any) -> Trajectory | MissionTrajectory:
-        """The nominal run. `options`: those of `jaxspace.simulate`, which take the place of what
-        the file says."""
+    @functools.cached_property
+    def loop(self) -> ClosedLoop | None:
+        """The scene under the controller of the file; `None` without [control]."""
+        if self.values.get("control") is None:
+            return None
+        scene = self.scenes()["scene"]
+        return loop_of(self.parsed, self._building(self._numbers({})), scene)
+
+    def simulate(self, **options: Any) -> Trajectory | MissionTrajectory | LoopRun:
+        """The nominal run; of a file with [control] that of its loop. `options`: those of
+        `jaxspace.simulate`, or of the loop, which take the place of what the file says."""
+        if self.loop is not None:
+            options = {"accuracy": self.accuracy, **options}
+            return flown(self.parsed, self.loop, self.y0, self.ts, **options)
         return simulate(self.system, self.y0, self.ts, **{"accuracy": self.accuracy, **options})
 
     def build(self, samples: Mapping[str, Array]) -> tuple[Mission, State]:
@@ -223,7 +236,7 @@ class SceneFile:
         )
 
     def nominal_outputs(
-        self, nominal: Trajectory | MissionTrajectory, every: bool = False
+        self, nominal: Trajectory | MissionTrajectory | LoopRun, every: bool = False
     ) -> dict[str, tuple[float, str]]:
         """The outputs of the nominal run, with their units.
 

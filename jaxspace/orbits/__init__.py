@@ -152,6 +152,8 @@ from ._two_masses import from_relative as from_relative
 from ._two_masses import reduced_mass as reduced_mass
 from ._two_masses import sphere_of_influence as sphere_of_influence
 from ._two_masses import to_relative as to_relative
+from ._uniform_gravity import UniformGravity as UniformGravity
+from ._uniform_gravity import touchdown as touchdown
 from ._zonals import Zonals as Zonals
 from ._zonals import zonal_potential as zonal_potential
 from ._zonals import zonals as zonals

@@ -29,6 +29,7 @@ WITHOUT_BOUND = (
     Status.CONDITION_NOT_FINITE,
     Status.OUTSIDE_MODEL,
     Status.SAMPLES_TOO_FEW,
+    Status.COMMAND_NOT_FINITE,
 )
 
 

@@ -7,6 +7,7 @@ block of the state. A solver declares its `traits`, by which the runner knows wh
 from ._adaptive_regularised import AdaptiveRegularised as AdaptiveRegularised
 from ._error_tracking import ErrorTrackingSolver as ErrorTrackingSolver
 from ._exponential import ExponentialRosenbrock as ExponentialRosenbrock
+from ._fixed_steps import FixedSteps as FixedSteps
 from ._munthe_kaas import MuntheKaas as MuntheKaas
 from ._protocol import AbstractDeclaredSolver as AbstractDeclaredSolver
 from ._protocol import AbstractFixedStep as AbstractFixedStep

@@ -144,7 +144,8 @@ def method_name(method: Method) -> str:
     """How tables name a method; the number of its steps is part of a fixed-step one."""
     if isinstance(method, str):
         return method
-    name = type(method).__name__
+    # A wrapper that only counts steps is named after the method that takes them.
+    name = getattr(method, "name", type(method).__name__)
     traits = solver_traits(method)
     return f"{name}({traits.steps} steps)" if traits.fixed_step else name
 

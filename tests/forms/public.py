@@ -164,6 +164,7 @@ LEFT_OUT: dict[str, tuple[str, ...]] = {
         *("rockets.Motor*", "rockets.PitchPolynomial*", "rockets.PitchTable*"),
         *("rockets.Separation", "rockets.SteeredThrust*", "rockets.TangentSteering*"),
         *("rockets.UserSteering*", "rockets.read_motor"),
+        *("attitude.wheel_torques", "orbits.UniformGravity*", "orbits.touchdown"),
         *("rockets.variable_mass_acceleration", "optimization.propellant_use"),
         *("optimization.PropellantUse*", "optimization.equal_stages_payload"),
         *("optimization.MaximumVelocitySteering*", "optimization.maximum_velocity_steering"),

@@ -1,0 +1,33 @@
+"""Closed loops: controllers that act at samples, sensors, actuators, single steps, environments."""
+
+from ._actuators import CommandedAcceleration as CommandedAcceleration
+from ._actuators import CommandedEngine as CommandedEngine
+from ._actuators import CommandedMotor as CommandedMotor
+from ._actuators import CommandedTorque as CommandedTorque
+from ._attitude_laws import MomentumDumping as MomentumDumping
+from ._attitude_laws import NutationControl as NutationControl
+from ._attitude_laws import QuaternionFeedback as QuaternionFeedback
+from ._attitude_laws import SpinRateControl as SpinRateControl
+from ._attitude_laws import error_vector as error_vector
+from ._closed_loop import ClosedLoop as ClosedLoop
+from ._commands import with_command as with_command
+from ._controller import AbstractController as AbstractController
+from ._controller import Feedback as Feedback
+from ._environment import AbstractEnvironment as AbstractEnvironment
+from ._environment import Box as Box
+from ._environment import Episode as Episode
+from ._fly import LoopRun as LoopRun
+from ._point_laws import PID as PID
+from ._point_laws import LeastEffortGuidance as LeastEffortGuidance
+from ._point_laws import LinearController as LinearController
+from ._point_laws import Together as Together
+from ._point_tasks import LandingTask as LandingTask
+from ._point_tasks import PushedRelativeMotion as PushedRelativeMotion
+from ._point_tasks import RendezvousTask as RendezvousTask
+from ._sensors import AbstractSensor as AbstractSensor
+from ._sensors import Sensor as Sensor
+from ._sensors import StarTracker as StarTracker
+from ._slew_task import SlewTask as SlewTask
+from ._step import StepPlan as StepPlan
+from ._step import plan_step as plan_step
+from ._step import step as step

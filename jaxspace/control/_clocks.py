@@ -1,0 +1,127 @@
+"""The times at which something happens in a loop, known before it runs.
+
+Clocks tick at their own rates: that of the controller, that at which delayed commands arrive,
+those of the sensors. States are saved, and the vector field breaks, at other times. All of them are
+nodes; each integration goes from one node to the next, so that it lands on every one of them. What
+coincides to rounding is one node.
+"""
+
+from typing import NamedTuple, final
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ..core import InputError, is_concrete
+
+
+class Clock(NamedTuple):
+    """Ticks at `offset`, and then every `period`, s."""
+
+    period: float
+    offset: float = 0.0
+
+
+@final
+class Nodes(NamedTuple):
+    """The nodes of a loop.
+
+    - `times`: from the start of the loop, s, (nodes,), or (nodes, *runs) where breaks differ.
+    - `ticks`: which of the clocks tick at each node but the last, (nodes - 1, clocks, *#runs).
+    - `saved`: the numbers of the nodes at which states are saved, (saves, *#runs).
+    - `always`: for each clock whether it ticks at every node."""
+
+    times: Float[Array, "nodes *#runs"] | np.ndarray
+    ticks: Array | np.ndarray
+    saved: Array | np.ndarray
+    always: tuple[bool, ...]
+
+
+def known_times(ts: object) -> np.ndarray:
+    """Save times as known numbers, ascending. Raises `InputError` for anything else."""
+    if not all(map(is_concrete, ts if isinstance(ts, list | tuple) else [ts])):
+        raise InputError(
+            "ts is traced: it must be known, because it says how many samples there are; give "
+            "numpy.linspace(...) in place of jax.numpy's."
+        )
+    times = np.asarray(ts, float)
+    if times.ndim != 1 or times.size < 2 or not np.all(np.isfinite(times)):
+        raise InputError(f"ts has the shape {times.shape}: it must hold two finite times or more.")
+    if np.any(np.diff(times) <= 0.0):
+        raise InputError("ts is not ascending: a loop runs forwards, from its first time on.")
+    return times
+
+
+def nodes_of(ts: np.ndarray, clocks: tuple[Clock, ...], breaks: Array | None) -> Nodes:
+    """The nodes of a loop.
+
+    **Arguments**
+
+    - `ts`: save times, s; the first is the start, from which the clocks count.
+    - `clocks`: what ticks.
+    - `breaks`: times from the start, s, (times, *#runs), traced or not; `None` where there are
+      none."""
+    span = float(ts[-1] - ts[0])
+    shortest = min(clock.period for clock in clocks)
+    # A millionth of a period: far above the rounding of either, far below what anyone means.
+    slack = 1e-6 * shortest
+    saves = ts - ts[0]
+    every = [saves]
+    for clock in clocks:
+        count = int(np.ceil((span - slack - clock.offset) / clock.period))
+        every.append(clock.offset + clock.period * np.arange(max(count, 0)))
+    known = breaks is not None and is_concrete(breaks) and jnp.ndim(breaks) == 1
+    if known:
+        inner = np.asarray(breaks, float)
+        every.append(inner[(inner > slack) & (inner < span - slack)])
+    candidates = np.concatenate(every)
+    order = np.argsort(candidates, kind="stable")
+    ordered = candidates[order]
+    number = np.concatenate([[0], np.cumsum(np.diff(ordered) > slack)])
+    # Of times that coincide, the first given: save times and clocks before breaks.
+    times = candidates[np.minimum.reduceat(order, np.flatnonzero(np.diff(number, prepend=-1)))]
+    index = np.empty_like(number)
+    index[order] = number
+    ends = np.cumsum([len(x) for x in every])
+    ticks = np.zeros((times.size, len(clocks)), bool)
+    for k in range(len(clocks)):
+        ticks[index[ends[k] : ends[k + 1]], k] = True
+    always = tuple(bool(x) for x in ticks[:-1].all(axis=0))
+    saved = index[: ends[0]]
+    if breaks is None or known:
+        return Nodes(times, ticks[:-1], saved, always)
+    return _with_breaks(times, ticks, saved, breaks)
+
+
+def _with_breaks(times: np.ndarray, ticks: np.ndarray, saved: np.ndarray, breaks: Array) -> Nodes:
+    """The nodes with breaks that are traced, or of each run: those outside of the loop end up at
+    its ends, with nothing between them and the node there."""
+    runs = breaks.shape[1:]
+    inner = jnp.clip(breaks, times[0], times[-1])
+    # The breaks behind the start and before the end, so that the first node and the last one stay.
+    own = jnp.broadcast_to(
+        jnp.asarray(times, breaks.dtype).reshape(-1, *(1,) * len(runs)), (times.size, *runs)
+    )
+    merged = jnp.concatenate([own, inner])
+    # The start stays in front of a break that coincides with it, and the end behind one.
+    rank = jnp.concatenate([own.at[0].set(-jnp.inf).at[-1].set(jnp.inf), inner])
+    order = jnp.argsort(rank, axis=0, stable=True)
+    merged = jnp.take_along_axis(merged, order, axis=0)
+    flags = np.concatenate([ticks, np.zeros((breaks.shape[0], ticks.shape[1]), bool)])
+    moved = jnp.moveaxis(jnp.asarray(flags)[order], -1, 1)[:-1]
+    place = jnp.argsort(order, axis=0)
+    return Nodes(merged, moved, place[saved], (False,) * ticks.shape[1])
+
+
+def at_nodes(tree: object, saved: Array | np.ndarray) -> object:
+    """Of arrays with the nodes first, the rows at the nodes that are saved, of each run its own."""
+
+    def leaf(x: Array) -> Array:
+        if saved.ndim == 1:
+            return x[saved]
+        rank = x.ndim - saved.ndim
+        rows = saved.reshape(saved.shape[0], *(1,) * rank, *saved.shape[1:])
+        return jnp.take_along_axis(x, rows, axis=0)
+
+    return jax.tree.map(leaf, tree)

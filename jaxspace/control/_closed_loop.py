@@ -1,0 +1,136 @@
+"""A system, a controller that acts at samples, and the sensors between them.
+
+    u(t) = K(z_k)                                    t_k <= t < t_k + T         zero-order hold
+    u(t) = u_k + (u_k - u_{k-1}) (t - t_k) / T                                  first-order hold
+
+    symbol     meaning                                            unit
+    t_k, T     samples, period                                    s
+    z_k, u_k   what is measured, the command, at the sample k     any
+    K          controller, with a memory of its own
+
+Source: Franklin, Powell and Workman, Digital Control of Dynamic Systems, 4.3, 6.3 (holds), 10
+(quantisation).
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, final
+
+import equinox as eqx
+from jaxtyping import Array, ArrayLike, Float, PRNGKeyArray, PyTree
+
+from ..core import AbstractSystem, InputError, Scalar, State, as_optional_float, check_positive
+from ..integration._accuracy import Accuracy
+from ..integration._events import Event
+from ._commands import Actuate, with_command
+from ._controller import AbstractController, as_controller
+from ._fly import LoopRun, fly
+from ._sensors import AbstractSensor, check_period
+
+HOLDS = ("zero", "first")
+
+
+def _as_sensors(x: Any) -> Any:
+    if x is None or not isinstance(x, Mapping):
+        return x
+    return dict(x)
+
+
+@final
+class ClosedLoop(eqx.Module):
+    """A system under a controller that acts at samples: `ClosedLoop(scene, law, period=0.1)`.
+
+    - `system`: a scene or any system with parts that take a command, such as `CommandedTorque`.
+    - `controller`: an `AbstractController`, or a function `(measured) -> command` or
+      `(t, measured) -> command`, such as an `equinox` network.
+    - `sensors`: by name; the controller is given their readings by name. Without any it is given
+      the state.
+    - `period`: between two samples, s; the first one is at the start of the run.
+    - `hold`: "zero" keeps a command until the next one, "first" goes on along the line through the
+      last two.
+    - `delay`, s: until a command reaches the actuators; before the first, the command is zero.
+    - `limit`, `quantum`: largest command, and step between commands, of each component or of all.
+    - `actuate`: a function (system, command) -> system, in place of the fields `command`.
+
+    Raises `InputError` for a period or a delay that is no such time, and for another hold."""
+
+    system: AbstractSystem
+    controller: AbstractController = eqx.field(converter=as_controller)
+    sensors: dict[str, AbstractSensor] | None = eqx.field(converter=_as_sensors, default=None)
+    period: float = eqx.field(static=True, converter=float, kw_only=True)
+    hold: str = eqx.field(static=True, default="zero", kw_only=True)
+    delay: float = eqx.field(static=True, converter=float, default=0.0, kw_only=True)
+    limit: Float[Array, "..."] | None = eqx.field(
+        converter=as_optional_float, default=None, kw_only=True
+    )
+    quantum: Float[Array, "..."] | None = eqx.field(
+        converter=as_optional_float, default=None, kw_only=True
+    )
+    actuate: Actuate = eqx.field(static=True, default=with_command, kw_only=True)
+
+    def __check_init__(self):
+        check_period("ClosedLoop.period", self.period)
+        if not 0.0 <= self.delay < float("inf"):
+            raise InputError(
+                f"ClosedLoop.delay is {self.delay}: it must be zero or positive, and finite, in s."
+            )
+        if self.hold not in HOLDS:
+            raise InputError(f'ClosedLoop.hold is "{self.hold}": it must be "zero" or "first".')
+        check_positive("ClosedLoop.limit", self.limit)
+        check_positive("ClosedLoop.quantum", self.quantum)
+
+    def simulate(
+        self,
+        y0: State,
+        ts: ArrayLike | Sequence[float],
+        *,
+        key: PRNGKeyArray | None = None,
+        accuracy: Accuracy | Scalar | None = None,
+        steps: int = 1,
+        events: Event | Sequence[Event] = (),
+        start: Scalar | None = None,
+        memory: PyTree = None,
+        throw: bool = True,
+    ) -> LoopRun:
+        """Fly the loop from the state `y0`.
+
+        **Arguments**
+
+        - `y0`: the initial state. `ts`: save times, s, known and ascending; the first is that of
+          `y0`, and of the first sample.
+        - `key`: of the noise.
+        - `accuracy`: the relative tolerance of what lies between two samples, or an `Accuracy`;
+          1e-9 by default. Its method takes fixed steps.
+        - `steps`: how many of them between two samples. Outside of `jit` a run that misses the
+          tolerance is repeated with more.
+        - `events`: the run stops at the first zero of one of these; one with `within` has to
+          happen.
+        - `start`: the time of `y0`, in place of the first of `ts`; it may be traced, so that a loop
+          can go on where an event has ended another one.
+        - `memory`: of the controller, as an earlier run has left it.
+        - `throw`: whether to raise `SimulationError` for a failed run.
+
+        **Returns** a `LoopRun`, differentiable forwards and backwards with respect to every number
+        in the loop and `y0`. **Raises** `InputError`, before anything is compiled, for what cannot
+        be flown."""
+        return fly(self, y0, ts, key, accuracy, steps, events, start, memory, throw, 0)
+
+    def simulate_batch(
+        self,
+        y0s: State,
+        ts: ArrayLike | Sequence[float],
+        *,
+        key: PRNGKeyArray | None = None,
+        accuracy: Accuracy | Scalar | None = None,
+        steps: int = 1,
+        events: Event | Sequence[Event] = (),
+        start: Scalar | None = None,
+        memory: PyTree = None,
+        throw: bool = False,
+    ) -> LoopRun:
+        """Many runs at once: runs on the last axis of the states, and of whatever parameter of the
+        system, the controller or a sensor declares them.
+
+        Arguments, results and errors as of `simulate`; `start` is a number, or (runs,). Each run
+        draws its noise from a key of its own: `jax.random.split(key, runs)[j]` gives that of run j
+        alone."""
+        return fly(self, y0s, ts, key, accuracy, steps, events, start, memory, throw, 1)

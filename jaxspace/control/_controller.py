@@ -1,0 +1,108 @@
+"""What decides: a controller with a memory, or any function of what is measured."""
+
+import inspect
+from abc import abstractmethod
+from collections.abc import Callable, Mapping
+from typing import Any, ClassVar, final
+
+import jax
+from jaxtyping import PyTree
+
+from ..core import AbstractParameters, InputError, Scalar
+
+
+class AbstractController(AbstractParameters):
+    """A controller that acts at samples. A concrete controller is final.
+
+    `broadcasts`: whether its formulas take runs on the last axis, as those of this library do; a
+    controller that is written for one run is mapped over them."""
+
+    broadcasts: ClassVar[bool] = True
+
+    def start(self, measured: PyTree) -> PyTree:
+        """The memory before the first sample, of floating-point arrays; `None` if it has none.
+
+        `measured` has the shapes of what is measured."""
+        del measured
+        return None
+
+    @abstractmethod
+    def act(self, t: Scalar, memory: PyTree, measured: PyTree) -> tuple[PyTree, PyTree]:
+        """The command and the memory after a sample.
+
+        **Arguments**
+
+        - `t`: s; `memory`: before it.
+        - `measured`: the state, or the readings of the sensors by name."""
+
+    def settle(self, memory: PyTree, asked: PyTree, applied: PyTree) -> PyTree:
+        """The memory, once the command that was `asked` for has been `applied` within its limits:
+        where an integral must not wind up."""
+        del asked, applied
+        return memory
+
+
+@final
+class Feedback(AbstractController):
+    """A function without memory, `(measured) -> command` or `(t, measured) -> command`: a formula,
+    an `equinox` network, or `jax.tree_util.Partial` of one and its weights. For one run."""
+
+    function: Callable[..., PyTree]
+    broadcasts: ClassVar[bool] = False
+
+    def act(self, t: Scalar, memory: PyTree, measured: PyTree) -> tuple[PyTree, PyTree]:
+        arguments = (measured,) if _arguments(self.function) == 1 else (t, measured)
+        return self.function(*arguments), memory
+
+
+def _arguments(function: Callable[..., Any]) -> int:
+    """How many arguments without a default a function takes."""
+    kinds = (inspect.Parameter.POSITIONAL_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD)
+    given = inspect.signature(function).parameters.values()
+    return len([p for p in given if p.kind in kinds and p.default is p.empty])
+
+
+def as_controller(x: Any) -> Any:
+    """A controller from itself or from a function. Raises `InputError` for anything else."""
+    if isinstance(x, AbstractController) or not callable(x):
+        # What is not callable is a placeholder of a tree transformation, or told at the run.
+        return x
+    if _arguments(x) not in (1, 2):
+        raise InputError(
+            f"ClosedLoop.controller takes {_arguments(x)} arguments: it must take what is measured,"
+            f" or the time and that."
+        )
+    return Feedback(x)
+
+
+def act_on(
+    controller: AbstractController, t: Scalar, memory: PyTree, measured: PyTree, run_axes: int
+) -> tuple[PyTree, PyTree]:
+    """`controller.act`, mapped over the runs where it is written for one."""
+    if run_axes == 0 or controller.broadcasts:
+        return controller.act(t, memory, measured)
+    timed = -1 if getattr(t, "ndim", 0) else None
+    return jax.vmap(controller.act, (timed, -1, -1), -1)(t, memory, measured)
+
+
+def started(controller: AbstractController, measured: PyTree, run_axes: int) -> PyTree:
+    """`controller.start`, mapped over the runs where it is written for one."""
+    if run_axes == 0 or controller.broadcasts:
+        return controller.start(measured)
+    return jax.vmap(controller.start, -1, -1)(measured)
+
+
+def measurement(measured: Any, name: str) -> Any:
+    """What is measured under a name: the reading of that sensor, or that part of the state.
+
+    Raises `InputError` where no sensor has the name."""
+    if isinstance(measured, Mapping):
+        if name not in measured:
+            raise InputError(
+                f"The controller needs {name!r}, and the sensors are {', '.join(measured)}: give "
+                f"a sensor of this name."
+            )
+        return measured[name]
+    # A whole state: its own parts, and what effects integrate beside them.
+    found = getattr(measured, name, None)
+    return measured.part(name) if found is None else found

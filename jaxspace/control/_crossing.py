@@ -1,0 +1,145 @@
+"""The event that ends a loop, found within the piece between two nodes.
+
+The crossing is bracketed by the ends of the piece and found by the method of Illinois, outside of
+every derivative: a false position that halves the weight of the end that stays. One more correction
+of time and state carries the exact first derivative (`newton_correct`).
+"""
+
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from ..core import AbstractSystem, State
+from ..integration._events import Event, newton_correct
+from ._advance import advance, select
+
+if TYPE_CHECKING:
+    from ._samples import Setting
+
+ITERATIONS = 60
+"""Of the false position; a smooth condition takes some six of them."""
+
+
+class Stop(NamedTuple):
+    """How an event has ended the runs: its number (-1: not yet) and time, s, the last values of the
+    conditions, (events, *runs), and whether one was not finite."""
+
+    number: Array
+    t: Array
+    values: Array
+    bad: Array
+
+
+def values_of(events: tuple[Event, ...], t: Array, y: State, runs: Array) -> Array:
+    """The conditions, (events, *runs)."""
+    dtype = jnp.result_type(*jax.tree.leaves(y))
+    found = [jnp.broadcast_to(event.condition(t, y), runs.shape) for event in events]
+    return jnp.stack(found).astype(dtype) if found else jnp.zeros((0, *runs.shape), dtype)
+
+
+def not_stopped(events: tuple[Event, ...], t: Array, y: State, runs: Array) -> Stop:
+    """Before the first piece."""
+    values = values_of(events, t, y, runs)
+    none = jnp.full(runs.shape, -1, jnp.int32)
+    return Stop(none, jnp.zeros(runs.shape, values.dtype) + t, values, jnp.zeros(runs.shape, bool))
+
+
+def crossed(
+    setting: "Setting",
+    held: AbstractSystem,
+    stop: Stop,
+    still: Array,
+    t: Array,
+    span: Array,
+    y0: State,
+    y1: State,
+) -> tuple[State, Stop]:
+    """The state at the end of a piece or at the event within it, and how the runs have ended.
+
+    **Arguments**
+
+    - `still`: the runs that have ended before.
+    - `t`, `span`: start and length of the piece, s; `y0`, `y1`: the states at its ends."""
+    events = setting.events
+    values = values_of(events, t + span, y1, still)
+    hits = jnp.stack(
+        [_hit(event, stop.values[k], values[k]) & ~still for k, event in enumerate(events)]
+    )
+    bad = stop.bad | (~still & ~jnp.all(jnp.isfinite(values), axis=0))
+    any_hit = jnp.any(hits, axis=0)
+
+    def found(_: Any) -> tuple[State, Array, Array]:
+        parts = []
+        for k, event in enumerate(events):
+            parts.append(
+                jnp.where(
+                    hits[k],
+                    _share(setting, held, event, t, span, y0, hits[k], stop.values[k], values[k]),
+                    2.0,
+                )
+            )
+        shares = jnp.stack(parts)
+        which = jnp.where(any_hit, jnp.argmin(shares, axis=0), -1).astype(jnp.int32)
+        share = jnp.where(any_hit, jnp.min(shares, axis=0), 1.0)
+        dt = jax.lax.stop_gradient(share) * span
+        y, _ = advance(held, y0, t, dt, setting.method)
+        te, ye = newton_correct(held, events, which, t + dt, y)
+        return select(any_hit, ye, y1), jnp.where(any_hit, te, stop.t), which
+
+    def passed(_: Any) -> tuple[State, Array, Array]:
+        return y1, jnp.where(still, stop.t, t + span), jnp.full(still.shape, -1, jnp.int32)
+
+    y, te, which = jax.lax.cond(jnp.any(hits), found, passed, None)
+    te = jnp.where(still | any_hit, te, t + span)
+    number = jnp.where(any_hit, which, stop.number)
+    return y, Stop(number, te, jnp.where(still, stop.values, values), bad)
+
+
+def _hit(event: Event, before: Array, after: Array) -> Array:
+    """Whether a condition passes through zero; a zero at the start is that of the run before."""
+    rise = (before < 0.0) & (after >= 0.0)
+    fall = (before > 0.0) & (after <= 0.0)
+    return {1: rise, -1: fall, 0: rise | fall}[event.direction]
+
+
+def _share(
+    setting: "Setting",
+    held: AbstractSystem,
+    event: Event,
+    t: Array,
+    span: Array,
+    y0: State,
+    hit: Array,
+    before: Array,
+    after: Array,
+) -> Array:
+    """After which share of the piece the condition is zero, for the runs that `hit`."""
+    held, t, span, y0, before, after = jax.lax.stop_gradient((held, t, span, y0, before, after))
+    rounding = 4.0 * jnp.finfo(before.dtype).eps
+
+    def value(x: Array) -> Array:
+        y, _ = advance(held, y0, t, x * span, setting.method)
+        return jnp.broadcast_to(event.condition(t + x * span, y), x.shape)
+
+    def unfinished(c: tuple) -> Array:
+        _, _, _, gb, moved, k = c
+        return jnp.any(hit & (moved > rounding) & (gb != 0.0)) & (k < ITERATIONS)
+
+    def improve(c: tuple) -> tuple:
+        a, ga, b, gb, _, k = c
+        slope = gb - ga
+        x = b - gb * (b - a) / jnp.where(slope == 0.0, 1.0, slope)
+        # By halves now and then: a false position may creep towards an end.
+        x = jnp.where((slope == 0.0) | (k % 8 == 7), 0.5 * (a + b), x)
+        # A run that is done stays, while others go on.
+        x = jnp.where(gb == 0.0, b, x)
+        g = value(x)
+        across = jnp.sign(g) != jnp.sign(gb)
+        a, ga = jnp.where(across, b, a), jnp.where(across, gb, 0.5 * ga)
+        return a, ga, x, g, jnp.abs(x - b), k + 1
+
+    zero, one = jnp.zeros_like(before), jnp.ones_like(before)
+    found = jax.lax.while_loop(unfinished, improve, (zero, before, one, after, one, 0))
+    return jax.lax.stop_gradient(found[2])

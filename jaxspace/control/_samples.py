@@ -1,0 +1,277 @@
+"""The loop over samples as one scan: read, decide, command, integrate to the next node.
+
+Every pass is the same program, whatever the length of the run, and is computed again for reverse
+mode: the scan keeps the states between the passes and nothing of what lies inside of one.
+"""
+
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, PyTree
+
+from ..core import AbstractSystem, Scalar, State, barrier
+from ..integration._events import Event
+from ..integration._status import Status
+from ..solvers import FixedSteps, Tolerance
+from ._advance import advance, select
+from ._clocks import Nodes
+from ._commands import Actuate, Held, clipped, rounded
+from ._controller import AbstractController, act_on, started
+from ._crossing import Stop, crossed, not_stopped
+from ._sensors import AbstractSensor, Keys, drawing
+
+CONTROL, ARRIVAL = 0, 1
+"""The numbers of the first two clocks; those of the sensors follow."""
+
+
+class Setting(eqx.Module):
+    """What a loop is, for one program; arrays and what is static side by side.
+
+    - `elapsed`: the time between the readings of each sensor, s.
+    - `waiting`: how many commands are on their way when another one is given."""
+
+    system: AbstractSystem
+    controller: AbstractController
+    sensors: dict[str, AbstractSensor] | None
+    limit: PyTree
+    quantum: PyTree
+    events: tuple[Event, ...]
+    tolerance: Tolerance
+    method: FixedSteps = eqx.field(static=True)
+    actuate: Actuate = eqx.field(static=True)
+    period: float = eqx.field(static=True)
+    elapsed: tuple[float, ...] = eqx.field(static=True)
+    line: bool = eqx.field(static=True)
+    waiting: int = eqx.field(static=True)
+    run_axes: int = eqx.field(static=True)
+
+
+class Passing(NamedTuple):
+    """What one pass hands to the next.
+
+    - `drifts`, `readings`: of the sensors by name; `counts`, how often each has read.
+    - `queue`: commands on their way; `command`, the one in force, `slope` its rate, or `None`;
+      `fresh`, whether none has arrived yet.
+    - `worst`: the largest local error in units of the tolerance; `bad`, whether a command was not
+      finite; `stop`, whether and how an event has ended the run."""
+
+    y: State
+    memory: PyTree
+    drifts: dict[str, PyTree]
+    readings: dict[str, PyTree]
+    counts: dict[str, Array]
+    queue: tuple[PyTree, ...]
+    command: PyTree
+    slope: PyTree
+    fresh: Array
+    worst: Array
+    bad: Array
+    stop: Stop
+
+
+class Left(NamedTuple):
+    """What a loop leaves, with the nodes first in `states`, `commands` and `readings`."""
+
+    states: State
+    commands: PyTree
+    readings: dict[str, PyTree]
+    memory: PyTree
+    final: State
+    status: Array
+    worst: Array
+    stop: Stop
+
+
+def run_samples(
+    setting: Setting,
+    y0: State,
+    memory: PyTree,
+    start: Scalar,
+    nodes: Nodes,
+    keys: Keys | None,
+) -> Left:
+    """Fly a loop from the state `y0` at the time `start`, s.
+
+    **Arguments**
+
+    - `memory`: that of the controller; `None` starts it.
+    - `nodes`: from `nodes_of`, counted from the start.
+    - `keys`: of the noise: one key, or one of each run."""
+    dtype = jnp.result_type(*jax.tree.leaves(y0))
+    times = jnp.asarray(nodes.times, dtype)
+    ticks = jnp.asarray(nodes.ticks)
+    start = jnp.asarray(start, dtype)
+    spans = times[1:] - times[:-1]
+    first = _first(setting, y0, memory, start, keys)
+
+    def one(passing: Passing, at: tuple[Array, Array, Array]) -> tuple[Passing, tuple]:
+        since, span, ticks = at
+        return _pass(setting, passing, start + since, span, ticks, nodes.always, keys)
+
+    xs = (times[:-1], spans, ticks)
+    last, rows = jax.lax.scan(jax.checkpoint(one), first, xs)
+    states = jax.tree.map(lambda a, b: jnp.concatenate([a[None], b]), first.y, rows[0])
+    alive = setting.tolerance.alive(last.y)
+    status = jnp.where(last.stop.number >= 0, Status.EVENT, Status.COMPLETED)
+    expected = any(event.within is not None for event in setting.events)
+    if expected:
+        status = jnp.where(last.stop.number >= 0, status, Status.EVENT_MISSED)
+    status = jnp.where(last.stop.bad, Status.CONDITION_NOT_FINITE, status)
+    status = jnp.where(last.worst > 1.0, Status.TOLERANCE_MISSED, status)
+    status = jnp.where(alive, status, Status.NOT_FINITE)
+    # First what explains the others: a command that is no number spoils the state behind it.
+    status = jnp.where(last.bad, Status.COMMAND_NOT_FINITE, status).astype(jnp.int32)
+    return Left(states, rows[1], rows[2], last.memory, last.y, status, last.worst, last.stop)
+
+
+def _first(setting: Setting, y0: State, memory: PyTree, t: Array, keys: Keys | None) -> Passing:
+    """Before the first pass: no reading, and a command of zeros."""
+    runs = setting.tolerance.alive(y0)
+    sensors = setting.sensors or {}
+    drifts = {name: s.drift(t, y0) for name, s in sensors.items()}
+    counts = {name: jnp.zeros((), jnp.int32) for name in sensors}
+    numbers = {name: k for k, name in enumerate(sensors)}
+
+    def read(y: State) -> dict[str, PyTree]:
+        return {n: _read(setting, n, numbers[n], t, y, drifts, counts, keys)[0] for n in sensors}
+
+    shapes = jax.eval_shape(read, y0)
+    readings = jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), shapes)
+    seen = readings if setting.sensors else y0
+    if memory is None:
+        memory = started(setting.controller, seen, setting.run_axes)
+
+    def decide(memory: PyTree, seen: PyTree) -> PyTree:
+        return act_on(setting.controller, t, memory, seen, setting.run_axes)
+
+    asked, _ = jax.eval_shape(decide, memory, seen)
+    dtype = jnp.result_type(*jax.tree.leaves(y0))
+    idle = jax.tree.map(lambda u: jnp.zeros(u.shape, dtype), asked)
+    slope = idle if setting.line else None
+    queue = (idle,) * setting.waiting
+    worst = jnp.zeros(runs.shape, dtype)
+    stop = not_stopped(setting.events, t, y0, runs)
+    never = jnp.zeros(runs.shape, bool)
+    return Passing(
+        y=y0,
+        memory=memory,
+        drifts=drifts,
+        readings=readings,
+        counts=counts,
+        queue=queue,
+        command=idle,
+        slope=slope,
+        fresh=jnp.array(True),
+        worst=worst,
+        bad=never,
+        stop=stop,
+    )
+
+
+def _read(
+    setting: Setting,
+    name: str,
+    number: int,
+    t: Array,
+    y: State,
+    drifts: dict[str, PyTree],
+    counts: dict[str, Array],
+    keys: Keys | None,
+) -> tuple[PyTree, PyTree]:
+    assert setting.sensors is not None
+    draw = drawing(keys, number, counts[name], setting.run_axes, name)
+    elapsed = setting.elapsed[number]
+    return setting.sensors[name].read(t, y, drifts[name], elapsed, draw)
+
+
+def _pass(
+    setting: Setting,
+    p: Passing,
+    t: Array,
+    span: Array,
+    ticks: Array,
+    always: tuple[bool, ...],
+    keys: Keys | None,
+) -> tuple[Passing, tuple]:
+    """One pass: what happens at the node at `t`, and the motion of `span`, s, behind it."""
+    p = _sensed(setting, p, t, ticks, always, keys)
+    p = _decided(setting, p, t, ticks[CONTROL], always[CONTROL])
+    p = _arrived(setting, p, ticks[ARRIVAL], always[ARRIVAL])
+    # Held together, or the compiler puts the whole controller into every stage of the steps.
+    p = barrier(p)
+    held = Held(setting.system, setting.actuate, p.command, p.slope, t, setting.limit)
+    y1, error = barrier(advance(held, p.y, t, span, setting.method))
+    local = setting.tolerance.error(p.y, y1, error)
+    still = (p.stop.number >= 0) | p.bad
+    stop = p.stop
+    if setting.events:
+        y1, stop = crossed(setting, held, p.stop, still, t, span, p.y, y1)
+    y1 = select(still, p.y, y1)
+    worst = jnp.where(still, p.worst, jnp.maximum(p.worst, local))
+    p = p._replace(y=y1, worst=worst, stop=stop)
+    return p, (y1, p.command, p.readings)
+
+
+def _sensed(
+    setting: Setting,
+    p: Passing,
+    t: Array,
+    ticks: Array,
+    always: tuple[bool, ...],
+    keys: Keys | None,
+) -> Passing:
+    readings, drifts, counts = dict(p.readings), dict(p.drifts), dict(p.counts)
+    for number, name in enumerate(setting.sensors or {}):
+        tick = ticks[2 + number]
+        new = _read(setting, name, number, t, p.y, p.drifts, p.counts, keys)
+        if not always[2 + number]:
+            new = select(tick, new, (p.readings[name], p.drifts[name]))
+        readings[name], drifts[name] = new
+        # Of runs with breaks of their own each reads at another node; they share one count, which
+        # only has to differ from one reading to the next.
+        counts[name] = p.counts[name] + jnp.any(tick).astype(jnp.int32)
+    return p._replace(readings=readings, drifts=drifts, counts=counts)
+
+
+def _decided(setting: Setting, p: Passing, t: Array, tick: Array, always: bool) -> Passing:
+    """After the controller has acted, where its clock ticks."""
+
+    def act(p: Passing) -> Passing:
+        seen = p.readings if setting.sensors else p.y
+        asked, memory = act_on(setting.controller, t, p.memory, seen, setting.run_axes)
+        asked = jax.tree.map(lambda u, old: u.astype(old.dtype), asked, p.command)
+        finite = setting.tolerance.alive(asked)
+        # A run whose command is no number stands still, and does not spoil the sums of a batch.
+        asked = select(finite, asked, jax.tree.map(jnp.zeros_like, asked))
+        # Before it is rounded: a quantum is no limit, and an integral has to work against it.
+        cut = clipped(asked, setting.limit)
+        memory = setting.controller.settle(memory, asked, cut)
+        applied = rounded(cut, setting.quantum)
+        running = (p.stop.number < 0) & ~p.bad
+        queue = (*p.queue[1:], applied)
+        return p._replace(memory=memory, queue=queue, bad=p.bad | (running & ~finite))
+
+    if always:
+        return act(p)
+    if tick.ndim == 0:
+        return jax.lax.cond(tick, act, lambda p: p, p)
+    return p._replace(
+        **{
+            name: select(tick, getattr(act(p), name), getattr(p, name))
+            for name in ("memory", "queue", "bad")
+        }
+    )
+
+
+def _arrived(setting: Setting, p: Passing, tick: Array, always: bool) -> Passing:
+    """After a command has arrived at the actuators, where it does."""
+    command, slope = p.queue[0], p.slope
+    if setting.line:
+        # The first one has none before it from which to draw a line.
+        share = jnp.where(p.fresh, 0.0, 1.0 / setting.period)
+        slope = jax.tree.map(lambda u, old: share.astype(u.dtype) * (u - old), command, p.command)
+    if not always:
+        command, slope = select(tick, (command, slope), (p.command, p.slope))
+    return p._replace(command=command, slope=slope, fresh=p.fresh & ~jnp.any(tick))

@@ -1,0 +1,188 @@
+"""What a controller gets to see: readings with noise, bias and drift, at a rate of their own.
+
+    z_k = round_q( x(t_k) + b + d_k + s e_k )        d_{k+1} = d_k + w sqrt(T) e'_k
+    q_k = q(t_k) exp(b + s e_k)                      an attitude
+
+    symbol   meaning                                              unit
+    x, z     what is read, the reading                            any
+    b, d     bias, drift: a random walk                           that of x
+    s, w     standard deviation of the noise; of the drift after  that of x,
+             one second                                           that over sqrt(s)
+    e, e'    normal numbers of mean 0 and deviation 1             1
+    q        step between readings; T: time between them          that of x; s
+
+Source: Hughes, Spacecraft Attitude Dynamics, 6; Markley and Crassidis, Fundamentals of Spacecraft
+Attitude Determination and Control, 4.7 (gyros), 4.2 (star trackers).
+"""
+
+from abc import abstractmethod
+from collections.abc import Callable
+from typing import Any, TypeAlias, final
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float, Key, PyTree
+
+from ..core import AbstractParameters, InputError, Scalar, State, Vector, quantity, with_rank
+from ..rotations import Quaternion
+from ._commands import clipped, rounded
+
+# One key, or one of each run.
+Keys: TypeAlias = Key[Array, "..."]
+Draw: TypeAlias = Callable[[int, Array], Array]
+
+
+def _as_period(x: Any) -> float | None:
+    return None if x is None else float(x)
+
+
+class AbstractSensor(AbstractParameters):
+    """A sensor. `period`, s: the time between its readings; that of the controller by default."""
+
+    period: eqx.AbstractVar[float | None]
+
+    @abstractmethod
+    def drift(self, t: Scalar, y: State) -> PyTree:
+        """The drift before the first reading; `None` for a sensor that has none."""
+
+    @abstractmethod
+    def read(
+        self,
+        t: Scalar,
+        y: State,
+        drift: PyTree,
+        elapsed: float,
+        draw: Draw,
+    ) -> tuple[PyTree, PyTree]:
+        """The reading, and the drift after it.
+
+        **Arguments**
+
+        - `t`: s; `y`: the state.
+        - `drift`: that before it.
+        - `elapsed`: time between readings, s.
+        - `draw`: normal numbers of the shape of an array; each number makes others."""
+
+
+@final
+class Sensor(AbstractSensor):
+    """Reads a part of the state, or any function (t, y) of it.
+
+    **Raises** `InputError` for a period that is not positive."""
+
+    reads: str | Callable[[Scalar, State], Array] = eqx.field(
+        metadata={"doc": "name of a part of the state, or a function (t, y)"}
+    )
+    noise: Float[Array, "..."] | None = quantity(
+        "", non_negative=True, optional=True, doc="standard deviation, in the unit of what is read"
+    )
+    bias: Float[Array, "..."] | None = quantity("", optional=True, doc="constant error")
+    walk: Float[Array, "..."] | None = quantity(
+        "", non_negative=True, optional=True, doc="deviation of the drift after one second"
+    )
+    quantum: Float[Array, "..."] | None = quantity(
+        "", positive=True, optional=True, doc="step between readings"
+    )
+    limit: Float[Array, "..."] | None = quantity(
+        "", positive=True, optional=True, doc="largest reading"
+    )
+    period: float | None = eqx.field(static=True, default=None, converter=_as_period)
+
+    def __check_init__(self):
+        check_period("Sensor.period", self.period)
+
+    def truth(self, t: Scalar, y: State) -> Array:
+        """What is read, without any error."""
+        if callable(self.reads):
+            return self.reads(t, y)
+        part = getattr(y, self.reads, None)
+        part = y.part(self.reads) if part is None else part
+        return part.wxyz if isinstance(part, Quaternion) else part
+
+    def drift(self, t: Scalar, y: State) -> PyTree:
+        return None if self.walk is None else jnp.zeros_like(self.truth(t, y))
+
+    def read(
+        self,
+        t: Scalar,
+        y: State,
+        drift: PyTree,
+        elapsed: float,
+        draw: Draw,
+    ) -> tuple[PyTree, PyTree]:
+        z = self.truth(t, y)
+        # Each as far as it is there: what is left out costs nothing, and draws nothing.
+        if self.bias is not None:
+            z = z + _meeting(self.bias, z)
+        if self.noise is not None:
+            z = z + _meeting(self.noise, z) * draw(0, z)
+        if self.walk is not None:
+            z = z + drift
+            drift = drift + _meeting(self.walk, z) * elapsed**0.5 * draw(1, z)
+        return rounded(clipped(z, self.limit), self.quantum), drift
+
+
+@final
+class StarTracker(AbstractSensor):
+    """Reads the attitude, turned by a small error about the axes of the body."""
+
+    noise: Float[Array, "..."] = quantity(
+        "rad", non_negative=True, default=0.0, doc="standard deviation about each axis"
+    )
+    bias: Float[Array, "3 *#runs"] | None = quantity(
+        "rad", optional=True, doc="constant turn of the sensor in the body"
+    )
+    period: float | None = eqx.field(static=True, default=None, converter=_as_period)
+
+    def __check_init__(self):
+        check_period("StarTracker.period", self.period)
+
+    def drift(self, t: Scalar, y: State) -> PyTree:
+        del t, y
+
+    def read(
+        self,
+        t: Scalar,
+        y: State,
+        drift: PyTree,
+        elapsed: float,
+        draw: Draw,
+    ) -> tuple[PyTree, PyTree]:
+        del t, elapsed
+        like: Vector = y.attitude.wxyz[1:]
+        turn = self.noise * draw(0, like)
+        if self.bias is not None:
+            turn = turn + with_rank(self.bias, like.ndim - 1)
+        return y.attitude.then(Quaternion.from_rotation_vector(turn)), drift
+
+
+def check_period(name: str, period: float | None) -> None:
+    """Raise `InputError` for a period that is not positive and finite."""
+    if period is not None and not 0.0 < period < float("inf"):
+        raise InputError(f"{name} is {period}: it must be positive and finite, in s.")
+
+
+def _meeting(error: Array, like: Array) -> Array:
+    """An error of each component, or one of all, with the rank of what is read."""
+    return with_rank(error, like.ndim - 1) if error.ndim else error
+
+
+def drawing(keys: Keys | None, number: int, count: Array, run_axes: int, name: str) -> Draw:
+    """What draws for the reading `count` of the sensor `number`; each run from its own key.
+
+    Raises `InputError`, when it is asked, where there is no key."""
+
+    def draw(purpose: int, like: Array) -> Array:
+        if keys is None:
+            raise InputError(f"The sensor {name} is noisy: give key=jax.random.key(...).")
+
+        def one(key: Keys) -> Array:
+            for fold in (2 * number + purpose, count):
+                key = jax.random.fold_in(key, fold)
+            components = like.shape[: like.ndim - run_axes]
+            return jax.random.normal(key, components, like.dtype)
+
+        return one(keys) if run_axes == 0 else jax.vmap(one, out_axes=-1)(keys)
+
+    return draw

@@ -1,0 +1,89 @@
+"""One step of an environment: a state, a command, a duration, the state after it; and how accurate
+that is, and what it costs, found beforehand."""
+
+from collections.abc import Sequence
+from typing import NamedTuple, final
+
+import diffrax
+import jax.numpy as jnp
+from jaxtyping import PyTree
+
+from ..core import AbstractSystem, Scalar, State, check_positive
+from ..solvers import DOP853, FixedSteps, Tsit5
+from ..studies import AccuracyCost, accuracy_cost
+from ._advance import advance
+from ._commands import Actuate, with_command
+
+ONE_STEP = FixedSteps(Tsit5(), 1)
+
+
+def step(
+    system: AbstractSystem,
+    y: State,
+    control: PyTree,
+    dt: Scalar,
+    *,
+    t: Scalar = 0.0,
+    method: FixedSteps = ONE_STEP,
+    actuate: Actuate = with_command,
+) -> State:
+    """The state `dt` after the state `y`, under a control that is held.
+
+    **Arguments**
+
+    - `system`: a scene or a system; `y`: one state, or many with the runs last.
+    - `control`: what `actuate` hands to the system; `None` leaves the system as it is.
+    - `dt`: s, and `t`, the time of `y`, s: scalars or (*runs,).
+    - `method`: how many steps of which solver; `plan_step` finds them.
+
+    **Returns** the state. A fixed formula without a branch or an error test: for `jit`, `vmap`,
+    `grad` and `scan` alike. A break of the system within the step is passed over."""
+    held = system if control is None else actuate(system, control)
+    return advance(held, y, t, dt, method)[0]
+
+
+@final
+class StepPlan(NamedTuple):
+    """The cheapest fixed steps for a period.
+
+    - `method`: for `step` and `ClosedLoop`; `error`, of one step, over the size of the state.
+    - `table`: everything that was measured."""
+
+    method: FixedSteps
+    error: float
+    table: AccuracyCost
+
+
+def plan_step(
+    system: AbstractSystem,
+    y: State,
+    control: PyTree,
+    dt: Scalar,
+    *,
+    error: float = 1e-6,
+    t: Scalar = 0.0,
+    solvers: Sequence[diffrax.AbstractSolver] = (Tsit5(), DOP853()),
+    counts: Sequence[int] = (1, 2, 4, 8),
+    actuate: Actuate = with_command,
+) -> StepPlan:
+    """The fixed steps that reach a relative `error` over one period in the least time, as measured
+    by `accuracy_cost` from a state that is as hard as any.
+
+    **Arguments**
+
+    - `system`, `y`, `control`, `dt`, `t`, `actuate`: as in `step`, of one run.
+    - `error`: allowed after the period, over the size of the state.
+    - `solvers`, `counts`: what is tried.
+
+    **Returns** a `StepPlan`. **Raises** `InputError` where nothing that was tried is as good."""
+    check_positive("error", error)
+    held = system if control is None else actuate(system, control)
+    methods = [FixedSteps(solver, count) for solver in solvers for count in counts]
+    ts = jnp.stack([jnp.asarray(t, float), jnp.asarray(t + dt, float)])
+    table = accuracy_cost(
+        held, y, ts, tolerances=(1e-12,), methods=methods, precisions=("float64",)
+    )
+    row = table.cheapest_row(error, "float64")
+    method = table.methods[row.method]
+    assert isinstance(method, FixedSteps)
+    return StepPlan(method, max(row.error, table.reference_error), table)
