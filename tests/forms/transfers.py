@@ -359,7 +359,7 @@ FORMS = (
     ),
     Form(
         relative_flow,
-        _names("clohessy_wiltshire_flow", "RelativeMotion.flow"),
+        _names("clohessy_wiltshire_flow"),
         [
             (1.0, 2.0, 0.5, 0.1, -0.3, 0.2, 1.0, 1.1),
             (1.0, 2.0, 0.5, 0.1, -2.2, 0.2, 1e-9, 1.1),
