@@ -50,10 +50,11 @@ def _computes(system) -> tuple[str, ...]:
     for part in parts:
         kind = type(part)
         room = kind.__module__.split(".")[1]
-        own = [method for method in methods if hasattr(part, method)]
+        # What a class takes from another one is named there.
+        own = [method for method in methods if method in vars(kind)]
         if "energy" not in getattr(part, "keeps", {"energy"}):
             # The potential of a force that does work is `None`.
-            own.remove("potential")
+            own = [method for method in own if method != "potential"]
         names += [f"{room}.{kind.__name__}.{method}" for method in own]
     return tuple(names)
 
