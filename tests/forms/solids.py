@@ -95,7 +95,7 @@ def along_the_path(x):
     return tuple(jnp.atleast_1d(f) for f in (*polar, *path))
 
 
-def about_an_axis(x):
+def axis_and_angle(x):
     """The matrix of a turn about an axis, and axis times angle of a rotation vector."""
     turn = Quaternion.from_axis_angle(x[:3], x[3])
     axis, angle = Quaternion.from_rotation_vector(x[4:7]).axis_angle()
@@ -201,7 +201,7 @@ FORMS = (
         ],
     ),
     Form(
-        about_an_axis,
+        axis_and_angle,
         ("rotations.Quaternion.from_axis_angle", "rotations.Quaternion.axis_angle"),
         [
             (*PLACE, 1.0, 0.1, 0.2, 0.3),

@@ -107,7 +107,7 @@ def burning_and_spinning(x):
     return *(f[None] for f in found), rocket.transverse_rate(t, x[6:8])
 
 
-def gyrocompass(x):
+def compass_at_rest(x):
     """Frequencies, errors and damping of a gyrocompass."""
     compass = g.Gyrocompass(*x[:6], speed=x[6], course=x[7])
     rest = compass.rest_tilt(), compass.rest_azimuth(), compass.heading_error()
@@ -280,7 +280,7 @@ FORMS = (
         ],
     ),
     Form(
-        gyrocompass,
+        compass_at_rest,
         _names(
             "gyros",
             "Gyrocompass.rest_tilt",
