@@ -283,7 +283,12 @@ SAMPLES = [
         600.0,
         sweep=True,
     ),
-    Sample("navigation_errors", ERRORS, ERRORS.errors(jnp.array([100.0, 20.0, 3.0])), 600.0),
+    Sample(
+        "navigation_errors",
+        ERRORS,
+        ERRORS.errors(*jnp.array([[100.0, 20.0, 3.0], [0.1, 0.2, 0.3], [1e-4, 2e-4, 3e-4]])),
+        600.0,
+    ),
     Sample(
         "trailer",
         Trailer(800.0, 1.0, 2.5, 0.6, 2e4, 20.0),

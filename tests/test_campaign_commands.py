@@ -135,7 +135,7 @@ def test_what_is_no_store_is_refused_in_a_sentence(tmp_path, capsys, command):
 
 
 def test_a_picture_that_fails_costs_no_number(tmp_path, capsys, monkeypatch):
-    def broken(_):
+    def broken(*_, **__):
         raise ValueError("no ink")
 
     monkeypatch.setattr("jaxspace.plots.dispersion_figure", broken)
@@ -143,7 +143,8 @@ def test_a_picture_that_fails_costs_no_number(tmp_path, capsys, monkeypatch):
     path.write_text(COAST)
     assert main(["disperse", str(path), "--out", str(tmp_path), "--runs", "40"]) == 0
     printed = capsys.readouterr()
-    assert "The figure could not be drawn: no ink" in printed.err and "store " in printed.out
+    assert "coast.png is left out: ValueError: no ink" in printed.err
+    assert "store " in printed.out
     assert open_store(tmp_path / "coast.zarr").runs == 40
 
 
