@@ -5,7 +5,7 @@ every derivative: a false position that halves the weight of the end that stays.
 of time and state carries the exact first derivative (`newton_correct`).
 """
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import jax
 import jax.numpy as jnp
@@ -15,8 +15,8 @@ from ..core import AbstractSystem, State
 from ..integration._events import Event, newton_correct
 from ._advance import advance, select
 
-if TYPE_CHECKING:
-    from ._samples import Setting
+# A `Setting`, whose module imports this one.
+Setting: TypeAlias = Any
 
 ITERATIONS = 60
 """Of the false position; a smooth condition takes some six of them."""
@@ -47,7 +47,7 @@ def not_stopped(events: tuple[Event, ...], t: Array, y: State, runs: Array) -> S
 
 
 def crossed(
-    setting: "Setting",
+    setting: Setting,
     held: AbstractSystem,
     stop: Stop,
     still: Array,
@@ -105,7 +105,7 @@ def _hit(event: Event, before: Array, after: Array) -> Array:
 
 
 def _share(
-    setting: "Setting",
+    setting: Setting,
     held: AbstractSystem,
     event: Event,
     t: Array,

@@ -1,7 +1,7 @@
 """From a loop and a state to a run: what is refused, what is known before, one program, and once
 more with finer steps where they proved too few."""
 
-from typing import TYPE_CHECKING, Any, TypeAlias, final
+from typing import Any, TypeAlias, final
 
 import equinox as eqx
 import jax
@@ -34,8 +34,8 @@ from ._controller import AbstractController
 from ._samples import Left, Setting, run_samples
 from ._sensors import Keys
 
-if TYPE_CHECKING:
-    from ._closed_loop import ClosedLoop
+# A `ClosedLoop`, whose module imports this one.
+Loop: TypeAlias = Any
 
 Flown: TypeAlias = tuple[RunResult, PyTree, PyTree, PyTree]
 """What a flight leaves: the run, commands, readings, and the memory of the controller."""
@@ -107,7 +107,7 @@ class LoopRun(eqx.Module):
 
 
 def fly(
-    loop: "ClosedLoop",
+    loop: Loop,
     y0: State,
     ts: Any,
     key: PRNGKeyArray | None,
@@ -152,7 +152,7 @@ def fly(
 
 
 def _program(
-    loop: "ClosedLoop", known: PyTree, ts: np.ndarray, config: IntegrationConfig, run_axes: int
+    loop: Loop, known: PyTree, ts: np.ndarray, config: IntegrationConfig, run_axes: int
 ) -> LoopRun:
     """One flight, as one compiled program for all that has the same shapes."""
     static = (tuple(ts.tolist()), loop.period, loop.hold, loop.delay, loop.actuate, run_axes)
@@ -286,7 +286,7 @@ def _as_events(events: Any) -> tuple[Event, ...]:
     return events
 
 
-def _check(loop: "ClosedLoop", y0: State, run_axes: int) -> None:
+def _check(loop: Loop, y0: State, run_axes: int) -> None:
     """Raise `InputError` for what no loop can be flown with."""
     if not isinstance(loop.controller, AbstractController):
         raise InputError(

@@ -4,6 +4,7 @@ import math
 from collections.abc import Callable, Mapping
 from typing import NamedTuple, Protocol, runtime_checkable
 
+import jax.numpy as jnp
 import numpy as np
 
 from ..core import InputError, Quantity
@@ -118,8 +119,8 @@ def read_direction(
             angle = read_number(entry["within"], ANGLE)[0]
         except ValueError as error:
             raise ValueError(wrong(f"{key}.within", entry["within"], str(error))) from None
-    vector = np.array([float(numbers[path]) for path in paths])
-    return _together(key, lambda: ConeDirection(vector, angle), paths, numbers)  # type: ignore[arg-type]
+    vector = jnp.asarray([float(numbers[path]) for path in paths])
+    return _together(key, lambda: ConeDirection(vector, angle), paths, numbers)
 
 
 def _together(

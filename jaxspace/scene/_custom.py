@@ -137,7 +137,8 @@ def _power(
         for other, x in (("omega", each.omega), ("velocity", each.velocity))
     ]
     rows = [_power_at(effect, t, each, body) for each in states]
-    return tuple(jnp.stack(jnp.broadcast_arrays(*x)) for x in zip(*rows, strict=True))  # pyright: ignore
+    power, rate, size = (jnp.stack(jnp.broadcast_arrays(*x)) for x in zip(*rows, strict=True))
+    return power, rate, size
 
 
 def _with_other_rates(y: BodyState) -> BodyState:
