@@ -4,6 +4,7 @@
 everything after it takes the configuration as it is.
 """
 
+import dataclasses
 from collections.abc import Callable
 from typing import final
 
@@ -30,7 +31,9 @@ class IntegrationConfig(eqx.Module):
 
     - `rtol`, `atol`: tolerances in the precision of the state.
     - `method`: a solver, or "closed_form".
-    - `adjoint`, `max_steps`, `max_step`: as in `Accuracy`."""
+    - `adjoint`, `max_steps`, `max_step`: as in `Accuracy`.
+    - `restarts`: whether a block whose steps run out starts once more without its slow runs; not
+      where the caller repeats these by themselves."""
 
     rtol: Float[Array | np.ndarray, ""]
     atol: Float[Array | np.ndarray, ""]
@@ -38,6 +41,7 @@ class IntegrationConfig(eqx.Module):
     adjoint: diffrax.AbstractAdjoint | None
     max_steps: int = eqx.field(static=True)
     max_step: Float[Array | np.ndarray, ""] | None
+    restarts: bool = eqx.field(static=True, default=False)
 
     @property
     def solver(self) -> diffrax.AbstractSolver:
@@ -60,7 +64,7 @@ class IntegrationConfig(eqx.Module):
         atol = _in_precision(self.atol * factor, dtype)
         max_step = None if self.max_step is None else _in_precision(0.5 * self.max_step, dtype)
         method = self.method if isinstance(self.method, str) else refine(self.method, 2)
-        return IntegrationConfig(rtol, atol, method, self.adjoint, self.max_steps, max_step)
+        return dataclasses.replace(self, rtol=rtol, atol=atol, method=method, max_step=max_step)
 
     def with_more_steps(self, error: float) -> "IntegrationConfig":
         """The same with as many more fixed steps as a largest local `error` calls for.

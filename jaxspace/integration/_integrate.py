@@ -147,6 +147,7 @@ def _settings(
         max_steps,
         record_steps,
         dense,
+        config.restarts,
     )
 
 

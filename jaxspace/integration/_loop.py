@@ -27,7 +27,8 @@ class LoopSettings(eqx.Module):
     - `longest_steps`: the longest step allowed in each segment, in normalised time.
     - `save_ts`: the normalised times at which states are saved; `None` saves the last one.
     - `plan`: the nodes of steps that are fixed beforehand.
-    - `record_steps`: whether to return the ends of the steps, `dense` the states there too."""
+    - `record_steps`: whether to return the ends of the steps, `dense` the states there too.
+    - `restarts`: whether runs whose steps run out start once more without those that are slow."""
 
     method: diffrax.AbstractSolver
     tolerance: Tolerance
@@ -38,6 +39,7 @@ class LoopSettings(eqx.Module):
     max_steps: int = eqx.field(static=True)
     record_steps: bool = eqx.field(static=True)
     dense: bool = eqx.field(static=True)
+    restarts: bool = eqx.field(static=True)
 
     @property
     def end(self) -> Float[Array, ""]:
@@ -116,7 +118,7 @@ def integrate_loop(
 
     start = _start(settings, *tools, field, y0, checkpointed)
     # A single run waits for no other, and a plan has as many steps as it needs.
-    if start.left_out.size == 1 or settings.plan is not None:
+    if not settings.restarts or start.left_out.size == 1 or settings.plan is not None:
         return run(start)
 
     def slow(loop: LoopState) -> Bool[Array, "*runs"]:

@@ -157,6 +157,8 @@ def _settings_axis(settings: LoopSettings, mapped: Any) -> LoopSettings:
         settings.max_steps,
         settings.record_steps,
         settings.dense,
+        # Nobody repeats the runs of a map.
+        restarts=True,
     )
 
 

@@ -114,7 +114,7 @@ def integrate_own_steps(
         )
 
     start = _start(settings, form, field, y0, checkpointed)
-    if start.left_out.size == 1:
+    if not settings.restarts or start.left_out.size == 1:
         return run(start)
 
     def slow(loop: OwnLoop) -> Bool[Array, "*runs"]:

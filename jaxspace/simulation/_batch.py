@@ -1,5 +1,6 @@
 """Many runs by one integration after the other, each of a block of runs. Never a mapped solve."""
 
+import dataclasses
 import functools
 from typing import Any, overload
 
@@ -121,10 +122,12 @@ def _batch_of_systems(
     check_structure(whole[0], whole[1], jax.ShapeDtypeStruct(ts.shape[1:], ts.dtype))
     check_values(whole[0], ts[0], whole[1])
     config_for = functools.partial(_resolve_for, as_accuracy(accuracy), whole, batched)
-    config = config_for(None)
+    traced = is_traced((batched, shared))
+    # Where nothing is known of the status, nothing is repeated.
+    config = dataclasses.replace(config_for(None), restarts=traced)
     blocks = local_blocks((batched, shared), runs)
     result = run_systems(batched, shared, config, events, blocks, dense)
-    if is_concrete(result.status) and not is_traced((batched, shared)):
+    if is_concrete(result.status) and not traced:
         result, config = repeat_systems(result, batched, shared, config, config_for, events, dense)
     trajectory = trajectory_of(result, whole[0], config, 1)
     return raise_failures(trajectory) if throw else trajectory
@@ -146,10 +149,12 @@ def _batch_of_missions(
         raise InputError(f"t0 has the shape {jnp.shape(t0)}: each run starts at one time, in s.")
     batched, shared, runs = split_batch(missions, y0s, t0, in_axes, times_axes=0)
     mission, y0, _ = cut_batch(batched, shared)
-    configs = resolve_phases(mission, y0, as_accuracy(accuracy), 1)
+    traced = is_traced((batched, shared))
+    resolved = resolve_phases(mission, y0, as_accuracy(accuracy), 1)
+    configs = tuple(dataclasses.replace(config, restarts=traced) for config in resolved)
     blocks = local_blocks((batched, shared), runs)
     result = run_missions(batched, shared, configs, num_saved, blocks)
-    if is_concrete(result.status) and not is_traced((batched, shared)):
+    if is_concrete(result.status) and not traced:
         result = repeat_missions(result, batched, shared, configs, num_saved)
     trajectory = mission_trajectory_of(result, mission, configs, 1)
     return raise_failures(trajectory) if throw else trajectory
