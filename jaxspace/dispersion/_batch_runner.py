@@ -13,7 +13,9 @@ on the campaign, the seed and i alone, to the last bit (on one kind of processor
 """
 
 import hashlib
+import os
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -29,7 +31,7 @@ from ..simulation._failures import nan_where_failed
 from ..simulation._mission_runs import MissionResult, run_mission
 from ..simulation._simulate import resolve_phases
 from ._campaign import Campaign, check_names
-from ._isolation import RAISED, isolate
+from ._isolation import isolate
 from ._plans import FINENESS, TRIAL, Plans, nodes_of, padded, refinement
 
 # Besides the nominal run.
@@ -109,7 +111,7 @@ class BatchRunner:
         trial = padded(pilots, [TRIAL] * len(pilots))
         planned = PlannedCampaign(campaign, accuracy, seed, (trial,), coupled, samples, "")
         runner = cls(planned, devices)
-        results, errors = runner._fetched(np.arange(runner.call, dtype=np.uint32), 0)
+        results, errors = runner._call(np.arange(runner.call, dtype=np.uint32), 0)
         factors = [refinement(own) for own in np.asarray(errors)[:, :CALL]]
         plans = tuple(padded(pilots, [level * f for f in factors]) for level in FINENESS)
         runner.planned = planned._replace(plans=plans, digest=_digest(results))
@@ -155,43 +157,33 @@ class BatchRunner:
     def _results(self, numbers: np.ndarray, level: int) -> RunResults:
         """The runs of these `numbers`, which fill whole calls."""
         calls = list(numbers.astype(np.uint32).reshape(-1, self.call))
-        # Started before the first result is fetched, so that no core and no device waits.
-        width = len(calls) if self.in_flight is None else self.in_flight
-        results, started = [], []
-        for k, own in enumerate(calls):
-            if k >= width:
-                results.append(self._fetched(calls[k - width], level, started[k - width])[0])
-                started[k - width] = None
-            try:
-                started.append(self._start(own, level, np.ones(self.call, bool), k))
-            # Already here where the program calls back, for then it is not left to run alone.
-            except RAISED:
-                started.append(None)
-        for k in range(len(results), len(calls)):
-            results.append(self._fetched(calls[k], level, started[k])[0])
+        every = max(cores(), 2 * len(self.devices))
+        width = min(len(calls), every if self.in_flight is None else self.in_flight)
+        # A CPU computes the calls of one thread in turn, however many have been started.
+        with ThreadPoolExecutor(width) as pool:
+            results = list(pool.map(lambda k: self._call(calls[k], level, k)[0], range(len(calls))))
         return jax.tree.map(lambda *x: np.concatenate(x, axis=-1), *results)
 
-    def _start(self, numbers: np.ndarray, level: int, flown: np.ndarray, k: int = 0) -> PyTree:
+    def _start(self, numbers: np.ndarray, level: int, flown: np.ndarray, k: int) -> PyTree:
         device = self.devices[k % len(self.devices)]
         given = jax.device_put((jnp.asarray(numbers), jnp.asarray(flown)), device)
         campaign, accuracy, key, samples = self.arguments
         plans = self.planned.plans[level]
         return _call(campaign, accuracy, key, given[0], given[1], plans, self.blocks, samples)
 
-    def _fetched(
-        self, numbers: np.ndarray, level: int, started: PyTree = None
-    ) -> tuple[RunResults, np.ndarray]:
-        """The results of a call; of a run that raises, its own row says so."""
+    def _call(self, numbers: np.ndarray, level: int, k: int = 0) -> tuple[RunResults, np.ndarray]:
+        """The results of call number `k`; of a run that raises, its own row says so."""
 
         def call(flown: np.ndarray) -> PyTree:
-            return jax.tree.map(np.asarray, self._start(numbers, level, flown))
+            return jax.tree.map(np.asarray, self._start(numbers, level, flown, k))
 
-        def first() -> PyTree:
-            if started is None:
-                return call(np.ones(self.call, bool))
-            return jax.tree.map(np.asarray, started)
+        return isolate(call, self.call)
 
-        return isolate(call, self.call, first)
+
+def cores() -> int:
+    """How many cores this process may use."""
+    # Containers and clusters often give a process fewer cores than the machine has.
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def call_size(devices: Sequence[jax.Device]) -> int:

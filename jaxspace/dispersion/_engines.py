@@ -5,7 +5,6 @@ import contextlib
 import functools
 import io
 import multiprocessing
-import os
 import pickle
 import queue
 import signal
@@ -20,7 +19,7 @@ from typing import Any, NamedTuple, final
 import jax
 
 from ..core import InputError
-from ._batch_runner import BatchRunner, PlannedCampaign, RunResults
+from ._batch_runner import BatchRunner, PlannedCampaign, RunResults, cores
 from ._lock import StoreError
 
 RETRIES = 3
@@ -358,12 +357,6 @@ def as_engine(engine: str | AbstractEngine) -> AbstractEngine:
         f"engine is {engine!r}: it must be one of {', '.join(ENGINES)}, or the address of a Dask "
         f'scheduler, such as "tcp://10.0.0.5:8786".'
     )
-
-
-def cores() -> int:
-    """How many cores this process may use."""
-    # Containers and clusters often give a process fewer cores than the machine has.
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def payload_of(planned: PlannedCampaign) -> bytes:

@@ -12,18 +12,15 @@ T = TypeVar("T")
 RAISED = jax.errors.JaxRuntimeError
 
 
-def isolate(call: Callable[[np.ndarray], T], count: int, first: Callable[[], T] | None = None) -> T:
+def isolate(call: Callable[[np.ndarray], T], count: int) -> T:
     """`call(flown)` with as many of `count` runs flown as raise no error.
 
-    **Arguments**
-
-    - `call`: computes the runs that are flown, (count,); the others take the nominal inputs.
-    - `first`: the same with all of them, if that has been started already.
+    `call` computes the runs that are flown, (count,); the others take the nominal inputs.
 
     **Raises** what was raised, where it is raised without any of these runs as well."""
     flown = np.ones(count, bool)
     try:
-        return call(flown) if first is None else first()
+        return call(flown)
     except RAISED as error:
         # Short memory is no property of a run.
         if "RESOURCE_EXHAUSTED" in str(error):

@@ -8,8 +8,8 @@ import jax
 import numpy as np
 
 from ..integration import Accuracy
+from ._batch_runner import cores
 from ._campaign import Campaign
-from ._engines import cores
 
 LIBRARIES = ("jaxspace", "jax", "jaxlib", "equinox", "diffrax", "numpy", "xarray", "zarr")
 
