@@ -157,8 +157,7 @@ def _settings_axis(settings: LoopSettings, mapped: Any) -> LoopSettings:
         settings.max_steps,
         settings.record_steps,
         settings.dense,
-        # Nobody repeats the runs of a map.
-        restarts=True,
+        settings.restarts,
     )
 
 

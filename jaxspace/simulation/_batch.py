@@ -124,7 +124,7 @@ def _batch_of_systems(
     config_for = functools.partial(_resolve_for, as_accuracy(accuracy), whole, batched)
     traced = is_traced((batched, shared))
     # Where nothing is known of the status, nothing is repeated.
-    config = dataclasses.replace(config_for(None), restarts=traced)
+    config = dataclasses.replace(config_for(None), restarts=traced and not throw)
     blocks = local_blocks((batched, shared), runs)
     result = run_systems(batched, shared, config, events, blocks, dense)
     if is_concrete(result.status) and not traced:
@@ -151,7 +151,9 @@ def _batch_of_missions(
     mission, y0, _ = cut_batch(batched, shared)
     traced = is_traced((batched, shared))
     resolved = resolve_phases(mission, y0, as_accuracy(accuracy), 1)
-    configs = tuple(dataclasses.replace(config, restarts=traced) for config in resolved)
+    configs = tuple(
+        dataclasses.replace(config, restarts=traced and not throw) for config in resolved
+    )
     blocks = local_blocks((batched, shared), runs)
     result = run_missions(batched, shared, configs, num_saved, blocks)
     if is_concrete(result.status) and not traced:

@@ -1,5 +1,6 @@
 """The verb: from a system and an initial state to a trajectory whose accuracy is accounted for."""
 
+import dataclasses
 import functools
 from collections.abc import Callable
 from typing import Any, TypeVar, overload
@@ -130,6 +131,8 @@ def _simulate_system(
     check_dense(dense, events)
     starts = functools.partial(InitialConditions.of_one, system, y0, ts)
     config = resolve(system, y0, as_accuracy(accuracy), starts)
+    # For mapped runs; where one that fails is an error for all, none needs to go on.
+    config = dataclasses.replace(config, restarts=not throw)
 
     def run(config: IntegrationConfig, dense: bool = dense) -> Trajectory:
         result = _run_system(system, y0, ts, events, config, dense)
