@@ -71,6 +71,6 @@ def measure() -> dict:
         )
         for other in others:
             rows[other]["times_the_run"] = (
-                rows[base]["runs_per_cpu_second"] / rows[other]["runs_per_cpu_second"]
+                rows[base]["runs_per_second"] / rows[other]["runs_per_second"]
             )
     return rows
