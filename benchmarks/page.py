@@ -15,8 +15,8 @@ HEAD = """# Speed beside accuracy
 `make bench` measures this and writes this page. Every method does the same work in one process, in
 turn. The figures are medians; the first call, which compiles, stands apart. `cores` is how many
 cores were used on average: a figure per CPU-second compares methods that use different numbers of
-them, and is rough where a call takes less than the clock of the processor resolves. Errors are those
-of the worst run. Machines differ: compare within a table.
+them, and is rough where a call takes less than the clock of the processor resolves. Errors are
+those of the worst run. Machines differ: compare within a table.
 """
 
 
