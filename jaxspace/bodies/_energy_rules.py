@@ -29,7 +29,7 @@ def of_equal_energy(later: Vector, moments: Vector, omega: Vector) -> Vector:
 
 
 @of_equal_energy.defjvp
-def of_equal_energy_tangent(primals: tuple[Any, ...], tangents: tuple[Any, ...]) -> Any:
+def _of_equal_energy_tangent(primals: tuple[Any, ...], tangents: tuple[Any, ...]) -> Any:
     later, moments, omega = primals
     of_later, of_moments, of_omega = tangents
 
@@ -53,7 +53,7 @@ def by_energy(
 
 
 @by_energy.defjvp
-def by_energy_tangent(primals: tuple[Any, ...], tangents: tuple[Any, ...]) -> Any:
+def _by_energy_tangent(primals: tuple[Any, ...], tangents: tuple[Any, ...]) -> Any:
     _, duration, omega, later, start, end = primals
     _, of_duration, of_omega, _, of_start, of_end = tangents
     h = norm(start)

@@ -82,8 +82,9 @@ def simulate_batch(systems: Any, y0s: State, *args: Any, **kwargs: Any) -> Any:
     run that fails marks its own row. Outside of `jit`, the runs of a block whose steps ran out are
     repeated alone, and those that fail alone, with "auto", by the method that their own numbers
     call for; runs that missed the tolerance by too few fixed steps are repeated with up to eight
-    times as many. All local devices take part, unless the arrays or a transformation say where to
-    compute.
+    times as many. Under `jit` and in a derivative, unless `throw`, a block starts once more without
+    the runs that used up its steps. All local devices take part, unless the arrays or a
+    transformation say where to compute.
 
     The runs of a block share their adaptive steps: what else stands in the block, a run that fails
     among them, moves a run within its tolerance. With fixed steps or a closed form it does not. The
