@@ -35,6 +35,7 @@ from ..core import (
     quantity,
     scale,
 )
+from ._planet import equatorial_radius, gravitational_parameter
 from ._secular_rates import secular_rates
 
 
@@ -117,21 +118,11 @@ class Oblateness(AbstractEffect):
     adds: ClassVar[frozenset[str]] = frozenset({"acceleration"})
     keeps: ClassVar[frozenset[str]] = frozenset({"energy", "axial_angular_momentum"})
 
-    mu: Float[Array, "*#runs"] = quantity(
-        "m^3/s^2",
-        positive=True,
-        shared="planet.mu",
-        doc="gravitational parameter of the attracting body",
-    )
+    mu: Float[Array, "*#runs"] = gravitational_parameter()
     j2: Float[Array, "*#runs"] = quantity(
         "", shared="planet.j2", doc="second zonal harmonic; negative for a prolate body"
     )
-    radius: Float[Array, "*#runs"] = quantity(
-        "m",
-        positive=True,
-        shared="planet.radius",
-        doc="equatorial radius of the attracting body, to which j2 refers",
-    )
+    radius: Float[Array, "*#runs"] = equatorial_radius("j2 refers")
 
     def load(self, t: Scalar, y: BodyState, body: AbstractBody) -> Load:
         del t, body

@@ -24,11 +24,11 @@ from ..core import (
     Vector,
     dot,
     inverse_norm,
-    quantity,
     scale,
 )
 from ._kepler_motion import KeplerMotion
 from ._kustaanheimo_stiefel import KustaanheimoStiefel
+from ._planet import gravitational_parameter
 
 
 def point_gravity(r: Vector, mu: Scalar) -> Vector:
@@ -59,12 +59,7 @@ class PointGravity(AbstractEffect):
         {"energy", "angular_momentum", "axial_angular_momentum"}
     )
 
-    mu: Float[Array, "*#runs"] = quantity(
-        "m^3/s^2",
-        positive=True,
-        shared="planet.mu",
-        doc="gravitational parameter of the attracting body",
-    )
+    mu: Float[Array, "*#runs"] = gravitational_parameter()
 
     def load(self, t: Scalar, y: BodyState, body: AbstractBody) -> Load:
         del t, body

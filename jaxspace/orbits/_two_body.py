@@ -18,9 +18,10 @@ from typing import final
 from jaxtyping import Array, Float
 
 from ..bodies import BodyState
-from ..core import AbstractSystem, Scalar, quantity
+from ..core import AbstractSystem, Scalar
 from ._elements import angular_momentum, eccentricity_vector, specific_energy
 from ._kepler_motion import KeplerMotion
+from ._planet import gravitational_parameter
 from ._point_gravity import point_gravity
 
 
@@ -30,12 +31,7 @@ class TwoBody(AbstractSystem):
 
     State: `BodyState` with position and velocity only."""
 
-    mu: Float[Array, "*#runs"] = quantity(
-        "m^3/s^2",
-        positive=True,
-        shared="planet.mu",
-        doc="gravitational parameter of the attracting body",
-    )
+    mu: Float[Array, "*#runs"] = gravitational_parameter()
 
     def vector_field(self, t: Scalar, y: BodyState) -> BodyState:
         del t

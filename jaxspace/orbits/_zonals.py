@@ -25,6 +25,7 @@ from jaxtyping import Array, Float
 
 from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
 from ..core import Scalar, Vector, axis, inverse_norm, quantity, scale
+from ._planet import equatorial_radius, gravitational_parameter
 
 
 def zonals(
@@ -79,21 +80,11 @@ class Zonals(AbstractEffect):
     adds: ClassVar[frozenset[str]] = frozenset({"acceleration"})
     keeps: ClassVar[frozenset[str]] = frozenset({"energy", "axial_angular_momentum"})
 
-    mu: Float[Array, "*#runs"] = quantity(
-        "m^3/s^2",
-        positive=True,
-        shared="planet.mu",
-        doc="gravitational parameter of the attracting body",
-    )
+    mu: Float[Array, "*#runs"] = gravitational_parameter()
     harmonics: Float[Array, "degrees *#runs"] = quantity(
         "", doc="J2, J3 and so on, as many as are wanted"
     )
-    radius: Float[Array, "*#runs"] = quantity(
-        "m",
-        positive=True,
-        shared="planet.radius",
-        doc="equatorial radius of the attracting body, to which the harmonics refer",
-    )
+    radius: Float[Array, "*#runs"] = equatorial_radius("the harmonics refer")
 
     def load(self, t: Scalar, y: BodyState, body: AbstractBody) -> Load:
         del t, body
