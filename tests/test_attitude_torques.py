@@ -96,7 +96,7 @@ def test_a_pinned_body_stands_out_beyond_the_critical_rate():
         assert_allclose(system.frequency(theta) ** 2, -jax.grad(push)(theta), atol=1e-12)
 
 
-def test_a_flywheel_on_springs():
+def test_a_flywheel_on_springs():  # T5.14-P13
     A, H, K1, K2 = 2.0, 3.0, 4.0, 5.0
     system = np.array([[0, 0, 1, 0], [0, 0, 0, 1], [-K1 / A, 0, 0, -H / A], [0, -K2 / A, H / A, 0]])
     expected = np.unique(np.round(np.abs(np.linalg.eigvals(system).imag), 12))
@@ -114,7 +114,7 @@ def test_the_best_tilt_of_a_crusher_has_the_greatest_force():
     assert_allclose(by_rate, (ends[1] - ends[0]) / 2e-5, rtol=1e-7)
 
 
-def test_a_gyro_on_a_string_is_in_balance():
+def test_a_gyro_on_a_string_is_in_balance():  # T5.14-P20
     theta, Omega, m, A, C, l1, l2, g = 1.4, 2.0, 0.3, 1e-3, 2e-4, 0.5, 0.05, 9.8
     b, T, n = gyro_on_a_string(theta, Omega, m, A, C, l1, l2, g)
     assert_allclose(T * jnp.cos(b), m * g, rtol=1e-13)

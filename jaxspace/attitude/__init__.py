@@ -19,6 +19,8 @@ from ._control_moment_gyros import ControlMomentGyros as ControlMomentGyros
 from ._despin import YoYo as YoYo
 from ._despin import cord_length as cord_length
 from ._despin import zero_spin_cord_length as zero_spin_cord_length
+from ._disk_tilt import disk_tilt as disk_tilt
+from ._disk_tilt import lies_flat as lies_flat
 from ._energy_sink import EnergySink as EnergySink
 from ._energy_sink import energy_sink_angle as energy_sink_angle
 from ._forced_rotation import BearingReactions as BearingReactions
@@ -60,8 +62,6 @@ from ._principal_spins import invariable_plane as invariable_plane
 from ._principal_spins import spin_modes as spin_modes
 from ._principal_spins import spin_stiffness as spin_stiffness
 from ._rolling_disk import RollingDisk as RollingDisk
-from ._rolling_disk import disk_tilt as disk_tilt
-from ._rolling_disk import lies_flat as lies_flat
 from ._spherical_pendulum import PendulumState as PendulumState
 from ._spherical_pendulum import SphericalPendulum as SphericalPendulum
 from ._spinning_missile import SpinningMissile as SpinningMissile

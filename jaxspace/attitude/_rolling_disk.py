@@ -48,27 +48,12 @@ from ..core import (
     axis,
     constructor,
     dot,
-    end_sqrt,
-    event,
-    output,
     quantity,
 )
-from ..rotations import Quaternion, from_euler_angles, omega_from_euler_rates
-from ._state import attitude_and_omega, vertical
-
-
-@output("rad")
-def disk_tilt(attitude: Quaternion) -> Scalar:
-    """Angle of the normal, z, with the upward vertical, rad: pi/2 where the disk stands upright."""
-    Z = vertical(attitude)
-    return jnp.arctan2(jnp.sqrt(Z[0] * Z[0] + Z[1] * Z[1]), Z[2])
-
-
-@event("", direction=-1, needs=("attitude",))
-def lies_flat(t: Scalar, y: BodyState) -> Scalar:
-    """theta - 1e-4 rad: zero where a settling coin is all but flat."""
-    del t
-    return disk_tilt(y.attitude) - 1e-4
+from ..rotations import from_euler_angles, omega_from_euler_rates
+from . import _disk_circles
+from ._disk_tilt import disk_triad
+from ._state import attitude_and_omega
 
 
 @final
@@ -107,7 +92,7 @@ class RollingDisk(AbstractSystem):
     def vector_field(self, t: Scalar, y: BodyState) -> BodyState:
         del t
         attitude, omega = attitude_and_omega(y)
-        xi, eta, s, c = _triad(attitude)
+        xi, eta, s, c = disk_triad(attitude)
         w1, w2, w3 = dot(omega, xi), dot(omega, eta), omega[2]
         A, C, mRR, mgR = self._letters()
         precession = w2 / s
@@ -122,7 +107,7 @@ class RollingDisk(AbstractSystem):
     def invariants(self, t: Scalar, y: BodyState) -> dict[str, Array]:
         del t
         attitude, _ = attitude_and_omega(y)
-        _, _, s, _ = _triad(attitude)
+        _, _, s, _ = disk_triad(attitude)
         kept = {
             # One, because the rim stays on the plane.
             "height_over_tilt": y.position[2] / (self.radius * s),
@@ -167,7 +152,7 @@ class RollingDisk(AbstractSystem):
     def energy(self, y: BodyState) -> Scalar:
         """E, J, with zero height of the centre in the plane."""
         attitude, omega = attitude_and_omega(y)
-        _, _, s, _ = _triad(attitude)
+        _, _, s, _ = disk_triad(attitude)
         A, C, mRR, mgR = self._letters()
         across = omega[0] * omega[0] + omega[1] * omega[1]
         turning = A * across + C * omega[2] * omega[2]
@@ -177,13 +162,13 @@ class RollingDisk(AbstractSystem):
     def velocity(self, y: BodyState) -> Vector:
         """Of the centre, in inertial axes, m/s, (3, *runs): the contact rests."""
         attitude, omega = attitude_and_omega(y)
-        xi, _, _, _ = _triad(attitude)
+        xi, _, _, _ = disk_triad(attitude)
         return attitude.rotate(self.radius * (dot(omega, xi) * axis(2, omega[2]) - omega[2] * xi))
 
     def contact(self, y: BodyState) -> Vector:
         """The lowest point of the rim, in inertial axes, m, (3, *runs)."""
         attitude, _ = attitude_and_omega(y)
-        return y.position - attitude.rotate(self.radius * _triad(attitude)[1])
+        return y.position - attitude.rotate(self.radius * disk_triad(attitude)[1])
 
     def contact_force(self, y: BodyState) -> Vector:
         """Of the plane on the disk, in inertial axes, N, (3, *runs).
@@ -206,45 +191,31 @@ class RollingDisk(AbstractSystem):
         - `precession`: psi', rad/s.
         - `spin`: s, rad/s, forward.
         """
-        A, C, mRR, mgR = self._letters()
-        s, c = jnp.sin(theta), jnp.cos(theta)
-        gyroscopic = A * precession * precession * c + (C + mRR) * spin * precession
-        return (gyroscopic * s - mgR * c) / (A + mRR)
+        return _disk_circles.tilt_acceleration(
+            self._letters(), as_float(theta), as_float(precession), as_float(spin)
+        )
 
     def steady_spin(self, theta: Scalar, precession: Scalar) -> Scalar:
         """The spin s, rad/s, of the steady circle with the tilt `theta`, rad, and the `precession`
         psi', rad/s; the radius of the centre's circle is R s/psi'."""
-        A, C, mRR, mgR = self._letters()
-        balance = mgR / jnp.tan(theta) / precession - A * precession * jnp.cos(theta)
-        return balance / (C + mRR)
+        return _disk_circles.steady_spin(self._letters(), as_float(theta), as_float(precession))
 
     def steady_precession_rates(self, theta: Scalar, spin: Scalar) -> tuple[Scalar, Scalar]:
         """Both psi', rad/s, of the steady circles with the tilt `theta`, rad, and the `spin` s,
         rad/s: the slow one, and the fast one, which is infinite upright. Of the sign of s and of
         the other one for theta < pi/2."""
-        A, C, mRR, mgR = self._letters()
-        p, q = (C + mRR) * as_float(spin), A * jnp.cos(theta)
-        pull = mgR / jnp.tan(theta)
-        # Of both roots of q psi'^2 + p psi' = pull the larger one first: nothing cancels.
-        large = p + jnp.where(p < 0.0, -1.0, 1.0) * jnp.sqrt(p * p + 4.0 * q * pull)
-        return 2.0 * pull / large, -0.5 * large / q
+        return _disk_circles.steady_precession_rates(
+            self._letters(), as_float(theta), as_float(spin)
+        )
 
     def tilt_stiffness(self, theta: Scalar, precession: Scalar, spin: Scalar) -> Scalar:
         """kappa, 1/s^2: the squared frequency of small oscillations about a steady circle, negative
         where they grow; arguments as in `tilt_acceleration`.
 
         The disk that rolls upright has psi' = 0, the one that spins upright s = 0."""
-        A, C, mRR, _ = self._letters()
-
-        def along(theta):
-            # What turns about the two axes in the plane of Z, to first order about this place.
-            rate = -(C * spin + 2.0 * A * precession * jnp.cos(theta_0)) / (A * jnp.sin(theta_0))
-            slow = -mRR * precession * jnp.sin(theta_0) / (C + mRR)
-            step = theta - theta_0
-            return self.tilt_acceleration(theta, precession + rate * step, spin + slow * step)
-
-        theta_0 = as_float(theta)
-        return -jax.jvp(along, (theta_0,), (jnp.ones_like(theta_0),))[1]
+        return _disk_circles.tilt_stiffness(
+            self._letters(), as_float(theta), as_float(precession), as_float(spin)
+        )
 
     def least_rolling_spin(self) -> Scalar:
         """The s, rad/s, above which the disk rolls upright along a straight line (Thomson 5.16)."""
@@ -259,11 +230,9 @@ class RollingDisk(AbstractSystem):
     def growth_rate(self, theta: Scalar, precession: Scalar, spin: Scalar) -> Scalar:
         """Growth rate of small oscillations, 1/s, zero where they are stable (the rule of ends of
         `end_sqrt`); arguments as in `tilt_acceleration`."""
-
-        def unstable(*x):
-            return jnp.maximum(-self.tilt_stiffness(*x), 0.0)
-
-        return end_sqrt(unstable, *(as_float(x) for x in (theta, precession, spin)))
+        return _disk_circles.growth_rate(
+            self._letters(), as_float(theta), as_float(precession), as_float(spin)
+        )
 
     def settling_time(self, theta: Scalar) -> Scalar:
         """Time, s, in which a coin without spin, s = 0, settles from a small tilt `theta`, rad, to
@@ -288,11 +257,3 @@ class RollingDisk(AbstractSystem):
         """A, C, m R^2 and m g R."""
         mR = self.mass * self.radius
         return self.transverse_inertia, self.axial_inertia, mR * self.radius, mR * self.gravity
-
-
-def _triad(attitude: Quaternion) -> tuple[Vector, Vector, Scalar, Scalar]:
-    """xi and eta in body axes, (3, *runs), and sine and cosine of theta."""
-    Z = vertical(attitude)
-    s = jnp.sqrt(Z[0] * Z[0] + Z[1] * Z[1])
-    zero = jnp.zeros_like(s)
-    return jnp.stack([Z[1], -Z[0], zero]) / s, jnp.stack([Z[0], Z[1], zero]) / s, s, Z[2]

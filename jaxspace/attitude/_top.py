@@ -41,7 +41,6 @@ from jaxtyping import Array, Float
 
 from ..bodies import BodyState
 from ..core import (
-    AbstractSplit,
     AbstractSystem,
     Scalar,
     Vector,
@@ -65,7 +64,7 @@ from ._steady_precession import (
     steady_rates,
 )
 from ._top_motion import TopMotion
-from ._torque_free import symmetric_flow
+from ._top_split import TopSplit
 
 
 def angular_acceleration(omega: Vector, Z: Vector, A: Scalar, C: Scalar, Wl: Scalar) -> Vector:
@@ -127,8 +126,8 @@ class Top(AbstractSystem):
     def closed_form(self) -> TopMotion:
         return TopMotion(*self._letters())
 
-    def split(self) -> "TopSplit":
-        return TopSplit(self)
+    def split(self) -> TopSplit:
+        return TopSplit(*self._letters())
 
     def invariants(self, t: Scalar, y: BodyState) -> dict[str, Array]:
         del t
@@ -281,22 +280,3 @@ class Top(AbstractSystem):
 
     def _letters(self) -> tuple[Scalar, Scalar, Scalar]:
         return self.transverse_inertia, self.axial_inertia, self.weight_moment
-
-
-@final
-class TopSplit(AbstractSplit):
-    """The free rotation of a `top` as the drift, and the moment of its weight as the kick."""
-
-    top: Top
-
-    def drift(self, duration: Scalar, y: BodyState) -> BodyState:
-        return symmetric_flow(duration, y, self.top.transverse_inertia, self.top.axial_inertia)
-
-    def kick(self, t: Scalar, duration: Scalar, y: BodyState) -> BodyState:
-        del t
-        attitude, omega = attitude_and_omega(y)
-        # Exact, because the moment has no part along z and the kick does not turn the top.
-        Z = vertical(attitude)
-        angular_acceleration = self.top.weight_moment / self.top.transverse_inertia
-        change = duration * angular_acceleration * cross(Z, axis(2, Z[2]))
-        return BodyState(attitude=attitude, omega=omega + change)
