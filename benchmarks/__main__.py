@@ -16,8 +16,16 @@ jax.config.update("jax_num_cpu_devices", os.cpu_count() or 1)
 from . import page  # noqa: E402
 
 NAMES = (
-    *("kepler", "lambert", "low_orbits", "eccentric_orbit", "free_body", "torqued_body", "ascent"),
-    *("choice", "dragged_orbits", "short_pulses", "gradients", "hybrid_training", "first_call"),
+    *("kepler", "lambert", "low_orbits", "eccentric_orbit", "free_body", "torqued_body", "top"),
+    *(
+        "ascent",
+        "choice",
+        "dragged_orbits",
+        "short_pulses",
+        "gradients",
+        "hybrid_training",
+        "first_call",
+    ),
     *("kick_stage", "elements", "porkchop", "effects", "model_rocket", "campaign"),
     "closed_loops",
 )

@@ -1,9 +1,15 @@
-"""An asymmetric body that tumbles in a low orbit at twenty times the orbit's rate, turned by the
-gravity gradient, over some hundred precessions: stepping orbit and rotation together, and exact
-motions with kicks, beside heyoka's Taylor method."""
+"""An asymmetric body that tumbles in a low orbit, turned by the gravity gradient, over some hundred
+precessions: stepping orbit and rotation together, exact motions with kicks, steps on the group, and
+heyoka's Taylor method. First at twenty times the orbit's rate, where the torque is one part in a
+hundred of what turns the body and every turn needs its kicks; then at 2e5 times, where steps may
+pass over turns. The last rows are what one evaluation of the equations costs, one kick, and one
+exact motion. An exact motion costs as much as tens of evaluations: the kicks must be fewer than the
+evaluations of DOP853 by more than this, or the splitting is slower whatever its coefficients are.
+"""
 
 from typing import Any
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 
@@ -13,17 +19,17 @@ from jaxspace.bodies import RigidBody
 from jaxspace.orbits import PointGravity
 from jaxspace.rotations import Quaternion
 from jaxspace.simulation import Accuracy, simulate_batch
-from jaxspace.solvers import DOP853, Splitting
+from jaxspace.solvers import DOP853, MuntheKaas, Splitting
 
 from . import free_body, low_orbits
-from ._measure import heyoka_ends, in_turn, on_one_device, optional, with_errors_of_rotation
+from ._measure import WIDE, heyoka_ends, in_turn, on_one_device, optional, with_errors_of_rotation
 
-RUNS, RATE = free_body.RUNS, 20.0
-SPAN, MOMENTS = free_body.SPAN / RATE, free_body.MOMENTS
+RUNS, MOMENTS, RATE, FAST = free_body.RUNS, free_body.MOMENTS, 20.0, 2e5
+REPEATED = 200
 SCENE = Scene((PointGravity(1.0), GravityGradient(1.0)), RigidBody(inertia=MOMENTS))
 
 
-def starts() -> np.ndarray:
+def starts(rate: float) -> np.ndarray:
     """Low orbits, and attitudes of every kind: position, velocity, omega, attitude, (13, runs). The
     axis of rotation lies within 27 degrees of that of the least or of the greatest moment: near the
     middle one the motion is chaotic."""
@@ -31,7 +37,7 @@ def starts() -> np.ndarray:
     omega, outer = body[:3], 2 * (runs % 2)
     omega[1] *= 0.5
     omega[outer, runs] += 2.0 * np.sign(omega[outer, runs])
-    omega *= RATE / np.linalg.norm(omega, axis=0)
+    omega *= rate / np.linalg.norm(omega, axis=0)
     return np.concatenate([y.position[:, :RUNS], y.velocity[:, :RUNS], omega, body[3:]])
 
 
@@ -71,30 +77,93 @@ def equations(heyoka):
 
 
 def measure() -> dict:
-    """Error of rate and attitude, and speed, of every method."""
-    start = starts()
-    r, v, omega, q = (
-        jnp.asarray(start[k]) for k in (slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 13))
-    )
-    y0, ts = on_one_device(BodyState(r, v, Quaternion(q), omega)), jnp.array([0.0, SPAN])
-
-    def ours(rtol: float, method: Any):
-        accuracy = Accuracy(rtol=rtol, method=method)
-        final = simulate_batch(SCENE, y0, ts, accuracy=accuracy).final
-        return jnp.concatenate([final.omega, final.attitude.wxyz])
-
-    calls = {
-        f"ours, DOP853 {rtol:.0e}": lambda rtol=rtol: ours(rtol, DOP853())
-        for rtol in (1e-7, 1e-8, 1e-9, 1e-10)
+    """Error of rate and attitude, and speed, of every method; then the costs."""
+    rows = with_torque() | almost_free()
+    start = _state(starts(RATE))
+    split = SCENE.split()
+    assert split is not None
+    work = {
+        "one evaluation": lambda y: jax.tree.map(
+            lambda x, k: x + 1e-9 * k, y, SCENE.vector_field(jnp.zeros(()), y)
+        ),
+        "one kick": lambda y: split.kick(jnp.zeros(()), 1e-9, y),
+        "one exact motion": lambda y: split.drift(1e-3, y),
     }
-    calls["ours, Splitting of order 4, 1200 steps"] = lambda: ours(
-        1e-3, Splitting(4, steps=1200, estimate=False)
+    calls = {name: _repeated(step, start) for name, step in work.items()}
+    for name, row in in_turn(calls, REPEATED * RUNS).items():
+        rows[name] = {"nanoseconds": 1e9 / row["runs_per_cpu_second"]}
+    return rows
+
+
+def with_torque() -> dict:
+    """At the rate at which the torque is felt in every turn."""
+    start, span = starts(RATE), free_body.SPAN / RATE
+    calls = _ours(
+        *(start, span, ""),
+        {
+            **{f"DOP853 {rtol:.0e}": (rtol, DOP853()) for rtol in (1e-7, 1e-8, 1e-9)},
+            **{f"Munthe-Kaas {rtol:.0e}": (rtol, MuntheKaas()) for rtol in (1e-7, 1e-8)},
+            "Splitting of order 4, 1200 steps": _split(4, 1200),
+            "Splitting of order (8, 2), 640 steps": _split((8, 2), 640),
+            "Splitting of order (8, 6, 4), 640 steps": _split((8, 6, 4), 640),
+            "Splitting of order (8, 6, 4), 960 steps": _split((8, 6, 4), 960),
+        },
     )
     if optional("heyoka") is not None:
         for tolerance in (1e-6, 1e-8, 1e-10, 1e-11):
-            ends = heyoka_ends(equations, start, SPAN, tolerance)
+            ends = heyoka_ends(equations, start, span, tolerance)
             calls[f"heyoka, vectors of 8, {tolerance:.0e}"] = lambda ends=ends: ends()[6:].copy()
-        reference = heyoka_ends(equations, start, SPAN, 1e-18)()[6:].copy()
+        reference = heyoka_ends(equations, start, span, 1e-18)()[6:].copy()
     else:
-        reference = ours(1e-13, DOP853())
+        reference = _run(start, span, 1e-13, DOP853())
     return with_errors_of_rotation(in_turn(calls, RUNS), calls, np.asarray(reference))
+
+
+def almost_free() -> dict:
+    """At the rate at which the torque is one part in 1e10."""
+    start, span = starts(FAST), free_body.SPAN / FAST
+    calls = _ours(
+        *(start, span, "fast: "),
+        {
+            **{f"DOP853 {rtol:.0e}": (rtol, DOP853()) for rtol in (1e-7, 1e-8)},
+            "Splitting of order (8, 2), 6 steps": _split((8, 2), 6),
+            "Splitting of order (8, 2), 160 steps": _split((8, 2), 160),
+        },
+    )
+    reference = _run(start, span, *_split((8, 6, 4), 640))
+    return with_errors_of_rotation(in_turn(calls, RUNS), calls, np.asarray(reference))
+
+
+def _split(order: Any, steps: int) -> tuple[float, Any]:
+    return 1e-3, Splitting(order, steps=steps, estimate=False)
+
+
+def _state(start: np.ndarray) -> BodyState:
+    r, v, omega, q = (
+        jnp.asarray(start[k]) for k in (slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 13))
+    )
+    return on_one_device(BodyState(r, v, Quaternion(q), omega))
+
+
+def _run(start: np.ndarray, span: float, rtol: float, method: Any):
+    accuracy = Accuracy(rtol=rtol, method=method)
+    final = simulate_batch(SCENE, _state(start), jnp.array([0.0, span]), accuracy=accuracy).final
+    return jnp.concatenate([final.omega, final.attitude.wxyz])
+
+
+def _ours(start: np.ndarray, span: float, before: str, methods: dict) -> dict:
+    return {
+        f"{before}ours, {name}": lambda how=how: _run(start, span, *how)
+        for name, how in methods.items()
+    }
+
+
+def _repeated(step: Any, y: BodyState) -> Any:
+    """A call that takes the step so many times, compiled as a batch is."""
+
+    def again(n, y):
+        del n
+        return jax.lax.optimization_barrier(step(y))
+
+    call = jax.jit(lambda y: jax.lax.fori_loop(0, REPEATED, again, y), compiler_options=WIDE)
+    return lambda: call(y)

@@ -9,7 +9,7 @@ import pytest
 from numpy.testing import assert_allclose
 from test_attitude_nutation import WL, A, C, exact, swing, tilted
 
-from jaxspace.attitude import Top, TorqueFreeBody, symmetric_flow
+from jaxspace.attitude import Polhode, Top, TorqueFreeBody, symmetric_flow
 from jaxspace.bodies import BodyState
 from jaxspace.rotations import Quaternion
 
@@ -137,3 +137,21 @@ def test_logarithm_of_a_half_turn(short):
         assert_allclose(jax.jacfwd(back)(jnp.asarray(v)), np.eye(3), atol=1e-12)
     for mode in (jax.jacfwd, jax.jacrev):
         assert np.isfinite(mode(back)(jnp.asarray(v))).all()
+
+
+@pytest.mark.parametrize("tilt", [1e-4, 1e-8, 1e-14])
+def test_slope_of_the_time_of_a_flip(tilt):
+    """From a spin about the middle axis, tilted by that much: 2 K(k)/N, with K = ln(4/k') and k'
+    proportional to the tilt, so that the time falls by 2/N for each e-fold of it, N the rate of
+    growth."""
+    moments = jnp.array([1.0, 1.7, 2.5])
+    growth = np.sqrt((2.5 - 1.7) * (1.7 - 1.0) / (2.5 * 1.0)) * 1.3
+
+    def time(log_tilt):
+        omega = 1.3 * jnp.stack([jnp.exp(log_tilt), jnp.ones(()), 0.0 * log_tilt])
+        return 0.5 * Polhode.of(moments, omega).period()
+
+    at = jnp.log(tilt)
+    for mode in (jax.jacfwd, jax.jacrev):
+        # What is neglected is of the order of the square of the tilt times its logarithm.
+        assert_allclose(mode(time)(at), -2.0 / growth, rtol=1e-12 + 20.0 * tilt**2 * abs(at))

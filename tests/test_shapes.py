@@ -39,7 +39,7 @@ CASES = {
     "q.rotate(rows)": "Quaternion.rotate: v_B has the shape (201, 3)",
     "q.rotate_back(rows)": "Quaternion.rotate_back: v_N",
     "q.rate(rows)": "Quaternion.rate: omega_B",
-    "q.moved(rows)": "Quaternion.from_rotation_vector: angle_axis",
+    "q.moved(rows)": "Quaternion.moved: local",
     "q.coordinate_rate(rows, q)": "Quaternion.coordinate_rate: local",
     "wrong.matrix()": "Quaternion.wxyz has the shape (201, 4)",
     "wrong.xyzw()": "Quaternion.wxyz",

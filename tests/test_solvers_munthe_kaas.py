@@ -36,8 +36,8 @@ def by(rtol=1e-9, **more):
 
 
 def test_the_rate_of_the_coordinates_is_that_of_the_turn():
-    """The derivative of q exp(x/2) along the coordinate rate is the rate of q, for small and large
-    x, at zero, too."""
+    """The derivative of q (1, x/2) along the coordinate rate is the rate of q, for small and large
+    x, at zero, too; x is the axis times twice the tangent of half the angle."""
     q = start(OMEGA).attitude
 
     @jax.jit
@@ -46,6 +46,9 @@ def test_the_rate_of_the_coordinates_is_that_of_the_turn():
         along = there.coordinate_rate(x, there.rate(OMEGA))
         return jax.jvp(lambda x: q.moved(x).wxyz, (x,), (along,))[1], there.rate(OMEGA).wxyz
 
+    turn = Quaternion.from_axis_angle(jnp.array([0.6, -0.48, 0.64]), jnp.array(1.3))
+    half = jnp.array([0.6, -0.48, 0.64]) * np.tan(0.65)
+    np.testing.assert_allclose(q.moved(2.0 * half).wxyz, q.then(turn).wxyz, atol=1e-15)
     for size in (0.0, 1e-9, 0.3, 0.33, 3.0, 5.0):
         np.testing.assert_allclose(*both(size * jnp.array([0.6, -0.48, 0.64])), atol=1e-14)
 

@@ -14,6 +14,7 @@ from jaxspace.orbits import Oblateness, PointGravity, TwoBody
 from jaxspace.scene import Custom
 from jaxspace.simulation import Accuracy, Status, simulate, simulate_batch
 from jaxspace.solvers import Splitting
+from jaxspace.solvers._split_schemes import SCHEMES
 
 J2 = 1.08262668e-3
 
@@ -58,6 +59,46 @@ def test_errors_fall_with_the_order_and_are_estimated(order):
     # Of the length of the position, near 1.2; the estimate is good to the next order.
     assert 0.2 < 1.2e-3 * coarse.stats["largest_local_error"] / errors[0] < 5.0
     assert np.log2(errors[0] / errors[1]) > order - 0.5
+
+
+# The kicks of a step; the degrees whose power sums of the places are those of the integral.
+PLACES = {(8, 2): (4, 8), (8, 6, 4): (7, 8)}
+
+
+@pytest.mark.parametrize("order", PLACES)
+def test_to_first_order_in_the_kick_it_is_a_quadrature(order):
+    """Of the order that stands first: sum b_k c_k^j = 1/(j + 1) for j below it, and no further. The
+    order in the square of the kick is 2 by symmetry, and 6 if the nested sums are right."""
+    scheme = SCHEMES[order]
+    kicks, exact = PLACES[order]
+    weights, places, *_ = scheme.rows().T
+    assert len(weights) == scheme.kicks == kicks
+    j = np.arange(exact)
+    moments = np.sum(weights * places ** j[:, None], axis=1)
+    np.testing.assert_allclose(moments, 1.0 / (j + 1), atol=2e-15)
+    assert abs(np.sum(weights * places**exact) - 1.0 / (exact + 1)) > 1e-6
+    np.testing.assert_allclose(np.sum(scheme.outside), 1.0, atol=1e-15)
+
+
+@pytest.mark.parametrize("order", PLACES)
+def test_a_small_kick_has_the_high_order(order):
+    """Of a thousandth of the oblateness the error falls with h^8 until its square is seen, and
+    stands below that of order 4 with as many kicks."""
+    span, j2 = 20.0, 1e-3 * J2
+    end = simulate(
+        oblate(j2), start(), jnp.array([0.0, span]), accuracy=Accuracy(1e-13)
+    ).final.position
+
+    def error(order, kicks):
+        steps = 2 * round(kicks / (2 * SCHEMES[order].kicks))
+        method = Splitting(order, steps=steps, estimate=False)
+        run = simulate(
+            oblate(j2), start(), jnp.array([0.0, span]), accuracy=Accuracy(method=method)
+        )
+        return far(run.final.position, end)
+
+    assert error(order, 112) < 0.05 * error(4, 110)
+    assert np.log2(error(order, 56) / error(order, 112)) > 5.5
 
 
 def test_without_a_perturbation_every_step_is_exact():
@@ -140,7 +181,7 @@ def refused(scene, reason):
 
 
 def test_it_refuses_what_cannot_be_split():
-    with pytest.raises(InputError, match="order is 3"):
+    with pytest.raises(InputError, match=r"order is 3: .* 2, 4, 6, \(8, 2\)"):
         Splitting(3, steps=10)
     with pytest.raises(InputError, match="steps is 5"):
         Splitting(4, steps=5)

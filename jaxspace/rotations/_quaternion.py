@@ -8,6 +8,10 @@
     w        cosine of half the angle of turn         1
     x, y, z  axis of turn times sine of half angle    1
     omega_B  angular velocity in body axes            rad/s
+    x        coordinates of q about q_0, Rodrigues's: axis of turn times twice the tangent of half
+             the angle, near zero the rotation vector
+
+    q = q_0 (1, x/2)/|(1, x/2)|,   x' = omega_B + x cross omega_B/2 + x (x . omega_B)/4
 
 Source: Thomson 5.1 (Euler's theorem: every displacement with a fixed point is one turn), 3.4
 (matrix), 3-P13 (rates).
@@ -42,7 +46,6 @@ from ..core import (
     unit,
     with_rank,
 )
-from ._rotation_vector import rotation_vector_rate
 
 
 @final
@@ -188,8 +191,11 @@ class Quaternion(AbstractGroupElement):
         return 0.0 * self._components()[1:]
 
     def moved(self, local: Vector) -> "Quaternion":
-        # Back to unit length, so that many steps of an integrator stay on the group.
-        return self.then(Quaternion.from_rotation_vector(local)).normalised()
+        check_components("Quaternion.moved: local", local, 3)
+        # Rational, because an integrator comes here at every stage; of unit length, so that many of
+        # its steps stay on the group.
+        turn = jnp.concatenate([jnp.ones_like(local[:1]), 0.5 * local])
+        return self.then(Quaternion(turn)).normalised()
 
     def projected(self) -> "Quaternion":
         return self.normalised()
@@ -198,7 +204,9 @@ class Quaternion(AbstractGroupElement):
         check_components("Quaternion.coordinate_rate: local", local, 3)
         # q' = q (0, omega_B) / 2, solved for omega_B.
         omega_B = 2.0 * self.inverse().then(rate).wxyz[1:]
-        return rotation_vector_rate(local, omega_B)
+        rank = max(local.ndim, omega_B.ndim) - 1
+        x, w = with_rank(local, rank), with_rank(omega_B, rank)
+        return w + 0.5 * cross(x, w) + (0.25 * dot(x, w)) * x
 
     def rotation_vector(self) -> Vector:
         """Axis of turn times angle, rad, the angle within [0, pi]; smooth at zero."""

@@ -1,7 +1,6 @@
 """Splitting: exact drift and exact kick in turns, for motion that is nearly the drift alone.
 
-    S(h) = K(h/2) D(h) K(h/2)            order 2 (Strang)
-    S(g_m h) ... S(g_1 h)                orders 4 and 6, with g_i = g_{m+1-i} and sum_i g_i = 1
+    S(h) = K(h/2) D(h) K(h/2)            order 2 (Strang); others in `_split_schemes.py`
 
 The error is of the size of the kick times h^p: long steps pass over a small perturbation. The maps
 keep the volume and the symplectic form, so that the energy oscillates and does not drift away.
@@ -11,9 +10,8 @@ keep the volume and the symplectic form, so that the energy oscillates and does 
     h       step                                             s
     p       order                                            1
 
-Sources: Wisdom, Holman (1991), Symplectic maps for the N-body problem, Astronomical Journal 102,
-1528; Hairer, Lubich, Wanner, Geometric Numerical Integration, II.4 (order 4: Suzuki's five), V.3.2
-(order 6: Yoshida's seven).
+Source: Wisdom, Holman (1991), Symplectic maps for the N-body problem, Astronomical Journal 102,
+1528.
 """
 
 import functools
@@ -24,30 +22,23 @@ import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, Float
 
 from ..core import InputError, State, barrier, safe_divide
 from ._protocol import AbstractFieldSolver, AbstractFixedStep, Advance, SolverTraits
 from ._second_order import estimate_by_coarsening
+from ._split_schemes import SCHEMES, Scheme
 from ._vector_field import ScaledField, StepField, just_before
 
 # Where the steps do not resolve the motion, no order holds: the error is taken to be four times the
 # difference that is seen.
 UNRESOLVED_FACTOR = 0.25
 
-_SUZUKI = 1.0 / (4.0 - 4.0 ** (1.0 / 3.0))
-_YOSHIDA = (0.78451361047755726382, 0.23557321335935813368, -1.17767998417887100695)
-COMPOSITIONS = {
-    2: (1.0,),
-    4: (_SUZUKI, _SUZUKI, 1.0 - 4.0 * _SUZUKI, _SUZUKI, _SUZUKI),
-    6: (*_YOSHIDA, 1.0 - 2.0 * sum(_YOSHIDA), *reversed(_YOSHIDA)),
-}
-
 
 @final
 class Splitting(AbstractFieldSolver, AbstractFixedStep):
-    """Splitting of order 2, 4 or 6 with `steps` equal steps in each segment.
+    """Splitting with `steps` equal steps in each segment, of order 2, 4 or 6, or of the generalised
+    order (8, 2) or (8, 6, 4) for a small kick.
 
     For systems with a drift and a kick: a scene of `PointGravity`, free rotation, and loads that
     depend on position and attitude; or a `Top`. Steps land on every save time, so that a segment
@@ -62,38 +53,42 @@ class Splitting(AbstractFieldSolver, AbstractFixedStep):
 
     **Arguments**
 
-    - `order`: 2, 4 or 6.
+    - `order`: 2, 4 or 6; or (8, 2), whose error is the kick times h^8 and its square times h^2, or
+      (8, 6, 4), in which its square has h^6 and its cube h^4. Of a step they take 1, 5, 7, 4 and
+      7 kicks. The estimate counts on the least of the orders.
     - `steps`: in each segment; even, and at least 2.
     - `estimate`: whether the error is estimated. Without it no status reports too few steps.
 
     **Raises** `InputError` for another order or number of steps.
     """
 
-    p: int = eqx.field(static=True)
+    p: int | tuple[int, ...] = eqx.field(static=True)
     steps: int = eqx.field(static=True)
     estimate: bool = eqx.field(static=True)
     term_structure: ClassVar = diffrax.ODETerm
     interpolation_cls: ClassVar = diffrax.LocalLinearInterpolation
 
-    def __init__(self, order: int = 4, *, steps: int, estimate: bool = True):
+    def __init__(self, order: int | tuple[int, ...] = 4, *, steps: int, estimate: bool = True):
         self.p = order
         self.steps = steps
         self.estimate = estimate
 
     def __check_init__(self):
-        if self.p not in COMPOSITIONS:
-            raise InputError(f"Splitting.order is {self.p}: it must be 2, 4 or 6.")
+        if self.p not in SCHEMES:
+            names = ", ".join(str(order) for order in SCHEMES)
+            raise InputError(f"Splitting.order is {self.p}: it must be one of {names}.")
         if self.steps < 2 or self.steps % 2:
             raise InputError(f"Splitting.steps is {self.steps}: it must be even, and at least 2.")
 
     @property
     def traits(self) -> SolverTraits:
-        parts = len(COMPOSITIONS[self.p])
-        # Each part has one kick, and the first step of all one before it.
-        evaluations = parts * self.steps + 1
+        scheme = SCHEMES[self.p]
+        # With the kicks outside, the first step of all has one more before it.
+        first = 0 if scheme.kicks_inside else 1
+        evaluations = scheme.kicks * self.steps + first
         if self.estimate:
             # The rate at which the state turns takes one more.
-            evaluations += parts * _fewer(self.steps) + 2
+            evaluations += scheme.kicks * _fewer(self.steps) + first + 1
         return SolverTraits(
             lands_on_save_times=True,
             fixed_step=True,
@@ -106,7 +101,7 @@ class Splitting(AbstractFieldSolver, AbstractFixedStep):
         return Splitting(self.p, steps=factor * self.steps, estimate=self.estimate)
 
     def order(self, terms: diffrax.AbstractTerm | None) -> int:
-        return self.p
+        return self.p if isinstance(self.p, int) else self.p[-1]
 
     def advance(
         self, f: StepField, t0: Float[Array, ""], t1: Float[Array, ""], y0: State, carried: None
@@ -115,11 +110,11 @@ class Splitting(AbstractFieldSolver, AbstractFixedStep):
         field: ScaledField = f.args
         fewer = _fewer(self.steps)
         turn = (t1 - t0) / self.steps * _angular_rate(field, t0, y0)
-        resolved = (self.steps / fewer) ** self.p - 1.0
+        resolved = (self.steps / fewer) ** self.order(None) - 1.0
         error_reduction = jnp.where(turn < 1.0, resolved, UNRESOLVED_FACTOR)
 
         def integrate(steps: int) -> State:
-            return _integrate(field, t0, t1, y0, COMPOSITIONS[self.p], steps)
+            return _integrate(field, t0, t1, y0, SCHEMES[self.p], steps)
 
         y1, error = estimate_by_coarsening(
             integrate, self.steps, fewer, error_reduction, self.estimate
@@ -152,7 +147,7 @@ def _integrate(
     t0: Float[Array, ""],
     t1: Float[Array, ""],
     y0: State,
-    composition: tuple[float, ...],
+    scheme: Scheme,
     steps: int,
 ) -> State:
     """The state after equal steps in normalised time.
@@ -162,7 +157,7 @@ def _integrate(
     - `field`: the system in normalised time.
     - `t0`, `t1`: start and end of the segment, in normalised time.
     - `y0`: the state at `t0`.
-    - `composition`: the parts g_i of each step.
+    - `scheme`: the parts of each step.
     - `steps`: their number.
 
     **Returns** the state at `t1`.
@@ -170,11 +165,7 @@ def _integrate(
     split = field.split()
     h = (t1 - t0) / steps
     end = just_before(t0, t1)
-    g = np.array(composition)
-    is_last = np.arange(g.size) == g.size - 1
-    # For each part of a step: what lies before it, itself, half of the part that follows.
-    table = np.stack([np.cumsum(g) - g, g, 0.5 * np.roll(g, -1), is_last], axis=1)
-    parts = jnp.asarray(table, h.dtype)
+    rows = jnp.asarray(scheme.rows(), h.dtype)
 
     def drift(s: Array, ds: Array, y: State) -> State:
         return barrier(split.drift(field.duration(s, ds), y))
@@ -186,18 +177,19 @@ def _integrate(
         # Within the segment, beyond which a composition with negative parts reaches.
         return jnp.clip(t0 + steps_done * h, t0, end)
 
-    def part(n: Array, y: State, row: Float[Array, "4"]) -> tuple[State, None]:
-        before, g, half_of_next, is_last = row
-        y = drift(at(n + before), g * h, y)
-        # Half kicks that follow one another are one; the last of all has none to be joined with.
-        closing = (is_last > 0.0) & (n == steps - 1)
-        weight = 0.5 * g + jnp.where(closing, 0.0, half_of_next)
-        return kick(at(n + before + g), weight * h, y), None
+    inside, outside = (kick, drift) if scheme.kicks_inside else (drift, kick)
+
+    def part(n: Array, y: State, row: Float[Array, "5"]) -> tuple[State, None]:
+        weight, passed, next_weight, after, joined = row
+        y = inside(at(n + passed), weight * h, y)
+        # What follows the last step of all has nothing to be joined with.
+        next_weight = next_weight + jnp.where(n == steps - 1, 0.0, joined)
+        return outside(at(n + after), next_weight * h, y), None
 
     def step(y: State, n: Array) -> tuple[State, None]:
         # A loop, so that drift and kick are compiled once.
-        return jax.lax.scan(lambda y, row: part(n, y, row), y, parts)
+        return jax.lax.scan(lambda y, row: part(n, y, row), y, rows)
 
-    y = kick(t0, 0.5 * parts[0, 1] * h, y0)
+    y = outside(t0, scheme.outside[0] * h, y0)
     # Reverse mode keeps the state before each step, and repeats what lies within the step.
     return jax.lax.scan(jax.checkpoint(step), y, jnp.arange(steps, dtype=h.dtype))[0]
