@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from jaxtyping import Array
 
-from jaxspace.attitude import TorqueFreeBody
+from jaxspace.attitude import Top, TorqueFreeBody
 from jaxspace.bodies import BodyState, PrincipalInertia, RigidBody
 from jaxspace.core import InputError
 from jaxspace.plots import show_run, view_page
@@ -175,10 +175,15 @@ def test_wheel_stands_across_its_axis():
 
 
 @pytest.mark.skipif(BROWSER is None, reason="no Chromium")
-@pytest.mark.parametrize("what", ["spacecraft", "tumbling"])
+@pytest.mark.parametrize("what", ["spacecraft", "tumbling", "top"])
 def test_page_draws_and_plays(what, tmp_path):
     if what == "spacecraft":
         shown = spacecraft()
+    elif what == "top":
+        # In steady precession, tilted by half a radian.
+        axis = Quaternion.about(2, jnp.asarray(TIMES)).then(Quaternion.about(0, 0.5 + 0.0 * TIMES))
+        spin = jnp.asarray(np.stack([0.0 * TIMES, 0.0 * TIMES, 20.0 + 0.0 * TIMES]))
+        shown = run(Top(0.002, 0.0008, 0.3), BodyState(attitude=axis, omega=spin))
     else:
         attitude = Quaternion.about(0, jnp.asarray(TIMES))
         omega = jnp.asarray(np.stack([1.0 + 0.0 * TIMES, 0.0 * TIMES, 0.0 * TIMES]))
