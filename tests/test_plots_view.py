@@ -7,15 +7,18 @@ import subprocess
 from types import SimpleNamespace
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 from jaxtyping import Array
 
-from jaxspace.attitude import Top, TorqueFreeBody
+from jaxspace import Scene
+from jaxspace.attitude import ReactionWheels, Top, TorqueFreeBody
 from jaxspace.bodies import BodyState, PrincipalInertia, RigidBody
 from jaxspace.core import InputError
 from jaxspace.plots import show_run, view_page
+from jaxspace.plots._view_page import _momentum
 from jaxspace.plots._view_shapes import faces_of, top_faces, wheel_faces
 from jaxspace.rotations import Quaternion
 
@@ -98,6 +101,17 @@ def test_page_holds_the_run(tmp_path):
     assert len(data["wheels"]) == 3 and data["planet"] == 0.0
     # To the three digits that are written.
     np.testing.assert_allclose(data["wheels"][1]["angle"], -2.0 * TIMES, atol=6e-4)
+
+
+def test_the_momentum_is_that_of_the_wheels_too(tmp_path):
+    """A rotor along the axis of a body that spins about it: C n + h."""
+    rotor = ReactionWheels.rotor([0.0, 0.0, 2.0], 80.0, 6.0)
+    scene = Scene((rotor,), RigidBody(inertia=[220.0, 220.0, 160.0]))
+    attitude = Quaternion.identity()
+    y = scene.start(BodyState(attitude=attitude, omega=jnp.array([0.0, 0.0, 0.3])))
+    states = jax.tree.map(lambda x: jnp.stack([x, x], axis=-1), y)
+    h = _momentum(scene, np.array([0.0, 1.0]), states)
+    np.testing.assert_allclose(h, np.outer([0.0, 0.0, 160.0 * 0.3 + 80.0 * 6.0], [1.0, 1.0]))
 
 
 def test_what_attracts_is_a_planet(tmp_path):

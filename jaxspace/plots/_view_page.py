@@ -8,6 +8,8 @@ from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 
 from ..core import InputError
@@ -153,9 +155,9 @@ def _frames(system: "AbstractSystem", ts: Any, states: "State") -> dict[str, np.
         omega = getattr(states, "omega", None)
         if omega is not None:
             found["rate"] = np.asarray(attitude.rotate(omega))
-            inertia = _inertia(system, states)
-            if inertia is not None:
-                found["momentum"] = np.asarray(attitude.rotate(inertia.times(omega)))
+            momentum = _momentum(system, ts, states)
+            if momentum is not None:
+                found["momentum"] = np.asarray(momentum)
     good = np.all([np.all(np.isfinite(x), axis=0) for x in found.values()], axis=0)
     found = {name: values[:, good] for name, values in found.items()}
     found["times"] = found["times"][0]
@@ -166,6 +168,16 @@ def _continuous(wxyz: np.ndarray) -> np.ndarray:
     """Of the two quaternions of each attitude the one next to that before it."""
     jumps = np.where(np.sum(wxyz[:, 1:] * wxyz[:, :-1], axis=0) < 0.0, -1.0, 1.0)
     return wxyz * np.concatenate([[1.0], np.cumprod(jumps)])
+
+
+def _momentum(system: Any, ts: Any, states: Any) -> Any:
+    """The angular momentum of what turns, (3, times); `None` where it is not known: with wheels and
+    other parts the system states it where they alone change that of the body."""
+    if not getattr(states, "parts", None):
+        inertia = _inertia(system, states)
+        return None if inertia is None else states.attitude.rotate(inertia.times(states.omega))
+    kept = jax.vmap(system.invariants, in_axes=(0, -1), out_axes=-1)(jnp.asarray(ts), states)
+    return kept.get("rotational_momentum")
 
 
 def _inertia(system: Any, states: Any) -> Any:
