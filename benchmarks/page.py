@@ -41,8 +41,9 @@ def _diagram(name: str, rows: dict) -> str:
     """Draw speed against error where there are both, and return the line of the page that shows
     it."""
     error = next((e for e in ERRORS if sum(e in row for row in rows.values()) > 2), None)
+    measured = [row for row in rows.values() if error in row]
     speed = next(
-        (s for s in ("runs_per_second", "seconds") if all(s in row for row in rows.values())), None
+        (s for s in ("runs_per_second", "seconds") if all(s in row for row in measured)), None
     )
     if error is None or speed is None:
         return ""
@@ -56,8 +57,8 @@ def _diagram(name: str, rows: dict) -> str:
     axes = figure.subplots()
     for i, (label, points) in enumerate(series.items()):
         style = {
-            "marker": "o" if label.startswith("ours") else "s",
-            "linestyle": "-" if label.startswith("ours") else "--",
+            "marker": "o" if "ours" in label else "s",
+            "linestyle": "-" if "ours" in label else "--",
         }
         axes.loglog(
             *zip(*sorted(points), strict=True),

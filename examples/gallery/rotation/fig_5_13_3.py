@@ -19,18 +19,22 @@ start = top.state(
     [0.0 * tilt, tilt, 0.0 * tilt],
     [push, 0.0 * tilt, 60.0 - push * jnp.cos(tilt)],
 )
-run = simulate_batch(top, start, jnp.linspace(0.0, 1.9, 1200))
+run = simulate_batch(top, start, jnp.linspace(0.0, 1.9, 2400))
 path = run.states.attitude.rotate(jnp.array([0.0, 0.0, 1.0])[:, None, None])
 circles = top.nutation(start).turning_points()
 
 figure = plt.figure(figsize=(9.0, 3.5))
-u, v = jnp.meshgrid(jnp.linspace(0, 2 * jnp.pi, 40), jnp.linspace(0, 1.2, 12))
+u, v = jnp.meshgrid(
+    jnp.linspace(0, 2 * jnp.pi, 120), jnp.linspace(0, 0.92, 12)
+)
 for k, title in enumerate(("waves", "cusps", "loops")):
     axes = figure.add_subplot(1, 3, k + 1, projection="3d")
     axes.plot_surface(
         *(jnp.cos(u) * jnp.sin(v), jnp.sin(u) * jnp.sin(v), jnp.cos(v)),
-        color="0.95",
+        color="0.94",
         shade=False,
+        rcount=12,
+        ccount=120,
     )
     for angle in circles:
         ring = jnp.sin(angle[k]) * jnp.stack([jnp.cos(u[0]), jnp.sin(u[0])])
@@ -38,9 +42,9 @@ for k, title in enumerate(("waves", "cusps", "loops")):
             *ring, jnp.cos(angle[k]), "--", color="0.5", lw=0.8, zorder=8
         )
     axes.plot(*(1.002 * path[:, :, k]), color=f"C{k}", zorder=9)
-    axes.set(xlim=(-0.75, 0.75), ylim=(-0.75, 0.75), zlim=(0.4, 1.05))
-    axes.set_box_aspect((1.5, 1.5, 0.65), zoom=1.35)
-    axes.view_init(38, -60)
+    axes.set(xlim=(-0.8, 0.8), ylim=(-0.8, 0.8), zlim=(0.55, 1.05))
+    axes.set_box_aspect((1.6, 1.6, 0.5), zoom=1.45)
+    axes.view_init(55, -60)
     axes.set_axis_off()
     axes.set_title(title)
 plt.show()
