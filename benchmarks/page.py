@@ -60,6 +60,9 @@ def _diagram(name: str, rows: dict) -> str:
             "marker": "o" if "ours" in label else "s",
             "linestyle": "-" if "ours" in label else "--",
         }
+        if i >= len(COLOURS):
+            # The colours begin again.
+            style["marker"] = "^"
         axes.loglog(
             *zip(*sorted(points), strict=True),
             label=label,

@@ -195,7 +195,7 @@ def test_page_draws_and_plays(what, tmp_path):
         shown = spacecraft()
     elif what == "top":
         # In steady precession, tilted by half a radian.
-        axis = Quaternion.about(2, jnp.asarray(TIMES)).then(Quaternion.about(0, 0.5 + 0.0 * TIMES))
+        axis = Quaternion.about(2, jnp.asarray(TIMES)).then(Quaternion.about(0, 0.5))
         spin = jnp.asarray(np.stack([0.0 * TIMES, 0.0 * TIMES, 20.0 + 0.0 * TIMES]))
         shown = run(Top(0.002, 0.0008, 0.3), BodyState(attitude=axis, omega=spin))
     else:
