@@ -5,6 +5,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy.linalg import expm
 
 from jaxspace import Scene
 from jaxspace.attitude import Top
@@ -67,8 +68,7 @@ PLACES = {(8, 2): (4, 8), (8, 6, 4): (7, 8)}
 
 @pytest.mark.parametrize("order", PLACES)
 def test_to_first_order_in_the_kick_it_is_a_quadrature(order):
-    """Of the order that stands first: sum b_k c_k^j = 1/(j + 1) for j below it, and no further. The
-    order in the square of the kick is 2 by symmetry, and 6 if the nested sums are right."""
+    """Of the order that stands first: sum b_k c_k^j = 1/(j + 1) for j below it, and no further."""
     scheme = SCHEMES[order]
     kicks, exact = PLACES[order]
     weights, places, *_ = scheme.rows().T
@@ -80,6 +80,26 @@ def test_to_first_order_in_the_kick_it_is_a_quadrature(order):
     np.testing.assert_allclose(np.sum(scheme.outside), 1.0, atol=1e-15)
 
 
+@pytest.mark.parametrize(("order", "square"), [((8, 2), 2), ((8, 6, 4), 6)])
+def test_the_square_of_the_kick_has_its_order(order, square):
+    """Of a linear system y' = (A + eps B) y: what is even in eps of the error of a step falls with
+    one power of h more than the order in the square."""
+    a, b = np.random.default_rng(3).standard_normal((2, 3, 3))
+    scheme = SCHEMES[order]
+
+    def step(eps, h):
+        y = expm(scheme.outside[0] * h * a)
+        for drift, kick in zip(scheme.outside[1:], scheme.inside, strict=True):
+            y = expm(drift * h * a) @ expm(kick * h * eps * b) @ y
+        return y - expm(h * (a + eps * b))
+
+    def even(h):
+        return np.max(np.abs(step(0.01, h) + step(-0.01, h)))
+
+    assert abs(np.log2(even(0.25) / even(0.125)) - (square + 1)) < 0.4
+
+
+@pytest.mark.sweep
 @pytest.mark.parametrize("order", PLACES)
 def test_a_small_kick_has_the_high_order(order):
     """Of a thousandth of the oblateness the error falls with h^8 until its square is seen, and
