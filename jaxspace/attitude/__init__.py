@@ -39,6 +39,10 @@ from ._libration import inertia_ratios as inertia_ratios
 from ._libration import jacobi_integral as jacobi_integral
 from ._libration import libration_is_stable as libration_is_stable
 from ._libration import libration_modes as libration_modes
+from ._motors import AbstractMotor as AbstractMotor
+from ._motors import ConstantTorque as ConstantTorque
+from ._motors import PointingControl as PointingControl
+from ._motors import wheel_torques as wheel_torques
 from ._moving_masses import MovingMasses as MovingMasses
 from ._moving_masses import ParticleEquations as ParticleEquations
 from ._moving_masses import particle_equations as particle_equations
@@ -62,6 +66,8 @@ from ._principal_spins import invariable_plane as invariable_plane
 from ._principal_spins import spin_modes as spin_modes
 from ._principal_spins import spin_stiffness as spin_stiffness
 from ._rolling_disk import RollingDisk as RollingDisk
+from ._shaft_pendulum import ShaftPendulum as ShaftPendulum
+from ._shaft_pendulum import TiltState as TiltState
 from ._spherical_pendulum import PendulumState as PendulumState
 from ._spherical_pendulum import SphericalPendulum as SphericalPendulum
 from ._spinning_missile import SpinningMissile as SpinningMissile
@@ -74,8 +80,6 @@ from ._swinging import radial_release_spin as radial_release_spin
 from ._swinging import zero_spin_radial_cord as zero_spin_radial_cord
 from ._top import Top as Top
 from ._top_motion import TopMotion as TopMotion
-from ._top_relatives import ShaftPendulum as ShaftPendulum
-from ._top_relatives import TiltState as TiltState
 from ._top_relatives import best_crusher_tilt as best_crusher_tilt
 from ._top_relatives import crusher_force as crusher_force
 from ._top_relatives import crusher_spin as crusher_spin
@@ -91,10 +95,6 @@ from ._torque_free import symmetric_flow as symmetric_flow
 from ._unwinding import CordState as CordState
 from ._unwinding import StretchingCords as StretchingCords
 from ._unwinding import UnwindingCords as UnwindingCords
-from ._wheels import AbstractMotor as AbstractMotor
-from ._wheels import ConstantTorque as ConstantTorque
-from ._wheels import PointingControl as PointingControl
 from ._wheels import ReactionWheels as ReactionWheels
 from ._wheels import gyrostat_nutation_rate as gyrostat_nutation_rate
 from ._wheels import rotor_moment as rotor_moment
-from ._wheels import wheel_torques as wheel_torques

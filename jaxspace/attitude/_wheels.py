@@ -22,7 +22,6 @@ The state holds h_i and not the speed: its rate is the torque alone, so that no 
 body enters, and the momentum of all is conserved to the rounding of the run.
 """
 
-from abc import abstractmethod
 from collections.abc import Sequence
 from typing import Any, ClassVar, final
 
@@ -32,7 +31,6 @@ from jaxtyping import Array, Float
 
 from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
 from ..core import (
-    AbstractParameters,
     Scalar,
     State,
     Vector,
@@ -41,11 +39,10 @@ from ..core import (
     constructor,
     cross,
     quantity,
-    solve3,
     unit,
     with_rank,
 )
-from ..rotations import Quaternion
+from ._motors import AbstractMotor, along_axes
 
 
 def gyrostat_nutation_rate(n: Scalar, A: Scalar, C: Scalar, h: Scalar) -> Scalar:
@@ -81,80 +78,6 @@ def rotor_moment(
     rank = max(omega.ndim - 1, jnp.ndim(speed), jnp.ndim(acceleration))
     along = with_rank(unit(axis), rank)
     return inertia * (acceleration * along + cross(omega, speed * along))
-
-
-class AbstractMotor(AbstractParameters):
-    """What drives the wheels of a body. A concrete motor is final."""
-
-    @abstractmethod
-    def torque(self, t: Scalar, y: BodyState, axes: Array, speed: Array) -> Array:
-        """The torque on each wheel, N m, (wheels, *runs).
-
-        **Arguments**
-
-        - `t`: s; `y`: state of the body.
-        - `axes`: of the wheels, (3, wheels, *runs).
-        - `speed`: relative to the body, rad/s, (wheels, *runs)."""
-
-
-@final
-class ConstantTorque(AbstractMotor):
-    """The same torque on every wheel, until a time."""
-
-    drive: Float[Array, "*#runs"] = quantity("N m", key="torque", doc="on every wheel")
-    until: Float[Array, "*#runs"] | None = quantity(
-        "s", optional=True, doc="time at which the motor stops; never where it is left out"
-    )
-
-    def torque(self, t: Scalar, y: BodyState, axes: Array, speed: Array) -> Array:
-        del y, axes
-        on = 1.0 if self.until is None else jnp.where(t < self.until, 1.0, 0.0)
-        return on * self.drive + 0.0 * speed
-
-
-@final
-class PointingControl(AbstractMotor):
-    """Turns the body to a target by a torque that is linear in the error and in the rate.
-
-    At least three wheels whose axes span space share the torque with the least sum of squares."""
-
-    target: Float[Array, "4 *#runs"] = quantity(
-        "", doc="quaternion, scalar first, to which the body turns and where it rests"
-    )
-    stiffness: Float[Array, "*#runs"] = quantity(
-        "N m", positive=True, doc="torque per radian of a small error"
-    )
-    damping: Float[Array, "*#runs"] = quantity(
-        "N m s", non_negative=True, doc="torque per rate of the body"
-    )
-
-    def torque(self, t: Scalar, y: BodyState, axes: Array, speed: Array) -> Array:
-        del t, speed
-        target = Quaternion(with_rank(self.target, y.omega.ndim - 1)).normalised()
-        error = target.inverse().then(y.attitude).wxyz
-        # Of both quaternions of one attitude the nearer: the body turns the short way.
-        sign = jnp.where(error[0] < 0.0, -1.0, 1.0)
-        wanted = -2.0 * self.stiffness * sign * error[1:] - self.damping * y.omega
-        return -wheel_torques(axes, wanted)
-
-
-def wheel_torques(axes: Array, torque: Vector) -> Array:
-    """The torques along the axes of wheels with the least sum of squares that add up to a torque.
-
-    **Arguments**
-
-    - `axes`: of three wheels or more, of length one, as columns, (3, wheels, *runs).
-    - `torque`: N m, in body axes, (3, *runs).
-
-    **Returns** the torques, N m, (wheels, *runs). On the body act those that are opposite to the
-    torques on the wheels."""
-    gram = jnp.sum(axes[:, None] * axes[None, :], axis=2)
-    return _along(axes, solve3(gram, with_rank(torque, gram.ndim - 2)))
-
-
-def _along(axes: Array, vector: Vector) -> Array:
-    """a_i . vector of every wheel, (wheels, *runs)."""
-    return axes[0] * vector[0] + axes[1] * vector[1] + axes[2] * vector[2]
 
 
 @final
@@ -234,13 +157,13 @@ class ReactionWheels(AbstractEffect):
     def start(self, y: BodyState, body: AbstractBody) -> dict[str, State]:
         del body
         axes, inertia, speed = self._of_rank(y.omega.ndim - 1)
-        return {self.part: inertia * (speed + _along(axes, y.omega))}
+        return {self.part: inertia * (speed + along_axes(axes, y.omega))}
 
     def speeds(self, y: BodyState) -> Array:
         """Speeds relative to the body, rad/s, (wheels, *runs), in the state `y`, also along a
         trajectory."""
         axes, inertia, _ = self._of_rank(y.omega.ndim - 1)
-        return y.part(self.part) / inertia - _along(axes, y.omega)
+        return y.part(self.part) / inertia - along_axes(axes, y.omega)
 
     def load(self, t: Scalar, y: BodyState, body: AbstractBody) -> Load:
         del body

@@ -1,0 +1,114 @@
+"""A body that is pinned to a turning shaft: a relative of the top, and the plane pendulum.
+
+    A theta'' = [(A - C) Omega^2 cos(theta) - W l] sin(theta)
+    Omega_c^2 = W l/(A - C),   cos(theta) = (Omega_c/Omega)^2       where it stands out beyond that
+
+    symbol     meaning                                                       unit
+    A, C       moments of inertia about the pin: across and along the axis   kg m^2
+    theta      angle of the axis with the downward vertical                  rad
+    Omega      rate of the shaft, Omega_c the critical one                   rad/s
+    W, l       weight; distance of the mass centre                           N, m
+
+Source: Thomson Problem 5.14-12; at rest 5.12-7.
+"""
+
+from typing import final
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ..core import (
+    AbstractSystem,
+    Scalar,
+    argument,
+    as_float,
+    complete_elliptic,
+    constructor,
+    end_sqrt,
+    quantity,
+)
+
+
+@final
+class TiltState(eqx.Module):
+    """The angle of a pinned body, and its rate; also the rates of both."""
+
+    tilt: Float[Array, "*#runs"] = quantity("rad", doc="theta, from the downward vertical")
+    tilt_rate: Float[Array, "*#runs"] = quantity("rad/s", doc="theta'")
+
+
+@final
+class ShaftPendulum(AbstractSystem):
+    """A body of revolution that is pinned to a vertical shaft which turns at a constant rate, such
+    as a disk on a stem. At the rate zero it is the plane pendulum. State: `TiltState`."""
+
+    transverse_inertia: Float[Array, "*#runs"] = quantity(
+        "kg m^2", positive=True, doc="A, about the pin"
+    )
+    axial_inertia: Float[Array, "*#runs"] = quantity(
+        "kg m^2", non_negative=True, doc="C, about the stem"
+    )
+    weight_moment: Float[Array, "*#runs"] = quantity(
+        "N m", positive=True, doc="W l, weight times distance of the mass centre from the pin"
+    )
+    shaft_rate: Float[Array, "*#runs"] = quantity("rad/s", default=0.0, doc="Omega, of the shaft")
+
+    def vector_field(self, t: Scalar, y: TiltState) -> TiltState:
+        del t
+        A, C, Wl, Omega = self._letters()
+        pull = (A - C) * Omega * Omega * jnp.cos(y.tilt) - Wl
+        return TiltState(y.tilt_rate, pull * jnp.sin(y.tilt) / A)
+
+    def invariants(self, t: Scalar, y: TiltState) -> dict[str, Array]:
+        del t
+        A, C, Wl, Omega = self._letters()
+        s, c = jnp.sin(y.tilt), jnp.cos(y.tilt)
+        turning = (A - C) * Omega * Omega * s * s
+        # Jacobi's integral: the motor of the shaft does work.
+        return {"jacobi_integral": 0.5 * (A * y.tilt_rate * y.tilt_rate - turning) - Wl * c}
+
+    @staticmethod
+    @constructor(
+        tilt=argument("rad", doc="theta, from the downward vertical"),
+        tilt_rate=argument("rad/s", default=0.0, doc="theta'"),
+    )
+    def state(tilt: Scalar, tilt_rate: Scalar = 0.0) -> TiltState:
+        """The state from the angle `tilt`, rad, and its rate, rad/s."""
+        tilt, tilt_rate = jnp.broadcast_arrays(as_float(tilt), as_float(tilt_rate))
+        return TiltState(tilt, tilt_rate)
+
+    def critical_rate(self) -> Scalar:
+        """Omega_c, rad/s, beyond which it stands out from the shaft; NaN for A <= C, which always
+        hangs."""
+        A, C, Wl, _ = self._letters()
+        return jnp.sqrt(Wl / (A - C))
+
+    def equilibrium(self) -> Scalar:
+        """The stable angle, rad: zero below the critical rate. At that rate its slope is infinite
+        (the rule of ends in `core/_safe.py`)."""
+        A, C, Wl, Omega = self._letters()
+
+        def sine_of_half_squared(A, C, Wl, Omega):
+            turning = (A - C) * Omega * Omega
+            out = turning > Wl
+            return 0.5 * jnp.where(out, turning - Wl, 0.0) / jnp.where(out, turning, 1.0)
+
+        letters = jnp.broadcast_arrays(A, C, Wl, Omega)
+        return 2.0 * jnp.arcsin(end_sqrt(sine_of_half_squared, *letters))
+
+    def frequency(self, tilt: Scalar) -> Scalar:
+        """Angular frequency, rad/s, of small oscillations about an equilibrium at `tilt`, rad; NaN
+        where it is unstable."""
+        A, C, Wl, Omega = self._letters()
+        turning = (A - C) * Omega * Omega
+        return jnp.sqrt((Wl * jnp.cos(tilt) - turning * jnp.cos(2.0 * tilt)) / A)
+
+    def plane_period(self, amplitude: Scalar) -> Scalar:
+        """Period, s, of the swing through `amplitude`, rad, on both sides of a shaft at rest
+        (Thomson 5.12-P7)."""
+        A, _, Wl, _ = self._letters()
+        return 4.0 * jnp.sqrt(A / Wl) * complete_elliptic(jnp.cos(0.5 * as_float(amplitude)) ** 2)
+
+    def _letters(self) -> tuple[Scalar, Scalar, Scalar, Scalar]:
+        return self.transverse_inertia, self.axial_inertia, self.weight_moment, self.shaft_rate
