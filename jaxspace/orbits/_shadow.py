@@ -29,11 +29,13 @@ import jax.numpy as jnp
 from ..core import (
     Scalar,
     Vector,
+    atan2,
     cross,
     dot,
     norm,
     safe_atan2,
     safe_sqrt,
+    sincos,
     unit,
     with_rank,
 )
@@ -42,7 +44,7 @@ from ..core import (
 def _apparent_radius(radius: Scalar, distance: Scalar) -> Scalar:
     """asin(radius / distance), rad; a right angle on the surface and below it."""
     tangent = jnp.maximum((distance - radius) * (distance + radius), 0.0)
-    return jnp.arctan2(radius, safe_sqrt(tangent))
+    return atan2(radius, safe_sqrt(tangent))
 
 
 def _angles(
@@ -139,7 +141,7 @@ def _hidden_part_rule(primals, tangents):
     da, db, dc = tangents
     alpha, beta = _half_angles(a, b, c)
     hidden = _hidden_part(a, b, c)
-    turned = a * alpha * da + b * beta * db - a * jnp.sin(alpha) * dc
+    turned = a * alpha * da + b * beta * db - a * sincos(alpha)[0] * dc
     slope = 2.0 * (turned / (jnp.pi * a) - hidden * da) / a
     # All of it stays hidden.
     return hidden, jnp.where(c <= b - a, 0.0, slope)
@@ -164,4 +166,4 @@ def _segment(x: Scalar) -> Scalar:
     # 0.5^12 / (4 ... 15) is below rounding.
     for n in range(14, 3, -2):
         series = 1.0 - s * s / (n * (n + 1)) * series
-    return 0.5 * jnp.where(near, s * s * s / 6.0 * series, u - jnp.sin(u))
+    return 0.5 * jnp.where(near, s * s * s / 6.0 * series, u - sincos(u)[0])
