@@ -30,6 +30,7 @@ from ..core import (
     Scalar,
     Vector,
     atan2,
+    barrier,
     cross,
     dot,
     norm,
@@ -56,7 +57,7 @@ def _angles(
     sun, position = with_rank(sun, rank), with_rank(position, rank)
     to_sun = sun if sun_radius is None else sun - position
     # Directions first: in metres the squares of the products leave the range of float32.
-    light, up = unit(to_sun), unit(position)
+    light, up = barrier((unit(to_sun), unit(position)))
     c = safe_atan2(norm(cross(up, light)), -dot(up, light))
     b = _apparent_radius(radius, norm(position))
     return (0.0 if sun_radius is None else _apparent_radius(sun_radius, norm(to_sun))), b, c
@@ -100,7 +101,7 @@ def sunlight(
     a, b, c = _angles(position, sun, radius, sun_radius)
     if sun_radius is None:
         return jnp.where(c > b, 1.0, 0.0).astype(jnp.result_type(c))
-    return 1.0 - _hidden_part(*jnp.broadcast_arrays(a, b, c))
+    return 1.0 - _hidden_part(*barrier(jnp.broadcast_arrays(a, b, c)))
 
 
 def shadow_event(
@@ -154,7 +155,7 @@ def _half_angles(a: Scalar, b: Scalar, c: Scalar) -> tuple[Scalar, Scalar]:
     # The square root of a square at the ends has no slope: the rule above does without it.
     alpha = 2.0 * safe_atan2(safe_sqrt(x * z), safe_sqrt(total * y))
     beta = 2.0 * safe_atan2(safe_sqrt(y * z), safe_sqrt(total * x))
-    return alpha, beta
+    return barrier((alpha, beta))
 
 
 def _segment(x: Scalar) -> Scalar:
