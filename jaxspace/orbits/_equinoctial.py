@@ -129,10 +129,11 @@ def _state(x: EquinoctialElements, mu: Scalar) -> tuple[Vector, Vector]:
     u = 1.0 / jnp.sqrt(X * X + Y * Y)
     f2, g2 = jnp.where(closed, 1.0, f), jnp.where(closed, 0.0, g)
     mean = jnp.where(closed, K + g1 * c - f1 * s, atan2(g2, f2))
-    axes = orbit_axes(x.q, x.p, x.retrograde)
+    F, G = orbit_axes(x.q, x.p, x.retrograde)
     p = a * (1.0 - (f * f + g * g))
-    r, v = state_along(*axes, p, (f, g), (u * X, u * Y), mu)
-    return kepler_flow(*barrier((r, v, (x.mean_longitude - mean) * per_rate)), mu)
+    r, v = state_along(F, G, p, (f, g), (u * X, u * Y), mu)
+    r, v, duration = barrier((r, v, (x.mean_longitude - mean) * per_rate))
+    return kepler_flow(r, v, duration, mu)
 
 
 def _mean_longitude(
