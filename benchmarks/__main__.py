@@ -17,17 +17,9 @@ from . import page  # noqa: E402
 
 NAMES = (
     *("kepler", "lambert", "low_orbits", "eccentric_orbit", "free_body", "torqued_body", "top"),
-    *(
-        "ascent",
-        "choice",
-        "dragged_orbits",
-        "short_pulses",
-        "gradients",
-        "hybrid_training",
-        "first_call",
-    ),
-    *("kick_stage", "elements", "porkchop", "effects", "model_rocket", "campaign"),
-    "closed_loops",
+    *("ascent", "choice", "eccentric_orbits", "dragged_orbits", "short_pulses", "gradients"),
+    *("hybrid_training", "first_call", "kick_stage", "elements", "porkchop", "effects"),
+    *("crossings", "model_rocket", "campaign", "closed_loops"),
 )
 RESULTS = Path(__file__).parent / "results"
 

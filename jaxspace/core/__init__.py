@@ -2,6 +2,7 @@
 declared quantities, checks of input. Imports jax and equinox only."""
 
 from ._barrier import barrier as barrier
+from ._blocks import in_blocks as in_blocks
 from ._check import InputError as InputError
 from ._check import check as check
 from ._check import check_finite as check_finite
@@ -72,6 +73,8 @@ from ._tables import Table as Table
 from ._tables import breaks_of as breaks_of
 from ._tracing import depending_on as depending_on
 from ._tracing import is_traced as is_traced
+from ._trigonometry import atan2 as atan2
+from ._trigonometry import sincos as sincos
 from ._types import Flag as Flag
 from ._types import Matrix as Matrix
 from ._types import Scalar as Scalar

@@ -17,6 +17,7 @@ from functools import partial
 import jax
 import jax.numpy as jnp
 
+from ._trigonometry import atan2
 from ._types import Scalar
 
 
@@ -78,7 +79,7 @@ def safe_atan2(y: Scalar, x: Scalar) -> Scalar:
     """Angle of the point (x, y), rad; value and derivative are zero at the origin, which has no
     angle."""
     origin = (x == 0.0) & (y == 0.0)
-    return jnp.where(origin, 0.0, jnp.arctan2(y, jnp.where(origin, 1.0, x)))
+    return jnp.where(origin, 0.0, atan2(y, jnp.where(origin, 1.0, x)))
 
 
 def phi1(x: Scalar) -> Scalar:

@@ -40,6 +40,7 @@ parameter `mu`, m^3/s^2; the runs broadcast, and times may stand before them.
 import math
 from typing import final
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -54,13 +55,15 @@ from ..core import (
     check,
     cross,
     dot,
+    in_blocks,
     is_concrete,
     norm,
     output,
     quantity,
     safe_atan2,
+    safe_divide,
+    sincos,
     unit,
-    with_rank,
 )
 
 # In roundings: the greatest eccentricity that rounding gave to circles of any size and plane was
@@ -182,29 +185,39 @@ def elements_from_state(position: Vector, velocity: Vector, mu: Scalar) -> Class
     and counts as zero. Angles without a meaning, and their derivatives, are zero: at the circle and
     the equator, derivatives of the elements do not lead back to those of the state (see the module
     and "Singular places" in the manual); those of `ModifiedEquinoctialElements` do."""
-    h = cross(position, velocity)
-    e = barrier(eccentricity_vector(position, velocity, mu))
-    noise = _NOISE * float(jnp.finfo(e.dtype).eps)
-    e = jnp.where(norm(e) <= noise, 0.0, e)
-    node = safe_atan2(h[0], -h[1])
-    cosine, sine = barrier((jnp.cos(node), jnp.sin(node)))
-    n = cosine * axis(0, node) + sine * axis(1, node)
-    m = cross(unit(h), n)
-    # Angles in the plane of the orbit, from the node n towards m, which is 90 degrees ahead.
-    omega = safe_atan2(dot(e, m), dot(e, n))
-    latitude = safe_atan2(dot(position, m), dot(position, n))
+    return in_blocks(_elements, (1, 1, 0), position, velocity, mu)
+
+
+def _elements(position: Vector, velocity: Vector, mu: Scalar) -> ClassicalElements:
+    # Behind barriers: fused with the elements, each of the six would compute all this again.
+    h, e = barrier((cross(position, velocity), eccentricity_vector(position, velocity, mu)))
+    length = norm(e)
+    noise = length <= _NOISE * float(jnp.finfo(e.dtype).eps)
+    e, length = barrier((jnp.where(noise, 0.0, e), jnp.where(noise, 0.0, length)))
+    n, m, across = _node_axes(h)
     # Without the node, on which it does not depend: beside the equator that turns fast. Where e = 0
     # it counts from there.
-    anomaly = safe_atan2(dot(unit(h), cross(e, position)), dot(e, position))
-    circle = dot(e, e) == 0.0
-    return ClassicalElements(
-        semi_latus_rectum=dot(h, h) / mu,
-        eccentricity=norm(e),
-        inclination=inclination(position, velocity),
-        node=node,
-        argument_of_periapsis=omega,
-        true_anomaly=jnp.where(circle, latitude, anomaly),
-    )
+    circle = length == 0.0
+    ahead = jnp.where(circle, dot(position, m), dot(unit(h), cross(e, position)))
+    along = jnp.where(circle, dot(position, n), dot(e, position))
+    # Angles in the plane of the orbit are from the node n towards m, which is 90 degrees ahead.
+    y, x = barrier(((across, h[0], dot(e, m), ahead), (h[2], -h[1], dot(e, n), along)))
+    return ClassicalElements(dot(h, h) / mu, length, *map(safe_atan2, y, x))
+
+
+def _node_axes(h: Vector) -> tuple[Vector, Vector, Scalar]:
+    """The unit vectors to the ascending node, the x axis at the equator, and 90 degrees ahead of it
+    in the plane of the orbit; and the part of the angular momentum `h` along the equator."""
+    # In units of the greater part, so that the squares of small ones do not vanish.
+    size = jax.lax.stop_gradient(jnp.maximum(jnp.abs(h[0]), jnp.abs(h[1])))
+    flat = size == 0.0
+    per = 1.0 / jnp.where(flat, 1.0, size)
+    x, y = jnp.where(flat, 1.0, -per * h[1]), per * h[0]
+    root = jnp.sqrt(x * x + y * y)
+    c, s = x / root, y / root
+    across = jnp.where(flat, 0.0, size * root)
+    w = jnp.stack([across, h[2]]) * safe_divide(1.0, norm(h))
+    return jnp.stack([c, s, jnp.zeros_like(c)]), jnp.stack([-s * w[1], c * w[1], w[0]]), across
 
 
 def state_from_elements(elements: ClassicalElements, mu: Scalar) -> tuple[Vector, Vector]:
@@ -215,23 +228,22 @@ def state_from_elements(elements: ClassicalElements, mu: Scalar) -> tuple[Vector
     - `elements`: on an open orbit with a true anomaly between the asymptotes, 1 + e cos f > 0.
     - `mu`: gravitational parameter, m^3/s^2, (*runs,).
     """
-    p = elements.semi_latus_rectum
-    e = elements.eccentricity
-    f = elements.true_anomaly
-    angles = jnp.broadcast_arrays(
-        elements.node, elements.inclination, elements.argument_of_periapsis
-    )
-    # Behind a barrier: fused with the components, each of the six would compute all angles again.
-    cn, ci, cw, sn, si, sw = barrier((*map(jnp.cos, angles), *map(jnp.sin, angles)))
-    # Two columns of the matrix of the three angles: to the periapsis, and a right angle ahead.
-    axes = (
-        jnp.stack([cn * cw - sn * sw * ci, sn * cw + cn * sw * ci, sw * si]),
-        jnp.stack([-cn * sw - sn * cw * ci, -sn * sw + cn * cw * ci, cw * si]),
-    )
-    # The runs of the other elements meet those of the three angles.
-    rank = max(jnp.ndim(x) for x in (p, e, f, mu))
-    towards = with_rank(axes[0], rank)
-    ahead = with_rank(axes[1], rank)
-    c, s = barrier((jnp.cos(f), jnp.sin(f)))
-    r, speed = barrier((p / (1.0 + e * c), jnp.sqrt(mu / p)))
-    return (r * c) * towards + (r * s) * ahead, (-speed * s) * towards + (speed * (e + c)) * ahead
+    return in_blocks(_state, (0, 0), elements, mu)
+
+
+def _state(x: ClassicalElements, mu: Scalar) -> tuple[Vector, Vector]:
+    p, e = x.semi_latus_rectum, x.eccentricity
+    angles = (x.node, x.inclination, x.argument_of_periapsis, x.true_anomaly)
+    # Behind barriers: fused with the components, each of the six would compute all this again.
+    (sn, cn), (si, ci), (sw, cw), (sf, cf) = barrier(tuple(map(sincos, map(as_float, angles))))
+    r, speed = p / (1.0 + e * cf), jnp.sqrt(mu / p)
+    # From the node, and a right angle ahead of it in the plane of the orbit.
+    cu, su = cf * cw - sf * sw, sf * cw + cf * sw
+    plane = barrier(((r * cu, r * su), (-speed * (su + e * sw), speed * (cu + e * cw))))
+
+    def turned(along: Scalar, ahead: Scalar) -> Vector:
+        level = ci * ahead
+        parts = (cn * along - sn * level, sn * along + cn * level, si * ahead)
+        return jnp.stack(jnp.broadcast_arrays(*parts))
+
+    return turned(*plane[0]), turned(*plane[1])

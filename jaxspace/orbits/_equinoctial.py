@@ -17,6 +17,7 @@ no such elements; close to it the place beside the periapsis hangs on the last d
 longitude. The modified elements have no such limit.
 """
 
+import functools
 from typing import final
 
 import equinox as eqx
@@ -29,14 +30,18 @@ from ..core import (
     InputError,
     Scalar,
     Vector,
+    atan2,
+    barrier,
     check,
     dot,
+    in_blocks,
     is_concrete,
     norm,
     quantity,
+    sincos,
 )
 from ._kepler import kepler_flow
-from ._modified_equinoctial import ModifiedEquinoctialElements
+from ._modified_equinoctial import ModifiedEquinoctialElements, orbit_axes, state_along
 
 
 @final
@@ -82,47 +87,53 @@ class EquinoctialElements(AbstractParameters):
         **Arguments** as in `ModifiedEquinoctialElements.of_state`.
 
         **Raises** `InputError` for a single parabola whose state is known."""
-        r = norm(position)
-        x = ModifiedEquinoctialElements.of_state(position, velocity, mu, retrograde=retrograde)
-        alpha = 2.0 / r - dot(velocity, velocity) / mu
-        if is_concrete(alpha) and np.any(np.asarray(alpha) == 0.0):
-            raise InputError(
-                "EquinoctialElements.of_state: the orbit is a parabola, which has no mean motion: "
-                "take ModifiedEquinoctialElements."
-            )
-        longitude = _mean_longitude(x, alpha, r, dot(position, velocity) / jnp.sqrt(mu))
-        return cls(1.0 / alpha, x.g, x.f, x.k, x.h, longitude, retrograde)
+        elements = functools.partial(_of_state, retrograde)
+        return in_blocks(elements, (1, 1, 0), position, velocity, mu)
 
     def state(self, mu: Scalar) -> tuple[Vector, Vector]:
         """Position, m, and velocity, m/s, each (3, *runs), for the parameter `mu`, m^3/s^2.
 
         By `kepler_flow` from a place near by, so that derivatives of every order are those of the
         motion."""
-        a, f, g = self.semi_major_axis, self.k, self.h
-        closed = a > 0.0
-        size = jnp.abs(a)
-        per_rate = size * jnp.sqrt(size / mu)
-        e2 = f * f + g * g
-        p = a * (1.0 - e2)
-        # From the periapsis of a hyperbola; of an ellipse from the place whose eccentric longitude
-        # is the mean one, because a circle has no periapsis.
-        place = jnp.where(closed, self.mean_longitude, 0.0)
-        ellipse_L = _true_longitude(place, *(jnp.where(closed, x, 0.0) for x in (f, g)))
-        open_L = jnp.arctan2(*(jnp.where(closed, other, x) for other, x in ((0.0, g), (1.0, f))))
-        mean = jnp.where(closed, place + g * jnp.cos(place) - f * jnp.sin(place), open_L)
-        start = ModifiedEquinoctialElements(
-            p, f, g, self.q, self.p, jnp.where(closed, ellipse_L, open_L), self.retrograde
+        return in_blocks(_state, (0, 0), self, mu)
+
+
+def _of_state(
+    retrograde: bool, position: Vector, velocity: Vector, mu: Scalar
+) -> EquinoctialElements:
+    r = norm(position)
+    x = ModifiedEquinoctialElements.of_state(position, velocity, mu, retrograde=retrograde)
+    alpha = 2.0 / r - dot(velocity, velocity) / mu
+    if is_concrete(alpha) and np.any(np.asarray(alpha) == 0.0):
+        raise InputError(
+            "EquinoctialElements.of_state: the orbit is a parabola, which has no mean motion: "
+            "take ModifiedEquinoctialElements."
         )
-        return kepler_flow(*start.state(mu), (self.mean_longitude - mean) * per_rate, mu)
+    longitude = _mean_longitude(x, alpha, r, dot(position, velocity) / jnp.sqrt(mu))
+    return EquinoctialElements(1.0 / alpha, x.g, x.f, x.k, x.h, longitude, retrograde)
 
 
-def _true_longitude(K: Scalar, f: Scalar, g: Scalar) -> Scalar:
-    """The true longitude at the eccentric longitude `K` of an ellipse, within (-pi, pi]."""
-    b = 1.0 / (1.0 + jnp.sqrt(1.0 - f * f - g * g))
-    c, s = jnp.cos(K), jnp.sin(K)
-    x = (1.0 - g * g * b) * c + f * g * b * s - f
-    y = (1.0 - f * f * b) * s + f * g * b * c - g
-    return jnp.arctan2(y, x)
+def _state(x: EquinoctialElements, mu: Scalar) -> tuple[Vector, Vector]:
+    a, f, g = x.semi_major_axis, x.k, x.h
+    closed = a > 0.0
+    size = jnp.abs(a)
+    per_rate = size * jnp.sqrt(size / mu)
+    # From the periapsis of a hyperbola; of an ellipse from the place whose eccentric longitude is
+    # the mean one, because a circle has no periapsis.
+    K = jnp.where(closed, x.mean_longitude, 0.0)
+    s, c = barrier(sincos(K))
+    f1, g1 = (jnp.where(closed, y, 0.0) for y in (f, g))
+    b = 1.0 / (1.0 + jnp.sqrt(1.0 - f1 * f1 - g1 * g1))
+    X = jnp.where(closed, (1.0 - g1 * g1 * b) * c + f1 * g1 * b * s - f1, f)
+    Y = jnp.where(closed, (1.0 - f1 * f1 * b) * s + f1 * g1 * b * c - g1, g)
+    u = 1.0 / jnp.sqrt(X * X + Y * Y)
+    f2, g2 = jnp.where(closed, 1.0, f), jnp.where(closed, 0.0, g)
+    mean = jnp.where(closed, K + g1 * c - f1 * s, atan2(g2, f2))
+    F, G = orbit_axes(x.q, x.p, x.retrograde)
+    p = a * (1.0 - (f * f + g * g))
+    r, v = state_along(F, G, p, (f, g), (u * X, u * Y), mu)
+    r, v, duration = barrier((r, v, (x.mean_longitude - mean) * per_rate))
+    return kepler_flow(r, v, duration, mu)
 
 
 def _mean_longitude(
@@ -141,10 +152,11 @@ def _mean_longitude(
     root = jnp.sqrt(p1 * alpha1)
     b = 1.0 / (1.0 + root)
     L = x.true_longitude
-    X, Y = r * alpha1 * jnp.cos(L), r * alpha1 * jnp.sin(L)
+    s, c = barrier(sincos(L))
+    X, Y = r * alpha1 * c, r * alpha1 * s
     cosine_K = f1 + ((1.0 - f1 * f1 * b) * X - f1 * g1 * b * Y) / root
     sine_K = g1 + ((1.0 - g1 * g1 * b) * Y - f1 * g1 * b * X) / root
-    ellipse = jnp.arctan2(sine_K, cosine_K) - sine
+    ellipse = atan2(sine_K, cosine_K) - sine
     f2, g2 = jnp.where(closed, 1.0, f), jnp.where(closed, 0.0, g)
     anomaly = jnp.arcsinh(sine / jnp.sqrt(f2 * f2 + g2 * g2))
-    return jnp.where(closed, ellipse, jnp.arctan2(g2, f2) + sine - anomaly)
+    return jnp.where(closed, ellipse, atan2(g2, f2) + sine - anomaly)

@@ -37,7 +37,7 @@ continuation.
 import jax
 import jax.numpy as jnp
 
-from ..core import Scalar, Vector, barrier, cross, dot, stumpff, with_rank
+from ..core import Scalar, Vector, barrier, cross, dot, in_blocks, stumpff, with_rank
 from ._anomaly import Anomaly, anomaly_after
 
 
@@ -57,10 +57,14 @@ def kepler_flow(
 
     Without a loop. Derivatives of every order, forward and reverse, follow from the implicit
     function theorem. Whole revolutions are taken off first, so that the error grows with their
-    number alone, as the sensitivity of the problem does. A thousand runs at a time fit into the
-    cache of a processor: for a million, `jax.lax.map` over (blocks, 3, 1024) is faster than one
-    call.
+    number alone, as the sensitivity of the problem does.
     """
+    return in_blocks(_flow, (1, 1, 0, 0), position, velocity, duration, mu)
+
+
+def _flow(
+    position: Vector, velocity: Vector, duration: Scalar, mu: Scalar
+) -> tuple[Vector, Vector]:
     rank = max(position.ndim - 1, velocity.ndim - 1, jnp.ndim(duration), jnp.ndim(mu))
     position = with_rank(position, rank)
     velocity = with_rank(velocity, rank)

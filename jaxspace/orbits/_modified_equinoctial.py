@@ -19,6 +19,7 @@ elements and back is the identity in its derivatives too. At i = 180 degrees h a
 the retrograde elements are singular at i = 0 instead.
 """
 
+import functools
 from typing import final
 
 import equinox as eqx
@@ -31,12 +32,17 @@ from ..core import (
     InputError,
     Scalar,
     Vector,
+    as_float,
+    atan2,
+    barrier,
     check,
     cross,
     dot,
+    in_blocks,
     is_concrete,
     quantity,
     scale,
+    sincos,
     unit,
 )
 from ._elements import eccentricity_vector
@@ -89,28 +95,42 @@ class ModifiedEquinoctialElements(AbstractParameters):
 
         **Raises** `InputError` for a known state at the one singular place.
         """
-        momentum = cross(position, velocity)
-        h, k = _tilt(momentum, retrograde)
-        F, G = _axes(h, k, retrograde)
-        e = eccentricity_vector(position, velocity, mu)
-        return cls(
-            dot(momentum, momentum) / mu,
-            dot(e, F),
-            dot(e, G),
-            h,
-            k,
-            jnp.arctan2(dot(position, G), dot(position, F)),
-            retrograde,
-        )
+        elements = functools.partial(_of_state, retrograde)
+        return in_blocks(elements, (1, 1, 0), position, velocity, mu)
 
     def state(self, mu: Scalar) -> tuple[Vector, Vector]:
         """Position, m, and velocity, m/s, each (3, *runs), for the parameter `mu`, m^3/s^2."""
-        F, G = _axes(self.h, self.k, self.retrograde)
-        c, s = jnp.cos(self.true_longitude), jnp.sin(self.true_longitude)
-        r = self.semi_latus_rectum / (1.0 + self.f * c + self.g * s)
-        speed = jnp.sqrt(mu / self.semi_latus_rectum)
-        position = scale(r * c, F) + scale(r * s, G)
-        return position, scale(speed * (self.f + c), G) - scale(speed * (self.g + s), F)
+        return in_blocks(_state, (0, 0), self, mu)
+
+
+def _of_state(
+    retrograde: bool, position: Vector, velocity: Vector, mu: Scalar
+) -> ModifiedEquinoctialElements:
+    # Behind barriers: fused with the elements, each of the six would compute all this again.
+    momentum, e = barrier((cross(position, velocity), eccentricity_vector(position, velocity, mu)))
+    h, k = barrier(_tilt(momentum, retrograde))
+    F, G = barrier(orbit_axes(h, k, retrograde))
+    longitude = atan2(dot(position, G), dot(position, F))
+    p = dot(momentum, momentum) / mu
+    return ModifiedEquinoctialElements(p, dot(e, F), dot(e, G), h, k, longitude, retrograde)
+
+
+def _state(x: ModifiedEquinoctialElements, mu: Scalar) -> tuple[Vector, Vector]:
+    s, c = barrier(sincos(as_float(x.true_longitude)))
+    F, G = orbit_axes(x.h, x.k, x.retrograde)
+    return state_along(F, G, x.semi_latus_rectum, (x.f, x.g), (c, s), mu)
+
+
+def state_along(
+    F: Vector, G: Vector, p: Scalar, e: tuple[Scalar, Scalar], u: tuple[Scalar, Scalar], mu: Scalar
+) -> tuple[Vector, Vector]:
+    """The state in the direction `u` of an orbit with the eccentricity vector `e`, both by their
+    components along F and G."""
+    (f, g), (c, s) = e, u
+    F, G = barrier((F, G))
+    r, speed = p / (1.0 + f * c + g * s), jnp.sqrt(mu / p)
+    x, y, vx, vy = barrier((r * c, r * s, -speed * (g + s), speed * (f + c)))
+    return scale(x, F) + scale(y, G), scale(vx, F) + scale(vy, G)
 
 
 def _tilt(momentum: Vector, retrograde: bool) -> tuple[Scalar, Scalar]:
@@ -127,7 +147,7 @@ def _tilt(momentum: Vector, retrograde: bool) -> tuple[Scalar, Scalar]:
     return -w[1] * per, w[0] * per
 
 
-def _axes(h: Scalar, k: Scalar, retrograde: bool) -> tuple[Vector, Vector]:
+def orbit_axes(h: Scalar, k: Scalar, retrograde: bool) -> tuple[Vector, Vector]:
     """The unit vectors F and G in the plane of the orbit."""
     sense = -1.0 if retrograde else 1.0
     h, k = jnp.broadcast_arrays(h, k)

@@ -29,11 +29,14 @@ import jax.numpy as jnp
 from ..core import (
     Scalar,
     Vector,
+    atan2,
+    barrier,
     cross,
     dot,
     norm,
     safe_atan2,
     safe_sqrt,
+    sincos,
     unit,
     with_rank,
 )
@@ -42,7 +45,7 @@ from ..core import (
 def _apparent_radius(radius: Scalar, distance: Scalar) -> Scalar:
     """asin(radius / distance), rad; a right angle on the surface and below it."""
     tangent = jnp.maximum((distance - radius) * (distance + radius), 0.0)
-    return jnp.arctan2(radius, safe_sqrt(tangent))
+    return atan2(radius, safe_sqrt(tangent))
 
 
 def _angles(
@@ -54,7 +57,7 @@ def _angles(
     sun, position = with_rank(sun, rank), with_rank(position, rank)
     to_sun = sun if sun_radius is None else sun - position
     # Directions first: in metres the squares of the products leave the range of float32.
-    light, up = unit(to_sun), unit(position)
+    light, up = barrier((unit(to_sun), unit(position)))
     c = safe_atan2(norm(cross(up, light)), -dot(up, light))
     b = _apparent_radius(radius, norm(position))
     return (0.0 if sun_radius is None else _apparent_radius(sun_radius, norm(to_sun))), b, c
@@ -98,7 +101,7 @@ def sunlight(
     a, b, c = _angles(position, sun, radius, sun_radius)
     if sun_radius is None:
         return jnp.where(c > b, 1.0, 0.0).astype(jnp.result_type(c))
-    return 1.0 - _hidden_part(*jnp.broadcast_arrays(a, b, c))
+    return 1.0 - _hidden_part(*barrier(jnp.broadcast_arrays(a, b, c)))
 
 
 def shadow_event(
@@ -139,7 +142,7 @@ def _hidden_part_rule(primals, tangents):
     da, db, dc = tangents
     alpha, beta = _half_angles(a, b, c)
     hidden = _hidden_part(a, b, c)
-    turned = a * alpha * da + b * beta * db - a * jnp.sin(alpha) * dc
+    turned = a * alpha * da + b * beta * db - a * sincos(alpha)[0] * dc
     slope = 2.0 * (turned / (jnp.pi * a) - hidden * da) / a
     # All of it stays hidden.
     return hidden, jnp.where(c <= b - a, 0.0, slope)
@@ -152,7 +155,7 @@ def _half_angles(a: Scalar, b: Scalar, c: Scalar) -> tuple[Scalar, Scalar]:
     # The square root of a square at the ends has no slope: the rule above does without it.
     alpha = 2.0 * safe_atan2(safe_sqrt(x * z), safe_sqrt(total * y))
     beta = 2.0 * safe_atan2(safe_sqrt(y * z), safe_sqrt(total * x))
-    return alpha, beta
+    return barrier((alpha, beta))
 
 
 def _segment(x: Scalar) -> Scalar:
@@ -164,4 +167,4 @@ def _segment(x: Scalar) -> Scalar:
     # 0.5^12 / (4 ... 15) is below rounding.
     for n in range(14, 3, -2):
         series = 1.0 - s * s / (n * (n + 1)) * series
-    return 0.5 * jnp.where(near, s * s * s / 6.0 * series, u - jnp.sin(u))
+    return 0.5 * jnp.where(near, s * s * s / 6.0 * series, u - sincos(u)[0])

@@ -19,7 +19,7 @@ import equinox as eqx
 from jaxtyping import Array, Float
 
 from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
-from ..core import Scalar, Vector, inverse_norm, quantity, scale, with_rank
+from ..core import Scalar, Vector, barrier, inverse_norm, quantity, scale, with_rank
 from ._paths import Path
 from ._shadow import sunlight
 
@@ -92,7 +92,9 @@ class SolarPressure(AbstractEffect):
         sun = self.sun(t)
         push = solar_pressure(y.position, sun, self.coefficient * self.pressure, self.area_per_mass)
         if self.radius is not None:
-            push = scale(sunlight(y.position, sun, self.radius, self.sun_radius), push)
+            light = sunlight(y.position, sun, self.radius, self.sun_radius)
+            # Behind a barrier: fused with the components, each would compute the shadow again.
+            push = scale(barrier(light), push)
         return Load(acceleration_N=push)
 
     def potential(self, t: Scalar, y: BodyState, body: AbstractBody) -> None:
