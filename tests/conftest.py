@@ -1,6 +1,7 @@
 """Settings of every test: double precision, no silent promotion of precision, the same draws on
 every machine."""
 
+import ctypes
 import gc
 import os
 from pathlib import Path
@@ -62,12 +63,18 @@ def pytest_collection_modifyitems(config, items):
 
 @pytest.fixture(scope="module", autouse=True)
 def programs_are_dropped():
-    """Forget the compiled programs after a file of tests when they have become many."""
+    """Forget the compiled programs after a file of tests when they have become many, and give the
+    memory of the compiler back."""
     yield
     regions = Path("/proc/self/maps")
     if regions.exists() and regions.read_bytes().count(b"\n") > MAX_REGIONS:
         jax.clear_caches()
         gc.collect()
+    # The C library of Linux keeps what the compiler's threads have freed: with JAX 0.10 up to 15 GB
+    # by the end of the suite, of which less than a tenth is in use.
+    trim = getattr(ctypes.CDLL(None), "malloc_trim", None)
+    if trim is not None:
+        trim(0)
 
 
 @pytest.fixture

@@ -27,8 +27,10 @@ def capacity_for(y0: State, limit: int) -> int:
 
 
 def empty_buffer(count: int, y: State) -> State:
-    """Uninitialised memory for `count` states: most of a buffer is never used."""
-    return jax.tree.map(lambda x: jax.lax.empty((count, *x.shape), x.dtype), y)
+    """Memory for `count` states: most of a buffer is never used."""
+    # Not `jax.lax.empty`, which is zero on a CPU all the same: JAX 0.10 gives it, and then all that
+    # is written to it, an axis of its own under every map.
+    return jax.tree.map(lambda x: jnp.zeros((count, *x.shape), x.dtype), y)
 
 
 def nan_buffer(count: int, y: State) -> State:

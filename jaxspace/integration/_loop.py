@@ -164,7 +164,7 @@ def _start(
     if settings.save_ts is not None:
         saved = SavedStates(nan_buffer(settings.save_ts.shape[0], y0), zero)
     if settings.record_steps or settings.dense or checkpointed:
-        step_ends = jax.lax.empty((limit,), end.dtype)
+        step_ends = jnp.zeros((limit,), end.dtype)
     if settings.dense:
         step_states = empty_buffer(limit, y0)
     if checkpointed:

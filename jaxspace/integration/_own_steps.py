@@ -161,10 +161,10 @@ def _start(
     if settings.save_ts is not None:
         saved = put_row(nan_buffer(settings.save_ts.shape[0], y0), zero, y0)
     if checkpointed:
-        steps = jax.lax.empty((limit, 2, *runs), dtype)
+        steps = jnp.zeros((limit, 2, *runs), dtype)
         checkpoints = Checkpoints(empty_buffer(capacity_for(y0, limit) + 1, y0), zero + 1)
     if settings.record_steps or settings.dense:
-        ends = jax.lax.empty((limit, *runs), settings.end.dtype)
+        ends = jnp.zeros((limit, *runs), settings.end.dtype)
     if settings.dense:
         states = empty_buffer(limit, y0)
     return OwnLoop(

@@ -56,7 +56,7 @@ def _outcome(loop: LoopState, settings: LoopSettings) -> Outcome:
     asked = settings.record_steps or settings.dense
     ends = loop.step_ends if asked else None
     if ends is not None:
-        # Beyond the last accepted step the buffer is uninitialised.
+        # Beyond the last accepted step the buffer holds nothing.
         ends = jnp.where(jnp.arange(ends.shape[0]) < loop.num_accepted, ends, jnp.inf)
     return Outcome(
         states,

@@ -139,7 +139,7 @@ def _dense_output(outcome: Outcome, segments: Segments, y0: State, run_axes: int
     ts = jnp.concatenate([start, jnp.where(taken, times, jnp.inf)])
     reached = jnp.isfinite(ends)
 
-    # Beyond the last step the buffer is uninitialised.
+    # Beyond the last step the buffer holds nothing.
     def with_start(first: Array, others: Array) -> Array:
         missing = (1,) * (others.ndim - reached.ndim)
         rows = reached.reshape(reached.shape[0], *missing, *reached.shape[1:])

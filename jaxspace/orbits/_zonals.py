@@ -41,8 +41,11 @@ def zonals(
     - `radius`: equatorial radius, m.
 
     **Returns** a, m/s^2, (3, *runs)."""
-    per_r = inverse_norm(r)
-    s, ratio = r[2] * per_r, radius * per_r
+    # In units of the radius from the start: the compiler gathers constant factors, and the sixth
+    # power of a radius in metres leaves the range of float32.
+    u = scale(1.0 / radius, r)
+    ratio = inverse_norm(u)
+    s = u[2] * ratio
     before, slope, power = 1.0, 3.0 * s, ratio
     along = across = 0.0
     for n in range(2, 2 + harmonics.shape[0]):
@@ -51,10 +54,9 @@ def zonals(
         term = harmonics[n - 2] * power
         along, across = along + term * after, across + term * slope
         before, slope = slope, after
-    # From the relative sizes, because in metres a product of powers leaves the range of float32.
-    weight = mu * inverse_norm(r, 2)
+    weight = (mu / radius**2) * inverse_norm(u, 2)
     down = -weight * across
-    return scale(weight * along * per_r, r) + scale(down, axis(2, down))
+    return scale(weight * along * ratio, u) + scale(down, axis(2, down))
 
 
 def zonal_potential(
@@ -62,14 +64,15 @@ def zonal_potential(
 ) -> Scalar:
     """Potential energy per unit mass U, m^2/s^2, of zonal harmonics, zero at infinity; arguments as
     in `zonals`."""
-    per_r = inverse_norm(r)
-    s, ratio = r[2] * per_r, radius * per_r
+    u = scale(1.0 / radius, r)
+    ratio = inverse_norm(u)
+    s = u[2] * ratio
     before, value, power, total = 1.0, s, ratio, 0.0
     for n in range(2, 2 + harmonics.shape[0]):
         before, value = value, ((2 * n - 1) / n) * s * value - ((n - 1) / n) * before
         power = power * ratio
         total = total + harmonics[n - 2] * power * value
-    return mu * per_r * total
+    return (mu / radius) * ratio * total
 
 
 @final
