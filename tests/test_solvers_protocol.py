@@ -246,7 +246,8 @@ def test_a_solver_is_bound_to_what_it_has_to_know():
         assert type(inner) is type(wrap(RKN1210()))
     assert bound(RKN1210()).save_ts.shape == (0,)
     assert bound(ExponentialRosenbrock()).run_axes == 1
-    assert bound(DOP853()) == DOP853()
+    assert bound(DOP853()) == DOP853(dense=False)
+    assert bound(DOP853(), ts) == DOP853()
     assert refine(DOP853(), 2) == DOP853()
     assert refine(diffrax.HalfSolver(Stormer(steps=30)), 2).solver.steps == 60
 

@@ -6,70 +6,82 @@ from collections.abc import Callable
 
 from . import _actions as actions
 
+# In this order `--help` lists them.
+COMMANDS: tuple[tuple[str, Callable[[argparse.Namespace], int], str], ...] = (
+    ("run", actions.run, "simulate the nominal run of a scene file"),
+    ("disperse", actions.disperse, "simulate a scene file many times with its dispersions"),
+    ("resume", actions.resume, "compute the runs that a store lacks, or has damaged"),
+    ("replay", actions.replay, "simulate one run of a store again, in full detail"),
+    ("failures", actions.failures, "list the failed runs of a store, each with why"),
+    ("report", actions.report, "write the page and the tables of a stored campaign"),
+    ("explain", actions.explain, "show what the effects of a scene file read, add and cost"),
+    ("cost", actions.cost, "measure what accuracy costs in the run of a scene file"),
+    ("budget", actions.budget, "show which effects of a scene file matter"),
+    ("optimize", actions.optimize, "find the best values of the free numbers"),
+    ("list", actions.show_list, "list what scene files may name, with fields and units"),
+    ("schema", actions.show_schema, "print the JSON schema of scene files, for editors"),
+    ("verify", actions.verify, "evaluate the hard cases, in value and gradient, on this machine"),
+)
+
 
 def parser() -> argparse.ArgumentParser:
     """The parser of the command line: its commands, their arguments and what they mean."""
     top = argparse.ArgumentParser(prog="jaxspace", description="Space dynamics from scene files.")
-    commands = top.add_subparsers(required=True, metavar="COMMAND")
+    added = top.add_subparsers(required=True, metavar="COMMAND")
+    commands: dict[str, argparse.ArgumentParser] = {}
+    for name, action, text in COMMANDS:
+        commands[name] = added.add_parser(name, help=text)
+        commands[name].set_defaults(command=action)
+    _file_arguments(commands)
+    _run_options(commands["run"])
+    _disperse_options(commands["disperse"])
+    _engine_option(commands["disperse"])
+    _engine_option(commands["resume"])
+    _replay_options(commands["replay"])
+    _failures_options(commands["failures"])
+    _report_options(commands["report"])
+    _cost_options(commands["cost"])
+    _budget_options(commands["budget"])
+    _optimize_options(commands["optimize"])
+    _verify_options(commands["verify"])
+    return top
 
-    def add(
-        name: str, action: Callable[[argparse.Namespace], int], text: str
-    ) -> argparse.ArgumentParser:
-        command = commands.add_parser(name, help=text)
-        command.set_defaults(command=action)
-        return command
 
-    # In this order `--help` lists them.
-    run = add("run", actions.run, "simulate the nominal run of a scene file")
-    disperse = add(
-        "disperse", actions.disperse, "simulate a scene file many times with its dispersions"
-    )
-    resume = add("resume", actions.resume, "compute the runs that a store lacks, or has damaged")
-    replay = add("replay", actions.replay, "simulate one run of a store again, in full detail")
-    failures = add("failures", actions.failures, "list the failed runs of a store, each with why")
-    report = add("report", actions.report, "write the page and the tables of a stored campaign")
-    report.add_argument("file", metavar="STORE", help="the store of a dispersion")
-    report.add_argument("--out", metavar="DIR", help="where the files go (default: beside STORE)")
-    explain = add(
-        "explain", actions.explain, "show what the effects of a scene file read, add and cost"
-    )
-    cost = add("cost", actions.cost, "measure what accuracy costs in the run of a scene file")
-    budget = add("budget", actions.budget, "show which effects of a scene file matter")
-    optimize = add("optimize", actions.optimize, "find the best values of the free numbers")
-    add("list", actions.show_list, "list what scene files may name, with fields and units")
-    add("schema", actions.show_schema, "print the JSON schema of scene files, for editors")
-    verify = add(
-        "verify",
-        actions.verify,
-        "evaluate the hard cases, in value and gradient, on this machine",
-    )
-    for command in (run, disperse, explain, cost, budget, optimize):
-        command.add_argument("file", metavar="FILE", help="a scene file, in TOML")
-    for command in (resume, replay, failures):
-        command.add_argument("file", metavar="STORE", help="the Zarr store of a campaign")
-    for command in (run, disperse, replay, cost, budget, optimize):
-        command.add_argument(
+def _file_arguments(commands: dict[str, argparse.ArgumentParser]) -> None:
+    """What each command reads, and where it writes."""
+    for name in ("run", "disperse", "explain", "cost", "budget", "optimize"):
+        commands[name].add_argument("file", metavar="FILE", help="a scene file, in TOML")
+    for name in ("resume", "replay", "failures"):
+        commands[name].add_argument("file", metavar="STORE", help="the Zarr store of a campaign")
+    for name in ("run", "disperse", "replay", "cost", "budget", "optimize"):
+        commands[name].add_argument(
             "--out", default="out", metavar="DIR", help="where the files go (default: out)"
         )
+
+
+def _run_options(run: argparse.ArgumentParser) -> None:
     run.add_argument(
         "--show", action="store_true", help="open the run in the browser as a page that moves"
     )
+
+
+def _failures_options(failures: argparse.ArgumentParser) -> None:
+    failures.add_argument(
+        "--all", action="store_true", help="list all of them, and not 20 of a kind at most"
+    )
+
+
+def _report_options(report: argparse.ArgumentParser) -> None:
+    report.add_argument("file", metavar="STORE", help="the store of a dispersion")
+    report.add_argument("--out", metavar="DIR", help="where the files go (default: beside STORE)")
+
+
+def _optimize_options(optimize: argparse.ArgumentParser) -> None:
     optimize.add_argument(
         "--sensitivities",
         action="store_true",
         help="show which other numbers of the file move the optimum",
     )
-    _disperse_options(disperse)
-    _engine_option(disperse)
-    _engine_option(resume)
-    _replay_options(replay)
-    failures.add_argument(
-        "--all", action="store_true", help="list all of them, and not 20 of a kind at most"
-    )
-    _cost_options(cost)
-    _budget_options(budget)
-    _verify_options(verify)
-    return top
 
 
 def _disperse_options(disperse: argparse.ArgumentParser) -> None:

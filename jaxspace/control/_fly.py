@@ -25,8 +25,8 @@ from ..simulation import Trajectory
 from ..simulation._batch_layout import cut_batch, local_blocks, split_batch
 from ..simulation._blocks import Blocks, jit_wide_vectors
 from ..simulation._failures import loud, nan_where_failed
+from ..simulation._finish import trajectory_of
 from ..simulation._runs import RunResult
-from ..simulation._simulate import trajectory_of
 from ..solvers import FixedSteps, Tolerance
 from ._advance import as_fixed
 from ._clocks import Clock, Nodes, at_nodes, known_times, nodes_of

@@ -14,13 +14,15 @@ states are asked for their dense output is cheaper than a landing on each.
     A       semi-major axis
 """
 
+from typing import Any
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from ..core import AbstractSystem, State, dot, norm
+from ..core import AbstractSystem, State
 from ..solvers._adaptive_regularised import form_in
 from ._stiffness import InitialConditions, of_each
 
@@ -48,26 +50,37 @@ def is_eccentric(starts: InitialConditions, system: AbstractSystem, second_order
         z = jax.eval_shape(form.to_regularised, y)
         if form_in(form, z) is form:
             return False
-    e, revolutions = map(np.asarray, _orbits(starts, jnp.zeros(starts.rows.size)))
+    e, revolutions = _orbits(*map(np.asarray, _starts(starts, np.zeros(starts.rows.size))))
     between = revolutions * STATES >= np.shape(ts)[0] - 1
     return bool(np.median(e) >= ECCENTRIC and np.median(revolutions) >= 1.0 and np.all(between))
 
 
 @eqx.filter_jit
-def _orbits(starts: InitialConditions, unused: Array) -> tuple[Array, Array]:
-    """Eccentricity and revolutions of each run; zero where an orbit does not come back."""
+def _starts(starts: InitialConditions, unused: Any) -> tuple[Array, Array, Array, Array]:
+    """Position, velocity, acceleration and duration of each run."""
 
-    def one(system: AbstractSystem, y: State, ts: Array, unused: Array) -> tuple[Array, Array]:
+    def one(system: AbstractSystem, y: State, ts: Array, unused: Array) -> tuple[Array, ...]:
         del unused
         a = system.vector_field(ts[0], y).velocity
-        r = norm(y.position)
-        mu = -dot(a, y.position) * r
-        curvature = 2.0 / r - dot(y.velocity, y.velocity) / mu
-        climb = dot(y.position, y.velocity)
-        e = jnp.sqrt((1.0 - r * curvature) ** 2 + climb * climb * curvature / mu)
-        bound = curvature > 0.0
-        n = jnp.sqrt(mu * curvature) * curvature
-        turns = jnp.abs(ts[-1] - ts[0]) * n / (2.0 * jnp.pi)
-        return jnp.where(bound, e, 0.0), jnp.where(bound, turns, 0.0)
+        return y.position, y.velocity, a, ts[-1] - ts[0]
 
     return of_each(starts, one, jnp.asarray(unused))
+
+
+def _orbits(
+    r: np.ndarray, v: np.ndarray, a: np.ndarray, duration: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Eccentricity and revolutions of each run, runs first; zero where an orbit does not come back.
+
+    In NumPy, which compiles nothing: it is part of every first call."""
+    # A run that starts at the centre, or without attraction, is none of these orbits.
+    with np.errstate(all="ignore"):
+        distance = np.linalg.norm(r, axis=-1)
+        mu = -np.sum(a * r, axis=-1) * distance
+        curvature = 2.0 / distance - np.sum(v * v, axis=-1) / mu
+        climb = np.sum(r * v, axis=-1)
+        e = np.sqrt((1.0 - distance * curvature) ** 2 + climb * climb * curvature / mu)
+        n = np.sqrt(mu * curvature) * curvature
+        turns = np.abs(duration) * n / (2.0 * np.pi)
+    bound = curvature > 0.0
+    return np.where(bound, e, 0.0), np.where(bound, turns, 0.0)

@@ -140,7 +140,7 @@ def integrate_loop(
             checkpoints=checkpoints,
         )
 
-    loop, left_out = without_slow_runs(start, run, slow, restarted)
+    loop, left_out = without_slow_runs(start, run, slow, restarted, start.left_out)
     return loop._replace(left_out=left_out)
 
 

@@ -52,12 +52,13 @@ class Segments(eqx.Module):
     def __len__(self) -> int:
         return self.u.shape[0] - 1
 
-    def _segment(self, s: Scalar) -> tuple[Scalar, Scalar, Scalar]:
+    def _segment(self, s: Scalar) -> tuple[Scalar | float, Scalar, Scalar]:
         """Normalised time at which the segment of `s` starts, its u there, and its width in u."""
-        start = jnp.clip(jnp.floor(s), 0.0, len(self) - 1.0)
         if len(self) == 1:
-            # Without a gather, which would hinder the compiler's fusion.
-            return start, self.u[0], self.u[1] - self.u[0]
+            # Without a gather, which would hinder the compiler's fusion, and with the start as a
+            # constant: every stage of a step asks for it, which each first call would compile.
+            return 0.0, self.u[0], self.u[1] - self.u[0]
+        start = jnp.clip(jnp.floor(s), 0.0, len(self) - 1.0)
         i = start.astype(jnp.int32)
         if i.ndim and self.u.ndim > 1:
             # Runs with their own segments, each of them in another one.

@@ -13,7 +13,9 @@ from jaxtyping import Array, PyTree
 
 from ..core import State, barrier
 from ..solvers._adaptive_regularised import attempt, form_of
-from ._own_steps import OwnState, Segment, get_landed, landing_state, put_landed
+from ._needed import needed_only
+from ._own_buffers import get_landed, put_landed
+from ._own_state import OwnState, Segment, landing_state
 from ._replay import Replay
 
 
@@ -41,7 +43,9 @@ class OwnReplay(Replay):
 
         def advance(n: Array, carry: tuple[Any, ...]) -> tuple[Any, ...]:
             y, dy, saved = carry
-            y, dy = jax.jvp(lambda p, y: self.step(p, n, y)[0], (moving, y), (d_moving, dy))
+            y, dy = jax.jvp(
+                needed_only(lambda p, y: self.step(p, n, y)[0]), (moving, y), (d_moving, dy)
+            )
             if save_ts is not None:
                 saved = put_landed(saved, dy, y.segment, self._landed(n))
             return y, dy, saved
@@ -67,6 +71,6 @@ class OwnReplay(Replay):
         if self.settings.save_ts is not None:
             more = get_landed(cotangent, y.segment + 1.0, self._landed(n))
             of_y = jax.tree.map(jnp.add, of_y, more)
-        _, pull = jax.vjp(lambda p, y: self.step(p, n, y)[0], moving, y)
+        _, pull = jax.vjp(needed_only(lambda p, y: self.step(p, n, y)[0]), moving, y)
         more, of_y = barrier(pull)(of_y)
         return jax.tree.map(jnp.add, of_moving, more), of_y, k

@@ -5,97 +5,25 @@ long as that run allows. So nothing is lost where the runs of a block are at dif
 their orbits. Each run lands on the end of every segment, and then begins the next one.
 """
 
-import functools
-from typing import Any, NamedTuple, final
+from typing import Any, NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Bool, Float
 
-from ..core import AbstractRegularised, Scalar, State
-from ..solvers._adaptive_regularised import (
-    CLOSE,
-    FIRST_STEP,
-    attempt,
-    form_of,
-    landed,
-    order_of,
-)
+from ..core import AbstractRegularised
+from ..solvers._adaptive_regularised import CLOSE, FIRST_STEP, attempt, form_of, order_of
 from ..solvers._regularised import Regular, derivative_in
 from ..solvers._step_control import GROW, SHRINK, SMALLEST_STEP
 from ._buffers import Checkpoints, capacity_for, empty_buffer, nan_buffer, put_row
 from ._loop import LoopSettings
+from ._own_buffers import written
+from ._own_state import OwnLoop, OwnState, Segment, alive, landing_state, unit
 from ._slow_runs import nan_where, without_slow_runs
 
 # Closer to the error allowed than where steps are shared: few steps are rejected, because the next
 # error is foreseen from the last two.
 SAFETY = 0.9
-
-
-@final
-class OwnState(eqx.Module):
-    """Where a run is: its regularised variables, the last of them the time, s, since its segment
-    began, and how many segments lie behind it."""
-
-    z: Regular
-    segment: Float[Array, "*runs"]
-
-
-class OwnLoop(NamedTuple):
-    """What one pass of the loop hands to the next; everything but the buffers is of each run.
-
-    - `h`: the next step; `free`, the length that the error allows; `ideal`, that which would have
-      had just the error allowed, the last time.
-    - `landing`: whether the next step is one that should end the segment; `pending`, whether the
-      run waits for the others before it takes such a step, or has taken one.
-    - `worst`: the largest local error of the steps taken, in units of the tolerance.
-    - `steps`: of each pass in which a run moved, the steps of the runs (zero for one that does not
-      move) and whether they landed; `count` of them, of `passes`.
-    - `ends`, `states`: normalised times and states after each of these passes, where asked for.
-    - `left_out`: the runs for which the others would have waited too long."""
-
-    y: OwnState
-    h: Float[Array, "*runs"]
-    free: Float[Array, "*runs"]
-    ideal: Float[Array, "*runs"]
-    landing: Bool[Array, "*runs"]
-    pending: Bool[Array, "*runs"]
-    worst: Float[Array, "*runs"]
-    accepted: Int[Array, "*runs"]
-    rejected: Int[Array, "*runs"]
-    passes: Int[Array, ""]
-    count: Int[Array, ""]
-    saved: State | None
-    steps: Float[Array, "passes 2 *runs"] | None
-    ends: Float[Array, " passes *runs"] | None
-    states: State | None
-    checkpoints: Checkpoints | None
-    left_out: Bool[Array, "*runs"]
-
-
-class Segment(NamedTuple):
-    """When the segment of each run begins, and how long it takes, s."""
-
-    t: Scalar
-    duration: Scalar
-
-    @classmethod
-    def of(cls, field: Any, settings: LoopSettings, number: Array) -> "Segment":
-        """That with this number; the last one beyond the end."""
-        last = jnp.minimum(number, settings.end - 1.0).astype(settings.end.dtype)
-        duration = field.duration(last, jnp.ones_like(last))
-        return cls(field.time(last), duration.astype(number.dtype))
-
-
-def _alive(z: Regular) -> Bool[Array, "*runs"]:
-    # The sum of all is finite if they are, and no reduction, which takes one run after the other.
-    return jnp.isfinite(functools.reduce(jnp.add, list(z)))
-
-
-def _unit(form: AbstractRegularised, z: Regular, rate: Regular) -> Scalar:
-    """The fictitious time in which the variables change by their own sizes."""
-    return 1.0 / form.size(rate, z, z)
 
 
 def integrate_own_steps(
@@ -105,7 +33,7 @@ def integrate_own_steps(
     form = form_of(field, y0.z)
 
     def unfinished(loop: OwnLoop) -> Bool[Array, ""]:
-        left = (loop.y.segment < settings.end) & _alive(loop.y.z)
+        left = (loop.y.segment < settings.end) & alive(loop.y.z)
         return jnp.any(left) & (loop.passes < settings.max_steps)
 
     def run(loop: OwnLoop) -> OwnLoop:
@@ -119,7 +47,7 @@ def integrate_own_steps(
 
     def slow(loop: OwnLoop) -> Bool[Array, "*runs"]:
         # Those on their way; the others wait for them to land together.
-        moving = (loop.y.segment < settings.end) & _alive(loop.y.z) & ~loop.pending
+        moving = (loop.y.segment < settings.end) & alive(loop.y.z) & ~loop.pending
         return moving & (loop.passes >= settings.max_steps)
 
     def restarted(loop: OwnLoop, left_out: Array) -> OwnLoop:
@@ -136,7 +64,7 @@ def integrate_own_steps(
             checkpoints=checkpoints,
         )
 
-    loop, left_out = without_slow_runs(start, run, slow, restarted)
+    loop, left_out = without_slow_runs(start, run, slow, restarted, start.left_out)
     return loop._replace(left_out=left_out)
 
 
@@ -149,7 +77,7 @@ def _start(
 ) -> OwnLoop:
     segment = Segment.of(field, settings, y0.segment)
     rate = derivative_in(form, *segment, y0.z)
-    free = FIRST_STEP * _unit(form, y0.z, rate)
+    free = FIRST_STEP * unit(form, y0.z, rate)
     free = jnp.broadcast_to(free, y0.segment.shape)
     to_end = form.fictitious_time(segment.duration, y0.z)
     landing = jnp.abs(to_end) <= free
@@ -174,7 +102,7 @@ def _start(
         ideal=jnp.zeros_like(free),
         landing=landing,
         pending=jnp.zeros_like(landing),
-        worst=jnp.where(_alive(y0.z), 0.0, jnp.inf).astype(dtype),
+        worst=jnp.where(alive(y0.z), 0.0, jnp.inf).astype(dtype),
         accepted=none,
         rejected=none,
         passes=zero,
@@ -193,13 +121,13 @@ def _advance(
 ) -> OwnLoop:
     """The loop after one more pass."""
     y, free = loop.y, loop.free
-    active = (y.segment < settings.end) & _alive(y.z)
+    active = (y.segment < settings.end) & alive(y.z)
     moving = active & ~loop.pending
     segment = Segment.of(field, settings, y.segment)
     h = jnp.where(moving, loop.h, 0.0)
     z1, error, rate = attempt(form, *segment, y.z, h)
     local = form.size(error, y.z, z1) / settings.tolerance.rtol
-    local = jnp.where(jnp.isfinite(local) & _alive(z1), local, jnp.inf).astype(free.dtype)
+    local = jnp.where(jnp.isfinite(local) & alive(z1), local, jnp.inf).astype(free.dtype)
     if settings.longest_steps is not None:
         local = jnp.maximum(local, _too_long(settings, form, segment, y, z1))
     # A step as short as this is taken whatever its error, which the status then reports.
@@ -209,14 +137,9 @@ def _advance(
     beyond = (segment.duration - z1[-1]) * jnp.sign(segment.duration) < 0.0
     past = good & ~loop.landing & beyond
     accept = good & ~past
-    # The length that would have had just the error allowed, and on the way to a periapsis the next
-    # one will be shorter by as much again.
+    # The length that would have had just the error allowed.
     ideal = jnp.abs(h) * jnp.clip(local, 1e-14, 1e14) ** (-1.0 / order_of(form))
-    trend = jnp.where(loop.ideal > 0.0, jnp.minimum(ideal / loop.ideal, 1.0), 1.0)
-    proposal = SAFETY * ideal * jnp.where(accept & ~loop.landing, trend, 1.0)
-    proposal = jnp.clip(proposal, SHRINK * jnp.abs(h), jnp.where(good, GROW, SAFETY) * jnp.abs(h))
-    # A step that lands is shorter than it might have been.
-    proposal = jnp.where(accept & loop.landing, jnp.maximum(free, proposal), proposal)
+    proposal = _proposal(loop, ideal, good, accept)
     free = jnp.where(moving & ~past, proposal, free)
     z = jnp.where(accept, z1, y.z)
     pending = active & (loop.pending | past | (accept & loop.landing))
@@ -231,7 +154,7 @@ def _advance(
     )
     worst = jnp.where(accept, jnp.maximum(loop.worst, local), loop.worst)
     taken = jnp.where(accept, loop.h, 0.0)
-    return _written(settings, field, loop, accept | done, taken, done, y1)._replace(
+    return written(settings, field, loop, accept | done, taken, done, y1)._replace(
         y=y1,
         h=h1,
         free=free,
@@ -243,6 +166,22 @@ def _advance(
         rejected=loop.rejected + (moving & ~accept).astype(int),
         passes=loop.passes + 1,
     )
+
+
+def _proposal(loop: OwnLoop, ideal: Array, good: Array, accept: Array) -> Array:
+    """The length of the next step of each run, which the error of this one allows.
+
+    **Arguments**
+
+    - `ideal`: the length that would have had just the error allowed.
+    - `good`, `accept`: whether the error is allowed, and whether the step is taken."""
+    # On the way to a periapsis the next ideal length will be shorter by as much again.
+    trend = jnp.where(loop.ideal > 0.0, jnp.minimum(ideal / loop.ideal, 1.0), 1.0)
+    proposal = SAFETY * ideal * jnp.where(accept & ~loop.landing, trend, 1.0)
+    h = jnp.abs(loop.h)
+    proposal = jnp.clip(proposal, SHRINK * h, jnp.where(good, GROW, SAFETY) * h)
+    # A step that lands is shorter than it might have been.
+    return jnp.where(accept & loop.landing, jnp.maximum(loop.free, proposal), proposal)
 
 
 class _Turn(NamedTuple):
@@ -268,7 +207,7 @@ def _turned(
     z = turn.y.z
     rate = derivative_in(form, *segment, z)
     left = segment.duration - z[-1]
-    close = jnp.abs(left) <= CLOSE * jnp.abs(rate[-1]) * _unit(form, z, rate)
+    close = jnp.abs(left) <= CLOSE * jnp.abs(rate[-1]) * unit(form, z, rate)
     done = turn.pending & (close | (segment.duration == 0.0))
     y1 = landing_state(form, segment, turn.y, done)
     following = Segment.of(field, settings, y1.segment)
@@ -276,15 +215,6 @@ def _turned(
     landing = turn.pending & (~done | (jnp.abs(to_end) <= free)) & (y1.segment < settings.end)
     h = jnp.where(landing, to_end, jnp.sign(following.duration) * free)
     return y1, h, jnp.zeros_like(turn.pending), landing, done
-
-
-def landing_state(
-    form: AbstractRegularised, segment: Segment, y: OwnState, done: Bool[Array, "*runs"]
-) -> OwnState:
-    """The states with those that are `done` at the start of their next segment."""
-    z = landed(form, *segment, y.z)
-    z = jnp.concatenate([z[:-1], jnp.zeros_like(z[-1:])])
-    return OwnState(jnp.where(done, z, y.z), y.segment + done.astype(y.segment.dtype))
 
 
 def _too_long(
@@ -300,71 +230,3 @@ def _too_long(
     longest = settings.longest_steps[index] * jnp.abs(segment.duration)
     part = jnp.abs(z1[-1] - y.z[-1]) / jnp.where(longest > 0.0, longest, jnp.inf)
     return jnp.where(part > 1.0 + 1e-6, part, 0.0) ** order_of(form)
-
-
-def put_landed(rows: State, y: State, number: Array, done: Bool[Array, "*runs"]) -> State:
-    """Rows, (times, ..., *runs), with that of its segment replaced for each run that has landed."""
-    runs = number.size
-    row = jnp.where(done, number, jnp.inf).reshape(runs)
-
-    def leaf(x: Array, new: Array) -> Array:
-        flat = x.reshape(x.shape[0], -1, runs)
-        where = jnp.where(jnp.isfinite(row), row, x.shape[0]).astype(int)
-        values = new.reshape(-1, runs).T
-        return flat.at[where, :, jnp.arange(runs)].set(values, mode="drop").reshape(x.shape)
-
-    return jax.tree.map(leaf, rows, y)
-
-
-def get_landed(rows: State, number: Array, done: Bool[Array, "*runs"]) -> State:
-    """Of rows, (times, ..., *runs), that of its segment for each run that has landed, else zero."""
-    runs = number.size
-
-    def leaf(x: Array) -> Array:
-        flat = x.reshape(x.shape[0], -1, runs)
-        where = jnp.clip(number.reshape(runs), 0, x.shape[0] - 1).astype(int)
-        values = flat[where, :, jnp.arange(runs)].T.reshape(x.shape[1:])
-        return jnp.where(done, values, 0.0)
-
-    return jax.tree.map(leaf, rows)
-
-
-def _written(
-    settings: LoopSettings,
-    field: Any,
-    loop: OwnLoop,
-    accept: Array,
-    h: Array,
-    done: Array,
-    y: OwnState,
-) -> OwnLoop:
-    """The loop with what this pass leaves in the buffers."""
-    saved, steps, ends, states, checkpoints = loop[-6:-1]
-    moved = jnp.any(accept)
-    if saved is not None:
-        # A loop of at most one pass: a condition would copy the whole buffer.
-        saved, _ = jax.lax.while_loop(
-            lambda carry: carry[1],
-            lambda carry: (put_landed(carry[0], y, y.segment, done), jnp.array(False)),
-            (saved, jnp.any(done)),
-        )
-    if steps is not None:
-        # A pass in which no run moved writes to the row that the next one overwrites.
-        steps = steps.at[loop.count].set(jnp.stack([h, done.astype(h.dtype)]))
-    if ends is not None:
-        segment = Segment.of(field, settings, y.segment)
-        part = y.z[-1] / jnp.where(segment.duration == 0.0, 1.0, segment.duration)
-        ends = ends.at[loop.count].set((y.segment + part).astype(ends.dtype))
-    if states is not None:
-        states = put_row(states, loop.count, y)
-    if checkpoints is not None:
-        capacity = capacity_for(y, settings.max_steps)
-        checkpoints = checkpoints.record(moved, loop.count + 1, y, capacity, settings.max_steps)
-    return loop._replace(
-        count=loop.count + moved.astype(int),
-        saved=saved,
-        steps=steps,
-        ends=ends,
-        states=states,
-        checkpoints=checkpoints,
-    )

@@ -18,8 +18,10 @@ from jaxtyping import Array, PyTree
 from ..core import State
 from ._loop import LoopSettings, LoopState, integrate_loop
 from ._own_replay import OwnReplay
-from ._own_steps import OwnLoop, OwnState, integrate_own_steps
-from ._replay import Record, Replay
+from ._own_state import OwnLoop, OwnState
+from ._own_steps import integrate_own_steps
+from ._record import Record
+from ._replay import Replay
 from ._selection import shape_of
 
 Leaves: TypeAlias = Sequence[Array]

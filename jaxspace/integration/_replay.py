@@ -11,46 +11,23 @@ holds. Backwards, the steps between two checkpoints are taken again, in chunks w
 kept at once.
 """
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float, Int, PyTree
+from jaxtyping import Array, PyTree
 
 from ..core import State, barrier
 from ._buffers import empty_buffer, get_row, put_row
-from ._loop import TERM, LoopSettings, LoopState
-from ._own_steps import OwnLoop
+from ._loop import TERM, LoopSettings
+from ._needed import needed_only
+from ._record import Record
 
 CHUNK = 32
 """Steps between which all states are kept at once: more of them leave the cache, fewer are taken
 twice in short runs."""
-
-
-class Record(NamedTuple):
-    """What derivatives need of a run: the ends of its `count` steps, and the states after every
-    `stride`-th one."""
-
-    step_ends: Float[Array, " steps"]
-    checkpoints: State
-    stride: Int[Array, ""]
-    count: Int[Array, ""]
-
-    @classmethod
-    def of(cls, loop: LoopState) -> "Record":
-        """The record that a checkpointed loop leaves."""
-        assert loop.step_ends is not None and loop.checkpoints is not None
-        checkpoints = loop.checkpoints
-        return cls(loop.step_ends, checkpoints.states, checkpoints.stride, loop.num_accepted)
-
-    @classmethod
-    def of_own(cls, loop: OwnLoop) -> "Record":
-        """That of runs with steps of their own: the steps and landings in the place of the ends."""
-        assert loop.steps is not None and loop.checkpoints is not None
-        checkpoints = loop.checkpoints
-        return cls(loop.steps, checkpoints.states, checkpoints.stride, loop.count)
 
 
 def _add(first: PyTree, second: PyTree) -> PyTree:
@@ -79,7 +56,8 @@ class Replay(eqx.Module):
     def step_bounds(self, n: Array) -> tuple[Array, Array]:
         """The normalised times at the start and at the end of step `n`."""
         ends = self.record.step_ends
-        return jnp.where(n > 0, ends[n - 1], 0.0), ends[n]
+        # Held: the compiler would look them up again in every kernel of the step, some sixty times.
+        return barrier((jnp.where(n > 0, ends[n - 1], 0.0), ends[n]))
 
     def step(self, moving: PyTree, n: Array, y: State) -> tuple[State, PyTree]:
         """The state after step `n` from `y`, and what the dense output holds if one is needed."""
@@ -103,7 +81,7 @@ class Replay(eqx.Module):
         def advance(n: Array, carry: tuple[Any, ...]) -> tuple[Any, ...]:
             y, dy, saved, k = carry
             (y, dense), (dy, d_dense) = jax.jvp(
-                lambda p, y: self.step(p, n, y), (moving, y), (d_moving, dy)
+                needed_only(lambda p, y: self.step(p, n, y)), (moving, y), (d_moving, dy)
             )
             if save_ts is not None:
                 saved, k = self._save_tangents(n, dense, d_dense, saved, k)
@@ -238,7 +216,7 @@ class Replay(eqx.Module):
         # to, the whole buffer would be copied.
         def advance(i: Array, carry: tuple[State, State]) -> tuple[State, State]:
             buffer, y = carry
-            y, _ = self.step(moving, n + i, y)
+            y, _ = needed_only(self.step)(moving, n + i, y)
             row = jnp.where((i + 1) % apart == 0, to + (i + 1) // apart, -1)
             return put_row(buffer, row, y), y
 
@@ -249,7 +227,7 @@ class Replay(eqx.Module):
     ) -> tuple[Any, ...]:
         """The cotangents before step `n`, which starts at the state `y`."""
         of_moving, of_y, k = total
-        (_, dense_info), pull = jax.vjp(lambda p, y: self.step(p, n, y), moving, y)
+        (_, dense_info), pull = jax.vjp(needed_only(lambda p, y: self.step(p, n, y)), moving, y)
         of_dense = None
         if self.settings.save_ts is not None:
             k, of_dense = self._saved_vjp(n, dense_info, cotangent, k)

@@ -30,6 +30,7 @@ def without_slow_runs(
     run: Callable[[Loop], Loop],
     slow: Callable[[Loop], Bool[Array, "*runs"]],
     restarted: Callable[[Loop, Bool[Array, "*runs"]], Loop],
+    none: Bool[Array, "*runs"],
 ) -> tuple[Loop, Bool[Array, "*runs"]]:
     """The loop at its end, and the runs that it had to leave out.
 
@@ -38,20 +39,17 @@ def without_slow_runs(
     - `start`: the loop before its first step.
     - `run`: takes all its steps.
     - `slow`: the runs that used up the steps of a loop; none of one that reached its end.
-    - `restarted`: a loop at its start without some runs, with its buffers as they are."""
+    - `restarted`: a loop at its start without some runs, with its buffers as they are.
+    - `none`: no run."""
 
     def attempt(carry: _Attempt) -> _Attempt:
-        loop = run(carry.loop)
+        # Built anew here and not selected behind the loop, where every array would need a choice.
+        loop = run(restarted(carry.loop, carry.left_out))
         found = slow(loop)
         left_out = carry.left_out | found
-        again = restarted(loop, left_out)
         # Where all that is left is slow, the loop stays as it ended.
-        repeat = jnp.any(found) & ~jnp.all(left_out)
-        # A buffer that stays as it is must not be selected: that would copy it.
-        loop = jax.tree.map(lambda a, b: a if a is b else jnp.where(repeat, a, b), again, loop)
-        return _Attempt(loop, left_out, repeat)
+        return _Attempt(loop, left_out, jnp.any(found) & ~jnp.all(left_out))
 
-    none = jnp.zeros_like(slow(start))
     first = _Attempt(start, none, jnp.array(True))
     last = jax.lax.while_loop(lambda carry: carry.repeat, attempt, first)
     return last.loop, last.left_out

@@ -33,7 +33,7 @@ from ..solvers._adaptive_regularised import regularised_start
 from . import _derivative_rules as _derivative_rules
 from . import _mapped_rules as _mapped_rules
 from ._loop import LoopSettings
-from ._own_steps import OwnState
+from ._own_state import OwnState
 from ._primitives import solve_p
 from ._problem import Outcome as Outcome
 from ._problem import Problem

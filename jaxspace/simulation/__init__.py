@@ -14,6 +14,6 @@ from ._crossings import crossings as crossings
 from ._mission import Mission as Mission
 from ._mission import Phase as Phase
 from ._mission_runs import MissionResult as MissionResult
+from ._mission_trajectory import MissionTrajectory as MissionTrajectory
 from ._simulate import simulate as simulate
-from ._trajectory import MissionTrajectory as MissionTrajectory
 from ._trajectory import Trajectory as Trajectory

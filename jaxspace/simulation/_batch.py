@@ -25,9 +25,11 @@ from ._checks import (
     check_times,
     check_values,
 )
+from ._finish import mission_trajectory_of, raise_failures, trajectory_of
 from ._mission import Mission
-from ._simulate import mission_trajectory_of, raise_failures, resolve_phases, trajectory_of
-from ._trajectory import MissionTrajectory, Trajectory
+from ._mission_trajectory import MissionTrajectory
+from ._phases import resolve_phases
+from ._trajectory import Trajectory
 
 # How many runs of a batch are looked at to choose its method.
 SAMPLED = 16
@@ -121,7 +123,7 @@ def _batch_of_systems(
     batched, shared, runs = split_batch(systems, y0s, ts, in_axes, times_axes=1)
     whole = cut_batch(batched, shared)
     check_structure(whole[0], whole[1], jax.ShapeDtypeStruct(ts.shape[1:], ts.dtype))
-    check_values(whole[0], ts[0], whole[1])
+    check_values(whole[0], ts, whole[1])
     config_for = functools.partial(_resolve_for, as_accuracy(accuracy), whole, batched)
     traced = is_traced((batched, shared))
     # Where nothing is known of the status, nothing is repeated.

@@ -49,6 +49,7 @@ def _count(tree: PyTree, flags: PyTree[bool]) -> NumRuns:
     for (path, leaf), flag in zip(leaves, jax.tree.leaves(flags), strict=True):
         if flag:
             names = ("systems", "y0s", "ts")
+            # The name under which the caller knows the array, for the sentence.
             name = names[path[0].idx] + jax.tree_util.keystr(path[1:])
             sizes[name] = leaf.shape[-1]
     if not sizes:
@@ -76,6 +77,7 @@ def split_batch(
     - `ts`: times with `times_axes` axes, and one more if they differ between runs."""
     ts = jnp.asarray(ts, state_dtype(y0s))
     if in_axes is None:
+        # Two runs at least: an axis of length one is a shared number that broadcasts.
         flags = (_declared(systems, 0, 2), _declared(y0s, 1, 2))
         if not any(jax.tree.leaves((flags, ts.ndim > times_axes))):
             # A batch of one run: nothing else says how many there are.
@@ -104,6 +106,7 @@ def local_blocks(arrays: PyTree, runs: NumRuns) -> Blocks:
     free = not is_traced(arrays) and all(
         x.devices() == set(devices) or not x.committed for x in leaves
     )
+    # Fewer runs than a block for each device: to spread them costs more than it saves.
     devices = devices[: max(1, runs // BLOCK)] if free else devices[:1]
     blocks = Blocks.on(devices, runs)
     # A program for any number of runs has blocks of one size, the last of them filled up.

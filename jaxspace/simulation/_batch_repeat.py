@@ -12,9 +12,9 @@ from ..integration._mapping import BLOCK
 from ..integration._status import Status
 from ._batch_runs import run_missions, run_systems
 from ._blocks import Blocks
+from ._finish import error_of_too_few_steps
 from ._mission_runs import MissionResult
 from ._runs import RunResult
-from ._simulate import error_of_too_few_steps
 
 
 def repeat_systems(

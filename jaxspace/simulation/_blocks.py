@@ -73,6 +73,7 @@ class Blocks(NamedTuple):
         count = parts * -(-runs // (self.size * parts))
         # Whole blocks only, so that one program serves all of them.
         filling = count * self.size - runs
+        # `shard_map` takes arrays alone: what else the runs share goes around it.
         arrays, static = eqx.partition(shared, eqx.is_array)
 
         def cut(x: Array) -> Array:
@@ -82,6 +83,7 @@ class Blocks(NamedTuple):
 
         def every(pieces: PyTree, arrays: PyTree) -> PyTree:
             shared = eqx.combine(arrays, static)
+            # One block after the other: what a step keeps of it stays in the cache.
             return jax.lax.map(lambda piece: function(piece, shared), pieces)
 
         if self.mesh is not None:

@@ -52,10 +52,11 @@ def check_arguments(function: Callable[..., Any], *args: Any, **kwargs: Any) -> 
         raise InputError(f"The call has {error}: it takes {names}.") from None
 
 
-def check_values(system: AbstractSystem, t: Any, y0: PyTree) -> None:
+def check_values(system: AbstractSystem, ts: Array, y0: PyTree) -> None:
     """Raise `InputError` for what a system finds wrong in its numbers at the start of a run."""
-    if not is_traced((system, t, y0)):
-        system.check_values(t, y0)
+    if not is_traced((system, ts, y0)):
+        # Chosen by NumPy: JAX would compile the choice of one element.
+        system.check_values(jnp.asarray(np.asarray(ts)[0]), y0)
 
 
 def check_structure(system: AbstractSystem, y0: PyTree, t: Any) -> PyTree:

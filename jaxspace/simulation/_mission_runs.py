@@ -69,6 +69,7 @@ def _run_phase(
         plan=plan,
         record_steps=record_steps,
     )
+    # Steps are kept of a run of one system only: `dense` is no argument of a mission.
     phase = RunResult(
         ts=t0 + jnp.multiply.outer(fractions, t1 - t0),
         states=with_start(y0, result.states, run_axes) if num_saved == 2 else result.states,
@@ -137,6 +138,7 @@ def run_mission(
     - `record_steps`: whether to return the ends of the steps."""
     results = []
     y, t, status = y0, t0, None
+    # Written out and not as a scan: each phase has its own system, and its own state after a jump.
     for number, (phase, config) in enumerate(zip(mission.phases, configs, strict=True)):
         plan = None if plans is None else plans[number]
         result = _run_phase(
@@ -144,6 +146,7 @@ def run_mission(
         )
         results.append(result)
         status = result.status if status is None else combine_status(status, result.status)
+        # The time of each run: an event ends the phase of every run at its own.
         t = result.ts[-1]
         y = after_jump(phase, t, state_at(result.states, -1, run_axes))
     assert status is not None

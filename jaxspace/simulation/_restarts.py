@@ -76,6 +76,7 @@ def restarts_between(
     numbers = jnp.arange(len(events), dtype=jnp.int32).reshape(-1, *axes)
 
     def one(way: _Way, _: None) -> tuple[_Way, tuple]:
+        # A run that has ended goes on with an interval of no length, as the others need the pass.
         stopped = way.stopped_by >= 0
         last = jnp.where(stopped, way.t, t1)
         found = first_event(system, way.y, way.t, last, events, config, run_axes)
@@ -87,6 +88,7 @@ def restarts_between(
         goes_on = jnp.any(here, axis=0)
         after, rising = y, jnp.zeros(runs, bool)
         for number, event in enumerate(events):
+            # Before the jump, which may turn the way of the condition round.
             slope = event.slope(system, t, y)[1]
             rising = jnp.where(here[number], slope * jnp.sign(t1 - t0) > 0.0, rising)
             if event.then is not None:
@@ -105,6 +107,7 @@ def restarts_between(
         none,
         jnp.full(runs, -1, jnp.int32),
     )
+    # One pass more than restarts: the last one leads to the end, or finds that there is no room.
     way, (ts, before, after, which, rising, stats) = jax.lax.scan(
         one, start, None, length=sum(rooms) + 1
     )
@@ -142,6 +145,7 @@ def states_between(
         status = combine_status(status, result.status)
         return (y, t, status), (y, result.stats)
 
+    # By a scan over save times, which every run reaches in an integration of its own length.
     start = (y0, ts[0], found.status)
     (_, _, status), (states, stats) = jax.lax.scan(one, start, ts[1:])
     states = with_start(y0, times_behind_components(states, run_axes), run_axes)

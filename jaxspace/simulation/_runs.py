@@ -62,6 +62,7 @@ def integrate_through_times(
     start = (y0, jnp.zeros(runs_of(y0, run_axes), jnp.int32))
     # By a scan, so that the integration is traced and compiled once for all intervals.
     (_, status), (states, stats) = jax.lax.scan(interval, start, (times[:-1], times[1:]))
+    # The work of the intervals adds up, and their largest error is that of the run.
     total = {
         name: jnp.max(x, axis=0) if name == "largest_local_error" else jnp.sum(x, axis=0)
         for name, x in stats.items()
@@ -183,8 +184,9 @@ def run_system(
             crossings,
         )
     found = first_event(system, y0, asked[0], asked[-1], ending, config, run_axes)
+    # Outside of every derivative: `newton_correct` below carries those of the time.
     when, which = found.time, found.which
-    # Each run may stop at a time of its own.
+    # Each run may stop at a time of its own; backwards, times descend.
     sign = jnp.where(asked[-1] < asked[0], -1.0, 1.0).astype(when.dtype)
     ts = sign * jnp.minimum(sign * asked, sign * when)
     # Run again to the events alone: each run lands on its own, as accurate as its steps.

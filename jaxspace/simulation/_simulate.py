@@ -2,16 +2,14 @@
 
 import dataclasses
 import functools
-from collections.abc import Callable
 from typing import Any, TypeVar, overload
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, ArrayLike, Float, PyTree
 
-from ..core import AbstractSystem, InputError, Scalar, is_concrete, is_traced
+from ..core import AbstractSystem, InputError, Scalar
 from ..integration._accuracy import (
     Accuracy,
     as_accuracy,
@@ -21,7 +19,7 @@ from ..integration._accuracy import (
 )
 from ..integration._config import IntegrationConfig, resolve
 from ..integration._events import Event
-from ..integration._status import Status, raise_on_failure
+from ..integration._status import Status
 from ..integration._stiffness import InitialConditions
 from ._checks import (
     as_events,
@@ -32,13 +30,15 @@ from ._checks import (
     check_structure,
     check_times,
     check_values,
-    shapes_after,
 )
-from ._failures import loud, nan_where_failed, place_of_failure
-from ._mission import Mission, Phase
-from ._mission_runs import MissionResult, run_mission
+from ._failures import nan_where_failed, place_of_failure
+from ._finish import finish, mission_trajectory_of, raise_failures, trajectory_of
+from ._mission import Mission
+from ._mission_runs import run_mission
+from ._mission_trajectory import MissionTrajectory
+from ._phases import resolve_phases
 from ._runs import RunResult, run_system
-from ._trajectory import MissionTrajectory, Trajectory
+from ._trajectory import Trajectory
 
 Result = TypeVar("Result", Trajectory, MissionTrajectory)
 
@@ -125,7 +125,7 @@ def _simulate_system(
     ts = check_times(ts, y0)
     start = jax.ShapeDtypeStruct((), ts.dtype)
     check_structure(system, y0, start)
-    check_values(system, ts[0], y0)
+    check_values(system, ts, y0)
     events = as_events(events)
     check_events(events, system, y0, start, 0)
     check_dense(dense, events)
@@ -186,102 +186,3 @@ def _run_system(
     dense: bool,
 ) -> RunResult:
     return nan_where_failed(run_system(system, y0, ts, events, config, 0, dense))
-
-
-def resolve_phases(
-    mission: Mission, y0: PyTree, accuracy: Accuracy, run_axes: int = 0
-) -> tuple[IntegrationConfig, ...]:
-    """The configuration of every phase, before anything is compiled.
-
-    What the state holds in a phase follows from the shapes of the jumps before it."""
-    configs = []
-    y = jax.eval_shape(lambda y: y, y0)
-    for phase in mission.phases:
-        check_until(phase, run_axes)
-        # Only shapes are needed: a jump may change what the state holds.
-        zero = jax.ShapeDtypeStruct((), state_dtype(y))
-        whole = check_structure(phase.system, y, zero)
-        configs.append(resolve(phase.system, y, accuracy))
-        # The jump meets the state as the phase leaves it, with the runs of its system.
-        y = whole
-        if phase.then is not None:
-            y = shapes_after(phase.then, zero, y)
-    return tuple(configs)
-
-
-def check_until(phase: Phase, run_axes: int) -> None:
-    """Raise `InputError` for a duration with other axes than the runs."""
-    until = phase.until
-    if not isinstance(until, Event) and jnp.ndim(until) > run_axes:
-        allowed = "(runs,) or one time" if run_axes else "one time"
-        raise InputError(
-            f"Phase {phase.name!r}: until has the shape {until.shape}: it must be {allowed}, in s."
-        )
-
-
-def trajectory_of(
-    result: RunResult, system: AbstractSystem, config: IntegrationConfig, run_axes: int
-) -> Trajectory:
-    """A `Trajectory` from what the run left."""
-    ts, states, status, event, happened, stats, dense, _, crossings = result
-    return Trajectory(
-        ts, states, status, event, happened, stats, system, config, dense, run_axes, crossings
-    )
-
-
-def mission_trajectory_of(
-    result: MissionResult,
-    mission: Mission,
-    configs: tuple[IntegrationConfig, ...],
-    run_axes: int,
-) -> MissionTrajectory:
-    """A `MissionTrajectory` from what the phases left."""
-    phases = []
-    for run, phase, config in zip(result.phases, mission.phases, configs, strict=True):
-        phases.append(trajectory_of(run, phase.system, config, run_axes))
-    names = tuple(phase.name for phase in mission.phases)
-    return MissionTrajectory(tuple(phases), names, result.final, result.end, result.status)
-
-
-def finish(run: Callable[..., Trajectory], config: IntegrationConfig, throw: bool) -> Trajectory:
-    """The trajectory, with more fixed steps where they proved too few, and a failure raised.
-
-    `run(config, dense)` runs once; without `dense` as its caller asked for."""
-    trajectory = run(config)
-    if is_concrete(trajectory.status):
-        error = error_of_too_few_steps(trajectory, config)
-        # Once only: what still misses the tolerance then says so in its status.
-        if np.any(error):
-            config = config.with_more_steps(float(np.max(error)))
-            trajectory = run(config)
-    if not throw:
-        return trajectory
-
-    # Run once more, because only a run that failed has to know its steps.
-    def where() -> str:
-        steps = None if config.method == "closed_form" else run(config, True).dense
-        initial = trajectory.initial
-        return place_of_failure(int(trajectory.status), steps, float(trajectory.ts[0]), initial)
-
-    return raise_failures(trajectory, where)
-
-
-def raise_failures(result: Result, where: Callable[[], str] | None = None) -> Result:
-    """The result, unless a run in it failed: then `SimulationError`, which says `where`.
-
-    Under a transformation the error hangs on every array of the result, and on its derivatives."""
-    if is_concrete(result.status) and not is_traced(result):
-        raise_on_failure(result.status, where)
-        return result
-    return loud(result)
-
-
-def error_of_too_few_steps(result: Trajectory | RunResult, config: IntegrationConfig) -> np.ndarray:
-    """The largest local error of each run that missed the tolerance by too few fixed steps.
-
-    In units of the tolerance; zero for all other runs."""
-    missed = np.asarray(result.status) == Status.TOLERANCE_MISSED
-    if not config.fixed_step or not np.any(missed):
-        return np.zeros(missed.shape)
-    error = np.asarray(result.stats["largest_local_error"])
-    return np.where(missed & np.isfinite(error), error, 0.0)

@@ -1,13 +1,11 @@
 """What a run leaves: times, states, how it ended, what it cost, and how far it can be trusted."""
 
-import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING, final
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
@@ -20,6 +18,7 @@ from ..integration._result import DenseOutput
 from ..integration._status import Status
 from ._dataset import dataset_of
 from ._rerun import final_state_again
+from ._summary import summary_of
 
 if TYPE_CHECKING:
     import os
@@ -219,7 +218,9 @@ class Trajectory(eqx.Module):
         # Error messages print traced runs, too, which have no numbers yet.
         if any(isinstance(x, Tracer) for x in jax.tree.leaves(self)) or not is_concrete(self.ts):
             return f"Trajectory of {type(self.system).__name__} (traced)"
-        return "\n".join(_summary(self))
+        return summary_of(
+            self.ts, self.states, self.status, self.stats, self.system, self.accuracy, self.run_axes
+        )
 
 
 def relative_change(values: Array, run_axes: int) -> Float[Array, "times *#runs"]:
@@ -241,68 +242,3 @@ _program_state_at = jax.jit(state_at, static_argnums=(1, 2))
 def _system_axes(system: AbstractSystem) -> PyTree[int]:
     """Which arrays of a system carry runs; those that say nothing are shared."""
     return run_axes_of(system, lambda x: 0)
-
-
-def _summary(run: Trajectory) -> list[str]:
-    """What happened, in five lines."""
-    method = run.accuracy.method
-    how = "closed form" if isinstance(method, str) else type(method).__name__
-    runs = 1 if run.run_axes == 0 else math.prod(run.status.shape)
-    statuses = np.asarray(run.status).reshape(-1)
-    failed = np.flatnonzero(statuses > Status.EVENT)
-    ended = Status(int(statuses[failed[0] if failed.size else 0])).sentence
-    if runs > 1:
-        ended = f"{runs - failed.size} of {runs} runs ended well." + (
-            f" Run {failed[0]}: {ended}" if failed.size else ""
-        )
-    # Of the first run: others may have times of their own.
-    first, last = (float(np.ravel(run.ts[k])[0]) for k in (0, -1))
-    evaluations = int(np.max(np.asarray(run.stats.get("evaluations", 0))))
-    steps = int(np.max(np.asarray(run.stats.get("steps", 0))))
-    blocks = ", ".join(
-        f"{jax.tree_util.keystr(path).strip('.')} {leaf.shape}"
-        for path, leaf in jax.tree_util.tree_flatten_with_path(run.states)[0]
-    )
-    who = type(run.system).__name__
-    return [
-        f"Trajectory of {who}" + (f", {runs} runs" if runs > 1 else ""),
-        f"  times   {first:g} s to {last:g} s, {run.ts.shape[0]} saved",
-        f"  states  {blocks}",
-        f"  method  {how}, rtol {float(run.accuracy.rtol):.0e}; {steps} steps, "
-        f"{evaluations} evaluations",
-        f"  status  {ended}",
-    ]
-
-
-@final
-class MissionTrajectory(eqx.Module):
-    """The trajectories of the phases of a mission, each up to its end before the jump.
-
-    - `phases`, `names`: a `Trajectory` for each phase, and their names; index by either.
-    - `final`, `end`: the state after the last jump, and its time, s, of each run.
-    - `status`: of each run: its first failure, or how its last phase ended."""
-
-    phases: tuple[Trajectory, ...]
-    names: tuple[str, ...] = eqx.field(static=True)
-    final: State
-    end: Float[Array, "*runs"]
-    status: Int[Array, "*runs"]
-
-    def __getitem__(self, phase: int | str) -> Trajectory:
-        return self.phases[self.names.index(phase) if isinstance(phase, str) else phase]
-
-    def of(self, i: int) -> "MissionTrajectory":
-        """The i-th run of a batch, as a mission of one run."""
-        phases = tuple(phase.of(i) for phase in self.phases)
-        final, end, status = jax.tree.map(lambda x: x[..., i], (self.final, self.end, self.status))
-        return MissionTrajectory(phases, self.names, final, end, status)
-
-    def show(self, path: "str | os.PathLike[str] | None" = None) -> "Path":
-        """Open the mission in the browser as a page that moves (`jaxspace.plots.view_page`)."""
-        from ..plots import show_run
-
-        return show_run(self, path)
-
-    def evaluations(self) -> Array:
-        """Evaluations of the vector field over all phases."""
-        return sum((p.stats["evaluations"] for p in self.phases), jnp.array(0))

@@ -16,6 +16,7 @@ from collections.abc import Callable, Sequence
 from typing import ClassVar, TypeAlias, final
 
 import diffrax
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
@@ -24,6 +25,7 @@ from ..core import State, barrier
 from . import _tableaus as tableau
 from ._dense_output import AbstractDenseOutput
 from ._protocol import AbstractFieldSolver, Advance, SolverTraits
+from ._tolerance import Tolerance
 from ._vector_field import StepField
 
 Weights: TypeAlias = tuple[tuple[int, float], ...]
@@ -79,9 +81,10 @@ class _NestedProducts(AbstractDenseOutput):
     t0: Float[Array, ""]
     t1: Float[Array, ""]
     y0: State
-    coefficients: list[State]
+    coefficients: list[State] | None
 
     def state(self, t: Float[Array, ""]) -> State:
+        assert self.coefficients is not None, "the step was told that no state in it is saved"
         x = self.fraction(t)
 
         def leaf(y0: Array, *fs: Array) -> Array:
@@ -119,14 +122,25 @@ class DOP853(AbstractFieldSolver, diffrax.AbstractAdaptiveSolver):
     """The method of Dormand and Prince of order 8, with embedded errors of orders 5 and 3 and dense
     output of order 7.
 
-    Twelve evaluations a step; four more where states within the step are saved."""
+    Twelve evaluations a step; four more where states within the step are saved.
 
+    **Arguments**
+
+    - `dense`: whether states within a step can be asked for. `simulate` fills it in."""
+
+    dense: bool = eqx.field(static=True, default=True)
     term_structure: ClassVar = diffrax.ODETerm
     interpolation_cls: ClassVar = _NestedProducts
 
     @property
     def traits(self) -> SolverTraits:
         return SolverTraits(evaluations=12)
+
+    def bind(
+        self, *, tolerance: Tolerance, save_ts: Float[Array, " times"] | None, run_axes: int
+    ) -> "DOP853":
+        del tolerance, run_axes
+        return DOP853(dense=save_ts is not None)
 
     def order(self, terms: diffrax.AbstractTerm | None) -> int:
         return 8
@@ -144,8 +158,9 @@ class DOP853(AbstractFieldSolver, diffrax.AbstractAdaptiveSolver):
             combine(None, h, tableau.DOP853_ERROR_5, ks),
             combine(None, h, tableau.DOP853_ERROR_3, ks),
         )
-        dense = dict(y0=y0, coefficients=_dense_coefficients(f, t0, h, y0, y1, ks))
-        return Advance(y1, error, dense)
+        # Not left to the compiler to drop: it would be traced and lowered in each first call.
+        within = _dense_coefficients(f, t0, h, y0, y1, ks) if self.dense else None
+        return Advance(y1, error, dict(y0=y0, coefficients=within))
 
 
 def blend(e5: Array, e3: Array) -> Array:
@@ -166,7 +181,7 @@ def _dense_coefficients(
     ks: list[State],
 ) -> list[State]:
     """The seven coefficients of DOP853's dense output."""
-    # Four evaluations, which the compiler drops where nothing reads the dense output.
+    # Four evaluations; where the run saves at few times, the loop computes them in every step.
     last = stages(f, t0, h, y1, (1.0,), ((),), [])[0]
     ks = stages(f, t0, h, y0, tableau.DOP853_DENSE_C, tableau.DOP853_DENSE_A, [*ks, last])
     change = jax.tree.map(jnp.subtract, y1, y0)

@@ -9,7 +9,7 @@ from ..core import InputError, State
 from ..integration import eligible_methods, least_tolerance, select_method
 from ..integration._accuracy import state_dtype
 from ..simulation import Mission
-from ..simulation._simulate import resolve_phases
+from ..simulation._phases import resolve_phases
 from ..solvers import DOP853, Tsit5, solver_traits
 from ._cost_case import accuracy_of
 from ._cost_table import CLOSED_FORM, Method, method_name

@@ -1,0 +1,64 @@
+"""Whether a vector field keeps to the layout of the library, so that mapped runs can be a batch."""
+
+import functools
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import PyTree
+
+from ..core import component_axes_of
+from ._selection import shape_of
+
+
+def follows_layout(system: Any, y0: PyTree) -> bool:
+    """Whether the vector field treats a trailing axis as runs that have nothing to do with another.
+
+    Seen from values: the field of three random states at once is that of each of them. A system
+    that sums over all axes of its state, say, fails, and is mapped by JAX instead."""
+    leaves, structure = jax.tree.flatten(jax.tree.map(shape_of, (system, y0)))
+    try:
+        return _follows_layout(structure, tuple(leaves))
+    except TypeError:
+        # A leaf that cannot be hashed: nothing can be kept, and nothing is known.
+        return False
+
+
+@functools.lru_cache(maxsize=256)
+def _follows_layout(structure: Any, leaves: tuple[Any, ...]) -> bool:
+    system, y0 = jax.tree.unflatten(structure, leaves)
+    # Positive numbers of order one: roots and logarithms of a field stay defined.
+    random = np.random.default_rng(0)
+
+    def numbers(shape: tuple[int, ...], x: Any) -> Any:
+        return jnp.asarray(random.uniform(0.6, 1.4, shape), x.dtype)
+
+    def is_shape(x: Any) -> bool:
+        return isinstance(x, jax.ShapeDtypeStruct)
+
+    runs = 3
+    with jax.ensure_compile_time_eval():
+        single = jax.tree.map(lambda x: numbers(x.shape, x) if is_shape(x) else x, system)
+        states = jax.tree.map(lambda x: numbers((*x.shape, runs), x), y0)
+
+        def shared(x: Any, axes: int) -> Any:
+            return x[..., None] if axes >= 0 and eqx.is_array(x) and x.ndim > 0 else x
+
+        batched = jax.tree.map(shared, single, component_axes_of(single))
+        t = jnp.asarray(0.3, jax.tree.leaves(states)[0].dtype)
+        try:
+            together = batched.vector_field(t, states)
+            each = [
+                single.vector_field(t, jax.tree.map(lambda x, k=k: x[..., k], states))
+                for k in range(runs)
+            ]
+        except Exception:  # noqa: BLE001 - whatever a user's field raises, it is no batch
+            return False
+        alone = jax.tree.map(lambda *x: jnp.stack(x, axis=-1), *each)
+        pairs = zip(jax.tree.leaves(together), jax.tree.leaves(alone), strict=True)
+        return all(
+            a.shape == b.shape and np.allclose(a, b, rtol=1e-4, atol=1e-6, equal_nan=True)
+            for a, b in pairs
+        )

@@ -1,0 +1,80 @@
+"""What a loop in which every run takes its own steps writes down: landings, steps, checkpoints."""
+
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool
+
+from ..core import State
+from ._buffers import capacity_for, put_row
+from ._loop import LoopSettings
+from ._own_state import OwnLoop, OwnState, Segment
+
+
+def put_landed(rows: State, y: State, number: Array, done: Bool[Array, "*runs"]) -> State:
+    """Rows, (times, ..., *runs), with that of its segment replaced for each run that has landed."""
+    runs = number.size
+    row = jnp.where(done, number, jnp.inf).reshape(runs)
+
+    def leaf(x: Array, new: Array) -> Array:
+        flat = x.reshape(x.shape[0], -1, runs)
+        where = jnp.where(jnp.isfinite(row), row, x.shape[0]).astype(int)
+        values = new.reshape(-1, runs).T
+        return flat.at[where, :, jnp.arange(runs)].set(values, mode="drop").reshape(x.shape)
+
+    return jax.tree.map(leaf, rows, y)
+
+
+def get_landed(rows: State, number: Array, done: Bool[Array, "*runs"]) -> State:
+    """Of rows, (times, ..., *runs), that of its segment for each run that has landed, else zero."""
+    runs = number.size
+
+    def leaf(x: Array) -> Array:
+        flat = x.reshape(x.shape[0], -1, runs)
+        where = jnp.clip(number.reshape(runs), 0, x.shape[0] - 1).astype(int)
+        values = flat[where, :, jnp.arange(runs)].T.reshape(x.shape[1:])
+        return jnp.where(done, values, 0.0)
+
+    return jax.tree.map(leaf, rows)
+
+
+def written(
+    settings: LoopSettings,
+    field: Any,
+    loop: OwnLoop,
+    accept: Array,
+    h: Array,
+    done: Array,
+    y: OwnState,
+) -> OwnLoop:
+    """The loop with what this pass leaves in the buffers."""
+    saved, steps, ends, states, checkpoints = loop[-6:-1]
+    moved = jnp.any(accept)
+    if saved is not None:
+        # A loop of at most one pass: a condition would copy the whole buffer.
+        saved, _ = jax.lax.while_loop(
+            lambda carry: carry[1],
+            lambda carry: (put_landed(carry[0], y, y.segment, done), jnp.array(False)),
+            (saved, jnp.any(done)),
+        )
+    if steps is not None:
+        # A pass in which no run moved writes to the row that the next one overwrites.
+        steps = steps.at[loop.count].set(jnp.stack([h, done.astype(h.dtype)]))
+    if ends is not None:
+        segment = Segment.of(field, settings, y.segment)
+        part = y.z[-1] / jnp.where(segment.duration == 0.0, 1.0, segment.duration)
+        ends = ends.at[loop.count].set((y.segment + part).astype(ends.dtype))
+    if states is not None:
+        states = put_row(states, loop.count, y)
+    if checkpoints is not None:
+        capacity = capacity_for(y, settings.max_steps)
+        checkpoints = checkpoints.record(moved, loop.count + 1, y, capacity, settings.max_steps)
+    return loop._replace(
+        count=loop.count + moved.astype(int),
+        saved=saved,
+        steps=steps,
+        ends=ends,
+        states=states,
+        checkpoints=checkpoints,
+    )

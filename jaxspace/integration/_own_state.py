@@ -1,0 +1,88 @@
+"""Where runs are that take steps of their own: state, segment, and what the loop carries on."""
+
+import functools
+from typing import Any, NamedTuple, final
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, Int
+
+from ..core import AbstractRegularised, Scalar, State
+from ..solvers._adaptive_regularised import landed
+from ..solvers._regularised import Regular
+from ._buffers import Checkpoints
+from ._loop import LoopSettings
+
+
+@final
+class OwnState(eqx.Module):
+    """Where a run is: its regularised variables, the last of them the time, s, since its segment
+    began, and how many segments lie behind it."""
+
+    z: Regular
+    segment: Float[Array, "*runs"]
+
+
+class OwnLoop(NamedTuple):
+    """What one pass of the loop hands to the next; everything but the buffers is of each run.
+
+    - `h`: the next step; `free`, the length that the error allows; `ideal`, that which would have
+      had just the error allowed, the last time.
+    - `landing`: whether the next step is one that should end the segment; `pending`, whether the
+      run waits for the others before it takes such a step, or has taken one.
+    - `worst`: the largest local error of the steps taken, in units of the tolerance.
+    - `steps`: of each pass in which a run moved, the steps of the runs (zero for one that does not
+      move) and whether they landed; `count` of them, of `passes`.
+    - `ends`, `states`: normalised times and states after each of these passes, where asked for.
+    - `left_out`: the runs for which the others would have waited too long."""
+
+    y: OwnState
+    h: Float[Array, "*runs"]
+    free: Float[Array, "*runs"]
+    ideal: Float[Array, "*runs"]
+    landing: Bool[Array, "*runs"]
+    pending: Bool[Array, "*runs"]
+    worst: Float[Array, "*runs"]
+    accepted: Int[Array, "*runs"]
+    rejected: Int[Array, "*runs"]
+    passes: Int[Array, ""]
+    count: Int[Array, ""]
+    saved: State | None
+    steps: Float[Array, "passes 2 *runs"] | None
+    ends: Float[Array, " passes *runs"] | None
+    states: State | None
+    checkpoints: Checkpoints | None
+    left_out: Bool[Array, "*runs"]
+
+
+class Segment(NamedTuple):
+    """When the segment of each run begins, and how long it takes, s."""
+
+    t: Scalar
+    duration: Scalar
+
+    @classmethod
+    def of(cls, field: Any, settings: LoopSettings, number: Array) -> "Segment":
+        """That with this number; the last one beyond the end."""
+        last = jnp.minimum(number, settings.end - 1.0).astype(settings.end.dtype)
+        duration = field.duration(last, jnp.ones_like(last))
+        return cls(field.time(last), duration.astype(number.dtype))
+
+
+def alive(z: Regular) -> Bool[Array, "*runs"]:
+    # The sum of all is finite if they are, and no reduction, which takes one run after the other.
+    return jnp.isfinite(functools.reduce(jnp.add, list(z)))
+
+
+def unit(form: AbstractRegularised, z: Regular, rate: Regular) -> Scalar:
+    """The fictitious time in which the variables change by their own sizes."""
+    return 1.0 / form.size(rate, z, z)
+
+
+def landing_state(
+    form: AbstractRegularised, segment: Segment, y: OwnState, done: Bool[Array, "*runs"]
+) -> OwnState:
+    """The states with those that are `done` at the start of their next segment."""
+    z = landed(form, *segment, y.z)
+    z = jnp.concatenate([z[:-1], jnp.zeros_like(z[-1:])])
+    return OwnState(jnp.where(done, z, y.z), y.segment + done.astype(y.segment.dtype))

@@ -1,0 +1,87 @@
+"""From what a run leaves to its trajectory: repeated where its fixed steps proved too few, and loud
+where it failed."""
+
+from collections.abc import Callable
+from typing import TypeVar
+
+import numpy as np
+
+from ..core import AbstractSystem, is_concrete, is_traced
+from ..integration._config import IntegrationConfig
+from ..integration._status import Status, raise_on_failure
+from ._failures import loud, place_of_failure
+from ._mission import Mission
+from ._mission_runs import MissionResult
+from ._mission_trajectory import MissionTrajectory
+from ._runs import RunResult
+from ._trajectory import Trajectory
+
+Result = TypeVar("Result", Trajectory, MissionTrajectory)
+
+
+def trajectory_of(
+    result: RunResult, system: AbstractSystem, config: IntegrationConfig, run_axes: int
+) -> Trajectory:
+    """A `Trajectory` from what the run left."""
+    ts, states, status, event, happened, stats, dense, _, crossings = result
+    return Trajectory(
+        ts, states, status, event, happened, stats, system, config, dense, run_axes, crossings
+    )
+
+
+def mission_trajectory_of(
+    result: MissionResult,
+    mission: Mission,
+    configs: tuple[IntegrationConfig, ...],
+    run_axes: int,
+) -> MissionTrajectory:
+    """A `MissionTrajectory` from what the phases left."""
+    phases = []
+    for run, phase, config in zip(result.phases, mission.phases, configs, strict=True):
+        phases.append(trajectory_of(run, phase.system, config, run_axes))
+    names = tuple(phase.name for phase in mission.phases)
+    return MissionTrajectory(tuple(phases), names, result.final, result.end, result.status)
+
+
+def finish(run: Callable[..., Trajectory], config: IntegrationConfig, throw: bool) -> Trajectory:
+    """The trajectory, with more fixed steps where they proved too few, and a failure raised.
+
+    `run(config, dense)` runs once; without `dense` as its caller asked for."""
+    trajectory = run(config)
+    if is_concrete(trajectory.status):
+        error = error_of_too_few_steps(trajectory, config)
+        # Once only: what still misses the tolerance then says so in its status.
+        if np.any(error):
+            config = config.with_more_steps(float(np.max(error)))
+            trajectory = run(config)
+    if not throw:
+        return trajectory
+
+    # Run once more, because only a run that failed has to know its steps.
+    def where() -> str:
+        steps = None if config.method == "closed_form" else run(config, True).dense
+        initial = trajectory.initial
+        return place_of_failure(int(trajectory.status), steps, float(trajectory.ts[0]), initial)
+
+    return raise_failures(trajectory, where)
+
+
+def raise_failures(result: Result, where: Callable[[], str] | None = None) -> Result:
+    """The result, unless a run in it failed: then `SimulationError`, which says `where`.
+
+    Under a transformation the error hangs on every array of the result, and on its derivatives."""
+    if is_concrete(result.status) and not is_traced(result):
+        raise_on_failure(result.status, where)
+        return result
+    return loud(result)
+
+
+def error_of_too_few_steps(result: Trajectory | RunResult, config: IntegrationConfig) -> np.ndarray:
+    """The largest local error of each run that missed the tolerance by too few fixed steps.
+
+    In units of the tolerance; zero for all other runs."""
+    missed = np.asarray(result.status) == Status.TOLERANCE_MISSED
+    if not config.fixed_step or not np.any(missed):
+        return np.zeros(missed.shape)
+    error = np.asarray(result.stats["largest_local_error"])
+    return np.where(missed & np.isfinite(error), error, 0.0)

@@ -1,0 +1,49 @@
+"""What a mission leaves: the trajectory of each of its phases."""
+
+from typing import TYPE_CHECKING, final
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float, Int
+
+from ..core import State
+from ._trajectory import Trajectory
+
+if TYPE_CHECKING:
+    import os
+    from pathlib import Path
+
+
+@final
+class MissionTrajectory(eqx.Module):
+    """The trajectories of the phases of a mission, each up to its end before the jump.
+
+    - `phases`, `names`: a `Trajectory` for each phase, and their names; index by either.
+    - `final`, `end`: the state after the last jump, and its time, s, of each run.
+    - `status`: of each run: its first failure, or how its last phase ended."""
+
+    phases: tuple[Trajectory, ...]
+    names: tuple[str, ...] = eqx.field(static=True)
+    final: State
+    end: Float[Array, "*runs"]
+    status: Int[Array, "*runs"]
+
+    def __getitem__(self, phase: int | str) -> Trajectory:
+        return self.phases[self.names.index(phase) if isinstance(phase, str) else phase]
+
+    def of(self, i: int) -> "MissionTrajectory":
+        """The i-th run of a batch, as a mission of one run."""
+        phases = tuple(phase.of(i) for phase in self.phases)
+        final, end, status = jax.tree.map(lambda x: x[..., i], (self.final, self.end, self.status))
+        return MissionTrajectory(phases, self.names, final, end, status)
+
+    def show(self, path: "str | os.PathLike[str] | None" = None) -> "Path":
+        """Open the mission in the browser as a page that moves (`jaxspace.plots.view_page`)."""
+        from ..plots import show_run
+
+        return show_run(self, path)
+
+    def evaluations(self) -> Array:
+        """Evaluations of the vector field over all phases."""
+        return sum((p.stats["evaluations"] for p in self.phases), jnp.array(0))

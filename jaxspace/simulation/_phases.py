@@ -1,0 +1,43 @@
+"""The configuration of every phase of a mission, before anything is compiled."""
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import PyTree
+
+from ..core import InputError
+from ..integration._accuracy import Accuracy, state_dtype
+from ..integration._config import IntegrationConfig, resolve
+from ..integration._events import Event
+from ._checks import check_structure, shapes_after
+from ._mission import Mission, Phase
+
+
+def resolve_phases(
+    mission: Mission, y0: PyTree, accuracy: Accuracy, run_axes: int = 0
+) -> tuple[IntegrationConfig, ...]:
+    """The configuration of every phase, before anything is compiled.
+
+    What the state holds in a phase follows from the shapes of the jumps before it."""
+    configs = []
+    y = jax.eval_shape(lambda y: y, y0)
+    for phase in mission.phases:
+        check_until(phase, run_axes)
+        # Only shapes are needed: a jump may change what the state holds.
+        zero = jax.ShapeDtypeStruct((), state_dtype(y))
+        whole = check_structure(phase.system, y, zero)
+        configs.append(resolve(phase.system, y, accuracy))
+        # The jump meets the state as the phase leaves it, with the runs of its system.
+        y = whole
+        if phase.then is not None:
+            y = shapes_after(phase.then, zero, y)
+    return tuple(configs)
+
+
+def check_until(phase: Phase, run_axes: int) -> None:
+    """Raise `InputError` for a duration with other axes than the runs."""
+    until = phase.until
+    if not isinstance(until, Event) and jnp.ndim(until) > run_axes:
+        allowed = "(runs,) or one time" if run_axes else "one time"
+        raise InputError(
+            f"Phase {phase.name!r}: until has the shape {until.shape}: it must be {allowed}, in s."
+        )

@@ -1,0 +1,54 @@
+"""What a first call traces and compiles: counted in operations, because times say too little."""
+
+import diffrax
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jaxspace.integration._needed import needed_only
+from jaxspace.solvers import DOP853, Tolerance, bind
+
+
+def operations(jaxpr) -> list[str]:
+    """The names of the operations, and of the programs among them."""
+    return [e.params.get("name", e.primitive.name) for e in jaxpr.eqns]
+
+
+@pytest.mark.parametrize(("save_ts", "evaluations"), [(None, 12), (jnp.array([0.05]), 16)])
+def test_dense_output_is_traced_only_where_states_are_saved(save_ts, evaluations):
+    term = diffrax.ODETerm(lambda t, y, args: -y)
+    solver = bind(DOP853(), tolerance=Tolerance(1e-9, 1e-9, 0), save_ts=save_ts, run_axes=0)
+
+    def step(y):
+        y1, _, dense, _, _ = solver.step(term, jnp.array(0.0), jnp.array(0.1), y, None, None, False)
+        return y1, dense
+
+    names = operations(jax.make_jaxpr(step)(jnp.ones(2)).jaxpr)
+    assert names.count("evaluate") == evaluations
+
+
+def test_what_no_result_needs_is_not_differentiated():
+    def both(x, scale):
+        # `y` has no reader in what is returned below.
+        y = jnp.sin(x) * scale
+        return jnp.exp(x), y
+
+    x, scale = jnp.array([0.3, -0.2]), jnp.array(2.0)
+    first = needed_only(lambda x, scale: both(x, scale)[0])
+    of_first = jax.make_jaxpr(lambda x: jax.jvp(first, (x, scale), (x, scale)))(x).jaxpr
+    names = operations(of_first)
+    assert "exp" in names
+    assert not {"sin", "cos"} & set(names)
+    value, slope = jax.jvp(first, (x, scale), (x, scale))
+    np.testing.assert_allclose(value, np.exp(x), rtol=1e-14)
+    # d exp(x) = exp(x) dx, and nothing of the scale.
+    np.testing.assert_allclose(slope, np.exp(x) * x, rtol=1e-14)
+
+
+def test_needed_only_keeps_trees_and_what_a_function_closes_over():
+    def gradient(k):
+        function = needed_only(lambda y, none: {"x": k * y["x"], "none": none})
+        return jnp.sum(function({"x": jnp.arange(3.0), "y": jnp.ones(2)}, None)["x"])
+
+    np.testing.assert_allclose(jax.grad(gradient)(2.0), 3.0)
