@@ -6,12 +6,14 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jax.typing import ArrayLike
+from jaxtyping import Array
 
 from ..bodies import AbstractEffect, AbstractJump, with_parts
 from ..core import AbstractSystem, InputError, Scalar, State
 from ..scene import Scene
 from ..simulation import Event, Mission, Phase
 from ._checks import Parsed, needed_parts
+from ._control import controlled, end_of_loop
 from ._kinds import Value, Values
 from ._objects import Building, Runs
 from ._outputs import state_of
@@ -20,12 +22,15 @@ from ._value_kinds import Measure
 ONE_PHASE = {"system": "run", "scene": "scene"}
 
 
-def build_mission(file: Parsed, values: Values, runs: Runs) -> tuple[Mission, State]:
+def build_mission(
+    file: Parsed, values: Values, runs: Runs, seeds: Array | None = None
+) -> tuple[Mission, State]:
     """Mission and initial state.
 
     **Arguments**
 
     - `values`: those of the file, whose numbers are scalars or (runs,).
+    - `seeds`: of the noise of each run, (runs,), between 0 and 1.
 
     **Returns** the mission (of a system or a scene, one of a single phase) and the state, which has
     every run on the last axis."""
@@ -44,14 +49,19 @@ def build_mission(file: Parsed, values: Values, runs: Runs) -> tuple[Mission, St
     carry = initial.present()
     if file.kind == "scene":
         scene = Scene(tuple(effects.values()), body, carry)
-        return Mission([Phase(scene, _span(file), name=ONE_PHASE["scene"])]), initial
+        end, name = _span(file), ONE_PHASE["scene"]
+        if values["control"] is None:
+            return Mission([Phase(scene, end, name=name)]), initial
+        loop = controlled(file, "control", building, scene, seeds)
+        return Mission([Phase(loop, end_of_loop(file, end), name=name)]), initial
     phases, start = [], 0.0
     for number, phase in enumerate(values["phase"]):
         acting = {name: effects[name] for name in phase["effects"]}
         until = _until(file, phase, acting, start)
         # All phases carry the same parts, so that one state passes through all of them.
         scene = Scene(tuple(acting.values()), body, carry)
-        phases.append(Phase(scene, until, _jump(number, phase, building), phase["name"]))
+        system = controlled(file, f"phase.{number}.control", building, scene, seeds)
+        phases.append(Phase(system, until, _jump(number, phase, building), phase["name"]))
         # After an event the time is not known before the run; known ends are refused there.
         start = start + (0.0 if isinstance(until, Event) else until)
     return Mission(phases), initial

@@ -35,6 +35,7 @@ from ._checks import (
     shapes_after,
 )
 from ._failures import loud, nan_where_failed, place_of_failure
+from ._flight import AbstractFlight
 from ._mission import Mission, Phase
 from ._mission_runs import MissionResult, run_mission
 from ._runs import RunResult, run_system
@@ -200,8 +201,11 @@ def resolve_phases(
         check_until(phase, run_axes)
         # Only shapes are needed: a jump may change what the state holds.
         zero = jax.ShapeDtypeStruct((), state_dtype(y))
-        whole = check_structure(phase.system, y, zero)
-        configs.append(resolve(phase.system, y, accuracy))
+        whole = check_structure(phase.moving, y, zero)
+        if isinstance(phase.system, AbstractFlight):
+            configs.append(phase.system.config(y, accuracy))
+        else:
+            configs.append(resolve(phase.system, y, accuracy))
         # The jump meets the state as the phase leaves it, with the runs of its system.
         y = whole
         if phase.then is not None:
@@ -223,9 +227,10 @@ def trajectory_of(
     result: RunResult, system: AbstractSystem, config: IntegrationConfig, run_axes: int
 ) -> Trajectory:
     """A `Trajectory` from what the run left."""
-    ts, states, status, event, happened, stats, dense, _, crossings = result
+    ts, states, status, event, happened, stats, dense, _, crossings, control = result
     return Trajectory(
-        ts, states, status, event, happened, stats, system, config, dense, run_axes, crossings
+        *(ts, states, status, event, happened, stats, system, config, dense, run_axes),
+        *(crossings, control),
     )
 
 
@@ -238,7 +243,7 @@ def mission_trajectory_of(
     """A `MissionTrajectory` from what the phases left."""
     phases = []
     for run, phase, config in zip(result.phases, mission.phases, configs, strict=True):
-        phases.append(trajectory_of(run, phase.system, config, run_axes))
+        phases.append(trajectory_of(run, phase.moving, config, run_axes))
     names = tuple(phase.name for phase in mission.phases)
     return MissionTrajectory(tuple(phases), names, result.final, result.end, result.status)
 
