@@ -17,19 +17,30 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Unpack, final
 
 import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, ArrayLike, Float, Key, PyTree
 
-from ..core import AbstractSystem, InputError, Scalar, State, as_optional_float, check_positive
-from ..integration._accuracy import Accuracy
+from ..core import (
+    AbstractSystem,
+    InputError,
+    Scalar,
+    State,
+    as_optional_float,
+    check_positive,
+    is_concrete,
+)
+from ..integration._accuracy import Accuracy, state_dtype
 from ..integration._config import IntegrationConfig
 from ..integration._events import Event
+from ..integration._layout import broadcast_state, runs_of
 from ..simulation._flight import AbstractFlight
 from ..simulation._runs import RunResult
 from ._commands import Actuate, with_command
 from ._controller import AbstractController, as_controller
 from ._fly import LoopRun, Wanted, fly
-from ._phase import fly_phase
-from ._repeats import config_of
+from ._program import Known, Static, alone, as_events, as_key, parts_of
+from ._repeats import config_of, repeated
 from ._sensors import AbstractSensor, check_period
 
 HOLDS = ("zero", "first")
@@ -107,7 +118,33 @@ class ClosedLoop(AbstractFlight):
         config: IntegrationConfig,
         run_axes: int,
     ) -> RunResult:
-        return fly_phase(self, until, y0, t0, num_saved, config, run_axes)
+        # The samples are known before the phase starts; its end need not be.
+        event = isinstance(until, Event)
+        span = until.within if event else until
+        if is_concrete(span):
+            longest = float(np.max(np.asarray(span)))
+        elif self.longest is None:
+            raise InputError(
+                "ClosedLoop.longest is not given, and the duration of its phase is traced: give "
+                "the longest time that the phase may take, in s."
+            )
+        else:
+            longest = self.longest
+        ts = np.linspace(0.0, longest, num_saved)
+        y0 = broadcast_state(self.system, t0, y0)
+        dtype, runs = state_dtype(y0), runs_of(y0, run_axes)
+        start = jnp.broadcast_to(jnp.asarray(t0, dtype), runs)
+        # Of a phase whose end is known nothing has to be cut.
+        end = None if is_concrete(span) and jnp.ndim(span) == 0 else jnp.asarray(span, dtype)
+        key = as_key(self.key)
+        if key is not None and key.shape != runs:
+            raise InputError(
+                f"ClosedLoop.key has the shape {key.shape}: for {runs} runs of a mission it must "
+                f"be a key of each, such as jax.random.split(key, runs)."
+            )
+        events = as_events((until,)) if event else ()
+        known = Known(parts_of(self), y0, start, key, None, events, end)
+        return repeated(alone, known, config, Static.of(self, ts, run_axes))[0]
 
     def simulate(
         self, y0: State, ts: ArrayLike | Sequence[float], **wanted: Unpack[Wanted]
