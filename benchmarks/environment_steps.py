@@ -2,7 +2,8 @@
 three different moments that tumble at some radian a second, for one second from rest in attitude,
 in single precision. A run is one body for one second; each row says how long its steps are. Errors
 are beside an adaptive integration in double precision at 1e-12. An engine for contacts and joints
-carries more than a free body needs: the table tells what a step costs, not what the engine is for.
+carries more than a free body needs, and this one is made for accelerators: the table tells what a
+step of it costs here, and not what it is for.
 """
 
 from collections.abc import Callable

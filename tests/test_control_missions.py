@@ -1,17 +1,24 @@
 """Closed loops as phases of missions, in batches and campaigns, and in scene files."""
 
 from pathlib import Path
+from typing import final
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from jaxtyping import Array, Float
 
 import jaxspace
 from jaxspace import BodyState, Event, Mission, Phase, Scene, Status, simulate, simulate_batch
 from jaxspace.bodies import RigidBody
-from jaxspace.control import PID, ClosedLoop, CommandedAcceleration, Sensor
-from jaxspace.core import InputError
+from jaxspace.control import (
+    PID,
+    ClosedLoop,
+    CommandedAcceleration,
+    Sensor,
+)
+from jaxspace.core import AbstractSystem, InputError, Scalar, quantity, with_rank
 from jaxspace.dispersion import disperse
 from jaxspace.io import SceneError
 from jaxspace.orbits import UniformGravity
@@ -175,6 +182,56 @@ def test_a_campaign_of_a_controlled_scene(tmp_path):
         again.final.velocity[2], found.outputs["final.velocity.2"][7:9], rtol=1e-9
     )
     assert jnp.abs(jnp.diff(again["scene"].control["readings"]["mass"][-1])).max() > 0.0
+
+
+SYSTEM = """
+[system]
+name = "cart"
+friction = "0.1 s^-1"
+
+[control]
+period = "5 s"
+
+[control.law.pid]
+proportional = 1e-3
+derivative = 0.05
+
+[initial]
+position = [100.0, -50.0, 20.0]
+velocity = [0.1, 0.0, 0.0]
+
+[times]
+end = "600 s"
+"""
+
+
+@final
+class Cart(AbstractSystem):
+    """A cart with friction under a commanded acceleration."""
+
+    friction: Scalar = quantity("1/s", non_negative=True, doc="share of the speed lost in a second")
+    command: Float[Array, "3 *#runs"] = quantity(
+        "m/s^2", default=(0.0, 0.0, 0.0), doc="acceleration before the first command"
+    )
+
+    def vector_field(self, t: Scalar, y: BodyState) -> BodyState:
+        push = with_rank(self.command, y.velocity.ndim - 1)
+        return BodyState(position=y.velocity, velocity=push - self.friction * y.velocity)
+
+    def invariants(self, t, y):
+        return {}
+
+
+def test_a_controlled_system_in_a_scene_file(tmp_path):
+    """The law of springs and dampers brings it home, as the same loop in Python does."""
+    path = tmp_path / "system.toml"
+    path.write_text(SYSTEM)
+    file = jaxspace.load(path, also=[Cart])
+    run = file.simulate()
+    loop = ClosedLoop(Cart(0.1), PID(1e-3, 0.05), period=5.0)
+    alone = loop.simulate(file.y0, [0.0, 600.0])
+    np.testing.assert_allclose(run.final.position, alone.final.position, rtol=1e-9, atol=1e-9)
+    assert file.loop is not None and jnp.linalg.norm(run.final.position) < 1.0
 
 
 MISSION = (

@@ -34,10 +34,10 @@ def build_mission(
 
     **Returns** the mission (of a system or a scene, one of a single phase) and the state, which has
     every run on the last axis."""
+    building = Building(values, file.makers, runs)
     if file.kind == "system":
         system, y0 = build_system(file, values, runs)
-        return Mission([Phase(system, _span(file), name=ONE_PHASE["system"])]), y0
-    building = Building(values, file.makers, runs)
+        return _one_phase(file, building, system, seeds), y0
     body, effects = building.make("body"), _effects(file, building)
     initial = build_state(file, building)
     # Constant mass is no part of the state: every part is integrated and costs.
@@ -49,11 +49,7 @@ def build_mission(
     carry = initial.present()
     if file.kind == "scene":
         scene = Scene(tuple(effects.values()), body, carry)
-        end, name = _span(file), ONE_PHASE["scene"]
-        if values["control"] is None:
-            return Mission([Phase(scene, end, name=name)]), initial
-        loop = controlled(file, "control", building, scene, seeds)
-        return Mission([Phase(loop, end_of_loop(file, end), name=name)]), initial
+        return _one_phase(file, building, scene, seeds), initial
     phases, start = [], 0.0
     for number, phase in enumerate(values["phase"]):
         acting = {name: effects[name] for name in phase["effects"]}
@@ -65,6 +61,15 @@ def build_mission(
         # After an event the time is not known before the run; known ends are refused there.
         start = start + (0.0 if isinstance(until, Event) else until)
     return Mission(phases), initial
+
+
+def _one_phase(
+    file: Parsed, building: Building, system: AbstractSystem, seeds: Array | None
+) -> Mission:
+    """A system or a scene as a mission, under a controller where the file has one."""
+    end = end_of_loop(file, _span(file)) if file.values["control"] else _span(file)
+    flown = controlled(file, "control", building, system, seeds)
+    return Mission([Phase(flown, end, name=ONE_PHASE[file.kind])])
 
 
 def build_system(file: Parsed, values: Values, runs: Runs) -> tuple[AbstractSystem, State]:

@@ -21,8 +21,7 @@ from ..control import (
     StarTracker,
     Together,
 )
-from ..core import InputError, argument, quantities
-from ..scene import Scene
+from ..core import AbstractSystem, InputError, argument, quantities
 from ..simulation import Event
 from ._catalog import Catalog
 from ._checks import Parsed
@@ -118,14 +117,14 @@ def is_noisy(values: Values) -> bool:
 
 
 def controlled(
-    file: Parsed, path: str, building: Building, scene: Scene, seeds: Array | None
-) -> Scene | ClosedLoop:
-    """The scene of a phase under the controller whose table is at a path; itself without one.
+    file: Parsed, path: str, building: Building, system: AbstractSystem, seeds: Array | None
+) -> AbstractSystem | ClosedLoop:
+    """The system of a phase under the controller whose table is at a path; itself without one.
 
     `seeds`: one number between 0 and 1 for each run of a campaign, from which its noise follows."""
     control = controls(building.values).get(path)
     if control is None:
-        return scene
+        return system
     laws = [building.make(f"{path}.law.{name}") for name in _named(control["law"])]
     names = _named(control["sensors"])
     sensors: dict[str, AbstractSensor] = {
@@ -139,7 +138,7 @@ def controlled(
     )
     try:
         return ClosedLoop(
-            scene,
+            system,
             laws[0] if len(laws) == 1 else Together(laws),
             sensors or None,
             period=control["period"],

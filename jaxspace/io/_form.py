@@ -91,6 +91,7 @@ def form_of(kind: str, catalog: Catalog, system: str = "") -> Table:
                 "system": own,
                 "initial": state,
                 "times": Entry(TIMES, doc="from when to when"),
+                "control": Entry(control_kind(catalog), None, doc="what acts at samples"),
                 **dispersion,
             }
         )

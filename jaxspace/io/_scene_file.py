@@ -134,9 +134,9 @@ class SceneFile:
 
     @functools.cached_property
     def loop(self) -> ClosedLoop | None:
-        """The scene under the controller of the file; `None` without [control]."""
+        """What moves under the controller of the file; `None` without [control]."""
         loop = self.mission.phases[0].system
-        return loop if isinstance(loop, ClosedLoop) and self.kind == "scene" else None
+        return loop if isinstance(loop, ClosedLoop) and self.kind != "mission" else None
 
     def simulate(self, **options: Any) -> Trajectory | MissionTrajectory | LoopRun:
         """The nominal run; of a file with [control] that of its loop. `options`: those of
