@@ -231,7 +231,7 @@ def test_a_controlled_system_in_a_scene_file(tmp_path):
     loop = ClosedLoop(Cart(0.1), PID(1e-3, 0.05), period=5.0)
     alone = loop.simulate(file.y0, [0.0, 600.0])
     np.testing.assert_allclose(run.final.position, alone.final.position, rtol=1e-9, atol=1e-9)
-    assert file.loop is not None and jnp.linalg.norm(run.final.position) < 1.0
+    assert file.loop is not None and jnp.linalg.norm(run.final.position) < 5.0
 
 
 MISSION = (
