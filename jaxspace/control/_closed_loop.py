@@ -119,8 +119,8 @@ class ClosedLoop(AbstractFlight):
         run_axes: int,
     ) -> RunResult:
         # The samples are known before the phase starts; its end need not be.
-        event = isinstance(until, Event)
-        span = until.within if event else until
+        span = until.within if isinstance(until, Event) else until
+        assert span is not None  # of the event that ends a phase
         if is_concrete(span):
             longest = float(np.max(np.asarray(span)))
         elif self.longest is None:
@@ -142,7 +142,7 @@ class ClosedLoop(AbstractFlight):
                 f"ClosedLoop.key has the shape {key.shape}: for {runs} runs of a mission it must "
                 f"be a key of each, such as jax.random.split(key, runs)."
             )
-        events = as_events((until,)) if event else ()
+        events = as_events((until,)) if isinstance(until, Event) else ()
         known = Known(parts_of(self), y0, start, key, None, events, end)
         return repeated(alone, known, config, Static.of(self, ts, run_axes))[0]
 

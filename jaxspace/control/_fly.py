@@ -2,7 +2,7 @@
 more with finer steps where they proved too few."""
 
 from collections.abc import Sequence
-from typing import Any, TypeAlias, TypedDict, final
+from typing import Any, TypeAlias, TypedDict, cast, final
 
 import equinox as eqx
 import jax
@@ -85,8 +85,8 @@ class LoopRun(eqx.Module):
 
         Of the same noise; commands in quanta may switch, and then it tells of them."""
         loop, y0, ts, wanted, run_axes = self.asked
-        finer: Wanted = {**wanted, "steps": 2 * self.steps, "throw": False}
-        again = fly(loop, y0, ts, finer, run_axes)
+        finer = {**wanted, "steps": 2 * self.steps, "throw": False}
+        again = fly(loop, y0, ts, cast(Wanted, finer), run_axes)
         return jax.tree.map(lambda a, b: jnp.abs(a - b), self.final, again.final)
 
 

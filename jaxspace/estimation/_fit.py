@@ -137,22 +137,28 @@ def _search(
     model: Any, data: Any, parameters: Any, known: Any, method: str, max_steps: int, stated: bool
 ) -> Fit:
     task = _Task.of(model, data, parameters, known)
-    zero = jnp.zeros(task.coordinates.count, task.coordinates.dtype)
+    dtype = task.coordinates.dtype
+    zero = jnp.zeros(task.coordinates.count, dtype)
     start, _ = task.linear(zero)
     size = jnp.sqrt(jnp.sum(start**2, axis=0))
     # A parameter of no influence keeps its unit.
     usable = jnp.isfinite(size) & (size > 0.0)
     scale = COLUMN / jnp.where(usable, size, 1.0)
+
+    # The search keeps its damping in the precision of the process, whatever that of the model.
+    def scaled(u: Array, _: None) -> Array:
+        return task.residuals(scale * u.astype(dtype))[0].astype(u.dtype)
+
     found = optimistix.least_squares(
-        lambda u, _: task.residuals(scale * u)[0],
+        scaled,
         _solver(method, known[2]),
-        zero,
+        jnp.zeros(task.coordinates.count),
         max_steps=max_steps,
         throw=False,
         options={"jac": "fwd"},
     )
     solved = found.result == optimistix.RESULTS.successful
-    return _found(task, scale * found.value, solved, found.stats["num_steps"], stated)
+    return _found(task, scale * found.value.astype(dtype), solved, found.stats["num_steps"], stated)
 
 
 class _Task(NamedTuple):

@@ -216,7 +216,8 @@ class SceneFile:
 
     def _noise(self) -> dict[str, Uniform]:
         """What the noise of each run of a campaign follows from, as one more input."""
-        return {NOISE: Uniform(0.0, 1.0)} if is_noisy(self.values) else {}
+        whole = Uniform(0.0, 1.0)  # pyright: ignore[reportArgumentType]  # converted by its fields
+        return {NOISE: whole} if is_noisy(self.values) else {}
 
     def _design(self, runs: int) -> LatinHypercube | Sobol | None:
         """Where so many runs lie among the inputs."""
