@@ -34,6 +34,7 @@ from ..core import (
     axis,
     check,
     check_components,
+    components,
     cross,
     dot,
     is_concrete,
@@ -43,7 +44,6 @@ from ..core import (
     unit,
     with_rank,
 )
-from ..core._linear import components
 from ._rotation_vector import rotation_vector_rate
 
 
