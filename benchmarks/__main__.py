@@ -19,7 +19,7 @@ NAMES = (
     *("kepler", "lambert", "low_orbits", "eccentric_orbit", "free_body", "torqued_body", "top"),
     *("ascent", "choice", "eccentric_orbits", "dragged_orbits", "short_pulses", "gradients"),
     *("hybrid_training", "first_call", "kick_stage", "elements", "porkchop", "effects"),
-    *("crossings", "model_rocket", "campaign", "closed_loops"),
+    *("crossings", "model_rocket", "campaign", "closed_loops", "environment_steps"),
 )
 RESULTS = Path(__file__).parent / "results"
 

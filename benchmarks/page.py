@@ -9,7 +9,7 @@ from jaxspace.plots._style import COLOURS, dress
 PAGE = Path(__file__).parents[1] / "docs" / "benchmarks.md"
 ERRORS = ("worst_relative_error", "worst_error_of_the_rate")
 # Stands at the end of a row's name; the rest names the method.
-SETTING = re.compile(r",? \d+e[-+]\d+$|, [\d.]+ (steps|a revolution)$")
+SETTING = re.compile(r",? \d+e[-+]\d+$|, [\d.]+ (steps|a revolution|s)$")
 HEAD = """# Speed beside accuracy
 
 `make bench` measures this and writes this page. Every method does the same work in one process, in

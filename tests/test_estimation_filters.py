@@ -200,3 +200,24 @@ def test_wrong_calls(change, sentence):
     } | change
     with pytest.raises(InputError, match=sentence):
         kalman_filter(**given)
+
+
+@KINDS
+def test_single_precision_stays_close(kind):
+    """Every array in float32, beside the filter in float64."""
+    z = np.cos(1.4 * TS) * 0.5
+    P, process = np.diag([0.04, 0.09]), jnp.diag(jnp.array([0.02, 0.0]))
+
+    def run(dtype, accuracy):
+        cast = lambda x: jnp.asarray(x, dtype)  # noqa: E731
+        return kalman_filter(
+            Swing(cast(2.0), linear=True), jax.tree.map(cast, START), cast(P), cast(TS),
+            cast(z[None]), position, noise=cast([0.05]), process=cast(process), kind=kind,
+            accuracy=Accuracy(accuracy, method=Tsit5(), max_steps=64),
+        )  # fmt: skip
+
+    low, high = run(jnp.float32, 1e-5), run(jnp.float64, 1e-7)
+    assert low.states["x"].dtype == low.covariance.dtype == jnp.float32
+    # Twenty intervals at a tolerance of 1e-5 and roundings of 6e-8 of numbers of the order of one.
+    assert_allclose(low.states["x"], high.states["x"], atol=2e-4)
+    assert_allclose(low.covariance, high.covariance, atol=2e-5)

@@ -194,3 +194,22 @@ def test_fewer_readings_than_parameters_need_a_prior():
 
     with pytest.raises(InputError, match="1 readings for 2 parameters"):
         fit(first, jnp.ones(1), START, noise=1.0)
+
+
+def test_single_precision_reaches_its_bound():
+    """The line and the orbit in float32: within a hundredth of a standard deviation of float64,
+    where the noise is a thousand times the rounding."""
+    single = jax.tree.map(lambda x: x.astype(jnp.float32), START)
+    z = 2.0 * TS - 0.3 + 1e-3 * NOISE[0]
+    exact = fit(line, z, START, noise=1e-3)
+    found = fit(
+        lambda p: p["rate"] * TS.astype(jnp.float32) + p["bias"],
+        z.astype(jnp.float32), single, noise=1e-3, tolerance=1e-4,
+    )  # fmt: skip
+    assert bool(found.converged) and found.parameters["rate"].dtype == jnp.float32
+    for name, std in zip(("bias", "rate"), exact.std, strict=True):
+        # Readings of 12 carry roundings of 7e-7, a thousandth of the noise.
+        assert_allclose(found.parameters[name], exact.parameters[name], atol=1e-2 * float(std))
+    # Sums of squares of 25 residuals that are known to a thousandth.
+    assert_allclose(found.covariance, exact.covariance, rtol=1e-4)
+    assert_allclose(found.chi_squared, exact.chi_squared, rtol=2e-2)

@@ -17,6 +17,19 @@ def test_there_are_examples():
     assert len(EXAMPLES) >= 6
 
 
+def test_what_is_read_as_a_recipe_is_short():
+    """The examples of estimation and of layers, and every recipe of the cookbook, on one page."""
+    recipes = [name for name in EXAMPLES if name[:2] in ("06", "10", "11", "12", "13")]
+    assert len(recipes) == 5
+    for name in recipes:
+        assert len((ROOT / "examples" / name).read_text().splitlines()) < 80, name
+    cookbook = (ROOT / "docs" / "howto" / "cookbook.md").read_text()
+    blocks = [part.partition("```")[0] for part in cookbook.split("```python")[1:]]
+    # One for the head, and one for each recipe.
+    assert len(blocks) == 1 + cookbook.count("\n## ")
+    assert max(len(block.splitlines()) for block in blocks) < 80
+
+
 # A process of its own: an example chooses its precision, and no other test has touched JAX's
 # settings before it.
 @pytest.mark.parametrize(

@@ -15,6 +15,9 @@ from jaxtyping import Array, Float
 
 from ..core import InputError, is_concrete
 
+SLACK = 1e-6
+"""What coincides, in periods: far above rounding, far below what anyone means."""
+
 
 class Clock(NamedTuple):
     """Ticks at `offset`, and then every `period`, s."""
@@ -64,8 +67,7 @@ def nodes_of(ts: np.ndarray, clocks: tuple[Clock, ...], breaks: Array | None) ->
       none."""
     span = float(ts[-1] - ts[0])
     shortest = min(clock.period for clock in clocks)
-    # A millionth of a period: far above the rounding of either, far below what anyone means.
-    slack = 1e-6 * shortest
+    slack = SLACK * shortest
     saves = ts - ts[0]
     every = [saves]
     for clock in clocks:
@@ -112,6 +114,20 @@ def _with_breaks(times: np.ndarray, ticks: np.ndarray, saved: np.ndarray, breaks
     moved = jnp.moveaxis(jnp.asarray(flags)[order], -1, 1)[:-1]
     place = jnp.argsort(order, axis=0)
     return Nodes(merged, moved, place[saved], (False,) * ticks.shape[1])
+
+
+def ended(nodes: Nodes, end: Array, slack: float) -> Nodes:
+    """The nodes of a loop that ends `end`, s, after its start, before the last of them: the others
+    lie on the end, and nothing ticks there.
+
+    `end` is a scalar or (*runs,)."""
+    times = jnp.asarray(nodes.times, end.dtype)
+    ticks = jnp.asarray(nodes.ticks)
+    times = times.reshape(*times.shape, *(1,) * (end.ndim - times.ndim + 1))
+    ticks = ticks.reshape(*ticks.shape, *(1,) * (times.ndim - ticks.ndim + 1))
+    before = times[:-1] < end - slack
+    never = (False,) * len(nodes.always)
+    return Nodes(jnp.minimum(times, end), ticks & before[:, None], nodes.saved, never)
 
 
 def at_nodes(tree: object, saved: Array | np.ndarray) -> object:

@@ -12,18 +12,35 @@ Source: Franklin, Powell and Workman, Digital Control of Dynamic Systems, 4.3, 6
 (quantisation).
 """
 
+import dataclasses
 from collections.abc import Mapping, Sequence
-from typing import Any, final
+from typing import Any, Unpack, final
 
 import equinox as eqx
-from jaxtyping import Array, ArrayLike, Float, PRNGKeyArray, PyTree
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, ArrayLike, Float, Key, PyTree
 
-from ..core import AbstractSystem, InputError, Scalar, State, as_optional_float, check_positive
-from ..integration._accuracy import Accuracy
+from ..core import (
+    AbstractSystem,
+    InputError,
+    Scalar,
+    State,
+    as_optional_float,
+    check_positive,
+    is_concrete,
+)
+from ..integration._accuracy import Accuracy, state_dtype
+from ..integration._config import IntegrationConfig
 from ..integration._events import Event
+from ..integration._layout import broadcast_state, runs_of
+from ..simulation._flight import AbstractFlight
+from ..simulation._runs import RunResult
 from ._commands import Actuate, with_command
 from ._controller import AbstractController, as_controller
-from ._fly import LoopRun, fly
+from ._fly import LoopRun, Wanted, fly
+from ._program import Known, Static, alone, as_events, as_key, parts_of
+from ._repeats import config_of, repeated
 from ._sensors import AbstractSensor, check_period
 
 HOLDS = ("zero", "first")
@@ -36,7 +53,7 @@ def _as_sensors(x: Any) -> Any:
 
 
 @final
-class ClosedLoop(eqx.Module):
+class ClosedLoop(AbstractFlight):
     """A system under a controller that acts at samples: `ClosedLoop(scene, law, period=0.1)`.
 
     - `system`: a scene or any system with parts that take a command, such as `CommandedTorque`.
@@ -50,6 +67,11 @@ class ClosedLoop(eqx.Module):
     - `delay`, s: until a command reaches the actuators; before the first, the command is zero.
     - `limit`, `quantum`: largest command, and step between commands, of each component or of all.
     - `actuate`: a function (system, command) -> system, in place of the fields `command`.
+    - `steps`: fixed steps between two samples.
+    - `key`: of the noise, where the run is given none; in a mission of many runs one of each.
+    - `longest`: how long the loop may take as a phase whose duration is traced, s.
+
+    As the `system` of a `Phase` a loop flies in a mission, and so in a campaign.
 
     Raises `InputError` for a period or a delay that is no such time, and for another hold."""
 
@@ -66,6 +88,9 @@ class ClosedLoop(eqx.Module):
         converter=as_optional_float, default=None, kw_only=True
     )
     actuate: Actuate = eqx.field(static=True, default=with_command, kw_only=True)
+    steps: int = eqx.field(static=True, default=1, kw_only=True)
+    key: Key[Array, "*#runs"] | None = eqx.field(default=None, kw_only=True)
+    longest: float | None = eqx.field(static=True, default=None, kw_only=True)
 
     def __check_init__(self):
         check_period("ClosedLoop.period", self.period)
@@ -78,18 +103,51 @@ class ClosedLoop(eqx.Module):
         check_positive("ClosedLoop.limit", self.limit)
         check_positive("ClosedLoop.quantum", self.quantum)
 
-    def simulate(
+    def lasting(self, longest: float) -> "ClosedLoop":
+        return dataclasses.replace(self, longest=longest)
+
+    def config(self, y0: PyTree, accuracy: Accuracy) -> IntegrationConfig:
+        return config_of(self, y0, accuracy)
+
+    def fly(
         self,
+        until: Scalar | Event,
         y0: State,
-        ts: ArrayLike | Sequence[float],
-        *,
-        key: PRNGKeyArray | None = None,
-        accuracy: Accuracy | Scalar | None = None,
-        steps: int = 1,
-        events: Event | Sequence[Event] = (),
-        start: Scalar | None = None,
-        memory: PyTree = None,
-        throw: bool = True,
+        t0: Scalar,
+        num_saved: int,
+        config: IntegrationConfig,
+        run_axes: int,
+    ) -> RunResult:
+        # The samples are known before the phase starts; its end need not be.
+        span = until.within if isinstance(until, Event) else until
+        assert span is not None  # of the event that ends a phase
+        if is_concrete(span):
+            longest = float(np.max(np.asarray(span)))
+        elif self.longest is None:
+            raise InputError(
+                "ClosedLoop.longest is not given, and the duration of its phase is traced: give "
+                "the longest time that the phase may take, in s."
+            )
+        else:
+            longest = self.longest
+        ts = np.linspace(0.0, longest, num_saved)
+        y0 = broadcast_state(self.system, t0, y0)
+        dtype, runs = state_dtype(y0), runs_of(y0, run_axes)
+        start = jnp.broadcast_to(jnp.asarray(t0, dtype), runs)
+        # Of a phase whose end is known nothing has to be cut.
+        end = None if is_concrete(span) and jnp.ndim(span) == 0 else jnp.asarray(span, dtype)
+        key = as_key(self.key)
+        if key is not None and key.shape != runs:
+            raise InputError(
+                f"ClosedLoop.key has the shape {key.shape}: for {runs} runs of a mission it must "
+                f"be a key of each, such as jax.random.split(key, runs)."
+            )
+        events = as_events((until,)) if isinstance(until, Event) else ()
+        known = Known(parts_of(self), y0, start, key, None, events, end)
+        return repeated(alone, known, config, Static.of(self, ts, run_axes))[0]
+
+    def simulate(
+        self, y0: State, ts: ArrayLike | Sequence[float], **wanted: Unpack[Wanted]
     ) -> LoopRun:
         """Fly the loop from the state `y0`.
 
@@ -100,32 +158,23 @@ class ClosedLoop(eqx.Module):
         - `key`: of the noise.
         - `accuracy`: the relative tolerance of what lies between two samples, or an `Accuracy`;
           1e-9 by default. Its method takes fixed steps.
-        - `steps`: how many of them between two samples. Outside of `jit` a run that misses the
-          tolerance is repeated with more.
+        - `steps`: how many of them between two samples, in place of those of the loop. Outside of
+          `jit` a run that misses the tolerance is repeated with more.
         - `events`: the run stops at the first zero of one of these; one with `within` has to
           happen.
         - `start`: the time of `y0`, in place of the first of `ts`; it may be traced, so that a loop
           can go on where an event has ended another one.
         - `memory`: of the controller, as an earlier run has left it.
-        - `throw`: whether to raise `SimulationError` for a failed run.
+        - `throw`: whether to raise `SimulationError` for a failed run; by default of one run, not
+          of a batch.
 
         **Returns** a `LoopRun`, differentiable forwards and backwards with respect to every number
         in the loop and `y0`. **Raises** `InputError`, before anything is compiled, for what cannot
         be flown."""
-        return fly(self, y0, ts, key, accuracy, steps, events, start, memory, throw, 0)
+        return fly(self, y0, ts, wanted, 0)
 
     def simulate_batch(
-        self,
-        y0s: State,
-        ts: ArrayLike | Sequence[float],
-        *,
-        key: PRNGKeyArray | None = None,
-        accuracy: Accuracy | Scalar | None = None,
-        steps: int = 1,
-        events: Event | Sequence[Event] = (),
-        start: Scalar | None = None,
-        memory: PyTree = None,
-        throw: bool = False,
+        self, y0s: State, ts: ArrayLike | Sequence[float], **wanted: Unpack[Wanted]
     ) -> LoopRun:
         """Many runs at once: runs on the last axis of the states, and of whatever parameter of the
         system, the controller or a sensor declares them.
@@ -133,4 +182,4 @@ class ClosedLoop(eqx.Module):
         Arguments, results and errors as of `simulate`; `start` is a number, or (runs,). Each run
         draws its noise from a key of its own: `jax.random.split(key, runs)[j]` gives that of run j
         alone."""
-        return fly(self, y0s, ts, key, accuracy, steps, events, start, memory, throw, 1)
+        return fly(self, y0s, ts, wanted, 1)

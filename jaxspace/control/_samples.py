@@ -203,7 +203,8 @@ def _pass(
     p = barrier(p)
     held = Held(setting.system, setting.actuate, p.command, p.slope, t, setting.limit)
     y1, error = barrier(advance(held, p.y, t, span, setting.method))
-    local = setting.tolerance.error(p.y, y1, error)
+    # A verdict, and no result: its derivative would cost more than that of the step.
+    local = setting.tolerance.error(*jax.lax.stop_gradient((p.y, y1, error)))
     still = (p.stop.number >= 0) | p.bad
     stop = p.stop
     if setting.events:

@@ -33,6 +33,7 @@ from ._layout import add_batch_axis as add_batch_axis
 from ._layout import component_axes_of as component_axes_of
 from ._layout import run_axes_of as run_axes_of
 from ._linear import axis as axis
+from ._linear import components as components
 from ._linear import cross as cross
 from ._linear import dot as dot
 from ._linear import expand as expand

@@ -104,9 +104,18 @@ def cross(a: Vector, b: Vector) -> Vector:
     Raises `InputError` where the first axis does not hold three components."""
     check_components("cross: a", a, 3)
     check_components("cross: b", b, 3)
-    return jnp.stack(
-        [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-    )
+    a0, a1, a2 = components(a)
+    b0, b1, b2 = components(b)
+    return jnp.stack([a1 * b2 - a2 * b1, a2 * b0 - a0 * b2, a0 * b1 - a1 * b0])
+
+
+def components(a: Array) -> list[Scalar]:
+    """The components of a vector, (n, *runs), each (*runs,).
+
+    By one split, whose transpose joins what reverse mode has found of each. That of an index would
+    pad each with zeros and add them up (measured: a third of the time of a step)."""
+    a = jnp.asarray(a)
+    return [jnp.squeeze(x, 0) for x in jax.lax.split(a, (1,) * a.shape[0])]
 
 
 def norm(a: Vector) -> Scalar:

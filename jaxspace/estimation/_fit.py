@@ -18,7 +18,7 @@ Numerical Optimization, 10.3.
 """
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -136,60 +136,89 @@ def _search_batch(
 def _search(
     model: Any, data: Any, parameters: Any, known: Any, method: str, max_steps: int, stated: bool
 ) -> Fit:
-    noise, prior, tolerance = known
-    coordinates = Coordinates.of(parameters, 0)
-    data = jax.tree.map(lambda x: jnp.asarray(x, coordinates.dtype), data)
-    shapes = jax.eval_shape(model, parameters)
-    if jax.tree.map(jnp.shape, shapes) != jax.tree.map(jnp.shape, data):
-        raise InputError(
-            f"model predicts {jax.tree.map(jnp.shape, shapes)}: it must be like the data, "
-            f"{jax.tree.map(jnp.shape, data)}."
-        )
-    seen = jax.tree.map(lambda z: ~jnp.isnan(z), data)
-    sigma = _like(noise, data)
-    beforehand = _prior_of(prior, coordinates)
-    count = sum(z.size for z in jax.tree.leaves(data))
-    if count + (coordinates.count if beforehand is not None else 0) < coordinates.count:
-        raise InputError(
-            f"There are {count} readings for {coordinates.count} parameters: there must be at "
-            f"least as many, or a prior."
-        )
-
-    def residuals(x: Array) -> tuple[Array, PyTree]:
-        predicted = model(coordinates.moved(x))
-
-        def leaf(z: Array, h: Array, s: Array, there: Array) -> Array:
-            return jnp.where(there, (jnp.where(there, z, 0.0) - h) / s, 0.0)
-
-        tree = jax.tree.map(leaf, data, predicted, sigma, seen)
-        parts = [r.ravel() for r in jax.tree.leaves(tree)]
-        if beforehand is not None:
-            parts.append(-x / beforehand)
-        return jnp.concatenate(parts), tree
-
-    def linear(x: Array) -> tuple[Array, tuple[Array, PyTree]]:
-        """J, the residuals, and these as a tree."""
-        jacobian, held = jax.jacfwd(lambda x: _twice(residuals(x)), has_aux=True)(x)
-        return jacobian, held
-
-    zero = jnp.zeros(coordinates.count, coordinates.dtype)
-    start, _ = linear(zero)
+    task = _Task.of(model, data, parameters, known)
+    dtype = task.coordinates.dtype
+    zero = jnp.zeros(task.coordinates.count, dtype)
+    start, _ = task.linear(zero)
     size = jnp.sqrt(jnp.sum(start**2, axis=0))
     # A parameter of no influence keeps its unit.
     usable = jnp.isfinite(size) & (size > 0.0)
     scale = COLUMN / jnp.where(usable, size, 1.0)
+
+    # The search keeps its damping in the precision of the process, whatever that of the model.
+    def scaled(u: Array, _: None) -> Array:
+        return task.residuals(scale * u.astype(dtype))[0].astype(u.dtype)
+
     found = optimistix.least_squares(
-        lambda u, _: residuals(scale * u)[0],
-        _solver(method, tolerance),
-        zero,
+        scaled,
+        _solver(method, known[2]),
+        jnp.zeros(task.coordinates.count),
         max_steps=max_steps,
         throw=False,
         options={"jac": "fwd"},
     )
-    x = scale * found.value
-    jacobian, (r, tree) = linear(x)
-    readings = jnp.asarray(sum(jnp.sum(s) for s in jax.tree.leaves(seen)))
-    freedom = readings.astype(r.dtype) - (coordinates.count if beforehand is None else 0)
+    solved = found.result == optimistix.RESULTS.successful
+    return _found(task, scale * found.value.astype(dtype), solved, found.stats["num_steps"], stated)
+
+
+class _Task(NamedTuple):
+    """What is fitted: a model of parameters in `coordinates`, and readings with their deviations.
+
+    - `seen`: which of the readings are there; `beforehand`: deviations of the parameters, (n,)."""
+
+    model: Any
+    coordinates: Coordinates
+    data: PyTree
+    sigma: PyTree
+    seen: PyTree
+    beforehand: Array | None
+
+    @classmethod
+    def of(cls, model: Any, data: Any, parameters: Any, known: Any) -> "_Task":
+        """The task, checked."""
+        noise, prior, _ = known
+        coordinates = Coordinates.of(parameters, 0)
+        data = jax.tree.map(lambda x: jnp.asarray(x, coordinates.dtype), data)
+        shapes = jax.tree.map(jnp.shape, jax.eval_shape(model, parameters))
+        if shapes != jax.tree.map(jnp.shape, data):
+            raise InputError(
+                f"model predicts {shapes}: it must be like the data, "
+                f"{jax.tree.map(jnp.shape, data)}."
+            )
+        beforehand = _prior_of(prior, coordinates)
+        count, least = sum(z.size for z in jax.tree.leaves(data)), coordinates.count
+        if count + (least if beforehand is not None else 0) < least:
+            raise InputError(
+                f"There are {count} readings for {least} parameters: there must be at least as "
+                f"many, or a prior."
+            )
+        seen = jax.tree.map(lambda z: ~jnp.isnan(z), data)
+        return cls(model, coordinates, data, _like(noise, data), seen, beforehand)
+
+    def residuals(self, x: Array) -> tuple[Array, PyTree]:
+        """r at the coordinates x, and those of the readings as a tree."""
+
+        def leaf(z: Array, h: Array, s: Array, there: Array) -> Array:
+            return jnp.where(there, (jnp.where(there, z, 0.0) - h) / s, 0.0)
+
+        predicted = self.model(self.coordinates.moved(x))
+        tree = jax.tree.map(leaf, self.data, predicted, self.sigma, self.seen)
+        parts = [r.ravel() for r in jax.tree.leaves(tree)]
+        if self.beforehand is not None:
+            parts.append(-x / self.beforehand)
+        return jnp.concatenate(parts), tree
+
+    def linear(self, x: Array) -> tuple[Array, tuple[Array, PyTree]]:
+        """J, r, and the residuals as a tree."""
+        return jax.jacfwd(lambda x: _twice(self.residuals(x)), has_aux=True)(x)
+
+
+def _found(task: _Task, x: Array, solved: Array, steps: Array, stated: bool) -> Fit:
+    """What is known at the end of a search, at the coordinates x."""
+    jacobian, (r, tree) = task.linear(x)
+    count = task.coordinates.count if task.beforehand is None else 0
+    readings = jnp.asarray(sum(jnp.sum(s) for s in jax.tree.leaves(task.seen)))
+    freedom = readings.astype(r.dtype) - count
     chi_squared = r @ r
     variance = jnp.ones((), r.dtype)
     if not stated:
@@ -198,8 +227,8 @@ def _search(
     columns = jnp.where(columns > 0.0, columns, 1.0)
     _, singular, rows = jnp.linalg.svd(jacobian / columns, full_matrices=False)
     return Fit(
-        parameters=coordinates.moved(x),
-        names=coordinates.labels,
+        parameters=task.coordinates.moved(x),
+        names=task.coordinates.labels,
         residuals=tree,
         chi_squared=chi_squared,
         freedom=freedom,
@@ -207,9 +236,9 @@ def _search(
         singular_values=singular,
         directions=rows,
         columns=columns,
-        steps=found.stats["num_steps"],
-        converged=(found.result == optimistix.RESULTS.successful) & jnp.all(jnp.isfinite(r)),
-        tests=jax.tree.map(residual_tests, tree, seen),
+        steps=steps,
+        converged=solved & jnp.all(jnp.isfinite(r)),
+        tests=jax.tree.map(residual_tests, tree, task.seen),
         stated=stated,
     )
 

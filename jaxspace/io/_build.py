@@ -6,12 +6,14 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jax.typing import ArrayLike
+from jaxtyping import Array
 
 from ..bodies import AbstractEffect, AbstractJump, with_parts
 from ..core import AbstractSystem, InputError, Scalar, State
 from ..scene import Scene
 from ..simulation import Event, Mission, Phase
 from ._checks import Parsed, needed_parts
+from ._control import controlled, end_of_loop
 from ._kinds import Value, Values
 from ._objects import Building, Runs
 from ._outputs import state_of
@@ -20,19 +22,22 @@ from ._value_kinds import Measure
 ONE_PHASE = {"system": "run", "scene": "scene"}
 
 
-def build_mission(file: Parsed, values: Values, runs: Runs) -> tuple[Mission, State]:
+def build_mission(
+    file: Parsed, values: Values, runs: Runs, seeds: Array | None = None
+) -> tuple[Mission, State]:
     """Mission and initial state.
 
     **Arguments**
 
     - `values`: those of the file, whose numbers are scalars or (runs,).
+    - `seeds`: of the noise of each run, (runs,), between 0 and 1.
 
     **Returns** the mission (of a system or a scene, one of a single phase) and the state, which has
     every run on the last axis."""
+    building = Building(values, file.makers, runs)
     if file.kind == "system":
         system, y0 = build_system(file, values, runs)
-        return Mission([Phase(system, _span(file), name=ONE_PHASE["system"])]), y0
-    building = Building(values, file.makers, runs)
+        return _one_phase(file, building, system, seeds), y0
     body, effects = building.make("body"), _effects(file, building)
     initial = build_state(file, building)
     # Constant mass is no part of the state: every part is integrated and costs.
@@ -44,17 +49,27 @@ def build_mission(file: Parsed, values: Values, runs: Runs) -> tuple[Mission, St
     carry = initial.present()
     if file.kind == "scene":
         scene = Scene(tuple(effects.values()), body, carry)
-        return Mission([Phase(scene, _span(file), name=ONE_PHASE["scene"])]), initial
+        return _one_phase(file, building, scene, seeds), initial
     phases, start = [], 0.0
     for number, phase in enumerate(values["phase"]):
         acting = {name: effects[name] for name in phase["effects"]}
         until = _until(file, phase, acting, start)
         # All phases carry the same parts, so that one state passes through all of them.
         scene = Scene(tuple(acting.values()), body, carry)
-        phases.append(Phase(scene, until, _jump(number, phase, building), phase["name"]))
+        system = controlled(file, f"phase.{number}.control", building, scene, seeds)
+        phases.append(Phase(system, until, _jump(number, phase, building), phase["name"]))
         # After an event the time is not known before the run; known ends are refused there.
         start = start + (0.0 if isinstance(until, Event) else until)
     return Mission(phases), initial
+
+
+def _one_phase(
+    file: Parsed, building: Building, system: AbstractSystem, seeds: Array | None
+) -> Mission:
+    """A system or a scene as a mission, under a controller where the file has one."""
+    end = end_of_loop(file, _span(file)) if file.values["control"] else _span(file)
+    flown = controlled(file, "control", building, system, seeds)
+    return Mission([Phase(flown, end, name=ONE_PHASE[file.kind])])
 
 
 def build_system(file: Parsed, values: Values, runs: Runs) -> tuple[AbstractSystem, State]:

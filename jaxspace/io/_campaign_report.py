@@ -16,8 +16,8 @@ def replay_report(file: SceneFile, run: Replay, kept: Dispersion | None) -> str:
     units = {name: how.nominal.quantity.unit for name, how in file.inputs.items()}
     rows = [("input", "unit", "nominal", "this run")]
     for name, value in run.inputs.items():
-        nominal = number(float(file.inputs[name].nominal))
-        rows.append((name, units[name], nominal, number(value)))
+        nominal = number(float(file.inputs[name].nominal)) if name in file.inputs else ""
+        rows.append((name, units.get(name, ""), nominal, number(value)))
     lines = [f"{file.title}: run {run.number}, seed {run.seed}", "", columns(rows)]
     stored = _row_of(kept, run.number)
     rows = [("output", "unit", "in the store", "here")]
@@ -27,7 +27,8 @@ def replay_report(file: SceneFile, run: Replay, kept: Dispersion | None) -> str:
     lines += ["", columns(rows)]
     for name, phase in zip(run.trajectory.names, run.trajectory.phases, strict=True):
         lines += ["", f"{name}: from {number(phase.ts[0])} s to {number(phase.ts[-1])} s"]
-        lines.append(columns([*state_rows(phase.final, file.units), *drift_rows(phase.drift())]))
+        drift = phase.drift() if phase.control is None else {}
+        lines.append(columns([*state_rows(phase.final, file.units), *drift_rows(drift)]))
     return "\n".join([*lines, "", f"{status_line(run.status)} {run.refusal}".rstrip()])
 
 

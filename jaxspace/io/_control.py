@@ -1,27 +1,31 @@
 """The table [control] of a scene file: a controller that acts at samples, and its sensors.
 
-[control]                        period, hold, delay, limit, quantum, until, seed
+[control]                        period, hold, delay, limit, quantum, until, steps, seed
 [control.law.quaternion_feedback]    one law, or one for each part that takes a command
 [control.sensors.omega]          what reads a part of the state; without any the law sees all
+
+In a mission [phase.control] stands behind the [[phase]] that it controls.
 """
 
 import functools
+from collections.abc import Iterable
 
 import jax
+import jax.numpy as jnp
+from jaxtyping import Array
 
 from ..control import (
     AbstractSensor,
     ClosedLoop,
-    LoopRun,
     Sensor,
     StarTracker,
     Together,
 )
-from ..core import InputError, argument, quantities
-from ..scene import Scene
+from ..core import AbstractSystem, InputError, argument, quantities
 from ..simulation import Event
 from ._catalog import Catalog
 from ._checks import Parsed
+from ._errors import wrong
 from ._kinds import Entry, Maker, Values
 from ._objects import Building, entry_of
 from ._table_kinds import Object, Table
@@ -30,15 +34,18 @@ from ._value_kinds import Number, OneName, Whole
 READ = ("attitude", "omega", "position", "velocity", "mass", "wheels")
 """What a sensor of a file may read."""
 
+ENDS = ("duration", "within")
+
 PERIOD = Number(argument("s", positive=True, fixed=True, doc="time between samples"))
 DELAY = Number(argument("s", non_negative=True, fixed=True, doc="delay"))
 SIZE = Number(argument("", positive=True, doc="size of a command, in its unit of SI"))
 
 
-def control_kind(catalog: Catalog) -> Table:
-    """The table [control]."""
+def control_kind(catalog: Catalog, of_phase: bool = False) -> Table:
+    """The table [control], or that of a phase, which has an end of its own."""
     laws = {name: Entry(catalog.kinds[cls], None) for name, cls in catalog.controllers.items()}
     sensors = {name: Entry(_sensor_kind(name), None) for name in READ}
+    until = {"until": Entry(OneName(tuple(catalog.events)), None, doc="the event that ends it")}
     return Table(
         {
             "period": Entry(PERIOD, doc="time between two samples of the controller"),
@@ -46,7 +53,8 @@ def control_kind(catalog: Catalog) -> Table:
             "delay": Entry(DELAY, 0.0, doc="until a command arrives"),
             "limit": Entry(SIZE, None, doc="greatest component of a command"),
             "quantum": Entry(SIZE, None, doc="step between commands"),
-            "until": Entry(OneName(tuple(catalog.events)), None, doc="the event that ends it"),
+            **({} if of_phase else until),
+            "steps": Entry(Whole(1, 10**4), 1, doc="steps between two samples"),
             "seed": Entry(Whole(0), 0, doc="what the noise of the sensors is drawn from"),
             "law": Entry(Table(laws), doc="the controllers, by name"),
             "sensors": Entry(Table(sensors), {}, doc="by what they read"),
@@ -64,30 +72,73 @@ def _sensor_kind(name: str) -> Object:
 
 
 def control_errors(file: Parsed) -> list[str]:
-    """What does not fit together in the table [control] and what it controls."""
-    control = file.values.get("control")
-    if control is None:
-        return []
+    """What does not fit together in the tables of control and what they control."""
     found = []
-    if not _named(control["law"]):
-        laws = ", ".join(file.catalog.controllers)
-        found.append(f"control.law is empty: it must have a table of {laws}.")
-    if file.values["dispersion"] is not None:
-        found.append("control and dispersion are both there: a controlled scene flies one run.")
+    for path, control in controls(file.values).items():
+        if not _named(control["law"]):
+            laws = ", ".join(file.catalog.controllers)
+            found.append(f"{path}.law is empty: it must have a table of {laws}.")
+        phase = _phase_of(file.values, path)
+        until = None if phase is None else phase["until"]
+        if until is not None and until not in file.catalog.events:
+            what = "an event; or give the phase a duration: its samples must be known"
+            found.append(wrong(f"{path.removesuffix('.control')}.until", until, what))
     return found
 
 
-def loop_of(file: Parsed, building: Building, scene: Scene) -> ClosedLoop:
-    """The loop of a file that has a table [control]."""
-    control: Values = building.values["control"]
-    laws = [building.make(f"control.law.{name}") for name in _named(control["law"])]
+def scatter_errors(file: Parsed, inputs: Iterable[str]) -> list[str]:
+    """Which of the numbers that scatter must not: how long a controlled phase may take."""
+    ends = {
+        f"{path.removesuffix('.control')}.{key}" for path in controls(file.values) for key in ENDS
+    }
+    return [
+        f"dispersion.inputs.{path}: the longest time of a controlled phase must be known, so that "
+        f"it must not scatter."
+        for path in inputs
+        if path in ends
+    ]
+
+
+def controls(values: Values) -> dict[str, Values]:
+    """The tables of control by their paths: that of a scene, or those of phases."""
+    found = {"control": values.get("control")}
+    for number, phase in enumerate(values.get("phase") or ()):
+        found[f"phase.{number}.control"] = phase["control"]
+    return {path: control for path, control in found.items() if control is not None}
+
+
+def is_noisy(values: Values) -> bool:
+    """Whether a sensor of the file draws random numbers."""
+    return any(
+        sensor is not None and (sensor.get("noise") is not None or sensor.get("walk") is not None)
+        for control in controls(values).values()
+        for sensor in control["sensors"].values()
+    )
+
+
+def controlled(
+    file: Parsed, path: str, building: Building, system: AbstractSystem, seeds: Array | None
+) -> AbstractSystem | ClosedLoop:
+    """The system of a phase under the controller whose table is at a path; itself without one.
+
+    `seeds`: one number between 0 and 1 for each run of a campaign, from which its noise follows."""
+    control = controls(building.values).get(path)
+    if control is None:
+        return system
+    laws = [building.make(f"{path}.law.{name}") for name in _named(control["law"])]
     names = _named(control["sensors"])
     sensors: dict[str, AbstractSensor] = {
-        name: building.make(f"control.sensors.{name}") for name in names
+        name: building.make(f"{path}.sensors.{name}") for name in names
     }
+    phase = _phase_of(file.values, path)
+    times = file.values["times"] if phase is None else {}
+    # Known from the file: in a campaign the numbers that may scatter are traced.
+    longest = (
+        times["end"] - times["start"] if phase is None else phase["duration"] or phase["within"]
+    )
     try:
         return ClosedLoop(
-            scene,
+            system,
             laws[0] if len(laws) == 1 else Together(laws),
             sensors or None,
             period=control["period"],
@@ -95,21 +146,37 @@ def loop_of(file: Parsed, building: Building, scene: Scene) -> ClosedLoop:
             delay=control["delay"],
             limit=control["limit"],
             quantum=control["quantum"],
+            steps=control["steps"],
+            key=_key(control["seed"], path, seeds) if is_noisy(file.values) else None,
+            longest=float(longest),
         )
     except InputError as error:
-        raise InputError(f"control: {error}") from error
+        raise InputError(f"{path}: {error}") from error
 
 
-def flown(file: Parsed, loop: ClosedLoop, y0: object, ts: object, **options: object) -> LoopRun:
-    """The run of a loop with the event, the noise and the options of its file."""
-    control, events = file.values["control"], file.catalog.events
-    given: dict[str, object] = {"key": jax.random.key(control["seed"])}
-    if control["until"] is not None:
-        times = file.values["times"]
-        condition = events[control["until"]]
-        span = times["end"] - times["start"]
-        given["events"] = Event(condition, condition.event.direction, span)
-    return loop.simulate(y0, ts, **{**given, **options})  # type: ignore[arg-type]
+def end_of_loop(file: Parsed, span: float) -> float | Event:
+    """When the loop of a scene ends, `span`, s, after its start or by its event."""
+    name = file.values["control"]["until"]
+    if name is None:
+        return span
+    condition = file.catalog.events[name]
+    return Event(condition, condition.event.direction, span)
+
+
+def _key(seed: int, path: str, seeds: Array | None) -> Array:
+    """The key of the noise of a phase, or one of each run."""
+    phase = int(path.split(".")[1]) if path.startswith("phase") else 0
+    key = jax.random.fold_in(jax.random.key(seed), phase)
+    if seeds is None:
+        return key
+    numbers = (seeds * 2.0**31).astype(jnp.uint32)
+    return jax.vmap(functools.partial(jax.random.fold_in, key))(numbers)
+
+
+def _phase_of(values: Values, path: str) -> Values | None:
+    """The phase whose table of control is at the path; `None` for that of a scene."""
+    parts = path.split(".")
+    return values["phase"][int(parts[1])] if parts[0] == "phase" else None
 
 
 def _named(table: Values) -> list[str]:

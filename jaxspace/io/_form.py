@@ -91,6 +91,7 @@ def form_of(kind: str, catalog: Catalog, system: str = "") -> Table:
                 "system": own,
                 "initial": state,
                 "times": Entry(TIMES, doc="from when to when"),
+                "control": Entry(control_kind(catalog), None, doc="what acts at samples"),
                 **dispersion,
             }
         )
@@ -193,6 +194,7 @@ def _phase(catalog: Catalog) -> Table:
             "until": Entry(ends, None, doc="the time or the event at which it ends"),
             "within": Entry(DURATION, None, doc="how long to wait for the event"),
             "jump": Entry(Table(jumps), {}, doc="what changes the state at the end"),
+            "control": Entry(control_kind(catalog, True), None, doc="what acts at samples"),
         }
     )
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from ._build import system_errors
 from ._catalog import Catalog, catalog
 from ._checks import Parsed, check_parsed
-from ._control import control_errors
+from ._control import control_errors, scatter_errors
 from ._errors import SceneError
 from ._form import form, kind_of
 from ._inputs import read_inputs
@@ -52,7 +52,7 @@ def load(
         outputs, errors = read_outputs(file, reading.units)
         inputs, more = read_inputs(file, Path(path).parent)
         # Both at once: outputs and inputs do not depend on each other.
-        errors = errors + more
+        errors = errors + more + scatter_errors(file, inputs)
     task = None
     if not errors and values["optimize"] is not None:
         task, errors = read_task(file, reading.units)

@@ -121,7 +121,8 @@ def mission_report(file: SceneFile, run: MissionTrajectory, finer: MissionTrajec
     lines = [file.title]
     for name, phase in zip(run.names, run.phases, strict=True):
         lines.append(f"\n{name}: from {number(phase.ts[0])} s to {number(phase.ts[-1])} s")
-        lines.append(columns([*state_rows(phase.final, file.units), *drift_rows(phase.drift())]))
+        kept = phase.drift() if phase.control is None else {}
+        lines.append(columns([*state_rows(phase.final, file.units), *drift_rows(kept)]))
     error = jax.tree.map(lambda a, b: a - b, run.final, finer.final)
     rows = [("time [s]", number(run.end)), *state_rows(run.final, file.units, error)]
     rows += output_rows(file.nominal_outputs(run, every=True))

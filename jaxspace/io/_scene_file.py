@@ -17,13 +17,13 @@ from jaxtyping import Array
 from ..bodies import AbstractBody
 from ..control import ClosedLoop, LoopRun
 from ..core import AbstractSystem, InputError, State
-from ..dispersion import Campaign, LatinHypercube, Sobol
+from ..dispersion import Campaign, LatinHypercube, Sobol, Uniform
 from ..optimization import Progress
 from ..scene import Scene
-from ..simulation import Accuracy, Mission, MissionTrajectory, Trajectory, simulate
+from ..simulation import Accuracy, Event, Mission, MissionTrajectory, Trajectory, simulate
 from ._build import build_mission, build_state, replaced
 from ._checks import Parsed
-from ._control import flown, loop_of
+from ._control import is_noisy
 from ._inputs import Input
 from ._joint_inputs import JointInput
 from ._kinds import Values
@@ -32,7 +32,8 @@ from ._optimize_table import Task
 from ._optimum import Optimum, optimise
 from ._outputs import Outputs, OutputSpec, applicable_outputs, needs_nominal
 
-ONE_PHASE = {"system": "run", "scene": "scene"}
+NOISE = "control.noise"
+"""The input from which the noise of the sensors of a run follows."""
 
 
 @final
@@ -95,7 +96,7 @@ class SceneFile:
     def system(self) -> AbstractSystem | Mission:
         """The system, the scene or the mission of the nominal run."""
         mission, _ = self._nominal
-        return mission if self.kind == "mission" else mission.phases[0].system
+        return mission if self.kind == "mission" else mission.phases[0].moving
 
     @property
     def y0(self) -> State:
@@ -129,22 +130,22 @@ class SceneFile:
 
     def scenes(self) -> dict[str, Scene]:
         """The scene of every phase, by the name of the phase; empty for a system."""
-        return {p.name: p.system for p in self.mission.phases if isinstance(p.system, Scene)}
+        return {p.name: p.moving for p in self.mission.phases if isinstance(p.moving, Scene)}
 
     @functools.cached_property
     def loop(self) -> ClosedLoop | None:
-        """The scene under the controller of the file; `None` without [control]."""
-        if self.values.get("control") is None:
-            return None
-        scene = self.scenes()["scene"]
-        return loop_of(self.parsed, self._building(self._numbers({})), scene)
+        """What moves under the controller of the file; `None` without [control]."""
+        loop = self.mission.phases[0].system
+        return loop if isinstance(loop, ClosedLoop) and self.kind != "mission" else None
 
     def simulate(self, **options: Any) -> Trajectory | MissionTrajectory | LoopRun:
         """The nominal run; of a file with [control] that of its loop. `options`: those of
         `jaxspace.simulate`, or of the loop, which take the place of what the file says."""
         if self.loop is not None:
-            options = {"accuracy": self.accuracy, **options}
-            return flown(self.parsed, self.loop, self.y0, self.ts, **options)
+            until = self.mission.phases[0].until
+            events = until if isinstance(until, Event) else ()
+            options = {"accuracy": self.accuracy, "events": events, **options}
+            return self.loop.simulate(self.y0, self.ts, **options)
         return simulate(self.system, self.y0, self.ts, **{"accuracy": self.accuracy, **options})
 
     def build(self, samples: Mapping[str, Array]) -> tuple[Mission, State]:
@@ -158,7 +159,7 @@ class SceneFile:
         and the states, which carry them everywhere."""
         # A campaign has at least one input, so that the number of runs is always known.
         runs = next(iter(samples.values())).shape[0]
-        return build_mission(self.parsed, self._numbers(samples), Runs(runs))
+        return build_mission(self.parsed, self._numbers(samples), Runs(runs), samples.get(NOISE))
 
     def campaign(
         self,
@@ -189,7 +190,7 @@ class SceneFile:
         units = {path: quantity.unit for path, quantity in limits.items()}
         return Campaign(
             _Build(self, self._numbers({})),
-            {path: how.distribution() for path, how in self.inputs.items()},
+            {path: how.distribution() for path, how in self.inputs.items()} | self._noise(),
             Outputs(self, self.outputs, self._numbers({}), reference),
             units | {spec.name: spec.unit for spec in self.outputs},
             self.start,
@@ -212,6 +213,11 @@ class SceneFile:
         if self.task is None:
             raise InputError("optimize is missing: it must be a table with free numbers for this.")
         return optimise(self, self.task, progress)
+
+    def _noise(self) -> dict[str, Uniform]:
+        """What the noise of each run of a campaign follows from, as one more input."""
+        whole = Uniform(0.0, 1.0)  # pyright: ignore[reportArgumentType]  # converted by its fields
+        return {NOISE: whole} if is_noisy(self.values) else {}
 
     def _design(self, runs: int) -> LatinHypercube | Sobol | None:
         """Where so many runs lie among the inputs."""
@@ -302,4 +308,5 @@ class _Build(eqx.Module):
 
     def __call__(self, samples: dict[str, Array]) -> tuple[Mission, State]:
         runs = next(iter(samples.values())).shape[0]
-        return build_mission(self.file.parsed, replaced(self.values, samples), Runs(runs))
+        numbers = replaced(self.values, samples)
+        return build_mission(self.file.parsed, numbers, Runs(runs), samples.get(NOISE))

@@ -21,6 +21,7 @@ departs from unit length by the error of the step, no result changes. Integrator
 unit length at the end of every step.
 """
 
+from collections.abc import Sequence
 from typing import final
 
 import equinox as eqx
@@ -37,6 +38,7 @@ from ..core import (
     axis,
     check,
     check_components,
+    components,
     cross,
     dot,
     is_concrete,
@@ -135,8 +137,8 @@ class Quaternion(AbstractGroupElement):
 
     def norm_squared(self) -> Scalar:
         """Sum of the squares of the four components; 1 for an orientation."""
-        q = self._components()
-        return q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]
+        w, x, y, z = components(self._components())
+        return w * w + x * x + y * y + z * z
 
     def normalised(self) -> "Quaternion":
         """The same orientation with unit length."""
@@ -144,19 +146,15 @@ class Quaternion(AbstractGroupElement):
 
     def inverse(self) -> "Quaternion":
         """The opposite turn: inertial components to body components."""
-        q = self._components()
-        return Quaternion(jnp.concatenate([q[:1], -q[1:]]) / self.norm_squared())
+        w, x, y, z = components(self._components())
+        return Quaternion(jnp.stack([w, -x, -y, -z]) / self.norm_squared())
 
     def then(self, turn: "Quaternion") -> "Quaternion":
         """This orientation followed by `turn` about the body's own axes: the product q turn."""
         rank = max(self.wxyz.ndim, turn.wxyz.ndim) - 1
         a = with_rank(self._components(), rank)
         b = with_rank(turn._components(), rank)
-        u = a[1:]
-        v = b[1:]
-        return Quaternion(
-            jnp.concatenate([(a[0] * b[0] - dot(u, v))[None], a[0] * v + b[0] * u + cross(u, v)])
-        )
+        return Quaternion(_product(components(a), components(b)))
 
     def rotate(self, v_B: Vector) -> Vector:
         """Inertial components of the vector whose body components are `v_B`, (3, *runs)."""
@@ -182,10 +180,9 @@ class Quaternion(AbstractGroupElement):
     def rate(self, omega_B: Vector) -> "Quaternion":
         """Rate of change, 1/s, for the angular velocity `omega_B`, rad/s, in body axes."""
         check_components("Quaternion.rate: omega_B", omega_B, 3)
-        w, u, omega_B = self._meeting(omega_B)
-        return Quaternion(
-            0.5 * jnp.concatenate([-dot(u, omega_B)[None], w * omega_B + cross(u, omega_B)])
-        )
+        rank = max(self.wxyz.ndim, omega_B.ndim) - 1
+        q = components(with_rank(self._components(), rank))
+        return Quaternion(0.5 * _product(q, [None, *components(with_rank(omega_B, rank))]))
 
     def coordinates(self) -> Vector:
         return 0.0 * self._components()[1:]
@@ -243,6 +240,21 @@ class Quaternion(AbstractGroupElement):
         rank = max(q.ndim, vector.ndim) - 1
         q = with_rank(q, rank)
         return q[0], q[1:], with_rank(vector, rank)
+
+
+def _product(a: Sequence[Scalar], b: Sequence[Scalar | None]) -> Float[Array, "4 *#runs"]:
+    """Hamilton's product by components; `None` in front of a vector is its zero."""
+    w, x, y, z = a
+    s, p, q, r = b
+    rows = [
+        -x * p - y * q - z * r,
+        w * p + y * r - z * q,
+        w * q + z * p - x * r,
+        w * r + x * q - y * p,
+    ]
+    if s is not None:
+        rows = [c * s + row for c, row in zip(a, rows, strict=True)]
+    return jnp.stack(rows)
 
 
 def _two_atan_over(s: Scalar, w: Scalar) -> Scalar:

@@ -96,7 +96,7 @@ def fly_compact(mission: Mission, y0: State, t0: Scalar = 0.0, *, steps: int = 4
 
 def _ends(phase: Phase, t0: Scalar, t1: Scalar, steps: int) -> Float[Array, " times"]:
     """Starts and ends of the steps, s: equal between two breaks."""
-    breaks = phase.system.breaks()
+    breaks = phase.moving.breaks()
     inner = jnp.zeros((0,)) if breaks is None else jnp.clip(breaks, t0, t1)
     knots = jnp.concatenate([t0[None], jnp.sort(inner), t1[None]])
     each = max(2, -(-steps // (knots.size - 1)))
@@ -113,9 +113,11 @@ def _phase(
     if event is not None and event.touch is not None:
         raise InputError(f"Phase {phase.name!r} ends at a touch: fly_compact needs a crossing.")
     t1 = t0 + (phase.until if event is None else event.within)
+    if phase.system is not phase.moving:
+        raise InputError(f"Phase {phase.name!r} is a closed loop: fly_compact takes systems alone.")
     # Constants of the phase, as far as its state is concerned, are integrated along.
     v0, unravel = ravel_pytree(y0)
-    system = phase.system
+    system = phase.moving
     ts = _ends(phase, t0, t1, steps)
     tiny = 4.0 * jnp.finfo(v0.dtype).eps
 

@@ -23,9 +23,10 @@ def trajectory_of(
     result: RunResult, system: AbstractSystem, config: IntegrationConfig, run_axes: int
 ) -> Trajectory:
     """A `Trajectory` from what the run left."""
-    ts, states, status, event, happened, stats, dense, _, crossings = result
+    ts, states, status, event, happened, stats, dense, _, crossings, control = result
     return Trajectory(
-        ts, states, status, event, happened, stats, system, config, dense, run_axes, crossings
+        *(ts, states, status, event, happened, stats, system, config, dense, run_axes),
+        *(crossings, control),
     )
 
 
@@ -38,7 +39,7 @@ def mission_trajectory_of(
     """A `MissionTrajectory` from what the phases left."""
     phases = []
     for run, phase, config in zip(result.phases, mission.phases, configs, strict=True):
-        phases.append(trajectory_of(run, phase.system, config, run_axes))
+        phases.append(trajectory_of(run, phase.moving, config, run_axes))
     names = tuple(phase.name for phase in mission.phases)
     return MissionTrajectory(tuple(phases), names, result.final, result.end, result.status)
 

@@ -8,10 +8,20 @@ from collections.abc import Callable
 from typing import Any, final
 
 import equinox as eqx
+import numpy as np
 from jaxtyping import Array, Float
 
-from ..core import AbstractSystem, InputError, Scalar, State, as_float, check_finite
+from ..core import (
+    AbstractSystem,
+    InputError,
+    Scalar,
+    State,
+    as_float,
+    check_finite,
+    is_concrete,
+)
 from ..integration._events import Event
+from ._flight import AbstractFlight, moving
 
 
 # A duration becomes an array; an event passes.
@@ -27,13 +37,26 @@ def _as_phases(x: Any) -> tuple["Phase", ...]:
         if isinstance(phase, AbstractSystem):
             name = type(phase).__name__
             raise InputError(f"Mission.phases holds a {name}: it must hold phases, Phase(...).")
-    return tuple(phases)
+    return tuple(_with_known_end(phase) for phase in phases)
+
+
+def _with_known_end(phase: Any) -> Any:
+    """The phase; a flight in it knows how long it may take, where that is known here."""
+    flight = getattr(phase, "system", None)
+    if not isinstance(flight, AbstractFlight) or flight.longest is not None:
+        return phase
+    span = phase.until.within if isinstance(phase.until, Event) else phase.until
+    if not is_concrete(span):
+        return phase
+    known = flight.lasting(float(np.max(np.asarray(span))))
+    return Phase(known, phase.until, phase.then, phase.name)
 
 
 @final
 class Phase(eqx.Module):
     """One phase: the `system` that moves, `until` when, and `then` what jumps.
 
+    - `system`: any system, or a `ClosedLoop` of one, whose controller begins anew with the phase.
     - `until`: a duration, s, or an `Event` that sets its limit `within`.
     - `then`: a function (t, y) -> y applied at the end; `None` leaves the state as it is.
     - `name`: for tables and plots.
@@ -41,7 +64,7 @@ class Phase(eqx.Module):
     Raises `InputError` for an event without a limit or that ends no run, and for a duration that is
     not finite."""
 
-    system: AbstractSystem
+    system: AbstractSystem | AbstractFlight
     until: Float[Array, "*#runs"] | Event = eqx.field(converter=_as_until)
     then: Callable[[Scalar, State], State] | None = None
     name: str = eqx.field(static=True, default="phase")
@@ -60,6 +83,11 @@ class Phase(eqx.Module):
                 )
         else:
             check_finite(f"Phase {self.name!r}: until", self.until)
+
+    @property
+    def moving(self) -> AbstractSystem:
+        """The system that moves, without what controls it."""
+        return moving(self.system)
 
 
 @final

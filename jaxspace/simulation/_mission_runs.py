@@ -15,6 +15,7 @@ from ..integration._integrate import integrate
 from ..integration._layout import broadcast_state, replace_state, runs_of, state_at, with_start
 from ..integration._status import Status, combine_status
 from ._checks import check_events
+from ._flight import AbstractFlight
 from ._mission import Mission, Phase
 from ._runs import RunResult
 
@@ -141,9 +142,13 @@ def run_mission(
     # Written out and not as a scan: each phase has its own system, and its own state after a jump.
     for number, (phase, config) in enumerate(zip(mission.phases, configs, strict=True)):
         plan = None if plans is None else plans[number]
-        result = _run_phase(
-            phase.system, phase.until, y, t, num_saved, config, run_axes, plan, record_steps
-        )
+        if isinstance(phase.system, AbstractFlight):
+            # It takes the steps that lie between its samples, whatever the plan of the others.
+            result = phase.system.fly(phase.until, y, t, num_saved, config, run_axes)
+        else:
+            result = _run_phase(
+                phase.system, phase.until, y, t, num_saved, config, run_axes, plan, record_steps
+            )
         results.append(result)
         status = result.status if status is None else combine_status(status, result.status)
         # The time of each run: an event ends the phase of every run at its own.

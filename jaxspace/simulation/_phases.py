@@ -9,6 +9,7 @@ from ..integration._accuracy import Accuracy, state_dtype
 from ..integration._config import IntegrationConfig, resolve
 from ..integration._events import Event
 from ._checks import check_structure, shapes_after
+from ._flight import AbstractFlight
 from ._mission import Mission, Phase
 
 
@@ -24,8 +25,11 @@ def resolve_phases(
         check_until(phase, run_axes)
         # Only shapes are needed: a jump may change what the state holds.
         zero = jax.ShapeDtypeStruct((), state_dtype(y))
-        whole = check_structure(phase.system, y, zero)
-        configs.append(resolve(phase.system, y, accuracy))
+        whole = check_structure(phase.moving, y, zero)
+        if isinstance(phase.system, AbstractFlight):
+            configs.append(phase.system.config(y, accuracy))
+        else:
+            configs.append(resolve(phase.system, y, accuracy))
         # The jump meets the state as the phase leaves it, with the runs of its system.
         y = whole
         if phase.then is not None:

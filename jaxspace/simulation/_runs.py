@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from ..core import AbstractSystem, State, safe_divide
 from ..integration._config import IntegrationConfig
@@ -33,7 +33,8 @@ class RunResult(NamedTuple):
     """What one run, or a batch of them, leaves: the fields of a `Trajectory`, and the recorded
     ends of the steps in normalised time.
 
-    - `crossings`: of each event that is not terminal."""
+    - `crossings`: of each event that is not terminal.
+    - `control`: of a closed loop: `commands`, `readings` and the `memory` of the controller."""
 
     ts: Float[Array, "times *#runs"]
     states: State
@@ -44,6 +45,7 @@ class RunResult(NamedTuple):
     dense: DenseOutput | None
     step_ends: Float[Array, " steps"] | None
     crossings: tuple[Crossings, ...] = ()
+    control: dict[str, PyTree] | None = None
 
 
 def integrate_through_times(

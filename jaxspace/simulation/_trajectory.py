@@ -44,7 +44,9 @@ class Trajectory(eqx.Module):
       tolerance.
     - `system`, `accuracy`: what was run, and by which method and tolerances.
     - `dense`: the steps of the run, where `dense=True` asked for them.
-    - `crossings`: of each event that is not terminal, every zero on the way, as `Crossings`."""
+    - `crossings`: of each event that is not terminal, every zero on the way, as `Crossings`.
+    - `control`: of a phase that is a closed loop: its `commands` and `readings`, with the shapes of
+      the states, and the `memory` of the controller at the end; of any other run `None`."""
 
     ts: Float[Array, "times *#runs"]
     states: State
@@ -57,6 +59,7 @@ class Trajectory(eqx.Module):
     dense: DenseOutput | None
     run_axes: int = eqx.field(static=True)
     crossings: tuple[Crossings, ...] = ()
+    control: dict[str, PyTree] | None = None
 
     @property
     def final(self) -> State:
@@ -90,7 +93,7 @@ class Trajectory(eqx.Module):
         axes = _system_axes(self.system)
         system = jax.tree.map(lambda x, n: x[..., i] if n else x, self.system, axes)
         stats = {name: x[..., i] if x.ndim else x for name, x in self.stats.items()}
-        names = ("ts", "states", "status", "event", "happened", "dense", "crossings")
+        names = ("ts", "states", "status", "event", "happened", "dense", "crossings", "control")
         parts = jax.tree.map(lambda x: x[..., i], {name: getattr(self, name) for name in names})
         return Trajectory(**parts, stats=stats, system=system, accuracy=self.accuracy, run_axes=0)
 

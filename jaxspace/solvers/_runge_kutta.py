@@ -211,7 +211,7 @@ class Tsit5(AbstractFieldSolver, diffrax.AbstractAdaptiveSolver):
         return 5
 
     def start(self, f: StepField, t0: Float[Array, ""], t1: Float[Array, ""], y0: State) -> State:
-        return f.terms.vf(t0, y0, f.args)
+        return f(t0, y0)
 
     def advance(
         self, f: StepField, t0: Float[Array, ""], t1: Float[Array, ""], y0: State, carried: State

@@ -8,11 +8,12 @@ from ._cost_table import AccuracyCost as AccuracyCost
 from ._cost_table import Cost as Cost
 from ._covariance import MeanCovariance as MeanCovariance
 from ._covariance import Uncertain as Uncertain
-from ._covariance import propagate_covariance as propagate_covariance
 from ._effect_budget import effect_budget as effect_budget
+from ._mission_covariance import MissionCovariance as MissionCovariance
 from ._modes import Modes as Modes
 from ._modes import equilibrium as equilibrium
 from ._modes import modes as modes
+from ._propagate import propagate_covariance as propagate_covariance
 from ._sensitivity import MissionSensitivity as MissionSensitivity
 from ._sensitivity import Sensitivity as Sensitivity
 from ._sensitivity import initial_state as initial_state

@@ -22,11 +22,9 @@ from typing import Any, final
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, ArrayLike, Float, PyTree
+from jaxtyping import Array, ArrayLike, Float
 
-from ..core import AbstractSystem, InputError, Scalar, State
-from ..integration._layout import broadcast_state
-from ..simulation import Trajectory, simulate, simulate_batch
+from ..core import AbstractSystem, Scalar, State
 from ._coordinates import Coordinates
 
 Noise = Float[ArrayLike, "n n"] | Callable[[Scalar, Any], Array] | None
@@ -46,20 +44,28 @@ class Uncertain(AbstractSystem):
 
     - `system`: the one that moves.
     - `noise`: the spectral density Q (n, n) of its process noise, or a function (t, y) -> (n, n) of
-      it; `None` for none."""
+      it; `None` for none.
+    - `delayed`: whether one more coordinate, which does not move, tells how late a run is, s."""
 
     system: AbstractSystem
     noise: Any = None
+    delayed: bool = eqx.field(static=True, default=False)
 
     def vector_field(self, t: Scalar, y: MeanCovariance) -> MeanCovariance:
         P = y.covariance
-        A = error_matrix(self.system, t, y.mean, P.ndim - 2)
+        A = self._still(error_matrix(self.system, t, y.mean, P.ndim - 2))
         AP = jnp.einsum("ij...,jk...->ik...", A, P)
         rate = AP + jnp.swapaxes(AP, 0, 1)
         if self.noise is not None:
             Q = jnp.asarray(self.noise(t, y.mean) if callable(self.noise) else self.noise)
-            rate = rate + Q.reshape(Q.shape + (1,) * (rate.ndim - Q.ndim))
+            rate = rate + self._still(Q.reshape(Q.shape + (1,) * (rate.ndim - Q.ndim)))
         return MeanCovariance(self.system.vector_field(t, y.mean), rate)
+
+    def _still(self, matrix: Array) -> Array:
+        """A matrix of the errors, with zeros for the coordinate that does not move."""
+        if not self.delayed:
+            return matrix
+        return jnp.pad(matrix, ((0, 1), (0, 1), *((0, 0),) * (matrix.ndim - 2)))
 
     def invariants(self, t: Scalar, y: MeanCovariance) -> dict[str, Array]:
         return self.system.invariants(t, y.mean)
@@ -91,51 +97,3 @@ def error_matrix(
         return coordinates.components(jax.tree.map(jnp.subtract, change, turn))
 
     return jax.vmap(column, out_axes=1)(jnp.eye(coordinates.count, dtype=coordinates.dtype))
-
-
-def propagate_covariance(
-    system: AbstractSystem,
-    y0: State,
-    ts: Any,
-    covariance: Float[ArrayLike, "n n *#runs"],
-    *,
-    noise: Noise = None,
-    batch: bool = False,
-    **options: Any,
-) -> tuple[Trajectory, Float[Array, "n n times *runs"]]:
-    """The run of the mean with the covariance of its state under white noise, to first order.
-
-    **Arguments**
-
-    - `system`, `y0`, `ts`: as in `simulate`.
-    - `covariance`: that of the initial state, (n, n), in the coordinates of `Sensitivity.rows`.
-    - `noise`: the spectral density Q of the process noise, (n, n), per s, or a function of the time
-      and the state.
-    - `batch`: whether `simulate_batch` runs it, with the runs on the last axis.
-    - `options`: further arguments of `simulate` or `simulate_batch`; an event here reads
-      a `MeanCovariance`.
-
-    **Returns** the run, whose states are `MeanCovariance`, and its covariance, (n, n, times,
-    *runs). Without noise, and for missions, `Sensitivity.covariance` is the cheaper way.
-
-    **Raises** `InputError` as `simulate` does, and for a covariance or a noise of another size."""
-    t0 = jnp.asarray(ts)[0]
-    y0 = broadcast_state(system, t0, y0)
-    size = Coordinates.of(y0, int(batch))
-    covariance = jnp.asarray(covariance, size.dtype)
-    noise = noise if noise is None or callable(noise) else jnp.asarray(noise, size.dtype)
-    for name, matrix in (("covariance", covariance), ("noise", noise)):
-        shape = getattr(matrix, "shape", (size.count,) * 2)
-        if shape[:2] != (size.count,) * 2:
-            rows = ", ".join(size.labels)
-            raise InputError(
-                f"{name} has the shape {shape}: it must be ({size.count}, {size.count}) for {rows}."
-            )
-    runs = size.trailing[0]
-    missing = (1,) * (2 + len(runs) - covariance.ndim)
-    covariance = jnp.broadcast_to(
-        covariance.reshape(covariance.shape + missing), (size.count, size.count, *runs)
-    )
-    verb: Callable[..., PyTree] = simulate_batch if batch else simulate
-    run = verb(Uncertain(system, noise), MeanCovariance(y0, covariance), ts, **options)
-    return run, run.states.covariance

@@ -24,8 +24,9 @@ LEFT_OUT: dict[str, list[str]] = {
     "returns a field, a component of the state, a constant or nothing": """
         bodies.*Body.constant_mass bodies.*Body.has_inertia bodies.*Body.least_mass
         bodies.*Body.loaded_mass bodies.RigidBody.inertia* bodies.RigidBody.centre*
-        bodies.PrincipalInertia.matrix attitude.spin_rate orbits.*_node core.axis core.expand
-        rotations.Quaternion.coordinates rotations.Quaternion.identity rotations.Quaternion.*xyzw
+        bodies.PrincipalInertia.matrix attitude.spin_rate orbits.*_node core.axis
+        core.components core.expand rotations.Quaternion.coordinates
+        rotations.Quaternion.identity rotations.Quaternion.*xyzw
         *.breaks orbits.Drag.potential *.scaled rockets.JetDamping.potential
         rockets.Thrust.potential bodies.sample_state attitude.*Torque.potential
         attitude.MagneticDipole.potential attitude.TiltState attitude.NutationDamper.potential

@@ -1,0 +1,91 @@
+"""The steps of an environment beside those of MuJoCo's engine in JAX (MJX): 1024 free bodies of
+three different moments that tumble at some radian a second, for one second from rest in attitude,
+in single precision. A run is one body for one second; each row says how long its steps are. Errors
+are beside an adaptive integration in double precision at 1e-12. An engine for contacts and joints
+carries more than a free body needs, and this one is made for accelerators: the table tells what a
+step of it costs here, and not what it is for.
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jaxspace import Accuracy, BodyState, Scene, simulate_batch
+from jaxspace.bodies import RigidBody
+from jaxspace.control import CommandedTorque, step
+from jaxspace.rotations import Quaternion
+from jaxspace.solvers import DOP853, FixedSteps, Tsit5
+
+from ._measure import WIDE, in_turn, on_one_device, optional, with_errors_of_rotation
+
+RUNS, SPAN, MOMENTS = 1024, 1.0, (1.0, 1.5, 2.0)
+SCENE = Scene([CommandedTorque()], RigidBody(inertia=MOMENTS))
+MODEL = """<mujoco><option gravity="0 0 0" integrator="{}"/><worldbody><body><freejoint/>
+<inertial pos="0 0 0" mass="1" diaginertia="{} {} {}"/></body></worldbody></mujoco>"""
+
+
+def _ours(rate: jax.Array, length: float) -> Callable[[], Any]:
+    attitude = jnp.zeros((4, RUNS), rate.dtype).at[0].set(1.0)
+    y0 = BodyState(attitude=Quaternion(attitude), omega=rate)
+    h = jnp.asarray(length, rate.dtype)
+
+    def fly(y, count):
+        y = jax.lax.fori_loop(
+            0, count, lambda _, y: step(SCENE, y, None, h, method=FixedSteps(Tsit5(), 1)), y
+        )
+        return jnp.concatenate([y.omega, y.attitude.wxyz])
+
+    compiled = jax.jit(fly, compiler_options=WIDE)
+    return lambda: compiled(y0, round(SPAN / length))
+
+
+def _mjx(rate: jax.Array, lengths: dict[str, tuple[float, ...]]) -> dict[str, Callable[[], Any]]:
+    """One program for each integrator: the length of a step and their count are its arguments."""
+    import mujoco
+    from mujoco import mjx
+
+    calls = {}
+    for name, each in lengths.items():
+        # Its arrays have the precision of the process, and not that of what they meet.
+        with jax.enable_x64(False):
+            model = mjx.put_model(mujoco.MjModel.from_xml_string(MODEL.format(name, *MOMENTS)))
+            start = mjx.make_data(model)
+        speeds = jnp.concatenate([jnp.zeros((3, RUNS), rate.dtype), rate]).T
+
+        def fly(speeds, h, count, model=model, start=start):
+            held = model.replace(opt=model.opt.replace(timestep=h))
+
+            def one(speed):
+                data = start.replace(qvel=speed)
+                data = jax.lax.fori_loop(0, count, lambda _, d: mjx.step(held, d), data)
+                return jnp.concatenate([data.qvel[3:], data.qpos[3:]])
+
+            return jax.vmap(one)(speeds).T
+
+        compiled = jax.jit(fly, compiler_options=WIDE)
+
+        def call(h, compiled=compiled, speeds=speeds):
+            with jax.enable_x64(False):
+                return compiled(speeds, np.float32(h), round(SPAN / h))
+
+        calls |= {f"MJX, {name}, {h:g} s": lambda h=h, call=call: call(h) for h in each}
+    return calls
+
+
+def measure() -> dict:
+    """Bodies moved by one second in a second, and their errors."""
+    exact = np.asarray(jax.random.normal(jax.random.key(0), (3, RUNS)))
+    rate = on_one_device(jnp.asarray(exact, jnp.float32))
+    attitude = jnp.zeros((4, RUNS)).at[0].set(1.0)
+    y0 = BodyState(attitude=Quaternion(attitude), omega=jnp.asarray(rate, float))
+    ends = simulate_batch(
+        SCENE, y0, jnp.array([0.0, SPAN]), accuracy=Accuracy(1e-12, method=DOP853())
+    ).final
+    reference = np.concatenate([ends.omega, ends.attitude.wxyz])
+    calls = {f"ours, Tsit5, {h:g} s": _ours(rate, h) for h in (0.05, 0.1, 0.25)}
+    if optional("mujoco") is not None:
+        calls |= _mjx(rate, {"RK4": (0.01, 0.05, 0.1), "Euler": (0.002,)})
+    return with_errors_of_rotation(in_turn(calls, RUNS), calls, reference)

@@ -1,0 +1,181 @@
+"""A flight of a loop as one program: from what is known before it to what it leaves."""
+
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, PyTree
+
+from ..core import InputError, State, breaks_of
+from ..integration._config import IntegrationConfig
+from ..integration._events import Event
+from ..integration._layout import broadcast_state, times_behind_components
+from ..integration._status import Status
+from ..simulation._batch_layout import cut_batch, local_blocks, split_batch
+from ..simulation._blocks import Blocks, jit_wide_vectors
+from ..simulation._failures import nan_where_failed
+from ..simulation._runs import RunResult
+from ..solvers import FixedSteps, Tolerance
+from ._clocks import SLACK, Clock, Nodes, at_nodes, ended, nodes_of
+from ._commands import Actuate
+from ._samples import Left, Setting, run_samples
+
+
+class Known(NamedTuple):
+    """The numbers of a flight.
+
+    - `parts`: of the loop: system, controller, sensors, limit and quantum.
+    - `y0`, `start`: the state, and its time, s.
+    - `key`: of the noise, or one of each run; `memory`: of the controller.
+    - `events`: each ends the flight; `end`: so does this time from its start, s, if it is given."""
+
+    parts: PyTree
+    y0: State
+    start: Array
+    key: Array | None
+    memory: PyTree
+    events: tuple[Event, ...]
+    end: Array | None
+
+
+class Static(NamedTuple):
+    """What a program is compiled for: save times, s, clocks, and how a command acts."""
+
+    ts: tuple[float, ...]
+    period: float
+    line: bool
+    delay: float
+    actuate: Actuate
+    run_axes: int
+
+    @classmethod
+    def of(cls, loop: Any, ts: np.ndarray, run_axes: int) -> "Static":
+        """That of a loop with these save times."""
+        line = loop.hold == "first"
+        return cls(tuple(ts.tolist()), loop.period, line, loop.delay, loop.actuate, run_axes)
+
+
+def parts_of(loop: Any) -> PyTree:
+    """The parts of a loop that hold numbers."""
+    return loop.system, loop.controller, loop.sensors, loop.limit, loop.quantum
+
+
+def as_key(key: Array | None) -> Array | None:
+    """A key, or one of each run; one of the old style is an array of numbers."""
+    if key is None or jnp.issubdtype(key.dtype, jax.dtypes.prng_key):
+        return key
+    return jax.random.wrap_key_data(key)
+
+
+def as_events(events: Any) -> tuple[Event, ...]:
+    """The events that may end a loop. Raises `InputError` for others."""
+    events = (events,) if isinstance(events, Event) else tuple(events)
+    for event in events:
+        if not isinstance(event, Event):
+            raise InputError(f"events holds {event!r}: it must hold events, Event(...).")
+        if event.touch is not None or not event.terminal:
+            raise InputError(
+                "events holds an event with touch or terminal=False: of a loop it must be one that "
+                "ends the run by passing through zero."
+            )
+    return events
+
+
+@jit_wide_vectors
+def compiled(known: Known, config: IntegrationConfig, static: Static) -> RunResult:
+    """The flight of one run, or of a batch in blocks, each run with noise from a key of its own."""
+    if static.run_axes == 0:
+        return _flight(known, config, static)
+    given = (known.y0, known.start, known.memory)
+    batched, shared, runs = split_batch(known.parts, given, 0.0, None, 0)
+    keys = None if known.key is None else jax.random.split(known.key, runs)
+    blocks = local_blocks((batched, shared), runs)
+
+    def piece(own: PyTree, shared: PyTree) -> RunResult:
+        own, keys = own
+        parts, (y0, start, memory), _ = cut_batch(own, shared)
+        block = known._replace(parts=parts, y0=y0, start=start, key=keys, memory=memory)
+        return _flight(block, config, static)
+
+    return Blocks.map(blocks, piece, (batched, keys), shared)
+
+
+@jit_wide_vectors
+def alone(known: Known, config: IntegrationConfig, static: Static) -> RunResult:
+    """The flight of one run, or of one block of runs that are cut already, with a key of each."""
+    return _flight(known, config, static)
+
+
+def _flight(known: Known, config: IntegrationConfig, static: Static) -> RunResult:
+    system, controller, sensors, limit, quantum = known.parts
+    start, events, end = known.start, known.events, known.end
+    ts, period, run_axes = np.array(static.ts), static.period, static.run_axes
+    periods = tuple(s.period or period for s in (sensors or {}).values())
+    waiting = int(np.floor(static.delay / period + SLACK))
+    late = max(static.delay - waiting * period, 0.0)
+    late = 0.0 if late < SLACK * period else late
+    clocks = (Clock(period), Clock(period, late), *(Clock(p) for p in periods))
+    breaks = breaks_of(system)
+    nodes = nodes_of(ts, clocks, None if breaks is None else breaks - start)
+    if end is not None:
+        nodes = ended(nodes, end, SLACK * min(clock.period for clock in clocks))
+    y0 = broadcast_state(system, jnp.zeros((), start.dtype), known.y0)
+    method = config.solver
+    assert isinstance(method, FixedSteps)
+    setting = Setting(
+        system=system,
+        controller=controller,
+        sensors=sensors,
+        limit=limit,
+        quantum=quantum,
+        events=events,
+        tolerance=Tolerance(config.rtol, config.atol, run_axes),
+        method=method,
+        actuate=static.actuate,
+        period=period,
+        elapsed=periods,
+        line=static.line,
+        waiting=waiting + 1,
+        run_axes=run_axes,
+    )
+    left = run_samples(setting, y0, known.memory, start, nodes, known.key)
+    times = start + jnp.asarray(ts - ts[0], start.dtype).reshape(-1, *(1,) * start.ndim)
+    if end is not None:
+        times = jnp.minimum(times, start + end)
+        # What is left of a phase for which there are no samples was not flown.
+        over = end > (ts[-1] - ts[0]) * (1.0 + SLACK)
+        left = left._replace(status=jnp.where(over, Status.MAX_STEPS, left.status))
+    passes = len(nodes.times) - 1
+    stats = {
+        "largest_local_error": left.worst,
+        "steps": jnp.full(left.status.shape, passes * method.steps),
+        "evaluations": jnp.full(left.status.shape, passes * method.traits.evaluations),
+    }
+    return _flown(left, nodes, times, stats, len(events), run_axes)
+
+
+def _flown(
+    left: Left, nodes: Nodes, times: Array, stats: dict[str, Array], events: int, run_axes: int
+) -> RunResult:
+    """What is kept of a flight: rows at the save times, and NaN where it failed."""
+    saved = jnp.asarray(nodes.saved)
+    # Commands and readings belong to the pass behind a node; the last node has that before it.
+    rows = saved.at[-1].add(-1)
+    commands, readings = jax.tree.map(
+        lambda x: times_behind_components(x, run_axes),
+        at_nodes((left.commands, left.readings), rows),
+    )
+    states = times_behind_components(at_nodes(left.states, saved), run_axes)
+    status, number = left.status, left.stop.number
+    times = times.reshape(times.shape[0], *(times.shape[1:] or (1,) * run_axes))
+    # Blocks of runs are joined along the runs: each has its own times, though they agree.
+    times = jnp.broadcast_to(times, (times.shape[0], *status.shape))
+    if events:
+        times = jnp.where(number >= 0, jnp.minimum(times, left.stop.t), times)
+    kinds = jnp.arange(events, dtype=number.dtype).reshape(-1, *(1,) * run_axes)
+    result = RunResult(times, states, status, number, kinds == number, stats, None, None, ())
+    factor = jnp.where(status > Status.EVENT, jnp.nan, 1.0)
+    commands, readings = jax.tree.map(lambda x: x * factor.astype(x.dtype), (commands, readings))
+    control = {"commands": commands, "readings": readings, "memory": left.memory}
+    return nan_where_failed(result)._replace(control=control)

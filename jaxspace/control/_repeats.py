@@ -1,0 +1,66 @@
+"""How a loop is integrated between two samples, and once more with finer steps where they proved
+too few."""
+
+from collections.abc import Callable
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import PyTree
+
+from ..core import is_concrete, is_traced
+from ..integration._accuracy import DEFAULT_RTOL, Accuracy, state_dtype
+from ..integration._config import IntegrationConfig, check_tolerance
+from ..integration._status import Status
+from ..simulation._runs import RunResult
+from ..solvers import FixedSteps
+from ._advance import as_fixed
+from ._program import Known, Static
+
+REPEATS = 3
+"""How often a run is repeated with finer steps before its status tells that they are too few."""
+
+
+def repeated(
+    program: Callable[..., RunResult], known: Known, config: IntegrationConfig, static: Static
+) -> tuple[RunResult, IntegrationConfig]:
+    """A flight, with finer steps where they proved too few and that can be known here."""
+    for _ in range(REPEATS + 1):
+        result = program(known, config, static)
+        error = _too_few(result)
+        if error == 0.0 or is_traced(known):
+            break
+        config = config.with_more_steps(error)
+    return result, config
+
+
+def config_of(
+    loop: Any, y0: PyTree, accuracy: Accuracy, steps: int | None = None
+) -> IntegrationConfig:
+    """How a loop is integrated between two samples. Raises `InputError` for other methods."""
+    dtype = state_dtype(y0)
+    rtol = DEFAULT_RTOL.get(dtype.name, 1e-2) if accuracy.rtol is None else accuracy.rtol
+    rough = 1e-9
+    if is_concrete(rtol):
+        check_tolerance(float(np.min(np.asarray(rtol))), dtype)
+        rough = float(np.max(np.asarray(rtol)))
+    method = as_fixed(accuracy.method, rough, loop.steps if steps is None else steps)
+    rtol = jnp.asarray(rtol, dtype)
+    atol = 1e-3 * rtol if accuracy.atol is None else jnp.asarray(accuracy.atol, dtype)
+    return IntegrationConfig(rtol, atol, method, None, accuracy.max_steps, None)
+
+
+def steps_of(config: IntegrationConfig) -> int:
+    """The fixed steps between two nodes."""
+    assert isinstance(config.solver, FixedSteps)
+    return config.solver.steps
+
+
+def _too_few(run: RunResult) -> float:
+    """The largest local error of a run that missed the tolerance by too few steps; else zero."""
+    if not is_concrete(run.status):
+        return 0.0
+    missed = np.asarray(run.status) == Status.TOLERANCE_MISSED
+    error = np.asarray(run.stats["largest_local_error"])
+    error = error[missed & np.isfinite(error)]
+    return float(np.max(error)) if error.size else 0.0
