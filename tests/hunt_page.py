@@ -46,7 +46,10 @@ TITLES = {
     "orbits": "Orbits",
     "attitude": "Attitude",
     "gyros": "Gyros",
+    "mechanics": "Mechanics",
     "rockets": "Rockets",
+    "vehicles": "Vehicles in air",
+    "control": "Control",
     "optimization": "Optimal flight",
 }
 SYSTEMS = "Vector fields and invariants of systems"
@@ -54,6 +57,10 @@ SYSTEMS = "Vector fields and invariants of systems"
 NOTES: dict[str, str] = {
     "direction": "the derivative of a direction along itself vanishes; what is left is one "
     "rounding of the value",
+    **dict.fromkeys(
+        ("gyropendulum", "rate_gyro_response", "error_motion", "compass"),
+        "the exponential of A t loses a rounding of its norm |A t|, not only of its condition",
+    ),
     "kepler": "a flyby of e = 100 from afar: the derivatives lose three digits more than the "
     "position",
 }

@@ -55,9 +55,11 @@ def _apply(equation, args):
         return [_elementwise(ELEMENTWISE[name], *args)]
     if name in SPECIAL:
         return SPECIAL[name](params, *args)
-    if params.get("name") == "signbit":
-        # Numbers of mpmath have no bits to look at.
-        return [_elementwise(lambda x: bool(x < 0), *args)]
+    if params.get("name") in NAMED:
+        return [_elementwise(NAMED[params["name"]], *args)]
+    if params.get("name") == "expm":
+        # Truncated for the precision of the machine.
+        return [_expm(*args)]
     inner = params.get("call_jaxpr") or params.get("jaxpr") or params.get("fun_jaxpr")
     if inner is not None:
         closed = hasattr(inner, "consts")
@@ -88,6 +90,8 @@ def _moved(equation, args):
     moves = [x.dtype == object or x.dtype == bool for x in args]
     if not any(moves):
         return [np.asarray(x) for x in _bind(equation, [jnp.asarray(x) for x in args])]
+    if equation.primitive.name not in MOVES:
+        raise NotImplementedError(f"mp_trace does not know {equation.primitive.name}.")
     numbers = [x.reshape(-1) for x, move in zip(args, moves, strict=True) if move]
     numbers = numbers[0] if len(numbers) == 1 else np.concatenate(numbers)
     if id(equation) in PLACES:
@@ -179,6 +183,8 @@ ELEMENTWISE = {
     "expm1": mp.expm1,
     "log": _log,
     "log1p": lambda x: _log(1 + x),
+    "log2": lambda x: _log(x) / mp.log(2),
+    "exp2": lambda x: mpf(2) ** x,
     "sin": mp.sin,
     "cos": mp.cos,
     "tan": mp.tan,
@@ -193,6 +199,7 @@ ELEMENTWISE = {
     "atanh": lambda x: mp.atanh(x) if abs(x) < 1 else mp.nan,
     "pow": _power,
     "floor": mp.floor,
+    "ceil": mp.ceil,
     "round": _round,
     "is_finite": _finite,
     "lt": lambda x, y: bool(x < y),
@@ -207,6 +214,20 @@ ELEMENTWISE = {
     "stop_gradient": lambda x: x,
     "copy": lambda x: x,
 }
+
+
+NAMED = {
+    # Numbers of mpmath have no bits to look at.
+    "signbit": lambda x: bool(x < 0),
+    # A polynomial whose coefficients are rounded.
+    "sinc": mp.sincpi,
+}
+# What only moves numbers.
+MOVES = set(
+    """broadcast_in_dim concatenate dynamic_slice dynamic_update_slice expand_dims gather iota
+    pad reshape rev scatter select_and_gather_add slice split squeeze stack tile
+    transpose""".split()
+)
 
 
 def _while(params, *args):
@@ -287,6 +308,13 @@ def _eigh(params, a):
     return [np.array(rows, object), np.array(list(values), object)]
 
 
+def _expm(a):
+    """Of matrices on the last two axes."""
+    a = np.asarray(a, object)
+    found = [mp.expm(mp.matrix(m.tolist())).tolist() for m in a.reshape(-1, *a.shape[-2:])]
+    return np.array(found, object).reshape(a.shape)
+
+
 def _best(function):
     def found(params, x):
         return [np.asarray(function(np.asarray(x), axis=params["axes"][0]))]
@@ -310,6 +338,7 @@ SPECIAL = {
     "convert_element_type": _convert,
     "optimization_barrier": lambda params, *x: list(x),
     "sort": _sort,
+    "cumsum": lambda params, x: [np.cumsum(x, axis=params["axis"])],
     "eigh": _eigh,
     "dot_general": _dot_general,
     "argmax": _best(np.argmax),
