@@ -58,9 +58,10 @@ NOTES: dict[str, str] = {
     "direction": "the derivative of a direction along itself vanishes; what is left is one "
     "rounding of the value",
     **dict.fromkeys(
-        ("gyropendulum", "rate_gyro_response", "error_motion", "compass"),
+        ("gyropendulum_motion", "rate_gyro_response", "error_motion", "compass"),
         "the exponential of A t loses a rounding of its norm |A t|, not only of its condition",
     ),
+    "impulse": "a difference of elements: `first_order=True` keeps the digits of a small impulse",
     "kepler": "a flyby of e = 100 from afar: the derivatives lose three digits more than the "
     "position",
 }

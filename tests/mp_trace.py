@@ -179,6 +179,7 @@ ELEMENTWISE = {
     "sqrt": _root,
     "rsqrt": lambda x: _divide(mpf(1), _root(x)),
     "square": lambda x: x * x,
+    "cbrt": lambda x: mp.sign(x) * mp.cbrt(abs(x)),
     "exp": mp.exp,
     "expm1": mp.expm1,
     "log": _log,
@@ -241,7 +242,11 @@ def _while(params, *args):
 
 def _scan(params, *args):
     inner, length = params["jaxpr"], params["length"]
-    held, carried = (len(part) for part in params["ft_in"].unpack()[:2])
+    if "num_consts" in params:
+        held, carried = params["num_consts"], params["num_carry"]
+    else:
+        # Since JAX 0.11.
+        held, carried = (len(part) for part in params["ft_in"].unpack()[:2])
     consts, carry, rows = args[:held], list(args[held : held + carried]), args[held + carried :]
     order = range(length)[::-1] if params["reverse"] else range(length)
     saved = {}

@@ -10,7 +10,7 @@ from .form import Form
 from .mechanics import numbers
 
 
-def duffing(x):
+def forced_oscillator(x):
     """First order and balance of an oscillator: mass, stiffness, softening, force and frequency."""
     one = g.DuffingOscillator(*x)
     return numbers(*one.first_order(), one.harmonic_balance())
@@ -28,7 +28,7 @@ def compass(x):
     return frame, jnp.stack(slow), *turning
 
 
-def gyropendulum(x):
+def gyropendulum_motion(x):
     """Frequencies, tuned momentum and motion of a gyropendulum: 6 numbers, gravity, radius, state,
     time."""
     one = g.Gyropendulum(*x[:7])
@@ -46,7 +46,7 @@ def platform(x):
     return jnp.stack(found), *numbers(one.first_angle(x[8]), one.nutation_frequency())
 
 
-def rate_gyro(x):
+def rate_gyro_figures(x):
     """Figures and errors of a rate gyro: 13 numbers, frequency."""
     one = g.RateGyro(*x[:13])
     answer = one.frequency_response(x[13])
@@ -131,19 +131,19 @@ def of(kind, *methods):
 
 
 FORMS = (
-    Form(duffing, of("DuffingOscillator", "first_order", "harmonic_balance"),
+    Form(forced_oscillator, of("DuffingOscillator", "first_order", "harmonic_balance"),
          [(2.0, 30.0, 4.0, 1.0, 3.0), (2.0, 30.0, 0.0, 1.0, 3.0), (2.0, 30.0, 4.0, 0.0, 3.0)]),
     Form(compass, of("Gyrocompass", "frame_rate", "slow_motion", "small_motion", "state"),
          [(*COMPASS, 8.0, 0.3, 0.02, 0.3, 0.01, 0.02, 1.0), (*COMPASS, 0.0, 0.0, 0.0, 0.1, 0.0, 0.0, 100.0),
           (*COMPASS, 8.0, 0.3, 0.02, 0.3, 0.01, 0.02, 0.0)]),
-    Form(gyropendulum, of("Gyropendulum", "frequencies", "tuned", "closed_form"),
+    Form(gyropendulum_motion, of("Gyropendulum", "frequencies", "tuned", "closed_form"),
          [(1.0, 1e-2, 0.3, 0.02, 0.02, 0.01, 9.8, 6.4e6, 0.02, -0.01, 0.3, 0.1, 0.5),
           (1.0, 1e-2, 0.0, 0.0, 0.0, 0.0, 9.8, 6.4e6, 0.02, -0.01, 0.0, 0.0, 0.5),
           (1.0, 1e-6, 0.3, 0.02, 0.02, 0.01, 9.8, 6.4e6, 0.02, -0.01, 0.3, 0.1, 0.0)]),
     Form(platform, of("PlatformAxis", "at_rest", "closed_form", "first_angle", "nutation_frequency"),
          [(0.4, 2e-4, 0.05, 0.1, 5.0, 0.3, 0.2, 1e-3, 0.2), (0.4, 2e-4, 0.05, 0.1, 0.0, 0.0, 0.0, 0.0, 1e-4),
           (0.4, 2e-4, 0.05, 0.1, 0.0, 0.0, 0.0, 0.0, 0.0)]),
-    Form(rate_gyro, of("RateGyro", "frequency_response", "damping_ratio", "natural_frequency",
+    Form(rate_gyro_figures, of("RateGyro", "frequency_response", "damping_ratio", "natural_frequency",
                        "error_torque", "drift_rate"),
          [(1e-4, 4e-4, 0.05, 0.2, 0.1, 0.02, 1e-3, 1e-5, 1e-6, 2e-6, 3e-7, 9.8, 4.0, 20.0),
           (1e-4, 4e-9, 0.05, 0.2, 0.1, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 44.7213595499958)],
