@@ -82,11 +82,12 @@ def stored() -> dict[str, dict[str, Any]]:
 def write(names: Sequence[str]) -> None:
     """The page of these functions, in this order."""
     record = stored()
-    PAGE.write_text(page([SimpleNamespace(**record[name]) for name in names if name in record]))
+    rows = [SimpleNamespace(**record[name]) for name in names if name in record]
+    PAGE.write_text(page(rows, [name for name in names if name not in record]))
 
 
-def page(rows) -> str:
-    """All rows, by room; then the worst places, and what is left out."""
+def page(rows, missing: Sequence[str] = ()) -> str:
+    """All rows, by room; then the worst places, and what is left out or still `missing`."""
     parts = [HEAD.format(summary=_summary(rows))]
     by_room = [(title, [r for r in rows if r.room == room]) for room, title in TITLES.items()]
     for title, some in [*by_room, (SYSTEMS, [r for r in rows if r.room == "systems"])]:
@@ -98,9 +99,12 @@ def page(rows) -> str:
     )
     parts += [_place(r) for r in rows if max(r.value, r.slopes) > SHOWN] or ["- None.\n"]
     parts.append("\n## Left out\n\nPublic names without an error to search for:\n\n")
-    for why, names in left_out(public_names()).items():
+    hunted = {name for r in rows for name in r.computes}
+    for why, names in left_out(public_names() - hunted).items():
         listed = ", ".join(f"`{name}`" for name in names)
         parts.append(f"- What {why}: {listed}.\n")
+    if missing:
+        parts.append(f"\nStill to be searched by `make hunt`: {', '.join(missing)}.\n")
     return "".join(parts)
 
 

@@ -191,7 +191,7 @@ MORE = [
         0.2,
     ),
     Sample(
-        "rate_gyro",
+        "rate_gyro_motion",
         RateGyro(1e-4, 4e-4, 0.05, 0.2, 0.1, 0.02, 1e-3, 1e-5, 1e-6, 2e-6, 3e-7, 9.8, 4.0),
         RateGyroState(*jnp.array([0.02, -0.4])),
         0.2,

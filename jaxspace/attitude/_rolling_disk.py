@@ -259,11 +259,9 @@ class RollingDisk(AbstractSystem):
     def growth_rate(self, theta: Scalar, precession: Scalar, spin: Scalar) -> Scalar:
         """Growth rate of small oscillations, 1/s, zero where they are stable (the rule of ends of
         `end_sqrt`); arguments as in `tilt_acceleration`."""
-
-        def unstable(*x):
-            return jnp.maximum(-self.tilt_stiffness(*x), 0.0)
-
-        return end_sqrt(unstable, *(as_float(x) for x in (theta, precession, spin)))
+        kappa = self.tilt_stiffness(theta, precession, spin)
+        # Of the number alone: the rule of `end_sqrt` sees no parameter that a function holds.
+        return end_sqrt(lambda k: jnp.maximum(-k, 0.0), kappa)
 
     def settling_time(self, theta: Scalar) -> Scalar:
         """Time, s, in which a coin without spin, s = 0, settles from a small tilt `theta`, rad, to

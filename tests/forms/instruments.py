@@ -24,7 +24,10 @@ def compass(x):
     small = one.small_motion(x[12], y)
     slow = one.slow_motion(x[12], x[8], x[9])
     frame = jnp.stack(jnp.broadcast_arrays(*one.frame_rate()))
-    turning = jnp.stack([small.tilt, small.azimuth]), jnp.stack([small.tilt_rate, small.azimuth_rate])
+    turning = (
+        jnp.stack([small.tilt, small.azimuth]),
+        jnp.stack([small.tilt_rate, small.azimuth_rate]),
+    )
     return frame, jnp.stack(slow), *turning
 
 
@@ -107,7 +110,9 @@ def error_motion(x):
 def gimbals(x):
     """Axes of four gimbals, held rates and the vehicle's: angles, sway and rates, time."""
     one = g.StablePlatform(
-        *([0.3, 0.4, 0.5], 0.02, 2e-3, 0.05, 4.0, 0.2), vehicle_rate=x[4:7], sway=x[7:10],
+        *([0.3, 0.4, 0.5], 0.02, 2e-3, 0.05, 4.0, 0.2),
+        vehicle_rate=x[4:7],
+        sway=x[7:10],
         fourth=True,
     )
     held = one.held(x[10], x[:4])

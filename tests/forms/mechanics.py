@@ -100,7 +100,7 @@ def quickest_descent(x):
     return numbers(*m.brachistochrone(*x))
 
 
-def swings(x):
+def swing_rates(x):
     """Frequencies and periods: of a spring (4 numbers), a rim (4 and its rate), a simple swing
     (amplitude), a hoop (rate), a trailer (two lengths)."""
     elastic = m.ElasticPendulum(*x[:4])
@@ -229,7 +229,7 @@ FORMS = (
     Form(chain, free("hanging_chain"), [(10.0, 12.0), (10.0, 10.0001), (1.0, 300.0), (10.0, 10.00000001)]),
     Form(quickest_descent, free("brachistochrone"),
          [(3.0, 2.0, 9.8), (1e-6, 2.0, 9.8), (300.0, 1.0, 9.8), (3.1415926, 2.0, 9.8)]),
-    Form(swings, (*of("ElasticPendulum", "frequencies", "state"),
+    Form(swing_rates, (*of("ElasticPendulum", "frequencies", "state"),
                   *of("CentrifugalPendulum", "frequencies", "state")),
          [(1.0, 100.0, 0.8, 9.8, *SWING, 10.0), (1.0, 100.0, 0.8, 9.8, *SWING, 0.0)]),
     Form(pendulum_swing, of("SimplePendulum", "period", "state"),

@@ -64,7 +64,7 @@ def arms(x):
     return numbers(*found, one.outward_acceleration(y), a.SwingOutArms.state(x[5]).spin)
 
 
-def missile(x):
+def spinning_missile(x):
     """Rates and angle of a spinning missile: A, C, n, time, angle, rate, moment and tilt."""
     one = a.SpinningMissile(*x[:3])
     rate = one.transverse_rate(x[3], x[6:8], x[8:10])
@@ -88,7 +88,7 @@ def gyros(x):
     return one.wheel_axes(x[:2]).reshape(-1), one.torque_matrix(x[:2]).reshape(-1), *torques
 
 
-def wheels(x):
+def limited_wheels(x):
     """Limited torques and speeds of wheels: speeds, attitude, rate and torque limit."""
     control = a.PointingControl([0.6, -0.3, 0.7, 0.2], 2.0, 30.0)
     one = a.ReactionWheels(
@@ -131,14 +131,18 @@ def forced(x):
     shaft = jnp.array([0.1, 0.2, 1.0])
     held = a.bearing_reactions(inertia, x[9], x[10:13], shaft, (-0.5, 0.7), x[5], x[8])
     across = torque, jnp.concatenate([held.first, held.second])
-    return *across, *numbers(held.drive, a.bank_angle(*x[13:16]), a.space_cone_angle(x[3:6], *x[:2]))
+    return *across, *numbers(
+        held.drive, a.bank_angle(*x[13:16]), a.space_cone_angle(x[3:6], *x[:2])
+    )
 
 
 def planes(x):
     """Invariable plane, tilt and Jacobi's integral: six elements, attitude, omega, place."""
     A, B, C, d, e, f = x[:6]
     inertia = InertiaTensor(jnp.stack([A, d, e, d, B, f, e, f, C]).reshape(3, 3))
-    y = BodyState(attitude=Quaternion(x[6:10]), omega=x[10:13], position=x[13:16], velocity=x[16:19])
+    y = BodyState(
+        attitude=Quaternion(x[6:10]), omega=x[10:13], position=x[13:16], velocity=x[16:19]
+    )
     plane = a.invariable_plane(inertia, y)
     found = plane.normal, plane.herpolhode, a.principal_tilt(inertia)
     return *found, *numbers(plane.distance, a.jacobi_integral(y, inertia, x[19]))
@@ -158,7 +162,7 @@ def relatives(x):
     return numbers(shaft.plane_period(x[3]), *string, sink, crusher)
 
 
-def circles(x):
+def turning_circles(x):
     """Rates of a top at its turning circles, from N, alpha, beta and gamma."""
     return numbers(*a.Nutation.of(*x).circle_rates())
 
@@ -210,14 +214,14 @@ FORMS = (
          [(0.264, 0.127, 0.01134, 40.0, 41.0, 1.5, 0.9, 40.0), (0.264, 0.127, 0.01134, 40.0, 41.0, 1e-3, 0.9, 0.0)]),
     Form(arms, of("SwingOutArms", "moment", "spin_rate", "angle_rate", "swing_time", "outward_acceleration", "state"),
          [(2.0, 0.2, 0.5, 0.8, 1.2, 10.0), (2.0, 0.2, 0.5, 0.8, 1e-8, 10.0)]),
-    Form(missile, of("SpinningMissile", "transverse_rate", "attack_angle", "circles", "nutation_rate", "precession_rate"),
+    Form(spinning_missile, of("SpinningMissile", "transverse_rate", "attack_angle", "circles", "nutation_rate", "precession_rate"),
          [(10.0, 1.0, 30.0, 2.0, 0.01, 0.02, 0.1, -0.1, 3.0, 1.0, 1e-3, 2e-3),
           (10.0, 1.0, 30.0, 0.0, 0.01, 0.02, 0.1, -0.1, 3.0, 1.0, 1e-3, 2e-3),
           (10.0, 9.9999, 30.0, 2.0, 0.01, 0.02, 0.1, -0.1, 3.0, 1.0, 1e-3, 2e-3)]),
     Form(gyros, (*of("ControlMomentGyros", "wheel_axes", "torque_matrix"), *of("PointingControl", "torque"),
                  *of("ConstantTorque", "torque"), *free("wheel_torques")),
          [(0.3, -0.4, 3.0, 2.0, 2.0, 30.0, *GENERAL, 0.2, -0.1, 0.5), (0.0, 0.0, 3.0, 2.0, 2.0, 30.0, *ONES, 0.0, 0.0, 0.5)]),
-    Form(wheels, of("ReactionWheels", "limited", "speeds"),
+    Form(limited_wheels, of("ReactionWheels", "limited", "speeds"),
          [(20.0, -30.0, 48.0, *GENERAL, 0.2, -0.1, 0.5, 0.5), (20.0, -30.0, 49.0, *ONES, 0.0, 0.0, 0.0, 0.5)]),
     Form(damper, of("NutationDamper", "energy", "motion", "reduced_mass"),
          [(4.0, 24.5, 2.0, 0.02, -0.05, 0.2, -0.1, 0.5), (4.0, 24.5, 2.0, 0.0, 0.0, 0.0, 0.0, 0.5)]),
@@ -234,7 +238,7 @@ FORMS = (
           (0.0, 0.7, 9.0, 6.0, 5.0, 1.1e-3), (3e3, 0.7, 5.0, 6.0, 5.0, 1.1e-3)]),
     Form(relatives, (*of("ShaftPendulum", "plane_period"), *free("gyro_on_a_string", "energy_sink_angle", "best_crusher_tilt")),
          [(0.1, 0.02, 2.94, 0.7, 5.0, 1.0, 0.5, 0.3, 9.8, 100.0, 1e-3), (0.1, 0.02, 2.94, 1e-6, 5.0, 1.0, 0.5, 0.3, 9.8, 0.0, 0.0)]),
-    Form(circles, of("Nutation", "circle_rates"),
+    Form(turning_circles, of("Nutation", "circle_rates"),
          [(4.0, 1.5, 2.0, 3.0), (0.0, 0.5, 2.0, 0.1), (1.0, 1.0, -2.0, 0.3)]),
     Form(cosines, ("rotations.cosine_conditions", "rotations.cosine_rates", "rotations.omega_from_cosine_rates",
                    "bodies.inertia_ellipsoid", "rotations.mean_attitude", "rotations.Quaternion.projected"),

@@ -34,7 +34,7 @@ def outputs(x):
     return *numbers(o.eccentricity(r, v, mu)), *parts
 
 
-def sizes(x):
+def orbit_sizes(x):
     """Period and back from a semi-major axis and mu; the height over a plane."""
     period = o.period(x[0], x[1])
     touch = o.touchdown(0.0, BodyState(position=x[2:5]))
@@ -53,11 +53,6 @@ def between_turns(x):
     """Apsidal angle, period, energy and momentum from both radii."""
     found = o.radial_motion(yukawa, x[0], x[1])
     return numbers(found.apsidal_angle, found.period, found.energy, found.angular_momentum)
-
-
-def turns(x):
-    """Both radii from position and velocity."""
-    return numbers(*o.turning_points(yukawa, x[:3], x[3:6]))
 
 
 def impulse(x):
@@ -139,13 +134,11 @@ FORMS = (
          [(1.1, 0.2, 0.3, *LOW, 0.5), (*LOW[:3], *LOW, 0.5), (*CIRCLE[:3], *CIRCLE, 1.0)]),
     Form(outputs, names("eccentricity", "argument_of_periapsis", "node_longitude"),
          [(*LOW, 1.0), (*on_conic(1e-6, 1.0, 0.2), 1.0), (*on_conic(0.3, 1.0, 1e-6), 1.0)]),
-    Form(sizes, names("period", "semi_major_axis_of_period", "touchdown"),
+    Form(orbit_sizes, names("period", "semi_major_axis_of_period", "touchdown"),
          [(7e6, 3.986e14, 1.0, 2.0, 3.0), (1.0, 1.0, 1.0, 2.0, 0.0)]),
     Form(radial, names("circular_rate", "radial_frequency_squared", "effective_potential", "force_of_orbit"),
          [(1.2, 0.9, 0.7, 0.3), (1.2, 0.9, 0.0, 0.0), (1e-3, 0.9, 3.1415926, 0.999)]),
     Form(between_turns, names("radial_motion"), [(0.8, 1.3), (1.0, 1.0), (1.0, 1.00000001), (0.01, 5.0)]),
-    Form(turns, names("turning_points"),
-         [(1.0, 0.1, 0.2, -0.1, 0.8, 0.3), (1.0, 0.0, 0.0, 0.3, 0.8, 0.0)]),
     Form(impulse, names("impulse_change"),
          [(*LOW, 1e-3, 2e-3, -1e-3, 1.0), (*LOW, 1e-9, 0.0, 0.0, 1.0), (*LOW, 0.0, 0.0, 0.0, 1.0)]),
     Form(shells, names("shell_gravity", "shell_potential", "solar_pressure", "shadow_event"),
