@@ -28,7 +28,7 @@ def steering(x):
 
 
 def engines(x):
-    """Thrust, rate, burnout and loss of pressure: thrust, impulse, propellant, time, mass, place."""
+    """Thrust, rate, burnout and loss: thrust, impulse, propellant, time, mass and place."""
     law = k.FixedDirection([0.0, 0.0, 1.0])
     engine = k.SteeredThrust.of_propellant(law, x[0], x[1], x[2])
     y = BodyState(position=x[5:8], velocity=x[5:8], mass=x[4])
@@ -97,30 +97,81 @@ def of(kind, *methods):
 STATE = (6.4e6, 1e5, -2e5, 80.0, 10.0, 200.0)
 
 FORMS = (
-    Form(steering, (*of("rockets.PitchPolynomial", "pitch"), *of("rockets.PitchTable", "pitch"),
-                    *of("rockets.TangentSteering", "pitch"), *of("rockets.AlongVelocity", "direction"),
-                    *of("rockets.FixedDirection", "direction"), *of("rockets.FlightPlane", "along"),
-                    *of("rockets.AbstractSteering", "direction")),
-         [(1.5, -0.1, 1e-3, 0.2, 1.4, *STATE), (1.5, -0.1, 0.0, 0.0, 0.0, 6.4e6, 0.0, 0.0, 0.0, 0.0, 200.0)]),
-    Form(engines, (*of("rockets.SteeredThrust", "of_propellant", "thrust", "mass_rate", "burnout"),
-                   *of("rockets.BackPressure", "of_impulses", "loss")),
-         [(2.5e4, 290.0, 500.0, 10.0, 1700.0, 6.41e6, 1e5, 0.0)]),
-    Form(streams, ("rockets.variable_mass_acceleration",),
-         [(1e3, 1.0, 2.0, 3.0, 10.0, 20.0, 30.0, -2.0, 1.5, 5.0, 6.0, -7.0, 8.0, 9.0, 1.0)]),
-    Form(attack_angles, of("rockets.SpinningRocket", "angle_of_attack", "of_lengths"),
-         [(10.0, 8e-3, 1.0, 0.5, 2.0, 20.0, 0.1, 0.02), (10.0, 8e-3, 1.0, 0.5, 2.0, 0.0, 0.1, 0.02)]),
-    Form(surfaces, (*of("vehicles.FinSet", "centre", "roll_damping", "roll_forcing", "single_slope", "slope"),
-                    *of("vehicles.NoseCone", "centre", "of_shape", "slope"), "vehicles.MachTable",
-                    *of("vehicles.RadiusChange", "centre", "slope"), "vehicles.prandtl_factor",
-                    *of("vehicles.Aerodynamics", "axial_coefficient", "moments_of_slope")),
-         [(0.1, 0.12, 0.04, 0.08, 0.0635, 0.558, 0.0435, 0.06, 0.3), (0.1, 0.12, 0.04, 0.0, 0.0635, 0.558, 0.0635, 0.06, 0.0),
-          (0.1, 0.12, 0.04, 0.08, 0.0635, 0.558, 0.0435, 0.06, 1.5)]),
-    Form(airs_at, (*of("vehicles.LocalAir", "at", "height"), *of("vehicles.LaunchSite", "direction", "attitude"),
-                   *of("vehicles.AirDrag", "dynamic_pressure"), *of("vehicles.GroundGravity", "of_latitude"),
-                   "vehicles.Wind.at", "vehicles.descent_rate", "vehicles.drag_force", "vehicles.normal_gravity"),
-         [(10.0, -20.0, 800.0, 20.0, -15.0, 180.0, 0.7, 300.0, 16.0, 2.0, 1.2),
-          (0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 16.0, 2.0, 1.2)]),
-    Form(stages, ("optimization.equal_stages_payload",), [(9e3, 3e3, 0.1, 2.5), (9e2, 3e3, 0.1, 1.0)]),
-    Form(attitude_laws, ("control.error_vector",),
-         [(0.5, 0.1, -0.6, 0.3), (0.6, -0.3, 0.7, 0.2), (0.3, 0.6, -0.2, 0.7)]),
-)  # fmt: skip
+    Form(
+        steering,
+        (
+            *of("rockets.PitchPolynomial", "pitch"),
+            *of("rockets.PitchTable", "pitch"),
+            *of("rockets.TangentSteering", "pitch"),
+            *of("rockets.AlongVelocity", "direction"),
+            *of("rockets.FixedDirection", "direction"),
+            *of("rockets.FlightPlane", "along"),
+            *of("rockets.AbstractSteering", "direction"),
+        ),
+        [
+            (1.5, -0.1, 1e-3, 0.2, 1.4, *STATE),
+            (1.5, -0.1, 0.0, 0.0, 0.0, 6.4e6, 0.0, 0.0, 0.0, 0.0, 200.0),
+        ],
+    ),
+    Form(
+        engines,
+        (
+            *of("rockets.SteeredThrust", "of_propellant", "thrust", "mass_rate", "burnout"),
+            *of("rockets.BackPressure", "of_impulses", "loss"),
+        ),
+        [(2.5e4, 290.0, 500.0, 10.0, 1700.0, 6.41e6, 1e5, 0.0)],
+    ),
+    Form(
+        streams,
+        ("rockets.variable_mass_acceleration",),
+        [(1e3, 1.0, 2.0, 3.0, 10.0, 20.0, 30.0, -2.0, 1.5, 5.0, 6.0, -7.0, 8.0, 9.0, 1.0)],
+    ),
+    Form(
+        attack_angles,
+        of("rockets.SpinningRocket", "angle_of_attack", "of_lengths"),
+        [(10.0, 8e-3, 1.0, 0.5, 2.0, 20.0, 0.1, 0.02), (10.0, 8e-3, 1.0, 0.5, 2.0, 0.0, 0.1, 0.02)],
+    ),
+    Form(
+        surfaces,
+        (
+            *of(
+                "vehicles.FinSet", "centre", "roll_damping", "roll_forcing", "single_slope", "slope"
+            ),
+            *of("vehicles.NoseCone", "centre", "of_shape", "slope"),
+            "vehicles.MachTable",
+            *of("vehicles.RadiusChange", "centre", "slope"),
+            "vehicles.prandtl_factor",
+            *of("vehicles.Aerodynamics", "axial_coefficient", "moments_of_slope"),
+        ),
+        [
+            (0.1, 0.12, 0.04, 0.08, 0.0635, 0.558, 0.0435, 0.06, 0.3),
+            (0.1, 0.12, 0.04, 0.0, 0.0635, 0.558, 0.0635, 0.06, 0.0),
+            (0.1, 0.12, 0.04, 0.08, 0.0635, 0.558, 0.0435, 0.06, 1.5),
+        ],
+    ),
+    Form(
+        airs_at,
+        (
+            *of("vehicles.LocalAir", "at", "height"),
+            *of("vehicles.LaunchSite", "direction", "attitude"),
+            *of("vehicles.AirDrag", "dynamic_pressure"),
+            *of("vehicles.GroundGravity", "of_latitude"),
+            "vehicles.Wind.at",
+            "vehicles.descent_rate",
+            "vehicles.drag_force",
+            "vehicles.normal_gravity",
+        ),
+        [
+            (10.0, -20.0, 800.0, 20.0, -15.0, 180.0, 0.7, 300.0, 16.0, 2.0, 1.2),
+            (0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 16.0, 2.0, 1.2),
+        ],
+    ),
+    Form(
+        stages, ("optimization.equal_stages_payload",), [(9e3, 3e3, 0.1, 2.5), (9e2, 3e3, 0.1, 1.0)]
+    ),
+    Form(
+        attitude_laws,
+        ("control.error_vector",),
+        [(0.5, 0.1, -0.6, 0.3), (0.6, -0.3, 0.7, 0.2), (0.3, 0.6, -0.2, 0.7)],
+    ),
+)

@@ -136,41 +136,109 @@ def of(kind, *methods):
 
 
 FORMS = (
-    Form(forced_oscillator, of("DuffingOscillator", "first_order", "harmonic_balance"),
-         [(2.0, 30.0, 4.0, 1.0, 3.0), (2.0, 30.0, 0.0, 1.0, 3.0), (2.0, 30.0, 4.0, 0.0, 3.0)]),
-    Form(compass, of("Gyrocompass", "frame_rate", "slow_motion", "small_motion", "state"),
-         [(*COMPASS, 8.0, 0.3, 0.02, 0.3, 0.01, 0.02, 1.0), (*COMPASS, 0.0, 0.0, 0.0, 0.1, 0.0, 0.0, 100.0),
-          (*COMPASS, 8.0, 0.3, 0.02, 0.3, 0.01, 0.02, 0.0)]),
-    Form(gyropendulum_motion, of("Gyropendulum", "frequencies", "tuned", "closed_form"),
-         [(1.0, 1e-2, 0.3, 0.02, 0.02, 0.01, 9.8, 6.4e6, 0.02, -0.01, 0.3, 0.1, 0.5),
-          (1.0, 1e-2, 0.0, 0.0, 0.0, 0.0, 9.8, 6.4e6, 0.02, -0.01, 0.0, 0.0, 0.5),
-          (1.0, 1e-6, 0.3, 0.02, 0.02, 0.01, 9.8, 6.4e6, 0.02, -0.01, 0.3, 0.1, 0.0)]),
-    Form(platform, of("PlatformAxis", "at_rest", "closed_form", "first_angle", "nutation_frequency"),
-         [(0.4, 2e-4, 0.05, 0.1, 5.0, 0.3, 0.2, 1e-3, 0.2), (0.4, 2e-4, 0.05, 0.1, 0.0, 0.0, 0.0, 0.0, 1e-4),
-          (0.4, 2e-4, 0.05, 0.1, 0.0, 0.0, 0.0, 0.0, 0.0)]),
-    Form(rate_gyro_figures, of("RateGyro", "frequency_response", "damping_ratio", "natural_frequency",
-                       "error_torque", "drift_rate"),
-         [(1e-4, 4e-4, 0.05, 0.2, 0.1, 0.02, 1e-3, 1e-5, 1e-6, 2e-6, 3e-7, 9.8, 4.0, 20.0),
-          (1e-4, 4e-9, 0.05, 0.2, 0.1, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 44.7213595499958)],
-         exact=twins.rate_gyro),
-    Form(rate_gyro_response, of("RateGyro", "step_response", "closed_form"),
-         [(1e-4, 4e-4, 0.05, 0.2, 0.1, 0.02, -0.4, 0.2), (1e-4, 4e-4, 0.05, 0.0, 0.1, 0.02, -0.4, 0.2),
-          (1e-4, 0.008944271909999158, 0.05, 0.2, 0.1, 0.02, -0.4, 0.02), (1e-4, 4e-4, 0.05, 0.2, 0.1, 0.0, 0.0, 0.0)]),
-    Form(turned_place, of("Place", "attitude", "body_rate"),
-         [(0.8, 0.3, 1e4, 0.4, 0.2, -0.1, 1e-5, 1e-5, 2.0, 0.01, 0.02, 0.03),
-          (0.8, 0.3, 1e4, 0.0, 1.5707963, 0.0, 0.0, 0.0, 0.0, 0.01, 0.0, 0.03)]),
-    Form(navigator, of("InertialNavigator", "felt", "state", "earth"),
-         [(*MOTION, *ERRORS, 10.0), (0.0, 0.0, 0.0, 200.0, 0.0, 0.0, 0.0, *(0.0,) * 9, 0.0)]),
-    Form(held_errors, of("InertialNavigator", "errors"),
-         [(*MOTION, 0.80001, 0.30002, 10030.0, 200.1, -50.2, 1.3, 0.1, 0.7, 0.7, 0.15)]),
-    Form(error_equations, of("InertialNavigator", "error_equations"),
-         [(*MOTION, *ERRORS, 10.0), (0.0, 0.0, 0.0, 200.0, 0.0, 0.0, 0.0, *ERRORS, 0.0)]),
-    Form(error_motion, of("NavigationErrors", "closed_form", "errors"),
-         [(6.4e6, 9.8, 0.0, 5e-5, 5e-5, 0.0, 0.1, 9.8, *ERRORS, 600.0),
-          (6.4e6, 9.8, 0.0, 0.0, 0.0, 0.0, 0.0, 9.8, *ERRORS, 0.0)]),
-    Form(gimbals, ("gyros.gimbal_axes", *of("StablePlatform", "held", "vehicle_turn")),
-         [(0.3, -0.2, 0.5, 0.1, 0.1, 0.2, 0.3, 0.3, 0.1, 0.05, 2.0),
-          (0.0, 1.5707963, 0.0, 0.0, 0.1, 0.2, 0.3, 0.0, 0.0, 0.0, 0.0)]),
-    Form(noise, ("gyros.allan_variance", "gyros.allan_of_walks"),
-         [(0.1, 0.3, -0.2, 0.4, 0.2, 0.01, 5.0, 1e-3, 1e-4), (0.1, 0.1, 0.1, 0.1, 0.1, 0.01, 5.0, 1e-3, 0.0)]),
-)  # fmt: skip
+    Form(
+        forced_oscillator,
+        of("DuffingOscillator", "first_order", "harmonic_balance"),
+        [(2.0, 30.0, 4.0, 1.0, 3.0), (2.0, 30.0, 0.0, 1.0, 3.0), (2.0, 30.0, 4.0, 0.0, 3.0)],
+    ),
+    Form(
+        compass,
+        of("Gyrocompass", "frame_rate", "slow_motion", "small_motion", "state"),
+        [
+            (*COMPASS, 8.0, 0.3, 0.02, 0.3, 0.01, 0.02, 1.0),
+            (*COMPASS, 0.0, 0.0, 0.0, 0.1, 0.0, 0.0, 100.0),
+            (*COMPASS, 8.0, 0.3, 0.02, 0.3, 0.01, 0.02, 0.0),
+        ],
+    ),
+    Form(
+        gyropendulum_motion,
+        of("Gyropendulum", "frequencies", "tuned", "closed_form"),
+        [
+            (1.0, 1e-2, 0.3, 0.02, 0.02, 0.01, 9.8, 6.4e6, 0.02, -0.01, 0.3, 0.1, 0.5),
+            (1.0, 1e-2, 0.0, 0.0, 0.0, 0.0, 9.8, 6.4e6, 0.02, -0.01, 0.0, 0.0, 0.5),
+            (1.0, 1e-6, 0.3, 0.02, 0.02, 0.01, 9.8, 6.4e6, 0.02, -0.01, 0.3, 0.1, 0.0),
+        ],
+    ),
+    Form(
+        platform,
+        of("PlatformAxis", "at_rest", "closed_form", "first_angle", "nutation_frequency"),
+        [
+            (0.4, 2e-4, 0.05, 0.1, 5.0, 0.3, 0.2, 1e-3, 0.2),
+            (0.4, 2e-4, 0.05, 0.1, 0.0, 0.0, 0.0, 0.0, 1e-4),
+            (0.4, 2e-4, 0.05, 0.1, 0.0, 0.0, 0.0, 0.0, 0.0),
+        ],
+    ),
+    Form(
+        rate_gyro_figures,
+        of(
+            "RateGyro",
+            "frequency_response",
+            "damping_ratio",
+            "natural_frequency",
+            "error_torque",
+            "drift_rate",
+        ),
+        [
+            (1e-4, 4e-4, 0.05, 0.2, 0.1, 0.02, 1e-3, 1e-5, 1e-6, 2e-6, 3e-7, 9.8, 4.0, 20.0),
+            (1e-4, 4e-9, 0.05, 0.2, 0.1, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 44.7213595499958),
+        ],
+        exact=twins.rate_gyro,
+    ),
+    Form(
+        rate_gyro_response,
+        of("RateGyro", "step_response", "closed_form"),
+        [
+            (1e-4, 4e-4, 0.05, 0.2, 0.1, 0.02, -0.4, 0.2),
+            (1e-4, 4e-4, 0.05, 0.0, 0.1, 0.02, -0.4, 0.2),
+            (1e-4, 0.008944271909999158, 0.05, 0.2, 0.1, 0.02, -0.4, 0.02),
+            (1e-4, 4e-4, 0.05, 0.2, 0.1, 0.0, 0.0, 0.0),
+        ],
+    ),
+    Form(
+        turned_place,
+        of("Place", "attitude", "body_rate"),
+        [
+            (0.8, 0.3, 1e4, 0.4, 0.2, -0.1, 1e-5, 1e-5, 2.0, 0.01, 0.02, 0.03),
+            (0.8, 0.3, 1e4, 0.0, 1.5707963, 0.0, 0.0, 0.0, 0.0, 0.01, 0.0, 0.03),
+        ],
+    ),
+    Form(
+        navigator,
+        of("InertialNavigator", "felt", "state", "earth"),
+        [(*MOTION, *ERRORS, 10.0), (0.0, 0.0, 0.0, 200.0, 0.0, 0.0, 0.0, *(0.0,) * 9, 0.0)],
+    ),
+    Form(
+        held_errors,
+        of("InertialNavigator", "errors"),
+        [(*MOTION, 0.80001, 0.30002, 10030.0, 200.1, -50.2, 1.3, 0.1, 0.7, 0.7, 0.15)],
+    ),
+    Form(
+        error_equations,
+        of("InertialNavigator", "error_equations"),
+        [(*MOTION, *ERRORS, 10.0), (0.0, 0.0, 0.0, 200.0, 0.0, 0.0, 0.0, *ERRORS, 0.0)],
+    ),
+    Form(
+        error_motion,
+        of("NavigationErrors", "closed_form", "errors"),
+        [
+            (6.4e6, 9.8, 0.0, 5e-5, 5e-5, 0.0, 0.1, 9.8, *ERRORS, 600.0),
+            (6.4e6, 9.8, 0.0, 0.0, 0.0, 0.0, 0.0, 9.8, *ERRORS, 0.0),
+        ],
+    ),
+    Form(
+        gimbals,
+        ("gyros.gimbal_axes", *of("StablePlatform", "held", "vehicle_turn")),
+        [
+            (0.3, -0.2, 0.5, 0.1, 0.1, 0.2, 0.3, 0.3, 0.1, 0.05, 2.0),
+            (0.0, 1.5707963, 0.0, 0.0, 0.1, 0.2, 0.3, 0.0, 0.0, 0.0, 0.0),
+        ],
+    ),
+    Form(
+        noise,
+        ("gyros.allan_variance", "gyros.allan_of_walks"),
+        [
+            (0.1, 0.3, -0.2, 0.4, 0.2, 0.01, 5.0, 1e-3, 1e-4),
+            (0.1, 0.1, 0.1, 0.1, 0.1, 0.01, 5.0, 1e-3, 0.0),
+        ],
+    ),
+)

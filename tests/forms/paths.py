@@ -130,34 +130,85 @@ def names(*functions):
 LOW = (*on_conic(0.3, 1.0, 0.2),)
 
 FORMS = (
-    Form(deviations, names("along_track_error", "cross_track_error", "radial_error", "altitude", "radial_speed"),
-         [(1.1, 0.2, 0.3, *LOW, 0.5), (*LOW[:3], *LOW, 0.5), (*CIRCLE[:3], *CIRCLE, 1.0)]),
-    Form(outputs, names("eccentricity", "argument_of_periapsis", "node_longitude"),
-         [(*LOW, 1.0), (*on_conic(1e-6, 1.0, 0.2), 1.0), (*on_conic(0.3, 1.0, 1e-6), 1.0)]),
-    Form(orbit_sizes, names("period", "semi_major_axis_of_period", "touchdown"),
-         [(7e6, 3.986e14, 1.0, 2.0, 3.0), (1.0, 1.0, 1.0, 2.0, 0.0)]),
-    Form(radial, names("circular_rate", "radial_frequency_squared", "effective_potential", "force_of_orbit"),
-         [(1.2, 0.9, 0.7, 0.3), (1.2, 0.9, 0.0, 0.0), (1e-3, 0.9, 3.1415926, 0.999)]),
-    Form(between_turns, names("radial_motion"), [(0.8, 1.3), (1.0, 1.0), (1.0, 1.00000001), (0.01, 5.0)]),
-    Form(impulse, names("impulse_change"),
-         [(*LOW, 1e-3, 2e-3, -1e-3, 1.0), (*LOW, 1e-9, 0.0, 0.0, 1.0), (*LOW, 0.0, 0.0, 0.0, 1.0)]),
-    Form(shells, names("shell_gravity", "shell_potential", "solar_pressure", "shadow_event"),
-         [(1.1, 0.2, 0.3, 1.0, 1.0, 50.0, 10.0, 5.0, 1e-6, 0.02), (0.3, 0.0, 0.0, 1.0, 1.0, 50.0, 0.0, 0.0, 1e-6, 0.02),
-          (-3.0, 1.0, 0.0, 1.0, 1.0, 50.0, 0.0, 0.0, 1e-6, 0.02)]),
-    Form(third, names("third_body", "third_body_potential"),
-         [(7e6, 1e5, 0.0, 3e8, 2e8, 1e8, 4.9e12), (7e-6, 0.0, 0.0, 3e8, 0.0, 0.0, 4.9e12)]),
-    Form(turning_earth, names("local_frame", "planet_frame", "projectile_position", "Station.position"),
-         [(0.7, 0.3, 6.378e6, 7.3e-5, 100.0, 50.0, 300.0, 10.0, 0.1, 0.2, -9.8, 300.0, 3e-3),
-          (0.0, 0.0, 6.378e6, 0.0, 100.0, 0.0, 0.0, 0.0, 0.0, 0.0, -9.8, 0.0, 0.0),
-          (1.5707963, 0.0, 6.378e6, 7.3e-5, 100.0, 0.0, 0.0, 1.0, 0.0, 0.0, -9.8, 0.0, 0.0)]),
-    Form(looking, names("Station.look_angles", "Station.above"),
-         [(0.7, 0.3, 6.378e6, 7.3e-5, 10.0, 5e6, 2e6, 6e6), (0.0, 0.0, 6.378e6, 7.3e-5, 0.0, 7e6, 0.0, 1.0)]),
-    Form(on_paths, names("CircularPath", "KeplerPath", "TabulatedPath.of_table"),
-         [(1.5, 0.3, 0.2, 0.4, 1.1, *LOW, 1.0, 1.7), (1.5, 0.0, 0.0, 0.0, 0.0, *LOW, 1.0, 0.0)]),
-    Form(relative, names("ClohessyWiltshire.closed_form"),
-         [(1.13e-3, 300.0, -2000.0, 150.0, 0.4, -0.2, 0.3, 900.0), (1e-9, 300.0, -2000.0, 150.0, 0.4, -0.2, 0.3, 900.0),
-          (1.13e-3, 300.0, 0.0, 0.0, 0.4, 0.0, 0.0, 0.0)]),
-    Form(meeting, names("interception", "porkchop", "Interception.total", "Porkchop.total"),
-         [(*LOW, *on_conic(0.1, 2.0, 0.3), 0.3, 2.5, 1.0)]),
+    Form(
+        deviations,
+        names("along_track_error", "cross_track_error", "radial_error", "altitude", "radial_speed"),
+        [(1.1, 0.2, 0.3, *LOW, 0.5), (*LOW[:3], *LOW, 0.5), (*CIRCLE[:3], *CIRCLE, 1.0)],
+    ),
+    Form(
+        outputs,
+        names("eccentricity", "argument_of_periapsis", "node_longitude"),
+        [(*LOW, 1.0), (*on_conic(1e-6, 1.0, 0.2), 1.0), (*on_conic(0.3, 1.0, 1e-6), 1.0)],
+    ),
+    Form(
+        orbit_sizes,
+        names("period", "semi_major_axis_of_period", "touchdown"),
+        [(7e6, 3.986e14, 1.0, 2.0, 3.0), (1.0, 1.0, 1.0, 2.0, 0.0)],
+    ),
+    Form(
+        radial,
+        names("circular_rate", "radial_frequency_squared", "effective_potential", "force_of_orbit"),
+        [(1.2, 0.9, 0.7, 0.3), (1.2, 0.9, 0.0, 0.0), (1e-3, 0.9, 3.1415926, 0.999)],
+    ),
+    Form(
+        between_turns,
+        names("radial_motion"),
+        [(0.8, 1.3), (1.0, 1.0), (1.0, 1.00000001), (0.01, 5.0)],
+    ),
+    Form(
+        impulse,
+        names("impulse_change"),
+        [(*LOW, 1e-3, 2e-3, -1e-3, 1.0), (*LOW, 1e-9, 0.0, 0.0, 1.0), (*LOW, 0.0, 0.0, 0.0, 1.0)],
+    ),
+    Form(
+        shells,
+        names("shell_gravity", "shell_potential", "solar_pressure", "shadow_event"),
+        [
+            (1.1, 0.2, 0.3, 1.0, 1.0, 50.0, 10.0, 5.0, 1e-6, 0.02),
+            (0.3, 0.0, 0.0, 1.0, 1.0, 50.0, 0.0, 0.0, 1e-6, 0.02),
+            (-3.0, 1.0, 0.0, 1.0, 1.0, 50.0, 0.0, 0.0, 1e-6, 0.02),
+        ],
+    ),
+    Form(
+        third,
+        names("third_body", "third_body_potential"),
+        [(7e6, 1e5, 0.0, 3e8, 2e8, 1e8, 4.9e12), (7e-6, 0.0, 0.0, 3e8, 0.0, 0.0, 4.9e12)],
+    ),
+    Form(
+        turning_earth,
+        names("local_frame", "planet_frame", "projectile_position", "Station.position"),
+        [
+            (0.7, 0.3, 6.378e6, 7.3e-5, 100.0, 50.0, 300.0, 10.0, 0.1, 0.2, -9.8, 300.0, 3e-3),
+            (0.0, 0.0, 6.378e6, 0.0, 100.0, 0.0, 0.0, 0.0, 0.0, 0.0, -9.8, 0.0, 0.0),
+            (1.5707963, 0.0, 6.378e6, 7.3e-5, 100.0, 0.0, 0.0, 1.0, 0.0, 0.0, -9.8, 0.0, 0.0),
+        ],
+    ),
+    Form(
+        looking,
+        names("Station.look_angles", "Station.above"),
+        [
+            (0.7, 0.3, 6.378e6, 7.3e-5, 10.0, 5e6, 2e6, 6e6),
+            (0.0, 0.0, 6.378e6, 7.3e-5, 0.0, 7e6, 0.0, 1.0),
+        ],
+    ),
+    Form(
+        on_paths,
+        names("CircularPath", "KeplerPath", "TabulatedPath.of_table"),
+        [(1.5, 0.3, 0.2, 0.4, 1.1, *LOW, 1.0, 1.7), (1.5, 0.0, 0.0, 0.0, 0.0, *LOW, 1.0, 0.0)],
+    ),
+    Form(
+        relative,
+        names("ClohessyWiltshire.closed_form"),
+        [
+            (1.13e-3, 300.0, -2000.0, 150.0, 0.4, -0.2, 0.3, 900.0),
+            (1e-9, 300.0, -2000.0, 150.0, 0.4, -0.2, 0.3, 900.0),
+            (1.13e-3, 300.0, 0.0, 0.0, 0.4, 0.0, 0.0, 0.0),
+        ],
+    ),
+    Form(
+        meeting,
+        names("interception", "porkchop", "Interception.total", "Porkchop.total"),
+        [(*LOW, *on_conic(0.1, 2.0, 0.3), 0.3, 2.5, 1.0)],
+    ),
     Form(low_thrust, names("LowThrust.acceleration_at"), [(2e-4, 3.0, 100.0), (2e-4, 3.0, 0.0)]),
-)  # fmt: skip
+)

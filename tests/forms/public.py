@@ -78,12 +78,14 @@ LEFT_OUT: dict[str, list[str]] = {
         optimization.optimal_staging_by_gradient
     """.split(),
     "calls the function of the user": """
-        mechanics.Lagrangian.* mechanics.InclineDisk.nonholonomic rockets.UserSteering.direction rotations.centrodes
+        mechanics.Lagrangian.* mechanics.InclineDisk.nonholonomic rockets.UserSteering.direction
+        rotations.centrodes
         control.Feedback* control.ClosedLoop* control.Sensor.truth
     """.split(),
     "puts parts together, whose formulas are above": """
         vehicles.Vehicle.* vehicles.LaunchSite.environment vehicles.LaunchSite.air
-        vehicles.sounding_flight rockets.SteeredThrust.of_thrust control.Together* control.with_command
+        vehicles.sounding_flight rockets.SteeredThrust.of_thrust control.Together*
+        control.with_command
         control.LandingTask* control.RendezvousTask* control.SlewTask*
     """.split(),
     "computes in NumPy, for constants": """
