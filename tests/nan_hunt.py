@@ -221,8 +221,10 @@ def keep(name: str, rows: list[Counts]) -> None:
 
 def main() -> int:
     jax.config.update("jax_enable_x64", True)
+    from more_systems import MORE
     from systems import SAMPLES
 
+    every = (*SAMPLES, *MORE)
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawTextHelpFormatter
     )
@@ -230,7 +232,7 @@ def main() -> int:
     parser.add_argument("--runs", type=int, default=RUNS, help="of each kind and system")
     asked = parser.parse_args()
     defect = False
-    for sample in SAMPLES:
+    for sample in every:
         if asked.names and sample.name not in asked.names:
             continue
         rows = count(sample, asked.runs)
@@ -238,7 +240,7 @@ def main() -> int:
         keep(sample.name, rows)
         defect = defect or any(row.silent or row.wrong for row in rows)
     record = stored()
-    PAGE.write_text(page([row for s in SAMPLES for row in record.get(s.name, ())]))
+    PAGE.write_text(page([row for s in every for row in record.get(s.name, ())]))
     return int(defect)
 
 
