@@ -37,7 +37,7 @@ LEFT_OUT: dict[str, list[str]] = {
         rockets.Thrust.potential bodies.sample_state attitude.*Torque.potential
         attitude.MagneticDipole.potential attitude.TiltState attitude.NutationDamper.potential
         attitude.ReactionWheels.potential attitude.EnergySink.potential
-        attitude.GravityGradient.potential optimization.SteeredFlight.invariants
+        attitude.GravityGradient.potential
         rockets.ThrustProfile.constant attitude.ControlMomentGyros.potential
         attitude.MovingMasses.potential orbits.LowThrust.potential orbits.SolarPressure.potential
         orbits.ThirdBody.potential rockets.AttitudeControl.potential rockets.MassStream.potential
@@ -57,7 +57,7 @@ LEFT_OUT: dict[str, list[str]] = {
         rockets.SteeredThrust.propellant_left vehicles.Rail.rail_exit
         vehicles.Aerodynamics.centre_of_pressure control.CommandedMotor.torque
         attitude.AttitudeDrift.closed_form attitude.UnwindingCords.closed_form *.start *.part
-        bodies.with_parts attitude.GravityGradient.load attitude.continuous_precession
+        bodies.with_parts attitude.continuous_precession
         orbits.apoapsis orbits.periapsis orbits.TwoBody.closed_form
         orbits.PointGravity.closed_form attitude.TorqueFreeBody.closed_form
         rockets.Thrust.propellant_left bodies.FreeRotation.flow attitude.Top.closed_form
