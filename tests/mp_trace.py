@@ -55,12 +55,11 @@ def _apply(equation, args):
         return [_elementwise(ELEMENTWISE[name], *args)]
     if name in SPECIAL:
         return SPECIAL[name](params, *args)
-    if params.get("name") == "signbit":
-        # Numbers of mpmath have no bits to look at.
-        return [_elementwise(lambda x: bool(x < 0), *args)]
-    if params.get("name") in EXACT:
-        # Polynomials of the floor, whose truncation is seen so.
-        return [_elementwise(function, *args) for function in EXACT[params["name"]]]
+    if params.get("name") in NAMED:
+        return [_elementwise(function, *args) for function in NAMED[params["name"]]]
+    if params.get("name") == "expm":
+        # Truncated for the precision of the machine.
+        return [_expm(*args)]
     inner = params.get("call_jaxpr") or params.get("jaxpr") or params.get("fun_jaxpr")
     if inner is not None:
         closed = hasattr(inner, "consts")
@@ -91,6 +90,8 @@ def _moved(equation, args):
     moves = [x.dtype == object or x.dtype == bool for x in args]
     if not any(moves):
         return [np.asarray(x) for x in _bind(equation, [jnp.asarray(x) for x in args])]
+    if equation.primitive.name not in MOVES:
+        raise NotImplementedError(f"mp_trace does not know {equation.primitive.name}.")
     numbers = [x.reshape(-1) for x, move in zip(args, moves, strict=True) if move]
     numbers = numbers[0] if len(numbers) == 1 else np.concatenate(numbers)
     if id(equation) in PLACES:
@@ -178,10 +179,13 @@ ELEMENTWISE = {
     "sqrt": _root,
     "rsqrt": lambda x: _divide(mpf(1), _root(x)),
     "square": lambda x: x * x,
+    "cbrt": lambda x: mp.sign(x) * mp.cbrt(abs(x)),
     "exp": mp.exp,
     "expm1": mp.expm1,
     "log": _log,
     "log1p": lambda x: _log(1 + x),
+    "log2": lambda x: _log(x) / mp.log(2),
+    "exp2": lambda x: mpf(2) ** x,
     "sin": mp.sin,
     "cos": mp.cos,
     "tan": mp.tan,
@@ -196,6 +200,7 @@ ELEMENTWISE = {
     "atanh": lambda x: mp.atanh(x) if abs(x) < 1 else mp.nan,
     "pow": _power,
     "floor": mp.floor,
+    "ceil": mp.ceil,
     "round": _round,
     "is_finite": _finite,
     "lt": lambda x, y: bool(x < y),
@@ -212,7 +217,21 @@ ELEMENTWISE = {
 }
 
 
-EXACT = {"_sincos": (mp.sin, mp.cos), "_atan2": (mp.atan2,)}
+NAMED = {
+    # Numbers of mpmath have no bits to look at.
+    "signbit": (lambda x: bool(x < 0),),
+    # A polynomial whose coefficients are rounded.
+    "sinc": (mp.sincpi,),
+    # Polynomials of the floor, whose truncation is seen so.
+    "_sincos": (mp.sin, mp.cos),
+    "_atan2": (mp.atan2,),
+}
+# What only moves numbers.
+MOVES = set(
+    """broadcast_in_dim concatenate dynamic_slice dynamic_update_slice expand_dims gather iota
+    pad reshape rev scatter select_and_gather_add slice split squeeze stack tile
+    transpose""".split()
+)
 
 
 def _while(params, *args):
@@ -226,7 +245,11 @@ def _while(params, *args):
 
 def _scan(params, *args):
     inner, length = params["jaxpr"], params["length"]
-    held, carried = (len(part) for part in params["ft_in"].unpack()[:2])
+    if "num_consts" in params:
+        held, carried = params["num_consts"], params["num_carry"]
+    else:
+        # Since JAX 0.11.
+        held, carried = (len(part) for part in params["ft_in"].unpack()[:2])
     consts, carry, rows = args[:held], list(args[held : held + carried]), args[held + carried :]
     order = range(length)[::-1] if params["reverse"] else range(length)
     saved = {}
@@ -293,6 +316,13 @@ def _eigh(params, a):
     return [np.array(rows, object), np.array(list(values), object)]
 
 
+def _expm(a):
+    """Of matrices on the last two axes."""
+    a = np.asarray(a, object)
+    found = [mp.expm(mp.matrix(m.tolist())).tolist() for m in a.reshape(-1, *a.shape[-2:])]
+    return np.array(found, object).reshape(a.shape)
+
+
 def _best(function):
     def found(params, x):
         return [np.asarray(function(np.asarray(x), axis=params["axes"][0]))]
@@ -316,6 +346,7 @@ SPECIAL = {
     "convert_element_type": _convert,
     "optimization_barrier": lambda params, *x: list(x),
     "sort": _sort,
+    "cumsum": lambda params, x: [np.cumsum(x, axis=params["axis"])],
     "eigh": _eigh,
     "dot_general": _dot_general,
     "argmax": _best(np.argmax),

@@ -1,11 +1,14 @@
-"""No silent NaN: `python tests/nan_hunt.py [RUNS]`.
+"""No silent NaN: `python tests/nan_hunt.py [--runs N] [NAME ...]`.
 
 For each system of the registry so many legal inputs, and so many with one number that is not legal:
 not finite, outside the range that its field declares, or far out. Every run has to end finite, with
-its invariants kept, or with a `Status` that says why it did not. Writes the page
-`docs/explanation/no_silent_nan.md` of the manual; ends with status 1 where a run ends good and is
-not finite, or not right."""
+its invariants kept, or with a `Status` that says why it did not. What it counts it keeps in
+`nan_hunt.json`, from which it writes the page `docs/explanation/no_silent_nan.md` of the manual;
+with names it renews the rows of these systems alone. It ends with status 1 where a run ends good
+and is not finite, or not right."""
 
+import argparse
+import json
 import sys
 from pathlib import Path
 from typing import NamedTuple
@@ -15,8 +18,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxspace.attitude import PendulumState
+from jaxspace.attitude import PendulumState, RollingDisk
 from jaxspace.core import InputError, quantities
+from jaxspace.mechanics import AbstractLagrangian
 from jaxspace.rotations import Quaternion
 from jaxspace.simulation import Accuracy, Status, simulate_batch
 
@@ -28,6 +32,7 @@ KEPT = 1e-5
 NOT_FINITE = (np.nan, np.inf, -np.inf)
 FAR_OUT = (1e300, -1e300)
 PAGE = Path(__file__).parents[1] / "docs" / "explanation" / "no_silent_nan.md"
+RECORD = Path(__file__).parent / "nan_hunt.json"
 
 
 class Counts(NamedTuple):
@@ -65,12 +70,27 @@ def legal_inputs(sample, runs: int, key: np.random.Generator):
 
     system = jax.tree.map(parameter, sample.system)
     state = jax.tree.map(component, sample.state, is_leaf=lambda x: isinstance(x, Quaternion))
+    return system, _constrained(system, state)
+
+
+def _constrained(system, state):
+    """The states, held to what binds them."""
     if isinstance(state, PendulumState):
         # The rod has its length.
         u, rate = state.direction, state.direction_rate
         u = u / np.linalg.norm(u, axis=0)
-        state = PendulumState(u, rate - np.sum(u * rate, axis=0) * u)
-    return system, state
+        return PendulumState(u, rate - np.sum(u * rate, axis=0) * u)
+    if isinstance(system, RollingDisk):
+        # The rim stays on the plane, and the disk above it.
+        cosine = np.asarray(state.attitude.matrix())[2, 2]
+        height = system.radius * np.sqrt(1.0 - cosine**2)
+        place = np.concatenate([np.asarray(state.position)[:2], height[None]])
+        return eqx.tree_at(lambda y: y.position, state, place)
+    if isinstance(system, AbstractLagrangian):
+        # Rates that the constraints allow.
+        consistent = jax.vmap(lambda s, y: s.consistent(y), in_axes=-1, out_axes=-1)
+        return jax.tree.map(np.asarray, eqx.filter_jit(consistent)(system, state))
+    return state
 
 
 def poisoned(system, state, key: np.random.Generator):
@@ -120,7 +140,7 @@ def _refuses(owner, run: int) -> bool:
 @eqx.filter_jit
 def run(system, states, ts):
     """Traced, so that what the border refuses when it sees the numbers gets in."""
-    found = simulate_batch(system, states, ts, accuracy=ACCURACY, throw=False)
+    found = simulate_batch(system, states, ts, in_axes=(-1, -1), accuracy=ACCURACY, throw=False)
     finite = [
         jnp.all(jnp.isfinite(x), axis=tuple(range(x.ndim - 1)))
         for x in jax.tree.leaves(found.final)
@@ -187,18 +207,41 @@ def page(rows: list[Counts]) -> str:
     return HEAD + "\n".join(lines) + "\n"
 
 
+def stored() -> dict[str, list[Counts]]:
+    """The record: the rows of each system."""
+    found = json.loads(RECORD.read_text()) if RECORD.exists() else {}
+    return {name: [Counts(*row) for row in rows] for name, rows in found.items()}
+
+
+def keep(name: str, rows: list[Counts]) -> None:
+    """Put the rows of one system into the record."""
+    lines = (f"{json.dumps(n)}: {json.dumps(r)}" for n, r in {**stored(), name: rows}.items())
+    RECORD.write_text("{\n" + ",\n".join(lines) + "\n}\n")
+
+
 def main() -> int:
     jax.config.update("jax_enable_x64", True)
+    from more_systems import MORE
     from systems import SAMPLES
 
-    runs = int(sys.argv[1]) if len(sys.argv) > 1 else RUNS
-    rows = []
-    for sample in SAMPLES:
-        for row in count(sample, runs):
-            rows.append(row)
-            print(row, flush=True)
-    PAGE.write_text(page(rows))
-    return int(any(row.silent or row.wrong for row in rows))
+    every = (*SAMPLES, *MORE)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawTextHelpFormatter
+    )
+    parser.add_argument("names", nargs="*", help="systems; all without any")
+    parser.add_argument("--runs", type=int, default=RUNS, help="of each kind and system")
+    asked = parser.parse_args()
+    defect = False
+    for sample in every:
+        if asked.names and sample.name not in asked.names:
+            continue
+        rows = count(sample, asked.runs)
+        print(*rows, sep="\n", flush=True)
+        keep(sample.name, rows)
+        defect = defect or any(row.silent or row.wrong for row in rows)
+    record = stored()
+    PAGE.write_text(page([row for s in every for row in record.get(s.name, ())]))
+    return int(defect)
 
 
 if __name__ == "__main__":

@@ -139,3 +139,16 @@ def test_the_derivative_of_a_roll():
     ends = [jax.jit(tilt)(12.0 + h) for h in (-step, step)]
     assert np.isfinite(value)
     assert_allclose(slope, (ends[1] - ends[0]) / (2 * step), rtol=1e-4)
+
+
+def test_the_growth_rate_has_derivatives_by_the_disk():
+    """Upright at rest theta'' = m g R/(A + m R^2) in the tilt: of a uniform disk sqrt(4 g/(5 R)),
+    with the derivative by g of half of it over g."""
+
+    def rate(gravity):
+        return RollingDisk.uniform(1.0, 0.3, gravity).growth_rate(0.5 * jnp.pi, 0.0, 0.0)
+
+    expected = np.sqrt(0.8 * 9.8 / 0.3)
+    assert_allclose(rate(9.8), expected, rtol=1e-12)
+    for slope in (jax.grad(rate), jax.jacfwd(rate)):
+        assert_allclose(slope(9.8), 0.5 * expected / 9.8, rtol=1e-12)

@@ -121,6 +121,9 @@ def test_masses_that_swing_to_the_radius():
 
 def test_arms_that_swing_out():
     arms = SwingOutArms(2.0, 0.2, 0.5, 0.8)
+    # Along the axis the acceleration is -theta (l theta'^2 + w^2 (r_0 + l theta) theta).
+    near = arms.outward_acceleration(SwingState(*map(jnp.asarray, (10.0, 1e-9, 2.0))))
+    assert_allclose(near, -1e-9 * (0.8 * 4.0 + 100.0 * 0.5 * 1e-9), rtol=1e-14)
     for theta in (1e-3, 0.6, 0.5 * np.pi):
         y = SwingState(arms.spin_rate(theta, 10.0), jnp.array(theta), arms.angle_rate(theta, 10.0))
         first = arms.invariants(0.0, arms.state(10.0))

@@ -5,6 +5,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+import scipy.linalg
 from numpy.testing import assert_allclose
 
 from jaxspace import simulate
@@ -26,6 +27,7 @@ from jaxspace.solvers import ExponentialRosenbrock
 from jaxspace.studies import modes
 
 COMPASS = Gyrocompass(339.0, 0.2, 0.2, 8.5, 0.8, damping_moment=0.0)
+GYROPENDULUM = Gyropendulum(1.0, 0.0118, 0.3, 0.0174, acceleration_theta=0.014, gravity=15.0)
 
 
 def test_gyrocompass_linearised_is_the_book_s():
@@ -189,3 +191,18 @@ def test_allan_variance_is_that_of_the_walks(key):
     # Of 200 independent averages of the longest: about 8 per cent.
     assert_allclose(found, expected, rtol=0.25)
     assert_allclose(found[:2], expected[:2], rtol=0.1)
+
+
+def test_the_exponential_is_that_of_scipy_between_powers_of_two():
+    """SciPy's, for norms just under a power of two times those of its Pade approximants: the phase
+    of |A t| = 160 costs its digits."""
+    flow = GYROPENDULUM.closed_form().flow
+    y = GyropendulumState(*jnp.array([0.02, -0.01, 0.6, 0.02]))
+    linear = GYROPENDULUM.closed_form()
+    found = jax.jit(jax.vmap(lambda t: jnp.stack(jax.tree.leaves(flow(t, y)))))
+    ts = jnp.array([0.06, 0.12, 0.249, 0.499, 0.999, 1.9])
+    for t, state in zip(ts, found(ts), strict=True):
+        whole = np.zeros((5, 5))
+        whole[:4, :4], whole[:4, 4] = linear.matrix, linear.drive
+        exact = scipy.linalg.expm(whole * float(t)) @ [0.02, -0.01, 0.6, 0.02, 1.0]
+        np.testing.assert_allclose(state, exact[:4], rtol=0.0, atol=1e-13)

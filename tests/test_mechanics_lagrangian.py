@@ -232,3 +232,11 @@ def test_energy_of_a_double_pendulum_over_a_thousand_seconds():
     # Chaotic, so that the energy alone is known; 4e5 stages of rounding.
     energy = DOUBLE.energy(0.0, run.states)
     assert_allclose(energy, energy[0], atol=1e-11 * 2.0 * 3.0 * 9.8)
+
+
+def test_the_brachistochrone_keeps_its_digits_in_a_short_arch():
+    """r = 1 and p = 1e-4: p - sin p = p^3/6 (1 - p^2/20), 1 - cos p = p^2/2 (1 - p^2/12)."""
+    p = 1e-4
+    distance, drop = p**3 / 6.0 * (1.0 - p * p / 20.0), p * p / 2.0 * (1.0 - p * p / 12.0)
+    found = brachistochrone(distance, drop, 9.8)
+    np.testing.assert_allclose(found, [1.0, p, p / np.sqrt(9.8)], rtol=1e-14)

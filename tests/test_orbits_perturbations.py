@@ -366,3 +366,11 @@ def test_the_effects_in_a_file(tmp_path):
     assert float(moon.path.rate) == pytest.approx(np.radians(13.176) / 86400.0, rel=1e-12)
     np.testing.assert_allclose(light.sun(1.0), [2.0, 0.0, 2e3], rtol=1e-12)
     assert float(light.radius) == RADIUS and float(axes.omega[2]) == 7.292115e-5
+
+
+def test_the_potential_of_a_third_body_keeps_its_digits_beside_the_centre():
+    """mu/s^3 (r^2/2 - 3/2 (r . s)^2/s^2), to first order in the share 1e-12 of the distance."""
+    r, s = jnp.array([1e-12, 2e-12, -1e-12]), jnp.array([3.0, 1.0, 2.0])
+    along = jnp.sum(r * s) / jnp.linalg.norm(s)
+    expected = 5.0 * (0.5 * jnp.sum(r * r) - 1.5 * along**2) / jnp.linalg.norm(s) ** 3
+    np.testing.assert_allclose(third_body_potential(r, s, 5.0), expected, rtol=1e-11)

@@ -584,3 +584,30 @@ def bielliptic_break_even(x):
 def burnt(x):
     thrust, u, t, mass = x
     return [1000 + u * mp.log(mass / (mass - thrust * t / u))]
+
+
+# Mechanics.
+
+
+def arm(x):
+    """Poles of a pendulum on a turning arm, and its place of rest."""
+    p, zeta, w, reach = x
+    half = mp.mpc(zeta * p, w)
+    root = mp.sqrt(mp.mpc(-p * p * (1 - zeta**2), 2 * zeta * p * w))
+    poles = [-half - root, -half + root]
+    light = [mp.mpc(-zeta * (p + w), -p - w), mp.mpc(-zeta * (p - w), p - w)]
+    parts = [mp.re(s) for s in poles] + [mp.im(s) for s in poles]
+    rest = reach * w**2 / (p * p - w * w) if p != w else mp.inf
+    return [*parts, *(mp.re(s) for s in light), *(mp.im(s) for s in light), rest]
+
+
+# Instruments.
+
+
+def rate_gyro(x):
+    """Response to a frequency, damping ratio, natural frequency, error torque and drift."""
+    A, c, H, K, _, spin, _, bias, u_i, u_s, k, a_i, a_s, w = x
+    answer = H / mp.mpc(K + H * spin - A * w * w, c * w)
+    torque = bias + u_s * a_i - u_i * a_s + k * a_i * a_s
+    figures = [c / (2 * mp.sqrt(K * A)), mp.sqrt(K / A), torque, torque / H]
+    return [mp.re(answer), mp.im(answer), *figures]

@@ -187,10 +187,11 @@ class SwingOutArms(AbstractSystem):
 
     def outward_acceleration(self, y: SwingState) -> Scalar:
         """Acceleration of a mass along the radius, m/s^2, in the state `y`."""
-        s, c = jnp.sin(y.angle), jnp.cos(y.angle)
-        turning = self.vector_field(0.0, y).angle_rate
-        swing = self.arm_length * (c * turning - s * y.angle_rate**2)
-        return swing - y.spin**2 * self._reach(y.angle)
+        # l (cos(theta) theta'' - sin(theta) theta'^2) - w^2 (r_0 + l sin(theta)), with the theta''
+        # of the motion put in: of a small angle the rest is a small difference.
+        s = jnp.sin(y.angle)
+        turning = y.spin**2 * self._reach(y.angle) * s
+        return -s * (turning + self.arm_length * y.angle_rate**2)
 
     def vector_field(self, t: Scalar, y: SwingState) -> SwingState:
         del t

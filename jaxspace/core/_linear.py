@@ -129,6 +129,8 @@ def norm(a: Vector) -> Scalar:
 def unit(a: Vector) -> Vector:
     """Direction a / |a|; the zero vector stays zero.
 
+    Along `a` itself the derivative vanishes: what is left of it there is a rounding of 1/|a|.
+
     Raises `InputError` where the first axis does not hold three components."""
     check_components("unit: a", a, 3)
     length = norm(a)

@@ -84,11 +84,12 @@ def safe_atan2(y: Scalar, x: Scalar) -> Scalar:
 
 def phi1(x: Scalar) -> Scalar:
     """(e^x - 1) / x, with its series about x = 0, so that every derivative holds there too."""
-    small = jnp.abs(x) < 0.1
+    # The derivative of the quotient loses 1/x of a rounding.
+    small = jnp.abs(x) < 0.5
     s = jnp.where(small, x, 0.0)
     series = 1.0
-    # 0.1^13 / 14! is below rounding, also for the first derivatives.
-    for n in range(13, 1, -1):
+    # 0.5^15 / 16! is below rounding, also for the first derivatives.
+    for n in range(15, 1, -1):
         series = 1.0 + s / n * series
     return jnp.where(small, series, jnp.expm1(x) / jnp.where(small, 1.0, x))
 

@@ -20,7 +20,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..core import Scalar, as_float
+from ..core import Scalar, as_float, stumpff_near
 from ._lagrangian import AbstractLagrangian
 
 NODES = 24
@@ -97,8 +97,7 @@ def brachistochrone(
 
     def newton(p: Array, ratio: Scalar) -> Array:
         s, c = jnp.sin(0.5 * p), jnp.cos(0.5 * p)
-        value = p - jnp.sin(p) - 2.0 * ratio * s * s
-        step = value / (2.0 * s * (s - ratio * c))
+        step = (_lag(p) - 2.0 * ratio * s * s) / (2.0 * s * (s - ratio * c))
         # Within the one arch of the cycloid.
         return jnp.clip(p - step, 0.5 * p, 0.5 * p + jnp.pi)
 
@@ -107,5 +106,13 @@ def brachistochrone(
     guess = jnp.minimum(3.0 * fixed, 2.0 * jnp.pi * fixed / (fixed + 1.0))
     root = jax.lax.fori_loop(0, STEPS, lambda _, p: newton(p, fixed), guess)
     p = newton(jax.lax.stop_gradient(root), ratio)
-    r = 0.5 * drop / jnp.sin(0.5 * p) ** 2
+    # By the distance: the drop r (1 - cos p) vanishes at the end of the arch.
+    r = distance / _lag(p)
     return r, p, jnp.sqrt(r / gravity) * p
+
+
+def _lag(p: Scalar) -> Scalar:
+    """p - sin p from 0 to 2 pi, of the half of p: nothing cancels in a short arch."""
+    h = 0.5 * p
+    c2, c3, _, _ = stumpff_near(h * h)
+    return 2.0 * h * h * h * (c2 + jnp.cos(h) * c3)

@@ -49,10 +49,14 @@ def third_body_potential(r: Vector, s: Vector, mu: Scalar) -> Scalar:
     `third_body`."""
     r, s = _same_rank(r, s)
     per_s = inverse_norm(s, 2)
-    q, rise = dot(r, r - 2.0 * s) * per_s, dot(r, s) * per_s
+    size, rise = dot(r, r) * per_s, dot(r, s) * per_s
+    q = dot(r, r - 2.0 * s) * per_s
     root = jnp.sqrt(1.0 + q)
-    # 1/d - 1/|s| = -q / (|s| root (1 + root)): the difference is formed as such.
-    return mu * inverse_norm(s) * (q / (root * (1.0 + root)) + rise)
+    # 1/d - 1/|s| = -q / (|s| root (1 + root)): the difference is formed as such; beside the centre
+    # also what the rise, (size - q)/2, leaves of it.
+    far = q / (root * (1.0 + root)) + rise
+    near = 0.5 * size - 0.5 * q * q * (root + 2.0) / (root * (1.0 + root) ** 2)
+    return mu * inverse_norm(s) * jnp.where(size < 0.25, near, far)
 
 
 def _same_rank(r: Vector, s: Vector) -> tuple[Vector, Vector]:

@@ -73,7 +73,9 @@ def to_euler_angles(attitude: Quaternion, sequence: str = "313") -> Vector:
 
     **Returns** the angles, rad, (3, *runs): the outer ones within (-pi, pi], the middle one within
     [0, pi] for a sequence that repeats its first axis and within [-pi/2, pi/2] otherwise. In the
-    singular position the first angle is zero, and the third one is what remains.
+    singular position the first angle is zero, and the third one is what remains. At a distance d,
+    rad, from it the outer angles have errors of 1e-16/d, and of 1e-16/d^2 their derivatives; the
+    orientation that they make again keeps its digits.
 
     **Raises** `InputError` for a sequence that is none of the twelve.
     """

@@ -7,7 +7,20 @@ import twins
 
 from jaxspace.verification import CASES
 
-from . import attitude, floor, orbits, rockets, solids, transfers, vehicles
+from . import (
+    attitude,
+    flights,
+    floor,
+    instruments,
+    mechanics,
+    moving,
+    orbits,
+    paths,
+    rockets,
+    solids,
+    transfers,
+    vehicles,
+)
 from .form import Form
 
 # What the functions of the hard cases compute, and how many of their outputs belong to one size.
@@ -78,5 +91,6 @@ def forms() -> list[Form]:
         names, blocks = OF_CASES[function.__name__]
         exact = TWINS.get(function.__name__)
         of_cases.append(Form(function, tuple(names.split()), places, blocks, exact))
-    rooms = floor, solids, orbits, transfers, attitude, vehicles, rockets
+    first = floor, solids, orbits, paths, transfers, attitude, moving, vehicles, rockets
+    rooms = *first, flights, mechanics, instruments
     return [*of_cases, *(form for room in rooms for form in room.FORMS)]

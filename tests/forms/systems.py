@@ -1,4 +1,4 @@
-"""The vector field and the invariants of every system of the registry."""
+"""The vector field and the invariants of every system of the registry, and of those beside it."""
 
 from functools import partial
 
@@ -7,11 +7,14 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.flatten_util import ravel_pytree
+from more_systems import MORE
 from systems import SAMPLES
 
 from jaxspace import Scene
+from jaxspace.mechanics import AbstractLagrangian
 
 from .form import Form
+from .public import ROOMS
 
 
 def rates(built, t, x):
@@ -45,20 +48,27 @@ def form(sample) -> Form:
 def _computes(system) -> tuple[str, ...]:
     """The public methods behind a system: its own, or those of its effects."""
     parts = system.effects if isinstance(system, Scene) else (system,)
-    methods = ("vector_field", "invariants", "load", "potential")
+    methods = ("vector_field", "invariants", "lagrangian", "load", "potential", "constrained")
     names = []
     for part in parts:
         kind = type(part)
         room = kind.__module__.split(".")[1]
+        if room not in ROOMS:
+            continue
+        if isinstance(part, AbstractLagrangian):
+            names += [f"mechanics.AbstractLagrangian.{method}" for method in methods[:2]]
         # What a class takes from another one is named there.
         own = [method for method in methods if method in vars(kind)]
         if "energy" not in getattr(part, "keeps", {"energy"}):
             # The potential of a force that does work is `None`.
             own = [method for method in own if method != "potential"]
+        if "load" in own and "constrained" in own:
+            # A guide loads nothing: it takes from the rate.
+            own = ["constrained"]
         names += [f"{room}.{kind.__name__}.{method}" for method in own]
     return tuple(names)
 
 
 def forms() -> tuple[Form, ...]:
-    """Of the registry."""
-    return tuple(form(sample) for sample in SAMPLES)
+    """Of all."""
+    return tuple(form(sample) for sample in (*SAMPLES, *MORE))
