@@ -28,7 +28,7 @@ ALLOWED = {
     "simulation": {"core", "solvers", "integration"},
     # Rockets in air, put together from the physics into missions.
     "vehicles": {
-        *("core", "rotations", "bodies", "orbits", "rockets", "scene", "simulation"),
+        *("core", "rotations", "bodies", "orbits", "rockets", "mechanics", "scene", "simulation"),
     },
     "studies": {"core", "solvers", "integration", "simulation", "scene"},
     # Loops drive whatever has a command; the tasks of the environments are made of physics.
