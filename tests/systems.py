@@ -67,6 +67,7 @@ from jaxspace.rockets import (
     ThrustProfile,
 )
 from jaxspace.rotations import Quaternion, from_euler_angles
+from jaxspace.vehicles import FlexibleStage
 
 MU, RADIUS, J2 = 3.986004418e14, 6378137.0, 1.08262668e-3
 
@@ -163,6 +164,13 @@ def dual_spin() -> tuple[Scene, BodyState]:
     )
     scene = Scene((rotor, damper), RigidBody(200.0, [40.0, 50.0, 60.0]))
     return scene, scene.start(BodyState(attitude=turned(), omega=jnp.array([0.2, -0.1, 0.5])))
+
+
+def flexible_stage() -> tuple[Scene, BodyState]:
+    """A flexible stage in flight, its engine swivelled."""
+    stage = FlexibleStage(LOOP, [0.05, 0.1, 1.0], engine=[0.02, -0.01])
+    scene = Scene((stage, PointGravity(MU)), stage.body(5e3))
+    return scene, scene.start(orbit(attitude=turned(), omega=jnp.array([0.02, -0.01, 0.3])))
 
 
 SPIN = BodyState(attitude=turned(), omega=jnp.array([0.4, 0.1, 2.0]))
@@ -296,5 +304,6 @@ SAMPLES = [
         1.0,
     ),
     Sample("missile_loop", LOOP, LOOP.state(0.02, 0.1), 0.3, sweep=True),
+    Sample("flexible_stage", *flexible_stage(), 0.3, sweep=True),
     Sample("attitude_drift", AttitudeDrift(6.6e-4, 1.2, 0.05), DriftState(jnp.array(0.3)), 900.0),
 ]

@@ -9,7 +9,7 @@
     d, q, s      angle of the engine, bending, slosh: each along x and y     rad, m, m
     W            rate of roll, about z                                       rad/s
     F            thrust, along the engine                                    N
-    th           inclination of the straight beam: pitch and yaw from the target  rad
+    th           inclination of the straight beam from the target            rad
     C_2 d        angle from the straight beam to the mean axis               rad
 
 The attitude and the position of the scene are those of the mean axis, about which deformation has
@@ -31,9 +31,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..bodies import AbstractBody, AbstractEffect, BodyState, Load, RigidBody
-from ..core import InputError, Scalar, State, Vector, is_concrete, quantity, with_rank
+from ..core import InputError, Scalar, State, Vector, is_concrete, quantity, unit, with_rank
 from ..mechanics import MissileLoop, MissileLoopState, MissileState
-from ..rotations import Quaternion
 
 Two = Float[Array, "2 *#runs"]
 # Of the body's moments and mass, against those of the beam.
@@ -54,8 +53,8 @@ class FlexibleStage(AbstractEffect):
     keeps: ClassVar[frozenset[str]] = frozenset()
 
     loop: MissileLoop
-    target: Float[Array, "4 *#runs"] = quantity(
-        "", default=(1.0, 0.0, 0.0, 0.0), doc="quaternion to which the autopilot turns"
+    target: Vector = quantity(
+        "", default=(0.0, 0.0, 1.0), doc="inertial direction, to which the autopilot turns z"
     )
     command: Two = quantity(
         "rad", default=(0.0, 0.0), doc="of the actuators, besides the autopilot's"
@@ -139,11 +138,10 @@ class FlexibleStage(AbstractEffect):
         return None
 
     def _inclination(self, y: BodyState) -> tuple[Two, Two]:
-        """Inclination of the mean axis to x and y, rad, from the target, and its rate."""
-        target = Quaternion(with_rank(self.target, y.omega.ndim - 1)).normalised()
-        error: Vector = target.inverse().then(y.attitude).rotation_vector()
+        """Inclination of the mean axis to x and y from the target, sines for rad, and its rate."""
+        target = y.attitude.rotate_back(with_rank(unit(self.target), y.omega.ndim - 1))
         # A turn about y inclines z to x, one about x away from y.
-        return jnp.stack([error[1], -error[0]]), jnp.stack([y.omega[1], -y.omega[0]])
+        return -target[:2], jnp.stack([y.omega[1], -y.omega[0]])
 
     def _check(self, body: AbstractBody) -> None:
         missile = self.loop.missile
@@ -152,13 +150,13 @@ class FlexibleStage(AbstractEffect):
         if mass is not None and body.has_inertia():
             moment = body.inertia(mass).matrix()[0, 0]
             pairs["moment of inertia across its axis"] = (moment, missile.inertia(), "kg m^2")
-        for name, (given, own, unit) in pairs.items():
+        for name, (given, own, kg) in pairs.items():
             if given is None or not (is_concrete(given) and is_concrete(own)):
                 continue
             if jnp.any(jnp.abs(given - own) > AGREE * own):
                 raise InputError(
-                    f"The {name} of the body is {given} {unit}: it must be that of the beam of "
-                    f"FlexibleStage, {own} {unit}."
+                    f"The {name} of the body is {given} {kg}: it must be that of the beam of "
+                    f"FlexibleStage, {own} {kg}."
                 )
 
 
