@@ -44,6 +44,7 @@ from jaxspace.mechanics import (
     DoublePendulum,
     FlexibleMissile,
     InclineDisk,
+    LandingLegs,
     MissileLoop,
     Trailer,
     TrailerState,
@@ -184,6 +185,7 @@ DISK = RollingDisk.uniform(1.0, 0.3, 9.8)
 TENSOR = np.array([[3.0, 0.1, -0.2], [0.1, 2.0, 0.15], [-0.2, 0.15, 1.5]])
 
 DOUBLE = DoublePendulum(2.0, 1.0, 1.0, 0.8, 9.8)
+LEGS = LandingLegs(900.0, 12.0, 2.0, 0.6, 4e3, 1.62)
 INCLINE = InclineDisk(1.0, 0.3, 0.4, 9.8)
 COMPASS = Gyrocompass(30.0, 0.2, 0.2, 8.5, 0.8, damping_moment=0.17, speed=8.0, course=0.3)
 PLATFORM = StablePlatform(
@@ -282,6 +284,7 @@ SAMPLES = [
     ),
     Sample("double_pendulum", DOUBLE, DOUBLE.state(0.6, 0.5, 0.1, -0.3), 2.0),
     Sample("incline_disk", INCLINE, INCLINE.state(0.3, 1.1, 2.0), 2.0, sweep=True),
+    Sample("landing_legs", LEGS, LEGS.touchdown(2.0), 0.5, sweep=True),
     Sample("gyrocompass", COMPASS, COMPASS.state(0.02, 0.3, 0.01, 0.02), 1.0, sweep=True),
     Sample("stable_platform", PLATFORM, PLATFORM.state(0.3, -0.2, 0.5, 0.1), 0.1, sweep=True),
     Sample(
