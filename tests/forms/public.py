@@ -77,7 +77,11 @@ LEFT_OUT: dict[str, list[str]] = {
         attitude.required_torque attitude.space_cone_angle attitude.wheel_torques
         bodies.ExponentialAtmosphere* bodies.StandardAtmosphere.air_at
         bodies.StandardAtmosphere.named bodies.StandardAtmosphere.scaled bodies.inertia_ellipsoid
-        gyros.Duffing* gyros.Gyrocompass.frame_rate gyros.Gyrocompass.slow_motion
+        gyros.BearingFriction.* gyros.Duffing* gyros.RotorMotor.torque gyros.TwoGimbalGyro.arrested
+        gyros.TwoGimbalGyro.attitude_change gyros.TwoGimbalGyro.energy
+        gyros.TwoGimbalGyro.friction_margin gyros.TwoGimbalGyro.stick_or_slip
+        gyros.TwoGimbalGyro.struck gyros.near_gimbal_lock gyros.Gyrocompass.frame_rate
+        gyros.Gyrocompass.slow_motion
         gyros.Gyrocompass.small_motion gyros.Gyrocompass.state gyros.GyrocompassState
         gyros.Gyropendulum* gyros.InertialNavigator.earth gyros.InertialNavigator.error_equations
         gyros.InertialNavigator.errors gyros.InertialNavigator.felt gyros.InertialNavigator.state
@@ -93,6 +97,7 @@ LEFT_OUT: dict[str, list[str]] = {
         mechanics.CentrifugalPendulum.* mechanics.DoublePendulum.* mechanics.ElasticPendulum.*
         mechanics.FlexibleMissile.* mechanics.FramedPendulum.* mechanics.GeneralisedState
         mechanics.Hamiltonian.* mechanics.InclineDisk.* mechanics.Lagrangian.*
+        mechanics.LandingLegs.* mechanics.MissileLoop.sideways vehicles.FlexibleStage.*
         mechanics.MissileLoop.felt_pitch mechanics.MissileLoop.state mechanics.MissileLoopState
         mechanics.MissileState mechanics.RotatingHoop.* mechanics.SimplePendulum.*
         mechanics.SliderCarrier.* mechanics.Trailer.stability_margin mechanics.TrailerState
