@@ -74,14 +74,13 @@ def root_locus_figure(gains: ArrayLike, roots: ArrayLike, *, title: str = "") ->
     **Raises** `ImportError` where matplotlib is not installed.
     """
     k, values = np.asarray(gains), np.asarray(roots)
+    x, y = np.real(values), np.imag(values)
     figure = _new_figure(6.4, 5.2)
     axes = figure.subplots()
     axes.axvline(0.0, color=MUTED, linewidth=0.9)
     axes.axhline(0.0, color=MUTED, linewidth=0.5)
-    dots = axes.scatter(
-        values.real.ravel(), values.imag.ravel(), c=np.tile(k, values.shape[0]), s=6, cmap="viridis"
-    )
-    axes.plot(values[:, 0].real, values[:, 0].imag, "x", color=COLOURS[1], markersize=7)
+    dots = axes.scatter(x.ravel(), y.ravel(), c=np.tile(k, len(x)), s=6, cmap="viridis")
+    axes.plot(x[:, 0], y[:, 0], "x", color=COLOURS[1], markersize=7)
     figure.colorbar(dots, ax=axes, label="gain")
     dress(axes, title or "Root locus", "real part [1/s]", "imaginary part [rad/s]")
     return figure
