@@ -1,6 +1,6 @@
 """Instruments and mechanics: a gyrocompass let go for a minute, 1e5 radians of its nutation, by
-DOP853 and by default, at two tolerances; the walk of a gimbal over 1e5 nutations; and a pendulum of
-four links by its Lagrangian and by hand."""
+DOP853 and by default, at two tolerances; the walk of a gimbal over 1e5 nutations; a pendulum of
+four links by its Lagrangian and by hand; and runs in single precision."""
 
 from typing import Any
 
@@ -12,7 +12,7 @@ from jaxtyping import Array
 from jaxspace import simulate
 from jaxspace.core import AbstractSystem
 from jaxspace.gyros import Gyrocompass, TwoGimbalGyro
-from jaxspace.mechanics import GeneralisedState, Lagrangian
+from jaxspace.mechanics import DoublePendulum, GeneralisedState, Lagrangian
 from jaxspace.simulation import Accuracy, simulate_batch
 from jaxspace.solvers import DOP853
 
@@ -104,10 +104,38 @@ def _chains() -> dict:
     return rows
 
 
+def _single() -> dict:
+    """Runs in single precision, against double."""
+    compass = Gyrocompass(339.0, 0.2, 0.2, 8.5, 0.8, damping_moment=0.17)
+    double = DoublePendulum(2.0, 1.0, 1.0, 0.8, 9.8)
+    gyro = TwoGimbalGyro(0.002, 0.0008, 500.0, 0.0006, 0.0005, 0.0004, 0.0015)
+    cases = {
+        "gyrocompass, 60 s": (compass, compass.state(0.0, 0.3), 60.0, lambda y: y.azimuth),
+        "double pendulum, 2 s": (double, double.state(0.6, 0.5), 2.0, lambda y: y.coordinates),
+        "two-gimbal gyro, 1 s": (gyro, gyro.state(1.05, 0.0, 2.0, 0.0), 1.0, lambda y: y.theta),
+    }
+
+    def end(case: Any, kind: Any, rtol: float) -> Array:
+        system, y0, span, read = jax.tree.map(
+            lambda x: x.astype(kind) if isinstance(x, jax.Array) else x, case
+        )
+        ts = jnp.array([0.0, span], kind)
+        return read(simulate(system, y0, ts, accuracy=Accuracy(rtol, max_steps=STEPS)).final)
+
+    calls = {f"float32, {name}": lambda c=c: end(c, jnp.float32, 1e-5) for name, c in cases.items()}
+    rows = in_turn(calls, 1)
+    for (name, call), case in zip(calls.items(), cases.values(), strict=True):
+        reference = jnp.atleast_1d(end(case, jnp.float64, 1e-12))
+        rows[name]["error_of_the_worst_run"] = worst(
+            jnp.atleast_1d(call()).astype(float), reference
+        )
+    return rows
+
+
 def measure() -> dict:
     """Speed and error of every method on every case."""
     rows = {}
-    for case in (_compass, _chains, _walk):
+    for case in (_compass, _chains, _walk, _single):
         jax.clear_caches()
         rows |= case()
     return rows
