@@ -20,6 +20,7 @@ NAMES = (
     *("ascent", "choice", "eccentric_orbits", "dragged_orbits", "short_pulses", "gradients"),
     *("hybrid_training", "first_call", "kick_stage", "elements", "porkchop", "effects"),
     *("crossings", "model_rocket", "campaign", "closed_loops", "environment_steps"),
+    "instruments",
 )
 RESULTS = Path(__file__).parent / "results"
 

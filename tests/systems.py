@@ -4,6 +4,7 @@ new system is a new line."""
 from typing import NamedTuple
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
@@ -34,17 +35,36 @@ from jaxspace.attitude import (
 from jaxspace.bodies import BodyState, BurningBody, ExponentialAtmosphere, RigidBody
 from jaxspace.core import AbstractSystem, as_float
 from jaxspace.gyros import (
+    BearingFriction,
+    DuffingOscillator,
+    DuffingState,
     Gyrocompass,
+    Gyropendulum,
+    GyropendulumState,
     InertialNavigator,
     NavigationErrors,
+    PlatformAxis,
+    RateGyro,
+    RateGyroState,
+    RotorMotor,
     StablePlatform,
     TwoGimbalGyro,
 )
 from jaxspace.mechanics import (
+    ArmPendulum,
+    ArmState,
+    CentrifugalPendulum,
     DoublePendulum,
+    ElasticPendulum,
     FlexibleMissile,
+    FramedPendulum,
+    GeneralisedState,
     InclineDisk,
+    LandingLegs,
     MissileLoop,
+    RotatingHoop,
+    SimplePendulum,
+    SliderCarrier,
     Trailer,
     TrailerState,
 )
@@ -67,6 +87,7 @@ from jaxspace.rockets import (
     ThrustProfile,
 )
 from jaxspace.rotations import Quaternion, from_euler_angles
+from jaxspace.vehicles import FlexibleStage
 
 MU, RADIUS, J2 = 3.986004418e14, 6378137.0, 1.08262668e-3
 
@@ -165,6 +186,15 @@ def dual_spin() -> tuple[Scene, BodyState]:
     return scene, scene.start(BodyState(attitude=turned(), omega=jnp.array([0.2, -0.1, 0.5])))
 
 
+def flexible_stage() -> tuple[Scene, BodyState]:
+    """A flexible stage in flight, its engine swivelled."""
+    stage = FlexibleStage(LOOP, [0.05, 0.1, 1.0], engine=[0.02, -0.01])
+    scene = Scene((stage, PointGravity(MU)), stage.body(5e3))
+    y = scene.start(orbit(attitude=turned(), omega=jnp.array([0.02, -0.01, 0.3])))
+    # All parts in motion, so that each has a size to measure errors by.
+    return scene, eqx.tree_at(lambda y: y.parts, y, jax.tree.map(lambda x: x + 0.05, y.parts))
+
+
 SPIN = BodyState(attitude=turned(), omega=jnp.array([0.4, 0.1, 2.0]))
 GYRO = TwoGimbalGyro(0.002, 0.0008, 500.0, 0.0006, 0.0005, 0.0004, 0.0015)
 TOP = Top(0.002, 0.0008, 0.3)
@@ -175,7 +205,22 @@ SHAFT = ShaftPendulum(0.1, 0.02, 2.94, 7.0)
 DISK = RollingDisk.uniform(1.0, 0.3, 9.8)
 TENSOR = np.array([[3.0, 0.1, -0.2], [0.1, 2.0, 0.15], [-0.2, 0.15, 1.5]])
 
+RUBBING = TwoGimbalGyro(
+    *(0.002, 0.0008, 500.0, 0.0006, 0.0005, 0.0004, 0.0015),
+    inner_bearing=BearingFriction(0.01, 0.02, creep=0.5),
+    outer_bearing=BearingFriction(0.02, 0.03, creep=0.5),
+    motor=RotorMotor(1e-3, 450.0),
+)
+MISSILE = FlexibleMissile(2e4, 20.0, 2e8, 1.5, 3e6, 2e5, modes=2)
+AXIS = PlatformAxis(0.4, 2e-4, 0.05, 0.01, gain=1.0, gyro_damping=0.01)
+HOOP = RotatingHoop(1.0, 0.5, 6.0, 9.8)
+PLANE = SimplePendulum(1.1, 9.8)
+FRAMED = FramedPendulum(0.3, 1.0, 0.8, 9.8)
+ELASTIC = ElasticPendulum(1.0, 100.0, 0.8, 9.8)
+CENTRIFUGAL = CentrifugalPendulum(0.5, 0.2, 0.3, 0.1)
+SLIDER = SliderCarrier(10.0, 4.0, 1.0, 30.0, 0.6)
 DOUBLE = DoublePendulum(2.0, 1.0, 1.0, 0.8, 9.8)
+LEGS = LandingLegs(900.0, 12.0, 2.0, 0.6, 4e3, 1.62)
 INCLINE = InclineDisk(1.0, 0.3, 0.4, 9.8)
 COMPASS = Gyrocompass(30.0, 0.2, 0.2, 8.5, 0.8, damping_moment=0.17, speed=8.0, course=0.3)
 PLATFORM = StablePlatform(
@@ -274,6 +319,53 @@ SAMPLES = [
     ),
     Sample("double_pendulum", DOUBLE, DOUBLE.state(0.6, 0.5, 0.1, -0.3), 2.0),
     Sample("incline_disk", INCLINE, INCLINE.state(0.3, 1.1, 2.0), 2.0, sweep=True),
+    Sample(
+        *("rubbing_gyro", RUBBING, RUBBING.state(1.05, 0.1, 2.0, 0.3), 0.02),
+        sweep=True,
+    ),
+    Sample(
+        "duffing_oscillator",
+        DuffingOscillator(1.0, 4.0, 0.1, 1.0, 1.0, 0.05),
+        DuffingState(*jnp.array([0.3, -0.2])),
+        5.0,
+        sweep=True,
+    ),
+    Sample(
+        "gyropendulum",
+        Gyropendulum(1.0, 0.01, 0.5, 0.01, 0.2, 0.1),
+        GyropendulumState(*jnp.array([0.05, -0.02, 0.1, 0.3])),
+        0.5,
+        sweep=True,
+    ),
+    Sample(
+        "rate_gyro",
+        RateGyro(1e-4, 0.004, 0.05, spring=0.2, input_rate=0.1),
+        RateGyroState(*jnp.array([0.02, 0.3])),
+        0.1,
+        sweep=True,
+    ),
+    Sample("platform_axis", AXIS, AXIS.at_rest(), 0.1, sweep=True),
+    Sample("simple_pendulum", PLANE, PLANE.state(1.2, 0.4), 3.0, sweep=True),
+    Sample("elastic_pendulum", ELASTIC, ELASTIC.state(0.95, 0.3), 2.0, sweep=True),
+    Sample("centrifugal_pendulum", CENTRIFUGAL, CENTRIFUGAL.state(40.0, 0.3), 0.5, sweep=True),
+    Sample("framed_pendulum", FRAMED, FRAMED.state(0.4, 0.1, 0.0, 2.0), 2.0, sweep=True),
+    Sample("rotating_hoop", HOOP, HOOP.state(0.3, 0.2), 2.0, sweep=True),
+    Sample(
+        "slider_carrier",
+        SLIDER,
+        GeneralisedState(jnp.array([0.1, 0.2, 0.3, 0.7]), jnp.array([0.3, -0.1, 1.2, 0.2])),
+        2.0,
+        sweep=True,
+    ),
+    Sample(
+        "arm_pendulum",
+        ArmPendulum(3.0, 0.05, 2.0, 0.4),
+        ArmState(*jnp.array([[0.1, -0.2], [0.3, 0.1]])),
+        2.0,
+        sweep=True,
+    ),
+    Sample("flexible_missile", MISSILE, MISSILE.state(0.03, 0.1), 0.3, sweep=True),
+    Sample("landing_legs", LEGS, LEGS.touchdown(2.0), 0.5, sweep=True),
     Sample("gyrocompass", COMPASS, COMPASS.state(0.02, 0.3, 0.01, 0.02), 1.0, sweep=True),
     Sample("stable_platform", PLATFORM, PLATFORM.state(0.3, -0.2, 0.5, 0.1), 0.1, sweep=True),
     Sample(
@@ -296,5 +388,6 @@ SAMPLES = [
         1.0,
     ),
     Sample("missile_loop", LOOP, LOOP.state(0.02, 0.1), 0.3, sweep=True),
+    Sample("flexible_stage", *flexible_stage(), 0.1, sweep=True),
     Sample("attitude_drift", AttitudeDrift(6.6e-4, 1.2, 0.05), DriftState(jnp.array(0.3)), 900.0),
 ]

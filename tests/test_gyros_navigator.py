@@ -134,8 +134,9 @@ def test_modes_of_the_navigator_are_those_of_the_error_equations():
 
 
 @pytest.mark.sweep
-def test_a_day_of_schuler_s_oscillation_is_that_of_the_error_equations():
-    navigator = InertialNavigator(0.8, **SPHERE, **AIDED, **AIRCRAFT)
+@pytest.mark.parametrize("gimballed", [False, True])
+def test_a_day_of_schuler_s_oscillation_is_that_of_the_error_equations(gimballed):
+    navigator = InertialNavigator(0.8, gimballed=gimballed, **SPHERE, **AIDED, **AIRCRAFT)
     ts = jnp.array([0.0, 43200.0, 86400.0])
 
     @jax.jit

@@ -18,6 +18,7 @@ from jaxspace.mechanics import (
     Hamiltonian,
     InclineDisk,
     Lagrangian,
+    LandingLegs,
     SimplePendulum,
     SliderCarrier,
     apply_impact,
@@ -213,6 +214,39 @@ def test_a_bar_falls_flat_on_two_supports():
     end, impulses = hit(system.state([0.0, 0.0], [-1.0, -6.0]))
     # The first end opens by itself: of the other -(1 + e) u / (1 + 3), u = -1 - 3.
     assert_allclose(impulses, [0.0, 1.5], rtol=1e-14)
+
+
+LEGS = LandingLegs(900.0, 12.0, 2.0, 0.6, 4e3, 1.62)
+
+
+def test_landing_legs_touch_down_as_by_an_impact():
+    """The closed form against the blow on a body with hinged legs: height, angle, foot."""
+
+    def kinetic(t, q, v, p):
+        # A leg's centre lies half a leg below and beside its hinge.
+        z, x = v[0] + 1.0 * jnp.sin(q[1]) * v[1], 1.0 * jnp.cos(q[1]) * v[1]
+        legs = 4.0 * (12.0 * (z * z + x * x) + 12.0 * 4.0 / 12.0 * v[1] ** 2)
+        return 0.5 * (900.0 * v[0] ** 2 + legs)
+
+    fall = Lagrangian(kinetic, ("height", "theta"))
+    y = fall.state([2.0 * np.cos(0.6), 0.6], [-3.0, 0.0])
+    end, _ = apply_impact(fall, 0.0, y, lambda q: (q[0] - 2.0 * jnp.cos(q[1]))[None], 0.0)
+    assert_allclose(LEGS.touchdown(3.0).rates[0], end.rates[1], rtol=1e-13)
+    lost = fall.energy(0.0, y) - fall.energy(0.0, end)
+    assert_allclose(LEGS.touchdown_loss(3.0), lost, rtol=1e-12)
+
+
+def test_landing_legs_spread_as_far_and_as_long_as_by_quadrature():
+    spread, time = LEGS.greatest_spread(3.0), LEGS.spreading_time(3.0)
+    run = simulate(LEGS, LEGS.touchdown(3.0), jnp.stack([0.0, time]), accuracy=1e-12)
+    assert_allclose(run.final.coordinates[0], spread, rtol=1e-11)
+    assert_allclose(run.final.rates[0], 0.0, atol=1e-9)
+    assert 0.7 < spread < 1.5
+    # dt/dv by the quadrature, whose end moves, against differences; harder: they lie flat.
+    slope = jax.jit(jax.grad(LEGS.spreading_time))(3.0)
+    ahead, behind = (LEGS.spreading_time(v) for v in (3.0 + 1e-4, 3.0 - 1e-4))
+    assert_allclose(slope, (ahead - behind) / 2e-4, rtol=1e-6)
+    assert_allclose(LEGS.greatest_spread(30.0), 0.5 * np.pi, rtol=1e-12)
 
 
 def test_brachistochrone_against_a_straight_slide():

@@ -136,6 +136,35 @@ def test_a_batch_over_parameters_is_its_runs():
         assert_allclose(many.frequencies[:, i], one(lengths[i]), rtol=1e-12)
 
 
+def test_transfer_functions_and_loci_of_a_batch_are_those_of_its_runs(tmp_path):
+    spring = jnp.array([0.1, 0.2, 0.4])
+    named = dict(inputs=("input_rate",), outputs=("angle",))
+    gyros = RateGyro(1e-4, 0.004, 0.05, spring=spring)
+    linear = eqx.filter_jit(modes)
+    found = linear(gyros, rest(GYRO), **named)
+    g = found.transfer(1j * W)
+    assert g.shape == (1, 1, 3, 3)
+    assert_allclose(g[0, 0], gyros.frequency_response(W[:, None]), rtol=1e-12)
+    magnitude, phase = found.bode(W)
+    assert_allclose(magnitude[0, 0], 20.0 * np.log10(np.abs(g[0, 0])), rtol=1e-12)
+    # Past its resonance a rate gyro lags by a half turn, along the frequencies.
+    assert_allclose(phase[0, 0], np.unwrap(np.angle(g[0, 0]), axis=0), atol=1e-14)
+    locus = found.root_locus(jnp.array([0.0, 12.0]))
+    assert locus.shape == (2, 2, 3)
+    stiff = np.sqrt((np.asarray(spring) + 12 * 0.05) / 1e-4)
+    assert_allclose(np.abs(locus[:, 1]), [stiff, stiff], rtol=1e-12)
+    drawn = found.plot_bode(jnp.geomspace(1.0, 1e3, 60), "Rate gyros")
+    drawn.savefig(tmp_path / "bode.png", dpi=40)
+    curves = drawn.axes[0].lines
+    assert [c.get_label() for c in curves] == [f"angle / input_rate, run {k}" for k in range(3)]
+    one = linear(GYRO, rest(GYRO), **named)
+    # Of positive feedback: the spring gives way at -4.
+    picture = one.plot_root_locus(jnp.linspace(0.0, -8.0, 40))
+    picture.savefig(tmp_path / "locus.png", dpi=40)
+    roots = np.asarray(picture.axes[0].collections[0].get_offsets())
+    assert roots.shape == (80, 2) and roots[:, 0].max() > 0.0
+
+
 def test_spins_about_principal_axes_by_local_coordinates():
     """Thomson 5.12: about the middle axis a change grows at w0 sqrt((A - B)(B - C) / (A C))."""
     body = TorqueFreeBody([3.0, 2.0, 1.0])

@@ -1,8 +1,12 @@
 """Instruments: free gyro, gyrocompass, gyropendulum, rate gyro, platform, navigator and its
 errors."""
 
+from ._bearing import BearingFriction as BearingFriction
+from ._bearing import RotorMotor as RotorMotor
 from ._duffing import DuffingOscillator as DuffingOscillator
 from ._duffing import DuffingState as DuffingState
+from ._gimbal_state import GimbalState as GimbalState
+from ._gimbal_state import near_gimbal_lock as near_gimbal_lock
 from ._gimbal_walk import GimbalWalk as GimbalWalk
 from ._gyrocompass import Gyrocompass as Gyrocompass
 from ._gyrocompass import GyrocompassState as GyrocompassState
@@ -28,6 +32,5 @@ from ._rate_gyro import RateGyroState as RateGyroState
 from ._stable_platform import StablePlatform as StablePlatform
 from ._stable_platform import StablePlatformState as StablePlatformState
 from ._stable_platform import gimbal_axes as gimbal_axes
-from ._two_gimbal import GimbalState as GimbalState
 from ._two_gimbal import TwoGimbalGyro as TwoGimbalGyro
 from ._vehicle import Place as Place

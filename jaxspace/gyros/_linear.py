@@ -55,7 +55,10 @@ def linear_rate(matrix: Array, drive: Array, y: State) -> Any:
     **Arguments**
 
     - `matrix`, `drive`: A, (n, n, *runs), and b, (n, *runs)."""
-    return unstacked(jnp.einsum("ij...,j...->i...", matrix, stacked(y)) + drive, y)
+    x = stacked(y)
+    rank = max(matrix.ndim - 2, drive.ndim - 1, x.ndim - 1)
+    x, drive, matrix = with_rank(x, rank), with_rank(drive, rank), with_rank(matrix, rank, axes=2)
+    return unstacked(jnp.einsum("ij...,j...->i...", matrix, x) + drive, y)
 
 
 @final

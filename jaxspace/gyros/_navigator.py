@@ -29,7 +29,7 @@ from typing import final
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array
 
 from ..core import (
     AbstractSystem,
@@ -45,11 +45,9 @@ from ..core import (
 from ..rotations import Quaternion
 from ._earth import Earth
 from ._navigation_errors import NavigationErrors, NavigationErrorState
+from ._shapes import ZERO, Number, Three
 from ._vehicle import Felt, Path, Place, felt_on
 
-Number = Float[Array, "*#runs"]
-Three = Float[Array, "3 *#runs"]
-ZERO = (0.0, 0.0, 0.0)
 Given = Three | tuple[float, float, float]
 
 

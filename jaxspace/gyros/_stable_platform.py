@@ -47,11 +47,9 @@ from ..core import (
 )
 from ..rotations import Quaternion
 from ._platform import resolve_signals
+from ._shapes import ZERO, Number, Three
 
-Number = Float[Array, "*#runs"]
-Three = Float[Array, "3 *#runs"]
 Gimbals = Float[Array, "gimbals *#runs"]
-ZERO = (0.0, 0.0, 0.0)
 
 
 @final

@@ -2,7 +2,8 @@
 
     (A + A_i) theta'' = (A + B_i - C_i) psi'^2 sin(theta) cos(theta) - H psi' sin(theta) + M_xi
     h_Z' = M_Z                           h_Z = I_Z psi' + H cos(theta)
-    I_Z(theta) = (A + B_i) sin^2(theta) + C_i cos^2(theta) + C_0,    H = C n constant
+    I_Z(theta) = (A + B_i) sin^2(theta) + C_i cos^2(theta) + C_0,    H = C n
+    H' = K (n_0 - n + psi' cos(theta))   with a motor, else H is constant
 
     symbol         meaning                                                            unit
     theta          angle of the rotor's axis from the outer gimbal's axis Z           rad
@@ -11,22 +12,25 @@
     n              spin of the rotor about its axis, relative to inertial space       rad/s
     A_i, B_i, C_i  inner gimbal: about its own axis xi, across, along the rotor axis  kg m^2
     C_0            outer gimbal, about Z                                              kg m^2
-    M_xi, M_Z      constant moments about the inner and about the outer axis          N m
+    M_xi, M_Z      moments about the inner and the outer axis: constant, and friction N m
+    K, n_0         motor: torque per lack of speed; speed in the inner gimbal         N m s, rad/s
     h_Z            angular momentum of everything about Z                             kg m^2/s
 
 Source: Thomson 6.2 (massless gimbals: 6.2-1), 6.3-1 to -14 (with mass), 6.3-22 (drift). In 6.3-5
 the spin is phi' + psi' cos(theta); the expansion 6.3-16 lacks
--H cos(theta_0) (theta - theta_0)^2 / 2, which changes no drift.
-Valid for rigid gimbals with axes at right angles, without friction, and a rotor without motor
-torque.
+-H cos(theta_0) (theta - theta_0)^2 / 2, which changes no drift. Change of attitude: problems 6.2-5
+to -7, where atan(2M/Cn) is 2 atan(M/Cn).
+Valid for rigid gimbals with axes at right angles.
 
 Gimbal lock: at theta = 0 the rotor's axis lies along Z. With gimbals without mass I_Z is then zero,
 so that psi, its rate and the vector field are undefined. With C_i + C_0 > 0 nothing is singular.
+The event `near_gimbal_lock` reports it before.
 """
 
+from collections.abc import Iterator
+from dataclasses import replace
 from typing import final
 
-import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
@@ -40,26 +44,9 @@ from ..core import (
     quantity,
     stumpff,
 )
+from ._bearing import BearingFriction, RotorMotor
+from ._gimbal_state import GimbalState
 from ._gimbal_walk import GimbalWalk
-
-
-@final
-class GimbalState(eqx.Module):
-    """Angles of both gimbals, rate of the inner one, momentum of the outer one; also their rates.
-
-    The momentum takes the place of the rate of psi: it is constant or grows linearly, so that no
-    error of the integration adds to the drift of the outer gimbal, which is 1e-5 of the nutation
-    rates.
-    """
-
-    theta: Float[Array, "*#runs"] = quantity(
-        "rad", doc="angle of the rotor's axis from the outer gimbal's axis"
-    )
-    psi: Float[Array, "*#runs"] = quantity("rad", doc="angle of the outer gimbal about its axis")
-    theta_rate: Float[Array, "*#runs"] = quantity("rad/s", doc="rate of theta")
-    angular_momentum: Float[Array, "*#runs"] = quantity(
-        "kg m^2/s", doc="h_Z, of everything about the outer gimbal's axis"
-    )
 
 
 @final
@@ -96,35 +83,55 @@ class TwoGimbalGyro(AbstractSystem):
         "N m", default=0.0, doc="M_Z, constant moment about the outer axis"
     )
 
+    inner_bearing: BearingFriction | None = None
+    outer_bearing: BearingFriction | None = None
+    motor: RotorMotor | None = None
+
     def vector_field(self, t: Scalar, y: GimbalState) -> GimbalState:
         del t
-        s = jnp.sin(y.theta)
-        c = jnp.cos(y.theta)
         # From the momentum, whose errors do not add to the drift of psi.
         psi_rate = self.outer_rate(y)
-        moment = (
-            self._gimbal_difference() * psi_rate * c - self.spin_momentum()
-        ) * psi_rate * s + self.moment_inner
+        spin = self._spin_moment(y, psi_rate)
+        inner, outer = self._moments(y, psi_rate, spin)
+        tilting = inner
+        if self.inner_bearing is not None:
+            tilting = inner + self.inner_bearing.moment(y.theta_rate, y.slip_inner)
+        turning = self.moment_outer
+        if self.outer_bearing is not None:
+            turning = turning + self.outer_bearing.moment(psi_rate, y.slip_outer)
+        if y.slip_inner is not None:
+            tilting = jnp.where(y.slip_inner == 0.0, 0.0, tilting)
+        if y.slip_outer is not None:
+            # The momentum with which the outer gimbal stays at rest.
+            turning = jnp.where(y.slip_outer == 0.0, self.moment_outer - outer, turning)
         return GimbalState(
             theta=y.theta_rate,
             psi=psi_rate,
-            theta_rate=moment / self.inner_inertia(),
+            theta_rate=tilting / self.inner_inertia(),
             # A moment that all runs share has the shape of the runs in a rate.
-            angular_momentum=self.moment_outer + jnp.zeros_like(y.angular_momentum),
+            angular_momentum=turning + jnp.zeros_like(y.angular_momentum),
+            spin_momentum=spin,
+            slip_inner=None if y.slip_inner is None else jnp.zeros_like(y.slip_inner),
+            slip_outer=None if y.slip_outer is None else jnp.zeros_like(y.slip_outer),
         )
 
     def invariants(self, t: Scalar, y: GimbalState) -> dict[str, Array]:
         """The energy less the work of the moments, J, and the momentum about Z less the impulse of
-        M_Z, kg m^2/s."""
-        psi_rate = self.outer_rate(y)
-        kinetic = self.inner_inertia() * y.theta_rate**2 + self.outer_inertia(y.theta) * psi_rate**2
-        spin = self.axial_inertia * self.spin_rate**2
-        # Constant moments have potentials: the angles times the moments.
-        work = self.moment_inner * y.theta + self.moment_outer * y.psi
-        return {
-            "energy": 0.5 * (kinetic + spin) - work,
-            "angular_momentum": y.angular_momentum - self.moment_outer * t,
-        }
+        M_Z, kg m^2/s; of those the ones that friction and motor leave."""
+        kept = {}
+        if self.inner_bearing is None and self.outer_bearing is None and self.motor is None:
+            # Constant moments have potentials: the angles times the moments.
+            work = self.moment_inner * y.theta + self.moment_outer * y.psi
+            kept["energy"] = self.energy(y) - work
+        if self.outer_bearing is None:
+            kept["angular_momentum"] = y.angular_momentum - self.moment_outer * t
+        return kept
+
+    def energy(self, y: GimbalState) -> Scalar:
+        """Kinetic energy of rotor and gimbals, J."""
+        turning = self.outer_inertia(y.theta) * self.outer_rate(y) ** 2
+        spin = self.spin_momentum(y) ** 2 / self.axial_inertia
+        return 0.5 * (self.inner_inertia() * y.theta_rate**2 + turning + spin)
 
     @constructor(
         theta=argument(
@@ -139,17 +146,79 @@ class TwoGimbalGyro(AbstractSystem):
     ) -> GimbalState:
         """The state from the angles, rad, and the rates, rad/s, of the gimbals."""
         h = self.outer_inertia(theta) * psi_rate + self.spin_momentum() * jnp.cos(theta)
-        return GimbalState(theta, psi, theta_rate, h)
+        y = GimbalState(theta, psi, theta_rate, h)
+        if self.motor is not None:
+            y = replace(y, spin_momentum=self.spin_momentum() + 0.0 * h)
+        if self.inner_bearing is not None and self.inner_bearing.slips():
+            y = replace(y, slip_inner=jnp.sign(theta_rate + 0.0 * h))
+        if self.outer_bearing is not None and self.outer_bearing.slips():
+            y = replace(y, slip_outer=jnp.sign(psi_rate + 0.0 * h))
+        for name, bearing, _, acting, slip in self._slipping(y):
+            y = replace(y, **{name: jnp.where(slip == 0.0, bearing.slip_at_rest(acting), slip)})
+        return y
 
     def outer_rate(self, y: GimbalState) -> Scalar:
         """Rate psi' = (h_Z - H cos(theta)) / I_Z, rad/s (Thomson 6.3-14); not finite in gimbal
-        lock."""
-        momentum = y.angular_momentum - self.spin_momentum() * jnp.cos(y.theta)
+        lock, and zero where the outer bearing sticks."""
+        momentum = y.angular_momentum - self.spin_momentum(y) * jnp.cos(y.theta)
+        if y.slip_outer is not None:
+            momentum = jnp.where(y.slip_outer == 0.0, 0.0, momentum)
         return momentum / self.outer_inertia(y.theta)
 
-    def spin_momentum(self) -> Scalar:
-        """Spin momentum H = C n, kg m^2/s."""
+    def spin_momentum(self, y: GimbalState | None = None) -> Scalar:
+        """Spin momentum H, kg m^2/s: C n, or that of the state `y` of a rotor with a motor."""
+        if y is not None and y.spin_momentum is not None:
+            return y.spin_momentum
         return self.axial_inertia * self.spin_rate
+
+    def friction_margin(self, t: Scalar, y: GimbalState) -> Scalar:
+        """What falls to zero where a bearing stops or begins to slip: the condition of an event
+        with `direction=-1`, `terminal=False` and `then=gyro.stick_or_slip`."""
+        del t
+        margins = [b.margin(*motion) for _, b, *motion in self._slipping(y)]
+        return jnp.min(jnp.stack(jnp.broadcast_arrays(*margins)), axis=0)
+
+    def stick_or_slip(self, t: Scalar, y: GimbalState) -> GimbalState:
+        """The state after a bearing has come to rest or has begun to slip; others stay as they
+        are."""
+        del t
+        least = self.friction_margin(0.0, y)
+        for name, bearing, rate, acting, slip in self._slipping(y):
+            margin = bearing.margin(rate, acting, slip)
+            # Two at the same time are one event.
+            now = (margin <= least) | (margin <= 0.0)
+            y = self._at_rest(y, name, now)
+            y = replace(y, **{name: jnp.where(now, bearing.slip_at_rest(acting), slip)})
+        return y
+
+    def struck(self, y: GimbalState, inner: Scalar, outer: Scalar = 0.0) -> GimbalState:
+        """The state after impulses about the inner and about the outer axis, N m s."""
+        rate = y.theta_rate + inner / self.inner_inertia()
+        return replace(y, theta_rate=rate, angular_momentum=y.angular_momentum + outer)
+
+    def arrested(self, y: GimbalState) -> tuple[GimbalState, Scalar, Scalar]:
+        """The state with both gimbals brought to rest, and the impulses about the inner and the
+        outer axis, N m s, that do it."""
+        outer = self.spin_momentum(y) * jnp.cos(y.theta) - y.angular_momentum
+        inner = -self.inner_inertia() * y.theta_rate
+        return self.struck(y, inner, outer), inner, outer
+
+    def attitude_change(self, turn: Scalar) -> tuple[Scalar, Scalar]:
+        """How two impulses across the axis turn it (Thomson 6.2, problems 5 to 7).
+
+        Valid for gimbals without mass. Half a nutation after the first impulse the axis has turned
+        by 2 atan(M / H), and `arrested` stops it.
+
+        **Arguments**
+
+        - `turn`: by which the axis is to turn, rad, below pi.
+
+        **Returns** the first impulse M, N m s, and the time between both, s.
+        """
+        impulse = self.spin_momentum() * jnp.tan(0.5 * turn)
+        # pi A / h, with h^2 = H^2 + M^2.
+        time = jnp.pi * self.transverse_inertia * jnp.cos(0.5 * turn) / self.spin_momentum()
+        return impulse, time
 
     def inner_inertia(self) -> Scalar:
         """Inertia A + A_i of all that turns about the inner axis, kg m^2."""
@@ -241,6 +310,42 @@ class TwoGimbalGyro(AbstractSystem):
         # The inverse of `swing`; the difference of the cosines as a product.
         fall = 2.0 * jnp.sin(0.5 * (theta + theta_end)) * jnp.sin(0.5 * (theta - theta_end))
         return self.spin_momentum() * fall / self.moment_outer
+
+    def _moments(
+        self, y: GimbalState, psi_rate: Scalar, spin: Scalar | None
+    ) -> tuple[Scalar, Scalar]:
+        """What turns the inner gimbal, and what turns the outer one from rest, less the friction,
+        N m."""
+        s, c, H = jnp.sin(y.theta), jnp.cos(y.theta), self.spin_momentum(y)
+        inner = (self._gimbal_difference() * psi_rate * c - H) * psi_rate * s + self.moment_inner
+        outer = self.moment_outer + H * s * y.theta_rate
+        return inner, outer if spin is None else outer - spin * c
+
+    def _spin_moment(self, y: GimbalState, psi_rate: Scalar) -> Scalar | None:
+        """H', N m, of a rotor with a motor."""
+        if self.motor is None:
+            return None
+        spin = self.spin_momentum(y) / self.axial_inertia
+        return self.motor.torque(spin - psi_rate * jnp.cos(y.theta))
+
+    def _slipping(
+        self, y: GimbalState
+    ) -> Iterator[tuple[str, BearingFriction, Scalar, Scalar, Scalar]]:
+        """Of each bearing whose slip is a part of the state: its name there, friction, rate, the
+        moment that acts at rest, and the slip."""
+        psi_rate = self.outer_rate(y)
+        inner, outer = self._moments(y, psi_rate, self._spin_moment(y, psi_rate))
+        if self.inner_bearing is not None and y.slip_inner is not None:
+            yield "slip_inner", self.inner_bearing, y.theta_rate, inner, y.slip_inner
+        if self.outer_bearing is not None and y.slip_outer is not None:
+            yield "slip_outer", self.outer_bearing, psi_rate, outer, y.slip_outer
+
+    def _at_rest(self, y: GimbalState, name: str, now: Array) -> GimbalState:
+        """The state with the gimbal of the bearing `name` at rest where it is `now`."""
+        if name == "slip_inner":
+            return replace(y, theta_rate=jnp.where(now, 0.0, y.theta_rate))
+        still = self.spin_momentum(y) * jnp.cos(y.theta)
+        return replace(y, angular_momentum=jnp.where(now, still, y.angular_momentum))
 
     def _gimbal_difference(self) -> Scalar:
         """A + B_i - C_i, kg m^2."""

@@ -155,8 +155,10 @@ def _nested(annotation: object) -> Object | None:
     for one in (annotation, *typing.get_args(annotation)):
         if not (isinstance(one, type) and issubclass(one, AbstractParameters)):
             continue
-        # These have tables of their own at the top of a file, and are never nested.
-        if not issubclass(one, TOP_LEVEL):
+        # These have tables of their own at the top of a file, and are not nested, but for a system
+        # that is named: a part of another one.
+        part = issubclass(one, AbstractSystem) and getattr(one, "__final__", False)
+        if part or not issubclass(one, TOP_LEVEL):
             return object_kind(one)
     return None
 

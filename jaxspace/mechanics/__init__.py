@@ -20,6 +20,7 @@ from ._impulse import apply_impact as apply_impact
 from ._impulse import apply_impulse as apply_impulse
 from ._lagrangian import AbstractLagrangian as AbstractLagrangian
 from ._lagrangian import Lagrangian as Lagrangian
+from ._landing_legs import LandingLegs as LandingLegs
 from ._missile_loop import MissileLoop as MissileLoop
 from ._missile_loop import MissileLoopState as MissileLoopState
 from ._moving_point import moment_about_moving_point as moment_about_moving_point

@@ -60,24 +60,30 @@ class MissileLoop(AbstractSystem):
     def vector_field(self, t: Scalar, y: MissileLoopState) -> MissileLoopState:
         del t
         missile, state = self.missile, y.missile
-        rank = state.engine.ndim
         pitch, pitch_rate = self.felt_pitch(state)
         command = missile.command + self.pitch_gain * pitch + self.rate_gain * pitch_rate
-        w = self.slosh_frequency
-        pull = w * w * y.slosh + 2.0 * self.slosh_damping * w * y.slosh_rate
-        force = self.slosh_mass * pull
-        rate, turn = missile.accelerations(state, command, force, self.tank_place)
-        engine = missile.engine()
-        _, slopes, _ = (with_rank(x, rank) for x in missile.hinge())
-        thrust = (1.0 - engine["turn"]) * state.engine + jnp.sum(slopes * state.bending, axis=0)
-        sideways = (missile.thrust * thrust + force) / missile.mass
-        mean_turn = turn + engine["turn"] * rate[0]
-        moved = jnp.sum(with_rank(missile.across(self.tank_place), rank) * rate, axis=0)
-        place = sideways + self.tank_place * mean_turn + moved
+        pull = self._pull(y)
+        rate, turn = missile.accelerations(state, command, self.slosh_mass * pull, self.tank_place)
+        mean_turn = turn + missile.engine()["turn"] * rate[0]
+        across = with_rank(missile.across(self.tank_place), state.engine.ndim)
+        place = self.sideways(y) + self.tank_place * mean_turn + jnp.sum(across * rate, axis=0)
         rates = MissileState(
             *(state.engine_rate, state.bending_rate, state.pitch_rate), rate[0], rate[1:], turn
         )
         return MissileLoopState(rates, y.slosh_rate, -pull - place)
+
+    def sideways(self, y: MissileLoopState) -> Scalar:
+        """Acceleration of the mass centre across the mean axis, m/s^2, without gravity."""
+        missile, state = self.missile, y.missile
+        _, slopes, _ = (with_rank(x, state.engine.ndim) for x in missile.hinge())
+        thrust = (1.0 - missile.engine()["turn"]) * state.engine
+        thrust = thrust + jnp.sum(slopes * state.bending, axis=0)
+        return (missile.thrust * thrust + self.slosh_mass * self._pull(y)) / missile.mass
+
+    def _pull(self, y: MissileLoopState) -> Scalar:
+        """w^2 s + 2 zeta w s', m/s^2."""
+        w = self.slosh_frequency
+        return w * w * y.slosh + 2.0 * self.slosh_damping * w * y.slosh_rate
 
     def invariants(self, t: Scalar, y: MissileLoopState) -> dict[str, Array]:
         """Nothing stays under thrust."""

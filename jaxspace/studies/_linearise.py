@@ -57,7 +57,7 @@ class Blocks(NamedTuple):
         runs = np.broadcast_shapes(*declared) if declared else ()
         shapes, labels = [], []
         for (path, block), k in zip(paths, map(_first_leaf, axes), strict=True):
-            name = "".join(str(key) for key in path).strip(".[]'")
+            name = jax.tree_util.keystr(path, simple=True, separator=".")
             if on_group(block):
                 shape = jax.eval_shape(lambda b=block: b.coordinates()).shape[:1]
             else:

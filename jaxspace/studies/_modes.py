@@ -11,7 +11,7 @@ matrices are those of the instant `t`, and `residual` shows the rate that is lef
 """
 
 from collections.abc import Sequence
-from typing import Any, final
+from typing import TYPE_CHECKING, Any, final
 
 import equinox as eqx
 import jax
@@ -22,6 +22,9 @@ from jaxtyping import Array, ArrayLike, Bool, Complex, Float
 from ..core import AbstractSystem, Scalar, State
 from ._eigenvalues import eigenvalues, ordered
 from ._linearise import Blocks, Input, Output, forced, jacobian, measured
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 @final
@@ -79,22 +82,69 @@ class Modes(eqx.Module):
         return _runs_last(ordered(_runs_first(self.matrix))[1])
 
     def transfer(self, s: Complex[ArrayLike, "..."] | complex) -> Complex[Array, "p m ..."]:
-        """The transfer functions G(s) of one run at complex frequencies, 1/s, of any shape."""
+        """The transfer functions G(s) at complex frequencies, 1/s, of any shape: (p, m, ...), then
+        the runs."""
         kind = self.eigenvalues.dtype
+        runs = self.eigenvalues.ndim - 1
+        a, b, c = (
+            _runs_first(x.astype(kind))
+            for x in (self.matrix, self.input_matrix, self.output_matrix)
+        )
         s = jnp.asarray(s).astype(kind)
-        a, b, c = (x.astype(kind) for x in (self.matrix, self.input_matrix, self.output_matrix))
-        pencil = s[..., None, None] * jnp.eye(a.shape[0], dtype=kind) - a
-        answer = c @ jnp.linalg.solve(pencil, jnp.broadcast_to(b, (*s.shape, *b.shape)))
-        return jnp.moveaxis(answer, (-2, -1), (0, 1))
+        s = s.reshape(*s.shape, *(1,) * (runs + 2))
+        pencil = s * jnp.eye(a.shape[-1], dtype=kind) - a
+        answer = c @ jnp.linalg.solve(
+            pencil, jnp.broadcast_to(b, (*pencil.shape[:-1], b.shape[-1]))
+        )
+        return _runs_last(answer)
 
     def bode(self, frequency: Float[ArrayLike, "..."]) -> tuple[Array, Array]:
         """Magnitude, dB, and phase, rad, of G(i w) at angular frequencies w, rad/s, each
-        (p, m, ...); the phase goes on along the last axis without jumps."""
+        (p, m, ...), then the runs; the phase goes on along the last axis of w without jumps."""
         w = jnp.asarray(frequency, self.matrix.dtype)
         g = self.transfer(jax.lax.complex(0.0 * w, w))
         phase = jnp.angle(g)
         magnitude = 20.0 * jnp.log10(jnp.abs(g))
-        return magnitude, jnp.unwrap(phase) if phase.ndim > 2 else phase
+        return magnitude, jnp.unwrap(phase, axis=1 + w.ndim) if w.ndim else phase
+
+    def plot_bode(self, frequency: Float[ArrayLike, " frequencies"], title: str = "") -> "Figure":
+        """Bode's plot of all transfer functions, and of all runs, a matplotlib figure.
+
+        **Arguments**
+
+        - `frequency`: w, rad/s.
+
+        **Raises** `ImportError` where matplotlib is not installed."""
+        from ..plots import bode_figure
+
+        found = (np.asarray(x).reshape(*x.shape[:3], -1) for x in self.bode(frequency))
+        magnitude, phase = (np.moveaxis(x, 2, -1) for x in found)
+        p, m, count, w = magnitude.shape
+        labels = [
+            f"{o} / {i}" + (f", run {k}" if count > 1 else "")
+            for o in self.outputs[:p]
+            for i in self.inputs[:m]
+            for k in range(count)
+        ]
+        # An output of several components has no name for each.
+        labels = labels if len(labels) == p * m * count else []
+        return bode_figure(
+            frequency, magnitude.reshape(-1, w), phase.reshape(-1, w), tuple(labels), title=title
+        )
+
+    def plot_root_locus(
+        self,
+        gains: Float[ArrayLike, " gains"],
+        output: int = 0,
+        input: int = 0,
+        title: str = "",
+    ) -> "Figure":
+        """The root locus of one run, a matplotlib figure; arguments as those of `root_locus`.
+
+        **Raises** `ImportError` where matplotlib is not installed."""
+        from ..plots import root_locus_figure
+
+        return root_locus_figure(gains, self.root_locus(gains, output, input), title=title)
 
     def zeros(self, output: int = 0, input: int = 0) -> np.ndarray:
         """The zeros of one transfer function of one run, 1/s; it cannot be traced."""
@@ -112,11 +162,19 @@ class Modes(eqx.Module):
 
     def root_locus(
         self, gains: Float[ArrayLike, " gains"], output: int = 0, input: int = 0
-    ) -> Complex[Array, "n gains"]:
-        """The eigenvalues of one run with the loop u = -k o closed, for each gain k."""
-        loop = jnp.outer(self.input_matrix[:, input], self.output_matrix[output])
-        gains = jnp.asarray(gains)
-        return eigenvalues(self.matrix - gains[:, None, None] * loop).T
+    ) -> Complex[Array, "n gains *#runs"]:
+        """The eigenvalues with the loop u = -k o closed, for each gain k."""
+        a, b, c = (
+            _runs_first(x)
+            for x in (
+                self.matrix,
+                self.input_matrix[:, input : input + 1],
+                self.output_matrix[output : output + 1],
+            )
+        )
+        gains = jnp.asarray(gains, a.dtype)
+        gains = gains.reshape(*gains.shape, *(1,) * a.ndim)
+        return _runs_last(eigenvalues(a - gains * (b @ c)), axes=1)
 
     def __str__(self) -> str:
         if self.eigenvalues.ndim > 1:

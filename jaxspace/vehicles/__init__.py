@@ -10,6 +10,7 @@ from ._airframe import NoseCone as NoseCone
 from ._airframe import RadiusChange as RadiusChange
 from ._airframe import prandtl_factor as prandtl_factor
 from ._coefficient import MachTable as MachTable
+from ._flexible_stage import FlexibleStage as FlexibleStage
 from ._ground_gravity import GroundGravity as GroundGravity
 from ._ground_gravity import normal_gravity as normal_gravity
 from ._local_air import LocalAir as LocalAir

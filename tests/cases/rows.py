@@ -278,7 +278,10 @@ CHAPTER_6 = (
         "gyros.TwoGimbalGyro.step_response gyros.TwoGimbalGyro.swing "
         "gyros.TwoGimbalGyro.swing_time",
     ),
-    Row("6.2 P5 to P7", "Change of attitude by two impulses", "T6.2-P6"),
+    Row(
+        *("6.2 P5 to P7", "Change of attitude by two impulses", "T6.2-P6"),
+        "gyros.TwoGimbalGyro.attitude_change gyros.TwoGimbalGyro.arrested",
+    ),
     Row(
         *("6.3", "Gimbals with mass, gimbal walk", "T6.3"),
         "gyros.TwoGimbalGyro.walk gyros.GimbalWalk.drift "
@@ -337,7 +340,7 @@ CHAPTER_9 = (
     ),
     Row(
         *("9.10", "Impulsive motion, struck bars", "T9.10"),
-        "mechanics.apply_impulse mechanics.apply_impact",
+        "mechanics.apply_impulse mechanics.apply_impact mechanics.LandingLegs",
     ),
     Row("9.10 P3", "Foucault's pendulum", "T9.10-P3", "mechanics.foucault_motion"),
     Row("9.10 P8", "Elastic pendulum", "T9.10-P8", "mechanics.ElasticPendulum"),
@@ -350,7 +353,8 @@ CHAPTER_9 = (
     Row("9.11", "Moving axes: slider on a free carrier", "T9.11", "mechanics.SliderCarrier"),
     Row(
         *("9.12", "Flexible missile with an engine that swivels", "T9.12"),
-        "mechanics.FlexibleMissile mechanics.beam_roots mechanics.beam_shape",
+        "mechanics.FlexibleMissile mechanics.MissileLoop vehicles.FlexibleStage "
+        "mechanics.beam_roots mechanics.beam_shape",
     ),
     Row("B", "Dyadics: the tensor of inertia", "TB-9", "bodies.RigidBody"),
     Row(

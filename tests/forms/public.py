@@ -105,6 +105,13 @@ LEFT_OUT: dict[str, list[str]] = {
     "steps in time with a memory, under `verify` and its own tests": """
         control.*
     """.split(),
+    "is not hunted yet; its own tests hold it against closed forms, quadrature or 30 digits": """
+        gyros.BearingFriction.* gyros.RotorMotor.torque gyros.TwoGimbalGyro.arrested
+        gyros.TwoGimbalGyro.attitude_change gyros.TwoGimbalGyro.energy
+        gyros.TwoGimbalGyro.friction_margin gyros.TwoGimbalGyro.stick_or_slip
+        gyros.TwoGimbalGyro.struck gyros.near_gimbal_lock
+        mechanics.LandingLegs.* mechanics.MissileLoop.sideways vehicles.FlexibleStage.*
+    """.split(),
 }
 
 

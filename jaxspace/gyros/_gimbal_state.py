@@ -1,0 +1,46 @@
+"""The state of a gyro in two gimbals, and the condition of gimbal lock."""
+
+from typing import final
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ..core import Scalar, quantity
+
+LOCK = 1e-3  # rad
+
+
+@final
+class GimbalState(eqx.Module):
+    """Angles of both gimbals, rate of the inner one, momentum of the outer one; also their rates.
+
+    The momentum takes the place of the rate of psi: it is constant or grows linearly, so that no
+    error of the integration adds to the drift of the outer gimbal, which is 1e-5 of the nutation
+    rates.
+    """
+
+    theta: Float[Array, "*#runs"] = quantity(
+        "rad", doc="angle of the rotor's axis from the outer gimbal's axis"
+    )
+    psi: Float[Array, "*#runs"] = quantity("rad", doc="angle of the outer gimbal about its axis")
+    theta_rate: Float[Array, "*#runs"] = quantity("rad/s", doc="rate of theta")
+    angular_momentum: Float[Array, "*#runs"] = quantity(
+        "kg m^2/s", doc="h_Z, of everything about the outer gimbal's axis"
+    )
+    spin_momentum: Float[Array, "*#runs"] | None = quantity(
+        "kg m^2/s", optional=True, doc="H, of a rotor with a motor"
+    )
+    slip_inner: Float[Array, "*#runs"] | None = quantity(
+        "", optional=True, doc="1, -1, or 0 where the inner bearing sticks"
+    )
+    slip_outer: Float[Array, "*#runs"] | None = quantity(
+        "", optional=True, doc="likewise of the outer bearing"
+    )
+
+
+def near_gimbal_lock(t: Scalar, y: GimbalState) -> Scalar:
+    """|sin(theta)| - 1e-3: zero where the rotor's axis all but lies along the outer gimbal's:
+    the condition of an event with `direction=-1`."""
+    del t
+    return jnp.abs(jnp.sin(y.theta)) - LOCK

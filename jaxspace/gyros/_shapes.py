@@ -1,0 +1,9 @@
+"""Shapes of the parameters of instruments about three axes."""
+
+from typing import TypeAlias
+
+from jaxtyping import Array, Float
+
+Number: TypeAlias = Float[Array, "*#runs"]
+Three: TypeAlias = Float[Array, "3 *#runs"]
+ZERO = (0.0, 0.0, 0.0)

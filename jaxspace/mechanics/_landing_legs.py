@@ -1,0 +1,132 @@
+"""A lander on legs that spread: touchdown, stroke and the load that the springs take.
+
+    J theta'^2 / 2 + U = h,      J = M l^2 sin^2(theta) + n m l^2 / 3
+    U = (M + n m / 2) g l cos(theta) + n k (theta - theta_0)^2 / 2,     D = n c theta'^2 / 2
+    touchdown:   theta'_+ = (M + n m / 2) l sin(theta) v / J
+    t = int sqrt(J / (2 (h - U))) dtheta
+
+    symbol      meaning                                                    unit
+    theta       angle of the legs from the vertical                        rad
+    theta_0     that of the unloaded springs, at which it touches down     rad
+    M, m, l, n  body; each of n legs, uniform: mass, length                kg, kg, m, 1
+    k, c        spring and damper in the hinge of each leg                 N m, N m s
+    v           speed of the fall at touchdown                             m/s
+
+The feet slide outwards without friction and do not bounce; the impact takes the rest of the energy.
+
+Source: Thomson 9.10 (impulsive motion of linked bars).
+Valid for a level lander that stays level, and while the feet press on the ground.
+"""
+
+from typing import ClassVar, final
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ..core import Scalar, argument, as_float, constructor, increasing_root, quantity
+from ._description import GeneralisedState
+from ._lagrangian import AbstractLagrangian
+
+Number = Float[Array, "*#runs"]
+NODES = 40
+
+
+@final
+class LandingLegs(AbstractLagrangian):
+    """A lander whose legs spread on the ground. State: `GeneralisedState` of their angle, best made
+    by `state`, or by `touchdown` from a fall."""
+
+    body_mass: Number = quantity("kg", positive=True, doc="M, without the legs")
+    leg_mass: Number = quantity("kg", non_negative=True, doc="m, of each leg")
+    leg_length: Number = quantity("m", positive=True, doc="l")
+    rest_angle: Number = quantity(
+        "rad", low=0.0, high=1.5, strict=True, doc="theta_0, of legs with unloaded springs"
+    )
+    stiffness: Number = quantity("N m", non_negative=True, doc="k, of each hinge")
+    gravity: Number = quantity("m/s^2", non_negative=True, doc="g, downwards")
+    legs: Number = quantity("", positive=True, default=4.0, doc="n, how many")
+    damping: Number | None = quantity(
+        "N m s", non_negative=True, optional=True, doc="c, of each hinge"
+    )
+    names: ClassVar[tuple[str, ...]] = ("theta",)
+
+    def lagrangian(self, t: Scalar, q: Array, v: Array) -> Scalar:
+        del t
+        return 0.5 * self.moment(q[0]) * v[0] ** 2 - self.potential(q[0])
+
+    def dissipation(self, t: Scalar, q: Array, v: Array) -> Scalar | None:
+        del t, q
+        if self.damping is None:
+            return None
+        return 0.5 * self.legs * self.damping * v[0] ** 2
+
+    @staticmethod
+    @constructor(
+        theta=argument("rad", doc="angle of the legs from the vertical"),
+        theta_rate=argument("rad/s", default=0.0, doc="rate of theta"),
+    )
+    def state(theta: Scalar, theta_rate: Scalar = 0.0) -> GeneralisedState:
+        """The state of the angle, rad, and its rate, rad/s."""
+        pair = jnp.broadcast_arrays(as_float(theta), as_float(theta_rate))
+        return GeneralisedState(pair[0][None], pair[1][None])
+
+    def moment(self, theta: Scalar) -> Scalar:
+        """J, kg m^2, at the angle `theta`, rad."""
+        legs = self.legs * self.leg_mass / 3.0
+        return self.leg_length**2 * (self.body_mass * jnp.sin(theta) ** 2 + legs)
+
+    def potential(self, theta: Scalar) -> Scalar:
+        """U, J, at the angle `theta`, rad."""
+        weight = self._carried() * self.gravity * self.leg_length
+        springs = 0.5 * self.legs * self.stiffness * (theta - self.rest_angle) ** 2
+        return weight * jnp.cos(theta) + springs
+
+    def touchdown(self, speed: Scalar) -> GeneralisedState:
+        """The state after a touchdown at this `speed`, m/s, with the legs at rest in the body."""
+        lever = self._carried() * self.leg_length * jnp.sin(self.rest_angle)
+        return self.state(self.rest_angle, lever * speed / self.moment(self.rest_angle))
+
+    def touchdown_loss(self, speed: Scalar) -> Scalar:
+        """The energy that the impact takes, J."""
+        total = 0.5 * (self.body_mass + self.legs * self.leg_mass) * speed**2
+        rate = self.touchdown(speed).rates[0]
+        return total - 0.5 * self.moment(self.rest_angle) * rate**2
+
+    def greatest_spread(self, speed: Scalar) -> Scalar:
+        """The angle, rad, to which legs without dampers spread after a touchdown at this `speed`,
+        m/s; pi/2 where they come to lie flat."""
+        height = self._height(speed)
+        lower = self.rest_angle + 0.0 * height
+        return increasing_root(
+            lambda theta: self.potential(theta) - height, lower, 0.5 * jnp.pi + 0.0 * lower
+        )
+
+    def spreading_time(self, speed: Scalar) -> Scalar:
+        """The time, s, from a touchdown at this `speed`, m/s, to the greatest spread of legs
+        without dampers that do not come to lie flat, by quadrature."""
+        end, start = self.greatest_spread(speed), self.rest_angle
+        # theta = end - (end - start) x^2 takes the root of the denominator away.
+        x, weights = np.polynomial.legendre.leggauss(NODES)
+        shape = (NODES,) + (1,) * jnp.ndim(end)
+        x, weights = (jnp.asarray(a, end.dtype).reshape(shape) for a in (x, weights))
+        x = 0.5 * (x + 1.0)
+        fall = (end - start) * x * x
+        # U(end) - U(end - fall) as products, and its limit x^2 out of the root.
+        middle = end - 0.5 * fall
+        half = jnp.sin(0.5 * fall) / (0.5 * fall)
+        weight = self._carried() * self.gravity * self.leg_length * jnp.sin(middle) * half
+        springs = self.legs * self.stiffness * (middle - start)
+        slope = springs - weight
+        integrand = jnp.sqrt(2.0 * (end - start) * self.moment(end - fall) / slope)
+        return 0.5 * jnp.sum(weights * integrand, axis=0)
+
+    def _height(self, speed: Scalar) -> Scalar:
+        """The energy h after the touchdown, J."""
+        y = self.touchdown(speed)
+        return 0.5 * self.moment(self.rest_angle) * y.rates[0] ** 2 + self.potential(
+            self.rest_angle
+        )
+
+    def _carried(self) -> Scalar:
+        return self.body_mass + 0.5 * self.legs * self.leg_mass

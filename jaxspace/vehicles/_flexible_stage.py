@@ -1,0 +1,165 @@
+"""A flexible stage that flies: bending, a swivelling engine, slosh and an autopilot as one effect.
+
+    axes: z forward, x and y across; both planes (z, x) and (z, y) are alike
+    (d, q, s)~ = (d, q, s)' + W z x (d, q, s)          rates in axes that do not roll
+    (d, q, s)~~ as in the plane: see `jaxspace.mechanics.MissileLoop`
+    F_B = m F/(m + m_s) z + (F [(1 - C_2) d + y_h'] + f),   M_B = z x I_0 (th + C_2 d)~~
+
+    symbol       meaning                                                     unit
+    d, q, s      angle of the engine, bending, slosh: each along x and y     rad, m, m
+    W            rate of roll, about z                                       rad/s
+    F            thrust, along the engine                                    N
+    th           inclination of the straight beam from the target            rad
+    C_2 d        angle from the straight beam to the mean axis               rad
+
+The attitude and the position of the scene are those of the mean axis, about which deformation has
+neither momentum nor angular momentum. So the body of the scene moves as a rigid one under the
+thrust where the bent beam has it, and to first order in the deformation no inertia changes. For
+small angles and without roll each plane is the loop of `jaxspace.mechanics`.
+
+Source: Thomson 9.12; Likins (1967), AIAA Journal 5, 1301 (mean axes).
+Valid for a uniform beam, deformations of first order, and engine angles so small that F z is the
+thrust along the axis. Gravity bends nothing; other forces of the scene are taken as spread like the
+mass, so that they bend nothing either. The sloshing mass is not counted in that of the body, which
+carries it along the axis: of the thrust it takes the share m_s / (m + m_s).
+"""
+
+from typing import ClassVar, final
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ..bodies import AbstractBody, AbstractEffect, BodyState, Load, RigidBody
+from ..core import InputError, Scalar, State, Vector, is_concrete, quantity, unit, with_rank
+from ..mechanics import MissileLoop, MissileLoopState, MissileState
+
+Two = Float[Array, "2 *#runs"]
+# Of the body's moments and mass, against those of the beam.
+AGREE = 1e-6
+
+
+@final
+class FlexibleStage(AbstractEffect):
+    """A flexible stage under its own thrust.
+
+    `Scene.start` adds the part `flexible` to a state: angle of the engine, bending and slosh, each
+    with its rate in axes that do not roll; components along x and y first.
+
+    - `loop`: the stage in a plane, with autopilot and slosh; its command acts in both planes."""
+
+    needs: ClassVar[frozenset[str]] = frozenset({"attitude", "omega", "body_mass"})
+    adds: ClassVar[frozenset[str]] = frozenset({"force", "torque", "parts"})
+    keeps: ClassVar[frozenset[str]] = frozenset()
+
+    loop: MissileLoop
+    target: Vector = quantity(
+        "", default=(0.0, 0.0, 1.0), doc="inertial direction, to which the autopilot turns z"
+    )
+    command: Two = quantity(
+        "rad", default=(0.0, 0.0), doc="of the actuators, besides the autopilot's"
+    )
+    engine: Two = quantity("rad", default=(0.0, 0.0), doc="angle of the engine at the start")
+    part: str = eqx.field(static=True, default="flexible")
+
+    def body(self, roll_moment: Scalar) -> RigidBody:
+        """The rigid body of a scene with this stage; `roll_moment`: about the axis, kg m^2."""
+        across = self.loop.missile.inertia()
+        moments = jnp.stack(jnp.broadcast_arrays(across, across, jnp.asarray(roll_moment)))
+        return RigidBody(self.loop.missile.mass, moments)
+
+    def start(self, y: BodyState, body: AbstractBody) -> dict[str, State]:
+        """The stage straight and at rest, but for the engine's angle.
+
+        **Raises** `InputError` where the body is another one than the beam."""
+        self._check(body)
+        like = jnp.zeros_like(y.omega[:2])
+        still = jnp.zeros((2, self.loop.missile.modes, *like.shape[1:]), like.dtype)
+        engine = with_rank(self.engine, like.ndim - 1) + like
+        values = {"engine": engine, "bending": still, "slosh": like}
+        return {self.part: values | {f"{name}_rate": 0.0 * x for name, x in values.items()}}
+
+    def load(self, t: Scalar, y: BodyState, body: AbstractBody) -> Load:
+        del body
+        part, rank = y.part(self.part), y.omega.ndim - 1
+        spin = y.omega[2]
+        # Rates in the body, which rolls.
+        rates = {
+            name: part[f"{name}_rate"] - _rolled(spin, part[name])
+            for name in ("engine", "bending", "slosh")
+        }
+        loop = eqx.tree_at(
+            lambda s: s.missile.command,
+            self.loop,
+            self.loop.missile.command + with_rank(self.command, rank),
+        )
+        missile = loop.missile
+        turn = missile.engine()["turn"]
+        leaning, leaning_rate = self._inclination(y)
+        state = MissileLoopState(
+            MissileState(
+                part["engine"],
+                jnp.swapaxes(part["bending"], 0, 1),
+                leaning - turn * part["engine"],
+                rates["engine"],
+                jnp.swapaxes(rates["bending"], 0, 1),
+                leaning_rate - turn * rates["engine"],
+            ),
+            part["slosh"],
+            rates["slosh"],
+        )
+        found = loop.vector_field(t, state)
+        change = {
+            "engine": found.missile.engine_rate,
+            "bending": jnp.swapaxes(found.missile.bending_rate, 0, 1),
+            "slosh": found.slosh_rate,
+        }
+        turning = missile.inertia() * (found.missile.pitch_rate + turn * change["engine"])
+        across = missile.mass * loop.sideways(state)
+        along = missile.thrust * missile.mass / (missile.mass + loop.slosh_mass)
+        still = jnp.zeros_like(across[:1])
+        force = jnp.concatenate([across, along + still])
+        return Load(
+            force_N=y.attitude.rotate(force),
+            # z x (x, y, 0).
+            torque_B=jnp.concatenate([-turning[1:], turning[:1], still]),
+            parts_rate={
+                self.part: rates
+                | {
+                    f"{name}_rate": x - _rolled(spin, part[f"{name}_rate"])
+                    for name, x in change.items()
+                }
+            },
+        )
+
+    def potential(self, t: Scalar, y: BodyState, body: AbstractBody) -> None:
+        # The thrust does work.
+        del t, y, body
+        return None
+
+    def _inclination(self, y: BodyState) -> tuple[Two, Two]:
+        """Inclination of the mean axis to x and y from the target, sines for rad, and its rate."""
+        target = y.attitude.rotate_back(with_rank(unit(self.target), y.omega.ndim - 1))
+        # A turn about y inclines z to x, one about x away from y.
+        return -target[:2], jnp.stack([y.omega[1], -y.omega[0]])
+
+    def _check(self, body: AbstractBody) -> None:
+        missile = self.loop.missile
+        mass = body.constant_mass()
+        pairs = {"mass": (mass, missile.mass, "kg")}
+        if mass is not None and body.has_inertia():
+            moment = body.inertia(mass).matrix()[0, 0]
+            pairs["moment of inertia across its axis"] = (moment, missile.inertia(), "kg m^2")
+        for name, (given, own, kg) in pairs.items():
+            if given is None or not (is_concrete(given) and is_concrete(own)):
+                continue
+            if jnp.any(jnp.abs(given - own) > AGREE * own):
+                raise InputError(
+                    f"The {name} of the body is {given} {kg}: it must be that of the beam of "
+                    f"FlexibleStage, {own} {kg}."
+                )
+
+
+def _rolled(spin: Scalar, x: Array) -> Array:
+    """W z x v of components along x and y."""
+    return spin * jnp.stack([-x[1], x[0]])
