@@ -18,6 +18,7 @@ from . import page  # noqa: E402
 NAMES = (
     *("kepler", "lambert", "low_orbits", "eccentric_orbit", "free_body", "torqued_body", "ascent"),
     *("choice", "dragged_orbits", "short_pulses", "gradients", "hybrid_training", "first_call"),
+    "first_answers",
     *("kick_stage", "elements", "porkchop", "effects", "model_rocket", "campaign"),
     "closed_loops",
 )

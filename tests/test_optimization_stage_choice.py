@@ -145,3 +145,25 @@ def test_staging_with_the_losses_of_a_gravity_turn():
     ideal = optimal_staging(u, b, 7800.0, fixed / 200.0)
     assert strong.converged and strong.losses < found.losses
     assert 200.0 * ideal.initial_mass < strong.initial_mass < found.initial_mass
+
+
+@pytest.mark.sweep
+def test_a_pitch_kick_and_a_gravity_turn_to_orbit():
+    """Into the circle at 100 km: propellants and kick are settled by it, and the prices of speed
+    and height are the slopes along each."""
+    u, b, fixed = np.array([2800.0, 3300.0]), np.array([0.07, 0.09]), np.array([100.0, 50.0])
+    design = StageDesign(u, b, [190e3, 26e3], fixed)
+    height, speed = 100e3, np.sqrt(9.80665 * 6378137.0**2 / (6378137.0 + 100e3))
+
+    def found(dv, dh):
+        seen = staging_with_losses(design, 200.0, speed + dv, height + dh)
+        assert seen.converged, seen.minimum.sentence()
+        return seen
+
+    best = found(0.0, 0.0)
+    end = best.burnout
+    np.testing.assert_allclose([end.speed, end.angle, end.height], [speed, np.pi / 2, height])
+    faster, slower = (np.log(found(s, 0.0).initial_mass) for s in (5.0, -5.0))
+    higher, lower = (np.log(found(0.0, s).initial_mass) for s in (100.0, -100.0))
+    np.testing.assert_allclose(best.velocity_price, (faster - slower) / 10.0, rtol=1e-4)
+    np.testing.assert_allclose(best.height_price, (higher - lower) / 200.0, rtol=1e-4)

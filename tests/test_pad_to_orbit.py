@@ -1,0 +1,82 @@
+"""A mission from the pad to orbit: its gradient from end to end against differences, and a batch of
+it by adaptive steps against the flights one by one in fixed ones."""
+
+from pathlib import Path
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jaxspace import load, simulate_batch
+from jaxspace.simulation import Status, fly_compact
+
+pytestmark = pytest.mark.sweep
+
+FILE = Path(__file__).resolve().parents[1] / "examples" / "scenes" / "pad_to_orbit.toml"
+INPUTS = ("lift-off mass", "drag area", "thrust", "dropped stage", "pitch", "tangent")
+
+
+@pytest.fixture(scope="module")
+def pad():
+    file = load(FILE)
+    return file.mission, file.y0
+
+
+def places(given):
+    """What the inputs multiply: in every phase, the first stage, the second."""
+    mission, y0 = given
+    first, coast, second = (phase.system.effects for phase in mission.phases[:3])
+    return (
+        y0.mass,
+        (first[1].area, coast[1].area, second[1].area),
+        first[2].mean_thrust,
+        mission.phases[0].then.dropped,
+        first[2].steering.angles,
+        second[2].steering.tangent,
+    )
+
+
+def changed(given, x):
+    """Mission and start with their inputs multiplied by `x`, (6, *runs)."""
+    new = []
+    for place, factor in zip(places(given), x, strict=True):
+        new.append(jax.tree.map(lambda a, f=factor: jnp.multiply.outer(a, f), place))
+    return eqx.tree_at(places, given, tuple(new))
+
+
+def apoapsis(given, x):
+    """Its distance from the centre, m, where the mission ends."""
+    flight = fly_compact(*changed(given, x), steps=60)
+    return jnp.linalg.norm(flight.final.position), flight.error
+
+
+def test_gradient_from_end_to_end(pad):
+    """Reverse mode through four phases, two separations and an event, against central differences
+    of 1e-5, whose error is some 1e-8 of the value."""
+    one = jnp.ones(len(INPUTS))
+    (value, error), slopes = jax.jit(jax.value_and_grad(lambda x: apoapsis(pad, x), has_aux=True))(
+        one
+    )
+    assert 9.4e6 < value < 9.6e6 and error < 1e-4
+    step = 1e-5
+    moved = 1.0 + step * np.concatenate([np.eye(6), -np.eye(6)])
+    far = jax.jit(jax.vmap(lambda x: apoapsis(pad, x)[0]))(jnp.asarray(moved))
+    np.testing.assert_allclose(slopes, (far[:6] - far[6:]) / (2.0 * step), rtol=1e-5, atol=20.0)
+
+
+def test_a_batch_by_adaptive_steps(pad):
+    """Every input moved by a thousandth, both ways: the runs of one adaptive batch end where fixed
+    steps end, and their differences are the gradient."""
+    step = 1e-3
+    moved = 1.0 + step * np.concatenate([np.eye(6), -np.eye(6)]).T
+    mission, y0 = changed(pad, jnp.asarray(moved))
+    run = simulate_batch(mission, y0, 0.0, accuracy=1e-8)
+    assert np.all(np.asarray(run.status) == int(Status.EVENT))
+    ends = np.linalg.norm(run.final.position, axis=0)
+    each = jax.jit(jax.vmap(lambda x: apoapsis(pad, x)[0], in_axes=-1))(jnp.asarray(moved))
+    np.testing.assert_allclose(ends, each, rtol=1e-6)
+    slopes = jax.jit(jax.grad(lambda x: apoapsis(pad, x)[0]))(jnp.ones(6))
+    # The second differences are what is left of the third order.
+    np.testing.assert_allclose((ends[:6] - ends[6:]) / (2.0 * step), slopes, rtol=2e-2, atol=2e3)
