@@ -322,12 +322,12 @@ def test_a_three_stage_launch_with_a_coast():
     start = {
         "vectors": jnp.asarray(vectors),
         "coast": jnp.asarray(100.0 / TIME),
-        "last": jnp.asarray(170.0 / TIME),
+        "last": jnp.asarray(195.0 / TIME),
     }
     sizes = {"vectors": 0.5, "coast": 100.0 / TIME, "last": 100.0 / TIME}
     sizes = jax.tree.map(lambda x, s: jnp.full(x.shape, s), start, sizes)
     low = {"vectors": -np.inf, "coast": 0.0, "last": 0.1 / TIME}
-    high = {"vectors": np.inf, "coast": 0.5, "last": 180.0 / TIME}
+    high = {"vectors": np.inf, "coast": 0.5, "last": 235.0 / TIME}
     bounds = tuple(jax.tree.map(lambda x, b: jnp.full(x.shape, b), start, b) for b in (low, high))
     found = minimise(
         launch, start, bounds=bounds, method="sqp", scale=sizes, tolerance=1e-6, max_steps=400

@@ -47,7 +47,7 @@ def polygon(
     # As a product of matrices where all runs share the table: the compiler makes vectors of that,
     # and none of a sum over a leading axis.
     line = slopes.reshape(-1)
-    risen = jnp.tensordot(line, passed.astype(line.dtype), 1, precision=lax.Precision.HIGHEST)
+    risen = jnp.tensordot(line, passed, 1, precision=lax.Precision.HIGHEST)
     return values[0] + risen
 
 

@@ -160,8 +160,8 @@ def number_of_stages(
     if most < 1:
         raise InputError(f"most is {most}: it must be at least 1.")
     runs = jnp.broadcast_shapes(*(x.shape for x in (u, b, v, c)))
-    stages = [jnp.broadcast_to(x, (most, *runs)) for x in (u, b, c)]
+    u, b, c = (jnp.broadcast_to(x, (most, *runs)) for x in (u, b, c))
     numbers = np.arange(1, most + 1)
     choices = jnp.asarray(numbers[:, None] > np.arange(most)[::-1])
-    masses = choose_stages(*stages, jnp.broadcast_to(v, runs), choices)[3]
+    masses = choose_stages(u, b, c, jnp.broadcast_to(v, runs), choices)[3]
     return StageNumbers(jnp.asarray(numbers), masses, jnp.argmin(masses, axis=0) + 1)

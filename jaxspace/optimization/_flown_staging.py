@@ -148,17 +148,19 @@ def staging_with_losses(
 
     **Raises** `InputError` for values out of range, and for a height where nothing is free to meet
     it: a vertical flight of one stage."""
-    given = {"payload": payload, "speed": speed, "gravity": gravity, "rise_time": rise_time}
-    numbers = {name: as_float(x) for name, x in given.items()}
-    for name, x in numbers.items():
+    payload, speed, g, rise = (as_float(x) for x in (payload, speed, gravity, rise_time))
+    given = {"payload": payload, "speed": speed, "gravity": g, "rise_time": rise}
+    for name, x in given.items():
         check_positive(name, x)
         if x.ndim > 0:
             raise InputError(f"{name} has the shape {x.shape}: the search takes one run.")
     stages = design.exhaust_velocity.shape[0]
     if height is not None and vertical and stages == 1:
         raise InputError("height is given for a vertical flight of one stage: nothing is free.")
-    optional = (None if x is None else as_float(x) for x in (height, radius))
-    return _search(design, *numbers.values(), *optional, vertical, steps, as_float(tolerance))
+    goal, round_earth = (None if x is None else as_float(x) for x in (height, radius))
+    return _search(
+        design, payload, speed, g, rise, goal, round_earth, vertical, steps, as_float(tolerance)
+    )
 
 
 def _flight(
@@ -263,6 +265,7 @@ def _search(
     found = minimise(problem, start, bounds=(low, high), scale=scale, **options)
     masses, end, mass, times, ideal = found.criterion.report
     dual = found.multipliers.equal_zero
+    assert dual is not None
     none = jnp.zeros_like(speed)
     return FlownStaging(
         stage_mass=masses,

@@ -181,13 +181,15 @@ def _search(
     options = {"method": "sqp", "tolerance": tolerance, "max_steps": max_steps}
     found = minimise(problem, start, check_gradient=False, **options)
     T, end, error = found.criterion.report
+    dual = found.multipliers.equal_zero
+    assert dual is not None
     # The objective over its unit: T or, with the other sign, v.
     unit = first if form == "time" else -speed
     return InsertionOptimum(
         law=made(found.x["law"]),
         duration=T,
         end=end,
-        radius_price=-unit * found.multipliers.equal_zero[0] / radius,
+        radius_price=-unit * dual[0] / radius,
         error=error,
         converged=found.converged,
         minimum=found,
