@@ -99,8 +99,7 @@ def answer():
 """,
     "gradient of four phases from the pad, compact": PAD
     + "answer = lambda: jax.jit(jax.grad(apoapsis))(y0.mass)\n",
-    "gradient of an orbit, RKN 12(10)": ORBIT
-    + "answer = lambda: jax.jit(jax.grad(end))(x)[0]\n",
+    "gradient of an orbit, RKN 12(10)": ORBIT + "answer = lambda: jax.jit(jax.grad(end))(x)[0]\n",
     "Hessian of an orbit, RKN 12(10)": ORBIT
     + "answer = lambda: jax.jit(jax.hessian(end))(x)[0, 0]\n",
 }
