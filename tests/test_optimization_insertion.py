@@ -11,17 +11,13 @@ from scipy.optimize import fsolve
 
 from jaxspace.core import InputError, Spline
 from jaxspace.optimization import (
-    Ascent,
     ConstantMassFlow,
-    ConstantThrustAcceleration,
     Insertion,
     InsertionState,
     SteeringNetwork,
     SteeringProfile,
     TangentLaw,
-    linear_tangent_steering,
     optimise_insertion,
-    optimise_steering,
 )
 
 # Of Electron's second stage, with the first burnt out at 100 km; to a circle at 185 km.
@@ -155,21 +151,3 @@ def test_an_orbit_out_of_reach_is_said_in_a_sentence():
     found = optimise_insertion(far, LAWS["linear"][0], 250.0, form="velocity")
     assert not found.converged and "cannot be met" in found.minimum.sentence()
     assert bool(jnp.isfinite(found.end.radius))
-
-
-# T8.3-A in SI: constant acceleration, and the optimum that `linear_tangent_steering` knows.
-FLAT = Ascent(ConstantThrustAcceleration(20.0), 100.0, 200.0, 0.0, 120e3, 9.8)
-
-
-@pytest.mark.sweep
-@pytest.mark.parametrize("kind", ["spline", "network"])
-def test_free_profiles_reach_the_linear_tangent(kind):
-    """Over a flat earth, where the linear tangent is the optimum: 1e-5 of the velocity or less."""
-    exact = linear_tangent_steering(FLAT)
-    times = jnp.linspace(0.0, 100.0, 6)
-    start = Spline(times, 0.5 + 0.0 * times)
-    if kind == "network":
-        start = SteeringNetwork(network().network, 100.0)
-    found = optimise_steering(FLAT, start, 0.5, tolerance=1e-6)
-    np.testing.assert_allclose(found.final_velocity, exact.final_velocity, rtol=1e-5)
-    assert float(found.final_velocity) <= float(exact.final_velocity) * (1.0 + 1e-7)

@@ -5,7 +5,7 @@
                w_b >= 0                    the apex is not before burnout
 
 No optimality condition is used: with more nodes the result approaches linear-tangent steering, and
-it holds where that does not. The profile may as well be a spline, a network or any other law.
+it holds where that does not.
 
     symbol    meaning                                                    unit
     phi_i     thrust angle at the time t_i, straight lines in between    rad
@@ -78,7 +78,7 @@ class SteeringOptimum(eqx.Module):
     - `converged`: whether both met the tolerance."""
 
     release_angle: Float[Array, ""]
-    steering: Law
+    steering: SteeringProfile
     burnout: FlightState
     apex_time: Float[Array, ""]
     final_velocity: Float[Array, ""]
@@ -90,7 +90,7 @@ class SteeringOptimum(eqx.Module):
 
 def optimise_steering(
     ascent: Ascent,
-    start: Law,
+    start: SteeringProfile,
     release_angle: Scalar,
     *,
     accuracy: Accuracy | Scalar = 1e-10,
@@ -101,8 +101,7 @@ def optimise_steering(
     **Arguments**
 
     - `ascent`: what is given, without runs.
-    - `start`: the law with which the search begins: a `SteeringProfile`, a `core.Spline`, a
-      `SteeringNetwork`, or any `equinox.Module` from the time, s, to the angle, rad.
+    - `start`: the nodes, and the angles at which the search begins.
     - `release_angle`: at which the search begins, rad.
     - `accuracy`: of the flight, as in `simulate`.
     - `tolerance`: for the scaled `violation` and `gradient` of the result.
