@@ -183,18 +183,15 @@ def test_compact_flight():
 
 @pytest.mark.sweep
 def test_the_command(settings_stay, tmp_path, capsys):
-    """`jaxspace optimize`: the table, the sensitivities, the file of the optimum and the figures;
-    an infeasible target ends with status 1 and a sentence."""
+    """`jaxspace optimize`: the table, the sensitivities, the file of the optimum and the figure of
+    the search."""
     path = tmp_path / "transfer.toml"
     path.write_text(TRANSFER)
     assert main(["optimize", str(path), "--out", str(tmp_path), "--sensitivities"]) == 0
     printed = capsys.readouterr().out
-    for words in ("initial.velocity.1", "apoapsis_radius", "at least", "planet.mu", "Converged"):
+    for words in ("initial.velocity.1", "apoapsis radius", "at least", "planet.mu", "Converged"):
         assert words in printed
     best = load(tmp_path / "transfer_optimum.toml")
     expected = across(RADIAL, R1, R2, MU)
     np.testing.assert_allclose(best.y0.velocity[1], expected, rtol=1e-7)
     assert (tmp_path / "transfer_search.png").exists()
-    path.write_text(TRANSFER.replace('at_least = "8000 km"', 'at_least = "90000 km"'))
-    assert main(["optimize", str(path), "--out", str(tmp_path)]) == 1
-    assert "cannot be met from this start" in capsys.readouterr().out

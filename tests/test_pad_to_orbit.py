@@ -29,20 +29,16 @@ def places(given):
     mission, y0 = given
     first, coast, second = (phase.system.effects for phase in mission.phases[:3])
     return (
-        y0.mass,
-        (first[1].area, coast[1].area, second[1].area),
-        first[2].mean_thrust,
-        mission.phases[0].then.dropped,
-        first[2].steering.angles,
-        second[2].steering.tangent,
+        *(y0.mass, first[1].area, coast[1].area, second[1].area, first[2].mean_thrust),
+        *(mission.phases[0].then.dropped, first[2].steering.angles, second[2].steering.tangent),
     )
 
 
 def changed(given, x):
-    """Mission and start with their inputs multiplied by `x`, (6, *runs)."""
-    new = []
-    for place, factor in zip(places(given), x, strict=True):
-        new.append(jax.tree.map(lambda a, f=factor: jnp.multiply.outer(a, f), place))
+    """Mission and start with their inputs multiplied by `x`, (6, *runs); the area is the same in
+    three phases."""
+    factors = [x[k] for k in (0, 1, 1, 1, 2, 3, 4, 5)]
+    new = [jnp.multiply.outer(a, f) for a, f in zip(places(given), factors, strict=True)]
     return eqx.tree_at(places, given, tuple(new))
 
 

@@ -184,7 +184,7 @@ class UserSteering(AbstractSteering):
 
 
 def joined_breaks(
-    a: Float[Array, "times *#runs"], b: Float[Array, "times *#runs"]
+    a: Float[Array, "some *#runs"], b: Float[Array, "more *#runs"]
 ) -> Float[Array, "times *#runs"]:
     """The break times of both, s, with the runs of both."""
     runs = jnp.broadcast_shapes(a.shape[1:], b.shape[1:])
