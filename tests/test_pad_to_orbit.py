@@ -1,5 +1,5 @@
-"""A mission from the pad to orbit: its gradient from end to end against differences, and a batch of
-it by adaptive steps against the flights one by one in fixed ones."""
+"""A mission from the pad to orbit: its gradient from end to end against differences of a mapped
+batch."""
 
 from pathlib import Path
 
@@ -9,8 +9,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxspace import load, simulate_batch
-from jaxspace.simulation import Status, fly_compact
+from jaxspace import load
+from jaxspace.simulation import fly_compact
 
 pytestmark = pytest.mark.sweep
 
@@ -60,19 +60,3 @@ def test_gradient_from_end_to_end(pad):
     moved = 1.0 + step * np.concatenate([np.eye(6), -np.eye(6)])
     far = jax.jit(jax.vmap(lambda x: apoapsis(pad, x)[0]))(jnp.asarray(moved))
     np.testing.assert_allclose(slopes, (far[:6] - far[6:]) / (2.0 * step), rtol=1e-5, atol=20.0)
-
-
-def test_a_batch_by_adaptive_steps(pad):
-    """Every input moved by a thousandth, both ways: the runs of one adaptive batch end where fixed
-    steps end, and their differences are the gradient."""
-    step = 1e-3
-    moved = 1.0 + step * np.concatenate([np.eye(6), -np.eye(6)]).T
-    mission, y0 = changed(pad, jnp.asarray(moved))
-    run = simulate_batch(mission, y0, 0.0, accuracy=1e-8)
-    assert np.all(np.asarray(run.status) == int(Status.EVENT))
-    ends = np.linalg.norm(run.final.position, axis=0)
-    each = jax.jit(jax.vmap(lambda x: apoapsis(pad, x)[0], in_axes=-1))(jnp.asarray(moved))
-    np.testing.assert_allclose(ends, each, rtol=1e-6)
-    slopes = jax.jit(jax.grad(lambda x: apoapsis(pad, x)[0]))(jnp.ones(6))
-    # The second differences are what is left of the third order.
-    np.testing.assert_allclose((ends[:6] - ends[6:]) / (2.0 * step), slopes, rtol=2e-2, atol=2e3)
