@@ -9,6 +9,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from jaxtyping import Array
+from scipy.integrate import solve_ivp
+from scipy.optimize import fsolve
 
 from jaxspace.core import AbstractSystem, cross, dot, norm
 from jaxspace.optimization import Criterion, minimise
@@ -219,3 +221,133 @@ def test_the_ascent_of_a_delta_iii():
     np.testing.assert_allclose(mass, 7529.7123, rtol=1e-6)
     np.testing.assert_allclose(end, 924.139, atol=2e-3)
     assert error < 1e-8
+
+
+# Thrust, N, exhaust velocity, m/s, propellant, kg, and dropped mass, kg, of three stages; the last
+# burns what it needs. In units of the target's radius and speed, and of the lift-off mass.
+TARGET, LIFT_OFF = 6378137.0 + 185e3, 20e3
+UNIT = float(np.sqrt(3.986004418e14 / TARGET))
+TIME = TARGET / UNIT
+THREE = ((300e3, 2600.0, 12e3, 1200.0), (110e3, 2900.0, 4200.0, 450.0), (25e3, 3100.0, 0.0, 0.0))
+PUSH = [F * TIME / UNIT / LIFT_OFF for F, *_ in THREE]
+JET = [u / UNIT for _, u, *_ in THREE]
+BURNS = [m * u / F / TIME for F, u, m, _ in THREE[:2]]
+LEFT = [m / LIFT_OFF for *_, m in THREE]
+
+
+class Stage(AbstractSystem):
+    """(x, y, vx, vy, m) under gravity; the thrust points along a polynomial in the time of the
+    burn."""
+
+    push: Array
+    jet: Array
+    begins: Array
+    lasts: Array
+    vectors: Array
+
+    def vector_field(self, t, y):
+        r, v, m = y[:2], y[2:4], y[4]
+        along = jnp.polyval(self.vectors, 2.0 * (t - self.begins) / self.lasts - 1.0)
+        a = self.push / m * along / jnp.hypot(*along)
+        return jnp.concatenate([v, a - r / jnp.hypot(*r) ** 3, (-self.push / self.jet)[None]])
+
+    def invariants(self, t, y):
+        return {}
+
+
+def launch(x):
+    """Two burns, a coast and a third burn from rest on the ground into the circle; least is the
+    length of the third burn."""
+    zero, one = jnp.zeros(()), jnp.ones(())
+    lasts = [*map(jnp.asarray, BURNS), x["coast"], x["last"]]
+    pushes = [*map(jnp.asarray, PUSH[:2]), zero, jnp.asarray(PUSH[2])]
+    jets = [*map(jnp.asarray, JET[:2]), one, jnp.asarray(JET[2])]
+    begins, phases = zero, []
+    for k, (push, jet, span) in enumerate(zip(pushes, jets, lasts, strict=True)):
+        drop = lambda t, y, k=k: y.at[4].add(-LEFT[k])  # noqa: E731
+        system = Stage(push, jet, begins, span, x["vectors"][k])
+        phases.append(Phase(system, span, drop if k < 2 else None, name=str(k)))
+        begins = begins + span
+    start = jnp.array([6378137.0 / TARGET, 0.0, 0.0, 0.0, 1.0])
+    flight = fly_compact(Mission(phases), start, steps=16)
+    r, v = flight.final[:2], flight.final[2:4]
+    d = jnp.hypot(*r)
+    miss = jnp.stack([d - 1.0, (r @ v) / d, (r[0] * v[1] - r[1] * v[0]) / d - 1.0])
+    return Criterion(x["last"], miss, report=(flight.final[4], flight.error))
+
+
+def primer_flight(x):
+    """State and costates of position and velocity where the launch of Pontryagin's conditions ends,
+    and the Hamiltonian of the coast, for the first costates of position (2) and the x of the
+    velocity's, its y being 1, and the lengths of the coast and the last burn."""
+    state = [6378137.0 / TARGET, 0.0, 0.0, 0.0, *x[:3], 1.0]
+    spans = [(PUSH[0], JET[0], BURNS[0], 1.0), (PUSH[1], JET[1], BURNS[1], 0.0)]
+    mass, flown, hamiltonian = (
+        1.0,
+        [*spans, (0.0, 1.0, x[3], 0.0), (PUSH[2], JET[2], x[4], 0.0)],
+        0.0,
+    )
+    for k, (push, jet, span, _) in enumerate(flown):
+
+        def rate(t, y, push=push, jet=jet, mass=mass):
+            r, v, q, p = y[:2], y[2:4], y[4:6], y[6:]
+            d = np.hypot(*r)
+            a = push / (mass - push / jet * t) * p / np.hypot(*p)
+            return [*v, *(a - r / d**3), *(p / d**3 - 3.0 * r * (p @ r) / d**5), *(-q)]
+
+        if k == 2:
+            y = np.array(state)
+            hamiltonian = y[4:6] @ y[2:4] - y[6:] @ y[:2] / np.hypot(*y[:2]) ** 3
+        ode = solve_ivp(rate, (0.0, span), state, rtol=1e-11, atol=1e-11, method="DOP853")
+        state = ode.y[:, -1]
+        mass -= push / jet * span + (LEFT[k] if k < 2 else 0.0)
+    return state, hamiltonian
+
+
+def conditions(x):
+    """The circle, a coast of the best length, and an end anywhere on the circle."""
+    y, hamiltonian = primer_flight(x)
+    r, v, q, p = y[:2], y[2:4], y[4:6], y[6:]
+    # The torque of the costates is zero, because the end may turn about the centre.
+    turn = r[0] * q[1] - r[1] * q[0] + v[0] * p[1] - v[1] * p[0]
+    return [np.hypot(*r) - 1.0, r @ v, r[0] * v[1] - r[1] * v[0] - 1.0, turn, hamiltonian]
+
+
+def test_a_three_stage_launch_with_a_coast():
+    """To a circle at 185 km: the mass that arrives, by gradients from a guess of upwards and then
+    eastwards, against Pontryagin's conditions solved by SciPy; 1e-5 is wanted."""
+    vectors = np.zeros((4, 3, 2))
+    for k, (rise, along) in enumerate([(1.0, 0.4), (0.5, 1.0), (0.0, 1.0), (0.0, 1.0)]):
+        vectors[k, -1] = [rise, along]
+    start = {
+        "vectors": jnp.asarray(vectors),
+        "coast": jnp.asarray(100.0 / TIME),
+        "last": jnp.asarray(195.0 / TIME),
+    }
+    sizes = {"vectors": 0.5, "coast": 100.0 / TIME, "last": 100.0 / TIME}
+    sizes = jax.tree.map(lambda x, s: jnp.full(x.shape, s), start, sizes)
+    low = {"vectors": -np.inf, "coast": 0.0, "last": 0.1 / TIME}
+    high = {"vectors": np.inf, "coast": 0.5, "last": 235.0 / TIME}
+    bounds = tuple(jax.tree.map(lambda x, b: jnp.full(x.shape, b), start, b) for b in (low, high))
+    found = minimise(
+        launch, start, bounds=bounds, method="sqp", scale=sizes, tolerance=1e-6, max_steps=400
+    )
+    assert found.converged, found.sentence()
+    first = np.array([np.polyval(c, -1.0) for c in np.moveaxis(found.x["vectors"][0], 1, 0)])
+    bend = np.array(
+        [np.polyval(np.polyder(c), -1.0) for c in np.moveaxis(found.x["vectors"][0], 1, 0)]
+    )
+    tangent = first[0] / first[1]
+    # The slope of the tangent is -(q_x - q_y tangent) over the velocity's costate.
+    slope = 2.0 / BURNS[0] * (bend[0] * first[1] - first[0] * bend[1]) / first[1] ** 2
+    guess = [-slope, 0.0, tangent, float(found.x["coast"]), float(found.x["last"])]
+    best, _, ok, text = fsolve(conditions, guess, full_output=True, xtol=1e-12)
+    assert ok == 1, text
+    mass = (
+        1.0
+        - sum(PUSH[k] / JET[k] * BURNS[k] + LEFT[k] for k in (0, 1))
+        - PUSH[2] / JET[2] * best[4]
+    )
+    reached, error = found.criterion.report
+    np.testing.assert_allclose(reached, mass, rtol=1e-5)
+    assert error < 1e-7 and best[3] > 0.0

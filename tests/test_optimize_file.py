@@ -7,6 +7,7 @@ import pytest
 from jaxtyping import Array
 
 from jaxspace import load
+from jaxspace.cli import main
 from jaxspace.core import AbstractSystem, InputError
 from jaxspace.io import SceneError, optimum_report, sensitivity_report
 from jaxspace.simulation import Event, Mission, Phase, fly_compact
@@ -178,3 +179,19 @@ def test_compact_flight():
     np.testing.assert_allclose(found.phases[0].before[0], 0.0, atol=1e-12)
     with pytest.raises(InputError, match="steps = 0"):
         fly_compact(Mission([Phase(Fall(h, h), 1.0)]), jnp.zeros(2), steps=0)
+
+
+@pytest.mark.sweep
+def test_the_command(settings_stay, tmp_path, capsys):
+    """`jaxspace optimize`: the table, the sensitivities, the file of the optimum and the figure of
+    the search."""
+    path = tmp_path / "transfer.toml"
+    path.write_text(TRANSFER)
+    assert main(["optimize", str(path), "--out", str(tmp_path), "--sensitivities"]) == 0
+    printed = capsys.readouterr().out
+    for words in ("initial.velocity.1", "apoapsis radius", "at least", "planet.mu", "Converged"):
+        assert words in printed
+    best = load(tmp_path / "transfer_optimum.toml")
+    expected = across(RADIAL, R1, R2, MU)
+    np.testing.assert_allclose(best.y0.velocity[1], expected, rtol=1e-7)
+    assert (tmp_path / "transfer_search.png").exists()

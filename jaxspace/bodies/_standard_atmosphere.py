@@ -33,6 +33,7 @@ from typing import final
 
 import jax.numpy as jnp
 import numpy as np
+from jax import lax
 from jaxtyping import Array, Float
 
 from ..core import Choice, Scalar, constructor, quantity
@@ -42,6 +43,7 @@ from ._upper_air import LOG_DENSITY, MOLAR_MASS_CHANGE, molar_mass_ratio
 RADIUS = 6356766.0  # m, r_0
 PRESSURE = 101325.0  # Pa, at H = 0
 TOP = 86e3  # m, where the layers end
+MIXED = 80e3  # m, up to which M = M_0
 BOTTOM = -1e5  # m, below which the air stays as it is
 # Of each layer: H_k, m, L_k, K/m, and T_k, K.
 LAYERS = (
@@ -73,6 +75,21 @@ def standard_atmosphere(height: Scalar) -> Air:
     - `height`: above sea level, m, (*runs,); `geometric_height` turns a geopotential one into it.
 
     **Returns** the `Air` there."""
+    height = jnp.asarray(height, jnp.result_type(height, float))
+    # The splines of the upper air are most of the work: flights below leave them out.
+    return lax.cond(jnp.any(height > MIXED), _all_air, _lower_air, height)
+
+
+def _lower_air(height: Scalar) -> Air:
+    """The air up to 80 km, where its gases are mixed as on the ground."""
+    logarithm, temperature = _layers(height)
+    density = jnp.exp(logarithm)
+    per_mass = GAS_CONSTANT / MOLAR_MASS * temperature
+    return Air(temperature, density * per_mass, density, jnp.sqrt(HEAT_RATIO * per_mass))
+
+
+def _all_air(height: Scalar) -> Air:
+    """The air at every height."""
     logarithm, of_layers = _layers(height)
     above = jnp.maximum(height - TOP, 0.0) * 1e-3
     density = jnp.exp(logarithm + LOG_DENSITY(above))
@@ -90,22 +107,21 @@ def _layers(height: Scalar) -> tuple[Scalar, Scalar]:
     level = geopotential_height(jnp.clip(height, BOTTOM, TOP))
     dtype = jnp.result_type(level, float)
     level = jnp.asarray(level, dtype)
-    # Every layer adds what is climbed in it: no branch, one formula for a batch, and few operations
-    # to compile.
-    base, low, thick, lapse, exponent, decay = (
-        jnp.asarray(c.reshape(-1, *(1,) * level.ndim), dtype) for c in _COLUMNS
-    )
-    climbed = jnp.clip(level - base, low, thick)
-    fall = exponent * jnp.log1p(lapse * climbed) + decay * climbed
-    logarithm = math.log(PRESSURE) - jnp.sum(fall, axis=0)
-    warming = jnp.asarray(_LAPSES.reshape(lapse.shape), dtype)
-    temperature = LAYERS[0][2] + jnp.sum(warming * climbed, axis=0)
+    logarithm, temperature = math.log(PRESSURE), LAYERS[0][2]
+    # Every layer adds what is climbed in it: no branch, one formula for a batch.
+    for base, low, thick, rate, exponent, decay, lapse in _COLUMNS:
+        climbed = jnp.clip(level - base, low, thick)
+        if lapse == 0.0:
+            logarithm = logarithm - decay * climbed
+        else:
+            logarithm = logarithm - exponent * jnp.log1p(rate * climbed)
+            temperature = temperature + lapse * climbed
     return logarithm + jnp.log(MOLAR_MASS / GAS_CONSTANT / temperature), temperature
 
 
-def _columns() -> tuple[np.ndarray, ...]:
+def _columns() -> list[list[float]]:
     """Of each layer: base and least and greatest climb, m; lapse over base temperature, 1/m; what
-    multiplies the logarithm, and what multiplies the climb, 1/m."""
+    multiplies the logarithm, and what multiplies the climb, 1/m; lapse, K/m."""
     base, lapse, at_base = np.array(LAYERS).T
     low = np.where(base == 0.0, -np.inf, 0.0)
     thick = np.append(base[1:], np.inf) - base
@@ -113,11 +129,11 @@ def _columns() -> tuple[np.ndarray, ...]:
     warms = lapse != 0.0
     exponent = np.where(warms, per_kelvin / np.where(warms, lapse, 1.0), 0.0)
     decay = np.where(warms, 0.0, per_kelvin / at_base)
-    return base, low, thick, lapse / at_base, exponent, decay
+    columns = (base, low, thick, lapse / at_base, exponent, decay, lapse)
+    return np.stack(columns, axis=-1).tolist()
 
 
 _COLUMNS = _columns()
-_LAPSES = np.array(LAYERS)[:, 1]
 
 
 def _upper_temperature(above: Scalar) -> Scalar:

@@ -21,12 +21,34 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax import lax
 from jaxtyping import Array, Float
 
 from ._check import InputError, check, check_finite, is_concrete
 from ._shapes import with_rank
 from ._system import AbstractSystem
 from ._types import Scalar, as_float
+
+
+def polygon(
+    x: Scalar, nodes: Float[Array, "nodes *#runs"], values: Float[Array, "nodes *#runs"]
+) -> Scalar:
+    """The value at `x` on the polygon through the `values` at ascending `nodes`, constant
+    outside."""
+    rank = max(jnp.ndim(x), nodes.ndim - 1, values.ndim - 1)
+    nodes, values = with_rank(nodes, rank), with_rank(values, rank)
+    widths = nodes[1:] - nodes[:-1]
+    slopes = (values[1:] - values[:-1]) / widths
+    # A sum over all intervals: a search and a gather for each run cost more than a few
+    # multiplications for each node.
+    passed = jnp.clip(x - nodes[:-1], 0.0, widths)
+    if slopes.size > slopes.shape[0]:
+        return values[0] + jnp.sum(slopes * passed, axis=0)
+    # As a product of matrices where all runs share the table: the compiler makes vectors of that,
+    # and none of a sum over a leading axis.
+    line = slopes.reshape(-1)
+    risen = jnp.tensordot(line, passed, 1, precision=lax.Precision.HIGHEST)
+    return values[0] + risen
 
 
 class AbstractTable(eqx.Module):
@@ -77,8 +99,7 @@ class Table(AbstractTable):
 
     def __call__(self, t: Scalar) -> Scalar:
         """The value at the time `t`, s, (*runs,)."""
-        lengths, passed, values = self._intervals(t)
-        return values[0] + jnp.sum((values[1:] - values[:-1]) / lengths * passed, axis=0)
+        return polygon(t, self.times, self.values)
 
 
 @final

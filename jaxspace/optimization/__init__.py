@@ -12,6 +12,18 @@ from ._criterion import Criterion as Criterion
 from ._criterion import Minimum as Minimum
 from ._criterion import StopReason as StopReason
 from ._drive import Progress as Progress
+from ._fixed_masses import StageNumbers as StageNumbers
+from ._fixed_masses import number_of_stages as number_of_stages
+from ._flown_staging import FlownStaging as FlownStaging
+from ._flown_staging import StageDesign as StageDesign
+from ._flown_staging import staging_with_losses as staging_with_losses
+from ._insertion import Insertion as Insertion
+from ._insertion import InsertionOptimum as InsertionOptimum
+from ._insertion import InsertionState as InsertionState
+from ._insertion import optimise_insertion as optimise_insertion
+from ._laws import SteeringNetwork as SteeringNetwork
+from ._laws import SteeringProfile as SteeringProfile
+from ._laws import TangentLaw as TangentLaw
 from ._minimise import minimise as minimise
 from ._minimise import minimise_from as minimise_from
 from ._propellant_use import PropellantUse as PropellantUse
@@ -20,7 +32,6 @@ from ._rendezvous import Rendezvous as Rendezvous
 from ._rendezvous import least_rendezvous as least_rendezvous
 from ._shooting import SteeredFlight as SteeredFlight
 from ._shooting import SteeringOptimum as SteeringOptimum
-from ._shooting import SteeringProfile as SteeringProfile
 from ._shooting import optimise_steering as optimise_steering
 from ._staging import Staging as Staging
 from ._staging import equal_stages_payload as equal_stages_payload

@@ -22,6 +22,7 @@ from jaxtyping import Array, Float, Int
 from ..core import InputError, Scalar
 from . import _multipliers as multipliers
 from . import _sqp as sqp
+from . import _sqp_state as sqp_state
 from ._bounds import Bounds, as_bounds
 from ._criterion import Criterion, Minimum, Point, StopReason, stop_reason
 from ._drive import Progress, drive, is_traced
@@ -206,7 +207,7 @@ def _by_sqp(
     low, high = (ravel_pytree(b)[0] for b in common.limits)
     size = _sizes(x0, low, high) if scale is None else ravel_pytree(scale)[0]
 
-    if before is not None and isinstance(before.search, sqp.SqpState):
+    if before is not None and isinstance(before.search, sqp_state.SqpState):
         # The search goes on in its own scaled unknowns.
         size = before.search.size
 
@@ -224,21 +225,21 @@ def _by_sqp(
     mode = jax.jacfwd if x0.size <= 16 * (1 + me + mi) else jax.jacrev
     derivatives = mode(numbers, has_aux=True)
 
-    def evaluate(s: sqp.SqpState) -> sqp.Found:
+    def evaluate(s: sqp_state.SqpState) -> sqp_state.Found:
         jacobian, (values, criterion) = derivatives(s.trial)
-        return sqp.Found(values, jacobian, criterion)
+        return sqp_state.Found(values, jacobian, criterion)
 
     curvature = jax.hessian(lambda z, w: w @ numbers(z)[0]) if exact_hessian else None
-    limits = sqp.Limits(low / size, high / size, jnp.asarray(common.tolerance, x0.dtype))
+    limits = sqp_state.Limits(low / size, high / size, jnp.asarray(common.tolerance, x0.dtype))
     blank = jax.tree.map(lambda like: jnp.zeros(like.shape, like.dtype), shapes)
     z0 = jnp.clip(x0, low, high) / size
-    state = sqp.begin(z0, size, me, mi, blank, max_steps, common.check)
+    state = sqp_state.begin(z0, size, me, mi, blank, max_steps, common.check)
     if before is not None:
         state = _taken_up(before, state)
     last, interrupted = drive(
         evaluate,
         lambda s, found: sqp.advance(s, found, limits, curvature),
-        lambda s: sqp.unfinished(s, limits),
+        lambda s: sqp_state.unfinished(s, limits),
         state,
         common.progress,
     )
@@ -246,7 +247,7 @@ def _by_sqp(
 
 
 def _sqp_minimum(
-    last: sqp.SqpState,
+    last: sqp_state.SqpState,
     unravel: Callable[[Array], Point],
     size: Array,
     tolerance: Scalar,

@@ -15,14 +15,14 @@ Source: Thomson 8.3 for the problem. Without the bound w_b >= 0 a descent finds 
 apex is before burnout.
 """
 
-from typing import final
+from typing import TypeAlias, final
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Bool, Float, PyTree
 
-from ..core import AbstractSystem, InputError, Scalar, as_float, check_finite, with_rank
+from ..core import AbstractSystem, InputError, Scalar, as_float
 from ..simulation import Accuracy, simulate
 from ._ascent import (
     AbstractThrustAcceleration,
@@ -33,30 +33,10 @@ from ._ascent import (
     velocity_gain,
 )
 from ._criterion import Criterion
+from ._laws import Law, SteeringProfile, corners, free_numbers
 from ._minimise import minimise
 
-
-@final
-class SteeringProfile(eqx.Module):
-    """Thrust angles at given times, linear in between.
-
-    - `times`: ascending, s; `angles`: rad; both (nodes, *runs)."""
-
-    times: Float[Array, "nodes *#runs"] = eqx.field(converter=as_float)
-    angles: Float[Array, "nodes *#runs"] = eqx.field(converter=as_float)
-
-    def __check_init__(self) -> None:
-        check_finite("SteeringProfile.times", self.times)
-        check_finite("SteeringProfile.angles", self.angles)
-
-    def __call__(self, t: Scalar) -> Scalar:
-        """The angle, rad, at the time `t`, s: constant before the first node and after the last."""
-        rank = max(jnp.ndim(t), self.times.ndim - 1, self.angles.ndim - 1)
-        times = with_rank(self.times, rank)
-        angles = with_rank(self.angles, rank)
-        lengths = times[1:] - times[:-1]
-        slopes = (angles[1:] - angles[:-1]) / lengths
-        return angles[0] + jnp.sum(slopes * jnp.clip(t - times[:-1], 0.0, lengths), axis=0)
+Unknowns: TypeAlias = dict[str, PyTree[Float[Array, "..."]]]
 
 
 @final
@@ -68,7 +48,7 @@ class SteeredFlight(AbstractSystem):
     """
 
     thrust: AbstractThrustAcceleration
-    steering: SteeringProfile
+    steering: Law
     gravity: Float[Array, "*#runs"] = eqx.field(converter=as_float)
 
     def vector_field(self, t: Scalar, y: FlightState) -> FlightState:
@@ -80,9 +60,9 @@ class SteeredFlight(AbstractSystem):
         del t, y
         return {}  # The thrust does work, and changes the momentum.
 
-    def breaks(self) -> Float[Array, "times *#runs"]:
-        # The angle has corners at the inner nodes.
-        return self.steering.times[1:-1]
+    def breaks(self) -> Float[Array, "times *#runs"] | None:
+        # Those of a spline and of a table are found without this.
+        return corners(self.steering) if isinstance(self.steering, SteeringProfile) else None
 
 
 @final
@@ -131,7 +111,7 @@ def optimise_steering(
     **Raises** `InputError` where `ascent` or `start` has runs.
     """
     batched = any(jnp.ndim(leaf) > 0 for leaf in jax.tree.leaves(ascent))
-    if batched or start.angles.ndim != 1 or start.times.ndim != 1:
+    if batched or jnp.ndim(start(ascent.burn_time)) > 0:
         raise InputError(
             "optimise_steering got several runs: it must get scalars and one list of nodes."
         )
@@ -141,7 +121,7 @@ def optimise_steering(
 @eqx.filter_jit
 def _search(
     ascent: Ascent,
-    start: SteeringProfile,
+    start: Law,
     release_angle: Scalar,
     accuracy: Accuracy | Scalar,
     tolerance: Scalar,
@@ -150,18 +130,18 @@ def _search(
     speed = ascent.release_speed + velocity_gain(ascent)
     height = 0.5 * speed * speed / ascent.gravity
 
-    def fly(angles: Float[Array, " angles"]) -> FlightState:
-        flight = SteeredFlight(
-            ascent.thrust, SteeringProfile(start.times, angles[1:]), ascent.gravity
-        )
+    profile, made = free_numbers(start)
+
+    def fly(x: Unknowns) -> FlightState:
+        flight = SteeredFlight(ascent.thrust, made(x["profile"]), ascent.gravity)
         ts = jnp.stack([0.0 * ascent.burn_time, ascent.burn_time])
         # A flight that fails is no error here: its objective turns the line search back.
         return simulate(
-            flight, release_state(ascent, angles[0]), ts, accuracy=accuracy, throw=False
+            flight, release_state(ascent, x["release"]), ts, accuracy=accuracy, throw=False
         ).final
 
-    def problem(angles: Float[Array, " angles"]) -> Criterion:
-        end = fly(angles)
+    def problem(x: Unknowns) -> Criterion:
+        end = fly(x)
         miss = (apex(ascent, end)[1] - ascent.apex_height) / height
         return Criterion(
             objective=-end.u / speed, equal_zero=miss, non_negative=end.w / speed, report=end
@@ -170,14 +150,14 @@ def _search(
     # The corners of the steering are breaks: its gradient needs no check.
     found = minimise(
         problem,
-        jnp.concatenate([release_angle[None], start.angles]),
+        {"release": release_angle, "profile": profile},
         tolerance=tolerance,
         check_gradient=False,
     )
     end = found.criterion.report
     return SteeringOptimum(
-        release_angle=found.x[0],
-        steering=SteeringProfile(start.times, found.x[1:]),
+        release_angle=found.x["release"],
+        steering=made(found.x["profile"]),
         burnout=end,
         apex_time=apex(ascent, end)[0],
         final_velocity=end.u,

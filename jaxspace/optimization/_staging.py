@@ -37,12 +37,14 @@ from ..core import (
     Scalar,
     as_float,
     check,
+    check_non_negative,
     check_positive,
     increasing_root,
     is_concrete,
     with_rank,
 )
 from ._criterion import Criterion
+from ._fixed_masses import all_choices, choose_stages
 from ._minimise import minimise
 
 Stages: TypeAlias = Float[Array, "stages *#runs"]
@@ -120,7 +122,10 @@ class Staging(eqx.Module):
 
 
 def optimal_staging(
-    exhaust_velocity: StageValues, structural_factor: StageValues, total_velocity: ArrayLike
+    exhaust_velocity: StageValues,
+    structural_factor: StageValues,
+    total_velocity: ArrayLike,
+    fixed_mass: StageValues | None = None,
 ) -> Staging:
     """The mass ratios that give a payload a velocity with the least initial mass (Thomson 8.2-9,
     8.2-10).
@@ -130,13 +135,43 @@ def optimal_staging(
     - `exhaust_velocity`, in any unit, and `structural_factor`: (stages, *runs), or (stages,) for
       all runs.
     - `total_velocity`: without losses, in the unit of the exhaust velocity, (*runs,).
+    - `fixed_mass`: dropped with each stage beside its structure, over the payload, as the velocity
+      or for all runs; a stage that does not pay for its own is left out. At most ten stages.
 
-    **Returns** a `Staging`, differentiable in all three.
+    **Returns** a `Staging`, differentiable in all of them.
 
     **Raises** `InputError` for values out of range, and for a concrete velocity at or above the
     limit of these stages.
     """
-    return _solve(*_checked(exhaust_velocity, structural_factor, total_velocity))
+    u, b, v = _checked(exhaust_velocity, structural_factor, total_velocity)
+    if fixed_mass is None:
+        return _solve(u, b, v)
+    c = as_float(fixed_mass)
+    check_non_negative("fixed_mass", c)
+    if c.ndim == 0 or c.shape[0] not in (1, u.shape[0]):
+        raise InputError(
+            f"fixed_mass has the shape {c.shape}: it must have one value for each of "
+            f"{u.shape[0]} stages on its first axis."
+        )
+    return _with_fixed_masses(u, b, v, c)
+
+
+def _with_fixed_masses(u: Stages, b: Stages, v: Scalar, c: Stages) -> Staging:
+    """The best of all choices of stages (`_fixed_masses.py`)."""
+    rank = max(u.ndim - 1, c.ndim - 1)
+    u, b, c = (with_rank(x, rank) for x in (u, b, c))
+    shape = jnp.broadcast_shapes(u.shape, b.shape, c.shape, (1, *v.shape))
+    u, b, c = (jnp.broadcast_to(x, shape) for x in (u, b, c))
+    choices = jnp.asarray(all_choices(shape[0]))
+    chain, used, feasible, _ = choose_stages(u, b, c, jnp.broadcast_to(v, shape[1:]), choices)
+    return Staging(
+        mass_ratio=jnp.where(feasible, jnp.exp(chain.log_ratio), 1.0 / b),
+        initial_mass=jnp.where(feasible, chain.initial_mass, jnp.inf),
+        payload_ratio=jnp.where(feasible, 1.0 / chain.initial_mass, 0.0),
+        multiplier=jnp.where(feasible, chain.multiplier, -jnp.inf),
+        used=used | ~feasible,
+        feasible=feasible,
+    )
 
 
 @eqx.filter_jit

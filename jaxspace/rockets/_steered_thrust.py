@@ -30,7 +30,7 @@ from ..core import (
     norm,
     quantity,
 )
-from ._steering import AbstractSteering
+from ._steering import AbstractSteering, joined_breaks
 from ._thrust import Thrust
 from ._thrust_profile import ThrustProfile
 
@@ -206,11 +206,7 @@ class SteeredThrust(AbstractEffect):
 
     def breaks(self) -> Float[Array, "times *#runs"]:
         own, law = self._motor().breaks(), self.steering.breaks()
-        if law is None:
-            return own
-        runs = jnp.broadcast_shapes(own.shape[1:], law.shape[1:])
-        own, law = (x.reshape(x.shape + (1,) * (len(runs) + 1 - x.ndim)) for x in (own, law))
-        return jnp.concatenate([jnp.broadcast_to(x, (x.shape[0], *runs)) for x in (own, law)])
+        return own if law is None else joined_breaks(own, law)
 
     def _motor(self) -> Thrust:
         return Thrust(

@@ -181,3 +181,12 @@ class UserSteering(AbstractSteering):
 
     def direction(self, t: Scalar, y: BodyState) -> Vector:
         return unit(self.function(t, y))
+
+
+def joined_breaks(
+    a: Float[Array, "some *#runs"], b: Float[Array, "more *#runs"]
+) -> Float[Array, "times *#runs"]:
+    """The break times of both, s, with the runs of both."""
+    runs = jnp.broadcast_shapes(a.shape[1:], b.shape[1:])
+    both = (with_rank(x, len(runs)) for x in (a, b))
+    return jnp.concatenate([jnp.broadcast_to(x, (x.shape[0], *runs)) for x in both])

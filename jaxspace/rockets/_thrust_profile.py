@@ -26,8 +26,8 @@ from ..core import (
     check,
     constructor,
     is_concrete,
+    polygon,
     quantity,
-    with_rank,
 )
 
 
@@ -129,11 +129,5 @@ class ThrustProfile(AbstractParameters):
 
     def at(self, x: Scalar) -> Scalar:
         """The level at the fraction `x` of the burn time; zero before ignition, after burnout."""
-        rank = max(jnp.ndim(x), self.fraction.ndim - 1, self.level.ndim - 1)
-        fraction, level = with_rank(self.fraction, rank), with_rank(self.level, rank)
-        widths = fraction[1:] - fraction[:-1]
-        # A sum of clipped ramps, because a search and a gather for each run cost more than a few
-        # multiplications for each point.
-        passed = jnp.clip(x - fraction[:-1], 0.0, widths)
-        found = level[0] + jnp.sum((level[1:] - level[:-1]) / widths * passed, axis=0)
+        found = polygon(x, self.fraction, self.level)
         return jnp.where((x >= 0.0) & (x <= 1.0), found, 0.0)

@@ -8,8 +8,8 @@ from typing import Any, final
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..core import AbstractParameters, Scalar, as_float, quantity
-from ._local_air import check_nodes, interpolated
+from ..core import AbstractParameters, Scalar, as_float, polygon, quantity
+from ._local_air import check_nodes
 
 
 @final
@@ -26,7 +26,7 @@ class MachTable(AbstractParameters):
 
     def __call__(self, mach: Scalar) -> Scalar:
         """The coefficient at the Mach number, (*runs,)."""
-        return interpolated(mach, self.mach, self.values)
+        return polygon(mach, self.mach, self.values)
 
 
 def as_coefficient(x: Any) -> MachTable:

@@ -32,24 +32,10 @@ from ..core import (
     cross,
     is_concrete,
     norm,
+    polygon,
     quantity,
     unit,
-    with_rank,
 )
-
-
-def interpolated(
-    x: Scalar, nodes: Float[Array, "nodes *#runs"], values: Float[Array, "nodes *#runs"]
-) -> Scalar:
-    """The value at `x` on the polygon through the `values` at ascending `nodes`, constant
-    outside."""
-    rank = max(jnp.ndim(x), nodes.ndim - 1, values.ndim - 1)
-    nodes, values = with_rank(nodes, rank), with_rank(values, rank)
-    widths = nodes[1:] - nodes[:-1]
-    # A sum over all intervals: a search and a gather for each run cost more than a few
-    # multiplications for each node.
-    passed = jnp.clip(x - nodes[:-1], 0.0, widths)
-    return values[0] + jnp.sum((values[1:] - values[:-1]) / widths * passed, axis=0)
 
 
 def check_nodes(name: str, nodes: Array, **values: Array) -> None:
@@ -81,8 +67,8 @@ class Wind(AbstractParameters):
     def at(self, height: Scalar) -> tuple[Scalar, Scalar]:
         """The components to the east and to the north, m/s, at a `height`, m."""
         return (
-            interpolated(height, self.heights, self.east),
-            interpolated(height, self.heights, self.north),
+            polygon(height, self.heights, self.east),
+            polygon(height, self.heights, self.north),
         )
 
 

@@ -32,6 +32,9 @@ from ._rail import Rail
 from ._vehicle import Vehicle
 
 EARTH_RATE = 7.2921159e-5  # rad/s
+# Of the search for the end of the rail and the apogee, which each happen once: more would only
+# enlarge what every step writes.
+SAMPLES = 32
 
 
 @final
@@ -121,6 +124,7 @@ def sounding_flight(
     site: LaunchSite,
     recovery: Sequence[Recovery] = (),
     *,
+    rail_within: Scalar | None = None,
     ascent_within: Scalar = 300.0,
     descent_within: Scalar = 2000.0,
 ) -> tuple[Mission, BodyState]:
@@ -132,8 +136,9 @@ def sounding_flight(
     - `site`: of the launch.
     - `recovery`: the parachutes in the order of their opening, the first at the apogee; without
       one the mission ends at the apogee.
-    - `ascent_within`, `descent_within`: the longest times to wait for the apogee, and for the next
-      parachute or the ground, s. The search for an event samples all of that time: a narrow limit
+    - `rail_within`, `ascent_within`, `descent_within`: the longest times to wait for the end of the
+      rail (by default the burn time), for the apogee, and for the next parachute or the ground, s.
+      The search for an event samples all of that time: a narrow limit
       is a fast run.
 
     **Returns** the mission, with the phases "rail", "ascent" and for each parachute "wait"
@@ -146,11 +151,15 @@ def sounding_flight(
 
     rail = Rail(site.direction(), site.rail_length)
     burning, gliding = vehicle.as_body(air), vehicle.as_body(air, powered=False)
-    leaving = jnp.max(vehicle.motor.burnout())
+    leaving = jnp.max(vehicle.motor.burnout()) if rail_within is None else as_float(rail_within)
     phases = [
         # A rocket that has not left its rail by the burnout never does.
-        Phase(scene(*burning, rail), Event(rail.rail_exit, 1, leaving), name="rail"),
-        Phase(scene(*burning), Event(climb_rate, -1, ascent_within), name="ascent"),
+        Phase(
+            scene(*burning, rail), Event(rail.rail_exit, 1, leaving, samples=SAMPLES), name="rail"
+        ),
+        Phase(
+            scene(*burning), Event(climb_rate, -1, ascent_within, samples=SAMPLES), name="ascent"
+        ),
     ]
     flying, last = scene(*gliding, carry=("mass",)), len(recovery) - 1
     for number, chute in enumerate(recovery):

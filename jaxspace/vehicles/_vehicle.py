@@ -18,10 +18,20 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..bodies import AbstractBody, AbstractEffect, BurningBody, as_inertia
-from ..core import AbstractParameters, Scalar, Vector, as_float, as_optional_float, quantity
+from ..core import (
+    AbstractParameters,
+    InputError,
+    Scalar,
+    Vector,
+    as_float,
+    as_optional_float,
+    quantity,
+)
 from ..rockets import (
     AbstractSteering,
     AttitudeControl,
+    Gimbal,
+    GimballedThrust,
     JetDamping,
     Motor,
     SteeredThrust,
@@ -146,7 +156,11 @@ class Vehicle(AbstractParameters):
         return (thrust, AirDrag(self.area, self._drag(True), air))
 
     def as_body(
-        self, air: LocalAir, *, powered: bool = True, control: AttitudeControl | None = None
+        self,
+        air: LocalAir,
+        *,
+        powered: bool = True,
+        control: AttitudeControl | Gimbal | None = None,
     ) -> tuple[AbstractEffect, ...]:
         """The effects on a body that turns: thrust along its axis, jet damping, forces of the air,
         and the control of its attitude.
@@ -155,7 +169,10 @@ class Vehicle(AbstractParameters):
 
         - `air`: about the vehicle.
         - `powered`: whether the motor may burn.
-        - `control`: of the attitude, by default none."""
+        - `control`: of the attitude, by default none: a torque, or the gimbal of the motor, which
+          is at the nozzle's exit.
+
+        **Raises** `InputError` for a gimbal without an `exit_station`."""
         parts = (self.nose, self.fins, self.tail)
         coasting = self.coasting_drag if powered else None
         burnout = None if coasting is None else self.motor.burnout()
@@ -164,13 +181,20 @@ class Vehicle(AbstractParameters):
         )
         effects: tuple[AbstractEffect, ...] = (air_forces,)
         if powered:
-            effects = (self.motor, *effects)
+            effects = (self._motor(control), *effects)
             if self.exit_station is not None:
                 # A full exit has the mean square radius of a ring of its radius over sqrt(2).
                 ring = self.exit_radius / np.sqrt(2.0)
                 damping = JetDamping(self.motor.mass_rate, self.exit_station, ring)
                 effects = (*effects, damping)
-        return effects if control is None else (*effects, control)
+        return (*effects, control) if isinstance(control, AttitudeControl) else effects
+
+    def _motor(self, control: AttitudeControl | Gimbal | None) -> AbstractEffect:
+        if not isinstance(control, Gimbal):
+            return self.motor
+        if self.exit_station is None:
+            raise InputError("Vehicle.exit_station is None: it must be a z in m for a gimbal.")
+        return GimballedThrust.of_thrust(self.motor, control, self.exit_station)
 
     def _drag(self, powered: bool) -> MachTable:
         return self.drag if powered or self.coasting_drag is None else self.coasting_drag

@@ -250,14 +250,16 @@ CHAPTER_8 = (
         "rockets.coast_height",
     ),
     Row(
-        *("8.2", "Staging: shares of the velocity, stages that vanish", "T8.2"),
+        *("8.2", "Staging: shares of the velocity, stages that vanish, their number", "T8.2"),
         "optimization.optimal_staging optimization.optimal_staging_by_gradient "
+        "optimization.number_of_stages optimization.staging_with_losses "
         "optimization.equal_stages_payload optimization.stationary_mass_ratio",
     ),
     Row(
         *("8.3", "Linear-tangent steering; the least time, direct shooting", "T8.3"),
         "optimization.linear_tangent_steering optimization.maximum_velocity_steering "
-        "optimization.minimum_time_steering optimization.optimise_steering",
+        "optimization.minimum_time_steering optimization.optimise_steering "
+        "optimization.optimise_insertion",
     ),
     Row(
         *("8.4", "Propellant use: impulses at the start, at the end or split", "T8.4"),

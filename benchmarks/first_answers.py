@@ -1,0 +1,127 @@
+"""What an engineer waits for: seconds from the call to the answer in a new process without a kept
+cache, compilation included, of searches and of first derivatives. Processor seconds stand beside
+those of the clock, which count what else the machine does.
+
+Wanted on two cores: the launch in 60 s (goal 20), the transfer in 15, the gradient of four phases
+in 5, the gradient of an orbit by RKN 12(10) in 2 and its Hessian in 8."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+
+ROOT = Path(__file__).resolve().parents[1]
+REPEATS = 3
+HEAD = """
+import json, time, jax, jax.numpy as jnp, numpy as np
+jax.config.update("jax_enable_x64", True)
+from jaxspace import BodyState, Scene, load, simulate
+from jaxspace.core import AbstractSystem
+from jaxspace.optimization import Criterion, minimise
+from jaxspace.orbits import Oblateness, PointGravity
+from jaxspace.simulation import Accuracy, Mission, Phase, fly_compact
+from jaxspace.solvers import RKN1210
+jax.block_until_ready(jnp.ones(3) + 1.0)
+"""
+TAIL = """
+wall, cpu = time.perf_counter(), time.process_time()
+seen = answer()
+print(json.dumps([time.perf_counter() - wall, time.process_time() - cpu, float(seen)]))
+"""
+ORBIT = """
+y0 = BodyState(jnp.array([1.1, 0.0, 0.0]), jnp.array([0.0, 0.8, 0.4]))
+scene = Scene((PointGravity(1.0), Oblateness(1.0, 1e-3, 1.0)))
+accuracy = Accuracy(rtol=1e-9, method=RKN1210())
+def end(x):
+    y = BodyState(x[:3], x[3:])
+    return simulate(scene, y, jnp.array([0.0, 7.0]), accuracy=accuracy).final.position[0]
+x = jnp.concatenate([y0.position, y0.velocity])
+"""
+PAD = """
+import equinox as eqx
+file = load("examples/scenes/pad_to_orbit.toml")
+mission, y0 = file.mission, file.y0
+mass = lambda y: y.mass
+def apoapsis(m):
+    flight = fly_compact(mission, eqx.tree_at(mass, y0, m), steps=40)
+    return jnp.linalg.norm(flight.final.position)
+"""
+TRANSFER = """
+class Burn(AbstractSystem):
+    a: jax.Array
+    phi: jax.Array
+    omega: jax.Array
+    begins: jax.Array
+    def vector_field(self, t, y):
+        r, v = y[:2], y[2:]
+        d = jnp.hypot(*r)
+        angle = self.phi + self.omega * (t - self.begins)
+        up = r / d
+        level = jnp.stack([-up[1], up[0]])
+        a = self.a * (jnp.cos(angle) * level + jnp.sin(angle) * up)
+        return jnp.concatenate([v, a - r / d**3])
+    def invariants(self, t, y):
+        return {}
+R, A = 42164.0 / 6678.0, 20.0
+def problem(x):
+    zero, a = jnp.zeros(()), jnp.asarray(A)
+    second = x["burn"][0] + x["coast"]
+    phases = [
+        Phase(Burn(a, x["phi"][0], x["omega"][0], zero), x["burn"][0], name="first"),
+        Phase(Burn(zero, zero, zero, zero), x["coast"], name="coast"),
+        Phase(Burn(a, x["phi"][1], x["omega"][1], second), x["burn"][1], name="second"),
+    ]
+    end = fly_compact(Mission(phases), jnp.array([1.0, 0.0, 0.0, 1.0]), steps=30).final
+    r, v = end[:2], end[2:]
+    d = jnp.hypot(*r)
+    level = (r[0] * v[1] - r[1] * v[0]) / d
+    miss = jnp.stack([d - R, (r @ v) / d, level - R**-0.5])
+    return Criterion(A * jnp.sum(x["burn"]), miss)
+start = {"burn": jnp.array([0.4, 0.25]) / A, "coast": jnp.asarray(18.0),
+         "phi": jnp.array([0.5, -0.5]), "omega": jnp.zeros(2)}
+sizes = {"burn": 0.1 / A, "coast": 1.0, "phi": 1.0, "omega": 1.0}
+sizes = jax.tree.map(lambda x, s: jnp.full(x.shape, s), start, sizes)
+"""
+# Each gives a function `answer` and returns a number of the result.
+ANSWERS = {
+    "launch to orbit from its file": """
+file = load("examples/scenes/launch.toml")
+answer = lambda: file.optimize().objective
+""",
+    "two-burn transfer to the geostationary ring": TRANSFER
+    + """
+def answer():
+    found = minimise(problem, start, method="sqp", scale=sizes, tolerance=1e-6)
+    return found.criterion.objective
+""",
+    "gradient of four phases from the pad, compact": PAD
+    + "answer = lambda: jax.jit(jax.grad(apoapsis))(y0.mass)\n",
+    "gradient of an orbit, RKN 12(10)": ORBIT + "answer = lambda: jax.jit(jax.grad(end))(x)[0]\n",
+    "Hessian of an orbit, RKN 12(10)": ORBIT
+    + "answer = lambda: jax.jit(jax.hessian(end))(x)[0, 0]\n",
+}
+
+
+def _seconds(code: str) -> list[float]:
+    bare = {k: v for k, v in os.environ.items() if not k.startswith("JAX_")}
+    done = subprocess.run(
+        [sys.executable, "-c", HEAD + code + TAIL],
+        env=bare,
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    return json.loads(done.stdout.splitlines()[-1])
+
+
+def measure() -> dict:
+    """Medians of new processes."""
+    rows = {}
+    for name, code in ANSWERS.items():
+        wall, cpu, number = np.median([_seconds(code) for _ in range(REPEATS)], axis=0)
+        rows[name] = {"seconds": wall, "cpu_seconds": cpu, "answer": number}
+    return rows

@@ -1,0 +1,67 @@
+"""What a step of `_sqp.py` is measured by: scales, violation, gradient of the Lagrangian, penalty,
+and its curvature by damped BFGS.
+
+Source: Powell 1978 (damping)."""
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ._sqp_state import Found, Limits, SqpState, Values
+
+
+def scaled(found: Found, weight: Array, me: int) -> Values:
+    values, jacobian = weight * found.values, weight[:, None] * found.jacobian
+    f, c, d = values[0], values[1 : 1 + me], values[1 + me :]
+    return Values(f, c, d, jacobian[0], jacobian[1 : 1 + me], jacobian[1 + me :], found.report)
+
+
+def weights(jacobian: Float[Array, "rows n"]) -> Float[Array, " rows"]:
+    """The inverse of the size of each row of the Jacobian; 1 for a row of zeros."""
+    row = jnp.max(jnp.abs(jacobian), axis=1)
+    usable = (row > 0.0) & jnp.isfinite(row)
+    return jnp.where(usable, 1.0 / jnp.where(usable, row, 1.0), 1.0)
+
+
+def violation(at: Values) -> Float[Array, ""]:
+    """The largest violation of an equality or an inequality."""
+    largest = jnp.max(jnp.abs(at.c), initial=0.0)
+    return jnp.maximum(largest, jnp.max(-at.d, initial=0.0))
+
+
+def slope(at: Values, y: Array, nu: Array) -> Float[Array, " n"]:
+    """The gradient of the Lagrangian f + y.c - nu.d."""
+    return at.g + at.J.T @ y - at.K.T @ nu
+
+
+def gradient(s: SqpState, limits: Limits) -> Float[Array, ""]:
+    """The largest component of the gradient that the bounds leave free, or of nu d."""
+    x = s.x
+    free = x - jnp.clip(x - slope(s.at, s.y, s.nu), limits.lower, limits.upper)
+    loose = jnp.minimum(jnp.maximum(s.at.d, 0.0), s.nu)
+    return jnp.maximum(jnp.max(jnp.abs(free)), jnp.max(loose, initial=0.0))
+
+
+def penalty(c: Array, d: Array) -> Float[Array, ""]:
+    return jnp.sum(jnp.abs(c)) + jnp.sum(jnp.maximum(-d, 0.0))
+
+
+def damped_bfgs(s: SqpState, trial: Values, p: Array, y: Array, nu: Array) -> Array:
+    """Powell's update of the curvature, which stays positive."""
+    change = slope(trial, y, nu) - slope(s.at, y, nu)
+    B = s.B
+    own = p @ B @ p
+    along = p @ change
+    # The first step sets the size of the curvature.
+    fresh = (s.calls == 1) & (along > 0.0)
+    scale = jnp.where(fresh, (change @ change) / jnp.where(fresh, along, 1.0), 1.0)
+    B = jnp.where(fresh, jnp.clip(scale, 1e-4, 1e4) * B, B)
+    own = jnp.where(fresh, p @ B @ p, own)
+    low = along < 0.2 * own
+    share = jnp.where(low, 0.8 * own / jnp.where(low, own - along, 1.0), 1.0)
+    change = share * change + (1.0 - share) * (B @ p)
+    bottom, top = own, p @ change
+    usable = (bottom > 0.0) & (top > 0.0)
+    bottom, top = (jnp.where(usable, v, 1.0) for v in (bottom, top))
+    q = B @ p
+    new = B - jnp.outer(q, q) / bottom + jnp.outer(change, change) / top
+    return jnp.where(usable, new, B)

@@ -1,0 +1,119 @@
+"""Where a search by quadratic programmes stands, and how it begins and ends (`_sqp.py`)."""
+
+import functools
+from typing import Any, NamedTuple
+
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, Int
+
+from ._gradient_check import GRADIENT_TOLERANCE, PROBES, probe
+
+
+class Values(NamedTuple):
+    """Objective f, constraints c and d, derivatives g, J and K; the `report` of the caller."""
+
+    f: Float[Array, ""]
+    c: Float[Array, " equal"]
+    d: Float[Array, " inequal"]
+    g: Float[Array, " n"]
+    J: Float[Array, "equal n"]
+    K: Float[Array, "inequal n"]
+    report: Any
+
+
+class Pending(NamedTuple):
+    """A step p whose end is not evaluated yet, and the multipliers of its programme."""
+
+    p: Float[Array, " n"]
+    y: Float[Array, " equal"]
+    nu: Float[Array, " inequal"]
+    solved: Bool[Array, ""]
+
+
+class SqpState(NamedTuple):
+    """What one step hands to the next; `y`, `nu` are the multipliers of c and d, `shift` the
+    second-order correction of (c, d), `weight` the scale of (f, c, d), `rows` the history.
+
+    - `calls`: the number of the next evaluation: below zero the probes of the gradient, at zero
+      that of the start; `probed`: the values of the probes, and `wrong`: what they find.
+    - `size`: of the unknowns, by which they are scaled."""
+
+    x: Float[Array, " n"]
+    at: Values
+    B: Float[Array, "n n"]
+    y: Float[Array, " equal"]
+    nu: Float[Array, " inequal"]
+    rho: Float[Array, ""]
+    radius: Float[Array, ""]
+    shift: tuple[Float[Array, " equal"], Float[Array, " inequal"]]
+    corrected: Bool[Array, ""]
+    hopeless: Bool[Array, ""]
+    gradient: Float[Array, ""]
+    violation: Float[Array, ""]
+    taken: Int[Array, ""]
+    rows: Float[Array, "steps 3"]
+    trial: Float[Array, " n"]
+    pending: Pending
+    weight: Float[Array, " all"]
+    calls: Int[Array, ""]
+    probed: Float[Array, "4 all"]
+    wrong: Float[Array, ""]
+    size: Float[Array, " n"]
+
+
+class Found(NamedTuple):
+    """An evaluation of the problem: values of f, c and d together, their Jacobian, the report."""
+
+    values: Float[Array, " all"]
+    jacobian: Float[Array, "all n"]
+    report: Any
+
+
+class Limits(NamedTuple):
+    """Bounds of the scaled unknowns, which may be infinite, and the tolerance for the projected
+    gradient of the Lagrangian and the violation, both scaled."""
+
+    lower: Float[Array, " n"]
+    upper: Float[Array, " n"]
+    tolerance: Float[Array, ""]
+
+
+def begin(
+    x: Float[Array, " n"],
+    size: Float[Array, " n"],
+    me: int,
+    mi: int,
+    report: Any,
+    max_steps: int,
+    check: bool,
+) -> SqpState:
+    """The state before the first evaluation.
+
+    **Arguments**
+
+    - `x`: scaled unknowns at the start; `size`: by which they are scaled.
+    - `me`, `mi`: how many equalities and inequalities there are.
+    - `report`: a tree of the shapes of what the problem reports.
+    - `check`: whether the gradient is compared with differences first."""
+    n, rows = x.size, 1 + me + mi
+    zeros = functools.partial(jnp.zeros, dtype=x.dtype)
+    at = Values(zeros(()), zeros(me), zeros(mi), zeros(n), zeros((me, n)), zeros((mi, n)), report)
+    one, no = jnp.ones((), x.dtype), jnp.asarray(False)
+    calls = jnp.asarray(-PROBES if check else 0)
+    return SqpState(
+        x, at, jnp.eye(n, dtype=x.dtype), zeros(me), zeros(mi), 10.0 * one, one,
+        (zeros(me), zeros(mi)), no, no, jnp.inf * one, jnp.inf * one, jnp.asarray(0),
+        jnp.full((max_steps, 3), jnp.nan, x.dtype),
+        probe(x, jnp.ones_like(x), calls) if check else x,
+        Pending(zeros(n), zeros(me), zeros(mi), no), jnp.ones(rows, x.dtype), calls,
+        zeros((PROBES, rows)), zeros(()), size,
+    )  # fmt: skip
+
+
+def unfinished(s: SqpState, limits: Limits) -> Bool[Array, ""]:
+    """Whether another evaluation is wanted."""
+    missed = (s.gradient > limits.tolerance) | (s.violation > limits.tolerance)
+    sound = (s.wrong <= GRADIENT_TOLERANCE) & jnp.isfinite(s.at.f)
+    least = 1e2 * jnp.finfo(s.x.dtype).eps
+    goes_on = missed & ~s.hopeless & (s.taken < s.rows.shape[0]) & (s.radius > least) & sound
+    return (s.calls <= 0) | goes_on

@@ -1,0 +1,195 @@
+"""Thrust vector control: a motor in a gimbal, whose thrust turns the body's z axis into the
+direction of a steering law.
+
+    theta = k (z x d_B) - c omega,     s = theta/sqrt(1 + |theta|^2/tan^2(delta))       x and y only
+    F_B = F (-s_y, s_x, 1)/sqrt(1 + s^2),     M_B = (r_T - r_C) x F_B
+
+    symbol     meaning                                                          unit
+    z, d_B     axis of the body, direction of the law in body axes              1
+    k, c       gain of the attitude, of the angular velocity                    1, s
+    s, delta   tangents of the angles of the nozzle, greatest angle             1, rad
+    r_T, r_C   point of the thrust, which is behind the centre of mass          m
+    omega      angular velocity in body axes                                    rad/s
+
+With the lever l and the transverse inertia A small errors obey A theta'' + F l (c theta' + k theta)
+= 0. The side force that turns the body is part of it: the flight first moves away from where it is
+to go. One nozzle gives no roll.
+
+Source: Greensite, Analysis and Design of Space Vehicle Flight Control Systems, 1970, 1.2.
+"""
+
+from typing import Any, ClassVar, final
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
+from ..core import (
+    AbstractParameters,
+    Scalar,
+    Vector,
+    argument,
+    constructor,
+    cross,
+    known_time,
+    quantity,
+    with_rank,
+)
+from ._steering import AbstractSteering, joined_breaks
+from ._thrust import Thrust
+from ._thrust_profile import ThrustProfile
+
+
+@final
+class Gimbal(AbstractParameters):
+    """How a nozzle follows the error of the attitude."""
+
+    steering: AbstractSteering = eqx.field(metadata={"doc": "where the axis is to point"})
+    gain: Float[Array, "*#runs"] = quantity(
+        "", non_negative=True, doc="k, angle of the nozzle over the error of the axis"
+    )
+    damping: Float[Array, "*#runs"] = quantity(
+        "s", non_negative=True, doc="c, angle of the nozzle over the angular velocity"
+    )
+    limit: Float[Array, "*#runs"] = quantity(
+        "rad", low=0.0, high=1.5, strict=True, default=0.1, doc="delta, greatest angle"
+    )
+
+    def tangents(self, t: Scalar, y: BodyState) -> tuple[Scalar, Scalar]:
+        """The tangents of the nozzle's angles about x and y, at the time `t`, s: smooth, and never
+        beyond the limit."""
+        wanted = y.attitude.rotate_back(self.steering.direction(t, y))
+        about_x = -self.gain * wanted[1] - self.damping * y.omega[0]
+        about_y = self.gain * wanted[0] - self.damping * y.omega[1]
+        most = jnp.tan(self.limit)
+        held = jnp.sqrt(1.0 + (about_x * about_x + about_y * about_y) / (most * most))
+        return about_x / held, about_y / held
+
+
+@final
+class GimballedThrust(AbstractEffect):
+    """A motor in a gimbal: its thrust steers the body, whose attitude is a part of the state.
+
+    The same flight as a point, with the thrust along the law, is that of `SteeredThrust`."""
+
+    gimbal: Gimbal = eqx.field(metadata={"doc": "what moves the nozzle"})
+    mean_thrust: Float[Array, "*#runs"] = quantity(
+        "N", non_negative=True, doc="mean over the burn time"
+    )
+    exhaust_velocity: Float[Array, "*#runs"] = quantity(
+        "m/s", positive=True, doc="thrust over mass flow"
+    )
+    burn_time: Float[Array, "*#runs"] = quantity("s", positive=True, doc="from ignition to burnout")
+    station: Float[Array, "*#runs"] = quantity(
+        "m", doc="z of the gimbal in the body's construction axes"
+    )
+    profile: ThrustProfile | None = eqx.field(
+        default=None, metadata={"doc": "shape of the thrust; constant by default"}
+    )
+    ignition: Float[Array, "*#runs"] = quantity("s", default=0.0, doc="time at which it ignites")
+    burnout_mass: Float[Array, "*#runs"] | None = quantity(
+        "kg",
+        non_negative=True,
+        optional=True,
+        doc="the thrust ends when no more mass than this is left; without it the burn time ends it",
+    )
+
+    needs: ClassVar[frozenset[str]] = frozenset(
+        {"position", "velocity", "attitude", "omega", "mass"}
+    )
+    adds: ClassVar[frozenset[str]] = frozenset({"force", "torque", "mass_rate"})
+    keeps: ClassVar[frozenset[str]] = frozenset()
+
+    @classmethod
+    @constructor(
+        sets=("mean_thrust", "exhaust_velocity", "burn_time"),
+        mean_thrust=argument("N", positive=True, doc="in vacuum"),
+        specific_impulse=argument("s", positive=True, doc="exhaust velocity over 9.80665 m/s^2"),
+        propellant_mass=argument("kg", positive=True, doc="burnt from ignition to burnout"),
+    )
+    def of_propellant(
+        cls,
+        gimbal: Gimbal,
+        mean_thrust: Scalar,
+        specific_impulse: Scalar,
+        propellant_mass: Scalar,
+        station: Scalar,
+        **fields: Any,
+    ) -> "GimballedThrust":
+        """A motor that burns a mass of propellant: its burn time follows.
+
+        **Arguments**
+
+        - `gimbal`; `mean_thrust`, N; `specific_impulse`, s; `propellant_mass`, kg; `station`, m.
+        - `fields`: the other fields by name.
+        """
+        u = 9.80665 * specific_impulse
+        return cls(gimbal, mean_thrust, u, propellant_mass * u / mean_thrust, station, **fields)
+
+    @classmethod
+    def of_thrust(cls, motor: Thrust, gimbal: Gimbal, station: Scalar) -> "GimballedThrust":
+        """The motor of a body, put into a gimbal.
+
+        **Arguments**
+
+        - `motor`: its point and its misalignment play no role.
+        - `gimbal`; `station`: z of the gimbal in construction axes, m.
+        """
+        return cls(
+            gimbal,
+            motor.mean_thrust,
+            motor.exhaust_velocity,
+            motor.burn_time,
+            station,
+            motor.profile,
+            motor.ignition,
+            motor.burnout_mass,
+        )
+
+    @known_time
+    def burnout(self) -> Scalar:
+        """The time, s, at which the burn time is over."""
+        return self.ignition + self.burn_time
+
+    def motor(self) -> Thrust:
+        """The motor without its gimbal."""
+        return Thrust(
+            self.mean_thrust,
+            self.exhaust_velocity,
+            self.burn_time,
+            self.profile,
+            self.ignition,
+            burnout_mass=self.burnout_mass,
+        )
+
+    def propellant_left(self, y: BodyState) -> Scalar:
+        """Mass above the burnout mass, kg; its zero is the end of the burn. Raises `InputError`
+        without a burnout mass."""
+        return self.motor().propellant_left(y)
+
+    def load(self, t: Scalar, y: BodyState, body: AbstractBody) -> Load:
+        thrust = self.motor().thrust(t, y.mass)
+        about_x, about_y = self.gimbal.tangents(t, y)
+        along = thrust / jnp.sqrt(1.0 + about_x * about_x + about_y * about_y)
+        force_B = jnp.stack([-along * about_y, along * about_x, along])
+        return Load(
+            force_N=y.attitude.rotate(force_B),
+            torque_B=cross(self._lever(y.mass, body), force_B),
+            mass_rate=-thrust / self.exhaust_velocity,
+        )
+
+    def _lever(self, mass: Scalar, body: AbstractBody) -> Vector:
+        """From the centre of mass to the gimbal, m."""
+        zero = 0.0 * (self.station + mass)
+        point = jnp.stack([zero, zero, self.station + zero])
+        return with_rank(point, jnp.ndim(mass)) - body.centre_of_mass(mass)
+
+    def potential(self, t: Scalar, y: BodyState, body: AbstractBody) -> None:
+        del t, y, body
+        return None  # The thrust does work, and the nozzle moves.
+
+    def breaks(self) -> Float[Array, "times *#runs"]:
+        # As those of the point's motor, whose law may have corners, too.
+        own, law = self.motor().breaks(), self.gimbal.steering.breaks()
+        return own if law is None else joined_breaks(own, law)
