@@ -6,6 +6,9 @@ from collections.abc import Callable
 
 from . import _actions as actions
 
+# Not from the room of campaigns, whose import takes a while.
+METHODS = ("monte_carlo", "lincov", "second_order", "unscented")
+
 
 def parser() -> argparse.ArgumentParser:
     """The parser of the command line: its commands, their arguments and what they mean."""
@@ -60,6 +63,7 @@ def parser() -> argparse.ArgumentParser:
         help="show which other numbers of the file move the optimum",
     )
     _disperse_options(disperse)
+    _method_options(disperse)
     _engine_option(disperse)
     _engine_option(resume)
     _replay_options(replay)
@@ -93,6 +97,40 @@ def _disperse_options(disperse: argparse.ArgumentParser) -> None:
     disperse.add_argument(
         "--overwrite", action="store_true", help="replace the store that is there"
     )
+
+
+def _method_options(disperse: argparse.ArgumentParser) -> None:
+    disperse.add_argument(
+        "--until",
+        type=_rule,
+        metavar="OUTPUT[:SHARE[:PRECISION]]",
+        help="end when the limit below which this share of the runs lies (default: 0.99) is known "
+        "to this precision (default: 0.01), or after --runs",
+    )
+    disperse.add_argument(
+        "--method",
+        choices=METHODS,
+        default=METHODS[0],
+        help="how mean and deviation are found; all but the first make no store (default: "
+        "monte_carlo)",
+    )
+    disperse.add_argument(
+        "--compare", action="store_true", help="put the cheaper methods beside the runs"
+    )
+
+
+def _rule(text: str) -> tuple[str, float, float]:
+    output, *numbers = text.split(":")
+    try:
+        share, precision = (*map(float, numbers), *(0.99, 0.01)[len(numbers) :])
+    except ValueError:
+        share = precision = math.nan
+    if not (output and 0.0 < share < 1.0 and 0.0 < precision < 1.0):
+        raise argparse.ArgumentTypeError(
+            f"it is {text}: it must be the name of an output, with a share and a precision between "
+            f"0 and 1 if they are given, such as apoapsis_altitude:0.99:0.01."
+        )
+    return output, share, precision
 
 
 def _engine_option(command: argparse.ArgumentParser) -> None:

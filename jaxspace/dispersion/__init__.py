@@ -2,6 +2,8 @@
 are kept."""
 
 from ._campaign import Campaign as Campaign
+from ._covariance import METHODS as METHODS
+from ._covariance import MONTE_CARLO as MONTE_CARLO
 from ._covariance import Comparison as Comparison
 from ._covariance import Moments as Moments
 from ._covariance import compare_methods as compare_methods
@@ -15,12 +17,16 @@ from ._distributions import Constant as Constant
 from ._distributions import Normal as Normal
 from ._distributions import TruncatedNormal as TruncatedNormal
 from ._distributions import Uniform as Uniform
+from ._ending import rule_of as rule_of
 from ._engine import disperse as disperse
 from ._engines import AbstractEngine as AbstractEngine
 from ._engines import DaskCluster as DaskCluster
 from ._engines import MultiHost as MultiHost
 from ._engines import ProcessPool as ProcessPool
 from ._evaluate import Evaluator as Evaluator
+from ._extremes import Extreme as Extreme
+from ._extremes import greatest as greatest
+from ._extremes import least as least
 from ._flights import Flights as Flights
 from ._flights import fly as fly
 from ._joint import AbstractJoint as AbstractJoint
@@ -46,6 +52,7 @@ from ._more_distributions import Triangular as Triangular
 from ._rare import RareEvent as RareEvent
 from ._rare import rare_event as rare_event
 from ._replay import Replay as Replay
+from ._rounding import rounded as rounded
 from ._sampling import AbstractDesign as AbstractDesign
 from ._sampling import LatinHypercube as LatinHypercube
 from ._sampling import Sobol as Sobol
