@@ -19,7 +19,7 @@ NAMES = (
     *("kepler", "lambert", "low_orbits", "eccentric_orbit", "free_body", "torqued_body", "ascent"),
     *("choice", "dragged_orbits", "short_pulses", "gradients", "hybrid_training", "first_call"),
     *("kick_stage", "elements", "porkchop", "effects", "model_rocket", "campaign"),
-    "closed_loops",
+    *("closed_loops", "dispersion_methods"),
 )
 RESULTS = Path(__file__).parent / "results"
 

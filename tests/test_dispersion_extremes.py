@@ -8,9 +8,11 @@ from scipy.optimize import brentq
 from test_campaigns import Swinging
 
 import jaxspace
+from jaxspace.bodies import BodyState, ExponentialAtmosphere
 from jaxspace.core import InputError
 from jaxspace.dispersion import Campaign, Normal, disperse, greatest, least, moments
 from jaxspace.io import SceneError, load
+from jaxspace.orbits import Drag
 from jaxspace.simulation import Mission, Phase
 
 
@@ -105,6 +107,17 @@ def test_single_precision_stays():
 def test_what_does_not_fit_is_refused(times, values, words):
     with pytest.raises(InputError, match=words):
         greatest(times, values)
+
+
+def test_dynamic_pressure_of_drag_in_air_that_turns():
+    """rho |v - Omega Z x r|^2/2 at the equator, a scale height above the reference."""
+    air = ExponentialAtmosphere(density=1.2, reference_height=0.0, scale_height=8e3)
+    drag = Drag(100.0, air, radius=6.4e6, air_rate=7e-5)
+    r = 6.4e6 + 8e3
+    y = BodyState(jnp.array([r, 0.0, 0.0]), jnp.array([30.0, 900.0, 40.0]))
+    exact = 0.5 * 1.2 * np.exp(-1.0) * (30.0**2 + (900.0 - 7e-5 * r) ** 2 + 40.0**2)
+    # The height is a difference of 6.4e6 m: 1e-9 m of 8e3 m.
+    assert float(drag.dynamic_pressure(y)) == pytest.approx(exact, rel=1e-12)
 
 
 # ----------------------------------------------------------------------------------- in a campaign

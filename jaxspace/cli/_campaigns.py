@@ -17,7 +17,6 @@ from ..dispersion import (
     compare_methods,
     moments,
     open_store,
-    rule_of,
 )
 from ..dispersion import disperse as disperse_campaign
 from ..io import (
@@ -88,7 +87,7 @@ def resume(store: str, engine: str) -> int:
     there = _attributes(store)
     file = _scene(store, there)
     own = {name: there[name] for name in ("seed", "chunk", "samples")}
-    own["until"] = rule_of(there.get("until"))
+    own["until"] = StopRule(**there["until"]) if there.get("until") else None
     print(_head(file, there["planned_runs"], there["seed"], own["until"]))
     return _fly(file, store, there["planned_runs"], engine, resume=True, **own)
 

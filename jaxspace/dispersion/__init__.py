@@ -17,7 +17,6 @@ from ._distributions import Constant as Constant
 from ._distributions import Normal as Normal
 from ._distributions import TruncatedNormal as TruncatedNormal
 from ._distributions import Uniform as Uniform
-from ._ending import rule_of as rule_of
 from ._engine import disperse as disperse
 from ._engines import AbstractEngine as AbstractEngine
 from ._engines import DaskCluster as DaskCluster
@@ -52,7 +51,6 @@ from ._more_distributions import Triangular as Triangular
 from ._rare import RareEvent as RareEvent
 from ._rare import rare_event as rare_event
 from ._replay import Replay as Replay
-from ._rounding import rounded as rounded
 from ._sampling import AbstractDesign as AbstractDesign
 from ._sampling import LatinHypercube as LatinHypercube
 from ._sampling import Sobol as Sobol

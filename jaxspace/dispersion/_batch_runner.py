@@ -12,6 +12,7 @@ of always the same runs, and cores share calls, never a call. The numbers of run
 on the campaign, the seed and i alone, to the last bit (on one kind of processor).
 """
 
+import functools
 import hashlib
 import os
 from collections.abc import Sequence
@@ -273,7 +274,8 @@ def trajectories(
     return kept
 
 
-@eqx.filter_jit
+# They run once, and compiling takes far longer than they do: half of it is saved so.
+@functools.partial(eqx.filter_jit, compiler_options={"xla_backend_optimization_level": 0})
 def _pilots(
     campaign: Campaign, accuracy: Accuracy, key: Array, flown: Bool[Array, " pilots"]
 ) -> tuple[list[Array | None], Array, bool]:

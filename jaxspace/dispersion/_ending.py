@@ -6,7 +6,6 @@ alone: not on the engine, on the order in which chunks come, nor on a restart.
 """
 
 from collections.abc import Iterable
-from typing import Any
 
 import numpy as np
 
@@ -25,11 +24,6 @@ def checkpoints(chunks: int) -> list[int]:
         found.append(count)
         count += 1 if count < EACH else count // GROWTH
     return found
-
-
-def rule_of(kept: Any) -> StopRule | None:
-    """The rule as the attributes of a store keep it."""
-    return StopRule(**kept) if kept else None
 
 
 def check_rule(rule: StopRule, outputs: Iterable[str]) -> None:

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from ..dispersion import MONTE_CARLO, Comparison, Dispersion, Moments, Replay, rounded
+from ..dispersion import MONTE_CARLO, Comparison, Dispersion, Moments, Replay
 from ..simulation import Status
 from ._report import Row, columns, drift_rows, number, state_rows, status_line
 from ._scene_file import SceneFile
@@ -103,7 +103,7 @@ def comparison_table(rows: Sequence[Comparison]) -> str:
         off = f"{sign}{abs(c.mean_error):.3f} std dev"
         sign = "±" if c.method == MONTE_CARLO else "+" if c.std_error >= 0.0 else "-"
         more = f"{sign}{100.0 * abs(c.std_error):.2f} %"
-        mean, std = rounded(c.mean, c.std), rounded(c.std, c.std)
+        mean, std = number(c.mean, 0.01 * c.std), number(c.std, 0.01 * c.std)
         took = f"{c.seconds:.2g}"
         shown.append((c.output, c.method, mean, off, std, more, str(c.runs), took))
     return columns(shown)
@@ -117,7 +117,7 @@ def moments_report(
     for k, name in enumerate(found.names):
         std = found.std(name)
         numbers = (nominal[name][0], float(found.mean[k]), std)
-        rows.append((name, units.get(name, ""), *(rounded(x, std) for x in numbers)))
+        rows.append((name, units.get(name, ""), *(number(x, 0.01 * std) for x in numbers)))
     runs = "run" if found.runs == 1 else "runs"
     return "\n".join(
         [
