@@ -138,7 +138,7 @@ def _fly_and_report(
     own = file.nominal_outputs(nominal)
     print(dispersion_report(result, own))
     if result.enough is not None:
-        print(f"{how['until'].text()}: {result.enough} runs are enough.".capitalize())
+        print(f"{result.enough} runs are enough, {how['until'].text()}.")
     print(_times(result))
     methods = file.compare if compare is None else compare
     if methods:
@@ -179,15 +179,15 @@ def _times(result: Dispersion) -> str:
 def replay(store: str, run: int, samples: int, folder: str, show: bool) -> int:
     """Run one sample of a store once more, print it, and draw its phases."""
     there = _attributes(store)
-    planned = there["wanted"]
-    if run >= planned:
-        raise InputError(f"--run is {run}: it must be from 0 to {planned - 1}.")
+    if run >= there["wanted"]:
+        raise InputError(f"--run is {run}: it must be from 0 to {there['wanted'] - 1}.")
     file = _scene(store, there)
     make_folder(folder)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", DamagedStore)
         kept = open_store(store)
-    found = file.campaign(warn=False, runs=planned).replay(
+    # A hypercube is made for the runs that were planned, also where fewer were enough.
+    found = file.campaign(warn=False, runs=there["planned_runs"]).replay(
         run, seed=there["seed"], accuracy=file.accuracy, num_saved=samples
     )
     print(replay_report(file, found, kept))

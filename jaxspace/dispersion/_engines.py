@@ -318,7 +318,7 @@ class DaskCluster(AbstractEngine):
                     options = {"host": "127.0.0.1", "dashboard_address": None}
                     target = LocalCluster(self._workers, threads_per_worker=1, **options)
                     stack.enter_context(target)
-                client = Client(target, set_as_default=False, timeout=10)
+                client = Client(target, set_as_default=False, timeout=30)
                 stack.callback(_closed, client)
                 yield client
             except (OSError, KilledWorker) as error:
