@@ -1,6 +1,7 @@
 """Campaigns that are kept: whatever ends, damages or splits one, its runs come out the same, to the
 last bit."""
 
+import contextlib
 import errno
 import json
 import os
@@ -342,7 +343,10 @@ def killed_and_resumed(store: Path, delays: list[float]) -> list[int]:
         process.send_signal(signal.SIGKILL)
         process.communicate()
         found.append(open_store(store).runs)
-    with pytest.warns(DamagedStore, match="ended without releasing"):
+    # On a machine with much else to do it may have come to its end before the signal came.
+    killed = process.returncode == -signal.SIGKILL
+    told = pytest.warns(DamagedStore, match="ended without releasing")
+    with told if killed else contextlib.nullcontext():
         fly(store, resume=True)
     return found
 

@@ -199,12 +199,19 @@ def test_file_and_command_line(tmp_path, capsys):
     (reference,) = [r for r in rows if r[:2] == ["periapsis_altitude", "monte_carlo"]]
     # Of a linear output both agree to five standard errors, which stand beside it.
     assert abs(float(row[3])) < 5.0 * float(reference[3].strip("±")) and row[-2] == "1"
-    assert main(["resume", str(tmp_path / "coast.zarr")]) == 0
-    assert f"{kept.enough} of {kept.enough}" in capsys.readouterr().out.replace(
-        str(int(kept.good.sum())), str(kept.enough)
-    )
-    assert main([*given, "--overwrite", "--until", "periapsis_altitude:0.9:0.3"]) == 0
+
+
+@pytest.mark.sweep
+@pytest.mark.usefixtures("settings_stay")
+def test_the_command_line_goes_before_the_file(tmp_path, capsys):
+    path = tmp_path / "coast.toml"
+    path.write_text(COAST.replace("1200", "20000"))
+    given = ["disperse", str(path), "--out", str(tmp_path), "--chunk", "512"]
+    assert main([*given, "--until", "periapsis_altitude:0.9:0.3"]) == 0
     assert "until the 90 % limit of periapsis_altitude is known to 30 %" in capsys.readouterr().out
+    kept = open_store(tmp_path / "coast.zarr")
+    assert main(["resume", str(tmp_path / "coast.zarr")]) == 0
+    assert f"of {kept.enough} runs ended well" in capsys.readouterr().out
     assert main([*given, "--method", "unscented"]) == 0
     printed = capsys.readouterr().out
     assert "A coast: unscented" in printed and "5 runs" in printed

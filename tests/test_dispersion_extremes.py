@@ -8,12 +8,16 @@ from scipy.optimize import brentq
 from test_campaigns import Swinging
 
 import jaxspace
+from jaxspace import dispersion
 from jaxspace.bodies import BodyState, ExponentialAtmosphere
 from jaxspace.core import InputError
-from jaxspace.dispersion import Campaign, Normal, disperse, greatest, least, moments
+from jaxspace.dispersion import Campaign, Normal, disperse, moments
 from jaxspace.io import SceneError, load
 from jaxspace.orbits import Drag
 from jaxspace.simulation import Mission, Phase
+
+# One program each, in place of one for every operation.
+greatest, least = jax.jit(dispersion.greatest), jax.jit(dispersion.least)
 
 
 def curve(t):

@@ -12,7 +12,6 @@ of always the same runs, and cores share calls, never a call. The numbers of run
 on the campaign, the seed and i alone, to the last bit (on one kind of processor).
 """
 
-import functools
 import hashlib
 import os
 from collections.abc import Sequence
@@ -40,6 +39,8 @@ from ._plans import FINENESS, TRIAL, Plans, nodes_of, padded, refinement
 PILOTS = 15
 # Runs in one call: enough to pay for the call, on a core and on an accelerator.
 CALL, ACCELERATOR_CALL = 512, 2**14
+# Pilots run once, and compiling takes far longer than they do: half of it is saved so.
+QUICK: dict[str, Any] = {"compiler_options": {"xla_backend_optimization_level": 0}}
 
 
 class RunResults(NamedTuple):
@@ -274,8 +275,7 @@ def trajectories(
     return kept
 
 
-# They run once, and compiling takes far longer than they do: half of it is saved so.
-@functools.partial(eqx.filter_jit, compiler_options={"xla_backend_optimization_level": 0})
+@eqx.filter_jit(**QUICK)
 def _pilots(
     campaign: Campaign, accuracy: Accuracy, key: Array, flown: Bool[Array, " pilots"]
 ) -> tuple[list[Array | None], Array, bool]:
