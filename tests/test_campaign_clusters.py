@@ -115,7 +115,7 @@ if __name__ == "__main__":
     samples = campaign.samples(jax.random.key(SEED), np.arange(1029, 1030, dtype=np.uint32))
     os.environ["RARE"] = repr(float(samples["w"][0]))
     try:
-        fly(sys.argv[1], campaign, engine=ProcessPool(1, limit=20.0, retries=1))
+        fly(sys.argv[1], campaign, engine=ProcessPool(1, limit=60.0, retries=1))
     except StoreError as error:
         print(error)
 """
@@ -123,7 +123,7 @@ if __name__ == "__main__":
 
 def test_a_chunk_that_never_returns_is_named_and_the_others_kept(tmp_path):
     process = child(WAIT, tmp_path / "s.zarr")
-    told, _ = process.communicate(timeout=300)
+    told, _ = process.communicate(timeout=600)
     assert "Chunk 2 (runs 1024 to 1535) was lost 2 times" in told
     assert open_store(tmp_path / "s.zarr").runs == 2200 - 512
 
@@ -172,7 +172,7 @@ print(kept.runs, len(seen))
 def test_two_processes_of_jax_share_a_campaign(whole, tmp_path):  # noqa: F811
     address = f"127.0.0.1:{free_port()}"
     processes = [child(HOSTS, tmp_path / "s.zarr", address, k) for k in range(2)]
-    told = [process.communicate(timeout=300) for process in processes]
+    told = [process.communicate(timeout=600) for process in processes]
     # Five chunks: three for the first process, two for the second.
     # Before that the library of the exchange says that it is connected.
     assert [out.split()[-2:] for out, _ in told] == [["2200", "3"], ["2200", "2"]], told

@@ -1,7 +1,6 @@
 """The commands of campaigns: resume, replay, failures, and the end of a campaign by a signal."""
 
 import os
-import random
 import shutil
 import signal
 import subprocess
@@ -196,12 +195,3 @@ def test_a_signal_ends_in_a_sentence_and_a_store_that_resumes(tmp_path, number):
     good = kept.good
     altitude = kept.inputs["initial.orbit.periapsis_altitude"][good] / 1e3
     np.testing.assert_allclose(kept.outputs["periapsis_altitude"][good], altitude, atol=0.05)
-
-
-@pytest.mark.sweep
-@pytest.mark.parametrize("part", range(20))
-def test_ctrl_c_at_random_moments(tmp_path, part):
-    store = stopped(tmp_path, signal.SIGINT, random.Random(part).uniform(0.0, 1.0))
-    kept = open_store(store)
-    assert 0 < kept.runs <= LONG
-    np.testing.assert_array_equal(kept.numbers, np.arange(kept.runs))

@@ -1,6 +1,7 @@
 """Campaigns that are kept: whatever ends, damages or splits one, its runs come out the same, to the
 last bit."""
 
+import contextlib
 import errno
 import json
 import os
@@ -26,13 +27,14 @@ from jaxspace.dispersion import (
     ProcessPool,
     StoreError,
     Uniform,
-    _store,
+    _store_writer,
     disperse,
     open_store,
 )
 from jaxspace.dispersion._batch_runner import RunResults
+from jaxspace.dispersion._columns import columns_of
 from jaxspace.dispersion._lock import Lock
-from jaxspace.dispersion._store import StoreWriter, columns_of
+from jaxspace.dispersion._store_writer import StoreWriter
 from jaxspace.simulation import Mission, Phase, Status
 
 HERE = Path(__file__).parent
@@ -190,9 +192,9 @@ def test_a_folder_that_cannot_be_written_is_refused_before_anything_is_computed(
 
 
 def test_a_disk_that_is_too_small_is_refused_before_a_run(tmp_path, monkeypatch):
-    monkeypatch.setattr(_store.shutil, "disk_usage", lambda path: os.terminal_size((0, 0)))
+    monkeypatch.setattr(_store_writer.shutil, "disk_usage", lambda path: os.terminal_size((0, 0)))
     monkeypatch.setattr(
-        _store.shutil, "disk_usage", lambda path: type("Usage", (), {"free": 10**6})
+        _store_writer.shutil, "disk_usage", lambda path: type("Usage", (), {"free": 10**6})
     )
     with pytest.raises(StoreError, match="its disk has 1 MB"):
         fly(tmp_path / "s.zarr")
@@ -341,7 +343,10 @@ def killed_and_resumed(store: Path, delays: list[float]) -> list[int]:
         process.send_signal(signal.SIGKILL)
         process.communicate()
         found.append(open_store(store).runs)
-    with pytest.warns(DamagedStore, match="ended without releasing"):
+    # On a machine with much else to do it may have come to its end before the signal came.
+    killed = process.returncode == -signal.SIGKILL
+    told = pytest.warns(DamagedStore, match="ended without releasing")
+    with told if killed else contextlib.nullcontext():
         fly(store, resume=True)
     return found
 
@@ -361,14 +366,14 @@ def test_a_campaign_that_is_killed_at_random_moments_goes_on(whole, tmp_path, pa
 
 
 def test_a_disk_that_fills_up_keeps_what_is_finished(whole, tmp_path, monkeypatch):
-    written, left = _store.write_whole, iter(range(40))
+    written, left = _store_writer.write_whole, iter(range(40))
 
     def full(path, data):
         if next(left, None) is None:
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path))
         written(path, data)
 
-    monkeypatch.setattr(_store, "write_whole", full)
+    monkeypatch.setattr(_store_writer, "write_whole", full)
     store = tmp_path / "s.zarr"
     with pytest.raises(StoreError, match=r"No space left on device.*\d+ of 2200 runs are kept"):
         fly(store)

@@ -24,6 +24,7 @@ def disperse(given: argparse.Namespace) -> int:
 
     settle()
     own = {name: getattr(given, name) for name in _campaigns.Options._fields}
+    own["until"] = _campaigns.StopRule(*given.until) if given.until else None
     return _campaigns.disperse(given.file, _campaigns.Options(**own), given.out)
 
 

@@ -7,9 +7,27 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 from ..core import InputError
-from ..dispersion import DamagedStore, Dispersion, StoreError, open_store
+from ..dispersion import (
+    METHODS,
+    MONTE_CARLO,
+    DamagedStore,
+    Dispersion,
+    StopRule,
+    StoreError,
+    compare_methods,
+    moments,
+    open_store,
+)
 from ..dispersion import disperse as disperse_campaign
-from ..io import SceneFile, dispersion_report, failures_report, load, replay_report
+from ..io import (
+    SceneFile,
+    comparison_table,
+    dispersion_report,
+    failures_report,
+    load,
+    moments_report,
+    replay_report,
+)
 from ._commands import draw, path_of
 from ._folder import make_folder
 from ._report import keep_pictures
@@ -25,6 +43,9 @@ class Options(NamedTuple):
     samples: int = 0
     engine: str = "local"
     overwrite: bool = False
+    until: StopRule | None = None
+    method: str = MONTE_CARLO
+    compare: bool = False
 
 
 def disperse(path: str, options: Options, folder: str) -> int:
@@ -33,32 +54,66 @@ def disperse(path: str, options: Options, folder: str) -> int:
     file = load(path)
     runs = file.runs if options.runs is None else options.runs
     seed = file.seed if options.seed is None else options.seed
+    if options.method != MONTE_CARLO:
+        return _without_runs(file, options.method)
     make_folder(folder)
-    print(f"{file.title}: {runs} runs, seed {seed}")
+    until = file.until if options.until is None else options.until
+    print(_head(file, runs, seed, until))
     for doubt in file.doubts():
         print(doubt, file=sys.stderr)
     how = {"overwrite": options.overwrite, "chunk": options.chunk, "samples": options.samples}
+    how |= {"until": until, "seed": seed}
     store = path_of(file, folder, ".zarr")
-    return _fly(file, store, runs, options.engine, seed=seed, **how)
+    return _fly(file, store, runs, options.engine, METHODS if options.compare else None, **how)
+
+
+def _without_runs(file: SceneFile, method: str) -> int:
+    """Print mean and deviation by a method that makes no campaign of runs."""
+    nominal = file.nominal_mission()
+    campaign = file.campaign(nominal, warn=False)
+    found = moments(campaign, method, accuracy=file.accuracy)
+    print(moments_report(file.title, found, campaign.units, file.nominal_outputs(nominal)))
+    return 0
+
+
+def _head(file: SceneFile, runs: int, seed: int, until: StopRule | None) -> str:
+    if until is None:
+        return f"{file.title}: {runs} runs, seed {seed}"
+    return f"{file.title}: at most {runs} runs, seed {seed}, {until.text()}"
 
 
 def resume(store: str, engine: str) -> int:
     """Compute what a store lacks, and report on the whole."""
     there = _attributes(store)
     file = _scene(store, there)
-    print(f"{file.title}: {there['planned_runs']} runs, seed {there['seed']}")
     own = {name: there[name] for name in ("seed", "chunk", "samples")}
+    own["until"] = StopRule(**there["until"]) if there.get("until") else None
+    print(_head(file, there["planned_runs"], there["seed"], own["until"]))
     return _fly(file, store, there["planned_runs"], engine, resume=True, **own)
 
 
-def _fly(file: SceneFile, store: str, runs: int, engine: str, **how: Any) -> int:
+def _fly(
+    file: SceneFile,
+    store: str,
+    runs: int,
+    engine: str,
+    compare: tuple[str, ...] | None = None,
+    **how: Any,
+) -> int:
     try:
-        return _fly_and_report(file, store, runs, engine, **how)
+        return _fly_and_report(file, store, runs, engine, compare, **how)
     except KeyboardInterrupt:
         raise Stopped(_left(store)) from None
 
 
-def _fly_and_report(file: SceneFile, store: str, runs: int, engine: str, **how: Any) -> int:
+def _fly_and_report(
+    file: SceneFile,
+    store: str,
+    runs: int,
+    engine: str,
+    compare: tuple[str, ...] | None,
+    **how: Any,
+) -> int:
     # Late: commands that draw no bar do not wait for the import.
     from tqdm import tqdm
 
@@ -82,7 +137,13 @@ def _fly_and_report(file: SceneFile, store: str, runs: int, engine: str, **how: 
         )
     own = file.nominal_outputs(nominal)
     print(dispersion_report(result, own))
+    if result.enough is not None:
+        print(f"{result.enough} runs are enough, {how['until'].text()}.")
     print(_times(result))
+    methods = file.compare if compare is None else compare
+    if methods:
+        table = compare_methods(campaign, result, methods, accuracy=file.accuracy)
+        print(f"\nmethods beside these runs\n{comparison_table(table)}\n")
     keep_pictures(result, file.title, own, os.path.splitext(store)[0])
     print(f"store  {store}")
     # Single failed runs are part of the result; a campaign of which all failed is none.
@@ -96,7 +157,7 @@ def _left(store: str) -> str:
     # Stopped before the first run.
     except StoreError:
         return "stopped before the first run: nothing is kept."
-    planned = there.attributes["planned_runs"]
+    planned = there.wanted
     return (
         f"stopped: {there.runs} of {planned} runs are kept in {store}. "
         f"`jaxspace resume {store}` computes the rest."
@@ -118,15 +179,15 @@ def _times(result: Dispersion) -> str:
 def replay(store: str, run: int, samples: int, folder: str, show: bool) -> int:
     """Run one sample of a store once more, print it, and draw its phases."""
     there = _attributes(store)
-    planned = there["planned_runs"]
-    if run >= planned:
-        raise InputError(f"--run is {run}: it must be from 0 to {planned - 1}.")
+    if run >= there["wanted"]:
+        raise InputError(f"--run is {run}: it must be from 0 to {there['wanted'] - 1}.")
     file = _scene(store, there)
     make_folder(folder)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", DamagedStore)
         kept = open_store(store)
-    found = file.campaign(warn=False, runs=planned).replay(
+    # A hypercube is made for the runs that were planned, also where fewer were enough.
+    found = file.campaign(warn=False, runs=there["planned_runs"]).replay(
         run, seed=there["seed"], accuracy=file.accuracy, num_saved=samples
     )
     print(replay_report(file, found, kept))
@@ -155,7 +216,7 @@ def _attributes(store: str) -> Mapping[str, Any]:
         # Damage is told by what follows.
         warnings.simplefilter("ignore", DamagedStore)
         kept = open_store(store)
-    return {**kept.attributes, "seed": kept.seed}
+    return {**kept.attributes, "seed": kept.seed, "wanted": kept.wanted}
 
 
 def _scene(store: str, attributes: Mapping[str, Any]) -> SceneFile:

@@ -22,6 +22,8 @@ COMMANDS: tuple[tuple[str, Callable[[argparse.Namespace], int], str], ...] = (
     ("schema", actions.show_schema, "print the JSON schema of scene files, for editors"),
     ("verify", actions.verify, "evaluate the hard cases, in value and gradient, on this machine"),
 )
+# Not from the room of campaigns, whose import takes a while.
+METHODS = ("monte_carlo", "lincov", "second_order", "unscented")
 
 
 def parser() -> argparse.ArgumentParser:
@@ -35,6 +37,7 @@ def parser() -> argparse.ArgumentParser:
     _file_arguments(commands)
     _run_options(commands["run"])
     _disperse_options(commands["disperse"])
+    _method_options(commands["disperse"])
     _engine_option(commands["disperse"])
     _engine_option(commands["resume"])
     _replay_options(commands["replay"])
@@ -105,6 +108,40 @@ def _disperse_options(disperse: argparse.ArgumentParser) -> None:
     disperse.add_argument(
         "--overwrite", action="store_true", help="replace the store that is there"
     )
+
+
+def _method_options(disperse: argparse.ArgumentParser) -> None:
+    disperse.add_argument(
+        "--until",
+        type=_rule,
+        metavar="OUTPUT[:SHARE[:PRECISION]]",
+        help="end when the limit below which this share of the runs lies (default: 0.99) is known "
+        "to this precision (default: 0.01), or after --runs",
+    )
+    disperse.add_argument(
+        "--method",
+        choices=METHODS,
+        default=METHODS[0],
+        help="how mean and deviation are found; all but the first make no store (default: "
+        "monte_carlo)",
+    )
+    disperse.add_argument(
+        "--compare", action="store_true", help="put the cheaper methods beside the runs"
+    )
+
+
+def _rule(text: str) -> tuple[str, float, float]:
+    output, *numbers = text.split(":")
+    try:
+        share, precision = (*map(float, numbers), *(0.99, 0.01)[len(numbers) :])
+    except ValueError:
+        share = precision = math.nan
+    if not (output and 0.0 < share < 1.0 and 0.0 < precision < 1.0):
+        raise argparse.ArgumentTypeError(
+            f"it is {text}: it must be the name of an output, with a share and a precision between "
+            f"0 and 1 if they are given, such as apoapsis_altitude:0.99:0.01."
+        )
+    return output, share, precision
 
 
 def _engine_option(command: argparse.ArgumentParser) -> None:

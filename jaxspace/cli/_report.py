@@ -59,7 +59,9 @@ def report(path: str, folder: str | None) -> int:
         run = file.nominal_mission()
         title, nominal = file.title, file.nominal_outputs(run)
         some = np.arange(min(FLIGHTS, result.runs))
-        campaign = file.campaign(run, warn=False, runs=result.runs)
+        # A hypercube is made for the runs that were planned, also where there are fewer.
+        planned = int(result.attributes.get("planned_runs", result.runs))
+        campaign = file.campaign(run, warn=False, runs=planned)
         flights = fly(campaign, some, seed=result.seed, accuracy=file.accuracy)
         print(dispersion_report(result, nominal))
     start = os.path.join(folder, name)

@@ -28,14 +28,19 @@ def stopped_by_signals() -> Iterator[None]:
     def again(what: "sys.UnraisableHookArgs") -> None:
         # Met where Python can only print it, as in a callback of its collector: ask once more.
         if issubclass(what.exc_type, KeyboardInterrupt):
-            threading.Timer(0.05, os.kill, (os.getpid(), signal.SIGINT)).start()
+            timers.append(threading.Timer(0.05, os.kill, (os.getpid(), signal.SIGINT)))
+            timers[-1].start()
         else:
             hook(what)
 
+    timers: list[threading.Timer] = []
     before, hook = signal.signal(signal.SIGTERM, stop), sys.unraisablehook
     sys.unraisablehook = again
     try:
         yield
     finally:
+        # The command has ended: a late one would kill the process in place of its status.
+        for timer in timers:
+            timer.cancel()
         sys.unraisablehook = hook
         signal.signal(signal.SIGTERM, before)

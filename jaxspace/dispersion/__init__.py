@@ -2,6 +2,8 @@
 are kept."""
 
 from ._campaign import Campaign as Campaign
+from ._covariance import METHODS as METHODS
+from ._covariance import MONTE_CARLO as MONTE_CARLO
 from ._covariance import Comparison as Comparison
 from ._covariance import Moments as Moments
 from ._covariance import compare_methods as compare_methods
@@ -21,6 +23,9 @@ from ._engines import DaskCluster as DaskCluster
 from ._engines import MultiHost as MultiHost
 from ._engines import ProcessPool as ProcessPool
 from ._evaluate import Evaluator as Evaluator
+from ._extremes import Extreme as Extreme
+from ._extremes import greatest as greatest
+from ._extremes import least as least
 from ._flights import Flights as Flights
 from ._flights import fly as fly
 from ._joint import AbstractJoint as AbstractJoint

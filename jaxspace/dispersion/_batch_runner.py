@@ -30,6 +30,7 @@ from ..simulation._blocks import Blocks, jit_wide_vectors
 from ..simulation._failures import nan_where_failed
 from ..simulation._mission_runs import MissionResult, run_mission
 from ..simulation._simulate import resolve_phases
+from ._along import saved_states, thinned
 from ._campaign import Campaign, check_names
 from ._isolation import isolate
 from ._plans import FINENESS, TRIAL, Plans, nodes_of, padded, refinement
@@ -38,6 +39,8 @@ from ._plans import FINENESS, TRIAL, Plans, nodes_of, padded, refinement
 PILOTS = 15
 # Runs in one call: enough to pay for the call, on a core and on an accelerator.
 CALL, ACCELERATOR_CALL = 512, 2**14
+# Pilots run once, and compiling takes far longer than they do: half of it is saved so.
+QUICK: dict[str, Any] = {"compiler_options": {"xla_backend_optimization_level": 0}}
 
 
 class RunResults(NamedTuple):
@@ -236,7 +239,8 @@ def _block(
     inputs = {name: jnp.where(allowed & flown, x, nominal[name]) for name, x in drawn.items()}
     mission, y0 = campaign.build(inputs)
     configs = resolve_phases(mission, y0, accuracy, 1)
-    result = run_mission(mission, y0, campaign.start, max(samples, 2), configs, 1, plans)
+    saved, every_nth = saved_states(campaign.along, samples)
+    result = run_mission(mission, y0, campaign.start, saved, configs, 1, plans)
     outputs = campaign.outputs(result, inputs)
     check_names("The outputs of the campaign", outputs)
     for name in set(outputs) & set(drawn):
@@ -250,7 +254,7 @@ def _block(
     def every(x: Array) -> Array:
         return jnp.broadcast_to(x, numbers.shape)
 
-    kept = trajectories(mission.phases, result, numbers.shape) if samples else {}
+    kept = trajectories(mission.phases, result, numbers.shape, every_nth) if samples else {}
     outputs, kept = nan_where_failed((jax.tree.map(every, outputs), kept), status)
     errors = [every(run.stats.get("largest_local_error", jnp.zeros(()))) for run in result.phases]
     results = RunResults(drawn, outputs, every(status), every(evaluations), kept)
@@ -258,11 +262,11 @@ def _block(
 
 
 def trajectories(
-    phases: Sequence[Any], result: MissionResult, runs: tuple[int, ...]
+    phases: Sequence[Any], result: MissionResult, runs: tuple[int, ...], every_nth: int = 1
 ) -> dict[str, Array]:
-    """The times and the parts of the state along every phase, by "phase.part"."""
+    """The times and the parts of each n-th state along every phase, by "phase.part"."""
     kept = {}
-    for phase, run in zip(phases, result.phases, strict=True):
+    for phase, run in zip(phases, thinned(result, every_nth).phases, strict=True):
         times = run.ts.shape[0]
         kept[f"{phase.name}.time"] = jnp.broadcast_to(run.ts, (times, *runs))
         for path, x in jax.tree_util.tree_flatten_with_path(run.states)[0]:
@@ -271,7 +275,7 @@ def trajectories(
     return kept
 
 
-@eqx.filter_jit
+@eqx.filter_jit(**QUICK)
 def _pilots(
     campaign: Campaign, accuracy: Accuracy, key: Array, flown: Bool[Array, " pilots"]
 ) -> tuple[list[Array | None], Array, bool]:

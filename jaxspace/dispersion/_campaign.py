@@ -47,10 +47,12 @@ class Campaign(eqx.Module):
     - `requirements`: of each output that has some, by name, the least and the greatest value that
       is allowed, `None` for no such limit; statistics and reports count violations.
     - `design`: where the runs lie (`LatinHypercube`, `Sobol`); at random if left out.
+    - `along`: how many states of each phase `outputs` reads, evenly from its start to its end; its
+      ends alone by default. `greatest` and `least` need more.
 
     `build` and `outputs` are traced once; as modules they may hold arrays of their own. Raises
     `InputError` for an input that is no distribution, whose name is reserved, or when there is
-    none."""
+    none; and for fewer than two states along a phase."""
 
     build: Callable[[dict[str, Array]], tuple[Mission, State]]
     inputs: dict[str, AbstractDistribution]
@@ -65,6 +67,7 @@ class Campaign(eqx.Module):
     requirements: tuple[tuple[str, Limits], ...] = eqx.field(
         static=True, converter=_as_pairs, default=()
     )
+    along: int = eqx.field(static=True, default=2)
 
     def __check_init__(self):
         if not self.inputs:
@@ -76,6 +79,8 @@ class Campaign(eqx.Module):
                     f"Campaign.inputs[{name!r}] is {distribution!r}: it must be a distribution."
                 )
         check_finite("Campaign.start", self.start)
+        if self.along < 2:
+            raise InputError(f"Campaign.along is {self.along}: it must be 2 or more.")
 
     def nominal(self, runs: int = 1) -> dict[str, Float[Array, " runs"]]:
         """The mean of every input, (runs,)."""

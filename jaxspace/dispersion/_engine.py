@@ -5,8 +5,8 @@ import dataclasses
 import os
 import time
 import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import Any
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, Literal, overload
 
 import jax
 import jax.numpy as jnp
@@ -15,22 +15,31 @@ import numpy as np
 from ..core import InputError, Scalar, check_positive
 from ..integration._accuracy import DEFAULT_RTOL, Accuracy, as_accuracy
 from ..integration._config import check_tolerance
-from ._batch_runner import BatchRunner, RunResults
+from ._batch_runner import BatchRunner
 from ._campaign import Campaign
-from ._engines import AbstractEngine, Extent, MultiHost, as_engine
+from ._covariance import MONTE_CARLO, Moments, moments
+from ._ending import check_rule
+from ._engines import AbstractEngine, MultiHost, as_engine
+from ._flight import in_memory, ordered, stored
+from ._moments import StopRule
 from ._record import record
 from ._statistics import Dispersion
-from ._store import StoreWriter, columns_of
-from ._stored import DamagedStore, as_dispersion
+from ._store import ENOUGH
+from ._store_writer import StoreWriter
+from ._stored import DamagedStore
 
+RUNS = 1000
+"""How many runs there are by default: enough for a mean and a deviation to a few percent."""
 CHUNK = 8192
 """Runs in a chunk: large enough that storing them takes a percent of the time to compute them."""
 
 
+@overload
 def disperse(
     campaign: Campaign,
-    runs: int,
+    runs: int = RUNS,
     *,
+    method: Literal["monte_carlo"] = "monte_carlo",
     seed: int = 0,
     chunk: int = CHUNK,
     accuracy: Accuracy | Scalar | None = None,
@@ -39,16 +48,48 @@ def disperse(
     resume: bool = False,
     samples: int = 0,
     engine: str | AbstractEngine = "local",
+    until: StopRule | None = None,
     notes: Mapping[str, Any] | None = None,
     progress: Callable[[int, int], None] | None = None,
     devices: int | Sequence[jax.Device] | None = None,
-) -> Dispersion:
-    """Run a campaign many times.
+) -> Dispersion: ...
+
+
+@overload
+def disperse(
+    campaign: Campaign,
+    *,
+    method: Literal["lincov", "second_order", "unscented"],
+    accuracy: Accuracy | Scalar | None = None,
+) -> Moments: ...
+
+
+def disperse(
+    campaign: Campaign,
+    runs: int = RUNS,
+    *,
+    method: str = MONTE_CARLO,
+    seed: int = 0,
+    chunk: int = CHUNK,
+    accuracy: Accuracy | Scalar | None = None,
+    store: str | os.PathLike[str] | None = None,
+    overwrite: bool = False,
+    resume: bool = False,
+    samples: int = 0,
+    engine: str | AbstractEngine = "local",
+    until: StopRule | None = None,
+    notes: Mapping[str, Any] | None = None,
+    progress: Callable[[int, int], None] | None = None,
+    devices: int | Sequence[jax.Device] | None = None,
+) -> Dispersion | Moments:
+    """What becomes of a campaign: by default of many runs of it.
 
     **Arguments**
 
     - `campaign`: what runs, with which random inputs and outputs.
     - `runs`: how many.
+    - `method`: "monte_carlo"; or, without these runs, "lincov", "second_order" or "unscented",
+      which give a mean and a covariance (`moments`), and take `accuracy` alone.
     - `seed`: of the random inputs. Run number i has the same inputs and outputs, bit for bit,
       whatever `runs`, `chunk`, `engine` and `devices`, and after a restart, on one kind of
       processor and by one set of versions.
@@ -65,15 +106,25 @@ def disperse(
     - `engine`: "local" (this process, with all of its cores or accelerators), "processes", "dask",
       the address of a Dask scheduler, "hosts" (the processes of `jax.distributed`), or an engine
       object.
+    - `until`: when there are enough runs: the campaign then ends before `runs`, after a whole chunk
+      (`StopRule`). The store, resumed or not and by whatever engine, ends with the same run.
     - `notes`: what else the attributes of the store shall say, by name.
     - `progress`: called as `progress(done, total)` after every chunk.
     - `devices`: how many of the local devices to use, or which; all of them by default.
 
-    **Returns** a `Dispersion`. A run that fails marks its own row.
+    **Returns** a `Dispersion`, in which a run that fails marks its own row; by another method the
+    `Moments`.
 
     **Raises** `InputError` for numbers that are not positive and for a tolerance that the precision
     cannot reach; `StoreError`, before anything is computed where that can be, for a store that
     refuses or cannot be written; `SimulationError` when the nominal run fails."""
+    if method != MONTE_CARLO:
+        for name, given in (("store", store), ("until", until)):
+            if given is not None:
+                raise InputError(
+                    f"{name} is {given!r}: by the method {method!r} there are no runs."
+                )
+        return moments(campaign, method, accuracy=accuracy)
     check_positive("runs", runs)
     check_positive("chunk", chunk)
     started = time.perf_counter()
@@ -99,86 +150,23 @@ def disperse(
         kept = {**record(campaign, accuracy, runs), **(notes or {}), "seed": seed}
         kept |= {"preparation_seconds": preparation, "digest": runner.planned.digest}
         kept |= {"chunk": runner.chunk(chunk), "samples": samples}
+        if until is not None:
+            assert runner.example is not None
+            check_rule(until, ordered(runner.example, campaign).outputs)
+            kept["until"] = until._asdict()
         if writer is not None:
-            return _stored(writer, runner, using, kept, progress)
-        chunks = dict(_flown(runner, using, _extents(runs, kept["chunk"]), runs, progress))
+            return stored(writer, runner, using, kept, progress, until)
+        chunks = in_memory(runner, using, kept["chunk"], runs, progress, until)
         # Dicts come back from a tree transformation sorted by name.
         every = jax.tree.map(
             lambda *x: np.concatenate(x, axis=-1), *(chunks[k][0] for k in sorted(chunks))
         )
+        if len(every.status) < runs:
+            kept[ENOUGH] = len(every.status)
         seconds = time.perf_counter() - started
         kept["cpu_seconds"] = sum(cpu for _, cpu in chunks.values())
-        results = _ordered(every, campaign)
+        results = ordered(every, campaign)
         return Dispersion(*results[:4], dict(campaign.units), seed, seconds, kept)
-
-
-def _extents(runs: int, chunk: int) -> list[Extent]:
-    firsts = range(0, runs, chunk)
-    return [Extent(k, first, min(chunk, runs - first)) for k, first in enumerate(firsts)]
-
-
-def _flown(
-    runner: BatchRunner,
-    engine: AbstractEngine,
-    extents: list[Extent],
-    total: int,
-    progress: Callable[[int, int], None] | None,
-) -> Iterator[tuple[int, tuple[RunResults, float]]]:
-    """The results of these chunks with the processor time of each."""
-    done = total - sum(extent.runs for extent in extents)
-    own = {extent.chunk: extent.runs for extent in extents}
-    for found in engine.compute(runner, extents):
-        # What is yielded has been stored when the loop goes on, and only then is it reported:
-        # what a user has seen done survives an interruption.
-        yield found.chunk, (_ordered(found.results, runner.planned.campaign), found.cpu)
-        done += own[found.chunk]
-        if progress is not None:
-            progress(done, total)
-
-
-def _stored(
-    writer: StoreWriter,
-    runner: BatchRunner,
-    engine: AbstractEngine,
-    attributes: dict[str, Any],
-    progress: Callable[[int, int], None] | None,
-) -> Dispersion:
-    """The chunks that the store lacks, written to it."""
-    planned = runner.planned
-    assert runner.example is not None
-    example = _ordered(runner.example, planned.campaign)
-    columns = columns_of(example, planned.campaign.units)
-    if engine.leads:
-        writer.prepare(columns, attributes)
-    engine.sync("prepared")
-    store = writer.store if engine.leads else writer.join(columns, attributes)
-    missing, damages = writer.missing()
-    # None writes before all have looked.
-    engine.sync("counted")
-    for damage in damages:
-        warnings.warn(f"{store.path}: {damage} It is computed again.", DamagedStore, stacklevel=4)
-    extents = engine.share([Extent(chunk, *store.extent(chunk)) for chunk in missing])
-    last = time.perf_counter()
-    storing = 0.0
-    for chunk, (results, cpu) in _flown(runner, engine, extents, store.runs, progress):
-        before = time.perf_counter()
-        writer.commit(chunk, results, before - last, cpu)
-        last = time.perf_counter()
-        storing += last - before
-    engine.sync("finished")
-    if engine.leads:
-        writer.note(storing_seconds=storing + store.attributes.get("storing_seconds", 0.0))
-    return as_dispersion(store, store.finished())
-
-
-def _ordered(results: RunResults, campaign: Campaign) -> RunResults:
-    """The results with their names in the order of the campaign."""
-    place = {name: number for number, name in enumerate(campaign.units)}
-    outputs = sorted(results.outputs, key=lambda name: (place.get(name, len(place)), name))
-    inputs = {name: results.inputs[name] for name in campaign.inputs}
-    return results._replace(
-        inputs=inputs, outputs={name: results.outputs[name] for name in outputs}
-    )
 
 
 def _resolved(accuracy: Accuracy) -> Accuracy:

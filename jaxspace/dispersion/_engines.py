@@ -11,10 +11,10 @@ import signal
 import sys
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from typing import Any, NamedTuple, final
+from typing import Any, NamedTuple, TypeAlias, final
 
 import jax
 
@@ -52,11 +52,14 @@ class Done(NamedTuple):
     cpu: float
 
 
+Computed: TypeAlias = Generator[Done, None, None]
+
+
 class AbstractEngine(ABC):
     """Computes chunks, in any order."""
 
     @abstractmethod
-    def compute(self, runner: BatchRunner, extents: Sequence[Extent]) -> Iterator[Done]:
+    def compute(self, runner: BatchRunner, extents: Sequence[Extent]) -> Computed:
         """The chunks, each as soon as it is there.
 
         **Raises** `StoreError` where a chunk cannot be computed after all retries."""
@@ -70,6 +73,11 @@ class AbstractEngine(ABC):
     def leads(self) -> bool:
         """Whether this process makes the store; one of several that share a campaign does."""
         return True
+
+    @property
+    def shares(self) -> bool:
+        """Whether several processes share a campaign, each of which computes a part."""
+        return False
 
     def share(self, extents: Sequence[Extent]) -> list[Extent]:
         """What this process computes of the chunks."""
@@ -88,7 +96,7 @@ class InProcess(AbstractEngine):
     def workers(self) -> int:
         return 1
 
-    def compute(self, runner: BatchRunner, extents: Sequence[Extent]) -> Iterator[Done]:
+    def compute(self, runner: BatchRunner, extents: Sequence[Extent]) -> Computed:
         for extent in extents:
             yield _timed(runner, extent)
 
@@ -124,7 +132,7 @@ class ProcessPool(AbstractEngine):
     def workers(self) -> int:
         return self._workers
 
-    def compute(self, runner: BatchRunner, extents: Sequence[Extent]) -> Iterator[Done]:
+    def compute(self, runner: BatchRunner, extents: Sequence[Extent]) -> Computed:
         payload, losses = payload_of(runner.planned), dict.fromkeys(extents, 0)
         # Two for each process, so that none waits for the next one; memory is bounded by them.
         width, hopeless = 2 * self._workers, []
@@ -154,7 +162,7 @@ class ProcessPool(AbstractEngine):
         waiting: list[Extent],
         width: int,
         started: dict["Future[Done]", Extent],
-    ) -> Iterator[Done]:
+    ) -> Computed:
         """The chunks, until a process is lost; `started` then holds those that were under way."""
         # Not forked: a fork of a process that has threads, as jax has, may hang.
         context = multiprocessing.get_context("spawn")
@@ -226,6 +234,10 @@ class MultiHost(AbstractEngine):
     def leads(self) -> bool:
         return jax.process_index() == 0
 
+    @property
+    def shares(self) -> bool:
+        return True
+
     def share(self, extents: Sequence[Extent]) -> list[Extent]:
         # In turn, so that all of them come to the end together.
         return list(extents[jax.process_index() :: jax.process_count()])
@@ -235,7 +247,7 @@ class MultiHost(AbstractEngine):
 
         sync_global_devices(f"jaxspace campaign {stage}")
 
-    def compute(self, runner: BatchRunner, extents: Sequence[Extent]) -> Iterator[Done]:
+    def compute(self, runner: BatchRunner, extents: Sequence[Extent]) -> Computed:
         return InProcess().compute(runner, extents)
 
 
@@ -261,7 +273,7 @@ class DaskCluster(AbstractEngine):
     def workers(self) -> int:
         return self._workers
 
-    def compute(self, runner: BatchRunner, extents: Sequence[Extent]) -> Iterator[Done]:
+    def compute(self, runner: BatchRunner, extents: Sequence[Extent]) -> Computed:
         payload, waiting = payload_of(runner.planned), list(extents)
         started, finished = set(), queue.SimpleQueue()
         with self._client() as client:
@@ -306,7 +318,7 @@ class DaskCluster(AbstractEngine):
                     options = {"host": "127.0.0.1", "dashboard_address": None}
                     target = LocalCluster(self._workers, threads_per_worker=1, **options)
                     stack.enter_context(target)
-                client = Client(target, set_as_default=False, timeout=10)
+                client = Client(target, set_as_default=False, timeout=30)
                 stack.callback(_closed, client)
                 yield client
             except (OSError, KilledWorker) as error:

@@ -40,7 +40,7 @@ def evaluate_traced(
     """Outputs and status of runs with these inputs, by adaptive steps; differentiable."""
     mission, y0 = campaign.build(samples)
     configs = resolve_phases(mission, y0, accuracy, 1)
-    result = run_mission(mission, y0, campaign.start, 2, configs, 1)
+    result = run_mission(mission, y0, campaign.start, campaign.along, configs, 1)
     shape = next(iter(samples.values())).shape
     outputs = campaign.outputs(result, samples)
     outputs = jax.tree.map(lambda x: jnp.broadcast_to(x, shape), outputs)

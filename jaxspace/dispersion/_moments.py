@@ -115,10 +115,11 @@ def convergence(x: ArrayLike, share: float = 0.99, steps: int = 40) -> Convergen
 
 
 class StopRule(NamedTuple):
-    """When enough runs have been made: when the percentile `share` of an output is known to
-    `precision` times the distance of that percentile from the mean.
+    """When enough runs have been made: when the percentile `share` of an output is known, with this
+    `confidence`, to `precision` times the distance of that percentile from the mean.
 
-    `StopRule("apogee", 0.99, 0.01)` reads "until the 99 % limit of apogee is known to 1 %"."""
+    `StopRule("apogee", 0.99, 0.01)` reads "until the 99 % limit of apogee is known to 1 %". Its
+    numbers lie between 0 and 1."""
 
     output: str
     share: float = 0.99
@@ -130,9 +131,21 @@ class StopRule(NamedTuple):
         infinite with too few runs, zero where nothing scatters."""
         x = np.asarray(x, float)
         found = percentile(x, self.share, self.confidence)
-        distance = abs(found.value - float(np.nanmean(x)))
+        distance = abs(found.value - float(np.mean(x[np.isfinite(x)])))
         half = 0.5 * (found.high - found.low)
         return half / distance if distance > 0.0 else (0.0 if half == 0.0 else np.inf)
+
+    def check(self) -> None:
+        """Raise `InputError` for a number that is not between 0 and 1."""
+        for name in ("share", "precision", "confidence"):
+            check_share(f"StopRule.{name}", getattr(self, name))
+
+    def text(self) -> str:
+        """The rule in words."""
+        return (
+            f"until the {100.0 * self.share:g} % limit of {self.output} is known to "
+            f"{100.0 * self.precision:g} %"
+        )
 
     def met(self, x: ArrayLike) -> bool:
         """Whether these runs are enough."""

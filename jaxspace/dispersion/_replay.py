@@ -13,6 +13,7 @@ from ..integration._config import IntegrationConfig
 from ..simulation import MissionTrajectory
 from ..simulation._mission_runs import MissionResult, run_mission
 from ..simulation._simulate import mission_trajectory_of, resolve_phases
+from ._along import saved_states, thinned
 
 
 @final
@@ -44,8 +45,9 @@ def _fly(
 ) -> tuple[MissionResult, dict[str, Array], tuple[IntegrationConfig, ...]]:
     mission, y0 = campaign.build(samples)
     configs = resolve_phases(mission, y0, accuracy, 1)
-    result = run_mission(mission, y0, campaign.start, num_saved, configs, 1)
-    return result, campaign.outputs(result, samples), configs
+    saved, every_nth = saved_states(campaign.along, num_saved)
+    result = run_mission(mission, y0, campaign.start, saved, configs, 1)
+    return thinned(result, every_nth), campaign.outputs(result, samples), configs
 
 
 def replay(campaign: Any, number: int, seed: int, accuracy: Accuracy, num_saved: int) -> Replay:

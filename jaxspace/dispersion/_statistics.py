@@ -120,6 +120,16 @@ class Dispersion(eqx.Module):
         return len(self.status)
 
     @property
+    def enough(self) -> int | None:
+        """After how many runs the campaign ended itself (`StopRule`); `None` if it did not."""
+        return self.attributes.get("enough_runs")
+
+    @property
+    def wanted(self) -> int:
+        """How many runs there are when the campaign is complete."""
+        return int(self.enough or self.attributes.get("planned_runs", self.runs))
+
+    @property
     def good(self) -> np.ndarray:
         """Whether each run ended well, (runs,)."""
         return self.status <= Status.EVENT

@@ -3,7 +3,9 @@
 The room knows the form of a file - bodies, phases, dispersions, units - and no particular force:
 which systems, effects, jumps, events and outputs there are, the rooms of physics declare."""
 
+from ._campaign_report import comparison_table as comparison_table
 from ._campaign_report import failures_report as failures_report
+from ._campaign_report import moments_report as moments_report
 from ._campaign_report import replay_report as replay_report
 from ._catalog import Catalog as Catalog
 from ._catalog import catalog as catalog

@@ -16,7 +16,7 @@ from ._checks import Parsed, needed_parts
 from ._control import controlled, end_of_loop
 from ._kinds import Value, Values
 from ._objects import Building, Runs
-from ._outputs import state_of
+from ._output_entries import state_of
 from ._value_kinds import Measure
 
 ONE_PHASE = {"system": "run", "scene": "scene"}
@@ -38,7 +38,7 @@ def build_mission(
     if file.kind == "system":
         system, y0 = build_system(file, values, runs)
         return _one_phase(file, building, system, seeds), y0
-    body, effects = building.make("body"), _effects(file, building)
+    body, effects = building.make("body"), build_effects(file, building)
     initial = build_state(file, building)
     # Constant mass is no part of the state: every part is integrated and costs.
     if any("mass_rate" in effect.adds for effect in effects.values()):
@@ -148,7 +148,7 @@ def _span(file: Parsed) -> float:
     return file.values["times"]["end"] - file.values["times"]["start"]
 
 
-def _effects(file: Parsed, building: Building) -> dict[str, AbstractEffect]:
+def build_effects(file: Parsed, building: Building) -> dict[str, AbstractEffect]:
     """The effects by name. Those that refer to another one are made last."""
     made: dict[str, AbstractEffect] = {}
     names = file.active_effects()

@@ -1,12 +1,13 @@
-"""What the store of a campaign reports: one of its runs in detail, and those that failed."""
+"""What a campaign reports besides its table: one of its runs in detail, those that failed, and the
+methods that need no runs."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from ..dispersion import Dispersion, Replay
+from ..dispersion import MONTE_CARLO, Comparison, Dispersion, Moments, Replay
 from ..simulation import Status
-from ._report import columns, drift_rows, number, state_rows, status_line
+from ._report import Row, columns, drift_rows, number, state_rows, status_line
 from ._scene_file import SceneFile
 
 
@@ -49,7 +50,7 @@ def failures_report(file: SceneFile | None, kept: Dispersion, most: int = 20) ->
     `file`: the scene of the store, which says which of its inputs a refused run has out of
     range."""
     numbers = np.arange(kept.runs) if kept.numbers is None else kept.numbers
-    planned = int(kept.attributes.get("planned_runs", kept.runs))
+    planned = kept.wanted
     lines = [f"{int(np.count_nonzero(kept.good))} of {kept.runs} runs ended well."]
     if kept.runs < planned:
         lines.append(f"{planned - kept.runs} runs are missing: `jaxspace resume` computes them.")
@@ -90,3 +91,40 @@ def _farthest(
     }
     most = sorted(off, key=lambda name: -abs(off[name]))[:count]
     return ", ".join(f"{name} is {inputs[name]:.6g} ({off[name]:+.1f} sigma)" for name in most)
+
+
+def comparison_table(rows: Sequence[Comparison]) -> str:
+    """The cheaper methods beside Monte Carlo: how far off, from how many runs, in what time; and
+    how well Monte Carlo itself knows what they are compared with."""
+    shown: list[Row] = [
+        ("output", "method", "mean", "off by", "std dev", "off by", "runs", "seconds")
+    ]
+    for c in rows:
+        sign = "±" if c.method == MONTE_CARLO else "+" if c.mean_error >= 0.0 else "-"
+        off = f"{sign}{abs(c.mean_error):.3f} std dev"
+        sign = "±" if c.method == MONTE_CARLO else "+" if c.std_error >= 0.0 else "-"
+        more = f"{sign}{100.0 * abs(c.std_error):.2f} %"
+        mean, std = number(c.mean, 0.01 * c.std), number(c.std, 0.01 * c.std)
+        took = f"{c.seconds:.2g}"
+        shown.append((c.output, c.method, mean, off, std, more, str(c.runs), took))
+    return columns(shown)
+
+
+def moments_report(
+    title: str, found: Moments, units: Mapping[str, str], nominal: Mapping[str, tuple[float, str]]
+) -> str:
+    """Mean and deviation of every output by a method without many runs."""
+    rows: list[Row] = [("output", "unit", "nominal", "mean", "std dev")]
+    for k, name in enumerate(found.names):
+        std = found.std(name)
+        numbers = (nominal[name][0], float(found.mean[k]), std)
+        rows.append((name, units.get(name, ""), *(number(x, 0.01 * std) for x in numbers)))
+    runs = "run" if found.runs == 1 else "runs"
+    return "\n".join(
+        [
+            f"{title}: {found.method}",
+            columns(rows),
+            "",
+            f"{found.runs} {runs}, {found.seconds:.2g} s after compilation",
+        ]
+    )

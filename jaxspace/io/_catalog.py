@@ -104,6 +104,13 @@ class Catalog(NamedTuple):
         cls = self.effects[effect]
         return [n for n in dir(cls) if getattr(getattr(cls, n), "known_time", False)]
 
+    def effect_outputs(self, effect: str) -> dict[str, OutputFunction]:
+        """The methods of an effect that are declared as outputs, by name."""
+        cls = self.effects[effect]
+        # Static, because binding a descriptor would run code of the class.
+        every = {name: inspect.getattr_static(cls, name) for name in dir(cls)}
+        return {name: m for name, m in every.items() if isinstance(m, OutputFunction)}
+
     def all_known_times(self) -> list[str]:
         """The names of all such times."""
         return list(dict.fromkeys(n for effect in self.effects for n in self.known_times(effect)))

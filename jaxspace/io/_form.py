@@ -16,6 +16,7 @@ import diffrax
 
 from ..bodies import BodyState
 from ..core import REQUIRED, AbstractSystem, argument
+from ..dispersion import METHODS
 from ._catalog import Catalog, part_entries, state_class, state_way
 from ._control import control_kind
 from ._errors import missing, unknown, wrong
@@ -36,6 +37,16 @@ TIMES = Table(
         "start": Entry(TIME, 0.0, doc="time of the initial state"),
         "end": Entry(TIME, doc="time of the last state"),
         "samples": Entry(Whole(2, 10**7), 200, doc="how many states are kept from start to end"),
+    }
+)
+
+SHARE = Number(argument("", low=0.0, high=1.0, strict=True, fixed=True, doc="from 0 to 1"))
+UNTIL = Table(
+    {
+        "output": Entry(Text(), doc="whose limit is to be known"),
+        "share": Entry(SHARE, 0.99, doc="of the runs that lie below the limit"),
+        "precision": Entry(SHARE, 0.01, doc="in distances of the limit from the mean"),
+        "confidence": Entry(SHARE, 0.95, doc="with which it is known"),
     }
 )
 
@@ -212,6 +223,13 @@ def _dispersion() -> Table:
                 ListOf(AnyTable()), (), doc="inputs that are correlated, by a matrix"
             ),
             "direction": Entry(ListOf(AnyTable()), (), doc="vectors whose direction scatters"),
+            "until": Entry(UNTIL, None, doc="when there are enough runs"),
+            "compare": Entry(
+                ListOf(OneName(METHODS)), (), doc="cheaper methods, put beside these runs"
+            ),
+            "extreme_samples": Entry(
+                Whole(5, 10**5), 65, doc="states of each phase among which extremes are sought"
+            ),
             "sampling": Entry(
                 OneName(DESIGNS), "random", doc="where the runs lie among the inputs"
             ),
@@ -220,10 +238,10 @@ def _dispersion() -> Table:
 
 
 class OutputList(Kind):
-    """A list of names or paths, or tables with the keys `output`, `at`, `unit`, `name`, and for a
-    requirement `at_least` and `at_most`."""
+    """A list of names or paths, or tables with the keys `output`, `at`, `take`, `unit`, `name`, and
+    for a requirement `at_least` and `at_most`."""
 
-    KEYS = ("output", "at", "unit", "name", "at_least", "at_most")
+    KEYS = ("output", "at", "take", "unit", "name", "at_least", "at_most")
 
     def read(self, value: object, path: str, reading: Reading) -> Value:
         if not (isinstance(value, list) and value):

@@ -38,7 +38,7 @@ def listing(also: Iterable[object] = ()) -> str:
         ("initial states of a body", _initials(known)),
         ("jumps", _classes(known, known.jumps)),
         ("events", _functions(known.events, "event") + _times(known)),
-        ("outputs", _functions(known.outputs, "output")),
+        ("outputs", _functions(known.outputs, "output") + _methods(known)),
         ("controllers", _classes(known, known.controllers)),
         ("distributions", _classes(known, known.distributions)),
         ("methods", [f"  {name}" for name in method_names(known)]),
@@ -98,6 +98,14 @@ def _times(known: Catalog) -> list[str]:
         f"  {name} [s]: {first_sentence(getattr(cls, name))} ({effect})"
         for effect, cls in known.effects.items()
         for name in known.known_times(effect)
+    ]
+
+
+def _methods(known: Catalog) -> list[str]:
+    return [
+        line.replace("  ", f"  {effect}.", 1)
+        for effect in known.effects
+        for line in _functions(known.effect_outputs(effect), "output")
     ]
 
 

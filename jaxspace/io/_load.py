@@ -9,12 +9,13 @@ from ._build import system_errors
 from ._catalog import Catalog, catalog
 from ._checks import Parsed, check_parsed
 from ._control import control_errors, scatter_errors
-from ._errors import SceneError
+from ._errors import SceneError, unknown
 from ._form import form, kind_of
 from ._inputs import read_inputs
 from ._kinds import Reading, Values
 from ._optimize_table import read_task
-from ._outputs import read_outputs
+from ._output_entries import read_outputs
+from ._outputs import OutputSpec
 from ._scene_file import SceneFile
 
 
@@ -51,6 +52,7 @@ def load(
     if not errors and values["dispersion"] is not None:
         outputs, errors = read_outputs(file, reading.units)
         inputs, more = read_inputs(file, Path(path).parent)
+        more = more + _rule_errors(values["dispersion"]["until"], outputs, errors)
         # Both at once: outputs and inputs do not depend on each other.
         errors = errors + more + scatter_errors(file, inputs)
     task = None
@@ -59,6 +61,15 @@ def load(
     if errors:
         raise SceneError(path, errors)
     return SceneFile(Path(path), text, file, inputs, outputs, reading.units, task)
+
+
+def _rule_errors(until: Values | None, outputs: tuple[OutputSpec, ...], errors: list) -> list[str]:
+    """What is wrong with the rule that ends a campaign; nothing where the outputs are."""
+    names = [spec.name for spec in outputs]
+    if until is None or errors or until["output"] in names:
+        return []
+    key = f'dispersion.until.output = "{until["output"]}"'
+    return [unknown(key, until["output"], names, "output of this file")]
 
 
 def _parsed(path: str | os.PathLike[str], text: str | None) -> tuple[Values, str]:

@@ -19,7 +19,8 @@ from ._checks import Parsed
 from ._errors import hint, missing, unknown, wrong
 from ._inputs import measures
 from ._kinds import Entry, Kind, Reading, Schema, Value
-from ._outputs import OutputSpec, needs_nominal, read_output, unit_of
+from ._output_entries import read_output, unit_of
+from ._outputs import OutputSpec, needs_nominal
 from ._table_kinds import AnyTable, Table
 from ._units import in_unit, read_number
 from ._value_kinds import ListOf, Measure, Number, OneName, Whole
@@ -137,6 +138,8 @@ def read_task(file: Parsed, units: Mapping[str, str]) -> tuple[Task | None, list
 def _output(key: str, entry: Value, file: Parsed, units: Mapping[str, str]) -> OutputSpec:
     own = {k: x for k, x in entry.items() if k not in LIMITS}
     spec = read_output(key, own, file, units)
+    if spec.take:
+        raise ValueError(f"{key}.take: a search sees the ends of phases alone, and no extreme.")
     if needs_nominal((spec,)) or "initial" in spec.arguments():
         raise ValueError(f"{key} compares with the nominal run, which the search changes.")
     return spec

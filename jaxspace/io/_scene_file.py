@@ -14,14 +14,14 @@ import jax.numpy as jnp
 from jax.typing import ArrayLike
 from jaxtyping import Array
 
-from ..bodies import AbstractBody
+from ..bodies import AbstractBody, AbstractEffect
 from ..control import ClosedLoop, LoopRun
 from ..core import AbstractSystem, InputError, State
-from ..dispersion import Campaign, LatinHypercube, Sobol, Uniform
+from ..dispersion import Campaign, LatinHypercube, Sobol, StopRule, Uniform
 from ..optimization import Progress
 from ..scene import Scene
 from ..simulation import Accuracy, Event, Mission, MissionTrajectory, Trajectory, simulate
-from ._build import build_mission, build_state, replaced
+from ._build import build_effects, build_mission, build_state, replaced
 from ._checks import Parsed
 from ._control import is_noisy
 from ._inputs import Input
@@ -30,7 +30,8 @@ from ._kinds import Values
 from ._objects import Building, Runs
 from ._optimize_table import Task
 from ._optimum import Optimum, optimise
-from ._outputs import Outputs, OutputSpec, applicable_outputs, needs_nominal
+from ._output_entries import applicable_outputs
+from ._outputs import Outputs, OutputSpec, needs_nominal
 
 NOISE = "control.noise"
 """The input from which the noise of the sensors of a run follows."""
@@ -80,6 +81,19 @@ class SceneFile:
     def seed(self) -> int:
         """What the runs of the file are drawn from. Raises `InputError` without [dispersion]."""
         return self._dispersion()["seed"]
+
+    @property
+    def until(self) -> StopRule | None:
+        """When the campaign of the file ends before its `runs`; `None` for never."""
+        rule = self._dispersion()["until"]
+        if rule is None:
+            return None
+        return StopRule(rule["output"], *(float(rule[k]) for k in StopRule._fields[1:]))
+
+    @property
+    def compare(self) -> tuple[str, ...]:
+        """The cheaper methods that the file puts beside its runs."""
+        return tuple(self._dispersion()["compare"])
 
     @functools.cached_property
     def accuracy(self) -> Accuracy:
@@ -198,7 +212,14 @@ class SceneFile:
             limits,
             self._design(self.runs if runs is None else runs),
             {spec.name: spec.required for spec in self.outputs if spec.required != (None, None)},
+            self._along,
         )
+
+    @property
+    def _along(self) -> int:
+        """How many states of each phase the outputs need."""
+        extremes = any(spec.take for spec in self.outputs)
+        return self._dispersion()["extreme_samples"] if extremes else 2
 
     def optimize(self, progress: Progress | None = None) -> Optimum:
         """The best values of the free numbers of the file, as [optimize] asks for.
@@ -230,9 +251,12 @@ class SceneFile:
         value, more than one draw of a thousand that will be refused."""
         return tuple(line for path, how in self.inputs.items() for line in how.doubts(path))
 
-    def nominal_mission(self, samples: int = 2, factor: float = 1.0) -> MissionTrajectory:
+    def nominal_mission(self, samples: int | None = None, factor: float = 1.0) -> MissionTrajectory:
         """The nominal run as a mission, at the accuracy of the file times `factor`; a bad end is
-        told by its status."""
+        told by its status.
+
+        `samples`: states of each phase; by default as many as the outputs of [dispersion] need."""
+        samples = self._along if samples is None else samples
         rtol = self.values["accuracy"] * factor
         # A finer tolerance than rounding allows would be refused.
         least = 32.0 * float(jnp.finfo(jnp.result_type(float)).eps)
@@ -260,16 +284,28 @@ class SceneFile:
             states = self._nominal_states(nominal)
             ends = {-1: nominal.end, **{k: p.ts[-1] for k, p in enumerate(nominal.phases)}}
         else:
-            states = {-1: jax.tree.map(lambda x: x[..., None], nominal.final)}
+            states = {-1: _with_run(nominal.final)}
             ends = {-1: nominal.ts[-1]}
         # Outputs are written for runs on the last axis: the nominal run is a batch of one.
         ends = {place: jnp.reshape(t, (1,)) for place, t in ends.items()}
-        numbers = eqx.filter_jit(lambda o, s, t: o.numbers(s, t, {}))(outputs, states, ends)
+        phases = nominal.phases if isinstance(nominal, MissionTrajectory) else [nominal]
+        along = {k for spec in specs for k in spec.phases}
+        curves = {k: _with_run((phases[k].ts, phases[k].states)) for k in along}
+        numbers = eqx.filter_jit(lambda o, *given: o.numbers(given[0], given[1], {}, given[2]))(
+            outputs, states, ends, curves
+        )
         return {spec.name: (float(numbers[spec.name][0]), spec.unit) for spec in specs}
 
     def body(self, values: Values, samples: Mapping[str, Array], runs: int) -> AbstractBody:
         """The body, from the numbers of the file and those of `runs` runs in `samples`."""
         return self._building(self.replaced(values, samples), Runs(runs)).make("body")
+
+    def effect(
+        self, name: str, values: Values, samples: Mapping[str, Array], runs: int
+    ) -> AbstractEffect:
+        """An effect by its name; arguments as of `body`."""
+        building = self._building(self.replaced(values, samples), Runs(runs))
+        return build_effects(self.parsed, building)[name]
 
     def intended(self, values: Values) -> State:
         """The initial state that the file asks for, with an axis of one run."""
@@ -296,7 +332,12 @@ class SceneFile:
     def _nominal_states(self, nominal: MissionTrajectory) -> dict[int, State]:
         """The states of the nominal run by phase (-1: the end), with an axis of one run."""
         states = {-1: nominal.final, **{k: p.final for k, p in enumerate(nominal.phases)}}
-        return jax.tree.map(lambda x: x[..., None], states)
+        return _with_run(states)
+
+
+def _with_run(tree: Any) -> Any:
+    """The arrays with an axis of one run behind."""
+    return jax.tree.map(lambda x: jnp.asarray(x)[..., None], tree)
 
 
 class _Build(eqx.Module):

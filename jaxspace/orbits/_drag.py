@@ -25,7 +25,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..bodies import AbstractAtmosphere, AbstractBody, AbstractEffect, BodyState, Load
-from ..core import Scalar, Vector, axis, cross, norm, quantity
+from ..core import Scalar, Vector, axis, cross, norm, output, quantity
 
 
 def drag_acceleration(
@@ -85,10 +85,8 @@ class Drag(AbstractEffect):
         del t, body
         assert y.position is not None and y.velocity is not None
         density = self.density_at(y.position)
-        air = self.air_rate * cross(axis(2, y.position[2]), y.position)
-        return Load(
-            acceleration_N=drag_acceleration(y.velocity - air, density, self.ballistic_coefficient)
-        )
+        v_r = self._through_air(y.position, y.velocity)
+        return Load(acceleration_N=drag_acceleration(v_r, density, self.ballistic_coefficient))
 
     def potential(self, t: Scalar, y: BodyState, body: AbstractBody) -> None:
         del t, y, body
@@ -97,6 +95,17 @@ class Drag(AbstractEffect):
     def density_at(self, position: Vector) -> Scalar:
         """Density of the air, kg/m^3, at a `position`, m, (3, *runs)."""
         return self.atmosphere.density_at(norm(position) - self.radius)
+
+    @output("Pa")
+    def dynamic_pressure(self, y: BodyState) -> Scalar:
+        """rho |v_r|^2 / 2, Pa, in the state `y`."""
+        assert y.position is not None and y.velocity is not None
+        speed = norm(self._through_air(y.position, y.velocity))
+        return 0.5 * self.density_at(y.position) * speed * speed
+
+    def _through_air(self, position: Vector, velocity: Vector) -> Vector:
+        """v_r, m/s, (3, *runs)."""
+        return velocity - self.air_rate * cross(axis(2, position[2]), position)
 
     def scaled(self, factor: Scalar) -> "Drag":
         air = self.atmosphere.scaled(factor)

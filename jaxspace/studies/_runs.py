@@ -70,7 +70,7 @@ def _outcome(phases: tuple[Trajectory, ...], final: State, status: Array) -> Run
 
 def systems_of(system: AbstractSystem | Mission) -> list[AbstractSystem]:
     """The system of every phase of a mission; of a system, itself."""
-    return [phase.system for phase in system.phases] if isinstance(system, Mission) else [system]
+    return [phase.moving for phase in system.phases] if isinstance(system, Mission) else [system]
 
 
 def check_start(

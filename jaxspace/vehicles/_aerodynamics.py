@@ -27,7 +27,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
-from ..core import Scalar, norm, quantity
+from ..core import Scalar, norm, output, quantity
 from ._airframe import AbstractSurface, FinSet, NoseCone, RadiusChange
 from ._coefficient import MachTable, as_coefficient
 from ._local_air import LocalAir, air_about
@@ -112,6 +112,12 @@ class Aerodynamics(AbstractEffect):
             roll = roll if forcing is None else roll + push * speed * forcing
         turn = jnp.stack([push * (s1 * w[1] - s2 * p), -push * (s1 * w[0] + s2 * q), roll])
         return Load(force_N=y.attitude.rotate(force), torque_B=turn)
+
+    @output("Pa")
+    def dynamic_pressure(self, y: BodyState) -> Scalar:
+        """rho |w|^2 / 2, Pa, in the state `y`."""
+        air, moving = air_about(self.air).at(y.position)
+        return 0.5 * air.density * norm(y.velocity - moving) ** 2
 
     def potential(self, t: Scalar, y: BodyState, body: AbstractBody) -> None:
         del t, y, body

@@ -18,7 +18,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
-from ..core import Scalar, Vector, norm, quantity
+from ..core import Scalar, Vector, norm, output, quantity
 from ._coefficient import MachTable, as_coefficient
 from ._local_air import LocalAir, air_about
 
@@ -64,6 +64,7 @@ class AirDrag(AbstractEffect):
         del t, y, body
         return None
 
+    @output("Pa")
     def dynamic_pressure(self, y: BodyState) -> Scalar:
         """rho |w|^2 / 2, Pa, in the state `y`."""
         air, moving = air_about(self.air).at(y.position)

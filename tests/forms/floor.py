@@ -187,7 +187,7 @@ FORMS = (
     Form(stumpff_within, ("core.stumpff_near",), [(0.0,), (-9.8,), (9.86,), (1e-9,)]),
     Form(
         polygon,
-        ("core.Table",),
+        ("core.Table", "core.polygon"),
         [(1.0, 3.0, -1.0, 2.0, 1.7), (1.0, 1.0, 1.0, 1.0, 0.3), (0.0, 1.0, 2.0, 3.0, 2.5)],
     ),
     Form(

@@ -1,0 +1,74 @@
+"""The arrays of a store: which there are for the results of a campaign, and their bytes."""
+
+import struct
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..simulation import Status
+from ._batch_runner import RunResults
+from ._lock import StoreError
+
+# Of the status of a run that has not been run.
+PENDING = -1
+
+
+class Column(NamedTuple):
+    """An array of the store: its dtype, the names of its dimensions and their sizes behind `run`,
+    and its attributes."""
+
+    dtype: str
+    dims: tuple[str, ...]
+    shape: tuple[int, ...]
+    attributes: dict[str, Any]
+
+    @property
+    def fill(self) -> float | int:
+        """What stands where nothing has been written."""
+        return float("nan") if np.dtype(self.dtype).kind == "f" else PENDING
+
+
+def arrays_of(results: RunResults, numbers: np.ndarray) -> dict[str, np.ndarray]:
+    """All arrays of a chunk by name, the runs first, as Zarr and xarray have them."""
+    every = {**results.inputs, **results.outputs, "run": numbers, "status": results.status}
+    every |= {"evaluations": results.evaluations}
+    every |= {name: np.moveaxis(x, -1, 0) for name, x in results.trajectories.items()}
+    return every
+
+
+def columns_of(results: RunResults, units: Mapping[str, str]) -> dict[str, Column]:
+    """The arrays that hold results like these."""
+    meanings = ", ".join(f"{s.value} {s.name}" for s in Status)
+    own: dict[str, dict[str, Any]] = {
+        "run": {"long_name": "number of the run"},
+        "status": {"units": "", "meanings": f"{PENDING} NOT RUN YET, {meanings}"},
+        "evaluations": {"units": ""},
+    }
+    for kind, values in (("input", results.inputs), ("output", results.outputs)):
+        # The place is kept, because a store sorts by name.
+        for place, name in enumerate(values):
+            own[name] = {"units": units.get(name, ""), "kind": kind, "place": place}
+    columns = {}
+    for name, x in arrays_of(results, np.zeros(1, np.int64)).items():
+        if "/" in name:
+            raise StoreError(f"{name!r} cannot be stored: a name must be without a slash.")
+        inner = [f"{name}.{axis}" for axis in range(x.ndim - 2)]
+        # The times of a phase are an axis that all of its parts share.
+        inner += [f"{name.partition('.')[0]}.sample"] if x.ndim > 1 else []
+        kept = own.get(name, {"kind": "trajectory"})
+        columns[name] = Column(x.dtype.str, ("run", *inner), x.shape[1:], kept)
+    return columns
+
+
+def encoded(x: np.ndarray, column: Column, chunk: int) -> bytes:
+    """A chunk as Zarr's codecs `bytes` and `crc32c` write it."""
+    import google_crc32c
+
+    x = np.ascontiguousarray(x, column.dtype)
+    if len(x) < chunk:
+        # The last chunk is as long as the others in the file.
+        rest = np.full((chunk - len(x), *column.shape), column.fill, column.dtype)
+        x = np.concatenate([x, rest])
+    data = x.tobytes()
+    return data + struct.pack("<I", google_crc32c.value(data))

@@ -1,0 +1,159 @@
+"""Chunks from an engine to memory or to a store, up to where a rule ends the campaign."""
+
+import contextlib
+import itertools
+import sys
+import time
+import warnings
+from collections.abc import Callable, Generator
+from typing import Any, TypeAlias
+
+from ._batch_runner import BatchRunner, RunResults
+from ._campaign import Campaign
+from ._columns import columns_of
+from ._ending import Ending
+from ._engines import AbstractEngine, Extent
+from ._moments import StopRule
+from ._statistics import Dispersion
+from ._store import ENOUGH, Store
+from ._store_writer import StoreWriter
+from ._stored import DamagedStore, as_dispersion
+
+Progress: TypeAlias = Callable[[int, int], None] | None
+Flown: TypeAlias = Generator[tuple[int, tuple[RunResults, float]], None, None]
+
+
+def in_memory(
+    runner: BatchRunner,
+    engine: AbstractEngine,
+    chunk: int,
+    total: int,
+    progress: Progress,
+    until: StopRule | None,
+) -> dict[int, tuple[RunResults, float]]:
+    """The results of the chunks, up to where the rule is met, with the processor time of each."""
+    firsts = range(0, total, chunk)
+    extents = [Extent(k, first, min(chunk, total - first)) for k, first in enumerate(firsts)]
+    ending = None if until is None else Ending(until, len(extents))
+    chunks, enough = {}, None
+    with contextlib.closing(_flown(runner, engine, extents, total, progress)) as flown:
+        for k, found in flown:
+            chunks[k] = found
+            if ending is not None:
+                ending.add(k, found[0])
+                enough = ending.enough()
+            if enough is not None:
+                break
+    # What other processes had under way meanwhile lies beyond.
+    return {k: x for k, x in chunks.items() if enough is None or k < enough}
+
+
+def stored(
+    writer: StoreWriter,
+    runner: BatchRunner,
+    engine: AbstractEngine,
+    attributes: dict[str, Any],
+    progress: Progress,
+    until: StopRule | None,
+) -> Dispersion:
+    """The chunks that the store lacks, written to it, up to where the rule is met."""
+    planned = runner.planned
+    assert runner.example is not None
+    columns = columns_of(ordered(runner.example, planned.campaign), planned.campaign.units)
+    if engine.leads:
+        writer.prepare(columns, attributes)
+    engine.sync("prepared")
+    store = writer.store if engine.leads else writer.join(columns, attributes)
+    missing, damages = writer.missing()
+    # None writes before all have looked.
+    engine.sync("counted")
+    for damage in damages:
+        warnings.warn(f"{store.path}: {damage} It is computed again.", DamagedStore, stacklevel=4)
+    ending = None if until is None else Ending(until, store.count)
+    if ending is not None:
+        ending.read(store, sorted(set(store.finished()) - set(missing)))
+    enough = None if ending is None else ending.enough()
+    extents = [Extent(chunk, *store.extent(chunk)) for chunk in missing]
+    storing = 0.0
+    for number, part in enumerate(_parts(extents, engine, ending)):
+        if enough is not None:
+            break
+        done = store.runs - sum(e.runs for e in extents if e.chunk >= part[0].chunk)
+        flown = _flown(runner, engine, engine.share(part), store.runs, progress, done)
+        storing += _written(writer, flown, ending)
+        engine.sync(f"part {number}")
+        if ending is not None:
+            ending.read(store, [extent.chunk for extent in part if engine.shares])
+            enough = ending.enough()
+    engine.sync("finished")
+    if engine.leads:
+        _finish(writer, store, enough, storing)
+    engine.sync("ended")
+    store = store.read()
+    return as_dispersion(store, store.finished())
+
+
+def _written(writer: StoreWriter, flown: Flown, ending: Ending | None) -> float:
+    """Write what comes, up to where the rule is met; the time that this took, s."""
+    last, storing = time.perf_counter(), 0.0
+    # Closed at once where the campaign ends itself: other processes then stop.
+    with contextlib.closing(flown):
+        for chunk, (results, cpu) in flown:
+            before = time.perf_counter()
+            writer.commit(chunk, results, before - last, cpu)
+            last = time.perf_counter()
+            storing += last - before
+            if ending is not None:
+                ending.add(chunk, results)
+                if ending.enough() is not None:
+                    break
+    return storing
+
+
+def _finish(writer: StoreWriter, store: Store, enough: int | None, storing: float) -> None:
+    if enough is None and ENOUGH in store.attributes:
+        # That it ended itself is known; what lies beyond may not be gone yet.
+        enough = store.count
+    if enough is not None:
+        writer.end_at(enough)
+    writer.note(storing_seconds=storing + store.attributes.get("storing_seconds", 0.0))
+
+
+def _parts(
+    extents: list[Extent], engine: AbstractEngine, ending: Ending | None
+) -> list[list[Extent]]:
+    """The chunks in the parts after which the processes that share them must meet."""
+    borders = [0, *(ending.waiting if ending and engine.shares else ()), sys.maxsize]
+    parts = [[e for e in extents if a <= e.chunk < b] for a, b in itertools.pairwise(borders)]
+    return [part for part in parts if part]
+
+
+def _flown(
+    runner: BatchRunner,
+    engine: AbstractEngine,
+    extents: list[Extent],
+    total: int,
+    progress: Progress,
+    done: int = 0,
+) -> Flown:
+    """The results of these chunks with the processor time of each; `done` runs are there."""
+    own = {extent.chunk: extent.runs for extent in extents}
+    # Closed at once where the campaign ends itself: other processes then stop.
+    with contextlib.closing(engine.compute(runner, extents)) as computed:
+        for found in computed:
+            # What is yielded has been stored when the loop goes on, and only then is it reported:
+            # what a user has seen done survives an interruption.
+            yield found.chunk, (ordered(found.results, runner.planned.campaign), found.cpu)
+            done += own[found.chunk]
+            if progress is not None:
+                progress(done, total)
+
+
+def ordered(results: RunResults, campaign: Campaign) -> RunResults:
+    """The results with their names in the order of the campaign."""
+    place = {name: number for number, name in enumerate(campaign.units)}
+    outputs = sorted(results.outputs, key=lambda name: (place.get(name, len(place)), name))
+    inputs = {name: results.inputs[name] for name in campaign.inputs}
+    return results._replace(
+        inputs=inputs, outputs={name: results.outputs[name] for name in outputs}
+    )

@@ -1,0 +1,53 @@
+"""What makes a campaign the one that a store is of, and how a difference is named."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from ._columns import Column
+from ._store import Store
+
+IDENTITY = {
+    "planned_runs": "the number of runs",
+    "seed": "the seed",
+    "chunk": "the runs in a chunk",
+    "rtol": "the relative tolerance",
+    "atol": "the absolute tolerance",
+    "method": "the method",
+    "description": "the scene",
+    "inputs": "the inputs",
+    "samples": "the states kept of each phase",
+    "until": "the rule that ends it",
+    "digest": "what the first runs come to",
+}
+"""In the order in which a difference is named."""
+
+
+def difference(store: Store, columns: Mapping[str, Column], attributes: Mapping[str, Any]) -> str:
+    """In what a store differs from a campaign, in a sentence; empty if in nothing."""
+    there = store.attributes
+    changed = [name for name in IDENTITY if there.get(name) != attributes.get(name)]
+    names = sorted(set(columns) ^ set(store.columns))
+    if not changed:
+        return f"only one of the two has {names[0]!r}." if names else ""
+    if changed[0] == "digest":
+        return _cause(there, attributes)
+    was, now = _differing(str(there.get(changed[0])), str(attributes.get(changed[0])))
+    return f"{IDENTITY[changed[0]]}: {was} in the store, {now} here."
+
+
+def _cause(there: Mapping[str, Any], here: Mapping[str, Any]) -> str:
+    """Why the same question has another answer."""
+    for kind in ("versions", "machine"):
+        old, new = there.get(kind, {}), here[kind]
+        changed = [key for key in new if old.get(key) != new[key]]
+        if changed:
+            told = ", ".join(f"{key} {old.get(key)} has become {new[key]}" for key in changed)
+            return f"the first runs come out differently, and {told}."
+    return "the first runs come out differently, so that its functions must have changed."
+
+
+def _differing(old: str, new: str) -> tuple[str, str]:
+    """Of texts the first lines that differ."""
+    lines = zip((old + "\n").split("\n"), (new + "\n").split("\n"), strict=False)
+    pairs = [(a.strip(), b.strip()) for a, b in lines if a != b]
+    return pairs[0] if pairs else (old, new)

@@ -1,0 +1,269 @@
+"""Writing a store: its lock, its preparation, chunk after chunk."""
+
+import hashlib
+import json
+import os
+import shutil
+import warnings
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ._batch_runner import RunResults
+from ._columns import Column, arrays_of, encoded
+from ._identity import difference
+from ._lock import NAME, Lock, StoreError
+from ._store import ENOUGH, FORM, MANIFEST, Store
+
+UNFINISHED = ".unfinished-"
+# What the chunks may lack to the free space of the disk besides what is reckoned.
+SPARE = 2**22
+
+
+class StoreWriter:
+    """A store that is open for writing, under its lock; a context manager.
+
+    **Arguments**
+
+    - `path`: of the store.
+    - `overwrite`: whether a store that is there may be replaced.
+    - `resume`: whether a store that is there is completed.
+
+    **Raises** `StoreError` before anything is computed: for a folder that cannot be written, that
+    holds something else, that another process writes, or that may not be replaced."""
+
+    def __init__(
+        self, path: str | os.PathLike[str], *, overwrite: bool = False, resume: bool = False
+    ):
+        self.store = Store(path)
+        self.overwrite = overwrite
+        self.resume = resume
+        self.lock = Lock(self.store.path)
+
+    def __enter__(self) -> "StoreWriter":
+        path = self.store.path
+        try:
+            path.mkdir(parents=True, exist_ok=True)
+            self.lock.acquire()
+        except OSError as error:
+            raise StoreError(
+                f"{path} cannot be written ({error.strerror}): it must be a folder in which files "
+                f"may be written."
+            ) from error
+        try:
+            self._check_content()
+        except BaseException:
+            self.lock.release()
+            raise
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.lock.release()
+
+    def _check_content(self) -> None:
+        path = self.store.path
+        # Of a process that was killed: under the lock nobody else writes.
+        for left in path.rglob(f"{UNFINISHED}*"):
+            left.unlink()
+        others = {x.name for x in path.iterdir()} - {NAME, MANIFEST}
+        if not others or "zarr.json" not in others:
+            # Folders of arrays without the head: a preparation that was interrupted.
+            strange = [x for x in sorted(others) if not _is_begun(path / x)]
+            if strange:
+                raise StoreError(
+                    f"{path} holds {strange[0]}, which is of no store: choose a new folder."
+                )
+            if self.resume:
+                raise StoreError(f"{path} holds no runs: there is nothing to resume.")
+            return
+        if self.overwrite:
+            return
+        # Whatever else it is, it is not ours to replace.
+        store = self.store.read()
+        if not self.resume:
+            done = sum(store.extent(k)[1] for k in store.finished())
+            raise StoreError(
+                f"{path} holds {done} of {store.runs} runs already: resume it, overwrite it, or "
+                f"choose another folder (`jaxspace resume`, `--overwrite`; in Python "
+                f"`resume=True`, `overwrite=True`)."
+            )
+
+    def prepare(self, columns: Mapping[str, Column], attributes: Mapping[str, Any]) -> Store:
+        """The store for these arrays and attributes: made, or the one that is there.
+
+        **Raises** `StoreError` where that is of another campaign, naming the difference, and where
+        the disk has too little space."""
+        if self.resume and not self.overwrite:
+            return self.join(columns, attributes)
+        store = self.store
+        self._clear()
+        store.attributes = {**attributes, "form": FORM}
+        store.columns = dict(columns)
+        self._check_space()
+        with _disk(store):
+            for name, data in _metadata(store):
+                write_whole(store.path / name, data)
+        return store
+
+    def join(self, columns: Mapping[str, Column], attributes: Mapping[str, Any]) -> Store:
+        """The store that another process has prepared, and holds.
+
+        **Raises** `StoreError` where its runs come out differently there."""
+        store = self.store.read()
+        other = difference(store, columns, attributes)
+        if other:
+            raise StoreError(f"{store.path} is the store of another campaign: {other}")
+        return store
+
+    def _clear(self) -> None:
+        # The head first: what is left of an interrupted removal is no store any more.
+        (self.store.path / "zarr.json").unlink(missing_ok=True)
+        for entry in self.store.path.iterdir():
+            if entry.is_dir():
+                shutil.rmtree(entry)
+
+    def _check_space(self) -> None:
+        store = self.store
+        each = sum(
+            np.dtype(c.dtype).itemsize * int(np.prod(c.shape, dtype=int))
+            for c in store.columns.values()
+        )
+        needed = store.count * store.chunk * each + SPARE
+        free = shutil.disk_usage(store.path).free
+        if free < needed:
+            raise StoreError(
+                f"{store.path} needs {needed / 1e6:.0f} MB for {store.runs} runs, and its disk has "
+                f"{free / 1e6:.0f} MB: free some space, or choose another folder."
+            )
+
+    def missing(self) -> tuple[list[int], list[str]]:
+        """The chunks that have to be computed, and what is wrong with those of them that had been
+        finished, a sentence each."""
+        store, todo, damages = self.store, [], []
+        finished = set(store.finished())
+        for chunk in range(store.count):
+            damage = store.damage(chunk) if chunk in finished else ""
+            if damage:
+                damages.append(damage)
+            if damage or chunk not in finished:
+                todo.append(chunk)
+        return todo, damages
+
+    def commit(self, chunk: int, results: RunResults, seconds: float, cpu: float) -> None:
+        """Write the runs of a chunk, and then its entry."""
+        store, files = self.store, {}
+        first, count = store.extent(chunk)
+        columns = arrays_of(results, np.arange(first, first + count))
+        # An entry for files that are about to change would vouch for the wrong ones.
+        with _disk(store):
+            (store.path / MANIFEST / f"{chunk}.json").unlink(missing_ok=True)
+            for name, column in store.columns.items():
+                data = encoded(columns[name], column, store.chunk)
+                write_whole(store.file(name, chunk), data)
+                files[name] = (len(data), hashlib.sha256(data).hexdigest())
+            entry = {"first": first, "runs": count, "seconds": seconds, "cpu_seconds": cpu}
+            entry |= {"pid": os.getpid(), "files": files}
+            write_whole(store.path / MANIFEST / f"{chunk}.json", json.dumps(entry).encode())
+
+    def end_at(self, chunks: int) -> None:
+        """Let the campaign end with so many chunks: the arrays shrink, and what lies beyond goes.
+
+        In this order, so that whenever this ends a repetition completes it."""
+        store = self.store
+        runs = min(chunks * store.chunk, int(store.attributes["planned_runs"]))
+        root = json.loads((store.path / "zarr.json").read_bytes())
+        heads = root["consolidated_metadata"]["metadata"]
+        for head in heads.values():
+            head["shape"][0] = runs
+        root["attributes"][ENOUGH] = runs
+        with _disk(store):
+            write_whole(store.path / "zarr.json", json.dumps(root).encode())
+            store.attributes = root["attributes"]
+            for name, head in heads.items():
+                path = store.path / name / "zarr.json"
+                own = json.loads(path.read_bytes()) | {"shape": head["shape"]}
+                write_whole(path, json.dumps(own).encode())
+            for entry in (store.path / MANIFEST).glob("*.json"):
+                if entry.stem.isdecimal() and int(entry.stem) >= chunks:
+                    entry.unlink()
+                    for name in store.columns:
+                        store.file(name, int(entry.stem)).unlink(missing_ok=True)
+
+    def note(self, **attributes: Any) -> None:
+        """Add to the attributes of the store."""
+        path = self.store.path / "zarr.json"
+        root = json.loads(path.read_bytes())
+        root["attributes"] |= attributes
+        self.store.attributes = root["attributes"]
+        with _disk(self.store):
+            write_whole(path, json.dumps(root).encode())
+
+
+def _is_begun(path: Path) -> bool:
+    """Whether this is the folder of an array, or will be one."""
+    return path.is_dir() and ((path / "zarr.json").is_file() or not any(path.iterdir()))
+
+
+class _disk:
+    """Turns an error of the disk into a sentence that says what is kept."""
+
+    def __init__(self, store: Store):
+        self.store = store
+
+    def __enter__(self) -> None:
+        return None
+
+    def __exit__(self, kind: Any, error: BaseException | None, trace: Any) -> None:
+        if isinstance(error, OSError):
+            store = self.store
+            done = sum(store.extent(k)[1] for k in store.finished())
+            raise StoreError(
+                f"{store.path} cannot be written ({error.strerror}): {done} of {store.runs} runs "
+                f"are kept. Once that is mended, `jaxspace resume {store.path}` computes the rest."
+            ) from error
+
+
+def write_whole(path: Path, data: bytes) -> None:
+    """Write a file that is there as a whole or not at all.
+
+    Not flushed to the disk: what a loss of power leaves behind, the checksums find."""
+    temporary = path.with_name(f"{UNFINISHED}{os.getpid()}-{path.name}")
+    path.parent.mkdir(parents=True, exist_ok=True)
+    try:
+        temporary.write_bytes(data)
+        os.replace(temporary, path)
+    except BaseException:
+        temporary.unlink(missing_ok=True)
+        raise
+
+
+def _metadata(store: Store) -> Iterator[tuple[str, bytes]]:
+    """The files of metadata, the head of the store last."""
+    import zarr
+    from zarr.codecs import BytesCodec, Crc32cCodec
+    from zarr.storage import MemoryStore
+
+    memory = MemoryStore()
+    group = zarr.create_group(memory, attributes=store.attributes)
+    for name, column in store.columns.items():
+        group.create_array(
+            name,
+            shape=(store.runs, *column.shape),
+            chunks=(store.chunk, *column.shape),
+            dtype=column.dtype,
+            fill_value=column.fill,
+            serializer=BytesCodec(endian="little"),
+            compressors=[Crc32cCodec()],
+            dimension_names=column.dims,
+            attributes=column.attributes,
+        )
+    with warnings.catch_warnings():
+        # That other readers of the third version need not know it: they can do without.
+        warnings.filterwarnings("ignore", "Consolidated metadata")
+        zarr.consolidate_metadata(memory)
+    files = {name: data.to_bytes() for name, data in memory._store_dict.items()}
+    head = files.pop("zarr.json")
+    yield from files.items()
+    yield "zarr.json", head

@@ -1,0 +1,206 @@
+"""What a file asks for as outputs: names of declared functions, methods of effects and paths, with
+where along the run they are taken."""
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+from ..bodies import BodyState
+from ..core import Quantity
+from ._catalog import OutputFunction, part_quantities, state_class
+from ._checks import Parsed
+from ._errors import hint, unknown, wrong
+from ._kinds import Values
+from ._objects import at
+from ._outputs import FINAL, NOMINAL, SPECIAL, OutputSpec, arguments_of
+from ._units import in_unit, read_number
+
+RUN = "run"
+TAKES = ("greatest", "least", "time_of_greatest", "time_of_least")
+
+
+def read_outputs(
+    file: Parsed, units: Mapping[str, str]
+) -> tuple[tuple[OutputSpec, ...], list[str]]:
+    """The outputs that [dispersion] asks for; or what is wrong. `units`: as the file writes them,
+    by their unit in SI."""
+    specs, errors = [], []
+    for number, entry in enumerate(file.values["dispersion"]["outputs"]):
+        key = f"dispersion.outputs.{number}"
+        try:
+            spec = read_output(key, entry, file, units)
+        except ValueError as error:
+            errors.append(str(error))
+            continue
+        # Two outputs of one name would overwrite each other in the store.
+        if spec.name in {other.name for other in specs}:
+            errors.append(wrong(f"{key}.name", spec.name, "another name: this one is taken"))
+        specs.append(spec)
+    return tuple(specs), errors
+
+
+class _What(NamedTuple):
+    """What an entry names: a function of a state, a method of an effect, or a path."""
+
+    at: int
+    si: str
+    function: OutputFunction | None = None
+    path: tuple[str, ...] = ()
+    effect: str = ""
+
+
+def read_output(key: str, entry: Values, file: Parsed, units: Mapping[str, str]) -> OutputSpec:
+    """The output that an entry asks for. Raises `ValueError` with the whole sentence."""
+    name, take = entry["output"], entry.get("take", "")
+    if take and take not in TAKES:
+        raise ValueError(wrong(f"{key}.take", take, _one_of()))
+    what = _what(key, entry, file, take)
+    phases = _phases_along(f"{key} = {name}", what, file) if take else ()
+    shared = () if what.function is None else tuple(what.function.output.shared.items())
+    si = "s" if take.startswith("time") else what.si
+    # By default in the unit in which the author wrote quantities of this kind.
+    unit = entry.get("unit", units.get(si, si))
+    try:
+        factor = in_unit(si, unit)
+    except ValueError as error:
+        raise ValueError(wrong(f"{key}.unit", unit, str(error))) from None
+    plain = name.removeprefix(f"{RUN}.") if what.path else name.removeprefix(f"{what.effect}.")
+    shown_name = entry.get("name", f"{take}_{plain}" if take else name)
+    low, high = (_limit(f"{key}.{k}", entry.get(k), si, factor) for k in ("at_least", "at_most"))
+    return OutputSpec(
+        *(shown_name, what.at, unit, factor, what.function, what.path, shared, (low, high)),
+        *(what.effect, take, phases),
+    )
+
+
+def _what(key: str, entry: Values, file: Parsed, take: str) -> _What:
+    name, catalog, places = entry["output"], file.catalog.outputs, _places(file, take)
+    head, dot, rest = name.partition(".")
+    # A path comes before a name, for no declared function has a dot in its name.
+    if dot and head in places:
+        path = tuple(rest.split("."))
+        return _What(places[head], _unit_of_path(f"{key} = {name}", path, file), None, path)
+    if dot and head == FINAL:
+        raise ValueError(f"{key} = {name}: an extreme is taken along {RUN}, or along a phase.")
+    if dot and head == RUN:
+        raise ValueError(f"{key} = {name}: along the whole run there must be take, {_one_of()}.")
+    methods = file.catalog.effect_outputs(head) if head in file.active_effects() else {}
+    if name not in catalog and rest not in methods:
+        expected = f"one of {', '.join(catalog)}, or a path such as final.position.0"
+        raise ValueError(wrong(key, name, expected) + hint(name, [*catalog, *_methods(file)]))
+    where = entry.get("at", RUN if take else FINAL)
+    if where not in places:
+        raise ValueError(unknown(f"{key}.at", where, places, "phase"))
+    function = methods[rest] if rest in methods else catalog[name]
+    for error in _lacking(name, function, file):
+        raise ValueError(error)
+    if take and NOMINAL in arguments_of(function):
+        raise ValueError(f"{key}: {name} compares with the nominal run, which has no extreme.")
+    return _What(places[where], function.output.unit, function, (), head if rest in methods else "")
+
+
+def _one_of() -> str:
+    return f"one of {', '.join(TAKES)}"
+
+
+def _methods(file: Parsed) -> list[str]:
+    """The outputs that the effects of the file have."""
+    return [f"{e}.{m}" for e in file.active_effects() for m in file.catalog.effect_outputs(e)]
+
+
+def _phases_along(what: str, found: _What, file: Parsed) -> tuple[int, ...]:
+    """The numbers of the phases along which an extreme is sought: those in which the effect acts,
+    if it is of one. Raises `ValueError` where there are none."""
+    acting = [phase["effects"] for phase in file.values.get("phase", [])]
+    every = range(max(len(acting), 1)) if found.at < 0 else [found.at]
+    phases = [k for k in every if not acting or not found.effect or found.effect in acting[k]]
+    if not phases:
+        raise ValueError(f"{what}: {found.effect} does not act in this phase.")
+    return tuple(phases)
+
+
+def _limit(key: str, value: object, si: str, factor: float) -> float | None:
+    """A limit of an output in its unit. Raises `ValueError` with the whole sentence."""
+    if value is None:
+        return None
+    try:
+        return factor * read_number(value, Quantity(si, "limit"))[0]
+    except ValueError as error:
+        raise ValueError(wrong(key, value, str(error))) from None
+
+
+def unit_of(spec: OutputSpec, file: Parsed) -> str:
+    """The unit of an output in SI."""
+    if spec.function is not None:
+        return spec.function.output.unit
+    return _unit_of_path(spec.name, spec.path, file)
+
+
+def _places(file: Parsed, take: str = "") -> dict[str, int]:
+    """The places at which an output can be taken: the end, or the end of a phase before its jump;
+    an extreme along the whole run, or along a phase."""
+    phases = file.values.get("phase", [])
+    return {RUN if take else FINAL: -1, **{phase["name"]: k for k, phase in enumerate(phases)}}
+
+
+def state_of(file: Parsed) -> type:
+    """The class of the states of the file."""
+    if file.kind != "system":
+        return BodyState
+    return state_class(file.catalog.systems[file.values["system"]["name"]])
+
+
+def given_parts(file: Parsed) -> set[str]:
+    """The parts of the states of a run of the file."""
+    cls = state_of(file)
+    if cls is not BodyState or "initial" in file.makers:
+        parts = set(part_quantities(cls))
+        # A system's own maker of states says nothing about the parts; a body's are those of it.
+        return parts if cls is not BodyState else {"attitude", "omega"}
+    losing = ("mass_rate" in file.catalog.effects[e].adds for e in file.active_effects())
+    return file.parts() | ({"mass"} if any(losing) else set())
+
+
+def _unit_of_path(key: str, path: tuple[str, ...], file: Parsed) -> str:
+    declared, parts = part_quantities(state_of(file)), given_parts(file)
+    if path[0] not in parts:
+        raise ValueError(unknown(key, path[0], sorted(parts), "part of the state"))
+    quantity = declared[path[0]]
+    # The declaration of an attitude says that it is an object, and not how many numbers it has.
+    shape = quantity.shape or ((4,) if path[0] == "attitude" else ())
+    indices = path[1:]
+    good = len(indices) == len(shape) and all(
+        i.isdigit() and (n is None or int(i) < n) for i, n in zip(indices, shape, strict=True)
+    )
+    if not good:
+        counts = " and ".join(f"0 to {n - 1}" for n in shape if n is not None)
+        what = f"followed by {counts}" if shape else "without a number behind it"
+        raise ValueError(f"{key}: {path[0]} must be {what}.")
+    return quantity.unit
+
+
+def _lacking(name: str, function: OutputFunction, file: Parsed) -> list[str]:
+    """What an output needs and the file does not have."""
+    parts, shared, found = given_parts(file), function.output.shared, []
+    for argument in arguments_of(function):
+        if argument in shared:
+            if at(file.values, shared[argument]) is None:
+                found.append(f"{shared[argument]} is missing: the output {name} needs it.")
+        elif argument == "body" and file.kind == "system":
+            found.append(f"A system has no body: the output {name} needs one.")
+        elif argument not in SPECIAL and argument != "mass" and argument not in parts:
+            found.append(f"initial has no {argument}: the output {name} needs it.")
+    return found
+
+
+def applicable_outputs(file: Parsed, units: Mapping[str, str]) -> tuple[OutputSpec, ...]:
+    """Every output that the file has all for, of the end of the run alone."""
+    found = []
+    for name, function in file.catalog.outputs.items():
+        # For the nominal run itself a comparison with the nominal run is zero, and says nothing.
+        compares = {NOMINAL, "initial"} & set(arguments_of(function))
+        if not compares and not _lacking(name, function, file):
+            si = function.output.unit
+            unit = units.get(si, si)
+            shared = tuple(function.output.shared.items())
+            found.append(OutputSpec(name, -1, unit, in_unit(si, unit), function, (), shared))
+    return tuple(found)

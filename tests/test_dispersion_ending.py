@@ -1,0 +1,239 @@
+"""Campaigns that end themselves, and those that make no runs: the stop rule through every way in
+and out, the cheaper methods by the same call."""
+
+import warnings
+
+import numpy as np
+import pytest
+from test_campaign_commands import COAST
+from test_campaigns import CAMPAIGN, CHUNK, SEED, files_of
+
+from jaxspace.cli import main
+from jaxspace.core import InputError
+from jaxspace.dispersion import (
+    DamagedStore,
+    Moments,
+    ProcessPool,
+    StopRule,
+    StoreError,
+    disperse,
+    moments,
+    open_store,
+)
+from jaxspace.dispersion._batch_runner import RunResults
+from jaxspace.dispersion._ending import Ending, checkpoints
+from jaxspace.io import SceneError, load
+
+# Some 2000 runs know that much of x.
+RULE = StopRule("x", 0.95, 0.03)
+MOST = 20 * CHUNK
+
+
+def fly(store=None, **options):
+    return disperse(CAMPAIGN, MOST, seed=SEED, chunk=CHUNK, store=store, until=RULE, **options)
+
+
+@pytest.fixture(scope="module")
+def ended(tmp_path_factory):
+    path = tmp_path_factory.mktemp("ended") / "s.zarr"
+    fly(path)
+    return path
+
+
+def results(x):
+    return RunResults({}, {"x": x}, np.zeros(len(x), int), np.ones(len(x), int), {})
+
+
+def test_the_rule_is_asked_at_counts_that_grow_by_an_eighth():
+    counts = checkpoints(10**4)
+    assert counts[:9] == list(range(1, 10)) and counts[-1] < 10**4
+    assert all(b - a <= max(a // 8, 1) for a, b in zip(counts, counts[1:], strict=False))
+    # So that asking costs about nine times the last question.
+    assert sum(counts) < 10 * counts[-1]
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_the_end_does_not_depend_on_the_order_of_chunks(seed):
+    rng = np.random.default_rng(0)
+    chunks = [results(rng.standard_normal(100)) for _ in range(60)]
+    # Some failed runs are no values; a chunk of them alone is allowed.
+    chunks[2].outputs["x"][:] = np.nan
+    rule, in_order = StopRule("x", 0.9, 0.1), Ending(StopRule("x", 0.9, 0.1), 60)
+    for k, chunk in enumerate(chunks):
+        in_order.add(k, chunk)
+        if in_order.enough():
+            break
+    expected = in_order.enough()
+    assert expected is not None and 3 < expected < 59
+    x = np.concatenate([c.outputs["x"] for c in chunks[:expected]])
+    assert rule.met(x)
+    shuffled = Ending(rule, 60)
+    for k in np.random.default_rng(seed).permutation(60).tolist():
+        shuffled.add(k, chunks[k])
+    assert shuffled.enough() == expected
+
+
+def test_a_campaign_ends_when_its_limit_is_known(ended):
+    kept = open_store(ended)
+    assert 2 * CHUNK <= kept.runs < MOST / 2 and kept.runs % CHUNK == 0
+    assert kept.enough == kept.wanted == kept.runs
+    limit = kept.percentile("x", 0.95)
+    distance = abs(limit.value - kept.table()[0].mean)
+    assert 0.5 * (limit.high - limit.low) <= 0.03 * distance
+    # One checkpoint before it was not known so well.
+    fewer = {"x": kept.outputs["x"][: kept.runs - CHUNK]}
+    assert not RULE.met(fewer["x"])
+    in_memory = fly()
+    assert in_memory.enough == kept.runs
+    np.testing.assert_array_equal(in_memory.outputs["x"], kept.outputs["x"])
+
+
+def test_other_libraries_see_the_runs_that_there_are(ended):
+    import xarray
+    import zarr
+
+    runs = open_store(ended).runs
+    with xarray.open_zarr(ended) as data:
+        assert data.sizes["run"] == runs and np.isfinite(data["x"]).all()
+    assert zarr.open_array(ended / "x").shape == (runs,)
+    assert not [f for f in files_of(ended) if int(f.split("/")[2]) >= runs // CHUNK]
+
+
+def test_a_restart_ends_with_the_same_run(ended, tmp_path):
+    """Stopped after its first chunk, and once more after the end has been written in part."""
+    store = tmp_path / "s.zarr"
+
+    def stop(done, total):
+        if done >= 2 * CHUNK:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        fly(store, progress=stop)
+    assert open_store(store).runs == 2 * CHUNK and open_store(store).wanted == MOST
+    fly(store, resume=True)
+    assert files_of(store) == files_of(ended)
+    # A chunk that is lost comes back, and the end stays where it was.
+    (store / "x" / "c" / "1").unlink()
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DamagedStore)
+        fly(store, resume=True)
+    assert files_of(store) == files_of(ended)
+
+
+def test_an_end_that_was_not_written_is_written_by_resume(ended, tmp_path, monkeypatch):
+    from jaxspace.dispersion import _store_writer
+
+    store, write = tmp_path / "s.zarr", _store_writer.write_whole
+
+    def dying(path, data):
+        # The head of the store says that it has ended; no array knows it yet.
+        if path.parent.name == "run" and b"zarr_format" in data and (store / "zarr.json").exists():
+            raise KeyboardInterrupt
+        write(path, data)
+
+    monkeypatch.setattr(_store_writer, "write_whole", dying)
+    with pytest.raises(KeyboardInterrupt):
+        fly(store)
+    monkeypatch.undo()
+    fly(store, resume=True)
+    assert files_of(store) == files_of(ended)
+    import zarr
+
+    assert zarr.open_array(store / "run").shape == (open_store(ended).runs,)
+
+
+def test_other_processes_end_at_the_same_run(ended, tmp_path):
+    fly(tmp_path / "s.zarr", engine=ProcessPool(1))
+    assert files_of(tmp_path / "s.zarr") == files_of(ended)
+
+
+def test_another_rule_is_another_campaign(ended):
+    for until in (None, RULE._replace(precision=0.04)):
+        with pytest.raises(StoreError, match="the rule that ends it"):
+            disperse(
+                *(CAMPAIGN, MOST),
+                **{"seed": SEED, "chunk": CHUNK, "store": ended, "until": until, "resume": True},
+            )
+
+
+@pytest.mark.parametrize(
+    "rule, words",
+    [
+        (StopRule("z"), "until.output is 'z': it must be one of x, v"),
+        (StopRule("x", 1.5), "StopRule.share is 1.5"),
+        (StopRule("x", 0.9, 0.0), "StopRule.precision is 0.0"),
+    ],
+)
+def test_an_impossible_rule_is_refused(rule, words):
+    with pytest.raises(InputError, match=words):
+        disperse(CAMPAIGN, CHUNK, seed=SEED, chunk=CHUNK, until=rule)
+
+
+# -------------------------------------------------------------------------- methods without runs
+
+
+def test_disperse_by_a_method_without_runs():
+    found = disperse(CAMPAIGN, method="lincov")
+    assert isinstance(found, Moments) and found.runs == 1
+    np.testing.assert_array_equal(found.covariance, moments(CAMPAIGN).covariance)
+    with pytest.raises(InputError, match="method is 'guess'"):
+        disperse(CAMPAIGN, method="guess")
+    with pytest.raises(InputError, match="by the method 'lincov' there are no runs"):
+        disperse(CAMPAIGN, method="lincov", store="s.zarr")
+
+
+@pytest.mark.usefixtures("settings_stay")
+def test_file_and_command_line(tmp_path, capsys):
+    """The rule of the file, that of the command line, the methods beside the runs."""
+    own = 'compare = ["lincov"]\nuntil = { output = "periapsis_altitude", precision = 0.2 }\n'
+    path = tmp_path / "coast.toml"
+    path.write_text(COAST.replace("seed = 3", f"seed = 3\n{own}").replace("1200", "20000"))
+    given = ["disperse", str(path), "--out", str(tmp_path), "--chunk", "512"]
+    assert main(given) == 0
+    printed = capsys.readouterr().out
+    assert "at most 20000 runs, seed 3, until the 99 % limit of periapsis_altitude is kn" in printed
+    kept = open_store(tmp_path / "coast.zarr")
+    assert kept.enough and f"{kept.enough} runs are enough" in printed
+    rows = [line.split() for line in printed.splitlines()]
+    (row,) = [r for r in rows if r[:2] == ["periapsis_altitude", "lincov"]]
+    (reference,) = [r for r in rows if r[:2] == ["periapsis_altitude", "monte_carlo"]]
+    # Of a linear output both agree to five standard errors, which stand beside it.
+    assert abs(float(row[3])) < 5.0 * float(reference[3].strip("±")) and row[-2] == "1"
+
+
+@pytest.mark.sweep
+@pytest.mark.usefixtures("settings_stay")
+def test_the_command_line_goes_before_the_file(tmp_path, capsys):
+    path = tmp_path / "coast.toml"
+    path.write_text(COAST.replace("1200", "20000"))
+    given = ["disperse", str(path), "--out", str(tmp_path), "--chunk", "512"]
+    assert main([*given, "--until", "periapsis_altitude:0.9:0.3"]) == 0
+    assert "until the 90 % limit of periapsis_altitude is known to 30 %" in capsys.readouterr().out
+    kept = open_store(tmp_path / "coast.zarr")
+    assert main(["resume", str(tmp_path / "coast.zarr")]) == 0
+    assert f"of {kept.enough} runs ended well" in capsys.readouterr().out
+    assert main([*given, "--method", "unscented"]) == 0
+    printed = capsys.readouterr().out
+    assert "A coast: unscented" in printed and "5 runs" in printed
+
+
+@pytest.mark.parametrize("rule", ["x:2", "x:0.9:0.1:3", ":0.9", "x:a"])
+def test_a_rule_that_cannot_be_read(rule, capsys):
+    with pytest.raises(SystemExit):
+        main(["disperse", "coast.toml", "--until", rule])
+    assert "between 0 and 1" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "line, words",
+    [
+        ('until = { output = "apogee" }', 'dispersion.until.output = "apogee"'),
+        ('until = { output = "apoapsis_altitude", share = 1.0 }', "dispersion.until.share"),
+        ('compare = ["guess"]', "dispersion.compare"),
+    ],
+)
+def test_what_is_wrong_in_a_file(tmp_path, line, words):
+    path = tmp_path / "coast.toml"
+    path.write_text(COAST.replace("seed = 3", f"seed = 3\n{line}"))
+    with pytest.raises(SceneError, match=words):
+        load(path)
