@@ -48,7 +48,7 @@ class MissileLoop(AbstractSystem):
 
     - `missile`: whose actuator takes the command; its own `command` adds to it."""
 
-    missile: FlexibleMissile
+    missile: FlexibleMissile = eqx.field(metadata={"doc": "that the autopilot steers"})
     pitch_gain: Number = quantity("", default=0.0, doc="k_p, on the pitch")
     rate_gain: Number = quantity("s", default=0.0, doc="k_r, on the rate of pitch")
     gyro_place: Number = quantity("m", default=0.0, doc="x_g, before the mass centre")

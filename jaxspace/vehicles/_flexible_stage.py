@@ -52,7 +52,7 @@ class FlexibleStage(AbstractEffect):
     adds: ClassVar[frozenset[str]] = frozenset({"force", "torque", "parts"})
     keeps: ClassVar[frozenset[str]] = frozenset()
 
-    loop: MissileLoop
+    loop: MissileLoop = eqx.field(metadata={"doc": "its missile, autopilot and slosh"})
     target: Vector = quantity(
         "", default=(0.0, 0.0, 1.0), doc="inertial direction, to which the autopilot turns z"
     )
