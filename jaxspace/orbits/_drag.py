@@ -98,7 +98,7 @@ class Drag(AbstractEffect):
 
     @output("Pa")
     def dynamic_pressure(self, y: BodyState) -> Scalar:
-        """rho |v_r|^2 / 2, Pa, in the state `y`."""
+        """Dynamic pressure rho |v_r|^2 / 2, Pa."""
         assert y.position is not None and y.velocity is not None
         speed = norm(self._through_air(y.position, y.velocity))
         return 0.5 * self.density_at(y.position) * speed * speed

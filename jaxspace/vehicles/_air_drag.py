@@ -66,7 +66,7 @@ class AirDrag(AbstractEffect):
 
     @output("Pa")
     def dynamic_pressure(self, y: BodyState) -> Scalar:
-        """rho |w|^2 / 2, Pa, in the state `y`."""
+        """Dynamic pressure rho |w|^2 / 2, Pa."""
         air, moving = air_about(self.air).at(y.position)
         return 0.5 * air.density * norm(y.velocity - moving) ** 2
 
