@@ -234,7 +234,9 @@ def _listed(text: str) -> str:
 
 def _cells(text: str) -> tuple[str, str, str]:
     """Name, unit and meaning of a line such as "mass [kg]: of the body"."""
-    match = re.fullmatch(r"([\w.]+)(?: \[(.*?)\]| \((.*?)\))?(?:: (.*))?", text)
+    match = re.fullmatch(
+        r"([\w.]+)(?: \[(.*?)\]| \((.*?)\))?(?:: (.*))?", text
+    )
     if match is None:
         raise ValueError(
             f"The listing has a line that is not known here: {text!r}."

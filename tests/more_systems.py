@@ -23,29 +23,13 @@ from jaxspace.control import (
     CommandedTorque,
     PushedRelativeMotion,
 )
-from jaxspace.gyros import (
-    DuffingOscillator,
-    DuffingState,
-    Gyropendulum,
-    GyropendulumState,
-    PlatformAxis,
-    PlatformState,
-    RateGyro,
-    RateGyroState,
-)
 from jaxspace.mechanics import (
-    ArmPendulum,
     ArmState,
     CanonicalState,
-    CentrifugalPendulum,
     ElasticPendulum,
     FlexibleMissile,
-    FramedPendulum,
     GeneralisedState,
     Hamiltonian,
-    RotatingHoop,
-    SimplePendulum,
-    SliderCarrier,
 )
 from jaxspace.optimization import ConstantMassFlow, FlightState, SteeredFlight, SteeringProfile
 from jaxspace.orbits import (
@@ -173,53 +157,11 @@ MORE = [
     ),
     Sample("swing_out_arms", SwingOutArms(2.0, 0.2, 0.5, 0.8), SwingOutArms.state(5.0), 0.3),
     Sample(
-        "duffing",
-        DuffingOscillator(2.0, 30.0, 4.0, force=1.0, frequency=3.0, damping=0.2),
-        DuffingState(*jnp.array([0.4, -0.2])),
-        4.0,
-    ),
-    Sample(
-        "gyropendulum",
-        Gyropendulum(1.0, 1e-2, 0.3, 0.02, acceleration_theta=0.02, acceleration_phi=0.01),
-        GyropendulumState(*jnp.array([0.02, -0.01, 0.3, 0.1])),
-        0.5,
-    ),
-    Sample(
-        "platform_axis",
-        PlatformAxis(0.4, 2e-4, 0.05, 0.1, 5.0, 0.3, 0.2, 1e-3),
-        PlatformState(*jnp.array([0.01, 0.02, 0.1, -0.1, 0.003])),
-        0.2,
-    ),
-    Sample(
-        "rate_gyro_motion",
-        RateGyro(1e-4, 4e-4, 0.05, 0.2, 0.1, 0.02, 1e-3, 1e-5, 1e-6, 2e-6, 3e-7, 9.8, 4.0),
-        RateGyroState(*jnp.array([0.02, -0.4])),
-        0.2,
-    ),
-    Sample("arm_pendulum", ArmPendulum(3.0, 0.02, 2.0, 0.4), ARM, 3.0),
-    Sample(
-        "centrifugal_pendulum",
-        CentrifugalPendulum(0.5, 0.2, 0.3, 0.1),
-        CentrifugalPendulum.state(10.0, 0.3, 0.2),
-        0.5,
-    ),
-    Sample("elastic_pendulum", ELASTIC, ELASTIC.state(0.9, 0.4, 0.1, 0.5), 2.0),
-    Sample(
-        "framed_pendulum",
-        FramedPendulum(0.3, 1.0, 0.8, 9.8),
-        FramedPendulum.state(0.7, 0.2, 0.1, 1.5),
-        2.0,
-    ),
-    Sample("rotating_hoop", RotatingHoop(1.0, 0.5, 6.0, 9.8), RotatingHoop.state(0.7, 0.3), 2.0),
-    Sample("simple_pendulum", SimplePendulum(1.0, 9.8), SimplePendulum.state(1.2, 0.4), 2.0),
-    Sample("slider_carrier", SliderCarrier(10.0, 4.0, 1.0, 30.0, 0.6), CARRIER, 2.0),
-    Sample(
         "canonical_pendulum",
         Hamiltonian.of(ELASTIC),
         CanonicalState(jnp.array([0.9, 0.4]), jnp.array([0.1, 0.5])),
         2.0,
     ),
-    Sample("flexible_missile", MISSILE, MISSILE.state(0.02, 0.1), 0.3),
     Sample(
         "steered_stage",
         Scene(

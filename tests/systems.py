@@ -338,7 +338,7 @@ SAMPLES = [
         sweep=True,
     ),
     Sample(
-        "rate_gyro",
+        "rate_gyro_motion",
         RateGyro(1e-4, 0.004, 0.05, spring=0.2, input_rate=0.1),
         RateGyroState(*jnp.array([0.02, 0.3])),
         0.1,
@@ -365,7 +365,7 @@ SAMPLES = [
         sweep=True,
     ),
     Sample("flexible_missile", MISSILE, MISSILE.state(0.03, 0.1), 0.3, sweep=True),
-    Sample("landing_legs", LEGS, LEGS.touchdown(2.0), 0.5, sweep=True),
+    Sample("landing_legs", LEGS, LEGS.touchdown(2.0), 0.7, sweep=True),
     Sample("gyrocompass", COMPASS, COMPASS.state(0.02, 0.3, 0.01, 0.02), 1.0, sweep=True),
     Sample("stable_platform", PLATFORM, PLATFORM.state(0.3, -0.2, 0.5, 0.1), 0.1, sweep=True),
     Sample(
