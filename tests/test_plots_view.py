@@ -1,9 +1,12 @@
 """The page that plays a run: what it holds, and that it draws and plays in a browser."""
 
+import contextlib
+import http.server
 import json
 import re
 import shutil
 import subprocess
+import threading
 from types import SimpleNamespace
 
 import equinox as eqx
@@ -39,7 +42,7 @@ const seen = () => {
 let waits = 0;
 const watch = () => {
   // A busy machine may draw its first frame late.
-  if (state.t === 0 && waits++ < 100) { setTimeout(watch, 100); return; }
+  if (state.t === 0 && waits++ < 200) { setTimeout(watch, 100); return; }
   found.played = state.t;
   found.colours = seen();
   $("play").click();
@@ -53,10 +56,41 @@ const watch = () => {
     found.later = state.t;
     found.error = document.body.dataset.error || "";
     document.body.insertAdjacentHTML("beforeend", "<i id=found>" + JSON.stringify(found) + "</i>");
+    new Image().src = "SERVER/done";
   }, 300);
 };
-setTimeout(watch, 1500);
-</script></body>"""
+setTimeout(watch, 500);
+</script><img src="SERVER/wait" hidden></body>"""
+
+
+@contextlib.contextmanager
+def waiting_server():
+    """The address of a server whose picture `wait` comes only after `done` is asked for.
+
+    A page that shows it is loaded, and its document printed, when its script is at its end."""
+    done = threading.Event()
+
+    class Answers(http.server.BaseHTTPRequestHandler):
+        def do_GET(self):
+            if self.path == "/done":
+                done.set()
+            else:
+                done.wait(100)
+            self.send_response(204)
+            self.end_headers()
+
+        def log_message(self, format, *args):
+            pass
+
+    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), Answers) as server:
+        thread = threading.Thread(target=server.serve_forever)
+        thread.start()
+        try:
+            yield f"http://127.0.0.1:{server.server_port}"
+        finally:
+            done.set()
+            server.shutdown()
+            thread.join()
 
 
 class Wheels(eqx.Module):
@@ -208,10 +242,14 @@ def test_page_draws_and_plays(what, tmp_path):
         body = TorqueFreeBody(PrincipalInertia(jnp.array([1.0, 2.0, 2.5])))
         shown = run(body, BodyState(attitude=attitude, omega=omega))
     page = view_page(shown, tmp_path / "run.html")
-    page.write_text(page.read_text().replace("</body>", WATCH))
     command = [BROWSER, "--headless", "--no-sandbox", "--disable-gpu", "--enable-logging=stderr"]
-    command += [f"--user-data-dir={tmp_path / 'user'}", "--virtual-time-budget=15000", "--dump-dom"]
-    done = subprocess.run([*command, page.as_uri()], capture_output=True, text=True, timeout=120)
+    command += [f"--user-data-dir={tmp_path / 'user'}", "--dump-dom"]
+    with waiting_server() as server:
+        watch = WATCH.replace("SERVER", server)
+        page.write_text(page.read_text().replace("</body>", watch))
+        done = subprocess.run(
+            [*command, page.as_uri()], capture_output=True, text=True, timeout=120
+        )
     assert "CONSOLE" not in done.stderr, done.stderr
     found = json.loads(re.search(r"<i id=\"found\">(.*)</i>", done.stdout).group(1))
     assert found["error"] == ""
