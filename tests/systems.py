@@ -385,7 +385,7 @@ SAMPLES = [
         "trailer",
         Trailer(800.0, 1.0, 2.5, 0.6, 2e4, 20.0),
         TrailerState(*jnp.array([0.1, 0.05, 0.2])),
-        1.0,
+        0.5,
     ),
     Sample("missile_loop", LOOP, LOOP.state(0.02, 0.1), 0.3, sweep=True),
     Sample("flexible_stage", *flexible_stage(), 0.1, sweep=True),
