@@ -88,7 +88,7 @@ def test_many_runs_from_the_pad(pad):
 
 RADIUS, AIR_RATE = 6378137.0, 7.2921159e-5
 MACH, DRAG = (0.0, 0.8, 1.1, 1.5, 2.5, 5.0), (0.30, 0.32, 0.55, 0.48, 0.35, 0.25)
-air_at = jax.jit(StandardAtmosphere().air_at)
+air_at = jax.jit(lambda height: StandardAtmosphere().air_at(height))
 
 
 def ascent_rate(t, y, thrust, impulse, law):
