@@ -1,6 +1,7 @@
 """Hard places of flights with thrust: nearly everything burnt, thrust that jumps between the times
-that are saved, a separation at the very end of a burn, no thrust, an apogee at rest. No burning, and a mass ratio
-of zero, are in `test_singular_places.py`."""
+that are saved, a separation at the very end of a burn, no thrust, an apogee at rest.
+
+No burning, and a mass ratio of zero, are in `test_singular_places.py`."""
 
 import jax
 import jax.numpy as jnp

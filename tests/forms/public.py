@@ -27,7 +27,7 @@ LEFT_OUT: dict[str, list[str]] = {
         control.LoopRun* control.StepPlan
         optimization.Progress optimization.FlightState optimization.Minimum* optimization.Staging
         optimization.SteeringOptimum optimization.StopReason* optimization.StageNumbers
-        optimization.StageDesign optimization.FlownStaging optimization.Insertion*
+        optimization.StageDesign optimization.FlownStaging* optimization.Insertion*
     """.split(),
     "returns a field, a component of the state, a constant or nothing": """
         bodies.*Body.constant_mass bodies.*Body.has_inertia bodies.*Body.least_mass
