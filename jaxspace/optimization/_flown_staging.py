@@ -174,7 +174,10 @@ def _search(
     )
     masses, flight = found.criterion.report
     prices = found.multipliers.equal_zero
-    priced = not fastest and prices is not None
+    speed_price = height_price = none
+    if prices is not None and not fastest:
+        speed_price = -prices[0] / goal.speed
+        height_price = none if goal.height is None else -prices[-1] / goal.height
     return FlownStaging(
         stage_mass=masses,
         propellant=(1.0 - b) * masses,
@@ -185,8 +188,8 @@ def _search(
         burn_times=flight.burn_times,
         ideal_velocity=flight.ideal_velocity,
         losses=flight.ideal_velocity - (flight.end.speed - FIRST_SPEED),
-        velocity_price=-prices[0] / goal.speed if priced else none,
-        height_price=-prices[-1] / goal.height if priced and goal.height is not None else none,
+        velocity_price=speed_price,
+        height_price=height_price,
         converged=found.converged,
         minimum=found,
         greatest_speed=jnp.nan * goal.speed,
