@@ -223,7 +223,7 @@ def measure() -> dict:
     }
     # At about the error of the peers, on one core and on all.
     for where, y in (("one core", alone), ("every core", y0)):
-        calls[f"ours, DOP853, {where}, {AT_PEERS:.0e}"] = lambda y=y: ours(AT_PEERS, DOP853(), y)
+        calls[f"ours, DOP853, {where}, {AT_PEERS:.1e}"] = lambda y=y: ours(AT_PEERS, DOP853(), y)
     calls["numpy, order 4, 1 s"] = lambda: np.stack(flight(p, 1.0))[:3]
     if optional("numba") is not None:
         compiled = by_numba(p)
