@@ -6,6 +6,7 @@ No burning, and a mass ratio of zero, are in `test_singular_places.py`."""
 import jax
 import jax.numpy as jnp
 import numpy as np
+import pytest
 
 from jaxspace import BodyState, Event, Mission, Phase, Scene, simulate
 from jaxspace.orbits import UniformGravity
@@ -63,6 +64,7 @@ def test_without_thrust_nothing_moves_and_slopes_are_finite():
     np.testing.assert_allclose(slope(0.0), 10.0 / START, rtol=1e-10)
 
 
+@pytest.mark.sweep
 def test_a_separation_at_the_end_of_the_last_step_of_a_burn():
     """The phase ends at the burnout, which is a break as well: the dropped mass takes no part in
     the next burn, and the slope by the first burn time passes through the end."""
