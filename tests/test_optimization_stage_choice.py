@@ -112,6 +112,39 @@ def test_staging_with_the_losses_of_a_vertical_flight():
 
 
 @pytest.mark.sweep
+def test_a_speed_out_of_reach_is_said_with_the_greatest_one():
+    """An upper stage with too little thrust: straight up the greatest speed is SciPy's, with the
+    thrust at the lift-off as its limit; in a gravity turn it is the speed that is just reached."""
+    u, b, thrust = np.array([2800.0, 3300.0]), np.array([0.07, 0.09]), np.array([190e3, 6e3])
+    fixed, payload = np.array([100.0, 50.0]), 200.0
+    design = StageDesign(u, b, thrust, fixed)
+    high = staging_with_losses(design, payload, 7000.0, vertical=True, radius=None)
+    assert not high.converged and "at most" in high.sentence()
+    best = scipy.optimize.minimize(
+        lambda x: -1e-3 * vertical_parts(1e3 * x, u, b, thrust, fixed, payload)[1],
+        [10.0, 0.5],
+        bounds=[(0.1, None)] * 2,
+        constraints={
+            "type": "ineq",
+            "fun": lambda x: (
+                1.0
+                - 1.05 * 9.80665 / 190e3
+                * vertical_parts(1e3 * x, u, b, thrust, fixed, payload)[0]
+            ),
+        },
+        options={"ftol": 1e-14, "maxiter": 300},
+    )  # fmt: skip
+    # The flight begins with 0.1 m/s.
+    np.testing.assert_allclose(high.greatest_speed, 0.1 - 1e3 * best.fun, rtol=1e-6)
+    turn = staging_with_losses(design, payload, 7800.0)
+    assert not turn.converged and np.isinf(turn.velocity_price)
+    np.testing.assert_allclose(np.degrees(turn.burnout.angle), 90.0, rtol=1e-6)
+    below = staging_with_losses(design, payload, 0.98 * float(turn.greatest_speed))
+    assert below.converged and np.isnan(below.greatest_speed)
+    assert below.initial_mass < turn.initial_mass
+
+
+@pytest.mark.sweep
 def test_staging_with_the_losses_of_a_gravity_turn():
     """The multiplier is the slope of the optimum; the flight is that of SciPy; more thrust loses
     less, and the ideal rocket weighs less than both."""

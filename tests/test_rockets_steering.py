@@ -3,6 +3,7 @@
 import dataclasses
 from pathlib import Path
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -22,6 +23,7 @@ from jaxspace.rockets import (
     FlightPlane,
     GravityTurn,
     GravityTurnState,
+    PitchKick,
     PitchPolynomial,
     PitchTable,
     Separation,
@@ -77,6 +79,31 @@ def test_directions_by_the_state():
     # At rest there is no direction, and no NaN.
     rest = BodyState(Y.position, jnp.zeros(3), mass=Y.mass)
     np.testing.assert_array_equal(AlongVelocity().direction(0.0, rest), np.zeros(3))
+
+
+def test_a_pitch_kick_turns_the_velocity_in_the_air():
+    """By its angle, in the plane of the flight, of two runs at once; its speed in the air stays, a
+    rocket at rest stays at rest, and the slope by the angle is the velocity across."""
+    r = jnp.array([[6.4e6, 0.0], [0.0, 6.4e6], [0.0, 0.0]])
+    wind = jnp.array([[0.0, -464.0], [464.0, 0.0], [0.0, 0.0]])
+    up = r / 6.4e6
+    y = BodyState(r, wind + 80.0 * up, mass=jnp.array([9.0, 8.0]))
+    plane = FlightPlane(normal=[0.0, 0.0, 1.0])
+    kick = PitchKick(jnp.array([0.1, 0.3]), 464.0 / 6.4e6, plane)
+    turned = kick(0.0, y).velocity - wind
+    east = jnp.stack([-up[1], up[0], up[2]])
+    angle = np.array([0.1, 0.3])
+    expected = 80.0 * (np.cos(angle) * up + np.sin(angle) * east)
+    # The wind is larger than what is turned: some of its last digits are left.
+    np.testing.assert_allclose(turned, expected, atol=1e-11)
+    at_rest = BodyState(r[:, 0], jnp.zeros(3))
+    np.testing.assert_array_equal(PitchKick(0.1)(0.0, at_rest).velocity, np.zeros(3))
+    slope = jax.jacobian(lambda k: PitchKick(k)(0.0, Y).velocity)(0.0)
+    # Without a plane the flight is in x and z, with up along the position.
+    e = Y.position / np.linalg.norm(Y.position)
+    about = np.array([0.0, 1.0, 0.0]) - e[1] * e
+    about = about / np.linalg.norm(about)
+    np.testing.assert_allclose(slope, np.cross(about, Y.velocity), rtol=1e-12, atol=1e-12)
 
 
 def test_thrust_along_a_law():

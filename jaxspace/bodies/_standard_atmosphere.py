@@ -77,20 +77,19 @@ def standard_atmosphere(height: Scalar) -> Air:
     **Returns** the `Air` there."""
     height = jnp.asarray(height, jnp.result_type(height, float))
     # The splines of the upper air are most of the work: flights below leave them out.
-    return lax.cond(jnp.any(height > MIXED), _all_air, _lower_air, height)
+    return lax.cond(jnp.any(height > MIXED), _all_air, _lower_air, height, *_layers(height))
 
 
-def _lower_air(height: Scalar) -> Air:
+def _lower_air(height: Scalar, logarithm: Scalar, temperature: Scalar) -> Air:
     """The air up to 80 km, where its gases are mixed as on the ground."""
-    logarithm, temperature = _layers(height)
+    del height
     density = jnp.exp(logarithm)
     per_mass = GAS_CONSTANT / MOLAR_MASS * temperature
     return Air(temperature, density * per_mass, density, jnp.sqrt(HEAT_RATIO * per_mass))
 
 
-def _all_air(height: Scalar) -> Air:
+def _all_air(height: Scalar, logarithm: Scalar, of_layers: Scalar) -> Air:
     """The air at every height."""
-    logarithm, of_layers = _layers(height)
     above = jnp.maximum(height - TOP, 0.0) * 1e-3
     density = jnp.exp(logarithm + LOG_DENSITY(above))
     molar_mass = MOLAR_MASS * molar_mass_ratio(height) + MOLAR_MASS_CHANGE(above)
@@ -107,21 +106,25 @@ def _layers(height: Scalar) -> tuple[Scalar, Scalar]:
     level = geopotential_height(jnp.clip(height, BOTTOM, TOP))
     dtype = jnp.result_type(level, float)
     level = jnp.asarray(level, dtype)
-    logarithm, temperature = math.log(PRESSURE), LAYERS[0][2]
-    # Every layer adds what is climbed in it: no branch, one formula for a batch.
-    for base, low, thick, rate, exponent, decay, lapse in _COLUMNS:
-        climbed = jnp.clip(level - base, low, thick)
-        if lapse == 0.0:
-            logarithm = logarithm - decay * climbed
-        else:
-            logarithm = logarithm - exponent * jnp.log1p(rate * climbed)
-            temperature = temperature + lapse * climbed
+    columns = _COLUMNS.astype(dtype)
+    base, low, thick, rate = columns[:4].reshape(4, len(LAYERS), *(1,) * level.ndim)
+    exponent, decay, lapse = columns[4:]
+    # Every layer adds what is climbed in it: no branch, one formula for all of them and a batch.
+    climbed = jnp.clip(level - base, low, thick)
+
+    # As a product of matrices: the compiler makes vectors of that, and none of a sum over layers.
+    def summed(weights: np.ndarray, x: Array) -> Scalar:
+        return jnp.tensordot(weights, x, 1, precision=lax.Precision.HIGHEST)
+
+    logarithm = math.log(PRESSURE) - summed(exponent, jnp.log1p(rate * climbed))
+    logarithm = logarithm - summed(decay, climbed)
+    temperature = LAYERS[0][2] + summed(lapse, climbed)
     return logarithm + jnp.log(MOLAR_MASS / GAS_CONSTANT / temperature), temperature
 
 
-def _columns() -> list[list[float]]:
+def _columns() -> np.ndarray:
     """Of each layer: base and least and greatest climb, m; lapse over base temperature, 1/m; what
-    multiplies the logarithm, and what multiplies the climb, 1/m; lapse, K/m."""
+    multiplies the logarithm, and what multiplies the climb, 1/m; lapse, K/m: (7, layers)."""
     base, lapse, at_base = np.array(LAYERS).T
     low = np.where(base == 0.0, -np.inf, 0.0)
     thick = np.append(base[1:], np.inf) - base
@@ -129,8 +132,7 @@ def _columns() -> list[list[float]]:
     warms = lapse != 0.0
     exponent = np.where(warms, per_kelvin / np.where(warms, lapse, 1.0), 0.0)
     decay = np.where(warms, 0.0, per_kelvin / at_base)
-    columns = (base, low, thick, lapse / at_base, exponent, decay, lapse)
-    return np.stack(columns, axis=-1).tolist()
+    return np.stack([base, low, thick, lapse / at_base, exponent, decay, lapse])
 
 
 _COLUMNS = _columns()

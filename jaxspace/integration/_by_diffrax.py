@@ -20,7 +20,6 @@ def solve_by_diffrax(
 ) -> Outcome:
     """The outcome by diffrax's loop: for its adjoints, and for methods that carry on more than a
     state from step to step."""
-    end = settings.end
     saves = [
         diffrax.SubSaveAt(t1=True)
         if settings.save_ts is None
@@ -31,8 +30,8 @@ def solve_by_diffrax(
     solution: Any = diffrax.diffeqsolve(
         TERM,
         settings.solver(),
-        jnp.zeros_like(end),
-        end,
+        settings.start,
+        settings.end,
         None,
         y0,
         field,

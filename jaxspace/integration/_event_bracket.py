@@ -41,7 +41,7 @@ class ConditionOnRun(NamedTuple):
 
     def state(self, y: State, t: Scalar, end: Scalar) -> State:
         """The state at `end`, s, of the run that has the state `y` at `t`."""
-        result = integrate(self.system, y, t, end, None, self.config, self.run_axes)
+        result = integrate(self.system, y, t, end, None, self.config, self.run_axes, trimmed=True)
         return state_at(result.states, -1, self.run_axes)
 
     def states(self, y: State, t: Scalar, end: Scalar, fractions: Float[Array, " times"]) -> State:
@@ -116,12 +116,17 @@ def close_in(
         return new._replace(left=old.left - 1)
 
     unknown = jnp.full_like(t, jnp.inf)
+    dip = g[0] * g[1] > 0.0
+    # The secant; away from both ends, where it may be that of a zero at the start. A run that has
+    # failed must not give the others of its block a time that is none.
+    secant = safe_divide(g[0], g[0] - g[1])
+    share = jnp.where(dip | ~jnp.isfinite(secant), 0.5, jnp.clip(secant, 0.02, 0.98))
     start = _Bracket(
         low=first,
         high=end,
-        guess=0.5 * (first + end),
+        guess=first + share * (end - first),
         sign=jnp.sign(g[0]),
-        dip=g[0] * g[1] > 0.0,
+        dip=dip,
         slopes=(-unknown, unknown),
         moving=wanted,
         left=CLOSING_STEPS,

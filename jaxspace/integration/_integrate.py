@@ -4,6 +4,8 @@ The path is `resolve` (how), `integrate` (here), `solve` (the loop and its deriv
 (states, status and statistics).
 """
 
+import dataclasses
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -36,6 +38,7 @@ def integrate(
     plan: Float[Array, " nodes"] | None = None,
     record_steps: bool = False,
     dense: bool = False,
+    trimmed: bool = False,
 ) -> IntegrationResult:
     """Integrate a system from `t0` to `t1`, s.
 
@@ -49,6 +52,8 @@ def integrate(
     - `run_axes`: how many trailing axes carry runs.
     - `plan`: steps that are fixed beforehand, as nodes in normalised time.
     - `record_steps`, `dense`: whether to return the ends of the steps, and the states there.
+    - `trimmed`: whether to leave out segments without a length at both ends, of a run whose end
+      alone is asked for and which is not differentiated: the place of a break just there moves it.
 
     **Returns** an `IntegrationResult`, differentiable with respect to `system`, `y0`, `t0` and
     `t1`."""
@@ -68,6 +73,8 @@ def integrate(
     if landing:
         segments = segments_of(system, t0, t1, fractions)
     settings = _settings(config, segments, fractions, landing, run_axes, plan, record_steps, dense)
+    if trimmed and settings.plan is None and not traits.own_steps:
+        settings = dataclasses.replace(settings, reach=segments.reach())
     field = ScaledVectorField(system, segments)
     form = None
     if traits.own_steps:
@@ -144,6 +151,7 @@ def _settings(
         longest,
         save_ts,
         plan,
+        None,
         max_steps,
         record_steps,
         dense,

@@ -27,6 +27,7 @@ class LoopSettings(eqx.Module):
     - `longest_steps`: the longest step allowed in each segment, in normalised time.
     - `save_ts`: the normalised times at which states are saved; `None` saves the last one.
     - `plan`: the nodes of steps that are fixed beforehand.
+    - `reach`: normalised times between which all segments with a length lie; `None` for the whole.
     - `record_steps`: whether to return the ends of the steps, `dense` the states there too.
     - `restarts`: whether runs whose steps run out start once more without those that are slow."""
 
@@ -36,14 +37,22 @@ class LoopSettings(eqx.Module):
     longest_steps: Float[Array, " segments"] | None
     save_ts: Float[Array, " times"] | None
     plan: Float[Array, " nodes"] | None
+    reach: tuple[Float[Array, ""], Float[Array, ""]] | None
     max_steps: int = eqx.field(static=True)
     record_steps: bool = eqx.field(static=True)
     dense: bool = eqx.field(static=True)
     restarts: bool = eqx.field(static=True)
 
     @property
+    def start(self) -> Float[Array, ""]:
+        """The normalised time at which the run starts."""
+        return jnp.zeros_like(self.end) if self.reach is None else self.reach[0]
+
+    @property
     def end(self) -> Float[Array, ""]:
         """The normalised time at which the run ends."""
+        if self.reach is not None:
+            return self.reach[1]
         return jnp.asarray(self.lengths.shape[0], self.lengths.dtype)
 
     def solver(self) -> ErrorTrackingSolver:
@@ -94,7 +103,7 @@ TERM: diffrax.ODETerm = diffrax.ODETerm(_field)  # pyright: ignore[reportArgumen
 def integrate_loop(
     settings: LoopSettings, field: Any, y0: State, *, checkpointed: bool = False
 ) -> LoopState:
-    """Integrate dy/dt = field(t, y) in normalised time, from 0 to `settings.end`.
+    """Integrate dy/dt = field(t, y) in normalised time, from `settings.start` to `settings.end`.
 
     **Arguments**
 
@@ -154,8 +163,7 @@ def _start(
 ) -> LoopState:
     """The loop before its first step, with the buffers that it fills."""
     limit = settings.max_steps
-    end = settings.end
-    start = jnp.zeros_like(end)
+    start, end = settings.start, settings.end
     t_next, controller_state = controller.init(
         TERM, start, end, y0, None, field, solver.func, solver.error_order(TERM)
     )

@@ -138,6 +138,9 @@ def _settings_axis(settings: LoopSettings, mapped: Any) -> LoopSettings:
     if longest is not None and mapped.longest_steps:
         # The shortest one, because the runs share their steps.
         longest = jnp.min(longest, axis=-1)
+    reach = settings.reach
+    if reach is not None and mapped.reach[0]:
+        reach = jnp.min(reach[0], axis=-1), jnp.max(reach[1], axis=-1)
     rest = (mapped.save_ts, mapped.plan, mapped.tolerance, mapped.method)
     if any(x is True for x in jax.tree.leaves(rest)):
         raise _CannotMap
@@ -153,6 +156,7 @@ def _settings_axis(settings: LoopSettings, mapped: Any) -> LoopSettings:
         longest,
         settings.save_ts,
         settings.plan,
+        reach,
         settings.max_steps,
         settings.record_steps,
         settings.dense,

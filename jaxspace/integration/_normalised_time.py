@@ -92,6 +92,13 @@ class Segments(eqx.Module):
         # A segment of no length keeps a small one: step control divides by it.
         return jnp.maximum(jnp.mean(widths, axis=1), 1e-6)
 
+    def reach(self) -> tuple[Float[Array, ""], Float[Array, ""]]:
+        """The normalised times between which all segments with a length lie."""
+        filled = jnp.any(jnp.diff(self.u, axis=0).reshape(len(self), -1) > 0.0, axis=1)
+        last = len(self) - jnp.argmax(filled[::-1])
+        first = jnp.where(jnp.any(filled), jnp.argmax(filled), last)
+        return first.astype(self.u.dtype), last.astype(self.u.dtype)
+
     def longest_steps(self, max_step: Scalar) -> Float[Array, " segments"]:
         """The normalised length that `max_step`, s, allows in each segment to the runs together."""
         widths = jnp.diff(self.u, axis=0)

@@ -15,7 +15,6 @@ from ._drive import Progress as Progress
 from ._fixed_masses import StageNumbers as StageNumbers
 from ._fixed_masses import number_of_stages as number_of_stages
 from ._flown_staging import FlownStaging as FlownStaging
-from ._flown_staging import StageDesign as StageDesign
 from ._flown_staging import staging_with_losses as staging_with_losses
 from ._insertion import Insertion as Insertion
 from ._insertion import InsertionOptimum as InsertionOptimum
@@ -33,6 +32,7 @@ from ._rendezvous import least_rendezvous as least_rendezvous
 from ._shooting import SteeredFlight as SteeredFlight
 from ._shooting import SteeringOptimum as SteeringOptimum
 from ._shooting import optimise_steering as optimise_steering
+from ._staged_flight import StageDesign as StageDesign
 from ._staging import Staging as Staging
 from ._staging import equal_stages_payload as equal_stages_payload
 from ._staging import optimal_staging as optimal_staging

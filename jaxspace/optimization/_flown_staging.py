@@ -20,6 +20,7 @@ Source: Thomson 8.2 with the flight of 8.5. Valid without air, over flat ground 
 that does not turn. For a vertical flight the constraint on psi and the kick fall away.
 """
 
+import dataclasses
 from collections.abc import Callable
 from typing import TypeAlias, final
 
@@ -28,67 +29,17 @@ import jax.numpy as jnp
 from jax.typing import ArrayLike
 from jaxtyping import Array, Bool, Float
 
-from ..core import (
-    AbstractParameters,
-    AbstractSystem,
-    InputError,
-    Scalar,
-    as_float,
-    check_positive,
-    increasing_root,
-    quantity,
-)
-from ..rockets import GravityTurn, GravityTurnState
-from ..simulation import Mission, Phase, fly_compact
+from ..core import InputError, Scalar, as_float, check_positive, increasing_root, is_traced
+from ..rockets import GravityTurnState
 from ._criterion import Criterion, Minimum
 from ._minimise import minimise
+from ._staged_flight import FIRST_SPEED, Goal, StageDesign, flown
 from ._staging import optimal_staging
 
-# The turn has no direction at rest: the flight starts with this speed, m/s.
-FIRST_SPEED = 0.1
-# Thrust over weight at the lift-off, at least.
-LEAST_LIFT = 1.05
+# Thrust over weight at the lift-off: at least, and where the search for the greatest speed begins.
+LEAST_LIFT, WELL_LIFTED = 1.05, 1.6
 
-Flying: TypeAlias = tuple[GravityTurnState, Scalar]
-Jump: TypeAlias = Callable[[Scalar, Flying], Flying]
-
-
-@final
-class StageDesign(AbstractParameters):
-    """What is given of the stages of a rocket, the first one first; each (stages,)."""
-
-    exhaust_velocity: Float[Array, " stages"] = quantity("m/s", positive=True, doc="u")
-    structural_factor: Float[Array, " stages"] = quantity(
-        "", low=0.0, high=1.0, doc="b, structure over the stage without its fixed mass"
-    )
-    thrust: Float[Array, " stages"] = quantity("N", positive=True, doc="F, while it burns")
-    fixed_mass: Float[Array, " stages"] = quantity(
-        "kg", non_negative=True, doc="dropped with the stage beside its structure"
-    )
-
-
-@final
-class Burn(AbstractSystem):
-    """A stage in flight. State: `GravityTurnState` and the mass, kg, as a pair; with `straight` the
-    angle of the path stays as it is."""
-
-    thrust: Scalar
-    exhaust_velocity: Scalar
-    gravity: Scalar
-    radius: Scalar | None
-    straight: bool = eqx.field(static=True, default=False)
-
-    def vector_field(self, t: Scalar, y: Flying) -> Flying:
-        state, mass = y
-        turn = GravityTurn(self.thrust / (mass * self.gravity), self.gravity, radius=self.radius)
-        rate = turn.vector_field(0.0 * t, state)
-        if self.straight:
-            rate = eqx.tree_at(lambda r: r.angle, rate, 0.0 * rate.angle)
-        return rate, -self.thrust / self.exhaust_velocity + 0.0 * mass
-
-    def invariants(self, t: Scalar, y: Flying) -> dict[str, Array]:
-        del t, y
-        return {}  # The thrust does work.
+Unknowns: TypeAlias = dict[str, Array]
 
 
 @final
@@ -101,7 +52,10 @@ class FlownStaging(eqx.Module):
     - `ideal_velocity`: sum of u ln mu, m/s; `losses`: what it exceeds the speed at burnout by.
     - `velocity_price`, s/m, and `height_price`, 1/m: d ln m_1/dv_m and d ln m_1/dY, from the
       multipliers; the latter zero where no height is asked for.
-    - `converged`; `minimum`: of the search, whose `sentence()` says why it ended."""
+    - `converged`; `minimum`: of the search.
+    - `greatest_speed`, m/s: where the speed is out of reach, the most that these stages reach at
+      the burnout; the other fields are then of that flight, and the price is infinite. NaN
+      elsewhere, and under `jit`."""
 
     stage_mass: Float[Array, " stages"]
     propellant: Float[Array, " stages"]
@@ -116,6 +70,17 @@ class FlownStaging(eqx.Module):
     height_price: Float[Array, ""]
     converged: Bool[Array, ""]
     minimum: Minimum
+    greatest_speed: Float[Array, ""]
+
+    def sentence(self) -> str:
+        """Why the search ended, and how fast these stages get where the speed is out of reach."""
+        if bool(jnp.isnan(self.greatest_speed)):
+            return self.minimum.sentence()
+        return (
+            f"The speed is out of reach: these stages give at most {self.greatest_speed:.5g} m/s "
+            f"at the burnout as it is asked for, with an initial mass of {self.initial_mass:.5g} "
+            f"kg. Raise a thrust, or ask for less."
+        )
 
 
 def staging_with_losses(
@@ -143,8 +108,9 @@ def staging_with_losses(
     - `rise_time`: before the kick, s; the first stage burns for longer.
     - `steps`: of the integration of each burn; `tolerance`: of the search.
 
-    **Returns** a `FlownStaging`, which is not differentiable. A velocity that the stages cannot
-    reach ends with the best that they can: `minimum.sentence()`.
+    **Returns** a `FlownStaging`, which is not differentiable. Where the stages cannot reach the
+    speed, as with a thrust of an upper stage that is far below its weight, it is the flight of the
+    greatest speed, and `sentence()` says so.
 
     **Raises** `InputError` for values out of range, and for a height where nothing is free to meet
     it: a vertical flight of one stage."""
@@ -157,128 +123,142 @@ def staging_with_losses(
     stages = design.exhaust_velocity.shape[0]
     if height is not None and vertical and stages == 1:
         raise InputError("height is given for a vertical flight of one stage: nothing is free.")
-    goal, round_earth = (None if x is None else as_float(x) for x in (height, radius))
-    return _search(
-        design, payload, speed, g, rise, goal, round_earth, vertical, steps, as_float(tolerance)
+    top, round_earth = (None if x is None else as_float(x) for x in (height, radius))
+    goal = Goal(design, payload, speed, g, rise, top, round_earth, vertical, steps)
+    limit = as_float(tolerance)
+    found = _search(goal, limit)
+    if is_traced(found.converged) or bool(found.minimum.violation <= limit):
+        return found
+    fastest = _search(goal, limit, fastest=True)
+    if not bool(fastest.converged):
+        return found
+    if bool(fastest.burnout.speed >= speed):
+        # Within reach after all, but far from where the search began: the fastest is nearer.
+        return _search(goal, limit, (fastest.stage_mass, fastest.minimum.x))
+    return dataclasses.replace(
+        fastest,
+        converged=found.converged,
+        minimum=found.minimum,
+        velocity_price=jnp.inf + 0.0 * speed,
+        greatest_speed=fastest.burnout.speed,
     )
-
-
-def _flight(
-    design: StageDesign,
-    masses: Float[Array, " stages"],
-    kick: Scalar,
-    payload: Scalar,
-    g: Scalar,
-    rise: Scalar,
-    radius: Scalar | None,
-    vertical: bool,
-    steps: int,
-) -> tuple[GravityTurnState, Scalar, Float[Array, " stages"], Scalar]:
-    """State at the last burnout, initial mass, burn times and ideal velocity."""
-    u, F, b = design.exhaust_velocity, design.thrust, design.structural_factor
-    whole = masses + design.fixed_mass
-    # What each stage moves at its ignition: itself and all above it.
-    carried = jnp.cumsum(whole[::-1])[::-1] + payload
-    burnt = (1.0 - b) * masses
-    times = burnt * u / F
-    ideal = -jnp.sum(u * jnp.log1p(-burnt / carried))
-
-    def burn(i: int, duration: Scalar, straight: bool, jump: Jump, name: str) -> Phase:
-        return Phase(Burn(F[i], u[i], g, radius, straight), duration, jump, name)
-
-    def tilted(t: Scalar, y: Flying) -> Flying:
-        del t
-        return eqx.tree_at(lambda s: s.angle, y[0], y[0].angle + kick), y[1]
-
-    def dropping(i: int) -> Jump:
-        return lambda t, y: (y[0], y[1] - (whole - burnt)[i])
-
-    phases = []
-    for i in range(masses.shape[0]):
-        duration = times[i]
-        if i == 0 and not vertical:
-            phases.append(burn(0, rise, True, tilted, "rise"))
-            duration = duration - rise
-        phases.append(burn(i, duration, vertical, dropping(i), f"stage {i + 1}"))
-    zero = jnp.zeros_like(payload)
-    start = GravityTurnState(FIRST_SPEED + zero, zero, zero, zero)
-    end = fly_compact(Mission(phases), (start, carried[0]), steps=steps).final[0]
-    return end, carried[0], times, ideal
 
 
 @eqx.filter_jit
 def _search(
-    design: StageDesign,
-    payload: Scalar,
-    speed: Scalar,
-    g: Scalar,
-    rise: Scalar,
-    height: Scalar | None,
-    radius: Scalar | None,
-    vertical: bool,
-    steps: int,
+    goal: Goal,
     tolerance: Scalar,
+    begin: tuple[Array, Unknowns] | None = None,
+    *,
+    fastest: bool = False,
 ) -> FlownStaging:
+    """The lightest rocket for the speed, or the `fastest`, whatever its mass; from the masses and
+    the unknowns of another search, if given."""
+    sizes = _first_masses(goal, fastest)
+    if begin is not None:
+        # A stage that vanished there may grow again.
+        sizes = jnp.maximum(begin[0], 0.01 * sizes)
+    b, none = goal.design.structural_factor, jnp.zeros_like(goal.speed)
+    start, low, high, scale = _unknowns(goal, sizes)
+    if begin is not None and not goal.vertical:
+        start["kick"] = begin[1]["kick"]
+    found = minimise(
+        _problem(goal, sizes, fastest),
+        start,
+        bounds=(low, high),
+        scale=scale,
+        method="sqp",
+        tolerance=tolerance,
+        check_gradient=False,
+        exact_hessian=True,
+    )
+    masses, flight = found.criterion.report
+    prices = found.multipliers.equal_zero
+    speed_price = height_price = none
+    if prices is not None and not fastest:
+        speed_price = -prices[0] / goal.speed
+        height_price = none if goal.height is None else -prices[-1] / goal.height
+    return FlownStaging(
+        stage_mass=masses,
+        propellant=(1.0 - b) * masses,
+        used=masses > 1e-6 * flight.initial_mass,
+        kick=_kick(goal, found.x),
+        initial_mass=flight.initial_mass,
+        burnout=flight.end,
+        burn_times=flight.burn_times,
+        ideal_velocity=flight.ideal_velocity,
+        losses=flight.ideal_velocity - (flight.end.speed - FIRST_SPEED),
+        velocity_price=speed_price,
+        height_price=height_price,
+        converged=found.converged,
+        minimum=found,
+        greatest_speed=jnp.nan * goal.speed,
+    )
+
+
+def _first_masses(goal: Goal, fastest: bool) -> Float[Array, " stages"]:
+    """Stages for the speed and the usual losses, within what they can give, kg; of the fastest
+    rocket the first one as heavy as its thrust lifts well."""
+    design = goal.design
     u, b = design.exhaust_velocity, design.structural_factor
-    # The search begins with stages for the speed and the usual losses, within what they can give.
-    wanted = jnp.minimum(1.05 * speed, -0.9 * jnp.sum(u * jnp.log(b)))
-    first = optimal_staging(u, b, wanted)
-    ratio = jnp.maximum(first.mass_ratio, 1.05)
-    size, above = [], payload
+    wanted = jnp.minimum(1.05 * goal.speed, -(0.6 if fastest else 0.9) * jnp.sum(u * jnp.log(b)))
+    ratio = jnp.maximum(optimal_staging(u, b, wanted).mass_ratio, 1.05)
+    size, above = [], goal.payload
     for i in reversed(range(u.shape[0])):
         above = above + design.fixed_mass[i]
         size.append(above * (ratio[i] - 1.0) / (1.0 - b[i] * ratio[i]))
         above = above + size[-1]
-    sizes = jnp.stack(size[::-1])
+    if fastest:
+        heavy = design.thrust[0] / (WELL_LIFTED * goal.gravity)
+        size[-1] = jnp.maximum(size[-1] + heavy - above, 0.1 * heavy)
+    return jnp.stack(size[::-1])
+
+
+def _kick(goal: Goal, x: Unknowns) -> Scalar:
+    """The angle, rad, from its unknown: ln tan(psi/2), which gravity raises by nearly the same for
+    every kick."""
+    if goal.vertical:
+        return jnp.zeros_like(goal.speed)
+    return 2.0 * jnp.arctan(jnp.exp(x["kick"]))
+
+
+def _unknowns(goal: Goal, sizes: Array) -> tuple[Unknowns, Unknowns, Unknowns, Unknowns]:
+    """Start, lowest and highest, and size of each unknown; masses are in units of `sizes`."""
+    unknown = {"masses": tuple(jnp.full_like(sizes, x) for x in (1.0, 0.0, jnp.inf, 1.0))}
+    if not goal.vertical:
+
+        def tilt(k: Scalar) -> Scalar:
+            angle = flown(goal, sizes, _kick(goal, {"kick": k})).end.angle
+            return jnp.log(jnp.tan(0.5 * angle))
+
+        # The kick with which the first masses end horizontally; a flight that falls had too much.
+        low, high = (jnp.asarray(x, sizes.dtype) for x in (-15.0, -0.5))
+        half = jnp.asarray(0.5, sizes.dtype)
+        unknown["kick"] = (increasing_root(tilt, low, high), low, high, half)
+    start, low, high, scale = ({k: x[i] for k, x in unknown.items()} for i in range(4))
+    return start, low, high, scale
+
+
+def _problem(goal: Goal, sizes: Array, fastest: bool) -> Callable[[Unknowns], Criterion]:
+    """What is to be least, and under which constraints."""
+    height, vertical = goal.height, goal.vertical
     tall = 1e5 if height is None else height
 
-    def problem(x: dict[str, Array]) -> Criterion:
+    def problem(x: Unknowns) -> Criterion:
         masses = sizes * x["masses"]
-        # In ln tan(psi/2), which gravity raises by nearly the same for every kick.
-        kick = 0.0 if vertical else 2.0 * jnp.arctan(jnp.exp(x["kick"]))
-        end, mass, times, ideal = _flight(
-            design, masses, kick, payload, g, rise, radius, vertical, steps
-        )
-        wanted = [end.speed / speed - 1.0]
+        flight = flown(goal, masses, _kick(goal, x))
+        end, mass = flight.end, flight.initial_mass
+        faster = end.speed / goal.speed - 1.0
+        wanted = [] if fastest else [faster]
         wanted += [] if vertical else [jnp.log(jnp.tan(0.5 * end.angle))]
         wanted += [] if height is None else [(end.height - height) / tall]
         # The rocket lifts off, and the first stage outlasts the rise.
-        lifting = 1.0 - LEAST_LIFT * mass * g / design.thrust[0]
-        lasting = [lifting] if vertical else [lifting, times[0] / rise - 1.0]
-        report = (masses, end, mass, times, ideal)
-        return Criterion(jnp.log(mass / payload), jnp.stack(wanted), jnp.stack(lasting), report)
+        kept = [1.0 - LEAST_LIFT * mass * goal.gravity / goal.design.thrust[0]]
+        kept += [] if vertical else [flight.burn_times[0] / goal.rise - 1.0]
+        # A fall towards the centre of the planet would be faster than every ascent.
+        kept += [end.height / tall] if fastest else []
+        objective = -faster if fastest else jnp.log(mass / goal.payload)
+        equal = jnp.stack(wanted) if wanted else None
+        return Criterion(objective, equal, jnp.stack(kept), (masses, flight))
 
-    def tilt(k: Scalar) -> Scalar:
-        kick = 2.0 * jnp.arctan(jnp.exp(k))
-        given = (design, sizes, kick, payload, g, rise, radius, vertical, steps)
-        return jnp.log(jnp.tan(0.5 * _flight(*given)[0].angle))
-
-    # Start, lowest and highest, size of each unknown.
-    unknown = {"masses": tuple(jnp.full_like(u, x) for x in (1.0, 0.0, jnp.inf, 1.0))}
-    if not vertical:
-        # The kick with which the first masses end horizontally; a flight that falls had too much.
-        low, high = (jnp.asarray(x, u.dtype) for x in (-15.0, -0.5))
-        unknown["kick"] = (increasing_root(tilt, low, high), low, high, jnp.asarray(0.5, u.dtype))
-    start, low, high, scale = ({k: x[i] for k, x in unknown.items()} for i in range(4))
-    options = {"method": "sqp", "tolerance": tolerance, "check_gradient": False}
-    options["exact_hessian"] = True
-    found = minimise(problem, start, bounds=(low, high), scale=scale, **options)
-    masses, end, mass, times, ideal = found.criterion.report
-    dual = found.multipliers.equal_zero
-    assert dual is not None
-    none = jnp.zeros_like(speed)
-    return FlownStaging(
-        stage_mass=masses,
-        propellant=(1.0 - b) * masses,
-        used=masses > 1e-6 * mass,
-        kick=none if vertical else 2.0 * jnp.arctan(jnp.exp(found.x["kick"])),
-        initial_mass=mass,
-        burnout=end,
-        burn_times=times,
-        ideal_velocity=ideal,
-        losses=ideal - (end.speed - FIRST_SPEED),
-        velocity_price=-dual[0] / speed,
-        height_price=none if height is None else -dual[-1] / tall,
-        converged=found.converged,
-        minimum=found,
-    )
+    return problem

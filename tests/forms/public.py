@@ -22,12 +22,13 @@ LEFT_OUT: dict[str, list[str]] = {
         attitude.BearingReactions attitude.DamperMotion attitude.InvariablePlane
         attitude.ParticleEquations gyros.*State mechanics.*State mechanics.Accelerations
         orbits.AbstractPath orbits.LookAngles orbits.RadialMotion orbits.OrbitState orbits.Impulse
-        rockets.GravityTurnState rockets.Separation vehicles.Recovery optimization.Rendezvous
+        rockets.GravityTurnState rockets.Separation rockets.PitchKick vehicles.Recovery
+        optimization.Rendezvous
         optimization.PropellantUse.sentence control.Abstract* control.Box* control.Episode
         control.LoopRun* control.StepPlan
         optimization.Progress optimization.FlightState optimization.Minimum* optimization.Staging
         optimization.SteeringOptimum optimization.StopReason* optimization.StageNumbers
-        optimization.StageDesign optimization.FlownStaging optimization.Insertion*
+        optimization.StageDesign optimization.FlownStaging* optimization.Insertion*
     """.split(),
     "returns a field, a component of the state, a constant or nothing": """
         bodies.*Body.constant_mass bodies.*Body.has_inertia bodies.*Body.least_mass
