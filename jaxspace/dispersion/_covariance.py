@@ -15,8 +15,8 @@
 
 Source: Maybeck, Stochastic Models, Estimation, and Control, 12.3 (second order, for normal inputs);
 Julier and Uhlmann, Proc. IEEE 92 (2004), 401.
-None of them sees a kink: the mean of a magnitude whose nominal value is zero is not zero. The second
-order, which would take nonsense for its curvature, leaves such an output out.
+None of them sees a kink: the mean of a magnitude whose nominal value is zero is not zero. The
+second order, which would take nonsense for its curvature, leaves such an output out.
 """
 
 import math
@@ -40,8 +40,8 @@ from ._joint import Component
 from ._sampling import map_normals, normal_columns
 from ._statistics import Dispersion
 
-# How far from the mean slopes are compared with the curvature, in deviations; and which part of them
-# may lack before the output counts as not smooth.
+# How far from the mean slopes are compared with the curvature, in deviations; and which part of
+# them may lack before the output counts as not smooth.
 NEARBY, LACK = 0.01, 1e-3
 
 MONTE_CARLO = "monte_carlo"
