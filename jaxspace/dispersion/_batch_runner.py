@@ -323,7 +323,11 @@ def _traced_pilots(
     return [run.step_ends for run in result.phases], result.status, coupled
 
 
-_pilots = eqx.filter_jit(lambda *given: _traced_pilots(*given), **QUICK)
+@eqx.filter_jit(**QUICK)
+def _pilots(
+    campaign: Campaign, accuracy: Accuracy, key: Array, flown: Bool[Array, " pilots"]
+) -> tuple[list[Array | None], Array, bool]:
+    return _traced_pilots(campaign, accuracy, key, flown)
 
 
 def _expected_steps(campaign: Campaign, accuracy: Accuracy, key: Array) -> list[Any]:
