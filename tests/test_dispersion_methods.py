@@ -76,6 +76,11 @@ CENTRED = Campaign(build, {"x0": Normal(0.0, 1.0), "v0": Normal(0.0, 1.0)}, outp
 MEAN, VARIANCE = 1.0 - 3.0, 4.0 + 9.0 * 0.25  # of x = x0 + 3 v0
 
 
+# Up to JAX 0.10 the second derivatives of hypot are zero where both sides are alike, as here.
+NO_RADIUS = pytest.mark.filterwarnings("ignore:second_order leaves out radius")
+
+
+@NO_RADIUS
 @pytest.mark.parametrize("method", ["lincov", "second_order", "unscented"])
 def test_moments_of_a_linear_output_are_exact(method):
     found = moments(NORMALS, method)
@@ -86,6 +91,7 @@ def test_moments_of_a_linear_output_are_exact(method):
         np.testing.assert_allclose(found.jacobian[k], [1.0, 3.0], rtol=1e-12)
 
 
+@NO_RADIUS
 def test_second_order_is_exact_for_squares_and_products():
     """Of a normal x: E[x^2] = m^2 + s^2, V[x^2] = 2 s^4 + 4 m^2 s^2; E[x0 v0] = m_1 m_2, V = s_1^2
     s_2^2 + m_1^2 s_2^2 + m_2^2 s_1^2. The linear method knows neither shift nor product."""
