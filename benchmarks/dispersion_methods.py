@@ -77,7 +77,6 @@ def beside_monte_carlo() -> dict:
     rows = {}
     for c in compare_methods(campaign, reference, accuracy=file.accuracy):
         own = c.method == "monte_carlo"
-        # A deviation that is no number but an overflow of rounding says nothing in percent.
         percent = 100.0 * c.std_error
         rows[f"{c.output}, {c.method.replace('_', ' ')}"] = {
             "mean off by, deviations": f"{'±' if own else ''}{c.mean_error:.3f}",

@@ -10,6 +10,7 @@ import sys
 
 import pytest
 from test_campaigns import HERE, child, files_of, fly, resumed, whole  # noqa: F401
+from test_dispersion_ending import fly as fly_ending
 
 from jaxspace.dispersion import DaskCluster, StoreError, open_store
 
@@ -177,3 +178,24 @@ def test_two_processes_of_jax_share_a_campaign(whole, tmp_path):  # noqa: F811
     # Before that the library of the exchange says that it is connected.
     assert [out.split()[-2:] for out, _ in told] == [["2200", "3"], ["2200", "2"]], told
     assert files_of(tmp_path / "s.zarr") == files_of(whole)
+
+
+ENDING_HOSTS = """
+import sys
+import jax
+jax.distributed.initialize(sys.argv[2], 2, int(sys.argv[3]))
+import test_dispersion_ending as t
+kept = t.fly(sys.argv[1], engine="hosts")
+print(kept.runs, kept.enough)
+"""
+
+
+def test_two_processes_of_jax_end_a_campaign_with_the_same_run(tmp_path):
+    """A rule that is met: both see it, and the store is that of a single process."""
+    fly_ending(tmp_path / "alone.zarr")
+    address = f"127.0.0.1:{free_port()}"
+    processes = [child(ENDING_HOSTS, tmp_path / "s.zarr", address, k) for k in range(2)]
+    told = [process.communicate(timeout=600) for process in processes]
+    runs = str(open_store(tmp_path / "alone.zarr").runs)
+    assert [out.split()[-2:] for out, _ in told] == [[runs, runs]] * 2, told
+    assert files_of(tmp_path / "s.zarr") == files_of(tmp_path / "alone.zarr")

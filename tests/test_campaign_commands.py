@@ -147,6 +147,18 @@ def test_a_picture_that_fails_costs_no_number(tmp_path, capsys, monkeypatch):
     assert open_store(tmp_path / "coast.zarr").runs == 40
 
 
+@pytest.mark.parametrize("place", ["disperse_campaign", "load"])
+def test_a_stop_that_a_library_has_met_in_a_callback(tmp_path, capsys, monkeypatch, place):
+    def met(*_, **__):
+        raise RuntimeError("Exception raised in callback: Traceback ...\nKeyboardInterrupt:")
+
+    monkeypatch.setattr(f"jaxspace.cli._campaigns.{place}", met)
+    path = tmp_path / "coast.toml"
+    path.write_text(COAST)
+    assert main(["disperse", str(path), "--out", str(tmp_path), "--runs", "40"]) == 130
+    assert "Traceback" not in capsys.readouterr().err
+
+
 LONG = 20_000
 
 

@@ -12,6 +12,7 @@ from jaxspace.cli import main
 from jaxspace.core import InputError
 from jaxspace.dispersion import (
     DamagedStore,
+    Dispersion,
     Moments,
     ProcessPool,
     StopRule,
@@ -23,6 +24,7 @@ from jaxspace.dispersion import (
 from jaxspace.dispersion._batch_runner import RunResults
 from jaxspace.dispersion._ending import Ending, checkpoints
 from jaxspace.io import SceneError, load
+from jaxspace.io._report import status_lines
 
 # Some 2000 runs know that much of x.
 RULE = StopRule("x", 0.95, 0.03)
@@ -237,3 +239,16 @@ def test_what_is_wrong_in_a_file(tmp_path, line, words):
     path.write_text(COAST.replace("seed = 3", f"seed = 3\n{line}"))
     with pytest.raises(SceneError, match=words):
         load(path)
+
+
+def test_the_report_says_when_a_hypercube_is_not_complete():
+    def told(runs):
+        attributes = {"planned_runs": 20, "inputs": "w [rad/s]: normal\ndesign: LatinHypercube"}
+        x = {"x": np.arange(float(runs))}
+        kept = Dispersion(x, x, np.zeros(runs, int), np.ones(runs, int), {}, 0, 1.0, attributes)
+        return status_lines(kept)
+
+    assert told(20) == "20 of 20 runs ended well."
+    assert told(8).endswith(
+        "8 of 20 runs of a Latin hypercube: only all of them together lie evenly."
+    )

@@ -76,6 +76,11 @@ CENTRED = Campaign(build, {"x0": Normal(0.0, 1.0), "v0": Normal(0.0, 1.0)}, outp
 MEAN, VARIANCE = 1.0 - 3.0, 4.0 + 9.0 * 0.25  # of x = x0 + 3 v0
 
 
+# Up to JAX 0.10 the second derivatives of hypot are zero where both sides are alike, as here.
+NO_RADIUS = pytest.mark.filterwarnings("ignore:second_order leaves out radius")
+
+
+@NO_RADIUS
 @pytest.mark.parametrize("method", ["lincov", "second_order", "unscented"])
 def test_moments_of_a_linear_output_are_exact(method):
     found = moments(NORMALS, method)
@@ -86,6 +91,7 @@ def test_moments_of_a_linear_output_are_exact(method):
         np.testing.assert_allclose(found.jacobian[k], [1.0, 3.0], rtol=1e-12)
 
 
+@NO_RADIUS
 def test_second_order_is_exact_for_squares_and_products():
     """Of a normal x: E[x^2] = m^2 + s^2, V[x^2] = 2 s^4 + 4 m^2 s^2; E[x0 v0] = m_1 m_2, V = s_1^2
     s_2^2 + m_1^2 s_2^2 + m_2^2 s_1^2. The linear method knows neither shift nor product."""
@@ -101,6 +107,26 @@ def test_second_order_is_exact_for_squares_and_products():
     assert first.mean[square] == pytest.approx(MEAN**2, rel=1e-12)
     # The sigma points see the mean of a square exactly.
     assert moments(NORMALS, "unscented").mean[square] == pytest.approx(MEAN**2 + VARIANCE)
+
+
+def folded(result, samples):
+    """Smooth ones, and two that are not at the mean: |x0|, whose derivatives at zero JAX takes as
+    those of one side, and the length of a vector that is zero there, whose are not finite."""
+    x0, v0 = samples["x0"], samples["v0"]
+    smooth = {"x": result.final.x, "bent": 1e3 * jnp.cos(x0) + v0**3, "none": 0.0 * x0}
+    return smooth | {"size": jnp.abs(x0), "length": jnp.sqrt(x0**2 + v0**2)}
+
+
+def test_second_order_leaves_out_what_is_not_smooth():
+    campaign = Campaign(build, {"x0": Normal(0.0, 0.3), "v0": Normal(0.0, 2.0)}, folded)
+    with pytest.warns(UserWarning, match="leaves out length, size: not smooth"):
+        found = moments(campaign, "second_order")
+    there = dict(zip(found.names, np.isfinite(found.mean), strict=True))
+    assert there == {"x": True, "bent": True, "none": True, "size": False, "length": False}
+    assert found.std("x") == pytest.approx(np.sqrt(0.09 + 36.0), rel=1e-12)
+    assert np.isnan(found.std("size")) and np.isnan(found.std("length"))
+    # To second order the mean of 1000 cos x is 1000 (1 - s^2/2).
+    assert found.mean[found.names.index("bent")] == pytest.approx(1e3 * (1.0 - 0.045), rel=1e-12)
 
 
 def test_moments_of_inputs_that_are_cut_or_correlated():
@@ -120,7 +146,9 @@ def test_methods_beside_monte_carlo():
     """4000 runs know a mean to 1/sqrt(4000) = 0.016 deviations, and a deviation to 0.011; both five
     times. A magnitude about zero is where the linear method fails, and the table shows it."""
     reference = disperse(CENTRED, 4000, seed=2)
-    table = {(c.method, c.output): c for c in compare_methods(CENTRED, reference)}
+    with pytest.warns(UserWarning, match="leaves out radius: not smooth"):
+        table = {(c.method, c.output): c for c in compare_methods(CENTRED, reference)}
+    assert np.isnan(table["second_order", "radius"].std_error)
     assert abs(table["lincov", "x"].mean_error) < 0.08
     assert abs(table["lincov", "x"].std_error) < 0.06
     # E[x^2] = s^2 and V = 2 s^4: the shift is 0.71 deviations, and the linear one sees none of it.

@@ -31,7 +31,7 @@ from ..io import (
 from ._commands import draw, path_of
 from ._folder import make_folder
 from ._report import keep_pictures
-from ._stopping import Stopped
+from ._stopping import Stopped, is_stop
 
 
 class Options(NamedTuple):
@@ -102,7 +102,9 @@ def _fly(
 ) -> int:
     try:
         return _fly_and_report(file, store, runs, engine, compare, **how)
-    except KeyboardInterrupt:
+    except (KeyboardInterrupt, RuntimeError) as error:
+        if not is_stop(error):
+            raise
         raise Stopped(_left(store)) from None
 
 

@@ -9,7 +9,7 @@ from ..core import InputError
 from ..io import SceneError
 from ..simulation import SimulationError
 from ._parser import parser
-from ._stopping import Stopped, stopped_by_signals
+from ._stopping import Stopped, is_stop, stopped_by_signals
 
 BAD_INPUT, BAD_RUN = 2, 1
 # As a shell reports a command that SIGINT has ended.
@@ -36,6 +36,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except SimulationError as error:
         print(f"{file}: {error}", file=sys.stderr)
         return BAD_RUN
+    except RuntimeError as error:
+        if not is_stop(error):
+            raise
+        print(f"{file}: stopped.", file=sys.stderr)
+        return STOPPED
     except BrokenPipeError:
         # Whoever read the output has stopped. Python would fail once more when it flushes it.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

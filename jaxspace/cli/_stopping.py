@@ -13,6 +13,12 @@ class Stopped(Exception):
     """A command was stopped; the message says what is left of it."""
 
 
+def is_stop(error: BaseException) -> bool:
+    """Whether an error is an interruption, or what a library has made of one that it met while it
+    called back: an error of its own, whose text ends with the name."""
+    return isinstance(error, KeyboardInterrupt) or "KeyboardInterrupt" in str(error)
+
+
 @contextlib.contextmanager
 def stopped_by_signals() -> Iterator[None]:
     """SIGTERM, with which systems end a process, is met like Ctrl-C."""

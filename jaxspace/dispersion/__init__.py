@@ -2,13 +2,14 @@
 are kept."""
 
 from ._campaign import Campaign as Campaign
+from ._comparison import Comparison as Comparison
+from ._comparison import compare_methods as compare_methods
 from ._covariance import METHODS as METHODS
 from ._covariance import MONTE_CARLO as MONTE_CARLO
-from ._covariance import Comparison as Comparison
 from ._covariance import Moments as Moments
-from ._covariance import compare_methods as compare_methods
 from ._covariance import moments as moments
 from ._covariance import sampled as sampled
+from ._dask import DaskCluster as DaskCluster
 from ._distributions import NOMINAL as NOMINAL
 from ._distributions import OF_INPUT as OF_INPUT
 from ._distributions import SHARE_OF_INPUT as SHARE_OF_INPUT
@@ -18,10 +19,7 @@ from ._distributions import Normal as Normal
 from ._distributions import TruncatedNormal as TruncatedNormal
 from ._distributions import Uniform as Uniform
 from ._engine import disperse as disperse
-from ._engines import AbstractEngine as AbstractEngine
-from ._engines import DaskCluster as DaskCluster
 from ._engines import MultiHost as MultiHost
-from ._engines import ProcessPool as ProcessPool
 from ._evaluate import Evaluator as Evaluator
 from ._extremes import Extreme as Extreme
 from ._extremes import greatest as greatest
@@ -48,6 +46,7 @@ from ._more_distributions import Discrete as Discrete
 from ._more_distributions import Lognormal as Lognormal
 from ._more_distributions import Samples as Samples
 from ._more_distributions import Triangular as Triangular
+from ._process_pool import ProcessPool as ProcessPool
 from ._rare import RareEvent as RareEvent
 from ._rare import rare_event as rare_event
 from ._replay import Replay as Replay
@@ -64,3 +63,4 @@ from ._statistics import Failure as Failure
 from ._statistics import Row as Row
 from ._stored import DamagedStore as DamagedStore
 from ._stored import open_store as open_store
+from ._work import AbstractEngine as AbstractEngine

@@ -12,9 +12,10 @@ of always the same runs, and cores share calls, never a call. The numbers of run
 on the campaign, the seed and i alone, to the last bit (on one kind of processor).
 """
 
+import functools
 import hashlib
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any, NamedTuple
 
@@ -26,14 +27,14 @@ from jaxtyping import Array, Bool, Float, Integer, PyTree
 
 from ..core import InputError
 from ..integration import Accuracy, Event, SimulationError, Status
-from ..simulation._blocks import Blocks, jit_wide_vectors
+from ..simulation._blocks import WIDE_VECTORS, Blocks
 from ..simulation._failures import nan_where_failed
 from ..simulation._mission_runs import MissionResult, run_mission
 from ..simulation._simulate import resolve_phases
 from ._along import saved_states, thinned
 from ._campaign import Campaign, check_names
 from ._isolation import isolate
-from ._plans import FINENESS, TRIAL, Plans, nodes_of, padded, refinement
+from ._plans import FINENESS, TRIAL, Plans, nodes_of, padded, placeholders, refinement
 
 # Besides the nominal run.
 PILOTS = 15
@@ -109,11 +110,21 @@ class BatchRunner:
         """Plan a campaign by its pilots and a trial, and compile the program of all its runs.
 
         **Raises** `SimulationError` when the nominal run fails."""
-        pilots, coupled = _pilot_plans(campaign, accuracy, jax.random.key(seed))
-        # The trial is a whole call, so that it compiles the program that all further calls reuse.
-        trial = padded(pilots, [TRIAL] * len(pilots))
-        planned = PlannedCampaign(campaign, accuracy, seed, (trial,), coupled, samples, "")
-        runner = cls(planned, devices)
+        expected = placeholders(_expected_steps(campaign, accuracy, jax.random.key(seed)))
+        planned = PlannedCampaign(campaign, accuracy, seed, (expected,), False, samples, "")
+        # The program of all runs needs of the plans their lengths alone: it is compiled while the
+        # pilots are.
+        ahead = ThreadPoolExecutor(1)
+        ahead.submit(cls(planned, devices).compile)
+        try:
+            pilots, coupled = _pilot_plans(campaign, accuracy, jax.random.key(seed))
+            trial = padded(pilots, [TRIAL] * len(pilots))
+            planned = planned._replace(plans=(trial,), coupled=coupled)
+            runner = cls(planned, devices)
+        finally:
+            # What goes wrong there goes wrong again where it is called.
+            ahead.shutdown(wait=True)
+        # A whole call: all further ones reuse its program.
         results, errors = runner._call(np.arange(runner.call, dtype=np.uint32), 0)
         factors = [refinement(own) for own in np.asarray(errors)[:, :CALL]]
         plans = tuple(padded(pilots, [level * f for f in factors]) for level in FINENESS)
@@ -167,18 +178,28 @@ class BatchRunner:
             results = list(pool.map(lambda k: self._call(calls[k], level, k)[0], range(len(calls))))
         return jax.tree.map(lambda *x: np.concatenate(x, axis=-1), *results)
 
-    def _start(self, numbers: np.ndarray, level: int, flown: np.ndarray, k: int) -> PyTree:
+    def compile(self) -> None:
+        """Compile the program of all runs, which a call then finds compiled."""
+        given = self._given(np.arange(self.call, dtype=np.uint32), 0, np.ones(self.call, bool), 0)
+        self._program.lower(*given).compile()
+
+    @property
+    def _program(self) -> Callable[..., Any]:
+        return _program(self.devices[0].platform)
+
+    def _given(self, numbers: np.ndarray, level: int, flown: np.ndarray, k: int) -> tuple[Any, ...]:
+        """What the program takes for call number `k`."""
         device = self.devices[k % len(self.devices)]
-        given = jax.device_put((jnp.asarray(numbers), jnp.asarray(flown)), device)
+        numbers_k, flown_k = jax.device_put((jnp.asarray(numbers), jnp.asarray(flown)), device)
         campaign, accuracy, key, samples = self.arguments
         plans = self.planned.plans[level]
-        return _call(campaign, accuracy, key, given[0], given[1], plans, self.blocks, samples)
+        return campaign, accuracy, key, numbers_k, flown_k, plans, self.blocks, samples
 
     def _call(self, numbers: np.ndarray, level: int, k: int = 0) -> tuple[RunResults, np.ndarray]:
         """The results of call number `k`; of a run that raises, its own row says so."""
 
         def call(flown: np.ndarray) -> PyTree:
-            return jax.tree.map(np.asarray, self._start(numbers, level, flown, k))
+            return jax.tree.map(np.asarray, self._program(*self._given(numbers, level, flown, k)))
 
         return isolate(call, self.call)
 
@@ -202,7 +223,12 @@ def _digest(results: RunResults) -> str:
     return hashed.hexdigest()
 
 
-@jit_wide_vectors
+@functools.cache
+def _program(platform: str) -> Any:
+    """`_call`, compiled for the widest vectors of a CPU."""
+    return eqx.filter_jit(_call, **(WIDE_VECTORS if platform == "cpu" else {}))
+
+
 def _call(
     campaign: Campaign,
     accuracy: Accuracy,
@@ -275,8 +301,9 @@ def trajectories(
     return kept
 
 
-@eqx.filter_jit(**QUICK)
-def _pilots(
+# Traced once, both for the shapes of what it returns and for the run.
+@eqx.filter_jit
+def _traced_pilots(
     campaign: Campaign, accuracy: Accuracy, key: Array, flown: Bool[Array, " pilots"]
 ) -> tuple[list[Array | None], Array, bool]:
     """Adaptive runs of the pilots, the nominal one first.
@@ -294,6 +321,18 @@ def _pilots(
     # The runs of a block share the adaptive steps of the search for an event.
     coupled = any(isinstance(phase.until, Event) for phase in mission.phases)
     return [run.step_ends for run in result.phases], result.status, coupled
+
+
+@eqx.filter_jit(**QUICK)
+def _pilots(
+    campaign: Campaign, accuracy: Accuracy, key: Array, flown: Bool[Array, " pilots"]
+) -> tuple[list[Array | None], Array, bool]:
+    return _traced_pilots(campaign, accuracy, key, flown)
+
+
+def _expected_steps(campaign: Campaign, accuracy: Accuracy, key: Array) -> list[Any]:
+    """Of every phase the shape of what the pilots record; `None` for a closed form."""
+    return eqx.filter_eval_shape(_traced_pilots, campaign, accuracy, key, jnp.ones(PILOTS, bool))[0]
 
 
 def _pilot_plans(

@@ -15,11 +15,13 @@
 
 Source: Maybeck, Stochastic Models, Estimation, and Control, 12.3 (second order, for normal inputs);
 Julier and Uhlmann, Proc. IEEE 92 (2004), 401.
-None of them sees a kink: the mean of a magnitude whose nominal value is zero is not zero.
+None of them sees a kink: the mean of a magnitude whose nominal value is zero is not zero. The
+second order, which would take nonsense for its curvature, leaves such an output out.
 """
 
 import math
 import time
+import warnings
 from typing import NamedTuple
 
 import equinox as eqx
@@ -36,7 +38,10 @@ from ._distributions import AbstractDistribution
 from ._evaluate import Evaluator, evaluate_traced
 from ._joint import Component
 from ._sampling import map_normals, normal_columns
-from ._statistics import Dispersion
+
+# How far from the mean slopes are compared with the curvature, in deviations; and which part of
+# them may lack before the output counts as not smooth.
+NEARBY, LACK = 0.01, 1e-3
 
 MONTE_CARLO = "monte_carlo"
 METHODS = ("lincov", "second_order", "unscented")
@@ -67,11 +72,13 @@ class Moments(NamedTuple):
 
 
 class _Series(NamedTuple):
-    """Value, first and second derivatives of each output, by name, and the status of the run."""
+    """Value, first and second derivatives of each output, by name, and the status of the run; and
+    the first derivatives on both sides of the mean, (2, inputs)."""
 
     values: dict[str, Array]
     first: dict[str, Array]
     second: dict[str, Array]
+    beside: dict[str, Array]
     status: Array
 
 
@@ -89,6 +96,9 @@ def moments(
     - `method`: "lincov" (first derivatives, one run), "second_order" (with second derivatives), or
       "unscented" (2 n + 1 runs).
     - `accuracy`: as in `disperse`.
+
+    **Returns** a `Moments`. By "second_order" an output that is not smooth at the mean, as the size
+    of a vector that is zero there, is NaN, and a warning names it.
 
     **Raises** `InputError` for another method; `SimulationError` where the nominal run, or a sigma
     point, fails."""
@@ -115,7 +125,7 @@ def _expanded(campaign: Campaign, accuracy: Accuracy, method: str) -> Moments:
         point = jnp.asarray(centre), jnp.asarray(scale)
         return _derivatives(campaign, accuracy, *point, inputs, second)
 
-    values, first, hessian, status = differentiate()
+    values, first, hessian, beside, status = differentiate()
     _check_good(int(status), "nominal run")
     # Again: compiling is paid once, and is not what the method costs.
     started = time.perf_counter()
@@ -130,6 +140,14 @@ def _expanded(campaign: Campaign, accuracy: Accuracy, method: str) -> Moments:
         h = np.stack([np.asarray(hessian[name]) for name in names]) @ p
         mean = mean + 0.5 * np.trace(h, axis1=1, axis2=2)
         c = c + 0.5 * np.einsum("kij,lji->kl", h, h)
+        kinks = [k for k, name in enumerate(names) if _has_kink(hessian[name], beside[name])]
+        mean[kinks] = c[kinks, :] = c[:, kinks] = math.nan
+        if kinks:
+            warnings.warn(
+                f"second_order leaves out {', '.join(names[k] for k in kinks)}: not smooth at the "
+                f"nominal run, as the size of a vector that is zero there; Monte Carlo tells it.",
+                stacklevel=4,
+            )
     return Moments(names, mean, c, j / scale, inputs, method, 1, seconds)
 
 
@@ -159,8 +177,24 @@ def _derivatives(
     def slopes(u: Array) -> dict[str, Array]:
         return jax.jacfwd(lambda u: outputs(u)[0])(u)
 
-    hessian = jax.jacfwd(slopes)(zero) if second else {}
-    return _Series(values, slopes(zero), hessian, status)
+    if not second:
+        return _Series(values, slopes(zero), {}, {}, status)
+    aside = NEARBY * jnp.ones_like(centre)
+    beside = jax.lax.map(slopes, jnp.stack([aside, -aside]))
+    return _Series(values, slopes(zero), jax.jacfwd(slopes)(zero), beside, status)
+
+
+def _has_kink(hessian: Array, beside: Array) -> bool:
+    """Whether the slopes on both sides of a point differ by something else than what the second
+    derivatives say: those of |x| at zero may be anything."""
+    h, (above, below) = np.asarray(hessian), np.asarray(beside)
+    if not (np.isfinite(h).all() and np.isfinite(beside).all()):
+        return True
+    expected, found = 2.0 * NEARBY * h.sum(axis=1), above - below
+    lacking = np.abs(found - expected).max()
+    # A fourth derivative lets a little lack, rounding a little of the slopes.
+    steepest = max(np.abs(above).max(), np.abs(below).max())
+    return bool(lacking > 0.5 * np.abs(found).max() and lacking > LACK * steepest)
 
 
 def _unscented(campaign: Campaign, accuracy: Accuracy) -> Moments:
@@ -224,59 +258,6 @@ def _variance(d: AbstractDistribution) -> float:
     x = jax.vmap(d.from_normal)(z)
     mean = jnp.sum(weights * x)
     return float(jnp.sum(weights * (x - mean) ** 2))
-
-
-class Comparison(NamedTuple):
-    """What a cheaper method costs and saves in one output.
-
-    - `method`, `output`: which.
-    - `mean`, `std`: as it finds them.
-    - `mean_error`: its mean less that of Monte Carlo, in deviations.
-    - `std_error`: its deviation over that of Monte Carlo, less one.
-      Of Monte Carlo itself both are standard errors: what it cannot tell.
-    - `runs`, `seconds`: what it took, without compiling."""
-
-    method: str
-    output: str
-    mean: float
-    std: float
-    mean_error: float
-    std_error: float
-    runs: int
-    seconds: float
-
-
-def compare_methods(
-    campaign: Campaign,
-    reference: Dispersion,
-    methods: tuple[str, ...] = METHODS,
-    *,
-    accuracy: Accuracy | Scalar | None = None,
-) -> list[Comparison]:
-    """The cheaper methods beside a Monte Carlo dispersion of the same campaign, which comes first
-    for every output."""
-    found = [moments(campaign, method, accuracy=accuracy) for method in methods]
-    table = []
-    seconds = reference.seconds - float(reference.attributes.get("preparation_seconds", 0.0))
-    for row in reference.table():
-        own = standard_errors(reference.together(row.name)[0])
-        table.append(Comparison(MONTE_CARLO, row.name, row.mean, row.std, *own, row.runs, seconds))
-        for m in found:
-            mean, std = float(m.mean[m.names.index(row.name)]), m.std(row.name)
-            off = (mean - row.mean) / row.std if row.std > 0.0 else math.nan
-            ratio = std / row.std - 1.0 if row.std > 0.0 else math.nan
-            table.append(Comparison(m.method, row.name, mean, std, off, ratio, m.runs, m.seconds))
-    return table
-
-
-def standard_errors(x: np.ndarray) -> tuple[float, float]:
-    """Of the mean of a sample, in deviations, and of its deviation, as a part of it:
-    1/sqrt(n) and sqrt((k - 1)/(4 n)), with the kurtosis k, which is 3 of a normal distribution."""
-    n, spread = x.size, float(np.std(x)) if x.size else 0.0
-    if n < 2 or spread == 0.0:
-        return math.nan, math.nan
-    kurtosis = float(np.mean(((x - np.mean(x)) / spread) ** 4))
-    return 1.0 / math.sqrt(n), math.sqrt((kurtosis - 1.0) / (4.0 * n))
 
 
 def sampled(

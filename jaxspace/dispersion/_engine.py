@@ -19,7 +19,7 @@ from ._batch_runner import BatchRunner
 from ._campaign import Campaign
 from ._covariance import MONTE_CARLO, Moments, moments
 from ._ending import check_rule
-from ._engines import AbstractEngine, MultiHost, as_engine
+from ._engines import MultiHost, as_engine
 from ._flight import in_memory, ordered, stored
 from ._moments import StopRule
 from ._record import record
@@ -27,6 +27,7 @@ from ._statistics import Dispersion
 from ._store import ENOUGH
 from ._store_writer import StoreWriter
 from ._stored import DamagedStore
+from ._work import AbstractEngine
 
 RUNS = 1000
 """How many runs there are by default: enough for a mean and a deviation to a few percent."""

@@ -12,12 +12,12 @@ from ._batch_runner import BatchRunner, RunResults
 from ._campaign import Campaign
 from ._columns import columns_of
 from ._ending import Ending
-from ._engines import AbstractEngine, Extent
 from ._moments import StopRule
 from ._statistics import Dispersion
 from ._store import ENOUGH, Store
 from ._store_writer import StoreWriter
 from ._stored import DamagedStore, as_dispersion
+from ._work import AbstractEngine, Extent
 
 Progress: TypeAlias = Callable[[int, int], None] | None
 Flown: TypeAlias = Generator[tuple[int, tuple[RunResults, float]], None, None]

@@ -1,6 +1,7 @@
 """Plans of steps: nodes in normalised time, refined until runs that are no pilots meet them."""
 
-from typing import TypeAlias
+from collections.abc import Sequence
+from typing import Any, TypeAlias
 
 import jax.numpy as jnp
 import numpy as np
@@ -16,8 +17,9 @@ ORDER = 6.0
 FINENESS = (1.0, 2.0, 4.0)
 # How much finer than the pilots' plan a plan may be: what the padded length holds.
 FINEST = 8.0
-# Plans are padded to a multiple of this, so that a similar campaign finds its program compiled.
-PADDING = 1024
+# Plans are padded to a multiple of this: the program can be compiled before the plan is known, and
+# a similar campaign finds it compiled.
+PADDING = 2**14
 
 # Of every phase; `None` for a closed form.
 Plans: TypeAlias = tuple[Array | None, ...]
@@ -51,6 +53,12 @@ def padded(pilots: list[np.ndarray | None], factors: list[float]) -> Plans:
         filled = np.concatenate([plan, plan[-1] + 1.0 + np.arange(length - len(plan))])
         plans.append(jnp.asarray(filled, pilot.dtype))
     return tuple(plans)
+
+
+def placeholders(steps: Sequence[Any]) -> Plans:
+    """Plans of the length that most have, one step a segment, for phases whose recorded `steps`
+    look like this; `None` for a closed form."""
+    return tuple(None if x is None else jnp.arange(PADDING, dtype=x.dtype) for x in steps)
 
 
 def _refined(plan: ArrayLike, factor: float) -> np.ndarray:

@@ -14,7 +14,7 @@ import functools
 import zlib
 from abc import abstractmethod
 from collections.abc import Mapping
-from typing import final
+from typing import Any, final
 
 import equinox as eqx
 import jax
@@ -203,11 +203,24 @@ def draw(
     # A draw depends on the key, the number of its run and its own name only, so that it is the
     # same however many runs or other inputs there are.
     def one(number: Array) -> dict[str, Array]:
-        own = jax.random.fold_in(key, number)
-        return {
-            name: d.sample(jax.random.fold_in(own, zlib.crc32((d.source or name).encode())))
-            for name, d in inputs.items()
-        }
+        own, found = jax.random.fold_in(key, number), {}
+        for names in _alike(inputs):
+            tags = [zlib.crc32((inputs[name].source or name).encode()) for name in names]
+            # One program for all of a kind, which compiles sooner than one for each.
+            kind = jax.tree.map(lambda *x: jnp.stack(x), *(inputs[name] for name in names))
+            keys = jax.vmap(lambda tag: jax.random.fold_in(own, tag))(jnp.array(tags, jnp.uint32))  # noqa: B023
+            found |= zip(names, jax.vmap(lambda d, key: d.sample(key))(kind, keys), strict=True)
+        return {name: found[name] for name in inputs}
 
     # Distributions know one draw only; `vmap` here keeps axes of runs out of every one of them.
     return jax.vmap(one)(numbers)
+
+
+def _alike(inputs: Mapping[str, AbstractDistribution]) -> list[list[str]]:
+    """The names of the inputs whose distributions differ in their numbers alone."""
+    kinds: dict[Any, list[str]] = {}
+    for name, d in inputs.items():
+        leaves, structure = jax.tree.flatten(d)
+        shapes = tuple((jnp.shape(x), jnp.result_type(x)) for x in leaves)
+        kinds.setdefault((structure, shapes), []).append(name)
+    return list(kinds.values())

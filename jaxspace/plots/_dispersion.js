@@ -3,10 +3,11 @@ const colour = (name) => getComputedStyle(document.documentElement).getPropertyV
 const narrow = () => document.documentElement.clientWidth < 600;
 const config = () => ({ displaylogo: false, responsive: true, displayModeBar: narrow() ? false : "hover" });
 const words = (name) => name.replaceAll("_", " ");
-// A long path is cut in front: its end tells the inputs of one table apart.
+// A long name is cut within: its start tells outputs apart, its end the inputs of one table.
 const short = (name, most) => {
   const text = words(name);
-  return text.length > most ? "…" + text.slice(text.length - most + 1) : text;
+  const head = Math.floor(most / 3);
+  return text.length > most ? text.slice(0, head) + "…" + text.slice(text.length - most + head + 1) : text;
 };
 const label = (name) => words(name) + (data.units[name] ? ` [${data.units[name]}]` : "");
 

@@ -1,0 +1,65 @@
+"""The methods without many runs beside Monte Carlo: what each costs and saves."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from ..core import Scalar
+from ..integration._accuracy import Accuracy
+from ._campaign import Campaign
+from ._covariance import METHODS, MONTE_CARLO, moments
+from ._statistics import Dispersion
+
+
+class Comparison(NamedTuple):
+    """What a cheaper method costs and saves in one output.
+
+    - `method`, `output`: which.
+    - `mean`, `std`: as it finds them.
+    - `mean_error`: its mean less that of Monte Carlo, in deviations.
+    - `std_error`: its deviation over that of Monte Carlo, less one.
+      Of Monte Carlo itself both are standard errors: what it cannot tell.
+    - `runs`, `seconds`: what it took, without compiling."""
+
+    method: str
+    output: str
+    mean: float
+    std: float
+    mean_error: float
+    std_error: float
+    runs: int
+    seconds: float
+
+
+def compare_methods(
+    campaign: Campaign,
+    reference: Dispersion,
+    methods: tuple[str, ...] = METHODS,
+    *,
+    accuracy: Accuracy | Scalar | None = None,
+) -> list[Comparison]:
+    """The cheaper methods beside a Monte Carlo dispersion of the same campaign, which comes first
+    for every output."""
+    found = [moments(campaign, method, accuracy=accuracy) for method in methods]
+    table = []
+    seconds = reference.seconds - float(reference.attributes.get("preparation_seconds", 0.0))
+    for row in reference.table():
+        own = standard_errors(reference.together(row.name)[0])
+        table.append(Comparison(MONTE_CARLO, row.name, row.mean, row.std, *own, row.runs, seconds))
+        for m in found:
+            mean, std = float(m.mean[m.names.index(row.name)]), m.std(row.name)
+            off = (mean - row.mean) / row.std if row.std > 0.0 else math.nan
+            ratio = std / row.std - 1.0 if row.std > 0.0 else math.nan
+            table.append(Comparison(m.method, row.name, mean, std, off, ratio, m.runs, m.seconds))
+    return table
+
+
+def standard_errors(x: np.ndarray) -> tuple[float, float]:
+    """Of the mean of a sample, in deviations, and of its deviation, as a part of it:
+    1/sqrt(n) and sqrt((k - 1)/(4 n)), with the kurtosis k, which is 3 of a normal distribution."""
+    n, spread = x.size, float(np.std(x)) if x.size else 0.0
+    if n < 2 or spread == 0.0:
+        return math.nan, math.nan
+    kurtosis = float(np.mean(((x - np.mean(x)) / spread) ** 4))
+    return 1.0 / math.sqrt(n), math.sqrt((kurtosis - 1.0) / (4.0 * n))

@@ -1,0 +1,118 @@
+"""The engine of Dask distributed."""
+
+import contextlib
+import queue
+from collections.abc import Iterator, Sequence
+from typing import Any, final
+
+from ..core import InputError
+from ._batch_runner import BatchRunner, cores
+from ._lock import StoreError
+from ._work import (
+    RETRIES,
+    AbstractEngine,
+    Computed,
+    Extent,
+    compute_chunk,
+    payload_of,
+    without_main,
+)
+
+# Between two looks at whether the scheduler is still there, s.
+PULSE = 2.0
+
+
+@final
+class DaskCluster(AbstractEngine):
+    """On the workers of Dask distributed, which needs the extra `cluster`.
+
+    **Arguments**
+
+    - `address`: of a scheduler, such as "tcp://10.0.0.5:8786"; by default a cluster of this
+      machine's own is started, which listens to this machine alone.
+    - `workers`: of the cluster that is started.
+    - `retries`: how often a chunk may fail or be lost with its worker."""
+
+    def __init__(
+        self, address: str | None = None, *, workers: int | None = None, retries: int = RETRIES
+    ):
+        self.address = address
+        self._workers = cores() if workers is None else workers
+        self.retries = retries
+
+    @property
+    def workers(self) -> int:
+        return self._workers
+
+    def compute(self, runner: BatchRunner, extents: Sequence[Extent]) -> Computed:
+        payload, waiting = payload_of(runner.planned), list(extents)
+        started, finished = set(), queue.SimpleQueue()
+        with self._client() as client:
+            while waiting or started:
+                self._workers = max(len(client.scheduler_info()["workers"]), 1)
+                while waiting and len(started) < 2 * self._workers:
+                    future = client.submit(
+                        compute_chunk, payload, waiting.pop(0), retries=self.retries, pure=False
+                    )
+                    future.add_done_callback(finished.put)
+                    started.add(future)
+                try:
+                    future = finished.get(timeout=PULSE)
+                except queue.Empty:
+                    future = None
+                # A scheduler that is gone sends no word, or cancels whatever it knew of.
+                if client.status != "running" or (future and future.cancelled()):
+                    raise ConnectionError("the scheduler does not answer")
+                if future is not None:
+                    started.discard(future)
+                    yield future.result()
+
+    @contextlib.contextmanager
+    def _client(self) -> Iterator[Any]:
+        try:
+            from distributed import Client, LocalCluster
+        except ImportError as error:
+            raise InputError(
+                'engine is "dask": it needs the extra `cluster` (pip install "jaxspace[cluster]").'
+            ) from error
+        from distributed.scheduler import KilledWorker
+
+        where = "of this machine" if self.address is None else f"at {self.address}"
+        with contextlib.ExitStack() as stack:
+            # What Dask says of broken connections is said once, by the error below.
+            stack.enter_context(_quiet("distributed"))
+            try:
+                target = self.address
+                if target is None:
+                    # For as long as the cluster lives, which replaces workers that die.
+                    stack.enter_context(without_main())
+                    options = {"host": "127.0.0.1", "dashboard_address": None}
+                    target = LocalCluster(self._workers, threads_per_worker=1, **options)
+                    stack.enter_context(target)
+                client = Client(target, set_as_default=False, timeout=30)
+                stack.callback(_closed, client)
+                yield client
+            except (OSError, KilledWorker) as error:
+                raise StoreError(
+                    f"The Dask cluster {where} failed ({type(error).__name__}: {error}). All "
+                    f"chunks that had been finished are kept."
+                ) from error
+
+
+def _closed(client: Any) -> None:
+    """Close a client whose scheduler may be gone."""
+    with contextlib.suppress(Exception):
+        client.close(timeout=2)
+
+
+@contextlib.contextmanager
+def _quiet(name: str) -> Iterator[None]:
+    import logging
+
+    logger = logging.getLogger(name)
+    before = logger.level
+    logger.setLevel(logging.CRITICAL)
+    try:
+        yield
+    finally:
+        logger.setLevel(before)

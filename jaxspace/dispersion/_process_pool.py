@@ -1,0 +1,121 @@
+"""The engine of several processes on one machine."""
+
+import multiprocessing
+import signal
+from collections.abc import Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from typing import final
+
+from ..core import InputError
+from ._batch_runner import BatchRunner, cores
+from ._lock import StoreError
+from ._work import (
+    RETRIES,
+    AbstractEngine,
+    Computed,
+    Done,
+    Extent,
+    compute_chunk,
+    payload_of,
+    without_main,
+)
+
+
+@final
+class ProcessPool(AbstractEngine):
+    """In other processes of this machine, each on one core. A process that dies, whatever kills it,
+    is replaced, and the chunks that were lost are computed again.
+
+    **Arguments**
+
+    - `workers`: how many; as many as cores by default.
+    - `limit`: after how many seconds a chunk that has not returned counts as lost; never by
+      default. It includes the start of a process, which compiles or loads the program.
+    - `retries`: how often a chunk may be lost."""
+
+    def __init__(
+        self, workers: int | None = None, *, limit: float | None = None, retries: int = RETRIES
+    ):
+        self._workers = cores() if workers is None else workers
+        if self._workers < 1:
+            raise InputError(f"ProcessPool.workers is {workers}: it must be at least 1.")
+        self.limit = limit
+        self.retries = retries
+
+    @property
+    def workers(self) -> int:
+        return self._workers
+
+    def compute(self, runner: BatchRunner, extents: Sequence[Extent]) -> Computed:
+        payload, losses = payload_of(runner.planned), dict.fromkeys(extents, 0)
+        # Two for each process, so that none waits for the next one; memory is bounded by them.
+        width, hopeless = 2 * self._workers, []
+        while losses:
+            started: dict[Future[Done], Extent] = {}
+            # What was lost comes last, so that it keeps nothing else waiting.
+            order = sorted(losses, key=lambda extent: (losses[extent], extent.chunk))
+            for done in self._round(payload, order, width, started):
+                losses = {e: n for e, n in losses.items() if e.chunk != done.chunk}
+                yield done
+            for extent in started.values():
+                losses[extent] += 1
+                if losses[extent] > self.retries:
+                    hopeless.append((extent, losses.pop(extent)))
+            # One for each from now on, so that a chunk is lost through itself alone.
+            width = self._workers
+        for extent, times in hopeless:
+            raise StoreError(
+                f"Chunk {extent.chunk} (runs {extent.first} to {extent.first + extent.runs - 1}) "
+                f"was lost {times} times: its process ended or took too long. All other chunks "
+                f"that could be computed are kept."
+            )
+
+    def _round(
+        self,
+        payload: bytes,
+        waiting: list[Extent],
+        width: int,
+        started: dict["Future[Done]", Extent],
+    ) -> Computed:
+        """The chunks, until a process is lost; `started` then holds those that were under way."""
+        # Not forked: a fork of a process that has threads, as jax has, may hang.
+        context = multiprocessing.get_context("spawn")
+        pool = ProcessPoolExecutor(self._workers, context, _ignore_interrupts)
+        try:
+            while waiting or started:
+                while waiting and len(started) < width:
+                    with without_main():
+                        future = pool.submit(compute_chunk, payload, waiting[0])
+                    started[future] = waiting.pop(0)
+                for future in _first_done(started, self.limit):
+                    done = future.result()
+                    del started[future]
+                    yield done
+        except (BrokenProcessPool, TimeoutError):
+            return
+        finally:
+            _stop(pool)
+
+
+def _first_done(started: dict["Future[Done]", Extent], limit: float | None) -> set["Future[Done]"]:
+    """Those that are done. Raises `TimeoutError` when nothing came within the limit."""
+    done, _ = wait(started, limit, FIRST_COMPLETED)
+    if not done:
+        raise TimeoutError
+    return done
+
+
+def _stop(pool: ProcessPoolExecutor) -> None:
+    """End the pool with all of its processes, whatever they do."""
+    processes = list((pool._processes or {}).values())
+    pool.shutdown(wait=False, cancel_futures=True)
+    for process in processes:
+        process.kill()
+    for process in processes:
+        process.join()
+
+
+def _ignore_interrupts() -> None:
+    # Ctrl-C reaches all processes of a terminal: the first one tells the others to end.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)

@@ -1,0 +1,135 @@
+"""What an engine is: it computes chunks of a campaign, each with the same bits anywhere; and how a
+campaign reaches a worker in another process."""
+
+import contextlib
+import functools
+import io
+import pickle
+import sys
+import time
+from abc import ABC, abstractmethod
+from collections.abc import Generator, Iterator, Sequence
+from typing import NamedTuple, TypeAlias
+
+import jax
+
+from ..core import InputError
+from ._batch_runner import BatchRunner, PlannedCampaign, RunResults
+
+RETRIES = 3
+# Of a program and of its results; where programs are kept.
+SETTINGS = (
+    "jax_enable_x64",
+    "jax_numpy_dtype_promotion",
+    "jax_disable_most_optimizations",
+    "jax_compilation_cache_dir",
+    "jax_persistent_cache_min_compile_time_secs",
+    "jax_persistent_cache_min_entry_size_bytes",
+)
+
+
+class Extent(NamedTuple):
+    """A chunk by its number, its first run and the number of its runs."""
+
+    chunk: int
+    first: int
+    runs: int
+
+
+class Done(NamedTuple):
+    """A chunk that has been computed, its results, and the processor time that it took, s."""
+
+    chunk: int
+    results: RunResults
+    cpu: float
+
+
+Computed: TypeAlias = Generator[Done, None, None]
+
+
+class AbstractEngine(ABC):
+    """Computes chunks, in any order."""
+
+    @abstractmethod
+    def compute(self, runner: BatchRunner, extents: Sequence[Extent]) -> Computed:
+        """The chunks, each as soon as it is there.
+
+        **Raises** `StoreError` where a chunk cannot be computed after all retries."""
+
+    @property
+    @abstractmethod
+    def workers(self) -> int:
+        """How many chunks are computed at a time."""
+
+    @property
+    def leads(self) -> bool:
+        """Whether this process makes the store; one of several that share a campaign does."""
+        return True
+
+    @property
+    def shares(self) -> bool:
+        """Whether several processes share a campaign, each of which computes a part."""
+        return False
+
+    def share(self, extents: Sequence[Extent]) -> list[Extent]:
+        """What this process computes of the chunks."""
+        return list(extents)
+
+    def sync(self, stage: str) -> None:
+        """Wait until all processes that share a campaign have come to this stage."""
+        del stage
+
+
+def timed(runner: BatchRunner, extent: Extent) -> Done:
+    before = time.process_time()
+    results = runner.run(extent.first, extent.runs)
+    return Done(extent.chunk, results, time.process_time() - before)
+
+
+@contextlib.contextmanager
+def without_main() -> Iterator[None]:
+    """While processes start: they do not import the script of the user, who would have to guard it,
+    for what it defines travels with the campaign."""
+    main = sys.modules["__main__"]
+    kept = {name: main.__dict__.pop(name) for name in ("__file__",) if name in main.__dict__}
+    spec, main.__spec__ = getattr(main, "__spec__", None), None
+    try:
+        yield
+    finally:
+        main.__dict__.update(kept)
+        main.__spec__ = spec
+
+
+def payload_of(planned: PlannedCampaign) -> bytes:
+    """The campaign with the settings of jax, for another process.
+
+    Raises `InputError` where it holds what cannot be sent."""
+    settings = {name: jax.config.values[name] for name in SETTINGS}
+    arrays, buffer = jax.device_get(planned), io.BytesIO()
+    try:
+        # Sends functions by what they do, also those of the script that is run.
+        import cloudpickle as pickler
+    except ImportError:
+        pickler = pickle
+    try:
+        pickler.dump((settings, arrays), buffer)
+    except (pickle.PicklingError, AttributeError, TypeError) as error:
+        raise InputError(
+            f"The campaign cannot be sent to another process ({error}): install cloudpickle, or "
+            f"define its functions in a module."
+        ) from error
+    return buffer.getvalue()
+
+
+# One is enough: a worker serves one campaign after the other, each for a long time.
+@functools.lru_cache(maxsize=1)
+def _runner(payload: bytes) -> BatchRunner:
+    settings, planned = pickle.loads(payload)
+    for name, value in settings.items():
+        jax.config.update(name, value)
+    return BatchRunner(planned, jax.local_devices(), in_flight=1)
+
+
+def compute_chunk(payload: bytes, extent: Extent) -> Done:
+    """A chunk, in a worker."""
+    return timed(_runner(payload), extent)
