@@ -31,6 +31,9 @@ WITHOUT_BOUND = (
     Status.SAMPLES_TOO_FEW,
     Status.COMMAND_NOT_FINITE,
 )
+# A bit for each of them: one shift in the program of every run, where comparisons with each would
+# be compiled in every first call.
+_BITS_WITHOUT_BOUND = sum(1 << status for status in WITHOUT_BOUND)
 
 
 def _scaled(tree: PyTree, factor: Array) -> PyTree:
@@ -67,13 +70,13 @@ def nan_where_failed(result: T, status: Array | None = None) -> T:
         return result._replace(phases=phases, final=final, end=end)
     assert isinstance(result, RunResult)
     run_axes = result.status.ndim
-    good = jnp.ones(result.ts.shape, bool)
+    good = True
     for block in jax.tree.leaves(result.states):
         components = tuple(range(block.ndim - 1 - run_axes))
         good = good & jnp.all(jnp.isfinite(block), axis=components)
     first = jnp.arange(result.ts.shape[0]).reshape(-1, *(1,) * run_axes) == 0
-    for unbounded in WITHOUT_BOUND:
-        good = good & (first | (result.status != unbounded))
+    unbounded = ((_BITS_WITHOUT_BOUND >> result.status) & 1).astype(bool)
+    good = good & (first | ~unbounded)
     crossings = _scaled(result.crossings, _nan_unless(result.status <= Status.EVENT))
     return result._replace(states=_scaled(result.states, _nan_unless(good)), crossings=crossings)
 

@@ -124,7 +124,7 @@ def _simulate_system(
     # Everything that can be refused is refused here, before anything is compiled.
     ts = check_times(ts, y0)
     start = jax.ShapeDtypeStruct((), ts.dtype)
-    check_structure(system, y0, start)
+    check_structure(system, y0, start, one_run=True)
     check_values(system, ts, y0)
     events = as_events(events)
     check_events(events, system, y0, start, 0)
