@@ -15,7 +15,7 @@ from ..integration._status import Status
 from ..simulation._batch_layout import cut_batch, local_blocks, split_batch
 from ..simulation._blocks import Blocks, jit_wide_vectors
 from ..simulation._failures import nan_where_failed
-from ..simulation._runs import RunResult
+from ..simulation._run_result import RunResult
 from ..solvers import FixedSteps, Tolerance
 from ._clocks import SLACK, Clock, Nodes, at_nodes, ended, nodes_of
 from ._commands import Actuate
