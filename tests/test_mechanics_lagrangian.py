@@ -232,8 +232,8 @@ def struck_bar(x):
     return jnp.concatenate([after.coordinates, after.rates, impulses])
 
 
-# Both feet hit; one does and the other opens; the blow on one, near the middle of the bar, lifts the
-# other, which came down as well.
+# Both feet hit; one does and the other opens; the blow on one, near the middle of the bar, lifts
+# the other, which came down as well.
 BLOWS = np.array(
     [
         [0.02, 0.1, -2.0, 0.3, 0.5, 0.5, 0.5],

@@ -35,7 +35,7 @@ def steady_spin(disk: Disk, theta: Scalar, precession: Scalar) -> Scalar:
 
 
 def steady_precession_rates(disk: Disk, theta: Scalar, spin: Scalar) -> tuple[Scalar, Scalar]:
-    """Both psi', rad/s, that keep the tilt with this spin, the slow one first; NaN where none does."""
+    """Both psi', rad/s, that keep the tilt with this spin, the slow one first; NaN without one."""
     A, C, mRR, mgR = disk
     p, q = (C + mRR) * spin, A * jnp.cos(theta)
     pull = mgR / jnp.tan(theta)
