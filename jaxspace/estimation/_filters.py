@@ -230,7 +230,7 @@ def _update_unscented(
     S = S + R
     K = cross @ _inverse(S)
     P = known.covariance - K @ cross.T
-    # Rounding leaves it unsymmetric, and the root of the next step reads one half of it alone.
+    # Rounding leaves it unsymmetric, and the root of the next step takes it for symmetric.
     return MeanCovariance(about.moved(K @ r), 0.5 * (P + P.T)), (r, S)
 
 
