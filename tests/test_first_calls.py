@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 
 from jaxspace.integration._needed import needed_only
+from jaxspace.integration._normalised_time import segments_of
+from jaxspace.orbits import TwoBody
 from jaxspace.solvers import DOP853, Tolerance, bind
 
 
@@ -26,6 +28,20 @@ def test_dense_output_is_traced_only_where_states_are_saved(save_ts, evaluations
 
     names = operations(jax.make_jaxpr(step)(jnp.ones(2)).jaxpr)
     assert names.count("evaluate") == evaluations
+
+
+def test_a_run_without_breaks_looks_up_no_segment():
+    start, span, s = jnp.array(3.0), jnp.array(-2.0), jnp.array(0.25)
+
+    def place(start, span, s):
+        segments = segments_of(TwoBody(1.0), start, start + span, None)
+        return segments.time(s), segments.duration(s, 0.5)
+
+    jaxpr = jax.make_jaxpr(place)(start, span, s).jaxpr
+    used = {e.primitive.name for e in jaxpr.eqns} - {"convert_element_type"}
+    # The ends are made, and read by nobody: no slice, no gather, no rounding to a whole number.
+    assert not {"slice", "dynamic_slice", "gather", "floor", "squeeze"} & used
+    np.testing.assert_allclose(place(start, span, s), (2.5, -1.0), rtol=1e-15)
 
 
 def test_what_no_result_needs_is_not_differentiated():

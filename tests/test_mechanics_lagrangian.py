@@ -216,6 +216,50 @@ def test_a_bar_falls_flat_on_two_supports():
     assert_allclose(impulses, [0.0, 1.5], rtol=1e-14)
 
 
+def struck_bar(x):
+    """State and impulses of a bar after two feet of it have met the ground: of height, angle, their
+    rates, restitution, half the length and the place of the feet."""
+    l, a = x[5:]
+
+    def kinetic(t, q, v, p):
+        return 0.5 * (v[0] ** 2 + l * l / 3.0 * v[1] ** 2)
+
+    def feet(q):
+        return jnp.stack([q[0] - a * jnp.sin(q[1]), q[0] + a * jnp.sin(q[1])])
+
+    system = Lagrangian(kinetic, ("height", "theta"))
+    after, impulses = apply_impact(system, 0.0, system.state(x[:2], x[2:4]), feet, x[4])
+    return jnp.concatenate([after.coordinates, after.rates, impulses])
+
+
+# Both feet hit; one does and the other opens; the blow on one, near the middle of the bar, lifts
+# the other, which came down as well.
+BLOWS = np.array(
+    [
+        [0.02, 0.1, -2.0, 0.3, 0.5, 0.5, 0.5],
+        [0.10, 0.3, -1.0, -2.5, 0.7, 0.5, 0.5],
+        [0.10, 0.3, -1.0, 5.0, 0.2, 0.5, 0.15],
+    ]
+)
+
+
+def test_an_impact_has_the_derivatives_of_its_differences():
+    @jax.jit
+    def every(x):
+        step = 1e-5
+        sides = jnp.concatenate([jnp.eye(7), -jnp.eye(7)]) * step
+        beside = jax.vmap(lambda d: struck_bar(x + d))(sides)
+        differences = (beside[:7] - beside[7:]).T / (2.0 * step)
+        return jax.jacfwd(struck_bar)(x), jax.jacrev(struck_bar)(x), differences, struck_bar(x)
+
+    forward, reverse, differences, found = jax.vmap(every)(BLOWS)
+    # A step of 1e-5 leaves its square in each difference, and the roundings over the step.
+    assert_allclose(forward, differences, rtol=1e-7, atol=1e-8)
+    assert_allclose(reverse, forward, rtol=1e-13, atol=1e-13)
+    # The three are what they are said to be.
+    np.testing.assert_array_equal(found[:, 4:] > 0.0, [[True, True], [False, True], [True, False]])
+
+
 LEGS = LandingLegs(900.0, 12.0, 2.0, 0.6, 4e3, 1.62)
 
 

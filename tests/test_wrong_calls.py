@@ -1,5 +1,6 @@
 """Wrong calls get one sentence that names what is wrong, and no error of Python or JAX."""
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -19,6 +20,7 @@ from jaxspace.orbits import (
 from jaxspace.rotations import Quaternion
 from jaxspace.scene import Custom
 from jaxspace.simulation import Accuracy, Event, Mission, Phase
+from jaxspace.studies import sensitivity
 
 SPAN = jnp.array([0.0, 1.0])
 Y = BodyState(jnp.array([1.0, 0.0, 0.0]), jnp.array([0.0, 1.0, 0.0]))
@@ -121,6 +123,54 @@ def custom(function, adds):
 def test_wrong_calls_get_a_sentence(call, sentence):
     with pytest.raises(InputError, match=sentence):
         call()
+
+
+MANY = BodyState(jnp.ones((3, 5)), jnp.ones((3, 5)))
+MANY_ARRAYS = jnp.ones((3, 5))
+
+
+@pytest.mark.parametrize(
+    ("call", "array"),
+    [
+        (lambda: simulate(KEPLER, MANY, SPAN), r"y0.position has the shape \(3, 5\)"),
+        (
+            lambda: simulate(KEPLER, BodyState(Y.position, Y.velocity, mass=jnp.ones(5)), SPAN),
+            r"y0.mass has the shape \(5,\)",
+        ),
+        (
+            lambda: simulate(Integrated(TwoBody(jnp.ones(5))), Y, SPAN),
+            r"system.system.mu has the shape \(5,\)",
+        ),
+        (
+            lambda: jax.jit(lambda y: simulate(KEPLER, y, SPAN, throw=False).final)(MANY),
+            r"y0.position has the shape \(3, 5\)",
+        ),
+        (
+            lambda: simulate(Mission([Phase(KEPLER, 1.0)]), MANY),
+            r"y0.position has the shape \(3, 5\)",
+        ),
+        (lambda: sensitivity(KEPLER, MANY, SPAN), r"y0.position has the shape \(3, 5\)"),
+    ],
+)
+def test_many_runs_are_sent_to_the_batch(call, array):
+    with pytest.raises(InputError, match=array + ".*simulate_batch takes many.*batch=True"):
+        call()
+
+
+def test_axes_that_declare_no_runs_are_one_run():
+    # Five vectors of one state, in a system of a user without declared shapes.
+    run = simulate(Decay(jnp.ones((3, 1))), MANY_ARRAYS, SPAN)
+    np.testing.assert_allclose(run.final, np.exp(-1.0) * MANY_ARRAYS, rtol=1e-8)
+    assert run.status.shape == ()
+
+
+def test_mapped_runs_are_one_run_each():
+    final = jax.vmap(lambda y: simulate(KEPLER, y, SPAN).final.position, -1, -1)(
+        BodyState(*(jnp.stack([x, 1.1 * x], axis=-1) for x in (Y.position, Y.velocity)))
+    )
+    assert final.shape == (3, 2)
+    # To the tolerance of both, whose steps differ.
+    np.testing.assert_allclose(final[:, 0], simulate(KEPLER, Y, SPAN).final.position, rtol=1e-8)
 
 
 @pytest.mark.parametrize(

@@ -202,6 +202,8 @@ class AttitudeDrift(AbstractSystem):
             ratio2 = self.frequency_ratio**2
             return below * c * c + a * secants, (1.0 - ratio2 * c * c) ** 2 + self.damping**2
 
+        # Halved and not by Newton's steps alone: near resonance the curve is flat, and these run
+        # away.
         def halved(_, ends):
             low, high = ends
             x = 0.5 * (low + high)

@@ -20,6 +20,7 @@ Disk = tuple[Scalar, Scalar, Scalar, Scalar]
 
 
 def tilt_acceleration(disk: Disk, theta: Scalar, precession: Scalar, spin: Scalar) -> Scalar:
+    """theta'', rad/s^2 (Thomson 5.16-14)."""
     A, C, mRR, mgR = disk
     s, c = jnp.sin(theta), jnp.cos(theta)
     gyroscopic = A * precession * precession * c + (C + mRR) * spin * precession
@@ -27,12 +28,14 @@ def tilt_acceleration(disk: Disk, theta: Scalar, precession: Scalar, spin: Scala
 
 
 def steady_spin(disk: Disk, theta: Scalar, precession: Scalar) -> Scalar:
+    """The spin s, rad/s, that keeps the tilt on a circle; infinite without precession."""
     A, C, mRR, mgR = disk
     balance = mgR / jnp.tan(theta) / precession - A * precession * jnp.cos(theta)
     return balance / (C + mRR)
 
 
 def steady_precession_rates(disk: Disk, theta: Scalar, spin: Scalar) -> tuple[Scalar, Scalar]:
+    """Both psi', rad/s, that keep the tilt with this spin, the slow one first; NaN without one."""
     A, C, mRR, mgR = disk
     p, q = (C + mRR) * spin, A * jnp.cos(theta)
     pull = mgR / jnp.tan(theta)
@@ -42,9 +45,11 @@ def steady_precession_rates(disk: Disk, theta: Scalar, spin: Scalar) -> tuple[Sc
 
 
 def tilt_stiffness(disk: Disk, theta: Scalar, precession: Scalar, spin: Scalar) -> Scalar:
+    """kappa, 1/s^2: the square of the frequency of small oscillations, negative where they grow."""
     A, C, mRR, _ = disk
 
-    def along(tilt):
+    def along(tilt: Scalar) -> Scalar:
+        """theta'' at a tilt beside the circle, with the momenta that the motion there keeps."""
         # What turns about the two axes in the plane of Z, to first order about this place.
         rate = -(C * spin + 2.0 * A * precession * jnp.cos(theta)) / (A * jnp.sin(theta))
         slow = -mRR * precession * jnp.sin(theta) / (C + mRR)
@@ -55,6 +60,7 @@ def tilt_stiffness(disk: Disk, theta: Scalar, precession: Scalar, spin: Scalar) 
 
 
 def growth_rate(disk: Disk, theta: Scalar, precession: Scalar, spin: Scalar) -> Scalar:
+    """The rate, 1/s, at which a deviation from the circle grows; zero where it does not."""
     # All by argument: what a radicand closes over has no derivative.
     return end_sqrt(_instability, *disk, theta, precession, spin)
 
@@ -62,4 +68,5 @@ def growth_rate(disk: Disk, theta: Scalar, precession: Scalar, spin: Scalar) -> 
 def _instability(
     A: Scalar, C: Scalar, mRR: Scalar, mgR: Scalar, theta: Scalar, precession: Scalar, spin: Scalar
 ) -> Scalar:
+    """-kappa, where that is positive."""
     return jnp.maximum(-tilt_stiffness((A, C, mRR, mgR), theta, precession, spin), 0.0)

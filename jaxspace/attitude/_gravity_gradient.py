@@ -102,6 +102,7 @@ def pitch_libration_period(amplitude: Scalar, moments: Vector, mean_motion: Scal
     rate = mean_motion * jnp.sqrt(jnp.where(endless, 1.0, stiffness))
     # K of the complementary modulus, an input without a difference near a right angle.
     period = 4.0 * complete_elliptic(jnp.cos(amplitude) ** 2) / rate
+    # Last, so that the derivatives are those of the constant, and not infinity times zero.
     return jnp.where(endless, jnp.inf, period)
 
 

@@ -67,6 +67,7 @@ def libration_is_stable(k1: Scalar, k3: Scalar) -> Flag:
     it is false: there a mode does not swing, or two coincide and grow slowly.
     """
     product = k1 * k3
+    # The flag below refuses a negative product; here it must only not make NaN.
     root = jnp.sqrt(jnp.maximum(product, 0.0))
     return (k1 > k3) & (product > 0.0) & (1.0 + 3.0 * k1 + product > 4.0 * root)
 
@@ -82,6 +83,8 @@ def libration_modes(moments: Vector, mean_motion: Scalar) -> LibrationModes:
 
     **Returns** the modes. At an edge of stability the slopes are infinite (the rule of ends).
     """
+    # Roll and yaw are coupled by the turn of the orbit, and obey s^4 + b s^2 + c = 0; pitch does
+    # not depend on them.
     k1, k3 = inertia_ratios(moments)
     pitch = -3.0 * (moments[0] - moments[2]) / moments[1]
     b, c = 1.0 + 3.0 * k1 + k1 * k3, 4.0 * k1 * k3

@@ -104,6 +104,7 @@ class Nutation(eqx.Module):
         none. Infinite with the period, unless the spin is zero."""
         roots = self._roots()
         ever = self._means(roots)[2]
+        # A body that creeps up without spin keeps its plane, and does not turn for ever.
         endless = self._sign() * jnp.where(self.N == 0.0, 0.0, jnp.copysign(jnp.inf, self.N))
         return jnp.where(ever, endless, self._precession(roots))
 
@@ -113,6 +114,7 @@ class Nutation(eqx.Module):
         roots = self._roots()
         total, product, ever = self._means(roots)
         rate = 0.25 * self._precession(roots) / complete_first(total, product)
+        # The mean of an endless motion is that of its end, where nearly all of the time is spent.
         return jnp.where(ever, 0.5 * self._sign() * self.N, rate)
 
     def circle_rates(self) -> tuple[Scalar, Scalar]:
@@ -176,6 +178,7 @@ class Nutation(eqx.Module):
         q, r = 2.0 * b * roots.sum_up, 4.0 * b * b * roots.product_up
         squared = d * d + q * d + r
         ever = squared <= 0.0
+        # With safe values on the separatrix: the caller replaces what follows from them.
         product = jnp.sqrt(jnp.where(ever, 1.0, squared))
         return jnp.sqrt(jnp.where(ever, 2.0, 2.0 * d + q + 2.0 * product)), product, ever
 
@@ -188,6 +191,7 @@ class Nutation(eqx.Module):
         share, most = safe_divide(upper, lower), d + 2.0 * b * lower
         whole = (share * most > d) & (d < NEAR * 2.0 * b * lower)
         pole = jnp.where(whole, share * most, d)
+        # A pole at zero has the factor g = 0 before it: any other value keeps the product zero.
         pole = jnp.where(pole > 0.0, pole, 1.0)
         passing, standing = complete_third(
             total, product, jnp.stack([pole, jnp.where(d + b == 0.0, 1.0, d + 2.0 * b)])

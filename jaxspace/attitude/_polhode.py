@@ -60,6 +60,7 @@ class Polhode(eqx.Module):
         moments = jnp.stack(
             [moment + jnp.zeros_like(rate) for moment, rate in zip(moments, omega, strict=True)]
         )
+        # The formulas take A > B > C; a body may name its axes in any order, run by run.
         order = jnp.argsort(-moments, axis=0)
         a, b, c = jnp.take_along_axis(moments, order, axis=0)
         energies = jnp.take_along_axis(moments * omega * omega, order, axis=0)
@@ -71,6 +72,7 @@ class Polhode(eqx.Module):
         ends = _vertices((a, b, c), (below, above, middle), about_least)
         # |v x h| / h, because |v|^2 - (2T/h)^2 has no digits near a steady turn.
         near, far = (safe_divide(norm(cross(v, jnp.stack([a, b, c]) * v)), h) for v in ends)
+        # The inverse of a permutation is its argsort.
         back = jnp.argsort(order, axis=0)
         first, second = (jnp.take_along_axis(v, back, axis=0) for v in ends)
         return cls(
@@ -86,6 +88,7 @@ class Polhode(eqx.Module):
     def period(self) -> Scalar:
         """Time, s, in which omega returns in the body; infinite, with derivatives of zero, on the
         separatrix, about the intermediate axis and in a body with three equal moments."""
+        # Of three equal moments the rate vanishes, on the separatrix the complement.
         endless = (self.rate == 0.0) | (self.complement == 0.0)
         rate, complement = (jnp.where(endless, 1.0, x) for x in (self.rate, self.complement))
         return jnp.where(endless, jnp.inf, 4.0 * complete_elliptic(complement) / rate)
@@ -113,6 +116,7 @@ def _vertices(moments, differences, about_least) -> tuple[Vector, Vector]:
     zero = jnp.zeros_like(middle)
 
     def rate(difference, moment, apart):
+        # A rounding may leave a difference below zero where the point lies on an axis.
         return safe_sqrt(safe_divide(jnp.maximum(difference, 0.0), moment * apart))
 
     first = jnp.stack([rate(above, a, a - c), zero, rate(below, c, a - c)])

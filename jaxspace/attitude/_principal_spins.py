@@ -67,6 +67,7 @@ def spin_modes(moments: Vector, rate: Scalar) -> tuple[Vector, Vector]:
     Where p_k^2 is zero their slopes follow the rule of ends of `end_sqrt`.
     """
 
+    # By argument and not by closure: the rule of ends takes its slopes from what is passed.
     def stable(*x):
         return jnp.maximum(spin_stiffness(jnp.stack(x[:3]), x[3]), 0.0)
 
@@ -99,6 +100,7 @@ def cone_bounds(moments: Vector, omega: Vector) -> tuple[Vector, Vector]:
     h = [moments * vertex for vertex in Polhode.of(moments, omega).vertices]
     near, far = (_angles(v) for v in h)
     least, greatest = jnp.minimum(near, far), jnp.maximum(near, far)
+    # An axis that passes through the plane across h has a vertex there, with a component of zero.
     swings = (h[0] == 0.0) | (h[1] == 0.0)
     behind = ~swings & (omega < 0.0)
     return (

@@ -92,6 +92,7 @@ class ShaftPendulum(AbstractSystem):
         def sine_of_half_squared(A, C, Wl, Omega):
             turning = (A - C) * Omega * Omega
             out = turning > Wl
+            # sin^2(theta/2) and not cos(theta), whose digits are lost near the critical rate.
             return 0.5 * jnp.where(out, turning - Wl, 0.0) / jnp.where(out, turning, 1.0)
 
         letters = jnp.broadcast_arrays(A, C, Wl, Omega)

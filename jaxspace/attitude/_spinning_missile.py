@@ -57,14 +57,17 @@ def principal_tilt(inertia: AbstractInertia) -> Complex:
 
     Its derivative exists where the moment of that axis differs from both others."""
     _, axes = principal_axes(inertia)
+    # Principal axes come in the order of their moments, and that near z may be any of them.
     nearest = jnp.argmax(jnp.abs(axes[2]), axis=0)
     along = jnp.take_along_axis(axes, nearest[None, None], axis=1)[:, 0]
+    # An axis has no direction: of both unit vectors the one on the side of z.
     return _turn_to(jnp.where(along[2] < 0.0, -along, along))
 
 
 def _turn_to(s: Array) -> Complex:
     """The rotation vector that turns z into the unit vector `s`."""
     square = s[0] * s[0] + s[1] * s[1]
+    # On the side of z only: near -z the sine is small as well, and the angle near pi.
     small = (square < 1e-3) & (s[2] > 0.0)
     sine = jnp.sqrt(jnp.where(small, 1.0, square))
     # asin(x)/x, whose next term is below rounding at the limit.
@@ -211,6 +214,7 @@ def _of_rank(pair: Complex, t: Scalar) -> Complex:
 
 
 def _product(a: Complex, b: Complex) -> Complex:
+    # As pairs of real numbers, which every derivative and every batch takes.
     return jnp.stack([a[0] * b[0] - a[1] * b[1], a[0] * b[1] + a[1] * b[0]])
 
 
@@ -229,8 +233,10 @@ def _mean_phase(x: Scalar) -> Complex:
 def _mean_ramp(x: Scalar, y: Scalar) -> Complex:
     """D(x, y), the divided difference of E: [e^(i y) E(x - y) - E(y)]/(i x)."""
     x, y = jnp.broadcast_arrays(jnp.asarray(x), jnp.asarray(y))
+    # D is symmetric: the greater argument divides, so that the quotient keeps its digits.
     swap = jnp.abs(y) > jnp.abs(x)
     great, small = jnp.where(swap, y, x), jnp.where(swap, x, y)
+    # Below it the difference of the closed form cancels, and the series has few terms.
     near = jnp.abs(great) < 1.0
     apart = _product(_phase(small), _mean_phase(great - small)) - _mean_phase(small)
     far = jnp.stack([apart[1], -apart[0]]) / jnp.where(near, 1.0, great)

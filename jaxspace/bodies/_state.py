@@ -18,7 +18,9 @@ if TYPE_CHECKING:
     AttitudePart: TypeAlias = Any
 else:
     VectorPart: TypeAlias = Float[Array, "3 *#runs"] | None
-    ScalarPart: TypeAlias = Float[Array, "..."] | None
+    # A name of its own: in axes of a batch and in shapes, the runs of a mass and of a position need
+    # not agree.
+    ScalarPart: TypeAlias = Float[Array, "*runs_of_mass"] | None
     AttitudePart: TypeAlias = Quaternion | None
 
 

@@ -116,7 +116,10 @@ def _recommendation(table: AccuracyCost, error: float) -> str:
         if row.tolerance is None
         else f"accuracy = {row.tolerance:.3g} with {row.method}"
     )
-    reached = f"which reaches {row.error:.1g} in {1e3 * row.seconds:.3g} ms"
+    # An error below that of the reference is not known: a zero would claim too much.
+    bound = row.error < table.reference_error
+    least = f"less than {table.reference_error:.1g}" if bound else f"{row.error:.1g}"
+    reached = f"which reaches {least} in {1e3 * row.seconds:.3g} ms"
     return f"for a relative error of {error:.1g} in the final state: {how}, {reached}"
 
 

@@ -35,7 +35,7 @@ from ..integration._config import IntegrationConfig
 from ..integration._events import Event
 from ..integration._layout import broadcast_state, runs_of
 from ..simulation._flight import AbstractFlight
-from ..simulation._runs import RunResult
+from ..simulation._run_result import RunResult
 from ._commands import Actuate, with_command
 from ._controller import AbstractController, as_controller
 from ._fly import LoopRun, Wanted, fly

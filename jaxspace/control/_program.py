@@ -15,7 +15,7 @@ from ..integration._status import Status
 from ..simulation._batch_layout import cut_batch, local_blocks, split_batch
 from ..simulation._blocks import Blocks, jit_wide_vectors
 from ..simulation._failures import nan_where_failed
-from ..simulation._runs import RunResult
+from ..simulation._run_result import RunResult
 from ..solvers import FixedSteps, Tolerance
 from ._clocks import SLACK, Clock, Nodes, at_nodes, ended, nodes_of
 from ._commands import Actuate
@@ -89,6 +89,7 @@ def compiled(known: Known, config: IntegrationConfig, static: Static) -> RunResu
         return _flight(known, config, static)
     given = (known.y0, known.start, known.memory)
     batched, shared, runs = split_batch(known.parts, given, 0.0, None, 0)
+    # Before the runs are cut: what a run draws must not depend on the size of the blocks.
     keys = None if known.key is None else jax.random.split(known.key, runs)
     blocks = local_blocks((batched, shared), runs)
 
@@ -114,6 +115,7 @@ def _flight(known: Known, config: IntegrationConfig, static: Static) -> RunResul
     periods = tuple(s.period or period for s in (sensors or {}).values())
     waiting = int(np.floor(static.delay / period + SLACK))
     late = max(static.delay - waiting * period, 0.0)
+    # A delay of whole periods needs no second clock, but for a rounding of its quotient.
     late = 0.0 if late < SLACK * period else late
     clocks = (Clock(period), Clock(period, late), *(Clock(p) for p in periods))
     breaks = breaks_of(system)
@@ -175,6 +177,7 @@ def _flown(
         times = jnp.where(number >= 0, jnp.minimum(times, left.stop.t), times)
     kinds = jnp.arange(events, dtype=number.dtype).reshape(-1, *(1,) * run_axes)
     result = RunResult(times, states, status, number, kinds == number, stats, None, None, ())
+    # A factor, and no selection: the derivative of a failed run must be NaN as well.
     factor = jnp.where(status > Status.EVENT, jnp.nan, 1.0)
     commands, readings = jax.tree.map(lambda x: x * factor.astype(x.dtype), (commands, readings))
     control = {"commands": commands, "readings": readings, "memory": left.memory}

@@ -12,7 +12,7 @@ from ..core import is_concrete, is_traced
 from ..integration._accuracy import DEFAULT_RTOL, Accuracy, state_dtype
 from ..integration._config import IntegrationConfig, check_tolerance
 from ..integration._status import Status
-from ..simulation._runs import RunResult
+from ..simulation._run_result import RunResult
 from ..solvers import FixedSteps
 from ._advance import as_fixed
 from ._program import Known, Static

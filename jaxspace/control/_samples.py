@@ -111,6 +111,7 @@ def run_samples(
         return _pass(setting, passing, start + since, span, ticks, nodes.always, keys)
 
     xs = (times[:-1], spans, ticks)
+    # Checkpointed: reverse mode keeps one state of each pass, and not every stage within.
     last, rows = jax.lax.scan(jax.checkpoint(one), first, xs)
     states = jax.tree.map(lambda a, b: jnp.concatenate([a[None], b]), first.y, rows[0])
     alive = setting.tolerance.alive(last.y)
@@ -146,10 +147,12 @@ def _first(setting: Setting, y0: State, memory: PyTree, t: Array, keys: Keys | N
     def decide(memory: PyTree, seen: PyTree) -> PyTree:
         return act_on(setting.controller, t, memory, seen, setting.run_axes)
 
+    # Only its shapes: the controller must not act before its first sample.
     asked, _ = jax.eval_shape(decide, memory, seen)
     dtype = jnp.result_type(*jax.tree.leaves(y0))
     idle = jax.tree.map(lambda u: jnp.zeros(u.shape, dtype), asked)
     slope = idle if setting.line else None
+    # Until the first command has passed the delay, the actuators rest.
     queue = (idle,) * setting.waiting
     worst = jnp.zeros(runs.shape, dtype)
     stop = not_stopped(setting.events, t, y0, runs)
@@ -256,14 +259,12 @@ def _decided(setting: Setting, p: Passing, t: Array, tick: Array, always: bool) 
 
     if always:
         return act(p)
+    # One clock for all: where it does not tick, the controller costs nothing.
     if tick.ndim == 0:
         return jax.lax.cond(tick, act, lambda p: p, p)
-    return p._replace(
-        **{
-            name: select(tick, getattr(act(p), name), getattr(p, name))
-            for name in ("memory", "queue", "bad")
-        }
-    )
+    acted = act(p)
+    names = ("memory", "queue", "bad")
+    return p._replace(**{n: select(tick, getattr(acted, n), getattr(p, n)) for n in names})
 
 
 def _arrived(setting: Setting, p: Passing, tick: Array, always: bool) -> Passing:

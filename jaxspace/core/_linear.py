@@ -27,7 +27,9 @@ def dot(a: Vector, b: Vector) -> Scalar:
     Raises `InputError` where the first axis does not hold three components."""
     check_components("dot: a", a, 3)
     check_components("dot: b", b, 3)
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+    a0, a1, a2 = components(a)
+    b0, b1, b2 = components(b)
+    return a0 * b0 + a1 * b1 + a2 * b2
 
 
 @functools.partial(dot.defjvp, symbolic_zeros=True)

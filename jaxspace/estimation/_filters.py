@@ -209,6 +209,8 @@ def _update_extended(
     S = H @ P @ H.T + R
     K = P @ H.T @ _inverse(S)
     left = jnp.eye(about.count, dtype=about.dtype) - K @ H
+    # Joseph's form: longer than (1 - K H) P, but a sum of squares, which no rounding makes
+    # indefinite.
     return MeanCovariance(about.moved(K @ r), left @ P @ left.T + K @ R @ K.T), (r, S)
 
 
@@ -219,6 +221,7 @@ def _update_unscented(
     points, weights = _sigma_points(known)
     h = jax.vmap(measure, in_axes=(None, -1), out_axes=-1)(t, points)
     there = ~jnp.isnan(z)
+    # A reading that is missing has no spread, and with it no gain.
     h = jnp.where(there[:, None], h, 0.0)
     mean, S = _moments(h, weights)
     errors = _errors(about, points)
@@ -227,6 +230,7 @@ def _update_unscented(
     S = S + R
     K = cross @ _inverse(S)
     P = known.covariance - K @ cross.T
+    # Rounding leaves it unsymmetric, and the root of the next step takes it for symmetric.
     return MeanCovariance(about.moved(K @ r), 0.5 * (P + P.T)), (r, S)
 
 
@@ -265,6 +269,8 @@ def _root(P: Array) -> Array:
     columns = []
     for j in range(n):
         d = P[j, j]
+        # What is left below rounding is no variance: its root would be noise, or of a negative
+        # number.
         good = d > least[j]
         column = jnp.where(good, P[:, j], 0.0) / jnp.sqrt(jnp.where(good, d, 1.0))
         columns.append(column)
@@ -275,6 +281,7 @@ def _root(P: Array) -> Array:
 def _inverse(S: Array) -> Array:
     """The inverse, or of what is known exactly, the pseudo-inverse, in units of the diagonal."""
     size = jnp.sqrt(jnp.where(jnp.diag(S) > 0.0, jnp.diag(S), 1.0))
+    # In units of the diagonal, because metres and radians in one matrix would decide its rank.
     unit = jnp.linalg.pinv(S / (size[:, None] * size[None]), hermitian=True)
     return unit / (size[:, None] * size[None])
 

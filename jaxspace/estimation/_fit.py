@@ -199,6 +199,8 @@ class _Task(NamedTuple):
         """r at the coordinates x, and those of the readings as a tree."""
 
         def leaf(z: Array, h: Array, s: Array, there: Array) -> Array:
+            # Twice: the branch that is not taken would send the NaN of a missing reading into the
+            # gradient.
             return jnp.where(there, (jnp.where(there, z, 0.0) - h) / s, 0.0)
 
         predicted = self.model(self.coordinates.moved(x))
@@ -222,8 +224,10 @@ def _found(task: _Task, x: Array, solved: Array, steps: Array, stated: bool) -> 
     chi_squared = r @ r
     variance = jnp.ones((), r.dtype)
     if not stated:
+        # As many readings as parameters leave no residual, and say nothing of the noise.
         variance = chi_squared / jnp.maximum(freedom, 1.0)
     columns = jnp.sqrt(jnp.sum(jacobian**2, axis=0))
+    # A parameter of no influence keeps its unit, and shows as a singular value of zero.
     columns = jnp.where(columns > 0.0, columns, 1.0)
     _, singular, rows = jnp.linalg.svd(jacobian / columns, full_matrices=False)
     return Fit(

@@ -50,11 +50,13 @@ class BearingFriction(AbstractParameters):
         viscous = -self.viscous * rate
         if self.creep is None:
             return viscous - self.dry * (0.0 if slip is None else slip)
+        # A smooth sign needs no slip in the state and no event; under load the bearing creeps.
         return viscous - self.dry * jnp.tanh(rate / self.creep)
 
     def margin(self, rate: Scalar, acting: Scalar, slip: Scalar) -> Scalar:
         """What falls to zero where a slipping bearing stops, rad/s, and where a stuck one begins to
         slip, N m, under the moment `acting`, N m, less the friction."""
+        # One number for both, so that one event serves a bearing that slips and one that sticks.
         return jnp.where(slip == 0.0, self.dry - jnp.abs(acting), slip * rate)
 
     def slip_at_rest(self, acting: Scalar) -> Scalar:

@@ -76,6 +76,8 @@ class LinearFlow(AbstractClosedForm):
         matrix, drive = with_rank(self.matrix, len(runs), axes=2), with_rank(self.drive, len(runs))
         a = jnp.broadcast_to(matrix * duration, (n, n, *runs))
         b = jnp.broadcast_to(drive * duration, (n, *runs))
+        # With b as one more column, and zeros below, the exponential also holds the integral of
+        # what b drives, even where A has no inverse (Van Loan 1978).
         upper = jnp.concatenate([a, b[:, None]], axis=1)
         whole = jnp.concatenate([upper, jnp.zeros((1, n + 1, *runs), x.dtype)])
         front, back = (0, 1), (-2, -1)
@@ -96,7 +98,12 @@ def _exponential(a: Float[Array, "*runs n n"]) -> Float[Array, "*runs n n"]:
         def once(x: Array) -> Array:
             return jnp.where(k < number, jnp.matmul(x, x, precision="highest"), x)
 
+        # Only as long as one of the runs still squares: a product of matrices costs more than the
+        # question.
         return jax.lax.cond(jnp.any(k < number), once, lambda x: x, power), None
 
+    # A scan with a fixed number of turns can be differentiated in reverse, and compiles one of
+    # them.
     power, _ = jax.lax.scan(square, power, jnp.arange(SQUARINGS, dtype=a.dtype))
+    # Further squarings would leave no digit: NaN says so, a wrong number would not.
     return jnp.where(norm <= 2.0**SQUARINGS, power, jnp.nan)

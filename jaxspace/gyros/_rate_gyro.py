@@ -120,6 +120,7 @@ class RateGyro(AbstractSystem):
         z = self.damping_ratio()
         inside = z < 1.0
         under = jnp.where(inside, z, 0.0)
+        # (1 - z) (1 + z), because 1 - z^2 loses its digits near critical damping.
         share = jnp.exp(-jnp.pi * under / jnp.sqrt((1.0 - under) * (1.0 + under)))
         return jnp.where(inside, share, 0.0)
 

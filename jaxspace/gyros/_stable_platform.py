@@ -104,6 +104,8 @@ class StablePlatform(AbstractSystem):
         load = J * bend + cross(w, J * w) + h * theta_rate - torque
         signals = self.gain * theta + self.rate_gain * theta_rate + self.integral_gain * integral
         drive = self._motors(phi, rates, axes, signals) - self.gimbal_friction * rates
+        # Projected on the axes of the gimbals: the reactions in their bearings do no work and drop
+        # out.
         forces = drive - jnp.einsum("ki...,k...->i...", axes, load)
         mass = jnp.einsum("ki...,k...,kj...->ij...", axes, J, axes)
         unit = jnp.eye(phi.shape[0], dtype=mass.dtype).reshape(mass.shape[:2] + (1,) * rank)
@@ -112,6 +114,8 @@ class StablePlatform(AbstractSystem):
         runs = jnp.broadcast_shapes(mass.shape[2:], forces.shape[1:])
         mass = jnp.broadcast_to(mass, (*mass.shape[:2], *runs))
         forces = jnp.broadcast_to(forces, (forces.shape[0], *runs))
+        # With pivots: towards the lock two axes fall together, and only the gimbals' own inertia
+        # keeps the matrix regular.
         found = jnp.linalg.solve(
             jnp.moveaxis(mass, front, back), jnp.moveaxis(forces, 0, -1)[..., None]
         )
@@ -173,6 +177,7 @@ class StablePlatform(AbstractSystem):
             of_gimbals = jnp.einsum("ki...,i...->k...", gimbal_axes(phi), rates)
             return of_gimbals + _vehicle_axes(phi).rotate_back(self.vehicle_turn(t))
 
+        # Along (1, rates): how the axes bend and how the vehicle's turn changes, together.
         return jax.jvp(turn, (t, phi), (jnp.ones_like(t), jnp.broadcast_to(rates, phi.shape)))
 
     def _motors(self, phi: Array, rates: Array, axes: Array, signals: Vector) -> Gimbals:

@@ -162,6 +162,7 @@ class TwoGimbalGyro(AbstractSystem):
         lock, and zero where the outer bearing sticks."""
         momentum = y.angular_momentum - self.spin_momentum(y) * jnp.cos(y.theta)
         if y.slip_outer is not None:
+            # Zero by decree: a rounding in the momentum would turn a gimbal that sticks.
             momentum = jnp.where(y.slip_outer == 0.0, 0.0, momentum)
         return momentum / self.outer_inertia(y.theta)
 
@@ -317,6 +318,7 @@ class TwoGimbalGyro(AbstractSystem):
         """What turns the inner gimbal, and what turns the outer one from rest, less the friction,
         N m."""
         s, c, H = jnp.sin(y.theta), jnp.cos(y.theta), self.spin_momentum(y)
+        # One product, because both terms vanish together where psi' does.
         inner = (self._gimbal_difference() * psi_rate * c - H) * psi_rate * s + self.moment_inner
         outer = self.moment_outer + H * s * y.theta_rate
         return inner, outer if spin is None else outer - spin * c
@@ -344,6 +346,7 @@ class TwoGimbalGyro(AbstractSystem):
         """The state with the gimbal of the bearing `name` at rest where it is `now`."""
         if name == "slip_inner":
             return replace(y, theta_rate=jnp.where(now, 0.0, y.theta_rate))
+        # The outer gimbal is stopped by its momentum, from which its rate follows.
         still = self.spin_momentum(y) * jnp.cos(y.theta)
         return replace(y, angular_momentum=jnp.where(now, still, y.angular_momentum))
 
@@ -355,5 +358,6 @@ class TwoGimbalGyro(AbstractSystem):
 def _less_sine(x: Scalar) -> Scalar:
     """x - sin(x), right to rounding also for a small x."""
     small = jnp.abs(x) < 1.0
+    # Where the closed form counts, the series gets zero: its powers may overflow.
     near = jnp.where(small, x, 0.0)
     return jnp.where(small, near**3 * stumpff(near * near)[1], x - jnp.sin(x))

@@ -14,7 +14,7 @@ from jaxtyping import Array
 
 from ._mapping import add_run_axis, over_blocks
 from ._primitives import Program, along, along_p, back, back_p, derivative_p, record_p, solve_p
-from ._problem import Leaves, Moving, Parts, Problem
+from ._problem import Leaves, Moving, Parts, Problem, arguments_of
 
 # Which axis of each argument is mapped; `None` for one that is not.
 Dims: TypeAlias = Sequence[int | None]
@@ -47,8 +47,7 @@ def _solve_batch(values: Leaves, dims: Dims, *, problem: Problem) -> Batched:
         return _by_jax(problem.solve, values, dims)
 
     def block(parts: Parts) -> list[Array]:
-        inner, args = Problem.of(*parts)
-        return solve_p.bind(*args, problem=inner)
+        return solve_p.bind(*arguments_of(parts), problem=Problem(parts))
 
     ranks = [x.ndim for x in problem.outcome_avals]
     outs = over_blocks(block, mapped, size, ranks)
@@ -93,7 +92,7 @@ def _linear_batch(primitive: Primitive, program: Program) -> Callable[..., Batch
             return _by_jax(one, [*args, *last], [*arg_dims, *last_dims])
 
         def block(parts: Parts, last: Leaves) -> list[Array]:
-            inner, args = Problem.of(*parts)
+            inner, args = Problem(parts), arguments_of(parts)
             _, record = inner.split_record(record_p.bind(*args, problem=inner))
             return primitive.bind(
                 *args, *record, *last, problem=inner, moving=moving, columns=columns

@@ -52,12 +52,8 @@ class Segments(eqx.Module):
     def __len__(self) -> int:
         return self.u.shape[0] - 1
 
-    def _segment(self, s: Scalar) -> tuple[Scalar | float, Scalar, Scalar]:
+    def _segment(self, s: Scalar) -> tuple[Scalar, Scalar, Scalar]:
         """Normalised time at which the segment of `s` starts, its u there, and its width in u."""
-        if len(self) == 1:
-            # Without a gather, which would hinder the compiler's fusion, and with the start as a
-            # constant: every stage of a step asks for it, which each first call would compile.
-            return 0.0, self.u[0], self.u[1] - self.u[0]
         start = jnp.clip(jnp.floor(s), 0.0, len(self) - 1.0)
         i = start.astype(jnp.int32)
         if i.ndim and self.u.ndim > 1:
@@ -68,6 +64,10 @@ class Segments(eqx.Module):
 
     def time(self, s: Scalar) -> Scalar:
         """The time, s, at the normalised time `s`."""
+        if len(self) == 1:
+            # From 0 to 1, without looking it up: every stage of a step asks for it, and each would
+            # read the ends in a loop of its own, which first calls compile.
+            return self.t0 + self.span * s
         start, u, width = self._segment(s)
         return self.t0 + self.span * (u + (s - start) * width)
 
@@ -79,15 +79,17 @@ class Segments(eqx.Module):
         # Of the time and of the fraction, and of what an effect computes its break times from.
         rounding = 4.0 * jnp.finfo(self.span.dtype).eps
         edge = rounding * jnp.copysign(jnp.abs(self.t0) + jnp.abs(self.span), self.span)
-        x = s - self._segment(s)[0]
+        x = s if len(self) == 1 else s - self._segment(s)[0]
         return self.time(s) + jax.lax.stop_gradient((1.0 - 2.0 * x) * edge)
 
     def duration(self, s: Scalar, ds: Scalar) -> Scalar:
         """The duration, s, of a normalised time `ds` from `s` on, within one segment."""
-        return ds * (self.span * self._segment(s)[2])
+        return ds * (self.span if len(self) == 1 else self.span * self._segment(s)[2])
 
     def lengths(self) -> Float[Array, " segments"]:
         """Mean length of each segment over the runs, as a fraction of the run."""
+        if len(self) == 1:
+            return jnp.ones(1, self.u.dtype)
         widths = jnp.diff(self.u, axis=0).reshape(len(self), -1)
         # A segment of no length keeps a small one: step control divides by it.
         return jnp.maximum(jnp.mean(widths, axis=1), 1e-6)

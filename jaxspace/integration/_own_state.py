@@ -70,6 +70,7 @@ class Segment(NamedTuple):
 
 
 def alive(z: Regular) -> Bool[Array, "*runs"]:
+    """Which runs have nothing but finite numbers in their variables."""
     # The sum of all is finite if they are, and no reduction, which takes one run after the other.
     return jnp.isfinite(functools.reduce(jnp.add, list(z)))
 

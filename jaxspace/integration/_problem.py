@@ -93,15 +93,9 @@ def _own_outcome(loop: OwnLoop, settings: LoopSettings) -> Outcome:
     )
 
 
-def run_loop(
-    settings: LoopSettings, field: PyTree, y0: PyTree, *, checkpointed: bool = False
-) -> tuple[Outcome, Record | None]:
-    """Integrate by the loop that the state belongs to: what it leaves, and its record."""
-    if isinstance(y0, OwnState):
-        own = integrate_own_steps(settings, field, y0, checkpointed=checkpointed)
-        return _own_outcome(own, settings), Record.of_own(own) if checkpointed else None
-    loop = integrate_loop(settings, field, y0, checkpointed=checkpointed)
-    return _outcome(loop, settings), Record.of(loop) if checkpointed else None
+def arguments_of(parts: PyTree) -> list[Array]:
+    """The arrays of field, initial state and settings: the arguments of the primitives."""
+    return jax.tree.leaves(eqx.filter(parts, eqx.is_array))
 
 
 @final
@@ -112,22 +106,14 @@ class Problem:
 
     def __init__(self, parts: Parts):
         arrays, self.static = eqx.partition(parts, eqx.is_array)
-        self.leaves, self.structure = jax.tree.flatten(arrays)
-        # Weak types stay: a parameter given as a Python number takes the precision of the state.
-        self.avals = [shape_of(x) for x in self.leaves]
-        # The arguments of the primitives are tracers; only their shapes may stay here.
-        field, y0, settings = parts
-        self.num_field = len(jax.tree.leaves(eqx.filter(field, eqx.is_array)))
+        leaves, self.structure = jax.tree.flatten(arrays)
+        # Only the shapes may stay here: the arguments of the primitives are tracers. Weak types
+        # stay: a parameter given as a Python number takes the precision of the state.
+        self.avals = [shape_of(x) for x in leaves]
+        field, y0, _ = parts
+        self.num_field = len(arguments_of(field))
         # Saved states have as many arrays as one state, and come first in an outcome.
-        self.num_states = len(jax.tree.leaves(eqx.filter(y0, eqx.is_array)))
-
-    @classmethod
-    def of(cls, *parts: PyTree) -> tuple["Problem", list[Array]]:
-        """The problem of a field, an initial state and settings, and its arguments."""
-        problem = cls(parts)
-        leaves = problem.leaves
-        del problem.leaves
-        return problem, leaves
+        self.num_states = len(arguments_of(y0))
 
     def parts(self, args: Sequence[PyTree]) -> Parts:
         """Field, initial state and settings from the arguments."""
@@ -135,15 +121,21 @@ class Problem:
 
     # The programs, as functions of flat arguments.
 
-    def solve(self, *args: Array) -> list[Array]:
-        """The arrays of the outcome."""
+    def solve(self, *args: Array, checkpointed: bool = False) -> list[Array]:
+        """The arrays of the outcome; of a `checkpointed` run, then those of its record."""
         field, y0, settings = self.parts(args)
-        return jax.tree.leaves(run_loop(settings, field, y0))
+        # The state says which loop it belongs to.
+        if isinstance(y0, OwnState):
+            own = integrate_own_steps(settings, field, y0, checkpointed=checkpointed)
+            outcome = _own_outcome(own, settings)
+            return jax.tree.leaves((outcome, Record.of_own(own) if checkpointed else None))
+        loop = integrate_loop(settings, field, y0, checkpointed=checkpointed)
+        outcome = _outcome(loop, settings)
+        return jax.tree.leaves((outcome, Record.of(loop) if checkpointed else None))
 
     def record(self, *args: Array) -> list[Array]:
         """The arrays of the outcome, then those of the record."""
-        field, y0, settings = self.parts(args)
-        return jax.tree.leaves(run_loop(settings, field, y0, checkpointed=True))
+        return self.solve(*args, checkpointed=True)
 
     @functools.cached_property
     def solve_jaxpr(self) -> ClosedJaxpr:

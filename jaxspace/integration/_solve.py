@@ -36,7 +36,7 @@ from ._loop import LoopSettings
 from ._own_state import OwnState
 from ._primitives import solve_p
 from ._problem import Outcome as Outcome
-from ._problem import Problem
+from ._problem import Problem, arguments_of
 
 
 def solve(field: PyTree, y0: State, settings: LoopSettings) -> Outcome:
@@ -52,8 +52,8 @@ def solve(field: PyTree, y0: State, settings: LoopSettings) -> Outcome:
     settings = jax.tree.map(
         lambda x: jax.lax.stop_gradient(x) if eqx.is_inexact_array(x) else x, settings
     )
-    problem, args = Problem.of(field, y0, settings)
-    leaves = solve_p.bind(*args, problem=problem)
+    parts = (field, y0, settings)
+    leaves = solve_p.bind(*arguments_of(parts), problem=Problem(parts))
     asked = settings.record_steps or settings.dense
     shape = (y0, 0, 0, 0, 0, 0 if asked else None, y0 if settings.dense else None)
     return Outcome(*jax.tree.unflatten(jax.tree.structure(shape), leaves))

@@ -125,6 +125,5 @@ def status_from(
     - `max_local_error`: in units of the tolerance; up to 1 is within it."""
     # The order says which failure explains the others: NaN first, then the steps, then the error.
     status = jnp.where(max_local_error > 1.0, Status.TOLERANCE_MISSED, Status.COMPLETED)
-    status = jnp.where(finite, status, Status.NOT_FINITE)
-    ran_out = out_of_steps & (status != Status.NOT_FINITE)
-    return jnp.where(ran_out, Status.MAX_STEPS, status).astype(jnp.int32)
+    status = jnp.where(out_of_steps, Status.MAX_STEPS, status)
+    return jnp.where(finite, status, Status.NOT_FINITE).astype(jnp.int32)

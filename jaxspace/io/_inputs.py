@@ -12,7 +12,7 @@ from ._checks import Parsed
 from ._errors import hint, missing, shown, unknown, wrong
 from ._joint_inputs import JointInput, read_correlated, read_direction
 from ._kinds import Entry, Value, Values
-from ._units import expected, read_number, split
+from ._units import expected, in_unit, read_number, split
 from ._value_kinds import ListOf, Measure, Number
 
 DEFAULT = "normal"
@@ -41,9 +41,12 @@ class Input(NamedTuple):
         made = self.distribution()
         low, high = self.numbers.get("low"), self.numbers.get("high")
         if low is not None and high is not None and not low <= self.nominal <= high:
+            # As its author wrote it: radians beside a file of degrees are read as degrees.
+            unit = self.nominal.unit or quantity.unit
+            low, high, here = (in_unit(quantity.unit, unit) * x for x in (low, high, self.nominal))
             found.append(
-                f"dispersion.inputs.{path} lies from {low:.6g} to {high:.6g} {quantity.unit}, "
-                f"without the nominal value {float(self.nominal):.6g}."
+                f"dispersion.inputs.{path} lies from {low:.6g} to {high:.6g} {unit}".rstrip()
+                + f", without the nominal value {here:.6g}."
             )
         share = made.outside(quantity.low, quantity.high)
         if share > RARE:

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any, final
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 from jax.typing import ArrayLike
 from jaxtyping import Array
@@ -27,6 +26,7 @@ from ._control import is_noisy
 from ._inputs import Input
 from ._joint_inputs import JointInput
 from ._kinds import Values
+from ._nominal import nominal_states, outputs_of
 from ._objects import Building, Runs
 from ._optimize_table import Task
 from ._optimum import Optimum, optimise
@@ -199,7 +199,7 @@ class SceneFile:
             warnings.warn(doubt, stacklevel=2)
         if nominal is None and needs_nominal(self.outputs):
             nominal = self.nominal_mission()
-        reference = None if nominal is None else self._nominal_states(nominal)
+        reference = None if nominal is None else nominal_states(nominal)
         limits = {path: how.nominal.quantity for path, how in self.inputs.items()}
         units = {path: quantity.unit for path, quantity in limits.items()}
         return Campaign(
@@ -276,25 +276,7 @@ class SceneFile:
         - `every`: those for which the file has all that they need, in place of those that
           [dispersion] asks for."""
         specs = applicable_outputs(self.parsed, self.units) if every else self.outputs
-        outputs = Outputs(self, specs, self._numbers({}), None)
-        # A jitted function without outputs would still be compiled.
-        if not specs:
-            return {}
-        if isinstance(nominal, MissionTrajectory):
-            states = self._nominal_states(nominal)
-            ends = {-1: nominal.end, **{k: p.ts[-1] for k, p in enumerate(nominal.phases)}}
-        else:
-            states = {-1: _with_run(nominal.final)}
-            ends = {-1: nominal.ts[-1]}
-        # Outputs are written for runs on the last axis: the nominal run is a batch of one.
-        ends = {place: jnp.reshape(t, (1,)) for place, t in ends.items()}
-        phases = nominal.phases if isinstance(nominal, MissionTrajectory) else [nominal]
-        along = {k for spec in specs for k in spec.phases}
-        curves = {k: _with_run((phases[k].ts, phases[k].states)) for k in along}
-        numbers = eqx.filter_jit(lambda o, *given: o.numbers(given[0], given[1], {}, given[2]))(
-            outputs, states, ends, curves
-        )
-        return {spec.name: (float(numbers[spec.name][0]), spec.unit) for spec in specs}
+        return outputs_of(nominal, specs, Outputs(self, specs, self._numbers({}), None))
 
     def body(self, values: Values, samples: Mapping[str, Array], runs: int) -> AbstractBody:
         """The body, from the numbers of the file and those of `runs` runs in `samples`."""
@@ -328,16 +310,6 @@ class SceneFile:
 
     def _building(self, values: Values, runs: Runs | None = None) -> Building:
         return Building(values, self.parsed.makers, Runs() if runs is None else runs)
-
-    def _nominal_states(self, nominal: MissionTrajectory) -> dict[int, State]:
-        """The states of the nominal run by phase (-1: the end), with an axis of one run."""
-        states = {-1: nominal.final, **{k: p.final for k, p in enumerate(nominal.phases)}}
-        return _with_run(states)
-
-
-def _with_run(tree: Any) -> Any:
-    """The arrays with an axis of one run behind."""
-    return jax.tree.map(lambda x: jnp.asarray(x)[..., None], tree)
 
 
 class _Build(eqx.Module):

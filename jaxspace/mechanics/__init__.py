@@ -6,6 +6,10 @@ from ._arm import foucault_motion as foucault_motion
 from ._beams import beam_integral as beam_integral
 from ._beams import beam_roots as beam_roots
 from ._beams import beam_shape as beam_shape
+from ._carried_pendulums import CentrifugalPendulum as CentrifugalPendulum
+from ._carried_pendulums import FramedPendulum as FramedPendulum
+from ._carried_pendulums import RotatingHoop as RotatingHoop
+from ._carried_pendulums import SliderCarrier as SliderCarrier
 from ._constraints import Accelerations as Accelerations
 from ._constraints import degrees_of_freedom as degrees_of_freedom
 from ._description import GeneralisedState as GeneralisedState
@@ -25,13 +29,9 @@ from ._missile_loop import MissileLoop as MissileLoop
 from ._missile_loop import MissileLoopState as MissileLoopState
 from ._moving_point import moment_about_moving_point as moment_about_moving_point
 from ._moving_point import momentum_about as momentum_about
-from ._pendulums import CentrifugalPendulum as CentrifugalPendulum
 from ._pendulums import DoublePendulum as DoublePendulum
 from ._pendulums import ElasticPendulum as ElasticPendulum
-from ._pendulums import FramedPendulum as FramedPendulum
-from ._pendulums import RotatingHoop as RotatingHoop
 from ._pendulums import SimplePendulum as SimplePendulum
-from ._pendulums import SliderCarrier as SliderCarrier
 from ._reduction import CanonicalState as CanonicalState
 from ._reduction import Hamiltonian as Hamiltonian
 from ._reduction import routh as routh

@@ -73,7 +73,7 @@ def constraints_of(
     t = jnp.asarray(t, q.dtype)
     parts = []
     if system.holonomic(t, q) is not None:
-
+        # Differentiated twice along the motion: what is left without accelerations is the bias.
         def rate(t: Array, q: Array) -> tuple[Array, Array]:
             g, g_rate = jax.jvp(_holonomic(system), (t, q), (jnp.ones_like(t), v))
             return g_rate, g
@@ -88,6 +88,7 @@ def constraints_of(
             assert c is not None
             return jnp.broadcast_to(c, (c.shape[0], *v.shape[1:]))
 
+        # The rates stay: they count by the matrix, whose factor is the acceleration.
         errors, bias = jax.jvp(lambda t, q: demand(t, q, v), (t, q), (jnp.ones_like(t), v))
         matrix = columns(lambda v: demand(t, q, v), v)
         parts.append(Constraints(matrix, errors, bias, jnp.zeros_like(errors)))
@@ -113,6 +114,7 @@ def applied_force(system: AbstractDescription, t: Scalar, q: Array, v: Array) ->
     force = system.force(t, q, v)
     f = jnp.zeros_like(v) if force is None else force
     if system.dissipation(t, q, v) is not None:
+        # Friction is minus the slope of Rayleigh's function in the rates.
         f = f - jax.grad(lambda v: jnp.sum(jnp.asarray(system.dissipation(t, q, v))))(v)
     return f
 

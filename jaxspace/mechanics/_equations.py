@@ -29,6 +29,8 @@ WRITTEN_OUT = 6
 
 def momenta(function: ScalarFunction, t: Scalar, q: Coordinates, v: Coordinates) -> Coordinates:
     """The generalised momenta dL/dv, (n, *runs)."""
+    # Of the sum over the runs: each of them depends on its own rates alone, so that one reverse
+    # pass serves all.
     return jax.grad(lambda v: jnp.sum(function(t, q, v)))(v)
 
 
@@ -36,6 +38,7 @@ def columns(function: Callable[[Array], Array], x: Coordinates) -> Array:
     """The Jacobian of a function of each run, (m, n, *runs), at `x`, (n, *runs)."""
     n = x.shape[0]
     units = jnp.eye(n, dtype=x.dtype).reshape(n, n, *(1,) * (x.ndim - 1))
+    # Forward mode: there are as many directions as coordinates, and a run stays in its column.
     along = jax.vmap(lambda e: jax.jvp(function, (x,), (jnp.broadcast_to(e, x.shape),))[1])
     return jnp.moveaxis(along(units), 0, 1)
 
@@ -51,6 +54,8 @@ def inertial_force(
     """dL/dq - d(dL/dv)/dt at constant rates, (n, *runs)."""
     t = jnp.asarray(t, q.dtype)
     slope = jax.grad(lambda q: jnp.sum(function(t, q, v)))(q)
+    # Along (1, v): the explicit time and the moving coordinates in one pass, without the matrix of
+    # mixed derivatives.
     _, change = jax.jvp(lambda t, q: momenta(function, t, q, v), (t, q), (jnp.ones_like(t), v))
     return slope - change
 
@@ -63,6 +68,8 @@ def solve(m: Square, b: Columns) -> Columns:
         front, back = (0, 1), (-2, -1)
         found = jnp.linalg.solve(jnp.moveaxis(m, front, back), jnp.moveaxis(b, front, back))
         return jnp.moveaxis(found, back, front)
+    # Written out, so that each operation acts on all runs at once, where LAPACK takes one after the
+    # other. Minors that do not vanish need no pivots.
     rows = [jnp.concatenate([m[i], b[i]]) for i in range(n)]
     for i in range(n):
         for j in range(i + 1, n):

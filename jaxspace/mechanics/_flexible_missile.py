@@ -90,9 +90,11 @@ class FlexibleMissile(AbstractSystem):
         moment = self.actuator_stiffness * command - self.actuator_damping * y.engine_rate
         friction = 2.0 * self.damping_ratio * self.mass
         modal = friction * with_rank(self.frequencies(), rank) * y.bending_rate
+        # Of the actuator, the command and the damper alone: its spring is in the stiffness matrix.
         drive = jnp.concatenate([jnp.broadcast_to(moment, y.engine.shape)[None], -modal])
         pushed = with_rank(self.across(place), rank) * force
         force_of = drive + pushed - jnp.einsum("ij...,j...->i...", k, x)
+        # The elimination joins the rows of both, which must carry the same runs.
         m = jnp.broadcast_to(m, (*m.shape[:2], *force_of.shape[1:]))
         rate = solve(m, force_of[:, None])[:, 0]
         engine = self.engine()

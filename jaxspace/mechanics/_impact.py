@@ -54,12 +54,14 @@ def contact_impulse(approach: Scalar, inverse_mass: Scalar, restitution: Scalar)
 
     **Returns** J, N s, (*runs,): zero where the bodies already separate.
     """
+    # Clipped, because bodies that part exchange nothing, even if they still touch.
     return (1.0 + restitution) * jnp.maximum(approach, 0.0) / inverse_mass
 
 
 def impact_energy_loss(approach: Scalar, inverse_mass: Scalar, restitution: Scalar) -> Scalar:
     """Energy, J, (*runs,), that the impact of `contact_impulse` takes away; same arguments."""
     u = jnp.maximum(approach, 0.0)
+    # As a product: 1 - e^2 would lose its digits in an impact that is almost elastic.
     return 0.5 * (1.0 - restitution) * (1.0 + restitution) * u * u / inverse_mass
 
 

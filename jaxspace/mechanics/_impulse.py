@@ -48,6 +48,7 @@ def apply_impulse(
     if found is None:
         return GeneralisedState(q, v + solve(m, impulse[:, None])[:, 0])
     transposed = jnp.swapaxes(found.matrix, 0, 1)
+    # One elimination for the free change and for those of unit impulses of the constraints.
     both = solve(m, jnp.concatenate([impulse[:, None], transposed], axis=1))
     free, mobility = both[:, :1], both[:, 1:]
     answer = schur_solve(system, found.matrix, mobility, -matmul(found.matrix, free))
@@ -77,6 +78,7 @@ def apply_impact(
     m = mass_matrix(system.lagrangian, t, q, v)
     directions = columns(gaps, q)
     mobility = solve(m, jnp.swapaxes(directions, 0, 1))
+    # How fast each gap opens by a unit impulse in each of the contacts.
     stiffness = matmul(directions, mobility)
     speed = matmul(directions, v[:, None])[:, 0]
     count = speed.shape[0]
@@ -85,6 +87,8 @@ def apply_impact(
     impulses = jnp.zeros_like(speed)
     # A contact that pulls is dropped, and may change the sign of another one.
     for _ in range(count):
+        # A row of the identity holds a contact that is left out at zero: shapes must not depend on
+        # numbers.
         coupled = jnp.where(active[:, None] & active[None], stiffness, one)
         right = jnp.where(active, -(1.0 + restitution) * speed, 0.0)
         impulses = solve(coupled, right[:, None])[:, 0]

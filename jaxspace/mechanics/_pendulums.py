@@ -1,17 +1,14 @@
-"""Pendulums and their kin, each by its Lagrangian.
+"""Pendulums whose support is at rest, each by its Lagrangian.
 
+    simple        L = l^2 th'^2/2 + g l cos(th)                       per unit mass
     double        L = (m1+m2) l1^2 a'^2/2 + m2 l2^2 b'^2/2 + m2 l1 l2 a' b' cos(a-b)
                       + (m1+m2) g l1 cos(a) + m2 g l2 cos(b)
     elastic       L = m (r'^2 + r^2 th'^2)/2 + m g r cos(th) - k (r - l0)^2/2
-    centrifugal   L = I th'^2/2 + m [R^2 th'^2 + r^2 (th'+ph')^2 + 2 R r th' (th'+ph') cos(ph)]/2
-    framed        L = [I + m l^2 sin^2(th)] ph'^2/2 + m l^2 th'^2/2 + m g l cos(th)
-    on a hoop     L = m r^2 [th'^2 + W^2 sin^2(th)]/2 + m g r cos(th)
-    carried       L = M V^2/2 + I th'^2/2 + m [(vx + s')^2 + (vy + th' s)^2]/2 - k (s - s0)^2/2
 
-Angles are measured from the downward vertical, rad; V is the velocity of the carrier, vx and vy its
-components along the carrier, on which the slider runs.
+Angles are measured from the downward vertical, rad. Those on what moves are in
+`_carried_pendulums.py`.
 
-Source: Thomson 9.3, 9.10 problems 8, 11, 12, 19; 9.11.
+Source: Thomson 9.3, 9.10 problems 8, 11, 12, 19.
 """
 
 from typing import ClassVar, final
@@ -26,8 +23,9 @@ from ._lagrangian import AbstractLagrangian
 Number = Float[Array, "*#runs"]
 
 
-def _state(*pairs: tuple[Scalar, Scalar]) -> GeneralisedState:
+def state_of_pairs(*pairs: tuple[Scalar, Scalar]) -> GeneralisedState:
     """The state of pairs of a coordinate and its rate."""
+    # Broadcast, because one of them may differ between runs and the others be shared.
     flat = jnp.broadcast_arrays(*(as_float(x) for pair in pairs for x in pair))
     return GeneralisedState(jnp.stack(flat[0::2]), jnp.stack(flat[1::2]))
 
@@ -51,7 +49,7 @@ class SimplePendulum(AbstractLagrangian):
     )
     def state(theta: Scalar, theta_rate: Scalar = 0.0) -> GeneralisedState:
         """The state of the angle, rad, and its rate, rad/s."""
-        return _state((theta, theta_rate))
+        return state_of_pairs((theta, theta_rate))
 
     def period(self, amplitude: Scalar) -> Scalar:
         """Period, s, of a swing of this amplitude, rad: 4 sqrt(l/g) K(sin(amplitude / 2))."""
@@ -89,7 +87,7 @@ class DoublePendulum(AbstractLagrangian):
         theta_1: Scalar, theta_2: Scalar, theta_1_rate: Scalar = 0.0, theta_2_rate: Scalar = 0.0
     ) -> GeneralisedState:
         """The state of the angles, rad, and their rates, rad/s."""
-        return _state((theta_1, theta_1_rate), (theta_2, theta_2_rate))
+        return state_of_pairs((theta_1, theta_1_rate), (theta_2, theta_2_rate))
 
 
 @final
@@ -121,149 +119,10 @@ class ElasticPendulum(AbstractLagrangian):
         r: Scalar, theta: Scalar, r_rate: Scalar = 0.0, theta_rate: Scalar = 0.0
     ) -> GeneralisedState:
         """The state of distance, m, angle, rad, and their rates."""
-        return _state((r, r_rate), (theta, theta_rate))
+        return state_of_pairs((r, r_rate), (theta, theta_rate))
 
     def frequencies(self) -> tuple[Scalar, Scalar]:
         """Angular frequencies, rad/s, of small bounces and of small swings; a ratio of two makes
         them exchange their energy."""
         rest = self.free_length + self.mass * self.gravity / self.stiffness
         return jnp.sqrt(self.stiffness / self.mass), jnp.sqrt(self.gravity / rest)
-
-
-@final
-class CentrifugalPendulum(AbstractLagrangian):
-    """A pendulum that hangs on the rim of a free flywheel. State: `GeneralisedState` of the
-    flywheel's angle and of the pendulum's angle from the radius."""
-
-    inertia: Number = quantity("kg m^2", positive=True, doc="I, of the flywheel")
-    mass: Number = quantity("kg", positive=True, doc="m, of the pendulum")
-    arm: Number = quantity("m", positive=True, doc="R, of the pivot from the axis")
-    length: Number = quantity("m", positive=True, doc="r, of the pendulum")
-    names: ClassVar[tuple[str, ...]] = ("theta", "phi")
-
-    def lagrangian(self, t: Scalar, q: Array, v: Array) -> Scalar:
-        del t
-        rim, bob = self.arm * v[0], self.length * (v[0] + v[1])
-        speed2 = rim * rim + bob * bob + 2.0 * rim * bob * jnp.cos(q[1])
-        return 0.5 * (self.inertia * v[0] ** 2 + self.mass * speed2)
-
-    @staticmethod
-    @constructor(
-        theta_rate=argument("rad/s", doc="of the flywheel"),
-        phi=argument("rad", doc="of the pendulum, from the radius"),
-        phi_rate=argument("rad/s", default=0.0, doc="rate of phi"),
-        theta=argument("rad", default=0.0, doc="of the flywheel"),
-    )
-    def state(
-        theta_rate: Scalar, phi: Scalar, phi_rate: Scalar = 0.0, theta: Scalar = 0.0
-    ) -> GeneralisedState:
-        """The state of the angles, rad, and their rates, rad/s."""
-        return _state((theta, theta_rate), (phi, phi_rate))
-
-    def frequencies(self, theta_rate: Scalar) -> tuple[Scalar, Scalar]:
-        """Angular frequencies, rad/s, of small swings at this rate, rad/s, of the flywheel: held at
-        that rate, and free: w^2 = W^2 (R / r) [1 + m (R + r)^2 / I] (Thomson 9.10, problem 11)."""
-        held = theta_rate * jnp.sqrt(self.arm / self.length)
-        share = self.mass * (self.arm + self.length) ** 2 / self.inertia
-        return held, held * jnp.sqrt(1.0 + share)
-
-
-@final
-class FramedPendulum(AbstractLagrangian):
-    """A pendulum in a frame that turns freely about the vertical through its pivot. State:
-    `GeneralisedState` of the pendulum's angle and of the frame's."""
-
-    inertia: Number = quantity("kg m^2", positive=True, doc="I, of the frame about the vertical")
-    mass: Number = quantity("kg", positive=True, doc="m, of the pendulum")
-    length: Number = quantity("m", positive=True, doc="l, of the pendulum")
-    gravity: Number = quantity("m/s^2", doc="g, downwards")
-    names: ClassVar[tuple[str, ...]] = ("theta", "phi")
-
-    def lagrangian(self, t: Scalar, q: Array, v: Array) -> Scalar:
-        del t
-        ml2 = self.mass * self.length**2
-        turning = (self.inertia + ml2 * jnp.sin(q[0]) ** 2) * v[1] ** 2
-        weight = self.mass * self.gravity * self.length * jnp.cos(q[0])
-        return 0.5 * (turning + ml2 * v[0] ** 2) + weight
-
-    @staticmethod
-    @constructor(
-        theta=argument("rad", doc="of the pendulum, from the downward vertical"),
-        theta_rate=argument("rad/s", default=0.0, doc="rate of theta"),
-        phi=argument("rad", default=0.0, doc="of the frame"),
-        phi_rate=argument("rad/s", default=0.0, doc="rate of phi"),
-    )
-    def state(
-        theta: Scalar, theta_rate: Scalar = 0.0, phi: Scalar = 0.0, phi_rate: Scalar = 0.0
-    ) -> GeneralisedState:
-        """The state of the angles, rad, and their rates, rad/s."""
-        return _state((theta, theta_rate), (phi, phi_rate))
-
-
-@final
-class RotatingHoop(AbstractLagrangian):
-    """A bead on a hoop that turns at a given rate about its vertical diameter. State:
-    `GeneralisedState` of the bead's angle. Its energy is Jacobi's: the motor does work."""
-
-    mass: Number = quantity("kg", positive=True, doc="m, of the bead")
-    radius: Number = quantity("m", positive=True, doc="r, of the hoop")
-    rate: Number = quantity("rad/s", doc="W, of the hoop")
-    gravity: Number = quantity("m/s^2", positive=True, doc="g, downwards")
-    names: ClassVar[tuple[str, ...]] = ("theta",)
-
-    def lagrangian(self, t: Scalar, q: Array, v: Array) -> Scalar:
-        del t
-        around = self.rate * jnp.sin(q[0])
-        kinetic = 0.5 * self.radius**2 * (v[0] ** 2 + around**2)
-        return self.mass * (kinetic + self.gravity * self.radius * jnp.cos(q[0]))
-
-    @staticmethod
-    @constructor(
-        theta=argument("rad", doc="of the bead, from the bottom"),
-        theta_rate=argument("rad/s", default=0.0, doc="rate of theta"),
-    )
-    def state(theta: Scalar, theta_rate: Scalar = 0.0) -> GeneralisedState:
-        """The state of the angle, rad, and its rate, rad/s."""
-        return _state((theta, theta_rate))
-
-    def mechanical_energy(self, y: GeneralisedState) -> Scalar:
-        """T + U, J, with zero height at the bottom; the motor changes it."""
-        theta, theta_rate = y.coordinates[0], y.rates[0]
-        speed2 = self.radius**2 * (theta_rate**2 + (self.rate * jnp.sin(theta)) ** 2)
-        height = 2.0 * self.radius * jnp.sin(0.5 * theta) ** 2
-        return self.mass * (0.5 * speed2 + self.gravity * height)
-
-    def rest_angle(self) -> Scalar:
-        """The stable angle, rad: zero up to W^2 = g / r, then cos(theta) = g / (r W^2). Its slope
-        is infinite where it leaves the bottom."""
-        fast = self.radius * self.rate**2 > self.gravity
-        ratio = jnp.where(fast, self.gravity / (self.radius * self.rate**2), 0.5)
-        # Of half the angle: the arc cosine has lost half of the digits near the bottom.
-        angle = 2.0 * jnp.arctan2(jnp.sqrt(0.5 * (1.0 - ratio)), jnp.sqrt(0.5 * (1.0 + ratio)))
-        return jnp.where(fast, angle, 0.0)
-
-
-@final
-class SliderCarrier(AbstractLagrangian):
-    """A free body in the plane on which a mass slides against a spring, along a line through the
-    body's mass centre. State: `GeneralisedState` of place, angle and slider."""
-
-    carrier_mass: Number = quantity("kg", positive=True, doc="M, of the carrier")
-    inertia: Number = quantity("kg m^2", positive=True, doc="I, of the carrier")
-    slider_mass: Number = quantity("kg", positive=True, doc="m, of the slider")
-    stiffness: Number = quantity("N/m", non_negative=True, doc="k, of the spring")
-    rest_length: Number = quantity("m", doc="s0, of the slider from the mass centre")
-    names: ClassVar[tuple[str, ...]] = ("x", "y", "theta", "s")
-
-    def lagrangian(self, t: Scalar, q: Array, v: Array) -> Scalar:
-        del t
-        along, across = self.body_velocity(GeneralisedState(q, v))
-        carrier = self.carrier_mass * (v[0] ** 2 + v[1] ** 2) + self.inertia * v[2] ** 2
-        slider = self.slider_mass * ((along + v[3]) ** 2 + (across + v[2] * q[3]) ** 2)
-        return 0.5 * (carrier + slider - self.stiffness * (q[3] - self.rest_length) ** 2)
-
-    @staticmethod
-    def body_velocity(y: GeneralisedState) -> tuple[Scalar, Scalar]:
-        """The velocity of the carrier's mass centre along and across its axis, m/s."""
-        c, s = jnp.cos(y.coordinates[2]), jnp.sin(y.coordinates[2])
-        return c * y.rates[0] + s * y.rates[1], c * y.rates[1] - s * y.rates[0]

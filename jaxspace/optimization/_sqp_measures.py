@@ -10,6 +10,7 @@ from ._sqp_state import Found, Limits, SqpState, Values
 
 
 def scaled(found: Found, weight: Array, me: int) -> Values:
+    """Value, the first `me` constraints as equalities and the rest, times the `weight` of each."""
     values, jacobian = weight * found.values, weight[:, None] * found.jacobian
     f, c, d = values[0], values[1 : 1 + me], values[1 + me :]
     return Values(f, c, d, jacobian[0], jacobian[1 : 1 + me], jacobian[1 + me :], found.report)
@@ -42,6 +43,7 @@ def gradient(s: SqpState, limits: Limits) -> Float[Array, ""]:
 
 
 def penalty(c: Array, d: Array) -> Float[Array, ""]:
+    """The sum of the violations of c = 0 and d >= 0, in the units of their weights."""
     return jnp.sum(jnp.abs(c)) + jnp.sum(jnp.maximum(-d, 0.0))
 
 

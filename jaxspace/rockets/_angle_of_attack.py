@@ -55,12 +55,14 @@ def complex_angle_of_attack(
 def _angle_over_sine(s: Vector) -> Scalar:
     """theta/sin theta of a unit vector at the angle theta from the z axis."""
     h2 = s[0] * s[0] + s[1] * s[1]
+    # Ahead only: behind, the sine is small as well, and the angle near pi.
     small = (h2 < 1e-3) & (s[2] > 0.0)
     x = jnp.where(small, h2, 0.0)
     # arcsin(h)/h: the next term is 1e-18, and below rounding in slopes.
     series = 1.0
     for k in range(6, 0, -1):
         series = 1.0 + series * x * (2 * k - 1) ** 2 / (2 * k * (2 * k + 1))
+    # A harmless argument where the series counts: the slope of the root at zero is infinite.
     h = jnp.sqrt(jnp.where(small | (h2 == 0.0), 1.0, h2))
     ratio = jnp.arctan2(jnp.where(h2 == 0.0, 0.0, h), s[2]) / h
     return jnp.where(small, series, jnp.where(h2 == 0.0, 0.0, ratio))

@@ -111,4 +111,5 @@ def coast_height(speed: Scalar, height: Scalar, surface_gravity: Scalar, radius:
     r = radius + height
     # x is the square of the speed over the square of the speed of escape.
     x = speed**2 * r / (2.0 * surface_gravity * radius**2)
+    # The branch that is not taken must not divide by zero: its NaN would enter every gradient.
     return jnp.where(x < 1.0, r * x / jnp.where(x < 1.0, 1.0 - x, 1.0), jnp.inf)

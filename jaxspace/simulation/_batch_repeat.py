@@ -14,7 +14,7 @@ from ._batch_runs import run_missions, run_systems
 from ._blocks import Blocks
 from ._finish import error_of_too_few_steps
 from ._mission_runs import MissionResult
-from ._runs import RunResult
+from ._run_result import RunResult
 
 
 def repeat_systems(

@@ -15,7 +15,8 @@ from ._blocks import Blocks, jit_wide_vectors
 from ._checks import check_events
 from ._failures import nan_where_failed
 from ._mission_runs import MissionResult, run_mission
-from ._runs import RunResult, run_system
+from ._run_result import RunResult
+from ._runs import run_system
 
 
 @jit_wide_vectors
@@ -35,8 +36,7 @@ def run_systems(
         # Not before, because a condition meets the axis of runs here for the first time.
         check_events(events, system, y0, ts[0], 1)
         _check_runs(system, y0, ts[0], blocks.size)
-        result = run_system(system, y0, ts, events, config, 1, dense)
-        return _every_run(nan_where_failed(result))
+        return _every_run(run_system(system, y0, ts, events, config, 1, dense))
 
     # Passed and not closed over, so that every device gets its own copy of these arrays.
     given = (shared, config, events)

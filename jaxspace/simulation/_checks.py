@@ -11,7 +11,16 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, PyTree
 
-from ..core import AbstractSystem, InputError, Scalar, State, check_finite, is_concrete, is_traced
+from ..core import (
+    AbstractSystem,
+    InputError,
+    Scalar,
+    State,
+    check_finite,
+    is_concrete,
+    is_traced,
+    run_axes_of,
+)
 from ..integration._accuracy import state_dtype
 from ..integration._events import Event
 from ..integration._layout import broadcast_state
@@ -59,11 +68,12 @@ def check_values(system: AbstractSystem, ts: Array, y0: PyTree) -> None:
         system.check_values(jnp.asarray(np.asarray(ts)[0]), y0)
 
 
-def check_structure(system: AbstractSystem, y0: PyTree, t: Any) -> PyTree:
+def check_structure(system: AbstractSystem, y0: PyTree, t: Any, *, one_run: bool) -> PyTree:
     """The shapes of the state, with the runs that it meets in the system.
 
-    Raises `InputError` unless the derivative has the structure of the state."""
-    return _for_shapes(_check_structure, (system, y0, t))
+    Raises `InputError` unless the derivative has the structure of the state, and where there is to
+    be `one_run`, for a declared shape that holds several."""
+    return _for_shapes(_check_structure, (system, y0, t, one_run))
 
 
 def shapes_after(jump: Callable[[Any, State], State], t: Any, y: PyTree) -> PyTree:
@@ -90,7 +100,9 @@ def _jumped(structure: Any, leaves: tuple[Any, ...]) -> PyTree:
 @functools.lru_cache(maxsize=256)
 def _check_structure(structure: Any, leaves: tuple[Any, ...]) -> PyTree:
     """Once for each system and state of one make: tracing the field costs more than a short run."""
-    system, y0, t = jax.tree.unflatten(structure, leaves)
+    system, y0, t, one_run = jax.tree.unflatten(structure, leaves)
+    if one_run:
+        _check_one_run(system, y0)
     # Whatever a field that meets another state than its own may raise is told in its words.
     try:
         trace = eqx.filter_make_jaxpr(lambda s, t, y: s.vector_field(t, y))
@@ -112,6 +124,22 @@ def _check_structure(structure: Any, leaves: tuple[Any, ...]) -> PyTree:
         f"y0 holds {_held(y0)}, and {type(system).__name__}.vector_field returns "
         f"{_held(derivative)}: the derivative must have the structure of the state."
     )
+
+
+def _check_one_run(system: AbstractSystem, y0: PyTree) -> None:
+    """Raise `InputError` for an array with more axes than its field declares components.
+
+    One integration would take them all by the same steps, and give one status for them."""
+    # What declares nothing, such as a state of bare arrays, may have any axes of its own.
+    axes = run_axes_of((system, y0), lambda x: 0)
+    leaves = jax.tree_util.tree_flatten_with_path((system, y0))[0]
+    for (path, leaf), runs in zip(leaves, jax.tree.leaves(axes), strict=True):
+        if runs:
+            name = ("system", "y0")[path[0].idx] + jax.tree_util.keystr(path[1:])
+            raise InputError(
+                f"{name} has the shape {leaf.shape}, with runs on its last axis: simulate takes "
+                f"one run, simulate_batch takes many (studies.sensitivity with batch=True)."
+            )
 
 
 def _held(tree: PyTree) -> str:

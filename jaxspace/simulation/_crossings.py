@@ -13,8 +13,8 @@ from ._batch_layout import local_blocks, split_batch
 from ._batch_runs import run_systems
 from ._blocks import jit_wide_vectors
 from ._checks import as_events, check_events
-from ._failures import nan_where_failed
-from ._runs import RunResult, run_system
+from ._run_result import RunResult
+from ._runs import run_system
 from ._trajectory import Trajectory
 
 
@@ -72,7 +72,7 @@ def _of_one_run(
     events: tuple[Event, ...],
     config: IntegrationConfig,
 ) -> Crossings:
-    return _with_status(nan_where_failed(run_system(system, y0, ts, events, config, 0)))
+    return _with_status(run_system(system, y0, ts, events, config, 0))
 
 
 def _with_status(result: RunResult) -> Crossings:

@@ -12,7 +12,7 @@ from jaxtyping import Array, PyTree
 from ..integration._result import DenseOutput
 from ..integration._status import Status
 from ._mission_runs import MissionResult
-from ._runs import RunResult
+from ._run_result import RunResult, nan_unless, reached, scaled
 
 T = TypeVar("T")
 
@@ -20,31 +20,6 @@ LOUD = tuple(
     f"{status.sentence} Call simulate with throw=False to read the status of each run."
     for status in Status
 )
-
-# After which nothing behind the start is known: a step missed the tolerance, an event may have
-# passed unseen, or the model does not hold.
-WITHOUT_BOUND = (
-    Status.TOLERANCE_MISSED,
-    Status.EVENT_UNRESOLVED,
-    Status.CONDITION_NOT_FINITE,
-    Status.OUTSIDE_MODEL,
-    Status.SAMPLES_TOO_FEW,
-    Status.COMMAND_NOT_FINITE,
-)
-
-
-def _scaled(tree: PyTree, factor: Array) -> PyTree:
-    """Floating-point arrays times a factor of each run (one, or NaN), derivatives included."""
-
-    def leaf(x: Any) -> Any:
-        return x * factor.astype(x.dtype) if eqx.is_inexact_array(x) else x
-
-    return jax.tree.map(leaf, tree)
-
-
-def _nan_unless(good: Array) -> Array:
-    # A product, and no selection: the derivative of a failed run is NaN, too, and not zero.
-    return jnp.where(good, 1.0, jnp.nan)
 
 
 def nan_where_failed(result: T, status: Array | None = None) -> T:
@@ -55,27 +30,16 @@ def nan_where_failed(result: T, status: Array | None = None) -> T:
     - `result`: a `RunResult` or `MissionResult`; or with a `status` any tree of arrays with the
       runs last.
 
-    **Returns** the same with NaN: in a `RunResult` all states after the first for a status of
-    `WITHOUT_BOUND`, every state that is not finite in one of its blocks, and all crossings of a run
-    that failed; in a `MissionResult` this in each phase, and the final state and the end of a run
-    that failed; else all of it."""
+    **Returns** the same with NaN: in a `RunResult` where it was not `reached`; in a `MissionResult`
+    this in each phase, and the final state and the end of a run that failed; else all of it."""
     if status is not None:
-        return _scaled(result, _nan_unless(status <= Status.EVENT))
+        return scaled(result, nan_unless(status <= Status.EVENT))
     if isinstance(result, MissionResult):
         final, end = nan_where_failed((result.final, result.end), result.status)
-        phases = [nan_where_failed(phase) for phase in result.phases]
+        phases = [reached(phase) for phase in result.phases]
         return result._replace(phases=phases, final=final, end=end)
     assert isinstance(result, RunResult)
-    run_axes = result.status.ndim
-    good = jnp.ones(result.ts.shape, bool)
-    for block in jax.tree.leaves(result.states):
-        components = tuple(range(block.ndim - 1 - run_axes))
-        good = good & jnp.all(jnp.isfinite(block), axis=components)
-    first = jnp.arange(result.ts.shape[0]).reshape(-1, *(1,) * run_axes) == 0
-    for unbounded in WITHOUT_BOUND:
-        good = good & (first | (result.status != unbounded))
-    crossings = _scaled(result.crossings, _nan_unless(result.status <= Status.EVENT))
-    return result._replace(states=_scaled(result.states, _nan_unless(good)), crossings=crossings)
+    return reached(result)
 
 
 def loud(result: T) -> T:
@@ -87,7 +51,7 @@ def loud(result: T) -> T:
     failed = status > Status.EVENT
     worst = jnp.max(jnp.where(failed, status, 0))
     numbers = _numbers(result)
-    factor = _nan_unless(~failed)
+    factor = nan_unless(~failed)
     integers, floats = eqx.partition(numbers, lambda x: not eqx.is_inexact_array(x))
     factor, integers = eqx.branched_error_if((factor, integers), jnp.any(failed), worst, LOUD)
 

@@ -13,7 +13,7 @@ from ._failures import loud, place_of_failure
 from ._mission import Mission
 from ._mission_runs import MissionResult
 from ._mission_trajectory import MissionTrajectory
-from ._runs import RunResult
+from ._run_result import RunResult
 from ._trajectory import Trajectory
 
 Result = TypeVar("Result", Trajectory, MissionTrajectory)
@@ -44,23 +44,29 @@ def mission_trajectory_of(
     return MissionTrajectory(tuple(phases), names, result.final, result.end, result.status)
 
 
-def finish(run: Callable[..., Trajectory], config: IntegrationConfig, throw: bool) -> Trajectory:
-    """The trajectory, with more fixed steps where they proved too few, and a failure raised.
-
-    `run(config, dense)` runs once; without `dense` as its caller asked for."""
-    trajectory = run(config)
-    if is_concrete(trajectory.status):
-        error = error_of_too_few_steps(trajectory, config)
+def finish(
+    run: Callable[..., RunResult],
+    system: AbstractSystem,
+    config: IntegrationConfig,
+    dense: bool,
+    throw: bool,
+) -> Trajectory:
+    """The trajectory of `run`, with more fixed steps where they proved too few, and
+    a failure raised."""
+    result = run(config=config, dense=dense)
+    if is_concrete(result.status):
+        error = error_of_too_few_steps(result, config)
         # Once only: what still misses the tolerance then says so in its status.
         if np.any(error):
             config = config.with_more_steps(float(np.max(error)))
-            trajectory = run(config)
+            result = run(config=config, dense=dense)
+    trajectory = trajectory_of(result, system, config, 0)
     if not throw:
         return trajectory
 
     # Run once more, because only a run that failed has to know its steps.
     def where() -> str:
-        steps = None if config.method == "closed_form" else run(config, True).dense
+        steps = None if config.method == "closed_form" else run(config=config, dense=True).dense
         initial = trajectory.initial
         return place_of_failure(int(trajectory.status), steps, float(trajectory.ts[0]), initial)
 

@@ -10,7 +10,7 @@ from ..core import AbstractSystem, Scalar, State
 from ..integration._accuracy import Accuracy
 from ..integration._config import IntegrationConfig
 from ..integration._events import Event
-from ._runs import RunResult
+from ._run_result import RunResult
 
 
 class AbstractFlight(eqx.Module):

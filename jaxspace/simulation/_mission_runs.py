@@ -17,7 +17,7 @@ from ..integration._status import Status, combine_status
 from ._checks import check_events
 from ._flight import AbstractFlight
 from ._mission import Mission, Phase
-from ._runs import RunResult
+from ._run_result import RunResult
 
 
 class MissionResult(NamedTuple):

@@ -25,7 +25,7 @@ def resolve_phases(
         check_until(phase, run_axes)
         # Only shapes are needed: a jump may change what the state holds.
         zero = jax.ShapeDtypeStruct((), state_dtype(y))
-        whole = check_structure(phase.moving, y, zero)
+        whole = check_structure(phase.moving, y, zero, one_run=run_axes == 0)
         if isinstance(phase.system, AbstractFlight):
             configs.append(phase.system.config(y, accuracy))
         else:

@@ -3,11 +3,9 @@
 `simulate` has no axis of runs; `simulate_batch` and the campaigns of `dispersion` have one.
 """
 
-from typing import NamedTuple
-
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, Int, PyTree
+from jaxtyping import Array
 
 from ..core import AbstractSystem, State, safe_divide
 from ..integration._config import IntegrationConfig
@@ -24,28 +22,10 @@ from ..integration._layout import (
     times_first,
     with_start,
 )
-from ..integration._result import DenseOutput, IntegrationResult
+from ..integration._result import IntegrationResult
 from ..integration._status import Status, combine_status
 from ._restarts import collected, restarts_between, states_between
-
-
-class RunResult(NamedTuple):
-    """What one run, or a batch of them, leaves: the fields of a `Trajectory`, and the recorded
-    ends of the steps in normalised time.
-
-    - `crossings`: of each event that is not terminal.
-    - `control`: of a closed loop: `commands`, `readings` and the `memory` of the controller."""
-
-    ts: Float[Array, "times *#runs"]
-    states: State
-    status: Int[Array, "*runs"]
-    event: Int[Array, "*runs"]
-    happened: Bool[Array, "events *#runs"]
-    stats: dict[str, Array]
-    dense: DenseOutput | None
-    step_ends: Float[Array, " steps"] | None
-    crossings: tuple[Crossings, ...] = ()
-    control: dict[str, PyTree] | None = None
+from ._run_result import RunResult, reached
 
 
 def integrate_through_times(
@@ -126,29 +106,6 @@ def _sampled(
     return result._replace(states=asked), every, states
 
 
-def _with_crossings(
-    system: AbstractSystem,
-    y0: State,
-    ts: Array,
-    events: tuple[Event, ...],
-    config: IntegrationConfig,
-    run_axes: int,
-    dense: bool,
-) -> tuple[IntegrationResult, tuple[Crossings, ...]]:
-    """`_at_times`, with every zero of these events on the way."""
-    if not events:
-        return _at_times(system, y0, ts, config, run_axes, dense), ()
-    samples = max(event.samples for event in events)
-    result, times, states = _sampled(system, y0, ts, config, run_axes, dense, samples)
-    found = []
-    status = result.status
-    for event in events:
-        crossings = crossings_between(system, event, times, states, config, run_axes)
-        found.append(crossings)
-        status = combine_status(status, crossings.status)
-    return result._replace(status=status), tuple(found)
-
-
 def run_system(
     system: AbstractSystem,
     y0: State,
@@ -161,30 +118,58 @@ def run_system(
     """One system from `y0` through `ts`, (times,) or (times, *runs), or to its first event.
 
     From the event on, states and times are those of the event. Events that are not terminal are
-    collected on the way."""
+    collected on the way. What a failed run did not reach is NaN."""
     y0 = broadcast_state(system, ts[0], y0)
     runs = runs_of(y0, run_axes)
     asked = jnp.broadcast_to(_with_runs(ts, runs), (ts.shape[0], *runs))
     if any(event.then is not None for event in events):
-        return _with_restarts(system, y0, asked, events, config, run_axes)
+        return reached(_with_restarts(system, y0, asked, events, config, run_axes))
+    if any(event.terminal for event in events):
+        return reached(_to_event(system, y0, asked, events, config, run_axes, dense))
+    if events:
+        result, crossings = _with_crossings(system, y0, ts, events, config, run_axes, dense)
+    else:
+        result, crossings = _at_times(system, y0, ts, config, run_axes, dense), ()
+    which = -jnp.ones(runs, jnp.int32)
+    happened = jnp.zeros((len(events), *runs), bool)
+    left = (result.states, result.status, which, happened, result.stats, result.dense, None)
+    return reached(RunResult(asked, *left, crossings))
+
+
+def _with_crossings(
+    system: AbstractSystem,
+    y0: State,
+    ts: Array,
+    events: tuple[Event, ...],
+    config: IntegrationConfig,
+    run_axes: int,
+    dense: bool,
+) -> tuple[IntegrationResult, tuple[Crossings, ...]]:
+    """`_at_times`, with every zero of these events on the way."""
+    samples = max(event.samples for event in events)
+    result, times, states = _sampled(system, y0, ts, config, run_axes, dense, samples)
+    found = []
+    status = result.status
+    for event in events:
+        crossings = crossings_between(system, event, times, states, config, run_axes)
+        found.append(crossings)
+        status = combine_status(status, crossings.status)
+    return result._replace(status=status), tuple(found)
+
+
+def _to_event(
+    system: AbstractSystem,
+    y0: State,
+    asked: Array,
+    events: tuple[Event, ...],
+    config: IntegrationConfig,
+    run_axes: int,
+    dense: bool,
+) -> RunResult:
+    """A run to the first of its terminal events, through `asked`, (times, *runs)."""
     passed = tuple(event for event in events if not event.terminal)
     numbers = [number for number, event in enumerate(events) if event.terminal]
     ending = tuple(events[number] for number in numbers)
-    if not ending:
-        result, crossings = _with_crossings(system, y0, ts, passed, config, run_axes, dense)
-        which = -jnp.ones(runs, jnp.int32)
-        happened = jnp.zeros((len(events), *runs), bool)
-        return RunResult(
-            asked,
-            result.states,
-            result.status,
-            which,
-            happened,
-            result.stats,
-            result.dense,
-            None,
-            crossings,
-        )
     found = first_event(system, y0, asked[0], asked[-1], ending, config, run_axes)
     # Outside of every derivative: `newton_correct` below carries those of the time.
     when, which = found.time, found.which
@@ -192,7 +177,10 @@ def run_system(
     sign = jnp.where(asked[-1] < asked[0], -1.0, 1.0).astype(when.dtype)
     ts = sign * jnp.minimum(sign * asked, sign * when)
     # Run again to the events alone: each run lands on its own, as accurate as its steps.
-    result, crossings = _with_crossings(system, y0, ts, passed, config, run_axes, dense)
+    if passed:
+        result, crossings = _with_crossings(system, y0, ts, passed, config, run_axes, dense)
+    else:
+        result, crossings = _at_times(system, y0, ts, config, run_axes, dense), ()
     last = state_at(result.states, -1, run_axes)
     t_event, y_event = newton_correct(system, ending, which, ts[-1], last)
     stopped = (which >= 0) & (sign * asked >= sign * when)
@@ -203,7 +191,7 @@ def run_system(
     status = jnp.where(hit, Status.EVENT, status)
     together = happened_together(system, ending, found, asked[0], t_event, y_event, run_axes)
     # Numbers among all events, as the caller gave them.
-    happened = jnp.zeros((len(events), *runs), bool).at[jnp.array(numbers)].set(together)
+    happened = jnp.zeros((len(events), *which.shape), bool).at[jnp.array(numbers)].set(together)
     event = jnp.where(which >= 0, jnp.array(numbers)[which], -1).astype(jnp.int32)
     return RunResult(
         ts, states, status, event, happened, result.stats, result.dense, None, crossings

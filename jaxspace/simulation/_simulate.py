@@ -7,7 +7,7 @@ from typing import Any, TypeVar, overload
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, ArrayLike, Float, PyTree
+from jaxtyping import ArrayLike, Float, PyTree
 
 from ..core import AbstractSystem, InputError, Scalar
 from ..integration._accuracy import (
@@ -17,7 +17,7 @@ from ..integration._accuracy import (
     check_start,
     state_dtype,
 )
-from ..integration._config import IntegrationConfig, resolve
+from ..integration._config import resolve
 from ..integration._events import Event
 from ..integration._status import Status
 from ..integration._stiffness import InitialConditions
@@ -32,12 +32,12 @@ from ._checks import (
     check_values,
 )
 from ._failures import nan_where_failed, place_of_failure
-from ._finish import finish, mission_trajectory_of, raise_failures, trajectory_of
+from ._finish import finish, mission_trajectory_of, raise_failures
 from ._mission import Mission
 from ._mission_runs import run_mission
 from ._mission_trajectory import MissionTrajectory
 from ._phases import resolve_phases
-from ._runs import RunResult, run_system
+from ._runs import run_system
 from ._trajectory import Trajectory
 
 Result = TypeVar("Result", Trajectory, MissionTrajectory)
@@ -124,7 +124,7 @@ def _simulate_system(
     # Everything that can be refused is refused here, before anything is compiled.
     ts = check_times(ts, y0)
     start = jax.ShapeDtypeStruct((), ts.dtype)
-    check_structure(system, y0, start)
+    check_structure(system, y0, start, one_run=True)
     check_values(system, ts, y0)
     events = as_events(events)
     check_events(events, system, y0, start, 0)
@@ -134,11 +134,8 @@ def _simulate_system(
     # For mapped runs; where one that fails is an error for all, none needs to go on.
     config = dataclasses.replace(config, restarts=not throw)
 
-    def run(config: IntegrationConfig, dense: bool = dense) -> Trajectory:
-        result = _run_system(system, y0, ts, events, config, dense)
-        return trajectory_of(result, system, config, 0)
-
-    return finish(run, config, throw)
+    run = functools.partial(_run_system, system, y0, ts, events, run_axes=0)
+    return finish(run, system, config, dense, throw)
 
 
 def _simulate_mission(
@@ -174,15 +171,4 @@ def _failed_phase(result: MissionTrajectory) -> str:
 
 # Compiled, because each of its many operations would be a call of its own.
 _failed_are_nan = eqx.filter_jit(nan_where_failed)
-
-
-@eqx.filter_jit
-def _run_system(
-    system: AbstractSystem,
-    y0: PyTree,
-    ts: Array,
-    events: tuple[Event, ...],
-    config: IntegrationConfig,
-    dense: bool,
-) -> RunResult:
-    return nan_where_failed(run_system(system, y0, ts, events, config, 0, dense))
+_run_system = eqx.filter_jit(run_system)

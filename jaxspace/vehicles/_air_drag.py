@@ -92,6 +92,7 @@ class Parachute(AbstractEffect):
         del body
         air, moving = air_about(self.air).at(y.position)
         instant = self.inflation_time == 0.0
+        # A canopy that opens at once would divide by zero, also in the branch that is not taken.
         time = jnp.where(instant, 1.0, self.inflation_time)
         since = t - self.opening
         step = jnp.where(since >= 0.0, 1.0, 0.0)

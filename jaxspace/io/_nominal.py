@@ -1,0 +1,49 @@
+"""The nominal run of a scene file: its states and its outputs, as those of a batch of one run."""
+
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+
+from ..control import LoopRun
+from ..core import State
+from ..simulation import MissionTrajectory, Trajectory
+from ._outputs import Outputs, OutputSpec
+
+
+def outputs_of(
+    nominal: Trajectory | MissionTrajectory | LoopRun,
+    specs: tuple[OutputSpec, ...],
+    outputs: Outputs,
+) -> dict[str, tuple[float, str]]:
+    """The `outputs` of the nominal run, which the `specs` name, with their units."""
+    # A jitted function without outputs would still be compiled.
+    if not specs:
+        return {}
+    if isinstance(nominal, MissionTrajectory):
+        states = nominal_states(nominal)
+        ends = {-1: nominal.end, **{k: p.ts[-1] for k, p in enumerate(nominal.phases)}}
+    else:
+        states = {-1: _with_run(nominal.final)}
+        ends = {-1: nominal.ts[-1]}
+    # Outputs are written for runs on the last axis: the nominal run is a batch of one.
+    ends = {place: jnp.reshape(t, (1,)) for place, t in ends.items()}
+    phases = nominal.phases if isinstance(nominal, MissionTrajectory) else [nominal]
+    along = {k for spec in specs for k in spec.phases}
+    curves = {k: _with_run((phases[k].ts, phases[k].states)) for k in along}
+    numbers = eqx.filter_jit(lambda o, *given: o.numbers(given[0], given[1], {}, given[2]))(
+        outputs, states, ends, curves
+    )
+    return {spec.name: (float(numbers[spec.name][0]), spec.unit) for spec in specs}
+
+
+def nominal_states(nominal: MissionTrajectory) -> dict[int, State]:
+    """The states of the nominal run by phase (-1: the end), with an axis of one run."""
+    states = {-1: nominal.final, **{k: p.final for k, p in enumerate(nominal.phases)}}
+    return _with_run(states)
+
+
+def _with_run(tree: Any) -> Any:
+    """The arrays with an axis of one run behind."""
+    return jax.tree.map(lambda x: jnp.asarray(x)[..., None], tree)
