@@ -18,9 +18,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from jaxspace import Scene
 from jaxspace.attitude import PendulumState, RollingDisk
 from jaxspace.core import InputError, quantities
 from jaxspace.mechanics import AbstractLagrangian
+from jaxspace.orbits import PowerLawForce
 from jaxspace.rotations import Quaternion
 from jaxspace.simulation import Accuracy, Status, simulate_batch
 
@@ -70,7 +72,21 @@ def legal_inputs(sample, runs: int, key: np.random.Generator):
 
     system = jax.tree.map(parameter, sample.system)
     state = jax.tree.map(component, sample.state, is_leaf=lambda x: isinstance(x, Quaternion))
-    return system, _constrained(system, state)
+    return _same_force(sample.system, system), _constrained(system, state)
+
+
+def _same_force(example, system):
+    """The system with the powers of the distance as strong as those of the example: with half the
+    exponent the same coefficient is that of a force 1e7 times as strong."""
+    if not isinstance(system, Scene):
+        return system
+    for number, (one, drawn) in enumerate(zip(example.effects, system.effects, strict=True)):
+        if isinstance(drawn, PowerLawForce):
+            strength = np.asarray(one.zero_at) ** (drawn.exponent - np.asarray(one.exponent))
+            system = eqx.tree_at(
+                lambda s, k=number: s.effects[k].coefficient, system, drawn.coefficient * strength
+            )
+    return system
 
 
 def _constrained(system, state):
@@ -126,7 +142,8 @@ def _illegal(owner, name: str, x: float) -> tuple[float, ...]:
 
 def _refuses(owner, run: int) -> bool:
     """Whether the part refuses its numbers of this run, when it is constructed or a run starts."""
-    one = jax.tree.map(lambda x: np.asarray(x)[..., run], owner)
+    # A whole number, such as a count, is that of all runs.
+    one = jax.tree.map(lambda x: np.asarray(x)[..., run] if np.ndim(x) else x, owner)
     checks = [vars(kind).get("__check_init__") for kind in type(one).__mro__]
     try:
         for check in (*checks, getattr(type(one), "check_start", None)):

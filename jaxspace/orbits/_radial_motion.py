@@ -176,7 +176,8 @@ def radial_motion(potential: Potential, inner: Scalar, outer: Scalar) -> RadialM
     return RadialMotion(
         jnp.pi * jnp.mean(inverse_root, axis=0),
         2.0 * jnp.pi * inner * time / h,
-        zero_level + kinetic,
+        # At the outer radius: at the inner one both terms may be far greater than their sum.
+        u(x_2) + kinetic * jnp.exp(-2.0 * x_2),
         inner * h,
     )
 
