@@ -59,7 +59,7 @@ def legal_inputs(sample, runs: int, key: np.random.Generator):
     to two, every component of the state moved by a third of its block; any attitude."""
 
     def parameter(x):
-        if not eqx.is_inexact_array(x):
+        if not eqx.is_inexact_array_like(x):
             return x
         return np.asarray(x)[..., None] * 2.0 ** key.uniform(-1.0, 1.0, runs)
 
@@ -111,9 +111,12 @@ def _constrained(system, state):
 
 def poisoned(system, state, key: np.random.Generator):
     """Of every run one number made illegal; and which runs the border refuses in a sentence."""
-    tree = jax.tree.map(np.array, (system, state))
+    tree = jax.tree.map(lambda x: np.array(x) if eqx.is_array(x) else x, (system, state))
     places = []
     for path, x in jax.tree_util.tree_flatten_with_path(tree)[0]:
+        if not isinstance(x, np.ndarray):
+            # A function of the user.
+            continue
         owner = tree
         for step in path[:-1]:
             owner = getattr(owner, step.name) if hasattr(step, "name") else owner[_place(step)]
@@ -125,7 +128,11 @@ def poisoned(system, state, key: np.random.Generator):
         place = (*(key.integers(n) for n in x.shape[:-1]), run)
         x[place] = key.choice(_illegal(owner, name, x[place]))
         refused[run] = _refuses(owner, run)
-    return jax.tree.map(jnp.asarray, tree), refused
+    return _arrays(tree), refused
+
+
+def _arrays(tree):
+    return jax.tree.map(lambda x: jnp.asarray(x) if isinstance(x, np.ndarray) else x, tree)
 
 
 def _place(step):
@@ -142,8 +149,7 @@ def _illegal(owner, name: str, x: float) -> tuple[float, ...]:
 
 def _refuses(owner, run: int) -> bool:
     """Whether the part refuses its numbers of this run, when it is constructed or a run starts."""
-    # A whole number, such as a count, is that of all runs.
-    one = jax.tree.map(lambda x: np.asarray(x)[..., run] if np.ndim(x) else x, owner)
+    one = jax.tree.map(lambda x: x[..., run] if isinstance(x, np.ndarray) else x, owner)
     checks = [vars(kind).get("__check_init__") for kind in type(one).__mro__]
     try:
         for check in (*checks, getattr(type(one), "check_start", None)):
@@ -180,7 +186,7 @@ def count(sample, runs: int, seed: int = 0) -> list[Counts]:
     ts = jnp.asarray([0.0, 0.3 * sample.span])
     rows = []
     illegal, refused = poisoned(*legal, key)
-    for kind, inputs in (("legal", jax.tree.map(jnp.asarray, legal)), ("illegal", illegal)):
+    for kind, inputs in (("legal", _arrays(legal)), ("illegal", illegal)):
         status, finite, change = (np.asarray(x) for x in run(*inputs, ts))
         good = status <= Status.EVENT
         failed = {s.name: int(np.sum(status == s)) for s in Status if not s.good}

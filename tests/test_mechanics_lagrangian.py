@@ -265,6 +265,14 @@ def test_landing_legs_spread_from_a_slow_touchdown():
     assert_allclose(jax.jit(jax.jacfwd(legs.spreading_time))(0.0), -0.6172839506173, rtol=1e-12)
 
 
+def test_legs_without_mass_lose_nothing_at_touchdown():
+    # The difference of the energies is a rounding of them where the legs weigh next to nothing.
+    light = LandingLegs(900.0, 1e-12, 2.0, 0.6, 4e3, 1.62)
+    assert LandingLegs(900.0, 0.0, 2.0, 0.6, 4e3, 1.62).touchdown_loss(2.0) == 0.0
+    # To first order in the mass: (n m/6) v^2 / sin^2(theta_0).
+    assert_allclose(light.touchdown_loss(2.0), 4e-12 / 6.0 * 4.0 / np.sin(0.6) ** 2, rtol=1e-13)
+
+
 def test_brachistochrone_against_a_straight_slide():
     radius, angle, time = brachistochrone(2.0, 1.0, 9.8)
     assert_allclose(radius * (angle - np.sin(angle)), 2.0, rtol=1e-13)

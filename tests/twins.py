@@ -673,8 +673,16 @@ def turning_radii(x):
         with mp.workdps(2 * mp.dps + 20):
             steps = [mpf(float(s)) for s in np.geomspace(1e-16, 30.0, 220)]
             for before, after in zip([None, *steps], steps, strict=False):
-                if over(after) <= 0:
-                    return bisected(lambda s: -over(s), before, after) if before else mpf(0)
+                if over(after) > 0:
+                    continue
+                if before is None:
+                    return mpf(0)
+                low, high = before, after
+                # By halves alone: next to a circle no secant converges to all digits.
+                for _ in range(int(mp.prec)):
+                    middle = (low + high) / 2
+                    low, high = (middle, high) if over(middle) > 0 else (low, middle)
+                return low
         return None
 
     inner, outer = side(-1), side(1)

@@ -32,7 +32,16 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..bodies import AbstractInertia, principal_axes
-from ..core import AbstractParameters, Scalar, axis, quantity, safe_atan2, sinc_squared, with_rank
+from ..core import (
+    AbstractParameters,
+    Matrix,
+    Scalar,
+    axis,
+    quantity,
+    safe_atan2,
+    sinc_squared,
+    with_rank,
+)
 from ..rotations import Quaternion
 
 Complex: TypeAlias = Float[Array, "2 *#runs"]
@@ -56,10 +65,23 @@ def principal_tilt(inertia: AbstractInertia) -> Complex:
     nearest to it (Thomson 7.4-2).
 
     Its derivative exists where the moment of that axis differs from both others."""
-    _, axes = principal_axes(inertia)
+    moments, axes = principal_axes(inertia)
     nearest = jnp.argmax(jnp.abs(axes[2]), axis=0)
     along = jnp.take_along_axis(axes, nearest[None, None], axis=1)[:, 0]
-    return _turn_to(jnp.where(along[2] < 0.0, -along, along))
+    moment = jnp.take_along_axis(moments, nearest[None], axis=0)[0]
+    return _turn_to(_refined(inertia.matrix(), moment, jnp.where(along[2] < 0.0, -along, along)))
+
+
+def _refined(tensor: Matrix, moment: Scalar, s: Array) -> Array:
+    """The principal axis `s` of the `moment`, with all digits of a small tilt."""
+    # Its components across z by those of the tensor: an eigenvector has absolute errors only.
+    a, b, c = tensor[0, 0] - moment, tensor[0, 1], tensor[1, 1] - moment
+    d, e = tensor[0, 2], tensor[1, 2]
+    whole = a * c - b * b
+    use = (s[0] * s[0] + s[1] * s[1] < 1e-3) & (whole != 0.0)
+    share = jnp.where(use, s[2], 0.0) / jnp.where(use, whole, 1.0)
+    x, y = (b * e - c * d) * share, (b * d - a * e) * share
+    return jnp.stack([jnp.where(use, x, s[0]), jnp.where(use, y, s[1]), s[2]])
 
 
 def _turn_to(s: Array) -> Complex:

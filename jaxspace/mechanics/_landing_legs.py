@@ -89,9 +89,11 @@ class LandingLegs(AbstractLagrangian):
 
     def touchdown_loss(self, speed: Scalar) -> Scalar:
         """The energy that the impact takes, J."""
-        total = 0.5 * (self.body_mass + self.legs * self.leg_mass) * speed**2
-        rate = self.touchdown(speed).rates[0]
-        return total - 0.5 * self.moment(self.rest_angle) * rate**2
+        s = jnp.sin(self.rest_angle)
+        legs = self.legs * self.leg_mass
+        # The difference of both energies, in which what body and legs share falls out.
+        share = self.body_mass / 3.0 + legs * (1.0 / 3.0 - 0.25 * s * s)
+        return 0.5 * legs * share / (self.body_mass * s * s + legs / 3.0) * speed**2
 
     def greatest_spread(self, speed: Scalar) -> Scalar:
         """The angle, rad, to which legs without dampers spread after a touchdown at this `speed`,

@@ -21,10 +21,11 @@ def rubbing(x):
 
 def blows(x):
     """A gyro after a blow, after an arrest and after a bearing has stopped; its energy, margins and
-    the impulses of a turn: 7 numbers, angles, rates, two impulses and the turn."""
+    the impulses of a turn: 7 numbers, angles, rate, momentum, two impulses and the turn."""
     rubbed = g.BearingFriction(0.01, 0.02), g.BearingFriction(0.02, 0.03)
     gyro = g.TwoGimbalGyro(*x[:7], inner_bearing=rubbed[0], outer_bearing=rubbed[1])
-    y = gyro.state(*x[7:11])
+    slips = jnp.sign(x[9]), jnp.ones_like(x[9])
+    y = g.GimbalState(*x[7:11], None, *slips)
     struck = gyro.struck(y, x[11], x[12])
     still, *impulses = gyro.arrested(struck)
     stopped = gyro.stick_or_slip(0.0, y)
@@ -60,9 +61,9 @@ FORMS = (
             "gyros.near_gimbal_lock",
         ),
         [
-            (*GYRO, 1.05, 0.1, 2.0, 0.3, 1e-3, -2e-3, 0.4),
+            (*GYRO, 1.05, 0.1, 2.0, 0.2, 1e-3, -2e-3, 0.4),
             (*GYRO, 1.5707963267948966, 0.0, 0.0, 0.0, 0.0, 0.0, 1e-9),
-            (*GYRO, 1e-3, 0.1, 0.1, -0.2, 1e-3, 0.0, 3.1),
+            (*GYRO, 1e-3, 0.1, 0.1, 0.4, 1e-3, 0.0, 3.1),
         ],
     ),
 )

@@ -38,7 +38,8 @@ def pulled(x):
     y = m.MissileState(x[6], x[7:9], still, still, jnp.stack([still, still]), still)
     whole = v.FlexibleStage(loop).body(x[11])
     inertia = whole.inertia(x[0]).matrix()
-    return numbers(loop.sideways(m.MissileLoopState(y, x[9], x[10])), *jnp.diag(inertia))
+    state = m.MissileLoopState(y, x[9], x[10])
+    return numbers(loop.sideways(state), loop.mean_turn(state), *jnp.diag(inertia))
 
 
 def swivelled(x):
@@ -96,7 +97,12 @@ FORMS = (
     ),
     Form(
         pulled,
-        ("mechanics.MissileLoop.sideways", "vehicles.FlexibleStage.body"),
+        (
+            "mechanics.MissileLoop.sideways",
+            "mechanics.MissileLoop.mean_turn",
+            "mechanics.FlexibleMissile.mean_turn",
+            "vehicles.FlexibleStage.body",
+        ),
         [
             (*MISSILE, 0.03, 0.02, -0.01, 0.1, -0.2, 5e3),
             (*MISSILE, 0.0, 0.0, 1e-9, 0.0, 0.0, 5e3),
