@@ -234,6 +234,16 @@ def test_sphere_of_influence_of_the_earth():
     assert float(radius) == pytest.approx(9.25e8, rel=1e-3)
 
 
+def test_the_inner_radius_of_a_fall_all_but_to_the_centre_keeps_its_digits():
+    # (r r')^2 is there 1e-4 of that of the start.
+    found = turning_points(lambda r: -1.0 / r, jnp.array([1.0, 0, 0]), jnp.array([0.9, 0.01, 0]))
+    with mp.workdps(40):
+        h2, two_e = mp.mpf(0.01) ** 2, mp.mpf(0.9) ** 2 + mp.mpf(0.01) ** 2 - 2
+        root = mp.sqrt(1 + two_e * h2)
+        truth = [float(h2 / (1 + root)), float((1 + root) / -two_e)]
+    np.testing.assert_allclose(found, truth, rtol=3e-15)
+
+
 def test_the_energy_of_a_motion_between_far_radii_keeps_its_digits():
     # At the inner radius both of its terms are a thousand times their sum.
     inner, outer = 0.01, 5.0

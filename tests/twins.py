@@ -38,6 +38,14 @@ def bisected(f, low, high):
     )
 
 
+def halved(f, low, high):
+    """The same by halves alone: for a function so steep or so flat that no secant converges."""
+    for _ in range(int(mp.prec) + 20):
+        middle = (low + high) / 2
+        low, high = (middle, high) if f(middle) < 0 else (low, middle)
+    return low
+
+
 # Core and rotations.
 
 
@@ -677,12 +685,7 @@ def turning_radii(x):
                     continue
                 if before is None:
                     return mpf(0)
-                low, high = before, after
-                # By halves alone: next to a circle no secant converges to all digits.
-                for _ in range(int(mp.prec)):
-                    middle = (low + high) / 2
-                    low, high = (middle, high) if over(middle) > 0 else (low, middle)
-                return low
+                return halved(lambda s: -over(s), before, after)
         return None
 
     inner, outer = side(-1), side(1)
@@ -713,7 +716,7 @@ def turned_by_gravity(x):
 
     # The bounds of the library.
     end = mpf(9) / 20 * mp.log(mpf(float(np.finfo(float).max))) / (abs(n) + 2)
-    s = end if late(end) < 0 else -end if late(-end) > 0 else bisected(late, -end, end)
+    s = end if late(end) < 0 else -end if late(-end) > 0 else halved(late, -end, end)
     z, unit = z0 * mp.exp(s), speed**2 / (g * (1 + z0**2) ** 2)
     across = growth(2 * n - 1, s) + z0**2 * growth(2 * n + 1, s)
     up = growth(2 * n - 2, s) - z0**4 * growth(2 * n + 2, s)

@@ -73,12 +73,14 @@ def principal_tilt(inertia: AbstractInertia) -> Complex:
 
 
 def _refined(tensor: Matrix, moment: Scalar, s: Array) -> Array:
-    """The principal axis `s` of the `moment`, with all digits of a small tilt."""
+    """The principal axis `s` of the `moment`, nearer to z than the others, with all digits of a
+    small tilt."""
     # Its components across z by those of the tensor: an eigenvector has absolute errors only.
+    # With moments that are all but equal there is no more to gain.
     a, b, c = tensor[0, 0] - moment, tensor[0, 1], tensor[1, 1] - moment
     d, e = tensor[0, 2], tensor[1, 2]
     whole = a * c - b * b
-    use = (s[0] * s[0] + s[1] * s[1] < 1e-3) & (whole != 0.0)
+    use = jnp.abs(whole) > 1e-8 * moment * moment
     share = jnp.where(use, s[2], 0.0) / jnp.where(use, whole, 1.0)
     x, y = (b * e - c * d) * share, (b * d - a * e) * share
     return jnp.stack([jnp.where(use, x, s[0]), jnp.where(use, y, s[1]), s[2]])

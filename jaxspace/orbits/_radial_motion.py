@@ -210,7 +210,9 @@ def turning_points(potential: Potential, r: Vector, v: Vector) -> tuple[Scalar, 
         def over(s):
             """(r r')^2/2 over s, at r e^(sign s) in units of |r|, of the sign of the radicand."""
             start = jnp.zeros_like(s)
-            return 0.5 * radial / s + sign * _divided(t, start, sign * s)
+            near = 0.5 * radial / s + sign * _divided(t, start, sign * s)
+            # Far in, the rise from the start has no digits of what is left of it.
+            return jnp.where(s < CLOSE, near, (t(sign * s) - 0.5 * h_squared) / s)
 
         steps = jnp.asarray(_STEPS, length.dtype).reshape((-1,) + (1,) * length.ndim)
         steps = jnp.broadcast_to(steps, (len(_STEPS), *length.shape))
