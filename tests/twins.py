@@ -717,6 +717,7 @@ def turned_by_gravity(x):
     # The bounds of the library.
     end = mpf(9) / 20 * mp.log(mpf(float(np.finfo(float).max))) / (abs(n) + 2)
     s = end if late(end) < 0 else -end if late(-end) > 0 else halved(late, -end, end)
+    s = s if time else mpf(0)
     z, unit = z0 * mp.exp(s), speed**2 / (g * (1 + z0**2) ** 2)
     across = growth(2 * n - 1, s) + z0**2 * growth(2 * n + 1, s)
     up = growth(2 * n - 2, s) - z0**4 * growth(2 * n + 2, s)
