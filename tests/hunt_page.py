@@ -57,6 +57,11 @@ SYSTEMS = "Vector fields and invariants of systems"
 NOTES: dict[str, str] = {
     "direction": "the derivative of a direction along itself vanishes; what is left is one "
     "rounding of the value",
+    "stable_platform": "four gimbals turn three axes: the inertia of one counts against that of "
+    "the platform",
+    "steering": "that derivative of a direction again",
+    "looking": "in the zenith the sine of the elevation is greatest: what is left of its "
+    "derivative is one rounding of the value",
     **dict.fromkeys(
         ("gyropendulum_motion", "rate_gyro_response", "error_motion", "compass"),
         "the exponential of A t loses a rounding of its norm |A t|, not only of its condition",

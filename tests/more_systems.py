@@ -48,6 +48,8 @@ from jaxspace.rockets import (
     AttitudeControl,
     BackPressure,
     FixedDirection,
+    Gimbal,
+    GimballedThrust,
     MassStream,
     SteeredThrust,
 )
@@ -181,6 +183,20 @@ MORE = [
             mass=jnp.array(1700.0),
         ),
         10.0,
+    ),
+    Sample(
+        "gimballed_stage",
+        Scene(
+            (
+                UniformGravity([0.0, 0.0, -9.8]),
+                GimballedThrust(
+                    Gimbal(FixedDirection([0.1, 0.2, 1.0]), 2.0, 1.5), *(2.5e4, 2850.0, 60.0, -2.0)
+                ),
+            ),
+            BurningBody(1100.0, [520.0, 560.0, 340.0], [0.42, 0.42, 0.4], -0.6),
+        ),
+        orbit(attitude=turned(), omega=jnp.array([0.02, -0.1, 0.2]), mass=jnp.array(1700.0)),
+        2.0,
     ),
     Sample(
         "turning_rocket",

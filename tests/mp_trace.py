@@ -60,6 +60,12 @@ def _apply(equation, args):
     if params.get("name") == "expm":
         # Truncated for the precision of the machine.
         return [_expm(*args)]
+    if params.get("name") == "solve":
+        return [_solve(*args)]
+    root = getattr(params.get("_prim"), "solve_jaxpr", None)
+    if root is not None:
+        # A root with a rule for its derivatives: its iteration comes first.
+        return _run(root.jaxpr, root.consts, args[: len(root.jaxpr.invars)])
     inner = params.get("call_jaxpr") or params.get("jaxpr") or params.get("fun_jaxpr")
     if inner is not None:
         closed = hasattr(inner, "consts")
@@ -305,7 +311,7 @@ def _dot_general(params, a, b):
         both.append((order.reshape([int(np.prod(size)) for size in sizes]), sizes))
     (left, (shared, rows, _)), (right, (_, columns, _)) = both
     product = np.matmul(left, np.swapaxes(right, 1, 2))
-    return [product.reshape(*shared, *rows, *columns)]
+    return [product.reshape((*shared, *rows, *columns))]
 
 
 def _eigh(params, a):
@@ -321,6 +327,18 @@ def _expm(a):
     a = np.asarray(a, object)
     found = [mp.expm(mp.matrix(m.tolist())).tolist() for m in a.reshape(-1, *a.shape[-2:])]
     return np.array(found, object).reshape(a.shape)
+
+
+def _solve(a, b):
+    """Of one matrix, for a vector or the columns of a matrix; no number where it is singular."""
+    a, b = np.asarray(a), np.asarray(b)
+    assert a.ndim == 2 and b.ndim <= 2
+    columns = [mp.matrix(column.tolist()) for column in b.reshape(len(b), -1).T]
+    try:
+        found = [list(mp.lu_solve(mp.matrix(a.tolist()), column)) for column in columns]
+    except ZeroDivisionError:
+        found = [[mp.nan] * len(b) for _ in columns]
+    return np.array(found, object).T.reshape(b.shape)
 
 
 def _best(function):

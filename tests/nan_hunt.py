@@ -18,9 +18,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from jaxspace import Scene
 from jaxspace.attitude import PendulumState, RollingDisk
 from jaxspace.core import InputError, quantities
 from jaxspace.mechanics import AbstractLagrangian
+from jaxspace.orbits import PowerLawForce
 from jaxspace.rotations import Quaternion
 from jaxspace.simulation import Accuracy, Status, simulate_batch
 
@@ -57,7 +59,7 @@ def legal_inputs(sample, runs: int, key: np.random.Generator):
     to two, every component of the state moved by a third of its block; any attitude."""
 
     def parameter(x):
-        if not eqx.is_inexact_array(x):
+        if not eqx.is_inexact_array_like(x):
             return x
         return np.asarray(x)[..., None] * 2.0 ** key.uniform(-1.0, 1.0, runs)
 
@@ -70,7 +72,21 @@ def legal_inputs(sample, runs: int, key: np.random.Generator):
 
     system = jax.tree.map(parameter, sample.system)
     state = jax.tree.map(component, sample.state, is_leaf=lambda x: isinstance(x, Quaternion))
-    return system, _constrained(system, state)
+    return _same_force(sample.system, system), _constrained(system, state)
+
+
+def _same_force(example, system):
+    """The system with the powers of the distance as strong as those of the example: with half the
+    exponent the same coefficient is that of a force 1e7 times as strong."""
+    if not isinstance(system, Scene):
+        return system
+    for number, (one, drawn) in enumerate(zip(example.effects, system.effects, strict=True)):
+        if isinstance(drawn, PowerLawForce):
+            strength = np.asarray(one.zero_at) ** (drawn.exponent - np.asarray(one.exponent))
+            system = eqx.tree_at(
+                lambda s, k=number: s.effects[k].coefficient, system, drawn.coefficient * strength
+            )
+    return system
 
 
 def _constrained(system, state):
@@ -95,9 +111,12 @@ def _constrained(system, state):
 
 def poisoned(system, state, key: np.random.Generator):
     """Of every run one number made illegal; and which runs the border refuses in a sentence."""
-    tree = jax.tree.map(np.array, (system, state))
+    tree = jax.tree.map(lambda x: np.array(x) if eqx.is_array(x) else x, (system, state))
     places = []
     for path, x in jax.tree_util.tree_flatten_with_path(tree)[0]:
+        if not isinstance(x, np.ndarray):
+            # A function of the user.
+            continue
         owner = tree
         for step in path[:-1]:
             owner = getattr(owner, step.name) if hasattr(step, "name") else owner[_place(step)]
@@ -109,7 +128,11 @@ def poisoned(system, state, key: np.random.Generator):
         place = (*(key.integers(n) for n in x.shape[:-1]), run)
         x[place] = key.choice(_illegal(owner, name, x[place]))
         refused[run] = _refuses(owner, run)
-    return jax.tree.map(jnp.asarray, tree), refused
+    return _arrays(tree), refused
+
+
+def _arrays(tree):
+    return jax.tree.map(lambda x: jnp.asarray(x) if isinstance(x, np.ndarray) else x, tree)
 
 
 def _place(step):
@@ -126,7 +149,7 @@ def _illegal(owner, name: str, x: float) -> tuple[float, ...]:
 
 def _refuses(owner, run: int) -> bool:
     """Whether the part refuses its numbers of this run, when it is constructed or a run starts."""
-    one = jax.tree.map(lambda x: np.asarray(x)[..., run], owner)
+    one = jax.tree.map(lambda x: x[..., run] if isinstance(x, np.ndarray) else x, owner)
     checks = [vars(kind).get("__check_init__") for kind in type(one).__mro__]
     try:
         for check in (*checks, getattr(type(one), "check_start", None)):
@@ -163,7 +186,7 @@ def count(sample, runs: int, seed: int = 0) -> list[Counts]:
     ts = jnp.asarray([0.0, 0.3 * sample.span])
     rows = []
     illegal, refused = poisoned(*legal, key)
-    for kind, inputs in (("legal", jax.tree.map(jnp.asarray, legal)), ("illegal", illegal)):
+    for kind, inputs in (("legal", _arrays(legal)), ("illegal", illegal)):
         status, finite, change = (np.asarray(x) for x in run(*inputs, ts))
         good = status <= Status.EVENT
         failed = {s.name: int(np.sum(status == s)) for s in Status if not s.good}
@@ -191,7 +214,9 @@ as a moment of inertia of 1e300.
 
 The runs have 512 steps at most, which the runs of a block share: hence the many `MAX_STEPS` where
 one input of the block is wild, such as a planet of twice the radius, whose air the orbit dives
-into. *Wrong* are legal runs that end well and whose invariants moved by more than 1e-5.
+into, or a stage that starts far below the ground. An attraction that falls faster than 1/r^3
+(`central_forces`) draws some orbits into its centre in finite time: no number of steps gets past.
+*Wrong* are legal runs that end well and whose invariants moved by more than 1e-5.
 
 | System | Inputs | Runs | Silent NaN | Wrong | Refused where seen | End well | End with a status |
 |---|---|--:|--:|--:|--:|--:|---|

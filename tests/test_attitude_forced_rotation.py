@@ -98,3 +98,19 @@ def test_slopes_of_the_bank():
     assert bank_angle(0.0, 100.0, 9.8) == 0.0
     slope = jax.jacrev(lambda v: bank_angle(v, 100.0, 9.8))
     assert_allclose([slope(0.0), slope(30.0)], [0.0, 60.0 * 980.0 / (900.0**2 + 980.0**2)])
+
+
+def test_a_body_in_steady_turn_takes_no_torque_to_drive():
+    inertia, shaft = PrincipalInertia([3.0, 2.0, 1.0]), np.array([0.1, 0.2, 1.0])
+    centre, mass = np.array([0.01, -0.02, 0.1]), 4.0
+
+    def drive(acceleration):
+        given = inertia, mass, jnp.asarray(centre), jnp.asarray(shaft), (-0.5, 0.7)
+        return bearing_reactions(*given, 5.0, acceleration).drive
+
+    # The gyroscopic part is across the shaft: exactly, so that a small acceleration is seen.
+    s = shaft / np.linalg.norm(shaft)
+    about = np.sum([3.0, 2.0, 1.0] * s**2) + mass * np.sum(np.cross(s, centre) ** 2)
+    assert drive(0.0) == 0.0
+    assert_allclose(drive(1e-17), 1e-17 * about, rtol=1e-15)
+    assert_allclose(jax.grad(drive)(1e-17), about, rtol=1e-15)

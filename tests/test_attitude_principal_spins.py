@@ -3,6 +3,7 @@ the invariable plane."""
 
 import jax
 import jax.numpy as jnp
+import mpmath
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -162,3 +163,16 @@ def test_the_vertices_touch_at_the_herpolhode_radii():
     radii = np.linalg.norm(plane.herpolhode, axis=0)
     assert_allclose(radii, polhode.herpolhode_radii(), rtol=1e-13)
     assert_allclose(plane.distance, polhode.plane_distance, rtol=1e-14)
+
+
+def test_the_herpolhode_of_a_spin_next_to_an_axis_keeps_its_digits():
+    # omega_perp = h x (omega x h) / h^2, here in 40 digits: the difference has none of 1e-10.
+    moments, omega = [2.0, 3.0, 3.6], [1e-10, -3e-11, 1.1]
+    y = BodyState(attitude=Quaternion(jnp.array([1.0, 0.0, 0.0, 0.0])), omega=jnp.array(omega))
+    found = invariable_plane(PrincipalInertia(moments), y).herpolhode
+    with mpmath.workdps(40):
+        w = [mpmath.mpf(c) for c in omega]
+        h = [mpmath.mpf(m) * c for m, c in zip(moments, w, strict=True)]
+        share = mpmath.fdot(w, h) / mpmath.fdot(h, h)
+        truth = [float(a - share * b) for a, b in zip(w, h, strict=True)]
+    assert_allclose(found, truth, rtol=1e-14)

@@ -180,3 +180,14 @@ def test_long_and_in_single_precision():
     assert single.dtype == jnp.float32
     double = flow(v, jnp.asarray(0.3))
     assert_allclose(single / 45.0, double / 45.0, atol=2e-5)  # some 100 roundings of 6e-8
+
+
+def test_the_derivative_by_a_duration_of_zero_is_the_rate():
+    # The state itself comes back to the bit, and goes on from there.
+    y = Top.state(jnp.array([0.2, 0.7, 0.1]), jnp.array([1.0, 0.3, 149.0]))
+    v = jnp.concatenate([jnp.array([A, C, WL]), y.attitude.wxyz, y.omega])
+    rate = TOP.vector_field(0.0, y)
+    value, change = jax.jvp(lambda t: flow(v, t), (0.0,), (1.0,))
+    assert np.array_equal(value, v[3:])
+    assert_allclose(change[:4], rate.attitude.wxyz, rtol=1e-12)
+    assert_allclose(change[4:], rate.omega, rtol=1e-12, atol=1e-12)

@@ -1,8 +1,12 @@
 """Applied torques, the relatives of the top, and the precession of the Earth."""
 
+import functools
+
 import jax
 import jax.numpy as jnp
+import mpmath
 import numpy as np
+from mpmath import mpf
 from numpy.testing import assert_allclose
 
 from jaxspace import Accuracy, Scene, simulate
@@ -112,6 +116,30 @@ def test_the_best_tilt_of_a_crusher_has_the_greatest_force():
     by_rate = jax.grad(best_crusher_tilt)(*wheel)
     ends = [best_crusher_tilt(4.0 + h, *wheel[1:]) for h in (-1e-5, 1e-5)]
     assert_allclose(by_rate, (ends[1] - ends[0]) / 2e-5, rtol=1e-7)
+
+
+def test_a_gyro_on_a_string_turns_faster_than_its_string_would_swing():
+    # Beyond sqrt(g/l1) = 4.43 rad/s, and nearly straight: against 40 digits of one equation.
+    def hang(Omega, theta):
+        return gyro_on_a_string(theta, Omega, 1.0, 0.1, 0.02, 0.5, 0.3, 9.8)[0]
+
+    def lack(b, w, theta):
+        reach = mpf(0.5) * mpmath.sin(b) + mpf(0.3) * mpmath.sin(mpf(theta))
+        return mpf(9.8) * mpmath.tan(b) - w * w * reach
+
+    for theta, Omega in ((0.7, 5.0), (2.9, 30.0), (0.7, 1e-4)):
+        b, slope = jax.value_and_grad(hang)(Omega, theta)
+        with mpmath.workdps(40):
+            w = mpf(Omega)
+            roots = [
+                mpmath.findroot(functools.partial(lack, w=rate, theta=theta), mpf(float(b)))
+                for rate in (w, w * (1 + mpf("1e-15")))
+            ]
+            # The equation has one sign change up to pi/2.
+            assert lack(roots[0] / 2, w, theta) < 0 < lack((roots[0] + mpmath.pi / 2) / 2, w, theta)
+            change = (roots[1] - roots[0]) / (w * mpf("1e-15"))
+        assert_allclose(b, float(roots[0]), rtol=2e-15)
+        assert_allclose(slope, float(change), rtol=1e-12)
 
 
 def test_a_gyro_on_a_string_is_in_balance():  # T5.14-P20

@@ -293,6 +293,30 @@ def test_landing_legs_spread_as_far_and_as_long_as_by_quadrature():
     assert_allclose(LEGS.greatest_spread(30.0), 0.5 * np.pi, rtol=1e-12)
 
 
+def test_landing_legs_spread_from_a_slow_touchdown():
+    # Next to rest the motion starts beside a root of its speed: by 30 digits of mpmath (`spread` of
+    # twins.py), with the slopes by the speed. A plain quadrature is off by 8e-3.
+    truths = {
+        1e-3: ("1.08060872173883493141", "-0.61731969729619"),
+        0.0: ("1.08122602407618312465", "-0.6172839506173"),
+    }
+    legs = LandingLegs(900.0, 12.0, 2.0, 0.6, 4e3, 1.62)
+    both = jax.jit(jax.value_and_grad(legs.spreading_time))
+    for speed, (time, slope) in truths.items():
+        found, change = both(speed)
+        assert_allclose(found, float(time), rtol=2e-15)
+        assert_allclose(change, float(slope), rtol=1e-12)
+    assert_allclose(jax.jit(jax.jacfwd(legs.spreading_time))(0.0), -0.6172839506173, rtol=1e-12)
+
+
+def test_legs_without_mass_lose_nothing_at_touchdown():
+    # The difference of the energies is a rounding of them where the legs weigh next to nothing.
+    light = LandingLegs(900.0, 1e-12, 2.0, 0.6, 4e3, 1.62)
+    assert LandingLegs(900.0, 0.0, 2.0, 0.6, 4e3, 1.62).touchdown_loss(2.0) == 0.0
+    # To first order in the mass: (n m/6) v^2 / sin^2(theta_0).
+    assert_allclose(light.touchdown_loss(2.0), 4e-12 / 6.0 * 4.0 / np.sin(0.6) ** 2, rtol=1e-13)
+
+
 def test_brachistochrone_against_a_straight_slide():
     radius, angle, time = brachistochrone(2.0, 1.0, 9.8)
     assert_allclose(radius * (angle - np.sin(angle)), 2.0, rtol=1e-13)

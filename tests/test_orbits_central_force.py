@@ -232,3 +232,34 @@ def test_sphere_of_influence_of_the_earth():
     # Bate, Mueller and White, table 7.4-1: about 145 radii of the Earth, 9.25e5 km.
     radius = sphere_of_influence(1.495978707e11, 3.986004418e14, 1.32712440018e20)
     assert float(radius) == pytest.approx(9.25e8, rel=1e-3)
+
+
+def test_the_inner_radius_of_a_fall_all_but_to_the_centre_keeps_its_digits():
+    # (r r')^2 is there 1e-4 of that of the start.
+    found = turning_points(lambda r: -1.0 / r, jnp.array([1.0, 0, 0]), jnp.array([0.9, 0.01, 0]))
+    with mp.workdps(40):
+        h2, two_e = mp.mpf(0.01) ** 2, mp.mpf(0.9) ** 2 + mp.mpf(0.01) ** 2 - 2
+        root = mp.sqrt(1 + two_e * h2)
+        truth = [float(h2 / (1 + root)), float((1 + root) / -two_e)]
+    np.testing.assert_allclose(found, truth, rtol=3e-15)
+
+
+def test_the_energy_of_a_motion_between_far_radii_keeps_its_digits():
+    # At the inner radius both of its terms are a thousand times their sum.
+    inner, outer = 0.01, 5.0
+
+    def energy(radii):
+        return radial_motion(lambda r: -jnp.exp(-0.1 * r) / r, *radii).energy
+
+    with mp.workdps(40):
+
+        def truth(a, b):
+            u_a, u_b = (-mp.exp(-mp.mpf(0.1) * r) / r for r in (a, b))
+            return (b * b * u_b - a * a * u_a) / (b * b - a * a)
+
+        a, b = mp.mpf(inner), mp.mpf(outer)
+        slopes = [float(mp.diff(truth, (a, b), n)) for n in ((1, 0), (0, 1))]
+        value = float(truth(a, b))
+    found, by_radii = jax.jit(jax.value_and_grad(energy))(jnp.asarray([inner, outer]))
+    np.testing.assert_allclose(found, value, rtol=1e-15)
+    np.testing.assert_allclose(by_radii, slopes, rtol=1e-13)

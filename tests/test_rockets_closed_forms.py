@@ -337,3 +337,23 @@ def test_jet_damping_with_a_changing_radius_of_gyration():
 
     expected = 0.2 * np.exp(-quad(slope, 40.0, 100.0, epsabs=1e-13)[0])
     np.testing.assert_allclose(end.omega[0], expected, rtol=1e-9)
+
+
+def test_a_gravity_turn_of_a_short_time_keeps_the_digits_of_its_way():
+    # x = v t sin(psi) + ... to first order; no time at all returns the input to the bit, with the
+    # rates as derivatives. A flight whose speed has ended stays where it is.
+    def turn(t, angle, ratio):
+        zero = jnp.zeros(())
+        y = gravity_turn_after(
+            t, ratio, 9.8, GravityTurnState(jnp.asarray(100.0), angle, zero, zero)
+        )
+        return jnp.stack([y.range, y.height, y.speed, y.angle])
+
+    turn, change = jax.jit(turn), jax.jit(jax.jacrev(turn))
+    psi = jnp.asarray(0.2)
+    short = 1e-10 * np.array([np.sin(0.2), np.cos(0.2)])
+    np.testing.assert_allclose(turn(1e-10, psi, 1.5)[:2], 100.0 * short, rtol=1e-10)
+    assert turn(0.0, psi, 1.5).tolist() == [0.0, 0.0, 100.0, 0.2]
+    rates = [100.0 * np.sin(0.2), 100.0 * np.cos(0.2), 9.8 * (1.5 - np.cos(0.2))]
+    np.testing.assert_allclose(change(0.0, psi, 1.5)[:3], rates, rtol=1e-14)
+    np.testing.assert_allclose(change(1e3, jnp.asarray(0.0), 0.2), 0.0, atol=1e-20)

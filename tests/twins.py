@@ -1,6 +1,7 @@
 """The functions of the hard cases once more, in mpmath: other formulas where there are others, and
 always with digits to spare. Named as in `jaxspace.verification`."""
 
+import numpy as np
 from mpmath import mp, mpf
 
 from jaxspace.core import InputError
@@ -35,6 +36,14 @@ def bisected(f, low, high):
     return mp.findroot(
         f, (low, high), solver="anderson", tol=mpf(10) ** (10 - 2 * mp.dps), maxsteps=300
     )
+
+
+def halved(f, low, high):
+    """The same by halves alone: for a function so steep or so flat that no secant converges."""
+    for _ in range(int(mp.prec) + 20):
+        middle = (low + high) / 2
+        low, high = (middle, high) if f(middle) < 0 else (low, middle)
+    return low
 
 
 # Core and rotations.
@@ -325,6 +334,78 @@ def free_flight(x):
     return [c for row in matrix(q) for c in row] + w
 
 
+def top_motion(x):
+    """The same of a top: attitude and rate after a time."""
+    q, w = _top_steps(x)[-1]
+    return q + w
+
+
+def top_turns(x):
+    """Euler's angles of it, each turn counted by steps that are short against it."""
+    steps = _top_steps(x)
+    # (psi + phi)/2 and (psi - phi)/2.
+    halves = [(mp.atan2(q[3], q[0]), mp.atan2(q[2], q[1])) for q, _ in steps]
+    sums = []
+    for series in zip(*halves, strict=True):
+        total = series[0]
+        for before, after in zip(series, series[1:], strict=False):
+            turn = after - before
+            total += turn - 2 * mp.pi * mp.nint(turn / (2 * mp.pi))
+        sums.append((series[0], total))
+    (s0, s), (d0, d) = sums
+    q = steps[-1][0]
+    theta = 2 * mp.atan2(mp.hypot(q[1], q[2]), mp.hypot(q[0], q[3]))
+
+    def within(angle):
+        return angle - 2 * mp.pi * mp.nint(angle / (2 * mp.pi))
+
+    return [within(s0 + d0) + s - s0 + d - d0, theta, within(s0 - d0) + s - s0 - d + d0]
+
+
+def _top_steps(x):
+    """Attitudes and rates at the ends of steps."""
+    bits = int(mp.prec) + 30
+    A, C, Wl, q, w, t = *x[:3], x[3:7], x[7:10], x[10]
+    size = norm(q)
+    fast = max(norm(w), abs((A - C) / A * w[2]), mp.sqrt(abs(Wl) / A), mpf(1) / 8)
+    steps = int(mp.ceil(4 * abs(t) * fast)) + 1
+    order = int(mp.dps * 1.25) + 10
+
+    def fixed(c):
+        return int(mp.floor(mp.ldexp(c, bits)))
+
+    def back(part):
+        return [mp.ldexp(mpf(c), -bits) for c in part]
+
+    spin, pull, h, z = fixed((A - C) / A * w[2]), fixed(Wl / A), fixed(t / steps), fixed(w[2])
+    w, q = [fixed(c) for c in w[:2]], [fixed(c / size) for c in q]
+    found = [([size * c for c in back(q)], [*back(w), x[9]])]
+    for _ in range(steps):
+        (u, v), (a, b, c, d) = ws, qs = [[c] for c in w], [[c] for c in q]
+        for n in range(1, order):
+
+            def product(x, y):
+                return sum(map(int.__mul__, x, reversed(y))) >> bits
+
+            # The vertical in the body.
+            across = product(b, d) - product(a, c), product(c, d) + product(a, b)
+            rates = [
+                (spin * v[-1] >> bits) + (2 * pull * across[1] >> bits),
+                -(spin * u[-1] >> bits) - (2 * pull * across[0] >> bits),
+            ]
+            turns = [
+                -product(b, u) - product(c, v) - (d[-1] * z >> bits),
+                product(a, u) + (c[-1] * z >> bits) - product(d, v),
+                product(a, v) + product(d, u) - (b[-1] * z >> bits),
+                (a[-1] * z >> bits) + product(b, v) - product(c, u),
+            ]
+            for series, value in zip((*ws, *qs), (*(2 * r for r in rates), *turns), strict=True):
+                series.append(value // (2 * n))
+        w, q = ([_horner(series, h, bits) for series in part] for part in (ws, qs))
+        found.append(([size * c for c in back(q)], [*back(w), x[9]]))
+    return found
+
+
 def _horner(series, h, bits):
     total = 0
     for c in reversed(series):
@@ -578,6 +659,42 @@ def bielliptic_break_even(x):
     return [ratio / bisected(lambda u: -saved(u), tiny, 1 - tiny)]
 
 
+def turning_radii(x):
+    """Where the radial speed in a fading attraction vanishes, on either side."""
+    r, v = x[:3], x[3:]
+    length = norm(r)
+    moment = dot(cross(r, v), cross(r, v))
+
+    def potential(R):
+        return -mp.exp(-R / 10) / R
+
+    energy = dot(v, v) / 2 + potential(length)
+
+    def side(sign):
+        """The nearest way in ln r, as far as the library looks."""
+
+        def over(s):
+            R = length * mp.exp(sign * s)
+            # (R R')^2, which is that of the start there.
+            return (2 * R * R * (energy - potential(R)) - moment) / s
+
+        with mp.workdps(2 * mp.dps + 20):
+            steps = [mpf(float(s)) for s in np.geomspace(1e-16, 30.0, 220)]
+            for before, after in zip([None, *steps], steps, strict=False):
+                if over(after) > 0:
+                    continue
+                if before is None:
+                    return mpf(0)
+                return halved(lambda s: -over(s), before, after)
+        return None
+
+    inner, outer = side(-1), side(1)
+    return [
+        mpf(0) if inner is None else length * mp.exp(-inner),
+        mp.inf if outer is None else length * mp.exp(outer),
+    ]
+
+
 # Runs.
 
 
@@ -586,7 +703,57 @@ def burnt(x):
     return [1000 + u * mp.log(mass / (mass - thrust * t / u))]
 
 
+def turned_by_gravity(x):
+    """The state of a gravity turn a time later."""
+    time, n, g, speed, angle = x
+    z0 = mp.tan(angle / 2)
+
+    def growth(a, s):
+        return mp.expm1(a * s) / a if a else s
+
+    def late(s):
+        return growth(n - 1, s) + z0**2 * growth(n + 1, s) - g * (1 + z0**2) / speed * time
+
+    # The bounds of the library.
+    end = mpf(9) / 20 * mp.log(mpf(float(np.finfo(float).max))) / (abs(n) + 2)
+    s = end if late(end) < 0 else -end if late(-end) > 0 else halved(late, -end, end)
+    s = s if time else mpf(0)
+    z, unit = z0 * mp.exp(s), speed**2 / (g * (1 + z0**2) ** 2)
+    across = growth(2 * n - 1, s) + z0**2 * growth(2 * n + 1, s)
+    up = growth(2 * n - 2, s) - z0**4 * growth(2 * n + 2, s)
+    faster = mp.exp((n - 1) * s) * (1 + z**2) / (1 + z0**2)
+    return [2 * unit * z0 * across, unit * up, speed * faster, 2 * mp.atan(z)]
+
+
 # Mechanics.
+
+
+def spread(x):
+    """The greatest spread of a lander's legs, and the time to it."""
+    M, m, l, start, k, g, speed = x
+    carried = M + 2 * m
+
+    def moment(theta):
+        return l**2 * (M * mp.sin(theta) ** 2 + 4 * m / 3)
+
+    def potential(theta):
+        return carried * g * l * mp.cos(theta) + 2 * k * (theta - start) ** 2
+
+    with mp.workdps(2 * mp.dps):
+        rate = carried * l * mp.sin(start) * speed / moment(start)
+        height = moment(start) * rate**2 / 2 + potential(start)
+        end = mp.pi / 2
+        if potential(end) > height:
+            end = bisected(lambda theta: potential(theta) - height, start, end)
+
+        def integrand(u):
+            theta = start + (end - start) * u
+            # The end is right to fewer digits than the nodes come near it.
+            return mp.sqrt(moment(theta) / (2 * abs(height - potential(theta))))
+
+        # By the rule for ends where the integrand or its continuation is infinite.
+        time = (end - start) * mp.quad(integrand, [0, mpf(1) / 2, 1])
+    return [end, time]
 
 
 def arm(x):

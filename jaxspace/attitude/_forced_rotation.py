@@ -94,12 +94,15 @@ def bearing_reactions(
     shaft, centre = with_rank(shaft, rank), with_rank(centre, rank)
     omega, alpha = scale(rate, shaft), scale(acceleration, shaft)
     force = scale(mass, cross(alpha, centre) + cross(omega, cross(omega, centre)))
-    moment = required_torque(parallel_axes(inertia, mass, centre), omega, alpha)
+    about_O = parallel_axes(inertia, mass, centre)
+    moment = required_torque(about_O, omega, alpha)
     first, second = stations
     # The forces lie across the shaft, so that their moment, s x (a R_a + b R_b), gives the sum.
     lever = cross(moment, shaft)
     on_second = scale(1.0 / (second - first), lever - scale(first, force))
-    return BearingReactions(force - on_second, on_second, dot(moment, shaft))
+    # What the body's own turn takes lies across the shaft, but for its rounding.
+    drive = dot(about_O.times(alpha), shaft)
+    return BearingReactions(force - on_second, on_second, drive)
 
 
 def bank_angle(speed: Scalar, radius: Scalar, gravity: Scalar) -> Scalar:

@@ -26,6 +26,7 @@ from ..core import (
     Scalar,
     Vector,
     check_components,
+    cross,
     dot,
     end_sqrt,
     safe_atan2,
@@ -142,6 +143,6 @@ def invariable_plane(inertia: AbstractInertia, y: BodyState) -> InvariablePlane:
     attitude, omega = attitude_and_omega(y)
     normal_B = unit(inertia.times(omega))
     distance = dot(omega, normal_B)
-    # Formed in the body, where it is small beside omega for a spin near a principal axis.
-    contact = attitude.rotate(omega - distance * normal_B)
+    # As products, in the body: near a principal axis the difference has no digits of it.
+    contact = attitude.rotate(cross(normal_B, cross(omega, normal_B)))
     return InvariablePlane(attitude.rotate(normal_B), distance, contact)

@@ -32,7 +32,16 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..bodies import AbstractInertia, principal_axes
-from ..core import AbstractParameters, Scalar, axis, quantity, safe_atan2, sinc_squared, with_rank
+from ..core import (
+    AbstractParameters,
+    Matrix,
+    Scalar,
+    axis,
+    quantity,
+    safe_atan2,
+    sinc_squared,
+    with_rank,
+)
 from ..rotations import Quaternion
 
 Complex: TypeAlias = Float[Array, "2 *#runs"]
@@ -56,12 +65,27 @@ def principal_tilt(inertia: AbstractInertia) -> Complex:
     nearest to it (Thomson 7.4-2).
 
     Its derivative exists where the moment of that axis differs from both others."""
-    _, axes = principal_axes(inertia)
+    moments, axes = principal_axes(inertia)
     # Principal axes come in the order of their moments, and that near z may be any of them.
     nearest = jnp.argmax(jnp.abs(axes[2]), axis=0)
     along = jnp.take_along_axis(axes, nearest[None, None], axis=1)[:, 0]
+    moment = jnp.take_along_axis(moments, nearest[None], axis=0)[0]
     # An axis has no direction: of both unit vectors the one on the side of z.
-    return _turn_to(jnp.where(along[2] < 0.0, -along, along))
+    return _turn_to(_refined(inertia.matrix(), moment, jnp.where(along[2] < 0.0, -along, along)))
+
+
+def _refined(tensor: Matrix, moment: Scalar, s: Array) -> Array:
+    """The principal axis `s` of the `moment`, nearer to z than the others, with all digits of a
+    small tilt."""
+    # Its components across z by those of the tensor: an eigenvector has absolute errors only.
+    # With moments that are all but equal there is no more to gain.
+    a, b, c = tensor[0, 0] - moment, tensor[0, 1], tensor[1, 1] - moment
+    d, e = tensor[0, 2], tensor[1, 2]
+    whole = a * c - b * b
+    use = jnp.abs(whole) > 1e-8 * moment * moment
+    share = jnp.where(use, s[2], 0.0) / jnp.where(use, whole, 1.0)
+    x, y = (b * e - c * d) * share, (b * d - a * e) * share
+    return jnp.stack([jnp.where(use, x, s[0]), jnp.where(use, y, s[1]), s[2]])
 
 
 def _turn_to(s: Array) -> Complex:

@@ -85,10 +85,11 @@ class TopMotion(AbstractClosedForm):
         q = jnp.where(hangs, lowered(q), q)
         # Unit length to rounding; what the start lacked of it stays.
         q = q * jnp.sqrt(attitude.norm_squared() / jnp.sum(q * q, axis=0))
-        # There and back again through a and b is the same to rounding only.
+        # There and back again through a and b is the same to rounding only; the derivatives by the
+        # time are those of the motion.
         still = jnp.asarray(duration) == 0.0
-        q = jnp.where(still, attitude.wxyz + 0.0 * q, q)
-        across = jnp.where(still, omega[:2] + 0.0 * across, across)
+        q = _valued(jnp.where(still, attitude.wxyz, q), q)
+        across = _valued(jnp.where(still, omega[:2], across), across)
         return BodyState(
             attitude=Quaternion(q),
             omega=jnp.stack([across[0], across[1], omega[2] + 0.0 * across[0]]),
@@ -138,3 +139,8 @@ class TopMotion(AbstractClosedForm):
         start = barrier(start_of(q, omega, C * omega[2] / A, 2.0 * jnp.abs(Wl) / A))
         phase = jacobi(duration, start.x, start.y, start.difference)
         return start, barrier(phase), hangs
+
+
+def _valued(value: Array, x: Array) -> Array:
+    """The `value`, to the bit, with the derivatives of `x`."""
+    return jax.lax.stop_gradient(value) + (x - jax.lax.stop_gradient(x))

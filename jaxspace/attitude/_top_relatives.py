@@ -23,7 +23,7 @@ Source: Thomson Problems 5.14-13 (springs), -14 to -17 (crusher), -20 (string).
 import jax
 import jax.numpy as jnp
 
-from ..core import Scalar
+from ..core import Scalar, as_float, increasing_root
 
 
 def sprung_flywheel_frequencies(
@@ -126,8 +126,8 @@ def gyro_on_a_string(
 
     **Arguments**
 
-    - `theta`: angle of the axle with the upward vertical, rad, not 0 or pi.
-    - `rate`: Omega, of the whole figure about the vertical, rad/s, below sqrt(g/l1).
+    - `theta`: angle of the axle with the upward vertical, rad, between 0 and pi.
+    - `rate`: Omega, of the whole figure about the vertical, rad/s.
     - `mass`: m, kg.
     - `transverse_inertia`, `axial_inertia`: A and C about the centre of mass, kg m^2.
     - `string`, `arm`: l1 and l2, m.
@@ -136,18 +136,19 @@ def gyro_on_a_string(
     **Returns** b, rad, T, N, and the spin n, rad/s, that they take.
     """
 
+    def lack(b):
+        """g sin(b) - Omega^2 (l1 sin b + l2 sin theta) cos(b), of one sign change up to pi/2."""
+        reach = string * jnp.sin(b) + arm * jnp.sin(theta)
+        return gravity * jnp.sin(b) - rate * rate * reach * jnp.cos(b) + 0.0 * mass
+
     def newton(b):
-        s, c = jnp.sin(b), jnp.cos(b)
-        reach = string * s + arm * jnp.sin(theta)
-        value = gravity * s - rate * rate * reach * c
-        slope = gravity * c - rate * rate * (string * c * c - reach * s)
+        value, slope = jax.jvp(lack, (b,), (jnp.ones_like(b),))
         return b - value / slope
 
-    # The string hangs nearly straight: g tan(b) = Omega^2 (l1 sin b + l2 sin theta) to first order.
-    slow = rate * rate / gravity
-    b = jnp.arctan(slow * arm * jnp.sin(theta) / (1.0 - slow * string) + 0.0 * mass)
-    b = jax.lax.fori_loop(0, 12, lambda _, x: newton(x), jax.lax.stop_gradient(b))
-    b = newton(jax.lax.stop_gradient(b))
+    zero = 0.0 * lack(0.0 * as_float(theta))
+    b = jax.lax.stop_gradient(increasing_root(lack, zero, 0.5 * jnp.pi + zero))
+    # Halvings have no digits to spare of a string that hangs nearly straight.
+    b = newton(jax.lax.stop_gradient(newton(b)))
     tension = mass * gravity / jnp.cos(b)
     moment = tension * arm * jnp.sin(theta + b)
     s, c = jnp.sin(theta), jnp.cos(theta)

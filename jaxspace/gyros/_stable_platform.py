@@ -69,7 +69,8 @@ class StablePlatformState(eqx.Module):
 class StablePlatform(AbstractSystem):
     """A platform in three gimbals, or in four. State: `StablePlatformState`, made by `state`.
 
-    - `fourth`: whether there is a gimbal outside of that of roll, about the vehicle's z axis.
+    - `fourth`: whether there is a gimbal outside of that of roll, about the vehicle's z axis. Four
+      gimbals turn three axes: their accelerations lose the ratio of J to I_g in roundings.
     - `secant`: whether the motors get the signals by the book's resolver."""
 
     platform_inertia: Three = quantity("kg m^2", positive=True, doc="J, about its axes")

@@ -202,7 +202,8 @@ class TwoGimbalGyro(AbstractSystem):
         outer axis, N m s, that do it."""
         outer = self.spin_momentum(y) * jnp.cos(y.theta) - y.angular_momentum
         inner = -self.inner_inertia() * y.theta_rate
-        return self.struck(y, inner, outer), inner, outer
+        still = self.spin_momentum(y) * jnp.cos(y.theta) + 0.0 * outer
+        return replace(y, theta_rate=0.0 * inner, angular_momentum=still), inner, outer
 
     def attitude_change(self, turn: Scalar) -> tuple[Scalar, Scalar]:
         """How two impulses across the axis turn it (Thomson 6.2, problems 5 to 7).

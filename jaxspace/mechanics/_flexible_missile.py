@@ -97,12 +97,15 @@ class FlexibleMissile(AbstractSystem):
         # The elimination joins the rows of both, which must carry the same runs.
         m = jnp.broadcast_to(m, (*m.shape[:2], *force_of.shape[1:]))
         rate = solve(m, force_of[:, None])[:, 0]
-        engine = self.engine()
-        shapes, slopes, _ = (with_rank(x, rank) for x in self.hinge())
+        return rate, self.mean_turn(y, force, place) - self.engine()["turn"] * rate[0]
+
+    def mean_turn(self, y: MissileState, force: Scalar = 0.0, place: Scalar = 0.0) -> Scalar:
+        """The angular acceleration of the mean axis, rad/s^2, which the engine's own does not
+        change; arguments as in `accelerations`."""
+        shapes, slopes, _ = (with_rank(x, y.engine.ndim) for x in self.hinge())
         bent = jnp.sum((self.lever() * slopes + shapes) * y.bending, axis=0)
-        turning = -self.thrust * ((self.lever() + engine["shift"]) * y.engine + bent)
-        turning = turning + place * force
-        return rate, turning / self.inertia() - engine["turn"] * rate[0]
+        turning = -self.thrust * ((self.lever() + self.engine()["shift"]) * y.engine + bent)
+        return (turning + place * force) / self.inertia()
 
     def across(self, place: Scalar) -> Float[Array, "n *#runs"]:
         """How far a place on the straight beam, m before the mass centre and before the hinge,

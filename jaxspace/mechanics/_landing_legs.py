@@ -89,9 +89,11 @@ class LandingLegs(AbstractLagrangian):
 
     def touchdown_loss(self, speed: Scalar) -> Scalar:
         """The energy that the impact takes, J."""
-        total = 0.5 * (self.body_mass + self.legs * self.leg_mass) * speed**2
-        rate = self.touchdown(speed).rates[0]
-        return total - 0.5 * self.moment(self.rest_angle) * rate**2
+        s = jnp.sin(self.rest_angle)
+        legs = self.legs * self.leg_mass
+        # The difference of both energies, in which what body and legs share falls out.
+        share = self.body_mass / 3.0 + legs * (1.0 / 3.0 - 0.25 * s * s)
+        return 0.5 * legs * share / (self.body_mass * s * s + legs / 3.0) * speed**2
 
     def greatest_spread(self, speed: Scalar) -> Scalar:
         """The angle, rad, to which legs without dampers spread after a touchdown at this `speed`,
@@ -106,27 +108,54 @@ class LandingLegs(AbstractLagrangian):
         """The time, s, from a touchdown at this `speed`, m/s, to the greatest spread of legs
         without dampers that do not come to lie flat, by quadrature."""
         end, start = self.greatest_spread(speed), self.rest_angle
-        # theta = end - (end - start) x^2 takes the root of the denominator away.
+        root_before = self._root_before(speed)
+        before = root_before * root_before
+        # theta = low + width sin^2(phi) takes the roots of the denominator at both ends away.
+        low, width = start - before, end - start + before
+        first = jnp.arcsin(root_before / jnp.sqrt(width))
         x, weights = np.polynomial.legendre.leggauss(NODES)
         shape = (NODES,) + (1,) * jnp.ndim(end)
         x, weights = (jnp.asarray(a, end.dtype).reshape(shape) for a in (x, weights))
-        x = 0.5 * (x + 1.0)
-        fall = (end - start) * x * x
-        # U(end) - U(end - fall) as products, and its limit x^2 out of the root.
-        middle = end - 0.5 * fall
-        half = jnp.sin(0.5 * fall) / (0.5 * fall)
-        weight = self._carried() * self.gravity * self.leg_length * jnp.sin(middle) * half
-        springs = self.legs * self.stiffness * (middle - start)
-        slope = springs - weight
-        integrand = jnp.sqrt(2.0 * (end - start) * self.moment(end - fall) / slope)
-        return 0.5 * jnp.sum(weights * integrand, axis=0)
+        phi = first + 0.5 * (x + 1.0) * (0.5 * jnp.pi - first)
+        s, c = jnp.sin(phi), jnp.cos(phi)
+        rise, fall = width * s * s, width * c * c
+        # h - U over the way from the nearer end, from differences of U as products.
+        rest = 0.5 * self.moment(start) * self._rate(speed) ** 2
+        rest = rest - before * self._slope(start - 0.5 * before, before)
+        near_low = self._slope(low + 0.5 * rise, rise) + rest / rise
+        upper = s > c
+        slope = jnp.where(upper, -self._slope(end - 0.5 * fall, fall), near_low)
+        moment = self.moment(jnp.where(upper, end - fall, low + rise))
+        integrand = jnp.where(upper, s, c) * jnp.sqrt(2.0 * width * moment / slope)
+        return (0.25 * jnp.pi - 0.5 * first) * jnp.sum(weights * integrand, axis=0)
+
+    def _root_before(self, speed: Scalar) -> Scalar:
+        """The root of the way, rad, from the start back to where the motion would have come from
+        rest; no further than upright."""
+
+        def excess(x):
+            climb = self._slope(self.rest_angle - 0.5 * x * x, x * x)
+            return x * jnp.sqrt(climb) - jnp.sqrt(0.5 * self.moment(self.rest_angle)) * rate
+
+        # Of the root, because the way itself has no digits to spare at a slow touchdown.
+        rate = self._rate(speed)
+        return increasing_root(excess, 0.0 * rate, jnp.sqrt(self.rest_angle) + 0.0 * rate)
+
+    def _slope(self, middle: Scalar, way: Scalar) -> Scalar:
+        """The fall of U over a `way` about its `middle`, rad, per way, J."""
+        weight = self._carried() * self.gravity * self.leg_length
+        # As a product: the difference of the cosines has no digits of a short way.
+        tilting = weight * jnp.sin(middle) * jnp.sinc(0.5 * way / jnp.pi)
+        return tilting - self.legs * self.stiffness * (middle - self.rest_angle)
+
+    def _rate(self, speed: Scalar) -> Scalar:
+        """The rate after the touchdown, rad/s."""
+        return self.touchdown(speed).rates[0]
 
     def _height(self, speed: Scalar) -> Scalar:
         """The energy h after the touchdown, J."""
-        y = self.touchdown(speed)
-        return 0.5 * self.moment(self.rest_angle) * y.rates[0] ** 2 + self.potential(
-            self.rest_angle
-        )
+        kinetic = 0.5 * self.moment(self.rest_angle) * self._rate(speed) ** 2
+        return kinetic + self.potential(self.rest_angle)
 
     def _carried(self) -> Scalar:
         return self.body_mass + 0.5 * self.legs * self.leg_mass

@@ -64,9 +64,10 @@ class MissileLoop(AbstractSystem):
         command = missile.command + self.pitch_gain * pitch + self.rate_gain * pitch_rate
         pull = self._pull(y)
         rate, turn = missile.accelerations(state, command, self.slosh_mass * pull, self.tank_place)
-        mean_turn = turn + missile.engine()["turn"] * rate[0]
         across = with_rank(missile.across(self.tank_place), state.engine.ndim)
-        place = self.sideways(y) + self.tank_place * mean_turn + jnp.sum(across * rate, axis=0)
+        place = (
+            self.sideways(y) + self.tank_place * self.mean_turn(y) + jnp.sum(across * rate, axis=0)
+        )
         rates = MissileState(
             *(state.engine_rate, state.bending_rate, state.pitch_rate), rate[0], rate[1:], turn
         )
@@ -79,6 +80,10 @@ class MissileLoop(AbstractSystem):
         thrust = (1.0 - missile.engine()["turn"]) * state.engine
         thrust = thrust + jnp.sum(slopes * state.bending, axis=0)
         return (missile.thrust * thrust + self.slosh_mass * self._pull(y)) / missile.mass
+
+    def mean_turn(self, y: MissileLoopState) -> Scalar:
+        """Angular acceleration of the mean axis, rad/s^2."""
+        return self.missile.mean_turn(y.missile, self.slosh_mass * self._pull(y), self.tank_place)
 
     def _pull(self, y: MissileLoopState) -> Scalar:
         """w^2 s + 2 zeta w s', m/s^2."""

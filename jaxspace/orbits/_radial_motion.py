@@ -176,7 +176,8 @@ def radial_motion(potential: Potential, inner: Scalar, outer: Scalar) -> RadialM
     return RadialMotion(
         jnp.pi * jnp.mean(inverse_root, axis=0),
         2.0 * jnp.pi * inner * time / h,
-        zero_level + kinetic,
+        # At the outer radius: at the inner one both terms may be far greater than their sum.
+        u(x_2) + kinetic * jnp.exp(-2.0 * x_2),
         inner * h,
     )
 
@@ -209,7 +210,9 @@ def turning_points(potential: Potential, r: Vector, v: Vector) -> tuple[Scalar, 
         def over(s):
             """(r r')^2/2 over s, at r e^(sign s) in units of |r|, of the sign of the radicand."""
             start = jnp.zeros_like(s)
-            return 0.5 * radial / s + sign * _divided(t, start, sign * s)
+            near = 0.5 * radial / s + sign * _divided(t, start, sign * s)
+            # Far in, the rise from the start has no digits of what is left of it.
+            return jnp.where(s < CLOSE, near, (t(sign * s) - 0.5 * h_squared) / s)
 
         steps = jnp.asarray(_STEPS, length.dtype).reshape((-1,) + (1,) * length.ndim)
         steps = jnp.broadcast_to(steps, (len(_STEPS), *length.shape))

@@ -97,7 +97,8 @@ class Station(AbstractParameters):
 class AboveElevation(AbstractParameters):
     """The condition (t, y) of an event: sin(El) less that of an elevation, seen from a station.
 
-    Smooth in the zenith, too."""
+    Smooth in the zenith, too, where its derivatives vanish: what is left of them there is a
+    rounding of the sine."""
 
     station: Station
     elevation: Float[Array, "*#runs"] = quantity("rad", doc="of the mask above the horizon")

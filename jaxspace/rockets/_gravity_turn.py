@@ -30,6 +30,7 @@ mass leaves, and drag.
 from typing import final
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -109,7 +110,20 @@ def gravity_turn_after(
     largest = 0.45 * jnp.log(jnp.finfo(scaled.dtype).max)
     end = largest / (jnp.abs(n) + 2.0) + 0.0 * scaled
     s = increasing_root(lambda s: _elapsed(s, n, z0) - scaled, -end, end)
-    return _state(s, n, gravity, y)
+    return _state(_short(s, scaled, end, n, z0), n, gravity, y)
+
+
+def _short(s: Scalar, scaled: Scalar, end: Scalar, n: Scalar, z0: Scalar) -> Scalar:
+    """The root `s`, of which halvings leave no digits after a short time: by steps of Newton, which
+    give it its derivatives, too; zero after no time."""
+    s = jax.lax.stop_gradient(s)
+    # Each step doubles the order of the derivatives that are right.
+    for _ in range(2):
+        value, slope = jax.jvp(lambda s: _elapsed(s, n, z0) - scaled, (s,), (jnp.ones_like(s),))
+        # Not at an end of the range, where the speed has ended and nothing follows the time.
+        near = jnp.abs(value) < 1e-12 * end * slope
+        s = s - jnp.where(near, value, 0.0) / jnp.where(near, slope, 1.0)
+    return s - jax.lax.stop_gradient(jnp.where(scaled == 0.0, s, 0.0))
 
 
 def _growth(a: Scalar, s: Scalar) -> Scalar:

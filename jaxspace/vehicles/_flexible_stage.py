@@ -114,7 +114,7 @@ class FlexibleStage(AbstractEffect):
             "bending": jnp.swapaxes(found.missile.bending_rate, 0, 1),
             "slosh": found.slosh_rate,
         }
-        turning = missile.inertia() * (found.missile.pitch_rate + turn * change["engine"])
+        turning = missile.inertia() * loop.mean_turn(state)
         across = missile.mass * loop.sideways(state)
         along = missile.thrust * missile.mass / (missile.mass + loop.slosh_mass)
         still = jnp.zeros_like(across[:1])

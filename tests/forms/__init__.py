@@ -11,13 +11,16 @@ from . import (
     attitude,
     flights,
     floor,
+    gimbals,
     instruments,
     mechanics,
+    motions,
     moving,
     orbits,
     paths,
     rockets,
     solids,
+    stages,
     transfers,
     vehicles,
 )
@@ -92,5 +95,5 @@ def forms() -> list[Form]:
         exact = TWINS.get(function.__name__)
         of_cases.append(Form(function, tuple(names.split()), places, blocks, exact))
     first = floor, solids, orbits, paths, transfers, attitude, moving, vehicles, rockets
-    rooms = *first, flights, mechanics, instruments
+    rooms = *first, flights, mechanics, instruments, gimbals, stages, motions
     return [*of_cases, *(form for room in rooms for form in room.FORMS)]

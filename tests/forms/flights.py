@@ -24,7 +24,9 @@ def steering(x):
     y = BodyState(position=x[5:8], velocity=x[8:11])
     ways = k.AlongVelocity(x[4]).direction(x[4], y), k.FixedDirection(x[5:8]).direction(x[4], y)
     along = k.FlightPlane().along(x[0], y), laws[2].direction(x[4], y)
-    return *numbers(*(law.pitch(x[4]) for law in laws)), *ways, *along
+    polynomial, table, tangents = (law.pitch(x[4]) for law in laws)
+    # A table is right to a rounding of its largest value.
+    return *numbers(polynomial, tangents), jnp.append(x[:3], table), *ways, *along
 
 
 def engines(x):

@@ -108,13 +108,11 @@ def limited_wheels(x):
 
 
 def damper(x):
-    """Energy and motion of a nutation damper: mass, stiffness, damping, place, rate, omega."""
-    one = a.NutationDamper(
-        x[0], [0.8, 0.2, -0.1], [0.1, 0.2, 1.0], x[1], x[2], displacement=x[3], rate=x[4]
-    )
+    """Energy and motion of a nutation damper: mass, stiffness, damping, place, momentum, omega."""
+    one = a.NutationDamper(x[0], [0.8, 0.2, -0.1], [0.1, 0.2, 1.0], x[1], x[2])
     body = RigidBody(200.0, [40.0, 50.0, 60.0])
-    y = BodyState(attitude=Quaternion.identity(), omega=x[5:8])
-    y = BodyState(attitude=y.attitude, omega=y.omega, parts=one.start(y, body))
+    part = {one.part: {"displacement": x[3], "momentum": x[4]}}
+    y = BodyState(attitude=Quaternion.identity(), omega=x[5:8], parts=part)
     moving = one.motion(y, body)
     rates = moving.displacement, moving.rate, moving.momentum_rate
     return numbers(one.energy(y, body), one.reduced_mass(200.0 + 0.0 * x[0]), *rates)
@@ -182,12 +180,14 @@ def cosines(x):
     axes, _ = inertia_ellipsoid(PrincipalInertia(x[7:10]))
     mean = mean_attitude(Quaternion(jnp.stack([x[:4], x[10:14]], axis=1))).wxyz
     both = (mean[:, None] * mean[None]).reshape(-1), Quaternion(x[:4]).projected().wxyz
-    return cosine_conditions(C), rate.reshape(-1), omega_from_cosine_rates(C, rate), axes, *both
+    # What is zero of cosines has their size.
+    kept = jnp.concatenate([cosine_conditions(C), C.reshape(-1)])
+    return kept, rate.reshape(-1), omega_from_cosine_rates(C, rate), axes, *both
 
 
 def airs(x):
     """Pressure, density and temperature of both atmospheres at a height, from 3 numbers."""
-    one, standard = ExponentialAtmosphere(*x[:3]), StandardAtmosphere.named("standard")
+    one, standard = ExponentialAtmosphere(*x[:3]), StandardAtmosphere.named("us_1976")
     state, found = one.air_at(x[3]), standard.air_at(x[3])
     numbers_ = state.density, one.density_at(x[3]), found.density, found.pressure, found.sound_speed
     return numbers(*numbers_)
