@@ -25,7 +25,7 @@ from typing import final
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, PyTree
+from jaxtyping import Array, Float, PyTree
 
 from ..bodies import BodyState
 from ..core import (
@@ -51,11 +51,12 @@ def _together(x: PyTree) -> PyTree:
 
 @final
 class SecondOrderKS(AbstractSecondOrderForm):
-    """The motion of `ks`, where the accelerations of `rest` have a potential, in the variables
-    (u, w, H, t), (10, *runs)."""
+    """The motion of `ks` about a point mass `mu`, m^3/s^2, where the accelerations of `rest` have a
+    potential, in the variables (u, w, H, t), (10, *runs)."""
 
     ks: AbstractRegularised
     rest: AbstractSystem | None
+    mu: Float[Array, "*#runs"]
 
     def _potential(self, r: Vector) -> Scalar:
         rest = self.rest
@@ -90,7 +91,7 @@ class SecondOrderKS(AbstractSecondOrderForm):
     def held(self, z: Array) -> Array:
         energy = z[8]
         # Where k mu is larger than this many radii, u . w has lost as much of its precision.
-        small = jnp.abs(energy) * self.clock(z[:4]) < self.ks.mu / FARTHEST
+        small = jnp.abs(energy) * self.clock(z[:4]) < self.mu / FARTHEST
         k = jnp.where(small, 0.0, 1.0 / jnp.where(small, 1.0, energy))
         return jnp.stack([energy, k])
 
@@ -102,7 +103,7 @@ class SecondOrderKS(AbstractSecondOrderForm):
 
     def rates(self, q: Array, held: Array) -> tuple[Array, Scalar]:
         (total, k), r = held, dot4(q, q)
-        half = (0.5 * self.ks.mu) * k
+        half = (0.5 * self.mu) * k
         if self.rest is None:
             return (0.5 * total) * q, r * (1.0 - k * total) - half
         position = _together(ks_map(q, q))

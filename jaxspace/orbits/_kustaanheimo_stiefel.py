@@ -105,7 +105,7 @@ class KustaanheimoStiefel(AbstractRegularised):
 
     def second_order(self, z: jax.ShapeDtypeStruct) -> SecondOrderKS | None:
         if self.rest is None or _has_potential(self.rest, self.from_regularised, z):
-            return SecondOrderKS(self, self.rest)
+            return SecondOrderKS(self, self.rest, self.mu)
         return None
 
 
