@@ -21,12 +21,14 @@ from typing import NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from ..core import AbstractRegularised, Scalar, barrier
+from ..core import AbstractRegularised, AbstractSecondOrderForm, Scalar, barrier
 from ..solvers._adaptive_regularised import order_of
 from ..solvers._regularised import Regular
 from ..solvers._step_control import GROW, SHRINK
 
 SAFETY = 0.85
+# Without a pace to go by.
+CLOSER = 0.9
 # Of the sums for the power: about as many steps count as an orbit has.
 MEMORY = 0.9
 # The power to begin with, and how much it weighs.
@@ -76,8 +78,12 @@ def following(
     - `ideal`, `h`: ideal length of the step, and its length with its direction.
     - `z0`, `z`: the variables at its start, and where the next one starts.
     - `used`: whether the step is taken and tells something about the next one."""
-    pace = form.pace(0.5 * h, z0)
     known = used & (trend.ideal > 0.0)
+    if not isinstance(form, AbstractSecondOrderForm):
+        # Drag in a thin shell goes with no power of the distance: as much shorter again as it was.
+        again = jnp.minimum(ideal / jnp.where(known, trend.ideal, ideal), 1.0)
+        return trend._replace(ideal=jnp.where(used, ideal, trend.ideal)), CLOSER * ideal * again
+    pace = form.pace(0.5 * h, z0)
     x = jnp.where(known, _logarithm(pace, trend.pace), 0.0)
     y = jnp.where(known, _logarithm(ideal, trend.ideal), 0.0)
     memory = jnp.where(known, MEMORY, 1.0)
