@@ -81,7 +81,8 @@ def following(
     known = used & (trend.ideal > 0.0)
     if not isinstance(form, AbstractSecondOrderForm):
         # Drag in a thin shell goes with no power of the distance: as much shorter again as it was.
-        again = jnp.minimum(ideal / jnp.where(known, trend.ideal, ideal), 1.0)
+        last = jnp.where(known, trend.ideal, 1.0)
+        again = jnp.where(known, jnp.minimum(ideal / last, 1.0), 1.0)
         return trend._replace(ideal=jnp.where(used, ideal, trend.ideal)), CLOSER * ideal * again
     pace = form.pace(0.5 * h, z0)
     x = jnp.where(known, _logarithm(pace, trend.pace), 0.0)
