@@ -1,14 +1,20 @@
 """A million states of all conics to classical, modified equinoctial and equinoctial elements, and
 back: compiled, in one array and shared out among all cores, beside the same formulas in NumPy,
-whole arrays at a time, with Newton's iterations for Kepler's equation. The error is that of the
-position after both ways, relative. In the last rows what bounds both: sines and arctangents alone,
-a million each, as XLA has them, as NumPy has them, and in the vectors of this library."""
+whole arrays at a time, with Newton's iterations for Kepler's equation. In one loop: both ways for a
+block of states at a time (`core.in_blocks` around both) with the widest vectors, so that the
+elements in between stay in the cache. In place: the states after it in the memory of those before
+it, which are donated. The error is that of the position after both ways, relative; in place, of as
+many ways there and back as were timed. In the last rows what bounds all: sines and arctangents
+alone, a million each, as XLA has them, as NumPy has them, and in the vectors of this library; and
+the sign of all numbers changed, which is the traffic of reading and writing the states alone: into
+fresh memory it costs five times as much as in place, because the system hands out every page on its
+first touch."""
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxspace.core import atan2, sincos
+from jaxspace.core import atan2, in_blocks, sincos
 from jaxspace.orbits import (
     ClassicalElements,
     EquinoctialElements,
@@ -17,7 +23,7 @@ from jaxspace.orbits import (
     state_from_elements,
 )
 
-from ._measure import in_turn, on_one_device, worst
+from ._measure import BLOCK, WIDE, in_turn, on_one_device, worst
 
 STATES = 2**20
 
@@ -144,15 +150,47 @@ KINDS = {
 }
 
 
-def shared_out(work, r, v):
-    """A call of `work` on the states shared out among all devices."""
+def one_loop(work):
+    """`work` for a block of states after the other."""
+    return lambda r, v: in_blocks(work, (1, 1), r, v)
+
+
+def in_place(work):
+    """`work` for a block after the other, each written where it was read."""
+
+    def step(k, states):
+        block = [jax.lax.dynamic_slice_in_dim(x, k * BLOCK, BLOCK, -1) for x in states]
+        return tuple(
+            jax.lax.dynamic_update_slice_in_dim(x, new, k * BLOCK, -1)
+            for x, new in zip(states, work(*block), strict=True)
+        )
+
+    return lambda r, v: jax.lax.fori_loop(0, r.shape[-1] // BLOCK, step, (r, v))
+
+
+def shared_out(work, r, v, *, donate=False, **how):
+    """A call of `work` on the states shared out among all devices; on those that the last call left
+    where they are donated."""
     mesh = jax.make_mesh((len(jax.devices()),), ("runs",))
     spread = jax.sharding.PartitionSpec(None, "runs")
-    given = jax.device_put((r, v), jax.sharding.NamedSharding(mesh, spread))
+    # Copies, because what is donated is gone afterwards.
+    given = jax.device_put((jnp.array(r), jnp.array(v)), jax.sharding.NamedSharding(mesh, spread))
     call = jax.jit(
-        jax.shard_map(work, mesh=mesh, in_specs=(spread, spread), out_specs=spread, check_vma=False)
+        jax.shard_map(
+            work, mesh=mesh, in_specs=(spread, spread), out_specs=spread, check_vma=False
+        ),
+        donate_argnums=(0, 1) if donate else (),
+        **how,
     )
-    return lambda: call(*given)
+    if not donate:
+        return lambda: call(*given)
+    held = [given]
+
+    def again():
+        held[0] = call(*held[0])
+        return held[0]
+
+    return again
 
 
 def functions(x) -> dict:
@@ -171,6 +209,18 @@ def functions(x) -> dict:
     return calls
 
 
+def traffic(r, v) -> dict:
+    """Calls that read and write all states, and do nothing else worth a time."""
+
+    def scaled(r, v):
+        return -r, -v
+
+    return {
+        "traffic alone, every core": shared_out(scaled, r, v),
+        "traffic alone, in place, every core": shared_out(scaled, r, v, donate=True),
+    }
+
+
 def measure() -> dict:
     """States a second by each way, and errors."""
     r, v = on_one_device(jax.jit(lambda x: state_from_elements(x, 1.0))(elements()))
@@ -182,9 +232,15 @@ def measure() -> dict:
             f"NumPy, {kind}": lambda there=there, back=back: back(*there(*array)),
             f"ours, {kind}, one array": lambda whole=whole: whole(r, v),
             f"ours, {kind}, every core": shared_out(work, r, v),
+            f"ours, {kind}, one loop, every core": shared_out(
+                one_loop(work), r, v, compiler_options=WIDE
+            ),
+            f"ours, {kind}, in place, every core": shared_out(
+                in_place(work), r, v, donate=True, compiler_options=WIDE
+            ),
         }
-        peers |= dict.fromkeys(list(calls)[-3:], f"NumPy, {kind}")
-    rows = in_turn(calls | functions(array[0]), STATES)
+        peers |= dict.fromkeys(list(calls)[-5:], f"NumPy, {kind}")
+    rows = in_turn(calls | functions(array[0]) | traffic(r, v), STATES)
     for name, peer in peers.items():
         for speed in ("runs_per_second", "runs_per_cpu_second"):
             rows[name][f"{speed}_over_numpy"] = rows[name][speed] / rows[peer][speed]

@@ -71,6 +71,13 @@ class AbstractRegularised(eqx.Module):
         """The fictitious time that a `duration`, s (negative: backwards), takes from `z` on: exact
         without perturbation, approximate with one."""
 
+    def pace(self, sigma: Scalar, z: Array) -> Scalar:
+        """What the lengths of steps may go with, a positive number, about a fictitious time `sigma`
+        after `z`: the distance from a centre, for example.
+
+        By default one: nothing is known of the motion ahead."""
+        return jnp.ones_like(sigma * z[0])
+
     def size(self, x: Array, z0: Array, z1: Array) -> Scalar:
         """The length of a change `x` of the variables, beside those before and after a step.
 
@@ -89,11 +96,26 @@ class AbstractRegularised(eqx.Module):
 
 
 class AbstractSecondOrderForm(AbstractRegularised):
-    """Regularised variables z = (q, q', c, t) with q'' = f(q, c), t' = g(q, c) and constant c."""
+    """Regularised variables z = (q, q', c, t) with q'' = f(q, c) and constant c.
+
+    The time is what the variables tell of it, and a quadrature of the rest:
+    t = T(q, q') + integral of g(q) d(sigma)."""
 
     @abstractmethod
-    def rates(self, q: Array, c: Array) -> tuple[Array, Scalar]:
-        """q'' and t'."""
+    def held(self, z: Array) -> Array:
+        """What `rates` and `known_time` take as constant along a step from `z`."""
+
+    @abstractmethod
+    def rates(self, q: Array, held: Array) -> tuple[Array, Scalar]:
+        """q'' and g."""
+
+    @abstractmethod
+    def known_time(self, q: Array, dq: Array, held: Array) -> Scalar:
+        """T, from q and q'; zero where g is the whole of dt/d(sigma)."""
+
+    @abstractmethod
+    def clock(self, q: Array) -> Scalar:
+        """dt/d(sigma)."""
 
 
 class AbstractSystem(AbstractParameters):

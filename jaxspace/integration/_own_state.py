@@ -12,6 +12,7 @@ from ..solvers._adaptive_regularised import landed
 from ..solvers._regularised import Regular
 from ._buffers import Checkpoints
 from ._loop import LoopSettings
+from ._own_control import Trend
 
 
 @final
@@ -26,8 +27,7 @@ class OwnState(eqx.Module):
 class OwnLoop(NamedTuple):
     """What one pass of the loop hands to the next; everything but the buffers is of each run.
 
-    - `h`: the next step; `free`, the length that the error allows; `ideal`, that which would have
-      had just the error allowed, the last time.
+    - `h`: the next step; `free`, the length that the error allows; `trend`, what the lengths tell.
     - `landing`: whether the next step is one that should end the segment; `pending`, whether the
       run waits for the others before it takes such a step, or has taken one.
     - `worst`: the largest local error of the steps taken, in units of the tolerance.
@@ -39,7 +39,7 @@ class OwnLoop(NamedTuple):
     y: OwnState
     h: Float[Array, "*runs"]
     free: Float[Array, "*runs"]
-    ideal: Float[Array, "*runs"]
+    trend: Trend
     landing: Bool[Array, "*runs"]
     pending: Bool[Array, "*runs"]
     worst: Float[Array, "*runs"]

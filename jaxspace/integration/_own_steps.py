@@ -11,19 +11,16 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from ..core import AbstractRegularised
+from ..core import AbstractRegularised, barrier
 from ..solvers._adaptive_regularised import CLOSE, FIRST_STEP, attempt, form_of, order_of
 from ..solvers._regularised import Regular, derivative_in
-from ..solvers._step_control import GROW, SHRINK, SMALLEST_STEP
+from ..solvers._step_control import SMALLEST_STEP
 from ._buffers import Checkpoints, capacity_for, empty_buffer, nan_buffer, put_row
 from ._loop import LoopSettings
 from ._own_buffers import written
+from ._own_control import Trend, bounded, following, ideal_length
 from ._own_state import OwnLoop, OwnState, Segment, alive, landing_state, unit
 from ._slow_runs import nan_where, without_slow_runs
-
-# Closer to the error allowed than where steps are shared: few steps are rejected, because the next
-# error is foreseen from the last two.
-SAFETY = 0.9
 
 
 def integrate_own_steps(
@@ -99,7 +96,7 @@ def _start(
         y=y0,
         h=jnp.where(landing, to_end, jnp.sign(segment.duration) * free),
         free=free,
-        ideal=jnp.zeros_like(free),
+        trend=Trend.before(free),
         landing=landing,
         pending=jnp.zeros_like(landing),
         worst=jnp.where(alive(y0.z), 0.0, jnp.inf).astype(dtype),
@@ -128,20 +125,25 @@ def _advance(
     z1, error, rate = attempt(form, *segment, y.z, h)
     local = form.size(error, y.z, z1) / settings.tolerance.rtol
     local = jnp.where(jnp.isfinite(local) & alive(z1), local, jnp.inf).astype(free.dtype)
+    # Held, because much of what follows reads them.
+    z1, local = barrier((z1, local))
     if settings.longest_steps is not None:
         local = jnp.maximum(local, _too_long(settings, form, segment, y, z1))
     # A step as short as this is taken whatever its error, which the status then reports.
-    tiny = ~(jnp.abs(h * rate[-1]) > SMALLEST_STEP * jnp.abs(segment.duration))
+    tiny = ~(jnp.abs(h * rate) > SMALLEST_STEP * jnp.abs(segment.duration))
     good = moving & ((local <= 1.0) | tiny)
     # The direction of the duration, and not of the step: one that lands may go back a little.
     beyond = (segment.duration - z1[-1]) * jnp.sign(segment.duration) < 0.0
     past = good & ~loop.landing & beyond
     accept = good & ~past
-    # The length that would have had just the error allowed.
-    ideal = jnp.abs(h) * jnp.clip(local, 1e-14, 1e14) ** (-1.0 / order_of(form))
-    proposal = _proposal(loop, ideal, good, accept)
-    free = jnp.where(moving & ~past, proposal, free)
     z = jnp.where(accept, z1, y.z)
+    ideal = barrier(ideal_length(form, h, local))
+    used = accept & ~loop.landing
+    trend, proposal = following(form, loop.trend, ideal, h, y.z, z, used)
+    proposal = bounded(proposal, loop.h, good)
+    # A step that lands is shorter than it might have been.
+    proposal = jnp.where(accept & loop.landing, jnp.maximum(free, proposal), proposal)
+    free = jnp.where(moving & ~past, proposal, free)
     pending = active & (loop.pending | past | (accept & loop.landing))
     turn = _Turn(
         OwnState(z, y.segment), jnp.sign(segment.duration) * free, pending, jnp.zeros_like(past)
@@ -158,7 +160,7 @@ def _advance(
         y=y1,
         h=h1,
         free=free,
-        ideal=jnp.where(accept & ~loop.landing, ideal, loop.ideal),
+        trend=trend,
         landing=landing,
         pending=pending,
         worst=worst,
@@ -166,22 +168,6 @@ def _advance(
         rejected=loop.rejected + (moving & ~accept).astype(int),
         passes=loop.passes + 1,
     )
-
-
-def _proposal(loop: OwnLoop, ideal: Array, good: Array, accept: Array) -> Array:
-    """The length of the next step of each run, which the error of this one allows.
-
-    **Arguments**
-
-    - `ideal`: the length that would have had just the error allowed.
-    - `good`, `accept`: whether the error is allowed, and whether the step is taken."""
-    # On the way to a periapsis the next ideal length will be shorter by as much again.
-    trend = jnp.where(loop.ideal > 0.0, jnp.minimum(ideal / loop.ideal, 1.0), 1.0)
-    proposal = SAFETY * ideal * jnp.where(accept & ~loop.landing, trend, 1.0)
-    h = jnp.abs(loop.h)
-    proposal = jnp.clip(proposal, SHRINK * h, jnp.where(good, GROW, SAFETY) * h)
-    # A step that lands is shorter than it might have been.
-    return jnp.where(accept & loop.landing, jnp.maximum(loop.free, proposal), proposal)
 
 
 class _Turn(NamedTuple):

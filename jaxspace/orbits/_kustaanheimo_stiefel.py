@@ -80,6 +80,17 @@ class KustaanheimoStiefel(AbstractRegularised):
         p = jnp.maximum(4.0 * dot4(w, w) / self.mu - sigma * sigma, 0.0)
         return unit * universal_anomaly(sigma, beta, duration / (r * unit), p)
 
+    def pace(self, sigma: Scalar, z: Array) -> Scalar:
+        u, w = z[:4], z[4:8]
+        r = dot4(u, u)
+        # r'' = mu + 2 E r, by its series: within a step that is enough.
+        y = -2.0 * z[8] * sigma * sigma
+        c0 = 1.0 - y * (1.0 - y * (1.0 - y / 30.0) / 12.0) / 2.0
+        c1 = 1.0 - y * (1.0 - y * (1.0 - y / 42.0) / 20.0) / 6.0
+        c2 = 1.0 - y * (1.0 - y * (1.0 - y / 56.0) / 30.0) / 12.0
+        ahead = r * c0 + sigma * (2.0 * dot4(u, w) * c1 + (0.5 * self.mu) * sigma * c2)
+        return jnp.maximum(ahead, 0.01 * r)
+
     def size(self, x: Array, z0: Array, z1: Array) -> Scalar:
         # The larger of both ends: u may be zero at one of them, in a collision.
         r = jnp.maximum(dot4(z0[:4], z0[:4]), dot4(z1[:4], z1[:4]))
@@ -94,7 +105,7 @@ class KustaanheimoStiefel(AbstractRegularised):
 
     def second_order(self, z: jax.ShapeDtypeStruct) -> SecondOrderKS | None:
         if self.rest is None or _has_potential(self.rest, self.from_regularised, z):
-            return SecondOrderKS(self, self.rest)
+            return SecondOrderKS(self, self.rest, self.mu)
         return None
 
 

@@ -22,7 +22,6 @@ has the harmonics of higher degree too.
 
 from typing import ClassVar, final
 
-import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
@@ -30,7 +29,6 @@ from ..core import (
     Scalar,
     Vector,
     axis,
-    dot,
     inverse_norm,
     quantity,
     scale,
@@ -64,12 +62,9 @@ def oblateness_potential(r: Vector, mu: Scalar, j2: Scalar, radius: Scalar) -> S
     """Potential energy per unit mass U, m^2/s^2, of J2 alone, zero at infinity; arguments as in
     `oblateness`."""
     z = r[2]
-    per_r2 = 1.0 / dot(r, r)
-    return (
-        (0.5 * j2 * radius * radius * mu)
-        * (per_r2 * jnp.sqrt(per_r2))
-        * (3.0 * z * z * per_r2 - 1.0)
-    )
+    per_r2 = inverse_norm(r, 2)
+    c = (0.5 * j2 * mu * inverse_norm(r)) * (radius * radius * per_r2)
+    return c * (3.0 * z * z * per_r2 - 1.0)
 
 
 def node_regression_rate(

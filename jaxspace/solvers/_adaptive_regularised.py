@@ -2,7 +2,7 @@
 passes, perturbed or not.
 
     dz/d(sigma) = f(t, z)                     z: regularised variables; the last one is the time
-    q'' = f(q, c), t' = g(q, c)               where the perturbation has a potential
+    q'' = f(q, c), t = T(q, q') + int g(q)     where the perturbation has a potential
 
 Every run takes the steps that it needs itself, and keeps its own time. With a potential they are
 those of RKN 12(10), otherwise those of DOP853. A step that would pass the time to land on is
@@ -47,11 +47,11 @@ LANDINGS = 4
 
 
 class Attempt(NamedTuple):
-    """A step: the variables after it, their error, and dz/d(sigma) at its start."""
+    """A step: the variables after it, their error, and dt/d(sigma) at its start."""
 
     z: Regular
     error: Regular
-    rate: Regular
+    rate: Scalar
 
 
 @final
@@ -135,35 +135,38 @@ def attempt(
     error = blend(
         combine(None, h, tableau.DOP853_ERROR_5, ks), combine(None, h, tableau.DOP853_ERROR_3, ks)
     )
-    return Attempt(z1, error, ks[0])
+    return Attempt(z1, error, ks[0][-1])
 
 
 @eqx.filter_jit
-def _rates(form: AbstractSecondOrderForm, q: Array, c: Array) -> tuple[Array, Scalar]:
-    return barrier(form.rates(barrier(q), c))
+def _rates(form: AbstractSecondOrderForm, q: Array, held: Array) -> tuple[Array, Scalar]:
+    return barrier(form.rates(barrier(q), held))
 
 
 def _second_order_attempt(form: AbstractSecondOrderForm, z: Regular, h: Scalar) -> Attempt:
     n = (z.shape[0] - 2) // 2
-    q, p, c = barrier((z[:n], z[n : 2 * n], z[2 * n : -1]))
+    q, p, held = barrier((z[:n], z[n : 2 * n], form.held(z)))
     ks: list[Array] = []
-    # The time is a velocity without a position.
+    # The time is a velocity without a position, as far as the variables do not tell it.
     rates: list[Array] = []
     for node, row in zip(tableau.RKN1210_C, tableau.RKN1210_A, strict=True):
         mean = node * p + h * weighted(row, ks) if row else node * p
-        k, rate = _rates(form, q + h * mean, c)
+        k, rate = _rates(form, q + h * mean, held)
         ks.append(k)
         rates.append(rate)
     q1 = q + h * (p + h * weighted(tableau.RKN1210_POSITION, ks))
     p1 = p + h * weighted(tableau.RKN1210_VELOCITY, ks)
-    t1 = z[-1] + h * weighted(tableau.RKN1210_VELOCITY, rates)
+    rest = h * weighted(tableau.RKN1210_VELOCITY, rates)
     of_q = (h * h) * weighted(POSITION_ERROR, ks)
     of_p = h * weighted(VELOCITY_ERROR, ks)
-    q1, p1, t1, of_q, of_p = barrier((q1, p1, t1, of_q, of_p))
+    q1, p1, rest, of_q, of_p = barrier((q1, p1, rest, of_q, of_p))
+    # The difference of the known times first: they are large beside it.
+    elapsed = form.known_time(q1, p1, held) - form.known_time(q, p, held) + rest
+    t1 = barrier(z[-1] + elapsed)
     zero = jnp.zeros_like(z[2 * n :])
-    z1 = jnp.concatenate([q1, p1, c, t1[None]])
+    z1 = jnp.concatenate([q1, p1, z[2 * n : -1], t1[None]])
     error = jnp.concatenate([of_q, of_p, zero])
-    return Attempt(z1, error, jnp.concatenate([p, ks[0], zero[:-1], rates[0][None]]))
+    return Attempt(z1, error, form.clock(q))
 
 
 def landed(form: AbstractRegularised, t: Scalar, duration: Scalar, z: Regular) -> Regular:

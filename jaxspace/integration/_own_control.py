@@ -1,0 +1,121 @@
+"""How long the next step of a run is, where every run takes steps of its own.
+
+The error of a step tells the length that would have had just the error allowed, its ideal. Along an
+orbit that length goes with a power of the pace of the motion, such as the distance from the centre,
+which the unperturbed motion tells for the next step as well:
+
+    h_next = S h_ideal (b/b_0)^p        b, b_0: pace in the middle of the next step and of this one
+    p = sum x y / sum x^2               x, y: change of log b and of log h_ideal, step by step
+
+So steps shorten in time on the way to a periapsis, and lengthen after it, by as much as it takes:
+p is close to one where a perturbation is felt at the periapsis alone, and zero where all steps are
+alike. Logarithm and power are rational approximations; the next error corrects what they miss.
+
+    symbol  meaning
+    S       safety factor
+    p       power, learned by each run, within 0 and 1
+"""
+
+from typing import NamedTuple
+
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float
+
+from ..core import AbstractRegularised, AbstractSecondOrderForm, Scalar, barrier
+from ..solvers._adaptive_regularised import order_of
+from ..solvers._regularised import Regular
+from ..solvers._step_control import GROW, SHRINK
+
+SAFETY = 0.85
+# Without a pace to go by.
+CLOSER = 0.9
+# Of the sums for the power: about as many steps count as an orbit has.
+MEMORY = 0.9
+# The power to begin with, and how much it weighs.
+FIRST_POWER, FIRST_WEIGHT = 0.5, 0.02
+# The pace depends on the length that it determines.
+REPEATS = 3
+
+
+class Trend(NamedTuple):
+    """What the steps of each run have shown: the `ideal` length of the last one, zero for none, the
+    `pace` in its middle, and the sums of x y and x^2."""
+
+    ideal: Float[Array, "*runs"]
+    pace: Float[Array, "*runs"]
+    xy: Float[Array, "*runs"]
+    xx: Float[Array, "*runs"]
+
+    @classmethod
+    def before(cls, like: Float[Array, "*runs"]) -> "Trend":
+        """That of runs that have taken no step."""
+        weight = jnp.full_like(like, FIRST_WEIGHT)
+        return cls(jnp.zeros_like(like), jnp.ones_like(like), FIRST_POWER * weight, weight)
+
+
+def ideal_length(form: AbstractRegularised, h: Array, local: Array) -> Array:
+    """The length of a step `h` that would have had just the error allowed, from its error `local`
+    in units of that."""
+    # In single precision, which is enough here: a power in double precision takes as long as some
+    # stages.
+    size = jnp.clip(local, 1e-14, 1e14).astype(jnp.float32)
+    return jnp.abs(h) * jnp.exp(jnp.log(size) * (-1.0 / order_of(form))).astype(h.dtype)
+
+
+def following(
+    form: AbstractRegularised,
+    trend: Trend,
+    ideal: Array,
+    h: Array,
+    z0: Regular,
+    z: Regular,
+    used: Bool[Array, "*runs"],
+) -> tuple[Trend, Array]:
+    """The trend after a step and the length of the next one.
+
+    **Arguments**
+
+    - `ideal`, `h`: ideal length of the step, and its length with its direction.
+    - `z0`, `z`: the variables at its start, and where the next one starts.
+    - `used`: whether the step is taken and tells something about the next one."""
+    known = used & (trend.ideal > 0.0)
+    if not isinstance(form, AbstractSecondOrderForm):
+        # Drag in a thin shell goes with no power of the distance: as much shorter again as it was.
+        last = jnp.where(known, trend.ideal, 1.0)
+        again = jnp.where(known, jnp.minimum(ideal / last, 1.0), 1.0)
+        return trend._replace(ideal=jnp.where(used, ideal, trend.ideal)), CLOSER * ideal * again
+    pace = form.pace(0.5 * h, z0)
+    x = jnp.where(known, _logarithm(pace, trend.pace), 0.0)
+    y = jnp.where(known, _logarithm(ideal, trend.ideal), 0.0)
+    memory = jnp.where(known, MEMORY, 1.0)
+    trend = Trend(
+        jnp.where(used, ideal, trend.ideal),
+        jnp.where(used, pace, trend.pace),
+        memory * trend.xy + x * y,
+        memory * trend.xx + x * x,
+    )
+    p = jnp.clip(trend.xy / trend.xx, 0.0, 1.0)
+    length, pace = barrier((SAFETY * ideal, pace))
+    half = 0.5 * jnp.sign(h)
+    proposal = length
+    for _ in range(REPEATS):
+        ahead = form.pace(half * proposal, z)
+        proposal = barrier(length * _power(ahead, pace, p))
+    return trend, proposal
+
+
+def _logarithm(a: Scalar, b: Scalar) -> Scalar:
+    """About log(a/b)/2, for positive a and b."""
+    return (a - b) / (a + b)
+
+
+def _power(a: Scalar, b: Scalar, p: Scalar) -> Scalar:
+    """About (a/b)^p, for positive a and b and p within 0 and 1, where it is exact."""
+    more, less = 1.0 + p, 1.0 - p
+    return (more * a + less * b) / (less * a + more * b)
+
+
+def bounded(proposal: Array, h: Array, good: Bool[Array, "*runs"]) -> Array:
+    """The length `proposal` within what may follow a step `h` whose error is allowed or not."""
+    h = jnp.abs(h)
+    return jnp.clip(proposal, SHRINK * h, jnp.where(good, GROW, SAFETY) * h)
