@@ -327,6 +327,9 @@ def test_a_scene_of_one_point_takes_the_closed_form():
             lambda: simulate(Mission([Phase(KEPLER, 1.0)]), start(), num_saved=10**12),
             "num_saved is",
         ),
+        # Room for these would end the process.
+        (lambda: Event(lambda t, y: y.mass, samples=10**12), "samples is 1000000000000: it must"),
+        (lambda: Event(lambda t, y: y.mass, capacity=10**12), "capacity is 1000000000000"),
         (lambda: simulate(Truncated(), start(), SPAN), "must have the structure of the state"),
     ],
 )

@@ -22,6 +22,7 @@ from typing import final
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array
 
 from ..core import (
@@ -32,6 +33,9 @@ from ..core import (
     as_optional_float,
     check_positive,
 )
+
+# Room for so many states is some gigabyte: a larger number is a slip.
+MOST = 10**7
 
 
 @final
@@ -56,8 +60,9 @@ class Event(eqx.Module):
       which the run goes on: a ball bounces. `Trajectory.crossings` then holds the states on both
       sides, and the run ends at a zero for which there is no room.
 
-    Raises `InputError` for another direction, a number of samples below 2, a capacity below 1, a
-    `touch` or `within` that is not positive, or a `then` of an event that ends the run."""
+    Raises `InputError` for another direction, a number of samples that is not from 2 to 1e7, a
+    capacity that is not from 1 to 1e7, a `touch` or `within` that is not positive, or a `then` of
+    an event that ends the run."""
 
     condition: Callable[[Scalar, State], Scalar]
     direction: int = eqx.field(static=True, default=0)
@@ -74,10 +79,8 @@ class Event(eqx.Module):
             raise InputError(
                 f"Event.direction is {self.direction}: it must be 1 (rise), -1 (fall) or 0 (both)."
             )
-        if self.samples < 2:
-            raise InputError(f"Event.samples is {self.samples}: it must be at least 2.")
-        if self.capacity < 1:
-            raise InputError(f"Event.capacity is {self.capacity}: it must be at least 1.")
+        _check_count("samples", self.samples, 2)
+        _check_count("capacity", self.capacity, 1)
         if self.terminal and self.then is not None:
             raise InputError(
                 "Event.then is given with terminal=True: after the jump the run goes on, so that "
@@ -101,6 +104,12 @@ class Event(eqx.Module):
         g: Callable[[Scalar, State], Scalar], system: AbstractSystem, t: Scalar, y: State
     ) -> tuple[Scalar, Scalar]:
         return jax.jvp(g, (t, y), (jnp.ones_like(t), system.vector_field(t, y)))
+
+
+def _check_count(name: str, value: int, least: int) -> None:
+    """Raise `InputError` unless it is a whole number from `least` to `MOST`."""
+    if not isinstance(value, int | np.integer) or not least <= value <= MOST:
+        raise InputError(f"Event.{name} is {value}: it must be a whole number from {least} to 1e7.")
 
 
 def newton_correct(
