@@ -31,9 +31,9 @@ from jaxspace.dispersion import (
     disperse,
     open_store,
 )
-from jaxspace.dispersion._batch_runner import RunResults
 from jaxspace.dispersion._columns import columns_of
 from jaxspace.dispersion._lock import Lock
+from jaxspace.dispersion._run_results import RunResults
 from jaxspace.dispersion._store_writer import StoreWriter
 from jaxspace.simulation import Mission, Phase, Status
 

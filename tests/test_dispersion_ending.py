@@ -21,8 +21,8 @@ from jaxspace.dispersion import (
     moments,
     open_store,
 )
-from jaxspace.dispersion._batch_runner import RunResults
 from jaxspace.dispersion._ending import Ending, checkpoints
+from jaxspace.dispersion._run_results import RunResults
 from jaxspace.io import SceneError, load
 from jaxspace.io._report import status_lines
 

@@ -12,65 +12,28 @@ of always the same runs, and cores share calls, never a call. The numbers of run
 on the campaign, the seed and i alone, to the last bit (on one kind of processor).
 """
 
-import functools
 import hashlib
 import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any, NamedTuple
+from typing import Any
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Integer, PyTree
+from jaxtyping import PyTree
 
-from ..core import InputError
-from ..integration import Accuracy, Event, SimulationError, Status
-from ..simulation._blocks import WIDE_VECTORS, Blocks
-from ..simulation._failures import nan_where_failed
-from ..simulation._mission_runs import MissionResult, run_mission
-from ..simulation._simulate import resolve_phases
-from ._along import saved_states, thinned
-from ._campaign import Campaign, check_names
+from ..integration import Accuracy, Status
+from ..simulation._blocks import Blocks
+from ._campaign import Campaign
 from ._isolation import isolate
-from ._plans import FINENESS, TRIAL, Plans, nodes_of, padded, placeholders, refinement
+from ._pilots import expected_steps, pilot_plans
+from ._plans import FINENESS, TRIAL, padded, placeholders, refinement
+from ._program import program
+from ._run_results import PlannedCampaign, RunResults
 
-# Besides the nominal run.
-PILOTS = 15
 # Runs in one call: enough to pay for the call, on a core and on an accelerator.
 CALL, ACCELERATOR_CALL = 512, 2**14
-# Pilots run once, and compiling takes far longer than they do: half of it is saved so.
-QUICK: dict[str, Any] = {"compiler_options": {"xla_backend_optimization_level": 0}}
-
-
-class RunResults(NamedTuple):
-    """Inputs, outputs, status and evaluations of runs, each (runs,); and by "phase.part" the states
-    of their trajectories, each (..., times, runs), where these were asked for."""
-
-    inputs: dict[str, Any]
-    outputs: dict[str, Any]
-    status: Any
-    evaluations: Any
-    trajectories: dict[str, Any]
-
-
-class PlannedCampaign(NamedTuple):
-    """All that the numbers of a run depend on; it can be sent to another process.
-
-    - `plans`: for every level of fineness.
-    - `coupled`: whether the runs of a block share adaptive steps.
-    - `samples`: how many states of each phase are kept; 0 for none.
-    - `digest`: of the results of the trial, which tells two campaigns, versions or kinds of
-      processor apart by what they compute."""
-
-    campaign: Campaign
-    accuracy: Accuracy
-    seed: int
-    plans: tuple[Plans, ...]
-    coupled: bool
-    samples: int
-    digest: str
 
 
 class BatchRunner:
@@ -110,14 +73,14 @@ class BatchRunner:
         """Plan a campaign by its pilots and a trial, and compile the program of all its runs.
 
         **Raises** `SimulationError` when the nominal run fails."""
-        expected = placeholders(_expected_steps(campaign, accuracy, jax.random.key(seed)))
+        expected = placeholders(expected_steps(campaign, accuracy, jax.random.key(seed)))
         planned = PlannedCampaign(campaign, accuracy, seed, (expected,), False, samples, "")
         # The program of all runs needs of the plans their lengths alone: it is compiled while the
         # pilots are.
         ahead = ThreadPoolExecutor(1)
         ahead.submit(cls(planned, devices).compile)
         try:
-            pilots, coupled = _pilot_plans(campaign, accuracy, jax.random.key(seed))
+            pilots, coupled = pilot_plans(campaign, accuracy, jax.random.key(seed))
             trial = padded(pilots, [TRIAL] * len(pilots))
             planned = planned._replace(plans=(trial,), coupled=coupled)
             runner = cls(planned, devices)
@@ -185,7 +148,7 @@ class BatchRunner:
 
     @property
     def _program(self) -> Callable[..., Any]:
-        return _program(self.devices[0].platform)
+        return program(self.devices[0].platform)
 
     def _given(self, numbers: np.ndarray, level: int, flown: np.ndarray, k: int) -> tuple[Any, ...]:
         """What the program takes for call number `k`."""
@@ -221,135 +184,3 @@ def _digest(results: RunResults) -> str:
         hashed.update(name.encode() + np.ascontiguousarray(x[:CALL]).tobytes())
     hashed.update(np.ascontiguousarray(results.status[:CALL]).tobytes())
     return hashed.hexdigest()
-
-
-@functools.cache
-def _program(platform: str) -> Any:
-    """`_call`, compiled for the widest vectors of a CPU."""
-    return eqx.filter_jit(_call, **(WIDE_VECTORS if platform == "cpu" else {}))
-
-
-def _call(
-    campaign: Campaign,
-    accuracy: Accuracy,
-    key: Array,
-    numbers: Integer[Array, " runs"],
-    flown: Bool[Array, " runs"],
-    plans: Plans,
-    blocks: Blocks,
-    samples: int,
-) -> tuple[RunResults, Float[Array, "phases runs"]]:
-    """The runs of these numbers, and the largest local error of each phase of each run."""
-
-    def block(
-        batched: tuple[Array, Array], arguments: tuple[Campaign, Accuracy, Array, Plans]
-    ) -> tuple[RunResults, Array]:
-        return _block(*arguments, *batched, samples)
-
-    return blocks.map(block, (numbers, flown), (campaign, accuracy, key, plans))
-
-
-def _block(
-    campaign: Campaign,
-    accuracy: Accuracy,
-    key: Array,
-    plans: Plans,
-    numbers: Integer[Array, " runs"],
-    flown: Bool[Array, " runs"],
-    samples: int,
-) -> tuple[RunResults, Float[Array, "phases runs"]]:
-    drawn = campaign.samples(key, numbers)
-    allowed = campaign.allowed(drawn)
-    # A refused run takes the nominal inputs: whatever it drew harms no other run of its block.
-    nominal = campaign.nominal()
-    inputs = {name: jnp.where(allowed & flown, x, nominal[name]) for name, x in drawn.items()}
-    mission, y0 = campaign.build(inputs)
-    configs = resolve_phases(mission, y0, accuracy, 1)
-    saved, every_nth = saved_states(campaign.along, samples)
-    result = run_mission(mission, y0, campaign.start, saved, configs, 1, plans)
-    outputs = campaign.outputs(result, inputs)
-    check_names("The outputs of the campaign", outputs)
-    for name in set(outputs) & set(drawn):
-        raise InputError(
-            f"The output {name!r} has the name of an input: it must have one of its own."
-        )
-    status = jnp.where(flown, result.status, Status.RAISED)
-    status = jnp.where(allowed, status, Status.REFUSED)
-    evaluations = sum((run.stats["evaluations"] for run in result.phases), jnp.array(0))
-
-    def every(x: Array) -> Array:
-        return jnp.broadcast_to(x, numbers.shape)
-
-    kept = trajectories(mission.phases, result, numbers.shape, every_nth) if samples else {}
-    outputs, kept = nan_where_failed((jax.tree.map(every, outputs), kept), status)
-    errors = [every(run.stats.get("largest_local_error", jnp.zeros(()))) for run in result.phases]
-    results = RunResults(drawn, outputs, every(status), every(evaluations), kept)
-    return results, jnp.stack(errors)
-
-
-def trajectories(
-    phases: Sequence[Any], result: MissionResult, runs: tuple[int, ...], every_nth: int = 1
-) -> dict[str, Array]:
-    """The times and the parts of each n-th state along every phase, by "phase.part"."""
-    kept = {}
-    for phase, run in zip(phases, thinned(result, every_nth).phases, strict=True):
-        times = run.ts.shape[0]
-        kept[f"{phase.name}.time"] = jnp.broadcast_to(run.ts, (times, *runs))
-        for path, x in jax.tree_util.tree_flatten_with_path(run.states)[0]:
-            part = jax.tree_util.keystr(path, simple=True, separator=".") or "state"
-            kept[f"{phase.name}.{part}"] = jnp.broadcast_to(x, (*x.shape[:-1], *runs))
-    return kept
-
-
-# Traced once, both for the shapes of what it returns and for the run.
-@eqx.filter_jit
-def _traced_pilots(
-    campaign: Campaign, accuracy: Accuracy, key: Array, flown: Bool[Array, " pilots"]
-) -> tuple[list[Array | None], Array, bool]:
-    """Adaptive runs of the pilots, the nominal one first.
-
-    **Returns** the ends of the steps of every phase (`None` for a closed form), the status of every
-    pilot, and whether a phase ends by an event."""
-    drawn = campaign.samples(key, jnp.arange(PILOTS, dtype=jnp.uint32))
-    nominal = campaign.nominal()
-    samples = {
-        name: jnp.concatenate([x, jnp.where(flown, drawn[name], x)]) for name, x in nominal.items()
-    }
-    mission, y0 = campaign.build(samples)
-    configs = resolve_phases(mission, y0, accuracy, 1)
-    result = run_mission(mission, y0, campaign.start, 2, configs, 1, record_steps=True)
-    # The runs of a block share the adaptive steps of the search for an event.
-    coupled = any(isinstance(phase.until, Event) for phase in mission.phases)
-    return [run.step_ends for run in result.phases], result.status, coupled
-
-
-@eqx.filter_jit(**QUICK)
-def _pilots(
-    campaign: Campaign, accuracy: Accuracy, key: Array, flown: Bool[Array, " pilots"]
-) -> tuple[list[Array | None], Array, bool]:
-    return _traced_pilots(campaign, accuracy, key, flown)
-
-
-def _expected_steps(campaign: Campaign, accuracy: Accuracy, key: Array) -> list[Any]:
-    """Of every phase the shape of what the pilots record; `None` for a closed form."""
-    return eqx.filter_eval_shape(_traced_pilots, campaign, accuracy, key, jnp.ones(PILOTS, bool))[0]
-
-
-def _pilot_plans(
-    campaign: Campaign, accuracy: Accuracy, key: Array
-) -> tuple[list[np.ndarray | None], bool]:
-    """The nodes at which the steps of the pilots ended, phase by phase, and whether the runs of a
-    block depend on one another.
-
-    **Raises** `SimulationError` when the nominal run fails."""
-
-    def fly(flown: np.ndarray) -> PyTree:
-        found = _pilots(campaign, accuracy, key, jnp.asarray(flown))
-        return jax.tree.map(lambda x: np.asarray(x) if eqx.is_array(x) else x, found)
-
-    taken, status, coupled = isolate(fly, PILOTS)
-    nominal = Status(int(status[0]))
-    # A missed tolerance is no failure here: the runs are checked on finer plans anyhow.
-    if nominal in (Status.NOT_FINITE, Status.MAX_STEPS):
-        raise SimulationError(f"The nominal run cannot be run. {nominal.sentence}")
-    return [None if ends is None else nodes_of(np.asarray(ends)) for ends in taken], coupled

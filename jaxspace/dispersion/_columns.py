@@ -7,8 +7,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..simulation import Status
-from ._batch_runner import RunResults
 from ._lock import StoreError
+from ._run_results import RunResults
 
 # Of the status of a run that has not been run.
 PENDING = -1

@@ -10,8 +10,8 @@ from collections.abc import Iterable
 import numpy as np
 
 from ..core import InputError
-from ._batch_runner import RunResults
 from ._moments import StopRule
+from ._run_results import RunResults
 from ._store import Store
 
 EACH, GROWTH = 8, 8

@@ -8,11 +8,12 @@ import warnings
 from collections.abc import Callable, Generator
 from typing import Any, TypeAlias
 
-from ._batch_runner import BatchRunner, RunResults
+from ._batch_runner import BatchRunner
 from ._campaign import Campaign
 from ._columns import columns_of
 from ._ending import Ending
 from ._moments import StopRule
+from ._run_results import RunResults
 from ._statistics import Dispersion
 from ._store import ENOUGH, Store
 from ._store_writer import StoreWriter

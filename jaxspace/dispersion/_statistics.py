@@ -1,28 +1,4 @@
-"""Statistics of a dispersion: moments and limits of the outputs, contributors, failed runs.
-
-The contributors follow from a regression on the standardised inputs and on their squares, made
-orthogonal to them:
-
-    u = (y - mean(y)) / s_y = sum_j f_j + rest,      f_j = beta_j z_j + gamma_j q_j
-    z_j = (x_j - mean(x_j)) / s_j,      q_j = z_j^2 - 1 - mean(z_j^3) z_j
-    share_j = mean(u f_j),      sum_j share_j = R^2
-
-The shares add up to R^2 exactly; of independent inputs share_j is
-beta_j^2 + gamma_j^2 mean(q_j^2).
-The rest, 1 - R^2, is due to products of inputs, to higher powers and to what is no input. The
-squares matter for outputs that are magnitudes (a pointing error, a cone angle), which no linear law
-describes.
-
-    symbol           meaning                                  unit
-    y                output over the good runs                that of the output
-    x_j              input over the same runs                 that of the input
-    s                standard deviation                       that of its quantity
-    f_j              what the law ascribes to input j         1
-    beta_j, gamma_j  regression coefficients                  1
-
-A share smaller than about 1 / (number of runs) cannot be distinguished from none. Where all inputs
-together explain no more than as many random columns would (an F test at 0.1 %), there are none.
-"""
+"""Statistics of a dispersion: moments and limits of the outputs, contributors, failed runs."""
 
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple, final
@@ -32,55 +8,17 @@ import numpy as np
 
 from ..core import InputError
 from ..simulation import Status
+from ._contributors import Contributors, contributors
+from ._export import as_dataset, as_frame
 from ._limits import Percentile, Probability, clopper_pearson, percentile
 from ._moments import Convergence, Ellipsoid, convergence, ellipsoid
-from ._rounding import rounded, scatters
 from ._sensitivity import RankCorrelation, rank_correlation
+from ._table import Row, row_of
 
 if TYPE_CHECKING:
     import os
 
-    import pandas
     import xarray
-
-LIMITS = (0.005, 0.995)
-"""Quantiles that bound the middle 99 % of the runs."""
-
-
-class Row(NamedTuple):
-    """One line of the table: a quantity over its good runs.
-
-    - `mean`, `std`, `min`, `max`: its moments and extremes.
-    - `low`, `high`: the limits of the middle 99 % of the runs.
-    - `runs`: the number of good runs in which it is finite.
-    """
-
-    name: str
-    unit: str
-    mean: float
-    std: float
-    low: float
-    high: float
-    min: float
-    max: float
-    runs: int
-
-    def shown(self, value: float) -> str:
-        """A value of this quantity in digits that its deviation justifies: the rule of every
-        table."""
-        return rounded(value, self.std)
-
-
-class Contributors(NamedTuple):
-    """The contributors to the variance of an output.
-
-    - `shares`: of the variance, by input, largest first.
-    - `r_squared`: the part of the variance that all inputs explain together.
-    """
-
-    output: str
-    shares: dict[str, float]
-    r_squared: float
 
 
 class Failure(NamedTuple):
@@ -169,30 +107,9 @@ class Dispersion(eqx.Module):
         if of not in ("outputs", "inputs"):
             raise InputError(f"of is {of!r}: it must be 'outputs' or 'inputs'.")
         return [
-            self._row(name, x[self.good & np.isfinite(x)]) for name, x in getattr(self, of).items()
+            row_of(name, self.units.get(name, ""), x[self.good & np.isfinite(x)])
+            for name, x in getattr(self, of).items()
         ]
-
-    def _row(self, name: str, x: np.ndarray) -> Row:
-        """The row of a quantity with these values."""
-        unit = self.units.get(name, "")
-        if x.size == 0:
-            return Row(name, unit, *(float("nan"),) * 6, runs=0)
-        # In double precision, so that the moments of many runs of single precision lose nothing.
-        x = x.astype(float)
-        # With one degree of freedom less, because the mean comes from the same runs.
-        deviation = float(np.std(x, ddof=1)) if x.size > 1 else 0.0
-        low, high = (float(q) for q in np.quantile(x, LIMITS))
-        return Row(
-            name,
-            unit,
-            float(np.mean(x)),
-            deviation,
-            low,
-            high,
-            float(x.min()),
-            float(x.max()),
-            x.size,
-        )
 
     def contributors(self, output: str, count: int = 5) -> Contributors:
         """The inputs with the largest shares of the variance of an output, over the good runs.
@@ -208,42 +125,7 @@ class Dispersion(eqx.Module):
         **Raises** `InputError` for an unknown output, and for fewer good runs than the regression
         needs.
         """
-        y = self.values(output).astype(float)
-        good = self.good & np.isfinite(y)
-        y = y[good]
-        # An input that does not scatter explains nothing, and has a deviation of zero.
-        columns = {
-            name: x[good].astype(float)
-            for name, x in self.inputs.items()
-            if x[good].size and np.ptp(x[good]) > 0.0
-        }
-        # What is constant but for rounding has no contributors, only coincidences.
-        if not columns or not scatters(self.values(output)[good]):
-            return Contributors(output, {}, float("nan"))
-        # Two coefficients for each input; with so few runs any output would be explained.
-        needed = 2 * len(columns) + 1
-        if y.size <= needed:
-            raise InputError(
-                f"{y.size} good runs are too few to find contributors: "
-                f"there must be more than {needed}."
-            )
-        z = np.stack([_standard(x) for x in columns.values()], axis=1)
-        # Orthogonal to z, so that the shares of an input's two terms add.
-        squares = z**2 - 1.0 - np.mean(z**3, axis=0) * z
-        u = _standard(y)
-        regressors = np.concatenate([z, squares], axis=1)
-        coefficients = np.linalg.lstsq(regressors, u, rcond=None)[0]
-        r_squared = 1.0 - float(np.mean((u - regressors @ coefficients) ** 2))
-        if not _significant(r_squared, 2 * len(columns), y.size):
-            return Contributors(output, {}, r_squared)
-        # Covariances with what each input does, which add up to R^2, while squares of coefficients
-        # do not in a sample, where the regressors are not quite orthogonal.
-        parts = u @ (regressors * coefficients) / u.size
-        shares = parts[: len(columns)] + parts[len(columns) :]
-        order = sorted(zip(columns, shares, strict=True), key=lambda pair: -pair[1])
-        return Contributors(
-            output, {name: float(share) for name, share in order[:count]}, r_squared
-        )
+        return contributors(output, self.inputs, self.values(output), self.good, count)
 
     def covariance(self, *names: str) -> np.ndarray:
         """The covariance of the named quantities (all outputs, if none is named), (d, d), over the
@@ -304,67 +186,14 @@ class Dispersion(eqx.Module):
     def to_csv(self, path: "str | os.PathLike[str]") -> None:
         """Write the runs as a table of text: a line for each run, with its number, its status, its
         inputs and outputs; the unit stands behind the name."""
-        self._frame().to_csv(path, index_label="run")
+        as_frame(self).to_csv(path, index_label="run")
 
     def to_parquet(self, path: "str | os.PathLike[str]") -> None:
         """Write the table of `to_csv` as a Parquet file, which needs `pip install
         jaxspace[parquet]`."""
-        self._frame().rename_axis("run").to_parquet(path, engine="pyarrow")
-
-    def _frame(self) -> "pandas.DataFrame":
-        import pandas
-
-        every = {**self.inputs, **self.outputs}
-        columns = {
-            name + (f" [{u}]" if (u := self.units.get(name, "")) else ""): x
-            for name, x in every.items()
-        }
-        words = np.array([s.name for s in Status])
-        places = np.searchsorted([s.value for s in Status], self.status)
-        return pandas.DataFrame({"status": words[places], **columns})
+        as_frame(self).rename_axis("run").to_parquet(path, engine="pyarrow")
 
     def to_dataset(self, first: int = 0) -> "xarray.Dataset":
         """The runs as an xarray dataset along `run`, with the unit of every variable and the record
         in the attributes; `first` is the number of the first run."""
-        import xarray
-
-        variables: dict[str, tuple[str, np.ndarray, dict[str, object]]] = {}
-        for kind, values in (("input", self.inputs), ("output", self.outputs)):
-            # The place of a variable is kept, because a store sorts by name.
-            for place, (name, x) in enumerate(values.items()):
-                attributes: dict[str, object] = {
-                    "units": self.units.get(name, ""),
-                    "kind": kind,
-                    "place": place,
-                }
-                variables[name] = ("run", np.asarray(x), attributes)
-        meanings = ", ".join(f"{s.value} {s.name}" for s in Status)
-        variables["status"] = (
-            "run",
-            np.asarray(self.status),
-            {"units": "", "meanings": meanings},
-        )
-        variables["evaluations"] = ("run", np.asarray(self.evaluations), {"units": ""})
-        numbers = np.arange(first, first + self.runs) if self.numbers is None else self.numbers
-        return xarray.Dataset(
-            variables,
-            {"run": ("run", numbers, {"long_name": "number of the run"})},
-            {**self.attributes, "seed": self.seed, "seconds": self.seconds},
-        )
-
-
-def _significant(r_squared: float, regressors: int, runs: int) -> bool:
-    """Whether so many random columns would explain less, but for one case in a thousand."""
-    from scipy.stats import f
-
-    rest = runs - regressors - 1
-    # A law that holds to rounding leaves nothing to compare with.
-    if r_squared >= 1.0 - 1e-12:
-        return True
-    statistic = (r_squared / regressors) / ((1.0 - r_squared) / rest)
-    return bool(f.sf(statistic, regressors, rest) < 1e-3)
-
-
-def _standard(x: np.ndarray) -> np.ndarray:
-    """The values shifted and scaled to mean zero and deviation one."""
-    return (x - np.mean(x)) / np.std(x)
+        return as_dataset(self, first)

@@ -11,10 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from ._batch_runner import RunResults
 from ._columns import Column, arrays_of, encoded
 from ._identity import difference
 from ._lock import NAME, Lock, StoreError
+from ._run_results import RunResults
 from ._store import ENOUGH, FORM, MANIFEST, Store
 
 UNFINISHED = ".unfinished-"

@@ -14,7 +14,8 @@ from typing import NamedTuple, TypeAlias
 import jax
 
 from ..core import InputError
-from ._batch_runner import BatchRunner, PlannedCampaign, RunResults
+from ._batch_runner import BatchRunner
+from ._run_results import PlannedCampaign, RunResults
 
 RETRIES = 3
 # Of a program and of its results; where programs are kept.

@@ -6,27 +6,25 @@
     "multipliers"    L-BFGS inside the method of multipliers                  many unknowns
     "sqp"            quadratic programmes with the full Jacobian              up to about a hundred
 
-Files: `_multipliers.py`, `_sqp.py`, `_bounds.py`. Valid for smooth functions. `f` may be infinite
-outside its domain: both methods turn back.
+Files: `_by_multipliers.py`, `_by_sqp.py`, `_bounds.py`. Valid for smooth functions. `f` may be
+infinite outside its domain: both methods turn back.
 """
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jax.flatten_util import ravel_pytree
-from jaxtyping import Array, Float, Int
 
 from ..core import InputError, Scalar
-from . import _multipliers as multipliers
-from . import _sqp as sqp
-from . import _sqp_state as sqp_state
-from ._bounds import Bounds, as_bounds
-from ._criterion import Criterion, Minimum, Point, StopReason, stop_reason
-from ._drive import Progress, drive, is_traced
-from ._gradient_check import GRADIENT_TOLERANCE, refuse, sizes_of
+from ._bounds import as_bounds
+from ._by_multipliers import by_multipliers
+from ._by_sqp import by_sqp
+from ._criterion import Criterion, Minimum, Point
+from ._drive import Progress, is_traced
+from ._gradient_check import refuse
+from ._search import Common
 
 METHODS = ("multipliers", "sqp")
 
@@ -86,26 +84,15 @@ def minimise(
     problem = jax.jit(problem)
     if before is not None and before.search is None:
         raise InputError("start is a Minimum that keeps no search: start from its x.")
-    common = _Common(problem, x, limits, tolerance, check_gradient and before is None, progress)
+    common = Common(problem, x, limits, tolerance, check_gradient and before is None, progress)
     if method == "sqp":
-        found = _by_sqp(common, max_steps, exact_hessian, scale, before)
+        found = by_sqp(common, max_steps, exact_hessian, scale, before)
     else:
         rounds = (max_steps, max_rounds, adam_steps, adam_rate)
-        found = _by_multipliers(common, bounds is not None, rounds, before)
+        found = by_multipliers(common, bounds is not None, rounds, before)
     if check_gradient and not is_traced(found.gradient_error):
         refuse(float(found.gradient_error))
     return found
-
-
-class _Common(NamedTuple):
-    """What both methods need."""
-
-    problem: Callable[[Point], Criterion]
-    start: Point
-    limits: Bounds
-    tolerance: Scalar
-    check: bool
-    progress: Progress | None
 
 
 def minimise_from(
@@ -130,194 +117,3 @@ def minimise_from(
     order = jnp.where(jnp.any(every.converged), order, every.violation)
     best = jnp.argmin(jnp.where(jnp.isnan(order), jnp.inf, order))
     return jax.tree.map(lambda x: x[..., best], every), every
-
-
-def _by_multipliers(
-    common: _Common, bounded: bool, rounds: tuple[int, int, int, Scalar], before: Minimum | None
-) -> Minimum:
-    """Descents in free numbers, from which the bounds make x."""
-    max_steps, max_rounds, adam_steps, adam_rate = rounds
-    limits, problem = common.limits, common.problem
-    first = limits.free(common.start) if bounded else common.start
-    q0, unravel = ravel_pytree(first)
-
-    def inside(q: Array) -> Point:
-        return limits.inside(unravel(q)) if bounded else unravel(q)
-
-    shapes = jax.eval_shape(problem, common.start)
-    blank = jax.tree.map(lambda like: jnp.zeros(like.shape, like.dtype), shapes)
-    state = multipliers.begin(q0, sizes_of(first), blank, max_rounds, adam_steps, common.check)
-    if before is not None:
-        state = _taken_up(before, state)
-
-    def evaluate(s: multipliers.Descent) -> multipliers.Evaluation:
-        x, to_free = jax.vjp(inside, s.trial)
-        flat, back = ravel_pytree(x)
-
-        def value(flat: Array) -> tuple[Array, tuple[Array, Criterion]]:
-            criterion = problem(back(flat))
-            total = multipliers.lagrangian(criterion, s.dual, s.rho)
-            return total, (total, criterion)
-
-        # In x, where the slope is what a bound takes; in the free numbers it is zero there.
-        held, (total, criterion) = jax.grad(value, has_aux=True)(flat)
-        slopes, _ = ravel_pytree(to_free(back(held))[0])
-        return multipliers.Evaluation(total, slopes, held, criterion)
-
-    options = multipliers.Options(common.tolerance, max_steps, adam_rate)
-    last, interrupted = drive(
-        evaluate,
-        lambda s, found: multipliers.advance(s, found, options),
-        lambda s: multipliers.unfinished(s, options),
-        state,
-        common.progress,
-    )
-    x = inside(last.x)
-    held = ravel_pytree(x)[1](last.held if bounded else jnp.zeros_like(last.held))
-    missed = last.violation > common.tolerance
-    converged = (last.gradient <= common.tolerance) & ~missed
-    finite = jnp.isfinite(last.value)
-    limited = (last.taken >= max_rounds) & ~missed
-    return Minimum(
-        x=x,
-        criterion=last.criterion,
-        multipliers=last.dual,
-        gradient=last.gradient,
-        violation=last.violation,
-        steps=last.steps,
-        converged=converged,
-        gradient_error=last.wrong,
-        reason=_reason(last.wrong, interrupted, finite, converged, limited, missed),
-        bound_multipliers=held,
-        history=_rows(before, last.rows),
-        search=last,
-    )
-
-
-def _by_sqp(
-    common: _Common,
-    max_steps: int,
-    exact_hessian: bool,
-    scale: Point | None,
-    before: Minimum | None,
-) -> Minimum:
-    """Quadratic programmes in scaled unknowns, with scaled objective and constraints."""
-    problem = common.problem
-    x0, unravel = ravel_pytree(common.start)
-    low, high = (ravel_pytree(b)[0] for b in common.limits)
-    size = _sizes(x0, low, high) if scale is None else ravel_pytree(scale)[0]
-
-    if before is not None and isinstance(before.search, sqp_state.SqpState):
-        # The search goes on in its own scaled unknowns.
-        size = before.search.size
-
-    def numbers(z: Array) -> tuple[Array, tuple[Array, Criterion]]:
-        criterion = problem(unravel(size * z))
-        parts = (criterion.objective, criterion.equal_zero, criterion.non_negative)
-        stacked = jnp.concatenate([jnp.ravel(x) for x in parts if x is not None])
-        return stacked, (stacked, criterion)
-
-    shapes = jax.eval_shape(problem, common.start)
-    me = 0 if shapes.equal_zero is None else shapes.equal_zero.size
-    mi = 0 if shapes.non_negative is None else shapes.non_negative.size
-    # Forward mode costs a run for each unknown, reverse mode several for each number, and more to
-    # compile.
-    mode = jax.jacfwd if x0.size <= 16 * (1 + me + mi) else jax.jacrev
-    derivatives = mode(numbers, has_aux=True)
-
-    def evaluate(s: sqp_state.SqpState) -> sqp_state.Found:
-        jacobian, (values, criterion) = derivatives(s.trial)
-        return sqp_state.Found(values, jacobian, criterion)
-
-    curvature = jax.hessian(lambda z, w: w @ numbers(z)[0]) if exact_hessian else None
-    limits = sqp_state.Limits(low / size, high / size, jnp.asarray(common.tolerance, x0.dtype))
-    blank = jax.tree.map(lambda like: jnp.zeros(like.shape, like.dtype), shapes)
-    z0 = jnp.clip(x0, low, high) / size
-    state = sqp_state.begin(z0, size, me, mi, blank, max_steps, common.check)
-    if before is not None:
-        state = _taken_up(before, state)
-    last, interrupted = drive(
-        evaluate,
-        lambda s, found: sqp.advance(s, found, limits, curvature),
-        lambda s: sqp_state.unfinished(s, limits),
-        state,
-        common.progress,
-    )
-    return _sqp_minimum(last, unravel, size, common.tolerance, interrupted, before)
-
-
-def _sqp_minimum(
-    last: sqp_state.SqpState,
-    unravel: Callable[[Array], Point],
-    size: Array,
-    tolerance: Scalar,
-    interrupted: bool,
-    before: Minimum | None,
-) -> Minimum:
-    """The result in the units of the problem."""
-    me, weight = last.y.size, last.weight
-    c, d = last.at.report.equal_zero, last.at.report.non_negative
-    y = last.y * weight[1 : 1 + me] / weight[0]
-    nu = last.nu * weight[1 + me :] / weight[0]
-    slope = (last.at.g + last.at.J.T @ last.y - last.at.K.T @ last.nu) / (weight[0] * size)
-    violation = jnp.zeros_like(last.gradient)
-    if c is not None:
-        violation = jnp.maximum(violation, jnp.max(jnp.abs(c)))
-    if d is not None:
-        violation = jnp.maximum(violation, jnp.max(-d))
-    missed = last.violation > tolerance
-    converged = (last.gradient <= tolerance) & ~missed
-    finite = jnp.isfinite(last.at.f) & jnp.all(jnp.isfinite(last.at.g))
-    limited = last.taken >= last.rows.shape[0]
-    rows = _rows(before, last.rows)
-    return Minimum(
-        x=unravel(size * last.x),
-        criterion=last.at.report,
-        multipliers=Criterion(
-            jnp.ones_like(last.at.f),
-            None if c is None else y.reshape(c.shape),
-            None if d is None else nu.reshape(d.shape),
-        ),
-        gradient=last.gradient,
-        violation=violation,
-        steps=last.taken if before is None else last.taken + before.steps,
-        converged=converged,
-        gradient_error=last.wrong,
-        reason=_reason(last.wrong, interrupted, finite, converged, limited, missed),
-        bound_multipliers=unravel(slope),
-        history=rows,
-        search=last,
-    )
-
-
-def _reason(
-    wrong: Array, interrupted: bool, finite: Array, converged: Array, limited: Array, missed: Array
-) -> Int[Array, ""]:
-    """The reason of the end, of which a wrong gradient and an interruption come first."""
-    reason = stop_reason(finite, converged, limited, missed)
-    if interrupted:
-        reason = jnp.full_like(reason, StopReason.INTERRUPTED)
-    return jnp.where(wrong > GRADIENT_TOLERANCE, StopReason.WRONG_GRADIENT, reason).astype(int)
-
-
-def _taken_up(before: Minimum, blank: Any) -> Any:
-    """The state in which a search ended, with room for as many further steps."""
-    last = before.search
-    if type(last) is not type(blank) or last.trial.shape != blank.trial.shape:
-        raise InputError("start is a Minimum of another problem or method: start from its x.")
-    # What was pending when it ended is evaluated first.
-    return last._replace(rows=blank.rows, taken=jnp.asarray(0))
-
-
-def _rows(before: Minimum | None, rows: Array) -> Float[Array, "rows 3"]:
-    """The history, with that of the search that was taken up before it."""
-    if before is None:
-        return rows
-    old = before.history
-    return jnp.concatenate([old[~jnp.isnan(old[:, 0])], rows])
-
-
-def _sizes(x: Array, low: Array, high: Array) -> Array:
-    """The range of the bounds, or the larger of the start and 1."""
-    both = jnp.isfinite(low) & jnp.isfinite(high)
-    return jnp.where(both, jnp.where(both, high - low, 1.0), jnp.maximum(jnp.abs(x), 1.0))

@@ -20,7 +20,8 @@ from jaxtyping import Array, Bool, Float
 
 from ..core import Scalar, norm
 from ..orbits import Interception, OrbitState, circular_speed, interception
-from ._minimise import Criterion, minimise
+from ._criterion import Criterion
+from ._minimise import minimise
 
 
 class Rendezvous(NamedTuple):

@@ -1,0 +1,89 @@
+"""Inputs that are drawn together: a direction within a cone.
+
+d = cos(t) n + sin(t) (cos(p) e_1 + sin(p) e_2)
+1 - cos(t) = (1 - cos(a)) (1 - exp(-(z_1^2 + z_2^2)/2)),  tan(p) = z_2 / z_1
+
+symbol  meaning                                                   unit
+z       independent standard normal numbers                       1
+n, a    axis of the cone, and half its angle; pi is the sphere    1, rad
+"""
+
+from typing import final
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ..core import InputError, Scalar, as_float, is_concrete, phi1
+from ._joint import AbstractJoint
+
+
+@final
+class ConeDirection(AbstractJoint):
+    """A vector of a fixed length whose direction is uniform over a cone; the nominal one lies on
+    its axis.
+
+    - `vector`: the nominal vector, (3,); its length is that of all draws.
+    - `half_angle`, rad: of the cone; pi for the whole sphere."""
+
+    vector: Float[Array, "3"] = eqx.field(converter=as_float)
+    half_angle: Float[Array, ""] = eqx.field(converter=as_float, default=np.pi)
+
+    def __check_init__(self):
+        if is_concrete(self.vector):
+            length = float(np.linalg.norm(np.asarray(self.vector)))
+            if np.shape(self.vector) != (3,) or not length > 0.0:
+                raise InputError(
+                    "ConeDirection.vector must be three numbers, not all of them zero."
+                )
+        if is_concrete(self.half_angle) and not 0.0 < float(self.half_angle) <= np.pi + 1e-6:
+            raise InputError(
+                f"ConeDirection.half_angle is {float(self.half_angle)}: it must be above 0, and at "
+                f"most pi."
+            )
+
+    @property
+    def size(self) -> int:
+        return 3
+
+    @property
+    def dimensions(self) -> int:
+        return 2
+
+    @property
+    def mean(self) -> Float[Array, "3"]:
+        return self.vector
+
+    @property
+    def covariance(self) -> Float[Array, "3 3"]:
+        # 1 - cos t is uniform from 0 to h: the means of (1 - cos t)^2 and of sin^2 t follow.
+        h = 1.0 - jnp.cos(self.half_angle)
+        along, across = h * h / 3.0, (h - h * h / 3.0) / 2.0
+        outer = jnp.outer(self.vector, self.vector)
+        return along * outer + across * (jnp.sum(self.vector**2) * jnp.eye(3) - outer)
+
+    def from_normal(self, z: Float[Array, " k"]) -> Float[Array, "3"]:
+        length = jnp.sqrt(jnp.sum(self.vector**2))
+        n = self.vector / length
+        e1, e2 = _across(n)
+        s = 0.5 * (z[0] ** 2 + z[1] ** 2)
+        h = 1.0 - jnp.cos(self.half_angle)
+        # h (1 - e^-s), and sin(t)/|z| without a division by zero at the axis.
+        versine = h * s * phi1(-s)
+        ratio = jnp.sqrt(0.5 * h * phi1(-s) * (2.0 - versine))
+        return length * ((1.0 - versine) * n + ratio * (z[0] * e1 + z[1] * e2))
+
+    def text(self) -> str:
+        vector, angle = np.asarray(self.vector).tolist(), float(self.half_angle)
+        return f"direction within {angle:.6g} rad of {vector}"
+
+
+def _across(n: Float[Array, "3"]) -> tuple[Float[Array, "3"], Float[Array, "3"]]:
+    """Two unit vectors that are perpendicular to the unit vector n and to each other, without a
+    singular direction (Duff et al., J. Comput. Graph. Tech. 6 (2017), 1)."""
+    sign: Scalar = jnp.where(n[2] >= 0.0, 1.0, -1.0)
+    a = -1.0 / (sign + n[2])
+    b = n[0] * n[1] * a
+    e1 = jnp.stack([1.0 + sign * n[0] ** 2 * a, sign * b, -sign * n[0]])
+    return e1, jnp.stack([b, sign + n[1] ** 2 * a, -n[1]])

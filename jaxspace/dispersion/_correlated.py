@@ -1,0 +1,135 @@
+"""Inputs that are drawn together: numbers with a covariance or a correlation.
+
+correlated   x_i = F_i^-1(Phi((L z)_i)),  L L^T = R        a Gaussian copula
+normal       x = m + S z,                 S S^T = C
+
+symbol  meaning                                                   unit
+z       independent standard normal numbers                       1
+R       correlation of the normal numbers behind the inputs       1
+m, C    mean and covariance                                       of the quantities
+
+Of normal inputs R is their own correlation; of others theirs is a little smaller.
+"""
+
+from typing import final
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+from numpy.typing import ArrayLike
+
+from ..core import InputError, as_float
+from ._distributions import AbstractDistribution
+from ._joint import AbstractJoint
+
+
+def factor_of(name: str, matrix: ArrayLike) -> np.ndarray:
+    """S with S S^T = the matrix, which may be singular.
+
+    Raises `InputError` unless the matrix is square, symmetric and has no negative eigenvalue."""
+    c = np.asarray(matrix, float)
+    if c.ndim != 2 or c.shape[0] != c.shape[1] or not np.all(np.isfinite(c)):
+        raise InputError(f"{name} has the shape {c.shape}: it must be square, and finite.")
+    if not np.allclose(c, c.T, rtol=1e-9, atol=1e-12 * np.max(np.abs(c))):
+        raise InputError(f"{name} is not symmetric: a covariance is.")
+    scale = np.sqrt(np.where(np.diag(c) > 0.0, np.diag(c), 1.0))
+    # Scaled to a correlation, so that units do not decide on what counts as zero.
+    size, vectors = np.linalg.eigh(c / np.outer(scale, scale))
+    if size[0] < -1e-9:
+        raise InputError(f"{name} has the eigenvalue {size[0]:.3g}: none may be negative.")
+    return scale[:, None] * vectors * np.sqrt(np.maximum(size, 0.0))
+
+
+@final
+class MultivariateNormal(AbstractJoint):
+    """Normal numbers with a covariance.
+
+    - `centre`: their mean, (n,).
+    - `factor`: S, (n, k), with the covariance S S^T; `from_covariance` takes the matrix itself."""
+
+    centre: Float[Array, " n"] = eqx.field(converter=as_float)
+    factor: Float[Array, "n k"] = eqx.field(converter=as_float)
+
+    def __check_init__(self):
+        if jnp.ndim(self.factor) != 2 or jnp.shape(self.factor)[:1] != jnp.shape(self.centre):
+            shapes = jnp.shape(self.factor), jnp.shape(self.centre)
+            raise InputError(
+                f"MultivariateNormal.factor has the shape {shapes[0]}: it must have a row for each "
+                f"number of the mean, whose shape is {shapes[1]}."
+            )
+
+    @classmethod
+    def from_covariance(cls, mean: ArrayLike, covariance: ArrayLike) -> "MultivariateNormal":
+        """From the `mean`, (n,), and the `covariance`, (n, n)."""
+        return cls(as_float(mean), as_float(factor_of("covariance", covariance)))
+
+    @property
+    def size(self) -> int:
+        return self.factor.shape[0]
+
+    @property
+    def dimensions(self) -> int:
+        return self.factor.shape[1]
+
+    @property
+    def mean(self) -> Float[Array, " n"]:
+        return self.centre
+
+    @property
+    def covariance(self) -> Float[Array, "n n"]:
+        return self.factor @ self.factor.T
+
+    def from_normal(self, z: Float[Array, " k"]) -> Float[Array, " n"]:
+        return self.centre + self.factor @ z
+
+    def text(self) -> str:
+        return f"multivariate normal, factor {np.asarray(self.factor).tolist()}"
+
+
+@final
+class Correlated(AbstractJoint):
+    """Distributions of one number each, correlated by a Gaussian copula.
+
+    - `marginals`: the distribution of each number.
+    - `factor`: L, (n, n), each row of length one; `Correlated.of` takes the correlation."""
+
+    marginals: tuple[AbstractDistribution, ...] = eqx.field(converter=tuple)
+    factor: Float[Array, "n n"] = eqx.field(converter=as_float)
+
+    @classmethod
+    def of(
+        cls, marginals: tuple[AbstractDistribution, ...], correlation: ArrayLike
+    ) -> "Correlated":
+        """From the `marginals` and the `correlation`, (n, n), with ones on its diagonal."""
+        matrix = np.asarray(correlation, float)
+        if matrix.shape != (len(marginals),) * 2 or not np.allclose(np.diag(matrix), 1.0):
+            raise InputError(
+                f"correlation has the shape {matrix.shape}: it must be "
+                f"{(len(marginals),) * 2}, with ones on its diagonal."
+            )
+        return cls(tuple(marginals), as_float(factor_of("correlation", matrix)))
+
+    @property
+    def size(self) -> int:
+        return len(self.marginals)
+
+    @property
+    def dimensions(self) -> int:
+        return self.factor.shape[1]
+
+    @property
+    def mean(self) -> Float[Array, " n"]:
+        return jnp.stack([d.mean for d in self.marginals])
+
+    @property
+    def covariance(self) -> Float[Array, "n n"]:
+        s = jnp.stack([d.deviation for d in self.marginals])
+        return s[:, None] * (self.factor @ self.factor.T) * s
+
+    def from_normal(self, z: Float[Array, " k"]) -> Float[Array, " n"]:
+        mixed = self.factor @ z
+        return jnp.stack([d.from_normal(mixed[k]) for k, d in enumerate(self.marginals)])
+
+    def text(self) -> str:
+        return "correlated (" + "; ".join(d.text() for d in self.marginals) + ")"

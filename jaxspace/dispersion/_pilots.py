@@ -1,0 +1,75 @@
+"""The pilots of a campaign: runs with adaptive steps, whose steps become the plans of all runs."""
+
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, PyTree
+
+from ..integration import Accuracy, Event, SimulationError, Status
+from ..simulation._mission_runs import run_mission
+from ..simulation._simulate import resolve_phases
+from ._campaign import Campaign
+from ._isolation import isolate
+from ._plans import nodes_of
+
+# Besides the nominal run.
+PILOTS = 15
+# Pilots run once, and compiling takes far longer than they do: half of it is saved so.
+QUICK: dict[str, Any] = {"compiler_options": {"xla_backend_optimization_level": 0}}
+
+
+# Traced once, both for the shapes of what it returns and for the run.
+@eqx.filter_jit
+def _traced_pilots(
+    campaign: Campaign, accuracy: Accuracy, key: Array, flown: Bool[Array, " pilots"]
+) -> tuple[list[Array | None], Array, bool]:
+    """Adaptive runs of the pilots, the nominal one first.
+
+    **Returns** the ends of the steps of every phase (`None` for a closed form), the status of every
+    pilot, and whether a phase ends by an event."""
+    drawn = campaign.samples(key, jnp.arange(PILOTS, dtype=jnp.uint32))
+    nominal = campaign.nominal()
+    samples = {
+        name: jnp.concatenate([x, jnp.where(flown, drawn[name], x)]) for name, x in nominal.items()
+    }
+    mission, y0 = campaign.build(samples)
+    configs = resolve_phases(mission, y0, accuracy, 1)
+    result = run_mission(mission, y0, campaign.start, 2, configs, 1, record_steps=True)
+    # The runs of a block share the adaptive steps of the search for an event.
+    coupled = any(isinstance(phase.until, Event) for phase in mission.phases)
+    return [run.step_ends for run in result.phases], result.status, coupled
+
+
+@eqx.filter_jit(**QUICK)
+def _pilots(
+    campaign: Campaign, accuracy: Accuracy, key: Array, flown: Bool[Array, " pilots"]
+) -> tuple[list[Array | None], Array, bool]:
+    return _traced_pilots(campaign, accuracy, key, flown)
+
+
+def expected_steps(campaign: Campaign, accuracy: Accuracy, key: Array) -> list[Any]:
+    """Of every phase the shape of what the pilots record; `None` for a closed form."""
+    return eqx.filter_eval_shape(_traced_pilots, campaign, accuracy, key, jnp.ones(PILOTS, bool))[0]
+
+
+def pilot_plans(
+    campaign: Campaign, accuracy: Accuracy, key: Array
+) -> tuple[list[np.ndarray | None], bool]:
+    """The nodes at which the steps of the pilots ended, phase by phase, and whether the runs of a
+    block depend on one another.
+
+    **Raises** `SimulationError` when the nominal run fails."""
+
+    def fly(flown: np.ndarray) -> PyTree:
+        found = _pilots(campaign, accuracy, key, jnp.asarray(flown))
+        return jax.tree.map(lambda x: np.asarray(x) if eqx.is_array(x) else x, found)
+
+    taken, status, coupled = isolate(fly, PILOTS)
+    nominal = Status(int(status[0]))
+    # A missed tolerance is no failure here: the runs are checked on finer plans anyhow.
+    if nominal in (Status.NOT_FINITE, Status.MAX_STEPS):
+        raise SimulationError(f"The nominal run cannot be run. {nominal.sentence}")
+    return [None if ends is None else nodes_of(np.asarray(ends)) for ends in taken], coupled
