@@ -75,6 +75,7 @@ def _watched(
     more, taken = bool(unfinished(state)), int(state.taken)
     try:
         while more:
+            # The first evaluation is there already: it has told whether the numbers are known.
             found = evaluate(state) if found is None else found
             (state, goes_on), found = move(state, found), None
             more = bool(goes_on)
@@ -83,5 +84,6 @@ def _watched(
                 objective, violation, gradient = (float(x) for x in state.rows[taken - 1])
                 progress(taken, objective, violation, gradient)
     except KeyboardInterrupt:
+        # The state of the last whole step, from which `minimise` can go on.
         return state, True
     return state, False

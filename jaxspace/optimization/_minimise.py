@@ -128,6 +128,7 @@ def minimise_from(
     every = search(starts)
     order = jnp.where(every.converged, every.criterion.objective, jnp.inf)
     order = jnp.where(jnp.any(every.converged), order, every.violation)
+    # `argmin` would take a NaN for the least.
     best = jnp.argmin(jnp.where(jnp.isnan(order), jnp.inf, order))
     return jax.tree.map(lambda x: x[..., best], every), every
 
@@ -232,6 +233,7 @@ def _by_sqp(
     curvature = jax.hessian(lambda z, w: w @ numbers(z)[0]) if exact_hessian else None
     limits = sqp_state.Limits(low / size, high / size, jnp.asarray(common.tolerance, x0.dtype))
     blank = jax.tree.map(lambda like: jnp.zeros(like.shape, like.dtype), shapes)
+    # A start far outside of the bounds would leave the first programme without a solution.
     z0 = jnp.clip(x0, low, high) / size
     state = sqp_state.begin(z0, size, me, mi, blank, max_steps, common.check)
     if before is not None:
@@ -257,6 +259,7 @@ def _sqp_minimum(
     """The result in the units of the problem."""
     me, weight = last.y.size, last.weight
     c, d = last.at.report.equal_zero, last.at.report.non_negative
+    # The search has scaled objective and constraints: a multiplier is the quotient of both scales.
     y = last.y * weight[1 : 1 + me] / weight[0]
     nu = last.nu * weight[1 + me :] / weight[0]
     slope = (last.at.g + last.at.J.T @ last.y - last.at.K.T @ last.nu) / (weight[0] * size)
@@ -314,6 +317,7 @@ def _rows(before: Minimum | None, rows: Array) -> Float[Array, "rows 3"]:
     if before is None:
         return rows
     old = before.history
+    # Rows that were not taken are NaN, and would stand between both searches.
     return jnp.concatenate([old[~jnp.isnan(old[:, 0])], rows])
 
 
