@@ -234,7 +234,8 @@ def test_steady_precession_is_steady():
 
 
 def test_harrison_cosine_curve():  # H4.11-95
-    cosine = lambda x: (C * 50.0 * x - WL * x * x) / A  # noqa: E731  cos(theta) of steady precession against x = 1/psi'
+    # cos(theta) of steady precession against x = 1/psi'.
+    cosine = lambda x: (C * 50.0 * x - WL * x * x) / A  # noqa: E731
     x = 0.06666666666666667
     assert_allclose(cosine(x), 0.6666666666666666, rtol=CASE)
     assert_allclose(jax.grad(cosine)(x), 0.0, atol=1e-12)

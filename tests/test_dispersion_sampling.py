@@ -7,7 +7,7 @@ import pytest
 import scipy.stats
 from scipy.stats import qmc
 
-import jaxspace
+import jaxspace.io
 from jaxspace.core import InputError
 from jaxspace.dispersion import (
     Campaign,

@@ -166,6 +166,7 @@ def test_derivatives_in_single_precision(r):
     of_bulge = oblateness, oblateness_potential, (3.986e14, J2, 6.378e6)
     for acceleration, potential, numbers in (of_point, of_bulge):
         exact = -jax.hessian(lambda r: potential(r, *numbers))(jnp.array(r))  # noqa: B023
+        single = jnp.array(r, jnp.float32)
         for derivative in (jax.jacfwd, jax.jacrev):
-            found = derivative(lambda r: acceleration(r, *numbers))(jnp.array(r, jnp.float32))  # noqa: B023
+            found = derivative(lambda r: acceleration(r, *numbers))(single)  # noqa: B023
             np.testing.assert_allclose(found, exact, atol=2e-6 * np.abs(exact).max())

@@ -34,9 +34,12 @@ def in_blocks(function: Callable[..., PyTree], components: tuple[int, ...], *arg
     axes = [n for n, arg in zip(components, args, strict=True) for _ in jax.tree.leaves(arg)]
     shapes = [jnp.shape(x)[n:] for x, n in zip(leaves, axes, strict=True)]
     runs = max((shape[-1] for shape in shapes if shape), default=0)
+    # A few blocks fit into the cache as they are.
     long = runs >= 4 * BLOCK and all(len(shape) < 2 for shape in shapes)
+    # Outside of a compiled program the loop over this function would be compiled at every call.
     if not (long and is_traced(args)):
         return function(*args)
+    # What all runs share goes whole into every block.
     cut = tuple(shape == (runs,) for shape in shapes)
 
     def of_leaves(leaves: tuple) -> PyTree:
@@ -69,6 +72,7 @@ def _blocked(
         empty = jax.tree.map(lambda s: jnp.zeros((*s.shape[:-1], runs), s.dtype), shapes)
         return jax.lax.fori_loop(0, -(-runs // BLOCK), step, empty)
 
+    # Blocks one after the other would leave most of an accelerator idle.
     return jax.lax.platform_dependent(leaves, cpu=blocks, default=function)
 
 

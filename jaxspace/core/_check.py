@@ -15,10 +15,12 @@ class InputError(ValueError):
 
 def is_concrete(x: object) -> bool:
     """Whether `x` is a concrete number or array, and not a tracer, a placeholder or `None`."""
+    # First of all, because a tracer is an instance of `jax.Array` too.
     if isinstance(x, Tracer) or not isinstance(
         x, float | int | np.ndarray | np.generic | jax.Array
     ):
         return False
+    # Booleans and text have no range that could be checked.
     return np.issubdtype(np.asarray(x).dtype, np.number)
 
 

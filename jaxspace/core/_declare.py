@@ -69,6 +69,7 @@ def _checked(function: Function, arguments: Mapping[str, Quantity | Choice]) -> 
 
     @functools.wraps(function)
     def checked(*given: object, **named: object) -> object:
+        # Defaults stay unchecked: they are the author's and not the caller's.
         bound = signature.bind(*given, **named).arguments
         for name, declared in arguments.items():
             value = bound.get(name)
@@ -102,6 +103,7 @@ def constructor(
 
     def declare(function: Function) -> Function:
         checked = _checked(function, arguments)
+        # On the function and not in a registry: whoever has the class has its declaration.
         checked.constructor = Constructor(arguments, frozenset(sets))  # type: ignore[attr-defined]
         return checked
 

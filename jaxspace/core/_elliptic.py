@@ -31,6 +31,7 @@ def complete_elliptic(complement: Scalar) -> Scalar:
     """K, 1, from the complement k'^2 = 1 - k^2 within [0, 1]; infinite, with a derivative of zero,
     at zero."""
     regular = complement > 0.0
+    # One in place of zero, at which the root has an infinite slope.
     b = jnp.sqrt(jnp.where(regular, complement, 1.0))
     return jnp.where(regular, 0.5 * math.pi / _mean(jnp.ones_like(b), b), jnp.inf)
 
@@ -41,6 +42,7 @@ def _mean(a: Scalar, b: Scalar) -> Scalar:
     def step(_, ab):
         return (0.5 * (ab[0] + ab[1]), jnp.sqrt(ab[0] * ab[1]))
 
+    # A fixed number of steps, because a loop that ends by a condition has no reverse mode.
     return jax.lax.fori_loop(0, STEPS, step, (a, b))[0]
 
 

@@ -143,8 +143,10 @@ def third(s: Scalar, c: Scalar, d: Scalar, p: Scalar, weight: Scalar) -> Scalar:
     carry = (*carry, jnp.asarray(1.0, p.dtype))
     small = (jnp.maximum(c, d) < _SMALL) | (p < _SMALL * _SMALL)
     more = functools.partial(repeated, _MORE_DUPLICATIONS)
+    # For all runs where one of them needs it: a choice for each run would make every run pay.
     carry = jax.lax.cond(jnp.any(small), more, lambda carry: carry, carry)
     x, y, z, p, *_, total, two, _ = repeated(_DUPLICATIONS, carry)
+    # Carlson's series of the fifth order in the relative differences of the arguments.
     mean = (x + y + z + 2.0 * p) / 5.0
     x, y, z = (1.0 - v / mean for v in (x, y, z))
     p = -0.5 * (x + y + z)

@@ -136,6 +136,8 @@ def unit(a: Vector) -> Vector:
     Raises `InputError` where the first axis does not hold three components."""
     check_components("unit: a", a, 3)
     length = norm(a)
+    # The inner `where` keeps 0/0 out of the branch that is not taken, and NaN out of its
+    # derivative.
     return jnp.where(length > 0.0, a / jnp.where(length > 0.0, length, 1.0), 0.0)
 
 
@@ -155,6 +157,7 @@ def solve3(m: Matrix, b: Vector) -> Vector:
     Raises `InputError` where the leading axes do not hold 3 x 3 and three components."""
     check_components("solve3: m", m, 3, axes=2)
     check_components("solve3: b", b, 3)
+    # Written out: `jnp.linalg.solve` calls a library for each matrix and fuses with nothing.
     c0, c1, c2 = m[:, 0], m[:, 1], m[:, 2]
     n0 = cross(c1, c2)
     return jnp.stack([dot(n0, b), dot(cross(c2, c0), b), dot(cross(c0, c1), b)]) / dot(c0, n0)

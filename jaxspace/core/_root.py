@@ -29,6 +29,7 @@ def increasing_root(f: Callable[[Scalar], Scalar], lower: Scalar, upper: Scalar)
     order, forward and reverse, follow from f(x) = 0 and not from the iteration; those by the ends
     are zero.
     """
+    # That of f, because its closure may carry runs that the ends do not.
     like = jax.eval_shape(f, lower)
 
     def end(x: Scalar) -> Scalar:
@@ -45,4 +46,6 @@ def increasing_root(f: Callable[[Scalar], Scalar], lower: Scalar, upper: Scalar)
         low, high = lax.fori_loop(0, HALVINGS, halve, (low, end(upper)))
         return low + 0.5 * (high - low)
 
+    # The runs are independent, so that the derivative is a diagonal matrix: applied to ones it
+    # gives its diagonal.
     return lax.custom_root(f, end(lower), solve, lambda slope, y: y / slope(jnp.ones_like(y)))

@@ -96,6 +96,7 @@ def phi1(x: Scalar) -> Scalar:
 
 def phi2(x: Scalar) -> Scalar:
     """(e^x - 1 - x) / x^2, with a series about x = 0, as `phi1`."""
+    # Farther out than in `phi1`: beyond it two differences are taken, each of which costs digits.
     small = jnp.abs(x) < 1.0
     s = jnp.where(small, x, 0.0)
     series = 1.0
@@ -110,6 +111,7 @@ def sinc_squared(z: Scalar) -> Scalar:
     """sin(sqrt(z)) / sqrt(z), analytic in z: hyperbolic for z < 0, a series near z = 0."""
     small = jnp.abs(z) < 0.1
     s = jnp.where(small, z, 0.0)
+    # Each root gets one in place of the numbers for which it is NaN.
     p = jnp.where(z < 0.1, 1.0, z)
     n = jnp.where(z > -0.1, 1.0, -z)
     series = 1.0

@@ -37,6 +37,7 @@ def stumpff(z: Scalar) -> tuple[Scalar, Scalar, Scalar, Scalar]:
     the derivatives of every order are those of the functions.
     """
     far = z < -_SMALL
+    # Each branch gets numbers of its own range, so that no derivative of the other overflows.
     distant = jnp.where(far, z, -_SMALL)
     near = stumpff_near(jnp.where(far, 0.0, z))
     c2, c3, c4, c5 = (

@@ -76,6 +76,7 @@ class AbstractRegularised(eqx.Module):
         after `z`: the distance from a centre, for example.
 
         By default one: nothing is known of the motion ahead."""
+        # The product has the shape of the times and of the runs.
         return jnp.ones_like(sigma * z[0])
 
     def size(self, x: Array, z0: Array, z1: Array) -> Scalar:
@@ -86,6 +87,8 @@ class AbstractRegularised(eqx.Module):
         def squared(x: Array) -> Scalar:
             return jnp.sum(x[:-1] * x[:-1], axis=0)
 
+        # Beside the greater of both, because the variables may pass close to zero at one of the
+        # ends.
         return jnp.sqrt(squared(x) / jnp.maximum(squared(z0), squared(z1)))
 
     def second_order(self, z: jax.ShapeDtypeStruct) -> "AbstractSecondOrderForm | None":

@@ -47,6 +47,7 @@ def polygon(
     # As a product of matrices where all runs share the table: the compiler makes vectors of that,
     # and none of a sum over a leading axis.
     line = slopes.reshape(-1)
+    # An accelerator would by default round the factors of a product of matrices to fewer digits.
     risen = jnp.tensordot(line, passed, 1, precision=lax.Precision.HIGHEST)
     return values[0] + risen
 
@@ -140,6 +141,7 @@ def _natural_curvatures(times: Array, values: Array) -> Array:
     if inner == 0:
         return jnp.zeros_like(values)
     rows = np.arange(inner)
+    # Dense and not tridiagonal: a spline has few nodes, and is solved once, when it is made.
     matrix = jnp.zeros((inner, inner, *h.shape[1:]), h.dtype)
     matrix = matrix.at[rows, rows].set(2.0 * (h[:-1] + h[1:]))
     matrix = matrix.at[rows[1:], rows[:-1]].set(h[1:-1])
@@ -171,6 +173,7 @@ def _tables(tree: Any) -> list[AbstractTable]:
     for leaf in jax.tree.leaves(tree, is_leaf=lambda x: isinstance(x, AbstractTable)):
         if isinstance(leaf, AbstractTable):
             found.append(leaf)
+        # A function is a leaf, and what it closes over is no part of the tree.
         for cell in getattr(leaf, "__closure__", None) or ():
             try:
                 found += _tables(cell.cell_contents)

@@ -56,11 +56,13 @@ def _sincos(x: Scalar) -> tuple[Scalar, Scalar]:
     if x.dtype != jnp.float64:
         return jnp.sin(x), jnp.cos(x)
     n = jnp.round(x * _PER_QUARTER)
+    # The greatest part first: the digits cancel while the products are still exact.
     r = ((x - n * _QUARTER[0]) - n * _QUARTER[1]) - n * _QUARTER_REST
     z = r * r
     s = r + r * z * _polynomial(_SINE, z)
     half = 0.5 * z
     near = 1.0 - half
+    # With what the rounding of 1 - half has lost, half a unit in the last place.
     c = near + (((1.0 - near) - half) + z * z * _polynomial(_COSINE, z))
     quarter = n - 4.0 * jnp.floor(0.25 * n)
     odd = (quarter == 1.0) | (quarter == 3.0)
@@ -91,6 +93,7 @@ def _atan2(y: Scalar, x: Scalar) -> Scalar:
     least, most = jnp.minimum(ax, ay), jnp.maximum(ax, ay)
     far = least > _TANGENT * most
     over = jnp.where(far, least + most, most)
+    # One in place of zero at the origin, whose angle then is zero as that of `arctan2`.
     t = jnp.where(far, least - most, least) / jnp.where(over == 0.0, 1.0, over)
     z = t * t
     # Each multiple of pi/4 with what its rounding leaves out.
@@ -99,6 +102,7 @@ def _atan2(y: Scalar, x: Scalar) -> Scalar:
     )
     angle = jnp.where(ay > ax, 1.5707963267948966 - (angle - 6.123233995736766e-17), angle)
     angle = jnp.where(x < 0.0, 3.141592653589793 - (angle - 1.2246467991473532e-16), angle)
+    # By the bit, because the angle of (-1, -0) is -pi, and not pi.
     return jnp.where(jnp.signbit(y), -angle, angle)
 
 

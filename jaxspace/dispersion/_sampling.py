@@ -208,7 +208,7 @@ def draw(
             tags = [zlib.crc32((inputs[name].source or name).encode()) for name in names]
             # One program for all of a kind, which compiles sooner than one for each.
             kind = jax.tree.map(lambda *x: jnp.stack(x), *(inputs[name] for name in names))
-            keys = jax.vmap(lambda tag: jax.random.fold_in(own, tag))(jnp.array(tags, jnp.uint32))  # noqa: B023
+            keys = jax.vmap(jax.random.fold_in, (None, 0))(own, jnp.array(tags, jnp.uint32))
             found |= zip(names, jax.vmap(lambda d, key: d.sample(key))(kind, keys), strict=True)
         return {name: found[name] for name in inputs}
 

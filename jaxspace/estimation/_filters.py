@@ -167,6 +167,7 @@ def _predict_extended(
     system: AbstractSystem, known: MeanCovariance, t0: Array, t1: Array, process: Any, accuracy: Any
 ) -> tuple[MeanCovariance, Array]:
     ts = jnp.stack([t0, t1])
+    # A propagation that fails must not end the filters of the other runs.
     run = simulate(Uncertain(system, process), known, ts, accuracy=accuracy, throw=False)
     return run.final, run.status
 

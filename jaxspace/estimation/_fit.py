@@ -154,7 +154,9 @@ def _search(
         _solver(method, known[2]),
         jnp.zeros(task.coordinates.count),
         max_steps=max_steps,
+        # The result tells it in `converged`, so that one data set does not end a batch.
         throw=False,
+        # Forward, because there are few parameters and many readings.
         options={"jac": "fwd"},
     )
     solved = found.result == optimistix.RESULTS.successful
@@ -207,6 +209,7 @@ class _Task(NamedTuple):
         tree = jax.tree.map(leaf, self.data, predicted, self.sigma, self.seen)
         parts = [r.ravel() for r in jax.tree.leaves(tree)]
         if self.beforehand is not None:
+            # One more reading of each coordinate, to which an infinite deviation gives no weight.
             parts.append(-x / self.beforehand)
         return jnp.concatenate(parts), tree
 

@@ -53,6 +53,7 @@ class Fit(eqx.Module):
     def unseen(self) -> Bool[Array, "n *#runs"]:
         """Which parameters take part in a combination that no reading depends on."""
         share = jnp.where(self._seen[:, None], 0.0, self.directions**2)
+        # A component of a thousandth, squared: the limit of the sentences below.
         return jnp.sum(share, axis=0) > 1e-6
 
     @property

@@ -50,6 +50,7 @@ def residual_tests(r: Float[Array, "..."], seen: Bool[Array, "..."]) -> Residual
     # Residuals that are all zero pass every test.
     s = jnp.where(variance > 0.0, variance, 1.0) ** 0.5
     off = off / s
+    # At longer lags few pairs are left, and their correlation is not normal.
     lags = min(LAGS, max(1, r.shape[-1] // 5))
     q = jnp.zeros((), r.dtype)
     for k in range(1, lags + 1):

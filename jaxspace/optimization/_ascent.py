@@ -104,6 +104,7 @@ class Ascent(eqx.Module):
         check_finite("Ascent.release_height", self.release_height)
         check_finite("Ascent.apex_height", self.apex_height)
         check_positive("Ascent.gravity", self.gravity)
+        # The last instant decides: there a constant flow pushes most, or has nothing left to push.
         last = self.thrust(self.burn_time)
         if is_concrete(last):
             check(
@@ -127,6 +128,7 @@ class FlightState(eqx.Module):
 
 def release_state(ascent: Ascent, release_angle: Scalar) -> FlightState:
     """The state at ignition, released at the angle theta_0, rad, above the horizontal."""
+    # The zero gives the speed the runs of the angle.
     v0 = ascent.release_speed + 0.0 * release_angle
     return FlightState(
         0.0 * v0,

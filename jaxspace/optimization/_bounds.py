@@ -60,6 +60,7 @@ def as_bounds(bounds: Any, start: Point) -> Bounds:
 
 def _inside(q: Array, low: Array, high: Array) -> Array:
     below, above = jnp.isfinite(low), jnp.isfinite(high)
+    # Finite in place of bounds that are none: the branch not taken would be NaN in its derivative.
     a, b = jnp.where(below, low, 0.0), jnp.where(above, high, 1.0)
     root = jnp.sqrt(1.0 + q * q) - 1.0
     both = a + 0.5 * (b - a) * (1.0 + jnp.sin(q))

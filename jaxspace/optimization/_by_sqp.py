@@ -54,6 +54,7 @@ def by_sqp(
     curvature = jax.hessian(lambda z, w: w @ numbers(z)[0]) if exact_hessian else None
     limits = sqp_state.Limits(low / size, high / size, jnp.asarray(common.tolerance, x0.dtype))
     blank = jax.tree.map(lambda like: jnp.zeros(like.shape, like.dtype), shapes)
+    # A start far outside of the bounds would leave the first programme without a solution.
     z0 = jnp.clip(x0, low, high) / size
     state = sqp_state.begin(z0, size, me, mi, blank, max_steps, common.check)
     if before is not None:
@@ -79,6 +80,7 @@ def _sqp_minimum(
     """The result in the units of the problem."""
     me, weight = last.y.size, last.weight
     c, d = last.at.report.equal_zero, last.at.report.non_negative
+    # The search has scaled objective and constraints: a multiplier is the quotient of both scales.
     y = last.y * weight[1 : 1 + me] / weight[0]
     nu = last.nu * weight[1 + me :] / weight[0]
     slope = (last.at.g + last.at.J.T @ last.y - last.at.K.T @ last.nu) / (weight[0] * size)

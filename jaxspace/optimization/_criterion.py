@@ -65,6 +65,7 @@ def stop_reason(
     missed: Bool[Array, ""],
 ) -> Int[Array, ""]:
     """The first of the reasons that holds; `missed`: whether the constraints are violated."""
+    # The last one that holds wins: numbers that are not finite rule out every other reason.
     reason = jnp.where(missed, StopReason.INFEASIBLE, StopReason.NO_PROGRESS)
     reason = jnp.where(limited, StopReason.STEP_LIMIT, reason)
     reason = jnp.where(converged, StopReason.CONVERGED, reason)

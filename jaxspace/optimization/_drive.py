@@ -38,12 +38,11 @@ def drive(
 ) -> tuple[Any, bool]:
     """The last state of a search, and whether it was interrupted (by Ctrl-C).
 
-        **Arguments**
+    **Arguments**
 
-        - `evaluate`: from a state to values and derivatives.
-    at its `trial`;
-        - `advance`: the next state; `unfinished`: whether there is one.
-        - `progress`: see `Progress`; its numbers are the last row of `state.rows`.
+    - `evaluate`: from a state to values and derivatives at its `trial`.
+    - `advance`: the next state; `unfinished`: whether there is one.
+    - `progress`: see `Progress`; its numbers are the last row of `state.rows`.
     """
     if not is_traced(state):
         compiled = jax.jit(evaluate)
@@ -75,6 +74,7 @@ def _watched(
     more, taken = bool(unfinished(state)), int(state.taken)
     try:
         while more:
+            # The first evaluation is there already: it has told whether the numbers are known.
             found = evaluate(state) if found is None else found
             (state, goes_on), found = move(state, found), None
             more = bool(goes_on)
@@ -83,5 +83,6 @@ def _watched(
                 objective, violation, gradient = (float(x) for x in state.rows[taken - 1])
                 progress(taken, objective, violation, gradient)
     except KeyboardInterrupt:
+        # The state of the last whole step, from which `minimise` can go on.
         return state, True
     return state, False

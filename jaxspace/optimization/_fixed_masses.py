@@ -58,6 +58,7 @@ def _chain(x: Scalar, u: Array, b: Array, c: Array, kept: Bool[Array, " stages"]
     for i in reversed(range(u.shape[0])):
         fixed = jnp.where(kept[i], c[i], 0.0)
         rising = rising + fixed / q
+        # Beyond it the mass ratio would be below one: the stage would take velocity away.
         used = kept[i] & (rising < u[i] * (1.0 - b[i]))
         # 1 - b mu = x/u where the stage is used, because the difference loses digits.
         share = jnp.where(used, rising / u[i], 1.0 - b[i])
@@ -76,6 +77,7 @@ def _best_chain(
     column = kept.reshape(-1, *(1,) * v.ndim)
     limit = -jnp.sum(jnp.where(column, u * jnp.log(b), 0.0), axis=0)
     able = v < limit
+    # Half of the limit in place of a velocity that the stages cannot give, so that a root exists.
     goal = jnp.where(able, v, 0.5 * limit)
     highest = jnp.max(jnp.where(column, u * (1.0 - b), 0.0), axis=0)
 
@@ -162,6 +164,7 @@ def number_of_stages(
     runs = jnp.broadcast_shapes(*(x.shape for x in (u, b, v, c)))
     u, b, c = (jnp.broadcast_to(x, (most, *runs)) for x in (u, b, c))
     numbers = np.arange(1, most + 1)
+    # Of equal stages it does not matter which ones are left out.
     choices = jnp.asarray(numbers[:, None] > np.arange(most)[::-1])
     masses = choose_stages(u, b, c, jnp.broadcast_to(v, runs), choices)[3]
     return StageNumbers(jnp.asarray(numbers), masses, jnp.argmin(masses, axis=0) + 1)

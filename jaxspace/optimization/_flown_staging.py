@@ -127,6 +127,7 @@ def staging_with_losses(
     goal = Goal(design, payload, speed, g, rise, top, round_earth, vertical, steps)
     limit = as_float(tolerance)
     found = _search(goal, limit)
+    # A traced search does not say yet whether another one must follow it.
     if is_traced(found.converged) or bool(found.minimum.violation <= limit):
         return found
     fastest = _search(goal, limit, fastest=True)
@@ -169,7 +170,9 @@ def _search(
         scale=scale,
         method="sqp",
         tolerance=tolerance,
+        # The phases end where steps do: there are no kinks that a gradient could miss.
         check_gradient=False,
+        # A flight in so few steps is cheap to differentiate twice.
         exact_hessian=True,
     )
     masses, flight = found.criterion.report
@@ -201,6 +204,8 @@ def _first_masses(goal: Goal, fastest: bool) -> Float[Array, " stages"]:
     rocket the first one as heavy as its thrust lifts well."""
     design = goal.design
     u, b = design.exhaust_velocity, design.structural_factor
+    # Short of the limit, at which masses grow without bound; shorter for the fastest rocket, whose
+    # search begins at what its thrust lifts.
     wanted = jnp.minimum(1.05 * goal.speed, -(0.6 if fastest else 0.9) * jnp.sum(u * jnp.log(b)))
     ratio = jnp.maximum(optimal_staging(u, b, wanted).mass_ratio, 1.05)
     size, above = [], goal.payload

@@ -168,6 +168,7 @@ def _search(
         burn = SteeredBurn(insertion.thrust, made(x["law"]), insertion.mu, T)
         flight = fly_compact(Mission(Phase(burn, T)), insertion.start, steps=steps)
         end = flight.final
+        # In units of the target, so that one tolerance serves lengths and speeds.
         miss = [end.radius / radius - 1.0, (end.radial - target.radial) / speed]
         if form == "time":
             objective, miss = x["duration"], [*miss, end.across / speed - 1.0]
@@ -177,8 +178,10 @@ def _search(
 
     start = {"law": profile}
     if form == "time":
+        # As a share of the first guess, of order one as the other unknowns are.
         start["duration"] = jnp.ones_like(first)
     options = {"method": "sqp", "tolerance": tolerance, "max_steps": max_steps}
+    # The corners of the law are breaks of the burn: its gradient needs no check.
     found = minimise(problem, start, check_gradient=False, **options)
     T, end, error = found.criterion.report
     dual = found.multipliers.equal_zero

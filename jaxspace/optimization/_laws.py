@@ -75,6 +75,7 @@ class SteeringNetwork(eqx.Module):
     def __call__(self, s: Scalar) -> Scalar:
         """The angle, rad, at `s`."""
         x = 2.0 * jnp.asarray(s) / self.duration - 1.0
+        # A network takes one number, where the times may have any shape.
         return jax.vmap(self.network)(x.ravel()).reshape(x.shape)
 
 

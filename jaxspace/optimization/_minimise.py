@@ -115,5 +115,6 @@ def minimise_from(
     every = search(starts)
     order = jnp.where(every.converged, every.criterion.objective, jnp.inf)
     order = jnp.where(jnp.any(every.converged), order, every.violation)
+    # `argmin` would take a NaN for the least.
     best = jnp.argmin(jnp.where(jnp.isnan(order), jnp.inf, order))
     return jax.tree.map(lambda x: x[..., best], every), every

@@ -179,6 +179,7 @@ def _tried_again(s: Descent, found: Evaluation, fell: Array, options: Options) -
     usable = jnp.isfinite(bend) & (bend > 0.0)
     share = jnp.where(usable, -0.5 * low_slope * width / jnp.where(usable, bend, 1.0), 0.5)
     within = low + width * jnp.clip(share, 0.1, 0.9)
+    # Farther by a large factor, because the last trial fell steeply still.
     t = jnp.where(jnp.isfinite(high), within, 4.0 * line.t)
     line = line._replace(
         t=t, low=low, low_value=low_value, low_slope=low_slope, high=high, high_value=high_value,
@@ -245,6 +246,7 @@ def _next_round(s: Descent, largest: Array) -> Descent:
     left = _violation(s.criterion, s.dual, s.rho)
     # Updated with the weight of this descent, before it grows.
     dual = _updated(s.criterion, s.dual, s.rho)
+    # Where the multipliers by themselves hardly reduce the violation, the weight has to.
     rho = jnp.where(left > 0.25 * s.violation, 10.0 * s.rho, s.rho)
     row = jnp.stack([s.criterion.objective, left, largest])
     return s._replace(

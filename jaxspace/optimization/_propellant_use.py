@@ -123,6 +123,7 @@ def propellant_use(
     kept = jnp.minimum(size, V)
     across = safe_sqrt(V * V - kept * kept)
     share = jnp.where(size > 0.0, safe_divide(jnp.abs(first), size), 1.0)
+    # Without propellant the impulse has no slope, and the angle is zero.
     angle = jnp.arctan2(kept, jnp.where(V > 0.0, across, 1.0))
     return PropellantUse(
         first=V * share,

@@ -44,6 +44,7 @@ def solve_programme(
     # Beyond this gap the matrix of a step loses its digits, and with them the multipliers.
     size = 1.0 + jnp.max(jnp.abs(p.q))
     enough = 100.0 * jnp.finfo(p.q.dtype).eps * size
+    # Away from zero: a step that starts on the boundary has no room.
     s = jnp.maximum(p.G @ start + p.h, 1e-2)
     first = _Place(start, s, jnp.full_like(s, 0.1 * size), jnp.asarray(0))
 
@@ -79,7 +80,9 @@ def _step(p: Programme, at: _Place) -> _Place:
     _, ds, dnu = newton(jnp.zeros_like(s))
     share = jnp.minimum(_room(s, ds), _room(nu, dnu))
     left = jnp.mean((s + share * ds) * (nu + share * dnu)) / mean
+    # Mehrotra's choice: the more the predictor has gained, the less the step keeps to the centre.
     dz, ds, dnu = newton(left**3 * mean - ds * dnu)
+    # Short of the boundary, where the matrix of the next step would be singular.
     share = jnp.minimum(1.0, 0.995 * jnp.minimum(_room(s, ds), _room(nu, dnu)))
     return _Place(z + share * dz, s + share * ds, nu + share * dnu, steps + 1)
 

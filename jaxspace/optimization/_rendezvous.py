@@ -81,6 +81,7 @@ def least_rendezvous(
         return Criterion(total, non_negative=jnp.stack(bounds) if bounds else None, report=found)
 
     x = jnp.stack([jnp.asarray(t, radius.dtype) for t in start]) / unit_of_time
+    # The motion is in closed form: there are no steps that could pass over a kink.
     minimum = minimise(problem, x, tolerance=tolerance, check_gradient=False)
     departure, arrival = minimum.x * unit_of_time
     total = minimum.criterion.objective * speed

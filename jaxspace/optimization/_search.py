@@ -49,4 +49,5 @@ def joined_rows(before: Minimum | None, rows: Array) -> Float[Array, "rows 3"]:
     if before is None:
         return rows
     old = before.history
+    # Rows that were not taken are NaN, and would stand between both searches.
     return jnp.concatenate([old[~jnp.isnan(old[:, 0])], rows])

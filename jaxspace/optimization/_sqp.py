@@ -59,6 +59,8 @@ def advance(
     def searching(s: SqpState) -> SqpState:
         s = lax.cond(s.calls == 0, _started, functools.partial(_judged, limits=limits), s, found)
         if curvature is not None:
+            # By the magnitudes of the eigenvalues, none of them near zero, because the programme of
+            # a step must be convex.
             weights = s.weight * jnp.concatenate([jnp.ones(1, s.x.dtype), s.y, -s.nu])
             values, vectors = jnp.linalg.eigh(curvature(s.x, weights))
             floor = 1e-8 * jnp.max(jnp.abs(values)) + 1e-12
@@ -73,6 +75,7 @@ def _started(s: SqpState, found: Found) -> SqpState:
     """With the values at the start, which set the scales."""
     weight = weights(found.jacobian)
     at = scaled(found, weight, s.y.size)
+    # One mixture of all numbers, so that four probes check every row of the Jacobian.
     mixed = weight * jnp.cos(1.3 * jnp.arange(weight.size, dtype=weight.dtype))
     checked = jnp.any(s.probed != 0.0)
     wrong = probed_error(s.probed @ mixed, s.x, jnp.ones_like(s.x), mixed @ found.jacobian)
@@ -108,8 +111,10 @@ def _planned(s: SqpState, limits: Limits) -> SqpState:
     n, me, mi = s.x.size, s.at.c.size, s.at.d.size
     solved = jnp.all(jnp.isfinite(z))
     p = jnp.where(solved, z[:n], 0.0)
+    # An equality stands in the programme as two inequalities, whose multipliers subtract.
     y = lam[me + mi : 2 * me + mi] - lam[:me]
     pending = Pending(p, y, lam[me : me + mi], solved)
+    # Clipped, because the programme meets the bounds to its own rounding only.
     return s._replace(trial=jnp.clip(s.x + p, limits.lower, limits.upper), pending=pending)
 
 
@@ -134,12 +139,14 @@ def _judged(s: SqpState, found: Found, limits: Limits) -> SqpState:
     # A correction is worth one trial where the constraints, and not the objective, refuse.
     raised = penalty(trial.c, trial.d) > penalty(c, d) + noise
     curved = finite & ~take & ~s.corrected & raised
+    # From the length of the step, too: a radius beyond it would let the same step come again.
     small = jnp.where(curved, s.radius, 0.35 * jnp.minimum(s.radius, length))
     radius = jnp.where(take, jnp.where(grow, 2.0 * s.radius, s.radius), small)
     radius = jnp.where(take & (ratio < 0.25), 0.5 * s.radius, radius)
     far = penalty(s.at.c, s.at.d)
     reached = penalty(c, d)
     present = far > 1e4 * jnp.finfo(p.dtype).eps
+    # Where even the model keeps half of the violation, the objective still outweighs it.
     stuck = (reached > 0.5 * far) & present & solved
     hopeless = (reached > (1.0 - 1e-6) * far) & present & (s.rho >= MOST_WEIGHT)
     rho = jnp.where(stuck, jnp.minimum(4.0 * s.rho, MOST_WEIGHT), s.rho)

@@ -37,6 +37,7 @@ def slope(at: Values, y: Array, nu: Array) -> Float[Array, " n"]:
 def gradient(s: SqpState, limits: Limits) -> Float[Array, ""]:
     """The largest component of the gradient that the bounds leave free, or of nu d."""
     x = s.x
+    # By a projection: what pushes against a bound promises no descent.
     free = x - jnp.clip(x - slope(s.at, s.y, s.nu), limits.lower, limits.upper)
     loose = jnp.minimum(jnp.maximum(s.at.d, 0.0), s.nu)
     return jnp.maximum(jnp.max(jnp.abs(free)), jnp.max(loose, initial=0.0))
@@ -58,6 +59,8 @@ def damped_bfgs(s: SqpState, trial: Values, p: Array, y: Array, nu: Array) -> Ar
     scale = jnp.where(fresh, (change @ change) / jnp.where(fresh, along, 1.0), 1.0)
     B = jnp.where(fresh, jnp.clip(scale, 1e-4, 1e4) * B, B)
     own = jnp.where(fresh, p @ B @ p, own)
+    # Powell's numbers: a change below a fifth of the curvature at hand is mixed with it, so that B
+    # stays positive.
     low = along < 0.2 * own
     share = jnp.where(low, 0.8 * own / jnp.where(low, own - along, 1.0), 1.0)
     change = share * change + (1.0 - share) * (B @ p)

@@ -114,6 +114,7 @@ def unfinished(s: SqpState, limits: Limits) -> Bool[Array, ""]:
     """Whether another evaluation is wanted."""
     missed = (s.gradient > limits.tolerance) | (s.violation > limits.tolerance)
     sound = (s.wrong <= GRADIENT_TOLERANCE) & jnp.isfinite(s.at.f)
+    # A step within this radius changes hardly a digit of the scaled unknowns.
     least = 1e2 * jnp.finfo(s.x.dtype).eps
     goes_on = missed & ~s.hopeless & (s.taken < s.rows.shape[0]) & (s.radius > least) & sound
     return (s.calls <= 0) | goes_on

@@ -90,6 +90,7 @@ def flown(goal: Goal, masses: Float[Array, " stages"], kick: Scalar) -> Flown:
     carried = jnp.cumsum(whole[::-1])[::-1] + goal.payload
     burnt = (1.0 - b) * masses
     times = burnt * u / F
+    # Of the burnt share, which keeps its digits where a stage vanishes.
     ideal = -jnp.sum(u * jnp.log1p(-burnt / carried))
 
     def burn(i: int, duration: Scalar, straight: bool, jump: Jump, name: str) -> Phase:
@@ -100,6 +101,7 @@ def flown(goal: Goal, masses: Float[Array, " stages"], kick: Scalar) -> Flown:
         return eqx.tree_at(lambda s: s.angle, y[0], y[0].angle + kick), y[1]
 
     def dropping(i: int) -> Jump:
+        # Without the propellant, which has left during the burn.
         return lambda t, y: (y[0], y[1] - (whole - burnt)[i])
 
     phases = []

@@ -67,6 +67,7 @@ def ballistic_flight(
     lam = r * speed * speed / mu
     s, c = jnp.sin(flight_path_angle), jnp.cos(flight_path_angle)
     closed = lam < 2.0
+    # The range alone stays finite beyond the escape speed: NaN here serves all three results.
     lam = jnp.where(closed, lam, jnp.nan)
     p = lam * c * c
     cosine, sine = 1.0 - p, lam * s * c
@@ -176,7 +177,9 @@ def ballistic_impact(
     r = as_float(radius)
     level = speed * jnp.cos(flight_path_angle)
     north = level * jnp.cos(azimuth)
+    # The velocity is relative to the ground, which moves eastwards itself.
     east = level * jnp.sin(azimuth) + rotation_rate * r * jnp.cos(latitude)
+    # The zero gives it the runs of the azimuth and of the rate.
     up = speed * jnp.sin(flight_path_angle) + 0.0 * east
     along = safe_atan2(east, north)
     across = jnp.cos(along) * north + jnp.sin(along) * east
@@ -188,9 +191,11 @@ def ballistic_impact(
     y = sine * jnp.sin(along)
     z = cosine * s + sine * jnp.cos(along) * c
     longitude = jnp.arctan2(y, x) - rotation_rate * flight.duration
+    # By sine and cosine, because the planet may have turned by any angle since.
     longitude = jnp.arctan2(jnp.sin(longitude), jnp.cos(longitude))
     flat = jnp.hypot(x, y)
     end = jnp.stack([flat * jnp.cos(longitude), flat * jnp.sin(longitude), z])
     start = jnp.stack(jnp.broadcast_arrays(c + 0.0 * z, 0.0 * z, s + 0.0 * z))
+    # By both products, because an arc cosine loses the digits of a short range.
     ground = safe_atan2(norm(cross(start, end)), dot(start, end))
     return BallisticImpact(jnp.arctan2(z, flat), longitude, ground, flight.height, flight.duration)

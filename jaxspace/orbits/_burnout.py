@@ -36,6 +36,7 @@ def excess_speed(radius: Scalar, speed: Scalar, mu: Scalar) -> Scalar:
     """Speed that is left far away, m/s, after an escape from the `radius`, m, at this `speed`, m/s;
     `mu`, m^3/s^2. NaN below the escape speed (Thomson 4.7, 4.10)."""
     escape = escape_speed(radius, mu)
+    # As a product, because a difference of squares loses digits close to the escape speed.
     return jnp.sqrt((speed - escape) * (speed + escape))
 
 

@@ -92,6 +92,7 @@ def shell_gravity(r: Vector, mu: Scalar, radius: Scalar) -> Vector:
 def shell_potential(r: Scalar, mu: Scalar, radius: Scalar) -> Scalar:
     """Potential energy per unit mass of `shell_gravity`, m^2/s^2, zero at infinity, from the
     distance `r`, m; constant inside."""
+    # The greater radius says all of it: constant inside, continuous at the surface, never 1/0.
     return -mu / jnp.maximum(r, radius)
 
 

@@ -37,6 +37,7 @@ from ..core import (
     with_rank,
 )
 
+# Of (n t)^2, just inside of what `stumpff_near` serves. Beyond half a turn nothing cancels.
 _SMALL = 9.0
 
 
@@ -113,6 +114,7 @@ def _functions(t: Scalar, n: Scalar) -> tuple[Scalar, Scalar, Scalar, Scalar]:
     z = angle * angle
     small = z < _SMALL
     c2, c3, *_ = stumpff_near(jnp.where(small, z, 0.0))
+    # One in place of n, which may be zero where the series are taken.
     per = 1.0 / jnp.where(small, 1.0, n)
     q1 = jnp.where(small, t * (1.0 - z * c3), jnp.sin(angle) * per)
     q2 = jnp.where(small, t * angle * c2, (1.0 - jnp.cos(angle)) * per)

@@ -47,6 +47,7 @@ def eccentric_anomaly(true_anomaly: Scalar, eccentricity: Scalar) -> Scalar:
     turns = _TURN * jnp.round(f / _TURN)
     half = 0.5 * (f - turns)
     # Of half the angle, whose ratio loses no digits near the parabola.
+    # Each form gets an eccentricity of its own kind: the root of the other kind is NaN.
     inner, outer = jnp.where(closed, e, 0.0), jnp.where(closed, 2.0, e)
     out, across = jnp.cos(half), jnp.sin(half)
     angle = jnp.arctan2(jnp.sqrt(1.0 - inner) * across, jnp.sqrt(1.0 + inner) * out)
@@ -76,6 +77,7 @@ def mean_anomaly(eccentric_anomaly: Scalar, eccentricity: Scalar) -> Scalar:
     Keeps its digits near the parabola and the periapsis. Its inverse is `true_anomaly_after`."""
     x, e = as_float(eccentric_anomaly), as_float(eccentricity)
     closed = e < 1.0
+    # Whole turns are taken off, because the Stumpff functions reach to the square of pi.
     turns = jnp.where(closed, jnp.round(x / _TURN), 0.0)
     x = x - _TURN * turns
     square = jnp.where(closed, x * x, -x * x)

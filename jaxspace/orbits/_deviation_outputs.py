@@ -27,6 +27,7 @@ def radial_error(position: Vector, nominal: Any) -> Scalar:
 def along_track_error(position: Vector, nominal: Any) -> Scalar:
     """Difference of the position from that of the `nominal` state in its plane and across its
     radius, m: positive ahead."""
+    # Not along the velocity, of which a part is radial: both errors would overlap.
     ahead = cross(cross(nominal.position, nominal.velocity), nominal.position)
     return dot(position - nominal.position, unit(ahead))
 

@@ -90,6 +90,7 @@ class Drag(AbstractEffect):
 
     def potential(self, t: Scalar, y: BodyState, body: AbstractBody) -> None:
         del t, y, body
+        # Drag takes energy out of the motion, so that no potential tells it.
         return None
 
     def density_at(self, position: Vector) -> Scalar:
@@ -108,5 +109,7 @@ class Drag(AbstractEffect):
         return velocity - self.air_rate * cross(axis(2, position[2]), position)
 
     def scaled(self, factor: Scalar) -> "Drag":
+        # By the density: the ballistic coefficient stands below the line, and zero would make it
+        # infinite.
         air = self.atmosphere.scaled(factor)
         return Drag(self.ballistic_coefficient, air, self.radius, self.air_rate)

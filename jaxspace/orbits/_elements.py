@@ -151,6 +151,7 @@ class ClassicalElements(AbstractParameters):
 
     def __check_init__(self):
         e, f = self.eccentricity, self.true_anomaly
+        # A negative eccentricity is left to the check of its own range, which names it.
         if is_concrete(e) and is_concrete(f) and np.all(np.asarray(e) >= 0.0):
             e, f = np.asarray(e, float), np.asarray(f, float)
             limit = np.arccos(-1.0 / np.maximum(e, 1.0))

@@ -103,6 +103,7 @@ def _of_state(
 ) -> EquinoctialElements:
     r = norm(position)
     x = ModifiedEquinoctialElements.of_state(position, velocity, mu, retrograde=retrograde)
+    # 1/a and not a, because it is finite on every conic.
     alpha = 2.0 / r - dot(velocity, velocity) / mu
     if is_concrete(alpha) and np.any(np.asarray(alpha) == 0.0):
         raise InputError(
@@ -127,6 +128,7 @@ def _state(x: EquinoctialElements, mu: Scalar) -> tuple[Vector, Vector]:
     X = jnp.where(closed, (1.0 - g1 * g1 * b) * c + f1 * g1 * b * s - f1, f)
     Y = jnp.where(closed, (1.0 - f1 * f1 * b) * s + f1 * g1 * b * c - g1, g)
     u = 1.0 / jnp.sqrt(X * X + Y * Y)
+    # An ellipse may be a circle: it gets a harmless direction in place of that of its periapsis.
     f2, g2 = jnp.where(closed, 1.0, f), jnp.where(closed, 0.0, g)
     mean = jnp.where(closed, K + g1 * c - f1 * s, atan2(g2, f2))
     F, G = orbit_axes(x.q, x.p, x.retrograde)
@@ -143,6 +145,7 @@ def _mean_longitude(
     closed = alpha > 0.0
     f, g = x.f, x.g
     # The sine of the anomaly times e; of a hyperbola the hyperbolic sine.
+    # NaN on a parabola, which has no mean longitude: the zero would look like one.
     sine = sigma * jnp.sqrt(jnp.where(alpha == 0.0, jnp.nan, jnp.abs(alpha)))
     f1, g1, alpha1, p1 = (
         jnp.where(closed, v, w)

@@ -66,6 +66,7 @@ def ground_point(
     beta = jnp.arctan2(z, (1.0 - f) * p)
     sine, cosine = jnp.sin(beta), jnp.cos(beta)
     latitude = beta
+    # A fixed number of steps, because a loop that ends by a condition has no reverse mode.
     for _ in range(_STEPS):
         up = z + e2 / (1.0 - f) * radius * sine**3
         out = p - e2 * radius * cosine**3

@@ -65,9 +65,12 @@ def tangential_impulse(
     speed2 = 1.0 + 2.0 * C + e * e
     new_C, new_S = C + (1.0 + C) * w, S * (1.0 + w)
     new_e = safe_sqrt(new_C * new_C + new_S * new_S)
+    # By the difference of the squares, which is exact for a small impulse; a circle that stays one
+    # has no sum to divide by.
     de = safe_divide(w * (2.0 * (C + e * e) + w * speed2), new_e + e)
     # Without the factor e of both sides, so that a circle keeps the direction of its anomaly.
     df = safe_atan2(-w * sine, e + w * (cosine + e))
+    # By 1/a, whose change is exact: a difference of the axes has no digits for a small impulse.
     per_a = (1.0 - e) * (1.0 + e) / p
     da = w * speed2 / p / (per_a * (per_a - w * speed2 / p))
     return OrbitChange(de, df, da)

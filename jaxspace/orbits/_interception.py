@@ -114,7 +114,9 @@ def porkchop(
     **Returns** a `Porkchop`, for `plots.porkchop_figure` and as a start of
     `optimization.least_rendezvous`.
     """
+    # Once for the whole table, because the chaser keeps its plane until it departs.
     normal = cross(*chaser)
+    # Each orbit is followed once, and not again for every pair.
     starts, befores = kepler_flow(*chaser, departures, mu)
     ends, afters = kepler_flow(*target, arrivals, mu)
 

@@ -89,6 +89,7 @@ class KustaanheimoStiefel(AbstractRegularised):
         c1 = 1.0 - y * (1.0 - y * (1.0 - y / 42.0) / 20.0) / 6.0
         c2 = 1.0 - y * (1.0 - y * (1.0 - y / 56.0) / 30.0) / 12.0
         ahead = r * c0 + sigma * (2.0 * dot4(u, w) * c1 + (0.5 * self.mu) * sigma * c2)
+        # A pace is positive, also where the series, too far ahead, is not.
         return jnp.maximum(ahead, 0.01 * r)
 
     def size(self, x: Array, z0: Array, z1: Array) -> Scalar:

@@ -146,6 +146,7 @@ def _transfer(
         jnp.asarray(mu),
         normal,
     )
+    # Where the triangle is sound, the duration alone can be why no conic was found.
     short = jnp.isnan(x) & (status == TransferStatus.FOUND)
     return *_velocities(x, chord, mu), jnp.where(short, TransferStatus.TOO_SHORT, status)
 

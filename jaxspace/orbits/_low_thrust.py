@@ -45,6 +45,7 @@ class LowThrust(AbstractEffect):
         """The acceleration, m/s^2, at the time `t`, s."""
         if self.exhaust_velocity is None:
             return self.acceleration
+        # The mass falls whichever way the thrust points.
         return self.acceleration / (1.0 - jnp.abs(self.acceleration) * t / self.exhaust_velocity)
 
     def load(self, t: Scalar, y: BodyState, body: AbstractBody) -> Load:

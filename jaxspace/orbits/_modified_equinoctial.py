@@ -74,6 +74,7 @@ class ModifiedEquinoctialElements(AbstractParameters):
         values = (self.f, self.g, self.true_longitude)
         if all(is_concrete(x) for x in values):
             f, g, L = (np.asarray(x, float) for x in values)
+            # To rounding, for elements that come from a state far out.
             check(
                 1.0 + f * np.cos(L) + g * np.sin(L) > -1e-6,
                 "ModifiedEquinoctialElements.true_longitude",

@@ -40,6 +40,7 @@ def force_of_orbit(
     def slope(theta: Scalar) -> Scalar:
         return jax.jvp(inverse, (theta,), (one,))[1]
 
+    # Forward mode twice: a function of one number gains nothing from reverse mode.
     bend = jax.jvp(slope, (angle,), (one,))[1]
     u = inverse(angle)
     return -angular_momentum * angular_momentum * u * u * (bend + u)

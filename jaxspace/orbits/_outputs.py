@@ -54,6 +54,7 @@ def velocity_error(velocity: Vector, nominal: Any) -> Scalar:
 def periapsis(t: Scalar, y: BodyState) -> Scalar:
     """r . v, m^2/s: zero at both apsides, and rising at the periapsis."""
     del t
+    # Not the radial speed, which has the same zeros and divides by the distance.
     return dot(y.position, y.velocity)
 
 

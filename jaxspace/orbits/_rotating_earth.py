@@ -51,6 +51,7 @@ def local_frame(latitude: Scalar, longitude: Scalar, radius: Scalar, rate: Scala
     **Returns** a `MovingFrame` with the place as its origin.
     """
     latitude, longitude = jnp.broadcast_arrays(jnp.asarray(latitude), jnp.asarray(longitude))
+    # The axis of the planet, tilted by the colatitude: z then points up and x to the south.
     down = Quaternion.about(1, 0.5 * jnp.pi - latitude)
     attitude = Quaternion.about(2, longitude).then(down)
     spin = scale(rate, axis(2, longitude))

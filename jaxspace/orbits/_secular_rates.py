@@ -66,6 +66,7 @@ def secular_rates(
     **Returns** the `SecularRates`. Those of first order differ by a relative J2 from the motion,
     those of second order by J2^2."""
     a, e = semi_major_axis, eccentricity
+    # As a product, because 1 - e^2 loses digits close to the parabola.
     square = (1.0 - e) * (1.0 + e)
     h, c = jnp.sqrt(square), jnp.cos(inclination)
     ratio = radius / (a * square)
@@ -114,5 +115,6 @@ def sun_synchronous_inclination(
 
     **Returns** the inclination, rad: cos i = -rate / (3/2 n J2 (R/p)^2); NaN where no orbit of that
     size keeps up."""
+    # Over the equator: to first order every other inclination has the share cos i of this rate.
     along = secular_rates(semi_major_axis, eccentricity, 0.0, mu, j2, radius).node
     return jnp.arccos(rate / along)

@@ -100,6 +100,7 @@ def sunlight(
     ends. In parallel light it is a step, whose derivative is zero."""
     a, b, c = _angles(position, sun, radius, sun_radius)
     if sun_radius is None:
+        # In the precision of the angles, which two Python numbers do not say.
         return jnp.where(c > b, 1.0, 0.0).astype(jnp.result_type(c))
     return 1.0 - _hidden_part(*barrier(jnp.broadcast_arrays(a, b, c)))
 

@@ -99,6 +99,7 @@ class SolarPressure(AbstractEffect):
 
     def potential(self, t: Scalar, y: BodyState, body: AbstractBody) -> None:
         del t, y, body
+        # The shadow opens and closes on the way, so that the light does work.
         return None
 
     def scaled(self, factor: Scalar) -> "SolarPressure":

@@ -105,4 +105,5 @@ class AboveElevation(AbstractParameters):
 
     def __call__(self, t: Scalar, y: BodyState) -> Scalar:
         way = self.station._seen(t, y.position)
+        # The sine, because the slope of the angle itself jumps in the zenith.
         return way[2] / norm(way) - jnp.sin(self.elevation)

@@ -87,6 +87,7 @@ class ThirdBody(AbstractEffect):
 
     def potential(self, t: Scalar, y: BodyState, body: AbstractBody) -> None:
         del t, y, body
+        # The other body moves, and does work.
         return None
 
     def scaled(self, factor: Scalar) -> "ThirdBody | None":

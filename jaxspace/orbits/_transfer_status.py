@@ -78,6 +78,7 @@ def geometry_status(
         # A normal along the start leaves no plane either.
         across = cross(i1, up)
         opposite = opposite & (dot(across, across) <= noise * noise * dot(up, up))
+    # The last one that holds wins: of inputs that are not valid the others say nothing.
     status = jnp.where(opposite, TransferStatus.NO_PLANE, TransferStatus.FOUND)
     status = jnp.where(c == 0.0, TransferStatus.SAME_PLACE, status)
     return jnp.where(valid, status, TransferStatus.INVALID).astype(jnp.int32)

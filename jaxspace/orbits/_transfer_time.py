@@ -79,6 +79,7 @@ def transfer_time(x: Scalar, lam: Scalar, kappa: Scalar, revolutions: int = 0) -
         * per
         / y
     )
+    # Not with a factor of zero: at the parabola the time of a whole turn is infinite.
     if revolutions:
         turns = revolutions * math.pi / (energy * jnp.sqrt(energy))
         value = value + turns

@@ -69,6 +69,7 @@ def apsidal_impulse(radius: Scalar, before: Scalar, after: Scalar, mu: Scalar) -
 
 def _apsis_speed(r: Scalar, s: Scalar, mu: Scalar) -> Scalar:
     """Speed at the apsis `r` of the orbit whose other apsis is at `s`."""
+    # By r/s, which is zero for an infinite s, where s / (r + s) would be NaN.
     return jnp.sqrt(2.0 * mu / (r * (1.0 + r / s)))
 
 

@@ -23,6 +23,7 @@ from ..core import Scalar, Vector, scale
 
 def reduced_mass(m1: Scalar, m2: Scalar) -> Scalar:
     """m_1 m_2 / (m_1 + m_2), kg, (*runs,): the inertia of the relative motion (Thomson 4.6-3)."""
+    # In this order, because the product of two masses of planets leaves the range of float32.
     return m1 * (m2 / (m1 + m2))
 
 
@@ -38,6 +39,7 @@ def to_relative(m1: Scalar, m2: Scalar, first: Vector, second: Vector) -> tuple[
     (3, *runs).
     """
     separation = second - first
+    # Not as a mean weighted by the masses, whose products leave the range of float32.
     return first + scale(m2 / (m1 + m2), separation), separation
 
 

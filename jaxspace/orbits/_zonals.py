@@ -48,6 +48,7 @@ def zonals(
     s = u[2] * ratio
     before, slope, power = 1.0, 3.0 * s, ratio
     along = across = 0.0
+    # Unrolled: the degrees are few, and the compiler folds the factors of each.
     for n in range(2, 2 + harmonics.shape[0]):
         after = ((2 * n + 1) / n) * s * slope - ((n + 1) / n) * before
         power = power * ratio

@@ -41,6 +41,7 @@ def omega_from_cosine_rates(cosines: Matrix, cosine_rates: Matrix) -> Vector:
       of an integration with errors, is left out.
     """
     turned = [cross(rate, row) for row, rate in zip(cosines, cosine_rates, strict=True)]
+    # (r x w) x r is the part of w across the row r, and three rows at right angles count it twice.
     return 0.5 * (turned[0] + turned[1] + turned[2])
 
 

@@ -86,6 +86,7 @@ def to_euler_angles(attitude: Quaternion, sequence: str = "313") -> Vector:
     c = attitude.matrix()
     if i == k:
         first = safe_atan2(c[j, i], -sign * c[n, i])
+        # By both of its sides: an arc cosine loses half of the digits beside the singular position.
         middle = safe_atan2(safe_sqrt(c[j, i] ** 2 + c[n, i] ** 2), c[i, i])
     else:
         first = safe_atan2(-sign * c[j, k], c[k, k])
@@ -141,4 +142,5 @@ def euler_rates_from_omega(angles: Vector, omega: Vector, sequence: str = "313")
     """
     check_components("euler_rates_from_omega: angles", angles, 3)
     check_components("euler_rates_from_omega: omega", omega, 3)
+    # Solved, in place of an inverse written out for each of the twelve sequences.
     return solve3(_turn_axes(angles, sequence), omega)

@@ -64,6 +64,7 @@ def interpolate_attitude(
     check_components("interpolate_attitude: omega_start", omega_start, 3)
     check_components("interpolate_attitude: omega_end", omega_end, 3)
     way = start.inverse().then(end).rotation_vector()
+    # At the start, where the rotation vector is zero, its rate is omega; at the end it is not.
     last_rate = rotation_vector_rate(way, omega_end)
     s = t / duration
     rank = max(way.ndim - 1, last_rate.ndim - 1, omega_start.ndim - 1, jnp.ndim(s))
@@ -75,4 +76,5 @@ def interpolate_attitude(
 
 
 def _after(start: Quaternion, turn: Vector) -> Quaternion:
+    # Orientations of an integration have the error of a step in their length, which ends here.
     return start.then(Quaternion.from_rotation_vector(turn)).normalised()

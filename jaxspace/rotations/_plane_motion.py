@@ -39,6 +39,7 @@ def centrodes(
     """
 
     def centre(t: Scalar) -> tuple[Array, Array]:
+        # By forward mode: exact, where differences of the places would lose half of the digits.
         (place, angle), (v, rate) = jax.jvp(motion, (t,), (jnp.ones_like(t),))
         way = jnp.stack([-v[1], v[0]]) / rate
         c, s = jnp.cos(angle), jnp.sin(angle)

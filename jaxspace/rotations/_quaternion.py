@@ -99,6 +99,7 @@ class Quaternion(AbstractGroupElement):
         angle = jnp.asarray(angle)
         rank = max(axis.ndim - 1, angle.ndim)
         direction = with_rank(unit(axis), rank)
+        # The zero gives the cosine the runs of the axis, so that both can be joined.
         scalar = jnp.cos(angle / 2.0) + 0.0 * direction[0]
         return cls(jnp.concatenate([scalar[None], jnp.sin(angle / 2.0) * direction]))
 
@@ -128,6 +129,7 @@ class Quaternion(AbstractGroupElement):
         rows = [[1.0 + t, x, y, z], [x, d0, p, q], [y, p, d1, r], [z, q, r, d2]]
         best = jnp.argmax(pivots, axis=0)
         wxyz = jnp.select([best == i for i in range(4)], [jnp.stack(row) for row in rows])
+        # Each form is the quaternion times a factor of its own: the length is taken off.
         return cls(wxyz / jnp.sqrt(jnp.sum(wxyz**2, axis=0)))
 
     def xyzw(self) -> Float[Array, "4 *#runs"]:
@@ -147,6 +149,7 @@ class Quaternion(AbstractGroupElement):
     def inverse(self) -> "Quaternion":
         """The opposite turn: inertial components to body components."""
         w, x, y, z = components(self._components())
+        # Not the conjugate alone, so that the product with the inverse is one at any length.
         return Quaternion(jnp.stack([w, -x, -y, -z]) / self.norm_squared())
 
     def then(self, turn: "Quaternion") -> "Quaternion":
@@ -226,6 +229,7 @@ class Quaternion(AbstractGroupElement):
         Without a turn the axis is the zero vector, and both have derivatives of zero. At half a
         turn one of two opposite axes is returned."""
         q = self._components()
+        # q and -q are one orientation: the one with w >= 0 has the shorter turn.
         q = jnp.where(q[0] < 0.0, -q, q)
         return unit(q[1:]), 2.0 * safe_atan2(norm(q[1:]), q[0])
 

@@ -84,6 +84,7 @@ def _bend(z: Scalar) -> Scalar:
     y = jnp.where(small, z, 0.0)
     x = jnp.where(small, 1.0, z)
     s = 0.5 * jnp.sqrt(x)
+    # The coefficients |B_2n| / (2n)! of the series of the cotangent, with Bernoulli's numbers.
     series = 691.0 / 1307674368000.0
     for inverse in (47900160.0, 1209600.0, 30240.0, 720.0, 12.0):
         series = 1.0 / inverse + y * series

@@ -55,6 +55,7 @@ class Uncertain(AbstractSystem):
         P = y.covariance
         A = self._still(error_matrix(self.system, t, y.mean, P.ndim - 2))
         AP = jnp.einsum("ij...,jk...->ik...", A, P)
+        # P is symmetric, so that P A^T is the transpose of A P: one product serves both.
         rate = AP + jnp.swapaxes(AP, 0, 1)
         if self.noise is not None:
             Q = jnp.asarray(self.noise(t, y.mean) if callable(self.noise) else self.noise)

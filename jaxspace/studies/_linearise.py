@@ -121,6 +121,7 @@ def jacobian(function: Callable[[Array], Array], x: Array) -> Array:
     """The Jacobian, (m, n, *runs), of a function of each run at `x`, (n, *runs)."""
     n = x.shape[0]
     units = jnp.eye(n, dtype=x.dtype).reshape(n, n, *(1,) * (x.ndim - 1))
+    # Not `jax.jacfwd`, which would differentiate every run by every other one.
     along = jax.vmap(lambda e: jax.jvp(function, (x,), (jnp.broadcast_to(e, x.shape),))[1])
     return jnp.moveaxis(along(units), 0, 1)
 
@@ -157,6 +158,7 @@ def forced(
             if isinstance(given, str):
                 value = jnp.asarray(getattr(found, given), u.dtype)
                 value = value.reshape(value.shape + (1,) * (part.ndim - value.ndim))
+                # Added to what the system has, because u is a small change about it.
                 found = eqx.tree_at(lambda s, n=given: getattr(s, n), found, value + part)
             else:
                 found = given(found, part)

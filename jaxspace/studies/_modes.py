@@ -154,6 +154,7 @@ class Modes(eqx.Module):
         weight = np.diag([1.0] * n + [0.0])
         # Of (P - s W) x = 0 about a place where P - s W is regular: 1/(s - place) are eigenvalues.
         scale = max(float(np.max(np.abs(np.asarray(self.matrix)))), 1e-300)
+        # In no simple ratio to the matrix, so that the place is hardly a zero itself.
         place = 0.377 * scale
         inverse = np.linalg.eigvals(np.linalg.solve(pencil - place * weight, weight))
         # The others lie at infinity.
@@ -261,6 +262,8 @@ def equilibrium(system: AbstractSystem, y: State, t: Scalar = 0.0, steps: int = 
     arrays, static = eqx.partition(system, eqx.is_array)
     fixed = eqx.combine(jax.lax.stop_gradient(arrays), static)
     found = jax.lax.fori_loop(0, steps, lambda _, y: newton(fixed, y), jax.lax.stop_gradient(y))
+    # One more step, the only one that is differentiated: about the root it gives the derivatives of
+    # the implicit function theorem.
     return newton(system, jax.lax.stop_gradient(found))
 
 

@@ -122,6 +122,8 @@ def aot_compile(function: Callable[..., PyTree[Array]], *arguments: PyTree[Array
 
 def timed(call: Callable[..., Tree], repeats: int, *arguments: PyTree) -> tuple[Tree, float]:
     """The result, and the median time, s, of up to `repeats` calls after a first one."""
+    # Once untimed, because a first call also loads the program; and until the numbers are there,
+    # because jax returns before.
     result = jax.block_until_ready(call(*arguments))
     times: list[float] = []
     while len(times) < repeats and (not times or sum(times) < ENOUGH):

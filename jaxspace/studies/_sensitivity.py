@@ -193,6 +193,7 @@ def _derivatives(
             _, tangent, arrays = jax.jvp(parts_at, (x,), (e,), has_aux=True)
             return tangent, arrays
 
+        # `None`: the run depends on no column, and is computed once for all of them.
         return jax.vmap(column, out_axes=(0, None))(units)
 
     x = jnp.zeros(columns.count, columns.dtype)

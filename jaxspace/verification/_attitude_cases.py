@@ -94,6 +94,7 @@ def gimbal_walk(x: Array) -> Array:
     return jnp.stack([walk.period(), walk.drift()])
 
 
+# Three moments well apart: about the middle axis the body flips.
 BODY = (3.0, 2.0, 1.0)
 TOP = (1.0, 0.5, 1.0)
 FLIP = "elliptic functions and the angle about h"

@@ -92,6 +92,7 @@ def turned_there_and_back(x: Array) -> Array:
 
 
 NONE3 = ((0.0, 0.0, 0.0),) * 3
+# The derivatives at no turn: of the quaternion by the rotation vector, and back.
 HALF = tuple(tuple(0.5 * float(i == j + 1) for j in range(3)) for i in range(4))
 TWICE = tuple(tuple(2.0 * float(j == i + 1) for j in range(4)) for i in range(3))
 LOST = "the input rounds onto the singular place"

@@ -149,6 +149,7 @@ class _Check(eqx.Module):
     def reversibility(self) -> Law:
         end = self.run(self.y0, 0.0, self.span).final
         back = self.run(end, self.span, 0.0).final
+        # Two runs, and what the way back makes of the error of the first.
         return Law("reversibility", distance(back, self.y0), 10.0 * self.tolerance)
 
     def closed_form(self) -> Law:
@@ -196,12 +197,14 @@ class _Check(eqx.Module):
         states = jax.tree.unflatten(
             tree,
             [
+                # Near enough to move as the given state does, far enough to take other steps.
                 x[..., None] + 1e-3 * _size(x) * jax.random.normal(k, (*x.shape, RUNS))
                 for x, k in zip(leaves, keys, strict=True)
             ],
         )
         ts = jnp.stack([0.0 * self.span, self.span])
         runs = simulate_batch(self.system, states, ts, accuracy=self.accuracy)
+        # Beyond EVENT every status is a failure, also that of a run which is not compared below.
         if np.any(np.asarray(runs.status) > Status.EVENT):
             return Law("batch", math.inf, self.tolerance)
         last = jax.tree.map(lambda x: x[..., -1], (states, runs.final))

@@ -79,6 +79,7 @@ def bulge(x: Array) -> Array:
 def on_conic(e: float, f: float, tilt: float = 0.0) -> tuple[float, ...]:
     """Position and velocity at the anomaly f of a conic whose periapsis is 1, turned by `tilt`
     about the line of apsides."""
+    # By Python's numbers, so that the inputs are the same on every device.
     r = (1.0 + e) / (1.0 + e * math.cos(f))
     s = 1.0 / math.sqrt(1.0 + e)
     c, n = math.cos(tilt), math.sin(tilt)

@@ -72,7 +72,6 @@ def quickest(x: Array) -> Array:
     return jnp.stack([best.initial_angle, best.duration])
 
 
-MOTOR = (2850.0, 60.0)
 ROOT = "the root of one equation"
 
 CASES = (

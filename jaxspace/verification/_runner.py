@@ -108,6 +108,8 @@ def _program(function: CaseFunction):
         # Value and reverse mode share one trace, because compiling takes most of the time.
         return value, jax.jacfwd(function)(x), reverse
 
+    # Row by row: under `vmap` a branch becomes a selection, and a case would not run as it does
+    # alone.
     return jax.jit(lambda xs: jax.lax.map(one, xs))
 
 

@@ -119,6 +119,8 @@ def tails(x: Array) -> Array:
 STEPS = "tolerance 1e-12 of each step"
 SINGLE = "float32 holds no tolerance of 1e-12"
 V = 1.3
+# The ellipse of the speed V at a periapsis of radius 1: axis, half of its period, and the slope of
+# that by V.
 AXIS = 1.0 / (2.0 - V * V)
 HALF = math.pi * AXIS**1.5
 SLOPE = 3.0 * math.pi * V * AXIS**2.5
@@ -163,6 +165,7 @@ CASES = (
         "exact",
         value=(1.0, 1.0),
     ),
+    # 3 is `Status.MAX_STEPS`: a case returns numbers.
     Case("simulation: out of steps", out_of_steps, (1.0,), "exact", value=(3.0, 1.0)),
     Case(
         "simulation: batch beside a failure",
