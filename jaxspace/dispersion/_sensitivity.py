@@ -51,6 +51,7 @@ def rank_correlation(x: ArrayLike, y: ArrayLike) -> RankCorrelation:
     if np.ptp(a) == 0.0 or np.ptp(b) == 0.0:
         return RankCorrelation(0.0, 0.0, 0.0)
     r = float(np.clip(np.corrcoef(a, b)[0, 1], -1.0, 1.0))
+    # 1.96 deviations on both sides hold 95 % of a normal distribution.
     half = 1.96 * np.sqrt((1.0 + 0.5 * r * r) / (both.sum() - 3))
     # A perfect correlation has an infinite transform: its interval is a point.
     centre = np.arctanh(np.clip(r, -1.0 + 1e-15, 1.0 - 1e-15))
@@ -116,6 +117,7 @@ def sobol_indices(
         mixed[:, own] = b[:, own]
         samples.append(mixed)
     run = Evaluator(campaign, as_accuracy(accuracy))
+    # All samples in one call, which fills its blocks across them.
     found = run(map_normals(campaign.inputs, np.concatenate(samples)))
     good = found.good.reshape(len(samples), points).all(axis=0)
     names = list(columns)

@@ -218,6 +218,7 @@ class InertialNavigator(AbstractSystem):
         if self.anomaly is not None:
             place = felt.place
             more = self.anomaly(place.latitude, place.longitude, place.height)
+            # What is felt is the motion less gravity: of more gravity less is felt.
             force = force - with_rank(more, force.ndim - 1)
         if self.gimballed:
             # The table has the axes of the instruments.

@@ -222,6 +222,7 @@ def _body(phase: Any, part: dict, rows: dict, times: np.ndarray, pick: np.ndarra
             size = np.max(np.linalg.norm(vectors, axis=1))
             # Beyond the body, so that the tips are seen.
             length = 1.3 if name == "axis" else 1.5
+            # The vectors of a body at rest have no size to divide by.
             traces[name] = _listed((length / (size or 1.0) * vectors).T)
     faces, wheels = _faces(phase), _wheels(phase, times, pick)
     corners = [point for face in faces for point in face["points"]]
