@@ -118,6 +118,7 @@ class SpringTorque(AbstractEffect):
         del t, body
         rank = y.attitude.wxyz.ndim - 1
         rest = Quaternion(with_rank(self.rest, rank))
+        # By the rotation vector: proportional to the angle itself, also far from rest.
         turn = rest.inverse().then(y.attitude).rotation_vector()
         return Load(torque_B=-with_rank(self.stiffness, rank) * turn)
 

@@ -20,6 +20,7 @@ def pairs_of(q: Array) -> tuple[Array, Array]:
 
 def raised(q: Array) -> Array:
     """The attitude, (4, *runs), seen from a space that is turned upside down about its x axis."""
+    # The product with a quaternion unit, written out: exact, and no multiplication.
     return jnp.stack([-q[1], q[0], -q[3], q[2]])
 
 

@@ -16,6 +16,7 @@ from ._state import vertical
 def disk_tilt(attitude: Quaternion) -> Scalar:
     """Angle of the normal, z, with the upward vertical, rad: pi/2 where the disk stands upright."""
     Z = vertical(attitude)
+    # Not by the arc cosine, which has lost half of its digits near flat.
     return jnp.arctan2(jnp.sqrt(Z[0] * Z[0] + Z[1] * Z[1]), Z[2])
 
 
@@ -23,6 +24,7 @@ def disk_tilt(attitude: Quaternion) -> Scalar:
 def lies_flat(t: Scalar, y: BodyState) -> Scalar:
     """theta - 1e-4 rad: zero where a settling coin is all but flat."""
     del t
+    # Short of zero, towards which the precession grows without bound and the steps shrink.
     return disk_tilt(y.attitude) - 1e-4
 
 

@@ -40,6 +40,7 @@ def energy_sink_angle(
     **Returns** theta, rad: towards zero for C > A, towards a right angle for C < A.
     """
     grown = jnp.exp(damping * (1.0 / C - 1.0 / A) * duration)
+    # Not by the tangent itself, which is infinite at a right angle.
     return jnp.arctan2(jnp.sin(theta) * grown, jnp.cos(theta))
 
 
@@ -61,5 +62,6 @@ class EnergySink(AbstractEffect):
         return Load(torque_B=-scale(self.damping, y.omega - scale(along, h)))
 
     def potential(self, t: Scalar, y: BodyState, body: AbstractBody) -> None:
+        # The sink takes energy: there is no potential.
         del t, y, body
         return None

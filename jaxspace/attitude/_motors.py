@@ -44,6 +44,7 @@ class ConstantTorque(AbstractMotor):
     def torque(self, t: Scalar, y: BodyState, axes: Array, speed: Array) -> Array:
         del y, axes
         on = 1.0 if self.until is None else jnp.where(t < self.until, 1.0, 0.0)
+        # Plus zero, for a torque on each wheel of each run.
         return on * self.drive + 0.0 * speed
 
 

@@ -138,11 +138,13 @@ class MovingMasses(AbstractEffect):
         """What the masses add to the inertia, kg m^2, and h, kg m^2/s, at the time `t`, s, in a
         body of the mass `all_mass`, kg, with `rank` axes of runs."""
         t = jnp.asarray(t, float) if not isinstance(t, jax.Array) else t
+        # By the derivative of the path, so that places and velocities cannot disagree.
         places, velocities = jax.jvp(self.path, (t,), (jnp.ones_like(t),))
         places, velocities = (with_rank(x, rank, axes=2) for x in (places, velocities))
         mass = with_rank(self.mass, rank)
         first, flow = jnp.sum(mass * places, axis=1), jnp.sum(mass * velocities, axis=1)
         one = with_rank(jnp.eye(3, dtype=places.dtype), rank, axes=2)
+        # Less the part of the common mass centre, which the masses move.
         square = jnp.sum(mass * dot(places, places), axis=0) - dot(first, first) / all_mass
         outer = jnp.sum(mass * places[:, None] * places[None, :], axis=2)
         outer = outer - first[:, None] * first[None, :] / all_mass
@@ -157,6 +159,7 @@ class MovingMasses(AbstractEffect):
         def moments(t):
             return self.moments(t, mass, y.omega.ndim - 1)
 
+        # The changes of both by one derivative in time, exact for any path.
         (inertia, momentum), (change, torque) = jax.jvp(moments, (t,), (jnp.ones_like(t),))
         return Load(
             torque_B=-torque - jnp.sum(change * y.omega[None, :], axis=1),

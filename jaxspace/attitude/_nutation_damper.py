@@ -171,6 +171,7 @@ class NutationDamper(AbstractEffect):
         _, _, b = self._lines(0)
         omega = spin * axis(2, spin)
         at = jnp.stack([*omega, 0.0 * spin, dot(b, omega)])
+        # Of the equations that are integrated, so that the modes cannot disagree with the motion.
         found = jnp.linalg.eigvals(jax.jacfwd(field)(at))
         return jnp.real(found), jnp.imag(found)
 

@@ -52,6 +52,7 @@ def spin_stiffness(moments: Vector, rate: Scalar) -> Vector:
     """
     check_components("spin_stiffness: moments", moments, 3)
     a, b, c = moments
+    # Products of quotients: no power of a moment leaves the range of single precision.
     turning = jnp.stack(
         [(a - b) / b * (a - c) / c, (b - c) / c * (b - a) / a, (c - a) / a * (c - b) / b]
     )

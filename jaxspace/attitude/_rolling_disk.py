@@ -80,6 +80,7 @@ class RollingDisk(AbstractSystem):
     @classmethod
     def uniform(cls, mass: Scalar, radius: Scalar, gravity: Scalar) -> "RollingDisk":
         """A uniform disk of the `mass`, kg, and `radius`, m, under `gravity`, m/s^2."""
+        # Of a thin body the moment about a diameter is half of that about the normal.
         axial = 0.5 * mass * radius * radius
         return cls(mass, radius, 0.5 * axial, axial, gravity)
 
@@ -179,6 +180,7 @@ class RollingDisk(AbstractSystem):
         def velocity(y: BodyState) -> Vector:
             return self.velocity(y)
 
+        # The derivative of the velocity along the motion: no formula to keep in step with it.
         _, acceleration = jax.jvp(velocity, (y,), (self.vector_field(jnp.zeros(()), y),))
         return self.mass * (acceleration + self.gravity * axis(2, acceleration[2]))
 
@@ -250,6 +252,7 @@ class RollingDisk(AbstractSystem):
         _, _, _, mgR = self._letters()
         viscous = 0.0 if self.contour_damping is None else self.contour_damping * rolling
         if self.contour_friction is None:
+            # Plus zero, for the shape of the runs where there is no resistance.
             return viscous + 0.0 * rolling
         return viscous + self.contour_friction * mgR * jnp.sign(rolling)
 

@@ -137,5 +137,6 @@ class SphericalPendulum(AbstractSystem):
         """Period, s, of the swing in a vertical plane through `amplitude`, rad, on both sides.
 
         It grows without limit towards an amplitude of half a turn."""
+        # The complement of k^2 = sin^2, which has no digits of it near half a turn.
         complement = jnp.cos(0.5 * amplitude) ** 2
         return 4.0 * jnp.sqrt(self.length / self.gravity) * complete_elliptic(complement)

@@ -134,6 +134,7 @@ class TopMotion(AbstractClosedForm):
         )
         q = q / jnp.sqrt(jnp.sum(q * q, axis=0))
         hangs = Wl < 0.0
+        # A top that hangs is one that stands, seen upside down: one formula serves both.
         q = jnp.where(hangs, raised(q), q)
         # Barriers between the stages: fused into one, the program compiles for much longer.
         start = barrier(start_of(q, omega, C * omega[2] / A, 2.0 * jnp.abs(Wl) / A))

@@ -139,12 +139,14 @@ def gyro_on_a_string(
     def lack(b):
         """g sin(b) - Omega^2 (l1 sin b + l2 sin theta) cos(b), of one sign change up to pi/2."""
         reach = string * jnp.sin(b) + arm * jnp.sin(theta)
+        # The zero carries the runs of the mass, on which the root itself does not depend.
         return gravity * jnp.sin(b) - rate * rate * reach * jnp.cos(b) + 0.0 * mass
 
     def newton(b):
         value, slope = jax.jvp(lack, (b,), (jnp.ones_like(b),))
         return b - value / slope
 
+    # Zero with the runs of all arguments together, for the loop of the search.
     zero = 0.0 * lack(0.0 * as_float(theta))
     b = jax.lax.stop_gradient(increasing_root(lack, zero, 0.5 * jnp.pi + zero))
     # Halvings have no digits to spare of a string that hangs nearly straight.

@@ -59,6 +59,7 @@ class TopStart(NamedTuple):
 def start_of(q: Array, omega: Vector, N: Scalar, beta: Scalar) -> TopStart:
     """The start from a unit quaternion, omega, rad/s, N, 1/s, and beta, 1/s^2, not negative."""
     Z = vertical(Quaternion(q))
+    # Barriers between the stages: fused into one, the program compiles for much longer.
     nutation = barrier(nutation_through(Quaternion(q), omega, Z, N, beta))
     circles = turning_circles(
         N,
@@ -73,7 +74,9 @@ def start_of(q: Array, omega: Vector, N: Scalar, beta: Scalar) -> TopStart:
     x = 0.25 * (circles.d + 2.0 * beta * lower)
     y = 0.5 * beta * safe_sqrt(circles.apart_squared)
     pole = -0.5 * beta * lower
+    # The third integral is well conditioned at the smaller of the pole and its image xy/pole.
     passes = pole * pole > x * y
+    # The inner switch keeps the quotient finite where it is not used, also for derivatives.
     rho = jnp.where(passes, nutation.gamma_up / jnp.where(passes, 4.0 * lower, 1.0), 0.0)
     share, top = safe_divide(upper, lower), jnp.where(x == 0.0, 1.0, x)
     near = 0.25 * circles.d

@@ -162,6 +162,7 @@ def coning_omega(theta: Scalar, precession: Scalar, A: Scalar, C: Scalar) -> Vec
 
     **Returns** omega, rad/s, in body axes, (3, *runs), with h in the plane of the body's y and z.
     """
+    # From C n = h cos(theta), with h = A psi'.
     axial = A / C * precession * jnp.cos(theta)
     return precession * jnp.sin(theta) * axis(1, axial) + axial * axis(2, axial)
 

@@ -78,6 +78,7 @@ class UnwindingCords(AbstractSystem):
     def state(spin: Scalar) -> CordState:
         """The state as the masses are let off, at the `spin` w_0, rad/s."""
         spin = as_float(spin)
+        # phi' = w_0 from the first moment: the one motion that is regular at phi = 0.
         return CordState(spin, 0.0 * spin, spin)
 
     def vector_field(self, t: Scalar, y: CordState) -> CordState:

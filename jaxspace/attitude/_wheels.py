@@ -173,6 +173,7 @@ class ReactionWheels(AbstractEffect):
         return Load(
             torque_B=-jnp.sum(axes * torque, axis=1),
             parts_rate={self.part: torque},
+            # The body counts the wheels as locked: what is in their own momentum is taken off.
             inertia_B=-jnp.sum(inertia * axes[:, None] * axes[None, :], axis=2),
             momentum_B=jnp.sum(axes * y.part(self.part), axis=1),
         )

@@ -137,4 +137,5 @@ def with_parts(y: BodyState, effects: Iterable[AbstractEffect], body: AbstractBo
             found[name] = part
     if not found:
         return y
+    # What the state holds wins: a phase goes on with the parts of the one before.
     return dataclasses.replace(y, parts={**found, **(y.parts or {})})

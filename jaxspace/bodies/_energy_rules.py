@@ -17,6 +17,7 @@ def _direction(moments: Vector, omega: Vector) -> tuple[Vector, Scalar]:
     """L/h and 1/h; zero for a body at rest."""
     momentum = moments * omega
     h = norm(momentum)
+    # The inner switch keeps zero out of the quotient, also in its derivative.
     inverse = jnp.where(h > 0.0, 1.0 / jnp.where(h > 0.0, h, 1.0), 0.0)
     return momentum * inverse, inverse
 

@@ -116,6 +116,7 @@ def _rotated_tangent(primals: tuple[Any, ...], tangents: tuple[Any, ...]) -> Any
     return found, jax.tree.map(lambda *parts: sum(parts), *slopes)
 
 
+# Symbolic zeros, so that slopes nobody asks for cost nothing.
 _rotated.defjvp(_rotated_tangent, symbolic_zeros=True)
 
 
@@ -170,6 +171,7 @@ def _turn(
 ) -> Quaternion:
     """R. Where it is `unused`, of a body that turns about an arbitrary axis."""
     i = body.moments
+    # A slow body has no direction of h: a given one keeps the unused branch finite.
     stand_in = jnp.asarray([0.6, 0.0, 0.8], i.dtype).reshape(3, *(1,) * (i.ndim - 1))
     start, end, reached = (jnp.where(unused, stand_in, i * w) for w in (body.omega, later, reached))
     h = norm(start)

@@ -208,6 +208,7 @@ def _triaxial(name: str, mass: Scalar, lengths: Vector, share: float) -> MassPro
     _check_solid(name, mass, {}, {"lengths": lengths})
     x, y, z = (a * a for a in lengths)
     moments = share * mass * jnp.stack([y + z, z + x, x + y])
+    # Plus zero, for the runs of the lengths.
     mass = as_float(mass) + 0.0 * moments[0]
     return MassProperties(mass, 0.0 * moments, diagonal(moments))
 

@@ -24,6 +24,7 @@ def disperse(given: argparse.Namespace) -> int:
 
     settle()
     own = {name: getattr(given, name) for name in _campaigns.Options._fields}
+    # Made here: the parser must not import the room of campaigns, and gives plain numbers.
     own["until"] = _campaigns.StopRule(*given.until) if given.until else None
     return _campaigns.disperse(given.file, _campaigns.Options(**own), given.out)
 
@@ -96,6 +97,7 @@ def show_list(given: argparse.Namespace) -> int:
     """Print the systems, effects, events and outputs that a file may name."""
     from . import _commands
 
+    # Without `settle`, because nothing is computed.
     del given
     return _commands.show_list()
 

@@ -86,6 +86,7 @@ def resume(store: str, engine: str) -> int:
     """Compute what a store lacks, and report on the whole."""
     there = _attributes(store)
     file = _scene(store, there)
+    # From the store and from no option: another seed would be another campaign.
     own = {name: there[name] for name in ("seed", "chunk", "samples")}
     own["until"] = StopRule(**there["until"]) if there.get("until") else None
     print(_head(file, there["planned_runs"], there["seed"], own["until"]))
@@ -243,6 +244,7 @@ class _told:
         before = warnings.showwarning
 
         def show(message: Any, category: Any, *more: Any, **options: Any) -> None:
+            # Through the bar, which moves down: a plain print would tear it.
             if issubclass(category, DamagedStore):
                 self.bar.write(str(message), file=sys.stderr)
             else:

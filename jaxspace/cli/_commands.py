@@ -63,6 +63,7 @@ def optimize(path: str, folder: str, sensitivities: bool) -> int:
     best = path_of(file, folder, "_optimum.toml")
     with open(best, "w", encoding="utf-8") as out:
         out.write(found.text())
+    # Read back, so that what is confirmed is what the file says, rounding included.
     optimum = load(best)
     # At the accuracy of the file, with adaptive steps: what the search has found must stand it.
     run = optimum.nominal_mission(samples=100)
@@ -75,6 +76,7 @@ def optimize(path: str, folder: str, sensitivities: bool) -> int:
     figure = path_of(file, folder, "_search.png")
     found.minimum.plot(file.title).savefig(figure)
     print(f"figure {figure}")
+    # The file is written in any case: the code tells a script whether it is an optimum.
     return 0 if bool(found.minimum.converged) else 1
 
 
@@ -171,10 +173,12 @@ def verify(precision: str, device: str | None, path: str | None) -> int:
 
 def draw(trajectory: Trajectory, path: str) -> None:
     """Draw a trajectory to a file."""
+    # Imported late: commands that draw nothing do not wait for it.
     import matplotlib
 
     from ..plots import trajectory_figure
 
+    # Draws to files alone, so that a machine without a display serves.
     matplotlib.use("Agg")
     trajectory_figure(trajectory).savefig(path)
     print(f"figure {path}")

@@ -133,8 +133,10 @@ def _method_options(disperse: argparse.ArgumentParser) -> None:
 def _rule(text: str) -> tuple[str, float, float]:
     output, *numbers = text.split(":")
     try:
+        # What is left out is filled up; a number too many fails in the unpacking.
         share, precision = (*map(float, numbers), *(0.99, 0.01)[len(numbers) :])
     except ValueError:
+        # NaN fails the comparisons below, which then name the text.
         share = precision = math.nan
     if not (output and 0.0 < share < 1.0 and 0.0 < precision < 1.0):
         raise argparse.ArgumentTypeError(

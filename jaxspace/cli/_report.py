@@ -67,6 +67,7 @@ def report(path: str, folder: str | None) -> int:
     start = os.path.join(folder, name)
     keep_pictures(result, title, nominal, start, flights)
     _attempt("table", f"{start}.csv", result.to_csv)
+    # Parquet needs an extra; the table in CSV is there in any case.
     if importlib.util.find_spec("pyarrow") is not None:
         _attempt("table", f"{start}.parquet", result.to_parquet)
     return 0

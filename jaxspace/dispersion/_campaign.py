@@ -145,6 +145,7 @@ class Campaign(eqx.Module):
         lines = [
             f"{name} [{self.units.get(name, '')}]: {d.text()}" for name, d in self.inputs.items()
         ]
+        # In the text, because a store of another design is one of another campaign.
         if self.design is not None:
             lines.append(f"design: {type(self.design).__name__}")
         return "\n".join(lines)

@@ -43,6 +43,7 @@ def compare_methods(
     for every output."""
     found = [moments(campaign, method, accuracy=accuracy) for method in methods]
     table = []
+    # Without compiling, as those of the other methods.
     seconds = reference.seconds - float(reference.attributes.get("preparation_seconds", 0.0))
     for row in reference.table():
         own = standard_errors(reference.together(row.name)[0])

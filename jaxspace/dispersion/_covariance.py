@@ -200,6 +200,7 @@ def _has_kink(hessian: Array, beside: Array) -> bool:
 def _unscented(campaign: Campaign, accuracy: Accuracy) -> Moments:
     """From sigma points of the normal numbers behind the inputs."""
     n = sum(map(len, normal_columns(campaign.inputs).values()))
+    # n + k = 3 meets the fourth moment of a normal distribution; no weight may be negative.
     k = max(3 - n, 0)
     size = math.sqrt(n + k)
     z = np.concatenate([np.zeros((1, n)), size * np.eye(n), -size * np.eye(n)])
@@ -208,6 +209,7 @@ def _unscented(campaign: Campaign, accuracy: Accuracy) -> Moments:
     points = map_normals(campaign.inputs, z)
     run = Evaluator(campaign, accuracy)
     found = run(points)
+    # Once more, for the time without compiling.
     started = time.perf_counter()
     found = run(points)
     seconds = time.perf_counter() - started

@@ -49,8 +49,11 @@ class DaskCluster(AbstractEngine):
         started, finished = set(), queue.SimpleQueue()
         with self._client() as client:
             while waiting or started:
+                # Asked each time, because workers come and go; at least one, to wait for the first.
                 self._workers = max(len(client.scheduler_info()["workers"]), 1)
+                # Two for each worker: none waits for the next one, and few are lost with a worker.
                 while waiting and len(started) < 2 * self._workers:
+                    # Not pure: to reuse an answer, Dask would hash the payload for each chunk.
                     future = client.submit(
                         compute_chunk, payload, waiting.pop(0), retries=self.retries, pure=False
                     )
@@ -86,9 +89,11 @@ class DaskCluster(AbstractEngine):
                 if target is None:
                     # For as long as the cluster lives, which replaces workers that die.
                     stack.enter_context(without_main())
+                    # Without the dashboard, which would open a port.
                     options = {"host": "127.0.0.1", "dashboard_address": None}
                     target = LocalCluster(self._workers, threads_per_worker=1, **options)
                     stack.enter_context(target)
+                # Not the default: the user may have a client of their own.
                 client = Client(target, set_as_default=False, timeout=30)
                 stack.callback(_closed, client)
                 yield client

@@ -63,9 +63,11 @@ class Ending:
         """How many chunks are enough; `None` as long as that cannot be told."""
         while self.met is None and self.waiting:
             count = self.waiting[0]
+            # In order: a later count must not answer before an earlier one is known.
             if not all(k in self.values for k in range(count)):
                 break
             x = np.concatenate([self.values[k] for k in range(count)])
+            # Where all have failed so far there is no percentile to ask for.
             if np.isfinite(x).any() and self.rule.met(x):
                 self.met = count
             self.waiting = self.waiting[1:]

@@ -182,6 +182,7 @@ def _resolved(accuracy: Accuracy) -> Accuracy:
 
 def _devices(chosen: int | Sequence[jax.Device] | None) -> list[jax.Device]:
     """The devices to use. Raises `InputError` for more than there are."""
+    # Those of this process: devices of other hosts cannot be used from here.
     local = jax.local_devices()
     if chosen is None:
         return local

@@ -43,6 +43,7 @@ def evaluate_traced(
     result = run_mission(mission, y0, campaign.start, campaign.along, configs, 1)
     shape = next(iter(samples.values())).shape
     outputs = campaign.outputs(result, samples)
+    # An output that no input reaches is one number for all runs.
     outputs = jax.tree.map(lambda x: jnp.broadcast_to(x, shape), outputs)
     return outputs, jnp.broadcast_to(result.status, shape)
 
@@ -53,6 +54,7 @@ def _evaluate(
 ) -> tuple[dict[str, Float[Array, " runs"]], Int[Array, " runs"]]:
     allowed = campaign.allowed(samples)
     nominal = campaign.nominal()
+    # Nominal inputs stand in for refused ones, which may take steps without end.
     inputs = {name: jnp.where(allowed, x, nominal[name]) for name, x in samples.items()}
     outputs, status = evaluate_traced(campaign, accuracy, inputs)
     status = jnp.where(allowed, status, Status.REFUSED)
@@ -72,6 +74,7 @@ class Evaluator(eqx.Module):
         """The runs with these inputs, each (runs,), of whatever number."""
         given = {name: np.asarray(x) for name, x in samples.items()}
         runs = len(next(iter(given.values())))
+        # Filled up with the last run: zeros could be a run that fails, or takes long.
         filled = {
             name: np.concatenate([x, np.full(-runs % BLOCK, x[-1])]) for name, x in given.items()
         }

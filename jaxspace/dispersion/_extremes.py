@@ -96,6 +96,7 @@ def _slopes(q: Float[Array, " times *runs"]) -> Float[Array, " times *runs"]:
         second = -3.0 * q[0] - 10.0 * q[1] + 18.0 * q[2] - 6.0 * q[3] + q[4]
         return [first / 12.0, second / 12.0]
 
+    # The last slopes are the first ones of the reversed values, with the other sign.
     (a, b), (z, y) = ends(q), ends(q[::-1])
     return jnp.concatenate([jnp.stack([a, b]), inner, jnp.stack([-y, -z])])
 

@@ -54,6 +54,7 @@ def _fly(
 ) -> tuple[Float[Array, "times runs"], Float[Array, "3 times runs"], Array] | None:
     drawn = campaign.samples(key, numbers)
     nominal = campaign.nominal()
+    # The nominal run is the first of the batch, so that one program serves.
     samples = {name: jnp.concatenate([x, drawn[name]]) for name, x in nominal.items()}
     allowed = campaign.allowed(samples)
     samples = {name: jnp.where(allowed, x, nominal[name]) for name, x in samples.items()}

@@ -26,9 +26,11 @@ def difference(store: Store, columns: Mapping[str, Column], attributes: Mapping[
     """In what a store differs from a campaign, in a sentence; empty if in nothing."""
     there = store.attributes
     changed = [name for name in IDENTITY if there.get(name) != attributes.get(name)]
+    # Asked last: where settings differ too, they are the cause.
     names = sorted(set(columns) ^ set(store.columns))
     if not changed:
         return f"only one of the two has {names[0]!r}." if names else ""
+    # All settings agree and the numbers differ: the cause lies outside of the campaign.
     if changed[0] == "digest":
         return _cause(there, attributes)
     was, now = _differing(str(there.get(changed[0])), str(attributes.get(changed[0])))
@@ -37,6 +39,7 @@ def difference(store: Store, columns: Mapping[str, Column], attributes: Mapping[
 
 def _cause(there: Mapping[str, Any], here: Mapping[str, Any]) -> str:
     """Why the same question has another answer."""
+    # Versions first, which are the likelier cause.
     for kind in ("versions", "machine"):
         old, new = there.get(kind, {}), here[kind]
         changed = [key for key in new if old.get(key) != new[key]]
@@ -48,6 +51,7 @@ def _cause(there: Mapping[str, Any], here: Mapping[str, Any]) -> str:
 
 def _differing(old: str, new: str) -> tuple[str, str]:
     """Of texts the first lines that differ."""
+    # One empty line more, so that a text differs from one that only goes on longer.
     lines = zip((old + "\n").split("\n"), (new + "\n").split("\n"), strict=False)
     pairs = [(a.strip(), b.strip()) for a, b in lines if a != b]
     return pairs[0] if pairs else (old, new)

@@ -79,6 +79,7 @@ def percentile(x: ArrayLike, share: float, confidence: float = 0.95) -> Percenti
     # The largest l with B(l - 1) <= tail, and the smallest u with B(u - 1) >= 1 - tail.
     lower = int(binom.ppf(tail, n, share))
     upper = int(binom.ppf(1.0 - tail, n, share)) + 1
+    # An order statistic that the sample does not have bounds nothing.
     low = ordered[lower - 1] if lower >= 1 else -np.inf
     high = ordered[upper - 1] if upper <= n else np.inf
     return Percentile(
@@ -99,6 +100,7 @@ def clopper_pearson(count: int, runs: int, confidence: float = 0.95) -> Probabil
             f"count is {count} of {runs} runs: it must be from 0 to the runs, above 0."
         )
     tail = 0.5 * (1.0 - confidence)
+    # With no event, or with nothing else, the beta distribution degenerates: the bound is known.
     low = float(betaincinv(count, runs - count + 1, tail)) if count > 0 else 0.0
     high = float(betaincinv(count + 1, runs - count, 1.0 - tail)) if count < runs else 1.0
     return Probability(count / runs, low, high, int(count), int(runs), confidence)
@@ -109,4 +111,5 @@ def runs_for(share: float, confidence: float = 0.95) -> int:
     percentile `share` with this confidence, 1 - share^n >= confidence (Wilks 1941)."""
     check_share("share", share)
     check_share("confidence", confidence)
+    # The slack keeps a quotient that is whole but for rounding from one run more.
     return int(np.ceil(np.log1p(-confidence) / np.log(share) - 1e-12))

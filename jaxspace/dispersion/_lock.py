@@ -41,6 +41,7 @@ class Lock:
             self.stale = f"The process{_named(owner)} has ended without releasing the store."
         now = time.strftime("%Y-%m-%dT%H:%M:%S%z")
         text = json.dumps({"pid": os.getpid(), "host": host, "since": now})
+        # First emptied: the name of an earlier owner may be longer.
         os.ftruncate(handle, 0)
         os.pwrite(handle, text.encode(), 0)
         self.handle = handle

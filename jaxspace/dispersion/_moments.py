@@ -60,6 +60,7 @@ def ellipsoid(values: ArrayLike, probability: float = 0.99) -> Ellipsoid:
     # The axes of the scaled problem are no axes in the units of the outputs: a second, small one.
     u, size, _ = np.linalg.svd(root)
     k2 = float(chi2.ppf(probability, len(x)))
+    # A pseudo-inverse: outputs may depend on each other, and the ellipsoid is then flat.
     whitened = np.linalg.pinv(root, rcond=1e-12) @ (x - centre[:, None])
     inside = float(np.mean(np.sum(whitened**2, axis=0) <= k2))
     return Ellipsoid(centre, u * size * np.sqrt(k2), probability, inside)
@@ -99,6 +100,7 @@ def convergence(x: ArrayLike, share: float = 0.99, steps: int = 40) -> Convergen
     x = x[np.isfinite(x)]
     if x.size == 0:
         raise InputError("x holds no finite value: nothing converges.")
+    # By a common factor, because errors fall as a power: even steps would crowd at the end.
     counts = np.unique(np.geomspace(min(10, x.size), x.size, steps).astype(int))
     limits = [percentile(x[:n], share) for n in counts]
     # Shifted by the first value: the squares of large numbers would lose the digits of a small
@@ -109,6 +111,7 @@ def convergence(x: ArrayLike, share: float = 0.99, steps: int = 40) -> Convergen
     return Convergence(
         counts,
         x[0] + first / counts,
+        # Rounding may leave the variance of equal values below zero.
         np.sqrt(np.maximum(variance, 0.0)),
         *(np.array([getattr(p, field) for p in limits]) for field in ("value", "low", "high")),
     )

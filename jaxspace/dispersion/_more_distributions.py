@@ -112,6 +112,7 @@ class Lognormal(AbstractDistribution):
 
     def outside(self, low: float, high: float) -> float:
         centre, spread = (float(x) for x in self._logarithm())
+        # The logarithm of zero is minus infinity, and the share below it zero.
         with np.errstate(divide="ignore"):
             places = [(float(np.log(max(x, 0.0))) - centre) / spread for x in (low, high)]
         return _normal_share(-np.inf, places[0]) + _normal_share(places[1], np.inf)

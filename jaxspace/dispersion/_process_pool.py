@@ -92,6 +92,7 @@ class ProcessPool(AbstractEngine):
                     done = future.result()
                     del started[future]
                     yield done
+        # The caller finds in `started` what is lost, and begins another round.
         except (BrokenProcessPool, TimeoutError):
             return
         finally:
@@ -111,6 +112,7 @@ def _stop(pool: ProcessPoolExecutor) -> None:
     processes = list((pool._processes or {}).values())
     pool.shutdown(wait=False, cancel_futures=True)
     for process in processes:
+        # Killed and not asked to end: one that hangs would not hear.
         process.kill()
     for process in processes:
         process.join()

@@ -122,6 +122,7 @@ def rare_event(
 
         points = _design_points(slope, n, rng)
         value, variation, made = _importance(margin, points, runs, rng)
+    # The deviation of the logarithm, of a lognormal value of this variation.
     spread = math.sqrt(math.log1p(variation**2)) if math.isfinite(variation) else math.inf
     low, high = (value * math.exp(s * 1.96 * spread) if value > 0.0 else 0.0 for s in (-1, 1))
     return RareEvent(value, low, min(high, 1.0), variation, made, failed, points, method)
@@ -154,6 +155,7 @@ def _design_points(slope: Slope, n: int, rng: np.random.Generator) -> np.ndarray
     away /= np.linalg.norm(away, axis=1)[:, None]
     for start in np.concatenate([0.5 * away, -0.5 * away]):
         z = _nearest(slope, start)
+        # Nearer ones are the same place found again, which must not be drawn about twice.
         if z is not None and all(np.linalg.norm(z - other) > 0.3 for other in found):
             found.append(z)
     if not found:
@@ -179,6 +181,7 @@ def _nearest(slope: Slope, z: np.ndarray) -> np.ndarray | None:
         # A merit that the step lowers, for a penalty above |z| / |s| (Zhang and Der Kiureghian).
         penalty = 2.0 * (np.linalg.norm(z) + 1.0) / math.sqrt(square)
         merit = 0.5 * z @ z + penalty * abs(g)
+        # If none of them lowers the merit the shortest is taken: its slope may show a way.
         for damping in (1.0, 0.5, 0.25, 0.125):
             trial = z + damping * step
             g_new, s_new = slope(trial)
@@ -197,6 +200,7 @@ def _importance(
 ) -> tuple[float, float, int]:
     """Probability, variation and runs, from draws about the design points."""
     squares = np.sum(points**2, axis=1)
+    # As the density at each point, over the greatest, without which all could underflow.
     shares = np.exp(-0.5 * (squares - squares.min()))
     shares /= shares.sum()
     which = rng.choice(len(points), runs, p=shares)
@@ -221,6 +225,7 @@ def _subset(
     z = rng.standard_normal((size, n))
     g, made, value, variance = margin(z), size, 1.0, 0.0
     for level in range(30):
+        # Stable, so that equal margins, as of failed runs, have one order on every machine.
         order = np.argsort(g, kind="stable")
         border = float(0.5 * (g[order[keep - 1]] + g[order[keep]]))
         # The runs of the first level are independent, those of the chains are not.
@@ -233,6 +238,7 @@ def _subset(
         variance += (1.0 - LEVEL) / (LEVEL * size) * widened
         z, g, more = _chains(margin, z[order[:keep]], g[order[:keep]], border, size, rng)
         made += more
+    # Thirty levels reach 1e-30: what is rarer still counts as impossible.
     return 0.0, math.inf, made
 
 
@@ -248,10 +254,12 @@ def _chains(
     every_z, every_g, made = [z], [g], 0
     while sum(map(len, every_g)) < size:
         u = rng.standard_normal(z.shape)
+        # A step that leaves the normal distribution as it is: only the border decides on it.
         trial = CORRELATION * z + math.sqrt(1.0 - CORRELATION**2) * u
         g_trial = margin(trial)
         made += len(g)
         better = g_trial < border
+        # A refused step repeats its place: without it the chain would have another distribution.
         z, g = np.where(better[:, None], trial, z), np.where(better, g_trial, g)
         every_z.append(z)
         every_g.append(g)

@@ -52,6 +52,7 @@ def _fly(
 
 def replay(campaign: Any, number: int, seed: int, accuracy: Accuracy, num_saved: int) -> Replay:
     """`Campaign.replay`; campaigns know their replays, which do not know them in turn."""
+    # Keys are made with 32 bits: a greater number would be that of another run.
     if not 0 <= number < 2**32:
         raise InputError(f"number is {number}: it must be that of a run, from 0 on.")
     numbers = jnp.full((1,), number, jnp.uint32)
@@ -63,5 +64,6 @@ def replay(campaign: Any, number: int, seed: int, accuracy: Accuracy, num_saved:
     mission, _ = campaign.build(samples)
     trajectory = mission_trajectory_of(result, mission, configs, 1).of(0)
     found = {name: float(jnp.broadcast_to(x, (1,))[0]) for name, x in outputs.items()}
+    # Outputs of a compiled function are sorted by name; the units have the order of the file.
     ordered = {name: found[name] for name in campaign.units if name in found} | found
     return Replay(number, seed, inputs, ordered, trajectory, campaign.refusal(inputs))

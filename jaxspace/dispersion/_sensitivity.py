@@ -47,9 +47,11 @@ def rank_correlation(x: ArrayLike, y: ArrayLike) -> RankCorrelation:
     if both.sum() < 5:
         raise InputError(f"{both.sum()} finite pairs are too few: there must be five or more.")
     a, b = (rankdata(v[both]) for v in (x, y))
+    # What is constant has no correlation: zero says that it moves nothing.
     if np.ptp(a) == 0.0 or np.ptp(b) == 0.0:
         return RankCorrelation(0.0, 0.0, 0.0)
     r = float(np.clip(np.corrcoef(a, b)[0, 1], -1.0, 1.0))
+    # 1.96 deviations on both sides hold 95 % of a normal distribution.
     half = 1.96 * np.sqrt((1.0 + 0.5 * r * r) / (both.sum() - 3))
     # A perfect correlation has an infinite transform: its interval is a point.
     centre = np.arctanh(np.clip(r, -1.0 + 1e-15, 1.0 - 1e-15))
@@ -99,6 +101,7 @@ def sobol_indices(
     from scipy.special import ndtri
     from scipy.stats import qmc
 
+    # Sobol points are balanced in powers of two alone.
     if points < 2 or points & (points - 1):
         raise InputError(f"points is {points}: it must be a power of two, 2 or more.")
     columns = normal_columns(campaign.inputs)
@@ -110,9 +113,11 @@ def sobol_indices(
     samples = [a, b]
     for own in columns.values():
         mixed = a.copy()
+        # A group as a whole: one column of it alone would break its correlation.
         mixed[:, own] = b[:, own]
         samples.append(mixed)
     run = Evaluator(campaign, as_accuracy(accuracy))
+    # All samples in one call, which fills its blocks across them.
     found = run(map_normals(campaign.inputs, np.concatenate(samples)))
     good = found.good.reshape(len(samples), points).all(axis=0)
     names = list(columns)
@@ -130,6 +135,7 @@ def _indices(names: list[str], values: np.ndarray) -> dict[str, SobolIndex]:
     centre = 0.5 * (f_a.mean() + f_b.mean())
     f_a, f_b = f_a - centre, f_b - centre
     variance = 0.5 * float(np.mean(f_a**2) + np.mean(f_b**2))
+    # An output that does not vary has nothing to share out.
     if variance == 0.0 or f_a.size < 2:
         return {name: SobolIndex(0.0, 0.0, 0.0, 0.0) for name in names}
     root = np.sqrt(f_a.size)

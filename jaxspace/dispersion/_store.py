@@ -49,6 +49,7 @@ class Store:
     @property
     def count(self) -> int:
         """How many chunks are wanted."""
+        # Rounded up: the last chunk may be short.
         return -(-self.runs // self.chunk)
 
     def extent(self, chunk: int) -> tuple[int, int]:
@@ -98,6 +99,7 @@ class Store:
         """The numbers of the finished chunks."""
         names = (self.path / MANIFEST).glob("*.json")
         numbers = sorted(int(name.stem) for name in names if name.stem.isdecimal())
+        # Chunks beyond the end are left from before the campaign ended itself.
         return [k for k in numbers if k < self.count and self.entry(k) is not None]
 
     def damage(self, chunk: int, scalars: bool = False) -> str:

@@ -165,6 +165,7 @@ class StoreWriter:
                 files[name] = (len(data), hashlib.sha256(data).hexdigest())
             entry = {"first": first, "runs": count, "seconds": seconds, "cpu_seconds": cpu}
             entry |= {"pid": os.getpid(), "files": files}
+            # Last, because it vouches for files that are all there.
             write_whole(store.path / MANIFEST / f"{chunk}.json", json.dumps(entry).encode())
 
     def end_at(self, chunks: int) -> None:
@@ -229,6 +230,7 @@ def write_whole(path: Path, data: bytes) -> None:
     """Write a file that is there as a whole or not at all.
 
     Not flushed to the disk: what a loss of power leaves behind, the checksums find."""
+    # In the same folder: only within one file system a rename is atomic.
     temporary = path.with_name(f"{UNFINISHED}{os.getpid()}-{path.name}")
     path.parent.mkdir(parents=True, exist_ok=True)
     try:
@@ -266,4 +268,5 @@ def _metadata(store: Store) -> Iterator[tuple[str, bytes]]:
     files = {name: data.to_bytes() for name, data in memory._store_dict.items()}
     head = files.pop("zarr.json")
     yield from files.items()
+    # Without its head the folder is no store yet: an interruption leaves none half made.
     yield "zarr.json", head

@@ -47,6 +47,7 @@ def open_store(path: str | os.PathLike[str]) -> Dispersion:
     store = Store(path).read()
     chunks = []
     for chunk in store.finished():
+        # Scalars alone: to open a store must not take reading all of its trajectories.
         damage = store.damage(chunk, scalars=True)
         if damage:
             warnings.warn(f"{path}: {damage} Its runs are left out.", DamagedStore, stacklevel=2)

@@ -106,6 +106,7 @@ def payload_of(planned: PlannedCampaign) -> bytes:
 
     Raises `InputError` where it holds what cannot be sent."""
     settings = {name: jax.config.values[name] for name in SETTINGS}
+    # From the device, which another process may not have.
     arrays, buffer = jax.device_get(planned), io.BytesIO()
     try:
         # Sends functions by what they do, also those of the script that is run.

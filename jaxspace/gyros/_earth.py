@@ -43,6 +43,7 @@ class Earth(NamedTuple):
     def from_axis(self, latitude: Scalar, height: Scalar) -> tuple[Scalar, Scalar]:
         """p and z, m, of a place."""
         _, across = self.curvature_radii(latitude)
+        # 1 - e^2 = (1 - f)^2, in which nothing cancels.
         polar = across * (1.0 - self.flattening) ** 2
         return (across + height) * jnp.cos(latitude), (polar + height) * jnp.sin(latitude)
 
@@ -56,6 +57,7 @@ class Earth(NamedTuple):
         outwards = -fall * p * (1.0 + oblate * (1.0 - polar)) + self.rate**2 * p
         along = -fall * z * (1.0 + oblate * (3.0 - polar))
         north, up = c * along - s * outwards, c * outwards + s * along
+        # Nothing to the east: the field is the same all around the axis.
         return jnp.stack(jnp.broadcast_arrays(0.0 * up, north, up))
 
     def own_rate(self, latitude: Scalar) -> Vector:

@@ -215,4 +215,5 @@ class Gyrocompass(AbstractSystem):
         """f / g, to the east, north and up."""
         size = self.roll_acceleration / self.gravity * jnp.cos(self.roll_frequency * t)
         east, north = jnp.sin(self.roll_direction), jnp.cos(self.roll_direction)
+        # Apparent gravity: a bail hangs along gravity less the acceleration of its support.
         return -size * east, -size * north, -1.0

@@ -88,6 +88,7 @@ class InertialNavigator(AbstractSystem):
     gyro_scale: Three = quantity("", default=ZERO, doc="S_g, of a body's gyros")
     altitude_rate_gain: Number = quantity("1/s", default=0.0, doc="k_1")
     altitude_gain: Number = quantity("1/s^2", default=0.0, doc="k_2")
+    # By default the ellipsoid of WGS 84, with the second zonal harmonic of EGM96.
     radius: Number = quantity(
         "m", positive=True, default=6378137.0, doc="equatorial", shared="planet.radius"
     )
@@ -166,6 +167,7 @@ class InertialNavigator(AbstractSystem):
         true = Quaternion.identity() if self.gimballed else felt.attitude
         here = NavigatorState(*place[:3], felt.velocity, true)
         level, computed = (_level(p.latitude, p.longitude) for p in (here, y))
+        # In inertial space: differences in level axes would mix in how both sets of axes differ.
         found, known = self._inertial(y, computed), self._inertial(here, level)
         rank = found[1].ndim - 1
         r, v = (a - with_rank(b, rank) for a, b in zip(found, known, strict=True))
@@ -216,6 +218,7 @@ class InertialNavigator(AbstractSystem):
         if self.anomaly is not None:
             place = felt.place
             more = self.anomaly(place.latitude, place.longitude, place.height)
+            # What is felt is the motion less gravity: of more gravity less is felt.
             force = force - with_rank(more, force.ndim - 1)
         if self.gimballed:
             # The table has the axes of the instruments.

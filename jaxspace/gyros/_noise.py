@@ -37,6 +37,7 @@ def gyro_noise(
     runs = jnp.broadcast_shapes(jnp.shape(angle_walk), jnp.shape(rate_walk), jnp.shape(step))
     white, wander = (jax.random.normal(k, (samples, *runs)) for k in jax.random.split(key))
     root = jnp.sqrt(jnp.asarray(step, white.dtype))
+    # The sum up to the step before, so that the bias begins at zero.
     bias = rate_walk * root * (jnp.cumsum(wander, axis=0) - wander)
     return angle_walk / root * white + bias
 
@@ -59,6 +60,7 @@ def allan_variance(
     angle = jnp.concatenate([start, jnp.cumsum(rates * step, axis=0)])
     found = []
     for m in factors:
+        # Second differences of the angle: overlapping averages without a loop over them.
         second = angle[2 * m :] - 2.0 * angle[m:-m] + angle[: -2 * m]
         found.append(jnp.mean(second**2, axis=0) / (2.0 * (m * step) ** 2))
     return jnp.stack(found)

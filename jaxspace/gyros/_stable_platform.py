@@ -150,6 +150,7 @@ class StablePlatform(AbstractSystem):
         angles = jnp.stack(jnp.broadcast_arrays(*(as_float(x) for x in given)))
         still = jnp.zeros_like(angles[:3])
         level = Quaternion(jnp.concatenate([jnp.ones_like(still[:1]), still]))
+        # The gimbals turn against the vehicle, so that the platform itself is at rest.
         rates = self.held(0.0, angles)
         return StablePlatformState(angles, rates, still, still, still, level)
 

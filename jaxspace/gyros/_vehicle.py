@@ -85,6 +85,7 @@ def felt_on(path: Path, earth: Earth, t: Scalar) -> Felt:
         north = (along + place.height) * rate.latitude
         return jnp.stack(jnp.broadcast_arrays(east, north, rate.height)), (place, rate)
 
+    # Velocity and acceleration by one nested derivative, whose place and rates come along.
     v, v_rate, (place, rate) = jax.jvp(velocity, (t,), (one,), has_aux=True)
     rank = v.ndim - 1
     turn = with_rank(earth.own_rate(place.latitude), rank)

@@ -28,6 +28,8 @@ def replay_report(file: SceneFile, run: Replay, kept: Dispersion | None) -> str:
     lines += ["", columns(rows)]
     for name, phase in zip(run.trajectory.names, run.trajectory.phases, strict=True):
         lines += ["", f"{name}: from {number(phase.ts[0])} s to {number(phase.ts[-1])} s"]
+        # A controller changes what the system alone conserves: a drift would say nothing of
+        # accuracy.
         drift = phase.drift() if phase.control is None else {}
         lines.append(columns([*state_rows(phase.final, file.units), *drift_rows(drift)]))
     return "\n".join([*lines, "", f"{status_line(run.status)} {run.refusal}".rstrip()])
@@ -63,6 +65,7 @@ def failures_report(file: SceneFile | None, kept: Dispersion, most: int = 20) ->
         lines += ["", f"{failure.count} {runs}, {failure.status.name}: {failure.sentence}"]
         for row in rows[:most]:
             own = {name: float(x[row]) for name, x in inputs.items()}
+            # The cause of a refusal is known; of other failures unusual inputs are the best hint.
             refused = failure.status == Status.REFUSED
             reason = _refusal(file, own) if refused else _farthest(own, moments)
             lines.append(f"  run {numbers[row]}: {reason}")
@@ -87,6 +90,7 @@ def _farthest(
     off = {
         name: (value - moments[name][0]) / moments[name][1]
         for name, value in inputs.items()
+        # An input that does not vary is no cause, and has no deviation to divide by.
         if moments[name][1] > 0.0
     }
     most = sorted(off, key=lambda name: -abs(off[name]))[:count]
@@ -100,10 +104,12 @@ def comparison_table(rows: Sequence[Comparison]) -> str:
         ("output", "method", "mean", "off by", "std dev", "off by", "runs", "seconds")
     ]
     for c in rows:
+        # Those of Monte Carlo are standard errors, which have no sign.
         sign = "±" if c.method == MONTE_CARLO else "+" if c.mean_error >= 0.0 else "-"
         off = f"{sign}{abs(c.mean_error):.3f} std dev"
         sign = "±" if c.method == MONTE_CARLO else "+" if c.std_error >= 0.0 else "-"
         more = f"{sign}{100.0 * abs(c.std_error):.2f} %"
+        # Digits below a percent of the deviation would be those of the method's own error.
         mean, std = number(c.mean, 0.01 * c.std), number(c.std, 0.01 * c.std)
         took = f"{c.seconds:.2g}"
         shown.append((c.output, c.method, mean, off, std, more, str(c.runs), took))

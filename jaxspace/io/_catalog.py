@@ -162,6 +162,7 @@ def catalog(also: Iterable[object] = ()) -> Catalog:
     return _catalog(tuple(also))
 
 
+# Kept from call to call, because every file that is loaded asks for it.
 @functools.lru_cache(maxsize=32)
 def _catalog(also: tuple[object, ...]) -> Catalog:
     named: dict[str, Group] = {name: {} for name in Catalog._fields}

@@ -118,6 +118,7 @@ def object_errors(file: Parsed) -> list[str]:
 
 
 def _checks_itself(maker: Maker) -> bool:
+    # A named constructor is bound to its class.
     cls = getattr(maker.make, "__self__", maker.make)
     own = isinstance(cls, type) and issubclass(cls, AbstractParameters)
     return own and ("__check_init__" in vars(cls) or "." in maker.name) and not maker.references

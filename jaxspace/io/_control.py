@@ -34,6 +34,7 @@ from ._value_kinds import Number, OneName, Whole
 READ = ("attitude", "omega", "position", "velocity", "mass", "wheels")
 """What a sensor of a file may read."""
 
+# The keys by which a phase bounds its time, from which its number of samples follows.
 ENDS = ("duration", "within")
 
 PERIOD = Number(argument("s", positive=True, fixed=True, doc="time between samples"))
@@ -53,6 +54,7 @@ def control_kind(catalog: Catalog, of_phase: bool = False) -> Table:
             "delay": Entry(DELAY, 0.0, doc="until a command arrives"),
             "limit": Entry(SIZE, None, doc="greatest component of a command"),
             "quantum": Entry(SIZE, None, doc="step between commands"),
+            # A phase says in its own table what ends it.
             **({} if of_phase else until),
             "steps": Entry(Whole(1, 10**4), 1, doc="steps between two samples"),
             "seed": Entry(Whole(0), 0, doc="what the noise of the sensors is drawn from"),
@@ -150,6 +152,7 @@ def controlled(
             key=_key(control["seed"], path, seeds) if is_noisy(file.values) else None,
             longest=float(longest),
         )
+    # The class names its field; the author of a file looks for its table.
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
 
@@ -165,10 +168,12 @@ def end_of_loop(file: Parsed, span: float) -> float | Event:
 
 def _key(seed: int, path: str, seeds: Array | None) -> Array:
     """The key of the noise of a phase, or one of each run."""
+    # Folded in below, so that no phase repeats the noise of another.
     phase = int(path.split(".")[1]) if path.startswith("phase") else 0
     key = jax.random.fold_in(jax.random.key(seed), phase)
     if seeds is None:
         return key
+    # 2^31 and not 2^32, which a share that rounds to one would overflow.
     numbers = (seeds * 2.0**31).astype(jnp.uint32)
     return jax.vmap(functools.partial(jax.random.fold_in, key))(numbers)
 

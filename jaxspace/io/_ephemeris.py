@@ -71,6 +71,7 @@ def read_oem(path: str | os.PathLike[str]) -> list[Ephemeris]:
     **Raises** `InputError` with the line of what is not as the standard has it."""
     text = Path(path).read_text(encoding="utf-8")
     lines = [line.strip() for line in text.splitlines()]
+    # Refused here, where XML and other messages can still be told by what they are.
     if not text.lstrip().startswith("CCSDS_OEM_VERS"):
         raise InputError(
             f"{path} is no orbit ephemeris message: it must begin with CCSDS_OEM_VERS."
@@ -83,15 +84,18 @@ def read_oem(path: str | os.PathLike[str]) -> list[Ephemeris]:
         if not line or line.startswith("COMMENT"):
             continue
         if line in ("META_START", "META_STOP", "COVARIANCE_START", "COVARIANCE_STOP"):
+            # A segment has no keyword at its end: the metadata of the next one closes it.
             if line == "META_START" and rows:
                 found.append(_segment(path, meta, rows))
                 meta, rows = {}, []
+            # Both keywords that close a block lead back to the states.
             part = {"META_START": "meta", "COVARIANCE_START": "covariance"}.get(line, "data")
         elif part == "meta":
             key, _, value = line.partition("=")
             meta[key.strip()] = value.strip()
         elif part == "data":
             columns = line.split()
+            # Ten with accelerations, which are passed over.
             if len(columns) not in (7, 10):
                 raise InputError(
                     f"{path}, line {number}: {line!r} has {len(columns)} columns: it must be a "
@@ -112,6 +116,7 @@ def _segment(path: object, meta: dict[str, str], rows: list[list[str]]) -> Ephem
     if np.any(np.diff(times) <= 0.0):
         raise InputError(f"{path} has times that do not ascend.")
     try:
+        # The standard has km and km/s.
         states = 1e3 * np.array([[float(x) for x in row[1:7]] for row in rows]).T
     except ValueError as error:
         raise InputError(f"{path} has a state that is no number: {error}.") from error
@@ -145,6 +150,7 @@ def write_oem(
         lines += [f"START_TIME = {stamps[0]}", f"STOP_TIME = {stamps[-1]}", "META_STOP"]
         states = np.concatenate([one.position, one.velocity]).T / 1e3
         rows = zip(stamps, states, strict=True)
+        # `repr` is the shortest text that reads back as the same number.
         lines += [f"{stamp} {' '.join(repr(float(x)) for x in row)}" for stamp, row in rows]
     Path(path).write_text("\n".join(lines) + "\n", encoding="utf-8")
 
@@ -169,6 +175,7 @@ def _seconds(start: tuple[datetime, float], end: tuple[datetime, float]) -> floa
 def _text(start: tuple[datetime, float], after: float) -> str:
     """The time `after` the start, s, to a nanosecond."""
     whole = int(np.floor(after))
+    # Whole from here on, so that a fraction that rounds up carries into the second.
     nanoseconds = round((after - whole + start[1]) * 1e9)
     second = start[0] + timedelta(seconds=whole + nanoseconds // 10**9)
     return f"{second:%Y-%m-%dT%H:%M:%S}.{nanoseconds % 10**9:09d}"

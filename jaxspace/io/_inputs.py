@@ -72,6 +72,7 @@ def read_inputs(file: Parsed, folder: Path) -> tuple[dict[str, Input | JointInpu
             found[path] = _read(f"dispersion.inputs.{path}", entry, numbers[path], file, folder)
         except ValueError as error:
             errors.append(str(error))
+    # After the single inputs, from which a correlation takes its distributions.
     for table, read in (("correlated", read_correlated), ("direction", read_direction)):
         for k, entry in enumerate(file.values["dispersion"][table]):
             try:
@@ -121,6 +122,7 @@ def _entries(
 
 def _unknown_path(path: str, paths: list[str]) -> str:
     table = path.rpartition(".")[0]
+    # The numbers of the same table; where that is unknown too, the tables.
     near = [p for p in paths if p.rpartition(".")[0] == table] or sorted(
         {p.partition(".")[0] + ".*" for p in paths}
     )
@@ -175,9 +177,11 @@ def _with_file(key: str, entry: Values, folder: Path) -> Values:
         raise ValueError(f"{key}.file: {path} cannot be read: {error.strerror}.") from None
     unit = entry.get("unit", "")
     values = []
+    # The head of the columns is line 1.
     for number, line in enumerate(lines, 2 if column else 1):
         if line and (text := line.get(column) if isinstance(line, dict) else line[0]) is not None:
             try:
+                # With its unit behind it, to be read like a number of the scene file.
                 values.append(f"{float(text)!r} {unit}" if unit else float(text))
             except ValueError:
                 what = f"line {number} of {path} is {shown(text)}: it must be a number"

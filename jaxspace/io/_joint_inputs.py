@@ -21,6 +21,7 @@ from ._units import read_number
 from ._value_kinds import Measure
 
 MATRICES = ("correlation", "covariance", "factor")
+# Share of refused draws that is passed over: every normal distribution has tails.
 RARE = 1e-3
 ANGLE = Quantity("rad", "half angle", 0.0, math.pi, False)
 
@@ -85,6 +86,7 @@ def read_correlated(
                 raise ValueError(missing(f"dispersion.inputs.{path}", "given for a correlation"))
         marginals = tuple(known[path].distribution() for path in paths)
 
+    # Called by `_together`, which puts the key of the file before what the classes refuse.
     def make() -> AbstractJoint:
         if name == "correlation":
             return Correlated.of(marginals, matrix)
@@ -107,12 +109,14 @@ def read_direction(
     Raises `ValueError` with the whole sentence."""
     _check_keys(key, entry, ("of", "within"))
     of = entry.get("of")
+    # Exactly three entries: four are a quaternion, or no direction at all.
     vectors = sorted({p[:-2] for p in numbers if p.endswith(".2") and f"{p[:-2]}.3" not in numbers})
     if of not in vectors:
         raise ValueError(unknown(f"{key}.of", of, vectors, "vector of this file"))
     paths = [f"{of}.{k}" for k in range(3)]
     if any(path in known for path in paths):
         raise ValueError(f"{key}.of: {of} scatters in dispersion.inputs as well: once is allowed.")
+    # A cone of this half-angle is the whole sphere.
     angle = math.pi
     if "within" in entry:
         try:
@@ -128,6 +132,7 @@ def _together(
 ) -> dict[str, JointInput]:
     try:
         made = make().inputs(*paths)
+    # A matrix of a file may be ragged or hold words: NumPy says so by errors of its own.
     except (InputError, ValueError, TypeError) as error:
         raise ValueError(f"{key}: {error}") from None
     return {path: JointInput(numbers[path], made[path]) for path in paths}

@@ -52,6 +52,7 @@ def method_names(known: Catalog) -> list[str]:
     for way in method_kind(known).ways:
         kind = way.entries["name"].kind
         names += kind.names if isinstance(kind, OneName) else ()
+    # Once each: a method may stand in several forms of its table.
     return list(dict.fromkeys(names))
 
 
@@ -118,6 +119,7 @@ def _keys(kind: Kind) -> str:
 
 def _unit(entry: Entry) -> str:
     kind = entry.kind
+    # The unit of a list is that of its numbers.
     while isinstance(kind, ListOf):
         kind = kind.kind
     if isinstance(kind, Object) and kind.ways[0].bare:

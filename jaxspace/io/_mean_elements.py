@@ -48,9 +48,11 @@ class CataloguedOrbit(NamedTuple):
         - `ts`: s after the epoch of the elements, (times,).
 
         **Raises** `InputError` where the theory has no state, as after a decay."""
+        # Imported where it is used, because the library is an extra.
         from sgp4.api import SGP4_ERRORS
 
         times = np.atleast_1d(np.asarray(ts, float))
+        # Day and fraction stay apart: in one double a Julian date is known to 40 microseconds only.
         days = np.full(times.shape, self.record.jdsatepoch)
         status, r, v = self.record.sgp4_array(days, self.record.jdsatepochF + times / 86400.0)
         if np.any(status):
@@ -59,6 +61,7 @@ class CataloguedOrbit(NamedTuple):
                 f"SGP4 has no state of {self.name or self.identifier} {times[first]:g} s after its "
                 f"epoch: {SGP4_ERRORS[int(status[first])]}."
             )
+        # The library works in km.
         return Ephemeris(
             self.epoch, times, 1e3 * r.T, 1e3 * v.T, self.name, self.identifier, frame="TEME"
         )
@@ -79,6 +82,7 @@ def read_tle(source: str | os.PathLike[str]) -> list[CataloguedOrbit]:
     from sgp4.api import Satrec
     from sgp4.io import compute_checksum
 
+    # A path has no line break, a set of elements at least one.
     is_text = isinstance(source, str) and "\n" in source
     text = str(source) if is_text else Path(source).read_text(encoding="utf-8")
     lines = [line.rstrip() for line in text.splitlines() if line.strip()]
@@ -89,12 +93,15 @@ def read_tle(source: str | os.PathLike[str]) -> list[CataloguedOrbit]:
             if not second.startswith("2 "):
                 raise InputError(f"{line!r} has no second line: it must begin with 2.")
             for one in (line, second):
+                # Some sources leave out the check sum, in column 69: what is not there is not
+                # wrong.
                 if len(one) > 68 and int(one[68]) != compute_checksum(one):
                     raise InputError(f"{one!r} has a wrong check sum.")
             record = Satrec.twoline2rv(line, second)
             found.append(CataloguedOrbit(name, line[9:17].strip(), record))
             name = ""
         elif not line.startswith("2 "):
+            # Some catalogues mark the line of the name by a zero.
             name = line.removeprefix("0 ").strip()
     if not found:
         raise InputError("no two-line element set was found: its lines must begin with 1 and 2.")

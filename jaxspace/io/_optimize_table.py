@@ -118,6 +118,7 @@ def read_task(file: Parsed, units: Mapping[str, str]) -> tuple[Task | None, list
     goals = [goal for goal in GOALS if table[goal] is not None]
     if len(goals) != 1:
         return None, ["optimize must have one of minimise and maximise."]
+    # Errors are collected, so that one check of a file names every mistake.
     objective, demands = None, []
     try:
         objective = _output(f"optimize.{goals[0]}", table[goals[0]], file, units)
@@ -136,6 +137,7 @@ def read_task(file: Parsed, units: Mapping[str, str]) -> tuple[Task | None, list
 
 
 def _output(key: str, entry: Value, file: Parsed, units: Mapping[str, str]) -> OutputSpec:
+    # Left out, because on an output the same keys are requirements of a campaign.
     own = {k: x for k, x in entry.items() if k not in LIMITS}
     spec = read_output(key, own, file, units)
     if spec.take:
@@ -162,6 +164,7 @@ def _free(
     entries: Mapping[str, Value], file: Parsed, units: Mapping[str, str]
 ) -> tuple[tuple[Free, ...], list[str]]:
     """The free numbers, or what is wrong with them; a `*` in a path stands for any of its steps."""
+    # A search over its own settings, or over those of a campaign, has no meaning.
     numbers = {p: m for p, m in measures(file.values) if p.split(".")[0] not in OWN_TABLES}
     found: dict[str, Free] = {}
     errors = []
@@ -185,6 +188,7 @@ def _free(
                     errors.append(str(error))
     if not found and not errors:
         errors.append(missing("optimize.free", "a table whose keys are paths of numbers"))
+    # Once each: a pattern with a star gives the same sentence for many paths.
     return tuple(found.values()), list(dict.fromkeys(errors))
 
 
@@ -206,6 +210,7 @@ def _one_free(
         except ValueError as error:
             raise ValueError(wrong(f"{key}.{name}", entry[name], str(error))) from None
 
+    # Without a bound in the file that of the class holds, beyond which nothing could be built.
     low, high = read("low", quantity.low), read("high", quantity.high)
     assert low is not None and high is not None
     if not low < high:
@@ -215,5 +220,6 @@ def _one_free(
             f"{key}: {path} is {float(start):g} {quantity.unit}, where the search would start: "
             f"it must be between {low:g} and {high:g}."
         )
+    # In the report as the author writes it: the unit of this number, or of others of its kind.
     unit = start.unit or units.get(quantity.unit, quantity.unit)
     return Free(path, start, low, high, read("scale", None), unit, in_unit(quantity.unit, unit))

@@ -191,6 +191,7 @@ def _margin(value: Array, demand: Demand) -> Array:
 def _size(free: Any) -> float:
     if free.scale is not None:
         return free.scale
+    # Without bounds there is no span: the number's own size stands in, at least one.
     span = free.high - free.low
     return span if np.isfinite(span) else max(abs(float(free.start)), 1.0)
 
@@ -206,6 +207,7 @@ def _multipliers(minimum: Minimum) -> tuple[np.ndarray, np.ndarray]:
 
 def _written(number: float, unit: str) -> str | float:
     """A number as the file writes it: with its unit where it had one."""
+    # More digits than a search knows, and none of the rounding by a change of unit.
     number = float(f"{number:.12g}")
     return f"{number!r} {unit}" if unit else number
 
@@ -213,6 +215,7 @@ def _written(number: float, unit: str) -> str | float:
 def _put(table: Any, path: list[str], value: str | float) -> None:
     """Set the entry at a path of a document; tables on the way are made where there are none."""
     for step, following in zip(path[:-1], path[1:], strict=True):
+        # A step of digits is an index in lists alone: a table may have such a key.
         key: Any = int(step) if step.isdigit() and isinstance(table, list) else step
         if not isinstance(table, list) and key not in table:
             if following.isdigit():

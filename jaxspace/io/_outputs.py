@@ -159,6 +159,7 @@ def last_state(states: State) -> State:
 def at_path(y: State, path: tuple[str, ...]) -> Array:
     """A number of a state: the name of a part, then indices."""
     part = getattr(y, path[0])
+    # An array, or an object that holds a single one, as a quaternion does.
     (array,) = jax.tree.leaves(part)
     for index in path[1:]:
         array = array[int(index)]

@@ -135,6 +135,7 @@ def optimum_report(found: Optimum, confirmed: Sequence[float] = ()) -> str:
     """The table of an optimum: objective, free numbers, constraints with their multipliers, and why
     the search ended. `confirmed`: the outputs as a run at the accuracy of the file has them."""
     task, file = found.task, found.file
+    # NaN is shown as a dash, where nothing has confirmed the optimum.
     checked = [*confirmed] or [math.nan] * (1 + len(task.demands))
     goal = task.objective
     verb = "least" if task.sign > 0.0 else "greatest"
@@ -158,6 +159,7 @@ def optimum_report(found: Optimum, confirmed: Sequence[float] = ()) -> str:
         spec = demand.spec
         numbers = (demand.target, found.constraints[k], checked[k + 1])
         shown = [_or_dash(spec.factor * x) for x in numbers]
+        # In the units that the table shows, above and below.
         slope = number(goal.factor * derivatives[k] / spec.factor)
         name = demand.limit.replace("_", " ")
         rows.append((_label(spec.name, spec.unit), name, *shown, slope))

@@ -38,6 +38,7 @@ NOISE = "control.noise"
 
 
 @final
+# Compared and hashed by identity, because `_Build` holds it as a static field.
 @dataclasses.dataclass(frozen=True, eq=False)
 class SceneFile:
     """A checked scene file: what moves, from where, when, how accurately, and what scatters.
@@ -218,6 +219,7 @@ class SceneFile:
     @property
     def _along(self) -> int:
         """How many states of each phase the outputs need."""
+        # Without an extreme only the ends of the phases are read.
         extremes = any(spec.take for spec in self.outputs)
         return self._dispersion()["extreme_samples"] if extremes else 2
 

@@ -70,6 +70,7 @@ def read_number(value: object, quantity: Quantity) -> tuple[float, str]:
     unit = ""
     if isinstance(value, str):
         number, unit = _with_unit(value, quantity)
+    # In Python a truth value is a number: `true` must not mean one.
     elif isinstance(value, int | float) and not isinstance(value, bool):
         number = float(value)
         if quantity.unit == "rad" and WHOLE_TURN < abs(number) < math.inf:

@@ -54,6 +54,7 @@ def beam_roots(ends: Ends, count: int) -> Float[np.ndarray, " count"]:
             value = np.sin(x) - np.cos(x) * tanh
             slope = np.cos(x) + np.sin(x) * tanh - np.cos(x) * (1.0 - tanh**2)
         else:
+            # Over cosh: cos(x) cosh(x) itself would overflow in high modes.
             sech = 1.0 / np.cosh(x)
             value = np.cos(x) + sign * sech
             slope = -np.sin(x) - sign * sech * np.tanh(x)
@@ -75,6 +76,7 @@ def beam_shape(ends: Ends, root: float, x: Scalar, derivative: int = 0) -> Scala
     """
     if ends == "pinned-pinned":
         return root**derivative * math.sqrt(2.0) * jnp.sin(root * x + 0.5 * math.pi * derivative)
+    # In e^-b alone: cosh and sinh of high modes cancel to nothing, or overflow.
     b, e = root, math.exp(-root)
     s, c = math.sin(b), math.cos(b)
     # phi = (cosh -+ cos) - sigma (sinh -+ sin); sigma differs from 1 by terms of e^-b.

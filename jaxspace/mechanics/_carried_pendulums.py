@@ -125,6 +125,7 @@ class RotatingHoop(AbstractLagrangian):
         """T + U, J, with zero height at the bottom; the motor changes it."""
         theta, theta_rate = y.coordinates[0], y.rates[0]
         speed2 = self.radius**2 * (theta_rate**2 + (self.rate * jnp.sin(theta)) ** 2)
+        # 1 - cos(theta) by half of the angle, with its digits near the bottom.
         height = 2.0 * self.radius * jnp.sin(0.5 * theta) ** 2
         return self.mass * (0.5 * speed2 + self.gravity * height)
 
@@ -132,6 +133,8 @@ class RotatingHoop(AbstractLagrangian):
         """The stable angle, rad: zero up to W^2 = g / r, then cos(theta) = g / (r W^2). Its slope
         is infinite where it leaves the bottom."""
         fast = self.radius * self.rate**2 > self.gravity
+        # One half stands in at the bottom: the root of a negative number would put NaN into the
+        # derivative of the branch that is not taken.
         ratio = jnp.where(fast, self.gravity / (self.radius * self.rate**2), 0.5)
         # Of half the angle: the arc cosine has lost half of the digits near the bottom.
         angle = 2.0 * jnp.arctan2(jnp.sqrt(0.5 * (1.0 - ratio)), jnp.sqrt(0.5 * (1.0 + ratio)))

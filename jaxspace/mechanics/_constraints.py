@@ -216,6 +216,7 @@ def check_independent(system: AbstractDescription, t: Scalar, q: Array, v: Array
             "a constraint has no gradient here, so that it exerts no force: write it so that it "
             "passes through zero with a slope."
         )
+    # By rows of length one, so that the unit of a constraint does not decide on the rank.
     rank = int(np.min(np.linalg.matrix_rank(a / rows, tol=1e-10)))
     if rank < count:
         raise InputError(

@@ -103,6 +103,7 @@ def _motion(
         start, h = times[0], (times[1] - times[0]) / steps
 
         def one(y: _Canonical, k: Array) -> tuple[_Canonical, None]:
+            # From the start of the interval: a running sum of steps would gather rounding.
             return jax.lax.scan(step, (start + k * h, y), parts * h)[0][1], None
 
         y, _ = jax.lax.scan(one, y, jnp.arange(steps, dtype=q.dtype))
@@ -119,6 +120,7 @@ def _motion(
 
 def _rates(system: AbstractDescription, t: Scalar, y: _Canonical) -> Array:
     """The rates of momenta, of a Lagrangian with rates up to their squares."""
+    # At rest: with squares of the rates at most, the matrix does not depend on them.
     rest = jnp.zeros_like(y.p)
     m = mass_matrix(system.lagrangian, t, y.q, rest)
     free = momenta(system.lagrangian, t, y.q, rest)
@@ -157,12 +159,14 @@ def _step(system: AbstractDescription, t: Array, h: Array, y: _Canonical) -> _Ca
         return x - solve(slope, residual(x, y, matrix)[:, None])[:, 0]
 
     fixed = jax.lax.stop_gradient((y, matrix))
+    # The step without forces, from which Newton's method converges.
     guess = h * _rates(system, t, fixed[0])
     if matrix is not None:
         guess = jnp.concatenate([guess, jnp.zeros_like(matrix[:, 0])])
     x = jax.lax.fori_loop(0, NEWTON, lambda _, x: newton(x, *fixed), jax.lax.stop_gradient(guess))
     x = newton(jax.lax.stop_gradient(x), y, matrix)
     _, p1 = _slopes(system, t, h, y.q, x[:n])
+    # The residual puts the coordinates onto the constraints, and leaves the momenta off.
     return _onto_constraints(system, t + h, _Canonical(y.q + x[:n], p1))
 
 

@@ -117,6 +117,7 @@ class Lagrangian(AbstractLagrangian):
 
     function: Callable[..., Scalar]
     names: tuple[str, ...] = eqx.field(static=True, converter=tuple)  # pyright: ignore
+    # Arrays, so that they can be differentiated and differ between runs.
     parameters: Any = eqx.field(default=None, converter=lambda tree: jax.tree.map(as_float, tree))
     forces: Callable[..., Array] | None = None
     rayleigh: Callable[..., Scalar] | None = None

@@ -63,6 +63,8 @@ class MissileLoop(AbstractSystem):
         pitch, pitch_rate = self.felt_pitch(state)
         command = missile.command + self.pitch_gain * pitch + self.rate_gain * pitch_rate
         pull = self._pull(y)
+        # The missile feels the slosh by spring and damper, and not by its acceleration: so the
+        # missile comes first, and no system of both has to be solved.
         rate, turn = missile.accelerations(state, command, self.slosh_mass * pull, self.tank_place)
         across = with_rank(missile.across(self.tank_place), state.engine.ndim)
         place = (
@@ -98,6 +100,7 @@ class MissileLoop(AbstractSystem):
     def state(self, engine: Scalar = 0.0, pitch: Scalar = 0.0) -> MissileLoopState:
         """A straight missile at rest, with the engine and the pitch at these angles, rad."""
         missile = self.missile.state(engine, pitch)
+        # Times zero, for the shape and the precision of the runs.
         return MissileLoopState(missile, 0.0 * missile.pitch, 0.0 * missile.pitch)
 
     def felt_pitch(self, y: MissileState) -> tuple[Scalar, Scalar]:

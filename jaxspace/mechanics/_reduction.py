@@ -95,6 +95,7 @@ class Hamiltonian(AbstractSystem):
         return cls(_legendre, system)
 
     def vector_field(self, t: Scalar, y: CanonicalState) -> CanonicalState:
+        # The gradient of the sum over runs is that of each, for none depends on another.
         slopes = jax.grad(
             lambda q, p: jnp.sum(self.function(t, q, p, self.parameters)), argnums=(0, 1)
         )(y.coordinates, y.momenta)
@@ -111,6 +112,7 @@ class Hamiltonian(AbstractSystem):
 
 
 def _legendre(t: Scalar, q: Array, p: Array, system: AbstractLagrangian) -> Scalar:
+    # At rest, because the rates are sought: with squares at most the matrix is the same.
     still = jnp.zeros_like(p)
     m = mass_matrix(system.lagrangian, t, q, still)
     v = solve(m, (p - momenta(system.lagrangian, t, q, still))[:, None])[:, 0]

@@ -101,6 +101,7 @@ def turntable_motion(
     """
     turn = inertia_ratio / (1.0 + inertia_ratio) * rate * t
     c, s = jnp.cos(turn), jnp.sin(turn)
+    # By sin(u)/u, so that a plane at rest is no exception.
     along, across = t * _sinc(turn), t * _sinc(0.5 * turn) * jnp.sin(0.5 * turn)
     vx, vy = velocity
     moved = jnp.stack([along * vx - across * vy, across * vx + along * vy])
@@ -163,6 +164,7 @@ class Trailer(AbstractSystem):
 
 def _fractions(u: Scalar) -> tuple[Scalar, Scalar]:
     """(1 - cos u) / u^2 and (u - sin u) / u^3."""
+    # Each branch has arguments that suit it, because derivatives pass through both.
     small = jnp.abs(u) < 1.0
     near, far = jnp.where(small, u, 0.0), jnp.where(small, 1.0, u)
     c, s = stumpff(near * near)[:2]
@@ -176,4 +178,5 @@ def _fractions(u: Scalar) -> tuple[Scalar, Scalar]:
 
 def _sinc(x: Scalar) -> Scalar:
     """sin(x) / x."""
+    # The sinc of NumPy is that of pi x.
     return jnp.sinc(x / jnp.pi)

@@ -61,6 +61,7 @@ class _Static:
 
 @functools.lru_cache(maxsize=256)
 def _found(structure: Any, shapes: tuple[tuple[int, ...], ...], static: _Static) -> Symmetries:
+    # A fixed seed: a system has the same invariants in every process.
     draw = np.random.default_rng(20260101)
     arrays = jax.tree.unflatten(structure, [draw.uniform(0.5, 1.5, shape) for shape in shapes])
     n = len(static.tree.names)

@@ -191,6 +191,7 @@ def _contributors(axes: "Axes", dispersion: "Dispersion", name: str, count: int)
     bars = axes.barh(inputs, shares, color=COLOURS[2], height=0.7)
     axes.bar_label(bars, [f"{s:.1f}" for s in shares], padding=3, fontsize=8)
     axes.set_yticks(inputs, [_plain(n) for n in inputs])
+    # Bars are stacked upwards: the largest contributor belongs on top.
     axes.invert_yaxis()
     # Room for the number behind the longest bar.
     axes.set_xlim(0.0, max(10.0, 1.18 * max(shares)))

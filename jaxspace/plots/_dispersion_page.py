@@ -87,6 +87,8 @@ def _library() -> str:
     """The plotting library, compressed, as letters."""
     from plotly.offline import get_plotlyjs
 
+    # Compressed, because it would be most of the page; without a time stamp, so that the same runs
+    # give the same file.
     return base64.b64encode(gzip.compress(get_plotlyjs().encode(), 9, mtime=0)).decode()
 
 
@@ -156,6 +158,7 @@ def _table(dispersion: "Dispersion", nominal: Mapping[str, float]) -> str:
 def _numbers(dispersion: "Dispersion", row: Any, nominal: Mapping[str, float]) -> list[str]:
     """The numbers of an output, all by the same rule."""
     if row.runs == 0:
+        # As many cells as below, so that the columns stay.
         return ["", *["none"] * 8]
     limit = dispersion.percentile(row.name, 0.995)
     own = [row.shown(nominal[row.name])] if row.name in nominal else ["–"]

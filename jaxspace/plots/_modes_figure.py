@@ -79,6 +79,7 @@ def root_locus_figure(gains: ArrayLike, roots: ArrayLike, *, title: str = "") ->
     axes = figure.subplots()
     axes.axvline(0.0, color=MUTED, linewidth=0.9)
     axes.axhline(0.0, color=MUTED, linewidth=0.5)
+    # Dots and no lines, which could join roots of different branches.
     dots = axes.scatter(x.ravel(), y.ravel(), c=np.tile(k, len(x)), s=6, cmap="viridis")
     axes.plot(x[:, 0], y[:, 0], "x", color=COLOURS[1], markersize=7)
     figure.colorbar(dots, ax=axes, label="gain")

@@ -79,6 +79,7 @@ def _listed(values: np.ndarray, deviation: float) -> list[float | None]:
     """The values with three digits beyond the first one of their deviation."""
     deviation = deviation if np.isfinite(deviation) else 0.0
     decimals = 3 - int(np.floor(np.log10(deviation))) if deviation > 0.0 else 15
+    # With more decimals NumPy's factor 10^decimals is infinite.
     rounded = np.round(values.astype(float), min(decimals, 300))
     # JSON has no NaN.
     return [x if np.isfinite(x) else None for x in rounded.tolist()]
@@ -86,6 +87,7 @@ def _listed(values: np.ndarray, deviation: float) -> list[float | None]:
 
 def _moments(dispersion: "Dispersion", names: list[str], good: np.ndarray) -> dict[str, Any] | None:
     """Mean and covariance of all quantities, for the ellipses."""
+    # The ellipse of two runs is a line.
     if good.size < 3:
         return None
     x = np.stack([dispersion.values(n)[good].astype(float) for n in names])

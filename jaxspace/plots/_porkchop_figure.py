@@ -41,6 +41,7 @@ def porkchop_figure(
     except ImportError as error:
         raise ImportError("Figures require matplotlib: install jaxspace[app].") from error
     x, y = np.asarray(departures, float) / unit, np.asarray(arrivals, float) / unit
+    # Transposed, because contours take the vertical axis first.
     values = 1e-3 * np.asarray(total, float).T
     figure = Figure(figsize=(7.0, 5.6), layout="constrained")
     axes = figure.subplots()

@@ -191,6 +191,7 @@ def _panel(axes: "Axes", parts: list[tuple[np.ndarray, Block]]) -> None:
             bbox_to_anchor=(1.0, 0.5),
             frameon=False,
         )
+        # Samples of thin and pale lines would be hard to see.
         for line in legend.get_lines():
             line.set(alpha=1.0, linewidth=1.6)
 

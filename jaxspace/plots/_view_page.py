@@ -102,6 +102,7 @@ def show_run(
     **Returns** the path.
     """
     if path is None:
+        # Not removed: the browser reads it when this process may be gone.
         path = Path(tempfile.mkdtemp(prefix="jaxspace-")) / "run.html"
     page = view_page(trajectory, path)
     webbrowser.open(page.resolve().as_uri())
@@ -116,6 +117,7 @@ def _traces(data: dict[str, Any]) -> dict[str, str]:
 
 def _data(trajectory: "Trajectory | MissionTrajectory", planet: float | None) -> dict[str, Any]:
     """What the script of the page draws."""
+    # By attributes: to import the classes would close a circle with `simulation`.
     phases: Any = getattr(trajectory, "phases", (trajectory,))
     names = getattr(trajectory, "names", ())
     if any(np.ndim(phase.status) for phase in phases):
@@ -129,6 +131,7 @@ def _data(trajectory: "Trajectory | MissionTrajectory", planet: float | None) ->
         )
     joined = {name: np.concatenate([part[name] for part in parts], axis=-1) for name in blocks}
     times = joined.pop("times")
+    # Evenly in time: a short phase has as many states as a long one.
     wanted = np.linspace(times[0], times[-1], min(len(times), MOST_FRAMES))
     pick = np.unique(np.searchsorted(times, wanted).clip(0, len(times) - 1))
     rows = {name: _listed(values[..., pick]) for name, values in joined.items()}
@@ -166,6 +169,7 @@ def _frames(system: "AbstractSystem", ts: Any, states: "State") -> dict[str, np.
 
 def _continuous(wxyz: np.ndarray) -> np.ndarray:
     """Of the two quaternions of each attitude the one next to that before it."""
+    # The page interpolates: between q and -q, one attitude, it would show a turn.
     jumps = np.where(np.sum(wxyz[:, 1:] * wxyz[:, :-1], axis=0) < 0.0, -1.0, 1.0)
     return wxyz * np.concatenate([[1.0], np.cumprod(jumps)])
 
@@ -218,6 +222,7 @@ def _body(phase: Any, part: dict, rows: dict, times: np.ndarray, pick: np.ndarra
             size = np.max(np.linalg.norm(vectors, axis=1))
             # Beyond the body, so that the tips are seen.
             length = 1.3 if name == "axis" else 1.5
+            # The vectors of a body at rest have no size to divide by.
             traces[name] = _listed((length / (size or 1.0) * vectors).T)
     faces, wheels = _faces(phase), _wheels(phase, times, pick)
     corners = [point for face in faces for point in face["points"]]
@@ -246,6 +251,7 @@ def _faces(phase: Any) -> list[dict[str, Any]]:
     if inertia is None:
         return faces_of(np.array([2.0, 3.0, 4.0]), np.eye(3))
     tensor = np.asarray(inertia.matrix(), float)
+    # A diagonal tensor keeps the order of its axes, which `eigh` would sort.
     if np.allclose(tensor, np.diag(np.diag(tensor)), rtol=0.0, atol=1e-9 * np.max(tensor)):
         return faces_of(np.diag(tensor), np.eye(3))
     return faces_of(*np.linalg.eigh(tensor))
@@ -255,10 +261,12 @@ def _wheels(phase: Any, times: np.ndarray, pick: np.ndarray) -> list[dict[str, A
     """Axis, place and angle of every wheel of the effects that state the speeds of wheels."""
     found = []
     for effect in getattr(phase.system, "effects", ()):
+        # Speeds belong to the states of one phase: of more phases the frames are others.
         if not hasattr(effect, "speeds") or len(phase.ts) != len(times):
             continue
         speeds = np.asarray(effect.speeds(phase.states))
         axes = np.asarray(effect.axes).reshape(3, -1)
+        # The state has no angle of a wheel: by the trapezoidal rule, for the eye alone.
         mean = 0.5 * (speeds[:, 1:] + speeds[:, :-1]) * np.diff(times)
         angles = np.cumsum(np.concatenate([np.zeros((len(speeds), 1)), mean], axis=1), axis=1)
         for axis, angle in zip(axes.T, angles, strict=True):

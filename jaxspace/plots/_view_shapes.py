@@ -20,6 +20,7 @@ def faces_of(moments: np.ndarray, axes: np.ndarray) -> list[dict[str, Any]]:
 
     **Returns** faces whose corners are in body axes, in units of the greatest half-length.
     """
+    # Mean squares along the axes; rounding makes that of a flat body negative.
     squares = np.maximum(0.5 * np.sum(moments) - moments, 0.0)
     size = np.sqrt(squares)
     for k in range(3):
@@ -46,6 +47,7 @@ def top_faces() -> list[dict[str, Any]]:
 def wheel_faces(wheel: int, axis: np.ndarray) -> list[dict[str, Any]]:
     """A spoked wheel about an axis through the origin, which the view turns by its angle."""
     towards = axis / np.linalg.norm(axis)
+    # With the base axis farthest from it: a near one leaves no digits.
     aside = np.cross(towards, np.eye(3)[np.argmin(np.abs(towards))])
     aside = aside / np.linalg.norm(aside)
     frame = np.stack([aside, np.cross(towards, aside), towards], axis=1)
@@ -57,6 +59,7 @@ def wheel_faces(wheel: int, axis: np.ndarray) -> list[dict[str, Any]]:
                 (0.03 * np.cos(a + 1.6), 0.03 * np.sin(a + 1.6), 0.0),
                 (0.03 * np.cos(a - 1.6), 0.03 * np.sin(a - 1.6), 0.0),
             ],
+            # A spoke has no thickness: it is seen from both sides.
             "both": True,
         }
         for a in np.arange(3) * 2.0 * np.pi / 3.0

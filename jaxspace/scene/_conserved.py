@@ -55,6 +55,7 @@ def conserved(
         elif "axial_angular_momentum" in kept:
             found["axial_angular_momentum"] = moment[2]
     if "energy" in kept:
+        # Without a torque the energy of the rotation is constant by itself, and listed so.
         found["energy"] = _energy(effects, body, mass if "torque" in adds else None, t, y)
     elif pushing and all("energy" in e.keeps and "torque" not in e.adds for e in pushing):
         found["orbital_energy"] = _energy(pushing, body, None, t, y)

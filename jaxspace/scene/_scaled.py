@@ -55,6 +55,7 @@ class Scaled(AbstractEffect):
         return None if own is None else self.factor * own
 
     def start(self, y: BodyState, body: AbstractBody) -> dict[str, State] | None:
+        # Not scaled: these parts are a state of the effect, and no load.
         return self.effect.start(y, body)
 
     def breaks(self) -> Float[Array, "times *#runs"] | None:

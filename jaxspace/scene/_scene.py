@@ -126,6 +126,7 @@ class Scene(AbstractScene):
         # Position and velocity are integrated together, and so are orientation and its rate.
         for pair in (TRANSLATION, ROTATION):
             required |= pair if required & pair else set()
+        # A scene of nothing is a point that moves on.
         if not self.effects and not self.carry:
             required = set(TRANSLATION)
         return tuple(part for part in PARTS if part in required)
@@ -193,6 +194,7 @@ class Scene(AbstractScene):
         parts = None if y.parts is None else _rates_of(y.parts, load.parts_rate or {})
         rate = BodyState(y.velocity, velocity, attitude, omega, mass, parts)
         for effect in self.effects:
+            # Last, because a guide answers to the sum of all loads.
             rate = effect.constrained(t, y, rate)
         return rate
 

@@ -134,6 +134,7 @@ def _phase(
             return ks.at[i].set(k), None
 
         rows = (jnp.arange(STAGES), jnp.asarray(A, v.dtype), jnp.asarray(C, v.dtype))
+        # A scan over the stages: the field is compiled once, and not twelve times.
         ks, _ = lax.scan(stage, jnp.zeros((STAGES, v.size), v.dtype), rows)
         return v + h * (jnp.asarray(B, v.dtype) @ ks), h * (jnp.asarray(ERROR, v.dtype) @ ks)
 
@@ -199,6 +200,7 @@ def _until_event(event, step, unravel, ts, v0):  # noqa: ANN001, ANN202
     def advance(at, _):  # noqa: ANN001, ANN202
         full = ts[jnp.minimum(at.number + 1, ts.size - 1)] - at.t
         share = at.ahead * at.g / jnp.where(at.hit, at.ahead * at.g - at.past * at.g1, 1.0)
+        # No derivative passes through the search: `newton_correct` gives that of the time.
         h = lax.stop_gradient(at.rest * share)
         h = jnp.where(at.hit, h, full)
         v1, wrong = step(at.t, h, at.v)
@@ -221,6 +223,7 @@ def _until_event(event, step, unravel, ts, v0):  # noqa: ANN001, ANN202
             past=jnp.where(first, 1.0, past),
             side=jnp.where(across, -1.0, 1.0),
         )
+        # A step that is not taken has no error to count.
         return new, (new.t, new.v, keep(wrong, 0.0 * wrong))
 
     zero, one = jnp.zeros_like(ts[0]), jnp.ones_like(ts[0])
@@ -228,5 +231,6 @@ def _until_event(event, step, unravel, ts, v0):  # noqa: ANN001, ANN202
         ts[0], v0, event.condition(ts[0], unravel(v0)), jnp.asarray(0), jnp.asarray(False),
         zero, zero, one, one, zero,
     )  # fmt: skip
+    # Of a fixed length: a loop until the event would have no reverse mode.
     last, kept = lax.scan(advance, start, None, length=ts.size - 1 + SEARCH)
     return (last.t, last.v, last.hit), kept

@@ -47,6 +47,7 @@ def crossings(
     event = condition if isinstance(condition, Event) else Event(condition)
     event = dataclasses.replace(
         event,
+        # Only searched for: a run that ended or jumped there would be another one.
         terminal=False,
         then=None,
         samples=max(event.samples, len(run) - 1) if samples is None else samples,
@@ -54,6 +55,7 @@ def crossings(
     )
     events = as_events((event,))
     system, y0, config = run.system, run.initial, run.accuracy
+    # First and last alone: the search takes samples of its own between them.
     ends = run.ts[:: len(run) - 1]
     if run.run_axes == 0:
         check_events(events, system, y0, ends[0], 0)

@@ -51,6 +51,7 @@ def dataset_of(ts: Array, states: State, status: Array, run_axes: int) -> "xarra
     coordinates: dict[str, Any] = {}
     if times.ndim == 1:
         coordinates["time"] = ("time", times, {"units": "s"})
+    # Times that all runs share are an axis, even if each run has its copy.
     elif np.all(times == times[:, :1]):
         coordinates["time"] = ("time", times[:, 0], {"units": "s"})
     else:

@@ -46,8 +46,10 @@ def _with_known_end(phase: Any) -> Any:
     if not isinstance(flight, AbstractFlight) or flight.longest is not None:
         return phase
     span = phase.until.within if isinstance(phase.until, Event) else phase.until
+    # Traced, as in a campaign: its builder has to give the longest time itself.
     if not is_concrete(span):
         return phase
+    # Runs share the number of samples: that of the longest serves all.
     known = flight.lasting(float(np.max(np.asarray(span))))
     return Phase(known, phase.until, phase.then, phase.name)
 

@@ -40,6 +40,7 @@ class MissionTrajectory(eqx.Module):
 
     def show(self, path: "str | os.PathLike[str] | None" = None) -> "Path":
         """Open the mission in the browser as a page that moves (`jaxspace.plots.view_page`)."""
+        # Imported late: a mission that is not shown needs no plots.
         from ..plots import show_run
 
         return show_run(self, path)

@@ -111,6 +111,7 @@ def restarts_between(
     way, (ts, before, after, which, rising, stats) = jax.lax.scan(
         one, start, None, length=sum(rooms) + 1
     )
+    # An event that jumps ends a run only for want of room.
     overflow = (numbers == way.stopped_by) & (room > 0)
     return Restarts(
         ts, before, after, which, rising, way.t, way.y, way.stopped_by, way.counts, overflow,

@@ -67,6 +67,7 @@ def _at_times(
     if ts.shape[0] == 2:
         result = integrate(system, y0, ts[0], ts[1], None, config, run_axes, dense=dense)
         return result._replace(states=with_start(y0, result.states, run_axes))
+    # Safe, because a run without duration divides zero by zero.
     fractions = safe_divide(ts - ts[0], ts[-1] - ts[0])
     result = integrate(system, y0, ts[0], ts[-1], fractions, config, run_axes, dense=dense)
     # The state at the first time is the initial one to the last bit.
@@ -94,6 +95,7 @@ def _sampled(
         times = ts[0] + jnp.multiply.outer(fractions, span)
         states = replace_state(between.states, 0, y0, run_axes)
         return result, times, times_first(states, run_axes)
+    # Rounded up, so that there are at least as many samples.
     parts = -(-samples // (ts.shape[0] - 1))
     shares = jnp.linspace(0.0, 1.0, parts, endpoint=False, dtype=ts.dtype)
     # Every save time is a sample, to the last bit.

@@ -92,6 +92,7 @@ class Trajectory(eqx.Module):
             raise InputError(f"The batch has {runs} runs: there is no number {i}.")
         axes = _system_axes(self.system)
         system = jax.tree.map(lambda x, n: x[..., i] if n else x, self.system, axes)
+        # A count may be one number for all runs.
         stats = {name: x[..., i] if x.ndim else x for name, x in self.stats.items()}
         names = ("ts", "states", "status", "event", "happened", "dense", "crossings", "control")
         parts = jax.tree.map(lambda x: x[..., i], {name: getattr(self, name) for name in names})
@@ -140,6 +141,7 @@ class Trajectory(eqx.Module):
         sign = self._sign()
         # The number of the last step end at or before t; the ends ascend in the direction of time.
         passed = jnp.sum(sign * steps <= sign * t, axis=0) - 1
+        # A time before the start has passed no step: it is taken at the first, and made NaN later.
         index = jnp.clip(passed, 0, steps.shape[0] - 1)
 
         def pick(x: Array) -> Array:

@@ -97,6 +97,7 @@ class Aerodynamics(AbstractEffect):
         w = y.attitude.rotate_back(y.velocity - moving)
         speed = norm(w)
         mach = speed / air.sound_speed
+        # Without a factor |w|, which components of w bring in: no angle divides by a speed of zero.
         push = 0.5 * air.density * speed
         # A body of constant mass has its centre at the origin and gives a plain 0.0.
         centre: Any = body.centre_of_mass(y.mass)

@@ -96,6 +96,7 @@ class FlexibleStage(AbstractEffect):
         missile = loop.missile
         turn = missile.engine()["turn"]
         leaning, leaning_rate = self._inclination(y)
+        # Both planes pass through the loop as two runs: of the bending the modes come first there.
         state = MissileLoopState(
             MissileState(
                 part["engine"],

@@ -166,11 +166,14 @@ def sounding_flight(
         name = f"{number + 1}"
         drag = Parachute(chute.drag_area, air=air)
         hanging = scene(drag, carry=("mass",))
+        # Under a parachute hangs a point: the rotation ends with the ascent.
         turn = as_point if number == 0 else None
+        # A lag that is traced may be above zero, so that its phase must be there.
         if not is_concrete(chute.lag) or bool(jnp.any(chute.lag > 0.0)):
             phases.append(Phase(flying, chute.lag, turn, f"wait {name}"))
         else:
             phases[-1] = dataclasses.replace(phases[-1], then=turn)
+        # The last parachute hangs until the ground, each other one until the next opens.
         below = as_float(0.0) if number == last else recovery[number + 1].height
         phases.append(
             Phase(hanging, Event(_Above(below), -1, descent_within), name=f"parachute {name}")

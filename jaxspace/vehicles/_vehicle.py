@@ -114,11 +114,14 @@ class Vehicle(AbstractParameters):
         mass, case_mass = as_float(mass), as_float(case_mass)
         dry_mass = mass + case_mass
         dry_centre = (mass * centre + case_mass * case_station) / dry_mass
+        # The reduced mass has the parallel-axis terms of both parts in one.
         apart = mass * case_mass / dry_mass * (as_float(centre) - case_station) ** 2
         parts = [jnp.asarray(a) + b for a, b in zip(inertia, case_inertia, strict=True)]
+        # Along the axis the distance does not count: the zero carries its runs.
         dry_inertia = jnp.stack([parts[0] + apart, parts[1] + apart, parts[2] + 0.0 * apart])
         outer, inner, length = (as_float(x) for x in grain)
         square = outer * outer + inner * inner
+        # As radii of gyration, because the mass goes down as it burns.
         across = jnp.sqrt(0.25 * square + length * length / 12.0)
         filled = motor.propellant_mass if propellant_mass is None else propellant_mass
         body = BurningBody(
@@ -174,6 +177,7 @@ class Vehicle(AbstractParameters):
 
         **Raises** `InputError` for a gimbal without an `exit_station`."""
         parts = (self.nose, self.fins, self.tail)
+        # Without power `_drag` has taken it already.
         coasting = self.coasting_drag if powered else None
         burnout = None if coasting is None else self.motor.burnout()
         air_forces = Aerodynamics(
