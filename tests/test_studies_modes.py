@@ -191,6 +191,9 @@ def test_equilibrium_of_a_bead_on_a_hoop():
     slopes = jax.jit(jax.jacfwd(lambda rate: angle(rate)[:2]))(6.0)
     assert_allclose(slopes[0], slopes[1], rtol=1e-11)
     assert RotatingHoop(1.0, 0.5, 3.0, 9.8).rest_angle() == 0.0
+    # At rest it stays at the bottom, and so it does for small rates.
+    at_rest = jax.value_and_grad(lambda rate: RotatingHoop(1.0, 0.5, rate, 9.8).rest_angle())
+    assert at_rest(0.0) == (0.0, 0.0)
 
 
 def test_wrong_names_are_refused_in_a_sentence():

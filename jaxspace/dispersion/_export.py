@@ -1,6 +1,7 @@
 """The runs of a dispersion as a table of pandas and as a dataset of xarray."""
 
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -10,52 +11,44 @@ if TYPE_CHECKING:
     import pandas
     import xarray
 
-    # Of types alone: the dispersion itself calls these functions.
-    from ._statistics import Dispersion
 
-
-def as_frame(dispersion: "Dispersion") -> "pandas.DataFrame":
-    """A line for each run: its status, its inputs and outputs with their units."""
+def as_frame(
+    columns: Mapping[str, np.ndarray], units: Mapping[str, str], status: np.ndarray
+) -> "pandas.DataFrame":
+    """A line for each run: its status, then `columns`, each named with its unit."""
     import pandas
 
-    every = {**dispersion.inputs, **dispersion.outputs}
-    columns = {
-        name + (f" [{u}]" if (u := dispersion.units.get(name, "")) else ""): x
-        for name, x in every.items()
+    named = {
+        name + (f" [{unit}]" if (unit := units.get(name, "")) else ""): x
+        for name, x in columns.items()
     }
     words = np.array([s.name for s in Status])
-    places = np.searchsorted([s.value for s in Status], dispersion.status)
-    return pandas.DataFrame({"status": words[places], **columns})
+    places = np.searchsorted([s.value for s in Status], status)
+    return pandas.DataFrame({"status": words[places], **named})
 
 
-def as_dataset(dispersion: "Dispersion", first: int) -> "xarray.Dataset":
-    """A variable for each input and output along `run`; `first` is the number of the first run."""
+def as_dataset(
+    kinds: Mapping[str, Mapping[str, np.ndarray]],
+    units: Mapping[str, str],
+    status: np.ndarray,
+    evaluations: np.ndarray,
+    numbers: np.ndarray,
+    attributes: dict[str, Any],
+) -> "xarray.Dataset":
+    """A variable for each value along `run`, whose coordinate are the `numbers` of the runs.
+
+    `kinds`: inputs and outputs, as "input" and "output"."""
     import xarray
 
     variables: dict[str, tuple[str, np.ndarray, dict[str, object]]] = {}
-    for kind, values in (("input", dispersion.inputs), ("output", dispersion.outputs)):
+    for kind, values in kinds.items():
         # The place of a variable is kept, because a store sorts by name.
         for place, (name, x) in enumerate(values.items()):
-            attributes: dict[str, object] = {
-                "units": dispersion.units.get(name, ""),
-                "kind": kind,
-                "place": place,
-            }
-            variables[name] = ("run", np.asarray(x), attributes)
+            told: dict[str, object] = {"units": units.get(name, ""), "kind": kind, "place": place}
+            variables[name] = ("run", np.asarray(x), told)
     meanings = ", ".join(f"{s.value} {s.name}" for s in Status)
-    variables["status"] = (
-        "run",
-        np.asarray(dispersion.status),
-        {"units": "", "meanings": meanings},
-    )
-    variables["evaluations"] = ("run", np.asarray(dispersion.evaluations), {"units": ""})
-    numbers = (
-        np.arange(first, first + dispersion.runs)
-        if dispersion.numbers is None
-        else dispersion.numbers
-    )
+    variables["status"] = ("run", np.asarray(status), {"units": "", "meanings": meanings})
+    variables["evaluations"] = ("run", np.asarray(evaluations), {"units": ""})
     return xarray.Dataset(
-        variables,
-        {"run": ("run", numbers, {"long_name": "number of the run"})},
-        {**dispersion.attributes, "seed": dispersion.seed, "seconds": dispersion.seconds},
+        variables, {"run": ("run", numbers, {"long_name": "number of the run"})}, attributes
     )

@@ -18,6 +18,7 @@ from ._table import Row, row_of
 if TYPE_CHECKING:
     import os
 
+    import pandas
     import xarray
 
 
@@ -186,14 +187,20 @@ class Dispersion(eqx.Module):
     def to_csv(self, path: "str | os.PathLike[str]") -> None:
         """Write the runs as a table of text: a line for each run, with its number, its status, its
         inputs and outputs; the unit stands behind the name."""
-        as_frame(self).to_csv(path, index_label="run")
+        self._frame().to_csv(path, index_label="run")
 
     def to_parquet(self, path: "str | os.PathLike[str]") -> None:
         """Write the table of `to_csv` as a Parquet file, which needs `pip install
         jaxspace[parquet]`."""
-        as_frame(self).rename_axis("run").to_parquet(path, engine="pyarrow")
+        self._frame().rename_axis("run").to_parquet(path, engine="pyarrow")
+
+    def _frame(self) -> "pandas.DataFrame":
+        return as_frame({**self.inputs, **self.outputs}, self.units, self.status)
 
     def to_dataset(self, first: int = 0) -> "xarray.Dataset":
         """The runs as an xarray dataset along `run`, with the unit of every variable and the record
         in the attributes; `first` is the number of the first run."""
-        return as_dataset(self, first)
+        kinds = {"input": self.inputs, "output": self.outputs}
+        numbers = np.arange(first, first + self.runs) if self.numbers is None else self.numbers
+        record = {**self.attributes, "seed": self.seed, "seconds": self.seconds}
+        return as_dataset(kinds, self.units, self.status, self.evaluations, numbers, record)

@@ -132,10 +132,11 @@ class RotatingHoop(AbstractLagrangian):
     def rest_angle(self) -> Scalar:
         """The stable angle, rad: zero up to W^2 = g / r, then cos(theta) = g / (r W^2). Its slope
         is infinite where it leaves the bottom."""
-        fast = self.radius * self.rate**2 > self.gravity
-        # One half stands in at the bottom: the root of a negative number would put NaN into the
-        # derivative of the branch that is not taken.
-        ratio = jnp.where(fast, self.gravity / (self.radius * self.rate**2), 0.5)
+        outward = self.radius * self.rate**2
+        fast = outward > self.gravity
+        # One half stands in at the bottom: the root of a negative number, or a quotient by no rate,
+        # would put NaN into the derivative of the branch that is not taken.
+        ratio = jnp.where(fast, self.gravity, 0.5) / jnp.where(fast, outward, 1.0)
         # Of half the angle: the arc cosine has lost half of the digits near the bottom.
         angle = 2.0 * jnp.arctan2(jnp.sqrt(0.5 * (1.0 - ratio)), jnp.sqrt(0.5 * (1.0 + ratio)))
         return jnp.where(fast, angle, 0.0)
