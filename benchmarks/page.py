@@ -48,6 +48,7 @@ def _diagram(name: str, rows: dict) -> str:
     if error is None or speed is None:
         return ""
     from matplotlib.figure import Figure
+    from matplotlib.ticker import NullFormatter
 
     series: dict[str, list[tuple[float, float]]] = {}
     for label, row in rows.items():
@@ -74,6 +75,8 @@ def _diagram(name: str, rows: dict) -> str:
         axes, name.replace("_", " ").capitalize(), "error of the worst run", speed.replace("_", " ")
     )
     axes.invert_xaxis()
+    # Numbers between the decades run into each other.
+    axes.xaxis.set_minor_formatter(NullFormatter())
     figure.legend(
         *axes.get_legend_handles_labels(), fontsize=8, loc="outside right center", frameon=False
     )
