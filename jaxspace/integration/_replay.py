@@ -20,6 +20,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, PyTree
 
 from ..core import State, barrier
+from ..solvers import small_program
 from ._buffers import empty_buffer, get_row, put_row
 from ._loop import TERM, LoopSettings
 from ._needed import needed_only
@@ -50,8 +51,12 @@ class Replay(eqx.Module):
 
     @property
     def method(self) -> diffrax.AbstractSolver:
-        """The method of the run."""
-        return self.settings.method
+        """The method of the run: of a single one as a small program.
+
+        The derivative holds a step three times over, and its first call is mostly compilation. Many
+        runs at once are worth the time that the faster program takes."""
+        method = self.settings.method
+        return method if self.settings.tolerance.run_axes else small_program(method)
 
     def step_bounds(self, n: Array) -> tuple[Array, Array]:
         """The normalised times at the start and at the end of step `n`."""

@@ -18,7 +18,6 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jax import lax
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Bool, Float
@@ -26,31 +25,16 @@ from jaxtyping import Array, Bool, Float
 from ..core import InputError, Scalar, State, as_float
 from ..integration._events import Event, newton_correct
 from ..solvers import _tableaus as tableau
+from ..solvers._runge_kutta import combine, looped_stages
 from ._mission import Mission, Phase
 
-STAGES = 12
 # How often the step to an event is shortened: some eight reach rounding.
 SEARCH = 12
 
 
-def _filled(rows: tuple, columns: int) -> np.ndarray:
-    """Rows of (stage, weight) as a matrix."""
-    made = np.zeros((len(rows), columns))
-    for number, row in enumerate(rows):
-        for stage, weight in row:
-            made[number, stage] = weight
-    return made
-
-
-A = _filled(tableau.DOP853_A[:STAGES], STAGES)
-B, ERROR = _filled((tableau.DOP853_B, tableau.DOP853_ERROR_5), STAGES)
-C = np.asarray(tableau.DOP853_C[:STAGES])
-
-
 class CompactPhase(NamedTuple):
-    """A phase: the times of its steps' ends, (steps + 1,), s, the states there, components lead,
-    the
-    state at its end `before` the jump, and whether the event that ends it happened."""
+    """A phase: the times of its steps' ends, (steps + 1,), s, the states there, components
+    lead, the state at its end `before` the jump, and whether the event that ends it happened."""
 
     ts: Float[Array, " times"]
     states: State
@@ -119,24 +103,13 @@ def _phase(
     v0, unravel = ravel_pytree(y0)
     system = phase.moving
     ts = _ends(phase, t0, t1, steps)
-    tiny = 4.0 * jnp.finfo(v0.dtype).eps
 
     def rate(t: Scalar, v: Array) -> Array:
         return ravel_pytree(system.vector_field(t, unravel(v)))[0]
 
     def step(t: Scalar, h: Scalar, v: Array) -> tuple[Array, Array]:
-        # The end is seen from inside: the field may jump there.
-        last = jnp.maximum(t, t + h - tiny * (jnp.abs(t) + h))
-
-        def stage(ks: Array, row: tuple[Array, Array, Array]) -> tuple[Array, None]:
-            i, a, c = row
-            k = rate(jnp.minimum(t + c * h, last), v + h * (a @ ks))
-            return ks.at[i].set(k), None
-
-        rows = (jnp.arange(STAGES), jnp.asarray(A, v.dtype), jnp.asarray(C, v.dtype))
-        # A scan over the stages: the field is compiled once, and not twelve times.
-        ks, _ = lax.scan(stage, jnp.zeros((STAGES, v.size), v.dtype), rows)
-        return v + h * (jnp.asarray(B, v.dtype) @ ks), h * (jnp.asarray(ERROR, v.dtype) @ ks)
+        ks = looped_stages(rate, t, h, v, tableau.DOP853_C, tableau.DOP853_A)
+        return combine(v, h, tableau.DOP853_B, ks), combine(None, h, tableau.DOP853_ERROR_5, ks)
 
     if event is None:
 

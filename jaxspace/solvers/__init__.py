@@ -14,6 +14,7 @@ from ._protocol import AbstractFixedStep as AbstractFixedStep
 from ._protocol import SolverTraits as SolverTraits
 from ._protocol import bind as bind
 from ._protocol import refine as refine
+from ._protocol import small_program as small_program
 from ._protocol import solver_traits as solver_traits
 from ._regularised import Regularised as Regularised
 from ._rkn1210 import RKN1210 as RKN1210

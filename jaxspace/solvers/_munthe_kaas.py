@@ -21,7 +21,14 @@ from jaxtyping import Array, Float, PyTree
 
 from ..core import AbstractGroupElement, State, barrier, on_group
 from ._dense_output import AbstractDenseOutput
-from ._protocol import AbstractFieldSolver, Advance, SolverTraits, bind, solver_traits
+from ._protocol import (
+    AbstractFieldSolver,
+    Advance,
+    SolverTraits,
+    bind,
+    small_program,
+    solver_traits,
+)
 from ._runge_kutta import DOP853
 from ._tolerance import Tolerance
 from ._vector_field import StepField
@@ -96,6 +103,9 @@ class MuntheKaas(AbstractFieldSolver, diffrax.AbstractAdaptiveSolver):
     ) -> "MuntheKaas":
         inner = bind(self.solver, tolerance=tolerance, save_ts=save_ts, run_axes=run_axes)
         return MuntheKaas(inner)
+
+    def small_program(self) -> "MuntheKaas":
+        return MuntheKaas(small_program(self.solver))
 
     def order(self, terms: diffrax.AbstractTerm | None) -> int | None:
         return self.solver.order(terms)

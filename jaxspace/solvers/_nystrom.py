@@ -12,12 +12,13 @@ Source: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, II.1
 
 from typing import NamedTuple, final
 
+import jax
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..core import barrier
+from ..core import Scalar, barrier
 from . import _tableaus as tableau
-from ._runge_kutta import Weights, weighted
+from ._runge_kutta import Weights, dense_rows, stage_loop, weighted
 from ._second_order import SecondOrder, Vectors
 
 # Of a product of matrices whose entries are of order one: what is below is rounding, not a weight.
@@ -42,7 +43,7 @@ class NystromStep(NamedTuple):
     r: Vectors
     v: Vectors
     mean_velocity: Vectors
-    ks: list[Array]
+    ks: list[Array] | Float[Array, "stages ..."]
 
 
 def _row(weights: Float[np.ndarray, " stages"]) -> Weights:
@@ -52,13 +53,8 @@ def _row(weights: Float[np.ndarray, " stages"]) -> Weights:
 def from_runge_kutta(c: tuple[float, ...], a: tuple[Weights, ...], b: Weights) -> NystromTableau:
     """The Runge-Kutta-Nystrom form of the Runge-Kutta method with nodes `c`, rows `a` and weights
     `b`."""
-    matrix = np.zeros((len(c), len(c)))
-    for i, row in enumerate(a):
-        for j, w in row:
-            matrix[i, j] = w
-    weights = np.zeros(len(c))
-    for i, w in b:
-        weights[i] = w
+    matrix = dense_rows(a, len(c))
+    (weights,) = dense_rows((b,), len(c))
     rows = tuple(_row(row) for row in matrix @ matrix)
     return NystromTableau(c, rows, position=_row(weights @ matrix), velocity=b)
 
@@ -76,15 +72,26 @@ def nystrom_step(
     h: Float[Array, ""],
     r: Vectors,
     v: Vectors,
+    in_loop: bool = False,
 ) -> NystromStep:
-    """One step of length `h` in normalised time, from position `r` and velocity `v` at `s0`."""
+    """One step of length `h` in normalised time, from position `r` and velocity `v` at `s0`.
+
+    `in_loop`: whether the stages are a loop of the program (`stage_loop`)."""
     # Time keeps its own precision: a state in single precision may have a clock in double.
     h = h.astype(r.dtype)
-    ks: list[Array] = []
-    for c, row in zip(method.c, method.a, strict=True):
-        mean = c * v + h * weighted(row, ks) if row else c * v
-        stage = r + h * system.position_rate(mean)
-        ks.append(system.acceleration(s0 + c * h.astype(s0.dtype), stage))
+
+    def derivative(c: Scalar, change: Vectors | None) -> Vectors:
+        mean = jax.lax.convert_element_type(c, v.dtype) * v
+        mean = mean if change is None else mean + h * change
+        s = s0 + jax.lax.convert_element_type(c, s0.dtype) * h.astype(s0.dtype)
+        return system.acceleration(s, r + h * system.position_rate(mean))
+
+    if in_loop:
+        ks = stage_loop(derivative, r, method.c, method.a)
+    else:
+        ks = []
+        for c, row in zip(method.c, method.a, strict=True):
+            ks.append(derivative(c, weighted(row, ks) if row else None))
     # Together: the compiler would sum the stages again for each of its readers.
     mean = barrier(v + h * weighted(method.position, ks))
     r1, v1 = barrier((r + h * system.position_rate(mean), v + h * weighted(method.velocity, ks)))

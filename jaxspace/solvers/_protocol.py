@@ -62,6 +62,10 @@ class AbstractDeclaredSolver(diffrax.AbstractSolver):
         del tolerance, save_ts, run_axes
         return self
 
+    def small_program(self) -> diffrax.AbstractSolver:
+        """The same method as a program that compiles sooner and runs slower, if it has one."""
+        return self
+
     def func(
         self, terms: diffrax.AbstractTerm, t0: Float[Array, ""], y0: State, args: PyTree
     ) -> State:
@@ -201,6 +205,13 @@ def refine(solver: diffrax.AbstractSolver, factor: int) -> diffrax.AbstractSolve
     if isinstance(solver, diffrax.AbstractWrappedSolver):
         return _wrapping(solver, refine(solver.solver, factor))
     return solver.refined(factor) if isinstance(solver, AbstractFixedStep) else solver
+
+
+def small_program(solver: diffrax.AbstractSolver) -> diffrax.AbstractSolver:
+    """The same method as a program that compiles sooner and runs slower, if it has one."""
+    if isinstance(solver, diffrax.AbstractWrappedSolver):
+        return _wrapping(solver, small_program(solver.solver))
+    return solver.small_program() if isinstance(solver, AbstractDeclaredSolver) else solver
 
 
 def _wrapping(

@@ -23,6 +23,7 @@ import dataclasses
 from typing import ClassVar, final
 
 import diffrax
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
@@ -105,11 +106,14 @@ class RKN1210(AbstractFieldSolver, diffrax.AbstractAdaptiveSolver):
 
     - `save_ts`: the times at which states are saved, where they are known beforehand. `simulate`
       fills them in; without them every step pays for the dense output.
+    - `in_loop`: whether the stages are a loop of the program, which compiles sooner and runs
+      slower. Derivatives of single runs fill it in.
 
     **Raises** `InputError` in its first step for a state with further parts.
     """
 
     save_ts: Float[Array, " times"] | None = None
+    in_loop: bool = eqx.field(static=True, default=False)
     term_structure: ClassVar = diffrax.ODETerm
     interpolation_cls: ClassVar = _HermiteOutput
 
@@ -121,7 +125,10 @@ class RKN1210(AbstractFieldSolver, diffrax.AbstractAdaptiveSolver):
         self, *, tolerance: Tolerance, save_ts: Float[Array, " times"] | None, run_axes: int
     ) -> "RKN1210":
         del tolerance, run_axes
-        return RKN1210(jnp.zeros((0,)) if save_ts is None else save_ts)
+        return RKN1210(jnp.zeros((0,)) if save_ts is None else save_ts, self.in_loop)
+
+    def small_program(self) -> "RKN1210":
+        return RKN1210(self.save_ts, in_loop=True)
 
     def order(self, terms: diffrax.AbstractTerm | None) -> int:
         return 12
@@ -140,10 +147,11 @@ class RKN1210(AbstractFieldSolver, diffrax.AbstractAdaptiveSolver):
         carried: Bool[Array, "*runs"],
     ) -> Advance:
         system = second_order(f.terms, t0, t1, y0, f.args, "RKN1210")
-        step = nystrom_step(system, RKN12, t0, t1 - t0, y0.position, y0.velocity)
+        h = t1 - t0
+        step = nystrom_step(system, RKN12, t0, h, y0.position, y0.velocity, self.in_loop)
         # The velocity matters: the method would converge to the motion of another system.
         y1 = system.state(step.r, jnp.where(carried, jnp.nan, step.v))
-        h = (t1 - t0).astype(step.r.dtype)
+        h = h.astype(step.r.dtype)
         position_error = h * system.position_rate(h * weighted(POSITION_ERROR, step.ks))
         error = system.state(position_error, h * weighted(VELOCITY_ERROR, step.ks))
         dense = dict(y0=y0, q=self._dense(system, t0, t1, step), travel=h * system.dt_ds)
@@ -155,7 +163,7 @@ class RKN1210(AbstractFieldSolver, diffrax.AbstractAdaptiveSolver):
         """What the dense output needs; zeros in a step within which no state is saved."""
 
         def fitted() -> Array:
-            return _hermite_coefficients(system, t0, t1 - t0, step)
+            return _hermite_coefficients(system, t0, t1 - t0, step, self.in_loop)
 
         def zeros() -> Array:
             return jnp.zeros((COEFFICIENTS, *step.r.shape), step.r.dtype)
@@ -169,7 +177,11 @@ class RKN1210(AbstractFieldSolver, diffrax.AbstractAdaptiveSolver):
 
 
 def _hermite_coefficients(
-    system: SecondOrder, t0: Float[Array, ""], h: Float[Array, ""], step: NystromStep
+    system: SecondOrder,
+    t0: Float[Array, ""],
+    h: Float[Array, ""],
+    step: NystromStep,
+    in_loop: bool,
 ) -> Float[Array, "coefficients ..."]:
     """q_i, q_i' and q_i'' in the order of `_hermite`."""
     r0 = system.y0.position
@@ -178,7 +190,7 @@ def _hermite_coefficients(
 
     def within(_: None, x: Array) -> tuple[None, Array]:
         part = x.astype(h.dtype) * h
-        inner = nystrom_step(system, RKN12, t0, part, r0, v0)
+        inner = nystrom_step(system, RKN12, t0, part, r0, v0, in_loop)
         a = system.acceleration(t0 + part, inner.r)
         return None, jnp.stack([x * (inner.mean_velocity - v0), inner.v - v0, dt * a])
 

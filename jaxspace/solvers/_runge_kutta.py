@@ -19,6 +19,7 @@ import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from ..core import State, barrier
@@ -32,17 +33,34 @@ Weights: TypeAlias = tuple[tuple[int, float], ...]
 """A row of a tableau: stages and their weights, without those of weight zero."""
 
 
-def weighted(weights: Weights, ks: Sequence[Array]) -> Array:
-    """sum_i w_i k_i."""
+def dense_rows(rows: Sequence[Weights], columns: int) -> Float[np.ndarray, "rows columns"]:
+    """Rows of a tableau as a matrix."""
+    matrix = np.zeros((len(rows), columns))
+    for row, weights in zip(matrix, rows, strict=True):
+        for i, w in weights:
+            row[i] = w
+    return matrix
+
+
+def weighted(weights: Weights, ks: Sequence[Array] | Array) -> Array:
+    """sum_i w_i k_i, of a list or of an array with the stages on its first axis."""
+    if isinstance(ks, jax.Array):
+        (row,) = dense_rows((weights,), ks.shape[0])
+        return jnp.tensordot(row.astype(ks.dtype), ks, 1)
     # By the operations of `lax`: a step holds hundreds of them, and those of `jax.numpy` take four
     # times as long to trace.
     terms = [jax.lax.mul(ks[i], ks[i].dtype.type(w)) for i, w in weights]
     return functools.reduce(jax.lax.add, terms)
 
 
-def combine(y: State | None, h: Array, weights: Weights, ks: Sequence[State]) -> State:
-    """y + h sum_i w_i k_i, leaf by leaf; a `y` of `None` stands for zero."""
-    change = jax.tree.map(lambda *kl: h.astype(kl[0].dtype) * weighted(weights, kl), *ks)
+def combine(y: State | None, h: Array, weights: Weights, ks: list[State] | State) -> State:
+    """y + h sum_i w_i k_i, leaf by leaf; a `y` of `None` stands for zero.
+
+    `ks` is a list, or one tree with the stages on the first axis of its leaves (`stage_loop`)."""
+    if isinstance(ks, list):
+        change = jax.tree.map(lambda *kl: h.astype(kl[0].dtype) * weighted(weights, kl), *ks)
+    else:
+        change = jax.tree.map(lambda k: h.astype(k.dtype) * weighted(weights, k), ks)
     return change if y is None else jax.tree.map(jnp.add, y, change)
 
 
@@ -73,6 +91,54 @@ def stages(
         y = combine(y0, h, row, ks) if row else y0
         ks = [*ks, f(jnp.minimum(t0 + h * ci, end), y)]
     return ks
+
+
+def looped_stages(
+    f: Callable[[Array, State], State],
+    t0: Float[Array, ""],
+    h: Float[Array, ""],
+    y0: State,
+    c: tuple[float, ...],
+    a: tuple[Weights, ...],
+) -> State:
+    """`stages` as a loop: the vector field stands once in the program and not once a stage.
+
+    It compiles several times sooner, derivatives most of all. Simple fields run slower by a part:
+    each stage reads all derivatives, those of weight zero among them.
+
+    **Returns** the derivatives as one tree, with the stages on the first axis of its leaves."""
+    end = jnp.maximum(t0, t0 + h - 4.0 * jnp.finfo(t0.dtype).eps * (jnp.abs(t0) + h))
+
+    def derivative(ci: Array, change: State) -> State:
+        y = jax.tree.map(lambda y, d: y + h.astype(y.dtype) * d, y0, change)
+        return f(jnp.minimum(t0 + h * ci.astype(h.dtype), end), y)
+
+    return stage_loop(derivative, y0, c, a)
+
+
+def stage_loop(
+    derivative: Callable[[Array, State], State],
+    like: State,
+    c: tuple[float, ...],
+    a: tuple[Weights, ...],
+) -> State:
+    """k_i = derivative(c_i, sum_j a_ij k_j) for each row of `a`, by a loop, as one tree.
+
+    `like` has the structure of the derivatives."""
+
+    # Evaluated once more backwards: to keep what it computes at every stage takes more time.
+    @jax.checkpoint
+    def rate(ci: Array, weights: Array, ks: State) -> State:
+        change = jax.tree.map(lambda k: jnp.tensordot(weights.astype(k.dtype), k, 1), ks)
+        return derivative(ci, change)
+
+    def stage(ks: State, row: tuple[Array, Array, Array]) -> tuple[State, None]:
+        i, ci, weights = row
+        return jax.tree.map(lambda all, k: all.at[i].set(k), ks, rate(ci, weights, ks)), None
+
+    empty = jax.tree.map(lambda x: jnp.zeros((len(c), *x.shape), x.dtype), like)
+    rows = (jnp.arange(len(c)), jnp.asarray(c), jnp.asarray(dense_rows(a, len(c))))
+    return jax.lax.scan(stage, empty, rows)[0]
 
 
 class _NestedProducts(AbstractDenseOutput):
@@ -126,9 +192,12 @@ class DOP853(AbstractFieldSolver, diffrax.AbstractAdaptiveSolver):
 
     **Arguments**
 
-    - `dense`: whether states within a step can be asked for. `simulate` fills it in."""
+    - `dense`: whether states within a step can be asked for. `simulate` fills it in.
+    - `in_loop`: whether the stages are a loop of the program, which compiles sooner and runs
+      slower. Derivatives of single runs fill it in."""
 
     dense: bool = eqx.field(static=True, default=True)
+    in_loop: bool = eqx.field(static=True, default=False)
     term_structure: ClassVar = diffrax.ODETerm
     interpolation_cls: ClassVar = _NestedProducts
 
@@ -140,7 +209,10 @@ class DOP853(AbstractFieldSolver, diffrax.AbstractAdaptiveSolver):
         self, *, tolerance: Tolerance, save_ts: Float[Array, " times"] | None, run_axes: int
     ) -> "DOP853":
         del tolerance, run_axes
-        return DOP853(dense=save_ts is not None)
+        return DOP853(save_ts is not None, self.in_loop)
+
+    def small_program(self) -> "DOP853":
+        return DOP853(self.dense, in_loop=True)
 
     def order(self, terms: diffrax.AbstractTerm | None) -> int:
         return 8
@@ -150,7 +222,11 @@ class DOP853(AbstractFieldSolver, diffrax.AbstractAdaptiveSolver):
     ) -> Advance:
         del carried
         h = t1 - t0
-        ks = stages(f, t0, h, y0, tableau.DOP853_C, tableau.DOP853_A, [])
+        method = tableau.DOP853_C, tableau.DOP853_A
+        if self.in_loop:
+            ks = looped_stages(f, t0, h, y0, *method)
+        else:
+            ks = stages(f, t0, h, y0, *method, [])
         # Held, because the dense output and the error read it too.
         y1 = barrier(combine(y0, h, tableau.DOP853_B, ks))
         error = jax.tree.map(
@@ -178,9 +254,12 @@ def _dense_coefficients(
     h: Float[Array, ""],
     y0: State,
     y1: State,
-    ks: list[State],
+    ks: list[State] | State,
 ) -> list[State]:
     """The seven coefficients of DOP853's dense output."""
+    if not isinstance(ks, list):
+        count = jax.tree.leaves(ks)[0].shape[0]
+        ks = [jax.tree.map(lambda k, i=i: k[i], ks) for i in range(count)]
     # Four evaluations; where the run saves at few times, the loop computes them in every step.
     last = stages(f, t0, h, y1, (1.0,), ((),), [])[0]
     ks = stages(f, t0, h, y0, tableau.DOP853_DENSE_C, tableau.DOP853_DENSE_A, [*ks, last])

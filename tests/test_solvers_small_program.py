@@ -1,0 +1,143 @@
+"""Methods whose stages are a loop of the program: the same steps and derivatives as written out,
+from a program that holds the vector field once."""
+
+import diffrax
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jaxspace.bodies import BodyState
+from jaxspace.core import AbstractSystem, dot
+from jaxspace.rotations import Quaternion
+from jaxspace.simulation import Accuracy, simulate, simulate_batch
+from jaxspace.solvers import (
+    DOP853,
+    RKN1210,
+    ExponentialRosenbrock,
+    MuntheKaas,
+    Stormer,
+    Tsit5,
+    small_program,
+)
+
+
+class Swing(AbstractSystem):
+    """r'' = -r sin(|r|^2 + t), with a frame turned by r at the same time."""
+
+    turning: bool = eqx.field(static=True, default=False)
+
+    def vector_field(self, t, y):
+        a = -y.position * jnp.sin(dot(y.position, y.position) + jnp.asarray(t, y.position.dtype))
+        if not self.turning:
+            return BodyState(y.velocity, a)
+        return BodyState(y.velocity, a, y.attitude.rate(y.position), -0.2 * y.omega)
+
+    def invariants(self, t, y):
+        return {}
+
+
+def start(turning=False, dtype=jnp.float64):
+    r, v = jnp.array([1.0, 0.2, -0.3], dtype), jnp.array([0.1, 0.8, 0.4], dtype)
+    if not turning:
+        return BodyState(r, v)
+    return BodyState(
+        r, v, Quaternion.about(2, jnp.asarray(0.4, dtype)), jnp.array([0.1, 0.2, 0.3], dtype)
+    )
+
+
+TERM = diffrax.ODETerm(lambda t, y, system: system.vector_field(t, y))
+METHODS = [
+    pytest.param(DOP853(), False, id="DOP853"),
+    pytest.param(DOP853(), True, id="DOP853 with attitude"),
+    pytest.param(RKN1210(), False, id="RKN1210"),
+    pytest.param(MuntheKaas(), True, id="MuntheKaas"),
+]
+
+
+def step(method, turning):
+    """A step as a function of the state, and states within it."""
+    system = Swing(turning)
+
+    def go(y):
+        t0, t1 = jnp.array(0.3), jnp.array(0.8)
+        state = method.init(TERM, t0, t1, y, system)
+        y1, error, dense, _, _ = method.step(TERM, t0, t1, y, system, state, jnp.array(False))
+        within = method.interpolation_cls(t0=t0, t1=t1, **dense).evaluate(jnp.array(0.45))
+        return y1, error, within
+
+    return go
+
+
+def far(a, b):
+    return max(
+        float(jnp.max(jnp.abs(x - y)))
+        for x, y in zip(jax.tree.leaves(a), jax.tree.leaves(b), strict=True)
+    )
+
+
+@pytest.mark.parametrize(("method", "turning"), METHODS)
+@pytest.mark.parametrize("dtype", [jnp.float64, pytest.param(jnp.float32, marks=pytest.mark.sweep)])
+def test_the_loop_takes_the_same_step_with_the_same_derivatives(method, turning, dtype):
+    y = start(turning, dtype)
+    looped = small_program(method)
+    assert type(looped) is type(method)
+    assert looped != method
+    tangent = jax.tree.map(lambda x: jnp.cos(1.0 + jnp.arange(x.size, dtype=x.dtype)), y)
+
+    def both_modes(method):
+        go = step(method, turning)
+
+        @jax.jit
+        def found(y, tangent):
+            out, pushed = jax.jvp(go, (y,), (tangent,))
+            _, pull = jax.vjp(go, y)
+            return out, pushed, pull(jax.tree.map(jnp.ones_like, out))
+
+        return found(y, tangent)
+
+    got, wanted = both_modes(looped), both_modes(method)
+    assert all(a.dtype == dtype for a in jax.tree.leaves(got))
+    # The sums are taken in another order; derivatives are some tens in size.
+    assert far(got, wanted) < 200.0 * float(jnp.finfo(dtype).eps)
+
+
+@pytest.mark.parametrize(
+    ("method", "stages"), [(DOP853(dense=False), 12), (RKN1210(jnp.zeros((0,))), 17)], ids=repr
+)
+def test_the_program_holds_the_field_once(method, stages):
+    def fields(method):
+        def end(y):
+            t0, t1, field = jnp.array(0.3), jnp.array(0.8), Swing()
+            state = method.init(TERM, t0, t1, y, field)
+            return method.step(TERM, t0, t1, y, field, state, jnp.array(False))[0]
+
+        return jax.jit(end).lower(start()).compile().as_text().count(" sine(")
+
+    # RKN 12(10) also asks whether the velocity matters.
+    assert fields(method) - fields(small_program(method)) == stages - 1
+
+
+def test_methods_without_such_a_form_are_their_own():
+    for method in (Tsit5(), ExponentialRosenbrock(), Stormer(steps=30), diffrax.Dopri8()):
+        assert small_program(method) == method
+    assert small_program(diffrax.HalfSolver(DOP853())).solver == DOP853(in_loop=True)
+
+
+@pytest.mark.parametrize("method", [DOP853(), RKN1210()], ids=["DOP853", "RKN1210"])
+def test_derivatives_of_one_run_are_those_of_the_same_run_in_a_batch(method):
+    """A single run takes the loop for its derivative, a batch the stages written out."""
+    ts = jnp.array([0.0, 1.5, 4.0])
+    accuracy = Accuracy(1e-11, method=method)
+    y0 = start()
+    one = jax.grad(
+        lambda y: jnp.sum(simulate(Swing(), y, ts, accuracy=accuracy).states.position[0])
+    )(y0)
+    runs = jax.tree.map(lambda x: jnp.stack([x, x], axis=-1), y0)
+    among = jax.grad(
+        lambda y: jnp.sum(simulate_batch(Swing(), y, ts, accuracy=accuracy).states.position[0])
+    )(runs)
+    for a, b in zip(jax.tree.leaves(one), jax.tree.leaves(among), strict=True):
+        # The steps are the same but for the order of sums within a stage.
+        np.testing.assert_allclose(b, jnp.stack([a, a], axis=-1), rtol=1e-9, atol=1e-11)
