@@ -36,7 +36,7 @@ def _traced_pilots(
         name: jnp.concatenate([x, jnp.where(flown, drawn[name], x)]) for name, x in nominal.items()
     }
     mission, y0 = campaign.build(samples)
-    configs = resolve_phases(mission, y0, accuracy, 1)
+    configs = tuple(c.small_program() for c in resolve_phases(mission, y0, accuracy, 1))
     result = run_mission(mission, y0, campaign.start, 2, configs, 1, record_steps=True)
     # The runs of a block share the adaptive steps of the search for an event.
     coupled = any(isinstance(phase.until, Event) for phase in mission.phases)

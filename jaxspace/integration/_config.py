@@ -16,7 +16,7 @@ import numpy as np
 from jaxtyping import Array, DTypeLike, Float, PyTree
 
 from ..core import AbstractSystem, InputError, Scalar, is_concrete
-from ..solvers import SolverTraits, refine, solver_traits
+from ..solvers import SolverTraits, refine, small_program, solver_traits
 from ._accuracy import DEFAULT_RTOL, Accuracy, least_tolerance, state_dtype
 from ._selection import select_method
 from ._stiffness import InitialConditions
@@ -53,6 +53,11 @@ class IntegrationConfig(eqx.Module):
     def fixed_step(self) -> bool:
         """Whether the method takes a given number of steps, which the tolerance only judges."""
         return not isinstance(self.method, str) and solver_traits(self.method).fixed_step
+
+    def small_program(self) -> "IntegrationConfig":
+        """The same as a program that compiles sooner and runs slower, where the method has one."""
+        method = self.method if isinstance(self.method, str) else small_program(self.method)
+        return dataclasses.replace(self, method=method)
 
     def tightened(self, factor: float) -> "IntegrationConfig":
         """The same with tolerances `factor` times as large, as far as the precision allows.
