@@ -65,6 +65,23 @@ def test_slopes_and_centres_of_calisto_are_those_of_rocketpy():
         np.testing.assert_allclose(part.centre() - dry_centre, centre, rtol=1e-13)
 
 
+def test_a_model_rocket_of_many_masses_is_that_of_each():
+    """Mass and centre of the rocket carry runs, as in a dispersion, through body and stations."""
+    rocket = ROCKETS["Calisto"]
+    masses = rocket["mass"] * np.array([0.95, 1.0, 1.2])
+    centres = rocket["centre"] + np.array([-0.02, 0.0, 0.03])
+    many = vehicle(dict(rocket, mass=jnp.asarray(masses), centre=jnp.asarray(centres)))
+    for k, (mass, centre) in enumerate(zip(masses, centres, strict=True)):
+        one = vehicle(dict(rocket, mass=mass, centre=centre))
+        for of in (
+            lambda v: v.body.dry_inertia.moments,
+            lambda v: v.body.dry_mass,
+            lambda v: v.fins.leading_edge,
+            lambda v: v.exit_station,
+        ):
+            np.testing.assert_allclose(of(many)[..., k], of(one), rtol=1e-15)
+
+
 def test_noses_have_the_centre_of_their_volume():
     """L - V/(pi r^2) behind the tip, the volume by quadrature of the outline."""
     r, length = 0.05, 0.4

@@ -17,7 +17,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..bodies import AbstractBody, AbstractEffect, BurningBody, as_inertia
+from ..bodies import AbstractBody, AbstractEffect, BurningBody, PrincipalInertia
 from ..core import (
     AbstractParameters,
     InputError,
@@ -126,7 +126,7 @@ class Vehicle(AbstractParameters):
         filled = motor.propellant_mass if propellant_mass is None else propellant_mass
         body = BurningBody(
             dry_mass,
-            as_inertia(dry_inertia),
+            PrincipalInertia(dry_inertia),
             jnp.stack([across, across, jnp.sqrt(0.5 * square)]),
             propellant_station - dry_centre,
             as_optional_float(filled),
