@@ -6,8 +6,8 @@ Wanted on two cores: the launch in 60 s (goal 20), the transfer in 15, the gradi
 in 5, the gradient of an orbit by RKN 12(10) in 2 and its Hessian in 8. Most of it is the compiler,
 whose time goes with the length of its program. Two things keep that short: the stages of a step are
 a loop where one run is differentiated, and a stage of that loop is evaluated once more backwards,
-in place of hundreds of buffers for what it computed. Narrower vectors, fewer passes of LLVM and
-less optimisation changed little."""
+in place of hundreds of buffers for what it computed. Narrower vectors and leaving out the expensive
+passes of LLVM changed nothing."""
 
 import json
 import os
