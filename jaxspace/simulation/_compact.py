@@ -25,7 +25,7 @@ from jaxtyping import Array, Bool, Float
 from ..core import InputError, Scalar, State, as_float
 from ..integration._events import Event, newton_correct
 from ..solvers import _tableaus as tableau
-from ..solvers._runge_kutta import combine, looped_stages
+from ..solvers._runge_kutta import combine, stages
 from ._mission import Mission, Phase
 
 # How often the step to an event is shortened: some eight reach rounding.
@@ -108,7 +108,7 @@ def _phase(
         return ravel_pytree(system.vector_field(t, unravel(v)))[0]
 
     def step(t: Scalar, h: Scalar, v: Array) -> tuple[Array, Array]:
-        ks = looped_stages(rate, t, h, v, tableau.DOP853_C, tableau.DOP853_A)
+        ks = stages(rate, t, h, v, tableau.DOP853_C, tableau.DOP853_A, [], in_loop=True)
         return combine(v, h, tableau.DOP853_B, ks), combine(None, h, tableau.DOP853_ERROR_5, ks)
 
     if event is None:

@@ -22,7 +22,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..core import State, barrier
+from ..core import Scalar, State, barrier
 from . import _tableaus as tableau
 from ._dense_output import AbstractDenseOutput
 from ._protocol import AbstractFieldSolver, Advance, SolverTraits
@@ -72,7 +72,8 @@ def stages(
     c: tuple[float, ...],
     a: tuple[Weights, ...],
     ks: list[State],
-) -> list[State]:
+    in_loop: bool = False,
+) -> list[State] | State:
     """The derivatives at the stages of a step.
 
     **Arguments**
@@ -81,39 +82,27 @@ def stages(
     - `t0`, `h`: start and length of the step.
     - `y0`: the state from which the stages start.
     - `c`, `a`: nodes and rows of the stages to evaluate.
-    - `ks`: the derivatives at the stages before these.
+    - `ks`: the derivatives at the stages before these; none of them for a loop.
+    - `in_loop`: whether the stages are a loop of the program (`stage_loop`).
 
-    **Returns** `ks`, followed by one derivative for each row of `a`.
+    **Returns** `ks`, followed by one derivative for each row of `a`; of a loop one tree, with the
+    stages on the first axis of its leaves.
     """
     # Not before the start: a step may be as short as a rounding.
     end = jnp.maximum(t0, t0 + h - 4.0 * jnp.finfo(t0.dtype).eps * (jnp.abs(t0) + h))
+
+    def derivative(ci: Scalar, change: State | None) -> State:
+        y = y0
+        if change is not None:
+            y = jax.tree.map(lambda y, d: y + h.astype(y.dtype) * d, y0, change)
+        return f(jnp.minimum(t0 + h * jax.lax.convert_element_type(ci, h.dtype), end), y)
+
+    if in_loop:
+        return stage_loop(derivative, y0, c, a)
     for ci, row in zip(c, a, strict=True):
-        y = combine(y0, h, row, ks) if row else y0
-        ks = [*ks, f(jnp.minimum(t0 + h * ci, end), y)]
+        change = jax.tree.map(lambda *kl, row=row: weighted(row, kl), *ks) if row else None
+        ks = [*ks, derivative(ci, change)]
     return ks
-
-
-def looped_stages(
-    f: Callable[[Array, State], State],
-    t0: Float[Array, ""],
-    h: Float[Array, ""],
-    y0: State,
-    c: tuple[float, ...],
-    a: tuple[Weights, ...],
-) -> State:
-    """`stages` as a loop: the vector field stands once in the program and not once a stage.
-
-    It compiles several times sooner, derivatives most of all. Simple fields run slower by a part:
-    each stage reads all derivatives, those of weight zero among them.
-
-    **Returns** the derivatives as one tree, with the stages on the first axis of its leaves."""
-    end = jnp.maximum(t0, t0 + h - 4.0 * jnp.finfo(t0.dtype).eps * (jnp.abs(t0) + h))
-
-    def derivative(ci: Array, change: State) -> State:
-        y = jax.tree.map(lambda y, d: y + h.astype(y.dtype) * d, y0, change)
-        return f(jnp.minimum(t0 + h * ci.astype(h.dtype), end), y)
-
-    return stage_loop(derivative, y0, c, a)
 
 
 def stage_loop(
@@ -124,7 +113,9 @@ def stage_loop(
 ) -> State:
     """k_i = derivative(c_i, sum_j a_ij k_j) for each row of `a`, by a loop, as one tree.
 
-    `like` has the structure of the derivatives."""
+    The vector field stands once in the program and not once a stage. It compiles several times
+    sooner, derivatives most of all. Simple fields run slower by a part: each stage reads all
+    derivatives, those of weight zero among them. `like` has the structure of the derivatives."""
 
     # Evaluated once more backwards: to keep what it computes at every stage takes more time.
     @jax.checkpoint
@@ -222,11 +213,7 @@ class DOP853(AbstractFieldSolver, diffrax.AbstractAdaptiveSolver):
     ) -> Advance:
         del carried
         h = t1 - t0
-        method = tableau.DOP853_C, tableau.DOP853_A
-        if self.in_loop:
-            ks = looped_stages(f, t0, h, y0, *method)
-        else:
-            ks = stages(f, t0, h, y0, *method, [])
+        ks = stages(f, t0, h, y0, tableau.DOP853_C, tableau.DOP853_A, [], self.in_loop)
         # Held, because the dense output and the error read it too.
         y1 = barrier(combine(y0, h, tableau.DOP853_B, ks))
         error = jax.tree.map(
