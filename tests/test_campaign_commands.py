@@ -159,6 +159,26 @@ def test_a_stop_that_a_library_has_met_in_a_callback(tmp_path, capsys, monkeypat
     assert "Traceback" not in capsys.readouterr().err
 
 
+def test_a_stop_within_text_that_python_was_compiling(tmp_path):
+    """As in the making of a dataclass: Python 3.13 would end the process by the signal."""
+    (tmp_path / "coast.toml").write_text(COAST)
+    (tmp_path / "interrupted.py").write_text(
+        "import sys\n"
+        "from jaxspace.cli import _campaigns, main\n"
+        "_campaigns.disperse_campaign = lambda *_, **__: exec('raise KeyboardInterrupt')\n"
+        "sys.exit(main(['disperse', 'coast.toml', '--out', '.', '--runs', '40']))\n"
+    )
+    ended = subprocess.run(
+        [sys.executable, "-m", "interrupted"],
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": f"{ROOT}{os.pathsep}{tmp_path}"},
+        capture_output=True,
+        text=True,
+    )
+    assert ended.returncode == 130, ended.stderr
+    assert "Traceback" not in ended.stderr
+
+
 LONG = 20_000
 
 

@@ -9,7 +9,7 @@ from ..core import InputError
 from ..io import SceneError
 from ..simulation import SimulationError
 from ._parser import parser
-from ._stopping import Stopped, is_stop, stopped_by_signals
+from ._stopping import Stopped, clear_interruption, is_stop, stopped_by_signals
 
 BAD_INPUT, BAD_RUN = 2, 1
 # As a shell reports a command that SIGINT has ended.
@@ -28,6 +28,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         sys.stdout.flush()
         return status
     except (KeyboardInterrupt, Stopped) as error:
+        clear_interruption()
         print(f"{file}: {str(error) or 'stopped.'}", file=sys.stderr)
         return STOPPED
     except (SceneError, InputError) as error:
@@ -39,6 +40,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except RuntimeError as error:
         if not is_stop(error):
             raise
+        clear_interruption()
         print(f"{file}: stopped.", file=sys.stderr)
         return STOPPED
     except BrokenPipeError:

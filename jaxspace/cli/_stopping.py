@@ -19,6 +19,15 @@ def is_stop(error: BaseException) -> bool:
     return isinstance(error, KeyboardInterrupt) or "KeyboardInterrupt" in str(error)
 
 
+def clear_interruption() -> None:
+    """Tell Python that an interruption was dealt with.
+
+    One that passed through text run by `exec`, as dataclasses are made, leaves a mark, and under
+    `python -m` Python 3.13 ends a marked process by SIGINT in place of its exit status. Text that
+    ends well takes the mark away."""
+    exec("")
+
+
 @contextlib.contextmanager
 def stopped_by_signals() -> Iterator[None]:
     """SIGTERM, with which systems end a process, is met like Ctrl-C."""
