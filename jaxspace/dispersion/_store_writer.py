@@ -6,11 +6,13 @@ import os
 import shutil
 import warnings
 from collections.abc import Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from ._batch_runner import cores
 from ._columns import Column, arrays_of, encoded
 from ._identity import difference
 from ._lock import NAME, Lock, StoreError
@@ -153,16 +155,21 @@ class StoreWriter:
 
     def commit(self, chunk: int, results: RunResults, seconds: float, cpu: float) -> None:
         """Write the runs of a chunk, and then its entry."""
-        store, files = self.store, {}
+        store = self.store
         first, count = store.extent(chunk)
         columns = arrays_of(results, np.arange(first, first + count))
-        # An entry for files that are about to change would vouch for the wrong ones.
+
+        def write(name: str) -> tuple[int, str]:
+            data = encoded(columns[name], store.columns[name], store.chunk)
+            write_whole(store.file(name, chunk), data)
+            return len(data), hashlib.sha256(data).hexdigest()
+
         with _disk(store):
+            # An entry for files that are about to change would vouch for the wrong ones.
             (store.path / MANIFEST / f"{chunk}.json").unlink(missing_ok=True)
-            for name, column in store.columns.items():
-                data = encoded(columns[name], column, store.chunk)
-                write_whole(store.file(name, chunk), data)
-                files[name] = (len(data), hashlib.sha256(data).hexdigest())
+            # On all cores: the runs of the next chunk wait for this.
+            with ThreadPoolExecutor(cores()) as pool:
+                files = dict(zip(store.columns, pool.map(write, store.columns), strict=True))
             entry = {"first": first, "runs": count, "seconds": seconds, "cpu_seconds": cpu}
             entry |= {"pid": os.getpid(), "files": files}
             # Last, because it vouches for files that are all there.
