@@ -50,6 +50,12 @@ class AbstractRegularised(eqx.Module):
     z is one array with the components first. The motion is smooth in sigma where it is fast or
     singular in time. The last component of z is the time, s, since z was made from a state."""
 
+    @property
+    def attraction(self) -> Scalar | None:
+        """The gravitational parameter of the point about which the motion goes, m^3/s^2: by it the
+        method "auto" tells eccentric orbits. `None`, the default, where there is no such point."""
+        return None
+
     @abstractmethod
     def to_regularised(self, y: State) -> Array:
         """The regularised variables of the state `y`."""

@@ -41,6 +41,10 @@ class KustaanheimoStiefel(AbstractRegularised):
     mu: Float[Array, "*#runs"]
     rest: AbstractSystem | None
 
+    @property
+    def attraction(self) -> Scalar:
+        return self.mu
+
     def to_regularised(self, y: BodyState) -> Array:
         u = ks_parameters(y.position)
         energy = 0.5 * dot(y.velocity, y.velocity) - self.mu / jnp.sqrt(dot(y.position, y.position))
