@@ -1,6 +1,8 @@
 """Methods whose stages are a loop of the program: the same steps and derivatives as written out,
 from a program that holds the vector field once."""
 
+import re
+
 import diffrax
 import equinox as eqx
 import jax
@@ -27,8 +29,13 @@ class Swing(AbstractSystem):
     """r'' = -r sin(|r|^2 + t), with a frame turned by r at the same time."""
 
     turning: bool = eqx.field(static=True, default=False)
+    additions: int = eqx.field(static=True, default=0)
 
     def vector_field(self, t, y):
+        # Operations that change nothing and compile at once.
+        zero = 0.0 * y.position[0]
+        for _ in range(self.additions):
+            t = t + zero
         a = -y.position * jnp.sin(dot(y.position, y.position) + jnp.asarray(t, y.position.dtype))
         if not self.turning:
             return BodyState(y.velocity, a)
@@ -113,10 +120,15 @@ def test_the_program_holds_the_field_once(method, stages):
             state = method.init(TERM, t0, t1, y, field)
             return method.step(TERM, t0, t1, y, field, state, jnp.array(False))[0]
 
-        return jax.jit(end).lower(start()).compile().as_text().count(" sine(")
+        return evaluations(jax.jit(end).lower(start()).as_text())
 
-    # RKN 12(10) also asks whether the velocity matters.
-    assert fields(method) - fields(small_program(method)) == stages - 1
+    assert fields(method) == stages
+    assert fields(small_program(method)) == 1
+
+
+def evaluations(program):
+    """How often the text of a program evaluates the vector field: all stages share its tracing."""
+    return len(re.findall(r"call @(evaluate|_acceleration)\w*\(", program))
 
 
 def test_methods_without_such_a_form_are_their_own():
@@ -141,3 +153,41 @@ def test_derivatives_of_one_run_are_those_of_the_same_run_in_a_batch(method):
     for a, b in zip(jax.tree.leaves(one), jax.tree.leaves(among), strict=True):
         # The steps are the same but for the order of sums within a stage.
         np.testing.assert_allclose(b, jnp.stack([a, a], axis=-1), rtol=1e-9, atol=1e-11)
+
+
+def runs(count):
+    return jax.tree.map(lambda x: jnp.stack([x] * count, axis=-1), start())
+
+
+def end(y, additions, accuracy, ts=(0.0, 1.5)):
+    """The end of one run, or of those of a batch."""
+    of = simulate if y.position.ndim == 1 else simulate_batch
+    return of(Swing(additions=additions), y, jnp.array(ts), accuracy=accuracy).final
+
+
+@pytest.mark.parametrize(
+    ("batch", "additions", "looped"),
+    [(False, 100, False), (False, 300, True), (True, 300, False), (True, 900, True)],
+)
+def test_runs_of_a_large_field_are_a_small_program(batch, additions, looped):
+    """One run sooner than many, which are there to be fast."""
+    y = runs(2) if batch else start()
+    accuracy = Accuracy(1e-6, method=DOP853(dense=False))
+    program = jax.jit(lambda y: end(y, additions, accuracy)).lower(y).as_text()
+    # Besides the stages, the first step is chosen by two evaluations.
+    assert evaluations(program) == 2 + (1 if looped else 12)
+
+
+@pytest.mark.parametrize("mode", [jax.jacfwd, jax.jacrev], ids=["forward", "reverse"])
+@pytest.mark.parametrize("method", [DOP853(), RKN1210()], ids=["DOP853", "RKN1210"])
+def test_derivatives_of_many_runs_of_a_large_field(method, mode):
+    """By loops of stages what the stages written out of a small field give."""
+    accuracy = Accuracy(1e-11, method=method)
+
+    def derivative(additions):
+        return mode(lambda y: jnp.sum(end(y, additions, accuracy).position, axis=-1))(runs(2))
+
+    small, large = derivative(0), derivative(250)
+    for a, b in zip(jax.tree.leaves(small), jax.tree.leaves(large), strict=True):
+        # The steps are the same but for the order of sums within a stage.
+        np.testing.assert_allclose(a, b, rtol=1e-9, atol=1e-11)

@@ -32,3 +32,8 @@ def depending_on(jaxpr: Any, variables: Sequence[Any]) -> set[Any]:
         if any(x in moved for x in operation.invars if not isinstance(x, jax.extend.core.Literal)):
             moved.update(operation.outvars)
     return moved
+
+
+def count_operations(jaxpr: Any) -> int:
+    """How many operations a traced function has, those of the functions that it calls included."""
+    return len(jaxpr.eqns) + sum(map(count_operations, jax.extend.core.subjaxprs(jaxpr)))

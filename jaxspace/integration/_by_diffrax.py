@@ -9,7 +9,7 @@ from jaxtyping import PyTree
 
 from ..core import State
 from ._loop import TERM, LoopSettings
-from ._problem import Outcome
+from ._outcome import Outcome
 
 
 def solve_by_diffrax(

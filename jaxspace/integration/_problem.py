@@ -4,9 +4,10 @@ JAX hands a primitive its arguments as flat arrays. A `Problem` keeps the rest, 
 into the field, the initial state and the settings of an integration, and results into arrays.
 """
 
+import dataclasses
 import functools
 from collections.abc import Sequence
-from typing import NamedTuple, TypeAlias, TypeVar, cast, final
+from typing import TypeAlias, TypeVar, cast, final
 
 import equinox as eqx
 import jax
@@ -15,10 +16,12 @@ from jax.core import ShapedArray
 from jax.extend.core import ClosedJaxpr  # pyright: ignore
 from jaxtyping import Array, PyTree
 
-from ..core import State
-from ._loop import LoopSettings, LoopState, integrate_loop
+from ..core import State, count_operations
+from ..solvers import small_program
+from ._loop import LoopSettings, integrate_loop
+from ._outcome import outcome_of, own_outcome_of
 from ._own_replay import OwnReplay
-from ._own_state import OwnLoop, OwnState
+from ._own_state import OwnState
 from ._own_steps import integrate_own_steps
 from ._record import Record
 from ._replay import Replay
@@ -31,66 +34,11 @@ Avals: TypeAlias = Sequence[ShapedArray | jax.ShapeDtypeStruct]
 Parts: TypeAlias = tuple[PyTree, PyTree, LoopSettings]
 T = TypeVar("T")
 
-
-class Outcome(NamedTuple):
-    """What an integration leaves; times lead in `states` here.
-
-    - `states`: at the save times, or the last one alone.
-    - `max_local_error`, `out_of_steps`: of each run; the former in units of the tolerance.
-    - `step_ends`, `step_states`: of the accepted steps, where asked for."""
-
-    states: State
-    max_local_error: Array
-    out_of_steps: Array
-    num_accepted: Array
-    num_rejected: Array
-    step_ends: Array | None
-    step_states: State | None
-
-
-def _outcome(loop: LoopState, settings: LoopSettings) -> Outcome:
-    finished = loop.t >= settings.end
-    if loop.saved is None:
-        # The state that was reached belongs to another time if the steps ran out.
-        states = jax.tree.map(lambda x: jnp.where(finished, x, jnp.nan)[None], loop.y)
-    else:
-        states = loop.saved.states
-    asked = settings.record_steps or settings.dense
-    ends = loop.step_ends if asked else None
-    if ends is not None:
-        # Beyond the last accepted step the buffer holds nothing.
-        ends = jnp.where(jnp.arange(ends.shape[0]) < loop.num_accepted, ends, jnp.inf)
-    return Outcome(
-        states,
-        loop.solver_state[1],
-        loop.left_out | ~finished,
-        loop.num_accepted,
-        loop.num_rejected,
-        ends,
-        loop.step_states,
-    )
-
-
-def _own_outcome(loop: OwnLoop, settings: LoopSettings) -> Outcome:
-    """That of runs with steps of their own, in their variables."""
-    finished = loop.y.segment >= settings.end
-    states = loop.saved
-    if states is None:
-        states = jax.tree.map(lambda x: jnp.where(finished, x, jnp.nan)[None], loop.y)
-    ends = loop.ends
-    if ends is not None:
-        rows = jnp.arange(ends.shape[0]).reshape(-1, *(1,) * (ends.ndim - 1))
-        ends = jnp.where(rows < loop.count, ends, jnp.inf)
-    alive = jnp.isfinite(loop.worst)
-    return Outcome(
-        states,
-        loop.worst,
-        loop.left_out | (~finished & alive & (loop.passes >= settings.max_steps)),
-        loop.accepted,
-        loop.rejected,
-        ends,
-        loop.states,
-    )
+# Operations of a vector field from which the steps are a small program: they compile in a third of
+# the time or less. A single run of a large field then takes up to 1.5 times as long, derivatives of
+# many runs up to 1.7 times. Many runs without derivatives are there to be fast: they lose a tenth
+# or so from `VERY_LARGE` on.
+LARGE, VERY_LARGE = 200, 800
 
 
 def arguments_of(parts: PyTree) -> list[Array]:
@@ -127,10 +75,12 @@ class Problem:
         # The state says which loop it belongs to.
         if isinstance(y0, OwnState):
             own = integrate_own_steps(settings, field, y0, checkpointed=checkpointed)
-            outcome = _own_outcome(own, settings)
+            outcome = own_outcome_of(own, settings)
             return jax.tree.leaves((outcome, Record.of_own(own) if checkpointed else None))
+        if self._is_small(settings, derivative=False):
+            settings = dataclasses.replace(settings, method=small_program(settings.method))
         loop = integrate_loop(settings, field, y0, checkpointed=checkpointed)
-        outcome = _outcome(loop, settings)
+        outcome = outcome_of(loop, settings)
         return jax.tree.leaves((outcome, Record.of(loop) if checkpointed else None))
 
     def record(self, *args: Array) -> list[Array]:
@@ -146,6 +96,23 @@ class Problem:
     def record_jaxpr(self) -> ClosedJaxpr:
         """The traced `record`."""
         return jax.make_jaxpr(self.record)(*self.avals)
+
+    def _is_small(self, settings: LoopSettings, derivative: bool) -> bool:
+        """Whether the steps are a small program, those of a run or of a `derivative`."""
+        if settings.tolerance.run_axes == 0:
+            # A derivative holds a step three times over, and its first call is mostly compilation.
+            return derivative or self.field_operations >= LARGE
+        return self.field_operations >= (LARGE if derivative else VERY_LARGE)
+
+    @functools.cached_property
+    def field_operations(self) -> int:
+        """How many operations an evaluation of the vector field has."""
+
+        def rate(*args: Array) -> State:
+            field, y0, settings = self.parts(args)
+            return field(settings.start, y0)
+
+        return count_operations(jax.make_jaxpr(rate)(*self.avals).jaxpr)
 
     @property
     def outcome_avals(self) -> Avals:
@@ -186,9 +153,11 @@ class Problem:
 
         _, y0, settings = self.parts(args)
         fixed = eqx.combine(tree(rest), self.static[0])
-        kind = OwnReplay if isinstance(y0, OwnState) else Replay
-        replay = kind(settings, fixed, _record(record, y0))
-        return replay, tree(part), y0
+        steps = _record(record, y0)
+        if isinstance(y0, OwnState):
+            return OwnReplay(settings, fixed, steps, small=False), tree(part), y0
+        small = self._is_small(settings, derivative=True)
+        return Replay(settings, fixed, steps, small), tree(part), y0
 
     def forward(
         self,

@@ -22,6 +22,7 @@ from jaxtyping import Array, PyTree
 from ..core import State, barrier
 from ..solvers import small_program
 from ._buffers import empty_buffer, get_row, put_row
+from ._checkpointed_field import CheckpointedField
 from ._loop import TERM, LoopSettings
 from ._needed import needed_only
 from ._record import Record
@@ -43,20 +44,19 @@ class Replay(eqx.Module):
     """The steps of a run once more, as functions of the part of the field that is differentiated.
 
     - `settings`: those of the run. `record`: its steps.
-    - `fixed`: the part of the field that is not differentiated."""
+    - `fixed`: the part of the field that is not differentiated.
+    - `small`: whether the steps are a small program (`small_program`)."""
 
     settings: LoopSettings
     fixed: Any
     record: Record
+    small: bool = eqx.field(static=True)
 
     @property
     def method(self) -> diffrax.AbstractSolver:
-        """The method of the run: of a single one as a small program.
-
-        The derivative holds a step three times over, and its first call is mostly compilation. Many
-        runs at once are worth the time that the faster program takes."""
+        """The method of the run."""
         method = self.settings.method
-        return method if self.settings.tolerance.run_axes else small_program(method)
+        return small_program(method) if self.small else method
 
     def step_bounds(self, n: Array) -> tuple[Array, Array]:
         """The normalised times at the start and at the end of step `n`."""
@@ -64,9 +64,16 @@ class Replay(eqx.Module):
         # Held: the compiler would look them up again in every kernel of the step, some sixty times.
         return barrier((jnp.where(n > 0, ends[n - 1], 0.0), ends[n]))
 
-    def step(self, moving: PyTree, n: Array, y: State) -> tuple[State, PyTree]:
-        """The state after step `n` from `y`, and what the dense output holds if one is needed."""
+    def step(
+        self, moving: PyTree, n: Array, y: State, backwards: bool = False
+    ) -> tuple[State, PyTree]:
+        """The state after step `n` from `y`, and what the dense output holds if one is needed.
+
+        `backwards`: whether it is to be differentiated so."""
         field = eqx.combine(moving, self.fixed)
+        # The stages of a small program are checkpoints already.
+        if backwards and not self.small:
+            field = CheckpointedField(field)
         t0, t1 = self.step_bounds(n)
         state = self.method.init(TERM, t0, t1, y, field)
         y1, _, dense_info, _, _ = self.method.step(TERM, t0, t1, y, field, state, jnp.array(False))
@@ -232,7 +239,9 @@ class Replay(eqx.Module):
     ) -> tuple[Any, ...]:
         """The cotangents before step `n`, which starts at the state `y`."""
         of_moving, of_y, k = total
-        (_, dense_info), pull = jax.vjp(needed_only(lambda p, y: self.step(p, n, y)), moving, y)
+        (_, dense_info), pull = jax.vjp(
+            needed_only(lambda p, y: self.step(p, n, y, backwards=True)), moving, y
+        )
         of_dense = None
         if self.settings.save_ts is not None:
             k, of_dense = self._saved_vjp(n, dense_info, cotangent, k)

@@ -12,7 +12,7 @@ from ._config import IntegrationConfig
 from ._layout import times_behind_components
 from ._loop import LoopSettings
 from ._normalised_time import ScaledVectorField, Segments
-from ._problem import Outcome
+from ._outcome import Outcome
 from ._status import Status, status_from
 
 

@@ -33,9 +33,9 @@ from ..solvers._adaptive_regularised import regularised_start
 from . import _derivative_rules as _derivative_rules
 from . import _mapped_rules as _mapped_rules
 from ._loop import LoopSettings
+from ._outcome import Outcome
 from ._own_state import OwnState
 from ._primitives import solve_p
-from ._problem import Outcome as Outcome
 from ._problem import Problem, arguments_of
 
 

@@ -117,15 +117,16 @@ def stage_loop(
     sooner, derivatives most of all. Simple fields run slower by a part: each stage reads all
     derivatives, those of weight zero among them. `like` has the structure of the derivatives."""
 
-    # Evaluated once more backwards: to keep what it computes at every stage takes more time.
-    @jax.checkpoint
-    def rate(ci: Array, weights: Array, ks: State) -> State:
-        change = jax.tree.map(lambda k: jnp.tensordot(weights.astype(k.dtype), k, 1), ks)
-        return derivative(ci, change)
+    # Evaluated once more backwards: to keep what it computes at every stage takes more time. The
+    # sum stays outside: it is linear, so that backwards nothing of it is needed.
+    rate = jax.checkpoint(derivative)
 
     def stage(ks: State, row: tuple[Array, Array, Array]) -> tuple[State, None]:
         i, ci, weights = row
-        return jax.tree.map(lambda all, k: all.at[i].set(k), ks, rate(ci, weights, ks)), None
+        change = jax.tree.map(lambda k: jnp.tensordot(weights.astype(k.dtype), k, 1), ks)
+        k = rate(ci, change)
+        put = jax.lax.dynamic_update_index_in_dim
+        return jax.tree.map(lambda every, k: put(every, k, i, 0), ks, k), None
 
     empty = jax.tree.map(lambda x: jnp.zeros((len(c), *x.shape), x.dtype), like)
     rows = (jnp.arange(len(c)), jnp.asarray(c), jnp.asarray(dense_rows(a, len(c))))

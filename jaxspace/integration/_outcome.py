@@ -1,0 +1,73 @@
+"""What an integration leaves, from the state in which its loop ends."""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from ..core import State
+from ._loop import LoopSettings, LoopState
+from ._own_state import OwnLoop
+
+
+class Outcome(NamedTuple):
+    """What an integration leaves; times lead in `states` here.
+
+    - `states`: at the save times, or the last one alone.
+    - `max_local_error`, `out_of_steps`: of each run; the former in units of the tolerance.
+    - `step_ends`, `step_states`: of the accepted steps, where asked for."""
+
+    states: State
+    max_local_error: Array
+    out_of_steps: Array
+    num_accepted: Array
+    num_rejected: Array
+    step_ends: Array | None
+    step_states: State | None
+
+
+def outcome_of(loop: LoopState, settings: LoopSettings) -> Outcome:
+    """That of runs with common steps."""
+    finished = loop.t >= settings.end
+    if loop.saved is None:
+        # The state that was reached belongs to another time if the steps ran out.
+        states = jax.tree.map(lambda x: jnp.where(finished, x, jnp.nan)[None], loop.y)
+    else:
+        states = loop.saved.states
+    asked = settings.record_steps or settings.dense
+    ends = loop.step_ends if asked else None
+    if ends is not None:
+        # Beyond the last accepted step the buffer holds nothing.
+        ends = jnp.where(jnp.arange(ends.shape[0]) < loop.num_accepted, ends, jnp.inf)
+    return Outcome(
+        states,
+        loop.solver_state[1],
+        loop.left_out | ~finished,
+        loop.num_accepted,
+        loop.num_rejected,
+        ends,
+        loop.step_states,
+    )
+
+
+def own_outcome_of(loop: OwnLoop, settings: LoopSettings) -> Outcome:
+    """That of runs with steps of their own, in their variables."""
+    finished = loop.y.segment >= settings.end
+    states = loop.saved
+    if states is None:
+        states = jax.tree.map(lambda x: jnp.where(finished, x, jnp.nan)[None], loop.y)
+    ends = loop.ends
+    if ends is not None:
+        rows = jnp.arange(ends.shape[0]).reshape(-1, *(1,) * (ends.ndim - 1))
+        ends = jnp.where(rows < loop.count, ends, jnp.inf)
+    alive = jnp.isfinite(loop.worst)
+    return Outcome(
+        states,
+        loop.worst,
+        loop.left_out | (~finished & alive & (loop.passes >= settings.max_steps)),
+        loop.accepted,
+        loop.rejected,
+        ends,
+        loop.states,
+    )
