@@ -252,7 +252,7 @@ def test_derivatives_of_a_run():
 def test_derivatives_of_a_run_of_many_steps(monkeypatch):
     """The memory for states holds four of them, so that some hundred steps are taken again from
     each, piece by piece."""
-    monkeypatch.setattr("jaxspace.integration._buffers.CHECKPOINT_BYTES", 4 * 48)
+    monkeypatch.setattr("jaxspace.integration._record.RECORD_BYTES", 0)
     y, ts = start(0.3), jnp.array([0.0, 3.0, 4.0])
 
     def distance(system, accuracy):

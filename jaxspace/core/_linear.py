@@ -67,11 +67,12 @@ def _inverse_norm_rule(
 ) -> tuple[Scalar, Scalar]:
     # In one rule, because those of root, quotient and products take several times as many
     # operations along many directions. From the relative change, because in metres a higher power
-    # would leave the range of float32.
+    # would leave the range of float32. As a sum over the axis, as in `dot`, and held, so that
+    # reverse mode computes what it spreads over the components once.
     (a,) = primals
     (da,) = tangents
     p = inverse_norm(a, power)
-    return p, (-power * p) * (inverse_norm(a, 2) * dot(a, da))
+    return p, (-power * p) * (inverse_norm(a, 2) * barrier(jnp.sum(a * da, axis=0)))
 
 
 @jax.custom_jvp

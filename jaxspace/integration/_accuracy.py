@@ -40,8 +40,9 @@ class Accuracy(AbstractParameters):
       `jit`, in derivatives of a batch and in missions.
     - `adjoint`: `None` differentiates along the recorded steps, in forward and in reverse mode.
       Any of diffrax's adjoints takes its place.
-    - `max_steps`: how many steps a run may take. Reverse mode reserves memory for all of them, so
-      that short runs are differentiated faster with fewer.
+    - `max_steps`: how many steps a run may take. Reverse mode keeps room for all of them: one
+      number each, and two for every run with `AdaptiveRegularised`, whose short runs are
+      differentiated several times faster with fewer.
     - `max_step`: the longest step, s; by default as long as the tolerance allows. The vector field
       is sampled at the stages of the steps, so that a pulse much shorter than a step can be
       missed: half the length of the shortest pulse is right. Closed forms and systems that declare

@@ -1,7 +1,7 @@
 """The loop of an integration: adaptive or planned steps, saved states, checkpoints.
 
 diffrax's own loop does the same work. This one is traced once where diffrax's is traced three
-times, which halves the first call, and it stores checkpoints for derivatives (`_buffers.py`).
+times, which halves the first call, and it records the steps for derivatives (`_record.py`).
 """
 
 from typing import Any, NamedTuple, final
@@ -14,7 +14,8 @@ from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from ..core import State
 from ..solvers import BatchStepController, ErrorTrackingSolver, StepTo, Tolerance
-from ._buffers import Checkpoints, SavedStates, capacity_for, empty_buffer, nan_buffer, put_row
+from ._buffers import SavedStates, empty_buffer, nan_buffer, put_row
+from ._record import Recording, RecordLayout
 from ._slow_runs import nan_where, without_slow_runs
 
 
@@ -86,7 +87,7 @@ class LoopState(NamedTuple):
     saved: SavedStates | None
     step_ends: Float[Array, " steps"] | None
     step_states: State | None
-    checkpoints: Checkpoints | None
+    recording: Recording | None
     left_out: Bool[Array, "*runs"]
 
 
@@ -101,7 +102,7 @@ TERM: diffrax.ODETerm = diffrax.ODETerm(_field)  # pyright: ignore[reportArgumen
 
 
 def integrate_loop(
-    settings: LoopSettings, field: Any, y0: State, *, checkpointed: bool = False
+    settings: LoopSettings, field: Any, y0: State, *, recorded: bool = False
 ) -> LoopState:
     """Integrate dy/dt = field(t, y) in normalised time, from `settings.start` to `settings.end`.
 
@@ -110,7 +111,7 @@ def integrate_loop(
     - `settings`: method, step control, save times and limits.
     - `field`: the vector field, a `ScaledVectorField` or what stands for it.
     - `y0`: the initial state, components first and runs last.
-    - `checkpointed`: whether to keep step ends and checkpoints for derivatives.
+    - `recorded`: whether to record the steps for derivatives.
 
     **Returns** the last `LoopState`. The runs are complete if its `t` is `settings.end`, but for
     those `left_out`; otherwise the steps ran out, and the caller reports it in the status."""
@@ -125,7 +126,7 @@ def integrate_loop(
             unfinished, lambda loop: _advance(settings, *tools, field, loop), loop
         )
 
-    start = _start(settings, *tools, field, y0, checkpointed)
+    start = _start(settings, *tools, field, y0, recorded)
     # A single run waits for no other, and a plan has as many steps as it needs.
     if not settings.restarts or start.left_out.size == 1 or settings.plan is not None:
         return run(start)
@@ -135,18 +136,18 @@ def integrate_loop(
         return (loop.t < settings.end) & (2 * limiting >= jnp.maximum(jnp.max(limiting), 1))
 
     def restarted(loop: LoopState, left_out: Array) -> LoopState:
-        saved, checkpoints = loop.saved, loop.checkpoints
+        saved, recording = loop.saved, loop.recording
         if saved is not None:
             saved = saved._replace(count=start.num_accepted)
-        if checkpoints is not None:
-            assert start.checkpoints is not None
-            checkpoints = start.checkpoints._replace(states=checkpoints.states)
+        if recording is not None:
+            assert start.recording is not None
+            recording = start.recording._replace(numbers=recording.numbers)
         return start._replace(
             y=nan_where(left_out, start.y),
             saved=saved,
             step_ends=loop.step_ends,
             step_states=loop.step_states,
-            checkpoints=checkpoints,
+            recording=recording,
         )
 
     loop, left_out = without_slow_runs(start, run, slow, restarted, start.left_out)
@@ -159,7 +160,7 @@ def _start(
     controller: BatchStepController | StepTo,
     field: Any,
     y0: State,
-    checkpointed: bool,
+    recorded: bool,
 ) -> LoopState:
     """The loop before its first step, with the buffers that it fills."""
     limit = settings.max_steps
@@ -168,15 +169,15 @@ def _start(
         TERM, start, end, y0, None, field, solver.func, solver.error_order(TERM)
     )
     zero = jnp.asarray(0)
-    saved = step_ends = step_states = checkpoints = None
+    saved = step_ends = step_states = recording = None
     if settings.save_ts is not None:
         saved = SavedStates(nan_buffer(settings.save_ts.shape[0], y0), zero)
-    if settings.record_steps or settings.dense or checkpointed:
+    if settings.record_steps or settings.dense:
         step_ends = jnp.zeros((limit,), end.dtype)
     if settings.dense:
         step_states = empty_buffer(limit, y0)
-    if checkpointed:
-        checkpoints = Checkpoints(empty_buffer(capacity_for(y0, limit) + 1, y0), zero + 1)
+    if recorded:
+        recording = Recording.empty(RecordLayout.of(y0, end, limit))
     return LoopState(
         t=start,
         t_next=t_next,
@@ -189,7 +190,7 @@ def _start(
         saved=saved,
         step_ends=step_ends,
         step_states=step_states,
-        checkpoints=checkpoints,
+        recording=recording,
         left_out=jnp.zeros_like(settings.tolerance.alive(y0)),
     )
 
@@ -241,7 +242,7 @@ def _written(
     interpolation: diffrax.AbstractLocalInterpolation,
 ) -> LoopState:
     """The loop with what this step leaves in the buffers: the state `y1`, and those within it."""
-    saved, step_ends, step_states, checkpoints = loop[-5:-1]
+    saved, step_ends, step_states, recording = loop[-5:-1]
     if saved is not None:
         assert settings.save_ts is not None
         # Nothing lies before time -1: a rejected step saves no state.
@@ -252,11 +253,9 @@ def _written(
         step_ends = step_ends.at[loop.num_accepted].set(loop.t_next)
     if step_states is not None:
         step_states = put_row(step_states, loop.num_accepted, y1)
-    if checkpoints is not None:
-        capacity = capacity_for(y1, settings.max_steps)
-        checkpoints = checkpoints.record(
-            accept, loop.num_accepted + 1, y1, capacity, settings.max_steps
-        )
+    if recording is not None:
+        layout = RecordLayout.of(y1, loop.t_next, settings.max_steps)
+        recording = recording.add(layout, loop.num_accepted, loop.t_next, y1, accept)
     return loop._replace(
-        saved=saved, step_ends=step_ends, step_states=step_states, checkpoints=checkpoints
+        saved=saved, step_ends=step_ends, step_states=step_states, recording=recording
     )

@@ -1,4 +1,4 @@
-"""What a loop in which every run takes its own steps writes down: landings, steps, checkpoints."""
+"""What a loop in which every run takes its own steps writes down."""
 
 from typing import Any
 
@@ -7,9 +7,10 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool
 
 from ..core import State
-from ._buffers import capacity_for, put_row
+from ._buffers import put_row
 from ._loop import LoopSettings
 from ._own_state import OwnLoop, OwnState, Segment
+from ._record import RecordLayout
 
 
 def put_landed(rows: State, y: State, number: Array, done: Bool[Array, "*runs"]) -> State:
@@ -39,6 +40,11 @@ def get_landed(rows: State, number: Array, done: Bool[Array, "*runs"]) -> State:
     return jax.tree.map(leaf, rows)
 
 
+def kept_of_pass(h: Array, done: Bool[Array, "*runs"]) -> Array:
+    """What is recorded of a pass: the steps, and which runs landed."""
+    return jnp.stack([h, done.astype(h.dtype)])
+
+
 def written(
     settings: LoopSettings,
     field: Any,
@@ -49,7 +55,7 @@ def written(
     y: OwnState,
 ) -> OwnLoop:
     """The loop with what this pass leaves in the buffers."""
-    saved, steps, ends, states, checkpoints = loop[-6:-1]
+    saved, ends, states, recording = loop[-5:-1]
     moved = jnp.any(accept)
     if saved is not None:
         # A loop of at most one pass: a condition would copy the whole buffer.
@@ -58,23 +64,20 @@ def written(
             lambda carry: (put_landed(carry[0], y, y.segment, done), jnp.array(False)),
             (saved, jnp.any(done)),
         )
-    if steps is not None:
-        # A pass in which no run moved writes to the row that the next one overwrites.
-        steps = steps.at[loop.count].set(jnp.stack([h, done.astype(h.dtype)]))
     if ends is not None:
         segment = Segment.of(field, settings, y.segment)
         part = y.z[-1] / jnp.where(segment.duration == 0.0, 1.0, segment.duration)
         ends = ends.at[loop.count].set((y.segment + part).astype(ends.dtype))
     if states is not None:
         states = put_row(states, loop.count, y)
-    if checkpoints is not None:
-        capacity = capacity_for(y, settings.max_steps)
-        checkpoints = checkpoints.record(moved, loop.count + 1, y, capacity, settings.max_steps)
+    if recording is not None:
+        step = kept_of_pass(h, done)
+        layout = RecordLayout.of(y, step, settings.max_steps)
+        recording = recording.add(layout, loop.count, step, y, moved)
     return loop._replace(
         count=loop.count + moved.astype(int),
         saved=saved,
-        steps=steps,
         ends=ends,
         states=states,
-        checkpoints=checkpoints,
+        recording=recording,
     )

@@ -24,13 +24,13 @@ class OwnReplay(Replay):
     """The steps of runs with steps of their own once more; fields as of `Replay`."""
 
     def _landed(self, n: Array) -> Array:
-        return self.record.step_ends[n, 1] > 0.5
+        return self.record.step(n)[1] > 0.5
 
     def step(self, moving: PyTree, n: Array, y: OwnState) -> tuple[OwnState, None]:
         """The state after the steps number `n` from `y`."""
         field = eqx.combine(moving, self.fixed)
         form = form_of(field, y.z)
-        h, done = self.record.step_ends[n, 0], self._landed(n)
+        h, done = self.record.step(n)[0], self._landed(n)
         segment = Segment.of(field, self.settings, y.segment)
         z = attempt(form, *segment, y.z, h).z
         y = OwnState(jnp.where(h != 0.0, z, y.z), y.segment)

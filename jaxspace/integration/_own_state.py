@@ -10,9 +10,9 @@ from jaxtyping import Array, Bool, Float, Int
 from ..core import AbstractRegularised, Scalar, State
 from ..solvers._adaptive_regularised import landed
 from ..solvers._regularised import Regular
-from ._buffers import Checkpoints
 from ._loop import LoopSettings
 from ._own_control import Trend
+from ._record import Recording
 
 
 @final
@@ -31,8 +31,9 @@ class OwnLoop(NamedTuple):
     - `landing`: whether the next step is one that should end the segment; `pending`, whether the
       run waits for the others before it takes such a step, or has taken one.
     - `worst`: the largest local error of the steps taken, in units of the tolerance.
-    - `steps`: of each pass in which a run moved, the steps of the runs (zero for one that does not
-      move) and whether they landed; `count` of them, of `passes`.
+    - `count`: the passes in which a run moved, of all `passes`.
+    - `recording`: of each of these, the steps of the runs (zero for one that does not move) and
+      whether they landed, and states.
     - `ends`, `states`: normalised times and states after each of these passes, where asked for.
     - `left_out`: the runs for which the others would have waited too long."""
 
@@ -48,10 +49,9 @@ class OwnLoop(NamedTuple):
     passes: Int[Array, ""]
     count: Int[Array, ""]
     saved: State | None
-    steps: Float[Array, "passes 2 *runs"] | None
     ends: Float[Array, " passes *runs"] | None
     states: State | None
-    checkpoints: Checkpoints | None
+    recording: Recording | None
     left_out: Bool[Array, "*runs"]
 
 

@@ -15,16 +15,17 @@ from ..core import AbstractRegularised, barrier
 from ..solvers._adaptive_regularised import CLOSE, FIRST_STEP, attempt, form_of, order_of
 from ..solvers._regularised import Regular, derivative_in
 from ..solvers._step_control import SMALLEST_STEP
-from ._buffers import Checkpoints, capacity_for, empty_buffer, nan_buffer, put_row
+from ._buffers import empty_buffer, nan_buffer, put_row
 from ._loop import LoopSettings
-from ._own_buffers import written
+from ._own_buffers import kept_of_pass, written
 from ._own_control import Trend, bounded, following, ideal_length
 from ._own_state import OwnLoop, OwnState, Segment, alive, landing_state, unit
+from ._record import Recording, RecordLayout
 from ._slow_runs import nan_where, without_slow_runs
 
 
 def integrate_own_steps(
-    settings: LoopSettings, field: Any, y0: OwnState, *, checkpointed: bool = False
+    settings: LoopSettings, field: Any, y0: OwnState, *, recorded: bool = False
 ) -> OwnLoop:
     """Integrate every run to the end of its last segment; arguments as of `integrate_loop`."""
     form = form_of(field, y0.z)
@@ -38,7 +39,7 @@ def integrate_own_steps(
             unfinished, lambda loop: _advance(settings, form, field, loop), loop
         )
 
-    start = _start(settings, form, field, y0, checkpointed)
+    start = _start(settings, form, field, y0, recorded)
     if not settings.restarts or start.left_out.size == 1:
         return run(start)
 
@@ -48,17 +49,16 @@ def integrate_own_steps(
         return moving & (loop.passes >= settings.max_steps)
 
     def restarted(loop: OwnLoop, left_out: Array) -> OwnLoop:
-        checkpoints = loop.checkpoints
-        if checkpoints is not None:
-            assert start.checkpoints is not None
-            checkpoints = start.checkpoints._replace(states=checkpoints.states)
+        recording = loop.recording
+        if recording is not None:
+            assert start.recording is not None
+            recording = start.recording._replace(numbers=recording.numbers)
         return start._replace(
             y=OwnState(nan_where(left_out, start.y.z), start.y.segment),
             saved=loop.saved,
-            steps=loop.steps,
             ends=loop.ends,
             states=loop.states,
-            checkpoints=checkpoints,
+            recording=recording,
         )
 
     loop, left_out = without_slow_runs(start, run, slow, restarted, start.left_out)
@@ -70,7 +70,7 @@ def _start(
     form: AbstractRegularised,
     field: Any,
     y0: OwnState,
-    checkpointed: bool,
+    recorded: bool,
 ) -> OwnLoop:
     segment = Segment.of(field, settings, y0.segment)
     rate = derivative_in(form, *segment, y0.z)
@@ -82,12 +82,12 @@ def _start(
     none = jnp.zeros(y0.segment.shape, int)
     limit, dtype = settings.max_steps, y0.z.dtype
     runs = y0.segment.shape
-    saved = steps = ends = states = checkpoints = None
+    saved = ends = states = recording = None
     if settings.save_ts is not None:
         saved = put_row(nan_buffer(settings.save_ts.shape[0], y0), zero, y0)
-    if checkpointed:
-        steps = jnp.zeros((limit, 2, *runs), dtype)
-        checkpoints = Checkpoints(empty_buffer(capacity_for(y0, limit) + 1, y0), zero + 1)
+    if recorded:
+        step = kept_of_pass(free, landing)
+        recording = Recording.empty(RecordLayout.of(y0, step, limit))
     if settings.record_steps or settings.dense:
         ends = jnp.zeros((limit, *runs), settings.end.dtype)
     if settings.dense:
@@ -105,10 +105,9 @@ def _start(
         passes=zero,
         count=zero,
         saved=saved,
-        steps=steps,
         ends=ends,
         states=states,
-        checkpoints=checkpoints,
+        recording=recording,
         left_out=jnp.zeros_like(landing),
     )
 

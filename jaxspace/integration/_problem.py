@@ -20,10 +20,11 @@ from ..core import State, count_operations
 from ..solvers import small_program
 from ._loop import LoopSettings, integrate_loop
 from ._outcome import outcome_of, own_outcome_of
+from ._own_buffers import kept_of_pass
 from ._own_replay import OwnReplay
 from ._own_state import OwnState
 from ._own_steps import integrate_own_steps
-from ._record import Record
+from ._record import Record, Recording, RecordLayout
 from ._replay import Replay
 from ._selection import shape_of
 
@@ -33,6 +34,8 @@ Avals: TypeAlias = Sequence[ShapedArray | jax.ShapeDtypeStruct]
 # Field, initial state and settings of an integration.
 Parts: TypeAlias = tuple[PyTree, PyTree, LoopSettings]
 T = TypeVar("T")
+# Of a record: its numbers, the stride of its states, the count of its steps.
+RECORD_ARRAYS = 3
 
 # Operations of a vector field from which the steps are a small program: they compile in a third of
 # the time or less. A single run of a large field then takes up to 1.5 times as long, derivatives of
@@ -69,23 +72,23 @@ class Problem:
 
     # The programs, as functions of flat arguments.
 
-    def solve(self, *args: Array, checkpointed: bool = False) -> list[Array]:
-        """The arrays of the outcome; of a `checkpointed` run, then those of its record."""
+    def solve(self, *args: Array, recorded: bool = False) -> list[Array]:
+        """The arrays of the outcome; of one that is `recorded`, then those of its record."""
         field, y0, settings = self.parts(args)
         # The state says which loop it belongs to.
         if isinstance(y0, OwnState):
-            own = integrate_own_steps(settings, field, y0, checkpointed=checkpointed)
-            outcome = own_outcome_of(own, settings)
-            return jax.tree.leaves((outcome, Record.of_own(own) if checkpointed else None))
+            own = integrate_own_steps(settings, field, y0, recorded=recorded)
+            kept = own.recording, own.count
+            return [*jax.tree.leaves(own_outcome_of(own, settings)), *_arrays_of(*kept)]
         if self._is_small(settings, derivative=False):
             settings = dataclasses.replace(settings, method=small_program(settings.method))
-        loop = integrate_loop(settings, field, y0, checkpointed=checkpointed)
-        outcome = outcome_of(loop, settings)
-        return jax.tree.leaves((outcome, Record.of(loop) if checkpointed else None))
+        loop = integrate_loop(settings, field, y0, recorded=recorded)
+        kept = loop.recording, loop.num_accepted
+        return [*jax.tree.leaves(outcome_of(loop, settings)), *_arrays_of(*kept)]
 
     def record(self, *args: Array) -> list[Array]:
         """The arrays of the outcome, then those of the record."""
-        return self.solve(*args, checkpointed=True)
+        return self.solve(*args, recorded=True)
 
     @functools.cached_property
     def solve_jaxpr(self) -> ClosedJaxpr:
@@ -124,20 +127,15 @@ class Problem:
         """Shapes of the arrays of the record."""
         return cast(Avals, self.record_jaxpr.out_avals[len(self.outcome_avals) :])
 
-    @property
-    def num_record(self) -> int:
-        """How many arrays the record has: those of a state, and three of its own."""
-        return 3 + self.num_states
-
     def split_record(self, results: Sequence[Array]) -> tuple[list[Array], list[Array]]:
         """What `record` returns, as the outcome and the record."""
-        n = len(results) - self.num_record
+        n = len(results) - RECORD_ARRAYS
         return list(results[:n]), list(results[n:])
 
     def split(self, values: Sequence[T]) -> tuple[list[T], list[T], list[T]]:
         """Arguments of `along` or `back`: those of the problem, the record's, and the rest."""
         n = len(self.avals)
-        m = n + self.num_record
+        m = n + RECORD_ARRAYS
         return list(values[:n]), list(values[n:m]), list(values[m:])
 
     def _replay(self, args: Leaves, record: Leaves, moving: Moving) -> tuple[Replay, PyTree, State]:
@@ -153,8 +151,10 @@ class Problem:
 
         _, y0, settings = self.parts(args)
         fixed = eqx.combine(tree(rest), self.static[0])
-        steps = _record(record, y0)
-        if isinstance(y0, OwnState):
+        own = isinstance(y0, OwnState)
+        step = kept_of_pass(y0.z[0], y0.z[0] > 0.0) if own else settings.end
+        steps = Record(RecordLayout.of(y0, step, settings.max_steps), *record)
+        if own:
             return OwnReplay(settings, fixed, steps, small=False), tree(part), y0
         small = self._is_small(settings, derivative=True)
         return Replay(settings, fixed, steps, small), tree(part), y0
@@ -200,8 +200,6 @@ class Problem:
         return [found[k] for k in moving]
 
 
-def _record(leaves: Sequence[Array], y0: State) -> Record:
-    """The record from its arrays."""
-    structure = jax.tree.structure(y0)
-    *first, stride, count = leaves
-    return Record(first[0], jax.tree.unflatten(structure, first[1:]), stride, count)
+def _arrays_of(recording: Recording | None, count: Array) -> list[Array]:
+    """The arrays of a record of `count` steps; none where nothing was recorded."""
+    return [] if recording is None else [recording.numbers, recording.stride, count]

@@ -1,33 +1,168 @@
-"""What derivatives need of a run: the steps that it took, and states along them."""
+"""What derivatives need of a run: the steps that it took, and states along them.
 
-from typing import NamedTuple
+Both lie in one array of numbers, in which they grow towards each other:
 
-from jaxtyping import Array, Float, Int
+    state, state, state, ...                                       ..., step 2, step 1, step 0
+
+The states are those after every `stride`-th step, after each one at first. Where they meet the
+steps, every second state is dropped, and the stride doubles. So there is room for all steps that a
+run may take, and little is set aside, filled and moved: a short run would spend more time on that
+than on its steps (measured by `benchmarks/gradients.py`).
+"""
+
+import math
+from typing import Any, NamedTuple, final
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, Int
 
 from ..core import State
-from ._loop import LoopState
-from ._own_state import OwnLoop
+
+RECORD_BYTES = 3 * 2**16
+"""Size of a record, unless the steps alone need more. A larger one takes longer to fill and to move
+than the steps between two states take to be computed again."""
+
+FEWEST_STATES = 4
+"""States for which there is room beside all steps."""
 
 
-class Record(NamedTuple):
-    """What derivatives need of a run: the ends of its `count` steps, and the states after every
-    `stride`-th one."""
+class RecordLayout(NamedTuple):
+    """Where states and steps lie: `shapes`, `dtypes` and `structure` of a state, the shape of what
+    is kept of a `step`, how many steps at most, and the type of the numbers."""
 
-    step_ends: Float[Array, " steps"]
-    checkpoints: State
+    shapes: tuple[tuple[int, ...], ...]
+    dtypes: tuple[Any, ...]
+    structure: Any
+    step: tuple[int, ...]
+    limit: int
+    dtype: Any
+
+    @classmethod
+    def of(cls, y: State, step: Array, limit: int) -> "RecordLayout":
+        """For states and steps like these."""
+        leaves, structure = jax.tree.flatten(y)
+        dtypes = tuple(x.dtype for x in leaves)
+        # The clock may be finer than the state; both keep every digit.
+        dtype = max((step.dtype, *dtypes), key=lambda d: d.itemsize)
+        return cls(tuple(x.shape for x in leaves), dtypes, structure, step.shape, limit, dtype)
+
+    @property
+    def state_size(self) -> int:
+        """Numbers of one state."""
+        return sum(map(math.prod, self.shapes))
+
+    @property
+    def step_size(self) -> int:
+        """Numbers of one step."""
+        return math.prod(self.step)
+
+    @property
+    def size(self) -> int:
+        """Numbers of the record."""
+        steps = self.limit * self.step_size
+        everything = steps + (self.limit + 1) * self.state_size
+        least = steps + (FEWEST_STATES + 1) * self.state_size
+        return min(everything, max(RECORD_BYTES // self.dtype.itemsize, least))
+
+    @property
+    def longest(self) -> int:
+        """How many steps may lie between two states: a power of two."""
+        # One row is always free, for the state after the next step.
+        rows = (self.size - self.limit * self.step_size) // self.state_size - 1
+        stride = 1
+        while rows * stride < self.limit:
+            stride *= 2
+        return stride
+
+    def state(self, numbers: Array, k: Array) -> State:
+        """State number `k`, after (k + 1) stride steps."""
+        first = k * self.state_size
+        leaves = []
+        for shape, dtype in zip(self.shapes, self.dtypes, strict=True):
+            size = math.prod(shape)
+            leaf = jax.lax.dynamic_slice_in_dim(numbers, first, size)
+            leaves.append(leaf.reshape(shape).astype(dtype))
+            first = first + size
+        return jax.tree.unflatten(self.structure, leaves)
+
+    def put_state(self, numbers: Array, k: Array, y: State) -> Array:
+        """The numbers with state number `k` replaced."""
+        first = k * self.state_size
+        for leaf in jax.tree.leaves(y):
+            flat = leaf.reshape(-1).astype(self.dtype)
+            numbers = jax.lax.dynamic_update_slice_in_dim(numbers, flat, first, 0)
+            first = first + leaf.size
+        return numbers
+
+    def step_start(self, n: Array) -> Array:
+        """Where step number `n` lies."""
+        return self.size - (n + 1) * self.step_size
+
+
+class Recording(NamedTuple):
+    """A record as it grows: `count` states lie in it."""
+
+    numbers: Float[Array, " numbers"]
     stride: Int[Array, ""]
     count: Int[Array, ""]
 
     @classmethod
-    def of(cls, loop: LoopState) -> "Record":
-        """The record that a checkpointed loop leaves."""
-        assert loop.step_ends is not None and loop.checkpoints is not None
-        checkpoints = loop.checkpoints
-        return cls(loop.step_ends, checkpoints.states, checkpoints.stride, loop.num_accepted)
+    def empty(cls, layout: RecordLayout) -> "Recording":
+        """Before the first step."""
+        zero = jnp.asarray(0)
+        return cls(jnp.zeros((layout.size,), layout.dtype), zero + 1, zero)
 
-    @classmethod
-    def of_own(cls, loop: OwnLoop) -> "Record":
-        """That of runs with steps of their own: the steps and landings in the place of the ends."""
-        assert loop.steps is not None and loop.checkpoints is not None
-        checkpoints = loop.checkpoints
-        return cls(loop.steps, checkpoints.states, checkpoints.stride, loop.count)
+    def add(
+        self, layout: RecordLayout, n: Int[Array, ""], step: Array, y: State, taken: Bool[Array, ""]
+    ) -> "Recording":
+        """With step number `n`, and the state `y` after it where one is due.
+
+        What was not `taken` is written as well, where the next step writes: a condition around the
+        writing would copy the whole array."""
+        flat = step.reshape(-1).astype(layout.dtype)
+        numbers = jax.lax.dynamic_update_slice_in_dim(self.numbers, flat, layout.step_start(n), 0)
+        numbers = layout.put_state(numbers, self.count, y)
+        due = taken & ((n + 1) & (self.stride - 1) == 0)
+        added = Recording(numbers, self.stride, self.count + due.astype(self.count.dtype))
+        if layout.longest == 1:
+            return added
+
+        def full(kept: Recording) -> Bool[Array, ""]:
+            room = layout.step_start(n + 1) - (kept.count + 1) * layout.state_size
+            return taken & (n + 1 < layout.limit) & (room < 0)
+
+        return jax.lax.while_loop(full, lambda kept: kept.thinned(layout), added)
+
+    def thinned(self, layout: RecordLayout) -> "Recording":
+        """Without every second state, from the first one on."""
+        size = layout.state_size
+        half = layout.size // (2 * size)
+        count = self.count // 2
+        moved = self.numbers[: 2 * half * size].reshape(half, 2, size)[:, 1].reshape(-1)
+        # Behind the states lie steps, which stay.
+        is_state = jnp.arange(half * size) < count * size
+        front = jnp.where(is_state, moved, self.numbers[: half * size])
+        numbers = jax.lax.dynamic_update_slice_in_dim(self.numbers, front, 0, 0)
+        return Recording(numbers, 2 * self.stride, count)
+
+
+@final
+class Record(eqx.Module):
+    """The record of a run of `count` steps."""
+
+    layout: RecordLayout = eqx.field(static=True)
+    numbers: Float[Array, " numbers"]
+    stride: Int[Array, ""]
+    count: Int[Array, ""]
+
+    def state(self, k: Int[Array, ""]) -> State:
+        """The state after (k + 1) stride steps."""
+        return self.layout.state(self.numbers, k)
+
+    def step(self, n: Int[Array, ""]) -> Array:
+        """What is kept of step number `n`."""
+        first = self.layout.step_start(n)
+        flat = jax.lax.dynamic_slice_in_dim(self.numbers, first, self.layout.step_size)
+        return flat.reshape(self.layout.step)

@@ -60,9 +60,9 @@ class Replay(eqx.Module):
 
     def step_bounds(self, n: Array) -> tuple[Array, Array]:
         """The normalised times at the start and at the end of step `n`."""
-        ends = self.record.step_ends
+        record = self.record
         # Held: the compiler would look them up again in every kernel of the step, some sixty times.
-        return barrier((jnp.where(n > 0, ends[n - 1], 0.0), ends[n]))
+        return barrier((jnp.where(n > 0, record.step(n - 1), 0.0), record.step(n)))
 
     def step(
         self, moving: PyTree, n: Array, y: State, backwards: bool = False
@@ -142,13 +142,12 @@ class Replay(eqx.Module):
             at_end = jax.tree.map(jnp.zeros_like, y0)
             last_save = jnp.asarray(save_ts.shape[0] - 1)
         total = (jax.tree.map(jnp.zeros_like, moving), at_end, last_save)
-        buffer = empty_buffer(self._num_chunks + min(self._longest, CHUNK) + 1, y0)
+        buffer = empty_buffer(self._num_chunks + min(self.record.layout.longest, CHUNK) + 1, y0)
 
         def segment(i: Array, carry: tuple[Any, State]) -> tuple[Any, State]:
             # From the last segment to the first, each from the checkpoint at its start.
             j = num_segments - 1 - i
-            before = get_row(self.record.checkpoints, j - 1)
-            y = _select(j > 0, before, y0)
+            y = _select(j > 0, self.record.state(j - 1), y0)
             first = j * stride
             length = jnp.minimum(stride, self.record.count - first)
             return self._segment_vjp(moving, y, first, length, cotangent, carry)
@@ -157,17 +156,9 @@ class Replay(eqx.Module):
         return total[:2]
 
     @property
-    def _longest(self) -> int:
-        """How many steps may lie between two checkpoints: a power of two."""
-        states = jax.tree.leaves(self.record.checkpoints)
-        capacity = states[0].shape[0] - 1
-        longest = -(-self.settings.max_steps // capacity)
-        return 1 << (longest - 1).bit_length()
-
-    @property
     def _num_chunks(self) -> int:
         """How many chunks a segment has at most."""
-        return -(-self._longest // CHUNK)
+        return -(-self.record.layout.longest // CHUNK)
 
     def _segment_vjp(
         self,
@@ -221,7 +212,7 @@ class Replay(eqx.Module):
 
         The first is `y`, before step `n`. The last row of the buffer takes what is not kept."""
         buffer = put_row(buffer, to, y)
-        if self._longest == 1:
+        if self.record.layout.longest == 1:
             return buffer
 
         # The last state is carried by itself: read from the buffer that the next one is written

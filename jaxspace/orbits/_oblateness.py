@@ -50,9 +50,12 @@ def oblateness(r: Vector, mu: Scalar, j2: Scalar, radius: Scalar) -> Vector:
     **Returns** a, m/s^2, (3, *runs).
     """
     z = r[2]
-    per_r2 = inverse_norm(r, 2)
+    # Once, and its powers by products: reverse mode then adds up what they need of it, in place of
+    # a vector for each.
+    per_r = inverse_norm(r)
+    per_r2 = per_r * per_r
     # In this order no factor leaves the range of float32: mu R^2 / r^5 in metres would.
-    c = (-1.5 * j2 * mu * inverse_norm(r, 3)) * (radius * radius * per_r2)
+    c = (-1.5 * j2 * mu * (per_r2 * per_r)) * (radius * radius * per_r2)
     k = 2.0 * c * z
     # `scale` has a derivative that does not compute the scalar again for every component.
     return scale(c * (1.0 - 5.0 * z * z * per_r2), r) + scale(k, axis(2, k))

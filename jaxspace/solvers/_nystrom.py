@@ -91,7 +91,9 @@ def nystrom_step(
     else:
         ks = []
         for c, row in zip(method.c, method.a, strict=True):
-            ks.append(derivative(c, weighted(row, ks) if row else None))
+            # Held, so that reverse mode computes what a sum contributes once and not for each of
+            # the derivatives in it.
+            ks.append(derivative(c, barrier(weighted(row, ks)) if row else None))
     # Together: the compiler would sum the stages again for each of its readers.
     mean = barrier(v + h * weighted(method.position, ks))
     r1, v1 = barrier((r + h * system.position_rate(mean), v + h * weighted(method.velocity, ks)))

@@ -1,0 +1,71 @@
+"""The record of a run: what was put in is found again, however often states were dropped."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jaxspace import BodyState
+from jaxspace.integration import _record
+from jaxspace.integration._record import Record, Recording, RecordLayout
+
+CLOCK = jnp.zeros(())
+OWN = jnp.zeros((2, 3))
+
+
+def state_after(n, like):
+    """A state that tells the number of its step, exactly in single precision too."""
+    return jax.tree.map(
+        lambda x: (n + 1.0) * 64.0 + jnp.arange(x.size, dtype=x.dtype).reshape(x.shape), like
+    )
+
+
+def step_of(n, like):
+    return -(n + 1.0) - 0.25 * jnp.arange(like.size, dtype=like.dtype).reshape(like.shape)
+
+
+@pytest.mark.parametrize("step", [CLOCK, OWN], ids=["common steps", "own steps"])
+@pytest.mark.parametrize("limit", [1, 2, 7, 64, 100, 257])
+@pytest.mark.parametrize("dtype", [jnp.float32, jnp.float64])
+def test_steps_and_states_are_found_again(monkeypatch, step, limit, dtype):
+    """With room for four states beside all steps: they are dropped as often as possible."""
+    monkeypatch.setattr(_record, "RECORD_BYTES", 0)
+    like = BodyState(jnp.zeros((3, 3), dtype), jnp.zeros((3, 3), dtype))
+    layout = RecordLayout.of(like, step, limit)
+
+    @jax.jit
+    def added(recording, n, taken):
+        return recording.add(layout, n, step_of(n, step), state_after(n, like), taken)
+
+    recording, n = Recording.empty(layout), 0
+    rejected = np.random.default_rng(limit).random(4 * limit) < 0.3
+    for reject in rejected:
+        recording = added(recording, jnp.asarray(n), jnp.asarray(not reject))
+        n += not reject
+        if n == limit:
+            break
+    assert n == limit
+    record = Record(layout, recording.numbers, recording.stride, jnp.asarray(n))
+    stride, count = int(recording.stride), int(recording.count)
+    assert stride <= layout.longest and count == limit // stride
+    # Not fewer states than promised: the stride was not doubled too early.
+    assert stride == 1 or count >= _record.FEWEST_STATES // 2
+    for k in range(limit):
+        np.testing.assert_array_equal(record.step(jnp.asarray(k)), step_of(k, step))
+    for k in range(count):
+        found, expected = record.state(jnp.asarray(k)), state_after((k + 1) * stride - 1, like)
+        for a, b in zip(jax.tree.leaves(found), jax.tree.leaves(expected), strict=True):
+            assert a.dtype == dtype
+            np.testing.assert_array_equal(a, b)
+
+
+def test_a_short_run_keeps_every_state():
+    like = BodyState(jnp.zeros((3, 64)), jnp.zeros((3, 64)))
+    layout = RecordLayout.of(like, CLOCK, 16384)
+    # All steps and the states of some sixty of them share less than 200 kB.
+    assert layout.dtype.itemsize * layout.size <= _record.RECORD_BYTES
+    recording = Recording.empty(layout)
+    add = jax.jit(lambda r, n: r.add(layout, n, n * 1.0, state_after(n, like), jnp.array(True)))
+    for n in range(60):
+        recording = add(recording, jnp.asarray(n))
+    assert int(recording.stride) == 1 and int(recording.count) == 60
