@@ -65,6 +65,20 @@ RKN12 = NystromTableau(
 )
 
 
+@jax.custom_jvp
+def _held_in_derivatives(x: Vectors) -> Vectors:
+    """The same vectors, whose derivative is behind a `barrier`.
+
+    Reverse mode then computes once what a sum of stages contributes, and not for each rate in it.
+    The values pass freely: a barrier among them would compile longer."""
+    return x
+
+
+@_held_in_derivatives.defjvp
+def _held_rule(primals: tuple[Vectors], tangents: tuple[Vectors]) -> tuple[Vectors, Vectors]:
+    return primals[0], barrier(tangents[0])
+
+
 def nystrom_step(
     system: SecondOrder,
     method: NystromTableau,
@@ -91,9 +105,8 @@ def nystrom_step(
     else:
         ks = []
         for c, row in zip(method.c, method.a, strict=True):
-            # Held, so that reverse mode computes what a sum contributes once and not for each of
-            # the derivatives in it.
-            ks.append(derivative(c, barrier(weighted(row, ks)) if row else None))
+            change = _held_in_derivatives(weighted(row, ks)) if row else None
+            ks.append(derivative(c, change))
     # Together: the compiler would sum the stages again for each of its readers.
     mean = barrier(v + h * weighted(method.position, ks))
     r1, v1 = barrier((r + h * system.position_rate(mean), v + h * weighted(method.velocity, ks)))
