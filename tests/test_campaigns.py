@@ -466,6 +466,22 @@ def test_a_run_that_never_ends_is_counted(tmp_path):
     assert np.isfinite(row.mean) and row.runs == np.sum(kept.good)
 
 
+def test_a_run_that_no_plan_fits_takes_steps_of_its_own():
+    """Some of these runs end so close to the singularity that the finest plan misses the
+    tolerance."""
+    campaign = Campaign(escape, {"x0": Uniform(0.1, 0.3333)}, lambda r, s: {"x": r.final["x"]})
+    kept = disperse(campaign, 1024, accuracy=1e-8)
+    assert kept.good.all()
+    left = 1.0 - 3.0 * kept.inputs["x0"]
+    assert np.min(left) < 1e-2
+    # An error on the way grows by 1/left, relative to x; a run takes some hundred steps.
+    error = kept.outputs["x"] * left / kept.inputs["x0"] - 1.0
+    assert np.max(np.abs(error) * left) < 1e-7
+    # Its numbers depend on its own number alone, here too: the same in a shorter campaign.
+    short = disperse(campaign, 512, accuracy=1e-8)
+    np.testing.assert_array_equal(short.outputs["x"], kept.outputs["x"][:512])
+
+
 def test_a_replay_is_the_run_of_the_campaign(whole):
     kept = open_store(whole)
     for number in (0, 1234):

@@ -3,8 +3,8 @@
 Pilot runs, the nominal one among them, find with adaptive steps a plan of steps for every phase,
 and the errors of a trial call show how much finer it has to be for runs that are no pilots. All
 runs follow that plan in blocks; the embedded error estimate shows for every run whether it was fine
-enough. The runs that missed the tolerance are repeated on finer plans; those that still miss it say
-so in their status.
+enough. The runs that missed the tolerance are repeated on finer plans, and those that still miss it
+with adaptive steps, each by itself; where that fails too, their status says so.
 
 One compiled program serves every call and every plan, whatever the number of runs, of chunks, of
 cores and of processes: the plans are padded to one length, a call is always so many runs in blocks
@@ -34,6 +34,8 @@ from ._run_results import PlannedCampaign, RunResults
 
 # Runs in one call: enough to pay for the call, on a core and on an accelerator.
 CALL, ACCELERATOR_CALL = 512, 2**14
+# Runs in one call where each takes adaptive steps by itself: there are few of them.
+ADAPTIVE_CALL = 8
 
 
 class BatchRunner:
@@ -109,12 +111,10 @@ class BatchRunner:
             missed = np.flatnonzero(results.status == Status.TOLERANCE_MISSED)
             if missed.size == 0:
                 break
-            again = self._again(first + missed, level)
-            spent = results.evaluations[missed]
-            for old, new in zip(jax.tree.leaves(results), jax.tree.leaves(again), strict=True):
-                old[..., missed] = new
-            # A repeated run has cost both attempts.
-            results.evaluations[missed] += spent
+            _replace(results, missed, self._again(first + missed, level))
+        missed = np.flatnonzero(results.status == Status.TOLERANCE_MISSED)
+        if missed.size:
+            _replace(results, missed, self._adaptive(first + missed))
         return results
 
     def _again(self, numbers: np.ndarray, level: int) -> RunResults:
@@ -130,6 +130,15 @@ class BatchRunner:
         results = self._results((filled[:, None] * size + np.arange(size)).reshape(-1), level)
         where = np.searchsorted(own, numbers // size) * size + numbers % size
         return jax.tree.map(lambda x: x[..., where], results)
+
+    def _adaptive(self, numbers: np.ndarray) -> RunResults:
+        """The runs of these `numbers` with adaptive steps, which they share with no other run."""
+        alone = BatchRunner(self.planned, self.devices, self.in_flight)
+        alone.call, alone.blocks = ADAPTIVE_CALL, self.blocks._replace(size=1)
+        no_plans = (None,) * len(self.planned.plans[0])
+        alone.planned = self.planned._replace(plans=(no_plans,))
+        filled = np.concatenate([numbers, np.full(-numbers.size % alone.call, numbers[-1])])
+        return jax.tree.map(lambda x: x[..., : numbers.size], alone._results(filled, 0))
 
     def _results(self, numbers: np.ndarray, level: int) -> RunResults:
         """The runs of these `numbers`, which fill whole calls."""
@@ -176,6 +185,15 @@ def cores() -> int:
 def call_size(devices: Sequence[jax.Device]) -> int:
     """How many runs one call has on these devices."""
     return CALL if devices[0].platform == "cpu" else ACCELERATOR_CALL
+
+
+def _replace(results: RunResults, runs: np.ndarray, again: RunResults) -> None:
+    """Put the repetitions of these `runs` in their places."""
+    spent = results.evaluations[runs]
+    for old, new in zip(jax.tree.leaves(results), jax.tree.leaves(again), strict=True):
+        old[..., runs] = new
+    # A repeated run has cost all attempts.
+    results.evaluations[runs] += spent
 
 
 def _digest(results: RunResults) -> str:
