@@ -3,7 +3,7 @@ derivatives by forward mode; 256 low orbits for three revolutions, in one progra
 user for vectors of 512 bits, at the default `max_steps`. Forward mode takes the steps twice, to
 record them and along the record, and a column costs as much as 0.8 to 0.9 of a run, since a tangent
 has the sums of the method like a state and only the roots and quotients of the field are shared:
-with six columns some seven runs. A rule by hand for the gradient of gravity, which is symmetric,
+with six columns six to eight runs. A rule by hand for the gradient of gravity, which is symmetric,
 made no column cheaper."""
 
 import jax
