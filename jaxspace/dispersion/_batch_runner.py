@@ -14,6 +14,7 @@ on the campaign, the seed and i alone, to the last bit (on one kind of processor
 
 import hashlib
 import os
+import threading
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
@@ -75,13 +76,14 @@ class BatchRunner:
         """Plan a campaign by its pilots and a trial, and compile the program of all its runs.
 
         **Raises** `SimulationError` when the nominal run fails."""
-        expected = placeholders(expected_steps(campaign, accuracy, jax.random.key(seed)))
+        expected = placeholders(expected_steps(campaign, accuracy))
         planned = PlannedCampaign(campaign, accuracy, seed, (expected,), False, samples, "")
         # The program of all runs needs of the plans their lengths alone: it is compiled while the
-        # pilots are.
-        ahead = ThreadPoolExecutor(1)
-        ahead.submit(cls(planned, devices).compile)
+        # pilots are. It takes longer, so that they wait for it to be traced.
+        ahead, lowered = ThreadPoolExecutor(1), threading.Event()
+        ahead.submit(cls(planned, devices).compile, lowered)
         try:
+            lowered.wait()
             pilots, coupled = pilot_plans(campaign, accuracy, jax.random.key(seed))
             trial = padded(pilots, [TRIAL] * len(pilots))
             planned = planned._replace(plans=(trial,), coupled=coupled)
@@ -150,10 +152,16 @@ class BatchRunner:
             results = list(pool.map(lambda k: self._call(calls[k], level, k)[0], range(len(calls))))
         return jax.tree.map(lambda *x: np.concatenate(x, axis=-1), *results)
 
-    def compile(self) -> None:
-        """Compile the program of all runs, which a call then finds compiled."""
-        given = self._given(np.arange(self.call, dtype=np.uint32), 0, np.ones(self.call, bool), 0)
-        self._program.lower(*given).compile()
+    def compile(self, lowered: threading.Event) -> None:
+        """Compile the program of all runs, which a call then finds compiled.
+
+        `lowered` is set when nothing but the compiler is left to wait for."""
+        numbers, flown = np.arange(self.call, dtype=np.uint32), np.ones(self.call, bool)
+        try:
+            traced = self._program.lower(*self._given(numbers, 0, flown, 0))
+        finally:
+            lowered.set()
+        traced.compile()
 
     @property
     def _program(self) -> Callable[..., Any]:

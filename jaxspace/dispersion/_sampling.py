@@ -23,7 +23,7 @@ import numpy as np
 from jax.scipy.special import ndtri
 from jaxtyping import Array, Float, Integer
 
-from ..core import InputError
+from ..core import InputError, barrier
 from ._distributions import AbstractDistribution
 
 BITS = 32
@@ -209,7 +209,9 @@ def draw(
             # One program for all of a kind, which compiles sooner than one for each.
             kind = jax.tree.map(lambda *x: jnp.stack(x), *(inputs[name] for name in names))
             keys = jax.vmap(jax.random.fold_in, (None, 0))(own, jnp.array(tags, jnp.uint32))
-            found |= zip(names, jax.vmap(lambda d, key: d.sample(key))(kind, keys), strict=True)
+            drawn = jax.vmap(lambda d, key: d.sample(key))(kind, keys)
+            # Held: the compiler would write down all draws of a kind once more for each input.
+            found |= zip(names, barrier(drawn), strict=True)
         return {name: found[name] for name in inputs}
 
     # Distributions know one draw only; `vmap` here keeps axes of runs out of every one of them.

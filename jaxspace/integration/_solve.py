@@ -52,6 +52,8 @@ def solve(field: PyTree, y0: State, settings: LoopSettings) -> Outcome:
     settings = jax.tree.map(
         lambda x: jax.lax.stop_gradient(x) if eqx.is_inexact_array(x) else x, settings
     )
+    # Not weakly typed: the states after a step are not either, and the step would be traced twice.
+    y0 = jax.tree.map(lambda x: jax.lax.convert_element_type(x, x.dtype), y0)
     parts = (field, y0, settings)
     leaves = solve_p.bind(*arguments_of(parts), problem=Problem(parts))
     asked = settings.record_steps or settings.dense
