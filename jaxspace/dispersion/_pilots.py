@@ -45,7 +45,7 @@ def _pilots(
 def expected_steps(campaign: Campaign, accuracy: Accuracy) -> list[Any]:
     """Of every phase the kind of number by which its steps are recorded; `None` for a closed form.
 
-    Told from the methods alone: to trace the runs of the pilots takes ten times as long."""
+    Told from the methods alone, because to trace the runs of the pilots takes much longer."""
 
     def steps(campaign: Campaign, accuracy: Accuracy) -> list[Array | None]:
         mission, y0 = campaign.build(campaign.nominal())

@@ -82,6 +82,7 @@ class AbstractEngine(ABC):
 
 
 def timed(runner: BatchRunner, extent: Extent) -> Done:
+    """The runs of a chunk, with the processor seconds that they took in this process."""
     before = time.process_time()
     results = runner.run(extent.first, extent.runs)
     return Done(extent.chunk, results, time.process_time() - before)

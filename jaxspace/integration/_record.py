@@ -6,8 +6,8 @@ Both lie in one array of numbers, in which they grow towards each other:
 
 The states are those after every `stride`-th step, after each one at first. Where they meet the
 steps, every second state is dropped, and the stride doubles. So there is room for all steps that a
-run may take, and little is set aside, filled and moved: a short run would spend more time on that
-than on its steps (measured by `benchmarks/gradients.py`).
+run may take, and little is set aside, filled and moved for a short one, whose derivative would
+spend much of its time on that.
 """
 
 import math
