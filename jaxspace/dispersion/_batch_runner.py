@@ -6,10 +6,11 @@ runs follow that plan in blocks; the embedded error estimate shows for every run
 enough. The runs that missed the tolerance are repeated on finer plans, and those that still miss it
 with adaptive steps, each by itself; where that fails too, their status says so.
 
-One compiled program serves every call and every plan, whatever the number of runs, of chunks, of
-cores and of processes: the plans are padded to one length, a call is always so many runs in blocks
-of always the same runs, and cores share calls, never a call. The numbers of run i therefore depend
-on the campaign, the seed and i alone, to the last bit (on one kind of processor).
+One compiled program draws the inputs and one flies the missions of every call and every plan,
+whatever the number of runs, of chunks, of cores and of processes: the plans are padded to one
+length, a call is always so many runs in blocks of always the same runs, and cores share calls,
+never a call. The numbers of run i therefore depend on the campaign, the seed and i alone, to the
+last bit (on one kind of processor).
 """
 
 import hashlib
@@ -19,6 +20,7 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -29,8 +31,8 @@ from ..simulation._blocks import Blocks
 from ._campaign import Campaign
 from ._isolation import isolate
 from ._pilots import expected_steps, pilot_plans
-from ._plans import FINENESS, TRIAL, padded, placeholders, refinement
-from ._program import program
+from ._plans import FINENESS, TRIAL, Plans, padded, placeholders, refinement
+from ._program import Drawn, draw_inputs, program
 from ._run_results import PlannedCampaign, RunResults
 
 # Runs in one call: enough to pay for the call, on a core and on an accelerator.
@@ -61,8 +63,7 @@ class BatchRunner:
         self.in_flight = in_flight
         # A run of the trial, for names and shapes.
         self.example: RunResults | None = None
-        key = jax.random.key(planned.seed)
-        self.arguments = (planned.campaign, planned.accuracy, key, planned.samples)
+        self.key = jax.random.key(planned.seed)
 
     @classmethod
     def plan(
@@ -78,24 +79,35 @@ class BatchRunner:
         **Raises** `SimulationError` when the nominal run fails."""
         expected = placeholders(expected_steps(campaign, accuracy))
         planned = PlannedCampaign(campaign, accuracy, seed, (expected,), False, samples, "")
-        # The program of all runs needs of the plans their lengths alone: it is compiled while the
-        # pilots are. It takes longer, so that they wait for it to be traced.
-        ahead, lowered = ThreadPoolExecutor(1), threading.Event()
-        ahead.submit(cls(planned, devices).compile, lowered)
-        try:
+        runner = cls(planned, devices)
+        first = np.arange(runner.call, dtype=np.uint32)
+
+        def draw(flown: np.ndarray) -> Drawn:
+            return runner._draw(first, flown)
+
+        flown = np.ones(runner.call, bool)
+        drawn = eqx.filter_eval_shape(draw_inputs, *runner._chosen(first, flown, 0))
+        lowered = threading.Event()
+
+        def plans_of_pilots() -> tuple[list[np.ndarray | None], bool]:
+            draw(flown)
+            # The program of all runs takes longer to compile: it must be traced first.
             lowered.wait()
-            pilots, coupled = pilot_plans(campaign, accuracy, jax.random.key(seed))
-            trial = padded(pilots, [TRIAL] * len(pilots))
-            planned = planned._replace(plans=(trial,), coupled=coupled)
-            runner = cls(planned, devices)
-        finally:
-            # What goes wrong there goes wrong again where it is called.
-            ahead.shutdown(wait=True)
+            return pilot_plans(campaign, accuracy, draw, runner.call)
+
+        # That program needs of the plans their lengths alone, and is compiled while they are found.
+        # Two threads, and none of them this one: where there are more threads than arenas for
+        # memory, a new one often shares that of the main thread, and they wait for each other.
+        with ThreadPoolExecutor(2) as pool:
+            # What goes wrong here goes wrong again where the program is called.
+            pool.submit(runner._compile, drawn, lowered)
+            pilots, coupled = pool.submit(plans_of_pilots).result()
+        trial = padded(pilots, [TRIAL] * len(pilots))
         # A whole call: all further ones reuse its program.
-        results, errors = runner._call(np.arange(runner.call, dtype=np.uint32), 0)
+        results, errors = runner._call(first, trial, runner.blocks)
         factors = [refinement(own) for own in np.asarray(errors)[:, :CALL]]
         plans = tuple(padded(pilots, [level * f for f in factors]) for level in FINENESS)
-        runner.planned = planned._replace(plans=plans, digest=_digest(results))
+        runner.planned = planned._replace(plans=plans, coupled=coupled, digest=_digest(results))
         runner.example = jax.tree.map(lambda x: x[..., :1].copy(), results)
         return runner
 
@@ -106,59 +118,86 @@ class BatchRunner:
     def run(self, first: int, count: int) -> RunResults:
         """`count` runs from the number `first` on, checked and refined."""
         whole = self.call * -(-count // self.call)
-        results = self._results(np.arange(first, first + whole), 0)
+        results = self._results(np.arange(first, first + whole), self.planned.plans[0])
         # A copy, because refined runs are written into it and arrays of jax are read-only.
         results = jax.tree.map(lambda x: x[..., :count].copy(), results)
-        for level in range(1, len(self.planned.plans)):
+        for plans in self.planned.plans[1:]:
             missed = np.flatnonzero(results.status == Status.TOLERANCE_MISSED)
             if missed.size == 0:
                 break
-            _replace(results, missed, self._again(first + missed, level))
+            _replace(results, missed, self._again(first + missed, plans))
         missed = np.flatnonzero(results.status == Status.TOLERANCE_MISSED)
         if missed.size:
             _replace(results, missed, self._adaptive(first + missed))
         return results
 
-    def _again(self, numbers: np.ndarray, level: int) -> RunResults:
-        """The runs of these `numbers` on a finer plan.
+    def _again(self, numbers: np.ndarray, plans: Plans) -> RunResults:
+        """The runs of these `numbers` on finer plans.
 
         In their own blocks where the runs of a block share adaptive steps."""
         size = self.blocks.size
         if not self.planned.coupled:
-            filled = np.concatenate([numbers, np.full(-numbers.size % self.call, numbers[-1])])
-            return jax.tree.map(lambda x: x[..., : numbers.size], self._results(filled, level))
+            results = self._results(_filled(numbers, self.call), plans)
+            return jax.tree.map(lambda x: x[..., : numbers.size], results)
         own = np.unique(numbers // size)
-        filled = np.concatenate([own, np.full(-own.size % (self.call // size), own[-1])])
-        results = self._results((filled[:, None] * size + np.arange(size)).reshape(-1), level)
+        filled = _filled(own, self.call // size)
+        results = self._results((filled[:, None] * size + np.arange(size)).reshape(-1), plans)
         where = np.searchsorted(own, numbers // size) * size + numbers % size
         return jax.tree.map(lambda x: x[..., where], results)
 
     def _adaptive(self, numbers: np.ndarray) -> RunResults:
         """The runs of these `numbers` with adaptive steps, which they share with no other run."""
-        alone = BatchRunner(self.planned, self.devices, self.in_flight)
-        alone.call, alone.blocks = ADAPTIVE_CALL, self.blocks._replace(size=1)
         no_plans = (None,) * len(self.planned.plans[0])
-        alone.planned = self.planned._replace(plans=(no_plans,))
-        filled = np.concatenate([numbers, np.full(-numbers.size % alone.call, numbers[-1])])
-        return jax.tree.map(lambda x: x[..., : numbers.size], alone._results(filled, 0))
+        alone = self.blocks._replace(size=1)
+        results = self._results(_filled(numbers, ADAPTIVE_CALL), no_plans, ADAPTIVE_CALL, alone)
+        return jax.tree.map(lambda x: x[..., : numbers.size], results)
 
-    def _results(self, numbers: np.ndarray, level: int) -> RunResults:
+    def _results(
+        self,
+        numbers: np.ndarray,
+        plans: Plans,
+        call: int | None = None,
+        blocks: Blocks | None = None,
+    ) -> RunResults:
         """The runs of these `numbers`, which fill whole calls."""
-        calls = list(numbers.astype(np.uint32).reshape(-1, self.call))
+        size, blocks = call or self.call, blocks or self.blocks
+        calls = list(numbers.astype(np.uint32).reshape(-1, size))
         every = max(cores(), 2 * len(self.devices))
         width = min(len(calls), every if self.in_flight is None else self.in_flight)
+
+        def one(k: int) -> RunResults:
+            return self._call(calls[k], plans, blocks, k)[0]
+
         # A CPU computes the calls of one thread in turn, however many have been started.
         with ThreadPoolExecutor(width) as pool:
-            results = list(pool.map(lambda k: self._call(calls[k], level, k)[0], range(len(calls))))
+            results = list(pool.map(one, range(len(calls))))
         return jax.tree.map(lambda *x: np.concatenate(x, axis=-1), *results)
 
-    def compile(self, lowered: threading.Event) -> None:
-        """Compile the program of all runs, which a call then finds compiled.
+    def _call(
+        self, numbers: np.ndarray, plans: Plans, blocks: Blocks, k: int = 0
+    ) -> tuple[RunResults, np.ndarray]:
+        """The results of call number `k`; of a run that raises, its own row says so."""
+
+        def call(flown: np.ndarray) -> PyTree:
+            drawn = self._draw(numbers, flown, k)
+            return jax.tree.map(np.asarray, self._program(*self._given(drawn, plans, blocks)))
+
+        return isolate(call, numbers.size)
+
+    def _draw(self, numbers: np.ndarray, flown: np.ndarray, k: int = 0) -> Drawn:
+        """The inputs of call number `k`, on its device."""
+        return draw_inputs(*self._chosen(numbers, flown, k))
+
+    def _compile(self, drawn: Drawn, lowered: threading.Event) -> None:
+        """Compile the program of all runs for inputs of these shapes, where a call then finds it.
 
         `lowered` is set when nothing but the compiler is left to wait for."""
-        numbers, flown = np.arange(self.call, dtype=np.uint32), np.ones(self.call, bool)
         try:
-            traced = self._program.lower(*self._given(numbers, 0, flown, 0))
+            zeros = jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), drawn)
+            # On a device, as what is drawn: elsewhere the program would be another one.
+            drawn = jax.device_put(zeros, self.devices[0])
+            given = self._given(drawn, self.planned.plans[0], self.blocks)
+            traced = self._program.lower(*given)
         finally:
             lowered.set()
         traced.compile()
@@ -167,21 +206,16 @@ class BatchRunner:
     def _program(self) -> Callable[..., Any]:
         return program(self.devices[0].platform)
 
-    def _given(self, numbers: np.ndarray, level: int, flown: np.ndarray, k: int) -> tuple[Any, ...]:
-        """What the program takes for call number `k`."""
+    def _chosen(self, numbers: np.ndarray, flown: np.ndarray, k: int) -> tuple[Any, ...]:
+        """What `draw_inputs` takes for call number `k`."""
         device = self.devices[k % len(self.devices)]
-        numbers_k, flown_k = jax.device_put((jnp.asarray(numbers), jnp.asarray(flown)), device)
-        campaign, accuracy, key, samples = self.arguments
-        plans = self.planned.plans[level]
-        return campaign, accuracy, key, numbers_k, flown_k, plans, self.blocks, samples
+        given = jax.device_put((jnp.asarray(numbers), jnp.asarray(flown)), device)
+        return self.planned.campaign, self.key, *given
 
-    def _call(self, numbers: np.ndarray, level: int, k: int = 0) -> tuple[RunResults, np.ndarray]:
-        """The results of call number `k`; of a run that raises, its own row says so."""
-
-        def call(flown: np.ndarray) -> PyTree:
-            return jax.tree.map(np.asarray, self._program(*self._given(numbers, level, flown, k)))
-
-        return isolate(call, self.call)
+    def _given(self, drawn: Drawn, plans: Plans, blocks: Blocks) -> tuple[Any, ...]:
+        """What the program of the missions takes."""
+        planned = self.planned
+        return planned.campaign, planned.accuracy, drawn, plans, blocks, planned.samples
 
 
 def cores() -> int:
@@ -193,6 +227,11 @@ def cores() -> int:
 def call_size(devices: Sequence[jax.Device]) -> int:
     """How many runs one call has on these devices."""
     return CALL if devices[0].platform == "cpu" else ACCELERATOR_CALL
+
+
+def _filled(numbers: np.ndarray, size: int) -> np.ndarray:
+    """The numbers, filled up with the last one to a multiple of `size`."""
+    return np.concatenate([numbers, np.full(-numbers.size % size, numbers[-1])])
 
 
 def _replace(results: RunResults, runs: np.ndarray, again: RunResults) -> None:

@@ -1,12 +1,13 @@
 """The pilots of a campaign: runs with adaptive steps, whose steps become the plans of all runs."""
 
+from collections.abc import Callable
 from typing import Any
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, PyTree
+from jaxtyping import Array, Float, PyTree
 
 from ..integration import Accuracy, Event, SimulationError, Status
 from ..simulation._mission_runs import run_mission
@@ -14,6 +15,7 @@ from ..simulation._simulate import resolve_phases
 from ._campaign import Campaign
 from ._isolation import isolate
 from ._plans import nodes_of
+from ._program import Drawn
 
 # Besides the nominal run.
 PILOTS = 15
@@ -23,17 +25,14 @@ QUICK: dict[str, Any] = {"compiler_options": {"xla_backend_optimization_level": 
 
 @eqx.filter_jit(**QUICK)
 def _pilots(
-    campaign: Campaign, accuracy: Accuracy, key: Array, flown: Bool[Array, " pilots"]
+    campaign: Campaign, accuracy: Accuracy, drawn: dict[str, Float[Array, " runs"]]
 ) -> tuple[list[Array | None], Array, bool]:
-    """Adaptive runs of the pilots, the nominal one first.
+    """Adaptive runs of the pilots, the nominal one first and then the first runs of those drawn.
 
     **Returns** the ends of the steps of every phase (`None` for a closed form), the status of every
     pilot, and whether a phase ends by an event."""
-    drawn = campaign.samples(key, jnp.arange(PILOTS, dtype=jnp.uint32))
     nominal = campaign.nominal()
-    samples = {
-        name: jnp.concatenate([x, jnp.where(flown, drawn[name], x)]) for name, x in nominal.items()
-    }
+    samples = {name: jnp.concatenate([x, drawn[name][:PILOTS]]) for name, x in nominal.items()}
     mission, y0 = campaign.build(samples)
     configs = tuple(c.small_program() for c in resolve_phases(mission, y0, accuracy, 1))
     result = run_mission(mission, y0, campaign.start, 2, configs, 1, record_steps=True)
@@ -56,15 +55,18 @@ def expected_steps(campaign: Campaign, accuracy: Accuracy) -> list[Any]:
 
 
 def pilot_plans(
-    campaign: Campaign, accuracy: Accuracy, key: Array
+    campaign: Campaign, accuracy: Accuracy, draw: Callable[[np.ndarray], Drawn], runs: int
 ) -> tuple[list[np.ndarray | None], bool]:
     """The nodes at which the steps of the pilots ended, phase by phase, and whether the runs of a
     block depend on one another.
 
+    `draw(flown)` are the inputs of the first `runs` runs.
+
     **Raises** `SimulationError` when the nominal run fails."""
 
     def fly(flown: np.ndarray) -> PyTree:
-        found = _pilots(campaign, accuracy, key, jnp.asarray(flown))
+        drawn = draw(np.pad(flown, (0, runs - PILOTS)))
+        found = _pilots(campaign, accuracy, drawn.flown)
         return jax.tree.map(lambda x: np.asarray(x) if eqx.is_array(x) else x, found)
 
     taken, status, coupled = isolate(fly, PILOTS)

@@ -1,12 +1,13 @@
-"""The program of a campaign, which computes one call: drawn inputs, flown missions, their outputs.
+"""The two programs of a campaign: one draws the inputs of a call, one flies its missions.
 
-The campaign is an argument of it, so that campaigns of the same functions share what has been
-compiled, whatever their numbers.
+The campaign is an argument of both, so that campaigns of the same functions share what has been
+compiled, whatever their numbers. Draws have a program of their own because the pilots take their
+inputs from it, too: written into both, they would be compiled twice.
 """
 
 import functools
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -25,67 +26,91 @@ from ._plans import Plans
 from ._run_results import RunResults
 
 
-@functools.cache
-def program(platform: str) -> Any:
-    """`_call`, compiled for the widest vectors of a CPU."""
-    return eqx.filter_jit(_call, **(WIDE_VECTORS if platform == "cpu" else {}))
+class Drawn(NamedTuple):
+    """The inputs of some runs, each (runs,).
+
+    - `inputs`: as drawn.
+    - `flown`: the nominal ones instead for a run that is refused or raises an error.
+    - `status`: why a run is not flown with its own inputs; `COMPLETED` where it is."""
+
+    inputs: dict[str, Array]
+    flown: dict[str, Array]
+    status: Integer[Array, " runs"]
 
 
-def _call(
+@eqx.filter_jit
+def draw_inputs(
     campaign: Campaign,
-    accuracy: Accuracy,
     key: Array,
     numbers: Integer[Array, " runs"],
     flown: Bool[Array, " runs"],
+) -> Drawn:
+    """The inputs of the runs with these `numbers`, of which those `flown` raise no error."""
+    inputs = campaign.samples(key, numbers)
+    allowed = campaign.allowed(inputs)
+    # A refused run takes the nominal inputs: whatever it drew harms no other run of its block.
+    nominal = campaign.nominal()
+    taken = {name: jnp.where(allowed & flown, x, nominal[name]) for name, x in inputs.items()}
+    status = jnp.where(flown, jnp.int32(Status.COMPLETED), jnp.int32(Status.RAISED))
+    drawn = Drawn(inputs, taken, jnp.where(allowed, status, jnp.int32(Status.REFUSED)))
+    # Not weakly typed, as nothing that its shapes stand for is.
+    return jax.tree.map(lambda x: x.astype(x.dtype), drawn)
+
+
+@functools.cache
+def program(platform: str) -> Any:
+    """`_fly`, compiled for the widest vectors of a CPU."""
+    return eqx.filter_jit(_fly, **(WIDE_VECTORS if platform == "cpu" else {}))
+
+
+def _fly(
+    campaign: Campaign,
+    accuracy: Accuracy,
+    drawn: Drawn,
     plans: Plans,
     blocks: Blocks,
     samples: int,
 ) -> tuple[RunResults, Float[Array, "phases runs"]]:
-    """The runs of these numbers, and the largest local error of each phase of each run."""
+    """The runs with these inputs, and the largest local error of each phase of each run."""
 
     def block(
-        batched: tuple[Array, Array], arguments: tuple[Campaign, Accuracy, Array, Plans]
+        batched: tuple[dict[str, Array], Array], arguments: tuple[Campaign, Accuracy, Plans]
     ) -> tuple[RunResults, Array]:
         return _block(*arguments, *batched, samples)
 
-    return blocks.map(block, (numbers, flown), (campaign, accuracy, key, plans))
+    batched = (drawn.flown, drawn.status)
+    results, errors = blocks.map(block, batched, (campaign, accuracy, plans))
+    return results._replace(inputs=drawn.inputs), errors
 
 
 def _block(
     campaign: Campaign,
     accuracy: Accuracy,
-    key: Array,
     plans: Plans,
-    numbers: Integer[Array, " runs"],
-    flown: Bool[Array, " runs"],
+    inputs: dict[str, Float[Array, " runs"]],
+    unflown: Integer[Array, " runs"],
     samples: int,
 ) -> tuple[RunResults, Float[Array, "phases runs"]]:
-    drawn = campaign.samples(key, numbers)
-    allowed = campaign.allowed(drawn)
-    # A refused run takes the nominal inputs: whatever it drew harms no other run of its block.
-    nominal = campaign.nominal()
-    inputs = {name: jnp.where(allowed & flown, x, nominal[name]) for name, x in drawn.items()}
     mission, y0 = campaign.build(inputs)
     configs = resolve_phases(mission, y0, accuracy, 1)
     saved, every_nth = saved_states(campaign.along, samples)
     result = run_mission(mission, y0, campaign.start, saved, configs, 1, plans)
     outputs = campaign.outputs(result, inputs)
     check_names("The outputs of the campaign", outputs)
-    for name in set(outputs) & set(drawn):
+    for name in set(outputs) & set(inputs):
         raise InputError(
             f"The output {name!r} has the name of an input: it must have one of its own."
         )
-    status = jnp.where(flown, result.status, Status.RAISED)
-    status = jnp.where(allowed, status, Status.REFUSED)
+    status = jnp.where(unflown == Status.COMPLETED, result.status, unflown)
     evaluations = sum((run.stats["evaluations"] for run in result.phases), jnp.array(0))
 
     def every(x: Array) -> Array:
-        return jnp.broadcast_to(x, numbers.shape)
+        return jnp.broadcast_to(x, unflown.shape)
 
-    kept = trajectories(mission.phases, result, numbers.shape, every_nth) if samples else {}
+    kept = trajectories(mission.phases, result, unflown.shape, every_nth) if samples else {}
     outputs, kept = nan_where_failed((jax.tree.map(every, outputs), kept), status)
     errors = [every(run.stats.get("largest_local_error", jnp.zeros(()))) for run in result.phases]
-    results = RunResults(drawn, outputs, every(status), every(evaluations), kept)
+    results = RunResults({}, outputs, every(status), every(evaluations), kept)
     return results, jnp.stack(errors)
 
 
