@@ -9,6 +9,7 @@ import random
 import signal
 import subprocess
 import sys
+import threading
 import time
 import warnings
 from pathlib import Path
@@ -398,6 +399,20 @@ def test_two_writers_of_one_store(copy):
         # Readers are not in the way.
         assert open_store(copy).runs == RUNS
     assert resumed(copy) == 0
+
+
+def test_the_name_of_a_writer_is_waited_for(tmp_path):
+    """Who has just locked a store writes its name a moment later."""
+    writer = Lock(tmp_path)
+    writer.acquire()
+    name = writer.path.read_text()
+    writer.path.write_text("")
+    late = threading.Timer(0.1, writer.path.write_text, [name])
+    late.start()
+    with pytest.raises(StoreError, match=f"in use by process {os.getpid()}"):
+        Lock(tmp_path).acquire()
+    late.join()
+    writer.release()
 
 
 def test_a_lock_of_another_machine_is_respected(copy):

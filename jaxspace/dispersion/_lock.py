@@ -9,6 +9,8 @@ from pathlib import Path
 from ..core import InputError
 
 NAME = ".lock"
+# How long a lock may be held without a name, s, before it is one of nobody known.
+PATIENCE = 1.0
 
 
 class StoreError(InputError):
@@ -30,8 +32,12 @@ class Lock:
     def acquire(self) -> None:
         """Raises `StoreError` with the owner where another process holds the lock."""
         handle = os.open(self.path, os.O_RDWR | os.O_CREAT, 0o644)
-        free = _lock(handle)
-        owner = _owner(handle)
+        free, owner = _lock(handle), _owner(handle)
+        end = time.monotonic() + PATIENCE
+        # Who holds it writes the name after that, and takes it away before letting go.
+        while not free and not owner and time.monotonic() < end:
+            time.sleep(0.01)
+            free, owner = _lock(handle), _owner(handle)
         host = socket.gethostname()
         # Not every network file system passes locks between machines: then the name decides.
         if not free or (owner and owner["host"] != host):
