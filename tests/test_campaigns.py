@@ -235,6 +235,48 @@ def test_damage_is_named_left_out_and_computed_again(whole, copy, kind):
     assert files_of(copy) == files_of(whole)
 
 
+def test_a_flipped_bit_of_the_metadata_is_told_and_mended(tmp_path, monkeypatch):
+    """Of the head, of its copy and of the metadata of an array, all along each of them."""
+    monkeypatch.setattr("jaxspace.dispersion._head.PATIENCE", 0.0)
+    place = tmp_path / "s"
+    write(place)
+    files = [place / name for name in ("zarr.json", ".manifest/head", "b/zarr.json")]
+    before = {file: file.read_bytes() for file in files}
+    expected = open_store(place)
+    for file in files:
+        for k in range(0, len(before[file]), len(before[file]) // 40):
+            damaged = bytearray(before[file])
+            damaged[k] ^= 1 << (k % 8)
+            file.write_bytes(damaged)
+            with warnings.catch_warnings(record=True) as told:
+                warnings.simplefilter("always")
+                kept = open_store(place)
+            # The metadata of a single array are for other readers: this one does not use them.
+            assert [w.category for w in told] == [DamagedStore] * (file != files[2])
+            assert kept.attributes == expected.attributes and kept.units == expected.units
+            np.testing.assert_array_equal(kept.outputs["b"], expected.outputs["b"])
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", DamagedStore)
+                write(place, resume=True)
+            assert {file: json.loads(_text(file)) for file in files} == {
+                file: json.loads(_text(file, data)) for file, data in before.items()
+            }
+
+
+def _text(file: Path, data: bytes | None = None) -> bytes:
+    """The metadata in a file, behind the checksum where it begins with one."""
+    data = file.read_bytes() if data is None else data
+    return data.partition(b"\n")[2] if file.name == "head" else data
+
+
+def test_a_lost_head_is_found_again(copy):
+    (copy / "zarr.json").unlink()
+    with pytest.warns(DamagedStore, match="differs from its copy"):
+        assert open_store(copy).runs == RUNS
+    assert resumed(copy) == 0
+    assert (copy / "zarr.json").is_file()
+
+
 def test_zarr_itself_finds_a_flipped_bit(copy):
     import zarr
 
@@ -296,13 +338,16 @@ def test_a_store_survives_its_end_at_every_single_operation(tmp_path, monkeypatc
         with pytest.raises(Killed):
             write(place)
         monkeypatch.undo()
-        try:
-            kept = open_store(place)
-            np.testing.assert_array_equal(kept.outputs["b"], 2.0 * kept.numbers)
-            begun = True
-        except StoreError:
-            begun = False
-        write(place, resume=begun)
+        with warnings.catch_warnings():
+            # Where it ended between the metadata and their copy.
+            warnings.simplefilter("ignore", DamagedStore)
+            try:
+                kept = open_store(place)
+                np.testing.assert_array_equal(kept.outputs["b"], 2.0 * kept.numbers)
+                begun = True
+            except StoreError:
+                begun = False
+            write(place, resume=begun)
         assert files_of(place) == expected, moment
         assert not list(place.rglob(".unfinished*"))
 

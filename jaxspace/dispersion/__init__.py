@@ -60,7 +60,7 @@ from ._sensitivity import rank_correlation as rank_correlation
 from ._sensitivity import sobol_indices as sobol_indices
 from ._statistics import Dispersion as Dispersion
 from ._statistics import Failure as Failure
-from ._stored import DamagedStore as DamagedStore
+from ._store import DamagedStore as DamagedStore
 from ._stored import open_store as open_store
 from ._table import Row as Row
 from ._work import AbstractEngine as AbstractEngine

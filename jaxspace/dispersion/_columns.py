@@ -23,6 +23,12 @@ class Column(NamedTuple):
     shape: tuple[int, ...]
     attributes: dict[str, Any]
 
+    @classmethod
+    def of(cls, head: Mapping[str, Any]) -> "Column":
+        """The array with these metadata of Zarr."""
+        dtype, dims = np.dtype(head["data_type"]).str, tuple(head["dimension_names"])
+        return cls(dtype, dims, tuple(head["shape"][1:]), head["attributes"])
+
     @property
     def fill(self) -> float | int:
         """What stands where nothing has been written."""

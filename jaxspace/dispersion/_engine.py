@@ -24,9 +24,8 @@ from ._flight import in_memory, ordered, stored
 from ._moments import StopRule
 from ._record import record
 from ._statistics import Dispersion
-from ._store import ENOUGH
+from ._store import ENOUGH, DamagedStore
 from ._store_writer import StoreWriter
-from ._stored import DamagedStore
 from ._work import AbstractEngine
 
 RUNS = 1000

@@ -15,9 +15,9 @@ from ._ending import Ending
 from ._moments import StopRule
 from ._run_results import RunResults
 from ._statistics import Dispersion
-from ._store import ENOUGH, Store
+from ._store import ENOUGH, DamagedStore, Store
 from ._store_writer import StoreWriter
-from ._stored import DamagedStore, as_dispersion
+from ._stored import as_dispersion
 from ._work import AbstractEngine, Extent
 
 Progress: TypeAlias = Callable[[int, int], None] | None

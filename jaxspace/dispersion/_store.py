@@ -3,7 +3,8 @@
 All arrays have their full length from the start, and the metadata are written once: a chunk adds
 files and changes none. It counts from the moment when its entry in `.manifest` appears, a file with
 the size and the checksum of each of its files, put in place by a single rename. Whatever ends a
-campaign ends it between two such moments; what an entry does not vouch for is computed again.
+campaign ends it between two such moments; what an entry does not vouch for is computed again. The
+metadata have a copy there, with its checksum (`_head.py`).
 """
 
 import hashlib
@@ -16,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from ._columns import Column
+from ._head import read_head
 from ._lock import StoreError
 
 MANIFEST, FORM = ".manifest", 1
@@ -28,6 +30,10 @@ def runs_of(attributes: Mapping[str, Any]) -> int:
     return int(attributes.get(ENOUGH) or attributes["planned_runs"])
 
 
+class DamagedStore(UserWarning):
+    """Files of a store differ from what was written; the message names them."""
+
+
 class Store:
     """The store at `path`, for reading; `writable` opens it for writing."""
 
@@ -35,6 +41,8 @@ class Store:
         self.path = Path(path)
         self.attributes: dict[str, Any] = {}
         self.columns: dict[str, Column] = {}
+        # What is wrong with the files of the metadata, in a sentence.
+        self.head_damage = ""
 
     @property
     def runs(self) -> int:
@@ -64,26 +72,21 @@ class Store:
                 f"{self.path} is no folder: it must be the Zarr store of a dispersion."
             )
         try:
-            root = json.loads((self.path / "zarr.json").read_bytes())
+            head, self.head_damage = read_head(self.path)
+            root = json.loads(head)
             self.attributes = root["attributes"]
             arrays = root["consolidated_metadata"]["metadata"]
             form = self.attributes.get("form")
             if form != FORM:
                 raise KeyError("form")
-        except (OSError, ValueError, KeyError, TypeError) as error:
+            self.columns = {name: Column.of(x) for name, x in arrays.items()}
+        except StoreError:
+            raise
+        except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
             raise StoreError(
                 f"{self.path} cannot be read: it must be the Zarr store of a dispersion "
                 f"({type(error).__name__}: {error})."
             ) from error
-        self.columns = {
-            name: Column(
-                np.dtype(x["data_type"]).str,
-                tuple(x["dimension_names"]),
-                tuple(x["shape"][1:]),
-                x["attributes"],
-            )
-            for name, x in arrays.items()
-        }
         return self
 
     def entry(self, chunk: int) -> dict[str, Any] | None:

@@ -5,7 +5,7 @@ import json
 import os
 import shutil
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
@@ -14,10 +14,11 @@ import numpy as np
 
 from ._batch_runner import cores
 from ._columns import Column, arrays_of, encoded
+from ._head import COPY, HEAD, read_head, sealed
 from ._identity import difference
 from ._lock import NAME, Lock, StoreError
 from ._run_results import RunResults
-from ._store import ENOUGH, FORM, MANIFEST, Store
+from ._store import ENOUGH, FORM, MANIFEST, DamagedStore, Store
 
 UNFINISHED = ".unfinished-"
 # What the chunks may lack to the free space of the disk besides what is reckoned.
@@ -70,7 +71,7 @@ class StoreWriter:
         for left in path.rglob(f"{UNFINISHED}*"):
             left.unlink()
         others = {x.name for x in path.iterdir()} - {NAME, MANIFEST}
-        if not others or "zarr.json" not in others:
+        if HEAD not in others and not (path / COPY).is_file():
             # Folders of arrays without the head: a preparation that was interrupted.
             strange = [x for x in sorted(others) if not _is_begun(path / x)]
             if strange:
@@ -84,13 +85,36 @@ class StoreWriter:
             return
         # Whatever else it is, it is not ours to replace.
         store = self.store.read()
-        if not self.resume:
+        if self.resume:
+            self._mend_metadata()
+        else:
             done = sum(store.extent(k)[1] for k in store.finished())
             raise StoreError(
                 f"{path} holds {done} of {store.runs} runs already: resume it, overwrite it, or "
                 f"choose another folder (`jaxspace resume`, `--overwrite`; in Python "
                 f"`resume=True`, `overwrite=True`)."
             )
+
+    def _mend_metadata(self) -> None:
+        """Write the metadata once more where they differ from what was written."""
+        store = self.store
+        if store.head_damage:
+            warnings.warn(f"{store.path}: {store.head_damage}", DamagedStore, stacklevel=2)
+            self._write_head(json.loads(read_head(store.path)[0]))
+        root = json.loads(read_head(store.path)[0])
+        for name, head in root["consolidated_metadata"]["metadata"].items():
+            file = store.path / name / HEAD
+            # Of no use to this library, which reads the head: other readers may take these.
+            if not file.is_file() or _parsed(file) != head:
+                write_whole(file, json.dumps(head).encode())
+
+    def _write_head(self, root: Mapping[str, Any]) -> None:
+        """Write the head, and before it the copy that vouches for it."""
+        head = json.dumps(root).encode()
+        with _disk(self.store):
+            write_whole(self.store.path / COPY, sealed(head))
+            write_whole(self.store.path / HEAD, head)
+        self.store.attributes = root["attributes"]
 
     def prepare(self, columns: Mapping[str, Column], attributes: Mapping[str, Any]) -> Store:
         """The store for these arrays and attributes: made, or the one that is there.
@@ -105,8 +129,12 @@ class StoreWriter:
         store.columns = dict(columns)
         self._check_space()
         with _disk(store):
-            for name, data in _metadata(store):
+            files = _metadata(store)
+            head = json.loads(files.pop(HEAD))
+            for name, data in files.items():
                 write_whole(store.path / name, data)
+        # Without its head the folder is no store yet: an interruption leaves none half made.
+        self._write_head(head)
         return store
 
     def join(self, columns: Mapping[str, Column], attributes: Mapping[str, Any]) -> Store:
@@ -121,7 +149,8 @@ class StoreWriter:
 
     def _clear(self) -> None:
         # The head first: what is left of an interrupted removal is no store any more.
-        (self.store.path / "zarr.json").unlink(missing_ok=True)
+        for name in (HEAD, COPY):
+            (self.store.path / name).unlink(missing_ok=True)
         for entry in self.store.path.iterdir():
             if entry.is_dir():
                 shutil.rmtree(entry)
@@ -181,18 +210,15 @@ class StoreWriter:
         In this order, so that whenever this ends a repetition completes it."""
         store = self.store
         runs = min(chunks * store.chunk, int(store.attributes["planned_runs"]))
-        root = json.loads((store.path / "zarr.json").read_bytes())
+        root = json.loads(read_head(store.path)[0])
         heads = root["consolidated_metadata"]["metadata"]
         for head in heads.values():
             head["shape"][0] = runs
         root["attributes"][ENOUGH] = runs
+        self._write_head(root)
         with _disk(store):
-            write_whole(store.path / "zarr.json", json.dumps(root).encode())
-            store.attributes = root["attributes"]
             for name, head in heads.items():
-                path = store.path / name / "zarr.json"
-                own = json.loads(path.read_bytes()) | {"shape": head["shape"]}
-                write_whole(path, json.dumps(own).encode())
+                write_whole(store.path / name / HEAD, json.dumps(head).encode())
             for entry in (store.path / MANIFEST).glob("*.json"):
                 if entry.stem.isdecimal() and int(entry.stem) >= chunks:
                     entry.unlink()
@@ -201,17 +227,22 @@ class StoreWriter:
 
     def note(self, **attributes: Any) -> None:
         """Add to the attributes of the store."""
-        path = self.store.path / "zarr.json"
-        root = json.loads(path.read_bytes())
+        root = json.loads(read_head(self.store.path)[0])
         root["attributes"] |= attributes
-        self.store.attributes = root["attributes"]
-        with _disk(self.store):
-            write_whole(path, json.dumps(root).encode())
+        self._write_head(root)
+
+
+def _parsed(file: Path) -> Any:
+    """What a file of metadata says; `None` where it cannot be read."""
+    try:
+        return json.loads(file.read_bytes())
+    except ValueError:
+        return None
 
 
 def _is_begun(path: Path) -> bool:
     """Whether this is the folder of an array, or will be one."""
-    return path.is_dir() and ((path / "zarr.json").is_file() or not any(path.iterdir()))
+    return path.is_dir() and ((path / HEAD).is_file() or not any(path.iterdir()))
 
 
 class _disk:
@@ -248,8 +279,8 @@ def write_whole(path: Path, data: bytes) -> None:
         raise
 
 
-def _metadata(store: Store) -> Iterator[tuple[str, bytes]]:
-    """The files of metadata, the head of the store last."""
+def _metadata(store: Store) -> dict[str, bytes]:
+    """The files of metadata."""
     import zarr
     from zarr.codecs import BytesCodec, Crc32cCodec
     from zarr.storage import MemoryStore
@@ -272,8 +303,4 @@ def _metadata(store: Store) -> Iterator[tuple[str, bytes]]:
         # That other readers of the third version need not know it: they can do without.
         warnings.filterwarnings("ignore", "Consolidated metadata")
         zarr.consolidate_metadata(memory)
-    files = {name: data.to_bytes() for name, data in memory._store_dict.items()}
-    head = files.pop("zarr.json")
-    yield from files.items()
-    # Without its head the folder is no store yet: an interruption leaves none half made.
-    yield "zarr.json", head
+    return {name: data.to_bytes() for name, data in memory._store_dict.items()}

@@ -8,13 +8,9 @@ from typing import final
 import numpy as np
 
 from ._statistics import Dispersion
-from ._store import Store
+from ._store import DamagedStore, Store
 
 BOOKKEEPING = ("form", "seed", "preparation_seconds")
-
-
-class DamagedStore(UserWarning):
-    """Chunks of a store differ from what was written; the message names them."""
 
 
 @final
@@ -41,10 +37,12 @@ def open_store(path: str | os.PathLike[str]) -> Dispersion:
 
     Its columns are read from the disk when they are asked for. Chunks that differ from what was
     written are left out, with a warning that names them: `disperse(..., resume=True)` or `jaxspace
-    resume` computes them again.
+    resume` computes them again, and mends the files of metadata.
 
     Raises `StoreError`, an `InputError`, where `path` holds no store of a dispersion."""
     store = Store(path).read()
+    if store.head_damage:
+        warnings.warn(f"{path}: {store.head_damage}", DamagedStore, stacklevel=2)
     chunks = []
     for chunk in store.finished():
         # Scalars alone: to open a store must not take reading all of its trajectories.

@@ -1,0 +1,64 @@
+"""The head of a store: its attributes and those of its arrays, in the file `zarr.json`.
+
+Zarr has checksums for the numbers of a store, and none for its head. A copy in the manifest begins
+with the checksum of the rest, so that it vouches for itself. Where the two differ the copy counts:
+it is written first, and whatever has changed `zarr.json` later, it was no campaign.
+"""
+
+import hashlib
+import time
+from pathlib import Path
+
+from ._lock import StoreError
+
+HEAD, COPY = "zarr.json", ".manifest/head"
+# How long a campaign under way may take between the two, s.
+PATIENCE = 0.05
+
+
+def sealed(head: bytes) -> bytes:
+    """The copy of a head: the checksum in a line of its own, then the head."""
+    return hashlib.sha256(head).hexdigest().encode() + b"\n" + head
+
+
+def unsealed(copy: bytes) -> bytes | None:
+    """The head in a copy; `None` where the copy is damaged."""
+    _, _, head = copy.partition(b"\n")
+    return head if sealed(head) == copy else None
+
+
+def read_head(folder: Path) -> tuple[bytes, str]:
+    """The head of the store in this folder, and what is wrong with its files, in a sentence; empty
+    if nothing is.
+
+    **Raises** `StoreError` where neither file can be read."""
+    head, kept = _both(folder)
+    if kept != head:
+        # A campaign under way may just have written one of them.
+        time.sleep(PATIENCE)
+        head, kept = _both(folder)
+    if kept is None and head is None:
+        raise StoreError(
+            f"{folder} cannot be read: it must be the Zarr store of a dispersion, and has no "
+            f"{HEAD}."
+        )
+    if kept is None:
+        # Of the two files one is damaged, and it is the other one.
+        assert head is not None
+        return head, f"{COPY}, the copy of {HEAD}, differs from its checksum."
+    if kept != head:
+        return kept, f"{HEAD} differs from its copy in {COPY}, which is read in its place."
+    return kept, ""
+
+
+def _both(folder: Path) -> tuple[bytes | None, bytes | None]:
+    """The head, and that in its copy."""
+    head, copy = _bytes_of(folder / HEAD), _bytes_of(folder / COPY)
+    return head, None if copy is None else unsealed(copy)
+
+
+def _bytes_of(path: Path) -> bytes | None:
+    try:
+        return path.read_bytes()
+    except OSError:
+        return None
