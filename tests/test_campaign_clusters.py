@@ -2,17 +2,21 @@
 processes of its own, so that all of them are left to the sweeps."""
 
 import contextlib
+import multiprocessing
 import os
 import signal
 import socket
 import subprocess
 import sys
+from concurrent.futures import Future
+from concurrent.futures.process import BrokenProcessPool
 
 import pytest
 from test_campaigns import HERE, child, files_of, fly, resumed, whole  # noqa: F401
 from test_dispersion_ending import fly as fly_ending
 
-from jaxspace.dispersion import DaskCluster, StoreError, open_store
+from jaxspace.dispersion import DaskCluster, ProcessPool, StoreError, open_store
+from jaxspace.dispersion._process_pool import _apart
 
 pytestmark = pytest.mark.sweep
 
@@ -118,15 +122,42 @@ if __name__ == "__main__":
     try:
         fly(sys.argv[1], campaign, engine=ProcessPool(1, limit=60.0, retries=1))
     except StoreError as error:
-        print(error)
+        print(error, "kept:", open_store(sys.argv[1]).runs)
+    # In this process, where it returns; then the same without a disturbance.
+    fly(sys.argv[1], campaign, resume=True)
+    fly(sys.argv[2], campaign)
 """
 
 
+def test_a_process_that_is_killed_is_replaced(whole, tmp_path):  # noqa: F811
+    """Its chunks are computed again, by whichever process comes next."""
+    seen = []
+
+    def kill_one(done, total):
+        if not seen:
+            multiprocessing.active_children()[0].kill()
+        seen.append(done)
+
+    fly(tmp_path / "s.zarr", engine=ProcessPool(2), progress=kill_one)
+    assert files_of(tmp_path / "s.zarr") == files_of(whole)
+    # No chunk came twice.
+    assert seen == sorted(set(seen))
+
+
+def test_what_has_come_is_kept_when_a_process_dies():
+    """One future of the same moment is done, the other lost."""
+    done, lost = Future(), Future()
+    done.set_result("a chunk")
+    lost.set_exception(BrokenProcessPool())
+    assert _apart({done, lost}) == ([done], True) and _apart({done}) == ([done], False)
+
+
 def test_a_chunk_that_never_returns_is_named_and_the_others_kept(tmp_path):
-    process = child(WAIT, tmp_path / "s.zarr")
-    told, _ = process.communicate(timeout=600)
-    assert "Chunk 2 (runs 1024 to 1535) was lost 2 times" in told
-    assert open_store(tmp_path / "s.zarr").runs == 2200 - 512
+    process = child(WAIT, tmp_path / "s.zarr", tmp_path / "undisturbed.zarr")
+    told, errors = process.communicate(timeout=600)
+    assert "Chunk 2 (runs 1024 to 1535) was lost 2 times" in told, errors
+    assert "kept: 1688" in told, errors
+    assert files_of(tmp_path / "s.zarr") == files_of(tmp_path / "undisturbed.zarr")
 
 
 MEMORY = """

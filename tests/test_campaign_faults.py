@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from test_campaign_commands import COAST, LONG, stopped
+from test_campaign_commands import COAST, LONG, LONG_CHUNK, stopped
 from test_campaigns import (
     CAMPAIGN,
     RUNS,
@@ -151,7 +151,7 @@ def coast(tmp_path_factory):
     def complete(store: Path, resume: bool) -> None:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", DamagedStore)
-            how = {"seed": 3, "chunk": 512, "accuracy": file.accuracy, "resume": resume}
+            how = {"seed": 3, "chunk": LONG_CHUNK, "accuracy": file.accuracy, "resume": resume}
             disperse(campaign, LONG, store=store, **how)
 
     complete(folder / "coast.zarr", False)
@@ -161,14 +161,23 @@ def coast(tmp_path_factory):
 @pytest.mark.sweep
 @pytest.mark.parametrize(
     "number, part",
-    [(signal.SIGINT, k) for k in range(20)] + [(signal.SIGTERM, k) for k in range(5)],
+    [(number, k) for number in (signal.SIGINT, signal.SIGKILL, signal.SIGTERM) for k in range(20)],
 )
 def test_a_signal_at_a_random_moment(coast, tmp_path, number, part):
-    store = stopped(tmp_path, number, random.Random(part).uniform(0.0, 1.0))
-    kept = open_store(store)
-    assert 0 < kept.runs <= LONG
+    """Every fourth while the campaign is compiled, the others within a chunk of the flight, which
+    takes a few milliseconds."""
+    chance = random.Random(part)
+    if part % 4 == 0:
+        store = stopped(tmp_path, number, None, chance.uniform(0.0, 4.0))
+    else:
+        last = LONG // LONG_CHUNK - 50
+        store = stopped(tmp_path, number, chance.randint(0, last), chance.uniform(0.0, 0.005))
+        with warnings.catch_warnings():
+            # Where it ended between the metadata and their copy.
+            warnings.simplefilter("ignore", DamagedStore)
+            assert 0 < open_store(store).runs < LONG
     complete, expected = coast
-    complete(store, True)
+    complete(store, (store / ".manifest" / "head").exists())
     assert files_of(store) == expected
     assert not list(store.rglob(".unfinished*"))
 

@@ -88,10 +88,13 @@ class ProcessPool(AbstractEngine):
                     with without_main():
                         future = pool.submit(compute_chunk, payload, waiting[0])
                     started[future] = waiting.pop(0)
-                for future in _first_done(started, self.limit):
-                    done = future.result()
+                done, lost = _apart(_first_done(started, self.limit))
+                # First what has come: a process that dies must cost no chunk of another one.
+                for future in done:
                     del started[future]
-                    yield done
+                    yield future.result()
+                if lost:
+                    return
         # The caller finds in `started` what is lost, and begins another round.
         except (BrokenProcessPool, TimeoutError):
             return
@@ -105,6 +108,14 @@ def _first_done(started: dict["Future[Done]", Extent], limit: float | None) -> s
     if not done:
         raise TimeoutError
     return done
+
+
+def _apart(done: set["Future[Done]"]) -> tuple[list["Future[Done]"], bool]:
+    """Those with a result, and whether others were lost with their process.
+
+    **Raises** what a chunk itself raised."""
+    lost = {future for future in done if isinstance(future.exception(), BrokenProcessPool)}
+    return [future for future in done if future not in lost], bool(lost)
 
 
 def _stop(pool: ProcessPoolExecutor) -> None:
