@@ -8,12 +8,12 @@ INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check --ed
 export PYRIGHT_PYTHON_IGNORE_WARNINGS := 1
 export NO_MKDOCS_2_WARNING := true
 
-.PHONY: demo test lint format types docs unit sweep hunt bench clean
+.PHONY: demo test lint format types docs unit sweep faults hunt bench clean
 .NOTPARALLEL:
 .DELETE_ON_ERROR:
 
 demo: $(VENV)/.demo  ## simulate the example scene: a kick stage and its dispersion
-	@$(BIN)/jaxspace disperse examples/scenes/kick_stage.toml
+	@$(BIN)/jaxspace disperse examples/scenes/kick_stage.toml --overwrite
 
 test: lint types docs unit  ## everything that a change has to pass
 
@@ -33,6 +33,10 @@ docs: $(VENV)/.test  ## the manual, in site/; a broken link or name is an error
 
 unit: $(VENV)/.test  ## the tests; of a long sweep a fixed sample
 	@$(BIN)/python -m pytest -n 2 --dist worksteal
+
+faults: $(VENV)/.test  ## kills, signals, full disks and lost workers, three times over
+	@$(BIN)/pip install --quiet ".[cluster]"
+	@for k in 1 2 3; do $(BIN)/python -m pytest --quiet --sweep all tests/test_campaigns.py tests/test_campaign_faults.py tests/test_campaign_clusters.py || exit 1; done
 
 sweep: $(VENV)/.test  ## the tests with every case of the long sweeps
 	@$(BIN)/python -m pytest -n 2 --dist worksteal --sweep all
