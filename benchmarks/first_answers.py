@@ -6,7 +6,9 @@ Wanted on two cores: the launch in 60 s (goal 20), the transfer in 15, the gradi
 in 5, the gradient of an orbit by RKN 12(10) in 2 and its Hessian in 8. Most of it is the compiler,
 whose time goes with the length of its program. Two things keep that short: the stages of a step are
 a loop where one run is differentiated, or runs of a large vector field are, and a stage of that
-loop is evaluated once more backwards, in place of hundreds of buffers for what it computed.
+loop is evaluated once more backwards, in place of hundreds of buffers for what it computed. A
+mission to be optimised is flown by `fly_compact`: `simulate`, which chooses its steps and searches
+for the ends of the phases, takes several times as long to compile with its derivatives.
 Narrower vectors and leaving out the expensive passes of LLVM changed nothing."""
 
 import json
@@ -121,6 +123,11 @@ def answer():
     return found.criterion.objective
 """,
     "gradient of four phases from the pad, compact": PAD
+    + "answer = lambda: jax.jit(jax.grad(apoapsis))(y0.mass)\n",
+    "gradient of four phases from the pad, adaptive steps": PAD.replace(
+        "fly_compact(mission, eqx.tree_at(mass, y0, m), steps=40)",
+        "simulate(mission, eqx.tree_at(mass, y0, m))",
+    )
     + "answer = lambda: jax.jit(jax.grad(apoapsis))(y0.mass)\n",
     "gradient of a flight through the standard atmosphere": FLIGHT
     + "answer = lambda: jax.jit(jax.grad(height))(y0.mass)\n",
