@@ -101,6 +101,28 @@ def test_replay_flies_one_run_again(store, tmp_path, capsys):
     assert "--run is 1200: it must be from 0 to 1199." in capsys.readouterr().err
 
 
+def test_states_at_chosen_times(tmp_path, capsys):
+    """Stored by `disperse`, and asked for once more by `resume`."""
+    import xarray
+
+    (tmp_path / "coast.toml").write_text(COAST)
+    given = ["disperse", str(tmp_path / "coast.toml"), "--out", str(tmp_path), "--runs", "8"]
+    assert main([*given, "--times", "0,60,599.5"]) == 0
+    store = tmp_path / "coast.zarr"
+    with xarray.open_zarr(store) as data:
+        np.testing.assert_allclose(data["coast.time"][3], [0.0, 60.0, 599.5], rtol=1e-15)
+        # Along the orbit at perigee, 10 km/s times a minute: the chord of one minute in m.
+        way = data["coast.position"].sel(run=3).values
+        assert np.linalg.norm(way[:, 1] - way[:, 0]) == pytest.approx(4.7e5, rel=0.02)
+    (store / ".manifest" / "0.json").unlink()
+    assert main(["resume", str(store)]) == 0
+    assert main([*given, "--overwrite", "--times", "601"]) == 2
+    assert "must be a time of the mission, from 0 s to 600 s" in capsys.readouterr().err
+    with pytest.raises(SystemExit):
+        main([*given, "--times", "0,now"])
+    assert "times in s with commas between them" in capsys.readouterr().err
+
+
 def test_failures_gives_the_reason_of_each(store, capsys):
     kept = open_store(store)
     bad = np.flatnonzero(kept.inputs["initial.orbit.eccentricity"] < 0.0)

@@ -23,8 +23,10 @@ from jaxspace.dispersion import (
     Campaign,
     Constant,
     DamagedStore,
+    LatinHypercube,
     Normal,
     ProcessPool,
+    Sobol,
     StoreError,
     Uniform,
     _store_writer,
@@ -583,11 +585,20 @@ def test_trajectories_are_kept_where_they_are_asked_for(tmp_path):
 # ----------------------------------------------------------------------------------------- engines
 
 
-def test_other_processes_compute_the_same_bits(whole, copy):
+@pytest.mark.parametrize("workers", [pytest.param(1, marks=pytest.mark.sweep), 2])
+def test_other_processes_compute_the_same_bits(whole, copy, workers):
     for chunk in (0, 3, 4):
         (copy / ".manifest" / f"{chunk}.json").unlink()
-    assert resumed(copy, engine=ProcessPool(1)) == 3
+    assert resumed(copy, engine=ProcessPool(workers)) == 3
     assert files_of(copy) == files_of(whole)
+
+
+@pytest.mark.parametrize("design", [LatinHypercube(1100), Sobol()])
+def test_even_points_are_the_same_bits_in_any_chunks(design):
+    campaign = Campaign(swing, INPUTS, last, CAMPAIGN.units, design=design)
+    cut, one = (disperse(campaign, 1100, seed=SEED, chunk=chunk) for chunk in (512, 2048))
+    for name in CAMPAIGN.units:
+        np.testing.assert_array_equal(cut.values(name), one.values(name))
 
 
 @pytest.mark.parametrize("engine, words", [("desk", "engine is 'desk'"), ("", "engine is ''")])

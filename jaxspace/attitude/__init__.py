@@ -49,6 +49,10 @@ from ._moving_masses import particle_equations as particle_equations
 from ._nutation import Nutation as Nutation
 from ._nutation_damper import DamperMotion as DamperMotion
 from ._nutation_damper import NutationDamper as NutationDamper
+from ._outputs import attitude_error as attitude_error
+from ._outputs import attitude_error_x as attitude_error_x
+from ._outputs import attitude_error_y as attitude_error_y
+from ._outputs import attitude_error_z as attitude_error_z
 from ._outputs import cone_angle as cone_angle
 from ._outputs import continuous_precession as continuous_precession
 from ._outputs import pointing as pointing

@@ -1,4 +1,14 @@
-"""Numbers of interest of a body that spins."""
+"""Numbers of interest of a body that turns: its spin, its cone, its error of attitude.
+
+    q = q_0 q_e,   phi = e theta,   theta = 2 atan2(|u_e|, |w_e|)       q_e = (w_e, u_e)
+
+symbol  meaning                                                            unit
+q, q_0  attitude, and that of the nominal run                              1
+q_e     turn from the nominal attitude to that of the run                  1
+phi     its rotation vector, in the body's axes: axis e times angle theta  rad
+
+Source: Thomson 5.1 (Euler's theorem: every displacement with a fixed point is one turn).
+"""
 
 from typing import Any
 
@@ -34,6 +44,34 @@ def pointing(
     return _angle_between(attitude.rotate(h), intended)
 
 
+@output("rad")
+def attitude_error(attitude: Quaternion, nominal: Any) -> Scalar:
+    """Angle of the turn from the attitude of the `nominal` state to this one, rad, within [0, pi].
+
+    Without a turn it has a corner, where its derivative is finite and says nothing; the components
+    of the turn are smooth there."""
+    return _turn_from(nominal, attitude).axis_angle()[1]
+
+
+@output("rad")
+def attitude_error_x(attitude: Quaternion, nominal: Any) -> Scalar:
+    """First component of the rotation vector from the attitude of the `nominal` state to this one,
+    rad, in the body's axes: about its x axis. At half a turn the vector changes its sign."""
+    return _turn_from(nominal, attitude).rotation_vector()[0]
+
+
+@output("rad")
+def attitude_error_y(attitude: Quaternion, nominal: Any) -> Scalar:
+    """Second component, as of `attitude_error_x`: about the body's y axis."""
+    return _turn_from(nominal, attitude).rotation_vector()[1]
+
+
+@output("rad")
+def attitude_error_z(attitude: Quaternion, nominal: Any) -> Scalar:
+    """Third component, as of `attitude_error_x`: about the body's z axis."""
+    return _turn_from(nominal, attitude).rotation_vector()[2]
+
+
 def continuous_precession(states: BodyState) -> Float[Array, "times *#runs"]:
     """The precession angle psi, rad, along a trajectory, without jumps of whole turns.
 
@@ -45,6 +83,11 @@ def continuous_precession(states: BodyState) -> Float[Array, "times *#runs"]:
         raise InputError("The states hold no attitude: a precession angle requires one.")
     # The times are the first axis that is left when the angle has been taken.
     return jnp.unwrap(to_euler_angles(states.attitude)[0], axis=0)
+
+
+def _turn_from(nominal: Any, attitude: Quaternion) -> Quaternion:
+    """The turn about the body's own axes, which it leaves and reaches alike."""
+    return nominal.attitude.inverse().then(attitude)
 
 
 def _angular_momentum_B(omega: Vector, mass: Scalar | None, body: AbstractBody) -> Vector:

@@ -41,6 +41,7 @@ class Options(NamedTuple):
     seed: int | None = None
     chunk: int = 8192
     samples: int = 0
+    times: tuple[float, ...] | None = None
     engine: str = "local"
     overwrite: bool = False
     until: StopRule | None = None
@@ -62,7 +63,7 @@ def disperse(path: str, options: Options, folder: str) -> int:
     for doubt in file.doubts():
         print(doubt, file=sys.stderr)
     how = {"overwrite": options.overwrite, "chunk": options.chunk, "samples": options.samples}
-    how |= {"until": until, "seed": seed}
+    how |= {"until": until, "seed": seed, "times": options.times}
     store = path_of(file, folder, ".zarr")
     return _fly(file, store, runs, options.engine, METHODS if options.compare else None, **how)
 
@@ -88,6 +89,7 @@ def resume(store: str, engine: str) -> int:
     file = _scene(store, there)
     # From the store and from no option: another seed would be another campaign.
     own = {name: there[name] for name in ("seed", "chunk", "samples")}
+    own["times"] = there.get("times")
     own["until"] = StopRule(**there["until"]) if there.get("until") else None
     print(_head(file, there["planned_runs"], there["seed"], own["until"]))
     return _fly(file, store, there["planned_runs"], engine, resume=True, **own)

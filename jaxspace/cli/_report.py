@@ -62,7 +62,10 @@ def report(path: str, folder: str | None) -> int:
         # A hypercube is made for the runs that were planned, also where there are fewer.
         planned = int(result.attributes.get("planned_runs", result.runs))
         campaign = file.campaign(run, warn=False, runs=planned)
-        flights = fly(campaign, some, seed=result.seed, accuracy=file.accuracy)
+        if campaign.text() == result.attributes.get("inputs"):
+            flights = fly(campaign, some, seed=result.seed, accuracy=file.accuracy)
+        else:
+            print("No trajectories: inputs of these runs were given in Python.", file=sys.stderr)
         print(dispersion_report(result, nominal))
     start = os.path.join(folder, name)
     keep_pictures(result, title, nominal, start, flights)

@@ -28,6 +28,7 @@ from jaxtyping import PyTree
 
 from ..integration import Accuracy, Status
 from ..simulation._blocks import Blocks
+from ._along import Kept
 from ._campaign import Campaign
 from ._isolation import isolate
 from ._pilots import expected_steps, pilot_plans
@@ -72,7 +73,7 @@ class BatchRunner:
         accuracy: Accuracy,
         seed: int,
         devices: Sequence[jax.Device],
-        samples: int = 0,
+        samples: Kept = 0,
     ) -> "BatchRunner":
         """Plan a campaign by its pilots and a trial, and compile the program of all its runs.
 

@@ -15,8 +15,10 @@ import numpy as np
 from ..core import InputError, Scalar, check_positive
 from ..integration._accuracy import DEFAULT_RTOL, Accuracy, as_accuracy
 from ..integration._config import check_tolerance
+from ._along import Kept
 from ._batch_runner import BatchRunner
 from ._campaign import Campaign
+from ._chosen_times import choose_times
 from ._covariance import MONTE_CARLO, Moments, moments
 from ._ending import check_rule
 from ._engines import MultiHost, as_engine
@@ -47,6 +49,7 @@ def disperse(
     overwrite: bool = False,
     resume: bool = False,
     samples: int = 0,
+    times: Sequence[float] | None = None,
     engine: str | AbstractEngine = "local",
     until: StopRule | None = None,
     notes: Mapping[str, Any] | None = None,
@@ -76,6 +79,7 @@ def disperse(
     overwrite: bool = False,
     resume: bool = False,
     samples: int = 0,
+    times: Sequence[float] | None = None,
     engine: str | AbstractEngine = "local",
     until: StopRule | None = None,
     notes: Mapping[str, Any] | None = None,
@@ -103,6 +107,10 @@ def disperse(
       are computed. A store of another campaign is refused, and the difference named.
     - `samples`: how many states of each phase, from its start to its end, the store keeps of every
       run besides the outputs; none by default, else at least 2.
+    - `times`: at which times of the mission, s, the store keeps the states of every run instead,
+      each in the phase that covers it: at the border of two phases in the earlier one, before its
+      jump. All runs must pass them in the same phase: not behind the start of a phase that ends
+      by an event, or by a duration that scatters, nor in one that a controller samples.
     - `engine`: "local" (this process, with all of its cores or accelerators), "processes", "dask",
       the address of a Dask scheduler, "hosts" (the processes of `jax.distributed`), or an engine
       object.
@@ -129,8 +137,7 @@ def disperse(
     check_positive("chunk", chunk)
     started = time.perf_counter()
     accuracy = _resolved(as_accuracy(accuracy))
-    if samples and (samples < 2 or store is None):
-        raise InputError(f"samples is {samples}: it must be 0, or at least 2 with a store.")
+    kept_states = _kept_states(campaign, samples, times, store)
     using, local = as_engine(engine), _devices(devices)
     if isinstance(using, MultiHost) and store is None:
         raise InputError("store is missing: several hosts meet in it.")
@@ -144,12 +151,14 @@ def disperse(
                 stack.enter_context(writer)
             if writer.lock.stale:
                 warnings.warn(writer.lock.stale, DamagedStore, stacklevel=2)
-        runner = BatchRunner.plan(campaign, accuracy, seed, local, samples)
+        runner = BatchRunner.plan(campaign, accuracy, seed, local, kept_states)
         # The runner has compiled and planned: what follows is the rate that a longer campaign sees.
         preparation = time.perf_counter() - started
         kept = {**record(campaign, accuracy, runs), **(notes or {}), "seed": seed}
         kept |= {"preparation_seconds": preparation, "digest": runner.planned.digest}
         kept |= {"chunk": runner.chunk(chunk), "samples": samples}
+        if times is not None:
+            kept["times"] = [float(t) for t in times]
         if until is not None:
             assert runner.example is not None
             check_rule(until, ordered(runner.example, campaign).outputs)
@@ -167,6 +176,22 @@ def disperse(
         kept["cpu_seconds"] = sum(cpu for _, cpu in chunks.values())
         results = ordered(every, campaign)
         return Dispersion(*results[:4], dict(campaign.units), seed, seconds, kept)
+
+
+def _kept_states(
+    campaign: Campaign,
+    samples: int,
+    times: Sequence[float] | None,
+    store: str | os.PathLike[str] | None,
+) -> Kept:
+    """Which states the store keeps. Raises `InputError` without a store, or for both."""
+    if samples and (samples < 2 or store is None):
+        raise InputError(f"samples is {samples}: it must be 0, or at least 2 with a store.")
+    if times is None:
+        return samples
+    if samples or store is None:
+        raise InputError("times must be given with a store, and without samples.")
+    return choose_times(campaign, times)
 
 
 def _resolved(accuracy: Accuracy) -> Accuracy:

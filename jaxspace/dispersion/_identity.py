@@ -16,6 +16,7 @@ IDENTITY = {
     "description": "the scene",
     "inputs": "the inputs",
     "samples": "the states kept of each phase",
+    "times": "the times of the states kept",
     "until": "the rule that ends it",
     "digest": "what the first runs come to",
 }

@@ -18,9 +18,10 @@ from ..core import InputError
 from ..integration import Accuracy, Status
 from ..simulation._blocks import WIDE_VECTORS, Blocks
 from ..simulation._failures import nan_where_failed
-from ..simulation._mission_runs import MissionResult, run_mission
+from ..simulation._mission_runs import run_mission
+from ..simulation._run_result import RunResult
 from ..simulation._simulate import resolve_phases
-from ._along import saved_states, thinned
+from ._along import Kept, for_outputs, for_store, saved_of
 from ._campaign import Campaign, check_names
 from ._plans import Plans
 from ._run_results import RunResults
@@ -69,17 +70,18 @@ def _fly(
     drawn: Drawn,
     plans: Plans,
     blocks: Blocks,
-    samples: int,
+    samples: Kept,
 ) -> tuple[RunResults, Float[Array, "phases runs"]]:
     """The runs with these inputs, and the largest local error of each phase of each run."""
 
     def block(
-        batched: tuple[dict[str, Array], Array], arguments: tuple[Campaign, Accuracy, Plans]
+        batched: tuple[dict[str, Array], Array],
+        arguments: tuple[Campaign, Accuracy, Plans, Kept],
     ) -> tuple[RunResults, Array]:
-        return _block(*arguments, *batched, samples)
+        return _block(*arguments, *batched)
 
     batched = (drawn.flown, drawn.status)
-    results, errors = blocks.map(block, batched, (campaign, accuracy, plans))
+    results, errors = blocks.map(block, batched, (campaign, accuracy, plans, samples))
     return results._replace(inputs=drawn.inputs), errors
 
 
@@ -87,15 +89,15 @@ def _block(
     campaign: Campaign,
     accuracy: Accuracy,
     plans: Plans,
+    samples: Kept,
     inputs: dict[str, Float[Array, " runs"]],
     unflown: Integer[Array, " runs"],
-    samples: int,
 ) -> tuple[RunResults, Float[Array, "phases runs"]]:
     mission, y0 = campaign.build(inputs)
     configs = resolve_phases(mission, y0, accuracy, 1)
-    saved, every_nth = saved_states(campaign.along, samples)
+    saved = saved_of(campaign.along, samples)
     result = run_mission(mission, y0, campaign.start, saved, configs, 1, plans)
-    outputs = campaign.outputs(result, inputs)
+    outputs = campaign.outputs(for_outputs(result, samples), inputs)
     check_names("The outputs of the campaign", outputs)
     for name in set(outputs) & set(inputs):
         raise InputError(
@@ -107,7 +109,8 @@ def _block(
     def every(x: Array) -> Array:
         return jnp.broadcast_to(x, unflown.shape)
 
-    kept = trajectories(mission.phases, result, unflown.shape, every_nth) if samples else {}
+    stored = for_store(result, campaign.along, samples)
+    kept = trajectories(mission.phases, stored, unflown.shape)
     outputs, kept = nan_where_failed((jax.tree.map(every, outputs), kept), status)
     errors = [every(run.stats.get("largest_local_error", jnp.zeros(()))) for run in result.phases]
     results = RunResults({}, outputs, every(status), every(evaluations), kept)
@@ -115,11 +118,14 @@ def _block(
 
 
 def trajectories(
-    phases: Sequence[Any], result: MissionResult, runs: tuple[int, ...], every_nth: int = 1
+    phases: Sequence[Any], stored: Sequence[RunResult | None], runs: tuple[int, ...]
 ) -> dict[str, Array]:
-    """The times and the parts of each n-th state along every phase, by "phase.part"."""
+    """The times and the parts of the states that are kept of every phase, by "phase.part"."""
     kept = {}
-    for phase, run in zip(phases, thinned(result, every_nth).phases, strict=True):
+    # Without any phase where no states are kept at all.
+    for phase, run in zip(phases, stored, strict=bool(stored)):
+        if run is None:
+            continue
         times = run.ts.shape[0]
         kept[f"{phase.name}.time"] = jnp.broadcast_to(run.ts, (times, *runs))
         for path, x in jax.tree_util.tree_flatten_with_path(run.states)[0]:

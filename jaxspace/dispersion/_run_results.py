@@ -3,6 +3,7 @@
 from typing import Any, NamedTuple
 
 from ..integration import Accuracy
+from ._along import Kept
 from ._campaign import Campaign
 from ._plans import Plans
 
@@ -23,7 +24,7 @@ class PlannedCampaign(NamedTuple):
 
     - `plans`: for every level of fineness.
     - `coupled`: whether the runs of a block share adaptive steps.
-    - `samples`: how many states of each phase are kept; 0 for none.
+    - `samples`: how many states of each phase are kept, 0 for none; or at which times.
     - `digest`: of the results of the trial, which tells two campaigns, versions or kinds of
       processor apart by what they compute."""
 
@@ -32,5 +33,5 @@ class PlannedCampaign(NamedTuple):
     seed: int
     plans: tuple[Plans, ...]
     coupled: bool
-    samples: int
+    samples: Kept
     digest: str

@@ -1,5 +1,5 @@
 """Which numbers of a file scatter, and how: [dispersion.inputs], whose keys are paths of the file's
-own numbers."""
+own numbers, and what is given in Python beside it."""
 
 import csv
 from collections.abc import Iterable, Iterator, Mapping
@@ -9,8 +9,9 @@ from typing import Any, NamedTuple
 from ..core import InputError, Quantity
 from ..dispersion import NOMINAL, SHARE_OF_INPUT, AbstractDistribution
 from ._checks import Parsed
+from ._control import scatter_errors
 from ._errors import hint, missing, shown, unknown, wrong
-from ._joint_inputs import JointInput, read_correlated, read_direction
+from ._joint_inputs import MadeInput, read_correlated, read_direction
 from ._kinds import Entry, Value, Values
 from ._units import expected, in_unit, read_number, split
 from ._value_kinds import ListOf, Measure, Number
@@ -57,16 +58,15 @@ class Input(NamedTuple):
         return found
 
 
-def read_inputs(file: Parsed, folder: Path) -> tuple[dict[str, Input | JointInput], list[str]]:
+def read_inputs(file: Parsed, folder: Path) -> tuple[dict[str, Input | MadeInput], list[str]]:
     """For every input how it scatters; or what is wrong. `folder`: where files of values lie."""
-    # The numbers of the distributions themselves do not scatter.
-    numbers = {p: m for p, m in measures(file.values) if not p.startswith("dispersion")}
-    found: dict[str, Input | JointInput] = {}
+    numbers = _numbers(file)
+    found: dict[str, Input | MadeInput] = {}
     errors = []
     keys = {"distribution", *FILE_KEYS, *_fields(file)}
     for path, entry in _entries(file.values["dispersion"]["inputs"], keys):
         if path not in numbers:
-            errors.append(_unknown_path(path, list(numbers)))
+            errors.append(_unknown_path(f"dispersion.inputs.{path}", path, list(numbers)))
             continue
         try:
             found[path] = _read(f"dispersion.inputs.{path}", entry, numbers[path], file, folder)
@@ -85,6 +85,55 @@ def read_inputs(file: Parsed, folder: Path) -> tuple[dict[str, Input | JointInpu
             missing("dispersion.inputs", "a table whose keys are paths of numbers of this file")
         )
     return found, errors
+
+
+def with_given(
+    known: Mapping[str, Input | MadeInput], given: Mapping[str, Any], file: Parsed, folder: Path
+) -> dict[str, Input | MadeInput]:
+    """The inputs of the file and those `given` in Python, which come in place of its own.
+
+    `given`: by path a distribution, in SI, or a table as [dispersion.inputs] has it; `folder`:
+    where files of values lie. Raises `InputError`, one line for each thing that is wrong."""
+    numbers, found = _numbers(file), dict(known)
+    errors = [line.removeprefix("dispersion.") for line in scatter_errors(file, given)]
+    for path, entry in given.items():
+        key = f"inputs.{path}"
+        if path not in numbers:
+            errors.append(_unknown_path(key, path, list(numbers)))
+        elif isinstance(entry, AbstractDistribution):
+            found[path] = MadeInput(numbers[path], entry)
+        elif isinstance(entry, Mapping):
+            try:
+                found[path] = _read(key, entry, numbers[path], file, folder)
+            except ValueError as error:
+                errors.append(str(error))
+        else:
+            errors.append(
+                f"{key} is {entry!r}: it must be a distribution, or a table such as "
+                f'{{"deviation": ...}}.'
+            )
+    errors += [line for path in given if path in known for line in _torn(path, known, given)]
+    if errors:
+        raise InputError("\n".join(errors))
+    return found
+
+
+def _torn(
+    path: str, known: Mapping[str, Input | MadeInput], given: Mapping[str, Any]
+) -> Iterator[str]:
+    """What is wrong where one of the numbers that the file scatters together is replaced alone."""
+    source = known[path].distribution().source
+    others = [p for p in known if source and known[p].distribution().source == source]
+    left = [p for p in others if p not in given]
+    # A direction would lose its length, and a correlation would quietly be another one.
+    if left:
+        yield f"inputs.{path} scatters together with others: {', '.join(left)} must be given, too."
+
+
+def _numbers(file: Parsed) -> dict[str, Measure]:
+    """The numbers of the file that may scatter, by path."""
+    # The numbers of the distributions themselves do not.
+    return {p: m for p, m in measures(file.values) if not p.startswith("dispersion")}
 
 
 def measures(values: Value, path: str = "") -> Iterator[tuple[str, Measure]]:
@@ -120,13 +169,13 @@ def _entries(
             yield here, value
 
 
-def _unknown_path(path: str, paths: list[str]) -> str:
+def _unknown_path(key: str, path: str, paths: list[str]) -> str:
     table = path.rpartition(".")[0]
     # The numbers of the same table; where that is unknown too, the tables.
     near = [p for p in paths if p.rpartition(".")[0] == table] or sorted(
         {p.partition(".")[0] + ".*" for p in paths}
     )
-    sentence = unknown(f"dispersion.inputs.{path}", path, near, "number of this file")
+    sentence = unknown(key, path, near, "number of this file")
     return sentence.partition(" Did you mean")[0] + hint(path, paths)
 
 

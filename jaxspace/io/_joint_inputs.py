@@ -36,9 +36,9 @@ class Scattering(Protocol):
     def distribution(self) -> AbstractDistribution: ...
 
 
-class JointInput(NamedTuple):
-    """A number of the file that scatters together with others: its nominal value, and one number of
-    their distribution."""
+class MadeInput(NamedTuple):
+    """A number of the file whose distribution is made already, its own or one number of a joint
+    one; and its nominal value."""
 
     nominal: Measure
     made: AbstractDistribution
@@ -65,7 +65,7 @@ Known = Mapping[str, Scattering]
 
 def read_correlated(
     key: str, entry: Values, numbers: Numbers, known: Known
-) -> dict[str, JointInput]:
+) -> dict[str, MadeInput]:
     """The inputs of one table of [[dispersion.correlated]].
 
     Raises `ValueError` with the whole sentence."""
@@ -101,9 +101,7 @@ def read_correlated(
     return _together(f"{key}.{name}", make, paths, numbers)
 
 
-def read_direction(
-    key: str, entry: Values, numbers: Numbers, known: Known
-) -> dict[str, JointInput]:
+def read_direction(key: str, entry: Values, numbers: Numbers, known: Known) -> dict[str, MadeInput]:
     """The inputs of one table of [[dispersion.direction]]: a vector that keeps its length.
 
     Raises `ValueError` with the whole sentence."""
@@ -129,13 +127,13 @@ def read_direction(
 
 def _together(
     key: str, make: Callable[[], AbstractJoint], paths: list[str], numbers: Numbers
-) -> dict[str, JointInput]:
+) -> dict[str, MadeInput]:
     try:
         made = make().inputs(*paths)
     # A matrix of a file may be ragged or hold words: NumPy says so by errors of its own.
     except (InputError, ValueError, TypeError) as error:
         raise ValueError(f"{key}: {error}") from None
-    return {path: JointInput(numbers[path], made[path]) for path in paths}
+    return {path: MadeInput(numbers[path], made[path]) for path in paths}
 
 
 def _check_path(key: str, path: str, numbers: Numbers) -> None:

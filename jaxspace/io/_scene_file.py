@@ -16,15 +16,21 @@ from jaxtyping import Array
 from ..bodies import AbstractBody, AbstractEffect
 from ..control import ClosedLoop, LoopRun
 from ..core import AbstractSystem, InputError, State
-from ..dispersion import Campaign, LatinHypercube, Sobol, StopRule, Uniform
+from ..dispersion import (
+    Campaign,
+    LatinHypercube,
+    Sobol,
+    StopRule,
+    Uniform,
+)
 from ..optimization import Progress
 from ..scene import Scene
 from ..simulation import Accuracy, Event, Mission, MissionTrajectory, Trajectory, simulate
 from ._build import build_effects, build_mission, build_state, replaced
 from ._checks import Parsed
 from ._control import is_noisy
-from ._inputs import Input
-from ._joint_inputs import JointInput
+from ._inputs import Input, with_given
+from ._joint_inputs import MadeInput
 from ._kinds import Values
 from ._nominal import nominal_states, outputs_of
 from ._objects import Building, Runs
@@ -53,7 +59,7 @@ class SceneFile:
     path: Path
     text: str
     parsed: Parsed
-    inputs: dict[str, Input | JointInput]
+    inputs: dict[str, Input | MadeInput]
     outputs: tuple[OutputSpec, ...]
     units: dict[str, str]
     task: Task | None = None
@@ -180,6 +186,7 @@ class SceneFile:
         self,
         nominal: MissionTrajectory | None = None,
         *,
+        inputs: Mapping[str, object] | None = None,
         warn: bool = True,
         runs: int | None = None,
     ) -> Campaign:
@@ -189,23 +196,27 @@ class SceneFile:
 
         - `nominal`: the nominal run of `mission`, with which some outputs compare; computed here if
           it is needed and not given.
+        - `inputs`: what scatters besides [dispersion], or otherwise than it says: by the path of a
+          number of the file a distribution, whose numbers are in SI, or a table as
+          [dispersion.inputs] has it, such as `{"deviation": "2 km"}`.
         - `warn`: whether to warn of what the file allows and hardly means (`doubts`).
         - `runs`: how many there will be, if not what the file says; a Latin hypercube is made for
           them.
 
-        **Raises** `InputError` without [dispersion]."""
+        **Raises** `InputError` without [dispersion], and for inputs that the file does not have."""
         # Raises where there is no [dispersion], before the nominal run is simulated for nothing.
         self._dispersion()
-        for doubt in self.doubts() if warn else ():
+        scatters = with_given(self.inputs, inputs or {}, self.parsed, self.path.parent)
+        for doubt in _doubts(scatters) if warn else ():
             warnings.warn(doubt, stacklevel=2)
         if nominal is None and needs_nominal(self.outputs):
             nominal = self.nominal_mission()
         reference = None if nominal is None else nominal_states(nominal)
-        limits = {path: how.nominal.quantity for path, how in self.inputs.items()}
+        limits = {path: how.nominal.quantity for path, how in scatters.items()}
         units = {path: quantity.unit for path, quantity in limits.items()}
         return Campaign(
             _Build(self, self._numbers({})),
-            {path: how.distribution() for path, how in self.inputs.items()} | self._noise(),
+            {path: how.distribution() for path, how in scatters.items()} | self._noise(),
             Outputs(self, self.outputs, self._numbers({}), reference),
             units | {spec.name: spec.unit for spec in self.outputs},
             self.start,
@@ -251,7 +262,7 @@ class SceneFile:
     def doubts(self) -> tuple[str, ...]:
         """What the file allows and hardly means, a sentence each: a range without the nominal
         value, more than one draw of a thousand that will be refused."""
-        return tuple(line for path, how in self.inputs.items() for line in how.doubts(path))
+        return _doubts(self.inputs)
 
     def nominal_mission(self, samples: int | None = None, factor: float = 1.0) -> MissionTrajectory:
         """The nominal run as a mission, at the accuracy of the file times `factor`; a bad end is
@@ -312,6 +323,10 @@ class SceneFile:
 
     def _building(self, values: Values, runs: Runs | None = None) -> Building:
         return Building(values, self.parsed.makers, Runs() if runs is None else runs)
+
+
+def _doubts(inputs: Mapping[str, Input | MadeInput]) -> tuple[str, ...]:
+    return tuple(line for path, how in inputs.items() for line in how.doubts(path))
 
 
 class _Build(eqx.Module):

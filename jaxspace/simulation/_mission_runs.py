@@ -1,5 +1,6 @@
 """Runs of a mission: one phase after the other, in the layout of the physics, runs last."""
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import equinox as eqx
@@ -39,7 +40,7 @@ def _run_phase(
     until: Scalar | Event,
     y0: State,
     t0: Scalar,
-    num_saved: int,
+    num_saved: int | Float[Array, " times"],
     config: IntegrationConfig,
     run_axes: int,
     plan: Array | None,
@@ -57,14 +58,18 @@ def _run_phase(
         check_events((until,), system, y0, t0, run_axes, "Phase.until")
         found = first_event(system, y0, t0, t1, (until,), config, run_axes)
         t1 = found.time
-    fractions = jnp.linspace(0.0, 1.0, num_saved, dtype=dtype)
+    if isinstance(num_saved, int):
+        fractions = jnp.linspace(0.0, 1.0, num_saved, dtype=dtype)
+    else:
+        fractions = num_saved.astype(dtype)
+    ends_alone = fractions.shape[0] == 2
     result = integrate(
         system,
         y0,
         t0,
         t1,
         # Start and end alone are no save times within a step, which would cost evaluations.
-        fractions if num_saved > 2 else None,
+        None if ends_alone else fractions,
         config,
         run_axes,
         plan=plan,
@@ -73,7 +78,7 @@ def _run_phase(
     # Steps are kept of a run of one system only: `dense` is no argument of a mission.
     phase = RunResult(
         ts=t0 + jnp.multiply.outer(fractions, t1 - t0),
-        states=with_start(y0, result.states, run_axes) if num_saved == 2 else result.states,
+        states=with_start(y0, result.states, run_axes) if ends_alone else result.states,
         status=result.status,
         event=-jnp.ones(runs, jnp.int32),
         happened=jnp.zeros((0, *runs), bool),
@@ -122,7 +127,8 @@ def run_mission(
     mission: Mission,
     y0: State,
     t0: Scalar,
-    num_saved: int,
+    # Each phase has its own number of times.
+    num_saved: int | Sequence[int | Float[Array, " _"]],
     configs: tuple[IntegrationConfig, ...],
     run_axes: int,
     plans: tuple[Array | None, ...] | None = None,
@@ -133,7 +139,8 @@ def run_mission(
     **Arguments**
 
     - `mission`, `y0`, `t0`: what runs, its initial state and the time of its start, s.
-    - `num_saved`: how many states each phase saves from its start to its end.
+    - `num_saved`: how many states each phase saves from its start to its end; one number for all,
+      or for each one, in place of which may stand the fractions of its duration, from 0 to 1.
     - `configs`: one for each phase, from `resolve_phases`.
     - `plans`: fixed steps for each phase, as nodes in normalised time.
     - `record_steps`: whether to return the ends of the steps."""
@@ -142,12 +149,14 @@ def run_mission(
     # Written out and not as a scan: each phase has its own system, and its own state after a jump.
     for number, (phase, config) in enumerate(zip(mission.phases, configs, strict=True)):
         plan = None if plans is None else plans[number]
+        saved = num_saved if isinstance(num_saved, int) else num_saved[number]
         if isinstance(phase.system, AbstractFlight):
+            assert isinstance(saved, int)
             # It takes the steps that lie between its samples, whatever the plan of the others.
-            result = phase.system.fly(phase.until, y, t, num_saved, config, run_axes)
+            result = phase.system.fly(phase.until, y, t, saved, config, run_axes)
         else:
             result = _run_phase(
-                phase.system, phase.until, y, t, num_saved, config, run_axes, plan, record_steps
+                phase.system, phase.until, y, t, saved, config, run_axes, plan, record_steps
             )
         results.append(result)
         status = result.status if status is None else combine_status(status, result.status)

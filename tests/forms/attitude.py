@@ -11,6 +11,10 @@ from jaxspace.attitude import (
     Top,
     YoYo,
     attitude_along,
+    attitude_error,
+    attitude_error_x,
+    attitude_error_y,
+    attitude_error_z,
     attitude_from_angles,
     body_precession_rate,
     cone_angle,
@@ -48,6 +52,13 @@ def pointings(x):
     attitude, omega = Quaternion(x[:4]), x[4:7]
     angle = pointing(attitude, omega, None, body, meant)
     return cone_angle(omega, None, body)[None], angle[None]
+
+
+def missed_by(x):
+    """The angle and the rotation vector from the nominal quaternion to that of the run."""
+    attitude, nominal = Quaternion(x[:4]), SimpleNamespace(attitude=Quaternion(x[4:]))
+    errors = (attitude_error, attitude_error_x, attitude_error_y, attitude_error_z)
+    return jnp.stack([error(attitude, nominal) for error in errors])
 
 
 def laid_along(x):
@@ -191,6 +202,11 @@ FORMS = (
         names("attitude", "cone_angle", "pointing"),
         [(*GENERAL, 0.1, -0.2, 2.0, 3.0, 2.0, 1.0, 5.0), (*ONES, 0.0, 0.0, 2.0, 3.0, 2.0, 1.0, 5.0),
          (*ONES, 1e-9, 0.0, -2.0, 3.0, 2.0, 1.0, 5.0)],
+    ),
+    Form(
+        missed_by,
+        names("attitude", *(f"attitude_error{part}" for part in ("", "_x", "_y", "_z"))),
+        [(*GENERAL, *ONES), (*GENERAL, 0.6, -0.3, 0.7, 0.2000001), (1e-9, 1.0, 0.0, 0.0, *ONES)],
     ),
     Form(
         laid_along,
