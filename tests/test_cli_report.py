@@ -3,11 +3,13 @@
 import json
 import re
 
+import numpy as np
+import pandas
 import pytest
 from test_cli import CHEAP
 
 from jaxspace.cli import main
-from jaxspace.dispersion import Campaign, Normal, disperse
+from jaxspace.dispersion import Campaign, Normal, disperse, open_store
 
 
 @pytest.fixture(scope="module")
@@ -23,7 +25,7 @@ def folder(tmp_path_factory):
 def test_report_of_a_store(folder, capsys):
     assert main(["report", str(folder / "coast.zarr"), "--out", str(folder / "b")]) == 0
     printed = capsys.readouterr().out
-    for name in ("coast.png", "coast.html", "coast.csv"):
+    for name in ("coast.png", "coast.html", "coast.csv", "coast.parquet"):
         assert (folder / "b" / name).exists() and name in printed
     page = (folder / "b" / "coast.html").read_text(encoding="utf-8")
     data = json.loads(re.search(r"const data = (.*);\n", page).group(1))
@@ -35,8 +37,21 @@ def test_report_of_a_store(folder, capsys):
     # The radius of the periapsis, where the run starts, and the mean of the runs beside it.
     start = [point[0] for point in data["trajectories"]["nominal"]]
     assert sum(x * x for x in start) ** 0.5 == pytest.approx(6378.137 + 643.7376, abs=0.2)
+    # Processor time is told beside the parts of the wall time, and is none of them.
+    kept = open_store(folder / "coast.zarr")
+    assert list(data["time"]) == ["compiling and planning", "running", "storing"]
+    wall = kept.seconds + kept.attributes["storing_seconds"]
+    assert sum(data["time"].values()) == pytest.approx(wall, rel=1e-12)
+    assert data["time"]["running"] > 0.0
+    busy = kept.attributes["cpu_seconds"]
+    assert busy > 0.0 and f"and {busy:.3g} s of processor time" in page
     lines = (folder / "b" / "coast.csv").read_text().splitlines()
     assert len(lines) == 65 and "periapsis_altitude [km]" in lines[0]
+    table = pandas.read_parquet(folder / "b" / "coast.parquet")
+    assert len(table) == 64 and list(table.columns) == lines[0].split(",")[1:]
+    np.testing.assert_array_equal(
+        table["periapsis_altitude [km]"], kept.outputs["periapsis_altitude"]
+    )
 
 
 def test_a_picture_that_fails_costs_no_number(folder, capsys, monkeypatch):

@@ -187,6 +187,5 @@ def test_tables_for_other_programs(tmp_path):
     assert back["status"][3] == "NOT_FINITE" and back["status"][4] == "COMPLETED"
     # A table of text has all digits.
     np.testing.assert_array_equal(back["x [m]"], d.outputs["x"])
-    pytest.importorskip("pyarrow")
     d.to_parquet(tmp_path / "d.parquet")
     assert pandas.read_parquet(tmp_path / "d.parquet").equals(back)

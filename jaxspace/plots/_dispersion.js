@@ -1,19 +1,28 @@
 const $ = (id) => document.getElementById(id);
 const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
 const narrow = () => document.documentElement.clientWidth < 600;
-const config = () => ({ displaylogo: false, responsive: true, displayModeBar: narrow() ? false : "hover" });
+const dark = () => matchMedia("(prefers-color-scheme: dark)").matches;
+// The library's button to share a plot would send the numbers away.
+const config = () => ({ displaylogo: false, showSendToCloud: false, responsive: true,
+  displayModeBar: narrow() ? false : "hover" });
 const words = (name) => name.replaceAll("_", " ");
-// A long name is cut within: its start tells outputs apart, its end the inputs of one table.
-const short = (name, most) => {
-  const text = words(name);
-  const head = Math.floor(most / 3);
-  return text.length > most ? text.slice(0, head) + "…" + text.slice(text.length - most + head + 1) : text;
-};
+// A long name goes on in the next line, after a space or a dot, so that nothing of it is cut.
+function lines(text, most) {
+  const found = [""];
+  for (const part of text.match(/[^ .]+[ .]*|[ .]+/g) || [])
+    for (const piece of part.match(new RegExp(`.{1,${most}}`, "g"))) {
+      if (found.at(-1) && (found.at(-1) + piece).trimEnd().length > most) found.push("");
+      found.push(found.pop() + piece);
+    }
+  return found.map((line) => line.trimEnd());
+}
+const wrapped = (text, most) => lines(text, most).join("<br>");
 const label = (name) => words(name) + (data.units[name] ? ` [${data.units[name]}]` : "");
 
 function axis(text, more = {}) {
   const line = colour("--line");
-  return { title: { text, font: { size: 13 } }, gridcolor: line, zerolinecolor: line,
+  const title = { text: wrapped(text, narrow() ? 32 : 48), font: { size: 13 }, standoff: 10 };
+  return { title, gridcolor: line, zerolinecolor: line,
     linecolor: colour("--soft"), automargin: true, exponentformat: "power", minexponent: 6, ...more };
 }
 
@@ -82,12 +91,15 @@ function drawHistogram() {
 function drawContributors() {
   const name = $("contributors-of").value, c = data.contributors[name];
   $("contributors-words").textContent = c.words;
-  const most = narrow() ? 18 : 40, shares = c.shares.map((s) => 100 * s);
+  const shares = c.shares.map((s) => 100 * s), names = c.inputs.map((n) => lines(words(n), narrow() ? 18 : 40));
+  // Each line of a name, and 100 for what lies around the bars.
+  const needed = 100 + names.length * (6 + 16 * Math.max(1, ...names.map((n) => n.length)));
+  $("contributors").style.height = needed > (narrow() ? 340 : 440) ? `${needed}px` : "";
   const bars = { type: "bar", orientation: "h", x: shares.map((s) => Math.max(s, 0)), width: 0.7,
     y: c.inputs.map((_, k) => k),
     text: shares.map((s) => Math.max(s, 0).toFixed(1)), textposition: "outside", cliponaxis: false,
     customdata: c.inputs, marker: { color: colour("--c2") }, hovertemplate: "%{customdata}: %{text} %<extra></extra>" };
-  const y = axis("", { autorange: "reversed", tickvals: c.inputs.map((_, k) => k), ticktext: c.inputs.map((n) => short(n, most)) });
+  const y = axis("", { autorange: "reversed", tickvals: c.inputs.map((_, k) => k), ticktext: names.map((n) => n.join("<br>")) });
   const x = axis("share of the variance, %", { range: [0, 1.18 * Math.max(5, ...shares)] });
   return Plotly.react("contributors", [bars], layout(x, y, { showlegend: false }), config());
 }
@@ -105,12 +117,12 @@ function drawConvergence() {
 
 function drawMatrix() {
   const names = data.matrix.slice(0, narrow() ? 3 : 5), n = names.length, traces = [], axes = {};
-  const gap = 0.03, size = (1 - gap * (n - 1)) / n, few = { showticklabels: false, showgrid: false, zeroline: false, linecolor: colour("--line"), mirror: true, showline: true };
+  const gap = 0.03, size = (1 - gap * (n - 1)) / n, few = { showticklabels: false, automargin: true, showgrid: false, zeroline: false, linecolor: colour("--line"), mirror: true, showline: true };
   names.forEach((b, row) => names.forEach((a, column) => {
     if (column > row) return;
     // The first axis has no number in its name: all of these have one.
     const k = row * n + column + 2, h = data.histograms[a], place = [column * (size + gap), 1 - row * (size + gap) - size];
-    const title = (show, name) => ({ text: show ? short(name, narrow() ? 12 : 22) : "", font: { size: 11 }, standoff: 4 });
+    const title = (show, name) => ({ text: show ? wrapped(words(name), narrow() ? 14 : 18) : "", font: { size: 11 }, standoff: 4 });
     axes[`xaxis${k}`] = { ...few, domain: [place[0], place[0] + size], anchor: `y${k}`, title: title(row === n - 1, a) };
     axes[`yaxis${k}`] = { ...few, domain: [place[1], place[1] + size], anchor: `x${k}`, title: title(column === 0, b) };
     const common = { xaxis: `x${k}`, yaxis: `y${k}`, hoverinfo: "skip", marker: { color: colour("--c0") } };
@@ -121,29 +133,48 @@ function drawMatrix() {
   return Plotly.react("matrix", traces, frame, config());
 }
 
+// One length for all three axes, about the middle of each: by axes of different lengths the camera would stand within
+// the box of a flat orbit, and see nothing.
+function cube(paths) {
+  const ends = [0, 1, 2].map((k) => {
+    let [low, high] = [Infinity, -Infinity];
+    for (const path of paths) for (const x of path[k]) [low, high] = [Math.min(low, x), Math.max(high, x)];
+    return [low, high];
+  });
+  // A run that stays where it is has a box too.
+  const half = 0.52 * Math.max(...ends.map(([low, high]) => high - low)) || 1;
+  return ends.map(([low, high]) => [(low + high) / 2 - half, (low + high) / 2 + half]);
+}
+
 function drawTrajectories() {
-  const t = data.trajectories, tint = colour("--c0"), scene = {};
+  const t = data.trajectories, tint = colour("--c0");
+  const ranges = cube(t.nominal ? [t.nominal, ...t.runs] : t.runs);
   const traces = t.runs.map((p, k) => ({ type: "scatter3d", mode: "lines", x: p[0], y: p[1], z: p[2], showlegend: k === 0, name: "runs",
     opacity: 0.35, line: { color: tint, width: 2 }, hoverinfo: "name", text: `run ${t.numbers[k]}` }));
   if (t.nominal) traces.push({ type: "scatter3d", mode: "lines", x: t.nominal[0], y: t.nominal[1], z: t.nominal[2],
     name: "nominal", line: { color: colour("--c1"), width: 5 }, hoverinfo: "name" });
-  for (const k of ["x", "y", "z"]) scene[k + "axis"] = { ...axis(`${k} [${t.unit}]`), backgroundcolor: "rgba(0,0,0,0)" };
-  return Plotly.react("trajectories", traces, layout(undefined, undefined, { scene: { ...scene, aspectmode: "data" }, margin: { l: 0, r: 0, t: 10, b: 0 } }), config());
+  // From where the whole box is seen, with its labels below.
+  const scene = { aspectmode: "cube", camera: { eye: { x: 1.6, y: 1.6, z: 1.1 }, center: { x: 0, y: 0, z: -0.15 } } };
+  ["x", "y", "z"].forEach((k, n) => {
+    scene[k + "axis"] = { ...axis(`${k} [${t.unit}]`), range: ranges[n], nticks: 5, backgroundcolor: "rgba(0,0,0,0)" };
+  });
+  return Plotly.react("trajectories", traces, layout(undefined, undefined, { scene, margin: { l: 0, r: 0, t: 10, b: 0 } }), config());
 }
 
 function drawTime() {
-  const tints = ["--c1", "--c0", "--c2", "--c3", "--soft"];
-  const traces = Object.entries(data.time).map(([name, s], k) => ({ type: "bar", orientation: "h", y: [""], x: [s], name,
-    marker: { color: colour(tints[k % tints.length]) }, hovertemplate: `${name}: %{x:.3g} s<extra></extra>` }));
-  return Plotly.react("time", traces, layout(axis("s"), axis("", { showticklabels: false }), { barmode: "stack" }), config());
+  const tints = ["--c1", "--c0", "--c2"];
+  const traces = Object.entries(data.time).map(([name, s], k) => ({ type: "bar", orientation: "h", y: [""], x: [s], name, width: 0.5,
+    marker: { color: colour(tints[k]) }, hovertemplate: `${name}: %{x:.3g} s<extra></extra>` }));
+  return Plotly.react("time", traces, layout(axis("s"), axis("", { showticklabels: false }), { barmode: "stack", legend: { ...layout().legend, traceorder: "normal" } }), config());
 }
 
 const drawings = { scatter: drawScatter, histogram: drawHistogram, contributors: drawContributors,
   convergence: drawConvergence, matrix: drawMatrix, trajectories: drawTrajectories, time: drawTime };
 
 async function drawAll() {
+  const how = `${narrow() ? "narrow" : "wide"} ${dark() ? "dark" : "light"}`;
   for (const [id, draw] of Object.entries(drawings)) if ($(id)) await draw();
-  document.body.dataset.drawn = "yes";
+  document.body.dataset.drawn = how;
 }
 
 async function start() {
@@ -156,8 +187,10 @@ async function start() {
   for (const [id, draw] of [["across", drawScatter], ["up", drawScatter], ["histogram-of", drawHistogram],
     ["contributors-of", drawContributors], ["convergence-of", drawConvergence]]) if ($(id)) $(id).addEventListener("change", draw);
   await drawAll();
-  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", drawAll);
-  let before = narrow();
-  addEventListener("resize", () => { if (narrow() !== before) { before = narrow(); drawAll(); } });
+  // One after the other: of two drawings at once the older one could end last.
+  let before = narrow(), drawing = Promise.resolve();
+  const again = () => { drawing = drawing.then(drawAll); };
+  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", again);
+  addEventListener("resize", () => { if (narrow() !== before) { before = narrow(); again(); } });
 }
 start().catch((error) => { document.body.dataset.error = error.message; console.error(error); });

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ._dispersion_figure import heading
-from ._page_data import page_data, requirements
+from ._page_data import page_data, processor_words, requirements
 
 if TYPE_CHECKING:
     from ..dispersion import Dispersion, Failure, Flights
@@ -59,7 +59,7 @@ def dispersion_page(
         _section("Outputs", _table(dispersion, nominal)),
         *_plots(dispersion, data),
         _section("Failures", _failures(dispersion)),
-        _section("Time", _plot("time", "low")),
+        _section("Time", *_time(dispersion, data)),
         _section("Inputs", f"<pre>{escape(str(dispersion.attributes.get('inputs', '')))}</pre>"),
         _section("Record", f"<pre>{escape(_record(dispersion))}</pre>"),
     ]
@@ -117,12 +117,13 @@ def _card(dispersion: "Dispersion") -> str:
     rows = {
         "runs": f"{good} of {dispersion.runs} ended well",
         "seed": str(dispersion.seed),
-        "inputs": f"{len(dispersion.inputs)}, {len(dispersion.outputs)} outputs",
+        "inputs": str(len(dispersion.inputs)),
+        "outputs": str(len(dispersion.outputs)),
         "accuracy": f"{record['rtol']:.3g}, method {record.get('method', 'auto')}"
         if "rtol" in record
         else "",
         "time": f"{dispersion.seconds:.3g} s" if np.isfinite(dispersion.seconds) else "",
-        "evaluations": f"{np.mean(dispersion.evaluations):.4g} of the vector field a run",
+        "evaluations": f"{np.mean(dispersion.evaluations):.0f} of the vector field a run",
         "versions": ", ".join(f"{k} {v}" for k, v in versions.items() if v != "not installed"),
     }
     terms = "".join(f"<dt>{k}</dt><dd>{escape(v)}</dd>" for k, v in rows.items() if v)
@@ -227,13 +228,20 @@ def _plots(dispersion: "Dispersion", data: dict[str, Any]) -> list[str]:
     return parts
 
 
+def _time(dispersion: "Dispersion", data: dict[str, Any]) -> list[str]:
+    """Where the wall time went, and how busy the cores were."""
+    if not data["time"]:
+        return ["<p>The time is not known.</p>"]
+    return [_plot("time", "low"), f'<p class="note">{escape(processor_words(dispersion))}</p>']
+
+
 def _failures(dispersion: "Dispersion") -> str:
     """The bad ends: how many, why, and some of their numbers."""
     if not dispersion.failed:
         return "<p>All runs ended well.</p>"
     lines = [_cells(["status", "what happened", "runs", "numbers"], "th")]
     lines += [_cells(_failure(dispersion, f)) for f in dispersion.failed]
-    table = "\n".join(lines).replace("<td class=text>", '<td class="text long">')
+    table = "\n".join(lines)
     return f'<div class="wide bad"><table>{table}</table></div>'
 
 

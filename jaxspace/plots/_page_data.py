@@ -34,6 +34,9 @@ def page_data(
     required = requirements(dispersion)
     means = {n: rows[n].mean for n in names if rows[n].runs}
     pair = chosen_pair(dispersion, outputs) or (names[-1], names[0])
+    histograms = {
+        n: _histogram(dispersion, rows[n], nominal.get(n), required.get(n, ())) for n in outputs
+    }
     return {
         "names": names,
         "units": {n: u for n in names if (u := dispersion.units.get(n, "")) not in ("", "1")},
@@ -43,12 +46,11 @@ def page_data(
         "moments": _moments(dispersion, names, good),
         "mean": means,
         "nominal": {n: x for n, x in nominal.items() if n in names and np.isfinite(x)},
-        "histograms": {
-            n: _histogram(dispersion, rows[n], nominal.get(n), required.get(n, ())) for n in outputs
-        },
+        "histograms": histograms,
         "contributors": {n: _contributors(dispersion, n, count) for n in outputs},
         "convergence": {n: _convergence(dispersion, n, rows[n]) for n in outputs},
-        "matrix": [n for n in outputs if rows[n].runs and rows[n].std > 0.0][:MOST_OUTPUTS],
+        # What differs by rounding alone has one bin: it shows nothing against the others.
+        "matrix": [n for n, h in histograms.items() if h and len(h["counts"]) > 1][:MOST_OUTPUTS],
         "time": time_budget(dispersion),
         "trajectories": _paths(flights),
     }
@@ -61,18 +63,34 @@ def requirements(dispersion: "Dispersion") -> dict[str, tuple[float | None, floa
 
 
 def time_budget(dispersion: "Dispersion") -> dict[str, float]:
-    """The seconds of each part of the campaign, by its name."""
+    """The seconds of wall time of each part of the campaign, by its name."""
     record = dispersion.attributes
     ahead = float(record.get("preparation_seconds", 0.0))
-    parts = {"compiling and planning": ahead}
-    for key, value in record.items():
-        # Whatever else a store says of its time, such as that of writing.
-        if key.endswith("_seconds") and key != "preparation_seconds":
-            parts[key.removesuffix("_seconds").replace("_", " ")] = float(value)
-    rest = dispersion.seconds - sum(parts.values())
-    if np.isfinite(rest) and rest > 0.0:
-        parts["running"] = rest
+    parts = {
+        "compiling and planning": ahead,
+        "running": dispersion.seconds - ahead,
+        # The seconds of a dispersion are without it.
+        "storing": float(record.get("storing_seconds", 0.0)),
+    }
+    # A time that is not known is NaN, which is not greater than zero.
     return {name: seconds for name, seconds in parts.items() if seconds > 0.0}
+
+
+def processor_words(dispersion: "Dispersion") -> str:
+    """How busy the cores were while the runs were flown, in a sentence; nothing where that is not
+    known.
+
+    Processor time is of all cores together: it stands beside the wall time, and is no part of it.
+    """
+    record, running = dispersion.attributes, time_budget(dispersion).get("running")
+    busy, cores = record.get("cpu_seconds"), record.get("machine", {}).get("cores")
+    if not (running and busy and cores):
+        return ""
+    share = 100.0 * busy / (running * cores)
+    return (
+        f"The runs took {running:.3g} s and {busy:.3g} s of processor time: "
+        f"{share:.0f} % of {cores} cores."
+    )
 
 
 def _listed(values: np.ndarray, deviation: float) -> list[float | None]:
@@ -159,6 +177,8 @@ def _paths(flights: "Flights | None") -> dict[str, Any] | None:
     rounded = np.round(factor * x, digits)
     # A failed run has no path.
     good = [k for k in range(x.shape[-1]) if np.all(np.isfinite(x[..., k]))]
+    if not good:
+        return None
     return {
         "unit": unit,
         # The first one is the nominal run.
