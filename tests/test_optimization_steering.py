@@ -43,6 +43,8 @@ OPTIMA = {
     ),
 }
 
+DEGREES = {"T8.3-A": 34.70890544368192, "T8.3-C": 39.7077488914412}
+
 # U_loss of the steering phi + eps sin(k pi t/t_b) + c, and of a release angle changed by d with the
 # steering phi + c
 LOSSES = {
@@ -74,6 +76,7 @@ def test_optimum(case):
     found, (theta0, T, U) = linear_tangent_steering(ASCENTS[case]), OPTIMA[case][0]
     assert found.reached
     np.testing.assert_allclose(found.initial_angle, theta0, rtol=1e-9)
+    np.testing.assert_allclose(np.degrees(found.initial_angle), DEGREES[case], rtol=1e-9)
     np.testing.assert_allclose(found.vanishing_time, T, rtol=1e-9)
     np.testing.assert_allclose(found.final_velocity, U, rtol=1e-10)
 

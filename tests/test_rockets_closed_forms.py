@@ -48,7 +48,7 @@ def numbers(*values):
 @pytest.mark.parametrize("case", TURNS, ids=lambda c: c.id)
 def test_gravity_turn_in_closed_form(case):
     """The numbers of the flights, from the time and from the angle."""
-    given, expected = case.given, list(case.expected.values())
+    given, (*expected, constant) = case.given, case.expected.values()
     start = numbers(given["t"], given["n"], given["g"], given["v0"], given["psi0"])
     v, psi, x, y = after(*start)
     # The root of the time has the rounding of the time over the rate of change of the logarithm.
@@ -56,6 +56,8 @@ def test_gravity_turn_in_closed_form(case):
     time, end = gravity_turn(expected[1] * DEG, *start[1:])
     np.testing.assert_allclose(time, given["t"], rtol=1e-11)
     np.testing.assert_allclose([end.speed, end.range, end.height], [v, x, y], rtol=1e-11)
+    found = GravityTurn(*start[1:3]).invariants(0.0, end)["C"]
+    np.testing.assert_allclose(found, constant, rtol=1e-11)
 
 
 def exact_turn(n, g, v0, psi0, psi):
@@ -212,6 +214,9 @@ ROWS = {
                        127.95608478552124, (0.02075393429349861, 0.12066669441685271)),
     "T7.9-Ex1-b-t60": (0.4, 60.0, (0.003148824539818691, -0.01734177712488905), 6.0, 360.0,
                        (0.018601955715328865, 0.03288217926927288)),
+    "T7.9-Ex1-c-t20": (0.0, 20.0, (-0.012899386915686812, -0.022799389609519948),
+                       7.142857142857143, 130.76504035858332,
+                       (0.010514938525722469, 0.12112608109076163)),
     "T7.9-Ex1-c-t60": (0.0, 60.0, (-0.018027022769078953, 0.0006824235862432634),
                        11.538461538461538, 490.444850554998,
                        (-0.0038420159161940675, 0.09132056306827857)),

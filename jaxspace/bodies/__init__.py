@@ -8,6 +8,7 @@ from ._atmosphere import exponential_density as exponential_density
 from ._body import AbstractBody as AbstractBody
 from ._body import BurningBody as BurningBody
 from ._body import RigidBody as RigidBody
+from ._condition import AbstractCondition as AbstractCondition
 from ._effect import AbstractEffect as AbstractEffect
 from ._effect import Load as Load
 from ._effect import with_parts as with_parts

@@ -14,7 +14,8 @@ from ..scene import Scene
 from ..simulation import Event, Mission, Phase
 from ._checks import Parsed, needed_parts
 from ._control import controlled, end_of_loop
-from ._kinds import Value, Values
+from ._ends import condition_of
+from ._kinds import Maker, Value, Values
 from ._objects import Building, Runs
 from ._output_entries import state_of
 from ._value_kinds import Measure
@@ -53,7 +54,7 @@ def build_mission(
     phases, start = [], 0.0
     for number, phase in enumerate(values["phase"]):
         acting = {name: effects[name] for name in phase["effects"]}
-        until = _until(file, phase, acting, start)
+        until = _until(file, number, acting, start, building)
         # All phases carry the same parts, so that one state passes through all of them.
         scene = Scene(tuple(acting.values()), body, carry)
         system = controlled(file, f"phase.{number}.control", building, scene, seeds)
@@ -155,26 +156,36 @@ def build_effects(file: Parsed, building: Building) -> dict[str, AbstractEffect]
     makers = {name: building.makers[f"effects.{name}"] for name in names}
     # By whether they refer: one level is enough, for a reference names no reference.
     for name in sorted(names, key=lambda name: bool(makers[name].references)):
-        referred = {
-            field: next(getattr(e, attribute) for e in made.values() if hasattr(e, attribute))
-            for field, attribute in makers[name].references.items()
-        }
-        made[name] = building.make(f"effects.{name}", **referred)
+        made[name] = building.make(f"effects.{name}", **_referred(makers[name], made))
     # In the order of the file again, which is the order of the sums and of `explain`.
     return {name: made[name] for name in names}
 
 
+def _referred(maker: Maker, effects: Mapping[str, AbstractEffect]) -> dict[str, object]:
+    """The attributes of these effects that an object refers to, by its field."""
+    return {
+        field: next(getattr(e, attribute) for e in effects.values() if hasattr(e, attribute))
+        for field, attribute in maker.references.items()
+    }
+
+
 def _until(
-    file: Parsed, phase: Values, acting: dict[str, AbstractEffect], start: Scalar
+    file: Parsed, number: int, acting: dict[str, AbstractEffect], start: Scalar, building: Building
 ) -> Scalar | Event:
-    """The duration of a phase, s, or the event that ends it; `start` is its time, s."""
-    name, events = phase["until"], file.catalog.events
-    if name is None:
+    """The duration of the phase of this number, s, or the event that ends it; `start` is its
+    time, s."""
+    phase, events = building.values["phase"][number], file.catalog.events
+    until, name = phase["until"], condition_of(phase["until"])
+    if until is None:
         return phase["duration"]
-    if name in events:
-        return Event(events[name], events[name].event.direction, phase["within"])
-    known = next(e for n, e in acting.items() if name in file.catalog.known_times(n))
-    return getattr(known, name)() - start
+    if name is not None:
+        path = f"phase.{number}.until.{name}"
+        condition = building.make(path, **_referred(file.makers[path], acting))
+        return Event(condition, condition.direction, phase["within"])
+    if until in events:
+        return Event(events[until], events[until].event.direction, phase["within"])
+    known = next(e for n, e in acting.items() if until in file.catalog.known_times(n))
+    return getattr(known, until)() - start
 
 
 def _jump(number: int, phase: Values, building: Building) -> AbstractJump | None:

@@ -26,7 +26,7 @@ from .. import (
     solvers,
     vehicles,
 )
-from ..bodies import AbstractBody, AbstractEffect, AbstractJump, BodyState
+from ..bodies import AbstractBody, AbstractCondition, AbstractEffect, AbstractJump, BodyState
 from ..control import AbstractController
 from ..core import (
     AbstractSystem,
@@ -91,6 +91,7 @@ class Catalog(NamedTuple):
     effects: Mapping[str, type[AbstractEffect]]
     bodies: Mapping[str, type[AbstractBody]]
     jumps: Mapping[str, type[AbstractJump]]
+    conditions: Mapping[str, type[AbstractCondition]]
     distributions: Mapping[str, type[AbstractDistribution]]
     controllers: Mapping[str, type[AbstractController]]
     events: Mapping[str, EventFunction]
@@ -155,8 +156,8 @@ def catalog(also: Iterable[object] = ()) -> Catalog:
 
     **Arguments**
 
-    - `also`: further final classes (systems, effects, jumps, distributions) and declared functions
-      (outputs, events, makers of initial states).
+    - `also`: further final classes (systems, effects, jumps, conditions, distributions) and
+      declared functions (outputs, events, makers of initial states).
 
     **Raises** `InputError` for something that no file can name, or a name that is already there."""
     return _catalog(tuple(also))
@@ -186,8 +187,8 @@ def _catalog(also: tuple[object, ...]) -> Catalog:
         _add(named, kinds, thing, new=True)
         if sum(map(len, named.values())) == before:
             raise InputError(
-                f"also holds {thing!r}: it must hold final classes of systems, effects, jumps or "
-                f"distributions whose fields are quantities, or declared functions."
+                f"also holds {thing!r}: it must hold final classes of systems, effects, jumps, "
+                f"conditions or distributions whose fields are quantities, or declared functions."
             )
     # It stands among the fields of the catalog but is no group of names.
     named.pop("kinds")
@@ -199,6 +200,7 @@ BASES = {
     "effects": AbstractEffect,
     "bodies": AbstractBody,
     "jumps": AbstractJump,
+    "conditions": AbstractCondition,
     "distributions": AbstractDistribution,
     "controllers": AbstractController,
 }

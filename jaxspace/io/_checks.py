@@ -1,10 +1,12 @@
 """What has to fit together in a file whose every entry is right by itself."""
 
 import dataclasses
+from collections.abc import Mapping
 
 from ..bodies import AbstractBody
 from ..core import REQUIRED, AbstractParameters, InputError
 from ._catalog import Catalog
+from ._ends import condition_of, end_kind, event_needs, is_event
 from ._errors import missing, wrong
 from ._kinds import Maker, Values
 from ._objects import Building, Runs, at
@@ -177,13 +179,8 @@ def effect_errors(name: str, acting: list[str], file: Parsed) -> list[str]:
     """What an effect needs and the file does not have."""
     cls, body, found = file.catalog.effects[name], _body(file), []
     maker, parts = file.makers[f"effects.{name}"], file.parts()
-    for attribute in maker.references.values():
-        offers = [n for n, c in file.catalog.effects.items() if hasattr(c, attribute) and n != name]
-        if not set(offers) & set(acting):
-            found.append(
-                f"the effect {name} needs another effect with a {attribute.replace('_', ' ')} that "
-                f"acts beside it: one of {', '.join(offers)}."
-            )
+    others = {n: c for n, c in file.catalog.effects.items() if n != name}
+    found += reference_errors(maker, f"the effect {name} needs another effect", others, acting)
     turns = bool(ROTATION & cls.needs) or "torque" in cls.adds
     if turns and not body.has_inertia():
         found.append(f"{_no_inertia(file)}; the effect {name} turns the body.")
@@ -201,6 +198,21 @@ def effect_errors(name: str, acting: list[str], file: Parsed) -> list[str]:
     return found + [_lacking(part, f"the effect {name}") for part in sorted(wanted - parts)]
 
 
+def reference_errors(
+    maker: Maker, needs: str, effects: Mapping[str, type], acting: list[str]
+) -> list[str]:
+    """What an object refers to, and none of the effects that act beside it has."""
+    found = []
+    for attribute in maker.references.values():
+        offers = [name for name, cls in effects.items() if hasattr(cls, attribute)]
+        if not set(offers) & set(acting):
+            found.append(
+                f"{needs} with a {attribute.replace('_', ' ')} that acts beside it: one of "
+                f"{', '.join(offers)}."
+            )
+    return found
+
+
 def _lacking(part: str, whose: str) -> str:
     return f"initial has no {part}: {whose} needs it."
 
@@ -208,35 +220,38 @@ def _lacking(part: str, whose: str) -> str:
 def phase_errors(number: int, phase: Values, file: Parsed) -> list[str]:
     """What does not fit together in a phase."""
     key, found, phases = f"phase.{number}", [], file.values["phase"]
-    events, parts, until = file.catalog.events, file.parts(), phase["until"]
+    parts, until = file.parts(), phase["until"]
     # Names of phases stand for places in outputs, so that they must tell them apart.
     if [p["name"] for p in phases].index(phase["name"]) < number:
         found.append(
             wrong(f"{key}.name", phase["name"], "another name than that of an earlier phase")
         )
-    ends = (*file.catalog.all_known_times(), *events)
     if (phase["duration"] is None) == (until is None):
-        found.append(
-            f"{key} must have either duration, a time, or until, one of {', '.join(ends)}."
-        )
-    elif until in events:
+        ends = end_kind(file.catalog).expected()
+        found.append(f"{key} must have either duration, a time, or until, {ends}.")
+    elif is_event(until, file.catalog):
         if phase["within"] is None:
             what = "the longest time to wait for the event, in s or text with a unit of time"
             found.append(missing(f"{key}.within", what))
-        for part in sorted(events[until].event.needs - parts):
-            found.append(_lacking(part, f"the event {until}"))
+        name = condition_of(until) or until
+        # The mass is never given in `initial`: it is that of the body.
+        for part in sorted(event_needs(until, file.catalog) - parts - {"mass"}):
+            found.append(_lacking(part, f"the event {name}"))
+        maker = file.makers.get(f"{key}.until.{name}")
+        if maker is not None:
+            needs, effects = f"the event {name} needs an effect", file.catalog.effects
+            found += reference_errors(maker, needs, effects, phase["effects"])
     elif until is not None:
         if not any(until in file.catalog.known_times(name) for name in phase["effects"]):
             what = "another end: no effect of this phase has that time"
             found.append(wrong(f"{key}.until", until, what))
-        if any(p["until"] in events for p in phases[:number]):
+        if any(is_event(p["until"], file.catalog) for p in phases[:number]):
             what = "a duration: after a phase that ends at an event the time is not known"
             found.append(wrong(f"{key}.until", until, what))
     jumps = [name for name, table in phase["jump"].items() if table is not None]
     if len(jumps) > 1:
         found.append(f"{key}.jump has {' and '.join(jumps)}: it must have one of them.")
     for name in jumps:
-        # The mass is never given in `initial`: it is that of the body.
         needs = file.catalog.jumps[name].needs - {"mass"}
         found += [_lacking(part, f"the jump {name}") for part in sorted(needs - parts)]
     return found

@@ -25,6 +25,7 @@ from ..core import AbstractSystem, InputError, argument, quantities
 from ..simulation import Event
 from ._catalog import Catalog
 from ._checks import Parsed
+from ._ends import is_event
 from ._errors import wrong
 from ._kinds import Entry, Maker, Values
 from ._objects import Building, entry_of
@@ -82,7 +83,7 @@ def control_errors(file: Parsed) -> list[str]:
             found.append(f"{path}.law is empty: it must have a table of {laws}.")
         phase = _phase_of(file.values, path)
         until = None if phase is None else phase["until"]
-        if until is not None and until not in file.catalog.events:
+        if until is not None and not is_event(until, file.catalog):
             what = "an event; or give the phase a duration: its samples must be known"
             found.append(wrong(f"{path.removesuffix('.control')}.until", until, what))
     return found

@@ -19,6 +19,7 @@ from ..core import REQUIRED, AbstractSystem, argument
 from ..dispersion import METHODS
 from ._catalog import Catalog, part_entries, state_class, state_way
 from ._control import control_kind
+from ._ends import end_kind
 from ._errors import missing, unknown, wrong
 from ._kinds import Entry, Kind, Maker, Reading, Schema, Value
 from ._objects import function_way
@@ -195,14 +196,13 @@ def method_kind(catalog: Catalog) -> Object:
 
 def _phase(catalog: Catalog) -> Table:
     jumps = {name: Entry(catalog.kinds[cls], None) for name, cls in catalog.jumps.items()}
-    ends = OneName((*catalog.all_known_times(), *catalog.events))
     acting = ListOf(OneName(tuple(catalog.effects)))
     return Table(
         {
             "name": Entry(Text(), doc="of the phase, for tables and figures"),
             "effects": Entry(acting, (), doc="the effects that act in this phase"),
             "duration": Entry(DURATION, None, doc="how long it lasts"),
-            "until": Entry(ends, None, doc="the time or the event at which it ends"),
+            "until": Entry(end_kind(catalog), None, doc="the time or event at which it ends"),
             "within": Entry(DURATION, None, doc="how long to wait for the event"),
             "jump": Entry(Table(jumps), {}, doc="what changes the state at the end"),
             "control": Entry(control_kind(catalog, True), None, doc="what acts at samples"),

@@ -37,7 +37,7 @@ def listing(also: Iterable[object] = ()) -> str:
         ("effects", _classes(known, known.effects)),
         ("initial states of a body", _initials(known)),
         ("jumps", _classes(known, known.jumps)),
-        ("events", _functions(known.events, "event") + _times(known)),
+        ("events", _events(known) + _times(known)),
         ("outputs", _functions(known.outputs, "output") + _methods(known)),
         ("controllers", _classes(known, known.controllers)),
         ("distributions", _classes(known, known.distributions)),
@@ -92,6 +92,10 @@ def _functions(group: Mapping[str, object], mark: str) -> list[str]:
         f"  {name} [{getattr(function, mark).unit or '1'}]: {first_sentence(function)}"
         for name, function in group.items()
     ]
+
+
+def _events(known: Catalog) -> list[str]:
+    return _functions(known.events, "event") + _classes(known, known.conditions)
 
 
 def _times(known: Catalog) -> list[str]:

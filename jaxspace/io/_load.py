@@ -28,8 +28,8 @@ def load(
 
     - `path`: of a file in TOML.
     - `also`: classes and declared functions that the file may name besides those of the library:
-      final systems, effects, jumps and distributions whose fields are quantities; outputs, events
-      and makers of initial states.
+      final systems, effects, jumps, conditions and distributions whose fields are quantities;
+      outputs, events and makers of initial states.
 
     **Returns** the checked file; the system is built when it is asked for.
 

@@ -2,6 +2,7 @@
 oblate body, orbital elements, two-body motion in closed form, radial motion by quadrature,
 transfers."""
 
+from ._at_altitude import AtAltitude as AtAltitude
 from ._ballistic import BallisticFlight as BallisticFlight
 from ._ballistic import BallisticImpact as BallisticImpact
 from ._ballistic import ballistic_angles as ballistic_angles
@@ -154,6 +155,7 @@ from ._two_masses import sphere_of_influence as sphere_of_influence
 from ._two_masses import to_relative as to_relative
 from ._uniform_gravity import UniformGravity as UniformGravity
 from ._uniform_gravity import touchdown as touchdown
+from ._velocity_to_be_gained import VelocityToBeGained as VelocityToBeGained
 from ._zonals import Zonals as Zonals
 from ._zonals import zonal_potential as zonal_potential
 from ._zonals import zonals as zonals

@@ -17,6 +17,7 @@ from ._jet_damping import spin_ratio as spin_ratio
 from ._motor_file import Motor as Motor
 from ._motor_file import read_motor as read_motor
 from ._pitch_kick import PitchKick as PitchKick
+from ._propellant_depletion import PropellantDepletion as PropellantDepletion
 from ._rocket_equation import coast_height as coast_height
 from ._rocket_equation import mass_ratio_for as mass_ratio_for
 from ._rocket_equation import rocket_equation as rocket_equation

@@ -5,6 +5,7 @@
     h  = v_0 t + u t [1 - ln(mu) / (mu - 1)] - g t^2 / 2     constant mass flow (8.1-11)
     H  = r x / (1 - x),  x = v^2 r / (2 g R^2)      coast from the radius r under inverse-square
                                                     gravity (8.1-12)
+    H  = v^2 / (2 g)                                coast under constant gravity
 
     symbol  meaning                            unit
     u       exhaust velocity                   m/s
@@ -97,7 +98,9 @@ def vertical_burnout_height(
     return start * burn_time + exhaust_velocity * burn_time * share - 0.5 * gravity * burn_time**2
 
 
-def coast_height(speed: Scalar, height: Scalar, surface_gravity: Scalar, radius: Scalar) -> Scalar:
+def coast_height(
+    speed: Scalar, height: Scalar, surface_gravity: Scalar, radius: Scalar | None = None
+) -> Scalar:
     """Height gained in a vertical coast until rest, m (Thomson 8.1-12); infinite from the speed of
     escape on.
 
@@ -106,8 +109,11 @@ def coast_height(speed: Scalar, height: Scalar, surface_gravity: Scalar, radius:
     - `speed`: at the start, m/s, upwards.
     - `height`: of the start above the surface, m.
     - `surface_gravity`: g, m/s^2; gravity is g (R / r)^2.
-    - `radius`: R, m.
+    - `radius`: R, m; without it gravity is constant, and the height of the start plays no role.
     """
+    if radius is None:
+        # With the runs of the height, as for any radius.
+        return speed**2 / (2.0 * surface_gravity) + 0.0 * height
     r = radius + height
     # x is the square of the speed over the square of the speed of escape.
     x = speed**2 * r / (2.0 * surface_gravity * radius**2)

@@ -41,6 +41,7 @@ from jaxspace.orbits import angular_momentum
 from jaxspace.rockets import (
     JetDamping,
     SpinningRocket,
+    jet_damping_ratio,
     spin_angle,
     spin_ratio,
     sprinkler_moment,
@@ -414,6 +415,13 @@ ROCKET = (simulate, BurningBody, JetDamping, spin_angle, spin_ratio)
 MISSILE = {"A": 4000.0, "C": 400.0, "n": PI2, "M1": 250.0}
 SATELLITE = {"ratio": 1.2, "beta": 0.05, "n": PI2, "start": 0.1}
 FREE = {"A": 10.0, "C": 2.0, "n": 6.0}
+
+
+def slowed(lever, rate, burnt):
+    """Time of burnout, rates after 35 s and then over that at the start, and the angle turned."""
+    end, rocket = burnt / rate, SpinningRocket(0.0, rate, lever)
+    damped = (jet_damping_ratio(1.0 - rate * t, lever) for t in (35.0, end))
+    return end, *damped, spiral_angle(rocket, jnp.asarray(end), vec(1.0, 0.0))[0]
 
 
 def rocket(id, title, rho, t, rate, spin, angle, tip):
@@ -1034,6 +1042,20 @@ CASES = [
         lambda **given: (sprinkler_moment(**given),),
         {"M (lb ft)": 5.479249795826173},
         1e-11,
+    ),
+    Case(
+        "T7.10-P6",
+        "Jet damping without spin, l/k = sqrt 3, 0.01 of the mass a second until 0.7 are burnt",
+        (jet_damping_ratio, SpinningRocket),
+        {"lever": 3.0**0.5, "rate": 0.01, "burnt": 0.7},
+        slowed,
+        {
+            "t of burnout (s)": 70.0,
+            "w/w0 at 35 s": 0.4225,
+            "w/w0 at burnout": 0.09,
+            "angle turned over w0 (s)": 32.43333333333334,
+        },
+        1e-12,
     ),
     spiral_row("T7.10-P8-r0-t40", 0.0, 40.0, [0.4913664, 0.0], 0.006288639999999999),
     spiral_row("T7.10-P8-r0-t80", 0.0, 80.0, [0.6145024, 0.0], 0.00093312),

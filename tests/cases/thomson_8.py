@@ -11,7 +11,11 @@ from jaxspace.optimization import (
     burnout_state,
 )
 from jaxspace.rockets import (
+    GravityTurn,
+    GravityTurnState,
     coast_height,
+    jet_engine_thrust,
+    variable_mass_acceleration,
     vertical_burnout_height,
     vertical_burnout_velocity,
 )
@@ -39,16 +43,41 @@ def burnout_height(impulse, thrust_ratio, mass_ratio):
     return vertical_burnout_height(impulse * G, mass_ratio, time, G)
 
 
+def stage(u, mu, t):
+    """Speed and height at burnout; coast, total and total in miles under inverse-square gravity;
+    coast and total under constant gravity; acceleration before burnout."""
+    v, h = vertical_burnout_velocity(u, mu, t, G), vertical_burnout_height(u, mu, t, G)
+    far, near = coast_height(v, h, G, R), coast_height(v, h, G)
+    rate, exhaust = (1.0 - 1.0 / mu) / t, vec(0.0, 0.0, v - u)[:, None]
+    burnt = vec(0.0, 0.0, v), vec(0.0, 0.0, -G / mu), vec(-rate), exhaust
+    before = variable_mass_acceleration(1.0 / mu, *burnt)[2]
+    return v, h, far, h + far, (h + far) / MILE, near, h + near, before
+
+
 def single_stage(I, ratio, mu):
-    v, h = burnout_speed(I, ratio, mu), burnout_height(I, ratio, mu)
-    coast = coast_height(v, h, G, R)
-    return v, h, coast, h + coast, (h + coast) / MILE
+    time = burn_time(I, ratio, mu)
+    return time, *stage(I * G, mu, time)
+
+
+def weighed_stage(u, weight, burnout_weight, t):
+    """The stage, and its thrust."""
+    rate = (weight - burnout_weight) / G / t
+    return *stage(u, weight / burnout_weight, t), jet_engine_thrust(0.0, rate, u, 0.0)
+
+
+def coasts(v):
+    """From the surface under constant and inverse-square gravity, and from 50 miles."""
+    near, far = coast_height(v, 0.0, G), coast_height(v, 0.0, G, R)
+    return near, near / MILE, far, far / MILE, coast_height(v, 50.0 * MILE, G, R)
 
 
 def sensitivities(I, ratio, mu):
+    """Slopes, changes by 50 s less and by a mass ratio of one more, and what the slopes say."""
     at = vec(I, ratio, mu)
     slopes = jax.grad(lambda x: burnout_speed(*x))(at)
-    return *slopes, burnout_speed(250.0, ratio, mu), burnout_speed(I, ratio, 6.0)
+    ends = burnout_speed(250.0, ratio, mu), burnout_speed(I, ratio, 6.0)
+    changes = (end - burnout_speed(I, ratio, mu) for end in ends)
+    return *slopes, *ends, *changes, (250.0 - I) * slopes[0], (6.0 - mu) * slopes[2]
 
 
 def throw(u, w, t):
@@ -60,7 +89,10 @@ def throw(u, w, t):
 def impulsive_launch(Y, U, w0, T):
     """One impulse at the start that brings a satellite to the height Y with the velocity U."""
     _, top, u, w = throw(U, w0, T)
-    return top / MILE, w, jnp.hypot(U, w0), jnp.arctan2(w0, U) / DEG
+    one = jnp.hypot(U, w0)
+    # Straight up, and with what is left of the same propellant across at the apex.
+    *_, across = split_impulses(0.0, 0.0, (w0, one - w0), (90.0 * DEG, 0.0), T)
+    return top / MILE, w, one, jnp.arctan2(w0, U) / DEG, across
 
 
 def ballistic_tangent(v0, theta0, t, T):
@@ -111,11 +143,18 @@ def turned(n, g, v0, psi0, t, rate=0.0):
     return speed, jnp.arctan2(v[1, 0], v[1, 2]) / DEG, r[1, 0], r[1, 2]
 
 
+def turned_with_constant(n, g, **given):
+    """The gravity turn, and the constant of 8.5-7 there."""
+    v, psi, x, y = turned(n, g, **given)
+    there = GravityTurnState(v, psi * DEG, x, y)
+    return v, psi, x, y, GravityTurn(n, g).invariants(0.0, there)["C"]
+
+
 def slopes_of_turn(**given):
     """State, and its derivatives by the initial angle per rad."""
     psi0 = jnp.asarray(given.pop("psi0"))
     state, slope = jax.jvp(lambda psi: turned(psi0=psi, **given), (psi0,), (jnp.ones(()),))
-    return *state, slope[1] * DEG, slope[0], slope[3]
+    return *state, state[1] * DEG, slope[1] * DEG, slope[0], slope[3]
 
 
 def horizontal(angles, times):
@@ -126,6 +165,7 @@ def horizontal(angles, times):
 
 
 VERTICAL = (vertical_burnout_velocity, vertical_burnout_height)
+STAGED = (*VERTICAL, coast_height, variable_mass_acceleration)
 FLOWN = (simulate, Scene, Custom)
 STAGE = {"I": 300.0, "ratio": 2.0, "mu": 5.0}
 FIGURE = [
@@ -134,15 +174,15 @@ FIGURE = [
 
 
 def gravity_row(id, n, psi0, psi, expected, g=G, v0=400.0):
-    """A row of T8.5 with a constant thrust over weight."""
-    v, t, x, y = expected
+    """A row of T8.5 with a constant thrust over weight; `expected`: v, t, x, y, C."""
+    v, t, x, y, C = expected
     return Case(
         id,
         f"Gravity turn with F / m g = {n}, from {psi0} to {psi} deg",
-        FLOWN,
+        (*FLOWN, GravityTurn),
         {"n": n, "g": g, "v0": v0, "psi0": psi0 * DEG, "t": t},
-        turned,
-        {"v": v, "psi (deg)": psi, "x": x, "y": y},
+        turned_with_constant,
+        {"v": v, "psi (deg)": psi, "x": x, "y": y, "C": C},
         1e-11,
         why=STEPS,
     )
@@ -165,15 +205,75 @@ CASES = [
     Case(
         "T8.1-P5",
         "Single stage, I = 300 s, thrust over weight 2, mass ratio 5",
-        (*VERTICAL, coast_height),
+        STAGED,
         STAGE,
         single_stage,
         {
+            "t (s)": 120.0,
             "v (ft/s)": 11683.170234113408,
             "h (ft)": 460944.89297659765,
             "coast (ft)": 2469881.4417636762,
             "h_max (ft)": 2930826.3347402737,
             "h_max (mi)": 555.080745215961,
+            "coast, constant g (ft)": 2119510.3527837503,
+            # The sum of two numbers of the case.
+            "h_max, constant g (ft)": 2580455.245760348,
+            "acceleration before burnout (ft/s^2)": 289.8,
+        },
+        1e-11,
+    ),
+    Case(
+        "T8.1-P4",
+        "Single stage, I = 250 s, thrust over weight 3, mass ratio 1 / 0.22",
+        STAGED,
+        {"I": 250.0, "ratio": 3.0, "mu": 4.545454545454546},
+        single_stage,
+        {
+            "t (s)": 65.0,
+            "v (ft/s)": 10095.728247669695,
+            "h (ft)": 231767.4821260557,
+            "coast (ft)": 1752036.0916420228,
+            "h_max (ft)": 1983803.5737680786,
+            "h_max (mi)": 375.7203738197119,
+            "coast, constant g (ft)": 1582666.5970620466,
+            # The sum of two numbers of the case.
+            "h_max, constant g (ft)": 1814434.0791881024,
+            "acceleration before burnout (ft/s^2)": 406.89090909090913,
+        },
+        1e-11,
+    ),
+    Case(
+        "T8.1-P9",
+        "Coast from 8500 ft/s",
+        (coast_height,),
+        {"v": 8500.0},
+        coasts,
+        {
+            "constant g (ft)": 1121894.4099378882,
+            "constant g (mi)": 212.4800018821758,
+            "from the surface (ft)": 1185504.511139464,
+            "from the surface (mi)": 224.5273695339894,
+            "from 50 mi (ft)": 1216501.3762802414,
+        },
+        1e-12,
+    ),
+    Case(
+        "T8.1-P13",
+        "10,000 lb, of which 2000 are left after 55 s",
+        (*STAGED, jet_engine_thrust),
+        {"u": 7500.0, "weight": 10000.0, "burnout_weight": 2000.0, "t": 55.0},
+        weighed_stage,
+        {
+            "v (ft/s)": 10299.784343255753,
+            "h (ft)": 197824.2152802334,
+            "coast (ft)": 1823644.1341129576,
+            "h_max (ft)": 2021468.349393191,
+            # The same in miles.
+            "h_max (mi)": 2021468.349393191 / MILE,
+            "coast, constant g (ft)": 1647291.2658008747,
+            "h_max, constant g (ft)": 1845115.481081108,
+            "acceleration before burnout (ft/s^2)": 513.2545454545455,
+            "thrust (lb)": 33879.164313946916,
         },
         1e-11,
     ),
@@ -189,6 +289,10 @@ CASES = [
             "dv/dmu (ft/s)": 1738.8,
             "v at I = 250 s (ft/s)": 9735.975195094506,
             "v at mu = 6 (ft/s)": 13283.39647274301,
+            "change to 250 s (ft/s)": -1947.1950390189013,
+            "change to mu = 6 (ft/s)": 1600.2262386296024,
+            "by the slope (ft/s)": -1947.1950390189015,
+            "by the slope in mu (ft/s)": 1738.8000000000002,
         },
         1e-11,
     ),
@@ -253,6 +357,7 @@ CASES = [
             "climb at T (ft/s)": 0.0,
             "V_k (ft/s)": 24207.635159180667,
             "phi_0 (deg)": 24.65938247810715,
+            "velocity across by two impulses (ft/s)": 14107.654961180277,
         },
         1e-11,
         atol=1e-8,
@@ -324,42 +429,78 @@ CASES = [
         1.5,
         5,
         30,
-        (1060.0467238970523, 37.50607698638997, 8215.830509523359, 25397.335791691537),
+        (
+            1060.0467238970523,
+            37.50607698638997,
+            8215.830509523359,
+            25397.335791691537,
+            1910.6728749490148,
+        ),
     ),
     gravity_row(
         "T8.5-n1.5-psi60",
         1.5,
         5,
         60,
-        (1935.7299119903792, 71.3784334097903, 43873.89746603523, 59052.361665554396),
+        (
+            1935.7299119903792,
+            71.3784334097903,
+            43873.89746603523,
+            59052.361665554396,
+            1910.6728749490148,
+        ),
     ),
     gravity_row(
         "T8.5-n1.5-psi90",
         1.5,
         5,
         90,
-        (3821.3457498980297, 117.60349678535023, 169845.97597072585, 85749.84636607901),
+        (
+            3821.3457498980297,
+            117.60349678535023,
+            169845.97597072585,
+            85749.84636607901,
+            1910.6728749490148,
+        ),
     ),
     gravity_row(
         "T8.5-n2-psi30",
         2.0,
         5,
         30,
-        (2626.060208813329, 65.50597713343448, 34593.89593610614, 90582.55115738408),
+        (
+            2626.060208813329,
+            65.50597713343448,
+            34593.89593610614,
+            90582.55115738408,
+            9144.075070822948,
+        ),
     ),
     gravity_row(
         "T8.5-n2-psi60",
         2.0,
         5,
         60,
-        (7039.112271506367, 169.76503933260062, 399645.63477897295, 414281.1358134388),
+        (
+            7039.112271506367,
+            169.76503933260062,
+            399645.63477897295,
+            414281.1358134388,
+            9144.075070822948,
+        ),
     ),
     gravity_row(
         "T8.5-n1.3SI-psi30",
         1.3,
         3,
         30,
-        (215.18407417820617, 34.9114206788801, 1387.2807987002298, 5148.7138171825945),
+        (
+            215.18407417820617,
+            34.9114206788801,
+            1387.2807987002298,
+            5148.7138171825945,
+            298.045072683335,
+        ),
         9.80665,
         100.0,
     ),
@@ -368,7 +509,13 @@ CASES = [
         1.3,
         3,
         90,
-        (596.09014536667, 80.55081752070686, 16321.790543594696, 11430.667167908816),
+        (
+            596.09014536667,
+            80.55081752070686,
+            16321.790543594696,
+            11430.667167908816,
+            298.045072683335,
+        ),
         9.80665,
         100.0,
     ),
@@ -377,21 +524,39 @@ CASES = [
         1.0,
         5,
         60,
-        (532.3185861577988, 34.06808427613018, 5918.399238247284, 12643.517975011528),
+        (
+            532.3185861577988,
+            34.06808427613018,
+            5918.399238247284,
+            12643.517975011528,
+            399.2389396183491,
+        ),
     ),
     gravity_row(
         "T8.5-n1-psi90",
         1.0,
         5,
         90,
-        (798.4778792366982, 45.01168828635445, 12767.620655984114, 14262.60097182663),
+        (
+            798.4778792366982,
+            45.01168828635445,
+            12767.620655984114,
+            14262.60097182663,
+            399.2389396183491,
+        ),
     ),
     gravity_row(
         "T8.5-n0.5-psi90",
         0.5,
         30,
         90,
-        (1931.8516525781365, 73.13146920413288, 103214.35699256754, 69689.96695205878),
+        (
+            1931.8516525781365,
+            73.13146920413288,
+            103214.35699256754,
+            69689.96695205878,
+            965.9258262890683,
+        ),
         v0=2000.0,
     ),
     gravity_row(
@@ -399,7 +564,13 @@ CASES = [
         -2.0,
         60,
         90,
-        (1443.3756729740644, 47.75619724691378, 139635.38198303324, 53916.49413388544),
+        (
+            1443.3756729740644,
+            47.75619724691378,
+            139635.38198303324,
+            53916.49413388544,
+            721.6878364870322,
+        ),
         v0=5000.0,
     ),
     Case(
@@ -416,6 +587,7 @@ CASES = [
             "psi (deg)": 65.49738518869172,
             "x (m)": 47468.53584943561,
             "y (m)": 38755.1569883828,
+            "psi (rad)": 1.143145022989638,
             "dpsi / dpsi_0": 42.14717065708055,
             "dv / dpsi_0 (m/s)": 19842.150847870565,
             "dy / dpsi_0 (m)": -1498987.6864175946,

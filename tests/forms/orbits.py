@@ -2,9 +2,11 @@
 
 from types import SimpleNamespace
 
-from jaxspace.bodies import ExponentialAtmosphere
+from jaxspace.bodies import BodyState, ExponentialAtmosphere
 from jaxspace.orbits import (
+    AtAltitude,
     Drag,
+    VelocityToBeGained,
     angular_momentum,
     apoapsis_altitude,
     apsidal_rate,
@@ -85,6 +87,14 @@ def placed_above(x):
 LOW = (6.6e6, 4.0e5, -3.0e5)
 ANGLES = (0.4, 0.3, 0.2)
 
+
+def conditions(x):
+    """Velocity to be gained and height over an altitude: position, velocity, axis, mu, altitude,
+    radius."""
+    y = BodyState(x[:3], x[3:6])
+    return VelocityToBeGained(*x[6:8])(0.0, y)[None], AtAltitude(*x[8:])(0.0, y)[None]
+
+
 FORMS = (
     Form(
         constants,
@@ -145,5 +155,12 @@ FORMS = (
         placed_above,
         ("orbits.orbit_from_altitude",),
         [(4e5, 6.378e6, 3.986e14, 0.3, *ANGLES, 1.2), (0.0, 1.0, 1.0, 1e-9, 1e-9, 0.0, 0.0, 3.14)],
+    ),
+    Form(
+        conditions,
+        ("orbits.VelocityToBeGained", "orbits.AtAltitude"),
+        [(7e6, -2e6, 1e6, 3e3, 5e3, -1e3, 1e7, 3.986e14, 4e5, 6.378e6),
+         (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 1.0, 1.0, 0.0, 1.0),
+         (3.0, 0.0, 0.0, 0.0, 0.5, 0.0, 1.0, 1.0, 0.0, 1.0)],
     ),
 )  # fmt: skip

@@ -63,7 +63,8 @@ LEFT_OUT: dict[str, list[str]] = {
         bodies.with_parts attitude.continuous_precession
         orbits.apoapsis orbits.periapsis orbits.TwoBody.closed_form
         orbits.PointGravity.closed_form attitude.TorqueFreeBody.closed_form
-        rockets.Thrust.propellant_left bodies.FreeRotation.flow attitude.Top.closed_form
+        rockets.PropellantDepletion rockets.Thrust.propellant_left bodies.FreeRotation.flow
+        attitude.Top.closed_form
     """.split(),
     "gives integrators a form of the motion, whose steps they check": """
         attitude.Top.split orbits.PointGravity.regularised

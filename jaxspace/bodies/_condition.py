@@ -1,0 +1,23 @@
+"""Conditions with parameters, on which a phase of a mission may end."""
+
+from abc import abstractmethod
+
+from equinox import AbstractClassVar
+
+from ..core import AbstractParameters, Scalar
+from ._state import BodyState
+
+
+class AbstractCondition(AbstractParameters):
+    """A condition whose zero ends a phase: of an `Event`, and in scene files. A concrete one is
+    final. One without parameters is a function, declared by `core.event`.
+
+    - `direction`: 1 for a rise, -1 for a fall, 0 for both.
+    - `needs`: the parts of the state that it reads."""
+
+    direction: AbstractClassVar[int]
+    needs: AbstractClassVar[frozenset[str]]
+
+    @abstractmethod
+    def __call__(self, t: Scalar, y: BodyState) -> Scalar:
+        """The value of the condition in the state `y` at the time `t`, s."""
