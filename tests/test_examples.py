@@ -11,10 +11,16 @@ ROOT = Path(__file__).parents[1]
 # An optional library that one needs.
 NEEDS = {"14_forces_of_another_library.py": "astrojax"}
 EXAMPLES = sorted(path.name for path in (ROOT / "examples").glob("[0-9]*.py"))
+# Known optima: all but the one that the others share.
+OPTIMA = sorted(
+    f"{path.parent.name}/{path.name}"
+    for path in (ROOT / "examples" / "known_optima").glob("*.py")
+    if path.name != "known.py"
+)
 
 
 def test_there_are_examples():
-    assert len(EXAMPLES) >= 6
+    assert len(EXAMPLES) >= 6 and len(OPTIMA) >= 5
 
 
 def test_what_is_read_as_a_recipe_is_short():
@@ -33,7 +39,11 @@ def test_what_is_read_as_a_recipe_is_short():
 # A process of its own: an example chooses its precision, and no other test has touched JAX's
 # settings before it.
 @pytest.mark.parametrize(
-    "name", [EXAMPLES[0], *(pytest.param(name, marks=pytest.mark.sweep) for name in EXAMPLES[1:])]
+    "name",
+    [
+        EXAMPLES[0],
+        *(pytest.param(name, marks=pytest.mark.sweep) for name in EXAMPLES[1:] + OPTIMA),
+    ],
 )
 def test_example_runs(name, request):
     if name in NEEDS:
