@@ -42,6 +42,36 @@ def test_bounds_and_constraints():
     assert np.all(np.isfinite(rows[:9])) and np.all(np.isnan(rows[9:]))
 
 
+@pytest.mark.parametrize("method", ["sqp", "multipliers"])
+def test_units_do_not_matter(method):
+    """The same problem with other units for unknowns, objective and constraints: the same search,
+    with the multipliers in those units. Powers of two change no digit."""
+    x, f, c, d = 2.0**20, 2.0**-30, 2.0**15, 2.0**-12
+
+    def rescaled(y):
+        found = hock_71(y / x)
+        return Criterion(f * found.objective, c * found.equal_zero, d * found.non_negative)
+
+    start = jnp.array([1.0, 5.0, 5.0, 1.0])
+    plain = search(hock_71, start, method=method, bounds=(1.0, 5.0))
+    other = search(rescaled, x * start, method=method, bounds=(x, 5.0 * x))
+    assert plain.converged and other.converged
+    assert int(plain.steps) == int(other.steps)
+    pairs = [
+        (plain.x, other.x / x),
+        (plain.criterion.objective, other.criterion.objective / f),
+        (plain.multipliers.equal_zero, other.multipliers.equal_zero * c / f),
+        (plain.multipliers.non_negative, other.multipliers.non_negative * d / f),
+        (plain.bound_multipliers, other.bound_multipliers * x / f),
+        (plain.history[:, 0], other.history[:, 0] / f),
+    ]
+    for one, two in pairs:
+        np.testing.assert_allclose(two, one, rtol=1e-12, atol=1e-12)
+    # Those of the other method, which are the textbook's.
+    np.testing.assert_allclose(plain.multipliers.equal_zero, 0.1614686, rtol=1e-6)
+    np.testing.assert_allclose(plain.multipliers.non_negative, [0.5522937], rtol=1e-6)
+
+
 def test_bounds_by_smooth_maps():
     """One number at its lower bound, one within, one above a bound of its own: by descents."""
 

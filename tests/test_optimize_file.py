@@ -46,10 +46,20 @@ at_least = "8000 km"
 """
 
 
-@pytest.fixture(scope="module")
-def found(tmp_path_factory):
+# What the last step of "sqp" reaches beyond the tolerance of a file, by its quadratic convergence,
+# the descents of "multipliers" have to be asked for.
+METHODS = {"sqp": 1e-6, "multipliers": 1e-8}
+
+
+def with_method(method):
+    lines = f'[optimize]\nmethod = "{method}"\ntolerance = {METHODS[method]}\n'
+    return TRANSFER.replace("[optimize]\n", lines)
+
+
+@pytest.fixture(scope="module", params=METHODS)
+def found(request, tmp_path_factory):
     path = tmp_path_factory.mktemp("optimize") / "transfer.toml"
-    path.write_text(TRANSFER)
+    path.write_text(with_method(request.param))
     steps = []
     return load(path).optimize(progress=lambda *row: steps.append(row)), steps
 
@@ -67,7 +77,9 @@ def test_the_optimum_and_its_multipliers(found):
     """The closed form, with one number at its bound; its derivatives are what the multipliers
     say."""
     best, steps = found
-    assert best.minimum.converged and len(steps) == int(best.minimum.steps)
+    assert best.minimum.converged
+    rows = best.minimum.history
+    np.testing.assert_array_equal([row[1:] for row in steps], rows[~jnp.isnan(rows[:, 0])])
     exact = (RADIAL, R1, R2, MU)
     np.testing.assert_allclose(best.values["initial.velocity.1"], across(*exact), rtol=1e-7)
     np.testing.assert_allclose(best.objective, energy(*exact), rtol=1e-7)

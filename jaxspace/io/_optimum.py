@@ -126,17 +126,15 @@ def optimise(file: Any, task: Task, progress: Callable | None = None) -> Optimum
         {free.path: jnp.asarray(free.low) for free in task.free},
         {free.path: jnp.asarray(free.high) for free in task.free},
     )
-    options: dict[str, Any] = {"max_steps": table["max_steps"]}
-    if table["method"] == "sqp":
-        options["scale"] = {free.path: jnp.asarray(_size(free)) for free in task.free}
     found = minimise(
         lambda x: criterion(file, task, x),
         start,
         bounds=bounds,
         method=table["method"],
         tolerance=table["tolerance"],
+        max_steps=table["max_steps"],
+        scale={free.path: jnp.asarray(_size(free)) for free in task.free},
         progress=progress,
-        **options,
     )
     objective, constraints, error = found.criterion.report
     return Optimum(

@@ -79,15 +79,16 @@ class Minimum(eqx.Module):
     - `x` and the `criterion` there.
     - `multipliers`: lambda and nu in the places of c and d, with 1 for f: grad f + lambda . grad c
       - nu . grad d = 0.
-    - `gradient`: the largest component of that sum; `violation`: the largest of the constraints.
+    - `gradient`: the largest component of that sum after the scaling of the search, of which the
+      tolerance is; `violation`: the largest of the constraints, in their own units.
     - `steps`: of all descents; `converged`: whether gradient and violation met the tolerance.
     - `gradient_error`: the relative difference of gradient and slope at the start, as far as it is
       known; zero where it was not checked. Above 1e-3 the gradient is wrong.
     - `reason`: why the search ended, a `StopReason`; `sentence()` says it.
     - `bound_multipliers`: the derivative of the objective by the place of each bound that holds x,
       in its place in x; about zero elsewhere.
-    - `history`: objective, violation and gradient after each round or step, (rows, 3), NaN for
-      those not taken; that of "sqp" in its scaled units.
+    - `history`: objective, and scaled violation and gradient, after each round or step, (rows, 3),
+      NaN for those not taken.
     - `search`: where the search stands, from which `minimise` can go on.
     """
 
