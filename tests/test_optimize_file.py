@@ -193,6 +193,26 @@ def test_compact_flight():
         fly_compact(Mission([Phase(Fall(h, h), 1.0)]), jnp.zeros(2), steps=0)
 
 
+@pytest.mark.parametrize("method", METHODS)
+def test_a_target_out_of_reach_is_said(tmp_path, method):
+    """The greatest apoapsis within the bounds lies at both upper ones; the slopes are empty."""
+    path = tmp_path / "far.toml"
+    path.write_text(with_method(method).replace('"8000 km"', '"80000 km"'))
+    best = load(path).optimize()
+    up, along = RADIAL, 8500.0
+    rate = R1 * along
+    semi = 1.0 / (2.0 / R1 - (up**2 + along**2) / MU)
+    greatest = semi * (1.0 + np.sqrt(1.0 - rate**2 / (MU * semi)))
+    np.testing.assert_allclose(best.constraints, [greatest], rtol=1e-7)
+    said = f"apoapsis radius is {greatest / 1e3:.6g} km where at least 80000 km is asked"
+    assert best.infeasible and said in best.sentence()
+    assert np.all(np.isnan(best.target_derivatives)) and best.bound_derivatives == {}
+    report = optimum_report(best)
+    assert said in report and "slope:" not in report
+    with pytest.raises(InputError, match="An optimum alone has sensitivities. The constraints"):
+        best.sensitivities()
+
+
 @pytest.mark.sweep
 def test_the_command(settings_stay, tmp_path, capsys):
     """`jaxspace optimize`: the table, the sensitivities, the file of the optimum and the figure of
