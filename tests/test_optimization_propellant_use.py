@@ -69,7 +69,12 @@ def test_degenerate_and_infeasible_cases_are_reported():
     assert shorter.degenerate
     np.testing.assert_allclose(shorter.final_velocity, same.final_velocity, rtol=1e-14)
     poor = propellant_use(released(100.0, 30.0), 4e5, 1000.0, G)
+    # (50 + 1000)^2 / 64.4 = 17119.6; sqrt(64.4 4e5) - 50 = 5025.43.
     assert not poor.feasible and "too little" in poor.sentence()
+    assert "gives 1000 m/s, where 5025.43 m/s are needed; the nearest" in poor.sentence()
+    assert "17119.6 m above" in poor.sentence()
+    sinking = propellant_use(jnp.array([500.0, -2000.0]), 4e5, 1000.0, G)
+    assert sinking.sentence().endswith("it reaches no height so.")
     with pytest.raises(InputError, match="gravity is 0"):
         propellant_use(jnp.ones(2), 1.0, 1.0, 0.0)
     slopes = jax.grad(
@@ -77,6 +82,32 @@ def test_degenerate_and_infeasible_cases_are_reported():
     )
     for climb, gain in ((0.0, 15000.0), (4e5, 1000.0), (4e5, 15000.0), (-1.0, 0.0)):
         assert np.all(np.isfinite(slopes(jnp.array([2000.0, 1500.0, climb, gain]))))
+
+
+@pytest.mark.parametrize("duration", [None, 30.0])
+def test_what_too_little_propellant_reaches(duration):
+    """The least gain just suffices and a thousandth less does not; and so with the nearest climb
+    and one a little farther. Climbs and descents of rising and sinking releases."""
+    grid = np.meshgrid([-3e5, -2e4, -1e3, 1e3, 3e4, 3e5], [-1200.0, 400.0, 1500.0], [700.0, 1300.0])
+    climbs, speeds, gains = (jnp.asarray(x.ravel()) for x in grid)
+    velocity = jnp.stack([0.0 * speeds, speeds])
+
+    def feasible(climb, gain):
+        return propellant_use(velocity, climb, gain, G, duration).feasible
+
+    found = propellant_use(velocity, climbs, gains, G, duration)
+    assert np.all(feasible(climbs, found.least_gain * (1.0 + 1e-12)))
+    assert not np.any(feasible(climbs, found.least_gain * (1.0 - 1e-3)))
+    nearest, reached = found.nearest_climb, jnp.isfinite(found.nearest_climb)
+    np.testing.assert_array_equal(nearest[found.feasible], climbs[found.feasible])
+    # Off the edge of what is reached by the rounding of a square root.
+    inside, outside = (nearest + share * (climbs - nearest) for share in (-1e-9, 1e-3))
+    missed = reached & ~found.feasible
+    assert jnp.any(missed) and np.all(feasible(inside, gains)[missed])
+    assert not np.any(feasible(outside, gains)[missed])
+    every = jnp.linspace(-4e5, 4e5, 2001)[:, None] + 0.0 * gains
+    tried = propellant_use(velocity[:, None], every, gains, G, duration)
+    np.testing.assert_array_equal(jnp.any(tried.feasible, axis=0), reached)
 
 
 def test_greatest_velocity_is_the_least_time_seen_from_the_other_side():

@@ -45,6 +45,36 @@ def test_bounds_and_constraints():
     assert np.all(np.isfinite(rows[:9])) and np.all(np.isnan(rows[9:]))
 
 
+@pytest.mark.parametrize("method", ["sqp", "multipliers"])
+def test_units_do_not_matter(method):
+    """The same problem with other units for unknowns, objective and constraints: the same search,
+    with the multipliers in those units. Powers of two change no digit."""
+    x, f, c, d = 2.0**20, 2.0**-30, 2.0**15, 2.0**-12
+
+    def rescaled(y):
+        found = hock_71(y / x)
+        return Criterion(f * found.objective, c * found.equal_zero, d * found.non_negative)
+
+    start = jnp.array([1.0, 5.0, 5.0, 1.0])
+    plain = search(hock_71, start, method=method, bounds=(1.0, 5.0))
+    other = search(rescaled, x * start, method=method, bounds=(x, 5.0 * x))
+    assert plain.converged and other.converged
+    assert int(plain.steps) == int(other.steps)
+    pairs = [
+        (plain.x, other.x / x),
+        (plain.criterion.objective, other.criterion.objective / f),
+        (plain.multipliers.equal_zero, other.multipliers.equal_zero * c / f),
+        (plain.multipliers.non_negative, other.multipliers.non_negative * d / f),
+        (plain.bound_multipliers, other.bound_multipliers * x / f),
+        (plain.history[:, 0], other.history[:, 0] / f),
+    ]
+    for one, two in pairs:
+        np.testing.assert_allclose(two, one, rtol=1e-12, atol=1e-12)
+    # Those of the other method, which are the textbook's.
+    np.testing.assert_allclose(plain.multipliers.equal_zero, 0.1614686, rtol=1e-6)
+    np.testing.assert_allclose(plain.multipliers.non_negative, [0.5522937], rtol=1e-6)
+
+
 def test_bounds_by_smooth_maps():
     """One number at its lower bound, one within, one above a bound of its own: by descents."""
 
@@ -77,9 +107,34 @@ def test_an_infeasible_target_ends_at_what_can_be_reached():
 
     found = search(problem, jnp.array([0.5, 3.0]), method="sqp")
     assert not found.converged and int(found.reason) == StopReason.INFEASIBLE
-    assert "cannot be met" in found.sentence()
+    sentence = found.sentence()
+    assert "cannot be met" in sentence
     np.testing.assert_allclose(found.x[1], 0.0, atol=1e-5)
+    # Every constraint that is not met with its value, and no other.
+    for k, (value, unmet) in enumerate(
+        zip(found.criterion.non_negative, found.unmet()[1], strict=True)
+    ):
+        assert bool(unmet) == bool(value < -1e-5)
+        assert (f"non_negative[{k}] is {value:.3g} where at least 0 is asked" in sentence) == unmet
     assert np.all(np.isfinite(found.x)) and 0.5 - 1e-6 < found.violation < 1.0 + 1e-6
+
+
+@pytest.mark.parametrize("method", ["sqp", "multipliers"])
+def test_of_many_targets_those_out_of_reach_are_named(method):
+    """x within 1 of zero, whose five components are asked to be 3, 0, 4e-6, -7 and 0.5, the third
+    in units of 1e-6 of the others; the bounds hold the first, third and fourth."""
+    asked = jnp.array([3.0, 0.0, 4e-6, -7.0, 0.5])
+    unit = jnp.array([1.0, 1.0, 1e-6, 1.0, 1.0])
+
+    def problem(x):
+        return Criterion(jnp.sum(x * x), unit * x - asked)
+
+    found = search(problem, jnp.full(5, 0.1), method=method, bounds=(-1.0, 1.0))
+    assert int(found.reason) == StopReason.INFEASIBLE
+    np.testing.assert_array_equal(found.unmet()[0], [True, False, True, True, False])
+    assert "equal_zero[2] is -3e-06 where 0 is asked, equal_zero[3] is 6" in found.sentence()
+    converged = search(problem, 0.1 * asked, method=method)
+    assert converged.converged and not np.any(converged.unmet()[0])
 
 
 def tangent_burn(x):

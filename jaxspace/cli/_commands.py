@@ -68,7 +68,8 @@ def optimize(path: str, folder: str, sensitivities: bool) -> int:
     # At the accuracy of the file, with adaptive steps: what the search has found must stand it.
     run = optimum.nominal_mission(samples=100)
     print(optimum_report(found, found.confirmed(run, optimum)))
-    if sensitivities:
+    # The sentence of the report has said that there is no optimum.
+    if sensitivities and not found.infeasible:
         print(f"\n{sensitivity_report(found)}")
     print(f"file   {best}")
     for name, phase in zip(run.names, run.phases, strict=True):

@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Array
 
 from ..core import InputError, State
-from ..optimization import Criterion, Minimum, minimise
+from ..optimization import Criterion, Minimum, StopReason, minimise
 from ..simulation import MissionTrajectory, fly_compact
 from ._build import build_mission, replaced
 from ._inputs import measures
@@ -49,9 +49,34 @@ class Optimum:
         return {path: float(x) for path, x in self.minimum.x.items()}
 
     @property
+    def infeasible(self) -> bool:
+        """Whether the search ended at the least violation of constraints that it could not meet.
+        Its multipliers are then weights of the search, and no derivatives."""
+        return int(self.minimum.reason) == StopReason.INFEASIBLE
+
+    def sentence(self) -> str:
+        """Why the search ended; of an infeasible problem what each constraint that is not met has
+        reached and what was asked, in the units of the file."""
+        if not self.infeasible:
+            return self.minimum.sentence()
+        # Equalities and the rest come back in the order of the file among their own kind.
+        equal, above = (iter(flags) for flags in self.minimum.unmet())
+        clauses = []
+        for demand, value in zip(self.task.demands, self.constraints, strict=True):
+            if next(equal if demand.limit == "equal" else above):
+                spec, limit = demand.spec, demand.limit.replace("_", " ")
+                best, target = (f"{spec.factor * x:.6g}" for x in (value, demand.target))
+                unit = f" {spec.unit}" if spec.unit else ""
+                name = spec.name.replace("_", " ")
+                clauses.append(f"{name} is {best}{unit} where {limit} {target}{unit} is asked")
+        return f"The constraints cannot be met from this start: at best {', '.join(clauses)}."
+
+    @property
     def target_derivatives(self) -> tuple[float, ...]:
         """For each constraint the derivative of the objective by its target, SI: from the
-        multipliers, zero where the constraint does not bind."""
+        multipliers, zero where the constraint does not bind; NaN for an infeasible problem."""
+        if self.infeasible:
+            return (np.nan,) * len(self.task.demands)
         equal, above = _multipliers(self.minimum)
         found, e, a = [], 0, 0
         for demand in self.task.demands:
@@ -64,8 +89,11 @@ class Optimum:
 
     @property
     def bound_derivatives(self) -> dict[str, float]:
-        """For each free number at a bound the derivative of the objective by that bound, SI."""
+        """For each free number at a bound the derivative of the objective by that bound, SI; none
+        for an infeasible problem."""
         found = {}
+        if self.infeasible:
+            return found
         for free in self.task.free:
             x, span = self.values[free.path], free.high - free.low
             near = min(x - free.low, free.high - x) <= 1e-6 * (span if span < np.inf else abs(x))
@@ -76,7 +104,11 @@ class Optimum:
 
     def sensitivities(self) -> dict[str, float]:
         """The derivative of the best objective by every other number of the file, SI, with the
-        free numbers moved along: that of the Lagrangian (the envelope theorem)."""
+        free numbers moved along: that of the Lagrangian (the envelope theorem).
+
+        Raises `InputError` for an infeasible problem, which has no optimum."""
+        if self.infeasible:
+            raise InputError(f"An optimum alone has sensitivities. {self.sentence()}")
         fixed = {
             path: float(x)
             for path, x in measures(self.file.values)
@@ -126,17 +158,15 @@ def optimise(file: Any, task: Task, progress: Callable | None = None) -> Optimum
         {free.path: jnp.asarray(free.low) for free in task.free},
         {free.path: jnp.asarray(free.high) for free in task.free},
     )
-    options: dict[str, Any] = {"max_steps": table["max_steps"]}
-    if table["method"] == "sqp":
-        options["scale"] = {free.path: jnp.asarray(_size(free)) for free in task.free}
     found = minimise(
         lambda x: criterion(file, task, x),
         start,
         bounds=bounds,
         method=table["method"],
         tolerance=table["tolerance"],
+        max_steps=table["max_steps"],
+        scale={free.path: jnp.asarray(_size(free)) for free in task.free},
         progress=progress,
-        **options,
     )
     objective, constraints, error = found.criterion.report
     return Optimum(

@@ -160,16 +160,17 @@ def optimum_report(found: Optimum, confirmed: Sequence[float] = ()) -> str:
         numbers = (demand.target, found.constraints[k], checked[k + 1])
         shown = [_or_dash(spec.factor * x) for x in numbers]
         # In the units that the table shows, above and below.
-        slope = number(goal.factor * derivatives[k] / spec.factor)
+        slope = _or_dash(goal.factor * derivatives[k] / spec.factor)
         name = demand.limit.replace("_", " ")
         rows.append((_label(spec.name, spec.unit), name, *shown, slope))
     if task.demands:
         lines.append(columns(rows))
-    lines.append(
-        f"slope: change of {goal.name} [{goal.unit or '1'}] for one unit of the bound or target"
-    )
+    if not found.infeasible:
+        lines.append(
+            f"slope: change of {goal.name} [{goal.unit or '1'}] for one unit of the bound or target"
+        )
     lines.append(f"relative error of the steps: {found.error:.1e}")
-    return "\n\n".join([*lines, found.minimum.sentence()])
+    return "\n\n".join([*lines, found.sentence()])
 
 
 def sensitivity_report(found: Optimum, count: int = 12) -> str:

@@ -1,10 +1,12 @@
 """What a problem of optimisation returns, and what its minimum is."""
 
 import enum
+from collections.abc import Sequence
 from typing import Any, TypeAlias, final
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from ..core import InputError, is_concrete
@@ -45,7 +47,7 @@ SENTENCES = {
         "Stopped at the limit of steps, {steps}: {found}. Allow more, or begin nearer."
     ),
     StopReason.INFEASIBLE: (
-        "The constraints cannot be met from this start: x has the least violation found ({found})."
+        "The constraints cannot be met from this start: at the least violation found {unmet}."
     ),
     StopReason.NO_PROGRESS: (
         "No step improves the result further: {found}; the problem is known no better than this."
@@ -56,6 +58,12 @@ SENTENCES = {
     ),
     StopReason.INTERRUPTED: "Interrupted after {steps} steps: {found}.",
 }
+
+
+# How many of the constraints that are not met a sentence names.
+MOST_NAMED = 4
+# A violation below this part of the largest one, both scaled, is met as far as the search knows.
+MET = 1e-6
 
 
 def stop_reason(
@@ -78,16 +86,17 @@ class Minimum(eqx.Module):
 
     - `x` and the `criterion` there.
     - `multipliers`: lambda and nu in the places of c and d, with 1 for f: grad f + lambda . grad c
-      - nu . grad d = 0.
-    - `gradient`: the largest component of that sum; `violation`: the largest of the constraints.
+      - nu . grad d = 0. Of an infeasible problem they are weights of the search, and no prices.
+    - `gradient`: the largest component of that sum after the scaling of the search, of which the
+      tolerance is; `violation`: the largest of the constraints, in their own units.
     - `steps`: of all descents; `converged`: whether gradient and violation met the tolerance.
     - `gradient_error`: the relative difference of gradient and slope at the start, as far as it is
       known; zero where it was not checked. Above 1e-3 the gradient is wrong.
     - `reason`: why the search ended, a `StopReason`; `sentence()` says it.
     - `bound_multipliers`: the derivative of the objective by the place of each bound that holds x,
       in its place in x; about zero elsewhere.
-    - `history`: objective, violation and gradient after each round or step, (rows, 3), NaN for
-      those not taken; that of "sqp" in its scaled units.
+    - `history`: objective, and scaled violation and gradient, after each round or step, (rows, 3),
+      NaN for those not taken.
     - `search`: where the search stands, from which `minimise` can go on.
     """
 
@@ -117,4 +126,43 @@ class Minimum(eqx.Module):
         if not is_concrete(self.reason) or self.reason.ndim > 0:
             raise InputError("Minimum.sentence describes one known run: pick one.")
         found = f"gradient {float(self.gradient):.1e}, violation {float(self.violation):.1e}"
-        return SENTENCES[StopReason(int(self.reason))].format(found=found, steps=int(self.steps))
+        equal, above = self.unmet()
+        named = [
+            *_named("equal_zero", self.criterion.equal_zero, equal, "0"),
+            *_named("non_negative", self.criterion.non_negative, above, "at least 0"),
+        ]
+        return SENTENCES[StopReason(int(self.reason))].format(
+            found=found, steps=int(self.steps), unmet=listed(named)
+        )
+
+    def unmet(self) -> tuple[Bool[np.ndarray, " equal"], Bool[np.ndarray, " inequal"]]:
+        """Which equalities and which inequalities an infeasible problem leaves violated, flat; of a
+        known result of one run. None where the problem is not infeasible."""
+        parts = (self.criterion.equal_zero, self.criterion.non_negative)
+        c, d = (np.zeros(0) if x is None else np.ravel(np.asarray(x)) for x in parts)
+        # In their own units they cannot be compared.
+        weight = np.ones(c.size + d.size)
+        if self.search is not None:
+            weight = np.asarray(self.search.weight)[1:]
+        missed = weight * np.concatenate([np.abs(c), np.maximum(-d, 0.0)])
+        infeasible = int(self.reason) == StopReason.INFEASIBLE
+        # Not a comparison with NaN where a constraint is not finite: that one is not met either.
+        flags = infeasible & ~(missed <= MET * np.nanmax(missed, initial=0.0))
+        return flags[: c.size], flags[c.size :]
+
+
+def _named(name: str, values: Array | None, flags: np.ndarray, asked: str) -> list[str]:
+    """Each flagged constraint with its value and what was asked."""
+    if values is None:
+        return []
+    flat = np.ravel(np.asarray(values))
+    places = [f"[{k}]" if np.ndim(values) else "" for k in range(flat.size)]
+    rows = zip(places, flat, flags, strict=True)
+    return [f"{name}{place} is {x:.3g} where {asked} is asked" for place, x, on in rows if on]
+
+
+def listed(clauses: Sequence[str]) -> str:
+    """The first few of the clauses, and how many more there are."""
+    more = len(clauses) - MOST_NAMED
+    shown = ", ".join(clauses[:MOST_NAMED])
+    return f"{shown}, and {more} more" if more > 0 else shown

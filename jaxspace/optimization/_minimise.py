@@ -6,8 +6,8 @@
     "multipliers"    L-BFGS inside the method of multipliers                  many unknowns
     "sqp"            quadratic programmes with the full Jacobian              up to about a hundred
 
-Files: `_by_multipliers.py`, `_by_sqp.py`, `_bounds.py`. Valid for smooth functions. `f` may be
-infinite outside its domain: both methods turn back.
+Files: `_scaling.py`, `_by_multipliers.py`, `_by_sqp.py`, `_bounds.py`. Valid for smooth functions.
+`f` may be infinite outside its domain: both methods turn back.
 """
 
 from collections.abc import Callable
@@ -24,6 +24,7 @@ from ._by_sqp import by_sqp
 from ._criterion import Criterion, Minimum, Point
 from ._drive import Progress, is_traced
 from ._gradient_check import refuse
+from ._scaling import scaled_problem
 from ._search import Common
 
 METHODS = ("multipliers", "sqp")
@@ -54,18 +55,19 @@ def minimise(
       before its time, whose search goes on with the same options.
     - `bounds`: a pair of lower and upper bounds, each a tree like `start`, a number or `None`.
     - `method`: "multipliers" or "sqp".
-    - `tolerance`: for the gradient and for the violation; of "sqp" after its scaling.
+    - `tolerance`: for the gradient and for the violation, both scaled.
     - `max_steps`: of one descent, or of "sqp"; `max_rounds`: number of descents.
     - `check_gradient`: whether to compare the gradient at the start with the slope of the
       objective, by four more evaluations, and to refuse to begin where they differ; under `jit`
       the search ends there with the reason `WRONG_GRADIENT`.
     - `adam_steps`, `adam_rate`: steps of Adam before the first descent of "multipliers", for flat
-      or rough starts.
+      or rough starts; the rate is that of the scaled unknowns.
     - `exact_hessian`: of "sqp": curvature by second derivatives in place of BFGS, for problems that
       are cheap to differentiate twice.
-    - `scale`: of "sqp": sizes of the unknowns, a tree like `start`; by default the range of the
-      bounds, or the larger of the start and 1.
-    - `progress`: called after each round or step with its number, objective, violation and
+    - `scale`: sizes of the unknowns, a tree like `start`; by default the range of the bounds, or
+      the larger of the start and 1. Objective and constraints are scaled by their derivatives at
+      the start.
+    - `progress`: called after each round or step with its number, objective, scaled violation and
       gradient; not under `jit`. Ctrl-C ends such a search with what it has reached.
 
     **Returns** the `Minimum`, which reports in `converged` whether the tolerance was met and in
@@ -85,11 +87,12 @@ def minimise(
     if before is not None and before.search is None:
         raise InputError("start is a Minimum that keeps no search: start from its x.")
     common = Common(problem, x, limits, tolerance, check_gradient and before is None, progress)
+    scaled = scaled_problem(common, scale, before)
     if method == "sqp":
-        found = by_sqp(common, max_steps, exact_hessian, scale, before)
+        found = by_sqp(common, scaled, max_steps, exact_hessian, before)
     else:
         rounds = (max_steps, max_rounds, adam_steps, adam_rate)
-        found = by_multipliers(common, bounds is not None, rounds, before)
+        found = by_multipliers(common, scaled, bounds is not None, rounds, before)
     if check_gradient and not is_traced(found.gradient_error):
         refuse(float(found.gradient_error))
     return found

@@ -5,12 +5,13 @@
     lambda <- lambda + rho c,   nu <- max(0, nu - rho d)          after each descent of L in x
 
     symbol       meaning
-    f, c, d      objective, equalities, inequalities, scaled so that values of order 1 matter
+    f, c, d      objective, equalities, inequalities, scaled as in `_scaling.py`
     lambda, nu   multipliers
     rho          weight of the constraints, ten times larger while they do not decrease
 
-Every evaluation has one purpose, by `calls` and the flags of the state: a probe of the gradient,
-the start of a descent (`fresh`), a step of Adam, or a trial of the line search:
+Every evaluation has one purpose, by `calls` and the flags of the state: the slope of one of the
+numbers f, c, d at the start, by which it is scaled (`measured`), a probe of the gradient, the start
+of a descent (`fresh`), a step of Adam, or a trial of the line search:
 
     L(x + t p) <= L(x) + 1e-4 t p.g,   p.g(x + t p) >= 0.9 p.g        (weak Wolfe conditions)
 
@@ -29,7 +30,8 @@ from jaxtyping import Array, Bool, Float, Int
 
 from ..core import Scalar
 from ._criterion import Criterion
-from ._gradient_check import GRADIENT_TOLERANCE, PROBES, probe, probed_error
+from ._gradient_check import GRADIENT_TOLERANCE, PROBES, probe, probed_error, sizes_of
+from ._scaling import weights
 
 ARMIJO, WOLFE = 1e-4, 0.9
 MOST_TRIALS = 30
@@ -51,9 +53,11 @@ class Line(NamedTuple):
 
 
 class Descent(NamedTuple):
-    """Where the search stands: x with the value and gradient of L, the criterion there, multipliers
-    and weight; `held`: the gradient in the unknowns of the problem, before the maps of the bounds;
-    `rows`, `calls`, `probed` and `wrong` as in `_sqp.py`."""
+    """Where the search stands: free numbers x with the value and gradient of L; the criterion there
+    and its `values` f, c, d, in the units of the problem; scaled multipliers `y` and `nu`, and rho;
+    `held`: the gradient in the scaled unknowns, before the maps of the bounds; `measured`: how many
+    numbers have their largest derivative in `sloped`; `size`, `weight`, `rows`, `calls`, `probed`
+    and `wrong` as in `_sqp_state.py`."""
 
     x: Float[Array, " n"]
     size: Float[Array, " n"]
@@ -61,8 +65,10 @@ class Descent(NamedTuple):
     value: Float[Array, ""]
     slopes: Float[Array, " n"]
     held: Float[Array, " n"]
+    values: Float[Array, " all"]
     criterion: Criterion
-    dual: Criterion
+    y: Float[Array, " equal"]
+    nu: Float[Array, " inequal"]
     rho: Float[Array, ""]
     memory: Any
     adam: Any
@@ -78,14 +84,18 @@ class Descent(NamedTuple):
     calls: Int[Array, ""]
     probed: Float[Array, "4"]
     wrong: Float[Array, ""]
+    weight: Float[Array, " all"]
+    sloped: Float[Array, " all"]
+    measured: Int[Array, ""]
 
 
 class Evaluation(NamedTuple):
-    """L and its gradient at a trial, the gradient `held` of `Descent`, and the criterion."""
+    """L and its gradient at a trial, and `held`, `values` and `criterion` of `Descent`."""
 
     value: Float[Array, ""]
     slopes: Float[Array, " n"]
     held: Float[Array, " n"]
+    values: Float[Array, " all"]
     criterion: Criterion
 
 
@@ -100,25 +110,27 @@ class Options(NamedTuple):
 def begin(
     x: Float[Array, " n"],
     size: Float[Array, " n"],
+    me: int,
+    mi: int,
     blank: Criterion,
     max_rounds: int,
     adam_steps: int,
     check: bool,
 ) -> Descent:
-    """The state before the first evaluation; `size`: of the unknowns, `blank`: a criterion of
-    zeros."""
+    """The state before the first evaluation; `size`, `me`, `mi` as in `_sqp_state.py`, `blank`: a
+    criterion of zeros."""
     zeros, one = jnp.zeros_like(x), jnp.ones((), x.dtype)
-    dual = Criterion(jnp.ones_like(blank.objective), blank.equal_zero, blank.non_negative)
+    values = jnp.zeros(1 + me + mi, x.dtype)
     no, none = jnp.asarray(0), 0.0 * one
     calls = jnp.asarray(-PROBES if check else 0)
     with jax.numpy_dtype_promotion("standard"):
         memory, adam = optax.scale_by_lbfgs().init(x), optax.scale_by_adam().init(x)
     return Descent(
-        x, size, probe(x, size, calls) if check else x, none, zeros, zeros, blank, dual,
+        x, size, x, none, zeros, zeros, values, blank, values[1 : 1 + me], values[1 + me :],
         10.0 * one,
         memory, adam, jnp.asarray(adam_steps), _line(zeros, one, none, none), jnp.asarray(True),
         jnp.inf * one, one, no, no, no, jnp.full((max_rounds, 3), jnp.nan, x.dtype), calls,
-        jnp.zeros(PROBES, x.dtype), none,
+        jnp.zeros(PROBES, x.dtype), none, jnp.ones_like(values), values, no,
     )  # fmt: skip
 
 
@@ -126,28 +138,54 @@ def unfinished(s: Descent, options: Options) -> Bool[Array, ""]:
     """Whether another evaluation is wanted."""
     missed = (s.gradient > options.tolerance) | (s.violation > options.tolerance)
     sound = (s.wrong <= GRADIENT_TOLERANCE) & jnp.isfinite(s.value)
+    # While the numbers are measured, too, `calls` is not positive.
     return (s.calls <= 0) | (missed & (s.taken < s.rows.shape[0]) & sound)
+
+
+def wanted(s: Descent, values: Array) -> tuple[Array, Array]:
+    """L of the `values` f, c, d in the units of the problem, and by which sum of their gradients
+    the search goes on: that of L, or one of them alone while they are measured."""
+    total, along = jax.value_and_grad(lagrangian)(values, s)
+    one = (jnp.arange(values.size) == s.measured).astype(values.dtype)
+    return total, jnp.where(s.measured < values.size, one, along)
 
 
 def advance(s: Descent, found: Evaluation, options: Options) -> Descent:
     """The state after an evaluation at `s.trial`."""
     value, slopes = found.value, found.slopes
 
+    def place_of(calls: Array) -> Array:
+        return jnp.where(calls < 0, probe(s.x, sizes_of(s.x), calls), s.x)
+
+    def measuring(s: Descent) -> Descent:
+        sloped = s.sloped.at[s.measured].set(jnp.max(jnp.abs(found.held)))
+        measured = s.measured + 1
+        last = measured == s.sloped.size
+        return s._replace(
+            sloped=sloped,
+            weight=jnp.where(last, weights(found.values[0], sloped), s.weight),
+            measured=measured,
+            trial=jnp.where(last, place_of(s.calls), s.x),
+        )
+
     def probing(s: Descent) -> Descent:
         following = s.calls + 1
-        place = jnp.where(following < 0, probe(s.x, s.size, following), s.x)
+        place = place_of(following)
         return s._replace(probed=s.probed.at[s.calls].set(value), calls=following, trial=place)
 
     def searching(s: Descent) -> Descent:
         checked = (s.calls == 0) & jnp.any(s.probed != 0.0)
-        wrong = probed_error(s.probed, s.x, s.size, slopes)
+        wrong = probed_error(s.probed, s.x, sizes_of(s.x), slopes)
         s = s._replace(wrong=jnp.where(checked, wrong, s.wrong), calls=jnp.asarray(1))
         fell, steep = _conditions(s, value, slopes)
         give_up = ~s.fresh & (s.line.trials + 1 >= MOST_TRIALS)
         done = s.fresh | (fell & ~steep) | give_up
         return lax.cond(done, _moved, _tried_again, s, found, fell, options)
 
-    return lax.cond(s.calls < 0, probing, searching, s)
+    def measured(s: Descent) -> Descent:
+        return lax.cond(s.calls < 0, probing, searching, s)
+
+    return lax.cond(s.measured < s.sloped.size, measuring, measured, s)
 
 
 def _line(p: Array, slope: Array, value: Array, t: Array) -> Line:
@@ -243,51 +281,31 @@ def _by_lbfgs(s: Descent, good: Array, options: Options) -> Descent:
 
 def _next_round(s: Descent, largest: Array) -> Descent:
     """With the multipliers after a descent."""
-    left = _violation(s.criterion, s.dual, s.rho)
-    # Updated with the weight of this descent, before it grows.
-    dual = _updated(s.criterion, s.dual, s.rho)
+    _, c, d = _scaled(s.values, s)
+    # Either d or its multiplier must be zero, and neither negative.
+    loose = jnp.max(jnp.abs(jnp.minimum(d, s.nu / s.rho)), initial=0.0)
+    left = jnp.maximum(jnp.max(jnp.abs(c), initial=0.0), loose)
     # Where the multipliers by themselves hardly reduce the violation, the weight has to.
     rho = jnp.where(left > 0.25 * s.violation, 10.0 * s.rho, s.rho)
-    row = jnp.stack([s.criterion.objective, left, largest])
+    row = jnp.stack([s.values[0], left, largest])
+    # With the weight of this descent, before it grows.
+    y, nu = s.y + s.rho * c, jnp.maximum(s.nu - s.rho * d, 0.0)
     return s._replace(
-        trial=s.x, dual=dual, rho=rho, violation=left, gradient=largest,
+        trial=s.x, y=y, nu=nu, rho=rho, violation=left, gradient=largest,
         rows=s.rows.at[s.taken].set(row), taken=s.taken + 1, fresh=jnp.asarray(True),
         round_steps=jnp.asarray(0),
     )  # fmt: skip
 
 
-def lagrangian(criterion: Criterion, dual: Criterion, rho: Float[Array, ""]) -> Float[Array, ""]:
-    """The augmented Lagrangian L."""
-    total, c, d = criterion.objective, criterion.equal_zero, criterion.non_negative
-    if c is not None and dual.equal_zero is not None:
-        total = total + jnp.sum(dual.equal_zero * c + 0.5 * rho * c * c)
-    if d is not None and dual.non_negative is not None:
-        active = jnp.maximum(dual.non_negative - rho * d, 0.0)
-        total = total + jnp.sum(active * active - dual.non_negative * dual.non_negative) / (
-            2.0 * rho
-        )
-    return total
+def lagrangian(values: Array, s: Descent) -> Float[Array, ""]:
+    """The augmented Lagrangian L of f, c, d in the units of the problem."""
+    f, c, d = _scaled(values, s)
+    active = jnp.maximum(s.nu - s.rho * d, 0.0)
+    total = f + jnp.sum(s.y * c + 0.5 * s.rho * c * c)
+    return total + jnp.sum(active * active - s.nu * s.nu) / (2.0 * s.rho)
 
 
-def _updated(criterion: Criterion, dual: Criterion, rho: Float[Array, ""]) -> Criterion:
-    """The multipliers after a descent, in the places of their constraints."""
-    c, d = criterion.equal_zero, criterion.non_negative
-    return Criterion(
-        objective=jnp.ones_like(criterion.objective),
-        equal_zero=None if c is None or dual.equal_zero is None else dual.equal_zero + rho * c,
-        non_negative=None
-        if d is None or dual.non_negative is None
-        else jnp.maximum(dual.non_negative - rho * d, 0.0),
-    )
-
-
-def _violation(criterion: Criterion, dual: Criterion, rho: Float[Array, ""]) -> Float[Array, ""]:
-    """The largest violation of an equality, of an inequality, or of complementarity."""
-    c, d = criterion.equal_zero, criterion.non_negative
-    largest = jnp.zeros_like(criterion.objective)
-    if c is not None:
-        largest = jnp.maximum(largest, jnp.max(jnp.abs(c)))
-    if d is not None and dual.non_negative is not None:
-        # Either d or its multiplier must be zero, and neither negative.
-        largest = jnp.maximum(largest, jnp.max(jnp.abs(jnp.minimum(d, dual.non_negative / rho))))
-    return largest
+def _scaled(values: Array, s: Descent) -> tuple[Array, Array, Array]:
+    """f, c and d times the weight of each."""
+    values = s.weight * values
+    return values[0], values[1 : 1 + s.y.size], values[1 + s.y.size :]

@@ -12,7 +12,11 @@ With T free the least c lies at a corner of |W_1| + |W_2|: one of the impulses v
     D < 0    at the end:    T = [w_0 + sqrt(w_0^2 - 2 g D)]/g,  c = sqrt(w_0^2 - 2 g D)
     D = 0    degenerate for w_0 > 0: every split and every T up to 2 w_0/g have c = w_0
 
-The impulse belongs to the lower altitude, where the thrust is steepest.
+The impulse belongs to the lower altitude, where the thrust is steepest. What a gain V reaches:
+
+    T free     (w_0^2 - V^2)/2g <= D <= (w_0 + V)^2/2g     for V >= |w_0|
+               (w_0 - V)^2/2g   <= D <= (w_0 + V)^2/2g     for V < w_0;   nothing for V < -w_0
+    T given    T (w_0 - V)/2    <= D <= T (w_0 + V)/2      for V >= |g T - w_0|, or nothing
 
     symbol    meaning                                                unit
     u_0, w_0  horizontal and vertical velocity at release            m/s
@@ -24,6 +28,7 @@ Source: Thomson 8.4; the sign test of the book needs C_2 Phi instead of Phi, and
 split, arises for a given T alone. Flat earth, no air.
 """
 
+import math
 from typing import final
 
 import equinox as eqx
@@ -53,7 +58,10 @@ class PropellantUse(eqx.Module):
     - `corner`: whether U has a kink in T there, so that a search by gradients stalls.
     - `degenerate`: whether other splits and durations give the same U.
     - `feasible`: False where the propellant does not reach the height without climb; U is then
-      that of the steepest impulse, and the height is missed."""
+      that of the steepest impulse, and the height is missed.
+    - `least_gain`: c, the gain that the height needs, m/s.
+    - `nearest_climb`: the climb nearest to D that the gain reaches, m; NaN where it reaches none.
+    """
 
     first: Float[Array, "*#runs"]
     last: Float[Array, "*#runs"]
@@ -64,6 +72,8 @@ class PropellantUse(eqx.Module):
     corner: Flag
     degenerate: Flag
     feasible: Flag
+    least_gain: Float[Array, "*#runs"]
+    nearest_climb: Float[Array, "*#runs"]
 
     def sentence(self) -> str:
         """What to do, in words, of one known run.
@@ -72,7 +82,13 @@ class PropellantUse(eqx.Module):
         if not is_concrete(self.first) or jnp.ndim(self.first) > 0:
             raise InputError("PropellantUse.sentence describes one known run: pick one.")
         if not bool(self.feasible):
-            return "The propellant is too little to reach the height without climb."
+            gain, climb = float(self.first + self.last), float(self.nearest_climb)
+            reached = f"the nearest that it reaches is {climb:.6g} m above the release"
+            return (
+                f"The propellant is too little to reach the height without climb: it gives "
+                f"{gain:.6g} m/s, where {float(self.least_gain):.6g} m/s are needed; "
+                f"{'it reaches no height so' if math.isnan(climb) else reached}."
+            )
         if bool(self.degenerate):
             return "Every split gives the same velocity: the height is that of the release."
         if float(self.last) == 0.0:
@@ -135,7 +151,21 @@ def propellant_use(
         corner=(first == 0.0) | (last == 0.0),
         degenerate=(D == 0.0) & (w0 > 0.0) & (free | (g * T <= 2.0 * w0)),
         feasible=feasible,
+        least_gain=size,
+        nearest_climb=jnp.where(feasible, D, _nearest_climb(w0, D, V, g, None if free else T)),
     )
+
+
+def _nearest_climb(w0: Scalar, D: Scalar, V: Scalar, g: Scalar, T: Scalar | None) -> Scalar:
+    """The climb nearest to D that V reaches, with T given or free; NaN where there is none."""
+    if T is None:
+        high = (w0 + V) ** 2 / (2.0 * g)
+        low = jnp.where(V >= jnp.abs(w0), w0 * w0 - V * V, (w0 - V) ** 2) / (2.0 * g)
+        any_height = w0 + V >= 0.0
+    else:
+        low, high = 0.5 * T * (w0 - V), 0.5 * T * (w0 + V)
+        any_height = jnp.abs(g * T - w0) <= V
+    return jnp.where(any_height, jnp.clip(D, low, high), jnp.nan)
 
 
 def _best_duration(w0: Scalar, D: Scalar, g: Scalar) -> Scalar:

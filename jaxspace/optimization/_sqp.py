@@ -12,8 +12,8 @@
 
 The programme of a step always has a solution, so that infeasible targets end at the point with the
 least violation. A step that raises the violation is corrected once with the constraints where it
-leads (second-order correction). Unknowns are scaled by `scale`, objective and constraints by their
-gradients at the start. The loop is that of `_drive.py`: the state carries the step that waits for
+leads (second-order correction). Unknowns objective and constraints are
+scaled (`_scaling.py`). The loop is that of `_drive.py`: the state carries the step that waits for
 its evaluation. Files: `_sqp_state.py`, `_sqp_measures.py`.
 
 Source: Fletcher, Practical Methods of Optimization, 12.4 (S l1 QP), 14.4; Powell 1978 (damping).
@@ -29,7 +29,8 @@ from jaxtyping import Array
 
 from ._gradient_check import probe, probed_error
 from ._quadratic import Programme, solve_programme
-from ._sqp_measures import damped_bfgs, gradient, penalty, scaled, violation, weights
+from ._scaling import weights
+from ._sqp_measures import damped_bfgs, gradient, penalty, scaled, violation
 from ._sqp_state import Found, Limits, Pending, SqpState
 
 # With this weight a violation that no step reduces is final.
@@ -73,7 +74,7 @@ def advance(
 
 def _started(s: SqpState, found: Found) -> SqpState:
     """With the values at the start, which set the scales."""
-    weight = weights(found.jacobian)
+    weight = weights(found.values[0], jnp.max(jnp.abs(found.jacobian), axis=1))
     at = scaled(found, weight, s.y.size)
     # One mixture of all numbers, so that four probes check every row of the Jacobian.
     mixed = weight * jnp.cos(1.3 * jnp.arange(weight.size, dtype=weight.dtype))
@@ -165,7 +166,8 @@ def _judged(s: SqpState, found: Found, limits: Limits) -> SqpState:
         corrected=curved,
         hopeless=hopeless,
         taken=s.taken + 1,
+        steps=s.steps + 1,
     )
     moved = moved._replace(gradient=gradient(moved, limits), violation=violation(moved.at))
-    row = jnp.stack([moved.at.f, moved.violation, moved.gradient])
+    row = jnp.stack([moved.at.f / s.weight[0], moved.violation, moved.gradient])
     return moved._replace(rows=s.rows.at[s.taken].set(row))

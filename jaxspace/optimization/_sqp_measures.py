@@ -1,4 +1,4 @@
-"""What a step of `_sqp.py` is measured by: scales, violation, gradient of the Lagrangian, penalty,
+"""What a step of `_sqp.py` is measured by: violation, gradient of the Lagrangian, penalty,
 and its curvature by damped BFGS.
 
 Source: Powell 1978 (damping)."""
@@ -14,13 +14,6 @@ def scaled(found: Found, weight: Array, me: int) -> Values:
     values, jacobian = weight * found.values, weight[:, None] * found.jacobian
     f, c, d = values[0], values[1 : 1 + me], values[1 + me :]
     return Values(f, c, d, jacobian[0], jacobian[1 : 1 + me], jacobian[1 + me :], found.report)
-
-
-def weights(jacobian: Float[Array, "rows n"]) -> Float[Array, " rows"]:
-    """The inverse of the size of each row of the Jacobian; 1 for a row of zeros."""
-    row = jnp.max(jnp.abs(jacobian), axis=1)
-    usable = (row > 0.0) & jnp.isfinite(row)
-    return jnp.where(usable, 1.0 / jnp.where(usable, row, 1.0), 1.0)
 
 
 def violation(at: Values) -> Float[Array, ""]:

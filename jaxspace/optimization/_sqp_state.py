@@ -36,7 +36,8 @@ class SqpState(NamedTuple):
 
     - `calls`: the number of the next evaluation: below zero the probes of the gradient, at zero
       that of the start; `probed`: the values of the probes, and `wrong`: what they find.
-    - `size`: of the unknowns, by which they are scaled."""
+    - `size`: of the unknowns, by which they are scaled.
+    - `taken`: steps of this search; `steps`: with those of the searches that it took up."""
 
     x: Float[Array, " n"]
     at: Values
@@ -59,6 +60,7 @@ class SqpState(NamedTuple):
     probed: Float[Array, "4 all"]
     wrong: Float[Array, ""]
     size: Float[Array, " n"]
+    steps: Int[Array, ""]
 
 
 class Found(NamedTuple):
@@ -106,7 +108,7 @@ def begin(
         jnp.full((max_steps, 3), jnp.nan, x.dtype),
         probe(x, jnp.ones_like(x), calls) if check else x,
         Pending(zeros(n), zeros(me), zeros(mi), no), jnp.ones(rows, x.dtype), calls,
-        zeros((PROBES, rows)), zeros(()), size,
+        zeros((PROBES, rows)), zeros(()), size, jnp.asarray(0),
     )  # fmt: skip
 
 
