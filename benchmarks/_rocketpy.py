@@ -133,7 +133,8 @@ def corrected(made):
     RocketPy 1.13 gives both to its equations of motion as if they were ahead of it
     (`com_to_cdm_function` and `nozzle_to_cdm` count towards the tail, its body axis towards the
     nose), which makes the rocket more stable; and it takes a quarter of the square of the nozzle's
-    lever in the jet damping (`evaluate_nozzle_gyration_tensor`)."""
+    lever in the jet damping (`evaluate_nozzle_gyration_tensor`). RocketPy's issue 1186 reports the
+    signs, and its pull request 1196 corrects them."""
     from rocketpy.mathutils.vector_matrix import Matrix
 
     along = 0.5 * made.motor.nozzle_radius**2

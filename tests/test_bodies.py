@@ -226,8 +226,10 @@ def test_absent_parts_are_no_leaves():
     [
         (
             [1.0, 2.0, -1.0],
-            "PrincipalInertia.moments is [ 1.  2. -1.]: it must be positive and finite.",
+            "PrincipalInertia.moments is [ 1.  2. -1.]: it must be zero or positive, and finite.",
         ),
+        ([1.0, 2.0, 0.0], "such that no moment exceeds the sum of the other two."),
+        ([0.0, 0.0, 0.0], "it must be such that at most one moment is zero."),
         (
             [1.0, 1.0, 3.0],
             "PrincipalInertia.moments is [1. 1. 3.]: it must be such that no moment exceeds the "
@@ -260,6 +262,82 @@ def test_impossible_inertia(bad, rule):
 def test_impossible_mass(build):
     with pytest.raises(InputError, match="mass is .*: it must be positive and finite"):
         build()
+
+
+def rod(axis):
+    """A slender rod along an axis of the body."""
+    return bodies.PrincipalInertia(np.where(np.arange(3) == axis, 0.0, 2.0))
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_a_rod_keeps_the_rate_about_its_axis(axis):
+    """A torque changes the other two rates alone, also with masses on the axis of the rod; with
+    masses beside it the rod turns as their common tensor. Slopes are finite, by the moments too."""
+    across = np.arange(3) != axis
+    omega, torque = jnp.array([0.3, -0.2, 1.1]), jnp.array([0.5, 0.7, -0.4])
+    # 3 kg, half a metre up the axis.
+    added = jnp.asarray(np.diag(0.75 * across))
+    for more, moment in ((None, 2.0), (added, 2.75)):
+        h = moment * across * omega
+        expected = across * (np.asarray(torque) - np.cross(omega, h)) / moment
+        found = bodies.angular_acceleration(rod(axis), omega, torque, more)
+        # Roundings; the rate about the axis has none.
+        np.testing.assert_allclose(found, expected, rtol=1e-14, atol=1e-15)
+        assert found[axis] == 0.0
+
+    def rates(moments, omega, torque):
+        return bodies.angular_acceleration(bodies.PrincipalInertia(moments), omega, torque)
+
+    slopes = jax.jacrev(rates, (0, 1, 2))(rod(axis).moments, omega, torque)
+    assert all(np.all(np.isfinite(x)) and np.all(np.asarray(x)[axis] == 0.0) for x in slopes)
+    np.testing.assert_allclose(slopes[2], np.diag(0.5 * across), rtol=1e-15)
+    beside = jnp.asarray(np.diag([0.3, 0.2, 0.4]))
+    whole = bodies.InertiaTensor(rod(axis).matrix() + beside)
+    np.testing.assert_allclose(
+        bodies.angular_acceleration(rod(axis), omega, torque, beside),
+        bodies.angular_acceleration(whole, omega, torque),
+        rtol=1e-14,
+    )
+
+
+def test_the_free_turn_of_a_rod():
+    """Its momentum L stays in inertial space, its spin in the body; the limit of thin bodies, with
+    its derivatives. Rods along x, y and z, and bodies which are all but rods, as six runs."""
+    small, along = 1e-6, jnp.concatenate([jnp.eye(3), jnp.eye(3)], axis=1)
+    shares = jnp.repeat(jnp.array([0.0, small]), 3)
+    omega = jnp.array([0.3, -0.2, 1.1])[:, None] + jnp.zeros_like(along)
+
+    def flown(share, omega):
+        moments = 2.0 * jnp.where(along == 1.0, share, 1.0)
+        turn, later = bodies.free_turn(
+            jnp.full(6, 7.0), bodies.PrincipalInertia(moments), omega + 0.0 * share
+        )
+        return jnp.concatenate([turn.wxyz, later])
+
+    tangents = jax.jit(lambda s, w: jax.jvp(lambda s: flown(s, w), (s,), (jnp.ones(6),)))
+    found, slope = (np.asarray(x) for x in tangents(shares, omega))
+    turn, later = Quaternion(jnp.asarray(found[:4, :3])), found[4:, :3]
+    start, spin = np.asarray(omega * (1.0 - along))[:, :3], np.asarray(along)[:, :3]
+    momentum = turn.rotate(jnp.asarray(later * (1.0 - spin)))
+    np.testing.assert_allclose(momentum, start, rtol=1e-13, atol=1e-14)
+    np.testing.assert_array_equal(np.sum(spin * later, axis=0), [0.3, -0.2, 1.1])
+    # The step from the rod to the other formula by the mean of both slopes: rounding over `small`.
+    mean = 0.5 * (slope[:, :3] + slope[:, 3:])
+    np.testing.assert_allclose((found[:, 3:] - found[:, :3]) / small, mean, atol=1e-7)
+    weights = jnp.arange(1.0, 8.0)[:, None]
+    reverse = jax.jit(jax.grad(lambda s, w: jnp.sum(weights * flown(s, w)), (0, 1)))
+    by_share, by_omega = (np.asarray(x) for x in reverse(shares, omega))
+    np.testing.assert_allclose(by_share, np.sum(weights * slope, axis=0), rtol=1e-9, atol=1e-9)
+    # Of thin bodies they differ by some 7^2 times `small` and the weights.
+    np.testing.assert_allclose(by_omega[:, :3], by_omega[:, 3:], atol=2e-3)
+
+
+def test_the_ellipsoid_of_a_rod_has_no_end():
+    def axes(scale):
+        return bodies.inertia_ellipsoid(bodies.PrincipalInertia(scale * rod(0).moments))[0]
+
+    np.testing.assert_allclose(axes(2.0), [np.inf, 0.5, 0.5], rtol=1e-15)
+    np.testing.assert_allclose(jax.jacfwd(axes)(2.0), [0.0, -0.125, -0.125], rtol=1e-14)
 
 
 SHARED = [[2.0, 3.0, 4.0], [[2.0, 0.1, 0.2], [0.1, 3.0, 0.3], [0.2, 0.3, 4.0]]]

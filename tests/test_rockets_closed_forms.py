@@ -22,6 +22,7 @@ from jaxspace.rockets import (
     complex_angle_of_attack,
     gravity_turn,
     gravity_turn_after,
+    jet_damping_ratio,
     jet_engine_thrust,
     rocket_equation,
     swept_motion,
@@ -299,6 +300,61 @@ def test_a_cluster_of_nozzles():
     carried = np.array([lever**2, lever**2 + 0.0625, 0.0625])
     kept = np.asarray(body.inertia_per_mass(y.mass))
     np.testing.assert_allclose(pair, -2.0 * (carried - kept) * np.asarray(y.omega), rtol=1e-13)
+
+
+def slender_flight(rate, spin, lever, t):
+    """The rod of `test_a_slender_rod_with_jet_damping` after t: angular velocity and attitude.
+
+    For k_z = 0 (7.10) the axis moves along a great circle, and the spin stays (p = 1)."""
+    burning = 1.0 / 150.0
+    rocket = SpinningRocket(spin, burning, lever / 0.5, 1.0, 0.0)
+    w = rocket.transverse_rate(t, jnp.stack([rate, 0.0 * rate]))
+    share = jet_damping_ratio(1.0 - burning * t, lever / 0.5)
+    np.testing.assert_allclose(jnp.hypot(*w), rate * share, rtol=1e-12)
+    power = (lever / 0.5) ** 2
+    # The integral of rate (1 - burning t)^(power - 1), about the inertial X.
+    swept = rate / burning * -np.expm1(power * np.log1p(-burning * t)) / power
+    turn = Quaternion.about(0, jnp.asarray(swept)).then(Quaternion.about(2, spin * t))
+    return np.concatenate([w, np.array([rocket.spin_rate(t)]), turn.wxyz])
+
+
+def test_a_slender_rod_with_jet_damping():
+    """k_z = 0: the whole flight and its derivatives, in closed form. A ring of exits has nothing to
+    turn about the axis of the rod; across it the lever l^2 becomes l^2 + rho^2/2."""
+    body = BurningBody(100.0, [25.0, 25.0, 0.0], [0.5, 0.5, 0.0])
+    t, ring, given = 40.0, 0.3, np.array([0.05, 1.5, 0.9])
+
+    def flown(x):
+        lever = jnp.sqrt(x[2] ** 2 - 0.5 * ring**2)
+        damping = JetDamping(lambda t, m: -1.0 + 0.0 * m, -lever, ring)
+        y0 = BodyState(
+            jnp.zeros(3),
+            jnp.zeros(3),
+            Quaternion.identity(),
+            jnp.stack([x[0], 0.0 * x[0], x[1]]),
+            jnp.asarray(150.0),
+        )
+        scene = Scene([damping, MassStream(-1.0)], body)
+        end = simulate(scene, y0, jnp.array([0.0, t]), accuracy=1e-12).final
+        return jnp.concatenate([end.omega, end.attitude.wxyz]), end
+
+    slopes, end = jax.jacfwd(flown, has_aux=True)(given)
+    found = np.concatenate([end.omega, end.attitude.wxyz])
+    # A hundred times the tolerance: sixty radians of spin.
+    np.testing.assert_allclose(found, slender_flight(*given, t), rtol=1e-10, atol=1e-11)
+    assert end.omega[2] == given[1]
+    np.testing.assert_allclose(end.mass, 110.0, rtol=1e-13)
+    assert not np.any(end.position) and not np.any(end.velocity)
+    step = 1e-5 * given
+    differences = [
+        (slender_flight(*(given + dx), t) - slender_flight(*(given - dx), t)) / (2.0 * sum(dx))
+        for dx in np.diag(step)
+    ]
+    # Central differences: the attitude moves by 40 rad per rad/s, its third derivative by 40^3
+    # times step^2.
+    np.testing.assert_allclose(slopes, np.stack(differences, -1), rtol=1e-6, atol=1e-6)
+    reverse = jax.grad(lambda x: jnp.sum(flown(x)[0]))(given)
+    np.testing.assert_allclose(reverse, np.sum(slopes, axis=0), rtol=1e-9, atol=1e-10)
 
 
 class Shrinking(AbstractBody):

@@ -261,6 +261,32 @@ def test_the_point_carries_no_rotation():
     assert np.all(np.asarray(b.omega) == 0.0)
 
 
+def test_point_and_body_coast_with_the_same_drag():
+    """Valetudo, which has another drag without its flame, straight up through its burnout."""
+    rocket = vehicle(ROCKETS["Valetudo"])
+    assert rocket.coasting_drag is not None
+    air, gravity, t = LocalAir(elevation=668.0), GroundGravity(9.79), jnp.array([0.0, 5.0, 9.0])
+    assert 5.0 < rocket.motor.burnout() < 6.0
+    y0 = BodyState(jnp.zeros(3), jnp.array([0.0, 0.0, 30.0]), mass=rocket.body.loaded_mass())
+    turning = dataclasses.replace(y0, attitude=Quaternion.identity(), omega=jnp.zeros(3))
+
+    def height(effects, start):
+        run = simulate(Scene((gravity, *effects), rocket.body), start, t, accuracy=1e-9)
+        return np.asarray(run.states.position[2])
+
+    point, body = (
+        height(rocket.as_point(air, AlongVelocity()), y0),
+        height(rocket.as_body(air), turning),
+    )
+    # The same equations: a hundred times the tolerance of both integrations.
+    np.testing.assert_allclose(point, body, rtol=1e-7)
+    lasting = dataclasses.replace(rocket, coasting_drag=None)
+    other = height(lasting.as_point(air, AlongVelocity()), y0)
+    np.testing.assert_allclose(other[1], point[1], rtol=1e-7)
+    # The two curves of its drag differ by a few percent: again a hundred times as much.
+    assert abs(other[2] - point[2]) > 0.01
+
+
 def test_a_parachute_descends_at_its_steady_rate():
     air = LocalAir(ExponentialAtmosphere(1.2, 0.0, 1e9))
     scene = Scene([GroundGravity(9.81), Parachute(2.0, air=air)], RigidBody(16.0))

@@ -28,9 +28,21 @@ from typing import final
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from ..core import Scalar, Vector, complete_elliptic, cross, dot, norm, safe_divide, safe_sqrt
+from ..core import (
+    Scalar,
+    Vector,
+    check,
+    complete_elliptic,
+    cross,
+    dot,
+    is_concrete,
+    norm,
+    safe_divide,
+    safe_sqrt,
+)
 
 
 @final
@@ -56,7 +68,11 @@ class Polhode(eqx.Module):
     @classmethod
     def of(cls, moments: Vector, omega: Vector) -> "Polhode":
         """The polhode through `omega`, rad/s, in a body with the principal `moments`, kg m^2, in
-        any order."""
+        any order.
+
+        Raises `InputError` for a moment of zero: the spin of a rod is no point of a polhode."""
+        if is_concrete(moments):
+            check(np.asarray(moments) > 0.0, "Polhode.of: moments", moments, "positive")
         moments = jnp.stack(
             [moment + jnp.zeros_like(rate) for moment, rate in zip(moments, omega, strict=True)]
         )

@@ -9,7 +9,10 @@
              minus the product of inertia, -int xy dm
     h        angular momentum                            kg m^2/s
 
-Source: Thomson 5.3 (tensor), 5.5 (parallel axes), 7.1.
+A slender rod has no moment about its axis: one principal moment may be zero. There is nothing that
+a torque about this axis could turn; the rate about it stays what it is.
+
+Source: Thomson 5.3 (tensor), 5.5 (parallel axes), 7.1, 7.10 (slender body).
 """
 
 from abc import abstractmethod
@@ -31,6 +34,7 @@ from ..core import (
     is_concrete,
     matvec,
     quantity,
+    safe_divide,
     solve3,
     with_rank,
 )
@@ -47,7 +51,7 @@ class AbstractInertia(AbstractParameters):
 
     @abstractmethod
     def solve(self, h: Vector) -> Vector:
-        """Angular velocity omega with J omega = h, rad/s."""
+        """Angular velocity omega with J omega = h, rad/s; zero about an axis without a moment."""
 
     @abstractmethod
     def plus_diagonal(self, moments: Vector) -> "AbstractInertia":
@@ -62,10 +66,15 @@ class AbstractInertia(AbstractParameters):
 class PrincipalInertia(AbstractInertia):
     """Inertia in principal axes.
 
-    Raises `InputError` when a moment exceeds the sum of the other two, which no body allows."""
+    One moment may be zero, that of a slender rod about its axis; the other two are then equal. No
+    torque changes its rate about the axis, which stays. Derivatives by the moments of a rod hold
+    where these two stay equal.
+
+    Raises `InputError` when a moment exceeds the sum of the other two, which no body allows, and
+    when more than one is zero: a point does not turn."""
 
     moments: Float[Array, "3 *#runs"] = quantity(
-        "kg m^2", positive=True, doc="principal moments (A, B, C)"
+        "kg m^2", non_negative=True, doc="principal moments (A, B, C), of which one may be zero"
     )
 
     def __check_init__(self):
@@ -74,12 +83,18 @@ class PrincipalInertia(AbstractInertia):
             m = np.asarray(self.moments)
             slack = m.sum(axis=0) - 2.0 * m.max(axis=0)
             # A flat body has a slack of zero, which rounding of single precision makes negative.
-            # A moment that is not positive has its own sentence, from the declaration.
+            # A negative moment has its own sentence, from the declaration.
             check(
-                (slack >= -1e-6 * m.max(axis=0)) | np.any(m <= 0.0, axis=0),
+                (slack >= -1e-6 * m.max(axis=0)) | np.any(m < 0.0, axis=0),
                 "PrincipalInertia.moments",
                 m,
                 "such that no moment exceeds the sum of the other two",
+            )
+            check(
+                np.sum(m == 0.0, axis=0) <= 1,
+                "PrincipalInertia.moments",
+                m,
+                "such that at most one moment is zero",
             )
 
     def times(self, omega: Vector) -> Vector:
@@ -88,8 +103,8 @@ class PrincipalInertia(AbstractInertia):
 
     def solve(self, h: Vector) -> Vector:
         moments, h = _same_rank(self.moments, h)
-        # Three quotients, however many runs share the body.
-        return h * (1.0 / moments)
+        # Three quotients, however many runs share the body. Of a rod none: what stays is no change.
+        return h * safe_divide(jnp.ones_like(moments), moments)
 
     def plus_diagonal(self, moments: Vector) -> "PrincipalInertia":
         own, moments = _same_rank(self.moments, moments)

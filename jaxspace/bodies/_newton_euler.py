@@ -20,8 +20,10 @@ the nozzle is the effect `JetDamping`. The motion of the centre of mass inside t
 velocity of the body.
 """
 
+import jax.numpy as jnp
+
 from ..core import Matrix, Scalar, Vector, cross, matvec, solve3, with_rank
-from ._inertia import AbstractInertia
+from ._inertia import AbstractInertia, diagonal
 
 
 def linear_acceleration(
@@ -63,7 +65,7 @@ def angular_acceleration(
     - `added`: to the inertia by parts that move, kg m^2, (3, 3, *runs), or `None`.
     - `momentum`: h of parts that move in the body, kg m^2/s, (3, *runs), or `None`.
 
-    **Returns** omega', rad/s^2, (3, *runs).
+    **Returns** omega', rad/s^2, (3, *runs); zero about an axis without a moment.
     """
     # h x omega and not -omega x h, which would be one operation more for each component.
     h = inertia.times(omega)
@@ -79,4 +81,8 @@ def angular_acceleration(
     tensor = inertia.matrix()
     rank = max(tensor.ndim, added.ndim, total.ndim + 1) - 2
     tensor, added = with_rank(tensor, rank, axes=2), with_rank(added, rank, axes=2)
-    return solve3(tensor + added, with_rank(total, rank))
+    whole, total = tensor + added, with_rank(total, rank)
+    # Parts on the axis of a rod leave it without a moment: the rate about it stays.
+    bare = jnp.stack([whole[k, k] == 0.0 for k in range(3)])
+    stand_in = jnp.where(bare, 1.0, 0.0).astype(whole.dtype)
+    return solve3(whole + diagonal(stand_in), jnp.where(bare, 0.0, total))

@@ -48,11 +48,38 @@ def free_turn(
     where g < eps^(1/4) (1e-4 in double precision), those that are of second order in the tensor are
     NaN."""
     if isinstance(inertia, PrincipalInertia):
-        return free_rotation(duration, inertia.moments, omega)
+        return _of_moments(duration, inertia.moments, omega)
     tensor = inertia.matrix()
     rank = max(jnp.ndim(duration), omega.ndim - 1, tensor.ndim - 2)
     tensor, omega = with_rank(tensor, rank, axes=2), with_rank(omega, rank)
     return _turned(duration, tensor, omega)
+
+
+def _of_moments(duration: Scalar, moments: Vector, omega: Vector) -> tuple[Quaternion, Vector]:
+    """R and omega(t), in principal axes, also of a rod, one of whose moments is zero.
+
+    With its axis e, the moment C about it and A across: R = exp(L t/A) exp((1 - C/A) omega_e t e),
+    the symmetric body of Thomson 5.9 for C = 0, with its derivative by C."""
+    rank = max(jnp.ndim(duration), omega.ndim - 1, moments.ndim - 1)
+    moments, omega = with_rank(moments, rank), with_rank(omega, rank)
+    rod = jnp.any(moments == 0.0, axis=0)
+    # The general formula divides by each moment: in the branch not taken the body is a sphere.
+    found = free_rotation(duration, jnp.where(rod, 1.0, moments), omega)
+
+    def of_rods() -> tuple[Quaternion, Vector]:
+        e = jnp.where(moments == 0.0, 1.0, 0.0).astype(moments.dtype)
+        across = 0.5 * jnp.sum((1.0 - e) * moments, axis=0)
+        share = jnp.sum(e * moments, axis=0) / across
+        spin, rest = e * omega, (1.0 - e) * omega
+        second = Quaternion.from_rotation_vector(duration * (1.0 - share) * spin)
+        first = Quaternion.from_rotation_vector(duration * (rest + share * spin))
+        later = second.rotate_back(rest) + spin
+        return Quaternion(jnp.where(rod, first.then(second).wxyz, found[0].wxyz)), jnp.where(
+            rod, later, found[1]
+        )
+
+    # Other bodies shall not pay for the sines.
+    return jax.lax.cond(jnp.any(rod), of_rods, lambda: found)
 
 
 @jax.custom_jvp

@@ -7,7 +7,7 @@ import numpy as np
 SIDES = 28
 """Sides of the polygon that stands for a circle."""
 THINNEST = 0.02
-"""Half-thickness of a flat body, in units of its half-length."""
+"""Half-thickness of a flat body, or radius of a rod, in units of the half-length."""
 
 
 def faces_of(moments: np.ndarray, axes: np.ndarray) -> list[dict[str, Any]]:
@@ -30,8 +30,8 @@ def faces_of(moments: np.ndarray, axes: np.ndarray) -> list[dict[str, Any]]:
             radius = np.sqrt(2.0 * moments[k])
             half = np.sqrt(max(3.0 * moments[i] - 1.5 * moments[k], 0.0))
             largest = max(radius, half)
-            half = max(half / largest, THINNEST)
-            profile = [(0.0, -half), (radius / largest, -half), (radius / largest, half)]
+            half, radius = max(half / largest, THINNEST), max(radius / largest, THINNEST)
+            profile = [(0.0, -half), (radius, -half), (radius, half)]
             faces = revolved([*profile, (0.0, half)])
             turned = axes[:, [i, j, k]]
             return _moved(faces, turned)

@@ -29,7 +29,13 @@ from jaxtyping import Array, Float
 from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
 from ..core import Scalar, norm, output, quantity
 from ._airframe import AbstractSurface, FinSet, NoseCone, RadiusChange
-from ._coefficient import MachTable, as_coefficient
+from ._coefficient import (
+    BURNOUT,
+    MachTable,
+    as_coefficient,
+    as_optional_coefficient,
+    coefficient_at,
+)
 from ._local_air import LocalAir, air_about
 
 
@@ -52,12 +58,10 @@ class Aerodynamics(AbstractEffect):
     )
     coasting: MachTable | None = eqx.field(
         default=None,
-        converter=lambda x: None if x is None else as_coefficient(x),
+        converter=as_optional_coefficient,
         metadata={"doc": "C_A after the burnout, where it is another"},
     )
-    burnout: Float[Array, "*#runs"] | None = quantity(
-        "s", optional=True, doc="from which the coefficient is that of coasting"
-    )
+    burnout: Float[Array, "*#runs"] | None = quantity("s", optional=True, doc=BURNOUT)
 
     needs: ClassVar[frozenset[str]] = frozenset({"position", "velocity", "attitude", "omega"})
     adds: ClassVar[frozenset[str]] = frozenset({"force", "torque"})
@@ -84,10 +88,7 @@ class Aerodynamics(AbstractEffect):
 
     def axial_coefficient(self, t: Scalar, mach: Scalar) -> Scalar:
         """C_A at the time `t`, s, and a Mach number."""
-        value = self.coefficient(mach)
-        if self.coasting is None or self.burnout is None:
-            return value
-        return jnp.where(t < self.burnout, value, self.coasting(mach))
+        return coefficient_at(t, mach, self.coefficient, self.coasting, self.burnout)
 
     def breaks(self) -> Float[Array, "times *#runs"] | None:
         return None if self.burnout is None else self.burnout[None]

@@ -19,7 +19,13 @@ from jaxtyping import Array, Float
 
 from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
 from ..core import Scalar, Vector, norm, output, quantity
-from ._coefficient import MachTable, as_coefficient
+from ._coefficient import (
+    BURNOUT,
+    MachTable,
+    as_coefficient,
+    as_optional_coefficient,
+    coefficient_at,
+)
 from ._local_air import LocalAir, air_about
 
 
@@ -48,16 +54,28 @@ class AirDrag(AbstractEffect):
     air: LocalAir | None = eqx.field(
         default=None, metadata={"doc": "about the vehicle; calm standard air by default"}
     )
+    coasting: MachTable | None = eqx.field(
+        default=None,
+        converter=as_optional_coefficient,
+        metadata={"doc": "C_D after the burnout, where it is another"},
+    )
+    burnout: Float[Array, "*#runs"] | None = quantity("s", optional=True, doc=BURNOUT)
 
     needs: ClassVar[frozenset[str]] = frozenset({"position", "velocity"})
     adds: ClassVar[frozenset[str]] = frozenset({"force"})
     keeps: ClassVar[frozenset[str]] = frozenset()
 
+    def breaks(self) -> Float[Array, "times *#runs"] | None:
+        return None if self.burnout is None else self.burnout[None]
+
     def load(self, t: Scalar, y: BodyState, body: AbstractBody) -> Load:
-        del t, body
+        del body
         air, moving = air_about(self.air).at(y.position)
         w = y.velocity - moving
-        drag_area = self.area * self.coefficient(norm(w) / air.sound_speed)
+        mach = norm(w) / air.sound_speed
+        drag_area = self.area * coefficient_at(
+            t, mach, self.coefficient, self.coasting, self.burnout
+        )
         return Load(force_N=drag_force(w, air.density, drag_area))
 
     def potential(self, t: Scalar, y: BodyState, body: AbstractBody) -> None:

@@ -37,3 +37,23 @@ def as_coefficient(x: Any) -> MachTable:
         return MachTable(as_float(x[0]), as_float(x[1]))
     value = as_float(x)
     return MachTable(jnp.zeros((1,), value.dtype), value[None])
+
+
+def as_optional_coefficient(x: Any) -> MachTable | None:
+    """As `as_coefficient`; `None` where there is no coefficient."""
+    return None if x is None else as_coefficient(x)
+
+
+# Shared by the effects whose coefficient changes there.
+BURNOUT = "from which the coefficient is that of coasting"
+
+
+def coefficient_at(
+    t: Scalar, mach: Scalar, burning: MachTable, coasting: MachTable | None, burnout: Scalar | None
+) -> Scalar:
+    """The coefficient at a Mach number and the time `t`, s: that of `coasting` from `burnout`, s,
+    on, where there is one."""
+    value = burning(mach)
+    if coasting is None or burnout is None:
+        return value
+    return jnp.where(t < burnout, value, coasting(mach))

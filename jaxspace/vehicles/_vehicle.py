@@ -40,7 +40,7 @@ from ..rockets import (
 from ._aerodynamics import Aerodynamics
 from ._air_drag import AirDrag
 from ._airframe import FinSet, NoseCone, RadiusChange
-from ._coefficient import MachTable, as_coefficient
+from ._coefficient import MachTable, as_coefficient, as_optional_coefficient
 from ._local_air import LocalAir
 
 
@@ -57,7 +57,7 @@ class Vehicle(AbstractParameters):
     )
     coasting_drag: MachTable | None = eqx.field(
         default=None,
-        converter=lambda x: None if x is None else as_coefficient(x),
+        converter=as_optional_coefficient,
         metadata={"doc": "coefficient of the drag after burnout; the same by default"},
     )
     nose: NoseCone | None = None
@@ -156,7 +156,9 @@ class Vehicle(AbstractParameters):
         if steering is None:
             return (AirDrag(self.area, self._drag(False), air),)
         thrust = SteeredThrust.of_thrust(self.motor, steering)
-        return (thrust, AirDrag(self.area, self._drag(True), air))
+        coasting, burnout = self._coasting(True)
+        drag = AirDrag(self.area, self._drag(True), air, coasting, burnout)
+        return (thrust, drag)
 
     def as_body(
         self,
@@ -177,9 +179,7 @@ class Vehicle(AbstractParameters):
 
         **Raises** `InputError` for a gimbal without an `exit_station`."""
         parts = (self.nose, self.fins, self.tail)
-        # Without power `_drag` has taken it already.
-        coasting = self.coasting_drag if powered else None
-        burnout = None if coasting is None else self.motor.burnout()
+        coasting, burnout = self._coasting(powered)
         air_forces = Aerodynamics(
             self.area, self._drag(powered), *parts, air, coasting=coasting, burnout=burnout
         )
@@ -202,6 +202,13 @@ class Vehicle(AbstractParameters):
 
     def _drag(self, powered: bool) -> MachTable:
         return self.drag if powered or self.coasting_drag is None else self.coasting_drag
+
+    def _coasting(self, powered: bool) -> tuple[MachTable | None, Scalar | None]:
+        """The coefficient after burnout, and its time, s; nothing where it does not change."""
+        # Without power `_drag` has taken it already.
+        if not powered or self.coasting_drag is None:
+            return None, None
+        return self.coasting_drag, self.motor.burnout()
 
 
 def _shifted(part, field: str, origin: Scalar):

@@ -37,7 +37,7 @@ def propeller(m, l, spin, turn, blade):
     I = m * l**2 / 12.0
     axes = Quaternion.about(0, jnp.asarray(blade))
     # Along the blade, y, the moment of inertia is nothing.
-    inertia = PrincipalInertia([I, 1e-16 * I, I])
+    inertia = PrincipalInertia([I, 0.0, I])
     omega = vec(spin, 0.0, turn)
     return axes.rotate(inertia.times(axes.rotate_back(omega))) / I, I
 
@@ -60,7 +60,7 @@ def banked_turn(V, R, A, B, C):
 def welded_rod(m, l, theta, omega, c):
     """Bearing reactions of a rod that is welded to a shaft at a third of its length."""
     # Across its own axis a slender rod has no moment of inertia.
-    inertia = PrincipalInertia(m * l**2 / 12.0 * vec(1.0, 1.0, 1e-16))
+    inertia = PrincipalInertia(m * l**2 / 12.0 * vec(1.0, 1.0, 0.0))
     shaft = vec(jnp.sin(theta), 0.0, jnp.cos(theta))
     held = bearing_reactions(inertia, m, l / 6.0 * Z, shaft, (c, -c), omega)
     return norm(held.first), norm(held.second)

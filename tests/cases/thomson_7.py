@@ -267,7 +267,7 @@ def gyrostat(A, C, rotor, acceleration, n, t):
 
 def moving_bar(m, l, V, w, theta):
     """Momentum about the end of a turning bar, its rate, and R_0' x m r'; their sum is M_0."""
-    inertia = PrincipalInertia(m * l**2 / 12.0 * vec(1.0, 1e-16, 1.0))
+    inertia = PrincipalInertia(m * l**2 / 12.0 * vec(1.0, 0.0, 1.0))
 
     def arm(t):
         turned = theta + w * t
