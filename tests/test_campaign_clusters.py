@@ -59,6 +59,26 @@ def test_dask_on_this_machine_computes_the_same_bits(whole, tmp_path):  # noqa: 
 
 
 @pytest.mark.filterwarnings("ignore")
+def test_dask_on_this_machine_listens_to_it_alone():
+    """Whatever of this process and of its workers waits for connections: it runs what is sent."""
+    pytest.importorskip("distributed")
+    import psutil
+
+    def listening():
+        own = psutil.Process()
+        found = [c for p in (own, *own.children(recursive=True)) for c in p.net_connections()]
+        return {c.laddr for c in found if c.status == psutil.CONN_LISTEN}
+
+    before = listening()
+    with DaskCluster(workers=1)._client() as client:
+        client.wait_for_workers(1, timeout=60)
+        assert client.scheduler.address.startswith("tcp://127.0.0.1:")
+        opened = listening() - before
+    # At least the scheduler, the worker and its nanny.
+    assert len(opened) >= 3 and {address.ip for address in opened} == {"127.0.0.1"}
+
+
+@pytest.mark.filterwarnings("ignore")
 def test_a_dask_worker_that_is_killed_costs_no_run(whole, tmp_path):  # noqa: F811
     with cluster(2) as (address, processes):
         seen = []

@@ -11,6 +11,7 @@ from pathlib import Path
 import jax
 import numpy as np
 import pytest
+from test_campaigns import child
 
 from jaxspace.cli import main
 from jaxspace.dispersion import disperse, open_store
@@ -72,6 +73,31 @@ def test_disperse_refuses_a_store_that_is_there(store, tmp_path, capsys):
     assert open_store(store).runs == 1200
     assert main([*given, "--overwrite"]) == 0
     assert open_store(store).runs == 40
+
+
+RUN = "import sys; from jaxspace.cli import main; sys.exit(main(sys.argv[1:]))"
+
+
+@pytest.mark.parametrize("engine", ["processes", pytest.param("dask", marks=pytest.mark.sweep)])
+def test_engines_of_the_command_line(flown, tmp_path, engine):
+    """Three chunks on other processes: the runs are those of this one, to the bit."""
+    if engine == "dask":
+        pytest.importorskip("distributed")
+    (tmp_path / "coast.toml").write_text(COAST)
+    given = ["disperse", str(tmp_path / "coast.toml"), "--out", str(tmp_path), "--chunk", "512"]
+    # In a process of its own: the types that tests check cannot be sent to another one.
+    process = child(RUN, *given, "--engine", engine)
+    _, errors = process.communicate(timeout=600)
+    assert process.returncode == 0, errors
+    found, expected = open_store(tmp_path / "coast.zarr"), open_store(flown)
+    assert found.attributes["chunk"] == 512 and found.runs == 1200
+    for name in expected.units:
+        np.testing.assert_array_equal(found.values(name), expected.values(name))
+
+
+def test_an_engine_that_is_not_known_ends_with_status_2(store, capsys):
+    assert main(["resume", str(store), "--engine", "desk"]) == 2
+    assert "engine is 'desk': it must be one of local, processes" in capsys.readouterr().err
 
 
 def test_resume_computes_what_is_missing_or_damaged(flown, store, capsys):
