@@ -23,7 +23,7 @@ The cases of the textbooks (Thomson, *Introduction to Space Dynamics*; Harrison 
 *Advanced Engineering Dynamics*) that the tests compute with the functions of this library, from the
 tables in `tests/cases`. The numbers are in the units of the book. The tolerance of a vector is
 relative to its greatest component; a zero is compared to the size of what cancels. The error is
-what `python tests/case_errors.py` measured last."""
+that of the row, as `python tests/case_errors.py` measured it last."""
 HEAD = """\
 | Case | What | Expected | Computed by | Relative tolerance | Error reached |
 |---|---|---|---|---|---|"""

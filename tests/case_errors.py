@@ -2,7 +2,8 @@
 
 It runs every test that names a case of a textbook, of all test files or of these, and stores the
 largest relative error of its comparisons in `tests/case_errors.json`, from which the manual's pages
-of the chapters are written."""
+of the chapters are written. Of a case that is a row of the tables these are the comparisons of its
+row alone: other tests compare what follows from it, and in other ways."""
 
 import inspect
 import json
@@ -34,6 +35,18 @@ def cases_of(item) -> set[str]:
     above = inspect.getsourcelines(inspect.getmodule(item.function))[0][max(start - 3, 0) : start]
     text = "".join([*(line for line in above if line.startswith("#")), *lines])
     return set(NAME.findall(text))
+
+
+def measured(items) -> dict[str, set[str]]:
+    """The cases that each test measures: those it names, and of the tables only its own row."""
+    # Not before `conftest.py`, which sets the precision of the numbers in the tables.
+    from cases import CHAPTERS
+
+    rows = {case.id for chapter in CHAPTERS.values() for case in chapter.CASES}
+    return {
+        item.nodeid: cases_of(item) - (set() if item.function.__name__ == "test_case" else rows)
+        for item in items
+    }
 
 
 class Recorder:
@@ -76,7 +89,7 @@ class Recorder:
     def pytest_collection_modifyitems(self, items):
         # As the tests run every day: the compiler takes half of the time.
         jax.config.update("jax_disable_most_optimizations", True)
-        self.names = {item.nodeid: cases_of(item) for item in items}
+        self.names = measured(items)
         items[:] = [item for item in items if self.names[item.nodeid]]
 
     def pytest_runtest_setup(self):

@@ -60,9 +60,8 @@ def test_errors_of_the_cases_are_stored():
             # A case whose numbers are all zero has no relative error.
             if np.any([np.any(value) for value in case.expected.values()]):
                 entry = stored[case.id]
-                # A test elsewhere may compare the same numbers by a looser way of computing them.
-                here = entry["file"] == "test_cases.py"
-                assert not here or entry["error"] <= 2.0 * case.rtol + case.atol, case.id
+                assert entry["file"] == "test_cases.py", case.id
+                assert entry["error"] <= 2.0 * case.rtol + case.atol, case.id
 
 
 def test_recorder_keeps_the_largest_relative_error():

@@ -209,7 +209,7 @@ def test_jet_damping_without_spin(ratio, lever, expected):
 
 
 def test_jet_damping_of_a_larger_radius_of_gyration():
-    """T7.10-5: the moment m' (l^2 - k^2) w is smaller if l stays, larger if l/k stays."""
+    """T7.10-P5: the moment m' (l^2 - k^2) w is smaller if l stays, larger if l/k stays."""
 
     def moment(k, l):
         damping = JetDamping(lambda t, m: -8.0 + 0.0 * m, -l)
@@ -259,8 +259,8 @@ def test_more_thrust_lowers_the_burnout_and_raises_the_top():
     coast = (r * s * (2.0 - r * s) * burnout + r * r * s * 2.0 * faster / v) / (1.0 - r * s) ** 2
     slopes = [jax.grad(lambda n, k=k: flight(n)[k])(n) for k in (1, 2)]
     np.testing.assert_allclose(slopes, [burnout, burnout + coast], rtol=1e-12)
-    # Known to five digits.
-    np.testing.assert_allclose(slopes, [-114552.0, 768720.0], rtol=5e-6)
+    # The case has six digits of the one and five of the other.
+    assert [round(float(slopes[0])), round(float(slopes[1]), -1)] == [-114552, 768720]
     np.testing.assert_allclose(jax.jacfwd(flight)(n)[1:], slopes, rtol=1e-12)
 
 

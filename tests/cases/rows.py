@@ -376,7 +376,7 @@ VARIABLE_MASS = (
         "rockets.MassStream rockets.swept_motion",
     ),
     Row(
-        *("7.8", "Jet damping without spin", "T7.8-4 T7.10-P4 T7.10-P6"),
+        *("7.8", "Jet damping without spin", "T7.8-4 T7.10-P4 T7.10-P5 T7.10-P6"),
         "rockets.JetDamping rockets.jet_damping_ratio",
     ),
     Row(

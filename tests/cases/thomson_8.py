@@ -6,9 +6,11 @@ import jax.numpy as jnp
 from jaxspace import Scene, simulate
 from jaxspace.optimization import (
     Ascent,
+    ConstantMassFlow,
     ConstantThrustAcceleration,
     apex,
     burnout_state,
+    linear_tangent_steering,
 )
 from jaxspace.rockets import (
     GravityTurn,
@@ -118,6 +120,13 @@ def split_impulses(v0, theta0, gains, angles, T):
     return top, up + last * jnp.sin(phiT), across + last * jnp.cos(phiT)
 
 
+def steered(ascent):
+    """Angle at the start, time at which it vanishes, and final velocity of the best steering."""
+    best = linear_tangent_steering(ascent)
+    angle = best.initial_angle
+    return angle, angle / DEG, best.vanishing_time, best.final_velocity
+
+
 def finite_burn(burns, angles, times, v0, theta0, Y, gain):
     """Linear-tangent burns of several durations from a given release: height and velocity."""
     heights, ends, velocities = [], [], []
@@ -167,6 +176,11 @@ def horizontal(angles, times):
 VERTICAL = (vertical_burnout_velocity, vertical_burnout_height)
 STAGED = (*VERTICAL, coast_height, variable_mass_acceleration)
 FLOWN = (simulate, Scene, Custom)
+# In ft and s, and in m and s.
+ASCENTS = {
+    "T8.3-A": Ascent(ConstantThrustAcceleration(96.6), 160.0, 3000.0, 0.0, 600000.0, G),
+    "T8.3-C": Ascent(ConstantMassFlow(3300.0, 260.0), 230.0, 800.0, 40000.0, 250000.0, 9.80665),
+}
 STAGE = {"I": 300.0, "ratio": 2.0, "mu": 5.0}
 FIGURE = [
     (I, ratio, 1 / f) for I in (200, 300, 400) for ratio in (1.5, 3) for f in (0.05, 0.1, 0.2, 0.5)
@@ -334,6 +348,34 @@ CASES = [
             ]
         },
         1e-11,
+    ),
+    Case(
+        "T8.3-A",
+        "Greatest velocity at a height of 600,000 ft by a constant acceleration",
+        (linear_tangent_steering,),
+        {"ascent": ASCENTS["T8.3-A"]},
+        steered,
+        {
+            "theta_0 (rad)": 0.6057846797556328,
+            "theta_0 (deg)": 34.70890544368192,
+            "T (s)": 256.3883440339024,
+            "U (ft/s)": 16378.893311515902,
+        },
+        1e-10,
+    ),
+    Case(
+        "T8.3-C",
+        "Greatest velocity at a height of 250 km by a constant mass flow",
+        (linear_tangent_steering,),
+        {"ascent": ASCENTS["T8.3-C"]},
+        steered,
+        {
+            "theta_0 (rad)": 0.6930309567107773,
+            "theta_0 (deg)": 39.7077488914412,
+            "T (s)": 355.2864646235237,
+            "U (m/s)": 7038.150097083682,
+        },
+        1e-10,
     ),
     Case(
         "T8.4-P2",
