@@ -6,6 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from test_rockets_steering_files import angle_of, lagging
 from test_vehicles import ROCKETS, vehicle
 
 import jaxspace
@@ -93,6 +94,7 @@ limit = "5 deg"
 [effects.gimballed_thrust.gimbal.steering]
 times = [0.0, 5.0, 40.0]
 angles = ["90 deg", "90 deg", "60 deg"]
+plane = { normal = [0.0, 1.0, 0.0], up = [1.0, 0.0, 0.0] }
 
 [initial]
 position = ["6378.137 km", 0.0, 0.0]
@@ -108,7 +110,8 @@ until = "burnout"
 
 
 def test_a_gimbal_in_a_file(tmp_path):
-    """The axis follows the table of the pitch, lags by the loop, and the burn ends by its time."""
+    """The axis follows the table of the pitch, lags by the loop, and the burn ends by its time:
+    A x'' + F l (c x' + k x) = -F l c theta_c' for the lead x over the command."""
     path = tmp_path / "gimbal.toml"
     path.write_text(FILE)
     file = jaxspace.load(path)
@@ -117,6 +120,18 @@ def test_a_gimbal_in_a_file(tmp_path):
     assert isinstance(motor, GimballedThrust)
     np.testing.assert_allclose(phase.until, 40.0 * 250.0 * 9.80665 / 2000.0, rtol=1e-12)
     np.testing.assert_allclose(motor.gimbal.limit, np.radians(5.0), rtol=1e-12)
+    burn = file.simulate(num_saved=99)["burn"]
+    t, rate = np.asarray(burn.ts), np.radians(30.0) / 35.0
+    np.testing.assert_allclose(t[-1], phase.until, rtol=1e-9)
+    stiffness, damping = (THRUST * LEVER / INERTIA * x for x in (0.8, 0.6))
+    # The table begins to turn at 5 s; its end at 40 s is a turn back by the same rate.
+    turning = rate * np.clip(t - 5.0, 0.0, 35.0)
+    for start, change in ((5.0, rate), (40.0, -rate)):
+        since = np.maximum(t - start, 0.0)
+        turning = turning + lagging(since, change, damping, stiffness)
+    # The limit bends a command of 0.01 rad by a share of 0.01^2/(2 tan^2 5 deg), of a lag of 0.011
+    # rad.
+    np.testing.assert_allclose(angle_of(burn.states.attitude), turning, atol=5e-5)
     path.write_text(FILE.replace("damping =", "dampin ="))
     with pytest.raises(SceneError, match=r"effects.gimballed_thrust.gimbal.dampin"):
         jaxspace.load(path)
