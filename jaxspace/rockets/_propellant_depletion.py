@@ -11,8 +11,8 @@ from ..core import Scalar, reference
 class PropellantDepletion(AbstractCondition):
     """The propellant of an engine is used up: its mass above the burnout mass, kg, falls to zero.
 
-    `PropellantDepletion(engine.propellant_left)`, of an engine with a burnout mass. In a scene file
-    the engine is found: the effect of the phase that has propellant."""
+    It is made by `PropellantDepletion(engine.propellant_left)`, of an engine with a burnout mass.
+    In a scene file the engine is found: the first effect of the phase that has propellant."""
 
     direction: ClassVar[int] = -1
     needs: ClassVar[frozenset[str]] = frozenset({"mass"})
