@@ -205,6 +205,8 @@ def parallel_axes(inertia: AbstractInertia, mass: Scalar, offset: Vector) -> Ine
     - `offset`: from the centre of mass to the point, m, (3, *runs).
 
     **Returns** the tensor about the point, kg m^2; the runs of all three broadcast.
+
+    **Raises** `InputError` for a rod and a point of its axis, about which it has no moment either.
     """
     tensor, shift = inertia.matrix(), particle_inertia(mass, offset)
     rank = max(tensor.ndim, shift.ndim) - 2

@@ -59,8 +59,9 @@ def banked_turn(V, R, A, B, C):
 
 def welded_rod(m, l, theta, omega, c):
     """Bearing reactions of a rod that is welded to a shaft at a third of its length."""
-    # Across its own axis a slender rod has no moment of inertia.
-    inertia = PrincipalInertia(m * l**2 / 12.0 * vec(1.0, 1.0, 0.0))
+    # About its own axis a slender rod has no moment of inertia. The tensor about a point of this
+    # axis must be positive definite: not zero, but less than rounding.
+    inertia = PrincipalInertia(m * l**2 / 12.0 * vec(1.0, 1.0, 1e-16))
     shaft = vec(jnp.sin(theta), 0.0, jnp.cos(theta))
     held = bearing_reactions(inertia, m, l / 6.0 * Z, shaft, (c, -c), omega)
     return norm(held.first), norm(held.second)
