@@ -1,5 +1,6 @@
-"""Impulses at the start, at the end or split, against the textbook's numbers and a search over the
-time of flight; steering to the greatest velocity; equal stages."""
+"""Impulses at the start, at the end or split, against the textbook's numbers and searches over the
+time of flight and over the use of the propellant; steering to the greatest velocity; equal
+stages."""
 
 import jax
 import jax.numpy as jnp
@@ -8,8 +9,10 @@ import pytest
 
 from jaxspace.core import InputError
 from jaxspace.optimization import (
+    Criterion,
     equal_stages_payload,
     maximum_velocity_steering,
+    minimise,
     minimum_time_steering,
     propellant_use,
 )
@@ -84,6 +87,102 @@ def test_degenerate_and_infeasible_cases_are_reported():
         assert np.all(np.isfinite(slopes(jnp.array([2000.0, 1500.0, climb, gain]))))
 
 
+GAIN, BINS = 15000.0, 12
+
+
+def searched(velocity, climb, duration, within=(0.1, 10.0), slope=0.3):
+    """The greatest velocity over the use of the propellant: shares of the gain at times that divide
+    the flight evenly, from its start to its end, by the linear-tangent law. From a uniform use with
+    the `slope` at the start and its negative at the end; `duration`: given, or `None` and a first
+    guess in s, with its bounds as multiples of it."""
+    (u0, w0), (T, guess) = velocity, duration
+    place = jnp.linspace(0.0, 1.0, BINS)
+    unit = GAIN / G
+
+    def problem(x):
+        t = x["duration"] * guess if T is None else T
+        angle = jnp.arctan(x["first"] + (x["last"] - x["first"]) * place)
+        across, up = (GAIN * x["used"] * f(angle) for f in (jnp.cos, jnp.sin))
+        rate = w0 - G * t + jnp.sum(up)
+        height = w0 * t - 0.5 * G * t * t + jnp.sum(up * (1.0 - place)) * t
+        miss = [rate / GAIN, (height - climb) / (GAIN * unit), jnp.sum(x["used"]) - 1.0]
+        return Criterion(-(u0 + jnp.sum(across)) / GAIN, jnp.stack(miss), report=t)
+
+    start = {
+        "used": jnp.full(BINS, 1.0 / BINS),
+        "first": jnp.array(slope),
+        "last": jnp.array(-slope),
+    }
+    low = {"used": jnp.zeros(BINS), "first": jnp.array(-jnp.inf), "last": jnp.array(-jnp.inf)}
+    high = {
+        "used": jnp.full(BINS, jnp.inf),
+        "first": jnp.array(jnp.inf),
+        "last": jnp.array(jnp.inf),
+    }
+    if T is None:
+        start["duration"] = jnp.array(1.0)
+        low["duration"], high["duration"] = (jnp.array(x) for x in within)
+    # The law has no effect in a bin without propellant: differences of gradients would take what
+    # they say about it for curvature.
+    return minimise(problem, start, bounds=(low, high), method="sqp", exact_hessian=True)
+
+
+@pytest.mark.parametrize(
+    ("angle", "climb", "duration", "sentence", "burns"),
+    [
+        (30.0, 4e5, None, "All propellant at the start.", [0]),
+        (20.0, -3e5, None, "All propellant at the end.", [BINS - 1]),
+        (30.0, 4e5, 120.0, "72.9% of the propellant at the start", [0, BINS - 1]),
+    ],
+)
+def test_impulses_are_found_from_a_smooth_use(angle, climb, duration, sentence, burns):
+    """A uniform use ends in impulses; the bounds of all other bins hold, and their prices say that
+    propellant there loses velocity."""
+    velocity = released(3000.0, angle)
+    exact = propellant_use(velocity, climb, GAIN, G, duration)
+    guess = float(velocity[1]) / G + np.sqrt(2.0 * abs(climb) / G)
+    found = searched(velocity, climb, (duration, guess))
+    assert found.converged and exact.sentence().startswith(sentence)
+    # The ends are among the times, so that the impulses themselves are among the uses: what is left
+    # is the tolerance of the search, 1e-9 of each constraint.
+    np.testing.assert_allclose(-GAIN * found.criterion.objective, exact.final_velocity, rtol=1e-8)
+    np.testing.assert_allclose(found.criterion.report, exact.duration, rtol=1e-7)
+    used, prices = found.x["used"], found.bound_multipliers["used"]
+    shares = jnp.zeros(BINS).at[0].set(exact.first / GAIN).at[-1].set(exact.last / GAIN)
+    np.testing.assert_allclose(used, shares, atol=1e-7)
+    held = np.setdiff1d(np.arange(BINS), burns)
+    assert np.all(prices[held] > 1e-3)
+    np.testing.assert_allclose(prices[np.asarray(burns)], 0.0, atol=1e-7)
+    slopes = [found.x["first"], found.x["last"]]
+    angles = [exact.first_angle, exact.last_angle]
+    for k, place in enumerate((0, BINS - 1)):
+        if place in burns:
+            np.testing.assert_allclose(jnp.arctan(slopes[k]), angles[k], rtol=1e-6)
+
+
+def test_the_height_of_the_release_has_many_best_uses():
+    """Searches from two durations end at different splits with the same velocity, that of the
+    closed form, which calls it degenerate."""
+    velocity = released(3000.0, 30.0)
+    exact = propellant_use(velocity, 0.0, GAIN, G)
+    assert exact.degenerate and exact.sentence().startswith("Every split")
+    shares = []
+    for guess in (30.0, 70.0):
+        # Up to 2 w_0/g, 93 s, every duration has the same velocity; about zero, where the thrust
+        # has no time to change the height, they are kept from.
+        found = searched(velocity, 0.0, (None, guess), within=(0.5, 1.3), slope=-0.1)
+        reached = -GAIN * found.criterion.objective
+        np.testing.assert_allclose(reached, exact.final_velocity, rtol=1e-8)
+        used = found.x["used"]
+        own = propellant_use(velocity, 0.0, GAIN, G, found.criterion.report)
+        assert own.degenerate
+        # The velocity is flat there: its error of 1e-8 leaves the split known to the root of that.
+        np.testing.assert_allclose(used[0], own.first / GAIN, atol=1e-4)
+        np.testing.assert_allclose(used[1:-1], 0.0, atol=1e-4)
+        shares.append(float(used[0]))
+    assert abs(shares[0] - shares[1]) > 0.1
+
+
 @pytest.mark.parametrize("duration", [None, 30.0])
 def test_what_too_little_propellant_reaches(duration):
     """The least gain just suffices and a thousandth less does not; and so with the nearest climb
@@ -93,7 +192,7 @@ def test_what_too_little_propellant_reaches(duration):
     velocity = jnp.stack([0.0 * speeds, speeds])
 
     def feasible(climb, gain):
-        return propellant_use(velocity, climb, gain, G, duration).feasible
+        return np.asarray(propellant_use(velocity, climb, gain, G, duration).feasible)
 
     found = propellant_use(velocity, climbs, gains, G, duration)
     assert np.all(feasible(climbs, found.least_gain * (1.0 + 1e-12)))
@@ -102,7 +201,7 @@ def test_what_too_little_propellant_reaches(duration):
     np.testing.assert_array_equal(nearest[found.feasible], climbs[found.feasible])
     # Off the edge of what is reached by the rounding of a square root.
     inside, outside = (nearest + share * (climbs - nearest) for share in (-1e-9, 1e-3))
-    missed = reached & ~found.feasible
+    missed = np.asarray(reached & ~found.feasible)
     assert jnp.any(missed) and np.all(feasible(inside, gains)[missed])
     assert not np.any(feasible(outside, gains)[missed])
     every = jnp.linspace(-4e5, 4e5, 2001)[:, None] + 0.0 * gains
