@@ -1,5 +1,6 @@
-"""Impulses at the start, at the end or split, against the textbook's numbers and a search over the
-time of flight and one over the use of the propellant; steering to the greatest velocity; equal stages."""
+"""Impulses at the start, at the end or split, against the textbook's numbers and searches over the
+time of flight and over the use of the propellant; steering to the greatest velocity; equal
+stages."""
 
 import jax
 import jax.numpy as jnp

@@ -53,7 +53,8 @@ def test_units_do_not_matter(method):
 
     def rescaled(y):
         found = hock_71(y / x)
-        return Criterion(f * found.objective, c * found.equal_zero, d * found.non_negative)
+        equal, above = jnp.asarray(found.equal_zero), jnp.asarray(found.non_negative)
+        return Criterion(f * found.objective, c * equal, d * above)
 
     start = jnp.array([1.0, 5.0, 5.0, 1.0])
     plain = search(hock_71, start, method=method, bounds=(1.0, 5.0))
