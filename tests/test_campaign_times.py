@@ -1,6 +1,7 @@
 """Campaigns that keep the states of their runs at chosen times."""
 
 import subprocess
+from pathlib import Path
 
 import jax.numpy as jnp
 import numpy as np
@@ -8,10 +9,12 @@ import pytest
 import xarray
 from test_campaigns import CAMPAIGN, CHUNK, INPUTS, SEED, Swinging, files_of, fly, last
 
+import jaxspace
 from jaxspace.core import InputError
-from jaxspace.dispersion import Campaign, ProcessPool, StoreError, disperse, greatest
+from jaxspace.dispersion import Campaign, Normal, ProcessPool, StoreError, disperse, greatest
 from jaxspace.simulation import Accuracy, Event, Mission, Phase, simulate
 
+KICK_STAGE = Path(__file__).parents[1] / "examples" / "scenes" / "kick_stage.toml"
 TIMES = [0.3, 2.0, 1.0, 3.0, 5.0]
 ONE_RUN = 4
 
@@ -135,3 +138,19 @@ def test_times_before_an_event_are_kept(tmp_path):
     for options in ({"times": [0.5]}, {"times": [0.5], "samples": 4, "store": tmp_path / "b"}):
         with pytest.raises(InputError, match="with a store, and without samples"):
             fly(campaign=CAMPAIGN, runs=8, **options)
+
+
+@pytest.mark.sweep
+def test_states_of_runs_with_breaks_of_their_own(tmp_path):
+    """A motor whose burn time scatters: steps end at save times, too, which the plan must know."""
+    text = KICK_STAGE.read_text().replace('until = "burnout"', 'duration = "100 s"')
+    (tmp_path / "kick.toml").write_text(text)
+    file, burn = jaxspace.load(tmp_path / "kick.toml"), "effects.thrust.burn_time"
+    campaign = file.campaign(inputs={burn: Normal(84.1, 0.5)}, warn=False)
+    for k, kept in enumerate(({"samples": 5}, {"times": [50.0, 150.0]})):
+        store = tmp_path / str(k)
+        flown = disperse(campaign, 64, accuracy=file.accuracy, store=store, **kept)
+        with xarray.open_zarr(store) as data:
+            mass = data["burn.mass"].values
+        assert flown.good.all() and np.all(mass[:, 0] > mass[:, -1] - 1e-9)
+        assert np.all(np.isfinite(mass))

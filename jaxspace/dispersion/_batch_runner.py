@@ -94,7 +94,7 @@ class BatchRunner:
             draw(flown)
             # The program of all runs takes longer to compile: it must be traced first.
             lowered.wait()
-            return pilot_plans(campaign, accuracy, draw, runner.call)
+            return pilot_plans(campaign, accuracy, draw, runner.call, samples)
 
         # That program needs of the plans their lengths alone, and is compiled while they are found.
         # Two threads, and none of them this one: where there are more threads than arenas for

@@ -9,9 +9,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, PyTree
 
+from ..core import breaks_of
 from ..integration import Accuracy, Event, SimulationError, Status
+from ..simulation._flight import AbstractFlight
 from ..simulation._mission_runs import run_mission
 from ..simulation._simulate import resolve_phases
+from ._along import Kept, saved_of
 from ._campaign import Campaign
 from ._isolation import isolate
 from ._plans import nodes_of
@@ -25,7 +28,10 @@ QUICK: dict[str, Any] = {"compiler_options": {"xla_backend_optimization_level": 
 
 @eqx.filter_jit(**QUICK)
 def _pilots(
-    campaign: Campaign, accuracy: Accuracy, drawn: dict[str, Float[Array, " runs"]]
+    campaign: Campaign,
+    accuracy: Accuracy,
+    drawn: dict[str, Float[Array, " runs"]],
+    kept: Kept,
 ) -> tuple[list[Array | None], Array, bool]:
     """Adaptive runs of the pilots, the nominal one first and then the first runs of those drawn.
 
@@ -35,10 +41,21 @@ def _pilots(
     samples = {name: jnp.concatenate([x, drawn[name][:PILOTS]]) for name, x in nominal.items()}
     mission, y0 = campaign.build(samples)
     configs = tuple(c.small_program() for c in resolve_phases(mission, y0, accuracy, 1))
-    result = run_mission(mission, y0, campaign.start, 2, configs, 1, record_steps=True)
+    saved = saved_of(campaign.along, kept)
+    every = [saved] * len(configs) if isinstance(saved, int) else saved
+    # Where runs have breaks of their own, steps end at save times, too: a plan has to know them.
+    pairs = zip(mission.phases, every, strict=True)
+    saved = [n if _breaks_differ(phase.system) else 2 for phase, n in pairs]
+    result = run_mission(mission, y0, campaign.start, saved, configs, 1, record_steps=True)
     # The runs of a block share the adaptive steps of the search for an event.
     coupled = any(isinstance(phase.until, Event) for phase in mission.phases)
     return [run.step_ends for run in result.phases], result.status, coupled
+
+
+def _breaks_differ(system: Any) -> bool:
+    """Whether the times at which the vector field jumps differ from run to run."""
+    breaks = None if isinstance(system, AbstractFlight) else breaks_of(system)
+    return breaks is not None and breaks.ndim > 1
 
 
 def expected_steps(campaign: Campaign, accuracy: Accuracy) -> list[Any]:
@@ -55,7 +72,11 @@ def expected_steps(campaign: Campaign, accuracy: Accuracy) -> list[Any]:
 
 
 def pilot_plans(
-    campaign: Campaign, accuracy: Accuracy, draw: Callable[[np.ndarray], Drawn], runs: int
+    campaign: Campaign,
+    accuracy: Accuracy,
+    draw: Callable[[np.ndarray], Drawn],
+    runs: int,
+    kept: Kept,
 ) -> tuple[list[np.ndarray | None], bool]:
     """The nodes at which the steps of the pilots ended, phase by phase, and whether the runs of a
     block depend on one another.
@@ -66,7 +87,7 @@ def pilot_plans(
 
     def fly(flown: np.ndarray) -> PyTree:
         drawn = draw(np.pad(flown, (0, runs - PILOTS)))
-        found = _pilots(campaign, accuracy, drawn.flown)
+        found = _pilots(campaign, accuracy, drawn.flown, kept)
         return jax.tree.map(lambda x: np.asarray(x) if eqx.is_array(x) else x, found)
 
     taken, status, coupled = isolate(fly, PILOTS)
