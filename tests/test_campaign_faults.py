@@ -26,7 +26,6 @@ from test_campaigns import (
 from jaxspace.dispersion import DamagedStore, StoreError, disperse, open_store
 from jaxspace.io import load
 
-
 FOUND: list[int] = []
 """The runs in the stores of campaigns that a signal met in flight."""
 
