@@ -43,7 +43,7 @@ def read_head(folder: Path) -> tuple[bytes, str]:
             f"{HEAD}."
         )
     if kept is None:
-        # Of the two files one is damaged, and it is the other one.
+        # The copy is damaged or lost, and there is nothing to compare the head with.
         assert head is not None
         return head, f"{COPY}, the copy of {HEAD}, differs from its checksum."
     if kept != head:
