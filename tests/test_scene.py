@@ -1,6 +1,7 @@
 """Scenes: absent effects cost nothing, what is missing is said, and what is kept follows from the
 effects."""
 
+import dataclasses
 import re
 
 import jax
@@ -11,11 +12,13 @@ from systems import J2, MU, RADIUS, SAMPLES, motor, orbit, rocket_scene, rocket_
 
 from jaxspace import Scene, simulate, simulate_batch
 from jaxspace.attitude import TorqueFreeBody
-from jaxspace.bodies import BodyState, Load, RigidBody
+from jaxspace.bodies import BodyState, BurningBody, Load, RigidBody
 from jaxspace.core import InputError, cross, dot
 from jaxspace.orbits import Oblateness, PointGravity, TwoBody
 from jaxspace.rockets import JetDamping
 from jaxspace.scene import Custom, budget, compile_vector_field, operation_count
+from jaxspace.simulation import Accuracy, Status
+from jaxspace.solvers import DOP853
 
 T = jnp.zeros(())
 
@@ -40,6 +43,50 @@ def test_rotation_alone_costs_what_the_free_body_costs():
     y = BodyState(attitude=turned(), omega=jnp.array([0.1, 0.2, 0.3]))
     scene, bare = Scene((), RigidBody(inertia=inertia), ("attitude",)), TorqueFreeBody(inertia)
     assert operation_count(scene, T, y) == operation_count(bare, T, y) > 10
+
+
+def coasting():
+    """A burnt-out stage that tumbles along an orbit, with its mass in the state."""
+    body = BurningBody(1191.0, [1031.0, 1002.0, 521.0], [0.45, 0.46, 0.44], -1.7, 2010.0)
+    start = orbit()
+    y = BodyState(
+        *(start.position, start.velocity, turned(), jnp.array([0.1, 0.2, 0.3])),
+        mass=jnp.array(1700.0),
+    )
+    return Scene((PointGravity(MU),), body, ("attitude", "mass")), y
+
+
+def test_a_coast_with_a_constant_mass_in_the_state_goes_by_the_closed_form():
+    scene, y = coasting()
+    assert scene.closed_form() is not None
+    ts = jnp.array([0.0, 500.0, 2000.0])
+
+    def last(method, mass):
+        accuracy = Accuracy(1e-12, method=method)
+        y_of = dataclasses.replace(y, mass=mass)
+        return simulate(scene, y_of, ts, accuracy=accuracy).final
+
+    exact, integrated = last("auto", y.mass), last(DOP853(), y.mass)
+    assert exact.mass == y.mass
+    scale = BodyState(RADIUS, 7e3, 1.0, 1.0, mass=1e3)
+    for part in ("position", "velocity", "attitude", "omega"):
+        one, other = (jax.tree.leaves(getattr(x, part))[0] for x in (exact, integrated))
+        # Of 400 rad of tumbling and a third of a revolution at 1e-12 a step.
+        np.testing.assert_allclose(one, other, rtol=0.0, atol=1e-9 * getattr(scale, part))
+    # The inertia goes with the mass, so that the attitude has a derivative by it.
+    by_closed_form, by_steps = (
+        jax.jacfwd(lambda m, method=method: last(method, m).attitude.wxyz)(y.mass)
+        for method in ("auto", DOP853())
+    )
+    assert float(jnp.max(jnp.abs(by_steps))) > 1e-3
+    np.testing.assert_allclose(by_closed_form, by_steps, rtol=1e-7, atol=1e-9)
+
+
+def test_a_coast_below_the_dry_mass_is_outside_of_the_model():
+    scene, y = coasting()
+    y = dataclasses.replace(y, mass=jnp.array(1000.0))
+    run = simulate(scene, y, jnp.array([0.0, 10.0]), throw=False)
+    assert run.status == Status.OUTSIDE_MODEL
 
 
 def test_a_scene_without_attitude_carries_none():

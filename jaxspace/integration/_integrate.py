@@ -64,7 +64,8 @@ def integrate(
         closed_form = system.closed_form()
         assert closed_form is not None
         result = _by_closed_form(closed_form, y0, t1 - t0, fractions, run_axes)
-        return within_model(result, closed_form.outside(t1 - t0, y0))
+        result = within_model(result, closed_form.outside(t1 - t0, y0))
+        return within_model(result, system.outside(t1, state_at(result.states, -1, run_axes)))
     traits = solver_traits(config.solver)
     segments = segments_of(system, t0, t1, None)
     # Runs with their own breaks have their own segments: the save times become ends of segments,

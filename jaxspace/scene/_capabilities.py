@@ -13,8 +13,8 @@ from typing import final
 
 from ..bodies import (
     PARTS,
+    AbstractBody,
     AbstractEffect,
-    AbstractInertia,
     BodyState,
     FreeRotation,
     linear_acceleration,
@@ -29,10 +29,10 @@ ROTATION = frozenset({"attitude", "omega"})
 @final
 class BodyMotion(AbstractClosedForm):
     """The exact motion of a body: its `orbit`, or a straight line where that is `None`, and its
-    free rotation with the `inertia`, kg m^2."""
+    free rotation as the `body`. A mass in the state stays as it is."""
 
     orbit: AbstractClosedForm | None
-    inertia: AbstractInertia | None
+    body: AbstractBody
 
     def flow(self, duration: Scalar, y: BodyState) -> BodyState:
         # Orbit and rotation are independent: no effect in a closed form couples them.
@@ -47,13 +47,13 @@ class BodyMotion(AbstractClosedForm):
         attitude = y.attitude
         omega = y.omega
         if attitude is not None:
-            assert self.inertia is not None
-            turned = FreeRotation(self.inertia).flow(
+            mass = self.body.constant_mass() if y.mass is None else y.mass
+            turned = FreeRotation(self.body.inertia(mass)).flow(
                 duration, BodyState(attitude=attitude, omega=omega)
             )
             attitude = turned.attitude
             omega = turned.omega
-        return BodyState(position, velocity, attitude, omega)
+        return BodyState(position, velocity, attitude, omega, y.mass)
 
     def outside(self, duration: Scalar, y: BodyState) -> Flag | None:
         if self.orbit is None:
@@ -104,11 +104,11 @@ def body_motion(
         return None, f"{type(others[0]).__name__} has no closed form"
     if len(exact) > 1:
         return None, f"{type(exact[1]).__name__} is a second effect with a closed form"
-    if not set(scene.parts) <= TRANSLATION | ROTATION:
-        return None, "its mass changes, or it integrates further parts"
+    # A mass is constant: whatever changes it has no closed form, and cannot be a kick.
+    if not set(scene.parts) <= TRANSLATION | ROTATION | {"mass"}:
+        return None, "it integrates further parts"
     orbit = exact[0].closed_form() if exact else None
-    inertia = scene.body.inertia(scene.body.constant_mass()) if "attitude" in scene.parts else None
-    return BodyMotion(orbit, inertia), ""
+    return BodyMotion(orbit, scene.body), ""
 
 
 def scene_split(scene: AbstractScene) -> tuple[SceneSplit | None, str]:
@@ -125,6 +125,8 @@ def scene_split(scene: AbstractScene) -> tuple[SceneSplit | None, str]:
     motion, reason = body_motion(scene, exact)
     if motion is None:
         return None, reason
+    if "mass" in scene.parts:
+        return None, "its mass is a part of the state, which a kick does not know"
     return SceneSplit(motion, scene.with_effects(others, scene.carry)), ""
 
 
