@@ -157,15 +157,27 @@ class BatchStepController(diffrax.AbstractStepSizeController):
         """The length of the first step (Hairer, Norsett, Wanner II.4), for the worst run."""
         tol = self.tolerance
         scale = jax.tree.map(tol.length, y0)
-        f0 = f(s, y0)
         d0 = tol.largest(y0, scale)
+
+        def trial_length(f0: State) -> Float[Array, ""]:
+            d1 = tol.largest(f0, scale)
+            safe = jnp.where(d1 > 0.0, d1, 1.0)
+            h0 = jnp.where((d0 < 1e-5) | (d1 < 1e-5), 1e-6, 0.01 * d0 / safe)
+            # At rest, or in a segment of no length.
+            h0 = jnp.where(d1 == 0.0, 1.0, h0)
+            h0 = jnp.where(jnp.isfinite(h0) & tol.alive(y0), h0, 1.0)
+            return jnp.minimum(jnp.min(h0), 1.0).astype(s.dtype)
+
+        def evaluate(i: Array, before: tuple[Array, State, State]) -> tuple[Array, State, State]:
+            h, _, k = before
+            rate = f(s + h, jax.tree.map(lambda y, k: y + h.astype(y.dtype) * k, y0, k))
+            return jnp.where(i == 0, trial_length(rate), h), k, rate
+
+        # A loop, so that the vector field stands once in the program: at the start, then after a
+        # step of Euler's method.
+        still = jax.tree.map(jnp.zeros_like, y0)
+        h0, f0, f1 = jax.lax.fori_loop(0, 2, evaluate, (jnp.zeros_like(s), still, still))
         d1 = tol.largest(f0, scale)
-        h0 = jnp.where((d0 < 1e-5) | (d1 < 1e-5), 1e-6, 0.01 * d0 / jnp.where(d1 > 0.0, d1, 1.0))
-        # At rest, or in a segment of no length.
-        h0 = jnp.where(d1 == 0.0, 1.0, h0)
-        h0 = jnp.where(jnp.isfinite(h0) & tol.alive(y0), h0, 1.0)
-        h0 = jnp.minimum(jnp.min(h0), 1.0)
-        f1 = f(s + h0, jax.tree.map(lambda y, k: y + h0.astype(y.dtype) * k, y0, f0))
         d2 = tol.largest(jax.tree.map(jnp.subtract, f1, f0), scale) / h0
         d = jnp.maximum(d1, d2)
         # The root of the worst run only: one for each run would cost as much as a stage.
