@@ -40,7 +40,7 @@ STAGES = (
     (7.6e6, 300.0, 150.0, 25e3),
     (0.95e6, 345.0, 330.0, 0.0),
 )  # thrust, N; specific impulse, s; burnt out, s; dropped, kg
-EARTH = jnp.array([0.0, 0.0, SPIN])[:, None]
+EARTH = jnp.array([0.0, 0.0, SPIN])
 
 
 def dispersed() -> np.ndarray:

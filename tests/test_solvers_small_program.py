@@ -12,6 +12,7 @@ import pytest
 
 from jaxspace.bodies import BodyState
 from jaxspace.core import AbstractSystem, dot
+from jaxspace.integration import _record
 from jaxspace.rotations import Quaternion
 from jaxspace.simulation import Accuracy, simulate, simulate_batch
 from jaxspace.solvers import (
@@ -174,8 +175,8 @@ def test_runs_of_a_large_field_are_a_small_program(batch, additions, looped):
     y = runs(2) if batch else start()
     accuracy = Accuracy(1e-6, method=DOP853(dense=False))
     program = jax.jit(lambda y: end(y, additions, accuracy)).lower(y).as_text()
-    # Besides the stages, the first step is chosen by two evaluations.
-    assert evaluations(program) == 2 + (1 if looped else 12)
+    # Besides the stages, the first step is chosen by a loop of two evaluations.
+    assert evaluations(program) == 1 + (1 if looped else 12)
 
 
 @pytest.mark.parametrize("mode", [jax.jacfwd, jax.jacrev], ids=["forward", "reverse"])
@@ -191,3 +192,37 @@ def test_derivatives_of_many_runs_of_a_large_field(method, mode):
     for a, b in zip(jax.tree.leaves(small), jax.tree.leaves(large), strict=True):
         # The steps are the same but for the order of sums within a stage.
         np.testing.assert_allclose(a, b, rtol=1e-9, atol=1e-11)
+
+
+@pytest.mark.parametrize("times", [2, 5])
+@pytest.mark.parametrize("method", [DOP853(), RKN1210()], ids=["DOP853", "RKN1210"])
+@pytest.mark.parametrize("additions", [0, 150], ids=["a step twice", "a step once"])
+def test_reverse_mode_along_several_states_of_a_record(monkeypatch, additions, method, times):
+    """Some 300 to 800 steps with room for six states: between two of them lie more steps than are
+    kept at once."""
+    monkeypatch.setattr(_record, "RECORD_BYTES", 0)
+    monkeypatch.setattr(_record, "FEWEST_STATES", 6)
+    ts = jnp.linspace(0.0, 16.0, times)
+    accuracy = Accuracy(1e-9, method=method)
+
+    def last(y):
+        run = simulate(Swing(additions=additions), y, ts, accuracy=accuracy)
+        return jnp.sum(run.states.position[0])
+
+    backwards, forwards = jax.jit(jax.grad(last))(start()), jax.jit(jax.jacfwd(last))(start())
+    for a, b in zip(jax.tree.leaves(backwards), jax.tree.leaves(forwards), strict=True):
+        # Along the same steps: by rounding, which the motion magnifies as it does the derivative.
+        np.testing.assert_allclose(a, b, rtol=1e-9, atol=1e-10 * float(jnp.max(jnp.abs(b))))
+
+
+def test_a_derivative_is_a_small_program_throughout_from_fewer_operations_on():
+    accuracy = Accuracy(1e-6, method=DOP853(dense=False))
+
+    def count(transform, additions):
+        last = transform(lambda y: jnp.sum(end(y, additions, accuracy).position))
+        return evaluations(jax.jit(last).lower(start()).as_text())
+
+    for additions in (0, 150):
+        assert count(lambda last: last, additions) == 1 + 12
+    # One stage in place of twelve forwards, and none to fill in the states between two of a record.
+    assert count(jax.grad, 0) - count(jax.grad, 150) == 11 + 1

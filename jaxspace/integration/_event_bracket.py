@@ -41,7 +41,9 @@ class ConditionOnRun(NamedTuple):
 
     def state(self, y: State, t: Scalar, end: Scalar) -> State:
         """The state at `end`, s, of the run that has the state `y` at `t`."""
-        result = integrate(self.system, y, t, end, None, self.config, self.run_axes, trimmed=True)
+        # A few short runs, and one more program of a step: where one run is sought, a small one.
+        config = self.config if self.run_axes else self.config.small_program()
+        result = integrate(self.system, y, t, end, None, config, self.run_axes, trimmed=True)
         return state_at(result.states, -1, self.run_axes)
 
     def states(self, y: State, t: Scalar, end: Scalar, fractions: Float[Array, " times"]) -> State:

@@ -40,8 +40,9 @@ RECORD_ARRAYS = 3
 # Operations of a vector field from which the steps are a small program: they compile in a third of
 # the time or less. A single run of a large field then takes up to 1.5 times as long, derivatives of
 # many runs up to 1.7 times. Many runs without derivatives are there to be fast: they lose a tenth
-# or so from `VERY_LARGE` on.
-LARGE, VERY_LARGE = 200, 800
+# or so from `VERY_LARGE` on. From `MEDIUM` on a single run that is differentiated is small forwards
+# as well, and its replay holds a step once: below, this would save little and slow down both.
+MEDIUM, LARGE, VERY_LARGE = 100, 200, 800
 
 
 def arguments_of(parts: PyTree) -> list[Array]:
@@ -80,7 +81,7 @@ class Problem:
             own = integrate_own_steps(settings, field, y0, recorded=recorded)
             kept = own.recording, own.count
             return [*jax.tree.leaves(own_outcome_of(own, settings)), *_arrays_of(*kept)]
-        if self._is_small(settings, derivative=False):
+        if self._is_small(settings, derivative=False) or recorded and self._is_single(settings):
             settings = dataclasses.replace(settings, method=small_program(settings.method))
         loop = integrate_loop(settings, field, y0, recorded=recorded)
         kept = loop.recording, loop.num_accepted
@@ -106,6 +107,10 @@ class Problem:
             # A derivative holds a step three times over, and its first call is mostly compilation.
             return derivative or self.field_operations >= LARGE
         return self.field_operations >= (LARGE if derivative else VERY_LARGE)
+
+    def _is_single(self, settings: LoopSettings) -> bool:
+        """Whether this is a single run of a field that is worth a small program throughout."""
+        return settings.tolerance.run_axes == 0 and self.field_operations >= MEDIUM
 
     @functools.cached_property
     def field_operations(self) -> int:
@@ -155,9 +160,9 @@ class Problem:
         step = kept_of_pass(y0.z[0], y0.z[0] > 0.0) if own else settings.end
         steps = Record(RecordLayout.of(y0, step, settings.max_steps), *record)
         if own:
-            return OwnReplay(settings, fixed, steps, small=False), tree(part), y0
+            return OwnReplay(settings, fixed, steps, False, False), tree(part), y0
         small = self._is_small(settings, derivative=True)
-        return Replay(settings, fixed, steps, small), tree(part), y0
+        return Replay(settings, fixed, steps, small, self._is_single(settings)), tree(part), y0
 
     def forward(
         self,

@@ -45,12 +45,14 @@ class Replay(eqx.Module):
 
     - `settings`: those of the run. `record`: its steps.
     - `fixed`: the part of the field that is not differentiated.
-    - `small`: whether the steps are a small program (`small_program`)."""
+    - `small`: whether the steps are a small program (`small_program`).
+    - `step_once`: whether the program of reverse mode holds a step once."""
 
     settings: LoopSettings
     fixed: Any
     record: Record
     small: bool = eqx.field(static=True)
+    step_once: bool = eqx.field(static=True)
 
     @property
     def method(self) -> diffrax.AbstractSolver:
@@ -186,6 +188,11 @@ class Replay(eqx.Module):
             start = _select(filling | single, y, get_row(buffer, k))
             to = jnp.where(filling, 0, self._num_chunks)
             apart = jnp.where(filling, CHUNK, 1)
+            if self.step_once:
+                back = jnp.where(filling, 0, count)
+                return self._there_and_back(
+                    moving, cotangent, (total, buffer), to, start, n, (count, apart, back)
+                )
             buffer = self._fill(moving, buffer, to, start, n, count, apart)
 
             def backwards(i: Array, total: Any) -> Any:
@@ -225,14 +232,57 @@ class Replay(eqx.Module):
 
         return jax.lax.fori_loop(0, (count - 1) * apart, advance, (buffer, y))[0]
 
+    def _there_and_back(
+        self,
+        moving: PyTree,
+        cotangent: State,
+        carry: tuple[Any, State],
+        to: Array,
+        y: State,
+        n: Array,
+        counts: tuple[Array, Array, Array],
+    ) -> tuple[Any, State]:
+        """`_fill`, then the cotangents of `back` steps, by a loop in which a step stands once.
+
+        A large step compiles sooner so. It is linearised on the way there as well, in vain."""
+        count, apart, back = counts
+        total, buffer = carry
+        buffer = put_row(buffer, to, y)
+        ahead = (count - 1) * apart
+
+        def one(i: Array, carry: tuple[Any, State, State]) -> tuple[Any, State, State]:
+            total, buffer, y = carry
+            forwards = i < ahead
+            step = jnp.where(forwards, i, back - 1 - (i - ahead))
+            y = _select(forwards, y, get_row(buffer, jnp.where(forwards, -1, to + step)))
+            (y1, dense_info), pull = self._linearised(moving, n + step, y)
+            row = jnp.where(forwards & ((i + 1) % apart == 0), to + (i + 1) // apart, -1)
+            total = jax.lax.cond(
+                forwards,
+                lambda total: total,
+                lambda total: self._pulled(pull, dense_info, n + step, cotangent, total),
+                total,
+            )
+            return total, put_row(buffer, row, y1), y1
+
+        return jax.lax.fori_loop(0, ahead + back, one, (total, buffer, y))[:2]
+
+    def _linearised(self, moving: PyTree, n: Array, y: State) -> tuple[Any, Any]:
+        """What step `n` returns, and its pullback."""
+        return jax.vjp(needed_only(lambda p, y: self.step(p, n, y, backwards=True)), moving, y)
+
     def _step_vjp(
         self, moving: PyTree, n: Array, y: State, cotangent: State, total: tuple[Any, ...]
     ) -> tuple[Any, ...]:
         """The cotangents before step `n`, which starts at the state `y`."""
+        (_, dense_info), pull = self._linearised(moving, n, y)
+        return self._pulled(pull, dense_info, n, cotangent, total)
+
+    def _pulled(
+        self, pull: Any, dense_info: PyTree, n: Array, cotangent: State, total: tuple[Any, ...]
+    ) -> tuple[Any, ...]:
+        """The cotangents before step `n`, by its pullback."""
         of_moving, of_y, k = total
-        (_, dense_info), pull = jax.vjp(
-            needed_only(lambda p, y: self.step(p, n, y, backwards=True)), moving, y
-        )
         of_dense = None
         if self.settings.save_ts is not None:
             k, of_dense = self._saved_vjp(n, dense_info, cotangent, k)
