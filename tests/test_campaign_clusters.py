@@ -8,15 +8,38 @@ import signal
 import socket
 import subprocess
 import sys
+import time
+import uuid
 from concurrent.futures import Future
 from concurrent.futures.process import BrokenProcessPool
+from pathlib import Path
 
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
 import pytest
-from test_campaigns import HERE, child, files_of, fly, resumed, whole  # noqa: F401
+from test_campaigns import (  # noqa: F401
+    CAMPAIGN,
+    CHUNK,
+    HERE,
+    INPUTS,
+    SEED,
+    Killed,
+    child,
+    files_of,
+    fly,
+    last,
+    resumed,
+    swing,
+    whole,
+)
 from test_dispersion_ending import fly as fly_ending
 
-from jaxspace.dispersion import DaskCluster, ProcessPool, StoreError, open_store
-from jaxspace.dispersion._process_pool import _apart
+from jaxspace.dispersion import Campaign, DaskCluster, ProcessPool, StoreError, open_store
+from jaxspace.dispersion._engines import InProcess
+from jaxspace.dispersion._process_pool import _come
+from jaxspace.dispersion._store_writer import StoreWriter
 
 pytestmark = pytest.mark.sweep
 
@@ -115,6 +138,65 @@ def test_a_scheduler_that_is_not_there_is_an_error_in_a_sentence(tmp_path):
         fly(tmp_path / "s.zarr", engine=f"tcp://127.0.0.1:{free_port()}")
 
 
+class Counting(eqx.Module):
+    """The outputs of `CAMPAIGN`; the runs of which they are read leave their input in a file."""
+
+    folder: str = eqx.field(static=True)
+
+    def __call__(self, result, samples):
+        w = samples["w"]
+        w = jax.pure_callback(self.noted, jax.ShapeDtypeStruct(w.shape, w.dtype), w)
+        return {**last(result, samples), "noted": w}
+
+    def noted(self, w):
+        file = Path(self.folder, uuid.uuid4().hex)
+        file.write_bytes(np.asarray(w).tobytes())
+        # Whole under this name, for who reads it meanwhile.
+        file.rename(file.with_suffix(".seen"))
+        return w
+
+    def chunks(self, runs):
+        """The chunks whose runs have been computed, or are about to be."""
+        drawn = CAMPAIGN.samples(jax.random.key(SEED), jnp.arange(runs, dtype=jnp.uint32))["w"]
+        files = Path(self.folder).glob("*.seen")
+        seen = np.concatenate([np.frombuffer(file.read_bytes()) for file in files])
+        return {int(number) // CHUNK for number in np.flatnonzero(np.isin(drawn, seen))}
+
+
+@pytest.mark.filterwarnings("ignore")
+@pytest.mark.parametrize(
+    "engine", [InProcess(), ProcessPool(2), DaskCluster(workers=2)], ids=lambda e: type(e).__name__
+)
+def test_a_kill_costs_one_chunk_for_each_worker(engine, tmp_path, monkeypatch):
+    """This process ends before it commits its third chunk, after the others have had the time to
+    begin whatever they were given: of ten chunks no more than one for each of them is lost."""
+    if isinstance(engine, DaskCluster):
+        pytest.importorskip("distributed")
+    (tmp_path / "seen").mkdir()
+    counting, runs, store = Counting(str(tmp_path / "seen")), 10 * CHUNK, tmp_path / "s.zarr"
+    commit, committed, lost = StoreWriter.commit, set(), []
+
+    def dying(writer, chunk, *more):
+        if len(committed) == 2:
+            end = time.monotonic() + 120.0
+            while len(counting.chunks(runs) - committed) < engine.workers:
+                assert time.monotonic() < end, "a worker has not begun"
+                time.sleep(0.1)
+            # A chunk takes them some 20 ms.
+            time.sleep(1.0)
+            lost.extend(counting.chunks(runs) - committed)
+            raise Killed
+        commit(writer, chunk, *more)
+        committed.add(chunk)
+
+    monkeypatch.setattr(StoreWriter, "commit", dying)
+    campaign = Campaign(swing, INPUTS, counting)
+    with pytest.raises(Killed):
+        fly(store, campaign, runs, engine=engine)
+    assert open_store(store).runs == 2 * CHUNK
+    assert len(lost) == engine.workers
+
+
 WAIT = """
 import sys, time
 import numpy as np, jax
@@ -169,7 +251,7 @@ def test_what_has_come_is_kept_when_a_process_dies():
     done, lost = Future(), Future()
     done.set_result("a chunk")
     lost.set_exception(BrokenProcessPool())
-    assert _apart({done, lost}) == ([done], True) and _apart({done}) == ([done], False)
+    assert _come([done, lost, Future()]) == [done]
 
 
 def test_a_chunk_that_never_returns_is_named_and_the_others_kept(tmp_path):
