@@ -24,9 +24,9 @@ PULSE = 2.0
 
 @final
 class DaskCluster(AbstractEngine):
-    """On the workers of Dask distributed, which needs the extra `cluster`. Each computes one chunk at
-    a time, and gets the next one when its last one is committed: if this process dies, at most one
-    chunk of each is lost.
+    """On the workers of Dask distributed, which needs the extra `cluster`. Each computes one chunk
+    at a time, and gets the next one when its last one is committed: if this process dies, at most
+    one chunk of each is lost.
 
     **Arguments**
 

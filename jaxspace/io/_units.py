@@ -147,6 +147,22 @@ def read_size(name: str, text: str, part: str) -> float:
         )
     # The difference of two attitudes is an angle.
     quantity = argument(declared.unit or "rad", positive=True, doc="size")
+    return _from_text(name, text, quantity)
+
+
+def read_times(name: str, text: str) -> tuple[float, ...]:
+    """Times with commas between them, such as "0, 90 s, 10 min", in s.
+
+    **Arguments**
+
+    - `name`: of what is read, for the sentence.
+
+    **Raises** `InputError` for what is no time."""
+    quantity = argument("s", doc="time")
+    return tuple(_from_text(name, part.strip(), quantity) for part in text.split(","))
+
+
+def _from_text(name: str, text: str, quantity: Quantity) -> float:
     try:
         # The command line hands over text only: a bare number is one in SI.
         value = float(text)
