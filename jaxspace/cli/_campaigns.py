@@ -26,7 +26,7 @@ from ..io import (
     failures_report,
     load,
     moments_report,
-    read_times,
+    read_option,
     replay_report,
 )
 from ._commands import draw, path_of
@@ -58,7 +58,10 @@ def disperse(path: str, options: Options, folder: str) -> int:
     seed = file.seed if options.seed is None else options.seed
     if options.method != MONTE_CARLO:
         return _without_runs(file, options.method)
-    times = None if options.times is None else read_times("--times", options.times)
+    times = None
+    if options.times is not None:
+        parts = options.times.split(",")
+        times = tuple(read_option("--times", part.strip(), "time") for part in parts)
     make_folder(folder)
     until = file.until if options.until is None else options.until
     print(_head(file, runs, seed, until))
