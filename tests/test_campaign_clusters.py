@@ -2,6 +2,7 @@
 processes of its own, so that all of them are left to the sweeps."""
 
 import contextlib
+import json
 import multiprocessing
 import os
 import signal
@@ -320,6 +321,11 @@ def test_two_processes_of_jax_share_a_campaign(whole, tmp_path):  # noqa: F811
     # Five chunks: three for the first process, two for the second.
     # Before that the library of the exchange says that it is connected.
     assert [out.split()[-2:] for out, _ in told] == [["2200", "3"], ["2200", "2"]], told
+    entries = [json.loads(p.read_text()) for p in (tmp_path / "s.zarr/.manifest").glob("*.json")]
+    hosts = [sum(e["seconds"] for e in entries if e["host"] == k) for k in range(2)]
+    kept = open_store(tmp_path / "s.zarr")
+    # They compute at one time, so that the longer one counts.
+    assert kept.seconds - kept.attributes["preparation_seconds"] == pytest.approx(max(hosts))
     assert files_of(tmp_path / "s.zarr") == files_of(whole)
 
 

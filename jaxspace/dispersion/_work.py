@@ -75,6 +75,11 @@ class AbstractEngine(ABC):
         """Whether several processes share a campaign, each of which computes a part."""
         return False
 
+    @property
+    def host(self) -> int | None:
+        """Which of several that share a campaign this process is; `None` where it is alone."""
+        return None
+
     def share(self, extents: Sequence[Extent]) -> list[Extent]:
         """What this process computes of the chunks."""
         return list(extents)
