@@ -133,7 +133,7 @@ def test_states_at_chosen_times(tmp_path, capsys):
 
     (tmp_path / "coast.toml").write_text(COAST)
     given = ["disperse", str(tmp_path / "coast.toml"), "--out", str(tmp_path), "--runs", "8"]
-    assert main([*given, "--times", "0,60,599.5"]) == 0
+    assert main([*given, "--times", "0, 1 min,599.5"]) == 0
     store = tmp_path / "coast.zarr"
     with xarray.open_zarr(store) as data:
         np.testing.assert_allclose(data["coast.time"][3], [0.0, 60.0, 599.5], rtol=1e-15)
@@ -144,9 +144,10 @@ def test_states_at_chosen_times(tmp_path, capsys):
     assert main(["resume", str(store)]) == 0
     assert main([*given, "--overwrite", "--times", "601"]) == 2
     assert "must be a time of the mission, from 0 s to 600 s" in capsys.readouterr().err
-    with pytest.raises(SystemExit):
-        main([*given, "--times", "0,now"])
-    assert "times in s with commas between them" in capsys.readouterr().err
+    for text in ("0,now", "0,2 km", "0,,1", "nan"):
+        assert main([*given, "--overwrite", "--times", text]) == 2
+        told = capsys.readouterr().err
+        assert "--times is" in told and 'with a unit of time, such as "90 min".' in told
 
 
 def test_failures_gives_the_reason_of_each(store, capsys):

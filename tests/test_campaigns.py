@@ -5,6 +5,7 @@ import contextlib
 import errno
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -22,8 +23,10 @@ from jaxspace.core import AbstractSystem, InputError, Scalar, quantity
 from jaxspace.dispersion import (
     Campaign,
     Constant,
+    Correlated,
     DamagedStore,
     LatinHypercube,
+    MultivariateNormal,
     Normal,
     ProcessPool,
     Sobol,
@@ -179,6 +182,47 @@ def test_a_store_refuses_another_campaign_and_names_the_difference(copy, changed
     with pytest.raises(StoreError, match=named):
         disperse(given.pop("campaign"), given.pop("runs"), store=copy, resume=True, **given)
     assert files_of(copy)
+
+
+def correlated(factor):
+    joint = Correlated.of((Normal(2.0, 0.1), Uniform(0.9, 1.1)), [[1.0, factor], [factor, 1.0]])
+    return Campaign(swing, joint.inputs("w", "x0"), last, CAMPAIGN.units)
+
+
+def normal_pair(mean, covariance):
+    joint = MultivariateNormal.from_covariance([2.0, mean], np.diag([0.01, covariance]))
+    return Campaign(swing, joint.inputs("w", "x0"), last, CAMPAIGN.units)
+
+
+@pytest.mark.parametrize(
+    "there, here, told",
+    [
+        (correlated(0.3), correlated(-0.25), ("[[1, 0.3], [0.3, 1]]", "[[1, -0.25], [-0.25, 1]]")),
+        (normal_pair(1.0, 0.01), normal_pair(1.5, 0.01), ("mean [2, 1]", "mean [2, 1.5]")),
+        (normal_pair(1.0, 0.01), normal_pair(1.0, 0.04), ("[0, 0.1]]", "[0, 0.2]]")),
+    ],
+)
+def test_a_store_of_inputs_that_scatter_together_otherwise_is_refused(there, here, told, tmp_path):
+    fly(tmp_path / "s", there, 8)
+    was, now = map(re.escape, told)
+    words = f"campaign: the inputs: .*{was}.* in the store, .*{now}.* here"
+    with pytest.raises(StoreError, match=words):
+        fly(tmp_path / "s", here, 8, resume=True)
+
+
+def test_hosts_at_one_time_count_by_the_longest(tmp_path):
+    """Of the seconds in which a store was computed; those of the processors add up."""
+    names = ("rtol", "atol", "method", "description", "inputs", "digest", "samples")
+    attributes = dict.fromkeys(names, 0) | {"seed": 0, "planned_runs": 40, "chunk": 10}
+    with StoreWriter(tmp_path / "s") as writer:
+        writer.prepare(columns_of(synthetic(0, 1), {}), attributes | {"preparation_seconds": 1.0})
+        for chunk, (host, seconds) in enumerate([(0, 2.0), (1, 7.0), (0, 3.0), (None, 4.0)]):
+            writer.host = host
+            writer.commit(chunk, synthetic(10 * chunk, 10), seconds, 1.5)
+    kept = open_store(tmp_path / "s")
+    # One process alone came before them, or behind.
+    assert kept.seconds == 1.0 + max(2.0 + 3.0, 7.0) + 4.0
+    assert kept.attributes["cpu_seconds"] == 4 * 1.5
 
 
 def test_a_folder_that_cannot_be_written_is_refused_before_anything_is_computed(

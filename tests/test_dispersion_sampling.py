@@ -297,6 +297,9 @@ def test_a_file_scatters_over_sobol_points(tmp_path, key):
     np.testing.assert_allclose(v @ v.T / 1024, np.eye(3) / 3.0, atol=0.01)
 
 
+MEASURED = '{ distribution = "samples", file = "mu.csv", column = "mu", unit = "km^3/s^2" }'
+
+
 @pytest.mark.parametrize(
     "old, new, words",
     [
@@ -308,6 +311,22 @@ def test_a_file_scatters_over_sobol_points(tmp_path, key):
         ('file = "mu.csv"', 'file = "no.csv"', "No such file"),
         ('"latin_hypercube"', '"latin"', "Did you mean latin_hypercube?"),
         ('"300 km"', '"300 s"', "dispersion.outputs.0.at_least"),
+        (
+            MEASURED,
+            '{ distribution = "discrete", values = [1.0, 2.0] }',
+            "mu.weights is missing: it must be a list of one or more entries, each a number of "
+            "zero or more without unit",
+        ),
+        (
+            MEASURED,
+            '{ distribution = "discrete", values = [1.0, 2.0], weights = [1, -3] }',
+            "mu.weights.1 is -3: it must be a number of zero or more",
+        ),
+        (
+            MEASURED,
+            '{ distribution = "discrete", weights = [1, 3] }',
+            "mu.values is missing: it must be a list of one or more entries, each a number in m^3",
+        ),
         ("correlation", "corelation", "Did you mean correlation?"),
     ],
 )

@@ -254,3 +254,16 @@ def test_a_file_steers_two_stages(tmp_path):
     (tmp_path / "wrong.toml").write_text(text)
     with pytest.raises(SceneError, match="effects.steered_thrust_2.steering.tangent_rat"):
         jaxspace.load(tmp_path / "wrong.toml")
+
+
+def test_one_coefficient_of_a_file_is_a_constant_pitch(tmp_path):
+    """A table of the pitch takes two times or more."""
+    path = tmp_path / "one.toml"
+    flown = LAUNCH.read_text().partition("[optimize")[0]
+    law = flown.partition("steered_thrust.steering]\n")[2].partition("plane")[0]
+    path.write_text(flown.replace(law, "coefficients = [0.4]\n"))
+    steering = jaxspace.load(path).mission.phases[0].system.effects[-1].steering
+    assert float(steering.pitch(jnp.array(7.0))) == 0.4
+    path.write_text(flown.replace(law, "times = [1.0]\nangles = [0.4]\n"))
+    with pytest.raises(SceneError, match="times is .1.0.: it must be a list of at least 2 entries"):
+        jaxspace.load(path)

@@ -26,6 +26,7 @@ from ..io import (
     failures_report,
     load,
     moments_report,
+    read_option,
     replay_report,
 )
 from ._commands import draw, path_of
@@ -41,7 +42,7 @@ class Options(NamedTuple):
     seed: int | None = None
     chunk: int = 8192
     samples: int = 0
-    times: tuple[float, ...] | None = None
+    times: str | None = None
     engine: str = "local"
     overwrite: bool = False
     until: StopRule | None = None
@@ -57,13 +58,17 @@ def disperse(path: str, options: Options, folder: str) -> int:
     seed = file.seed if options.seed is None else options.seed
     if options.method != MONTE_CARLO:
         return _without_runs(file, options.method)
+    times = None
+    if options.times is not None:
+        parts = options.times.split(",")
+        times = tuple(read_option("--times", part.strip(), "time") for part in parts)
     make_folder(folder)
     until = file.until if options.until is None else options.until
     print(_head(file, runs, seed, until))
     for doubt in file.doubts():
         print(doubt, file=sys.stderr)
     how = {"overwrite": options.overwrite, "chunk": options.chunk, "samples": options.samples}
-    how |= {"until": until, "seed": seed, "times": options.times}
+    how |= {"until": until, "seed": seed, "times": times}
     store = path_of(file, folder, ".zarr")
     return _fly(file, store, runs, options.engine, METHODS if options.compare else None, **how)
 

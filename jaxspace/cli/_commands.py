@@ -12,7 +12,7 @@ from ..io import (
     load,
     mission_report,
     optimum_report,
-    read_size,
+    read_option,
     run_report,
     schema,
     sensitivity_report,
@@ -134,7 +134,7 @@ def budget(path: str, output: str | None, tolerance: str | None, folder: str) ->
         raise InputError(f"{name} has no effects: the file must be of a scene or a mission.")
     make_folder(folder)
     output = file.y0.present()[0] if output is None else output
-    size = None if tolerance is None else read_size("--tolerance", tolerance, output)
+    size = None if tolerance is None else read_option("--tolerance", tolerance, output)
     table = effect_budget(
         file.system,
         file.y0,

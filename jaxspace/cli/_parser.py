@@ -107,9 +107,9 @@ def _disperse_options(disperse: argparse.ArgumentParser) -> None:
     )
     disperse.add_argument(
         "--times",
-        type=_times,
-        metavar="S[,S...]",
-        help="at which times, s, states of every run are stored instead",
+        metavar="TIME[,TIME...]",
+        help='at which times, such as "0, 90 s, 10 min", states of every run are stored instead; '
+        "NaN in the phases in which a run is not at a time",
     )
     disperse.add_argument(
         "--overwrite", action="store_true", help="replace the store that is there"
@@ -150,15 +150,6 @@ def _rule(text: str) -> tuple[str, float, float]:
             f"0 and 1 if they are given, such as apoapsis_altitude:0.99:0.01."
         )
     return output, share, precision
-
-
-def _times(text: str) -> tuple[float, ...]:
-    try:
-        return tuple(float(part) for part in text.split(","))
-    except ValueError:
-        raise argparse.ArgumentTypeError(
-            f"it is {text}: it must be times in s with commas between them, such as 0,60,120.5."
-        ) from None
 
 
 def _engine_option(command: argparse.ArgumentParser) -> None:

@@ -37,6 +37,7 @@ class Quantity(NamedTuple):
       as "planet.mu".
     - `key`: the key in a scene file where it is not the name of the field.
     - `shape`: without the axis of runs; `None` stands for any length.
+    - `least`: how many numbers a list of any length has in a scene file at least.
     - `default`: the value where none is given, or `REQUIRED`."""
 
     unit: str
@@ -50,6 +51,7 @@ class Quantity(NamedTuple):
     key: str = ""
     shape: tuple[int | None, ...] = ()
     default: object = REQUIRED
+    least: int = 2
 
     def allowed(self) -> str:
         """The range in words, as the end of the sentence "it must be ..."."""
@@ -92,6 +94,7 @@ def argument(
     key: str = "",
     shape: tuple[int | None, ...] = (),
     default: object = REQUIRED,
+    least: int = 2,
 ) -> Quantity:
     """The declaration of an argument of a named constructor; see `constructor`.
 
@@ -108,7 +111,7 @@ def argument(
     if optional and default is REQUIRED:
         default = None
     return Quantity(
-        unit, doc, low, high, strict, optional, fixed, shared, key, tuple(shape), default
+        unit, doc, low, high, strict, optional, fixed, shared, key, tuple(shape), default, least
     )
 
 

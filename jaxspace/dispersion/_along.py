@@ -1,12 +1,14 @@
 """Which states a campaign saves of each phase, for its outputs and for its trajectories."""
 
+from collections.abc import Sequence
 from typing import NamedTuple, TypeAlias
 
 import jax
+import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
-from ..simulation._mission_runs import MissionResult
-from ..simulation._run_result import RunResult
+from ..simulation._mission_runs import MissionResult, OwnTimes, SaveTimes
+from ..simulation._run_result import RunResult, nan_unless, scaled
 
 
 class ChosenTimes(NamedTuple):
@@ -21,7 +23,7 @@ class ChosenTimes(NamedTuple):
     kept: Int[Array, " chosen"]
 
 
-Kept: TypeAlias = int | tuple[ChosenTimes | None, ...]
+Kept: TypeAlias = int | tuple[ChosenTimes | OwnTimes | None, ...]
 """How many states are kept of each phase, evenly from its start to its end; or where they are."""
 
 
@@ -34,11 +36,12 @@ def saved_states(along: int, kept: int) -> tuple[int, int]:
     return every_nth * (kept - 1) + 1, every_nth
 
 
-def saved_of(along: int, kept: Kept) -> int | list:
+def saved_of(along: int, kept: Kept) -> int | list[SaveTimes]:
     """What `run_mission` saves."""
     if isinstance(kept, int):
         return saved_states(along, kept)[0]
-    return [along if chosen is None else chosen.fractions for chosen in kept]
+    fractions = [c.fractions if isinstance(c, ChosenTimes) else c for c in kept]
+    return [along if x is None else x for x in fractions]
 
 
 def for_outputs(result: MissionResult, kept: Kept) -> MissionResult:
@@ -46,16 +49,42 @@ def for_outputs(result: MissionResult, kept: Kept) -> MissionResult:
     if isinstance(kept, int):
         return result
     pairs = zip(result.phases, kept, strict=True)
-    phases = [p if c is None else _picked(p, c.outputs) for p, c in pairs]
-    return result._replace(phases=phases)
+    return result._replace(phases=[_even(phase, chosen) for phase, chosen in pairs])
 
 
-def for_store(result: MissionResult, along: int, kept: Kept) -> list[RunResult | None]:
+def _even(phase: RunResult, chosen: ChosenTimes | OwnTimes | None) -> RunResult:
+    if chosen is None:
+        return phase
+    if isinstance(chosen, OwnTimes):
+        return _picked(phase, slice(chosen.times.shape[0], None))
+    return _picked(phase, chosen.outputs)
+
+
+def for_store(result: MissionResult, along: int, kept: Kept) -> Sequence[RunResult | None]:
     """Of each phase the states that are kept; `None` where there are none."""
     if isinstance(kept, int):
         return list(thinned(result, saved_states(along, kept)[1]).phases) if kept else []
-    pairs = zip(result.phases, kept, strict=True)
-    return [None if c is None else _picked(p, c.kept) for p, c in pairs]
+    pairs = enumerate(zip(result.phases, kept, strict=True))
+    return [_chosen(phase, chosen, number == 0) for number, (phase, chosen) in pairs]
+
+
+def _chosen(
+    phase: RunResult, chosen: ChosenTimes | OwnTimes | None, first: bool
+) -> RunResult | None:
+    if chosen is None:
+        return None
+    if isinstance(chosen, ChosenTimes):
+        return _picked(phase, chosen.kept)
+    count = chosen.times.shape[0]
+    times = chosen.times.astype(phase.ts.dtype)[:, None]
+    start, end = phase.ts[count], phase.ts[-1]
+    # The next phase starts at this very end, so that one phase alone of a run has a time.
+    covered = jnp.sign(end - start) * (times - start) > 0.0
+    covered = covered & (jnp.sign(end - start) * (times - end) <= 0.0)
+    # What ends at a border has it; nothing ends where the mission starts.
+    inside = nan_unless(covered | (times == start) if first else covered)
+    picked = _picked(phase, slice(None, count))
+    return picked._replace(ts=times * inside, states=scaled(picked.states, inside))
 
 
 def thinned(result: MissionResult, every_nth: int) -> MissionResult:

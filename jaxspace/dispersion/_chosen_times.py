@@ -9,6 +9,7 @@ import numpy as np
 from ..core import InputError
 from ..simulation import Event, Phase
 from ..simulation._flight import AbstractFlight
+from ..simulation._mission_runs import OwnTimes
 from ._along import ChosenTimes
 from ._campaign import Campaign
 
@@ -16,42 +17,67 @@ from ._campaign import Campaign
 ROUNDING = 8.0 * np.finfo(float).eps
 
 
-def choose_times(campaign: Campaign, times: Any) -> tuple[ChosenTimes | None, ...]:
+def choose_times(campaign: Campaign, times: Any) -> tuple[ChosenTimes | OwnTimes | None, ...]:
     """For each phase where its states are saved so that those at `times`, s, are among them; `None`
     for a phase without any.
 
-    A time at the border of two phases belongs to the earlier one, before its jump.
+    A time at the border of two phases belongs to the earlier one, before its jump. From the first
+    phase on that ends by an event or by a duration that scatters, every phase has the times that
+    are left, for each run has its own start and end of them.
 
-    **Raises** `InputError` for a time at which the mission does not run, and for one beyond the
-    start of a phase whose end is not known before the run."""
+    **Raises** `InputError` for a time at which the mission does not run, and for one that may lie
+    in a phase that a controller samples."""
     left = np.unique(np.asarray(times, float))
     if np.ndim(times) != 1 or left.size == 0 or not np.all(np.isfinite(left)):
         raise InputError(f"times is {times!r}: it must be a list of one or more times, in s.")
     # Compiled, because each operation that builds a mission would be a program of its own.
     mission = eqx.filter_jit(lambda c: c.build(c.nominal())[0])(campaign)
     first = start = float(campaign.start)
-    found: list[ChosenTimes | None] = []
+    known, found = True, []
     for phase in mission.phases:
-        if left.size and not _is_known(phase):
-            raise InputError(
-                f"times has {left[-1]:.9g} s: it must be at most {start:.9g} s, where the phase "
-                f"{phase.name!r} begins, which every run ends at a time of its own or a controller "
-                f"samples. `samples` keeps states of such a phase."
-            )
         found.append(None)
-        duration = float(phase.until) if left.size else 0.0
+        if not left.size:
+            continue
+        if isinstance(phase.system, AbstractFlight):
+            raise InputError(
+                f"times has {left[-1]:.9g} s: it must be at most {start:.9g} s, for a controller "
+                f"samples the phase {phase.name!r}, which begins {'then' if known else 'later'}. "
+                f"`samples` keeps states of such a phase."
+            )
+        if not known or isinstance(phase.until, Event) or np.ndim(phase.until) > 0:
+            known = False
+            near = np.abs(left - start) <= ROUNDING * (1.0 + abs(start))
+            found[-1] = OwnTimes(jnp.asarray(np.where(near, start, left)), campaign.along)
+            continue
+        duration = float(phase.until)
         if duration:
             places, rounding = (left - start) / duration, ROUNDING * (1.0 + abs(start / duration))
             here = (places >= -rounding) & (places <= 1.0 + rounding)
             if here.any():
                 found[-1] = _saved(np.clip(places[here], 0.0, 1.0), campaign.along)
             left, start = left[~here], start + duration
-    if left.size:
+    _check_left(left, first, start, mission.phases, known)
+    return tuple(found)
+
+
+def _check_left(
+    left: np.ndarray, first: float, start: float, phases: tuple[Phase, ...], known: bool
+) -> None:
+    """Raise `InputError` for times that no known phase has and that lie in no other one.
+
+    `start`: of the first phase whose end differs from run to run; or the end of the mission."""
+    if known and left.size:
         raise InputError(
             f"times has {left[-1]:.9g} s: it must be a time of the mission, from {first:.9g} s to "
             f"{start:.9g} s."
         )
-    return tuple(found)
+    durations = [p.until for p in phases if not isinstance(p.until, Event)]
+    # Backwards in time it is the other way round, and left to the runs.
+    before = left[left < start - ROUNDING * (1.0 + abs(start))]
+    if before.size and all(np.all(np.asarray(x) >= 0.0) for x in durations):
+        raise InputError(
+            f"times has {before[0]:.9g} s: it must be a time of the mission, from {first:.9g} s on."
+        )
 
 
 def _saved(places: np.ndarray, along: int) -> ChosenTimes:
@@ -59,9 +85,3 @@ def _saved(places: np.ndarray, along: int) -> ChosenTimes:
     fractions = np.union1d(places, even)
     outputs, kept = (jnp.asarray(np.searchsorted(fractions, x)) for x in (even, places))
     return ChosenTimes(jnp.asarray(fractions), outputs, kept)
-
-
-def _is_known(phase: Phase) -> bool:
-    """Whether all runs of a phase last equally long, and can be saved at any time."""
-    scatters = isinstance(phase.until, Event) or np.ndim(phase.until) > 0
-    return not scatters and not isinstance(phase.system, AbstractFlight)

@@ -41,6 +41,14 @@ def factor_of(name: str, matrix: ArrayLike) -> np.ndarray:
     return scale[:, None] * vectors * np.sqrt(np.maximum(size, 0.0))
 
 
+def _shown(numbers: ArrayLike) -> str:
+    """Numbers in brackets, to the digits that a factor gives back of what its author wrote."""
+    x = np.asarray(numbers)
+    if x.ndim == 0:
+        return f"{x:.12g}"
+    return "[" + ", ".join(map(_shown, x)) + "]"
+
+
 @final
 class MultivariateNormal(AbstractJoint):
     """Normal numbers with a covariance.
@@ -84,7 +92,8 @@ class MultivariateNormal(AbstractJoint):
         return self.centre + self.factor @ z
 
     def text(self) -> str:
-        return f"multivariate normal, factor {np.asarray(self.factor).tolist()}"
+        mean, factor = _shown(self.centre), _shown(self.factor)
+        return f"multivariate normal, mean {mean}, factor {factor}"
 
 
 @final
@@ -132,4 +141,5 @@ class Correlated(AbstractJoint):
         return jnp.stack([d.from_normal(mixed[k]) for k, d in enumerate(self.marginals)])
 
     def text(self) -> str:
-        return "correlated (" + "; ".join(d.text() for d in self.marginals) + ")"
+        marginals = "; ".join(d.text() for d in self.marginals)
+        return f"correlation {_shown(self.factor @ self.factor.T)} of ({marginals})"

@@ -24,7 +24,9 @@ PULSE = 2.0
 
 @final
 class DaskCluster(AbstractEngine):
-    """On the workers of Dask distributed, which needs the extra `cluster`.
+    """On the workers of Dask distributed, which needs the extra `cluster`. Each computes one chunk
+    at a time, and gets the next one when its last one is committed: if this process dies, at most
+    one chunk of each is lost.
 
     **Arguments**
 
@@ -51,8 +53,9 @@ class DaskCluster(AbstractEngine):
             while waiting or started:
                 # Asked each time, because workers come and go; at least one, to wait for the first.
                 self._workers = max(len(client.scheduler_info()["workers"]), 1)
-                # Two for each worker: none waits for the next one, and few are lost with a worker.
-                while waiting and len(started) < 2 * self._workers:
+                # One for each worker, which gets its next chunk when the last one is committed: so
+                # whatever ends this process costs each of them one chunk.
+                while waiting and len(started) < self._workers:
                     # Not pure: to reuse an answer, Dask would hash the payload for each chunk.
                     future = client.submit(
                         compute_chunk, payload, waiting.pop(0), retries=self.retries, pure=False
@@ -67,8 +70,9 @@ class DaskCluster(AbstractEngine):
                 if client.status != "running" or (future and future.cancelled()):
                     raise ConnectionError("the scheduler does not answer")
                 if future is not None:
-                    started.discard(future)
                     yield future.result()
+                    # The caller comes back for the next one when it has committed this one.
+                    started.discard(future)
 
     @contextlib.contextmanager
     def _client(self) -> Iterator[Any]:

@@ -34,6 +34,8 @@ RUNS = 1000
 """How many runs there are by default: enough for a mean and a deviation to a few percent."""
 CHUNK = 8192
 """Runs in a chunk: large enough that storing them takes a percent of the time to compute them."""
+TIMES_KEPT = "In the phase that covers them; NaN where a run is in another phase at a time."
+"""What the attributes of a store say of `times`."""
 
 
 @overload
@@ -109,8 +111,10 @@ def disperse(
       run besides the outputs; none by default, else at least 2.
     - `times`: at which times of the mission, s, the store keeps the states of every run instead,
       each in the phase that covers it: at the border of two phases in the earlier one, before its
-      jump. All runs must pass them in the same phase: not behind the start of a phase that ends
-      by an event, or by a duration that scatters, nor in one that a controller samples.
+      jump. From the first phase on that ends by an event or by a duration that scatters, each run
+      has its own start and end of a phase: all of these phases have all of these times, and a run
+      is NaN at those at which it is in another phase, or has ended. Its steps end at them. None may
+      lie in a phase that a controller samples, or behind one whose end is not known before.
     - `engine`: "local" (this process, with all of its cores or accelerators), "processes", "dask",
       the address of a Dask scheduler, "hosts" (the processes of `jax.distributed`), or an engine
       object.
@@ -159,6 +163,7 @@ def disperse(
         kept |= {"chunk": runner.chunk(chunk), "samples": samples}
         if times is not None:
             kept["times"] = [float(t) for t in times]
+            kept["times_kept"] = TIMES_KEPT
         if until is not None:
             assert runner.example is not None
             check_rule(until, ordered(runner.example, campaign).outputs)

@@ -44,6 +44,10 @@ class MultiHost(AbstractEngine):
     def shares(self) -> bool:
         return True
 
+    @property
+    def host(self) -> int | None:
+        return jax.process_index()
+
     def share(self, extents: Sequence[Extent]) -> list[Extent]:
         # In turn, so that all of them come to the end together.
         return list(extents[jax.process_index() :: jax.process_count()])

@@ -64,6 +64,7 @@ def stored(
     if engine.leads:
         writer.prepare(columns, attributes)
     engine.sync("prepared")
+    writer.host = engine.host
     store = writer.store if engine.leads else writer.join(columns, attributes)
     missing, damages = writer.missing()
     # None writes before all have looked.

@@ -12,7 +12,7 @@ from jaxtyping import Array, Float, PyTree
 from ..core import breaks_of
 from ..integration import Accuracy, Event, SimulationError, Status
 from ..simulation._flight import AbstractFlight
-from ..simulation._mission_runs import run_mission
+from ..simulation._mission_runs import OwnTimes, run_mission
 from ..simulation._simulate import resolve_phases
 from ._along import Kept, saved_of
 from ._campaign import Campaign
@@ -43,9 +43,12 @@ def _pilots(
     configs = tuple(c.small_program() for c in resolve_phases(mission, y0, accuracy, 1))
     saved = saved_of(campaign.along, kept)
     every = [saved] * len(configs) if isinstance(saved, int) else saved
-    # Where runs have breaks of their own, steps end at save times, too: a plan has to know them.
+    # Where runs have breaks or save times of their own, steps end at save times, too: a plan has to
+    # know them.
     pairs = zip(mission.phases, every, strict=True)
-    saved = [n if _breaks_differ(phase.system) else 2 for phase, n in pairs]
+    saved = [
+        n if isinstance(n, OwnTimes) or _breaks_differ(phase.system) else 2 for phase, n in pairs
+    ]
     result = run_mission(mission, y0, campaign.start, saved, configs, 1, record_steps=True)
     # The runs of a block share the adaptive steps of the search for an event.
     coupled = any(isinstance(phase.until, Event) for phase in mission.phases)

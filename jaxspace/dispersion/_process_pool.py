@@ -2,7 +2,7 @@
 
 import multiprocessing
 import signal
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from typing import final
@@ -25,7 +25,8 @@ from ._work import (
 @final
 class ProcessPool(AbstractEngine):
     """In other processes of this machine, each on one core. A process that dies, whatever kills it,
-    is replaced, and the chunks that were lost are computed again.
+    is replaced, and the chunks that were lost are computed again. Each gets its next chunk when its
+    last one is committed: if this process dies, at most one chunk of each is lost.
 
     **Arguments**
 
@@ -49,21 +50,18 @@ class ProcessPool(AbstractEngine):
 
     def compute(self, runner: BatchRunner, extents: Sequence[Extent]) -> Computed:
         payload, losses = payload_of(runner.planned), dict.fromkeys(extents, 0)
-        # Two for each process, so that none waits for the next one; memory is bounded by them.
-        width, hopeless = 2 * self._workers, []
+        hopeless = []
         while losses:
             started: dict[Future[Done], Extent] = {}
             # What was lost comes last, so that it keeps nothing else waiting.
             order = sorted(losses, key=lambda extent: (losses[extent], extent.chunk))
-            for done in self._round(payload, order, width, started):
+            for done in self._round(payload, order, started):
                 losses = {e: n for e, n in losses.items() if e.chunk != done.chunk}
                 yield done
             for extent in started.values():
                 losses[extent] += 1
                 if losses[extent] > self.retries:
                     hopeless.append((extent, losses.pop(extent)))
-            # One for each from now on, so that a chunk is lost through itself alone.
-            width = self._workers
         for extent, times in hopeless:
             raise StoreError(
                 f"Chunk {extent.chunk} (runs {extent.first} to {extent.first + extent.runs - 1}) "
@@ -72,11 +70,7 @@ class ProcessPool(AbstractEngine):
             )
 
     def _round(
-        self,
-        payload: bytes,
-        waiting: list[Extent],
-        width: int,
-        started: dict["Future[Done]", Extent],
+        self, payload: bytes, waiting: list[Extent], started: dict["Future[Done]", Extent]
     ) -> Computed:
         """The chunks, until a process is lost; `started` then holds those that were under way."""
         # Not forked: a fork of a process that has threads, as jax has, may hang.
@@ -84,38 +78,37 @@ class ProcessPool(AbstractEngine):
         pool = ProcessPoolExecutor(self._workers, context, _ignore_interrupts)
         try:
             while waiting or started:
-                while waiting and len(started) < width:
+                # One for each process: it gets its next chunk when the last one is committed. So
+                # whatever ends this process costs each of them one chunk, and memory is bounded.
+                while waiting and len(started) < self._workers:
                     with without_main():
                         future = pool.submit(compute_chunk, payload, waiting[0])
                     started[future] = waiting.pop(0)
-                done, lost = _apart(_first_done(started, self.limit))
-                # First what has come: a process that dies must cost no chunk of another one.
-                for future in done:
-                    del started[future]
-                    yield future.result()
-                if lost:
-                    return
+                future = _first_done(started, self.limit)
+                yield future.result()
+                # The caller comes back for the next one when it has committed this one.
+                del started[future]
         # The caller finds in `started` what is lost, and begins another round.
         except (BrokenProcessPool, TimeoutError):
-            return
+            # First what has come: a process that dies must cost no chunk of another one.
+            for future in _come(started):
+                yield future.result()
+                del started[future]
         finally:
             _stop(pool)
 
 
-def _first_done(started: dict["Future[Done]", Extent], limit: float | None) -> set["Future[Done]"]:
-    """Those that are done. Raises `TimeoutError` when nothing came within the limit."""
+def _first_done(started: Collection["Future[Done]"], limit: float | None) -> "Future[Done]":
+    """One that is done. Raises `TimeoutError` when nothing came within the limit."""
     done, _ = wait(started, limit, FIRST_COMPLETED)
     if not done:
         raise TimeoutError
-    return done
+    return done.pop()
 
 
-def _apart(done: set["Future[Done]"]) -> tuple[list["Future[Done]"], bool]:
-    """Those with a result, and whether others were lost with their process.
-
-    **Raises** what a chunk itself raised."""
-    lost = {future for future in done if isinstance(future.exception(), BrokenProcessPool)}
-    return [future for future in done if future not in lost], bool(lost)
+def _come(started: Collection["Future[Done]"]) -> list["Future[Done]"]:
+    """Those that have a result, where others were lost with their process."""
+    return [future for future in started if future.done() and not future.exception()]
 
 
 def _stop(pool: ProcessPoolExecutor) -> None:

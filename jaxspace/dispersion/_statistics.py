@@ -38,7 +38,7 @@ class Dispersion(eqx.Module):
     - `status`: the code of the `Status` of each run.
     - `evaluations`: of the vector field, of each run.
     - `units`: of inputs and outputs, by name.
-    - `seed`: of the random numbers; `seconds`: wall time.
+    - `seed`: of the random numbers; `seconds`: wall time, of several hosts that of the longest.
     - `attributes`: the record of how the runs were made.
     - `numbers`: of the runs; from 0 on by default.
     """

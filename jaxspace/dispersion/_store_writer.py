@@ -34,6 +34,8 @@ class StoreWriter:
     - `overwrite`: whether a store that is there may be replaced.
     - `resume`: whether a store that is there is completed.
 
+    `host` is which of several that compute at one time this process is; `None` where it is alone.
+
     **Raises** `StoreError` before anything is computed: for a folder that cannot be written, that
     holds something else, that another process writes, or that may not be replaced."""
 
@@ -44,6 +46,7 @@ class StoreWriter:
         self.overwrite = overwrite
         self.resume = resume
         self.lock = Lock(self.store.path)
+        self.host: int | None = None
 
     def __enter__(self) -> "StoreWriter":
         path = self.store.path
@@ -201,6 +204,8 @@ class StoreWriter:
                 files = dict(zip(store.columns, pool.map(write, store.columns), strict=True))
             entry = {"first": first, "runs": count, "seconds": seconds, "cpu_seconds": cpu}
             entry |= {"pid": os.getpid(), "files": files}
+            if self.host is not None:
+                entry["host"] = self.host
             # Last, because it vouches for files that are all there.
             write_whole(store.path / MANIFEST / f"{chunk}.json", json.dumps(entry).encode())
 

@@ -2,8 +2,9 @@
 
 import os
 import warnings
+from collections import defaultdict
 from collections.abc import Iterator, Mapping
-from typing import final
+from typing import Any, final
 
 import numpy as np
 
@@ -54,6 +55,16 @@ def open_store(path: str | os.PathLike[str]) -> Dispersion:
     return as_dispersion(store, chunks)
 
 
+def _flying(entries: list[dict[str, Any]]) -> float:
+    """For how long the chunks with these entries were computed, s."""
+    seconds: dict[int | None, float] = defaultdict(float)
+    for entry in entries:
+        seconds[entry.get("host")] += float(entry.get("seconds", 0.0))
+    alone = seconds.pop(None, 0.0)
+    # Hosts compute at one time, and the longest of them is waited for.
+    return alone + max(seconds.values(), default=0.0)
+
+
 def as_dispersion(store: Store, chunks: list[int]) -> Dispersion:
     """The runs of these chunks of a store."""
     kinds = {
@@ -68,7 +79,7 @@ def as_dispersion(store: Store, chunks: list[int]) -> Dispersion:
     attributes = {k: v for k, v in store.attributes.items() if k not in BOOKKEEPING}
     entries = [store.entry(chunk) or {} for chunk in chunks]
     preparation = float(store.attributes["preparation_seconds"])
-    flying = sum(float(entry.get("seconds", 0.0)) for entry in entries)
+    flying = _flying(entries)
     attributes["preparation_seconds"] = preparation
     attributes["cpu_seconds"] = sum(float(entry.get("cpu_seconds", 0.0)) for entry in entries)
     return Dispersion(

@@ -55,6 +55,9 @@ class AbstractEngine(ABC):
     def compute(self, runner: BatchRunner, extents: Sequence[Extent]) -> Computed:
         """The chunks, each as soon as it is there.
 
+        Who asks for the next one has committed the last one. No more than `workers` are begun and
+        not committed at any time: so many are computed again after this process dies.
+
         **Raises** `StoreError` where a chunk cannot be computed after all retries."""
 
     @property
@@ -71,6 +74,11 @@ class AbstractEngine(ABC):
     def shares(self) -> bool:
         """Whether several processes share a campaign, each of which computes a part."""
         return False
+
+    @property
+    def host(self) -> int | None:
+        """Which of several that share a campaign this process is; `None` where it is alone."""
+        return None
 
     def share(self, extents: Sequence[Extent]) -> list[Extent]:
         """What this process computes of the chunks."""

@@ -31,7 +31,7 @@ def integrate(
     y0: State,
     t0: Scalar,
     t1: Scalar,
-    fractions: Float[Array, " times"] | None,
+    fractions: Float[Array, "times *#runs"] | None,
     config: IntegrationConfig,
     run_axes: int,
     *,
@@ -47,7 +47,7 @@ def integrate(
     - `system`, `y0`: `y0` is broadcast to the runs of the system (`broadcast_state`).
     - `t0`, `t1`: scalars or (*runs,).
     - `fractions`: save times as fractions of the duration, ascending within [0, 1]; `None` saves
-      the state at the end.
+      the state at the end. With fractions of each run, in any order, steps end at them.
     - `config`: from `resolve`.
     - `run_axes`: how many trailing axes carry runs.
     - `plan`: steps that are fixed beforehand, as nodes in normalised time.
@@ -69,8 +69,10 @@ def integrate(
     traits = solver_traits(config.solver)
     segments = segments_of(system, t0, t1, None)
     # Runs with their own breaks have their own segments: the save times become ends of segments,
-    # which all runs reach together.
-    landing = fractions is not None and (traits.lands_on_save_times or segments.u.ndim > 1)
+    # which all runs reach together. So do save times that are each run's own.
+    landing = fractions is not None and (
+        traits.lands_on_save_times or segments.u.ndim > 1 or fractions.ndim > 1
+    )
     if landing:
         segments = segments_of(system, t0, t1, fractions)
     settings = _settings(config, segments, fractions, landing, run_axes, plan, record_steps, dense)
@@ -102,7 +104,7 @@ def _by_closed_form(
     closed_form: AbstractClosedForm,
     y0: State,
     duration: Array,
-    fractions: Float[Array, " times"] | None,
+    fractions: Float[Array, "times *#runs"] | None,
     run_axes: int,
 ) -> IntegrationResult:
     # Without a map over a single duration, which would double what there is to trace.
@@ -110,7 +112,7 @@ def _by_closed_form(
         final = closed_form.flow(duration, y0)
         states = jax.tree.map(lambda x: x[None], final)
     else:
-        durations = jnp.multiply.outer(fractions, duration)
+        durations = of_each(fractions, duration)
         states = jax.vmap(lambda d: closed_form.flow(d, y0))(durations)
         final = jax.tree.map(lambda x: x[-1], states)
     finite = Tolerance(0.0, 0.0, run_axes).alive(final)
@@ -119,10 +121,15 @@ def _by_closed_form(
     return IntegrationResult(states, status, {"evaluations": jnp.array(0)}, None, None)
 
 
+def of_each(fractions: Float[Array, "times *#runs"], span: Array) -> Array:
+    """Fractions, of all runs or of each, of the duration of each run, (times, *runs)."""
+    return fractions * span if fractions.ndim > 1 else jnp.multiply.outer(fractions, span)
+
+
 def _settings(
     config: IntegrationConfig,
     segments: Segments,
-    fractions: Float[Array, " times"] | None,
+    fractions: Float[Array, "times *#runs"] | None,
     landing: bool,
     run_axes: int,
     plan: Array | None,

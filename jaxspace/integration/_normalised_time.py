@@ -112,11 +112,11 @@ class Segments(eqx.Module):
 
 
 def segments_of(
-    system: AbstractSystem, t0: Scalar, t1: Scalar, landings: Float[Array, " times"] | None
+    system: AbstractSystem, t0: Scalar, t1: Scalar, landings: Float[Array, "times *#runs"] | None
 ) -> Segments:
     """The segments of a run from `t0` to `t1`, s, between breaks of the system and `landings`.
 
-    `landings` are fractions of the run at which a step has to end, too."""
+    `landings` are fractions of the run, or of each one, at which a step has to end, too."""
     span = t1 - t0
     inner = []
     breaks = breaks_of(system)
@@ -126,8 +126,10 @@ def segments_of(
         breaks = breaks.reshape(breaks.shape[0], *missing, *breaks.shape[1:])
         inner.append(jnp.clip(safe_divide(breaks - t0, span), 0.0, 1.0))
     if landings is not None:
-        rank = inner[0].ndim - 1 if inner else 0
-        inner.append(landings.reshape(landings.shape + (1,) * rank))
+        # Those of all runs get the axes that breaks, or those of each run, have.
+        rank = max(inner[0].ndim if inner else 1, landings.ndim)
+        inner.append(landings)
+        inner = [x.reshape(x.shape + (1,) * (rank - x.ndim)) for x in inner]
     runs = jnp.broadcast_shapes(*(x.shape[1:] for x in inner)) if inner else ()
     zero = jnp.zeros((1, *runs), span.dtype)
     one = jnp.ones((1, *runs), span.dtype)

@@ -60,7 +60,7 @@ def result_of(
     y0: State,
     settings: LoopSettings,
     config: IntegrationConfig,
-    landed: Float[Array, " times"] | None,
+    landed: Float[Array, "times *#runs"] | None,
 ) -> IntegrationResult:
     """The result in the layout of results, with status and statistics.
 
@@ -117,7 +117,8 @@ def _at_fractions(states: State, u: Array, fractions: Array, run_axes: int) -> S
     if u.ndim == 1:
         index = jnp.searchsorted(u, fractions)
         return jax.tree.map(lambda x: x[index], states)
-    index = jnp.sum(u[:, None] < fractions.reshape(-1, *(1,) * (u.ndim - 1)), axis=0)
+    of_runs = fractions.reshape(*fractions.shape, *(1,) * (u.ndim - fractions.ndim))
+    index = jnp.sum(u[:, None] < of_runs, axis=0)
 
     def leaf(x: Array) -> Array:
         missing = (1,) * (x.ndim - 1 - run_axes)

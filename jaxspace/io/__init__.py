@@ -27,4 +27,4 @@ from ._report import run_report as run_report
 from ._report import sensitivity_report as sensitivity_report
 from ._scene_file import SceneFile as SceneFile
 from ._stored import stored_scene as stored_scene
-from ._units import read_size as read_size
+from ._units import read_option as read_option

@@ -204,7 +204,7 @@ def _read(key: str, entry: Value, nominal: Measure, file: Parsed, folder: Path) 
         elif declared.shared == NOMINAL:
             numbers[field] = float(nominal)
         else:
-            raise ValueError(missing(f"{key}.{field}", expected(nominal.quantity)))
+            raise ValueError(missing(f"{key}.{field}", _expected(nominal, declared)))
     # Built once here, because the rule between its numbers is known to the class alone.
     try:
         cls(**numbers)
@@ -243,24 +243,38 @@ def _with_file(key: str, entry: Values, folder: Path) -> Values:
 
 def _value(key: str, value: object, nominal: Measure, entry: Entry) -> float | list[float]:
     """A field of a distribution: a number, or a list of them."""
+    declared = _declared(entry)
     if not isinstance(entry.kind, ListOf):
-        assert isinstance(entry.kind, Number)
-        return _number(key, value, nominal, entry.kind.quantity)
+        return _number(key, value, nominal, declared)
     if not (isinstance(value, list) and value):
-        raise ValueError(wrong(key, value, "a list of one or more numbers"))
-    assert isinstance(entry.kind.kind, Number)
-    declared = entry.kind.kind.quantity
+        raise ValueError(wrong(key, value, _expected(nominal, entry)))
     return [_number(f"{key}.{k}", v, nominal, declared) for k, v in enumerate(value)]
+
+
+def _declared(entry: Entry) -> Quantity:
+    """What each number of a field of a distribution is."""
+    kind = entry.kind.kind if isinstance(entry.kind, ListOf) else entry.kind
+    assert isinstance(kind, Number)
+    return kind.quantity
+
+
+def _expected(nominal: Measure, entry: Entry) -> str:
+    """What a field of a distribution must be, for a sentence."""
+    one = expected(_own_quantity(nominal, _declared(entry)))
+    return f"a list of one or more entries, each {one}" if isinstance(entry.kind, ListOf) else one
+
+
+def _own_quantity(nominal: Measure, declared: Quantity) -> Quantity:
+    """The quantity of a number of a distribution: that of the nominal value, in its own range."""
+    # A pure number, such as a weight, has nothing to do with the unit of the input.
+    if declared.unit == "1":
+        return declared._replace(unit="")
+    return nominal.quantity._replace(low=declared.low, high=declared.high, strict=declared.strict)
 
 
 def _number(key: str, value: object, nominal: Measure, declared: Quantity) -> float:
     """A number in the unit of the nominal value; a difference may be a percentage of it."""
-    quantity = nominal.quantity._replace(
-        low=declared.low, high=declared.high, strict=declared.strict
-    )
-    # A pure number, such as a weight, has nothing to do with the unit of the input.
-    if declared.unit == "1":
-        quantity = declared
+    quantity = _own_quantity(nominal, declared)
     try:
         share = declared.unit == SHARE_OF_INPUT
         # A difference may be relative; a value of the input, such as a limit, may not.

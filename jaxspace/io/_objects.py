@@ -49,8 +49,7 @@ def kind_of_quantity(quantity: Quantity) -> Kind:
     """A number, or a list of numbers of the quantity's shape."""
     kind: Kind = Number(quantity._replace(shape=()))
     for count in reversed(quantity.shape):
-        # A list of any length with one entry could not be told from a number.
-        kind = ListOf(kind, count, 0 if count is not None else 2)
+        kind = ListOf(kind, count, 0 if count is not None else quantity.least)
     return kind
 
 

@@ -132,23 +132,19 @@ def parse_unit(text: str, what: str) -> "pint.Unit":
         raise ValueError(f"{what}; {text} is no unit") from error
 
 
-def read_size(name: str, text: str, part: str) -> float:
-    """The size of a part of a `BodyState`, such as "10 m" for its position, in SI.
+def read_option(name: str, text: str, of: str) -> float:
+    """A number of the command line in SI, of which a bare one is in SI already.
 
     **Arguments**
 
     - `name`: of what is read, for the sentence.
+    - `of`: "time", such as "10 min"; or the part of a `BodyState` whose size it is, such as "10 m"
+      for its position.
 
     **Raises** `InputError` for another kind of number."""
-    declared = quantities(BodyState).get(part)
-    if declared is None:
-        raise InputError(
-            f"output is {part!r}: it must be one of {', '.join(quantities(BodyState))}."
-        )
-    # The difference of two attitudes is an angle.
-    quantity = argument(declared.unit or "rad", positive=True, doc="size")
+    quantity = argument("s", doc="time") if of == "time" else _size(of)
     try:
-        # The command line hands over text only: a bare number is one in SI.
+        # The command line hands over text only.
         value = float(text)
     except ValueError:
         value = text
@@ -156,6 +152,17 @@ def read_size(name: str, text: str, part: str) -> float:
         return read_number(value, quantity)[0]
     except ValueError as error:
         raise InputError(f'{name} is "{text}": it must be {error}.') from error
+
+
+def _size(part: str) -> Quantity:
+    """What the size of a part of a `BodyState` is."""
+    declared = quantities(BodyState).get(part)
+    if declared is None:
+        raise InputError(
+            f"output is {part!r}: it must be one of {', '.join(quantities(BodyState))}."
+        )
+    # The difference of two attitudes is an angle.
+    return argument(declared.unit or "rad", positive=True, doc="size")
 
 
 def in_unit(si: str, unit: str) -> float:

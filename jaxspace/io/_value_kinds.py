@@ -81,7 +81,8 @@ class ListOf(Kind):
         return [self.kind.read(v, f"{path}.{k}", reading) for k, v in enumerate(value)]
 
     def expected(self) -> str:
-        count = f"{self.count} " if self.count else f"at least {self.least} " if self.least else ""
+        least = {0: "", 1: "one or more "}.get(self.least, f"at least {self.least} ")
+        count = f"{self.count} " if self.count else least
         return f"a list of {count}entries, each {self.kind.expected()}"
 
     def schema(self) -> Schema:

@@ -105,11 +105,11 @@ class PitchTable(AbstractPitch):
 
 @final
 class PitchPolynomial(AbstractPitch):
-    """A pitch that is a polynomial of the time since `start`; two coefficients are a constant
-    rate."""
+    """A pitch that is a polynomial of the time since `start`; one coefficient is a constant pitch,
+    two are a constant rate."""
 
     coefficients: Float[Array, "terms *#runs"] = quantity(
-        "", doc="c_0, rad, c_1, rad/s, and so on: pitch = sum of c_k (t - start)^k"
+        "", doc="c_0, rad, c_1, rad/s, and so on: pitch = sum of c_k (t - start)^k", least=1
     )
     start: Float[Array, "*#runs"] = quantity("s", default=0.0, doc="from which the time counts")
     plane: FlightPlane | None = eqx.field(default=None, metadata={"doc": _PLANE_DOC})

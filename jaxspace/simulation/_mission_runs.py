@@ -1,24 +1,50 @@
 """Runs of a mission: one phase after the other, in the layout of the physics, runs last."""
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
-from ..core import AbstractSystem, Scalar, State
+from ..core import AbstractSystem, Scalar, State, safe_divide
 from ..integration._config import IntegrationConfig
 from ..integration._event_search import FoundEvents, first_event
 from ..integration._events import Event, newton_correct
-from ..integration._integrate import integrate
+from ..integration._integrate import integrate, of_each
 from ..integration._layout import broadcast_state, replace_state, runs_of, state_at, with_start
 from ..integration._status import Status, combine_status
 from ._checks import check_events
 from ._flight import AbstractFlight
 from ._mission import Mission, Phase
 from ._run_result import RunResult
+
+
+class OwnTimes(NamedTuple):
+    """Where a phase saves states whose start or end is another one in each run.
+
+    - `times`: of the mission, s, (chosen,); where the phase of a run does not cover one of them,
+      its nearer end stands for it.
+    - `along`: how many states follow, evenly from its start to its end."""
+
+    times: Float[Array, " chosen"]
+    along: int
+
+    def fractions(self, t0: Float[Array, "*runs"], t1: Float[Array, "*runs"]) -> Array:
+        """Of the duration of each run, (chosen + along, *runs)."""
+        times = self.times.astype(t0.dtype).reshape(-1, *(1,) * t0.ndim)
+        x = safe_divide(times - t0, t1 - t0)
+        # Written so that NaN becomes zero: the end of a failed run must not move the steps of all.
+        own = jnp.where(x > 0.0, jnp.minimum(x, 1.0), 0.0)
+        even = jnp.linspace(0.0, 1.0, self.along, dtype=t0.dtype).reshape(-1, *(1,) * t0.ndim)
+        return jnp.concatenate([own, jnp.broadcast_to(even, (self.along, *t0.shape))])
+
+
+# Of any number: each phase has its own.
+SaveTimes: TypeAlias = int | Float[Array, " _"] | OwnTimes
+"""How many states a phase saves, evenly from its start to its end; or the fractions of its
+duration, from 0 to 1; or times of the mission."""
 
 
 class MissionResult(NamedTuple):
@@ -40,7 +66,7 @@ def _run_phase(
     until: Scalar | Event,
     y0: State,
     t0: Scalar,
-    num_saved: int | Float[Array, " times"],
+    num_saved: SaveTimes,
     config: IntegrationConfig,
     run_axes: int,
     plan: Array | None,
@@ -60,6 +86,8 @@ def _run_phase(
         t1 = found.time
     if isinstance(num_saved, int):
         fractions = jnp.linspace(0.0, 1.0, num_saved, dtype=dtype)
+    elif isinstance(num_saved, OwnTimes):
+        fractions = num_saved.fractions(t0, t1)
     else:
         fractions = num_saved.astype(dtype)
     ends_alone = fractions.shape[0] == 2
@@ -77,7 +105,7 @@ def _run_phase(
     )
     # Steps are kept of a run of one system only: `dense` is no argument of a mission.
     phase = RunResult(
-        ts=t0 + jnp.multiply.outer(fractions, t1 - t0),
+        ts=t0 + of_each(fractions, t1 - t0),
         states=with_start(y0, result.states, run_axes) if ends_alone else result.states,
         status=result.status,
         event=-jnp.ones(runs, jnp.int32),
@@ -128,7 +156,7 @@ def run_mission(
     y0: State,
     t0: Scalar,
     # Each phase has its own number of times.
-    num_saved: int | Sequence[int | Float[Array, " _"]],
+    num_saved: int | Sequence[SaveTimes],
     configs: tuple[IntegrationConfig, ...],
     run_axes: int,
     plans: tuple[Array | None, ...] | None = None,
@@ -139,8 +167,8 @@ def run_mission(
     **Arguments**
 
     - `mission`, `y0`, `t0`: what runs, its initial state and the time of its start, s.
-    - `num_saved`: how many states each phase saves from its start to its end; one number for all,
-      or for each one, in place of which may stand the fractions of its duration, from 0 to 1.
+    - `num_saved`: how many states each phase saves from its start to its end, for all of them; or
+      the `SaveTimes` of each.
     - `configs`: one for each phase, from `resolve_phases`.
     - `plans`: fixed steps for each phase, as nodes in normalised time.
     - `record_steps`: whether to return the ends of the steps."""
