@@ -56,6 +56,7 @@ def marks_of(page):
 @pytest.mark.parametrize("page", [pytest.param(p, marks=marks_of(p)) for p in PAGES])
 def test_code_of_the_page_runs(page, tmp_path, monkeypatch, settings_stay):
     monkeypatch.chdir(tmp_path)  # a page may write a file
+    (tmp_path / "examples").symlink_to(ROOT / "examples")  # and read those of the examples
     names = {"__name__": "page"}
     # A reader has JAX as it comes: of the settings that tests share only double precision is kept.
     with jax.numpy_dtype_promotion("standard"):
