@@ -53,6 +53,27 @@ def test_errors_are_the_turns_that_were_made():
         assert np.linalg.norm(slopes[0, 0, 0]) < 1.0 + 1e-9
 
 
+def test_slopes_of_the_axis_beside_half_a_turn():
+    """A billionth beside half a turn, about an axis a hundredth off the body's x axis: changes of
+    the attitude along the axis of the turn leave the axis as it is. What is left of these slopes is
+    a rounding of an off-axis component times pi, where it was one of the axis itself."""
+    w, tilt = 1e-9, 8.7e-3
+    nominal = SimpleNamespace(attitude=Quaternion(jnp.array([1.0, 0.0, 0.0, 0.0])))
+    parts = (attitude_error_x, attitude_error_y, attitude_error_z)
+
+    def vector(q):
+        return jnp.stack([part(Quaternion(q), nominal) for part in parts])
+
+    q = jnp.array([w, 1.0, -tilt, 0.0])
+    # phi = theta e, e = (1, -tilt, 0)/s: d(phi_x)/d(q_1) = theta tilt^2/s^3 + 2 w/(s^2 + w^2)/s^2.
+    s = np.hypot(1.0, tilt)
+    theta = 2.0 * np.arctan2(s, w)
+    expected = theta * tilt**2 / s**3 + 2.0 * w / (s**2 + w**2) / s**2
+    for slopes in (jax.jacfwd(vector)(q), jax.jacrev(vector)(q)):
+        np.testing.assert_allclose(slopes[0, 1], expected, rtol=1e-14)
+        np.testing.assert_allclose(slopes[2, 3], theta / s, rtol=1e-14)
+
+
 def test_half_a_turn_and_more():
     """Half a turn is the largest error; beyond, the shorter turn is the other way."""
     (angle, vector), *_ = values_and_slopes(jnp.asarray(AXIS[:, None] * (2.0 * np.pi - 0.5)))

@@ -250,6 +250,34 @@ def test_impact_keeps_the_momentum_about_the_pivot(arm):
     assert_allclose(again.energy_loss, 0.0, atol=1e-25)
 
 
+@pytest.mark.parametrize("jit", [False, True])
+def test_a_rod_is_caught_at_a_point_of_its_axis(jit):
+    """The tensor about the pivot is singular, the impact is not: no torque acts about the axis.
+    Across it m (l^2/12 + r^2) w' = m l^2/12 w + m r x v; at the centre of mass, r = 0, w stays.
+    Beside them in one batch a point off the axis, as that of a cylinder of almost no thickness."""
+    catch = jax.jit(bodies.pivot_impact) if jit else bodies.pivot_impact
+    m, own, r = 3.0, 2.0, 0.7
+    rod = bodies.PrincipalInertia(jnp.array([own, own, 0.0]))
+    arms = jnp.array([[0.0, 0.0, r], [0.0, 0.0, 0.0], [0.3, 0.0, r]]).T
+    v, w = jnp.array([0.1, 0.2, 0.3]), jnp.array([0.1, 0.3, 0.2])
+    hit = catch(rod, m, arms, v[:, None], w[:, None])
+    about = own + m * r**2
+    across = np.array([(own * w[0] - m * r * v[1]), (own * w[1] + m * r * v[0])]) / about
+    assert_allclose(hit.omega[:, 0], [*across, w[2]], rtol=1e-14)
+    assert_allclose(hit.omega[:, 1], w, rtol=1e-15)
+    assert_allclose(hit.velocity[:, 1], 0.0, atol=0.0)
+    assert_allclose(hit.impulse[:, 1], -m * v, rtol=1e-15)
+    thin = bodies.PrincipalInertia(jnp.array([own, own, 1e-12]))
+    # A trillionth of a moment beside m 0.3^2.
+    assert_allclose(hit.omega[:, 2], catch(thin, m, arms[:, 2], v, w).omega, rtol=1e-10)
+    # An isolated rod, and a slope in the axis: that of the energy by the speed along it, which all
+    # of it takes: m v_z.
+    alone = catch(rod, m, arms[:, 0], v, w)
+    assert_allclose(alone.omega, hit.omega[:, 0], rtol=1e-15)
+    slope = jax.grad(lambda x: catch(rod, m, arms[:, 0], v.at[2].set(x), w).energy_loss)(v[2])
+    assert_allclose(slope, m * v[2], rtol=1e-14)
+
+
 @pytest.mark.parametrize(
     ("build", "message"),
     [

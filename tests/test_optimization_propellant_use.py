@@ -6,10 +6,15 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 from jaxspace.core import InputError
 from jaxspace.optimization import (
+    Ascent,
+    ConstantThrustAcceleration,
     Criterion,
+    apex,
+    burnout_state,
     equal_stages_payload,
     maximum_velocity_steering,
     minimise,
@@ -47,6 +52,45 @@ def test_textbook_impulses():
     rest = propellant_use(jnp.zeros(2), 300.0 * 5280.0, 24207.635159180667, G)
     found = (rest.duration, np.degrees(rest.first_angle), rest.final_velocity)
     np.testing.assert_allclose(found, (313.66398130435994, 24.65938247810715, 22000.0), rtol=1e-11)
+
+
+def test_the_slope_of_the_steering_is_no_free_constant():
+    """Erratum 28, to 8.4-2 and Prob. 8.4-1: with T free and no thrust at T, lambda_1(T) = 0 leaves
+    tan phi = (1 - t/T) tan phi_0, so C_2 = tan(phi_0)/T. The burn of 160 s of T8.4-finite, with
+    phi_0 chosen anew for the height: slopes of 0.8 and 1.2 times that lose some feet per second,
+    4.2 here. The losses are those of a root in (phi_0, T) by SciPy, to its tolerance."""
+    ascent = Ascent(ConstantThrustAcceleration(93.75), 160.0, 3000.0, 0.0, 4e5, G)
+    release = jnp.asarray(np.pi / 6.0)
+
+    @jax.jit
+    def flown(x):
+        """Velocity, time and height of the apex for tan phi = x_0 - x_1 t/(1000 s)."""
+        end = burnout_state(ascent, release, lambda t: jnp.arctan(x[0] - 1e-3 * x[1] * t))
+        return end.u, *apex(ascent, end)
+
+    def problem(x):
+        u, _, height = flown(x)
+        return Criterion(-u, height - 4e5)
+
+    # Both constants are free: the optimum has the slope of the erratum.
+    best = minimise(problem, jnp.array([0.8, 2.0]), method="sqp")
+    assert best.converged
+    start, slope = best.x
+    top, T, _ = flown(best.x)
+    np.testing.assert_allclose(1e-3 * slope, start / T, rtol=1e-7)
+    case = (16431.319928700537, 218.46891178586966, 0.5700864745693154)
+    np.testing.assert_allclose((top, T, jnp.arctan(start)), case, rtol=1e-7)
+
+    def loss(scale):
+        def miss(start):
+            return float(flown(jnp.array([start, scale * slope]))[2]) - 4e5
+
+        again = brentq(miss, float(start) - 0.2, float(start) + 0.2, xtol=1e-14)
+        return float(top - flown(jnp.array([again, scale * slope]))[0])
+
+    np.testing.assert_allclose([loss(0.8), loss(1.2)], [4.21011734, 4.18908356], rtol=1e-6)
+    # Quadratic about the optimum, so that no slope beside it is better.
+    np.testing.assert_allclose([loss(0.99), loss(1.01)], 4.2 / 20**2, rtol=0.01)
 
 
 def test_no_time_of_flight_is_better():

@@ -138,6 +138,55 @@ def test_of_many_targets_those_out_of_reach_are_named(method):
     assert converged.converged and not np.any(converged.unmet()[0])
 
 
+def on_a_shell(x):
+    """The least sum on a sphere, the radius of which float32 does not hold to ten digits."""
+    return Criterion(jnp.sum(x), jnp.stack([x @ x - 40.1, x[0] * x[1] - 1.3]))
+
+
+@pytest.mark.parametrize("method", ["sqp", "multipliers"])
+def test_a_search_that_stops_short_is_not_infeasible(method):
+    """A problem that can be met, as float64 does: with float32 beyond its digits, and with too few
+    steps, the sentence names what is missing and what helps."""
+    start = jnp.array([2.0, 3.0, 4.0])
+    assert search(on_a_shell, start, method=method).converged
+    # 1e-12 of numbers of the order of one, of which float32 has seven digits.
+    rough = search(on_a_shell, start.astype(jnp.float32), method=method, tolerance=1e-12)
+    ends = {"sqp": StopReason.NO_PROGRESS, "multipliers": StopReason.STEP_LIMIT}
+    assert not rough.converged and int(rough.reason) == ends[method]
+    # What is missing may be the gradient alone.
+    assert rough.violation < 1e-4 and (rough.violation > 0.0) == np.any(rough.unmet()[0])
+    sentence = rough.sentence()
+    assert "short of the tolerance 1.0e-12" in sentence and "compute in float64" in sentence
+    few = search(on_a_shell, start, method=method, max_steps=2, max_rounds=1)
+    assert int(few.reason) == StopReason.STEP_LIMIT and few.violation > 1e-3
+    sentence = few.sentence()
+    assert "where 0 is asked. Allow more, or begin nearer." in sentence
+    assert f"equal_zero[0] is {few.criterion.equal_zero[0]:.3g}" in sentence
+
+
+@pytest.mark.parametrize("method", ["sqp", "multipliers"])
+@pytest.mark.parametrize("dtype", [jnp.float32, jnp.float64])
+def test_circles_that_do_not_meet_are_infeasible_in_any_precision(method, dtype):
+    """Unit circles, three apart: on the line between them no step brings one nearer without
+    leaving the other, and the gradient of the squared violation vanishes where the multipliers
+    end: (x^2 - 1)^2 + ((x - 3)^2 - 1)^2 at x = 3/2 is 2 (5/4)^2."""
+    far = jnp.array([3.0, 0.0], dtype)
+
+    def problem(x):
+        return Criterion(x[0], jnp.stack([x @ x - 1.0, (x - far) @ (x - far) - 1.0]))
+
+    found = search(problem, jnp.array([0.5, 0.5], dtype), method=method)
+    assert int(found.reason) == StopReason.INFEASIBLE and "cannot be met" in found.sentence()
+    assert abs(found.x[1]) < 1e-2
+
+
+def test_a_far_target_is_no_infeasible_one():
+    """A thousand sizes of the unknown away, with four steps: the slope does not vanish, although
+    a step reduces little of the violation."""
+    found = search(lambda x: Criterion(x * x, x - 1e5), jnp.asarray(0.5), method="sqp", max_steps=4)
+    assert int(found.reason) == StopReason.STEP_LIMIT
+
+
 def tangent_burn(x):
     """The linear-tangent problem: tan phi = a + b t with the acceleration 100 from rest to the
     height 5 and the velocity (45, 0) in the least time, integrals in closed form."""

@@ -144,6 +144,36 @@ def test_descent_agrees(rocket):
     np.testing.assert_allclose(found.multiplier, exact.multiplier, rtol=1e-10)
 
 
+@pytest.mark.parametrize(
+    "stages", [P4[:2], N3[:2], N4[:2], BOUND[:2], ([3000.0, 3000.0], [0.1, 0.1])]
+)
+def test_descent_converges_up_to_the_greatest_velocity(stages):
+    """From where almost nothing is left to the limit of the stages, a trillionth of it, to slow
+    rockets. What is left to the limit is a difference: its rounding, of the few parts in 1e16 of
+    the limit that three logarithms make, is that of the initial mass, once for each stage. In
+    float64 both functions have the mass ratios to 12 digits everywhere."""
+    u, b = (np.asarray(x) for x in stages)
+    limit = -np.sum(u * np.log(b))
+    parts = np.array([1e-12, 1e-10, 1e-8, 1e-6, 1e-4, 1e-3, 1e-2, 0.1, 0.5, 0.999, 1.0 - 1e-6])
+    found = jax.vmap(lambda v: optimal_staging_by_gradient(u, b, v), out_axes=-1)(
+        (1 - parts) * limit
+    )
+    exact = optimal_staging(u, b, (1.0 - parts) * limit)
+    assert np.all(found.feasible)
+    np.testing.assert_array_equal(found.used, exact.used)
+    np.testing.assert_allclose(found.mass_ratio, exact.mass_ratio, rtol=1e-12)
+    for k, part in enumerate(parts):
+        rtol = 1e-12 + len(u) * 5e-16 / part
+        np.testing.assert_allclose(found.initial_mass[k], exact.initial_mass[k], rtol=rtol)
+        # The slope of ln(m01/P) by the velocity, negative.
+        np.testing.assert_allclose(found.multiplier[k], exact.multiplier[k], rtol=rtol)
+    if np.ptp(u) == 0.0 and np.ptp(b) == 0.0:
+        # Equal stages: [(1/mu - b)/(1 - b)]^N, whose difference is that of v from the limit.
+        left = b[0] * np.expm1(parts * limit / np.sum(u)) / (1.0 - b[0])
+        rtol = 1e-12 + len(u) * 5e-16 / parts
+        assert np.all(np.abs(found.payload_ratio / left ** len(u) - 1.0) < rtol)
+
+
 def _log_mass(s, b):
     return np.sum(s + np.log1p(-b) - np.log(1.0 - b * np.exp(s)))
 

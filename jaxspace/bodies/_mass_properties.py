@@ -31,6 +31,7 @@ from ..rotations import Quaternion
 from ._inertia import (
     AbstractInertia,
     InertiaTensor,
+    PrincipalInertia,
     kinetic_energy,
     parallel_axes,
     particle_inertia,
@@ -163,12 +164,15 @@ def pivot_impact(
     - `omega`: before the impact, rad/s, (3, *runs).
 
     **Returns** omega, velocity, impulse and the loss of energy. Where the pivot is the centre of
-    mass omega stays, and where the body turned about the pivot already nothing changes.
+    mass omega stays, and where the body turned about the pivot already nothing changes. A rod that
+    is caught at a point of its own axis keeps its rate about that axis.
+
+    **Raises** `InputError` for a tensor that is not positive definite.
     """
     ranks = [x.ndim - 1 for x in (inertia.matrix()[0], arm, velocity, omega)]
     rank = max(*ranks, jnp.ndim(mass))
     arm, velocity, omega = (with_rank(x, rank) for x in (arm, velocity, omega))
-    about_pivot = parallel_axes(inertia, mass, arm)
+    about_pivot = parallel_axes(_able_to_turn(inertia, arm), mass, arm)
     # The pivot's velocity is what the impulse takes away: solved for the change, which is zero to
     # rounding where the body turns about the pivot already.
     surplus = velocity - cross(omega, arm)
@@ -179,6 +183,20 @@ def pivot_impact(
     # T - T' as a sum of squares: what is lost is the energy of the change of motion.
     loss = kinetic_energy(inertia, change) + 0.5 * mass * dot(gain, gain)
     return PivotImpact(omega + change, after, mass * gain, loss)
+
+
+def _able_to_turn(inertia: AbstractInertia, arm: Vector) -> AbstractInertia:
+    """The inertia with a moment about the axis of a rod where the `arm` lies along that axis.
+
+    Without one the tensor about the pivot is singular. Which moment does not matter: an impulse at
+    a point of the axis has no torque about it."""
+    if not isinstance(inertia, PrincipalInertia):
+        return inertia
+    rank = max(inertia.moments.ndim, arm.ndim) - 1
+    moments, arm = with_rank(inertia.moments, rank), with_rank(arm, rank)
+    beside = jnp.stack([(arm[i - 2] == 0.0) & (arm[i - 1] == 0.0) for i in range(3)])
+    rod = (moments == 0.0) & beside
+    return inertia.plus_diagonal(jnp.where(rod, jnp.max(moments, axis=0), 0.0))
 
 
 def _sum(a: Array, b: Array, axes: int = 1) -> Array:

@@ -55,10 +55,8 @@ class Optimum:
         return int(self.minimum.reason) == StopReason.INFEASIBLE
 
     def sentence(self) -> str:
-        """Why the search ended; of an infeasible problem what each constraint that is not met has
-        reached and what was asked, in the units of the file."""
-        if not self.infeasible:
-            return self.minimum.sentence()
+        """Why the search ended; what each constraint that is not met has reached and what was
+        asked, in the units of the file."""
         # Equalities and the rest come back in the order of the file among their own kind.
         equal, above = (iter(flags) for flags in self.minimum.unmet())
         clauses = []
@@ -69,7 +67,9 @@ class Optimum:
                 unit = f" {spec.unit}" if spec.unit else ""
                 name = spec.name.replace("_", " ")
                 clauses.append(f"{name} is {best}{unit} where {limit} {target}{unit} is asked")
-        return f"The constraints cannot be met from this start: at best {', '.join(clauses)}."
+        if self.infeasible:
+            return f"The constraints cannot be met from this start: at best {', '.join(clauses)}."
+        return self.minimum.sentence(clauses)
 
     @property
     def target_derivatives(self) -> tuple[float, ...]:

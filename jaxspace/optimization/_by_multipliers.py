@@ -10,6 +10,7 @@ from . import _multipliers as multipliers
 from ._bounds import Bounds
 from ._criterion import Minimum
 from ._drive import drive
+from ._infeasibility import least_violation
 from ._scaling import ScaledProblem
 from ._search import Common, taken_up
 
@@ -33,18 +34,18 @@ def by_multipliers(
         q0, scaled.size, scaled.me, scaled.mi, scaled.blank, max_rounds, adam_steps, common.check
     )
     if before is not None:
-        state = taken_up(before, state)
+        state = taken_up(before, state)._replace(judged=jnp.asarray(False))
+    options = multipliers.Options(common.tolerance, max_steps, adam_rate)
 
     def evaluate(s: multipliers.Descent) -> multipliers.Evaluation:
         z, to_free = jax.vjp(inside, s.trial)
         values, pull, criterion = jax.vjp(scaled.numbers, z, has_aux=True)
-        total, along = multipliers.wanted(s, values)
+        total, along = multipliers.wanted(s, values, options)
         # In z, where the slope is what a bound takes; in the free numbers it is zero there.
         (held,) = pull(along)
         (slopes,) = to_free(held)
         return multipliers.Evaluation(total, slopes, held, values, criterion)
 
-    options = multipliers.Options(common.tolerance, max_steps, adam_rate)
     last, interrupted = drive(
         evaluate,
         lambda s, found: multipliers.advance(s, found, options),
@@ -53,7 +54,11 @@ def by_multipliers(
         common.progress,
     )
     slope = last.held if bounded else jnp.zeros_like(last.held)
-    limited = (last.taken >= max_rounds) & (last.violation <= common.tolerance)
-    ends = (jnp.isfinite(last.value), limited, interrupted)
     z = inside(last.x)
+    y, nu = multipliers.violations(last.values, last)
+    _, c, d = multipliers.scaled_numbers(last.values, last)
+    largest = jnp.maximum(jnp.max(jnp.abs(c), initial=0.0), jnp.max(-d, initial=0.0))
+    least = least_violation(z, last.outward, c @ y - d @ nu, largest, (scaled.low, scaled.high))
+    limited = last.taken >= max_rounds
+    ends = (jnp.isfinite(last.value), limited, last.judged & least, interrupted)
     return scaled.minimum(last, last.criterion, z, slope, ends, common.tolerance, before)

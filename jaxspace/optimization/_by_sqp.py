@@ -10,6 +10,7 @@ from ._criterion import Criterion, Minimum
 from ._drive import drive
 from ._scaling import ScaledProblem
 from ._search import Common, taken_up
+from ._sqp_measures import at_least_violation
 
 
 def by_sqp(
@@ -50,5 +51,5 @@ def by_sqp(
     slope = last.at.g + last.at.J.T @ last.y - last.at.K.T @ last.nu
     finite = jnp.isfinite(last.at.f) & jnp.all(jnp.isfinite(last.at.g))
     limited = last.taken >= last.rows.shape[0]
-    ends = (finite, limited, interrupted)
+    ends = (finite, limited, at_least_violation(last, limits), interrupted)
     return scaled.minimum(last, last.at.report, last.x, slope, ends, common.tolerance, before)

@@ -44,13 +44,15 @@ class StopReason(enum.IntEnum):
 SENTENCES = {
     StopReason.CONVERGED: "Converged after {steps} steps: {found}.",
     StopReason.STEP_LIMIT: (
-        "Stopped at the limit of steps, {steps}: {found}. Allow more, or begin nearer."
+        "Stopped at the limit of steps, {steps}, short of the tolerance{asked}: {found}. "
+        "Allow more{wider}, or begin nearer."
     ),
     StopReason.INFEASIBLE: (
         "The constraints cannot be met from this start: at the least violation found {unmet}."
     ),
     StopReason.NO_PROGRESS: (
-        "No step improves the result further: {found}; the problem is known no better than this."
+        "No step improves the result further, short of the tolerance{asked}: {found}. "
+        "Scale the problem better{wider}, or allow a larger tolerance."
     ),
     StopReason.NOT_FINITE: "The objective or a constraint is not finite at the start.",
     StopReason.WRONG_GRADIENT: (
@@ -70,12 +72,14 @@ def stop_reason(
     finite: Bool[Array, ""],
     converged: Bool[Array, ""],
     limited: Bool[Array, ""],
-    missed: Bool[Array, ""],
+    infeasible: Bool[Array, ""],
 ) -> Int[Array, ""]:
-    """The first of the reasons that holds; `missed`: whether the constraints are violated."""
+    """The first of the reasons that holds; `infeasible`: whether the constraints are violated, and
+    no step reduces that (`_infeasibility.py`)."""
     # The last one that holds wins: numbers that are not finite rule out every other reason.
-    reason = jnp.where(missed, StopReason.INFEASIBLE, StopReason.NO_PROGRESS)
-    reason = jnp.where(limited, StopReason.STEP_LIMIT, reason)
+    reason = jnp.where(limited, StopReason.STEP_LIMIT, StopReason.NO_PROGRESS)
+    # More steps would not help.
+    reason = jnp.where(infeasible, StopReason.INFEASIBLE, reason)
     reason = jnp.where(converged, StopReason.CONVERGED, reason)
     return jnp.where(finite, reason, StopReason.NOT_FINITE).astype(int)
 
@@ -98,6 +102,7 @@ class Minimum(eqx.Module):
     - `history`: objective, and scaled violation and gradient, after each round or step, (rows, 3),
       NaN for those not taken.
     - `search`: where the search stands, from which `minimise` can go on.
+    - `tolerance`: what was asked of the scaled gradient and violation.
     """
 
     x: Point
@@ -112,6 +117,7 @@ class Minimum(eqx.Module):
     bound_multipliers: Point
     history: Float[Array, "rows 3"]
     search: PyTree = None
+    tolerance: Float[Array, ""] | None = None
 
     def plot(self, title: str = "") -> Any:
         """A figure of the history, with matplotlib. Raises `ImportError` without it."""
@@ -119,25 +125,34 @@ class Minimum(eqx.Module):
 
         return convergence_figure(self.history, title)
 
-    def sentence(self) -> str:
-        """Why the search ended, in words, for a known result of one run.
+    def sentence(self, unmet: Sequence[str] | None = None) -> str:
+        """Why the search ended, in words, for a known result of one run: of one that stops short of
+        the tolerance what is missing, and what helps.
+
+        - `unmet`: a clause for each constraint that is not met, in place of its number here.
 
         Raises `InputError` for several runs, or under `jit`."""
         if not is_concrete(self.reason) or self.reason.ndim > 0:
             raise InputError("Minimum.sentence describes one known run: pick one.")
         found = f"gradient {float(self.gradient):.1e}, violation {float(self.violation):.1e}"
-        equal, above = self.unmet()
-        named = [
-            *_named("equal_zero", self.criterion.equal_zero, equal, "0"),
-            *_named("non_negative", self.criterion.non_negative, above, "at least 0"),
-        ]
+        if unmet is None:
+            equal, above = self.unmet()
+            unmet = [
+                *_named("equal_zero", self.criterion.equal_zero, equal, "0"),
+                *_named("non_negative", self.criterion.non_negative, above, "at least 0"),
+            ]
+        short = self.gradient.dtype == jnp.float32
         return SENTENCES[StopReason(int(self.reason))].format(
-            found=found, steps=int(self.steps), unmet=listed(named)
+            found=", ".join([found, listed(unmet)]) if unmet else found,
+            steps=int(self.steps),
+            unmet=listed(unmet),
+            asked="" if self.tolerance is None else f" {float(self.tolerance):.1e}",
+            wider=", compute in float64 (jaxspace.enable_x64)" if short else "",
         )
 
     def unmet(self) -> tuple[Bool[np.ndarray, " equal"], Bool[np.ndarray, " inequal"]]:
-        """Which equalities and which inequalities an infeasible problem leaves violated, flat; of a
-        known result of one run. None where the problem is not infeasible."""
+        """Which equalities and which inequalities are not met, flat; of a known result of one run.
+        None where the search converged, or did not begin."""
         parts = (self.criterion.equal_zero, self.criterion.non_negative)
         c, d = (np.zeros(0) if x is None else np.ravel(np.asarray(x)) for x in parts)
         # In their own units they cannot be compared.
@@ -145,9 +160,12 @@ class Minimum(eqx.Module):
         if self.search is not None:
             weight = np.asarray(self.search.weight)[1:]
         missed = weight * np.concatenate([np.abs(c), np.maximum(-d, 0.0)])
-        infeasible = int(self.reason) == StopReason.INFEASIBLE
+        met = MET * np.nanmax(missed, initial=0.0)
+        if int(self.reason) != StopReason.INFEASIBLE and self.tolerance is not None:
+            met = max(met, float(self.tolerance))
+        begun = int(self.reason) not in (StopReason.CONVERGED, StopReason.WRONG_GRADIENT)
         # Not a comparison with NaN where a constraint is not finite: that one is not met either.
-        flags = infeasible & ~(missed <= MET * np.nanmax(missed, initial=0.0))
+        flags = begun & ~(missed <= met)
         return flags[: c.size], flags[c.size :]
 
 

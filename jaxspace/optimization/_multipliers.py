@@ -11,7 +11,8 @@
 
 Every evaluation has one purpose, by `calls` and the flags of the state: the slope of one of the
 numbers f, c, d at the start, by which it is scaled (`measured`), a probe of the gradient, the start
-of a descent (`fresh`), a step of Adam, or a trial of the line search:
+of a descent (`fresh`), a step of Adam, or a trial of the line search; or, after the last descent,
+the slope of a violation that is left (`judges`):
 
     L(x + t p) <= L(x) + 1e-4 t p.g,   p.g(x + t p) >= 0.9 p.g        (weak Wolfe conditions)
 
@@ -31,6 +32,7 @@ from jaxtyping import Array, Bool, Float, Int
 from ..core import Scalar
 from ._criterion import Criterion
 from ._gradient_check import GRADIENT_TOLERANCE, PROBES, probe, probed_error, sizes_of
+from ._infeasibility import unit_weights
 from ._scaling import weights
 
 ARMIJO, WOLFE = 1e-4, 0.9
@@ -56,8 +58,9 @@ class Descent(NamedTuple):
     """Where the search stands: free numbers x with the value and gradient of L; the criterion there
     and its `values` f, c, d, in the units of the problem; scaled multipliers `y` and `nu`, and rho;
     `held`: the gradient in the scaled unknowns, before the maps of the bounds; `measured`: how many
-    numbers have their largest derivative in `sloped`; `size`, `weight`, `rows`, `calls`, `probed`
-    and `wrong` as in `_sqp_state.py`."""
+    numbers have their largest derivative in `sloped`; `judged`: whether `outward` has the gradient
+    of the violation in the scaled unknowns; `size`, `weight`, `rows`, `calls`, `probed` and `wrong`
+    as in `_sqp_state.py`."""
 
     x: Float[Array, " n"]
     size: Float[Array, " n"]
@@ -87,6 +90,8 @@ class Descent(NamedTuple):
     weight: Float[Array, " all"]
     sloped: Float[Array, " all"]
     measured: Int[Array, ""]
+    judged: Bool[Array, ""]
+    outward: Float[Array, " n"]
 
 
 class Evaluation(NamedTuple):
@@ -130,24 +135,45 @@ def begin(
         10.0 * one,
         memory, adam, jnp.asarray(adam_steps), _line(zeros, one, none, none), jnp.asarray(True),
         jnp.inf * one, one, no, no, no, jnp.full((max_rounds, 3), jnp.nan, x.dtype), calls,
-        jnp.zeros(PROBES, x.dtype), none, jnp.ones_like(values), values, no,
+        jnp.zeros(PROBES, x.dtype), none, jnp.ones_like(values), values, no, jnp.asarray(False),
+        zeros,
     )  # fmt: skip
 
 
 def unfinished(s: Descent, options: Options) -> Bool[Array, ""]:
     """Whether another evaluation is wanted."""
     missed = (s.gradient > options.tolerance) | (s.violation > options.tolerance)
-    sound = (s.wrong <= GRADIENT_TOLERANCE) & jnp.isfinite(s.value)
     # While the numbers are measured, too, `calls` is not positive.
-    return (s.calls <= 0) | (missed & (s.taken < s.rows.shape[0]) & sound)
+    goes_on = missed & (s.taken < s.rows.shape[0]) & _sound(s)
+    return (s.calls <= 0) | goes_on | judges(s, options)
 
 
-def wanted(s: Descent, values: Array) -> tuple[Array, Array]:
-    """L of the `values` f, c, d in the units of the problem, and by which sum of their gradients
-    the search goes on: that of L, or one of them alone while they are measured."""
+def judges(s: Descent, options: Options) -> Bool[Array, ""]:
+    """Whether the descents are over and leave a violation, whose slope is not known yet."""
+    over = (s.calls > 0) & (s.taken >= s.rows.shape[0]) & _sound(s)
+    return over & (s.violation > options.tolerance) & ~s.judged
+
+
+def _sound(s: Descent) -> Bool[Array, ""]:
+    return (s.wrong <= GRADIENT_TOLERANCE) & jnp.isfinite(s.value)
+
+
+def wanted(s: Descent, values: Array, options: Options) -> tuple[Array, Array]:
+    """L of the `values` f, c, d in the units of the problem, and which sum of their gradients the
+    search asks for: that of L, one of them alone while they are measured, that of the violation at
+    the end."""
     total, along = jax.value_and_grad(lagrangian)(values, s)
     one = (jnp.arange(values.size) == s.measured).astype(values.dtype)
-    return total, jnp.where(s.measured < values.size, one, along)
+    along = jnp.where(s.measured < values.size, one, along)
+    y, nu = violations(values, s)
+    outward = s.weight * jnp.concatenate([jnp.zeros(1, values.dtype), y, -nu])
+    return total, jnp.where(judges(s, options), outward, along)
+
+
+def violations(values: Array, s: Descent) -> tuple[Array, Array]:
+    """The scaled violations of c and of d, over the largest of them."""
+    _, c, d = scaled_numbers(values, s)
+    return unit_weights(c, -d)
 
 
 def advance(s: Descent, found: Evaluation, options: Options) -> Descent:
@@ -182,10 +208,14 @@ def advance(s: Descent, found: Evaluation, options: Options) -> Descent:
         done = s.fresh | (fell & ~steep) | give_up
         return lax.cond(done, _moved, _tried_again, s, found, fell, options)
 
-    def measured(s: Descent) -> Descent:
-        return lax.cond(s.calls < 0, probing, searching, s)
+    def judging(s: Descent) -> Descent:
+        return s._replace(judged=jnp.asarray(True), outward=found.held)
 
-    return lax.cond(s.measured < s.sloped.size, measuring, measured, s)
+    # By the order of the purposes in the text above.
+    ended = judges(s, options)
+    purpose = jnp.where(ended, 3, jnp.where(s.calls < 0, 1, 2))
+    purpose = jnp.where(s.measured < s.sloped.size, 0, purpose)
+    return lax.switch(purpose, (measuring, probing, searching, judging), s)
 
 
 def _line(p: Array, slope: Array, value: Array, t: Array) -> Line:
@@ -281,7 +311,7 @@ def _by_lbfgs(s: Descent, good: Array, options: Options) -> Descent:
 
 def _next_round(s: Descent, largest: Array) -> Descent:
     """With the multipliers after a descent."""
-    _, c, d = _scaled(s.values, s)
+    _, c, d = scaled_numbers(s.values, s)
     # Either d or its multiplier must be zero, and neither negative.
     loose = jnp.max(jnp.abs(jnp.minimum(d, s.nu / s.rho)), initial=0.0)
     left = jnp.maximum(jnp.max(jnp.abs(c), initial=0.0), loose)
@@ -299,13 +329,13 @@ def _next_round(s: Descent, largest: Array) -> Descent:
 
 def lagrangian(values: Array, s: Descent) -> Float[Array, ""]:
     """The augmented Lagrangian L of f, c, d in the units of the problem."""
-    f, c, d = _scaled(values, s)
+    f, c, d = scaled_numbers(values, s)
     active = jnp.maximum(s.nu - s.rho * d, 0.0)
     total = f + jnp.sum(s.y * c + 0.5 * s.rho * c * c)
     return total + jnp.sum(active * active - s.nu * s.nu) / (2.0 * s.rho)
 
 
-def _scaled(values: Array, s: Descent) -> tuple[Array, Array, Array]:
+def scaled_numbers(values: Array, s: Descent) -> tuple[Array, Array, Array]:
     """f, c and d times the weight of each."""
     values = s.weight * values
     return values[0], values[1 : 1 + s.y.size], values[1 + s.y.size :]

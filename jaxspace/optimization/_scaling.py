@@ -51,16 +51,16 @@ class ScaledProblem(NamedTuple):
         criterion: Criterion,
         z: Array,
         slope: Array,
-        ends: tuple[Array, Array, bool],
+        ends: tuple[Array, Array, Array, bool],
         tolerance: Scalar,
         before: Minimum | None,
     ) -> Minimum:
         """The result, in the units of the problem, of the `last` state of a search.
 
         - `slope`: of the scaled Lagrangian in z.
-        - `ends`: whether the numbers are finite, whether the steps were used up, and whether the
-          search was interrupted."""
-        finite, limited, interrupted = ends
+        - `ends`: whether the numbers are finite, whether the steps were used up, whether the
+          violation is a least one, and whether the search was interrupted."""
+        finite, limited, least, interrupted = ends
         c, d = criterion.equal_zero, criterion.non_negative
         weight = last.weight
         y = last.y * weight[1 : 1 + self.me] / weight[0]
@@ -85,10 +85,11 @@ class ScaledProblem(NamedTuple):
             steps=last.steps,
             converged=converged,
             gradient_error=last.wrong,
-            reason=reason_of(last.wrong, interrupted, finite, converged, limited, missed),
+            reason=reason_of(last.wrong, interrupted, finite, converged, limited, missed & least),
             bound_multipliers=self.unravel(slope / (weight[0] * self.size)),
             history=joined_rows(before, last.rows),
             search=last,
+            tolerance=jnp.asarray(tolerance, last.gradient.dtype),
         )
 
 

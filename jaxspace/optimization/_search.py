@@ -26,10 +26,15 @@ class Common(NamedTuple):
 
 
 def reason_of(
-    wrong: Array, interrupted: bool, finite: Array, converged: Array, limited: Array, missed: Array
+    wrong: Array,
+    interrupted: bool,
+    finite: Array,
+    converged: Array,
+    limited: Array,
+    infeasible: Array,
 ) -> Int[Array, ""]:
     """The reason of the end, of which a wrong gradient and an interruption come first."""
-    reason = stop_reason(finite, converged, limited, missed)
+    reason = stop_reason(finite, converged, limited, infeasible)
     if interrupted:
         reason = jnp.full_like(reason, StopReason.INTERRUPTED)
     return jnp.where(wrong > GRADIENT_TOLERANCE, StopReason.WRONG_GRADIENT, reason).astype(int)

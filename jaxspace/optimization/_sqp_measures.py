@@ -4,8 +4,9 @@ and its curvature by damped BFGS.
 Source: Powell 1978 (damping)."""
 
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
+from ._infeasibility import least_violation, unit_weights
 from ._sqp_state import Found, Limits, SqpState, Values
 
 
@@ -63,3 +64,16 @@ def damped_bfgs(s: SqpState, trial: Values, p: Array, y: Array, nu: Array) -> Ar
     q = B @ p
     new = B - jnp.outer(q, q) / bottom + jnp.outer(change, change) / top
     return jnp.where(usable, new, B)
+
+
+def at_least_violation(s: SqpState, limits: Limits) -> Bool[Array, ""]:
+    """Whether the constraints are violated where no step reduces that: either their sum, which is
+    what the programmes reduce, or their sum of squares."""
+    at, holds = s.at, jnp.asarray(False)
+    # The multipliers of the last programme, of which the objective is a small part by then.
+    for y, nu in ((s.pending.y, s.pending.nu), (at.c, -at.d)):
+        y, nu = unit_weights(y, nu)
+        gradient, weighted = at.J.T @ y - at.K.T @ nu, at.c @ y - at.d @ nu
+        ends = (limits.lower, limits.upper)
+        holds = holds | least_violation(s.x, gradient, weighted, s.violation, ends)
+    return holds

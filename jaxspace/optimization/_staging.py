@@ -223,23 +223,35 @@ def optimal_staging_by_gradient(
 @eqx.filter_jit
 def _descend(u: Stages, b: Stages, v: Scalar) -> Staging:
     # Each stage has the share q_i^2 / sum_j q_j^2 of the velocity: every q obeys the constraint,
-    # and the bound mu_i = 1 is the ordinary point q_i = 0.
-    def log_stage_masses(q: Stages) -> tuple[Stages, Stages]:
-        s = v / u * q * q / jnp.sum(q * q)
+    # and the bound mu_i = 1 is the ordinary point q_i = 0. Where each stage alone exceeds what is
+    # left to the limit, none can vanish, and the share is that of what is left: it keeps the digits
+    # of 1 - b_i mu_i.
+    most = -u * jnp.log(b)
+    left = velocity_limit(u, b) - v
+    near = left < jnp.min(most)
+
+    def log_stage_masses(q: Stages) -> tuple[Stages, Stages, Stages]:
+        """ln mu_i, -ln(b_i mu_i), and the logarithms whose sum is ln(m01/P)."""
+        share = q * q / jnp.sum(q * q)
+        s = jnp.where(near, most - left * share, v * share) / u
+        short = jnp.where(near, left * share, most - v * share) / u
         # b mu >= 1 leaves no payload: an infinite mass there turns the line search back.
-        left = 1.0 - b * jnp.exp(s)
-        log_mass = s + jnp.log1p(-b) - jnp.log(jnp.where(left > 0.0, left, 1.0))
-        return s, jnp.where(left > 0.0, log_mass, jnp.inf)
+        some = short > 0.0
+        close = jnp.log1p(-b) - jnp.log(-jnp.expm1(-jnp.where(some, short, 1.0)))
+        # By the difference from a mass ratio of one, of which slow rockets differ little.
+        slow = jnp.where(near | ~some, 0.0, s)
+        apart = -jnp.log1p(-b * jnp.expm1(slow) / (1.0 - b))
+        return s, short, jnp.where(some, s + jnp.where(near, close, apart), jnp.inf)
 
     # Equal b_i mu_i for all stages: feasible if anything is.
-    start = jnp.sqrt(-u * jnp.log(b) / velocity_limit(u, b))
+    start = jnp.sqrt(jnp.where(near, u / jnp.sum(u), most / velocity_limit(u, b)))
     found = minimise(
-        lambda q: Criterion(jnp.sum(log_stage_masses(q)[1])),
+        lambda q: Criterion(jnp.sum(log_stage_masses(q)[2])),
         start,
         tolerance=1e-12,
         check_gradient=False,
     )
-    s, log_masses = log_stage_masses(found.x)
+    s, short, log_masses = log_stage_masses(found.x)
     # A descent reaches the bound to its tolerance only.
     used = u * s > 1e-9 * v
     # The multiplier from the stage with the largest share, where it is best conditioned.
@@ -249,7 +261,7 @@ def _descend(u: Stages, b: Stages, v: Scalar) -> Staging:
         mass_ratio=jnp.exp(s),
         initial_mass=jnp.exp(log_mass),
         payload_ratio=jnp.exp(-log_mass),
-        multiplier=-1.0 / (u * (1.0 - b * jnp.exp(s)))[leader],
+        multiplier=1.0 / (u * jnp.expm1(-short))[leader],
         used=used,
         feasible=found.converged & (v < velocity_limit(u, b)),
     )

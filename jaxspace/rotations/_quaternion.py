@@ -25,6 +25,7 @@ from collections.abc import Sequence
 from typing import final
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -218,10 +219,9 @@ class Quaternion(AbstractGroupElement):
         s = norm(u)
         half = safe_atan2(s, w)
         # The angle over its sine, whose derivatives near zero come from a series.
-        ratio = jnp.where(
-            s > 1e-3 * w, 2.0 * half / jnp.where(s > 0.0, s, 1.0), _two_atan_over(s, w)
-        )
-        return ratio * u
+        far = s > 1e-3 * w
+        along = 2.0 * half * _direction(jnp.where(far, u, axis(0, w)))
+        return jnp.where(far, along, _two_atan_over(s, w) * u)
 
     def axis_angle(self) -> tuple[Vector, Scalar]:
         """Axis of turn, a unit vector, and angle within [0, pi], rad (Thomson 5.1).
@@ -259,6 +259,21 @@ def _product(a: Sequence[Scalar], b: Sequence[Scalar | None]) -> Float[Array, "4
     if s is not None:
         rows = [c * s + row for c, row in zip(a, rows, strict=True)]
     return jnp.stack(rows)
+
+
+@jax.custom_jvp
+def _direction(u: Vector) -> Vector:
+    """u / |u|, for a vector of any length but zero."""
+    return u / norm(u)
+
+
+@_direction.defjvp
+def _direction_tangent(primals, tangents):
+    (u,), (du,) = primals, tangents
+    e = _direction(u)
+    # The part of du across u: the part along it would leave its rounding, which counts beside half
+    # a turn, where an axis that hardly moves is times pi.
+    return e, cross(e, cross(du, e)) / norm(u)
 
 
 def _two_atan_over(s: Scalar, w: Scalar) -> Scalar:

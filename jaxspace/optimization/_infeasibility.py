@@ -1,0 +1,51 @@
+"""Whether constraints cannot be met, or a search stops short of meeting them.
+
+    r = sum_i w_i grad c_i - sum_j w_j grad d_j        w_j >= 0, the largest |w| = 1
+    |z - clip(z - r, lower, upper)| <= min(1e-3, V/10),   V = sum_i w_i c_i - sum_j w_j d_j > 0
+
+The projected r is the first-order condition of a least violation V: to first order no step within
+the bounds reduces it. With the violations themselves as weights w it is that of their sum of
+squares, with the multipliers of an exact penalty that of their sum. All numbers are scaled as in
+`_scaling.py`, by which a gradient that does not vanish is of the order of one.
+
+Source: Nocedal and Wright, Numerical Optimization, 17.2, 18.5 (stationary points of infeasibility).
+"""
+
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float
+
+# A search by weights of 1e6 leaves a millionth of the objective's slope in r.
+VANISHED = 1e-3
+# So many sizes of the unknowns would be needed to meet the constraints by a slope this small.
+FARTHEST = 10.0
+# Of a smaller violation, in roundings, rounding decides the signs that the weights depend on.
+ROUNDINGS = 1e4
+
+
+def unit_weights(
+    equal: Float[Array, " equal"], above: Float[Array, " inequal"]
+) -> tuple[Float[Array, " equal"], Float[Array, " inequal"]]:
+    """Weights of c and d, none of d negative, by the largest of them; zeros stay."""
+    above = jnp.maximum(above, 0.0)
+    largest = jnp.maximum(jnp.max(jnp.abs(equal), initial=0.0), jnp.max(above, initial=0.0))
+    divisor = jnp.where(largest > 0.0, largest, 1.0)
+    return equal / divisor, above / divisor
+
+
+def least_violation(
+    z: Float[Array, " n"],
+    gradient: Float[Array, " n"],
+    weighted: Float[Array, ""],
+    largest: Float[Array, ""],
+    ends: tuple[Float[Array, " n"], Float[Array, " n"]],
+) -> Bool[Array, ""]:
+    """Whether the first-order condition of a least violation holds.
+
+    - `gradient`: r at z, and `weighted`: V, both by weights whose largest is one.
+    - `largest`: the largest violation.
+    - `ends`: lower and upper bounds of z."""
+    steps = z - jnp.clip(z - gradient, *ends)
+    present = largest > ROUNDINGS * jnp.finfo(z.dtype).eps
+    # NaN is not below anything.
+    still = jnp.max(jnp.abs(steps)) <= jnp.minimum(VANISHED, weighted / FARTHEST)
+    return present & (weighted > 0.0) & still
