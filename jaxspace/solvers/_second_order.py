@@ -15,6 +15,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 from diffrax import AbstractTerm
+from jax.interpreters import partial_eval
 from jaxtyping import Array, Bool, Float, PyTree
 
 from ..core import InputError, Scalar, State, barrier
@@ -65,13 +66,22 @@ class SecondOrder(NamedTuple):
         def a(v: Vectors) -> Vectors:
             return self.terms.vf(self.end, dataclasses.replace(y0, velocity=v), self.args).velocity
 
-        # By its numbers, because an effect may declare less than it reads.
+        if not _reads_argument(a, y0.velocity):
+            return jnp.zeros(y0.velocity.shape[1:], bool)
+        # By its numbers, because it may be read and not matter.
         moving = a(y0.velocity)
         still = a(jnp.zeros_like(y0.velocity))
         # A thousand roundings: an acceleration may be the difference of large terms.
         rounding = 1e3 * jnp.finfo(still.dtype).eps * jnp.max(jnp.abs(still), axis=0)
         same = jnp.abs(moving - still) <= rounding
         return jax.lax.stop_gradient(~jnp.all(same | ~jnp.isfinite(moving), axis=0))
+
+
+def _reads_argument(function: Callable[[Array], Array], x: Array) -> bool:
+    """Whether any operation leads from the argument to what the function returns."""
+    jaxpr = jax.make_jaxpr(function)(x).jaxpr
+    _, read = partial_eval.dce_jaxpr(jaxpr, [True])
+    return any(read)
 
 
 def second_order(
