@@ -237,6 +237,8 @@ def stopped(folder: Path, number: signal.Signals, chunk: int | None, delay: floa
     (folder / "coast.toml").write_text(COAST)
     store = folder / "coast.zarr"
     program = [sys.executable, "-m", "jaxspace.cli", "disperse", "coast.toml", "--out", "."]
+    # What a shell runs in its background ignores Ctrl-C, and so would all that it starts.
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
     process = subprocess.Popen(
         [*program, "--runs", str(LONG), "--chunk", str(LONG_CHUNK)],
         stdout=subprocess.PIPE,
@@ -252,6 +254,7 @@ def stopped(folder: Path, number: signal.Signals, chunk: int | None, delay: floa
             ),
         },
     )
+    signal.signal(signal.SIGINT, before)
     sign = store / (".lock" if chunk is None else f".manifest/{chunk}.json")
     while process.poll() is None and not sign.exists():
         time.sleep(0.001)

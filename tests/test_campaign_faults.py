@@ -190,8 +190,7 @@ def test_most_signals_met_a_flight():
     """On a busy machine some come late: then the campaign has ended."""
     if len(FOUND) < 20:
         pytest.skip("too few signals were sent")
-    # At least half of them: on a machine with three times as much to do two thirds were in time.
-    assert sum(runs < LONG for runs in FOUND) > 0.5 * len(FOUND)
+    assert sum(runs < LONG for runs in FOUND) > 0.7 * len(FOUND)
 
 
 def test_a_folder_that_may_not_be_written(tmp_path):
