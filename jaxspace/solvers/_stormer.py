@@ -120,10 +120,10 @@ class Stormer(AbstractFieldSolver, AbstractFixedStep):
     @property
     def traits(self) -> SolverTraits:
         # Each of the k - 1 steps of DOP853 at the start takes eleven evaluations more. One more is
-        # at the step that both methods share, one at the end, and two check the velocity.
+        # at the step that both methods share, and one at the end.
         return SolverTraits(
             fixed_step=True,
-            evaluations=self.steps + 11 * (self.k - 1) + 4,
+            evaluations=self.steps + 11 * (self.k - 1) + 2,
             steps=self.steps,
         )
 
