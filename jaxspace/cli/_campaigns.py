@@ -240,7 +240,7 @@ def _scene(store: str, attributes: Mapping[str, Any]) -> SceneFile:
 
 
 class _told:
-    """Prints the warnings about a store as lines beside the bar."""
+    """Prints the warnings about a campaign and its store as lines beside the bar."""
 
     def __init__(self, bar: Any):
         self.bar = bar
@@ -252,7 +252,7 @@ class _told:
 
         def show(message: Any, category: Any, *more: Any, **options: Any) -> None:
             # Through the bar, which moves down: a plain print would tear it.
-            if issubclass(category, DamagedStore):
+            if issubclass(category, UserWarning):
                 self.bar.write(str(message), file=sys.stderr)
             else:
                 before(message, category, *more, **options)

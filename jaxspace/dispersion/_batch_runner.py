@@ -30,6 +30,7 @@ from ..integration import Accuracy, Status
 from ..simulation._blocks import Blocks
 from ._along import Kept
 from ._campaign import Campaign
+from ._chosen_times import warn_of_unreached
 from ._isolation import isolate
 from ._pilots import expected_steps, pilot_plans
 from ._plans import FINENESS, TRIAL, Plans, padded, placeholders, refinement
@@ -77,7 +78,8 @@ class BatchRunner:
     ) -> "BatchRunner":
         """Plan a campaign by its pilots and a trial, and compile the program of all its runs.
 
-        **Raises** `SimulationError` when the nominal run fails."""
+        Warns of times that none of the runs of the trial reaches. **Raises** `SimulationError` when
+        the nominal run fails."""
         expected = placeholders(expected_steps(campaign, accuracy))
         planned = PlannedCampaign(campaign, accuracy, seed, (expected,), False, samples, "")
         runner = cls(planned, devices)
@@ -110,6 +112,7 @@ class BatchRunner:
         plans = tuple(padded(pilots, [level * f for f in factors]) for level in FINENESS)
         runner.planned = planned._replace(plans=plans, coupled=coupled, digest=_digest(results))
         runner.example = jax.tree.map(lambda x: x[..., :1].copy(), results)
+        warn_of_unreached(campaign, samples, results.trajectories)
         return runner
 
     def chunk(self, wished: int) -> int:

@@ -1,5 +1,7 @@
 """The times at which a campaign keeps states, each in the phase that covers it."""
 
+import warnings
+from collections.abc import Mapping
 from typing import Any
 
 import equinox as eqx
@@ -10,7 +12,7 @@ from ..core import InputError
 from ..simulation import Event, Phase
 from ..simulation._flight import AbstractFlight
 from ..simulation._mission_runs import OwnTimes
-from ._along import ChosenTimes
+from ._along import ChosenTimes, Kept
 from ._campaign import Campaign
 
 # Of a sum of durations, as a user writes it, beyond the end of a phase.
@@ -58,6 +60,29 @@ def choose_times(campaign: Campaign, times: Any) -> tuple[ChosenTimes | OwnTimes
             left, start = left[~here], start + duration
     _check_left(left, first, start, mission.phases, known)
     return tuple(found)
+
+
+def warn_of_unreached(
+    campaign: Campaign, kept: Kept, trajectories: Mapping[str, np.ndarray]
+) -> None:
+    """Warn of times, in phases that each run has at its own ones, at which no run is under way."""
+    if isinstance(kept, int) or not any(isinstance(c, OwnTimes) for c in kept):
+        return
+    mission = eqx.filter_eval_shape(lambda c: c.build(c.nominal())[0], campaign)
+    times, reached = np.zeros(0), np.zeros(0, bool)
+    for phase, chosen in zip(mission.phases, kept, strict=True):
+        if isinstance(chosen, OwnTimes):
+            times = np.asarray(chosen.times)
+            here = np.isfinite(trajectories[f"{phase.name}.time"]).any(axis=-1)
+            reached = here | reached if reached.size else here
+    if not reached.all():
+        runs = next(iter(trajectories.values())).shape[-1]
+        found = ", ".join(f"{t:.9g}" for t in times[~reached])
+        warnings.warn(
+            f"times has {found} s, at which none of the first {runs} runs is under way: what the "
+            f"store keeps for it is NaN in each of them.",
+            stacklevel=4,
+        )
 
 
 def _check_left(

@@ -113,8 +113,9 @@ def disperse(
       each in the phase that covers it: at the border of two phases in the earlier one, before its
       jump. From the first phase on that ends by an event or by a duration that scatters, each run
       has its own start and end of a phase: all of these phases have all of these times, and a run
-      is NaN at those at which it is in another phase, or has ended. Its steps end at them. None may
-      lie in a phase that a controller samples, or behind one whose end is not known before.
+      is NaN at those at which it is in another phase, or has ended (a time that no run of the trial
+      reaches is a warning). Its steps end at them. None may lie in a phase that a controller
+      samples, or behind one whose end is not known before.
     - `engine`: "local" (this process, with all of its cores or accelerators), "processes", "dask",
       the address of a Dask scheduler, "hosts" (the processes of `jax.distributed`), or an engine
       object.
