@@ -68,7 +68,7 @@ def row(result: Dispersion) -> dict:
         "seconds to compile and plan": there["preparation_seconds"],
         "seconds, store included": flying,
         "share of the store": there["storing_seconds"] / flying,
-        "utilisation of the cores": there["cpu_seconds"] / flying / there["machine"]["cores"],
+        "utilisation of the cores": result.utilisation,
         "greatest memory so far, MB": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0,
         "runs that ended well": int(result.good.sum()),
     }

@@ -215,7 +215,8 @@ def test_hosts_at_one_time_count_by_the_longest(tmp_path):
     names = ("rtol", "atol", "method", "description", "inputs", "digest", "samples")
     attributes = dict.fromkeys(names, 0) | {"seed": 0, "planned_runs": 40, "chunk": 10}
     with StoreWriter(tmp_path / "s") as writer:
-        writer.prepare(columns_of(synthetic(0, 1), {}), attributes | {"preparation_seconds": 1.0})
+        attributes |= {"preparation_seconds": 1.0, "machine": {"cores": 3}}
+        writer.prepare(columns_of(synthetic(0, 1), {}), attributes)
         for chunk, (host, seconds) in enumerate([(0, 2.0), (1, 7.0), (0, 3.0), (None, 4.0)]):
             writer.host = host
             writer.commit(chunk, synthetic(10 * chunk, 10), seconds, 1.5)
@@ -223,6 +224,8 @@ def test_hosts_at_one_time_count_by_the_longest(tmp_path):
     # One process alone came before them, or behind.
     assert kept.seconds == 1.0 + max(2.0 + 3.0, 7.0) + 4.0
     assert kept.attributes["cpu_seconds"] == 4 * 1.5
+    # Two hosts of three cores each.
+    assert kept.cores == 6 and kept.utilisation == 4 * 1.5 / (11.0 * 6)
 
 
 def test_a_folder_that_cannot_be_written_is_refused_before_anything_is_computed(

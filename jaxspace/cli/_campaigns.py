@@ -178,11 +178,10 @@ def _times(result: Dispersion) -> str:
     # Compiling is paid once, so that it must not spoil the rate that a longer campaign will see.
     ahead = result.attributes["preparation_seconds"]
     flying = max(result.seconds - ahead, 1e-9)
-    cores = result.attributes["machine"]["cores"]
-    use = 100.0 * result.attributes["cpu_seconds"] / (flying * cores)
+    use = 100.0 * result.utilisation
     return (
         f"{result.seconds:.1f} s: {ahead:.1f} s to compile and to plan, then "
-        f"{result.runs / flying:.0f} runs/s, {use:.0f} % of {cores} cores"
+        f"{result.runs / flying:.0f} runs/s, {use:.0f} % of {result.cores} cores"
     )
 
 

@@ -47,7 +47,10 @@ def _cause(there: Mapping[str, Any], here: Mapping[str, Any]) -> str:
         if changed:
             told = ", ".join(f"{key} {old.get(key)} has become {new[key]}" for key in changed)
             return f"the first runs come out differently, and {told}."
-    return "the first runs come out differently, so that its functions must have changed."
+    return (
+        "the first runs come out differently, so that its functions must have changed, or digits "
+        "of its inputs beyond those that are noted."
+    )
 
 
 def _differing(old: str, new: str) -> tuple[str, str]:

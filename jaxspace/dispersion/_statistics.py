@@ -69,6 +69,22 @@ class Dispersion(eqx.Module):
         return int(self.enough or self.attributes.get("planned_runs", self.runs))
 
     @property
+    def cores(self) -> int:
+        """How many cores the campaign could use, of all its hosts; 0 where that is not known."""
+        own = self.attributes.get("machine", {}).get("cores", 0)
+        return int(own) * int(self.attributes.get("hosts", 1))
+
+    @property
+    def utilisation(self) -> float:
+        """The share of these cores that was at work while the runs were flown; NaN where that is
+        not known."""
+        flying = self.seconds - self.attributes.get("preparation_seconds", 0.0)
+        busy = self.attributes.get("cpu_seconds", 0.0)
+        # Zero where nothing was flown, or nobody noted it.
+        known = flying > 0.0 and busy > 0.0 and self.cores > 0
+        return busy / (flying * self.cores) if known else float("nan")
+
+    @property
     def good(self) -> np.ndarray:
         """Whether each run ended well, (runs,)."""
         return self.status <= Status.EVENT

@@ -82,6 +82,8 @@ def as_dispersion(store: Store, chunks: list[int]) -> Dispersion:
     flying = _flying(entries)
     attributes["preparation_seconds"] = preparation
     attributes["cpu_seconds"] = sum(float(entry.get("cpu_seconds", 0.0)) for entry in entries)
+    # Each of them has as many cores as the one that made the store, as far as it knows.
+    attributes["hosts"] = max(len({entry["host"] for entry in entries if "host" in entry}), 1)
     return Dispersion(
         inputs,
         outputs,

@@ -82,14 +82,13 @@ def processor_words(dispersion: "Dispersion") -> str:
 
     Processor time is of all cores together: it stands beside the wall time, and is no part of it.
     """
-    record, running = dispersion.attributes, time_budget(dispersion).get("running")
-    busy, cores = record.get("cpu_seconds"), record.get("machine", {}).get("cores")
-    if not (running and busy and cores):
+    share = 100.0 * dispersion.utilisation
+    if np.isnan(share):
         return ""
-    share = 100.0 * busy / (running * cores)
+    running, busy = time_budget(dispersion)["running"], dispersion.attributes["cpu_seconds"]
     return (
         f"The runs took {running:.3g} s and {busy:.3g} s of processor time: "
-        f"{share:.0f} % of {cores} cores."
+        f"{share:.0f} % of {dispersion.cores} cores."
     )
 
 
