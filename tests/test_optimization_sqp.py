@@ -169,15 +169,18 @@ def test_a_search_that_stops_short_is_not_infeasible(method):
 def test_circles_that_do_not_meet_are_infeasible_in_any_precision(method, dtype):
     """Unit circles, three apart: on the line between them no step brings one nearer without
     leaving the other, and the gradient of the squared violation vanishes where the multipliers
-    end: (x^2 - 1)^2 + ((x - 3)^2 - 1)^2 at x = 3/2 is 2 (5/4)^2."""
+    end: (x^2 - 1)^2 + ((x - 3)^2 - 1)^2 at x = 3/2 is 2 (5/4)^2. From starts beside the line,
+    inside of a circle and outside, since rounding decides where a search of so flat a sum ends."""
     far = jnp.array([3.0, 0.0], dtype)
 
     def problem(x):
         return Criterion(x[0], jnp.stack([x @ x - 1.0, (x - far) @ (x - far) - 1.0]))
 
-    found = search(problem, jnp.array([0.5, 0.5], dtype), method=method)
-    assert int(found.reason) == StopReason.INFEASIBLE and "cannot be met" in found.sentence()
-    assert abs(found.x[1]) < 1e-2
+    for start in ([0.5, 0.5], [-0.48, 0.46], [0.64, -0.79], [2.88, 0.083], [3.17, 0.94]):
+        found = search(problem, jnp.array(start, dtype), method=method)
+        assert int(found.reason) == StopReason.INFEASIBLE, start
+        assert "cannot be met" in found.sentence()
+        assert abs(found.x[1]) < 1e-2
 
 
 def test_a_far_target_is_no_infeasible_one():

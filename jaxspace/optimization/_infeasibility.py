@@ -1,12 +1,13 @@
 """Whether constraints cannot be met, or a search stops short of meeting them.
 
     r = sum_i w_i grad c_i - sum_j w_j grad d_j        w_j >= 0, the largest |w| = 1
-    |z - clip(z - r, lower, upper)| <= min(1e-3, V/10),   V = sum_i w_i c_i - sum_j w_j d_j > 0
+    |z - clip(z - r, lower, upper)| <= min(e, V/10),   V = sum_i w_i c_i - sum_j w_j d_j > 0
 
 The projected r is the first-order condition of a least violation V: to first order no step within
-the bounds reduces it. With the violations themselves as weights w it is that of their sum of
-squares, with the multipliers of an exact penalty that of their sum. All numbers are scaled as in
-`_scaling.py`, by which a gradient that does not vanish is of the order of one.
+the bounds reduces it; e is 1e-3, in float32 0.01. With the violations themselves as weights w it is
+that of their sum of squares, with the multipliers of an exact penalty that of their sum. All
+numbers are scaled as in `_scaling.py`, by which a gradient that does not vanish is of the order of
+one.
 
 Source: Nocedal and Wright, Numerical Optimization, 17.2, 18.5 (stationary points of infeasibility).
 """
@@ -16,6 +17,9 @@ from jaxtyping import Array, Bool, Float
 
 # A search by weights of 1e6 leaves a millionth of the objective's slope in r.
 VANISHED = 1e-3
+# A search that compares violations, which are flat at the least of them, comes as near to it as the
+# root of their rounding, and so does r to zero: in these roots of one rounding.
+NEAREST = 30.0
 # So many sizes of the unknowns would be needed to meet the constraints by a slope this small.
 FARTHEST = 10.0
 # Of a smaller violation, in roundings, rounding decides the signs that the weights depend on.
@@ -46,6 +50,7 @@ def least_violation(
     - `ends`: lower and upper bounds of z."""
     steps = z - jnp.clip(z - gradient, *ends)
     present = largest > ROUNDINGS * jnp.finfo(z.dtype).eps
+    vanished = jnp.maximum(VANISHED, NEAREST * jnp.sqrt(jnp.finfo(z.dtype).eps))
     # NaN is not below anything.
-    still = jnp.max(jnp.abs(steps)) <= jnp.minimum(VANISHED, weighted / FARTHEST)
+    still = jnp.max(jnp.abs(steps)) <= jnp.minimum(vanished, weighted / FARTHEST)
     return present & (weighted > 0.0) & still

@@ -28,6 +28,7 @@ from jax import lax
 from jaxtyping import Array
 
 from ._gradient_check import probe, probed_error
+from ._infeasibility import ROUNDINGS
 from ._quadratic import Programme, solve_programme
 from ._scaling import weights
 from ._sqp_measures import damped_bfgs, gradient, penalty, scaled, violation
@@ -135,7 +136,8 @@ def _judged(s: SqpState, found: Found, limits: Limits) -> SqpState:
     finite = jnp.isfinite(after) & jnp.all(jnp.isfinite(trial.g)) & solved
     ratio = jnp.where(finite, (gain + noise) / (jnp.maximum(predicted, 0.0) + noise), -1.0)
     take = ratio > 1e-4
-    length = jnp.max(jnp.abs(p))
+    # Of a programme that could not be solved no step is known: the radius alone shrinks.
+    length = jnp.where(solved, jnp.max(jnp.abs(p)), s.radius)
     grow = (ratio > 0.75) & (length > 0.8 * s.radius)
     # A correction is worth one trial where the constraints, and not the objective, refuse.
     raised = penalty(trial.c, trial.d) > penalty(c, d) + noise
@@ -146,10 +148,13 @@ def _judged(s: SqpState, found: Found, limits: Limits) -> SqpState:
     radius = jnp.where(take & (ratio < 0.25), 0.5 * s.radius, radius)
     far = penalty(s.at.c, s.at.d)
     reached = penalty(c, d)
-    present = far > 1e4 * jnp.finfo(p.dtype).eps
+    # A corrected model is of other constraints than those at x.
+    present = (far > ROUNDINGS * jnp.finfo(p.dtype).eps) & ~s.corrected & solved
     # Where even the model keeps half of the violation, the objective still outweighs it.
-    stuck = (reached > 0.5 * far) & present & solved
-    hopeless = (reached > (1.0 - 1e-6) * far) & present & (s.rho >= MOST_WEIGHT)
+    stuck = (reached > 0.5 * far) & present
+    # A short step reduces little where a long one would reduce much.
+    least = 1e-6 * far * jnp.minimum(s.radius, 1.0)
+    hopeless = (far - reached < least) & present & (s.rho >= MOST_WEIGHT)
     rho = jnp.where(stuck, jnp.minimum(4.0 * s.rho, MOST_WEIGHT), s.rho)
     B = jnp.where(take, damped_bfgs(s, trial, p, y, nu), s.B)
     keep = lambda new, old: jnp.where(take, new, old)  # noqa: E731

@@ -6,7 +6,7 @@ Source: Powell 1978 (damping)."""
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from ._infeasibility import least_violation, unit_weights
+from ._infeasibility import ROUNDINGS, least_violation, unit_weights
 from ._sqp_state import Found, Limits, SqpState, Values
 
 
@@ -70,10 +70,28 @@ def at_least_violation(s: SqpState, limits: Limits) -> Bool[Array, ""]:
     """Whether the constraints are violated where no step reduces that: either their sum, which is
     what the programmes reduce, or their sum of squares."""
     at, holds = s.at, jnp.asarray(False)
-    # The multipliers of the last programme, of which the objective is a small part by then.
-    for y, nu in ((s.pending.y, s.pending.nu), (at.c, -at.d)):
+    free = (s.x > limits.lower) & (s.x < limits.upper)
+    # The multipliers of the last programme, of which the objective is a small part by then; they
+    # lose digits where its radius is small.
+    for y, nu in ((s.pending.y, s.pending.nu), _of_the_sum(at, free), (at.c, -at.d)):
         y, nu = unit_weights(y, nu)
         gradient, weighted = at.J.T @ y - at.K.T @ nu, at.c @ y - at.d @ nu
         ends = (limits.lower, limits.upper)
         holds = holds | least_violation(s.x, gradient, weighted, s.violation, ends)
     return holds
+
+
+def _of_the_sum(at: Values, free: Bool[Array, " n"]) -> tuple[Array, Array]:
+    """The weights by which the sum of the violations has the least slope in the `free` unknowns.
+
+    The sign of what is violated; of what is met, where the sum has a kink, any from -1, of an
+    inequality from 0, to 1."""
+    met = ROUNDINGS * jnp.finfo(at.c.dtype).eps
+    violated = jnp.concatenate([jnp.abs(at.c), -at.d]) > met
+    own = jnp.where(violated, jnp.concatenate([jnp.sign(at.c), jnp.ones_like(at.d)]), 0.0)
+    kinks = ~violated & jnp.concatenate([jnp.ones_like(at.c, bool), at.d < met])
+    rows = jnp.where(free, jnp.concatenate([at.J, -at.K]), 0.0)
+    among = jnp.linalg.lstsq(jnp.where(kinks, rows.T, 0.0), -(own @ rows))[0]
+    least = jnp.concatenate([-jnp.ones_like(at.c), jnp.zeros_like(at.d)])
+    weights = own + jnp.clip(among, least, 1.0)
+    return weights[: at.c.size], weights[at.c.size :]
