@@ -74,7 +74,8 @@ def test_tail_wags_dog_in_a_stiff_stage():
     found = eqx.filter_jit(modes)(made, launched(made), inputs=(swivelled,), outputs=(inclination,))
     zeros = found.zeros()
     expected = float(loop.missile.tail_wags_dog_frequency())
-    assert np.abs(zeros - 1j * expected).min() < 1e-4 * expected
+    # What the bending leaves, which falls as the inverse of its stiffness.
+    assert np.abs(zeros - 1j * expected).min() < 1e-8 * expected
 
 
 def test_no_thrust_leaves_no_force_and_a_roll_leaves_the_plane_in_space():

@@ -148,12 +148,17 @@ class Modes(eqx.Module):
 
     def zeros(self, output: int = 0, input: int = 0) -> np.ndarray:
         """The zeros of one transfer function of one run, 1/s; it cannot be traced."""
+        from scipy.linalg import matrix_balance
+
         n = self.matrix.shape[0]
         b, c = self.input_matrix[:, input : input + 1], self.output_matrix[output : output + 1]
         pencil = np.block([[np.asarray(self.matrix), np.asarray(b)], [np.asarray(c), np.zeros(1)]])
+        # Stiff parts have entries of their frequency squared: in balanced units they have that of
+        # the frequency, and low zeros keep their digits beside them.
+        pencil = matrix_balance(pencil, permute=False)[0]
         weight = np.diag([1.0] * n + [0.0])
         # Of (P - s W) x = 0 about a place where P - s W is regular: 1/(s - place) are eigenvalues.
-        scale = max(float(np.max(np.abs(np.asarray(self.matrix)))), 1e-300)
+        scale = max(float(np.max(np.abs(pencil[:n, :n]))), 1e-300)
         # In no simple ratio to the matrix, so that the place is hardly a zero itself.
         place = 0.377 * scale
         inverse = np.linalg.eigvals(np.linalg.solve(pencil - place * weight, weight))
