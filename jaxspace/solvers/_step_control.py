@@ -158,6 +158,7 @@ class BatchStepController(diffrax.AbstractStepSizeController):
         tol = self.tolerance
         scale = jax.tree.map(tol.length, y0)
         d0 = tol.largest(y0, scale)
+        alive = tol.alive(y0)
 
         def trial_length(f0: State) -> Float[Array, ""]:
             d1 = tol.largest(f0, scale)
@@ -165,7 +166,7 @@ class BatchStepController(diffrax.AbstractStepSizeController):
             h0 = jnp.where((d0 < 1e-5) | (d1 < 1e-5), 1e-6, 0.01 * d0 / safe)
             # At rest, or in a segment of no length.
             h0 = jnp.where(d1 == 0.0, 1.0, h0)
-            h0 = jnp.where(jnp.isfinite(h0) & tol.alive(y0), h0, 1.0)
+            h0 = jnp.where(jnp.isfinite(h0) & alive, h0, 1.0)
             return jnp.minimum(jnp.min(h0), 1.0).astype(s.dtype)
 
         def evaluate(i: Array, before: tuple[Array, State, State]) -> tuple[Array, State, State]:
@@ -181,7 +182,7 @@ class BatchStepController(diffrax.AbstractStepSizeController):
         d2 = tol.largest(jax.tree.map(jnp.subtract, f1, f0), scale) / h0
         d = jnp.maximum(d1, d2)
         # The root of the worst run only: one for each run would cost as much as a stage.
-        worst = jnp.max(jnp.where(jnp.isfinite(d) & tol.alive(y0), d, 0.0))
+        worst = jnp.max(jnp.where(jnp.isfinite(d) & alive, d, 0.0))
         h1 = jnp.where(
             worst <= 1e-15,
             jnp.maximum(1e-6, h0),

@@ -18,7 +18,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, PyTree
 
-from ..core import Scalar, State, safe_sqrt
+from ..core import Scalar, State
 
 
 @final
@@ -32,10 +32,17 @@ class Tolerance(eqx.Module):
     run_axes: int = eqx.field(static=True)
 
     def length(self, block: Float[Array, "..."]) -> Float[Array, "*runs"]:
-        """The length of a block for each run."""
-        if block.ndim <= self.run_axes:
-            return jnp.abs(block)
-        return safe_sqrt(self._reduce(jnp.sum, jnp.add, block * block))
+        """The length of a block for each run. It has no derivative: no result depends on it."""
+        return self._larger(block)
+
+    def _larger(self, *blocks: Float[Array, "..."]) -> Float[Array, "*runs"]:
+        """The largest of the lengths of some blocks for each run."""
+        # At zero the root would have no slope, either.
+        blocks = jax.lax.stop_gradient(blocks)
+        if blocks[0].ndim <= self.run_axes:
+            return functools.reduce(jnp.maximum, map(jnp.abs, blocks))
+        squares = [self._reduce(jnp.sum, jnp.add, b * b) for b in blocks]
+        return jnp.sqrt(functools.reduce(jnp.maximum, squares))
 
     def _reduce(
         self,
@@ -68,8 +75,7 @@ class Tolerance(eqx.Module):
         - `y0`, `y1`: the states before and after the step.
         - `error`: the estimate of the error of `y1`.
         """
-        scale = jax.tree.map(lambda a, b: jnp.maximum(self.length(a), self.length(b)), y0, y1)
-        e = self.largest(error, scale)
+        e = self.largest(error, jax.tree.map(self._larger, y0, y1))
         return jnp.where(jnp.isfinite(e), e, jnp.inf)
 
     def alive(self, y: State) -> Bool[Array, "*runs"]:
