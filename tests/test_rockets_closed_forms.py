@@ -13,11 +13,13 @@ from jaxspace import BodyState, Scene, simulate
 from jaxspace.bodies import AbstractBody, BurningBody, PrincipalInertia
 from jaxspace.core import InputError
 from jaxspace.rockets import (
+    FixedDirection,
     GravityTurn,
     GravityTurnState,
     JetDamping,
     MassStream,
     SpinningRocket,
+    SteeredThrust,
     angle_of_attack,
     complex_angle_of_attack,
     gravity_turn,
@@ -58,7 +60,9 @@ def test_gravity_turn_in_closed_form(case):
     np.testing.assert_allclose(time, given["t"], rtol=1e-11)
     np.testing.assert_allclose([end.speed, end.range, end.height], [v, x, y], rtol=1e-11)
     found = GravityTurn(*start[1:3]).invariants(0.0, end)["C"]
-    np.testing.assert_allclose(found, constant, rtol=1e-11)
+    # For n > 1 the system keeps 1/C.
+    expected = 1.0 / constant if given["n"] > 1.0 else constant
+    np.testing.assert_allclose(found, expected, rtol=1e-11)
 
 
 def exact_turn(n, g, v0, psi0, psi):
@@ -189,13 +193,50 @@ def test_a_stream_in_a_scene():
 
 
 def test_a_mass_ratio_of_a_thousand():
-    """Burnout of all but a thousandth: the speed to rounding, through the stream and in closed
-    form."""
+    """Burnout of all but a thousandth: the speed to rounding in closed form, and that speed and
+    the way of a flight without gravity, x = u t_b [1 - ln r/(r - 1)]."""
     u, ratio = 3000.0, 1e3
     gain = rocket_equation(u, ratio)
     np.testing.assert_allclose(gain, u * np.log(ratio), rtol=1e-15)
     slope = jax.grad(lambda m: rocket_equation(u, m))(ratio)
     np.testing.assert_allclose(slope, u / ratio, rtol=1e-14)
+    # 1000 kg to 1 kg in 100 s
+    motor = SteeredThrust(FixedDirection([1.0, 0.0, 0.0]), 9.99 * u, u, 100.0)
+    y0 = BodyState(jnp.zeros(3), jnp.zeros(3), mass=jnp.array(1000.0))
+    run = simulate(Scene([motor]), y0, jnp.array([0.0, 100.0]), accuracy=1e-12).final
+    way = u * 100.0 * (1.0 - np.log(ratio) / (ratio - 1.0))
+    # The mass that is left is a small difference of large ones.
+    np.testing.assert_allclose(run.mass, 1.0, rtol=1e-12)
+    np.testing.assert_allclose(run.velocity[0], gain, rtol=1e-11)
+    np.testing.assert_allclose(run.position[0], way, rtol=1e-11)
+
+
+def test_vertical_burn_under_inverse_square_gravity():
+    """Straight up with falling mass: the end against SciPy, and the slope of its height by the
+    thrust against differences, forwards and in reverse."""
+    gravity, radius, rate, speed, end = 9.81, 6.371e6, 0.005, 50.0, 150.0
+
+    def by_scipy(ratio):
+        def field(t, y):
+            return [y[1], gravity * (ratio / (1.0 - rate * t) - (radius / (radius + y[0])) ** 2)]
+
+        return solve_ivp(field, (0.0, end), [0.0, speed], "DOP853", rtol=1e-12, atol=1e-9).y[:, -1]
+
+    def burnt(ratio):
+        turn = GravityTurn(ratio, gravity, rate, radius)
+        y0 = GravityTurnState(*numbers(speed, 0.0, 0.0, 0.0))
+        return simulate(turn, y0, jnp.array([0.0, end]), accuracy=1e-12).final
+
+    ratio = jnp.array(1.5)
+    found, (height, climb) = burnt(ratio), by_scipy(1.5)
+    np.testing.assert_allclose([found.height, found.speed], [height, climb], rtol=1e-11)
+    assert found.angle == 0.0 and found.range == 0.0
+    # The height is nearly linear in the thrust: a large difference has a small error.
+    h = 1e-2
+    expected = (by_scipy(1.5 + h)[0] - by_scipy(1.5 - h)[0]) / (2.0 * h)
+    for derivative in (jax.jacfwd, jax.grad):
+        slope = derivative(lambda n: burnt(n).height)(ratio)
+        np.testing.assert_allclose(slope, expected, rtol=1e-8)
 
 
 # ---------------------------------------------------------------- spinning rocket

@@ -1,4 +1,4 @@
-"""Steering laws, thrust along them, control of the attitude, and motors from files."""
+"""Steering laws, thrust along them, and control of the attitude."""
 
 import dataclasses
 from pathlib import Path
@@ -11,7 +11,7 @@ import pytest
 import jaxspace
 from jaxspace import BodyState, Scene, simulate
 from jaxspace.bodies import Load, RigidBody
-from jaxspace.core import InputError, axis
+from jaxspace.core import axis
 from jaxspace.io import SceneError
 from jaxspace.optimization import Ascent, ConstantMassFlow, LinearTangentSteering, burnout_state
 from jaxspace.orbits import PointGravity
@@ -32,7 +32,6 @@ from jaxspace.rockets import (
     Thrust,
     ThrustProfile,
     UserSteering,
-    read_motor,
 )
 from jaxspace.rotations import Quaternion
 from jaxspace.scene import Custom
@@ -198,46 +197,6 @@ def test_control_of_the_attitude():
 
 
 # ---------------------------------------------------------------- files
-
-ENG = """; a comment
-A8 18 70 3-5 0.00312 0.0162 Someone
-0.1 2.0
-0.3 9.0 ; the peak
-0.4 3.0
-0.7 0.0
-B6 18 70 0 0.006 0.02 Someone
-0.1 5.0
-0.5 0.0
-"""
-
-
-def test_motors_from_files(tmp_path):
-    path = tmp_path / "a8.eng"
-    path.write_text(ENG)
-    motor = read_motor(path)
-    impulse = 0.1 + 1.1 + 0.6 + 0.45
-    np.testing.assert_allclose(motor.total_impulse, impulse, rtol=1e-14)
-    assert motor.name == "A8"
-    np.testing.assert_allclose([motor.diameter, motor.length], [0.018, 0.07], rtol=1e-14)
-    assert (motor.propellant_mass, motor.loaded_mass) == (0.00312, 0.0162)
-    thrust = motor.thrust(ignition=1.0)
-    np.testing.assert_allclose(thrust.mean_thrust * thrust.burn_time, impulse, rtol=1e-14)
-    np.testing.assert_allclose(thrust.exhaust_velocity, impulse / 0.00312, rtol=1e-14)
-    np.testing.assert_allclose(thrust.thrust(jnp.array(1.2), jnp.array(1.0)), 5.5, rtol=1e-12)
-
-    curve = tmp_path / "curve.csv"
-    curve.write_text("time,thrust\n0.0,0.0\n1.0,10.0\n3.0,0.0\n")
-    table = read_motor(curve)
-    np.testing.assert_allclose(table.thrust(0.01).exhaust_velocity, 1500.0, rtol=1e-14)
-    with pytest.raises(InputError, match="gives no mass of its propellant"):
-        table.thrust()
-    curve.write_text("nothing")
-    with pytest.raises(InputError, match="has 0 points of a thrust curve"):
-        read_motor(curve)
-    curve.write_text("0 1\n2 3\n1 3\n")
-    with pytest.raises(InputError, match="times that do not ascend"):
-        read_motor(curve)
-
 
 LAUNCH = Path(__file__).parents[1] / "examples" / "scenes" / "launch.toml"
 

@@ -1,11 +1,16 @@
 """Every steering law that a scene file may name, flown from a file: the direction of the thrust, or
 the axis of the body, against the law by hand."""
 
+from typing import final
+
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from jaxtyping import Array, Float
 
 import jaxspace
+from jaxspace.core import quantity
+from jaxspace.rockets import AbstractSteering
 
 UP, ALONG = np.array([0.0, 0.0, 1.0]), np.array([1.0, 0.0, 0.0])
 FLAT = "plane = { up = [0.0, 0.0, 1.0] }"
@@ -54,6 +59,24 @@ def in_air(r, v, t):
     return unit(v - 1e-4 * np.stack([-r[1], r[0], 0.0 * r[0]]))
 
 
+def in_wind(r, v, t):
+    """As above, in a wind of 300 m/s to the east."""
+    east = unit(np.stack([-r[1], r[0], 0.0 * r[0]]))
+    return unit(v - 1e-4 * np.stack([-r[1], r[0], 0.0 * r[0]]) - 300.0 * east)
+
+
+@final
+class Swinging(AbstractSteering):
+    """A law of a user: a pitch that swings, in the plane of x and z."""
+
+    swing: Float[Array, "*#runs"] = quantity("rad", doc="amplitude")
+
+    def direction(self, t, y):
+        del y
+        angle = self.swing * jnp.sin(0.3 * t)
+        return jnp.stack([jnp.cos(angle), 0.0 * angle, jnp.sin(angle)])
+
+
 LAWS = {
     "constant": (
         "along = [1.0, -2.0, 2.0]",
@@ -78,6 +101,12 @@ LAWS = {
     ),
     "velocity": ("sense = 1.0", lambda r, v, t: unit(v)),
     "against the velocity": ("sense = -1.0", lambda r, v, t: -unit(v)),
+    "user": ('swing = "20 deg"', lambda r, v, t: pitched(np.radians(20.0) * np.sin(0.3 * t))),
+    "wind": (
+        'air = { radius = "6378 km", air_rate = "1e-4 rad/s", wind = { heights = [0.0, 1e4], '
+        "east = [300.0, 300.0], north = [0.0, 0.0] } }",
+        in_wind,
+    ),
     "air": ('air_rate = "1e-4 rad/s"', in_air),
 }
 
@@ -89,7 +118,7 @@ def test_a_law_in_a_file_flies(name, tmp_path):
     text, law = LAWS[name]
     path = tmp_path / "law.toml"
     path.write_text(POINT.format(law=text))
-    file = jaxspace.load(path)
+    file = jaxspace.load(path, also=[Swinging])
     run = file.simulate()
     t, y = np.asarray(run.ts), run.states
     r, v, m = (np.asarray(x) for x in (y.position, y.velocity, y.mass))

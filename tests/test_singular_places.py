@@ -57,6 +57,31 @@ def test_the_spin_angle_with_little_burning(burn):
     assert_allclose(spin_angle(2.0, 3.0, burn, 0.5), exact, rtol=1e-15)
 
 
+@pytest.mark.parametrize(
+    ("ring", "value", "slopes"),
+    [  # n/(b q) (1 - (1 - b t)^q) with q = rho^2 at b t = 1; the slope by the time is n xi^(q - 1)
+        (0.5, 24.0, [np.inf, 8.0, np.inf, -96.0]),
+        (1.0, 6.0, [3.0, 2.0, 0.0, -12.0]),
+        (2.0, 1.5, [0.0, 0.5, -3.0, -1.5]),
+        (0.0, np.inf, [0.0, 0.0, 0.0, 0.0]),
+    ],
+)
+def test_the_spin_angle_when_all_mass_is_gone(ring, value, slopes):
+    values = [2.0, 3.0, 0.5, ring]
+    assert spin_angle(*values) == value
+    assert_allclose(both(lambda x: spin_angle(*x), values), slopes, atol=1e-15)
+
+
+@pytest.mark.parametrize("burnt", [0.4999999, 0.5000001, 0.9, 1.0 - 1e-9])
+@pytest.mark.parametrize("ring", [1e-9, 0.1, 1.2, 10.0])
+def test_the_spin_angle_with_much_burning(burnt, ring):
+    with mpmath.workdps(40):
+        b, q = mpmath.mpf(0.5 * burnt), mpmath.mpf(ring) ** 2
+        exact = float(3 / (b * q) * (1 - (1 - 2 * b) ** q))
+    # What is left of the mass has the digits of 1 - burnt, here exact to rounding.
+    assert_allclose(spin_angle(2.0, 3.0, 0.5 * burnt, ring), exact, rtol=1e-14)
+
+
 @pytest.mark.parametrize("form", [jet_damping_ratio, spin_ratio])
 @pytest.mark.parametrize(
     ("arm", "value", "slope"),

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from jax.test_util import check_grads
 
-from jaxspace import Accuracy, Scene, load, simulate, simulate_batch
+from jaxspace import Accuracy, Mission, Phase, Scene, load, simulate, simulate_batch
 from jaxspace.bodies import (
     BodyState,
     ExponentialAtmosphere,
@@ -22,11 +22,13 @@ from jaxspace.bodies import (
     standard_atmosphere,
 )
 from jaxspace.core import InputError
-from jaxspace.rockets import AlongVelocity, BackPressure
+from jaxspace.rockets import AlongVelocity, BackPressure, FixedDirection, Gimbal, Separation, Thrust
 from jaxspace.rotations import Quaternion, from_euler_angles
+from jaxspace.simulation import Status
 from jaxspace.vehicles import (
     Aerodynamics,
     AirDrag,
+    AlongAir,
     FinSet,
     GroundGravity,
     LaunchSite,
@@ -259,6 +261,105 @@ def test_the_point_carries_no_rotation():
     np.testing.assert_allclose(a.velocity, b.velocity, rtol=1e-12)
     np.testing.assert_allclose(a.mass, b.mass, rtol=1e-12)
     assert np.all(np.asarray(b.omega) == 0.0)
+
+
+def test_an_engine_is_the_same_for_the_point_and_the_body():
+    """A throttled engine with two specific impulses: straight up from the ground, where the loss
+    is that of sea level, as a point, as a body and in a gimbal."""
+    full, impulse = 2.0e3, 250.0
+    exits = BackPressure.of_impulses(full, impulse, 200.0)
+    engine = Thrust.of_specific_impulse(full, impulse, 30.0, throttle=0.7, back_pressure=exits)
+    rocket = dataclasses.replace(vehicle(ROCKETS["Calisto"]), motor=engine)
+    air, mass = LocalAir(), rocket.body.loaded_mass()
+    y0 = BodyState(jnp.zeros(3), jnp.zeros(3), mass=mass)
+    turning = dataclasses.replace(y0, attitude=Quaternion.identity(), omega=jnp.zeros(3))
+    up = FixedDirection([0.0, 0.0, 1.0])
+    point = Scene(rocket.as_point(air, up), rocket.body)
+    fixed = Scene(rocket.as_body(air), rocket.body)
+    turned = Scene(rocket.as_body(air, control=Gimbal(up, 0.5, 0.2)), rocket.body)
+    expected = full * (0.7 - (1.0 - 200.0 / impulse)) / mass
+    for scene, y in ((point, y0), (fixed, turning), (turned, turning)):
+        rate = scene.vector_field(1.0, y)
+        np.testing.assert_allclose(rate.velocity, [0.0, 0.0, expected], rtol=1e-12, atol=1e-12)
+        np.testing.assert_allclose(rate.mass, -0.7 * full / (9.80665 * impulse), rtol=1e-12)
+    # Off, it has no pressure thrust either; and a throttle that is left out costs nothing.
+    assert np.all(np.asarray(point.vector_field(31.0, y0).velocity) == 0.0)
+    bare = Thrust.of_specific_impulse(full, impulse, 30.0)
+    assert bare.throttle is None and bare.back_pressure is None
+
+    @jax.jit
+    def speed(throttle):
+        motor = dataclasses.replace(engine, throttle=throttle)
+        scene = Scene((GroundGravity(9.8), motor), rocket.body)
+        return simulate(scene, turning, jnp.array([0.0, 5.0]), accuracy=1e-10).final.velocity[2]
+
+    slope = (speed(0.701) - speed(0.699)) / 2e-3
+    # The differences carry the tolerance over their step, and its square.
+    np.testing.assert_allclose(jax.grad(speed)(0.7), slope, rtol=1e-5)
+
+
+def test_a_thrust_along_the_air_meets_no_flow_from_the_side(tmp_path):
+    """Over a turning planet in a wind: the drag is against the thrust, in Python and in a file."""
+    wind = Wind([0.0, 1e4], [30.0, 30.0], [5.0, -5.0])
+    air = LocalAir(radius=6378137.0, air_rate=7.292e-5, wind=wind)
+    y = BodyState(jnp.array([6378237.0, 0.0, 2e4]), jnp.array([50.0, 465.0, 3.0]), mass=100.0)
+    law = AlongAir(air)
+    drag = AirDrag(0.1, 0.5, air).load(0.0, y, RigidBody(100.0)).force_N
+    np.testing.assert_allclose(law.direction(0.0, y), -drag / np.linalg.norm(drag), rtol=1e-13)
+    np.testing.assert_allclose(AlongAir(air, -1.0).direction(0.0, y), -law.direction(0.0, y))
+    beside = AlongVelocity(7.292e-5).direction(0.0, y) @ law.direction(0.0, y)
+    assert np.degrees(np.arccos(beside)) > 20.0
+    # At rest in the air there is no direction, and a finite slope.
+    rest = dataclasses.replace(y, velocity=air.velocity(y.position))
+    assert np.all(np.asarray(law.direction(0.0, rest)) == 0.0)
+    slopes = jax.jacfwd(lambda v: law.direction(0.0, dataclasses.replace(y, velocity=v)))
+    assert np.all(np.isfinite(slopes(rest.velocity)))
+    path = tmp_path / "wind.toml"
+    path.write_text(ALONG_AIR)
+    steering = load(path).mission.phases[0].system.effects[-1].steering
+    assert isinstance(steering, AlongAir)
+    np.testing.assert_allclose(steering.direction(0.0, y), law.direction(0.0, y), rtol=1e-12)
+
+
+ALONG_AIR = """
+[planet]
+mu = "398600.4418 km^3/s^2"
+radius = "6378.137 km"
+
+[body]
+mass = "100 kg"
+
+[effects.steered_thrust]
+mean_thrust = "2 kN"
+specific_impulse = "250 s"
+propellant_mass = "40 kg"
+
+[effects.steered_thrust.steering.air]
+radius = "6378.137 km"
+air_rate = "7.292e-5 rad/s"
+wind = { heights = ["0 m", "10 km"], east = ["30 m/s", "30 m/s"], north = ["5 m/s", "-5 m/s"] }
+
+[initial]
+position = ["6378.237 km", "0 m", "0 m"]
+velocity = ["50 m/s", "465 m/s", "0 m/s"]
+
+[[phase]]
+name = "burn"
+effects = ["point_gravity", "steered_thrust"]
+until = "burnout"
+"""
+
+
+def test_more_mass_is_dropped_than_there_is():
+    """The phase after such a separation is outside of the model."""
+    burn = Scene((GroundGravity(9.8), AirDrag(0.1, 0.5, LocalAir())), carry=("mass",))
+    y0 = BodyState(jnp.zeros(3), jnp.array([0.0, 0.0, 30.0]), mass=jnp.asarray(500.0))
+    drop = Phase(burn, 1.0, Separation(600.0), name="drop")
+    run = simulate(Mission([drop, Phase(burn, 1.0, name="fall")]), y0, throw=False)
+    assert run.status == Status.OUTSIDE_MODEL
+    drop = Phase(burn, 1.0, Separation(400.0), name="drop")
+    run = simulate(Mission([drop, Phase(burn, 1.0, name="fall")]), y0)
+    np.testing.assert_allclose(run.final.mass, 100.0)
 
 
 def test_point_and_body_coast_with_the_same_drag():

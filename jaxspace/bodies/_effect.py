@@ -108,6 +108,10 @@ class AbstractEffect(AbstractParameters):
         """Times, s, at which the load or a derivative of it jumps, or `None`."""
         return None
 
+    def switches(self) -> dict[str, str]:
+        """What makes the load jump by the state, as of a system (`AbstractSystem.switches`)."""
+        return {}
+
     def scaled(self, factor: Scalar) -> "AbstractEffect | None":
         """The same effect with its load multiplied by `factor`, or `None`.
 

@@ -11,6 +11,7 @@ from ._check import check_positive as check_positive
 from ._check import is_concrete as is_concrete
 from ._declare import Choice as Choice
 from ._declare import EventCondition as EventCondition
+from ._declare import FileName as FileName
 from ._declare import Initial as Initial
 from ._declare import Output as Output
 from ._declare import constructor as constructor

@@ -3,6 +3,9 @@
 Only values that are known are checked: a traced value passes, so that every check is free under
 `jit`, `vmap` and `grad`."""
 
+import difflib
+from collections.abc import Iterable
+
 import jax
 import numpy as np
 from jax.core import Tracer
@@ -11,6 +14,14 @@ from jax.typing import ArrayLike
 
 class InputError(ValueError):
     """A field has a value that is not allowed."""
+
+    @staticmethod
+    def hint(name: object, names: Iterable[str]) -> str:
+        """The question for the nearest of the `names` that are allowed, or nothing when none is
+        near."""
+        # Half of the letters in common: `spring` finds `sprung`, and a foreign word finds nothing.
+        near = difflib.get_close_matches(str(name), list(names), n=1, cutoff=0.5)
+        return f" Did you mean {near[0]}?" if near else ""
 
 
 def is_concrete(x: object) -> bool:

@@ -8,7 +8,7 @@ import dataclasses
 import functools
 import inspect
 from collections.abc import Callable, Mapping
-from typing import Any, NamedTuple, TypeVar, cast
+from typing import Any, NamedTuple, TypeAlias, TypeVar, cast
 
 import equinox as eqx
 
@@ -29,10 +29,24 @@ class Choice(NamedTuple):
     default: object = REQUIRED
 
 
+class FileName(NamedTuple):
+    """An argument that is the name of a file; in a scene file it is relative to that one.
+
+    A scene file gives a path that has a `read_text` of its own, as a `pathlib.Path` does: the file
+    may be gone, and its text in a store."""
+
+    doc: str
+    default: object = REQUIRED
+
+
+# What the arguments of a declared function may be.
+Argument: TypeAlias = Quantity | Choice | FileName
+
+
 class Constructor(NamedTuple):
     """What a named constructor declares: its `arguments`, and the fields that it `sets` itself."""
 
-    arguments: Mapping[str, Quantity | Choice]
+    arguments: Mapping[str, Argument]
     sets: frozenset[str]
 
 
@@ -58,10 +72,10 @@ class Initial(NamedTuple):
 
     key: str
     gives: tuple[str, ...]
-    arguments: Mapping[str, Quantity | Choice]
+    arguments: Mapping[str, Argument]
 
 
-def _checked(function: Function, arguments: Mapping[str, Quantity | Choice]) -> Function:
+def _checked(function: Function, arguments: Mapping[str, Argument]) -> Function:
     """The function, with the known values of its declared arguments checked at every call."""
     signature = inspect.signature(function)
     # Without the function around a class that is defined within one.
@@ -86,7 +100,7 @@ def _checked(function: Function, arguments: Mapping[str, Quantity | Choice]) -> 
 
 
 def constructor(
-    *, sets: tuple[str, ...] = (), **arguments: Quantity | Choice
+    *, sets: tuple[str, ...] = (), **arguments: Argument
 ) -> Callable[[Function], Function]:
     """Declare the arguments of a named constructor, or of a method `state` that makes a state.
 
@@ -97,7 +111,7 @@ def constructor(
 
     - `sets`: the fields that the constructor computes; it takes the others by name if it has
       `**fields`.
-    - `arguments`: by name, each an `argument(...)` or a `Choice`.
+    - `arguments`: by name, each an `argument(...)`, a `Choice` or a `FileName`.
 
     **Raises** `InputError`, from the constructor, for a value out of its range."""
 
@@ -111,7 +125,7 @@ def constructor(
 
 
 def initial(
-    key: str, *, gives: tuple[str, ...], **arguments: Quantity | Choice
+    key: str, *, gives: tuple[str, ...], **arguments: Argument
 ) -> Callable[[Function], Function]:
     """Declare a function that makes parts of an initial state, for the table `[initial.key]`.
 

@@ -164,6 +164,13 @@ class AbstractSystem(AbstractParameters):
         Every integration lands a step on each of them."""
         return None
 
+    def switches(self) -> dict[str, str]:
+        """What makes the vector field jump by the state, which no time of `breaks` tells: the part
+        of the state, by the name of the parameter.
+
+        Derivatives of a run over such a jump need an event there; without one `simulate` warns."""
+        return {}
+
     def projected(self, t: Scalar, y: State) -> State | None:
         """The state nearest to `y` that meets the constraints of the system, or `None` where it
         has none.

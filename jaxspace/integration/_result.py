@@ -49,7 +49,8 @@ def within_model(result: IntegrationResult, outside: Flag | None) -> Integration
     """The result with its status where a run ends `outside` of what its system describes."""
     if outside is None:
         return result
-    left = outside & (result.status == Status.COMPLETED)
+    # Steps that missed the tolerance did so because the run left the model.
+    left = outside & (result.status <= Status.TOLERANCE_MISSED)
     status = jnp.where(left, Status.OUTSIDE_MODEL, result.status).astype(jnp.int32)
     return result._replace(status=status)
 

@@ -4,6 +4,7 @@ gravity turn."""
 from ._angle_of_attack import angle_of_attack as angle_of_attack
 from ._angle_of_attack import complex_angle_of_attack as complex_angle_of_attack
 from ._attitude_control import AttitudeControl as AttitudeControl
+from ._back_pressure import BackPressure as BackPressure
 from ._gimballed_thrust import Gimbal as Gimbal
 from ._gimballed_thrust import GimballedThrust as GimballedThrust
 from ._gravity_turn import GravityTurn as GravityTurn
@@ -14,8 +15,8 @@ from ._jet_damping import JetDamping as JetDamping
 from ._jet_damping import jet_damping_ratio as jet_damping_ratio
 from ._jet_damping import spin_angle as spin_angle
 from ._jet_damping import spin_ratio as spin_ratio
-from ._motor_file import Motor as Motor
-from ._motor_file import read_motor as read_motor
+from ._motor import Motor as Motor
+from ._motor import read_motor as read_motor
 from ._pitch_kick import PitchKick as PitchKick
 from ._propellant_depletion import PropellantDepletion as PropellantDepletion
 from ._rocket_equation import coast_height as coast_height
@@ -26,7 +27,6 @@ from ._rocket_equation import vertical_burnout_velocity as vertical_burnout_velo
 from ._spinning_rocket import SpinningRocket as SpinningRocket
 from ._sprinkler import sprinkler_moment as sprinkler_moment
 from ._sprinkler import sprinkler_speed as sprinkler_speed
-from ._steered_thrust import BackPressure as BackPressure
 from ._steered_thrust import Separation as Separation
 from ._steered_thrust import SteeredThrust as SteeredThrust
 from ._steering import AbstractSteering as AbstractSteering

@@ -18,6 +18,7 @@ to go. One nozzle gives no roll.
 Source: Greensite, Analysis and Design of Space Vehicle Flight Control Systems, 1970, 1.2.
 """
 
+import os
 from typing import Any, ClassVar, final
 
 import equinox as eqx
@@ -36,8 +37,10 @@ from ..core import (
     quantity,
     with_rank,
 )
+from ._back_pressure import BackPressure
+from ._motor_file import read_motor_file
 from ._steering import AbstractSteering, joined_breaks
-from ._thrust import Thrust
+from ._thrust import FILE_PROPELLANT, MOTOR_FILE, Thrust
 from ._thrust_profile import ThrustProfile
 
 
@@ -69,16 +72,17 @@ class Gimbal(AbstractParameters):
 
 @final
 class GimballedThrust(AbstractEffect):
-    """A motor in a gimbal: its thrust steers the body, whose attitude is a part of the state.
+    """A motor in a gimbal: its thrust steers the body, whose attitude is a part of the state. A
+    burnout mass is that of `Thrust`.
 
     The same flight as a point, with the thrust along the law, is that of `SteeredThrust`."""
 
     gimbal: Gimbal = eqx.field(metadata={"doc": "what moves the nozzle"})
     mean_thrust: Float[Array, "*#runs"] = quantity(
-        "N", non_negative=True, doc="mean over the burn time"
+        "N", non_negative=True, doc="in vacuum, mean over the burn time"
     )
     exhaust_velocity: Float[Array, "*#runs"] = quantity(
-        "m/s", positive=True, doc="thrust over mass flow"
+        "m/s", positive=True, doc="thrust over mass flow in vacuum"
     )
     burn_time: Float[Array, "*#runs"] = quantity("s", positive=True, doc="from ignition to burnout")
     station: Float[Array, "*#runs"] = quantity(
@@ -94,6 +98,12 @@ class GimballedThrust(AbstractEffect):
         optional=True,
         doc="the thrust ends when no more mass than this is left; without it the burn time ends it",
     )
+    throttle: Float[Array, "*#runs"] | None = quantity(
+        "", low=0.0, high=1.0, optional=True, doc="share of the full thrust; all of it by default"
+    )
+    back_pressure: BackPressure | None = eqx.field(
+        default=None, metadata={"doc": "what the air takes; nothing by default"}
+    )
 
     needs: ClassVar[frozenset[str]] = frozenset(
         {"position", "velocity", "attitude", "omega", "mass"}
@@ -107,6 +117,7 @@ class GimballedThrust(AbstractEffect):
         mean_thrust=argument("N", positive=True, doc="in vacuum"),
         specific_impulse=argument("s", positive=True, doc="exhaust velocity over 9.80665 m/s^2"),
         propellant_mass=argument("kg", positive=True, doc="burnt from ignition to burnout"),
+        throttle=argument("", low=0.0, high=1.0, optional=True, doc="share of the full thrust"),
     )
     def of_propellant(
         cls,
@@ -115,17 +126,48 @@ class GimballedThrust(AbstractEffect):
         specific_impulse: Scalar,
         propellant_mass: Scalar,
         station: Scalar,
+        throttle: Scalar | None = None,
         **fields: Any,
     ) -> "GimballedThrust":
         """A motor that burns a mass of propellant: its burn time follows.
 
         **Arguments**
 
-        - `gimbal`; `mean_thrust`, N; `specific_impulse`, s; `propellant_mass`, kg; `station`, m.
+        - `gimbal`; `mean_thrust`, N; `specific_impulse`, s; `propellant_mass`, kg; `station`, m;
+          `throttle`.
         - `fields`: the other fields by name.
         """
         u = 9.80665 * specific_impulse
-        return cls(gimbal, mean_thrust, u, propellant_mass * u / mean_thrust, station, **fields)
+        flowing = mean_thrust if throttle is None else throttle * mean_thrust
+        burn_time = propellant_mass * u / flowing
+        return cls(gimbal, mean_thrust, u, burn_time, station, throttle=throttle, **fields)
+
+    @classmethod
+    @constructor(
+        sets=("mean_thrust", "exhaust_velocity", "burn_time", "profile"),
+        motor_file=MOTOR_FILE,
+        propellant_mass=FILE_PROPELLANT,
+    )
+    def of_file(
+        cls,
+        gimbal: Gimbal,
+        motor_file: str | os.PathLike[str],
+        station: Scalar,
+        propellant_mass: Scalar | None = None,
+        **fields: Any,
+    ) -> "GimballedThrust":
+        """A solid motor from its thrust curve in a file.
+
+        **Arguments**
+
+        - `gimbal`; `station`, m.
+        - `motor_file`, `propellant_mass`: as in `Thrust.of_file`.
+        - `fields`: the other fields by name.
+
+        **Raises** `InputError` for what `read_motor` refuses, or without a mass of the propellant.
+        """
+        thrust, u, time, profile = read_motor_file(motor_file).parameters(propellant_mass)
+        return cls(gimbal, thrust, u, time, station, profile, **fields)
 
     @classmethod
     def of_thrust(cls, motor: Thrust, gimbal: Gimbal, station: Scalar) -> "GimballedThrust":
@@ -145,6 +187,8 @@ class GimballedThrust(AbstractEffect):
             motor.profile,
             motor.ignition,
             motor.burnout_mass,
+            motor.throttle,
+            motor.back_pressure,
         )
 
     @known_time
@@ -161,6 +205,8 @@ class GimballedThrust(AbstractEffect):
             self.profile,
             self.ignition,
             burnout_mass=self.burnout_mass,
+            throttle=self.throttle,
+            back_pressure=self.back_pressure,
         )
 
     def propellant_left(self, y: BodyState) -> Scalar:
@@ -169,9 +215,10 @@ class GimballedThrust(AbstractEffect):
         return self.motor().propellant_left(y)
 
     def load(self, t: Scalar, y: BodyState, body: AbstractBody) -> Load:
-        thrust = self.motor().thrust(t, y.mass)
+        motor = self.motor()
+        thrust = motor.thrust(t, y.mass)
         about_x, about_y = self.gimbal.tangents(t, y)
-        along = thrust / jnp.sqrt(1.0 + about_x * about_x + about_y * about_y)
+        along = motor.net_thrust(thrust, y) / jnp.sqrt(1.0 + about_x * about_x + about_y * about_y)
         force_B = jnp.stack([-along * about_y, along * about_x, along])
         return Load(
             force_N=y.attitude.rotate(force_B),
@@ -188,6 +235,9 @@ class GimballedThrust(AbstractEffect):
     def potential(self, t: Scalar, y: BodyState, body: AbstractBody) -> None:
         del t, y, body
         return None  # The thrust does work, and the nozzle moves.
+
+    def switches(self) -> dict[str, str]:
+        return {} if self.burnout_mass is None else {"GimballedThrust.burnout_mass": "mass"}
 
     def breaks(self) -> Float[Array, "times *#runs"]:
         # As those of the point's motor, whose law may have corners, too.

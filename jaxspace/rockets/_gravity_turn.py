@@ -206,14 +206,20 @@ class GravityTurn(AbstractSystem):
         return GravityTurnState(push - g * up, bend * across, ground, y.speed * up)
 
     def invariants(self, t: Scalar, y: GravityTurnState) -> dict[str, Array]:
-        """For a constant n the constant of 8.5-7, C = v z^(1-n)/(1 + z^2)."""
+        """For a constant n the constant of 8.5-7, C = v z^(1-n)/(1 + z^2), or 1/C for n > 1: zero
+        on a vertical path, where the other is infinite."""
         del t
         if self.closed_form() is None:
             return {}
         half = 0.5 * y.angle
         # By sine and cosine, because z is infinite on the way down.
         n = self.thrust_ratio
-        return {"C": y.speed * jnp.sin(half) ** (1.0 - n) * jnp.cos(half) ** (1.0 + n)}
+        sense = jnp.where(n > 1.0, -1.0, 1.0)
+        power = sense * (1.0 - n)
+        # Of a vertical path at n = 1, because the power 0 of zero has no derivative.
+        upright = (power == 0.0) & (half == 0.0)
+        z = jnp.where(upright, 1.0, jnp.sin(jnp.where(upright, 1.0, half)))
+        return {"C": y.speed**sense * z**power * jnp.cos(half) ** (sense * (1.0 + n))}
 
     def closed_form(self) -> AbstractClosedForm | None:
         given = (self.burn_fraction_rate, self.radius, self.ballistic_coefficient)

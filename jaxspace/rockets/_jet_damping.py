@@ -84,10 +84,23 @@ def spin_angle(
 ) -> Scalar:
     """Angle of spin, rad, after `time`, s: the integral of omega_z from the rate `spin` = n, rad/s,
     with m'/m_0 = `burn_fraction_rate`, 1/s (positive when mass leaves). Holds for a central nozzle,
-    where it is a logarithm, and without burning, where it is n t."""
-    log_xi = jnp.log1p(-burn_fraction_rate * as_float(time))
+    where it is a logarithm, without burning, where it is n t, and when all mass is gone; its
+    derivatives there are those of `spin_ratio`: one-sided."""
+    q = as_float(ring_over_gyration) ** 2
+    burnt = burn_fraction_rate * as_float(time)
+    # The end of the range, at which the logarithm is infinite.
+    empty = burnt == 1.0
+    log_xi = jnp.log1p(-jnp.where(empty, 0.5, burnt))
     # -log_xi / burn_fraction_rate = time / phi1(log_xi), which has no hole where nothing burns.
-    return spin * time * phi1(ring_over_gyration**2 * log_xi) / phi1(log_xi)
+    logarithmic = spin * time * phi1(q * log_xi) / phi1(log_xi)
+    # n (1 - xi^q)/(q m'/m_0) reaches the end, where little of the difference cancels.
+    late = (empty & (q > 0.0)) | ((burnt > 0.5) & (q * log_xi < -1.0))
+    shares = jnp.where(late, q * burnt, 1.0)
+    left = _power(jnp.where(late, 1.0 - burnt, 1.0), jnp.where(late, q, 1.0))
+    powers = spin * time * (1.0 - left) / shares
+    # Through a central nozzle the angle grows without bound: an infinity without slopes.
+    bound = jnp.copysign(jnp.inf, jax.lax.stop_gradient(as_float(spin)))
+    return jnp.where(late, powers, jnp.where(empty, bound, logarithmic))
 
 
 @final

@@ -8,88 +8,35 @@
     p, A    pressure of the air, area of the nozzle's exit                    Pa, m^2
     d       direction of the thrust by its law                                1
 
-The specific impulse at sea level follows: u (1 - p_0 A/F_m).
-
 Source: Thomson 8.1, 8.3, 8.5; Sutton, Rocket Propulsion Elements, 2.2 (pressure thrust).
 """
 
+import os
 from typing import Any, ClassVar, final
 
 import equinox as eqx
-import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..bodies import AbstractAtmosphere, AbstractBody, AbstractEffect, AbstractJump, BodyState, Load
+from ..bodies import AbstractBody, AbstractEffect, AbstractJump, BodyState, Load
 from ..core import (
-    AbstractParameters,
     Scalar,
     argument,
     as_float,
     constructor,
     known_time,
-    norm,
     quantity,
 )
+from ._back_pressure import BackPressure
+from ._motor_file import read_motor_file
 from ._steering import AbstractSteering, joined_breaks
-from ._thrust import Thrust
+from ._thrust import FILE_PROPELLANT, MOTOR_FILE, Thrust
 from ._thrust_profile import ThrustProfile
 
 
 @final
-class BackPressure(AbstractParameters):
-    """What the air takes from a thrust: its pressure on the exit of the nozzle, that of an
-    atmosphere, or falling exponentially with the height."""
-
-    exit_area: Float[Array, "*#runs"] = quantity("m^2", non_negative=True, doc="of all nozzles")
-    radius: Float[Array, "*#runs"] = quantity(
-        "m", non_negative=True, doc="of the planet, from which heights count"
-    )
-    surface_pressure: Float[Array, "*#runs"] = quantity(
-        "Pa", non_negative=True, default=101325.0, doc="of the air at the height zero"
-    )
-    scale_height: Float[Array, "*#runs"] = quantity(
-        "m", positive=True, default=7000.0, doc="climb over which it falls by the factor e"
-    )
-    atmosphere: AbstractAtmosphere | None = eqx.field(
-        default=None, metadata={"doc": "whose pressure holds, in place of the exponential one"}
-    )
-
-    @classmethod
-    @constructor(
-        sets=("exit_area", "surface_pressure", "scale_height"),
-        mean_thrust=argument("N", positive=True, doc="in vacuum"),
-        vacuum_impulse=argument("s", positive=True, doc="specific impulse in vacuum"),
-        sea_level_impulse=argument("s", positive=True, doc="specific impulse at sea level"),
-    )
-    def of_impulses(
-        cls,
-        mean_thrust: Scalar,
-        vacuum_impulse: Scalar,
-        sea_level_impulse: Scalar,
-        radius: Scalar,
-        atmosphere: AbstractAtmosphere | None = None,
-    ) -> "BackPressure":
-        """The exit of an engine from its specific impulses: A = F (1 - I_0/I)/p_0.
-
-        **Arguments**
-
-        - `mean_thrust`: in vacuum, N; `vacuum_impulse`, `sea_level_impulse`: s.
-        - `radius`: of the planet, m; `atmosphere`: as the field.
-        """
-        area = as_float(mean_thrust) * (1.0 - sea_level_impulse / as_float(vacuum_impulse))
-        return cls(area / 101325.0, radius, atmosphere=atmosphere)
-
-    def loss(self, y: BodyState) -> Scalar:
-        """The thrust lost, N, in the state `y`."""
-        height = norm(y.position) - self.radius
-        if self.atmosphere is not None:
-            return self.exit_area * self.atmosphere.air_at(height).pressure
-        return self.exit_area * self.surface_pressure * jnp.exp(-height / self.scale_height)
-
-
-@final
 class SteeredThrust(AbstractEffect):
-    """A motor whose thrust points along a steering law; the body is a point."""
+    """A motor whose thrust points along a steering law; the body is a point. A burnout mass is that
+    of `Thrust`."""
 
     steering: AbstractSteering = eqx.field(metadata={"doc": "direction of the thrust"})
     mean_thrust: Float[Array, "*#runs"] = quantity(
@@ -152,6 +99,32 @@ class SteeredThrust(AbstractEffect):
         return cls(steering, mean_thrust, u, burn_time, throttle=throttle, **fields)
 
     @classmethod
+    @constructor(
+        sets=("mean_thrust", "exhaust_velocity", "burn_time", "profile"),
+        motor_file=MOTOR_FILE,
+        propellant_mass=FILE_PROPELLANT,
+    )
+    def of_file(
+        cls,
+        steering: AbstractSteering,
+        motor_file: str | os.PathLike[str],
+        propellant_mass: Scalar | None = None,
+        **fields: Any,
+    ) -> "SteeredThrust":
+        """A solid motor from its thrust curve in a file, which is taken for that in vacuum.
+
+        **Arguments**
+
+        - `steering`: the law.
+        - `motor_file`, `propellant_mass`: as in `Thrust.of_file`.
+        - `fields`: the other fields by name.
+
+        **Raises** `InputError` for what `read_motor` refuses, or without a mass of the propellant.
+        """
+        thrust, u, time, profile = read_motor_file(motor_file).parameters(propellant_mass)
+        return cls(steering, thrust, u, time, profile=profile, **fields)
+
+    @classmethod
     def of_thrust(cls, motor: Thrust, steering: AbstractSteering) -> "SteeredThrust":
         """The motor of a flight with six degrees of freedom, for one with three: the same thrust
         and mass flow along a law; point and misalignment play no role.
@@ -167,8 +140,10 @@ class SteeredThrust(AbstractEffect):
             motor.exhaust_velocity,
             motor.burn_time,
             motor.ignition,
-            profile=motor.profile,
-            burnout_mass=motor.burnout_mass,
+            as_float(1.0 if motor.throttle is None else motor.throttle),
+            motor.profile,
+            motor.back_pressure,
+            motor.burnout_mass,
         )
 
     @known_time
@@ -191,18 +166,19 @@ class SteeredThrust(AbstractEffect):
 
     def load(self, t: Scalar, y: BodyState, body: AbstractBody) -> Load:
         del body
-        full = self.thrust(t, y.mass)
-        force = full
-        if self.back_pressure is not None:
-            # While it burns: a motor that is off has no pressure thrust.
-            force = jnp.where(full > 0.0, full - self.back_pressure.loss(y), 0.0)
+        motor = self._motor()
+        thrust = motor.thrust(t, y.mass)
         return Load(
-            force_N=force * self.steering.direction(t, y), mass_rate=-full / self.exhaust_velocity
+            force_N=motor.net_thrust(thrust, y) * self.steering.direction(t, y),
+            mass_rate=-thrust / self.exhaust_velocity,
         )
 
     def potential(self, t: Scalar, y: BodyState, body: AbstractBody) -> None:
         del t, y, body
         return None  # The thrust does work.
+
+    def switches(self) -> dict[str, str]:
+        return {} if self.burnout_mass is None else {"SteeredThrust.burnout_mass": "mass"}
 
     def breaks(self) -> Float[Array, "times *#runs"]:
         own, law = self._motor().breaks(), self.steering.breaks()
@@ -216,6 +192,7 @@ class SteeredThrust(AbstractEffect):
             self.profile,
             self.ignition,
             burnout_mass=self.burnout_mass,
+            back_pressure=self.back_pressure,
         )
 
 

@@ -15,6 +15,7 @@ The mass flow is proportional to the thrust: the exhaust velocity is constant. T
 between its points, so that the load has kinks at known times: these are its `breaks`.
 """
 
+import os
 from collections.abc import Sequence
 from typing import Any, ClassVar, TypeAlias, final
 
@@ -24,6 +25,7 @@ from jaxtyping import Array, Float
 
 from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
 from ..core import (
+    FileName,
     InputError,
     Scalar,
     Vector,
@@ -35,17 +37,25 @@ from ..core import (
     quantity,
     with_rank,
 )
+from ._back_pressure import BackPressure
+from ._motor_file import read_motor_file
 from ._thrust_profile import ThrustProfile
 
 Pair: TypeAlias = Float[Array, "2 *#runs"] | Sequence[Scalar]
 
-# Shared by the two constructors, so that a file finds the same words in both.
+# Shared by the constructors, so that a file finds the same words in both.
 _STATION = argument(
     "m",
     optional=True,
     doc="z of the point of the thrust in the body's construction axes; without it no torque",
 )
 _OFFSET = argument("m", shape=(2,), default=(0.0, 0.0), doc="x and y of the point of the thrust")
+
+# Of all motors that come from a file.
+MOTOR_FILE = FileName("with the thrust curve: RASP where its name ends in .eng, else two columns")
+FILE_PROPELLANT = argument(
+    "kg", positive=True, optional=True, doc="burnt in the burn time; by default what the file says"
+)
 
 
 def _point(station: Scalar | None, offset: Pair) -> dict[str, Vector]:
@@ -60,16 +70,17 @@ def _point(station: Scalar | None, offset: Pair) -> dict[str, Vector]:
 @final
 class Thrust(AbstractEffect):
     """A motor that burns from its ignition for its burn time; its thrust follows the `profile`,
-    constant by default.
+    constant by default. A liquid engine has a `throttle`, and a `back_pressure` where its specific
+    impulse at sea level is another than in vacuum.
 
-    With a burnout mass the end of the thrust depends on the state: give the phase the event
-    `propellant_left` to stop on it exactly."""
+    With a burnout mass the end of the thrust depends on the state: end the phase by the event
+    `PropellantDepletion`, without which derivatives leave out how that time moves."""
 
     mean_thrust: Float[Array, "*#runs"] = quantity(
-        "N", non_negative=True, doc="mean over the burn time"
+        "N", non_negative=True, doc="in vacuum, mean over the burn time"
     )
     exhaust_velocity: Float[Array, "*#runs"] = quantity(
-        "m/s", positive=True, doc="thrust over mass flow"
+        "m/s", positive=True, doc="thrust over mass flow in vacuum"
     )
     burn_time: Float[Array, "*#runs"] = quantity("s", positive=True, doc="from ignition to burnout")
     profile: ThrustProfile | None = eqx.field(
@@ -89,6 +100,12 @@ class Thrust(AbstractEffect):
         non_negative=True,
         optional=True,
         doc="the thrust ends when no more mass than this is left; without it the burn time ends it",
+    )
+    throttle: Float[Array, "*#runs"] | None = quantity(
+        "", low=0.0, high=1.0, optional=True, doc="share of the full thrust; all of it by default"
+    )
+    back_pressure: BackPressure | None = eqx.field(
+        default=None, metadata={"doc": "what the air takes; nothing by default"}
     )
 
     needs: ClassVar[frozenset[str]] = frozenset({"attitude", "mass"})
@@ -155,16 +172,47 @@ class Thrust(AbstractEffect):
         fields |= _point(station, offset)
         return cls(mean_thrust, 9.80665 * specific_impulse, burn_time, **fields)
 
+    @classmethod
+    @constructor(
+        sets=("mean_thrust", "exhaust_velocity", "burn_time", "profile", "point"),
+        motor_file=MOTOR_FILE,
+        propellant_mass=FILE_PROPELLANT,
+        station=_STATION,
+        offset=_OFFSET,
+    )
+    def of_file(
+        cls,
+        motor_file: str | os.PathLike[str],
+        propellant_mass: Scalar | None = None,
+        station: Scalar | None = None,
+        offset: Pair = (0.0, 0.0),
+        **fields: Any,
+    ) -> "Thrust":
+        """A solid motor from its thrust curve in a file.
+
+        **Arguments**
+
+        - `motor_file`: path, as of `read_motor`.
+        - `propellant_mass`: kg, in place of what the file says.
+        - `station`, `offset`, `fields`: as in `of_motor`.
+
+        **Raises** `InputError` for what `read_motor` refuses, or without a mass of the propellant.
+        """
+        fields |= _point(station, offset)
+        return cls(*read_motor_file(motor_file).parameters(propellant_mass), **fields)
+
     @known_time
     def burnout(self) -> Scalar:
         """The time, s, at which the burn time is over."""
         return self.ignition + self.burn_time
 
     def thrust(self, t: Scalar, mass: Scalar) -> Scalar:
-        """The thrust, N, at the time `t`, s, with `mass`, kg, left."""
+        """The thrust in vacuum, N, at the time `t`, s, with `mass`, kg, left."""
         x = (t - self.ignition) / self.burn_time
         profile = ThrustProfile.constant() if self.profile is None else self.profile
         thrust = self.mean_thrust * profile.at(x)
+        if self.throttle is not None:
+            thrust = self.throttle * thrust
         if self.burnout_mass is None:
             return thrust
         # Compared with the state and not with the time, so that a low thrust burns longer.
@@ -188,10 +236,14 @@ class Thrust(AbstractEffect):
         # the last step of a phase that ends here does not see the jump of the thrust.
         return y.mass - self.burnout_mass * (1.0 + 4096.0 * jnp.finfo(y.mass.dtype).eps)
 
+    def net_thrust(self, thrust: Scalar, y: BodyState) -> Scalar:
+        """What the air in the state `y` leaves of a `thrust` in vacuum, N."""
+        return thrust if self.back_pressure is None else self.back_pressure.net(thrust, y)
+
     def load(self, t: Scalar, y: BodyState, body: AbstractBody) -> Load:
         assert y.attitude is not None and y.mass is not None
         thrust = self.thrust(t, y.mass)
-        force_B = thrust * self._direction(thrust)
+        force_B = self.net_thrust(thrust, y) * self._direction(thrust)
         # `None` and not zero: a thrust without a point costs no operation for a torque.
         torque = None
         if self.point is not None:
@@ -215,6 +267,9 @@ class Thrust(AbstractEffect):
     def potential(self, t: Scalar, y: BodyState, body: AbstractBody) -> None:
         del t, y, body
         return None  # The thrust does work, and moves with the body.
+
+    def switches(self) -> dict[str, str]:
+        return {} if self.burnout_mass is None else {"Thrust.burnout_mass": "mass"}
 
     def breaks(self) -> Float[Array, "times *#runs"]:
         # With runs behind the points: each run has its own ignition and burn time.

@@ -204,11 +204,13 @@ class Scene(AbstractScene):
         return self.body.constant_mass() if y.mass is None else y.mass
 
     def outside(self, t: Scalar, y: BodyState) -> Flag | None:
-        """Whether more propellant was burnt than the body carries; `None` where it has no least
-        mass."""
-        least = self.body.least_mass()
-        if least is None or y.mass is None:
+        """Whether more propellant was burnt than the body carries, or all of a mass is gone; `None`
+        where the state holds no mass."""
+        if y.mass is None:
             return None
+        least = self.body.least_mass()
+        if least is None:
+            return y.mass <= 0.0
         # A burn that ends at the dry mass does so within the tolerance of the run.
         slack = max(1e-6, 1e3 * float(jnp.finfo(y.mass.dtype).eps))
         return y.mass < (1.0 - slack) * least
@@ -255,6 +257,10 @@ class Scene(AbstractScene):
             return None
         runs = jnp.broadcast_shapes(*(x.shape[1:] for x in times))
         return jnp.concatenate([jnp.broadcast_to(x, (x.shape[0], *runs)) for x in times])
+
+    def switches(self) -> dict[str, str]:
+        """Those of all effects."""
+        return {name: part for e in self.effects for name, part in e.switches().items()}
 
 
 SUMMED = ("acceleration_N", "force_N", "torque_B", "mass_rate", "inertia_B", "momentum_B")

@@ -29,6 +29,7 @@ from ._finish import mission_trajectory_of, raise_failures, trajectory_of
 from ._mission import Mission
 from ._mission_trajectory import MissionTrajectory
 from ._phases import resolve_phases
+from ._switches import warn_of_switches
 from ._trajectory import Trajectory
 
 # How many runs of a batch are looked at to choose its method.
@@ -125,6 +126,7 @@ def _batch_of_systems(
     start = jax.ShapeDtypeStruct(ts.shape[1:], ts.dtype)
     check_structure(whole[0], whole[1], start, one_run=False)
     check_values(whole[0], ts, whole[1])
+    warn_of_switches(whole[0], events, whole[1], start, stacklevel=3)
     config_for = functools.partial(_resolve_for, as_accuracy(accuracy), whole, batched)
     traced = is_traced((batched, shared))
     # Where nothing is known of the status, nothing is repeated.

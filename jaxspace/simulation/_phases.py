@@ -11,6 +11,7 @@ from ..integration._events import Event
 from ._checks import check_structure, shapes_after
 from ._flight import AbstractFlight
 from ._mission import Mission, Phase
+from ._switches import warn_of_switches
 
 
 def resolve_phases(
@@ -26,6 +27,9 @@ def resolve_phases(
         # Only shapes are needed: a jump may change what the state holds.
         zero = jax.ShapeDtypeStruct((), state_dtype(y))
         whole = check_structure(phase.moving, y, zero, one_run=run_axes == 0)
+        events = (phase.until,) if isinstance(phase.until, Event) else ()
+        # The level of the call of `simulate`, from here.
+        warn_of_switches(phase.moving, events, y, zero, stacklevel=4)
         if isinstance(phase.system, AbstractFlight):
             configs.append(phase.system.config(y, accuracy))
         else:

@@ -38,6 +38,7 @@ from ._mission_runs import run_mission
 from ._mission_trajectory import MissionTrajectory
 from ._phases import resolve_phases
 from ._runs import run_system
+from ._switches import warn_of_switches
 from ._trajectory import Trajectory
 
 Result = TypeVar("Result", Trajectory, MissionTrajectory)
@@ -128,6 +129,8 @@ def _simulate_system(
     check_values(system, ts, y0)
     events = as_events(events)
     check_events(events, system, y0, start, 0)
+    # The level of the call of `simulate`, from here.
+    warn_of_switches(system, events, y0, start, stacklevel=3)
     check_dense(dense, events)
     starts = functools.partial(InitialConditions.of_one, system, y0, ts)
     config = resolve(system, y0, as_accuracy(accuracy), starts)

@@ -9,6 +9,7 @@ from ._airframe import FinSet as FinSet
 from ._airframe import NoseCone as NoseCone
 from ._airframe import RadiusChange as RadiusChange
 from ._airframe import prandtl_factor as prandtl_factor
+from ._along_air import AlongAir as AlongAir
 from ._coefficient import MachTable as MachTable
 from ._flexible_stage import FlexibleStage as FlexibleStage
 from ._ground_gravity import GroundGravity as GroundGravity

@@ -108,6 +108,10 @@ class LocalAir(AbstractParameters):
         atmosphere = StandardAtmosphere() if self.atmosphere is None else self.atmosphere
         return atmosphere.air_at(height), self._velocity(position, height)
 
+    def velocity(self, position: Vector) -> Vector:
+        """The velocity of the air at a `position`, m, by wind and rotation, m/s, (3, *runs)."""
+        return self._velocity(position, self.height(position))
+
     def _velocity(self, position: Vector, height: Scalar) -> Vector:
         up = axis(2, position[2])
         if self.radius is None:

@@ -156,7 +156,9 @@ def turned_with_constant(n, g, **given):
     """The gravity turn, and the constant of 8.5-7 there."""
     v, psi, x, y = turned(n, g, **given)
     there = GravityTurnState(v, psi * DEG, x, y)
-    return v, psi, x, y, GravityTurn(n, g).invariants(0.0, there)["C"]
+    constant = GravityTurn(n, g).invariants(0.0, there)["C"]
+    # The system keeps 1/C for n > 1, which is finite on a vertical path.
+    return v, psi, x, y, 1.0 / constant if n > 1.0 else constant
 
 
 def slopes_of_turn(**given):

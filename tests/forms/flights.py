@@ -23,6 +23,7 @@ def steering(x):
     )
     y = BodyState(position=x[5:8], velocity=x[8:11])
     ways = k.AlongVelocity(x[4]).direction(x[4], y), k.FixedDirection(x[5:8]).direction(x[4], y)
+    ways += (v.AlongAir(v.LocalAir(radius=6.378e6, air_rate=x[4])).direction(x[4], y),)
     along = k.FlightPlane().along(x[0], y), laws[2].direction(x[4], y)
     polynomial, table, tangents = (law.pitch(x[4]) for law in laws)
     # A table is right to a rounding of its largest value.
@@ -30,13 +31,15 @@ def steering(x):
 
 
 def engines(x):
-    """Thrust, rate, burnout and loss: thrust, impulse, propellant, time, mass and place."""
+    """Thrust, rate, burnout, loss and what it leaves: thrust, impulse, propellant, time, mass and
+    place."""
     law = k.FixedDirection([0.0, 0.0, 1.0])
     engine = k.SteeredThrust.of_propellant(law, x[0], x[1], x[2])
     y = BodyState(position=x[5:8], velocity=x[5:8], mass=x[4])
     air = k.BackPressure.of_impulses(x[0], x[1], 0.9 * x[1], 6.4e6)
-    rates = engine.thrust(x[3], x[4]), engine.mass_rate(x[3], x[4]), engine.burnout()
-    return numbers(*rates, air.loss(y))
+    thrust = engine.thrust(x[3], x[4])
+    rates = thrust, engine.mass_rate(x[3], x[4]), engine.burnout()
+    return numbers(*rates, air.loss(y), air.net(thrust, y))
 
 
 def streams(x):
@@ -77,7 +80,8 @@ def airs_at(x):
     site = v.LaunchSite(x[6], 5.0, 1.4, 0.3 + x[6])
     placed = site.direction(), site.attitude().wxyz
     force = v.drag_force(x[3:6], x[10], x[9])
-    return moving, force, *placed, *numbers(*figures, *ground, rates, *air.wind.at(x[2]))
+    rest = numbers(*figures, *ground, rates, *air.wind.at(x[2]))
+    return moving, air.velocity(x[:3]), force, *placed, *rest
 
 
 def stages(x):
@@ -106,6 +110,7 @@ FORMS = (
             *of("rockets.PitchTable", "pitch"),
             *of("rockets.TangentSteering", "pitch"),
             *of("rockets.AlongVelocity", "direction"),
+            *of("vehicles.AlongAir", "direction"),
             *of("rockets.FixedDirection", "direction"),
             *of("rockets.FlightPlane", "along"),
             *of("rockets.AbstractSteering", "direction"),
@@ -119,7 +124,7 @@ FORMS = (
         engines,
         (
             *of("rockets.SteeredThrust", "of_propellant", "thrust", "mass_rate", "burnout"),
-            *of("rockets.BackPressure", "of_impulses", "loss"),
+            *of("rockets.BackPressure", "of_impulses", "loss", "net"),
         ),
         [(2.5e4, 290.0, 500.0, 10.0, 1700.0, 6.41e6, 1e5, 0.0)],
     ),
@@ -154,7 +159,7 @@ FORMS = (
     Form(
         airs_at,
         (
-            *of("vehicles.LocalAir", "at", "height"),
+            *of("vehicles.LocalAir", "at", "height", "velocity"),
             *of("vehicles.LaunchSite", "direction", "attitude"),
             *of("vehicles.AirDrag", "dynamic_pressure"),
             *of("vehicles.GroundGravity", "of_latitude"),

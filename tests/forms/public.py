@@ -36,7 +36,7 @@ LEFT_OUT: dict[str, list[str]] = {
         bodies.PrincipalInertia.matrix attitude.spin_rate orbits.*_node core.axis
         core.components core.expand rotations.Quaternion.coordinates
         rotations.Quaternion.identity rotations.Quaternion.*xyzw
-        *.breaks orbits.Drag.potential *.scaled rockets.JetDamping.potential
+        *.breaks *.switches orbits.Drag.potential *.scaled rockets.JetDamping.potential
         rockets.Thrust.potential bodies.sample_state attitude.*Torque.potential
         attitude.MagneticDipole.potential attitude.TiltState attitude.NutationDamper.potential
         attitude.ReactionWheels.potential attitude.EnergySink.potential
@@ -64,7 +64,7 @@ LEFT_OUT: dict[str, list[str]] = {
         orbits.apoapsis orbits.periapsis orbits.TwoBody.closed_form
         orbits.PointGravity.closed_form attitude.TorqueFreeBody.closed_form
         rockets.PropellantDepletion rockets.Thrust.propellant_left bodies.FreeRotation.flow
-        attitude.Top.closed_form
+        attitude.Top.closed_form rockets.Thrust.net_thrust
     """.split(),
     "gives integrators a form of the motion, whose steps they check": """
         attitude.Top.split orbits.PointGravity.regularised
@@ -97,6 +97,7 @@ LEFT_OUT: dict[str, list[str]] = {
     "computes in NumPy, for constants": """
         mechanics.FlexibleMissile.roots mechanics.FlexibleMissile.coupled_frequencies_squared
         mechanics.beam_roots rockets.Motor.* rockets.read_motor
+        rockets.Thrust.of_file rockets.SteeredThrust.of_file rockets.GimballedThrust.of_file
     """.split(),
     "takes the eigenvalues of LAPACK": """
         attitude.NutationDamper.eigenvalues

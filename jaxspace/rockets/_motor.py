@@ -1,0 +1,44 @@
+"""Solid motors from files, as data and as effects; `_motor_file` has the formats."""
+
+import os
+from typing import Any
+
+from ..core import Scalar
+from ._motor_file import MotorFile, read_motor_file
+from ._thrust import Thrust
+
+
+class Motor(MotorFile):
+    """What a file says of a motor; `None` for what it does not say.
+
+    - `times`, s, and `thrusts`, N: the points of the curve.
+    - `propellant_mass`, `loaded_mass`: kg; `diameter`, `length`: m; `name`.
+
+    From these follow `total_impulse`, N s, and `burn_time`, s."""
+
+    __slots__ = ()
+
+    def thrust(self, propellant_mass: Scalar | None = None, **fields: Any) -> Thrust:
+        """The motor as an effect, with its exhaust velocity from impulse and propellant.
+
+        **Arguments**
+
+        - `propellant_mass`: kg, in place of what the file says.
+        - `fields`: other fields of `Thrust`, such as `ignition` or `point`.
+
+        **Raises** `InputError` without a mass of the propellant above zero, or without an impulse.
+        """
+        return Thrust(*self.parameters(propellant_mass), **fields)
+
+
+def read_motor(path: str | os.PathLike[str]) -> Motor:
+    """The motor of a file: RASP where its name ends in `.eng`, else two columns.
+
+    **Arguments**
+
+    - `path`: of the file. Of several motors in one file, the first.
+
+    **Raises** `InputError` with the line that is not as the format has it, or with the value: for
+    times that do not ascend, a negative thrust or mass, no propellant, or a curve without impulse.
+    """
+    return Motor(*read_motor_file(path))

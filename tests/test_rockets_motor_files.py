@@ -1,0 +1,305 @@
+"""Motors from files: what is read against numbers by hand, and what is refused."""
+
+import re
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import jaxspace
+from jaxspace import BodyState, Scene, simulate
+from jaxspace.core import InputError
+from jaxspace.dispersion import disperse
+from jaxspace.io import SceneError, listing, schema, stored_scene
+from jaxspace.orbits import PointGravity
+from jaxspace.rockets import (
+    AlongVelocity,
+    Gimbal,
+    GimballedThrust,
+    Motor,
+    SteeredThrust,
+    Thrust,
+    read_motor,
+)
+
+ENG = """; a comment
+A8 18 70 3-5 0.00312 0.0162 Someone
+0.1 2.0
+0.3 9.0 ; the peak
+0.4 3.0
+0.7 0.0
+B6 18 70 0 0.006 0.02 Someone
+0.1 5.0
+0.5 0.0
+"""
+
+
+def test_motors_from_files(tmp_path):
+    path = tmp_path / "a8.eng"
+    path.write_text(ENG)
+    motor = read_motor(path)
+    impulse = 0.1 + 1.1 + 0.6 + 0.45
+    np.testing.assert_allclose(motor.total_impulse, impulse, rtol=1e-14)
+    assert motor.name == "A8"
+    np.testing.assert_allclose([motor.diameter, motor.length], [0.018, 0.07], rtol=1e-14)
+    assert (motor.propellant_mass, motor.loaded_mass) == (0.00312, 0.0162)
+    thrust = motor.thrust(ignition=1.0)
+    np.testing.assert_allclose(thrust.mean_thrust * thrust.burn_time, impulse, rtol=1e-14)
+    np.testing.assert_allclose(thrust.exhaust_velocity, impulse / 0.00312, rtol=1e-14)
+    np.testing.assert_allclose(thrust.thrust(jnp.array(1.2), jnp.array(1.0)), 5.5, rtol=1e-12)
+
+    curve = tmp_path / "curve.csv"
+    curve.write_text("time,thrust\n0.0,0.0\n1.0,10.0\n3.0,0.0\n")
+    table = read_motor(curve)
+    np.testing.assert_allclose(table.thrust(0.01).exhaust_velocity, 1500.0, rtol=1e-14)
+    with pytest.raises(InputError, match="gives no mass of its propellant"):
+        table.thrust()
+    curve.write_text("nothing")
+    with pytest.raises(InputError, match="has 0 points of a thrust curve"):
+        read_motor(curve)
+    curve.write_text("0 1\n2 3\n1 3\n")
+    with pytest.raises(InputError, match="times that do not ascend"):
+        read_motor(curve)
+
+
+# By hand: 10 N at 1.5 s, and none at 0 and 3 s: 15 N s.
+COLUMNS = {
+    "decimal commas": "time;thrust\n0,0;0,0\n1,5;10,0\n3,0;0,0\n",
+    "semicolons": "0;0\n1.5;10\n3;0\n",
+    "tabulators": "Zeit\tSchub\n0,0\t0,0\n1,5\t10\n3,0\t0\n",
+    "quotes": '"Time (s)","Thrust (N)"\n"0","0"\n"1,5","10,0"\n"3","0"\n',
+    "blanks": "0 0\n 1.5  10\n3 0\n",
+    "comments": "\ufeff0,0\n# 1,99\n; 2,99\n1.5,10,99\n\n3,0\n",
+}
+
+
+@pytest.mark.parametrize("kind", COLUMNS)
+def test_columns_of_a_motor(tmp_path, kind):
+    path = tmp_path / "curve.csv"
+    path.write_text(COLUMNS[kind], encoding="utf-8")
+    motor = read_motor(path)
+    np.testing.assert_array_equal(motor.times, [0.0, 1.5, 3.0])
+    np.testing.assert_array_equal(motor.thrusts, [0.0, 10.0, 0.0])
+    assert motor.total_impulse == 15.0
+
+
+HEAD = "24E 24 70 3-5 0.02 0.05 Maker\n"
+
+
+def test_curve_goes_on_after_a_pause(tmp_path):
+    """Two pulses, 0.2 and 0.3 N s over the pause and 0.9 N s after it, by hand."""
+    path = tmp_path / "dual.ENG"
+    pulses = "0.1 2\n0.3 0 ; the pause\n# of 0.3 s\n0.6 0\n0.9 3\n1.2 0\n"
+    # The name of the next motor is a number: the number of its fields makes it a head.
+    path.write_text("; two pulses\n" + HEAD + pulses + "1000 24 70 0 0.02 0.05 Maker\n0.1 99\n")
+    motor = read_motor(path)
+    np.testing.assert_array_equal(motor.times, [0.0, 0.1, 0.3, 0.6, 0.9, 1.2])
+    np.testing.assert_array_equal(motor.thrusts, [0.0, 2.0, 0.0, 0.0, 3.0, 0.0])
+    np.testing.assert_allclose(motor.total_impulse, 0.1 + 0.2 + 0.0 + 0.45 + 0.45, rtol=1e-14)
+    thrust = motor.thrust()
+    mass = jnp.array(1.0)
+    found = [float(thrust.thrust(jnp.array(t), mass)) for t in (0.2, 0.45, 0.75)]
+    np.testing.assert_allclose(found, [1.0, 0.0, 1.5], rtol=1e-12, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    "text, sentence",
+    [
+        ("A8 18 70 0 0 0.02 X\n1 2\n2 0\n", "propellant mass is 0: it must be above zero, in kg"),
+        ("A8 18 70 0 -1 0.02 X\n1 2\n2 0\n", "propellant mass is -1: it must be above zero"),
+        ("A8 -18 70 0 1 2 X\n1 2\n2 0\n", "diameter is -18: it must be zero or positive, in mm"),
+        ("A8 18 -70 0 1 2 X\n1 2\n2 0\n", "length is -70: it must be zero or positive, in mm"),
+        ("A8 18 70 0 1 -2 X\n1 2\n2 0\n", "loaded mass is -2: it must be zero or positive, in kg"),
+        (HEAD + "1 2\n2 -3\n3 0\n", "thrust is -3: it must be zero or positive, in N"),
+        (HEAD + "1 0\n2 0\n", "thrust is 0: it must be above zero somewhere, in N"),
+        (HEAD + "-1 2\n2 0\n", "time is -1: it must be zero or positive, in s"),
+        (HEAD + "1 2\n2 inf\n", "line 3 is '2 inf': it must be a time, s, and a thrust, N"),
+        (HEAD + "1 2\n2 3 4\n", "line 3 is '2 3 4': it must be a time, s, and a thrust, N"),
+        (HEAD + "1 2\n0,5 3\n", "line 3 is '0,5 3': it must be a time, s, and a thrust, N"),
+        (HEAD + "1 2\nend\n", "line 3 is 'end': it must be a time, s, and a thrust, N"),
+        ("0.1 2\n1 0\n", "line 1 is '0.1 2': it must be a head: name, diameter"),
+        ("A 8b 18 70 0 1 2 X\n1 2\n2 0\n", "has the head 'A 8b 18 70 0 1 2 X': it is not RASP"),
+    ],
+)
+def test_motors_that_are_refused(tmp_path, text, sentence):
+    path = tmp_path / "a8.eng"
+    path.write_text(text)
+    with pytest.raises(InputError, match=re.escape(f"{path}") + ".*" + re.escape(sentence)):
+        read_motor(path)
+
+
+def test_columns_that_are_refused(tmp_path):
+    path = tmp_path / "curve.csv"
+    for line in ("1,5 10,0", "1", "1;", "1.5,10 ; the peak"):
+        path.write_text(f"0 0\n{line}\n3 0\n")
+        with pytest.raises(InputError, match="line 2 is '1.*': it must be a time, s, and a thrust"):
+            read_motor(path)
+
+
+def test_motors_without_mass_or_impulse():
+    curve = np.array([0.0, 1.0]), np.array([2.0, 2.0])
+    with pytest.raises(InputError, match="Motor.propellant_mass is 0: it must be positive"):
+        Motor(*curve, 0.0).thrust()
+    with pytest.raises(InputError, match="Motor.propellant_mass is -1: it must be positive"):
+        Motor(*curve).thrust(-1.0)
+    with pytest.raises(InputError, match="Motor.total_impulse is 0: it must be positive"):
+        Motor(curve[0], 0.0 * curve[1], 1.0).thrust()
+
+
+# ---------------------------------------------------------------- scene files
+
+FLIGHT = """
+[planet]
+mu = 3.986004418e14
+
+[body]
+mass = "0.1 kg"
+
+[effects.point_gravity]
+
+[effects.steered_thrust]
+motor_file = "motors/a8.eng"
+ignition = "0.1 s"
+steering = {}
+
+[initial]
+position = [6.4e6, 0.0, 0.0]
+velocity = [30.0, 1.0, 0.0]
+
+[times]
+end = "2 s"
+samples = 9
+
+[dispersion]
+runs = 4
+outputs = ["final.velocity.0"]
+
+[dispersion.inputs]
+"effects.steered_thrust.ignition" = { deviation = "20 ms" }
+"""
+
+
+@pytest.fixture
+def folder(tmp_path):
+    (tmp_path / "motors").mkdir()
+    (tmp_path / "motors" / "a8.eng").write_text(ENG)
+    (tmp_path / "flight.toml").write_text(FLIGHT)
+    return tmp_path
+
+
+def assert_same(found, expected):
+    """Two flights to rounding: one is built within a program, the other outside."""
+    np.testing.assert_allclose(found.states.position, expected.states.position, rtol=1e-15)
+    np.testing.assert_allclose(found.states.velocity, expected.states.velocity, rtol=1e-13)
+    np.testing.assert_allclose(found.states.mass, expected.states.mass, rtol=1e-15)
+
+
+def test_scene_file_names_the_file_of_its_motor(folder, monkeypatch):
+    """The same flight as of an effect that was made in Python, from any folder."""
+    monkeypatch.chdir(folder / "motors")
+    file = jaxspace.load("../flight.toml")
+    monkeypatch.chdir(folder)
+    motor = read_motor(folder / "motors" / "a8.eng")
+    thrust = SteeredThrust.of_thrust(motor.thrust(ignition=0.1), AlongVelocity())
+    y0 = BodyState(jnp.array([6.4e6, 0.0, 0.0]), jnp.array([30.0, 1.0, 0.0]), mass=jnp.array(0.1))
+    scene = Scene([PointGravity(3.986004418e14), thrust])
+    expected = simulate(scene, y0, file.ts, accuracy=file.accuracy)
+    assert_same(file.simulate(), expected)
+    burnt = 0.1 - expected.states.mass[-1]
+    np.testing.assert_allclose(burnt, 0.00312, rtol=1e-9)
+
+
+def test_other_fields_of_a_motor_of_a_file_scatter(folder):
+    """Each run is the flight of a file with its ignition."""
+    file = jaxspace.load(folder / "flight.toml")
+    result = disperse(file.campaign(), 4, accuracy=file.accuracy)
+    drawn = np.asarray(result.inputs["effects.steered_thrust.ignition"])
+    for ignition, speed in zip(drawn, result.outputs["final.velocity.0"], strict=True):
+        text = FLIGHT.replace('"0.1 s"', f'"{float(ignition)!r} s"')
+        (folder / "one.toml").write_text(text)
+        run = jaxspace.load(folder / "one.toml").simulate()
+        np.testing.assert_allclose(speed, run.final.velocity[0], rtol=1e-9)
+
+
+def test_each_motor_takes_a_file(folder):
+    path = folder / "motors" / "a8.eng"
+    motor = read_motor(path)
+    plain = Thrust.of_file(
+        path, station=-1.0, offset=(0.1, 0.2), misalignment=jnp.array([0.1, 0.0])
+    )
+    np.testing.assert_array_equal(plain.point, [0.1, 0.2, -1.0])
+    gimbal = Gimbal(AlongVelocity(), 0.8, 0.6)
+    for made in (plain, GimballedThrust.of_file(gimbal, path, -1.0, burnout_mass=0.01)):
+        expected = motor.thrust()
+        for name in ("mean_thrust", "exhaust_velocity", "burn_time"):
+            assert getattr(made, name) == getattr(expected, name), name
+        np.testing.assert_array_equal(made.profile.level, expected.profile.level)
+    mass = Thrust.of_file(path, 0.002).exhaust_velocity
+    np.testing.assert_allclose(mass, motor.total_impulse / 0.002, rtol=1e-15)
+
+
+def test_files_of_motors_that_are_refused(folder):
+    path, motor = folder / "flight.toml", folder / "motors" / "a8.eng"
+    path.write_text(FLIGHT.replace("a8.eng", "b8.eng"))
+    with pytest.raises(SceneError) as error:
+        jaxspace.load(path)
+    absent = folder / "motors" / "b8.eng"
+    sentence = f"effects.steered_thrust.motor_file: {absent} cannot be read: No such file"
+    assert str(error.value).startswith(f"{path}: {sentence}") and "\n" not in str(error.value)
+    path.write_text(FLIGHT.replace('"motors/a8.eng"', "8"))
+    with pytest.raises(SceneError, match="motor_file is 8: it must be the name of a file"):
+        jaxspace.load(path)
+    path.write_text(FLIGHT)
+    motor.write_text(ENG.replace("2.0", "-2.0"))
+    with pytest.raises(SceneError, match="effects.steered_thrust: .*a8.eng: thrust is -2: it must"):
+        jaxspace.load(path)
+    (folder / "motors" / "a8.csv").write_text("0,0\n1,2\n2,0\n")
+    path.write_text(FLIGHT.replace("a8.eng", "a8.csv"))
+    with pytest.raises(SceneError, match="gives no mass of its propellant: give propellant_mass"):
+        jaxspace.load(path)
+    path.write_text(path.read_text().replace('a8.csv"', 'a8.csv"\npropellant_mass = "3 g"'))
+    assert jaxspace.load(path).system.effects[-1].exhaust_velocity == 2.0 / 0.003
+
+
+def test_store_knows_the_motor_of_its_runs(folder):
+    """A store keeps the motor, is read from any folder, and takes no runs of another motor."""
+    path, motor = folder / "flight.toml", folder / "motors" / "a8.eng"
+    file, store = jaxspace.load(path), folder / "runs.zarr"
+    kept = disperse(file.campaign(), 2, accuracy=1e-6, store=store, notes={"scene_file": str(path)})
+    assert kept.attributes["files"] == {"motors/a8.eng": ENG}
+    motor.write_text(ENG.replace("9.0", "8.0"))
+    with pytest.raises(ValueError, match="of another campaign: the file motors/a8.eng of the sce"):
+        campaign = jaxspace.load(path).campaign()
+        disperse(campaign, 2, accuracy=1e-6, store=store, resume=True)
+    motor.unlink()
+    again = stored_scene(kept)
+    assert again.system.effects[-1].profile == file.system.effects[-1].profile
+    assert disperse(again.campaign(), 2, accuracy=1e-6, store=store, resume=True).runs == 2
+
+
+def test_optimum_names_the_motor_from_any_folder(folder):
+    path = folder / "flight.toml"
+    task = """
+[optimize]
+maximise = "final.velocity.0"
+steps = 4
+
+[optimize.free]
+"initial.velocity.1" = { low = -20.0, high = 20.0 }
+"""
+    path.write_text(FLIGHT.partition("[dispersion]")[0] + task)
+    elsewhere = folder / "out" / "best.toml"
+    elsewhere.parent.mkdir()
+    elsewhere.write_text(jaxspace.load(path).optimize().text())
+    assert jaxspace.load(elsewhere).system.effects[-1].burn_time == 0.7
+
+
+def test_listing_and_schema_name_the_file_of_a_motor():
+    line = "motor_file (file): with the thrust curve: RASP where its name ends in .eng"
+    assert listing().count(line) == 3
+    forms = [form["properties"] for form in schema()["anyOf"] if "effects" in form["properties"]]
+    for effect in ("thrust", "steered_thrust", "gimballed_thrust"):
+        ways = forms[0]["effects"]["properties"][effect]["anyOf"]
+        (way,) = (w for w in ways if "motor_file" in w["properties"])
+        assert way["properties"]["motor_file"]["type"] == "string"
+        assert "motor_file" in way["required"]
