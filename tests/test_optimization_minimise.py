@@ -119,3 +119,18 @@ def test_a_wrong_gradient_is_refused():
             descend(start, method=method)
     np.testing.assert_allclose(jax.jit(descend)(start), 1.0 / 11.0, rtol=1e-8)
     assert descend(start, check=False) == 0.0
+
+
+def test_adam_leaves_a_rough_start():
+    """A bowl with ripples, steeper than itself: a descent stays in those about its start, where the
+    bowl is 56. Adam, whose steps of the size of a ripple follow the mean slope, leaves them; where
+    it ends is rough, too."""
+
+    def problem(x):
+        return Criterion(jnp.sum(x * x + 0.3 * jnp.sin(40.0 * x) ** 2))
+
+    start = jnp.linspace(2.0, 4.0, 6)
+    stays = minimise(problem, start, max_rounds=2)
+    np.testing.assert_allclose(stays.x, start, atol=0.1)
+    walks = minimise(problem, start, adam_steps=200, adam_rate=0.05, max_rounds=2)
+    assert walks.criterion.objective < 0.5 * stays.criterion.objective

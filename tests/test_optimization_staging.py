@@ -128,8 +128,13 @@ def test_many_equal_stages():
 
 
 def test_one_stage_cannot():
-    with pytest.raises(InputError, match="total_velocity is 26000"):
+    # 9660 ln(1/0.12), by hand
+    sentence = r"total_velocity is 26000: it must be below .* u ln\(1/beta\), 20481.74576 m/s\."
+    with pytest.raises(InputError, match=sentence):
         optimal_staging([9660.0], [0.12], 26000.0)
+    # The number is that of the rocket that cannot: of two the second one.
+    with pytest.raises(InputError, match=r"sum of u ln\(1/beta\), 20481.74576 m/s"):
+        optimal_staging(np.array([[19660.0, 9660.0]]), [0.12], 26000.0)
 
 
 @pytest.mark.parametrize(

@@ -128,6 +128,14 @@ def test_spurious_root_is_excluded():
         linear_tangent_steering(dataclasses.replace(A, apex_height=1e5))
     with pytest.raises(InputError, match="Ascent.apex_height is 1e\\+07"):
         linear_tangent_steering(dataclasses.replace(A, apex_height=1e7))
+
+    # The root of these equations at 600,000 ft with its apex within the burn of 160 s, by fsolve.
+    def end(angle, T):
+        return burnout_state(A, angle, lambda t: jnp.arctan((1.0 - t / T) * jnp.tan(angle)))
+
+    angle, T = 1.1418439747, 78.942242002
+    np.testing.assert_allclose(apex(A, end(angle, T)), [T, 6e5], rtol=1e-8)
+    assert linear_tangent_steering(A).vanishing_time > 160.0 > T
     heights = np.array([1e5, 2.1e5, 6e5, 2e6, 4.0e6, 1e7])
 
     @jax.jit

@@ -8,7 +8,7 @@ from jaxtyping import Array
 from ..core import Scalar
 from . import _multipliers as multipliers
 from ._bounds import Bounds
-from ._criterion import Minimum
+from ._criterion import Minimum, farthest
 from ._drive import drive
 from ._infeasibility import least_violation
 from ._scaling import ScaledProblem
@@ -35,7 +35,7 @@ def by_multipliers(
     )
     if before is not None:
         state = taken_up(before, state)._replace(judged=jnp.asarray(False))
-    options = multipliers.Options(common.tolerance, max_steps, adam_rate)
+    options = multipliers.Options(common.tolerance, max_steps, adam_rate, farthest(state.x))
 
     def evaluate(s: multipliers.Descent) -> multipliers.Evaluation:
         z, to_free = jax.vjp(inside, s.trial)
@@ -59,6 +59,7 @@ def by_multipliers(
     _, c, d = multipliers.scaled_numbers(last.values, last)
     largest = jnp.maximum(jnp.max(jnp.abs(c), initial=0.0), jnp.max(-d, initial=0.0))
     least = least_violation(z, last.outward, c @ y - d @ nu, largest, (scaled.low, scaled.high))
+    astray = multipliers.astray(last, options)
     limited = last.taken >= max_rounds
-    ends = (jnp.isfinite(last.value), limited, last.judged & least, interrupted)
+    ends = (multipliers.is_finite(last), limited, last.judged & least, astray, interrupted)
     return scaled.minimum(last, last.criterion, z, slope, ends, common.tolerance, before)

@@ -6,7 +6,7 @@ from jaxtyping import Array
 
 from . import _sqp as sqp
 from . import _sqp_state as sqp_state
-from ._criterion import Criterion, Minimum
+from ._criterion import Criterion, Minimum, farthest
 from ._drive import drive
 from ._scaling import ScaledProblem
 from ._search import Common, taken_up
@@ -37,8 +37,9 @@ def by_sqp(
         return sqp_state.Found(values, jacobian, criterion)
 
     curvature = jax.hessian(lambda z, w: w @ numbers(z)[0]) if exact_hessian else None
-    limits = sqp_state.Limits(scaled.low, scaled.high, jnp.asarray(common.tolerance, z0.dtype))
-    state = sqp_state.begin(z0, scaled.size, me, mi, scaled.blank, max_steps, common.check)
+    tolerance = jnp.asarray(common.tolerance, z0.dtype)
+    limits = sqp_state.Limits(scaled.low, scaled.high, tolerance, farthest(z0))
+    state = sqp_state.begin(z0, scaled.size, me, mi, scaled.blank, max_steps, common.check, limits)
     if before is not None:
         state = taken_up(before, state)
     last, interrupted = drive(
@@ -49,7 +50,7 @@ def by_sqp(
         common.progress,
     )
     slope = last.at.g + last.at.J.T @ last.y - last.at.K.T @ last.nu
-    finite = jnp.isfinite(last.at.f) & jnp.all(jnp.isfinite(last.at.g))
     limited = last.taken >= last.rows.shape[0]
-    ends = (finite, limited, at_least_violation(last, limits), interrupted)
+    least, astray = at_least_violation(last, limits), sqp_state.astray(last, limits)
+    ends = (last.at.sound(), limited, least, astray, interrupted)
     return scaled.minimum(last, last.at.report, last.x, slope, ends, common.tolerance, before)

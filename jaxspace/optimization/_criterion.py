@@ -39,6 +39,7 @@ class StopReason(enum.IntEnum):
     NOT_FINITE = 4
     WRONG_GRADIENT = 5
     INTERRUPTED = 6
+    UNBOUNDED = 7
 
 
 SENTENCES = {
@@ -54,9 +55,14 @@ SENTENCES = {
         "No step improves the result further, short of the tolerance{asked}: {found}. "
         "Scale the problem better{wider}, or allow a larger tolerance."
     ),
-    StopReason.NOT_FINITE: "The objective or a constraint is not finite at the start.",
+    StopReason.NOT_FINITE: "{infinite}{where}, from which no step leads on.",
     StopReason.WRONG_GRADIENT: (
-        "The gradient at the start is not the slope of the objective: the search did not begin."
+        "The gradient at the start is not the slope of {wrong}: the search did not begin."
+    ),
+    StopReason.UNBOUNDED: (
+        "The unknowns pass {farthest:.0e} of their sizes after {steps} steps, where the objective "
+        "is {objective:.3g}: it may fall without bound. Give bounds, or a larger scale where the "
+        "optimum is far."
     ),
     StopReason.INTERRUPTED: "Interrupted after {steps} steps: {found}.",
 }
@@ -66,6 +72,15 @@ SENTENCES = {
 MOST_NAMED = 4
 # A violation below this part of the largest one, both scaled, is met as far as the search knows.
 MET = 1e-6
+# In sizes of the unknowns. A steady descent doubles its steps: it is there in some 35 of them.
+FARTHEST = 1e10
+
+
+def farthest(z: Float[Array, " n"]) -> Float[Array, ""]:
+    """How far scaled unknowns may go that start at z: beyond this an optimum is hardly meant, and a
+    step of their own size is rounding."""
+    most = min(FARTHEST, 1.0 / float(jnp.finfo(z.dtype).eps))
+    return most * jnp.maximum(1.0, jnp.max(jnp.abs(z)))
 
 
 def stop_reason(
@@ -73,13 +88,16 @@ def stop_reason(
     converged: Bool[Array, ""],
     limited: Bool[Array, ""],
     infeasible: Bool[Array, ""],
+    astray: Bool[Array, ""],
 ) -> Int[Array, ""]:
     """The first of the reasons that holds; `infeasible`: whether the constraints are violated, and
-    no step reduces that (`_infeasibility.py`)."""
+    no step reduces that (`_infeasibility.py`); `astray`: whether the unknowns are beyond
+    `farthest`."""
     # The last one that holds wins: numbers that are not finite rule out every other reason.
     reason = jnp.where(limited, StopReason.STEP_LIMIT, StopReason.NO_PROGRESS)
     # More steps would not help.
     reason = jnp.where(infeasible, StopReason.INFEASIBLE, reason)
+    reason = jnp.where(astray, StopReason.UNBOUNDED, reason)
     reason = jnp.where(converged, StopReason.CONVERGED, reason)
     return jnp.where(finite, reason, StopReason.NOT_FINITE).astype(int)
 
@@ -145,10 +163,29 @@ class Minimum(eqx.Module):
         return SENTENCES[StopReason(int(self.reason))].format(
             found=", ".join([found, listed(unmet)]) if unmet else found,
             steps=int(self.steps),
+            objective=float(self.criterion.objective),
+            farthest=min(FARTHEST, 1.0 / float(jnp.finfo(self.gradient.dtype).eps)),
             unmet=listed(unmet),
+            wrong=worst_number(self),
+            infinite=self._infinite(),
+            where=f" after {int(self.steps)} steps" if int(self.steps) else " at the start",
             asked="" if self.tolerance is None else f" {float(self.tolerance):.1e}",
             wider=", compute in float64 (jaxspace.enable_x64)" if short else "",
         )
+
+    def _infinite(self) -> str:
+        """What is not finite, in words: numbers, or else their derivatives."""
+        found = self.criterion
+        parts = [("The objective", "", found.objective)]
+        parts += [("", "equal_zero", found.equal_zero), ("", "non_negative", found.non_negative)]
+        clauses = []
+        for own, name, values in parts:
+            if values is None:
+                continue
+            for place, x in zip(_places(values), np.ravel(np.asarray(values)), strict=True):
+                if not np.isfinite(x):
+                    clauses.append(f"{own or name + place} is {x:g}")
+        return listed(clauses) or "A derivative of the objective or of a constraint is not finite"
 
     def unmet(self) -> tuple[Bool[np.ndarray, " equal"], Bool[np.ndarray, " inequal"]]:
         """Which equalities and which inequalities are not met, flat; of a known result of one run.
@@ -169,14 +206,27 @@ class Minimum(eqx.Module):
         return flags[: c.size], flags[c.size :]
 
 
+def worst_number(found: Minimum) -> str:
+    """Of which number the gradient at the start differs most from the slope; of one run."""
+    names = ["the objective"]
+    for name in ("equal_zero", "non_negative"):
+        values = getattr(found.criterion, name)
+        names += [] if values is None else [name + place for place in _places(values)]
+    return names[0] if found.search is None else names[int(found.search.worst)]
+
+
 def _named(name: str, values: Array | None, flags: np.ndarray, asked: str) -> list[str]:
     """Each flagged constraint with its value and what was asked."""
     if values is None:
         return []
     flat = np.ravel(np.asarray(values))
-    places = [f"[{k}]" if np.ndim(values) else "" for k in range(flat.size)]
-    rows = zip(places, flat, flags, strict=True)
+    rows = zip(_places(values), flat, flags, strict=True)
     return [f"{name}{place} is {x:.3g} where {asked} is asked" for place, x, on in rows if on]
+
+
+def _places(values: Array) -> list[str]:
+    """The index of each entry of a flat array; of a number none."""
+    return [f"[{k}]" if np.ndim(values) else "" for k in range(np.size(values))]
 
 
 def listed(clauses: Sequence[str]) -> str:

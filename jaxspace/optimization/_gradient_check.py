@@ -1,18 +1,22 @@
 """Whether the gradient of an objective is its slope: a difference along one direction.
 
     D(h) = [f(x + h d) - f(x - h d)] / 2h          D = [4 D(h/2) - D(h)] / 3 + O(h^4)
+    D(h) = [4 f(x + h d/2) - f(x + h d) - 3 f(x)] / h      beside bounds; D as above, + O(h^3)
 
 The gradient of a run is that of its steps. Where a control has kinks that are no breaks of the
 integration, the steps pass over what a single value of it changes: the run is right, its gradient
 is not, and a descent comes to rest in a wrong place or diverges. A search therefore refuses to
-begin with a gradient that is not the slope.
+begin with a gradient that is not the slope. Beyond its bounds an objective may be anything: beside
+one the direction d leads inwards, and the difference is one-sided.
 """
+
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.flatten_util import ravel_pytree
-from jaxtyping import Array, Float, PyTree
+from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from ..core import InputError
 
@@ -25,27 +29,76 @@ rounding and of the tolerance of a run is effectively random."""
 PROBES = 4
 
 
-def probe(x: Float[Array, " n"], size: Float[Array, " n"], number: Array) -> Float[Array, " n"]:
-    """The place of a probe, 0 to 3, about `x`: along one fixed direction of effectively random
+class Probes(NamedTuple):
+    """Where a gradient is checked: at the `shares` of a `direction` from x; `inwards`: whether they
+    lie on one side, beside a bound, the last of them on x."""
+
+    direction: Float[Array, " n"]
+    shares: Float[Array, "4"]
+    inwards: Bool[Array, ""]
+
+
+def probes(
+    x: Float[Array, " n"],
+    size: Float[Array, " n"],
+    low: Float[Array, " n"] | float = -jnp.inf,
+    high: Float[Array, " n"] | float = jnp.inf,
+) -> Probes:
+    """The probes about an `x` between bounds: along one fixed direction of effectively random
     components, each of the `size` of its unknown."""
-    return x + _shares(x)[number] * _direction(x, size)
+    # The best step of a difference of fourth order.
+    h = float(jnp.finfo(x.dtype).eps) ** 0.2
+    # Not drawn: the same start gets the same verdict every time.
+    d = size * jnp.asarray(np.cos(2.4 * np.arange(x.size) + 1.0), x.dtype)
+    above, below = (high - x) / h, (x - low) / h
+    fits = jnp.abs(d) <= jnp.minimum(above, below)
+    # To the side with more room, as far as there is.
+    turned = jnp.where(above >= below, 1.0, -1.0) * jnp.minimum(
+        jnp.abs(d), jnp.maximum(above, below)
+    )
+    inwards = ~jnp.all(fits)
+    both, one = (np.array(k) for k in ([1.0, -1.0, 0.5, -0.5], [1.0, 0.5, 0.25, 0.0]))
+    shares = jnp.where(inwards, jnp.asarray(h * one, x.dtype), jnp.asarray(h * both, x.dtype))
+    return Probes(jnp.where(fits, d, turned), shares, inwards)
 
 
 def probed_error(
-    values: Float[Array, "4"], x: Float[Array, " n"], size: Float[Array, " n"], gradient: Array
-) -> Float[Array, ""]:
-    """The relative difference of the `gradient` at `x` from the slope of the `values` at the
-    probes; zero where the slope is not known better."""
-    h = _shares(x)[0]
-    coarse = (values[0] - values[1]) / (2.0 * h)
-    fine = (values[2] - values[3]) / h
-    slope = (4.0 * fine - coarse) / 3.0
-    claimed = gradient @ _direction(x, size)
-    beyond = jnp.maximum(jnp.abs(slope - claimed) - DOUBT * jnp.abs(fine - coarse), 0.0)
-    largest = jnp.maximum(jnp.abs(slope), jnp.abs(claimed))
+    rows: Float[Array, "4 rows"], p: Probes, claimed: Float[Array, " rows"]
+) -> tuple[Float[Array, ""], Int[Array, ""]]:
+    """How far gradients are from the slopes of the `rows` of values at the probes, and which row
+    is farthest.
+
+    - `claimed`: the gradient of each row times the direction.
+
+    The first is the relative difference of one mixture of all rows, so that a row that hardly
+    changes is not judged by its rounding, or where that is wrong that of the farthest row; zero
+    where the slope is not known better. The rows are scaled."""
+    mixture = jnp.cos(1.3 * jnp.arange(claimed.size, dtype=claimed.dtype))
+    beyond, largest = _beyond(rows @ mixture, p, claimed @ mixture)
+    error = _quotient(beyond, largest)
+    own, sizes = _beyond(rows, p, claimed)
+    worst = jnp.argmax(jnp.where(jnp.isfinite(own), own, 0.0))
+    # Of a mixture that is wrong, what is wrong with the row that is named.
+    named = jnp.maximum(error, _quotient(own[worst], sizes[worst]))
+    return jax.lax.stop_gradient(jnp.where(error > GRADIENT_TOLERANCE, named, error)), worst
+
+
+def _quotient(beyond: Array, largest: Array) -> Array:
     error = beyond / jnp.where(largest > 0.0, largest, 1.0)
     # Outside of its domain the objective is infinite, and has no slope.
-    return jax.lax.stop_gradient(jnp.where(jnp.isfinite(error), error, 0.0))
+    return jnp.where(jnp.isfinite(error), error, 0.0)
+
+
+def _beyond(values: Array, p: Probes, claimed: Array) -> tuple[Array, Array]:
+    """By how much slopes differ beyond doubt, and the larger magnitude of both."""
+    h = p.shares[0]
+    first, second, third, fourth = values
+    coarse = jnp.where(p.inwards, 4.0 * second - first - 3.0 * fourth, 0.5 * (first - second)) / h
+    near = 2.0 * (4.0 * third - second - 3.0 * fourth)
+    fine = jnp.where(p.inwards, near, third - fourth) / h
+    slope = (4.0 * fine - coarse) / 3.0
+    beyond = jnp.maximum(jnp.abs(slope - claimed) - DOUBT * jnp.abs(fine - coarse), 0.0)
+    return beyond, jnp.maximum(jnp.abs(slope), jnp.abs(claimed))
 
 
 def sizes_of(point: PyTree[Float[Array, "..."]]) -> Float[Array, " n"]:
@@ -58,24 +111,14 @@ def sizes_of(point: PyTree[Float[Array, "..."]]) -> Float[Array, " n"]:
     return ravel_pytree(jax.tree.map(leaf, point))[0]
 
 
-def refuse(error: float) -> None:
-    """Raise `InputError` for a gradient that differs from the slope by this relative `error`."""
+def refuse(error: float, what: str = "the objective") -> None:
+    """Raise `InputError` for a gradient of `what` that differs from its slope by this relative
+    `error`."""
     if error <= GRADIENT_TOLERANCE:
         return
     raise InputError(
-        f"The gradient at the start differs from the slope of the objective by {error:.1g} of it, "
+        f"The gradient at the start differs from the slope of {what} by {error:.1g} of it, "
         f"and a search would end in a wrong place: a control with kinks that are no breaks is the "
         f"likely cause; make it a jaxspace.core.Table or Spline, let the system declare its "
         f"breaks(), or use finer steps. (check_gradient=False begins all the same.)"
     )
-
-
-def _shares(x: Array) -> Float[Array, "4"]:
-    # The best step of a difference of fourth order.
-    h = float(jnp.finfo(x.dtype).eps) ** 0.2
-    return jnp.asarray(h * np.array([1.0, -1.0, 0.5, -0.5]), x.dtype)
-
-
-def _direction(x: Array, size: Array) -> Array:
-    # Not drawn: the same start gets the same verdict every time.
-    return size * jnp.asarray(np.cos(2.4 * np.arange(x.size) + 1.0), x.dtype)

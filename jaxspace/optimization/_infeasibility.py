@@ -48,7 +48,8 @@ def least_violation(
     - `gradient`: r at z, and `weighted`: V, both by weights whose largest is one.
     - `largest`: the largest violation.
     - `ends`: lower and upper bounds of z."""
-    steps = z - jnp.clip(z - gradient, *ends)
+    # z - clip(z - r) without the difference of large z, in which a small r would vanish.
+    steps = jnp.clip(gradient, z - ends[1], z - ends[0])
     present = largest > ROUNDINGS * jnp.finfo(z.dtype).eps
     vanished = jnp.maximum(VANISHED, NEAREST * jnp.sqrt(jnp.finfo(z.dtype).eps))
     # NaN is not below anything.

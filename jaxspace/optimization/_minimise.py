@@ -16,13 +16,15 @@ from typing import Any
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+from jaxtyping import PyTree
 
 from ..core import InputError, Scalar
 from ._bounds import as_bounds
 from ._by_multipliers import by_multipliers
 from ._by_sqp import by_sqp
-from ._criterion import Criterion, Minimum, Point
+from ._criterion import Criterion, Minimum, Point, StopReason, worst_number
 from ._drive import Progress, is_traced
+from ._entry import as_point, check_counts, check_scale
 from ._gradient_check import refuse
 from ._scaling import scaled_problem
 from ._search import Common
@@ -32,7 +34,7 @@ METHODS = ("multipliers", "sqp")
 
 def minimise(
     problem: Callable[[Point], Criterion],
-    start: Point | Minimum,
+    start: PyTree | Minimum,
     *,
     bounds: Any = None,
     method: str = "multipliers",
@@ -43,7 +45,7 @@ def minimise(
     adam_steps: int = 0,
     adam_rate: Scalar = 0.03,
     exact_hessian: bool = False,
-    scale: Point | None = None,
+    scale: PyTree | None = None,
     progress: Progress | None = None,
 ) -> Minimum:
     """A local minimum of `problem(x).objective` under its constraints.
@@ -51,7 +53,7 @@ def minimise(
     **Arguments**
 
     - `problem`: from a point to its `Criterion`.
-    - `start`: the point at which the descent begins, a tree of arrays; or a `Minimum` that ended
+    - `start`: the point at which the descent begins, a tree of floats; or a `Minimum` that ended
       before its time, whose search goes on with the same options.
     - `bounds`: a pair of lower and upper bounds, each a tree like `start`, a number or `None`.
     - `method`: "multipliers" or "sqp".
@@ -74,13 +76,17 @@ def minimise(
     `sentence()` why it ended. It is not differentiable in what `problem` closes over. The problem
     and its derivatives are compiled once; wrap the call in `jax.jit` where it is repeated.
 
-    **Raises** `InputError` for an unknown method, bounds that do not fit, or a gradient that is
-    not the slope.
+    **Raises** `InputError` for an unknown method, bounds or a scale that do not fit, unknowns that
+    are no floats, a problem that returns no `Criterion` of arrays, a `Minimum` of another problem,
+    or a gradient that is not the slope.
     """
     if method not in METHODS:
         raise InputError(f"method is {method!r}: it must be one of {', '.join(METHODS)}.")
     before = start if isinstance(start, Minimum) else None
-    x = start.x if isinstance(start, Minimum) else start
+    check_counts(max_steps, max_rounds, adam_steps)
+    x = as_point(start.x if isinstance(start, Minimum) else start)
+    if scale is not None:
+        check_scale(scale, x)
     limits = as_bounds(bounds, x)
     # Traced once for its shapes and its derivatives.
     problem = jax.jit(problem)
@@ -94,12 +100,12 @@ def minimise(
         rounds = (max_steps, max_rounds, adam_steps, adam_rate)
         found = by_multipliers(common, scaled, bounds is not None, rounds, before)
     if check_gradient and not is_traced(found.gradient_error):
-        refuse(float(found.gradient_error))
+        refuse(float(found.gradient_error), worst_number(found))
     return found
 
 
 def minimise_from(
-    problem: Callable[[Point], Criterion], starts: Point, **options: Any
+    problem: Callable[[Point], Criterion], starts: PyTree, **options: Any
 ) -> tuple[Minimum, Minimum]:
     """The best minimum from several starts, searched in one batch.
 
@@ -111,13 +117,22 @@ def minimise_from(
 
     **Returns** the best one, which is that of the least objective among those that converged, or of
     the least violation where none did; and all of them, with the starts on the last axis.
+
+    **Raises** `InputError` as `minimise` does, for a wrong gradient at any of the starts.
     """
     search = eqx.filter_jit(
         jax.vmap(lambda x: minimise(problem, x, **options), in_axes=-1, out_axes=-1)
     )
-    every = search(starts)
+    every = search(as_point(starts, "starts"))
+    if options.get("check_gradient", True) and not is_traced(every.gradient_error):
+        # As of one start: a search in a batch cannot be refused before it ends.
+        worst = jnp.argmax(every.gradient_error)
+        first = jax.tree.map(lambda x: x[..., worst], every)
+        refuse(float(first.gradient_error), worst_number(first))
     order = jnp.where(every.converged, every.criterion.objective, jnp.inf)
-    order = jnp.where(jnp.any(every.converged), order, every.violation)
+    # A start whose numbers are not finite has no violation either.
+    begun = jnp.where(every.reason == StopReason.NOT_FINITE, jnp.inf, every.violation)
+    order = jnp.where(jnp.any(every.converged), order, begun)
     # `argmin` would take a NaN for the least.
     best = jnp.argmin(jnp.where(jnp.isnan(order), jnp.inf, order))
     return jax.tree.map(lambda x: x[..., best], every), every

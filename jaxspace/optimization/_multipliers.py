@@ -31,7 +31,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from ..core import Scalar
 from ._criterion import Criterion
-from ._gradient_check import GRADIENT_TOLERANCE, PROBES, probe, probed_error, sizes_of
+from ._gradient_check import GRADIENT_TOLERANCE, PROBES, probed_error, probes, sizes_of
 from ._infeasibility import unit_weights
 from ._scaling import weights
 
@@ -58,9 +58,10 @@ class Descent(NamedTuple):
     """Where the search stands: free numbers x with the value and gradient of L; the criterion there
     and its `values` f, c, d, in the units of the problem; scaled multipliers `y` and `nu`, and rho;
     `held`: the gradient in the scaled unknowns, before the maps of the bounds; `measured`: how many
-    numbers have their largest derivative in `sloped`; `judged`: whether `outward` has the gradient
-    of the violation in the scaled unknowns; `size`, `weight`, `rows`, `calls`, `probed` and `wrong`
-    as in `_sqp_state.py`."""
+    numbers have their largest derivative in `sloped` and their slope along the probes of the
+    gradient in `claimed`; `judged`: whether `outward` has the gradient
+    of the violation in the scaled unknowns; `size`, `weight`, `rows`, `calls`, `probed`, `wrong`
+    and `worst` as in `_sqp_state.py`."""
 
     x: Float[Array, " n"]
     size: Float[Array, " n"]
@@ -85,8 +86,10 @@ class Descent(NamedTuple):
     taken: Int[Array, ""]
     rows: Float[Array, "rounds 3"]
     calls: Int[Array, ""]
-    probed: Float[Array, "4"]
+    probed: Float[Array, "4 all"]
+    claimed: Float[Array, " all"]
     wrong: Float[Array, ""]
+    worst: Int[Array, ""]
     weight: Float[Array, " all"]
     sloped: Float[Array, " all"]
     measured: Int[Array, ""]
@@ -105,11 +108,12 @@ class Evaluation(NamedTuple):
 
 
 class Options(NamedTuple):
-    """The options of `minimise` that this method has."""
+    """The options of `minimise` that this method has, and how far the free numbers may go."""
 
     tolerance: Scalar
     max_steps: int
     adam_rate: Scalar
+    farthest: Scalar
 
 
 def begin(
@@ -135,8 +139,8 @@ def begin(
         10.0 * one,
         memory, adam, jnp.asarray(adam_steps), _line(zeros, one, none, none), jnp.asarray(True),
         jnp.inf * one, one, no, no, no, jnp.full((max_rounds, 3), jnp.nan, x.dtype), calls,
-        jnp.zeros(PROBES, x.dtype), none, jnp.ones_like(values), values, no, jnp.asarray(False),
-        zeros,
+        jnp.zeros((PROBES, values.size), x.dtype), values, none, no, jnp.ones_like(values), values,
+        no, jnp.asarray(False), zeros,
     )  # fmt: skip
 
 
@@ -144,18 +148,28 @@ def unfinished(s: Descent, options: Options) -> Bool[Array, ""]:
     """Whether another evaluation is wanted."""
     missed = (s.gradient > options.tolerance) | (s.violation > options.tolerance)
     # While the numbers are measured, too, `calls` is not positive.
-    goes_on = missed & (s.taken < s.rows.shape[0]) & _sound(s)
+    goes_on = missed & (s.taken < s.rows.shape[0]) & _sound(s) & ~astray(s, options)
     return (s.calls <= 0) | goes_on | judges(s, options)
 
 
 def judges(s: Descent, options: Options) -> Bool[Array, ""]:
     """Whether the descents are over and leave a violation, whose slope is not known yet."""
-    over = (s.calls > 0) & (s.taken >= s.rows.shape[0]) & _sound(s)
+    over = (s.calls > 0) & (s.taken >= s.rows.shape[0]) & _sound(s) & ~astray(s, options)
     return over & (s.violation > options.tolerance) & ~s.judged
 
 
 def _sound(s: Descent) -> Bool[Array, ""]:
-    return (s.wrong <= GRADIENT_TOLERANCE) & jnp.isfinite(s.value)
+    return (s.wrong <= GRADIENT_TOLERANCE) & is_finite(s)
+
+
+def astray(s: Descent, options: Options) -> Bool[Array, ""]:
+    """Whether the free numbers are farther than any optimum is meant to be."""
+    return jnp.max(jnp.abs(s.x)) > options.farthest
+
+
+def is_finite(s: Descent) -> Bool[Array, ""]:
+    """Whether L and its derivatives are."""
+    return jnp.isfinite(s.value) & jnp.all(jnp.isfinite(s.slopes) & jnp.isfinite(s.held))
 
 
 def wanted(s: Descent, values: Array, options: Options) -> tuple[Array, Array]:
@@ -181,7 +195,8 @@ def advance(s: Descent, found: Evaluation, options: Options) -> Descent:
     value, slopes = found.value, found.slopes
 
     def place_of(calls: Array) -> Array:
-        return jnp.where(calls < 0, probe(s.x, sizes_of(s.x), calls), s.x)
+        probed = probes(s.x, sizes_of(s.x))
+        return jnp.where(calls < 0, s.x + probed.shares[calls] * probed.direction, s.x)
 
     def measuring(s: Descent) -> Descent:
         sloped = s.sloped.at[s.measured].set(jnp.max(jnp.abs(found.held)))
@@ -189,6 +204,7 @@ def advance(s: Descent, found: Evaluation, options: Options) -> Descent:
         last = measured == s.sloped.size
         return s._replace(
             sloped=sloped,
+            claimed=s.claimed.at[s.measured].set(slopes @ probes(s.x, sizes_of(s.x)).direction),
             weight=jnp.where(last, weights(found.values[0], sloped), s.weight),
             measured=measured,
             trial=jnp.where(last, place_of(s.calls), s.x),
@@ -197,12 +213,16 @@ def advance(s: Descent, found: Evaluation, options: Options) -> Descent:
     def probing(s: Descent) -> Descent:
         following = s.calls + 1
         place = place_of(following)
-        return s._replace(probed=s.probed.at[s.calls].set(value), calls=following, trial=place)
+        return s._replace(
+            probed=s.probed.at[s.calls].set(found.values), calls=following, trial=place
+        )
 
     def searching(s: Descent) -> Descent:
         checked = (s.calls == 0) & jnp.any(s.probed != 0.0)
-        wrong = probed_error(s.probed, s.x, sizes_of(s.x), slopes)
-        s = s._replace(wrong=jnp.where(checked, wrong, s.wrong), calls=jnp.asarray(1))
+        probed = probes(s.x, sizes_of(s.x))
+        wrong, worst = probed_error(s.weight * s.probed, probed, s.weight * s.claimed)
+        wrong = jnp.where(checked, wrong, s.wrong)
+        s = s._replace(wrong=wrong, worst=jnp.where(checked, worst, s.worst), calls=jnp.asarray(1))
         fell, steep = _conditions(s, value, slopes)
         give_up = ~s.fresh & (s.line.trials + 1 >= MOST_TRIALS)
         done = s.fresh | (fell & ~steep) | give_up

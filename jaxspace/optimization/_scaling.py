@@ -14,10 +14,11 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 from jax.flatten_util import ravel_pytree
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, PyTree
 
 from ..core import Scalar
 from ._criterion import Criterion, Minimum, Point
+from ._entry import shapes_of
 from ._search import Common, joined_rows, reason_of
 
 # A start near the optimum has no slope to scale by: there the value itself is its size.
@@ -51,7 +52,7 @@ class ScaledProblem(NamedTuple):
         criterion: Criterion,
         z: Array,
         slope: Array,
-        ends: tuple[Array, Array, Array, bool],
+        ends: tuple[Array, Array, Array, Array, bool],
         tolerance: Scalar,
         before: Minimum | None,
     ) -> Minimum:
@@ -59,8 +60,9 @@ class ScaledProblem(NamedTuple):
 
         - `slope`: of the scaled Lagrangian in z.
         - `ends`: whether the numbers are finite, whether the steps were used up, whether the
-          violation is a least one, and whether the search was interrupted."""
-        finite, limited, least, interrupted = ends
+          violation is a least one, whether the unknowns left all scales, and whether the search
+          was interrupted."""
+        finite, limited, least, astray, interrupted = ends
         c, d = criterion.equal_zero, criterion.non_negative
         weight = last.weight
         y = last.y * weight[1 : 1 + self.me] / weight[0]
@@ -71,7 +73,8 @@ class ScaledProblem(NamedTuple):
         if d is not None:
             violation = jnp.maximum(violation, jnp.max(-d))
         missed = last.violation > tolerance
-        converged = (last.gradient <= tolerance) & ~missed
+        # NaN passes for a violation that is not large, and infinity for a flat objective.
+        converged = (last.gradient <= tolerance) & ~missed & finite
         return Minimum(
             x=self.unravel(self.size * z),
             criterion=criterion,
@@ -85,7 +88,9 @@ class ScaledProblem(NamedTuple):
             steps=last.steps,
             converged=converged,
             gradient_error=last.wrong,
-            reason=reason_of(last.wrong, interrupted, finite, converged, limited, missed & least),
+            reason=reason_of(
+                last.wrong, interrupted, finite, converged, limited, missed & least, astray
+            ),
             bound_multipliers=self.unravel(slope / (weight[0] * self.size)),
             history=joined_rows(before, last.rows),
             search=last,
@@ -93,14 +98,14 @@ class ScaledProblem(NamedTuple):
         )
 
 
-def scaled_problem(common: Common, scale: Point | None, before: Minimum | None) -> ScaledProblem:
+def scaled_problem(common: Common, scale: PyTree | None, before: Minimum | None) -> ScaledProblem:
     """The problem of `minimise` in scaled unknowns: those of the search `before`, if given."""
     x0, unravel = ravel_pytree(common.start)
     low, high = (ravel_pytree(b)[0] for b in common.limits)
-    size = _sizes(x0, low, high) if scale is None else ravel_pytree(scale)[0]
+    size = _sizes(x0, low, high) if scale is None else ravel_pytree(scale)[0].astype(x0.dtype)
     if before is not None:
         size = getattr(before.search, "size", size)
-    shapes = jax.eval_shape(common.problem, common.start)
+    shapes = shapes_of(common.problem, common.start)
     blank = jax.tree.map(lambda like: jnp.zeros(like.shape, like.dtype), shapes)
     me = 0 if shapes.equal_zero is None else shapes.equal_zero.size
     mi = 0 if shapes.non_negative is None else shapes.non_negative.size

@@ -4,6 +4,7 @@ that ended before its time goes on."""
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
@@ -32,9 +33,10 @@ def reason_of(
     converged: Array,
     limited: Array,
     infeasible: Array,
+    astray: Array,
 ) -> Int[Array, ""]:
     """The reason of the end, of which a wrong gradient and an interruption come first."""
-    reason = stop_reason(finite, converged, limited, infeasible)
+    reason = stop_reason(finite, converged, limited, infeasible, astray)
     if interrupted:
         reason = jnp.full_like(reason, StopReason.INTERRUPTED)
     return jnp.where(wrong > GRADIENT_TOLERANCE, StopReason.WRONG_GRADIENT, reason).astype(int)
@@ -43,10 +45,15 @@ def reason_of(
 def taken_up(before: Minimum, blank: Any) -> Any:
     """The state in which a search ended, with room for as many further steps."""
     last = before.search
-    if type(last) is not type(blank) or last.trial.shape != blank.trial.shape:
+    # Other numbers of constraints make other arrays; the rows are those of the new limits.
+    if type(last) is not type(blank) or _shapes(last) != _shapes(blank):
         raise InputError("start is a Minimum of another problem or method: start from its x.")
     # What was pending when it ended is evaluated first.
     return last._replace(rows=blank.rows, taken=jnp.asarray(0))
+
+
+def _shapes(state: Any) -> list[tuple[int, ...]]:
+    return [x.shape for x in jax.tree.leaves(state._replace(rows=None))]
 
 
 def joined_rows(before: Minimum | None, rows: Array) -> Float[Array, "rows 3"]:

@@ -27,12 +27,12 @@ import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array
 
-from ._gradient_check import probe, probed_error
+from ._gradient_check import probed_error
 from ._infeasibility import ROUNDINGS
 from ._quadratic import Programme, solve_programme
 from ._scaling import weights
 from ._sqp_measures import damped_bfgs, gradient, penalty, scaled, violation
-from ._sqp_state import Found, Limits, Pending, SqpState
+from ._sqp_state import Found, Limits, Pending, SqpState, probes_of
 
 # With this weight a violation that no step reduces is final.
 MOST_WEIGHT = 1e6
@@ -51,7 +51,8 @@ def advance(
 
     def probing(s: SqpState) -> SqpState:
         following = s.calls + 1
-        place = probe(s.x, jnp.ones_like(s.x), following)
+        at = probes_of(s.x, limits)
+        place = s.x + at.shares[following] * at.direction
         return s._replace(
             probed=s.probed.at[s.calls].set(found.values),
             calls=following,
@@ -59,7 +60,8 @@ def advance(
         )
 
     def searching(s: SqpState) -> SqpState:
-        s = lax.cond(s.calls == 0, _started, functools.partial(_judged, limits=limits), s, found)
+        ways = (functools.partial(way, limits=limits) for way in (_started, _judged))
+        s = lax.cond(s.calls == 0, *ways, s, found)
         if curvature is not None:
             # By the magnitudes of the eigenvalues, none of them near zero, because the programme of
             # a step must be convex.
@@ -73,17 +75,15 @@ def advance(
     return lax.cond(s.calls < 0, probing, searching, s)
 
 
-def _started(s: SqpState, found: Found) -> SqpState:
+def _started(s: SqpState, found: Found, limits: Limits) -> SqpState:
     """With the values at the start, which set the scales."""
     weight = weights(found.values[0], jnp.max(jnp.abs(found.jacobian), axis=1))
     at = scaled(found, weight, s.y.size)
-    # One mixture of all numbers, so that four probes check every row of the Jacobian.
-    mixed = weight * jnp.cos(1.3 * jnp.arange(weight.size, dtype=weight.dtype))
-    checked = jnp.any(s.probed != 0.0)
-    wrong = probed_error(s.probed @ mixed, s.x, jnp.ones_like(s.x), mixed @ found.jacobian)
-    return s._replace(
-        at=at, weight=weight, violation=violation(at), wrong=jnp.where(checked, wrong, 0.0)
-    )
+    checked, probed = jnp.any(s.probed != 0.0), probes_of(s.x, limits)
+    claimed = weight * (found.jacobian @ probed.direction)
+    wrong, worst = probed_error(weight * s.probed, probed, claimed)
+    wrong = jnp.where(checked, wrong, 0.0)
+    return s._replace(at=at, weight=weight, violation=violation(at), wrong=wrong, worst=worst)
 
 
 def _programme(s: SqpState, limits: Limits) -> tuple[Programme, Array]:
@@ -133,7 +133,7 @@ def _judged(s: SqpState, found: Found, limits: Limits) -> SqpState:
     # Where both are rounding, the step is a success.
     noise = 10.0 * jnp.finfo(p.dtype).eps * (jnp.abs(before) + jnp.abs(s.at.f) + 1e-3)
     gain = before - after
-    finite = jnp.isfinite(after) & jnp.all(jnp.isfinite(trial.g)) & solved
+    finite = trial.sound() & jnp.isfinite(after) & solved
     ratio = jnp.where(finite, (gain + noise) / (jnp.maximum(predicted, 0.0) + noise), -1.0)
     take = ratio > 1e-4
     # Of a programme that could not be solved no step is known: the radius alone shrinks.

@@ -30,9 +30,9 @@ def slope(at: Values, y: Array, nu: Array) -> Float[Array, " n"]:
 
 def gradient(s: SqpState, limits: Limits) -> Float[Array, ""]:
     """The largest component of the gradient that the bounds leave free, or of nu d."""
-    x = s.x
-    # By a projection: what pushes against a bound promises no descent.
-    free = x - jnp.clip(x - slope(s.at, s.y, s.nu), limits.lower, limits.upper)
+    # By a projection: what pushes against a bound promises no descent. It is x - clip(x - slope)
+    # without the difference of large x, in which a small slope would vanish.
+    free = jnp.clip(slope(s.at, s.y, s.nu), s.x - limits.upper, s.x - limits.lower)
     loose = jnp.minimum(jnp.maximum(s.at.d, 0.0), s.nu)
     return jnp.maximum(jnp.max(jnp.abs(free)), jnp.max(loose, initial=0.0))
 

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from ._gradient_check import GRADIENT_TOLERANCE, PROBES, probe
+from ._gradient_check import GRADIENT_TOLERANCE, PROBES, Probes, probes
 
 
 class Values(NamedTuple):
@@ -19,6 +19,11 @@ class Values(NamedTuple):
     J: Float[Array, "equal n"]
     K: Float[Array, "inequal n"]
     report: Any
+
+    def sound(self) -> Bool[Array, ""]:
+        """Whether all numbers and all derivatives are finite."""
+        parts = (self.f, self.c, self.d, self.g, self.J, self.K)
+        return jnp.all(jnp.stack([jnp.all(jnp.isfinite(x)) for x in parts]))
 
 
 class Pending(NamedTuple):
@@ -35,7 +40,8 @@ class SqpState(NamedTuple):
     second-order correction of (c, d), `weight` the scale of (f, c, d), `rows` the history.
 
     - `calls`: the number of the next evaluation: below zero the probes of the gradient, at zero
-      that of the start; `probed`: the values of the probes, and `wrong`: what they find.
+      that of the start; `probed`: the values of the probes, `wrong`: what they find, and `worst`:
+      of which of f, c and d.
     - `size`: of the unknowns, by which they are scaled.
     - `taken`: steps of this search; `steps`: with those of the searches that it took up."""
 
@@ -59,6 +65,7 @@ class SqpState(NamedTuple):
     calls: Int[Array, ""]
     probed: Float[Array, "4 all"]
     wrong: Float[Array, ""]
+    worst: Int[Array, ""]
     size: Float[Array, " n"]
     steps: Int[Array, ""]
 
@@ -72,12 +79,18 @@ class Found(NamedTuple):
 
 
 class Limits(NamedTuple):
-    """Bounds of the scaled unknowns, which may be infinite, and the tolerance for the projected
-    gradient of the Lagrangian and the violation, both scaled."""
+    """Bounds of the scaled unknowns, which may be infinite, the tolerance for the projected
+    gradient of the Lagrangian and the violation, both scaled, and how far the unknowns may go."""
 
     lower: Float[Array, " n"]
     upper: Float[Array, " n"]
     tolerance: Float[Array, ""]
+    farthest: Float[Array, ""]
+
+
+def probes_of(x: Float[Array, " n"], limits: Limits) -> Probes:
+    """The probes of the gradient about a start."""
+    return probes(x, jnp.ones_like(x), limits.lower, limits.upper)
 
 
 def begin(
@@ -88,6 +101,7 @@ def begin(
     report: Any,
     max_steps: int,
     check: bool,
+    limits: Limits,
 ) -> SqpState:
     """The state before the first evaluation.
 
@@ -101,22 +115,27 @@ def begin(
     zeros = functools.partial(jnp.zeros, dtype=x.dtype)
     at = Values(zeros(()), zeros(me), zeros(mi), zeros(n), zeros((me, n)), zeros((mi, n)), report)
     one, no = jnp.ones((), x.dtype), jnp.asarray(False)
-    calls = jnp.asarray(-PROBES if check else 0)
+    calls, probed = jnp.asarray(-PROBES if check else 0), probes_of(x, limits)
     return SqpState(
         x, at, jnp.eye(n, dtype=x.dtype), zeros(me), zeros(mi), 10.0 * one, one,
         (zeros(me), zeros(mi)), no, no, jnp.inf * one, jnp.inf * one, jnp.asarray(0),
         jnp.full((max_steps, 3), jnp.nan, x.dtype),
-        probe(x, jnp.ones_like(x), calls) if check else x,
+        x + probed.shares[0] * probed.direction if check else x,
         Pending(zeros(n), zeros(me), zeros(mi), no), jnp.ones(rows, x.dtype), calls,
-        zeros((PROBES, rows)), zeros(()), size, jnp.asarray(0),
+        zeros((PROBES, rows)), zeros(()), jnp.asarray(0), size, jnp.asarray(0),
     )  # fmt: skip
 
 
 def unfinished(s: SqpState, limits: Limits) -> Bool[Array, ""]:
     """Whether another evaluation is wanted."""
     missed = (s.gradient > limits.tolerance) | (s.violation > limits.tolerance)
-    sound = (s.wrong <= GRADIENT_TOLERANCE) & jnp.isfinite(s.at.f)
+    sound = (s.wrong <= GRADIENT_TOLERANCE) & s.at.sound()
     # A step within this radius changes hardly a digit of the scaled unknowns.
     least = 1e2 * jnp.finfo(s.x.dtype).eps
     goes_on = missed & ~s.hopeless & (s.taken < s.rows.shape[0]) & (s.radius > least) & sound
-    return (s.calls <= 0) | goes_on
+    return (s.calls <= 0) | (goes_on & ~astray(s, limits))
+
+
+def astray(s: SqpState, limits: Limits) -> Bool[Array, ""]:
+    """Whether the unknowns are farther than any optimum is meant to be."""
+    return jnp.max(jnp.abs(s.x)) > limits.farthest

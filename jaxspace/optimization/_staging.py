@@ -295,10 +295,13 @@ def _checked(
     b = with_rank(b, rank)
     limit = velocity_limit(u, b)
     if is_concrete(limit) and is_concrete(v):
+        # Of many rockets that of the first that is beyond it: one sentence names one number.
+        ok, limits = np.broadcast_arrays(np.asarray(v) < np.asarray(limit), np.asarray(limit))
         check(
-            np.asarray(v) < np.asarray(limit),
+            ok,
             "total_velocity",
             v,
-            "below the limit of these stages, sum of u ln(1/beta)",
+            "below the limit of these stages, sum of u ln(1/beta), "
+            f"{limits.flat[np.argmin(ok)]:.10g} m/s",
         )
     return u, b, v

@@ -1,0 +1,85 @@
+"""What `minimise` is given, checked before anything is compiled: each mistake in a sentence."""
+
+from collections.abc import Callable
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.tree_util import keystr, tree_leaves_with_path
+
+from ..core import InputError, is_concrete
+from ._criterion import Criterion, Point
+
+
+def as_point(start: Any, name: str = "start") -> Point:
+    """The start as a tree of arrays of floats; Python's floats are taken, too.
+
+    Raises `InputError` for a part that is no float, or where there is none."""
+    for path, leaf in tree_leaves_with_path(start):
+        kind = getattr(leaf, "dtype", None)
+        kind = np.asarray(leaf).dtype if kind is None else kind
+        if not jnp.issubdtype(kind, jnp.floating):
+            # An integer is mostly no unknown: a search would change a number of steps.
+            raise InputError(
+                f"{name}{keystr(path)} is of type {kind}: unknowns must be floats. Write 1.0 in "
+                f"place of 1, or let problem close over what is no unknown."
+            )
+    point = jax.tree.map(jnp.asarray, start)
+    if not sum(x.size for x in jax.tree.leaves(point)):
+        raise InputError(f"{name} has no numbers: it must have at least one unknown.")
+    return point
+
+
+def shapes_of(problem: Callable[[Point], Criterion], start: Point) -> Criterion:
+    """The shapes of what the problem returns. Raises `InputError` where it is no `Criterion`."""
+    found = jax.eval_shape(problem, start)
+    if not isinstance(found, Criterion):
+        raise InputError(f"problem returns {_kind(found)}: it must return a Criterion.")
+    for name in ("objective", "equal_zero", "non_negative"):
+        part = getattr(found, name)
+        if part is None and name != "objective":
+            continue
+        if part is None or not hasattr(part, "dtype"):
+            raise InputError(
+                f"problem returns {name} as {_kind(part)}: it must be an array, such as "
+                f"jnp.stack([...])."
+            )
+        if not jnp.issubdtype(part.dtype, jnp.floating):
+            raise InputError(f"problem returns {name} of type {part.dtype}: it must be of floats.")
+    if found.objective.shape:
+        raise InputError(
+            f"problem returns an objective of shape {found.objective.shape}: it must be one number."
+        )
+    return found
+
+
+def check_scale(scale: Any, start: Point) -> None:
+    """Raises `InputError` for a scale of another structure than the start, or one that is not
+    positive."""
+    if jax.tree.structure(scale) != jax.tree.structure(start):
+        raise InputError("scale must have the structure of the start.")
+    for (path, size), x in zip(tree_leaves_with_path(scale), jax.tree.leaves(start), strict=True):
+        if np.shape(size) != x.shape:
+            raise InputError(
+                f"scale{keystr(path)} has the shape {np.shape(size)}: it must be {x.shape}."
+            )
+        if is_concrete(size) and not np.all(np.isfinite(size) & (np.asarray(size) > 0.0)):
+            raise InputError(f"scale{keystr(path)} is {size}: sizes must be positive and finite.")
+
+
+def check_counts(max_steps: int, max_rounds: int, adam_steps: int) -> None:
+    """Raises `InputError` for a number of steps that is none."""
+    for name, count, least in (
+        ("max_steps", max_steps, 1),
+        ("max_rounds", max_rounds, 1),
+        ("adam_steps", adam_steps, 0),
+    ):
+        if count < least:
+            raise InputError(f"{name} is {count}: it must be at least {least}.")
+
+
+def _kind(value: Any) -> str:
+    if hasattr(value, "shape"):
+        return f"an array of shape {value.shape}"
+    return f"a {type(value).__name__}"
