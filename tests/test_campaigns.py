@@ -7,6 +7,7 @@ import json
 import os
 import re
 import signal
+import socket
 import subprocess
 import sys
 import threading
@@ -283,6 +284,20 @@ def test_damage_is_named_left_out_and_computed_again(whole, copy, kind):
     assert files_of(copy) == files_of(whole)
 
 
+def test_an_unfinished_store_says_so(tmp_path):
+    """Of a campaign under way or interrupted: when it is opened, and when it is asked."""
+    place = tmp_path / "s.zarr"
+    write(place)
+    assert open_store(place).lacking == ""
+    (place / ".manifest" / "1.json").unlink()
+    told = r"15 of 25 planned runs are in the store: `disperse\(\.\.\., resume=True\)` computes"
+    with pytest.warns(UserWarning, match=told):
+        kept = open_store(place)
+    assert kept.store == str(place) and kept.doubts() == (kept.lacking,)
+    write(place, resume=True)
+    assert open_store(place).doubts() == ()
+
+
 def test_a_flipped_bit_of_the_metadata_is_told_and_mended(tmp_path, monkeypatch):
     """Of the head, of its copy and of the metadata of an array, all along each of them."""
     monkeypatch.setattr("jaxspace.dispersion._head.PATIENCE", 0.0)
@@ -507,6 +522,14 @@ def test_a_lock_of_another_machine_is_respected(copy):
     owner = {"pid": 1, "host": "elsewhere", "since": "yesterday"}
     (copy / ".lock").write_text(json.dumps(owner))
     with pytest.raises(StoreError, match=r"process 1 on elsewhere since yesterday.*remove \.lock"):
+        fly(copy, resume=True)
+
+
+def test_the_owner_of_a_stale_lock_is_named(copy):
+    owner = {"pid": 10951, "host": socket.gethostname(), "since": "yesterday"}
+    (copy / ".lock").write_text(json.dumps(owner))
+    words = f"^The process 10951 on {owner['host']} ended without releasing the store"
+    with pytest.warns(DamagedStore, match=words):
         fly(copy, resume=True)
 
 

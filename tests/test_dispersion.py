@@ -29,7 +29,10 @@ from jaxspace.dispersion import (
     Uniform,
     disperse,
     open_store,
+    sampled,
+    sobol_indices,
 )
+from jaxspace.dispersion._whole import check_whole
 from jaxspace.simulation import Event, Mission, Phase, SimulationError, Status
 
 DURATION = 3.0
@@ -167,6 +170,14 @@ def test_mean_and_deviation_of_the_parameters():
         (lambda: Campaign(drifts, {"status": Constant(1.0)}, last), "status"),
         (lambda: disperse(SWINGS, 0), "runs"),
         (lambda: disperse(SWINGS, 5, chunk=-1), "chunk"),
+        # The types that tests check let no fraction pass this far.
+        (lambda: check_whole("runs", 1.5, 1), "runs is 1.5: it must be a whole number, 1 or more"),
+        (lambda: check_whole("seed", 1.0), "seed is 1.0: it must be a whole number"),
+        (lambda: disperse(SWINGS, True), "runs is True"),
+        (lambda: disperse(SWINGS, 5, seed=True), "seed is True: it must be a whole number"),
+        (lambda: disperse(SWINGS, 5, samples=True), "samples is True"),
+        (lambda: sampled(SWINGS, 0), "runs is 0"),
+        (lambda: sobol_indices(SWINGS, True), "points is True"),
         (lambda: disperse(SWINGS, 5, accuracy=1e-20), "Accuracy.rtol"),
         (lambda: disperse(SWINGS, 5, devices=10**6), "devices"),
         (lambda: open_store("/no/such/place"), "store"),

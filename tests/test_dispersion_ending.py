@@ -180,8 +180,9 @@ def test_disperse_by_a_method_without_runs():
     np.testing.assert_array_equal(found.covariance, moments(CAMPAIGN).covariance)
     with pytest.raises(InputError, match="method is 'guess'"):
         disperse(CAMPAIGN, method="guess")
-    with pytest.raises(InputError, match="by the method 'lincov' there are no runs"):
-        disperse(CAMPAIGN, method="lincov", store="s.zarr")
+    for given in ({"store": "s.zarr"}, {"runs": 500}, {"seed": 1}, {"until": StopRule("b")}):
+        with pytest.raises(InputError, match="by the method 'lincov' there are no runs"):
+            disperse(CAMPAIGN, method="lincov", **given)
 
 
 @pytest.mark.usefixtures("settings_stay")

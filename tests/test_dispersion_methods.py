@@ -74,6 +74,7 @@ def outputs(result, samples):
 NORMALS = Campaign(build, {"x0": Normal(1.0, 2.0), "v0": Normal(-1.0, 0.5)}, outputs)
 CENTRED = Campaign(build, {"x0": Normal(0.0, 1.0), "v0": Normal(0.0, 1.0)}, outputs)
 MEAN, VARIANCE = 1.0 - 3.0, 4.0 + 9.0 * 0.25  # of x = x0 + 3 v0
+LIMIT = MEAN - 2.0 * np.sqrt(VARIANCE)
 
 
 # Up to JAX 0.10 the second derivatives of hypot are zero where both sides are alike, as here.
@@ -207,6 +208,33 @@ def test_rare_event_names_what_is_wrong():
         )
     with pytest.raises(InputError, match="lincov, second_order, unscented"):
         moments(NORMALS, "guess")
+    with pytest.raises(InputError, match="output is 'radios': it must be .* Did you mean radius?"):
+        rare_event(NORMALS, "radios", above=1.0)
+    for wrong in ({"runs": True}, {"runs": 1}, {"seed": -1}, {"seed": True}):
+        (name,) = wrong
+        with pytest.raises(InputError, match=f"{name} is .*: it must be a whole number"):
+            rare_event(NORMALS, "x", above=1.0, **wrong)
+
+
+def unbounded(result, samples):
+    """x, which is infinite where it lies three deviations above the limit of the test."""
+    x = result.final.x
+    return {"x": jnp.where(x > LIMIT + 3.0 * np.sqrt(VARIANCE), jnp.inf, x)}
+
+
+@pytest.mark.parametrize("method", ["importance", "subset"])
+def test_rare_event_below_a_limit_of_what_may_be_infinite(method):
+    """An infinite value lies above the limit: P(x < m - 2 s) is that of a normal law."""
+    found = rare_event(
+        Campaign(build, NORMALS.inputs, unbounded),
+        "x",
+        below=LIMIT,
+        runs=4000,
+        method=method,
+        seed=4,
+    )
+    assert found.value == pytest.approx(norm.sf(2.0), rel=5.0 * found.variation)
+    assert found.variation < 0.3
 
 
 def test_sobol_indices_of_a_sum_and_a_product():

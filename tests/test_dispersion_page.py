@@ -129,7 +129,74 @@ def test_page_without_a_good_run(tmp_path):
     d = dispersion(50)
     lost = Dispersion(d.inputs, d.outputs, np.full(50, 5), d.evaluations, {}, 0)
     page = dispersion_page(lost, tmp_path / "d.html").read_text(encoding="utf-8")
-    assert "0 of 50 ended well" in page and data_of(page)["moments"] is None
+    assert "0 of 50 ended well" in page and data_of(page)["ellipses"] is None
+
+
+def test_ellipses_of_the_page_are_those_of_the_statistics(tmp_path):
+    """The numbers from which the script draws lie on the border that the ellipsoid has."""
+    d = dispersion(1000)
+    data = data_of(dispersion_page(d, tmp_path / "d.html").read_text(encoding="utf-8"))
+    e, names = data["ellipses"], data["names"]
+    t = np.linspace(0.0, 2.0 * np.pi, 17)
+    for a, b in (("apoapsis", LONG), (LONG, "impulse"), ("impulse", "apoapsis")):
+        i, j = names.index(a), names.index(b)
+        x = e["centre"][i] + e["half"][i] * np.cos(t)
+        y = e["centre"][j] + e["half"][j] * np.cos(t - e["phase"][i][j])
+        expected = d.ellipsoid(a, b, probability=0.99)
+        # On the border the whitened radius is one. "apoapsis" is "impulse" but for its scale, to
+        # rounding: of a line the widths are left.
+        if {a, b} == {"impulse", "apoapsis"}:
+            np.testing.assert_allclose(
+                [np.ptp(x) / 2, np.ptp(y) / 2], np.abs(expected.axes[:, 0]), rtol=1e-6
+            )
+            continue
+        away = np.stack([x, y]) - expected.centre[:, None]
+        radius = np.linalg.norm(np.linalg.solve(expected.axes, away), axis=0)
+        np.testing.assert_allclose(radius, 1.0, rtol=1e-9)
+    assert e["phase"][0][1] == e["phase"][1][0]
+
+
+def test_page_of_runs_that_are_not_finite(tmp_path):
+    """What is infinite is told, has no bin and no ellipse, and costs the other outputs nothing."""
+    d = dispersion(1000, requirements=False)
+    a, far = d.outputs["apoapsis"].copy(), d.outputs[LONG].copy()
+    a[10:160], a[200] = np.inf, np.nan
+    d.attributes["planned_runs"] = 2000
+    outputs = {"apoapsis": a, LONG: far, "constant": d.outputs["constant"]}
+    d = Dispersion(
+        d.inputs, outputs, d.status, d.evaluations, d.units, 5, 9.0, d.attributes, store="s.zarr"
+    )
+    dispersion_figure(d).savefig(tmp_path / "d.png", dpi=40)
+    page = dispersion_page(d, tmp_path / "d.html").read_text(encoding="utf-8")
+    infinite = int(np.count_nonzero(d.good & np.isinf(a)))
+    assert infinite == 149
+    assert f"apoapsis is ∞ in {infinite}, not a number in 1 of 989 good runs" in page
+    assert "1000 of 2000 planned runs are in the store" in page and "1000 of 2000 planned" in page
+    data = data_of(page)
+    shown = data["histograms"]["apoapsis"]
+    assert sum(shown["counts"]) == 989 - infinite - 1 and shown["high"] is None
+    assert f"∞ in {infinite}" in shown["words"]
+    assert data["convergence"]["apoapsis"]["limit"][-1] is None
+    assert "from ∞ to ∞" in data["convergence"]["apoapsis"]["words"]
+    # The points and ellipses of the others are those of all good runs.
+    assert len(data["numbers"]) == 989 and data["points"][LONG][20] is not None
+    assert data["points"]["apoapsis"].count(None) == infinite + 1
+    i, j = (data["names"].index(name) for name in (LONG, "impulse"))
+    r = np.corrcoef(d.outputs[LONG][d.good], d.inputs["impulse"][d.good])[0, 1]
+    assert np.cos(data["ellipses"]["phase"][i][j]) == pytest.approx(r, rel=1e-9)
+    finite = d.good & np.isfinite(a)
+    r = np.corrcoef(far[finite], a[finite])[0, 1]
+    assert np.cos(data["ellipses"]["phase"][i][data["names"].index("apoapsis")]) == pytest.approx(r)
+
+
+def test_page_without_a_finite_value(tmp_path):
+    d = dispersion(200)
+    outputs = {"apoapsis": np.full(200, np.inf), LONG: np.full(200, np.nan)}
+    lost = Dispersion(d.inputs, outputs, d.status, d.evaluations, d.units, 0)
+    dispersion_figure(lost).savefig(tmp_path / "d.png", dpi=40)
+    data = data_of(dispersion_page(lost, tmp_path / "d.html").read_text(encoding="utf-8"))
+    assert data["histograms"] == {"apoapsis": None, LONG: None}
+    assert data["ellipses"]["half"][:2] == [None, None]
 
 
 def test_figure_of_what_only_rounds(tmp_path):

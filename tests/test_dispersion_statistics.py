@@ -16,6 +16,7 @@ from jaxspace.dispersion import (
     rank_correlation,
     runs_for,
 )
+from jaxspace.dispersion._limits import quantile
 from jaxspace.dispersion._rounding import rounded, scatters
 from jaxspace.simulation import Status
 
@@ -70,6 +71,117 @@ def test_failed_runs_count_as_violations_and_in_no_mean():
     assert d.percentile("x", 0.5).value == pytest.approx(np.median(np.delete(x, 3)))
     with pytest.raises(InputError, match="at_least and at_most"):
         d.violation("x")
+
+
+def with_infinite(n=4000):
+    """A normal sample of which 15 % are infinite, two of them downwards, and three no number."""
+    x = np.random.default_rng(9).standard_normal(n)
+    x[5 : 5 + int(0.15 * n)] = np.inf
+    x[[5, 6]], x[[1000, 2000, 3000]] = -np.inf, np.nan
+    return x
+
+
+def test_infinite_values_count_in_percentiles():
+    """As very large numbers do, whose percentiles NumPy and SciPy know."""
+    x = with_infinite()
+    large = np.clip(x, -1e300, 1e300)
+    large = large[~np.isnan(large)]
+    for share in (0.01, 0.3, 0.5, 0.84, 0.86, 0.99):
+        found = percentile(x, share)
+        expected = scipy.stats.quantile_test(large, p=share).confidence_interval(0.95)
+        for a, b in (
+            (found.value, np.quantile(large, share)),
+            (found.low, expected.low),
+            (found.high, expected.high),
+        ):
+            assert a == pytest.approx(b, rel=1e-14) if abs(b) < 1e299 else a == np.sign(b) * np.inf
+    assert percentile(x, 0.95).value == percentile(x, 0.95).low == np.inf
+    assert percentile(np.full(9, np.inf), 0.5).value == np.inf
+    with pytest.raises(InputError, match="no number"):
+        percentile([np.nan], 0.5)
+
+
+def test_a_quantile_between_finite_and_infinite_values():
+    some = np.array([1.0, 2.0, np.inf])
+    shares = (0.0, 0.25, 0.5, 0.51, 1.0)
+    assert [quantile(some, s) for s in shares] == [1.0, 1.5, 2.0, np.inf, np.inf]
+    assert [quantile(-some, s) for s in shares] == [-np.inf, -np.inf, -2.0, -1.98, -1.0]
+    both = np.array([-np.inf, np.inf])
+    assert [quantile(both, s) for s in (0.4, 0.6)] == [-np.inf, np.inf]
+    # Of finite values NumPy's, to the bit.
+    x = np.random.default_rng(10).standard_normal(1000)
+    assert all(quantile(x, s) == np.quantile(x, s) for s in np.linspace(0.0, 1.0, 57))
+
+
+def test_means_leave_infinite_values_out_and_say_so():
+    d = dispersion(x=with_infinite())
+    (row,) = d.table()
+    assert (row.runs, row.above, row.below, row.undefined) == (3396, 598, 2, 3)
+    finite = d.outputs["x"][np.isfinite(d.outputs["x"])]
+    # One run has failed, and is in nothing.
+    finite = np.delete(finite, 3)
+    assert row.mean == np.mean(finite) and row.std == np.std(finite, ddof=1)
+    assert row.high == row.max == np.inf and row.min == -np.inf and np.isfinite(row.low)
+    (told,) = d.doubts()
+    assert "x is ∞ in 598, -∞ in 2, not a number in 3 of 3999 good runs" in told
+    assert "leave them out, limits count the infinite ones" in told
+    for statistic in (d.covariance, d.ellipsoid):
+        with pytest.warns(UserWarning, match="603 of 3999 good runs are left out: x, a must"):
+            statistic("x", "a")
+    assert d.percentile("x", 0.95).value == np.inf
+    assert d.violation("x", at_most=1e9).count == 598 + 3 + 1
+    assert d.violation("x", at_least=-1e9).count == 2 + 3 + 1
+    assert dispersion(x=np.zeros(4000)).doubts() == ()
+    lost = dispersion(x=np.full(4000, np.nan))
+    assert lost.table()[0].undefined == 3999 and "No statistic counts them" in lost.doubts()[0]
+    far = dispersion(x=np.full(4000, np.inf)).table()[0]
+    assert far.low == far.high == np.inf and np.isnan(far.mean) and np.isnan(far.std)
+
+
+def test_infinite_values_in_ranks_radii_and_convergence():
+    x = with_infinite()
+    d = dispersion(x=x)
+    # Of a law that rises everywhere it is 1 up to infinity.
+    rising = np.where(d.inputs["a"] > 1.0, np.inf, d.inputs["a"])
+    found = dispersion(x=rising).rank_correlations("x")["a"]
+    ties = scipy.stats.spearmanr(*(np.delete(v, 3) for v in (d.inputs["a"], rising)))[0]
+    assert found.value == pytest.approx(ties, rel=1e-12) and found.value > 0.99
+    assert circular_error(x, np.zeros(4000), (0.0, 0.0), 0.9).value == np.inf
+    middle = circular_error(x, np.zeros(4000), share=0.5)
+    assert np.isfinite(middle.value)
+    path = convergence(x, 0.95)
+    assert path.runs[-1] == 3997 and path.limit[-1] == np.inf
+    finite = x[np.isfinite(x)]
+    assert path.mean[-1] == pytest.approx(np.mean(finite), rel=1e-10)
+    assert path.std[-1] == pytest.approx(np.std(finite, ddof=1), rel=1e-10)
+    assert np.isnan(convergence(np.r_[np.full(20, np.inf), 1.0, 2.0]).mean[0])
+
+
+def test_a_stop_rule_waits_for_a_limit_that_is_infinite():
+    """The finite runs alone would know their limit of 95 % well enough."""
+    x = with_infinite(40000)
+    rule = StopRule("x", 0.95, 0.2)
+    assert rule.met(x[np.isfinite(x)])
+    assert rule.error(x) == np.inf and not rule.met(x) and rule.more(x) == 0
+    assert not StopRule("x", 0.5, 0.2).met(np.full(500, np.inf))
+    # A limit below all that is infinite is known.
+    assert StopRule("x", 0.1, 0.2).met(x)
+
+
+def test_a_part_of_the_planned_runs_says_so():
+    def of(runs, **attributes):
+        x = {"x": np.arange(float(runs))}
+        ones = np.ones(runs, int)
+        return Dispersion(x, x, 0 * ones, ones, {}, 0, 1.0, attributes, store="out/a.zarr")
+
+    part = of(1488, planned_runs=2000, scene_file="a.toml")
+    sentence = "1488 of 2000 planned runs are in the store: `jaxspace resume out/a.zarr` computes"
+    assert part.lacking.startswith(sentence) and part.doubts() == (part.lacking,)
+    assert "`disperse(..., resume=True)` computes" in of(1488, planned_runs=2000).lacking
+    # Whole, of unknown size, and ended by its rule.
+    for whole in (of(20, planned_runs=20), of(20), of(20, planned_runs=90, enough_runs=20)):
+        assert whole.lacking == "" and whole.doubts() == ()
+    assert "5 of 20 planned" in of(5, planned_runs=90, enough_runs=20).lacking
 
 
 def test_ellipsoids():

@@ -15,9 +15,8 @@ last bit (on one kind of processor).
 
 import hashlib
 import os
-import threading
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Any
 
 import equinox as eqx
@@ -32,6 +31,7 @@ from ._along import Kept
 from ._campaign import Campaign
 from ._chosen_times import warn_of_unreached
 from ._isolation import isolate
+from ._outputs import check_apart
 from ._pilots import expected_steps, pilot_plans
 from ._plans import FINENESS, TRIAL, Plans, padded, placeholders, refinement
 from ._program import Drawn, draw_inputs, program
@@ -79,7 +79,7 @@ class BatchRunner:
         """Plan a campaign by its pilots and a trial, and compile the program of all its runs.
 
         Warns of times that none of the runs of the trial reaches. **Raises** `SimulationError` when
-        the nominal run fails."""
+        the nominal run fails, and `InputError` for outputs that are no numbers of single runs."""
         expected = placeholders(expected_steps(campaign, accuracy))
         planned = PlannedCampaign(campaign, accuracy, seed, (expected,), False, samples, "")
         runner = cls(planned, devices)
@@ -90,19 +90,23 @@ class BatchRunner:
 
         flown = np.ones(runner.call, bool)
         drawn = eqx.filter_eval_shape(draw_inputs, *runner._chosen(first, flown, 0))
-        lowered = threading.Event()
+        lowered: Future[None] = Future()
 
         def plans_of_pilots() -> tuple[list[np.ndarray | None], bool]:
             draw(flown)
-            # The program of all runs takes longer to compile: it must be traced first.
-            lowered.wait()
-            return pilot_plans(campaign, accuracy, draw, runner.call, samples)
+            # The program of all runs takes longer to compile: it must be traced first. What its
+            # functions return wrongly is raised here, before anything flies.
+            lowered.result()
+            pilots, coupled, runs = pilot_plans(campaign, accuracy, draw, runner.call, samples)
+            # While the compiler is at work on the program of all runs.
+            check_apart(campaign, runs)
+            return pilots, coupled
 
         # That program needs of the plans their lengths alone, and is compiled while they are found.
         # Two threads, and none of them this one: where there are more threads than arenas for
         # memory, a new one often shares that of the main thread, and they wait for each other.
         with ThreadPoolExecutor(2) as pool:
-            # What goes wrong here goes wrong again where the program is called.
+            # What the compiler does not like goes wrong again where the program is called.
             pool.submit(runner._compile, drawn, lowered)
             pilots, coupled = pool.submit(plans_of_pilots).result()
         trial = padded(pilots, [TRIAL] * len(pilots))
@@ -192,18 +196,21 @@ class BatchRunner:
         """The inputs of call number `k`, on its device."""
         return draw_inputs(*self._chosen(numbers, flown, k))
 
-    def _compile(self, drawn: Drawn, lowered: threading.Event) -> None:
+    def _compile(self, drawn: Drawn, lowered: "Future[None]") -> None:
         """Compile the program of all runs for inputs of these shapes, where a call then finds it.
 
-        `lowered` is set when nothing but the compiler is left to wait for."""
+        `lowered` is done when nothing but the compiler is left to wait for, or has what was raised
+        before."""
         try:
             zeros = jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), drawn)
             # On a device, as what is drawn: elsewhere the program would be another one.
             drawn = jax.device_put(zeros, self.devices[0])
             given = self._given(drawn, self.planned.plans[0], self.blocks)
             traced = self._program.lower(*given)
-        finally:
-            lowered.set()
+        except BaseException as error:
+            lowered.set_exception(error)
+            return
+        lowered.set_result(None)
         traced.compile()
 
     @property

@@ -14,14 +14,12 @@ from ..integration._accuracy import Accuracy, as_accuracy
 from ..simulation import Mission
 from ..simulation._mission_runs import MissionResult
 from ._distributions import AbstractDistribution
+from ._outputs import check_names
 from ._replay import Replay, replay
 from ._sampling import AbstractDesign, draw
 
 Limits: TypeAlias = tuple[float | None, float | None]
 T = TypeVar("T")
-
-RESERVED = ("run", "status", "evaluations")
-"""Names of the variables that every store has."""
 
 
 def _as_pairs(limits: dict[str, T] | Sequence[tuple[str, T]]) -> tuple[tuple[str, T], ...]:
@@ -49,6 +47,7 @@ class Campaign(eqx.Module):
     - `design`: where the runs lie (`LatinHypercube`, `Sobol`); at random if left out.
     - `along`: how many states of each phase `outputs` reads, evenly from its start to its end; its
       ends alone by default. `greatest` and `least` need more.
+    - `files`: texts of the files that the description names, by name, for the record.
 
     `build` and `outputs` are traced once; as modules they may hold arrays of their own. Raises
     `InputError` for an input that is no distribution, whose name is reserved, or when there is
@@ -68,6 +67,7 @@ class Campaign(eqx.Module):
         static=True, converter=_as_pairs, default=()
     )
     along: int = eqx.field(static=True, default=2)
+    files: tuple[tuple[str, str], ...] = eqx.field(static=True, converter=_as_pairs, default=())
 
     def __check_init__(self):
         if not self.inputs:
@@ -136,8 +136,8 @@ class Campaign(eqx.Module):
         **Returns** a `Replay`: inputs, outputs and the trajectory. A run that fails says so in its
         status.
 
-        **Raises** `InputError` for a number below zero, and whatever a function of the campaign
-        raises."""
+        **Raises** `InputError` for a number below zero, and `SimulationError` where a function of
+        the campaign that is called back raises an error."""
         return replay(self, number, seed, as_accuracy(accuracy), num_saved)
 
     def text(self) -> str:
@@ -151,12 +151,7 @@ class Campaign(eqx.Module):
         return "\n".join(lines)
 
 
-def check_names(field: str, names: Iterable[str]) -> None:
-    """Raise `InputError` for one of the `names` that every store has already.
-
-    `field`: what holds the names, for the sentence."""
-    for name in names:
-        if name in RESERVED:
-            raise InputError(
-                f"{field} has the name {name!r}: it must be another one than {', '.join(RESERVED)}."
-            )
+def in_order(campaign: Campaign, names: Iterable[str]) -> list[str]:
+    """The names of outputs in the order of the campaign, which trees of JAX sort."""
+    place = {name: number for number, name in enumerate(campaign.units)}
+    return sorted(names, key=lambda name: (place.get(name, len(place)), name))

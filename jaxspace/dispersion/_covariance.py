@@ -33,11 +33,12 @@ from jaxtyping import Array, Float
 from ..core import InputError, Scalar
 from ..integration._accuracy import Accuracy, as_accuracy
 from ..integration._status import SimulationError, Status
-from ._campaign import Campaign
+from ._campaign import Campaign, in_order
 from ._distributions import AbstractDistribution
 from ._evaluate import Evaluator, evaluate_traced
 from ._joint import Component
 from ._sampling import map_normals, normal_columns
+from ._whole import check_whole
 
 # How far from the mean slopes are compared with the curvature, in deviations; and which part of
 # them may lack before the output counts as not smooth.
@@ -50,7 +51,8 @@ METHODS = ("lincov", "second_order", "unscented")
 class Moments(NamedTuple):
     """Mean and covariance of the outputs of a campaign, without its runs.
 
-    - `names`: of the outputs; `mean`, (d,), and `covariance`, (d, d), in this order.
+    - `names`: of the outputs, in the order of the campaign; `mean`, (d,), and `covariance`, (d, d),
+      in this order.
     - `jacobian`: derivatives of the outputs in the inputs, (d, inputs); `None` if unscented.
     - `inputs`: their names, in the order of the columns.
     - `method`, `runs`, `seconds`: how it was found, from how many runs, and in what time, without
@@ -131,7 +133,7 @@ def _expanded(campaign: Campaign, accuracy: Accuracy, method: str) -> Moments:
     started = time.perf_counter()
     jax.block_until_ready(differentiate())
     seconds = time.perf_counter() - started
-    names = tuple(values)
+    names = tuple(in_order(campaign, values))
     p = covariance / np.outer(scale, scale)
     j = np.stack([np.asarray(first[name]) for name in names])
     mean = np.array([float(values[name]) for name in names])
@@ -216,7 +218,7 @@ def _unscented(campaign: Campaign, accuracy: Accuracy) -> Moments:
     # A point of no weight may fail: it is the nominal run of a large problem.
     for status in found.status[weights > 0.0]:
         _check_good(int(status), "sigma point")
-    names = tuple(found.outputs)
+    names = tuple(in_order(campaign, found.outputs))
     y = np.stack([found.outputs[name].astype(float) for name in names])[:, weights > 0.0]
     weights = weights[weights > 0.0]
     mean = y @ weights
@@ -274,5 +276,7 @@ def sampled(
     With it any statistic has a gradient in the parameters of a design:
     `jax.grad(lambda p: jnp.std(sampled(campaign_of(p))["apogee"]))(p)`; the draws stay the same
     while the parameters move. The gradient of a percentile is that of the run that lies there."""
+    check_whole("runs", runs, 1)
+    check_whole("seed", seed)
     samples = campaign.samples(jax.random.key(seed), jnp.arange(runs, dtype=jnp.uint32))
     return evaluate_traced(campaign, as_accuracy(accuracy), samples)[0]

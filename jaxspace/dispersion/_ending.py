@@ -32,6 +32,7 @@ def check_rule(rule: StopRule, outputs: Iterable[str]) -> None:
     if rule.output not in outputs:
         raise InputError(
             f"until.output is {rule.output!r}: it must be one of {', '.join(outputs)}."
+            f"{InputError.hint(rule.output, outputs)}"
         )
 
 
@@ -68,7 +69,7 @@ class Ending:
                 break
             x = np.concatenate([self.values[k] for k in range(count)])
             # Where all have failed so far there is no percentile to ask for.
-            if np.isfinite(x).any() and self.rule.met(x):
+            if not np.isnan(x).all() and self.rule.met(x):
                 self.met = count
             self.waiting = self.waiting[1:]
         return self.met

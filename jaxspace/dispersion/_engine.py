@@ -12,7 +12,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ..core import InputError, Scalar, check_positive
+from ..core import InputError, Scalar
 from ..integration._accuracy import DEFAULT_RTOL, Accuracy, as_accuracy
 from ..integration._config import check_tolerance
 from ._along import Kept
@@ -28,6 +28,7 @@ from ._record import record
 from ._statistics import Dispersion
 from ._store import ENOUGH, DamagedStore
 from ._store_writer import StoreWriter
+from ._whole import check_whole
 from ._work import AbstractEngine
 
 RUNS = 1000
@@ -128,18 +129,29 @@ def disperse(
     **Returns** a `Dispersion`, in which a run that fails marks its own row; by another method the
     `Moments`.
 
-    **Raises** `InputError` for numbers that are not positive and for a tolerance that the precision
-    cannot reach; `StoreError`, before anything is computed where that can be, for a store that
-    refuses or cannot be written; `SimulationError` when the nominal run fails."""
+    **Raises** `InputError` for numbers that are not whole or not positive, for what another method
+    has no use for, and for a tolerance that the precision cannot reach; `StoreError`, before
+    anything is computed where that can be, for a store that refuses or cannot be written;
+    `SimulationError` when the nominal run fails."""
     if method != MONTE_CARLO:
-        for name, given in (("store", store), ("until", until)):
-            if given is not None:
+        about_runs = (
+            *(("runs", runs, RUNS), ("seed", seed, 0), ("chunk", chunk, CHUNK)),
+            *(("store", store, None), ("overwrite", overwrite, False), ("resume", resume, False)),
+            *(("samples", samples, 0), ("times", times, None), ("engine", engine, "local")),
+            *(("until", until, None), ("notes", notes, None), ("progress", progress, None)),
+            ("devices", devices, None),
+        )
+        for name, given, default in about_runs:
+            if given is not default and (default is None or given != default):
                 raise InputError(
-                    f"{name} is {given!r}: by the method {method!r} there are no runs."
+                    f"{name} is {given!r}: it must be left out, for by the method {method!r} "
+                    f"there are no runs."
                 )
         return moments(campaign, method, accuracy=accuracy)
-    check_positive("runs", runs)
-    check_positive("chunk", chunk)
+    check_whole("runs", runs, 1)
+    check_whole("chunk", chunk, 1)
+    check_whole("seed", seed)
+    check_whole("samples", samples)
     started = time.perf_counter()
     accuracy = _resolved(as_accuracy(accuracy))
     kept_states = _kept_states(campaign, samples, times, store)

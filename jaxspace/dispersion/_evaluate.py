@@ -17,6 +17,7 @@ from ..simulation._failures import nan_where_failed
 from ..simulation._mission_runs import run_mission
 from ..simulation._simulate import resolve_phases
 from ._campaign import Campaign
+from ._outputs import outputs_of
 
 BLOCK = 256
 """Runs in one call: every number of runs is filled up to a multiple, so that one program serves."""
@@ -42,10 +43,7 @@ def evaluate_traced(
     configs = resolve_phases(mission, y0, accuracy, 1)
     result = run_mission(mission, y0, campaign.start, campaign.along, configs, 1)
     shape = next(iter(samples.values())).shape
-    outputs = campaign.outputs(result, samples)
-    # An output that no input reaches is one number for all runs.
-    outputs = jax.tree.map(lambda x: jnp.broadcast_to(x, shape), outputs)
-    return outputs, jnp.broadcast_to(result.status, shape)
+    return outputs_of(campaign, result, samples), jnp.broadcast_to(result.status, shape)
 
 
 @jit_wide_vectors

@@ -9,7 +9,7 @@ from collections.abc import Callable, Generator
 from typing import Any, TypeAlias
 
 from ._batch_runner import BatchRunner
-from ._campaign import Campaign
+from ._campaign import Campaign, in_order
 from ._columns import columns_of
 from ._ending import Ending
 from ._moments import StopRule
@@ -153,8 +153,7 @@ def _flown(
 
 def ordered(results: RunResults, campaign: Campaign) -> RunResults:
     """The results with their names in the order of the campaign."""
-    place = {name: number for number, name in enumerate(campaign.units)}
-    outputs = sorted(results.outputs, key=lambda name: (place.get(name, len(place)), name))
+    outputs = in_order(campaign, results.outputs)
     inputs = {name: results.inputs[name] for name in campaign.inputs}
     return results._replace(
         inputs=inputs, outputs={name: results.outputs[name] for name in outputs}

@@ -14,6 +14,7 @@ IDENTITY = {
     "atol": "the absolute tolerance",
     "method": "the method",
     "description": "the scene",
+    "files": "the files that the scene names",
     "inputs": "the inputs",
     "samples": "the states kept of each phase",
     "times": "the times of the states kept",
@@ -34,8 +35,20 @@ def difference(store: Store, columns: Mapping[str, Column], attributes: Mapping[
     # All settings agree and the numbers differ: the cause lies outside of the campaign.
     if changed[0] == "digest":
         return _cause(there, attributes)
+    if changed[0] == "files":
+        return _file(there.get("files") or {}, attributes.get("files") or {})
     was, now = _differing(str(there.get(changed[0])), str(attributes.get(changed[0])))
     return f"{IDENTITY[changed[0]]}: {was} in the store, {now} here."
+
+
+def _file(there: Mapping[str, str], here: Mapping[str, str]) -> str:
+    """The first file of the scene that is another one."""
+    name = next(x for x in (*there, *here) if there.get(x) != here.get(x))
+    for own, other, where in ((there, here, "store"), (here, there, "campaign")):
+        if name not in other and name in own:
+            return f"only the {where} has the file {name} of the scene."
+    was, now = _differing(there[name], here[name])
+    return f"the file {name} of the scene: {was} in the store, {now} here."
 
 
 def _cause(there: Mapping[str, Any], here: Mapping[str, Any]) -> str:

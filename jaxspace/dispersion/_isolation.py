@@ -6,6 +6,8 @@ from typing import TypeVar
 import jax
 import numpy as np
 
+from ..integration import SimulationError
+
 T = TypeVar("T")
 
 # What jax raises when a compiled program fails: an error of a function that it calls back, too.
@@ -17,7 +19,7 @@ def isolate(call: Callable[[np.ndarray], T], count: int) -> T:
 
     `call` computes the runs that are flown, (count,); the others take the nominal inputs.
 
-    **Raises** what was raised, where it is raised without any of these runs as well."""
+    **Raises** `SimulationError` where an error is raised without any of these runs as well."""
     flown = np.ones(count, bool)
     try:
         return call(flown)
@@ -26,9 +28,22 @@ def isolate(call: Callable[[np.ndarray], T], count: int) -> T:
         if "RESOURCE_EXHAUSTED" in str(error):
             raise
         # The nominal inputs fly in place of every run: where these raise, nothing can be told.
-        call(np.zeros(count, bool))
+        try:
+            call(np.zeros(count, bool))
+        except RAISED as nominal:
+            raise SimulationError(
+                f"The nominal run cannot be run: a function of the campaign raises an error "
+                f"({reason(nominal)})."
+            ) from nominal
         flown[_raising(call, np.arange(count), count)] = False
         return call(flown)
+
+
+def reason(error: BaseException) -> str:
+    """What the function said that was called back, without the places where it did."""
+    # The text of jax ends with that of Python, which ends with class and sentence.
+    lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+    return lines[-1].rstrip(".") if lines else type(error).__name__
 
 
 def _raising(call: Callable[[np.ndarray], T], among: np.ndarray, count: int) -> np.ndarray:

@@ -10,8 +10,10 @@
     I^-1(a, b, u) inverse of the regularised incomplete beta       1
     a             1 - confidence                                   1
 
-No law of the values is assumed. Source: David and Nagaraja, Order Statistics, 3rd edition, 7.1;
-Clopper and Pearson, Biometrika 26 (1934), 404.
+No law of the values is assumed: infinite ones have their place in the order as any other, and a
+percentile among them is infinite. What is not a number has no place, and is left out.
+Source: David and Nagaraja, Order Statistics, 3rd edition, 7.1; Clopper and Pearson, Biometrika 26
+(1934), 404.
 """
 
 from typing import NamedTuple
@@ -61,7 +63,7 @@ def percentile(x: ArrayLike, share: float, confidence: float = 0.95) -> Percenti
 
     **Arguments**
 
-    - `x`: the values, (runs,); those that are not finite are left out.
+    - `x`: the values, (runs,), infinite ones among them; NaN is left out.
     - `share`: from 0 to 1, exclusive.
     - `confidence`: of the interval, split evenly between its ends.
 
@@ -71,10 +73,10 @@ def percentile(x: ArrayLike, share: float, confidence: float = 0.95) -> Percenti
     check_share("share", share)
     check_share("confidence", confidence)
     ordered = np.sort(np.asarray(x, float))
-    ordered = ordered[np.isfinite(ordered)]
+    ordered = ordered[~np.isnan(ordered)]
     n = ordered.size
     if n == 0:
-        raise InputError("x holds no finite value: a percentile needs one.")
+        raise InputError("x holds no number: a percentile needs one.")
     tail = 0.5 * (1.0 - confidence)
     # The largest l with B(l - 1) <= tail, and the smallest u with B(u - 1) >= 1 - tail.
     lower = int(binom.ppf(tail, n, share))
@@ -82,9 +84,28 @@ def percentile(x: ArrayLike, share: float, confidence: float = 0.95) -> Percenti
     # An order statistic that the sample does not have bounds nothing.
     low = ordered[lower - 1] if lower >= 1 else -np.inf
     high = ordered[upper - 1] if upper <= n else np.inf
-    return Percentile(
-        share, float(np.quantile(ordered, share)), float(low), float(high), confidence
-    )
+    return Percentile(share, quantile(ordered, share), float(low), float(high), confidence)
+
+
+def quantile(x: np.ndarray, share: float) -> float:
+    """The value below which a `share` of these numbers lies, linear between two of them; infinite
+    where one of the two is."""
+    if np.isfinite(x).all():
+        return float(np.quantile(x, share))
+    # NumPy would take the difference of the two, which is NaN of infinite ones.
+    ordered = np.sort(x)
+    place = share * (x.size - 1)
+    k = int(place)
+    below, above = float(ordered[k]), float(ordered[min(k + 1, x.size - 1)])
+    part = place - k
+    if part == 0.0 or below == above:
+        return below
+    # Of a place between minus and plus infinity nothing is known but the nearer one.
+    if np.isinf(below) and np.isinf(above):
+        return below if part < 0.5 else above
+    if np.isinf(below) or np.isinf(above):
+        return below if np.isinf(below) else above
+    return below + (above - below) * part
 
 
 def clopper_pearson(count: int, runs: int, confidence: float = 0.95) -> Probability:

@@ -44,7 +44,7 @@ class Lock:
             os.close(handle)
             raise StoreError(f"{self.path.parent} is in use{_named(owner)}{_advice(owner, host)}")
         if owner:
-            self.stale = f"The process{_named(owner)} has ended without releasing the store."
+            self.stale = f"The {_process(owner)} ended without releasing the store."
         now = time.strftime("%Y-%m-%dT%H:%M:%S%z")
         text = json.dumps({"pid": os.getpid(), "host": host, "since": now})
         # First emptied: the name of an earlier owner may be longer.
@@ -95,7 +95,11 @@ def _owner(handle: int) -> dict[str, str | int]:
 def _named(owner: dict[str, str | int]) -> str:
     if not owner:
         return " by another process"
-    return f" by process {owner['pid']} on {owner['host']} since {owner['since']}"
+    return f" by {_process(owner)} since {owner['since']}"
+
+
+def _process(owner: dict[str, str | int]) -> str:
+    return f"process {owner['pid']} on {owner['host']}"
 
 
 def _advice(owner: dict[str, str | int], host: str) -> str:

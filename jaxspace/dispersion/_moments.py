@@ -72,9 +72,11 @@ def circular_error(
     """The radius about the `target` (the mean, if left out) that holds a share of the runs; of one
     half it is the circular error probable.
 
-    `x`, `y`: the two coordinates, each (runs,)."""
+    `x`, `y`: the two coordinates, each (runs,). A run with an infinite one lies outside of any
+    radius; one with NaN is left out."""
     x, y = np.asarray(x, float), np.asarray(y, float)
-    a, b = (np.nanmean(x), np.nanmean(y)) if target is None else target
+    # No mean has an infinite value in it; its distance is infinite, and counts.
+    a, b = (np.mean(z[np.isfinite(z)]) for z in (x, y)) if target is None else target
     return percentile(np.hypot(x - a, y - b), share)
 
 
@@ -82,7 +84,8 @@ class Convergence(NamedTuple):
     """How a statistic of an output settled with the number of runs; each array is (steps,).
 
     - `runs`: the good runs used.
-    - `mean`, `std`, `limit`: the mean, the deviation and the percentile of these.
+    - `mean`, `std`, `limit`: the mean, the deviation and the percentile of these. Infinite values
+      count in the percentile alone.
     - `low`, `high`: the confidence interval of that percentile."""
 
     runs: np.ndarray
@@ -97,20 +100,25 @@ def convergence(x: ArrayLike, share: float = 0.99, steps: int = 40) -> Convergen
     """Mean, deviation and a percentile of the first 10, ... n runs, at `steps` counts that grow by
     a common factor."""
     x = np.asarray(x, float)
-    x = x[np.isfinite(x)]
-    if x.size == 0:
+    x = x[~np.isnan(x)]
+    finite = np.isfinite(x)
+    if not finite.any():
         raise InputError("x holds no finite value: nothing converges.")
     # By a common factor, because errors fall as a power: even steps would crowd at the end.
     counts = np.unique(np.geomspace(min(10, x.size), x.size, steps).astype(int))
     limits = [percentile(x[:n], share) for n in counts]
     # Shifted by the first value: the squares of large numbers would lose the digits of a small
     # deviation.
-    shifted = x - x[0]
+    start = x[finite][0]
+    shifted = np.where(finite, x, start) - start
     first, second = np.cumsum(shifted)[counts - 1], np.cumsum(shifted**2)[counts - 1]
-    variance = (second - first**2 / counts) / np.maximum(counts - 1, 1)
+    known = np.cumsum(finite)[counts - 1]
+    # Without a finite value among the first runs these have no mean.
+    some = np.where(known > 0, known, np.nan)
+    variance = (second - first**2 / some) / np.maximum(some - 1, 1)
     return Convergence(
         counts,
-        x[0] + first / counts,
+        start + first / some,
         # Rounding may leave the variance of equal values below zero.
         np.sqrt(np.maximum(variance, 0.0)),
         *(np.array([getattr(p, field) for p in limits]) for field in ("value", "low", "high")),
@@ -131,9 +139,12 @@ class StopRule(NamedTuple):
 
     def error(self, x: ArrayLike) -> float:
         """Half of the confidence interval of the percentile, over its distance from the mean;
-        infinite with too few runs, zero where nothing scatters."""
+        infinite with too few runs and where the percentile is, zero where nothing scatters."""
         x = np.asarray(x, float)
         found = percentile(x, self.share, self.confidence)
+        # However many runs there are, an infinite limit has no distance to be compared with.
+        if not np.isfinite([found.value, found.low, found.high]).all():
+            return np.inf
         distance = abs(found.value - float(np.mean(x[np.isfinite(x)])))
         half = 0.5 * (found.high - found.low)
         return half / distance if distance > 0.0 else (0.0 if half == 0.0 else np.inf)
@@ -156,6 +167,6 @@ class StopRule(NamedTuple):
 
     def more(self, x: ArrayLike) -> int:
         """About how many runs there must be in all, from those made; 0 where that is not known."""
-        error, runs = self.error(x), int(np.isfinite(np.asarray(x, float)).sum())
+        error, runs = self.error(x), int((~np.isnan(np.asarray(x, float))).sum())
         # The interval shrinks as one over the root of the number of runs.
         return int(np.ceil(runs * (error / self.precision) ** 2)) if np.isfinite(error) else 0

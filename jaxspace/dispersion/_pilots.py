@@ -7,23 +7,22 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, PyTree
+from jaxtyping import Array, Float
 
 from ..core import breaks_of
 from ..integration import Accuracy, Event, SimulationError, Status
 from ..simulation._flight import AbstractFlight
-from ..simulation._mission_runs import OwnTimes, run_mission
+from ..simulation._mission_runs import MissionResult, OwnTimes, run_mission
 from ..simulation._simulate import resolve_phases
 from ._along import Kept, saved_of
 from ._campaign import Campaign
 from ._isolation import isolate
+from ._outputs import QUICK, PilotRuns
 from ._plans import nodes_of
 from ._program import Drawn
 
 # Besides the nominal run.
 PILOTS = 15
-# Pilots run once, and compiling takes far longer than they do: half of it is saved so.
-QUICK: dict[str, Any] = {"compiler_options": {"xla_backend_optimization_level": 0}}
 
 
 @eqx.filter_jit(**QUICK)
@@ -32,11 +31,11 @@ def _pilots(
     accuracy: Accuracy,
     drawn: dict[str, Float[Array, " runs"]],
     kept: Kept,
-) -> tuple[list[Array | None], Array, bool]:
+) -> tuple[list[Array | None], bool, PilotRuns]:
     """Adaptive runs of the pilots, the nominal one first and then the first runs of those drawn.
 
-    **Returns** the ends of the steps of every phase (`None` for a closed form), the status of every
-    pilot, and whether a phase ends by an event."""
+    **Returns** the ends of the steps of every phase (`None` for a closed form), whether a phase
+    ends by an event, and the runs themselves."""
     nominal = campaign.nominal()
     samples = {name: jnp.concatenate([x, drawn[name][:PILOTS]]) for name, x in nominal.items()}
     mission, y0 = campaign.build(samples)
@@ -52,7 +51,13 @@ def _pilots(
     result = run_mission(mission, y0, campaign.start, saved, configs, 1, record_steps=True)
     # The runs of a block share the adaptive steps of the search for an event.
     coupled = any(isinstance(phase.until, Event) for phase in mission.phases)
-    return [run.step_ends for run in result.phases], result.status, coupled
+    runs = PilotRuns(_as_flown(result), samples)
+    return [run.step_ends for run in result.phases], coupled, runs
+
+
+def _as_flown(result: MissionResult) -> MissionResult:
+    """The result as all runs of the campaign have it."""
+    return result._replace(phases=[run._replace(step_ends=None) for run in result.phases])
 
 
 def _breaks_differ(system: Any) -> bool:
@@ -80,22 +85,23 @@ def pilot_plans(
     draw: Callable[[np.ndarray], Drawn],
     runs: int,
     kept: Kept,
-) -> tuple[list[np.ndarray | None], bool]:
-    """The nodes at which the steps of the pilots ended, phase by phase, and whether the runs of a
-    block depend on one another.
+) -> tuple[list[np.ndarray | None], bool, PilotRuns]:
+    """The nodes at which the steps of the pilots ended, phase by phase; whether the runs of a block
+    depend on one another; and the pilots.
 
     `draw(flown)` are the inputs of the first `runs` runs.
 
     **Raises** `SimulationError` when the nominal run fails."""
 
-    def fly(flown: np.ndarray) -> PyTree:
+    def fly(flown: np.ndarray) -> tuple[list[np.ndarray | None], bool, PilotRuns]:
         drawn = draw(np.pad(flown, (0, runs - PILOTS)))
         found = _pilots(campaign, accuracy, drawn.flown, kept)
         return jax.tree.map(lambda x: np.asarray(x) if eqx.is_array(x) else x, found)
 
-    taken, status, coupled = isolate(fly, PILOTS)
-    nominal = Status(int(status[0]))
+    taken, coupled, flown = isolate(fly, PILOTS)
+    nominal = Status(int(np.ravel(flown.result.status)[0]))
     # A missed tolerance is no failure here: the runs are checked on finer plans anyhow.
     if nominal in (Status.NOT_FINITE, Status.MAX_STEPS):
         raise SimulationError(f"The nominal run cannot be run. {nominal.sentence}")
-    return [None if ends is None else nodes_of(np.asarray(ends)) for ends in taken], coupled
+    nodes = [None if ends is None else nodes_of(np.asarray(ends)) for ends in taken]
+    return nodes, coupled, flown

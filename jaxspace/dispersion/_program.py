@@ -14,7 +14,6 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Integer
 
-from ..core import InputError
 from ..integration import Accuracy, Status
 from ..simulation._blocks import WIDE_VECTORS, Blocks
 from ..simulation._failures import nan_where_failed
@@ -22,7 +21,8 @@ from ..simulation._mission_runs import run_mission
 from ..simulation._run_result import RunResult
 from ..simulation._simulate import resolve_phases
 from ._along import Kept, for_outputs, for_store, saved_of
-from ._campaign import Campaign, check_names
+from ._campaign import Campaign
+from ._outputs import outputs_of
 from ._plans import Plans
 from ._run_results import RunResults
 
@@ -97,12 +97,7 @@ def _block(
     configs = resolve_phases(mission, y0, accuracy, 1)
     saved = saved_of(campaign.along, samples)
     result = run_mission(mission, y0, campaign.start, saved, configs, 1, plans)
-    outputs = campaign.outputs(for_outputs(result, samples), inputs)
-    check_names("The outputs of the campaign", outputs)
-    for name in set(outputs) & set(inputs):
-        raise InputError(
-            f"The output {name!r} has the name of an input: it must have one of its own."
-        )
+    outputs = outputs_of(campaign, for_outputs(result, samples), inputs)
     status = jnp.where(unflown == Status.COMPLETED, result.status, unflown)
     evaluations = sum((run.stats["evaluations"] for run in result.phases), jnp.array(0))
 
@@ -111,7 +106,7 @@ def _block(
 
     stored = for_store(result, campaign.along, samples)
     kept = trajectories(mission.phases, stored, unflown.shape)
-    outputs, kept = nan_where_failed((jax.tree.map(every, outputs), kept), status)
+    outputs, kept = nan_where_failed((outputs, kept), status)
     errors = [every(run.stats.get("largest_local_error", jnp.zeros(()))) for run in result.phases]
     results = RunResults({}, outputs, every(status), every(evaluations), kept)
     return results, jnp.stack(errors)

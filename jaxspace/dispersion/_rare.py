@@ -31,9 +31,10 @@ from jaxtyping import Array, Float
 
 from ..core import InputError, Scalar
 from ..integration._accuracy import Accuracy, as_accuracy
-from ._campaign import Campaign
+from ._campaign import Campaign, in_order
 from ._evaluate import Evaluator, evaluate_traced
 from ._sampling import map_normals, normal_columns
+from ._whole import check_whole
 
 STARTS, ITERATIONS = 6, 25
 LEVEL = 0.1
@@ -86,16 +87,19 @@ def rare_event(
       and is less accurate.
     - `seed`, `accuracy`: as in `disperse`.
 
-    **Raises** `InputError` unless exactly one limit is given, for another method, and where the
-    search for a design point finds none (the violation cannot be reached, or the derivative is
-    zero)."""
+    **Raises** `InputError` unless exactly one limit is given, for another method, for an output
+    that there is not, for `runs` and a `seed` that are no whole numbers, and where the search for a
+    design point finds none (the violation cannot be reached, or the derivative is zero)."""
     if (above is None) == (below is None):
         raise InputError("above and below: exactly one of them must be given.")
     if method not in ("importance", "subset"):
         raise InputError(f"method is {method!r}: it must be importance or subset.")
     limit, sign = (above, -1.0) if above is not None else (below, 1.0)
     assert limit is not None
+    check_whole("runs", runs, 2)
+    check_whole("seed", seed, 0)
     accuracy = as_accuracy(accuracy)
+    _check_output(campaign, accuracy, output)
     n = sum(map(len, normal_columns(campaign.inputs).values()))
     run = Evaluator(campaign, accuracy)
     failed = 0
@@ -104,11 +108,10 @@ def rare_event(
         """g of runs, (runs,), from z, (runs, n); minus infinity where a run failed."""
         nonlocal failed
         found = run(map_normals(campaign.inputs, z))
-        if output not in found.outputs:
-            raise InputError(f"{output!r} is no output: there are {', '.join(found.outputs)}.")
         g = sign * (found.outputs[output].astype(float) - limit)
         failed += int(np.count_nonzero(~found.good))
-        return np.where(found.good & np.isfinite(g), g, -np.inf)
+        # An infinite output lies on one side of the limit; what is not a number meets none.
+        return np.where(found.good & ~np.isnan(g), g, -np.inf)
 
     rng = np.random.default_rng(seed)
     if method == "subset":
@@ -126,6 +129,21 @@ def rare_event(
     spread = math.sqrt(math.log1p(variation**2)) if math.isfinite(variation) else math.inf
     low, high = (value * math.exp(s * 1.96 * spread) if value > 0.0 else 0.0 for s in (-1, 1))
     return RareEvent(value, low, min(high, 1.0), variation, made, failed, points, method)
+
+
+def _check_output(campaign: Campaign, accuracy: Accuracy, output: str) -> None:
+    """Raise `InputError` for an output that the campaign has not."""
+
+    def outputs() -> dict[str, Array]:
+        return evaluate_traced(campaign, accuracy, campaign.nominal())[0]
+
+    # Traced alone: names cost no run.
+    names = in_order(campaign, eqx.filter_eval_shape(outputs))
+    if output not in names:
+        raise InputError(
+            f"output is {output!r}: it must be one of {', '.join(names)}."
+            f"{InputError.hint(output, names)}"
+        )
 
 
 @eqx.filter_jit
@@ -227,7 +245,9 @@ def _subset(
     for level in range(30):
         # Stable, so that equal margins, as of failed runs, have one order on every machine.
         order = np.argsort(g, kind="stable")
-        border = float(0.5 * (g[order[keep - 1]] + g[order[keep]]))
+        below, above = float(g[order[keep - 1]]), float(g[order[keep]])
+        # Between failed runs and infinitely safe ones there is no middle.
+        border = 0.5 * (below + above) if below > -math.inf else below
         # The runs of the first level are independent, those of the chains are not.
         widened = 1.0 if level == 0 else 1.0 + CHAINED
         if border <= 0.0:

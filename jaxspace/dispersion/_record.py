@@ -54,6 +54,8 @@ def record(campaign: Campaign, accuracy: Accuracy, runs: int) -> dict[str, objec
     rtol = float(np.asarray(accuracy.rtol))
     return {
         "description": campaign.description,
+        # Left out where there are none, so that a store of an earlier version goes on.
+        **({"files": dict(campaign.files)} if campaign.files else {}),
         "inputs": campaign.text(),
         "requirements": dict(campaign.requirements),
         "planned_runs": runs,

@@ -1,5 +1,6 @@
 """One run of a campaign once more, in full detail."""
 
+import dataclasses
 from typing import Any, final
 
 import equinox as eqx
@@ -8,12 +9,14 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from ..core import InputError
-from ..integration import Accuracy, Status
+from ..integration import Accuracy, SimulationError, Status
 from ..integration._config import IntegrationConfig
 from ..simulation import MissionTrajectory
 from ..simulation._mission_runs import MissionResult, run_mission
 from ..simulation._simulate import mission_trajectory_of, resolve_phases
 from ._along import saved_states, thinned
+from ._isolation import RAISED, reason
+from ._outputs import outputs_of, raised
 
 
 @final
@@ -47,7 +50,7 @@ def _fly(
     configs = resolve_phases(mission, y0, accuracy, 1)
     saved, every_nth = saved_states(campaign.along, num_saved)
     result = run_mission(mission, y0, campaign.start, saved, configs, 1)
-    return thinned(result, every_nth), campaign.outputs(result, samples), configs
+    return thinned(result, every_nth), outputs_of(campaign, result, samples), configs
 
 
 def replay(campaign: Any, number: int, seed: int, accuracy: Accuracy, num_saved: int) -> Replay:
@@ -60,10 +63,35 @@ def replay(campaign: Any, number: int, seed: int, accuracy: Accuracy, num_saved:
         campaign, jax.random.key(seed), numbers
     )
     inputs = {name: float(samples[name][0]) for name in campaign.inputs}
-    result, outputs, configs = _fly(campaign, accuracy, samples, num_saved)
+    try:
+        found = jax.block_until_ready(_fly(campaign, accuracy, samples, num_saved))
+    except RAISED as error:
+        raise _error(campaign, number, samples, accuracy, error) from error
+    result, outputs, configs = found
     mission, _ = campaign.build(samples)
     trajectory = mission_trajectory_of(result, mission, configs, 1).of(0)
-    found = {name: float(jnp.broadcast_to(x, (1,))[0]) for name, x in outputs.items()}
+    found = {name: float(x[0]) for name, x in outputs.items()}
     # Outputs of a compiled function are sorted by name; the units have the order of the file.
     ordered = {name: found[name] for name in campaign.units if name in found} | found
     return Replay(number, seed, inputs, ordered, trajectory, campaign.refusal(inputs))
+
+
+def _error(
+    campaign: Any, number: int, samples: dict[str, Array], accuracy: Accuracy, error: Exception
+) -> SimulationError:
+    """What to raise for a run in which a function of the campaign raises an error."""
+    what = f"Run {number}"
+    # Without outputs, to tell whether it is one of them that raises.
+    bare = dataclasses.replace(campaign, outputs=_no_outputs)
+    try:
+        result, _, _ = jax.block_until_ready(_fly(bare, accuracy, samples, 0))
+    except RAISED:
+        return SimulationError(
+            f"{what} cannot be run: a function of the campaign raises an error ({reason(error)})."
+        )
+    return raised(what, campaign, result, samples, error)
+
+
+def _no_outputs(result: MissionResult, samples: dict[str, Array]) -> dict[str, Array]:
+    del result, samples
+    return {}

@@ -22,6 +22,7 @@ from ..integration._accuracy import Accuracy, as_accuracy
 from ._campaign import Campaign
 from ._evaluate import Evaluator
 from ._sampling import map_normals, normal_columns
+from ._whole import check_whole
 
 
 class RankCorrelation(NamedTuple):
@@ -39,13 +40,14 @@ def rank_correlation(x: ArrayLike, y: ArrayLike) -> RankCorrelation:
     """Spearman's rank correlation of two quantities over their runs, each (runs,).
 
     The interval is that of Fisher's transformation with the variance of Bonett and Wright,
-    Psychometrika 65 (2000), 23. Raises `InputError` for fewer than five finite pairs."""
+    Psychometrika 65 (2000), 23. Infinite values have their ranks, and pairs with NaN are left out.
+    Raises `InputError` for fewer than five pairs."""
     from scipy.stats import rankdata
 
     x, y = np.asarray(x, float), np.asarray(y, float)
-    both = np.isfinite(x) & np.isfinite(y)
+    both = ~(np.isnan(x) | np.isnan(y))
     if both.sum() < 5:
-        raise InputError(f"{both.sum()} finite pairs are too few: there must be five or more.")
+        raise InputError(f"{both.sum()} pairs are too few: there must be five or more.")
     a, b = (rankdata(v[both]) for v in (x, y))
     # What is constant has no correlation: zero says that it moves nothing.
     if np.ptp(a) == 0.0 or np.ptp(b) == 0.0:
@@ -101,8 +103,10 @@ def sobol_indices(
     from scipy.special import ndtri
     from scipy.stats import qmc
 
+    check_whole("points", points, 2)
+    check_whole("seed", seed, 0)
     # Sobol points are balanced in powers of two alone.
-    if points < 2 or points & (points - 1):
+    if points & (points - 1):
         raise InputError(f"points is {points}: it must be a power of two, 2 or more.")
     columns = normal_columns(campaign.inputs)
     d = sum(len(own) for own in columns.values())

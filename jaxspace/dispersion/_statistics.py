@@ -1,5 +1,6 @@
 """Statistics of a dispersion: moments and limits of the outputs, contributors, failed runs."""
 
+import warnings
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple, final
 
@@ -41,6 +42,7 @@ class Dispersion(eqx.Module):
     - `seed`: of the random numbers; `seconds`: wall time, of several hosts that of the longest.
     - `attributes`: the record of how the runs were made.
     - `numbers`: of the runs; from 0 on by default.
+    - `store`: where they are kept; empty where they are not.
     """
 
     inputs: Mapping[str, np.ndarray]
@@ -52,6 +54,7 @@ class Dispersion(eqx.Module):
     seconds: float = float("nan")
     attributes: dict[str, Any] = eqx.field(default_factory=dict)
     numbers: np.ndarray | None = None
+    store: str = ""
 
     @property
     def runs(self) -> int:
@@ -67,6 +70,27 @@ class Dispersion(eqx.Module):
     def wanted(self) -> int:
         """How many runs there are when the campaign is complete."""
         return int(self.enough or self.attributes.get("planned_runs", self.runs))
+
+    @property
+    def lacking(self) -> str:
+        """How many of the planned runs are here, and what computes the rest, in a sentence; empty
+        when the campaign is complete, also one that ended itself."""
+        if self.runs >= self.wanted:
+            return ""
+        # The command line builds campaigns of scene files alone.
+        scene = "scene_file" in self.attributes
+        rest = f"jaxspace resume {self.store}" if scene else "disperse(..., resume=True)"
+        return (
+            f"{self.runs} of {self.wanted} planned runs are in the store: `{rest}` computes the "
+            f"rest."
+        )
+
+    @property
+    def requirements(self) -> dict[str, tuple[float | None, float | None]]:
+        """The least and the greatest value that is allowed of each output that has a requirement,
+        `None` for no such limit."""
+        found = self.attributes.get("requirements", {})
+        return {name: (at[0], at[1]) for name, at in found.items() if name in self.outputs}
 
     @property
     def cores(self) -> int:
@@ -109,8 +133,11 @@ class Dispersion(eqx.Module):
         for kind in (self.inputs, self.outputs):
             if name in kind:
                 return kind[name]
-        every = ", ".join((*self.inputs, *self.outputs))
-        raise InputError(f"{name!r} is no output of this dispersion: it must be one of {every}.")
+        every = (*self.inputs, *self.outputs)
+        raise InputError(
+            f"{name!r} is no output of this dispersion: it must be one of {', '.join(every)}."
+            f"{InputError.hint(name, every)}"
+        )
 
     def label(self, name: str) -> str:
         """A name in words with its unit, for tables and axes."""
@@ -120,13 +147,20 @@ class Dispersion(eqx.Module):
     def table(self, of: str = "outputs") -> list[Row]:
         """A `Row` for each of the "outputs" or "inputs", over the good runs.
 
-        Raises `InputError` for any other word."""
+        Limits and extremes count infinite values, mean and deviation leave them out; the row says
+        how many there are (`Row.doubt`). Raises `InputError` for any other word."""
         if of not in ("outputs", "inputs"):
             raise InputError(f"of is {of!r}: it must be 'outputs' or 'inputs'.")
         return [
-            row_of(name, self.units.get(name, ""), x[self.good & np.isfinite(x)])
+            row_of(name, self.units.get(name, ""), x[self.good])
             for name, x in getattr(self, of).items()
         ]
+
+    def doubts(self) -> tuple[str, ...]:
+        """What to know before the numbers are used, a sentence each: runs that the store lacks, and
+        outputs that are infinite or not a number in runs that ended well."""
+        told = (self.lacking, *(row.doubt() for row in self.table()))
+        return tuple(sentence for sentence in told if sentence)
 
     def contributors(self, output: str, count: int = 5) -> Contributors:
         """The inputs with the largest shares of the variance of an output, over the good runs.
@@ -146,8 +180,9 @@ class Dispersion(eqx.Module):
 
     def covariance(self, *names: str) -> np.ndarray:
         """The covariance of the named quantities (all outputs, if none is named), (d, d), over the
-        good runs in which all of them are finite; NaN for fewer than two."""
-        x = self.together(*(names or self.outputs))
+        good runs in which all of them are finite; NaN for fewer than two. Warns where there are
+        other good runs."""
+        x = self._finite(*(names or self.outputs))
         if x.shape[1] < 2:
             return np.full((len(x), len(x)), np.nan)
         return np.atleast_2d(np.cov(x))
@@ -157,18 +192,37 @@ class Dispersion(eqx.Module):
         x = np.stack([self.values(name).astype(float) for name in names])
         return x[:, self.good & np.all(np.isfinite(x), axis=0)]
 
+    def _finite(self, *names: str) -> np.ndarray:
+        """The same, with a warning of the good runs that are left out."""
+        x = self.together(*names)
+        good = int(np.count_nonzero(self.good))
+        if x.shape[1] < good:
+            warnings.warn(
+                f"{good - x.shape[1]} of {good} good runs are left out: {', '.join(names)} must be "
+                f"finite for a covariance.",
+                stacklevel=3,
+            )
+        return x
+
+    def _numbers(self, name: str) -> np.ndarray:
+        """A quantity over the good runs, infinite values among them, (runs,)."""
+        x = self.values(name).astype(float)
+        return x[self.good & ~np.isnan(x)]
+
     def percentile(self, name: str, share: float, confidence: float = 0.95) -> Percentile:
         """The value below which a `share` of the good runs lies, with a confidence interval that
-        assumes no law (`jaxspace.dispersion.percentile`)."""
-        return percentile(self.together(name)[0], share, confidence)
+        assumes no law (`jaxspace.dispersion.percentile`). Infinite values count; NaN is left out.
+        """
+        return percentile(self._numbers(name), share, confidence)
 
     def ellipsoid(self, *names: str, probability: float = 0.99) -> Ellipsoid:
-        """The ellipse or ellipsoid of the named quantities, over the good runs."""
-        return ellipsoid(self.together(*names), probability)
+        """The ellipse or ellipsoid of the named quantities, over the good runs in which all of them
+        are finite. Warns where there are other good runs."""
+        return ellipsoid(self._finite(*names), probability)
 
     def convergence(self, name: str, share: float = 0.99) -> Convergence:
         """How mean, deviation and a percentile of a quantity settled with the good runs."""
-        return convergence(self.together(name)[0], share)
+        return convergence(self._numbers(name), share)
 
     def violation(
         self,
@@ -182,7 +236,8 @@ class Dispersion(eqx.Module):
         and Pearson.
 
         A failed run meets no requirement, and counts as a violation; so does an output that is not
-        finite. Raises `InputError` for an unknown name, or without any limit."""
+        a number. An infinite one violates the limit on its side. Raises `InputError` for an unknown
+        name, or without any limit."""
         if at_least == -np.inf and at_most == np.inf:
             raise InputError("at_least and at_most are both left out: a requirement needs a limit.")
         x = self.values(name)
@@ -190,11 +245,30 @@ class Dispersion(eqx.Module):
         met = self.good & (x >= at_least) & (x <= at_most)
         return clopper_pearson(int(np.count_nonzero(~met)), self.runs, confidence)
 
+    def violations(self) -> dict[str, Probability]:
+        """By output the probability that its requirement is not met (`violation`)."""
+        return {
+            name: self.violation(
+                name,
+                at_least=-np.inf if low is None else low,
+                at_most=np.inf if high is None else high,
+            )
+            for name, (low, high) in self.requirements.items()
+        }
+
+    def required(self, name: str) -> str:
+        """The requirement on an output in signs, such as "≥ 180 and ≤ 190"; empty without one."""
+        low, high = self.requirements.get(name, (None, None))
+        signs = (("≥", low), ("≤", high))
+        return " and ".join(f"{sign} {x:g}" for sign, x in signs if x is not None)
+
     def rank_correlations(self, output: str, count: int = 5) -> dict[str, RankCorrelation]:
         """Spearman's rank correlation of an output with the inputs, the strongest first."""
         found = {}
         for name in self.inputs:
-            x, y = self.together(name, output)
+            x, y = self.values(name), self.values(output)
+            some = self.good & ~(np.isnan(x) | np.isnan(y))
+            x, y = x[some].astype(float), y[some].astype(float)
             if x.size >= 5 and np.ptp(x) > 0.0:
                 found[name] = rank_correlation(x, y)
         order = sorted(found.items(), key=lambda pair: -abs(pair[1].value))

@@ -34,7 +34,8 @@ class StoredColumns(Mapping[str, np.ndarray]):
 
 
 def open_store(path: str | os.PathLike[str]) -> Dispersion:
-    """The runs of a store, also of a campaign that was interrupted or is under way.
+    """The runs of a store, also of a campaign that was interrupted or is under way: a warning then
+    says how many of the planned runs there are (`Dispersion.lacking`).
 
     Its columns are read from the disk when they are asked for. Chunks that differ from what was
     written are left out, with a warning that names them: `disperse(..., resume=True)` or `jaxspace
@@ -52,7 +53,11 @@ def open_store(path: str | os.PathLike[str]) -> Dispersion:
             warnings.warn(f"{path}: {damage} Its runs are left out.", DamagedStore, stacklevel=2)
         else:
             chunks.append(chunk)
-    return as_dispersion(store, chunks)
+    found = as_dispersion(store, chunks)
+    # Statistics of a part look like those of the whole.
+    if found.lacking:
+        warnings.warn(f"{path}: {found.lacking}", stacklevel=2)
+    return found
 
 
 def _flying(entries: list[dict[str, Any]]) -> float:
@@ -94,4 +99,5 @@ def as_dispersion(store: Store, chunks: list[int]) -> Dispersion:
         preparation + flying,
         attributes,
         store.values("run", chunks),
+        str(store.path),
     )

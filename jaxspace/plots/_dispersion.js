@@ -35,17 +35,13 @@ function layout(x, y, more = {}) {
 }
 
 function ellipse(a, b) {
-  const i = data.names.indexOf(a), j = data.names.indexOf(b), m = data.moments;
-  if (!m || i === j) return null;
-  const [sxx, sxy, syy] = [m.covariance[i][i], m.covariance[i][j], m.covariance[j][j]];
-  if (!(sxx > 0 && syy > 0)) return null;
-  // The factor of Cholesky maps a circle to the ellipse; chi^2 of two degrees, 99 %.
-  const k = Math.sqrt(2 * Math.log(100)), l11 = Math.sqrt(sxx), l21 = sxy / l11;
-  const l22 = Math.sqrt(Math.max(syy - l21 * l21, 0)), x = [], y = [];
+  const i = data.names.indexOf(a), j = data.names.indexOf(b), e = data.ellipses;
+  if (!e || i === j || e.half[i] === null || e.half[j] === null || e.phase[i][j] === null) return null;
+  const x = [], y = [];
   for (let n = 0; n <= 120; n++) {
-    const [c, s] = [Math.cos((n * Math.PI) / 60), Math.sin((n * Math.PI) / 60)];
-    x.push(m.mean[i] + k * l11 * c);
-    y.push(m.mean[j] + k * (l21 * c + l22 * s));
+    const t = (n * Math.PI) / 60;
+    x.push(e.centre[i] + e.half[i] * Math.cos(t));
+    y.push(e.centre[j] + e.half[j] * Math.cos(t - e.phase[i][j]));
   }
   return { x, y, mode: "lines", name: "ellipse of 99 %", line: { color: colour("--c1"), width: 1.6 },
     hoverinfo: "skip" };
@@ -74,13 +70,14 @@ function upright(x, top, name, tint, dash) {
 
 function drawHistogram() {
   const name = $("histogram-of").value, h = data.histograms[name];
-  if (!h) { Plotly.purge("histogram"); $("histogram").innerHTML = "<p class=note>No good run.</p>"; return null; }
+  if (!h) { Plotly.purge("histogram"); $("histogram").innerHTML = "<p class=note>No finite value of a good run.</p>"; return null; }
   const top = 1.05 * Math.max(...h.counts), centres = h.counts.map((_, k) => h.start + (k + 0.5) * h.width);
   const bars = { type: "bar", x: centres, y: h.counts, width: h.width * 0.96, name: "runs", showlegend: false,
     marker: { color: colour("--c0"), opacity: 0.75 }, hovertemplate: "%{x}<br>%{y} runs<extra></extra>" };
-  const lines = [upright(h.mean, top, "mean", colour("--c1"), "solid"),
-    { ...upright(h.low, top, "limits of the middle 99 %", colour("--soft"), "dash"), legendgroup: "l" },
-    { ...upright(h.high, top, "", colour("--soft"), "dash"), legendgroup: "l", showlegend: false }];
+  // A limit may be infinite, which the words say.
+  const limits = [h.low, h.high].filter((x) => x !== null).map((x, k) => ({ ...upright(x, top, "limits of the middle 99 %",
+    colour("--soft"), "dash"), legendgroup: "l", showlegend: k === 0 }));
+  const lines = [upright(h.mean, top, "mean", colour("--c1"), "solid"), ...limits];
   if (h.nominal !== null) lines.push(upright(h.nominal, top, "nominal", colour("--c2"), "dot"));
   for (const [k, x] of h.required.entries())
     lines.push({ ...upright(x, top, "requirement", colour("--bad"), "longdash"), showlegend: k === 0 });
@@ -107,7 +104,9 @@ function drawContributors() {
 function drawConvergence() {
   const name = $("convergence-of").value, c = data.convergence[name];
   if (!c) return null;
-  const band = { x: [...c.runs, ...c.runs.slice().reverse()], y: [...c.high, ...c.low.slice().reverse()],
+  // The band ends where the limit or its interval is infinite.
+  const known = c.runs.map((_, k) => k).filter((k) => c.low[k] !== null && c.high[k] !== null), back = known.slice().reverse();
+  const band = { x: [...known, ...back].map((k) => c.runs[k]), y: [...known.map((k) => c.high[k]), ...back.map((k) => c.low[k])],
     fill: "toself", mode: "none", fillcolor: colour("--c0") + "33", name: "its interval of 95 %", hoverinfo: "skip" };
   const limit = { x: c.runs, y: c.limit, mode: "lines", name: "99 % limit", line: { color: colour("--c0"), width: 2 } };
   const mean = { x: c.runs, y: c.mean, mode: "lines", name: "mean", line: { color: colour("--c1"), width: 2 } };

@@ -73,7 +73,8 @@ def dispersion_figure(
 def heading(dispersion: "Dispersion") -> str:
     """The number of runs, and of those that failed."""
     failed = sum(f.count for f in dispersion.failed)
-    return f"{dispersion.runs} runs, seed {dispersion.seed}" + (
+    planned = f" of {dispersion.wanted} planned" if dispersion.lacking else ""
+    return f"{dispersion.runs}{planned} runs, seed {dispersion.seed}" + (
         f", {failed} failed" if failed else ", none failed"
     )
 
@@ -155,16 +156,18 @@ def _histogram(
         axes.bar(places, counts, width, align="edge", color=COLOURS[0], alpha=0.75)
         axes.axvline(row.mean, color=COLOURS[1], linewidth=1.6)
         for limit in (row.low, row.high):
-            axes.axvline(limit, color=COLOURS[6], linewidth=1.1, linestyle="--")
+            # Matplotlib would have an infinite one move the axis.
+            if np.isfinite(limit):
+                axes.axvline(limit, color=COLOURS[6], linewidth=1.1, linestyle="--")
         words = summary(row)
         if np.isfinite(nominal):
             axes.axvline(nominal, color=COLOURS[2], linewidth=1.6, linestyle=":")
             words += f"; nominal {row.shown(nominal)}"
         _subtitle(axes, words)
     else:
-        axes.text(
-            0.5, 0.5, "no good run", ha="center", va="center", color=BAD, transform=axes.transAxes
-        )
+        # Good runs without a finite value have no place either.
+        words = "no finite value" if dispersion.good.any() else "no good run"
+        axes.text(0.5, 0.5, words, ha="center", va="center", color=BAD, transform=axes.transAxes)
     dress(axes, "", dispersion.label(name), "runs")
     axes.set_title(_plain(name), loc="left", fontsize=10, fontweight="bold", pad=17)
 
@@ -210,9 +213,11 @@ def _subtitle(axes: "Axes", text: str) -> None:
 
 
 def summary(row: "Row") -> str:
-    """Mean, deviation and limits of an output, with the digits that its deviation justifies."""
+    """Mean, deviation and limits of an output, with the digits that its deviation justifies; and
+    how many runs lie where no bin is."""
     numbers = (row.shown(x) for x in (row.mean, row.std, row.low, row.high))
-    return "mean {}, deviation {}; 99 % within {} … {}".format(*numbers)
+    words = "mean {}, deviation {}; 99 % within {} … {}".format(*numbers)
+    return words + (f"; beyond the bins: {row.missing()}" if row.missing() else "")
 
 
 def explained(found: "Contributors") -> str:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ._dispersion_figure import heading
-from ._page_data import page_data, processor_words, requirements
+from ._page_data import page_data, processor_words
 
 if TYPE_CHECKING:
     from ..dispersion import Dispersion, Failure, Flights
@@ -116,6 +116,7 @@ def _card(dispersion: "Dispersion") -> str:
     versions = record.get("versions", {})
     rows = {
         "runs": f"{good} of {dispersion.runs} ended well",
+        "unfinished": dispersion.lacking,
         "seed": str(dispersion.seed),
         "inputs": str(len(dispersion.inputs)),
         "outputs": str(len(dispersion.outputs)),
@@ -138,7 +139,7 @@ def _cells(cells: list[str], tag: str = "td", text: int = 2) -> str:
 
 def _table(dispersion: "Dispersion", nominal: Mapping[str, float]) -> str:
     """The outputs, with their nominal values, limits and requirements."""
-    required = requirements(dispersion)
+    required, violations = dispersion.requirements, dispersion.violations()
     heads = ["output", "unit", "nominal", "mean", "deviation", "0.5 %", "99.5 %", "99.5 % from"]
     heads += ["to", "least", "greatest", "runs"]
     heads += ["required", "violated", "at most"] if required else []
@@ -147,41 +148,27 @@ def _table(dispersion: "Dispersion", nominal: Mapping[str, float]) -> str:
         cells = [row.name.replace("_", " "), row.unit, *_numbers(dispersion, row, nominal)]
         cells.append(str(row.runs))
         if required:
-            cells += _violation(dispersion, row, required.get(row.name))
+            found = violations.get(row.name)
+            words = [f"{found.value:.3g}", f"{found.high:.2g}"] if found else ["", ""]
+            cells += [dispersion.required(row.name), *words]
         lines.append(_cells(cells))
     note = "“From … to” is the interval that holds the 99.5 % limit with 95 % confidence."
     if required:
         note += " A failed run counts as a violation; “at most” holds with 97.5 % confidence."
     table = '<div class="wide"><table>' + "\n".join(lines) + "</table></div>"
-    return f'{table}<p class="note">{note}</p>'
+    doubts = "".join(f'<p class="note">{escape(x)}</p>' for x in dispersion.doubts())
+    return f'{table}{doubts}<p class="note">{note}</p>'
 
 
 def _numbers(dispersion: "Dispersion", row: Any, nominal: Mapping[str, float]) -> list[str]:
     """The numbers of an output, all by the same rule."""
-    if row.runs == 0:
+    if row.runs + row.above + row.below == 0:
         # As many cells as below, so that the columns stay.
         return ["", *["none"] * 8]
     limit = dispersion.percentile(row.name, 0.995)
     own = [row.shown(nominal[row.name])] if row.name in nominal else ["–"]
     numbers = (row.mean, row.std, row.low, row.high, limit.low, limit.high, row.min, row.max)
     return own + [row.shown(x) for x in numbers]
-
-
-def _violation(
-    dispersion: "Dispersion", row: Any, limits: tuple[float | None, float | None] | None
-) -> list[str]:
-    """The requirement in words, how often it was violated, and at most how often it is."""
-    if limits is None:
-        return ["", "", ""]
-    low, high = limits
-    words = [f"≥ {low:g}"] if low is not None else []
-    words += [f"≤ {high:g}"] if high is not None else []
-    found = dispersion.violation(
-        row.name,
-        at_least=-np.inf if low is None else low,
-        at_most=np.inf if high is None else high,
-    )
-    return [" and ".join(words), f"{found.value:.3g}", f"{found.high:.2g}"]
 
 
 def _plots(dispersion: "Dispersion", data: dict[str, Any]) -> list[str]:
@@ -256,6 +243,9 @@ def _record(dispersion: "Dispersion") -> str:
     record = {"seed": dispersion.seed, "seconds": f"{dispersion.seconds:.4g}"}
     # The inputs have a section of their own.
     record |= {k: v for k, v in dispersion.attributes.items() if k != "inputs"}
+    # By their names: a table of measured values may be longer than all the rest.
+    if "files" in record:
+        record["files"] = ", ".join(record["files"])
     lines = []
     for key, value in record.items():
         text = (

@@ -14,6 +14,8 @@ if TYPE_CHECKING:
 
 MOST_POINTS = 2000
 """Runs of the scatter plots: more hide one another."""
+HELD = 0.99
+"""The share of the runs that an ellipse holds."""
 MOST_OUTPUTS = 5
 """Outputs of the scatter matrix."""
 
@@ -28,10 +30,10 @@ def page_data(
     outputs = list(dispersion.outputs)
     # Inputs that do not vary would be lines.
     names = [*outputs, *(n for n, x in dispersion.inputs.items() if np.ptp(x) > 0.0)]
-    good = np.flatnonzero(shown(dispersion, *outputs))
+    good = np.flatnonzero(dispersion.good)
     chosen = good[:MOST_POINTS]
     rows = {row.name: row for of in ("outputs", "inputs") for row in dispersion.table(of)}
-    required = requirements(dispersion)
+    required = dispersion.requirements
     means = {n: rows[n].mean for n in names if rows[n].runs}
     pair = chosen_pair(dispersion, outputs) or (names[-1], names[0])
     histograms = {
@@ -43,7 +45,7 @@ def page_data(
         "pair": pair,
         "numbers": chosen.tolist(),
         "points": {n: _listed(dispersion.values(n)[chosen], rows[n].std) for n in names},
-        "moments": _moments(dispersion, names, good),
+        "ellipses": _ellipses(dispersion, names, good),
         "mean": means,
         "nominal": {n: x for n, x in nominal.items() if n in names and np.isfinite(x)},
         "histograms": histograms,
@@ -54,12 +56,6 @@ def page_data(
         "time": time_budget(dispersion),
         "trajectories": _paths(flights),
     }
-
-
-def requirements(dispersion: "Dispersion") -> dict[str, tuple[float | None, float | None]]:
-    """The least and the greatest value that is allowed of each output that has a requirement."""
-    found = dispersion.attributes.get("requirements", {})
-    return {n: (at[0], at[1]) for n, at in found.items() if n in dispersion.outputs}
 
 
 def time_budget(dispersion: "Dispersion") -> dict[str, float]:
@@ -102,13 +98,53 @@ def _listed(values: np.ndarray, deviation: float) -> list[float | None]:
     return [x if np.isfinite(x) else None for x in rounded.tolist()]
 
 
-def _moments(dispersion: "Dispersion", names: list[str], good: np.ndarray) -> dict[str, Any] | None:
-    """Mean and covariance of all quantities, for the ellipses."""
+def _ellipses(
+    dispersion: "Dispersion", names: list[str], good: np.ndarray
+) -> dict[str, Any] | None:
+    """The ellipses of 99 % of any two quantities, of a normal law with the same covariance:
+
+        x = m_x + a_x cos(t),   y = m_y + a_y cos(t - p_xy)
+        a = k s,   cos(p_xy) = r_xy,   k^2 = 2 ln(1 / (1 - P))
+
+    with mean m, deviation s and correlation r of the runs; `centre`, `half` (widths a) and `phase`
+    (p, a row for each x) are in the order of the names, `None` where nothing scatters."""
     # The ellipse of two runs is a line.
     if good.size < 3:
         return None
     x = np.stack([dispersion.values(n)[good].astype(float) for n in names])
-    return {"mean": x.mean(axis=1).tolist(), "covariance": np.atleast_2d(np.cov(x)).tolist()}
+    x[~np.isfinite(x)] = np.nan
+    whole = ~np.isnan(x).any(axis=1)
+    phase = np.full((len(names), len(names)), np.nan)
+    phase[np.ix_(whole, whole)] = _phase(x[whole])
+    # Runs in which a quantity is not finite are left out of its own ellipses, and of no other.
+    for i in np.flatnonzero(~whole):
+        for j in range(len(names)):
+            both = ~np.isnan(x[[i, j]]).any(axis=0)
+            phase[i, j] = phase[j, i] = _phase(x[np.ix_([i, j], both)])[0, 1]
+    scale = float(np.sqrt(2.0 * np.log(1.0 / (1.0 - HELD))))
+    centre, half = [], []
+    for row in x:
+        own = row[~np.isnan(row)]
+        width = scale * float(np.std(own, ddof=1)) if own.size > 2 else 0.0
+        centre.append(float(own.mean()) if own.size else None)
+        half.append(width if width > 0.0 else None)
+    return {
+        "centre": centre,
+        "half": half,
+        "phase": [[p if np.isfinite(p) else None for p in row] for row in phase.tolist()],
+    }
+
+
+def _phase(x: np.ndarray) -> np.ndarray:
+    """The angles whose cosines are the correlations, (d, d), of x, (d, runs); NaN where nothing
+    scatters."""
+    if len(x) == 0 or x.shape[1] < 3:
+        return np.full((len(x), len(x)), np.nan)
+    c = np.atleast_2d(np.cov(x))
+    s = np.sqrt(np.diag(c))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        # Rounding may leave a correlation beyond one.
+        return np.arccos(np.clip(c / np.outer(s, s), -1.0, 1.0))
 
 
 def _histogram(
@@ -126,12 +162,17 @@ def _histogram(
         "width": width,
         "counts": counts.tolist(),
         "mean": row.mean,
-        "low": row.low,
-        "high": row.high,
-        "nominal": None if nominal is None or not np.isfinite(nominal) else nominal,
+        "low": _finite(row.low),
+        "high": _finite(row.high),
+        "nominal": None if nominal is None else _finite(nominal),
         "required": [x for x in required if x is not None],
         "words": summary(row),
     }
+
+
+def _finite(value: float) -> float | None:
+    """What JSON has for a number: nothing else than finite ones."""
+    return float(value) if np.isfinite(value) else None
 
 
 def _contributors(dispersion: "Dispersion", name: str, count: int) -> dict[str, Any]:
@@ -153,15 +194,21 @@ def _convergence(dispersion: "Dispersion", name: str, row: "Row") -> dict[str, A
     known = np.isfinite(found.low) & np.isfinite(found.high)
     low, high = (np.where(known, x, found.limit) for x in (found.low, found.high))
     words = "too few runs for an interval"
-    if known[-1]:
-        ends = (row.shown(x) for x in (found.limit[-1], low[-1], high[-1]))
+    # Among infinite runs an end that is infinite is what the runs say.
+    if known[-1] or row.above or row.below:
+        ends = (row.shown(x) for x in (found.limit[-1], found.low[-1], found.high[-1]))
         words = "99 % limit {}, with 95 % confidence from {} to {}".format(*ends)
     return {
         "runs": found.runs.tolist(),
-        "mean": found.mean.tolist(),
-        "limit": found.limit.tolist(),
-        "low": low.tolist(),
-        "high": high.tolist(),
+        **{
+            name: [_finite(x) for x in values]
+            for name, values in (
+                ("mean", found.mean),
+                ("limit", found.limit),
+                ("low", low),
+                ("high", high),
+            )
+        },
         "words": f"{words}.",
     }
 

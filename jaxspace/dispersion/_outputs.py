@@ -1,0 +1,217 @@
+"""The outputs of a campaign: what its function may return, and that no run depends on another."""
+
+import dataclasses
+from collections.abc import Iterable, Mapping
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int
+
+from ..core import InputError
+from ..integration import SimulationError, Status
+from ..simulation._mission_runs import MissionResult
+from ..simulation._run_result import RunResult
+from ._isolation import RAISED, isolate, reason
+
+RESERVED = ("run", "status", "evaluations")
+"""Names of the variables that every store has."""
+
+# For what runs a few times, and takes far longer to compile: half of it is saved so.
+QUICK: dict[str, Any] = {"compiler_options": {"xla_backend_optimization_level": 0}}
+# Of what a row may change where others are replaced: an iteration that all runs of a block share
+# ends with other digits.
+ROUNDING = {"float64": 1e-9}
+COARSE = 1e-4
+
+
+class PilotRuns(NamedTuple):
+    """The nominal run and the first ones of a campaign: what outputs are tried on."""
+
+    result: MissionResult
+    samples: dict[str, Float[Array, " runs"]]
+
+
+def check_names(field: str, names: Iterable[object]) -> None:
+    """Raise `InputError` for one of the `names` that is none for an array of a store.
+
+    `field`: what holds the names, for the sentence."""
+    for name in names:
+        if name in RESERVED:
+            raise InputError(
+                f"{field} has the name {name!r}: it must be another one than {', '.join(RESERVED)}."
+            )
+        # Zarr keeps such names to itself, and the store has its own beside the folders of arrays.
+        if not isinstance(name, str) or not name or name.startswith((".", "__", "zarr.json")):
+            raise InputError(
+                f"{field} has the name {name!r}: it must be text that begins with no dot, with no "
+                f"two underscores, and not with zarr.json."
+            )
+
+
+def outputs_of(
+    campaign: Any, result: MissionResult, samples: dict[str, Float[Array, " runs"]]
+) -> dict[str, Float[Array, " runs"]]:
+    """The outputs of runs, each (runs,).
+
+    **Raises** `InputError` for what is no dict of one real number for each run, or for all."""
+    found = campaign.outputs(result, samples)
+    if not isinstance(found, Mapping):
+        raise InputError(
+            f"Campaign.outputs gives {_kind(found)}: it must give a dict of the outputs by name."
+        )
+    check_names("The outputs of the campaign", found)
+    for name in set(found) & set(samples):
+        raise InputError(
+            f"The output {name!r} has the name of an input: it must have one of its own."
+        )
+    runs = next(iter(samples.values())).shape
+    return {name: _of_each_run(name, x, runs) for name, x in found.items()}
+
+
+def _of_each_run(name: str, x: Any, runs: tuple[int, ...]) -> Array:
+    allowed = f"it must be one real number for each run, {runs}, or one for all, ()."
+    if not eqx.is_array_like(x):
+        raise InputError(f"The output {name!r} is {_kind(x)}: {allowed}")
+    x = jnp.asarray(x)
+    if not (jnp.issubdtype(x.dtype, jnp.number) or x.dtype == bool):
+        raise InputError(f"The output {name!r} is of the type {x.dtype}: {allowed}")
+    if jnp.issubdtype(x.dtype, jnp.complexfloating):
+        raise InputError(f"The output {name!r} is complex: {allowed}")
+    # An output that no input reaches is one number for all runs.
+    if x.shape not in ((), (1,), runs):
+        raise InputError(f"The output {name!r} has the shape {x.shape}: {allowed}")
+    return jnp.broadcast_to(x, runs)
+
+
+def _kind(x: object) -> str:
+    if x is None or isinstance(x, str):
+        return repr(x)
+    return "an array" if eqx.is_array(x) else f"an object of the class {type(x).__name__}"
+
+
+def check_apart(campaign: Any, pilots: PilotRuns) -> None:
+    """Check that the outputs of a run depend on that run alone.
+
+    The outputs of the pilots are computed once more with one pilot in place of all: each row must
+    then be what that pilot had among the others. Outputs that know which of their functions are
+    not known to keep runs apart have these in `to_check`, `None` for none: the library's own are.
+
+    **Raises** `InputError` for an output that depends on other runs, or on the place of a run among
+    them; `SimulationError` where an output of the nominal run raises an error."""
+    unknown = getattr(campaign.outputs, "to_check", campaign.outputs)
+    if unknown is None:
+        return
+    campaign = dataclasses.replace(campaign, outputs=unknown)
+    count = len(next(iter(pilots.samples.values())))
+    status = np.broadcast_to(pilots.result.status, (count,))
+
+    def compute(flown: np.ndarray) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+        # The nominal run in place of one that raises.
+        rows = np.where(flown, np.arange(count), 0)
+        return rows, _numbers(_at(campaign, pilots, rows))
+
+    try:
+        rows, among = isolate(compute, count)
+    except SimulationError as error:
+        nominal = eqx.filter_jit(_taken)(pilots, np.zeros(count, int), campaign.along)
+        raise raised("The nominal run", campaign, *nominal, error) from error
+    flown = (rows == np.arange(count)) & (status <= Status.EVENT)
+    # The greatest of all runs is that of one of them: two are asked.
+    for row in [*(np.flatnonzero(flown[1:])[:1] + 1).tolist(), 0]:
+        alone = _numbers(_at(campaign, pilots, np.full(count, row)))
+        for name, x in alone.items():
+            here = among[name][row].item()
+            other = ~_same(x, here, among[name])
+            if other.any():
+                place = row if other[row] else int(np.flatnonzero(other)[0])
+                _refuse(name, row, here, x[place].item(), place == row)
+
+
+def _refuse(name: str, row: int, here: float, other: float, alone: bool) -> None:
+    # The first pilot is the nominal run, the next one is run 0.
+    run = f"run {row - 1}" if row else "the nominal run"
+    where = "alone" if alone else "at another place in a block"
+    raise InputError(
+        f"The output {name!r} mixes runs: {run} gives {here:.9g} among other runs and {other:.9g} "
+        f"{where}. It must be computed for each run by itself: the last axis is that of the runs, "
+        f"over which nothing may be summed, averaged, sorted or counted."
+    )
+
+
+def _same(x: np.ndarray, here: float, among: np.ndarray) -> np.ndarray:
+    """Whether numbers are those of a row, but for rounding."""
+    share = ROUNDING.get(jnp.result_type(float).name, COARSE)
+    finite = np.abs(among[np.isfinite(among)])
+    # Beside zero that of the others counts, from which a difference may have been taken.
+    size = max(abs(here), np.median(finite).item() if finite.size else 0.0)
+    with np.errstate(invalid="ignore"):
+        near = np.abs(x - here) <= share * size
+    return near | (x == here) | (np.isnan(x) & np.isnan(here))
+
+
+def _numbers(outputs: Mapping[str, Array]) -> dict[str, np.ndarray]:
+    return {name: np.asarray(x).astype(float) for name, x in outputs.items()}
+
+
+@eqx.filter_jit(**QUICK)
+def _at(campaign: Any, pilots: PilotRuns, rows: Int[Any, " runs"]) -> dict[str, Array]:
+    """The outputs of the pilots of these rows."""
+    return outputs_of(campaign, *_taken(pilots, rows, campaign.along))
+
+
+def _taken(pilots: PilotRuns, rows: Int[Any, " runs"], along: int) -> PilotRuns:
+    """The pilots of these rows, with `along` states of each phase."""
+    count = rows.shape[0]
+
+    def taken(x: Any) -> Any:
+        # The runs are last; what all of them share has no such axis.
+        return x[..., rows] if eqx.is_array(x) and x.shape[-1:] == (count,) else x
+
+    phases = [_filled(phase, along) for phase in pilots.result.phases]
+    return jax.tree.map(taken, pilots._replace(result=pilots.result._replace(phases=phases)))
+
+
+def _filled(phase: RunResult, along: int) -> RunResult:
+    """A phase with `along` states, on a straight line from its start to its end.
+
+    Far from the motion, but of the same shapes: which runs an output reads does not depend on
+    it."""
+    share = np.linspace(0.0, 1.0, along)[:, None]
+
+    def line(x: Array) -> Array:
+        first, last = x[..., :1, :], x[..., -1:, :]
+        if not eqx.is_inexact_array(x):
+            return jnp.where(share < 1.0, first, last)
+        return first + jnp.asarray(share, x.dtype) * (last - first)
+
+    return phase._replace(ts=line(phase.ts), states=jax.tree.map(line, phase.states))
+
+
+def raised(
+    what: str, campaign: Any, result: MissionResult, samples: dict[str, Array], error: Exception
+) -> SimulationError:
+    """What to raise for runs in which a function of the campaign raises an error.
+
+    **Arguments**
+
+    - `what`: was run, as the subject of the sentence.
+    - `result`, `samples`: of these runs.
+    - `error`: what was raised."""
+    # One after the other, to find the one that raises.
+    for name in eqx.filter_eval_shape(outputs_of, campaign, result, samples):
+        try:
+            jax.block_until_ready(_one(campaign, result, samples, name))
+        except RAISED as own:
+            return SimulationError(
+                f"{what} cannot be run: the output {name!r} raises an error ({reason(own)}) where "
+                f"it must give a number."
+            )
+    return SimulationError(f"{what} cannot be run: {reason(error)}.")
+
+
+@eqx.filter_jit
+def _one(campaign: Any, result: MissionResult, samples: dict[str, Array], name: str) -> Array:
+    return outputs_of(campaign, result, samples)[name]
