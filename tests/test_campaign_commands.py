@@ -11,11 +11,12 @@ from pathlib import Path
 import jax
 import numpy as np
 import pytest
-from test_campaigns import child
+from scipy.stats import binomtest
+from test_campaigns import child, write
 
 from jaxspace.cli import main
-from jaxspace.dispersion import disperse, open_store
-from jaxspace.io import load
+from jaxspace.dispersion import Dispersion, disperse, open_store
+from jaxspace.io import SceneFile, dispersion_report, failures_report, load
 
 # The command line settles JAX for its own process.
 pytestmark = pytest.mark.usefixtures("settings_stay")
@@ -73,6 +74,25 @@ def test_disperse_refuses_a_store_that_is_there(store, tmp_path, capsys):
     assert open_store(store).runs == 1200
     assert main([*given, "--overwrite"]) == 0
     assert open_store(store).runs == 40
+
+
+@pytest.mark.parametrize("options", [[], ["--overwrite"]])
+def test_a_stop_before_the_first_run_leaves_what_is_there(
+    options, store, tmp_path, capsys, monkeypatch
+):
+    def stop(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(SceneFile, "nominal_mission", stop)
+    path = tmp_path / "coast.toml"
+    path.write_text(COAST)
+    assert main(["disperse", str(path), "--out", str(tmp_path), *options]) == 130
+    told = capsys.readouterr().err
+    assert f"stopped before the first run: nothing was computed, and {store} is as it was" in told
+    assert "resume" not in told
+    # Of a campaign that is resumed the runs are its own.
+    assert main(["resume", str(store)]) == 130
+    assert "1200 of 1200 runs are kept" in capsys.readouterr().err
 
 
 RUN = "import sys; from jaxspace.cli import main; sys.exit(main(sys.argv[1:]))"
@@ -173,6 +193,100 @@ def test_a_campaign_from_python_is_not_the_command_line_s(tmp_path, capsys):
     assert main(["resume", str(tmp_path / "s.zarr")]) == 2
     assert "campaign from Python" in capsys.readouterr().err
     assert main(["failures", str(tmp_path / "s.zarr")]) == 0
+
+
+def test_a_store_that_is_not_whole_says_so_everywhere(tmp_path, capsys):
+    """A chunk that was not finished, and one that is damaged; with a requirement, whose violations
+    count both kinds of limits and the failed runs."""
+    limit = '{ output = "periapsis_altitude", at_least = "-1 km", at_most = "643.7376 km" }'
+    (tmp_path / "coast.toml").write_text(COAST.replace('"periapsis_altitude",', f"{limit},", 1))
+    given = ["disperse", str(tmp_path / "coast.toml"), "--out", str(tmp_path), "--chunk", "512"]
+    assert main([*given, "--runs", "1536"]) == 0
+    printed = capsys.readouterr().out
+    store = tmp_path / "coast.zarr"
+    found = open_store(store).violations()["periapsis_altitude"]
+    (row,) = [line for line in printed.splitlines() if "643.738" in line]
+    # At most the mean: about one half, to five standard errors.
+    assert found.value == pytest.approx(0.5, abs=0.07)
+    shares = " to ".join(f"{100.0 * x:.3g} %" for x in (found.low, found.high))
+    assert row.split()[1:7] == ["≥", "-1", "and", "≤", "643.738", "km"]
+    assert f"{found.count} of 1536" in row and shares in row
+    (store / ".manifest" / "0.json").unlink()
+    damaged = store / "apoapsis_altitude" / "c" / "1"
+    damaged.write_bytes(damaged.read_bytes()[:-9])
+    for command in ("report", "failures"):
+        assert main([command, str(store)]) == 0
+        printed = capsys.readouterr()
+        assert "of 512 runs ended well" in printed.out
+        assert (
+            f"512 of 1536 planned runs are in the store: `jaxspace resume {store}` computes the "
+            f"rest." in printed.out
+        )
+        # One line, without the place in the source.
+        (line,) = printed.err.splitlines()
+        assert line.startswith(f"{store}: Chunk 1 (runs 512 to 1023): apoapsis_altitude/c/1 has")
+    page = (tmp_path / "coast.html").read_text(encoding="utf-8")
+    assert "512 of 1536 planned runs are in the store" in page
+    assert main(["resume", str(store)]) == 0
+    assert "planned runs" not in capsys.readouterr().out
+
+
+def small(**outputs):
+    """Eight runs with these outputs, of which the second one has failed."""
+    inputs = {"a": np.arange(8.0)}
+    status = np.array([0, 5, *6 * [0]])
+    record = {"requirements": {"x": [None, 3.0]}, "inputs": ""}
+    return Dispersion(inputs, outputs, status, np.ones(8, int), {"x": "km"}, 0, attributes=record)
+
+
+def test_tables_tell_what_is_not_finite_and_what_is_violated():
+    x = np.array([1.0, np.nan, 2.0, np.inf, 1.0, np.nan, 3.0, 4.0])
+    kept = small(x=x, y=np.where(x == 1.0, np.nan, 0.5 * x))
+    report = dispersion_report(kept, {}).splitlines()
+    row = next(line for line in report if line.startswith("x "))
+    # Without a nominal value, and with an infinite limit.
+    assert row.split()[:3] == ["x", "km", "-"] and row.split()[-1] == "∞"
+    assert "x is ∞ in 1, not a number in 1 of 7 good runs." in "\n".join(report)
+    (row,) = [line for line in report if "≤" in line]
+    # Infinite, not a number, failed and 4.
+    low, high = binomtest(4, 8).proportion_ci(0.95, "exact")
+    assert row.split("km")[1].split() == (
+        f"4 of 8 50 % {100 * low:.3g} % to {100 * high:.3g} %".split()
+    )
+    printed = failures_report(None, kept, 2)
+    assert "3 runs ended well with an output that is not a number:" in printed
+    assert "  run 0: y is not a number." in printed and "  and 1 more (--all" in printed
+    assert "  run 5: x, y are not a number." in failures_report(None, kept)
+    whole = small(z=np.ones(8))
+    assert "requirements" not in dispersion_report(whole, {})
+    assert "not a number" not in failures_report(None, whole)
+
+
+@pytest.mark.parametrize(
+    "option", [["--compare"], ["--until", "apoapsis_altitude"], ["--runs", "5"], ["--seed", "0"]]
+)
+def test_options_about_runs_are_refused_where_there_are_none(tmp_path, capsys, option):
+    (tmp_path / "coast.toml").write_text(COAST)
+    given = ["disperse", str(tmp_path / "coast.toml"), "--method", "lincov", *option]
+    assert main(given) == 2
+    told = capsys.readouterr().err
+    assert f"{option[0]} says something about the runs of a campaign: --method lincov" in told
+
+
+def test_a_method_without_runs_has_the_rows_of_the_file(tmp_path, capsys):
+    (tmp_path / "coast.toml").write_text(COAST)
+    assert main(["disperse", str(tmp_path / "coast.toml"), "--method", "lincov"]) == 0
+    rows = [line.split()[0] for line in capsys.readouterr().out.splitlines() if " km " in line]
+    assert rows == ["periapsis_altitude", "apoapsis_altitude"]
+
+
+def test_report_of_a_campaign_from_python_prints_its_table(tmp_path, capsys):
+    write(tmp_path / "s.zarr")
+    assert main(["report", str(tmp_path / "s.zarr")]) == 0
+    printed = capsys.readouterr().out
+    row = next(line.split() for line in printed.splitlines() if line.startswith("b "))
+    # Twice 0 to 24, whose mean is 24; no nominal run.
+    assert row[:3] == ["b", "-", "24.0"] and "25 of 25 runs ended well." in printed
 
 
 @pytest.mark.parametrize("command", [["resume"], ["failures"], ["replay", "--run", "1"]])

@@ -1,11 +1,14 @@
 """`[optimize]` of scene files: what is read, what is found, and the file of the optimum."""
 
+import os
+import signal
 from pathlib import Path
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+import tqdm
 from jaxtyping import Array
 
 from jaxspace import load
@@ -231,6 +234,129 @@ def test_a_target_out_of_reach_is_said(tmp_path, method):
         best.sensitivities()
 
 
+# From 6678 km upwards to the farthest place, which is missed beyond the speed of escape.
+CLIMB = (
+    TRANSFER[: TRANSFER.index("[times]")].replace("8 km/s", "10 km/s")
+    + """
+[[phase]]
+name = "climb"
+effects = ["point_gravity"]
+until = "apoapsis"
+within = "172800 s"
+
+[optimize]
+minimise = "altitude"
+
+[optimize.free]
+"initial.velocity.1" = { low = "7.8 km/s", high = "13 km/s" }
+"""
+)
+
+
+@pytest.fixture
+def bars(monkeypatch):
+    """The bars of a command, as on a terminal."""
+    made = []
+
+    class Bar(tqdm.tqdm):
+        def __init__(self, **options):
+            super().__init__(**{**options, "disable": False, "mininterval": 0.0})
+            made.append(self)
+
+    monkeypatch.setattr(tqdm, "tqdm", Bar)
+    return made
+
+
+def test_a_start_that_misses_its_event_is_told(settings_stay, tmp_path, capsys):
+    """Beyond the speed of escape: no optimum, and the phase with the sentence of its status."""
+    path = tmp_path / "climb.toml"
+    path.write_text(CLIMB.replace('"10 km/s"', '"12 km/s"'))
+    assert main(["optimize", str(path), "--out", str(tmp_path)]) == 1
+    printed = capsys.readouterr().out
+    assert "climb ended badly. The event of the phase did not happen" in printed
+
+
+def test_a_search_that_its_run_refutes_goes_on(settings_stay, tmp_path, capsys, bars):
+    """40 steps in two days miss the first apoapsis of the orbit: the least height, with the least
+    speed, is found with more of them. The table has the phase, and its figure is drawn."""
+    path = tmp_path / "climb.toml"
+    path.write_text(CLIMB)
+    assert main(["optimize", str(path), "--out", str(tmp_path)]) == 0
+    out, err = capsys.readouterr()
+    assert "does not confirm this: it has altitude 15844" in err and "goes on with 80" in err
+    # The number of its steps, and what is left to do.
+    assert bars[0].n >= 2 and "step" in err and "violation 0.0e+00, gradient" in err
+    assert load(tmp_path / "climb_optimum.toml").y0.velocity[1] == 7800.0
+    semi = 1.0 / (2.0 / R1 - (7800.0**2 + 100.0**2) / MU)
+    slowness = (R1 * 7800.0) ** 2 / (MU * semi)
+    highest = semi * (1.0 + np.sqrt(1.0 - slowness)) - 6378137.0
+    (row,) = [line.split() for line in out.splitlines() if line.startswith("climb ")]
+    np.testing.assert_allclose(float(row[2]), highest / 1e3, rtol=1e-5)
+    assert "Converged after" in out and (tmp_path / "climb_optimum_climb.png").exists()
+
+
+def test_what_a_run_refutes_is_no_optimum(tmp_path):
+    """At the least speed: 40 steps miss the event, which a run meets; the height by 80 is not that
+    of a run of their file, and that by 640 is."""
+    path = tmp_path / "climb.toml"
+    path.write_text(CLIMB)
+    at_bound = {"initial.velocity.1": 7800.0}
+    begun = load(path).optimize(start=at_bound, steps=40)
+    assert not begun.converged
+    assert "climb misses its event with 40 steps, and meets it at the" in begun.sentence()
+    for steps, good in ((80, False), (640, True)):
+        best = load(path).optimize(start=at_bound, steps=steps)
+        assert best.minimum.converged and best.steps == steps
+        path.write_text(best.text())
+        file = load(path)
+        run = file.nominal_mission()
+        judged = best.judged(run, best.confirmed(run, file))
+        assert judged.converged == good
+        assert ("The 80 steps of a phase are too coarse" in judged.sentence()) != good
+
+
+def test_the_altitude_of_an_event_is_free(tmp_path):
+    """The lowest end of a climb to a free height lies at its lower bound; what it moves is one. The
+    bound has more digits than the file of the optimum, which must not round it to beyond."""
+    path = tmp_path / "reach.toml"
+    ends = CLIMB.replace('"apoapsis"', '{ at_altitude = { altitude = "500 km" } }')
+    low = "400.00000000001234 km"
+    free = f'"phase.0.until.at_altitude.altitude" = {{ low = "{low}", high = "600 km" }}\n'
+    path.write_text(ends[: ends.index('"initial.velocity.1"')].replace("172800 s", "2 h") + free)
+    best = load(path).optimize()
+    key = "phase.0.until.at_altitude.altitude"
+    np.testing.assert_allclose([best.values[key], best.objective], 400e3, rtol=1e-9)
+    np.testing.assert_allclose(best.bound_derivatives[key], 1.0, rtol=1e-9)
+    path.write_text(best.text())
+    np.testing.assert_allclose(
+        load(path).values["phase"][0]["until"]["at_altitude"]["altitude"], 4e5
+    )
+
+
+@pytest.mark.sweep
+def test_an_interrupted_command_is_taken_up(settings_stay, tmp_path, monkeypatch, capsys):
+    """SIGINT after the second step: what was reached is kept as a file, from which the next call
+    goes on to the optimum."""
+    path = tmp_path / "transfer.toml"
+    path.write_text(TRANSFER)
+
+    class Bar(tqdm.tqdm):
+        def update(self, n=1):
+            super().update(n)
+            if self.n == 2:
+                os.kill(os.getpid(), signal.SIGINT)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(tqdm, "tqdm", lambda **options: Bar(**{**options, "disable": False}))
+        assert main(["optimize", str(path), "--out", str(tmp_path)]) == 1
+    assert "Interrupted after" in capsys.readouterr().out
+    begun = tmp_path / "transfer_optimum.toml"
+    assert load(begun).y0.velocity[1] != 8000.0
+    assert main(["optimize", str(begun), "--out", str(tmp_path)]) == 0
+    best = load(tmp_path / "transfer_optimum_optimum.toml")
+    np.testing.assert_allclose(best.y0.velocity[1], across(RADIAL, R1, R2, MU), rtol=1e-7)
+
+
 @pytest.mark.sweep
 def test_the_command(settings_stay, tmp_path, capsys):
     """`jaxspace optimize`: the table, the sensitivities, the file of the optimum and the figure of
@@ -245,3 +371,5 @@ def test_the_command(settings_stay, tmp_path, capsys):
     expected = across(RADIAL, R1, R2, MU)
     np.testing.assert_allclose(best.y0.velocity[1], expected, rtol=1e-7)
     assert (tmp_path / "transfer_search.png").exists()
+    # That of the one phase of a scene.
+    assert len(list(tmp_path.glob("transfer_optimum_*.png"))) == 1

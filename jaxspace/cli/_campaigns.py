@@ -1,5 +1,6 @@
 """What the commands of campaigns do: disperse, resume, replay, failures."""
 
+import functools
 import os
 import sys
 import warnings
@@ -33,6 +34,7 @@ from ._commands import draw, path_of
 from ._folder import make_folder
 from ._report import keep_pictures
 from ._stopping import Stopped, is_stop
+from ._told import UNFINISHED, told
 
 
 class Options(NamedTuple):
@@ -57,6 +59,7 @@ def disperse(path: str, options: Options, folder: str) -> int:
     runs = file.runs if options.runs is None else options.runs
     seed = file.seed if options.seed is None else options.seed
     if options.method != MONTE_CARLO:
+        _refuse_options_of_runs(options)
         return _without_runs(file, options.method)
     times = None
     if options.times is not None:
@@ -73,11 +76,22 @@ def disperse(path: str, options: Options, folder: str) -> int:
     return _fly(file, store, runs, options.engine, METHODS if options.compare else None, **how)
 
 
+def _refuse_options_of_runs(options: Options) -> None:
+    """Raise `InputError` for an option that says something about runs, where there are none."""
+    for name, default in Options._field_defaults.items():
+        if name != "method" and getattr(options, name) != default:
+            raise InputError(
+                f"--{name} says something about the runs of a campaign: --method {options.method} "
+                f"makes none, and takes no such option. Leave out one of the two."
+            )
+
+
 def _without_runs(file: SceneFile, method: str) -> int:
     """Print mean and deviation by a method that makes no campaign of runs."""
     nominal = file.nominal_mission()
     campaign = file.campaign(nominal, warn=False)
-    found = moments(campaign, method, accuracy=file.accuracy)
+    with told():
+        found = moments(campaign, method, accuracy=file.accuracy)
     print(moments_report(file.title, found, campaign.units, file.nominal_outputs(nominal)))
     return 0
 
@@ -108,12 +122,15 @@ def _fly(
     compare: tuple[str, ...] | None = None,
     **how: Any,
 ) -> int:
+    before = _head_of(store)
     try:
         return _fly_and_report(file, store, runs, engine, compare, **how)
     except (KeyboardInterrupt, RuntimeError) as error:
         if not is_stop(error):
             raise
-        raise Stopped(_left(store)) from None
+        # What a store held before is not of this campaign, unless that is resumed.
+        untouched = not how.get("resume") and before is not None and before == _head_of(store)
+        raise Stopped(_left(store, untouched)) from None
 
 
 def _fly_and_report(
@@ -129,22 +146,25 @@ def _fly_and_report(
 
     nominal = file.nominal_mission()
     campaign = file.campaign(nominal, warn=False, runs=runs)
-    with tqdm(total=runs, unit="run", file=sys.stderr, disable=None) as bar, _told(bar):
+    with tqdm(total=runs, unit="run", file=sys.stderr, disable=None) as bar:
+        # Through the bar, which moves down: a plain print would tear it.
+        write = functools.partial(bar.write, file=sys.stderr)
 
         def show(done: int, total: int) -> None:
             # The bar counts steps, the campaign reports totals.
             bar.update(done - bar.n)
 
-        result = disperse_campaign(
-            campaign,
-            runs,
-            accuracy=file.accuracy,
-            store=store,
-            engine=engine,
-            notes={"title": file.title, "scene_file": str(file.path)},
-            progress=show,
-            **how,
-        )
+        with told(write):
+            result = disperse_campaign(
+                campaign,
+                runs,
+                accuracy=file.accuracy,
+                store=store,
+                engine=engine,
+                notes={"title": file.title, "scene_file": str(file.path)},
+                progress=show,
+                **how,
+            )
     own = file.nominal_outputs(nominal)
     print(dispersion_report(result, own))
     if result.enough is not None:
@@ -152,7 +172,8 @@ def _fly_and_report(
     print(_times(result))
     methods = file.compare if compare is None else compare
     if methods:
-        table = compare_methods(campaign, result, methods, accuracy=file.accuracy)
+        with told():
+            table = compare_methods(campaign, result, methods, accuracy=file.accuracy)
         print(f"\nmethods beside these runs\n{comparison_table(table)}\n")
     keep_pictures(result, file.title, own, os.path.splitext(store)[0])
     print(f"store  {store}")
@@ -160,10 +181,24 @@ def _fly_and_report(
     return 0 if result.good.any() else 1
 
 
-def _left(store: str) -> str:
-    """What a campaign that was stopped leaves, in a sentence."""
+def _head_of(store: str) -> tuple[int, int] | None:
+    """What tells one head of a store from the next; `None` where there is none."""
     try:
-        there = open_store(store)
+        # Each is a new file, put in place of the last one.
+        found = os.stat(os.path.join(store, "zarr.json"))
+    except OSError:
+        return None
+    return found.st_ino, found.st_mtime_ns
+
+
+def _left(store: str, untouched: bool) -> str:
+    """What a campaign that was stopped leaves, in a sentence.
+
+    `untouched`: whether `store` is the one of an earlier campaign."""
+    if untouched:
+        return f"stopped before the first run: nothing was computed, and {store} is as it was."
+    try:
+        there = _opened_quietly(store)
     # Stopped before the first run.
     except StoreError:
         return "stopped before the first run: nothing is kept."
@@ -192,9 +227,7 @@ def replay(store: str, run: int, samples: int, folder: str, show: bool) -> int:
         raise InputError(f"--run is {run}: it must be from 0 to {there['wanted'] - 1}.")
     file = _scene(store, there)
     make_folder(folder)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", DamagedStore)
-        kept = open_store(store)
+    kept = _opened_quietly(store)
     # A hypercube is made for the runs that were planned, also where fewer were enough.
     found = file.campaign(warn=False, runs=there["planned_runs"]).replay(
         run, seed=there["seed"], accuracy=file.accuracy, num_saved=samples
@@ -209,7 +242,8 @@ def replay(store: str, run: int, samples: int, folder: str, show: bool) -> int:
 
 def failures(store: str, every: bool) -> int:
     """List the failed runs of a store with their reasons."""
-    kept = open_store(store)
+    with told():
+        kept = open_store(store)
     text = kept.attributes.get("description")
     file = None
     # A campaign from Python has no scene; its failures are listed all the same.
@@ -221,11 +255,16 @@ def failures(store: str, every: bool) -> int:
 
 def _attributes(store: str) -> Mapping[str, Any]:
     """The record of a store."""
-    with warnings.catch_warnings():
-        # Damage is told by what follows.
-        warnings.simplefilter("ignore", DamagedStore)
-        kept = open_store(store)
+    kept = _opened_quietly(store)
     return {**kept.attributes, "seed": kept.seed, "wanted": kept.wanted}
+
+
+def _opened_quietly(store: str) -> Dispersion:
+    """The runs of a store, for a command that says itself what is damaged or missing."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DamagedStore)
+        warnings.filterwarnings("ignore", UNFINISHED)
+        return open_store(store)
 
 
 def _scene(store: str, attributes: Mapping[str, Any]) -> SceneFile:
@@ -235,29 +274,5 @@ def _scene(store: str, attributes: Mapping[str, Any]) -> SceneFile:
             f"{store} is of a campaign from Python, which the command line cannot build: call "
             f"disperse(campaign, ..., store=..., resume=True) or campaign.replay(number, seed=...)."
         )
-    return load(attributes["scene_file"], text=attributes["description"])
-
-
-class _told:
-    """Prints the warnings about a campaign and its store as lines beside the bar."""
-
-    def __init__(self, bar: Any):
-        self.bar = bar
-        self.context = warnings.catch_warnings()
-
-    def __enter__(self) -> None:
-        self.context.__enter__()
-        before = warnings.showwarning
-
-        def show(message: Any, category: Any, *more: Any, **options: Any) -> None:
-            # Through the bar, which moves down: a plain print would tear it.
-            if issubclass(category, UserWarning):
-                self.bar.write(str(message), file=sys.stderr)
-            else:
-                before(message, category, *more, **options)
-
-        warnings.simplefilter("always", DamagedStore)
-        warnings.showwarning = show
-
-    def __exit__(self, *error: Any) -> None:
-        self.context.__exit__(*error)
+    files = attributes.get("files")
+    return load(attributes["scene_file"], text=attributes["description"], files=files)

@@ -7,6 +7,7 @@ import sys
 from ..control import LoopRun
 from ..core import InputError
 from ..io import (
+    Optimum,
     SceneFile,
     listing,
     load,
@@ -17,11 +18,13 @@ from ..io import (
     schema,
     sensitivity_report,
 )
-from ..simulation import Mission, Status, Trajectory
+from ..simulation import Mission, MissionTrajectory, Status, Trajectory
 from ..studies import AccuracyCost, EffectBudget, accuracy_cost, effect_budget
 from ..verification import run_cases
 from ._folder import make_folder
 
+# By so much the steps of a search may grow until a run confirms it: four repetitions.
+MOST_REPEATED = 16
 TOLERANCES = tuple(10.0**-k for k in range(4, 13))
 
 
@@ -53,21 +56,23 @@ def optimize(path: str, folder: str, sensitivities: bool) -> int:
 
     file = load(path)
     make_folder(folder)
+    best = path_of(file, folder, "_optimum.toml")
     with tqdm(unit="step", file=sys.stderr, disable=None) as bar:
 
         def show(step: int, objective: float, violation: float, gradient: float) -> None:
-            bar.update(step - bar.n)
+            del step, objective
+            # One by one, because a search that is repeated counts from one again.
+            bar.update(1)
             bar.set_postfix_str(f"violation {violation:.1e}, gradient {gradient:.1e}")
 
-        found = file.optimize(progress=show)
-    best = path_of(file, folder, "_optimum.toml")
-    with open(best, "w", encoding="utf-8") as out:
-        out.write(found.text())
-    # Read back, so that what is confirmed is what the file says, rounding included.
-    optimum = load(best)
-    # At the accuracy of the file, with adaptive steps: what the search has found must stand it.
-    run = optimum.nominal_mission(samples=100)
-    print(optimum_report(found, found.confirmed(run, optimum)))
+        found, numbers, run = _confirmed(file, file.optimize(progress=show), best)
+        most = MOST_REPEATED * found.steps
+        # Both claim an end by the search's own flight, and not that of an interruption.
+        while found.doubt and (found.minimum.converged or found.infeasible) and found.steps < most:
+            bar.write(f"{found.doubt} The search goes on with {2 * found.steps}.", file=sys.stderr)
+            again = file.optimize(progress=show, start=found.values, steps=2 * found.steps)
+            found, numbers, run = _confirmed(file, again, best)
+    print(optimum_report(found, numbers, run))
     # The sentence of the report has said that there is no optimum.
     if sensitivities and not found.infeasible:
         print(f"\n{sensitivity_report(found)}")
@@ -78,7 +83,22 @@ def optimize(path: str, folder: str, sensitivities: bool) -> int:
     found.minimum.plot(file.title).savefig(figure)
     print(f"figure {figure}")
     # The file is written in any case: the code tells a script whether it is an optimum.
-    return 0 if bool(found.minimum.converged) else 1
+    return 0 if found.converged else 1
+
+
+def _confirmed(
+    file: SceneFile, found: Optimum, best: str
+) -> tuple[Optimum, tuple[float, ...], MissionTrajectory]:
+    """The optimum, judged by a run of its file, which is written to `best`; the outputs of that
+    run, and the run."""
+    with open(best, "w", encoding="utf-8") as out:
+        out.write(found.text())
+    # Read back, so that what is confirmed is what the file says, rounding included.
+    optimum = load(best)
+    # At the accuracy of the file, with adaptive steps: what the search has found must stand it.
+    run = optimum.nominal_mission(samples=100)
+    numbers = found.confirmed(run, optimum)
+    return found.judged(run, numbers), numbers, run
 
 
 def explain(path: str) -> int:

@@ -12,6 +12,7 @@ from ..core import InputError
 from ..dispersion import Dispersion, Flights, fly, open_store
 from ..io import SceneError, SceneFile, dispersion_report, stored_scene
 from ._folder import make_folder
+from ._told import told
 
 FLIGHTS = 24
 """Runs whose trajectories are drawn."""
@@ -49,7 +50,8 @@ def keep_pictures(
 
 def report(path: str, folder: str | None) -> int:
     """Write the page of a store with trajectories, and its runs as tables."""
-    result = open_store(path)
+    with told():
+        result = open_store(path)
     file = _scene(result)
     name = Path(path).name.removesuffix(".zarr")
     folder = str(Path(path).parent) if folder is None else folder
@@ -66,7 +68,7 @@ def report(path: str, folder: str | None) -> int:
             flights = fly(campaign, some, seed=result.seed, accuracy=file.accuracy)
         else:
             print("No trajectories: inputs of these runs were given in Python.", file=sys.stderr)
-        print(dispersion_report(result, nominal))
+    print(dispersion_report(result, nominal))
     start = os.path.join(folder, name)
     keep_pictures(result, title, nominal, start, flights)
     _attempt("table", f"{start}.csv", result.to_csv)

@@ -47,15 +47,13 @@ def _row_of(kept: Dispersion | None, run: int) -> dict[str, float]:
 
 def failures_report(file: SceneFile | None, kept: Dispersion, most: int = 20) -> str:
     """The failed runs of a store, by how they ended: number and reason of each, up to `most` of a
-    kind, with what to do.
+    kind, with what to do; and the runs that ended well with an output that is not a number.
 
     `file`: the scene of the store, which says which of its inputs a refused run has out of
     range."""
     numbers = np.arange(kept.runs) if kept.numbers is None else kept.numbers
-    planned = kept.wanted
     lines = [f"{int(np.count_nonzero(kept.good))} of {kept.runs} runs ended well."]
-    if kept.runs < planned:
-        lines.append(f"{planned - kept.runs} runs are missing: `jaxspace resume` computes them.")
+    lines += [kept.lacking] if kept.lacking else []
     # Once, because each column is read from the disk.
     inputs = dict(kept.inputs) if kept.failed else {}
     moments = {name: (float(np.mean(x)), float(np.std(x))) for name, x in inputs.items()}
@@ -69,9 +67,23 @@ def failures_report(file: SceneFile | None, kept: Dispersion, most: int = 20) ->
             refused = failure.status == Status.REFUSED
             reason = _refusal(file, own) if refused else _farthest(own, moments)
             lines.append(f"  run {numbers[row]}: {reason}")
-        if rows.size > most:
-            lines.append(f"  and {rows.size - most} more (--all lists them)")
+        lines += _rest(rows.size, most)
+    undefined = {name: np.isnan(x) & kept.good for name, x in kept.outputs.items()}
+    rows = np.flatnonzero(np.any(list(undefined.values()), axis=0))
+    if rows.size:
+        runs = "run" if rows.size == 1 else "runs"
+        lines += ["", f"{rows.size} {runs} ended well with an output that is not a number:"]
+        for row in rows[:most]:
+            names = [name for name, where in undefined.items() if where[row]]
+            verb = "is" if len(names) == 1 else "are"
+            lines.append(f"  run {numbers[row]}: {', '.join(names)} {verb} not a number.")
+        lines += _rest(rows.size, most)
     return "\n".join(lines)
+
+
+def _rest(count: int, most: int) -> list[str]:
+    """The line for those of a list that it does not show."""
+    return [f"  and {count - most} more (--all lists them)"] if count > most else []
 
 
 def _refusal(file: SceneFile | None, inputs: dict[str, float]) -> str:

@@ -29,6 +29,7 @@ from .. import (
 from ..bodies import AbstractBody, AbstractCondition, AbstractEffect, AbstractJump, BodyState
 from ..control import AbstractController
 from ..core import (
+    AbstractParameters,
     AbstractSystem,
     EventCondition,
     Initial,
@@ -156,8 +157,9 @@ def catalog(also: Iterable[object] = ()) -> Catalog:
 
     **Arguments**
 
-    - `also`: further final classes (systems, effects, jumps, conditions, distributions) and
-      declared functions (outputs, events, makers of initial states).
+    - `also`: further final classes (systems, effects, jumps, conditions, distributions, and parts
+      of them such as steering laws) and declared functions (outputs, events, makers of initial
+      states).
 
     **Raises** `InputError` for something that no file can name, or a name that is already there."""
     return _catalog(tuple(also))
@@ -185,10 +187,11 @@ def _catalog(also: tuple[object, ...]) -> Catalog:
         # A thing that is silently ignored would show later as an unknown name in a file.
         before = sum(map(len, named.values()))
         _add(named, kinds, thing, new=True)
-        if sum(map(len, named.values())) == before:
+        if sum(map(len, named.values())) == before and not _is_part(thing):
             raise InputError(
                 f"also holds {thing!r}: it must hold final classes of systems, effects, jumps, "
-                f"conditions or distributions whose fields are quantities, or declared functions."
+                f"conditions, distributions or parts such as steering laws, whose fields are "
+                f"quantities, or declared functions."
             )
     # It stands among the fields of the catalog but is no group of names.
     named.pop("kinds")
@@ -220,6 +223,16 @@ def _add(
     for group, mark in FUNCTIONS.items():
         if inspect.isfunction(thing) and hasattr(thing, mark):
             _name(named[group], thing.__name__, thing, new)
+
+
+def _is_part(thing: object) -> bool:
+    """Whether it is a final class that fields of other objects take, such as a steering law: the
+    kinds of these fields find it among the subclasses of theirs."""
+    if not isinstance(thing, type) or not issubclass(thing, AbstractParameters):
+        return False
+    # Of an abstract class of its own: nothing has a field of parameters in general.
+    special = AbstractParameters not in thing.__bases__
+    return special and getattr(thing, "__final__", False) and object_kind(thing) is not None
 
 
 def _name(group: Group, name: str, thing: object, new: bool) -> None:

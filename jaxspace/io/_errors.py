@@ -1,9 +1,10 @@
 """What is wrong with a scene file, in sentences that name the key, the value, what is allowed and
 the nearest valid name."""
 
-import difflib
 import json
 from collections.abc import Iterable
+
+from ..core import InputError
 
 
 class SceneError(ValueError):
@@ -37,11 +38,7 @@ def shown(value: object) -> str:
     return text if len(text) <= 60 else text[:57] + "..."
 
 
-def hint(name: object, names: Iterable[str]) -> str:
-    """The question for the nearest of `names`, or nothing when none is near."""
-    # Half of the letters in common: `spring` finds `sprung`, and a foreign word finds nothing.
-    near = difflib.get_close_matches(str(name), list(names), n=1, cutoff=0.5)
-    return f" Did you mean {near[0]}?" if near else ""
+hint = InputError.hint
 
 
 def wrong(key: str, value: object, expected: str) -> str:

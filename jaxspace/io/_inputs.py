@@ -2,8 +2,8 @@
 own numbers, and what is given in Python beside it."""
 
 import csv
+import io
 from collections.abc import Iterable, Iterator, Mapping
-from pathlib import Path
 from typing import Any, NamedTuple
 
 from ..core import InputError, Quantity
@@ -13,6 +13,7 @@ from ._control import scatter_errors
 from ._errors import hint, missing, shown, unknown, wrong
 from ._joint_inputs import MadeInput, read_correlated, read_direction
 from ._kinds import Entry, Value, Values
+from ._named_files import NamedFiles
 from ._units import expected, in_unit, read_number, split
 from ._value_kinds import ListOf, Measure, Number
 
@@ -58,8 +59,8 @@ class Input(NamedTuple):
         return found
 
 
-def read_inputs(file: Parsed, folder: Path) -> tuple[dict[str, Input | MadeInput], list[str]]:
-    """For every input how it scatters; or what is wrong. `folder`: where files of values lie."""
+def read_inputs(file: Parsed, files: NamedFiles) -> tuple[dict[str, Input | MadeInput], list[str]]:
+    """For every input how it scatters; or what is wrong. `files`: those of values."""
     numbers = _numbers(file)
     found: dict[str, Input | MadeInput] = {}
     errors = []
@@ -69,7 +70,7 @@ def read_inputs(file: Parsed, folder: Path) -> tuple[dict[str, Input | MadeInput
             errors.append(_unknown_path(f"dispersion.inputs.{path}", path, list(numbers)))
             continue
         try:
-            found[path] = _read(f"dispersion.inputs.{path}", entry, numbers[path], file, folder)
+            found[path] = _read(f"dispersion.inputs.{path}", entry, numbers[path], file, files)
         except ValueError as error:
             errors.append(str(error))
     # After the single inputs, from which a correlation takes its distributions.
@@ -88,12 +89,15 @@ def read_inputs(file: Parsed, folder: Path) -> tuple[dict[str, Input | MadeInput
 
 
 def with_given(
-    known: Mapping[str, Input | MadeInput], given: Mapping[str, Any], file: Parsed, folder: Path
+    known: Mapping[str, Input | MadeInput],
+    given: Mapping[str, Any],
+    file: Parsed,
+    files: NamedFiles,
 ) -> dict[str, Input | MadeInput]:
     """The inputs of the file and those `given` in Python, which come in place of its own.
 
-    `given`: by path a distribution, in SI, or a table as [dispersion.inputs] has it; `folder`:
-    where files of values lie. Raises `InputError`, one line for each thing that is wrong."""
+    `given`: by path a distribution, in SI, or a table as [dispersion.inputs] has it; `files`: those
+    of values. Raises `InputError`, one line for each thing that is wrong."""
     numbers, found = _numbers(file), dict(known)
     errors = [line.removeprefix("dispersion.") for line in scatter_errors(file, given)]
     for path, entry in given.items():
@@ -104,7 +108,7 @@ def with_given(
             found[path] = MadeInput(numbers[path], entry)
         elif isinstance(entry, Mapping):
             try:
-                found[path] = _read(key, entry, numbers[path], file, folder)
+                found[path] = _read(key, entry, numbers[path], file, files)
             except ValueError as error:
                 errors.append(str(error))
         else:
@@ -179,7 +183,7 @@ def _unknown_path(key: str, path: str, paths: list[str]) -> str:
     return sentence.partition(" Did you mean")[0] + hint(path, paths)
 
 
-def _read(key: str, entry: Value, nominal: Measure, file: Parsed, folder: Path) -> Input:
+def _read(key: str, entry: Value, nominal: Measure, file: Parsed, files: NamedFiles) -> Input:
     """Raises `ValueError` with the whole sentence."""
     if not isinstance(entry, Mapping):
         raise ValueError(wrong(key, entry, "a table, such as { deviation = ... }"))
@@ -196,7 +200,7 @@ def _read(key: str, entry: Value, nominal: Measure, file: Parsed, folder: Path) 
         if given not in ("distribution", *fields, *own):
             raise ValueError(unknown(f"{key}.{given}", given, fields, f"key of {name}"))
     numbers: dict[str, Any] = {}
-    entry = _with_file(key, dict(entry), folder) if "file" in entry else entry
+    entry = _with_file(key, dict(entry), files) if "file" in entry else entry
     for field, declared in fields.items():
         if field in entry:
             numbers[field] = _value(f"{key}.{field}", entry[field], nominal, declared)
@@ -214,16 +218,16 @@ def _read(key: str, entry: Value, nominal: Measure, file: Parsed, folder: Path) 
     return Input(nominal, name, numbers, cls)
 
 
-def _with_file(key: str, entry: Values, folder: Path) -> Values:
+def _with_file(key: str, entry: Values, files: NamedFiles) -> Values:
     """The entry with the values of its file: a number a line, or a named column of a CSV file."""
     if "values" in entry or not isinstance(entry["file"], str):
         raise ValueError(wrong(f"{key}.file", entry["file"], "the name of a file, without values"))
-    path, column = folder / entry["file"], entry.get("column")
+    path, column = files.path(entry["file"]), entry.get("column")
     try:
-        with open(path, newline="", encoding="utf-8") as source:
-            lines = list(csv.DictReader(source) if column else csv.reader(source))
-    except OSError as error:
-        raise ValueError(f"{key}.file: {path} cannot be read: {error.strerror}.") from None
+        source = io.StringIO(files.text(entry["file"]), newline="")
+    except ValueError as error:
+        raise ValueError(f"{key}.file: {error}") from None
+    lines = list(csv.DictReader(source) if column else csv.reader(source))
     unit = entry.get("unit", "")
     values = []
     # The head of the columns is line 1.

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from typing import Any, NamedTuple, TypeAlias
 
 from ..core import REQUIRED
+from ._named_files import NamedFiles
 
 # What stands in a file: a table, a list, a number, text or `None`; where objects are built, arrays
 # stand for the numbers. A recursive type would need a cast at every step of a path.
@@ -21,8 +22,11 @@ Schema: TypeAlias = dict[str, object]
 @dataclass
 class Reading:
     """What reading a file finds besides the values: `errors`, the `makers` of objects by path, and
-    the `units` as written, by their unit in SI."""
+    the `units` as written, by their unit in SI.
 
+    `files`: those that it names."""
+
+    files: NamedFiles = field(default_factory=NamedFiles)
     errors: list[str] = field(default_factory=list)
     makers: dict[str, "Maker"] = field(default_factory=dict)
     units: dict[str, str] = field(default_factory=dict)

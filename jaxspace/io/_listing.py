@@ -9,7 +9,7 @@ from ._catalog import Catalog, catalog
 from ._form import form_of, initial_kind, initial_ways, method_kind
 from ._kinds import Entry, Kind, Schema
 from ._table_kinds import Object, Table
-from ._value_kinds import ListOf, Number, OneName
+from ._value_kinds import FilePath, ListOf, Number, OneName
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
@@ -132,6 +132,8 @@ def _unit(entry: Entry) -> str:
         return f" [{kind.quantity.unit or '1'}]"
     if isinstance(kind, OneName):
         return f" ({', '.join(kind.names)})"
+    if isinstance(kind, FilePath):
+        return " (file)"
     return ""
 
 

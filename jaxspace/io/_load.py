@@ -13,6 +13,7 @@ from ._errors import SceneError, unknown
 from ._form import form, kind_of
 from ._inputs import read_inputs
 from ._kinds import Reading, Values
+from ._named_files import NamedFiles
 from ._optimize_table import read_task
 from ._output_entries import read_outputs
 from ._outputs import OutputSpec
@@ -20,27 +21,34 @@ from ._scene_file import SceneFile
 
 
 def load(
-    path: str | os.PathLike[str], also: Iterable[object] = (), *, text: str | None = None
+    path: str | os.PathLike[str],
+    also: Iterable[object] = (),
+    *,
+    text: str | None = None,
+    files: Mapping[str, str] | None = None,
 ) -> SceneFile:
     """The scene file at `path`.
 
     **Arguments**
 
-    - `path`: of a file in TOML.
+    - `path`: of a file in TOML. Files that it names are relative to it.
     - `also`: classes and declared functions that the file may name besides those of the library:
       final systems, effects, jumps, conditions and distributions whose fields are quantities;
       outputs, events and makers of initial states.
+    - `text`: of the file, if it is not to be read.
+    - `files`: texts of files that it names, which then are not read either.
 
     **Returns** the checked file; the system is built when it is asked for.
 
     **Raises** `SceneError`, one line for each thing that is wrong; nothing is compiled before."""
     data, text = _parsed(path, text)
+    named = NamedFiles(Path(path).parent, files)
     known = catalog(also).numbered(_named_effects(data))
     table, errors = form(data, known)
     # Without a form nothing can be read, and every further sentence would be a guess.
     if errors:
         raise SceneError(path, errors)
-    reading = Reading()
+    reading = Reading(named)
     values = table.read(_with_empty_tables(data, known), "", reading)
     if reading.errors:
         raise SceneError(path, reading.errors)
@@ -51,7 +59,7 @@ def load(
         errors = system_errors(file)
     if not errors and values["dispersion"] is not None:
         outputs, errors = read_outputs(file, reading.units)
-        inputs, more = read_inputs(file, Path(path).parent)
+        inputs, more = read_inputs(file, named)
         more = more + _rule_errors(values["dispersion"]["until"], outputs, errors)
         # Both at once: outputs and inputs do not depend on each other.
         errors = errors + more + scatter_errors(file, inputs)
@@ -60,7 +68,7 @@ def load(
         task, errors = read_task(file, reading.units)
     if errors:
         raise SceneError(path, errors)
-    return SceneFile(Path(path), text, file, inputs, outputs, reading.units, task)
+    return SceneFile(Path(path), text, file, inputs, outputs, reading.units, task, named)
 
 
 def _rule_errors(until: Values | None, outputs: tuple[OutputSpec, ...], errors: list) -> list[str]:

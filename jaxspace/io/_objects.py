@@ -2,6 +2,7 @@
 
 declaration                                         in a file
 a field or an argument that is a quantity           a key with a number, or a list of numbers
+an argument that is a `FileName`                    a key with the name of a file
 a field that is another object with quantities      a table, or the number itself if it has one
 a named constructor (`constructor`)                 another way to fill the table of its class
 a field that refers to another effect (`reference`) nothing: the effect is found
@@ -25,6 +26,7 @@ from ..core import (
     AbstractParameters,
     AbstractSystem,
     Choice,
+    FileName,
     Quantity,
     Scalar,
     quantities,
@@ -32,9 +34,9 @@ from ..core import (
 )
 from ._kinds import Entry, Kind, Maker, Value, Values
 from ._table_kinds import Object
-from ._value_kinds import ListOf, Number, OneName
+from ._value_kinds import FilePath, ListOf, Number, OneName
 
-Declared: TypeAlias = Mapping[str, Quantity | Choice]
+Declared: TypeAlias = Mapping[str, Quantity | Choice | FileName]
 
 # What has tables of its own at the top of a file.
 TOP_LEVEL = (AbstractSystem, AbstractEffect, AbstractBody, AbstractController)
@@ -53,10 +55,12 @@ def kind_of_quantity(quantity: Quantity) -> Kind:
     return kind
 
 
-def entry_of(declared: Quantity | Choice) -> Entry:
+def entry_of(declared: Quantity | Choice | FileName) -> Entry:
     """The entry of a table for a declaration."""
     if isinstance(declared, Choice):
         return Entry(OneName(declared.names), declared.default, doc=declared.doc)
+    if isinstance(declared, FileName):
+        return Entry(FilePath(), declared.default, doc=declared.doc)
     kind = kind_of_quantity(declared)
     return Entry(kind, declared.default, declared.shared, declared.doc)
 

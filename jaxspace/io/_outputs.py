@@ -14,7 +14,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from ..core import Scalar, State
+from ..core import InputError, Scalar, State
 from ..dispersion import greatest, least
 from ..simulation import MissionResult
 from ._catalog import OutputFunction
@@ -77,6 +77,19 @@ class Outputs(eqx.Module):
     specs: tuple[OutputSpec, ...] = eqx.field(static=True)
     values: Values
     reference: dict[int, State] | None
+
+    @property
+    def to_check(self) -> "Outputs | None":
+        """Those of functions that are not the library's own: whether they keep runs apart, a
+        campaign looks."""
+        # The library is tested for it; tracing its outputs once more would take its time.
+        own = __name__.partition(".")[0]
+        given = tuple(
+            spec
+            for spec in self.specs
+            if spec.function is not None and spec.function.__module__.partition(".")[0] != own
+        )
+        return Outputs(self.file, given, self.values, self.reference) if given else None
 
     def __call__(self, result: MissionResult, samples: dict[str, Array]) -> dict[str, Array]:
         states, ends = {-1: result.final}, {-1: result.end}
@@ -149,6 +162,33 @@ class Outputs(eqx.Module):
             else:
                 arguments[name] = getattr(y, name)
         return spec.function(**arguments)
+
+
+class MoreOutputs(eqx.Module):
+    """The outputs of a file and, beside them, those of a function that is `given`."""
+
+    own: Outputs
+    given: Callable[[MissionResult, dict[str, Array]], dict[str, Array]]
+
+    @property
+    def to_check(self) -> Any:
+        """The function that is given, whether it keeps runs apart; and what else is to check."""
+        return self.given if self.own.to_check is None else self
+
+    def __call__(self, result: MissionResult, samples: dict[str, Array]) -> dict[str, Array]:
+        own, given = self.own(result, samples), self.given(result, samples)
+        if not isinstance(given, Mapping):
+            raise InputError(
+                f"outputs gives an object of the class {type(given).__name__}: it must give a dict "
+                f"of outputs by name."
+            )
+        for name in own:
+            if name in given:
+                raise InputError(
+                    f"outputs gives {name!r}, which is an output of the file: it must be another "
+                    f"name."
+                )
+        return {**own, **given}
 
 
 def last_state(states: State) -> State:

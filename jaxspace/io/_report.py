@@ -5,22 +5,26 @@ from collections.abc import Mapping, Sequence
 from typing import SupportsFloat, SupportsInt
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
 
 from ..control import LoopRun
-from ..core import State, quantities
+from ..core import InputError, State, quantities
 from ..dispersion import Dispersion
 from ..rotations import Quaternion, to_euler_angles
 from ..simulation import MissionTrajectory, Status, Trajectory
 from ._inputs import measures
-from ._optimum import Optimum
+from ._optimum import Optimum, values_of
+from ._output_entries import applicable_outputs
 from ._scene_file import SceneFile
 from ._units import in_unit
 
 Row = tuple[str, ...]
 # Rounding of a long run leaves no more than this, whatever the estimate says.
 MOST_DIGITS = 12
+# What the table of an optimum has of each phase, as far as the file has all for it.
+OF_PHASES = ("end_time", "altitude", "radius", "speed", "radial_speed")
 
 
 def columns(rows: Sequence[Sequence[str]]) -> str:
@@ -131,9 +135,16 @@ def mission_report(file: SceneFile, run: MissionTrajectory, finer: MissionTrajec
     return "\n".join([*lines, status_line(run.status)])
 
 
-def optimum_report(found: Optimum, confirmed: Sequence[float] = ()) -> str:
+def optimum_report(
+    found: Optimum, confirmed: Sequence[float] = (), run: MissionTrajectory | None = None
+) -> str:
     """The table of an optimum: objective, free numbers, constraints with their multipliers, and why
-    the search ended. `confirmed`: the outputs as a run at the accuracy of the file has them."""
+    the search ended.
+
+    **Arguments**
+
+    - `confirmed`: the outputs as a run at the accuracy of the file has them.
+    - `run`: that run, whose phases make one more table."""
     task, file = found.task, found.file
     # NaN is shown as a dash, where nothing has confirmed the optimum.
     checked = [*confirmed] or [math.nan] * (1 + len(task.demands))
@@ -142,7 +153,7 @@ def optimum_report(found: Optimum, confirmed: Sequence[float] = ()) -> str:
     label = _label(f"{verb} {goal.name}", goal.unit)
     lines = [file.title, columns([
         ("", "found", "confirmed"),
-        (label, number(goal.factor * found.objective), _or_dash(goal.factor * checked[0])),
+        (label, _or_dash(goal.factor * found.objective), _or_dash(goal.factor * checked[0])),
     ])]  # fmt: skip
     held = found.bound_derivatives
     rows: list[Row] = [("free", "start", "optimum", "low", "high", "slope")]
@@ -169,8 +180,32 @@ def optimum_report(found: Optimum, confirmed: Sequence[float] = ()) -> str:
         lines.append(
             f"slope: change of {goal.name} [{goal.unit or '1'}] for one unit of the bound or target"
         )
+    if run is not None:
+        lines.append(columns(_phase_rows(found, run)))
     lines.append(f"relative error of the steps: {found.error:.1e}")
     return "\n\n".join([*lines, found.sentence()])
+
+
+def _phase_rows(found: Optimum, run: MissionTrajectory) -> list[Row]:
+    """For each phase, how its run ended, before its jump: those of a few outputs that the file
+    has all for."""
+    file = found.file
+    known = {s.name: s for s in applicable_outputs(file.parsed, file.units)}
+    chosen = [known[name] for name in OF_PHASES if name in known]
+    head = [_label(s.name, s.unit) for s in chosen]
+    unit = file.units.get("kg", "kg")
+    # Without fuel to burn a body keeps its mass, and states have none.
+    heavy = getattr(run.final, "mass", None) is not None
+    rows: list[Row] = [("phase", *head, *([_label("mass", unit)] if heavy else []))]
+    numbers = file.replaced(file.values, {p: jnp.asarray(x) for p, x in found.values.items()})
+    for k, (name, phase) in enumerate(zip(run.names, run.phases, strict=True)):
+        states, ends = {-1: run.final, k: phase.final}, {-1: run.end, k: phase.ts[-1]}
+        specs = tuple(spec._replace(at=k) for spec in chosen)
+        values = values_of(file, numbers, specs, states, ends)
+        cells = [number(s.factor * x) for s, x in zip(specs, values, strict=True)]
+        own = [number(in_unit("kg", unit) * phase.final.mass)] if heavy else []
+        rows.append((name, *cells, *own))
+    return rows
 
 
 def sensitivity_report(found: Optimum, count: int = 12) -> str:
@@ -190,9 +225,13 @@ def _or_dash(x: float) -> str:
 def dispersion_report(
     result: Dispersion, nominal: Mapping[str, tuple[float, str]], count: int = 3
 ) -> str:
-    """The outputs of a campaign: a table beside their `nominal` values, the `count` inputs that
-    make most of the variance of each, and how the runs ended."""
+    """The outputs of a campaign: a table beside their `nominal` values, how often the requirements
+    are violated, the `count` inputs that make most of the variance of each output, and how the runs
+    ended."""
     lines = [dispersion_table(result, nominal)]
+    requirements = requirement_table(result)
+    if requirements:
+        lines.append(f"\nrequirements\n{requirements}")
     shares = contributor_lines(result, count)
     if shares:
         lines.append(f"\nshares of the variance\n{shares}")
@@ -200,13 +239,29 @@ def dispersion_report(
 
 
 def dispersion_table(result: Dispersion, nominal: Mapping[str, tuple[float, str]]) -> str:
-    """Mean, standard deviation and 99 % limits of every output, beside its nominal value."""
+    """Mean, standard deviation and 99 % limits of every output, beside its nominal value where one
+    is known; below it a line for each output that is not finite in runs that ended well."""
     rows: list[Row] = [("output", "unit", "nominal", "mean", "std dev", "0.5 %", "99.5 %")]
-    for row in result.table():
+    table = result.table()
+    for row in table:
         numbers = (row.shown(x) for x in (row.mean, row.std, row.low, row.high))
-        own = row.shown(nominal[row.name][0])
+        # An output that was given in Python has no nominal value here.
+        own = row.shown(nominal[row.name][0]) if row.name in nominal else "-"
         rows.append((row.name, row.unit, own, *numbers))
-    return columns(rows)
+    doubts = [sentence for row in table if (sentence := row.doubt())]
+    return "\n".join([columns(rows), *([""] if doubts else []), *doubts])
+
+
+def requirement_table(result: Dispersion) -> str:
+    """How often each requirement is violated, with its interval; empty without requirements. A
+    failed run counts as a violation."""
+    rows: list[Row] = [("output", "required", "violated", "share", "with 95 % confidence")]
+    for name, found in result.violations().items():
+        required = f"{result.required(name)} {result.units.get(name, '')}".rstrip()
+        share, low, high = (f"{100.0 * x:.3g} %" for x in (found.value, found.low, found.high))
+        count = f"{found.count} of {found.runs}"
+        rows.append((name, required, count, share, f"{low} to {high}"))
+    return columns(rows) if len(rows) > 1 else ""
 
 
 def contributor_lines(result: Dispersion, count: int = 3) -> str:
@@ -216,7 +271,12 @@ def contributor_lines(result: Dispersion, count: int = 3) -> str:
         return ""
     rows = []
     for name in result.outputs:
-        shares = result.contributors(name, count).shares
+        try:
+            shares = result.contributors(name, count).shares
+        # Of an output that is finite in few of the runs.
+        except InputError:
+            rows.append((name, "too few runs in which it is finite"))
+            continue
         # Shares below a percent are noise of the sampling.
         told = [f"{path} {100.0 * s:.0f} %" for path, s in shares.items() if s >= 0.01]
         rows.append((name, ", ".join(told)))
@@ -227,8 +287,9 @@ def contributor_lines(result: Dispersion, count: int = 3) -> str:
 
 
 def status_lines(result: Dispersion) -> str:
-    """How many runs ended well, and each bad end with its sentence."""
+    """How many runs ended well, how many are still to come, and each bad end with its sentence."""
     lines = [f"{int(np.count_nonzero(result.good))} of {result.runs} runs ended well."]
+    lines += [result.lacking] if result.lacking else []
     lines += [
         f"{f.count} {'run' if f.count == 1 else 'runs'} failed: {f.sentence}" for f in result.failed
     ]

@@ -4,7 +4,7 @@ for many."""
 import dataclasses
 import functools
 import warnings
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, final
 
@@ -25,19 +25,28 @@ from ..dispersion import (
 )
 from ..optimization import Progress
 from ..scene import Scene
-from ..simulation import Accuracy, Event, Mission, MissionTrajectory, Trajectory, simulate
+from ..simulation import (
+    Accuracy,
+    Event,
+    Mission,
+    MissionResult,
+    MissionTrajectory,
+    Trajectory,
+    simulate,
+)
 from ._build import build_effects, build_mission, build_state, replaced
 from ._checks import Parsed
 from ._control import is_noisy
 from ._inputs import Input, with_given
 from ._joint_inputs import MadeInput
 from ._kinds import Values
+from ._named_files import NamedFiles
 from ._nominal import nominal_states, outputs_of
 from ._objects import Building, Runs
 from ._optimize_table import Task
 from ._optimum import Optimum, optimise
 from ._output_entries import applicable_outputs
-from ._outputs import Outputs, OutputSpec, needs_nominal
+from ._outputs import MoreOutputs, Outputs, OutputSpec, needs_nominal
 
 NOISE = "control.noise"
 """The input from which the noise of the sensors of a run follows."""
@@ -54,7 +63,8 @@ class SceneFile:
     - `inputs`: for every dispersed number how it scatters.
     - `outputs`: what is kept of each run of a campaign.
     - `units`: for each unit of SI the first other one in which the file gives a number.
-    - `task`: what [optimize] asks for, or `None`."""
+    - `task`: what [optimize] asks for, or `None`.
+    - `files`: those that the file names."""
 
     path: Path
     text: str
@@ -63,6 +73,7 @@ class SceneFile:
     outputs: tuple[OutputSpec, ...]
     units: dict[str, str]
     task: Task | None = None
+    files: NamedFiles = dataclasses.field(default_factory=lambda: NamedFiles(Path()))
 
     @property
     def kind(self) -> str:
@@ -187,6 +198,7 @@ class SceneFile:
         nominal: MissionTrajectory | None = None,
         *,
         inputs: Mapping[str, object] | None = None,
+        outputs: Callable[[MissionResult, dict[str, Array]], dict[str, Array]] | None = None,
         warn: bool = True,
         runs: int | None = None,
     ) -> Campaign:
@@ -199,6 +211,8 @@ class SceneFile:
         - `inputs`: what scatters besides [dispersion], or otherwise than it says: by the path of a
           number of the file a distribution, whose numbers are in SI, or a table as
           [dispersion.inputs] has it, such as `{"deviation": "2 km"}`.
+        - `outputs`: a function of a `MissionResult` and the inputs that gives more outputs, each
+          (runs,), by name, as `Campaign.outputs` does, beside those of the file.
         - `warn`: whether to warn of what the file allows and hardly means (`doubts`).
         - `runs`: how many there will be, if not what the file says; a Latin hypercube is made for
           them.
@@ -206,7 +220,9 @@ class SceneFile:
         **Raises** `InputError` without [dispersion], and for inputs that the file does not have."""
         # Raises where there is no [dispersion], before the nominal run is simulated for nothing.
         self._dispersion()
-        scatters = with_given(self.inputs, inputs or {}, self.parsed, self.path.parent)
+        # A copy: what is given for one campaign is no file of another one.
+        files = NamedFiles(self.files.folder, self.files.texts)
+        scatters = with_given(self.inputs, inputs or {}, self.parsed, files)
         for doubt in _doubts(scatters) if warn else ():
             warnings.warn(doubt, stacklevel=2)
         if nominal is None and needs_nominal(self.outputs):
@@ -214,10 +230,11 @@ class SceneFile:
         reference = None if nominal is None else nominal_states(nominal)
         limits = {path: how.nominal.quantity for path, how in scatters.items()}
         units = {path: quantity.unit for path, quantity in limits.items()}
+        own = Outputs(self, self.outputs, self._numbers({}), reference)
         return Campaign(
             _Build(self, self._numbers({})),
             {path: how.distribution() for path, how in scatters.items()} | self._noise(),
-            Outputs(self, self.outputs, self._numbers({}), reference),
+            own if outputs is None else MoreOutputs(own, outputs),
             units | {spec.name: spec.unit for spec in self.outputs},
             self.start,
             self.text,
@@ -225,6 +242,7 @@ class SceneFile:
             self._design(self.runs if runs is None else runs),
             {spec.name: spec.required for spec in self.outputs if spec.required != (None, None)},
             self._along,
+            files.texts,
         )
 
     @property
@@ -234,19 +252,29 @@ class SceneFile:
         extremes = any(spec.take for spec in self.outputs)
         return self._dispersion()["extreme_samples"] if extremes else 2
 
-    def optimize(self, progress: Progress | None = None) -> Optimum:
+    def optimize(
+        self,
+        progress: Progress | None = None,
+        *,
+        start: Mapping[str, float] | None = None,
+        steps: int | None = None,
+    ) -> Optimum:
         """The best values of the free numbers of the file, as [optimize] asks for.
 
         **Arguments**
 
         - `progress`: called after each step with its number, objective, violation and gradient.
+        - `start`: the free numbers at which the search begins, SI, by path, as `Optimum.values`; by
+          default those of the file.
+        - `steps`: integration steps of each phase, in place of those of the file.
 
-        **Returns** an `Optimum`, whose `minimum.converged` says whether it is one.
+        **Returns** an `Optimum`, whose `converged` says whether it is one as far as the search
+        knows; `Optimum.judged` holds it against a run at the accuracy of the file.
 
         **Raises** `InputError` without [optimize], or where the gradient is not the slope."""
         if self.task is None:
             raise InputError("optimize is missing: it must be a table with free numbers for this.")
-        return optimise(self, self.task, progress)
+        return optimise(self, self.task, progress, start, steps)
 
     def _noise(self) -> dict[str, Uniform]:
         """What the noise of each run of a campaign follows from, as one more input."""

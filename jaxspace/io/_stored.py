@@ -1,8 +1,5 @@
 """The scene file that a stored campaign came from."""
 
-import tempfile
-from pathlib import Path
-
 from ..core import InputError
 from ..dispersion import Dispersion
 from ._load import load
@@ -17,7 +14,5 @@ def stored_scene(dispersion: Dispersion) -> SceneFile:
     text = str(dispersion.attributes.get("description", ""))
     if "[dispersion" not in text:
         raise InputError("the record holds no scene file: the campaign was made in Python.")
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "scene.toml"
-        path.write_text(text, encoding="utf-8")
-        return load(path)
+    path = str(dispersion.attributes.get("scene_file", "scene.toml"))
+    return load(path, text=text, files=dispersion.attributes.get("files"))

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from ..core import REQUIRED
 from ._errors import missing, unknown, wrong
 from ._kinds import Entry, Kind, Maker, Reading, Schema, Value
+from ._named_files import NamedFiles
 from ._value_kinds import Number
 
 
@@ -73,7 +74,7 @@ class Object(Kind):
     ways: tuple[Maker, ...]
 
     def read(self, value: object, path: str, reading: Reading) -> Value:
-        found = [self._attempt(way, value, path) for way in self.ways]
+        found = [self._attempt(way, value, path, reading.files) for way in self.ways]
         # The first way without an error; else the one in which the fewest keys are wrong, so that
         # the sentences are about the way that is meant.
         best = min(range(len(found)), key=lambda k: found[k][2])
@@ -85,9 +86,11 @@ class Object(Kind):
         reading.take(trial)
         return values
 
-    def _attempt(self, way: Maker, value: object, path: str) -> tuple[Value, Reading, int]:
+    def _attempt(
+        self, way: Maker, value: object, path: str, files: NamedFiles
+    ) -> tuple[Value, Reading, int]:
         # Each way reads into its own findings: those of the ways that are not meant are dropped.
-        trial = Reading()
+        trial = Reading(files)
         if way.bare and not isinstance(value, Mapping):
             values = way.first.kind.read(value, path, trial)
         else:

@@ -1,4 +1,5 @@
-"""Kinds of single values and of lists: numbers with units, whole numbers, names, text."""
+"""Kinds of single values and of lists: numbers with units, whole numbers, names, text,
+files."""
 
 import math
 from dataclasses import dataclass
@@ -126,6 +127,27 @@ class Text(Kind):
 
     def schema(self) -> Schema:
         return {"type": "string"}
+
+
+@dataclass(frozen=True, eq=False)
+class FilePath(Kind):
+    """The name of a file that can be read, relative to the scene file."""
+
+    def read(self, value: object, path: str, reading: Reading) -> Value:
+        if not isinstance(value, str):
+            reading.errors.append(wrong(path, value, self.expected()))
+            return None
+        try:
+            return reading.files.file(value, path)
+        except ValueError as error:
+            reading.errors.append(f"{path}: {error}")
+            return None
+
+    def expected(self) -> str:
+        return "the name of a file, relative to this one"
+
+    def schema(self) -> Schema:
+        return {"type": "string", "description": self.expected()}
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,0 +1,42 @@
+"""The warnings about a campaign and its store, as lines on the error output."""
+
+import sys
+import warnings
+from collections.abc import Callable
+from typing import Any
+
+from ..dispersion import DamagedStore
+
+UNFINISHED = ".* planned runs are in the store"
+"""How a warning of an unfinished store reads, which every report says in its own place."""
+
+
+def _print(line: str) -> None:
+    print(line, file=sys.stderr)
+
+
+class told:
+    """Tells the warnings for users as sentences, without the place in the source that gave them.
+
+    `write`: what takes a line; by default it is printed on the error output."""
+
+    def __init__(self, write: Callable[[str], None] = _print):
+        self.write = write
+        self.context = warnings.catch_warnings()
+
+    def __enter__(self) -> None:
+        self.context.__enter__()
+        before = warnings.showwarning
+
+        def show(message: Any, category: Any, *more: Any, **options: Any) -> None:
+            if issubclass(category, UserWarning):
+                self.write(str(message))
+            else:
+                before(message, category, *more, **options)
+
+        warnings.simplefilter("always", DamagedStore)
+        warnings.filterwarnings("ignore", UNFINISHED)
+        warnings.showwarning = show
+
+    def __exit__(self, *error: Any) -> None:
+        self.context.__exit__(*error)

@@ -1,0 +1,66 @@
+"""The files that a scene file names, such as tables of measured values: read once and kept, so that
+a stored campaign needs none of them."""
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+
+@dataclass(frozen=True)
+class NamedFile(os.PathLike[str]):
+    """A file by its path, whose text is known: what reads it need not open it."""
+
+    path: Path
+    text: str
+
+    def __fspath__(self) -> str:
+        return str(self.path)
+
+    def __str__(self) -> str:
+        return str(self.path)
+
+    def read_text(self, encoding: str | None = None, errors: str | None = None) -> str:
+        """The text, as `Path.read_text` has it."""
+        del encoding, errors
+        return self.text
+
+
+class NamedFiles:
+    """The files that a scene file names, by the name that it gives them.
+
+    Whatever reads such a file asks here for it: a campaign then keeps its text in its store, and
+    takes it from there.
+
+    - `folder`: that of the scene file, where names begin.
+    - `texts`: of the files that have been read, or that a store has kept.
+    - `entries`: of the scene file that name a file, by their path."""
+
+    def __init__(self, folder: Path | None = None, texts: Mapping[str, str] | None = None):
+        self.folder = Path() if folder is None else folder
+        self.texts = dict(texts or {})
+        self.entries: dict[str, NamedFile] = {}
+
+    def text(self, name: str) -> str:
+        """The text of a file. Raises `ValueError` with the path of one that cannot be read."""
+        if name not in self.texts:
+            path = self.path(name)
+            try:
+                data = path.read_bytes()
+            except (OSError, ValueError) as error:
+                # A name with a zero byte is a `ValueError`.
+                reason = error.strerror if isinstance(error, OSError) else error
+                raise ValueError(f"{path} cannot be read: {reason}.") from None
+            # With the mark of Unicode that spreadsheets write; a comment may be in any encoding.
+            self.texts[name] = data.decode("utf-8-sig", errors="replace")
+        return self.texts[name]
+
+    def file(self, name: str, entry: str) -> NamedFile:
+        """The file that this entry of the scene names. Raises `ValueError` as `text` does."""
+        self.entries[entry] = NamedFile(self.path(name), self.text(name))
+        return self.entries[entry]
+
+    def path(self, name: str) -> Path:
+        """Where a file lies."""
+        # Absolute: where the program runs may change before it is named again.
+        return (self.folder / name).absolute()
