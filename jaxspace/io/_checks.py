@@ -16,7 +16,8 @@ TRANSLATION = frozenset({"position", "velocity"})
 CALLS_FOR = {"force": TRANSLATION, "acceleration": TRANSLATION, "torque": ROTATION}
 
 
-@dataclasses.dataclass(frozen=True)
+# Compared and hashed by identity, because campaigns hold it as a static field.
+@dataclasses.dataclass(frozen=True, eq=False)
 class Parsed:
     """A file whose entries are right by themselves: its kind, values, and ways to make objects."""
 

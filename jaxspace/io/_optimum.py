@@ -1,11 +1,8 @@
-"""The search that [optimize] asks for, its report, and the file of the optimum.
-
-The run is `simulation.fly_compact`, which compiles in seconds; the optimum is confirmed by a run at
-the accuracy of the file, and given up where that one has other numbers.
-"""
+"""What a search found: its numbers, why it ended, and whether a run at the accuracy of the file
+confirms it."""
 
 import dataclasses
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any, final
 
 import jax
@@ -13,17 +10,16 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from ..core import InputError, State
-from ..optimization import Criterion, Minimum, StopReason, minimise
-from ..simulation import MissionTrajectory, Status, fly_compact
-from ._build import build_mission, replaced
+from ..core import InputError
+from ..optimization import Minimum, StopReason
+from ..simulation import MissionTrajectory
+from ._build import replaced
+from ._flown_task import criterion, failed_phase, values_of
 from ._inputs import measures
-from ._objects import Runs
-from ._optimize_table import OWN_TABLES, Demand, Free, Task
-from ._outputs import Outputs, OutputSpec
-from ._units import read_number
+from ._optimize_table import OWN_TABLES, Task
+from ._optimum_file import with_numbers
+from ._outputs import OutputSpec
 
-Numbers = Mapping[str, float]
 # Of an output, by which the steps of the search may be off: far below what a design asks of a first
 # search, far above what sound steps leave, of which 40 a phase reach 1e-5.
 MISS = 1e-3
@@ -209,167 +205,12 @@ class Optimum:
 
     def text(self) -> str:
         """The scene file with the optimum in place of its free numbers, comments and units kept."""
-        # Only this function needs the library that keeps comments.
-        import tomlkit
-
-        document = tomlkit.parse(self.file.text)
-        for free in self.task.free:
-            # A bare number is SI, whatever the table of the report shows.
-            factor = free.factor if free.start.unit else 1.0
-            number = _written(self.values[free.path], free, factor)
-            _put(document, free.path.split("."), number)
-        # The text may be written into another folder, where a relative name would find nothing.
-        for path, named in self.file.files.entries.items():
-            _put(document, path.split("."), str(named.path))
-        return tomlkit.dumps(document)
-
-
-def optimise(
-    file: Any,
-    task: Task,
-    progress: Callable | None = None,
-    start: Numbers | None = None,
-    steps: int | None = None,
-) -> Optimum:
-    """The optimum that the `task` asks for; see `SceneFile.optimize`."""
-    table = file.values["optimize"]
-    each: int = table["steps"] if steps is None else steps
-    given = {free.path: float(free.start) for free in task.free} if start is None else start
-    x0 = {path: jnp.asarray(float(x)) for path, x in given.items()}
-    bounds = (
-        {free.path: jnp.asarray(free.low) for free in task.free},
-        {free.path: jnp.asarray(free.high) for free in task.free},
-    )
-    found = minimise(
-        lambda x: criterion(file, task, x, each),
-        x0,
-        bounds=bounds,
-        method=table["method"],
-        tolerance=table["tolerance"],
-        max_steps=table["max_steps"],
-        scale={free.path: jnp.asarray(_size(free)) for free in task.free},
-        progress=progress,
-    )
-    objective, constraints, error, happened = found.criterion.report
-    numbers = tuple(float(x) for x in constraints)
-    met = tuple(bool(x) for x in happened)
-    made = Optimum(file, task, found, float(objective), numbers, float(error), each, met)
-    if int(found.reason) == StopReason.NOT_FINITE:
-        return dataclasses.replace(made, doubt=_failed_start(made))
-    return made
-
-
-def _failed_start(found: Optimum) -> str:
-    """Why the flight from the start of a search has no finite numbers, in words; empty where that
-    is not the flight's fault."""
-    # The search itself keeps of a flight only its ends.
-    run = found.file.nominal_mission(samples=2)
-    bad = failed_phase(run)
-    if bad:
-        return f"The flight from the start: {bad}"
-    missed = [name for name, met in zip(run.names, found.happened, strict=True) if not met]
-    if not missed:
-        return ""
-    return (
-        f"Phase {missed[0]} misses its event with {found.steps} steps, and meets it at the "
-        f"accuracy of the file: raise optimize.steps."
-    )
-
-
-def failed_phase(run: MissionTrajectory) -> str:
-    """The first phase of a flight that ended badly, with the sentence of its status; or nothing."""
-    for name, phase in zip(run.names, run.phases, strict=True):
-        status = Status(int(phase.status))
-        if not status.good:
-            return f"{name} ended badly. {status.sentence}"
-    return ""
-
-
-def criterion(file: Any, task: Task, x: Mapping[str, Array], steps: int) -> Criterion:
-    """Objective and constraints of the run with the numbers `x` at their paths."""
-    values = replaced(file.values, x)
-    mission, y0 = build_mission(file.parsed, values, Runs())
-    flight = fly_compact(mission, y0, file.start, steps=steps)
-    states = {-1: flight.final, **{k: p.before for k, p in enumerate(flight.phases)}}
-    ends = {-1: flight.end, **{k: p.ts[-1] for k, p in enumerate(flight.phases)}}
-    specs = (task.objective, *(d.spec for d in task.demands))
-    objective, *numbers = values_of(file, values, specs, states, ends)
-    equal = [v - d.target for v, d in zip(numbers, task.demands, strict=True) if d.limit == "equal"]
-    above = [
-        _margin(v, d) for v, d in zip(numbers, task.demands, strict=True) if d.limit != "equal"
-    ]
-    happened = jnp.stack([p.happened for p in flight.phases])
-    # A phase that misses its event ends anywhere: the search turns back.
-    reported, objective = objective, jnp.where(jnp.all(happened), objective, jnp.nan)
-    return Criterion(
-        task.sign * objective,
-        jnp.stack(equal) if equal else None,
-        jnp.stack(above) if above else None,
-        report=(reported, numbers, flight.error, happened),
-    )
-
-
-def values_of(
-    file: Any,
-    values: Any,
-    specs: tuple[OutputSpec, ...],
-    states: dict[int, State],
-    ends: dict[int, Array],
-) -> list[Array]:
-    """The outputs, SI, from the states and the times, s, at the end of each phase (-1: of all)."""
-    # Outputs are written for runs on the last axis: this is a batch of one.
-    batch, times = jax.tree.map(lambda x: jnp.asarray(x)[..., None], (states, ends))
-    # By number, for an objective may be constrained too.
-    named = tuple(s._replace(name=str(k), factor=1.0) for k, s in enumerate(specs))
-    found = Outputs(file, named, values, None).numbers(batch, times, {})
-    return [found[spec.name][0] for spec in named]
-
-
-def _margin(value: Array, demand: Demand) -> Array:
-    return value - demand.target if demand.limit == "at_least" else demand.target - value
-
-
-def _size(free: Any) -> float:
-    if free.scale is not None:
-        return free.scale
-    # Without bounds there is no span: the number's own size stands in, at least one.
-    span = free.high - free.low
-    return span if np.isfinite(span) else max(abs(float(free.start)), 1.0)
+        return with_numbers(self.file, self.task, self.values)
 
 
 def _multipliers(minimum: Minimum) -> tuple[np.ndarray, np.ndarray]:
+    """Those of the equalities and of the inequalities, empty where there are none."""
     dual = minimum.multipliers
-    none = np.zeros(0)
-    equal, above = dual.equal_zero, dual.non_negative
-    return none if equal is None else np.asarray(equal), none if above is None else np.asarray(
-        above
-    )
-
-
-def _written(value: float, free: Free, factor: float) -> str | float:
-    """A number as the file writes it: with its unit where it had one."""
-    value, written = min(max(value, free.low), free.high), 0.0
-    # More digits than a search knows, and none of the rounding by a change of unit; all of them
-    # only at a bound, beyond which the file could not be read again.
-    for digits in (12, 15, 16, 17):
-        number = float(f"{factor * value:.{digits}g}")
-        written = f"{number!r} {free.start.unit}" if free.start.unit else number
-        if free.low <= read_number(written, free.start.quantity)[0] <= free.high:
-            break
-    return written
-
-
-def _put(table: Any, path: list[str], value: str | float) -> None:
-    """Set the entry at a path of a document; tables on the way are made where there are none."""
-    for step, following in zip(path[:-1], path[1:], strict=True):
-        # A step of digits is an index in lists alone: a table may have such a key.
-        key: Any = int(step) if step.isdigit() and isinstance(table, list) else step
-        if not isinstance(table, list) and key not in table:
-            if following.isdigit():
-                raise InputError(f"{'.'.join(path)} has its default: write the list into the file.")
-            table[key] = {}
-        table = table[key]
-    last: Any = int(path[-1]) if isinstance(table, list) else path[-1]
-    if not isinstance(table, list | dict):
-        raise InputError(f"{'.'.join(path)} cannot be written: its table is given by one number.")
-    table[last] = value
+    equal = np.zeros(0) if dual.equal_zero is None else np.asarray(dual.equal_zero)
+    above = np.zeros(0) if dual.non_negative is None else np.asarray(dual.non_negative)
+    return equal, above

@@ -14,8 +14,9 @@ from ..core import InputError, State, quantities
 from ..dispersion import Dispersion
 from ..rotations import Quaternion, to_euler_angles
 from ..simulation import MissionTrajectory, Status, Trajectory
+from ._flown_task import values_of
 from ._inputs import measures
-from ._optimum import Optimum, values_of
+from ._optimum import Optimum
 from ._output_entries import applicable_outputs
 from ._scene_file import SceneFile
 from ._units import in_unit

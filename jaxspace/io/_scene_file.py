@@ -16,13 +16,7 @@ from jaxtyping import Array
 from ..bodies import AbstractBody, AbstractEffect
 from ..control import ClosedLoop, LoopRun
 from ..core import AbstractSystem, InputError, State
-from ..dispersion import (
-    Campaign,
-    LatinHypercube,
-    Sobol,
-    StopRule,
-    Uniform,
-)
+from ..dispersion import Campaign, StopRule
 from ..optimization import Progress
 from ..scene import Scene
 from ..simulation import (
@@ -36,24 +30,22 @@ from ..simulation import (
 )
 from ._build import build_effects, build_mission, build_state, replaced
 from ._checks import Parsed
-from ._control import is_noisy
 from ._inputs import Input, with_given
 from ._joint_inputs import MadeInput
 from ._kinds import Values
 from ._named_files import NamedFiles
 from ._nominal import nominal_states, outputs_of
 from ._objects import Building, Runs
+from ._optimise import optimise
 from ._optimize_table import Task
-from ._optimum import Optimum, optimise
+from ._optimum import Optimum
 from ._output_entries import applicable_outputs
 from ._outputs import MoreOutputs, Outputs, OutputSpec, needs_nominal
-
-NOISE = "control.noise"
-"""The input from which the noise of the sensors of a run follows."""
+from ._scene_campaign import NOISE, campaign_of, design_of, doubts_of
 
 
 @final
-# Compared and hashed by identity, because `_Build` holds it as a static field.
+# Compared and hashed by identity, because outputs hold it as a static field.
 @dataclasses.dataclass(frozen=True, eq=False)
 class SceneFile:
     """A checked scene file: what moves, from where, when, how accurately, and what scatters.
@@ -219,31 +211,19 @@ class SceneFile:
 
         **Raises** `InputError` without [dispersion], and for inputs that the file does not have."""
         # Raises where there is no [dispersion], before the nominal run is simulated for nothing.
-        self._dispersion()
+        asked = self._dispersion()
         # A copy: what is given for one campaign is no file of another one.
         files = NamedFiles(self.files.folder, self.files.texts)
         scatters = with_given(self.inputs, inputs or {}, self.parsed, files)
-        for doubt in _doubts(scatters) if warn else ():
+        for doubt in doubts_of(scatters) if warn else ():
             warnings.warn(doubt, stacklevel=2)
         if nominal is None and needs_nominal(self.outputs):
             nominal = self.nominal_mission()
         reference = None if nominal is None else nominal_states(nominal)
-        limits = {path: how.nominal.quantity for path, how in scatters.items()}
-        units = {path: quantity.unit for path, quantity in limits.items()}
         own = Outputs(self, self.outputs, self._numbers({}), reference)
-        return Campaign(
-            _Build(self, self._numbers({})),
-            {path: how.distribution() for path, how in scatters.items()} | self._noise(),
-            own if outputs is None else MoreOutputs(own, outputs),
-            units | {spec.name: spec.unit for spec in self.outputs},
-            self.start,
-            self.text,
-            limits,
-            self._design(self.runs if runs is None else runs),
-            {spec.name: spec.required for spec in self.outputs if spec.required != (None, None)},
-            self._along,
-            files.texts,
-        )
+        every = own if outputs is None else MoreOutputs(own, outputs)
+        design = design_of(asked["sampling"], self.runs if runs is None else runs)
+        return campaign_of(self, scatters, every, design, self._along, files.texts)
 
     @property
     def _along(self) -> int:
@@ -276,21 +256,10 @@ class SceneFile:
             raise InputError("optimize is missing: it must be a table with free numbers for this.")
         return optimise(self, self.task, progress, start, steps)
 
-    def _noise(self) -> dict[str, Uniform]:
-        """What the noise of each run of a campaign follows from, as one more input."""
-        whole = Uniform(0.0, 1.0)  # pyright: ignore[reportArgumentType]  # converted by its fields
-        return {NOISE: whole} if is_noisy(self.values) else {}
-
-    def _design(self, runs: int) -> LatinHypercube | Sobol | None:
-        """Where so many runs lie among the inputs."""
-        made = {"latin_hypercube": lambda: LatinHypercube(runs), "sobol": Sobol}
-        name = self._dispersion()["sampling"]
-        return made[name]() if name in made else None
-
     def doubts(self) -> tuple[str, ...]:
         """What the file allows and hardly means, a sentence each: a range without the nominal
         value, more than one draw of a thousand that will be refused."""
-        return _doubts(self.inputs)
+        return doubts_of(self.inputs)
 
     def nominal_mission(self, samples: int | None = None, factor: float = 1.0) -> MissionTrajectory:
         """The nominal run as a mission, at the accuracy of the file times `factor`; a bad end is
@@ -351,20 +320,3 @@ class SceneFile:
 
     def _building(self, values: Values, runs: Runs | None = None) -> Building:
         return Building(values, self.parsed.makers, Runs() if runs is None else runs)
-
-
-def _doubts(inputs: Mapping[str, Input | MadeInput]) -> tuple[str, ...]:
-    return tuple(line for path, how in inputs.items() for line in how.doubts(path))
-
-
-class _Build(eqx.Module):
-    """The `build` of a campaign. The numbers of the file are leaves: another number compiles
-    nothing again."""
-
-    file: SceneFile = eqx.field(static=True)
-    values: Values
-
-    def __call__(self, samples: dict[str, Array]) -> tuple[Mission, State]:
-        runs = next(iter(samples.values())).shape[0]
-        numbers = replaced(self.values, samples)
-        return build_mission(self.file.parsed, numbers, Runs(runs), samples.get(NOISE))

@@ -11,6 +11,7 @@ from ._bounds import Bounds
 from ._criterion import Minimum, farthest
 from ._drive import drive
 from ._infeasibility import least_violation
+from ._multipliers_state import Descent, Evaluation, Options, begin, scaled_numbers
 from ._scaling import ScaledProblem
 from ._search import Common, taken_up
 
@@ -30,21 +31,21 @@ def by_multipliers(
     def inside(q: Array) -> Array:
         return limits.inside(q) if bounded else q
 
-    state = multipliers.begin(
+    state = begin(
         q0, scaled.size, scaled.me, scaled.mi, scaled.blank, max_rounds, adam_steps, common.check
     )
     if before is not None:
         state = taken_up(before, state)._replace(judged=jnp.asarray(False))
-    options = multipliers.Options(common.tolerance, max_steps, adam_rate, farthest(state.x))
+    options = Options(common.tolerance, max_steps, adam_rate, farthest(state.x))
 
-    def evaluate(s: multipliers.Descent) -> multipliers.Evaluation:
+    def evaluate(s: Descent) -> Evaluation:
         z, to_free = jax.vjp(inside, s.trial)
         values, pull, criterion = jax.vjp(scaled.numbers, z, has_aux=True)
         total, along = multipliers.wanted(s, values, options)
         # In z, where the slope is what a bound takes; in the free numbers it is zero there.
         (held,) = pull(along)
         (slopes,) = to_free(held)
-        return multipliers.Evaluation(total, slopes, held, values, criterion)
+        return Evaluation(total, slopes, held, values, criterion)
 
     last, interrupted = drive(
         evaluate,
@@ -56,7 +57,7 @@ def by_multipliers(
     slope = last.held if bounded else jnp.zeros_like(last.held)
     z = inside(last.x)
     y, nu = multipliers.violations(last.values, last)
-    _, c, d = multipliers.scaled_numbers(last.values, last)
+    _, c, d = scaled_numbers(last.values, last)
     largest = jnp.maximum(jnp.max(jnp.abs(c), initial=0.0), jnp.max(-d, initial=0.0))
     least = least_violation(z, last.outward, c @ y - d @ nu, largest, (scaled.low, scaled.high))
     astray = multipliers.astray(last, options)

@@ -1,0 +1,72 @@
+"""The flight of a search: objective and constraints of [optimize] from the free numbers.
+
+The run is `simulation.fly_compact`, which compiles in seconds."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from ..core import State
+from ..optimization import Criterion
+from ..simulation import MissionTrajectory, Status, fly_compact
+from ._build import build_mission, replaced
+from ._objects import Runs
+from ._optimize_table import Demand, Task
+from ._outputs import Outputs, OutputSpec
+
+
+def criterion(file: Any, task: Task, x: Mapping[str, Array], steps: int) -> Criterion:
+    """Objective and constraints of the run with the numbers `x` at their paths."""
+    values = replaced(file.values, x)
+    mission, y0 = build_mission(file.parsed, values, Runs())
+    flight = fly_compact(mission, y0, file.start, steps=steps)
+    states = {-1: flight.final, **{k: p.before for k, p in enumerate(flight.phases)}}
+    ends = {-1: flight.end, **{k: p.ts[-1] for k, p in enumerate(flight.phases)}}
+    specs = (task.objective, *(d.spec for d in task.demands))
+    objective, *numbers = values_of(file, values, specs, states, ends)
+    equal = [v - d.target for v, d in zip(numbers, task.demands, strict=True) if d.limit == "equal"]
+    above = [
+        _margin(v, d) for v, d in zip(numbers, task.demands, strict=True) if d.limit != "equal"
+    ]
+    happened = jnp.stack([p.happened for p in flight.phases])
+    # A phase that misses its event ends anywhere: the search turns back.
+    reported, objective = objective, jnp.where(jnp.all(happened), objective, jnp.nan)
+    return Criterion(
+        task.sign * objective,
+        jnp.stack(equal) if equal else None,
+        jnp.stack(above) if above else None,
+        report=(reported, numbers, flight.error, happened),
+    )
+
+
+def values_of(
+    file: Any,
+    values: Any,
+    specs: tuple[OutputSpec, ...],
+    states: dict[int, State],
+    ends: dict[int, Array],
+) -> list[Array]:
+    """The outputs, SI, from the states and the times, s, at the end of each phase (-1: of all)."""
+    # Outputs are written for runs on the last axis: this is a batch of one.
+    batch, times = jax.tree.map(lambda x: jnp.asarray(x)[..., None], (states, ends))
+    # By number, for an objective may be constrained too.
+    named = tuple(s._replace(name=str(k), factor=1.0) for k, s in enumerate(specs))
+    found = Outputs(file, named, values, None).numbers(batch, times, {})
+    return [found[spec.name][0] for spec in named]
+
+
+def failed_phase(run: MissionTrajectory) -> str:
+    """The first phase of a flight that ended badly, with the sentence of its status; or nothing."""
+    for name, phase in zip(run.names, run.phases, strict=True):
+        status = Status(int(phase.status))
+        if not status.good:
+            return f"{name} ended badly. {status.sentence}"
+    return ""
+
+
+def _margin(value: Array, demand: Demand) -> Array:
+    """What is left of an inequality, negative where it is violated."""
+    return value - demand.target if demand.limit == "at_least" else demand.target - value

@@ -1,0 +1,74 @@
+"""The search that [optimize] asks for."""
+
+import dataclasses
+from collections.abc import Mapping
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+
+from ..optimization import Progress, StopReason, minimise
+from ._flown_task import criterion, failed_phase
+from ._optimize_table import Free, Task
+from ._optimum import Optimum
+
+
+def optimise(
+    file: Any,
+    task: Task,
+    progress: Progress | None = None,
+    start: Mapping[str, float] | None = None,
+    steps: int | None = None,
+) -> Optimum:
+    """The optimum that the `task` asks for; see `SceneFile.optimize`."""
+    table = file.values["optimize"]
+    each: int = table["steps"] if steps is None else steps
+    given = {free.path: float(free.start) for free in task.free} if start is None else start
+    x0 = {path: jnp.asarray(float(x)) for path, x in given.items()}
+    bounds = (
+        {free.path: jnp.asarray(free.low) for free in task.free},
+        {free.path: jnp.asarray(free.high) for free in task.free},
+    )
+    found = minimise(
+        lambda x: criterion(file, task, x, each),
+        x0,
+        bounds=bounds,
+        method=table["method"],
+        tolerance=table["tolerance"],
+        max_steps=table["max_steps"],
+        scale={free.path: jnp.asarray(_size(free)) for free in task.free},
+        progress=progress,
+    )
+    objective, constraints, error, happened = found.criterion.report
+    numbers = tuple(float(x) for x in constraints)
+    met = tuple(bool(x) for x in happened)
+    made = Optimum(file, task, found, float(objective), numbers, float(error), each, met)
+    if int(found.reason) == StopReason.NOT_FINITE:
+        return dataclasses.replace(made, doubt=_failed_start(made))
+    return made
+
+
+def _failed_start(found: Optimum) -> str:
+    """Why the flight from the start of a search has no finite numbers, in words; empty where that
+    is not the flight's fault."""
+    # The search itself keeps of a flight only its ends.
+    run = found.file.nominal_mission(samples=2)
+    bad = failed_phase(run)
+    if bad:
+        return f"The flight from the start: {bad}"
+    missed = [name for name, met in zip(run.names, found.happened, strict=True) if not met]
+    if not missed:
+        return ""
+    return (
+        f"Phase {missed[0]} misses its event with {found.steps} steps, and meets it at the "
+        f"accuracy of the file: raise optimize.steps."
+    )
+
+
+def _size(free: Free) -> float:
+    """By what a free number is scaled, SI."""
+    if free.scale is not None:
+        return free.scale
+    # Without bounds there is no span: the number's own size stands in, at least one.
+    span = free.high - free.low
+    return span if np.isfinite(span) else max(abs(float(free.start)), 1.0)

@@ -1,0 +1,88 @@
+"""The campaign that [dispersion] of a scene file asks for."""
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import equinox as eqx
+from jaxtyping import Array
+
+from ..core import State
+from ..dispersion import Campaign, LatinHypercube, Sobol, Uniform
+from ..simulation import Mission, MissionResult
+from ._build import build_mission, replaced
+from ._checks import Parsed
+from ._control import is_noisy
+from ._inputs import Input
+from ._joint_inputs import MadeInput
+from ._kinds import Values
+from ._objects import Runs
+
+NOISE = "control.noise"
+"""The input from which the noise of the sensors of a run follows."""
+
+
+def campaign_of(
+    file: Any,
+    scatters: Mapping[str, Input | MadeInput],
+    outputs: Callable[[MissionResult, dict[str, Array]], dict[str, Array]],
+    design: LatinHypercube | Sobol | None,
+    along: int,
+    texts: Mapping[str, str],
+) -> Campaign:
+    """The campaign of a `SceneFile`.
+
+    **Arguments**
+
+    - `file`: the scene file, whose module imports this one.
+    - `scatters`: how each input scatters, by its path.
+    - `outputs`: what is kept of each run.
+    - `design`: where the runs lie; at random if `None`.
+    - `along`: states of each phase that the outputs read.
+    - `texts`: of the files that the scene names."""
+    limits = {path: how.nominal.quantity for path, how in scatters.items()}
+    units = {path: quantity.unit for path, quantity in limits.items()}
+    inputs = {path: how.distribution() for path, how in scatters.items()}
+    return Campaign(
+        _Build(file.parsed, replaced(file.values, {})),
+        inputs | _noise(file.values),
+        outputs,
+        units | {spec.name: spec.unit for spec in file.outputs},
+        file.start,
+        file.text,
+        limits,
+        design,
+        {spec.name: spec.required for spec in file.outputs if spec.required != (None, None)},
+        along,
+        dict(texts),
+    )
+
+
+def design_of(sampling: str, runs: int) -> LatinHypercube | Sobol | None:
+    """Where so many runs lie among the inputs, by the name that the file gives it."""
+    if sampling == "latin_hypercube":
+        return LatinHypercube(runs)
+    return Sobol() if sampling == "sobol" else None
+
+
+def doubts_of(inputs: Mapping[str, Input | MadeInput]) -> tuple[str, ...]:
+    """What inputs allow and hardly mean, a sentence each."""
+    return tuple(line for path, how in inputs.items() for line in how.doubts(path))
+
+
+def _noise(values: Values) -> dict[str, Uniform]:
+    """What the noise of each run follows from, as one more input."""
+    whole = Uniform(0.0, 1.0)  # pyright: ignore[reportArgumentType]  # converted by its fields
+    return {NOISE: whole} if is_noisy(values) else {}
+
+
+class _Build(eqx.Module):
+    """The `build` of a campaign. The numbers of the file are leaves: another number compiles
+    nothing again."""
+
+    parsed: Parsed = eqx.field(static=True)
+    values: Values
+
+    def __call__(self, samples: dict[str, Array]) -> tuple[Mission, State]:
+        runs = next(iter(samples.values())).shape[0]
+        numbers = replaced(self.values, samples)
+        return build_mission(self.parsed, numbers, Runs(runs), samples.get(NOISE))
