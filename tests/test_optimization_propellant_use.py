@@ -6,10 +6,13 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from scipy.optimize import brentq
+from jaxtyping import Array
+from scipy.integrate import quad
+from scipy.optimize import brentq, fsolve
 
 from jaxspace.core import InputError
 from jaxspace.optimization import (
+    AbstractThrustAcceleration,
     Ascent,
     ConstantThrustAcceleration,
     Criterion,
@@ -93,6 +96,54 @@ def test_the_slope_of_the_steering_is_no_free_constant():
     np.testing.assert_allclose([loss(0.99), loss(1.01)], 4.2 / 20**2, rtol=0.01)
 
 
+@pytest.mark.parametrize(("angle", "climb", "guess"), [(30.0, 4e5, 170.0), (60.0, 5e4, 60.0)])
+def test_a_use_that_is_earlier_gains_velocity(angle, climb, guess):
+    """Errata 29 and 30: dU = C_2 int Phi dV dt with C_2 = tan(phi_0)/T and Phi = sin(phi), which
+    keeps its sign. So dU is positive for a thrust downwards, too, where both are negative. A burn
+    of 40 s, of which a gain dV = eps sin^2(pi t/40 s) comes earlier, steered anew by SciPy."""
+    burn = 40.0
+
+    @jax.jit
+    def flown(x, eps):
+        """Velocity, time and height of the apex for tan phi = x_0 (1 - t/(100 s x_1))."""
+        ascent = Ascent(Earlier(eps), burn, 3000.0, 0.0, climb, G)
+        steering = lambda t: jnp.arctan(x[0] * (1.0 - 0.01 * t / x[1]))  # noqa: E731
+        end = burnout_state(ascent, jnp.asarray(np.radians(angle)), steering)
+        return end.u, *apex(ascent, end)
+
+    def best(eps):
+        def miss(x):
+            _, T, height = flown(x, eps)
+            return [0.01 * T - x[1], height / climb - 1.0]
+
+        first = [0.3 * np.sign(climb - 2e5), 0.01 * guess]
+        x, _, ok, text = fsolve(miss, first, full_output=True, xtol=1e-13)
+        assert ok == 1, text
+        return x, float(flown(x, eps)[0])
+
+    (tangent, T), _ = best(0.0)
+    T = 100.0 * T
+    assert T > burn and (tangent < 0.0) == (angle == 60.0)
+    gains = [best(eps)[1] for eps in (-1.0, 1.0)]
+
+    def integrand(t):
+        return np.sin(np.arctan(tangent * (1.0 - t / T))) * np.sin(np.pi * t / burn) ** 2
+
+    expected = tangent / T * quad(integrand, 0.0, burn)[0]
+    assert expected > 0.0
+    # The rounding of the velocities is 1e-11 of their difference; their third derivative, less.
+    np.testing.assert_allclose(0.5 * (gains[1] - gains[0]), expected, rtol=1e-6)
+
+
+class Earlier(AbstractThrustAcceleration):
+    """15,000 ft/s in 40 s, of which the gain eps sin^2(pi t/40 s), ft/s, comes earlier."""
+
+    eps: Array
+
+    def __call__(self, t):
+        return GAIN / 40.0 + self.eps * jnp.pi / 40.0 * jnp.sin(2.0 * jnp.pi * t / 40.0)
+
+
 def test_no_time_of_flight_is_better():
     """Against all times on a grid, for climbs and descents, rising and sinking releases."""
     climbs, speeds = (x.ravel() for x in np.meshgrid([-3e5, -1e3, 0.0, 1e3, 2e5], [-900.0, 1500.0]))
@@ -107,6 +158,10 @@ def test_no_time_of_flight_is_better():
     # The grid comes near every optimum: that of Y = y_0 in free fall lies at T = 0.
     np.testing.assert_allclose(best.final_velocity, reached, rtol=2e-4)
     np.testing.assert_array_equal(best.degenerate, (climbs == 0.0) & (speeds > 0.0))
+    # Erratum 30: at the lower altitude, also where the impulse points downwards.
+    up, down = climbs > 0.0, climbs < 0.0
+    assert np.all(best.first[up] == 15000.0) and np.all(best.last[down] == 15000.0)
+    assert best.first_angle[up & (climbs == 1e3) & (speeds > 0.0)] < 0.0
 
 
 def test_degenerate_and_infeasible_cases_are_reported():

@@ -109,9 +109,10 @@ def test_bound():
     ],
 )
 def test_equal_stages(stages, payload_ratio):
-    # T8.2-P1, 1e-11
+    # T8.2-P1, 1e-11; erratum 26: the mass ratio of two stages is 3.8411 and not 3.85
     found = optimal_staging(np.full(stages, 9660.0), np.full(stages, 0.12), 26000.0)
     np.testing.assert_allclose(found.payload_ratio, payload_ratio, rtol=1e-11)
+    np.testing.assert_allclose(found.mass_ratio, 3.8411 ** (2.0 / stages), rtol=1e-5)
 
 
 def test_many_equal_stages():

@@ -325,6 +325,28 @@ def test_more_thrust_lowers_the_burnout_and_raises_the_top():
     np.testing.assert_allclose(jax.jacfwd(flight)(n)[1:], slopes, rtol=1e-12)
 
 
+def test_no_speed_at_burnout_is_stationary():
+    """Erratum 23, to the text after 8.1-14: no I, thrust over weight R and mass ratio mu make dv
+    vanish. The slopes of v = I g [ln mu - (1 - 1/mu)/R], by hand: that by mu has the sign of
+    R mu - 1, thrust over weight at the burnout, and the others are positive in every flight."""
+    I, g = 300.0, 32.2
+    R, mu = (x.ravel() for x in np.meshgrid([0.5, 1.0, 1.5, 3.0], [1.2, 2.0, 5.0, 100.0]))
+
+    def speed(x):
+        I, R, mu = x
+        return vertical_burnout_velocity(I * g, mu, I / R * (1.0 - 1.0 / mu), g)
+
+    slopes = jax.vmap(jax.grad(speed), -1, -1)(jnp.stack([I + 0.0 * R, R, mu]))
+    share = (1.0 - 1.0 / mu) / R
+    expected = [g * (np.log(mu) - share), I * g * share / R, I * g / mu * (1.0 - 1.0 / (R * mu))]
+    # In roundings of the terms, whose difference vanishes at R mu = 1.
+    np.testing.assert_allclose(slopes, expected, rtol=1e-13, atol=1e-12 * I * g)
+    assert np.all(slopes[1] > 0.0) and np.all(slopes[0][R >= 1.0] > 0.0)
+    falls, rises = R * mu < 1.0, R * mu > 1.0
+    assert np.all(slopes[2][falls] < 0.0) and np.all(slopes[2][rises] > 0.0)
+    assert falls.any() and not (falls | rises).all()
+
+
 def test_a_coast_from_the_speed_of_escape_on_has_no_end():
     # The speed of escape from the surface of this earth is 36,694 ft/s.
     assert np.isinf(coast_height(4.0e4, 0.0, 32.2, 3960.0 * MILE))

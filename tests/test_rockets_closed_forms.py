@@ -114,6 +114,24 @@ def test_a_vertical_start_stays_vertical_with_finite_slopes():
         gravity_turn(1.0, 1.5, 9.8, 50.0, 0.0)
 
 
+def test_gravity_turn_of_a_burning_rocket():
+    """T8.5-var2 by the system of four numbers: the end, and its slopes by the angle at the start,
+    which grow beyond 40."""
+    case = next(c for c in thomson_8.CASES if c.id == "T8.5-var2")
+    n, rate, g, v0, psi0 = (case.given[k] for k in ("n", "rate", "g", "v0", "psi0"))
+
+    def burnt(psi):
+        y0 = GravityTurnState(*numbers(v0), psi, *numbers(0.0, 0.0))
+        end = simulate(GravityTurn(n, g, rate), y0, jnp.array([0.0, 110.0]), accuracy=1e-12).final
+        state = jnp.stack([end.speed, end.angle, end.range, end.height])
+        return state, state
+
+    slopes, state = jax.jacfwd(burnt, has_aux=True)(jnp.asarray(psi0))
+    v, _, x, y, psi, by_psi, v_by_psi, y_by_psi = case.expected.values()
+    np.testing.assert_allclose(state, [v, psi, x, y], rtol=1e-10)
+    np.testing.assert_allclose(slopes[jnp.array([0, 1, 3])], [v_by_psi, by_psi, y_by_psi], 1e-9)
+
+
 def test_gravity_turn_of_a_burning_rocket_in_air_over_a_round_earth():
     """The full system against an integration in Cartesian axes."""
     n, g, a, R, b, rho0, H = 1.4, 9.8, 1.0 / 180.0, 6.4e6, 8000.0, 1.2, 7000.0
@@ -303,8 +321,13 @@ def test_complex_angle_of_attack():
         np.testing.assert_allclose(complex(*found), body, rtol=1e-13, atol=1e-16)
         found = angle_of_attack(q, jnp.array([0.0, 0.0, 3.0]))
         np.testing.assert_allclose(found, theta, rtol=1e-13, atol=1e-16)
-    with pytest.raises(InputError, match="axes is 'air'"):
-        complex_angle_of_attack(q, "air")
+    rocket = SpinningRocket(10.0, 1.0 / 125.0, 2.0)
+    for refused in (
+        lambda: complex_angle_of_attack(q, "air"),
+        lambda: rocket.angle_of_attack(jnp.asarray(40.0), jnp.array([0.02, 0.0]), axes="air"),
+    ):
+        with pytest.raises(InputError, match="axes is 'air': it must be one of inertial, body"):
+            refused()
 
     def of_turn(vector):
         return complex_angle_of_attack(Quaternion.from_rotation_vector(vector))

@@ -47,13 +47,25 @@ def test_burnout_at_a_mass_ratio_of_a_thousand():
 
 
 def test_thrust_that_jumps_between_the_times_that_are_saved():
-    """Ignition and burnout lie within one interval, and nothing of the impulse is lost."""
-    run = burn(200e3, 0.731, 40.117, jnp.array([0.0, 30.0, 100.0]))
+    """Ignition and burnout lie within one interval, and nothing of the impulse is lost; the
+    height has the slopes of the closed form by thrust, burn time and ignition."""
+    ts = jnp.array([0.0, 30.0, 100.0])
+    run = burn(200e3, 0.731, 40.117, ts)
     burnt = 200e3 * 0.731 / U
     np.testing.assert_allclose(run.final.mass, START - burnt, rtol=1e-12)
     gain = U * np.log(START / (START - burnt))
     np.testing.assert_allclose(run.final.velocity[2], gain, rtol=1e-11)
     np.testing.assert_array_equal(run.states.velocity[:, 1], np.zeros(3))
+
+    def exact(x):
+        thrust, time, ignition = x
+        ratio = START / (START - thrust * time / U)
+        way = U * time * (1.0 - jnp.log(ratio) / (ratio - 1.0))
+        return way + U * jnp.log(ratio) * (100.0 - ignition - time)
+
+    x = jnp.array([200e3, 0.731, 40.117])
+    slopes = jax.grad(lambda x: burn(*x, ts).final.position[2])(x)
+    np.testing.assert_allclose(slopes, jax.grad(exact)(x), rtol=1e-8)
 
 
 def test_without_thrust_nothing_moves_and_slopes_are_finite():

@@ -25,6 +25,12 @@ from ..rotations import Quaternion
 AXES = ("inertial", "body")
 
 
+def check_axes(axes: str) -> None:
+    """Raises `InputError` where `axes` is none of `AXES`."""
+    if axes not in AXES:
+        raise InputError(f"axes is {axes!r}: it must be one of {', '.join(AXES)}.")
+
+
 def complex_angle_of_attack(
     attitude: Quaternion, axes: str = "inertial"
 ) -> Float[Array, "2 *#runs"]:
@@ -40,8 +46,7 @@ def complex_angle_of_attack(
 
     **Raises** `InputError` for other axes.
     """
-    if axes not in AXES:
-        raise InputError(f"axes is {axes!r}: it must be one of {', '.join(AXES)}.")
+    check_axes(axes)
     inertial = axes == "inertial"
     # Seen from the body the inertial axes stand at (pi - phi, theta, pi - psi).
     s = (attitude if inertial else attitude.inverse()).rotate(

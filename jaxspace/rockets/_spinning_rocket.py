@@ -37,6 +37,7 @@ from ..core import (
     constructor,
     quantity,
 )
+from ._angle_of_attack import check_axes
 from ._jet_damping import _power, spin_angle
 
 # Nodes of one panel, and the panels of the quadrature of the angle of attack.
@@ -145,7 +146,10 @@ class SpinningRocket(AbstractParameters):
 
         **Returns** real and imaginary part, by quadrature with a thousand nodes: to rounding as
         long as the slow angle r^2 Phi stays below 500 rad and some of the mass is left.
+
+        **Raises** `InputError` for other axes.
         """
+        check_axes(axes)
         time, rate = as_float(time), as_float(rate)
         rank = max(jnp.ndim(time), *(jnp.ndim(x) for x in (self.spin, self.burn_fraction_rate)))
         edges = (np.arange(PANELS)[:, None] + 0.5 * (1.0 + _NODES)) / PANELS

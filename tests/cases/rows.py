@@ -246,8 +246,8 @@ CHAPTER_8 = (
         "rockets.vertical_burnout_velocity rockets.vertical_burnout_height rockets.coast_height",
     ),
     Row(
-        *("8.1 Fig. 2", "Velocity and total height over the thrust ratio", "T8.1-Fig2"),
-        "rockets.coast_height",
+        *("8.1 Fig. 2", "Speed at burnout over the share of the mass that is left", "T8.1-Fig2"),
+        "rockets.vertical_burnout_velocity",
     ),
     Row(
         *("8.2", "Staging: shares of the velocity, stages that vanish, their number", "T8.2"),
@@ -267,9 +267,12 @@ CHAPTER_8 = (
     ),
     Row(
         *("8.5", "Gravity turn at a constant thrust ratio, with n = 1 and n = 1/2", "T8.5"),
-        "rockets.GravityTurn",
+        "rockets.GravityTurn rockets.gravity_turn rockets.gravity_turn_after",
     ),
-    Row("8.5 var.", "Gravity turn with a ratio that changes with the mass", "T8.5-var"),
+    Row(
+        *("8.5 var.", "Gravity turn with a ratio that changes with the mass", "T8.5-var"),
+        "rockets.GravityTurn rockets.SteeredThrust rockets.AlongVelocity",
+    ),
 )
 
 CHAPTER_6 = (

@@ -54,7 +54,7 @@ def loss(eps, k):
     return best.final_velocity - burnout_state(ascent, angle, steering).u
 
 
-eps = jnp.linspace(-0.1, 0.1, 15)
+eps = jnp.linspace(-0.1, 0.1, 25)
 for k in (1, 2, 3):
     right.plot(eps, [loss(float(e), k) for e in eps], label=f"k = {k}")
 right.set_xticks([-0.1, -0.05, 0.0, 0.05, 0.1])

@@ -17,7 +17,7 @@ from jaxspace.rockets import (
 jaxspace.enable_x64()
 n, g, v0 = 1.5, 9.81, 120.0
 
-figure, axes = plt.subplots(figsize=(5.4, 4.6))
+figure, axes = plt.subplots(figsize=(5.8, 4.0))
 for degrees in (2, 5, 10, 20, 30):
     start = jnp.radians(degrees)
     angle = jnp.linspace(start, jnp.radians(85.0), 200)
