@@ -27,7 +27,8 @@ class Replay(eqx.Module):
     - `inputs`, `outputs`: by name; the outputs of the trajectory, whose steps are adaptive, agree
       with those of the campaign to the tolerance.
     - `trajectory`: the phases, with as many states as were asked for.
-    - `refusal`: why a run is refused; its trajectory then is that of the inputs all the same."""
+    - `refusal`: why a run is refused; its trajectory then is that of the inputs all the same, where
+      they have one."""
 
     number: int
     seed: int
@@ -68,12 +69,19 @@ def replay(campaign: Any, number: int, seed: int, accuracy: Accuracy, num_saved:
     except RAISED as error:
         raise _error(campaign, number, samples, accuracy, error) from error
     result, outputs, configs = found
-    mission, _ = campaign.build(samples)
+    refusal = campaign.refusal(inputs)
+    try:
+        mission, _ = campaign.build(samples)
+    except InputError as error:
+        # Told by the name of the input, and not by that of the formula that meets it.
+        if refusal:
+            raise InputError(f"Run {number} is refused: {refusal}") from error
+        raise
     trajectory = mission_trajectory_of(result, mission, configs, 1).of(0)
     found = {name: float(x[0]) for name, x in outputs.items()}
     # Outputs of a compiled function are sorted by name; the units have the order of the file.
     ordered = {name: found[name] for name in campaign.units if name in found} | found
-    return Replay(number, seed, inputs, ordered, trajectory, campaign.refusal(inputs))
+    return Replay(number, seed, inputs, ordered, trajectory, refusal)
 
 
 def _error(
