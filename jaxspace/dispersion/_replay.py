@@ -15,7 +15,7 @@ from ..simulation import MissionTrajectory
 from ..simulation._mission_runs import MissionResult, run_mission
 from ..simulation._simulate import mission_trajectory_of, resolve_phases
 from ._along import saved_states, thinned
-from ._isolation import RAISED, reason
+from ._isolation import RAISED, callbacks, reason
 from ._outputs import outputs_of, raised
 
 
@@ -65,7 +65,8 @@ def replay(campaign: Any, number: int, seed: int, accuracy: Accuracy, num_saved:
     )
     inputs = {name: float(samples[name][0]) for name in campaign.inputs}
     try:
-        found = jax.block_until_ready(_fly(campaign, accuracy, samples, num_saved))
+        with callbacks():
+            found = jax.block_until_ready(_fly(campaign, accuracy, samples, num_saved))
     except RAISED as error:
         raise _error(campaign, number, samples, accuracy, error) from error
     result, outputs, configs = found
@@ -92,7 +93,8 @@ def _error(
     # Without outputs, to tell whether it is one of them that raises.
     bare = dataclasses.replace(campaign, outputs=_no_outputs)
     try:
-        result, _, _ = jax.block_until_ready(_fly(bare, accuracy, samples, 0))
+        with callbacks():
+            result, _, _ = jax.block_until_ready(_fly(bare, accuracy, samples, 0))
     except RAISED:
         return SimulationError(
             f"{what} cannot be run: a function of the campaign raises an error ({reason(error)})."
