@@ -17,6 +17,7 @@ from test_campaigns import child, write
 from jaxspace.cli import main
 from jaxspace.dispersion import Dispersion, disperse, open_store
 from jaxspace.io import SceneFile, dispersion_report, failures_report, load
+from jaxspace.simulation import Status
 
 # The command line settles JAX for its own process.
 pytestmark = pytest.mark.usefixtures("settings_stay")
@@ -145,6 +146,12 @@ def test_replay_flies_one_run_again(store, tmp_path, capsys):
     assert (tmp_path / "a" / "coast_run_17_coast.png").exists()
     assert main(["replay", str(store), "--run", "1200"]) == 2
     assert "--run is 1200: it must be from 0 to 1199." in capsys.readouterr().err
+    # One that `failures` lists: it cannot be flown, and the reason is the one that stands there.
+    refused = np.flatnonzero(kept.status == Status.REFUSED)[0]
+    assert main(["replay", str(store), "--run", str(refused)]) == 2
+    told = capsys.readouterr().err
+    value = f"{kept.inputs['initial.orbit.eccentricity'][refused]:.6g}"
+    assert f"Run {refused} is refused: initial.orbit.eccentricity is {value}: it must be" in told
 
 
 def test_states_at_chosen_times(tmp_path, capsys):

@@ -41,7 +41,7 @@ from jaxspace.dispersion._columns import columns_of
 from jaxspace.dispersion._lock import Lock
 from jaxspace.dispersion._run_results import RunResults
 from jaxspace.dispersion._store_writer import StoreWriter
-from jaxspace.simulation import Mission, Phase, Status
+from jaxspace.simulation import Accuracy, Mission, Phase, Status
 
 HERE = Path(__file__).parent
 RUNS, CHUNK, SEED = 2200, 512, 11  # four chunks and a shorter one
@@ -536,6 +536,17 @@ def test_the_owner_of_a_stale_lock_is_named(copy):
 # ------------------------------------------------------------------------------------- single runs
 
 
+def calling(change):
+    """`swing`, whose rates are what a function of NumPy makes of them."""
+
+    def build(samples):
+        w = samples["w"]
+        w = jax.pure_callback(change, jax.ShapeDtypeStruct(w.shape, w.dtype), w)
+        return swing({**samples, "w": w})
+
+    return Campaign(build, INPUTS, last, CAMPAIGN.units)
+
+
 def raising(limit):
     """`swing`, by a function that raises an error for rates above the limit."""
 
@@ -544,12 +555,12 @@ def raising(limit):
             raise ValueError("too fast")
         return w
 
-    def build(samples):
-        w = samples["w"]
-        w = jax.pure_callback(refuse, jax.ShapeDtypeStruct(w.shape, w.dtype), w)
-        return swing({**samples, "w": w})
+    return calling(refuse)
 
-    return Campaign(build, INPUTS, last, CAMPAIGN.units)
+
+def replacing(rate):
+    """`swing` with this rate in place of those above a limit."""
+    return lambda limit: calling(lambda w: np.where(w > limit, rate, w))
 
 
 def test_a_run_that_raises_costs_its_own_row(whole):
@@ -565,14 +576,31 @@ def test_a_run_that_raises_costs_its_own_row(whole):
     np.testing.assert_allclose(d.outputs["x"][~fast], there[~fast], rtol=0.0, atol=1e-8)
 
 
+BAD_RUNS = {
+    "raises": (raising, Status.RAISED),
+    "is not a number": (replacing(np.nan), Status.NOT_FINITE),
+    # 300 rad of an oscillation, by steps of less than a radian.
+    "never ends": (replacing(100.0), Status.MAX_STEPS),
+}
+
+
 @pytest.mark.sweep
-def test_runs_beside_one_that_raises_keep_their_bits():
-    """Where no pilot raises the plan is the same."""
-    alone, among = fly(campaign=raising(np.inf), runs=600), fly(campaign=raising(2.25), runs=600)
-    fast = among.status == Status.RAISED
-    assert 0 < fast.sum() < 20 and not np.any(fast[:15])
-    for name in alone.outputs:
-        np.testing.assert_array_equal(among.outputs[name][~fast], alone.outputs[name][~fast])
+@pytest.mark.parametrize("kind", BAD_RUNS)
+def test_runs_beside_a_bad_one_keep_their_bits(kind):
+    """Where it is none of the first 512, by which the steps are planned."""
+    make, status = BAD_RUNS[kind]
+    accuracy = Accuracy(rtol=1e-9, max_steps=200)
+    alone, among = (fly(campaign=make(limit), accuracy=accuracy) for limit in (np.inf, 2.3))
+    fast = among.inputs["w"] > 2.3
+    assert 0 < fast.sum() < 10 and not np.any(fast[:512]) and alone.good.all()
+    np.testing.assert_array_equal(among.status[fast], status)
+    assert among.good[~fast].all()
+    for name in CAMPAIGN.units:
+        np.testing.assert_array_equal(among.values(name)[~fast], alone.values(name)[~fast])
+    # A bad run keeps its inputs, and has no number.
+    for name in INPUTS:
+        np.testing.assert_array_equal(among.inputs[name], alone.inputs[name])
+    assert all(np.all(np.isnan(x[fast])) for x in among.outputs.values())
 
 
 @final

@@ -98,13 +98,14 @@ print(status, sorted(jax._src.xla_bridge._backends))
 
 
 @pytest.mark.parametrize(
-    "wrong", [["--runs", "0"], ["--runs", "many"], ["--seed", "-1"], ["--chunk", "0"]]
+    "wrong, least",
+    [(["--runs", "0"], 1), (["--runs", "many"], 1), (["--seed", "-1"], 0), (["--chunk", "0"], 1)],
 )
-def test_bad_options_end_with_status_2(capsys, wrong):
+def test_bad_options_end_with_status_2(capsys, wrong, least):
     with pytest.raises(SystemExit) as ending:
         main(["disperse", "scene.toml", *wrong])
     assert ending.value.code == 2
-    assert "it must be a whole number" in capsys.readouterr().err
+    assert f"it must be a whole number from {least} to" in capsys.readouterr().err
 
 
 def test_no_dispersion_to_fly(tmp_path, capsys):

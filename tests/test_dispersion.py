@@ -196,6 +196,12 @@ def test_an_output_may_not_have_the_name_of_an_input():
         disperse(clash, 5)
 
 
+def test_inputs_in_words_have_their_units_where_they_have_one():
+    inputs = {"x0": Constant(1.0), "share": Constant(0.5)}
+    campaign = Campaign(swings, inputs, last, {"x0": "m", "share": ""})
+    assert campaign.text() == "x0 [m]: constant, value 1\nshare: constant, value 0.5"
+
+
 def test_a_draw_depends_on_seed_number_and_name_alone(key):
     alone = Campaign(drifts, {"v0": INPUTS["v0"]}, last).samples(key, jnp.array([600, 3]))
     beside = SWINGS.samples(key, jnp.arange(700))

@@ -253,3 +253,9 @@ def test_the_report_says_when_a_hypercube_is_not_complete():
     assert told(8).endswith(
         "8 of 20 runs of a Latin hypercube: only all of them together lie evenly."
     )
+
+
+def test_every_report_says_that_a_campaign_has_ended_itself(ended):
+    kept = open_store(ended)
+    words = f"{kept.runs} runs are enough, until the 95 % limit of x is known to 3 %."
+    assert kept.ending == words and status_lines(kept).splitlines()[-1] == words

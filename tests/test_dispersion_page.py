@@ -100,6 +100,8 @@ def test_page_holds_card_limits_and_failures(tmp_path):
     assert sum(shown["counts"]) == 989 and shown["nominal"] == 46000.0
     assert shown["low"] < shown["mean"] < shown["high"]
     assert data["histograms"][LONG]["required"] == [181.0]
+    found = dispersion(1000).violations()[LONG]
+    assert all(f"<td>{100.0 * x:.3g} %</td>" in page for x in (found.value, found.high))
     # What only rounds has one bin, no contributors, and a table row.
     assert data["histograms"]["constant"]["counts"] == [989]
     assert data["contributors"]["constant"]["inputs"] == []

@@ -167,8 +167,6 @@ def _fly_and_report(
             )
     own = file.nominal_outputs(nominal)
     print(dispersion_report(result, own))
-    if result.enough is not None:
-        print(f"{result.enough} runs are enough, {how['until'].text()}.")
     print(_times(result))
     methods = file.compare if compare is None else compare
     if methods:

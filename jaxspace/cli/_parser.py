@@ -217,20 +217,17 @@ def _positive(text: str) -> float:
 
 
 def _count(text: str) -> int:
-    number = _whole(text)
-    if number < 1:
-        raise argparse.ArgumentTypeError(f"it is {text}: it must be a whole number above zero.")
-    return number
+    return _whole(text, 1)
 
 
-def _whole(text: str) -> int:
+def _whole(text: str, least: int = 0) -> int:
     try:
         number = int(text)
     except ValueError:
         number = -1
     # Fits 32 bits, signed or not: without double precision jax has no wider integers.
-    if not 0 <= number < 2**31:
+    if not least <= number < 2**31:
         raise argparse.ArgumentTypeError(
-            f"it is {text}: it must be a whole number from zero to 2147483647."
+            f"it is {text}: it must be a whole number from {least} to 2147483647."
         )
     return number

@@ -136,15 +136,17 @@ class Campaign(eqx.Module):
         **Returns** a `Replay`: inputs, outputs and the trajectory. A run that fails says so in its
         status.
 
-        **Raises** `InputError` for a number below zero, and `SimulationError` where a function of
-        the campaign that is called back raises an error."""
+        **Raises** `InputError` for a number below zero and for a refused run whose mission cannot
+        be built, and `SimulationError` where a function of the campaign that is called back raises
+        an error."""
         return replay(self, number, seed, as_accuracy(accuracy), num_saved)
 
     def text(self) -> str:
         """The inputs in words, one a line, and where the runs lie among them."""
-        lines = [
-            f"{name} [{self.units.get(name, '')}]: {d.text()}" for name, d in self.inputs.items()
-        ]
+        lines = []
+        for name, distribution in self.inputs.items():
+            unit = f" [{self.units[name]}]" if self.units.get(name) else ""
+            lines.append(f"{name}{unit}: {distribution.text()}")
         # In the text, because a store of another design is one of another campaign.
         if self.design is not None:
             lines.append(f"design: {type(self.design).__name__}")

@@ -1,6 +1,7 @@
 """Runs that raise an error: found by halving, so that they cost their own rows alone."""
 
-from collections.abc import Callable
+import contextlib
+from collections.abc import Callable, Iterator
 from typing import TypeVar
 
 import jax
@@ -14,12 +15,29 @@ T = TypeVar("T")
 RAISED = jax.errors.JaxRuntimeError
 
 
-def isolate(call: Callable[[np.ndarray], T], count: int) -> T:
-    """`call(flown)` with as many of `count` runs flown as raise no error.
+@contextlib.contextmanager
+def callbacks() -> Iterator[None]:
+    """Raise `RAISED` for an error of a function that is called back, of whatever class."""
+    try:
+        yield
+    except Exception as error:
+        # The same text comes as a ValueError at times.
+        if isinstance(error, RAISED) or "CpuCallback error" not in str(error):
+            raise
+        raise RAISED(str(error)) from error
 
-    `call` computes the runs that are flown, (count,); the others take the nominal inputs.
+
+def isolate(function: Callable[[np.ndarray], T], count: int) -> T:
+    """`function(flown)` with as many of `count` runs flown as raise no error.
+
+    `function` computes the runs that are flown, (count,); the others take the nominal inputs.
 
     **Raises** `SimulationError` where an error is raised without any of these runs as well."""
+
+    def call(flown: np.ndarray) -> T:
+        with callbacks():
+            return function(flown)
+
     flown = np.ones(count, bool)
     try:
         return call(flown)

@@ -14,7 +14,7 @@ from ..core import InputError
 from ..integration import SimulationError, Status
 from ..simulation._mission_runs import MissionResult
 from ..simulation._run_result import RunResult
-from ._isolation import RAISED, isolate, reason
+from ._isolation import RAISED, callbacks, isolate, reason
 
 RESERVED = ("run", "status", "evaluations")
 """Names of the variables that every store has."""
@@ -203,7 +203,8 @@ def raised(
     # One after the other, to find the one that raises.
     for name in eqx.filter_eval_shape(outputs_of, campaign, result, samples):
         try:
-            jax.block_until_ready(_one(campaign, result, samples, name))
+            with callbacks():
+                jax.block_until_ready(_one(campaign, result, samples, name))
         except RAISED as own:
             return SimulationError(
                 f"{what} cannot be run: the output {name!r} raises an error ({reason(own)}) where "

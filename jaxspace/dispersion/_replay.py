@@ -15,7 +15,7 @@ from ..simulation import MissionTrajectory
 from ..simulation._mission_runs import MissionResult, run_mission
 from ..simulation._simulate import mission_trajectory_of, resolve_phases
 from ._along import saved_states, thinned
-from ._isolation import RAISED, reason
+from ._isolation import RAISED, callbacks, reason
 from ._outputs import outputs_of, raised
 
 
@@ -27,7 +27,8 @@ class Replay(eqx.Module):
     - `inputs`, `outputs`: by name; the outputs of the trajectory, whose steps are adaptive, agree
       with those of the campaign to the tolerance.
     - `trajectory`: the phases, with as many states as were asked for.
-    - `refusal`: why a run is refused; its trajectory then is that of the inputs all the same."""
+    - `refusal`: why a run is refused; its trajectory then is that of the inputs all the same, where
+      they have one."""
 
     number: int
     seed: int
@@ -64,16 +65,24 @@ def replay(campaign: Any, number: int, seed: int, accuracy: Accuracy, num_saved:
     )
     inputs = {name: float(samples[name][0]) for name in campaign.inputs}
     try:
-        found = jax.block_until_ready(_fly(campaign, accuracy, samples, num_saved))
+        with callbacks():
+            found = jax.block_until_ready(_fly(campaign, accuracy, samples, num_saved))
     except RAISED as error:
         raise _error(campaign, number, samples, accuracy, error) from error
     result, outputs, configs = found
-    mission, _ = campaign.build(samples)
+    refusal = campaign.refusal(inputs)
+    try:
+        mission, _ = campaign.build(samples)
+    except InputError as error:
+        # Told by the name of the input, and not by that of the formula that meets it.
+        if refusal:
+            raise InputError(f"Run {number} is refused: {refusal}") from error
+        raise
     trajectory = mission_trajectory_of(result, mission, configs, 1).of(0)
     found = {name: float(x[0]) for name, x in outputs.items()}
     # Outputs of a compiled function are sorted by name; the units have the order of the file.
     ordered = {name: found[name] for name in campaign.units if name in found} | found
-    return Replay(number, seed, inputs, ordered, trajectory, campaign.refusal(inputs))
+    return Replay(number, seed, inputs, ordered, trajectory, refusal)
 
 
 def _error(
@@ -84,7 +93,8 @@ def _error(
     # Without outputs, to tell whether it is one of them that raises.
     bare = dataclasses.replace(campaign, outputs=_no_outputs)
     try:
-        result, _, _ = jax.block_until_ready(_fly(bare, accuracy, samples, 0))
+        with callbacks():
+            result, _, _ = jax.block_until_ready(_fly(bare, accuracy, samples, 0))
     except RAISED:
         return SimulationError(
             f"{what} cannot be run: a function of the campaign raises an error ({reason(error)})."

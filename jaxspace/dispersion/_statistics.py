@@ -12,7 +12,7 @@ from ..simulation import Status
 from ._contributors import Contributors, contributors
 from ._export import as_dataset, as_frame
 from ._limits import Percentile, Probability, clopper_pearson, percentile
-from ._moments import Convergence, Ellipsoid, convergence, ellipsoid
+from ._moments import Convergence, Ellipsoid, StopRule, convergence, ellipsoid
 from ._sensitivity import RankCorrelation, rank_correlation
 from ._table import Row, row_of
 
@@ -65,6 +65,14 @@ class Dispersion(eqx.Module):
     def enough(self) -> int | None:
         """After how many runs the campaign ended itself (`StopRule`); `None` if it did not."""
         return self.attributes.get("enough_runs")
+
+    @property
+    def ending(self) -> str:
+        """After how many runs the campaign ended itself and by which rule, in a sentence; empty if
+        it did not."""
+        if self.enough is None:
+            return ""
+        return f"{self.enough} runs are enough, {StopRule(**self.attributes['until']).text()}."
 
     @property
     def wanted(self) -> int:

@@ -288,7 +288,8 @@ def contributor_lines(result: Dispersion, count: int = 3) -> str:
 
 
 def status_lines(result: Dispersion) -> str:
-    """How many runs ended well, how many are still to come, and each bad end with its sentence."""
+    """How many runs ended well, how many are still to come, each bad end with its sentence, and
+    why there are no more of them."""
     lines = [f"{int(np.count_nonzero(result.good))} of {result.runs} runs ended well."]
     lines += [result.lacking] if result.lacking else []
     lines += [
@@ -300,6 +301,7 @@ def status_lines(result: Dispersion) -> str:
             f"These are {result.runs} of {planned} runs of a Latin hypercube: only all of them "
             f"together lie evenly."
         )
+    lines += [result.ending] if result.ending else []
     return "\n".join(lines)
 
 

@@ -117,6 +117,7 @@ def _card(dispersion: "Dispersion") -> str:
     rows = {
         "runs": f"{good} of {dispersion.runs} ended well",
         "unfinished": dispersion.lacking,
+        "ended": dispersion.ending,
         "seed": str(dispersion.seed),
         "inputs": str(len(dispersion.inputs)),
         "outputs": str(len(dispersion.outputs)),
@@ -149,7 +150,7 @@ def _table(dispersion: "Dispersion", nominal: Mapping[str, float]) -> str:
         cells.append(str(row.runs))
         if required:
             found = violations.get(row.name)
-            words = [f"{found.value:.3g}", f"{found.high:.2g}"] if found else ["", ""]
+            words = [f"{100.0 * x:.3g} %" for x in (found.value, found.high)] if found else ["", ""]
             cells += [dispersion.required(row.name), *words]
         lines.append(_cells(cells))
     note = "“From … to” is the interval that holds the 99.5 % limit with 95 % confidence."
