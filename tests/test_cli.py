@@ -472,6 +472,7 @@ def test_a_textbook_system_has_no_budget(capsys, tmp_path):
 def test_list_and_schema(capsys):
     assert main(["list"]) == 0
     printed = capsys.readouterr().out
+    assert "**" not in printed
     for word in ("  thrust: ", "total_impulse [N s]", "  periapsis [m^2/s]", "  burnout [s]"):
         assert word in printed
     assert main(["schema"]) == 0

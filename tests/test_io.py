@@ -1,5 +1,6 @@
 """Scene files: what is read, and in which words everything else is refused."""
 
+import dataclasses
 import json
 import math
 import tomllib
@@ -15,8 +16,9 @@ import pytest
 
 import jaxspace
 from jaxspace import load
-from jaxspace.bodies import AbstractEffect, Load
-from jaxspace.core import AbstractSystem, Scalar, argument, axis, output, quantity
+from jaxspace.bodies import AbstractEffect, AbstractJump, BodyState, Load
+from jaxspace.core import AbstractSystem, Scalar, argument, axis, event, output, quantity
+from jaxspace.dispersion import AbstractDistribution
 from jaxspace.io import SceneError
 from jaxspace.io._units import expected, in_unit, read_number
 
@@ -498,6 +500,94 @@ def test_an_effect_defined_here_runs_from_a_file(tmp_path):
     path.write_text(DRIFT)
     run = load(path, also=[Drift]).simulate()
     assert float(run.final.position[0]) == pytest.approx(10100.0, rel=1e-12)
+
+
+@event("m", direction=1, needs=("position",))
+def line(t, y: BodyState) -> Scalar:
+    """The distance behind a line at 5 km."""
+    return y.position[0] - 5000.0
+
+
+@final
+class Kick(AbstractJump):
+    """A change of the speed along x."""
+
+    speed: Scalar = quantity("m/s", doc="that is added")
+    needs: ClassVar[frozenset[str]] = frozenset({"velocity"})
+
+    def __call__(self, t, y):
+        kick = self.speed * axis(0, y.velocity[0])
+        return dataclasses.replace(y, velocity=y.velocity + kick)
+
+
+@final
+class Steps(AbstractDistribution):
+    """Either of two values that lie symmetric to a mean."""
+
+    mean: Scalar = quantity("", doc="of both")
+    half_width: Scalar = quantity("", positive=True, doc="distance of both from the mean")
+
+    @property
+    def deviation(self):
+        return self.half_width
+
+    def sample(self, key):
+        return self.mean + self.half_width * jax.random.rademacher(key, (), float)
+
+    def from_normal(self, z):
+        return self.mean + self.half_width * jnp.sign(z)
+
+    def outside(self, low, high):
+        ends = (float(self.mean - self.half_width), float(self.mean + self.half_width))
+        return 0.5 * sum(not low <= x <= high for x in ends)
+
+    def text(self):
+        return f"{float(self.mean):g} +- {float(self.half_width):g}"
+
+
+LINE = """
+[effects.drift]
+size = "2 m/s^2"
+
+[initial]
+position = [0.0, 0.0, 0.0]
+velocity = ["1 km/s", 0.0, 0.0]
+
+[[phase]]
+name = "approach"
+effects = ["drift"]
+until = "line"
+within = "10 s"
+jump.kick.speed = "0.3 km/s"
+
+[[phase]]
+name = "beyond"
+effects = ["drift"]
+duration = "1 s"
+
+[dispersion]
+outputs = ["final.position.0"]
+
+[dispersion.inputs]
+"phase.0.jump.kick.speed" = { distribution = "steps", mean = "0.3 km/s", half_width = "0.1 km/s" }
+"""
+
+
+def test_an_event_a_jump_and_a_distribution_defined_here_run_from_a_file(tmp_path):
+    """v = sqrt((1 km/s)^2 + 2 (2 m/s^2) 5 km) at the line, and then 5 km + (v + kick) 1 s + 1 m."""
+    path = tmp_path / "line.toml"
+    path.write_text(LINE)
+    also = [Drift, line, Kick, Steps]
+    file = load(path, also=also)
+    speed = math.sqrt(1e6 + 20e3)
+    end = 5001.0 + speed + 300.0
+    assert float(file.simulate().final.position[0]) == pytest.approx(end, rel=1e-9)
+    drawn = file.campaign().inputs["phase.0.jump.kick.speed"]
+    assert isinstance(drawn, Steps) and float(drawn.half_width) == 100.0
+    assert drawn.text() == "300 +- 100"
+    text = jaxspace.io.listing(also=also)
+    for words in ("  line [m]", "  kick: A change of", "speed [m/s]: that is added", "  steps: "):
+        assert words in text
 
 
 def test_what_is_added_is_listed_and_in_the_schema():

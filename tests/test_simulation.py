@@ -517,6 +517,28 @@ SPAN = jnp.array([0.0, 1.0])
             InputError,
             "for float32 states it must be at least",
         ),
+        # A number that is written within the compiled function is known, too.
+        (
+            lambda: jax.jit(lambda y: simulate(KEPLER, y, SPAN, accuracy=1e-6).final)(
+                jax.tree.map(jnp.float32, start(0.1))
+            ),
+            InputError,
+            "for float32 states it must be at least",
+        ),
+        (
+            lambda: simulate_batch(
+                KEPLER, jax.tree.map(jnp.float32, rows([0.1, 0.2])), SPAN, accuracy=1e-6
+            ),
+            InputError,
+            "for float32 states it must be at least",
+        ),
+        (
+            lambda: simulate(
+                KEPLER, start(0.1), SPAN, events=(Event(lambda t, y: y.position[0] > 0.0),)
+            ),
+            InputError,
+            r"events\[0\].condition returns bool: it must return a number that passes",
+        ),
         (
             lambda: simulate(KEPLER, start(0.1), SPAN, accuracy=-1.0),
             InputError,

@@ -4,14 +4,15 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from systems import J2, MU, RADIUS, orbit, rocket_scene, rocket_state
+from systems import J2, MU, RADIUS, Integrated, orbit, rocket_scene, rocket_state
 
 from jaxspace import Scene, simulate, simulate_batch
 from jaxspace.attitude import TorqueFreeBody
 from jaxspace.bodies import BodyState, Load, RigidBody
+from jaxspace.integration import select_method
 from jaxspace.orbits import Oblateness, PointGravity, TwoBody
 from jaxspace.scene import Custom
-from jaxspace.simulation import Accuracy, select_method
+from jaxspace.simulation import Accuracy
 from jaxspace.solvers import DOP853, RKN1210, Tsit5
 
 GRAVITY = (PointGravity(MU), Oblateness(MU, J2, RADIUS))
@@ -56,6 +57,18 @@ def test_rules(system, state, rtol, method):
     assert isinstance(found, method)
     lanes = jax.tree.map(lambda x: jnp.stack([x, x], axis=-1), state)
     assert isinstance(select_method(system, lanes, rtol), method)
+
+
+def test_a_tolerance_written_under_jit_is_known_to_the_rules():
+    methods = []
+
+    def run(y):
+        result = simulate(Integrated(TwoBody(1.0)), y, jnp.array([0.0, 0.1]), accuracy=1e-3)
+        methods.append(result.accuracy.method)
+        return result.final
+
+    jax.eval_shape(run, BodyState(jnp.array([1.0, 0.0, 0.0]), jnp.array([0.0, 1.0, 0.0])))
+    assert methods == [Tsit5()]
 
 
 def test_a_closed_form_stands_before_every_method():

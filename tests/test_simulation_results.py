@@ -291,6 +291,33 @@ def test_a_network_in_a_system_is_shared_by_the_runs(key):
     assert all(np.all(np.isfinite(x)) for x in jax.tree.leaves(eqx.filter(slopes, eqx.is_array)))
 
 
+class Unmapped(AbstractSystem):
+    """The same, written for one run."""
+
+    network: eqx.nn.MLP
+
+    def vector_field(self, t, y):
+        x, v = y
+        return v, -x + 0.1 * self.network(jnp.stack([x, v]))
+
+    def invariants(self, t, y):
+        return {}
+
+
+def test_a_network_of_one_run_is_mapped_or_told_how(key):
+    system = Unmapped(eqx.nn.MLP(2, "scalar", 4, 1, key=key))
+    xs, ts = jnp.linspace(0.0, 1.0, 3), jnp.array([0.0, 1.0])
+    with pytest.raises(InputError, match=r"jax.vmap\(f, in_axes=-1, out_axes=-1\)"):
+        simulate_batch(system, (xs, jnp.zeros(3)), ts, accuracy=QUICK)
+
+    def end(x):
+        return simulate(system, (x, jnp.zeros(())), ts, accuracy=QUICK).final[0]
+
+    many = simulate_batch(Learned(system.network), (xs, jnp.zeros(3)), ts, accuracy=QUICK)
+    # Other steps, each within the tolerance.
+    np.testing.assert_allclose(jax.vmap(end)(xs), many.final[0], atol=1e-6)
+
+
 # ---------------------------------------------------------------- closed forms of scenes
 
 

@@ -9,13 +9,13 @@ from systems import GYRO, TOP, Integrated, rocket_scene, rocket_state
 from test_solvers_exponential import CompassState, Damped, Gyrocompass, Modes, Pendulum, Swing
 
 from jaxspace.attitude import Top
+from jaxspace.integration import select_method
 from jaxspace.integration._stiffness import InitialConditions, is_stiff
 from jaxspace.simulation import (
     Event,
     Mission,
     Phase,
     Status,
-    select_method,
     simulate,
     simulate_batch,
 )

@@ -46,7 +46,13 @@ _HALVINGS = 60
 
 def drift_energy(theta: Scalar, A: Scalar, C: Scalar, h: Scalar) -> Scalar:
     """Energy of rotation, J, of a symmetric body of the angular momentum `h`, kg m^2/s, whose axis
-    stands at `theta`, rad, to it (Thomson 7.6-6)."""
+    stands at `theta`, rad, to it (Thomson 7.6-6).
+
+    **Arguments**
+
+    - `theta`: angle of the axis from the angular momentum, rad.
+    - `A`, `C`: moments of inertia across the axis and about it, kg m^2.
+    - `h`: angular momentum, kg m^2/s."""
     s, c = jnp.sin(theta), jnp.cos(theta)
     return 0.5 * h * h * (c * c / C + s * s / A)
 

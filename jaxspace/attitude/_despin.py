@@ -37,7 +37,14 @@ def cord_length(w0: Scalar, w_f: Scalar, I: Scalar, R: Scalar, m: Scalar) -> Sca
     """The cord l_f, m, that slows the spin from `w0` to `w_f`, rad/s (Thomson 7.5-15).
 
     At w_f = w0, where no cord is needed, the slopes by the two rates are infinite (the rule of ends
-    in `core/_safe.py`), those by the body are zero."""
+    in `core/_safe.py`), those by the body are zero.
+
+    **Arguments**
+
+    - `w0`, `w_f`: spin before and after, rad/s.
+    - `I`: moment of inertia about the axis, without the masses, kg m^2.
+    - `R`: radius of the drum, m.
+    - `m`: all the masses together, kg."""
 
     def radicand(w0, w_f, I, R, m):  # noqa: E741
         return inertia_ratio(I, R, m) * (w0 - w_f) / (w0 + w_f)
@@ -46,7 +53,11 @@ def cord_length(w0: Scalar, w_f: Scalar, I: Scalar, R: Scalar, m: Scalar) -> Sca
 
 
 def zero_spin_cord_length(I: Scalar, R: Scalar, m: Scalar) -> Scalar:  # noqa: E741
-    """The cord l_0, m, that stops the spin, whatever its rate (Thomson 7.5-16)."""
+    """The cord l_0, m, that stops the spin, whatever its rate (Thomson 7.5-16).
+
+    **Arguments**
+
+    - `I`, `R`, `m`: as of `cord_length`."""
     return jnp.sqrt(R * R + I / m)
 
 

@@ -28,7 +28,13 @@ def spin_rate(omega: Vector) -> Scalar:
 
 @output("rad")
 def cone_angle(omega: Vector, mass: Scalar | None, body: AbstractBody) -> Scalar:
-    """Angle between the body's z axis and its angular momentum, rad."""
+    """Angle between the body's z axis and its angular momentum, rad.
+
+    **Arguments**
+
+    - `omega`: in body axes, rad/s, (3, *runs).
+    - `mass`: kg, of a body whose inertia depends on it; else `None`.
+    - `body`: gives the inertia."""
     h = _angular_momentum_B(omega, mass, body)
     return _angle_between(h, axis(2, h[2]))
 
@@ -38,7 +44,13 @@ def pointing(
     attitude: Quaternion, omega: Vector, mass: Scalar | None, body: AbstractBody, initial: Any
 ) -> Scalar:
     """Angle between the angular momentum and the z axis of the `initial` state that was intended,
-    rad."""
+    rad.
+
+    **Arguments**
+
+    - `attitude`: of the body, from its axes to the inertial ones.
+    - `omega`, `mass`, `body`: as of `cone_angle`.
+    - `initial`: the state that was intended."""
     h = _angular_momentum_B(omega, mass, body)
     intended = initial.attitude.rotate(axis(2, initial.omega[2]))
     return _angle_between(attitude.rotate(h), intended)

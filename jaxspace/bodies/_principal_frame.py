@@ -46,7 +46,13 @@ def free_turn(
     of about eps/g, or of g where that is less. Derivatives of second order hold for principal
     moments of any kind, and for a tensor whose moments differ, where the error is about eps/g^2;
     where g < eps^(1/4) (1e-4 in double precision), those that are of second order in the tensor are
-    NaN."""
+    NaN.
+
+    **Arguments**
+
+    - `duration`: s.
+    - `inertia`: of the body.
+    - `omega`: at the start, in body axes, rad/s, (3, *runs)."""
     if isinstance(inertia, PrincipalInertia):
         return _of_moments(duration, inertia.moments, omega)
     tensor = inertia.matrix()

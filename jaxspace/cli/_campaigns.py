@@ -34,7 +34,7 @@ from ._commands import draw, path_of
 from ._folder import make_folder
 from ._report import keep_pictures
 from ._stopping import Stopped, is_stop
-from ._told import UNFINISHED, told
+from ._warning_lines import UNFINISHED, warnings_as_lines
 
 
 class Options(NamedTuple):
@@ -90,7 +90,7 @@ def _without_runs(file: SceneFile, method: str) -> int:
     """Print mean and deviation by a method that makes no campaign of runs."""
     nominal = file.nominal_mission()
     campaign = file.campaign(nominal, warn=False)
-    with told():
+    with warnings_as_lines():
         found = moments(campaign, method, accuracy=file.accuracy)
     print(moments_report(file.title, found, campaign.units, file.nominal_outputs(nominal)))
     return 0
@@ -154,7 +154,7 @@ def _fly_and_report(
             # The bar counts steps, the campaign reports totals.
             bar.update(done - bar.n)
 
-        with told(write):
+        with warnings_as_lines(write):
             result = disperse_campaign(
                 campaign,
                 runs,
@@ -170,7 +170,7 @@ def _fly_and_report(
     print(_times(result))
     methods = file.compare if compare is None else compare
     if methods:
-        with told():
+        with warnings_as_lines():
             table = compare_methods(campaign, result, methods, accuracy=file.accuracy)
         print(f"\nmethods beside these runs\n{comparison_table(table)}\n")
     keep_pictures(result, file.title, own, os.path.splitext(store)[0])
@@ -240,7 +240,7 @@ def replay(store: str, run: int, samples: int, folder: str, show: bool) -> int:
 
 def failures(store: str, every: bool) -> int:
     """List the failed runs of a store with their reasons."""
-    with told():
+    with warnings_as_lines():
         kept = open_store(store)
     text = kept.attributes.get("description")
     file = None

@@ -12,7 +12,7 @@ from ..core import InputError
 from ..dispersion import Dispersion, Flights, fly, open_store
 from ..io import SceneError, SceneFile, dispersion_report, stored_scene
 from ._folder import make_folder
-from ._told import told
+from ._warning_lines import warnings_as_lines
 
 FLIGHTS = 24
 """Runs whose trajectories are drawn."""
@@ -50,7 +50,7 @@ def keep_pictures(
 
 def report(path: str, folder: str | None) -> int:
     """Write the page of a store with trajectories, and its runs as tables."""
-    with told():
+    with warnings_as_lines():
         result = open_store(path)
     file = _scene(result)
     name = Path(path).name.removesuffix(".zarr")

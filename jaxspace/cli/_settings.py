@@ -18,7 +18,7 @@ def settle() -> None:
         jax.config.update("jax_num_cpu_devices", cores())
     if "JAX_COMPILATION_CACHE_DIR" not in os.environ:
         jax.config.update("jax_compilation_cache_dir", str(cache_folder()))
-    # Every program is kept: a command line starts anew each time, and many small ones add up.
+    # Every program is kept: each command starts from nothing, and many small ones add up.
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
     jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
 

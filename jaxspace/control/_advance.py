@@ -9,8 +9,9 @@ from jaxtyping import Array, PyTree
 
 from ..core import AbstractSystem, InputError, Scalar, State, breaks_of
 from ..integration._loop import TERM
+from ..integration._methods import HIGH_ORDER, LOW_ORDER
 from ..integration._normalised_time import ScaledVectorField, Segments
-from ..solvers import DOP853, FixedSteps, Tsit5, solver_traits
+from ..solvers import FixedSteps, solver_traits
 
 
 def advance(
@@ -37,7 +38,7 @@ def as_fixed(method: object, rtol: float, steps: int) -> FixedSteps:
         return method
     if method == "auto":
         # Where both meet the tolerance in one step, the shorter one is cheaper; a sample is short.
-        return FixedSteps(Tsit5() if rtol >= 1e-8 else DOP853(), steps)
+        return FixedSteps(LOW_ORDER if rtol >= 1e-8 else HIGH_ORDER, steps)
     if not isinstance(method, diffrax.AbstractSolver) or solver_traits(method).needs:
         raise InputError(
             f"Accuracy.method is {method!r}: for a loop it must be a solver of plain steps, such "

@@ -119,10 +119,10 @@ class ClosedLoop(AbstractFlight):
         run_axes: int,
     ) -> RunResult:
         # The samples are known before the phase starts; its end need not be.
-        span = until.within if isinstance(until, Event) else until
-        assert span is not None  # of the event that ends a phase
-        if is_concrete(span):
-            longest = float(np.max(np.asarray(span)))
+        duration = until.within if isinstance(until, Event) else until
+        assert duration is not None  # of the event that ends a phase
+        if is_concrete(duration):
+            longest = float(np.max(np.asarray(duration)))
         elif self.longest is None:
             raise InputError(
                 "ClosedLoop.longest is not given, and the duration of its phase is traced: give "
@@ -135,7 +135,11 @@ class ClosedLoop(AbstractFlight):
         dtype, runs = state_dtype(y0), runs_of(y0, run_axes)
         start = jnp.broadcast_to(jnp.asarray(t0, dtype), runs)
         # Of a phase whose end is known nothing has to be cut.
-        end = None if is_concrete(span) and jnp.ndim(span) == 0 else jnp.asarray(span, dtype)
+        end = (
+            None
+            if is_concrete(duration) and jnp.ndim(duration) == 0
+            else jnp.asarray(duration, dtype)
+        )
         key = as_key(self.key)
         if key is not None and key.shape != runs:
             raise InputError(

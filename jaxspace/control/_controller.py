@@ -65,7 +65,7 @@ def _arguments(function: Callable[..., Any]) -> int:
 def as_controller(x: Any) -> Any:
     """A controller from itself or from a function. Raises `InputError` for anything else."""
     if isinstance(x, AbstractController) or not callable(x):
-        # What is not callable is a placeholder of a tree transformation, or told at the run.
+        # What is not callable is a placeholder of a tree transformation, or reported at the run.
         return x
     if _arguments(x) not in (1, 2):
         raise InputError(

@@ -52,7 +52,7 @@ def crossed(
     stop: Stop,
     still: Array,
     t: Array,
-    span: Array,
+    duration: Array,
     y0: State,
     y1: State,
 ) -> tuple[State, Stop]:
@@ -61,9 +61,9 @@ def crossed(
     **Arguments**
 
     - `still`: the runs that have ended before.
-    - `t`, `span`: start and length of the piece, s; `y0`, `y1`: the states at its ends."""
+    - `t`, `duration`: start and length of the piece, s; `y0`, `y1`: the states at its ends."""
     events = setting.events
-    values = values_of(events, t + span, y1, still)
+    values = values_of(events, t + duration, y1, still)
     hits = jnp.stack(
         [_hit(event, stop.values[k], values[k]) & ~still for k, event in enumerate(events)]
     )
@@ -76,23 +76,25 @@ def crossed(
             parts.append(
                 jnp.where(
                     hits[k],
-                    _share(setting, held, event, t, span, y0, hits[k], stop.values[k], values[k]),
+                    _share(
+                        setting, held, event, t, duration, y0, hits[k], stop.values[k], values[k]
+                    ),
                     2.0,
                 )
             )
         shares = jnp.stack(parts)
         which = jnp.where(any_hit, jnp.argmin(shares, axis=0), -1).astype(jnp.int32)
         share = jnp.where(any_hit, jnp.min(shares, axis=0), 1.0)
-        dt = jax.lax.stop_gradient(share) * span
+        dt = jax.lax.stop_gradient(share) * duration
         y, _ = advance(held, y0, t, dt, setting.method)
         te, ye = newton_correct(held, events, which, t + dt, y)
         return select(any_hit, ye, y1), jnp.where(any_hit, te, stop.t), which
 
     def passed(_: Any) -> tuple[State, Array, Array]:
-        return y1, jnp.where(still, stop.t, t + span), jnp.full(still.shape, -1, jnp.int32)
+        return y1, jnp.where(still, stop.t, t + duration), jnp.full(still.shape, -1, jnp.int32)
 
     y, te, which = jax.lax.cond(jnp.any(hits), found, passed, None)
-    te = jnp.where(still | any_hit, te, t + span)
+    te = jnp.where(still | any_hit, te, t + duration)
     number = jnp.where(any_hit, which, stop.number)
     return y, Stop(number, te, jnp.where(still, stop.values, values), bad)
 
@@ -109,19 +111,21 @@ def _share(
     held: AbstractSystem,
     event: Event,
     t: Array,
-    span: Array,
+    duration: Array,
     y0: State,
     hit: Array,
     before: Array,
     after: Array,
 ) -> Array:
     """After which share of the piece the condition is zero, for the runs that `hit`."""
-    held, t, span, y0, before, after = jax.lax.stop_gradient((held, t, span, y0, before, after))
+    held, t, duration, y0, before, after = jax.lax.stop_gradient(
+        (held, t, duration, y0, before, after)
+    )
     rounding = 4.0 * jnp.finfo(before.dtype).eps
 
     def value(x: Array) -> Array:
-        y, _ = advance(held, y0, t, x * span, setting.method)
-        return jnp.broadcast_to(event.condition(t + x * span, y), x.shape)
+        y, _ = advance(held, y0, t, x * duration, setting.method)
+        return jnp.broadcast_to(event.condition(t + x * duration, y), x.shape)
 
     def unfinished(c: tuple) -> Array:
         _, _, _, gb, moved, k = c

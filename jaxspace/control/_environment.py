@@ -103,12 +103,12 @@ class AbstractEnvironment(AbstractParameters):
 
         **Returns** observation, state, reward, whether the episode has ended, and `info`:
         `truncated`, whether only its time was up; `last`, the observation before a new start; and
-        what the task tells."""
+        what the task reports."""
         space = self.action_space
         action = jnp.clip(action, space.low, space.high)
         y, span = self.advance(state.y, action, state.time)
         time = state.time + span
-        reward, ended, told = self.judge(state.y, action, y)
+        reward, ended, measures = self.judge(state.y, action, y)
         # What left the numbers ends its own episode, and is no reward.
         finite = _finite(y, time.shape)
         reward = jnp.where(finite, reward, jnp.zeros_like(reward))
@@ -126,7 +126,7 @@ class AbstractEnvironment(AbstractParameters):
 
         # Drawn only where an episode has ended: random numbers cost more than a step.
         y, time, seen = jax.lax.cond(jnp.any(done), again, lambda _: (y, time, last), None)
-        info = {"truncated": up & ~ended, "last": last, **told}
+        info = {"truncated": up & ~ended, "last": last, **measures}
         return seen, Episode(y, time), reward, done, info
 
 

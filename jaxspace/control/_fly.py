@@ -83,7 +83,7 @@ class LoopRun(eqx.Module):
     def error(self) -> State:
         """An estimate of the error of the final state: the change by half the steps' length.
 
-        Of the same noise; commands in quanta may switch, and then it tells of them."""
+        Of the same noise; commands in quanta may switch, and then it shows that."""
         loop, y0, ts, wanted, run_axes = self.asked
         finer = {**wanted, "steps": 2 * self.steps, "throw": False}
         again = fly(loop, y0, ts, cast(Wanted, finer), run_axes)
@@ -91,7 +91,7 @@ class LoopRun(eqx.Module):
 
 
 class Wanted(TypedDict, total=False):
-    """With what a loop is flown, as told at `ClosedLoop.simulate`."""
+    """With what a loop is flown, as given to `ClosedLoop.simulate`."""
 
     key: PRNGKeyArray | None
     accuracy: Accuracy | Scalar | None

@@ -54,7 +54,7 @@ class LandingTask(AbstractEnvironment):
     Observations: position over `distance`, velocity over `speed`, and the share of propellant left.
     Actions: thrust over its limit, in inertial axes. An episode ends on the ground, where the
     square of the speed over `speed` and of the miss over `distance` is what it costs, and with it
-    `soft` tells a touch below 2 m/s."""
+    `soft` says whether it touches below 2 m/s."""
 
     scene: Scene = eqx.field(default_factory=_lander)
     mass: Float[Array, ""] = quantity("kg", positive=True, default=2000.0, doc="at the start")
@@ -117,7 +117,7 @@ class RendezvousTask(AbstractEnvironment):
     """Come to rest at a body on a circle, by accelerations in its rotating axes.
 
     Observations: position over `distance`, velocity over `speed`. Actions: acceleration over
-    `thrust`. An episode ends within a hundredth of both, which `met` tells, and beyond four times
+    `thrust`. An episode ends within a hundredth of both, which `met` reports, and beyond four times
     the distance."""
 
     motion: ClohessyWiltshire = eqx.field(

@@ -18,7 +18,7 @@ from ._advance import as_fixed
 from ._program import Known, Static
 
 REPEATS = 3
-"""How often a run is repeated with finer steps before its status tells that they are too few."""
+"""How often a run is repeated with finer steps before its status says that they are too few."""
 
 
 def repeated(

@@ -27,7 +27,7 @@ CONTROL, ARRIVAL = 0, 1
 
 
 class Setting(eqx.Module):
-    """What a loop is, for one program; arrays and what is static side by side.
+    """What a loop is, for one program; arrays together with what is static.
 
     - `elapsed`: the time between the readings of each sensor, s.
     - `waiting`: how many commands are on their way when another one is given."""

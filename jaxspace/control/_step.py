@@ -9,12 +9,13 @@ import jax.numpy as jnp
 from jaxtyping import PyTree
 
 from ..core import AbstractSystem, Scalar, State, check_positive
-from ..solvers import DOP853, FixedSteps, Tsit5
+from ..integration._methods import HIGH_ORDER, LOW_ORDER
+from ..solvers import FixedSteps
 from ..studies import AccuracyCost, accuracy_cost
 from ._advance import advance
 from ._commands import Actuate, with_command
 
-ONE_STEP = FixedSteps(Tsit5(), 1)
+ONE_STEP = FixedSteps(LOW_ORDER, 1)
 
 
 def step(
@@ -62,7 +63,7 @@ def plan_step(
     *,
     error: float = 1e-6,
     t: Scalar = 0.0,
-    solvers: Sequence[diffrax.AbstractSolver] = (Tsit5(), DOP853()),
+    solvers: Sequence[diffrax.AbstractSolver] = (LOW_ORDER, HIGH_ORDER),
     counts: Sequence[int] = (1, 2, 4, 8),
     actuate: Actuate = with_command,
 ) -> StepPlan:

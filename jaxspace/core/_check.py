@@ -1,4 +1,4 @@
-"""Bad input, told in one sentence that names the field, the value and what is allowed.
+"""Bad input, reported in one sentence that names the field, the value and what is allowed.
 
 Only values that are known are checked: a traced value passes, so that every check is free under
 `jit`, `vmap` and `grad`."""
@@ -45,7 +45,12 @@ def _show(x: object) -> str:
 
 def check(ok: ArrayLike, field: str, value: object, allowed: str) -> None:
     """Raise `InputError` unless `ok` holds everywhere; `allowed` completes the sentence "`field` is
-    `value`: it must be ..."."""
+    `value`: it must be ...".
+
+    **Arguments**
+
+    - `ok`: of each number, whether it is allowed.
+    - `field`, `value`, `allowed`: what the sentence names."""
     if not np.all(ok):
         raise InputError(f"{field} is {_show(value)}: it must be {allowed}.")
 

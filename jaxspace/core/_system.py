@@ -53,7 +53,7 @@ class AbstractRegularised(eqx.Module):
     @property
     def attraction(self) -> Scalar | None:
         """The gravitational parameter of the point about which the motion goes, m^3/s^2: by it the
-        method "auto" tells eccentric orbits. `None`, the default, where there is no such point."""
+        method "auto" knows eccentric orbits. `None`, the default, where there is no such point."""
         return None
 
     @abstractmethod
@@ -77,8 +77,8 @@ class AbstractRegularised(eqx.Module):
         """The fictitious time that a `duration`, s (negative: backwards), takes from `z` on: exact
         without perturbation, approximate with one."""
 
-    def pace(self, sigma: Scalar, z: Array) -> Scalar:
-        """What the lengths of steps may go with, a positive number, about a fictitious time `sigma`
+    def step_scale(self, sigma: Scalar, z: Array) -> Scalar:
+        """A positive number with which the lengths of steps may go, about a fictitious time `sigma`
         after `z`: the distance from a centre, for example.
 
         By default one: nothing is known of the motion ahead."""
@@ -165,7 +165,7 @@ class AbstractSystem(AbstractParameters):
         return None
 
     def switches(self) -> dict[str, str]:
-        """What makes the vector field jump by the state, which no time of `breaks` tells: the part
+        """What makes the vector field jump by the state, which no time of `breaks` shows: the part
         of the state, by the name of the parameter.
 
         Derivatives of a run over such a jump need an event there; without one `simulate` warns."""

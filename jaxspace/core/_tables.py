@@ -34,7 +34,12 @@ def polygon(
     x: Scalar, nodes: Float[Array, "nodes *#runs"], values: Float[Array, "nodes *#runs"]
 ) -> Scalar:
     """The value at `x` on the polygon through the `values` at ascending `nodes`, constant outside;
-    to a rounding of the largest of them."""
+    to a rounding of the largest of them.
+
+    **Arguments**
+
+    - `x`: any shape.
+    - `nodes`, `values`: (nodes,) or (nodes, *runs)."""
     rank = max(jnp.ndim(x), nodes.ndim - 1, values.ndim - 1)
     nodes, values = with_rank(nodes, rank), with_rank(values, rank)
     widths = nodes[1:] - nodes[:-1]

@@ -275,7 +275,12 @@ def sampled(
 
     With it any statistic has a gradient in the parameters of a design:
     `jax.grad(lambda p: jnp.std(sampled(campaign_of(p))["apogee"]))(p)`; the draws stay the same
-    while the parameters move. The gradient of a percentile is that of the run that lies there."""
+    while the parameters move. The gradient of a percentile is that of the run that lies there.
+
+    **Arguments**
+
+    - `campaign`: may hold traced numbers.
+    - `runs`, `seed`, `accuracy`: as of `disperse`."""
     check_whole("runs", runs, 1)
     check_whole("seed", seed)
     samples = campaign.samples(jax.random.key(seed), jnp.arange(runs, dtype=jnp.uint32))

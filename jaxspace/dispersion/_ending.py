@@ -61,7 +61,7 @@ class Ending:
                 self.values[chunk] = store.values(self.rule.output, [chunk])
 
     def enough(self) -> int | None:
-        """How many chunks are enough; `None` as long as that cannot be told."""
+        """How many chunks are enough; `None` as long as that is not known."""
         while self.met is None and self.waiting:
             count = self.waiting[0]
             # In order: a later count must not answer before an earlier one is known.

@@ -38,7 +38,14 @@ def fly(
     """The nominal run and the runs with these `numbers`, with `num_saved` positions a phase.
 
     `None` where the states have no position. The inputs are those of `disperse` with the same
-    `seed`."""
+    `seed`.
+
+    **Arguments**
+
+    - `campaign`: of missions.
+    - `numbers`: of the runs, as in the store.
+    - `seed`, `accuracy`: as of `disperse`.
+    - `num_saved`: positions of each phase."""
     numbers = np.asarray(numbers, np.uint32)
     found = _fly(campaign, as_accuracy(accuracy), jax.random.key(seed), numbers, num_saved)
     if found is None:

@@ -58,8 +58,8 @@ def _cause(there: Mapping[str, Any], here: Mapping[str, Any]) -> str:
         old, new = there.get(kind, {}), here[kind]
         changed = [key for key in new if old.get(key) != new[key]]
         if changed:
-            told = ", ".join(f"{key} {old.get(key)} has become {new[key]}" for key in changed)
-            return f"the first runs come out differently, and {told}."
+            causes = ", ".join(f"{key} {old.get(key)} has become {new[key]}" for key in changed)
+            return f"the first runs come out differently, and {causes}."
     return (
         "the first runs come out differently, so that its functions must have changed, or digits "
         "of its inputs beyond those that are noted."

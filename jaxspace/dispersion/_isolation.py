@@ -45,7 +45,7 @@ def isolate(function: Callable[[np.ndarray], T], count: int) -> T:
         # Short memory is no property of a run.
         if "RESOURCE_EXHAUSTED" in str(error):
             raise
-        # The nominal inputs fly in place of every run: where these raise, nothing can be told.
+        # The nominal inputs fly in place of every run: where these raise, nothing can be found out.
         try:
             call(np.zeros(count, bool))
         except RAISED as nominal:
@@ -58,7 +58,7 @@ def isolate(function: Callable[[np.ndarray], T], count: int) -> T:
 
 
 def reason(error: BaseException) -> str:
-    """What the function said that was called back, without the places where it did."""
+    """What the error of the function says that was called back, without the places where it did."""
     # The text of jax ends with that of Python, which ends with class and sentence.
     lines = [line.strip() for line in str(error).splitlines() if line.strip()]
     return lines[-1].rstrip(".") if lines else type(error).__name__

@@ -112,7 +112,13 @@ def clopper_pearson(count: int, runs: int, confidence: float = 0.95) -> Probabil
     """The probability of what happened in `count` of `runs` runs, with the interval of Clopper and
     Pearson, which holds it at least with this confidence.
 
-    Raises `InputError` for counts that are not from 0 to `runs`, and for no runs."""
+    Raises `InputError` for counts that are not from 0 to `runs`, and for no runs.
+
+    **Arguments**
+
+    - `count`: how many runs it happened in.
+    - `runs`: how many there were.
+    - `confidence`: of the interval, within 0 and 1."""
     from scipy.special import betaincinv
 
     check_share("confidence", confidence)

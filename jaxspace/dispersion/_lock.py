@@ -1,4 +1,4 @@
-"""The lock of a store: one writer at a time, whose name the others are told."""
+"""The lock of a store: one writer at a time, whose name the others see."""
 
 import json
 import os

@@ -73,7 +73,13 @@ def circular_error(
     half it is the circular error probable.
 
     `x`, `y`: the two coordinates, each (runs,). A run with an infinite one lies outside of any
-    radius; one with NaN is left out."""
+    radius; one with NaN is left out.
+
+    **Arguments**
+
+    - `x`, `y`: the coordinates, each (runs,), in one unit.
+    - `target`: a point; the mean, if left out.
+    - `share`: of the runs, within 0 and 1."""
     x, y = np.asarray(x, float), np.asarray(y, float)
     # No mean has an infinite value in it; its distance is infinite, and counts.
     a, b = (np.mean(z[np.isfinite(z)]) for z in (x, y)) if target is None else target
@@ -98,7 +104,13 @@ class Convergence(NamedTuple):
 
 def convergence(x: ArrayLike, share: float = 0.99, steps: int = 40) -> Convergence:
     """Mean, deviation and a percentile of the first 10, ... n runs, at `steps` counts that grow by
-    a common factor."""
+    a common factor.
+
+    **Arguments**
+
+    - `x`: an output, (runs,).
+    - `share`: of the percentile, within 0 and 1.
+    - `steps`: how many counts."""
     x = np.asarray(x, float)
     x = x[~np.isnan(x)]
     finite = np.isfinite(x)

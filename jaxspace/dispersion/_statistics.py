@@ -167,8 +167,8 @@ class Dispersion(eqx.Module):
     def doubts(self) -> tuple[str, ...]:
         """What to know before the numbers are used, a sentence each: runs that the store lacks, and
         outputs that are infinite or not a number in runs that ended well."""
-        told = (self.lacking, *(row.doubt() for row in self.table()))
-        return tuple(sentence for sentence in told if sentence)
+        sentences = (self.lacking, *(row.doubt() for row in self.table()))
+        return tuple(sentence for sentence in sentences if sentence)
 
     def contributors(self, output: str, count: int = 5) -> Contributors:
         """The inputs with the largest shares of the variance of an output, over the good runs.

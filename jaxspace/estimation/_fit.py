@@ -154,7 +154,7 @@ def _search(
         _solver(method, known[2]),
         jnp.zeros(task.coordinates.count),
         max_steps=max_steps,
-        # The result tells it in `converged`, so that one data set does not end a batch.
+        # The result says it in `converged`, so that one data set does not end a batch.
         throw=False,
         # Forward, because there are few parameters and many readings.
         options={"jac": "fwd"},

@@ -135,8 +135,8 @@ class Fit(eqx.Module):
         ended = "converged" if bool(self.converged) else "NOT converged"
         lines.append(f"{fitted}; {ended} in {int(self.steps)} steps")
         # Far from the data, what can be seen says nothing about the estimate.
-        told = self.observability() if bool(self.converged) else ""
-        return "\n".join([*lines, told] if told else lines)
+        seen = self.observability() if bool(self.converged) else ""
+        return "\n".join([*lines, seen] if seen else lines)
 
 
 def _values(tree: PyTree) -> list[np.ndarray]:

@@ -13,6 +13,7 @@ from ..core import (
     AbstractParameters,
     InputError,
     Scalar,
+    as_optional_float,
     check_finite,
     check_positive,
     quantity,
@@ -22,6 +23,16 @@ from ..solvers import solver_traits
 # Default relative tolerance by precision: nine digits, and what float32 can hold over a few
 # hundred steps.
 DEFAULT_RTOL = {"float64": 1e-9, "float32": 1e-5}
+
+
+def _known_float(x: object) -> object:
+    """`as_optional_float`, of which a Python number stays a known one under `jit`."""
+    if not isinstance(x, float | int):
+        return as_optional_float(x)
+    # As a tracer, a tolerance that the precision cannot reach would pass without an error, and
+    # "auto" would take the method for tight tolerances.
+    with jax.ensure_compile_time_eval():
+        return as_optional_float(x)
 
 
 @final
@@ -54,15 +65,25 @@ class Accuracy(AbstractParameters):
     method."""
 
     rtol: Scalar | None = quantity(
-        "", positive=True, optional=True, doc="relative tolerance of each step"
+        "",
+        positive=True,
+        optional=True,
+        converter=_known_float,
+        doc="relative tolerance of each step",
     )
     atol: Scalar | None = quantity(
-        "", non_negative=True, optional=True, doc="absolute tolerance of each step"
+        "",
+        non_negative=True,
+        optional=True,
+        converter=_known_float,
+        doc="absolute tolerance of each step",
     )
     method: diffrax.AbstractSolver | str = "auto"
     adjoint: diffrax.AbstractAdjoint | None = None
     max_steps: int = eqx.field(static=True, default=16384)
-    max_step: Scalar | None = quantity("s", positive=True, optional=True, doc="longest step")
+    max_step: Scalar | None = quantity(
+        "s", positive=True, optional=True, converter=_known_float, doc="longest step"
+    )
 
     def __check_init__(self):
         check_positive("Accuracy.max_steps", self.max_steps)

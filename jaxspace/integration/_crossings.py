@@ -7,7 +7,7 @@ each dip between samples of one sign, is closed in as for the first event (`_eve
 the sample before it, the run is then integrated to the zero once more, inside the derivatives, and
 one Newton step carries those of the time (`_events`).
 
-Samples that are too few miss zeros in pairs, which nothing in their signs tells. What tells it is
+Samples that are too few miss zeros in pairs, which their signs do not show. What shows it is
 the rate of the condition: between samples that resolve it, its change is h (g_k' + g_{k+1}')/2.
 For a sine, the root mean square of the difference passes half of that of the sine at three and a
 half samples a period.
@@ -26,13 +26,13 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
 from ..core import AbstractSystem, Scalar, State
-from ..solvers import DOP853
 from ._config import IntegrationConfig
 from ._event_bracket import ConditionOnRun, close_in
 from ._event_zero import Samples, pick, sampled
 from ._events import Event, newton_correct
 from ._integrate import integrate
 from ._layout import state_at, times_behind_components
+from ._methods import HIGH_ORDER
 from ._status import Status
 
 # Of the root mean square of the condition: how far the samples may differ from their rates.
@@ -139,7 +139,7 @@ def _for_short_ways(config: IntegrationConfig) -> IntegrationConfig:
 
     A method of fixed steps would take all of them, and reverse mode reserves memory for every step
     that there may be."""
-    method = DOP853() if config.fixed_step else config.method
+    method = HIGH_ORDER if config.fixed_step else config.method
     steps = min(config.max_steps, STEPS_TO_ZERO)
     return IntegrationConfig(
         config.rtol, config.atol, method, config.adjoint, steps, config.max_step

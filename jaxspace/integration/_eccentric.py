@@ -1,5 +1,5 @@
-"""Whether runs are eccentric orbits for which steps in regularised variables pay off, told by their
-numbers at the start.
+"""Whether runs are eccentric orbits for which steps in regularised variables pay off: their
+numbers at the start show it.
 
     e >= 1/2 in half of the runs looked at, at least one revolution of each, and at most eight
     states asked for in a revolution

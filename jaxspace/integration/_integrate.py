@@ -121,9 +121,9 @@ def _by_closed_form(
     return IntegrationResult(states, status, {"evaluations": jnp.array(0)}, None, None)
 
 
-def of_each(fractions: Float[Array, "times *#runs"], span: Array) -> Array:
+def of_each(fractions: Float[Array, "times *#runs"], duration: Array) -> Array:
     """Fractions, of all runs or of each, of the duration of each run, (times, *runs)."""
-    return fractions * span if fractions.ndim > 1 else jnp.multiply.outer(fractions, span)
+    return fractions * duration if fractions.ndim > 1 else jnp.multiply.outer(fractions, duration)
 
 
 def _settings(

@@ -40,13 +40,13 @@ from ._closures import closures_as_leaves
 
 @final
 class Segments(eqx.Module):
-    """The map from normalised time to time: ends `u` of the segments, start and span.
+    """The map from normalised time to time: ends `u` of the segments, start and total duration.
 
     `jumps`: whether the vector field may jump where one segment ends and the next begins."""
 
     u: Float[Array, "ends *#runs"]
     t0: Float[Array, "*#runs"]
-    span: Float[Array, "*#runs"]
+    total: Float[Array, "*#runs"]
     jumps: bool = eqx.field(static=True, default=False)
 
     def __len__(self) -> int:
@@ -67,9 +67,9 @@ class Segments(eqx.Module):
         if len(self) == 1:
             # From 0 to 1, without looking it up: every stage of a step asks for it, and each would
             # read the ends in a loop of its own, which first calls compile.
-            return self.t0 + self.span * s
+            return self.t0 + self.total * s
         start, u, width = self._segment(s)
-        return self.t0 + self.span * (u + (s - start) * width)
+        return self.t0 + self.total * (u + (s - start) * width)
 
     def time_inside(self, s: Scalar) -> Scalar:
         """The time, s, at the normalised time `s`, a few roundings inside where a segment begins or
@@ -77,14 +77,14 @@ class Segments(eqx.Module):
         if not self.jumps:
             return self.time(s)
         # Of the time and of the fraction, and of what an effect computes its break times from.
-        rounding = 4.0 * jnp.finfo(self.span.dtype).eps
-        edge = rounding * jnp.copysign(jnp.abs(self.t0) + jnp.abs(self.span), self.span)
+        rounding = 4.0 * jnp.finfo(self.total.dtype).eps
+        edge = rounding * jnp.copysign(jnp.abs(self.t0) + jnp.abs(self.total), self.total)
         x = s if len(self) == 1 else s - self._segment(s)[0]
         return self.time(s) + jax.lax.stop_gradient((1.0 - 2.0 * x) * edge)
 
     def duration(self, s: Scalar, ds: Scalar) -> Scalar:
         """The duration, s, of a normalised time `ds` from `s` on, within one segment."""
-        return ds * (self.span if len(self) == 1 else self.span * self._segment(s)[2])
+        return ds * (self.total if len(self) == 1 else self.total * self._segment(s)[2])
 
     def lengths(self) -> Float[Array, " segments"]:
         """Mean length of each segment over the runs, as a fraction of the run."""
@@ -104,8 +104,8 @@ class Segments(eqx.Module):
     def longest_steps(self, max_step: Scalar) -> Float[Array, " segments"]:
         """The normalised length that `max_step`, s, allows in each segment to the runs together."""
         widths = jnp.diff(self.u, axis=0)
-        shape = (*widths.shape, *(1,) * (self.span.ndim + 1 - widths.ndim))
-        durations = jnp.abs(widths.reshape(shape) * self.span)
+        shape = (*widths.shape, *(1,) * (self.total.ndim + 1 - widths.ndim))
+        durations = jnp.abs(widths.reshape(shape) * self.total)
         moving = durations > 0.0
         allowed = jnp.where(moving, max_step / jnp.where(moving, durations, 1.0), jnp.inf)
         return jnp.min(allowed.reshape(allowed.shape[0], -1), axis=1)
@@ -117,27 +117,27 @@ def segments_of(
     """The segments of a run from `t0` to `t1`, s, between breaks of the system and `landings`.
 
     `landings` are fractions of the run, or of each one, at which a step has to end, too."""
-    span = t1 - t0
+    total = t1 - t0
     inner = []
     breaks = breaks_of(system)
     if breaks is not None and breaks.shape[0] > 0:
-        breaks = breaks.astype(span.dtype)
-        missing = (1,) * (span.ndim - breaks.ndim + 1)
+        breaks = breaks.astype(total.dtype)
+        missing = (1,) * (total.ndim - breaks.ndim + 1)
         breaks = breaks.reshape(breaks.shape[0], *missing, *breaks.shape[1:])
-        inner.append(jnp.clip(safe_divide(breaks - t0, span), 0.0, 1.0))
+        inner.append(jnp.clip(safe_divide(breaks - t0, total), 0.0, 1.0))
     if landings is not None:
         # Those of all runs get the axes that breaks, or those of each run, have.
         rank = max(inner[0].ndim if inner else 1, landings.ndim)
         inner.append(landings)
         inner = [x.reshape(x.shape + (1,) * (rank - x.ndim)) for x in inner]
     runs = jnp.broadcast_shapes(*(x.shape[1:] for x in inner)) if inner else ()
-    zero = jnp.zeros((1, *runs), span.dtype)
-    one = jnp.ones((1, *runs), span.dtype)
+    zero = jnp.zeros((1, *runs), total.dtype)
+    one = jnp.ones((1, *runs), total.dtype)
     # Every run has the same number of segments; where its breaks lie outside of the run, some of
     # them have no length.
-    cuts = [jnp.broadcast_to(x, (x.shape[0], *runs)).astype(span.dtype) for x in inner]
+    cuts = [jnp.broadcast_to(x, (x.shape[0], *runs)).astype(total.dtype) for x in inner]
     u = jnp.concatenate([zero, *cuts, one])
-    return Segments(jnp.sort(u, axis=0) if inner else u, t0, span, breaks is not None)
+    return Segments(jnp.sort(u, axis=0) if inner else u, t0, total, breaks is not None)
 
 
 @final
@@ -184,7 +184,7 @@ def closes_over_tracers(field: ScaledVectorField, y0: State) -> bool:
         field, y = eqx.combine(arrays, static)
         return field(s, y)
 
-    jaxpr = jax.make_jaxpr(rate)(jnp.zeros_like(field.segments.span, shape=()), arrays)
+    jaxpr = jax.make_jaxpr(rate)(jnp.zeros_like(field.segments.total, shape=()), arrays)
     return any(isinstance(constant, Tracer) for constant in jaxpr.consts)
 
 
@@ -202,5 +202,5 @@ def hoist(
     parameters, which the batching of mapped runs reads."""
     if not closes_over_tracers(field, y0):
         return field
-    s = jnp.zeros_like(field.segments.span, shape=())
+    s = jnp.zeros_like(field.segments.total, shape=())
     return closures_as_leaves(field, needs, s, y0)

@@ -1,15 +1,15 @@
 """How long the next step of a run is, where every run takes steps of its own.
 
-The error of a step tells the length that would have had just the error allowed, its ideal. Along an
-orbit that length goes with a power of the pace of the motion, such as the distance from the centre,
-which the unperturbed motion tells for the next step as well:
+From the error of a step follows the length that would have had just the error allowed, its ideal.
+Along an orbit that length goes with a power of a scale of the motion, such as the distance from the
+centre, which is known from the unperturbed motion for the next step as well:
 
-    h_next = S h_ideal (b/b_0)^p        b, b_0: pace in the middle of the next step and of this one
+    h_next = S h_ideal (b/b_0)^p        b, b_0: scale in the middle of the next step and of this one
     p = sum x y / sum x^2               x, y: change of log b and of log h_ideal, step by step
 
 So steps shorten in time on the way to a periapsis, and lengthen after it, by as much as it takes:
 p is close to one where a perturbation is felt at the periapsis alone, and zero where all steps are
-alike. Logarithm and power are rational approximations; the next error corrects what they miss.
+equal. Logarithm and power are rational approximations; the next error corrects what they miss.
 
     symbol  meaning
     S       safety factor
@@ -27,22 +27,22 @@ from ..solvers._regularised import Regular
 from ..solvers._step_control import GROW, SHRINK
 
 SAFETY = 0.85
-# Without a pace to go by.
+# Without a scale to go by.
 CLOSER = 0.9
 # Of the sums for the power: about as many steps count as an orbit has.
 MEMORY = 0.9
 # The power to begin with, and how much it weighs.
 FIRST_POWER, FIRST_WEIGHT = 0.5, 0.02
-# The pace depends on the length that it determines.
+# The scale depends on the length that it determines.
 REPEATS = 3
 
 
 class Trend(NamedTuple):
     """What the steps of each run have shown: the `ideal` length of the last one, zero for none, the
-    `pace` in its middle, and the sums of x y and x^2."""
+    `step_scale` in its middle, and the sums of x y and x^2."""
 
     ideal: Float[Array, "*runs"]
-    pace: Float[Array, "*runs"]
+    step_scale: Float[Array, "*runs"]
     xy: Float[Array, "*runs"]
     xx: Float[Array, "*runs"]
 
@@ -77,30 +77,30 @@ def following(
 
     - `ideal`, `h`: ideal length of the step, and its length with its direction.
     - `z0`, `z`: the variables at its start, and where the next one starts.
-    - `used`: whether the step is taken and tells something about the next one."""
+    - `used`: whether the step is taken and says something about the next one."""
     known = used & (trend.ideal > 0.0)
     if not isinstance(form, AbstractSecondOrderForm):
         # Drag in a thin shell goes with no power of the distance: as much shorter again as it was.
         last = jnp.where(known, trend.ideal, 1.0)
         again = jnp.where(known, jnp.minimum(ideal / last, 1.0), 1.0)
         return trend._replace(ideal=jnp.where(used, ideal, trend.ideal)), CLOSER * ideal * again
-    pace = form.pace(0.5 * h, z0)
-    x = jnp.where(known, _logarithm(pace, trend.pace), 0.0)
+    step_scale = form.step_scale(0.5 * h, z0)
+    x = jnp.where(known, _logarithm(step_scale, trend.step_scale), 0.0)
     y = jnp.where(known, _logarithm(ideal, trend.ideal), 0.0)
     memory = jnp.where(known, MEMORY, 1.0)
     trend = Trend(
         jnp.where(used, ideal, trend.ideal),
-        jnp.where(used, pace, trend.pace),
+        jnp.where(used, step_scale, trend.step_scale),
         memory * trend.xy + x * y,
         memory * trend.xx + x * x,
     )
     p = jnp.clip(trend.xy / trend.xx, 0.0, 1.0)
-    length, pace = barrier((SAFETY * ideal, pace))
+    length, step_scale = barrier((SAFETY * ideal, step_scale))
     half = 0.5 * jnp.sign(h)
     proposal = length
     for _ in range(REPEATS):
-        ahead = form.pace(half * proposal, z)
-        proposal = barrier(length * _power(ahead, pace, p))
+        ahead = form.step_scale(half * proposal, z)
+        proposal = barrier(length * _power(ahead, step_scale, p))
     return trend, proposal
 
 

@@ -2,7 +2,7 @@
 
 The loop saves at fixed normalised times s, and its derivatives hold them fixed. The time that
 belongs to s moves with the ends of the segments, and the time asked for moves with the save times
-and with the span of the run. A state that is asked for at t, and was saved at t(s), is
+and with the duration of the run. A state that is asked for at t, and was saved at t(s), is
 
     y(t) = y(t(s)) + integral of f from t(s) to t
 
@@ -55,7 +55,7 @@ def at_save_times(
     - `fractions`: the same times as fractions of the duration, which they are asked for at.
 
     **Returns** the same values."""
-    asked = segments.t0 + jnp.multiply.outer(fractions, segments.span)
+    asked = segments.t0 + jnp.multiply.outer(fractions, segments.total)
     saved = jax.vmap(segments.time)(jax.lax.stop_gradient(save_ts))
     late = asked - saved
     # Equal but for rounding: of the difference, the derivatives alone count.

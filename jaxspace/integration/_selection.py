@@ -4,7 +4,7 @@ A method for second-order systems is taken only where the traced vector field sh
 the rate of the position is the velocity itself, and no operation leads from the velocity to its
 rate. What an effect says of itself does not matter.
 
-Whether a run is stiff is told by its numbers (`_stiffness.py`): where they are not known, under
+Whether a run is stiff follows from its numbers (`_stiffness.py`): where they are not known, under
 `jit` or in a derivative, and for the phases of a mission, the rules of structure decide alone."""
 
 import dataclasses
@@ -20,8 +20,8 @@ import numpy as np
 from jaxtyping import ArrayLike, PyTree
 
 from ..core import AbstractSystem, depending_on
-from ..solvers import DOP853, RKN1210, AdaptiveRegularised, ExponentialRosenbrock, Tsit5
 from ._eccentric import is_eccentric
+from ._methods import HIGH_ORDER, LOW_ORDER, REGULARISED, SECOND_ORDER, STIFF
 from ._stiffness import InitialConditions, is_stiff
 
 # above this tolerance the method of order 5 needs fewer evaluations than those of high order
@@ -117,20 +117,20 @@ RULES = (
     Rule(
         "slow beside a fast linear motion or decay, over more than 1e4 of its radians",
         _is_fast_and_linear,
-        ExponentialRosenbrock(),
+        STIFF,
     ),
-    Rule("the tolerance is above 1e-5", lambda c: c.rtol > LOOSE, Tsit5()),
+    Rule("the tolerance is above 1e-5", lambda c: c.rtol > LOOSE, LOW_ORDER),
     Rule(
         "orbits of e >= 0.5 about a point mass, perturbed by a potential or by velocities",
         _is_eccentric,
-        AdaptiveRegularised(),
+        REGULARISED,
     ),
     Rule(
         "r' = v, v' = a(t, r), and nothing else moves",
         lambda c: is_second_order(c.system, c.y),
-        RKN1210(),
+        SECOND_ORDER,
     ),
-    Rule("else", lambda c: True, DOP853()),
+    Rule("else", lambda c: True, HIGH_ORDER),
 )
 
 

@@ -43,7 +43,7 @@ def without_slow_runs(
     - `none`: no run."""
 
     def attempt(carry: _Attempt) -> _Attempt:
-        # Built anew here and not selected behind the loop, where every array would need a choice.
+        # Built again here and not selected behind the loop, where every array would need a choice.
         loop = run(restarted(carry.loop, carry.left_out))
         found = slow(loop)
         left_out = carry.left_out | found

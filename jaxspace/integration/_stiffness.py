@@ -1,4 +1,4 @@
-"""Whether a run is slow motion beside a fast linear one, told by its numbers at the start.
+"""Whether a run is slow motion beside a fast linear one, recognised by its numbers.
 
     w = max |eigenvalue of J|,    J = df/dy at the start
     1. w |span| >= 1e4, and w h >= 300      explicit steps would be more than a run may take
@@ -7,7 +7,7 @@
 
 All are measured in the lengths of the state's blocks, as the tolerance is. A body that spins, or an
 orbit of many revolutions, fails at the second line: its Jacobian turns with it. A gyrocompass,
-damped or ringing linear modes, and a fast decay onto which the motion has settled pass.
+damped or ringing linear modes, and a fast decay onto which the motion has come pass.
 
     symbol  meaning                                  unit
     f, y    vector field and state at the start
@@ -27,7 +27,7 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, PyTree
 
 from ..core import AbstractSystem, State, is_traced
-from ..solvers import ExponentialRosenbrock
+from ._methods import STIFF
 
 # Radians or decay times in a run: DOP853 takes five steps for three of them, which is more than a
 # run may take by default.
@@ -164,9 +164,7 @@ def _trial(starts: InitialConditions, h: Any) -> tuple[Array, Array]:
 
     def one(system: AbstractSystem, y: State, ts: Array, h: Array) -> tuple[Array, Array]:
         term: Any = diffrax.ODETerm(lambda s, y, args: system.vector_field(s, y))
-        y1, error, *_ = ExponentialRosenbrock().step(
-            term, ts[0], ts[0] + h, y, None, None, jnp.array(False)
-        )
+        y1, error, *_ = STIFF.step(term, ts[0], ts[0] + h, y, None, None, jnp.array(False))
         return ravel_pytree(error)[0], _sizes(y1)
 
     return of_each(starts, one, jnp.asarray(h))

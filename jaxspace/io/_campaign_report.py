@@ -131,7 +131,14 @@ def comparison_table(rows: Sequence[Comparison]) -> str:
 def moments_report(
     title: str, found: Moments, units: Mapping[str, str], nominal: Mapping[str, tuple[float, str]]
 ) -> str:
-    """Mean and deviation of every output by a method without many runs."""
+    """Mean and deviation of every output by a method without many runs.
+
+    **Arguments**
+
+    - `title`: the first line.
+    - `found`: the moments.
+    - `units`: of the outputs, by name.
+    - `nominal`: values of the nominal run, with their units, by name."""
     rows: list[Row] = [("output", "unit", "nominal", "mean", "std dev")]
     for k, name in enumerate(found.names):
         std = found.std(name)

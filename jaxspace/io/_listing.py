@@ -147,6 +147,7 @@ def _default(entry: Entry) -> str:
 
 def first_sentence(thing: object) -> str:
     """The first sentence of a docstring, on one line."""
-    text = " ".join((thing.__doc__ or "").split())
+    # The blocks of a docstring begin behind an empty line, with no capital letter.
+    text = " ".join((thing.__doc__ or "").split("\n\n")[0].split())
     # A capital letter must follow, so that "e.g. this" and decimal points end no sentence.
     return re.split(r"\.(?= [A-Z])", text)[0].rstrip(".")

@@ -279,8 +279,8 @@ def contributor_lines(result: Dispersion, count: int = 3) -> str:
             rows.append((name, "too few runs in which it is finite"))
             continue
         # Shares below a percent are noise of the sampling.
-        told = [f"{path} {100.0 * s:.0f} %" for path, s in shares.items() if s >= 0.01]
-        rows.append((name, ", ".join(told)))
+        causes = [f"{path} {100.0 * s:.0f} %" for path, s in shares.items() if s >= 0.01]
+        rows.append((name, ", ".join(causes)))
     width = max(len(name) for name, _ in rows)
     return "\n".join(
         f"{name.ljust(width)}  {text or 'no single contributor'}" for name, text in rows

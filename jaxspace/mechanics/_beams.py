@@ -100,7 +100,12 @@ def beam_shape(ends: Ends, root: float, x: Scalar, derivative: int = 0) -> Scala
 
 def beam_integral(function: Callable[[Array], Array], start: Scalar, end: Scalar) -> Array:
     """The integral of a function of the place between two places, each (*runs,), by Gauss: to
-    rounding for modes of which the interval holds few waves."""
+    rounding for modes of which the interval holds few waves.
+
+    **Arguments**
+
+    - `function`: of the place, with the axis of places first.
+    - `start`, `end`: the two places, (*runs,)."""
     x, weights = np.polynomial.legendre.leggauss(NODES)
     half = 0.5 * (end - start)
     shape = (NODES,) + (1,) * jnp.ndim(half)

@@ -196,7 +196,13 @@ def _correction(
 
 
 def degrees_of_freedom(system: AbstractDescription, y: GeneralisedState, t: Scalar = 0.0) -> int:
-    """Coordinates less independent constraints at a known state of one run (Thomson 9.2)."""
+    """Coordinates less independent constraints at a known state of one run (Thomson 9.2).
+
+    **Arguments**
+
+    - `system`: with its constraints.
+    - `y`: a state of one run, which must be known.
+    - `t`: s."""
     q, v = together(system, t, y.coordinates, y.rates)
     found = constraints_of(system, t, q, v)
     rank = 0 if found is None else int(np.linalg.matrix_rank(np.asarray(found.matrix)))

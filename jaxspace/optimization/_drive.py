@@ -2,7 +2,7 @@
 
     state <- advance(state, evaluate(state))          while unfinished(state)
 
-A search says at each step where it wants the problem evaluated, and is handed the result: so that
+A search says at each step where the problem is to be evaluated, and takes the result: so that
 its start, the check of its gradient, its line search and its corrections share one program. With
 known numbers the loop is Python's: `evaluate` is compiled once, a run can be watched, interrupted
 and taken up again. Under a transformation it is a loop of the compiled program.
@@ -74,7 +74,7 @@ def _watched(
     more, taken = bool(unfinished(state)), int(state.taken)
     try:
         while more:
-            # The first evaluation is there already: it has told whether the numbers are known.
+            # The first evaluation is there already: it has shown whether the numbers are known.
             found = evaluate(state) if found is None else found
             (state, goes_on), found = move(state, found), None
             more = bool(goes_on)

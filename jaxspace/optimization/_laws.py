@@ -84,7 +84,7 @@ def free_numbers(law: Any) -> tuple[PyTree, Callable[[PyTree], Any]]:
     if isinstance(law, SteeringProfile):
         return law.angles, lambda angles: SteeringProfile(law.times, angles)
     if isinstance(law, Table | Spline):
-        # Made anew, because the curvatures of a spline follow from its values.
+        # Made again, because the curvatures of a spline follow from its values.
         return law.values, lambda values: type(law)(law.times, values)
     free, rest = eqx.partition(law, eqx.is_inexact_array)
     return free, lambda numbers: eqx.combine(numbers, rest)

@@ -42,17 +42,32 @@ def cross_track_error(position: Vector, nominal: Any) -> Scalar:
 
 @output("", mu="planet.mu")
 def eccentricity(position: Vector, velocity: Vector, mu: Scalar) -> Scalar:
-    """Eccentricity of the orbit; on a circle its derivative is zero."""
+    """Eccentricity of the orbit; on a circle its derivative is zero.
+
+    **Arguments**
+
+    - `position`, `velocity`: m and m/s, about the centre, (3, *runs).
+    - `mu`: gravitational parameter of the centre, m^3/s^2."""
     return norm(eccentricity_vector(position, velocity, mu))
 
 
 @output("rad", mu="planet.mu")
 def node_longitude(position: Vector, velocity: Vector, mu: Scalar) -> Scalar:
-    """Longitude of the ascending node, rad, within (-pi, pi]; zero over the equator."""
+    """Longitude of the ascending node, rad, within (-pi, pi]; zero over the equator.
+
+    **Arguments**
+
+    - `position`, `velocity`: m and m/s, about the centre, (3, *runs).
+    - `mu`: gravitational parameter of the centre, m^3/s^2."""
     return elements_from_state(position, velocity, mu).node
 
 
 @output("rad", mu="planet.mu")
 def argument_of_periapsis(position: Vector, velocity: Vector, mu: Scalar) -> Scalar:
-    """Angle from the ascending node to the periapsis, rad, within (-pi, pi]; zero on a circle."""
+    """Angle from the ascending node to the periapsis, rad, within (-pi, pi]; zero on a circle.
+
+    **Arguments**
+
+    - `position`, `velocity`: m and m/s, about the centre, (3, *runs).
+    - `mu`: gravitational parameter of the centre, m^3/s^2."""
     return elements_from_state(position, velocity, mu).argument_of_periapsis

@@ -73,7 +73,12 @@ _NOISE = 8.0
 
 @output("m^2/s^2", mu="planet.mu")
 def specific_energy(position: Vector, velocity: Vector, mu: Scalar) -> Scalar:
-    """Energy per unit mass E, m^2/s^2 (Thomson 4.7)."""
+    """Energy per unit mass E, m^2/s^2 (Thomson 4.7).
+
+    **Arguments**
+
+    - `position`, `velocity`: m and m/s, about the centre, (3, *runs).
+    - `mu`: gravitational parameter of the centre, m^3/s^2."""
     return 0.5 * dot(velocity, velocity) - mu / jnp.sqrt(dot(position, position))
 
 
@@ -84,13 +89,23 @@ def angular_momentum(position: Vector, velocity: Vector) -> Vector:
 
 def eccentricity_vector(position: Vector, velocity: Vector, mu: Scalar) -> Vector:
     """The constant vector e, (3, *runs): it points to periapsis, and its length is the eccentricity
-    (Laplace, Runge, Lenz)."""
+    (Laplace, Runge, Lenz).
+
+    **Arguments**
+
+    - `position`, `velocity`: m and m/s, about the centre, (3, *runs).
+    - `mu`: gravitational parameter of the centre, m^3/s^2."""
     h = cross(position, velocity)
     return cross(velocity, h) / mu - position / jnp.sqrt(dot(position, position))
 
 
 def semi_latus_rectum(position: Vector, velocity: Vector, mu: Scalar) -> Scalar:
-    """Semi-latus rectum p, m."""
+    """Semi-latus rectum p, m.
+
+    **Arguments**
+
+    - `position`, `velocity`: m and m/s, about the centre, (3, *runs).
+    - `mu`: gravitational parameter of the centre, m^3/s^2."""
     h = cross(position, velocity)
     return dot(h, h) / mu
 
@@ -98,14 +113,24 @@ def semi_latus_rectum(position: Vector, velocity: Vector, mu: Scalar) -> Scalar:
 @output("m", mu="planet.mu")
 def semi_major_axis(position: Vector, velocity: Vector, mu: Scalar) -> Scalar:
     """Semi-major axis a, m: negative for a hyperbola; infinite for the parabola, with the
-    derivative zero."""
+    derivative zero.
+
+    **Arguments**
+
+    - `position`, `velocity`: m and m/s, about the centre, (3, *runs).
+    - `mu`: gravitational parameter of the centre, m^3/s^2."""
     energy = specific_energy(position, velocity, mu)
     return jnp.where(energy == 0.0, math.inf, -0.5 * mu / jnp.where(energy == 0.0, 1.0, energy))
 
 
 @output("m", mu="planet.mu")
 def periapsis_radius(position: Vector, velocity: Vector, mu: Scalar) -> Scalar:
-    """Least distance from the centre on the whole conic, m."""
+    """Least distance from the centre on the whole conic, m.
+
+    **Arguments**
+
+    - `position`, `velocity`: m and m/s, about the centre, (3, *runs).
+    - `mu`: gravitational parameter of the centre, m^3/s^2."""
     # p / (1 + e) and not a (1 - e), because it is smooth through the parabola.
     return semi_latus_rectum(position, velocity, mu) / (
         1.0 + norm(eccentricity_vector(position, velocity, mu))
@@ -114,7 +139,12 @@ def periapsis_radius(position: Vector, velocity: Vector, mu: Scalar) -> Scalar:
 
 @output("m", mu="planet.mu")
 def apoapsis_radius(position: Vector, velocity: Vector, mu: Scalar) -> Scalar:
-    """Greatest distance from the centre, m; infinite on an open orbit, with the derivative zero."""
+    """Greatest distance from the centre, m; infinite on an open orbit, with the derivative zero.
+
+    **Arguments**
+
+    - `position`, `velocity`: m and m/s, about the centre, (3, *runs).
+    - `mu`: gravitational parameter of the centre, m^3/s^2."""
     energy = specific_energy(position, velocity, mu)
     a = -0.5 * mu / jnp.where(energy < 0.0, energy, -1.0)
     return jnp.where(

@@ -127,6 +127,12 @@ def eccentricities_through(
     """The two conics of one size that have the place (`radius`, m, at the `true_anomaly`, rad) on
     them (Thomson 4.13).
 
+    **Arguments**
+
+    - `radius`: distance of the place from the centre, m.
+    - `true_anomaly`: of the place, rad.
+    - `semi_major_axis`: m.
+
     **Returns** their eccentricities, the smaller one first, (*runs,); a negative one has its
     periapsis on the other side. NaN where there is none."""
     ratio = radius / as_float(semi_major_axis)

@@ -39,7 +39,7 @@ from ..core import (
 )
 from ._ks_map import dot4, ks_map, ks_transposed
 
-# Radii within which 1/H is told by the time: more cost as many roundings.
+# Radii within which 1/H follows from the time: more cost as many roundings.
 FARTHEST = 100.0
 
 
@@ -117,8 +117,8 @@ class SecondOrderKS(AbstractSecondOrderForm):
     def fictitious_time(self, duration: Scalar, z: Array) -> Scalar:
         return self.ks.fictitious_time(duration, self._of_two_bodies(z))
 
-    def pace(self, sigma: Scalar, z: Array) -> Scalar:
-        return self.ks.pace(sigma, z)
+    def step_scale(self, sigma: Scalar, z: Array) -> Scalar:
+        return self.ks.step_scale(sigma, z)
 
     def size(self, x: Array, z0: Array, z1: Array) -> Scalar:
         # By the energy of the whole motion: its perturbation changes little of a scale.

@@ -84,7 +84,7 @@ class KustaanheimoStiefel(AbstractRegularised):
         p = jnp.maximum(4.0 * dot4(w, w) / self.mu - sigma * sigma, 0.0)
         return unit * universal_anomaly(sigma, beta, duration / (r * unit), p)
 
-    def pace(self, sigma: Scalar, z: Array) -> Scalar:
+    def step_scale(self, sigma: Scalar, z: Array) -> Scalar:
         u, w = z[:4], z[4:8]
         r = dot4(u, u)
         # r'' = mu + 2 E r, by its series: within a step that is enough.
@@ -93,7 +93,7 @@ class KustaanheimoStiefel(AbstractRegularised):
         c1 = 1.0 - y * (1.0 - y * (1.0 - y / 42.0) / 20.0) / 6.0
         c2 = 1.0 - y * (1.0 - y * (1.0 - y / 56.0) / 30.0) / 12.0
         ahead = r * c0 + sigma * (2.0 * dot4(u, w) * c1 + (0.5 * self.mu) * sigma * c2)
-        # A pace is positive, also where the series, too far ahead, is not.
+        # A scale is positive, also where the series, too far ahead, is not.
         return jnp.maximum(ahead, 0.01 * r)
 
     def size(self, x: Array, z0: Array, z1: Array) -> Scalar:

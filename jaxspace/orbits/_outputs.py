@@ -9,14 +9,26 @@ from ._elements import apoapsis_radius, periapsis_radius
 
 @output("m", mu="planet.mu", radius="planet.radius")
 def periapsis_altitude(position: Vector, velocity: Vector, mu: Scalar, radius: Scalar) -> Scalar:
-    """Least height of the orbit, m, above a sphere of the `radius`, m."""
+    """Least height of the orbit, m, above a sphere of the `radius`, m.
+
+    **Arguments**
+
+    - `position`, `velocity`: m and m/s, about the centre, (3, *runs).
+    - `mu`: gravitational parameter of the centre, m^3/s^2.
+    - `radius`: of the sphere, m."""
     return periapsis_radius(position, velocity, mu) - radius
 
 
 @output("m", mu="planet.mu", radius="planet.radius")
 def apoapsis_altitude(position: Vector, velocity: Vector, mu: Scalar, radius: Scalar) -> Scalar:
     """Greatest height of the orbit, m, above a sphere of the `radius`, m; infinite when it is not
-    closed."""
+    closed.
+
+    **Arguments**
+
+    - `position`, `velocity`: m and m/s, about the centre, (3, *runs).
+    - `mu`: gravitational parameter of the centre, m^3/s^2.
+    - `radius`: of the sphere, m."""
     return apoapsis_radius(position, velocity, mu) - radius
 
 

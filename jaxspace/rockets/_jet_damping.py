@@ -85,7 +85,14 @@ def spin_angle(
     """Angle of spin, rad, after `time`, s: the integral of omega_z from the rate `spin` = n, rad/s,
     with m'/m_0 = `burn_fraction_rate`, 1/s (positive when mass leaves). Holds for a central nozzle,
     where it is a logarithm, without burning, where it is n t, and when all mass is gone; its
-    derivatives there are those of `spin_ratio`: one-sided."""
+    derivatives there are those of `spin_ratio`: one-sided.
+
+    **Arguments**
+
+    - `time`: s.
+    - `spin`: n, rad/s.
+    - `burn_fraction_rate`: m'/m_0, 1/s.
+    - `ring_over_gyration`: rho / k_z."""
     q = as_float(ring_over_gyration) ** 2
     burnt = burn_fraction_rate * as_float(time)
     # The end of the range, at which the logarithm is infinite.

@@ -49,6 +49,7 @@ class Custom(AbstractEffect):
     - `needs`, `adds`, `keeps`: as in `AbstractEffect`.
     - `energy`: a function (t, y, body) -> potential energy per unit mass, J/kg, if the effect keeps
       the energy. Before a run it is compared with the work of the load at the start.
+    - `break_times`: at which the load or a derivative of it jumps, s; steps end there.
 
     Raises `InputError` for an unknown part or contribution, an effect that keeps the energy without
     a potential, and, when it is first evaluated, a load that holds what `adds` does not name."""

@@ -1,14 +1,11 @@
 """Simulate one run or many, a system or a mission of phases, to a stated accuracy. No physics."""
 
 from ..integration import Accuracy as Accuracy
-from ..integration import Crossings as Crossings
 from ..integration import Event as Event
 from ..integration import SimulationError as SimulationError
 from ..integration import Status as Status
-from ..integration import select_method as select_method
 from ._batch import simulate_batch as simulate_batch
 from ._compact import CompactFlight as CompactFlight
-from ._compact import CompactPhase as CompactPhase
 from ._compact import fly_compact as fly_compact
 from ._crossings import crossings as crossings
 from ._mission import Mission as Mission

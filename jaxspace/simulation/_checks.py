@@ -103,7 +103,7 @@ def _check_structure(structure: Any, leaves: tuple[Any, ...]) -> PyTree:
     system, y0, t, one_run = jax.tree.unflatten(structure, leaves)
     if one_run:
         _check_one_run(system, y0)
-    # Whatever a field that meets another state than its own may raise is told in its words.
+    # Whatever a field that meets another state than its own may raise is reported in its words.
     try:
         trace = eqx.filter_make_jaxpr(lambda s, t, y: s.vector_field(t, y))
         jaxpr, *derivative = trace(system, t, y0)
@@ -116,9 +116,18 @@ def _check_structure(structure: Any, leaves: tuple[Any, ...]) -> PyTree:
     except InputError:
         raise
     except Exception as error:
+        # The likely cause: a function of one run, such as a network.
+        cure = (
+            ""
+            if one_run
+            else (
+                " A batch has its runs on the last axis: map a function of one run over it, by "
+                "jax.vmap(f, in_axes=-1, out_axes=-1)."
+            )
+        )
         raise InputError(
             f"{type(system).__name__}.vector_field cannot take y0, which holds {_held(y0)}: "
-            f"{type(error).__name__}: {first_line(error)}"
+            f"{type(error).__name__}: {first_line(error)}{cure}"
         ) from error
     raise InputError(
         f"y0 holds {_held(y0)}, and {type(system).__name__}.vector_field returns "
@@ -224,6 +233,11 @@ def check_events(
         if shape != runs:
             of_each = f", {runs}: it may not add up over the runs" if runs else ""
             raise InputError(f"{what} returns {shape}: it must return one number{of_each}.")
+        if not jnp.issubdtype(value.dtype, jnp.floating):
+            raise InputError(
+                f"{what} returns {value.dtype.name}: it must return a number that passes through "
+                f"zero, such as the difference of two sides of a comparison."
+            )
         check_jump(event, t, y, name.format(number))
 
 

@@ -45,12 +45,12 @@ def _with_known_end(phase: Any) -> Any:
     flight = getattr(phase, "system", None)
     if not isinstance(flight, AbstractFlight) or flight.longest is not None:
         return phase
-    span = phase.until.within if isinstance(phase.until, Event) else phase.until
+    duration = phase.until.within if isinstance(phase.until, Event) else phase.until
     # Traced, as in a campaign: its builder has to give the longest time itself.
-    if not is_concrete(span):
+    if not is_concrete(duration):
         return phase
     # Runs share the number of samples: that of the longest serves all.
-    known = flight.lasting(float(np.max(np.asarray(span))))
+    known = flight.lasting(float(np.max(np.asarray(duration))))
     return Phase(known, phase.until, phase.then, phase.name)
 
 
@@ -58,7 +58,7 @@ def _with_known_end(phase: Any) -> Any:
 class Phase(eqx.Module):
     """One phase: the `system` that moves, `until` when, and `then` what jumps.
 
-    - `system`: any system, or a `ClosedLoop` of one, whose controller begins anew with the phase.
+    - `system`: any system, or a `ClosedLoop` of one, whose controller starts again with the phase.
     - `until`: a duration, s, or an `Event` that sets its limit `within`.
     - `then`: a function (t, y) -> y applied at the end; `None` leaves the state as it is.
     - `name`: for tables and plots.

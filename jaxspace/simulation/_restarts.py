@@ -138,9 +138,9 @@ def states_between(
         # Of several the last one, and none where the row is not one of them.
         index = passed.shape[0] - 1 - jnp.argmax(passed[::-1], axis=0)
         restarted, t_restart = pick((found.after, found.ts), index, run_axes)
-        anew = jnp.any(passed, axis=0)
-        y = jax.tree.map(lambda a, b: jnp.where(anew, a, b), restarted, y)
-        start = jnp.where(anew, t_restart, t_before)
+        jumped = jnp.any(passed, axis=0)
+        y = jax.tree.map(lambda a, b: jnp.where(jumped, a, b), restarted, y)
+        start = jnp.where(jumped, t_restart, t_before)
         result = integrate(system, y, start, t, None, config, run_axes)
         y = state_at(result.states, -1, run_axes)
         status = combine_status(status, result.status)

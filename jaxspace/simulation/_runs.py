@@ -87,12 +87,12 @@ def _sampled(
 
     One integration, except where runs have save times of their own."""
     runs = runs_of(y0, run_axes)
-    span = ts[-1] - ts[0]
+    duration = ts[-1] - ts[0]
     if ts.ndim > 1:
         result = _at_times(system, y0, ts, config, run_axes, dense)
         fractions = jnp.linspace(0.0, 1.0, samples + 1, dtype=ts.dtype)
         between = integrate(system, y0, ts[0], ts[-1], fractions, config, run_axes)
-        times = ts[0] + jnp.multiply.outer(fractions, span)
+        times = ts[0] + jnp.multiply.outer(fractions, duration)
         states = replace_state(between.states, 0, y0, run_axes)
         return result, times, times_first(states, run_axes)
     # Rounded up, so that there are at least as many samples.

@@ -142,7 +142,7 @@ class _NestedProducts(AbstractDenseOutput):
     coefficients: list[State] | None
 
     def state(self, t: Float[Array, ""]) -> State:
-        assert self.coefficients is not None, "the step was told that no state in it is saved"
+        assert self.coefficients is not None, "the step keeps nothing for states within it"
         x = self.fraction(t)
 
         def leaf(y0: Array, *fs: Array) -> Array:

@@ -8,9 +8,10 @@ from jaxtyping import Array
 from ..core import InputError, State
 from ..integration import eligible_methods, least_tolerance, select_method
 from ..integration._accuracy import state_dtype
+from ..integration._methods import HIGH_ORDER, LOW_ORDER
 from ..simulation import Mission
 from ..simulation._phases import resolve_phases
-from ..solvers import DOP853, Tsit5, solver_traits
+from ..solvers import solver_traits
 from ._cost_case import accuracy_of
 from ._cost_table import CLOSED_FORM, Method, method_name
 from ._runs import systems_of
@@ -33,11 +34,11 @@ def default_methods(
         ends = (max(*tolerances, TOLERANCES[0]), min(tolerances))
         return eligible_methods(system, y0, ends, ts)
     if all(s.closed_form() is not None for s in systems_of(system)):
-        return DOP853(), Tsit5(), CLOSED_FORM
+        return HIGH_ORDER, LOW_ORDER, CLOSED_FORM
     chosen = _methods_of_phases(system, y0, min(tolerances))
-    same = all(isinstance(method, DOP853) for method in chosen)
+    same = all(isinstance(method, type(HIGH_ORDER)) for method in chosen)
     # Where phases differ, no method but "auto" stands for what "auto" takes.
-    return (DOP853(), Tsit5()) if same else (DOP853(), Tsit5(), "auto")
+    return (HIGH_ORDER, LOW_ORDER) if same else (HIGH_ORDER, LOW_ORDER, "auto")
 
 
 def methods_by_name(

@@ -10,10 +10,10 @@ import numpy as np
 
 from ..core import Scalar, State
 from ..integration import SimulationError, Status, least_tolerance
+from ..integration._methods import HIGH_ORDER, STIFF
 from ..simulation import Mission
-from ..solvers import DOP853, ExponentialRosenbrock
 from ._cost_case import Case, Programs
-from ._cost_table import CLOSED_FORM, Method
+from ._cost_table import CLOSED_FORM, Method, method_name
 from ._runs import Program, RunOutcome, aot_compile, blocks, distance
 from ._scene_effects import Runnable
 
@@ -95,9 +95,9 @@ def _candidates(by_name: dict[str, Method], exact: bool) -> dict[str, Method]:
     """The methods that may serve as the reference, by name, the preferred one first."""
     if exact:
         return {CLOSED_FORM: CLOSED_FORM}
-    # The exponential method ends a stiff run that DOP853 does not.
-    stiff = {k: m for k, m in by_name.items() if isinstance(m, ExponentialRosenbrock)}
-    return {"DOP853": DOP853(), **stiff}
+    # The method for stiff runs ends one that an explicit method does not.
+    stiff = {k: m for k, m in by_name.items() if isinstance(m, type(STIFF))}
+    return {method_name(HIGH_ORDER): HIGH_ORDER, **stiff}
 
 
 def _first_good_run(candidates: dict[str, Method], case: Case, tightest: float) -> _GoodRun:

@@ -45,7 +45,7 @@ class Uncertain(AbstractSystem):
     - `system`: the one that moves.
     - `noise`: the spectral density Q (n, n) of its process noise, or a function (t, y) -> (n, n) of
       it; `None` for none.
-    - `delayed`: whether one more coordinate, which does not move, tells how late a run is, s."""
+    - `delayed`: whether one more coordinate, which does not move, says how late a run is, s."""
 
     system: AbstractSystem
     noise: Any = None

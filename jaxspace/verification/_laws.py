@@ -79,7 +79,7 @@ class LawReport:
 def verify(
     system: AbstractSystem,
     y0: State,
-    span: Scalar | float,
+    duration: Scalar | float,
     *,
     tolerance: float = 1e-6,
     accuracy: Accuracy | None = None,
@@ -90,7 +90,7 @@ def verify(
     **Arguments**
 
     - `system`, `y0`: what runs, and a state from which it does something worth seeing, in float64.
-    - `span`: how long, s; so short that an error does not grow too far.
+    - `duration`: how long, s; so short that an error does not grow too far.
     - `tolerance`: what each run may deviate, relative to the size of each block. The field is held
       to rounding.
     - `accuracy`: of the runs; by default 1e-11 with the method that `simulate` chooses.
@@ -108,7 +108,7 @@ def verify(
     check = _Check(
         system,
         y0,
-        jnp.asarray(span, jnp.float64),
+        jnp.asarray(duration, jnp.float64),
         Accuracy(rtol=RTOL) if accuracy is None else accuracy,
         tolerance,
         jax.random.key(seed),
@@ -130,7 +130,7 @@ class _Check(eqx.Module):
 
     system: AbstractSystem
     y0: State
-    span: Float[Array, ""]
+    duration: Float[Array, ""]
     accuracy: Accuracy
     tolerance: float
     key: Array
@@ -140,15 +140,15 @@ class _Check(eqx.Module):
         return simulate(self.system, y0, ts, accuracy=self.accuracy)
 
     def invariants(self) -> Iterator[Law]:
-        drift = self.run(self.y0, 0.0, self.span).drift()
+        drift = self.run(self.y0, 0.0, self.duration).drift()
         if not drift:
             yield Law("invariants", 0.0, 0.0, "none is declared")
         for name, change in drift.items():
             yield Law(f"invariants: {name}", float(jnp.max(change)), self.tolerance)
 
     def reversibility(self) -> Law:
-        end = self.run(self.y0, 0.0, self.span).final
-        back = self.run(end, self.span, 0.0).final
+        end = self.run(self.y0, 0.0, self.duration).final
+        back = self.run(end, self.duration, 0.0).final
         # Two runs, and what the way back makes of the error of the first.
         return Law("reversibility", distance(back, self.y0), 10.0 * self.tolerance)
 
@@ -159,21 +159,21 @@ class _Check(eqx.Module):
         from ..solvers import DOP853
 
         steps = Accuracy(rtol=RTOL, method=DOP853())
-        ts = jnp.stack([0.0 * self.span, self.span])
+        ts = jnp.stack([0.0 * self.duration, self.duration])
         stepped = simulate(self.system, self.y0, ts, accuracy=steps).final
         return Law(
-            "closed form", distance(motion.flow(self.span, self.y0), stepped), self.tolerance
+            "closed form", distance(motion.flow(self.duration, self.y0), stepped), self.tolerance
         )
 
     def derivatives(self) -> tuple[Law, Law]:
         """Of a random sum of the final state, along a random change of the first one."""
         one, two = jax.random.split(self.key)
-        final = self.run(self.y0, 0.0, self.span).final
+        final = self.run(self.y0, 0.0, self.duration).final
         weights = jax.tree.map(jnp.divide, random_like(one, final), sizes(final))
         direction = jax.tree.map(jnp.multiply, random_like(two, self.y0), sizes(self.y0))
 
         def measure(y: State) -> Scalar:
-            return inner(weights, self.run(y, 0.0, self.span).final)
+            return inner(weights, self.run(y, 0.0, self.duration).final)
 
         _, forward = eqx.filter_jit(lambda y, d: jax.jvp(measure, (y,), (d,)))(self.y0, direction)
         reverse = inner(eqx.filter_jit(jax.grad(measure))(self.y0), direction)
@@ -202,18 +202,18 @@ class _Check(eqx.Module):
                 for x, k in zip(leaves, keys, strict=True)
             ],
         )
-        ts = jnp.stack([0.0 * self.span, self.span])
+        ts = jnp.stack([0.0 * self.duration, self.duration])
         runs = simulate_batch(self.system, states, ts, accuracy=self.accuracy)
         # Beyond EVENT every status is a failure, also that of a run which is not compared below.
         if np.any(np.asarray(runs.status) > Status.EVENT):
             return Law("batch", math.inf, self.tolerance)
         last = jax.tree.map(lambda x: x[..., -1], (states, runs.final))
-        alone = self.run(last[0], 0.0, self.span).final
+        alone = self.run(last[0], 0.0, self.duration).final
         return Law("batch", distance(last[1], alone), self.tolerance)
 
     def single_precision(self) -> Law:
         """The vector field in both precisions: a few hundred roundings, because terms cancel."""
-        t = 0.5 * self.span
+        t = 0.5 * self.duration
         rate = self.system.vector_field(t, self.y0)
         single = in_float32(self.system).vector_field(in_float32(t), in_float32(self.y0))
         kinds = {str(x.dtype) for x in jax.tree.leaves(single)}

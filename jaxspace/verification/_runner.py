@@ -29,7 +29,7 @@ CASES: tuple[Case, ...] = (
 """Every case that the library ships."""
 
 PRECISIONS = ("float64", "float32")
-# Programs compile side by side; more threads than cores only wait for each other.
+# Programs compile in parallel; more threads than cores only wait for each other.
 THREADS = 2
 
 

@@ -15,8 +15,8 @@ def _print(line: str) -> None:
     print(line, file=sys.stderr)
 
 
-class told:
-    """Tells the warnings for users as sentences, without the place in the source that gave them.
+class warnings_as_lines:
+    """Writes the warnings for users as sentences, without the place in the source that gave them.
 
     `write`: what takes a line; by default it is printed on the error output."""
 

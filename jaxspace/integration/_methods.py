@@ -1,0 +1,17 @@
+"""The methods that the library takes by itself, by what each is for.
+
+Outside of `solvers` no other file names a concrete solver (`tests/test_layers.py`): what depends on
+a method asks for its traits."""
+
+from ..solvers import DOP853, RKN1210, AdaptiveRegularised, ExponentialRosenbrock, Tsit5
+
+# Serves every system; of order 8.
+HIGH_ORDER = DOP853()
+# Serves every system; of order 5, with fewer evaluations at loose tolerances.
+LOW_ORDER = Tsit5()
+# For r' = v, v' = a(t, r) alone.
+SECOND_ORDER = RKN1210()
+# For eccentric orbits.
+REGULARISED = AdaptiveRegularised()
+# For slow motion beside a fast linear one.
+STIFF = ExponentialRosenbrock()
