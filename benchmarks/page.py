@@ -1,6 +1,7 @@
 """The page of the manual that shows the results kept beside this file, and its pictures."""
 
 import json
+import math
 import re
 from pathlib import Path
 
@@ -21,7 +22,13 @@ those of the worst run. Machines differ: compare within a table.
 
 
 def _cell(value: object) -> str:
-    return f"{value:.3g}" if isinstance(value, float) else "" if value is None else str(value)
+    if not isinstance(value, float):
+        return "" if value is None else str(value)
+    if math.isnan(value):
+        return "-"
+    if 1e3 <= abs(value) < 1e6:
+        return f"{float(f'{value:.3g}'):.0f}"
+    return f"{value:.3g}"
 
 
 def _table(rows: dict) -> str:

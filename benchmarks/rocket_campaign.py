@@ -65,10 +65,8 @@ def row(apogees: np.ndarray, seconds: float) -> dict:
     return {
         "runs": n,
         "runs per second": n / seconds,
-        "mean of the apogee, m": float(apogees.mean()),
-        "±, m": s / n**0.5,
-        "its deviation, m": s,
-        "± of that, m": s / (2.0 * n - 2.0) ** 0.5,
+        "mean of the apogee, m": f"{apogees.mean():.2f} ± {s / n**0.5:.2f}",
+        "its deviation, m": f"{s:.2f} ± {s / (2.0 * n - 2.0) ** 0.5:.2f}",
     }
 
 

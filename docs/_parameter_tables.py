@@ -49,8 +49,10 @@ def on_page_markdown(markdown, page, config, files):
     del page, config, files
 
     def written(match: re.Match[str]) -> str:
-        return table(
-            getattr(importlib.import_module(f"jaxspace.{match[1]}"), match[2])
-        )
+        room, name = match[1], match[2]
+        cls = getattr(importlib.import_module(f"jaxspace.{room}"), name)
+        # A page has several of these tables: each says whose it is.
+        link = f"../api/{room}.md#jaxspace.{room}.{name}"
+        return f"[`{room}.{name}`]({link}):\n\n{table(cls)}"
 
     return MARK.sub(written, markdown)

@@ -25,12 +25,24 @@ def on_files(files, config):
 def hard_cases() -> str:
     """The page of the hard cases: what each one allows, and why."""
     rows = [
-        f"| {case.name} | {case.roundings:.3g} | "
-        f"{f'{case.slope_roundings:.3g}' if case.truth()[1] else '-'} | {case.why} | "
-        f"{case.single or '-'} |"
+        f"| {case.name} | {_roundings(case.roundings)} | "
+        f"{_roundings(case.slope_roundings) if case.truth()[1] else '-'} | "
+        f"{_escaped(case.why)} | {_escaped(case.single or '-')} |"
         for case in CASES
     ]
     return "\n".join([HARD_CASES, *rows]) + "\n"
+
+
+def _roundings(number: float) -> str:
+    """Whole below a hundred thousand, such as 4096, and a power of ten such as 1e6 above."""
+    return (
+        f"{number:.0f}" if number < 1e5 else f"{number:.0e}".replace("+0", "")
+    )
+
+
+def _escaped(text: str) -> str:
+    """Text in a cell of a table, where a bar would end the cell."""
+    return text.replace("|", "\\|")
 
 
 def command_line() -> str:
@@ -69,7 +81,7 @@ def _command(prog: str, entry, command: argparse.ArgumentParser) -> str:
     # On one line, whatever the width of the terminal.
     usage = " ".join(command.format_usage().removeprefix("usage: ").split())
     rows = [
-        f"| `{_name(action)}` | {(action.help or '').replace('|', '/')} |"
+        f"| {_name(action)} | {_help(action)} |"
         for action in command._actions
         if action.dest != "help"
     ]
@@ -80,15 +92,18 @@ def _command(prog: str, entry, command: argparse.ArgumentParser) -> str:
 
 def _name(action: argparse.Action) -> str:
     if not action.option_strings:
-        return str(action.metavar or action.dest)
-    value = action.metavar or (
-        "{" + ",".join(action.choices) + "}"
-        if action.choices
-        else action.dest.upper()
+        return f"`{action.metavar or action.dest}`"
+    # The value is code of its own, so that a narrow column breaks before it.
+    value = f" `{action.metavar or action.dest.upper()}`"
+    return f"`{action.option_strings[-1]}`" + (
+        "" if action.nargs == 0 else value
     )
-    return action.option_strings[-1] + (
-        "" if action.nargs == 0 else f" {value}"
-    )
+
+
+def _help(action: argparse.Action) -> str:
+    choices = ", ".join(f"`{c}`" for c in action.choices or ())
+    text = _escaped(action.help or "")
+    return f"{text}; one of {choices}" if choices else text
 
 
 def scene_files() -> str:

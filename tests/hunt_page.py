@@ -122,9 +122,9 @@ def _summary(rows) -> str:
         for x in (lambda r: r.value, lambda r: r.slopes)
     ]
     return (
-        f"The last search looked at {len(rows)} functions and systems, at {places} places. Over "
+        f"The last search looked at {len(rows)} functions and systems, at {places:,} places. Over "
         f"100 in value: {counts[0]}; over 100 in a derivative: {counts[1]}. The others are within "
-        f"{rest[0]:.2g} in value and {rest[1]:.2g} in derivatives."
+        f"{_figure(rest[0])} in value and {_figure(rest[1])} in derivatives."
     )
 
 
@@ -132,10 +132,15 @@ def _listed(rows) -> str:
     return ", ".join(f"`{r.name}`" for r in rows)
 
 
+def _figure(number: float) -> str:
+    """Two digits, and no power of ten below ten thousand."""
+    return f"{float(f'{number:.2g}'):.0f}" if 99.5 <= number < 1e4 else f"{number:.2g}"
+
+
 def _row(r) -> str:
     names = ", ".join(f"`{name.partition('.')[2]}`" for name in r.computes)
     names = f"{r.name}: {names}" if r.room == "systems" else f"{names} ({r.name})"
-    cells = (names, r.places, f"{r.value:.2g}", r.slope_places, f"{r.slopes:.2g}")
+    cells = (names, r.places, _figure(r.value), r.slope_places, _figure(r.slopes))
     return "| " + " | ".join(map(str, cells)) + " |"
 
 
@@ -146,5 +151,5 @@ def _place(r) -> str:
         ("derivatives", r.slopes, r.slope_inputs),
     ):
         if figure > SHOWN:
-            lines.append(f"{what} {figure:.2g} at `({', '.join(f'{c:.17g}' for c in x)})`")
+            lines.append(f"{what} {_figure(figure)} at `({', '.join(f'{c:.17g}' for c in x)})`")
     return "- " + "; ".join(lines) + "\n"

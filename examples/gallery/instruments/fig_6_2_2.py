@@ -1,7 +1,7 @@
 """Fig. 6.2-2: a gyro after an impulse
 
 The end of the axis of a gyro in gimbals without mass, struck about the inner
-axis: it runs round a circle of the size M / H at the nutation frequency."""
+axis: it runs round a circle of the size $M/H$ at the nutation frequency."""
 
 import jax.numpy as jnp
 import matplotlib.pyplot as plt

@@ -1,7 +1,7 @@
 """Fig. 6.8-3: a platform under a torque
 
 The gyro of a stable platform about one axis, after a torque of 0.01 N m is
-applied: without servo it nutates about T t / h, with a servo it takes the
+applied: without servo it nutates about $Tt/h$, with a servo it takes the
 torque up at once. Beside it the frequency response of both."""
 
 import jax.numpy as jnp

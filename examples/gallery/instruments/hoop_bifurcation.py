@@ -1,8 +1,8 @@
-"""A bead on a turning hoop
+r"""A bead on a turning hoop
 
 Where the bead rests against the rate of the hoop, in units of the rate
-sqrt(g / r) at which the bottom becomes unstable, and the squared frequency of
-small swings about these places, by `studies.modes`."""
+$\sqrt{g/r}$ at which the bottom becomes unstable, and the squared frequency
+of small swings about these places, by `studies.modes`."""
 
 import jax
 import jax.numpy as jnp

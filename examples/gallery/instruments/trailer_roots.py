@@ -1,8 +1,8 @@
-"""Roots of a trailer
+r"""Roots of a trailer
 
 The roots of a trailer behind a hitch that yields, as its wheel moves back
-from the mass centre: unstable for a c < rho^2, whatever the speed and the
-stiffness, and following where a c > rho^2 (Thomson 9.10, problem 22)."""
+from the mass centre: unstable for $ac < \rho^2$, whatever the speed and the
+stiffness, and following where $ac > \rho^2$ (Thomson 9.10, problem 22)."""
 
 import jax.numpy as jnp
 import matplotlib.pyplot as plt

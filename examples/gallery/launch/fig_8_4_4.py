@@ -1,8 +1,8 @@
 """Propellant split
 
 A duration that is prescribed and shorter than the free fall from the target
-(8.4): both impulses have vertical work to do, and the best split, V1/V2 =
-W1/W2, has them at the same slope."""
+(8.4): both impulses have vertical work to do, and the best split,
+$V_1/V_2 = W_1/W_2$, has them at the same slope."""
 
 import jax.numpy as jnp
 import matplotlib.pyplot as plt

@@ -1,8 +1,8 @@
-"""Fig. 4.10-1: launches along the horizon
+r"""Fig. 4.10-1: launches along the horizon
 
-From one place, for several speeds: e = |lambda - 1|. Below lambda = 1 the
-burnout is the apoapsis, above it the periapsis; from lambda = 2 on the orbit
-stays open."""
+From one place, for several speeds: $e = \lvert\lambda - 1\rvert$. Below
+$\lambda = 1$ the burnout is the apoapsis, above it the periapsis; from
+$\lambda = 2$ on the orbit stays open."""
 
 import jax.numpy as jnp
 import matplotlib.pyplot as plt

@@ -1,8 +1,8 @@
-"""Fig. 4.13-2 and 4.13-3: speed and heading along an orbit
+r"""Fig. 4.13-2 and 4.13-3: speed and heading along an orbit
 
-The angle beta of the path above the horizon against lambda = r v^2 / mu, on
-lines of one eccentricity, which an orbit runs along, and on lines of one true
-anomaly. An impulse leads from one point to another."""
+The angle $\beta$ of the path above the horizon against $\lambda = rv^2/\mu$,
+on lines of one eccentricity, which an orbit runs along, and on lines of one
+true anomaly. An impulse leads from one point to another."""
 
 import jax.numpy as jnp
 import matplotlib.pyplot as plt

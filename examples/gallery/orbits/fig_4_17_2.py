@@ -1,8 +1,9 @@
-"""Fig. 4.17-2: range of a ballistic flight
+r"""Fig. 4.17-2: range of a ballistic flight
 
 The angle at the Earth's centre against the angle of the path at burnout, for
-several lambda = R v^2 / mu. The dashed line joins the longest ranges: for
-lambda = 1 it comes to half of the Earth's circumference along the horizon."""
+several $\lambda = Rv^2/\mu$. The dashed line joins the longest ranges: for
+$\lambda = 1$ it comes to half of the Earth's circumference along the
+horizon."""
 
 import jax.numpy as jnp
 import matplotlib.pyplot as plt

@@ -1,7 +1,8 @@
-"""Fig. 4.9-2: shape of the orbit from the burnout
+r"""Fig. 4.9-2: shape of the orbit from the burnout
 
-Eccentricity and true anomaly of the burnout against its speed, lambda =
-r v^2 / mu, for several angles beta of the path above the horizon."""
+Eccentricity and true anomaly of the burnout against its speed,
+$\lambda = rv^2/\mu$, for several angles $\beta$ of the path above the
+horizon."""
 
 import jax.numpy as jnp
 import matplotlib.pyplot as plt

@@ -1,8 +1,8 @@
 """H 5.6: pseudo-potentials
 
-U + L^2 / (2 r^2) for attractions k / r^n with the same circular orbit at r =
-1. Up to n = 3 the circle lies in a hollow; beyond it stands on a summit, from
-which every disturbance leads away."""
+$U + L^2/(2r^2)$ for attractions $k/r^n$ with the same circular orbit at
+$r = 1$. Up to $n = 3$ the circle lies in a hollow; beyond it stands on a
+summit, from which every disturbance leads away."""
 
 import jax.numpy as jnp
 import matplotlib.pyplot as plt

@@ -1,7 +1,7 @@
-"""H 5.7: closed orbits and orbits that turn
+r"""H 5.7: closed orbits and orbits that turn
 
-The angle between periapsis and apoapsis for attractions k / r^n, from nearly
-circular orbits, where it is pi / sqrt(3 - n), to long ones. Two lines are
+The angle between periapsis and apoapsis for attractions $k/r^n$, from nearly
+circular orbits, where it is $\pi/\sqrt{3 - n}$, to long ones. Two lines are
 level: the orbits of the spring and of gravity close whatever their shape."""
 
 import jax.numpy as jnp

@@ -1,9 +1,9 @@
-"""Rosettes of power laws
+r"""Rosettes of power laws
 
-Orbits under attractions k / r^n, let go along the horizon at 0.6 of the speed
+Orbits under attractions $k/r^n$, let go along the horizon at 0.6 of the speed
 of the circle. The angle between periapsis and apoapsis, by quadrature, is
-pi / 2 for the spring (n = -1) and pi for gravity (n = 2): these two alone
-always close."""
+$\pi/2$ for the spring ($n = -1$) and $\pi$ for gravity ($n = 2$): these two
+alone always close."""
 
 import jax.numpy as jnp
 import matplotlib.pyplot as plt

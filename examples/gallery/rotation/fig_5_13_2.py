@@ -1,8 +1,8 @@
-"""Fig. 5.13-2: the cubic of the heavy top
+r"""Fig. 5.13-2: the cubic of the heavy top
 
-u'^2 = f(u) = (alpha - beta u) (1 - u^2) - (gamma - N u)^2 with u = cos theta:
-the axis swings between the two roots within -1 and 1; the third root lies
-beyond 1, and the motion never gets there."""
+$\dot u^2 = f(u) = (\alpha - \beta u)(1 - u^2) - (\gamma - Nu)^2$ with
+$u = \cos\theta$: the axis swings between the two roots within -1 and 1; the
+third root lies beyond 1, and the motion never gets there."""
 
 import jax.numpy as jnp
 import matplotlib.pyplot as plt

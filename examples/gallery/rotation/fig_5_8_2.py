@@ -1,8 +1,8 @@
-"""Fig. 5.8-2: cones of a free symmetric body
+r"""Fig. 5.8-2: cones of a free symmetric body
 
 The axis, the angular velocity and the angular momentum lie in one plane.
-Against the angle theta between axis and momentum: the half-angles of the cone
-that the angular velocity runs along in the body and of the one in space,
+Against the angle $\theta$ between axis and momentum: the half-angles of the
+cone that the angular velocity runs along in the body and of the one in space,
 negative where the cones stand side by side."""
 
 import jax.numpy as jnp

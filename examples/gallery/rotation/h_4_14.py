@@ -1,7 +1,7 @@
-"""H 4.14 to 4.16: Binet's diagrams
+r"""H 4.14 to 4.16: Binet's diagrams
 
 In the axes of the body the angular momentum lies on a sphere, since its size
-stays, and on the ellipsoid of its energy, whose semi-axes are sqrt(2 T I).
+stays, and on the ellipsoid of its energy, whose semi-axes are $\sqrt{2TI}$.
 Their intersection is its path: about the shortest semi-axis, or from the
 middle one on about the longest."""
 

@@ -1,7 +1,7 @@
-"""H 4.19: pseudo-potential of the top
+r"""H 4.19: pseudo-potential of the top
 
-V' = (p_phi - p_psi cos theta)^2 / (2 I1 sin^2 theta) + m g h cos theta: the
-axis stays where V' lies below the energy. The dots are the turning points
+$V' = (p_\phi - p_\psi\cos\theta)^2/(2I_1\sin^2\theta) + mgh\cos\theta$: the
+axis stays where $V'$ lies below the energy. The dots are the turning points
 of a top that is let go at rest."""
 
 import jax.numpy as jnp

@@ -1,7 +1,7 @@
-"""H 4.25: the sleeping top
+r"""H 4.25: the sleeping top
 
 The pseudo-potential of a top that spins upright: above the critical spin,
-2 sqrt(m g h I1) / I3, it has a hollow at the vertical, and the top sleeps;
+$2\sqrt{mghI_1}/I_3$, it has a hollow at the vertical, and the top sleeps;
 below it the top falls away to a new hollow. On the right the rate at which it
 leaves."""
 

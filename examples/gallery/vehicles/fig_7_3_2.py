@@ -1,8 +1,8 @@
-"""Fig. 7.3-2: angle of attack of a spinning body
+r"""Fig. 7.3-2: angle of attack of a spinning body
 
 The tip of the axis of a free symmetric body that has got a transverse rate,
-seen along its first direction: a circle of the radius w0 / (n C / A) through
-the start. Dots every tenth of a second."""
+seen along its first direction: a circle of the radius $\omega_0/(nC/A)$
+through the start. Dots every tenth of a second."""
 
 import jax.numpy as jnp
 import matplotlib.pyplot as plt

@@ -1,8 +1,8 @@
 """Fig. 7.5-3: yo-yo
 
-Spin of a satellite of 100 kg m^2 and tension of the cord while two masses of
-0.6 kg unwind: the spin falls to zero at the cord length l_0, whatever it was,
-and turns round beyond."""
+Spin of a satellite of 100 kg m² and tension of the cord while two masses of
+0.6 kg unwind: the spin falls to zero at the cord length $l_0$, whatever it
+was, and turns round beyond."""
 
 import jax.numpy as jnp
 import matplotlib.pyplot as plt

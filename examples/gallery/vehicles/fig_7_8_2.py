@@ -1,8 +1,8 @@
 """Fig. 7.8-2: jet damping of a rocket without spin
 
 The rate of turn over that at ignition against the mass that is left, for
-exits at l / k radii of gyration behind the centre of mass. Lines: closed
-form. Dots: the simulated body, for l / k of 1.5. A near nozzle speeds the
+exits at $l/k$ radii of gyration behind the centre of mass. Lines: closed
+form. Dots: the simulated body, for $l/k$ of 1.5. A near nozzle speeds the
 rotation up."""
 
 import jax.numpy as jnp

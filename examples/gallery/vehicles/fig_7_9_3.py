@@ -1,9 +1,9 @@
-"""Fig. 7.9-3: transverse rate of a spinning rocket with jet damping
+r"""Fig. 7.9-3: transverse rate of a spinning rocket with jet damping
 
-The path of w_x + i w_y in body axes while 80 percent of the mass burn, for
-exits on a ring within the radius of gyration about the axis, on it, and
-outside. Within it the spin grows, outside it decays; the damping is nearly
-the same."""
+The path of $\omega_x + i\omega_y$ in body axes while 80 percent of the mass
+burn, for exits on a ring within the radius of gyration about the axis, on it,
+and outside. Within it the spin grows, outside it decays; the damping is
+nearly the same."""
 
 import jax.numpy as jnp
 import matplotlib.pyplot as plt

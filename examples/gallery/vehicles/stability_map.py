@@ -1,9 +1,11 @@
-"""Stability map of the gravity gradient
+r"""Stability map of the gravity gradient
 
 A body at rest in the axes of its circular orbit (7.4 P14), by its inertia
-ratios: k_roll = (I_normal - I_outward) / I_tangent and k_yaw = (I_normal -
-I_tangent) / I_outward. Growth of the fastest mode, from the equations of
-small librations; white is stable."""
+ratios:
+$k_\text{roll} = (I_\text{normal} - I_\text{outward})/I_\text{tangent}$ and
+$k_\text{yaw} = (I_\text{normal} - I_\text{tangent})/I_\text{outward}$. Growth
+of the fastest mode, from the equations of small librations; white is
+stable."""
 
 import jax.numpy as jnp
 import matplotlib.pyplot as plt

@@ -1,7 +1,7 @@
 """Wobble of the thrown disk
 
-A thin plate has C = 2 A: thrown with a small tilt, its axis wobbles twice for
-every turn of the mark on its rim, as Feynman saw in the cafeteria."""
+A thin plate has $C = 2A$: thrown with a small tilt, its axis wobbles twice
+for every turn of the mark on its rim, as Feynman saw in the cafeteria."""
 
 import jax.numpy as jnp
 import matplotlib.pyplot as plt
