@@ -7,7 +7,7 @@
 
 All are measured in the lengths of the state's blocks, as the tolerance is. A body that spins, or an
 orbit of many revolutions, fails at the second line: its Jacobian turns with it. A gyrocompass,
-damped or ringing linear modes, and a fast decay onto which the motion has come pass.
+damped or ringing linear modes, and a fast decay onto which the motion has settled pass.
 
     symbol  meaning                                  unit
     f, y    vector field and state at the start
