@@ -256,6 +256,8 @@ def torque_free_body():
             xytext=(0, 6),
             textcoords="offset points",
             ha="center",
+            # Curves pass behind the words.
+            bbox={"boxstyle": "round,pad=0.1", "fc": "0.95", "ec": "none"},
         )
     panel.set(
         xlim=(-1.08, 1.08),

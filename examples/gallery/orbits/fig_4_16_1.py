@@ -28,6 +28,7 @@ for k, t in enumerate(durations):
 axes.plot(*start[:2], "ko", ms=5)
 axes.plot(*target[:2], "ks", ms=5)
 axes.set(xlabel="x / r", ylabel="y / r", aspect="equal")
+axes.set_xticks([-0.5, 0.0, 0.5, 1.0])
 axes.legend(
     title="time / period of\nthe first circle",
     loc="center left",

@@ -40,7 +40,9 @@ leave, duration = jnp.meshgrid(
 total = cost(leave.ravel(), duration.ravel()).reshape(leave.shape) / 1e3
 figure, axes = plt.subplots(figsize=(6.8, 4.8))
 levels = [5.6, 5.8, 6, 6.5, 7, 8, 10, 12, 15, 20, 25]
-lines = axes.contour(leave, leave + duration, total, levels, cmap="viridis")
+lines = axes.contour(
+    leave, leave + duration, total, levels, cmap="viridis", vmax=40.0
+)
 axes.clabel(lines, fontsize=7)
 axes.set(xlabel="departure, days after the opposition")
 axes.set(ylabel="arrival, days after the opposition")

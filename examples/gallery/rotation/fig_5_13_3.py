@@ -43,7 +43,7 @@ for k, title in enumerate(("waves", "cusps", "loops")):
         )
     axes.plot(*(1.002 * path[:, :, k]), color=f"C{k}", zorder=9)
     axes.set(xlim=(-0.8, 0.8), ylim=(-0.8, 0.8), zlim=(0.55, 1.05))
-    axes.set_box_aspect((1.6, 1.6, 0.5), zoom=1.45)
+    axes.set_box_aspect((1.6, 1.6, 0.5), zoom=1.3)
     axes.view_init(55, -60)
     axes.set_axis_off()
     axes.set_title(title)

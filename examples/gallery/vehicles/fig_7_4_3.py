@@ -29,5 +29,6 @@ for axes, ratio in zip(panels, (0.4, 1.6), strict=True):  # C / A
     axes.plot(0.0, 0.0, "ko", ms=4)
     axes.set(xlabel="X, mrad", title=f"C / A = {ratio:g}", aspect="equal")
 panels[0].set_ylabel("Y, mrad")
-panels[1].legend(loc="upper right")
+lines, names = panels[1].get_legend_handles_labels()
+figure.legend(lines, names, loc="outside lower center", ncols=2)
 plt.show()
