@@ -65,6 +65,25 @@ def test_close_events_backwards():
     np.testing.assert_allclose(backwards, [(5.5, 0), (5.0, 1)], rtol=1e-14)
 
 
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_zero_within_rounding_ends_the_search(side):
+    """A condition whose rounding takes Newton's step from one end of its bracket to the other and
+    back, as the radial speed at an apsis of a nearly circular orbit may."""
+    zero, noise = 1.0, 2.0**-30
+
+    def condition(t, y):
+        exact = side * (zero - t)
+        rounded = noise * jnp.where(exact < 0.0, -1.0, 1.0)
+        # The slope stays that of the exact one.
+        lost = jnp.where(jnp.abs(exact) < noise, rounded - exact, 0.0)
+        return exact + jax.lax.stop_gradient(lost)
+
+    end, _, event, _, status = starts((Event(condition, samples=4),))(ball(1e4), 0.0, 3.0)
+    assert status == Status.EVENT and event == 0
+    # Newton's correction at the end adds the noise that is asked for here.
+    np.testing.assert_allclose(end, zero, atol=1.01 * noise)
+
+
 @pytest.mark.parametrize(("start", "end"), [(0.0, 6.0), (6.0, 0.0)])
 def test_a_zero_at_the_start_is_not_found_again(start, end):
     """By the state and by the time alone, both ways: a height that is passed twice, and times far

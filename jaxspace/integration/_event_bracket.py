@@ -172,8 +172,10 @@ def _next_guess(bracket: _Bracket, value: Scalar, slope: Scalar) -> Scalar:
     """Newton's step; in a dip the zero of the secant of the slopes; else the middle."""
     low, high, guess, _, dip, slopes, *_ = bracket
     newton = guess - value / jnp.where(slope == 0.0, 1.0, slope)
-    # Newton's step only within the bracket: outside of it the dense output is no bound.
-    inside = (slope != 0.0) & ((newton - low) * (newton - high) <= 0.0) & ~dip
+    # Newton's step only within the bracket: outside of it the dense output is no bound, and a step
+    # from end to end might lead back, where the condition is rounding at both.
+    within = ((newton - low) * (newton - high) < 0.0) | (newton == guess)
+    inside = (slope != 0.0) & within & ~dip
     share = jnp.where(
         dip & jnp.isfinite(slopes[1] - slopes[0]),
         safe_divide(slopes[0], slopes[0] - slopes[1]),
