@@ -301,6 +301,7 @@ def test_what_is_no_store_is_refused_in_a_sentence(tmp_path, capsys, command):
     assert main([*command, str(tmp_path / "none.zarr")]) == 2
     printed = capsys.readouterr().err
     assert "it must be the Zarr store of a dispersion" in printed and printed.count("\n") == 1
+    assert printed.count("none.zarr") == 1
 
 
 def test_a_picture_that_fails_costs_no_number(tmp_path, capsys, monkeypatch):

@@ -32,7 +32,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"{file}: {str(error) or 'stopped.'}", file=sys.stderr)
         return STOPPED
     except (SceneError, InputError) as error:
-        print(str(error) if isinstance(error, SceneError) else f"{file}: {error}", file=sys.stderr)
+        # The sentences about scene files and stores begin with the file.
+        named = isinstance(error, SceneError) or str(error).startswith(f"{file} ")
+        print(str(error) if named else f"{file}: {error}", file=sys.stderr)
         return BAD_INPUT
     except SimulationError as error:
         print(f"{file}: {error}", file=sys.stderr)
