@@ -59,7 +59,9 @@ class Climb:
             matrix[k, k - 1 : k + 2] = before, 2.0 * (before + after), after
             right[k] = 3.0 * (mean[k - 1] * before + mean[k] * after)
         m = np.linalg.solve(matrix, right)
-        self.nodes, self.widths, self.beyond = nodes, widths, beyond
+        self.nodes = nodes
+        self.widths = widths
+        self.beyond = beyond
         self.first = m[:-1]
         self.second = (3.0 * mean - 2.0 * m[:-1] - m[1:]) / widths
         self.third = (m[:-1] + m[1:] - 2.0 * mean) / widths**2

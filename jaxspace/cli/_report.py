@@ -56,7 +56,9 @@ def report(path: str, folder: str | None) -> int:
     name = Path(path).name.removesuffix(".zarr")
     folder = str(Path(path).parent) if folder is None else folder
     make_folder(folder)
-    nominal, flights, title = {}, None, name
+    nominal = {}
+    flights = None
+    title = name
     if file is not None:
         run = file.nominal_mission()
         title, nominal = file.title, file.nominal_outputs(run)

@@ -110,8 +110,12 @@ def alone(known: Known, config: IntegrationConfig, static: Static) -> RunResult:
 
 def _flight(known: Known, config: IntegrationConfig, static: Static) -> RunResult:
     system, controller, sensors, limit, quantum = known.parts
-    start, events, end = known.start, known.events, known.end
-    ts, period, run_axes = np.array(static.ts), static.period, static.run_axes
+    start = known.start
+    events = known.events
+    end = known.end
+    ts = np.array(static.ts)
+    period = static.period
+    run_axes = static.run_axes
     periods = tuple(s.period or period for s in (sensors or {}).values())
     waiting = int(np.floor(static.delay / period + SLACK))
     late = max(static.delay - waiting * period, 0.0)

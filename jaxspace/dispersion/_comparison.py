@@ -39,8 +39,16 @@ def compare_methods(
     *,
     accuracy: Accuracy | Scalar | None = None,
 ) -> list[Comparison]:
-    """The cheaper methods beside a Monte Carlo dispersion of the same campaign, which comes first
-    for every output."""
+    """The cheaper methods beside a Monte Carlo dispersion of the same campaign.
+
+    **Arguments**
+
+    - `campaign`: what both compute.
+    - `reference`: its runs.
+    - `methods`: the methods of `disperse` that make no runs.
+    - `accuracy`: as in `disperse`.
+
+    **Returns** a row for each output and method, of each output that of the runs first."""
     found = [moments(campaign, method, accuracy=accuracy) for method in methods]
     table = []
     # Without compiling, as those of the other methods.

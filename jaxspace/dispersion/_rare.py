@@ -241,7 +241,10 @@ def _subset(
     size = max(100, runs // 7)
     keep = max(int(LEVEL * size), 2)
     z = rng.standard_normal((size, n))
-    g, made, value, variance = margin(z), size, 1.0, 0.0
+    g = margin(z)
+    made = size
+    value = 1.0
+    variance = 0.0
     for level in range(30):
         # Stable, so that equal margins, as of failed runs, have one order on every machine.
         order = np.argsort(g, kind="stable")
@@ -271,7 +274,9 @@ def _chains(
     rng: np.random.Generator,
 ) -> tuple[np.ndarray, np.ndarray, int]:
     """`size` runs below the border, by chains from those there; all chains step at once."""
-    every_z, every_g, made = [z], [g], 0
+    every_z = [z]
+    every_g = [g]
+    made = 0
     while sum(map(len, every_g)) < size:
         u = rng.standard_normal(z.shape)
         # A step that leaves the normal distribution as it is: only the border decides on it.

@@ -175,7 +175,9 @@ class StoreWriter:
     def missing(self) -> tuple[list[int], list[str]]:
         """The chunks that have to be computed, and what is wrong with those of them that had been
         finished, a sentence each."""
-        store, todo, damages = self.store, [], []
+        store = self.store
+        todo = []
+        damages = []
         finished = set(store.finished())
         for chunk in range(store.count):
             damage = store.damage(chunk) if chunk in finished else ""

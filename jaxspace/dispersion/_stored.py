@@ -19,7 +19,9 @@ class StoredColumns(Mapping[str, np.ndarray]):
     """Columns of a store by name, each (runs,). None is kept: memory holds those in use."""
 
     def __init__(self, store: Store, chunks: list[int], names: list[str]):
-        self.store, self.chunks, self.names = store, chunks, names
+        self.store = store
+        self.chunks = chunks
+        self.names = names
 
     def __getitem__(self, name: str) -> np.ndarray:
         if name not in self.names:

@@ -57,7 +57,9 @@ def linear_rate(matrix: Array, drive: Array, y: State) -> Any:
     - `matrix`, `drive`: A, (n, n, *runs), and b, (n, *runs)."""
     x = stacked(y)
     rank = max(matrix.ndim - 2, drive.ndim - 1, x.ndim - 1)
-    x, drive, matrix = with_rank(x, rank), with_rank(drive, rank), with_rank(matrix, rank, axes=2)
+    x = with_rank(x, rank)
+    drive = with_rank(drive, rank)
+    matrix = with_rank(matrix, rank, axes=2)
     return unstacked(jnp.einsum("ij...,j...->i...", matrix, x) + drive, y)
 
 

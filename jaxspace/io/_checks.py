@@ -178,7 +178,9 @@ def _no_inertia(file: Parsed) -> str:
 
 def effect_errors(name: str, acting: list[str], file: Parsed) -> list[str]:
     """What an effect needs and the file does not have."""
-    cls, body, found = file.catalog.effects[name], _body(file), []
+    cls = file.catalog.effects[name]
+    body = _body(file)
+    found = []
     maker, parts = file.makers[f"effects.{name}"], file.parts()
     others = {n: c for n, c in file.catalog.effects.items() if n != name}
     found += reference_errors(maker, f"the effect {name} needs another effect", others, acting)
@@ -220,7 +222,9 @@ def _lacking(part: str, whose: str) -> str:
 
 def phase_errors(number: int, phase: Values, file: Parsed) -> list[str]:
     """What does not fit together in a phase."""
-    key, found, phases = f"phase.{number}", [], file.values["phase"]
+    key = f"phase.{number}"
+    found = []
+    phases = file.values["phase"]
     parts, until = file.parts(), phase["until"]
     # Names of phases stand for places in outputs, so that they must tell them apart.
     if [p["name"] for p in phases].index(phase["name"]) < number:

@@ -53,7 +53,9 @@ def load(
     if reading.errors:
         raise SceneError(path, reading.errors)
     file = Parsed(kind_of(data), values, reading.makers, known)
-    errors, inputs, outputs = check_parsed(file) + control_errors(file), {}, ()
+    errors = check_parsed(file) + control_errors(file)
+    inputs = {}
+    outputs = ()
     # Traces the vector field, which needs a state without faults.
     if file.kind == "system" and not errors:
         errors = system_errors(file)

@@ -93,7 +93,9 @@ def _plain_way(cls: type) -> Maker | None:
     """The class itself, with its fields."""
     # A class with its own `__init__` may name its arguments unlike its fields.
     taken = inspect.signature(cls).parameters
-    fields, arguments, referred = {}, {}, references(cls)
+    fields = {}
+    arguments = {}
+    referred = references(cls)
     for name, entry in _field_entries(cls).items():
         # A field that no file can give, and that has no default: named constructors alone remain.
         if entry is None:

@@ -112,7 +112,9 @@ class Optimum:
         if self.infeasible:
             return (np.nan,) * len(self.task.demands)
         equal, above = _multipliers(self.minimum)
-        found, e, a = [], 0, 0
+        found = []
+        e = 0
+        a = 0
         for demand in self.task.demands:
             if demand.limit == "equal":
                 slope, e = -equal[e], e + 1

@@ -73,7 +73,9 @@ def read_output(key: str, entry: Values, file: Parsed, units: Mapping[str, str])
 
 
 def _what(key: str, entry: Values, file: Parsed, take: str) -> _What:
-    name, catalog, places = entry["output"], file.catalog.outputs, _places(file, take)
+    name = entry["output"]
+    catalog = file.catalog.outputs
+    places = _places(file, take)
     head, dot, rest = name.partition(".")
     # A path comes before a name, for no declared function has a dot in its name.
     if dot and head in places:
@@ -180,7 +182,9 @@ def _unit_of_path(key: str, path: tuple[str, ...], file: Parsed) -> str:
 
 def _lacking(name: str, function: OutputFunction, file: Parsed) -> list[str]:
     """What an output needs and the file does not have."""
-    parts, shared, found = given_parts(file), function.output.shared, []
+    parts = given_parts(file)
+    shared = function.output.shared
+    found = []
     for argument in arguments_of(function):
         if argument in shared:
             if at(file.values, shared[argument]) is None:

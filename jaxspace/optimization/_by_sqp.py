@@ -21,7 +21,9 @@ def by_sqp(
     before: Minimum | None,
 ) -> Minimum:
     """Quadratic programmes in scaled unknowns, with scaled objective and constraints."""
-    z0, me, mi = scaled.start, scaled.me, scaled.mi
+    z0 = scaled.start
+    me = scaled.me
+    mi = scaled.mi
 
     def numbers(z: Array) -> tuple[Array, tuple[Array, Criterion]]:
         stacked, criterion = scaled.numbers(z)

@@ -53,7 +53,9 @@ class Chain(NamedTuple):
 
 def _chain(x: Scalar, u: Array, b: Array, c: Array, kept: Bool[Array, " stages"]) -> Chain:
     """The chain of the stages that are `kept`, from the unknown x."""
-    above, q, rising = jnp.ones_like(x), 1.0 / x, x
+    above = jnp.ones_like(x)
+    q = 1.0 / x
+    rising = x
     logs = []
     for i in reversed(range(u.shape[0])):
         fixed = jnp.where(kept[i], c[i], 0.0)

@@ -89,7 +89,9 @@ def _started(s: SqpState, found: Found, limits: Limits) -> SqpState:
 def _programme(s: SqpState, limits: Limits) -> tuple[Programme, Array]:
     """The programme of a step in (p, e, f): elastic unknowns e of c and f of d; and a start."""
     c, d = s.at.c + s.shift[0], s.at.d + s.shift[1]
-    n, me, mi = s.x.size, c.size, d.size
+    n = s.x.size
+    me = c.size
+    mi = d.size
     slack = me + mi
     Q = jnp.zeros((n + slack, n + slack), s.x.dtype).at[:n, :n].set(s.B)
     q = jnp.concatenate([s.at.g, jnp.full(slack, s.rho, s.x.dtype)])
@@ -110,7 +112,9 @@ def _planned(s: SqpState, limits: Limits) -> SqpState:
     """With the next step, from the programme at x."""
     programme, first = _programme(s, limits)
     z, lam = solve_programme(programme, first)
-    n, me, mi = s.x.size, s.at.c.size, s.at.d.size
+    n = s.x.size
+    me = s.at.c.size
+    mi = s.at.d.size
     solved = jnp.all(jnp.isfinite(z))
     p = jnp.where(solved, z[:n], 0.0)
     # An equality stands in the programme as two inequalities, whose multipliers subtract.

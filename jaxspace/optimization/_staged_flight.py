@@ -83,7 +83,9 @@ class Flown(NamedTuple):
 
 def flown(goal: Goal, masses: Float[Array, " stages"], kick: Scalar) -> Flown:
     """The flight of stages of these `masses` without their fixed ones, kg, with a `kick`, rad."""
-    design, g, vertical = goal.design, goal.gravity, goal.vertical
+    design = goal.design
+    g = goal.gravity
+    vertical = goal.vertical
     u, F, b = design.exhaust_velocity, design.thrust, design.structural_factor
     whole = masses + design.fixed_mass
     # What each stage moves at its ignition: itself and all above it.

@@ -46,7 +46,9 @@ def zonals(
     u = scale(1.0 / radius, r)
     ratio = inverse_norm(u)
     s = u[2] * ratio
-    before, slope, power = 1.0, 3.0 * s, ratio
+    before = 1.0
+    slope = 3.0 * s
+    power = ratio
     along = across = 0.0
     # Unrolled: the degrees are few, and the compiler folds the factors of each.
     for n in range(2, 2 + harmonics.shape[0]):
@@ -68,7 +70,10 @@ def zonal_potential(
     u = scale(1.0 / radius, r)
     ratio = inverse_norm(u)
     s = u[2] * ratio
-    before, value, power, total = 1.0, s, ratio, 0.0
+    before = 1.0
+    value = s
+    power = ratio
+    total = 0.0
     for n in range(2, 2 + harmonics.shape[0]):
         before, value = value, ((2 * n - 1) / n) * s * value - ((n - 1) / n) * before
         power = power * ratio

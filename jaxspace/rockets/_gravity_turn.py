@@ -192,7 +192,9 @@ class GravityTurn(AbstractSystem):
     def vector_field(self, t: Scalar, y: GravityTurnState) -> GravityTurnState:
         mass = 1.0 if self.burn_fraction_rate is None else 1.0 - self.burn_fraction_rate * t
         up, across = jnp.cos(y.angle), jnp.sin(y.angle)
-        g, bend, ground = self.gravity, self.gravity / y.speed, y.speed * across
+        g = self.gravity
+        bend = self.gravity / y.speed
+        ground = y.speed * across
         if self.radius is not None:
             r = self.radius + y.height
             g = self.gravity * (self.radius / r) ** 2

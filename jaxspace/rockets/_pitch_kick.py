@@ -49,6 +49,8 @@ class PitchKick(AbstractJump):
         normal = with_rank(plane.normal, rank)
         about = unit(normal - dot(normal, up) * up)
         air = cross(self.air_rate * axis(2, y.position[2]), y.position)
-        w, c, s = y.velocity - air, jnp.cos(self.angle), jnp.sin(self.angle)
+        w = y.velocity - air
+        c = jnp.cos(self.angle)
+        s = jnp.sin(self.angle)
         turned = c * w + s * cross(about, w) + (1.0 - c) * dot(about, w) * about
         return eqx.tree_at(lambda y: y.velocity, y, turned + air)

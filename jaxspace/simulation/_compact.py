@@ -69,7 +69,10 @@ def fly_compact(mission: Mission, y0: State, t0: Scalar = 0.0, *, steps: int = 4
     **Raises** `InputError` for fewer than one step, or an event that is a touch."""
     if steps < 1:
         raise InputError(f"fly_compact got steps = {steps}: it must be at least 1.")
-    t, y, error, phases = as_float(t0), y0, jnp.zeros(()), []
+    t = as_float(t0)
+    y = y0
+    error = jnp.zeros(())
+    phases = []
     for phase in mission.phases:
         flown, t, y, more = _phase(phase, t, y, steps)
         phases.append(flown)

@@ -54,7 +54,9 @@ def crossings(
         capacity=event.capacity if capacity is None else capacity,
     )
     events = as_events((event,))
-    system, y0, config = run.system, run.initial, run.accuracy
+    system = run.system
+    y0 = run.initial
+    config = run.accuracy
     # First and last alone: the search takes samples of its own between them.
     ends = run.ts[:: len(run) - 1]
     if run.run_axes == 0:

@@ -173,7 +173,9 @@ def run_mission(
     - `plans`: fixed steps for each phase, as nodes in normalised time.
     - `record_steps`: whether to return the ends of the steps."""
     results = []
-    y, t, status = y0, t0, None
+    y = y0
+    t = t0
+    status = None
     # Written out and not as a scan: each phase has its own system, and its own state after a jump.
     for number, (phase, config) in enumerate(zip(mission.phases, configs, strict=True)):
         plan = None if plans is None else plans[number]

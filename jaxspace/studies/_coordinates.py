@@ -41,7 +41,9 @@ class Coordinates(NamedTuple):
         names = [name_of(path) for path in paths] if names is None else names
         # Of a block with several leaves the first one speaks.
         firsts = np.cumsum([0, *(len(jax.tree.leaves(block)) for block in blocks)])
-        shapes, behind, labels = [], [], []
+        shapes = []
+        behind = []
+        labels = []
         for block, k in zip(blocks, firsts[:-1], strict=True):
             name, axes = names[int(k)], counts[int(k)]
             if on_group(block):

@@ -197,7 +197,9 @@ def _derivatives(
         return jax.vmap(column, out_axes=(0, None))(units)
 
     x = jnp.zeros(columns.count, columns.dtype)
-    tangents, arrays, seconds = None, None, None
+    tangents = None
+    arrays = None
+    seconds = None
     if order == 1:
         tangents, arrays = first(x)
     else:
