@@ -20,7 +20,7 @@ import numpy as np
 from jaxtyping import ArrayLike
 
 from ..core import AbstractSystem
-from ..solvers._adaptive_regularised import form_in
+from ..solvers._regularised_step import form_in
 from ._stiffness import InitialConditions
 
 ECCENTRIC = 0.5

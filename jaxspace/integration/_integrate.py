@@ -13,7 +13,7 @@ from jaxtyping import Array, Float
 
 from ..core import AbstractClosedForm, AbstractSystem, Scalar, State, breaks_of
 from ..solvers import Tolerance, bind, solver_traits
-from ..solvers._adaptive_regularised import evaluations_of
+from ..solvers._regularised_step import evaluations_of
 from ._by_diffrax import solve_by_diffrax
 from ._config import IntegrationConfig
 from ._layout import state_at, times_behind_components

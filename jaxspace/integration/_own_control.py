@@ -22,8 +22,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from ..core import AbstractRegularised, AbstractSecondOrderForm, Scalar, barrier
-from ..solvers._adaptive_regularised import order_of
-from ..solvers._regularised import Regular
+from ..solvers._regularised_step import Regular, order_of
 from ..solvers._step_control import GROW, SHRINK
 
 SAFETY = 0.85

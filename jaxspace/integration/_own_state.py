@@ -8,8 +8,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
 from ..core import AbstractRegularised, Scalar, State
-from ..solvers._adaptive_regularised import landed
-from ..solvers._regularised import Regular
+from ..solvers._regularised_step import Regular, landed
 from ._loop import LoopSettings
 from ._own_control import Trend
 from ._record import Recording

@@ -12,8 +12,15 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from ..core import AbstractRegularised, barrier
-from ..solvers._adaptive_regularised import CLOSE, FIRST_STEP, attempt, form_of, order_of
-from ..solvers._regularised import Regular, derivative_in
+from ..solvers._regularised_step import (
+    CLOSE,
+    FIRST_STEP,
+    Regular,
+    attempt,
+    derivative_in,
+    form_of,
+    order_of,
+)
 from ..solvers._step_control import SMALLEST_STEP
 from ._buffers import empty_buffer, nan_buffer, put_row
 from ._loop import LoopSettings

@@ -27,7 +27,7 @@ import jax.numpy as jnp
 from jaxtyping import PyTree
 
 from ..core import AbstractRegularised, State
-from ..solvers._adaptive_regularised import regularised_start
+from ..solvers._regularised_step import regularised_start
 
 # Imported for their rules, which JAX takes from them.
 from . import _derivative_rules as _derivative_rules

@@ -29,9 +29,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
-from ..core import InputError, Scalar, State, barrier
+from ..core import InputError, Scalar, State
 from . import _tableaus as tableau
 from ._protocol import AbstractFieldSolver, AbstractFixedStep, Advance, SolverTraits
+from ._regularised_step import Regular, derivative_in
 from ._runge_kutta import combine
 from ._second_order import estimate_by_coarsening
 from ._vector_field import ScaledField, StepField
@@ -43,20 +44,6 @@ LANDINGS = 3
 # Half the step of order 8 would reduce the error by 2^8. Also where the steps do not yet resolve a
 # perturbation, the error is smaller than the difference by this.
 ERROR_REDUCTION = 2.0**4
-
-Regular = Float[Array, "variables *runs"]
-
-
-@eqx.filter_jit
-def derivative_in(form: PyTree, t: Scalar, duration: Scalar, z: Regular) -> Regular:
-    """dz/d(sigma) in a segment that starts at the time `t` and takes a `duration`."""
-    z = barrier(z)
-    # The steps may pass the end of the segment before they land on it. Beyond it the perturbation
-    # is that of the end, just inside, because the vector field may jump there.
-    inside = duration * (1.0 - 4.0 * jnp.finfo(z.dtype).eps)
-    elapsed = jnp.clip(z[-1], jnp.minimum(inside, 0.0), jnp.maximum(inside, 0.0))
-    perturbation = barrier(form.perturbation(t + elapsed, z))
-    return barrier(form.derivative(z, perturbation))
 
 
 @final
