@@ -44,8 +44,8 @@ def as_dataset(
     for kind, values in kinds.items():
         # The place of a variable is kept, because a store sorts by name.
         for place, (name, x) in enumerate(values.items()):
-            attributes = {"units": units.get(name, ""), "kind": kind, "place": place}
-            variables[name] = ("run", np.asarray(x), attributes)
+            own = {"units": units.get(name, ""), "kind": kind, "place": place}
+            variables[name] = ("run", np.asarray(x), own)
     meanings = ", ".join(f"{s.value} {s.name}" for s in Status)
     variables["status"] = ("run", np.asarray(status), {"units": "", "meanings": meanings})
     variables["evaluations"] = ("run", np.asarray(evaluations), {"units": ""})
