@@ -198,11 +198,12 @@ class Optimum:
         if not clauses and not bad:
             return dataclasses.replace(self, doubt="")
         what = f"has {', '.join(clauses)}" if clauses else "fails"
-        doubt = (
-            f"A run at the accuracy of the file does not confirm this: it {what}. "
-            f"{f'{bad} ' if bad else ''}The {self.steps} steps of a phase are too coarse, with a "
-            f"relative error of {self.error:.1e}."
+        # A run that fails has its own reason, and says nothing of the steps.
+        why = bad or (
+            f"The {self.steps} steps of a phase are too coarse, with a relative error of "
+            f"{self.error:.1e}."
         )
+        doubt = f"A run at the accuracy of the file does not confirm this: it {what}. {why}"
         return dataclasses.replace(self, doubt=doubt)
 
     def text(self) -> str:
