@@ -6,7 +6,7 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import PyTree
+from jaxtyping import Array, ArrayLike, PyTree
 
 from ._tracing import is_traced
 
@@ -53,13 +53,13 @@ def _blocked(
     function: Callable[[tuple], PyTree], cut: tuple[bool, ...], runs: int, leaves: tuple
 ) -> PyTree:
     def blocks(leaves: tuple) -> PyTree:
-        def some(k: Any) -> tuple:
+        def some(k: ArrayLike) -> tuple:
             return tuple(
                 jax.lax.dynamic_slice_in_dim(x, k * BLOCK, BLOCK, -1) if is_cut else x
                 for x, is_cut in zip(leaves, cut, strict=True)
             )
 
-        def step(k: Any, found: PyTree) -> PyTree:
+        def step(k: Array, found: PyTree) -> PyTree:
             # The last block is moved back until it is whole, where it is read and where it is
             # written.
             return jax.tree.map(

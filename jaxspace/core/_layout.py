@@ -40,7 +40,7 @@ def _annotations(cls: type) -> dict[str, Any]:
     return own
 
 
-def _declared_axes(tree: PyTree, path: tuple[Any, ...]) -> int | None:
+def _declared_axes(tree: PyTree, path: jax.tree_util.KeyPath) -> int | None:
     """The component axes that the field which holds the leaf at `path` declares."""
     node: Any = tree
     annotation: Any = None
@@ -70,7 +70,9 @@ def component_axes_of(tree: PyTree) -> PyTree[int]:
 
 
 @functools.lru_cache(maxsize=256)
-def _component_axes(structure: Any, arrays: tuple[bool, ...]) -> tuple[int, ...]:
+def _component_axes(
+    structure: jax.tree_util.PyTreeDef, arrays: tuple[bool, ...]
+) -> tuple[int, ...]:
     """Once for each make of a tree: to read annotations takes longer than a short run."""
     tree = jax.tree.unflatten(structure, arrays)
     paths = [path for path, _ in jax.tree_util.tree_flatten_with_path(tree)[0]]
@@ -91,7 +93,7 @@ def run_axes_of(tree: PyTree, undeclared: Callable[[Array], int]) -> PyTree[int]
 
     **Returns** a tree of the same structure; leaves that are no arrays count as zero."""
 
-    def count(leaf: Any, axes: int) -> int:
+    def count(leaf: PyTree, axes: int) -> int:
         if not hasattr(leaf, "ndim"):
             return 0
         return undeclared(leaf) if axes < 0 else max(leaf.ndim - axes, 0)
@@ -104,7 +106,7 @@ def add_batch_axis(tree: PyTree) -> PyTree:
 
     Arrays whose fields declare nothing, such as the weights of a network, stay as they are."""
 
-    def leaf(x: Any, axes: int) -> Any:
+    def leaf(x: PyTree, axes: int) -> PyTree:
         return jnp.expand_dims(x, -1) if axes > 0 and x.ndim == axes else x
 
     return jax.tree.map(leaf, tree, component_axes_of(tree))

@@ -1,12 +1,11 @@
 """Whether values are concrete, or traced by a transformation of jax."""
 
 from collections.abc import Sequence
-from typing import Any
 
 import jax
-import jax.extend
 import jax.numpy as jnp
 from jax.core import Tracer
+from jax.extend.core import Jaxpr, Literal, Var, subjaxprs
 from jaxtyping import Array, PyTree
 
 
@@ -23,17 +22,17 @@ def is_traced(tree: PyTree) -> bool:
     return any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(tree))
 
 
-def depending_on(jaxpr: Any, variables: Sequence[Any]) -> set[Any]:
+def depending_on(jaxpr: Jaxpr, variables: Sequence[Var]) -> set[Var]:
     """The variables of a traced function that some operation leads to from these `variables`.
 
     Forwards through the operations: what is computed from one of them may depend on it."""
     moved = set(variables)
     for operation in jaxpr.eqns:
-        if any(x in moved for x in operation.invars if not isinstance(x, jax.extend.core.Literal)):
+        if any(x in moved for x in operation.invars if not isinstance(x, Literal)):
             moved.update(operation.outvars)
     return moved
 
 
-def count_operations(jaxpr: Any) -> int:
+def count_operations(jaxpr: Jaxpr) -> int:
     """How many operations a traced function has, those of the functions that it calls included."""
-    return len(jaxpr.eqns) + sum(map(count_operations, jax.extend.core.subjaxprs(jaxpr)))
+    return len(jaxpr.eqns) + sum(map(count_operations, subjaxprs(jaxpr)))

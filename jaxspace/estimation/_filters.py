@@ -17,7 +17,7 @@ Source: Maybeck, Stochastic Models, Estimation, and Control, 9.5; Julier and Uhl
 """
 
 from collections.abc import Callable
-from typing import Any, final
+from typing import TypeAlias, final
 
 import equinox as eqx
 import jax
@@ -28,8 +28,16 @@ from ..core import AbstractSystem, InputError, Scalar, State
 from ..simulation import Accuracy, simulate, simulate_batch
 from ..studies import MeanCovariance, Uncertain
 from ..studies._coordinates import Coordinates
+from ..studies._covariance import Noise
 
 KINDS = ("extended", "unscented")
+
+Measure: TypeAlias = Callable[[Scalar, State], Array]
+"""What predicts a reading from the time and the state."""
+
+Given: TypeAlias = tuple[AbstractSystem, Array, Array, Array, Noise, Accuracy | Scalar | None]
+"""What all runs share: system, covariance, times, noise of readings and process, accuracy."""
+
 KAPPA = 1.0
 """k of the sigma points: positive, so that no weight is negative whatever their number."""
 
@@ -76,10 +84,10 @@ def kalman_filter(
     covariance: Float[ArrayLike, "n n"],
     ts: Float[ArrayLike, " times"],
     readings: Float[ArrayLike, "m ..."],
-    measure: Callable[[Scalar, State], Array],
+    measure: Measure,
     *,
     noise: Float[ArrayLike, "..."],
-    process: Any = None,
+    process: Noise = None,
     kind: str = "extended",
     batch: bool = False,
     accuracy: Accuracy | Scalar | None = None,
@@ -119,7 +127,7 @@ def kalman_filter(
 
 @eqx.filter_jit
 def _filter_all(
-    given: Any, y0: State, readings: Array, measure: Any, kind: str, batch: bool
+    given: Given, y0: State, readings: Array, measure: Measure, kind: str, batch: bool
 ) -> Filtered:
     def one(y0: State, readings: Array) -> Filtered:
         return _filter_one(given, y0, readings, measure, kind)
@@ -127,7 +135,7 @@ def _filter_all(
     return jax.vmap(one, in_axes=-1, out_axes=-1)(y0, readings) if batch else one(y0, readings)
 
 
-def _filter_one(given: Any, y0: State, readings: Array, measure: Any, kind: str) -> Filtered:
+def _filter_one(given: Given, y0: State, readings: Array, measure: Measure, kind: str) -> Filtered:
     system, covariance, ts, noise, process, accuracy = given
     n = Coordinates.of(y0, 0)
     if covariance.shape != (n.count, n.count):
@@ -146,7 +154,7 @@ def _filter_one(given: Any, y0: State, readings: Array, measure: Any, kind: str)
     predict = _predict_extended if extended else _predict_unscented
     known = MeanCovariance(y0, covariance.astype(n.dtype))
 
-    def step(known: MeanCovariance, row: tuple[Array, Array, Array]) -> Any:
+    def step(known: MeanCovariance, row: tuple[Array, Array, Array]) -> tuple:
         t0, t1, z = row
         predicted, status = predict(system, known, t0, t1, process, accuracy)
         known, about = update(predicted, t1, z, measure, R)
@@ -164,7 +172,12 @@ def _filter_one(given: Any, y0: State, readings: Array, measure: Any, kind: str)
 
 
 def _predict_extended(
-    system: AbstractSystem, known: MeanCovariance, t0: Array, t1: Array, process: Any, accuracy: Any
+    system: AbstractSystem,
+    known: MeanCovariance,
+    t0: Array,
+    t1: Array,
+    process: Noise,
+    accuracy: Accuracy | Scalar | None,
 ) -> tuple[MeanCovariance, Array]:
     ts = jnp.stack([t0, t1])
     # A propagation that fails must not end the filters of the other runs.
@@ -173,7 +186,12 @@ def _predict_extended(
 
 
 def _predict_unscented(
-    system: AbstractSystem, known: MeanCovariance, t0: Array, t1: Array, process: Any, accuracy: Any
+    system: AbstractSystem,
+    known: MeanCovariance,
+    t0: Array,
+    t1: Array,
+    process: Noise,
+    accuracy: Accuracy | Scalar | None,
 ) -> tuple[MeanCovariance, Array]:
     ts = jnp.stack([t0, t1])
     points, weights = _sigma_points(known)
@@ -192,7 +210,7 @@ def _predict_unscented(
 
 
 def _update_extended(
-    known: MeanCovariance, t: Array, z: Array, measure: Any, R: Array
+    known: MeanCovariance, t: Array, z: Array, measure: Measure, R: Array
 ) -> tuple[MeanCovariance, tuple[Array, Array]]:
     about = Coordinates.of(known.mean, 0)
     zero = jnp.zeros(about.count, about.dtype)
@@ -216,7 +234,7 @@ def _update_extended(
 
 
 def _update_unscented(
-    known: MeanCovariance, t: Array, z: Array, measure: Any, R: Array
+    known: MeanCovariance, t: Array, z: Array, measure: Measure, R: Array
 ) -> tuple[MeanCovariance, tuple[Array, Array]]:
     about = Coordinates.of(known.mean, 0)
     points, weights = _sigma_points(known)

@@ -18,7 +18,7 @@ Numerical Optimization, 10.3.
 """
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import equinox as eqx
 import jax
@@ -42,9 +42,15 @@ itself; and what is left of the residuals."""
 
 METHODS = ("levenberg_marquardt", "gauss_newton")
 
+Model: TypeAlias = Callable[[Any], PyTree]
+"""What predicts the readings from the parameters."""
+
+Known: TypeAlias = tuple[PyTree, PyTree, Scalar]
+"""Deviations of the readings, those of the parameters beforehand, and the tolerance."""
+
 
 def fit(
-    model: Callable[[Any], PyTree],
+    model: Model,
     data: PyTree,
     parameters: PyTree,
     *,
@@ -124,9 +130,15 @@ def _prior_of(prior: PyTree, coordinates: Coordinates) -> Array | None:
 
 
 def _search_batch(
-    model: Any, data: Any, parameters: Any, known: Any, method: str, max_steps: int, stated: bool
+    model: Model,
+    data: PyTree,
+    parameters: PyTree,
+    known: Known,
+    method: str,
+    max_steps: int,
+    stated: bool,
 ) -> Fit:
-    def one(data: Any, parameters: Any) -> Fit:
+    def one(data: PyTree, parameters: PyTree) -> Fit:
         return _search(model, data, parameters, known, method, max_steps, stated)
 
     return eqx.filter_jit(jax.vmap(one, in_axes=-1, out_axes=-1))(data, parameters)
@@ -134,7 +146,13 @@ def _search_batch(
 
 @eqx.filter_jit
 def _search(
-    model: Any, data: Any, parameters: Any, known: Any, method: str, max_steps: int, stated: bool
+    model: Model,
+    data: PyTree,
+    parameters: PyTree,
+    known: Known,
+    method: str,
+    max_steps: int,
+    stated: bool,
 ) -> Fit:
     task = _Task.of(model, data, parameters, known)
     dtype = task.coordinates.dtype
@@ -168,7 +186,7 @@ class _Task(NamedTuple):
 
     - `seen`: which of the readings are there; `beforehand`: deviations of the parameters, (n,)."""
 
-    model: Any
+    model: Model
     coordinates: Coordinates
     data: PyTree
     sigma: PyTree
@@ -176,7 +194,7 @@ class _Task(NamedTuple):
     beforehand: Array | None
 
     @classmethod
-    def of(cls, model: Any, data: Any, parameters: Any, known: Any) -> "_Task":
+    def of(cls, model: Model, data: PyTree, parameters: PyTree, known: Known) -> "_Task":
         """The task, checked."""
         noise, prior, _ = known
         coordinates = Coordinates.of(parameters, 0)
@@ -254,7 +272,7 @@ def _twice(held: tuple[Array, PyTree]) -> tuple[Array, tuple[Array, PyTree]]:
     return held[0], held
 
 
-def _solver(method: str, tolerance: Scalar) -> Any:
+def _solver(method: str, tolerance: Scalar) -> optimistix.AbstractLeastSquaresSolver:
     if method == "gauss_newton":
         # By singular values: a direction without influence is not moved along.
         return optimistix.GaussNewton(tolerance, SMALL, linear_solver=lineax.SVD())

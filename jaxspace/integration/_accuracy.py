@@ -1,5 +1,6 @@
 """How accurate a run shall be, as its user says it."""
 
+from types import UnionType
 from typing import Any, final
 
 import diffrax
@@ -114,7 +115,7 @@ def check_number(name: str, value: object) -> None:
         raise InputError(f"{name} is {value!r}: it must be a number.")
 
 
-def _check_kind(field: str, value: object, kinds: Any, allowed: str) -> None:
+def _check_kind(field: str, value: object, kinds: type | UnionType, allowed: str) -> None:
     """Raise `InputError` for a value of another type. Here and not where the `Accuracy` is made,
     because transformations of trees put placeholders in its fields."""
     if not isinstance(value, kinds):

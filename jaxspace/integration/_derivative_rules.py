@@ -30,6 +30,9 @@ from ._problem import Avals, Leaves, Moving, Problem
 
 # A derivative that is zero by structure, and not by value, is marked by JAX as such.
 Tangents: TypeAlias = Sequence[Array | ad.Zero]
+# In a transpose, the arguments in which the primitive is linear have shapes and no values.
+Unknown: TypeAlias = Array | ad.UndefinedPrimal
+Transposed: TypeAlias = Callable[..., list[Array | None]]
 
 REVERSE_OF_DERIVATIVE = (
     "Reverse mode of a derivative of a run is not available: take jax.jacfwd(jax.grad(f)), which "
@@ -97,10 +100,10 @@ def _record_jvp(
     ]
 
 
-def _linear_jvp(primitive: Primitive, program: Program) -> Callable[..., Any]:
+def _linear_jvp(primitive: Primitive, program: Program) -> Callable[..., tuple[Leaves, Leaves]]:
     """The JVP rule of a primitive that is linear in its last arguments."""
 
-    def rule(primals: Leaves, tangents: Tangents, **params: Any) -> Any:
+    def rule(primals: Leaves, tangents: Tangents, **params: Any) -> tuple[Leaves, Leaves]:
         args, record, last = params["problem"].split(primals)
         d_args, d_record, d_last = params["problem"].split(tangents)
         outs = primitive.bind(*primals, **params)
@@ -122,22 +125,22 @@ def _linear_jvp(primitive: Primitive, program: Program) -> Callable[..., Any]:
     return rule
 
 
-def _transpose(primitive: Primitive, shapes: Callable[..., Avals]) -> Callable[..., list[Any]]:
+def _transpose(primitive: Primitive, shapes: Callable[..., Avals]) -> Transposed:
     """The transpose, another `primitive`, of one that is linear in its last arguments.
 
     `shapes` are those of the results of the one that is transposed."""
 
-    def aval(x: Array | ad.UndefinedPrimal) -> ShapedArray:
+    def aval(x: Unknown) -> ShapedArray:
         return x.aval if ad.is_undefined_primal(x) else jax.typeof(x)
 
-    def rule(cotangents: Tangents, *values: Any, **params: Any) -> list[Any]:
+    def rule(cotangents: Tangents, *values: Unknown, **params: Any) -> list[Array | None]:
         args, record, _ = params["problem"].split(values)
         cotangents = [
             jnp.zeros(s.shape, s.dtype) if type(c) is ad.Zero else c
             for c, s in zip(cotangents, shapes(*map(aval, values), **params), strict=True)
         ]
         found = primitive.bind(*args, *record, *cotangents, **params)
-        return [None] * (len(args) + len(record)) + list(found)
+        return [*[None] * (len(args) + len(record)), *found]
 
     return rule
 
@@ -148,7 +151,7 @@ def _derivative_jvp(
     return _jvp_in_floats(function, primals, tangents)
 
 
-def _refuse_transpose(cotangents: Tangents, *values: Any, **params: Any) -> list[Any]:
+def _refuse_transpose(cotangents: Tangents, *values: Unknown, **params: Any) -> list[Array | None]:
     del cotangents, values, params
     raise InputError(REVERSE_OF_DERIVATIVE)
 

@@ -1,19 +1,19 @@
 """Whether a vector field keeps to the layout of the library, so that mapped runs can be a batch."""
 
 import functools
-from typing import Any
+from collections.abc import Hashable
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import PyTree
+from jaxtyping import Array, PyTree
 
-from ..core import component_axes_of
+from ..core import AbstractSystem, component_axes_of
 from ._selection import shape_of
 
 
-def follows_layout(system: Any, y0: PyTree) -> bool:
+def follows_layout(system: AbstractSystem, y0: PyTree) -> bool:
     """Whether the vector field treats a trailing axis as runs that have nothing to do with another.
 
     Seen from values: the field of three random states at once is that of each of them. A system
@@ -27,15 +27,15 @@ def follows_layout(system: Any, y0: PyTree) -> bool:
 
 
 @functools.lru_cache(maxsize=256)
-def _follows_layout(structure: Any, leaves: tuple[Any, ...]) -> bool:
+def _follows_layout(structure: jax.tree_util.PyTreeDef, leaves: tuple[Hashable, ...]) -> bool:
     system, y0 = jax.tree.unflatten(structure, leaves)
     # Positive numbers of order one: roots and logarithms of a field stay defined.
     random = np.random.default_rng(0)
 
-    def numbers(shape: tuple[int, ...], x: Any) -> Any:
+    def numbers(shape: tuple[int, ...], x: jax.ShapeDtypeStruct) -> Array:
         return jnp.asarray(random.uniform(0.6, 1.4, shape), x.dtype)
 
-    def is_shape(x: Any) -> bool:
+    def is_shape(x: object) -> bool:
         return isinstance(x, jax.ShapeDtypeStruct)
 
     runs = 3
@@ -43,7 +43,7 @@ def _follows_layout(structure: Any, leaves: tuple[Any, ...]) -> bool:
         single = jax.tree.map(lambda x: numbers(x.shape, x) if is_shape(x) else x, system)
         states = jax.tree.map(lambda x: numbers((*x.shape, runs), x), y0)
 
-        def shared(x: Any, axes: int) -> Any:
+        def shared(x: PyTree, axes: int) -> PyTree:
             return x[..., None] if axes >= 0 and eqx.is_array(x) and x.ndim > 0 else x
 
         batched = jax.tree.map(shared, single, component_axes_of(single))

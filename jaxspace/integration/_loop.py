@@ -4,7 +4,7 @@ diffrax's own loop does the same work. This one is traced once where diffrax's i
 times, which halves the first call, and it records the steps for derivatives (`_record.py`).
 """
 
-from typing import Any, NamedTuple, final
+from typing import NamedTuple, final
 
 import diffrax
 import equinox as eqx
@@ -13,7 +13,13 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from ..core import State
-from ..solvers import BatchStepController, ErrorTrackingSolver, StepTo, Tolerance
+from ..solvers import (
+    BatchStepController,
+    ErrorTrackingSolver,
+    ScaledField,
+    StepTo,
+    Tolerance,
+)
 from ._buffers import SavedStates, empty_buffer, nan_buffer, put_row
 from ._record import Recording, RecordLayout
 from ._slow_runs import nan_where, without_slow_runs
@@ -92,7 +98,7 @@ class LoopState(NamedTuple):
 
 
 @eqx.filter_jit
-def _field(t: Array, y: State, field: Any) -> State:
+def _field(t: Array, y: State, field: ScaledField) -> State:
     """The vector field, traced once for all places of a program that evaluate it."""
     return field(t, y)
 
@@ -102,7 +108,7 @@ TERM: diffrax.ODETerm = diffrax.ODETerm(_field)  # pyright: ignore[reportArgumen
 
 
 def integrate_loop(
-    settings: LoopSettings, field: Any, y0: State, *, recorded: bool = False
+    settings: LoopSettings, field: ScaledField, y0: State, *, recorded: bool = False
 ) -> LoopState:
     """Integrate dy/dt = field(t, y) in normalised time, from `settings.start` to `settings.end`.
 
@@ -158,7 +164,7 @@ def _start(
     settings: LoopSettings,
     solver: ErrorTrackingSolver,
     controller: BatchStepController | StepTo,
-    field: Any,
+    field: ScaledField,
     y0: State,
     recorded: bool,
 ) -> LoopState:
@@ -199,7 +205,7 @@ def _advance(
     settings: LoopSettings,
     solver: ErrorTrackingSolver,
     controller: BatchStepController | StepTo,
-    field: Any,
+    field: ScaledField,
     loop: LoopState,
 ) -> LoopState:
     """The loop after one more step, accepted or rejected."""

@@ -7,14 +7,14 @@ times as fast. `add_run_axis` makes it, or says that it cannot.
 
 import functools
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import TypeAlias
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, PyTree
 
-from ..core import component_axes_of
+from ..core import AbstractSystem, component_axes_of
 from ..solvers import Tolerance, bind
 from ._layout_check import follows_layout
 from ._loop import LoopSettings
@@ -27,14 +27,18 @@ step keeps of them stays in the first levels of the cache. On low orbits blocks 
 than those of 512."""
 
 
+# Field, initial state and settings of a loop, or of each of their arrays something else.
+Parts: TypeAlias = tuple[PyTree, PyTree, LoopSettings]
+
+
 class _CannotMap(Exception):
     """Some array has no place for a further axis of runs."""
 
 
 def add_run_axis(
-    parts_of: Callable[[Sequence[Any]], tuple[Any, PyTree, LoopSettings]],
+    parts_of: Callable[[Sequence[PyTree]], Parts],
     values: Sequence[Array],
-    dims: Sequence[Any],
+    dims: Sequence[int | None],
     size: int,
     flags: Sequence[bool] | None,
 ) -> tuple[PyTree, PyTree] | None:
@@ -50,9 +54,7 @@ def add_run_axis(
     **Returns** the parts, and for each of their arrays whether it carries the new axis; or `None`
     if the integration cannot be batched."""
     mapped = [d is not None for d in dims]
-    moved = [
-        jnp.moveaxis(x, d, -1) if m else x for x, d, m in zip(values, dims, mapped, strict=True)
-    ]
+    moved = [x if d is None else jnp.moveaxis(x, d, -1) for x, d in zip(values, dims, strict=True)]
     own = [m or f for m, f in zip(mapped, flags or [False] * len(mapped), strict=True)]
     field, y0, settings = parts_of(moved)
     field_mapped, y0_mapped, settings_mapped = parts_of(mapped)
@@ -81,10 +83,10 @@ def add_run_axis(
     return (field, y0, settings), carried
 
 
-def _single(parts: Any, dims: Any) -> tuple[Any, PyTree]:
+def _single(parts: Parts, dims: Parts) -> tuple[AbstractSystem, PyTree]:
     """The system and the state of one of the mapped runs, as shapes."""
 
-    def leaf(x: Any, d: Any) -> Any:
+    def leaf(x: PyTree, d: int | None) -> PyTree:
         if not eqx.is_array(x):
             return x
         shape = list(x.shape)
@@ -100,10 +102,12 @@ def _single(parts: Any, dims: Any) -> tuple[Any, PyTree]:
     return system, y
 
 
-def _field_axis(field: ScaledVectorField, mapped: Any, own: Any, size: int) -> ScaledVectorField:
+def _field_axis(
+    field: ScaledVectorField, mapped: PyTree, own: PyTree, size: int
+) -> ScaledVectorField:
     """The field with a further axis of runs."""
 
-    def leaf(x: Any, axes: int, is_mapped: Any, is_own: Any, keep_shared: bool) -> Any:
+    def leaf(x: PyTree, axes: int, is_mapped: bool, is_own: bool, keep_shared: bool) -> PyTree:
         if not eqx.is_array(x):
             return x
         if is_own and axes < 0:
@@ -128,7 +132,7 @@ def _field_axis(field: ScaledVectorField, mapped: Any, own: Any, size: int) -> S
     return ScaledVectorField(system, segments)
 
 
-def _settings_axis(settings: LoopSettings, mapped: Any) -> LoopSettings:
+def _settings_axis(settings: LoopSettings, mapped: PyTree) -> LoopSettings:
     """The settings for a further axis of runs, which share their steps."""
     lengths = settings.lengths
     if mapped.lengths:
@@ -206,7 +210,7 @@ def over_blocks(
     own, shared = eqx.partition(parts, carried)
     own, more = jax.tree.map(cut, (own, list(more)))
 
-    def block(piece: Any) -> list[Array]:
+    def block(piece: tuple[PyTree, Sequence[Array]]) -> list[Array]:
         own, more = piece
         return complete(call(eqx.combine(own, shared), more), BLOCK)
 

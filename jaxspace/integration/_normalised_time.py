@@ -16,13 +16,13 @@ derivatives with respect to the duration and to the break times follow by themse
     f       vector field of the system                             state/s
 """
 
-from typing import Any, Literal, cast, final
+from typing import Literal, cast, final
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jax.core import Tracer
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, PyTree
 
 from ..core import (
     AbstractRegularised,
@@ -180,7 +180,7 @@ def closes_over_tracers(field: ScaledVectorField, y0: State) -> bool:
     """Whether a function inside the system, such as a user's, closes over traced arrays."""
     arrays, static = eqx.partition((field, y0), eqx.is_array)
 
-    def rate(s: Array, arrays: Any) -> State:
+    def rate(s: Array, arrays: PyTree) -> State:
         field, y = eqx.combine(arrays, static)
         return field(s, y)
 

@@ -1,12 +1,11 @@
 """What a loop in which every run takes its own steps writes down."""
 
-from typing import Any
-
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool
 
 from ..core import State
+from ..solvers import ScaledField
 from ._buffers import put_row
 from ._loop import LoopSettings
 from ._own_state import OwnLoop, OwnState, Segment
@@ -47,7 +46,7 @@ def kept_of_pass(h: Array, done: Bool[Array, "*runs"]) -> Array:
 
 def written(
     settings: LoopSettings,
-    field: Any,
+    field: ScaledField,
     loop: OwnLoop,
     accept: Array,
     h: Array,

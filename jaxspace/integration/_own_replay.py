@@ -4,7 +4,7 @@ As in `_replay.py`. A record holds the step of every run instead of the ends of 
 steps have no derivatives, and the landing at the end of a segment makes up for it.
 """
 
-from typing import Any, final
+from typing import final
 
 import equinox as eqx
 import jax
@@ -41,7 +41,7 @@ class OwnReplay(Replay):
     def jvp(self, moving: PyTree, y0: State, d_moving: PyTree, d_y0: State) -> State:
         save_ts = self.settings.save_ts
 
-        def advance(n: Array, carry: tuple[Any, ...]) -> tuple[Any, ...]:
+        def advance(n: Array, carry: tuple[PyTree, ...]) -> tuple[PyTree, ...]:
             y, dy, saved = carry
             y, dy = jax.jvp(
                 needed_only(lambda p, y: self.step(p, n, y)[0]), (moving, y), (d_moving, dy)
@@ -65,8 +65,8 @@ class OwnReplay(Replay):
         return of_moving, of_y
 
     def _step_vjp(
-        self, moving: PyTree, n: Array, y: OwnState, cotangent: State, total: tuple[Any, ...]
-    ) -> tuple[Any, ...]:
+        self, moving: PyTree, n: Array, y: OwnState, cotangent: State, total: tuple[PyTree, ...]
+    ) -> tuple[PyTree, ...]:
         of_moving, of_y, k = total
         if self.settings.save_ts is not None:
             more = get_landed(cotangent, y.segment + 1.0, self._landed(n))

@@ -1,13 +1,14 @@
 """Where runs are that take steps of their own: state, segment, and what the loop carries on."""
 
 import functools
-from typing import Any, NamedTuple, final
+from typing import NamedTuple, final
 
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
 from ..core import AbstractRegularised, Scalar, State
+from ..solvers import ScaledField
 from ..solvers._regularised_step import Regular, landed
 from ._loop import LoopSettings
 from ._own_control import Trend
@@ -61,7 +62,7 @@ class Segment(NamedTuple):
     duration: Scalar
 
     @classmethod
-    def of(cls, field: Any, settings: LoopSettings, number: Array) -> "Segment":
+    def of(cls, field: ScaledField, settings: LoopSettings, number: Array) -> "Segment":
         """That with this number; the last one beyond the end."""
         last = jnp.minimum(number, settings.end - 1.0).astype(settings.end.dtype)
         duration = field.duration(last, jnp.ones_like(last))

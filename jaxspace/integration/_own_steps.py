@@ -5,13 +5,14 @@ long as that run allows. So nothing is lost where the runs of a block are at dif
 their orbits. Each run lands on the end of every segment, and then begins the next one.
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from ..core import AbstractRegularised, barrier
+from ..solvers import ScaledField
 from ..solvers._regularised_step import (
     CLOSE,
     FIRST_STEP,
@@ -32,7 +33,7 @@ from ._slow_runs import nan_where, without_slow_runs
 
 
 def integrate_own_steps(
-    settings: LoopSettings, field: Any, y0: OwnState, *, recorded: bool = False
+    settings: LoopSettings, field: ScaledField, y0: OwnState, *, recorded: bool = False
 ) -> OwnLoop:
     """Integrate every run to the end of its last segment; arguments as of `integrate_loop`."""
     form = form_of(field, y0.z)
@@ -75,7 +76,7 @@ def integrate_own_steps(
 def _start(
     settings: LoopSettings,
     form: AbstractRegularised,
-    field: Any,
+    field: ScaledField,
     y0: OwnState,
     recorded: bool,
 ) -> OwnLoop:
@@ -120,7 +121,7 @@ def _start(
 
 
 def _advance(
-    settings: LoopSettings, form: AbstractRegularised, field: Any, loop: OwnLoop
+    settings: LoopSettings, form: AbstractRegularised, field: ScaledField, loop: OwnLoop
 ) -> OwnLoop:
     """The loop after one more pass."""
     y, free = loop.y, loop.free
@@ -189,7 +190,7 @@ class _Turn(NamedTuple):
 def _turned(
     settings: LoopSettings,
     form: AbstractRegularised,
-    field: Any,
+    field: ScaledField,
     segment: Segment,
     turn: _Turn,
     free: Array,

@@ -11,11 +11,12 @@ spend much of its time on that.
 """
 
 import math
-from typing import Any, NamedTuple, final
+from typing import NamedTuple, final
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from ..core import State
@@ -33,11 +34,11 @@ class RecordLayout(NamedTuple):
     is kept of a `step`, how many steps at most, and the type of the numbers."""
 
     shapes: tuple[tuple[int, ...], ...]
-    dtypes: tuple[Any, ...]
-    structure: Any
+    dtypes: tuple[np.dtype, ...]
+    structure: jax.tree_util.PyTreeDef
     step: tuple[int, ...]
     limit: int
-    dtype: Any
+    dtype: np.dtype
 
     @classmethod
     def of(cls, y: State, step: Array, limit: int) -> "RecordLayout":

@@ -11,7 +11,8 @@ holds. Backwards, the steps between two checkpoints are taken again, in chunks w
 kept at once.
 """
 
-from typing import Any
+from collections.abc import Callable
+from typing import TypeAlias
 
 import diffrax
 import equinox as eqx
@@ -31,6 +32,9 @@ CHUNK = 32
 """Steps between which all states are kept at once: more of them leave the cache, fewer are taken
 twice in short runs."""
 
+# From the cotangents of what a step returns to those of the field and of the state before it.
+Pullback: TypeAlias = Callable[[PyTree], tuple[PyTree, ...]]
+
 
 def _add(first: PyTree, second: PyTree) -> PyTree:
     return jax.tree.map(jnp.add, first, second)
@@ -49,7 +53,7 @@ class Replay(eqx.Module):
     - `step_once`: whether the program of reverse mode holds a step once."""
 
     settings: LoopSettings
-    fixed: Any
+    fixed: PyTree
     record: Record
     small: bool = eqx.field(static=True)
     step_once: bool = eqx.field(static=True)
@@ -92,7 +96,7 @@ class Replay(eqx.Module):
         """The tangents of the saved states, from those of the field and of the initial state."""
         save_ts = self.settings.save_ts
 
-        def advance(n: Array, carry: tuple[Any, ...]) -> tuple[Any, ...]:
+        def advance(n: Array, carry: tuple[PyTree, ...]) -> tuple[PyTree, ...]:
             y, dy, saved, k = carry
             (y, dense), (dy, d_dense) = jax.jvp(
                 needed_only(lambda p, y: self.step(p, n, y)), (moving, y), (d_moving, dy)
@@ -146,7 +150,7 @@ class Replay(eqx.Module):
         total = (jax.tree.map(jnp.zeros_like, moving), at_end, last_save)
         buffer = empty_buffer(self._num_chunks + min(self.record.layout.longest, CHUNK) + 1, y0)
 
-        def segment(i: Array, carry: tuple[Any, State]) -> tuple[Any, State]:
+        def segment(i: Array, carry: tuple[PyTree, State]) -> tuple[PyTree, State]:
             # From the last segment to the first, each from the checkpoint at its start.
             j = num_segments - 1 - i
             y = _select(j > 0, self.record.state(j - 1), y0)
@@ -169,15 +173,15 @@ class Replay(eqx.Module):
         first: Array,
         length: Array,
         cotangent: State,
-        carry: tuple[Any, State],
-    ) -> tuple[Any, State]:
+        carry: tuple[PyTree, State],
+    ) -> tuple[PyTree, State]:
         """The cotangents before a segment of `length` steps from number `first` and state `y`.
 
         The buffer holds the states at the start of each chunk, then those within one chunk."""
         chunks = -(-length // CHUNK)
         single = chunks == 1
 
-        def chunk(i: Array, carry: tuple[Any, State]) -> tuple[Any, State]:
+        def chunk(i: Array, carry: tuple[PyTree, State]) -> tuple[PyTree, State]:
             # Pass zero takes the steps once, to fill in the states at the start of every chunk; a
             # segment of one chunk needs none of it.
             total, buffer = carry
@@ -195,7 +199,7 @@ class Replay(eqx.Module):
                 )
             buffer = self._fill(moving, buffer, to, start, n, count, apart)
 
-            def backwards(i: Array, total: Any) -> Any:
+            def backwards(i: Array, total: PyTree) -> PyTree:
                 step = count - 1 - i
                 y = get_row(buffer, self._num_chunks + step)
                 return self._step_vjp(moving, n + step, y, cotangent, total)
@@ -236,12 +240,12 @@ class Replay(eqx.Module):
         self,
         moving: PyTree,
         cotangent: State,
-        carry: tuple[Any, State],
+        carry: tuple[PyTree, State],
         to: Array,
         y: State,
         n: Array,
         counts: tuple[Array, Array, Array],
-    ) -> tuple[Any, State]:
+    ) -> tuple[PyTree, State]:
         """`_fill`, then the cotangents of `back` steps, by a loop in which a step stands once.
 
         A large step compiles sooner so. It is linearised on the way there as well, in vain."""
@@ -250,7 +254,7 @@ class Replay(eqx.Module):
         buffer = put_row(buffer, to, y)
         ahead = (count - 1) * apart
 
-        def one(i: Array, carry: tuple[Any, State, State]) -> tuple[Any, State, State]:
+        def one(i: Array, carry: tuple[PyTree, State, State]) -> tuple[PyTree, State, State]:
             total, buffer, y = carry
             forwards = i < ahead
             step = jnp.where(forwards, i, back - 1 - (i - ahead))
@@ -267,20 +271,25 @@ class Replay(eqx.Module):
 
         return jax.lax.fori_loop(0, ahead + back, one, (total, buffer, y))[:2]
 
-    def _linearised(self, moving: PyTree, n: Array, y: State) -> tuple[Any, Any]:
+    def _linearised(self, moving: PyTree, n: Array, y: State) -> tuple[PyTree, Pullback]:
         """What step `n` returns, and its pullback."""
         return jax.vjp(needed_only(lambda p, y: self.step(p, n, y, backwards=True)), moving, y)
 
     def _step_vjp(
-        self, moving: PyTree, n: Array, y: State, cotangent: State, total: tuple[Any, ...]
-    ) -> tuple[Any, ...]:
+        self, moving: PyTree, n: Array, y: State, cotangent: State, total: tuple[PyTree, ...]
+    ) -> tuple[PyTree, ...]:
         """The cotangents before step `n`, which starts at the state `y`."""
         (_, dense_info), pull = self._linearised(moving, n, y)
         return self._pulled(pull, dense_info, n, cotangent, total)
 
     def _pulled(
-        self, pull: Any, dense_info: PyTree, n: Array, cotangent: State, total: tuple[Any, ...]
-    ) -> tuple[Any, ...]:
+        self,
+        pull: Pullback,
+        dense_info: PyTree,
+        n: Array,
+        cotangent: State,
+        total: tuple[PyTree, ...],
+    ) -> tuple[PyTree, ...]:
         """The cotangents before step `n`, by its pullback."""
         of_moving, of_y, k = total
         of_dense = None

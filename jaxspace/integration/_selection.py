@@ -9,20 +9,22 @@ Whether a run is stiff follows from its numbers (`_stiffness.py`): where they ar
 
 import dataclasses
 import functools
-from collections.abc import Callable, Sequence
-from typing import Any, Literal, NamedTuple, final
+from collections.abc import Callable, Hashable, Sequence
+from typing import Literal, NamedTuple, TypeVar, final
 
 import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import ArrayLike, PyTree
+from jaxtyping import Array, ArrayLike, PyTree
 
 from ..core import AbstractSystem, depending_on
 from ._eccentric import is_eccentric
 from ._methods import HIGH_ORDER, LOW_ORDER, REGULARISED, SECOND_ORDER, STIFF
 from ._stiffness import InitialConditions, is_stiff
+
+Leaf = TypeVar("Leaf")
 
 # above this tolerance the method of order 5 needs fewer evaluations than those of high order
 LOOSE = 1e-5
@@ -50,7 +52,7 @@ class Rule(NamedTuple):
     method: diffrax.AbstractSolver | Literal["closed_form"]
 
 
-def is_second_order(system: AbstractSystem, y: Any) -> bool:
+def is_second_order(system: AbstractSystem, y: PyTree) -> bool:
     """Whether the state is a position and a velocity alone, and the acceleration provably free of
     the velocity."""
     # Whatever else moves, a mass or an attitude, has no place in a method for position and
@@ -63,7 +65,7 @@ def is_second_order(system: AbstractSystem, y: Any) -> bool:
     return _is_second_order(tree, tuple(leaves))
 
 
-def shape_of(x: Any) -> Any:
+def shape_of(x: Leaf) -> Leaf | jax.ShapeDtypeStruct:
     """The shape and precision of an array; anything else as it is."""
     if not isinstance(x, jax.Array | np.ndarray):
         return x
@@ -73,12 +75,12 @@ def shape_of(x: Any) -> Any:
 
 # Traced once for each make of system and state: the answer does not depend on numbers.
 @functools.lru_cache(maxsize=256)
-def _is_second_order(tree: Any, leaves: tuple[Any, ...]) -> bool:
+def _is_second_order(tree: jax.tree_util.PyTreeDef, leaves: tuple[Hashable, ...]) -> bool:
     shapes, rest = eqx.partition(
         jax.tree.unflatten(tree, leaves), lambda x: isinstance(x, jax.ShapeDtypeStruct)
     )
 
-    def rates(arrays: Any, r: Any, v: Any) -> tuple[Any, Any]:
+    def rates(arrays: PyTree, r: Array, v: Array) -> tuple[Array, Array]:
         system, y = eqx.combine(arrays, rest)
         rate = system.vector_field(
             jnp.zeros((), r.dtype), dataclasses.replace(y, position=r, velocity=v)

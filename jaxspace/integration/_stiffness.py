@@ -16,7 +16,7 @@ damped or ringing linear modes, and a fast decay onto which the motion has settl
 """
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import diffrax
 import equinox as eqx
@@ -24,7 +24,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.flatten_util import ravel_pytree
-from jaxtyping import Array, PyTree
+from jaxtyping import Array, ArrayLike, PyTree
 
 from ..core import AbstractSystem, State, is_traced
 from ._methods import STIFF
@@ -107,7 +107,7 @@ def is_stiff(starts: InitialConditions, rtol: float) -> bool:
     return bool(np.all((np.abs(error) <= rtol * np.maximum(size, size_after))[long]))
 
 
-def of_each(starts: InitialConditions, function: Callable[..., Any], given: Array) -> Any:
+def of_each(starts: InitialConditions, function: Callable[..., PyTree], given: Array) -> PyTree:
     """`function(system, y, ts, x)` of each run looked at, and of its row of `given`."""
     picked = jax.tree.map(
         lambda x, n: jnp.moveaxis(x[..., starts.rows], -1, 0) if n else x,
@@ -120,7 +120,7 @@ def of_each(starts: InitialConditions, function: Callable[..., Any], given: Arra
     arrays, static = eqx.partition(picked, eqx.is_array)
     axes, _ = eqx.partition(axes, jax.tree.map(eqx.is_array, picked))
 
-    def one(arrays: Any, x: Array) -> Any:
+    def one(arrays: PyTree, x: Array) -> PyTree:
         return function(*eqx.combine(arrays, static), x)
 
     return jax.vmap(one, in_axes=(axes, 0))(arrays, given)
@@ -135,7 +135,7 @@ def _sizes(y: State) -> Array:
 
 
 @eqx.filter_jit
-def _linearised(starts: InitialConditions, away: Any) -> tuple[Array, Array, Array, Array]:
+def _linearised(starts: InitialConditions, away: ArrayLike) -> tuple[Array, Array, Array, Array]:
     """The vector field, its Jacobian and the sizes at the states moved by `away`, and the spans.
 
     By differences: derivatives would take far longer to compile. Not a number where the rate of a
@@ -159,11 +159,11 @@ def _linearised(starts: InitialConditions, away: Any) -> tuple[Array, Array, Arr
 
 
 @eqx.filter_jit
-def _trial(starts: InitialConditions, h: Any) -> tuple[Array, Array]:
+def _trial(starts: InitialConditions, h: ArrayLike) -> tuple[Array, Array]:
     """The estimated errors of a step `h` of the exponential method, and the sizes after it."""
 
     def one(system: AbstractSystem, y: State, ts: Array, h: Array) -> tuple[Array, Array]:
-        term: Any = diffrax.ODETerm(lambda s, y, args: system.vector_field(s, y))
+        term: diffrax.ODETerm = diffrax.ODETerm(lambda s, y, args: system.vector_field(s, y))
         y1, error, *_ = STIFF.step(term, ts[0], ts[0] + h, y, None, None, jnp.array(False))
         return ravel_pytree(error)[0], _sizes(y1)
 

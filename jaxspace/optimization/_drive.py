@@ -9,33 +9,30 @@ and taken up again. Under a transformation it is a loop of the compiled program.
 """
 
 from collections.abc import Callable
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, TypeVar
 
 import equinox as eqx
 import jax
-import jax.numpy as jnp
 from jax import lax
-from jax.core import Tracer
 from jaxtyping import Array
+
+from ..core import is_traced
+
+# What a search carries from step to step, and what is evaluated for it.
+S = TypeVar("S", bound=Any)
+F = TypeVar("F")
 
 Progress: TypeAlias = Callable[[int, float, float, float], None]
 """Called after each step with its number, objective, violation and gradient."""
 
 
-def is_traced(tree: Any) -> bool:
-    """Whether the numbers of a tree, or those of any computation made here, are not known."""
-    # Within a trace of jit every operation is recorded, also one of known numbers.
-    leaves = [jnp.zeros(()) + 0.0, *jax.tree.leaves(tree)]
-    return any(isinstance(x, Tracer) for x in leaves)
-
-
 def drive(
-    evaluate: Callable[[Any], Any],
-    advance: Callable[[Any, Any], Any],
-    unfinished: Callable[[Any], Array],
-    state: Any,
+    evaluate: Callable[[S], F],
+    advance: Callable[[S, F], S],
+    unfinished: Callable[[S], Array],
+    state: S,
     progress: Progress | None = None,
-) -> tuple[Any, bool]:
+) -> tuple[S, bool]:
     """The last state of a search, and whether it was interrupted (by Ctrl-C).
 
     **Arguments**
@@ -51,21 +48,21 @@ def drive(
         if not is_traced(first):
             return _watched(compiled, advance, unfinished, state, first, progress)
 
-    def body(state: Any) -> Any:
+    def body(state: S) -> S:
         return advance(state, evaluate(state))
 
     return lax.while_loop(unfinished, body, state), False
 
 
 def _watched(
-    evaluate: Callable[[Any], Any],
-    advance: Callable[[Any, Any], Any],
-    unfinished: Callable[[Any], Array],
-    state: Any,
-    found: Any,
+    evaluate: Callable[[S], F],
+    advance: Callable[[S, F], S],
+    unfinished: Callable[[S], Array],
+    state: S,
+    found: F | None,
     progress: Progress | None,
-) -> tuple[Any, bool]:
-    def move(state: Any, found: Any) -> tuple[Any, Array]:
+) -> tuple[S, bool]:
+    def move(state: S, found: F) -> tuple[S, Array]:
         state = advance(state, found)
         return state, unfinished(state)
 

@@ -18,12 +18,12 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import PyTree
 
-from ..core import InputError, Scalar
+from ..core import InputError, Scalar, is_traced
 from ._bounds import as_bounds
 from ._by_multipliers import by_multipliers
 from ._by_sqp import by_sqp
 from ._criterion import Criterion, Minimum, Point, StopReason, worst_number
-from ._drive import Progress, is_traced
+from ._drive import Progress
 from ._entry import as_point, check_counts, check_scale
 from ._gradient_check import refuse
 from ._scaling import scaled_problem

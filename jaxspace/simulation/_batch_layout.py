@@ -1,12 +1,12 @@
 """Which arrays of a batch carry runs, and how the batch is cut into blocks."""
 
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jax.export import is_symbolic_dim
-from jaxtyping import Array, PyTree
+from jaxtyping import Array, ArrayLike, PyTree
 
 from ..core import InputError, State, add_batch_axis, is_traced, run_axes_of
 from ..integration._accuracy import state_dtype
@@ -22,7 +22,7 @@ def _declared(tree: PyTree, undeclared: int, least: int) -> PyTree[bool]:
     An array that declares nothing carries at most so many axes of runs as `undeclared` says; fewer
     than `least` runs are what all runs share."""
 
-    def leaf(x: Any, axes: int) -> bool:
+    def leaf(x: PyTree, axes: int) -> bool:
         if not eqx.is_array(x) or axes == 0:
             return False
         # A number of runs that is left open, as `jax.export` allows, stands for many.
@@ -34,7 +34,7 @@ def _declared(tree: PyTree, undeclared: int, least: int) -> PyTree[bool]:
 def _marked(tree: PyTree, in_axes: PyTree) -> PyTree[bool]:
     """For every leaf whether `in_axes`, a prefix of the tree, marks it with -1."""
 
-    def part(axis: Any, leaves: PyTree) -> PyTree:
+    def part(axis: int | None, leaves: PyTree) -> PyTree:
         if axis not in (-1, None):
             raise InputError(f"in_axes holds {axis!r}: it must hold -1 (runs last) or None.")
         return jax.tree.map(lambda x: axis == -1 and eqx.is_array(x) and x.ndim > 0, leaves)
@@ -44,7 +44,7 @@ def _marked(tree: PyTree, in_axes: PyTree) -> PyTree[bool]:
 
 def _count(tree: PyTree, flags: PyTree[bool]) -> NumRuns:
     """The number of runs. Raises `InputError` when the last axes of the arrays differ."""
-    sizes: dict[str, Any] = {}
+    sizes: dict[str, NumRuns] = {}
     leaves = jax.tree_util.tree_flatten_with_path(tree)[0]
     for (path, leaf), flag in zip(leaves, jax.tree.leaves(flags), strict=True):
         if flag:
@@ -67,7 +67,7 @@ def _count(tree: PyTree, flags: PyTree[bool]) -> NumRuns:
 
 
 def split_batch(
-    systems: Any, y0s: State, ts: Any, in_axes: InAxes, times_axes: int
+    systems: PyTree, y0s: State, ts: ArrayLike, in_axes: InAxes, times_axes: int
 ) -> tuple[PyTree, PyTree, NumRuns]:
     """What carries runs, what all runs share, and how many runs there are.
 
@@ -91,7 +91,7 @@ def split_batch(
     return batched, shared, runs
 
 
-def cut_batch(piece: PyTree, shared: PyTree) -> tuple[Any, State, Array]:
+def cut_batch(piece: PyTree, shared: PyTree) -> tuple[PyTree, State, Array]:
     """System, states and times of a block, from its own part and the shared one."""
     system, y0, ts = shared
     return eqx.combine(piece, (add_batch_axis(system), add_batch_axis(y0), ts))

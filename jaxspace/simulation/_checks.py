@@ -3,7 +3,7 @@
 import functools
 import inspect
 from collections.abc import Callable
-from typing import Any
+from typing import Any, TypeAlias
 
 import equinox as eqx
 import jax
@@ -26,6 +26,9 @@ from ..integration._events import Event
 from ..integration._layout import broadcast_state
 from ..integration._selection import shape_of
 from ._kinks import warn_of_kinks
+
+# A time, s, or its shape.
+Time: TypeAlias = Scalar | jax.ShapeDtypeStruct
 
 
 def check_times(ts: Any, y0: State, axes: int = 1) -> Array:
@@ -68,7 +71,7 @@ def check_values(system: AbstractSystem, ts: Array, y0: PyTree) -> None:
         system.check_values(jnp.asarray(np.asarray(ts)[0]), y0)
 
 
-def check_structure(system: AbstractSystem, y0: PyTree, t: Any, *, one_run: bool) -> PyTree:
+def check_structure(system: AbstractSystem, y0: PyTree, t: Time, *, one_run: bool) -> PyTree:
     """The shapes of the state, with the runs that it meets in the system.
 
     Raises `InputError` unless the derivative has the structure of the state, and where there is to
@@ -76,7 +79,7 @@ def check_structure(system: AbstractSystem, y0: PyTree, t: Any, *, one_run: bool
     return _for_shapes(_check_structure, (system, y0, t, one_run))
 
 
-def shapes_after(jump: Callable[[Any, State], State], t: Any, y: PyTree) -> PyTree:
+def shapes_after(jump: Callable[[Scalar, State], State], t: Time, y: PyTree) -> PyTree:
     """The shapes of the state after a jump, from those of the time and of the state before."""
     return _for_shapes(_jumped, (jump, t, y))
 
@@ -92,13 +95,13 @@ def _for_shapes(function: Callable[..., PyTree], args: PyTree) -> PyTree:
 
 
 @functools.lru_cache(maxsize=256)
-def _jumped(structure: Any, leaves: tuple[Any, ...]) -> PyTree:
+def _jumped(structure: jax.tree_util.PyTreeDef, leaves: tuple[object, ...]) -> PyTree:
     jump, t, y = jax.tree.unflatten(structure, leaves)
     return eqx.filter_eval_shape(lambda jump, t, y: jump(t, y), jump, t, y)
 
 
 @functools.lru_cache(maxsize=256)
-def _check_structure(structure: Any, leaves: tuple[Any, ...]) -> PyTree:
+def _check_structure(structure: jax.tree_util.PyTreeDef, leaves: tuple[object, ...]) -> PyTree:
     """Once for each system and state of one make: tracing the field costs more than a short run."""
     system, y0, t, one_run = jax.tree.unflatten(structure, leaves)
     if one_run:
@@ -189,7 +192,7 @@ def check_dense(dense: bool, events: tuple[Event, ...]) -> None:
         )
 
 
-def check_jump(event: Event, t: Any, y: Any, name: str) -> None:
+def check_jump(event: Event, t: Time, y: PyTree, name: str) -> None:
     """Raise `InputError` for a jump in place that returns another state than it takes."""
     if event.then is None:
         return
@@ -205,7 +208,7 @@ def check_events(
     events: tuple[Event, ...],
     system: AbstractSystem,
     y0: State,
-    t: Scalar | jax.ShapeDtypeStruct,
+    t: Time,
     run_axes: int,
     name: str = "events[{}]",
 ) -> None:

@@ -1,18 +1,21 @@
 """Trajectories as data sets with named axes and units."""
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, TypeAlias
 
 import jax
 import numpy as np
-from jaxtyping import Array
+from jaxtyping import Array, PyTree
 
 from ..core import State, quantities
 
 if TYPE_CHECKING:
     import xarray
 
+# Names of the axes, values, attributes: as xarray takes them.
+Variable: TypeAlias = tuple[str | tuple[str, ...], np.ndarray, dict[str, str]]
 
-def _unit(tree: Any, path: tuple[Any, ...]) -> str:
+
+def _unit(tree: PyTree, path: jax.tree_util.KeyPath) -> str:
     """The unit of the leaf at `path`, as its field declares it; empty if it does not."""
     unit = ""
     for key in path:
@@ -25,7 +28,7 @@ def _unit(tree: Any, path: tuple[Any, ...]) -> str:
     return unit
 
 
-def _name(path: tuple[Any, ...]) -> str:
+def _name(path: jax.tree_util.KeyPath) -> str:
     """The name of a block: "position", "attitude", "parts.damper"."""
     names = [
         str(getattr(key, "name", getattr(key, "key", getattr(key, "idx", "")))) for key in path
@@ -39,16 +42,16 @@ def dataset_of(ts: Array, states: State, status: Array, run_axes: int) -> "xarra
 
     # An axis of components has the name of its variable: blocks of different length share none.
     runs = ("run",) * run_axes
-    variables: dict[str, Any] = {}
+    variables: dict[str, Variable] = {}
     for path, leaf in jax.tree_util.tree_flatten_with_path(states)[0]:
         name = _name(path)
         components = tuple(f"{name}_{k}" for k in range(leaf.ndim - 1 - run_axes))
         unit = _unit(states, path)
         attributes = {"units": unit} if unit else {}
         variables[name] = ((*components, "time", *runs), np.asarray(leaf), attributes)
-    variables["status"] = (runs, np.asarray(status))
+    variables["status"] = (runs, np.asarray(status), {})
     times = np.asarray(ts)
-    coordinates: dict[str, Any] = {}
+    coordinates: dict[str, Variable] = {}
     if times.ndim == 1:
         coordinates["time"] = ("time", times, {"units": "s"})
     # Times that all runs share are an axis, even if each run has its copy.

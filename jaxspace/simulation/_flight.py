@@ -1,7 +1,6 @@
 """What a phase of a mission may fly in place of a system: something that integrates by itself."""
 
 from abc import abstractmethod
-from typing import Any
 
 import equinox as eqx
 from jaxtyping import PyTree
@@ -45,6 +44,6 @@ class AbstractFlight(eqx.Module):
         `until` is the end, as of a `Phase`."""
 
 
-def moving(system: Any) -> AbstractSystem:
+def moving(system: AbstractSystem | AbstractFlight) -> AbstractSystem:
     """The system that moves in a phase."""
     return system.system if isinstance(system, AbstractFlight) else system

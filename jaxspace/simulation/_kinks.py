@@ -7,10 +7,11 @@ are met by the steps as any other change.
 
 import warnings
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
+from jax.extend.core import Jaxpr, Literal, Var
 from jaxtyping import PyTree
 
 from ..core import AbstractSystem, breaks_of
@@ -26,7 +27,7 @@ class Follows(NamedTuple):
 NOTHING = Follows(False, False)
 
 
-def warn_of_kinks(jaxpr: Any, system: AbstractSystem, y0: PyTree, stacklevel: int) -> None:
+def warn_of_kinks(jaxpr: Jaxpr, system: AbstractSystem, y0: PyTree, stacklevel: int) -> None:
     """Warn of a traced vector field that interpolates in time, unless the system has breaks.
 
     `jaxpr` has the arrays of the system, of the time and of the state as its arguments, in this
@@ -46,13 +47,13 @@ def warn_of_kinks(jaxpr: Any, system: AbstractSystem, y0: PyTree, stacklevel: in
         )
 
 
-def _searches(jaxpr: Any, given: Sequence[Follows]) -> bool:
+def _searches(jaxpr: Jaxpr, given: Sequence[Follows]) -> bool:
     """Whether the program searches sorted nodes for a time, by what its arguments follow."""
     known = dict(zip(jaxpr.invars, given, strict=True))
 
-    def follows(x: Any) -> Follows:
+    def follows(x: Var | Literal) -> Follows:
         # Literals cannot be hashed, and follow nothing.
-        return NOTHING if hasattr(x, "val") else known.get(x, NOTHING)
+        return NOTHING if isinstance(x, Literal) else known.get(x, NOTHING)
 
     for operation in jaxpr.eqns:
         inputs = [follows(x) for x in operation.invars]

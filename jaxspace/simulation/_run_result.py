@@ -1,6 +1,6 @@
 """What a run leaves, and NaN in it for what a failed one did not reach."""
 
-from typing import Any, NamedTuple, TypeVar
+from typing import NamedTuple, TypeVar
 
 import equinox as eqx
 import jax
@@ -51,7 +51,7 @@ class RunResult(NamedTuple):
 def scaled(tree: T, factor: Array) -> T:
     """Floating-point arrays times a factor of each run (one, or NaN), derivatives included."""
 
-    def leaf(x: Any) -> Any:
+    def leaf(x: PyTree) -> PyTree:
         return x * factor.astype(x.dtype) if eqx.is_inexact_array(x) else x
 
     return jax.tree.map(leaf, tree)

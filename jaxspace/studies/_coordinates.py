@@ -6,7 +6,7 @@ further axes (times, runs) behind its components.
 """
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -23,8 +23,8 @@ class Coordinates(NamedTuple):
     - `shapes`, `trailing`: of each block, the axes of its components and those behind them.
     - `labels`: a name for each component."""
 
-    blocks: tuple[Any, ...]
-    structure: Any
+    blocks: tuple[PyTree, ...]
+    structure: jax.tree_util.PyTreeDef
     shapes: tuple[tuple[int, ...], ...]
     trailing: tuple[tuple[int, ...], ...]
     labels: tuple[str, ...]
@@ -68,7 +68,7 @@ class Coordinates(NamedTuple):
         return len(self.labels)
 
     @property
-    def dtype(self) -> Any:
+    def dtype(self) -> np.dtype:
         """The precision of the blocks."""
         return jnp.result_type(*jax.tree.leaves(self.blocks))
 
@@ -107,7 +107,7 @@ class Coordinates(NamedTuple):
         return jnp.concatenate(found)
 
 
-def name_of(path: Sequence[Any]) -> str:
+def name_of(path: Sequence[jax.tree_util.KeyEntry]) -> str:
     """The place of a leaf in a tree, as `effects[0].mu`."""
     name = ""
     for key in path:

@@ -11,7 +11,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array
+from jaxtyping import Array, PyTree
 
 from ..core import (
     AbstractSystem,
@@ -31,8 +31,8 @@ Output = str | Callable[[Any], Array]
 class Blocks(NamedTuple):
     """How the components of a state lie in one vector (n, *runs)."""
 
-    blocks: tuple[Any, ...]
-    structure: Any
+    blocks: tuple[PyTree, ...]
+    structure: jax.tree_util.PyTreeDef
     shapes: tuple[tuple[int, ...], ...]
     labels: tuple[str, ...]
     runs: tuple[int, ...]
@@ -72,7 +72,7 @@ class Blocks(NamedTuple):
         return len(self.labels)
 
     @property
-    def dtype(self) -> Any:
+    def dtype(self) -> np.dtype:
         return jnp.result_type(*(_first_leaf(block) for block in self.blocks))
 
     def moved(self, x: Array) -> State:
@@ -113,7 +113,7 @@ class Blocks(NamedTuple):
         return jnp.concatenate(found)
 
 
-def _first_leaf(tree: Any) -> Any:
+def _first_leaf(tree: PyTree) -> PyTree:
     return jax.tree.leaves(tree)[0]
 
 

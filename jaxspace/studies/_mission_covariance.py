@@ -18,6 +18,7 @@ Source: Leine and Nijmeijer, Dynamics and Bifurcations of Non-Smooth Mechanical 
 saltation matrix); Maybeck, Stochastic Models, Estimation, and Control, 4.9.
 """
 
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple, final
 
 import equinox as eqx
@@ -47,7 +48,7 @@ class MissionCovariance(NamedTuple):
 class _OfMean(eqx.Module):
     """The condition of an event, of the mean."""
 
-    condition: Any
+    condition: Callable[[Scalar, State], Scalar]
 
     def __call__(self, t: Scalar, y: MeanCovariance) -> Scalar:
         return self.condition(t, y.mean)
@@ -104,7 +105,7 @@ class _Mapped(eqx.Module):
         return jnp.where(slope != 0.0, -along / jnp.where(slope != 0.0, slope, 1.0), 0.0)
 
 
-def uncertain_mission(mission: Mission, noises: tuple[Any, ...]) -> Mission:
+def uncertain_mission(mission: Mission, noises: Sequence[Any]) -> Mission:
     """A mission whose states are means with their covariance and the delay of the phase.
 
     `noises`: the spectral density of the process noise in each phase, as of `Uncertain`."""

@@ -11,7 +11,7 @@ matrices are those of the instant `t`, and `residual` shows the rate that is lef
 """
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, final
+from typing import TYPE_CHECKING, final
 
 import equinox as eqx
 import jax
@@ -251,7 +251,7 @@ def equilibrium(system: AbstractSystem, y: State, t: Scalar = 0.0, steps: int = 
     **Returns** the state; its derivatives in the parameters are those of the equilibrium. One run;
     map it by `jax.vmap`."""
 
-    def newton(system: Any, y: State) -> State:
+    def newton(system: AbstractSystem, y: State) -> State:
         blocks = Blocks.of(system, y, t)
         zero = jnp.zeros(blocks.count, blocks.dtype)
 
@@ -276,5 +276,5 @@ def _runs_first(x: Array) -> Array:
     return jnp.moveaxis(x, (0, 1), (-2, -1))
 
 
-def _runs_last(x: Any, axes: int = 2) -> Any:
+def _runs_last(x: Array, axes: int = 2) -> Array:
     return jnp.moveaxis(x, (-2, -1), (0, 1)) if axes == 2 else jnp.moveaxis(x, -1, 0)

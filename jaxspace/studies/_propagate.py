@@ -73,7 +73,7 @@ def propagate_covariance(
     return run, covariance_of(run)
 
 
-def _initial(covariance: Any, size: Coordinates, more: int) -> Array:
+def _initial(covariance: ArrayLike | None, size: Coordinates, more: int) -> Array:
     """The covariance of the initial state, (n, n, *runs), and of `more` that is known exactly."""
     n, runs = size.count, size.trailing[0]
     P = jnp.zeros((n, n), size.dtype) if covariance is None else jnp.asarray(covariance, size.dtype)

@@ -19,23 +19,23 @@ Scheeres (J. Guid. Control Dyn. 29, 2006) for the second order.
 """
 
 from collections.abc import Callable
-from typing import Any, NamedTuple, final
+from typing import Any, NamedTuple, final, overload
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Float, PyTree
 
-from ..core import InputError, State
+from ..core import AbstractSystem, InputError, State
 from ..integration._accuracy import as_accuracy
 from ..simulation import Mission, MissionTrajectory, Trajectory, simulate, simulate_batch
-from ..simulation._batch_layout import split_batch
+from ..simulation._batch_layout import InAxes, split_batch
 from ._coordinates import Coordinates, name_of
 
 Selection = Callable[[Any, Any], PyTree]
 
 
-def initial_state(system: Any, y0: Any) -> Any:
+def initial_state(system: AbstractSystem | Mission, y0: PyTree) -> PyTree:
     """What `sensitivity` varies by default: every component of the initial state."""
     del system
     return y0
@@ -94,17 +94,45 @@ class MissionSensitivity(eqx.Module):
         return self.phases[self.names.index(phase) if isinstance(phase, str) else phase]
 
 
+@overload
 def sensitivity(
-    system: Any,
+    system: AbstractSystem,
     y0: State,
-    ts: Any = 0.0,
+    ts: Float[ArrayLike, "times *#runs"],
     *,
     wrt: Selection = initial_state,
     order: int = 1,
     batch: bool = False,
-    in_axes: Any = None,
+    in_axes: InAxes = None,
     **options: Any,
-) -> tuple[Trajectory | MissionTrajectory, Any]:
+) -> tuple[Trajectory, Sensitivity]: ...
+
+
+@overload
+def sensitivity(
+    system: Mission,
+    y0: State,
+    ts: Float[ArrayLike, "*runs"] = 0.0,
+    *,
+    wrt: Selection = initial_state,
+    order: int = 1,
+    batch: bool = False,
+    in_axes: InAxes = None,
+    **options: Any,
+) -> tuple[MissionTrajectory, MissionSensitivity]: ...
+
+
+def sensitivity(
+    system: AbstractSystem | Mission,
+    y0: State,
+    ts: Float[ArrayLike, "*times"] = 0.0,
+    *,
+    wrt: Selection = initial_state,
+    order: int = 1,
+    batch: bool = False,
+    in_axes: InAxes = None,
+    **options: Any,
+) -> tuple[Trajectory, Sensitivity] | tuple[MissionTrajectory, MissionSensitivity]:
     """A run, and the derivatives of its states by its initial state and its parameters.
 
     **Arguments**
@@ -144,10 +172,10 @@ class _Choice(NamedTuple):
     and whether each carries runs."""
 
     numbers: tuple[int, ...]
-    structure: Any
+    structure: jax.tree_util.PyTreeDef
     run_axes: tuple[int, ...]
 
-    def columns(self, system: Any, y0: State) -> Coordinates:
+    def columns(self, system: AbstractSystem | Mission, y0: State) -> Coordinates:
         paths, leaves = zip(*jax.tree_util.tree_flatten_with_path((system, y0))[0], strict=True)
         tree = jax.tree.unflatten(self.structure, [jnp.asarray(leaves[n]) for n in self.numbers])
         # Without the number that says whether it is of the system or of the state.
@@ -155,7 +183,9 @@ class _Choice(NamedTuple):
         return Coordinates.of(tree, self.run_axes, names)
 
 
-def _carried(system: Any, y0: State, ts: Any, in_axes: Any) -> list[int]:
+def _carried(
+    system: AbstractSystem | Mission, y0: State, ts: ArrayLike, in_axes: InAxes
+) -> list[int]:
     """For every leaf of the system and of the initial state, whether it carries runs."""
     times_axes = 0 if isinstance(system, Mission) else 1
     batched, _, _ = split_batch(system, y0, ts, in_axes, times_axes)
@@ -167,8 +197,14 @@ def _carried(system: Any, y0: State, ts: Any, in_axes: Any) -> list[int]:
 
 @eqx.filter_jit
 def _derivatives(
-    system: Any, y0: State, ts: Any, choice: _Choice, order: int, batch: bool, options: Any
-) -> tuple[Any, Any]:
+    system: AbstractSystem | Mission,
+    y0: State,
+    ts: ArrayLike,
+    choice: _Choice,
+    order: int,
+    batch: bool,
+    options: dict[str, Any],
+) -> tuple[Trajectory, Sensitivity] | tuple[MissionTrajectory, MissionSensitivity]:
     leaves, structure = jax.tree.flatten((system, y0))
     columns = choice.columns(system, y0)
     verb: Callable[..., Any] = simulate_batch if batch else simulate
@@ -229,7 +265,11 @@ def _parts(run: Trajectory | MissionTrajectory) -> list[tuple[State, Array]]:
 
 
 def _of_part(
-    states: State, tangents: tuple[State, Array], second: State | None, names: Any, runs: int
+    states: State,
+    tangents: tuple[State, Array],
+    second: State | None,
+    names: tuple[str, ...],
+    runs: int,
 ) -> Sensitivity:
     rows = Coordinates.of(states, 1 + runs)
     along, times = tangents
