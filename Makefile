@@ -35,7 +35,6 @@ unit: $(VENV)/.test  ## the tests; of a long sweep a fixed sample
 	@$(BIN)/python -m pytest -n 2 --dist worksteal
 
 faults: $(VENV)/.test  ## kills, signals, full disks and lost workers, three times over
-	@$(BIN)/pip install --quiet ".[cluster]"
 	@for k in 1 2 3; do $(BIN)/python -m pytest --quiet --sweep all tests/test_campaigns.py tests/test_campaign_faults.py tests/test_campaign_clusters.py || exit 1; done
 
 sweep: $(VENV)/.test  ## the tests with every case of the long sweeps

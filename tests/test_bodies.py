@@ -300,22 +300,31 @@ def test_a_rod_keeps_the_rate_about_its_axis(axis):
     )
 
 
+# Rods along x, y and z, and bodies which are all but rods, as six runs.
+THIN, ALONG = 1e-6, jnp.concatenate([jnp.eye(3), jnp.eye(3)], axis=1)
+SHARES = jnp.repeat(jnp.array([0.0, THIN]), 3)
+TURNING = jnp.array([0.3, -0.2, 1.1])[:, None] + jnp.zeros_like(ALONG)
+
+
+def turned(share, omega):
+    """Attitude and angular velocity after 7 s, for the axial moment as a share of the others."""
+    moments = 2.0 * jnp.where(ALONG == 1.0, share, 1.0)
+    turn, later = bodies.free_turn(
+        jnp.full(6, 7.0), bodies.PrincipalInertia(moments), omega + 0.0 * share
+    )
+    return jnp.concatenate([turn.wxyz, later])
+
+
+@jax.jit
+def turned_and_slope(shares, omega):
+    return jax.jvp(lambda s: turned(s, omega), (shares,), (jnp.ones(6),))
+
+
 def test_the_free_turn_of_a_rod():
     """Its momentum L stays in inertial space, its spin in the body; the limit of thin bodies, with
-    its derivatives. Rods along x, y and z, and bodies which are all but rods, as six runs."""
-    small, along = 1e-6, jnp.concatenate([jnp.eye(3), jnp.eye(3)], axis=1)
-    shares = jnp.repeat(jnp.array([0.0, small]), 3)
-    omega = jnp.array([0.3, -0.2, 1.1])[:, None] + jnp.zeros_like(along)
-
-    def flown(share, omega):
-        moments = 2.0 * jnp.where(along == 1.0, share, 1.0)
-        turn, later = bodies.free_turn(
-            jnp.full(6, 7.0), bodies.PrincipalInertia(moments), omega + 0.0 * share
-        )
-        return jnp.concatenate([turn.wxyz, later])
-
-    tangents = jax.jit(lambda s, w: jax.jvp(lambda s: flown(s, w), (s,), (jnp.ones(6),)))
-    found, slope = (np.asarray(x) for x in tangents(shares, omega))
+    its derivatives."""
+    small, along, omega = THIN, ALONG, TURNING
+    found, slope = (np.asarray(x) for x in turned_and_slope(SHARES, omega))
     turn, later = Quaternion(jnp.asarray(found[:4, :3])), found[4:, :3]
     start, spin = np.asarray(omega * (1.0 - along))[:, :3], np.asarray(along)[:, :3]
     momentum = turn.rotate(jnp.asarray(later * (1.0 - spin)))
@@ -324,9 +333,14 @@ def test_the_free_turn_of_a_rod():
     # The step from the rod to the other formula by the mean of both slopes: rounding over `small`.
     mean = 0.5 * (slope[:, :3] + slope[:, 3:])
     np.testing.assert_allclose((found[:, 3:] - found[:, :3]) / small, mean, atol=1e-7)
+
+
+@pytest.mark.sweep
+def test_reverse_mode_of_the_free_turn_of_a_rod():
+    _, slope = (np.asarray(x) for x in turned_and_slope(SHARES, TURNING))
     weights = jnp.arange(1.0, 8.0)[:, None]
-    reverse = jax.jit(jax.grad(lambda s, w: jnp.sum(weights * flown(s, w)), (0, 1)))
-    by_share, by_omega = (np.asarray(x) for x in reverse(shares, omega))
+    reverse = jax.jit(jax.grad(lambda s, w: jnp.sum(weights * turned(s, w)), (0, 1)))
+    by_share, by_omega = (np.asarray(x) for x in reverse(SHARES, TURNING))
     np.testing.assert_allclose(by_share, np.sum(weights * slope, axis=0), rtol=1e-9, atol=1e-9)
     # Of thin bodies they differ by some 7^2 times `small` and the weights.
     np.testing.assert_allclose(by_omega[:, :3], by_omega[:, 3:], atol=2e-3)

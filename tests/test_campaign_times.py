@@ -219,7 +219,7 @@ class Circling(eqx.Module):
     "method",
     [
         None,
-        AdaptiveRegularised(),
+        pytest.param(AdaptiveRegularised(), marks=pytest.mark.sweep),
         pytest.param(Stormer(steps=64), marks=pytest.mark.sweep),
     ],
     ids=str,

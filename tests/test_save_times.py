@@ -22,7 +22,7 @@ TS = jnp.array([0.0, 0.7, 1.9, 3.0])
     "method",
     [
         DOP853(),
-        Stormer(steps=200),
+        pytest.param(Stormer(steps=200), marks=pytest.mark.sweep),
         pytest.param(RKN1210(), marks=pytest.mark.sweep),
         pytest.param(AdaptiveRegularised(), marks=pytest.mark.sweep),
     ],

@@ -56,11 +56,12 @@ def start(turning=False, dtype=jnp.float64):
 
 
 TERM = diffrax.ODETerm(lambda t, y, system: system.vector_field(t, y))
+# Both families, and a state of several blocks; the others compile for as long again.
 METHODS = [
-    pytest.param(DOP853(), False, id="DOP853"),
     pytest.param(DOP853(), True, id="DOP853 with attitude"),
     pytest.param(RKN1210(), False, id="RKN1210"),
-    pytest.param(MuntheKaas(), True, id="MuntheKaas"),
+    pytest.param(DOP853(), False, id="DOP853", marks=pytest.mark.sweep),
+    pytest.param(MuntheKaas(), True, id="MuntheKaas", marks=pytest.mark.sweep),
 ]
 
 
@@ -139,6 +140,7 @@ def test_methods_without_such_a_form_are_their_own():
 
 
 @pytest.mark.parametrize("method", [DOP853(), RKN1210()], ids=["DOP853", "RKN1210"])
+@pytest.mark.slow
 def test_derivatives_of_one_run_are_those_of_the_same_run_in_a_batch(method):
     """A single run takes the loop for its derivative, a batch the stages written out."""
     ts = jnp.array([0.0, 1.5, 4.0])
@@ -179,8 +181,15 @@ def test_runs_of_a_large_field_are_a_small_program(batch, additions, looped):
     assert evaluations(program) == 1 + (1 if looped else 12)
 
 
-@pytest.mark.parametrize("mode", [jax.jacfwd, jax.jacrev], ids=["forward", "reverse"])
-@pytest.mark.parametrize("method", [DOP853(), RKN1210()], ids=["DOP853", "RKN1210"])
+@pytest.mark.parametrize(
+    ("method", "mode"),
+    [
+        pytest.param(DOP853(), jax.jacrev, id="DOP853-reverse"),
+        pytest.param(RKN1210(), jax.jacfwd, id="RKN1210-forward"),
+        pytest.param(DOP853(), jax.jacfwd, id="DOP853-forward", marks=pytest.mark.sweep),
+        pytest.param(RKN1210(), jax.jacrev, id="RKN1210-reverse", marks=pytest.mark.sweep),
+    ],
+)
 def test_derivatives_of_many_runs_of_a_large_field(method, mode):
     """By loops of stages what the stages written out of a small field give."""
     accuracy = Accuracy(1e-11, method=method)
@@ -197,6 +206,7 @@ def test_derivatives_of_many_runs_of_a_large_field(method, mode):
 @pytest.mark.parametrize("times", [2, 5])
 @pytest.mark.parametrize("method", [DOP853(), RKN1210()], ids=["DOP853", "RKN1210"])
 @pytest.mark.parametrize("additions", [0, 150], ids=["a step twice", "a step once"])
+@pytest.mark.slow
 def test_reverse_mode_along_several_states_of_a_record(monkeypatch, additions, method, times):
     """Some 300 to 800 steps with room for six states: between two of them lie more steps than are
     kept at once."""

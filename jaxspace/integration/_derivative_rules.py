@@ -11,7 +11,7 @@ import jax.numpy as jnp
 from jax.core import ShapedArray
 from jax.extend.core import Primitive
 from jax.interpreters import ad
-from jaxtyping import Array
+from jaxtyping import Array, ArrayLike
 
 from ..core import InputError
 from ._primitives import (
@@ -31,7 +31,7 @@ from ._problem import Avals, Leaves, Moving, Problem
 # A derivative that is zero by structure, and not by value, is marked by JAX as such.
 Tangents: TypeAlias = Sequence[Array | ad.Zero]
 # In a transpose, the arguments in which the primitive is linear have shapes and no values.
-Unknown: TypeAlias = Array | ad.UndefinedPrimal
+Unknown: TypeAlias = ArrayLike | ad.UndefinedPrimal
 Transposed: TypeAlias = Callable[..., list[Array | None]]
 
 REVERSE_OF_DERIVATIVE = (
@@ -131,7 +131,7 @@ def _transpose(primitive: Primitive, shapes: Callable[..., Avals]) -> Transposed
     `shapes` are those of the results of the one that is transposed."""
 
     def aval(x: Unknown) -> ShapedArray:
-        return x.aval if ad.is_undefined_primal(x) else jax.typeof(x)
+        return x.aval if isinstance(x, ad.UndefinedPrimal) else jax.typeof(x)
 
     def rule(cotangents: Tangents, *values: Unknown, **params: Any) -> list[Array | None]:
         args, record, _ = params["problem"].split(values)

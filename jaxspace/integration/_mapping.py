@@ -86,7 +86,8 @@ def add_run_axis(
 def _single(parts: Parts, dims: Parts) -> tuple[AbstractSystem, PyTree]:
     """The system and the state of one of the mapped runs, as shapes."""
 
-    def leaf(x: PyTree, d: int | None) -> PyTree:
+    # Of a leaf that is no array, such as a function, `d` is the leaf itself.
+    def leaf(x: PyTree, d: PyTree) -> PyTree:
         if not eqx.is_array(x):
             return x
         shape = list(x.shape)
@@ -107,7 +108,7 @@ def _field_axis(
 ) -> ScaledVectorField:
     """The field with a further axis of runs."""
 
-    def leaf(x: PyTree, axes: int, is_mapped: bool, is_own: bool, keep_shared: bool) -> PyTree:
+    def leaf(x: PyTree, axes: int, is_mapped: PyTree, is_own: PyTree, keep_shared: bool) -> PyTree:
         if not eqx.is_array(x):
             return x
         if is_own and axes < 0:

@@ -80,7 +80,7 @@ def _is_second_order(tree: jax.tree_util.PyTreeDef, leaves: tuple[Hashable, ...]
         jax.tree.unflatten(tree, leaves), lambda x: isinstance(x, jax.ShapeDtypeStruct)
     )
 
-    def rates(arrays: PyTree, r: Array, v: Array) -> tuple[Array, Array]:
+    def rates(arrays: PyTree, r: Array, v: Array) -> tuple[PyTree, PyTree]:
         system, y = eqx.combine(arrays, rest)
         rate = system.vector_field(
             jnp.zeros((), r.dtype), dataclasses.replace(y, position=r, velocity=v)

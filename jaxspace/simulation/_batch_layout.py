@@ -1,5 +1,6 @@
 """Which arrays of a batch carry runs, and how the batch is cut into blocks."""
 
+from collections.abc import Sequence
 from typing import TypeAlias
 
 import equinox as eqx
@@ -34,7 +35,7 @@ def _declared(tree: PyTree, undeclared: int, least: int) -> PyTree[bool]:
 def _marked(tree: PyTree, in_axes: PyTree) -> PyTree[bool]:
     """For every leaf whether `in_axes`, a prefix of the tree, marks it with -1."""
 
-    def part(axis: int | None, leaves: PyTree) -> PyTree:
+    def part(axis: object, leaves: PyTree) -> PyTree:
         if axis not in (-1, None):
             raise InputError(f"in_axes holds {axis!r}: it must hold -1 (runs last) or None.")
         return jax.tree.map(lambda x: axis == -1 and eqx.is_array(x) and x.ndim > 0, leaves)
@@ -67,7 +68,7 @@ def _count(tree: PyTree, flags: PyTree[bool]) -> NumRuns:
 
 
 def split_batch(
-    systems: PyTree, y0s: State, ts: ArrayLike, in_axes: InAxes, times_axes: int
+    systems: PyTree, y0s: State, ts: ArrayLike | Sequence[float], in_axes: InAxes, times_axes: int
 ) -> tuple[PyTree, PyTree, NumRuns]:
     """What carries runs, what all runs share, and how many runs there are.
 

@@ -276,5 +276,5 @@ def _runs_first(x: Array) -> Array:
     return jnp.moveaxis(x, (0, 1), (-2, -1))
 
 
-def _runs_last(x: Array, axes: int = 2) -> Array:
+def _runs_last(x: ArrayLike, axes: int = 2) -> Array:
     return jnp.moveaxis(x, (-2, -1), (0, 1)) if axes == 2 else jnp.moveaxis(x, -1, 0)
