@@ -95,8 +95,13 @@ def fit(
     stated = noise is not None
     noise = 1.0 if noise is None else noise
     known = (noise, prior, tolerance)
-    search = _search if not batch else _search_batch
-    return search(model, data, parameters, known, method, max_steps, stated)
+
+    def one(data: PyTree, parameters: PyTree) -> Fit:
+        return _search(model, data, parameters, known, method, max_steps, stated)
+
+    if not batch:
+        return one(data, parameters)
+    return eqx.filter_jit(jax.vmap(one, in_axes=-1, out_axes=-1))(data, parameters)
 
 
 def _check_noise(noise: PyTree) -> None:
@@ -127,21 +132,6 @@ def _prior_of(prior: PyTree, coordinates: Coordinates) -> Array | None:
         for s, shape in zip(leaves, coordinates.shapes, strict=True)
     ]
     return jnp.concatenate(found)
-
-
-def _search_batch(
-    model: Model,
-    data: PyTree,
-    parameters: PyTree,
-    known: Known,
-    method: str,
-    max_steps: int,
-    stated: bool,
-) -> Fit:
-    def one(data: PyTree, parameters: PyTree) -> Fit:
-        return _search(model, data, parameters, known, method, max_steps, stated)
-
-    return eqx.filter_jit(jax.vmap(one, in_axes=-1, out_axes=-1))(data, parameters)
 
 
 @eqx.filter_jit

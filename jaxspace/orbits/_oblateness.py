@@ -29,6 +29,7 @@ from ..core import (
     Scalar,
     Vector,
     axis,
+    barrier,
     inverse_norm,
     quantity,
     scale,
@@ -51,8 +52,9 @@ def oblateness(r: Vector, mu: Scalar, j2: Scalar, radius: Scalar) -> Vector:
     """
     z = r[2]
     # Once, and its powers by products: reverse mode then adds up what they need of it, in place of
-    # a vector for each.
-    per_r = inverse_norm(r)
+    # a vector for each. Held, because in a loop of a user's own the compiler would compute it again
+    # for whatever follows from it.
+    per_r = barrier(inverse_norm(r))
     per_r2 = per_r * per_r
     # In this order no factor leaves the range of float32: mu R^2 / r^5 in metres would.
     c = (-1.5 * j2 * mu * (per_r2 * per_r)) * (radius * radius * per_r2)
