@@ -7,6 +7,8 @@ INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check --ed
 # Neither tool may remark on newer releases of itself in the middle of a result.
 export PYRIGHT_PYTHON_IGNORE_WARNINGS := 1
 export NO_MKDOCS_2_WARNING := true
+# The tests start Python a hundred times: each start would compile all sources of the package again.
+unexport PYTHONDONTWRITEBYTECODE
 
 .PHONY: demo test lint format types docs unit sweep faults hunt bench clean
 .NOTPARALLEL:

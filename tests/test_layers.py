@@ -304,10 +304,13 @@ def run(code: str) -> str:
     return done.stdout
 
 
-# The libraries are imported once, and each room in a copy of that process.
+# The libraries are imported once, and each room in a copy of that process: beneath an empty package,
+# for the `__init__` of the real one imports most rooms, in an order of its own.
 ALONE = """
-import os, traceback
+import os, sys, traceback, types
 import jax, equinox, diffrax, optax
+package = sys.modules["jaxspace"] = types.ModuleType("jaxspace")
+package.__path__ = ["jaxspace"]
 for room in %r:
     child = os.fork()
     if child == 0:
