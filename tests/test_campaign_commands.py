@@ -350,7 +350,7 @@ def test_a_stop_within_text_that_python_was_compiling(tmp_path):
     assert "Traceback" not in ended.stderr
 
 
-LONG, LONG_CHUNK = 100_000, 512
+LONG, LONG_CHUNK = 20_000, 512
 
 
 def stopped(folder: Path, number: signal.Signals, chunk: int | None, delay: float) -> Path:

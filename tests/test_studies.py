@@ -47,8 +47,13 @@ def times(name):
     return jnp.array([0.0, BY_NAME[name].span])
 
 
-@pytest.mark.slow
-@every
+# A closed form, breaks, a Lagrangian and constraints; what is integrated is the same otherwise.
+KINDS = ("two_body", "burning_stage", "double_pendulum", "landing_legs")
+
+
+@pytest.mark.parametrize(
+    "name", [n if n in KINDS else pytest.param(n, marks=pytest.mark.sweep) for n in BY_NAME]
+)
 def test_accuracy_cost_of_every_system(name):
     """A tighter tolerance costs more and errs less; a run is as far off as the table says, by an
     independent integration."""
