@@ -5,6 +5,7 @@ import contextlib
 import io
 import json
 import math
+import shlex
 import subprocess
 import sys
 from pathlib import Path
@@ -85,18 +86,26 @@ def test_bad_input_ends_with_status_2_and_one_line(tmp_path, capsys, command, ol
     )
 
 
-def test_bad_input_is_refused_before_a_device_is_touched(tmp_path):
-    path = tmp_path / "scene.toml"
+@pytest.fixture(scope="module")
+def own_process(tmp_path_factory) -> subprocess.CompletedProcess:
+    """A file that is refused, what that has touched, and the schema into a pipe whose reader leaves
+    after ten characters of it, one after the other in a process of their own."""
+    path = tmp_path_factory.mktemp("own") / "scene.toml"
     path.write_text(KICK.replace('"60 rpm"]', '"60 kg"]'))
     code = f"""
+import sys, jax
 from jaxspace.cli import main
-import jax
 status = main(["disperse", {str(path)!r}])
-print(status, sorted(jax._src.xla_bridge._backends))
+print(status, sorted(jax._src.xla_bridge._backends), flush=True)
+sys.exit(main(["schema"]))
 """
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT)
-    assert done.stdout.strip() == "2 []"
-    assert "initial.omega.2" in done.stderr and "Traceback" not in done.stderr
+    pipe = f"{shlex.join([sys.executable, '-c', code])} | head -c 15"
+    return subprocess.run(["bash", "-c", pipe], capture_output=True, text=True, cwd=ROOT)
+
+
+def test_bad_input_is_refused_before_a_device_is_touched(own_process):
+    assert own_process.stdout.startswith("2 []\n")
+    assert "initial.omega.2" in own_process.stderr and "Traceback" not in own_process.stderr
 
 
 @pytest.mark.parametrize(
@@ -494,13 +503,10 @@ def test_list_and_schema(capsys):
     assert json.loads(capsys.readouterr().out)["$schema"].startswith("https://json-schema.org")
 
 
-def test_a_closed_pipe_ends_in_a_sentence():
+def test_a_closed_pipe_ends_in_a_sentence(own_process):
     """The schema is longer than the buffer of a pipe: its writer notices that nobody reads."""
-    code = "import sys; from jaxspace.cli import main; sys.exit(main(['schema']))"
-    pipe = f'{sys.executable} -c "{code}" | head -c 10'
-    done = subprocess.run(["bash", "-c", pipe], capture_output=True, text=True, cwd=ROOT)
-    assert "the output was closed before its end" in done.stderr
-    assert "Traceback" not in done.stderr
+    assert "the output was closed before its end" in own_process.stderr
+    assert "Traceback" not in own_process.stderr
 
 
 def test_a_folder_that_cannot_be_made_ends_with_status_2(tmp_path, capsys):

@@ -209,10 +209,22 @@ def test_scene_file_names_the_file_of_its_motor(folder, monkeypatch):
     np.testing.assert_allclose(burnt, 0.00312, rtol=1e-9)
 
 
-def test_other_fields_of_a_motor_of_a_file_scatter(folder):
+@pytest.fixture(scope="module")
+def flown(tmp_path_factory):
+    """A store of four flights, and what is in it."""
+    folder = tmp_path_factory.mktemp("flown")
+    (folder / "motors").mkdir()
+    (folder / "motors" / "a8.eng").write_text(ENG)
+    path, store = folder / "flight.toml", folder / "runs.zarr"
+    path.write_text(FLIGHT)
+    file = jaxspace.load(path)
+    how = {"accuracy": file.accuracy, "store": store, "notes": {"scene_file": str(path)}}
+    return store, disperse(file.campaign(), 4, **how)
+
+
+def test_other_fields_of_a_motor_of_a_file_scatter(flown, folder):
     """Each run is the flight of a file with its ignition."""
-    file = jaxspace.load(folder / "flight.toml")
-    result = disperse(file.campaign(), 4, accuracy=file.accuracy)
+    _, result = flown
     drawn = np.asarray(result.inputs["effects.steered_thrust.ignition"])
     for ignition, speed in zip(drawn, result.outputs["final.velocity.0"], strict=True):
         text = FLIGHT.replace('"0.1 s"', f'"{float(ignition)!r} s"')
@@ -261,20 +273,20 @@ def test_files_of_motors_that_are_refused(folder):
     assert jaxspace.load(path).system.effects[-1].exhaust_velocity == 2.0 / 0.003
 
 
-def test_store_knows_the_motor_of_its_runs(folder):
+def test_store_knows_the_motor_of_its_runs(flown, folder):
     """A store keeps the motor, is read from any folder, and takes no runs of another motor."""
     path, motor = folder / "flight.toml", folder / "motors" / "a8.eng"
-    file, store = jaxspace.load(path), folder / "runs.zarr"
-    kept = disperse(file.campaign(), 2, accuracy=1e-6, store=store, notes={"scene_file": str(path)})
+    (store, kept), file = flown, jaxspace.load(path)
+    how = {"accuracy": file.accuracy, "store": store, "resume": True}
     assert kept.attributes["files"] == {"motors/a8.eng": ENG}
     motor.write_text(ENG.replace("9.0", "8.0"))
     with pytest.raises(ValueError, match="of another campaign: the file motors/a8.eng of the sce"):
         campaign = jaxspace.load(path).campaign()
-        disperse(campaign, 2, accuracy=1e-6, store=store, resume=True)
+        disperse(campaign, 4, **how)
     motor.unlink()
     again = stored_scene(kept)
     assert again.system.effects[-1].profile == file.system.effects[-1].profile
-    assert disperse(again.campaign(), 2, accuracy=1e-6, store=store, resume=True).runs == 2
+    assert disperse(again.campaign(), 4, **how).runs == 4
 
 
 def test_optimum_names_the_motor_from_any_folder(folder):
