@@ -96,7 +96,14 @@ def test_a_stop_before_the_first_run_leaves_what_is_there(
     assert "1200 of 1200 runs are kept" in capsys.readouterr().err
 
 
-RUN = "import sys; from jaxspace.cli import main; sys.exit(main(sys.argv[1:]))"
+# By one other process: `test_campaigns.py` has two.
+RUN = """
+import functools, sys
+from jaxspace.cli import main
+from jaxspace.dispersion import ProcessPool, _engines
+_engines.ENGINES["processes"] = functools.partial(ProcessPool, 1)
+sys.exit(main(sys.argv[1:]))
+"""
 
 
 @pytest.mark.parametrize("engine", ["processes", pytest.param("dask", marks=pytest.mark.sweep)])
@@ -202,6 +209,8 @@ def test_a_campaign_from_python_is_not_the_command_line_s(tmp_path, capsys):
     assert main(["failures", str(tmp_path / "s.zarr")]) == 0
 
 
+# That a store is not whole, is mended, and what violates a requirement, smaller tests show as well.
+@pytest.mark.sweep
 def test_a_store_that_is_not_whole_says_so_everywhere(tmp_path, capsys):
     """A chunk that was not finished, and one that is damaged; with a requirement, whose violations
     count both kinds of limits and the failed runs."""
@@ -330,6 +339,8 @@ def test_a_stop_that_a_library_has_met_in_a_callback(tmp_path, capsys, monkeypat
     assert "Traceback" not in capsys.readouterr().err
 
 
+# Stops that are raised, and a signal to a process of its own, are in the tests beside it.
+@pytest.mark.sweep
 def test_a_stop_within_text_that_python_was_compiling(tmp_path):
     """As in the making of a dataclass: Python 3.13 would end the process by the signal."""
     (tmp_path / "coast.toml").write_text(COAST)
@@ -350,7 +361,7 @@ def test_a_stop_within_text_that_python_was_compiling(tmp_path):
     assert "Traceback" not in ended.stderr
 
 
-LONG, LONG_CHUNK = 100_000, 512
+LONG, LONG_CHUNK = 20_000, 512
 
 
 def stopped(folder: Path, number: signal.Signals, chunk: int | None, delay: float) -> Path:

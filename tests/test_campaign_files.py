@@ -50,6 +50,9 @@ def test_a_store_keeps_the_files_of_its_scene(store):
     assert stored_scene(kept).files.texts == {"e.csv": VALUES}
 
 
+# The scene that all of them read is in the test above; those of a store without a table are in
+# `test_campaign_commands.py`.
+@pytest.mark.sweep
 def test_commands_of_a_store_need_no_file_beside_it(store, flown, capsys):
     before = open_store(store).outputs["apoapsis_altitude"]
     (store / ".manifest/1.json").unlink()

@@ -142,6 +142,8 @@ def of_own_phases(store):
         return {n: (data[f"{n}.time"].values, data[f"{n}.x"].values) for n in names}
 
 
+# Phases of other durations in each run are in the test below.
+@pytest.mark.sweep
 def test_runs_that_end_at_times_of_their_own_keep_what_their_phases_cover(tmp_path):
     """x is x0 cos(w t) to t = 1 s, where the velocity is halved; the body turns back at t', where
     tan(w (t' - 1)) = v/(w x), behind half a turn; and x is x(t') cos(w (t - t')) from there on."""

@@ -461,6 +461,8 @@ def killed_and_resumed(store: Path, delays: list[float]) -> list[int]:
     return found
 
 
+# An end at every operation is simulated above, and `test_campaign_commands.py` has one by a signal.
+@pytest.mark.sweep
 def test_a_campaign_that_is_killed_goes_on(whole, tmp_path):
     found = killed_and_resumed(tmp_path / "s.zarr", [0.0, 0.01])
     assert 0 < found[0] <= found[1]

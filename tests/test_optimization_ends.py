@@ -9,6 +9,7 @@ from jaxspace.core import InputError
 from jaxspace.optimization import Criterion, StopReason, minimise, minimise_from
 
 METHODS = ("sqp", "multipliers")
+ONE_METHOD = ("sqp", pytest.param("multipliers", marks=pytest.mark.sweep))
 
 
 def hole(x):
@@ -16,22 +17,38 @@ def hole(x):
     return jnp.where(x[0] > 0.5, jnp.nan, x[0])
 
 
+ABOVE = jnp.ones(2)
+NOT_FINITE = [
+    (lambda x: Criterion(x @ x + 0.0 * hole(x), x[0], ABOVE), "The objective is nan at the start"),
+    (
+        lambda x: Criterion(jnp.where(x[0] > 0.5, jnp.inf, x @ x), x[0], ABOVE),
+        "The objective is inf",
+    ),
+    (lambda x: Criterion(x @ x, hole(x), ABOVE), "equal_zero is nan"),
+    (lambda x: Criterion(x @ x, x[0], jnp.stack([x[1], hole(x)])), "non_negative[1] is nan"),
+    # Finite, with an infinite slope: the root of zero.
+    (
+        lambda x: Criterion(jnp.sqrt(x[0] - 1.0) + x[1] ** 2, x[0], ABOVE),
+        "A derivative of the objective",
+    ),
+]
+
+
 @pytest.mark.parametrize("method", METHODS)
-@pytest.mark.parametrize(
-    ("problem", "said"),
-    [
-        (lambda x: Criterion(x @ x + 0.0 * hole(x)), "The objective is nan at the start"),
-        (lambda x: Criterion(jnp.where(x[0] > 0.5, jnp.inf, x @ x)), "The objective is inf"),
-        (lambda x: Criterion(x @ x, hole(x)), "equal_zero is nan"),
-        (lambda x: Criterion(x @ x, None, jnp.stack([x[1], hole(x)])), "non_negative[1] is nan"),
-        # Finite, with an infinite slope: the root of zero.
-        (lambda x: Criterion(jnp.sqrt(x[0] - 1.0) + x[1] ** 2), "A derivative of the objective"),
-    ],
-)
-def test_what_is_not_finite_is_no_optimum(method, problem, said):
-    found = minimise(problem, jnp.ones(2), method=method)
-    assert not found.converged and int(found.reason) == StopReason.NOT_FINITE
-    assert said in found.sentence() and int(found.steps) == 0
+def test_what_is_not_finite_is_no_optimum(method):
+    # One program for all problems.
+    @jax.jit
+    def searched(number):
+        problems = [problem for problem, _ in NOT_FINITE]
+        return minimise(lambda x: jax.lax.switch(number, problems, x), jnp.ones(2), method=method)
+
+    ends = [(searched(k), said) for k, (_, said) in enumerate(NOT_FINITE)]
+    # And a search that is not compiled as a whole, without constraints.
+    problem = lambda x: Criterion(jnp.sqrt(x[0] - 1.0) + x[1] ** 2)  # noqa: E731
+    ends.append((minimise(problem, jnp.ones(2), method=method), NOT_FINITE[-1][1]))
+    for found, said in ends:
+        assert not found.converged and int(found.reason) == StopReason.NOT_FINITE
+        assert said in found.sentence() and int(found.steps) == 0
 
 
 def test_the_best_of_several_starts_is_finite():
@@ -176,14 +193,15 @@ def test_what_cannot_be_searched_is_refused_by_name(method, problem, start, opti
         minimise(problem, start, method=method, **options)
 
 
-@pytest.mark.parametrize("method", METHODS)
+# How a start and a search that is taken up are read does not depend on the method.
+@pytest.mark.parametrize("method", ONE_METHOD)
 def test_python_floats_are_unknowns(method):
     found = minimise(bowl, {"a": 1.0}, bounds=({"a": 0.0}, {"a": 2.0}), method=method)
     assert found.converged
     np.testing.assert_allclose(found.x["a"], 2.0, atol=1e-8)
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", ONE_METHOD)
 def test_a_search_goes_on_with_its_own_constraints_alone(method):
     begun = minimise(constrained, jnp.array([3.0, 2.0]), method=method, max_steps=1, max_rounds=1)
     with pytest.raises(InputError, match="of another problem or method"):

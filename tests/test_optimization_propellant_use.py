@@ -26,6 +26,7 @@ from jaxspace.optimization import (
 )
 
 G = 32.2
+use = jax.jit(propellant_use)
 
 
 def released(speed, angle):
@@ -76,7 +77,7 @@ def test_the_slope_of_the_steering_is_no_free_constant():
         return Criterion(-u, height - 4e5)
 
     # Both constants are free: the optimum has the slope of the erratum.
-    best = minimise(problem, jnp.array([0.8, 2.0]), method="sqp")
+    best = jax.jit(lambda x: minimise(problem, x, method="sqp"))(jnp.array([0.8, 2.0]))
     assert best.converged
     start, slope = best.x
     top, T, _ = flown(best.x)
@@ -148,9 +149,9 @@ def test_no_time_of_flight_is_better():
     """Against all times on a grid, for climbs and descents, rising and sinking releases."""
     climbs, speeds = (x.ravel() for x in np.meshgrid([-3e5, -1e3, 0.0, 1e3, 2e5], [-900.0, 1500.0]))
     velocity = jnp.stack([jnp.full(climbs.size, 1000.0), jnp.asarray(speeds)])
-    best = propellant_use(velocity, jnp.asarray(climbs), 15000.0, G)
+    best = use(velocity, jnp.asarray(climbs), 15000.0, G)
     times = np.geomspace(0.05, 400.0, 4000)[:, None]
-    tried = propellant_use(
+    tried = use(
         velocity[:, None], jnp.asarray(climbs), 15000.0, G, jnp.asarray(times) + 0.0 * climbs
     )
     reached = np.where(tried.feasible, tried.final_velocity, -np.inf).max(axis=0)
@@ -179,9 +180,7 @@ def test_degenerate_and_infeasible_cases_are_reported():
     assert sinking.sentence().endswith("it reaches no height so.")
     with pytest.raises(InputError, match="gravity is 0"):
         propellant_use(jnp.ones(2), 1.0, 1.0, 0.0)
-    slopes = jax.grad(
-        lambda x: propellant_use(x[:2], x[2], x[3], G).final_velocity, allow_int=False
-    )
+    slopes = jax.jit(jax.grad(lambda x: propellant_use(x[:2], x[2], x[3], G).final_velocity))
     for climb, gain in ((0.0, 15000.0), (4e5, 1000.0), (4e5, 15000.0), (-1.0, 0.0)):
         assert np.all(np.isfinite(slopes(jnp.array([2000.0, 1500.0, climb, gain]))))
 
@@ -189,6 +188,7 @@ def test_degenerate_and_infeasible_cases_are_reported():
 GAIN, BINS = 15000.0, 12
 
 
+@jax.jit  # one program for all releases
 def searched(velocity, climb, duration, within=(0.1, 10.0), slope=0.3):
     """The greatest velocity over the use of the propellant: shares of the gain at times that divide
     the flight evenly, from its start to its end, by the linear-tangent law. From a uniform use with
@@ -209,8 +209,8 @@ def searched(velocity, climb, duration, within=(0.1, 10.0), slope=0.3):
 
     start = {
         "used": jnp.full(BINS, 1.0 / BINS),
-        "first": jnp.array(slope),
-        "last": jnp.array(-slope),
+        "first": jnp.asarray(slope),
+        "last": -jnp.asarray(slope),
     }
     low = {"used": jnp.zeros(BINS), "first": jnp.array(-jnp.inf), "last": jnp.array(-jnp.inf)}
     high = {
@@ -220,7 +220,7 @@ def searched(velocity, climb, duration, within=(0.1, 10.0), slope=0.3):
     }
     if T is None:
         start["duration"] = jnp.array(1.0)
-        low["duration"], high["duration"] = (jnp.array(x) for x in within)
+        low["duration"], high["duration"] = (jnp.asarray(x) for x in within)
     # The law has no effect in a bin without propellant: differences of gradients would take what
     # they say about it for curvature.
     return minimise(problem, start, bounds=(low, high), method="sqp", exact_hessian=True)
@@ -291,9 +291,9 @@ def test_what_too_little_propellant_reaches(duration):
     velocity = jnp.stack([0.0 * speeds, speeds])
 
     def feasible(climb, gain):
-        return np.asarray(propellant_use(velocity, climb, gain, G, duration).feasible)
+        return np.asarray(use(velocity, climb, gain, G, duration).feasible)
 
-    found = propellant_use(velocity, climbs, gains, G, duration)
+    found = use(velocity, climbs, gains, G, duration)
     assert np.all(feasible(climbs, found.least_gain * (1.0 + 1e-12)))
     assert not np.any(feasible(climbs, found.least_gain * (1.0 - 1e-3)))
     nearest, reached = found.nearest_climb, jnp.isfinite(found.nearest_climb)
@@ -304,7 +304,7 @@ def test_what_too_little_propellant_reaches(duration):
     assert jnp.any(missed) and np.all(feasible(inside, gains)[missed])
     assert not np.any(feasible(outside, gains)[missed])
     every = jnp.linspace(-4e5, 4e5, 2001)[:, None] + 0.0 * gains
-    tried = propellant_use(velocity[:, None], every, gains, G, duration)
+    tried = use(velocity[:, None], every, gains, G, duration)
     np.testing.assert_array_equal(jnp.any(tried.feasible, axis=0), reached)
 
 

@@ -51,14 +51,18 @@ def test_units_do_not_matter(method):
     with the multipliers in those units. Powers of two change no digit."""
     x, f, c, d = 2.0**20, 2.0**-30, 2.0**15, 2.0**-12
 
-    def rescaled(y):
-        found = hock_71(y / x)
-        equal, above = jnp.asarray(found.equal_zero), jnp.asarray(found.non_negative)
-        return Criterion(f * found.objective, c * equal, d * above)
+    # One program for both: the units are numbers that it is given.
+    @jax.jit
+    def searched(x, f, c, d):
+        def rescaled(y):
+            found = hock_71(y / x)
+            equal, above = jnp.asarray(found.equal_zero), jnp.asarray(found.non_negative)
+            return Criterion(f * found.objective, c * equal, d * above)
 
-    start = jnp.array([1.0, 5.0, 5.0, 1.0])
-    plain = search(hock_71, start, method=method, bounds=(1.0, 5.0))
-    other = search(rescaled, x * start, method=method, bounds=(x, 5.0 * x))
+        start = x * jnp.array([1.0, 5.0, 5.0, 1.0])
+        return minimise(rescaled, start, method=method, bounds=(x, 5.0 * x))
+
+    plain, other = searched(1.0, 1.0, 1.0, 1.0), searched(x, f, c, d)
     assert plain.converged and other.converged
     assert int(plain.steps) == int(other.steps)
     pairs = [
@@ -130,11 +134,13 @@ def test_of_many_targets_those_out_of_reach_are_named(method):
     def problem(x):
         return Criterion(jnp.sum(x * x), unit * x - asked)
 
-    found = search(problem, jnp.full(5, 0.1), method=method, bounds=(-1.0, 1.0))
+    # One program for both searches.
+    within = jax.jit(lambda x, most: minimise(problem, x, method=method, bounds=(-most, most)))
+    found = within(jnp.full(5, 0.1), 1.0)
     assert int(found.reason) == StopReason.INFEASIBLE
     np.testing.assert_array_equal(found.unmet()[0], [True, False, True, True, False])
     assert "equal_zero[2] is -3e-06 where 0 is asked, equal_zero[3] is 6" in found.sentence()
-    converged = search(problem, 0.1 * asked, method=method)
+    converged = within(0.1 * asked, jnp.inf)
     assert converged.converged and not np.any(converged.unmet()[0])
 
 
@@ -176,8 +182,10 @@ def test_circles_that_do_not_meet_are_infeasible_in_any_precision(method, dtype)
     def problem(x):
         return Criterion(x[0], jnp.stack([x @ x - 1.0, (x - far) @ (x - far) - 1.0]))
 
+    # One program for all starts.
+    search_from = jax.jit(lambda x: minimise(problem, x, method=method))
     for start in ([0.5, 0.5], [-0.48, 0.46], [0.64, -0.79], [2.88, 0.083], [3.17, 0.94]):
-        found = search(problem, jnp.array(start, dtype), method=method)
+        found = search_from(jnp.array(start, dtype))
         assert int(found.reason) == StopReason.INFEASIBLE, start
         assert "cannot be met" in found.sentence()
         assert abs(found.x[1]) < 1e-2

@@ -1,6 +1,8 @@
 """Rockets: thrust, varying mass, jet damping and the vertical flight, against the textbook's closed
 forms and case numbers."""
 
+import warnings
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -161,46 +163,60 @@ def test_propellant_that_runs_out_ends_the_phase():
     assert float(thrust.thrust(jnp.array(70.0), jnp.array(379.0))) == 0.0
 
 
-def test_slopes_over_the_end_of_the_propellant_need_an_event():
-    """A burn of 60 s to a burnout mass and a drift of 40 s after it: u ln(m_0/m_b), and where that
-    leaves the body; without an event the slopes are not those, and a warning says so."""
+POINT = BodyState(jnp.zeros(3), jnp.zeros(3), mass=jnp.asarray(500.0))
+# The thrust and the burnout mass.
+BURN = jnp.array([5000.0, 380.0])
+
+
+def burn_and_drift(x, events):
+    """A burn of 60 s to a burnout mass and a drift of 40 s after it."""
+    thrust = SteeredThrust(FixedDirection([0.0, 0.0, 1.0]), x[0], 2500.0, 1e3, burnout_mass=x[1])
+    scene = Scene((thrust,))
+    run = simulate(scene, POINT, jnp.array([0.0, 100.0]), accuracy=1e-10, events=events(scene))
+    return jnp.stack([run.final.velocity[2], run.final.position[2], run.final.mass])
+
+
+def burn_and_drift_exactly(x):
+    """u ln(m_0/m_b), and where that leaves the body."""
     u = 2500.0
+    burn, ratio = (500.0 - x[1]) * u / x[0], jnp.log(500.0 / x[1])
+    height = u * burn * (1.0 - ratio / (500.0 / x[1] - 1.0)) + u * ratio * (100.0 - burn)
+    return jnp.stack([u * ratio, height, x[1]])
 
-    up = FixedDirection([0.0, 0.0, 1.0])
 
-    def flight(x, events):
-        scene = Scene((SteeredThrust(up, x[0], u, 1e3, burnout_mass=x[1]),))
-        run = simulate(scene, point, jnp.array([0.0, 100.0]), accuracy=1e-10, events=events(scene))
-        return jnp.stack([run.final.velocity[2], run.final.position[2], run.final.mass])
-
-    def exact(x):
-        burn, ratio = (500.0 - x[1]) * u / x[0], jnp.log(500.0 / x[1])
-        height = u * burn * (1.0 - ratio / (500.0 / x[1] - 1.0)) + u * ratio * (100.0 - burn)
-        return jnp.stack([u * ratio, height, x[1]])
-
+# The reverse mode through an event is that of every event.
+@pytest.mark.parametrize(
+    "jacobian", [jax.jacfwd, pytest.param(jax.jacrev, marks=pytest.mark.sweep)]
+)
+def test_slopes_over_the_end_of_the_propellant_by_an_event(jacobian):
     def goes_on(scene):
         left = PropellantDepletion(scene.effects[0].propellant_left)
         return (Event(left, direction=-1, terminal=False, then=lambda t, y: y),)
 
-    point = BodyState(jnp.zeros(3), jnp.zeros(3), mass=jnp.asarray(500.0))
-    x = jnp.array([5000.0, 380.0])
-    for jacobian in (jax.jacfwd, jax.jacrev):
-        found = jax.jit(jacobian(lambda x: flight(x, goes_on)))(x)
-        # The event lies 1e-12 of the mass before the end of the thrust.
-        np.testing.assert_allclose(found, jax.jacfwd(exact)(x), rtol=1e-7, atol=1e-7)
+    found = jax.jit(jacobian(lambda x: burn_and_drift(x, goes_on)))(BURN)
+    # The event lies 1e-12 of the mass before the end of the thrust.
+    expected = jax.jit(jax.jacfwd(burn_and_drift_exactly))(BURN)
+    np.testing.assert_allclose(found, expected, rtol=1e-7, atol=1e-7)
+
+
+def test_slopes_over_the_end_of_the_propellant_need_an_event():
+    """Without an event the slopes are not those, and a warning says so."""
     with pytest.warns(UserWarning, match=r"SteeredThrust\.burnout_mass makes .* PropellantDepl"):
-        values = flight(x, lambda scene: ())
-    np.testing.assert_allclose(values, exact(x), rtol=1e-8)
-    # An event that looks at something else does not help.
-    with pytest.warns(UserWarning, match=r"burnout_mass"):
-        flight(x, lambda scene: (Event(lambda t, y: y.position[2] - 1e9),))
-    body = BurningBody(100.0, [10.0, 10.0, 5.0], [0.3, 0.3, 0.3])
-    scene = Scene((Thrust(5000.0, u, 1e3, burnout_mass=380.0),), body)
-    with pytest.warns(UserWarning, match=r"Thrust\.burnout_mass"):
-        simulate(Mission([Phase(scene, 100.0)]), drifting(500.0))
-    with pytest.warns(UserWarning, match=r"Thrust\.burnout_mass"):
+        values = burn_and_drift(BURN, lambda scene: ())
+    np.testing.assert_allclose(values, burn_and_drift_exactly(BURN), rtol=1e-8)
+    # Each warning as an error, which ends the run before it is compiled. An event that looks at
+    # something else does not help.
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        with pytest.raises(UserWarning, match=r"burnout_mass"):
+            burn_and_drift(BURN, lambda scene: (Event(lambda t, y: y.position[2] - 1e9),))
+        body = BurningBody(100.0, [10.0, 10.0, 5.0], [0.3, 0.3, 0.3])
+        scene = Scene((Thrust(5000.0, 2500.0, 1e3, burnout_mass=380.0),), body)
+        with pytest.raises(UserWarning, match=r"Thrust\.burnout_mass"):
+            simulate(Mission([Phase(scene, 100.0)]), drifting(500.0))
         many = jax.tree.map(lambda x: jnp.stack([x, x], -1), drifting(500.0))
-        simulate_batch(scene, many, jnp.array([0.0, 1.0]))
+        with pytest.raises(UserWarning, match=r"Thrust\.burnout_mass"):
+            simulate_batch(scene, many, jnp.array([0.0, 1.0]))
 
 
 def test_a_vertical_gravity_turn_keeps_its_constant():
@@ -216,6 +232,17 @@ def test_a_vertical_gravity_turn_keeps_its_constant():
         assert not np.isnan(jax.grad(constant)(jnp.asarray(0.0)))
 
 
+@jax.jit  # one program for both cases
+def misaligned(omega, ts):
+    """The end of a body which turns under a moment that is fixed in it."""
+    moment = Custom(
+        lambda t, y, b: Load(torque_B=jnp.array([250.0, 0.0, 0.0])), {"omega"}, {"torque"}
+    )
+    scene = Scene((moment,), RigidBody(inertia=[4000.0, 4000.0, 400.0]))
+    y = BodyState(attitude=Quaternion.identity(), omega=omega)
+    return simulate(scene, y, ts, accuracy=1e-13).final
+
+
 @pytest.mark.parametrize(
     ("t", "re", "im"), [(7.5, -0.011052426603603843, -0.011052426603603843), (3.0, None, None)]
 )
@@ -226,12 +253,8 @@ def test_thrust_misalignment_of_a_spinning_missile(t, re, im):
         if re
         else ((0.03, -0.02), (-0.0007608618475766982, 0.020244221123154344))
     )
-    moment = Custom(
-        lambda t, y, b: Load(torque_B=jnp.array([250.0, 0.0, 0.0])), {"omega"}, {"torque"}
-    )
-    scene = Scene((moment,), RigidBody(inertia=[4000.0, 4000.0, 400.0]))
-    y = BodyState(attitude=Quaternion.identity(), omega=jnp.array([*start, 2.0 * np.pi]))
-    end = simulate(scene, y, jnp.array([0.0, t]), accuracy=1e-13).final
+    omega = np.array([*start, 2.0 * np.pi])
+    end = misaligned(omega, np.array([0.0, t]))
     # 1e-10 of the largest rate in the motion.
     np.testing.assert_allclose(end.omega[:2], expected, rtol=1e-10, atol=2e-12)
 
@@ -292,7 +315,7 @@ def test_spin_angle_has_no_hole_at_a_central_nozzle():
     np.testing.assert_allclose(near, at, rtol=1e-12)
     np.testing.assert_allclose(at, -6.0 / 8e-3 * np.log(0.52), rtol=1e-14)
     for mode in (jax.jacfwd, jax.jacrev):
-        slopes = mode(lambda x: spin_angle(x[0], x[1], x[2], x[3]))(
+        slopes = jax.jit(mode(lambda x: spin_angle(x[0], x[1], x[2], x[3])))(
             jnp.array([60.0, 6.0, 8e-3, 0.0])
         )
         assert np.all(np.isfinite(slopes)) and abs(slopes[3]) < 1e-12
@@ -318,11 +341,11 @@ def test_more_thrust_lowers_the_burnout_and_raises_the_top():
     burnout = impulse**2 * g * burnt * (burnt / n**3 - (1.0 - np.log(mu) / (mu - 1.0)) / n**2)
     # The coast is r^2 s/(1 - r s).
     coast = (r * s * (2.0 - r * s) * burnout + r * r * s * 2.0 * faster / v) / (1.0 - r * s) ** 2
-    slopes = [jax.grad(lambda n, k=k: flight(n)[k])(n) for k in (1, 2)]
+    slopes = jax.jit(jax.jacrev(lambda n: flight(n)[1:]))(n)
     np.testing.assert_allclose(slopes, [burnout, burnout + coast], rtol=1e-12)
     # The case has six digits of the one and five of the other.
     assert [round(float(slopes[0])), round(float(slopes[1]), -1)] == [-114552, 768720]
-    np.testing.assert_allclose(jax.jacfwd(flight)(n)[1:], slopes, rtol=1e-12)
+    np.testing.assert_allclose(jax.jit(jax.jacfwd(flight))(n)[1:], slopes, rtol=1e-12)
 
 
 def test_no_speed_at_burnout_is_stationary():
@@ -336,7 +359,7 @@ def test_no_speed_at_burnout_is_stationary():
         I, R, mu = x
         return vertical_burnout_velocity(I * g, mu, I / R * (1.0 - 1.0 / mu), g)
 
-    slopes = jax.vmap(jax.grad(speed), -1, -1)(jnp.stack([I + 0.0 * R, R, mu]))
+    slopes = jax.jit(jax.vmap(jax.grad(speed), -1, -1))(np.stack([I + 0.0 * R, R, mu]))
     share = (1.0 - 1.0 / mu) / R
     expected = [g * (np.log(mu) - share), I * g * share / R, I * g / mu * (1.0 - 1.0 / (R * mu))]
     # In roundings of the terms, whose difference vanishes at R mu = 1.

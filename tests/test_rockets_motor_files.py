@@ -2,12 +2,13 @@
 
 import re
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
 import jaxspace
-from jaxspace import BodyState, Scene, simulate
+from jaxspace import BodyState, Scene
 from jaxspace.core import InputError
 from jaxspace.dispersion import disperse
 from jaxspace.io import SceneError, listing, schema, stored_scene
@@ -188,14 +189,15 @@ def folder(tmp_path):
 
 
 def assert_same(found, expected):
-    """Two flights to rounding: one is built within a program, the other outside."""
-    np.testing.assert_allclose(found.states.position, expected.states.position, rtol=1e-15)
-    np.testing.assert_allclose(found.states.velocity, expected.states.velocity, rtol=1e-13)
-    np.testing.assert_allclose(found.states.mass, expected.states.mass, rtol=1e-15)
+    """Rates of two scenes to rounding."""
+    np.testing.assert_allclose(found.position, expected.position, rtol=1e-15)
+    np.testing.assert_allclose(found.velocity, expected.velocity, rtol=1e-13)
+    np.testing.assert_allclose(found.mass, expected.mass, rtol=1e-15)
 
 
 def test_scene_file_names_the_file_of_its_motor(folder, monkeypatch):
-    """The same flight as of an effect that was made in Python, from any folder."""
+    """The same start and, along the flight, the same rates as of an effect that was made in Python,
+    from any folder."""
     monkeypatch.chdir(folder / "motors")
     file = jaxspace.load("../flight.toml")
     monkeypatch.chdir(folder)
@@ -203,16 +205,30 @@ def test_scene_file_names_the_file_of_its_motor(folder, monkeypatch):
     thrust = SteeredThrust.of_thrust(motor.thrust(ignition=0.1), AlongVelocity())
     y0 = BodyState(jnp.array([6.4e6, 0.0, 0.0]), jnp.array([30.0, 1.0, 0.0]), mass=jnp.array(0.1))
     scene = Scene([PointGravity(3.986004418e14), thrust])
-    expected = simulate(scene, y0, file.ts, accuracy=file.accuracy)
-    assert_same(file.simulate(), expected)
-    burnt = 0.1 - expected.states.mass[-1]
+    run = file.simulate()
+    jax.tree.map(np.testing.assert_array_equal, file.y0, y0)
+    rates = jax.jit(lambda t, y: (file.system.vector_field(t, y), scene.vector_field(t, y)))
+    assert_same(*rates(run.ts, run.states))
+    burnt = 0.1 - run.states.mass[-1]
     np.testing.assert_allclose(burnt, 0.00312, rtol=1e-9)
 
 
-def test_other_fields_of_a_motor_of_a_file_scatter(folder):
+@pytest.fixture(scope="module")
+def flown(tmp_path_factory):
+    """A store of four flights, and what is in it."""
+    folder = tmp_path_factory.mktemp("flown")
+    (folder / "motors").mkdir()
+    (folder / "motors" / "a8.eng").write_text(ENG)
+    path, store = folder / "flight.toml", folder / "runs.zarr"
+    path.write_text(FLIGHT)
+    file = jaxspace.load(path)
+    how = {"accuracy": file.accuracy, "store": store, "notes": {"scene_file": str(path)}}
+    return store, disperse(file.campaign(), 4, **how)
+
+
+def test_other_fields_of_a_motor_of_a_file_scatter(flown, folder):
     """Each run is the flight of a file with its ignition."""
-    file = jaxspace.load(folder / "flight.toml")
-    result = disperse(file.campaign(), 4, accuracy=file.accuracy)
+    _, result = flown
     drawn = np.asarray(result.inputs["effects.steered_thrust.ignition"])
     for ignition, speed in zip(drawn, result.outputs["final.velocity.0"], strict=True):
         text = FLIGHT.replace('"0.1 s"', f'"{float(ignition)!r} s"')
@@ -261,20 +277,20 @@ def test_files_of_motors_that_are_refused(folder):
     assert jaxspace.load(path).system.effects[-1].exhaust_velocity == 2.0 / 0.003
 
 
-def test_store_knows_the_motor_of_its_runs(folder):
+def test_store_knows_the_motor_of_its_runs(flown, folder):
     """A store keeps the motor, is read from any folder, and takes no runs of another motor."""
     path, motor = folder / "flight.toml", folder / "motors" / "a8.eng"
-    file, store = jaxspace.load(path), folder / "runs.zarr"
-    kept = disperse(file.campaign(), 2, accuracy=1e-6, store=store, notes={"scene_file": str(path)})
+    (store, kept), file = flown, jaxspace.load(path)
+    how = {"accuracy": file.accuracy, "store": store, "resume": True}
     assert kept.attributes["files"] == {"motors/a8.eng": ENG}
     motor.write_text(ENG.replace("9.0", "8.0"))
     with pytest.raises(ValueError, match="of another campaign: the file motors/a8.eng of the sce"):
         campaign = jaxspace.load(path).campaign()
-        disperse(campaign, 2, accuracy=1e-6, store=store, resume=True)
+        disperse(campaign, 4, **how)
     motor.unlink()
     again = stored_scene(kept)
     assert again.system.effects[-1].profile == file.system.effects[-1].profile
-    assert disperse(again.campaign(), 2, accuracy=1e-6, store=store, resume=True).runs == 2
+    assert disperse(again.campaign(), 4, **how).runs == 4
 
 
 def test_optimum_names_the_motor_from_any_folder(folder):

@@ -3,6 +3,7 @@ the axis of the body, against the law by hand."""
 
 from typing import final
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from jaxspace.core import quantity
 from jaxspace.rockets import AbstractSteering
 
 UP, ALONG = np.array([0.0, 0.0, 1.0]), np.array([1.0, 0.0, 0.0])
+G = np.array([[0.0], [0.0], [-9.8]])
 FLAT = "plane = { up = [0.0, 0.0, 1.0] }"
 POINT = """
 [body]
@@ -111,26 +113,49 @@ LAWS = {
 }
 
 
+def scene_with(text, tmp_path):
+    path = tmp_path / "law.toml"
+    path.write_text(POINT.format(law=text))
+    return jaxspace.load(path, also=[Swinging])
+
+
+def check_thrust(system, law, t, r, v, m):
+    """The thrust at states whose runs are on the last axis."""
+    state = jaxspace.BodyState(*(jnp.asarray(x) for x in (r, v)), mass=jnp.asarray(m))
+    field = jax.jit(lambda t, y: system.vector_field(t, y).velocity)
+    found = np.asarray(field(jnp.asarray(t), state))
+    # A difference of gravity, and a radius of 7e6 m.
+    np.testing.assert_allclose((found - G) / (20e3 / m), law(r, v, t), atol=1e-12)
+
+
 @pytest.mark.parametrize("name", LAWS)
+def test_a_law_in_a_file_steers(name, tmp_path):
+    """Before, at and behind the nodes and the starts of the laws, along an arc."""
+    text, law = LAWS[name]
+    t = np.array([0.0, 2.0, 7.0, 10.0, 20.0, 35.0, 40.0])
+    r = np.array([[7e6], [2e4], [3e5]]) + np.array([[2e3], [5e2], [1.5e3]]) * t + 0.5 * G * t**2
+    v = np.array([[2e3], [5e2], [1.5e3]]) + G * t
+    check_thrust(scene_with(text, tmp_path).system, law, t, r, v, 1000.0 - 7.0 * t)
+
+
+# How the others are read, the test above shows: what flies is one program with another direction.
+FLOWN = ("user", "wind")
+FLIGHTS = [n if n in FLOWN else pytest.param(n, marks=pytest.mark.sweep) for n in LAWS]
+
+
+@pytest.mark.parametrize("name", FLIGHTS)
 def test_a_law_in_a_file_flies(name, tmp_path):
     """The thrust at the states of the flight, and the way that it flew: gravity and thrust over the
     mass that is left, by Simpson's rule over finer samples."""
     text, law = LAWS[name]
-    path = tmp_path / "law.toml"
-    path.write_text(POINT.format(law=text))
-    file = jaxspace.load(path, also=[Swinging])
+    file = scene_with(text, tmp_path)
     run = file.simulate()
     t, y = np.asarray(run.ts), run.states
     r, v, m = (np.asarray(x) for x in (y.position, y.velocity, y.mass))
     expected = law(r, v, t)
-    g = np.array([[0.0], [0.0], [-9.8]])
-    for k in range(0, 641, 160):
-        state = jaxspace.BodyState(y.position[:, k], y.velocity[:, k], mass=y.mass[k])
-        found = np.asarray(file.system.vector_field(jnp.asarray(t[k]), state).velocity) - g[:, 0]
-        # A difference of gravity, and a radius of 7e6 m.
-        np.testing.assert_allclose(found / (20e3 / m[k]), expected[:, k], atol=1e-12)
+    check_thrust(file.system, law, *(x[..., ::160] for x in (t, r, v, m)))
     np.testing.assert_allclose(m, 1000.0 - 20e3 / (300.0 * 9.80665) * t, rtol=1e-9)
-    push = 20e3 / m * expected + g
+    push = 20e3 / m * expected + G
     weights = np.full(641, 2.0)
     weights[1::2], weights[[0, -1]] = 4.0, 1.0
     gained = push @ weights * (t[1] - t[0]) / 3.0

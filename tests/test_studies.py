@@ -47,8 +47,13 @@ def times(name):
     return jnp.array([0.0, BY_NAME[name].span])
 
 
-@pytest.mark.slow
-@every
+# A closed form, breaks and a Lagrangian; of the others only what is integrated differs.
+KINDS = ("two_body", "burning_stage", "double_pendulum")
+
+
+@pytest.mark.parametrize(
+    "name", [n if n in KINDS else pytest.param(n, marks=pytest.mark.sweep) for n in BY_NAME]
+)
 def test_accuracy_cost_of_every_system(name):
     """A tighter tolerance costs more and errs less; a run is as far off as the table says, by an
     independent integration."""
@@ -352,8 +357,10 @@ def test_scaled_at_one_is_the_effect_and_at_zero_none():
     )
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", SCENES)
+# The one with an effect to leave out.
+@pytest.mark.parametrize(
+    "name", [n if n == "oblate_orbit" else pytest.param(n, marks=pytest.mark.sweep) for n in SCENES]
+)
 def test_effect_budget_of_every_scene(name):
     """What leaving out an effect changes, against plain runs of the scene without it."""
     s = BY_NAME[name]

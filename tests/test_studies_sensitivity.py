@@ -157,8 +157,8 @@ def test_first_and_second_order_through_a_bounce():
     x = jnp.array([0.3, 2.0, 0.8, 1.7, 0.6])
     # g stands in two phases, which `wrt` picks apart: it is left out here.
     keep = np.array([0, 1, 2, 4])
-    first = jax.jacfwd(closed)(x)
-    second = jax.hessian(closed)(x)
+    first, second = jax.jit(lambda x: (jax.jacfwd(closed)(x), jax.hessian(closed)(x)))(x)
+    first, second = ([np.asarray(part) for part in parts] for parts in (first, second))
     assert_allclose(found.end.final, first[0][:2, keep], atol=1e-9)
     assert_allclose(found.end.times[:, -1], first[0][2, keep], atol=1e-9)
     assert_allclose(found.end.second[..., -1], second[0][:2][:, keep][:, :, keep], atol=1e-7)

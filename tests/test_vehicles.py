@@ -362,27 +362,50 @@ def test_more_mass_is_dropped_than_there_is():
     np.testing.assert_allclose(run.final.mass, 100.0)
 
 
+def climbing(rocket, speed):
+    """Valetudo straight up, as a point and as a body, and as one whose drag does not change."""
+    air, gravity = LocalAir(elevation=668.0), GroundGravity(9.79)
+    y0 = BodyState(jnp.zeros(3), jnp.array([0.0, 0.0, speed]), mass=rocket.body.loaded_mass())
+    turning = dataclasses.replace(y0, attitude=Quaternion.identity(), omega=jnp.zeros(3))
+    lasting = dataclasses.replace(rocket, coasting_drag=None)
+    effects = (
+        rocket.as_point(air, AlongVelocity()),
+        rocket.as_body(air),
+        lasting.as_point(air, AlongVelocity()),
+    )
+    scenes = (Scene((gravity, *e), rocket.body) for e in effects)
+    return zip(scenes, (y0, turning, y0), strict=True)
+
+
+def test_point_and_body_have_the_same_drag():
+    """Valetudo, which has another drag without its flame, at 200 m/s before and after burnout."""
+    rocket = vehicle(ROCKETS["Valetudo"])
+    assert rocket.coasting_drag is not None and 5.0 < rocket.motor.burnout() < 6.0
+
+    @jax.jit
+    def rates(t):
+        return [scene.vector_field(t, y).velocity[2] for scene, y in climbing(rocket, 200.0)]
+
+    for t, same in ((5.0, True), (7.0, False)):
+        point, body, lasting = rates(t)
+        np.testing.assert_allclose(point, body, rtol=1e-12)
+        # The two curves of its drag differ by a few percent.
+        assert (abs(lasting - point) < 1e-12 * abs(point)) == same
+        assert abs(lasting - point) < 0.1 * abs(point)
+
+
+# The forces of this flight are compared above.
+@pytest.mark.sweep
 def test_point_and_body_coast_with_the_same_drag():
     """Valetudo, which has another drag without its flame, straight up through its burnout."""
     rocket = vehicle(ROCKETS["Valetudo"])
-    assert rocket.coasting_drag is not None
-    air, gravity, t = LocalAir(elevation=668.0), GroundGravity(9.79), jnp.array([0.0, 5.0, 9.0])
-    assert 5.0 < rocket.motor.burnout() < 6.0
-    y0 = BodyState(jnp.zeros(3), jnp.array([0.0, 0.0, 30.0]), mass=rocket.body.loaded_mass())
-    turning = dataclasses.replace(y0, attitude=Quaternion.identity(), omega=jnp.zeros(3))
-
-    def height(effects, start):
-        run = simulate(Scene((gravity, *effects), rocket.body), start, t, accuracy=1e-9)
-        return np.asarray(run.states.position[2])
-
-    point, body = (
-        height(rocket.as_point(air, AlongVelocity()), y0),
-        height(rocket.as_body(air), turning),
+    t = jnp.array([0.0, 5.0, 9.0])
+    point, body, other = (
+        np.asarray(simulate(scene, start, t, accuracy=1e-9).states.position[2])
+        for scene, start in climbing(rocket, 30.0)
     )
     # The same equations: a hundred times the tolerance of both integrations.
     np.testing.assert_allclose(point, body, rtol=1e-7)
-    lasting = dataclasses.replace(rocket, coasting_drag=None)
-    other = height(lasting.as_point(air, AlongVelocity()), y0)
     np.testing.assert_allclose(other[1], point[1], rtol=1e-7)
     # The two curves of its drag differ by a few percent: again a hundred times as much.
     assert abs(other[2] - point[2]) > 0.01
