@@ -96,14 +96,7 @@ def test_a_stop_before_the_first_run_leaves_what_is_there(
     assert "1200 of 1200 runs are kept" in capsys.readouterr().err
 
 
-# By one other process: `test_campaigns.py` has two.
-RUN = """
-import functools, sys
-from jaxspace.cli import main
-from jaxspace.dispersion import ProcessPool, _engines
-_engines.ENGINES["processes"] = functools.partial(ProcessPool, 1)
-sys.exit(main(sys.argv[1:]))
-"""
+RUN = "import sys; from jaxspace.cli import main; sys.exit(main(sys.argv[1:]))"
 
 
 @pytest.mark.parametrize("engine", ["processes", pytest.param("dask", marks=pytest.mark.sweep)])
