@@ -1,5 +1,7 @@
 """Events that jump in place and let the run go on: a ball that bounces, in closed form."""
 
+import functools
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -45,6 +47,7 @@ def ball(h):
     return BodyState(jnp.stack([zero, zero, h]), jnp.stack([zero + 0.3, zero, zero]))
 
 
+@functools.partial(jax.jit, static_argnums=4)
 def exact(h, e, g, ts, count):
     """Times of the first bounces, and height and vertical velocity at `ts` up to there."""
     first = jnp.sqrt(2.0 * h / g)

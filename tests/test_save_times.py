@@ -37,7 +37,7 @@ def test_by_save_times(method):
         run = simulate(ORBIT, Y, ts, accuracy=accuracy)
         return run.states.position, run.states.velocity
 
-    (forward, _), (_, velocity) = jax.jacfwd(saved)(TS), saved(TS)
+    forward, velocity = jax.jit(jax.jacfwd(saved, has_aux=True))(TS)
     reverse = jax.jit(jax.jacrev(lambda ts: saved(ts)[0]))(TS)
     expected = np.zeros((3, 4, 4))
     for k in range(1, 4):
@@ -61,14 +61,19 @@ def test_of_second_order_and_in_batches():
         return simulate_batch(ORBIT, y, ts, accuracy=accuracy).states
 
     velocity = Y.velocity[:, None] + 0.01 * jnp.arange(3.0)
-    states = between(0.7, velocity)
-    y = BodyState(states.position[:, 1], states.velocity[:, 1])
-    acceleration = ORBIT.vector_field(0.0, y).velocity
 
-    def speed(t):
-        return jax.jacfwd(lambda t: between(t, velocity).position[:, 1])(t)
+    def at_that_time(t):
+        states = between(t, velocity)
+        return states.position[:, 1], BodyState(states.position[:, 1], states.velocity[:, 1])
 
-    rate, curvature = jax.jvp(speed, (0.7,), (1.0,))
+    @jax.jit
+    def both_orders(t):
+        (rate, y), (curvature, _) = jax.jvp(
+            jax.jacfwd(at_that_time, has_aux=True), (t,), (jnp.ones_like(t),)
+        )
+        return rate, curvature, y, ORBIT.vector_field(0.0, y).velocity
+
+    rate, curvature, y, acceleration = both_orders(jnp.array(0.7))
     # The derivative of what an interpolation of this accuracy misses by.
     np.testing.assert_allclose(rate, y.velocity, rtol=0.0, atol=1e-8)
     np.testing.assert_allclose(curvature, acceleration, rtol=0.0, atol=1e-7)

@@ -239,9 +239,9 @@ def test_derivatives_of_a_run():
         return Scene((PointGravity(mu),))
 
     tight = Accuracy(rtol=1e-12, method=Tsit5())
-    exact = jax.jacfwd(end(TwoBody, 1e-12), (0, 1))(y.velocity, 1.0)
-    reverse = jax.jacrev(end(scene, tight), (0, 1))(y.velocity, 1.0)
-    forward = jax.jacfwd(end(scene, tight), (0, 1))(y.velocity, 1.0)
+    exact = jax.jit(jax.jacfwd(end(TwoBody, 1e-12), (0, 1)))(y.velocity, 1.0)
+    reverse = jax.jit(jax.jacrev(end(scene, tight), (0, 1)))(y.velocity, 1.0)
+    forward = jax.jit(jax.jacfwd(end(scene, tight), (0, 1)))(y.velocity, 1.0)
     for a, b, c in zip(exact, reverse, forward, strict=True):
         # The error of the derivative exceeds that of the run by the growth of its deviations, here
         # some tens.
@@ -249,6 +249,8 @@ def test_derivatives_of_a_run():
         np.testing.assert_allclose(c, b, rtol=0.0, atol=1e-11)
 
 
+# `test_solvers_small_program.py` goes backwards along a record as short.
+@pytest.mark.sweep
 def test_derivatives_of_a_run_of_many_steps(monkeypatch):
     """The memory for states holds four of them, so that some hundred steps are taken again from
     each, piece by piece."""
@@ -264,7 +266,7 @@ def test_derivatives_of_a_run_of_many_steps(monkeypatch):
 
         return total
 
-    exact = jax.grad(distance(TwoBody(1.0), 1e-12), has_aux=True)(y.velocity)[0]
+    exact = jax.jit(jax.grad(distance(TwoBody(1.0), 1e-12), has_aux=True))(y.velocity)[0]
     tight = Accuracy(rtol=1e-12, method=Tsit5(), max_steps=4095)
     found, steps = jax.jit(jax.grad(distance(KEPLER, tight), has_aux=True))(y.velocity)
     assert steps > 4 * 64
@@ -289,7 +291,8 @@ def test_close_events_are_told_apart():
     run = simulate(FALL, ball(1e4), jnp.linspace(0.0, 20.0, 3), events=events)
     assert int(run.event) == 1 and int(run.status) == Status.EVENT
     np.testing.assert_allclose(run.ts, [0.0, 5.0, 5.0], atol=1e-12)
-    rest = simulate(FALL, run.final, jnp.array([5.0, 20.0]), events=events)
+    # At as many times: the same program.
+    rest = simulate(FALL, run.final, jnp.array([5.0, 10.0, 20.0]), events=events)
     assert int(rest.event) == 0
     np.testing.assert_allclose(rest.ts[-1], 5.5, atol=1e-12)
 
@@ -384,9 +387,11 @@ def test_derivatives_pass_through_events():
         return e**2 * g * t1 * left - 0.5 * g * left**2
 
     where = (10.0, 0.5, 9.81, 3.0)
-    found, expected = (jax.grad(f, (0, 1, 2, 3))(*where) for f in (height, exact))
-    np.testing.assert_allclose(height(*where), exact(*where), rtol=1e-10)
-    np.testing.assert_allclose(found, expected, rtol=1e-9)
+    (found, slopes), (expected, exact_slopes) = (
+        jax.jit(jax.value_and_grad(f, (0, 1, 2, 3)))(*where) for f in (height, exact)
+    )
+    np.testing.assert_allclose(found, expected, rtol=1e-10)
+    np.testing.assert_allclose(slopes, exact_slopes, rtol=1e-9)
 
 
 def test_runs_of_a_batch_have_their_own_events():

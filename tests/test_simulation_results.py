@@ -191,11 +191,11 @@ def test_every_mode_of_differentiation_by_default():
     x, v = jnp.array([1.1, 1.5]), jnp.array([0.3, -0.2])
     slope = jax.jit(jax.grad(f))(x)
     # Errors of derivatives exceed those of the run by their growth, here some tens.
-    np.testing.assert_allclose(slope, jax.grad(g)(x), atol=3e-9)
+    np.testing.assert_allclose(slope, jax.jit(jax.grad(g))(x), atol=3e-9)
     np.testing.assert_allclose(jax.jacfwd(f)(x), slope, atol=1e-12)
     np.testing.assert_allclose(jax.jvp(f, (x,), (v,))[1], slope @ v, atol=1e-12)
     np.testing.assert_allclose(jax.linearize(f, x)[1](v), slope @ v, atol=1e-12)
-    second = jax.hessian(g)(x)
+    second = jax.jit(jax.hessian(g))(x)
     np.testing.assert_allclose(jax.jit(jax.hessian(f))(x), second, atol=1e-7)
     np.testing.assert_allclose(jax.jit(jax.jacfwd(jax.jacfwd(f)))(x), second, atol=1e-7)
     with pytest.raises(InputError, match="jacfwd"):
@@ -212,11 +212,11 @@ def test_derivatives_through_saved_states():
     def g(speed):
         return simulate(TwoBody(1.0), start(speed), jnp.linspace(0.0, 1.5, 4)).states.position
 
-    forward, exact = jax.jacfwd(f)(1.1), jax.jacfwd(g)(1.1)
-    weights = jnp.arange(12.0).reshape(3, 4)
-    reverse = jax.grad(lambda s: jnp.sum(weights * f(s)))(1.1)
+    forward, exact = jax.jit(jax.jacfwd(f))(1.1), jax.jit(jax.jacfwd(g))(1.1)
+    weights = np.arange(12.0).reshape(3, 4)
+    reverse = jax.jit(jax.grad(lambda s: jnp.sum(weights * f(s))))(1.1)
     np.testing.assert_allclose(forward, exact, atol=1e-5)
-    np.testing.assert_allclose(reverse, jnp.sum(weights * forward), rtol=1e-10)
+    np.testing.assert_allclose(reverse, np.sum(weights * forward), rtol=1e-10)
 
 
 # ---------------------------------------------------------------- mapped runs

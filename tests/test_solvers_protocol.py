@@ -261,7 +261,9 @@ def test_a_root_finder_takes_the_tolerance_unless_it_has_its_own():
     assert finder.norm is optimistix.rms_norm
 
 
-@pytest.mark.parametrize("method", EITHER, ids=repr)
+@pytest.mark.parametrize(
+    "method", [pytest.param(EITHER[0], marks=pytest.mark.sweep), EITHER[1]], ids=repr
+)
 def test_reverse_mode_sees_what_an_effect_closes_over(method):
     """A spring beside a point mass, whose stiffness is no field of the scene."""
 
