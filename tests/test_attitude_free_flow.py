@@ -284,6 +284,8 @@ def test_single_precision(derivatives):
         assert_allclose(single[:, i], exact[:, i], atol=16.0 * loss)
 
 
+# `test_attitude_flips.py` has the same of the turn alone, in programs which it needs anyway.
+@pytest.mark.sweep
 @pytest.mark.parametrize("x", STARTS.values(), ids=STARTS)
 def test_derivatives(derivatives, x):
     value, forward, reverse = derivatives[principal]

@@ -141,6 +141,8 @@ def test_the_way_back_and_what_stays(name):
         assert float(drift.max()) < 3e-8, quantity
 
 
+# The way of a batch is that of each system; `test_side_by_side_is_one_by_one` asks all of them.
+@pytest.mark.slow
 @every
 def test_a_batch_is_its_runs(name, key):
     """The runs of a batch agree with single runs, and with their reverse and forward
