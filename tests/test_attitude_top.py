@@ -370,7 +370,9 @@ STARTS = {
 }
 
 
-@pytest.mark.slow
+# The laws ask for the slopes by the state, `test_attitude_top_motion.py` for those of the closed
+# form by the state and the top.
+@pytest.mark.sweep
 @pytest.mark.parametrize("x", STARTS.values(), ids=STARTS)
 def test_derivatives_of_the_motion(x):
     def motion(v):

@@ -174,6 +174,8 @@ def samples(sequence):
     return regular, singular
 
 
+# The rates below ask each sequence for its own axes; here are both kinds of them.
+@pytest.mark.slow
 @pytest.mark.parametrize("sequence", rotations.SEQUENCES)
 def test_euler_angles_agree_with_scipy(sequence):
     regular, singular = samples(sequence)
