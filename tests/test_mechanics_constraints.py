@@ -42,7 +42,8 @@ def errors(run):
     return jnp.abs(jnp.sum(x * x, axis=0) - 1.0).max(), jnp.abs(jnp.sum(x * v, axis=0)).max()
 
 
-@pytest.mark.parametrize("method", ["auto", Tsit5()])
+# The tests below project the steps of `Tsit5`, too.
+@pytest.mark.parametrize("method", ["auto", pytest.param(Tsit5(), marks=pytest.mark.sweep)])
 def test_projection_keeps_a_constraint_to_rounding(method):
     system = rod()
     accuracy = Accuracy(1e-6, method=method)
