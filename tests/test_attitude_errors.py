@@ -69,7 +69,7 @@ def test_slopes_of_the_axis_beside_half_a_turn():
     s = np.hypot(1.0, tilt)
     theta = 2.0 * np.arctan2(s, w)
     expected = theta * tilt**2 / s**3 + 2.0 * w / (s**2 + w**2) / s**2
-    for slopes in (jax.jacfwd(vector)(q), jax.jacrev(vector)(q)):
+    for slopes in jax.jit(lambda q: (jax.jacfwd(vector)(q), jax.jacrev(vector)(q)))(q):
         np.testing.assert_allclose(slopes[0, 1], expected, rtol=1e-14)
         np.testing.assert_allclose(slopes[2, 3], theta / s, rtol=1e-14)
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import reference_free_body as reference
 from numpy.testing import assert_allclose
+from test_attitude_free_flow import STARTS, differences
 
 from jaxspace.bodies._free_rotation import free_rotation
 
@@ -126,3 +127,11 @@ def test_derivatives_are_finite_however_small_the_tilt(tilt):
         x = np.array([3.0, 2.0, 1.0, tilt, 1.0, 0.0, t])
         for slope in (FORWARD(x), REVERSE(x)):
             assert np.isfinite(slope).all()
+
+
+@pytest.mark.parametrize("x", STARTS.values(), ids=STARTS)
+def test_derivatives(x):
+    """Of every kind of body and start, against differences."""
+    x = np.asarray(x)
+    assert_allclose(FORWARD(x), differences(flow, x), atol=1e-8)
+    assert_allclose(REVERSE(x), FORWARD(x), atol=1e-11)

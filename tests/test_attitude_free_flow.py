@@ -32,6 +32,18 @@ def flow(duration, moments, omega):
     return jnp.concatenate([later.attitude.wxyz, later.omega])
 
 
+@jax.jit
+def advanced(body, y, duration):
+    """The state of any body, a time later."""
+    return body.closed_form().flow(duration, y)
+
+
+invariants = jax.jit(lambda body, y: body.invariants(0.0, y))
+
+# Runs in one call of `flow`, so that the tests share one program.
+RUNS = 12
+
+
 def integrated(duration, moments, omega):
     """The same, (7, runs), by DOP853 of scipy in the numpy of this file, all runs together on the
     clock t / duration."""
@@ -73,28 +85,26 @@ def bodies(seed, n):
 
 
 def test_it_is_the_integral():
-    run = bodies(0, 60)
+    run = bodies(0, 5 * RUNS)
+    parts = [[x[..., i : i + RUNS] for x in run] for i in range(0, 5 * RUNS, RUNS)]
     # Up to some 60 rad at the integration's tolerance of 3e-14 per step.
-    assert_allclose(flow(*run), integrated(*run), atol=1e-10)
+    found = np.concatenate([flow(*part) for part in parts], axis=-1)
+    assert_allclose(found, integrated(*run), atol=1e-10)
 
 
 def test_batch_lanes_are_single_runs():
-    duration, moments, omega = bodies(1, 12)
+    duration, moments, omega = bodies(1, RUNS)
     batch = flow(duration, moments, omega)
-    for i in range(12):
+    for i in range(RUNS):
         assert_allclose(batch[:, i], flow(duration[i], moments[:, i], omega[:, i]), atol=1e-13)
-    shared = (
-        TorqueFreeBody([3.0, 2.0, 1.0])
-        .closed_form()
-        .flow(2.0, BodyState(attitude=Quaternion(jnp.array(START)), omega=jnp.asarray(omega)))
-    )
-    assert_allclose(
-        shared.omega[:, 3], flow(2.0, jnp.array([3.0, 2.0, 1.0]), omega[:, 3])[4:], atol=1e-13
-    )
+    y = BodyState(attitude=Quaternion(jnp.array(START)), omega=jnp.asarray(omega))
+    shared = advanced(TorqueFreeBody([3.0, 2.0, 1.0]), y, 2.0)
+    one = flow(np.float64(2.0), np.array([3.0, 2.0, 1.0]), omega[:, 3])
+    assert_allclose(shared.omega[:, 3], one[4:], atol=1e-13)
 
 
 def test_separatrix():  # Thomson 5.12: sech and tanh
-    ts = np.array([-9.0, -1.0, 0.0, 0.5, 3.0, 9.0])
+    ts = np.array([-9.0, -6.0, -3.0, -1.0, -0.2, 0.0, 0.1, 0.5, 1.0, 3.0, 6.0, 9.0])
     omega = np.array([1.0, 0.0, np.sqrt(3.0)])[:, None] + 0.0 * ts
     found = flow(ts, np.array([3.0, 2.0, 1.0])[:, None] + 0.0 * ts, omega)
     exact = [1.0 / np.cosh(ts), -np.sqrt(3.0) * np.tanh(ts), np.sqrt(3.0) / np.cosh(ts)]
@@ -112,10 +122,8 @@ def test_near_the_separatrix(side):
 def test_ten_thousand_flips_keep_energy_and_momentum():
     moments, omega = jnp.array([1.0, 2.0, 3.0]), jnp.array([1e-3, 1.0, 2e-3])
     body, y = TorqueFreeBody(moments), BodyState(attitude=Quaternion(jnp.array(START)), omega=omega)
-    kept = body.invariants(0.0, y)
-    later = jax.jit(lambda t: body.invariants(t, body.closed_form().flow(t, y)))(
-        2.5e5
-    )  # a flip takes some 24.6 s
+    # A flip takes some 24.6 s.
+    kept, later = invariants(body, y), invariants(body, advanced(body, y, 2.5e5))
     for name, value in kept.items():
         assert_allclose(later[name], value, rtol=1e-11, atol=1e-11)
 
@@ -142,7 +150,7 @@ def test_ten_thousand_flips_step_by_step():
 
     later, flips = stepped(y)
     assert flips > 10_000
-    kept, left = body.invariants(0.0, y), body.invariants(0.0, later)
+    kept, left = invariants(body, y), invariants(body, later)
     for name, value in kept.items():
         assert_allclose(left[name], value, rtol=1e-11, atol=1e-11)
 
@@ -163,7 +171,7 @@ def test_a_hundred_precessions():
 
 
 def test_no_time_changes_nothing():
-    _, moments, omega = bodies(2, 12)
+    _, moments, omega = bodies(2, RUNS)
     assert_allclose(flow(0.0 * omega[0], moments, omega)[4:], omega, rtol=1e-15)
     assert_allclose(
         flow(0.0 * omega[0], moments, omega)[:4], START[:, None] + 0.0 * omega[:1], atol=1e-15
@@ -179,21 +187,15 @@ def test_flows_add(sizes, omega, a, b):
     x, y, z = sizes
     body = TorqueFreeBody(PrincipalInertia(jnp.array([y + z, z + x, x + y])))
     start = BodyState(attitude=Quaternion(jnp.array(START)), omega=jnp.array(omega))
-    once, twice = _both(body, start, a, b)
-    kept, left = body.invariants(0.0, start), body.invariants(0.0, twice)
+    once, twice = advanced(body, start, a + b), advanced(body, advanced(body, start, a), b)
+    kept, left = invariants(body, start), invariants(body, twice)
     for name, value in kept.items():
         assert_allclose(left[name], value, rtol=1e-12, atol=1e-12)
     # The state between carries rounding, which near the separatrix grows at a rate below |omega| /
     # 2 in such bodies.
     growth = np.exp(0.5 * np.linalg.norm(omega) * (abs(a) + abs(b)))
-    assert_allclose(ravel_pytree(twice)[0], ravel_pytree(once)[0], atol=1e-13 * growth)
-
-
-@jax.jit
-def _both(body, y, a, b):
-    return body.closed_form().flow(a + b, y), body.closed_form().flow(
-        b, body.closed_form().flow(a, y)
-    )
+    for found, expected in zip(jax.tree.leaves(twice), jax.tree.leaves(once), strict=True):
+        assert_allclose(found, expected, atol=1e-13 * growth)
 
 
 STARTS = {
@@ -246,9 +248,10 @@ def differences(f, x, step=3e-4):
 
 @pytest.fixture(scope="module")
 def derivatives():
+    # The values of `principal` come from the program of `flow` itself.
     return {
-        f: (jax.jit(f), jax.jit(jax.jacfwd(f)), jax.jit(jax.jacrev(f)))
-        for f in (principal, tensorial)
+        f: (value, jax.jit(jax.jacfwd(f)), jax.jit(jax.jacrev(f)))
+        for f, value in ((principal, principal), (tensorial, jax.jit(tensorial)))
     }
 
 
@@ -281,6 +284,8 @@ def test_single_precision(derivatives):
         assert_allclose(single[:, i], exact[:, i], atol=16.0 * loss)
 
 
+# `test_attitude_flips.py` has the same of the turn alone, in programs which it needs anyway.
+@pytest.mark.sweep
 @pytest.mark.parametrize("x", STARTS.values(), ids=STARTS)
 def test_derivatives(derivatives, x):
     value, forward, reverse = derivatives[principal]
@@ -355,8 +360,8 @@ def test_a_tensor_is_the_body_in_other_axes():
     C, moments, omega = turn.matrix(), jnp.array([3.0, 2.0, 1.0]), jnp.array([0.4, 0.2, 2.0])
     start = Quaternion(jnp.array(START))
     y = BodyState(attitude=start.then(turn.inverse()), omega=C @ omega)
-    other = TorqueFreeBody(InertiaTensor(C @ jnp.diag(moments) @ C.T)).closed_form().flow(5.0, y)
-    expected = flow(5.0, moments, omega)
+    other = advanced(TorqueFreeBody(InertiaTensor(C @ jnp.diag(moments) @ C.T)), y, 5.0)
+    expected = flow(np.float64(5.0), moments, omega)
     assert_allclose(other.omega, C @ expected[4:], atol=1e-13)
     assert_allclose(
         other.attitude.wxyz, Quaternion(expected[:4]).then(turn.inverse()).wxyz, atol=1e-13
@@ -365,9 +370,19 @@ def test_a_tensor_is_the_body_in_other_axes():
 
 def test_simulation_takes_the_closed_form():
     y = BodyState(attitude=Quaternion(jnp.array(START)), omega=jnp.array([0.4, 0.1, 2.0]))
-    body, ts = TorqueFreeBody([3.0, 2.0, 1.0]), jnp.array([0.0, 4.0, 10.0])
+    body, ts = TorqueFreeBody([3.0, 2.0, 1.0]), np.array([0.0, 4.0, 10.0])
     exact = simulate(body, y, ts)
     assert int(exact.stats["evaluations"]) == 0
+    for k, t in enumerate(ts):
+        found = np.concatenate([exact.states.attitude.wxyz[:, k], exact.states.omega[:, k]])
+        assert_allclose(found, flow(t, np.array([3.0, 2.0, 1.0]), np.asarray(y.omega)), atol=1e-12)
+
+
+@pytest.mark.sweep
+def test_simulation_by_steps_is_the_closed_form():
+    y = BodyState(attitude=Quaternion(jnp.array(START)), omega=jnp.array([0.4, 0.1, 2.0]))
+    body, ts = TorqueFreeBody([3.0, 2.0, 1.0]), jnp.array([0.0, 4.0, 10.0])
+    exact = simulate(body, y, ts)
     integral = simulate(body, y, ts, accuracy=Accuracy(rtol=1e-12, atol=1e-14, method=DOP853()))
     jax.tree.map(lambda a, b: assert_allclose(a, b, atol=1e-10), exact.states, integral.states)
 

@@ -24,6 +24,10 @@ TOP = Top(A, C, WL)
 FIFTY = 0.8726646259971648  # rad
 
 
+angles_of, rates_of = jax.jit(Top.angles), jax.jit(Top.rates)
+precession_of = jax.jit(continuous_precession)
+
+
 def released(theta, n, psi_rate=0.0, theta_rate=0.0):
     """The state at `theta` with the total spin n."""
     return Top.state(
@@ -109,21 +113,21 @@ def test_nutation_in_time(case):
     )
     ts = np.unique(np.concatenate([dense, *spikes, list(case["states"])]))
     states = run(TOP, released(*case["start"]), ts)
-    psi, theta = continuous_precession(states), Top.angles(states)[1]
+    psi, theta = precession_of(states), angles_of(states)[1]
     for t, expected in case["states"].items():
         i = np.searchsorted(ts, t)
         assert_allclose([theta[i], psi[i]], expected, rtol=1e-8)
     assert max(drifts(TOP, states, ts).values()) < 1e-11  # rtol 1e-12 over up to 50 turns
     assert (
-        np.all(Top.rates(states)[0] >= -1e-6 * np.max(np.abs(Top.rates(states)[0])))
+        np.all(rates_of(states)[0] >= -1e-6 * np.max(np.abs(rates_of(states)[0])))
         or case["theta"][0] > 0.01
     )
 
 
 def test_long_run():  # T5.13-long
     states = long_run(TOP, released(0.6981317007977318, 150.0), 20.0, 16000)
-    assert_allclose(Top.angles(states)[1, -1], 0.7064303911108745, rtol=1e-8)
-    assert_allclose(continuous_precession(states)[-1], 51.64527364769969, rtol=1e-8)
+    assert_allclose(angles_of(states)[1, -1], 0.7064303911108745, rtol=1e-8)
+    assert_allclose(precession_of(states)[-1], 51.64527364769969, rtol=1e-8)
 
 
 def test_sleeping_top():  # T5.14-sleep, H4.11-95
@@ -136,7 +140,7 @@ def test_sleeping_top():  # T5.14-sleep, H4.11-95
     # The growth rate is that of the motion: a tilt of 1e-6 rad after growth by e^4.
     y = released(1e-6, 0.8 * float(critical))
     ts = 0.5, 0.9
-    end = Top.angles(run(TOP, y, [0.0, *ts]))[1]
+    end = angles_of(run(TOP, y, [0.0, *ts]))[1]
     assert_allclose(
         jnp.log(end[2] / end[1]) / (ts[1] - ts[0]), 7.3484692283495345, rtol=1e-3
     )  # the decaying part: e^-7
@@ -228,9 +232,9 @@ def test_both_steady_rates_balance_the_weight(spin, theta):  # GYRO-PRECESSION
 def test_steady_precession_is_steady():
     slow, _ = TOP.steady_precession_rates(FIFTY, 150.0)
     states = run(TOP, released(FIFTY, 150.0, float(slow)), np.linspace(0.0, 1.0, 21))
-    assert_allclose(Top.angles(states)[1], FIFTY, atol=1e-11)  # rtol 1e-12 over some ten turns
-    assert_allclose(Top.rates(states)[0], slow, rtol=1e-9)
-    assert_allclose(continuous_precession(states), slow * np.linspace(0.0, 1.0, 21), atol=1e-10)
+    assert_allclose(angles_of(states)[1], FIFTY, atol=1e-11)  # rtol 1e-12 over some ten turns
+    assert_allclose(rates_of(states)[0], slow, rtol=1e-9)
+    assert_allclose(precession_of(states), slow * np.linspace(0.0, 1.0, 21), atol=1e-10)
 
 
 def test_harrison_cosine_curve():  # H4.11-95
@@ -290,10 +294,10 @@ def test_through_the_vertical():
     assert_allclose(
         ravel_pytree(jax.tree.map(lambda x: x[..., 4], states))[0], ravel_pytree(y)[0], atol=1e-9
     )
-    theta = np.asarray(Top.angles(states)[1])
+    theta = np.asarray(angles_of(states)[1])
     assert theta[4] < 1e-9 and np.all(np.delete(theta, 4) > 0.1)
     assert_allclose(theta, theta[::-1], atol=1e-9)  # the motion is its own mirror in time
-    assert np.all(np.isfinite(Top.rates(states)))
+    assert np.all(np.isfinite(rates_of(states)))
     assert max(drifts(TOP, states, ts).values()) < 1e-11
     nutation = TOP.nutation(y)
     assert_allclose(nutation.turning_points()[0], 0.0, atol=1e-12)
@@ -347,9 +351,9 @@ def test_mean_precession_is_that_of_the_motion():
     nutation = TOP.nutation(y)
     period = float(nutation.period())
     states = run(TOP, y, np.linspace(0.0, period, 65))
-    theta = np.asarray(Top.angles(states)[1])
+    theta = np.asarray(angles_of(states)[1])
     assert_allclose(theta[-1], 1.1, atol=1e-10)
-    assert_allclose(continuous_precession(states)[-1], nutation.precession(), atol=1e-10)
+    assert_allclose(precession_of(states)[-1], nutation.precession(), atol=1e-10)
     low, high = nutation.turning_points()
     assert low <= theta.min() + 1e-12 and theta.max() <= high + 1e-12
     assert_allclose(
@@ -366,7 +370,9 @@ STARTS = {
 }
 
 
-@pytest.mark.slow
+# The laws ask for the slopes by the state, `test_attitude_top_motion.py` for those of the closed
+# form by the state and the top.
+@pytest.mark.sweep
 @pytest.mark.parametrize("x", STARTS.values(), ids=STARTS)
 def test_derivatives_of_the_motion(x):
     def motion(v):
@@ -450,36 +456,36 @@ def test_derivative_of_continuous_precession():
         angles = jnp.stack([jnp.array([3.0, 3.2, 6.0]) + shift, jnp.ones(3), jnp.zeros(3)])
         return continuous_precession(Top.state(angles, 0.0 * angles))
 
-    assert_allclose(psi(0.0), [3.0, 3.2, 6.0], atol=1e-14)
-    assert_allclose(jax.jacfwd(psi)(0.0), np.ones(3), atol=1e-14)
-    assert_allclose(jax.jacrev(psi)(0.0), np.ones(3), atol=1e-14)
+    value, *slopes = jax.jit(lambda x: (psi(x), jax.jacfwd(psi)(x), jax.jacrev(psi)(x)))(0.0)
+    assert_allclose(value, [3.0, 3.2, 6.0], atol=1e-14)
+    for slope in slopes:
+        assert_allclose(slope, np.ones(3), atol=1e-14)
 
 
 def test_single_precision_stays():
     y = Top.state(
         jnp.array([0.1, 0.5, 0.2], jnp.float32), jnp.array([1.0, 0.0, 150.0], jnp.float32)
     )
-    nutation = TOP.nutation(y)
-    trees = (
-        *(
-            y,
-            TOP.vector_field(0.0, y),
-            TOP.invariants(0.0, y),
-            Top.angles(y),
-            Top.rates(y),
-            nutation,
-        ),
-        *(nutation.turning_points(), nutation.period(), nutation.precession()),
-        TOP.steady_precession_rates(*(jnp.asarray(x, jnp.float32) for x in (0.5, 150.0))),
-        continuous_precession(jax.tree.map(lambda x: x[..., None], y)),
-    )
+
+    @jax.jit
+    def period(y):
+        return TOP.nutation(y).period()
+
+    @jax.jit
+    def everything(y, theta, n):
+        nutation = TOP.nutation(y)
+        return (
+            *(y, TOP.vector_field(0.0, y), TOP.invariants(0.0, y)),
+            *(Top.angles(y), Top.rates(y), nutation),
+            *(nutation.turning_points(), nutation.period(), nutation.precession()),
+            TOP.steady_precession_rates(theta, n),
+            continuous_precession(jax.tree.map(lambda x: x[..., None], y)),
+        )
+
+    trees = everything(y, np.float32(0.5), np.float32(150.0))
     for tree in trees:
         assert {x.dtype for x in jax.tree.leaves(tree) if not x.weak_type} == {jnp.dtype("float32")}
-    assert_allclose(
-        nutation.period(),
-        TOP.nutation(jax.tree.map(lambda x: x.astype(float), y)).period(),
-        rtol=1e-5,
-    )
+    assert_allclose(period(y), period(jax.tree.map(lambda x: x.astype(float), y)), rtol=1e-5)
 
 
 def test_a_batch_is_a_loop():
@@ -487,6 +493,7 @@ def test_a_batch_is_a_loop():
     values = np.concatenate([rng.uniform(1.0, 2.0, (3, 4)), rng.uniform(-1.0, 1.0, (6, 4))])
     values[4] = [0.0, 0.5, 1.0, 2.0]
 
+    @jax.jit
     def everything(v):
         top, y = Top(v[0], v[1], v[2]), Top.state(v[3:6], v[6:9])
         nutation = top.nutation(y)
@@ -506,11 +513,13 @@ def test_a_batch_is_a_loop():
             forms,
         )
 
-    batch = everything(jnp.asarray(values))
+    batch = everything(values)
     for i in range(4):
-        one = everything(jnp.asarray(values[:, i]))
+        one = everything(values[:, i])
         jax.tree.map(
-            lambda a, b, i=i: assert_allclose(a[..., i], b, rtol=1e-12, atol=1e-13), batch, one
+            lambda a, b, i=i: assert_allclose(np.asarray(a)[..., i], b, rtol=1e-12, atol=1e-13),
+            batch,
+            one,
         )
     # One top for all runs: its scalars meet states of any number of runs.
     y = Top.state(jnp.asarray(values[3:6]), jnp.asarray(values[6:9]))

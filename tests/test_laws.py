@@ -128,6 +128,9 @@ def test_single_precision_stays(name):
     assert_near(rate, s.system.vector_field(jnp.array(0.3 * s.span), s.state), 5e-5)
 
 
+drifts = eqx.filter_jit(lambda run: run.drift())
+
+
 @every
 def test_the_way_back_and_what_stays(name):
     """The run forth and back ends where it began, and keeps its invariants."""
@@ -137,10 +140,12 @@ def test_the_way_back_and_what_stays(name):
     back = simulate(s.system, forth.final, jnp.array([s.span, 0.0]), accuracy=accuracy)
     # Thousands of steps, each within 1e-10.
     assert_near(back.final, s.state, 3e-7)
-    for quantity, drift in forth.drift().items():
+    for quantity, drift in drifts(forth).items():
         assert float(drift.max()) < 3e-8, quantity
 
 
+# The way of a batch is that of each system; `test_side_by_side_is_one_by_one` asks all of them.
+@pytest.mark.slow
 @every
 def test_a_batch_is_its_runs(name, key):
     """The runs of a batch agree with single runs, and with their reverse and forward

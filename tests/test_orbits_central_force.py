@@ -57,6 +57,15 @@ turns_forward = jax.jit(jax.jacfwd(_turns))
 turns_reverse = jax.jit(jax.jacrev(_turns))
 
 
+def _radii(y):
+    """The same by the elements of the conic."""
+    return jnp.stack([f(y[:3], y[3:], 1.0) for f in (periapsis_radius, apoapsis_radius)])
+
+
+radii = jax.jit(_radii)
+radii_forward = jax.jit(jax.jacfwd(_radii))
+
+
 @pytest.mark.parametrize(
     "effect",
     [
@@ -189,16 +198,12 @@ STATES = {
 @pytest.mark.parametrize("name", STATES)
 def test_turning_points_of_conics(name):
     y = jnp.array(STATES[name])
-    expected = [periapsis_radius(y[:3], y[3:], 1.0), apoapsis_radius(y[:3], y[3:], 1.0)]
-    np.testing.assert_allclose(turns(y), expected, rtol=1e-14)
+    np.testing.assert_allclose(turns(y), radii(y), rtol=1e-14)
     forward, reverse = turns_forward(y), turns_reverse(y)
     assert np.all(np.isfinite(forward))
     np.testing.assert_allclose(forward, reverse, rtol=1e-9, atol=1e-12)
     if name in ("ellipse", "periapsis", "apoapsis"):
-        slopes = jax.jacfwd(
-            lambda y: jnp.stack([f(y[:3], y[3:], 1.0) for f in (periapsis_radius, apoapsis_radius)])
-        )(y)
-        np.testing.assert_allclose(forward, slopes, rtol=1e-12, atol=1e-13)
+        np.testing.assert_allclose(forward, radii_forward(y), rtol=1e-12, atol=1e-13)
 
 
 def test_turning_points_of_a_circle_and_of_many_motions():

@@ -216,7 +216,7 @@ def test_paths_agree():
     conic = KeplerPath(MOON(0.0), velocity, 3.844e8**3 * 2.6617e-6**2)
     table = TabulatedPath(times, MOON(times))
     np.testing.assert_allclose(jnp.linalg.norm(circle, axis=0), 3.844e8, rtol=1e-14)
-    np.testing.assert_allclose(conic(ts), circle, atol=1e-4)
+    np.testing.assert_allclose(jax.jit(lambda t: conic(t))(ts), circle, atol=1e-4)
     np.testing.assert_allclose(table(ts), circle, atol=2e-2)
     assert breaks_of(Scene((ThirdBody(4.9e12, table),))).shape == times.shape
     with pytest.raises(InputError, match=r"TabulatedPath.positions has the shape \(144,\)"):
@@ -281,7 +281,8 @@ def test_turning_axes_and_inertial_space_agree():
     np.testing.assert_allclose(inertial, 0.0, atol=1e-14 * float(jnp.linalg.norm(push)))
 
 
-@pytest.mark.slow
+# The laws ask gravity, zonals and drag for the same, and each other effect has its slopes tested.
+@pytest.mark.sweep
 def test_all_of_them_together():
     """A batch is its runs; the slopes of the vector field by state and parameters agree, forward,
     reverse and as central differences of order four."""
@@ -373,4 +374,4 @@ def test_the_potential_of_a_third_body_keeps_its_digits_beside_the_centre():
     r, s = jnp.array([1e-12, 2e-12, -1e-12]), jnp.array([3.0, 1.0, 2.0])
     along = jnp.sum(r * s) / jnp.linalg.norm(s)
     expected = 5.0 * (0.5 * jnp.sum(r * r) - 1.5 * along**2) / jnp.linalg.norm(s) ** 3
-    np.testing.assert_allclose(third_body_potential(r, s, 5.0), expected, rtol=1e-11)
+    np.testing.assert_allclose(jax.jit(third_body_potential)(r, s, 5.0), expected, rtol=1e-11)

@@ -140,10 +140,11 @@ def test_a_condition_of_time_and_state():
 def test_runs_and_single_precision():
     """A batch is its runs; float32 loses 1e-7 of an angle, over the sun's 5e-3."""
     r = beside(np.full(5, 7e6), RADIUS + np.linspace(-2e4, 4e4, 5))
-    light = sunlight(r, SUN, RADIUS, SUN_RADIUS)
+    seen = jax.jit(sunlight)
+    light = seen(r, SUN, RADIUS, SUN_RADIUS)
     assert light.shape == (5,)
-    alone = [float(sunlight(r[:, k], SUN, RADIUS, SUN_RADIUS)) for k in range(5)]
+    alone = [float(seen(r[:, k], SUN, RADIUS, SUN_RADIUS)) for k in range(5)]
     np.testing.assert_allclose(light, alone, atol=1e-13)
-    single = sunlight(r.astype(jnp.float32), SUN.astype(jnp.float32), RADIUS, SUN_RADIUS)
+    single = seen(r.astype(jnp.float32), SUN.astype(jnp.float32), RADIUS, SUN_RADIUS)
     assert single.dtype == jnp.float32
     np.testing.assert_allclose(single, light, atol=2e-4)

@@ -1,7 +1,7 @@
 """Derivatives of closed forms at the ends and holes of their ranges: right, or infinite by the rule
 of ends (`core/_safe.py`), in both modes alike."""
 
-from functools import partial
+from functools import lru_cache, partial
 
 import jax
 import jax.numpy as jnp
@@ -17,12 +17,16 @@ from jaxspace.rockets import jet_damping_ratio, spin_angle, spin_ratio
 A, C, WL = 0.002, 0.0008, 0.3
 
 
+# Kept, so that the cases of a parametrised test share their programs.
+@lru_cache(maxsize=4)
+def _modes(f):
+    """`f`, its forward and its reverse derivative, compiled."""
+    return jax.jit(f), jax.jit(jax.jacfwd(f)), jax.jit(jax.jacrev(f))
+
+
 def both(f, x):
     """The slopes of a scalar function of a vector in both modes, which must be the same."""
-    forward, reverse = (
-        jax.jit(jax.jacfwd(f))(jnp.asarray(x)),
-        jax.jit(jax.jacrev(f))(jnp.asarray(x)),
-    )
+    forward, reverse = (mode(jnp.asarray(x)) for mode in _modes(f)[1:])
     assert not np.isnan(forward).any()
     assert_allclose(reverse, forward, rtol=1e-13, atol=1e-13)
     return np.asarray(forward)
@@ -158,6 +162,12 @@ def top_of(x):
     return Top(x[0], x[1], x[2])
 
 
+BY_SPIN, BY_MOMENTUM = (
+    [lambda x, name=name, k=k: getattr(top_of(x), name)(x[3], x[4])[k] for k in (0, 1)]
+    for name in ("steady_precession_rates", "precession_rates_from_momentum")
+)
+
+
 @pytest.mark.parametrize("theta", [0.0, 0.3, 1.2])
 @pytest.mark.parametrize("sense", [1.0, -1.0])
 def test_steady_precession_at_the_least_spin(theta, sense):
@@ -165,13 +175,9 @@ def test_steady_precession_at_the_least_spin(theta, sense):
     radicand, at theta = 0 all but theta."""
     least = sense * float(Top(A, C, WL).least_spin(theta))
     x = [A, C, WL, theta, least]
-    for k, sign in ((0, -sense), (1, sense)):
-
-        def rate(x, k=k):
-            return top_of(x).steady_precession_rates(x[3], x[4])[k]
-
+    for rate, sign in zip(BY_SPIN, (-sense, sense), strict=True):
         double = C * least / (2.0 * A * np.cos(theta))
-        assert_allclose(rate(jnp.asarray(x)), double, rtol=1e-14)
+        assert_allclose(_modes(rate)[0](jnp.asarray(x)), double, rtol=1e-14)
         tilting = sign * np.inf if theta else 0.0
         expected = sign * np.inf * np.array([-1.0, 1.0, -1.0, 1.0, sense])
         expected[3] = tilting
@@ -184,12 +190,8 @@ def test_steady_precession_at_the_least_momentum(theta, sense):
     """The double root h_Z / (2 A), with infinite slopes along all that moves the radicand."""
     least = sense * 2.0 * np.sqrt(A * WL * np.cos(theta))
     x = [A, C, WL, theta, least]
-    for k, sign in ((0, -sense), (1, sense)):
-
-        def rate(x, k=k):
-            return top_of(x).precession_rates_from_momentum(x[3], x[4])[k]
-
-        assert_allclose(rate(jnp.asarray(x)), least / (2.0 * A), rtol=1e-14)
+    for rate, sign in zip(BY_MOMENTUM, (-sense, sense), strict=True):
+        assert_allclose(_modes(rate)[0](jnp.asarray(x)), least / (2.0 * A), rtol=1e-14)
         expected = sign * np.inf * np.array([-1.0, 1.0, -1.0, 1.0, sense])
         expected[1], expected[3] = 0.0, expected[3] if theta else 0.0
         assert_allclose(both(rate, x), expected)
