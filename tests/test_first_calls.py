@@ -1,15 +1,18 @@
 """What a first call traces and compiles: counted in operations, because times say too little."""
 
 import diffrax
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from jaxspace import Accuracy, Mission, Phase, simulate, simulate_batch
+from jaxspace.core import AbstractSystem
 from jaxspace.integration._needed import needed_only
 from jaxspace.integration._normalised_time import segments_of
 from jaxspace.orbits import TwoBody
-from jaxspace.solvers import DOP853, Tolerance, bind
+from jaxspace.solvers import DOP853, Tolerance, Tsit5, bind
 
 
 def operations(jaxpr) -> list[str]:
@@ -42,6 +45,51 @@ def test_a_run_without_breaks_looks_up_no_segment():
     # The ends are made, and read by nobody: no slice, no gather, no rounding to a whole number.
     assert not {"slice", "dynamic_slice", "gather", "floor", "squeeze"} & used
     np.testing.assert_allclose(place(start, span, s), (2.5, -1.0), rtol=1e-15)
+
+
+class Traces(list):
+    """A list that is equal to itself alone, as what is static has to be."""
+
+    __hash__ = object.__hash__
+    __eq__ = object.__eq__
+
+
+class Counted(AbstractSystem):
+    """An oscillator that counts how often its field is traced."""
+
+    traced: list = eqx.field(static=True, default_factory=Traces)
+
+    def vector_field(self, t, y):
+        self.traced.append(t)
+        return (y[1], -y[0])
+
+    def invariants(self, t, y):
+        return {}
+
+
+@pytest.mark.parametrize("kind", ["system", "mission", "batch"])
+def test_a_run_from_the_end_of_another_is_the_same_program(kind):
+    """A number of Python is of a weak type as an array, the end of a run is not."""
+    system, how = Counted(), Accuracy(1e-6, method=Tsit5())
+    y0, ts = (jnp.asarray(1.0), jnp.asarray(0.0)), np.array([0.0, 1.0])
+    assert y0[0].weak_type
+    if kind == "batch":
+        y0 = jax.tree.map(lambda x: jnp.broadcast_to(x, (2,)), y0)
+        assert y0[0].weak_type
+
+    def end(y0):
+        if kind == "system":
+            return simulate(system, y0, ts, accuracy=how).final
+        if kind == "mission":
+            return simulate(Mission([Phase(system, 1.0)]), y0, accuracy=how).final
+        return simulate_batch(system, y0, ts, accuracy=how).final
+
+    first = end(y0)
+    traces = len(system.traced)
+    assert traces > 0
+    again = end(first)
+    assert len(system.traced) == traces
+    np.testing.assert_allclose(again[0], np.cos(2.0) * np.ones(y0[0].shape), atol=1e-5)
 
 
 def test_what_no_result_needs_is_not_differentiated():

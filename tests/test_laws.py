@@ -128,9 +128,6 @@ def test_single_precision_stays(name):
     assert_near(rate, s.system.vector_field(jnp.array(0.3 * s.span), s.state), 5e-5)
 
 
-drifts = eqx.filter_jit(lambda run: run.drift())
-
-
 @every
 def test_the_way_back_and_what_stays(name):
     """The run forth and back ends where it began, and keeps its invariants."""
@@ -140,7 +137,7 @@ def test_the_way_back_and_what_stays(name):
     back = simulate(s.system, forth.final, jnp.array([s.span, 0.0]), accuracy=accuracy)
     # Thousands of steps, each within 1e-10.
     assert_near(back.final, s.state, 3e-7)
-    for quantity, drift in drifts(forth).items():
+    for quantity, drift in forth.drift().items():
         assert float(drift.max()) < 3e-8, quantity
 
 

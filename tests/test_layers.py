@@ -304,8 +304,8 @@ def run(code: str) -> str:
     return done.stdout
 
 
-# The libraries are imported once, and each room in a copy of that process: beneath an empty package,
-# for the `__init__` of the real one imports most rooms, in an order of its own.
+# The libraries are imported once, and each room in a copy of that process: beneath an empty
+# package, for the `__init__` of the real one imports most rooms, in an order of its own.
 ALONE = """
 import os, sys, traceback, types
 import jax, equinox, diffrax, optax

@@ -163,6 +163,16 @@ def state_dtype(y: PyTree) -> jnp.dtype:
     return next(iter(dtypes))
 
 
+def without_weak_types(y0: PyTree) -> PyTree:
+    """The same arrays, none of them weakly typed.
+
+    `jnp.asarray(1.0)` is, and the end of a run is not: a run that starts there would be compiled
+    anew."""
+    return jax.tree.map(
+        lambda x: jnp.asarray(x, x.dtype) if getattr(x, "weak_type", False) else x, y0
+    )
+
+
 def check_initial_state(y0: PyTree) -> None:
     """Raise `InputError` for an initial state that is not finite, or of mixed precision."""
     state_dtype(y0)

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import ArrayLike, Float, PyTree
 
 from ..core import AbstractSystem, InputError, Scalar, State, is_concrete, is_traced
-from ..integration._accuracy import Accuracy, as_accuracy, state_dtype
+from ..integration._accuracy import Accuracy, as_accuracy, state_dtype, without_weak_types
 from ..integration._config import IntegrationConfig, resolve
 from ..integration._events import Event
 from ..integration._stiffness import InitialConditions
@@ -118,6 +118,7 @@ def _batch_of_systems(
 ) -> Trajectory:
     # A state that is not finite marks its own run: only the precision is checked of all.
     state_dtype(y0s)
+    y0s = without_weak_types(y0s)
     ts = check_times(ts, y0s, axes=2)
     events = as_events(events)
     check_dense(dense, events)
@@ -150,6 +151,7 @@ def _batch_of_missions(
     throw: bool = False,
 ) -> MissionTrajectory:
     state_dtype(y0s)
+    y0s = without_weak_types(y0s)
     check_num_saved(num_saved)
     if jnp.ndim(t0) > 1:
         raise InputError(f"t0 has the shape {jnp.shape(t0)}: each run starts at one time, in s.")

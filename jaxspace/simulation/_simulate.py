@@ -16,6 +16,7 @@ from ..integration._accuracy import (
     check_initial_state,
     check_start,
     state_dtype,
+    without_weak_types,
 )
 from ..integration._config import resolve
 from ..integration._events import Event
@@ -122,6 +123,7 @@ def _simulate_system(
 ) -> Trajectory:
     check_initial_state(y0)
     check_start(y0)
+    y0 = without_weak_types(y0)
     # Everything that can be refused is refused here, before anything is compiled.
     ts = check_times(ts, y0)
     start = jax.ShapeDtypeStruct((), ts.dtype)
@@ -152,6 +154,7 @@ def _simulate_mission(
 ) -> MissionTrajectory:
     check_initial_state(y0)
     check_start(y0)
+    y0 = without_weak_types(y0)
     t0 = jnp.asarray(t0, state_dtype(y0))
     if t0.ndim != 0:
         raise InputError(f"t0 has the shape {t0.shape}: a mission starts at one time, in s.")

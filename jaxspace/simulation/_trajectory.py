@@ -174,9 +174,7 @@ class Trajectory(eqx.Module):
         """Change of every invariant since the first time, relative to its size.
 
         Absolute for an invariant that is zero at the first time."""
-
-        kept = self.along(lambda system, t, y: system.invariants(t, y))
-        return {name: relative_change(values, self.run_axes) for name, values in kept.items()}
+        return _program_drift(self)
 
     def error(self) -> State:
         """Estimate of the global error of the final state, component by component.
@@ -238,6 +236,13 @@ def relative_change(values: Array, run_axes: int) -> Float[Array, "times *#runs"
     size = jnp.sqrt(jnp.sum(rows[:1] ** 2, axis=axes))
     change = jnp.sqrt(jnp.sum((rows - rows[:1]) ** 2, axis=axes))
     return change / jnp.where(size > 0.0, size, 1.0)
+
+
+# One program: outside of `jit`, each operation on the invariants would be compiled by itself.
+@eqx.filter_jit
+def _program_drift(run: Trajectory) -> dict[str, Float[Array, "times *#runs"]]:
+    kept = run.along(lambda system, t, y: system.invariants(t, y))
+    return {name: relative_change(values, run.run_axes) for name, values in kept.items()}
 
 
 # One program: outside of `jit`, each array of the state would be a call of its own.
