@@ -281,8 +281,7 @@ def test_turning_axes_and_inertial_space_agree():
     np.testing.assert_allclose(inertial, 0.0, atol=1e-14 * float(jnp.linalg.norm(push)))
 
 
-# The laws ask gravity, zonals and drag for the same, and each other effect has its slopes tested.
-@pytest.mark.sweep
+@pytest.mark.slow
 def test_all_of_them_together():
     """A batch is its runs; the slopes of the vector field by state and parameters agree, forward,
     reverse and as central differences of order four."""
