@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import jax
 import jax.numpy as jnp
 import numpy as np
+import pytest
 
 import jaxspace
 from jaxspace.attitude import (
@@ -105,6 +106,8 @@ outputs = [{ output = "attitude_error", unit = "deg" }, "attitude_error_x", "att
 """
 
 
+# The errors themselves are in the tests above, campaigns in tests of their own.
+@pytest.mark.sweep
 def test_a_campaign_of_attitude_errors(tmp_path):
     """A steady spin that is wrong by d is wrong by the angle d t about the axis of the spin."""
     (tmp_path / "scene.toml").write_text(SCENE)

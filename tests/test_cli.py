@@ -167,6 +167,8 @@ def test_disperse_prints_a_table_and_keeps_the_runs(dispersed):
     assert 28.0 < kept.outputs["inclination"].min() and kept.outputs["inclination"].max() < 29.0
 
 
+# `test_dispersion_sampling.py` asks the same of the draws.
+@pytest.mark.sweep
 def test_runs_depend_on_the_seed_and_their_number_alone(dispersed, tmp_path):
     path = tmp_path / "coast.toml"
     path.write_text(CHEAP)
@@ -361,6 +363,7 @@ def test_burn_and_coast_agree_with_another_integration(kick):
         assert float(got.mass) == pytest.approx(want[13], rel=1e-9)
 
 
+@pytest.mark.sweep
 def test_speed_gained_is_that_of_the_rocket_equation_less_small_losses(kick):
     """The losses: the axis stays while the velocity turns by 5.4 deg, so that at most 1 - cos(3
     deg) = 0.14 % goes across; the cone of a few degrees about it takes as much again, and gravity

@@ -21,12 +21,18 @@ from jaxspace.solvers import DOP853, FixedSteps, Tsit5
 
 TASKS = [SlewTask(), LandingTask(), RendezvousTask()]
 RUNS = 6
+
+
+def name_of(task):
+    return type(task).__name__
+
+
 # Compiled as one: operation by operation it takes longer than all else here.
 reset = eqx.filter_jit(lambda task, key, runs: task.reset(key, runs))
 advanced = eqx.filter_jit(lambda task, *args: task.advance(*args))
 
 
-@pytest.fixture(scope="module", params=TASKS, ids=lambda task: type(task).__name__)
+@pytest.fixture(scope="module", params=TASKS, ids=name_of)
 def task(request):
     return request.param
 
@@ -60,6 +66,10 @@ def test_an_episode(task):
     assert not np.allclose(info["last"][:, 1], seen[:, 1])
 
 
+# The attitude of the first task doubles what is compiled.
+@pytest.mark.parametrize(
+    "task", [pytest.param(TASKS[0], marks=pytest.mark.sweep), *TASKS[1:]], ids=name_of
+)
 def test_steps_are_differentiated_and_scanned(task):
     """The gradient of twenty steps with respect to the first action, beside a difference."""
     key = jax.random.key(1)

@@ -34,7 +34,7 @@ NOT_FINITE = [
 ]
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", ONE_METHOD)
 def test_what_is_not_finite_is_no_optimum(method):
     # One program for all problems.
     @jax.jit
@@ -124,7 +124,7 @@ def test_the_gradient_at_a_bound_is_probed_within():
     assert root.converged
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", ONE_METHOD)
 def test_a_wrong_gradient_is_named(method):
     """Half too large, 1/3 of what is claimed, and of the second inequality."""
 
@@ -138,6 +138,8 @@ def test_a_wrong_gradient_is_named(method):
     assert "is not the slope of non_negative[1]: the search did not" in found.sentence()
 
 
+# Of one start it is refused above.
+@pytest.mark.sweep
 def test_of_several_starts_a_wrong_gradient_is_refused():
     starts = jnp.array([[1.0, 2.0], [3.0, -1.0]])
     with pytest.raises(InputError, match="slope of the objective by 0.3 of it"):

@@ -69,7 +69,7 @@ class Controlled(AbstractSystem):
         return {}
 
 
-@pytest.mark.parametrize("kind", ["interp", "Table"])
+@pytest.mark.parametrize("kind", ["Table", pytest.param("interp", marks=pytest.mark.sweep)])
 def test_a_gradient_over_kinks_that_are_no_breaks_is_found(kind):
     """From a control of zero, where the steps are long, by nodes that they pass over."""
 

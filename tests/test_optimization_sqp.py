@@ -45,7 +45,7 @@ def test_bounds_and_constraints():
     assert np.all(np.isfinite(rows[:9])) and np.all(np.isnan(rows[9:]))
 
 
-@pytest.mark.parametrize("method", ["sqp", "multipliers"])
+@pytest.mark.parametrize("method", ["sqp", pytest.param("multipliers", marks=pytest.mark.sweep)])
 def test_units_do_not_matter(method):
     """The same problem with other units for unknowns, objective and constraints: the same search,
     with the multipliers in those units. Powers of two change no digit."""
@@ -124,7 +124,7 @@ def test_an_infeasible_target_ends_at_what_can_be_reached():
     assert np.all(np.isfinite(found.x)) and 0.5 - 1e-6 < found.violation < 1.0 + 1e-6
 
 
-@pytest.mark.parametrize("method", ["sqp", "multipliers"])
+@pytest.mark.parametrize("method", ["sqp", pytest.param("multipliers", marks=pytest.mark.sweep)])
 def test_of_many_targets_those_out_of_reach_are_named(method):
     """x within 1 of zero, whose five components are asked to be 3, 0, 4e-6, -7 and 0.5, the third
     in units of 1e-6 of the others; the bounds hold the first, third and fourth."""
@@ -149,7 +149,7 @@ def on_a_shell(x):
     return Criterion(jnp.sum(x), jnp.stack([x @ x - 40.1, x[0] * x[1] - 1.3]))
 
 
-@pytest.mark.parametrize("method", ["sqp", "multipliers"])
+@pytest.mark.parametrize("method", ["sqp", pytest.param("multipliers", marks=pytest.mark.sweep)])
 def test_a_search_that_stops_short_is_not_infeasible(method):
     """A problem that can be met, as float64 does: with float32 beyond its digits, and with too few
     steps, the sentence names what is missing and what helps."""

@@ -90,7 +90,9 @@ def test_a_ball_bounces():
     np.testing.assert_allclose(one.crossings[0].ts, found.ts[:, 0], rtol=1e-13)
 
 
-@pytest.mark.parametrize("mode", [jax.jacfwd, pytest.param(jax.jacrev, marks=pytest.mark.sweep)])
+# `test_crossings.py` has times in both modes, `test_simulation.py` the way after two bounces.
+@pytest.mark.sweep
+@pytest.mark.parametrize("mode", [jax.jacfwd, jax.jacrev])
 def test_derivatives_pass_through_all_restarts(mode):
     """Of a height between bounces and of the time of the third one, against the closed form."""
 

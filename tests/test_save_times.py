@@ -50,6 +50,8 @@ def test_by_save_times(method):
     np.testing.assert_allclose(forward[..., 0], expected[..., 0], rtol=0.0, atol=1e-7)
 
 
+# Second derivatives of a run are in `test_simulation_results.py`.
+@pytest.mark.sweep
 def test_of_second_order_and_in_batches():
     """The second derivative by a save time is the acceleration."""
     # Of few stages: the compiler of JAX 0.10 takes memory by their second power.
