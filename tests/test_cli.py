@@ -363,7 +363,6 @@ def test_burn_and_coast_agree_with_another_integration(kick):
         assert float(got.mass) == pytest.approx(want[13], rel=1e-9)
 
 
-@pytest.mark.sweep
 def test_speed_gained_is_that_of_the_rocket_equation_less_small_losses(kick):
     """The losses: the axis stays while the velocity turns by 5.4 deg, so that at most 1 - cos(3
     deg) = 0.14 % goes across; the cone of a few degrees about it takes as much again, and gravity

@@ -54,7 +54,6 @@ def test_report_of_a_store(folder, capsys):
     )
 
 
-@pytest.mark.sweep
 def test_a_picture_that_fails_costs_no_number(folder, capsys, monkeypatch):
     def fail(*args, **options):
         raise ValueError("no colour is left")

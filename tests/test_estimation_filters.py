@@ -202,8 +202,7 @@ def test_wrong_calls(change, sentence):
         kalman_filter(**given)
 
 
-# Both filters of double precision are in the tests above.
-@pytest.mark.parametrize("kind", ["extended", pytest.param("unscented", marks=pytest.mark.sweep)])
+@KINDS
 def test_single_precision_stays_close(kind):
     """Every array in float32, beside the filter in float64."""
     z = np.cos(1.4 * TS) * 0.5

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxspace import Accuracy, Mission, Phase, simulate, simulate_batch
+from jaxspace import Accuracy, BodyState, Mission, Phase, simulate, simulate_batch
 from jaxspace.core import AbstractSystem
 from jaxspace.integration._needed import needed_only
 from jaxspace.integration._normalised_time import segments_of
@@ -90,6 +90,14 @@ def test_a_run_from_the_end_of_another_is_the_same_program(kind):
     again = end(first)
     assert len(system.traced) == traces
     np.testing.assert_allclose(again[0], np.cos(2.0) * np.ones(y0[0].shape), atol=1e-5)
+
+
+def test_the_drift_of_a_run_is_one_program():
+    ts = jnp.array([0.0, 1.0])
+    y0 = BodyState(jnp.array([1.0, 0.0, 0.0]), jnp.array([0.0, 1.0, 0.0]))
+    run = simulate(TwoBody(1.0), y0, ts)
+    jaxpr = eqx.filter_make_jaxpr(lambda run: run.drift())(run)[0].jaxpr
+    assert operations(jaxpr) == ["_program_drift"]
 
 
 def test_what_no_result_needs_is_not_differentiated():

@@ -391,8 +391,6 @@ def slender_flight(rate, spin, lever, t):
     return np.concatenate([w, np.array([rocket.spin_rate(t)]), turn.wxyz])
 
 
-# A rod in closed form, and damping that flies, have tests of their own.
-@pytest.mark.sweep
 def test_a_slender_rod_with_jet_damping():
     """k_z = 0: the whole flight and its derivatives, in closed form. A ring of exits has nothing to
     turn about the axis of the rod; across it the lever l^2 becomes l^2 + rho^2/2."""

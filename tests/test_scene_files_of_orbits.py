@@ -37,8 +37,6 @@ def test_explorer_7_precesses_and_decays():
     assert 50.0 < first - last < 5e3
 
 
-# Explorer 7 flies a month under the same effects.
-@pytest.mark.sweep
 def test_the_apsides_of_the_molniya_orbit_stay():
     """Within two degrees in a month, while the node goes back by four; the apogee stays north."""
     run = load(SCENES / "molniya.toml").simulate()

@@ -260,7 +260,6 @@ def test_an_implicit_method_of_diffrax_serves_too():
     assert abs(run.final - np.cos(1.0)) < 1e-5
 
 
-@pytest.mark.sweep
 def test_single_precision_stays_single():
     def one(x):
         return jnp.asarray(x, jnp.float32)

@@ -357,7 +357,7 @@ def test_scaled_at_one_is_the_effect_and_at_zero_none():
     )
 
 
-# The one with an effect to leave out.
+# The one with an effect that may be left out.
 @pytest.mark.parametrize(
     "name", [n if n == "oblate_orbit" else pytest.param(n, marks=pytest.mark.sweep) for n in SCENES]
 )

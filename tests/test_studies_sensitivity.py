@@ -131,8 +131,6 @@ class Bounce(AbstractSystem):
         return {"z": y["z"], "v": -self.e * y["v"]}
 
 
-# `test_simulation.py` has the derivatives through jumps.
-@pytest.mark.sweep
 def test_first_and_second_order_through_a_bounce():
     """Fall, landing, jump, flight of a given length: the derivatives of the closed form."""
     landing = Event(lambda t, y: y["z"], direction=-1, within=5.0)
