@@ -4,20 +4,25 @@ VENV := .venv
 BIN := $(VENV)/bin
 INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check --editable
 
+PYTEST := $(BIN)/python -m pytest -n 2 --dist worksteal
+# Shapes and types of every annotation are enforced, which only tests do: users pay nothing for them.
+# The numeric tower lets a Python integer stand for a `float`, as it does for every other reader.
+CHECKED := --jaxtyping-packages="jaxspace,beartype.beartype(conf=beartype.BeartypeConf(is_pep484_tower=True))"
+
 # Neither tool may remark on newer releases of itself in the middle of a result.
 export PYRIGHT_PYTHON_IGNORE_WARNINGS := 1
 export NO_MKDOCS_2_WARNING := true
 # The tests start Python a hundred times: each start would compile all sources of the package again.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test lint format types docs unit sweep faults hunt bench clean
+.PHONY: demo test test-all beyond quick lint format types docs unit sweep faults costs hunt bench clean
 .NOTPARALLEL:
 .DELETE_ON_ERROR:
 
 demo: $(VENV)/.demo  ## simulate the example scene: a kick stage and its dispersion
 	@$(BIN)/jaxspace disperse examples/scenes/kick_stage.toml --overwrite
 
-test: lint types docs unit  ## everything that a change has to pass
+test: lint types docs unit  ## what a change needs while it is made
 
 lint: $(VENV)/.test  ## rules and layout of the sources
 	@$(BIN)/ruff check --quiet
@@ -33,14 +38,29 @@ types: $(VENV)/.test  ## static types
 docs: $(VENV)/.test  ## the manual, in site/; a broken link or name is an error
 	@$(BIN)/mkdocs build --quiet --strict
 
-unit: $(VENV)/.test  ## the tests; of a long sweep a fixed sample
-	@$(BIN)/python -m pytest -n 2 --dist worksteal
+unit: $(VENV)/.test  ## the tests that take little
+	@$(PYTEST) --part quick
+
+quick: $(VENV)/.test  ## those of one package: make quick PACKAGE=orbits
+	@$(PYTEST) --part quick tests/test_$(PACKAGE)*.py
+
+test-all: lint types docs  ## every test, with shapes and types checked; of a long sweep a fixed sample
+	@$(PYTEST) $(CHECKED) --no-programs
+
+beyond: $(VENV)/.test  ## what `test-all` has beyond `test`: the other tests, and all shapes and types
+	@$(PYTEST) $(CHECKED) --part rest
+	@$(PYTEST) $(CHECKED) --part quick
 
 faults: $(VENV)/.test  ## kills, signals, full disks and lost workers, three times over
 	@for k in 1 2 3; do $(BIN)/python -m pytest --quiet --sweep all tests/test_campaigns.py tests/test_campaign_faults.py tests/test_campaign_clusters.py || exit 1; done
 
 sweep: $(VENV)/.test  ## the tests with every case of the long sweeps
-	@$(BIN)/python -m pytest -n 2 --dist worksteal --sweep all
+	@$(PYTEST) $(CHECKED) --no-programs --sweep all
+
+costs: $(VENV)/.test  ## measure what each test takes, and so which of them `test` runs
+	@$(PYTEST) --write-costs
+	@rm -rf .programs
+	@$(PYTEST) --write-costs --part quick
 
 hunt: $(VENV)/.test  ## search for the worst errors of all closed forms, and for a silent NaN
 	@$(BIN)/python tests/hunt.py
@@ -50,7 +70,7 @@ bench: $(VENV)/.bench  ## speed and accuracy on this machine
 	@$(BIN)/python -m benchmarks
 
 clean:  ## remove what the other targets made
-	rm -rf $(VENV) site build dist .ruff_cache .pytest_cache .hypothesis
+	rm -rf $(VENV) .programs site build dist .ruff_cache .pytest_cache .hypothesis
 	find . -name __pycache__ -type d -not -path "./.git/*" -prune -exec rm -rf {} +
 
 $(VENV)/.python:

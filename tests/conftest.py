@@ -9,6 +9,7 @@ from pathlib import Path
 import hypothesis
 import jax
 import pytest
+import suite
 from jax.experimental.compilation_cache import compilation_cache
 
 jax.config.update("jax_enable_x64", True)
@@ -21,7 +22,7 @@ hypothesis.settings.register_profile(
 )
 hypothesis.settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "default"))
 
-SAMPLE = 5
+START = pytest.StashKey[float]()
 
 # Each compiled program holds regions of memory, and Linux allows a process 65,530 of them: beyond,
 # the compiler crashes. A single file of tests adds less than 20,000.
@@ -30,34 +31,82 @@ MAX_REGIONS = 20_000
 
 def pytest_addoption(parser):
     parser.addoption(
+        "--part",
+        choices=("quick", "rest", "all"),
+        default="all",
+        help="tests that run: those that take little, the others, or both",
+    )
+    parser.addoption(
         "--sweep",
         choices=("sample", "all"),
         default="sample",
         help="cases of the tests marked `slow` that run",
     )
+    parser.addoption(
+        "--no-programs",
+        action="store_true",
+        help="neither read nor store compiled programs",
+    )
+    parser.addoption(
+        "--write-costs",
+        action="store_true",
+        help="write what each test took into tests/costs.csv",
+    )
 
 
 def pytest_configure(config):
-    """Compile the sample without the compiler's optimisations, which change no result and cost half
-    of the time; the whole sweep and the benchmarks run what users run."""
+    """Compile the sample without the compiler's optimisations, which change no result and take a
+    tenth of the time; the whole sweep and the benchmarks run what users run."""
     jax.config.update("jax_disable_most_optimizations", config.getoption("--sweep") == "sample")
+    if not config.getoption("--no-programs"):
+        store_programs()
+    if config.getoption("--write-costs") and not hasattr(config, "workerinput"):
+        config.pluginmanager.register(CostWriter(config.getoption("--part")))
+
+
+def store_programs():
+    """Store every compiled program, so that neither the other worker nor the next call compiles it
+    again. The variables reach the processes that tests start."""
+    os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(suite.program_folder()))
+    os.environ["JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"] = "0"
+    os.environ["JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES"] = "-1"
+    jax.config.update("jax_compilation_cache_dir", os.environ["JAX_COMPILATION_CACHE_DIR"])
+    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
+    jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
+
+
+class CostWriter:
+    """Collects what each test took and writes it at the end."""
+
+    def __init__(self, part):
+        self.part = part
+        self.costs = {}
+
+    def pytest_runtest_logreport(self, report):
+        if report.when == "teardown":
+            self.costs[report.nodeid] = dict(report.user_properties)["processor_time"]
+
+    def pytest_sessionfinish(self):
+        suite.write_costs(self.costs, self.part)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_setup(item):
+    item.stash[START] = suite.processor_time()
+    return (yield)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_teardown(item):
+    item.user_properties.append(("processor_time", suite.processor_time() - item.stash[START]))
+    return (yield)
 
 
 def pytest_collection_modifyitems(config, items):
-    """Of every test marked `slow`, keep each fifth case, the first included: a fixed sample, the
-    same in every process. None of a test marked `sweep`."""
-    if config.getoption("--sweep") == "all":
-        return
-    seen, kept, left_out = {}, [], []
-    for item in items:
-        leave = item.get_closest_marker("sweep") is not None
-        if item.get_closest_marker("slow") is not None and not leave:
-            test = (item.path, item.cls, item.originalname)
-            seen[test] = seen.get(test, -1) + 1
-            leave = seen[test] % SAMPLE > 0
-        (left_out if leave else kept).append(item)
+    kept = suite.selected(items, config.getoption("--part"), config.getoption("--sweep"))
+    left_out = set(items) - set(kept)
     if left_out:
-        config.hook.pytest_deselected(items=left_out)
+        config.hook.pytest_deselected(items=[item for item in items if item in left_out])
         items[:] = kept
 
 

@@ -1,0 +1,22 @@
+"""Prints the sum of the tests of a log, as "N passed, N failed, N skipped".
+
+The log has the closing lines of up to three calls of pytest: the quick tests, the others, and the
+quick ones again with shapes and types checked, of which only the failures count.
+"""
+
+import re
+import sys
+from pathlib import Path
+
+CLOSING = re.compile(r"=+ (.*\d+ (?:passed|failed|error|skipped).*) in [\d.]+s.* =+")
+KEYS = {"passed": "passed", "failed": "failed", "error": "failed", "errors": "failed"}
+
+lines = Path(sys.argv[1]).read_text(errors="replace").splitlines()
+counts = {"passed": 0, "failed": 0, "skipped": 0}
+closings = [found.group(1) for found in map(CLOSING.fullmatch, lines) if found]
+for number, closing in enumerate(closings):
+    for count, word in re.findall(r"(\d+) (passed|failed|errors?|skipped)", closing):
+        key = KEYS.get(word, word)
+        if number < 2 or key == "failed":
+            counts[key] += int(count)
+print(", ".join(f"{count} {word}" for word, count in counts.items()))

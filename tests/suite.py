@@ -1,0 +1,87 @@
+"""Which tests run, what each of them costs, and where their compiled programs are stored.
+
+A test leaves the part that runs after every change (`--part quick`) only by its measured cost: the
+file `costs.csv` holds the processor time of each test that took long, and `make costs` writes it
+anew. A test that is not in the file is quick.
+"""
+
+import csv
+import hashlib
+import os
+import platform
+from importlib.metadata import version
+from pathlib import Path
+
+COSTS = Path(__file__).with_name("costs.csv")
+PROGRAMS = Path(__file__).resolve().parents[1] / ".programs"
+
+# Of a test marked `slow` every fifth case is run.
+SAMPLE = 5
+
+# A test that takes more processor time than this, in seconds, leaves the quick part.
+MOST_SECONDS = 2.0
+# Costs below this are not written down: so many rows would change with each measurement.
+LEAST_SECONDS = 1.0
+
+
+def selected(items, part: str, sweep: str) -> list:
+    """Of all tests those of `part` ("quick", "rest" or "all"), and of the long sweeps a sample or
+    all cases."""
+    kept = list(items) if sweep == "all" else list(sample(items))
+    if part == "all":
+        return kept
+    expensive = {test for test, seconds in read_costs().items() if seconds > MOST_SECONDS}
+    return [item for item in kept if (item.nodeid in expensive) == (part == "rest")]
+
+
+def sample(items):
+    """Of every test marked `slow` each fifth case, the first included: a fixed sample, the same in
+    every process. None of a test marked `sweep`."""
+    seen = {}
+    for item in items:
+        if item.get_closest_marker("sweep") is not None:
+            continue
+        if item.get_closest_marker("slow") is not None:
+            test = (item.path, item.cls, item.originalname)
+            seen[test] = seen.get(test, -1) + 1
+            if seen[test] % SAMPLE > 0:
+                continue
+        yield item
+
+
+def read_costs() -> dict[str, float]:
+    """The processor time of each test that took long, s."""
+    with COSTS.open(newline="") as file:
+        return {test: float(seconds) for test, seconds in csv.reader(file)}
+
+
+def write_costs(measured: dict[str, float], part: str) -> None:
+    """Write the costs of the tests that took long. What was measured of the quick part alone adds to
+    the file: its tests compile what those that left it compiled for them before."""
+    costs = read_costs() | measured if part == "quick" else measured
+    rows = sorted((t, round(s, 1)) for t, s in costs.items() if s >= LEAST_SECONDS)
+    with COSTS.open("w", newline="") as file:
+        csv.writer(file, lineterminator="\n").writerows(rows)
+
+
+def processor_time() -> float:
+    """Processor time of this process and of the children that have ended, s."""
+    times = os.times()
+    return times.user + times.system + times.children_user + times.children_system
+
+
+def program_folder() -> Path:
+    """The folder of the compiled programs: one for each set of versions and kind of processor,
+    because a program holds instructions of the processor that it was compiled on."""
+    versions = [f"{name} {version(name)}" for name in ("jax", "jaxlib")]
+    what = [platform.python_version(), platform.machine(), *versions, processor_features()]
+    return PROGRAMS / hashlib.sha256("\n".join(what).encode()).hexdigest()[:16]
+
+
+def processor_features() -> str:
+    """The instruction sets of the processor, as Linux lists them; elsewhere its name."""
+    info = Path("/proc/cpuinfo")
+    lines = info.read_text().splitlines() if info.exists() else []
+    # x86 says "flags", ARM "Features".
+    features = [line for line in lines if line.startswith(("flags", "Features"))]
+    return features[0] if features else platform.processor()
