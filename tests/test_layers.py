@@ -1,6 +1,7 @@
 """Who may import whom, and what importing costs: the arrows between the rooms point downwards."""
 
 import ast
+import functools
 import subprocess
 import sys
 from pathlib import Path
@@ -125,9 +126,19 @@ def sources() -> list[Path]:
 
 
 ROOMS = sorted({room_of(f) for f in sources()} - {"__init__"})
-FILES = [pytest.param(f, id=f.relative_to(PACKAGE).as_posix()) for f in sources()]
 
 
+def in_every_file(complaints) -> None:
+    """Fail with every complaint about every source file, a line each with the file's name."""
+    found = [
+        f"{file.relative_to(PACKAGE).as_posix()}: {sentence}"
+        for file in sources()
+        for sentence in complaints(file)
+    ]
+    assert not found, "\n".join(["", *found])
+
+
+@functools.cache
 def imports(file: Path) -> list[tuple[str, bool]]:
     """The full dotted name of everything that a file imports, and whether it does so while it is
     imported itself."""
@@ -210,52 +221,59 @@ def test_every_room_has_a_row():
     )
 
 
-@pytest.mark.parametrize("file", FILES)
-def test_arrows_point_downwards(file):
-    room = room_of(file)
-    for name, at_once in imports(file):
-        parts = name.split(".")
-        if parts[0] == "jaxspace" and len(parts) > 1:
-            allowed = ALLOWED[room] | (set() if at_once else ON_REQUEST.get(room, set()))
-            # Whatever is no room is a name of the package's own `__init__`, whose reader would
-            # import everything.
-            assert parts[1] == room or parts[1] in allowed, f"{room} may not import {name}"
+def test_arrows_point_downwards():
+    def complaints(file):
+        room = room_of(file)
+        for name, at_once in imports(file):
+            parts = name.split(".")
+            if parts[0] == "jaxspace" and len(parts) > 1:
+                allowed = ALLOWED[room] | (set() if at_once else ON_REQUEST.get(room, set()))
+                # Whatever is no room is a name of the package's own `__init__`, whose reader would
+                # import everything.
+                if parts[1] != room and parts[1] not in allowed:
+                    yield f"{room} may not import {name}"
+
+    in_every_file(complaints)
 
 
-@pytest.mark.parametrize("file", FILES)
-def test_rooms_are_entered_by_their_door(file):
-    room = room_of(file)
-    for name, _ in imports(file):
-        parts = name.split(".")
-        if (
-            parts[0] == "jaxspace"
-            and len(parts) > 2
-            and parts[1] not in {room, *ENGINE.get(room, ())}
-        ):
-            assert not parts[2].startswith("_"), f"{name} is a private file of another room"
+def test_rooms_are_entered_by_their_door():
+    def complaints(file):
+        room = room_of(file)
+        opened = {room, *ENGINE.get(room, ())}
+        for name, _ in imports(file):
+            parts = name.split(".")
+            if parts[0] == "jaxspace" and len(parts) > 2 and parts[1] not in opened:
+                if parts[2].startswith("_"):
+                    yield f"{name} is a private file of another room"
+
+    in_every_file(complaints)
 
 
-@pytest.mark.parametrize("file", FILES)
-def test_outside_libraries_stay_where_they_belong(file):
-    room = room_of(file)
-    for name, at_once in imports(file):
-        top = name.split(".")[0]
-        if top in HEAVY:
-            assert room in MAY_BE_HEAVY, f"{room} may not import {name}"
-            assert not (at_once and top in LIGHT), (
-                f"{name} has to be imported inside the function that needs it"
-            )
-        elif top not in sys.stdlib_module_names and top != "jaxspace" and room not in MAY_BE_HEAVY:
-            assert top in OUTSIDE.get(room, FLOOR), f"{room} may not import {name}"
+def test_outside_libraries_stay_where_they_belong():
+    def complaints(file):
+        room = room_of(file)
+        for name, at_once in imports(file):
+            top = name.split(".")[0]
+            if top in HEAVY:
+                if room not in MAY_BE_HEAVY:
+                    yield f"{room} may not import {name}"
+                elif at_once and top in LIGHT:
+                    yield f"{name} has to be imported inside the function that needs it"
+            elif top in sys.stdlib_module_names or top == "jaxspace" or room in MAY_BE_HEAVY:
+                continue
+            elif top not in OUTSIDE.get(room, FLOOR):
+                yield f"{room} may not import {name}"
+
+    in_every_file(complaints)
 
 
-@pytest.mark.parametrize("file", FILES)
-def test_files_inside_rooms_are_private(file):
-    parts = file.relative_to(PACKAGE).parts
-    if len(parts) > 1:
-        assert parts[-1].startswith("_"), (
-            "name it _x.py, and give its public names to the room's __init__"
-        )
+def test_files_inside_rooms_are_private():
+    def complaints(file):
+        parts = file.relative_to(PACKAGE).parts
+        if len(parts) > 1 and not parts[-1].startswith("_"):
+            yield "name it _x.py, and give its public names to the room's __init__"
+
+    in_every_file(complaints)
 
 
 # What `FixedSteps` wraps is a method; the rest of these names are the interface of solvers.
