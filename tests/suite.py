@@ -56,8 +56,8 @@ def read_costs() -> dict[str, float]:
 
 
 def write_costs(measured: dict[str, float], part: str) -> None:
-    """Write the costs of the tests that took long. What was measured of the quick part alone adds to
-    the file: its tests compile what those that left it compiled for them before."""
+    """Write the costs of the tests that took long. What is measured of the quick part alone adds to
+    the file: its tests now compile what those that left it compiled for them before."""
     costs = read_costs() | measured if part == "quick" else measured
     rows = sorted((t, round(s, 1)) for t, s in costs.items() if s >= LEAST_SECONDS)
     with COSTS.open("w", newline="") as file:
