@@ -12,6 +12,8 @@ import platform
 from importlib.metadata import version
 from pathlib import Path
 
+from suite_basics import BASICS
+
 COSTS = Path(__file__).with_name("costs.csv")
 PROGRAMS = Path(__file__).resolve().parents[1] / ".programs"
 
@@ -19,7 +21,10 @@ PROGRAMS = Path(__file__).resolve().parents[1] / ".programs"
 SAMPLE = 5
 
 # A test that takes more processor time than this, in seconds, leaves the quick part.
-MOST_SECONDS = 2.0
+MOST_SECONDS = 2.5
+# All cases of a test that is named without one.
+BASIC_TESTS = tuple(test for tests in BASICS.values() for test in tests.values())
+
 # Costs below this are not written down: so many rows would change with each measurement.
 LEAST_SECONDS = 1.0
 
@@ -30,8 +35,14 @@ def selected(items, part: str, sweep: str) -> list:
     kept = list(items) if sweep == "all" else list(sample(items))
     if part == "all":
         return kept
-    expensive = {test for test, seconds in read_costs().items() if seconds > MOST_SECONDS}
-    return [item for item in kept if (item.nodeid in expensive) == (part == "rest")]
+    costs = read_costs()
+    return [item for item in kept if is_quick(item.nodeid, costs) == (part == "quick")]
+
+
+def is_quick(test: str, costs: dict[str, float]) -> bool:
+    """Whether a test runs after every change: it is cheap, or one of the basics."""
+    basic = test.partition("/")[2].startswith(BASIC_TESTS)
+    return basic or costs.get(test, 0.0) <= MOST_SECONDS
 
 
 def sample(items):

@@ -1,0 +1,51 @@
+"""The division of the tests: what runs after every change holds the basics of every package."""
+
+import ast
+from pathlib import Path
+
+import pytest
+from suite import MOST_SECONDS, is_quick, read_costs, write_costs
+from suite_basics import BASICS
+from test_layers import ROOMS
+
+TESTS = Path(__file__).parent
+
+
+def functions(file: Path) -> set[str]:
+    """The names of the functions of a file of tests."""
+    return {n.name for n in ast.parse(file.read_text()).body if isinstance(n, ast.FunctionDef)}
+
+
+def test_every_package_has_its_basics():
+    packages = {package for tests in BASICS.values() for package in tests}
+    assert packages == set(ROOMS) - {"constants", "_precision"}
+
+
+@pytest.mark.parametrize("kind", BASICS)
+def test_the_basics_are_there_and_run_after_every_change(kind):
+    costs = dict.fromkeys(read_costs(), 100.0)
+    for test in BASICS[kind].values():
+        file, _, name = test.partition("::")
+        # A long name may be cut.
+        assert any(f.startswith(name.partition("[")[0]) for f in functions(TESTS / file)), test
+        assert is_quick(f"tests/{test}", costs | {f"tests/{test}": 100.0})
+
+
+def test_a_test_leaves_by_what_it_was_measured_to_take():
+    costs = {"tests/test_a.py::test_b[1]": MOST_SECONDS + 1, "tests/test_a.py::test_b[2]": 1.0}
+    found = [is_quick(f"tests/test_a.py::test_b[{k}]", costs) for k in (1, 2, 3)]
+    assert found == [False, True, True]
+
+
+def test_costs_name_tests_that_exist():
+    for test in read_costs():
+        file, _, name = test.partition("::")
+        assert name.partition("[")[0] in functions(TESTS.parent / file), f"run `make costs`: {test}"
+
+
+def test_a_measurement_of_the_quick_part_adds_to_what_is_known(tmp_path, monkeypatch):
+    monkeypatch.setattr("suite.COSTS", tmp_path / "costs.csv")
+    write_costs({"long": 9.0, "short": 0.1, "other": 2.04}, part="all")
+    assert read_costs() == {"long": 9.0, "other": 2.0}
+    write_costs({"short": 4.0}, part="quick")
+    assert read_costs() == {"long": 9.0, "other": 2.0, "short": 4.0}
