@@ -16,7 +16,7 @@ from jaxspace.dispersion import Dispersion
 from jaxspace.gyros import GimbalState
 from jaxspace.orbits import TwoBody
 from jaxspace.plots import dispersion_figure, dispersion_page, trajectory_figure
-from jaxspace.rotations import Quaternion, to_euler_angles
+from jaxspace.rotations import Quaternion
 from jaxspace.simulation import Status
 from jaxspace.solvers import DOP853
 
