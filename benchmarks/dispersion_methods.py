@@ -78,11 +78,13 @@ def beside_monte_carlo() -> dict:
     for c in compare_methods(campaign, reference, accuracy=file.accuracy):
         own = c.method == "monte_carlo"
         percent = 100.0 * c.std_error
+        known = math.isfinite(c.mean + c.std)
         rows[f"{c.output}, {c.method.replace('_', ' ')}"] = {
-            "mean off by, deviations": f"{'±' if own else ''}{c.mean_error:.3f}",
-            "deviation off by, %": f"{'±' if own else ''}{percent:.3g}",
+            "mean off by, deviations": f"{'±' if own else ''}{c.mean_error:.3f}" if known else "-",
+            "deviation off by, %": f"{'±' if own else ''}{percent:.3g}" if known else "-",
             "runs": c.runs,
             "seconds": c.seconds,
+            "warning": c.warning or None,
         }
     return rows
 

@@ -175,9 +175,10 @@ def test_an_impossible_rule_is_refused(rule, words):
 
 
 def test_disperse_by_a_method_without_runs():
-    found = disperse(CAMPAIGN, method="lincov")
+    with pytest.warns(UserWarning, match="lincov is not to be trusted in"):
+        found = disperse(CAMPAIGN, method="lincov")
     assert isinstance(found, Moments) and found.runs == 1
-    np.testing.assert_array_equal(found.covariance, moments(CAMPAIGN).covariance)
+    np.testing.assert_array_equal(found.covariance, moments(CAMPAIGN, check=0).covariance)
     with pytest.raises(InputError, match="method is 'guess'"):
         disperse(CAMPAIGN, method="guess")
     for given in ({"store": "s.zarr"}, {"runs": 500}, {"seed": 1}, {"until": StopRule("b")}):

@@ -1,6 +1,7 @@
 """What stands beside Monte Carlo: linear covariance, sigma points, rare events, Sobol indices,
 gradients of statistics; against closed forms."""
 
+import re
 from typing import final
 
 import equinox as eqx
@@ -25,6 +26,8 @@ from jaxspace.dispersion import (
     sampled,
     sobol_indices,
 )
+from jaxspace.dispersion._sample_check import warning_of
+from jaxspace.io import comparison_table, moments_report
 from jaxspace.simulation import Mission, Phase
 
 DURATION = 3.0
@@ -74,14 +77,19 @@ def outputs(result, samples):
 NORMALS = Campaign(build, {"x0": Normal(1.0, 2.0), "v0": Normal(-1.0, 0.5)}, outputs)
 CENTRED = Campaign(build, {"x0": Normal(0.0, 1.0), "v0": Normal(0.0, 1.0)}, outputs)
 MEAN, VARIANCE = 1.0 - 3.0, 4.0 + 9.0 * 0.25  # of x = x0 + 3 v0
+# The quantiles of a normal law at even shares: mean 0, deviation 1 to 0.3 %.
+NORMAL_VALUES = norm.ppf((np.arange(1000) + 0.5) / 1000)
 LIMIT = MEAN - 2.0 * np.sqrt(VARIANCE)
 
 
+# Curved outputs are here to be computed, and those of the linear method to be wrong.
+CURVED = pytest.mark.filterwarnings("ignore:.* is not to be trusted in")
 # Up to JAX 0.10 the second derivatives of hypot are zero where both sides are alike, as here.
 NO_RADIUS = pytest.mark.filterwarnings("ignore:second_order leaves out radius")
 
 
 @NO_RADIUS
+@CURVED
 @pytest.mark.parametrize("method", ["lincov", "second_order", "unscented"])
 def test_moments_of_a_linear_output_are_exact(method):
     found = moments(NORMALS, method)
@@ -93,6 +101,7 @@ def test_moments_of_a_linear_output_are_exact(method):
 
 
 @NO_RADIUS
+@CURVED
 def test_second_order_is_exact_for_squares_and_products():
     """Of a normal x: E[x^2] = m^2 + s^2, V[x^2] = 2 s^4 + 4 m^2 s^2; E[x0 v0] = m_1 m_2, V = s_1^2
     s_2^2 + m_1^2 s_2^2 + m_2^2 s_1^2. The linear method knows neither shift nor product."""
@@ -118,6 +127,7 @@ def folded(result, samples):
     return smooth | {"size": jnp.abs(x0), "length": jnp.sqrt(x0**2 + v0**2)}
 
 
+@CURVED
 def test_second_order_leaves_out_what_is_not_smooth():
     campaign = Campaign(build, {"x0": Normal(0.0, 0.3), "v0": Normal(0.0, 2.0)}, folded)
     with pytest.warns(UserWarning, match="leaves out length, size: not smooth"):
@@ -126,10 +136,74 @@ def test_second_order_leaves_out_what_is_not_smooth():
     assert there == {"x": True, "bent": True, "none": True, "size": False, "length": False}
     assert found.std("x") == pytest.approx(np.sqrt(0.09 + 36.0), rel=1e-12)
     assert np.isnan(found.std("size")) and np.isnan(found.std("length"))
+    for name in ("size", "length"):
+        assert "not smooth at the nominal run: 256 runs have the mean" in found.warnings[name]
+    assert not {"x", "none"} & set(found.warnings)
     # To second order the mean of 1000 cos x is 1000 (1 - s^2/2).
     assert found.mean[found.names.index("bent")] == pytest.approx(1e3 * (1.0 - 0.045), rel=1e-12)
 
 
+def spun(result, samples):
+    """What a stage does that turns by ten radians for one deviation of an input: linear, the sine
+    and the cosine of the turn; a turn that hardly scatters; and the size of a vector."""
+    x0, v0 = samples["x0"], samples["v0"]
+    turns = {"sine": jnp.sin(10.0 * x0), "cosine": jnp.cos(10.0 * x0), "calm": jnp.sin(0.1 * x0)}
+    return {"x": result.final.x, **turns, "none": 0.0 * x0, "size": jnp.sqrt(x0**2 + v0**2 + 1e-6)}
+
+
+SPUN = Campaign(build, {"x0": Normal(0.0, 1.0), "v0": Normal(0.0, 1.0)}, spun)
+
+
+@pytest.mark.filterwarnings("ignore:second_order leaves out size")
+@pytest.mark.parametrize(
+    "method, off",
+    [
+        ("lincov", {"sine", "cosine", "size"}),
+        ("second_order", {"sine", "cosine", "size"}),
+        ("unscented", {"sine", "cosine"}),
+    ],
+)
+def test_a_method_that_leaves_its_range_says_so(method, off):
+    """Mean and deviation of sin(10 x) are 0 and 1/sqrt(2) to e^-50, its series has the deviation
+    10; the mean of cos(10 x) is 0, its series has 1 - 50."""
+    with pytest.warns(UserWarning, match=f"{method} is not to be trusted in cosine, sine"):
+        found = moments(SPUN, method)
+    if method == "second_order":
+        assert found.mean[found.names.index("cosine")] == pytest.approx(-49.0, rel=1e-12)
+    assert off <= set(found.warnings) and not {"x", "calm", "none"} & set(found.warnings)
+    assert "256 runs have the mean" in found.warnings["cosine"]
+    table = moments_report("A spin", found, {}, {n: (0.0, "") for n in found.names})
+    marked = {line.split()[0] for line in table.splitlines() if line.endswith("warning")}
+    assert marked == set(found.warnings) and "nan" not in table
+    assert "warning: cosine: 256 runs have the mean" in table
+    assert not moments(SPUN, method, check=0).warnings
+
+
+def test_the_sample_is_as_large_as_it_must_be():
+    with pytest.raises(InputError, match="check is 5: it must be 0, or at least 32"):
+        moments(SPUN, check=5)
+
+
+@pytest.mark.parametrize(
+    "mean, std, x, words",
+    [
+        # Of a thousand values that are normal but for rounding: 4/sqrt(1000) = 0.13 deviations.
+        (0.1, 1.0, NORMAL_VALUES, ""),
+        (0.15, 1.0, NORMAL_VALUES, "off by .0.15 deviations and .0 %"),
+        (0.0, 0.8, NORMAL_VALUES, "off by .* and -20 %"),
+        (np.nan, np.nan, NORMAL_VALUES, "not smooth at the nominal run"),
+        (0.0, 1.0, np.append(NORMAL_VALUES, np.nan), "1 of 1001 runs fail"),
+        (3.0, 0.0, np.full(9, 3.0), ""),
+        (3.0, 0.5, np.full(9, 3.0), "nothing scatters"),
+        (3.0, 0.5, np.zeros(0), ""),
+    ],
+)
+def test_what_a_sample_says(mean, std, x, words):
+    found = warning_of(mean, std, x)
+    assert re.search(words, found) if words else found == ""
+
+
+@CURVED
 def test_moments_of_inputs_that_are_cut_or_correlated():
     """A normal cut at one deviation on each side has the variance 1 - 2 phi(1) / (2 Phi(1) - 1)."""
     cut = {"x0": TruncatedNormal(0.0, 1.0, -1.0, 1.0), "v0": Uniform(-1.0, 1.0)}
@@ -150,6 +224,16 @@ def test_methods_beside_monte_carlo():
     with pytest.warns(UserWarning, match="leaves out radius: not smooth"):
         table = {(c.method, c.output): c for c in compare_methods(CENTRED, reference)}
     assert np.isnan(table["second_order", "radius"].std_error)
+    doubted = {key for key, c in table.items() if c.warning}
+    # Sigma points have the mean of a square, and not its deviation where there is no third moment.
+    own = {(m, n) for m, n in doubted if m != "unscented"}
+    assert own == {
+        *((("lincov", n)) for n in ("square", "product", "radius")),
+        ("second_order", "radius"),
+    }
+    shown = comparison_table(list(table.values()))
+    assert "nan" not in shown and "warning: radius, second_order: It is not smooth" in shown
+    assert sum(line.endswith("warning") for line in shown.splitlines()) == len(doubted)
     assert abs(table["lincov", "x"].mean_error) < 0.08
     assert abs(table["lincov", "x"].std_error) < 0.06
     # E[x^2] = s^2 and V = 2 s^4: the shift is 0.71 deviations, and the linear one sees none of it.

@@ -1,5 +1,8 @@
 """Statistics of finite samples, against closed forms and by counting how often intervals hold."""
 
+from types import SimpleNamespace
+
+import equinox as eqx
 import numpy as np
 import pytest
 import scipy.stats
@@ -8,6 +11,7 @@ from jaxspace.core import InputError
 from jaxspace.dispersion import (
     Dispersion,
     StopRule,
+    _contributors,
     circular_error,
     clopper_pearson,
     convergence,
@@ -18,6 +22,8 @@ from jaxspace.dispersion import (
 )
 from jaxspace.dispersion._limits import quantile
 from jaxspace.dispersion._rounding import rounded, scatters
+from jaxspace.io import dispersion_report
+from jaxspace.plots import dispersion_figure, dispersion_page
 from jaxspace.simulation import Status
 
 
@@ -301,3 +307,28 @@ def test_tables_for_other_programs(tmp_path):
     np.testing.assert_array_equal(back["x [m]"], d.outputs["x"])
     d.to_parquet(tmp_path / "d.parquet")
     assert pandas.read_parquet(tmp_path / "d.parquet").equals(back)
+
+
+def test_table_figure_and_page_share_one_regression_for_each_output(tmp_path, monkeypatch):
+    """Each asks for the contributors of the same outputs; one fit of an output serves them all, and
+    a copy has fits of its own."""
+    fits = []
+
+    def lstsq(a, b, **options):
+        fits.append(len(b))
+        return np.linalg.lstsq(a, b, **options)
+
+    monkeypatch.setattr(_contributors, "np", SimpleNamespace(**vars(np)))
+    monkeypatch.setattr(_contributors.np, "linalg", SimpleNamespace(lstsq=lstsq))
+    d = dispersion(400, x=np.zeros(400))
+    a, b = d.inputs["a"], d.inputs["b"]
+    d = dispersion(400, x=a + b, y=a - 2.0 * b, z=a * a)
+    dispersion_report(d, {})
+    dispersion_figure(d)
+    dispersion_page(d, tmp_path / "page.html")
+    # Every run but the one that failed.
+    assert fits == [399] * 3
+    assert list(d.contributors("y", 1).shares) == ["b"]
+    assert list(d.contributors("y").shares) == ["b", "a"]
+    other = eqx.tree_at(lambda d: d.outputs["y"], d, a + 0.1 * b)
+    assert list(other.contributors("y", 1).shares) == ["a"] and len(fits) == 4

@@ -9,12 +9,16 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from jaxspace import Accuracy, simulate
+from jaxspace.attitude import TorqueFreeBody
 from jaxspace.bodies import BodyState
 from jaxspace.dispersion import Dispersion
 from jaxspace.gyros import GimbalState
+from jaxspace.orbits import TwoBody
 from jaxspace.plots import dispersion_figure, dispersion_page, trajectory_figure
 from jaxspace.rotations import Quaternion
 from jaxspace.simulation import Status
+from jaxspace.solvers import DOP853
 
 
 @pytest.fixture
@@ -195,3 +199,46 @@ def test_trajectory_figure_of_a_run():
     x = figure.axes[0].get_lines()[0].get_ydata()
     # The circle of unit rate: x = cos t, to the tolerance of a closed form.
     np.testing.assert_allclose(x, np.cos(np.linspace(0.0, 6.0, 20)), atol=1e-12)
+
+
+SPINNER = TorqueFreeBody(jnp.array([10.0, 11.0, 6.0]))
+FAST = BodyState(attitude=Quaternion.identity(), omega=jnp.array([0.3, 0.1, 2.3 * jnp.pi]))
+TIMES = jnp.linspace(0.0, 100.0, 102)
+
+
+def phi(figure):
+    """Times of the third of Euler's angles, as they are drawn, with the line's style and what the
+    panel says."""
+    axes = figure.axes[1]
+    line = axes.get_lines()[2]
+    return line.get_xdata(), line.get_linestyle(), axes.get_title(loc="right")
+
+
+@pytest.mark.parametrize("dense", [None, False, True])
+def test_a_fast_spin_is_drawn_as_it_turns_or_said_not_to_be(dense):
+    """115 turns and 102 times: lines between these would be a slow motion that there is none of.
+    The closed form and the dense output know what lies between; without these there are points."""
+    how = {} if dense is None else {"dense": dense, "accuracy": Accuracy(1e-6, method=DOP853())}
+    run = simulate(SPINNER, FAST, TIMES, **how)
+    ts, style, said = phi(trajectory_figure(run))
+    if dense is False:
+        assert len(ts) == 102 and style == "None" and said.startswith("points, not resolved")
+        return
+    # Of 115 turns each has 2 pi/0.3 points.
+    assert len(ts) == pytest.approx(115 * 2.0 * np.pi / 0.3, rel=0.02) and style == "-" and not said
+    assert ts[0] == 0.0 and ts[-1] == 100.0
+    w = trajectory_figure(run).axes[0].get_lines()[0].get_ydata()
+    # Both are the same step from the same state, in another program.
+    assert abs(w[1000] - float(run.at(ts[1000]).attitude.wxyz[0])) < 1e-9
+
+
+@pytest.mark.parametrize("times, said", [(102, ""), (12, "points, not resolved")])
+def test_any_part_of_a_state_is_resolved_or_said_not_to_be(times, said):
+    """One turn of an orbit has 10 of 102 times, or one, and then looks as if it stood still."""
+    period = 2.0 * np.pi
+    y0 = BodyState(jnp.array([1.0, 0.0, 0.0]), jnp.array([0.0, 1.0, 0.0]))
+    accuracy = Accuracy(1e-6, method=DOP853())
+    ts = jnp.linspace(0.0, 10.1 * period, times)
+    figure = trajectory_figure(simulate(TwoBody(1.0), y0, ts, accuracy=accuracy))
+    assert all(axes.get_title(loc="right").startswith(said) for axes in figure.axes)
+    assert bool(figure.axes[0].get_title(loc="right")) == bool(said)

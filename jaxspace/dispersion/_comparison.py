@@ -3,12 +3,11 @@
 import math
 from typing import NamedTuple
 
-import numpy as np
-
 from ..core import Scalar
 from ..integration._accuracy import Accuracy
 from ._campaign import Campaign
 from ._covariance import METHODS, MONTE_CARLO, moments
+from ._sample_check import standard_errors, warning_of
 from ._statistics import Dispersion
 
 
@@ -20,7 +19,8 @@ class Comparison(NamedTuple):
     - `mean_error`: its mean less that of Monte Carlo, in deviations.
     - `std_error`: its deviation over that of Monte Carlo, less one.
       Of Monte Carlo itself both are standard errors: what it cannot tell.
-    - `runs`, `seconds`: what it took, without compiling."""
+    - `runs`, `seconds`: what it took, without compiling.
+    - `warning`: a sentence where the method has left its range; empty where it holds."""
 
     method: str
     output: str
@@ -30,6 +30,7 @@ class Comparison(NamedTuple):
     std_error: float
     runs: int
     seconds: float
+    warning: str = ""
 
 
 def compare_methods(
@@ -49,26 +50,21 @@ def compare_methods(
     - `accuracy`: as in `disperse`.
 
     **Returns** a row for each output and method, of each output that of the runs first."""
-    found = [moments(campaign, method, accuracy=accuracy) for method in methods]
+    # No sample of their own, for the runs are the better one.
+    found = [moments(campaign, method, accuracy=accuracy, check=0) for method in methods]
     table = []
     # Without compiling, as those of the other methods.
     seconds = reference.seconds - float(reference.attributes.get("preparation_seconds", 0.0))
     for row in reference.table():
         own = standard_errors(reference.together(row.name)[0])
+        x = reference.values(row.name)[reference.good].astype(float)
         table.append(Comparison(MONTE_CARLO, row.name, row.mean, row.std, *own, row.runs, seconds))
         for m in found:
             mean, std = float(m.mean[m.names.index(row.name)]), m.std(row.name)
             off = (mean - row.mean) / row.std if row.std > 0.0 else math.nan
             ratio = std / row.std - 1.0 if row.std > 0.0 else math.nan
-            table.append(Comparison(m.method, row.name, mean, std, off, ratio, m.runs, m.seconds))
+            warning = warning_of(mean, std, x)
+            table.append(
+                Comparison(m.method, row.name, mean, std, off, ratio, m.runs, m.seconds, warning)
+            )
     return table
-
-
-def standard_errors(x: np.ndarray) -> tuple[float, float]:
-    """Of the mean of a sample, in deviations, and of its deviation, as a part of it:
-    1/sqrt(n) and sqrt((k - 1)/(4 n)), with the kurtosis k, which is 3 of a normal distribution."""
-    n, spread = x.size, float(np.std(x)) if x.size else 0.0
-    if n < 2 or spread == 0.0:
-        return math.nan, math.nan
-    kurtosis = float(np.mean(((x - np.mean(x)) / spread) ** 4))
-    return 1.0 / math.sqrt(n), math.sqrt((kurtosis - 1.0) / (4.0 * n))

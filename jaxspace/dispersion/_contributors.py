@@ -50,10 +50,9 @@ def contributors(
     inputs: Mapping[str, np.ndarray],
     values: np.ndarray,
     good: np.ndarray,
-    count: int,
 ) -> Contributors:
-    """The `count` inputs with the largest shares of the variance of `values`, those of `output` in
-    all runs, over the runs that are `good`: see `Dispersion.contributors`."""
+    """The shares of all inputs in the variance of `values`, those of `output` in all runs, over the
+    runs that are `good`: see `Dispersion.contributors`."""
     y = values.astype(float)
     good = good & np.isfinite(y)
     y = y[good]
@@ -87,7 +86,7 @@ def contributors(
     parts = u @ (regressors * coefficients) / u.size
     shares = parts[: len(columns)] + parts[len(columns) :]
     order = sorted(zip(columns, shares, strict=True), key=lambda pair: -pair[1])
-    return Contributors(output, {name: float(share) for name, share in order[:count]}, r_squared)
+    return Contributors(output, {name: float(share) for name, share in order}, r_squared)
 
 
 def _significant(r_squared: float, regressors: int, runs: int) -> bool:

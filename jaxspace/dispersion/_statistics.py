@@ -1,5 +1,6 @@
 """Statistics of a dispersion: moments and limits of the outputs, contributors, failed runs."""
 
+import functools
 import warnings
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple, final
@@ -184,7 +185,17 @@ class Dispersion(eqx.Module):
         **Raises** `InputError` for an unknown output, and for fewer good runs than the regression
         needs.
         """
-        return contributors(output, self.inputs, self.values(output), self.good, count)
+        known = self._known_contributors
+        if output not in known:
+            known[output] = contributors(output, self.inputs, self.values(output), self.good)
+        found = known[output]
+        return found._replace(shares=dict(list(found.shares.items())[:count]))
+
+    @functools.cached_property
+    def _known_contributors(self) -> dict[str, Contributors]:
+        """By output what one regression has found: table, figure and page ask for the same."""
+        # No field: it is computed from these, and a copy computes it anew.
+        return {}
 
     def covariance(self, *names: str) -> np.ndarray:
         """The covariance of the named quantities (all outputs, if none is named), (d, d), over the

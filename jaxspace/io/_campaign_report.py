@@ -1,6 +1,7 @@
 """What a campaign reports besides its table: one of its runs in detail, those that failed, and the
 methods that need no runs."""
 
+import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -9,6 +10,9 @@ from ..dispersion import MONTE_CARLO, Comparison, Dispersion, Moments, Replay
 from ..simulation import Status
 from ._report import Row, columns, drift_rows, number, state_rows, status_line
 from ._scene_file import SceneFile
+
+# Beside a number that is not to be trusted, and in place of one that there is not.
+WARNING, NO_NUMBER = "warning", "none"
 
 
 def replay_report(file: SceneFile, run: Replay, kept: Dispersion | None) -> str:
@@ -110,12 +114,18 @@ def _farthest(
 
 
 def comparison_table(rows: Sequence[Comparison]) -> str:
-    """The cheaper methods beside Monte Carlo: how far off, from how many runs, in what time; and
-    how well Monte Carlo itself knows what they are compared with."""
+    """The cheaper methods beside Monte Carlo: how far off, from how many runs, in what time;
+    how well Monte Carlo itself knows what they are compared with; and a warning beside each number
+    that is not to be trusted, with its reason below."""
     shown: list[Row] = [
-        ("output", "method", "mean", "off by", "std dev", "off by", "runs", "seconds")
+        ("output", "method", "mean", "off by", "std dev", "off by", "runs", "seconds", "")
     ]
     for c in rows:
+        word = WARNING if c.warning else ""
+        if not math.isfinite(c.mean + c.std):
+            empty = (NO_NUMBER,) * 4
+            shown.append((c.output, c.method, *empty, str(c.runs), f"{c.seconds:.2g}", word))
+            continue
         # Those of Monte Carlo are standard errors, which have no sign.
         sign = "±" if c.method == MONTE_CARLO else "+" if c.mean_error >= 0.0 else "-"
         off = f"{sign}{abs(c.mean_error):.3f} std dev"
@@ -124,14 +134,16 @@ def comparison_table(rows: Sequence[Comparison]) -> str:
         # Digits below a percent of the deviation would be those of the method's own error.
         mean, std = number(c.mean, 0.01 * c.std), number(c.std, 0.01 * c.std)
         took = f"{c.seconds:.2g}"
-        shown.append((c.output, c.method, mean, off, std, more, str(c.runs), took))
-    return columns(shown)
+        shown.append((c.output, c.method, mean, off, std, more, str(c.runs), took, word))
+    doubts = [f"{WARNING}: {c.output}, {c.method}: {c.warning}" for c in rows if c.warning]
+    return "\n".join([columns(shown), *([""] if doubts else []), *doubts])
 
 
 def moments_report(
     title: str, found: Moments, units: Mapping[str, str], nominal: Mapping[str, tuple[float, str]]
 ) -> str:
-    """Mean and deviation of every output by a method without many runs.
+    """Mean and deviation of every output by a method without many runs, with a warning beside those
+    that a sample of runs speaks against, and its reason below.
 
     **Arguments**
 
@@ -139,17 +151,22 @@ def moments_report(
     - `found`: the moments.
     - `units`: of the outputs, by name.
     - `nominal`: values of the nominal run, with their units, by name."""
-    rows: list[Row] = [("output", "unit", "nominal", "mean", "std dev")]
+    rows: list[Row] = [("output", "unit", "nominal", "mean", "std dev", "")]
     for k, name in enumerate(found.names):
         std = found.std(name)
         numbers = (nominal[name][0], float(found.mean[k]), std)
-        rows.append((name, units.get(name, ""), *(number(x, 0.01 * std) for x in numbers)))
+        cells = (number(x, 0.01 * std) if math.isfinite(x) else NO_NUMBER for x in numbers)
+        word = WARNING if name in found.warnings else ""
+        rows.append((name, units.get(name, ""), *cells, word))
+    doubts = [f"{WARNING}: {name}: {words}" for name, words in found.warnings.items()]
     runs = "run" if found.runs == 1 else "runs"
     return "\n".join(
         [
             f"{title}: {found.method}",
             columns(rows),
             "",
+            *doubts,
+            *([""] if doubts else []),
             f"{found.runs} {runs}, {found.seconds:.2g} s after compilation",
         ]
     )

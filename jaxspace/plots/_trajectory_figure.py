@@ -8,7 +8,8 @@ import numpy as np
 
 from ..core import InputError, quantities
 from ..rotations import Quaternion, to_euler_angles
-from ._style import COLOURS, MUTED, dress
+from ._resolution import Drawn, resolved
+from ._style import BAD, COLOURS, MUTED, dress
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -24,6 +25,9 @@ MOST_LINES = 7
 """Components that one panel shows."""
 
 
+NOT_RESOLVED = "points, not resolved: more saved times or dense=True draw the lines"
+
+
 class Block(NamedTuple):
     """One block of a state along a trajectory.
 
@@ -31,12 +35,14 @@ class Block(NamedTuple):
     - `labels`: of its components.
     - `values`: (components, times, runs).
     - `wraps`: whether the values are angles in degrees that jump by a whole turn.
+    - `coarse`: whether the motion between two times is more than a line between them shows.
     """
 
     unit: str
     labels: tuple[str, ...]
     values: np.ndarray
     wraps: bool = False
+    coarse: bool = False
 
 
 def trajectory_figure(
@@ -49,12 +55,13 @@ def trajectory_figure(
     """A matplotlib figure with a panel for each block of the state against time.
 
     `trajectory_figure(run).savefig("run.png")` draws a trajectory, or all phases of a mission. An
-    attitude is shown as a quaternion and as Euler's angles 3-1-3.
+    attitude is shown as a quaternion and as Euler's angles 3-1-3. Where the motion between two
+    saved times is more than a line would show, as of a fast spin, a run with a closed form or with
+    `dense=True` is drawn at more times; any other one as points, and its panel says so.
 
     **Arguments**
 
-    - `trajectory`: its states are (components, times) or (components, times, runs). Few times give
-      angular lines.
+    - `trajectory`: its states are (components, times) or (components, times, runs).
     - `units`: of blocks by name, where the class of the state declares none.
     - `runs`: how many runs of a batch are drawn.
     - `title`: of the whole figure.
@@ -67,7 +74,11 @@ def trajectory_figure(
     # trajectory draws itself by this function.
     phases: Any = getattr(trajectory, "phases", (trajectory,))
     names = getattr(trajectory, "names", ("",))
-    parts = [(_times(phase, runs), _blocks(phase, runs, units or {})) for phase in phases]
+    parts = []
+    for phase in phases:
+        drawn = resolved(phase, _leaves)
+        batched = np.ndim(phase.status) == 1
+        parts.append((_times(drawn.ts, runs), _blocks(drawn, batched, runs, units or {})))
     # Phases may have states of different classes: a panel for each block of any of them.
     blocks = list(dict.fromkeys(name for _, found in parts for name in found))
     figure = Figure(figsize=(9.0, 0.7 + 2.1 * len(blocks)), layout="constrained")
@@ -87,19 +98,18 @@ def trajectory_figure(
     return figure
 
 
-def _times(phase: "Trajectory", runs: int) -> np.ndarray:
+def _times(ts: Any, runs: int) -> np.ndarray:
     """The times, s, (times, runs), or (times, 1) where all runs share them."""
-    ts = np.asarray(phase.ts)
+    ts = np.asarray(ts)
     # A second axis also where all runs share the times, so that a line reads them by run.
     return ts.reshape(len(ts), -1)[:, :runs]
 
 
-def _blocks(phase: "Trajectory", runs: int, units: dict[str, str]) -> dict[str, Block]:
+def _blocks(drawn: Drawn, batched: bool, runs: int, units: dict[str, str]) -> dict[str, Block]:
     """Every block of the states by name."""
-    times = len(np.asarray(phase.ts))
-    batched = np.ndim(phase.status) == 1
+    times = len(np.asarray(drawn.ts))
     found: dict[str, Block] = {}
-    for name, unit, leaf in _leaves(phase.states):
+    for name, unit, leaf in _leaves(drawn.states):
         quaternion = isinstance(leaf, Quaternion)
         values = np.asarray(leaf.wxyz if quaternion else leaf)
         if values.ndim < 1 + batched or values.shape[values.ndim - 1 - batched] != times:
@@ -110,11 +120,12 @@ def _blocks(phase: "Trajectory", runs: int, units: dict[str, str]) -> dict[str, 
         # One axis for all components: none of a mass, several of a tensor.
         values = values.reshape(-1, times, values.shape[-1] if batched else 1)[:, :, :runs]
         labels = _labels(len(values), quaternion)
-        found[name] = Block(units.get(name, unit), labels, values)
+        coarse = name in drawn.coarse
+        found[name] = Block(units.get(name, unit), labels, values, coarse=coarse)
         if quaternion:
             angles = _euler_degrees(values)
             prefix = "" if name == "attitude" else f"{name}, "
-            found[f"{prefix}Euler angles 3-1-3"] = Block("deg", EULER_LABELS, angles, wraps=True)
+            found[f"{prefix}Euler angles 3-1-3"] = Block("deg", EULER_LABELS, angles, True, coarse)
     return found
 
 
@@ -177,7 +188,11 @@ def _panel(axes: "Axes", parts: list[tuple[np.ndarray, Block]]) -> None:
                     label=label,
                     linewidth=width,
                     alpha=alpha,
+                    # A line would invent a slow motion between the points of a fast one.
+                    **({"linestyle": "", "marker": ".", "markersize": 2} if block.coarse else {}),
                 )
+    if any(block.coarse for _, block in parts):
+        axes.set_title(NOT_RESOLVED, loc="right", fontsize=8, color=BAD)
     handles, labels = axes.get_legend_handles_labels()
     # One entry for each component, whatever the number of its lines.
     first = dict(zip(reversed(labels), reversed(handles), strict=True))

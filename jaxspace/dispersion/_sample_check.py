@@ -1,0 +1,62 @@
+"""Whether a mean and a deviation found without many runs are those of the runs.
+
+    doubted where  |m - m_s| > max(z e_m, a) s_s   or   |s/s_s - 1| > max(z e_s, a)
+
+    symbol    meaning                                                        unit
+    m, s      mean and deviation by a method without many runs               of the output
+    m_s, s_s  those of the runs of a sample                                  of the output
+    e_m, e_s  standard errors of the sample: of m_s over s_s, and of s_s/s   1
+    z         how many of them are no chance: 4                              1
+    a         what is too little to matter: 0.1                              1
+
+Source: Kendall and Stuart, The Advanced Theory of Statistics, vol. 1, 10.9 (standard errors of a
+mean and of a deviation). A small sample sees only what is grossly wrong: of 256 normal values 4 e_m
+is 0.25, and 4 e_s is 0.18.
+"""
+
+import math
+
+import numpy as np
+
+from ._rounding import NOISE, rounded, scatters
+
+SIGNIFICANT, MATTERS = 4.0, 0.1
+
+
+def warning_of(mean: float, std: float, x: np.ndarray) -> str:
+    """What is wrong with a mean and a deviation of an output, in a sentence; empty if nothing is
+    seen.
+
+    `x`: the output over the runs of a sample, (runs,), NaN where one failed."""
+    # Too few to say anything; their dispersion has its own words for that.
+    if x.size < 2:
+        return ""
+    finite = x[np.isfinite(x)]
+    if finite.size < x.size:
+        bad = f"{x.size - finite.size} of {x.size} runs fail, or are not finite"
+        return f"{bad}, which these numbers leave out."
+    own, spread = float(np.mean(x)), float(np.std(x, ddof=1))
+    found = f"{x.size} runs have the mean {rounded(own, spread)} and the deviation "
+    found += rounded(spread, spread)
+    # Nothing is known: of second order no number is given where an output is not smooth.
+    if not math.isfinite(mean + std):
+        return f"It is not smooth at the nominal run: {found}."
+    if not scatters(x):
+        grain = NOISE * float(np.finfo(float).eps) * float(np.max(np.abs(x)))
+        same = max(abs(mean - own), std) <= grain
+        return "" if same else f"{found}: nothing scatters."
+    off, more = (mean - own) / spread, std / spread - 1.0
+    error_of_mean, error_of_std = standard_errors(x)
+    sound = abs(off) <= max(SIGNIFICANT * error_of_mean, MATTERS)
+    sound = sound and abs(more) <= max(SIGNIFICANT * error_of_std, MATTERS)
+    return "" if sound else f"{found}: off by {off:+.2g} deviations and {100.0 * more:+.0f} %."
+
+
+def standard_errors(x: np.ndarray) -> tuple[float, float]:
+    """Of the mean of a sample, in deviations, and of its deviation, as a part of it:
+    1/sqrt(n) and sqrt((k - 1)/(4 n)), with the kurtosis k, which is 3 of a normal distribution."""
+    n, spread = x.size, float(np.std(x)) if x.size else 0.0
+    if n < 2 or spread == 0.0:
+        return math.nan, math.nan
+    kurtosis = float(np.mean(((x - np.mean(x)) / spread) ** 4))
+    return 1.0 / math.sqrt(n), math.sqrt((kurtosis - 1.0) / (4.0 * n))

@@ -1,0 +1,133 @@
+"""Whether the saved times of a run resolve its motion, and finer ones where the run has them.
+
+    a line from y_0 to y_1 is drawn right where y_1 - y_0 is about h (f_0 + f_1)/2
+    an attitude turns by 2 h |q'| between two times
+
+    symbol    meaning                                       unit
+    y, f      a component of the state, and its derivative  its own, its own per s
+    h         time between two saved times                  s
+    q'        derivative of the quaternion                  1/s
+
+Of a sine that is sampled four times a turn the two sides differ by a tenth of what it spans, and by
+all of it where it is sampled twice. So it is resolved below a quarter, and an attitude up to a
+quarter of a turn.
+"""
+
+import math
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ..rotations import Quaternion
+
+if TYPE_CHECKING:
+    from ..core import State
+    from ..simulation import Trajectory
+
+MISSED, TURN = 0.25, 0.5 * math.pi
+CONSTANT, KINKS, TINY = 1e-6, 2, 1e-300
+# So much of a radian between two points makes a smooth line.
+SMOOTH = 0.3
+MOST_POINTS = 20_000
+"""Points of a line that is drawn finer than it was saved."""
+
+Leaves = list[tuple[str, str, Any]]
+
+
+class Drawn(NamedTuple):
+    """What is drawn of a phase: times, states, and which leaves these times do not resolve."""
+
+    ts: Any
+    states: "State"
+    coarse: frozenset[str]
+
+
+def resolved(phase: "Trajectory", leaves: Callable[["State"], Leaves]) -> Drawn:
+    """The times and states of a phase, between those saved, too, where these are too few and the
+    run has more: a closed form, or `dense=True`.
+
+    `leaves`: name, unit and value of every part of a state."""
+    coarse, interval = _coarse(phase, leaves)
+    if not coarse or not _knows_between(phase):
+        return Drawn(phase.ts, phase.states, coarse)
+    ts = np.asarray(phase.ts)
+    span = np.nanmax(np.abs(ts - ts[0]))
+    count = int(min(max(span / interval, len(ts)), MOST_POINTS)) + 1
+    share = jnp.linspace(0.0, 1.0, count, dtype=ts.dtype)
+    finer = phase.ts[0] + jnp.multiply.outer(share, phase.ts[-1] - phase.ts[0])
+    left = frozenset() if count <= MOST_POINTS else coarse
+    return Drawn(finer, _between(phase, finer), left)
+
+
+def _knows_between(phase: Any) -> bool:
+    """Whether `phase.at` gives states between the saved times."""
+    return phase.dense is not None or (
+        phase.accuracy.method == "closed_form" and phase.system.closed_form() is not None
+    )
+
+
+@eqx.filter_jit
+def _between(phase: "Trajectory", ts: jax.Array) -> "State":
+    states = jax.lax.map(phase.at, ts)
+    # Times stand before the runs, and behind the components.
+    last = -1 - phase.run_axes
+    return jax.tree.map(lambda x: jnp.moveaxis(x, 0, last), states)
+
+
+@eqx.filter_jit
+def _derivatives(phase: "Trajectory") -> "State":
+    return phase.along(lambda system, t, y: system.vector_field(t, y))
+
+
+def _coarse(phase: Any, leaves: Callable[["State"], Leaves]) -> tuple[frozenset[str], float]:
+    """The leaves that move too far between two saved times, and the interval at which all of them
+    are smooth, s."""
+    # The field alone does not know what a controller commands.
+    known = hasattr(phase, "along") and phase.control is None
+    if not known or len(phase.ts) < 2:
+        return frozenset(), math.inf
+    derivatives = {name: leaf for name, _, leaf in leaves(_derivatives(phase))}
+    ts = np.asarray(phase.ts).reshape(len(phase.ts), -1)
+    intervals = {}
+    for name, _, leaf in leaves(phase.states):
+        f, attitude = derivatives.get(name), isinstance(leaf, Quaternion)
+        y, f = (np.asarray(x.wxyz if isinstance(x, Quaternion) else x) for x in (leaf, f))
+        if y.shape != f.shape or not np.issubdtype(y.dtype, np.floating):
+            continue
+        runs = y.shape[-1] if phase.run_axes else 1
+        y, f = (x.reshape(-1, len(ts), runs) for x in (y, f))
+        step = _of_attitude(f, np.diff(ts, axis=0)) if attitude else _of_part(y, f, ts)
+        if step < math.inf:
+            intervals[name] = step
+    return frozenset(intervals), min(intervals.values(), default=math.inf)
+
+
+def _of_attitude(f: np.ndarray, h: np.ndarray) -> float:
+    """The interval in which an attitude turns little, s; infinite where it does so already.
+
+    `f`: q', (4, times, runs); `h`: (times - 1, runs or 1)."""
+    rate = 2.0 * np.sqrt(np.sum(f * f, axis=0))
+    # NaN, where a run failed, is no turn.
+    turn = np.fmax.reduce((np.abs(h) * np.fmax(rate[1:], rate[:-1])).reshape(-1))
+    return SMOOTH / float(np.fmax.reduce(rate.reshape(-1))) if turn > TURN else math.inf
+
+
+def _of_part(y: np.ndarray, f: np.ndarray, ts: np.ndarray) -> float:
+    """The same of any other part of a state, by what each component spans.
+
+    `y`, `f`: (components, times, runs); `ts`: (times, runs or 1)."""
+    span = np.fmax.reduce(y, axis=1) - np.fmin.reduce(y, axis=1)
+    missed = np.abs(np.diff(y, axis=1) - 0.5 * np.diff(ts, axis=0) * (f[:, 1:] + f[:, :-1]))
+    # What is constant but for rounding has nothing to resolve.
+    moves = missed > CONSTANT * np.fmax.reduce(np.abs(y).reshape(-1))
+    far = moves & (missed > MISSED * span[:, None])
+    # One interval or two are a kink, such as a burnout.
+    coarse = np.count_nonzero(far, axis=1) > KINKS
+    if not coarse.any():
+        return math.inf
+    rate = np.fmax.reduce(np.abs(f), axis=1)[coarse] / np.fmax(0.5 * span[coarse], TINY)
+    return SMOOTH / float(np.fmax.reduce(rate))
