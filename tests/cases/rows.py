@@ -247,7 +247,8 @@ VEHICLES = (
 CHAPTER_8 = (
     Row(
         *("8.1", "Single stage, vertical: burnout, height, coast, partial derivatives", "T8.1"),
-        "rockets.propulsive_efficiency rockets.vertical_burnout_velocity rockets.vertical_burnout_height rockets.coast_height",
+        "rockets.vertical_burnout_velocity rockets.vertical_burnout_height rockets.coast_height "
+        "rockets.propulsive_efficiency",
     ),
     Row(
         *("8.1 Fig. 2", "Speed at burnout over the share of the mass that is left", "T8.1-Fig2"),
@@ -366,6 +367,10 @@ CHAPTER_9 = (
     Row("9.10 P22, P23", "Trailer", "T9.10-P22", "mechanics.Trailer"),
     Row("9.10 P24", "Spin axis turned by two impulses", "T9.10-P24"),
     Row("9.11", "Moving axes: slider on a free carrier", "T9.11", "mechanics.SliderCarrier"),
+    Row(
+        *("9.12 P6, P7", "Assumed modes, beam of two spans"),
+        functions="mechanics.assumed_modes mechanics.beam_roots mechanics.beam_shape",
+    ),
     Row(
         *("9.12", "Flexible missile with an engine that swivels", "T9.12"),
         "mechanics.FlexibleMissile mechanics.MissileLoop vehicles.FlexibleStage "
