@@ -53,6 +53,8 @@ from jaxspace.gyros import (
 from jaxspace.mechanics import (
     ArmPendulum,
     ArmState,
+    BarOnSpring,
+    BarOnString,
     CentrifugalPendulum,
     DoublePendulum,
     ElasticPendulum,
@@ -217,6 +219,8 @@ HOOP = RotatingHoop(1.0, 0.5, 6.0, 9.8)
 PLANE = SimplePendulum(1.1, 9.8)
 FRAMED = FramedPendulum(0.3, 1.0, 0.8, 9.8)
 ELASTIC = ElasticPendulum(1.0, 100.0, 0.8, 9.8)
+STRING = BarOnString(2.0, 0.7, 1.2, 9.8)
+SPRING = BarOnSpring(2.0, 300.0, 0.5, 1.2, 9.8)
 CENTRIFUGAL = CentrifugalPendulum(0.5, 0.2, 0.3, 0.1)
 SLIDER = SliderCarrier(10.0, 4.0, 1.0, 30.0, 0.6)
 DOUBLE = DoublePendulum(2.0, 1.0, 1.0, 0.8, 9.8)
@@ -347,6 +351,8 @@ SAMPLES = [
     Sample("platform_axis", AXIS, AXIS.at_rest(), 0.1, sweep=True),
     Sample("simple_pendulum", PLANE, PLANE.state(1.2, 0.4), 3.0, sweep=True),
     Sample("elastic_pendulum", ELASTIC, ELASTIC.state(0.95, 0.3), 2.0, sweep=True),
+    Sample("bar_on_string", STRING, STRING.state(0.3, -0.4, 0.5), 2.0, sweep=True),
+    Sample("bar_on_spring", SPRING, SPRING.state(0.6, 0.3, -0.4), 2.0, sweep=True),
     Sample("centrifugal_pendulum", CENTRIFUGAL, CENTRIFUGAL.state(40.0, 0.3), 0.5, sweep=True),
     Sample("framed_pendulum", FRAMED, FRAMED.state(0.4, 0.1, 0.0, 2.0), 2.0, sweep=True),
     Sample("rotating_hoop", HOOP, HOOP.state(0.3, 0.2), 2.0, sweep=True),

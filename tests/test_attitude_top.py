@@ -246,6 +246,82 @@ def test_harrison_cosine_curve():  # H4.11-95
     assert_allclose(TOP.least_spin(jnp.arccos(0.6666666666666666)), 50.0, rtol=CASE)
     slow, fast = TOP.steady_precession_rates(1.2, 50.0)
     assert_allclose([cosine(1.0 / slow), cosine(1.0 / fast)], [np.cos(1.2)] * 2, rtol=1e-12)
+    # The momentum of the steady precession at the maximum has its least V' there.
+    angle = jnp.arccos(jnp.asarray(0.6666666666666666))
+    h_Z = A / x * jnp.sin(angle) ** 2 + C * 50.0 * jnp.cos(angle)
+    assert_allclose(TOP.pseudo_potential_minimum(h_Z, 50.0), angle, rtol=CASE)
+
+
+@jax.jit
+def pseudo(theta, h_Z, n):
+    at = TOP.pseudo_potential_minimum(h_Z, n)
+    return TOP.pseudo_potential(theta, h_Z, n), at, TOP.pseudo_potential(at, h_Z, n)
+
+
+def test_pseudo_potential_and_its_minimum():  # H4.11
+    """The formula itself where nothing cancels; the minimum is the steady precession with these
+    momenta, of both rates."""
+    theta, n = np.radians([20.0, 50.0, 130.0]), np.array([150.0, 80.0, -60.0])
+    for rate in map(np.asarray, TOP.steady_precession_rates(jnp.asarray(theta), jnp.asarray(n))):
+        h_Z = A * rate * np.sin(theta) ** 2 + C * n * np.cos(theta)
+        V, at, least = pseudo(jnp.asarray(theta) + 0.1, jnp.asarray(h_Z), jnp.asarray(n))
+        cosine = np.cos(theta + 0.1)
+        turning = (h_Z - C * n * cosine) ** 2 / (2.0 * A * np.sin(theta + 0.1) ** 2)
+        assert_allclose(V, turning + WL * cosine, rtol=1e-13)
+        # The momentum keeps the angle to its roundings.
+        assert_allclose(at, theta, rtol=1e-12)
+        assert np.all(least < V)
+
+
+def test_pseudo_potential_ends_at_the_nutation_s_turning_points():
+    y = released(0.7, 150.0, 0.0)
+    h_Z = C * 150.0 * np.cos(0.7)
+    for end in TOP.nutation(y).turning_points():
+        # Let go at rest: its energy is that of the height.
+        V = TOP.pseudo_potential(end, h_Z, 150.0)
+        assert_allclose(V, WL * np.cos(0.7), rtol=1e-12)
+
+
+def test_pseudo_potential_at_the_verticals():
+    """Finite with its derivatives where the axis may pass, infinite where it may not; near the
+    vertical C^2 n^2 tan^2(theta/2)/(2 A) + W l cos(theta), whose minimum leaves it below the
+    critical spin: cos^2(theta/2) = C n/sqrt(4 A W l)."""
+    critical = float(TOP.least_spin(0.0))
+    n = jnp.array([2.0, 0.5]) * critical
+    p = C * n
+    V, at, _ = pseudo(jnp.array([1e-9, 0.3]), p, n)
+    half = np.tan(0.5 * np.array([1e-9, 0.3])) ** 2
+    expected = np.asarray(p) ** 2 * half / (2.0 * A) + WL * np.cos([1e-9, 0.3])
+    assert_allclose(V, expected, rtol=1e-14)
+    assert at[0] == 0.0
+    assert_allclose(np.cos(0.5 * at[1]) ** 2, 0.5, rtol=1e-13)
+    V, at, _ = pseudo(jnp.array([0.0, 0.0]), p + jnp.array([0.0, 1e-3]), n)
+    assert V[0] == WL and V[1] == np.inf
+    # It hangs: h_Z = -C n, and the least V' is below; without spin that of a pendulum.
+    assert pseudo(0.1, -C * 100.0, 100.0)[1] == np.pi and pseudo(0.1, 0.0, 0.0)[1] == np.pi
+    for mode in (jax.jacfwd, jax.jacrev):
+        slopes = jax.jit(mode(lambda x: TOP.pseudo_potential(x[0], C * x[1], x[1])))
+        assert np.all(np.isfinite(slopes(jnp.array([0.0, 150.0]))))
+
+
+def test_derivatives_of_the_pseudo_potential_s_minimum():
+    """By the implicit function: of h_Z against that of the steady precession's own momentum."""
+    theta, n = 0.7, 150.0
+
+    def momentum(theta):
+        slow = TOP.steady_precession_rates(theta, n)[0]
+        return A * slow * jnp.sin(theta) ** 2 + C * n * jnp.cos(theta)
+
+    h_Z, slope = jax.value_and_grad(momentum)(theta)
+    for mode in (jax.jacfwd, jax.jacrev):
+        found = jax.jit(mode(lambda h: TOP.pseudo_potential_minimum(h, n)))(h_Z)
+        assert_allclose(found * slope, 1.0, rtol=1e-10)
+    # Single precision keeps its seven digits.
+    with jax.numpy_dtype_promotion("standard"):
+        single = jax.tree.map(lambda x: jnp.asarray(x, jnp.float32), TOP)
+        found = single.pseudo_potential_minimum(jnp.float32(h_Z), jnp.float32(n))
+    assert found.dtype == jnp.float32
+    assert_allclose(found, theta, rtol=1e-3)  # the momentum's digits, over 1 - cos of the tilt
 
 
 def test_precession_time_against_the_first_rate():  # H4.25

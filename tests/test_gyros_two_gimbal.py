@@ -1,6 +1,7 @@
 """The gyro in two gimbals: Thomson 6.2 (without gimbal mass), 6.3 (gimbal walk), and what must be
 conserved."""
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -12,7 +13,7 @@ from numpy.testing import assert_allclose
 from reference_run import check_derivatives, drifts, long_run, run
 
 from jaxspace.core import InputError
-from jaxspace.gyros import GimbalState, GimbalWalk, TwoGimbalGyro
+from jaxspace.gyros import DuffingOscillator, GimbalState, GimbalWalk, TwoGimbalGyro
 from jaxspace.rotations import Quaternion, omega_from_euler_rates
 
 CASE = 1e-9  # relative tolerance of the reference cases
@@ -287,3 +288,71 @@ def test_the_means_of_a_small_nutation_keep_their_digits(name):
     assert_allclose(mean(1e-7, True), mean(1e-7, False), rtol=1e-12)
     slope, expected = (jax.grad(mean)(1e-7, exact) for exact in (True, False))
     assert_allclose(slope, expected, rtol=1e-12)
+
+
+def test_second_harmonic_of_the_gimbal_walk():
+    """6.3-P1: 0.003118 rad/s of cos(2 w t) in psi' for a rate of 2 rad/s, as the exact motion has
+    it in the limit of a small nutation: the step of Runge and Kutta is a two-thousandth of it."""
+    H, J, I1, I2, theta, rate = 0.4, 0.0026, 0.0019, 0.004, np.pi / 3.0, 0.02
+    walk = GimbalWalk(*map(jnp.asarray, (theta, rate, H, J, I1, I2)))
+    scaled, _ = jax.jit(GimbalWalk.second_harmonic)(
+        GimbalWalk(*map(jnp.asarray, (theta, 2.0, H, J, I1, I2)))
+    )
+    assert_allclose(scaled, 0.003118, atol=5e-7)  # the digits of the case
+
+    def outer(angle):
+        inertia = I1 * np.cos(angle) ** 2 + I2 * np.sin(angle) ** 2
+        return H * (np.cos(theta) - np.cos(angle)) / inertia
+
+    def field(y):
+        psi_rate = outer(y[0])
+        bend = (I2 - I1) * np.sin(y[0]) * np.cos(y[0]) * psi_rate**2
+        return np.array([y[1], (bend - H * psi_rate * np.sin(y[0])) / J])
+
+    steps, y, path = 2000, np.array([theta, rate]), []
+    h = float(walk.period()) / steps
+    for _ in range(steps):
+        path.append(y[0])
+        a = field(y)
+        b = field(y + 0.5 * h * a)
+        c = field(y + 0.5 * h * b)
+        y = y + h / 6.0 * (a + 2.0 * b + 2.0 * c + field(y + h * c))
+    path = np.array(path)
+    wave = 2.0 / steps * np.cos(4.0 * np.pi / steps * np.arange(steps))
+    # Fourth-order terms: the amplitude 1.7e-4 squared; of psi', first harmonics cancel to 1e-7.
+    for found, series in zip(walk.second_harmonic(), (outer(path), path - theta), strict=True):
+        assert_allclose(found, series @ wave, rtol=1e-6)
+    # Of second order in the rate, in both modes.
+    turning = lambda walk: walk.theta_rate  # noqa: E731
+    for mode in (jax.jacfwd, jax.jacrev):
+        slope = mode(lambda r: eqx.tree_at(turning, walk, r).second_harmonic()[0])(jnp.array(2.0))
+        assert_allclose(slope, scaled, rtol=1e-13)
+
+
+def test_resonance_curve_of_a_softening_spring():
+    """6.3-P3, P4: by the amplitude, the frequencies that the harmonic balance has; without damping
+    p^2 = (k - 3/4 b a^2)/m -+ F/(a m)."""
+    spring = DuffingOscillator(1.0, 4.0, 0.1, 1.0, 1.0)
+    a = spring.harmonic_balance()
+    lower, _ = spring.resonance_frequencies(a)
+    assert_allclose(lower, 1.0, rtol=1e-13)
+    lower, upper = spring.resonance_frequencies(jnp.array([0.5, 2.0]))
+    amplitude = np.array([0.5, 2.0])
+    middle = 4.0 - 0.075 * amplitude**2
+    assert_allclose(lower, np.sqrt(middle - 1.0 / amplitude), rtol=1e-14)
+    assert_allclose(upper, np.sqrt(middle + 1.0 / amplitude), rtol=1e-14)
+
+    # With damping: (K - m p^2)^2 + c^2 p^2 = (F/a)^2, and nothing beyond the peak.
+    @jax.jit
+    def damped(a):
+        return DuffingOscillator(1.0, 4.0, 0.1, 1.0, 1.0, 0.2).resonance_frequencies(a)
+
+    for p in damped(jnp.array([1.0, 2.0])):
+        K = 4.0 - 0.075 * np.array([1.0, 4.0])
+        assert_allclose((K - p**2) ** 2 + 0.04 * p**2, [1.0, 0.25], rtol=1e-12)
+    assert np.all(np.isnan(damped(jnp.array([4.0]))))
+    for mode in (jax.jacfwd, jax.jacrev):
+        slopes = mode(lambda a: jnp.stack(spring.resonance_frequencies(a)))(2.0)
+        # d(p^2)/da = -3/2 b a +- F/a^2.
+        by_square = np.array([-0.3 + 0.25, -0.3 - 0.25])
+        assert_allclose(slopes, 0.5 * by_square / np.array([lower[1], upper[1]]), rtol=1e-13)

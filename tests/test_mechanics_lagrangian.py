@@ -11,6 +11,8 @@ from jaxspace import Accuracy, simulate
 from jaxspace.core import InputError
 from jaxspace.gyros import Gyrocompass
 from jaxspace.mechanics import (
+    BarOnSpring,
+    BarOnString,
     CanonicalState,
     DoublePendulum,
     FramedPendulum,
@@ -24,6 +26,7 @@ from jaxspace.mechanics import (
     apply_impact,
     brachistochrone,
     routh,
+    work_along,
 )
 
 DOUBLE = DoublePendulum(2.0, 1.0, 1.0, 0.8, 9.8)
@@ -342,3 +345,87 @@ def test_the_brachistochrone_keeps_its_digits_in_a_short_arch():
     distance, drop = p**3 / 6.0 * (1.0 - p * p / 20.0), p * p / 2.0 * (1.0 - p * p / 12.0)
     found = brachistochrone(distance, drop, 9.8)
     np.testing.assert_allclose(found, [1.0, p, p / np.sqrt(9.8)], rtol=1e-14)
+
+
+def swings(system, still):
+    """The angular frequencies of small motions about a rest: eigenvalues of the linear motion."""
+
+    def rate(x):
+        n = x.shape[0] // 2
+        found = system.vector_field(0.0, GeneralisedState(x[:n], x[n:]))
+        return jnp.concatenate([found.coordinates, found.rates])
+
+    roots = np.linalg.eigvals(jax.jacfwd(rate)(jnp.concatenate([still, 0.0 * still])))
+    assert_allclose(roots.real, 0.0, atol=1e-9)  # the root of rounding: pairs of equal size
+    return np.sort(np.abs(roots.imag))[::2]
+
+
+def test_a_bar_on_a_string():
+    """9.10-P9: Lagrange's equations of the book, and the frequencies of its small swings, with the
+    limits of a short string (physical pendulum, w^2 = 3 g/(2 b)) and of a short bar (g/a)."""
+    m, a, b, g = 2.0, 0.7, 1.2, 9.8
+    bar = BarOnString(m, a, b, g)
+    assert_allclose(bar.frequencies(), swings(bar, jnp.zeros(2)), rtol=1e-10)
+    assert_allclose(BarOnString(m, 1e-9, b, g).frequencies()[0], np.sqrt(1.5 * g / b), rtol=1e-8)
+    assert_allclose(BarOnString(m, a, 1e-9, g).frequencies()[0], np.sqrt(g / a), rtol=1e-8)
+    q, v = np.array([0.4, -0.7]), np.array([0.9, 1.3])
+    acceleration = bar.vector_field(0.0, GeneralisedState(jnp.asarray(q), jnp.asarray(v))).rates
+    apart = q[0] - q[1]
+    mass = [[a * a, 0.5 * a * b * np.cos(apart)], [0.5 * a * b * np.cos(apart), b * b / 3.0]]
+    gyro = 0.5 * a * b * np.sin(apart) * np.array([-(v[1] ** 2), v[0] ** 2])
+    weight = -g * np.array([a * np.sin(q[0]), 0.5 * b * np.sin(q[1])])
+    assert_allclose(acceleration, np.linalg.solve(mass, gyro + weight), rtol=1e-13)
+
+
+def test_a_bar_on_a_spring():
+    """9.10-P10: the bounce and the swings about its rest; the energy of a state."""
+    m, k, l0, b, g = 2.0, 300.0, 0.5, 1.2, 9.8
+    bar = BarOnSpring(m, k, l0, b, g)
+    r = l0 + m * g / k
+    assert_allclose(bar.rest_length(), r, rtol=1e-15)
+    found = swings(bar, jnp.array([r, 0.0, 0.0]))
+    assert_allclose(np.sort(bar.frequencies()), found, rtol=1e-10)
+    assert_allclose(bar.frequencies()[1:], BarOnString(m, r, b, g).frequencies(), rtol=1e-15)
+    # Of the velocity of the middle in Cartesian coordinates.
+    (r, ph, th), (r_rate, ph_rate, th_rate) = np.array([[0.6, 0.3, -0.4], [0.2, 0.7, 1.1]])
+    x = r_rate * np.sin(ph) + r * ph_rate * np.cos(ph) + 0.5 * b * th_rate * np.cos(th)
+    z = r_rate * np.cos(ph) - r * ph_rate * np.sin(ph) - 0.5 * b * th_rate * np.sin(th)
+    energy = 0.5 * m * (x * x + z * z + (b * th_rate) ** 2 / 12.0) + 0.5 * k * (r - l0) ** 2
+    energy -= m * g * (r * np.cos(ph) + 0.5 * b * np.cos(th))
+    y = bar.state(0.6, 0.3, -0.4, 0.2, 0.7, 1.1)
+    assert_allclose(bar.energy(0.0, y), energy, rtol=1e-13)
+
+
+def test_the_work_of_a_force_along_a_path():
+    """4.4-P3: a conservative force works the same on every path, the fall of its potential; one
+    with a curl does not, and backwards the sign changes."""
+
+    def helix(s):
+        return jnp.stack([jnp.cos(s), jnp.sin(s), 0.5 * s])
+
+    def chord(s):
+        return jnp.stack([1.0 - 2.0 * s, 0.0 * s, 0.5 * jnp.pi * s])
+
+    def attraction(r):
+        return -r / jnp.sum(r * r, axis=0) ** 1.5
+
+    def swirl(r):
+        return jnp.stack([-r[1], r[0], 0.0 * r[2]])
+
+    # Potential -1/|r| at both ends; of Gauss's 24 nodes, to 1e-9 as the path turns half around.
+    fall = 1.0 / np.sqrt(1.0 + 0.25 * np.pi**2) - 1.0
+    end = jnp.pi
+    assert_allclose(work_along(attraction, helix, 0.0, end), fall, rtol=1e-9)
+    # The straight way passes the centre at a distance of a half: it bends more.
+    assert_allclose(work_along(attraction, chord), fall, rtol=1e-4)
+    assert_allclose(work_along(swirl, helix, 0.0, end), np.pi, rtol=1e-14)
+    assert_allclose(work_along(swirl, chord), 0.0, atol=1e-15)
+    ends = jnp.array([0.5, 2.0, -1.0])
+    assert_allclose(work_along(swirl, helix, 0.0, ends), ends, rtol=1e-14)
+    assert_allclose(work_along(swirl, helix, ends, 0.0), -ends, rtol=1e-14)
+    for mode in (jax.jacfwd, jax.jacrev):
+        slope = jax.jit(mode(lambda s: work_along(attraction, helix, 0.0, s)))(1.0)
+        # The power at the end: -r . r'/|r|^3.
+        assert_allclose(slope, -0.25 / 1.25**1.5, rtol=1e-9)
+    with pytest.raises(InputError, match="end is nan"):
+        work_along(swirl, helix, 0.0, float("nan"))

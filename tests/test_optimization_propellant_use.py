@@ -10,6 +10,8 @@ from jaxtyping import Array
 from scipy.integrate import quad
 from scipy.optimize import brentq, fsolve
 
+from jaxspace import Mission, Phase, Scene, simulate
+from jaxspace.bodies import BodyState
 from jaxspace.core import InputError
 from jaxspace.optimization import (
     AbstractThrustAcceleration,
@@ -24,6 +26,7 @@ from jaxspace.optimization import (
     minimum_time_steering,
     propellant_use,
 )
+from jaxspace.orbits import UniformGravity
 
 G = 32.2
 use = jax.jit(propellant_use)
@@ -329,3 +332,57 @@ def test_equal_stages_and_their_limit():
     np.testing.assert_allclose(found, expected, rtol=2e-9)
     slopes = jax.grad(lambda v: jnp.sum(equal_stages_payload(v, 9660.0, 0.12, N)))(26000.0)
     assert np.isfinite(slopes)
+
+
+def test_a_level_split_without_time_is_one_impulse():
+    """T = 0: both impulses act at one moment, and no other height is reached; the best use of a
+    level release that sinks is such a one."""
+    u0, w0 = 300.0, 120.0
+    one = propellant_use(jnp.array([u0, w0]), 0.0, 200.0, 9.8, 0.0)
+    assert one.degenerate and one.feasible and one.duration == 0.0
+    # sqrt(200^2 - 120^2) = 160, exactly.
+    np.testing.assert_allclose(one.final_velocity, u0 + 160.0, rtol=1e-15)
+    best = propellant_use(jnp.array([u0, -w0]), 0.0, 200.0, 9.8)
+    assert best.duration == 0.0
+    np.testing.assert_allclose(best.final_velocity, u0 + 160.0, rtol=1e-15)
+    missed = propellant_use(jnp.array([u0, w0]), 5.0, 200.0, 9.8, 0.0)
+    assert not missed.feasible and missed.least_gain == np.inf and missed.nearest_climb == 0.0
+    assert all(np.all(np.isfinite(x)) for x in (missed.first_angle, missed.final_velocity))
+
+    @jax.jit
+    def slopes(x):
+        def velocity(x):
+            return propellant_use(x[:2], 0.0, x[2], 9.8, 0.0).final_velocity
+
+        return jax.jacfwd(velocity)(x), jax.jacrev(velocity)(x)
+
+    # By u_0, w_0 and V: 1, -w_0/160, V/160.
+    for found in slopes(jnp.array([u0, w0, 200.0])):
+        np.testing.assert_allclose(found, [1.0, -0.75, 1.25], rtol=1e-14)
+    with pytest.raises(InputError, match="duration is -1"):
+        propellant_use(jnp.array([u0, w0]), 0.0, 200.0, 9.8, -1.0)
+
+
+def test_a_level_split_flies_as_a_phase_without_duration():
+    """The mission of the two impulses of T = 0, with the slope by the duration of its phase: that
+    of gravity, -g."""
+    use = propellant_use(jnp.array([300.0, 120.0]), 0.0, 200.0, 9.8, 0.0)
+    gains = use.first, use.last
+    angles = use.first_angle, use.last_angle
+    start = BodyState(position=jnp.zeros(3), velocity=jnp.array([300.0, 0.0, 120.0]))
+    system = Scene((UniformGravity([0.0, 0.0, -9.8]),))
+
+    def kick(k):
+        def then(t, y):
+            gained = gains[k] * jnp.array([jnp.cos(angles[k]), 0.0, jnp.sin(angles[k])])
+            return BodyState(position=y.position, velocity=y.velocity + gained)
+
+        return then
+
+    def end(duration):
+        phases = [Phase(system, 0.0, kick(0), "start"), Phase(system, duration, kick(1), "split")]
+        return simulate(Mission(phases), start).final.velocity
+
+    velocity, slope = jax.jvp(end, (0.0,), (1.0,))
+    np.testing.assert_allclose(velocity, [460.0, 0.0, 0.0], atol=1e-12)
+    np.testing.assert_allclose(slope, [0.0, 0.0, -9.8], rtol=1e-12)

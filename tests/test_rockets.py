@@ -8,6 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 from jaxspace import Scene, simulate, simulate_batch
 from jaxspace.bodies import BodyState, BurningBody, Load, PrincipalInertia, RigidBody
@@ -24,6 +25,7 @@ from jaxspace.rockets import (
     coast_height,
     jet_damping_ratio,
     mass_ratio_for,
+    propulsive_efficiency,
     rocket_equation,
     spin_angle,
     vertical_burnout_height,
@@ -306,6 +308,73 @@ def test_jet_damping_of_a_larger_radius_of_gyration():
     # Closed form, in roundings of its terms.
     np.testing.assert_allclose(small, 8.0 * (2.0**2 - 1.5**2) * 0.5, rtol=1e-14)
     assert same_lever < small < same_ratio
+
+
+def test_jet_damping_with_a_radius_of_gyration_that_changes():
+    """T7.10-P5: k^2 = k_0^2 (1 + s (1 - xi)) with a lever that stays has the integral
+    (l/k_0)^2 [ln(xi) - ln(k^2/k_0^2)]/(1 + s) in closed form; s > 0 damps less, s < 0 more. And
+    k ~ xi^(1/4) with l/k that stays, a power again."""
+    xi, lever = np.array([1.0, 0.6, 0.2, 0.02]), 2.0
+
+    @jax.jit
+    def ratio(xi, s, lever):
+        def gyration(z):
+            return jnp.sqrt(1.0 + s * (1.0 - z))
+
+        return jet_damping_ratio(xi, lambda z: lever / gyration(z), gyration=gyration)
+
+    found = {}
+    for s in (0.8, 0.0, -0.5):
+        k2 = 1.0 + s * (1.0 - xi)
+        expected = (xi / k2) ** (lever**2 / (1.0 + s)) / (xi * k2)
+        found[s] = ratio(jnp.asarray(xi), s, lever)
+        # The quadrature bends as 1/k^2: to rounding, times the exponent.
+        assert_allclose(found[s], expected, rtol=1e-13)
+    assert np.all(found[-0.5][1:] < found[0.0][1:]) and np.all(found[0.0][1:] < found[0.8][1:])
+    power = jet_damping_ratio(jnp.asarray(xi), 2.0, gyration=lambda z: z**0.25)
+    assert_allclose(power, xi ** (4.0 - 1.5), rtol=1e-14)
+    for mode in (jax.jacfwd, jax.jacrev):
+        slopes = jax.jit(mode(lambda x: ratio(*x)))(jnp.array([0.6, 0.0, lever]))
+        # By xi and the lever as of the power 3; by s from the closed form.
+        by_s = 0.6**3 * (-4.0 * np.log(0.6) - 4.0 * 0.4 - 0.4)
+        assert_allclose(slopes, [3.0 * 0.36, by_s, 4.0 * np.log(0.6) * 0.6**3], rtol=1e-12)
+    with pytest.raises(InputError, match="mass_ratio"):
+        jet_damping_ratio(0.0, lambda z: z)
+
+
+def test_jet_damping_of_a_tank_is_that_of_the_effect():
+    """The function of xi against the moment of `JetDamping`, for a body whose radius of gyration
+    falls: the derivative of the logarithm, J omega' = M + m' (dJ/dm) omega ... of the effect."""
+    body = BurningBody(500.0, PrincipalInertia(jnp.array([900.0, 900.0, 50.0])), [1.2, 1.2, 0.3])
+    xi, m0, lever, rate = 0.7, 1500.0, 3.0, -8.0
+
+    def gyration(z):
+        return jnp.sqrt(900.0 / (z * m0) + 1.44 * (1.0 - 500.0 / (z * m0)))
+
+    def logarithm(z):
+        return jnp.log(jet_damping_ratio(z, lambda z: lever / gyration(z), gyration=gyration))
+
+    damping = JetDamping(lambda t, m: rate + 0.0 * m, -lever)
+    y = BodyState(
+        attitude=Quaternion.identity(), omega=jnp.array([1.0, 0.0, 0.0]), mass=jnp.array(xi * m0)
+    )
+    moment = damping.load(jnp.zeros(()), y, body).torque_B[0]
+    inertia = xi * m0 * gyration(xi) ** 2
+    assert_allclose(jax.grad(logarithm)(xi) * rate / m0, moment / inertia, rtol=1e-12)
+
+
+def test_propulsive_efficiency():
+    """8.1: 2 u v/(u^2 + v^2), one at v = u, and the same at v and at u^2/v."""
+    v = jnp.array([0.0, 750.0, 3000.0, 12000.0])
+    found = propulsive_efficiency(v, 3000.0)
+    assert_allclose(found, [0.0, 8.0 / 17.0, 1.0, 8.0 / 17.0], rtol=1e-15)
+    for mode in (jax.jacfwd, jax.jacrev):
+        slopes = mode(lambda x: propulsive_efficiency(x[0], x[1]))(jnp.array([750.0, 3000.0]))
+        # By v / u: 2 (1 - x^2)/(1 + x^2)^2.
+        slope = 2.0 * (1.0 - 1.0 / 16.0) / (1.0 + 1.0 / 16.0) ** 2
+        assert_allclose(slopes, [slope / 3000.0, -slope * 750.0 / 3000.0**2], rtol=1e-14)
+    with pytest.raises(InputError, match="exhaust_velocity"):
+        propulsive_efficiency(100.0, 0.0)
 
 
 def test_spin_angle_has_no_hole_at_a_central_nozzle():

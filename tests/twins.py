@@ -498,6 +498,27 @@ def unwound(x):
     return [w0 * (c - phi**2) / (c + phi**2), 4 * I * c * w0**2 * phi / (R * (c + phi**2) ** 2)]
 
 
+def pseudo_potential_minimum(x):
+    """By the slope of V', whose sign times s^4 c^4 falls: in the squared sine of half the angle."""
+    A, C, Wl, h, n = x
+
+    def fall(y):
+        up, down = h - C * n, h + C * n
+        return (down * y) ** 2 - (up * (1 - y)) ** 2 - 16 * A * Wl * (y * (1 - y)) ** 2
+
+    return [2 * mp.asin(mp.sqrt(halved(fall, mpf(0), mpf(1))))]
+
+
+def assumed(x):
+    """Two powers of a cantilever, x^2 and x^3: M = mu L (1/5, 1/6; 1/6, 1/7), K = EI / L^3 (4, 6;
+    6, 12), det(K - w^2 M) = 0."""
+    length, stiffness, mass = x
+    # 1/1260 z^2 - 34/35 z + 12 = 0 in z = w^2 mu L^4 / EI.
+    apart = mp.sqrt((mpf(34) / 35) ** 2 - 4 * mpf(12) / 1260)
+    roots = [(mpf(34) / 35 - apart) * 630, (mpf(34) / 35 + apart) * 630]
+    return [mp.sqrt(z * stiffness / mass) / length**2 for z in roots]
+
+
 def gimbal_walk(x):
     """Trapezoidal sums over one period; they converge exponentially."""
     theta0, rate, H, J, I1, I2 = x

@@ -3,19 +3,27 @@ motions about it. Equations, symbols and units in `_top.py`.
 
     A cos(theta) psi'^2 - C n psi' + W l = 0         A psi'^2 - h_Z psi' + W l cos(theta) = 0
     (C n)^2 >= 4 A W l cos(theta)                    the condition that roots exist
+    V'(theta) = (h_Z - C n cos(theta))^2 / (2 A sin^2(theta)) + W l cos(theta)
 
 Each function computes what the method of `Top` with its name, or the end of it, returns. Near the
 least spin the radicand is formed from differences of spins: nothing cancels, and it is zero exactly
 there.
 
+With s and c, sine and cosine of theta / 2, the pseudo-potential is
+
+    V' = [(h_Z - C n) c/s + (h_Z + C n) s/c]^2 / (8 A) + W l (1 - 2 s^2)
+
+which keeps its digits near both verticals, and is convex in cos(theta): it has one minimum, the
+steady precession of these momenta, or the vertical where a top sleeps.
+
 Source: Thomson 5.14-3, -4 (steady precession), 6.1-5 (small nutation); Harrison and Nettleton 4.11
-(sleeping top).
+(sleeping top, pseudo-potential).
 """
 
 import jax
 import jax.numpy as jnp
 
-from ..core import Scalar, barrier, end_sqrt
+from ..core import Scalar, barrier, end_sqrt, increasing_root
 
 
 def steady_rates(
@@ -76,6 +84,41 @@ def nutation_frequency(
 
     least = _constant(least_spin(A, C, Wl, theta))
     return end_sqrt(radicand, A, C, Wl, theta, precession, n, least) / A
+
+
+def pseudo_potential(
+    A: Scalar, C: Scalar, Wl: Scalar, theta: Scalar, h_Z: Scalar, n: Scalar
+) -> Scalar:
+    """V', J, at `theta`, rad, for the momentum `h_Z`, kg m^2/s, and the spin `n`, rad/s."""
+    s, c = jnp.sin(0.5 * theta), jnp.cos(0.5 * theta)
+    p = barrier(C * n)  # rounded once: a product within the difference would not vanish
+    up, down = h_Z - p, h_Z + p
+    # At the vertical only momenta that let the axis pass have no pole.
+    upright = s == 0.0
+    around = jnp.where(upright, 0.0, up * c / jnp.where(upright, 1.0, s)) + down * s / c
+    V = around * around / (8.0 * A) + Wl * (1.0 - 2.0 * s * s)
+    return jnp.where(upright & (up != 0.0), jnp.inf, V)
+
+
+def pseudo_potential_minimum(A: Scalar, C: Scalar, Wl: Scalar, h_Z: Scalar, n: Scalar) -> Scalar:
+    """The theta, rad, of the least V'."""
+    p = barrier(C * n)  # rounded once: a product within the difference would not vanish
+    up, down = h_Z - p, h_Z + p
+    # A top that sleeps: the axis stays at a vertical that it can reach.
+    stands = (up == 0.0) & (down * down >= 16.0 * A * Wl)
+    hangs = (down == 0.0) & (up * up + 16.0 * A * Wl >= 0.0)
+    sleeps = stands | hangs
+    # Any other momenta keep the branch that is not taken free of an end as its root.
+    up, down = (jnp.where(sleeps, C, momentum) for momentum in (up, down))
+
+    def fall(theta: Scalar) -> Scalar:
+        """-16 A s^4 c^4 times the slope of V' by cos(theta)."""
+        s, c = jnp.sin(0.5 * theta), jnp.cos(0.5 * theta)
+        lift = jnp.where(sleeps, 0.0, 16.0 * A * Wl) * (s * c) ** 4
+        return (down * s * s) ** 2 - (up * c * c) ** 2 - lift
+
+    inside = increasing_root(fall, jnp.zeros_like(up), jnp.full_like(up, jnp.pi))
+    return jnp.where(sleeps, jnp.where(stands, 0.0, jnp.pi), inside)
 
 
 def _constant(x: Scalar) -> Scalar:

@@ -59,6 +59,8 @@ from ._state import attitude_and_omega, vertical
 from ._steady_precession import (
     least_spin,
     nutation_frequency,
+    pseudo_potential,
+    pseudo_potential_minimum,
     rates_from_momentum,
     sleeping_growth_rate,
     steady_rates,
@@ -234,6 +236,30 @@ class Top(AbstractSystem):
         Zero where it is stable. At the critical spin, `least_spin` at theta = 0, its slope is
         infinite (the rule of ends in `core/_safe.py`)."""
         return sleeping_growth_rate(*self._letters(), as_float(n))
+
+    def pseudo_potential(self, theta: Scalar, h_Z: Scalar, n: Scalar) -> Scalar:
+        """The pseudo-potential V', J: the axis moves as a point of inertia A in this potential, and
+        stays where it lies below T + V - C n^2 / 2 (Harrison and Nettleton 4.11).
+
+        **Arguments**
+
+        - `theta`: nutation angle, rad.
+        - `h_Z`: angular momentum about the vertical, kg m^2/s.
+        - `n`: spin, rad/s.
+
+        **Returns** (h_Z - C n cos(theta))^2 / (2 A sin^2(theta)) + W l cos(theta); infinite at a
+        vertical through which these momenta do not let the axis pass.
+        """
+        return pseudo_potential(*self._letters(), as_float(theta), as_float(h_Z), as_float(n))
+
+    def pseudo_potential_minimum(self, h_Z: Scalar, n: Scalar) -> Scalar:
+        """The nutation angle, rad, at the only minimum of the pseudo-potential: that of the steady
+        precession with these momenta, and of small nutations about it (Harrison and Nettleton
+        4.11); arguments as in `pseudo_potential`.
+
+        Zero, with derivatives of zero, for the upright top at and above its critical spin, and pi
+        for the one that hangs."""
+        return pseudo_potential_minimum(*self._letters(), as_float(h_Z), as_float(n))
 
     def precession_moment(self, theta: Scalar, precession: Scalar, n: Scalar) -> Scalar:
         """The moment about the line of nodes, N m, that a steady precession requires (Thomson

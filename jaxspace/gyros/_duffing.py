@@ -1,11 +1,13 @@
 """Forced oscillator with a spring that softens or stiffens: Duffing's equation.
 
     m y'' + c y' + k y - b y^3 = F sin(p t)
+    (K - m p^2)^2 + c^2 p^2 = (F/a)^2,   K = k - 3/4 b a^2      resonance curve by harmonic balance
 
     symbol   meaning                                     unit
     m, c, k  mass, damping, stiffness                    kg, N s/m, N/m
     b        cubic coefficient: positive softens         N/m^3
     F, p     amplitude and angular frequency of force    N, rad/s
+    a        amplitude of y                              m
 
 Source: Thomson 6.3, problems 3 and 4.
 """
@@ -17,7 +19,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..core import AbstractSystem, Scalar, quantity
+from ..core import AbstractSystem, Scalar, as_float, end_sqrt, quantity
 
 # Newton's steps double the digits.
 STEPS = 60
@@ -60,6 +62,27 @@ class DuffingOscillator(AbstractSystem):
         cube = self.softening * linear**3
         first = linear + 0.75 * cube / (self.stiffness - self.mass * p2)
         return first, -0.25 * cube / (self.stiffness - 9.0 * self.mass * p2)
+
+    def resonance_frequencies(self, amplitude: Scalar) -> tuple[Scalar, Scalar]:
+        """The angular frequencies p, rad/s, below and above the backbone p^2 = K/m at which the
+        motion has the amplitude a, m, by harmonic balance with the damping: the whole resonance
+        curve, its unstable part included. The oscillator's own `frequency` plays no role.
+
+        NaN where there is none: beyond the peak, and below p = 0. Where both meet, at the peak,
+        their slopes are infinite (the rule of ends in `core/_safe.py`)."""
+        a = as_float(amplitude)
+        stiffness = self.stiffness - 0.75 * self.softening * a * a
+
+        def radicand(mass, damping, stiffness, force):
+            lost = damping * damping
+            return lost * (lost - 4.0 * mass * stiffness) + (2.0 * mass * force) ** 2
+
+        apart = end_sqrt(radicand, self.mass, self.damping, stiffness, self.force / a)
+        middle = 2.0 * self.mass * stiffness - self.damping * self.damping
+        scale = jnp.sqrt(2.0) * self.mass
+        lower, upper = middle - apart, middle + apart
+        root = end_sqrt(lambda x: x, lower), end_sqrt(lambda x: x, upper)
+        return root[0] / scale, root[1] / scale
 
     def harmonic_balance(self, guess: Scalar | None = None) -> Scalar:
         """The amplitude a, m, of sin(p t) alone without damping: (k - m p^2) a - 3/4 b a^3 = F.

@@ -4,6 +4,9 @@
     X(theta) = H (cos(theta_0) - cos(theta)) / sqrt(J I_Z)     J theta'^2 + J X^2 = J theta_0'^2,
                                                                exactly
 
+    psi' = ... + a^2 (H/I_0) [(s I'/I_0 - c/2)/2 - b s/2] cos(2 w t)      to second order in a
+    theta = ... - (a^2 b/2) cos(2 w t),     b = c/(2 s) - I'/(2 I_0)
+
 By the energy integral theta' = theta_0' cos(chi) and X = theta_0' sin(chi), hence dt =
 d(chi) / X'(theta). The phase chi removes the singular ends of the quadrature, and the integrand is
 periodic.
@@ -15,9 +18,12 @@ periodic.
     I_Z, I_0     inertia about the outer axis, I_1 cos^2 + I_2 sin^2; at theta_0      kg m^2
     I_1, I_2     the same for theta = 0, C_i + C_0, and for 90 deg, A + B_i + C_0     kg m^2
     w            H sin(theta_0) / sqrt(I_0 J), frequency of the nutation              rad/s
+    a            theta_0' / w, amplitude of the nutation                              rad
+    I', s, c     slope of I_Z at theta_0; sine and cosine of theta_0                  kg m^2, 1
 
 Source: Thomson 6.3-12 to -14 (energy integral), 6.3-22 (the line before it has a wrong sign),
-problem 5 (mean of theta).
+problem 1 (second harmonic; 6.3-16 lacks -(1/2) C n cos(theta_0) of the expansion), problem 5 (mean
+of theta).
 Valid as long as theta turns back before 0 and 180 deg, that is for |theta_0'| < H (1 -
 |cos(theta_0)|) / sqrt(J I_1), which is X at the nearer of the two. A faster gimbal passes over the
 pole, which is another motion: its walk is NaN.
@@ -77,6 +83,20 @@ class GimbalWalk(eqx.Module):
         c = jnp.cos(self.theta)
         bend = c / s - 2.0 * self._difference() * s * c / self.outer_inertia(self.theta)
         return -0.75 * (self.theta_rate / self.frequency()) ** 2 * bend
+
+    def second_harmonic(self) -> tuple[Scalar, Scalar]:
+        """Amplitudes of cos(2 w t) in psi', rad/s, and in theta, rad, to second order in the rate
+        of theta (Thomson 6.3, problem 1).
+
+        At t = 0 the outer gimbal is at rest, and the first harmonic of theta is that of
+        sin(w t)."""
+        s, c = jnp.sin(self.theta), jnp.cos(self.theta)
+        inertia = self.outer_inertia(self.theta)
+        slope = 2.0 * self._difference() * s * c / inertia
+        theta = -0.25 * (self.theta_rate / self.frequency()) ** 2 * (c / s - slope)
+        # Of the square of the first harmonic, sin^2 = (1 - cos(2 w t)) / 2.
+        square = 0.5 * (self.theta_rate / self.frequency()) ** 2 * (s * slope - 0.5 * c)
+        return self.spin_momentum / inertia * (s * theta + square), theta
 
     def drift(self) -> Scalar:
         """Mean rate of the outer gimbal, rad/s, exactly."""

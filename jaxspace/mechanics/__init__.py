@@ -3,6 +3,9 @@
 from ._arm import ArmPendulum as ArmPendulum
 from ._arm import ArmState as ArmState
 from ._arm import foucault_motion as foucault_motion
+from ._bars import BarOnSpring as BarOnSpring
+from ._bars import BarOnString as BarOnString
+from ._beams import assumed_modes as assumed_modes
 from ._beams import beam_integral as beam_integral
 from ._beams import beam_roots as beam_roots
 from ._beams import beam_shape as beam_shape
@@ -43,3 +46,4 @@ from ._rolling import turntable_motion as turntable_motion
 from ._variational import action as action
 from ._variational import brachistochrone as brachistochrone
 from ._variational import hanging_chain as hanging_chain
+from ._work import work_along as work_along

@@ -11,6 +11,7 @@ With T free the least c lies at a corner of |W_1| + |W_2|: one of the impulses v
     D > 0    at the start:  T = sqrt(2 D/g),                  c = |sqrt(2 g D) - w_0|
     D < 0    at the end:    T = [w_0 + sqrt(w_0^2 - 2 g D)]/g,  c = sqrt(w_0^2 - 2 g D)
     D = 0    degenerate for w_0 > 0: every split and every T up to 2 w_0/g have c = w_0
+             and for T = 0, where both impulses are one: c = |w_0|; no D but 0 is reached then
 
 The impulse belongs to the lower altitude, where the thrust is steepest. What a gain V reaches:
 
@@ -113,14 +114,14 @@ def propellant_use(
     - `velocity`: at release, horizontal and vertical, m/s, (2, *runs).
     - `climb`: D, height of the end above the release, m; negative below it.
     - `velocity_gain`: V, of all propellant, m/s; `gravity`: m/s^2.
-    - `duration`: T, s, where it is prescribed; `None` chooses the best.
+    - `duration`: T, s, where it is prescribed, also zero; `None` chooses the best.
 
     **Returns** a `PropellantUse`.
 
-    **Raises** `InputError` for a gravity or duration that is not positive, or a negative gain.
+    **Raises** `InputError` for a gravity that is not positive, or a negative duration or gain.
     """
     check_positive("gravity", gravity)
-    check_positive("duration", duration)
+    check_non_negative("duration", duration)
     check_non_negative("velocity_gain", velocity_gain)
     u0, w0 = as_float(velocity)
     D, V, g = (as_float(x) + 0.0 * u0 for x in (climb, velocity_gain, gravity))
@@ -134,11 +135,16 @@ def propellant_use(
     if free:
         first = jnp.where(up, safe_sqrt(2.0 * g * jnp.maximum(D, 0.0)) - w0, 0.0)
         last = jnp.where(up, 0.0, g * T - w0)
+    # Without time no gain reaches another height: half of it goes up, and half of it down again.
+    one_moment = (T == 0.0) & (not free)
+    still = one_moment & (D != 0.0)
+    first, last = jnp.where(still, D, first), jnp.where(still, -D, last)
     size = jnp.abs(first) + jnp.abs(last)
+    share = jnp.where(size > 0.0, safe_divide(jnp.abs(first), size), 1.0)
+    size = jnp.where(still, jnp.inf, size)
     feasible = size <= V
     kept = jnp.minimum(size, V)
     across = safe_sqrt(V * V - kept * kept)
-    share = jnp.where(size > 0.0, safe_divide(jnp.abs(first), size), 1.0)
     # Without propellant the impulse has no slope, and the angle is zero.
     angle = jnp.arctan2(kept, jnp.where(V > 0.0, across, 1.0))
     return PropellantUse(
@@ -149,7 +155,7 @@ def propellant_use(
         duration=T,
         final_velocity=u0 + across,
         corner=(first == 0.0) | (last == 0.0),
-        degenerate=(D == 0.0) & (w0 > 0.0) & (free | (g * T <= 2.0 * w0)),
+        degenerate=(D == 0.0) & jnp.where(w0 > 0.0, free | (g * T <= 2.0 * w0), one_moment),
         feasible=feasible,
         least_gain=size,
         nearest_climb=jnp.where(feasible, D, _nearest_climb(w0, D, V, g, None if free else T)),

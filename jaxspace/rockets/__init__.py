@@ -21,6 +21,7 @@ from ._pitch_kick import PitchKick as PitchKick
 from ._propellant_depletion import PropellantDepletion as PropellantDepletion
 from ._rocket_equation import coast_height as coast_height
 from ._rocket_equation import mass_ratio_for as mass_ratio_for
+from ._rocket_equation import propulsive_efficiency as propulsive_efficiency
 from ._rocket_equation import rocket_equation as rocket_equation
 from ._rocket_equation import vertical_burnout_height as vertical_burnout_height
 from ._rocket_equation import vertical_burnout_velocity as vertical_burnout_velocity

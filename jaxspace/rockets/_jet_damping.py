@@ -15,12 +15,15 @@
     rho      radius of the ring of exits (0: one central nozzle)    m
     dJ/dm    how the inertia falls with the mass                    m^2
 
-Closed forms for radii of gyration k, k_z that stay (xi = m / m_0, constant m'):
+Closed forms for radii of gyration k, k_z that stay (xi = m / m_0, constant m'), the second for any
+k:
     omega = omega_0 xi^(l^2/k^2 - 1)                                        no spin (7.8-4)
+    omega = omega_0 k_0^2/(xi k^2) exp(-integral of (l/k)^2 d(xi)/xi from xi to 1)    k(xi), l(xi)
     omega_z = n xi^(rho^2/k_z^2 - 1)                                        (7.9)
     |omega_xy| = |omega_xy(0)| xi^((l^2 + rho^2/2 - k^2)/k^2)               (Ex. 7.9-1, corrected)
 
-Source: Thomson 7.8, 7.9 (errata 11 to 13). The exhaust leaves straight out of the nozzle, without
+Source: Thomson 7.8, 7.9 (errata 11 to 13), 7.10 problem 5 (a greater k has less damping where l
+stays, and more where l/k does). The exhaust leaves straight out of the nozzle, without
 swirl of its own.
 """
 
@@ -29,6 +32,7 @@ from typing import Any, ClassVar, final
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
@@ -37,6 +41,7 @@ from ..core import (
     Vector,
     as_float,
     axis,
+    check_positive,
     dot,
     phi1,
     quantity,
@@ -45,13 +50,47 @@ from ..core import (
     with_rank,
 )
 
+# The error of a quadrature by Gauss falls exponentially with the nodes.
+NODES = 32
 
-def jet_damping_ratio(mass_ratio: Scalar, lever_over_gyration: Scalar) -> Scalar:
-    """omega / omega_0 without spin, for `mass_ratio` = m / m_0 and l / k (Thomson 7.8-4).
+
+def jet_damping_ratio(
+    mass_ratio: Scalar,
+    lever_over_gyration: Scalar | Callable[[Scalar], Scalar],
+    *,
+    gyration: Callable[[Scalar], Scalar] | None = None,
+) -> Scalar:
+    """omega / omega_0 without spin (Thomson 7.8-4; with a radius of gyration that changes, 7.10
+    problem 5).
+
+    **Arguments**
+
+    - `mass_ratio`: xi = m / m_0.
+    - `lever_over_gyration`: l / k, or a smooth function of xi, from (places, *runs) to the same
+      shape.
+    - `gyration`: k / k_0 as a function of xi, where k changes; `None` where it stays.
 
     At the mass ratio zero, the end of the range, the derivatives are one-sided: by the mass ratio
-    infinite for k < l < sqrt(2) k, by l / k zero; zero where the ratio is infinite."""
-    return _power(as_float(mass_ratio), as_float(lever_over_gyration) ** 2 - 1.0)
+    infinite for k < l < sqrt(2) k, by l / k zero; zero where the ratio is infinite. With a function
+    the mass ratio has to be positive: the ratio at zero is NaN.
+
+    **Raises** `InputError` where a function is given, for a mass ratio that is not positive.
+    """
+    xi = as_float(mass_ratio)
+    kept = (
+        1.0
+        if gyration is None
+        else (gyration(xi[None])[0] / gyration(jnp.ones_like(xi)[None])[0]) ** 2
+    )
+    if not isinstance(lever_over_gyration, Callable):
+        return _power(xi, as_float(lever_over_gyration) ** 2 - 1.0) / kept
+    check_positive("mass_ratio", mass_ratio)
+    # (l/k)^2 d(xi)/xi over the logarithm of xi, in which it is smooth.
+    x, weights = np.polynomial.legendre.leggauss(NODES)
+    x, weights = (jnp.asarray(a, xi.dtype).reshape(-1, *(1,) * xi.ndim) for a in (x, weights))
+    half = -0.5 * jnp.log(xi)
+    squares = lever_over_gyration(jnp.exp(-half * (1.0 + x))) ** 2
+    return jnp.exp(-half * jnp.sum(weights * squares, axis=0)) / (xi * kept)
 
 
 def spin_ratio(mass_ratio: Scalar, ring_over_gyration: Scalar) -> Scalar:

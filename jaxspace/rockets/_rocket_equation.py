@@ -6,8 +6,10 @@
     H  = r x / (1 - x),  x = v^2 r / (2 g R^2)      coast from the radius r under inverse-square
                                                     gravity (8.1-12)
     H  = v^2 / (2 g)                                coast under constant gravity
+    eta = 2 u v / (u^2 + v^2)                       propulsive efficiency (8.1)
 
     symbol  meaning                            unit
+    v       speed of the rocket                m/s
     u       exhaust velocity                   m/s
     m_0, m  mass at ignition, mass now         kg
     mu      mass ratio m_0 / m                 1
@@ -19,7 +21,7 @@ Valid for a constant exhaust velocity and mass flow, without drag.
 
 import jax.numpy as jnp
 
-from ..core import Scalar, check_positive
+from ..core import Scalar, as_float, check_positive
 
 
 def rocket_equation(exhaust_velocity: Scalar, mass_ratio: Scalar) -> Scalar:
@@ -119,3 +121,22 @@ def coast_height(
     x = speed**2 * r / (2.0 * surface_gravity * radius**2)
     # The branch that is not taken must not divide by zero: its NaN would enter every gradient.
     return jnp.where(x < 1.0, r * x / jnp.where(x < 1.0, 1.0 - x, 1.0), jnp.inf)
+
+
+def propulsive_efficiency(speed: Scalar, exhaust_velocity: Scalar) -> Scalar:
+    """The share of the power of a jet that moves the rocket, F v / [F v + m' (u - v)^2 / 2] with
+    the thrust F = m' u; the rest stays behind as kinetic energy of the exhaust (Thomson 8.1).
+
+    It is 1 at the speed u, at which the exhaust comes to rest, and falls above it.
+
+    **Arguments**
+
+    - `speed`: v, m/s.
+    - `exhaust_velocity`: u, m/s.
+
+    **Raises** `InputError` for an exhaust velocity that is not positive.
+    """
+    check_positive("exhaust_velocity", exhaust_velocity)
+    # In units of u, so that no square overflows in single precision.
+    x = as_float(speed) / exhaust_velocity
+    return 2.0 * x / (1.0 + x * x)

@@ -59,7 +59,7 @@ class Phase(eqx.Module):
     """One phase: the `system` that moves, `until` when, and `then` what jumps.
 
     - `system`: any system, or a `ClosedLoop` of one, whose controller starts again with the phase.
-    - `until`: a duration, s, or an `Event` that sets its limit `within`.
+    - `until`: a duration, s, zero for a jump at once, or an `Event` that sets its limit `within`.
     - `then`: a function (t, y) -> y applied at the end; `None` leaves the state as it is.
     - `name`: for tables and plots.
 

@@ -58,7 +58,7 @@ CHAPTERS_1_TO_4 = (
         "rotations.omega_from_cosine_rates rotations.cosine_conditions",
     ),
     Row("4.2", "Impulse, restitution, crushable pad", "T4.2"),
-    Row("4.3", "Work and energy", "T4.3"),
+    Row("4.3, 4.4 P3", "Work and energy", "T4.3", "mechanics.work_along"),
     Row(
         *("4.4", "Moment about a moving point", "T4.4"),
         "mechanics.momentum_about mechanics.moment_about_moving_point",
@@ -186,7 +186,11 @@ CHAPTER_5 = (
     ),
     Row("H 4.9", "Binet's diagrams", "H4.14 H4.15 H4.16"),
     Row("H 4.10", "Euler's rates, node axes", "H4.78 H4.81"),
-    Row("H 4.11", "Top, pseudo-potential", "H4.11 H4.25", "attitude.Top.least_spin"),
+    Row(
+        *("H 4.11", "Top, pseudo-potential", "H4.11 H4.25"),
+        "attitude.Top.least_spin attitude.Top.pseudo_potential "
+        "attitude.Top.pseudo_potential_minimum",
+    ),
     Row("H 4.12", "Forced precession", "H4.12"),
     Row("H 4.13", "Satellites as a gyroscope", "H4.13"),
 )
@@ -243,7 +247,8 @@ VEHICLES = (
 CHAPTER_8 = (
     Row(
         *("8.1", "Single stage, vertical: burnout, height, coast, partial derivatives", "T8.1"),
-        "rockets.vertical_burnout_velocity rockets.vertical_burnout_height rockets.coast_height",
+        "rockets.vertical_burnout_velocity rockets.vertical_burnout_height rockets.coast_height "
+        "rockets.propulsive_efficiency",
     ),
     Row(
         *("8.1 Fig. 2", "Speed at burnout over the share of the mass that is left", "T8.1-Fig2"),
@@ -292,7 +297,11 @@ CHAPTER_6 = (
         "gyros.TwoGimbalGyro.walk gyros.GimbalWalk.drift "
         "gyros.GimbalWalk.drift_to_second_order gyros.GimbalWalk.offset_to_second_order",
     ),
-    Row("6.3 P3, P4", "Duffing oscillator", "T6.3-P3", "gyros.DuffingOscillator"),
+    Row("6.3 P1", "Second harmonic of the walk", "", "gyros.GimbalWalk.second_harmonic"),
+    Row(
+        *("6.3 P3, P4", "Duffing oscillator, resonance curve", "T6.3-P3"),
+        "gyros.DuffingOscillator gyros.DuffingOscillator.resonance_frequencies",
+    ),
     Row("6.4", "Gyrocompass at rest", "T6.4", "gyros.Gyrocompass.rest_tilt"),
     Row(
         *("6.5", "Oscillation of the gyrocompass, damping, heading error", "T6.5"),
@@ -349,6 +358,8 @@ CHAPTER_9 = (
     ),
     Row("9.10 P3", "Foucault's pendulum", "T9.10-P3", "mechanics.foucault_motion"),
     Row("9.10 P8", "Elastic pendulum", "T9.10-P8", "mechanics.ElasticPendulum"),
+    Row("9.10 P9", "Bar on a string", "", "mechanics.BarOnString"),
+    Row("9.10 P10", "Bar on a spring", "", "mechanics.BarOnSpring"),
     Row("9.10 P11", "Centrifugal pendulum", "T9.10-P11", "mechanics.CentrifugalPendulum"),
     Row("9.10 P12", "Bead on a turning hoop", "T9.10-P12", "mechanics.RotatingHoop"),
     Row("9.10 P19", "Pendulum in a free frame", "T9.10-P19", "mechanics.FramedPendulum"),
@@ -356,6 +367,10 @@ CHAPTER_9 = (
     Row("9.10 P22, P23", "Trailer", "T9.10-P22", "mechanics.Trailer"),
     Row("9.10 P24", "Spin axis turned by two impulses", "T9.10-P24"),
     Row("9.11", "Moving axes: slider on a free carrier", "T9.11", "mechanics.SliderCarrier"),
+    Row(
+        *("9.12 P6, P7", "Assumed modes, beam of two spans"),
+        functions="mechanics.assumed_modes mechanics.beam_roots mechanics.beam_shape",
+    ),
     Row(
         *("9.12", "Flexible missile with an engine that swivels", "T9.12"),
         "mechanics.FlexibleMissile mechanics.MissileLoop vehicles.FlexibleStage "

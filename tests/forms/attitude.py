@@ -3,6 +3,7 @@
 from types import SimpleNamespace
 
 import jax.numpy as jnp
+import twins
 
 from jaxspace.attitude import (
     Nutation,
@@ -124,6 +125,16 @@ def growth(x):
     return Top(x[0], x[1], x[2]).sleeping_growth_rate(x[3])[None]
 
 
+def pseudo_potential(x):
+    """From A, C, W l, the angle, h_Z and n."""
+    return Top(x[0], x[1], x[2]).pseudo_potential(*x[3:])[None]
+
+
+def pseudo_potential_minimum(x):
+    """From A, C, W l, h_Z and n."""
+    return Top(x[0], x[1], x[2]).pseudo_potential_minimum(x[3], x[4])[None]
+
+
 def steady(x):
     """Moment, angle and precession per nutation from A, C, W l, angle, precession and spin."""
     top, given = Top(x[0], x[1], x[2]), x[3:]
@@ -147,7 +158,8 @@ def second_order(x):
     """Drift, offset and limits of the walk from theta, its rate, H, J, I_1 and I_2."""
     walk = GimbalWalk(*x)
     found = walk.drift_to_second_order(), walk.offset_to_second_order(), walk.frequency()
-    return tuple(f[None] for f in (*found, walk.greatest_rate(), walk.outer_inertia(x[0])))
+    found = *found, *walk.second_harmonic(), walk.greatest_rate(), walk.outer_inertia(x[0])
+    return tuple(f[None] for f in found)
 
 
 def walk_offset(x):
@@ -257,6 +269,12 @@ FORMS = (
     ),
     Form(growth, ("attitude.Top.sleeping_growth_rate",),
          [(*TOP, 1.0), (*TOP, 4.0), (*TOP, 0.0), (1.0, 0.5, 1.0, 3.9999999)]),
+    Form(pseudo_potential, ("attitude.Top.pseudo_potential",),
+         [(*TOP, 0.7, 1.5, 4.0), (*TOP, 0.0, 2.0, 4.0), (*TOP, 1e-8, 2.0, 4.0),
+          (*TOP, 3.1415926, -2.0, 4.0)]),
+    Form(pseudo_potential_minimum, ("attitude.Top.pseudo_potential_minimum",),
+         [(*TOP, 1.5, 4.0), (*TOP, 1.9999, 4.0), (*TOP, -1.5, 4.0), (1.0, 0.5, -1.0, 1.5, 4.0)],
+         exact=twins.pseudo_potential_minimum),
     Form(
         steady,
         names("attitude.Top", "precession_moment", "momentum_angle", "precession_per_nutation"),
@@ -276,6 +294,7 @@ FORMS = (
     Form(
         second_order,
         names("gyros.GimbalWalk", "drift_to_second_order", "offset_to_second_order", "frequency",
+              "second_harmonic",
               "greatest_rate", "outer_inertia"),
         [(1.1, 0.3, 1.0, 1.0, 0.6, 1.3), (1.5707963, 0.3, 1.0, 1.0, 0.6, 1.3),
          (1e-6, 1e-9, 1.0, 1.0, 0.6, 1.3), (1.1, 0.3, 1.0, 1.0, 1.3, 1.3)],

@@ -11,9 +11,11 @@ from .mechanics import numbers
 
 
 def forced_oscillator(x):
-    """First order and balance of an oscillator: mass, stiffness, softening, force and frequency."""
-    one = g.DuffingOscillator(*x)
-    return numbers(*one.first_order(), one.harmonic_balance())
+    """First order, balance and resonance of an oscillator: mass, stiffness, softening, force,
+    frequency, damping and amplitude."""
+    one = g.DuffingOscillator(*x[:6])
+    found = one.first_order(), one.resonance_frequencies(x[6])
+    return numbers(*found[0], one.harmonic_balance(), *found[1])
 
 
 def compass(x):
@@ -138,8 +140,12 @@ def of(kind, *methods):
 FORMS = (
     Form(
         forced_oscillator,
-        of("DuffingOscillator", "first_order", "harmonic_balance"),
-        [(2.0, 30.0, 4.0, 1.0, 3.0), (2.0, 30.0, 0.0, 1.0, 3.0), (2.0, 30.0, 4.0, 0.0, 3.0)],
+        of("DuffingOscillator", "first_order", "harmonic_balance", "resonance_frequencies"),
+        [
+            (2.0, 30.0, 4.0, 1.0, 3.0, 0.1, 0.2),
+            (2.0, 30.0, 0.0, 1.0, 3.0, 0.0, 0.2),
+            (2.0, 30.0, 4.0, 1e-6, 3.0, 1e-6, 1e-3),
+        ],
     ),
     Form(
         compass,

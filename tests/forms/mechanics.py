@@ -108,6 +108,32 @@ def swing_rates(x):
     return numbers(*elastic.frequencies(), *rim.frequencies(x[8]))
 
 
+def hung_bars(x):
+    """Frequencies of a bar on a spring, and on a string: mass, stiffness, free length, bar,
+    gravity and string."""
+    spring = m.BarOnSpring(*x[:5])
+    string = m.BarOnString(x[0], x[5], x[3], x[4])
+    return numbers(*spring.frequencies(), *string.frequencies(), spring.rest_length())
+
+
+def work_of_a_force(x):
+    """Of a spring towards a point and of a drag along an arc: stiffness, drag, radius, angle."""
+
+    def arc(s):
+        return x[2] * jnp.stack([jnp.cos(s), jnp.sin(s), 0.3 * s])
+
+    def force(r):
+        away = jnp.stack([r[0], 0.5 * r[1], r[2] - 1.0])
+        return -x[0] * away - x[1] * jnp.stack([-r[1], r[0], 1.0 + 0.0 * r[2]])
+
+    return numbers(m.work_along(force, arc, 0.0, x[3]))
+
+
+def assumed(x):
+    """Frequencies of a cantilever in two powers: length, stiffness and mass per length."""
+    return m.assumed_modes(lambda z: jnp.stack([z**2, z**3]), *x)[0]
+
+
 def pendulum_swing(x):
     return numbers(m.SimplePendulum(x[0], x[1]).period(x[2]))
 
@@ -138,6 +164,9 @@ def shapes(x):
     root = float(m.beam_roots("free-free", 2)[1])
     places = jnp.stack([x[0], x[1], 0.3 * x[0] + 0.4 * x[1] + 0.1])
     parts = [m.beam_shape("free-free", root, places, k) for k in range(4)]
+    # The first mode of two spans, right to the digits of its root.
+    spans = float(m.beam_roots("clamped-free", 1, 0.6)[0])
+    parts += [m.beam_shape("clamped-free", spans, places, k, 0.6) for k in range(2)]
     whole = m.beam_integral(lambda z: m.beam_shape("clamped-free", 1.8751040687119611, z), *x)
     return *parts, *numbers(whole)
 
@@ -335,6 +364,22 @@ FORMS = (
             *of("CentrifugalPendulum", "frequencies", "state"),
         ),
         [(1.0, 100.0, 0.8, 9.8, *SWING, 10.0), (1.0, 100.0, 0.8, 9.8, *SWING, 0.0)],
+    ),
+    Form(
+        hung_bars,
+        (*of("BarOnSpring", "frequencies", "rest_length"), *of("BarOnString", "frequencies")),
+        [(2.0, 300.0, 0.5, 1.2, 9.8, 0.7), (2.0, 300.0, 0.5, 1e-3, 9.8, 10.0)],
+    ),
+    Form(
+        work_of_a_force,
+        free("work_along"),
+        [(3.0, 0.2, 1.5, 0.8), (3.0, 0.0, 1.5, 0.8), (3.0, 0.2, 1.5, 0.0)],
+    ),
+    Form(
+        assumed,
+        free("assumed_modes"),
+        [(2.0, 300.0, 1.5), (20.0, 2e8, 1000.0)],
+        exact=twins.assumed,
     ),
     Form(
         pendulum_swing,

@@ -16,7 +16,12 @@ from jaxspace.optimization import (
     minimum_time_steering,
     stationary_mass_ratio,
 )
-from jaxspace.rockets import Thrust, ThrustProfile, vertical_burnout_velocity
+from jaxspace.rockets import (
+    Thrust,
+    ThrustProfile,
+    propulsive_efficiency,
+    vertical_burnout_velocity,
+)
 
 from .form import Form
 
@@ -24,6 +29,10 @@ from .form import Form
 def burnout_speed(x):
     """Of a vertical ascent from its five parameters."""
     return vertical_burnout_velocity(*x)[None]
+
+
+def efficiency(x):
+    return propulsive_efficiency(x[0], x[1])[None]
 
 
 def burning_motor(x):
@@ -89,6 +98,8 @@ FORMS = (
     Form(burnout_speed, ("rockets.vertical_burnout_velocity",),
          [(2850.0, 3.0, 60.0, 9.81, 10.0), (2850.0, 1.0, 60.0, 9.81, 0.0),
           (2850.0, 1.2294, 60.0, 9.81, 0.0)]),
+    Form(efficiency, ("rockets.propulsive_efficiency",),
+         [(1500.0, 2850.0), (2850.0, 2850.0), (0.0, 2850.0)]),
     Form(
         burning_motor,
         ("rockets.Thrust.thrust", "rockets.Thrust.mass_rate", "rockets.Thrust.burnout",

@@ -17,10 +17,8 @@ theta = jnp.radians(jnp.linspace(2.0, 178.0, 500))
 figure, axes = plt.subplots()
 for k, spin in enumerate((15.0, 25.0, 40.0)):
     tilt = jnp.radians(40.0)
-    p_spin, p_up = C * spin, C * spin * jnp.cos(tilt)
-    turning = (p_up - p_spin * jnp.cos(theta)) ** 2
-    level = weight * jnp.cos(theta)
-    V = turning / (2.0 * A * jnp.sin(theta) ** 2) + level
+    h_Z = C * spin * jnp.cos(tilt)
+    V = top.pseudo_potential(theta, h_Z, spin)
     axes.plot(jnp.degrees(theta), V, label=f"{spin:g} rad/s")
     motion = top.nutation(top.state([0.0, tilt, 0.0], [0.0, 0.0, spin]))
     ends = jnp.degrees(jnp.stack(motion.turning_points()))

@@ -1,0 +1,36 @@
+r"""A disk on an incline rolls along a cycloid
+
+A thin disk that turns about its vertical while it rolls on an incline (9.9)
+does not run away downhill: it comes back to rest again and again, on the
+cycloid $x = a(1-\cos 2nt)$, $y = a(2nt-\sin 2nt)$ with
+$a = g\sin\alpha/6n^2$, and drifts across the slope. Started with some speed
+of roll, its path has loops or waves. Simulated with its constraints; dotted,
+the closed form."""
+
+import jax
+import jax.numpy as jnp
+import matplotlib.pyplot as plt
+
+import jaxspace
+from jaxspace import simulate
+from jaxspace.mechanics import InclineDisk
+
+jaxspace.enable_x64()
+disk = InclineDisk(1.0, 0.1, jnp.radians(10.0), 9.80665)
+turn = 1.5
+time = jnp.linspace(0.0, 3.0 * jnp.pi / turn, 400)
+figure, axes = plt.subplots(figsize=(7.2, 3.6))
+for k, roll in enumerate((0.0, 3.0, -3.0)):
+    run = simulate(disk, disk.state(0.0, turn, roll), time, accuracy=1e-9)
+    x, y = run.states.coordinates[:2]
+    axes.plot(y, x, color=f"C{k}", label=f"{roll:g}")
+    x, y, *_ = jax.vmap(lambda t, r=roll: disk.rolled(t, 0.0, turn, r))(
+        time
+    ).T
+    axes.plot(y, x, "k:", lw=1.6, label="closed form" if k == 2 else None)
+axes.plot(0.0, 0.0, "ko", ms=5)
+axes.invert_yaxis()
+axes.set(xlabel="across the slope, m", ylabel="down the slope, m")
+axes.set_aspect("equal")
+axes.legend(title="roll, rad/s", loc="center left", bbox_to_anchor=(1.0, 0.5))
+plt.show()

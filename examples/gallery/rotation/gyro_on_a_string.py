@@ -1,0 +1,36 @@
+"""A gyro on a string
+
+A spinning wheel hangs by one end of its axle from a string and goes round
+(5.14 P20). The spin that a steady motion needs, against the rate at which it
+goes round, for axles that stand up, lie level and hang; right, the shape of
+the level one at four rates: the faster it goes round, the farther out."""
+
+import jax.numpy as jnp
+import matplotlib.pyplot as plt
+
+import jaxspace
+from jaxspace.attitude import gyro_on_a_string
+
+jaxspace.enable_x64()
+body = (0.3, 1.0e-4, 1.5e-4, 0.5, 0.06, 9.80665)  # m, A, C, l1, l2, g
+figure, (left, right) = plt.subplots(1, 2, figsize=(8.4, 3.8))
+rate = jnp.linspace(0.5, 8.0, 400)
+for degrees in (50.0, 90.0, 130.0):
+    _, _, spin = gyro_on_a_string(jnp.radians(degrees), rate, *body)
+    left.plot(rate, spin, label=f"{degrees:.0f} deg")
+left.set(xlabel="rate of going round, rad/s", ylabel="spin, rad/s")
+left.set_ylim(0.0, 1000.0)
+left.legend(title="axle from the vertical")
+for k, turning in enumerate((1.5, 3.0, 4.5, 6.0)):
+    b, _, spin = gyro_on_a_string(0.5 * jnp.pi, turning, *body)
+    x, z = 0.5 * jnp.sin(b), -0.5 * jnp.cos(b)
+    right.plot([0.0, x], [0.0, z], color="0.5", lw=0.9)
+    right.plot([x, x + 0.06], [z, z], color=f"C{k}", lw=2.0)
+    wheel = [z - 0.032, z + 0.032]
+    label = f"{turning:g} rad/s"
+    right.plot([x + 0.06] * 2, wheel, color=f"C{k}", lw=5.0, label=label)
+right.axvline(0.0, color="0.4", lw=0.8, ls="--")
+right.set(xlabel="from the axis, m", ylabel="below the support, m")
+right.set(xlim=(-0.03, 0.52), aspect="equal", title="Level axle")
+right.legend(loc="upper right")
+plt.show()

@@ -1,0 +1,33 @@
+r"""A disk on a stem that is pinned to a turning shaft
+
+The disk hangs along the shaft up to the rate $\psi'^2 = 4ga/(4a^2-r^2)$ and
+stands out from it beyond (5.14 P12): the rest splits in two. Left, the places
+of rest, the unstable one dashed; right, the frequency of small swings about
+the stable ones, which vanishes where they split."""
+
+import jax.numpy as jnp
+import matplotlib.pyplot as plt
+
+import jaxspace
+from jaxspace.attitude import ShaftPendulum
+
+jaxspace.enable_x64()
+m, a, g = 1.0, 0.3, 9.80665
+figure, (left, right) = plt.subplots(1, 2, figsize=(8.4, 3.8))
+for k, r in enumerate((0.05, 0.2, 0.4)):
+    A, C = m * (r * r / 4.0 + a * a), m * r * r / 2.0
+    critical = ShaftPendulum(A, C, m * g * a).critical_rate()
+    ratio = jnp.linspace(0.0, 2.5, 501)
+    disk = ShaftPendulum(A, C, m * g * a, ratio * critical)
+    out = disk.equilibrium()
+    for sign in (1.0, -1.0):
+        left.plot(ratio, sign * jnp.degrees(out), f"C{k}", lw=3.4 - k)
+    own = disk.frequency(out) / jnp.sqrt(g / a)
+    right.plot(ratio, own, color=f"C{k}", label=f"{r:g} m")
+left.plot([1.0, 2.5], [0.0, 0.0], "k--", lw=1.2)
+left.set(xlabel="rate / critical rate", ylabel="angle of rest, deg")
+left.set_title("One curve for all disks")
+right.set(xlabel="rate / critical rate", ylabel="frequency / sqrt(g / a)")
+right.set_ylim(0.0)
+right.legend(title="radius of the disk")
+plt.show()
