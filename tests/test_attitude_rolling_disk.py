@@ -18,9 +18,9 @@ A, C = float(COIN.transverse_inertia), float(COIN.axial_inertia)
 
 
 def rolling(disk, theta, rate, spin):
-    """The state with the precession `rate` and the forward spin."""
+    """The state with the precession `rate` and the spin."""
     return disk.state(
-        jnp.array([0.3, theta, 0.2]), jnp.array([rate, 0.0, -spin - rate * np.cos(theta)])
+        jnp.array([0.3, theta, 0.2]), jnp.array([rate, 0.0, spin - rate * np.cos(theta)])
     )
 
 
@@ -39,12 +39,12 @@ def test_steady_circles():
         assert_allclose(disk.tilt_acceleration(theta, rate, spin), 0.0, atol=1e-12)
         found = disk.steady_precession_rates(theta, spin)
         assert_allclose(min(abs(p - rate) for p in found), 0.0, atol=1e-12)
-    # The small oscillation by differences of the equations along psi'(theta), s(theta).
+    # The small oscillation by differences of the equations along psi'(theta), n(theta).
     theta, rate, step = 1.2, 2.0, 1e-5
     A, C, mRR = 0.045, 0.09, 0.09
     spin = float(disk.steady_spin(theta, rate))
-    by_rate = -(C * spin + 2 * A * rate * np.cos(theta)) / (A * np.sin(theta))
-    by_spin = -mRR * rate * np.sin(theta) / (C + mRR)
+    by_rate = (C * spin - 2 * A * rate * np.cos(theta)) / (A * np.sin(theta))
+    by_spin = mRR * rate * np.sin(theta) / (C + mRR)
     ends = [
         disk.tilt_acceleration(theta + h, rate + by_rate * h, spin + by_spin * h)
         for h in (-step, step)

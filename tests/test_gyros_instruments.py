@@ -43,12 +43,31 @@ def test_gyrocompass_linearised_is_the_book_s():
     slow, fast = COMPASS.frequencies()
     # The stiffness wl cos(alpha) at the rest tilt of 2e-3 rad differs by 2e-6.
     assert_allclose(frequencies, [slow, slow, fast, fast], rtol=1e-5)
-    # Of the restoring torque of a tilt of one milliradian.
-    assert abs(float(rate.azimuth_rate)) < 1e-6 and abs(float(rate.tilt_rate)) < 1e-6
+    # The moments of the inertias leave the square of the earth's rate.
+    assert abs(float(rate.azimuth_rate)) < 1e-8 and abs(float(rate.tilt_rate)) < 1e-8
     # A ship to the north turns the meridian to the west.
     moving = Gyrocompass(339.0, 0.2, 0.2, 8.5, 0.8, speed=8.0)
-    assert_allclose(moving.heading_error(), jnp.arctan(moving.rest_azimuth()), rtol=1e-12)
+    assert_allclose(moving.heading_error(), moving.rest_azimuth(), rtol=1e-12)
     assert moving.rest_azimuth() > 0.0
+
+
+def test_the_offset_of_the_bail_damps():
+    """About the rest the nonlinear instrument has the book's linear equations, to the tilt squared
+    and the inertias' moments."""
+    compass = Gyrocompass(339.0, 0.2, 0.25, 8.5, 0.8, damping_moment=0.17)
+
+    @jax.jit
+    def jacobian(x):
+        return jax.jacfwd(lambda x: jnp.stack(jax.tree.leaves(rate(x))))(x)
+
+    def rate(x):
+        return compass.vector_field(0.0, GyrocompassState(*x))
+
+    found = jacobian(jnp.stack([compass.rest_tilt(), compass.rest_azimuth(), 0.0, 0.0]))
+    assert_allclose(found[3, 0], -0.17 / 0.25, rtol=1e-4)
+    slow = np.sort(np.abs(np.linalg.eigvals(found).real))[-2:]
+    decay = float(compass.damping_ratio() * compass.slow_frequency())
+    assert_allclose(slow, decay, rtol=1e-3)
 
 
 def test_gyrocompass_s_flow_has_derivatives():

@@ -290,6 +290,8 @@ def test_it_arrives_and_can_be_turned_round(r1, r2, duration):
     sine = np.linalg.norm(np.cross(r1, r2)) / (np.linalg.norm(r1) * np.linalg.norm(r2))
     if sine < 1e-2:  # the plane is in doubt by EPS / sine, and so is everything below
         return
+    if abs(np.cross(r1, r2)[2]) < 1e-9:  # the plane holds the normal: neither way is meant
+        return
     up = jnp.array([0.0, 0.0, 1.0])
     v1, v2 = by_normal(jnp.asarray(r1), jnp.asarray(r2), duration, up)
     end = flow(jnp.asarray(r1), v1, duration, 1.0)
@@ -377,6 +379,12 @@ STATUS = jax.jit(transfer_status, static_argnames="revolutions")
         (TransferStatus.NO_PLANE, X, -1.5 * X, 2.0, {}),
         (TransferStatus.NO_PLANE, X, -1.5 * X + 2e-16 * Z, 2.0, {}),
         (TransferStatus.NO_PLANE, X, -1.5 * X, 2.0, {"normal": X}),
+        # Both ways round are as good: the plane holds the normal, but for a rounding.
+        (TransferStatus.NO_WAY, Z, Y, 1.5 * np.pi, {}),
+        (TransferStatus.NO_WAY, X + 2e-16 * Y, -Z, 2.0, {}),
+        (TransferStatus.NO_WAY, X, Y, 2.0, {"normal": X + Y}),
+        (TransferStatus.NO_WAY, X, Y, 2.0, {"normal": 0.0 * X}),
+        (TransferStatus.INVALID, X, Y, 2.0, {"normal": np.nan * X}),
         (TransferStatus.INVALID, 0.0 * X, Y, 2.0, {}),
         (TransferStatus.INVALID, X, np.nan * Y, 2.0, {}),
         (TransferStatus.INVALID, X, Y, 0.0, {}),
@@ -399,6 +407,16 @@ def test_what_has_no_single_transfer_is_named(expected, start, end, duration, re
     assert np.isnan(v1[:, 0]).all() and np.isnan(v2[:, 0]).all()
     assert np.isfinite(v1[:, 1]).all() and np.isfinite(v2[:, 1]).all()
     assert list(STATUS(starts, places, durations, 1.0, **rest)) == [expected, TransferStatus.FOUND]
+
+
+def test_the_shortest_duration_asks_which_way():
+    with pytest.raises(InputError, match="least_duration: The plane of start and end holds"):
+        least_duration(jnp.asarray(Z), jnp.asarray(Y), 1.0, 1)
+    ends = jnp.stack([Y, X + Z], axis=1)
+    starts = jnp.stack([Z, X], axis=1)
+    ups = jnp.stack([Z, -Y], axis=1)
+    found = jax.jit(lambda n: least_duration(starts, ends, 1.0, 1, normal=n))(ups)
+    assert list(np.isfinite(found)) == [False, True]
 
 
 @pytest.mark.parametrize("duration", [1.0, 4.0])

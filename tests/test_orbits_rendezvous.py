@@ -70,6 +70,18 @@ def test_from_the_pole_to_the_equator():  # T4.16-P7
         np.testing.assert_allclose(solve(way * short), dv, rtol=1e-9)
 
 
+def test_a_chaser_on_a_line_takes_the_short_way():
+    """It has no sense of its own: the normal is that of the plane of both places, upwards or
+    downwards."""
+    chaser = jnp.array([1.0, 0.0, 0.0]), jnp.array([0.3, 0.0, 0.0])
+    target = jnp.array([0.0, 0.0, 2.0]), jnp.array([0.0, 0.7, 0.0])
+    find = jax.jit(lambda c, t, n: interception(c, t, 0.0, 2.0, 1.0, normal=n).velocity)
+    found = jax.jit(lambda c, t: interception(c, t, 0.0, 2.0, 1.0).velocity)(chaser, target)
+    end = kepler_flow(*target, 2.0, 1.0)[0]
+    short = jnp.cross(chaser[0], end)
+    np.testing.assert_allclose(found, find(chaser, target, short), atol=1e-14)
+
+
 @pytest.mark.sweep
 def test_a_table_holds_every_pair_and_its_figure_the_least():
     chaser, target = ring(1.0), ring(2.0, 0.6)

@@ -1,14 +1,14 @@
 """The steady circles of a rolling disk, and the small oscillations about them. Equations, symbols
 and units in `_rolling_disk.py`.
 
-    J theta'' = G = A psi'^2 sin cos + K s psi' sin - m g R cos
-    [K s + A psi' cos(theta)] psi' sin(theta) = m g R cos(theta)           steady circle
-    theta~'' + kappa theta~ = 0,   kappa = -(dG/dtheta)/J along psi'(theta), s(theta)
+    J theta'' = G = A psi'^2 sin cos - K n psi' sin - m g R cos
+    [A psi' cos(theta) - K n] psi' sin(theta) = m g R cos(theta)           steady circle
+    theta~'' + kappa theta~ = 0,   kappa = -(dG/dtheta)/J along psi'(theta), n(theta)
 
 Each function computes what the method of `RollingDisk` with its name returns, from the `disk`: A,
 C, m R^2 and m g R.
 
-Source: Thomson 5.16-14 to -33, with s for his omega_zeta.
+Source: Thomson 5.16-14 to -33, with -n for his omega_zeta.
 """
 
 import jax
@@ -23,14 +23,14 @@ def tilt_acceleration(disk: Disk, theta: Scalar, precession: Scalar, spin: Scala
     """theta'', rad/s^2 (Thomson 5.16-14)."""
     A, C, mRR, mgR = disk
     s, c = jnp.sin(theta), jnp.cos(theta)
-    gyroscopic = A * precession * precession * c + (C + mRR) * spin * precession
+    gyroscopic = (A * precession * c - (C + mRR) * spin) * precession
     return (gyroscopic * s - mgR * c) / (A + mRR)
 
 
 def steady_spin(disk: Disk, theta: Scalar, precession: Scalar) -> Scalar:
-    """The spin s, rad/s, that keeps the tilt on a circle; infinite without precession."""
+    """The spin n, rad/s, that keeps the tilt on a circle; infinite without precession."""
     A, C, mRR, mgR = disk
-    balance = mgR / jnp.tan(theta) / precession - A * precession * jnp.cos(theta)
+    balance = A * precession * jnp.cos(theta) - mgR / jnp.tan(theta) / precession
     return balance / (C + mRR)
 
 
@@ -39,9 +39,9 @@ def steady_precession_rates(disk: Disk, theta: Scalar, spin: Scalar) -> tuple[Sc
     A, C, mRR, mgR = disk
     p, q = (C + mRR) * spin, A * jnp.cos(theta)
     pull = mgR / jnp.tan(theta)
-    # Of both roots of q psi'^2 + p psi' = pull the larger one first: nothing cancels.
-    large = p + jnp.where(p < 0.0, -1.0, 1.0) * jnp.sqrt(p * p + 4.0 * q * pull)
-    return 2.0 * pull / large, -0.5 * large / q
+    # Of both roots of q psi'^2 - p psi' = pull the larger one first: nothing cancels.
+    large = p + jnp.where(p > 0.0, 1.0, -1.0) * jnp.sqrt(p * p + 4.0 * q * pull)
+    return -2.0 * pull / large, 0.5 * large / q
 
 
 def tilt_stiffness(disk: Disk, theta: Scalar, precession: Scalar, spin: Scalar) -> Scalar:
@@ -51,8 +51,8 @@ def tilt_stiffness(disk: Disk, theta: Scalar, precession: Scalar, spin: Scalar) 
     def along(tilt: Scalar) -> Scalar:
         """theta'' at a tilt beside the circle, with the momenta that the motion there keeps."""
         # What turns about the two axes in the plane of Z, to first order about this place.
-        rate = -(C * spin + 2.0 * A * precession * jnp.cos(theta)) / (A * jnp.sin(theta))
-        slow = -mRR * precession * jnp.sin(theta) / (C + mRR)
+        rate = (C * spin - 2.0 * A * precession * jnp.cos(theta)) / (A * jnp.sin(theta))
+        slow = mRR * precession * jnp.sin(theta) / (C + mRR)
         step = tilt - theta
         return tilt_acceleration(disk, tilt, precession + rate * step, spin + slow * step)
 

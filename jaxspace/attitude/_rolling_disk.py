@@ -10,12 +10,13 @@ contact, zeta = z the normal. Components of omega along it, with K = C + m R^2, 
     T sin(theta) = c phi' + mu m g R sgn(phi'),   phi' = omega_zeta - psi' cos(theta)
     E = m v^2/2 + [A (omega_xi^2 + omega_eta^2) + C omega_zeta^2]/2 + m g R sin(theta)
 
-With the forward spin s = -omega_zeta, the motion near a steady circle has
+With the spin n = omega_zeta = phi' + psi' cos(theta), as of a top, and negative where the disk
+rolls towards xi, the motion near a steady circle has
 
-    [K s + A psi' cos(theta)] psi' sin(theta) = m g R cos(theta)           steady circle
-    theta~'' + kappa theta~ = 0,   kappa = -(dG/dtheta)/J along psi'(theta), s(theta)
-    G = A psi'^2 sin cos + K s psi' sin - m g R cos
-    s^2 > m g A R / (C K)   rolls upright,     psi'^2 > m g R / J   spins upright on its rim
+    [A psi' cos(theta) - K n] psi' sin(theta) = m g R cos(theta)           steady circle
+    theta~'' + kappa theta~ = 0,   kappa = -(dG/dtheta)/J along psi'(theta), n(theta)
+    G = A psi'^2 sin cos - K n psi' sin - m g R cos
+    n^2 > m g A R / (C K)   rolls upright,     psi'^2 > m g R / J   spins upright on its rim
 
     symbol          meaning                                                         unit
     A, C            moments of inertia about the centre: a diameter, the normal     kg m^2
@@ -25,7 +26,7 @@ With the forward spin s = -omega_zeta, the motion near a steady circle has
     c, mu           viscous and dry resistance of the contour, along which the      N m s, 1
                     contact runs: it takes the power c phi'^2 + mu m g R |phi'|
 
-Source: Thomson 5.16 (with the missing Eqs. 5.16-1..13 derived again, s for its omega_zeta, and the
+Source: Thomson 5.16 (with the missing Eqs. 5.16-1..13 derived again, -n for its omega_zeta, and the
 term C omega_zeta psi' theta that 5.16-36 and -43 leave out); Leine (2009), Arch. Appl. Mech. 79,
 1063 (resistance of the contour). Valid without slip, as long as the plane pushes. The quaternion
 and omega are integrated: nothing is singular but a disk that lies flat, which has no contact.
@@ -191,21 +192,22 @@ class RollingDisk(AbstractSystem):
 
         - `theta`: tilt of the normal, rad.
         - `precession`: psi', rad/s.
-        - `spin`: s, rad/s, forward.
+        - `spin`: n = phi' + psi' cos(theta), rad/s.
         """
         return _disk_circles.tilt_acceleration(
             self._letters(), as_float(theta), as_float(precession), as_float(spin)
         )
 
     def steady_spin(self, theta: Scalar, precession: Scalar) -> Scalar:
-        """The spin s, rad/s, of the steady circle with the tilt `theta`, rad, and the `precession`
-        psi', rad/s; the radius of the centre's circle is R s/psi'."""
+        """The spin n, rad/s, of the steady circle with the tilt `theta`, rad, and the `precession`
+        psi', rad/s: the motion of `state` with the rates (psi', 0, n - psi' cos(theta)). The radius
+        of the centre's circle is R |n/psi'|."""
         return _disk_circles.steady_spin(self._letters(), as_float(theta), as_float(precession))
 
     def steady_precession_rates(self, theta: Scalar, spin: Scalar) -> tuple[Scalar, Scalar]:
-        """Both psi', rad/s, of the steady circles with the tilt `theta`, rad, and the `spin` s,
-        rad/s: the slow one, and the fast one, which is infinite upright. Of the sign of s and of
-        the other one for theta < pi/2."""
+        """Both psi', rad/s, of the steady circles with the tilt `theta`, rad, and the `spin` n,
+        rad/s: the slow one, and the fast one, which is infinite upright. For theta < pi/2 the slow
+        one has the other sign than n, and the fast one its sign."""
         return _disk_circles.steady_precession_rates(
             self._letters(), as_float(theta), as_float(spin)
         )
@@ -214,13 +216,13 @@ class RollingDisk(AbstractSystem):
         """kappa, 1/s^2: the squared frequency of small oscillations about a steady circle, negative
         where they grow; arguments as in `tilt_acceleration`.
 
-        The disk that rolls upright has psi' = 0, the one that spins upright s = 0."""
+        The disk that rolls upright has psi' = 0, the one that spins upright n = 0."""
         return _disk_circles.tilt_stiffness(
             self._letters(), as_float(theta), as_float(precession), as_float(spin)
         )
 
     def least_rolling_spin(self) -> Scalar:
-        """The s, rad/s, above which the disk rolls upright along a straight line (Thomson 5.16)."""
+        """The |n|, rad/s, above which the disk rolls upright along a straight line (Thomson 5.16)."""
         A, C, mRR, mgR = self._letters()
         return jnp.sqrt(mgR * A / (C * (C + mRR)))
 
@@ -237,7 +239,7 @@ class RollingDisk(AbstractSystem):
         )
 
     def settling_time(self, theta: Scalar) -> Scalar:
-        """Time, s, in which a coin without spin, s = 0, settles from a small tilt `theta`, rad, to
+        """Time, s, in which a coin without spin, n = 0, settles from a small tilt `theta`, rad, to
         flat (Leine): 3 A theta^2/(4 c), or theta^(3/2) sqrt(A/(m g R))/mu without c; infinite
         without both."""
         A, _, _, mgR = self._letters()

@@ -3,7 +3,11 @@
     I_h w_h' = M_h - H w_e + I_e w_e w_u
     I_e w_e' = M_e - I_h w_u w_h + H w_h - tan(alpha) [(I_e - I_h) w_h w_e - M_u]
     w_u = W.u + psi' sin(alpha),   w_h = W.h - alpha',   w_e = W.e + psi' cos(alpha)
-    M = -(wl e + we h) x f / g
+    g M_u = wl f.h,   g M_h = -wl f.u,   g M_e = we f.u
+
+With W_L the part of W that is horizontal along the axis, the axis rests at
+
+    tan(alpha) = H W_U / (wl + H W_L),    H W.h = we sin(alpha)
 
 Small motions, with a = H W_N and b = wl + H W_N:
 
@@ -22,8 +26,10 @@ Small motions, with a = H W_N and b = wl + H W_N:
 Source: Thomson 6.4, 6.5 (in 6.5-11 the first root holds (C phi')^4); the heading error: problems
 6.5-5 and -6.
 Valid for a rotor whose spin momentum stays, gimbals without friction, and an axis that does not
-point to the vertical, where the azimuth does not exist (gimbal lock). The ship keeps latitude,
-speed and course; at a pole nothing leads to the meridian.
+point to the vertical, where the azimuth does not exist (gimbal lock). The pin of the bail pushes
+the axis along u alone, and a follow-up ring carries the rest of its weight: gravity by itself has
+no moment about the vertical, and would damp nothing. The ship keeps latitude, speed and course; at
+a pole nothing leads to the meridian.
 """
 
 from typing import final
@@ -36,6 +42,9 @@ from ..core import AbstractSystem, Scalar, argument, as_float, constructor, quan
 from ._linear import LinearFlow, rows
 
 STANDARD_GRAVITY = 9.80665
+
+# Of substitution of the two equations of the rest into one another.
+REST_STEPS = 4
 
 
 @final
@@ -99,9 +108,9 @@ class Gyrocompass(AbstractSystem):
         w_u = u + y.azimuth_rate * sa
         w_h = h - y.tilt_rate
         w_e = e + y.azimuth_rate * ca
-        f_u, f_h, f_e = components(*self._plumb(t))
+        f_u, f_h, _ = components(*self._plumb(t))
         bail, offset = self.pendulous_moment, self.damping_moment
-        moment_u = bail * f_h - offset * f_e
+        moment_u = bail * f_h
         I_h, I_e, H = self.tilt_inertia, self.azimuth_inertia, self.spin_momentum
         w_h_rate = (-bail * f_u - H * w_e + I_e * w_e * w_u) / I_h
         # The vertical ring holds the axis against moments about it.
@@ -143,14 +152,14 @@ class Gyrocompass(AbstractSystem):
         return -north / self.radius, turn * c, turn * s
 
     def rest_tilt(self) -> Scalar:
-        """The elevation alpha at which the axis rests, rad: H W_U / b (Thomson 6.4)."""
-        return self.spin_momentum * self.frame_rate()[2] / self._stiffness()
+        """The elevation alpha at which the axis rests, rad (Thomson 6.4); NaN with the azimuth."""
+        return self._rest()[0]
 
     def rest_azimuth(self) -> Scalar:
-        """The azimuth at which the axis rests, rad west of north: the heading error of the ship's
-        motion and the offset of the damping together (Thomson 6.5-16)."""
-        east, north, _ = self.frame_rate()
-        return -(east + self.damping_moment / self.spin_momentum * self.rest_tilt()) / north
+        """The azimuth psi at which the axis rests, rad west of north: the heading error of the
+        ship's motion and the offset of the damping together (Thomson 6.5-16, there for a small
+        one); NaN where the offset is too large for a rest."""
+        return self._rest()[1]
 
     def heading_error(self) -> Scalar:
         """The angle by which the ship's speed turns the meridian of the compass to the west, rad:
@@ -207,6 +216,19 @@ class Gyrocompass(AbstractSystem):
         drive = rows((-east,), (-up,))[:, 0]
         tilt, azimuth = LinearFlow(matrix, drive).flow(t, (as_float(tilt), as_float(azimuth)))
         return tilt, azimuth
+
+    def _rest(self) -> tuple[Scalar, Scalar]:
+        """Tilt and azimuth, rad, of the rest on a ship that does not roll, by the moments of H and
+        of the bail; those of the inertias are less by the earth's rate over the spin, 1e-7."""
+        east, north, up = self.frame_rate()
+        level = jnp.sqrt(east * east + north * north)
+        H, across = self.spin_momentum, 0.0 * level
+        # Without damping the first step is exact, with it each one divides the error by 1e5.
+        for _ in range(REST_STEPS):
+            along = jnp.sqrt((level - across) * (level + across))
+            tilt = jnp.arctan2(H * up, self.pendulous_moment + H * along)
+            across = self.damping_moment / H * jnp.sin(tilt)
+        return tilt, self.heading_error() - jnp.arcsin(across / level)
 
     def _stiffness(self) -> Scalar:
         return self.pendulous_moment + self.spin_momentum * self.frame_rate()[1]

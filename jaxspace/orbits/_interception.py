@@ -19,7 +19,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..core import Scalar, Vector, cross, norm, with_rank
+from ..core import Scalar, Vector, cross, dot, norm, with_rank
 from ._kepler import kepler_flow
 from ._lambert import lambert
 
@@ -65,16 +65,17 @@ def interception(
     - `departure`, `arrival`: s, (*runs,); they broadcast.
     - `mu`: gravitational parameter, m^3/s^2.
     - `normal`, `revolutions`, `low`: as in `lambert`; the transfer turns in the sense of the
-      chaser by default, and is NaN where there is none.
+      chaser by default, and goes the short way where the chaser moves on a line.
 
-    **Returns** an `Interception`.
+    **Returns** an `Interception`; NaN in a batch and under a transformation where there is none.
+
+    **Raises** `InputError` as `lambert` does.
     """
     departure, arrival = jnp.asarray(departure), jnp.asarray(arrival)
     states = (*kepler_flow(*chaser, departure, mu), *kepler_flow(*target, arrival, mu))
     rank = max(x.ndim - 1 for x in states)
     start, before, end, after = (with_rank(x, rank) for x in states)
-    # Of a point on a line through the centre the sense is none: `lambert` has its default then.
-    normal = cross(*chaser) if normal is None else normal
+    normal = _sense(chaser, start, end) if normal is None else normal
     duration = arrival - departure
     v1, v2 = lambert(start, end, duration, mu, normal=normal, revolutions=revolutions, low=low)
     return Interception(v1 - before, after - v2, start, end, v1)
@@ -114,8 +115,6 @@ def porkchop(
     **Returns** a `Porkchop`, for `plots.porkchop_figure` and as a start of
     `optimization.least_rendezvous`.
     """
-    # Once for the whole table, because the chaser keeps its plane until it departs.
-    normal = cross(*chaser)
     # Each orbit is followed once, and not again for every pair.
     starts, befores = kepler_flow(*chaser, departures, mu)
     ends, afters = kepler_flow(*target, arrivals, mu)
@@ -128,10 +127,18 @@ def porkchop(
             ends,
             arrivals - departure,
             mu,
-            normal=normal,
+            normal=_sense(chaser, start[:, None], ends),
             revolutions=revolutions,
             low=low,
         )
         return Porkchop(norm(v1 - before[:, None]), norm(afters - v2))
 
     return jax.lax.map(row, (starts.T, befores.T, departures))
+
+
+def _sense(chaser: OrbitState, start: Vector, end: Vector) -> Vector:
+    """The normal of the chaser's plane, which it keeps until it departs; of a chaser on a line
+    through the centre that of the short way from `start` to `end`."""
+    way = cross(start, end)
+    sense = with_rank(cross(*chaser), way.ndim - 1)
+    return jnp.where(dot(sense, sense) > 0.0, sense, way)

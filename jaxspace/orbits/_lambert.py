@@ -16,7 +16,8 @@ Short way or long way, with or without whole revolutions.
 Source: Thomson 4.16 states the problem; Izzo (2015), Celestial Mechanics 121, 1.
 
 Not unique where both places are the same, and where they lie opposite each other: there a `normal`
-must decide the plane, and derivatives are those within this plane.
+must decide the plane, and derivatives are those within this plane. Where the plane holds the
+`normal`, this does not decide which way is meant.
 """
 
 from typing import NamedTuple
@@ -40,7 +41,12 @@ from ..core import (
     with_rank,
 )
 from ._conic_of_time import conic_of_time, least_time
-from ._transfer_status import TransferStatus, geometry_status, rounding_of_directions
+from ._transfer_status import (
+    TransferStatus,
+    geometry_status,
+    rounding_of_directions,
+    way_is_undecided,
+)
 from ._transfer_time import transfer_time
 
 
@@ -81,8 +87,8 @@ def lambert(
     - `duration`: s, (*runs,).
     - `mu`: gravitational parameter of the centre, m^3/s^2, (*runs,).
     - `normal`: the motion turns counterclockwise seen from its tip, (3, *runs); the third axis by
-      default. It decides between the short and the long way, and the plane at half a turn, where it
-      must be given.
+      default. It decides between the short and the long way, for which it must not lie in their
+      plane, and the plane at half a turn, where it must be given.
     - `revolutions`: whole revolutions before the arrival.
     - `low`: with one or more revolutions there are two transfers; whether to take the one that
       leaves lower above the horizon.
@@ -158,18 +164,21 @@ def least_duration(
 
     **Arguments** as in `lambert`.
 
-    **Returns** the duration, s, (*runs,).
+    **Returns** the duration, s, (*runs,); NaN in a batch and under a transformation where the
+    `normal` does not decide the way.
 
-    **Raises** `InputError` for `revolutions` below one and for a `mu` that is not positive.
+    **Raises** `InputError` for `revolutions` below one, for a `mu` that is not positive, and for
+    known places and a `normal` that do not decide the way.
     """
     check(revolutions >= 1, "least_duration: revolutions", revolutions, "one or more")
     check_positive("least_duration: mu", mu)
     chord = _chord(start, end, normal)
-    return (
-        least_time(chord.lam, chord.kappa, revolutions)[0]
-        * chord.s
-        * jnp.sqrt(chord.s / (2.0 * mu))
-    )
+    undecided = way_is_undecided((chord.i1, chord.i2), normal)
+    if undecided.ndim == 0 and not is_traced(undecided) and undecided:
+        raise InputError(f"least_duration: {TransferStatus.NO_WAY.sentence}")
+    least, _ = least_time(chord.lam, chord.kappa, revolutions)
+    duration = least * chord.s * jnp.sqrt(chord.s / (2.0 * mu))
+    return jnp.where(undecided, jnp.nan, duration)
 
 
 def _chord(start: Vector, end: Vector, normal: Vector | None) -> _Chord:

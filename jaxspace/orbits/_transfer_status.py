@@ -5,7 +5,7 @@ import enum
 import jax.numpy as jnp
 from jaxtyping import Array, Int
 
-from ..core import Scalar, Vector, cross, dot, with_rank
+from ..core import Flag, Scalar, Vector, axis, cross, dot, with_rank
 
 
 class TransferStatus(enum.IntEnum):
@@ -16,6 +16,7 @@ class TransferStatus(enum.IntEnum):
     SAME_PLACE = 2
     NO_PLANE = 3
     TOO_SHORT = 4
+    NO_WAY = 5
 
     @property
     def sentence(self) -> str:
@@ -26,8 +27,8 @@ class TransferStatus(enum.IntEnum):
 _SENTENCES = {
     TransferStatus.FOUND: "The transfer exists and is the only one of its kind.",
     TransferStatus.INVALID: (
-        "A place, the duration or mu is not finite, a place is the centre, or the duration or mu "
-        "is not positive: check the inputs."
+        "A place, the normal, the duration or mu is not finite, a place is the centre, or the "
+        "duration or mu is not positive: check the inputs."
     ),
     TransferStatus.SAME_PLACE: (
         "Start and end are the same place: every orbit of the right period leads back there. Give "
@@ -40,12 +41,27 @@ _SENTENCES = {
     TransferStatus.TOO_SHORT: (
         "The duration is below the shortest one with so many revolutions: see `least_duration`."
     ),
+    TransferStatus.NO_WAY: (
+        "The plane of start and end holds the normal, by default the third axis, so that neither "
+        "way round turns counterclockwise about it: give a `normal` that is not in this plane."
+    ),
 }
 
 
 def rounding_of_directions(x: Scalar) -> float:
     """Below it the sine of the angle between two directions is rounding, and says no plane."""
     return 4.0 * float(jnp.finfo(x.dtype).eps)
+
+
+def way_is_undecided(directions: tuple[Vector, Vector], normal: Vector | None) -> Flag:
+    """Whether the plane of both `directions`, (3, *runs), holds the `normal`, (3, *runs), but for
+    rounding. Directions on one line have no plane that could."""
+    i1, i2 = directions
+    up = axis(2, jnp.ones_like(i1[0])) if normal is None else with_rank(normal, i1.ndim - 1)
+    n = cross(i1, i2)
+    turn = dot(n, up)
+    noise = rounding_of_directions(turn)
+    return (dot(n, n) > noise * noise) & (turn * turn <= noise * noise * dot(up, up))
 
 
 def geometry_status(
@@ -75,10 +91,14 @@ def geometry_status(
     opposite = (dot(n, n) <= noise * noise) & (dot(i1, i2) < 0.0)
     if normal is not None:
         up = with_rank(normal, i1.ndim - 1)
+        size = dot(up, up)
+        valid = valid & jnp.isfinite(size)
         # A normal along the start leaves no plane either.
         across = cross(i1, up)
-        opposite = opposite & (dot(across, across) <= noise * noise * dot(up, up))
+        opposite = opposite & (dot(across, across) <= noise * noise * size)
     # The last one that holds wins: of inputs that are not valid the others say nothing.
-    status = jnp.where(opposite, TransferStatus.NO_PLANE, TransferStatus.FOUND)
+    undecided = way_is_undecided(directions, normal)
+    status = jnp.where(undecided, TransferStatus.NO_WAY, TransferStatus.FOUND)
+    status = jnp.where(opposite, TransferStatus.NO_PLANE, status)
     status = jnp.where(c == 0.0, TransferStatus.SAME_PLACE, status)
     return jnp.where(valid, status, TransferStatus.INVALID).astype(jnp.int32)

@@ -215,7 +215,7 @@ CASES = [
         (RollingDisk.tilt_acceleration,),
         {**DISK, "theta": 0.1, "rate": 32.54409623879575, "spin": 2.0},
         lambda m, R, g, theta, rate, spin: (
-            RollingDisk.uniform(m, R, g).tilt_acceleration(theta, rate, spin),
+            RollingDisk.uniform(m, R, g).tilt_acceleration(theta, rate, -spin),
         ),
         {"theta'' (rad/s^2)": 2.818582108975517},
     ),

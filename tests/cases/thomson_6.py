@@ -32,10 +32,18 @@ def compass(C, spin, wl, latitude, we=0.0, I=1.8):
 
 def damped(we, **given):
     found = compass(we=we, **given)
+    # The rest of the linear equations, after fifty times of decay.
+    tilt, azimuth = found.slow_motion(2e5, 0.0, 0.0)
     return (
-        *(found.rest_azimuth(), found.damping_ratio(), found.slow_frequency()),
-        *(found.damping_ratio() * found.slow_frequency(), found.rest_tilt()),
+        *(azimuth, found.damping_ratio(), found.slow_frequency()),
+        *(found.damping_ratio() * found.slow_frequency(), tilt),
     )
+
+
+def at_rest(we, **given):
+    """Tilt without damping; tilt and azimuth with it."""
+    found = compass(we=we, **given)
+    return compass(**given).rest_tilt(), found.rest_tilt(), found.rest_azimuth()
 
 
 def nutating(azimuth, **given):
@@ -52,7 +60,8 @@ def heading(speed, course, latitude):
     slow = Gyrocompass(
         1.0, 1.0, 1.0, 1.0, latitude, speed=speed * jnp.cos(course), earth_rate=OMEGA, radius=RADIUS
     )
-    return found.rest_azimuth(), slow.rest_azimuth(), found.heading_error()
+    # The book's angle is small, and its tangent.
+    return jnp.tan(found.rest_azimuth()), jnp.tan(slow.rest_azimuth()), found.heading_error()
 
 
 def tuned(R, g):
@@ -135,7 +144,7 @@ CASES = [
     Case(
         "T6.5-16",
         "Damped gyrocompass: rest and decay",
-        (Gyrocompass.rest_azimuth, Gyrocompass.rest_tilt, Gyrocompass.damping_ratio),
+        (Gyrocompass.slow_motion, Gyrocompass.damping_ratio),
         {**COMPASS, "we": 1.5},
         damped,
         {
@@ -144,6 +153,20 @@ CASES = [
             "frequency (rad/s)": 0.0011349892749064937,
             "decay (1/s)": 0.00025,
             "tilt (rad)": 0.0020526681360735666,
+        },
+    ),
+    Case(
+        "T6.4",
+        "Gyrocompass at rest: without damping, and with it",
+        (Gyrocompass.rest_tilt, Gyrocompass.rest_azimuth),
+        {**COMPASS, "we": 1.5},
+        at_rest,
+        {
+            # arctan(H W sin / (wl + H W cos))
+            "tilt (rad)": 0.002052665253145079,
+            # By Newton's method in thirty digits from both equations.
+            "tilt, damped (rad)": 0.0020526660924559547,
+            "azimuth, damped (rad)": -0.019960238120741176,
         },
     ),
     Case(
