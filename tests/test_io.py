@@ -79,6 +79,23 @@ def test_units_go_out_as_they_come_in():
         assert back == pytest.approx(float(text.split()[0]), rel=1e-14)  # two products, rounded
 
 
+def test_a_unit_of_the_file_belongs_to_its_key(scene):
+    """A tangent given in degrees turns no eccentricity into degrees: pure numbers are no kind. A
+    key has the unit of its own, and others the first one of their kind."""
+    text = KICK.replace("misalignment = [0.0, 0.0]", 'misalignment = ["0.1 deg", "1 %"]')
+    wanted = '"inclination", "eccentricity", "final.omega.0", "argument_of_periapsis", "altitude"'
+    text = text.replace('  "cone_angle",', f"  {wanted},").replace('  "inclination",\n', "", 1)
+    text = text.replace('lead = "2.9 deg"', 'lead = "50 mrad"').replace("28.5 deg", "1710 arcmin")
+    text = text.replace('["0 deg/s", "0 deg/s", "60 rpm"]', '[0.0, "0 deg/s", "60 rpm"]')
+    file = scene(text)
+    units = {spec.name: (spec.unit, spec.factor) for spec in file.outputs}
+    assert units["eccentricity"] == ("", 1.0)
+    assert units["final.omega.0"][0] == "deg/s"
+    assert units["argument_of_periapsis"][0] == "deg" and units["inclination"][0] == "arcmin"
+    assert units["pointing"][0] == "arcmin" and units["altitude"][0] == "km"
+    assert file.units.of("misalignment", "") == "deg"
+
+
 @pytest.mark.parametrize(
     "quantity, value",
     [

@@ -6,8 +6,11 @@ it is written first, and whatever has changed `zarr.json` later, it was no campa
 """
 
 import hashlib
+import json
 import time
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 from ._lock import StoreError
 
@@ -49,6 +52,24 @@ def read_head(folder: Path) -> tuple[bytes, str]:
     if kept != head:
         return kept, f"{HEAD} differs from its copy in {COPY}, which is read in its place."
     return kept, ""
+
+
+def damaged_arrays(folder: Path, arrays: Mapping[str, Any]) -> list[str]:
+    """The names of the arrays whose own file of metadata differs from the head, where `arrays` has
+    theirs."""
+    found = [name for name, head in arrays.items() if _parsed(folder / name / HEAD) != head]
+    if found:
+        # A campaign that ends writes the head first, and these a moment later.
+        time.sleep(PATIENCE)
+    return [name for name in found if _parsed(folder / name / HEAD) != arrays[name]]
+
+
+def _parsed(path: Path) -> Any:
+    """What a file of metadata says; `None` where it is lost or is no JSON."""
+    try:
+        return json.loads(path.read_bytes())
+    except (OSError, ValueError, RecursionError):
+        return None
 
 
 def _both(folder: Path) -> tuple[bytes | None, bytes | None]:

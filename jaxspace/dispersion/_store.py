@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from ._columns import Column
-from ._head import read_head
+from ._head import HEAD, damaged_arrays, read_head
 from ._lock import StoreError
 
 MANIFEST, FORM = ".manifest", 1
@@ -41,8 +41,10 @@ class Store:
         self.path = Path(path)
         self.attributes: dict[str, Any] = {}
         self.columns: dict[str, Column] = {}
-        # What is wrong with the files of the metadata, in a sentence.
+        # What is wrong with the head, in a sentence.
         self.head_damage = ""
+        # The arrays whose own metadata differ from those in the head.
+        self.damaged_arrays: list[str] = []
 
     @property
     def runs(self) -> int:
@@ -80,6 +82,7 @@ class Store:
             if form != FORM:
                 raise KeyError("form")
             self.columns = {name: Column.of(x) for name, x in arrays.items()}
+            self.damaged_arrays = damaged_arrays(self.path, arrays)
         except StoreError:
             raise
         except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
@@ -88,6 +91,15 @@ class Store:
                 f"({type(error).__name__}: {error})."
             ) from error
         return self
+
+    def metadata_damages(self) -> list[str]:
+        """What is wrong with the files of the metadata, a sentence each."""
+        # Other readers of the store open an array by its own file alone.
+        arrays = [
+            f"{name}/{HEAD} differs from {HEAD}, which is read in its place."
+            for name in self.damaged_arrays
+        ]
+        return ([self.head_damage] if self.head_damage else []) + arrays
 
     def entry(self, chunk: int) -> dict[str, Any] | None:
         """What the manifest says of a chunk; `None` where it has not been finished."""

@@ -101,15 +101,14 @@ class StoreWriter:
     def _mend_metadata(self) -> None:
         """Write the metadata once more where they differ from what was written."""
         store = self.store
+        for damage in store.metadata_damages():
+            warnings.warn(f"{store.path}: {damage}", DamagedStore, stacklevel=2)
         if store.head_damage:
-            warnings.warn(f"{store.path}: {store.head_damage}", DamagedStore, stacklevel=2)
             self._write_head(json.loads(read_head(store.path)[0]))
         root = json.loads(read_head(store.path)[0])
-        for name, head in root["consolidated_metadata"]["metadata"].items():
-            file = store.path / name / HEAD
-            # Of no use to this library, which reads the head: other readers may take these.
-            if not file.is_file() or _parsed(file) != head:
-                write_whole(file, json.dumps(head).encode())
+        for name in store.damaged_arrays:
+            head = root["consolidated_metadata"]["metadata"][name]
+            write_whole(store.path / name / HEAD, json.dumps(head).encode())
 
     def _write_head(self, root: Mapping[str, Any]) -> None:
         """Write the head, and before it the copy that vouches for it."""
@@ -237,14 +236,6 @@ class StoreWriter:
         root = json.loads(read_head(self.store.path)[0])
         root["attributes"] |= attributes
         self._write_head(root)
-
-
-def _parsed(file: Path) -> Any:
-    """What a file of metadata says; `None` where it cannot be read."""
-    try:
-        return json.loads(file.read_bytes())
-    except ValueError:
-        return None
 
 
 def _is_begun(path: Path) -> bool:

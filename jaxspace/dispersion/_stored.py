@@ -45,8 +45,8 @@ def open_store(path: str | os.PathLike[str]) -> Dispersion:
 
     Raises `StoreError`, an `InputError`, where `path` holds no store of a dispersion."""
     store = Store(path).read()
-    if store.head_damage:
-        warnings.warn(f"{path}: {store.head_damage}", DamagedStore, stacklevel=2)
+    for damage in store.metadata_damages():
+        warnings.warn(f"{path}: {damage}", DamagedStore, stacklevel=2)
     chunks = []
     for chunk in store.finished():
         # Scalars alone: to open a store must not take reading all of its trajectories.

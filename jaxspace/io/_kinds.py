@@ -11,6 +11,7 @@ from typing import Any, NamedTuple, TypeAlias
 
 from ..core import REQUIRED
 from ._named_files import NamedFiles
+from ._units import WrittenUnits
 
 # What stands in a file: a table, a list, a number, text or `None`; where objects are built, arrays
 # stand for the numbers. A recursive type would need a cast at every step of a path.
@@ -22,21 +23,20 @@ Schema: TypeAlias = dict[str, object]
 @dataclass
 class Reading:
     """What reading a file finds besides the values: `errors`, the `makers` of objects by path, and
-    the `units` as written, by their unit in SI.
+    the `units` as written.
 
     `files`: those that it names."""
 
     files: NamedFiles = field(default_factory=NamedFiles)
     errors: list[str] = field(default_factory=list)
     makers: dict[str, "Maker"] = field(default_factory=dict)
-    units: dict[str, str] = field(default_factory=dict)
+    units: WrittenUnits = field(default_factory=WrittenUnits)
 
     def take(self, other: "Reading") -> None:
         """Add what another reading has found."""
         self.errors += other.errors
         self.makers |= other.makers
-        # The unit that was met first stays: reports use the one that the author reached for.
-        self.units = {**other.units, **self.units}
+        self.units.take(other.units)
 
 
 class Kind(ABC):

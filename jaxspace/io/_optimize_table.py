@@ -22,7 +22,7 @@ from ._kinds import Entry, Kind, Reading, Schema, Value
 from ._output_entries import read_output, unit_of
 from ._outputs import OutputSpec, needs_nominal
 from ._table_kinds import AnyTable, Table
-from ._units import in_unit, read_number
+from ._units import WrittenUnits, in_unit, read_number
 from ._value_kinds import ListOf, Measure, Number, OneName, Whole
 
 GOALS = ("minimise", "maximise")
@@ -112,7 +112,7 @@ def optimize_table(outputs: Kind, tolerance: Number) -> Table:
     )
 
 
-def read_task(file: Parsed, units: Mapping[str, str]) -> tuple[Task | None, list[str]]:
+def read_task(file: Parsed, units: WrittenUnits) -> tuple[Task | None, list[str]]:
     """What the table asks for; or what is wrong with it."""
     table, errors = file.values["optimize"], []
     goals = [goal for goal in GOALS if table[goal] is not None]
@@ -136,7 +136,7 @@ def read_task(file: Parsed, units: Mapping[str, str]) -> tuple[Task | None, list
     return Task(objective, -1.0 if goals[0] == "maximise" else 1.0, free, tuple(demands)), []
 
 
-def _output(key: str, entry: Value, file: Parsed, units: Mapping[str, str]) -> OutputSpec:
+def _output(key: str, entry: Value, file: Parsed, units: WrittenUnits) -> OutputSpec:
     # Left out, because on an output the same keys are requirements of a campaign.
     own = {k: x for k, x in entry.items() if k not in LIMITS}
     spec = read_output(key, own, file, units)
@@ -147,7 +147,7 @@ def _output(key: str, entry: Value, file: Parsed, units: Mapping[str, str]) -> O
     return spec
 
 
-def _demands(key: str, entry: Value, file: Parsed, units: Mapping[str, str]) -> list[Demand]:
+def _demands(key: str, entry: Value, file: Parsed, units: WrittenUnits) -> list[Demand]:
     spec = _output(key, entry, file, units)
     found = []
     for limit in LIMITS:
@@ -161,7 +161,7 @@ def _demands(key: str, entry: Value, file: Parsed, units: Mapping[str, str]) -> 
 
 
 def _free(
-    entries: Mapping[str, Value], file: Parsed, units: Mapping[str, str]
+    entries: Mapping[str, Value], file: Parsed, units: WrittenUnits
 ) -> tuple[tuple[Free, ...], list[str]]:
     """The free numbers, or what is wrong with them; a `*` in a path stands for any of its steps."""
     # A search over its own settings, or over those of a campaign, has no meaning.
@@ -193,7 +193,7 @@ def _free(
 
 
 def _one_free(
-    key: str, path: str, entry: Mapping[str, Value], start: Measure, units: Mapping[str, str]
+    key: str, path: str, entry: Mapping[str, Value], start: Measure, units: WrittenUnits
 ) -> Free:
     """Raises `ValueError` with the whole sentence."""
     quantity = start.quantity
@@ -221,5 +221,5 @@ def _one_free(
             f"it must be between {low:g} and {high:g}."
         )
     # In the report as the author writes it: the unit of this number, or of others of its kind.
-    unit = start.unit or units.get(quantity.unit, quantity.unit)
+    unit = start.unit or units.of(path, quantity.unit)
     return Free(path, start, low, high, read("scale", None), unit, in_unit(quantity.unit, unit))

@@ -1,7 +1,6 @@
 """What a file asks for as outputs: names of declared functions, methods of effects and paths, with
 where along the run they are taken."""
 
-from collections.abc import Mapping
 from typing import NamedTuple
 
 from ..bodies import BodyState
@@ -12,17 +11,14 @@ from ._errors import hint, unknown, wrong
 from ._kinds import Values
 from ._objects import at
 from ._outputs import FINAL, NOMINAL, SPECIAL, OutputSpec, arguments_of
-from ._units import in_unit, read_number
+from ._units import WrittenUnits, in_unit, read_number
 
 RUN = "run"
 TAKES = ("greatest", "least", "time_of_greatest", "time_of_least")
 
 
-def read_outputs(
-    file: Parsed, units: Mapping[str, str]
-) -> tuple[tuple[OutputSpec, ...], list[str]]:
-    """The outputs that [dispersion] asks for; or what is wrong. `units`: as the file writes them,
-    by their unit in SI."""
+def read_outputs(file: Parsed, units: WrittenUnits) -> tuple[tuple[OutputSpec, ...], list[str]]:
+    """The outputs that [dispersion] asks for; or what is wrong. `units`: those of the file."""
     specs, errors = [], []
     for number, entry in enumerate(file.values["dispersion"]["outputs"]):
         key = f"dispersion.outputs.{number}"
@@ -48,7 +44,7 @@ class _What(NamedTuple):
     effect: str = ""
 
 
-def read_output(key: str, entry: Values, file: Parsed, units: Mapping[str, str]) -> OutputSpec:
+def read_output(key: str, entry: Values, file: Parsed, units: WrittenUnits) -> OutputSpec:
     """The output that an entry asks for. Raises `ValueError` with the whole sentence."""
     name, take = entry["output"], entry.get("take", "")
     if take and take not in TAKES:
@@ -57,8 +53,8 @@ def read_output(key: str, entry: Values, file: Parsed, units: Mapping[str, str])
     phases = _phases_along(f"{key} = {name}", what, file) if take else ()
     shared = () if what.function is None else tuple(what.function.output.shared.items())
     si = "s" if take.startswith("time") else what.si
-    # By default in the unit in which the author wrote quantities of this kind.
-    unit = entry.get("unit", units.get(si, si))
+    # By default in the unit in which the author wrote it, or quantities of this kind.
+    unit = entry.get("unit", units.of(name, si))
     try:
         factor = in_unit(si, unit)
     except ValueError as error:
@@ -196,7 +192,7 @@ def _lacking(name: str, function: OutputFunction, file: Parsed) -> list[str]:
     return found
 
 
-def applicable_outputs(file: Parsed, units: Mapping[str, str]) -> tuple[OutputSpec, ...]:
+def applicable_outputs(file: Parsed, units: WrittenUnits) -> tuple[OutputSpec, ...]:
     """Every output that the file has all for, of the end of the run alone."""
     found = []
     for name, function in file.catalog.outputs.items():
@@ -204,7 +200,7 @@ def applicable_outputs(file: Parsed, units: Mapping[str, str]) -> tuple[OutputSp
         compares = {NOMINAL, "initial"} & set(arguments_of(function))
         if not compares and not _lacking(name, function, file):
             si = function.output.unit
-            unit = units.get(si, si)
+            unit = units.of(name, si)
             shared = tuple(function.output.shared.items())
             found.append(OutputSpec(name, -1, unit, in_unit(si, unit), function, (), shared))
     return tuple(found)

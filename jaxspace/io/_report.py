@@ -19,7 +19,7 @@ from ._inputs import measures
 from ._optimum import Optimum
 from ._output_entries import applicable_outputs
 from ._scene_file import SceneFile
-from ._units import in_unit
+from ._units import WrittenUnits, in_unit
 
 Row = tuple[str, ...]
 # Rounding of a long run leaves no more than this, whatever the estimate says.
@@ -55,14 +55,12 @@ def number(x: SupportsFloat, error: float = math.nan) -> str:
     return "0" if abs(x) < 1e-10 else f"{x:.6g}"
 
 
-def state_rows(
-    y: State, units: Mapping[str, str], error: State | None = None
-) -> list[tuple[str, str]]:
+def state_rows(y: State, units: WrittenUnits, error: State | None = None) -> list[tuple[str, str]]:
     """Names with units, and values, of the parts of a state.
 
     **Arguments**
 
-    - `units`: by their unit in SI those to report in.
+    - `units`: those of the file, to report in.
     - `error`: the error of the state, if it is known: it decides on the digits.
     """
     rows = []
@@ -70,12 +68,12 @@ def state_rows(
         part = getattr(y, name)
         if part is None:
             continue
-        unit = units.get(declared.unit, declared.unit)
+        unit = units.of(name, declared.unit)
         factor = in_unit(declared.unit, unit)
         miss = math.nan if error is None else factor * _largest(getattr(error, name))
         if isinstance(part, Quaternion):
             # Nobody reads a quaternion: the angles stand beside it, in the angle unit of the file.
-            angle = units.get("rad", "rad")
+            angle = units.of(name, "rad")
             turned = in_unit("rad", angle) * np.asarray(to_euler_angles(part))
             rows.append((name, _listed(part.wxyz, miss)))
             rows.append((f"Euler angles 3-1-3 [{angle}]", _listed(turned)))
@@ -84,13 +82,13 @@ def state_rows(
     return rows
 
 
-def error_rows(error: State, units: Mapping[str, str]) -> list[tuple[str, str]]:
+def error_rows(error: State, units: WrittenUnits) -> list[tuple[str, str]]:
     """The largest component of the error of every part, with its unit."""
     rows = []
     for name, declared in quantities(type(error)).items():
         part = getattr(error, name)
         if part is not None:
-            unit = units.get(declared.unit, declared.unit)
+            unit = units.of(name, declared.unit)
             size = in_unit(declared.unit, unit) * _largest(part)
             rows.append((_label(f"error of {name}", unit), f"{size:.1e}"))
     return rows
@@ -194,7 +192,7 @@ def _phase_rows(found: Optimum, run: MissionTrajectory) -> list[Row]:
     known = {s.name: s for s in applicable_outputs(file.parsed, file.units)}
     chosen = [known[name] for name in OF_PHASES if name in known]
     head = [_label(s.name, s.unit) for s in chosen]
-    unit = file.units.get("kg", "kg")
+    unit = file.units.of("mass", "kg")
     # Without fuel to burn a body keeps its mass, and states have none.
     heavy = getattr(run.final, "mass", None) is not None
     rows: list[Row] = [("phase", *head, *([_label("mass", unit)] if heavy else []))]

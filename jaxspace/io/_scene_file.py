@@ -42,6 +42,7 @@ from ._optimum import Optimum
 from ._output_entries import applicable_outputs
 from ._outputs import MoreOutputs, Outputs, OutputSpec, needs_nominal
 from ._scene_campaign import NOISE, campaign_of, design_of, doubts_of
+from ._units import WrittenUnits
 
 
 @final
@@ -54,7 +55,7 @@ class SceneFile:
     - `parsed`: its values in SI.
     - `inputs`: for every dispersed number how it scatters.
     - `outputs`: what is kept of each run of a campaign.
-    - `units`: for each unit of SI the first other one in which the file gives a number.
+    - `units`: those in which the file gives its numbers.
     - `task`: what [optimize] asks for, or `None`.
     - `files`: those that the file names."""
 
@@ -63,7 +64,7 @@ class SceneFile:
     parsed: Parsed
     inputs: dict[str, Input | MadeInput]
     outputs: tuple[OutputSpec, ...]
-    units: dict[str, str]
+    units: WrittenUnits
     task: Task | None = None
     files: NamedFiles = dataclasses.field(default_factory=lambda: NamedFiles(Path()))
 

@@ -44,6 +44,37 @@ DIMENSIONS = {
 WHOLE_TURN = 2.0 * math.pi
 
 
+class WrittenUnits:
+    """The units in which a file gives its numbers, which are those of its reports.
+
+    A result comes in the unit of the key of its own name, else in the first one of its kind."""
+
+    def __init__(self) -> None:
+        self.of_keys: dict[tuple[str, str], str] = {}
+        self.of_kinds: dict[str, str] = {}
+
+    def add(self, path: str, si: str, unit: str) -> None:
+        """The number at `path`, whose unit in SI is `si`, is written in `unit`."""
+        self.of_keys.setdefault((_key(path), si), unit)
+        # Pure numbers are no kind: a tangent in degrees says nothing of an eccentricity.
+        if si:
+            self.of_kinds.setdefault(si, unit)
+
+    def take(self, other: "WrittenUnits") -> None:
+        """Add those of another part of the file; what was met first stays."""
+        self.of_keys = {**other.of_keys, **self.of_keys}
+        self.of_kinds = {**other.of_kinds, **self.of_kinds}
+
+    def of(self, path: str, si: str) -> str:
+        """The unit for the result or number at `path`."""
+        return self.of_keys.get((_key(path), si), self.of_kinds.get(si, si))
+
+
+def _key(path: str) -> str:
+    """The key of a path: its last step that is no number of a component."""
+    return [step for step in path.split(".") if not step.isdigit()][-1]
+
+
 def dimension(unit: str) -> Dimension:
     """What the unit measures; the unit itself where no name is known."""
     # An author of a class may declare a unit that the library has not met.

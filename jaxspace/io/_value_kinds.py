@@ -39,7 +39,7 @@ class Number(Kind):
             reading.errors.append(wrong(path, value, str(error)))
             return None
         if unit:
-            reading.units.setdefault(self.quantity.unit, unit)
+            reading.units.add(path, self.quantity.unit, unit)
         # What sets the shape of a program cannot scatter, so that it stays a plain number.
         return number if self.quantity.fixed else Measure.of(number, self.quantity, unit)
 
