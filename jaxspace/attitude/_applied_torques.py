@@ -36,7 +36,6 @@ from ..core import (
 )
 from ..rotations import Quaternion
 
-ADDS = frozenset({"torque"})
 # Of the orbit; the energy of a rotation alone, without a mass, is none of a scene's invariants.
 KEEPS = frozenset({"angular_momentum", "axial_angular_momentum"})
 
@@ -45,8 +44,6 @@ KEEPS = frozenset({"angular_momentum", "axial_angular_momentum"})
 class BodyTorque(AbstractEffect):
     """A constant torque whose axis is fixed in the body."""
 
-    needs: ClassVar[frozenset[str]] = frozenset({"omega"})
-    adds: ClassVar[frozenset[str]] = ADDS
     keeps: ClassVar[frozenset[str]] = KEEPS
 
     torque: Float[Array, "3 *#runs"] = quantity("N m", doc="M_B, in body axes")
@@ -55,17 +52,11 @@ class BodyTorque(AbstractEffect):
         del t, body
         return Load(torque_B=with_rank(self.torque, y.omega.ndim - 1))
 
-    def potential(self, t: Scalar, y: BodyState, body: AbstractBody) -> None:
-        del t, y, body
-        return None
-
 
 @final
 class SpaceTorque(AbstractEffect):
     """A constant torque whose axis is fixed in space."""
 
-    needs: ClassVar[frozenset[str]] = frozenset({"attitude"})
-    adds: ClassVar[frozenset[str]] = ADDS
     keeps: ClassVar[frozenset[str]] = KEEPS
 
     torque: Float[Array, "3 *#runs"] = quantity("N m", doc="M_N, in inertial axes")
@@ -75,17 +66,11 @@ class SpaceTorque(AbstractEffect):
         torque = with_rank(self.torque, y.attitude.wxyz.ndim - 1)
         return Load(torque_B=y.attitude.rotate_back(torque))
 
-    def potential(self, t: Scalar, y: BodyState, body: AbstractBody) -> None:
-        del t, y, body
-        return None
-
 
 @final
 class ViscousTorque(AbstractEffect):
     """A resistance that is proportional to the angular velocity."""
 
-    needs: ClassVar[frozenset[str]] = frozenset({"omega"})
-    adds: ClassVar[frozenset[str]] = ADDS
     keeps: ClassVar[frozenset[str]] = KEEPS
 
     damping: Float[Array, "3 *#runs"] = quantity(
@@ -96,17 +81,11 @@ class ViscousTorque(AbstractEffect):
         del t, body
         return Load(torque_B=-with_rank(self.damping, y.omega.ndim - 1) * y.omega)
 
-    def potential(self, t: Scalar, y: BodyState, body: AbstractBody) -> None:
-        del t, y, body
-        return None
-
 
 @final
 class SpringTorque(AbstractEffect):
     """A spring that turns the body back to an attitude of rest."""
 
-    needs: ClassVar[frozenset[str]] = frozenset({"attitude"})
-    adds: ClassVar[frozenset[str]] = ADDS
     keeps: ClassVar[frozenset[str]] = KEEPS
 
     stiffness: Float[Array, "3 *#runs"] = quantity("N m", doc="k along the three body axes")
@@ -122,10 +101,6 @@ class SpringTorque(AbstractEffect):
         turn = rest.inverse().then(y.attitude).rotation_vector()
         return Load(torque_B=-with_rank(self.stiffness, rank) * turn)
 
-    def potential(self, t: Scalar, y: BodyState, body: AbstractBody) -> None:
-        del t, y, body
-        return None
-
 
 @final
 class MagneticDipole(AbstractEffect):
@@ -134,8 +109,6 @@ class MagneticDipole(AbstractEffect):
     `field`, of the time, s, and the state, returns B in inertial axes, T, (3, *runs); best an
     `equinox.Module` with a `__call__`, such as `DipoleField`."""
 
-    needs: ClassVar[frozenset[str]] = frozenset({"attitude"})
-    adds: ClassVar[frozenset[str]] = ADDS
     keeps: ClassVar[frozenset[str]] = KEEPS
 
     field: Callable[[Scalar, BodyState], Vector]
@@ -145,10 +118,6 @@ class MagneticDipole(AbstractEffect):
         del body
         B = y.attitude.rotate_back(self.field(t, y))
         return Load(torque_B=cross(with_rank(self.moment, B.ndim - 1), B))
-
-    def potential(self, t: Scalar, y: BodyState, body: AbstractBody) -> None:
-        del t, y, body
-        return None
 
 
 @final
