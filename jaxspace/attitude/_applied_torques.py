@@ -18,9 +18,11 @@ Source: Thomson 5.6 (body-fixed moments), 5.14 (springs), 6.6 (resistance). The 
 the rotation vector, whose angle stays below half a turn: it jumps there.
 """
 
+from abc import abstractmethod
 from collections.abc import Callable
 from typing import ClassVar, final
 
+import equinox as eqx
 from jaxtyping import Array, Float
 
 from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
@@ -102,16 +104,26 @@ class SpringTorque(AbstractEffect):
         return Load(torque_B=-with_rank(self.stiffness, rank) * turn)
 
 
+class AbstractMagneticField(AbstractParameters):
+    """A magnetic field. A concrete one is final; scene files offer it for a dipole."""
+
+    @abstractmethod
+    def __call__(self, t: Scalar, y: BodyState) -> Vector:
+        """B in inertial axes, T, (3, *runs), at the time `t`, s, in the state `y`."""
+
+
 @final
 class MagneticDipole(AbstractEffect):
     """A magnetic dipole in a field.
 
-    `field`, of the time, s, and the state, returns B in inertial axes, T, (3, *runs); best an
-    `equinox.Module` with a `__call__`, such as `DipoleField`."""
+    `field`, of the time, s, and the state, returns B in inertial axes, T, (3, *runs): a
+    `DipoleField`, or a function; best an `equinox.Module` with a `__call__`."""
 
     keeps: ClassVar[frozenset[str]] = KEEPS
 
-    field: Callable[[Scalar, BodyState], Vector]
+    field: AbstractMagneticField | Callable[[Scalar, BodyState], Vector] = eqx.field(
+        metadata={"doc": "B, in inertial axes"}
+    )
     moment: Float[Array, "3 *#runs"] = quantity("A m^2", doc="m, in body axes")
 
     def load(self, t: Scalar, y: BodyState, body: AbstractBody) -> Load:
@@ -121,7 +133,7 @@ class MagneticDipole(AbstractEffect):
 
 
 @final
-class DipoleField(AbstractParameters):
+class DipoleField(AbstractMagneticField):
     """The field of a planet's dipole at the origin, B = (3 (k . r^) r^ - k)/r^3; for the Earth, k
     is -7.8e15 T m^3 along its axis."""
 

@@ -109,6 +109,11 @@ def _plain_way(cls: type) -> Maker | None:
     return Maker(cls.__name__, cls, arguments, fields, referred, bare and not referred)
 
 
+def foreign_fields(cls: type) -> list[str]:
+    """The fields of a class that no file can give, and that have no default."""
+    return [name for name, entry in _field_entries(cls).items() if entry is None]
+
+
 def _named_ways(cls: type) -> Iterable[Maker]:
     """The named constructors of the class."""
     for name in dir(cls):

@@ -113,7 +113,8 @@ def _runs(scene: PyTree) -> list[tuple[int, ...]]:
     arrays = eqx.filter(scene, _is_shape)
     axes = jax.tree.leaves(run_axes_of(arrays, lambda x: -1))
     pairs = list(zip(jax.tree.leaves(arrays), axes, strict=True))
-    shared = jnp.broadcast_shapes(*(x.shape[x.ndim - k :] for x, k in pairs if k >= 0))
+    declared = [x.shape[x.ndim - k :] for x, k in pairs if k >= 0]
+    shared: tuple[int, ...] = np.broadcast_shapes(*declared)
     # A function of the user declares no axes: the last one of its arrays may be that of the runs.
     return list(dict.fromkeys([shared, *(x.shape[-1:] for x, k in pairs if k < 0)]))
 
