@@ -108,13 +108,13 @@ def mission(p: np.ndarray) -> Mission:
 
     def scene(stage: int, upwards: bool) -> Scene:
         thrust, impulse, _, _ = STAGES[stage]
-        drag = Custom(Drag(f_drag * f_density), {"position", "velocity"}, {"force"})
+        drag = Custom(Drag(f_drag * f_density))
         engine = Engine(thrust * f_thrust, impulse * G0 * f_impulse, upwards)
         return Scene(
             (
                 PointGravity(MU),
                 drag,
-                Custom(engine, {"position", "velocity"}, {"force", "mass_rate"}),
+                Custom(engine),
             )
         )
 

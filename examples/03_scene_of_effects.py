@@ -1,7 +1,7 @@
 """A scene: gravity, the earth's oblateness and an air drag of your own; what each costs, and what
 each does."""
 
-from typing import ClassVar, final
+from typing import final
 
 import jax.numpy as jnp
 
@@ -31,18 +31,11 @@ class AirDrag(AbstractEffect):
     density: Scalar = quantity("kg/m^3", non_negative=True, default=3.7e-12, doc="at 400 km")
     scale_height: Scalar = quantity("m", positive=True, default=60e3, doc="of the atmosphere")
 
-    needs: ClassVar[frozenset[str]] = frozenset({"position", "velocity"})
-    adds: ClassVar[frozenset[str]] = frozenset({"acceleration"})
-    keeps: ClassVar[frozenset[str]] = frozenset()
-
     def load(self, t, y, body):
         height = norm(y.position) - RADIUS_EARTH
         density = self.density * jnp.exp(-(height - 400e3) / self.scale_height)
         factor = -0.5 * density * norm(y.velocity) / self.ballistic_coefficient
         return Load(acceleration_N=factor * y.velocity)
-
-    def potential(self, t, y, body):
-        return None  # drag keeps no energy
 
 
 effects = {

@@ -33,7 +33,7 @@ class Control(eqx.Module):
 def closed_loop(network):
     """A body with three different moments of inertia, kg m^2, under the torque of the network."""
     return Scene(
-        [Custom(Control(network), {"attitude", "omega"}, {"torque"})],
+        [Custom(Control(network))],
         RigidBody(inertia=[1.0, 1.5, 2.0]),
     )
 

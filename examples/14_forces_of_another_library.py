@@ -76,8 +76,8 @@ def of_each(function):
 
 
 EFFECTS = [
-    Custom(harmonics, {"position"}, {"acceleration"}),
-    Custom(drag, {"position", "velocity"}, {"acceleration"}),
+    Custom(harmonics),
+    Custom(drag),
 ]
 Y0 = BodyState(jnp.array([6.678e6, 0.0, 0.0]), jnp.array([0.0, 4.8e3, 6.06e3]))
 SPEED = jnp.linalg.norm(Y0.velocity)

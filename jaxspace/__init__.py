@@ -40,7 +40,8 @@ from . import scene as scene
 from . import simulation as simulation
 from . import solvers as solvers
 from . import studies as studies
-from ._precision import enable_x64 as enable_x64
+from ._jax_settings import enable_x64 as enable_x64
+from ._jax_settings import keep_programs as keep_programs
 from .bodies import BodyState as BodyState
 from .core import AbstractSystem as AbstractSystem
 from .scene import Scene as Scene

@@ -1,8 +1,6 @@
 """Closed loops: against difference equations that are exact between samples, and their hard
 cases."""
 
-from typing import ClassVar
-
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -224,15 +222,9 @@ class Push(AbstractEffect):
     """An acceleration of one until a time."""
 
     until: Float[Array, "*#runs"] = quantity("s", doc="end")
-    needs: ClassVar = frozenset({"position", "velocity"})
-    adds: ClassVar = frozenset({"acceleration"})
-    keeps: ClassVar = frozenset()
 
     def load(self, t, y, body):
         return Load(acceleration_N=jnp.where(t < self.until, 1.0, 0.0) + 0.0 * y.velocity)
-
-    def potential(self, t, y, body):
-        return None
 
     def breaks(self):
         return self.until[None]
@@ -314,9 +306,7 @@ def test_phases_of_loops_join_at_a_sample():
 
 def test_too_few_steps_are_repeated_and_told():
     """A stiff spring between slow samples: more steps, or under jit the status."""
-    spring = Custom(
-        lambda t, y, body: _pull(y), needs={"position", "velocity"}, adds={"acceleration"}
-    )
+    spring = Custom(lambda t, y, body: _pull(y))
     scene = Scene([spring, CommandedAcceleration()])
     loop = ClosedLoop(scene, PID(0.0, 0.1), period=1.0)
     run = loop.simulate(START, [0.0, 3.0], accuracy=1e-9)

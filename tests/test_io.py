@@ -450,15 +450,8 @@ class Drift(AbstractEffect):
 
     size: Scalar = quantity("m/s^2", doc="of the acceleration")
 
-    needs: ClassVar[frozenset[str]] = frozenset()
-    adds: ClassVar[frozenset[str]] = frozenset({"acceleration"})
-    keeps: ClassVar[frozenset[str]] = frozenset()
-
     def load(self, t, y, body):
         return Load(acceleration_N=self.size * axis(0, y.position[0]))
-
-    def potential(self, t, y, body):
-        return None
 
 
 SPRING = """

@@ -19,6 +19,7 @@ from jaxspace.orbits import (
     point_gravity,
     point_gravity_potential,
 )
+from jaxspace.scene import read_effects
 
 J2 = 0.00108262668
 BODY = RigidBody()
@@ -82,7 +83,8 @@ def test_what_an_effect_keeps(effect, kept):
     for name in before:
         assert (np.max(np.abs(after[name] - before[name])) < 1e-10) == (name in effect.keeps)
     assert len(effect.keeps) == kept
-    assert effect.needs == {"position"} and effect.adds == {"acceleration"}
+    reading = read_effects([effect], BODY).effects[0]
+    assert reading.needs == {"position"} and reading.adds == {"acceleration"}
 
 
 def test_node_of_an_inclined_orbit():  # T4.18-J2

@@ -84,7 +84,7 @@ def test_body_that_sweeps_up_matter_at_rest():
     def load(t, y, b):
         return Load(force_N=-2.0 * y.velocity, mass_rate=2.0 + 0.0 * y.mass)
 
-    sweep = Custom(load, {"velocity"}, {"force", "mass_rate"})
+    sweep = Custom(load)
     y = BodyState(
         position=jnp.zeros(3), velocity=jnp.array([100.0, 0.0, 0.0]), mass=jnp.array(500.0)
     )
@@ -237,9 +237,7 @@ def test_a_vertical_gravity_turn_keeps_its_constant():
 @jax.jit  # one program for both cases
 def misaligned(omega, ts):
     """The end of a body which turns under a moment that is fixed in it."""
-    moment = Custom(
-        lambda t, y, b: Load(torque_B=jnp.array([250.0, 0.0, 0.0])), {"omega"}, {"torque"}
-    )
+    moment = Custom(lambda t, y, b: Load(torque_B=jnp.array([250.0, 0.0, 0.0])))
     scene = Scene((moment,), RigidBody(inertia=[4000.0, 4000.0, 400.0]))
     y = BodyState(attitude=Quaternion.identity(), omega=omega)
     return simulate(scene, y, ts, accuracy=1e-13).final
@@ -271,8 +269,8 @@ def gyrating(k, kz):
 
 def test_jet_damping_with_a_moment():
     """T7.8-2."""
-    push = Custom(lambda t, y, b: Load(torque_B=jnp.array([30.0, 0.0, 0.0])), {"omega"}, {"torque"})
-    flow = Custom(lambda t, y, b: Load(mass_rate=-8.0 + 0.0 * y.mass), {"mass"}, {"mass_rate"})
+    push = Custom(lambda t, y, b: Load(torque_B=jnp.array([30.0, 0.0, 0.0])))
+    flow = Custom(lambda t, y, b: Load(mass_rate=-8.0 + 0.0 * y.mass))
     scene = Scene((push, flow, JetDamping(lambda t, m: -8.0 + 0.0 * m, 2.4)), gyrating(1.5, 1.5))
     y = BodyState(
         attitude=Quaternion.identity(), omega=jnp.array([0.05, 0.0, 0.0]), mass=jnp.array(1000.0)
@@ -455,9 +453,7 @@ def test_two_stages_flown():
     """T8.2-sim: the stage jump, the burn times and the heights, by simulation of both stages and
     the coast."""
     g, R = 32.2, 3960.0 * MILE
-    gravity = Custom(
-        lambda t, y, b: Load(acceleration_N=jnp.array([0.0, 0.0, -g])), set(), {"acceleration"}
-    )
+    gravity = Custom(lambda t, y, b: Load(acceleration_N=jnp.array([0.0, 0.0, -g])))
     stages, m0 = [], 1.0
     for u, mu, ratio in ((8500.0, 3.2, 1.5), (11000.0, 3.6, 1.3)):
         thrust = ratio * g * m0

@@ -168,8 +168,6 @@ def test_a_steered_burn_is_that_of_the_quadrature():
     law = TangentSteering(jnp.tan(0.9), -jnp.tan(0.9) / 300.0, plane=FLAT)
     down = Custom(
         lambda t, y, b: Load(acceleration_N=-g * axis(2, y.position[2])),
-        {"position"},
-        {"acceleration"},
     )
     scene = Scene([down, SteeredThrust(law, u * 5.0, u, tb)])
     y0 = BodyState(jnp.zeros(3), jnp.zeros(3), mass=jnp.array(5.0 * tau))

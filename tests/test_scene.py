@@ -11,7 +11,7 @@ import pytest
 from systems import J2, MU, RADIUS, SAMPLES, motor, orbit, rocket_scene, rocket_state, turned
 
 from jaxspace import Scene, simulate, simulate_batch
-from jaxspace.attitude import TorqueFreeBody
+from jaxspace.attitude import MovingMasses, TorqueFreeBody
 from jaxspace.bodies import BodyState, BurningBody, Load, RigidBody
 from jaxspace.core import InputError, cross, dot
 from jaxspace.orbits import Oblateness, PointGravity, TwoBody
@@ -142,8 +142,16 @@ def test_explain_names_every_effect():
         (lambda: Scene((), carry=("spin",)), r"Scene.carry names \['spin'\]"),
         (lambda: Scene((drag(),)), "Custom adds a force, and the body has no mass"),
         (
-            lambda: Custom(lambda t, y, b: Load(), {"velocty"}, set()),
-            r"Custom.needs names \['velocty'\]",
+            lambda: Custom(lambda t, y, b: Load(), keeps={"enrgy"}),
+            r"Custom.keeps names \['enrgy'\]",
+        ),
+        (
+            lambda: Scene((motor(), Custom(lambda t, y, b: None)), RigidBody(10.0, [1.0] * 3)),
+            "Custom.function returns NoneType: it must return a Load",
+        ),
+        (
+            lambda: Scene((MovingMasses(lambda t: t * jnp.ones((3, 1)), [2.0]),)),
+            "MovingMasses needs the mass of the body, which has none",
         ),
         (lambda: RigidBody(-5.0), "RigidBody.mass is -5: it must be positive and finite."),
         (lambda: PointGravity(-1.0), "PointGravity.mu is -1"),
@@ -163,7 +171,7 @@ def test_a_missing_part_of_the_state_is_named_with_its_effect():
 
 def drag() -> Custom:
     """A force against the velocity."""
-    return Custom(lambda t, y, body: Load(force_N=-0.1 * y.velocity), {"velocity"}, {"force"})
+    return Custom(lambda t, y, body: Load(force_N=-0.1 * y.velocity))
 
 
 def test_a_function_is_an_effect():
@@ -206,8 +214,10 @@ def spring(energy, **more):
     """k r^2/2 per unit mass, k = 4, as an effect with a given energy."""
     return Custom(
         lambda t, y, body: Load(acceleration_N=-4.0 * y.position),
-        needs={"position"}, adds={"acceleration"}, keeps={"energy"}, energy=energy, **more,
-    )  # fmt: skip
+        keeps={"energy"},
+        energy=energy,
+        **more,
+    )
 
 
 def test_the_energy_of_a_function_is_that_of_its_work():
@@ -248,10 +258,9 @@ def test_the_energy_of_a_torque_and_of_a_force_is_per_unit_mass():
 
         return of
 
-    parts = {"position", "attitude"}
     y = orbit(attitude=turned(), omega=jnp.array([0.1, -0.2, 0.3]))
     for factor, good in ((0.25, True), (0.5, False)):
-        effect = Custom(load, parts, {"force", "torque"}, {"energy"}, energy(factor))
+        effect = Custom(load, keeps={"energy"}, energy=energy(factor))
         scene = Scene((effect,), body)
         if good:
             scene.check_values(T, y)

@@ -21,8 +21,6 @@ J2, RADIUS = 1e-2, 0.25
 OBLATE = Scene((PointGravity(1.0), Oblateness(1.0, J2, RADIUS)))
 AIR = Custom(
     lambda t, y, body: Load(acceleration_N=-1e-3 * y.velocity),
-    needs={"velocity"},
-    adds={"acceleration"},
 )
 DRAGGED = Scene((*OBLATE.effects, AIR))
 # Revolutions of 2 pi; the times lie unevenly, and one of them twice.
@@ -202,9 +200,7 @@ def test_a_thrust_that_comes_and_goes():
         on = (t > 3.0) & (t < 5.5)
         return Load(acceleration_N=jnp.where(on, 1e-3, 0.0) * y.velocity)
 
-    thrust = Custom(
-        push, needs={"velocity"}, adds={"acceleration"}, break_times=jnp.array([3.0, 5.5])
-    )
+    thrust = Custom(push, break_times=jnp.array([3.0, 5.5]))
     scene = Scene((*OBLATE.effects, thrust))
     y0, ts = at_periapsis(0.7), jnp.array([0.0, 1.0, 4.0, 20.0])
     run = simulate(scene, y0, ts, accuracy=accuracy(OWN))

@@ -270,8 +270,6 @@ def test_reverse_mode_sees_what_an_effect_closes_over(method):
     def end(k):
         spring = Custom(
             lambda t, y, body: Load(acceleration_N=-k * y.position),
-            needs={"position"},
-            adds={"acceleration"},
         )
         y = BodyState(jnp.array([1.0, 0.0, 0.0]), jnp.array([0.0, 1.1, 0.0]))
         accuracy = Accuracy(rtol=1e-3, method=method)

@@ -166,9 +166,7 @@ def test_forces_of_any_kind_and_every_time_asked_for():
         turning = 1e-3 * jnp.stack([jnp.cos(0.3 * t), jnp.sin(0.3 * t), jnp.ones_like(t)])
         return Load(acceleration_N=turning - 1e-3 * y.velocity)
 
-    scene = Scene(
-        (PointGravity(1.0), Custom(push, needs={"position", "velocity"}, adds={"acceleration"}))
-    )
+    scene = Scene((PointGravity(1.0), Custom(push)))
     y, ts = periapsis(0.7), np.array([2.0, 5.0, 11.0, 12.0, 30.0])
     exact = by_scipy(
         lambda t, r, v: 1e-3 * np.array([np.cos(0.3 * t), np.sin(0.3 * t), 1.0]) - 1e-3 * v, y, ts

@@ -163,8 +163,6 @@ def test_derivatives_forwards_and_reverse():
 def test_it_refuses_what_it_cannot_integrate():
     drag = Custom(
         lambda t, y, body: Load(acceleration_N=-0.01 * y.velocity),
-        needs={"velocity"},
-        adds={"acceleration"},
     )
     with pytest.raises(SimulationError, match="finite"):
         simulate(Scene((PointGravity(1.0), drag)), start(), TURNS, accuracy=by(1e-9))

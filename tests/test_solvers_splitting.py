@@ -210,8 +210,6 @@ def test_it_refuses_what_cannot_be_split():
     refused(Scene((PointGravity(1.0), PointGravity(1.0))), "PointGravity is a second effect")
     drag = Custom(
         lambda t, y, body: Load(acceleration_N=-0.01 * y.velocity),
-        needs={"velocity"},
-        adds={"acceleration"},
     )
     refused(Scene((PointGravity(1.0), drag)), "more than loads by position and attitude")
     body = BurningBody(1.0, [1.0, 1.0, 1.0], [1.0, 1.0, 1.0])

@@ -212,8 +212,6 @@ def test_error_estimate_of_a_run_is_that_of_half_the_steps():
 def test_an_acceleration_that_depends_on_the_velocity_is_reported():
     drag = Custom(
         lambda t, y, body: Load(acceleration_N=-0.01 * y.velocity),
-        needs={"velocity"},
-        adds={"acceleration"},
     )
     with pytest.raises(SimulationError, match="tolerance"):
         simulate(Scene((PointGravity(1.0), drag)), start(), TURNS, accuracy=equal(200))

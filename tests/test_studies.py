@@ -395,7 +395,7 @@ def wind(strength):
     def load(t, y, body):
         return Load(acceleration_N=strength * jnp.array([1.0, 0.0, 0.0]))
 
-    return Custom(load, needs=(), adds=("acceleration",))
+    return Custom(load)
 
 
 def test_the_smallest_set_in_a_scene_that_is_solved_by_hand():
@@ -493,7 +493,7 @@ def test_attitude_is_compared_by_its_angle():
     def torque(t, y, body):
         return Load(torque_B=jnp.array([0.0, 0.0, 1e-5]))
 
-    scene = Scene([Custom(torque, (), ("torque",))], RigidBody(inertia=[1.0, 1.0, 2.0]))
+    scene = Scene([Custom(torque)], RigidBody(inertia=[1.0, 1.0, 2.0]))
     free = BY_NAME["torque_free_principal"].state
     y0 = BodyState(attitude=free.attitude, omega=jnp.array([0.0, 0.0, 0.3]))
     budget = effect_budget(scene, y0, jnp.array([0.0, 20.0]), accuracy=QUICK)

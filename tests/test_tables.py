@@ -49,13 +49,13 @@ class Push(eqx.Module):
 
 
 def scene(control, *effects):
-    return Scene((Custom(Push(control), ("position",), ("acceleration",)), *effects))
+    return Scene((Custom(Push(control)), *effects))
 
 
 def test_the_nodes_are_breaks_wherever_the_table_is():
     control = Table(TIMES, VALUES)
     np.testing.assert_array_equal(breaks_of(scene(control)), TIMES)
-    hidden = Custom(lambda t, y, body: Push(control)(t, y, body), ("position",), ("acceleration",))
+    hidden = Custom(lambda t, y, body: Push(control)(t, y, body))
     np.testing.assert_array_equal(breaks_of(Scene((hidden,))), TIMES)
     assert breaks_of(Scene((PointGravity(1.0),))) is None
 

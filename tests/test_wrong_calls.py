@@ -8,7 +8,7 @@ from systems import Integrated
 
 from jaxspace import BodyState, Scene, simulate
 from jaxspace.attitude import TorqueFreeBody
-from jaxspace.bodies import Load, RigidBody
+from jaxspace.bodies import RigidBody
 from jaxspace.core import AbstractSystem, InputError
 from jaxspace.orbits import (
     ClassicalElements,
@@ -50,9 +50,9 @@ class Other(AbstractSystem):
         return {}
 
 
-def custom(function, adds):
+def custom(function):
     body = RigidBody(1.0, [1.0, 1.0, 1.0])
-    return Scene((Custom(function, ("position",), adds),), body)
+    return Scene((Custom(function),), body)
 
 
 @pytest.mark.parametrize(
@@ -72,18 +72,12 @@ def custom(function, adds):
         ),
         (lambda: simulate(KEPLER, jnp.ones(6), SPAN), r"which holds an array \(6,\)"),
         (
-            lambda: simulate(custom(lambda t, y, body: None, ("force",)), Y, SPAN),
+            lambda: simulate(custom(lambda t, y, body: None), Y, SPAN),
             "Custom.function returns NoneType: it must return a Load",
         ),
         (
-            lambda: simulate(custom(lambda t, y, body: -y.position, ("force",)), Y, SPAN),
+            lambda: simulate(custom(lambda t, y, body: -y.position), Y, SPAN),
             "it must return a Load",
-        ),
-        (
-            lambda: simulate(
-                custom(lambda t, y, body: Load(force_N=-y.position), ("acceleration",)), Y, SPAN
-            ),
-            "returns force, and Custom.adds names acceleration",
         ),
         (
             lambda: simulate(

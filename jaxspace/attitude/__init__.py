@@ -1,6 +1,7 @@
 """Rotation of a body of constant mass: free bodies, heavy top, rolling disk, gravity gradient,
 applied torques, precession of the Earth, despin, drift, moving parts."""
 
+from ._applied_torques import AbstractMagneticField as AbstractMagneticField
 from ._applied_torques import BodyTorque as BodyTorque
 from ._applied_torques import DipoleField as DipoleField
 from ._applied_torques import MagneticDipole as MagneticDipole

@@ -18,9 +18,11 @@ Source: Thomson 5.6 (body-fixed moments), 5.14 (springs), 6.6 (resistance). The 
 the rotation vector, whose angle stays below half a turn: it jumps there.
 """
 
+from abc import abstractmethod
 from collections.abc import Callable
 from typing import ClassVar, final
 
+import equinox as eqx
 from jaxtyping import Array, Float
 
 from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
@@ -36,7 +38,6 @@ from ..core import (
 )
 from ..rotations import Quaternion
 
-ADDS = frozenset({"torque"})
 # Of the orbit; the energy of a rotation alone, without a mass, is none of a scene's invariants.
 KEEPS = frozenset({"angular_momentum", "axial_angular_momentum"})
 
@@ -45,8 +46,6 @@ KEEPS = frozenset({"angular_momentum", "axial_angular_momentum"})
 class BodyTorque(AbstractEffect):
     """A constant torque whose axis is fixed in the body."""
 
-    needs: ClassVar[frozenset[str]] = frozenset({"omega"})
-    adds: ClassVar[frozenset[str]] = ADDS
     keeps: ClassVar[frozenset[str]] = KEEPS
 
     torque: Float[Array, "3 *#runs"] = quantity("N m", doc="M_B, in body axes")
@@ -55,17 +54,11 @@ class BodyTorque(AbstractEffect):
         del t, body
         return Load(torque_B=with_rank(self.torque, y.omega.ndim - 1))
 
-    def potential(self, t: Scalar, y: BodyState, body: AbstractBody) -> None:
-        del t, y, body
-        return None
-
 
 @final
 class SpaceTorque(AbstractEffect):
     """A constant torque whose axis is fixed in space."""
 
-    needs: ClassVar[frozenset[str]] = frozenset({"attitude"})
-    adds: ClassVar[frozenset[str]] = ADDS
     keeps: ClassVar[frozenset[str]] = KEEPS
 
     torque: Float[Array, "3 *#runs"] = quantity("N m", doc="M_N, in inertial axes")
@@ -75,17 +68,11 @@ class SpaceTorque(AbstractEffect):
         torque = with_rank(self.torque, y.attitude.wxyz.ndim - 1)
         return Load(torque_B=y.attitude.rotate_back(torque))
 
-    def potential(self, t: Scalar, y: BodyState, body: AbstractBody) -> None:
-        del t, y, body
-        return None
-
 
 @final
 class ViscousTorque(AbstractEffect):
     """A resistance that is proportional to the angular velocity."""
 
-    needs: ClassVar[frozenset[str]] = frozenset({"omega"})
-    adds: ClassVar[frozenset[str]] = ADDS
     keeps: ClassVar[frozenset[str]] = KEEPS
 
     damping: Float[Array, "3 *#runs"] = quantity(
@@ -96,17 +83,11 @@ class ViscousTorque(AbstractEffect):
         del t, body
         return Load(torque_B=-with_rank(self.damping, y.omega.ndim - 1) * y.omega)
 
-    def potential(self, t: Scalar, y: BodyState, body: AbstractBody) -> None:
-        del t, y, body
-        return None
-
 
 @final
 class SpringTorque(AbstractEffect):
     """A spring that turns the body back to an attitude of rest."""
 
-    needs: ClassVar[frozenset[str]] = frozenset({"attitude"})
-    adds: ClassVar[frozenset[str]] = ADDS
     keeps: ClassVar[frozenset[str]] = KEEPS
 
     stiffness: Float[Array, "3 *#runs"] = quantity("N m", doc="k along the three body axes")
@@ -122,23 +103,27 @@ class SpringTorque(AbstractEffect):
         turn = rest.inverse().then(y.attitude).rotation_vector()
         return Load(torque_B=-with_rank(self.stiffness, rank) * turn)
 
-    def potential(self, t: Scalar, y: BodyState, body: AbstractBody) -> None:
-        del t, y, body
-        return None
+
+class AbstractMagneticField(AbstractParameters):
+    """A magnetic field. A concrete one is final; scene files offer it for a dipole."""
+
+    @abstractmethod
+    def __call__(self, t: Scalar, y: BodyState) -> Vector:
+        """B in inertial axes, T, (3, *runs), at the time `t`, s, in the state `y`."""
 
 
 @final
 class MagneticDipole(AbstractEffect):
     """A magnetic dipole in a field.
 
-    `field`, of the time, s, and the state, returns B in inertial axes, T, (3, *runs); best an
-    `equinox.Module` with a `__call__`, such as `DipoleField`."""
+    `field`, of the time, s, and the state, returns B in inertial axes, T, (3, *runs): a
+    `DipoleField`, or a function; best an `equinox.Module` with a `__call__`."""
 
-    needs: ClassVar[frozenset[str]] = frozenset({"attitude"})
-    adds: ClassVar[frozenset[str]] = ADDS
     keeps: ClassVar[frozenset[str]] = KEEPS
 
-    field: Callable[[Scalar, BodyState], Vector]
+    field: AbstractMagneticField | Callable[[Scalar, BodyState], Vector] = eqx.field(
+        metadata={"doc": "B, in inertial axes"}
+    )
     moment: Float[Array, "3 *#runs"] = quantity("A m^2", doc="m, in body axes")
 
     def load(self, t: Scalar, y: BodyState, body: AbstractBody) -> Load:
@@ -146,13 +131,9 @@ class MagneticDipole(AbstractEffect):
         B = y.attitude.rotate_back(self.field(t, y))
         return Load(torque_B=cross(with_rank(self.moment, B.ndim - 1), B))
 
-    def potential(self, t: Scalar, y: BodyState, body: AbstractBody) -> None:
-        del t, y, body
-        return None
-
 
 @final
-class DipoleField(AbstractParameters):
+class DipoleField(AbstractMagneticField):
     """The field of a planet's dipole at the origin, B = (3 (k . r^) r^ - k)/r^3; for the Earth, k
     is -7.8e15 T m^3 along its axis."""
 

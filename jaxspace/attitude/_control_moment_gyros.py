@@ -35,8 +35,6 @@ class ControlMomentGyros(AbstractEffect):
     is a function (t, y, torques) of the rates, rad/s, (gyros, *runs), where `torques` is the matrix
     of `torque_matrix`; without it they turn at the constant `gimbal_rate`."""
 
-    needs: ClassVar[frozenset[str]] = frozenset({"attitude", "omega"})
-    adds: ClassVar[frozenset[str]] = frozenset({"torque", "parts", "momentum"})
     keeps: ClassVar[frozenset[str]] = frozenset(
         {"angular_momentum", "axial_angular_momentum", "rotational_momentum"}
     )
@@ -87,8 +85,3 @@ class ControlMomentGyros(AbstractEffect):
             parts_rate={self.part: rates},
             momentum_B=jnp.sum(with_rank(self.momentum, rank) * self.wheel_axes(angles), axis=1),
         )
-
-    def potential(self, t: Scalar, y: BodyState, body: AbstractBody) -> None:
-        # The motors of the gimbals do work.
-        del t, y, body
-        return None

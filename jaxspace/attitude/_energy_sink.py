@@ -48,8 +48,6 @@ def energy_sink_angle(
 class EnergySink(AbstractEffect):
     """Loss of energy at a constant size of the angular momentum; a body of any inertia."""
 
-    needs: ClassVar[frozenset[str]] = frozenset({"omega"})
-    adds: ClassVar[frozenset[str]] = frozenset({"torque"})
     keeps: ClassVar[frozenset[str]] = frozenset({"angular_momentum", "axial_angular_momentum"})
 
     damping: Float[Array, "*#runs"] = quantity("N m s", non_negative=True, doc="c, of the sink")
@@ -60,8 +58,3 @@ class EnergySink(AbstractEffect):
         # A body at rest has no angular momentum, and no torque.
         along = safe_divide(dot(y.omega, h), dot(h, h))
         return Load(torque_B=-scale(self.damping, y.omega - scale(along, h)))
-
-    def potential(self, t: Scalar, y: BodyState, body: AbstractBody) -> None:
-        # The sink takes energy: there is no potential.
-        del t, y, body
-        return None

@@ -112,8 +112,6 @@ class GravityGradient(AbstractEffect):
 
     Add `PointGravity` with the same `mu` for the orbit."""
 
-    needs: ClassVar[frozenset[str]] = frozenset({"position", "attitude"})
-    adds: ClassVar[frozenset[str]] = frozenset({"torque"})
     keeps: ClassVar[frozenset[str]] = frozenset({"angular_momentum", "axial_angular_momentum"})
 
     mu: Float[Array, "*#runs"] = quantity(
@@ -129,9 +127,3 @@ class GravityGradient(AbstractEffect):
         return Load(
             torque_B=gravity_gradient_torque(y.position, y.attitude, body.inertia(y.mass), self.mu)
         )
-
-    def potential(self, t: Scalar, y: BodyState, body: AbstractBody) -> None:
-        # W depends on the position, but has no force on the orbit here: no energy that contains it
-        # is conserved while the body moves.
-        del t, y, body
-        return None

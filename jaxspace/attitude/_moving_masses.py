@@ -122,8 +122,6 @@ class MovingMasses(AbstractEffect):
     The mass of the body is that of all; its inertia that of the rest, without the masses, about the
     mass centre of the rest, from which the paths count."""
 
-    needs: ClassVar[frozenset[str]] = frozenset({"attitude", "omega", "body_mass"})
-    adds: ClassVar[frozenset[str]] = frozenset({"torque", "inertia", "momentum"})
     keeps: ClassVar[frozenset[str]] = frozenset(
         {"angular_momentum", "axial_angular_momentum", "rotational_momentum"}
     )
@@ -166,8 +164,3 @@ class MovingMasses(AbstractEffect):
             inertia_B=inertia,
             momentum_B=momentum,
         )
-
-    def potential(self, t: Scalar, y: BodyState, body: AbstractBody) -> None:
-        # What moves the masses does work.
-        del t, y, body
-        return None

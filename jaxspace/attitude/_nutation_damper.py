@@ -60,8 +60,6 @@ class NutationDamper(AbstractEffect):
     adds the part `damper` to a state: its displacement, m, and its momentum p, kg m/s; `motion`
     gives the rate."""
 
-    needs: ClassVar[frozenset[str]] = frozenset({"attitude", "omega", "body_mass"})
-    adds: ClassVar[frozenset[str]] = frozenset({"torque", "parts", "inertia", "momentum"})
     keeps: ClassVar[frozenset[str]] = frozenset(
         {"angular_momentum", "axial_angular_momentum", "rotational_momentum"}
     )
@@ -132,11 +130,6 @@ class NutationDamper(AbstractEffect):
             inertia_B=self.mass * z * first + mu * z * z * second - _outer(b, b) / mu,
             momentum_B=scale(p / mu, b),
         )
-
-    def potential(self, t: Scalar, y: BodyState, body: AbstractBody) -> None:
-        # The dashpot takes energy out; `energy` is what is left.
-        del t, y, body
-        return None
 
     def eigenvalues(
         self, moments: Vector, mass: Scalar, spin: Scalar

@@ -92,8 +92,6 @@ class ReactionWheels(AbstractEffect):
     between the `knee` and the `speed_limit`, as on the line of a motor at constant voltage. So a
     saturated wheel turns no faster, and can be slowed by the full torque."""
 
-    needs: ClassVar[frozenset[str]] = frozenset({"attitude", "omega"})
-    adds: ClassVar[frozenset[str]] = frozenset({"torque", "parts", "inertia", "momentum"})
     keeps: ClassVar[frozenset[str]] = frozenset(
         {"angular_momentum", "axial_angular_momentum", "rotational_momentum"}
     )
@@ -191,11 +189,6 @@ class ReactionWheels(AbstractEffect):
         left = (1.0 - jnp.abs(speed) / self.speed_limit) / (1.0 - self.knee)
         share = jnp.where(torque * speed > 0.0, jnp.clip(left, 0.0, 1.0), 1.0)
         return share * torque
-
-    def potential(self, t: Scalar, y: BodyState, body: AbstractBody) -> None:
-        # Motors and friction do work.
-        del t, y, body
-        return None
 
     def _of_rank(self, rank: int) -> tuple[Array, Array, Array]:
         """Axes of length one, moments and speeds, with `rank` axes of times and runs."""

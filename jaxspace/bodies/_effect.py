@@ -6,7 +6,6 @@ from collections.abc import Iterable
 from typing import final
 
 import equinox as eqx
-from equinox import AbstractClassVar
 from jaxtyping import Array, Float
 
 from ..core import (
@@ -49,27 +48,27 @@ class Load(eqx.Module):
 
 
 class AbstractEffect(AbstractParameters):
-    """Something that acts on a body. A concrete effect is final, and declares three sets of words.
+    """Something that acts on a body. A concrete effect is final.
 
-    - `needs`: the parts of the state that it reads, of "position", "velocity", "attitude", "omega",
-      "mass"; "body_mass" requires a body whose mass is known.
-    - `adds`: what its load contributes, of "acceleration", "force", "torque", "mass_rate", "parts",
-      "inertia", "momentum".
+    What it reads and adds is read off its load, which a scene traces in states that hold some of
+    their parts: a part that is `None` there may be absent, and one that raises may not.
+
     - `keeps`: what motion under it alone conserves, of "energy", "angular_momentum" (of the orbit,
       all components), "axial_angular_momentum" (its z component), "rotational_momentum" (of the
-      body and its moving parts: of effects whose torques are internal)."""
+      body and its moving parts: of effects whose torques are internal); by default nothing. It is
+      declared, because no trace shows it."""
 
-    needs: AbstractClassVar[frozenset[str]]
-    adds: AbstractClassVar[frozenset[str]]
-    keeps: AbstractClassVar[frozenset[str]]
+    # Without an annotation it is no field, so that an effect of its own may make it one.
+    keeps = frozenset[str]()
 
     @abstractmethod
     def load(self, t: Scalar, y: BodyState, body: AbstractBody) -> Load:
         """The contribution at the time `t`, s, in the state `y` of a `body`."""
 
-    @abstractmethod
     def potential(self, t: Scalar, y: BodyState, body: AbstractBody) -> Scalar | None:
-        """Potential energy per unit mass, J/kg; `None` says that the effect is not conservative."""
+        """Potential energy per unit mass, J/kg; `None`, the default, where there is none."""
+        del t, y, body
+        return None
 
     def constrained(self, t: Scalar, y: BodyState, rate: BodyState) -> BodyState:
         """The rate of the state as a guide leaves it, from the `rate` under all loads: a rail holds

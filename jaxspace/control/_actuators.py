@@ -12,7 +12,7 @@
 Source: Hughes, Spacecraft Attitude Dynamics, 6 (wheels); Thomson 8.1 (rocket equation).
 """
 
-from typing import ClassVar, final
+from typing import final
 
 import jax.numpy as jnp
 from jaxtyping import Array, Float
@@ -30,17 +30,9 @@ class CommandedTorque(AbstractEffect):
         "N m", default=(0.0, 0.0, 0.0), doc="torque in body axes before the first command"
     )
 
-    needs: ClassVar[frozenset[str]] = frozenset({"attitude", "omega"})
-    adds: ClassVar[frozenset[str]] = frozenset({"torque"})
-    keeps: ClassVar[frozenset[str]] = frozenset()
-
     def load(self, t: Scalar, y: BodyState, body: AbstractBody) -> Load:
         del t, body
         return Load(torque_B=with_rank(self.command, y.omega.ndim - 1) + 0.0 * y.omega)
-
-    def potential(self, t: Scalar, y: BodyState, body: AbstractBody) -> None:
-        del t, y, body
-        return None  # A controller does work.
 
 
 @final
@@ -51,17 +43,9 @@ class CommandedAcceleration(AbstractEffect):
         "m/s^2", default=(0.0, 0.0, 0.0), doc="acceleration before the first command"
     )
 
-    needs: ClassVar[frozenset[str]] = frozenset({"position", "velocity"})
-    adds: ClassVar[frozenset[str]] = frozenset({"acceleration"})
-    keeps: ClassVar[frozenset[str]] = frozenset()
-
     def load(self, t: Scalar, y: BodyState, body: AbstractBody) -> Load:
         del t, body
         return Load(acceleration_N=with_rank(self.command, y.velocity.ndim - 1) + 0.0 * y.velocity)
-
-    def potential(self, t: Scalar, y: BodyState, body: AbstractBody) -> None:
-        del t, y, body
-        return None
 
 
 @final
@@ -96,10 +80,6 @@ class CommandedEngine(AbstractEffect):
         "N", default=(0.0, 0.0, 0.0), doc="thrust before the first command"
     )
 
-    needs: ClassVar[frozenset[str]] = frozenset({"position", "velocity", "mass"})
-    adds: ClassVar[frozenset[str]] = frozenset({"force", "mass_rate"})
-    keeps: ClassVar[frozenset[str]] = frozenset()
-
     def thrust(self, mass: Scalar) -> Vector:
         """The thrust, N, (3, *runs), with `mass`, kg, left."""
         command = with_rank(self.command, jnp.ndim(mass))
@@ -112,7 +92,3 @@ class CommandedEngine(AbstractEffect):
         del t, body
         thrust = self.thrust(y.mass)
         return Load(force_N=thrust, mass_rate=-norm(thrust) / self.exhaust_velocity)
-
-    def potential(self, t: Scalar, y: BodyState, body: AbstractBody) -> None:
-        del t, y, body
-        return None

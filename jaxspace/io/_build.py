@@ -10,13 +10,13 @@ from jaxtyping import Array
 
 from ..bodies import AbstractEffect, AbstractJump, with_parts
 from ..core import AbstractSystem, InputError, Scalar, State
-from ..scene import Scene
+from ..scene import Scene, read_effects
 from ..simulation import Event, Mission, Phase
 from ._checks import Parsed, needed_parts
 from ._control import controlled, end_of_loop
 from ._ends import condition_of
-from ._kinds import Maker, Value, Values
-from ._objects import Building, Runs
+from ._kinds import Value, Values
+from ._objects import Building, Runs, referred
 from ._output_entries import state_of
 from ._value_kinds import Measure
 
@@ -39,10 +39,11 @@ def build_mission(
     if file.kind == "system":
         system, y0 = build_system(file, values, runs)
         return _one_phase(file, building, system, seeds), y0
-    body, effects = building.make("body"), build_effects(file, building)
+    body = building.make("body")
+    effects = building.effects(file.active_effects())
     initial = build_state(file, building)
     # Constant mass is no part of the state: every part is integrated and costs.
-    if any("mass_rate" in effect.adds for effect in effects.values()):
+    if any("mass_rate" in reading.adds for reading in read_effects(effects.values(), body).effects):
         mass = runs.scalar(body.loaded_mass())
         initial = eqx.tree_at(lambda y: y.mass, initial, mass, is_leaf=lambda x: x is None)
     # Before the phases, because a part that one of them integrates stays in the others.
@@ -149,26 +150,6 @@ def _span(file: Parsed) -> float:
     return file.values["times"]["end"] - file.values["times"]["start"]
 
 
-def build_effects(file: Parsed, building: Building) -> dict[str, AbstractEffect]:
-    """The effects by name. Those that refer to another one are made last."""
-    made: dict[str, AbstractEffect] = {}
-    names = file.active_effects()
-    makers = {name: building.makers[f"effects.{name}"] for name in names}
-    # By whether they refer: one level is enough, for a reference names no reference.
-    for name in sorted(names, key=lambda name: bool(makers[name].references)):
-        made[name] = building.make(f"effects.{name}", **_referred(makers[name], made))
-    # In the order of the file again, which is the order of the sums and of `explain`.
-    return {name: made[name] for name in names}
-
-
-def _referred(maker: Maker, effects: Mapping[str, AbstractEffect]) -> dict[str, object]:
-    """The attributes of these effects that an object refers to, by its field."""
-    return {
-        field: next(getattr(e, attribute) for e in effects.values() if hasattr(e, attribute))
-        for field, attribute in maker.references.items()
-    }
-
-
 def _until(
     file: Parsed, number: int, acting: dict[str, AbstractEffect], start: Scalar, building: Building
 ) -> Scalar | Event:
@@ -180,7 +161,7 @@ def _until(
         return phase["duration"]
     if name is not None:
         path = f"phase.{number}.until.{name}"
-        condition = building.make(path, **_referred(file.makers[path], acting))
+        condition = building.make(path, **referred(file.makers[path], acting))
         return Event(condition, condition.direction, phase["within"])
     if until in events:
         return Event(events[until], events[until].event.direction, phase["within"])

@@ -42,7 +42,7 @@ from ..core import (
 )
 from ..dispersion import AbstractDistribution
 from ._kinds import Entry, Maker
-from ._objects import entry_of, function_way, object_kind, snake_case
+from ._objects import entry_of, foreign_fields, function_way, object_kind, snake_case
 from ._table_kinds import Object
 
 ROOMS = (
@@ -86,7 +86,7 @@ class InitialFunction(Protocol):
 
 class Catalog(NamedTuple):
     """Everything that a scene file may name: classes and functions by their key, and how a file
-    gives them (`kinds`, by class)."""
+    gives them (`kinds`, by class); and why it may not name the others (`refused`, by key)."""
 
     systems: Mapping[str, type[AbstractSystem]]
     effects: Mapping[str, type[AbstractEffect]]
@@ -100,6 +100,7 @@ class Catalog(NamedTuple):
     initials: Mapping[str, InitialFunction]
     methods: Mapping[str, type[diffrax.AbstractSolver]]
     kinds: Mapping[type, Object]
+    refused: Mapping[str, str]
 
     def known_times(self, effect: str) -> list[str]:
         """The names of the times at which a phase with this effect can end."""
@@ -168,13 +169,14 @@ def catalog(also: Iterable[object] = ()) -> Catalog:
 # Kept from call to call, because every file that is loaded asks for it.
 @functools.lru_cache(maxsize=32)
 def _catalog(also: tuple[object, ...]) -> Catalog:
-    named: dict[str, Group] = {name: {} for name in Catalog._fields}
+    named: dict[str, Group] = {name: {} for name in (*BASES, *FUNCTIONS, "methods")}
+    refused: dict[str, str] = {}
     kinds: dict[type, Object] = {}
     for room in ROOMS:
         for name, thing in vars(room).items():
             # Public names alone: what a room keeps to itself is no promise to files.
             if not name.startswith("_"):
-                _add(named, kinds, thing)
+                _add(named, kinds, refused, thing)
     for name, thing in vars(solvers).items():
         if (
             # By what it offers: helpers and abstract classes of the room have no step and order.
@@ -186,16 +188,14 @@ def _catalog(also: tuple[object, ...]) -> Catalog:
     for thing in also:
         # A thing that is silently ignored would show later as an unknown name in a file.
         before = sum(map(len, named.values()))
-        _add(named, kinds, thing, new=True)
+        _add(named, kinds, refused, thing, new=True)
         if sum(map(len, named.values())) == before and not _is_part(thing):
             raise InputError(
                 f"also holds {thing!r}: it must hold final classes of systems, effects, jumps, "
                 f"conditions, distributions or parts such as steering laws, whose fields are "
                 f"quantities, or declared functions."
             )
-    # It stands among the fields of the catalog but is no group of names.
-    named.pop("kinds")
-    return Catalog(**named, kinds=kinds)  # pyright: ignore[reportArgumentType]
+    return Catalog(**named, kinds=kinds, refused=refused)  # pyright: ignore[reportArgumentType]
 
 
 BASES = {
@@ -211,18 +211,35 @@ FUNCTIONS = {"events": "event", "outputs": "output", "initials": "initial"}
 
 
 def _add(
-    named: dict[str, Group], kinds: dict[type, Object], thing: object, new: bool = False
+    named: dict[str, Group],
+    kinds: dict[type, Object],
+    refused: dict[str, str],
+    thing: object,
+    new: bool = False,
 ) -> None:
     """Put a class or a function where it belongs, if it belongs anywhere."""
     for group, base in BASES.items():
-        if isinstance(thing, type) and issubclass(thing, base):
-            kind = object_kind(thing) if getattr(thing, "__final__", False) else None
+        final = isinstance(thing, type) and getattr(thing, "__final__", False)
+        if final and issubclass(thing, base):
+            kind, key = object_kind(thing), snake_case(thing.__name__)
             if kind is not None:
-                _name(named[group], snake_case(thing.__name__), thing, new)
+                _name(named[group], key, thing, new)
                 kinds[thing] = kind
+            else:
+                refused[key] = _refusal(thing)
     for group, mark in FUNCTIONS.items():
         if inspect.isfunction(thing) and hasattr(thing, mark):
             _name(named[group], thing.__name__, thing, new)
+
+
+def _refusal(cls: type) -> str:
+    """Why no file can give an object of a class, after its key."""
+    fields = [f"{cls.__name__}.{name}" for name in foreign_fields(cls)]
+    one = len(fields) == 1
+    return (
+        f"can stand in no file: {' and '.join(fields)} {'is' if one else 'are'} of Python alone, "
+        f"{'a function or an object' if one else 'functions or objects'} without declared numbers."
+    )
 
 
 def _is_part(thing: object) -> bool:

@@ -1,10 +1,12 @@
 """What has to fit together in a file whose every entry is right by itself."""
 
 import dataclasses
+import functools
 from collections.abc import Mapping
 
 from ..bodies import AbstractBody
 from ..core import REQUIRED, AbstractParameters, InputError
+from ..scene import Reading, read_effects
 from ._catalog import Catalog
 from ._ends import condition_of, end_kind, event_needs, is_event
 from ._errors import missing, wrong
@@ -41,6 +43,14 @@ class Parsed:
         tables = self.values.get("effects", {})
         return tuple(name for name, table in tables.items() if table is not None)
 
+    @functools.cached_property
+    def loses_mass(self) -> bool:
+        """Whether an effect changes the mass, which is then a part of the state."""
+        building = self.building()
+        effects = building.effects(self.active_effects()).values()
+        found = read_effects(effects, building.make("body")).effects
+        return any("mass_rate" in reading.adds for reading in found)
+
     def parts(self) -> set[str]:
         """The parts of the state that the file gives."""
         initial = self.values["initial"]
@@ -65,8 +75,7 @@ def check_parsed(file: Parsed) -> list[str]:
         return errors
     for number, phase in enumerate(file.phases()):
         # Asked phase by phase: an effect may need another one that acts in some phases only.
-        for name in phase["effects"]:
-            errors += effect_errors(name, phase["effects"], file)
+        errors += effect_errors(phase["effects"], file)
         if file.kind == "mission":
             errors += phase_errors(number, phase, file)
     # An effect of several phases reports the same thing in each of them.
@@ -176,29 +185,46 @@ def _no_inertia(file: Parsed) -> str:
     return missing("body.inertia", what).removesuffix(".")
 
 
-def effect_errors(name: str, acting: list[str], file: Parsed) -> list[str]:
-    """What an effect needs and the file does not have."""
-    cls = file.catalog.effects[name]
-    body = _body(file)
+def effect_errors(acting: list[str], file: Parsed) -> list[str]:
+    """What effects that act together need and the file does not have."""
+    found, whole = [], []
+    for name in acting:
+        others = {n: c for n, c in file.catalog.effects.items() if n != name}
+        needs = f"the effect {name} needs another effect"
+        errors = reference_errors(file.makers[f"effects.{name}"], needs, others, acting)
+        found += errors
+        # Without what it refers to an effect cannot be made, nor be asked what it reads.
+        whole += [] if errors else [name]
+    building = file.building()
+    effects, body = building.effects(whole), building.make("body")
+    try:
+        readings = read_effects(effects.values(), body).effects
+    except InputError as error:
+        return [*found, str(error)]
+    for name, reading in zip(effects, readings, strict=True):
+        found += _unmet(name, reading, body, file)
+    return found
+
+
+def _unmet(name: str, reading: Reading, body: AbstractBody, file: Parsed) -> list[str]:
+    """What an effect reads or changes, and the file does not have."""
     found = []
-    maker, parts = file.makers[f"effects.{name}"], file.parts()
-    others = {n: c for n, c in file.catalog.effects.items() if n != name}
-    found += reference_errors(maker, f"the effect {name} needs another effect", others, acting)
-    turns = bool(ROTATION & cls.needs) or "torque" in cls.adds
+    turns = bool(ROTATION & reading.needs) or "torque" in reading.adds
     if turns and not body.has_inertia():
         found.append(f"{_no_inertia(file)}; the effect {name} turns the body.")
     # Gravity alone needs no mass, so that it is asked for only where it enters.
     massless = body.constant_mass() is None and body.loaded_mass() is None
-    if ("force" in cls.adds or "mass" in cls.needs) and massless:
+    if ("force" in reading.adds or "mass" in reading.needs) and massless:
         entries = file.makers["body"].entries
         key = "mass" if "mass" in entries else "propellant_mass"
         line = missing(f"body.{key}", entries[key].kind.expected()).removesuffix(".")
         found.append(f"{line}; the effect {name} needs the mass of the body.")
     # What an effect adds has to be integrated, even where the effect does not read it.
-    wanted = cls.needs & (TRANSLATION | ROTATION)
-    for added in cls.adds & set(CALLS_FOR):
+    wanted = reading.needs & (TRANSLATION | ROTATION)
+    for added in reading.adds & set(CALLS_FOR):
         wanted |= CALLS_FOR[added]
-    return found + [_lacking(part, f"the effect {name}") for part in sorted(wanted - parts)]
+    lacking = sorted(wanted - file.parts())
+    return found + [_lacking(part, f"the effect {name}") for part in lacking]
 
 
 def reference_errors(

@@ -70,6 +70,8 @@ def form(data: Mapping[str, object], catalog: Catalog) -> tuple[Table, list[str]
     if "name" not in system:
         return Table({}), [missing("system.name", OneName(names).expected())]
     name = system["name"]
+    if name in catalog.refused:
+        return Table({}), [f'system.name = "{name}" {catalog.refused[name]}']
     if name not in names:
         return Table({}), [unknown(f'system.name = "{name}"', name, names, "system")]
     return form_of(kind, catalog, name), []
@@ -112,7 +114,7 @@ def form_of(kind: str, catalog: Catalog, system: str = "") -> Table:
     tables = {
         "body": Entry(Object(bodies), {}, doc="mass properties"),
         # Without any effect a body moves freely, which is a scene as well.
-        "effects": Entry(Table(effects), {}, doc="what acts on the body"),
+        "effects": Entry(Table(effects, catalog.refused), {}, doc="what acts on the body"),
         "initial": Entry(initial_kind(catalog, None), doc="the initial state"),
     }
     ending = {

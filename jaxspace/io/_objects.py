@@ -109,6 +109,11 @@ def _plain_way(cls: type) -> Maker | None:
     return Maker(cls.__name__, cls, arguments, fields, referred, bare and not referred)
 
 
+def foreign_fields(cls: type) -> list[str]:
+    """The fields of a class that no file can give, and that have no default."""
+    return [name for name, entry in _field_entries(cls).items() if entry is None]
+
+
 def _named_ways(cls: type) -> Iterable[Maker]:
     """The named constructors of the class."""
     for name in dir(cls):
@@ -223,6 +228,16 @@ class Building(NamedTuple):
                 arguments[maker.arguments[key]] = self._value(entry.kind, value, source)
         return maker.make(**arguments)
 
+    def effects(self, names: Iterable[str]) -> dict[str, AbstractEffect]:
+        """The effects of these names. Those that refer to another one are made last."""
+        made: dict[str, AbstractEffect] = {}
+        makers = {name: self.makers[f"effects.{name}"] for name in names}
+        # By whether they refer: one level is enough, for a reference names no reference.
+        for name in sorted(makers, key=lambda name: bool(makers[name].references)):
+            made[name] = self.make(f"effects.{name}", **referred(makers[name], made))
+        # In the order of the file again, which is the order of the sums and of `explain`.
+        return {name: made[name] for name in makers}
+
     def _value(self, kind: Kind, value: Value, path: str) -> Value:
         if isinstance(kind, Object):
             return self.make(path)
@@ -239,6 +254,14 @@ class Building(NamedTuple):
         if isinstance(inner, Number) and inner.quantity.fixed:
             return value
         return self.runs.full(value) if self.full else self.runs.vector(value)
+
+
+def referred(maker: Maker, effects: Mapping[str, AbstractEffect]) -> dict[str, object]:
+    """The attributes of these effects that an object refers to, by its field."""
+    return {
+        field: next(getattr(e, attribute) for e in effects.values() if hasattr(e, attribute))
+        for field, attribute in maker.references.items()
+    }
 
 
 def at(values: Value, path: str) -> Value:

@@ -154,8 +154,7 @@ def given_parts(file: Parsed) -> set[str]:
         parts = set(part_quantities(cls))
         # A system's own maker of states says nothing about the parts; a body's are those of it.
         return parts if cls is not BodyState else {"attitude", "omega"}
-    losing = ("mass_rate" in file.catalog.effects[e].adds for e in file.active_effects())
-    return file.parts() | ({"mass"} if any(losing) else set())
+    return file.parts() | ({"mass"} if file.loses_mass else set())
 
 
 def _unit_of_path(key: str, path: tuple[str, ...], file: Parsed) -> str:

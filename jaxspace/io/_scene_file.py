@@ -28,7 +28,7 @@ from ..simulation import (
     Trajectory,
     simulate,
 )
-from ._build import build_effects, build_mission, build_state, replaced
+from ._build import build_mission, build_state, replaced
 from ._checks import Parsed
 from ._inputs import Input, with_given
 from ._joint_inputs import MadeInput
@@ -298,7 +298,7 @@ class SceneFile:
     ) -> AbstractEffect:
         """An effect by its name; arguments as of `body`."""
         building = self._building(self.replaced(values, samples), Runs(runs))
-        return build_effects(self.parsed, building)[name]
+        return building.effects(self.parsed.active_effects())[name]
 
     def intended(self, values: Values) -> State:
         """The initial state that the file asks for, with an axis of one run."""

@@ -1,7 +1,7 @@
 """Kinds of tables: one with known keys, one of an object that can be given in several ways."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from ..core import REQUIRED
 from ._errors import missing, unknown, wrong
@@ -12,17 +12,25 @@ from ._value_kinds import Number
 
 @dataclass(frozen=True, eq=False)
 class Table(Kind):
-    """A table of `entries`; a key that is not among them is an error."""
+    """A table of `entries`; a key that is not among them is an error.
+
+    - `refused`: of further keys why they can stand in no file."""
 
     entries: Mapping[str, Entry]
+    refused: Mapping[str, str] = field(default_factory=dict)
 
     def read(self, value: object, path: str, reading: Reading) -> Value:
         if not isinstance(value, Mapping):
             reading.errors.append(wrong(path, value, self.expected()))
             return None
         for key in value:
-            if key not in self.entries:
-                reading.errors.append(unknown(_joined(path, key), key, self.entries))
+            if key in self.entries:
+                continue
+            full = _joined(path, key)
+            known = key in self.refused
+            reading.errors.append(
+                f"{full} {self.refused[key]}" if known else unknown(full, key, self.entries)
+            )
         # In the order of the file: it is that of the effects of a scene, and of the units.
         keys = dict.fromkeys([*(key for key in value if key in self.entries), *self.entries])
         return {

@@ -119,8 +119,6 @@ class PowerLawForce(AbstractEffect):
 
     `Scene([PowerLawForce(k, n)])` is the textbook's system of a point."""
 
-    needs: ClassVar[frozenset[str]] = frozenset({"position"})
-    adds: ClassVar[frozenset[str]] = frozenset({"acceleration"})
     keeps: ClassVar[frozenset[str]] = KEEPS
 
     coefficient: Float[Array, "*#runs"] = quantity("", doc="k, in m^(n+1)/s^2; positive attracts")
@@ -152,8 +150,6 @@ class SphereGravity(AbstractEffect):
     """Attraction by a uniform sphere at the origin, outside and inside it: through a tunnel, or
     through a body without a hard surface."""
 
-    needs: ClassVar[frozenset[str]] = frozenset({"position"})
-    adds: ClassVar[frozenset[str]] = frozenset({"acceleration"})
     keeps: ClassVar[frozenset[str]] = KEEPS
 
     mu: Float[Array, "*#runs"] = quantity(
@@ -188,8 +184,6 @@ class CentralPotential(AbstractEffect):
     (*runs,); best an `equinox.Module` with a `__call__`, whose parameters are then part of the
     scene. The force is minus its derivative, and zero at the centre itself."""
 
-    needs: ClassVar[frozenset[str]] = frozenset({"position"})
-    adds: ClassVar[frozenset[str]] = frozenset({"acceleration"})
     keeps: ClassVar[frozenset[str]] = KEEPS
 
     function: Callable[[Scalar], Scalar]

@@ -18,7 +18,7 @@ Source: Curtis, Orbital Mechanics, 12.4 (drag); King-Hele, Satellite Orbits in a
 The atmospheres are those of `bodies`. The air turns like a rigid body, heights count from a sphere.
 """
 
-from typing import ClassVar, final
+from typing import final
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -77,21 +77,12 @@ class Drag(AbstractEffect):
         "rad/s", default=0.0, doc="rotation of the air about the z axis"
     )
 
-    needs: ClassVar[frozenset[str]] = frozenset({"position", "velocity"})
-    adds: ClassVar[frozenset[str]] = frozenset({"acceleration"})
-    keeps: ClassVar[frozenset[str]] = frozenset()
-
     def load(self, t: Scalar, y: BodyState, body: AbstractBody) -> Load:
         del t, body
         assert y.position is not None and y.velocity is not None
         density = self.density_at(y.position)
         v_r = self._through_air(y.position, y.velocity)
         return Load(acceleration_N=drag_acceleration(v_r, density, self.ballistic_coefficient))
-
-    def potential(self, t: Scalar, y: BodyState, body: AbstractBody) -> None:
-        del t, y, body
-        # Drag takes energy out of the motion, so that no potential tells it.
-        return None
 
     def density_at(self, position: Vector) -> Scalar:
         """Density of the air, kg/m^3, at a `position`, m, (3, *runs)."""

@@ -13,7 +13,7 @@ Source: the energy of a circle under a tangential acceleration, d(-mu/2r)/dt = a
 in a r^2/mu; the spiral is no longer quasi-circular near escape.
 """
 
-from typing import ClassVar, final
+from typing import final
 
 import jax.numpy as jnp
 from jaxtyping import Array, Float
@@ -37,10 +37,6 @@ class LowThrust(AbstractEffect):
         doc="by which the mass falls and the acceleration grows; without it both stay constant",
     )
 
-    needs: ClassVar[frozenset[str]] = frozenset({"velocity"})
-    adds: ClassVar[frozenset[str]] = frozenset({"acceleration"})
-    keeps: ClassVar[frozenset[str]] = frozenset()
-
     def acceleration_at(self, t: Scalar) -> Scalar:
         """The acceleration, m/s^2, at the time `t`, s."""
         if self.exhaust_velocity is None:
@@ -54,10 +50,6 @@ class LowThrust(AbstractEffect):
         # With the runs of the state.
         size = self.acceleration_at(t) * jnp.ones_like(y.velocity[0])
         return Load(acceleration_N=scale(size, unit(y.velocity)))
-
-    def potential(self, t: Scalar, y: BodyState, body: AbstractBody) -> None:
-        del t, y, body
-        return None  # It does work.
 
     def scaled(self, factor: Scalar) -> "LowThrust | None":
         # With an exhaust velocity the load is no multiple of the acceleration.

@@ -114,8 +114,6 @@ def apsidal_rate(
 class Oblateness(AbstractEffect):
     """Attraction by the bulge of an oblate body about the z axis."""
 
-    needs: ClassVar[frozenset[str]] = frozenset({"position"})
-    adds: ClassVar[frozenset[str]] = frozenset({"acceleration"})
     keeps: ClassVar[frozenset[str]] = frozenset({"energy", "axial_angular_momentum"})
 
     mu: Float[Array, "*#runs"] = gravitational_parameter()

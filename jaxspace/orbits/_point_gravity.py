@@ -53,8 +53,6 @@ def point_gravity_potential(r: Vector, mu: Scalar) -> Scalar:
 class PointGravity(AbstractEffect):
     """Attraction by a point mass at the origin."""
 
-    needs: ClassVar[frozenset[str]] = frozenset({"position"})
-    adds: ClassVar[frozenset[str]] = frozenset({"acceleration"})
     keeps: ClassVar[frozenset[str]] = frozenset(
         {"energy", "angular_momentum", "axial_angular_momentum"}
     )

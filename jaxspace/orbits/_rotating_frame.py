@@ -30,8 +30,6 @@ class RotatingFrame(AbstractEffect):
     The energy of such a scene is the integral of Jacobi. Of the orbit alone: the attitude of a body
     stays that relative to inertial axes."""
 
-    needs: ClassVar[frozenset[str]] = frozenset({"position", "velocity"})
-    adds: ClassVar[frozenset[str]] = frozenset({"acceleration"})
     keeps: ClassVar[frozenset[str]] = frozenset({"energy"})
 
     omega: Float[Array, "3 *#runs"] = quantity("rad/s", doc="angular velocity of the axes, in them")

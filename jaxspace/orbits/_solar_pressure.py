@@ -13,7 +13,7 @@ Source: Montenbruck and Gill, Satellite Orbits, 3.4 (3.75). Pushes away from the
 attitude is. Not conservative: the shadow opens and closes.
 """
 
-from typing import ClassVar, final
+from typing import final
 
 import equinox as eqx
 from jaxtyping import Array, Float
@@ -51,10 +51,6 @@ class SolarPressure(AbstractEffect):
 
     The edge of the cylinder is a jump of the acceleration that no step knows of: for accuracies
     below 1e-6 give the sun its radius."""
-
-    needs: ClassVar[frozenset[str]] = frozenset({"position"})
-    adds: ClassVar[frozenset[str]] = frozenset({"acceleration"})
-    keeps: ClassVar[frozenset[str]] = frozenset()
 
     area_per_mass: Float[Array, "*#runs"] = quantity(
         "m^2/kg", non_negative=True, doc="lit area over mass"
@@ -96,11 +92,6 @@ class SolarPressure(AbstractEffect):
             # Behind a barrier: fused with the components, each would compute the shadow again.
             push = scale(barrier(light), push)
         return Load(acceleration_N=push)
-
-    def potential(self, t: Scalar, y: BodyState, body: AbstractBody) -> None:
-        del t, y, body
-        # The shadow opens and closes on the way, so that the light does work.
-        return None
 
     def scaled(self, factor: Scalar) -> "SolarPressure":
         return SolarPressure(

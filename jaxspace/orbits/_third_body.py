@@ -16,7 +16,7 @@ No digit is lost where both attractions nearly cancel, close to the centre. Sing
 body. The motion of the other body does work: the energy is not kept.
 """
 
-from typing import ClassVar, final
+from typing import final
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -68,10 +68,6 @@ def _same_rank(r: Vector, s: Vector) -> tuple[Vector, Vector]:
 class ThirdBody(AbstractEffect):
     """Attraction by another body that moves on a given path, as the moon or the sun does."""
 
-    needs: ClassVar[frozenset[str]] = frozenset({"position"})
-    adds: ClassVar[frozenset[str]] = frozenset({"acceleration"})
-    keeps: ClassVar[frozenset[str]] = frozenset()
-
     mu: Float[Array, "*#runs"] = quantity(
         "m^3/s^2", positive=True, doc="gravitational parameter of the other body"
     )
@@ -84,11 +80,6 @@ class ThirdBody(AbstractEffect):
         del body
         assert y.position is not None
         return Load(acceleration_N=third_body(y.position, self.path(t), self.mu))
-
-    def potential(self, t: Scalar, y: BodyState, body: AbstractBody) -> None:
-        del t, y, body
-        # The other body moves, and does work.
-        return None
 
     def scaled(self, factor: Scalar) -> "ThirdBody | None":
         # A factor of zero is no mass that a body could have.

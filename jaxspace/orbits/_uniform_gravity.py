@@ -25,8 +25,6 @@ class UniformGravity(AbstractEffect):
         "m/s^2", doc="g, in inertial axes; the third axis points up by convention"
     )
 
-    needs: ClassVar[frozenset[str]] = frozenset({"position", "velocity"})
-    adds: ClassVar[frozenset[str]] = frozenset({"acceleration"})
     keeps: ClassVar[frozenset[str]] = frozenset({"energy"})
 
     def load(self, t: Scalar, y: BodyState, body: AbstractBody) -> Load:

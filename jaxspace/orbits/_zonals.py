@@ -85,8 +85,6 @@ def zonal_potential(
 class Zonals(AbstractEffect):
     """Attraction by the zonal harmonics of a body of revolution about the z axis, from J2 on."""
 
-    needs: ClassVar[frozenset[str]] = frozenset({"position"})
-    adds: ClassVar[frozenset[str]] = frozenset({"acceleration"})
     keeps: ClassVar[frozenset[str]] = frozenset({"energy", "axial_angular_momentum"})
 
     mu: Float[Array, "*#runs"] = gravitational_parameter()

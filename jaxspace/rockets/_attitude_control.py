@@ -14,7 +14,7 @@ is c = 2 sqrt(k A). The torque saturates as the sine of the error; opposite to t
 Source: Thomson 5.6 (Euler's equations); Bryson, Control of Spacecraft and Aircraft, 1.
 """
 
-from typing import ClassVar, final
+from typing import final
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -37,19 +37,11 @@ class AttitudeControl(AbstractEffect):
         "N m s", non_negative=True, doc="c, torque over angular velocity"
     )
 
-    needs: ClassVar[frozenset[str]] = frozenset({"position", "velocity", "attitude", "omega"})
-    adds: ClassVar[frozenset[str]] = frozenset({"torque"})
-    keeps: ClassVar[frozenset[str]] = frozenset()
-
     def load(self, t: Scalar, y: BodyState, body: AbstractBody) -> Load:
         del body
         wanted = y.attitude.rotate_back(self.steering.direction(t, y))
         error = cross(axis(2, jnp.ones_like(wanted[0])), wanted)
         return Load(torque_B=self.stiffness * error - self.damping * y.omega)
-
-    def potential(self, t: Scalar, y: BodyState, body: AbstractBody) -> None:
-        del t, y, body
-        return None  # It damps.
 
     def breaks(self) -> Float[Array, "times *#runs"] | None:
         return self.steering.breaks()

@@ -19,7 +19,7 @@ Source: Greensite, Analysis and Design of Space Vehicle Flight Control Systems, 
 """
 
 import os
-from typing import Any, ClassVar, final
+from typing import Any, final
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -104,12 +104,6 @@ class GimballedThrust(AbstractEffect):
     back_pressure: BackPressure | None = eqx.field(
         default=None, metadata={"doc": "what the air takes; nothing by default"}
     )
-
-    needs: ClassVar[frozenset[str]] = frozenset(
-        {"position", "velocity", "attitude", "omega", "mass"}
-    )
-    adds: ClassVar[frozenset[str]] = frozenset({"force", "torque", "mass_rate"})
-    keeps: ClassVar[frozenset[str]] = frozenset()
 
     @classmethod
     @constructor(
@@ -231,10 +225,6 @@ class GimballedThrust(AbstractEffect):
         zero = 0.0 * (self.station + mass)
         point = jnp.stack([zero, zero, self.station + zero])
         return with_rank(point, jnp.ndim(mass)) - body.centre_of_mass(mass)
-
-    def potential(self, t: Scalar, y: BodyState, body: AbstractBody) -> None:
-        del t, y, body
-        return None  # The thrust does work, and the nozzle moves.
 
     def switches(self) -> dict[str, str]:
         return {} if self.burnout_mass is None else {"GimballedThrust.burnout_mass": "mass"}

@@ -28,7 +28,7 @@ swirl of its own.
 """
 
 from collections.abc import Callable
-from typing import Any, ClassVar, final
+from typing import Any, final
 
 import jax
 import jax.numpy as jnp
@@ -170,10 +170,6 @@ class JetDamping(AbstractEffect):
         doc="x and y of the nozzles of a cluster, in place of a ring; they share the flow equally",
     )
 
-    needs: ClassVar[frozenset[str]] = frozenset({"omega", "mass"})
-    adds: ClassVar[frozenset[str]] = frozenset({"torque"})
-    keeps: ClassVar[frozenset[str]] = frozenset()
-
     def load(self, t: Scalar, y: BodyState, body: AbstractBody) -> Load:
         assert y.mass is not None and y.omega is not None
         # A body of constant mass has its centre at the origin and gives a plain 0.0.
@@ -197,8 +193,3 @@ class JetDamping(AbstractEffect):
         r = jnp.stack(places)
         w = omega[:, None]
         return jnp.mean(dot(r, r) * w - r * dot(r, w), axis=1)
-
-    def potential(self, t: Scalar, y: BodyState, body: AbstractBody) -> None:
-        del t, y, body
-        # It takes energy out of the rotation.
-        return None

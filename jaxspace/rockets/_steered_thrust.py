@@ -63,10 +63,6 @@ class SteeredThrust(AbstractEffect):
         doc="the thrust ends when no more mass than this is left; without it the burn time ends it",
     )
 
-    needs: ClassVar[frozenset[str]] = frozenset({"position", "velocity", "mass"})
-    adds: ClassVar[frozenset[str]] = frozenset({"force", "mass_rate"})
-    keeps: ClassVar[frozenset[str]] = frozenset()
-
     @classmethod
     @constructor(
         sets=("mean_thrust", "exhaust_velocity", "burn_time"),
@@ -172,10 +168,6 @@ class SteeredThrust(AbstractEffect):
             force_N=motor.net_thrust(thrust, y) * self.steering.direction(t, y),
             mass_rate=-thrust / self.exhaust_velocity,
         )
-
-    def potential(self, t: Scalar, y: BodyState, body: AbstractBody) -> None:
-        del t, y, body
-        return None  # The thrust does work.
 
     def switches(self) -> dict[str, str]:
         return {} if self.burnout_mass is None else {"SteeredThrust.burnout_mass": "mass"}

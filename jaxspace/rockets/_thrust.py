@@ -17,7 +17,7 @@ between its points, so that the load has kinks at known times: these are its `br
 
 import os
 from collections.abc import Sequence
-from typing import Any, ClassVar, TypeAlias, final
+from typing import Any, TypeAlias, final
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -107,10 +107,6 @@ class Thrust(AbstractEffect):
     back_pressure: BackPressure | None = eqx.field(
         default=None, metadata={"doc": "what the air takes; nothing by default"}
     )
-
-    needs: ClassVar[frozenset[str]] = frozenset({"attitude", "mass"})
-    adds: ClassVar[frozenset[str]] = frozenset({"force", "torque", "mass_rate"})
-    keeps: ClassVar[frozenset[str]] = frozenset()
 
     @classmethod
     @constructor(
@@ -263,10 +259,6 @@ class Thrust(AbstractEffect):
             return jnp.stack([0.0 * one, 0.0 * one, one])
         c = self.misalignment
         return jnp.stack([c[0] * one, c[1] * one, one]) / jnp.sqrt(1.0 + c[0] * c[0] + c[1] * c[1])
-
-    def potential(self, t: Scalar, y: BodyState, body: AbstractBody) -> None:
-        del t, y, body
-        return None  # The thrust does work, and moves with the body.
 
     def switches(self) -> dict[str, str]:
         return {} if self.burnout_mass is None else {"Thrust.burnout_mass": "mass"}

@@ -21,7 +21,7 @@ Closed forms for constant rates, with s = m' t/m_0:
 Source: Thomson 7.7 (7.7-3, 7.7-4).
 """
 
-from typing import ClassVar, final
+from typing import final
 
 import jax.numpy as jnp
 from jaxtyping import Array, Float
@@ -122,15 +122,7 @@ class MassStream(AbstractEffect):
         "m/s", default=(0.0, 0.0, 0.0), doc="of the mass that enters or leaves, in inertial axes"
     )
 
-    needs: ClassVar[frozenset[str]] = frozenset({"velocity", "mass"})
-    adds: ClassVar[frozenset[str]] = frozenset({"force", "mass_rate"})
-    keeps: ClassVar[frozenset[str]] = frozenset()
-
     def load(self, t: Scalar, y: BodyState, body: AbstractBody) -> Load:
         del t, body
         c = with_rank(self.stream_velocity, y.velocity.ndim - 1)
         return Load(force_N=self.rate * (c - y.velocity), mass_rate=self.rate + 0.0 * y.mass)
-
-    def potential(self, t: Scalar, y: BodyState, body: AbstractBody) -> None:
-        del t, y, body
-        return None  # The meeting with the stream is inelastic.

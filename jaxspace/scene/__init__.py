@@ -7,6 +7,8 @@ from ._explain import compile_vector_field as compile_vector_field
 from ._explain import explain as explain
 from ._explain import operation_count as operation_count
 from ._outputs import end_time as end_time
+from ._reading import Reading as Reading
+from ._reading import read_effects as read_effects
 from ._scaled import Scaled as Scaled
 from ._scaled import scaled as scaled
 from ._scene import Scene as Scene

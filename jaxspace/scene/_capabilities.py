@@ -21,9 +21,7 @@ from ..bodies import (
 )
 from ..core import AbstractClosedForm, AbstractRegularised, AbstractSplit, Flag, Scalar
 from ._interface import AbstractScene
-
-TRANSLATION = frozenset({"position", "velocity"})
-ROTATION = frozenset({"attitude", "omega"})
+from ._reading import ROTATION, TRANSLATION
 
 
 @final
@@ -116,8 +114,8 @@ def scene_split(scene: AbstractScene) -> tuple[SceneSplit | None, str]:
     exact, others = _separate(scene.effects)
     # What a kick changes, or what changes during it.
     moving = {"velocity", "omega", "mass", "parts", "mass_rate", "inertia", "momentum"}
-    for effect in others:
-        if moving & (effect.needs | effect.adds):
+    for effect, reading in zip(scene.effects, scene.readings, strict=True):
+        if effect.closed_form() is None and moving & (reading.needs | reading.adds):
             return (
                 None,
                 f"{type(effect).__name__} reads or adds more than loads by position and attitude",
@@ -135,12 +133,13 @@ def scene_regularised(scene: AbstractScene) -> tuple[AbstractRegularised | None,
     central = [e for e in scene.effects if e.regularised(None) is not None]
     others = tuple(e for e in scene.effects if e.regularised(None) is None)
     # The variables are those of a position and a velocity: nothing else can perturb them.
-    for effect in others:
-        alien = [part for part in PARTS if part in effect.needs - TRANSLATION]
-        if alien:
+    readings = list(zip(scene.effects, scene.readings, strict=True))
+    for effect, reading in readings:
+        alien = [part for part in PARTS if part in reading.needs - TRANSLATION]
+        if alien and effect.regularised(None) is None:
             return None, f"{type(effect).__name__} reads the {alien[0]}"
-    for effect in scene.effects:
-        alien = sorted(effect.adds & {"torque", "mass_rate", "parts"})
+    for effect, reading in readings:
+        alien = sorted(reading.adds & {"torque", "mass_rate", "parts"})
         if alien:
             return None, f"{type(effect).__name__} adds a {alien[0]}"
     if len(central) != 1:

@@ -11,38 +11,36 @@
 Source: Thomson 4.2, 5.3.
 """
 
+from collections.abc import Sequence
+
 import jax.numpy as jnp
 from jaxtyping import Array
 
 from ..bodies import AbstractBody, AbstractEffect, BodyState, kinetic_energy
 from ..core import Scalar, cross, dot, matvec
+from ._interface import AbstractScene
 
 ALL_KEPT = frozenset({"energy", "angular_momentum", "axial_angular_momentum"})
 # What turns the body, or moves in it, and leaves the orbit alone.
 TURNING = frozenset({"torque", "inertia", "momentum", "parts"})
 
 
-def conserved(
-    effects: tuple[AbstractEffect, ...],
-    body: AbstractBody,
-    mass: Scalar | None,
-    t: Scalar,
-    y: BodyState,
-) -> dict[str, Array]:
+def conserved(scene: AbstractScene, t: Scalar, y: BodyState) -> dict[str, Array]:
     """The conserved quantities of a body under effects.
 
     **Arguments**
 
-    - `effects`, `body`: of the scene.
-    - `mass`: kg, (*runs,); `None` where it is not known.
+    - `scene`: the body and its effects.
     - `t`, s, and `y`: time and state.
 
     **Returns** the quantities by name, with the runs of the state.
     """
+    effects, body, mass = scene.effects, scene.body, scene.mass(y)
+    pairs = [(e, reading.adds) for e, reading in zip(effects, scene.readings, strict=True)]
     kept = frozenset.intersection(*(e.keeps for e in effects)) if effects else ALL_KEPT
-    adds = frozenset().union(*(e.adds for e in effects))
+    adds = frozenset().union(*(added for _, added in pairs))
     # Effects that add a torque alone do not change the energy of the orbit.
-    pushing = tuple(e for e in effects if not e.adds or not e.adds <= TURNING)
+    pushing = [(e, added) for e, added in pairs if not added or not added <= TURNING]
     unit = {} if y.attitude is None else {"quaternion_norm": y.attitude.norm_squared()}
     found: dict[str, Array] = {}
     # Mass that leaves takes energy and momentum along.
@@ -57,11 +55,11 @@ def conserved(
     if "energy" in kept:
         # Without a torque the energy of the rotation is constant by itself, and listed so.
         found["energy"] = _energy(effects, body, mass if "torque" in adds else None, t, y)
-    elif pushing and all("energy" in e.keeps and "torque" not in e.adds for e in pushing):
-        found["orbital_energy"] = _energy(pushing, body, None, t, y)
+    elif pushing and all("energy" in e.keeps and "torque" not in x for e, x in pushing):
+        found["orbital_energy"] = _energy([e for e, _ in pushing], body, None, t, y)
     if y.omega is not None and y.attitude is not None:
         inertia = body.inertia(mass)
-        turning = tuple(e for e in effects if e.adds & (TURNING - {"parts"}))
+        turning = [e for e, added in pairs if added & (TURNING - {"parts"})]
         if all("rotational_momentum" in e.keeps for e in turning):
             h = inertia.times(y.omega)
             for load in (e.load(t, y, body) for e in turning):
@@ -76,7 +74,7 @@ def conserved(
 
 
 def _energy(
-    effects: tuple[AbstractEffect, ...],
+    effects: Sequence[AbstractEffect],
     body: AbstractBody,
     mass: Scalar | None,
     t: Scalar,

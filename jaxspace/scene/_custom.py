@@ -10,19 +10,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, PyTree
 
-from ..bodies import PARTS, AbstractBody, AbstractEffect, BodyState, Load
+from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
 from ..core import InputError, Scalar, check_components, dot, norm, quantity
 
-# What a load may hold: the word of `adds`, and the field.
-FIELDS = {
-    "acceleration": "acceleration_N",
-    "force": "force_N",
-    "torque": "torque_B",
-    "mass_rate": "mass_rate",
-    "parts": "parts_rate",
-    "inertia": "inertia_B",
-    "momentum": "momentum_B",
-}
+# What an effect may keep.
+KEPT = ("energy", "angular_momentum", "axial_angular_momentum", "rotational_momentum")
 VECTORS = ("acceleration_N", "force_N", "torque_B", "momentum_B")
 
 
@@ -46,18 +38,16 @@ class Custom(AbstractEffect):
     - `function`: best an `equinox.Module` with a `__call__`, whose parameters are then part of the
       scene. In a batch its arrays carry the runs on the last axis, or an axis of length one there
       when all runs share them.
-    - `needs`, `adds`, `keeps`: as in `AbstractEffect`.
+    - `keeps`: as in `AbstractEffect`.
     - `energy`: a function (t, y, body) -> potential energy per unit mass, J/kg, if the effect keeps
       the energy. Before a run it is compared with the work of the load at the start.
     - `break_times`: at which the load or a derivative of it jumps, s; steps end there.
 
-    Raises `InputError` for an unknown part or contribution, an effect that keeps the energy without
-    a potential, and, when it is first evaluated, a load that holds what `adds` does not name."""
+    Raises `InputError` for an unknown quantity to keep, or an effect that keeps the energy without
+    a potential; a scene of it does for what is no load."""
 
     function: Callable[[Scalar, BodyState, AbstractBody], Load]
     # Of the instance and not of the class, because each function has its own.
-    needs: frozenset[str] = eqx.field(static=True, converter=frozenset)  # pyright: ignore
-    adds: frozenset[str] = eqx.field(static=True, converter=frozenset)  # pyright: ignore
     keeps: frozenset[str] = eqx.field(  # pyright: ignore
         static=True, converter=frozenset, default=frozenset()
     )
@@ -67,13 +57,10 @@ class Custom(AbstractEffect):
     )
 
     def __check_init__(self):
-        # A misspelt word would otherwise leave a part out of the state without an error.
-        for field, allowed in (("needs", PARTS), ("adds", tuple(FIELDS))):
-            unknown = sorted(getattr(self, field) - set(allowed))
-            if unknown:
-                raise InputError(
-                    f"Custom.{field} names {unknown}: it may name {', '.join(allowed)}."
-                )
+        unknown = sorted(self.keeps - set(KEPT))
+        # A misspelt word would otherwise be a quantity that is not listed, without an error.
+        if unknown:
+            raise InputError(f"Custom.keeps names {unknown}: it may name {', '.join(KEPT)}.")
         if "energy" in self.keeps and self.energy is None:
             raise InputError(
                 "Custom.keeps names the energy, and Custom.energy is None: "
@@ -85,14 +72,6 @@ class Custom(AbstractEffect):
         if not isinstance(load, Load):
             raise InputError(
                 f"Custom.function returns {type(load).__name__}: it must return a Load."
-            )
-        # What is not declared would be left out of the state, and so out of the motion.
-        given = (word for word, field in FIELDS.items() if getattr(load, field) is not None)
-        undeclared = sorted(set(given) - self.adds)
-        if undeclared:
-            raise InputError(
-                f"Custom.function returns {' and '.join(undeclared)}, and Custom.adds names "
-                f"{', '.join(sorted(self.adds)) or 'nothing'}: it must name what the load holds."
             )
         for field in VECTORS:
             _check_vector(f"Custom.function: Load.{field}", getattr(load, field))

@@ -70,14 +70,14 @@ def budget(scene: AbstractScene, t: Scalar = 0.0, y: BodyState | None = None) ->
     # Constant loads cost no operation at all.
     divisor = max(whole, 1)
     rows = []
-    for k, effect in enumerate(scene.effects):
+    for k, (effect, reading) in enumerate(zip(scene.effects, scene.readings, strict=True)):
         rest = scene.with_effects(scene.effects[:k] + scene.effects[k + 1 :], scene.parts)
         saved = max(whole - operation_count(rest, t, y), 0)
         rows.append(
             EffectRow(
                 type(effect).__name__,
-                tuple(sorted(effect.needs)),
-                tuple(sorted(effect.adds)),
+                tuple(sorted(reading.needs)),
+                tuple(sorted(reading.adds)),
                 saved,
                 saved / divisor,
             )

@@ -7,6 +7,7 @@ from equinox import AbstractVar
 
 from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
 from ..core import AbstractSystem, Scalar
+from ._reading import Reading
 
 
 class AbstractScene(AbstractSystem):
@@ -22,6 +23,11 @@ class AbstractScene(AbstractSystem):
     @abstractmethod
     def parts(self) -> tuple[str, ...]:
         """The parts that a state of this scene holds, in the order of `BodyState`."""
+
+    @property
+    @abstractmethod
+    def readings(self) -> tuple[Reading, ...]:
+        """What each effect reads and adds."""
 
     @abstractmethod
     def loads(self, t: Scalar, y: BodyState) -> Load:

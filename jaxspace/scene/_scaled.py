@@ -35,16 +35,12 @@ class Scaled(AbstractEffect):
 
     effect: AbstractEffect
     factor: Float[Array, "*#runs"] = quantity("", doc="by which the load is multiplied")
-    # Of the instance and not of the class, because they are those of the effect.
-    needs: frozenset[str] = eqx.field(static=True)  # pyright: ignore
-    adds: frozenset[str] = eqx.field(static=True)  # pyright: ignore
+    # Of the instance and not of the class, because it is that of the effect.
     keeps: frozenset[str] = eqx.field(static=True)  # pyright: ignore
 
     def __init__(self, effect: AbstractEffect, factor: Scalar):
         self.effect = effect
         self.factor = factor
-        self.needs = effect.needs
-        self.adds = effect.adds
         self.keeps = effect.keeps
 
     def load(self, t: Scalar, y: BodyState, body: AbstractBody) -> Load:

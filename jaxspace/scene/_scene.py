@@ -38,22 +38,12 @@ from ..core import (
     Scalar,
     State,
 )
-from ._capabilities import ROTATION, TRANSLATION, body_motion, scene_regularised, scene_split
+from ._capabilities import body_motion, scene_regularised, scene_split
 from ._conserved import conserved
 from ._custom import Custom
 from ._explain import explain
 from ._interface import AbstractScene
-
-# The parts of the state that a contribution changes.
-CHANGES = {
-    "acceleration": TRANSLATION,
-    "force": TRANSLATION,
-    "torque": ROTATION,
-    "mass_rate": {"mass"},
-    "parts": {"parts"},
-    "inertia": ROTATION,
-    "momentum": ROTATION,
-}
+from ._reading import ROTATION, TRANSLATION, Reading, read_effects
 
 
 def _as_effects(x: Any) -> tuple[AbstractEffect, ...]:
@@ -90,25 +80,31 @@ class Scene(AbstractScene):
             raise InputError(
                 f"Scene.carry names {sorted(unknown)}: it may name {', '.join(PARTS)}."
             )
-        for name, effect in [(type(e).__name__, e) for e in self.effects]:
-            if "force" in effect.adds and self._massless():
+        readings, parts = read_effects(self.effects, self.body, self.carry)
+        losing = any("mass_rate" in reading.adds for reading in readings)
+        # A mass that is a part of the state, because effects or the body change or carry it.
+        varying = losing or "mass" in self.carry or self.body.loaded_mass() is not None
+        varying = varying or self.body.least_mass() is not None
+        for effect, reading in zip(self.effects, readings, strict=True):
+            name = type(effect).__name__
+            if "mass" in reading.needs and not varying:
+                raise InputError(
+                    f"{name} needs the mass of the body, which has none: "
+                    "give body=RigidBody(mass=...) or carry=('mass',)."
+                )
+            if (
+                "force" in reading.adds
+                and self.body.constant_mass() is None
+                and "mass" not in parts
+            ):
                 raise InputError(
                     f"{name} adds a force, and the body has no mass: "
                     "give body=RigidBody(mass=...) or carry=('mass',)."
                 )
-            if {"attitude", "omega"} & effect.needs or "torque" in effect.adds:
+            if ROTATION & reading.needs or TURNING & reading.adds:
                 self._check_inertia(f"{name} needs")
-            # A mass of the body, or one in the state: `mass` in `needs` would require the latter.
-            if "body_mass" in effect.needs and self._massless():
-                raise InputError(
-                    f"{name} needs the mass of the body, which has none: "
-                    "give body=RigidBody(mass=...)."
-                )
-        if ROTATION & set(self.carry):
+        if ROTATION & set(parts):
             self._check_inertia("Scene.carry requires")
-
-    def _massless(self) -> bool:
-        return self.body.constant_mass() is None and "mass" not in self.parts
 
     def _check_inertia(self, who: str) -> None:
         if not self.body.has_inertia():
@@ -120,28 +116,31 @@ class Scene(AbstractScene):
     @property
     def parts(self) -> tuple[str, ...]:
         """The parts that a state of this scene holds, in the order of `BodyState`."""
-        required = set(self.carry)
-        for effect in self.effects:
-            required |= (effect.needs & set(PARTS)).union(*(CHANGES[a] for a in effect.adds))
-        # Position and velocity are integrated together, and so are orientation and its rate.
-        for pair in (TRANSLATION, ROTATION):
-            required |= pair if required & pair else set()
         # A scene of nothing is a point that moves on.
-        if not self.effects and not self.carry:
-            required = set(TRANSLATION)
-        return tuple(part for part in PARTS if part in required)
+        empty = not self.effects and not self.carry
+        return read_effects(self.effects, self.body, TRANSLATION if empty else self.carry).parts
+
+    @property
+    def readings(self) -> tuple[Reading, ...]:
+        """What each effect reads and adds."""
+        return read_effects(self.effects, self.body, self.carry).effects
 
     def check_state(self, y: BodyState) -> None:
         """Raise `InputError` unless the state holds the parts of this scene and no others; the
         message names the effect that needs a missing one."""
-        for part in self.parts:
+        parts = self.parts
+        for part in parts:
             if getattr(y, part) is None:
-                who = [type(e).__name__ for e in self.effects if part in e.needs] or ["Scene"]
+                who = [
+                    type(effect).__name__
+                    for effect, reading in zip(self.effects, self.readings, strict=True)
+                    if part in reading.needs
+                ] or ["Scene"]
                 raise InputError(
                     f"{who[0]} needs {part}, and the state has none: give BodyState({part}=...)."
                 )
         # A part without a role would be integrated at a cost, or silently dropped.
-        idle = [part for part in y.present() if part not in self.parts]
+        idle = [part for part in y.present() if part not in parts]
         if idle:
             raise InputError(
                 f"The state holds {idle[0]}, which no effect of the scene reads or changes: "
@@ -241,7 +240,7 @@ class Scene(AbstractScene):
 
     def invariants(self, t: Scalar, y: BodyState) -> dict[str, Array]:
         """What all effects keep: the energy if every one of them keeps it, and so on."""
-        return conserved(self.effects, self.body, self.mass(y), t, y)
+        return conserved(self, t, y)
 
     def explain(self) -> str:
         """A table of the effects: what each reads and adds, and its share of the arithmetic of one
@@ -263,6 +262,8 @@ class Scene(AbstractScene):
         return {name: part for e in self.effects for name, part in e.switches().items()}
 
 
+# What turns the body.
+TURNING = frozenset({"torque", "inertia", "momentum"})
 SUMMED = ("acceleration_N", "force_N", "torque_B", "mass_rate", "inertia_B", "momentum_B")
 
 

@@ -20,7 +20,7 @@ Source: Barrowman, 1967, 3; Etkin, Dynamics of Atmospheric Flight, 5.5 (damping)
 at the centre of mass.
 """
 
-from typing import Any, ClassVar, final
+from typing import Any, final
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -62,10 +62,6 @@ class Aerodynamics(AbstractEffect):
         metadata={"doc": "C_A after the burnout, where it is another"},
     )
     burnout: Float[Array, "*#runs"] | None = quantity("s", optional=True, doc=BURNOUT)
-
-    needs: ClassVar[frozenset[str]] = frozenset({"position", "velocity", "attitude", "omega"})
-    adds: ClassVar[frozenset[str]] = frozenset({"force", "torque"})
-    keeps: ClassVar[frozenset[str]] = frozenset()
 
     @property
     def surfaces(self) -> tuple[AbstractSurface, ...]:
@@ -120,7 +116,3 @@ class Aerodynamics(AbstractEffect):
         """Dynamic pressure rho |w|^2 / 2, Pa."""
         air, moving = air_about(self.air).at(y.position)
         return 0.5 * air.density * norm(y.velocity - moving) ** 2
-
-    def potential(self, t: Scalar, y: BodyState, body: AbstractBody) -> None:
-        del t, y, body
-        return None

@@ -11,7 +11,7 @@ Source: Thomson 8.5 (drag in the gravity turn); Knacke, Parachute Recovery Syste
 (parachutes).
 """
 
-from typing import ClassVar, final
+from typing import final
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -61,10 +61,6 @@ class AirDrag(AbstractEffect):
     )
     burnout: Float[Array, "*#runs"] | None = quantity("s", optional=True, doc=BURNOUT)
 
-    needs: ClassVar[frozenset[str]] = frozenset({"position", "velocity"})
-    adds: ClassVar[frozenset[str]] = frozenset({"force"})
-    keeps: ClassVar[frozenset[str]] = frozenset()
-
     def breaks(self) -> Float[Array, "times *#runs"] | None:
         return None if self.burnout is None else self.burnout[None]
 
@@ -77,10 +73,6 @@ class AirDrag(AbstractEffect):
             t, mach, self.coefficient, self.coasting, self.burnout
         )
         return Load(force_N=drag_force(w, air.density, drag_area))
-
-    def potential(self, t: Scalar, y: BodyState, body: AbstractBody) -> None:
-        del t, y, body
-        return None
 
     @output("Pa")
     def dynamic_pressure(self, y: BodyState) -> Scalar:
@@ -102,10 +94,6 @@ class Parachute(AbstractEffect):
         default=None, metadata={"doc": "about the vehicle; calm standard air by default"}
     )
 
-    needs: ClassVar[frozenset[str]] = frozenset({"position", "velocity"})
-    adds: ClassVar[frozenset[str]] = frozenset({"force"})
-    keeps: ClassVar[frozenset[str]] = frozenset()
-
     def load(self, t: Scalar, y: BodyState, body: AbstractBody) -> Load:
         del body
         air, moving = air_about(self.air).at(y.position)
@@ -116,10 +104,6 @@ class Parachute(AbstractEffect):
         step = jnp.where(since >= 0.0, 1.0, 0.0)
         filled = jnp.where(instant, step, jnp.clip(since / time, 0.0, 1.0))
         return Load(force_N=drag_force(y.velocity - moving, air.density, filled * self.drag_area))
-
-    def potential(self, t: Scalar, y: BodyState, body: AbstractBody) -> None:
-        del t, y, body
-        return None
 
     def breaks(self) -> Float[Array, "times *#runs"]:
         return jnp.stack([self.opening, self.opening + self.inflation_time])

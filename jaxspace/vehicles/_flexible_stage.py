@@ -24,7 +24,7 @@ mass, so that they bend nothing either. The sloshing mass is not counted in that
 carries it along the axis: of the thrust it takes the share m_s / (m + m_s).
 """
 
-from typing import ClassVar, final
+from typing import final
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -47,10 +47,6 @@ class FlexibleStage(AbstractEffect):
     with its rate in axes that do not roll; components along x and y first.
 
     - `loop`: the stage in a plane, with autopilot and slosh; its command acts in both planes."""
-
-    needs: ClassVar[frozenset[str]] = frozenset({"attitude", "omega", "body_mass"})
-    adds: ClassVar[frozenset[str]] = frozenset({"force", "torque", "parts"})
-    keeps: ClassVar[frozenset[str]] = frozenset()
 
     loop: MissileLoop = eqx.field(metadata={"doc": "its missile, autopilot and slosh"})
     target: Vector = quantity(
@@ -132,11 +128,6 @@ class FlexibleStage(AbstractEffect):
                 }
             },
         )
-
-    def potential(self, t: Scalar, y: BodyState, body: AbstractBody) -> None:
-        # The thrust does work.
-        del t, y, body
-        return None
 
     def _inclination(self, y: BodyState) -> tuple[Two, Two]:
         """Inclination of the mean axis to x and y from the target, sines for rad, and its rate."""

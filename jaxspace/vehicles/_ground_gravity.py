@@ -46,8 +46,6 @@ class GroundGravity(AbstractEffect):
         "m", positive=True, optional=True, doc="of the planet; without it gravity is uniform"
     )
 
-    needs: ClassVar[frozenset[str]] = frozenset({"position"})
-    adds: ClassVar[frozenset[str]] = frozenset({"acceleration"})
     keeps: ClassVar[frozenset[str]] = frozenset({"energy"})
 
     @classmethod

@@ -10,7 +10,7 @@ Source: Harrison and Nettleton 4.7 (constraint of a smooth guide).
 """
 
 import dataclasses
-from typing import ClassVar, final
+from typing import final
 
 import jax.numpy as jnp
 from jaxtyping import Array, Float
@@ -29,10 +29,6 @@ class Rail(AbstractEffect):
     origin: Float[Array, "3 *#runs"] = quantity(
         "m", default=(0.0, 0.0, 0.0), doc="where the centre of mass rests before the launch"
     )
-
-    needs: ClassVar[frozenset[str]] = frozenset({"position", "velocity"})
-    adds: ClassVar[frozenset[str]] = frozenset({"acceleration"})
-    keeps: ClassVar[frozenset[str]] = frozenset()
 
     def load(self, t: Scalar, y: BodyState, body: AbstractBody) -> Load:
         del t, y, body
@@ -57,10 +53,6 @@ class Rail(AbstractEffect):
         del t
         moved = y.position - with_rank(self.origin, y.position.ndim - 1)
         return dot(self._along(y.position), moved) - self.length
-
-    def potential(self, t: Scalar, y: BodyState, body: AbstractBody) -> None:
-        del t, y, body
-        return None  # It may hold the body against its weight.
 
     def _along(self, like: Vector) -> Vector:
         return unit(with_rank(self.direction, like.ndim - 1)) + 0.0 * like

@@ -39,7 +39,7 @@ class Field(eqx.Module):
 def near_ground(gravity=0.0, spin=(0.0, 0.0, 0.0), pull=0.0, thrust=0.0, rate=0.0) -> Custom:
     """A `Field`; gravity and thrust, m/s^2, turning frame, rad/s, pull, 1/s^2, rate, 1/s."""
     numbers = (jnp.asarray(x, float) for x in (gravity, spin, pull, thrust, rate))
-    return Custom(Field(*numbers), {"position", "velocity"}, {"acceleration"})
+    return Custom(Field(*numbers))
 
 
 def fly(effect, position, velocity, duration, accuracy=ACCURACY):
@@ -69,9 +69,7 @@ def turn(inertia, omega, ts, steady=(0, 0, 0), pulse=(0, 0, 0), frequency=0, dam
     moment = Moment(
         *(jnp.asarray(x, float) for x in (steady, pulse, frequency, damping, rotor or (0, 0, 0)))
     )
-    scene = Scene(
-        (Custom(moment, {"omega"}, {"torque"}),), RigidBody(inertia=jnp.asarray(inertia, float))
-    )
+    scene = Scene((Custom(moment),), RigidBody(inertia=jnp.asarray(inertia, float)))
     y0 = BodyState(attitude=Quaternion.identity(), omega=vec(*omega))
     return simulate(scene, y0, jnp.asarray(ts, float), accuracy=ACCURACY)
 

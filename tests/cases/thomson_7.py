@@ -76,9 +76,7 @@ def moment_of(inertia, omega, rate):
 
 def body_axes_velocity(m, spin, force, velocity, t):
     """Velocity in body axes under a body-fixed force."""
-    push = Custom(
-        lambda t, y, b: Load(force_N=y.attitude.rotate(vec(*force))), {"attitude"}, {"force"}
-    )
+    push = Custom(lambda t, y, b: Load(force_N=y.attitude.rotate(vec(*force))))
     scene = Scene((push,), RigidBody(m, [1.0, 1.0, 1.0]))
     y0 = BodyState(vec(0, 0, 0), vec(*velocity), Quaternion.identity(), spin * Z)
     end = simulate(scene, y0, t * vec(0, 0.5, 1), accuracy=ACCURACY).final
@@ -240,7 +238,7 @@ def leak(t, m):
     return -8.0 + 0.0 * m
 
 
-LEAK = Custom(lambda t, y, b: Load(mass_rate=leak(t, y.mass)), {"mass"}, {"mass_rate"})
+LEAK = Custom(lambda t, y, b: Load(mass_rate=leak(t, y.mass)))
 
 
 # Slugs a second of the sprinkler's nozzles: rho Q.

@@ -23,7 +23,7 @@ def misaligned(t, y, body):
 
 
 scene = Scene(
-    [Custom(misaligned, {"omega"}, {"torque"})],
+    [Custom(misaligned)],
     RigidBody(inertia=jnp.array([A, A, C])),
 )
 start = BodyState(
