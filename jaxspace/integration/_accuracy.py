@@ -51,7 +51,9 @@ class Accuracy(AbstractParameters):
       them: if they prove too few, the run is repeated with up to eight times as many, except under
       `jit`, in derivatives of a batch and in missions.
     - `adjoint`: `None` differentiates along the recorded steps, in forward and in reverse mode.
-      Any of diffrax's adjoints takes its place.
+      In its place stand diffrax's `RecursiveCheckpointAdjoint` (reverse mode alone),
+      `DirectAdjoint` and `ForwardMode`. Runs by these take twice as long: the steps are chosen
+      first, then taken.
     - `max_steps`: how many steps a run may take. Reverse mode keeps room for all of them: one
       number each, and two for every run with `AdaptiveRegularised`, whose short runs are
       differentiated several times faster with fewer.
@@ -131,6 +133,12 @@ def as_accuracy(accuracy: Any) -> Accuracy:
         _check_kind("method", accuracy.method, str | diffrax.AbstractSolver, "a solver")
         kinds = None | diffrax.AbstractAdjoint
         _check_kind("adjoint", accuracy.adjoint, kinds, "None or an adjoint of diffrax")
+        if isinstance(accuracy.adjoint, diffrax.BacksolveAdjoint | diffrax.ImplicitAdjoint):
+            raise InputError(
+                f"Accuracy.adjoint is {type(accuracy.adjoint).__name__}, which does not follow the "
+                f"steps of the run: leave it out, Accuracy(), or take RecursiveCheckpointAdjoint, "
+                f"DirectAdjoint or ForwardMode."
+            )
         _check_kind("max_steps", accuracy.max_steps, int | np.integer, "a whole number")
         return accuracy
     if accuracy is None:
