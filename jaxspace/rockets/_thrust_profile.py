@@ -75,7 +75,7 @@ class ThrustProfile(AbstractParameters):
         cls,
         times: Sequence[float] | np.ndarray | Array,
         thrusts: Sequence[float] | np.ndarray | Array,
-    ) -> tuple["ThrustProfile", float, float]:
+    ) -> tuple["ThrustProfile", Scalar, Scalar]:
         """The profile of a table of thrust against time, and its burn time and mean thrust.
 
         **Arguments**
@@ -87,18 +87,21 @@ class ThrustProfile(AbstractParameters):
 
         **Raises** `InputError` for times that do not ascend, or a table without thrust.
         """
-        # In NumPy: a table is data, whose faults are reported before anything is traced.
-        t = np.asarray(times, float)
-        f = np.asarray(thrusts, float)
-        if t.shape != f.shape:
+        t, f = as_float(times), as_float(thrusts)
+        if jnp.shape(t) != jnp.shape(f):
             raise InputError(
-                f"ThrustProfile has {t.size} times and {f.size} thrusts: it must have as many."
+                f"ThrustProfile has {jnp.size(t)} times and {jnp.size(f)} thrusts: it must have "
+                f"as many."
             )
-        check(np.diff(t) > 0.0, "ThrustProfile.times", t, "ascending")
-        check(np.any(f > 0.0), "ThrustProfile.thrusts", f, "above zero somewhere")
+        xp = jnp
+        if is_concrete(t) and is_concrete(f):
+            # In NumPy, because `jax.numpy` traces what is known, too, within `jit`.
+            xp, t, f = np, np.asarray(times, float), np.asarray(thrusts, float)
+            check(np.diff(t) > 0.0, "ThrustProfile.times", t, "ascending")
+            check(np.any(f > 0.0), "ThrustProfile.thrusts", f, "above zero somewhere")
         # By trapezoids, which are exact for the polygon that `at` evaluates.
-        burn_time = float(t[-1] - t[0])
-        mean = float(np.sum(0.5 * (f[1:] + f[:-1]) * np.diff(t)) / burn_time)
+        burn_time = t[-1] - t[0]
+        mean = xp.sum(0.5 * (f[1:] + f[:-1]) * xp.diff(t)) / burn_time
         profile = cls(as_float((t - t[0]) / burn_time), as_float(f / mean))
         return profile, burn_time, mean
 

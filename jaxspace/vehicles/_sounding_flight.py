@@ -20,7 +20,15 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..bodies import AbstractEffect, BodyState
-from ..core import AbstractParameters, Scalar, Vector, as_float, is_concrete, quantity, with_rank
+from ..core import (
+    AbstractParameters,
+    InputError,
+    Scalar,
+    Vector,
+    as_float,
+    quantity,
+    with_rank,
+)
 from ..orbits import RotatingFrame
 from ..rotations import Quaternion
 from ..scene import Scene
@@ -85,8 +93,11 @@ class Recovery(AbstractParameters):
     """A parachute: what it drags, and when it opens."""
 
     drag_area: Float[Array, "*#runs"] = quantity("m^2", non_negative=True, doc="C_D A")
-    lag: Float[Array, "*#runs"] = quantity(
-        "s", non_negative=True, default=0.0, doc="from its trigger to its opening"
+    lag: Float[Array, "*#runs"] | None = quantity(
+        "s",
+        non_negative=True,
+        optional=True,
+        doc="from its trigger to its opening; without it the parachute opens at once",
     )
     height: Float[Array, "*#runs"] | None = quantity(
         "m",
@@ -141,8 +152,10 @@ def sounding_flight(
       The search for an event samples all of that time: a narrow limit
       is a fast run.
 
-    **Returns** the mission, with the phases "rail", "ascent" and for each parachute "wait"
-    and "parachute", numbered; and the state at ignition, of every run.
+    **Returns** the mission, with the phases "rail", "ascent" and for each parachute "wait", if it
+    has a lag, and "parachute", numbered; and the state at ignition, of every run.
+
+    **Raises** `InputError` for a parachute after the first one without a height.
     """
     air, environment = site.air(), site.environment()
 
@@ -152,6 +165,12 @@ def sounding_flight(
     rail = Rail(site.direction(), site.rail_length)
     burning, gliding = vehicle.as_body(air), vehicle.as_body(air, powered=False)
     leaving = jnp.max(vehicle.motor.burnout()) if rail_within is None else as_float(rail_within)
+    for number, chute in enumerate(recovery[1:], 2):
+        if chute.height is None:
+            raise InputError(
+                f"Recovery.height of parachute {number} is None: it must be a height in m, for the "
+                f"apogee triggers the first one alone."
+            )
     phases = [
         # A rocket that has not left its rail by the burnout never does.
         Phase(
@@ -168,8 +187,8 @@ def sounding_flight(
         hanging = scene(drag, carry=("mass",))
         # Under a parachute hangs a point: the rotation ends with the ascent.
         turn = as_point if number == 0 else None
-        # A lag that is traced may be above zero, so that its phase must be there.
-        if not is_concrete(chute.lag) or bool(jnp.any(chute.lag > 0.0)):
+        # By whether it is given and not by its value, which may be another one in every run.
+        if chute.lag is not None:
             phases.append(Phase(flying, chute.lag, turn, f"wait {name}"))
         else:
             phases[-1] = dataclasses.replace(phases[-1], then=turn)
