@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import final
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -41,7 +42,7 @@ from jaxspace.dispersion._columns import columns_of
 from jaxspace.dispersion._lock import Lock
 from jaxspace.dispersion._run_results import RunResults
 from jaxspace.dispersion._store_writer import StoreWriter
-from jaxspace.simulation import Accuracy, Mission, Phase, Status
+from jaxspace.simulation import Accuracy, Mission, Phase, SimulationError, Status, simulate
 
 HERE = Path(__file__).parent
 RUNS, CHUNK, SEED = 2200, 512, 11  # four chunks and a shorter one
@@ -705,3 +706,27 @@ def test_even_points_are_the_same_bits_in_any_chunks(design):
 def test_an_unknown_engine_is_refused(engine, words):
     with pytest.raises(InputError, match=words):
         fly(engine=engine)
+
+
+def test_a_nominal_run_that_ends_well_alone_is_dispersed():
+    """Twenty steps serve the nominal run. Runs that swing up to twice as fast share theirs with it,
+    and their plan is finer than `max_steps`, which is a limit of what a run takes by itself."""
+    inputs = {"w": Uniform(1.0, 4.0), "x0": Uniform(0.9, 1.1)}
+    campaign = Campaign(swing, inputs, last, CAMPAIGN.units)
+    # A few more, because the rest is the choice of the first step.
+    enough = Accuracy(rtol=1e-9, max_steps=26)
+    mission, y0 = swing({name: jnp.asarray(d.mean) for name, d in inputs.items()})
+    assert simulate(mission, y0, 0.0, accuracy=enough).status == Status.COMPLETED
+    found = disperse(campaign, 64, seed=1, accuracy=enough)
+    assert np.all(found.good)
+    w, x0 = found.inputs["w"], found.inputs["x0"]
+    # Some steps of 1e-9 each.
+    np.testing.assert_allclose(found.outputs["x"], x0 * np.cos(w * DURATION), atol=1e-7)
+    # Of the nominal run alone the steps run out: every door says so.
+    few = Accuracy(rtol=1e-9, max_steps=10)
+    for fly_it in (
+        lambda: simulate(mission, y0, 0.0, accuracy=few),
+        lambda: disperse(campaign, 64, seed=1, accuracy=few),
+    ):
+        with pytest.raises(SimulationError, match="in a scene file the key max_steps"):
+            fly_it()

@@ -585,6 +585,6 @@ def test_bad_input_is_refused_in_a_sentence(call, error, sentence):
 
 
 def test_steps_that_run_out_are_said():
-    with pytest.raises(SimulationError, match="raise Accuracy.max_steps"):
+    with pytest.raises(SimulationError, match="Accuracy.max_steps, in a scene file the key"):
         simulate(KEPLER, start(0.1), jnp.array([0.0, 100.0]), accuracy=Accuracy(max_steps=10))
     assert all(status.sentence for status in Status)

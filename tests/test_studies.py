@@ -555,3 +555,35 @@ def test_a_picture_without_matplotlib_says_what_to_install(monkeypatch):
     monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
     with pytest.raises(ImportError, match=r"install jaxspace\[app\]"):
         table([1e-3], [1e-3]).plot()
+
+
+def test_a_long_run_is_judged_by_a_reference_with_more_steps():
+    """Of a tight run over many turns the steps run out, of the reference first of all."""
+    turning = Spinning(jnp.asarray(2.0 * np.pi))
+    y0 = {"x": jnp.asarray(1.0), "v": jnp.asarray(0.0)}
+    methods, end = (DOP853(),), 1100.3
+    ts, accuracy = jnp.array([0.0, end]), Accuracy(1e-6, method=DOP853())
+    cost = accuracy_cost(
+        *(turning, y0, ts), methods=methods, tolerances=(1e-6, 1e-11), precisions=("float64",)
+    )
+    loose, tight = cost.rows
+    assert np.isfinite(loose.error) and np.isnan(tight.error)
+    assert cost.reference_error < 1e-2 * loose.error
+    exact = np.array([np.cos(2.0 * np.pi * end), -np.sin(2.0 * np.pi * end)])
+    found = simulate(turning, y0, ts, accuracy=accuracy)
+    error = np.array([found.final["x"], found.final["v"]]) / exact - 1.0
+    # The sizes of both blocks are their own lengths: the reference is as good as the closed form.
+    np.testing.assert_allclose(loose.error, np.linalg.norm(error), rtol=1e-3)
+
+
+@final
+class Spinning(AbstractSystem):
+    """x' = w v, v' = -w x"""
+
+    w: Scalar
+
+    def vector_field(self, t, y):
+        return {"x": self.w * y["v"], "v": -self.w * y["x"]}
+
+    def invariants(self, t, y):
+        return {}

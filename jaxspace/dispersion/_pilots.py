@@ -1,5 +1,7 @@
 """The pilots of a campaign: runs with adaptive steps, whose steps become the plans of all runs."""
 
+import dataclasses
+import functools
 from collections.abc import Callable
 from typing import Any
 
@@ -23,6 +25,9 @@ from ._program import Drawn
 
 # Besides the nominal run.
 PILOTS = 15
+# The pilots share their steps, each as short as the strictest of them asks: together they may take
+# so many times what a run may take by itself, tried one after the other.
+ROOM = (1, 4, 16, 64)
 
 
 @eqx.filter_jit(**QUICK)
@@ -53,6 +58,18 @@ def _pilots(
     coupled = any(isinstance(phase.until, Event) for phase in mission.phases)
     runs = PilotRuns(_as_flown(result), samples)
     return [run.step_ends for run in result.phases], coupled, runs
+
+
+@eqx.filter_jit(**QUICK)
+def _alone(campaign: Campaign, accuracy: Accuracy) -> Array:
+    """The status of the nominal run by itself."""
+    mission, y0 = campaign.build(campaign.nominal())
+    configs = tuple(c.small_program() for c in resolve_phases(mission, y0, accuracy, 1))
+    return run_mission(mission, y0, campaign.start, 2, configs, 1).status
+
+
+def _ends_alone(campaign: Campaign, accuracy: Accuracy) -> bool:
+    return Status(int(np.ravel(_alone(campaign, accuracy))[0])) != Status.MAX_STEPS
 
 
 def _as_flown(result: MissionResult) -> MissionResult:
@@ -93,13 +110,18 @@ def pilot_plans(
 
     **Raises** `SimulationError` when the nominal run fails."""
 
-    def fly(flown: np.ndarray) -> tuple[list[np.ndarray | None], bool, PilotRuns]:
+    def flying(flown: np.ndarray, room: int) -> tuple[list[np.ndarray | None], bool, PilotRuns]:
         drawn = draw(np.pad(flown, (0, runs - PILOTS)))
-        found = _pilots(campaign, accuracy, drawn.flown, kept)
+        roomy = dataclasses.replace(accuracy, max_steps=room * accuracy.max_steps)
+        found = _pilots(campaign, roomy, drawn.flown, kept)
         return jax.tree.map(lambda x: np.asarray(x) if eqx.is_array(x) else x, found)
 
-    taken, coupled, flown = isolate(fly, PILOTS)
-    nominal = Status(int(np.ravel(flown.result.status)[0]))
+    for room in ROOM:
+        taken, coupled, flown = isolate(functools.partial(flying, room=room), PILOTS)
+        nominal = Status(int(np.ravel(flown.result.status)[0]))
+        # The verdict on the nominal run is that of `simulate`, which flies it alone.
+        if nominal != Status.MAX_STEPS or not _ends_alone(campaign, accuracy):
+            break
     # A missed tolerance is no failure here: the runs are checked on finer plans anyhow.
     if nominal in (Status.NOT_FINITE, Status.MAX_STEPS):
         raise SimulationError(f"The nominal run cannot be run. {nominal.sentence}")

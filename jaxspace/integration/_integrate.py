@@ -149,7 +149,11 @@ def _settings(
     longest = None
     if config.max_step is not None:
         longest = segments.longest_steps(config.max_step)
-    max_steps = config.max_steps if plan is None else min(plan.shape[0] - 1, config.max_steps)
+    max_steps = config.max_steps
+    if plan is not None:
+        steps = plan.shape[0] - 1
+        # The limit is on what a run may ask for, and not on a plan that somebody else has made.
+        max_steps = min(steps, config.max_steps) if traits.fixed_step else steps
     tolerance = Tolerance(config.rtol, config.atol, run_axes)
     method = bind(config.solver, tolerance=tolerance, save_ts=save_ts, run_axes=run_axes)
     return LoopSettings(

@@ -48,12 +48,12 @@ _SENTENCES = {
         "fixed steps."
     ),
     Status.MAX_STEPS: (
-        "The steps ran out: raise Accuracy.max_steps or max_step, loosen the tolerance, or look "
-        "for a singularity."
+        "The steps ran out: raise max_steps (in Python Accuracy.max_steps, in a scene file the key "
+        "max_steps) or max_step, loosen the tolerance, or look for a singularity."
     ),
     Status.EVENT_MISSED: (
-        "The event of the phase did not happen within its limit: raise Event.within, or check the "
-        "condition."
+        "The event of the phase did not happen within its limit: raise Event.within (in a scene "
+        "file the key within of the phase), or check the condition."
     ),
     Status.NOT_FINITE: (
         "The state left the finite numbers: check the initial state and the parameters of this run."

@@ -1,5 +1,6 @@
 """A run in one precision, as functions of its arrays and the tolerance: they compile once."""
 
+import dataclasses
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -31,23 +32,24 @@ class Case(NamedTuple):
         """System, initial state and times, with these arrays."""
         return eqx.combine(arrays, self.static)
 
-    def run(self, method: Method) -> Callable[[PyTree[Array], Scalar], RunOutcome]:
-        """The run as a function of its arrays and the tolerance."""
+    def run(self, method: Method, room: int = 1) -> Callable[[PyTree[Array], Scalar], RunOutcome]:
+        """The run as a function of its arrays and the tolerance; it may take `room` times as many
+        steps as by default."""
 
         def run(arrays: PyTree[Array], rtol: Scalar) -> RunOutcome:
-            return run_once(*self.restored(arrays), accuracy_of(method, rtol))
+            return run_once(*self.restored(arrays), accuracy_of(method, rtol, room))
 
         return run
 
     def gradient(
-        self, method: Method, output: Callable[[State], Scalar]
+        self, method: Method, output: Callable[[State], Scalar], room: int = 1
     ) -> Callable[[PyTree[Array], Scalar], State]:
         """The gradient of the output with respect to the initial state, as a function of the
-        arrays and the tolerance."""
+        arrays and the tolerance; `room` as of `run`."""
 
         def gradient(arrays: PyTree[Array], rtol: Scalar) -> State:
             system, y0, ts = self.restored(arrays)
-            accuracy = accuracy_of(method, rtol)
+            accuracy = accuracy_of(method, rtol, room)
             return jax.grad(lambda y: output(run_once(system, y, ts, accuracy).final))(y0)
 
         return gradient
@@ -60,6 +62,8 @@ class Programs(NamedTuple):
     gradient: Callable[[PyTree[Array], Scalar], State] | None
 
 
-def accuracy_of(method: Method, rtol: Scalar) -> Accuracy:
-    """The accuracy of a method at a tolerance, which may be traced."""
-    return Accuracy(rtol=rtol, method=method)  # pyright: ignore[reportArgumentType]
+def accuracy_of(method: Method, rtol: Scalar, room: int = 1) -> Accuracy:
+    """The accuracy of a method at a tolerance, which may be traced, with `room` times the steps of
+    the default."""
+    own = Accuracy(rtol=rtol, method=method)  # pyright: ignore[reportArgumentType]
+    return own if room == 1 else dataclasses.replace(own, max_steps=room * own.max_steps)

@@ -22,6 +22,9 @@ from ._scene_effects import Runnable
 FIRST_PART = 0.381966
 # Of the tightest tolerance: rounding may keep a run from the first of these.
 TIGHTER = (1e-2, 1e-1, 1.0)
+# Of the default `max_steps`, tried where the steps run out: a reference may take longer than the
+# runs that it judges.
+ROOM = (1, 8, 64)
 
 
 class Reference(NamedTuple):
@@ -43,11 +46,14 @@ class Reference(NamedTuple):
 
 
 class _GoodRun(NamedTuple):
-    """The first run that ends well, and what was compiled on the way to it."""
+    """The first run that ends well: its method, tolerance and `room` for steps, its program, and
+    the programs with the room of all runs that were compiled on the way to it."""
 
     name: str
     rtol: float
+    room: int
     outcome: RunOutcome
+    program: Program
     compiled: dict[str, Program]
 
 
@@ -73,20 +79,22 @@ def reference_of(
     **Raises** `SimulationError` when no run ends well."""
     exact = not isinstance(system, Mission) and system.closed_form() is not None
     candidates = _candidates(by_name, exact)
-    name, rtol, outcome, compiled = _first_good_run(candidates, case, tightest)
+    name, rtol, room, outcome, program, compiled = _first_good_run(candidates, case, tightest)
     if exact:
         other = _in_two_parts(case)
     else:
-        other = compiled[name].call(case.arrays, 10.0 * rtol).final
+        other = program.call(case.arrays, 10.0 * rtol).final
     # Nothing is known better than its last digit.
     error = max(distance(other, outcome.final), float(np.finfo(float).eps))
     output = _scaled_sum(outcome.final) if output is None else output
     programs = {key: Programs(run, None) for key, run in compiled.items()}
     exact_gradient = None
     if gradient:
-        of_method = jax.jit(case.gradient(candidates[name], output))
+        of_method = jax.jit(case.gradient(candidates[name], output, room))
         exact_gradient = of_method(case.arrays, rtol)
-        programs[name] = Programs(compiled[name], of_method)
+        # The rows of the table have the room that every run has.
+        if room == 1:
+            programs[name] = Programs(program, of_method)
     words = "the closed form" if exact else f"{name} at {rtol:.0e} in float64"
     return Reference(words, outcome.final, error, exact_gradient, output, programs)
 
@@ -103,17 +111,24 @@ def _candidates(by_name: dict[str, Method], exact: bool) -> dict[str, Method]:
 def _first_good_run(candidates: dict[str, Method], case: Case, tightest: float) -> _GoodRun:
     """The run of the first candidate that ends well, at the tightest tolerance at which it does."""
     compiled: dict[str, Program] = {}
-    failure = ""
-    for (name, method), factor in itertools.product(candidates.items(), TIGHTER):
+    failures: dict[str, str] = {}
+    for room, (name, method) in itertools.product(ROOM, candidates.items()):
+        # More room helps a run whose steps ran out, and no other.
+        if room > 1 and not failures[name].endswith(Status.MAX_STEPS.sentence):
+            continue
         # Once for each method, because the tolerance is traced.
-        if name not in compiled:
-            compiled[name] = aot_compile(case.run(method), case.arrays, tightest)
-        rtol = max(factor * tightest, 2.0 * least_tolerance("float64"))
-        outcome = compiled[name].call(case.arrays, rtol)
-        status = Status(int(outcome.status))
-        if status.good:
-            return _GoodRun(name, rtol, outcome, compiled)
-        failure = f"The reference, {name} at {rtol:.0e}, failed. {status.sentence}"
+        program = aot_compile(case.run(method, room), case.arrays, tightest)
+        if room == 1:
+            compiled[name] = program
+        for factor in TIGHTER:
+            rtol = max(factor * tightest, 2.0 * least_tolerance("float64"))
+            outcome = program.call(case.arrays, rtol)
+            status = Status(int(outcome.status))
+            if status.good:
+                return _GoodRun(name, rtol, room, outcome, program, compiled)
+            failures[name] = f"{name} at {rtol:.0e}: {status.sentence}"
+    found = " ".join(failures.values())
+    failure = f"No run ends well that errors could be measured against. {found}"
     raise SimulationError(failure)
 
 
