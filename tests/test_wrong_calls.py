@@ -8,8 +8,9 @@ from systems import Integrated
 
 from jaxspace import BodyState, Scene, simulate
 from jaxspace.attitude import TorqueFreeBody
-from jaxspace.bodies import RigidBody
+from jaxspace.bodies import Load, RigidBody
 from jaxspace.core import AbstractSystem, InputError
+from jaxspace.dispersion import Campaign, Normal, disperse
 from jaxspace.orbits import (
     ClassicalElements,
     PointGravity,
@@ -19,10 +20,12 @@ from jaxspace.orbits import (
 )
 from jaxspace.rotations import Quaternion
 from jaxspace.scene import Custom
-from jaxspace.simulation import Accuracy, Event, Mission, Phase
+from jaxspace.simulation import Accuracy, Event, Mission, Phase, SimulationError
+from jaxspace.solvers import FixedSteps, Regularised, Splitting, Stormer, Tsit5
 from jaxspace.studies import sensitivity
 
 SPAN = jnp.array([0.0, 1.0])
+FAR = jnp.array([0.0, 100.0])
 Y = BodyState(jnp.array([1.0, 0.0, 0.0]), jnp.array([0.0, 1.0, 0.0]))
 KEPLER = Integrated(TwoBody(1.0))
 FREE = TorqueFreeBody([3.0, 2.0, 1.0])
@@ -48,6 +51,48 @@ class Other(AbstractSystem):
 
     def invariants(self, t, y):
         return {}
+
+
+class Widening(AbstractSystem):
+    """A vector for the derivative of a number."""
+
+    def vector_field(self, t, y):
+        return jnp.ones(3) * y
+
+    def invariants(self, t, y):
+        return {}
+
+
+class Evasive:
+    """An object that raises where it is asked for an attribute."""
+
+    def __getattr__(self, name):
+        raise KeyError(name)
+
+    def __call__(self, t, y, body):
+        return Load(force_N=-y.position)
+
+
+class Puzzling(Evasive):
+    """An object that answers to any name."""
+
+    def __getattr__(self, name):
+        return Puzzling()
+
+
+def at_x(t, y):
+    return y.position[0]
+
+
+def jump_to(after):
+    return Mission([Phase(KEPLER, 1.0, lambda t, y: after, "burn"), Phase(KEPLER, 1.0, name="b")])
+
+
+def campaign(build):
+    return Campaign(build, {"mu": Normal(1.0, 0.1)}, lambda run, inputs: {"x": run.final.mass})
+
+
+MISSION = Mission([Phase(KEPLER, 1.0, name="coast")])
 
 
 def custom(function):
@@ -112,11 +157,71 @@ def custom(function):
         (lambda: Mission([KEPLER]), "Mission.phases holds a Integrated: it must hold phases"),
         (lambda: Scene(PointGravity(1.0)), "Scene.effects is a PointGravity: it must be a list"),
         (lambda: Scene((3.0,)), "Scene.effects holds an object of type float"),
+        (
+            lambda: simulate(Widening(), jnp.array(1.0), SPAN),
+            r"Widening.vector_field returns \(3,\) for y0, which has the shape \(\)",
+        ),
+        (
+            lambda: simulate(custom(Evasive(), ("force",)), Y, SPAN),
+            "Scene.vector_field cannot take y0.*KeyError",
+        ),
+        (lambda: simulate(custom(Puzzling(), ("force",)), Y, SPAN), "cannot take y0"),
+        (lambda: simulate(KEPLER, Y, ["0", "1"]), r"ts is \['0', '1'\]: it must be an array of"),
+        (lambda: simulate(KEPLER, Y, np.array(["0", "1"])), "ts is array.*it must be an array of"),
+        (lambda: simulate(KEPLER, Y, [0.0, 1.0 + 1.0j]), "ts is .*it must be an array of times"),
+        (lambda: simulate(KEPLER, Y, SPAN.astype(complex)), "ts is .*it must be an array of times"),
+        (lambda: simulate(KEPLER, Y, [[0.0, 1.0], [2.0]]), "ts is .*it must be an array of times"),
+        (lambda: simulate(KEPLER, Y, [False, True]), "ts is .*it must be an array of times"),
+        (lambda: simulate(MISSION, Y, "noon"), "t0 is 'noon': it must be one time, s"),
+        (lambda: simulate(KEPLER, Y, SPAN, accuracy=1), "Accuracy.rtol is 1: it must be below one"),
+        (lambda: simulate(KEPLER, Y, SPAN, accuracy=2.0), "Accuracy.rtol is 2: .* below one"),
+        (lambda: simulate(KEPLER, Y, SPAN, accuracy=1.0j), "accuracy is 1j: it must be a number"),
+        (lambda: Accuracy(atol=1.0j), "Accuracy.atol is 1j: it must be a number"),
+        (lambda: simulate(jump_to(None), Y), "Phase 'burn': then returns nothing: it must return"),
+        (lambda: simulate(jump_to("x"), Y), "then returns an object of type str: it must return"),
+        (
+            lambda: simulate(Mission([Phase(KEPLER, 1.0, lambda t, y: y.height)]), Y),
+            "Phase 'phase': then cannot take the time and a state .*no attribute 'height'",
+        ),
+        (lambda: Phase(KEPLER, 1.0, 3.0), "Phase.then is 3.0: it must be a function"),
+        (
+            lambda: simulate(
+                KEPLER, Y, SPAN, events=(Event(at_x, terminal=False, then=lambda t, y: None),)
+            ),
+            r"events\[0\].then returns nothing: it must return the state",
+        ),
+        (
+            lambda: simulate(MISSION, Y)["costa"],
+            r"no phase 'costa': its phases are coast. Did you mean coast\?",
+        ),
+        (lambda: Stormer(steps=10**12), r"Stormer.steps is 1000000000000: .* up to 1e\+08"),
+        (lambda: FixedSteps(Tsit5(), 10**12), "FixedSteps.steps is 1000000000000"),
+        (lambda: Splitting(steps=10**12), "Splitting.steps is 1000000000000"),
+        (lambda: Regularised(steps=10**12), "Regularised.steps is 1000000000000"),
+        (
+            lambda: disperse(campaign(lambda inputs: (MISSION, Y)), 4),
+            r"Campaign.build leaves its inputs aside: .*must build them from mu",
+        ),
+        (lambda: disperse(campaign(lambda inputs: MISSION), 4), "Campaign.build returns .*Mission"),
+        (
+            lambda: disperse(campaign(lambda inputs: inputs["my"]), 4),
+            r"Campaign.build asks for the input 'my': the inputs are mu. Did you mean mu\?",
+        ),
     ],
 )
 def test_wrong_calls_get_a_sentence(call, sentence):
     with pytest.raises(InputError, match=sentence):
         call()
+
+
+@pytest.mark.parametrize("derivative", [jax.grad, jax.jacfwd])
+def test_the_derivative_of_a_failed_run_is_refused_in_one_sentence(derivative):
+    def end(mu):
+        run = simulate(Integrated(TwoBody(mu)), Y, FAR, accuracy=Accuracy(max_steps=4))
+        return run.final.position[0]
+
+    with pytest.raises(SimulationError, match="^The steps ran out: raise Accuracy.max_steps"):
+        derivative(end)(1.0)
 
 
 MANY = BodyState(jnp.ones((3, 5)), jnp.ones((3, 5)))

@@ -222,7 +222,7 @@ class RollingDisk(AbstractSystem):
         )
 
     def least_rolling_spin(self) -> Scalar:
-        """The |n|, rad/s, above which the disk rolls upright along a straight line (Thomson 5.16)."""
+        """The |n|, rad/s, above which the disk rolls upright on a straight line (Thomson 5.16)."""
         A, C, mRR, mgR = self._letters()
         return jnp.sqrt(mgR * A / (C * (C + mRR)))
 

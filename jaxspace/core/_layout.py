@@ -13,6 +13,7 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, PyTree
 
 
@@ -55,12 +56,18 @@ def _declared_axes(tree: PyTree, path: jax.tree_util.KeyPath) -> int | None:
     return component_axes(annotation)
 
 
+def _is_array(leaf: object) -> bool:
+    """Whether a leaf is an array or its shape. By its type: an object of a user may answer to any
+    name, or raise for it."""
+    return isinstance(leaf, jax.Array | np.ndarray | np.generic | jax.ShapeDtypeStruct)
+
+
 def component_axes_of(tree: PyTree) -> PyTree[int]:
     """How many axes of components each array of the tree declares before its runs.
 
     -1 for an array whose field declares nothing, and for leaves that are no arrays."""
     leaves, structure = jax.tree.flatten(tree)
-    arrays = tuple(hasattr(leaf, "ndim") for leaf in leaves)
+    arrays = tuple(_is_array(leaf) for leaf in leaves)
     try:
         found = _component_axes(structure, arrays)
     except TypeError:
@@ -94,7 +101,7 @@ def run_axes_of(tree: PyTree, undeclared: Callable[[Array], int]) -> PyTree[int]
     **Returns** a tree of the same structure; leaves that are no arrays count as zero."""
 
     def count(leaf: PyTree, axes: int) -> int:
-        if not hasattr(leaf, "ndim"):
+        if not _is_array(leaf):
             return 0
         return undeclared(leaf) if axes < 0 else max(leaf.ndim - axes, 0)
 

@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import TypeAlias, TypeVar, final
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
@@ -25,6 +26,21 @@ T = TypeVar("T")
 def _as_pairs(limits: dict[str, T] | Sequence[tuple[str, T]]) -> tuple[tuple[str, T], ...]:
     """A dict as pairs, which can be hashed, as a static field has to be."""
     return tuple(limits.items()) if isinstance(limits, dict) else tuple(limits)
+
+
+def _check_runs(built: tuple[Mission, State], samples: Mapping[str, Array]) -> None:
+    """Raise `InputError` where nothing of the mission and its state carries the runs."""
+    runs = next(iter(samples.values())).shape
+    leaves = jax.tree.leaves(built)
+    # A function may close over the inputs.
+    if not runs or any(callable(leaf) for leaf in leaves):
+        return
+    shapes = [np.shape(leaf) for leaf in leaves if eqx.is_array(leaf)]
+    if not any(shape[-1:] == runs for shape in shapes):
+        raise InputError(
+            f"Campaign.build leaves its inputs aside: no array of the mission or of y0 carries the "
+            f"runs, {runs}. It must build them from {', '.join(samples)}."
+        )
 
 
 @final
@@ -99,6 +115,30 @@ class Campaign(eqx.Module):
         **Returns** the inputs by name, (runs,).
         """
         return draw(self.inputs, self.design, key, numbers)
+
+    def mission(self, samples: dict[str, Float[Array, " *runs"]]) -> tuple[Mission, State]:
+        """What `build` makes of the inputs of runs, each (runs,).
+
+        Raises `InputError` where it asks for another input, returns anything else than a mission
+        and a state, or leaves the inputs aside."""
+        try:
+            built = self.build(samples)
+        except KeyError as error:
+            name = error.args[0] if error.args else None
+            if name in samples or not isinstance(name, str):
+                raise
+            raise InputError(
+                f"Campaign.build asks for the input {name!r}: the inputs are "
+                f"{', '.join(samples)}.{InputError.hint(name, samples)}"
+            ) from error
+        pair = isinstance(built, tuple) and len(built) == 2 and isinstance(built[0], Mission)
+        if not pair:
+            raise InputError(
+                f"Campaign.build returns an object of type {type(built).__name__}: it must return "
+                f"(mission, y0), a Mission and its initial state."
+            )
+        _check_runs(built, samples)
+        return built
 
     def allowed(self, samples: dict[str, Float[Array, " runs"]]) -> Bool[Array, " runs"]:
         """For each run whether all of its inputs lie in the ranges that their classes allow."""

@@ -33,7 +33,7 @@ def choose_times(campaign: Campaign, times: Any) -> tuple[ChosenTimes | OwnTimes
     if np.ndim(times) != 1 or left.size == 0 or not np.all(np.isfinite(left)):
         raise InputError(f"times is {times!r}: it must be a list of one or more times, in s.")
     # Compiled, because each operation that builds a mission would be a program of its own.
-    mission = eqx.filter_jit(lambda c: c.build(c.nominal())[0])(campaign)
+    mission = eqx.filter_jit(lambda c: c.mission(c.nominal())[0])(campaign)
     first = start = float(campaign.start)
     known, found = True, []
     for phase in mission.phases:
@@ -68,7 +68,7 @@ def warn_of_unreached(
     """Warn of times, in phases that each run has at its own ones, at which no run is under way."""
     if isinstance(kept, int) or not any(isinstance(c, OwnTimes) for c in kept):
         return
-    mission = eqx.filter_eval_shape(lambda c: c.build(c.nominal())[0], campaign)
+    mission = eqx.filter_eval_shape(lambda c: c.mission(c.nominal())[0], campaign)
     times, reached = np.zeros(0), np.zeros(0, bool)
     for phase, chosen in zip(mission.phases, kept, strict=True):
         if isinstance(chosen, OwnTimes):

@@ -39,7 +39,7 @@ def evaluate_traced(
     campaign: Campaign, accuracy: Accuracy, samples: dict[str, Float[Array, " runs"]]
 ) -> tuple[dict[str, Float[Array, " runs"]], Int[Array, " runs"]]:
     """Outputs and status of runs with these inputs, by adaptive steps; differentiable."""
-    mission, y0 = campaign.build(samples)
+    mission, y0 = campaign.mission(samples)
     configs = resolve_phases(mission, y0, accuracy, 1)
     result = run_mission(mission, y0, campaign.start, campaign.along, configs, 1)
     shape = next(iter(samples.values())).shape

@@ -65,7 +65,7 @@ def _fly(
     samples = {name: jnp.concatenate([x, drawn[name]]) for name, x in nominal.items()}
     allowed = campaign.allowed(samples)
     samples = {name: jnp.where(allowed, x, nominal[name]) for name, x in samples.items()}
-    mission, y0 = campaign.build(samples)
+    mission, y0 = campaign.mission(samples)
     configs = resolve_phases(mission, y0, accuracy, 1)
     result = run_mission(mission, y0, campaign.start, num_saved, configs, 1)
     found = [getattr(phase.states, "position", None) for phase in result.phases]

@@ -43,7 +43,7 @@ def _pilots(
     ends by an event, and the runs themselves."""
     nominal = campaign.nominal()
     samples = {name: jnp.concatenate([x, drawn[name][:PILOTS]]) for name, x in nominal.items()}
-    mission, y0 = campaign.build(samples)
+    mission, y0 = campaign.mission(samples)
     configs = tuple(c.small_program() for c in resolve_phases(mission, y0, accuracy, 1))
     saved = saved_of(campaign.along, kept)
     every = [saved] * len(configs) if isinstance(saved, int) else saved
@@ -89,7 +89,7 @@ def expected_steps(campaign: Campaign, accuracy: Accuracy) -> list[Any]:
     Told from the methods alone, because to trace the runs of the pilots takes much longer."""
 
     def steps(campaign: Campaign, accuracy: Accuracy) -> list[Array | None]:
-        mission, y0 = campaign.build(campaign.nominal())
+        mission, y0 = campaign.mission(campaign.nominal())
         configs = resolve_phases(mission, y0, accuracy, 1)
         return [None if c.method == "closed_form" else campaign.start for c in configs]
 

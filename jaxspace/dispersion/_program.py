@@ -93,7 +93,7 @@ def _block(
     inputs: dict[str, Float[Array, " runs"]],
     unflown: Integer[Array, " runs"],
 ) -> tuple[RunResults, Float[Array, "phases runs"]]:
-    mission, y0 = campaign.build(inputs)
+    mission, y0 = campaign.mission(inputs)
     configs = resolve_phases(mission, y0, accuracy, 1)
     saved = saved_of(campaign.along, samples)
     result = run_mission(mission, y0, campaign.start, saved, configs, 1, plans)

@@ -47,7 +47,7 @@ class Replay(eqx.Module):
 def _fly(
     campaign: Any, accuracy: Accuracy, samples: dict[str, Array], num_saved: int
 ) -> tuple[MissionResult, dict[str, Array], tuple[IntegrationConfig, ...]]:
-    mission, y0 = campaign.build(samples)
+    mission, y0 = campaign.mission(samples)
     configs = resolve_phases(mission, y0, accuracy, 1)
     saved, every_nth = saved_states(campaign.along, num_saved)
     result = run_mission(mission, y0, campaign.start, saved, configs, 1)
@@ -72,7 +72,7 @@ def replay(campaign: Any, number: int, seed: int, accuracy: Accuracy, num_saved:
     result, outputs, configs = found
     refusal = campaign.refusal(inputs)
     try:
-        mission, _ = campaign.build(samples)
+        mission, _ = campaign.mission(samples)
     except InputError as error:
         # Told by the name of the input, and not by that of the formula that meets it.
         if refusal:

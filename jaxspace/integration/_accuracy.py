@@ -15,8 +15,10 @@ from ..core import (
     InputError,
     Scalar,
     as_optional_float,
+    check,
     check_finite,
     check_positive,
+    is_concrete,
     quantity,
 )
 from ..solvers import solver_traits
@@ -28,6 +30,9 @@ DEFAULT_RTOL = {"float64": 1e-9, "float32": 1e-5}
 
 def _known_float(x: object) -> object:
     """`as_optional_float`, of which a Python number stays a known one under `jit`."""
+    if isinstance(x, complex | np.complexfloating):
+        # For `check_number`, which names the field.
+        return x
     if not isinstance(x, float | int):
         return as_optional_float(x)
     # As a tracer, a tolerance that the precision cannot reach would pass without an error, and
@@ -64,7 +69,8 @@ class Accuracy(AbstractParameters):
 
     The tolerances and `max_step` are traced: changing them compiles nothing again.
 
-    **Raises** `InputError` for a value that is not positive, and for `max_step` with a fixed-step
+    **Raises** `InputError` for a value that is not positive, for an `rtol` of one and more, and for
+    `max_step` with a fixed-step
     method."""
 
     rtol: Scalar | None = quantity(
@@ -92,6 +98,12 @@ class Accuracy(AbstractParameters):
         check_positive("Accuracy.max_steps", self.max_steps)
         for name in ("rtol", "atol", "max_step"):
             check_number(f"Accuracy.{name}", getattr(self, name))
+        if is_concrete(self.rtol):
+            # An error as large as the state itself: most likely a number of digits was meant.
+            # What is not finite has its sentence with the range of the field.
+            rtol = np.asarray(self.rtol)
+            fine = (rtol < 1.0) | ~np.isfinite(rtol)
+            check(fine, "Accuracy.rtol", self.rtol, "below one, such as 1e-9 for nine digits")
         if isinstance(self.method, str):
             if self.method not in ("auto", "closed_form"):
                 raise InputError(
@@ -112,8 +124,8 @@ class Accuracy(AbstractParameters):
 
 
 def check_number(name: str, value: object) -> None:
-    """Raise `InputError` for a text or a list in the place of a number."""
-    if isinstance(value, str | list | tuple | dict):
+    """Raise `InputError` for a text, a list or a complex number in the place of a number."""
+    if isinstance(value, str | list | tuple | dict | complex | np.complexfloating):
         raise InputError(f"{name} is {value!r}: it must be a number.")
 
 

@@ -46,6 +46,8 @@ class Parsed:
     @functools.cached_property
     def loses_mass(self) -> bool:
         """Whether an effect changes the mass, which is then a part of the state."""
+        if self.kind == "system":
+            return False
         building = self.building()
         effects = building.effects(self.active_effects()).values()
         found = read_effects(effects, building.make("body")).effects

@@ -2,6 +2,7 @@
 
 import functools
 import inspect
+import reprlib
 from collections.abc import Callable
 from typing import Any, TypeAlias
 
@@ -35,9 +36,7 @@ def check_times(ts: Any, y0: State, axes: int = 1) -> Array:
     """The save times in the precision of the state.
 
     Raises `InputError` unless they are finite and ascend or descend."""
-    if ts is None or isinstance(ts, str):
-        raise InputError(f"ts is {ts!r}: it must be an array of times, s.")
-    ts = jnp.asarray(ts, state_dtype(y0))
+    ts = as_times("ts", ts, y0, "an array of times, s")
     if not 1 <= ts.ndim <= axes or ts.shape[0] < 2:
         allowed = "one axis of at least two times" if axes == 1 else "(times,) or (times, runs)"
         raise InputError(f"ts has the shape {ts.shape}: it must be {allowed}.")
@@ -47,6 +46,24 @@ def check_times(ts: Any, y0: State, axes: int = 1) -> Array:
         if not np.all(np.all(steps >= 0.0, axis=0) | np.all(steps <= 0.0, axis=0)):
             raise InputError("ts turns around: its times must ascend or descend.")
     return ts
+
+
+def as_times(name: str, x: Any, y0: State, allowed: str) -> Array:
+    """Times in the precision of the state. Raises `InputError`, which names what is `allowed`, for
+    anything else than real numbers."""
+    if not is_traced(x):
+        try:
+            kind = jnp.asarray(x).dtype if isinstance(x, list | tuple) else np.asarray(x).dtype
+        except (TypeError, ValueError, OverflowError):
+            kind = np.dtype(object)
+        # A text of digits and a complex number would be converted without a word.
+        real = jnp.issubdtype(kind, jnp.floating) or jnp.issubdtype(kind, jnp.integer)
+        if not real or isinstance(x, str):
+            raise InputError(f"{name} is {reprlib.repr(x)}: it must be {allowed}.")
+    ts = jnp.asarray(x)
+    if jnp.issubdtype(ts.dtype, jnp.complexfloating):
+        raise InputError(f"{name} is complex: it must be {allowed}.")
+    return ts.astype(state_dtype(y0))
 
 
 def check_num_saved(num_saved: int) -> None:
@@ -79,9 +96,27 @@ def check_structure(system: AbstractSystem, y0: PyTree, t: Time, *, one_run: boo
     return _for_shapes(_check_structure, (system, y0, t, one_run))
 
 
-def shapes_after(jump: Callable[[Scalar, State], State], t: Time, y: PyTree) -> PyTree:
-    """The shapes of the state after a jump, from those of the time and of the state before."""
-    return _for_shapes(_jumped, (jump, t, y))
+def shapes_after(
+    jump: Callable[[Scalar, State], State], t: Time, y: PyTree, name: str = "jump"
+) -> PyTree:
+    """The shapes of the state after a jump, from those of the time and of the state before.
+
+    Raises `InputError`, which names the jump, where it cannot take them or returns no state."""
+    try:
+        after = _for_shapes(_jumped, (jump, t, y))
+    except InputError:
+        raise
+    # Whatever a jump that meets another state than its own may raise is reported in its words.
+    except Exception as error:
+        raise InputError(
+            f"{name} cannot take the time and a state that holds {_held(y)}: "
+            f"{type(error).__name__}: {first_line(error)}"
+        ) from error
+    leaves = jax.tree.leaves(after)
+    if not leaves or not all(isinstance(leaf, jax.ShapeDtypeStruct) for leaf in leaves):
+        what = "nothing" if after is None else f"an object of type {type(after).__name__}"
+        raise InputError(f"{name} returns {what}: it must return the state after the jump.")
+    return after
 
 
 def _for_shapes(function: Callable[..., PyTree], args: PyTree) -> PyTree:
@@ -111,6 +146,8 @@ def _check_structure(structure: jax.tree_util.PyTreeDef, leaves: tuple[object, .
         trace = eqx.filter_make_jaxpr(lambda s, t, y: s.vector_field(t, y))
         jaxpr, *derivative = trace(system, t, y0)
         derivative = eqx.combine(*derivative)
+        if one_run:
+            _check_axes(system, y0, derivative)
         if jax.tree.structure(derivative) == jax.tree.structure(y0):
             whole = eqx.filter_eval_shape(broadcast_state, system, t, y0)
             # The level of the call of `simulate`, from here.
@@ -136,6 +173,21 @@ def _check_structure(structure: jax.tree_util.PyTreeDef, leaves: tuple[object, .
         f"y0 holds {_held(y0)}, and {type(system).__name__}.vector_field returns "
         f"{_held(derivative)}: the derivative must have the structure of the state."
     )
+
+
+def _check_axes(system: AbstractSystem, y0: PyTree, derivative: PyTree) -> None:
+    """Raise `InputError` for a derivative of one run with axes that the state lacks, which would
+    be taken for runs."""
+    if jax.tree.structure(derivative) != jax.tree.structure(y0):
+        return
+    leaves = jax.tree_util.tree_flatten_with_path(y0)[0]
+    for (path, leaf), rate in zip(leaves, jax.tree.leaves(derivative), strict=True):
+        if np.broadcast_shapes(np.shape(leaf), rate.shape) != np.shape(leaf):
+            name = "y0" + jax.tree_util.keystr(path)
+            raise InputError(
+                f"{type(system).__name__}.vector_field returns {rate.shape} for {name}, which has "
+                f"the shape {np.shape(leaf)}: the derivative must have the shape of the state."
+            )
 
 
 def _check_one_run(system: AbstractSystem, y0: PyTree) -> None:
@@ -196,7 +248,7 @@ def check_jump(event: Event, t: Time, y: PyTree, name: str) -> None:
     """Raise `InputError` for a jump in place that returns another state than it takes."""
     if event.then is None:
         return
-    after = eqx.filter_eval_shape(event.then, t, y)
+    after = shapes_after(event.then, t, y, f"{name}.then")
     if _held(after) != _held(y):
         raise InputError(
             f"{name}.then takes a state that holds {_held(y)}, and returns {_held(after)}: it must "

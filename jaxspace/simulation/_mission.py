@@ -31,6 +31,12 @@ def _as_until(x: Any) -> Any:
     return x if isinstance(x, Event) else as_float(x)
 
 
+def _as_jump(x: Any) -> Any:
+    if x is not None and not callable(x):
+        raise InputError(f"Phase.then is {x!r}: it must be a function (t, y) -> y, or None.")
+    return x
+
+
 def _as_phases(x: Any) -> tuple["Phase", ...]:
     phases: list[Any] = [x] if isinstance(x, Phase | AbstractSystem) else list(x)
     for phase in phases:
@@ -63,12 +69,12 @@ class Phase(eqx.Module):
     - `then`: a function (t, y) -> y applied at the end; `None` leaves the state as it is.
     - `name`: for tables and plots.
 
-    Raises `InputError` for an event without a limit or that ends no run, and for a duration that is
-    not finite."""
+    Raises `InputError` for an event without a limit or that ends no run, for a duration that is not
+    finite, and for a jump that is no function."""
 
     system: AbstractSystem | AbstractFlight
     until: Float[Array, "*#runs"] | Event = eqx.field(converter=_as_until)
-    then: Callable[[Scalar, State], State] | None = None
+    then: Callable[[Scalar, State], State] | None = eqx.field(converter=_as_jump, default=None)
     name: str = eqx.field(static=True, default="phase")
 
     def __check_init__(self):

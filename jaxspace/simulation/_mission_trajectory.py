@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
-from ..core import State
+from ..core import InputError, State
 from ._trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -30,7 +30,16 @@ class MissionTrajectory(eqx.Module):
     status: Int[Array, "*runs"]
 
     def __getitem__(self, phase: int | str) -> Trajectory:
-        return self.phases[self.names.index(phase) if isinstance(phase, str) else phase]
+        """The trajectory of a phase, by its number or its name. Raises `InputError` for a name that
+        no phase has."""
+        if isinstance(phase, str):
+            if phase not in self.names:
+                raise InputError(
+                    f"The mission has no phase {phase!r}: its phases are "
+                    f"{', '.join(self.names)}.{InputError.hint(phase, self.names)}"
+                )
+            phase = self.names.index(phase)
+        return self.phases[phase]
 
     def of(self, i: int) -> "MissionTrajectory":
         """The i-th run of a batch, as a mission of one run."""

@@ -37,7 +37,7 @@ def resolve_phases(
         # The jump meets the state as the phase leaves it, with the runs of its system.
         y = whole
         if phase.then is not None:
-            y = shapes_after(phase.then, zero, y)
+            y = shapes_after(phase.then, zero, y, f"Phase {phase.name!r}: then")
     return tuple(configs)
 
 

@@ -6,7 +6,6 @@ from typing import Any, TypeVar, overload
 
 import equinox as eqx
 import jax
-import jax.numpy as jnp
 from jaxtyping import ArrayLike, Float, PyTree
 
 from ..core import AbstractSystem, InputError, Scalar
@@ -15,7 +14,6 @@ from ..integration._accuracy import (
     as_accuracy,
     check_initial_state,
     check_start,
-    state_dtype,
     without_weak_types,
 )
 from ..integration._config import resolve
@@ -24,6 +22,7 @@ from ..integration._status import Status
 from ..integration._stiffness import InitialConditions
 from ._checks import (
     as_events,
+    as_times,
     check_arguments,
     check_dense,
     check_events,
@@ -114,7 +113,7 @@ def simulate(system: Any, y0: PyTree, *args: Any, **kwargs: Any) -> Any:
 def _simulate_system(
     system: AbstractSystem,
     y0: PyTree,
-    ts: Float[ArrayLike, " times"],
+    ts: Any,
     *,
     accuracy: Any = None,
     events: Any = (),
@@ -146,7 +145,7 @@ def _simulate_system(
 def _simulate_mission(
     mission: Mission,
     y0: PyTree,
-    t0: Scalar = 0.0,
+    t0: Any = 0.0,
     *,
     accuracy: Any = None,
     num_saved: int = 2,
@@ -155,7 +154,7 @@ def _simulate_mission(
     check_initial_state(y0)
     check_start(y0)
     y0 = without_weak_types(y0)
-    t0 = jnp.asarray(t0, state_dtype(y0))
+    t0 = as_times("t0", t0, y0, "one time, s")
     if t0.ndim != 0:
         raise InputError(f"t0 has the shape {t0.shape}: a mission starts at one time, in s.")
     check_num_saved(num_saved)

@@ -14,7 +14,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, PyTree
 
 from ..core import InputError, State
-from ._protocol import AbstractFixedStep, SolverTraits, Step, bind, solver_traits
+from ._protocol import AbstractFixedStep, SolverTraits, Step, bind, check_steps, solver_traits
 from ._tolerance import Tolerance
 
 # Beyond this a loop: written out, the steps would take longer to compile than they save.
@@ -42,8 +42,7 @@ class FixedSteps(AbstractFixedStep):
         self.steps = steps
 
     def __check_init__(self):
-        if self.steps < 1:
-            raise InputError(f"FixedSteps.steps is {self.steps}: it must be at least 1.")
+        check_steps("FixedSteps.steps", self.steps, 1, "at least 1")
         if isinstance(self.solver, diffrax.AbstractSolver):
             traits = solver_traits(self.solver)
             if traits.fixed_step or traits.own_steps:

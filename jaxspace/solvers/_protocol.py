@@ -10,11 +10,12 @@ from typing import Literal, NamedTuple, TypeAlias, final
 
 import diffrax
 import equinox as eqx
+import numpy as np
 import optimistix
 from equinox import AbstractVar
 from jaxtyping import Array, Bool, Float, PyTree
 
-from ..core import State
+from ..core import InputError, State
 from ._tolerance import Tolerance
 from ._vector_field import StepField, evaluate
 
@@ -141,6 +142,24 @@ class AbstractFixedStep(AbstractDeclaredSolver):
     @abstractmethod
     def refined(self, factor: int) -> "AbstractFixedStep":
         """The method with `factor` times as many steps."""
+
+
+# Steps of a segment: more of them take hours, and no memory holds them.
+MAX_STEPS = 10**8
+
+
+def check_steps(name: str, steps: object, least: int, allowed: str) -> None:
+    """Raise `InputError` unless the steps are a whole number from `least` to `MAX_STEPS`.
+
+    **Arguments**
+
+    - `name`: of the field.
+    - `allowed`: the least number in words."""
+    whole = isinstance(steps, int | np.integer) and not isinstance(steps, bool)
+    if not whole or not least <= int(steps) <= MAX_STEPS:
+        raise InputError(
+            f"{name} is {steps!r}: it must be {allowed}, and a whole number up to {MAX_STEPS:.0e}."
+        )
 
 
 def solver_traits(solver: diffrax.AbstractSolver) -> SolverTraits:

@@ -29,9 +29,15 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
-from ..core import InputError, Scalar, State
+from ..core import Scalar, State
 from . import _tableaus as tableau
-from ._protocol import AbstractFieldSolver, AbstractFixedStep, Advance, SolverTraits
+from ._protocol import (
+    AbstractFieldSolver,
+    AbstractFixedStep,
+    Advance,
+    SolverTraits,
+    check_steps,
+)
 from ._regularised_step import Regular, derivative_in
 from ._runge_kutta import combine
 from ._second_order import estimate_by_coarsening
@@ -71,8 +77,7 @@ class Regularised(AbstractFieldSolver, AbstractFixedStep):
     interpolation_cls: ClassVar = diffrax.LocalLinearInterpolation
 
     def __init__(self, *, steps: int, estimate: bool = True):
-        if steps < 4:
-            raise InputError(f"Regularised.steps is {steps}: it must be at least 4.")
+        check_steps("Regularised.steps", steps, 4, "at least 4")
         self.steps = math.prod(_blocks(steps))
         self.estimate = estimate
 

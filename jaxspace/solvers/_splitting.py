@@ -25,7 +25,13 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..core import InputError, State, barrier, safe_divide
-from ._protocol import AbstractFieldSolver, AbstractFixedStep, Advance, SolverTraits
+from ._protocol import (
+    AbstractFieldSolver,
+    AbstractFixedStep,
+    Advance,
+    SolverTraits,
+    check_steps,
+)
 from ._second_order import estimate_by_coarsening
 from ._split_schemes import SCHEMES, Scheme
 from ._vector_field import ScaledField, StepField, just_before
@@ -77,7 +83,8 @@ class Splitting(AbstractFieldSolver, AbstractFixedStep):
         if self.p not in SCHEMES:
             names = ", ".join(str(order) for order in SCHEMES)
             raise InputError(f"Splitting.order is {self.p}: it must be one of {names}.")
-        if self.steps < 2 or self.steps % 2:
+        check_steps("Splitting.steps", self.steps, 2, "even, at least 2")
+        if self.steps % 2:
             raise InputError(f"Splitting.steps is {self.steps}: it must be even, and at least 2.")
 
     @property

@@ -36,7 +36,13 @@ from jaxtyping import Array, Float
 from ..core import InputError, State
 from ._dense_output import AbstractDenseOutput
 from ._polynomials import integrals_of
-from ._protocol import AbstractFieldSolver, AbstractFixedStep, Advance, SolverTraits
+from ._protocol import (
+    AbstractFieldSolver,
+    AbstractFixedStep,
+    Advance,
+    SolverTraits,
+    check_steps,
+)
 from ._second_order import Vectors, second_order
 from ._stormer_steps import StepRecord, StormerSteps
 from ._vector_field import StepField
@@ -112,10 +118,8 @@ class Stormer(AbstractFieldSolver, AbstractFixedStep):
     def __check_init__(self):
         if not 5 <= self.k <= 12:
             raise InputError(f"Stormer.order is {self.k}: it must lie between 5 and 12.")
-        if self.steps < 2 * self.k:
-            raise InputError(
-                f"Stormer.steps is {self.steps}: it must be at least twice the order, {2 * self.k}."
-            )
+        least = 2 * self.k
+        check_steps("Stormer.steps", self.steps, least, f"at least twice the order, {least}")
 
     @property
     def traits(self) -> SolverTraits:
