@@ -32,7 +32,16 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..core import AbstractSystem, Scalar, argument, as_float, constructor, quantity, safe_sqrt
+from ..core import (
+    AbstractSystem,
+    Scalar,
+    argument,
+    as_float,
+    constructor,
+    end_sqrt,
+    quantity,
+    safe_sqrt,
+)
 
 _PLACES, _WEIGHTS = np.polynomial.legendre.leggauss(48)
 
@@ -177,13 +186,17 @@ class SwingOutArms(AbstractSystem):
 
     def swing_time(self, theta: Scalar, w0: Scalar) -> Scalar:
         """Time, s, from the axis to `theta`, rad, (*runs,), up to a right angle, by 48 points of
-        Gauss; from the first spin `w0`, rad/s."""
+        Gauss; from the first spin `w0`, rad/s. At the axis its slope is infinite (the rule of ends
+        in `core/_safe.py`)."""
         theta = jnp.asarray(theta)
         places = jnp.asarray(0.5 + 0.5 * _PLACES, theta.dtype).reshape(-1, *(1,) * theta.ndim)
         weights = jnp.asarray(0.5 * _WEIGHTS, theta.dtype).reshape(places.shape)
         # theta = u^2: the rate starts as the root of the angle.
-        u = places * jnp.sqrt(theta)
-        return jnp.sqrt(theta) * jnp.sum(weights * 2.0 * u / self.angle_rate(u * u, w0), axis=0)
+        start = theta == 0.0
+        # At rest on the axis nothing moves: any angle serves the mean, whose factor is zero.
+        u = places * jnp.sqrt(jnp.where(start, 1.0, theta))
+        mean = jnp.sum(weights * 2.0 * u / self.angle_rate(u * u, w0), axis=0)
+        return end_sqrt(lambda x: x, theta) * mean
 
     def outward_acceleration(self, y: SwingState) -> Scalar:
         """Acceleration of a mass along the radius, m/s^2, in the state `y`."""

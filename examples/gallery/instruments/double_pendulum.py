@@ -18,7 +18,7 @@ swing = DoublePendulum(2.0, 1.0, 1.0, 0.8, 9.80665)
 bottom = swing.energy(0.0, swing.state(0.0, 0.0))
 time = jnp.linspace(0.0, 240.0, 12001)
 figure, both = plt.subplots(1, 2, figsize=(8.4, 3.8))
-for axes, energy in zip(both, (1.5, 11.0), strict=True):
+for axes, energy in zip(both, (1.5, 17.0), strict=True):
     # All start hanging straight, with other shares of the energy below.
     share = jnp.linspace(-0.95, 0.95, 10)
     rate = share * jnp.sqrt(2.0 * energy / 0.64)

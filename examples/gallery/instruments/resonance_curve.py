@@ -13,12 +13,12 @@ import jaxspace
 from jaxspace.gyros import DuffingOscillator
 
 jaxspace.enable_x64()
-amplitude = jnp.linspace(0.02, 3.5, 4000)
+amplitude = jnp.linspace(0.02, 3.5, 40000)
 natural = 2.0  # rad/s, sqrt(k / m)
 
 
 def frequencies(damping, a):
-    spring = DuffingOscillator(1.0, 4.0, 0.1, 1.0, damping=damping)
+    spring = DuffingOscillator(1.0, 4.0, 0.2, 1.0, damping=damping)
     return spring.resonance_frequencies(a)
 
 
@@ -34,7 +34,7 @@ for k, damping in enumerate((0.0, 0.2, 0.3, 0.5)):
     fold = jnp.where(stable, jnp.nan, lower) / natural
     axes.plot(fold, amplitude, "--", **style)
     axes.plot([], [], **style, label=f"{damping:g}")
-backbone = jnp.sqrt(4.0 - 0.075 * amplitude**2) / natural
+backbone = jnp.sqrt(4.0 - 0.15 * amplitude**2) / natural
 axes.plot(backbone, amplitude, ":", color="0.4", label="backbone")
 axes.set(xlabel="p / sqrt(k / m)", ylabel="amplitude, m")
 axes.set(xlim=(0.5, 1.4), ylim=(0.0, 3.5))

@@ -3,9 +3,9 @@ r"""A disk on an incline rolls along a cycloid
 A thin disk that turns about its vertical while it rolls on an incline (9.9)
 does not run away downhill: it comes back to rest again and again, on the
 cycloid $x = a(1-\cos 2nt)$, $y = a(2nt-\sin 2nt)$ with
-$a = g\sin\alpha/6n^2$, and drifts across the slope. Started with some speed
-of roll, its path has loops or waves. Simulated with its constraints; dotted,
-the closed form."""
+$a = g\sin\alpha/6n^2$, and drifts across the slope. With some roll at the
+start its cusps stand at uneven distances; with more, it never rests, and its
+path has loops. Simulated with its constraints; dotted, the closed form."""
 
 import jax
 import jax.numpy as jnp
@@ -19,8 +19,8 @@ jaxspace.enable_x64()
 disk = InclineDisk(1.0, 0.1, jnp.radians(10.0), 9.80665)
 turn = 1.5
 time = jnp.linspace(0.0, 3.0 * jnp.pi / turn, 400)
-figure, axes = plt.subplots(figsize=(7.2, 3.6))
-for k, roll in enumerate((0.0, 3.0, -3.0)):
+figure, axes = plt.subplots(figsize=(7.2, 3.0))
+for k, roll in enumerate((0.0, 4.0, 12.0)):
     run = simulate(disk, disk.state(0.0, turn, roll), time, accuracy=1e-9)
     x, y = run.states.coordinates[:2]
     axes.plot(y, x, color=f"C{k}", label=f"{roll:g}")

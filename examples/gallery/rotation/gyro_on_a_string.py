@@ -21,7 +21,7 @@ for degrees in (50.0, 90.0, 130.0):
 left.set(xlabel="rate of going round, rad/s", ylabel="spin, rad/s")
 left.set_ylim(0.0, 1000.0)
 left.legend(title="axle from the vertical")
-for k, turning in enumerate((1.5, 3.0, 4.5, 6.0)):
+for k, turning in enumerate((3.0, 4.2, 5.0, 6.5)):
     b, _, spin = gyro_on_a_string(0.5 * jnp.pi, turning, *body)
     x, z = 0.5 * jnp.sin(b), -0.5 * jnp.cos(b)
     right.plot([0.0, x], [0.0, z], color="0.5", lw=0.9)
@@ -31,6 +31,6 @@ for k, turning in enumerate((1.5, 3.0, 4.5, 6.0)):
     right.plot([x + 0.06] * 2, wheel, color=f"C{k}", lw=5.0, label=label)
 right.axvline(0.0, color="0.4", lw=0.8, ls="--")
 right.set(xlabel="from the axis, m", ylabel="below the support, m")
-right.set(xlim=(-0.03, 0.52), aspect="equal", title="Level axle")
+right.set(xlim=(-0.03, 0.56), aspect="equal", title="Level axle")
 right.legend(loc="upper right")
 plt.show()

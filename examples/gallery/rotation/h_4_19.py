@@ -2,7 +2,8 @@ r"""H 4.19: pseudo-potential of the top
 
 $V' = (p_\phi - p_\psi\cos\theta)^2/(2I_1\sin^2\theta) + mgh\cos\theta$: the
 axis stays where $V'$ lies below the energy. The dots are the turning points
-of a top that is let go at rest."""
+of a top that is let go at rest, the crosses the steady precession with its
+momenta."""
 
 import jax.numpy as jnp
 import matplotlib.pyplot as plt
@@ -22,6 +23,9 @@ for k, spin in enumerate((15.0, 25.0, 40.0)):
     axes.plot(jnp.degrees(theta), V, label=f"{spin:g} rad/s")
     motion = top.nutation(top.state([0.0, tilt, 0.0], [0.0, 0.0, spin]))
     ends = jnp.degrees(jnp.stack(motion.turning_points()))
+    rest = top.pseudo_potential_minimum(h_Z, spin)
+    least = top.pseudo_potential(rest, h_Z, spin)
+    axes.plot(jnp.degrees(rest), least, "x", color=f"C{k}")
     axes.plot(ends, [weight * jnp.cos(tilt)] * 2, "o-", color=f"C{k}", lw=0.8)
 axes.set(xlabel="theta, deg", ylabel="V', J", ylim=(-0.1, 0.2))
 axes.set(xticks=range(0, 181, 30))

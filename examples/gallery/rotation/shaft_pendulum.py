@@ -20,13 +20,13 @@ for k, r in enumerate((0.05, 0.2, 0.4)):
     ratio = jnp.linspace(0.0, 2.5, 501)
     disk = ShaftPendulum(A, C, m * g * a, ratio * critical)
     out = disk.equilibrium()
-    for sign in (1.0, -1.0):
-        left.plot(ratio, sign * jnp.degrees(out), f"C{k}", lw=3.4 - k)
     own = disk.frequency(out) / jnp.sqrt(g / a)
     right.plot(ratio, own, color=f"C{k}", label=f"{r:g} m")
-left.plot([1.0, 2.5], [0.0, 0.0], "k--", lw=1.2)
+# Over its own critical rate every disk has the same place of rest.
+for sign in (1.0, -1.0):
+    left.plot(ratio, sign * jnp.degrees(out), "C0")
+left.plot([1.0, 2.5], [0.0, 0.0], "C0--")
 left.set(xlabel="rate / critical rate", ylabel="angle of rest, deg")
-left.set_title("One curve for all disks")
 right.set(xlabel="rate / critical rate", ylabel="frequency / sqrt(g / a)")
 right.set_ylim(0.0)
 right.legend(title="radius of the disk")

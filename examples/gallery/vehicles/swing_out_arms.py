@@ -25,8 +25,6 @@ left.set(xlabel="angle of the arms, deg", ylabel="spin, rad/s")
 left.set(xticks=range(0, 91, 15), ylim=(0.0, 10.5))
 left.legend(title="length, m")
 arms = SwingOutArms(2.0, 0.2, 0.5, 0.8)
-# From a degree on: arms exactly along the axis would stay there for long.
-angle = jnp.radians(jnp.linspace(1.0, 90.0, 200))
 time = jax.vmap(lambda theta: arms.swing_time(theta, w0))(angle)
 right.plot(1e3 * time, arms.spin_rate(angle, w0), label="spin")
 right.plot(1e3 * time, arms.angle_rate(angle, w0), label="rate of the arms")
