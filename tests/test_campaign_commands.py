@@ -289,7 +289,7 @@ def test_a_method_without_runs_has_the_rows_of_the_file(tmp_path, capsys):
     (tmp_path / "coast.toml").write_text(COAST)
     assert main(["disperse", str(tmp_path / "coast.toml"), "--method", "lincov"]) == 0
     told = capsys.readouterr()
-    rows = [line.split() for line in told.out.splitlines() if " km " in line]
+    rows = [line.split() for line in told.out.splitlines() if " mi " in line or " km " in line]
     assert [row[0] for row in rows] == ["periapsis_altitude", "apoapsis_altitude"]
     assert all(row[-1] == "warning" for row in rows)
     assert "warning: apoapsis_altitude: 7 of 256 runs fail" in told.out

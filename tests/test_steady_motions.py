@@ -13,7 +13,7 @@ from jaxspace import BodyState
 from jaxspace.attitude import RollingDisk, ShaftPendulum, SphericalPendulum, Top
 from jaxspace.core import axis, cross, dot
 from jaxspace.gyros import Gyrocompass, PlatformAxis, RateGyro, RateGyroState, StablePlatform
-from jaxspace.mechanics import ArmPendulum, ArmState, RotatingHoop
+from jaxspace.mechanics import ArmPendulum, ArmState, BarOnSpring, RotatingHoop
 from jaxspace.orbits import TwoBody, circular_rate, circular_speed
 
 COMPASS = Gyrocompass(339.0, 0.2, 0.25, 8.5, 0.8, damping_moment=0.17, speed=8.0, course=0.3)
@@ -23,6 +23,7 @@ DISK = RollingDisk.hoop(1.0, 0.3, 9.8)
 TOP = Top(0.002, 0.0008, 0.3)
 PENDULUM = SphericalPendulum(0.8, 9.8)
 HOOP = RotatingHoop(0.2, 0.5, 6.0, 9.8)
+BAR = BarOnSpring(1.5, 40.0, 0.6, 0.3, 9.8)
 ARM = ArmPendulum(3.0, 0.1, 1.2, 0.4)
 SERVO = PlatformAxis(0.4, 2e-4, 0.05, gain=2.0, gyro_damping=0.01)
 PLATFORM = StablePlatform((0.3, 0.4, 0.5), 0.02, 2e-4, 0.05, vehicle_rate=(0.1, -0.2, 0.3))
@@ -131,6 +132,10 @@ STEADY = {
         HOOP,
         lambda: HOOP.state(HOOP.rest_angle()),
         whole,
+        1e-13,
+    ),
+    "mechanics.BarOnSpring.rest_length": (
+        *(BAR, lambda: BAR.state(BAR.rest_length(), 0.0, 0.0), whole),
         1e-13,
     ),
     "mechanics.ArmPendulum.rest": (

@@ -64,6 +64,15 @@ def damaged_arrays(folder: Path, arrays: Mapping[str, Any]) -> list[str]:
     return [name for name in found if _parsed(folder / name / HEAD) != arrays[name]]
 
 
+def is_longer(folder: Path, name: str, head: Mapping[str, Any]) -> bool:
+    """Whether an array's own file of metadata differs from its `head` in more runs alone."""
+    own = _parsed(folder / name / HEAD)
+    if not isinstance(own, dict) or {**own, "shape": head["shape"]} != head:
+        return False
+    shapes = own.get("shape"), head["shape"]
+    return all(isinstance(n, int) and n >= m for n, m in zip(*shapes, strict=True))
+
+
 def _parsed(path: Path) -> Any:
     """What a file of metadata says; `None` where it is lost or is no JSON."""
     try:

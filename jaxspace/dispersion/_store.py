@@ -10,7 +10,7 @@ metadata have a copy there, with its checksum (`_head.py`).
 import hashlib
 import json
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -92,12 +92,14 @@ class Store:
             ) from error
         return self
 
-    def metadata_damages(self) -> list[str]:
-        """What is wrong with the files of the metadata, a sentence each."""
+    def metadata_damages(self, but_for: Sequence[str] = ()) -> list[str]:
+        """What is wrong with the files of the metadata, a sentence each; nothing of the arrays
+        `but_for`."""
         # Other readers of the store open an array by its own file alone.
         arrays = [
             f"{name}/{HEAD} differs from {HEAD}, which is read in its place."
             for name in self.damaged_arrays
+            if name not in but_for
         ]
         return ([self.head_damage] if self.head_damage else []) + arrays
 

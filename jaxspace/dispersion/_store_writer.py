@@ -14,7 +14,7 @@ import numpy as np
 
 from ._batch_runner import cores
 from ._columns import Column, arrays_of, encoded
-from ._head import COPY, HEAD, read_head, sealed
+from ._head import COPY, HEAD, is_longer, read_head, sealed
 from ._identity import difference
 from ._lock import NAME, Lock, StoreError
 from ._run_results import RunResults
@@ -101,14 +101,17 @@ class StoreWriter:
     def _mend_metadata(self) -> None:
         """Write the metadata once more where they differ from what was written."""
         store = self.store
-        for damage in store.metadata_damages():
+        root = json.loads(read_head(store.path)[0])
+        heads = root["consolidated_metadata"]["metadata"]
+        # A process that was killed where a campaign ended has shortened the head and not yet all
+        # arrays: that is no damage.
+        unended = [n for n in store.damaged_arrays if is_longer(store.path, n, heads[n])]
+        for damage in store.metadata_damages(but_for=unended):
             warnings.warn(f"{store.path}: {damage}", DamagedStore, stacklevel=2)
         if store.head_damage:
-            self._write_head(json.loads(read_head(store.path)[0]))
-        root = json.loads(read_head(store.path)[0])
+            self._write_head(root)
         for name in store.damaged_arrays:
-            head = root["consolidated_metadata"]["metadata"][name]
-            write_whole(store.path / name / HEAD, json.dumps(head).encode())
+            write_whole(store.path / name / HEAD, json.dumps(heads[name]).encode())
 
     def _write_head(self, root: Mapping[str, Any]) -> None:
         """Write the head, and before it the copy that vouches for it."""

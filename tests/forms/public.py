@@ -15,7 +15,7 @@ FLOOR = ("_safe", "_special", "_elliptic", "_linear", "_tables")
 # Patterns of names, by why there is nothing to search.
 LEFT_OUT: dict[str, list[str]] = {
     "declares an interface, or holds inputs or results": """
-        attitude.AbstractMotor* attitude.CordState attitude.DriftState attitude.SwingState
+        attitude.Abstract* attitude.CordState attitude.DriftState attitude.SwingState
         attitude.LibrationState bodies.Abstract* bodies.Load bodies.BodyState.*
         attitude.PendulumState gyros.GimbalState optimization.AbstractThrustAcceleration
         optimization.Ascent optimization.ConstantThrustAcceleration optimization.Criterion
