@@ -23,10 +23,6 @@ The rooms, from the ground up:
     io, plots, cli  files, figures, the command line (imported by name, with the extra `app`)
 """
 
-import os
-from collections.abc import Iterable
-from typing import TYPE_CHECKING, Any
-
 from . import attitude as attitude
 from . import bodies as bodies
 from . import constants as constants
@@ -42,6 +38,7 @@ from . import solvers as solvers
 from . import studies as studies
 from ._jax_settings import enable_x64 as enable_x64
 from ._jax_settings import keep_programs as keep_programs
+from ._load import load as load
 from .bodies import BodyState as BodyState
 from .core import AbstractSystem as AbstractSystem
 from .scene import Scene as Scene
@@ -53,28 +50,5 @@ from .simulation import Status as Status
 from .simulation import Trajectory as Trajectory
 from .simulation import simulate as simulate
 from .simulation import simulate_batch as simulate_batch
-
-if TYPE_CHECKING:
-    from .io import SceneFile
-
-
-def load(path: "str | os.PathLike[str]", also: "Iterable[Any]" = ()) -> "SceneFile":
-    """The scene file at `path`: what moves, from where, when, how accurately, and what scatters.
-
-    `file.system`, `file.y0`, `file.ts` and `file.accuracy` are what `simulate` takes;
-    `file.simulate()` runs it, `file.campaign()` is what `disperse` takes.
-
-    **Arguments**
-
-    - `path`: of a file in TOML.
-    - `also`: classes and declared functions that the file may name besides those of the library.
-
-    **Raises** `jaxspace.io.SceneError`, one line for each thing that is wrong; nothing is compiled
-    before. Needs the extra `app` for units."""
-    # Here, so that `import jaxspace` stays as quick as what it is used for.
-    from .io import load as load_file
-
-    return load_file(path, also)
-
 
 __version__ = "0.1.0"

@@ -1,7 +1,7 @@
 """Numbers with their unit and their source. No formula of the library imports them: every parameter
 is passed."""
 
-from typing import NamedTuple
+import typing as _typing
 
 STANDARD_GRAVITY = 9.80665  # m/s^2, defines the specific impulse in seconds (CGPM 1901)
 MU_EARTH = 3.986004418e14  # m^3/s^2, geocentric gravitational constant (IERS Conventions 2010)
@@ -18,7 +18,7 @@ RADIUS_SUN = 6.957e8  # m, nominal (IAU 2015, resolution B3)
 RADIUS_MOON = 1.7374e6  # m, mean (IAU 2015 report on cartographic coordinates)
 
 
-class Planet(NamedTuple):
+class Planet(_typing.NamedTuple):
     """A planet on a circle in the plane of the ecliptic: `orbit_radius`, m, the semi-major axis of
     its orbit at J2000; `mu`, m^3/s^2, its gravitational parameter, with that of its moons from Mars
     on; `radius`, m, at the equator.

@@ -5,7 +5,7 @@ import os
 import sys
 from collections.abc import Sequence
 
-from ..core import InputError
+from ..core import InputError, MissingExtra, extra
 from ..io import SceneError
 from ..simulation import SimulationError
 from ._parser import parser
@@ -22,7 +22,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     given = parser().parse_args(arguments)
     file = getattr(given, "file", "jaxspace")
     try:
-        with stopped_by_signals():
+        with stopped_by_signals(), extra("app"):
             status = given.command(given)
         # Here and not at exit, so that a closed pipe is met inside the `try`.
         sys.stdout.flush()
@@ -35,6 +35,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         # The sentences about scene files and stores begin with the file.
         named = isinstance(error, SceneError) or str(error).startswith(f"{file} ")
         print(str(error) if named else f"{file}: {error}", file=sys.stderr)
+        return BAD_INPUT
+    except MissingExtra as error:
+        print(f"{file}: {error}", file=sys.stderr)
         return BAD_INPUT
     except SimulationError as error:
         print(f"{file}: {error}", file=sys.stderr)

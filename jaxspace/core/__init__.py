@@ -24,6 +24,8 @@ from ._declare import references as references
 from ._elliptic import complete_elliptic as complete_elliptic
 from ._elliptic import complete_first as complete_first
 from ._elliptic import complete_third as complete_third
+from ._extra import MissingExtra as MissingExtra
+from ._extra import extra as extra
 from ._group import AbstractGroupElement as AbstractGroupElement
 from ._group import on_group as on_group
 from ._group import project as project

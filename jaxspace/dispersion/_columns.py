@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..core import extra
 from ..simulation import Status
 from ._lock import StoreError
 from ._run_results import RunResults
@@ -69,7 +70,8 @@ def columns_of(results: RunResults, units: Mapping[str, str]) -> dict[str, Colum
 
 def encoded(x: np.ndarray, column: Column, chunk: int) -> bytes:
     """A chunk as Zarr's codecs `bytes` and `crc32c` write it."""
-    import google_crc32c
+    with extra("app"):
+        import google_crc32c
 
     x = np.ascontiguousarray(x, column.dtype)
     if len(x) < chunk:

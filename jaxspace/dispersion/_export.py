@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..core import extra
 from ..simulation import Status
 
 if TYPE_CHECKING:
@@ -16,7 +17,8 @@ def as_frame(
     columns: Mapping[str, np.ndarray], units: Mapping[str, str], status: np.ndarray
 ) -> "pandas.DataFrame":
     """A line for each run: its status, then `columns`, each named with its unit."""
-    import pandas
+    with extra("app"):
+        import pandas
 
     named = {
         name + (f" [{unit}]" if (unit := units.get(name, "")) else ""): x
@@ -38,7 +40,8 @@ def as_dataset(
     """A variable for each value along `run`, whose coordinate are the `numbers` of the runs.
 
     `kinds`: inputs and outputs, as "input" and "output"."""
-    import xarray
+    with extra("app"):
+        import xarray
 
     variables: dict[str, tuple[str, np.ndarray, dict[str, object]]] = {}
     for kind, values in kinds.items():

@@ -67,10 +67,10 @@ def damaged_arrays(folder: Path, arrays: Mapping[str, Any]) -> list[str]:
 def is_longer(folder: Path, name: str, head: Mapping[str, Any]) -> bool:
     """Whether an array's own file of metadata differs from its `head` in more runs alone."""
     own = _parsed(folder / name / HEAD)
-    if not isinstance(own, dict) or {**own, "shape": head["shape"]} != head:
+    if not isinstance(own, dict) or own | {"shape": head["shape"]} != head:
         return False
-    shapes = own.get("shape"), head["shape"]
-    return all(isinstance(n, int) and n >= m for n, m in zip(*shapes, strict=True))
+    pairs = zip(own["shape"], head["shape"], strict=True)
+    return all(isinstance(n, int) and n >= m for n, m in pairs)
 
 
 def _parsed(path: Path) -> Any:

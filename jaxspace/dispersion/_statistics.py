@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, final
 import equinox as eqx
 import numpy as np
 
-from ..core import InputError
+from ..core import InputError, extra
 from ..simulation import Status
 from ._contributors import Contributors, contributors
 from ._export import as_dataset, as_frame
@@ -301,6 +301,9 @@ class Dispersion(eqx.Module):
     def to_parquet(self, path: "str | os.PathLike[str]") -> None:
         """Write the table of `to_csv` as a Parquet file, which needs `pip install
         jaxspace[parquet]`."""
+        with extra("parquet"):
+            import pyarrow  # noqa: F401  # by which the table is written
+
         self._frame().rename_axis("run").to_parquet(path, engine="pyarrow")
 
     def _frame(self) -> "pandas.DataFrame":

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from ..core import extra
 from ._batch_runner import cores
 from ._columns import Column, arrays_of, encoded
 from ._head import COPY, HEAD, is_longer, read_head, sealed
@@ -282,9 +283,10 @@ def write_whole(path: Path, data: bytes) -> None:
 
 def _metadata(store: Store) -> dict[str, bytes]:
     """The files of metadata."""
-    import zarr
-    from zarr.codecs import BytesCodec, Crc32cCodec
-    from zarr.storage import MemoryStore
+    with extra("app"):
+        import zarr
+        from zarr.codecs import BytesCodec, Crc32cCodec
+        from zarr.storage import MemoryStore
 
     memory = MemoryStore()
     group = zarr.create_group(memory, attributes=store.attributes)

@@ -219,8 +219,9 @@ def _add(
 ) -> None:
     """Put a class or a function where it belongs, if it belongs anywhere."""
     for group, base in BASES.items():
-        final = isinstance(thing, type) and getattr(thing, "__final__", False)
-        if final and issubclass(thing, base):
+        if not (isinstance(thing, type) and issubclass(thing, base)):
+            continue
+        if getattr(thing, "__final__", False):
             kind, key = object_kind(thing), snake_case(thing.__name__)
             if kind is not None:
                 _name(named[group], key, thing, new)

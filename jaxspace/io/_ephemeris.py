@@ -69,7 +69,7 @@ def read_oem(path: str | os.PathLike[str]) -> list[Ephemeris]:
     of a leap are not counted: a segment in UTC should not span one.
 
     **Raises** `InputError` with the line of what is not as the standard has it."""
-    text = Path(path).read_text(encoding="utf-8")
+    text = Path(path).read_text(encoding="utf-8-sig")
     lines = [line.strip() for line in text.splitlines()]
     # Refused here, where XML and other messages can still be told by what they are.
     if not text.lstrip().startswith("CCSDS_OEM_VERS"):

@@ -12,12 +12,19 @@ from ._control import control_errors, scatter_errors
 from ._errors import SceneError, unknown
 from ._form import form, kind_of
 from ._inputs import read_inputs
-from ._kinds import Reading, Values
+from ._kinds import Reading, Value, Values
 from ._named_files import NamedFiles
 from ._optimize_table import read_task
 from ._output_entries import read_outputs
 from ._outputs import OutputSpec
 from ._scene_file import SceneFile
+
+LONGEST = 4_000_000
+"""How many characters a scene file may have: those of a hundred thousand lines."""
+DEEPEST = 64
+"""How deeply tables and lists of a file may be nested; no entry needs ten levels."""
+LONGEST_NUMBER = 1023
+"""Bits of a whole number that any float can hold."""
 
 
 def load(
@@ -84,15 +91,55 @@ def _rule_errors(until: Values | None, outputs: tuple[OutputSpec, ...], errors: 
 
 def _parsed(path: str | os.PathLike[str], text: str | None) -> tuple[Values, str]:
     try:
-        text = Path(path).read_text(encoding="utf-8") if text is None else text
+        # No more than needed to see that it is too long: it may have no end.
+        if text is None:
+            with open(path, encoding="utf-8") as file:
+                text = file.read(LONGEST + 1)
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) else "it is not text in UTF-8"
         raise SceneError(path, f"cannot be read: {reason}.") from error
+    if len(text) > LONGEST:
+        raise SceneError(
+            path,
+            f"is longer than {LONGEST:,} characters: a scene file must be shorter, and long tables "
+            f"stand in files that it names.",
+        )
+    # The mark of Unicode that some editors write.
+    text = text.removeprefix("\ufeff")
     try:
-        return tomllib.loads(text), text
+        data = tomllib.loads(text)
+        _check_nested(data)
     except tomllib.TOMLDecodeError as error:
         # Sentences begin with the path of the file, and go on in small letters.
         raise SceneError(path, f"is not TOML: {str(error)[0].lower()}{str(error)[1:]}.") from error
+    except RecursionError:
+        raise SceneError(
+            path, f"is nested too deeply: at most {DEEPEST} levels are read."
+        ) from None
+    # Python itself refuses to read longer ones.
+    except ValueError:
+        raise SceneError(
+            path, "has a whole number of more than 307 digits: it must have fewer."
+        ) from None
+    return data, text
+
+
+def _check_nested(data: Values) -> None:
+    """Raises `RecursionError` for tables and lists that are nested too deeply, and `ValueError` for
+    a whole number beyond the range of a float."""
+    level: list[Value] = [data]
+    # Level by level, so that no depth can exceed that of Python's own calls.
+    for _ in range(DEEPEST):
+        if any(isinstance(x, int) and x.bit_length() > LONGEST_NUMBER for x in level):
+            raise ValueError
+        level = [
+            x
+            for inner in level
+            if isinstance(inner, dict | list)
+            for x in (inner.values() if isinstance(inner, dict) else inner)
+        ]
+    if level:
+        raise RecursionError
 
 
 def _with_empty_tables(data: Values, known: Catalog) -> Values:

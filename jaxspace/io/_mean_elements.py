@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..bodies import BodyState
-from ..core import InputError
+from ..core import InputError, extra
 from ._ephemeris import Ephemeris
 
 
@@ -49,7 +49,8 @@ class CataloguedOrbit(NamedTuple):
 
         **Raises** `InputError` where the theory has no state, as after a decay."""
         # Imported where it is used, because the library is an extra.
-        from sgp4.api import SGP4_ERRORS
+        with extra("ephemerides"):
+            from sgp4.api import SGP4_ERRORS
 
         times = np.atleast_1d(np.asarray(ts, float))
         # Day and fraction stay apart: in one double a Julian date is known to 40 microseconds only.
@@ -79,12 +80,13 @@ def read_tle(source: str | os.PathLike[str]) -> list[CataloguedOrbit]:
     - `source`: the text itself, or the path of a file; a line before a set is its name.
 
     **Raises** `InputError` for a set that is not complete or whose check sum is wrong."""
-    from sgp4.api import Satrec
-    from sgp4.io import compute_checksum
+    with extra("ephemerides"):
+        from sgp4.api import Satrec
+        from sgp4.io import compute_checksum
 
     # A path has no line break, a set of elements at least one.
     is_text = isinstance(source, str) and "\n" in source
-    text = str(source) if is_text else Path(source).read_text(encoding="utf-8")
+    text = str(source) if is_text else Path(source).read_text(encoding="utf-8-sig")
     lines = [line.rstrip() for line in text.splitlines() if line.strip()]
     found, name = [], ""
     for k, line in enumerate(lines):
@@ -116,13 +118,14 @@ def read_omm(path: str | os.PathLike[str]) -> list[CataloguedOrbit]:
     - `path`: of a file in XML or CSV, by its ending.
 
     **Raises** `InputError` for another ending, or a message without elements."""
-    from sgp4 import omm
-    from sgp4.api import Satrec
+    with extra("ephemerides"):
+        from sgp4 import omm
+        from sgp4.api import Satrec
 
     kind = Path(path).suffix.lower()
     if kind not in (".xml", ".csv"):
         raise InputError(f"{path} ends with {kind!r}: it must end with .xml or .csv.")
-    with Path(path).open(encoding="utf-8") as file:
+    with Path(path).open(encoding="utf-8-sig") as file:
         parse = omm.parse_xml if kind == ".xml" else omm.parse_csv
         rows: Iterable[dict[str, str]] = list(parse(file))
     found = []

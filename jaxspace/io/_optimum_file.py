@@ -4,7 +4,7 @@ was."""
 from collections.abc import Mapping
 from typing import Any
 
-from ..core import InputError
+from ..core import InputError, extra
 from ._optimize_table import Free, Task
 from ._units import read_number
 
@@ -13,7 +13,8 @@ def with_numbers(file: Any, task: Task, values: Mapping[str, float]) -> str:
     """The text of the `file` with the `values`, SI, by path, in place of the free numbers of the
     `task`."""
     # Only this function needs the library that keeps comments.
-    import tomlkit
+    with extra("app"):
+        import tomlkit
 
     document = tomlkit.parse(file.text)
     for free in task.free:

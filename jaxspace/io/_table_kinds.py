@@ -9,6 +9,9 @@ from ._kinds import Entry, Kind, Maker, Reading, Schema, Value
 from ._named_files import NamedFiles
 from ._value_kinds import Number
 
+MOST_UNKNOWN = 20
+"""How many unknown keys of a table are named."""
+
 
 @dataclass(frozen=True, eq=False)
 class Table(Kind):
@@ -23,14 +26,18 @@ class Table(Kind):
         if not isinstance(value, Mapping):
             reading.errors.append(wrong(path, value, self.expected()))
             return None
-        for key in value:
-            if key in self.entries:
-                continue
+        strange = [key for key in value if key not in self.entries]
+        for key in strange[:MOST_UNKNOWN]:
             full = _joined(path, key)
             known = key in self.refused
             reading.errors.append(
                 f"{full} {self.refused[key]}" if known else unknown(full, key, self.entries)
             )
+        # Each sentence seeks the nearest name: of a table of something else a few say enough.
+        if len(strange) > MOST_UNKNOWN:
+            where = f"{path} has" if path else "there are"
+            more = len(strange) - MOST_UNKNOWN
+            reading.errors.append(f"{where} {more} more keys that are not known.")
         # In the order of the file: it is that of the effects of a scene, and of the units.
         keys = dict.fromkeys([*(key for key in value if key in self.entries), *self.entries])
         return {

@@ -6,7 +6,7 @@ import re
 from typing import TYPE_CHECKING, NamedTuple
 
 from ..bodies import BodyState
-from ..core import InputError, Quantity, argument, quantities
+from ..core import InputError, Quantity, argument, extra, quantities
 
 if TYPE_CHECKING:
     import pint
@@ -143,7 +143,8 @@ def parse_unit(text: str, what: str) -> "pint.Unit":
     """The unit named by a text. Only names and powers of units are read; nothing is evaluated.
     Raises `ValueError`."""
     # Imported late: the registry takes a while, and most files have SI numbers alone.
-    import pint
+    with extra("app"):
+        import pint
 
     if not UNIT.fullmatch(text):
         raise ValueError(what)
@@ -211,6 +212,7 @@ def in_unit(si: str, unit: str) -> float:
 @functools.cache
 def units() -> "pint.UnitRegistry":
     """The registry of units, read when the first value with a unit is met."""
-    import pint
+    with extra("app"):
+        import pint
 
     return pint.UnitRegistry()

@@ -174,7 +174,7 @@ def least_duration(
     check_positive("least_duration: mu", mu)
     chord = _chord(start, end, normal)
     undecided = way_is_undecided((chord.i1, chord.i2), normal)
-    if undecided.ndim == 0 and not is_traced(undecided) and undecided:
+    if jnp.ndim(undecided) == 0 and not is_traced(undecided) and undecided:
         raise InputError(f"least_duration: {TransferStatus.NO_WAY.sentence}")
     least, _ = least_time(chord.lam, chord.kappa, revolutions)
     duration = least * chord.s * jnp.sqrt(chord.s / (2.0 * mu))

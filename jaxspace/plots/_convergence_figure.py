@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from jaxtyping import Array, Float
 
+from ..core import extra
 from ._style import COLOURS, dress
 
 if TYPE_CHECKING:
@@ -21,7 +22,8 @@ def convergence_figure(history: Float[Array, "rows 3"], title: str = "") -> "Fig
 
     **Raises** `ImportError` where matplotlib is not installed.
     """
-    from matplotlib.figure import Figure as NewFigure
+    with extra("app"):
+        from matplotlib.figure import Figure as NewFigure
 
     rows = np.asarray(history)
     rows = rows[~np.isnan(rows[:, 0])]

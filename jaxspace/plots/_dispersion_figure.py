@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..core import extra
 from ._bins import bins
 from ._style import BAD, COLOURS, dress
 
@@ -44,7 +45,8 @@ def dispersion_figure(
 
     **Raises** `InputError` for a name that is no output.
     """
-    from matplotlib.figure import Figure
+    with extra("app"):
+        from matplotlib.figure import Figure
 
     names = list(dispersion.outputs)[:MOST] if outputs is None else list(outputs)
     pair = chosen_pair(dispersion, names) if scatter is None else scatter

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..core import extra
 from ._dispersion_figure import heading
 from ._page_data import page_data, processor_words
 
@@ -85,7 +86,8 @@ def _script_safe(data: dict[str, Any]) -> str:
 
 def _library() -> str:
     """The plotting library, compressed, as letters."""
-    from plotly.offline import get_plotlyjs
+    with extra("app"):
+        from plotly.offline import get_plotlyjs
 
     # Compressed, because it would be most of the page; without a time stamp, so that the same runs
     # give the same file.

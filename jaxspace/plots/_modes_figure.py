@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from jaxtyping import ArrayLike
 
+from ..core import extra
 from ._style import COLOURS, MUTED, dress
 
 if TYPE_CHECKING:
@@ -12,10 +13,8 @@ if TYPE_CHECKING:
 
 
 def _new_figure(width: float, height: float) -> "Figure":
-    try:
+    with extra("app"):
         from matplotlib.figure import Figure
-    except ImportError as error:
-        raise ImportError("Figures require matplotlib: install jaxspace[app].") from error
     return Figure(figsize=(width, height), layout="constrained")
 
 

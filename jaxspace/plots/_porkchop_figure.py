@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from jaxtyping import ArrayLike
 
+from ..core import extra
 from ._style import BAD, dress
 
 if TYPE_CHECKING:
@@ -36,10 +37,8 @@ def porkchop_figure(
 
     **Raises** `ImportError` where matplotlib is not installed.
     """
-    try:
+    with extra("app"):
         from matplotlib.figure import Figure
-    except ImportError as error:
-        raise ImportError("Figures require matplotlib: install jaxspace[app].") from error
     x, y = np.asarray(departures, float) / unit, np.asarray(arrivals, float) / unit
     # Transposed, because contours take the vertical axis first.
     values = 1e-3 * np.asarray(total, float).T

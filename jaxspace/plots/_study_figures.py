@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 import numpy as np
 
+from ..core import extra
 from ._style import COLOURS, MUTED, dress
 
 if TYPE_CHECKING:
@@ -82,10 +83,8 @@ MARKS = {"float64": ("o", "-"), "float32": ("s", "--")}
 
 def _figure(width: float, height: float) -> "Figure":
     """An empty figure. Raises `ImportError` where matplotlib is not installed."""
-    try:
+    with extra("app"):
         from matplotlib.figure import Figure
-    except ImportError as error:
-        raise ImportError("Figures require matplotlib: install jaxspace[app].") from error
     return Figure(figsize=(width, height), layout="constrained")
 
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import jax
 import numpy as np
 
-from ..core import InputError, quantities
+from ..core import InputError, extra, quantities
 from ..rotations import Quaternion, to_euler_angles
 from ._resolution import Drawn, resolved
 from ._style import BAD, COLOURS, MUTED, dress
@@ -68,7 +68,8 @@ def trajectory_figure(
 
     **Raises** `InputError` where the times are not behind the components.
     """
-    from matplotlib.figure import Figure
+    with extra("app"):
+        from matplotlib.figure import Figure
 
     # By what they have and not by their class, because an import of it would be a circle: a
     # trajectory draws itself by this function.

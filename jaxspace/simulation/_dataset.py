@@ -6,7 +6,7 @@ import jax
 import numpy as np
 from jaxtyping import Array, PyTree
 
-from ..core import State, quantities
+from ..core import State, extra, quantities
 
 if TYPE_CHECKING:
     import xarray
@@ -38,7 +38,8 @@ def _name(path: jax.tree_util.KeyPath) -> str:
 
 def dataset_of(ts: Array, states: State, status: Array, run_axes: int) -> "xarray.Dataset":
     """The arrays of a trajectory as a data set: a variable for each block, named axes, units."""
-    import xarray
+    with extra("app"):
+        import xarray
 
     # An axis of components has the name of its variable: blocks of different length share none.
     runs = ("run",) * run_axes

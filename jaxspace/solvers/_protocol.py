@@ -155,8 +155,9 @@ def check_steps(name: str, steps: object, least: int, allowed: str) -> None:
 
     - `name`: of the field.
     - `allowed`: the least number in words."""
-    whole = isinstance(steps, int | np.integer) and not isinstance(steps, bool)
-    if not whole or not least <= int(steps) <= MAX_STEPS:
+    # For Python, `True` is a whole number.
+    whole = None if isinstance(steps, bool) or not isinstance(steps, int | np.integer) else steps
+    if whole is None or not least <= whole <= MAX_STEPS:
         raise InputError(
             f"{name} is {steps!r}: it must be {allowed}, and a whole number up to {MAX_STEPS:.0e}."
         )

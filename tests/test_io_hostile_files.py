@@ -1,0 +1,81 @@
+"""Files that no author writes: each is refused in a sentence, at once, or read as it is meant."""
+
+import os
+import time
+from pathlib import Path
+
+import pytest
+
+from jaxspace.io import SceneError, _load, _named_files, load
+
+SCENES = Path(__file__).resolve().parents[1] / "examples" / "scenes"
+TOP = (SCENES / "top.toml").read_text()
+DRIFT = """
+[initial]
+position = [0.0, 0.0, 0.0]
+velocity = [1.0, 0.0, 0.0]
+
+[times]
+end = 10.0
+
+[dispersion]
+outputs = ["speed"]
+
+[dispersion.inputs]
+"initial.velocity.0" = { distribution = "samples", file = "NAMED" }
+"""
+
+
+def refusal(path, text):
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(SceneError) as refused:
+        load(path)
+    assert str(refused.value).startswith(str(path))
+    return str(refused.value)
+
+
+def test_a_byte_order_mark_is_no_statement(tmp_path):
+    path = tmp_path / "scene.toml"
+    path.write_text(TOP, encoding="utf-8-sig")
+    file = load(path)
+    assert file.text == TOP and load(path, text="\ufeff" + TOP).text == TOP
+
+
+@pytest.mark.parametrize(
+    "line, words",
+    [
+        ("spare = " + "9" * 5000, "more than 307 digits"),
+        # Python reads any number of hexadecimal digits, but writes none of them.
+        ("spare = 0x" + "f" * 5000, "more than 307 digits"),
+        ("spare = " + "9" * 400, "more than 307 digits"),
+        ("spare = " + "[" * 3000 + "]" * 3000, "nested too deeply"),
+        ("spare = " + "[" * 100 + "]" * 100, "nested too deeply"),
+        ("a." * 3000 + "b = 1", "nested too deeply"),
+    ],
+)
+def test_numbers_and_lists_without_end(tmp_path, line, words):
+    assert words in refusal(tmp_path / "scene.toml", f"{line}\n{TOP}")
+
+
+def test_many_unknown_keys_are_refused_at_once(tmp_path):
+    """The nearest name of each of them takes a minute; a second is far more than twenty take."""
+    keys = "".join(f"k{k} = 1\n" for k in range(200_000))
+    start = time.perf_counter()
+    words = refusal(tmp_path / "scene.toml", keys + TOP)
+    assert time.perf_counter() - start < 10.0
+    assert "k0 is not a key that is known" in words and "199980 more keys" in words
+    assert "longer than 4,000,000 characters" in refusal(tmp_path / "scene.toml", 3 * keys + TOP)
+
+
+def test_files_without_end_are_not_read(tmp_path, monkeypatch):
+    """A device and a pipe, and files beyond the limit: named by a scene, and the scene itself."""
+    scene, named = tmp_path / "scene.toml", tmp_path / "values.txt"
+    os.mkfifo(tmp_path / "pipe")
+    for name in ("/dev/zero", "pipe"):
+        assert "it is no regular file" in refusal(scene, DRIFT.replace("NAMED", name))
+    named.write_text("1.0\n" * 100)
+    monkeypatch.setattr(_named_files, "LARGEST", 100)
+    assert "at most 0 MB are read" in refusal(scene, DRIFT.replace("NAMED", named.name))
+    monkeypatch.setattr(_load, "LONGEST", 1000)
+    with pytest.raises(SceneError, match="longer than 1,000 characters"):
+        load("/dev/zero")
