@@ -7,6 +7,7 @@ import pytest
 from systems import Integrated
 
 from jaxspace import BodyState, Scene, simulate, simulate_batch
+from jaxspace.attitude import TorqueFreeBody
 from jaxspace.bodies import BurningBody
 from jaxspace.orbits import Oblateness, PointGravity, TwoBody
 from jaxspace.rockets import Thrust
@@ -157,3 +158,19 @@ def test_fuel_below_the_dry_mass_has_a_status():
 
     assert fly(150.0).status == Status.COMPLETED
     assert fly(149.0).status == Status.OUTSIDE_MODEL and np.isnan(fly(149.0).final.mass)
+
+
+def test_a_traced_quaternion_of_zeros_is_no_start_of_a_free_body():
+    """Its closed form would leave the zeros as they are."""
+    moments = jnp.array([1.0, 2.0, 3.0])
+
+    @jax.jit
+    def turned(wxyz):
+        y = BodyState(attitude=Quaternion(wxyz), omega=jnp.ones((3, 2)))
+        ts = jnp.array([0.0, 1.0, 2.0])
+        run = simulate_batch(TorqueFreeBody(moments), y, ts, throw=False)
+        return run.status, run.final.attitude.wxyz
+
+    status, final = turned(jnp.zeros((4, 2)).at[0, 1].set(1.0))
+    np.testing.assert_array_equal(status, [Status.NOT_FINITE, Status.COMPLETED])
+    assert np.all(np.isnan(final[:, 0])) and np.all(np.isfinite(final[:, 1]))

@@ -11,7 +11,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..core import AbstractClosedForm, AbstractSystem, Scalar, State, breaks_of
+from ..core import AbstractClosedForm, AbstractSystem, Scalar, State, breaks_of, on_group, project
 from ..solvers import Tolerance, bind, solver_traits
 from ..solvers._regularised_step import evaluations_of
 from ._by_diffrax import solve_by_diffrax
@@ -109,16 +109,29 @@ def _by_closed_form(
 ) -> IntegrationResult:
     # Without a map over a single duration, which would double what there is to trace.
     if fractions is None:
-        final = closed_form.flow(duration, y0)
+        final = _on_groups(closed_form.flow(duration, y0))
         states = jax.tree.map(lambda x: x[None], final)
     else:
         durations = of_each(fractions, duration)
-        states = jax.vmap(lambda d: closed_form.flow(d, y0))(durations)
+        states = jax.vmap(lambda d: _on_groups(closed_form.flow(d, y0)))(durations)
         final = jax.tree.map(lambda x: x[-1], states)
     finite = Tolerance(0.0, 0.0, run_axes).alive(final)
     status = status_from(jnp.array(False), finite, jnp.zeros(finite.shape))
     states = times_behind_components(states, run_axes)
     return IntegrationResult(states, status, {"evaluations": jnp.array(0)}, None, None)
+
+
+def _on_groups(y: State) -> State:
+    """The state with NaN for every block that is not near its group, as a quaternion of zeros,
+    which a closed form may leave as it is; steps end in a projection, which is NaN there."""
+
+    def leaf(x: State) -> State:
+        if not on_group(x):
+            return x
+        near = jax.lax.stop_gradient(project(x))
+        return jax.tree.map(lambda a, b: jnp.where(jnp.isfinite(b), a, jnp.nan), x, near)
+
+    return jax.tree.map(leaf, y, is_leaf=on_group)
 
 
 def of_each(fractions: Float[Array, "times *#runs"], duration: Array) -> Array:
