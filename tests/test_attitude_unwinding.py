@@ -144,6 +144,6 @@ def test_arms_on_the_axis_have_not_swung_yet():
     arms = SwingOutArms(2.0, 0.2, 0.5, 0.8)
     time, slopes = jax.jit(jax.value_and_grad(arms.swing_time, (0, 1)))(0.0, 10.0)
     assert time == 0.0 and slopes == (np.inf, 0.0)
-    # sqrt(theta) beside it: theta'^2 = w0^2 r_0 theta/l, so t = 2 sqrt(theta l/r_0)/w0.
+    # Beside it theta'' = w0^2 r_0/l, so t = sqrt(2 theta l/r_0)/w0, to the order of theta.
     near = arms.swing_time(jnp.asarray(1e-9), 10.0)
-    np.testing.assert_allclose(near, 0.2 * np.sqrt(1e-9 * 0.8 / 0.5), rtol=1e-8)
+    np.testing.assert_allclose(near, 0.1 * np.sqrt(2.0 * 1e-9 * 0.8 / 0.5), rtol=1e-8)

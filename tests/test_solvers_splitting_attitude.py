@@ -119,7 +119,7 @@ def test_steps_that_pass_whole_turns_do_not_understate_their_error():
 
     def run(method):
         ts = jnp.array([0.0, 0.3])
-        return simulate_batch(SCENE, y, ts, accuracy=Accuracy(rtol=1.0, method=method))
+        return simulate_batch(SCENE, y, ts, accuracy=Accuracy(rtol=0.5, method=method))
 
     found, exact = run(Splitting(4, steps=40)), run(Splitting(4, steps=2560, estimate=False)).final
 

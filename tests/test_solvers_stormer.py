@@ -85,7 +85,7 @@ def test_every_order_is_what_it_says(order):
             Oscillator(rate),
             y,
             jnp.array([0.0, 1.0]),
-            accuracy=Accuracy(rtol=1.0, method=method),
+            accuracy=Accuracy(rtol=0.5, method=method),
             throw=False,
         ).final
         return jnp.hypot(end.position[0] - jnp.cos(rate), end.velocity[0] / rate + jnp.sin(rate))

@@ -553,7 +553,7 @@ def test_pictures_of_studies():
 
 def test_a_picture_without_matplotlib_says_what_to_install(monkeypatch):
     monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
-    with pytest.raises(ImportError, match=r"install jaxspace\[app\]"):
+    with pytest.raises(ImportError, match=r"pip install \"jaxspace\[app\]\""):
         table([1e-3], [1e-3]).plot()
 
 
