@@ -2,7 +2,6 @@
 global state."""
 
 import dataclasses
-
 import sys
 from types import SimpleNamespace
 
