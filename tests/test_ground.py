@@ -9,6 +9,7 @@ import pytest
 
 from jaxspace import Scene, load, simulate, simulate_batch
 from jaxspace.bodies import BodyState
+from jaxspace.cli import main
 from jaxspace.orbits import (
     AtAltitude,
     Oblateness,
@@ -107,6 +108,17 @@ def test_what_moves_the_state_besides_leaves_the_saved_states_alone():
     # Inside of a sphere without a hard surface nothing is wrong.
     sphere = Scene([SphereGravity(MU, RADIUS), Oblateness(MU, J2, RADIUS)])
     assert not sphere.warning(ts[:, 0], jax.tree.map(lambda x: 0.1 * x[..., 0], ends), True)
+
+
+@pytest.mark.usefixtures("settings_stay")
+def test_the_command_line_says_it_in_a_line(tmp_path, capsys):
+    path = tmp_path / "orbit.toml"
+    path.write_text(FILE.format("point_gravity", 6300))
+    with warnings.catch_warnings():
+        warnings.simplefilter("always")
+        assert main(["run", str(path), "--out", str(tmp_path)]) == 0
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("The run passes below the ground, 6.3e+06 m from the centre")
 
 
 @pytest.mark.parametrize(
