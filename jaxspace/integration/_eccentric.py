@@ -15,11 +15,11 @@ output is cheaper than a landing on each.
     mu      gravitational parameter             m^3/s^2
 """
 
-import jax
+import equinox as eqx
 import numpy as np
-from jaxtyping import ArrayLike
+from jaxtyping import ArrayLike, PyTree
 
-from ..core import AbstractSystem
+from ..core import AbstractRegularised, AbstractSystem, State, once_per_structure
 from ..solvers._regularised_step import form_in
 from ._stiffness import InitialConditions
 
@@ -39,17 +39,28 @@ def is_eccentric(starts: InitialConditions, system: AbstractSystem, second_order
       perturbation with a potential has a better one.
 
     `False` where the numbers are not known (under `jit`, or in a derivative)."""
+    if not starts.readable:
+        return False
     form = system.regularised()
-    if form is None or form.attraction is None or not starts.readable:
+    if form is None or form.attraction is None:
         return False
     _, y, ts = starts.runs
-    if second_order:
-        z = jax.eval_shape(form.to_regularised, y)
-        if form_in(form, z) is form:
-            return False
     e, revolutions = _orbits(starts, form.attraction)
-    between = revolutions * STATES >= np.shape(ts)[0] - 1
-    return bool(np.median(e) >= ECCENTRIC and np.median(revolutions) >= 1.0 and np.all(between))
+    if not (np.median(e) >= ECCENTRIC and np.median(revolutions) >= 1.0):
+        return False
+    if not np.all(revolutions * STATES >= np.shape(ts)[0] - 1):
+        return False
+    return not second_order or _is_second_order(form, y)
+
+
+@once_per_structure
+def _is_second_order(form: AbstractRegularised, y: State) -> bool:
+    """Whether the motion is of second order in regularised variables, too."""
+
+    def offers(form: AbstractRegularised, y: State) -> PyTree:
+        return form_in(form, form.to_regularised(y)) is not form
+
+    return eqx.filter_eval_shape(offers, form, y)
 
 
 def _orbits(starts: InitialConditions, mu: ArrayLike) -> tuple[np.ndarray, np.ndarray]:

@@ -20,12 +20,12 @@ from ..core import (
     check_finite,
     is_concrete,
     is_traced,
+    once_per_structure,
     run_axes_of,
 )
 from ..integration._accuracy import state_dtype
 from ..integration._events import Event
 from ..integration._layout import broadcast_state
-from ..integration._selection import shape_of
 from ._kinks import warn_of_kinks
 
 # A time, s, or its shape.
@@ -88,14 +88,6 @@ def check_values(system: AbstractSystem, ts: Array, y0: PyTree) -> None:
         system.check_values(jnp.asarray(np.asarray(ts)[0]), y0)
 
 
-def check_structure(system: AbstractSystem, y0: PyTree, t: Time, *, one_run: bool) -> PyTree:
-    """The shapes of the state, with the runs that it meets in the system.
-
-    Raises `InputError` unless the derivative has the structure of the state, and where there is to
-    be `one_run`, for a declared shape that holds several."""
-    return _for_shapes(_check_structure, (system, y0, t, one_run))
-
-
 def shapes_after(
     jump: Callable[[Scalar, State], State], t: Time, y: PyTree, name: str = "jump"
 ) -> PyTree:
@@ -103,7 +95,7 @@ def shapes_after(
 
     Raises `InputError`, which names the jump, where it cannot take them or returns no state."""
     try:
-        after = _for_shapes(_jumped, (jump, t, y))
+        after = _jumped(jump, t, y)
     except InputError:
         raise
     # Whatever a jump that meets another state than its own may raise is reported in its words.
@@ -119,26 +111,17 @@ def shapes_after(
     return after
 
 
-def _for_shapes(function: Callable[..., PyTree], args: PyTree) -> PyTree:
-    """The result of a kept function for the structure and the shapes of its arguments."""
-    leaves, structure = jax.tree.flatten(jax.tree.map(shape_of, args))
-    try:
-        return function(structure, tuple(leaves))
-    except TypeError:
-        # A leaf that cannot be hashed: nothing can be kept from one call to the next.
-        return function.__wrapped__(structure, tuple(leaves))  # pyright: ignore
-
-
-@functools.lru_cache(maxsize=256)
-def _jumped(structure: jax.tree_util.PyTreeDef, leaves: tuple[object, ...]) -> PyTree:
-    jump, t, y = jax.tree.unflatten(structure, leaves)
+@once_per_structure
+def _jumped(jump: Callable[[Scalar, State], State], t: Time, y: PyTree) -> PyTree:
     return eqx.filter_eval_shape(lambda jump, t, y: jump(t, y), jump, t, y)
 
 
-@functools.lru_cache(maxsize=256)
-def _check_structure(structure: jax.tree_util.PyTreeDef, leaves: tuple[object, ...]) -> PyTree:
-    """Once for each system and state of one make: tracing the field costs more than a short run."""
-    system, y0, t, one_run = jax.tree.unflatten(structure, leaves)
+@once_per_structure
+def check_structure(system: AbstractSystem, y0: PyTree, t: Time, *, one_run: bool) -> PyTree:
+    """The shapes of the state, with the runs that it meets in the system.
+
+    Raises `InputError` unless the derivative has the structure of the state, and where there is to
+    be `one_run`, for a declared shape that holds several."""
     if one_run:
         _check_one_run(system, y0)
     # Whatever a field that meets another state than its own may raise is reported in its words.
