@@ -6,10 +6,12 @@ To trace a vector field takes longer than a short run, and a run asks several su
 
 import functools
 from collections.abc import Callable, Hashable
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
+import equinox as eqx
 import jax
 import numpy as np
+from jax.typing import DTypeLike
 
 T = TypeVar("T")
 Leaf = TypeVar("Leaf")
@@ -26,6 +28,21 @@ def shape_of(x: Leaf) -> Leaf | jax.ShapeDtypeStruct:
     return jax.ShapeDtypeStruct(x.shape, x.dtype, weak_type=getattr(x, "weak_type", False))
 
 
+class _Array(NamedTuple):
+    """What is compared of an array: made and hashed in a tenth of the time of a
+    `jax.ShapeDtypeStruct`."""
+
+    shape: tuple[int, ...]
+    dtype: DTypeLike
+    weak_type: bool
+
+
+def _compared(x: object) -> object:
+    if isinstance(x, jax.Array):
+        return _Array(x.shape, x.dtype, x.weak_type)
+    return _Array(x.shape, x.dtype, False) if isinstance(x, np.ndarray) else x
+
+
 def once_per_structure(function: Callable[..., T]) -> Callable[..., T]:
     """A function of trees that meets the shapes of their arrays in place of the arrays, and runs
     once for each structure and shapes.
@@ -35,17 +52,43 @@ def once_per_structure(function: Callable[..., T]) -> Callable[..., T]:
 
     @functools.lru_cache(maxsize=KEPT)
     def kept(structure: jax.tree_util.PyTreeDef, leaves: tuple[Hashable, ...]) -> T:
-        args, kwargs = jax.tree.unflatten(structure, leaves)
+        shapes = [
+            jax.ShapeDtypeStruct(x.shape, x.dtype, weak_type=x.weak_type)
+            if isinstance(x, _Array)
+            else x
+            for x in leaves
+        ]
+        args, kwargs = jax.tree.unflatten(structure, shapes)
         return function(*args, **kwargs)
 
     @functools.wraps(function)
     def of_trees(*args: Any, **kwargs: Any) -> T:
         leaves, structure = jax.tree.flatten((args, kwargs))
-        shapes = tuple(map(shape_of, leaves))
+        compared = tuple(map(_compared, leaves))
         try:
-            hash((structure, shapes))
+            hash((structure, compared))
         except TypeError:
-            return kept.__wrapped__(structure, shapes)
-        return kept(structure, shapes)
+            return kept.__wrapped__(structure, compared)
+        return kept(structure, compared)
+
+    return of_trees
+
+
+def without_numbers(function: Callable[..., T]) -> Callable[..., T]:
+    """A function of trees whose answer holds no array and hangs on no number of theirs: traced once
+    for each structure and shapes. One that decides by a number after all runs every time."""
+
+    @once_per_structure
+    def traced(*args: Any) -> tuple[T] | None:
+        try:
+            return (eqx.filter_eval_shape(function, *args),)
+        # Whatever a function raises that asks a traced number for its value.
+        except Exception:  # noqa: BLE001
+            return None
+
+    @functools.wraps(function)
+    def of_trees(*args: Any) -> T:
+        answer = traced(*args)
+        return function(*args) if answer is None else answer[0]
 
     return of_trees

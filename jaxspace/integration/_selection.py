@@ -19,9 +19,9 @@ import jax.numpy as jnp
 from jax.extend.core import Literal
 from jaxtyping import Array, ArrayLike, PyTree
 
-from ..core import AbstractSystem, depending_on, once_per_structure
+from ..core import AbstractSystem, depending_on, once_per_structure, without_numbers
 from ..solvers._second_order import moved, parts_of
-from ._eccentric import is_eccentric
+from ._eccentric import is_eccentric, is_second_order_regularised
 from ._methods import HIGH_ORDER, LOW_ORDER, REGULARISED, SECOND_ORDER, STIFF
 from ._stiffness import InitialConditions, is_stiff
 
@@ -80,6 +80,11 @@ def is_second_order(system: AbstractSystem, y: PyTree) -> bool:
     return constant or acceleration not in depending_on(jaxpr, [velocity])
 
 
+@without_numbers
+def _has_closed_form(system: AbstractSystem) -> bool:
+    return system.closed_form() is not None
+
+
 def _is_fast_and_linear(context: SelectionContext) -> bool:
     if context.starts is None or is_second_order(context.system, context.y):
         return False
@@ -89,17 +94,19 @@ def _is_fast_and_linear(context: SelectionContext) -> bool:
 
 def _is_eccentric(context: SelectionContext) -> bool:
     starts = None if context.starts is None else context.starts()
-    if starts is None:
+    if starts is None or not is_eccentric(starts, context.system):
         return False
-    second_order = is_second_order(context.system, context.y)
-    return is_eccentric(starts, context.system, second_order)
+    # Beside a method for second-order systems only a perturbation with a potential has a better
+    # one.
+    beside = is_second_order(context.system, context.y)
+    return not beside or is_second_order_regularised(context.system, context.y)
 
 
 # The first that holds decides: what is exact comes first, and what serves all systems last.
 RULES = (
     Rule(
         "the system has a closed form",
-        lambda c: c.system.closed_form() is not None,
+        lambda c: _has_closed_form(c.system),
         "closed_form",
     ),
     Rule(

@@ -128,10 +128,12 @@ def _batch_of_systems(
     check_structure(whole[0], whole[1], start, one_run=False)
     check_values(whole[0], ts, whole[1])
     warn_of_switches(whole[0], events, whole[1], start, stacklevel=3)
-    config_for = functools.partial(_resolve_for, as_accuracy(accuracy), whole, batched)
     traced = is_traced((batched, shared))
     # Where nothing is known of the status, nothing is repeated.
-    config = dataclasses.replace(config_for(None), restarts=traced and not throw)
+    config_for = functools.partial(
+        _resolve_for, as_accuracy(accuracy), whole, batched, restarts=traced and not throw
+    )
+    config = config_for(None)
     blocks = local_blocks((batched, shared), runs)
     result = run_systems(batched, shared, config, events, blocks, dense)
     if is_concrete(result.status) and not traced:
@@ -171,7 +173,12 @@ def _batch_of_missions(
 
 
 def _resolve_for(
-    accuracy: Accuracy, whole: PyTree, batched: PyTree, rows: np.ndarray | None
+    accuracy: Accuracy,
+    whole: PyTree,
+    batched: PyTree,
+    rows: np.ndarray | None,
+    *,
+    restarts: bool,
 ) -> IntegrationConfig:
     """The configuration that some of these runs, or of all of them, call for."""
     system, y0, _ = whole
@@ -190,4 +197,4 @@ def _resolve_for(
         )
         return InitialConditions(whole, axes, sample)
 
-    return resolve(system, y0, accuracy, starts)
+    return resolve(system, y0, accuracy, starts, restarts=restarts)
