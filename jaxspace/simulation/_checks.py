@@ -1,5 +1,6 @@
 """What is refused before a run is compiled: times, structures and events that cannot be right."""
 
+import functools
 import inspect
 import reprlib
 from collections.abc import Callable
@@ -59,10 +60,14 @@ def as_times(name: str, x: Any, y0: State, allowed: str) -> Array:
         real = jnp.issubdtype(kind, jnp.floating) or jnp.issubdtype(kind, jnp.integer)
         if not real or isinstance(x, str):
             raise InputError(f"{name} is {reprlib.repr(x)}: it must be {allowed}.")
+    dtype = state_dtype(y0)
+    # A conversion is a program of its own, though it may change nothing.
+    if isinstance(x, jax.Array) and x.dtype == dtype and not x.weak_type:
+        return x
     ts = jnp.asarray(x)
     if jnp.issubdtype(ts.dtype, jnp.complexfloating):
         raise InputError(f"{name} is complex: it must be {allowed}.")
-    return ts.astype(state_dtype(y0))
+    return ts.astype(dtype)
 
 
 def check_num_saved(num_saved: int) -> None:
@@ -74,10 +79,13 @@ def check_num_saved(num_saved: int) -> None:
 def check_arguments(function: Callable[..., Any], *args: Any, **kwargs: Any) -> None:
     """Raise `InputError` for arguments that the function does not take."""
     try:
-        inspect.signature(function).bind(*args, **kwargs)
+        _signature_of(function).bind(*args, **kwargs)
     except TypeError as error:
-        names = ", ".join(inspect.signature(function).parameters)
+        names = ", ".join(_signature_of(function).parameters)
         raise InputError(f"The call has {error}: it takes {names}.") from None
+
+
+_signature_of = functools.cache(inspect.signature)
 
 
 def check_values(system: AbstractSystem, ts: Array, y0: PyTree) -> None:
