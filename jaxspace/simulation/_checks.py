@@ -3,7 +3,7 @@
 import functools
 import inspect
 import reprlib
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any, TypeAlias
 
 import equinox as eqx
@@ -208,7 +208,8 @@ def _held(tree: PyTree) -> str:
 
 def as_events(events: Any) -> tuple[Event, ...]:
     """The events as a tuple. Raises `InputError` for anything else than a sequence of them."""
-    if isinstance(events, Event) or not all(isinstance(event, Event) for event in events):
+    several = isinstance(events, Iterable) and not isinstance(events, Event)
+    if not several or not all(isinstance(event, Event) for event in events):
         name = type(events).__name__
         raise InputError(f"events is of type {name}: it must be a tuple of `Event`.")
     events = tuple(events)

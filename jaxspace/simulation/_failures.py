@@ -11,7 +11,7 @@ from jaxtyping import Array, PyTree
 
 from ..integration._result import DenseOutput
 from ..integration._status import Status
-from ._loud import raise_where_failed
+from ._loud import raise_where_failed, sentence_alone
 from ._mission_runs import MissionResult
 from ._run_result import RunResult, nan_unless, reached, scaled
 
@@ -49,7 +49,9 @@ def loud(result: T) -> T:
     numbers = _numbers(result)
     factor = nan_unless(~failed)
     integers, floats = eqx.partition(numbers, lambda x: not eqx.is_inexact_array(x))
-    factor, integers = raise_where_failed((factor, integers), worst)
+    # Mapped outside of `jit`, this is a program by itself, which has ended when it is called.
+    with sentence_alone():
+        factor, integers = raise_where_failed((factor, integers), worst)
 
     def leaf(x: Array) -> Array:
         # What all runs share fails with any of them.

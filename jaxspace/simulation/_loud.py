@@ -5,7 +5,9 @@ function raises twice: in its log, with a traceback, and as an error whose messa
 traceback of the call and ends in what was raised. In the log the sentence of the failure is enough.
 """
 
+import contextlib
 import logging
+from collections.abc import Iterator
 from typing import Any, TypeVar
 
 import jax
@@ -48,6 +50,19 @@ def _largest(status: Int[Array, "..."]) -> Int[Array, "..."]:
 def _largest_of_mapped(axis_size: int, in_batched: Any, status: Array) -> tuple[Array, bool]:
     del axis_size, in_batched
     return _largest(jnp.max(status, axis=0)), False
+
+
+@contextlib.contextmanager
+def sentence_alone() -> Iterator[None]:
+    """What a program raises in this context because a run failed, as `SimulationError`."""
+    try:
+        yield
+    # Which of the two depends on the way that JAX calls a program.
+    except (jax.errors.JaxRuntimeError, ValueError) as error:
+        _, name, sentence = str(error).rpartition(f"{SimulationError.__name__}: ")
+        if not name:
+            raise
+        raise SimulationError(sentence.strip()) from None
 
 
 def _fail(worst: Array) -> None:
