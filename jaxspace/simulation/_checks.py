@@ -193,7 +193,8 @@ def _check_one_run(system: AbstractSystem, y0: PyTree) -> None:
             name = ("system", "y0")[path[0].idx] + jax.tree_util.keystr(path[1:])
             raise InputError(
                 f"{name} has the shape {leaf.shape}, with runs on its last axis: simulate takes "
-                f"one run, simulate_batch takes many (studies.sensitivity with batch=True)."
+                f"one run, simulate_batch takes many (studies.sensitivity with batch=True). "
+                f"Several bodies are a dictionary of position and velocity, (3, bodies) each."
             )
 
 

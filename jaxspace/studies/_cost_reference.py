@@ -82,7 +82,7 @@ def reference_of(
     **Returns** the reference with its own error; where no run ends well, one without a state, which
     says why."""
     exact = not isinstance(system, Mission) and system.closed_form() is not None
-    methods = {CLOSED_FORM: CLOSED_FORM} if exact else _candidates(by_name)
+    methods: dict[str, Method] = {CLOSED_FORM: CLOSED_FORM} if exact else _candidates(by_name)
     compiled: dict[str, Program] = {}
     failures: dict[str, str] = {}
     good = _first_good_run(methods, case, tightest, compiled, failures)
