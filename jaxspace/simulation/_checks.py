@@ -260,15 +260,27 @@ def check_events(
     """Raise `InputError` for a condition that is not one number for each run.
 
     `name` is that of an event, for the sentence, with a place for its number."""
-    if not events:
-        return
+    if events:
+        names = tuple(name.format(number) for number in range(len(events)))
+        _check_events(events, system, y0, t, run_axes, names)
+
+
+@once_per_structure
+def _check_events(
+    events: tuple[Event, ...],
+    system: AbstractSystem,
+    y0: State,
+    t: Time,
+    run_axes: int,
+    names: tuple[str, ...],
+) -> None:
     y = eqx.filter_eval_shape(broadcast_state, system, t, y0)
     leaf = jax.tree.leaves(y)[0]
     runs = leaf.shape[leaf.ndim - run_axes :]
     # Each run has a time of its own, so that a condition of the time alone carries runs, too.
     t = jax.ShapeDtypeStruct(runs, t.dtype)
-    for number, event in enumerate(events):
-        what = f"{name.format(number)}.condition"
+    for name, event in zip(names, events, strict=True):
+        what = f"{name}.condition"
         try:
             value = eqx.filter_eval_shape(event.condition, t, y)
         # Whatever a condition that meets another state than its own may raise, in its words.
@@ -286,7 +298,7 @@ def check_events(
                 f"{what} returns {value.dtype.name}: it must return a number that passes through "
                 f"zero, such as the difference of two sides of a comparison."
             )
-        check_jump(event, t, y, name.format(number))
+        check_jump(event, t, y, name)
 
 
 def first_line(error: Exception) -> str:
