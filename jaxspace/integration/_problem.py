@@ -16,7 +16,7 @@ from jax.core import ShapedArray
 from jax.extend.core import ClosedJaxpr  # pyright: ignore
 from jaxtyping import Array, PyTree
 
-from ..core import State, count_operations
+from ..core import State, count_operations, shape_of
 from ..solvers import small_program
 from ._loop import LoopSettings, integrate_loop
 from ._outcome import outcome_of, own_outcome_of
@@ -26,7 +26,6 @@ from ._own_state import OwnState
 from ._own_steps import integrate_own_steps
 from ._record import Record, Recording, RecordLayout
 from ._replay import Replay
-from ._selection import shape_of
 
 Leaves: TypeAlias = Sequence[Array]
 Moving: TypeAlias = tuple[int, ...]

@@ -1,6 +1,6 @@
 """Runs of a mission: one phase after the other, in the layout of the physics, runs last."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple, TypeAlias
 
 import equinox as eqx
@@ -17,7 +17,7 @@ from ..integration._layout import broadcast_state, replace_state, runs_of, state
 from ..integration._status import Status, combine_status
 from ._checks import check_events
 from ._flight import AbstractFlight
-from ._mission import Mission, Phase
+from ._mission import Mission
 from ._run_result import RunResult
 
 
@@ -139,16 +139,16 @@ def _ended_by(
     )
 
 
-# Compiled, because each operation of a jump would be a call of its own.
+# Compiled, because each operation would be a call of its own.
 @eqx.filter_jit
-def _jump(phase: Phase, t: Scalar, y: State) -> State:
-    assert phase.then is not None
-    return phase.then(t, y)
-
-
-def after_jump(phase: Phase, t: Scalar, y: State) -> State:
-    """The state after the jump at the end of a phase."""
-    return y if phase.then is None else _jump(phase, t, y)
+def _left_by(
+    then: Callable[[Scalar, State], State] | None, ts: Array, states: State, run_axes: int
+) -> tuple[Scalar, State]:
+    """Time and state after the jump at the end of a phase."""
+    # The time of each run: an event ends the phase of every run at its own.
+    t = ts[-1]
+    y = state_at(states, -1, run_axes)
+    return t, y if then is None else then(t, y)
 
 
 def run_mission(
@@ -190,8 +190,6 @@ def run_mission(
             )
         results.append(result)
         status = result.status if status is None else combine_status(status, result.status)
-        # The time of each run: an event ends the phase of every run at its own.
-        t = result.ts[-1]
-        y = after_jump(phase, t, state_at(result.states, -1, run_axes))
+        t, y = _left_by(phase.then, result.ts, result.states, run_axes)
     assert status is not None
     return MissionResult(results, y, t, status)
