@@ -20,8 +20,8 @@ from jaxtyping import Array, Bool, Int
 
 from ..core import AbstractSystem, Scalar, State
 from ._config import IntegrationConfig
-from ._event_bracket import ConditionOnRun
-from ._event_zero import ROUNDINGS, first_zero, rounding_change
+from ._event_runs import ConditionOnRun, first_zero
+from ._event_zero import ROUNDINGS, rounding_change
 from ._events import Event
 from ._status import Status
 

@@ -214,7 +214,12 @@ class DOP853(AbstractFieldSolver, diffrax.AbstractAdaptiveSolver):
     ) -> Advance:
         del carried
         h = t1 - t0
-        ks = stages(f, t0, h, y0, tableau.DOP853_C, tableau.DOP853_A, [], self.in_loop)
+        c, a = tableau.DOP853_C, tableau.DOP853_A
+        if self.dense and self.in_loop:
+            # The stages of the dense output are in the loop: the first of them is at the end.
+            c = (*c, 1.0, *tableau.DOP853_DENSE_C)
+            a = (*a, tableau.DOP853_B, *tableau.DOP853_DENSE_A)
+        ks = stages(f, t0, h, y0, c, a, [], self.in_loop)
         # Held, because the dense output and the error read it too.
         y1 = barrier(combine(y0, h, tableau.DOP853_B, ks))
         error = jax.tree.map(
@@ -223,7 +228,14 @@ class DOP853(AbstractFieldSolver, diffrax.AbstractAdaptiveSolver):
             combine(None, h, tableau.DOP853_ERROR_3, ks),
         )
         # Not left to the compiler to drop: it would be traced and lowered in each first call.
-        within = _dense_coefficients(f, t0, h, y0, y1, ks) if self.dense else None
+        within = None
+        if self.dense:
+            if isinstance(ks, list):
+                # Four evaluations; where the run saves at few times, in every step all the same.
+                last = stages(f, t0, h, y1, (1.0,), ((),), [])
+                rest = tableau.DOP853_DENSE_C, tableau.DOP853_DENSE_A
+                ks = stages(f, t0, h, y0, *rest, [*ks, *last])
+            within = _dense_coefficients(h, y0, y1, ks)
         return Advance(y1, error, dict(y0=y0, coefficients=within))
 
 
@@ -236,25 +248,16 @@ def blend(e5: Array, e3: Array) -> Array:
     return jnp.where(positive, e5 * e5 / jnp.sqrt(jnp.where(positive, bottom, 1.0)), 0.0)
 
 
-def _dense_coefficients(
-    f: Callable[[Array, State], State],
-    t0: Float[Array, ""],
-    h: Float[Array, ""],
-    y0: State,
-    y1: State,
-    ks: list[State] | State,
-) -> list[State]:
-    """The seven coefficients of DOP853's dense output."""
-    if not isinstance(ks, list):
-        count = jax.tree.leaves(ks)[0].shape[0]
-        ks = [jax.tree.map(lambda k, i=i: k[i], ks) for i in range(count)]
-    # Four evaluations; where the run saves at few times, the loop computes them in every step.
-    last = stages(f, t0, h, y1, (1.0,), ((),), [])[0]
-    ks = stages(f, t0, h, y0, tableau.DOP853_DENSE_C, tableau.DOP853_DENSE_A, [*ks, last])
+def _dense_coefficients(h: Array, y0: State, y1: State, ks: list[State] | State) -> list[State]:
+    """The seven coefficients of DOP853's dense output, from all sixteen stages."""
+
+    def stage(i: int) -> State:
+        return ks[i] if isinstance(ks, list) else jax.tree.map(lambda k: k[i], ks)
+
     change = jax.tree.map(jnp.subtract, y1, y0)
-    start = jax.tree.map(lambda k, d: h.astype(d.dtype) * k - d, ks[0], change)
+    start = jax.tree.map(lambda k, d: h.astype(d.dtype) * k - d, stage(0), change)
     end = jax.tree.map(
-        lambda d, k0, k1: 2.0 * d - h.astype(d.dtype) * (k0 + k1), change, ks[0], last
+        lambda d, k0, k1: 2.0 * d - h.astype(d.dtype) * (k0 + k1), change, stage(0), stage(12)
     )
     return [change, start, end, *(combine(None, h, row, ks) for row in tableau.DOP853_DENSE)]
 
