@@ -71,10 +71,20 @@ class Location(NamedTuple):
     length: Float[Array, "*runs"]
     whole: Float[Array, "*runs"]
     y: State
-    sizes: Float[Array, "events *runs"]
+    sizes: Float[Array, "events *#runs"]
     change: Float[Array, "*runs"]
     again: Bool[Array, "*runs"]
     repetitions: Int[Array, ""]
+
+    @classmethod
+    def structure(cls, y: State) -> "Location":
+        """Something of the structure of a location, for states like `y`."""
+        number = dict.fromkeys(cls._fields, 0)
+        return cls(**(number | {"y0": y, "y": y}))
+
+    def ended(self, y: State) -> State:
+        """The state at the event of each run; `y` of those without one."""
+        return jax.tree.map(lambda a, b: jnp.where(self.waiting, a, b), self.y, y)
 
     @classmethod
     def none_yet(
@@ -140,6 +150,21 @@ class StretchedField(eqx.Module):
         return self.field.regularised()
 
 
+class FoundEvents(NamedTuple):
+    """The first event of each run.
+
+    - `time`, `which`: its time, s, and its number; the end of the run and -1 where none happens.
+    - `status`: `COMPLETED`, or why the search failed before that time.
+    - `hits`, `sizes`: of each event whether it may happen together with the first one, and the
+      largest condition that was met."""
+
+    time: Scalar
+    which: Int[Array, "*runs"]
+    status: Int[Array, "*runs"]
+    hits: Bool[Array, "events *#runs"]
+    sizes: Float[Array, "events *#runs"]
+
+
 class _AlongStep(NamedTuple):
     """The condition of an event within a step, by its polynomial."""
 
@@ -167,7 +192,7 @@ class _AlongStep(NamedTuple):
         return jax.jvp(self.value, (s,), (jnp.ones_like(s),))
 
 
-class _Step(NamedTuple):
+class SearchedStep(NamedTuple):
     """An accepted step: its field, its polynomial, its start and its end in normalised time, the
     state where it starts, and the part of the run that it passes."""
 
@@ -189,13 +214,13 @@ class _Found(NamedTuple):
     s: Float[Array, "*runs"]
     which: Int[Array, "*runs"]
     status: Int[Array, "*runs"]
-    sizes: Float[Array, "events *runs"]
+    sizes: Float[Array, "events *#runs"]
 
 
 def searched(
     location: Location,
     sought: SoughtEvents,
-    step: _Step,
+    step: SearchedStep,
     going: Bool[Array, "*runs"],
     first: Bool[Array, ""],
     span: tuple[Scalar, Scalar],
@@ -213,8 +238,8 @@ def searched(
         return (found.part < count) & jnp.any(going & ~found.here)
 
     def part(found: _Found) -> _Found:
-        length = (step.s1 - step.s0) / count
-        begin = step.s0 + found.part * length
+        length = (step.s1 - step.s0) / count.astype(step.s0.dtype)
+        begin = step.s0 + found.part.astype(length.dtype) * length
         end = jnp.where(found.part + 1 == count, step.s1, begin + length)
         nodes = begin + shares * (end - begin)
         alive = jax.vmap(lambda s: tolerance.alive(step.polynomial.evaluate(s)))(nodes)
@@ -279,7 +304,7 @@ def searched(
 def _first_zero(
     along: _AlongStep,
     nodes: Float[Array, " nodes"],
-    alive: Bool[Array, "nodes *runs"],
+    alive: Bool[Array, "nodes *#runs"],
     at_start: Bool[Array, ""],
     rounding: Scalar,
     size: Scalar,

@@ -49,8 +49,8 @@ def candidates(
 def first_in_intervals(
     within: Callable[[Int[Array, "*runs"]], WithinSpan],
     times: Float[Array, "samples *#runs"],
-    g: Float[Array, "samples *runs"],
-    candidate: Bool[Array, "intervals *runs"],
+    g: Float[Array, "samples *#runs"],
+    candidate: Bool[Array, "intervals *#runs"],
 ) -> tuple[Scalar, Bool[Array, "*runs"], Bool[Array, "*runs"]]:
     """The first zero of a condition between samples.
 

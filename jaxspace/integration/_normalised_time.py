@@ -36,6 +36,7 @@ from ..core import (
 )
 from ..solvers import ScaledField
 from ._closures import closures_as_leaves
+from ._events import Event
 
 
 @final
@@ -176,15 +177,18 @@ class ScaledVectorField(eqx.Module):
         return cast(AbstractRegularised, self.system.regularised())
 
 
-def closes_over_tracers(field: ScaledVectorField, y0: State) -> bool:
-    """Whether a function inside the system, such as a user's, closes over traced arrays."""
-    arrays, static = eqx.partition((field, y0), eqx.is_array)
+def closes_over_tracers(
+    system: AbstractSystem, events: tuple[Event, ...], t: Scalar, y0: State
+) -> bool:
+    """Whether a function inside the system or an event, such as a user's, closes over traced
+    arrays."""
+    arrays, static = eqx.partition((system, events, t, y0), eqx.is_array)
 
-    def rate(s: Array, arrays: PyTree) -> State:
-        field, y = eqx.combine(arrays, static)
-        return field(s, y)
+    def evaluate(arrays: PyTree) -> PyTree:
+        system, events, t, y = eqx.combine(arrays, static)
+        return system.vector_field(t, y), [event.condition(t, y) for event in events]
 
-    jaxpr = jax.make_jaxpr(rate)(jnp.zeros_like(field.segments.total, shape=()), arrays)
+    jaxpr = jax.make_jaxpr(evaluate)(arrays)
     return any(isinstance(constant, Tracer) for constant in jaxpr.consts)
 
 
@@ -200,7 +204,7 @@ def hoist(
 
     **Returns** the field itself where nothing is hidden in closures: it keeps the layout of its
     parameters, which the batching of mapped runs reads."""
-    if not closes_over_tracers(field, y0):
+    if not closes_over_tracers(field.system, (), field.segments.t0, y0):
         return field
     s = jnp.zeros_like(field.segments.total, shape=())
     return closures_as_leaves(field, needs, s, y0)

@@ -76,6 +76,9 @@ class Problem:
     def solve(self, *args: Array, recorded: bool = False) -> list[Array]:
         """The arrays of the outcome; of one that is `recorded`, then those of its record."""
         field, y0, settings = self.parts(args)
+        assert not (recorded and settings.sought is not None), (
+            "events are found outside derivatives"
+        )
         # The state says which loop it belongs to.
         if isinstance(y0, OwnState):
             own = integrate_own_steps(settings, field, y0, recorded=recorded)

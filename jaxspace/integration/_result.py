@@ -9,6 +9,7 @@ from jaxtyping import Array, Float, Int
 from ..core import Flag, State, project
 from ..solvers import solver_traits
 from ._config import IntegrationConfig
+from ._event_location import FoundEvents
 from ._layout import times_behind_components
 from ._loop import LoopSettings
 from ._normalised_time import ScaledVectorField, Segments
@@ -36,13 +37,15 @@ class IntegrationResult(NamedTuple):
       of each run in units of the tolerance.
     - `step_ends`: normalised times of the ends of the steps, infinite beyond the last, if asked
       for.
-    - `dense`: the steps, if asked for."""
+    - `dense`: the steps, if asked for.
+    - `found`: the events that ended the runs, where such are sought."""
 
     states: State
     status: Int[Array, "*runs"]
     stats: dict[str, Array]
     step_ends: Float[Array, " steps"] | None
     dense: DenseOutput | None
+    found: FoundEvents | None = None
 
 
 def within_model(result: IntegrationResult, outside: Flag | None) -> IntegrationResult:
