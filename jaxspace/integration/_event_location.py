@@ -156,13 +156,15 @@ class FoundEvents(NamedTuple):
     - `time`, `which`: its time, s, and its number; the end of the run and -1 where none happens.
     - `status`: `COMPLETED`, or why the search failed before that time.
     - `hits`, `sizes`: of each event whether it may happen together with the first one, and the
-      largest condition that was met."""
+      largest condition that was met.
+    - `state`: that at its time, where the search took the run there."""
 
     time: Scalar
     which: Int[Array, "*runs"]
     status: Int[Array, "*runs"]
     hits: Bool[Array, "events *#runs"]
     sizes: Float[Array, "events *#runs"]
+    state: State | None = None
 
 
 class _AlongStep(NamedTuple):

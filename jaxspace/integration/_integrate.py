@@ -134,9 +134,10 @@ def locates_events(
     if config.method == "closed_form" or config.adjoint is not None:
         return False
     traits = solver_traits(config.solver)
-    if not traits.replayable or traits.own_steps or traits.lands_on_save_times:
+    if not traits.replayable or traits.own_steps or traits.fixed_step:
         return False
-    if not issubclass(config.solver.interpolation_cls, AbstractDenseOutput):
+    interpolation = config.solver.interpolation_cls
+    if traits.lands_on_save_times or not issubclass(interpolation, AbstractDenseOutput):
         return False
     return not closes_over_tracers(system, events, t0, y0)
 
@@ -154,6 +155,7 @@ def _found(location: Location, segments: Segments, t1: Scalar) -> FoundEvents:
         jnp.where(failed, location.status, Status.COMPLETED).astype(jnp.int32),
         hits & event,
         location.sizes,
+        location.y,
     )
 
 
@@ -227,8 +229,13 @@ def _settings(
         max_steps = min(steps, config.max_steps) if traits.fixed_step else steps
     tolerance = Tolerance(config.rtol, config.atol, run_axes)
     # The search for events reads the polynomial of every step.
-    within = ends if sought is not None and save_ts is None else save_ts
-    method = bind(config.solver, tolerance=tolerance, save_ts=within, run_axes=run_axes)
+    method = bind(
+        config.solver,
+        tolerance=tolerance,
+        save_ts=save_ts,
+        run_axes=run_axes,
+        searched=sought is not None,
+    )
     return LoopSettings(
         method,
         tolerance,

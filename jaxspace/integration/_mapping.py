@@ -176,11 +176,15 @@ def _settings_axis(settings: LoopSettings, mapped: PyTree, size: int) -> LoopSet
     axes = tolerance.run_axes + 1
     tolerance = Tolerance(tolerance.rtol, tolerance.atol, axes)
     sought = settings.sought
-    within = settings.save_ts
     if sought is not None:
         sought = _sought_axis(sought, mapped.sought, size)
-        within = lengths if within is None else within
-    method = bind(settings.method, tolerance=tolerance, save_ts=within, run_axes=axes)
+    method = bind(
+        settings.method,
+        tolerance=tolerance,
+        save_ts=settings.save_ts,
+        run_axes=axes,
+        searched=sought is not None,
+    )
     return LoopSettings(
         method,
         tolerance,

@@ -85,10 +85,15 @@ def result_of(
     states = outcome.states
     if landed is not None:
         states = _at_fractions(states, field.segments.u, landed, run_axes)
-    finite = settings.tolerance.alive(jax.tree.map(lambda x: x[-1], states))
+    last = jax.tree.map(lambda x: x[-1], states)
+    if outcome.location is not None:
+        last = outcome.location.ended(last)
+    finite = settings.tolerance.alive(last)
     finite = finite | outcome.out_of_steps  # a state that was not reached is NaN, too
     traits = solver_traits(config.solver)
     taken = outcome.num_accepted + outcome.num_rejected
+    if outcome.location is not None:
+        taken = taken + outcome.location.repetitions
     stats = {
         "steps": outcome.num_accepted * traits.steps,
         "rejected_steps": outcome.num_rejected,

@@ -86,10 +86,17 @@ class _HermiteOutput(AbstractDenseOutput):
     def state(self, t: Float[Array, ""]) -> State:
         x = self.fraction(t).astype(self.q.dtype)
         weights, slopes = jax.jvp(_hermite, (x,), (jnp.ones_like(x),))
-        q = jnp.tensordot(weights, self.q, 1)
-        dq_dx = jnp.tensordot(slopes, self.q, 1)
+        q, dq_dx = (_of_each_run(row, self.q) for row in (weights, slopes))
         r = self.y0.position + self.travel * (x * self.y0.velocity + q)
         return dataclasses.replace(self.y0, position=r, velocity=self.y0.velocity + dq_dx)
+
+
+def _of_each_run(weights: Array, q: Array) -> Array:
+    """sum_k w_k q_k, with weights of all runs or of each."""
+    if weights.ndim == 1:
+        return jnp.tensordot(weights, q, 1)
+    missing = (1,) * (q.ndim - weights.ndim)
+    return jnp.sum(weights.reshape(weights.shape[0], *missing, *weights.shape[1:]) * q, axis=0)
 
 
 @final
@@ -122,9 +129,16 @@ class RKN1210(AbstractFieldSolver, diffrax.AbstractAdaptiveSolver):
         return SolverTraits(evaluations=17)
 
     def bind(
-        self, *, tolerance: Tolerance, save_ts: Float[Array, " times"] | None, run_axes: int
+        self,
+        *,
+        tolerance: Tolerance,
+        save_ts: Float[Array, " times"] | None,
+        run_axes: int,
+        searched: bool = False,
     ) -> "RKN1210":
         del tolerance, run_axes
+        if searched:
+            return RKN1210(None, self.in_loop)
         return RKN1210(jnp.zeros((0,)) if save_ts is None else save_ts, self.in_loop)
 
     def small_program(self) -> "RKN1210":

@@ -198,10 +198,15 @@ class DOP853(AbstractFieldSolver, diffrax.AbstractAdaptiveSolver):
         return SolverTraits(evaluations=12)
 
     def bind(
-        self, *, tolerance: Tolerance, save_ts: Float[Array, " times"] | None, run_axes: int
+        self,
+        *,
+        tolerance: Tolerance,
+        save_ts: Float[Array, " times"] | None,
+        run_axes: int,
+        searched: bool = False,
     ) -> "DOP853":
         del tolerance, run_axes
-        return DOP853(save_ts is not None, self.in_loop)
+        return DOP853(searched or save_ts is not None, self.in_loop)
 
     def small_program(self) -> "DOP853":
         return DOP853(self.dense, in_loop=True)
