@@ -8,15 +8,12 @@ state at an event is the end of a step, and the vector field stands in the progr
 
     x_{k+1} = x_k - g / (dg/ds)            x: length of the last step, normalised time
 
-A run shortens its own step: its field is that of the shared step, stretched,
-
-    s = s_i + r_i (sigma - sigma_0),   dy/dsigma = r_i dy/ds
+A run shortens its own step: where the steps that all take together are repeated, each run takes its
+own part of it (`OwnStep`).
 
     symbol    meaning                                                      unit
     g         condition of an event                                        any
-    s         normalised time of a run                                     1
-    sigma     normalised time of the steps that the runs share             1
-    s_i, r_i  where the step of run i begins, and its length in theirs     1
+    s         normalised time                                              1
 """
 
 from typing import NamedTuple, final
@@ -27,10 +24,11 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from ..core import AbstractRegularised, AbstractSplit, Scalar, State, safe_divide
-from ..solvers import ScaledField, Tolerance
+from ..core import Scalar, State, safe_divide
+from ..solvers import Tolerance
 from ._event_zero import APART, ROUNDINGS, Zero, candidates, dips, first_in_intervals
 from ._events import Event
+from ._normalised_time import OwnStep
 from ._status import Status
 
 # Parts of a step that are sampled at once.
@@ -111,45 +109,6 @@ class Location(NamedTuple):
         )
 
 
-@final
-class StretchedField(eqx.Module):
-    """The vector field of steps from `origin` on, in normalised time, of which every run takes its
-    own part: it starts at `start` and is `rate` times as long."""
-
-    field: ScaledField
-    origin: Float[Array, ""]
-    start: Float[Array, "*#runs"]
-    rate: Float[Array, "*#runs"]
-
-    def own(self, sigma: Scalar) -> Scalar:
-        """The normalised time of each run."""
-        return self.start + (sigma - self.origin) * self.rate
-
-    def __call__(self, s: Scalar, y: State) -> State:
-        slope = self.field(self.own(s), y)
-        return jax.tree.map(lambda k: k * self.rate.astype(k.dtype), slope)
-
-    def time(self, s: Scalar) -> Scalar:
-        """The time, s, at the shared time `s`."""
-        return self.field.time(self.own(s))
-
-    def duration(self, s: Scalar, ds: Scalar) -> Scalar:
-        """The duration, s, of the shared time `ds` from `s` on."""
-        return self.field.duration(self.own(s), ds * self.rate)
-
-    def projected(self, s: Scalar, y: State) -> State:
-        """The state nearest to `y` on its groups that meets the constraints of the system."""
-        return self.field.projected(self.own(s), y)
-
-    def split(self) -> AbstractSplit:
-        """Drift and kick of the system."""
-        return self.field.split()
-
-    def regularised(self) -> AbstractRegularised:
-        """The motion of the system in regularised variables."""
-        return self.field.regularised()
-
-
 class FoundEvents(NamedTuple):
     """The first event of each run.
 
@@ -171,7 +130,7 @@ class _AlongStep(NamedTuple):
     """The condition of an event within a step, by its polynomial."""
 
     event: Event
-    field: ScaledField
+    segment: OwnStep
     step: diffrax.AbstractLocalInterpolation
     runs: tuple[int, ...]
 
@@ -179,7 +138,7 @@ class _AlongStep(NamedTuple):
         """The condition at the normalised time `s`."""
         y = self.step.evaluate(s)
         # Each run has a time, also where all share one.
-        t = jnp.broadcast_to(self.field.time(s), self.runs)
+        t = jnp.broadcast_to(self.segment.time(s), self.runs)
         return self.event.condition(t.astype(jax.tree.leaves(y)[0].dtype), y)
 
     def value(self, s: Scalar) -> Scalar:
@@ -187,7 +146,7 @@ class _AlongStep(NamedTuple):
         if self.event.touch is None:
             return self.condition(s)
         rate = jax.jvp(self.condition, (s,), (jnp.ones_like(s),))[1]
-        return rate / self.field.duration(s, jnp.ones_like(s)).astype(rate.dtype)
+        return rate / self.segment.rate.astype(rate.dtype)
 
     def slope(self, s: Scalar) -> tuple[Scalar, Scalar]:
         """The `value` and its rate in normalised time."""
@@ -195,10 +154,10 @@ class _AlongStep(NamedTuple):
 
 
 class SearchedStep(NamedTuple):
-    """An accepted step: its field, its polynomial, its start and its end in normalised time, the
+    """An accepted step: its times, its polynomial, its start and its end in normalised time, the
     state where it starts, and the part of the run that it passes."""
 
-    field: ScaledField
+    segment: OwnStep
     polynomial: diffrax.AbstractLocalInterpolation
     s0: Float[Array, ""]
     s1: Float[Array, ""]
@@ -244,7 +203,6 @@ def searched(
         begin = step.s0 + found.part.astype(length.dtype) * length
         end = jnp.where(found.part + 1 == count, step.s1, begin + length)
         nodes = begin + shares * (end - begin)
-        alive = jax.vmap(lambda s: tolerance.alive(step.polynomial.evaluate(s)))(nodes)
         earliest = jnp.full(runs, jnp.inf)
         which = -jnp.ones(runs, jnp.int32)
         status = jnp.full(runs, Status.COMPLETED, jnp.int32)
@@ -252,8 +210,8 @@ def searched(
         at_start = first & (found.part == 0)
         for number, event in enumerate(sought.events):
             size = found.sizes[number]
-            along = _AlongStep(event, step.field, step.polynomial, runs)
-            zero = _first_zero(along, nodes, alive, at_start, sought.rounding[number], size, span)
+            along = _AlongStep(event, step.segment, step.polynomial, runs)
+            zero = _first_zero(along, nodes, at_start, sought.rounding[number], size, span)
             sizes.append(zero.size)
             sooner = zero.hit & (zero.time < earliest)
             which = jnp.where(sooner, number, which)
@@ -306,26 +264,25 @@ def searched(
 def _first_zero(
     along: _AlongStep,
     nodes: Float[Array, " nodes"],
-    alive: Bool[Array, "nodes *#runs"],
     at_start: Bool[Array, ""],
     rounding: Scalar,
     size: Scalar,
     span: tuple[Scalar, Scalar],
 ) -> Zero:
     """The first zero of an event between the `nodes` of a step, as of `first_zero`."""
-    event, runs = along.event, alive.shape[1:]
-    g = jax.vmap(along.value)(nodes)
-    slopes = jax.vmap(lambda s: along.slope(s)[1])(nodes[:: nodes.shape[0] - 1])
+    event, runs = along.event, along.runs
+    g, slopes = jax.vmap(along.slope)(nodes)
+    slopes = slopes[:: nodes.shape[0] - 1]
     dip = dips(g, (nodes[1] - nodes[0]).astype(g.dtype) * slopes)
     size = jnp.maximum(size, jnp.max(jnp.abs(g), axis=0))
     start, duration = span
     # Per second, and over the larger of the times that the run counts.
-    second = along.field.duration(nodes[0], jnp.ones_like(nodes[0])).astype(g.dtype)
+    second = along.segment.rate.astype(g.dtype)
     longest = jnp.maximum(jnp.abs(start), jnp.abs(duration))
     change = rounding + size + jnp.abs(safe_divide(slopes[0], second)) * longest
     eps = float(jnp.finfo(g.dtype).eps)
     at_zero = at_start & (jnp.abs(g[0]) <= ROUNDINGS * eps * change)
-    ill = ~jnp.isfinite(g) & alive
+    ill = ~jnp.isfinite(g)
     g, candidate = candidates(g, dip, at_zero, slopes[0], event.direction)
     columns = jnp.broadcast_to(nodes.reshape(-1, *(1,) * len(runs)), g.shape)
     when, hit, unresolved = first_in_intervals(lambda index: along, columns, g, candidate)
@@ -333,7 +290,7 @@ def _first_zero(
         now = at_zero & (event.direction * slopes[0] >= 0.0)
         when = jnp.where(now, nodes[0], when)
         hit, unresolved = hit | now, unresolved & ~now
-    time = along.field.time(when)
+    time = along.segment.time(when)
     after = jnp.abs(time - start)
     resolved = APART * eps * jnp.maximum(jnp.abs(start), jnp.abs(time))
     piled = at_zero & hit & (after <= resolved) & (not event.at_start)
@@ -347,7 +304,7 @@ def _first_zero(
 def shortened(
     location: Location,
     sought: SoughtEvents,
-    field: StretchedField,
+    segment: OwnStep,
     polynomial: diffrax.AbstractLocalInterpolation,
     s1: Float[Array, ""],
     y1: State,
@@ -356,7 +313,7 @@ def shortened(
     be: up to `s1` in shared time, where the states are `y1`."""
     value = slope = jnp.zeros(location.which.shape, jax.tree.leaves(y1)[0].dtype)
     for number, event in enumerate(sought.events):
-        along = _AlongStep(event, field, polynomial, location.which.shape)
+        along = _AlongStep(event, segment, polynomial, location.which.shape)
         of_event = along.slope(s1)
         mine = location.which == number
         value, slope = (

@@ -12,7 +12,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
-from ..core import State
+from ..core import Scalar, State
 from ..solvers import (
     BatchStepController,
     ErrorTrackingSolver,
@@ -25,10 +25,10 @@ from ._event_location import (
     Location,
     SearchedStep,
     SoughtEvents,
-    StretchedField,
     searched,
     shortened,
 )
+from ._normalised_time import OwnStep, ScaledVectorField, Segments
 from ._record import Recording, RecordLayout
 from ._slow_runs import nan_where, without_slow_runs
 
@@ -45,7 +45,9 @@ class LoopSettings(eqx.Module):
     - `reach`: normalised times between which all segments with a length lie; `None` for the whole.
     - `record_steps`: whether to return the ends of the steps, `dense` the states there too.
     - `restarts`: whether runs whose steps run out start once more without those that are slow.
-    - `sought`: the events that end the runs."""
+    - `sought`: the events that end the runs.
+    - `estimated`: whether the first step is estimated, by two evaluations of the vector field, or
+      simply tried."""
 
     method: diffrax.AbstractSolver
     tolerance: Tolerance
@@ -59,6 +61,7 @@ class LoopSettings(eqx.Module):
     dense: bool = eqx.field(static=True)
     restarts: bool = eqx.field(static=True)
     sought: SoughtEvents | None = None
+    estimated: bool = eqx.field(static=True, default=True)
 
     @property
     def start(self) -> Float[Array, ""]:
@@ -79,7 +82,9 @@ class LoopSettings(eqx.Module):
     def controller(self) -> BatchStepController | StepTo:
         """Adaptive steps, or those of the plan."""
         if self.plan is None:
-            return BatchStepController(self.tolerance, self.lengths, self.longest_steps)
+            return BatchStepController(
+                self.tolerance, self.lengths, self.longest_steps, self.estimated
+            )
         return StepTo(self.plan.astype(self.lengths.dtype))
 
 
@@ -242,8 +247,11 @@ def _advance(
         t0, t1 = jnp.where(going, t0, 0.0), jnp.where(going, t1, 1.0)
         y0 = jax.tree.map(lambda a, b: jnp.where(going, a, b), y0, location.y0)
         made_jump = made_jump | ~going
-        begin, rate = jnp.where(going, t0, location.start), jnp.where(going, 1.0, location.length)
-        field = StretchedField(field, t0, begin, rate)
+        assert isinstance(field, ScaledVectorField) and isinstance(field.segments, Segments)
+        span = field.segments.t0, field.segments.total
+        s = jnp.where(going, t0, location.start)
+        length = jnp.where(going, t1 - t0, location.length)
+        field = ScaledVectorField(field.system, field.segments.step(s, length, t0, t1))
     y1, error, dense_info, solver_state, result = solver.step(
         TERM, t0, t1, y0, field, loop.solver_state, made_jump
     )
@@ -257,7 +265,8 @@ def _advance(
     accept = jnp.asarray(accept)
     interpolation = solver.interpolation_cls(t0=t0, t1=t1, **dense_info)
     if location is not None:
-        assert going is not None and isinstance(field, StretchedField)
+        assert going is not None and isinstance(field, ScaledVectorField)
+        assert isinstance(field.segments, OwnStep)
         # The repetition of a step changes nothing but the location.
         accept = accept & going
         t_after, t_next = (
@@ -267,7 +276,7 @@ def _advance(
             lambda a, b: jnp.where(going, a, b), controller_state, loop.controller_state
         )
         waiting = location.waiting
-        location = _located(settings, loop, field, interpolation, going, accept, y1)
+        location = _located(settings, loop, field.segments, span, interpolation, going, accept, y1)
         # Nothing of a run that waits counts any more: neither its error nor its steps.
         y1 = nan_where(location.waiting, y1)
         worst = jnp.where(waiting, loop.solver_state[1], solver_state[1])
@@ -298,7 +307,8 @@ def _advance(
 def _located(
     settings: LoopSettings,
     loop: LoopState,
-    field: StretchedField,
+    segment: OwnStep,
+    span: tuple[Scalar, Scalar],
     polynomial: diffrax.AbstractLocalInterpolation,
     going: Bool[Array, ""],
     accept: Bool[Array, ""],
@@ -313,15 +323,13 @@ def _located(
     if settings.lengths.shape[0] > 1:
         index = jnp.clip(loop.t.astype(int), 0, settings.lengths.shape[0] - 1)
         width = width * settings.lengths[index]
-    step = SearchedStep(field, polynomial, loop.t, loop.t_next, loop.y, width)
-    start = field.field.time(settings.start)
-    span = start, field.field.time(settings.end) - start
+    step = SearchedStep(segment, polynomial, loop.t, loop.t_next, loop.y, width)
     moving = accept & ~location.waiting & tolerance.alive(loop.y) & tolerance.alive(y1)
     first = loop.t == settings.start
     return jax.lax.cond(
         going,
         lambda: searched(location, sought, step, moving, first, span, tolerance),
-        lambda: shortened(location, sought, field, polynomial, jnp.ones_like(loop.t), y1),
+        lambda: shortened(location, sought, segment, polynomial, jnp.ones_like(loop.t), y1),
     )
 
 

@@ -85,7 +85,10 @@ class Problem:
             kept = own.recording, own.count
             return [*jax.tree.leaves(own_outcome_of(own, settings)), *_arrays_of(*kept)]
         if self._is_small(settings, derivative=False) or recorded and self._is_single(settings):
-            settings = dataclasses.replace(settings, method=small_program(settings.method))
+            estimated = settings.sought is None
+            settings = dataclasses.replace(
+                settings, method=small_program(settings.method), estimated=estimated
+            )
         loop = integrate_loop(settings, field, y0, recorded=recorded)
         kept = loop.recording, loop.num_accepted
         return [*jax.tree.leaves(outcome_of(loop, settings)), *_arrays_of(*kept)]

@@ -33,7 +33,7 @@ from . import _tableaus as tableau
 from ._dense_output import AbstractDenseOutput
 from ._nystrom import RKN12, NystromStep, nystrom_step
 from ._protocol import AbstractFieldSolver, Advance, SolverTraits
-from ._runge_kutta import Weights, weighted
+from ._runge_kutta import Weights, weighted, weighted_rows
 from ._second_order import SecondOrder, Vectors, second_order
 from ._tolerance import Tolerance
 from ._vector_field import StepField
@@ -86,17 +86,9 @@ class _HermiteOutput(AbstractDenseOutput):
     def state(self, t: Float[Array, ""]) -> State:
         x = self.fraction(t).astype(self.q.dtype)
         weights, slopes = jax.jvp(_hermite, (x,), (jnp.ones_like(x),))
-        q, dq_dx = (_of_each_run(row, self.q) for row in (weights, slopes))
+        q, dq_dx = (weighted_rows(row, self.q) for row in (weights, slopes))
         r = self.y0.position + self.travel * (x * self.y0.velocity + q)
         return dataclasses.replace(self.y0, position=r, velocity=self.y0.velocity + dq_dx)
-
-
-def _of_each_run(weights: Array, q: Array) -> Array:
-    """sum_k w_k q_k, with weights of all runs or of each."""
-    if weights.ndim == 1:
-        return jnp.tensordot(weights, q, 1)
-    missing = (1,) * (q.ndim - weights.ndim)
-    return jnp.sum(weights.reshape(weights.shape[0], *missing, *weights.shape[1:]) * q, axis=0)
 
 
 @final

@@ -53,6 +53,14 @@ def weighted(weights: Weights, ks: Sequence[Array] | Array) -> Array:
     return functools.reduce(jax.lax.add, terms)
 
 
+def weighted_rows(weights: Float[Array, "rows *#runs"], rows: Array) -> Array:
+    """sum_k w_k a_k over the first axis of an array, with weights of all runs or of each."""
+    if weights.ndim == 1:
+        return jnp.tensordot(weights, rows, 1)
+    missing = (1,) * (rows.ndim - weights.ndim)
+    return jnp.sum(weights.reshape(weights.shape[0], *missing, *weights.shape[1:]) * rows, axis=0)
+
+
 def combine(y: State | None, h: Array, weights: Weights, ks: list[State] | State) -> State:
     """y + h sum_i w_i k_i, leaf by leaf; a `y` of `None` stands for zero.
 
@@ -134,25 +142,35 @@ def stage_loop(
 
 
 class _NestedProducts(AbstractDenseOutput):
-    """Dense output of DOP853: nested products of x and 1 - x."""
+    """Dense output of DOP853: nested products of x and 1 - x, with the seven `coefficients` on the
+    first axis of the leaves, or as a list."""
 
     t0: Float[Array, ""]
     t1: Float[Array, ""]
     y0: State
-    coefficients: list[State] | None
+    coefficients: list[State] | State | None
 
     def state(self, t: Float[Array, ""]) -> State:
         assert self.coefficients is not None, "the step keeps nothing for states within it"
         x = self.fraction(t)
 
-        def leaf(y0: Array, *fs: Array) -> Array:
+        def nested(y0: Array, *fs: Array) -> Array:
             total = jnp.zeros_like(y0)
             # In turns: all terms but the first, the change, vanish at both ends of the step.
             for i, f in enumerate(reversed(fs)):
                 total = (total + f) * (x if i % 2 == 0 else 1.0 - x).astype(y0.dtype)
             return y0 + total
 
-        return jax.tree.map(leaf, self.y0, *self.coefficients)
+        if isinstance(self.coefficients, list):
+            return jax.tree.map(nested, self.y0, *self.coefficients)
+        # The same products as weights, for a small program: one sum for each leaf.
+        weights = [x]
+        for i in range(6):
+            weights.append(weights[-1] * ((1.0 - x) if i % 2 == 0 else x))
+        w = jnp.stack(weights)
+        return jax.tree.map(
+            lambda y, f: y + weighted_rows(w.astype(f.dtype), f), self.y0, self.coefficients
+        )
 
 
 class _WeightedStages(AbstractDenseOutput):
@@ -253,16 +271,25 @@ def blend(e5: Array, e3: Array) -> Array:
     return jnp.where(positive, e5 * e5 / jnp.sqrt(jnp.where(positive, bottom, 1.0)), 0.0)
 
 
-def _dense_coefficients(h: Array, y0: State, y1: State, ks: list[State] | State) -> list[State]:
+def _dense_coefficients(
+    h: Array, y0: State, y1: State, ks: list[State] | State
+) -> list[State] | State:
     """The seven coefficients of DOP853's dense output, from all sixteen stages."""
-
-    def stage(i: int) -> State:
-        return ks[i] if isinstance(ks, list) else jax.tree.map(lambda k: k[i], ks)
-
     change = jax.tree.map(jnp.subtract, y1, y0)
-    start = jax.tree.map(lambda k, d: h.astype(d.dtype) * k - d, stage(0), change)
+    if not isinstance(ks, list):
+        rows = dense_rows(tableau.DOP853_DENSE, 16)
+
+        def leaf(k: Array, d: Array) -> Array:
+            hk = h.astype(k.dtype) * k
+            start = hk[0] - d
+            end = 2.0 * d - (hk[0] + hk[12])
+            rest = jnp.tensordot(rows.astype(k.dtype), hk, 1)
+            return jnp.concatenate([jnp.stack([d, start, end]), rest])
+
+        return jax.tree.map(leaf, ks, change)
+    start = jax.tree.map(lambda k, d: h.astype(d.dtype) * k - d, ks[0], change)
     end = jax.tree.map(
-        lambda d, k0, k1: 2.0 * d - h.astype(d.dtype) * (k0 + k1), change, stage(0), stage(12)
+        lambda d, k0, k1: 2.0 * d - h.astype(d.dtype) * (k0 + k1), change, ks[0], ks[12]
     )
     return [change, start, end, *(combine(None, h, row, ks) for row in tableau.DOP853_DENSE)]
 
