@@ -74,12 +74,6 @@ class Location(NamedTuple):
     again: Bool[Array, "*runs"]
     repetitions: Int[Array, ""]
 
-    @classmethod
-    def structure(cls, y: State) -> "Location":
-        """Something of the structure of a location, for states like `y`."""
-        number = dict.fromkeys(cls._fields, 0)
-        return cls(**(number | {"y0": y, "y": y}))
-
     def ended(self, y: State) -> State:
         """The state at the event of each run; `y` of those without one."""
         return jax.tree.map(lambda a, b: jnp.where(self.waiting, a, b), self.y, y)
@@ -134,23 +128,23 @@ class _AlongStep(NamedTuple):
     step: diffrax.AbstractLocalInterpolation
     runs: tuple[int, ...]
 
-    def condition(self, s: Scalar) -> Scalar:
-        """The condition at the normalised time `s`."""
-        y = self.step.evaluate(s)
+    def condition(self, t: Scalar) -> Scalar:
+        """The condition at the normalised time `t`."""
+        y = self.step.evaluate(t)
         # Each run has a time, also where all share one.
-        t = jnp.broadcast_to(self.segment.time(s), self.runs)
-        return self.event.condition(t.astype(jax.tree.leaves(y)[0].dtype), y)
+        time = jnp.broadcast_to(self.segment.time(t), self.runs)
+        return self.event.condition(time.astype(jax.tree.leaves(y)[0].dtype), y)
 
-    def value(self, s: Scalar) -> Scalar:
+    def value(self, t: Scalar) -> Scalar:
         """What is zero at the event: the condition, or for a touch its rate along the motion."""
         if self.event.touch is None:
-            return self.condition(s)
-        rate = jax.jvp(self.condition, (s,), (jnp.ones_like(s),))[1]
+            return self.condition(t)
+        rate = jax.jvp(self.condition, (t,), (jnp.ones_like(t),))[1]
         return rate / self.segment.rate.astype(rate.dtype)
 
-    def slope(self, s: Scalar) -> tuple[Scalar, Scalar]:
+    def slope(self, t: Scalar) -> tuple[Scalar, Scalar]:
         """The `value` and its rate in normalised time."""
-        return jax.jvp(self.value, (s,), (jnp.ones_like(s),))
+        return jax.jvp(self.value, (t,), (jnp.ones_like(t),))
 
 
 class SearchedStep(NamedTuple):

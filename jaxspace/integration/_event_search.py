@@ -37,7 +37,7 @@ def first_event(
 ) -> FoundEvents:
     """The first event of each run between `t0` and `t1`, s. Not differentiable."""
     system, y0, t0, t1, events = jax.tree.map(_fixed, (system, y0, t0, t1, events))
-    if locates_events(config, system, y0, t0, events):
+    if locates_events(config, system, y0, t0):
         found = integrate(system, y0, t0, t1, None, config, run_axes, until=events).found
         assert found is not None
         return found

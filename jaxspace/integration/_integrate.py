@@ -5,6 +5,7 @@ The path is `resolve` (how), `integrate` (here), `solve` (the loop and its deriv
 """
 
 import dataclasses
+from typing import cast
 
 import equinox as eqx
 import jax
@@ -122,24 +123,20 @@ def integrate(
 
 
 def locates_events(
-    config: IntegrationConfig,
-    system: AbstractSystem,
-    y0: State,
-    t0: Scalar,
-    events: tuple[Event, ...],
+    config: IntegrationConfig, system: AbstractSystem, y0: State, t0: Scalar
 ) -> bool:
-    """Whether the steps of the method can be searched for these events as they are taken.
+    """Whether the steps of the method can be searched for events as they are taken.
 
-    They need a polynomial, and nothing may hide in closures: those of a condition are no leaves."""
+    They need a polynomial, and the system may hide nothing in closures."""
     if config.method == "closed_form" or config.adjoint is not None:
         return False
     traits = solver_traits(config.solver)
     if not traits.replayable or traits.own_steps or traits.fixed_step:
         return False
-    interpolation = config.solver.interpolation_cls
+    interpolation = cast(type, config.solver.interpolation_cls)
     if traits.lands_on_save_times or not issubclass(interpolation, AbstractDenseOutput):
         return False
-    return not closes_over_tracers(system, events, t0, y0)
+    return not closes_over_tracers(system, t0, y0)
 
 
 def _found(location: Location, segments: Segments, t1: Scalar) -> FoundEvents:

@@ -16,7 +16,7 @@ derivatives with respect to the duration and to the break times follow by themse
     f       vector field of the system                             state/s
 """
 
-from typing import Literal, cast, final
+from typing import Generic, Literal, TypeVar, cast, final
 
 import equinox as eqx
 import jax
@@ -36,7 +36,6 @@ from ..core import (
 )
 from ..solvers import ScaledField
 from ._closures import closures_as_leaves
-from ._events import Event
 
 
 @final
@@ -178,12 +177,15 @@ def segments_of(
     return Segments(jnp.sort(u, axis=0) if inner else u, t0, total, breaks is not None)
 
 
+Clock = TypeVar("Clock", Segments, OwnStep)
+
+
 @final
-class ScaledVectorField(eqx.Module):
+class ScaledVectorField(eqx.Module, Generic[Clock]):
     """dy/ds of a system as a function of s and y, and what its solvers need beside it."""
 
     system: AbstractSystem
-    segments: Segments | OwnStep
+    segments: Clock
 
     def time(self, s: Scalar) -> Scalar:
         """The time, s, at the normalised time `s`, seen from within its segment."""
@@ -214,18 +216,15 @@ class ScaledVectorField(eqx.Module):
         return cast(AbstractRegularised, self.system.regularised())
 
 
-def closes_over_tracers(
-    system: AbstractSystem, events: tuple[Event, ...], t: Scalar, y0: State
-) -> bool:
-    """Whether a function inside the system or an event, such as a user's, closes over traced
-    arrays."""
-    arrays, static = eqx.partition((system, events, t, y0), eqx.is_array)
+def closes_over_tracers(system: AbstractSystem, t: Scalar, y0: State) -> bool:
+    """Whether a function inside the system, such as a user's, closes over traced arrays."""
+    arrays, static = eqx.partition((system, t, y0), eqx.is_array)
 
-    def evaluate(arrays: PyTree) -> PyTree:
-        system, events, t, y = eqx.combine(arrays, static)
-        return system.vector_field(t, y), [event.condition(t, y) for event in events]
+    def rate(arrays: PyTree) -> State:
+        system, t, y = eqx.combine(arrays, static)
+        return system.vector_field(t, y)
 
-    jaxpr = jax.make_jaxpr(evaluate)(arrays)
+    jaxpr = jax.make_jaxpr(rate)(arrays)
     return any(isinstance(constant, Tracer) for constant in jaxpr.consts)
 
 
@@ -241,7 +240,7 @@ def hoist(
 
     **Returns** the field itself where nothing is hidden in closures: it keeps the layout of its
     parameters, which the batching of mapped runs reads."""
-    if not closes_over_tracers(field.system, (), field.segments.t0, y0):
+    if not closes_over_tracers(field.system, field.segments.t0, y0):
         return field
     s = jnp.zeros_like(field.segments.total, shape=())
     return closures_as_leaves(field, needs, s, y0)

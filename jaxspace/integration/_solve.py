@@ -58,7 +58,10 @@ def solve(field: PyTree, y0: State, settings: LoopSettings) -> Outcome:
     parts = (field, y0, settings)
     leaves = solve_p.bind(*arguments_of(parts), problem=Problem(parts))
     asked = settings.record_steps or settings.dense
-    location = None if settings.sought is None else Location.structure(y0)
+    location = None
+    if settings.sought is not None:
+        some = settings.sought, settings.start, y0, settings.tolerance
+        location = eqx.filter_eval_shape(Location.none_yet, *some)
     shape = (y0, 0, 0, 0, 0, 0 if asked else None, y0 if settings.dense else None, location)
     return Outcome(*jax.tree.unflatten(jax.tree.structure(shape), leaves))
 

@@ -11,7 +11,7 @@ from jaxtyping import Array, Float, Int
 from ..core import AbstractSystem, Scalar, State, safe_divide
 from ..integration._config import IntegrationConfig
 from ..integration._event_search import FoundEvents, first_event
-from ..integration._events import Event, newton_correct
+from ..integration._events import Event, closures_of_events, newton_correct
 from ..integration._integrate import integrate, locates_events, of_each
 from ..integration._layout import broadcast_state, replace_state, runs_of, state_at, with_start
 from ..integration._status import Status, combine_status
@@ -83,9 +83,10 @@ def _run_phase(
     found = None
     if isinstance(until, Event):
         check_events((until,), system, y0, t0, run_axes, "Phase.until")
+        (until,) = closures_of_events((until,), t0, y0)
         ends_alone = isinstance(num_saved, int) and num_saved == 2
         if ends_alone and plan is None and not record_steps:
-            if locates_events(config, system, y0, t0, (until,)):
+            if locates_events(config, system, y0, t0):
                 times = jnp.stack([t0, t1])
                 run = straight_to_event(system, y0, times, (until,), config, run_axes)
                 missed = run.status == Status.COMPLETED

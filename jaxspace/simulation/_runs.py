@@ -12,7 +12,7 @@ from ..core import AbstractSystem, State, safe_divide
 from ..integration._config import IntegrationConfig
 from ..integration._crossings import Crossings, crossings_between
 from ..integration._event_search import first_event, happened_together
-from ..integration._events import Event, newton_correct
+from ..integration._events import Event, closures_of_events, newton_correct
 from ..integration._integrate import integrate, locates_events
 from ..integration._layout import (
     broadcast_state,
@@ -125,11 +125,12 @@ def run_system(
     y0 = broadcast_state(system, ts[0], y0)
     runs = runs_of(y0, run_axes)
     asked = jnp.broadcast_to(_with_runs(ts, runs), (ts.shape[0], *runs))
+    events = closures_of_events(events, asked[0], y0)
     if any(event.then is not None for event in events):
         return reached(_with_restarts(system, y0, asked, events, config, run_axes))
     if any(event.terminal for event in events):
         straight = not dense and ts.ndim == 1 and all(event.terminal for event in events)
-        if straight and locates_events(config, system, y0, asked[0], events):
+        if straight and locates_events(config, system, y0, asked[0]):
             return reached(straight_to_event(system, y0, ts, events, config, run_axes))
         return reached(_to_event(system, y0, asked, events, config, run_axes, dense))
     if events:
