@@ -275,11 +275,13 @@ def _advance(
         controller_state = jax.tree.map(
             lambda a, b: jnp.where(going, a, b), controller_state, loop.controller_state
         )
-        waiting = location.waiting
+        again = location.again
         location = _located(settings, loop, field.segments, span, interpolation, going, accept, y1)
-        # Nothing of a run that waits counts any more: neither its error nor its steps.
+        # Nothing of a run that waits counts any more: neither its steps nor their error, but that
+        # of the step that ends at its event. Beyond the event the field may jump.
         y1 = nan_where(location.waiting, y1)
-        worst = jnp.where(waiting, loop.solver_state[1], solver_state[1])
+        counts = jnp.where(going, ~location.waiting, again & ~location.again)
+        worst = jnp.where(counts, solver_state[1], loop.solver_state[1])
         solver_state = solver_state[0], worst
         rejected = going & ~accept
     else:

@@ -179,12 +179,17 @@ class _WeightedStages(AbstractDenseOutput):
     t0: Float[Array, ""]
     t1: Float[Array, ""]
     y0: State
-    ks: list[State]
+    ks: list[State] | State
 
     def state(self, t: Float[Array, ""]) -> State:
         x = self.fraction(t)
         h = self.t1 - self.t0
         weights = [h * x * (a + x * (b + x * (c + x * d))) for a, b, c, d in tableau.TSIT5_DENSE]
+        if not isinstance(self.ks, list):
+            rows = jnp.stack(weights)
+            return jax.tree.map(
+                lambda y, k: y + weighted_rows(rows.astype(k.dtype), k), self.y0, self.ks
+            )
 
         def change(*ks: Array) -> Array:
             terms = [w.astype(k.dtype) * k for w, k in zip(weights, ks, strict=True)]
@@ -300,25 +305,46 @@ class Tsit5(AbstractFieldSolver, diffrax.AbstractAdaptiveSolver):
     order 4.
 
     Six evaluations a step: the last stage of a step is the first one of the next, unless the vector
-    field jumps between them."""
+    field jumps between them.
 
+    **Arguments**
+
+    - `in_loop`: whether the stages are a loop of the program, which compiles sooner and runs
+      slower: seven evaluations a step. Large vector fields fill it in."""
+
+    in_loop: bool = eqx.field(static=True, default=False)
     term_structure: ClassVar = diffrax.ODETerm
     interpolation_cls: ClassVar = _WeightedStages
 
     @property
     def traits(self) -> SolverTraits:
-        return SolverTraits(evaluations=6)
+        return SolverTraits(evaluations=7 if self.in_loop else 6)
+
+    def small_program(self) -> "Tsit5":
+        return Tsit5(in_loop=True)
 
     def order(self, terms: diffrax.AbstractTerm | None) -> int:
         return 5
 
-    def start(self, f: StepField, t0: Float[Array, ""], t1: Float[Array, ""], y0: State) -> State:
-        return f(t0, y0)
+    def start(
+        self, f: StepField, t0: Float[Array, ""], t1: Float[Array, ""], y0: State
+    ) -> State | None:
+        return None if self.in_loop else f(t0, y0)
 
     def advance(
-        self, f: StepField, t0: Float[Array, ""], t1: Float[Array, ""], y0: State, carried: State
+        self,
+        f: StepField,
+        t0: Float[Array, ""],
+        t1: Float[Array, ""],
+        y0: State,
+        carried: State | None,
     ) -> Advance:
         h = t1 - t0
+        if self.in_loop:
+            # The last row leads to the end of the step: its stage is the slope there.
+            ks = stages(f, t0, h, y0, tableau.TSIT5_C, tableau.TSIT5_A, [], in_loop=True)
+            y1 = barrier(combine(y0, h, tableau.TSIT5_B, ks))
+            return Advance(y1, combine(None, h, tableau.TSIT5_ERROR, ks), dict(y0=y0, ks=ks))
         # Beyond a jump the last stage of the step before belongs to another vector field.
         first = jax.lax.cond(f.made_jump, lambda: f(t0, y0), lambda: carried)
         ks = stages(f, t0, h, y0, tableau.TSIT5_C[1:-1], tableau.TSIT5_A[1:-1], [first])
