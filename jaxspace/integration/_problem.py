@@ -75,13 +75,19 @@ class Problem:
     def solve(self, *args: Array, recorded: bool = False) -> list[Array]:
         """The arrays of the outcome; of one that is `recorded`, then those of its record."""
         field, y0, settings = self.parts(args)
+        assert not (recorded and settings.sought is not None), (
+            "events are found outside derivatives"
+        )
         # The state says which loop it belongs to.
         if isinstance(y0, OwnState):
             own = integrate_own_steps(settings, field, y0, recorded=recorded)
             kept = own.recording, own.count
             return [*jax.tree.leaves(own_outcome_of(own, settings)), *_arrays_of(*kept)]
         if self._is_small(settings, derivative=False) or recorded and self._is_single(settings):
-            settings = dataclasses.replace(settings, method=small_program(settings.method))
+            estimated = settings.sought is None
+            settings = dataclasses.replace(
+                settings, method=small_program(settings.method), estimated=estimated
+            )
         loop = integrate_loop(settings, field, y0, recorded=recorded)
         kept = loop.recording, loop.num_accepted
         return [*jax.tree.leaves(outcome_of(loop, settings)), *_arrays_of(*kept)]

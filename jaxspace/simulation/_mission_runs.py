@@ -11,14 +11,15 @@ from jaxtyping import Array, Float, Int
 from ..core import AbstractSystem, Scalar, State, safe_divide
 from ..integration._config import IntegrationConfig
 from ..integration._event_search import FoundEvents, first_event
-from ..integration._events import Event, newton_correct
-from ..integration._integrate import integrate, of_each
+from ..integration._events import Event, closures_of_events, newton_correct
+from ..integration._integrate import integrate, locates_events, of_each
 from ..integration._layout import broadcast_state, replace_state, runs_of, state_at, with_start
 from ..integration._status import Status, combine_status
 from ._checks import check_events
 from ._flight import AbstractFlight
 from ._mission import Mission
 from ._run_result import RunResult
+from ._runs import straight_to_event
 
 
 class OwnTimes(NamedTuple):
@@ -82,6 +83,14 @@ def _run_phase(
     found = None
     if isinstance(until, Event):
         check_events((until,), system, y0, t0, run_axes, "Phase.until")
+        (until,) = closures_of_events((until,), t0, y0)
+        ends_alone = isinstance(num_saved, int) and num_saved == 2
+        if ends_alone and plan is None and not record_steps:
+            if locates_events(config, system, y0, t0):
+                times = jnp.stack([t0, t1])
+                run = straight_to_event(system, y0, times, (until,), config, run_axes)
+                missed = run.status == Status.COMPLETED
+                return run._replace(status=jnp.where(missed, Status.EVENT_MISSED, run.status))
         found = first_event(system, y0, t0, t1, (until,), config, run_axes)
         t1 = found.time
     if isinstance(num_saved, int):

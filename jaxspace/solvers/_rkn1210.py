@@ -32,7 +32,7 @@ from . import _tableaus as tableau
 from ._dense_output import AbstractDenseOutput
 from ._nystrom import RKN12, NystromStep, nystrom_step
 from ._protocol import AbstractFieldSolver, Advance, SolverTraits
-from ._runge_kutta import Weights, weighted
+from ._runge_kutta import Weights, weighted, weighted_rows
 from ._second_order import SecondOrder, Vectors, known_parts, moved, second_order
 from ._tolerance import Tolerance
 from ._vector_field import StepField
@@ -85,8 +85,7 @@ class _HermiteOutput(AbstractDenseOutput):
     def state(self, t: Float[Array, ""]) -> State:
         x = self.fraction(t).astype(self.q.dtype)
         weights, slopes = jax.jvp(_hermite, (x,), (jnp.ones_like(x),))
-        q = jnp.tensordot(weights, self.q, 1)
-        dq_dx = jnp.tensordot(slopes, self.q, 1)
+        q, dq_dx = (weighted_rows(row, self.q) for row in (weights, slopes))
         r0, v0 = known_parts(self.y0)
         return moved(self.y0, r0 + self.travel * (x * v0 + q), v0 + dq_dx)
 
@@ -124,9 +123,16 @@ class RKN1210(AbstractFieldSolver, diffrax.AbstractAdaptiveSolver):
         return SolverTraits(evaluations=17)
 
     def bind(
-        self, *, tolerance: Tolerance, save_ts: Float[Array, " times"] | None, run_axes: int
+        self,
+        *,
+        tolerance: Tolerance,
+        save_ts: Float[Array, " times"] | None,
+        run_axes: int,
+        searched: bool = False,
     ) -> "RKN1210":
         del tolerance
+        if searched:
+            return RKN1210(None, self.in_loop, run_axes)
         return RKN1210(jnp.zeros((0,)) if save_ts is None else save_ts, self.in_loop, run_axes)
 
     def small_program(self) -> "RKN1210":
