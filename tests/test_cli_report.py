@@ -29,10 +29,11 @@ def test_report_of_a_store(folder, capsys):
         assert (folder / "b" / name).exists() and name in printed
     page = (folder / "b" / "coast.html").read_text(encoding="utf-8")
     data = json.loads(re.search(r"const data = (.*);\n", page).group(1))
-    assert "<h1>A coast</h1>" in page and "≥ 642" in page
-    # 400 miles, as the scene says.
-    assert data["nominal"]["periapsis_altitude"] == pytest.approx(643.7376, abs=1e-3)
-    assert data["histograms"]["periapsis_altitude"]["required"] == [642.0]
+    assert "<h1>A coast</h1>" in page and "≥ 398.92" in page
+    # 400 miles, as the scene says, and in its unit what is required, 642 km.
+    assert data["nominal"]["periapsis_altitude"] == pytest.approx(400.0, abs=1e-3)
+    required = data["histograms"]["periapsis_altitude"]["required"]
+    assert required == pytest.approx([642.0 / 1.609344], rel=1e-12)
     assert len(data["trajectories"]["runs"]) == 24 and data["trajectories"]["unit"] == "km"
     # The radius of the periapsis, where the run starts, and the mean of the runs beside it.
     start = [point[0] for point in data["trajectories"]["nominal"]]
@@ -46,11 +47,11 @@ def test_report_of_a_store(folder, capsys):
     busy = kept.attributes["cpu_seconds"]
     assert busy > 0.0 and f"and {busy:.3g} s of processor time" in page
     lines = (folder / "b" / "coast.csv").read_text().splitlines()
-    assert len(lines) == 65 and "periapsis_altitude [km]" in lines[0]
+    assert len(lines) == 65 and "periapsis_altitude [mi]" in lines[0]
     table = pandas.read_parquet(folder / "b" / "coast.parquet")
     assert len(table) == 64 and list(table.columns) == lines[0].split(",")[1:]
     np.testing.assert_array_equal(
-        table["periapsis_altitude [km]"], kept.outputs["periapsis_altitude"]
+        table["periapsis_altitude [mi]"], kept.outputs["periapsis_altitude"]
     )
 
 

@@ -23,6 +23,7 @@ from jaxspace.dispersion import (
 from jaxspace.dispersion._limits import quantile
 from jaxspace.dispersion._rounding import rounded, scatters
 from jaxspace.io import dispersion_report
+from jaxspace.io._report import contributor_lines
 from jaxspace.plots import dispersion_figure, dispersion_page
 from jaxspace.simulation import Status
 
@@ -263,6 +264,23 @@ def test_shares_add_up_to_what_is_explained():
     assert sum(found.shares.values()) == pytest.approx(found.r_squared, rel=1e-12)
     # 4000 runs know a share to 0.02; five times.
     assert found.r_squared == pytest.approx(1.25 / 1.5, abs=0.05)
+
+
+def test_the_table_says_what_no_input_explains():
+    """Of V = a^2 + b^2/4 + a^2 b^2/4 the product is 1/6; with one input listed b is 1/6, too. What
+    is left is beside the shares, as on the page."""
+    d = dispersion(x=np.zeros(4000))
+    a, b = d.inputs["a"], d.inputs["b"]
+    a, b = (a - a.mean()) / a.std(), (b - b.mean()) / b.std()
+    d = dispersion(x=a + 0.5 * b + 0.5 * a * b, y=a)
+    found = d.contributors("x", None)
+    rest = f"rest {100.0 * (1.0 - found.r_squared):.0f} % (products, higher powers)"
+    shares = [f"{name} {100.0 * share:.0f} %" for name, share in found.shares.items()]
+    x, y = contributor_lines(d).splitlines()
+    assert x == f"x  {', '.join([*shares, rest])}" and y == "y  a 100 %"
+    others = f"other inputs {100.0 * found.shares['b']:.0f} %"
+    assert contributor_lines(d, 1).splitlines()[0] == f"x  {shares[0]}, {others}, {rest}"
+    assert f"\n{x}\n" in dispersion_report(d, {})
 
 
 def test_rounding_has_no_contributors():

@@ -12,6 +12,7 @@ from jaxspace.orbits import (
     conic_radius,
     departure_phase,
     eccentric_anomaly,
+    escape_speed,
     excess_speed,
     force_of_orbit,
     impulse_change,
@@ -89,6 +90,14 @@ def test_flyby_and_escape():
     np.testing.assert_allclose(turning_angle(2.0), np.pi / 3.0, rtol=1e-15)
     np.testing.assert_allclose(turning_angle(1.0), np.pi, rtol=1e-15)
     np.testing.assert_allclose(excess_speed(1.0, np.sqrt(3.0), 1.0), 1.0, rtol=1e-15)
+    # 9 + 2 7/2 = 16: a centre that repels adds speed on the way out, from rest too.
+    np.testing.assert_allclose(excess_speed(2.0, 3.0, -7.0), 4.0, rtol=1e-15)
+    np.testing.assert_allclose(excess_speed(2.0, 0.0, -4.0), 2.0, rtol=1e-15)
+    assert float(escape_speed(2.0, -7.0)) == 0.0
+    # The slope by mu, -1/(r v_inf), on both sides of zero and there.
+    slope = jax.vmap(jax.grad(excess_speed, 2), in_axes=(None, None, 0))
+    mu = np.array([-7.0, 0.0, 4.0])
+    np.testing.assert_allclose(slope(2.0, 3.0, mu), -0.5 / np.sqrt(9.0 - mu), rtol=1e-14)
 
 
 def test_planets_on_circles():

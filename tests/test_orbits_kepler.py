@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from jaxspace.bodies import BodyState
-from jaxspace.core import stumpff
+from jaxspace.core import InputError, stumpff
 from jaxspace.orbits import TwoBody, eccentricity_vector, kepler_flow, specific_energy
 
 EPS = np.finfo(float).eps
@@ -320,6 +320,49 @@ def test_hostile_states(name):
     allowed = 8 * EPS * max(condition(jacobian, y, r), 4.0)
     assert relative(result[:3], r) < allowed
     assert relative(result[3:], v) < 4 * allowed
+
+
+STRAIGHT = {
+    "past the centre": [1, 0.1, 0, -3, 0.2, 1, 1.0],
+    "backwards": [1, 0.1, -2, -3, 0.2, 1, -0.7],
+    "outwards": [1, 0, 0, 4, 0, 0, 2.0],
+    "out to a million times the distance": [1, 1, 0, 100, 50, 0, 1e4],
+    "from rest": [1, 0.5, 0, 0, 0, 0, 0.5],
+    "slow, in metres": [7e6, 0, 0, 0, 1e-3, 2e-3, 4e3],
+    "far, in metres": [7e6, 0, 0, 0, 7e3, 1e3, 4e6],
+}
+
+
+@pytest.mark.parametrize("name", STRAIGHT)
+def test_without_attraction_the_motion_is_a_straight_line(name):
+    """With its slopes by everything, mu too: beside mu = 0 against differences in 60 digits."""
+    y = np.array([*STRAIGHT[name], 0.0])
+    expected = np.r_[y[:3] + y[6] * y[3:6], y[3:6]]
+    np.testing.assert_allclose(packed(y), expected, rtol=4 * EPS)
+    # Outside of `jit`, where mu is known.
+    np.testing.assert_array_equal(_packed(jnp.asarray(y)), packed(y))
+    exact = exact_jacobian(y)
+    for found in (forward(y), reverse(y)):
+        # Of each column: that by mu has another size than those by the state.
+        size = np.linalg.norm(exact, axis=0)
+        assert np.all(np.linalg.norm(found - exact, axis=0) <= 1e-12 * size)
+
+
+def test_a_line_through_the_centre_goes_on_without_attraction():
+    y = np.array([1.0, 0.0, 0.0, -2.0, 0.0, 0.0, 1.0, 0.0])
+    np.testing.assert_array_equal(packed(y), [-1.0, 0.0, 0.0, -2.0, 0.0, 0.0])
+    assert np.isfinite(forward(y)).all() and np.isfinite(reverse(y)).all()
+
+
+def test_places_and_centres_without_a_motion_are_refused():
+    y = jnp.array([1.0, 0.0, 0.0])
+    with pytest.raises(InputError, match="position is .* away from the centre"):
+        kepler_flow(0.0 * y, y, 1.0, 1.0)
+    with pytest.raises(InputError, match="mu is -1: it must be zero or positive"):
+        kepler_flow(y, y, 1.0, -1.0)
+    # Under `jit`, as the docstring says.
+    for bad in ([0, 0, 0, 1, 0, 0, 1, 1.0], [1, 0, 0, 1, 0, 0, 1, -1.0]):
+        assert np.isnan(packed(np.array(bad, float))).all()
 
 
 @pytest.mark.slow

@@ -1,6 +1,7 @@
 """Figures hold what they are given: the right panels, labels with units, every good run, and no
 global state."""
 
+import dataclasses
 import sys
 from types import SimpleNamespace
 
@@ -230,6 +231,13 @@ def test_a_fast_spin_is_drawn_as_it_turns_or_said_not_to_be(dense):
     w = trajectory_figure(run).axes[0].get_lines()[0].get_ydata()
     # Both are the same step from the same state, in another program.
     assert abs(w[1000] - float(run.at(ts[1000]).attitude.wxyz[0])) < 1e-9
+
+
+def test_a_fast_spin_under_a_controller_is_said_not_to_be_resolved():
+    """What the commands do is not known; how fast an attitude turns its own rate says."""
+    run = simulate(SPINNER, FAST, TIMES, accuracy=Accuracy(1e-6, method=DOP853()))
+    ts, style, said = phi(trajectory_figure(dataclasses.replace(run, control={})))
+    assert len(ts) == 102 and style == "None" and said.startswith("points, not resolved")
 
 
 @pytest.mark.parametrize("times, said", [(102, ""), (12, "points, not resolved")])

@@ -16,14 +16,16 @@ import numpy as np
 import pytest
 from jaxtyping import Array
 
-from jaxspace import Scene
+from jaxspace import Scene, simulate
 from jaxspace.attitude import ReactionWheels, Top, TorqueFreeBody
 from jaxspace.bodies import BodyState, PrincipalInertia, RigidBody
 from jaxspace.core import InputError
+from jaxspace.orbits import TwoBody
 from jaxspace.plots import show_run, view_page
 from jaxspace.plots._view_page import _momentum
 from jaxspace.plots._view_shapes import faces_of, top_faces, wheel_faces
 from jaxspace.rotations import Quaternion
+from jaxspace.solvers import DOP853
 
 BROWSER = shutil.which("chromium") or shutil.which("chromium-browser")
 TIMES = np.linspace(0.0, 20.0, 101)
@@ -52,6 +54,7 @@ const watch = () => {
   found.middle = $("clock").textContent;
   if ($("near")) { $("near").value = "body"; $("near").dispatchEvent(new Event("change")); }
   found.near = seen();
+  found.note = $("note").textContent;
   setTimeout(() => {
     found.later = state.t;
     found.error = document.body.dataset.error || "";
@@ -168,6 +171,42 @@ def test_long_run_is_thinned_out(tmp_path):
     assert data["times"][0] == 0.0 and data["times"][-1] == 20.0
 
 
+def turns(data):
+    """The angle between each two attitudes that follow each other, rad."""
+    q = np.array(data["attitude"])
+    cosine = np.abs(np.sum(q[1:] * q[:-1], axis=1)) / np.linalg.norm(q[1:], axis=1)
+    return 2.0 * np.arccos(np.minimum(cosine / np.linalg.norm(q[:-1], axis=1), 1.0))
+
+
+def test_a_fast_spin_is_shown_as_it_turns(tmp_path):
+    """Five hundred turns and a hundred times, which its closed form fills: no frame is more than a
+    quarter of a turn after the one before, and all turns are there."""
+    body = TorqueFreeBody(PrincipalInertia(jnp.array([10.0, 11.0, 6.0])))
+    spin = BodyState(attitude=Quaternion.identity(), omega=jnp.array([0.0, 0.0, 50.0 * np.pi]))
+    fast = simulate(body, spin, jnp.asarray(TIMES))
+    data = data_of(view_page(fast, tmp_path / "run.html"))
+    assert data["coarse"] == [] and 1500 < len(data["times"]) <= 6000
+    assert turns(data).max() < 0.5 * np.pi
+    # To the five digits that are written of each attitude.
+    np.testing.assert_allclose(turns(data).sum(), 1000.0 * np.pi, rtol=1e-3)
+    np.testing.assert_allclose(data["turned"][-1], 1000.0 * np.pi, rtol=1e-6)
+
+
+def test_what_the_times_do_not_resolve_is_said(tmp_path):
+    """Of states whose equations are not known by their rate; an orbit by its own."""
+    states = spacecraft().states
+    fast = BodyState(states.position, attitude=states.attitude, omega=30.0 * states.omega)
+    data = data_of(view_page(run(spacecraft().system, fast), tmp_path / "run.html"))
+    assert data["coarse"] == ["attitude"]
+    circle = BodyState(jnp.array([1.0, 0.0, 0.0]), jnp.array([0.0, 1.0, 0.0]))
+    orbit = simulate(TwoBody(1.0), circle, 5.0 * jnp.asarray(TIMES[::20]))
+    filled = data_of(view_page(orbit, tmp_path / "run.html"))
+    assert filled["coarse"] == [] and len(filled["times"]) > 100
+    # The same run as if nothing were known between its times.
+    stepped = eqx.tree_at(lambda r: r.accuracy.method, orbit, DOP853())
+    assert data_of(view_page(stepped, tmp_path / "run.html"))["coarse"] == ["position"]
+
+
 def test_failed_end_is_left_out(tmp_path):
     failed = spacecraft(wheels=False)
     states = eqx.tree_at(
@@ -261,3 +300,5 @@ def test_page_draws_and_plays(what, tmp_path):
     assert found["colours"] > 20 and found["near"] > 20
     assert found["middle"].startswith("t = 10.0000 s")
     assert found["later"] == 10.0  # it stands
+    # The top turns by 4 rad between two times.
+    assert found["note"].startswith("The saved times do not resolve") == (what == "top")

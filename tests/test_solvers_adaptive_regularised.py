@@ -17,7 +17,8 @@ from jaxspace.simulation import Event, Mission, Phase
 from jaxspace.solvers import DOP853, RKN1210, AdaptiveRegularised
 
 OWN = AdaptiveRegularised()
-J2, RADIUS = 1e-2, 0.25
+# Below every periapsis here; what counts is J2 R^2.
+J2, RADIUS = 0.25, 0.05
 OBLATE = Scene((PointGravity(1.0), Oblateness(1.0, J2, RADIUS)))
 AIR = Custom(
     lambda t, y, body: Load(acceleration_N=-1e-3 * y.velocity),

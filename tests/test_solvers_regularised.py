@@ -202,7 +202,7 @@ def test_errors_fall_with_the_order_and_are_not_understated():
 def test_single_precision_stays_single():
     y = jax.tree.map(lambda x: x.astype(jnp.float32), periapsis(0.9))
     run = simulate(
-        oblate(0.0),
+        oblate(0.0, 0.05),
         y,
         jnp.array([0.0, 4.5]),
         accuracy=Accuracy(rtol=1e-4, method=Regularised(steps=36, estimate=False)),

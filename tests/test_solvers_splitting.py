@@ -21,7 +21,9 @@ J2 = 1.08262668e-3
 
 
 def oblate(j2=J2):
-    return Scene((PointGravity(1.0), Oblateness(1.0, j2, 1.0)))
+    """J2 of a planet of the radius 1. It has a tenth of it, below every periapsis here: what counts
+    is J2 R^2."""
+    return Scene((PointGravity(1.0), Oblateness(1.0, 100.0 * j2, 0.1)))
 
 
 def start(e=0.1):

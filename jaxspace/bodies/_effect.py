@@ -111,6 +111,12 @@ class AbstractEffect(AbstractParameters):
         """What makes the load jump by the state, as of a system (`AbstractSystem.switches`)."""
         return {}
 
+    def ground(self) -> Scalar | None:
+        """Radius, m, of the sphere about the origin above which the effect is meant: a run that
+        passes below it gets a warning. Zero where the effect goes on inside of its planet; `None`,
+        the default, where it says nothing."""
+        return None
+
     def scaled(self, factor: Scalar) -> "AbstractEffect | None":
         """The same effect with its load multiplied by `factor`, or `None`.
 

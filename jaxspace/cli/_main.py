@@ -10,6 +10,7 @@ from ..io import SceneError
 from ..simulation import SimulationError
 from ._parser import parser
 from ._stopping import Stopped, clear_interruption, is_stop, stopped_by_signals
+from ._warning_lines import warnings_as_lines
 
 BAD_INPUT, BAD_RUN = 2, 1
 # As a shell reports a command that SIGINT has ended.
@@ -22,7 +23,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     given = parser().parse_args(arguments)
     file = getattr(given, "file", "jaxspace")
     try:
-        with stopped_by_signals(), extra("app"):
+        with stopped_by_signals(), extra("app"), warnings_as_lines():
             status = given.command(given)
         # Here and not at exit, so that a closed pipe is met inside the `try`.
         sys.stdout.flush()

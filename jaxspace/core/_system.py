@@ -189,6 +189,20 @@ class AbstractSystem(AbstractParameters):
         del t, y
         return None
 
+    def warning(self, ts: Array, states: State, undisturbed: bool) -> str:
+        """A sentence about what a finished run shows and its author hardly means, such as a path
+        through the ground; empty, the default, where there is nothing to say.
+
+        Asked after a run outside of `jit`, of known numbers.
+
+        **Arguments**
+
+        - `ts`: the saved times, s, (times,) or (times, *runs); `states`: those there.
+        - `undisturbed`: whether nothing but the system moves the state between them, such as a jump
+          or a command."""
+        del ts, states, undisturbed
+        return ""
+
     def check_values(self, t: Scalar, y: State) -> None:
         """Raise `InputError` for what the numbers of the system and of the first state `y`, at the
         time `t`, s, contradict. Asked before a run, where no number is traced; `t` is a number of

@@ -171,13 +171,13 @@ class Dispersion(eqx.Module):
         sentences = (self.lacking, *(row.doubt() for row in self.table()))
         return tuple(sentence for sentence in sentences if sentence)
 
-    def contributors(self, output: str, count: int = 5) -> Contributors:
+    def contributors(self, output: str, count: int | None = 5) -> Contributors:
         """The inputs with the largest shares of the variance of an output, over the good runs.
 
         **Arguments**
 
         - `output`: name of the output.
-        - `count`: how many inputs are listed.
+        - `count`: how many inputs are listed; `None` for all.
 
         **Returns** no shares, and NaN for R^2, where nothing scatters but for rounding; no shares
         where the inputs explain no more than chance.

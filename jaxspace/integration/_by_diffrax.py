@@ -7,7 +7,7 @@ without derivatives, and diffrax takes them as a plan.
 """
 
 import dataclasses
-from typing import Any
+from typing import Any, NamedTuple
 
 import diffrax
 import equinox as eqx
@@ -28,10 +28,10 @@ def solve_by_diffrax(
 ) -> Outcome:
     """The outcome by diffrax's loop: for its adjoints, and for methods that carry on more than a
     state from step to step."""
-    num_rejected = exhausted = None
+    chosen = None
     if settings.plan is None:
-        plan, num_rejected, exhausted = _chosen_steps(field, y0, settings)
-        settings = dataclasses.replace(settings, plan=plan)
+        chosen = _chosen_steps(field, y0, settings)
+        settings = dataclasses.replace(settings, plan=chosen.nodes)
     saves = [
         diffrax.SubSaveAt(t1=True)
         if settings.save_ts is None
@@ -54,26 +54,36 @@ def solve_by_diffrax(
         throw=False,
     )
     out_of_steps = solution.result == diffrax.RESULTS.max_steps_reached
-    if exhausted is not None:
-        out_of_steps = out_of_steps | exhausted
+    taken, rejected = (solution.stats[f"num_{how}_steps"] for how in ("accepted", "rejected"))
+    if chosen is not None:
+        out_of_steps = out_of_steps | chosen.exhausted
+        # Where they ran out, the plan goes on to the end in one step more.
+        taken, rejected = chosen.num_accepted, chosen.num_rejected
     # As the loop of `solve` leaves it: a state that was not reached is NaN.
     states = jax.tree.map(lambda x: jnp.where(out_of_steps, jnp.nan, x), solution.ys[0])
     return Outcome(
         states,
         solution.solver_state[1],
         out_of_steps,
-        solution.stats["num_accepted_steps"],
-        solution.stats["num_rejected_steps"] if num_rejected is None else num_rejected,
+        taken,
+        rejected,
         solution.ts[1] if len(saves) > 1 else None,
         solution.ys[1] if settings.dense else None,
     )
 
 
-def _chosen_steps(
-    field: PyTree, y0: State, settings: LoopSettings
-) -> tuple[Float[Array, " nodes"], Int[Array, ""], Bool[Array, ""]]:
-    """The nodes of the steps that the tolerance calls for, how many were rejected, and whether they
-    ran out. Without derivatives."""
+class _Chosen(NamedTuple):
+    """The steps that the tolerance calls for: their nodes in normalised time, how many there are,
+    how many were rejected, and whether they ran out."""
+
+    nodes: Float[Array, " nodes"]
+    num_accepted: Int[Array, ""]
+    num_rejected: Int[Array, ""]
+    exhausted: Bool[Array, ""]
+
+
+def _chosen_steps(field: PyTree, y0: State, settings: LoopSettings) -> _Chosen:
+    """The steps that the tolerance calls for. Without derivatives."""
     field, y0 = jax.tree.map(
         lambda x: jax.lax.stop_gradient(x) if eqx.is_inexact_array(x) else x, (field, y0)
     )
@@ -84,8 +94,9 @@ def _chosen_steps(
     assert loop.step_ends is not None
     taken = jnp.arange(settings.max_steps) < loop.num_accepted
     nodes = jnp.where(taken, loop.step_ends, settings.end)
-    return (
+    return _Chosen(
         jnp.concatenate([settings.start[None], nodes]),
+        loop.num_accepted,
         loop.num_rejected,
         loop.t < settings.end,
     )

@@ -11,7 +11,7 @@ from jax.typing import ArrayLike
 
 from ..control import LoopRun
 from ..core import InputError, State, quantities
-from ..dispersion import Dispersion
+from ..dispersion import Contributors, Dispersion
 from ..rotations import Quaternion, to_euler_angles
 from ..simulation import MissionTrajectory, Status, Trajectory
 from ._flown_task import values_of
@@ -264,25 +264,40 @@ def requirement_table(result: Dispersion) -> str:
 
 
 def contributor_lines(result: Dispersion, count: int = 3) -> str:
-    """For every output the inputs that make most of its variance; empty for too few runs."""
+    """For every output the inputs that make most of its variance, and what is left; empty for too
+    few runs."""
     # With fewer runs than coefficients the regression would explain anything.
     if np.count_nonzero(result.good) <= 2 * len(result.inputs) + 1:
         return ""
     rows = []
     for name in result.outputs:
         try:
-            shares = result.contributors(name, count).shares
+            found = result.contributors(name, None)
         # Of an output that is finite in few of the runs.
         except InputError:
             rows.append((name, "too few runs in which it is finite"))
             continue
-        # Shares below a percent are noise of the sampling.
-        causes = [f"{path} {100.0 * s:.0f} %" for path, s in shares.items() if s >= 0.01]
-        rows.append((name, ", ".join(causes)))
+        rows.append((name, ", ".join(_causes(found, count))))
     width = max(len(name) for name, _ in rows)
     return "\n".join(
         f"{name.ljust(width)}  {text or 'no single contributor'}" for name, text in rows
     )
+
+
+def _causes(found: Contributors, count: int) -> list[str]:
+    """The largest shares in words, those of all other inputs together, and what no input explains
+    by itself."""
+    if not found.shares:
+        return []
+    listed = dict(list(found.shares.items())[:count])
+    # Shares below a percent are noise of the sampling.
+    listed = {path: share for path, share in listed.items() if share >= 0.01}
+    others, rest = found.r_squared - sum(listed.values()), 1.0 - found.r_squared
+    listed |= {"other inputs": others} if others >= 0.01 else {}
+    causes = [f"{path} {100.0 * share:.0f} %" for path, share in listed.items()]
+    if rest >= 0.01:
+        causes.append(f"rest {100.0 * rest:.0f} % (products, higher powers)")
+    return causes
 
 
 def status_lines(result: Dispersion) -> str:

@@ -13,12 +13,12 @@ import jax.numpy as jnp
 from jax.typing import ArrayLike
 from jaxtyping import Array
 
-from ..bodies import AbstractBody, AbstractEffect
+from ..bodies import AbstractBody, AbstractEffect, BodyState
 from ..control import ClosedLoop, LoopRun
 from ..core import AbstractSystem, InputError, State
 from ..dispersion import Campaign, StopRule
 from ..optimization import Progress
-from ..scene import Scene
+from ..scene import Scene, ground_warning
 from ..simulation import (
     Accuracy,
     Event,
@@ -171,7 +171,10 @@ class SceneFile:
             events = until if isinstance(until, Event) else ()
             options = {"accuracy": self.accuracy, "events": events, **options}
             return self.loop.simulate(self.y0, self.ts, **options)
-        return simulate(self.system, self.y0, self.ts, **{"accuracy": self.accuracy, **options})
+        options = {"accuracy": self.accuracy, **options}
+        run = simulate(self.system, self.y0, self.ts, **options)
+        self._warn_of_ground(run, stacklevel=2)
+        return run
 
     def build(self, samples: Mapping[str, Array]) -> tuple[Mission, State]:
         """Mission and initial states of many runs.
@@ -272,9 +275,29 @@ class SceneFile:
         # A finer tolerance than rounding allows would be refused.
         least = 32.0 * float(jnp.finfo(jnp.result_type(float)).eps)
         accuracy = dataclasses.replace(self.accuracy, rtol=max(rtol, least))
-        return simulate(
+        run = simulate(
             self.mission, self.y0, self.start, accuracy=accuracy, num_saved=samples, throw=False
         )
+        self._warn_of_ground(run, stacklevel=2)
+        return run
+
+    def _warn_of_ground(self, run: Trajectory | MissionTrajectory, stacklevel: int) -> None:
+        """Warn of a run that passes below the ground of the planet of the file, where no effect
+        states it, so that no other warning does."""
+        planet = self.values["planet"] or {}
+        mu, radius = planet.get("mu"), planet.get("radius")
+        if mu is None or radius is None:
+            return
+        for phase in run.phases if isinstance(run, MissionTrajectory) else (run,):
+            parts = (phase.system, *getattr(phase.system, "effects", ()))
+            # Over flat ground the origin is no centre.
+            about_centre = any(hasattr(part, "mu") for part in parts)
+            known = any(isinstance(e, AbstractEffect) and e.ground() is not None for e in parts)
+            if about_centre and not known and isinstance(phase.states, BodyState):
+                within = mu if phase.undisturbed else None
+                words = ground_warning(phase.ts, phase.states, radius, within, "planet.radius")
+                if words:
+                    warnings.warn(words, stacklevel=stacklevel + 1)
 
     def nominal_outputs(
         self, nominal: Trajectory | MissionTrajectory | LoopRun, every: bool = False

@@ -28,16 +28,20 @@ def circular_speed(radius: Scalar, mu: Scalar) -> Scalar:
 
 def escape_speed(radius: Scalar, mu: Scalar) -> Scalar:
     """Least speed, m/s, that never comes back from the `radius`, m; `mu`, m^3/s^2 (Thomson
-    4.10)."""
-    return jnp.sqrt(2.0 * mu / radius)
+    4.10). Zero for a centre that repels."""
+    repels = as_float(mu) < 0.0
+    return jnp.where(repels, 0.0, jnp.sqrt(jnp.where(repels, 1.0, 2.0 * mu / radius)))
 
 
 def excess_speed(radius: Scalar, speed: Scalar, mu: Scalar) -> Scalar:
     """Speed that is left far away, m/s, after an escape from the `radius`, m, at this `speed`, m/s;
-    `mu`, m^3/s^2. NaN below the escape speed (Thomson 4.7, 4.10)."""
-    escape = escape_speed(radius, mu)
+    `mu`, m^3/s^2, also of a centre that repels (negative). NaN below the escape speed (Thomson 4.7,
+    4.10)."""
+    attracts = as_float(mu) > 0.0
+    escape = escape_speed(radius, jnp.where(attracts, mu, 1.0))
     # As a product, because a difference of squares loses digits close to the escape speed.
-    return jnp.sqrt((speed - escape) * (speed + escape))
+    left = (speed - escape) * (speed + escape)
+    return jnp.sqrt(jnp.where(attracts, left, speed * speed - 2.0 * mu / radius))
 
 
 def vis_viva_speed(radius: Scalar, semi_major_axis: Scalar, mu: Scalar) -> Scalar:

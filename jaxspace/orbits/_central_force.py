@@ -172,6 +172,9 @@ class SphereGravity(AbstractEffect):
         assert y.position is not None
         return sphere_potential(norm(y.position), self.mu, self.radius)
 
+    def ground(self) -> float:
+        return 0.0
+
     def scaled(self, factor: Scalar) -> "SphereGravity":
         return SphereGravity(factor * self.mu, self.radius)
 

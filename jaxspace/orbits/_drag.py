@@ -99,6 +99,9 @@ class Drag(AbstractEffect):
         """v_r, m/s, (3, *runs)."""
         return velocity - self.air_rate * cross(axis(2, position[2]), position)
 
+    def ground(self) -> Scalar:
+        return self.radius
+
     def scaled(self, factor: Scalar) -> "Drag":
         # By the density: the ballistic coefficient stands below the line, and zero would make it
         # infinite.

@@ -40,7 +40,7 @@ from ..core import (
     quantity,
     sincos,
 )
-from ._kepler import kepler_flow
+from ._kepler import conic_flow
 from ._modified_equinoctial import ModifiedEquinoctialElements, orbit_axes, state_along
 
 
@@ -135,7 +135,7 @@ def _state(x: EquinoctialElements, mu: Scalar) -> tuple[Vector, Vector]:
     p = a * (1.0 - (f * f + g * g))
     r, v = state_along(F, G, p, (f, g), (u * X, u * Y), mu)
     r, v, duration = barrier((r, v, (x.mean_longitude - mean) * per_rate))
-    return kepler_flow(r, v, duration, mu)
+    return conic_flow(r, v, duration, mu)
 
 
 def _mean_longitude(

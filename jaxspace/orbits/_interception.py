@@ -20,7 +20,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..core import Scalar, Vector, cross, dot, norm, with_rank
-from ._kepler import kepler_flow
+from ._kepler import conic_flow
 from ._lambert import lambert
 
 OrbitState: TypeAlias = tuple[Vector, Vector]
@@ -72,7 +72,7 @@ def interception(
     **Raises** `InputError` as `lambert` does.
     """
     departure, arrival = jnp.asarray(departure), jnp.asarray(arrival)
-    states = (*kepler_flow(*chaser, departure, mu), *kepler_flow(*target, arrival, mu))
+    states = (*conic_flow(*chaser, departure, mu), *conic_flow(*target, arrival, mu))
     rank = max(x.ndim - 1 for x in states)
     start, before, end, after = (with_rank(x, rank) for x in states)
     normal = _sense(chaser, start, end) if normal is None else normal
@@ -116,8 +116,8 @@ def porkchop(
     `optimization.least_rendezvous`.
     """
     # Each orbit is followed once, and not again for every pair.
-    starts, befores = kepler_flow(*chaser, departures, mu)
-    ends, afters = kepler_flow(*target, arrivals, mu)
+    starts, befores = conic_flow(*chaser, departures, mu)
+    ends, afters = conic_flow(*target, arrivals, mu)
 
     # Row by row: what one of them holds stays in the cache.
     def row(leaving: tuple[Vector, Vector, Scalar]) -> Porkchop:

@@ -36,9 +36,23 @@ continuation.
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 
-from ..core import Scalar, Vector, barrier, cross, dot, in_blocks, stumpff, with_rank
+from ..core import (
+    Scalar,
+    Vector,
+    barrier,
+    check,
+    check_non_negative,
+    cross,
+    dot,
+    in_blocks,
+    is_concrete,
+    stumpff,
+    with_rank,
+)
 from ._anomaly import Anomaly, anomaly_after
+from ._straight_motion import straight_motion
 
 
 def kepler_flow(
@@ -57,12 +71,44 @@ def kepler_flow(
 
     Without a loop. Derivatives of every order, forward and reverse, follow from the implicit
     function theorem. Whole revolutions are taken off first, so that the error grows with their
-    number alone, as the sensitivity of the problem does.
+    number alone, as the sensitivity of the problem does. Where `mu` is zero, the motion is a
+    straight line, with its first derivative by mu.
+
+    **Raises** `InputError` for a position at the centre and a negative `mu`; under `jit`, where
+    they are not known, the result is NaN.
     """
+    check_non_negative("mu", mu)
+    if is_concrete(position):
+        place = np.asarray(position)
+        check(np.any(place != 0.0, axis=0), "position", place, "away from the centre")
+    if is_concrete(mu) and np.all(np.asarray(mu) > 0.0):
+        return conic_flow(position, velocity, duration, mu)
     return in_blocks(_flow, (1, 1, 0, 0), position, velocity, duration, mu)
 
 
+def conic_flow(
+    position: Vector, velocity: Vector, duration: Scalar, mu: Scalar
+) -> tuple[Vector, Vector]:
+    """`kepler_flow` about a centre that is known to attract: a smaller program, and NaN where `mu`
+    is not positive."""
+    return in_blocks(_conic, (1, 1, 0, 0), position, velocity, duration, mu)
+
+
 def _flow(
+    position: Vector, velocity: Vector, duration: Scalar, mu: Scalar
+) -> tuple[Vector, Vector]:
+    straight = mu == 0.0
+    rank = max(position.ndim - 1, velocity.ndim - 1, jnp.ndim(duration), jnp.ndim(mu))
+    position, velocity = with_rank(position, rank), with_rank(velocity, rank)
+    # Any conic in place of the line, so that the branch which is not taken is finite.
+    other = jnp.sqrt(dot(position, position)) * dot(velocity, velocity)
+    other = jax.lax.stop_gradient(jnp.where(other > 0.0, other, 1.0))
+    r, v = _conic(position, velocity, duration, jnp.where(straight, other, mu))
+    line_r, line_v = straight_motion(position, velocity, duration, jnp.where(straight, mu, 0.0))
+    return jnp.where(straight, line_r, r), jnp.where(straight, line_v, v)
+
+
+def _conic(
     position: Vector, velocity: Vector, duration: Scalar, mu: Scalar
 ) -> tuple[Vector, Vector]:
     rank = max(position.ndim - 1, velocity.ndim - 1, jnp.ndim(duration), jnp.ndim(mu))

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 
 from ..bodies import BodyState
 from ..core import AbstractClosedForm, Flag, Scalar, Vector, cross, dot
-from ._kepler import kepler_flow
+from ._kepler import conic_flow
 
 
 @final
@@ -19,7 +19,7 @@ class KeplerMotion(AbstractClosedForm):
 
     def flow(self, duration: Scalar, y: BodyState) -> BodyState:
         assert y.position is not None and y.velocity is not None
-        position, velocity = kepler_flow(y.position, y.velocity, duration, self.mu)
+        position, velocity = conic_flow(y.position, y.velocity, duration, self.mu)
         return BodyState(position=position, velocity=velocity)
 
     def outside(self, duration: Scalar, y: BodyState) -> Flag:

@@ -127,6 +127,9 @@ class Oblateness(AbstractEffect):
         assert y.position is not None
         return Load(acceleration_N=oblateness(y.position, self.mu, self.j2, self.radius))
 
+    def ground(self) -> Scalar:
+        return self.radius
+
     def potential(self, t: Scalar, y: BodyState, body: AbstractBody) -> Scalar:
         del t, body
         assert y.position is not None

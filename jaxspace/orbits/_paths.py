@@ -30,7 +30,7 @@ from ..core import (
     constructor,
     quantity,
 )
-from ._kepler import kepler_flow
+from ._kepler import conic_flow
 
 
 class AbstractPath(AbstractParameters):
@@ -84,7 +84,7 @@ class KeplerPath(AbstractPath):
     )
 
     def __call__(self, t: Scalar) -> Vector:
-        return kepler_flow(self.position, self.velocity, t, self.mu)[0]
+        return conic_flow(self.position, self.velocity, t, self.mu)[0]
 
 
 @final

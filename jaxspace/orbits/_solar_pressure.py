@@ -93,6 +93,9 @@ class SolarPressure(AbstractEffect):
             push = scale(barrier(light), push)
         return Load(acceleration_N=push)
 
+    def ground(self) -> Scalar | None:
+        return self.radius
+
     def scaled(self, factor: Scalar) -> "SolarPressure":
         return SolarPressure(
             factor * self.area_per_mass,

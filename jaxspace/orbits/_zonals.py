@@ -103,5 +103,8 @@ class Zonals(AbstractEffect):
         assert y.position is not None
         return zonal_potential(y.position, self.mu, self.harmonics, self.radius)
 
+    def ground(self) -> Scalar:
+        return self.radius
+
     def scaled(self, factor: Scalar) -> "Zonals":
         return Zonals(self.mu, factor * self.harmonics, self.radius)

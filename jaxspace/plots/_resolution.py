@@ -13,8 +13,8 @@ all of it where it is sampled twice. So it is resolved below a quarter, and an a
 quarter of a turn.
 """
 
+import dataclasses
 import math
-from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import equinox as eqx
@@ -22,6 +22,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from ..core import quantities
 from ..rotations import Quaternion
 
 if TYPE_CHECKING:
@@ -35,8 +36,6 @@ SMOOTH = 0.3
 MOST_POINTS = 20_000
 """Points of a line that is drawn finer than it was saved."""
 
-Leaves = list[tuple[str, str, Any]]
-
 
 class Drawn(NamedTuple):
     """What is drawn of a phase: times, states, and which leaves these times do not resolve."""
@@ -46,12 +45,10 @@ class Drawn(NamedTuple):
     coarse: frozenset[str]
 
 
-def resolved(phase: "Trajectory", leaves: Callable[["State"], Leaves]) -> Drawn:
+def resolved(phase: "Trajectory") -> Drawn:
     """The times and states of a phase, between those saved, too, where these are too few and the
-    run has more: a closed form, or `dense=True`.
-
-    `leaves`: name, unit and value of every part of a state."""
-    coarse, interval = _coarse(phase, leaves)
+    run has more: a closed form, or `dense=True`."""
+    coarse, interval = _coarse(phase)
     if not coarse or not _knows_between(phase):
         return Drawn(phase.ts, phase.states, coarse)
     ts = np.asarray(phase.ts)
@@ -61,6 +58,31 @@ def resolved(phase: "Trajectory", leaves: Callable[["State"], Leaves]) -> Drawn:
     finer = phase.ts[0] + jnp.multiply.outer(share, phase.ts[-1] - phase.ts[0])
     left = frozenset() if count <= MOST_POINTS else coarse
     return Drawn(finer, _between(phase, finer), left)
+
+
+def state_leaves(state: "State", name: str = "", unit: str = "") -> list[tuple[str, str, Any]]:
+    """Name, declared unit and value of every array or quaternion of a state, in order."""
+    if state is None:
+        return []
+    if dataclasses.is_dataclass(state) and not isinstance(state, Quaternion):
+        declared = quantities(type(state))
+        children = [
+            (field.name, declared[field.name].unit if field.name in declared else "")
+            for field in dataclasses.fields(state)
+        ]
+        members = [(key, unit, getattr(state, key)) for key, unit in children]
+    elif isinstance(state, dict):
+        members = [(str(key), "", value) for key, value in state.items()]
+    elif isinstance(state, tuple | list):
+        members = [(str(k), "", value) for k, value in enumerate(state)]
+    else:
+        return [(name or "state", unit, state)]
+    found = []
+    for key, unit, value in members:
+        # "parts" only collects what effects add: its members have names of their own.
+        path = " ".join(word for word in (name, key) if word and word != "parts")
+        found += state_leaves(value, path, unit)
+    return found
 
 
 def _knows_between(phase: Any) -> bool:
@@ -83,18 +105,33 @@ def _derivatives(phase: "Trajectory") -> "State":
     return phase.along(lambda system, t, y: system.vector_field(t, y))
 
 
-def _coarse(phase: Any, leaves: Callable[["State"], Leaves]) -> tuple[frozenset[str], float]:
+@eqx.filter_jit
+def _of_motion(states: Any) -> dict[str, Any]:
+    """The derivatives that a state itself holds: of a position, and of an attitude."""
+    found = {}
+    if getattr(states, "velocity", None) is not None:
+        found["position"] = states.velocity
+    if getattr(states, "omega", None) is not None and isinstance(states.attitude, Quaternion):
+        found["attitude"] = states.attitude.rate(states.omega)
+    return found
+
+
+def _coarse(phase: Any) -> tuple[frozenset[str], float]:
     """The leaves that move too far between two saved times, and the interval at which all of them
     are smooth, s."""
-    # The field alone does not know what a controller commands.
-    known = hasattr(phase, "along") and phase.control is None
-    if not known or len(phase.ts) < 2:
+    if not hasattr(phase, "along") or len(phase.ts) < 2:
         return frozenset(), math.inf
-    derivatives = {name: leaf for name, _, leaf in leaves(_derivatives(phase))}
+    # The field alone does not know what a controller commands.
+    if phase.control is not None:
+        derivatives = _of_motion(phase.states)
+    else:
+        derivatives = {name: leaf for name, _, leaf in state_leaves(_derivatives(phase))}
     ts = np.asarray(phase.ts).reshape(len(phase.ts), -1)
     intervals = {}
-    for name, _, leaf in leaves(phase.states):
+    for name, _, leaf in state_leaves(phase.states):
         f, attitude = derivatives.get(name), isinstance(leaf, Quaternion)
+        if f is None:
+            continue
         y, f = (np.asarray(x.wxyz if isinstance(x, Quaternion) else x) for x in (leaf, f))
         if y.shape != f.shape or not np.issubdtype(y.dtype, np.floating):
             continue

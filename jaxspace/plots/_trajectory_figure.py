@@ -1,21 +1,19 @@
 """A figure of a trajectory: every block of the state against time, with Euler angles."""
 
-import dataclasses
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import jax
 import numpy as np
 
-from ..core import InputError, extra, quantities
+from ..core import InputError, extra
 from ..rotations import Quaternion, to_euler_angles
-from ._resolution import Drawn, resolved
+from ._resolution import Drawn, resolved, state_leaves
 from ._style import BAD, COLOURS, MUTED, dress
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from ..core import State
     from ..simulation import MissionTrajectory, Trajectory
 
 EULER_LABELS = ("ψ precession", "θ nutation", "φ spin")
@@ -77,7 +75,7 @@ def trajectory_figure(
     names = getattr(trajectory, "names", ("",))
     parts = []
     for phase in phases:
-        drawn = resolved(phase, _leaves)
+        drawn = resolved(phase)
         batched = np.ndim(phase.status) == 1
         parts.append((_times(drawn.ts, runs), _blocks(drawn, batched, runs, units or {})))
     # Phases may have states of different classes: a panel for each block of any of them.
@@ -110,7 +108,7 @@ def _blocks(drawn: Drawn, batched: bool, runs: int, units: dict[str, str]) -> di
     """Every block of the states by name."""
     times = len(np.asarray(drawn.ts))
     found: dict[str, Block] = {}
-    for name, unit, leaf in _leaves(drawn.states):
+    for name, unit, leaf in state_leaves(drawn.states):
         quaternion = isinstance(leaf, Quaternion)
         values = np.asarray(leaf.wxyz if quaternion else leaf)
         if values.ndim < 1 + batched or values.shape[values.ndim - 1 - batched] != times:
@@ -127,31 +125,6 @@ def _blocks(drawn: Drawn, batched: bool, runs: int, units: dict[str, str]) -> di
             angles = _euler_degrees(values)
             prefix = "" if name == "attitude" else f"{name}, "
             found[f"{prefix}Euler angles 3-1-3"] = Block("deg", EULER_LABELS, angles, True, coarse)
-    return found
-
-
-def _leaves(state: "State", name: str = "", unit: str = "") -> list[tuple[str, str, Any]]:
-    """Name, declared unit and value of every array or quaternion of a state, in order."""
-    if state is None:
-        return []
-    if dataclasses.is_dataclass(state) and not isinstance(state, Quaternion):
-        declared = quantities(type(state))
-        children = [
-            (field.name, declared[field.name].unit if field.name in declared else "")
-            for field in dataclasses.fields(state)
-        ]
-        members = [(key, unit, getattr(state, key)) for key, unit in children]
-    elif isinstance(state, dict):
-        members = [(str(key), "", value) for key, value in state.items()]
-    elif isinstance(state, tuple | list):
-        members = [(str(k), "", value) for k, value in enumerate(state)]
-    else:
-        return [(name or "state", unit, state)]
-    found = []
-    for key, unit, value in members:
-        # "parts" only collects what effects add: its members have names of their own.
-        path = " ".join(word for word in (name, key) if word and word != "parts")
-        found += _leaves(value, path, unit)
     return found
 
 

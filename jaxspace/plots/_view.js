@@ -6,7 +6,14 @@ const ends = [data.times[0], data.times[data.times.length - 1]];
 const span = ends[1] - ends[0] || 1;
 const still = matchMedia("(prefers-reduced-motion: reduce)").matches;
 const state = { t: ends[0], playing: !still, speed: 1, yaw: -0.9, pitch: 0.42, zoom: 1,
-  near: !data.position, last: null, frames: 0, traces: {} };
+  near: !data.position, last: null, frames: 0, traces: {}, turned: null };
+// What the saved times do not resolve: nothing is known of the way from one of them to the next.
+const coarse = Object.fromEntries(data.coarse.map((name) => [name, true]));
+coarse.orbit = coarse.position;
+for (const name in data.traces) coarse[name] = coarse.attitude;
+const UNRESOLVED = data.coarse.length ? `The saved times do not resolve the ${data.coarse.join(" and the ")}, ` +
+  "shown at these times alone: more of them, dense=True or a shorter run show the motion." : "";
+const TOO_FAST = "Something turns faster than the screen shows: choose a slower speed.";
 // Seconds of a whole run at speed 1.
 const SHOWN = 12;
 // The light comes from over the reader's left shoulder.
@@ -34,7 +41,8 @@ function place(t) {
   return [low, high, gap > 0 ? Math.min(Math.max((t - data.times[low]) / gap, 0), 1) : 0];
 }
 
-function between(rows, [low, high, s]) {
+function between(rows, [low, high, s], held) {
+  if (held) return rows[s < 1 ? low : high];
   const mixed = rows[low].map((x, i) => x + s * (rows[high][i] - x));
   if (mixed.length !== 4) return mixed;
   const size = Math.hypot(...mixed) || 1;
@@ -60,12 +68,22 @@ function draw() {
   const extent = state.near ? data.reach : data.extent;
   const unit = 0.43 * Math.min(w, h) * state.zoom / extent;
   const project = (p) => [w / 2 + unit * dot(axes[0], p), h / 2 - unit * dot(axes[1], p), dot(axes[2], p)];
-  const scene = { axes, project, unit, now, attitude: data.attitude && between(data.attitude, now) };
+  const scene = { axes, project, unit, now, attitude: data.attitude && between(data.attitude, now, coarse.attitude) };
   frame(scene, extent);
   if (state.near) drawBody(scene, [0, 0, 0], 1); else drawOrbit(scene, extent);
   $("clock").textContent = "t = " + state.t.toPrecision(6) + " s" + (data.phases ? ", " + phase() : "");
+  $("note").textContent = UNRESOLVED || (tooFast(now) ? TOO_FAST : "");
   state.frames += 1;
   document.body.dataset.frames = state.frames;
+}
+
+// Whether the body or a wheel has turned by more than a quarter of a turn since it was last drawn.
+function tooFast([low, high, s]) {
+  const angles = [data.turned, ...data.wheels.map((wheel) => wheel.angle)];
+  const now = angles.map((angle) => angle[low] + s * (angle[high] - angle[low]));
+  const before = state.turned;
+  state.turned = now;
+  return state.playing && before !== null && now.some((angle, i) => Math.abs(angle - before[i]) > Math.PI / 2);
 }
 
 function phase() {
@@ -95,16 +113,22 @@ function frame({ project }, extent) {
   });
 }
 
-// A trace up to now; `front` picks the half that lies towards the reader.
-function trace({ project, now }, rows, style, front, hidden, size = 1) {
+// A trace up to now; `front` picks the half that lies towards the reader; of what is not resolved
+// the points alone.
+function trace({ project, now }, rows, style, front, held, hidden, size = 1) {
   pen.strokeStyle = style;
   pen.lineWidth = 1.5;
   const last = now[0] + 1;
   let open = false, before = null;
+  pen.fillStyle = style;
   pen.beginPath();
   for (let i = 0; i <= last; i++) {
-    const p = scale(i === last ? between(rows, now) : rows[i], size), q = project(p);
+    const p = scale(i === last ? between(rows, now, held) : rows[i], size), q = project(p);
     const seen = (q[2] >= 0) === front && !(hidden && hidden(q));
+    if (held) {
+      if (seen) pen.fillRect(q[0] - 1, q[1] - 1, 2, 2);
+      continue;
+    }
     // From the point before, so that both halves meet.
     if (seen && !open) pen.moveTo(...(before || q).slice(0, 2));
     if (seen) pen.lineTo(q[0], q[1]);
@@ -165,16 +189,16 @@ function faces({ axes, project, attitude, now }, centre, size) {
 
 function drawBody(scene, centre, size) {
   const shown = Object.entries(data.traces).filter(([name]) => state.traces[name]);
-  for (const [name, rows] of shown) trace(scene, rows, colour(name), false);
+  for (const [name, rows] of shown) trace(scene, rows, colour(name), false, coarse[name]);
   faces(scene, centre, size);
   for (const [name, rows] of shown) {
-    trace(scene, rows, colour(name), true);
-    arrow(scene, between(rows, scene.now), colour(name), data.names[name]);
+    trace(scene, rows, colour(name), true, coarse[name]);
+    arrow(scene, between(rows, scene.now, coarse[name]), colour(name), data.names[name]);
   }
 }
 
 function drawOrbit(scene, extent) {
-  const { project, unit, now } = scene, position = between(data.position, now);
+  const { project, unit, now } = scene, position = between(data.position, now, coarse.position);
   const radius = data.planet * unit, centre = project([0, 0, 0]);
   const hidden = (q) => q[2] < 0 && Math.hypot(q[0] - centre[0], q[1] - centre[1]) < radius;
   const at = project(position);
@@ -190,13 +214,13 @@ function drawOrbit(scene, extent) {
   };
   if (state.traces.orbit) {
     // The whole path, before what is gone of it.
-    line(data.position.map(project), colour("line"), 1);
-    trace(scene, data.position, colour("orbit"), false, hidden);
+    if (!coarse.orbit) line(data.position.map(project), colour("line"), 1);
+    trace(scene, data.position, colour("orbit"), false, coarse.orbit, hidden);
   }
   if (at[2] < 0) body();
   if (data.rod) line([centre, at], colour("muted"), 1.5);
   else if (radius > 0) sphere(centre, radius);
-  if (state.traces.orbit) trace(scene, data.position, colour("orbit"), true);
+  if (state.traces.orbit) trace(scene, data.position, colour("orbit"), true, coarse.orbit);
   if (at[2] >= 0) body();
 }
 
@@ -219,7 +243,7 @@ function step(clock) {
     const gone = state.last === null ? 0 : Math.min(clock - state.last, 100) / 1000;
     state.t += gone * state.speed * span / SHOWN;
     // From the end it begins again.
-    if (state.t > ends[1]) state.t = ends[0];
+    if (state.t > ends[1]) [state.t, state.turned] = [ends[0], null];
     $("time").value = (state.t - ends[0]) / span;
     draw();
   }

@@ -14,6 +14,7 @@ import numpy as np
 
 from ..core import InputError
 from ..rotations import Quaternion
+from ._resolution import TURN, Drawn, resolved
 from ._view_shapes import faces_of, top_faces, wheel_faces
 
 if TYPE_CHECKING:
@@ -23,6 +24,10 @@ if TYPE_CHECKING:
 HERE = Path(__file__).parent
 MOST_FRAMES = 1500
 """Frames of a page: more make it slow to load."""
+MOST_TURNING = 6000
+"""Frames of a page whose body turns fast."""
+PLACE = {"direction": "position"}
+"""Blocks of states that are shown as a position."""
 NAMES = {"axis": "body axis z", "rate": "angular velocity", "momentum": "angular momentum"}
 SPEEDS = {"0.1": "1/10", "0.25": "1/4", "0.5": "1/2", "1": "1", "2": "2", "4": "4", "10": "10"}
 
@@ -38,8 +43,10 @@ def view_page(
 
     It shows the position with its orbit, the attitude as the homogeneous body of the same moments
     of inertia (a box, a cylinder, a top), and the wheels of effects that state their `speeds`.
-    Drag to look from elsewhere. The view interpolates between the saved times: a fast spin needs
-    several in each turn.
+    Drag to look from elsewhere. The view interpolates between the saved times. Where these are too
+    few for the motion, as of a fast spin, a run with a closed form or with `dense=True` is shown at
+    more times; any other one stands still from one time to the next, and the page says so. It also
+    says where something turns faster than a screen shows.
 
     **Arguments**
 
@@ -77,6 +84,7 @@ def view_page(
 {(HERE / "_view.css").read_text(encoding="utf-8")}</style></head><body>
 {f"<h1>{escape(title)}</h1>" if title else ""}
 <canvas id="view" role="img" aria-label="the run in three dimensions"></canvas>
+<p id="note" role="status"></p>
 <div id="controls"><button id="play">Play</button><span id="clock"></span>
 <input id="time" type="range" min="0" max="1" step="0.0005" value="0" aria-label="time">
 <select id="speed" aria-label="speed">{speeds}</select>
@@ -122,7 +130,8 @@ def _data(trajectory: "Trajectory | MissionTrajectory", planet: float | None) ->
     names = getattr(trajectory, "names", ())
     if any(np.ndim(phase.status) for phase in phases):
         raise InputError("The page shows one run: take run.of(0) of a batch.")
-    parts = [_frames(phase.system, phase.ts, phase.states) for phase in phases]
+    drawn = [resolved(phase) for phase in phases]
+    parts = [_frames(phase.system, d.ts, d.states) for phase, d in zip(phases, drawn, strict=True)]
     # What every phase has; a block that begins later has no frames before.
     blocks = {name for name in parts[0] if all(name in part for part in parts)}
     if not blocks & {"position", "attitude"}:
@@ -131,17 +140,34 @@ def _data(trajectory: "Trajectory | MissionTrajectory", planet: float | None) ->
         )
     joined = {name: np.concatenate([part[name] for part in parts], axis=-1) for name in blocks}
     times = joined.pop("times")
-    # Evenly in time: a short phase has as many states as a long one.
-    wanted = np.linspace(times[0], times[-1], min(len(times), MOST_FRAMES))
-    pick = np.unique(np.searchsorted(times, wanted).clip(0, len(times) - 1))
+    rate = np.zeros(len(times))
+    if "rate" in joined:
+        rate = np.linalg.norm(joined["rate"], axis=0)
+    pick = _picked(times, float(np.max(rate)))
     rows = {name: _listed(values[..., pick]) for name, values in joined.items()}
+    coarse = {PLACE.get(name, name) for d in drawn for name in d.coarse}
+    # Also of states that come from elsewhere, whose equations are not known.
+    turned = np.maximum(rate[pick][1:], rate[pick][:-1]) * np.diff(times[pick])
+    if np.any(turned > TURN):
+        coarse.add("attitude")
     return {
         "times": times[pick].tolist(),
         "phases": [(float(phase.ts[0]), name) for phase, name in zip(phases, names, strict=False)]
         or None,
+        "coarse": sorted(coarse & {"position", "attitude"} & rows.keys()),
+        "turned": np.round(np.cumsum(np.append(0.0, turned)), 3).tolist(),
         **_orbit(phases[0], joined, rows, planet),
-        **_body(phases[0], parts[0], rows, times, pick),
+        **_body(phases[0], drawn[0], rows, times, pick),
     }
+
+
+def _picked(times: np.ndarray, rate: float) -> np.ndarray:
+    """Which times are shown: evenly in time, because a short phase has as many states as a long
+    one, and more of them for a body that turns at up to this rate, rad/s."""
+    span = abs(times[-1] - times[0])
+    most = max(MOST_FRAMES, min(2.0 * span * rate / TURN, MOST_TURNING))
+    wanted = np.linspace(times[0], times[-1], int(min(len(times), most)))
+    return np.unique(np.searchsorted(times, wanted).clip(0, len(times) - 1))
 
 
 def _frames(system: "AbstractSystem", ts: Any, states: "State") -> dict[str, np.ndarray]:
@@ -211,7 +237,7 @@ def _orbit(phase: Any, blocks: dict, rows: dict, planet: float | None) -> dict[s
     }
 
 
-def _body(phase: Any, part: dict, rows: dict, times: np.ndarray, pick: np.ndarray) -> dict:
+def _body(phase: Any, drawn: Drawn, rows: dict, times: np.ndarray, pick: np.ndarray) -> dict:
     """The body with its wheels, and the traces of its vectors, each in units of its greatest."""
     if "attitude" not in rows:
         return {"attitude": None, "traces": {}, "faces": [], "wheels": [], "reach": 1.2}
@@ -224,7 +250,7 @@ def _body(phase: Any, part: dict, rows: dict, times: np.ndarray, pick: np.ndarra
             length = 1.3 if name == "axis" else 1.5
             # The vectors of a body at rest have no size to divide by.
             traces[name] = _listed((length / (size or 1.0) * vectors).T)
-    faces, wheels = _faces(phase), _wheels(phase, times, pick)
+    faces, wheels = _faces(phase), _wheels(phase.system, drawn, times, pick)
     corners = [point for face in faces for point in face["points"]]
     for k, wheel in enumerate(wheels):
         along = np.asarray(wheel["axis"])
@@ -257,14 +283,14 @@ def _faces(phase: Any) -> list[dict[str, Any]]:
     return faces_of(*np.linalg.eigh(tensor))
 
 
-def _wheels(phase: Any, times: np.ndarray, pick: np.ndarray) -> list[dict[str, Any]]:
+def _wheels(system: Any, drawn: Drawn, times: np.ndarray, pick: np.ndarray) -> list[dict[str, Any]]:
     """Axis, place and angle of every wheel of the effects that state the speeds of wheels."""
     found = []
-    for effect in getattr(phase.system, "effects", ()):
+    for effect in getattr(system, "effects", ()):
         # Speeds belong to the states of one phase: of more phases the frames are others.
-        if not hasattr(effect, "speeds") or len(phase.ts) != len(times):
+        if not hasattr(effect, "speeds") or len(drawn.ts) != len(times):
             continue
-        speeds = np.asarray(effect.speeds(phase.states))
+        speeds = np.asarray(effect.speeds(drawn.states))
         axes = np.asarray(effect.axes).reshape(3, -1)
         # The state has no angle of a wheel: by the trapezoidal rule, for the eye alone.
         mean = 0.5 * (speeds[:, 1:] + speeds[:, :-1]) * np.diff(times)

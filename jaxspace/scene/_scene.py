@@ -16,6 +16,7 @@ from typing import Any, final
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from ..bodies import (
@@ -42,6 +43,7 @@ from ._capabilities import body_motion, scene_regularised, scene_split
 from ._conserved import conserved
 from ._custom import Custom
 from ._explain import explain
+from ._ground import ground_warning
 from ._interface import AbstractScene
 from ._reading import ROTATION, TRANSLATION, Reading, read_effects
 
@@ -213,6 +215,17 @@ class Scene(AbstractScene):
         # A burn that ends at the dry mass does so within the tolerance of the run.
         slack = max(1e-6, 1e3 * float(jnp.finfo(y.mass.dtype).eps))
         return y.mass < (1.0 - slack) * least
+
+    def warning(self, ts: Array, states: BodyState, undisturbed: bool) -> str:
+        """That a run passes below the ground which an effect states (`AbstractEffect.ground`)."""
+        grounds = [(e, radius) for e in self.effects if (radius := e.ground()) is not None]
+        if not grounds:
+            return ""
+        # The lowest: an effect that goes on inside of the planet says zero.
+        effect, radius = min(grounds, key=lambda ground: float(np.min(ground[1])))
+        central = [x for e in self.effects if (x := e.regularised(None)) is not None]
+        mu = central[0].attraction if undisturbed and len(central) == 1 else None
+        return ground_warning(ts, states, radius, mu, f"{type(effect).__name__}.radius")
 
     def with_effects(self, effects: Sequence[AbstractEffect], carry: Sequence[str] = ()) -> "Scene":
         """The scene of the same body under other `effects`, with other parts to `carry`."""

@@ -13,6 +13,7 @@ from ..integration._accuracy import Accuracy, as_accuracy, state_dtype, without_
 from ..integration._config import IntegrationConfig, resolve
 from ..integration._events import Event
 from ..integration._stiffness import InitialConditions
+from ._after_run import warn_after
 from ._batch_layout import InAxes, cut_batch, local_blocks, split_batch
 from ._batch_repeat import repeat_missions, repeat_systems
 from ._batch_runs import run_missions, run_systems
@@ -142,6 +143,7 @@ def _batch_of_systems(
     if is_concrete(result.status) and not traced:
         result, config = repeat_systems(result, batched, shared, config, config_for, events, dense)
     trajectory = trajectory_of(result, whole[0], config, 1)
+    warn_after(trajectory, stacklevel=3)
     return raise_failures(trajectory) if throw else trajectory
 
 
@@ -173,6 +175,7 @@ def _batch_of_missions(
     if is_concrete(result.status) and not traced:
         result = repeat_missions(result, batched, shared, configs, num_saved)
     trajectory = mission_trajectory_of(result, mission, configs, 1)
+    warn_after(trajectory, stacklevel=3)
     return raise_failures(trajectory) if throw else trajectory
 
 

@@ -19,6 +19,7 @@ from ..integration._config import resolve
 from ..integration._events import Event
 from ..integration._status import Status
 from ..integration._stiffness import InitialConditions
+from ._after_run import warn_after
 from ._checks import (
     as_events,
     as_times,
@@ -137,7 +138,9 @@ def _simulate_system(
     config = resolve(system, y0, as_accuracy(accuracy), starts, restarts=not throw)
 
     run = functools.partial(_run_system, system, y0, ts, events, run_axes=0)
-    return finish(run, system, config, dense, throw)
+    trajectory = finish(run, system, config, dense, throw)
+    warn_after(trajectory, stacklevel=3)
+    return trajectory
 
 
 def _simulate_mission(
@@ -159,6 +162,7 @@ def _simulate_mission(
     configs = resolve_phases(mission, y0, as_accuracy(accuracy))
     result = _failed_are_nan(run_mission(mission, y0, t0, num_saved, configs, 0))
     trajectory = mission_trajectory_of(result, mission, configs, 0)
+    warn_after(trajectory, stacklevel=3)
     return raise_failures(trajectory, lambda: _failed_phase(trajectory)) if throw else trajectory
 
 

@@ -71,6 +71,11 @@ class Trajectory(eqx.Module):
         """The state at the first time."""
         return _program_state_at(self.states, 0, self.run_axes)
 
+    @property
+    def undisturbed(self) -> bool:
+        """Whether nothing but the system moved the state: no jump in place, no controller."""
+        return self.control is None and all(found.after is None for found in self.crossings)
+
     def __getitem__(self, k: int) -> State:
         """The state at the k-th time."""
         times = self.ts.shape[0]

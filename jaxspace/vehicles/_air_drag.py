@@ -64,6 +64,9 @@ class AirDrag(AbstractEffect):
     def breaks(self) -> Float[Array, "times *#runs"] | None:
         return None if self.burnout is None else self.burnout[None]
 
+    def ground(self) -> Scalar | None:
+        return None if self.air is None else self.air.radius
+
     def load(self, t: Scalar, y: BodyState, body: AbstractBody) -> Load:
         del body
         air, moving = air_about(self.air).at(y.position)

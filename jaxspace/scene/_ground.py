@@ -1,0 +1,94 @@
+"""Whether a run has passed below the ground of the planet about which it moves.
+
+    alpha = 1/a = 2/r - v^2/mu,  p = |r x v|^2/mu,  e^2 = 1 - p alpha,  q = p/(1 + e)
+    e cos E = 1 - r alpha,  e sin E = r . v sqrt(alpha/mu)
+    M = E - e sin E,  n = alpha sqrt(mu alpha)
+
+    symbol  meaning                                             unit
+    r, v    position from the centre, velocity                  m, m/s
+    mu      gravitational parameter of the centre               m^3/s^2
+    q, e    periapsis radius, eccentricity of the orbit         m, 1
+    E, M    eccentric and mean anomaly, from the periapsis      rad
+    n       mean motion                                         rad/s
+
+Source: Thomson 4.7, 4.13.
+
+Between two saved times a periapsis was passed where the orbit of either of them says so: a thrust
+bends one of the two, and a launch or a landing has its periapsis before or behind. A state that is
+saved below the ground counts where it is so deep that no pole of a planet lies there.
+"""
+
+import math
+
+import numpy as np
+from jaxtyping import ArrayLike
+
+from ..bodies import BodyState
+from ..core import Scalar
+
+TURN = 2.0 * math.pi
+
+POLE = 0.01
+"""So much of the equatorial radius a saved state may lie below it: 0.6 % are the poles of Mars."""
+GRAZING = 1e-3
+"""So much may the orbit: by so little that of a low satellite changes within a turn (J2)."""
+AT_PERIAPSIS = 1e-6
+"""Mean anomaly, rad, at which a run starts at the periapsis, to rounding."""
+
+
+def ground_warning(
+    ts: ArrayLike, states: BodyState, radius: Scalar, mu: Scalar | None, source: str
+) -> str:
+    """A sentence where a run passes below the ground of a planet; empty where it does not.
+
+    **Arguments**
+
+    - `ts`: s, (times,) or (times, *runs); `states`: those there, about the planet's centre.
+    - `radius`: of the ground, m, (*runs,); `source`: who states it, for the sentence.
+    - `mu`: of the planet, m^3/s^2, (*runs,); `None` where what lies between the times is not known,
+      as beside a controller."""
+    if states.position is None or states.velocity is None:
+        return ""
+    x, v, t, R = (np.asarray(a, float) for a in (states.position, states.velocity, ts, radius))
+    t = t.reshape(*t.shape, *(1,) * (x.ndim - 1 - t.ndim))
+    # What is not finite, of a run that failed, compares as false.
+    with np.errstate(all="ignore"):
+        r = np.sqrt(np.sum(x * x, axis=0))
+        lowest = np.min(np.where(r < (1.0 - POLE) * R, r, np.inf), axis=0)
+        if mu is not None:
+            q = _lowest_periapsis(t, x, v, r, np.asarray(mu, float))
+            lowest = np.minimum(
+                lowest, np.min(np.where(q < (1.0 - GRAZING) * R, q, np.inf), axis=0)
+            )
+    count = np.count_nonzero(np.isfinite(lowest))
+    if not count:
+        return ""
+    who = "The run passes" if lowest.ndim == 0 else f"{count} of {lowest.size} runs pass"
+    return (
+        f"{who} below the ground, {np.min(lowest):.4g} m from the centre of a planet of "
+        f"{np.max(R):.4g} m ({source}): end it there by an event, such as AtAltitude, or raise the "
+        f"orbit."
+    )
+
+
+def _lowest_periapsis(
+    t: np.ndarray, x: np.ndarray, v: np.ndarray, r: np.ndarray, mu: np.ndarray
+) -> np.ndarray:
+    """Between each two saved times the periapsis radius, m, (times - 1, *runs), of the higher of
+    both orbits; infinite where one of them passes none there."""
+    # As if time went forwards.
+    t, v = (-t, -v) if np.any(t[-1] < t[0]) else (t, v)
+    climb = np.sum(x * v, axis=0)
+    alpha = 2.0 / r - np.sum(v * v, axis=0) / mu
+    p = np.sum(np.cross(x, v, axis=0) ** 2, axis=0) / mu
+    q = p / (1.0 + np.sqrt(np.maximum(1.0 - p * alpha, 0.0)))
+    sine = climb * np.sqrt(alpha / mu)
+    M = (np.arctan2(sine, 1.0 - r * alpha) - sine) % TURN
+    # To rounding the start is at the periapsis, and has not left it.
+    to_come = np.where(M < AT_PERIAPSIS, 0.0, TURN - M)
+    n = alpha * np.sqrt(mu * alpha)
+    h = np.diff(t, axis=0)
+    ellipse = (n[:-1] * h >= to_come[:-1]) & (n[1:] * h >= M[1:])
+    other = (climb[:-1] <= 0.0) & (climb[1:] >= 0.0)
+    passed = np.where(alpha[:-1] > 0.0, ellipse, other)
+    return np.where(passed, np.maximum(q[:-1], q[1:]), np.inf)

@@ -1,0 +1,19 @@
+"""What a system finds in its finished runs, as warnings."""
+
+import warnings
+
+from ..core import is_traced
+from ._mission_trajectory import MissionTrajectory
+from ._trajectory import Trajectory
+
+
+def warn_after(result: Trajectory | MissionTrajectory, stacklevel: int) -> None:
+    """Warn of what the systems of a run find in it (`AbstractSystem.warning`), where its numbers
+    are known. `stacklevel` is that of the caller."""
+    phases = result.phases if isinstance(result, MissionTrajectory) else (result,)
+    for run in phases:
+        if is_traced((run.ts, run.states, run.system)):
+            return
+        words = run.system.warning(run.ts, run.states, run.undisturbed)
+        if words:
+            warnings.warn(words, stacklevel=stacklevel + 1)
