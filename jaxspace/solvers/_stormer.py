@@ -134,9 +134,14 @@ class Stormer(AbstractFieldSolver, AbstractFixedStep):
         )
 
     def bind(
-        self, *, tolerance: Tolerance, save_ts: Float[Array, " times"] | None, run_axes: int
+        self,
+        *,
+        tolerance: Tolerance,
+        save_ts: Float[Array, " times"] | None,
+        run_axes: int,
+        searched: bool = False,
     ) -> "Stormer":
-        del tolerance, save_ts
+        del tolerance, save_ts, searched
         return Stormer(self.k, steps=self.steps, run_axes=run_axes)
 
     def refined(self, factor: int) -> "Stormer":
