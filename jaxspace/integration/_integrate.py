@@ -103,7 +103,9 @@ def integrate(
     if traits.own_steps:
         outcome, form = solve_own_steps(hoist(field, y0, traits.needs), y0, settings)
     elif config.adjoint is None and traits.replayable:
-        outcome = solve(hoist(field, y0, traits.needs), y0, settings)
+        # Where events are sought, `locates_events` has seen that nothing hides in closures.
+        seen = field if until else hoist(field, y0, traits.needs)
+        outcome = solve(seen, y0, settings)
         if fractions is not None and not landing:
             assert settings.save_ts is not None
             states = at_save_times(outcome.states, system, segments, settings.save_ts, fractions)

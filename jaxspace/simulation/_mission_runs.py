@@ -74,7 +74,8 @@ def _run_phase(
     record_steps: bool,
 ) -> RunResult:
     """A phase without its name and its jump, so that equal phases are compiled once."""
-    y0 = broadcast_state(system, t0, y0)
+    if run_axes:
+        y0 = broadcast_state(system, t0, y0)
     runs = runs_of(y0, run_axes)
     dtype = jnp.result_type(*jax.tree.leaves(y0))
     # Each run may start, and meet its event, at a time of its own.

@@ -122,7 +122,8 @@ def run_system(
 
     From the event on, states and times are those of the event. Events that are not terminal are
     collected on the way. What a failed run did not reach is NaN."""
-    y0 = broadcast_state(system, ts[0], y0)
+    if run_axes:
+        y0 = broadcast_state(system, ts[0], y0)
     runs = runs_of(y0, run_axes)
     asked = jnp.broadcast_to(_with_runs(ts, runs), (ts.shape[0], *runs))
     events = closures_of_events(events, asked[0], y0)
