@@ -67,8 +67,9 @@ NOTES: dict[str, str] = {
         "the exponential of A t loses a rounding of its norm |A t|, not only of its condition",
     ),
     "impulse": "a difference of elements: `first_order=True` keeps the digits of a small impulse",
-    "kepler": "a flyby of e = 100 from afar: the derivatives lose three digits more than the "
-    "position",
+    "kepler": "a flyby from afar, nearly along its velocity: its errors are those of inputs that "
+    "are rounded by their lengths, also where a small component is known better; the derivatives "
+    "lose up to three digits more",
 }
 
 

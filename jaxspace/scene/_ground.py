@@ -1,6 +1,6 @@
 """Whether a run has passed below the ground of the planet about which it moves.
 
-    alpha = 1/a = 2/r - v^2/mu,  p = |r x v|^2/mu,  e^2 = 1 - p alpha,  q = p/(1 + e)
+    alpha = 1/a = 2/r - v^2/mu,  p = (r^2 v^2 - (r . v)^2)/mu,  e^2 = 1 - p alpha,  q = p/(1 + e)
     e cos E = 1 - r alpha,  e sin E = r . v sqrt(alpha/mu)
     M = E - e sin E,  n = alpha sqrt(mu alpha)
 
@@ -13,9 +13,9 @@
 
 Source: Thomson 4.7, 4.13.
 
-Between two saved times a periapsis was passed where the orbit of either of them says so: a thrust
-bends one of the two, and a launch or a landing has its periapsis before or behind. A state that is
-saved below the ground counts where it is so deep that no pole of a planet lies there.
+Between two saved times a periapsis was passed where the orbits of both say so: a thrust bends one
+of the two, and a launch or a landing has its periapsis before or behind. A state that is saved
+below the ground counts where it is so deep that no pole of a planet lies there.
 """
 
 import math
@@ -79,8 +79,10 @@ def _lowest_periapsis(
     # As if time went forwards.
     t, v = (-t, -v) if np.any(t[-1] < t[0]) else (t, v)
     climb = np.sum(x * v, axis=0)
-    alpha = 2.0 / r - np.sum(v * v, axis=0) / mu
-    p = np.sum(np.cross(x, v, axis=0) ** 2, axis=0) / mu
+    v2 = np.sum(v * v, axis=0)
+    alpha = 2.0 / r - v2 / mu
+    # A radius that is near to that of the ground is no difference of large numbers here.
+    p = (r * r * v2 - climb * climb) / mu
     q = p / (1.0 + np.sqrt(np.maximum(1.0 - p * alpha, 0.0)))
     sine = climb * np.sqrt(alpha / mu)
     M = (np.arctan2(sine, 1.0 - r * alpha) - sine) % TURN

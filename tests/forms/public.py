@@ -36,7 +36,7 @@ LEFT_OUT: dict[str, list[str]] = {
         bodies.PrincipalInertia.matrix attitude.spin_rate orbits.*_node core.axis
         core.components core.expand rotations.Quaternion.coordinates
         rotations.Quaternion.identity rotations.Quaternion.*xyzw
-        *.breaks *.switches *.scaled bodies.sample_state attitude.TiltState
+        *.breaks *.switches *.ground *.scaled bodies.sample_state attitude.TiltState
         rockets.ThrustProfile.constant vehicles.Rail.load
         vehicles.Aerodynamics.surfaces attitude.ReactionWheels.rotor mechanics.*.state
         attitude.ShaftPendulum.state gyros.*.state
