@@ -12,12 +12,12 @@ import tempfile
 import time
 from pathlib import Path
 
-import diffrax
 import jax.numpy as jnp
 import numpy as np
 
 from jaxspace import Accuracy
 from jaxspace.dispersion import Campaign, Normal, disperse
+from jaxspace.solvers import Tsit5
 from jaxspace.vehicles import sounding_flight
 
 from ._measure import optional
@@ -26,7 +26,7 @@ HERE = Path(__file__).resolve().parent
 RUNS, FLIGHTS = 16_384, 40
 # Deviations of the rail, deg.
 SCATTER = {"inclination": 1.0, "heading": 10.0}
-ACCURACY = Accuracy(rtol=1e-6, method=diffrax.Tsit5())
+ACCURACY = Accuracy(rtol=1e-6, method=Tsit5())
 
 
 def calisto() -> dict:

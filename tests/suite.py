@@ -21,12 +21,12 @@ PROGRAMS = Path(__file__).resolve().parents[1] / ".programs"
 SAMPLE = 5
 
 # A test that takes more processor time than this, in seconds, leaves the quick part.
-MOST_SECONDS = 2.5
+MOST_SECONDS = 0.8
 # All cases of a test that is named without one.
 BASIC_TESTS = tuple(test for tests in BASICS.values() for test in tests.values())
 
 # Costs below this are not written down: so many rows would change with each measurement.
-LEAST_SECONDS = 1.0
+LEAST_SECONDS = 0.5
 
 
 def selected(items, part: str, sweep: str) -> list:

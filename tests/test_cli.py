@@ -2,9 +2,11 @@
 independent facts."""
 
 import contextlib
+import functools
 import io
 import json
 import math
+import re
 import shlex
 import subprocess
 import sys
@@ -20,6 +22,8 @@ from jaxspace.cli import main
 from jaxspace.dispersion import open_store
 from jaxspace.io import SceneFile
 from jaxspace.simulation import MissionTrajectory
+from jaxspace.solvers import Tsit5
+from jaxspace.studies import accuracy_cost
 
 # The command line settles JAX for its own process.
 pytestmark = pytest.mark.usefixtures("settings_stay")
@@ -450,6 +454,48 @@ def test_cost_prints_a_table_and_recommends(tmp_path, capsys):
     assert "closed_form  float64" in printed
     assert "for a relative error of 1e-09 in the final state: " in printed
     assert (tmp_path / "a" / "coast_cost.png").exists() and "coast_cost.png" in printed
+
+
+LONG_SPIN = """
+title = "A long spin"
+accuracy = 1e-6
+max_steps = {max_steps}
+
+[body]
+inertia = ["520 kg m^2", "560 kg m^2", "340 kg m^2"]
+
+[effects.viscous_torque]
+damping = [0.3, 0.2, 0.1]
+
+[initial]
+omega = ["0.5 rpm", "0.3 rpm", "211 rpm"]
+
+[initial.attitude]
+angles = ["0 deg", "0 deg", "0 deg"]
+
+[times]
+end = "{minutes} min"
+"""
+
+
+def test_cost_of_a_long_spin_prints_what_it_has(tmp_path, capsys, monkeypatch):
+    """Runs take as many steps as the file says; where none serves as the reference, the rows come
+    without errors, and the command says why."""
+    # One method and one program for its tolerances: what is tested costs no more.
+    few = functools.partial(accuracy_cost, methods=(Tsit5(),), precisions=("float64",), repeats=1)
+    monkeypatch.setattr("jaxspace.cli._commands.accuracy_cost", few)
+    monkeypatch.setattr("jaxspace.cli._commands.TOLERANCES", (1e-3,))
+    monkeypatch.setattr("jaxspace.studies._cost_reference.ROOM", (1,))
+    monkeypatch.setattr("jaxspace.studies._cost_reference.HIGH_ORDER", Tsit5())
+    path = tmp_path / "spin.toml"
+    path.write_text(LONG_SPIN.format(max_steps=32, minutes=600))
+    assert main(["cost", str(path), "--out", str(tmp_path / "a")]) == 1
+    printed = capsys.readouterr().out
+    # 32 steps of six evaluations, and no error.
+    assert re.search(r"Tsit5 +float64 +1e-06 +-\* .* 192 +\d+ ", printed) and "nan" not in printed
+    assert "The errors are not known, because no run ends well that they could be" in printed
+    assert "Tsit5 at 1e-03, 1e-06 in float64: The steps ran out" in printed
+    assert not (tmp_path / "a" / "spin_cost.png").exists()
 
 
 def test_budget_prints_a_table_and_what_may_go(tmp_path, capsys):

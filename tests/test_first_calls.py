@@ -7,12 +7,15 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxspace import Accuracy, BodyState, Mission, Phase, simulate, simulate_batch
-from jaxspace.core import AbstractSystem
+from jaxspace import Accuracy, BodyState, Event, Mission, Phase, Scene, simulate, simulate_batch
+from jaxspace.bodies import Load
+from jaxspace.core import AbstractSystem, dot
+from jaxspace.integration import select_method
 from jaxspace.integration._needed import needed_only
 from jaxspace.integration._normalised_time import segments_of
-from jaxspace.orbits import TwoBody
-from jaxspace.solvers import DOP853, Tolerance, Tsit5, bind
+from jaxspace.orbits import PointGravity, TwoBody
+from jaxspace.scene import Custom
+from jaxspace.solvers import DOP853, RKN1210, AdaptiveRegularised, Tolerance, Tsit5, bind
 
 
 def operations(jaxpr) -> list[str]:
@@ -92,12 +95,91 @@ def test_a_run_from_the_end_of_another_is_the_same_program(kind):
     np.testing.assert_allclose(again[0], np.cos(2.0) * np.ones(y0[0].shape), atol=1e-5)
 
 
-def test_the_drift_of_a_run_is_one_program():
+class Force(eqx.Module):
+    """A load towards the centre that counts how often it is traced."""
+
+    traced: list = eqx.field(static=True, default_factory=Traces)
+
+    def __call__(self, t, y, body):
+        self.traced.append(t)
+        return Load(acceleration_N=-1e-3 * y.position)
+
+
+def half_square(t, y, body):
+    return 5e-4 * dot(y.position, y.position)
+
+
+def perturbed(mu, force):
+    """Attraction by a point, perturbed by a potential: of such orbits "auto" asks most."""
+    custom = Custom(force, keeps={"energy"}, energy=half_square)
+    return Scene([PointGravity(mu), custom])
+
+
+@pytest.mark.parametrize("batch", [False, True])
+def test_a_second_call_traces_nothing(batch):
+    """A system of the same make with other numbers is no new one."""
+    force = Force()
+    y0, ts = BodyState(jnp.array([1.0, 0.0, 0.0]), jnp.array([0.0, 1.1, 0.0])), [0.0, 10.0]
+    if batch:
+        y0 = jax.tree.map(lambda x: jnp.broadcast_to(x[:, None], (3, 2)), y0)
+    run = simulate_batch if batch else simulate
+    first = run(perturbed(1.0, force), y0, ts, accuracy=1e-6)
+    traces = len(force.traced)
+    assert traces > 0 and isinstance(first.accuracy.method, RKN1210)
+    run(perturbed(1.01, force), y0, ts, accuracy=1e-6)
+    assert len(force.traced) == traces
+
+
+class Half(eqx.Module):
+    """The condition that x = 1/2, which counts how often it is traced."""
+
+    traced: list = eqx.field(static=True, default_factory=Traces)
+
+    def __call__(self, t, y):
+        self.traced.append(t)
+        return y[0] - 0.5
+
+
+@pytest.mark.parametrize("kind", ["event", "mission", "between"])
+def test_what_follows_a_run_is_traced_once(kind):
+    """Of x = cos t: its event, the phases of a mission, and a state between the save times."""
+    system, half, how = Counted(), Half(), Accuracy(1e-6, method=Tsit5())
+    y0, ts = (jnp.asarray(1.0), jnp.asarray(0.0)), np.array([0.0, 2.0])
+    event = Event(half, within=2.0)
+    dense = simulate(system, y0, ts, accuracy=how, dense=True)
+    third = float(np.arccos(0.5))
+    for _ in range(2):
+        traces = len(system.traced), len(half.traced)
+        if kind == "event":
+            end = simulate(system, y0, ts, accuracy=how, events=(event,)).final
+        elif kind == "mission":
+            end = simulate(Mission([Phase(system, event)]), y0, accuracy=how).final
+        else:
+            end = dense.at(third)
+        np.testing.assert_allclose(end, (0.5, -np.sqrt(0.75)), atol=1e-5)
+    assert (len(system.traced), len(half.traced)) == traces
+
+
+def test_to_choose_a_method_again_traces_nothing():
+    """Of an eccentric orbit, e = v^2 - 1, whose perturbation is asked for its potential."""
+    force = Force()
+    y0 = BodyState(jnp.array([1.0, 0.0, 0.0]), jnp.array([0.0, 1.3, 0.0]))
+    ts = jnp.array([0.0, 40.0])
+    for _ in range(2):
+        traces = len(force.traced)
+        method = select_method(perturbed(1.0, force), y0, 1e-9, ts)
+        assert isinstance(method, AdaptiveRegularised)
+    assert len(force.traced) == traces > 0
+
+
+def test_what_is_asked_of_a_run_is_one_program():
     ts = jnp.array([0.0, 1.0])
     y0 = BodyState(jnp.array([1.0, 0.0, 0.0]), jnp.array([0.0, 1.0, 0.0]))
     run = simulate(TwoBody(1.0), y0, ts)
     jaxpr = eqx.filter_make_jaxpr(lambda run: run.drift())(run)[0].jaxpr
     assert operations(jaxpr) == ["_program_drift"]
+    jaxpr = eqx.filter_make_jaxpr(lambda run: run.at(0.3))(run)[0].jaxpr
+    assert operations(jaxpr) == ["_program_at"]
 
 
 def test_what_no_result_needs_is_not_differentiated():

@@ -136,6 +136,26 @@ def test_a_failed_run_is_loud_under_jit(returned):
             jax.block_until_ready(function(y0, duration))
 
 
+@pytest.mark.parametrize("mapped", [False, True])
+def test_the_sentence_of_a_failed_run_comes_first_and_last(mapped, caplog):
+    """In the log of JAX alone, and at the end of what it raises; of mapped runs one fails."""
+
+    def end(duration):
+        ts = jnp.stack([jnp.zeros(()), duration])
+        return simulate(KEPLER, start(), ts, accuracy=Accuracy(1e-6, max_steps=16)).final.position
+
+    function = jax.jit(jax.vmap(end) if mapped else end)
+    fine, failing = (jnp.array([0.1, 0.2]), jnp.array([0.1, 1e4])) if mapped else (0.1, 1e4)
+    assert np.all(np.isfinite(function(fine))) and not caplog.records
+    # Which of them depends on the way that JAX calls the program.
+    with pytest.raises((jax.errors.JaxRuntimeError, ValueError)) as raised:
+        jax.block_until_ready(function(failing))
+    (record,) = caplog.records
+    sentence = record.getMessage()
+    assert sentence.startswith(Status.MAX_STEPS.sentence) and record.exc_info is None
+    assert str(raised.value).rstrip().endswith(f"SimulationError: {sentence}")
+
+
 def test_failed_rows_are_nan_beside_their_status():
     y0 = jax.tree.map(lambda a, b: jnp.stack([a, b], axis=-1), start(), FALLING)
     run = simulate_batch(KEPLER, y0, jnp.array([0.0, 1.0, 5.0]), accuracy=QUICK)

@@ -292,7 +292,7 @@ def test_the_table_is_plain_and_frozen():
     words = str(cost)
     assert (
         "1.0e-03*" in words
-        and "DOP853 at 1e-04 in float64: It fell." in words
+        and "DOP853 at 1e-04, 1e-05 in float64: It fell." in words
         and "20 us" in words
         and "2 KiB" in words
     )
@@ -576,14 +576,40 @@ def test_a_long_run_is_judged_by_a_reference_with_more_steps():
     np.testing.assert_allclose(loose.error, np.linalg.norm(error), rtol=1e-3)
 
 
+def test_a_table_without_a_reference_says_so():
+    """Of a hum that loose steps do not see, tight ones resolve each wave: no run of 64 times as
+    many steps ends, and the loose row stands without an error."""
+    y0, ts = {"x": jnp.asarray(1.0), "v": jnp.asarray(0.0)}, jnp.array([0.0, 1.0])
+    cost = accuracy_cost(
+        *(Spinning(jnp.asarray(0.5), jnp.asarray(1e-7)), y0, ts),
+        methods=(DOP853(),),
+        tolerances=(1e-3, 1e-11),
+        precisions=("float64",),
+        gradient=True,
+        max_steps=32,
+    )
+    loose, tight = cost.rows
+    assert (loose.failure, cost.reference) == ("", "") and "steps ran out" in tight.failure
+    assert loose.seconds > 0.0 and math.isnan(loose.error) and loose.gradient_error is None
+    assert cost.notes[0].startswith("The errors are not known, because no run ends well")
+    assert "DOP853 at 1e-11: The steps ran out" in cost.notes[0]
+    assert "nan" not in str(cost) and cost.notes[0] in str(cost)
+    with pytest.raises(InputError, match="none was measured. The errors are not known"):
+        cost.cheapest(1e-3)
+
+
 @final
 class Spinning(AbstractSystem):
-    """x' = w v, v' = -w x"""
+    """x' = w v, v' = -w x + h sin(1e6 t)"""
 
     w: Scalar
+    hum: Scalar = 0.0
 
     def vector_field(self, t, y):
-        return {"x": self.w * y["v"], "v": -self.w * y["x"]}
+        return {
+            "x": self.w * y["v"],
+            "v": -self.w * y["x"] + self.hum * jnp.sin(1e6 * t),
+        }
 
     def invariants(self, t, y):
         return {}

@@ -120,9 +120,19 @@ def cost(path: str, error: float | None, gradient: bool, folder: str) -> int:
     # The file's own setting is always among those measured, so that it can be compared.
     rtol = file.values["accuracy"]
     tolerances = sorted({*TOLERANCES, rtol}, reverse=True)
-    table = accuracy_cost(file.system, file.y0, file.ts, tolerances=tolerances, gradient=gradient)
+    table = accuracy_cost(
+        file.system,
+        file.y0,
+        file.ts,
+        tolerances=tolerances,
+        gradient=gradient,
+        max_steps=file.accuracy.max_steps,
+    )
     print(f"{file.title}: what accuracy costs")
     print(table)
+    if not table.reference:
+        # Nothing to recommend, and nothing to draw.
+        return 1
     print(f"\n{_recommendation(table, rtol if error is None else error)}")
     _draw_table(table, path_of(file, folder, "_cost.png"))
     return 0

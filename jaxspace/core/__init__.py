@@ -67,6 +67,9 @@ from ._shapes import runs_last as runs_last
 from ._shapes import with_rank as with_rank
 from ._special import stumpff as stumpff
 from ._special import stumpff_near as stumpff_near
+from ._structure import once_per_structure as once_per_structure
+from ._structure import shape_of as shape_of
+from ._structure import without_numbers as without_numbers
 from ._system import AbstractClosedForm as AbstractClosedForm
 from ._system import AbstractRegularised as AbstractRegularised
 from ._system import AbstractSecondOrderForm as AbstractSecondOrderForm

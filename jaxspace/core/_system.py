@@ -205,7 +205,8 @@ class AbstractSystem(AbstractParameters):
 
     def check_values(self, t: Scalar, y: State) -> None:
         """Raise `InputError` for what the numbers of the system and of the first state `y`, at the
-        time `t`, s, contradict. Asked before a run, where no number is traced."""
+        time `t`, s, contradict. Asked before a run, where no number is traced; `t` is a number of
+        NumPy."""
         del t, y
 
     def missing(self, capability: str) -> str:

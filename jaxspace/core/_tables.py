@@ -15,6 +15,7 @@ therefore lands on its nodes (`breaks_of`).
 Source: de Boor, A Practical Guide to Splines, IV.
 """
 
+from types import FunctionType, MethodType
 from typing import Any, final
 
 import equinox as eqx
@@ -178,8 +179,11 @@ def _tables(tree: Any) -> list[AbstractTable]:
     for leaf in jax.tree.leaves(tree, is_leaf=lambda x: isinstance(x, AbstractTable)):
         if isinstance(leaf, AbstractTable):
             found.append(leaf)
-        # A function is a leaf, and what it closes over is no part of the tree.
-        for cell in getattr(leaf, "__closure__", None) or ():
+        # A function is a leaf, and what it closes over is no part of the tree. By its type: an
+        # object of a user may answer to any name, or raise for it.
+        function = leaf.__func__ if isinstance(leaf, MethodType) else leaf
+        cells = function.__closure__ if isinstance(function, FunctionType) else None
+        for cell in cells or ():
             try:
                 found += _tables(cell.cell_contents)
             # The cell of a function that refers to itself may still be empty.

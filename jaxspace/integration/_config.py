@@ -88,6 +88,8 @@ def resolve(
     y0: PyTree,
     accuracy: Accuracy,
     starts: Callable[[], InitialConditions | None] | None = None,
+    *,
+    restarts: bool = False,
 ) -> IntegrationConfig:
     """The configuration of an integration.
 
@@ -97,6 +99,7 @@ def resolve(
     - `accuracy`: what the user asked for.
     - `starts`: gives the runs whose numbers may be looked at to recognise a stiff system, where the
       rules get that far; `None` in missions, where the structure alone decides.
+    - `restarts`: as in `IntegrationConfig`.
 
     **Raises** `InputError` for a tolerance that the precision of the state cannot reach, and for a
     method that needs what the system does not offer."""
@@ -128,6 +131,7 @@ def resolve(
         accuracy.adjoint,
         accuracy.max_steps,
         None if accuracy.max_step is None else _in_precision(accuracy.max_step, dtype),
+        restarts,
     )
 
 

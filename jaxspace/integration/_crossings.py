@@ -27,8 +27,9 @@ from jaxtyping import Array, Bool, Float, Int
 
 from ..core import AbstractSystem, Scalar, State
 from ._config import IntegrationConfig
-from ._event_bracket import ConditionOnRun, close_in
-from ._event_zero import Samples, pick, sampled
+from ._event_bracket import close_in
+from ._event_runs import ConditionOnRun, FromSample, Samples, sampled
+from ._event_zero import pick
 from ._events import Event, newton_correct
 from ._integrate import integrate
 from ._layout import state_at, times_behind_components
@@ -172,7 +173,9 @@ def _search(along: ConditionOnRun, samples: Samples) -> _Found:
         last = pick(found.times, jnp.maximum(found.count - 1, 0), along.run_axes)
         start = jnp.where(found.again, last, t)
         value = jnp.where(found.again, -other, value)
-        there, met, sure = close_in(along, (t, end), y, (value, other), wanted, start)
+        there, met, sure = close_in(
+            FromSample(along, y, t), (t, end), (value, other), wanted, start
+        )
         good = wanted & met & sure
         here = (rows == found.count) & good
         # Of a dip, only an event of both directions has another zero.

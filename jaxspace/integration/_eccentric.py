@@ -15,11 +15,15 @@ output is cheaper than a landing on each.
     mu      gravitational parameter             m^3/s^2
 """
 
+from typing import Literal
+
+import equinox as eqx
 import jax
 import numpy as np
-from jaxtyping import ArrayLike
+from jax.extend.core import Literal as Constant
+from jaxtyping import ArrayLike, PyTree
 
-from ..core import AbstractSystem
+from ..core import AbstractSystem, Scalar, State, once_per_structure, without_numbers
 from ..solvers._regularised_step import form_in
 from ._stiffness import InitialConditions
 
@@ -28,28 +32,68 @@ ECCENTRIC = 0.5
 STATES = 8.0
 
 
-def is_eccentric(starts: InitialConditions, system: AbstractSystem, second_order: bool) -> bool:
-    """Whether runs are to be integrated in regularised variables.
+def is_eccentric(starts: InitialConditions, system: AbstractSystem) -> bool:
+    """Whether runs are orbits for which steps in regularised variables pay off.
 
     **Arguments**
 
     - `starts`: runs of which some are looked at.
     - `system`: their system.
-    - `second_order`: whether a method for second-order systems serves otherwise: then only a
-      perturbation with a potential has a better one.
 
     `False` where the numbers are not known (under `jit`, or in a derivative)."""
-    form = system.regularised()
-    if form is None or form.attraction is None or not starts.readable:
+    if not starts.readable:
         return False
-    _, y, ts = starts.runs
-    if second_order:
-        z = jax.eval_shape(form.to_regularised, y)
-        if form_in(form, z) is form:
-            return False
-    e, revolutions = _orbits(starts, form.attraction)
-    between = revolutions * STATES >= np.shape(ts)[0] - 1
-    return bool(np.median(e) >= ECCENTRIC and np.median(revolutions) >= 1.0 and np.all(between))
+    mu = _attraction_of(system)
+    if mu is None:
+        return False
+    e, revolutions = _orbits(starts, mu)
+    if not (np.median(e) >= ECCENTRIC and np.median(revolutions) >= 1.0):
+        return False
+    _, _, ts = starts.runs
+    return bool(np.all(revolutions * STATES >= np.shape(ts)[0] - 1))
+
+
+@without_numbers
+def is_second_order_regularised(system: AbstractSystem, y: State) -> bool:
+    """Whether the motion of a system that has regularised variables is of second order in them."""
+    form = system.regularised()
+    assert form is not None
+    return form_in(form, form.to_regularised(y)) is not form
+
+
+def _attraction_of(system: AbstractSystem) -> Scalar | None:
+    """The gravitational parameter about which a motion goes; `None` where there is none."""
+    place = _attraction_place(system)
+    if isinstance(place, int):
+        return jax.tree.leaves(system)[place]
+    form = system.regularised() if place == "computed" else None
+    return None if form is None else form.attraction
+
+
+@once_per_structure
+def _attraction_place(system: AbstractSystem) -> int | Literal["none", "computed"]:
+    """Which of the leaves of a system is its attraction, where it is one of them: to read it takes
+    a hundredth of the time in which a scene makes its regularised variables."""
+    shapes, static = eqx.partition(system, lambda x: isinstance(x, jax.ShapeDtypeStruct))
+
+    def attraction(shapes: PyTree) -> Scalar | None:
+        form = eqx.combine(shapes, static).regularised()
+        return None if form is None else form.attraction
+
+    try:
+        jaxpr = jax.make_jaxpr(attraction)(shapes).jaxpr
+    # Whatever a system raises that asks a traced number for its value.
+    except Exception:  # noqa: BLE001
+        return "computed"
+    if not jaxpr.outvars:
+        return "none"
+    arrays = [
+        k for k, x in enumerate(jax.tree.leaves(system)) if isinstance(x, jax.ShapeDtypeStruct)
+    ]
+    places = dict(zip(jaxpr.invars, arrays, strict=True))
+    (found,) = jaxpr.outvars
+    # A number that no array holds is a literal, which cannot be looked up.
+    return "computed" if isinstance(found, Constant) else places.get(found, "computed")
 
 
 def _orbits(starts: InitialConditions, mu: ArrayLike) -> tuple[np.ndarray, np.ndarray]:

@@ -4,52 +4,20 @@ In a dip, where the condition has one sign at both samples, the extremum is soug
 secant of the slopes. From the first place beyond zero on the search is the same as elsewhere.
 """
 
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Bool
 
-from ..core import AbstractSystem, Scalar, State, safe_divide
-from ._config import IntegrationConfig
+from ..core import Scalar, safe_divide
 from ._events import Event
-from ._integrate import integrate
-from ._layout import state_at, times_first
 
 # Steps within the bracket, at most. Four are enough for a simple zero; one of a ball's last bounces
 # is next to another zero, the start, where Newton's method gains a bit a step, as bisection does.
 CLOSING_STEPS = 128
 # Width, as a part of an interval, to which the place of an extremum is sought.
 NARROW = 1e-4
-
-
-class ConditionOnRun(NamedTuple):
-    """The condition of an event along the runs of a system, and how these are integrated."""
-
-    system: AbstractSystem
-    event: Event
-    config: IntegrationConfig
-    run_axes: int
-
-    def value(self, t: Scalar, y: State) -> Scalar:
-        """What is zero at the event."""
-        return self.event.value(self.system, t, y)
-
-    def slope(self, t: Scalar, y: State) -> tuple[Scalar, Scalar]:
-        """The `value` and its rate along the motion, 1/s times its unit."""
-        return self.event.slope(self.system, t, y)
-
-    def state(self, y: State, t: Scalar, end: Scalar) -> State:
-        """The state at `end`, s, of the run that has the state `y` at `t`."""
-        # A few short runs, and one more program of a step: where one run is sought, a small one.
-        config = self.config if self.run_axes else self.config.small_program()
-        result = integrate(self.system, y, t, end, None, config, self.run_axes, trimmed=True)
-        return state_at(result.states, -1, self.run_axes)
-
-    def states(self, y: State, t: Scalar, end: Scalar, fractions: Float[Array, " times"]) -> State:
-        """The states at these fractions of the time from `t` to `end`, times first."""
-        result = integrate(self.system, y, t, end, fractions, self.config, self.run_axes)
-        return times_first(result.states, self.run_axes)
 
 
 class _Bracket(NamedTuple):
@@ -73,10 +41,26 @@ class _Bracket(NamedTuple):
     finite: Bool[Array, "*#runs"]
 
 
+class WithinSpan(Protocol):
+    """The condition of an event as a function of time, or of what stands for it."""
+
+    @property
+    def event(self) -> Event:
+        """The event."""
+        ...
+
+    def slope(self, t: Scalar) -> tuple[Scalar, Scalar]:
+        """What is zero at the event, and its rate."""
+        ...
+
+    def condition(self, t: Scalar) -> Scalar:
+        """The condition itself."""
+        ...
+
+
 def close_in(
-    along: ConditionOnRun,
+    within: WithinSpan,
     span: tuple[Scalar, Scalar],
-    y: State,
     g: tuple[Scalar, Scalar],
     wanted: Bool[Array, "*runs"],
     behind: Scalar | None = None,
@@ -85,11 +69,10 @@ def close_in(
 
     **Arguments**
 
-    - `along`: the condition.
-    - `span`: the times of the samples, s, and `g` the condition there.
-    - `y`: the state at the first of them.
+    - `within`: the condition between them.
+    - `span`: the times of the samples, and `g` the condition there.
     - `wanted`: the runs whose zero is sought.
-    - `behind`: after which time, s, it is sought; by default after that of the first sample. `g`
+    - `behind`: after which time it is sought; by default after that of the first sample. `g`
       is then the condition right behind this time.
 
     **Returns** the time, whether there is a zero, and whether the search converged."""
@@ -97,14 +80,14 @@ def close_in(
     first = t if behind is None else behind
     # A dip has one sign at both ends: from the first place with the other one on, it is a span like
     # all others, up to there or, where only the way back counts, from there.
-    back = jnp.sign(g[0]) * along.event.direction > 0.0
+    back = jnp.sign(g[0]) * within.event.direction > 0.0
     forwards = jnp.sign(end - first)
     length = jnp.abs(end - first)
     least = 16.0 * float(jnp.finfo(t.dtype).eps)
 
     def step(old: _Bracket) -> _Bracket:
         guess = old.guess
-        value, slope = along.slope(guess, along.state(y, t, guess))
+        value, slope = within.slope(guess)
         new = _narrowed(old, value, forwards * old.sign * slope, back)
         following = _next_guess(new, value, slope)
         change = jnp.where(new.dip, jnp.abs(new.high - new.low), jnp.abs(following - guess))
@@ -138,10 +121,9 @@ def close_in(
         lambda bracket: (bracket.left > 0) & jnp.any(bracket.moving), step, start
     )
     met = ~found.dip
-    event = along.event
-    if event.touch is not None:
-        condition = event.condition(found.guess, along.state(y, t, found.guess))
-        met = met & (jnp.abs(condition) <= event.touch)
+    touch = within.event.touch
+    if touch is not None:
+        met = met & (jnp.abs(within.condition(found.guess)) <= touch)
     return found.guess, met, ~found.moving & found.finite
 
 

@@ -11,36 +11,19 @@ reported unchecked: a search that does not converge, a condition that is not fin
 follow each other faster than the time resolves have a status each.
 """
 
-from typing import NamedTuple
-
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Int
+from jaxtyping import Array, Bool
 
 from ..core import AbstractSystem, Scalar, State
 from ._config import IntegrationConfig
-from ._event_bracket import ConditionOnRun
-from ._event_zero import ROUNDINGS, first_zero, rounding_change
+from ._event_location import FoundEvents
+from ._event_runs import ConditionOnRun, first_zero
+from ._event_zero import ROUNDINGS, rounding_change
 from ._events import Event
+from ._integrate import integrate, locates_events
 from ._status import Status
-
-
-class FoundEvents(NamedTuple):
-    """What the search has found for each run.
-
-    - `time`, `which`: of the first event: its time, s, and its number; the end of the run and -1
-      where none happens.
-    - `status`: `COMPLETED`, or why the search failed before that time.
-    - `times`, `hits`, `sizes`: of each event its first time, s, whether it happens, and the largest
-      condition among the samples."""
-
-    time: Scalar
-    which: Int[Array, "*runs"]
-    status: Int[Array, "*runs"]
-    times: list[Scalar]
-    hits: list[Bool[Array, "*runs"]]
-    sizes: list[Scalar]
 
 
 def first_event(
@@ -54,6 +37,10 @@ def first_event(
 ) -> FoundEvents:
     """The first event of each run between `t0` and `t1`, s. Not differentiable."""
     system, y0, t0, t1, events = jax.tree.map(_fixed, (system, y0, t0, t1, events))
+    if locates_events(config, system, y0, t0):
+        found = integrate(system, y0, t0, t1, None, config, run_axes, until=events).found
+        assert found is not None
+        return found
     along = [ConditionOnRun(system, event, config, run_axes) for event in events]
     zeros = [first_zero(condition, y0, t0, t1) for condition in along]
     when = t1
@@ -73,9 +60,8 @@ def first_event(
         when,
         which,
         status,
-        [zero.time for zero in zeros],
-        [zero.hit for zero in zeros],
-        [zero.size for zero in zeros],
+        jnp.stack([zero.hit for zero in zeros]),
+        jnp.stack([zero.size for zero in zeros]),
     )
 
 
@@ -99,7 +85,8 @@ def happened_together(
         change = change + size + jnp.abs(slope) * jnp.maximum(jnp.abs(t), jnp.abs(t - t0))
         eps = float(jnp.finfo(value.dtype).eps)
         # Twice what counts as a zero at the start, so that none is lost between two runs.
-        also = hit & (found.which >= 0) & (jnp.abs(value) <= 2.0 * ROUNDINGS * eps * change)
+        ahead = event.direction * jnp.sign(t - t0) * slope >= 0.0
+        also = hit & ahead & (found.which >= 0) & (jnp.abs(value) <= 2.0 * ROUNDINGS * eps * change)
         flags.append((found.which == number) | also)
     return jnp.stack(flags)
 

@@ -23,6 +23,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.core import Tracer
 from jaxtyping import Array
 
 from ..core import (
@@ -110,6 +111,23 @@ def _check_count(name: str, value: int, least: int) -> None:
     """Raise `InputError` unless it is a whole number from `least` to `MOST`."""
     if not isinstance(value, int | np.integer) or not least <= value <= MOST:
         raise InputError(f"Event.{name} is {value}: it must be a whole number from {least} to 1e7.")
+
+
+def closures_of_events(events: tuple[Event, ...], t: Scalar, y: State) -> tuple[Event, ...]:
+    """The events with the traced arrays that their conditions close over as leaves, as those that
+    a loss function differentiates.
+
+    `t` and `y` are a time of each run, s, and a state, for their shapes."""
+
+    def closed(event: Event) -> Event:
+        constants = jax.make_jaxpr(event.condition)(t, y).consts
+        # Others stay as they are: what is converted takes states of this shape alone.
+        if not any(isinstance(x, Tracer) for x in constants):
+            return event
+        condition = eqx.filter_closure_convert(event.condition, t, y)
+        return eqx.tree_at(lambda e: e.condition, event, condition)
+
+    return tuple(map(closed, events))
 
 
 def newton_correct(

@@ -5,6 +5,7 @@ The path is `resolve` (how), `integrate` (here), `solve` (the loop and its deriv
 """
 
 import dataclasses
+from typing import cast
 
 import equinox as eqx
 import jax
@@ -13,16 +14,26 @@ from jaxtyping import Array, Float
 
 from ..core import AbstractClosedForm, AbstractSystem, Scalar, State, breaks_of, on_group, project
 from ..solvers import Tolerance, bind, solver_traits
+from ..solvers._dense_output import AbstractDenseOutput
 from ..solvers._regularised_step import evaluations_of
 from ._by_diffrax import solve_by_diffrax
 from ._config import IntegrationConfig
-from ._layout import state_at, times_behind_components
+from ._event_location import FoundEvents, Location, SoughtEvents
+from ._event_zero import rounding_change
+from ._events import Event
+from ._layout import runs_of, state_at, times_behind_components
 from ._loop import TERM, LoopSettings
-from ._normalised_time import ScaledVectorField, Segments, hoist, segments_of
+from ._normalised_time import (
+    ScaledVectorField,
+    Segments,
+    closes_over_tracers,
+    hoist,
+    segments_of,
+)
 from ._result import IntegrationResult, result_of, within_model
 from ._save_times import at_save_times
 from ._solve import solve, solve_own_steps
-from ._status import status_from
+from ._status import Status, status_from
 
 
 @eqx.filter_jit
@@ -39,6 +50,7 @@ def integrate(
     record_steps: bool = False,
     dense: bool = False,
     trimmed: bool = False,
+    until: tuple[Event, ...] = (),
 ) -> IntegrationResult:
     """Integrate a system from `t0` to `t1`, s.
 
@@ -54,6 +66,7 @@ def integrate(
     - `record_steps`, `dense`: whether to return the ends of the steps, and the states there.
     - `trimmed`: whether to leave out segments without a length at both ends, of a run whose end
       alone is asked for and which is not differentiated: the place of a break just there moves it.
+    - `until`: events that end the runs, for a method that `locates_events`; not differentiable.
 
     **Returns** an `IntegrationResult`, differentiable with respect to `system`, `y0`, `t0` and
     `t1`."""
@@ -75,7 +88,14 @@ def integrate(
     )
     if landing:
         segments = segments_of(system, t0, t1, fractions)
-    settings = _settings(config, segments, fractions, landing, run_axes, plan, record_steps, dense)
+    sought = None
+    if until:
+        t = jnp.broadcast_to(t0, runs_of(y0, run_axes))
+        roundings = [rounding_change(event, system, t, y0, run_axes) for event in until]
+        sought = SoughtEvents(until, jnp.stack(roundings))
+    settings = _settings(
+        config, segments, fractions, landing, run_axes, plan, record_steps, dense, sought
+    )
     if trimmed and settings.plan is None and not traits.own_steps:
         settings = dataclasses.replace(settings, reach=segments.reach())
     field = ScaledVectorField(system, segments)
@@ -83,7 +103,9 @@ def integrate(
     if traits.own_steps:
         outcome, form = solve_own_steps(hoist(field, y0, traits.needs), y0, settings)
     elif config.adjoint is None and traits.replayable:
-        outcome = solve(hoist(field, y0, traits.needs), y0, settings)
+        # Where events are sought, `locates_events` has seen that nothing hides in closures.
+        seen = field if until else hoist(field, y0, traits.needs)
+        outcome = solve(seen, y0, settings)
         if fractions is not None and not landing:
             assert settings.save_ts is not None
             states = at_save_times(outcome.states, system, segments, settings.save_ts, fractions)
@@ -92,12 +114,48 @@ def integrate(
         # Adjoints of diffrax, and methods that carry more than a state, need its loop.
         outcome = solve_by_diffrax(hoist(field, y0, traits.needs), y0, settings, config.adjoint)
     result = result_of(outcome, field, y0, settings, config, fractions if landing else None)
+    if outcome.location is not None:
+        result = result._replace(found=_found(outcome.location, segments, t1))
     if form is not None:
         taken = outcome.num_accepted + outcome.num_rejected
         result.stats["evaluations"] = taken * evaluations_of(form)
         # There are no common steps that others could follow.
         result = result._replace(step_ends=None)
     return within_model(result, system.outside(t1, state_at(result.states, -1, run_axes)))
+
+
+def locates_events(
+    config: IntegrationConfig, system: AbstractSystem, y0: State, t0: Scalar
+) -> bool:
+    """Whether the steps of the method can be searched for events as they are taken.
+
+    They need a polynomial, and the system may hide nothing in closures."""
+    if config.method == "closed_form" or config.adjoint is not None:
+        return False
+    traits = solver_traits(config.solver)
+    if not traits.replayable or traits.own_steps or traits.fixed_step:
+        return False
+    interpolation = cast(type, config.solver.interpolation_cls)
+    if traits.lands_on_save_times or not issubclass(interpolation, AbstractDenseOutput):
+        return False
+    return not closes_over_tracers(system, t0, y0)
+
+
+def _found(location: Location, segments: Segments, t1: Scalar) -> FoundEvents:
+    """The events in time."""
+    waits = location.waiting
+    time = segments.time(location.start + location.length)
+    event = location.which >= 0
+    failed = waits & (location.status > Status.EVENT)
+    hits = jnp.ones(location.sizes.shape, bool)
+    return FoundEvents(
+        jnp.where(waits, time, t1),
+        location.which,
+        jnp.where(failed, location.status, Status.COMPLETED).astype(jnp.int32),
+        hits & event,
+        location.sizes,
+        location.y,
+    )
 
 
 def _by_closed_form(
@@ -148,6 +206,7 @@ def _settings(
     plan: Array | None,
     record_steps: bool,
     dense: bool,
+    sought: SoughtEvents | None = None,
 ) -> LoopSettings:
     """What the loop needs of the configuration for these segments."""
     # Normalised time counts segments: their ends are the whole numbers.
@@ -168,7 +227,14 @@ def _settings(
         # The limit is on what a run may ask for, and not on a plan that somebody else has made.
         max_steps = min(steps, config.max_steps) if traits.fixed_step else steps
     tolerance = Tolerance(config.rtol, config.atol, run_axes)
-    method = bind(config.solver, tolerance=tolerance, save_ts=save_ts, run_axes=run_axes)
+    # The search for events reads the polynomial of every step.
+    method = bind(
+        config.solver,
+        tolerance=tolerance,
+        save_ts=save_ts,
+        run_axes=run_axes,
+        searched=sought is not None,
+    )
     return LoopSettings(
         method,
         tolerance,
@@ -181,6 +247,7 @@ def _settings(
         record_steps,
         dense,
         config.restarts,
+        sought,
     )
 
 

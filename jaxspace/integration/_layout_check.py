@@ -1,34 +1,20 @@
 """Whether a vector field keeps to the layout of the library, so that mapped runs can be a batch."""
 
-import functools
-from collections.abc import Hashable
-
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, PyTree
 
-from ..core import AbstractSystem, component_axes_of
-from ._selection import shape_of
+from ..core import AbstractSystem, component_axes_of, once_per_structure
 
 
+@once_per_structure
 def follows_layout(system: AbstractSystem, y0: PyTree) -> bool:
     """Whether the vector field treats a trailing axis as runs that have nothing to do with another.
 
     Seen from values: the field of three random states at once is that of each of them. A system
     that sums over all axes of its state, say, fails, and is mapped by JAX instead."""
-    leaves, structure = jax.tree.flatten(jax.tree.map(shape_of, (system, y0)))
-    try:
-        return _follows_layout(structure, tuple(leaves))
-    except TypeError:
-        # A leaf that cannot be hashed: nothing can be kept, and nothing is known.
-        return False
-
-
-@functools.lru_cache(maxsize=256)
-def _follows_layout(structure: jax.tree_util.PyTreeDef, leaves: tuple[Hashable, ...]) -> bool:
-    system, y0 = jax.tree.unflatten(structure, leaves)
     # Positive numbers of order one: roots and logarithms of a field stay defined.
     random = np.random.default_rng(0)
 

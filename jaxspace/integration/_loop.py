@@ -12,7 +12,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
-from ..core import State
+from ..core import Scalar, State
 from ..solvers import (
     BatchStepController,
     ErrorTrackingSolver,
@@ -21,6 +21,14 @@ from ..solvers import (
     Tolerance,
 )
 from ._buffers import SavedStates, empty_buffer, nan_buffer, put_row
+from ._event_location import (
+    Location,
+    SearchedStep,
+    SoughtEvents,
+    searched,
+    shortened,
+)
+from ._normalised_time import OwnStep, ScaledVectorField, Segments
 from ._record import Recording, RecordLayout
 from ._slow_runs import nan_where, without_slow_runs
 
@@ -36,7 +44,10 @@ class LoopSettings(eqx.Module):
     - `plan`: the nodes of steps that are fixed beforehand.
     - `reach`: normalised times between which all segments with a length lie; `None` for the whole.
     - `record_steps`: whether to return the ends of the steps, `dense` the states there too.
-    - `restarts`: whether runs whose steps run out start once more without those that are slow."""
+    - `restarts`: whether runs whose steps run out start once more without those that are slow.
+    - `sought`: the events that end the runs.
+    - `estimated`: whether the first step is estimated, by two evaluations of the vector field, or
+      simply tried."""
 
     method: diffrax.AbstractSolver
     tolerance: Tolerance
@@ -49,6 +60,8 @@ class LoopSettings(eqx.Module):
     record_steps: bool = eqx.field(static=True)
     dense: bool = eqx.field(static=True)
     restarts: bool = eqx.field(static=True)
+    sought: SoughtEvents | None = None
+    estimated: bool = eqx.field(static=True, default=True)
 
     @property
     def start(self) -> Float[Array, ""]:
@@ -69,7 +82,9 @@ class LoopSettings(eqx.Module):
     def controller(self) -> BatchStepController | StepTo:
         """Adaptive steps, or those of the plan."""
         if self.plan is None:
-            return BatchStepController(self.tolerance, self.lengths, self.longest_steps)
+            return BatchStepController(
+                self.tolerance, self.lengths, self.longest_steps, self.estimated
+            )
         return StepTo(self.plan.astype(self.lengths.dtype))
 
 
@@ -80,6 +95,7 @@ class LoopState(NamedTuple):
     - `made_jump`: whether the vector field jumped at `t`, so that the solver starts again.
     - `step_ends`, `step_states`: ends of the accepted steps and the states there, where asked for.
     - `left_out`: the runs that used up the steps of all, without which the others went on.
+    - `location`: of the first event of each run, where some are sought.
     """
 
     t: Float[Array, ""]
@@ -95,6 +111,7 @@ class LoopState(NamedTuple):
     step_states: State | None
     recording: Recording | None
     left_out: Bool[Array, "*runs"]
+    location: Location | None
 
 
 @eqx.filter_jit
@@ -124,8 +141,8 @@ def integrate_loop(
     tools = settings.solver(), settings.controller()
 
     def unfinished(loop: LoopState) -> Bool[Array, ""]:
-        steps = loop.num_accepted + loop.num_rejected
-        return (loop.t < settings.end) & (steps < settings.max_steps)
+        going = _going_on(settings, loop)
+        return going if loop.location is None else going | jnp.any(loop.location.again)
 
     def run(loop: LoopState) -> LoopState:
         return jax.lax.while_loop(
@@ -160,6 +177,15 @@ def integrate_loop(
     return loop._replace(left_out=left_out)
 
 
+def _going_on(settings: LoopSettings, loop: LoopState) -> Bool[Array, ""]:
+    """Whether there is a next step: not beyond the end, nor where every run waits at its event."""
+    steps = loop.num_accepted + loop.num_rejected
+    going = (loop.t < settings.end) & (steps < settings.max_steps)
+    if loop.location is not None:
+        going = going & jnp.any(~loop.location.waiting & settings.tolerance.alive(loop.y))
+    return going
+
+
 def _start(
     settings: LoopSettings,
     solver: ErrorTrackingSolver,
@@ -175,7 +201,9 @@ def _start(
         TERM, start, end, y0, None, field, solver.func, solver.error_order(TERM)
     )
     zero = jnp.asarray(0)
-    saved = step_ends = step_states = recording = None
+    saved = step_ends = step_states = recording = location = None
+    if settings.sought is not None:
+        location = Location.none_yet(settings.sought, start, y0, settings.tolerance)
     if settings.save_ts is not None:
         saved = SavedStates(nan_buffer(settings.save_ts.shape[0], y0), zero)
     if settings.record_steps or settings.dense:
@@ -198,6 +226,7 @@ def _start(
         step_states=step_states,
         recording=recording,
         left_out=jnp.zeros_like(settings.tolerance.alive(y0)),
+        location=location,
     )
 
 
@@ -208,9 +237,23 @@ def _advance(
     field: ScaledField,
     loop: LoopState,
 ) -> LoopState:
-    """The loop after one more step, accepted or rejected."""
+    """The loop after one more step, accepted or rejected; where no run goes on, after those that
+    hold the events were taken once more, up to where these are thought to be."""
+    t0, t1, y0, made_jump, going = loop.t, loop.t_next, loop.y, loop.made_jump, None
+    location = loop.location
+    if location is not None:
+        going = _going_on(settings, loop)
+        # By selection and not by two branches, each of which would hold the vector field.
+        t0, t1 = jnp.where(going, t0, 0.0), jnp.where(going, t1, 1.0)
+        y0 = jax.tree.map(lambda a, b: jnp.where(going, a, b), y0, location.y0)
+        made_jump = made_jump | ~going
+        assert isinstance(field, ScaledVectorField) and isinstance(field.segments, Segments)
+        span = field.segments.t0, field.segments.total
+        s = jnp.where(going, t0, location.start)
+        length = jnp.where(going, t1 - t0, location.length)
+        field = ScaledVectorField(field.system, field.segments.step(s, length, t0, t1))
     y1, error, dense_info, solver_state, result = solver.step(
-        TERM, loop.t, loop.t_next, loop.y, field, loop.solver_state, loop.made_jump
+        TERM, t0, t1, y0, field, loop.solver_state, made_jump
     )
     # A root finder that failed leaves a state of no meaning: its step is rejected.
     failed = result != diffrax.RESULTS.successful
@@ -220,13 +263,35 @@ def _advance(
         loop.t, loop.t_next, loop.y, y1, field, error, order, loop.controller_state
     )
     accept = jnp.asarray(accept)
+    interpolation = solver.interpolation_cls(t0=t0, t1=t1, **dense_info)
+    if location is not None:
+        assert going is not None and isinstance(field, ScaledVectorField)
+        assert isinstance(field.segments, OwnStep)
+        # The repetition of a step changes nothing but the location.
+        accept = accept & going
+        t_after, t_next = (
+            jnp.where(going, a, b) for a, b in ((t_after, loop.t), (t_next, loop.t_next))
+        )
+        controller_state = jax.tree.map(
+            lambda a, b: jnp.where(going, a, b), controller_state, loop.controller_state
+        )
+        again = location.again
+        location = _located(settings, loop, field.segments, span, interpolation, going, accept, y1)
+        # Nothing of a run that waits counts any more: neither its steps nor their error, but that
+        # of the step that ends at its event. Beyond the event the field may jump.
+        y1 = nan_where(location.waiting, y1)
+        counts = jnp.where(going, ~location.waiting, again & ~location.again)
+        worst = jnp.where(counts, solver_state[1], loop.solver_state[1])
+        solver_state = solver_state[0], worst
+        rejected = going & ~accept
+    else:
+        rejected = ~accept
 
     # A rejected step changes nothing but the step size. Selecting is cheaper than `lax.cond`,
     # which copies the whole state on CPU.
     def select(new: PyTree, old: PyTree) -> PyTree:
         return jax.tree.map(lambda a, b: jnp.where(accept, a, b), new, old)
 
-    interpolation = solver.interpolation_cls(t0=loop.t, t1=loop.t_next, **dense_info)
     return _written(settings, loop, accept, y1, interpolation)._replace(
         t=t_after,
         # The last step must not pass the end, where the vector field may not be defined.
@@ -236,7 +301,37 @@ def _advance(
         controller_state=controller_state,
         made_jump=select(made_jump, loop.made_jump),
         num_accepted=jnp.where(accept, loop.num_accepted + 1, loop.num_accepted),
-        num_rejected=jnp.where(accept, loop.num_rejected, loop.num_rejected + 1),
+        num_rejected=jnp.where(rejected, loop.num_rejected + 1, loop.num_rejected),
+        location=location,
+    )
+
+
+def _located(
+    settings: LoopSettings,
+    loop: LoopState,
+    segment: OwnStep,
+    span: tuple[Scalar, Scalar],
+    polynomial: diffrax.AbstractLocalInterpolation,
+    going: Bool[Array, ""],
+    accept: Bool[Array, ""],
+    y1: State,
+) -> Location:
+    """The location after a step to the state `y1`: searched where the runs are `going` on and the
+    step is accepted, else shortened."""
+    sought, location = settings.sought, loop.location
+    assert sought is not None and location is not None
+    tolerance = settings.tolerance
+    width = loop.t_next - loop.t
+    if settings.lengths.shape[0] > 1:
+        index = jnp.clip(loop.t.astype(int), 0, settings.lengths.shape[0] - 1)
+        width = width * settings.lengths[index]
+    step = SearchedStep(segment, polynomial, loop.t, loop.t_next, loop.y, width)
+    moving = accept & ~location.waiting & tolerance.alive(loop.y) & tolerance.alive(y1)
+    first = loop.t == settings.start
+    return jax.lax.cond(
+        going,
+        lambda: searched(location, sought, step, moving, first, span, tolerance),
+        lambda: shortened(location, sought, segment, polynomial, jnp.ones_like(loop.t), y1),
     )
 
 
@@ -248,7 +343,7 @@ def _written(
     interpolation: diffrax.AbstractLocalInterpolation,
 ) -> LoopState:
     """The loop with what this step leaves in the buffers: the state `y1`, and those within it."""
-    saved, step_ends, step_states, recording = loop[-5:-1]
+    saved, step_ends, step_states, recording = loop[-6:-2]
     if saved is not None:
         assert settings.save_ts is not None
         # Nothing lies before time -1: a rejected step saves no state.

@@ -16,6 +16,7 @@ from jaxtyping import Array, PyTree
 
 from ..core import AbstractSystem, component_axes_of
 from ..solvers import Tolerance, bind
+from ._event_location import SoughtEvents
 from ._layout_check import follows_layout
 from ._loop import LoopSettings
 from ._normalised_time import ScaledVectorField, Segments
@@ -67,7 +68,7 @@ def add_run_axis(
         return None
     try:
         field = _field_axis(field, field_mapped, field_own, size)
-        settings = _settings_axis(settings, settings_mapped)
+        settings = _settings_axis(settings, settings_mapped, size)
     except _CannotMap:
         return None
 
@@ -75,12 +76,33 @@ def add_run_axis(
         return x if is_mapped else jnp.broadcast_to(x[..., None], (*x.shape, size))
 
     y0 = jax.tree.map(state, y0, y0_mapped)
+    if settings.sought is not None and not _of_each_run(settings.sought, y0):
+        return None
     carried = (
         jax.tree.map(lambda x, o: o if eqx.is_array(x) else False, field, field_own),
         jax.tree.map(lambda x: True, y0),
-        jax.tree.map(lambda x: False, settings),
+        _carried_by(settings),
     )
     return (field, y0, settings), carried
+
+
+def _carried_by(settings: LoopSettings) -> PyTree:
+    """Which arrays of the settings carry the runs: what the rounding does to the conditions."""
+    none = jax.tree.map(lambda x: False, settings)
+    if settings.sought is None:
+        return none
+    return eqx.tree_at(lambda s: s.sought.rounding, none, True)
+
+
+def _of_each_run(sought: SoughtEvents, y0: PyTree) -> bool:
+    """Whether each condition takes the states of many runs and gives a number of each."""
+    runs = jax.tree.leaves(y0)[0].shape[-1:]
+    t = jax.ShapeDtypeStruct(runs, sought.rounding.dtype)
+    try:
+        values = [eqx.filter_eval_shape(event.condition, t, y0) for event in sought.events]
+    except Exception:  # noqa: BLE001 - whatever a user's condition raises, it is no batch
+        return False
+    return all(value.shape == runs for value in values)
 
 
 def _single(parts: Parts, dims: Parts) -> tuple[AbstractSystem, PyTree]:
@@ -133,7 +155,7 @@ def _field_axis(
     return ScaledVectorField(system, segments)
 
 
-def _settings_axis(settings: LoopSettings, mapped: PyTree) -> LoopSettings:
+def _settings_axis(settings: LoopSettings, mapped: PyTree, size: int) -> LoopSettings:
     """The settings for a further axis of runs, which share their steps."""
     lengths = settings.lengths
     if mapped.lengths:
@@ -153,7 +175,16 @@ def _settings_axis(settings: LoopSettings, mapped: PyTree) -> LoopSettings:
     tolerance = settings.tolerance
     axes = tolerance.run_axes + 1
     tolerance = Tolerance(tolerance.rtol, tolerance.atol, axes)
-    method = bind(settings.method, tolerance=tolerance, save_ts=settings.save_ts, run_axes=axes)
+    sought = settings.sought
+    if sought is not None:
+        sought = _sought_axis(sought, mapped.sought, size)
+    method = bind(
+        settings.method,
+        tolerance=tolerance,
+        save_ts=settings.save_ts,
+        run_axes=axes,
+        searched=sought is not None,
+    )
     return LoopSettings(
         method,
         tolerance,
@@ -166,7 +197,18 @@ def _settings_axis(settings: LoopSettings, mapped: PyTree) -> LoopSettings:
         settings.record_steps,
         settings.dense,
         settings.restarts,
+        sought,
     )
+
+
+def _sought_axis(sought: SoughtEvents, mapped: PyTree, size: int) -> SoughtEvents:
+    """The events for a further axis of runs: their conditions have no numbers of each run."""
+    if any(x is True for x in jax.tree.leaves(mapped.events)):
+        raise _CannotMap
+    rounding = sought.rounding
+    if not mapped.rounding:
+        rounding = jnp.broadcast_to(rounding[..., None], (*rounding.shape, size))
+    return SoughtEvents(sought.events, rounding)
 
 
 def over_blocks(

@@ -16,7 +16,7 @@ derivatives with respect to the duration and to the break times follow by themse
     f       vector field of the system                             state/s
 """
 
-from typing import Literal, cast, final
+from typing import Generic, Literal, TypeVar, cast, final
 
 import equinox as eqx
 import jax
@@ -76,15 +76,25 @@ class Segments(eqx.Module):
         ends: a vector field that jumps there has the value of this segment."""
         if not self.jumps:
             return self.time(s)
-        # Of the time and of the fraction, and of what an effect computes its break times from.
-        rounding = 4.0 * jnp.finfo(self.total.dtype).eps
-        edge = rounding * jnp.copysign(jnp.abs(self.t0) + jnp.abs(self.total), self.total)
         x = s if len(self) == 1 else s - self._segment(s)[0]
-        return self.time(s) + jax.lax.stop_gradient((1.0 - 2.0 * x) * edge)
+        return self.time(s) + jax.lax.stop_gradient((1.0 - 2.0 * x) * self._edge())
 
     def duration(self, s: Scalar, ds: Scalar) -> Scalar:
         """The duration, s, of a normalised time `ds` from `s` on, within one segment."""
         return ds * (self.total if len(self) == 1 else self.total * self._segment(s)[2])
+
+    def step(self, s: Scalar, length: Scalar, begin: Scalar, end: Scalar) -> "OwnStep":
+        """The times of a step, from `s` on and `length` long in each run, that the runs take
+        together from `begin` to `end`."""
+        duration = self.duration(s, length)
+        edge = jnp.zeros_like(duration) + (self._edge() if self.jumps else 0.0)
+        return OwnStep(begin, end - begin, self.time(s), duration / (end - begin), edge)
+
+    def _edge(self) -> Scalar:
+        """Some roundings of a time, s, in the direction of the run."""
+        # Of the time and of the fraction, and of what an effect computes its break times from.
+        rounding = 4.0 * jnp.finfo(self.total.dtype).eps
+        return rounding * jnp.copysign(jnp.abs(self.t0) + jnp.abs(self.total), self.total)
 
     def lengths(self) -> Float[Array, " segments"]:
         """Mean length of each segment over the runs, as a fraction of the run."""
@@ -109,6 +119,33 @@ class Segments(eqx.Module):
         moving = durations > 0.0
         allowed = jnp.where(moving, max_step / jnp.where(moving, durations, 1.0), jnp.inf)
         return jnp.min(allowed.reshape(allowed.shape[0], -1), axis=1)
+
+
+@final
+class OwnStep(eqx.Module):
+    """The times of a step of which every run takes its own part, in the place of `Segments`.
+
+    No segment ends within a step, so that time is linear in it: from `start` on, `rate` seconds to
+    a unit of the time of the steps, in which it begins at `begin` and is `length` long."""
+
+    begin: Float[Array, ""]
+    length: Float[Array, ""]
+    start: Float[Array, "*#runs"]
+    rate: Float[Array, "*#runs"]
+    edge: Float[Array, "*#runs"]
+
+    def time(self, s: Scalar) -> Scalar:
+        """The time, s, at the time `s` of the step."""
+        return self.start + (s - self.begin) * self.rate
+
+    def time_inside(self, s: Scalar) -> Scalar:
+        """The time, s, a few roundings inside where the step begins or ends."""
+        return self.time(s) + (1.0 - 2.0 * (s - self.begin) / self.length) * self.edge
+
+    def duration(self, s: Scalar, ds: Scalar) -> Scalar:
+        """The duration, s, of a time `ds` of the step."""
+        del s
+        return ds * self.rate
 
 
 def segments_of(
@@ -140,12 +177,15 @@ def segments_of(
     return Segments(jnp.sort(u, axis=0) if inner else u, t0, total, breaks is not None)
 
 
+Clock = TypeVar("Clock", Segments, OwnStep)
+
+
 @final
-class ScaledVectorField(eqx.Module):
+class ScaledVectorField(eqx.Module, Generic[Clock]):
     """dy/ds of a system as a function of s and y, and what its solvers need beside it."""
 
     system: AbstractSystem
-    segments: Segments
+    segments: Clock
 
     def time(self, s: Scalar) -> Scalar:
         """The time, s, at the normalised time `s`, seen from within its segment."""
@@ -176,15 +216,15 @@ class ScaledVectorField(eqx.Module):
         return cast(AbstractRegularised, self.system.regularised())
 
 
-def closes_over_tracers(field: ScaledVectorField, y0: State) -> bool:
+def closes_over_tracers(system: AbstractSystem, t: Scalar, y0: State) -> bool:
     """Whether a function inside the system, such as a user's, closes over traced arrays."""
-    arrays, static = eqx.partition((field, y0), eqx.is_array)
+    arrays, static = eqx.partition((system, t, y0), eqx.is_array)
 
-    def rate(s: Array, arrays: PyTree) -> State:
-        field, y = eqx.combine(arrays, static)
-        return field(s, y)
+    def rate(arrays: PyTree) -> State:
+        system, t, y = eqx.combine(arrays, static)
+        return system.vector_field(t, y)
 
-    jaxpr = jax.make_jaxpr(rate)(jnp.zeros_like(field.segments.total, shape=()), arrays)
+    jaxpr = jax.make_jaxpr(rate)(arrays)
     return any(isinstance(constant, Tracer) for constant in jaxpr.consts)
 
 
@@ -200,7 +240,7 @@ def hoist(
 
     **Returns** the field itself where nothing is hidden in closures: it keeps the layout of its
     parameters, which the batching of mapped runs reads."""
-    if not closes_over_tracers(field, y0):
+    if not closes_over_tracers(field.system, field.segments.t0, y0):
         return field
     s = jnp.zeros_like(field.segments.total, shape=())
     return closures_as_leaves(field, needs, s, y0)

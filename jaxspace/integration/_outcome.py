@@ -7,6 +7,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from ..core import State
+from ._event_location import Location
 from ._loop import LoopSettings, LoopState
 from ._own_state import OwnLoop
 
@@ -16,7 +17,9 @@ class Outcome(NamedTuple):
 
     - `states`: at the save times, or the last one alone.
     - `max_local_error`, `out_of_steps`: of each run; the former in units of the tolerance.
-    - `step_ends`, `step_states`: of the accepted steps, where asked for."""
+    - `step_ends`, `step_states`: of the accepted steps, where asked for.
+    - `location`: of the first event of each run, where some are sought; the last of the `states` is
+      the state there."""
 
     states: State
     max_local_error: Array
@@ -25,14 +28,17 @@ class Outcome(NamedTuple):
     num_rejected: Array
     step_ends: Array | None
     step_states: State | None
+    location: Location | None = None
 
 
 def outcome_of(loop: LoopState, settings: LoopSettings) -> Outcome:
     """That of runs with common steps."""
+    location = loop.location
     finished = loop.t >= settings.end
     if loop.saved is None:
         # The state that was reached belongs to another time if the steps ran out.
-        states = jax.tree.map(lambda x: jnp.where(finished, x, jnp.nan)[None], loop.y)
+        y = jax.tree.map(lambda x: jnp.where(finished, x, jnp.nan), loop.y)
+        states = jax.tree.map(lambda x: x[None], y if location is None else location.ended(y))
     else:
         states = loop.saved.states
     asked = settings.record_steps or settings.dense
@@ -43,11 +49,13 @@ def outcome_of(loop: LoopState, settings: LoopSettings) -> Outcome:
     return Outcome(
         states,
         loop.solver_state[1],
-        loop.left_out | ~finished,
+        # A run that waits at its event needs no more steps.
+        loop.left_out | ~finished & (True if location is None else ~location.waiting),
         loop.num_accepted,
         loop.num_rejected,
         ends,
         loop.step_states,
+        location,
     )
 
 

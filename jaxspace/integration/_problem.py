@@ -16,7 +16,7 @@ from jax.core import ShapedArray
 from jax.extend.core import ClosedJaxpr  # pyright: ignore
 from jaxtyping import Array, PyTree
 
-from ..core import State, count_operations
+from ..core import State, count_operations, shape_of
 from ..solvers import small_program
 from ._loop import LoopSettings, integrate_loop
 from ._outcome import outcome_of, own_outcome_of
@@ -26,7 +26,6 @@ from ._own_state import OwnState
 from ._own_steps import integrate_own_steps
 from ._record import Record, Recording, RecordLayout
 from ._replay import Replay
-from ._selection import shape_of
 
 Leaves: TypeAlias = Sequence[Array]
 Moving: TypeAlias = tuple[int, ...]
@@ -76,13 +75,19 @@ class Problem:
     def solve(self, *args: Array, recorded: bool = False) -> list[Array]:
         """The arrays of the outcome; of one that is `recorded`, then those of its record."""
         field, y0, settings = self.parts(args)
+        assert not (recorded and settings.sought is not None), (
+            "events are found outside derivatives"
+        )
         # The state says which loop it belongs to.
         if isinstance(y0, OwnState):
             own = integrate_own_steps(settings, field, y0, recorded=recorded)
             kept = own.recording, own.count
             return [*jax.tree.leaves(own_outcome_of(own, settings)), *_arrays_of(*kept)]
         if self._is_small(settings, derivative=False) or recorded and self._is_single(settings):
-            settings = dataclasses.replace(settings, method=small_program(settings.method))
+            estimated = settings.sought is None
+            settings = dataclasses.replace(
+                settings, method=small_program(settings.method), estimated=estimated
+            )
         loop = integrate_loop(settings, field, y0, recorded=recorded)
         kept = loop.recording, loop.num_accepted
         return [*jax.tree.leaves(outcome_of(loop, settings)), *_arrays_of(*kept)]

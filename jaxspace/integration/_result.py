@@ -9,6 +9,7 @@ from jaxtyping import Array, Float, Int
 from ..core import Flag, State, project
 from ..solvers import solver_traits
 from ._config import IntegrationConfig
+from ._event_location import FoundEvents
 from ._layout import times_behind_components
 from ._loop import LoopSettings
 from ._normalised_time import ScaledVectorField, Segments
@@ -36,13 +37,15 @@ class IntegrationResult(NamedTuple):
       of each run in units of the tolerance.
     - `step_ends`: normalised times of the ends of the steps, infinite beyond the last, if asked
       for.
-    - `dense`: the steps, if asked for."""
+    - `dense`: the steps, if asked for.
+    - `found`: the events that ended the runs, where such are sought."""
 
     states: State
     status: Int[Array, "*runs"]
     stats: dict[str, Array]
     step_ends: Float[Array, " steps"] | None
     dense: DenseOutput | None
+    found: FoundEvents | None = None
 
 
 def within_model(result: IntegrationResult, outside: Flag | None) -> IntegrationResult:
@@ -82,10 +85,15 @@ def result_of(
     states = outcome.states
     if landed is not None:
         states = _at_fractions(states, field.segments.u, landed, run_axes)
-    finite = settings.tolerance.alive(jax.tree.map(lambda x: x[-1], states))
+    last = jax.tree.map(lambda x: x[-1], states)
+    if outcome.location is not None:
+        last = outcome.location.ended(last)
+    finite = settings.tolerance.alive(last)
     finite = finite | outcome.out_of_steps  # a state that was not reached is NaN, too
     traits = solver_traits(config.solver)
     taken = outcome.num_accepted + outcome.num_rejected
+    if outcome.location is not None:
+        taken = taken + outcome.location.repetitions
     stats = {
         "steps": outcome.num_accepted * traits.steps,
         "rejected_steps": outcome.num_rejected,

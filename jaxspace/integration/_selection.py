@@ -7,24 +7,23 @@ rate. What an effect says of itself does not matter.
 Whether a run is stiff follows from its numbers (`_stiffness.py`): where they are not known, under
 `jit` or in a derivative, and for the phases of a mission, the rules of structure decide alone."""
 
-import dataclasses
 import functools
-from collections.abc import Callable, Hashable, Sequence
-from typing import Literal, NamedTuple, TypeVar, final
+import typing
+from collections.abc import Callable, Sequence
+from typing import NamedTuple, final
 
 import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import numpy as np
+from jax.extend.core import Literal
 from jaxtyping import Array, ArrayLike, PyTree
 
-from ..core import AbstractSystem, depending_on
-from ._eccentric import is_eccentric
+from ..core import AbstractSystem, depending_on, once_per_structure, without_numbers
+from ..solvers._second_order import moved, parts_of
+from ._eccentric import is_eccentric, is_second_order_regularised
 from ._methods import HIGH_ORDER, LOW_ORDER, REGULARISED, SECOND_ORDER, STIFF
 from ._stiffness import InitialConditions, is_stiff
-
-Leaf = TypeVar("Leaf")
 
 # above this tolerance the method of order 5 needs fewer evaluations than those of high order
 LOOSE = 1e-5
@@ -49,49 +48,41 @@ class Rule(NamedTuple):
 
     when: str
     holds: Callable[[SelectionContext], bool]
-    method: diffrax.AbstractSolver | Literal["closed_form"]
+    method: diffrax.AbstractSolver | typing.Literal["closed_form"]
 
 
+@once_per_structure
 def is_second_order(system: AbstractSystem, y: PyTree) -> bool:
     """Whether the state is a position and a velocity alone, and the acceleration provably free of
     the velocity."""
     # Whatever else moves, a mass or an attitude, has no place in a method for position and
     # velocity.
-    if len(jax.tree.leaves(y)) != 2 or any(
-        getattr(y, part, None) is None for part in ("position", "velocity")
-    ):
+    parts = parts_of(y)
+    if parts is None:
         return False
-    leaves, tree = jax.tree.flatten(jax.tree.map(shape_of, (system, y)))
-    return _is_second_order(tree, tuple(leaves))
-
-
-def shape_of(x: Leaf) -> Leaf | jax.ShapeDtypeStruct:
-    """The shape and precision of an array; anything else as it is."""
-    if not isinstance(x, jax.Array | np.ndarray):
-        return x
-    # A weak type promotes in its own way, and leads to another trace.
-    return jax.ShapeDtypeStruct(x.shape, x.dtype, weak_type=getattr(x, "weak_type", False))
-
-
-# Traced once for each make of system and state: the answer does not depend on numbers.
-@functools.lru_cache(maxsize=256)
-def _is_second_order(tree: jax.tree_util.PyTreeDef, leaves: tuple[Hashable, ...]) -> bool:
-    shapes, rest = eqx.partition(
-        jax.tree.unflatten(tree, leaves), lambda x: isinstance(x, jax.ShapeDtypeStruct)
-    )
+    shapes, rest = eqx.partition((system, y), lambda x: isinstance(x, jax.ShapeDtypeStruct))
 
     def rates(arrays: PyTree, r: Array, v: Array) -> tuple[PyTree, PyTree]:
         system, y = eqx.combine(arrays, rest)
-        rate = system.vector_field(
-            jnp.zeros((), r.dtype), dataclasses.replace(y, position=r, velocity=v)
-        )
-        return rate.position, rate.velocity
+        rate = system.vector_field(jnp.zeros((), r.dtype), moved(y, r, v))
+        return parts_of(rate) or (None, None)
 
-    jaxpr = jax.make_jaxpr(rates)(shapes, shapes[1].position, shapes[1].velocity).jaxpr
+    jaxpr = jax.make_jaxpr(rates)(shapes, *parts).jaxpr
     velocity = jaxpr.invars[-1]
+    if len(jaxpr.outvars) != 2:
+        return False
     travel, acceleration = jaxpr.outvars
     # The same variable, and not equal numbers: these would prove nothing.
-    return travel is velocity and acceleration not in depending_on(jaxpr, [velocity])
+    if travel is not velocity:
+        return False
+    # A literal number follows nothing, and cannot be looked up.
+    constant = isinstance(acceleration, Literal)
+    return constant or acceleration not in depending_on(jaxpr, [velocity])
+
+
+@without_numbers
+def _has_closed_form(system: AbstractSystem) -> bool:
+    return system.closed_form() is not None
 
 
 def _is_fast_and_linear(context: SelectionContext) -> bool:
@@ -103,17 +94,19 @@ def _is_fast_and_linear(context: SelectionContext) -> bool:
 
 def _is_eccentric(context: SelectionContext) -> bool:
     starts = None if context.starts is None else context.starts()
-    if starts is None:
+    if starts is None or not is_eccentric(starts, context.system):
         return False
-    second_order = is_second_order(context.system, context.y)
-    return is_eccentric(starts, context.system, second_order)
+    # Beside a method for second-order systems only a perturbation with a potential has a better
+    # one.
+    beside = is_second_order(context.system, context.y)
+    return not beside or is_second_order_regularised(context.system, context.y)
 
 
 # The first that holds decides: what is exact comes first, and what serves all systems last.
 RULES = (
     Rule(
         "the system has a closed form",
-        lambda c: c.system.closed_form() is not None,
+        lambda c: _has_closed_form(c.system),
         "closed_form",
     ),
     Rule(
@@ -143,7 +136,7 @@ def select_method(
     ts: ArrayLike | Sequence[float] | None = None,
     *,
     starts: Callable[[], InitialConditions | None] | None = None,
-) -> diffrax.AbstractSolver | Literal["closed_form"]:
+) -> diffrax.AbstractSolver | typing.Literal["closed_form"]:
     """The method that `"auto"` stands for: that of the first of the `RULES` that holds.
 
     **Arguments**
@@ -156,7 +149,9 @@ def select_method(
     **Returns** a solver, or "closed_form"."""
     if starts is None and ts is not None:
         starts = functools.partial(InitialConditions.of_one, system, y0, jnp.asarray(ts))
-    context = SelectionContext(system, y0, rtol, starts)
+    # Two rules look at the runs.
+    looked_at = None if starts is None else functools.cache(starts)
+    context = SelectionContext(system, y0, rtol, looked_at)
     return next(rule.method for rule in RULES if rule.holds(context))
 
 
@@ -165,7 +160,7 @@ def eligible_methods(
     y0: PyTree,
     rtols: Sequence[float],
     ts: ArrayLike | Sequence[float] | None = None,
-) -> tuple[diffrax.AbstractSolver | Literal["closed_form"], ...]:
+) -> tuple[diffrax.AbstractSolver | typing.Literal["closed_form"], ...]:
     """The methods of all `RULES` that hold at one of the tolerances, not only of the first one.
 
     **Arguments**

@@ -32,6 +32,7 @@ from ..solvers._regularised_step import regularised_start
 # Imported for their rules, which JAX takes from them.
 from . import _derivative_rules as _derivative_rules
 from . import _mapped_rules as _mapped_rules
+from ._event_location import Location
 from ._loop import LoopSettings
 from ._outcome import Outcome
 from ._own_state import OwnState
@@ -57,7 +58,11 @@ def solve(field: PyTree, y0: State, settings: LoopSettings) -> Outcome:
     parts = (field, y0, settings)
     leaves = solve_p.bind(*arguments_of(parts), problem=Problem(parts))
     asked = settings.record_steps or settings.dense
-    shape = (y0, 0, 0, 0, 0, 0 if asked else None, y0 if settings.dense else None)
+    location = None
+    if settings.sought is not None:
+        some = settings.sought, settings.start, y0, settings.tolerance
+        location = eqx.filter_eval_shape(Location.none_yet, *some)
+    shape = (y0, 0, 0, 0, 0, 0 if asked else None, y0 if settings.dense else None, location)
     return Outcome(*jax.tree.unflatten(jax.tree.structure(shape), leaves))
 
 

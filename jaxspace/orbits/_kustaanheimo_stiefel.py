@@ -18,7 +18,6 @@ They are regular on every orbit, and through a collision.
 Source: Stiefel, Scheifele, Linear and Regular Celestial Mechanics, sections 8, 9, 19.
 """
 
-from collections.abc import Callable
 from typing import final
 
 import equinox as eqx
@@ -27,7 +26,15 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..bodies import BodyState
-from ..core import AbstractRegularised, AbstractSystem, Scalar, Vector, depending_on, dot
+from ..core import (
+    AbstractRegularised,
+    AbstractSystem,
+    Scalar,
+    Vector,
+    depending_on,
+    dot,
+    once_per_structure,
+)
 from ._kepler import universal_anomaly
 from ._ks_map import dot4, ks_map, ks_parameters, ks_transposed
 from ._ks_second_order import SecondOrderKS
@@ -53,8 +60,7 @@ class KustaanheimoStiefel(AbstractRegularised):
         )
 
     def from_regularised(self, z: Array) -> BodyState:
-        u, w = z[:4], z[4:8]
-        return BodyState(ks_map(u, u), (2.0 / dot4(u, u)) * ks_map(u, w))
+        return _state_of(z)
 
     def perturbation(self, t: Scalar, z: Array) -> Vector:
         if self.rest is None:
@@ -109,21 +115,24 @@ class KustaanheimoStiefel(AbstractRegularised):
         return jnp.sqrt(dot4(x[:4], x[:4]) / r + dot4(x[4:8], x[4:8]) / w2 + of_energy * of_energy)
 
     def second_order(self, z: jax.ShapeDtypeStruct) -> SecondOrderKS | None:
-        if self.rest is None or _has_potential(self.rest, self.from_regularised, z):
+        if self.rest is None or _has_potential(self.rest, z):
             return SecondOrderKS(self, self.rest, self.mu)
         return None
 
 
-def _has_potential(
-    rest: AbstractSystem, state: Callable[[Array], BodyState], z: jax.ShapeDtypeStruct
-) -> bool:
+def _state_of(z: Array) -> BodyState:
+    u, w = z[:4], z[4:8]
+    return BodyState(ks_map(u, u), (2.0 / dot4(u, u)) * ks_map(u, w))
+
+
+@once_per_structure
+def _has_potential(rest: AbstractSystem, z: jax.ShapeDtypeStruct) -> bool:
     """Whether the accelerations of `rest` keep an energy, and depend on the position alone.
 
     The latter as the traced functions show it; what keeps the energy, its effects say."""
-    y = jax.eval_shape(state, z)
+    y = jax.eval_shape(_state_of, z)
     time = jax.ShapeDtypeStruct((), z.dtype)
-    arrays, static = eqx.partition(rest, eqx.is_array)
-    shapes = jax.tree.map(lambda x: jax.ShapeDtypeStruct(x.shape, x.dtype), arrays)
+    shapes, static = eqx.partition(rest, lambda x: isinstance(x, jax.ShapeDtypeStruct))
 
     def both(t: Scalar, v: Vector, r: Vector, arrays: AbstractSystem) -> tuple[Array, ...]:
         system = eqx.combine(arrays, static)

@@ -1,7 +1,7 @@
 """Any function as an effect."""
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import final
 
 import equinox as eqx
@@ -16,6 +16,13 @@ from ..core import InputError, Scalar, check_components, dot, norm, quantity
 # What an effect may keep.
 KEPT = ("energy", "angular_momentum", "axial_angular_momentum", "rotational_momentum")
 VECTORS = ("acceleration_N", "force_N", "torque_B", "momentum_B")
+
+
+def _as_kept(x: object) -> frozenset[str]:
+    """The names of what an effect keeps. Raises `InputError` for anything else than names."""
+    if isinstance(x, str) or not isinstance(x, Iterable):
+        raise InputError(f"Custom.keeps is {x!r}: it must be a set of names, such as {{'energy'}}.")
+    return frozenset(x)
 
 
 def _check_vector(name: str, value: object) -> None:
@@ -49,7 +56,7 @@ class Custom(AbstractEffect):
     function: Callable[[Scalar, BodyState, AbstractBody], Load]
     # Of the instance and not of the class, because each function has its own.
     keeps: frozenset[str] = eqx.field(  # pyright: ignore
-        static=True, converter=frozenset, default=frozenset()
+        static=True, converter=_as_kept, default=frozenset()
     )
     energy: Callable[..., Scalar] | None = None
     break_times: Float[Array, "times *#runs"] | None = quantity(

@@ -8,8 +8,8 @@ parts from which some operation leads to its result; what it adds is what its re
 import dataclasses
 import functools
 import itertools
-from collections.abc import Hashable, Iterable, Iterator
-from typing import Any, NamedTuple
+from collections.abc import Iterable, Iterator
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
@@ -19,7 +19,7 @@ from jax.extend.core import Literal
 from jaxtyping import Array, PyTree
 
 from ..bodies import PARTS, AbstractBody, AbstractEffect, BodyState, Load, RigidBody, sample_state
-from ..core import InputError, Scalar, depending_on, run_axes_of
+from ..core import InputError, Scalar, depending_on, once_per_structure, run_axes_of
 
 TRANSLATION = frozenset({"position", "velocity"})
 ROTATION = frozenset({"attitude", "omega"})
@@ -70,33 +70,18 @@ def read_effects(
     - `present`: parts that the state holds in any case.
 
     **Raises** what a load raises that cannot be traced in any state."""
-    leaves, tree = jax.tree.flatten((tuple(effects), body))
-    key = (tree, tuple(map(_shape_of, leaves)), frozenset(present))
-    try:
-        hash(key)
-    except TypeError:
-        # A static field that cannot be hashed: nothing can be kept from one call to the next.
-        return _read.__wrapped__(*key)
-    return _read(*key)
-
-
-def _shape_of(x: Any) -> Any:
-    """The shape and precision of an array; anything else as it is."""
-    if not isinstance(x, jax.Array | np.ndarray):
-        return x
-    return jax.ShapeDtypeStruct(x.shape, x.dtype, weak_type=getattr(x, "weak_type", False))
+    return _read((tuple(effects), body), frozenset(present))
 
 
 def _is_shape(x: object) -> bool:
     return isinstance(x, jax.ShapeDtypeStruct)
 
 
-# Once for each make of a scene: what is read depends on no number.
-@functools.lru_cache(maxsize=512)
+# What is read depends on no number.
+@once_per_structure
 def _read(
-    tree: jax.tree_util.PyTreeDef, leaves: tuple[Hashable, ...], present: frozenset[str]
+    scene: tuple[tuple[AbstractEffect, ...], AbstractBody], present: frozenset[str]
 ) -> SceneReading:
-    scene = jax.tree.unflatten(tree, leaves)
     failure: Exception | None = None
     for runs in _runs(scene):
         try:

@@ -153,7 +153,7 @@ class Scene(AbstractScene):
         """Raise `InputError` for a `Custom` effect whose energy is not that of its load."""
         for effect in self.effects:
             if isinstance(effect, Custom):
-                effect.check_energy(t, y, self.body)
+                effect.check_energy(jnp.asarray(t), y, self.body)
 
     def start(self, y: BodyState) -> BodyState:
         """The state `y` with the extra parts that the effects integrate, as they start.

@@ -5,7 +5,6 @@ import functools
 from typing import Any, overload
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import ArrayLike, Float, PyTree
 
@@ -20,6 +19,8 @@ from ._batch_repeat import repeat_missions, repeat_systems
 from ._batch_runs import run_missions, run_systems
 from ._checks import (
     as_events,
+    as_times,
+    check_arguments,
     check_dense,
     check_num_saved,
     check_structure,
@@ -97,12 +98,14 @@ def simulate_batch(systems: Any, y0s: State, *args: Any, **kwargs: Any) -> Any:
     **Raises** `InputError` as `simulate` does, and for arrays that disagree about the number of
     runs."""
     if isinstance(systems, Mission):
+        check_arguments(_batch_of_missions, systems, y0s, *args, **kwargs)
         return _batch_of_missions(systems, y0s, *args, **kwargs)
     if not isinstance(systems, AbstractSystem):
         raise InputError(
             f"systems is of type {type(systems).__name__}: it must be a system, a scene or a "
             f"mission."
         )
+    check_arguments(_batch_of_systems, systems, y0s, *args, **kwargs)
     return _batch_of_systems(systems, y0s, *args, **kwargs)
 
 
@@ -129,10 +132,12 @@ def _batch_of_systems(
     check_structure(whole[0], whole[1], start, one_run=False)
     check_values(whole[0], ts, whole[1])
     warn_of_switches(whole[0], events, whole[1], start, stacklevel=3)
-    config_for = functools.partial(_resolve_for, as_accuracy(accuracy), whole, batched)
     traced = is_traced((batched, shared))
     # Where nothing is known of the status, nothing is repeated.
-    config = dataclasses.replace(config_for(None), restarts=traced and not throw)
+    config_for = functools.partial(
+        _resolve_for, as_accuracy(accuracy), whole, batched, restarts=traced and not throw
+    )
+    config = config_for(None)
     blocks = local_blocks((batched, shared), runs)
     result = run_systems(batched, shared, config, events, blocks, dense)
     if is_concrete(result.status) and not traced:
@@ -155,8 +160,9 @@ def _batch_of_missions(
     state_dtype(y0s)
     y0s = without_weak_types(y0s)
     check_num_saved(num_saved)
-    if jnp.ndim(t0) > 1:
-        raise InputError(f"t0 has the shape {jnp.shape(t0)}: each run starts at one time, in s.")
+    t0 = as_times("t0", t0, y0s, "one time, or one for each run, s")
+    if t0.ndim > 1:
+        raise InputError(f"t0 has the shape {t0.shape}: each run starts at one time, in s.")
     batched, shared, runs = split_batch(missions, y0s, t0, in_axes, times_axes=0)
     mission, y0, _ = cut_batch(batched, shared)
     traced = is_traced((batched, shared))
@@ -174,7 +180,12 @@ def _batch_of_missions(
 
 
 def _resolve_for(
-    accuracy: Accuracy, whole: PyTree, batched: PyTree, rows: np.ndarray | None
+    accuracy: Accuracy,
+    whole: PyTree,
+    batched: PyTree,
+    rows: np.ndarray | None,
+    *,
+    restarts: bool,
 ) -> IntegrationConfig:
     """The configuration that some of these runs, or of all of them, call for."""
     system, y0, _ = whole
@@ -193,4 +204,4 @@ def _resolve_for(
         )
         return InitialConditions(whole, axes, sample)
 
-    return resolve(system, y0, accuracy, starts)
+    return resolve(system, y0, accuracy, starts, restarts=restarts)

@@ -3,7 +3,7 @@
 import functools
 import inspect
 import reprlib
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any, TypeAlias
 
 import equinox as eqx
@@ -20,12 +20,12 @@ from ..core import (
     check_finite,
     is_concrete,
     is_traced,
+    once_per_structure,
     run_axes_of,
 )
 from ..integration._accuracy import state_dtype
 from ..integration._events import Event
 from ..integration._layout import broadcast_state
-from ..integration._selection import shape_of
 from ._kinks import warn_of_kinks
 
 # A time, s, or its shape.
@@ -60,10 +60,14 @@ def as_times(name: str, x: Any, y0: State, allowed: str) -> Array:
         real = jnp.issubdtype(kind, jnp.floating) or jnp.issubdtype(kind, jnp.integer)
         if not real or isinstance(x, str):
             raise InputError(f"{name} is {reprlib.repr(x)}: it must be {allowed}.")
+    dtype = state_dtype(y0)
+    # A conversion is a program of its own, though it may change nothing.
+    if isinstance(x, jax.Array) and x.dtype == dtype and not x.weak_type:
+        return x
     ts = jnp.asarray(x)
     if jnp.issubdtype(ts.dtype, jnp.complexfloating):
         raise InputError(f"{name} is complex: it must be {allowed}.")
-    return ts.astype(state_dtype(y0))
+    return ts.astype(dtype)
 
 
 def check_num_saved(num_saved: int) -> None:
@@ -75,25 +79,21 @@ def check_num_saved(num_saved: int) -> None:
 def check_arguments(function: Callable[..., Any], *args: Any, **kwargs: Any) -> None:
     """Raise `InputError` for arguments that the function does not take."""
     try:
-        inspect.signature(function).bind(*args, **kwargs)
+        _signature_of(function).bind(*args, **kwargs)
     except TypeError as error:
-        names = ", ".join(inspect.signature(function).parameters)
+        names = ", ".join(_signature_of(function).parameters)
         raise InputError(f"The call has {error}: it takes {names}.") from None
+
+
+_signature_of = functools.cache(inspect.signature)
 
 
 def check_values(system: AbstractSystem, ts: Array, y0: PyTree) -> None:
     """Raise `InputError` for what a system finds wrong in its numbers at the start of a run."""
-    if not is_traced((system, ts, y0)):
+    own = type(system).check_values is not AbstractSystem.check_values
+    if own and not is_traced((system, ts, y0)):
         # Chosen by NumPy: JAX would compile the choice of one element.
-        system.check_values(jnp.asarray(np.asarray(ts)[0]), y0)
-
-
-def check_structure(system: AbstractSystem, y0: PyTree, t: Time, *, one_run: bool) -> PyTree:
-    """The shapes of the state, with the runs that it meets in the system.
-
-    Raises `InputError` unless the derivative has the structure of the state, and where there is to
-    be `one_run`, for a declared shape that holds several."""
-    return _for_shapes(_check_structure, (system, y0, t, one_run))
+        system.check_values(np.asarray(ts)[0], y0)
 
 
 def shapes_after(
@@ -103,7 +103,7 @@ def shapes_after(
 
     Raises `InputError`, which names the jump, where it cannot take them or returns no state."""
     try:
-        after = _for_shapes(_jumped, (jump, t, y))
+        after = _jumped(jump, t, y)
     except InputError:
         raise
     # Whatever a jump that meets another state than its own may raise is reported in its words.
@@ -119,26 +119,17 @@ def shapes_after(
     return after
 
 
-def _for_shapes(function: Callable[..., PyTree], args: PyTree) -> PyTree:
-    """The result of a kept function for the structure and the shapes of its arguments."""
-    leaves, structure = jax.tree.flatten(jax.tree.map(shape_of, args))
-    try:
-        return function(structure, tuple(leaves))
-    except TypeError:
-        # A leaf that cannot be hashed: nothing can be kept from one call to the next.
-        return function.__wrapped__(structure, tuple(leaves))  # pyright: ignore
-
-
-@functools.lru_cache(maxsize=256)
-def _jumped(structure: jax.tree_util.PyTreeDef, leaves: tuple[object, ...]) -> PyTree:
-    jump, t, y = jax.tree.unflatten(structure, leaves)
+@once_per_structure
+def _jumped(jump: Callable[[Scalar, State], State], t: Time, y: PyTree) -> PyTree:
     return eqx.filter_eval_shape(lambda jump, t, y: jump(t, y), jump, t, y)
 
 
-@functools.lru_cache(maxsize=256)
-def _check_structure(structure: jax.tree_util.PyTreeDef, leaves: tuple[object, ...]) -> PyTree:
-    """Once for each system and state of one make: tracing the field costs more than a short run."""
-    system, y0, t, one_run = jax.tree.unflatten(structure, leaves)
+@once_per_structure
+def check_structure(system: AbstractSystem, y0: PyTree, t: Time, *, one_run: bool) -> PyTree:
+    """The shapes of the state, with the runs that it meets in the system.
+
+    Raises `InputError` unless the derivative has the structure of the state, and where there is to
+    be `one_run`, for a declared shape that holds several."""
     if one_run:
         _check_one_run(system, y0)
     # Whatever a field that meets another state than its own may raise is reported in its words.
@@ -202,7 +193,8 @@ def _check_one_run(system: AbstractSystem, y0: PyTree) -> None:
             name = ("system", "y0")[path[0].idx] + jax.tree_util.keystr(path[1:])
             raise InputError(
                 f"{name} has the shape {leaf.shape}, with runs on its last axis: simulate takes "
-                f"one run, simulate_batch takes many (studies.sensitivity with batch=True)."
+                f"one run, simulate_batch takes many (studies.sensitivity with batch=True). "
+                f"Several bodies are a dictionary of position and velocity, (3, bodies) each."
             )
 
 
@@ -217,7 +209,8 @@ def _held(tree: PyTree) -> str:
 
 def as_events(events: Any) -> tuple[Event, ...]:
     """The events as a tuple. Raises `InputError` for anything else than a sequence of them."""
-    if isinstance(events, Event) or not all(isinstance(event, Event) for event in events):
+    several = isinstance(events, Iterable) and not isinstance(events, Event)
+    if not several or not all(isinstance(event, Event) for event in events):
         name = type(events).__name__
         raise InputError(f"events is of type {name}: it must be a tuple of `Event`.")
     events = tuple(events)
@@ -267,15 +260,27 @@ def check_events(
     """Raise `InputError` for a condition that is not one number for each run.
 
     `name` is that of an event, for the sentence, with a place for its number."""
-    if not events:
-        return
+    if events:
+        names = tuple(name.format(number) for number in range(len(events)))
+        _check_events(events, system, y0, t, run_axes, names)
+
+
+@once_per_structure
+def _check_events(
+    events: tuple[Event, ...],
+    system: AbstractSystem,
+    y0: State,
+    t: Time,
+    run_axes: int,
+    names: tuple[str, ...],
+) -> None:
     y = eqx.filter_eval_shape(broadcast_state, system, t, y0)
     leaf = jax.tree.leaves(y)[0]
     runs = leaf.shape[leaf.ndim - run_axes :]
     # Each run has a time of its own, so that a condition of the time alone carries runs, too.
     t = jax.ShapeDtypeStruct(runs, t.dtype)
-    for number, event in enumerate(events):
-        what = f"{name.format(number)}.condition"
+    for name, event in zip(names, events, strict=True):
+        what = f"{name}.condition"
         try:
             value = eqx.filter_eval_shape(event.condition, t, y)
         # Whatever a condition that meets another state than its own may raise, in its words.
@@ -293,7 +298,7 @@ def check_events(
                 f"{what} returns {value.dtype.name}: it must return a number that passes through "
                 f"zero, such as the difference of two sides of a comparison."
             )
-        check_jump(event, t, y, name.format(number))
+        check_jump(event, t, y, name)
 
 
 def first_line(error: Exception) -> str:

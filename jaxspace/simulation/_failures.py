@@ -11,15 +11,11 @@ from jaxtyping import Array, PyTree
 
 from ..integration._result import DenseOutput
 from ..integration._status import Status
+from ._loud import raise_where_failed, sentence_alone
 from ._mission_runs import MissionResult
 from ._run_result import RunResult, nan_unless, reached, scaled
 
 T = TypeVar("T")
-
-LOUD = tuple(
-    f"{status.sentence} Call simulate with throw=False to read the status of each run."
-    for status in Status
-)
 
 
 def nan_where_failed(result: T, status: Array | None = None) -> T:
@@ -49,11 +45,13 @@ def loud(result: T) -> T:
     caller returns. What was run (`system`, `accuracy`) stays as it is."""
     status: Array = result.status  # pyright: ignore[reportAttributeAccessIssue]
     failed = status > Status.EVENT
-    worst = jnp.max(jnp.where(failed, status, 0))
+    worst = jnp.max(jnp.where(failed, status, Status.COMPLETED))
     numbers = _numbers(result)
     factor = nan_unless(~failed)
     integers, floats = eqx.partition(numbers, lambda x: not eqx.is_inexact_array(x))
-    factor, integers = eqx.branched_error_if((factor, integers), jnp.any(failed), worst, LOUD)
+    # Mapped outside of `jit`, this is a program by itself, which has ended when it is called.
+    with sentence_alone():
+        factor, integers = raise_where_failed((factor, integers), worst)
 
     def leaf(x: Array) -> Array:
         # What all runs share fails with any of them.

@@ -77,10 +77,11 @@ def raise_failures(result: Result, where: Callable[[], str] | None = None) -> Re
     """The result, unless a run in it failed: then `SimulationError`, which says `where`.
 
     Under a transformation the error hangs on every array of the result, and on its derivatives."""
+    traced = is_traced(result)
     if is_concrete(result.status):
         # Also where the rest is being differentiated eagerly: its places are known to no sentence.
-        raise_on_failure(result.status, None if is_traced(result) else where)
-    return loud(result) if is_traced(result) else result
+        raise_on_failure(result.status, None if traced else where)
+    return loud(result) if traced else result
 
 
 def error_of_too_few_steps(result: Trajectory | RunResult, config: IntegrationConfig) -> np.ndarray:

@@ -26,9 +26,13 @@ from ._flight import AbstractFlight, moving
 
 # A duration becomes an array; an event passes.
 def _as_until(x: Any) -> Any:
-    if isinstance(x, str):
+    if isinstance(x, Event):
+        return x
+    # By types alone: of a placeholder of a tree transformation nothing is asked.
+    array = isinstance(x, Array | np.ndarray | np.generic)
+    if isinstance(x, str | complex) or array and np.issubdtype(x.dtype, np.complexfloating):
         raise InputError(f"Phase.until is {x!r}: it must be a duration in s, or an Event.")
-    return x if isinstance(x, Event) else as_float(x)
+    return as_float(x)
 
 
 def _as_jump(x: Any) -> Any:

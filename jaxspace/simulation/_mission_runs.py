@@ -1,6 +1,6 @@
 """Runs of a mission: one phase after the other, in the layout of the physics, runs last."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple, TypeAlias
 
 import equinox as eqx
@@ -11,14 +11,15 @@ from jaxtyping import Array, Float, Int
 from ..core import AbstractSystem, Scalar, State, safe_divide
 from ..integration._config import IntegrationConfig
 from ..integration._event_search import FoundEvents, first_event
-from ..integration._events import Event, newton_correct
-from ..integration._integrate import integrate, of_each
+from ..integration._events import Event, closures_of_events, newton_correct
+from ..integration._integrate import integrate, locates_events, of_each
 from ..integration._layout import broadcast_state, replace_state, runs_of, state_at, with_start
 from ..integration._status import Status, combine_status
 from ._checks import check_events
 from ._flight import AbstractFlight
-from ._mission import Mission, Phase
+from ._mission import Mission
 from ._run_result import RunResult
+from ._runs import straight_to_event
 
 
 class OwnTimes(NamedTuple):
@@ -73,7 +74,8 @@ def _run_phase(
     record_steps: bool,
 ) -> RunResult:
     """A phase without its name and its jump, so that equal phases are compiled once."""
-    y0 = broadcast_state(system, t0, y0)
+    if run_axes:
+        y0 = broadcast_state(system, t0, y0)
     runs = runs_of(y0, run_axes)
     dtype = jnp.result_type(*jax.tree.leaves(y0))
     # Each run may start, and meet its event, at a time of its own.
@@ -82,6 +84,14 @@ def _run_phase(
     found = None
     if isinstance(until, Event):
         check_events((until,), system, y0, t0, run_axes, "Phase.until")
+        (until,) = closures_of_events((until,), t0, y0)
+        ends_alone = isinstance(num_saved, int) and num_saved == 2
+        if ends_alone and plan is None and not record_steps:
+            if locates_events(config, system, y0, t0):
+                times = jnp.stack([t0, t1])
+                run = straight_to_event(system, y0, times, (until,), config, run_axes)
+                missed = run.status == Status.COMPLETED
+                return run._replace(status=jnp.where(missed, Status.EVENT_MISSED, run.status))
         found = first_event(system, y0, t0, t1, (until,), config, run_axes)
         t1 = found.time
     if isinstance(num_saved, int):
@@ -139,16 +149,16 @@ def _ended_by(
     )
 
 
-# Compiled, because each operation of a jump would be a call of its own.
+# Compiled, because each operation would be a call of its own.
 @eqx.filter_jit
-def _jump(phase: Phase, t: Scalar, y: State) -> State:
-    assert phase.then is not None
-    return phase.then(t, y)
-
-
-def after_jump(phase: Phase, t: Scalar, y: State) -> State:
-    """The state after the jump at the end of a phase."""
-    return y if phase.then is None else _jump(phase, t, y)
+def _left_by(
+    then: Callable[[Scalar, State], State] | None, ts: Array, states: State, run_axes: int
+) -> tuple[Scalar, State]:
+    """Time and state after the jump at the end of a phase."""
+    # The time of each run: an event ends the phase of every run at its own.
+    t = ts[-1]
+    y = state_at(states, -1, run_axes)
+    return t, y if then is None else then(t, y)
 
 
 def run_mission(
@@ -190,8 +200,6 @@ def run_mission(
             )
         results.append(result)
         status = result.status if status is None else combine_status(status, result.status)
-        # The time of each run: an event ends the phase of every run at its own.
-        t = result.ts[-1]
-        y = after_jump(phase, t, state_at(result.states, -1, run_axes))
+        t, y = _left_by(phase.then, result.ts, result.states, run_axes)
     assert status is not None
     return MissionResult(results, y, t, status)

@@ -39,6 +39,9 @@ class MissionTrajectory(eqx.Module):
                     f"{', '.join(self.names)}.{InputError.hint(phase, self.names)}"
                 )
             phase = self.names.index(phase)
+        count = len(self.phases)
+        if not isinstance(phase, int) or not -count <= phase < count:
+            raise IndexError(f"The mission has {count} phases: there is no number {phase!r}.")
         return self.phases[phase]
 
     def of(self, i: int) -> "MissionTrajectory":

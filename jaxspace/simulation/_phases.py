@@ -4,7 +4,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import PyTree
 
-from ..core import InputError
+from ..core import InputError, shape_of
 from ..integration._accuracy import Accuracy, state_dtype
 from ..integration._config import IntegrationConfig, resolve
 from ..integration._events import Event
@@ -21,7 +21,7 @@ def resolve_phases(
 
     What the state holds in a phase follows from the shapes of the jumps before it."""
     configs = []
-    y = jax.eval_shape(lambda y: y, y0)
+    y = jax.tree.map(shape_of, y0)
     for phase in mission.phases:
         check_until(phase, run_axes)
         # Only shapes are needed: a jump may change what the state holds.

@@ -3,6 +3,7 @@
 `simulate` has no axis of runs; `simulate_batch` and the campaigns of `dispersion` have one.
 """
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array
@@ -11,8 +12,8 @@ from ..core import AbstractSystem, State, safe_divide
 from ..integration._config import IntegrationConfig
 from ..integration._crossings import Crossings, crossings_between
 from ..integration._event_search import first_event, happened_together
-from ..integration._events import Event, newton_correct
-from ..integration._integrate import integrate
+from ..integration._events import Event, closures_of_events, newton_correct
+from ..integration._integrate import integrate, locates_events
 from ..integration._layout import (
     broadcast_state,
     replace_state,
@@ -121,12 +122,17 @@ def run_system(
 
     From the event on, states and times are those of the event. Events that are not terminal are
     collected on the way. What a failed run did not reach is NaN."""
-    y0 = broadcast_state(system, ts[0], y0)
+    if run_axes:
+        y0 = broadcast_state(system, ts[0], y0)
     runs = runs_of(y0, run_axes)
     asked = jnp.broadcast_to(_with_runs(ts, runs), (ts.shape[0], *runs))
+    events = closures_of_events(events, asked[0], y0)
     if any(event.then is not None for event in events):
         return reached(_with_restarts(system, y0, asked, events, config, run_axes))
     if any(event.terminal for event in events):
+        straight = not dense and ts.ndim == 1 and all(event.terminal for event in events)
+        if straight and locates_events(config, system, y0, asked[0]):
+            return reached(straight_to_event(system, y0, ts, events, config, run_axes))
         return reached(_to_event(system, y0, asked, events, config, run_axes, dense))
     if events:
         result, crossings = _with_crossings(system, y0, ts, events, config, run_axes, dense)
@@ -198,6 +204,74 @@ def _to_event(
     return RunResult(
         ts, states, status, event, happened, result.stats, result.dense, None, crossings
     )
+
+
+@eqx.filter_custom_jvp
+def straight_to_event(
+    system: AbstractSystem,
+    y0: State,
+    ts: Array,
+    events: tuple[Event, ...],
+    config: IntegrationConfig,
+    run_axes: int,
+) -> RunResult:
+    """A run to the first of its events, by one integration that finds it on the way.
+
+    Only for events that `locates_events`. Its derivatives are those of a second integration, to the
+    time that was found.
+
+    **Arguments**
+
+    - `ts`: save times, s, (times,); or start and end of each run, (2, *runs)."""
+    runs = runs_of(y0, run_axes)
+    asked = jnp.broadcast_to(_with_runs(ts, runs), (ts.shape[0], *runs))
+    ends_alone = ts.shape[0] == 2
+    fractions = None if ends_alone else safe_divide(ts - ts[0], ts[-1] - ts[0])
+    result = integrate(system, y0, ts[0], ts[-1], fractions, config, run_axes, until=events)
+    found = result.found
+    assert found is not None
+    if ends_alone:
+        states = with_start(y0, result.states, run_axes)
+    else:
+        states = replace_state(result.states, 0, y0, run_axes)
+    sign = jnp.where(asked[-1] < asked[0], -1.0, 1.0).astype(ts.dtype)
+    stopped = (found.which >= 0) & (sign * asked >= sign * found.time)
+    status = combine_status(result.status, found.status)
+    hit = (found.which >= 0) & (status == Status.COMPLETED)
+    if len(events) == 1:
+        happened = (found.which >= 0)[None]
+    else:
+        happened = happened_together(
+            system, events, found, asked[0], found.time, found.state, run_axes
+        )
+    return RunResult(
+        jnp.where(stopped, found.time, asked),
+        _where_stopped(stopped, found.state, states, run_axes),
+        jnp.where(hit, Status.EVENT, status),
+        found.which,
+        happened,
+        result.stats,
+        None,
+        None,
+        (),
+    )
+
+
+@straight_to_event.def_jvp
+def _straight_to_event_jvp(primals: tuple, tangents: tuple) -> tuple[RunResult, RunResult]:
+    def twice(
+        system: AbstractSystem,
+        y0: State,
+        ts: Array,
+        events: tuple[Event, ...],
+        config: IntegrationConfig,
+        run_axes: int,
+    ) -> RunResult:
+        runs = runs_of(y0, run_axes)
+        asked = jnp.broadcast_to(_with_runs(ts, runs), (ts.shape[0], *runs))
+        return _to_event(system, y0, asked, events, config, run_axes, False)
+
+    return eqx.filter_jvp(twice, primals, tangents)
 
 
 def _with_restarts(

@@ -1,6 +1,5 @@
 """The verb: from a system and an initial state to a trajectory whose accuracy is accounted for."""
 
-import dataclasses
 import functools
 from typing import Any, TypeVar, overload
 
@@ -136,9 +135,8 @@ def _simulate_system(
     warn_of_switches(system, events, y0, start, stacklevel=3)
     check_dense(dense, events)
     starts = functools.partial(InitialConditions.of_one, system, y0, ts)
-    config = resolve(system, y0, as_accuracy(accuracy), starts)
-    # For mapped runs; where one that fails is an error for all, none needs to go on.
-    config = dataclasses.replace(config, restarts=not throw)
+    # Restarts are for mapped runs; where one that fails is an error for all, none needs to go on.
+    config = resolve(system, y0, as_accuracy(accuracy), starts, restarts=not throw)
 
     run = functools.partial(_run_system, system, y0, ts, events, run_axes=0)
     trajectory = finish(run, system, config, dense, throw)

@@ -10,7 +10,7 @@ import equinox as eqx
 import jax
 from jaxtyping import PyTree
 
-from ..core import AbstractSystem, Scalar, State
+from ..core import AbstractSystem, Scalar, State, without_numbers
 from ..integration._events import Event
 from ..integration._layout import broadcast_state
 
@@ -24,7 +24,7 @@ def warn_of_switches(
 ) -> None:
     """Warn of a system that jumps by a part of the state (`AbstractSystem.switches`) of which no
     event knows. `stacklevel` is that of the caller."""
-    switches = system.switches()
+    switches = _switches_of(system)
     if not switches:
         return
     y = eqx.filter_eval_shape(broadcast_state, system, t, y0)
@@ -37,6 +37,11 @@ def warn_of_switches(
                 f"or let it go on with Event(..., terminal=False, then=lambda t, y: y).",
                 stacklevel=stacklevel + 1,
             )
+
+
+@without_numbers
+def _switches_of(system: AbstractSystem) -> dict[str, str]:
+    return system.switches()
 
 
 def _reads(event: Event, t: Scalar | jax.ShapeDtypeStruct, y: PyTree, part: str) -> bool:

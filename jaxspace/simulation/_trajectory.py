@@ -111,14 +111,17 @@ class Trajectory(eqx.Module):
 
         **Raises** `InputError` for a run that did not ask for it by `dense=True`; closed forms need
         not ask. NaN outside of the run, and where a run that failed did not get to."""
-        t = jnp.asarray(t, self.ts.dtype)
+        exact = self.accuracy.method == "closed_form"
+        if not exact and self.dense is None:
+            raise InputError("The run holds no states between its times: run it with dense=True.")
+        return _program_at(self, jnp.asarray(t, self.ts.dtype))
+
+    def _at(self, t: Array) -> State:
         # Each run has steps of its own, also where all are asked for one time.
         t = jnp.broadcast_to(t, self.ts.shape[1:])
         closed_form = self.system.closed_form() if self.accuracy.method == "closed_form" else None
         if closed_form is not None:
             state = closed_form.flow(t - self.ts[0], self.initial)
-        elif self.dense is None:
-            raise InputError("The run holds no states between its times: run it with dense=True.")
         else:
             state = self._one_step(t)
         first, last = self.ts[0], self.ts[-1]
@@ -248,6 +251,12 @@ def relative_change(values: Array, run_axes: int) -> Float[Array, "times *#runs"
 def _program_drift(run: Trajectory) -> dict[str, Float[Array, "times *#runs"]]:
     kept = run.along(lambda system, t, y: system.invariants(t, y))
     return {name: relative_change(values, run.run_axes) for name, values in kept.items()}
+
+
+# One program, too: a step has hundreds of operations.
+@eqx.filter_jit
+def _program_at(run: Trajectory, t: Array) -> State:
+    return run._at(t)  # noqa: SLF001
 
 
 # One program: outside of `jit`, each array of the state would be a call of its own.

@@ -126,9 +126,14 @@ class ExponentialRosenbrock(AbstractFieldSolver, diffrax.AbstractAdaptiveSolver)
         return SolverTraits(lands_on_save_times=True, evaluations=5)
 
     def bind(
-        self, *, tolerance: Tolerance, save_ts: Float[Array, " times"] | None, run_axes: int
+        self,
+        *,
+        tolerance: Tolerance,
+        save_ts: Float[Array, " times"] | None,
+        run_axes: int,
+        searched: bool = False,
     ) -> "ExponentialRosenbrock":
-        del tolerance, save_ts
+        del tolerance, save_ts, searched
         return ExponentialRosenbrock(run_axes)
 
     def order(self, terms: diffrax.AbstractTerm | None) -> int:

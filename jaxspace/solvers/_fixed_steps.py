@@ -71,9 +71,16 @@ class FixedSteps(AbstractFixedStep):
         return FixedSteps(self.solver, factor * self.steps)
 
     def bind(
-        self, *, tolerance: Tolerance, save_ts: Float[Array, " times"] | None, run_axes: int
+        self,
+        *,
+        tolerance: Tolerance,
+        save_ts: Float[Array, " times"] | None,
+        run_axes: int,
+        searched: bool = False,
     ) -> "FixedSteps":
-        inner = bind(self.solver, tolerance=tolerance, save_ts=save_ts, run_axes=run_axes)
+        inner = bind(
+            self.solver, tolerance=tolerance, save_ts=save_ts, run_axes=run_axes, searched=searched
+        )
         return FixedSteps(inner, self.steps)
 
     def order(self, terms: diffrax.AbstractTerm | None) -> int | None:

@@ -99,9 +99,16 @@ class MuntheKaas(AbstractFieldSolver, diffrax.AbstractAdaptiveSolver):
         return solver_traits(self.solver)
 
     def bind(
-        self, *, tolerance: Tolerance, save_ts: Float[Array, " times"] | None, run_axes: int
+        self,
+        *,
+        tolerance: Tolerance,
+        save_ts: Float[Array, " times"] | None,
+        run_axes: int,
+        searched: bool = False,
     ) -> "MuntheKaas":
-        inner = bind(self.solver, tolerance=tolerance, save_ts=save_ts, run_axes=run_axes)
+        inner = bind(
+            self.solver, tolerance=tolerance, save_ts=save_ts, run_axes=run_axes, searched=searched
+        )
         return MuntheKaas(inner)
 
     def small_program(self) -> "MuntheKaas":

@@ -57,10 +57,15 @@ class AbstractDeclaredSolver(diffrax.AbstractSolver):
         """What the runner has to know of the method."""
 
     def bind(
-        self, *, tolerance: Tolerance, save_ts: Float[Array, " times"] | None, run_axes: int
+        self,
+        *,
+        tolerance: Tolerance,
+        save_ts: Float[Array, " times"] | None,
+        run_axes: int,
+        searched: bool = False,
     ) -> diffrax.AbstractSolver:
         """The solver with what it has to know of the run; arguments as of the function `bind`."""
-        del tolerance, save_ts, run_axes
+        del tolerance, save_ts, run_axes, searched
         return self
 
     def small_program(self) -> diffrax.AbstractSolver:
@@ -198,6 +203,7 @@ def bind(
     tolerance: Tolerance,
     save_ts: Float[Array, " times"] | None,
     run_axes: int,
+    searched: bool = False,
 ) -> diffrax.AbstractSolver:
     """The solver with what it has to know of the run.
 
@@ -207,14 +213,23 @@ def bind(
     - `tolerance`: for the root finder of an implicit solver of diffrax that has none of its own.
     - `save_ts`: the normalised times at which states are saved; `None` if only the last state is.
     - `run_axes`: how many trailing axes of each block of the state carry runs.
+    - `searched`: whether states within every step are asked for, as a search for events does.
 
     **Returns** a solver of the same class.
     """
     if isinstance(solver, diffrax.AbstractWrappedSolver):
-        inner = bind(solver.solver, tolerance=tolerance, save_ts=save_ts, run_axes=run_axes)
+        inner = bind(
+            solver.solver,
+            tolerance=tolerance,
+            save_ts=save_ts,
+            run_axes=run_axes,
+            searched=searched,
+        )
         return _wrapping(solver, inner)
     if isinstance(solver, AbstractDeclaredSolver):
-        return solver.bind(tolerance=tolerance, save_ts=save_ts, run_axes=run_axes)
+        return solver.bind(
+            tolerance=tolerance, save_ts=save_ts, run_axes=run_axes, searched=searched
+        )
     if isinstance(solver, diffrax.AbstractImplicitSolver):
         return _with_root_tolerance(solver, tolerance)
     return solver

@@ -19,7 +19,6 @@ Source: Dormand, El-Mikkawy, Prince (1987), High-order embedded Runge-Kutta-Nyst
 Journal of Numerical Analysis 7, 423. The dense output is our own.
 """
 
-import dataclasses
 from typing import ClassVar, final
 
 import diffrax
@@ -33,8 +32,8 @@ from . import _tableaus as tableau
 from ._dense_output import AbstractDenseOutput
 from ._nystrom import RKN12, NystromStep, nystrom_step
 from ._protocol import AbstractFieldSolver, Advance, SolverTraits
-from ._runge_kutta import Weights, weighted
-from ._second_order import SecondOrder, Vectors, second_order
+from ._runge_kutta import Weights, weighted, weighted_rows
+from ._second_order import SecondOrder, Vectors, known_parts, moved, second_order
 from ._tolerance import Tolerance
 from ._vector_field import StepField
 
@@ -86,10 +85,9 @@ class _HermiteOutput(AbstractDenseOutput):
     def state(self, t: Float[Array, ""]) -> State:
         x = self.fraction(t).astype(self.q.dtype)
         weights, slopes = jax.jvp(_hermite, (x,), (jnp.ones_like(x),))
-        q = jnp.tensordot(weights, self.q, 1)
-        dq_dx = jnp.tensordot(slopes, self.q, 1)
-        r = self.y0.position + self.travel * (x * self.y0.velocity + q)
-        return dataclasses.replace(self.y0, position=r, velocity=self.y0.velocity + dq_dx)
+        q, dq_dx = (weighted_rows(row, self.q) for row in (weights, slopes))
+        r0, v0 = known_parts(self.y0)
+        return moved(self.y0, r0 + self.travel * (x * v0 + q), v0 + dq_dx)
 
 
 @final
@@ -108,12 +106,15 @@ class RKN1210(AbstractFieldSolver, diffrax.AbstractAdaptiveSolver):
       fills them in; without them every step pays for the dense output.
     - `in_loop`: whether the stages are a loop of the program, which compiles sooner and runs
       slower. Derivatives of single runs fill it in.
+    - `run_axes`: how many trailing axes of the state carry runs; by default all but the first.
+      `simulate` fills it in.
 
     **Raises** `InputError` in its first step for a state with further parts.
     """
 
     save_ts: Float[Array, " times"] | None = None
     in_loop: bool = eqx.field(static=True, default=False)
+    run_axes: int | None = eqx.field(static=True, default=None)
     term_structure: ClassVar = diffrax.ODETerm
     interpolation_cls: ClassVar = _HermiteOutput
 
@@ -122,13 +123,20 @@ class RKN1210(AbstractFieldSolver, diffrax.AbstractAdaptiveSolver):
         return SolverTraits(evaluations=17)
 
     def bind(
-        self, *, tolerance: Tolerance, save_ts: Float[Array, " times"] | None, run_axes: int
+        self,
+        *,
+        tolerance: Tolerance,
+        save_ts: Float[Array, " times"] | None,
+        run_axes: int,
+        searched: bool = False,
     ) -> "RKN1210":
-        del tolerance, run_axes
-        return RKN1210(jnp.zeros((0,)) if save_ts is None else save_ts, self.in_loop)
+        del tolerance
+        if searched:
+            return RKN1210(None, self.in_loop, run_axes)
+        return RKN1210(jnp.zeros((0,)) if save_ts is None else save_ts, self.in_loop, run_axes)
 
     def small_program(self) -> "RKN1210":
-        return RKN1210(self.save_ts, in_loop=True)
+        return RKN1210(self.save_ts, in_loop=True, run_axes=self.run_axes)
 
     def order(self, terms: diffrax.AbstractTerm | None) -> int:
         return 12
@@ -136,7 +144,8 @@ class RKN1210(AbstractFieldSolver, diffrax.AbstractAdaptiveSolver):
     def start(
         self, f: StepField, t0: Float[Array, ""], t1: Float[Array, ""], y0: State
     ) -> Bool[Array, "*runs"]:
-        return second_order(f.terms, t0, t1, y0, f.args, "RKN1210").velocity_matters()
+        system = second_order(f.terms, t0, t1, y0, f.args, "RKN1210")
+        return system.velocity_matters(self.run_axes)
 
     def advance(
         self,
@@ -148,7 +157,7 @@ class RKN1210(AbstractFieldSolver, diffrax.AbstractAdaptiveSolver):
     ) -> Advance:
         system = second_order(f.terms, t0, t1, y0, f.args, "RKN1210")
         h = t1 - t0
-        step = nystrom_step(system, RKN12, t0, h, y0.position, y0.velocity, self.in_loop)
+        step = nystrom_step(system, RKN12, t0, h, system.r, system.v, self.in_loop)
         # The velocity matters: the method would converge to the motion of another system.
         y1 = system.state(step.r, jnp.where(carried, jnp.nan, step.v))
         h = h.astype(step.r.dtype)
@@ -184,8 +193,8 @@ def _hermite_coefficients(
     in_loop: bool,
 ) -> Float[Array, "coefficients ..."]:
     """q_i, q_i' and q_i'' in the order of `_hermite`."""
-    r0 = system.y0.position
-    v0 = system.y0.velocity
+    r0 = system.r
+    v0 = system.v
     dt = h.astype(r0.dtype)
 
     def within(_: None, x: Array) -> tuple[None, Array]:

@@ -53,6 +53,14 @@ def weighted(weights: Weights, ks: Sequence[Array] | Array) -> Array:
     return functools.reduce(jax.lax.add, terms)
 
 
+def weighted_rows(weights: Float[Array, "rows *#runs"], rows: Array) -> Array:
+    """sum_k w_k a_k over the first axis of an array, with weights of all runs or of each."""
+    if weights.ndim == 1:
+        return jnp.tensordot(weights, rows, 1)
+    missing = (1,) * (rows.ndim - weights.ndim)
+    return jnp.sum(weights.reshape(weights.shape[0], *missing, *weights.shape[1:]) * rows, axis=0)
+
+
 def combine(y: State | None, h: Array, weights: Weights, ks: list[State] | State) -> State:
     """y + h sum_i w_i k_i, leaf by leaf; a `y` of `None` stands for zero.
 
@@ -134,25 +142,35 @@ def stage_loop(
 
 
 class _NestedProducts(AbstractDenseOutput):
-    """Dense output of DOP853: nested products of x and 1 - x."""
+    """Dense output of DOP853: nested products of x and 1 - x, with the seven `coefficients` on the
+    first axis of the leaves, or as a list."""
 
     t0: Float[Array, ""]
     t1: Float[Array, ""]
     y0: State
-    coefficients: list[State] | None
+    coefficients: list[State] | State | None
 
     def state(self, t: Float[Array, ""]) -> State:
         assert self.coefficients is not None, "the step keeps nothing for states within it"
         x = self.fraction(t)
 
-        def leaf(y0: Array, *fs: Array) -> Array:
+        def nested(y0: Array, *fs: Array) -> Array:
             total = jnp.zeros_like(y0)
             # In turns: all terms but the first, the change, vanish at both ends of the step.
             for i, f in enumerate(reversed(fs)):
                 total = (total + f) * (x if i % 2 == 0 else 1.0 - x).astype(y0.dtype)
             return y0 + total
 
-        return jax.tree.map(leaf, self.y0, *self.coefficients)
+        if isinstance(self.coefficients, list):
+            return jax.tree.map(nested, self.y0, *self.coefficients)
+        # The same products as weights, for a small program: one sum for each leaf.
+        weights = [x]
+        for i in range(6):
+            weights.append(weights[-1] * ((1.0 - x) if i % 2 == 0 else x))
+        w = jnp.stack(weights)
+        return jax.tree.map(
+            lambda y, f: y + weighted_rows(w.astype(f.dtype), f), self.y0, self.coefficients
+        )
 
 
 class _WeightedStages(AbstractDenseOutput):
@@ -161,12 +179,17 @@ class _WeightedStages(AbstractDenseOutput):
     t0: Float[Array, ""]
     t1: Float[Array, ""]
     y0: State
-    ks: list[State]
+    ks: list[State] | State
 
     def state(self, t: Float[Array, ""]) -> State:
         x = self.fraction(t)
         h = self.t1 - self.t0
         weights = [h * x * (a + x * (b + x * (c + x * d))) for a, b, c, d in tableau.TSIT5_DENSE]
+        if not isinstance(self.ks, list):
+            rows = jnp.stack(weights)
+            return jax.tree.map(
+                lambda y, k: y + weighted_rows(rows.astype(k.dtype), k), self.y0, self.ks
+            )
 
         def change(*ks: Array) -> Array:
             terms = [w.astype(k.dtype) * k for w, k in zip(weights, ks, strict=True)]
@@ -198,10 +221,15 @@ class DOP853(AbstractFieldSolver, diffrax.AbstractAdaptiveSolver):
         return SolverTraits(evaluations=12)
 
     def bind(
-        self, *, tolerance: Tolerance, save_ts: Float[Array, " times"] | None, run_axes: int
+        self,
+        *,
+        tolerance: Tolerance,
+        save_ts: Float[Array, " times"] | None,
+        run_axes: int,
+        searched: bool = False,
     ) -> "DOP853":
         del tolerance, run_axes
-        return DOP853(save_ts is not None, self.in_loop)
+        return DOP853(searched or save_ts is not None, self.in_loop)
 
     def small_program(self) -> "DOP853":
         return DOP853(self.dense, in_loop=True)
@@ -214,7 +242,12 @@ class DOP853(AbstractFieldSolver, diffrax.AbstractAdaptiveSolver):
     ) -> Advance:
         del carried
         h = t1 - t0
-        ks = stages(f, t0, h, y0, tableau.DOP853_C, tableau.DOP853_A, [], self.in_loop)
+        c, a = tableau.DOP853_C, tableau.DOP853_A
+        if self.dense and self.in_loop:
+            # The stages of the dense output are in the loop: the first of them is at the end.
+            c = (*c, 1.0, *tableau.DOP853_DENSE_C)
+            a = (*a, tableau.DOP853_B, *tableau.DOP853_DENSE_A)
+        ks = stages(f, t0, h, y0, c, a, [], self.in_loop)
         # Held, because the dense output and the error read it too.
         y1 = barrier(combine(y0, h, tableau.DOP853_B, ks))
         error = jax.tree.map(
@@ -223,7 +256,14 @@ class DOP853(AbstractFieldSolver, diffrax.AbstractAdaptiveSolver):
             combine(None, h, tableau.DOP853_ERROR_3, ks),
         )
         # Not left to the compiler to drop: it would be traced and lowered in each first call.
-        within = _dense_coefficients(f, t0, h, y0, y1, ks) if self.dense else None
+        within = None
+        if self.dense:
+            if isinstance(ks, list):
+                # Four evaluations; where the run saves at few times, in every step all the same.
+                last = stages(f, t0, h, y1, (1.0,), ((),), [])
+                rest = tableau.DOP853_DENSE_C, tableau.DOP853_DENSE_A
+                ks = stages(f, t0, h, y0, *rest, [*ks, *last])
+            within = _dense_coefficients(h, y0, y1, ks)
         return Advance(y1, error, dict(y0=y0, coefficients=within))
 
 
@@ -237,24 +277,24 @@ def blend(e5: Array, e3: Array) -> Array:
 
 
 def _dense_coefficients(
-    f: Callable[[Array, State], State],
-    t0: Float[Array, ""],
-    h: Float[Array, ""],
-    y0: State,
-    y1: State,
-    ks: list[State] | State,
-) -> list[State]:
-    """The seven coefficients of DOP853's dense output."""
-    if not isinstance(ks, list):
-        count = jax.tree.leaves(ks)[0].shape[0]
-        ks = [jax.tree.map(lambda k, i=i: k[i], ks) for i in range(count)]
-    # Four evaluations; where the run saves at few times, the loop computes them in every step.
-    last = stages(f, t0, h, y1, (1.0,), ((),), [])[0]
-    ks = stages(f, t0, h, y0, tableau.DOP853_DENSE_C, tableau.DOP853_DENSE_A, [*ks, last])
+    h: Array, y0: State, y1: State, ks: list[State] | State
+) -> list[State] | State:
+    """The seven coefficients of DOP853's dense output, from all sixteen stages."""
     change = jax.tree.map(jnp.subtract, y1, y0)
+    if not isinstance(ks, list):
+        rows = dense_rows(tableau.DOP853_DENSE, 16)
+
+        def leaf(k: Array, d: Array) -> Array:
+            hk = h.astype(k.dtype) * k
+            start = hk[0] - d
+            end = 2.0 * d - (hk[0] + hk[12])
+            rest = jnp.tensordot(rows.astype(k.dtype), hk, 1)
+            return jnp.concatenate([jnp.stack([d, start, end]), rest])
+
+        return jax.tree.map(leaf, ks, change)
     start = jax.tree.map(lambda k, d: h.astype(d.dtype) * k - d, ks[0], change)
     end = jax.tree.map(
-        lambda d, k0, k1: 2.0 * d - h.astype(d.dtype) * (k0 + k1), change, ks[0], last
+        lambda d, k0, k1: 2.0 * d - h.astype(d.dtype) * (k0 + k1), change, ks[0], ks[12]
     )
     return [change, start, end, *(combine(None, h, row, ks) for row in tableau.DOP853_DENSE)]
 
@@ -265,25 +305,46 @@ class Tsit5(AbstractFieldSolver, diffrax.AbstractAdaptiveSolver):
     order 4.
 
     Six evaluations a step: the last stage of a step is the first one of the next, unless the vector
-    field jumps between them."""
+    field jumps between them.
 
+    **Arguments**
+
+    - `in_loop`: whether the stages are a loop of the program, which compiles sooner and runs
+      slower: seven evaluations a step. Large vector fields fill it in."""
+
+    in_loop: bool = eqx.field(static=True, default=False)
     term_structure: ClassVar = diffrax.ODETerm
     interpolation_cls: ClassVar = _WeightedStages
 
     @property
     def traits(self) -> SolverTraits:
-        return SolverTraits(evaluations=6)
+        return SolverTraits(evaluations=7 if self.in_loop else 6)
+
+    def small_program(self) -> "Tsit5":
+        return Tsit5(in_loop=True)
 
     def order(self, terms: diffrax.AbstractTerm | None) -> int:
         return 5
 
-    def start(self, f: StepField, t0: Float[Array, ""], t1: Float[Array, ""], y0: State) -> State:
-        return f(t0, y0)
+    def start(
+        self, f: StepField, t0: Float[Array, ""], t1: Float[Array, ""], y0: State
+    ) -> State | None:
+        return None if self.in_loop else f(t0, y0)
 
     def advance(
-        self, f: StepField, t0: Float[Array, ""], t1: Float[Array, ""], y0: State, carried: State
+        self,
+        f: StepField,
+        t0: Float[Array, ""],
+        t1: Float[Array, ""],
+        y0: State,
+        carried: State | None,
     ) -> Advance:
         h = t1 - t0
+        if self.in_loop:
+            # The last row leads to the end of the step: its stage is the slope there.
+            ks = stages(f, t0, h, y0, tableau.TSIT5_C, tableau.TSIT5_A, [], in_loop=True)
+            y1 = barrier(combine(y0, h, tableau.TSIT5_B, ks))
+            return Advance(y1, combine(None, h, tableau.TSIT5_ERROR, ks), dict(y0=y0, ks=ks))
         # Beyond a jump the last stage of the step before belongs to another vector field.
         first = jax.lax.cond(f.made_jump, lambda: f(t0, y0), lambda: carried)
         ks = stages(f, t0, h, y0, tableau.TSIT5_C[1:-1], tableau.TSIT5_A[1:-1], [first])

@@ -4,10 +4,10 @@
 
 Runge-Kutta-Nystrom and Stormer methods sum accelerations into velocities, and learn from the
 vector field how the position moves with a velocity. So they need not know dt/ds, and no state
-holds anything but positions and velocities.
+holds anything but positions and velocities: a `BodyState`, a module or a named tuple with these two
+fields, or a dictionary with these two keys.
 """
 
-import dataclasses
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -23,11 +23,46 @@ from ._vector_field import just_before
 
 Vectors = Float[Array, "..."]
 
+PARTS = ("position", "velocity")
+
+
+def _names(y: State) -> list[str | None]:
+    """Of each array of a state the name of the field or the key that holds it by itself."""
+    paths = [path for path, _ in jax.tree_util.tree_flatten_with_path(y)[0]]
+    # A key of a dictionary, or a field of a module or of a named tuple.
+    return [
+        getattr(path[0], "name", getattr(path[0], "key", None)) if len(path) == 1 else None
+        for path in paths
+    ]
+
+
+def parts_of(y: State) -> tuple[Vectors, Vectors] | None:
+    """Position and velocity of a state; `None` where it lacks one, or holds anything else."""
+    named = dict(zip(_names(y), jax.tree.leaves(y), strict=True))
+    if len(jax.tree.leaves(y)) != 2 or set(named) != set(PARTS):
+        return None
+    return named["position"], named["velocity"]
+
+
+def moved(y: State, position: Vectors, velocity: Vectors) -> State:
+    """A state like `y`, of which `parts_of` knows the parts, with other ones."""
+    given = {"position": position, "velocity": velocity}
+    leaves = [given[str(name)] for name in _names(y)]
+    return jax.tree.unflatten(jax.tree.structure(y), leaves)
+
 
 # Jitted, so that the stages of a step, seventeen and more, share one tracing of the vector field.
 @eqx.filter_jit
 def _acceleration(terms: AbstractTerm, s: Scalar, r: Vectors, y: State, args: PyTree) -> Vectors:
-    return barrier(terms.vf(s, dataclasses.replace(y, position=barrier(r)), args).velocity)
+    _, v = known_parts(y)
+    return barrier(known_parts(terms.vf(s, moved(y, barrier(r), v), args))[1])
+
+
+def known_parts(y: State) -> tuple[Vectors, Vectors]:
+    """Position and velocity of a state, or of its rate, that is known to hold them."""
+    parts = parts_of(y)
+    assert parts is not None
+    return parts
 
 
 class SecondOrder(NamedTuple):
@@ -35,6 +70,7 @@ class SecondOrder(NamedTuple):
 
     - `terms`, `args`: the vector field, as diffrax hands it to a step.
     - `y0`: the state at the start of the step.
+    - `r`, `v`: position and velocity of it.
     - `end`: the normalised time just before the end of the step.
     - `dt_ds`: the rate of the position for a velocity of ones.
     """
@@ -42,6 +78,8 @@ class SecondOrder(NamedTuple):
     terms: AbstractTerm
     args: PyTree
     y0: State
+    r: Vectors
+    v: Vectors
     end: Float[Array, ""]
     dt_ds: Vectors
 
@@ -55,26 +93,29 @@ class SecondOrder(NamedTuple):
 
     def state(self, r: Vectors, v: Vectors) -> State:
         """The state of position `r` and velocity `v`."""
-        return dataclasses.replace(self.y0, position=r, velocity=v)
+        return moved(self.y0, r, v)
 
-    def velocity_matters(self) -> Bool[Array, "*runs"]:
+    def velocity_matters(self, run_axes: int | None) -> Bool[Array, "*runs"]:
         """For each run whether its acceleration changes when it stands still.
 
-        Then no method for second-order systems applies to it."""
-        y0 = jax.lax.stop_gradient(self.y0)
+        Then no method for second-order systems applies to it. `run_axes`: how many trailing axes
+        carry runs; `None` for all but the first, that of the components."""
+        y0, r, v = jax.lax.stop_gradient((self.y0, self.r, self.v))
+        components = v.ndim - run_axes if run_axes is not None else min(v.ndim, 1)
 
         def a(v: Vectors) -> Vectors:
-            return self.terms.vf(self.end, dataclasses.replace(y0, velocity=v), self.args).velocity
+            return known_parts(self.terms.vf(self.end, moved(y0, r, v), self.args))[1]
 
-        if not _reads_argument(a, y0.velocity):
-            return jnp.zeros(y0.velocity.shape[1:], bool)
+        if not _reads_argument(a, v):
+            return jnp.zeros(v.shape[components:], bool)
+        axes = tuple(range(components))
         # By its numbers, because it may be read and not matter.
-        moving = a(y0.velocity)
-        still = a(jnp.zeros_like(y0.velocity))
+        moving = a(v)
+        still = a(jnp.zeros_like(v))
         # A thousand roundings: an acceleration may be the difference of large terms.
-        rounding = 1e3 * jnp.finfo(still.dtype).eps * jnp.max(jnp.abs(still), axis=0)
+        rounding = 1e3 * jnp.finfo(still.dtype).eps * jnp.max(jnp.abs(still), axis=axes)
         same = jnp.abs(moving - still) <= rounding
-        return jax.lax.stop_gradient(~jnp.all(same | ~jnp.isfinite(moving), axis=0))
+        return jax.lax.stop_gradient(~jnp.all(same | ~jnp.isfinite(moving), axis=axes))
 
 
 def _reads_argument(function: Callable[[Array], Array], x: Array) -> bool:
@@ -96,16 +137,17 @@ def second_order(
 
     Raises `InputError`, which names the `solver`, unless the state holds a position, a velocity and
     nothing else."""
-    parts = [getattr(y0, name, None) for name in ("position", "velocity")]
-    if any(part is None for part in parts) or len(jax.tree.leaves(y0)) != 2:
+    parts = parts_of(y0)
+    if parts is None:
         raise InputError(
             f"{solver} integrates a position and a velocity, and nothing else: "
             "take DOP853() for this state."
         )
+    r, v = parts
     end = just_before(t0, t1)
     # The vector field knows how the position moves in normalised time, for each run by itself.
-    ones = dataclasses.replace(y0, velocity=jnp.ones_like(y0.velocity))
-    return SecondOrder(terms, args, y0, end, terms.vf(end, ones, args).position)
+    dt_ds, _ = known_parts(terms.vf(end, moved(y0, r, jnp.ones_like(v)), args))
+    return SecondOrder(terms, args, y0, r, v, end, dt_ds)
 
 
 def estimate_by_coarsening(

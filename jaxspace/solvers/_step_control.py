@@ -66,11 +66,14 @@ class BatchStepController(diffrax.AbstractStepSizeController):
     - `lengths`: the relative lengths of the segments, so that a step keeps its length in time from
       one to the next.
     - `longest`: the longest step that is allowed in each segment, in normalised time.
+    - `estimated`: whether the first step is estimated; otherwise `FIRST_STEP` is tried, which costs
+      a few rejections, and saves a program in which the vector field stands once more.
     """
 
     tolerance: Tolerance
     lengths: Float[Array, " segments"]
     longest: Float[Array, " segments"] | None = None
+    estimated: bool = True
 
     def wrap(self, direction: Int[Array, ""] | int) -> "BatchStepController":
         del direction
@@ -92,7 +95,9 @@ class BatchStepController(diffrax.AbstractStepSizeController):
         def f(s: Array, y: State) -> State:
             return func(terms, s, y, args)
 
-        ds = self._starting_step(f, t0, y0, error_order)
+        ds = jnp.full_like(t0, FIRST_STEP)
+        if self.estimated:
+            ds = self._starting_step(f, t0, y0, error_order)
         limiting = jnp.zeros(self.tolerance.alive(y0).shape, jnp.int32)
         return self._end_of_step(t0, ds), StepControl(ds, limiting)
 

@@ -24,7 +24,6 @@ stable, and 90 for nine digits over a day of a low orbit. Higher orders are stab
 short that order 12 is accurate to rounding, too.
 """
 
-import dataclasses
 from typing import ClassVar, final
 
 import diffrax
@@ -43,8 +42,9 @@ from ._protocol import (
     SolverTraits,
     check_steps,
 )
-from ._second_order import Vectors, second_order
+from ._second_order import Vectors, moved, second_order
 from ._stormer_steps import StepRecord, StormerSteps
+from ._tolerance import Tolerance
 from ._vector_field import StepField
 
 
@@ -82,9 +82,7 @@ class _InterpolatedAccelerations(AbstractDenseOutput):
         # The polynomial passes through both ends of the step: w is the mean velocity along it.
         mean = twice[1] - twice[0]
         change = h * (x * (w - mean) + twice[2] - twice[0])
-        return dataclasses.replace(
-            self.y0, position=r + self.dt_ds * change, velocity=w + once[2] - mean
-        )
+        return moved(self.y0, r + self.dt_ds * change, w + once[2] - mean)
 
 
 @final
@@ -101,6 +99,8 @@ class Stormer(AbstractFieldSolver, AbstractFixedStep):
 
     - `order`: from 5 to 12.
     - `steps`: in each segment; at least twice the order.
+    - `run_axes`: how many trailing axes of the state carry runs; by default all but the first.
+      `simulate` fills it in.
 
     **Raises** `InputError` for an order or a number of steps out of range, and in its first step
     for a state with further parts.
@@ -108,12 +108,14 @@ class Stormer(AbstractFieldSolver, AbstractFixedStep):
 
     k: int = eqx.field(static=True)
     steps: int = eqx.field(static=True)
+    run_axes: int | None = eqx.field(static=True)
     term_structure: ClassVar = diffrax.ODETerm
     interpolation_cls: ClassVar = _InterpolatedAccelerations
 
-    def __init__(self, order: int = 12, *, steps: int):
+    def __init__(self, order: int = 12, *, steps: int, run_axes: int | None = None):
         self.k = order
         self.steps = steps
+        self.run_axes = run_axes
 
     def __check_init__(self):
         if not 5 <= self.k <= 12:
@@ -131,8 +133,19 @@ class Stormer(AbstractFieldSolver, AbstractFixedStep):
             steps=self.steps,
         )
 
+    def bind(
+        self,
+        *,
+        tolerance: Tolerance,
+        save_ts: Float[Array, " times"] | None,
+        run_axes: int,
+        searched: bool = False,
+    ) -> "Stormer":
+        del tolerance, save_ts, searched
+        return Stormer(self.k, steps=self.steps, run_axes=run_axes)
+
     def refined(self, factor: int) -> "Stormer":
-        return Stormer(self.k, steps=factor * self.steps)
+        return Stormer(self.k, steps=factor * self.steps, run_axes=self.run_axes)
 
     def order(self, terms: diffrax.AbstractTerm | None) -> int:
         return self.k
@@ -146,7 +159,7 @@ class Stormer(AbstractFieldSolver, AbstractFixedStep):
         state, first = steps.start()
         state, v_error, others = steps.integrate(state)
         y1, a1 = steps.final(state)
-        v_error = jnp.where(system.velocity_matters(), jnp.inf, v_error)
+        v_error = jnp.where(system.velocity_matters(self.run_axes), jnp.inf, v_error)
         error = system.state(steps.h * system.position_rate(v_error), v_error)
         # The acceleration at the end closes the record: there is one more of them than of steps.
         last = StepRecord(state.r[None][:0], state.w[None][:0], a1[None])

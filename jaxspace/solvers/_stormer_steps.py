@@ -104,11 +104,9 @@ class StormerSteps(NamedTuple):
             found = nystrom_step(self.system, DOP853_NYSTROM, self.s0 + n * self.h, self.h, *y)
             return (found.r, found.v), StepRecord(y[0], found.mean_velocity, found.ks[0])
 
-        y0 = self.system.y0
+        start = (self.system.r, self.system.v)
         m = self.k - 1
-        (r, v), record = jax.lax.scan(
-            step, (y0.position, y0.velocity), jnp.arange(m, dtype=self.h.dtype)
-        )
+        (r, v), record = jax.lax.scan(step, start, jnp.arange(m, dtype=self.h.dtype))
         ring = jnp.concatenate([record.a, self.acceleration(m, r)[None]])
         w = v - self.velocity_change(stormer_weights(self.k).velocity, m, ring)
         return StormerState(r, w, ring), record

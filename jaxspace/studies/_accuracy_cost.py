@@ -1,8 +1,9 @@
 """What accuracy costs in time, measured on the run in question.
 
 The true error of every setting is taken against the closed form where the system has one.
-Otherwise the reference is DOP853 at a hundredth of the tightest tolerance, or the exponential
-method for a stiff run that DOP853 does not bring to its end. The reference is compared with itself
+Otherwise the reference is DOP853 at a hundredth of the tightest tolerance, with up to 64 times the
+steps of a run; or the exponential method for a stiff run that DOP853 does not bring to its end, or
+another adaptive method of the table. The reference is compared with itself
 at ten times its tolerance. The gradient is that of one number of the final state with respect to
 the initial state, by reverse mode, with every block of the initial state in units of its own size.
 """
@@ -19,7 +20,7 @@ from ._cost_case import Case
 from ._cost_methods import TOLERANCES, default_methods, methods_by_name, tolerances_of
 from ._cost_reference import reference_of
 from ._cost_rows import cost_rows
-from ._cost_table import AccuracyCost, Cost, Method
+from ._cost_table import MAX_STEPS, AccuracyCost, Cost, Method
 from ._runs import check_start
 from ._scene_effects import Runnable
 
@@ -38,6 +39,7 @@ def accuracy_cost(
     gradient: bool = False,
     output: Callable[[State], Scalar] | None = None,
     repeats: int = REPEATS,
+    max_steps: int = MAX_STEPS,
 ) -> AccuracyCost:
     """What accuracy costs in time for this system, scene or mission.
 
@@ -53,26 +55,29 @@ def accuracy_cost(
     - `output`: a number of the final state; by default the sum of all its numbers, each over the
       length of its block.
     - `repeats`: of every run, whose median time counts; compilation is timed apart.
+    - `max_steps`: how many steps a run may take, as in `Accuracy`; the reference may take more.
 
     **Returns** an `AccuracyCost`: print it, `plot` it, take the `cheapest` setting from it. A
     tolerance that a precision cannot reach is left out and noted. A fixed-step method has one row,
-    because the tolerance does not change its steps.
+    because the tolerance does not change its steps. Where no run serves as the reference the rows
+    have no errors and no gradients, and a note says why.
 
-    **Raises** `InputError` for input that cannot be used, and unless double precision is enabled;
-    `SimulationError` when no good reference is found."""
+    **Raises** `InputError` for input that cannot be used, and unless double precision is
+    enabled."""
     _check(system, tolerances, precisions, repeats)
+    check_positive("max_steps", max_steps)
     y0, ts = check_start(system, y0, ts)
     if methods is None:
         methods = default_methods(system, y0, ts, tolerances)
     by_name = methods_by_name(system, y0, ts, methods, min(tolerances))
     own = state_dtype(y0).name
     # The reference is in double precision, whatever the state is given in.
-    case = Case.of(system, y0, ts, "float64")
+    case = Case.of(system, y0, ts, "float64", max_steps)
     reference = reference_of(system, by_name, case, min(tolerances), gradient, output)
     rows: list[Cost] = []
-    notes: list[str] = []
+    notes: list[str] = [reference.problem] if reference.problem else []
     for precision in precisions:
-        case = Case.of(system, y0, ts, precision)
+        case = Case.of(system, y0, ts, precision, max_steps)
         reachable = [r for r in tolerances if r >= least_tolerance(precision)]
         # From loose to tight, as the curves of a work-precision diagram run.
         reachable.sort(reverse=True)
@@ -91,7 +96,8 @@ def accuracy_cost(
                     raise
                 first_line = str(error).strip().splitlines()[0]
                 notes.append(f"{precision}: {name} does not run: {first_line}")
-    return AccuracyCost(tuple(rows), reference.name, reference.error, own, tuple(notes), by_name)
+    shown = (tuple(rows), reference.name, reference.error, own, tuple(notes))
+    return AccuracyCost(*shown, by_name, max_steps)
 
 
 def _check(

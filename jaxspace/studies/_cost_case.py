@@ -1,6 +1,5 @@
 """A run in one precision, as functions of its arrays and the tolerance: they compile once."""
 
-import dataclasses
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -10,23 +9,28 @@ from jaxtyping import Array, PyTree
 
 from ..core import Scalar, State
 from ..integration import Accuracy
-from ._cost_table import Method
+from ._cost_table import MAX_STEPS, Method
 from ._runs import Program, RunOutcome, in_precision, run_once
 from ._scene_effects import Runnable
 
 
 class Case(NamedTuple):
-    """What runs, in one precision: its arrays, and what is left of it without them."""
+    """What runs, in one precision: its arrays, what is left of it without them, and how many steps
+    a run may take."""
 
     arrays: PyTree[Array]
     static: PyTree
+    max_steps: int
 
     @classmethod
-    def of(cls, system: Runnable, y0: State, ts: Array, precision: str) -> "Case":
+    def of(
+        cls, system: Runnable, y0: State, ts: Array, precision: str, max_steps: int = MAX_STEPS
+    ) -> "Case":
         """The case in the `precision`."""
         # Arrays are arguments of the programs: with constants the compiler would compute beforehand
         # what is to be timed.
-        return cls(*eqx.partition(in_precision((system, y0, ts), precision), eqx.is_array))
+        parts = eqx.partition(in_precision((system, y0, ts), precision), eqx.is_array)
+        return cls(*parts, max_steps)
 
     def restored(self, arrays: PyTree[Array]) -> tuple[Any, State, Array]:
         """System, initial state and times, with these arrays."""
@@ -34,10 +38,11 @@ class Case(NamedTuple):
 
     def run(self, method: Method, room: int = 1) -> Callable[[PyTree[Array], Scalar], RunOutcome]:
         """The run as a function of its arrays and the tolerance; it may take `room` times as many
-        steps as by default."""
+        steps as a run."""
 
         def run(arrays: PyTree[Array], rtol: Scalar) -> RunOutcome:
-            return run_once(*self.restored(arrays), accuracy_of(method, rtol, room))
+            accuracy = accuracy_of(method, rtol, room * self.max_steps)
+            return run_once(*self.restored(arrays), accuracy)
 
         return run
 
@@ -49,7 +54,7 @@ class Case(NamedTuple):
 
         def gradient(arrays: PyTree[Array], rtol: Scalar) -> State:
             system, y0, ts = self.restored(arrays)
-            accuracy = accuracy_of(method, rtol, room)
+            accuracy = accuracy_of(method, rtol, room * self.max_steps)
             return jax.grad(lambda y: output(run_once(system, y, ts, accuracy).final))(y0)
 
         return gradient
@@ -62,8 +67,6 @@ class Programs(NamedTuple):
     gradient: Callable[[PyTree[Array], Scalar], State] | None
 
 
-def accuracy_of(method: Method, rtol: Scalar, room: int = 1) -> Accuracy:
-    """The accuracy of a method at a tolerance, which may be traced, with `room` times the steps of
-    the default."""
-    own = Accuracy(rtol=rtol, method=method)  # pyright: ignore[reportArgumentType]
-    return own if room == 1 else dataclasses.replace(own, max_steps=room * own.max_steps)
+def accuracy_of(method: Method, rtol: Scalar, max_steps: int = MAX_STEPS) -> Accuracy:
+    """The accuracy of a method at a tolerance, which may be traced."""
+    return Accuracy(rtol=rtol, method=method, max_steps=max_steps)  # pyright: ignore

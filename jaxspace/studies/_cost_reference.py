@@ -1,17 +1,20 @@
 """What the errors of a study are measured against: a closed form, or the tightest good run."""
 
 import itertools
+import math
 from collections.abc import Callable
 from typing import NamedTuple
 
+import diffrax
 import jax
 import jax.numpy as jnp
 import numpy as np
 
 from ..core import Scalar, State
-from ..integration import SimulationError, Status, least_tolerance
+from ..integration import Status, least_tolerance
 from ..integration._methods import HIGH_ORDER, STIFF
 from ..simulation import Mission
+from ..solvers import solver_traits
 from ._cost_case import Case, Programs
 from ._cost_table import CLOSED_FORM, Method, method_name
 from ._runs import Program, RunOutcome, aot_compile, blocks, distance
@@ -22,39 +25,41 @@ from ._scene_effects import Runnable
 FIRST_PART = 0.381966
 # Of the tightest tolerance: rounding may keep a run from the first of these.
 TIGHTER = (1e-2, 1e-1, 1.0)
-# Of the default `max_steps`, tried where the steps run out: a reference may take longer than the
-# runs that it judges.
+# Of the steps of a run, tried where they run out: a reference may take longer than the runs that it
+# judges.
 ROOM = (1, 8, 64)
+# The methods that are given all of this room before another one is tried.
+PREFERRED = type(HIGH_ORDER) | type(STIFF)
 
 
 class Reference(NamedTuple):
     """What errors are measured against.
 
-    - `name`: in words.
+    - `name`: in words; empty where no run ends well.
     - `final`, `gradient`: the exact final state and gradient, as far as they are known.
-    - `error`: an estimate of the error of `final`.
+    - `error`: an estimate of the error of `final`; NaN where there is none.
     - `output`: the number whose gradient is taken.
+    - `problem`: why there is none, as a sentence.
     - `programs`: what was compiled for it in double precision, by the name of the method: the run,
       and the gradient if it is measured."""
 
     name: str
-    final: State
+    final: State | None
     error: float
     gradient: State | None
-    output: Callable[[State], Scalar]
+    output: Callable[[State], Scalar] | None
+    problem: str
     programs: dict[str, Programs]
 
 
 class _GoodRun(NamedTuple):
-    """The first run that ends well: its method, tolerance and `room` for steps, its program, and
-    the programs with the room of all runs that were compiled on the way to it."""
+    """A run that ends well: its method, tolerance and `room` for steps, and its program."""
 
     name: str
     rtol: float
     room: int
     outcome: RunOutcome
     program: Program
-    compiled: dict[str, Program]
 
 
 def reference_of(
@@ -74,50 +79,74 @@ def reference_of(
     - `tightest`: of the tolerances, relative.
     - `gradient`, `output`: as in `accuracy_cost`.
 
-    **Returns** the reference with its own error.
-
-    **Raises** `SimulationError` when no run ends well."""
+    **Returns** the reference with its own error; where no run ends well, one without a state, which
+    says why."""
     exact = not isinstance(system, Mission) and system.closed_form() is not None
-    candidates = _candidates(by_name, exact)
-    name, rtol, room, outcome, program, compiled = _first_good_run(candidates, case, tightest)
+    methods: dict[str, Method] = {CLOSED_FORM: CLOSED_FORM} if exact else _candidates(by_name)
+    compiled: dict[str, Program] = {}
+    failures: dict[str, str] = {}
+    good = _first_good_run(methods, case, tightest, compiled, failures)
+    if good is None:
+        programs = {key: Programs(run, None) for key, run in compiled.items()}
+        problem = (
+            f"The errors are not known, because no run ends well that they could be measured "
+            f"against: {' '.join(failures.values())}"
+        )
+        return Reference("", None, math.nan, None, output, problem, programs)
+    name, rtol, room, outcome, program = good
     if exact:
         other = _in_two_parts(case)
     else:
         other = program.call(case.arrays, 10.0 * rtol).final
     # Nothing is known better than its last digit.
-    error = max(distance(other, outcome.final), float(np.finfo(float).eps))
+    error = float(np.maximum(distance(other, outcome.final), np.finfo(float).eps))
     output = _scaled_sum(outcome.final) if output is None else output
     programs = {key: Programs(run, None) for key, run in compiled.items()}
     exact_gradient = None
     if gradient:
-        of_method = jax.jit(case.gradient(candidates[name], output, room))
+        of_method = jax.jit(case.gradient(methods[name], output, room))
         exact_gradient = of_method(case.arrays, rtol)
         # The rows of the table have the room that every run has.
         if room == 1:
             programs[name] = Programs(program, of_method)
     words = "the closed form" if exact else f"{name} at {rtol:.0e} in float64"
-    return Reference(words, outcome.final, error, exact_gradient, output, programs)
+    return Reference(words, outcome.final, error, exact_gradient, output, "", programs)
 
 
-def _candidates(by_name: dict[str, Method], exact: bool) -> dict[str, Method]:
+def _candidates(by_name: dict[str, Method]) -> dict[str, Method]:
     """The methods that may serve as the reference, by name, the preferred one first."""
-    if exact:
-        return {CLOSED_FORM: CLOSED_FORM}
     # The method for stiff runs ends one that an explicit method does not.
     stiff = {k: m for k, m in by_name.items() if isinstance(m, type(STIFF))}
-    return {method_name(HIGH_ORDER): HIGH_ORDER, **stiff}
+    # One of the others may end where these do not, as on an orbit through the centre. Fixed steps
+    # are none: the tolerance does not change them.
+    adaptive = {
+        k: m
+        for k, m in by_name.items()
+        if isinstance(m, diffrax.AbstractSolver) and not solver_traits(m).fixed_step
+    }
+    return {method_name(HIGH_ORDER): HIGH_ORDER, **stiff, **adaptive}
 
 
-def _first_good_run(candidates: dict[str, Method], case: Case, tightest: float) -> _GoodRun:
-    """The run of the first candidate that ends well, at the tightest tolerance at which it does."""
-    compiled: dict[str, Program] = {}
-    failures: dict[str, str] = {}
-    for room, (name, method) in itertools.product(ROOM, candidates.items()):
+def _first_good_run(
+    methods: dict[str, Method],
+    case: Case,
+    tightest: float,
+    compiled: dict[str, Program],
+    failures: dict[str, str],
+) -> _GoodRun | None:
+    """The run of the first method that ends well, at the tightest tolerance at which it does.
+
+    Adds the programs with the room of all runs to those `compiled`, and why methods failed to
+    `failures`, both by the name of the method."""
+    preferred = [name for name, m in methods.items() if isinstance(m, str | PREFERRED)]
+    others = [name for name in methods if name not in preferred]
+    tries = [*itertools.product(ROOM, preferred), *itertools.product(ROOM, others)]
+    for room, name in tries:
         # More room helps a run whose steps ran out, and no other.
         if room > 1 and not failures[name].endswith(Status.MAX_STEPS.sentence):
             continue
         # Once for each method, because the tolerance is traced.
-        program = aot_compile(case.run(method, room), case.arrays, tightest)
+        program = aot_compile(case.run(methods[name], room), case.arrays, tightest)
         if room == 1:
             compiled[name] = program
         for factor in TIGHTER:
@@ -125,11 +154,9 @@ def _first_good_run(candidates: dict[str, Method], case: Case, tightest: float) 
             outcome = program.call(case.arrays, rtol)
             status = Status(int(outcome.status))
             if status.good:
-                return _GoodRun(name, rtol, room, outcome, program, compiled)
+                return _GoodRun(name, rtol, room, outcome, program)
             failures[name] = f"{name} at {rtol:.0e}: {status.sentence}"
-    found = " ".join(failures.values())
-    failure = f"No run ends well that errors could be measured against. {found}"
-    raise SimulationError(failure)
+    return None
 
 
 def _scaled_sum(final: State) -> Callable[[State], Scalar]:

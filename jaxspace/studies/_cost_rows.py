@@ -1,5 +1,6 @@
 """The rows of a table of accuracy and cost: every setting is run, timed and compared."""
 
+import math
 from collections.abc import Sequence
 
 import jax
@@ -52,7 +53,7 @@ def cost_rows(
             method=name,
             precision=precision,
             tolerance=tolerance,
-            error=distance(run.final, reference.final),
+            error=_error(run.final, reference),
             seconds=seconds,
             compile_seconds=programs.run.seconds,
             evaluations=sum(int(n) for n in run.evaluations),
@@ -61,12 +62,17 @@ def cost_rows(
             drift={key: float(value) for key, value in drift.items()},
             failure="" if status.good else status.sentence,
         )
-        if programs.gradient is not None:
+        if programs.gradient is not None and reference.gradient is not None:
             found, seconds = timed(programs.gradient, repeats, case.arrays, rtol)
             error = _gradient_error(found, reference.gradient, case)
             row = row._replace(gradient_error=error, gradient_seconds=seconds)
         rows.append(row)
     return rows
+
+
+def _error(final: State, reference: Reference) -> float:
+    """The error of a final state; NaN where there is nothing to measure it against."""
+    return math.nan if reference.final is None else distance(final, reference.final)
 
 
 def _programs(
@@ -78,7 +84,7 @@ def _programs(
     if known is None:
         # The tolerance is traced, so that one program serves all of them.
         known = Programs(aot_compile(case.run(method), case.arrays, FIXED_STEP_RTOL), None)
-    if known.gradient is None and reference.gradient is not None:
+    if known.gradient is None and reference.gradient is not None and reference.output is not None:
         known = known._replace(gradient=jax.jit(case.gradient(method, reference.output)))
     return known
 

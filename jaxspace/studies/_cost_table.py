@@ -1,6 +1,8 @@
 """The table of what accuracy costs."""
 
+import itertools
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple, TypeAlias, final
 
@@ -16,6 +18,9 @@ if TYPE_CHECKING:
 
 CLOSED_FORM = "closed_form"
 
+# What a run may take by default.
+MAX_STEPS = Accuracy().max_steps
+
 # "auto" and "closed_form", or a solver, as in `Accuracy.method`.
 Method: TypeAlias = str | diffrax.AbstractSolver
 
@@ -25,7 +30,8 @@ class Cost(NamedTuple):
 
     - `method`, `precision`, `tolerance`: the setting; a closed form and a fixed-step method have no
       tolerance.
-    - `error`: of the final state, |difference| / |block| for the worst of its blocks.
+    - `error`: of the final state, |difference| / |block| for the worst of its blocks; NaN for a run
+      without an end, and where there is no reference.
     - `seconds`: the median run; `compile_seconds`: ahead of the first run of this method and
       precision.
     - `evaluations` of the vector field, accepted `steps`; `memory`, bytes, of the compiled run
@@ -57,9 +63,10 @@ class AccuracyCost:
 
     - `rows`: in the order of precision, method and falling tolerance.
     - `reference`: what the errors are measured against, and `reference_error`, an estimate of its
-      own error.
+      own error; empty and NaN where no run serves: the first of the `notes` says why.
     - `precision`: of the given state; `cheapest` looks among its rows.
-    - `notes`: what was left out, and why. `methods`: the method of every name."""
+    - `notes`: what was left out, and why. `methods`: the method of every name.
+    - `max_steps`: how many steps a run could take."""
 
     rows: tuple[Cost, ...]
     reference: str
@@ -67,6 +74,7 @@ class AccuracyCost:
     precision: str
     notes: tuple[str, ...]
     methods: dict[str, Method]
+    max_steps: int = MAX_STEPS
 
     def cheapest_row(self, error: float = 1e-8, precision: str | None = None) -> Cost:
         """The fastest of the good rows whose error is small enough.
@@ -78,6 +86,8 @@ class AccuracyCost:
 
         **Raises** `InputError` when there is none; it names the best error that was reached."""
         check_positive("error", error)
+        if not self.reference:
+            raise InputError(f"error is {error:.3g}, and none was measured. {self.notes[0]}")
         precision = self.precision if precision is None else precision
         good = [
             row
@@ -85,9 +95,11 @@ class AccuracyCost:
             if row.precision == precision and not row.failure and math.isfinite(row.error)
         ]
         if not good:
+            others = sorted({row.precision for row in self.rows if not row.failure})
+            allowed = " or ".join(others) or "none of this table, whose runs have all failed"
             raise InputError(
-                f"precision is {precision!r}: it must be one in which a run of the table ended "
-                f"well."
+                f"precision is {precision!r}, in which no run of the table ended well: it must be "
+                f"{allowed}."
             )
         # Below the error of the reference an error is not known.
         known = [(max(row.error, self.reference_error), row) for row in good]
@@ -107,7 +119,7 @@ class AccuracyCost:
         row = self.cheapest_row(error, precision)
         method = self.methods[row.method]
         if row.tolerance is not None:
-            return Accuracy(rtol=row.tolerance, method=method)
+            return Accuracy(rtol=row.tolerance, method=method, max_steps=self.max_steps)
         if isinstance(method, str):
             return Accuracy()
         # The table has judged the fixed steps by the reference, so that their own cautious estimate
@@ -129,11 +141,12 @@ class AccuracyCost:
         head += ["gradient error", "gradient time"] if gradient else []
         head.append("to compile")
         rows = [head, *(_cells(row, self.reference_error, gradient) for row in self.rows)]
-        failures = [f"{_setting(row)}: {row.failure}" for row in self.rows if row.failure]
-        against = (
-            f"Errors are against {self.reference}, itself good to about {self.reference_error:.1g}."
-        )
-        return "\n".join([aligned(rows, left=2), against, *self.notes, *failures])
+        lines = [aligned(rows, left=2)]
+        if self.reference:
+            own = self.reference_error
+            good = f"good to about {own:.1g}" if math.isfinite(own) else "of an error not known"
+            lines.append(f"Errors are against {self.reference}, itself {good}.")
+        return "\n".join([*lines, *self.notes, *_failures(self.rows)])
 
 
 FIXED_STEP_RTOL = 1.0
@@ -155,23 +168,43 @@ def _setting(row: Cost) -> str:
     return f"{row.method}{at} in {row.precision}"
 
 
+def _failures(rows: Sequence[Cost]) -> list[str]:
+    """Why rows failed, a line for those of a method that failed for one reason."""
+
+    def kind(row: Cost) -> tuple[str, str, str]:
+        return row.method, row.precision, row.failure
+
+    failed = [row for row in rows if row.failure]
+    lines = []
+    for (method, precision, failure), group in itertools.groupby(failed, kind):
+        tolerances = [f"{row.tolerance:.0e}" for row in group if row.tolerance is not None]
+        at = f" at {', '.join(tolerances)}" if tolerances else ""
+        lines.append(f"{method}{at} in {precision}: {failure}")
+    return lines
+
+
 def _cells(row: Cost, least_error: float, gradient: bool) -> list[str]:
     """The text of a row.
 
     A star marks a failed run, a less-than sign an error below that of the reference."""
-    below = "< " if row.error < least_error else ""
+    # What is not a number is not known: a dash.
+    error = "-"
+    if not math.isnan(row.error):
+        below = "< " if row.error < least_error else ""
+        error = f"{below}{max(row.error, least_error):.1e}"
+    drift = max(row.drift.values(), default=math.nan)
     counted = row.steps > 0
     cells = [
         row.method,
         row.precision,
         "-" if row.tolerance is None else f"{row.tolerance:.0e}",
-        f"{below}{max(row.error, least_error):.1e}{'*' if row.failure else ''}",
+        f"{error}{'*' if row.failure else ''}",
         duration(row.seconds),
         # A closed form takes no steps.
         str(row.evaluations) if counted else "-",
         str(row.steps) if counted else "-",
         "-" if row.memory is None else f"{row.memory / 1024.0:.0f} KiB",
-        f"{max(row.drift.values()):.1e}" if row.drift else "-",
+        "-" if math.isnan(drift) else f"{drift:.1e}",
     ]
     if gradient:
         cells.append("-" if row.gradient_error is None else f"{row.gradient_error:.1e}")

@@ -1,0 +1,335 @@
+"""The first event of each run, found by the steps of the run itself.
+
+Each accepted step is searched by its own polynomial: the conditions are sampled, and a change of
+sign, or a dip that might hide two, is closed in (`_event_bracket`). A run whose event lies in the
+step waits there. When all runs wait, or are at the end, the steps that hold the events are taken
+once more, shortened, until Newton's method has brought the condition at their ends to zero. So a
+state at an event is the end of a step, and the vector field stands in the program once.
+
+    x_{k+1} = x_k - g / (dg/ds)            x: length of the last step, normalised time
+
+A run shortens its own step: where the steps that all take together are repeated, each run takes its
+own part of it (`OwnStep`).
+
+    symbol    meaning                                                      unit
+    g         condition of an event                                        any
+    s         normalised time                                              1
+"""
+
+from typing import NamedTuple, final
+
+import diffrax
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, Int
+
+from ..core import Scalar, State, safe_divide
+from ..solvers import Tolerance
+from ._event_zero import APART, ROUNDINGS, Zero, candidates, dips, first_in_intervals
+from ._events import Event
+from ._normalised_time import OwnStep
+from ._status import Status
+
+# Parts of a step that are sampled at once.
+PARTS = 16
+# Repetitions of a step until its end is at the event. Three reach rounding where the condition is
+# smooth; where it is not, the best that they found counts.
+REPETITIONS = 12
+
+
+@final
+class SoughtEvents(eqx.Module):
+    """Which events end the runs.
+
+    - `events`: all of them end a run.
+    - `rounding`: what a relative change of one in all components of the initial state does to each
+      condition."""
+
+    events: tuple[Event, ...]
+    rounding: Float[Array, "events *#runs"]
+
+
+class Location(NamedTuple):
+    """What has been found of the first event of each run.
+
+    - `waiting`: whether the run waits at the step that holds its event; `which`: the number of the
+      event, -1 where the run must not go on for another reason, which is its `status`.
+    - `start`, `y0`: the normalised time and the state at which that step begins; `whole`: its
+      length, `length`: up to the event. `y`: the state there.
+    - `sizes`: the largest value of each condition so far.
+    - `change`: the last change of the length; `again`: whether the step is still repeated.
+    - `repetitions`: how many there have been."""
+
+    waiting: Bool[Array, "*runs"]
+    which: Int[Array, "*runs"]
+    status: Int[Array, "*runs"]
+    start: Float[Array, "*runs"]
+    y0: State
+    length: Float[Array, "*runs"]
+    whole: Float[Array, "*runs"]
+    y: State
+    sizes: Float[Array, "events *#runs"]
+    change: Float[Array, "*runs"]
+    again: Bool[Array, "*runs"]
+    repetitions: Int[Array, ""]
+
+    def ended(self, y: State) -> State:
+        """The state at the event of each run; `y` of those without one."""
+        return jax.tree.map(lambda a, b: jnp.where(self.waiting, a, b), self.y, y)
+
+    @classmethod
+    def none_yet(
+        cls, sought: SoughtEvents, s: Array, y0: State, tolerance: Tolerance
+    ) -> "Location":
+        """Before the first step, at the normalised time `s`."""
+        no = jnp.zeros_like(tolerance.alive(y0))
+        zero = jnp.zeros(no.shape, s.dtype)
+        count = len(sought.events)
+        sizes = jnp.zeros((count, *no.shape), jax.tree.leaves(y0)[0].dtype)
+        return cls(
+            waiting=no,
+            which=-jnp.ones(no.shape, jnp.int32),
+            status=jnp.zeros(no.shape, jnp.int32),
+            start=zero + s,
+            y0=y0,
+            length=zero,
+            whole=zero,
+            y=y0,
+            sizes=sizes,
+            change=zero + jnp.inf,
+            again=no,
+            repetitions=jnp.asarray(0),
+        )
+
+
+class FoundEvents(NamedTuple):
+    """The first event of each run.
+
+    - `time`, `which`: its time, s, and its number; the end of the run and -1 where none happens.
+    - `status`: `COMPLETED`, or why the search failed before that time.
+    - `hits`, `sizes`: of each event whether it may happen together with the first one, and the
+      largest condition that was met.
+    - `state`: that at its time, where the search took the run there."""
+
+    time: Scalar
+    which: Int[Array, "*runs"]
+    status: Int[Array, "*runs"]
+    hits: Bool[Array, "events *#runs"]
+    sizes: Float[Array, "events *#runs"]
+    state: State | None = None
+
+
+class _AlongStep(NamedTuple):
+    """The condition of an event within a step, by its polynomial."""
+
+    event: Event
+    segment: OwnStep
+    step: diffrax.AbstractLocalInterpolation
+    runs: tuple[int, ...]
+
+    def condition(self, t: Scalar) -> Scalar:
+        """The condition at the normalised time `t`."""
+        y = self.step.evaluate(t)
+        # Each run has a time, also where all share one.
+        time = jnp.broadcast_to(self.segment.time(t), self.runs)
+        return self.event.condition(time.astype(jax.tree.leaves(y)[0].dtype), y)
+
+    def value(self, t: Scalar) -> Scalar:
+        """What is zero at the event: the condition, or for a touch its rate along the motion."""
+        if self.event.touch is None:
+            return self.condition(t)
+        rate = jax.jvp(self.condition, (t,), (jnp.ones_like(t),))[1]
+        return rate / self.segment.rate.astype(rate.dtype)
+
+    def slope(self, t: Scalar) -> tuple[Scalar, Scalar]:
+        """The `value` and its rate in normalised time."""
+        return jax.jvp(self.value, (t,), (jnp.ones_like(t),))
+
+
+class SearchedStep(NamedTuple):
+    """An accepted step: its times, its polynomial, its start and its end in normalised time, the
+    state where it starts, and the part of the run that it passes."""
+
+    segment: OwnStep
+    polynomial: diffrax.AbstractLocalInterpolation
+    s0: Float[Array, ""]
+    s1: Float[Array, ""]
+    y0: State
+    width: Float[Array, ""]
+
+
+class _Found(NamedTuple):
+    """The first event of each run in the parts of a step that were searched, as in `Location`.
+
+    - `part`: the number of the next part."""
+
+    part: Int[Array, ""]
+    here: Bool[Array, "*runs"]
+    s: Float[Array, "*runs"]
+    which: Int[Array, "*runs"]
+    status: Int[Array, "*runs"]
+    sizes: Float[Array, "events *#runs"]
+
+
+def searched(
+    location: Location,
+    sought: SoughtEvents,
+    step: SearchedStep,
+    going: Bool[Array, "*runs"],
+    first: Bool[Array, ""],
+    span: tuple[Scalar, Scalar],
+    tolerance: Tolerance,
+) -> Location:
+    """The location after a search of the step for the first event of the runs that are `going`.
+
+    `first`: whether the run starts with this step; `span`: its start and its duration, s."""
+    runs = going.shape
+    samples = max(event.samples for event in sought.events)
+    count = jnp.maximum(jnp.ceil(step.width * (samples / PARTS)), 1.0).astype(int)
+    shares = jnp.linspace(0.0, 1.0, PARTS + 1, dtype=step.s0.dtype)
+
+    def searching(found: _Found) -> Array:
+        return (found.part < count) & jnp.any(going & ~found.here)
+
+    def part(found: _Found) -> _Found:
+        length = (step.s1 - step.s0) / count.astype(step.s0.dtype)
+        begin = step.s0 + found.part.astype(length.dtype) * length
+        end = jnp.where(found.part + 1 == count, step.s1, begin + length)
+        nodes = begin + shares * (end - begin)
+        earliest = jnp.full(runs, jnp.inf)
+        which = -jnp.ones(runs, jnp.int32)
+        status = jnp.full(runs, Status.COMPLETED, jnp.int32)
+        sizes = []
+        at_start = first & (found.part == 0)
+        for number, event in enumerate(sought.events):
+            size = found.sizes[number]
+            along = _AlongStep(event, step.segment, step.polynomial, runs)
+            zero = _first_zero(along, nodes, at_start, sought.rounding[number], size, span)
+            sizes.append(zero.size)
+            sooner = zero.hit & (zero.time < earliest)
+            which = jnp.where(sooner, number, which)
+            status = jnp.where(sooner, Status.EVENT, status)
+            # A failure counts where it comes before the event.
+            failed = zero.failed <= jnp.minimum(earliest, jnp.where(zero.hit, zero.time, jnp.inf))
+            earliest = jnp.where(sooner, zero.time, earliest)
+            status = jnp.where(failed, zero.status, status)
+            earliest = jnp.where(failed, zero.failed, earliest)
+        here = going & ~found.here & jnp.isfinite(earliest)
+        return _Found(
+            found.part + 1,
+            found.here | here,
+            jnp.where(here, earliest, found.s),
+            jnp.where(here, which, found.which),
+            jnp.where(here, status, found.status),
+            jnp.where(going & ~found.here, jnp.stack(sizes), found.sizes),
+        )
+
+    nothing = _Found(
+        jnp.asarray(0),
+        jnp.zeros(runs, bool),
+        jnp.broadcast_to(step.s1, runs),
+        location.which,
+        location.status,
+        location.sizes,
+    )
+    found = jax.lax.while_loop(searching, part, nothing)
+    here = found.here
+
+    def kept(new: Array, old: Array) -> Array:
+        return jnp.where(here, new, old)
+
+    return location._replace(
+        waiting=location.waiting | here,
+        which=kept(found.which, location.which),
+        status=kept(found.status, location.status),
+        start=kept(step.s0, location.start),
+        y0=jax.tree.map(kept, step.y0, location.y0),
+        length=kept(found.s - step.s0, location.length),
+        y=jax.tree.map(kept, step.y0, location.y),
+        whole=kept(step.s1 - step.s0, location.whole),
+        # By more than a hundredth of the step its polynomial is not wrong.
+        change=kept(0.02 * (step.s1 - step.s0), location.change),
+        again=jnp.where(here, found.which >= 0, location.again),
+        sizes=found.sizes,
+    )
+
+
+def _first_zero(
+    along: _AlongStep,
+    nodes: Float[Array, " nodes"],
+    at_start: Bool[Array, ""],
+    rounding: Scalar,
+    size: Scalar,
+    span: tuple[Scalar, Scalar],
+) -> Zero:
+    """The first zero of an event between the `nodes` of a step, as of `first_zero`."""
+    event, runs = along.event, along.runs
+    g, slopes = jax.vmap(along.slope)(nodes)
+    slopes = slopes[:: nodes.shape[0] - 1]
+    dip = dips(g, (nodes[1] - nodes[0]).astype(g.dtype) * slopes)
+    size = jnp.maximum(size, jnp.max(jnp.abs(g), axis=0))
+    start, duration = span
+    # Per second, and over the larger of the times that the run counts.
+    second = along.segment.rate.astype(g.dtype)
+    longest = jnp.maximum(jnp.abs(start), jnp.abs(duration))
+    change = rounding + size + jnp.abs(safe_divide(slopes[0], second)) * longest
+    eps = float(jnp.finfo(g.dtype).eps)
+    at_zero = at_start & (jnp.abs(g[0]) <= ROUNDINGS * eps * change)
+    ill = ~jnp.isfinite(g)
+    g, candidate = candidates(g, dip, at_zero, slopes[0], event.direction)
+    columns = jnp.broadcast_to(nodes.reshape(-1, *(1,) * len(runs)), g.shape)
+    when, hit, unresolved = first_in_intervals(lambda index: along, columns, g, candidate)
+    if event.at_start:
+        now = at_zero & (event.direction * slopes[0] >= 0.0)
+        when = jnp.where(now, nodes[0], when)
+        hit, unresolved = hit | now, unresolved & ~now
+    time = along.segment.time(when)
+    after = jnp.abs(time - start)
+    resolved = APART * eps * jnp.maximum(jnp.abs(start), jnp.abs(time))
+    piled = at_zero & hit & (after <= resolved) & (not event.at_start)
+    status = jnp.where(piled, Status.EVENTS_PILE_UP, Status.EVENT_UNRESOLVED)
+    failed = jnp.where(piled | unresolved, when, jnp.inf)
+    ill_at = jnp.where(jnp.any(ill, axis=0), nodes[jnp.argmax(ill, axis=0)], jnp.inf)
+    status = jnp.where(ill_at <= failed, Status.CONDITION_NOT_FINITE, status)
+    return Zero(when, hit, size, status.astype(jnp.int32), jnp.minimum(ill_at, failed))
+
+
+def shortened(
+    location: Location,
+    sought: SoughtEvents,
+    segment: OwnStep,
+    polynomial: diffrax.AbstractLocalInterpolation,
+    s1: Float[Array, ""],
+    y1: State,
+) -> Location:
+    """The location after the steps that hold the events were taken to where these were thought to
+    be: up to `s1` in shared time, where the states are `y1`."""
+    value = slope = jnp.zeros(location.which.shape, jax.tree.leaves(y1)[0].dtype)
+    for number, event in enumerate(sought.events):
+        along = _AlongStep(event, segment, polynomial, location.which.shape)
+        of_event = along.slope(s1)
+        mine = location.which == number
+        value, slope = (
+            jnp.where(mine, a, b) for a, b in zip(of_event, (value, slope), strict=True)
+        )
+    length = location.length
+    # dg/ds of a step that is `length` long in s; none where the condition is flat, or jumps.
+    change = -safe_divide(value, slope).astype(length.dtype) * length
+    within = jnp.clip(length + change, 0.0, location.whole)
+    change = within - length
+    least = 16.0 * jnp.finfo(length.dtype).eps
+    resolved = least * jnp.maximum(jnp.abs(location.start + length), location.whole)
+    # Newton's method converges from where the polynomial has its zero; what does not has no slope
+    # that leads to the zero, and the end stays where the polynomial found it.
+    regular = jnp.isfinite(change) & (jnp.abs(change) <= 0.5 * location.change)
+    more = location.again & regular & (jnp.abs(change) > resolved)
+    more = more & (location.repetitions + 1 < REPETITIONS)
+    taken = location.again
+    return location._replace(
+        y=jax.tree.map(lambda a, b: jnp.where(taken, a, b), y1, location.y),
+        length=jnp.where(more, within, length),
+        change=jnp.where(more, jnp.abs(change), location.change),
+        again=more,
+        repetitions=location.repetitions + 1,
+    )

@@ -1,0 +1,152 @@
+"""The zeros of a condition along runs that are integrated for them: by samples of the dense output,
+and by integrations from the sample before.
+
+For methods whose steps cannot be searched as they are taken (`_event_location`)."""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float
+
+from ..core import AbstractSystem, Scalar, State
+from ._config import IntegrationConfig
+from ._event_bracket import WithinSpan
+from ._event_zero import (
+    APART,
+    ROUNDINGS,
+    Zero,
+    candidates,
+    dips,
+    first_in_intervals,
+    ill_after,
+    pick,
+    rounding_change,
+)
+from ._events import Event
+from ._integrate import integrate
+from ._layout import state_at, times_first
+from ._status import Status
+
+
+class ConditionOnRun(NamedTuple):
+    """The condition of an event along the runs of a system, and how these are integrated."""
+
+    system: AbstractSystem
+    event: Event
+    config: IntegrationConfig
+    run_axes: int
+
+    def value(self, t: Scalar, y: State) -> Scalar:
+        """What is zero at the event."""
+        return self.event.value(self.system, t, y)
+
+    def slope(self, t: Scalar, y: State) -> tuple[Scalar, Scalar]:
+        """The `value` and its rate along the motion, 1/s times its unit."""
+        return self.event.slope(self.system, t, y)
+
+    def state(self, y: State, t: Scalar, end: Scalar) -> State:
+        """The state at `end`, s, of the run that has the state `y` at `t`."""
+        # A few short runs, and one more program of a step: where one run is sought, a small one.
+        config = self.config if self.run_axes else self.config.small_program()
+        result = integrate(self.system, y, t, end, None, config, self.run_axes, trimmed=True)
+        return state_at(result.states, -1, self.run_axes)
+
+    def states(self, y: State, t: Scalar, end: Scalar, fractions: Float[Array, " times"]) -> State:
+        """The states at these fractions of the time from `t` to `end`, times first."""
+        result = integrate(self.system, y, t, end, fractions, self.config, self.run_axes)
+        return times_first(result.states, self.run_axes)
+
+
+class FromSample(NamedTuple):
+    """The condition of an event along runs from the state `y` at the time `t`, s, by integrations
+    from there."""
+
+    along: ConditionOnRun
+    y: State
+    t: Scalar
+
+    @property
+    def event(self) -> Event:
+        """The event."""
+        return self.along.event
+
+    def slope(self, t: Scalar) -> tuple[Scalar, Scalar]:
+        """What is zero at the event, and its rate along the motion."""
+        return self.along.slope(t, self.along.state(self.y, self.t, t))
+
+    def condition(self, t: Scalar) -> Scalar:
+        """The condition itself."""
+        return self.event.condition(t, self.along.state(self.y, self.t, t))
+
+
+class Samples(NamedTuple):
+    """A condition along each run.
+
+    - `times`, `states`, `g`: of the samples, which lead; at a zero at the start `g` has the sign
+      that it is about to take.
+    - `candidate`: the intervals in which there may be a zero.
+    - `at_zero`: whether the start is a zero, to rounding; `away`, the rate along the run there.
+    - `size`: the largest condition.
+    - `ill`: how long after the start, s, it is first not finite."""
+
+    times: Float[Array, "samples *#runs"]
+    states: State
+    g: Float[Array, "samples *#runs"]
+    candidate: Bool[Array, "intervals *#runs"]
+    at_zero: Bool[Array, "*runs"]
+    away: Scalar
+    size: Scalar
+    ill: Scalar
+
+
+def first_zero(along: ConditionOnRun, y0: State, t0: Scalar, t1: Scalar) -> Zero:
+    """The first zero of the condition of each run between `t0` and `t1`, s."""
+    # Equal parts of the time, from the dense output of one integration.
+    fractions = jnp.linspace(0.0, 1.0, along.event.samples + 1, dtype=jnp.result_type(t0))
+    times = t0 + jnp.multiply.outer(fractions, t1 - t0)
+    samples = sampled(along, times, along.states(y0, t0, t1, fractions))
+
+    def within(index: Array) -> WithinSpan:
+        return FromSample(along, *pick((samples.states, samples.times), index, along.run_axes))
+
+    found = first_in_intervals(within, samples.times, samples.g, samples.candidate)
+    when, hit, unresolved = found
+    event = along.event
+    at_zero = samples.at_zero
+    if event.at_start:
+        now = at_zero & (event.direction * samples.away >= 0.0)
+        when = jnp.where(now, t0, when)
+        hit = hit | now
+        unresolved = unresolved & ~now
+    after = jnp.abs(when - t0)
+    eps = float(jnp.finfo(samples.g.dtype).eps)
+    resolved = APART * eps * jnp.maximum(jnp.abs(t0), jnp.abs(when))
+    # An event that the rounding of the time cannot tell from the start, as of a ball at rest.
+    piled = at_zero & hit & (after <= resolved) & (not event.at_start)
+    status = jnp.where(piled, Status.EVENTS_PILE_UP, Status.EVENT_UNRESOLVED)
+    failed = jnp.where(piled | unresolved, after, jnp.inf)
+    # Of two reasons, the one that comes first on the way.
+    status = jnp.where(samples.ill <= failed, Status.CONDITION_NOT_FINITE, status)
+    failed = jnp.minimum(samples.ill, failed)
+    return Zero(when, hit, samples.size, status.astype(jnp.int32), failed)
+
+
+def sampled(along: ConditionOnRun, times: Float[Array, "samples *#runs"], states: State) -> Samples:
+    """The condition at these times, s, and the states there, times first."""
+    system, event, _, run_axes = along
+    t0, t1 = times[0], times[-1]
+    y0 = jax.tree.map(lambda x: x[0], states)
+    g = jnp.broadcast_to(jax.vmap(along.value)(times, states), times.shape)
+    # Slopes at the two ends only: they stand in for the samples that lie beyond the run.
+    ends = jax.tree.map(lambda x: x[:: times.shape[0] - 1], (times, states))
+    slopes = jax.vmap(lambda t, y: along.slope(t, y)[1])(*ends)
+    dip = dips(g, (times[1] - times[0]) * slopes)
+    size = jnp.max(jnp.abs(g), axis=0)
+    span = jnp.maximum(jnp.abs(t0), jnp.abs(t1 - t0))
+    change = rounding_change(event, system, t0, y0, run_axes) + size + jnp.abs(slopes[0]) * span
+    at_zero = jnp.abs(g[0]) <= ROUNDINGS * float(jnp.finfo(g.dtype).eps) * change
+    ill = ill_after(g, states, times, run_axes)
+    away = jnp.sign(t1 - t0) * slopes[0]
+    g, candidate = candidates(g, dip, at_zero, away, event.direction)
+    return Samples(times, states, g, candidate, at_zero, away, size, ill)

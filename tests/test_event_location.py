@@ -1,0 +1,244 @@
+"""Events that the steps of a run find by themselves: one program, every run of a batch at its own
+event, two zeros in one step, and conditions that no polynomial describes."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from jax.extend.core import subjaxprs
+from jaxtyping import Array, Float
+
+from jaxspace import BodyState, simulate, simulate_batch
+from jaxspace.core import AbstractSystem
+from jaxspace.simulation import Accuracy, Event, Mission, Phase, Status
+from jaxspace.solvers import DOP853, RKN1210, MuntheKaas, Tsit5
+
+G = 9.81
+
+
+def downwards(y):
+    """The unit vector of gravity."""
+    runs = y.velocity.ndim - 1
+    return jnp.array([0.0, 0.0, -1.0], y.velocity.dtype).reshape(3, *(1,) * runs)
+
+
+class Throw(AbstractSystem):
+    """A ball under gravity."""
+
+    def vector_field(self, t, y):
+        return BodyState(y.velocity, 0.0 * y.velocity + G * downwards(y))
+
+    def invariants(self, t, y):
+        return {}
+
+
+class Dragged(AbstractSystem):
+    """A ball that drag slows."""
+
+    drag: Float[Array, "*#runs"]
+
+    def vector_field(self, t, y):
+        speed = jnp.sqrt(jnp.sum(y.velocity * y.velocity, axis=0))
+        return BodyState(y.velocity, G * downwards(y) - self.drag * speed * y.velocity)
+
+    def invariants(self, t, y):
+        return {}
+
+
+class Pushed(AbstractSystem):
+    """A ball that a motor pushes upwards until it burns out, at 2 s."""
+
+    def vector_field(self, t, y):
+        force = G - jnp.where(t < 2.0, 20.0, 0.0)
+        return BodyState(y.velocity, 0.0 * y.velocity + force * downwards(y))
+
+    def breaks(self):
+        return jnp.array([2.0])
+
+    def invariants(self, t, y):
+        return {}
+
+
+class Large(AbstractSystem):
+    """A ball under gravity, as a field of so many operations that its stages are a loop."""
+
+    def vector_field(self, t, y):
+        zero = y.position[2]
+        for _ in range(300):
+            zero = jnp.sin(zero)
+        # Of no value: it marks the vector field in a traced program.
+        mark = jax.lax.erf_inv(0.0 * zero)
+        return BodyState(y.velocity, 0.0 * y.velocity + (G + mark) * downwards(y))
+
+    def invariants(self, t, y):
+        return {}
+
+
+def ball(height=10.0, speed=0.0):
+    zero = 0.0 * jnp.asarray(height)
+    at = jnp.stack([zero, zero, zero + height])
+    return BodyState(at, jnp.stack([zero, zero, zero + speed]))
+
+
+def fields_in(function, *args):
+    """How often the vector field stands in the traced program."""
+
+    def count(jaxpr):
+        own = sum(e.primitive.name == "erf_inv" for e in jaxpr.eqns)
+        # The program of an integration is known to its primitive alone.
+        inner = [e.params["problem"].solve_jaxpr.jaxpr for e in jaxpr.eqns if "problem" in e.params]
+        return own + sum(map(count, [*subjaxprs(jaxpr), *inner]))
+
+    return count(jax.make_jaxpr(function)(*args).jaxpr)
+
+
+GROUND = Event(lambda t, y: y.position[2], within=60.0)
+
+
+def test_the_vector_field_of_a_phase_stands_in_its_program_once():
+    """In the steps; and to a run without events, which estimates its first step, twice."""
+
+    def phase(y):
+        return simulate(Mission(Phase(Large(), GROUND)), y, throw=False).final
+
+    def run(y):
+        return simulate(Large(), y, jnp.array([0.0, 1.0]), throw=False).final
+
+    assert fields_in(phase, ball()) == 1
+    assert fields_in(run, ball()) == 2
+
+
+@pytest.mark.parametrize("method", [DOP853(), Tsit5(), MuntheKaas(), RKN1210()])
+def test_the_ground_by_every_method_that_has_polynomials(method):
+    """h + v t - g t^2/2 = 0, whose zero is exact to rounding: every method here is exact for it."""
+    height, speed = 10.0, 25.0
+    flight = simulate(
+        Throw(),
+        ball(height, speed),
+        jnp.array([0.0, 1.0, 2.0, 60.0]),
+        accuracy=Accuracy(1e-8, method=method),
+        events=(Event(GROUND.condition),),
+    )
+    exact = (speed + np.sqrt(speed**2 + 2.0 * G * height)) / G
+    np.testing.assert_allclose(flight.ts, [0.0, 1.0, 2.0, exact], rtol=1e-13)
+    t = np.asarray(flight.ts)
+    # Within steps the polynomials are those of the motion, too.
+    np.testing.assert_allclose(
+        flight.states.position[2], height + speed * t - 0.5 * G * t * t, rtol=0, atol=1e-11
+    )
+
+
+def test_every_run_of_a_batch_ends_at_its_own_event():
+    """Many steps apart, one on the way down alone, one at once, and one not at all: as in a run
+    of its own, within the tolerance."""
+    speeds = jnp.array([1.0, 60.0, 400.0, 0.0, 4e4])
+    drags = jnp.array([1e-3, 1e-3, 3e-3, 0.0, 0.0])
+    system, y0 = Dragged(drags), ball(jnp.full(5, 10.0), speeds)
+    top = Event(lambda t, y: y.velocity[2], -1, within=200.0, at_start=True)
+    mission = Mission([Phase(system, top, name="up"), Phase(system, GROUND, name="down")])
+    how = Accuracy(1e-10)
+    batch = simulate_batch(mission, y0, accuracy=how)
+    assert batch["up"].status.tolist() == [Status.EVENT] * 4 + [Status.EVENT_MISSED]
+    for k in range(4):
+        one = Dragged(drags[k])
+        alone = simulate(
+            Mission([Phase(one, top, name="up"), Phase(one, GROUND, name="down")]),
+            ball(10.0, speeds[k]),
+            accuracy=how,
+        )
+        np.testing.assert_allclose(batch.end[k], alone.end, rtol=1e-9, atol=1e-12)
+        np.testing.assert_allclose(
+            batch.final.velocity[2, k], alone.final.velocity[2], rtol=1e-8, atol=1e-9
+        )
+
+
+@pytest.mark.parametrize("gap", [1e-2, 1e-4, 1e-7])
+def test_two_zeros_in_one_step_are_not_stepped_over(gap):
+    """A ball that rises above a height by little, in a step that is as long as the flight."""
+    top = 0.5 * 25.0**2 / G
+    above = Event(lambda t, y: y.position[2] - (top - 0.5 * G * gap * gap), samples=8)
+    run = simulate(Throw(), ball(0.0, 25.0), jnp.array([0.0, 5.0]), events=(above,))
+    assert run.status == Status.EVENT
+    # A height known to rounding, 32 m, gives the time before the top to sqrt(2 eps h/g).
+    np.testing.assert_allclose(run.ts[-1], 25.0 / G - gap, atol=max(1e-14 / gap, 1e-9))
+
+
+def test_an_event_right_behind_a_break():
+    """The motor burns out in the step before, or in the same time to rounding: each end is that of
+    the formulas before and after."""
+    for late in (1e-9, 1e-3, 0.7):
+        system = Pushed()
+        # v = (push - g) t until the burnout, then v - g (t - burnout).
+        speed = 2.0 * (20.0 - G) - G * late
+        slow = Event(lambda t, y, v=speed: y.velocity[2] - v, -1, within=10.0)
+        end = simulate(Mission(Phase(system, slow)), ball(0.0, 0.0)).end
+        np.testing.assert_allclose(end, 2.0 + late, rtol=1e-14, atol=1e-14)
+
+
+@pytest.mark.parametrize("backwards", [False, True])
+def test_a_condition_that_jumps_ends_the_run_where_it_does(backwards):
+    """No step of Newton's method leads anywhere: the polynomial's bracket does."""
+    when = Event(lambda t, y: jnp.where(t < 1.234567, -1.0, 2.0) + 0.0 * y.position[2])
+    ts = jnp.array([3.0, 0.0] if backwards else [0.0, 3.0])
+    run = simulate(Throw(), ball(), ts, events=(when,))
+    np.testing.assert_allclose(run.ts[-1], 1.234567, rtol=1e-14)
+
+
+def test_derivatives_of_a_phase_are_those_of_the_formula():
+    """By the speed and by the gravity-free push, forwards and backwards, through `jit` and `vmap`:
+    t = (v + sqrt(v^2 + 2 g h))/g, and the second derivative, too."""
+
+    def end(speed):
+        return simulate(Mission(Phase(Throw(), GROUND)), ball(10.0, speed)).end
+
+    def exact(speed):
+        return (speed + jnp.sqrt(speed * speed + 2.0 * G * 10.0)) / G
+
+    for of in (jax.grad, jax.jacfwd, jax.hessian, lambda f: jax.vmap(jax.grad(f))):
+        v = jnp.array([25.0, 30.0]) if of not in (jax.grad, jax.jacfwd, jax.hessian) else 25.0
+        np.testing.assert_allclose(jax.jit(of(end))(v), of(exact)(v), rtol=1e-9)
+
+
+def test_a_condition_over_a_traced_number_keeps_its_derivative():
+    """A height that the condition closes over is no leaf of it."""
+
+    def end(height):
+        at = Event(lambda t, y: y.position[2] - height, -1, within=60.0)
+        return simulate(Mission(Phase(Throw(), at)), ball(10.0, 25.0)).end
+
+    # h = 10 + 25 t - g t^2/2: dt/dh = 1/(25 - g t).
+    t = end(5.0)
+    np.testing.assert_allclose(jax.grad(end)(5.0), 1.0 / (25.0 - G * t), rtol=1e-10)
+
+
+def test_mapped_runs_with_a_condition_that_sums_over_them_are_right():
+    """The norm over all axes is right of one run, and of many added up would be wrong."""
+    away = Event(lambda t, y: jnp.linalg.norm(y.position) - 20.0, within=60.0)
+
+    def end(speed):
+        return simulate(Mission(Phase(Throw(), away)), ball(10.0, speed), throw=False).end
+
+    speeds = jnp.array([25.0, 40.0])
+    np.testing.assert_allclose(jax.vmap(end)(speeds), [float(end(v)) for v in speeds], rtol=1e-9)
+
+
+def test_a_condition_that_is_not_finite_before_its_zero_says_so():
+    """And only then: behind the event it may be what it will."""
+
+    def at(wrong):
+        return Event(lambda t, y: jnp.where(t > wrong, jnp.nan, t - 1.5), within=3.0)
+
+    before, after = (
+        simulate(Mission(Phase(Throw(), at(t))), ball(), throw=False).status for t in (1.0, 2.9)
+    )
+    assert before == Status.CONDITION_NOT_FINITE
+    assert after == Status.EVENT
+
+
+def test_a_run_is_its_single_precision():
+    """Within the steps that single precision resolves."""
+    y0 = jax.tree.map(lambda x: x.astype(jnp.float32), ball(10.0, 25.0))
+    run = simulate(Mission(Phase(Throw(), GROUND)), y0, accuracy=1e-5)
+    exact = (25.0 + np.sqrt(25.0**2 + 2.0 * G * 10.0)) / G
+    assert run.end.dtype == jnp.float32
+    np.testing.assert_allclose(run.end, exact, rtol=1e-5)
