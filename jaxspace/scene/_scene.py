@@ -218,12 +218,13 @@ class Scene(AbstractScene):
 
     def warning(self, ts: Array, states: BodyState, undisturbed: bool) -> str:
         """That a run passes below the ground which an effect states (`AbstractEffect.ground`)."""
-        grounds = [(e, radius) for e in self.effects if (radius := e.ground()) is not None]
+        # By their classes: each method of an instance is a module of its own, slow to make.
+        grounds = [(e, r) for e in self.effects if (r := type(e).ground(e)) is not None]
         if not grounds:
             return ""
         # The lowest: an effect that goes on inside of the planet says zero.
-        effect, radius = min(grounds, key=lambda ground: float(np.min(ground[1])))
-        central = [x for e in self.effects if (x := e.regularised(None)) is not None]
+        effect, radius = min(grounds, key=lambda ground: np.asarray(ground[1]).min())
+        central = [x for e in self.effects if (x := type(e).regularised(e, None)) is not None]
         mu = central[0].attraction if undisturbed and len(central) == 1 else None
         return ground_warning(ts, states, radius, mu, f"{type(effect).__name__}.radius")
 
