@@ -4,7 +4,7 @@ In a dip, where the condition has one sign at both samples, the extremum is soug
 secant of the slopes. From the first place beyond zero on the search is the same as elsewhere.
 """
 
-from typing import NamedTuple, Protocol
+from typing import NamedTuple, Protocol, runtime_checkable
 
 import jax
 import jax.numpy as jnp
@@ -41,6 +41,7 @@ class _Bracket(NamedTuple):
     finite: Bool[Array, "*#runs"]
 
 
+@runtime_checkable
 class WithinSpan(Protocol):
     """The condition of an event as a function of time, or of what stands for it."""
 

@@ -56,10 +56,8 @@ def ground_warning(
         r = np.sqrt(np.sum(x * x, axis=0))
         lowest = np.min(np.where(r < (1.0 - POLE) * R, r, np.inf), axis=0)
         if mu is not None:
-            q = _lowest_periapsis(t, x, v, r, np.asarray(mu, float))
-            lowest = np.minimum(
-                lowest, np.min(np.where(q < (1.0 - GRAZING) * R, q, np.inf), axis=0)
-            )
+            passed = _lowest_passed(t, x, v, r, np.asarray(mu, float), (1.0 - GRAZING) * R)
+            lowest = np.minimum(lowest, passed)
     count = np.count_nonzero(np.isfinite(lowest))
     if not count:
         return ""
@@ -71,19 +69,23 @@ def ground_warning(
     )
 
 
-def _lowest_periapsis(
-    t: np.ndarray, x: np.ndarray, v: np.ndarray, r: np.ndarray, mu: np.ndarray
+def _lowest_passed(
+    t: np.ndarray, x: np.ndarray, v: np.ndarray, r: np.ndarray, mu: np.ndarray, low: np.ndarray
 ) -> np.ndarray:
-    """Between each two saved times the periapsis radius, m, (times - 1, *runs), of the higher of
-    both orbits; infinite where one of them passes none there."""
+    """The lowest periapsis below `low`, m, (*runs,), that was passed between two saved times; of
+    both orbits the higher one counts. Infinite where none was."""
     # As if time went forwards.
-    t, v = (-t, -v) if np.any(t[-1] < t[0]) else (t, v)
+    sign = np.where(t[-1] < t[0], -1.0, 1.0)
+    t, v = sign * t, sign * v
     climb = np.sum(x * v, axis=0)
     v2 = np.sum(v * v, axis=0)
     alpha = 2.0 / r - v2 / mu
     # A radius that is near to that of the ground is no difference of large numbers here.
     p = (r * r * v2 - climb * climb) / mu
     q = p / (1.0 + np.sqrt(np.maximum(1.0 - p * alpha, 0.0)))
+    # Most runs need no times: each of their orbits lies above.
+    if not np.any(q < low):
+        return np.full_like(q[0], np.inf)
     sine = climb * np.sqrt(alpha / mu)
     M = (np.arctan2(sine, 1.0 - r * alpha) - sine) % TURN
     # To rounding the start is at the periapsis, and has not left it.
@@ -93,4 +95,5 @@ def _lowest_periapsis(
     ellipse = (n[:-1] * h >= to_come[:-1]) & (n[1:] * h >= M[1:])
     other = (climb[:-1] <= 0.0) & (climb[1:] >= 0.0)
     passed = np.where(alpha[:-1] > 0.0, ellipse, other)
-    return np.where(passed, np.maximum(q[:-1], q[1:]), np.inf)
+    least = np.maximum(q[:-1], q[1:])
+    return np.min(np.where(passed & (least < low), least, np.inf), axis=0)
