@@ -70,8 +70,8 @@ def ground_warning(
 
 
 def _lowest_passed(
-    t: np.ndarray, x: np.ndarray, v: np.ndarray, r: np.ndarray, mu: np.ndarray, low: np.ndarray
-) -> np.ndarray:
+    t: np.ndarray, x: np.ndarray, v: np.ndarray, r: np.ndarray, mu: np.ndarray, low: Scalar
+) -> np.ndarray | np.floating:
     """The lowest periapsis below `low`, m, (*runs,), that was passed between two saved times; of
     both orbits the higher one counts. Infinite where none was."""
     # As if time went forwards.

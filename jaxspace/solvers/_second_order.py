@@ -9,7 +9,7 @@ fields, or a dictionary with these two keys.
 """
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -26,7 +26,7 @@ Vectors = Float[Array, "..."]
 PARTS = ("position", "velocity")
 
 
-def _names(y: State) -> list[str | None]:
+def _names(y: PyTree) -> list[str | None]:
     """Of each array of a state the name of the field or the key that holds it by itself."""
     paths = [path for path, _ in jax.tree_util.tree_flatten_with_path(y)[0]]
     # A key of a dictionary, or a field of a module or of a named tuple.
@@ -36,8 +36,9 @@ def _names(y: State) -> list[str | None]:
     ]
 
 
-def parts_of(y: State) -> tuple[Vectors, Vectors] | None:
-    """Position and velocity of a state; `None` where it lacks one, or holds anything else."""
+def parts_of(y: PyTree) -> tuple[Any, Any] | None:
+    """Position and velocity of a state, or of its shapes; `None` where it lacks one, or holds
+    anything else."""
     named = dict(zip(_names(y), jax.tree.leaves(y), strict=True))
     if len(jax.tree.leaves(y)) != 2 or set(named) != set(PARTS):
         return None
