@@ -269,7 +269,7 @@ def check_events(
 def _check_events(
     events: tuple[Event, ...],
     system: AbstractSystem,
-    y0: State,
+    y0: PyTree,
     t: Time,
     run_axes: int,
     names: tuple[str, ...],
