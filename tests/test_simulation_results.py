@@ -346,7 +346,7 @@ def test_a_network_of_one_run_is_mapped_or_told_how(key):
 def test_a_scene_of_one_point_takes_the_closed_form():
     ts = jnp.linspace(0.0, 3.0, 4)
     run = simulate(Scene([PointGravity(1.0)]), start(), ts)
-    assert run.accuracy.method == "closed_form" and run.stats["evaluations"] == 0
+    assert run.config.method == "closed_form" and run.stats["evaluations"] == 0
     np.testing.assert_array_equal(
         run.states.position, simulate(TwoBody(1.0), start(), ts).states.position
     )
