@@ -31,7 +31,7 @@ def replay_report(file: SceneFile, run: Replay, kept: Dispersion | None) -> str:
         there = number(stored[spec.name]) if spec.name in stored else "-"
         rows.append((spec.name, spec.unit, there, number(run.outputs[spec.name])))
     lines += ["", aligned(rows)]
-    for name, phase in zip(run.trajectory.names, run.trajectory.phases, strict=True):
+    for name, phase in run.trajectory.items():
         lines += ["", f"{name}: from {number(phase.ts[0])} s to {number(phase.ts[-1])} s"]
         # A controller changes what the system alone conserves: a drift would say nothing of
         # accuracy.

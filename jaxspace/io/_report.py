@@ -109,7 +109,7 @@ def mission_report(file: SceneFile, run: MissionTrajectory, finer: MissionTrajec
     """How a mission went, phase by phase. `finer`: the same at a tighter tolerance, from which the
     errors follow."""
     lines = [file.title]
-    for name, phase in zip(run.names, run.phases, strict=True):
+    for name, phase in run.items():
         lines.append(f"\n{name}: from {number(phase.ts[0])} s to {number(phase.ts[-1])} s")
         kept = phase.drift() if phase.control is None else {}
         lines.append(aligned([*state_rows(phase.final, file.units), *drift_rows(kept)]))
@@ -184,7 +184,7 @@ def _phase_rows(found: Optimum, run: MissionTrajectory) -> list[Row]:
     heavy = getattr(run.final, "mass", None) is not None
     rows: list[Row] = [("phase", *head, *([_label("mass", unit)] if heavy else []))]
     numbers = file.replaced(file.values, {p: jnp.asarray(x) for p, x in found.values.items()})
-    for k, (name, phase) in enumerate(zip(run.names, run.phases, strict=True)):
+    for k, (name, phase) in enumerate(run.items()):
         states, ends = {-1: run.final, k: phase.final}, {-1: run.end, k: phase.ts[-1]}
         specs = tuple(spec._replace(at=k) for spec in chosen)
         values = values_of(file, numbers, specs, states, ends)

@@ -171,7 +171,7 @@ def _simulate_mission(
 
 def _failed_phase(result: MissionTrajectory) -> str:
     """In which phase a mission failed, and where that began, as a sentence."""
-    for name, phase in zip(result.names, result.phases, strict=True):
+    for name, phase in result.items():
         if int(phase.status) > Status.EVENT:
             # A mission keeps no steps: the start of the phase is what is known.
             start = place_of_failure(int(phase.status), None, float(phase.ts[0]), phase.initial)

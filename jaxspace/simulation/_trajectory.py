@@ -6,10 +6,9 @@ from typing import TYPE_CHECKING, final
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jax.core import Tracer
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
-from ..core import AbstractSystem, InputError, Scalar, State, is_concrete, run_axes_of
+from ..core import AbstractSystem, InputError, Scalar, State, run_axes_of
 from ..integration._accuracy import Accuracy
 from ..integration._config import IntegrationConfig
 from ..integration._crossings import Crossings
@@ -19,7 +18,7 @@ from ..integration._result import DenseOutput
 from ..integration._status import Status
 from ._dataset import dataset_of
 from ._rerun import final_state_again
-from ._summary import summary_of
+from ._summary import summary_of_run
 
 if TYPE_CHECKING:
     import os
@@ -230,12 +229,10 @@ class Trajectory(eqx.Module):
         return show_run(self, path)
 
     def __repr__(self) -> str:
-        # Error messages print traced runs, too, which have no numbers yet.
-        if any(isinstance(x, Tracer) for x in jax.tree.leaves(self)) or not is_concrete(self.ts):
-            return f"Trajectory of {type(self.system).__name__} (traced)"
-        return summary_of(
-            self.ts, self.states, self.status, self.stats, self.system, self.config, self.run_axes
-        )
+        return summary_of_run(self).text()
+
+    def _repr_html_(self) -> str:
+        return summary_of_run(self).html()
 
 
 def relative_change(values: Array, run_axes: int) -> Float[Array, "times *#runs"]:
