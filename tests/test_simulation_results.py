@@ -24,6 +24,7 @@ from jaxspace.simulation import (
     SimulationError,
     Status,
 )
+from jaxspace.simulation._dataset import blocks_of
 from jaxspace.solvers import DOP853, Stormer, Tsit5
 
 KEPLER = Integrated(TwoBody(1.0))
@@ -213,6 +214,17 @@ def test_states_between_the_save_times_of_a_batch():
     run = simulate_batch(KEPLER, start(jnp.array([0.9, 1.1])), ts, accuracy=QUICK, dense=True)
     exact = simulate_batch(TwoBody(1.0), start(jnp.array([0.9, 1.1])), jnp.array([0.0, 0.7]))
     np.testing.assert_allclose(run.at(0.7).position, exact.final.position, atol=1e-6)
+
+
+def test_blocks_of_a_state_have_their_units():
+    inner = BodyState(mass=jnp.array(2.0))
+    state = BodyState(jnp.zeros(3), parts={"damper": inner, "valve": jnp.array(1.0)})
+    # Also within a dictionary, through whose keys the classes of the parts are reached.
+    assert [(name, unit) for name, unit, _ in blocks_of(state)] == [
+        ("position", "m"),
+        ("parts.damper.mass", "kg"),
+        ("parts.valve", ""),
+    ]
 
 
 def test_a_data_set_has_named_axes():
