@@ -157,7 +157,7 @@ def test_angles_without_jumps_are_those_of_the_states():
 
 def test_auto_takes_it():
     exact = simulate(TOP, start_of([0.2, 0.5236, 0.1], [0.0, 0.0, 45.0]), np.linspace(0.0, 1.0, 5))
-    assert exact.accuracy.method == "closed_form"
+    assert exact.config.method == "closed_form"
     assert max(float(jnp.max(d)) for d in exact.drift().values()) < 1e-12
 
 

@@ -87,7 +87,7 @@ def test_gyrocompass_over_a_million_radians_by_default():
     """`auto` finds the exponential method: the nutation of 1e6 rad is not resolved."""
     y = COMPASS.state(0.0, 0.01)
     run = simulate(COMPASS, y, jnp.array([0.0, 600.0]))
-    assert isinstance(run.accuracy.method, ExponentialRosenbrock)
+    assert isinstance(run.config.method, ExponentialRosenbrock)
     # The book's linear motion: the angle of 0.01 rad leaves its square.
     expected = COMPASS.small_motion(600.0, y)
     assert_allclose(run.final.azimuth, expected.azimuth, atol=1e-6)

@@ -203,7 +203,7 @@ def test_what_the_times_do_not_resolve_is_said(tmp_path):
     filled = data_of(view_page(orbit, tmp_path / "run.html"))
     assert filled["coarse"] == [] and len(filled["times"]) > 100
     # The same run as if nothing were known between its times.
-    stepped = eqx.tree_at(lambda r: r.accuracy.method, orbit, DOP853())
+    stepped = eqx.tree_at(lambda r: r.config.method, orbit, DOP853())
     assert data_of(view_page(stepped, tmp_path / "run.html"))["coarse"] == ["position"]
 
 

@@ -67,7 +67,7 @@ def test_two_bodies_move_as_one_about_the_other(method):
     accuracy = Accuracy(rtol=1e-9 if method != "auto" else 1e-13, method=method)
     run = simulate(Bodies(MU), pair(), ts, accuracy=accuracy)
     if method == "auto":
-        assert isinstance(run.accuracy.method, RKN1210)
+        assert isinstance(run.config.method, RKN1210)
     exact = simulate(TwoBody(1.0), apart(pair()), ts).states
     found = apart(run.states)
     np.testing.assert_allclose(found.position, exact.position, rtol=0.0, atol=2e-11)
@@ -133,6 +133,6 @@ def test_any_state_of_a_position_and_a_velocity_is_taken(made):
     """Of numbers alone, whose runs are their first axis: x = cos t."""
     y0 = made(position=jnp.array([1.0, 2.0]), velocity=jnp.zeros(2))
     runs = simulate_batch(Spring(made), y0, jnp.array([0.0, 3.0]), accuracy=1e-12)
-    assert isinstance(runs.accuracy.method, RKN1210)
+    assert isinstance(runs.config.method, RKN1210)
     end = runs.final["position"] if made is dict else runs.final.position
     np.testing.assert_allclose(end, np.cos(3.0) * np.array([1.0, 2.0]), rtol=1e-11)

@@ -56,7 +56,7 @@ def test_a_tolerance_written_under_jit_is_known_to_the_rules():
 
     def run(y):
         result = simulate(Integrated(TwoBody(1.0)), y, jnp.array([0.0, 0.1]), accuracy=1e-3)
-        methods.append(result.accuracy.method)
+        methods.append(result.config.method)
         return result.final
 
     jax.eval_shape(run, BodyState(jnp.array([1.0, 0.0, 0.0]), jnp.array([0.0, 1.0, 0.0])))
@@ -70,12 +70,12 @@ def test_a_closed_form_stands_before_every_method():
 def test_a_result_says_which_method_ran_and_takes_another():
     ts = np.array([0.0, 600.0])
     run = simulate(Scene(GRAVITY), orbit(), ts, accuracy=1e-10)
-    assert isinstance(run.accuracy.method, RKN1210)
+    assert isinstance(run.config.method, RKN1210)
     other = simulate(Scene(GRAVITY), orbit(), ts, accuracy=Accuracy(rtol=1e-10, method=DOP853()))
-    assert isinstance(other.accuracy.method, DOP853)
+    assert isinstance(other.config.method, DOP853)
     np.testing.assert_allclose(run.final.position, other.final.position, atol=1e-9 * 6.6e6)
     batch = simulate_batch(
         Scene(GRAVITY), jax.tree.map(lambda x: jnp.stack([x, x], axis=-1), orbit()), ts
     )
-    assert isinstance(batch.accuracy.method, RKN1210)
+    assert isinstance(batch.config.method, RKN1210)
     assert float(jnp.max(jnp.abs(batch.error().position))) < 1e-2

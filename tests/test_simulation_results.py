@@ -1,6 +1,9 @@
 """Results: one rule of shapes, failures that cannot be overheard, both modes of differentiation,
 mapped runs, networks, and what a trajectory shows."""
 
+import functools
+from xml.etree import ElementTree
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -12,7 +15,16 @@ from systems import Integrated
 from jaxspace import BodyState, Scene, simulate, simulate_batch
 from jaxspace.core import AbstractSystem, InputError
 from jaxspace.orbits import PointGravity, TwoBody, specific_energy
-from jaxspace.simulation import Accuracy, Event, Mission, Phase, SimulationError, Status
+from jaxspace.simulation import (
+    Accuracy,
+    Event,
+    Mission,
+    MissionTrajectory,
+    Phase,
+    SimulationError,
+    Status,
+)
+from jaxspace.simulation._dataset import blocks_of
 from jaxspace.solvers import DOP853, Stormer, Tsit5
 
 KEPLER = Integrated(TwoBody(1.0))
@@ -63,17 +75,123 @@ def test_a_batch_may_hold_one_run():
 def test_a_trajectory_says_what_happened():
     run = simulate(KEPLER, start(), jnp.linspace(0.0, 2.0, 5), accuracy=QUICK)
     lines = repr(run).splitlines()
-    assert len(lines) == 5
-    for words in ("Integrated", "0 s to 2 s, 5 saved", "position (3, 5)", "Tsit5", "reached its"):
+    assert len(lines) == 7
+    for words in ("Integrated", "0 s to 2 s, 5 saved", "Tsit5, rtol 1e-08", "reached its"):
         assert words in repr(run)
+    # Name, unit, shape, and the numbers of the first and the last time.
+    assert lines[-2].split()[:7] == ["position", "m", "(3,", "5)", "1,", "0,", "0"]
+    assert lines[-1].endswith(", ".join(f"{x:.6g}" for x in run.final.velocity.tolist()))
+    assert well_formed(run).count("<table>") == 2
+
+
+def test_a_batch_says_how_its_runs_ended_and_their_ranges():
+    speeds = jnp.array([0.9, 1.0, 1.1])
+    # The middle run ends by itself at once, and its numbers are no part of the ranges.
+    spoiled = start(speeds.at[1].set(jnp.nan))
+    batch = simulate_batch(TwoBody(1.0), spoiled, jnp.array([0.0, 1.0]))
+    text = repr(batch)
+    assert text.startswith("Trajectory of TwoBody, 3 runs\n")
+    assert "2 of 3 runs ended well: 2 COMPLETED, 1 NOT_FINITE" in text
+    assert f"Run 1: {Status.NOT_FINITE.sentence}" in text
+    ends = np.asarray(batch.final.position)[:, [0, 2]]
+    for bound in (ends.min(axis=1), ends.max(axis=1)):
+        assert ", ".join(f"{x:.6g}" for x in bound) in text
+    well_formed(batch)
+    mission = MissionTrajectory((batch,), ("coast",), batch.final, batch.ts[-1], batch.status)
+    assert repr(mission).startswith("Mission of 1 phase, 3 runs\n")
+    row = next(line for line in repr(mission).splitlines() if "coast" in line)
+    assert row.endswith("closed form      0  2 COMPLETED, 1 NOT_FINITE")
+    well_formed(mission)
+
+
+GIVEN = Accuracy(rtol=1e-7, max_steps=77)
+
+
+def two_phases():
+    # A name of a phase that HTML has to escape.
+    return Mission([Phase(TwoBody(1.0), 1.0, name="<rise>"), Phase(TwoBody(1.0), 2.0, name="fall")])
+
+
+@functools.cache
+def mission_result():
+    return simulate(two_phases(), start(), accuracy=GIVEN)
+
+
+def test_a_mission_reads_as_a_list_with_names():
+    result = mission_result()
+    assert len(result) == 2 and [*result] == [*result.phases]
+    assert [name for name, _ in result.items()] == ["<rise>", "fall"]
+    assert result["fall"] is result[-1] is result.phases[1]
+    # Without a jump the mission ends where its last phase does.
+    np.testing.assert_array_equal(result.final.position, result["fall"].final.position)
+    np.testing.assert_array_equal(result.initial.position, start().position)
+    lines = repr(result).splitlines()
+    assert len(lines) == 10 and lines[0] == "Mission of 2 phases"
+    assert lines[5].split() == ["<rise>", "TwoBody", "0", "1", "closed", "form", "0", "COMPLETED"]
+    assert lines[6].split()[:4] == ["fall", "TwoBody", "1", "3"]
+    assert "&lt;rise&gt;" in well_formed(result)
+
+
+def test_a_traced_result_says_its_shapes():
     shown = []
 
     def traced(y):
-        shown.append(repr(simulate(KEPLER, y, jnp.array([0.0, 1.0]), accuracy=QUICK)))
-        return y
+        for result in (
+            simulate(TwoBody(1.0), y, jnp.array([0.0, 1.0])),
+            simulate(two_phases(), y),
+        ):
+            shown.append(repr(result))
+            well_formed(result)
+        return simulate(TwoBody(1.0), y, jnp.array([0.0, 1.0]))
 
-    jax.eval_shape(traced, start())
-    assert "traced" in shown[0]
+    shapes = jax.eval_shape(traced, start())
+    for text in (*shown, repr(shapes)):
+        assert "(traced)" in text.splitlines()[0]
+        assert "position" in text and "m/s" in text
+    assert "(3, 2)" in shown[0] and "(3,)" in shown[1] and "(3, 2)" in repr(shapes)
+    # Trees of the same class that hold no arrays at all are printed in messages of JAX.
+    assert "bool" in repr(jax.tree.map(lambda x: True, shapes))
+
+
+def well_formed(result):
+    """The HTML of a result, which is XML."""
+    page = result._repr_html_()
+    ElementTree.fromstring(page)
+    return page
+
+
+def test_a_trajectory_knows_the_accuracy_that_was_asked_for():
+    ts = jnp.array([0.0, 1.0])
+    assert simulate(TwoBody(1.0), start(), ts).accuracy == Accuracy()
+    run = simulate(TwoBody(1.0), start(), ts, accuracy=1e-7)
+    assert run.accuracy.method == "auto" and float(run.accuracy.rtol) == 1e-7
+    assert run.config.method == "closed_form"
+    assert mission_result().accuracy is mission_result()["fall"].accuracy is GIVEN
+    many = start(jnp.array([0.9, 1.0, 1.1]))
+    batch = simulate_batch(TwoBody(1.0), many, ts, accuracy=GIVEN)
+    assert batch.accuracy is batch.of(1).accuracy is GIVEN
+
+
+@pytest.mark.parametrize("through", [jax.jit, lambda f: jax.vmap(f, in_axes=-1)])
+def test_transformations_return_runs_whose_method_has_a_name(through):
+    """Shapes alone: a text as a leaf is refused where the function is traced."""
+    many = start() if through is jax.jit else start(jnp.array([0.9, 1.1]))
+    end = through(lambda y: simulate(TwoBody(1.0), y, jnp.array([0.0, 1.0])))
+    found = jax.eval_shape(end, many)
+    assert found.accuracy.method == "auto" and found.config.method == "closed_form"
+
+
+def test_another_tolerance_traces_nothing_again():
+    traces = []
+
+    @jax.jit
+    def end(accuracy):
+        traces.append(accuracy)
+        return simulate(TwoBody(1.0), start(), jnp.array([0.0, 1.0]), accuracy=accuracy)
+
+    for rtol in (1e-7, 1e-8):
+        jax.eval_shape(end, Accuracy(rtol=rtol))
+    assert len(traces) == 1
 
 
 @pytest.mark.slow
@@ -96,6 +214,17 @@ def test_states_between_the_save_times_of_a_batch():
     run = simulate_batch(KEPLER, start(jnp.array([0.9, 1.1])), ts, accuracy=QUICK, dense=True)
     exact = simulate_batch(TwoBody(1.0), start(jnp.array([0.9, 1.1])), jnp.array([0.0, 0.7]))
     np.testing.assert_allclose(run.at(0.7).position, exact.final.position, atol=1e-6)
+
+
+def test_blocks_of_a_state_have_their_units():
+    inner = BodyState(mass=jnp.array(2.0))
+    state = BodyState(jnp.zeros(3), parts={"damper": inner, "valve": jnp.array(1.0)})
+    # Also within a dictionary, through whose keys the classes of the parts are reached.
+    assert [(name, unit) for name, unit, _ in blocks_of(state)] == [
+        ("position", "m"),
+        ("parts.damper.mass", "kg"),
+        ("parts.valve", ""),
+    ]
 
 
 def test_a_data_set_has_named_axes():
@@ -346,7 +475,7 @@ def test_a_network_of_one_run_is_mapped_or_told_how(key):
 def test_a_scene_of_one_point_takes_the_closed_form():
     ts = jnp.linspace(0.0, 3.0, 4)
     run = simulate(Scene([PointGravity(1.0)]), start(), ts)
-    assert run.accuracy.method == "closed_form" and run.stats["evaluations"] == 0
+    assert run.config.method == "closed_form" and run.stats["evaluations"] == 0
     np.testing.assert_array_equal(
         run.states.position, simulate(TwoBody(1.0), start(), ts).states.position
     )

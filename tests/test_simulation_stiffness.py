@@ -98,7 +98,7 @@ def test_many_states_asked_for_leave_the_exponential_method_no_room():
 
 def test_a_gyrocompass_by_default():
     run = simulate(COMPASS, Gyrocompass.start(1e-3), quarter())
-    assert isinstance(run.accuracy.method, STIFF)
+    assert isinstance(run.config.method, STIFF)
     assert run.stats["steps"] < 30
     # Not linear in the heading to the second order of 1e-3, and the root not exact to Omega / n.
     np.testing.assert_allclose(run.final.psi, 0.0, atol=3e-9)
@@ -107,7 +107,7 @@ def test_a_gyrocompass_by_default():
 def test_it_stops_at_an_event():
     north = Event(lambda t, y: y.psi, direction=-1)
     run = simulate(COMPASS, Gyrocompass.start(1e-3), 2.0 * quarter(), events=(north,))
-    assert isinstance(run.accuracy.method, STIFF)
+    assert isinstance(run.config.method, STIFF)
     assert run.status == Status.EVENT
     np.testing.assert_allclose(run.ts[-1], quarter()[1], rtol=1e-5)
 
@@ -119,7 +119,7 @@ def test_where_numbers_are_not_known_the_structure_decides():
     @jax.jit
     def end(psi):
         run = simulate(COMPASS, CompassState(psi, 0.0 * psi, 0.0 * psi, 0.0 * psi), ts)
-        seen.append(run.accuracy.method)
+        seen.append(run.config.method)
         simulate(
             COMPASS, Gyrocompass.start(0.3), 1e5 * ts, throw=False
         )  # concrete, and yet within a traced program
@@ -128,7 +128,7 @@ def test_where_numbers_are_not_known_the_structure_decides():
     jax.eval_shape(end, jnp.array(0.3))
     assert isinstance(seen[0], DOP853)
     mission = simulate(Mission([Phase(COMPASS, until=0.05)]), Gyrocompass.start(0.3))
-    assert isinstance(mission.phases[0].accuracy.method, DOP853)
+    assert isinstance(mission.phases[0].config.method, DOP853)
 
 
 def test_a_batch_is_judged_by_its_runs():
@@ -138,7 +138,7 @@ def test_a_batch_is_judged_by_its_runs():
     y0s = CompassState(psi, 0.0 * psi, 7.2921e-5 * jnp.sin(psi), 0.0 * psi)
     ts = jnp.stack([jnp.asarray(quarter(Gyrocompass(x))) for x in n], axis=-1)
     batch = simulate_batch(Gyrocompass(n), y0s, ts)
-    assert isinstance(batch.accuracy.method, STIFF)
+    assert isinstance(batch.config.method, STIFF)
     assert batch.status.tolist() == [Status.COMPLETED] * 3 + [Status.NOT_FINITE]
     # As above; and beside a rotor of one radian a second the nutation itself is of 7e-8.
     assert np.all(np.abs(batch.final.psi[:3]) < [3e-9, 1e-8, 5e-7])

@@ -193,12 +193,12 @@ def test_too_few_steps_are_reported_or_repeated_with_more():
     assert jax.jit(lambda y: run(y).status)(start(0.3)) == Status.TOLERANCE_MISSED
     more = run(start(0.3))
     assert (
-        more.status == Status.COMPLETED and more.stats["steps"] == more.accuracy.method.steps == 600
+        more.status == Status.COMPLETED and more.stats["steps"] == more.config.method.steps == 600
     )
     assert far(more.final.position, closed(TURNS, start(0.3)).position[:, -1]) < 1e-7
     both = jax.tree.map(lambda *x: jnp.stack(x, axis=-1), start(0.3), start())
     batch = simulate_batch(KEPLER, both, TURNS, accuracy=equal(200))
-    assert batch.accuracy.method.steps == 600
+    assert batch.config.method.steps == 600
     np.testing.assert_allclose(batch.final.position[:, 0], more.final.position, atol=1e-11)
 
 

@@ -176,7 +176,7 @@ def test_fixed_steps_have_one_row_and_no_tolerance():
     assert 0.0 < row.error < 1e-8 and row.steps == method.steps and not row.failure
     found = cost.cheapest(1e-8)
     assert found.method == method
-    assert simulate(scene, orbit(), ts, accuracy=found).accuracy.method == method
+    assert simulate(scene, orbit(), ts, accuracy=found).config.method == method
 
 
 @pytest.mark.sweep

@@ -231,7 +231,7 @@ def replay(store: str, run: int, samples: int, folder: str, show: bool) -> int:
         run, seed=there["seed"], accuracy=file.accuracy, num_saved=samples
     )
     print(replay_report(file, found, kept))
-    for name, phase in zip(found.trajectory.names, found.trajectory.phases, strict=True):
+    for name, phase in found.trajectory.items():
         draw(phase, path_of(file, folder, f"_run_{run}_{name}.png".replace(" ", "_")))
     if show:
         print(f"page   {found.trajectory.show(path_of(file, folder, f'_run_{run}.html'))}")

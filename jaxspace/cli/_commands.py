@@ -36,7 +36,7 @@ def run(path: str, folder: str, show: bool = False) -> int:
         result = file.nominal_mission(samples=100)
         # A mission has no error estimate of its own: the finer run gives one.
         print(mission_report(file, result, file.nominal_mission(samples=100, factor=0.01)))
-        for name, phase in zip(result.names, result.phases, strict=True):
+        for name, phase in result.items():
             draw(phase, path_of(file, folder, f"_{name}.png".replace(" ", "_")))
     else:
         result = file.simulate(throw=False)
@@ -77,7 +77,7 @@ def optimize(path: str, folder: str, sensitivities: bool) -> int:
     if sensitivities and not found.infeasible:
         print(f"\n{sensitivity_report(found)}")
     print(f"file   {best}")
-    for name, phase in zip(run.names, run.phases, strict=True):
+    for name, phase in run.items():
         draw(phase, path_of(file, folder, f"_optimum_{name}.png".replace(" ", "_")))
     figure = path_of(file, folder, "_search.png")
     found.minimum.plot(file.title).savefig(figure)

@@ -110,14 +110,17 @@ def fly(loop: Loop, y0: State, ts: Any, wanted: Wanted, run_axes: int) -> LoopRu
         raise InputError(f"The call has {', '.join(sorted(unknown))}: it takes {known}.")
     asked = (loop, y0, ts, wanted, run_axes)
     ts, events = known_times(ts), as_events(wanted.get("events", ()))
-    config = config_of(loop, y0, as_accuracy(wanted.get("accuracy")), wanted.get("steps"))
+    accuracy = as_accuracy(wanted.get("accuracy"))
+    config = config_of(loop, y0, accuracy, wanted.get("steps"))
     start, key = wanted.get("start"), wanted.get("key")
     start = jnp.asarray(ts[0] if start is None else start, state_dtype(y0))
     key = as_key(loop.key if key is None else key)
     numbers = Known(parts_of(loop), y0, start, key, wanted.get("memory"), events, None)
     result, config = repeated(compiled, numbers, config, Static.of(loop, ts, run_axes))
     assert result.control is not None
-    trajectory = trajectory_of(result._replace(control=None), loop.system, config, run_axes)
+    trajectory = trajectory_of(
+        result._replace(control=None), loop.system, accuracy, config, run_axes
+    )
     run = LoopRun(trajectory, **result.control, steps=steps_of(config), asked=asked)
     if not wanted.get("throw", run_axes == 0):
         return run

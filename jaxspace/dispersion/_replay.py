@@ -78,7 +78,7 @@ def replay(campaign: Any, number: int, seed: int, accuracy: Accuracy, num_saved:
         if refusal:
             raise InputError(f"Run {number} is refused: {refusal}") from error
         raise
-    trajectory = mission_trajectory_of(result, mission, configs, 1).of(0)
+    trajectory = mission_trajectory_of(result, mission, accuracy, configs, 1).of(0)
     found = {name: float(x[0]) for name, x in outputs.items()}
     # Outputs of a compiled function are sorted by name; the units have the order of the file.
     ordered = {name: found[name] for name in campaign.units if name in found} | found

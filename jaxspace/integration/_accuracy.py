@@ -41,6 +41,20 @@ def _known_float(x: object) -> object:
         return as_optional_float(x)
 
 
+@jax.tree_util.register_static
+class MethodName(str):
+    """The name of a method, as part of the structure of a tree.
+
+    A plain text is a leaf, and `jax.jit` and `jax.vmap` return no result that holds one."""
+
+    __slots__ = ()
+
+
+def as_method(method: Any) -> Any:
+    """The method, a text as a `MethodName`."""
+    return MethodName(method) if isinstance(method, str) else method
+
+
 @final
 class Accuracy(AbstractParameters):
     """What error each step may make, and by which method.
@@ -87,7 +101,7 @@ class Accuracy(AbstractParameters):
         converter=_known_float,
         doc="absolute tolerance of each step",
     )
-    method: diffrax.AbstractSolver | str = "auto"
+    method: diffrax.AbstractSolver | str = eqx.field(default="auto", converter=as_method)
     adjoint: diffrax.AbstractAdjoint | None = None
     max_steps: int = eqx.field(static=True, default=16384)
     max_step: Scalar | None = quantity(

@@ -17,7 +17,7 @@ from jaxtyping import Array, DTypeLike, Float, PyTree
 
 from ..core import AbstractSystem, InputError, Scalar, is_concrete
 from ..solvers import SolverTraits, refine, small_program, solver_traits
-from ._accuracy import DEFAULT_RTOL, Accuracy, least_tolerance, state_dtype
+from ._accuracy import DEFAULT_RTOL, Accuracy, as_method, least_tolerance, state_dtype
 from ._selection import select_method
 from ._stiffness import InitialConditions
 
@@ -37,7 +37,7 @@ class IntegrationConfig(eqx.Module):
 
     rtol: Float[Array | np.ndarray, ""]
     atol: Float[Array | np.ndarray, ""]
-    method: diffrax.AbstractSolver | str
+    method: diffrax.AbstractSolver | str = eqx.field(converter=as_method)
     adjoint: diffrax.AbstractAdjoint | None
     max_steps: int = eqx.field(static=True)
     max_step: Float[Array | np.ndarray, ""] | None

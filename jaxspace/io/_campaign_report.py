@@ -6,9 +6,10 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from ..core import aligned
 from ..dispersion import MONTE_CARLO, Comparison, Dispersion, Moments, Replay
 from ..simulation import Status
-from ._report import Row, columns, drift_rows, number, state_rows, status_line
+from ._report import Row, drift_rows, number, state_rows, status_line
 from ._scene_file import SceneFile
 
 # Beside a number that is not to be trusted, and in place of one that there is not.
@@ -23,19 +24,19 @@ def replay_report(file: SceneFile, run: Replay, kept: Dispersion | None) -> str:
     for name, value in run.inputs.items():
         nominal = number(float(file.inputs[name].nominal)) if name in file.inputs else ""
         rows.append((name, units.get(name, ""), nominal, number(value)))
-    lines = [f"{file.title}: run {run.number}, seed {run.seed}", "", columns(rows)]
+    lines = [f"{file.title}: run {run.number}, seed {run.seed}", "", aligned(rows)]
     stored = _row_of(kept, run.number)
     rows = [("output", "unit", "in the store", "here")]
     for spec in file.outputs:
         there = number(stored[spec.name]) if spec.name in stored else "-"
         rows.append((spec.name, spec.unit, there, number(run.outputs[spec.name])))
-    lines += ["", columns(rows)]
-    for name, phase in zip(run.trajectory.names, run.trajectory.phases, strict=True):
+    lines += ["", aligned(rows)]
+    for name, phase in run.trajectory.items():
         lines += ["", f"{name}: from {number(phase.ts[0])} s to {number(phase.ts[-1])} s"]
         # A controller changes what the system alone conserves: a drift would say nothing of
         # accuracy.
         drift = phase.drift() if phase.control is None else {}
-        lines.append(columns([*state_rows(phase.final, file.units), *drift_rows(drift)]))
+        lines.append(aligned([*state_rows(phase.final, file.units), *drift_rows(drift)]))
     return "\n".join([*lines, "", f"{status_line(run.status)} {run.refusal}".rstrip()])
 
 
@@ -136,7 +137,7 @@ def comparison_table(rows: Sequence[Comparison]) -> str:
         took = f"{c.seconds:.2g}"
         shown.append((c.output, c.method, mean, off, std, more, str(c.runs), took, word))
     doubts = [f"{WARNING}: {c.output}, {c.method}: {c.warning}" for c in rows if c.warning]
-    return "\n".join([columns(shown), *([""] if doubts else []), *doubts])
+    return "\n".join([aligned(shown), *([""] if doubts else []), *doubts])
 
 
 def moments_report(
@@ -163,7 +164,7 @@ def moments_report(
     return "\n".join(
         [
             f"{title}: {found.method}",
-            columns(rows),
+            aligned(rows),
             "",
             *doubts,
             *([""] if doubts else []),

@@ -60,7 +60,7 @@ def values_of(
 
 def failed_phase(run: MissionTrajectory) -> str:
     """The first phase of a flight that ended badly, with the sentence of its status; or nothing."""
-    for name, phase in zip(run.names, run.phases, strict=True):
+    for name, phase in run.items():
         status = Status(int(phase.status))
         if not status.good:
             return f"{name} ended badly. {status.sentence}"

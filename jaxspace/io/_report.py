@@ -10,7 +10,7 @@ import numpy as np
 from jax.typing import ArrayLike
 
 from ..control import LoopRun
-from ..core import InputError, State, quantities
+from ..core import InputError, State, aligned, quantities
 from ..dispersion import Contributors, Dispersion
 from ..rotations import Quaternion, to_euler_angles
 from ..simulation import MissionTrajectory, Status, Trajectory
@@ -26,19 +26,6 @@ Row = tuple[str, ...]
 MOST_DIGITS = 12
 # What the table of an optimum has of each phase, as far as the file has all for it.
 OF_PHASES = ("end_time", "altitude", "radius", "speed", "radial_speed")
-
-
-def columns(rows: Sequence[Sequence[str]]) -> str:
-    """Rows as aligned columns: the first to the left, the others to the right."""
-    widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
-    lines = []
-    for row in rows:
-        cells = [
-            cell.ljust(w) if k == 0 else cell.rjust(w)
-            for k, (cell, w) in enumerate(zip(row, widths, strict=True))
-        ]
-        lines.append("  ".join(cells).rstrip())
-    return "\n".join(lines)
 
 
 def number(x: SupportsFloat, error: float = math.nan) -> str:
@@ -115,22 +102,22 @@ def run_report(file: SceneFile, run: Trajectory | LoopRun) -> str:
     # A controller keeps nothing, whatever the scene alone would keep.
     drift = run.drift() if isinstance(run, Trajectory) else {}
     kept = [*drift_rows(drift), *error_rows(error, file.units)]
-    return "\n".join([file.title, columns(rows), columns(kept), status_line(run.status)])
+    return "\n".join([file.title, aligned(rows), aligned(kept), status_line(run.status)])
 
 
 def mission_report(file: SceneFile, run: MissionTrajectory, finer: MissionTrajectory) -> str:
     """How a mission went, phase by phase. `finer`: the same at a tighter tolerance, from which the
     errors follow."""
     lines = [file.title]
-    for name, phase in zip(run.names, run.phases, strict=True):
+    for name, phase in run.items():
         lines.append(f"\n{name}: from {number(phase.ts[0])} s to {number(phase.ts[-1])} s")
         kept = phase.drift() if phase.control is None else {}
-        lines.append(columns([*state_rows(phase.final, file.units), *drift_rows(kept)]))
+        lines.append(aligned([*state_rows(phase.final, file.units), *drift_rows(kept)]))
     error = jax.tree.map(lambda a, b: a - b, run.final, finer.final)
     rows = [("time [s]", number(run.end)), *state_rows(run.final, file.units, error)]
     rows += output_rows(file.nominal_outputs(run, every=True))
     lines.append("\nat the end, after the last jump")
-    lines.append(columns([*rows, *error_rows(error, file.units)]))
+    lines.append(aligned([*rows, *error_rows(error, file.units)]))
     return "\n".join([*lines, status_line(run.status)])
 
 
@@ -150,7 +137,7 @@ def optimum_report(
     goal = task.objective
     verb = "least" if task.sign > 0.0 else "greatest"
     label = _label(f"{verb} {goal.name}", goal.unit)
-    lines = [file.title, columns([
+    lines = [file.title, aligned([
         ("", "found", "confirmed"),
         (label, _or_dash(goal.factor * found.objective), _or_dash(goal.factor * checked[0])),
     ])]  # fmt: skip
@@ -162,7 +149,7 @@ def optimum_report(
         slope = goal.factor * held[free.path] / free.factor if free.path in held else math.nan
         shown = (number(free.factor * x) for x in numbers)
         rows.append((f"{free.path} [{free.unit or '1'}]", *shown, _or_dash(slope)))
-    lines.append(columns(rows))
+    lines.append(aligned(rows))
     rows = [("constraint", "", "target", "found", "confirmed", "slope")]
     derivatives = found.target_derivatives
     for k, demand in enumerate(task.demands):
@@ -174,13 +161,13 @@ def optimum_report(
         name = demand.limit.replace("_", " ")
         rows.append((_label(spec.name, spec.unit), name, *shown, slope))
     if task.demands:
-        lines.append(columns(rows))
+        lines.append(aligned(rows))
     if not found.infeasible:
         lines.append(
             f"slope: change of {goal.name} [{goal.unit or '1'}] for one unit of the bound or target"
         )
     if run is not None:
-        lines.append(columns(_phase_rows(found, run)))
+        lines.append(aligned(_phase_rows(found, run)))
     lines.append(f"relative error of the steps: {found.error:.1e}")
     return "\n\n".join([*lines, found.sentence()])
 
@@ -197,7 +184,7 @@ def _phase_rows(found: Optimum, run: MissionTrajectory) -> list[Row]:
     heavy = getattr(run.final, "mass", None) is not None
     rows: list[Row] = [("phase", *head, *([_label("mass", unit)] if heavy else []))]
     numbers = file.replaced(file.values, {p: jnp.asarray(x) for p, x in found.values.items()})
-    for k, (name, phase) in enumerate(zip(run.names, run.phases, strict=True)):
+    for k, (name, phase) in enumerate(run.items()):
         states, ends = {-1: run.final, k: phase.final}, {-1: run.end, k: phase.ts[-1]}
         specs = tuple(spec._replace(at=k) for spec in chosen)
         values = values_of(file, numbers, specs, states, ends)
@@ -214,7 +201,7 @@ def sensitivity_report(found: Optimum, count: int = 12) -> str:
     moves = {p: 0.01 * goal.factor * float(numbers[p]) * x for p, x in slopes.items()}
     order = sorted(moves, key=lambda p: -abs(moves[p]))[:count]
     rows = [("one percent more of", f"moves {_label(goal.name, goal.unit)} by")]
-    return columns([*rows, *((p, f"{moves[p]:+.4g}") for p in order if moves[p] != 0.0)])
+    return aligned([*rows, *((p, f"{moves[p]:+.4g}") for p in order if moves[p] != 0.0)])
 
 
 def _or_dash(x: float) -> str:
@@ -248,7 +235,7 @@ def dispersion_table(result: Dispersion, nominal: Mapping[str, tuple[float, str]
         own = row.shown(nominal[row.name][0]) if row.name in nominal else "-"
         rows.append((row.name, row.unit, own, *numbers))
     doubts = [sentence for row in table if (sentence := row.doubt())]
-    return "\n".join([columns(rows), *([""] if doubts else []), *doubts])
+    return "\n".join([aligned(rows), *([""] if doubts else []), *doubts])
 
 
 def requirement_table(result: Dispersion) -> str:
@@ -260,7 +247,7 @@ def requirement_table(result: Dispersion) -> str:
         share, low, high = (f"{100.0 * x:.3g} %" for x in (found.value, found.low, found.high))
         count = f"{found.count} of {found.runs}"
         rows.append((name, required, count, share, f"{low} to {high}"))
-    return columns(rows) if len(rows) > 1 else ""
+    return aligned(rows) if len(rows) > 1 else ""
 
 
 def contributor_lines(result: Dispersion, count: int = 3) -> str:

@@ -88,7 +88,7 @@ def state_leaves(state: "State", name: str = "", unit: str = "") -> list[tuple[s
 def _knows_between(phase: Any) -> bool:
     """Whether `phase.at` gives states between the saved times."""
     return phase.dense is not None or (
-        phase.accuracy.method == "closed_form" and phase.system.closed_form() is not None
+        phase.config.method == "closed_form" and phase.system.closed_form() is not None
     )
 
 

@@ -134,15 +134,16 @@ def _batch_of_systems(
     warn_of_switches(whole[0], events, whole[1], start, stacklevel=3)
     traced = is_traced((batched, shared))
     # Where nothing is known of the status, nothing is repeated.
+    accuracy = as_accuracy(accuracy)
     config_for = functools.partial(
-        _resolve_for, as_accuracy(accuracy), whole, batched, restarts=traced and not throw
+        _resolve_for, accuracy, whole, batched, restarts=traced and not throw
     )
     config = config_for(None)
     blocks = local_blocks((batched, shared), runs)
     result = run_systems(batched, shared, config, events, blocks, dense)
     if is_concrete(result.status) and not traced:
         result, config = repeat_systems(result, batched, shared, config, config_for, events, dense)
-    trajectory = trajectory_of(result, whole[0], config, 1)
+    trajectory = trajectory_of(result, whole[0], accuracy, config, 1)
     warn_after(trajectory, stacklevel=3)
     return raise_failures(trajectory) if throw else trajectory
 
@@ -166,7 +167,8 @@ def _batch_of_missions(
     batched, shared, runs = split_batch(missions, y0s, t0, in_axes, times_axes=0)
     mission, y0, _ = cut_batch(batched, shared)
     traced = is_traced((batched, shared))
-    resolved = resolve_phases(mission, y0, as_accuracy(accuracy), 1)
+    accuracy = as_accuracy(accuracy)
+    resolved = resolve_phases(mission, y0, accuracy, 1)
     configs = tuple(
         dataclasses.replace(config, restarts=traced and not throw) for config in resolved
     )
@@ -174,7 +176,7 @@ def _batch_of_missions(
     result = run_missions(batched, shared, configs, num_saved, blocks)
     if is_concrete(result.status) and not traced:
         result = repeat_missions(result, batched, shared, configs, num_saved)
-    trajectory = mission_trajectory_of(result, mission, configs, 1)
+    trajectory = mission_trajectory_of(result, mission, accuracy, configs, 1)
     warn_after(trajectory, stacklevel=3)
     return raise_failures(trajectory) if throw else trajectory
 

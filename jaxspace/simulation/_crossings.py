@@ -56,7 +56,7 @@ def crossings(
     events = as_events((event,))
     system = run.system
     y0 = run.initial
-    config = run.accuracy
+    config = run.config
     # First and last alone: the search takes samples of its own between them.
     ends = run.ts[:: len(run) - 1]
     if run.run_axes == 0:

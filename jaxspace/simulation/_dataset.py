@@ -1,6 +1,7 @@
 """Trajectories as data sets with named axes and units."""
 
-from typing import TYPE_CHECKING, TypeAlias
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import jax
 import numpy as np
@@ -15,16 +16,26 @@ if TYPE_CHECKING:
 Variable: TypeAlias = tuple[str | tuple[str, ...], np.ndarray, dict[str, str]]
 
 
+def blocks_of(states: State) -> Iterator[tuple[str, str, Any]]:
+    """Name, declared unit (empty without one) and array of each block of a state, in order."""
+    for path, leaf in jax.tree_util.tree_flatten_with_path(states)[0]:
+        yield _name(path), _unit(states, path), leaf
+
+
 def _unit(tree: PyTree, path: jax.tree_util.KeyPath) -> str:
     """The unit of the leaf at `path`, as its field declares it; empty if it does not."""
     unit = ""
     for key in path:
-        name = getattr(key, "name", None)
-        if name is None:
-            return ""
-        declared = quantities(type(tree)).get(name)
-        unit = unit if declared is None else declared.unit
-        tree = getattr(tree, name)
+        match key:
+            case jax.tree_util.GetAttrKey(name=name):
+                declared = quantities(type(tree)).get(name)
+                unit = unit if declared is None else declared.unit
+                tree = getattr(tree, name)
+            case jax.tree_util.DictKey(key=entry) | jax.tree_util.SequenceKey(idx=entry):
+                tree = tree[entry]
+            case _:
+                # A tree of another library does not say how to follow its keys.
+                return unit
     return unit
 
 
@@ -44,10 +55,8 @@ def dataset_of(ts: Array, states: State, status: Array, run_axes: int) -> "xarra
     # An axis of components has the name of its variable: blocks of different length share none.
     runs = ("run",) * run_axes
     variables: dict[str, Variable] = {}
-    for path, leaf in jax.tree_util.tree_flatten_with_path(states)[0]:
-        name = _name(path)
+    for name, unit, leaf in blocks_of(states):
         components = tuple(f"{name}_{k}" for k in range(leaf.ndim - 1 - run_axes))
-        unit = _unit(states, path)
         attributes = {"units": unit} if unit else {}
         variables[name] = ((*components, "time", *runs), np.asarray(leaf), attributes)
     variables["status"] = (runs, np.asarray(status), {})

@@ -7,6 +7,7 @@ from typing import TypeVar
 import numpy as np
 
 from ..core import AbstractSystem, is_concrete, is_traced
+from ..integration._accuracy import Accuracy
 from ..integration._config import IntegrationConfig
 from ..integration._status import Status, raise_on_failure
 from ._failures import loud, place_of_failure
@@ -20,26 +21,31 @@ Result = TypeVar("Result", Trajectory, MissionTrajectory)
 
 
 def trajectory_of(
-    result: RunResult, system: AbstractSystem, config: IntegrationConfig, run_axes: int
+    result: RunResult,
+    system: AbstractSystem,
+    accuracy: Accuracy,
+    config: IntegrationConfig,
+    run_axes: int,
 ) -> Trajectory:
     """A `Trajectory` from what the run left."""
     ts, states, status, event, happened, stats, dense, _, crossings, control = result
     return Trajectory(
-        *(ts, states, status, event, happened, stats, system, config, dense, run_axes),
-        *(crossings, control),
+        *(ts, states, status, event, happened, stats, system, accuracy, config, dense),
+        *(run_axes, crossings, control),
     )
 
 
 def mission_trajectory_of(
     result: MissionResult,
     mission: Mission,
+    accuracy: Accuracy,
     configs: tuple[IntegrationConfig, ...],
     run_axes: int,
 ) -> MissionTrajectory:
     """A `MissionTrajectory` from what the phases left."""
     phases = []
     for run, phase, config in zip(result.phases, mission.phases, configs, strict=True):
-        phases.append(trajectory_of(run, phase.moving, config, run_axes))
+        phases.append(trajectory_of(run, phase.moving, accuracy, config, run_axes))
     names = tuple(phase.name for phase in mission.phases)
     return MissionTrajectory(tuple(phases), names, result.final, result.end, result.status)
 
@@ -47,6 +53,7 @@ def mission_trajectory_of(
 def finish(
     run: Callable[..., RunResult],
     system: AbstractSystem,
+    accuracy: Accuracy,
     config: IntegrationConfig,
     dense: bool,
     throw: bool,
@@ -60,7 +67,7 @@ def finish(
         if np.any(error):
             config = config.with_more_steps(float(np.max(error)))
             result = run(config=config, dense=dense)
-    trajectory = trajectory_of(result, system, config, 0)
+    trajectory = trajectory_of(result, system, accuracy, config, 0)
     if not throw:
         return trajectory
 

@@ -1,5 +1,6 @@
 """What a mission leaves: the trajectory of each of its phases."""
 
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, final
 
 import equinox as eqx
@@ -8,6 +9,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
 from ..core import InputError, State
+from ..integration._accuracy import Accuracy
+from ._summary import summary_of_mission
 from ._trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -19,7 +22,10 @@ if TYPE_CHECKING:
 class MissionTrajectory(eqx.Module):
     """The trajectories of the phases of a mission, each up to its end before the jump.
 
-    - `phases`, `names`: a `Trajectory` for each phase, and their names; index by either.
+    Reads as a list of its phases: `len(result)`, `for phase in result`, `result[0]`; also by their
+    names, `result["ascent"]` and `for name, phase in result.items()`.
+
+    - `phases`, `names`: a `Trajectory` for each phase, and their names.
     - `final`, `end`: the state after the last jump, and its time, s, of each run.
     - `status`: of each run: its first failure, or how its last phase ended."""
 
@@ -44,6 +50,26 @@ class MissionTrajectory(eqx.Module):
             raise IndexError(f"The mission has {count} phases: there is no number {phase!r}.")
         return self.phases[phase]
 
+    def __len__(self) -> int:
+        return len(self.phases)
+
+    def __iter__(self) -> Iterator[Trajectory]:
+        return iter(self.phases)
+
+    def items(self) -> Iterator[tuple[str, Trajectory]]:
+        """Name and trajectory of each phase, in order."""
+        return zip(self.names, self.phases, strict=True)
+
+    @property
+    def initial(self) -> State:
+        """The state at the start of the first phase."""
+        return self.phases[0].initial
+
+    @property
+    def accuracy(self) -> Accuracy:
+        """How accurately the mission was run, as the caller gave it."""
+        return self.phases[0].accuracy
+
     def of(self, i: int) -> "MissionTrajectory":
         """The i-th run of a batch, as a mission of one run."""
         phases = tuple(phase.of(i) for phase in self.phases)
@@ -60,3 +86,9 @@ class MissionTrajectory(eqx.Module):
     def evaluations(self) -> Array:
         """Evaluations of the vector field over all phases."""
         return sum((p.stats["evaluations"] for p in self.phases), jnp.array(0))
+
+    def __repr__(self) -> str:
+        return summary_of_mission(self).text()
+
+    def _repr_html_(self) -> str:
+        return summary_of_mission(self).html()

@@ -136,10 +136,11 @@ def _simulate_system(
     check_dense(dense, events)
     starts = functools.partial(InitialConditions.of_one, system, y0, ts)
     # Restarts are for mapped runs; where one that fails is an error for all, none needs to go on.
-    config = resolve(system, y0, as_accuracy(accuracy), starts, restarts=not throw)
+    accuracy = as_accuracy(accuracy)
+    config = resolve(system, y0, accuracy, starts, restarts=not throw)
 
     run = functools.partial(_run_system, system, y0, ts, events, run_axes=0)
-    trajectory = finish(run, system, config, dense, throw)
+    trajectory = finish(run, system, accuracy, config, dense, throw)
     warn_after(trajectory, stacklevel=3)
     return trajectory
 
@@ -160,16 +161,17 @@ def _simulate_mission(
     if t0.ndim != 0:
         raise InputError(f"t0 has the shape {t0.shape}: a mission starts at one time, in s.")
     check_num_saved(num_saved)
-    configs = resolve_phases(mission, y0, as_accuracy(accuracy))
+    accuracy = as_accuracy(accuracy)
+    configs = resolve_phases(mission, y0, accuracy)
     result = _failed_are_nan(run_mission(mission, y0, t0, num_saved, configs, 0))
-    trajectory = mission_trajectory_of(result, mission, configs, 0)
+    trajectory = mission_trajectory_of(result, mission, accuracy, configs, 0)
     warn_after(trajectory, stacklevel=3)
     return raise_failures(trajectory, lambda: _failed_phase(trajectory)) if throw else trajectory
 
 
 def _failed_phase(result: MissionTrajectory) -> str:
     """In which phase a mission failed, and where that began, as a sentence."""
-    for name, phase in zip(result.names, result.phases, strict=True):
+    for name, phase in result.items():
         if int(phase.status) > Status.EVENT:
             # A mission keeps no steps: the start of the phase is what is known.
             start = place_of_failure(int(phase.status), None, float(phase.ts[0]), phase.initial)

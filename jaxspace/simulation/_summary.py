@@ -1,52 +1,188 @@
-"""What happened in a run, in five lines."""
+"""What a run or a mission prints: a few lines and a table, as text and as HTML."""
 
-import math
+import html
+from collections import Counter
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import jax
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jax.core import Tracer
+from jaxtyping import Array, ArrayLike, Int
 
-from ..core import AbstractSystem, State
+from ..core import State, aligned, html_table, is_concrete
 from ..integration._config import IntegrationConfig
 from ..integration._status import Status
+from ._dataset import blocks_of
+
+if TYPE_CHECKING:
+    from ._mission_trajectory import MissionTrajectory
+    from ._trajectory import Trajectory
+
+Row = tuple[str, ...]
+# A network in a state has thousands of components, and a quaternion has four.
+MOST_COMPONENTS = 4
 
 
-def summary_of(
-    ts: Float[Array, "times *#runs"],
-    states: State,
-    status: Int[Array, "*runs"],
-    stats: dict[str, Array],
-    system: AbstractSystem,
-    config: IntegrationConfig,
-    run_axes: int,
-) -> str:
-    """What to print of a `Trajectory`, from its fields."""
-    runs = 1 if run_axes == 0 else math.prod(status.shape)
-    # Of the first run: others may have times of their own.
-    first, last = (float(np.ravel(ts[k])[0]) for k in (0, -1))
-    evaluations = int(np.max(np.asarray(stats.get("evaluations", 0))))
-    steps = int(np.max(np.asarray(stats.get("steps", 0))))
-    how = "closed form" if isinstance(config.method, str) else type(config.method).__name__
-    blocks = ", ".join(
-        f"{jax.tree_util.keystr(path).strip('.')} {leaf.shape}"
-        for path, leaf in jax.tree_util.tree_flatten_with_path(states)[0]
-    )
-    lines = (
-        f"Trajectory of {type(system).__name__}" + (f", {runs} runs" if runs > 1 else ""),
-        f"  times   {first:g} s to {last:g} s, {ts.shape[0]} saved",
-        f"  states  {blocks}",
-        f"  method  {how}, rtol {float(config.rtol):.0e}; {steps} steps, {evaluations} evaluations",
-        f"  status  {_ended(status)}",
-    )
-    return "\n".join(lines)
+class Summary(NamedTuple):
+    """What there is to print of a result.
+
+    - `title`: what it is.
+    - `facts`: names and sentences.
+    - `tables`: each with its head; the first two columns are words."""
+
+    title: str
+    facts: list[Row]
+    tables: list[list[Row]]
+
+    def text(self) -> str:
+        """The lines for a terminal."""
+        parts = [aligned(self.facts, left=2)] if self.facts else []
+        parts += [aligned(table, left=2) for table in self.tables]
+        lines = [f"  {line}" for part in parts for line in part.splitlines()]
+        return "\n".join([self.title, *lines])
+
+    def html(self) -> str:
+        """The same for a notebook."""
+        parts = [html_table(self.facts, left=2, head=False)] if self.facts else []
+        parts += [html_table(table, left=2) for table in self.tables]
+        return f"<div><b>{html.escape(self.title)}</b>{''.join(parts)}</div>"
 
 
-def _ended(status: Int[Array, "*runs"]) -> str:
-    """How the run ended; of many, how many ended well, and the first that did not."""
-    statuses = np.asarray(status).reshape(-1)
+def summary_of_run(run: "Trajectory") -> Summary:
+    """What to print of a `Trajectory`; of one that is traced, the shapes."""
+    title = f"Trajectory of {type(run.system).__name__}"
+    if not _has_numbers(run):
+        return Summary(f"{title} (traced)", [], [_state_table(run.states)])
+    first, last = _range(run.ts[0]), _range(run.ts[-1])
+    steps, evaluations = _counts(run)
+    facts: list[Row] = [
+        ("times", f"{first} s to {last} s, {run.ts.shape[0]} saved"),
+        (
+            "method",
+            f"{_method(run.config)}, rtol {float(np.max(run.config.rtol)):.0e}; {steps} steps, "
+            f"{evaluations} evaluations",
+        ),
+        *_ended(run.status),
+    ]
+    # Of many runs the range at the end says most; all mostly start alike.
+    ends = [run.final] if run.run_axes else [run.initial, run.final]
+    table = _state_table(run.states, ends, run.run_axes)
+    return Summary(title + _of_runs(run.status), facts, [table])
+
+
+def summary_of_mission(result: "MissionTrajectory") -> Summary:
+    """What to print of a `MissionTrajectory`; of one that is traced, the shapes."""
+    count = len(result.phases)
+    title = f"Mission of {count} phase{'s' if count > 1 else ''}"
+    if not _has_numbers(result):
+        phases: list[Row] = [("phase", "system")]
+        phases += [(name, type(phase.system).__name__) for name, phase in result.items()]
+        return Summary(f"{title} (traced)", [], [phases, _state_table(result.final)])
+    rows: list[Row] = [("phase", "system", "from [s]", "to [s]", "method", "steps", "ended")]
+    for name, phase in result.items():
+        cells = (_range(phase.ts[0]), _range(phase.ts[-1]), _method(phase.config))
+        rows.append(
+            (name, type(phase.system).__name__, *cells, _counts(phase)[0], _statuses(phase.status))
+        )
+    work = _range(result.evaluations())
+    facts = [
+        ("times", f"{_range(result.phases[0].ts[0])} s to {_range(result.end)} s"),
+        ("work", f"{work} evaluations of the vector fields"),
+        *_ended(result.status),
+    ]
+    state = _state_table(result.final, [result.final], result.status.ndim)
+    return Summary(title + _of_runs(result.status), facts, [rows, state])
+
+
+def _has_numbers(result: Any) -> bool:
+    """Whether the arrays of a result are known: not in a traced one, nor in a tree of shapes."""
+    leaves = jax.tree.leaves(result)
+    if any(isinstance(x, Tracer | jax.ShapeDtypeStruct) for x in leaves):
+        return False
+    # Trees of axes or of flags have the class of the result, too.
+    return is_concrete(result.status) and isinstance(result.status, jax.Array | np.ndarray)
+
+
+def _of_runs(status: Int[Array, "*runs"]) -> str:
+    if not status.ndim:
+        return ""
+    return f", {status.size} run{'' if status.size == 1 else 's'}"
+
+
+def _method(config: IntegrationConfig) -> str:
+    return "closed form" if isinstance(config.method, str) else type(config.method).__name__
+
+
+def _counts(run: "Trajectory") -> tuple[str, str]:
+    """How many steps and evaluations a run took, or the runs of a batch."""
+    steps, evaluations = (_range(run.stats.get(name, 0)) for name in ("steps", "evaluations"))
+    return steps, evaluations
+
+
+def _range(x: ArrayLike) -> str:
+    """A number, or the least and the greatest of those of many runs."""
+    numbers = np.ravel(np.asarray(x))
+    if not numbers.size:
+        return "-"
+    low, high = _number(np.fmin.reduce(numbers)), _number(np.fmax.reduce(numbers))
+    return low if low == high else f"{low} .. {high}"
+
+
+def _number(x: Any) -> str:
+    # Counts in full, and measured numbers as far as they are read.
+    return f"{x}" if np.issubdtype(type(x), np.integer) else f"{float(x):.6g}"
+
+
+def _state_table(shaped: State, states: Sequence[State] = (), run_axes: int = 0) -> list[Row]:
+    """A line for each block: its name, unit and shape, and its numbers in each of the `states`.
+
+    Of runs, the least and the greatest of each component."""
+    if run_axes:
+        heads = ("least, at the end", "greatest")
+    else:
+        heads = ("at the start", "at the end")[-len(states) :] if states else ()
+    rows: list[Row] = [("state", "unit", "shape", *heads)]
+    numbers = [[leaf for _, _, leaf in blocks_of(state)] for state in states]
+    for k, (name, unit, leaf) in enumerate(blocks_of(shaped)):
+        cells = [text for state in numbers for text in _listed(np.asarray(state[k]), run_axes)]
+        shape = getattr(leaf, "shape", type(leaf).__name__)
+        rows.append((name, unit, str(shape), *cells))
+    return rows
+
+
+def _listed(x: np.ndarray, run_axes: int) -> list[str]:
+    """The components of one block; of runs, the least and the greatest of each that are finite."""
+    if not run_axes:
+        return [_components(x.reshape(-1))]
+    # NaN in failed runs hides the others from `min`, and not from `fmin`.
+    rows = x.reshape(*x.shape[: x.ndim - run_axes], -1)
+    if not rows.shape[-1]:
+        return ["-", "-"]
+    return [_components(f.reduce(rows, axis=-1).reshape(-1)) for f in (np.fmin, np.fmax)]
+
+
+def _components(numbers: np.ndarray) -> str:
+    shown = ", ".join(_number(x) for x in numbers[:MOST_COMPONENTS])
+    return f"{shown}, ..." if numbers.size > MOST_COMPONENTS else shown
+
+
+def _statuses(status: Int[Array, "*runs"]) -> str:
+    """The name of a status, or how many runs have each."""
+    counted = Counter(np.ravel(np.asarray(status)).tolist())
+    if np.ndim(status) == 0:
+        return Status(next(iter(counted))).name
+    return ", ".join(f"{counted[code]} {Status(code).name}" for code in sorted(counted))
+
+
+def _ended(status: Int[Array, "*runs"]) -> list[Row]:
+    """How the run ended; of many, how many ended how, and the first that failed."""
+    statuses = np.ravel(np.asarray(status))
+    if np.ndim(status) == 0:
+        return [("status", Status(int(statuses[0])).sentence)]
     failed = np.flatnonzero(statuses > Status.EVENT)
-    sentence = Status(int(statuses[failed[0] if failed.size else 0])).sentence
-    if statuses.size == 1:
-        return sentence
-    well = f"{statuses.size - failed.size} of {statuses.size} runs ended well."
-    return well + (f" Run {failed[0]}: {sentence}" if failed.size else "")
+    well = f"{statuses.size - failed.size} of {statuses.size} runs ended well"
+    rows: list[Row] = [("status", f"{well}: {_statuses(status)}")]
+    if failed.size:
+        rows.append(("", f"Run {failed[0]}: {Status(int(statuses[failed[0]])).sentence}"))
+    return rows

@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING, final
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jax.core import Tracer
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
-from ..core import AbstractSystem, InputError, Scalar, State, is_concrete, run_axes_of
+from ..core import AbstractSystem, InputError, Scalar, State, run_axes_of
+from ..integration._accuracy import Accuracy
 from ..integration._config import IntegrationConfig
 from ..integration._crossings import Crossings
 from ..integration._integrate import take_step
@@ -18,7 +18,7 @@ from ..integration._result import DenseOutput
 from ..integration._status import Status
 from ._dataset import dataset_of
 from ._rerun import final_state_again
-from ._summary import summary_of
+from ._summary import summary_of_run
 
 if TYPE_CHECKING:
     import os
@@ -42,7 +42,8 @@ class Trajectory(eqx.Module):
       may be zero at once.
     - `stats`: steps, evaluations of the vector field, largest local error in units of the
       tolerance.
-    - `system`, `accuracy`: what was run, and by which method and tolerances.
+    - `system`, `accuracy`: what was run, and how accurately, as the caller gave it.
+    - `config`: the method and the tolerances that followed from `accuracy`.
     - `dense`: the steps of the run, where `dense=True` asked for them.
     - `crossings`: of each event that is not terminal, every zero on the way, as `Crossings`.
     - `control`: of a phase that is a closed loop: its `commands` and `readings`, with the shapes of
@@ -55,7 +56,8 @@ class Trajectory(eqx.Module):
     happened: Bool[Array, "events *#runs"]
     stats: dict[str, Array]
     system: AbstractSystem
-    accuracy: IntegrationConfig
+    accuracy: Accuracy
+    config: IntegrationConfig
     dense: DenseOutput | None
     run_axes: int = eqx.field(static=True)
     crossings: tuple[Crossings, ...] = ()
@@ -101,7 +103,8 @@ class Trajectory(eqx.Module):
         stats = {name: x[..., i] if x.ndim else x for name, x in self.stats.items()}
         names = ("ts", "states", "status", "event", "happened", "dense", "crossings", "control")
         parts = jax.tree.map(lambda x: x[..., i], {name: getattr(self, name) for name in names})
-        return Trajectory(**parts, stats=stats, system=system, accuracy=self.accuracy, run_axes=0)
+        own = {**parts, "stats": stats, "system": system, "run_axes": 0}
+        return Trajectory(**own, accuracy=self.accuracy, config=self.config)
 
     def at(self, t: Scalar) -> State:
         """The state at the time `t`, s, between the save times, as accurate as the steps.
@@ -111,7 +114,7 @@ class Trajectory(eqx.Module):
 
         **Raises** `InputError` for a run that did not ask for it by `dense=True`; closed forms need
         not ask. NaN outside of the run, and where a run that failed did not get to."""
-        exact = self.accuracy.method == "closed_form"
+        exact = self.config.method == "closed_form"
         if not exact and self.dense is None:
             raise InputError("The run holds no states between its times: run it with dense=True.")
         return _program_at(self, jnp.asarray(t, self.ts.dtype))
@@ -119,7 +122,7 @@ class Trajectory(eqx.Module):
     def _at(self, t: Array) -> State:
         # Each run has steps of its own, also where all are asked for one time.
         t = jnp.broadcast_to(t, self.ts.shape[1:])
-        closed_form = self.system.closed_form() if self.accuracy.method == "closed_form" else None
+        closed_form = self.system.closed_form() if self.config.method == "closed_form" else None
         if closed_form is not None:
             state = closed_form.flow(t - self.ts[0], self.initial)
         else:
@@ -158,7 +161,7 @@ class Trajectory(eqx.Module):
             return jnp.take_along_axis(rows, where, axis=0)[0]
 
         y = jax.tree.map(pick, self.dense.states)
-        return take_step(self.system, y, pick(steps), t, self.accuracy, self.run_axes)
+        return take_step(self.system, y, pick(steps), t, self.config, self.run_axes)
 
     def along(self, function: Callable[[AbstractSystem, Scalar, State], PyTree]) -> PyTree:
         """`function(system, t, y)` of one time and one state, at every time of every run.
@@ -195,7 +198,7 @@ class Trajectory(eqx.Module):
         **Raises** `InputError` for a run that jumps in place on its way."""
         self.check_without_jumps("error")
         again = final_state_again(
-            self.system, self.initial, self.ts, self.accuracy.tightened(0.01), self.run_axes
+            self.system, self.initial, self.ts, self.config.tightened(0.01), self.run_axes
         )
         return jax.tree.map(lambda a, b: jnp.abs(a - b), self.final, again)
 
@@ -226,12 +229,10 @@ class Trajectory(eqx.Module):
         return show_run(self, path)
 
     def __repr__(self) -> str:
-        # Error messages print traced runs, too, which have no numbers yet.
-        if any(isinstance(x, Tracer) for x in jax.tree.leaves(self)) or not is_concrete(self.ts):
-            return f"Trajectory of {type(self.system).__name__} (traced)"
-        return summary_of(
-            self.ts, self.states, self.status, self.stats, self.system, self.accuracy, self.run_axes
-        )
+        return summary_of_run(self).text()
+
+    def _repr_html_(self) -> str:
+        return summary_of_run(self).html()
 
 
 def relative_change(values: Array, run_axes: int) -> Float[Array, "times *#runs"]:

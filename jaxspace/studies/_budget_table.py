@@ -5,7 +5,8 @@ from typing import TYPE_CHECKING, NamedTuple, final
 
 import numpy as np
 
-from ._table import aligned, duration
+from ..core import aligned
+from ._duration import duration
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

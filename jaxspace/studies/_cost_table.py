@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, NamedTuple, TypeAlias, final
 
 import diffrax
 
-from ..core import InputError, check_positive
+from ..core import InputError, aligned, check_positive
 from ..simulation import Accuracy
 from ..solvers import solver_traits
-from ._table import aligned, duration
+from ._duration import duration
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

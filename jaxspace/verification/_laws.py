@@ -24,9 +24,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
-from ..core import AbstractSystem, InputError, Scalar, State, check_positive
+from ..core import AbstractSystem, InputError, Scalar, State, aligned, check_positive
 from ..simulation import Accuracy, Status, Trajectory, simulate, simulate_batch
-from ..studies._table import aligned
 
 Tree = TypeVar("Tree")
 

@@ -7,7 +7,7 @@ from typing import final
 
 import jax
 
-from ..studies._table import aligned
+from ..core import aligned
 from ._case import Case
 
 

@@ -1,0 +1,30 @@
+"""Rows of text as tables: aligned columns for a terminal, HTML for a notebook."""
+
+import html
+from collections.abc import Sequence
+
+
+def aligned(rows: Sequence[Sequence[str]], left: int = 1) -> str:
+    """The rows with their first `left` columns flush left, the others flush right."""
+    widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
+    lines = []
+    for row in rows:
+        cells = [
+            c.ljust(w) if k < left else c.rjust(w)
+            for k, (c, w) in enumerate(zip(row, widths, strict=True))
+        ]
+        lines.append("  ".join(cells).rstrip())
+    return "\n".join(lines)
+
+
+def html_table(rows: Sequence[Sequence[str]], left: int = 1, head: bool = True) -> str:
+    """The rows as an HTML table, aligned as by `aligned`; with `head`, the first row is one."""
+    lines = []
+    for number, row in enumerate(rows):
+        tag = "th" if head and number == 0 else "td"
+        cells = (
+            f'<{tag} style="text-align:{"left" if k < left else "right"}">{html.escape(c)}</{tag}>'
+            for k, c in enumerate(row)
+        )
+        lines.append(f"<tr>{''.join(cells)}</tr>")
+    return f"<table>{''.join(lines)}</table>"
