@@ -278,7 +278,7 @@ def test_cheapest_says_what_was_reached():
         table([1e-3, 1e-9], [1.0, 2.0]).cheapest(1e-12)
     with pytest.raises(InputError, match="error is -1: it must be positive"):
         table([1e-3], [1.0]).cheapest(-1.0)
-    with pytest.raises(InputError, match="in which a run of the table ended well"):
+    with pytest.raises(InputError, match="in which no run of the table ended well"):
         table([1e-3], [1.0], failure="It fell.").cheapest()
     # No error is known better than that of the reference.
     with pytest.raises(InputError, match="at least 1e-13"):
