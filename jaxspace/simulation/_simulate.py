@@ -93,8 +93,9 @@ def simulate(system: Any, y0: PyTree, *args: Any, **kwargs: Any) -> Any:
     **Returns** a `Trajectory`, or a `MissionTrajectory`. Differentiable, forwards and backwards,
     with respect to every number in `system` and `y0`, and the times of the start and the end. Fixed
     steps of a system that prove too few are repeated with up to eight times as many, outside of
-    `jit`. Mapped by `jax.vmap`, the runs go by the batch path of `simulate_batch`. Outside of `jit` it
-    warns of what the system finds in its run, as a path below the ground (`Scene.warning`).
+    `jit`. Mapped by `jax.vmap`, the runs go by the batch path of `simulate_batch`. Outside of
+    `jit` it warns of what the system finds in its run, as a path below the ground
+    (`Scene.warning`).
 
     **Raises** `InputError`, before anything is compiled, for times that are not finite, ascending
     or descending, a tolerance that the precision cannot reach, a method that the system does not
