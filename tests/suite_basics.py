@@ -43,7 +43,7 @@ BASICS = {
     },
     "event": {
         "control": "test_control_loops.py::test_an_event_on_a_sample_and_between",
-        "integration": "test_integration_crossings.py::test_every_zero_is_found_and_the_rest_is_empty",
+        "integration": "test_integration_crossings.py::test_every_zero_is_found",
         "io": "test_io.py::test_an_event_a_jump_and_a_distribution_defined_here_run_from_a_file",
         "orbits": "test_integration_crossings.py::test_every_eclipse_of_a_circle",
         "rockets": "test_rockets.py::test_slopes_over_the_end_of_the_propellant_by_an_event",
