@@ -351,7 +351,8 @@ def test_every_mode_of_differentiation_by_default():
         jax.jacrev(jax.jacfwd(f))(x)
 
 
-# `test_save_times.py` and `test_solvers_small_program.py` differentiate saved states, too.
+# `test_integration_save_times.py` and `test_solvers_small_program.py` differentiate saved states,
+# too.
 @pytest.mark.sweep
 def test_derivatives_through_saved_states():
     """Of all saved states, in both modes, for a method with dense output."""

@@ -17,14 +17,14 @@ rate of the condition along the motion, where the condition is nearly zero:
 """
 
 from collections.abc import Callable
-from typing import final
+from typing import Protocol, final
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
-from jaxtyping import Array
+from jaxtyping import Array, PyTree
 
 from ..core import (
     AbstractSystem,
@@ -34,6 +34,16 @@ from ..core import (
     as_optional_float,
     check_positive,
 )
+
+
+class HasVectorField(Protocol):
+    """What an event has to know of a system."""
+
+    @property
+    def vector_field(self) -> Callable[[Scalar, State], State]:
+        """dy/dt as a function of time and state."""
+        ...
+
 
 # Room for so many states is some gigabyte: a larger number is a slip.
 MOST = 10**7
@@ -90,21 +100,22 @@ class Event(eqx.Module):
         check_positive("Event.within", self.within)
         check_positive("Event.touch", self.touch)
 
-    def value(self, system: AbstractSystem, t: Scalar, y: State) -> Scalar:
+    def value(self, system: HasVectorField, t: Scalar, y: State) -> Scalar:
         """What is zero at the event: the condition, or for a touch its rate along the motion."""
         if self.touch is None:
             return self.condition(t, y)
-        return self._rate(self.condition, system, t, y)[1]
+        rate = system.vector_field(t, y)
+        return jax.jvp(self.condition, (t, y), (jnp.ones_like(t), rate))[1]
 
-    def slope(self, system: AbstractSystem, t: Scalar, y: State) -> tuple[Scalar, Scalar]:
+    def slope(self, system: HasVectorField, t: Scalar, y: State) -> tuple[Scalar, Scalar]:
         """The `value` and its rate along the motion, 1/s times its unit."""
-        return self._rate(lambda t, y: self.value(system, t, y), system, t, y)
+        return self.slope_along(system, t, y, system.vector_field(t, y))
 
-    @staticmethod
-    def _rate(
-        g: Callable[[Scalar, State], Scalar], system: AbstractSystem, t: Scalar, y: State
+    def slope_along(
+        self, system: HasVectorField, t: Scalar, y: State, rate: State
     ) -> tuple[Scalar, Scalar]:
-        return jax.jvp(g, (t, y), (jnp.ones_like(t), system.vector_field(t, y)))
+        """`slope` where the `rate` of the state is known."""
+        return jax.jvp(lambda t, y: self.value(system, t, y), (t, y), (jnp.ones_like(t), rate))
 
 
 def _check_count(name: str, value: int, least: int) -> None:
@@ -130,23 +141,78 @@ def closures_of_events(events: tuple[Event, ...], t: Scalar, y: State) -> tuple[
     return tuple(map(closed, events))
 
 
+@final
+class _Field(eqx.Module):
+    """A vector field whose arrays are all leaves, those that its functions close over included: a
+    rule for derivatives sees no others."""
+
+    vector_field: Callable[[Scalar, State], State]
+
+
 def newton_correct(
     system: AbstractSystem, events: tuple[Event, ...], which: Array, t: Scalar, y: State
 ) -> tuple[Scalar, State]:
-    """Time and state at the event, moved by one step of Newton's method with its curvature, whose
-    first and second derivatives are those of the event."""
+    """Time and state at the event, moved by one step of Newton's method along the motion; their
+    first and second derivatives are those of the event.
+
+    `which` is the number of the event of each run, -1 for none, (*runs,)."""
+    t = jnp.broadcast_to(t, which.shape)
+    field = _Field(eqx.filter_closure_convert(system.vector_field, t, y))
+    return _corrected(t, y, which, field, closures_of_events(events, t, y))
+
+
+@eqx.filter_custom_jvp
+def _corrected(
+    t: Scalar, y: State, which: Array, system: _Field, events: tuple[Event, ...]
+) -> tuple[Scalar, State]:
     rate = system.vector_field(t, y)
     delay = jnp.zeros_like(t)
     for number, event in enumerate(events):
-        # g + g' d + g'' d^2/2 = 0: at the event g is zero, so that the second term has no value
-        # and no first derivative, but the second one that the event has.
-        (g, slope), (_, bend) = jax.jvp(
-            lambda t, y, e=event: e.slope(system, t, y), (t, y), (jnp.ones_like(t), rate)
-        )
+        g, slope = event.slope_along(system, t, y, rate)
         hit = (which == number) & (slope != 0.0)
-        step = -g / jnp.where(hit, slope, 1.0)
-        bend = bend / jnp.where(hit, slope, 1.0)
-        delay = jnp.where(hit, step - 0.5 * bend * step * step, delay)
-    _, change = jax.jvp(system.vector_field, (t, y), (jnp.ones_like(t), rate))
-    moved = jax.tree.map(lambda a, k, c: a + k * delay + c * (0.5 * delay * delay), y, rate, change)
-    return t + delay, moved
+        delay = jnp.where(hit, -g / jnp.where(hit, slope, 1.0), delay)
+    return t + delay, jax.tree.map(lambda x, k: x + k * delay, y, rate)
+
+
+@_corrected.def_jvp
+def _corrected_jvp(primals: PyTree, tangents: PyTree) -> tuple[PyTree, PyTree]:
+    """The event from a state that moves by dy, at a time that moves by dt, with parameters p:
+
+    delta = dy - f dt + d (f_t dt + f_y dy + f_p dp)
+    dt_e = -(g_y delta + g_p dp)/(g_t + g_y f),   dy_e = delta + f dt_e
+
+    d is the time from the state to the event: zero, but its derivative is that of the event."""
+    t, y, which, system, events = primals
+    of_t, of_y, _, of_system, of_events = tangents
+    # Once more this function, so that derivatives of the derivative are right, too.
+    te, ye = _corrected(*primals)
+    place, moving = (system, te, ye), (of_system, of_t, of_y)
+    rate, change = eqx.filter_jvp(lambda s, t, y: s.vector_field(t, y), place, moving)
+    dt = jnp.zeros_like(t) if of_t is None else of_t
+    # Of no value, but of a derivative.
+    delay = te - t
+    delta = jax.tree.map(
+        lambda d, k, c: d - k * dt + c * delay, _whole(of_y, y), rate, _whole(change, y)
+    )
+    dte = dt
+    for number, event in enumerate(events):
+        # At the time of the event: of the condition, state and parameters alone move.
+        _, dg = eqx.filter_jvp(
+            lambda e, s, y: e.value(s, te, y),
+            (event, system, ye),
+            (None if of_events is None else of_events[number], of_system, delta),
+        )
+        _, slope = event.slope_along(system, te, ye, rate)
+        hit = (which == number) & (slope != 0.0)
+        dte = jnp.where(hit, -dg / jnp.where(hit, slope, 1.0), dte)
+    dye = jax.tree.map(lambda d, k: d + k * dte, delta, rate)
+    return (te, ye), (dte, dye)
+
+
+def _whole(tangent: PyTree, like: State) -> State:
+    """The tangent with zeros where nothing moves."""
+    leaves, structure = jax.tree.flatten(like)
+    if tangent is None:
+        return structure.unflatten([jnp.zeros_like(x) for x in leaves])
+    given = zip(leaves, structure.flatten_up_to(tangent), strict=True)
+    return structure.unflatten([jnp.zeros_like(x) if d is None else d for x, d in given])

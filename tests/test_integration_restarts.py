@@ -90,7 +90,8 @@ def test_a_ball_bounces():
     np.testing.assert_allclose(one.crossings[0].ts, found.ts[:, 0], rtol=1e-13)
 
 
-# `test_crossings.py` has times in both modes, `test_simulation.py` the way after two bounces.
+# `test_integration_crossings.py` has times in both modes, `test_simulation.py` the way after two
+# bounces.
 @pytest.mark.sweep
 @pytest.mark.parametrize("mode", [jax.jacfwd, jax.jacrev])
 def test_derivatives_pass_through_all_restarts(mode):

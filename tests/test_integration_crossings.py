@@ -56,7 +56,7 @@ def turning(end):
     return simulate(Wheel(1.0), SIDE, jnp.array([0.0, end]), events=events, throw=False)
 
 
-def test_every_zero_is_found_and_the_rest_is_empty():
+def test_every_zero_is_found():
     run = turning(20.0)
     zeros, apses, dip, falls = run.crossings
     exact = np.pi / 6.0 + np.pi * np.arange(7)
