@@ -3,6 +3,7 @@
 The rooms, from the ground up:
 
     constants       numbers with unit and source
+    core            what all stand on: the interface of a system, declared quantities, checks
     rotations       orientation: quaternion, Euler angles, matrix
     bodies          what has mass: inertia, mass properties, Newton-Euler, the interface of effects
     orbits          a point under gravity: two-body motion, elements, Kepler, oblateness
@@ -13,6 +14,7 @@ The rooms, from the ground up:
     mechanics       systems from a Lagrangian, impulse and impact (imported by name)
     scene           a body and its effects as one system
     solvers         integrators as diffrax solvers
+    integration     the steps of one integration: method, tolerances, events, derivatives
     simulation      the runner: simulate one run or many, a system or a mission of phases
     studies         questions about a run: what accuracy costs, which effects matter, modes
     control         controllers that act at samples, sensors, environments (imported by name)
