@@ -3,6 +3,7 @@
 The rooms, from the ground up:
 
     constants       numbers with unit and source
+    core            what all stand on: the interface of a system, declared quantities, checks
     rotations       orientation: quaternion, Euler angles, matrix
     bodies          what has mass: inertia, mass properties, Newton-Euler, the interface of effects
     orbits          a point under gravity: two-body motion, elements, Kepler, oblateness
@@ -13,6 +14,7 @@ The rooms, from the ground up:
     mechanics       systems from a Lagrangian, impulse and impact (imported by name)
     scene           a body and its effects as one system
     solvers         integrators as diffrax solvers
+    integration     the steps of one integration: method, tolerances, events, derivatives
     simulation      the runner: simulate one run or many, a system or a mission of phases
     studies         questions about a run: what accuracy costs, which effects matter, modes
     control         controllers that act at samples, sensors, environments (imported by name)
@@ -21,34 +23,100 @@ The rooms, from the ground up:
     estimation      parameters and states from data (imported by name)
     verification    hard cases and laws (imported by name)
     io, plots, cli  files, figures, the command line (imported by name, with the extra `app`)
+
+Each is imported when it is first used, or a name of it: `import jaxspace` alone loads none of them,
+and no JAX.
 """
 
-from . import attitude as attitude
-from . import bodies as bodies
-from . import constants as constants
-from . import dispersion as dispersion
-from . import gyros as gyros
-from . import optimization as optimization
-from . import orbits as orbits
-from . import rockets as rockets
-from . import rotations as rotations
-from . import scene as scene
-from . import simulation as simulation
-from . import solvers as solvers
-from . import studies as studies
-from ._jax_settings import enable_x64 as enable_x64
-from ._jax_settings import keep_programs as keep_programs
-from ._load import load as load
-from .bodies import BodyState as BodyState
-from .core import AbstractSystem as AbstractSystem
-from .scene import Scene as Scene
-from .simulation import Accuracy as Accuracy
-from .simulation import Event as Event
-from .simulation import Mission as Mission
-from .simulation import Phase as Phase
-from .simulation import Status as Status
-from .simulation import Trajectory as Trajectory
-from .simulation import simulate as simulate
-from .simulation import simulate_batch as simulate_batch
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    # For editors and type checkers, for which `_PACKAGES` and `_MODULE_OF` are no imports.
+    from . import attitude as attitude
+    from . import bodies as bodies
+    from . import constants as constants
+    from . import core as core
+    from . import dispersion as dispersion
+    from . import gyros as gyros
+    from . import integration as integration
+    from . import optimization as optimization
+    from . import orbits as orbits
+    from . import rockets as rockets
+    from . import rotations as rotations
+    from . import scene as scene
+    from . import simulation as simulation
+    from . import solvers as solvers
+    from . import studies as studies
+    from ._jax_settings import enable_x64 as enable_x64
+    from ._jax_settings import keep_programs as keep_programs
+    from ._load import load as load
+    from .bodies import BodyState as BodyState
+    from .core import AbstractSystem as AbstractSystem
+    from .scene import Scene as Scene
+    from .simulation import Accuracy as Accuracy
+    from .simulation import Event as Event
+    from .simulation import Mission as Mission
+    from .simulation import Phase as Phase
+    from .simulation import Status as Status
+    from .simulation import Trajectory as Trajectory
+    from .simulation import simulate as simulate
+    from .simulation import simulate_batch as simulate_batch
 
 __version__ = "0.1.0"
+
+# The names above for Python: the packages, and the module that each other name comes from.
+_PACKAGES = (
+    "attitude",
+    "bodies",
+    "constants",
+    "core",
+    "dispersion",
+    "gyros",
+    "integration",
+    "optimization",
+    "orbits",
+    "rockets",
+    "rotations",
+    "scene",
+    "simulation",
+    "solvers",
+    "studies",
+)
+_MODULE_OF = {
+    "enable_x64": "_jax_settings",
+    "keep_programs": "_jax_settings",
+    "load": "_load",
+    "BodyState": "bodies",
+    "AbstractSystem": "core",
+    "Scene": "scene",
+    "Accuracy": "simulation",
+    "Event": "simulation",
+    "Mission": "simulation",
+    "Phase": "simulation",
+    "Status": "simulation",
+    "Trajectory": "simulation",
+    "simulate": "simulation",
+    "simulate_batch": "simulation",
+}
+
+if not TYPE_CHECKING:
+    # Out of the sight of type checkers, for which a module with a `__getattr__` has every name.
+    __all__ = [*_PACKAGES, *_MODULE_OF]
+
+    def __getattr__(name):
+        """A package, or a name of one, which is imported when it is first used."""
+        # Here, because the names of this file are those of the library.
+        from importlib import import_module
+
+        if name in _PACKAGES:
+            # The import sets the attribute too: the next use does not come here.
+            return import_module(f"{__name__}.{name}")
+        if name not in _MODULE_OF:
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        value = getattr(import_module(f"{__name__}.{_MODULE_OF[name]}"), name)
+        globals()[name] = value
+        return value
+
+    def __dir__():
+        """The public names, whether they are imported yet or not."""
+        return sorted({*globals(), *__all__} - {"TYPE_CHECKING"})

@@ -112,6 +112,18 @@ def test_bad_input_is_refused_before_a_device_is_touched(own_process):
     assert "initial.omega.2" in own_process.stderr and "Traceback" not in own_process.stderr
 
 
+def test_a_stop_while_jax_is_imported_is_a_sentence(capsys, monkeypatch):
+    class Stop:
+        def find_spec(self, name, path=None, target=None):
+            if name == "jaxspace.cli._carry_out":
+                raise KeyboardInterrupt
+
+    monkeypatch.delitem(sys.modules, "jaxspace.cli._carry_out", raising=False)
+    monkeypatch.setattr(sys, "meta_path", [Stop(), *sys.meta_path])
+    assert main(["list"]) == 130
+    assert capsys.readouterr().err == "jaxspace: stopped.\n"
+
+
 @pytest.mark.parametrize(
     "wrong, least",
     [(["--runs", "0"], 1), (["--runs", "many"], 1), (["--seed", "-1"], 0), (["--chunk", "0"], 1)],

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 
+import jaxspace
 from jaxspace.core import MissingExtra, extra
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -46,6 +47,24 @@ def test_dir_shows_the_names_of_the_package_alone(name):
         if home.partition(".")[0] != "jaxspace" and public not in ALIASES:
             strange.add(public)
     assert not strange
+
+
+def test_the_package_gives_what_type_checkers_read():
+    """Each name of the imports for type checkers is there, is listed, and is the same thing."""
+    tree = ast.parse((PACKAGE / "__init__.py").read_text())
+    read = {
+        alias.name: importlib.import_module(f"jaxspace.{node.module or alias.name}")
+        for node in ast.walk(tree)
+        if isinstance(node, ast.ImportFrom) and node.level
+        for alias in node.names
+    }
+    assert set(read) == set(jaxspace.__all__) <= set(dir(jaxspace))
+    for name, module in read.items():
+        assert getattr(jaxspace, name) is getattr(module, name, module)
+    with pytest.raises(AttributeError, match="module 'jaxspace' has no attribute 'orbit'"):
+        jaxspace.orbit  # noqa: B018  # pyright: ignore[reportAttributeAccessIssue]
+    with pytest.raises(ImportError, match="cannot import name 'orbit'"):
+        exec("from jaxspace import orbit")
 
 
 def _home(thing):
@@ -91,6 +110,24 @@ def test_a_missing_library_names_its_extra():
     with pytest.raises(ModuleNotFoundError):
         with extra("app"):
             importlib.import_module("jaxspace.nosuch")
+
+
+ARGUMENTS_ALONE = """
+import sys
+from jaxspace.cli import main
+for arguments in (["--help"], ["run", "--help"], ["run"], ["disperse", "a.toml", "--runs", "0"]):
+    try:
+        main(arguments)
+    except SystemExit as ending:
+        print("status", ending.code)
+print("loaded", sorted({"jax", "numpy", "jaxspace.core"} & set(sys.modules)))
+"""
+
+
+def test_help_and_a_wrong_option_load_no_jax():
+    done = subprocess.run([sys.executable, "-c", ARGUMENTS_ALONE], capture_output=True, text=True)
+    said = [line for line in done.stdout.splitlines() if line.startswith(("status", "loaded"))]
+    assert said == ["status 0", "status 0", "status 2", "status 2", "loaded []"], done.stderr
 
 
 BASE = """

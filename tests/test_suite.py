@@ -33,7 +33,10 @@ def test_the_basics_are_there_and_run_after_every_change(kind):
 
 
 def test_a_test_leaves_by_what_it_was_measured_to_take():
-    costs = {"tests/test_a.py::test_b[1]": MOST_SECONDS + 1, "tests/test_a.py::test_b[2]": MOST_SECONDS}
+    costs = {
+        "tests/test_a.py::test_b[1]": MOST_SECONDS + 1,
+        "tests/test_a.py::test_b[2]": MOST_SECONDS,
+    }
     found = [is_quick(f"tests/test_a.py::test_b[{k}]", costs) for k in (1, 2, 3)]
     assert found == [False, True, True]
 

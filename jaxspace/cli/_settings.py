@@ -4,13 +4,14 @@ that are kept."""
 import contextlib
 import os
 
-import jax
-
 from .._jax_settings import enable_x64, keep_programs
 
 
 def settle() -> None:
     """Set jax up for one command; to be called before the first array is made."""
+    # Here, because the parser refers to the commands, and they to this file.
+    import jax
+
     enable_x64()
     # A caller of `main` that has computed before has fixed the devices; they are then used as they
     # are.

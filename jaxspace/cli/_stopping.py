@@ -8,6 +8,9 @@ import threading
 from collections.abc import Iterator
 from types import FrameType
 
+STOPPED = 130
+"""The exit status, as a shell reports a command that SIGINT has ended."""
+
 
 class Stopped(Exception):
     """A command was stopped; the message says what is left of it."""
