@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from systems import SAMPLES
 
+from jaxspace.rotations import Quaternion
 from jaxspace.simulation import Accuracy, simulate, simulate_batch
 from jaxspace.solvers import Tsit5
 
@@ -15,6 +16,14 @@ BY_NAME = {s.name: s for s in SAMPLES}
 SWEEP = {True: pytest.mark.sweep, False: ()}
 every = pytest.mark.parametrize(
     "name", [pytest.param(s.name, marks=SWEEP[s.sweep]) for s in SAMPLES]
+)
+closed = pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(s.name, marks=SWEEP[s.sweep])
+        for s in SAMPLES
+        if s.system.closed_form() is not None
+    ],
 )
 RTOL = 1e-10
 
@@ -158,10 +167,49 @@ def test_a_batch_is_its_runs(name, key):
         assert_near(lane(batch.final, i), single.final, 1e-7)
 
 
-@pytest.mark.parametrize("name", [s.name for s in SAMPLES if s.system.closed_form() is not None])
+@closed
 def test_a_closed_form_over_no_time_returns_its_input(name):
     sample = BY_NAME[name]
     flow = eqx.filter_jit(lambda system, t, y: system.closed_form().flow(t, y))
     after = flow(sample.system, jnp.zeros(()), sample.state)
     for a, b in zip(jax.tree.leaves(after), jax.tree.leaves(sample.state), strict=True):
         np.testing.assert_array_equal(a, b)
+
+
+@closed
+def test_second_derivatives_of_a_closed_form(name):
+    """By the time, and by time and start, of a formula behind the flow: `grad` of `jvp` and `jvp`
+    of `grad`, against differences of the gradient."""
+    s = BY_NAME[name]
+    # Of order one, and so their derivatives.
+    size = scales(s.state)
+    size_after = scales(s.system.closed_form().flow(jnp.array(0.3 * s.span), s.state))
+    start = jax.tree.map(lambda x, size: x / size, s.state, size)
+
+    def measure(u, z):
+        y = jax.tree.map(lambda x, size: x * size, z, size)
+        after = s.system.closed_form().flow(u * s.span, y)
+        after = jax.tree.map(lambda x, size: x / size, after, size_after)
+        # What a formula keeps beside the flow, such as a direction, is a constant to derivatives.
+        turned = [
+            x.rotate(jnp.array([0.3, -1.0, 0.5]))
+            for x in jax.tree.leaves(after, is_leaf=lambda x: isinstance(x, Quaternion))
+            if isinstance(x, Quaternion)
+        ]
+        return sum(jnp.sum(jnp.sin(x + k)) for k, x in enumerate(jax.tree.leaves((after, turned))))
+
+    @jax.jit
+    def derivatives(u):
+        def rate(u, z):
+            return jax.jvp(lambda u: measure(u, z), (u,), (1.0,))[1]
+
+        of_rate = jax.grad(rate, (0, 1))(u, start)
+        return *jax.jvp(lambda u: jax.grad(measure, (0, 1))(u, start), (u,), (1.0,)), of_rate
+
+    u, h = 0.3, 1e-5
+    _, forward_of_reverse, reverse_of_forward = derivatives(u)
+    (ahead, *_), (behind, *_) = derivatives(u + h), derivatives(u - h)
+    differences = jax.tree.map(lambda a, b: (a - b) / (2.0 * h), ahead, behind)
+    assert_near(forward_of_reverse, reverse_of_forward, 1e-9)
+    # Of up to 50 radians: truncation (50 h)^2 / 6, rounding 1e-14 / h.
+    assert_near(reverse_of_forward, differences, 1e-6)
