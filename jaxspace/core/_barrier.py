@@ -72,9 +72,7 @@ def _transpose(
     return [c if isinstance(x, ad.UndefinedPrimal) else None for c, x in pairs]
 
 
-def _of_the_others(
-    parts: Sequence[Array | ad.Zero], everywhere: bool
-) -> list[Array | ad.Zero]:
+def _of_the_others(parts: Sequence[Array | ad.Zero], everywhere: bool) -> list[Array | ad.Zero]:
     """The parts, those that are not zero by structure behind a barrier."""
     others = [x for x in parts if not isinstance(x, ad.Zero)]
     held = iter(barrier_p.bind(*others, everywhere=everywhere) if others else ())
