@@ -363,7 +363,6 @@ SPECIAL = {
     "reduce_and": _reduce(lambda a, b: bool(a and b), True),
     "convert_element_type": _convert,
     "barrier": lambda params, *x: list(x),
-    "optimization_barrier": lambda params, *x: list(x),
     "sort": _sort,
     "cumsum": lambda params, x: [np.cumsum(x, axis=params["axis"])],
     "eigh": _eigh,

@@ -12,7 +12,7 @@ import jax.numpy as jnp
 from jax.core import ShapedArray
 from jax.extend.core import Primitive
 from jax.interpreters import ad, batching, mlir
-from jaxtyping import Array, PyTree
+from jaxtyping import Array, ArrayLike, PyTree
 
 barrier_p = Primitive("barrier")
 barrier_p.multiple_results = True
@@ -37,7 +37,7 @@ def barrier(tree: PyTree, *, everywhere: bool = False) -> PyTree:
     return jax.tree.unflatten(structure, barrier_p.bind(*arrays, everywhere=everywhere))
 
 
-def _values(*args: Array, everywhere: bool) -> list[Array]:
+def _values(*args: ArrayLike, everywhere: bool) -> list[ArrayLike]:
     del everywhere
     return list(args)
 
@@ -57,14 +57,16 @@ def _shapes(*args: ShapedArray, everywhere: bool) -> list[ShapedArray]:
 
 
 def _tangent(
-    primals: Sequence[Array], tangents: Sequence[Array | ad.Zero], *, everywhere: bool
+    primals: Sequence[ArrayLike], tangents: Sequence[ArrayLike | ad.Zero], *, everywhere: bool
 ) -> tuple[list[Array], list[Array | ad.Zero]]:
     held = barrier_p.bind(*primals, everywhere=everywhere)
     return held, _of_the_others(tangents, everywhere)
 
 
 def _transpose(
-    cotangents: Sequence[Array | ad.Zero], *args: Array | ad.UndefinedPrimal, everywhere: bool
+    cotangents: Sequence[ArrayLike | ad.Zero],
+    *args: ArrayLike | ad.UndefinedPrimal,
+    everywhere: bool,
 ) -> list[Array | ad.Zero | None]:
     # What is no `UndefinedPrimal` is a constant beside the tangents, and has no cotangent.
     found = _of_the_others(cotangents, everywhere)
@@ -72,7 +74,7 @@ def _transpose(
     return [c if isinstance(x, ad.UndefinedPrimal) else None for c, x in pairs]
 
 
-def _of_the_others(parts: Sequence[Array | ad.Zero], everywhere: bool) -> list[Array | ad.Zero]:
+def _of_the_others(parts: Sequence[ArrayLike | ad.Zero], everywhere: bool) -> list[Array | ad.Zero]:
     """The parts, those that are not zero by structure behind a barrier."""
     others = [x for x in parts if not isinstance(x, ad.Zero)]
     held = iter(barrier_p.bind(*others, everywhere=everywhere) if others else ())
@@ -80,7 +82,7 @@ def _of_the_others(parts: Sequence[Array | ad.Zero], everywhere: bool) -> list[A
 
 
 def _batched(
-    args: Sequence[Array], axes: Sequence[int | None], *, everywhere: bool
+    args: Sequence[ArrayLike], axes: Sequence[int | None], *, everywhere: bool
 ) -> tuple[list[Array], Sequence[int | None]]:
     return barrier_p.bind(*args, everywhere=everywhere), axes
 
