@@ -32,12 +32,14 @@ class FoundEvents(NamedTuple):
     - `time`, `which`: of the first event: its time, s, and its number; the end of the run and -1
       where none happens.
     - `status`: `COMPLETED`, or why the search failed before that time.
+    - `failed`: how long after the start, s, that was; infinite where the search did not fail.
     - `times`, `hits`, `sizes`: of each event its first time, s, whether it happens, and the largest
       condition among the samples."""
 
     time: Scalar
     which: Int[Array, "*runs"]
     status: Int[Array, "*runs"]
+    failed: Scalar
     times: list[Scalar]
     hits: list[Bool[Array, "*runs"]]
     sizes: list[Scalar]
@@ -65,14 +67,17 @@ def first_event(
     status = jnp.full(jnp.shape(t1), Status.COMPLETED, jnp.int32)
     # What fails after the first event does not concern the run.
     earliest = jnp.abs(when - t0)
+    failed = jnp.full_like(earliest, jnp.inf)
     for zero in zeros:
         sooner = zero.failed <= earliest
         earliest = jnp.where(sooner, zero.failed, earliest)
+        failed = jnp.where(sooner, zero.failed, failed)
         status = jnp.where(sooner, zero.status, status)
     return FoundEvents(
         when,
         which,
         status,
+        failed,
         [zero.time for zero in zeros],
         [zero.hit for zero in zeros],
         [zero.size for zero in zeros],
