@@ -68,6 +68,7 @@ from ._shapes import with_rank as with_rank
 from ._special import stumpff as stumpff
 from ._special import stumpff_near as stumpff_near
 from ._system import AbstractClosedForm as AbstractClosedForm
+from ._system import AbstractDecoupled as AbstractDecoupled
 from ._system import AbstractRegularised as AbstractRegularised
 from ._system import AbstractSecondOrderForm as AbstractSecondOrderForm
 from ._system import AbstractSplit as AbstractSplit

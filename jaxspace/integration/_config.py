@@ -15,7 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, DTypeLike, Float, PyTree
 
-from ..core import AbstractSystem, InputError, Scalar, is_concrete
+from ..core import AbstractDecoupled, AbstractSystem, InputError, Scalar, is_concrete
 from ..solvers import SolverTraits, refine, small_program, solver_traits
 from ._accuracy import DEFAULT_RTOL, Accuracy, least_tolerance, state_dtype
 from ._selection import select_method
@@ -33,7 +33,9 @@ class IntegrationConfig(eqx.Module):
     - `method`: a solver, or "closed_form".
     - `adjoint`, `max_steps`, `max_step`: as in `Accuracy`.
     - `restarts`: whether a block whose steps run out starts once more without its slow runs; not
-      where the caller repeats these by themselves."""
+      where the caller repeats these by themselves.
+    - `decoupled`: whether the exact part of the motion (`AbstractSystem.decoupled`) is computed by
+      itself, and the `method` serves the rest."""
 
     rtol: Float[Array | np.ndarray, ""]
     atol: Float[Array | np.ndarray, ""]
@@ -42,6 +44,7 @@ class IntegrationConfig(eqx.Module):
     max_steps: int = eqx.field(static=True)
     max_step: Float[Array | np.ndarray, ""] | None
     restarts: bool = eqx.field(static=True, default=False)
+    decoupled: bool = eqx.field(static=True, default=False)
 
     @property
     def solver(self) -> diffrax.AbstractSolver:
@@ -107,11 +110,17 @@ def resolve(
     if is_concrete(rtol):
         check_tolerance(float(np.min(np.asarray(rtol))), dtype)
     method = accuracy.method
+    decoupled = None
     if method == "auto":
+        # An exact motion of the whole comes first.
+        decoupled = None if system.closed_form() is not None else system.decoupled()
+        chosen = system, y0, starts
+        if decoupled is not None:
+            chosen = decoupled.rest, decoupled.rest_of(y0), _starts_of_rest(decoupled, starts)
         # Its rules have asked the system already.
-        method = select_method(system, y0, known_rtol, starts=starts)
+        method = select_method(*chosen[:2], known_rtol, starts=chosen[2])
         if accuracy.adjoint is not None and solver_traits_of(method).own_steps:
-            method = select_method(system, y0, known_rtol)
+            method = select_method(*chosen[:2], known_rtol)
     else:
         _check_needs(system, method)
         if accuracy.adjoint is not None and solver_traits_of(method).own_steps:
@@ -128,7 +137,29 @@ def resolve(
         accuracy.adjoint,
         accuracy.max_steps,
         None if accuracy.max_step is None else _in_precision(accuracy.max_step, dtype),
+        decoupled=decoupled is not None,
     )
+
+
+def _starts_of_rest(
+    decoupled: AbstractDecoupled, starts: Callable[[], InitialConditions | None] | None
+) -> Callable[[], InitialConditions | None] | None:
+    """The runs that may be looked at, without the exact part of their motion."""
+    if starts is None:
+        return None
+
+    def of_rest() -> InitialConditions | None:
+        whole = starts()
+        if whole is None:
+            return None
+        _, y, ts = whole.runs
+        axes, y_axes, ts_axes = whole.run_axes
+        # The rest has the arrays of the whole.
+        axes = jax.tree.unflatten(jax.tree.structure(decoupled.rest), jax.tree.leaves(axes))
+        runs = (decoupled.rest, decoupled.rest_of(y), ts)
+        return whole._replace(runs=runs, run_axes=(axes, decoupled.rest_of(y_axes), ts_axes))
+
+    return of_rest
 
 
 def solver_traits_of(method: diffrax.AbstractSolver | str) -> SolverTraits:

@@ -163,7 +163,8 @@ def _for_short_ways(config: IntegrationConfig) -> IntegrationConfig:
     method = HIGH_ORDER if config.fixed_step else config.method
     steps = min(config.max_steps, STEPS_TO_ZERO)
     return IntegrationConfig(
-        config.rtol, config.atol, method, config.adjoint, steps, config.max_step
+        *(config.rtol, config.atol, method, config.adjoint, steps, config.max_step),
+        decoupled=config.decoupled,
     )
 
 

@@ -11,18 +11,27 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..core import AbstractClosedForm, AbstractSystem, Scalar, State, breaks_of, on_group, project
+from ..core import (
+    AbstractClosedForm,
+    AbstractDecoupled,
+    AbstractSystem,
+    Scalar,
+    State,
+    breaks_of,
+    on_group,
+    project,
+)
 from ..solvers import Tolerance, bind, solver_traits
 from ..solvers._regularised_step import evaluations_of
 from ._by_diffrax import solve_by_diffrax
 from ._config import IntegrationConfig
-from ._layout import state_at, times_behind_components
+from ._layout import state_at, times_behind_components, times_first
 from ._loop import TERM, LoopSettings
 from ._normalised_time import ScaledVectorField, Segments, hoist, segments_of
 from ._result import IntegrationResult, result_of, within_model
 from ._save_times import at_save_times
 from ._solve import solve, solve_own_steps
-from ._status import status_from
+from ._status import Status, status_from
 
 
 @eqx.filter_jit
@@ -66,6 +75,23 @@ def integrate(
         result = _by_closed_form(closed_form, y0, t1 - t0, fractions, run_axes)
         result = within_model(result, closed_form.outside(t1 - t0, y0))
         return within_model(result, system.outside(t1, state_at(result.states, -1, run_axes)))
+    if config.decoupled:
+        decoupled = system.decoupled()
+        assert decoupled is not None
+        result = integrate(
+            decoupled.rest,
+            decoupled.rest_of(y0),
+            t0,
+            t1,
+            fractions,
+            dataclasses.replace(config, decoupled=False),
+            run_axes,
+            plan=plan,
+            record_steps=record_steps,
+            dense=dense,
+            trimmed=trimmed,
+        )
+        return _joined(decoupled, y0, t1 - t0, fractions, result, run_axes)
     traits = solver_traits(config.solver)
     segments = segments_of(system, t0, t1, None)
     # Runs with their own breaks have their own segments: the save times become ends of segments,
@@ -119,6 +145,33 @@ def _by_closed_form(
     status = status_from(jnp.array(False), finite, jnp.zeros(finite.shape))
     states = times_behind_components(states, run_axes)
     return IntegrationResult(states, status, {"evaluations": jnp.array(0)}, None, None)
+
+
+def _joined(
+    decoupled: AbstractDecoupled,
+    y0: State,
+    duration: Array,
+    fractions: Float[Array, "times *#runs"] | None,
+    result: IntegrationResult,
+    run_axes: int,
+) -> IntegrationResult:
+    """The result of the rest, with the exact part at the same times. The steps stay those of the
+    rest."""
+    rest = times_first(result.states, run_axes)
+    if fractions is None:
+        last = jax.tree.map(lambda x: x[0], rest)
+        final = _on_groups(decoupled.joined(duration, y0, last))
+        states = jax.tree.map(lambda x: x[None], final)
+    else:
+        states = jax.vmap(lambda d, y: _on_groups(decoupled.joined(d, y0, y)))(
+            of_each(fractions, duration), rest
+        )
+        final = jax.tree.map(lambda x: x[-1], states)
+    lost = ~Tolerance(0.0, 0.0, run_axes).alive(final)
+    # Of a rest that has its end, it is the exact part that has none.
+    lost = lost & (result.status <= Status.TOLERANCE_MISSED)
+    status = jnp.where(lost, Status.NOT_FINITE, result.status).astype(jnp.int32)
+    return result._replace(states=times_behind_components(states, run_axes), status=status)
 
 
 def _on_groups(y: State) -> State:

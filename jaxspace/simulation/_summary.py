@@ -27,6 +27,8 @@ def summary_of(
     evaluations = int(np.max(np.asarray(stats.get("evaluations", 0))))
     steps = int(np.max(np.asarray(stats.get("steps", 0))))
     how = "closed form" if isinstance(config.method, str) else type(config.method).__name__
+    if config.decoupled:
+        how += " beside a closed form"
     blocks = ", ".join(
         f"{jax.tree_util.keystr(path).strip('.')} {leaf.shape}"
         for path, leaf in jax.tree_util.tree_flatten_with_path(states)[0]

@@ -43,7 +43,8 @@ class Trajectory(eqx.Module):
     - `stats`: steps, evaluations of the vector field, largest local error in units of the
       tolerance.
     - `system`, `accuracy`: what was run, and by which method and tolerances.
-    - `dense`: the steps of the run, where `dense=True` asked for them.
+    - `dense`: the steps of the run, where `dense=True` asked for them; without what the run has
+      exactly beside them (`AbstractSystem.decoupled`).
     - `crossings`: of each event that is not terminal, every zero on the way, as `Crossings`.
     - `control`: of a phase that is a closed loop: its `commands` and `readings`, with the shapes of
       the states, and the `memory` of the controller at the end; of any other run `None`."""
@@ -150,7 +151,10 @@ class Trajectory(eqx.Module):
             return jnp.take_along_axis(rows, where, axis=0)[0]
 
         y = jax.tree.map(pick, self.dense.states)
-        return take_step(self.system, y, pick(steps), t, self.accuracy, self.run_axes)
+        decoupled = self.system.decoupled() if self.accuracy.decoupled else None
+        system = self.system if decoupled is None else decoupled.rest
+        y = take_step(system, y, pick(steps), t, self.accuracy, self.run_axes)
+        return y if decoupled is None else decoupled.joined(t - self.ts[0], self.initial, y)
 
     def along(self, function: Callable[[AbstractSystem, Scalar, State], PyTree]) -> PyTree:
         """`function(system, t, y)` of one time and one state, at every time of every run.
