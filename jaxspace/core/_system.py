@@ -144,6 +144,11 @@ class AbstractDecoupled(eqx.Module):
         """The whole state a `duration`, s (negative: backwards), after the whole state `y`, from
         that of the rest there."""
 
+    @abstractmethod
+    def turns(self, duration: Scalar, y: State) -> Scalar:
+        """Through how many radians the exact part turns, about, in a `duration`, s, from `y` on,
+        (*runs,): what steps would have to follow."""
+
 
 class AbstractSystem(AbstractParameters):
     """A dynamical system: its fields are its physical parameters.

@@ -110,17 +110,16 @@ def resolve(
     if is_concrete(rtol):
         check_tolerance(float(np.min(np.asarray(rtol))), dtype)
     method = accuracy.method
-    decoupled = None
+    exactly = method == "closed_form" or (method == "auto" and system.closed_form() is not None)
+    decoupled = system.decoupled() if accuracy.decoupled and not exactly else None
+    if decoupled is not None:
+        starts = _starts_of_rest(decoupled, starts)
+        system, y0 = decoupled.rest, decoupled.rest_of(y0)
     if method == "auto":
-        # An exact motion of the whole comes first.
-        decoupled = None if system.closed_form() is not None else system.decoupled()
-        chosen = system, y0, starts
-        if decoupled is not None:
-            chosen = decoupled.rest, decoupled.rest_of(y0), _starts_of_rest(decoupled, starts)
         # Its rules have asked the system already.
-        method = select_method(*chosen[:2], known_rtol, starts=chosen[2])
+        method = select_method(system, y0, known_rtol, starts=starts)
         if accuracy.adjoint is not None and solver_traits_of(method).own_steps:
-            method = select_method(*chosen[:2], known_rtol)
+            method = select_method(system, y0, known_rtol)
     else:
         _check_needs(system, method)
         if accuracy.adjoint is not None and solver_traits_of(method).own_steps:

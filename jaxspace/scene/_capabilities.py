@@ -13,6 +13,8 @@ import dataclasses
 from collections.abc import Sequence
 from typing import final
 
+import jax.numpy as jnp
+
 from ..bodies import (
     PARTS,
     AbstractBody,
@@ -29,6 +31,7 @@ from ..core import (
     Flag,
     Scalar,
     Vector,
+    norm,
 )
 from ..rotations import Quaternion
 from ._interface import AbstractScene
@@ -89,6 +92,12 @@ class FreeTurn(AbstractDecoupled):
     def joined(self, duration: Scalar, y: BodyState, rest: BodyState) -> BodyState:
         attitude, omega = _turned(duration, y, self.scene.body)
         return dataclasses.replace(rest, attitude=attitude, omega=omega)
+
+    def turns(self, duration: Scalar, y: BodyState) -> Scalar:
+        # A state before the body turns knows no rate.
+        if y.omega is None:
+            return jnp.zeros_like(duration)
+        return norm(y.omega) * jnp.abs(duration)
 
 
 @final

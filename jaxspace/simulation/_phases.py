@@ -8,6 +8,7 @@ from ..core import InputError
 from ..integration._accuracy import Accuracy, state_dtype
 from ..integration._config import IntegrationConfig, resolve
 from ..integration._events import Event
+from ..integration._exact_part import with_exact_part
 from ._checks import check_structure, shapes_after
 from ._flight import AbstractFlight
 from ._mission import Mission, Phase
@@ -33,7 +34,11 @@ def resolve_phases(
         if isinstance(phase.system, AbstractFlight):
             configs.append(phase.system.config(y, accuracy))
         else:
-            configs.append(resolve(phase.system, y, accuracy))
+            until = phase.until
+            duration = until.within if isinstance(until, Event) else until
+            # How fast the run turns at its start stands for later phases.
+            own = with_exact_part(accuracy, phase.system, y0, duration)
+            configs.append(resolve(phase.system, y, own))
         # The jump meets the state as the phase leaves it, with the runs of its system.
         y = whole
         if phase.then is not None:
