@@ -1,121 +1,216 @@
-"""Scenes whose body turns freely beside forces that have no closed form: the rotation exactly, the
-rest by steps."""
+"""Motions of which one part is exact by itself and the rest is stepped: a pair of numbers, and
+bodies that turn freely beside forces."""
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from jaxtyping import Array, Float
 from systems import AIR, J2, MU, RADIUS, motor, orbit, turned
 
+import jaxspace
 from jaxspace import Accuracy, Event, Mission, Phase, Scene, Status, simulate, simulate_batch
 from jaxspace.attitude import BodyTorque, GravityGradient, TorqueFreeBody
 from jaxspace.bodies import BodyState, BurningBody, RigidBody
+from jaxspace.core import AbstractDecoupled, AbstractSystem
+from jaxspace.dispersion import Campaign, Uniform, disperse
 from jaxspace.orbits import Oblateness, PointGravity
-from jaxspace.rotations import Quaternion
-from jaxspace.solvers import DOP853
+from jaxspace.solvers import Tsit5
+
+EXACTLY = Accuracy(1e-10, method=Tsit5(), decoupled=True)
+# So loose that "auto" takes a method that compiles soon.
+LOOSE = 2e-5
+
+
+class Pair(eqx.Module):
+    """A number that falls, and a hand of a clock."""
+
+    slow: Float[Array, "*#runs"]
+    hand: Float[Array, "2 *#runs"] | None = None
+
+
+class Fall(AbstractSystem):
+    """x' = -k x^2, x(t) = x_0 / (1 + k x_0 t)."""
+
+    k: Float[Array, "*#runs"]
+
+    def vector_field(self, t, y):
+        return Pair(-self.k * y.slow * y.slow)
+
+    def invariants(self, t, y):
+        return {}
+
+
+class Clock(AbstractDecoupled):
+    fall: Fall
+    w: Float[Array, "*#runs"]
+
+    @property
+    def rest(self):
+        return self.fall
+
+    def rest_of(self, y):
+        return Pair(y.slow)
+
+    def joined(self, duration, y, rest):
+        c, s = jnp.cos(self.w * duration), jnp.sin(self.w * duration)
+        a, b = y.hand
+        return Pair(rest.slow, jnp.stack([c * a - s * b, s * a + c * b]))
+
+    def turns(self, duration, y):
+        return jnp.abs(self.w * duration)
+
+
+class Falling(AbstractSystem):
+    """Both."""
+
+    k: Float[Array, "*#runs"]
+    w: Float[Array, "*#runs"]
+
+    def vector_field(self, t, y):
+        a, b = y.hand
+        return Pair(-self.k * y.slow * y.slow, self.w * jnp.stack([-b, a]))
+
+    def invariants(self, t, y):
+        return {}
+
+    def decoupled(self):
+        return Clock(Fall(self.k), self.w)
+
+
+def start(x=1.0):
+    return Pair(jnp.asarray(x), jnp.array([1.0, 0.0]))
+
+
+def exact(k, w, t, x=1.0):
+    """x, and the second component of the hand."""
+    return x / (1.0 + k * x * t), jnp.sin(w * t)
+
+
+def system(k=0.5, w=3.0):
+    return Falling(jnp.asarray(k), jnp.asarray(w))
+
+
+def test_a_run_and_its_events_and_what_lies_between():
+    ts = jnp.array([0.0, 1.0, 4.0])
+    event = Event(lambda t, y: y.hand[1], direction=-1, terminal=False, capacity=4)
+    run = simulate(system(), start(), ts, accuracy=EXACTLY, events=(event,), dense=True)
+    for k, t in enumerate(ts):
+        x, s = exact(0.5, 3.0, t)
+        # The hand to rounding, the rest within some steps of 1e-10.
+        np.testing.assert_allclose(run[k].hand[1], s, atol=1e-14)
+        np.testing.assert_allclose(run[k].slow, x, rtol=1e-8)
+    np.testing.assert_allclose(
+        run.crossings[0].ts[:2], np.pi * np.array([1.0, 3.0]) / 3.0, rtol=1e-13
+    )
+    within = run.at(jnp.array(2.3))
+    x, s = exact(0.5, 3.0, 2.3)
+    np.testing.assert_allclose([within.slow, within.hand[1]], [x, s], rtol=1e-8)
+    # The steps are those of the rest, and an end is that of both.
+    assert run.dense.states.hand is None and "beside a closed form" in repr(run)
+    end = Event(lambda t, y: y.hand[1], direction=-1)
+    run = simulate(system(), start(), ts, accuracy=EXACTLY, events=(end,))
+    np.testing.assert_allclose(run.ts[-1], np.pi / 3.0, rtol=1e-13)
+    np.testing.assert_allclose(run.final.hand, [-1.0, 0.0], atol=1e-13)
+    np.testing.assert_allclose(run.final.slow, exact(0.5, 3.0, np.pi / 3.0)[0], rtol=1e-8)
+
+
+@pytest.mark.parametrize("mode", [jax.jacfwd, jax.jacrev])
+def test_derivatives(mode):
+    """By the parameters of both parts, the start and the end."""
+
+    def found(p):
+        k, w, t, x = p
+        ts = jnp.stack([0.0 * t, t])
+        final = simulate(system(k, w), start(x), ts, accuracy=EXACTLY).final
+        return jnp.stack([final.slow, final.hand[1]])
+
+    p = jnp.array([0.5, 3.0, 4.0, 1.2])
+    slope = mode(lambda p: jnp.stack(exact(*p)))(p)
+    np.testing.assert_allclose(jax.jit(mode(found))(p), slope, rtol=1e-7, atol=1e-9)
+
+
+FAST = system(w=2.5e4)
+
+
+def test_fast_turns_are_exact_by_themselves():
+    """Of a hand that turns through 1e5 radians. A slow one is stepped."""
+    ts = jnp.array([0.0, 4.0])
+    run = simulate(FAST, start(), ts, accuracy=LOOSE)
+    assert run.accuracy.decoupled and run.stats["steps"] < 100
+    np.testing.assert_allclose(run.final.hand[1], exact(0.5, 2.5e4, 4.0)[1], atol=1e-10)
+    assert not simulate(system(), start(), ts, accuracy=LOOSE).accuracy.decoupled
+    # An exact part that is no number marks its run, where the rest has its end.
+    lost = Pair(start().slow, jnp.array([jnp.nan, 0.0]))
+    starts = jax.tree.map(lambda *x: jnp.stack(x, axis=-1), start(), lost)
+    batch = simulate_batch(FAST, starts, ts, accuracy=LOOSE)
+    np.testing.assert_array_equal(batch.status, [Status.COMPLETED, Status.NOT_FINITE])
+    np.testing.assert_allclose(batch.of(0).final.hand, run.final.hand, atol=1e-10)
+
+
+def test_fast_turns_are_exact_in_missions_and_campaigns():
+    mission = Mission([Phase(FAST, 4.0)])
+    run = simulate(mission, start(), accuracy=LOOSE)
+    np.testing.assert_allclose(run.final.hand[1], exact(0.5, 2.5e4, 4.0)[1], atol=1e-10)
+
+    def build(samples):
+        x = samples["x"]
+        hand = jnp.stack([jnp.ones_like(x), jnp.zeros_like(x)])
+        return mission, Pair(x, hand)
+
+    def outputs(result, samples):
+        return {"slow": result.final.slow, "hand": result.final.hand[1]}
+
+    inputs, units = {"x": Uniform(0.9, 1.1)}, {"slow": "", "hand": ""}
+    campaign = Campaign(build, inputs, outputs, units, accuracy=LOOSE)
+    found = disperse(campaign, 16)
+    assert np.all(found.good)
+    np.testing.assert_allclose(
+        found.outputs["slow"], exact(0.5, 0.0, 4.0, found.inputs["x"])[0], rtol=1e-4
+    )
+    np.testing.assert_allclose(found.outputs["hand"], run.final.hand[1], atol=1e-10)
+    assert campaign.replay(3).status == Status.COMPLETED
+
+
+def test_steps_that_run_out_are_no_end_where_turns_need_none():
+    """Sixteen steps do not follow the hand, whose turns were taken for few; and where the user
+    says that all is to be stepped, they run out."""
+    ts, few = jnp.array([0.0, 4.0]), Accuracy(1e-11, max_steps=16)
+    run = simulate(system(k=0.01, w=1.4), start(), ts, accuracy=few)
+    assert run.accuracy.decoupled and run.status == Status.COMPLETED
+    starts = jax.tree.map(lambda x: jnp.stack([x, x], axis=-1), start())
+    batch = simulate_batch(system(k=0.01, w=1.4), starts, ts, accuracy=few)
+    mission = Mission([Phase(system(k=0.01, w=1.4), 4.0)])
+    flown = simulate(mission, start(), accuracy=few)
+    for final in (run.final, batch.of(1).final, flown.final):
+        np.testing.assert_allclose(final.hand[1], exact(0.01, 1.4, 4.0)[1], atol=1e-14)
+    stepped = Accuracy(1e-11, max_steps=16, decoupled=False)
+    run = simulate(system(k=0.01, w=1.4), start(), ts, accuracy=stepped, throw=False)
+    assert run.status == Status.MAX_STEPS
+
+
+# ----------------------------------------------------------------------------------- free rotation
 
 FORCES = (PointGravity(MU), Oblateness(MU, J2, RADIUS))
-BODY = RigidBody(900.0, [520.0, 560.0, 340.0])
+MOMENTS = [520.0, 560.0, 340.0]
+BODY = RigidBody(900.0, MOMENTS)
 STAGE = Scene(FORCES, BODY, ("attitude", "mass"))
-FREE = TorqueFreeBody([520.0, 560.0, 340.0]).closed_form()
-
-
-def spinning(omega):
-    return orbit(attitude=turned(), omega=jnp.asarray(omega), mass=jnp.array(900.0))
-
-
-def rotation(y):
-    return BodyState(attitude=y.attitude, omega=y.omega)
-
-
-@jax.jit
-def exact(t, y):
-    return FREE.flow(t, rotation(y))
 
 
 def test_a_long_spinning_coast_needs_no_steps_for_its_spin():
-    """211 rpm for ten minutes: 13,000 radians, which are more steps than a run may take."""
-    y0 = spinning([0.3, -0.1, 22.1])
-    ts = jnp.array([0.0, 250.0, 600.0])
-    run = simulate(STAGE, y0, ts, dense=True)
-    alone = simulate(Scene(FORCES), orbit(), ts, accuracy=Accuracy(method=DOP853()))
+    """211 rpm for ten minutes beside the oblate earth: 13,000 radians."""
+    rates = jnp.array([0.3, -0.1, 22.1])
+    y0 = orbit(attitude=turned(), omega=rates, mass=jnp.array(900.0))
+    ts = jnp.array([0.0, 600.0])
+    run = simulate(STAGE, y0, ts)
     assert run.status == Status.COMPLETED and run.stats["steps"] < 10
-    assert "DOP853 beside a closed form" in repr(run)
-    for k, t in enumerate(ts):
-        after = exact(t, y0)
-        np.testing.assert_array_equal(run[k].attitude.wxyz, after.attitude.wxyz)
-        np.testing.assert_array_equal(run[k].omega, after.omega)
-        assert run[k].mass == 900.0
-        # Both within the tolerance of a few steps.
-        np.testing.assert_allclose(run[k].position, alone[k].position, rtol=1e-8)
-    # Between the save times, too.
-    within = run.at(jnp.array(123.4))
-    np.testing.assert_allclose(within.omega, exact(123.4, y0).omega, rtol=1e-12, atol=1e-12)
-    assert within.mass == 900.0 and np.all(np.isfinite(within.position))
-
-
-@pytest.mark.parametrize("terminal", [True, False])
-def test_events_read_the_exact_attitude(terminal):
-    """The x axis of a body that spins about its z axis comes back to the plane y = 0."""
-    y0 = orbit(
-        attitude=Quaternion(jnp.array([1.0, 0.0, 0.0, 0.0])),
-        omega=jnp.array([0.0, 0.0, 20.0]),
-        mass=jnp.array(900.0),
-    )
-
-    def side(t, y):
-        return y.attitude.rotate(jnp.array([1.0, 0.0, 0.0]))[1]
-
-    event = Event(side, direction=-1, terminal=terminal, capacity=8)
-    run = simulate(STAGE, y0, jnp.array([0.0, 1.0]), events=(event,))
-    times = np.pi * np.array([1.0, 3.0, 5.0]) / 20.0
-    if terminal:
-        np.testing.assert_allclose(run.ts[-1], times[0], rtol=1e-13)
-    else:
-        np.testing.assert_allclose(run.crossings[0].ts[:3], times, rtol=1e-13)
-
-
-def test_derivatives_are_those_of_steps():
-    """Of an output of all parts, by the state, the inertia and the duration."""
-
-    def measure(x, accuracy):
-        rates, moments, duration = x
-        scene = Scene(FORCES, RigidBody(900.0, moments), ("attitude", "mass"))
-        y = simulate(
-            scene, spinning(rates), jnp.stack([0.0 * duration, duration]), accuracy=accuracy
-        )
-        y = y.final
-        return y.attitude.rotate(y.position / 7e6)[0] + y.omega[1]
-
-    x = jnp.array([0.02, -0.1, 0.4]), jnp.array([520.0, 560.0, 340.0]), jnp.array(20.0)
-    exactly, stepped = (
-        jax.jit(jax.grad(measure), static_argnums=())(x, Accuracy(1e-12, method=method))
-        for method in ("auto", DOP853())
-    )
-    for a, b in zip(exactly, stepped, strict=True):
-        np.testing.assert_allclose(a, b, rtol=1e-7, atol=1e-10)
-
-
-def test_runs_of_a_batch_and_phases_of_a_mission():
-    y0s = jax.tree.map(lambda x: jnp.stack([x, x], axis=-1), spinning([0.3, -0.1, 22.1]))
-    scale = jnp.array([1.0, 0.5])
-    y0s = BodyState(y0s.position, y0s.velocity, y0s.attitude, scale * y0s.omega, y0s.mass)
-    batch = simulate_batch(STAGE, y0s, jnp.array([0.0, 600.0]))
-    np.testing.assert_array_equal(batch.status, Status.COMPLETED)
-    mission = simulate(Mission([Phase(STAGE, 600.0)]), batch.of(1).initial)
-    for run in (batch.of(1), mission.phases[0]):
-        after = exact(600.0, run.initial)
-        np.testing.assert_allclose(run.final.omega, after.omega, rtol=1e-10, atol=1e-10)
-        np.testing.assert_allclose(run.final.attitude.wxyz, after.attitude.wxyz, atol=1e-10)
-
-
-def test_a_quaternion_of_zeros_is_no_attitude():
-    y0 = spinning([0.3, -0.1, 1.0])
-    zero = Quaternion(jnp.zeros(4))
-    y0 = BodyState(y0.position, y0.velocity, zero, y0.omega, y0.mass)
-    batch = jax.tree.map(lambda x: x[..., None], y0)
-    # A batch marks its own runs, where a single one is refused before.
-    assert simulate_batch(STAGE, batch, jnp.array([0.0, 600.0])).status[0] == Status.NOT_FINITE
+    free = jax.jit(lambda t, y: TorqueFreeBody(MOMENTS).closed_form().flow(t, y))
+    after = free(ts[1], BodyState(attitude=y0.attitude, omega=rates))
+    # Roundings of 13,000 radians.
+    np.testing.assert_allclose(run.final.attitude.wxyz, after.attitude.wxyz, atol=1e-11)
+    np.testing.assert_allclose(run.final.omega, after.omega, atol=1e-10)
+    assert run.final.mass == 900.0
 
 
 @pytest.mark.parametrize(
@@ -123,9 +218,7 @@ def test_a_quaternion_of_zeros_is_no_attitude():
     [
         Scene((*FORCES, GravityGradient(MU)), BODY),
         Scene((*FORCES, BodyTorque([0.1, 0.0, 0.0])), BODY),
-        Scene(
-            (*FORCES, motor()), BurningBody(1100.0, [520.0, 560.0, 340.0], [0.42, 0.42, 0.4], -0.6)
-        ),
+        Scene((*FORCES, motor()), BurningBody(1100.0, MOMENTS, [0.42, 0.42, 0.4], -0.6)),
         Scene((), BODY, ("attitude",)),
         Scene((*FORCES, AIR), BODY),
     ],
@@ -139,3 +232,8 @@ def test_a_quaternion_of_zeros_is_no_attitude():
 )
 def test_other_scenes_stay_whole(scene):
     assert scene.decoupled() is None
+
+
+def test_the_accuracy_says_what_it_takes():
+    with pytest.raises(jaxspace.core.InputError, match="Accuracy.decoupled is 1: it must be True"):
+        simulate(system(), start(), jnp.array([0.0, 1.0]), accuracy=Accuracy(decoupled=1))

@@ -15,6 +15,7 @@ from ..integration._accuracy import Accuracy, as_accuracy
 from ..simulation import Mission
 from ..simulation._mission_runs import MissionResult
 from ._distributions import AbstractDistribution
+from ._exact_parts import with_exact_parts
 from ._outputs import check_names
 from ._replay import Replay, replay
 from ._sampling import AbstractDesign, draw
@@ -107,8 +108,9 @@ class Campaign(eqx.Module):
             raise InputError(f"Campaign.along is {self.along}: it must be 2 or more.")
 
     def accuracy_for(self, given: Accuracy | Scalar | None) -> Accuracy:
-        """The accuracy of a call: that which is `given`, else that of the campaign."""
-        return as_accuracy(self.accuracy if given is None else given)
+        """The accuracy of a call: that which is `given`, else that of the campaign; with
+        `decoupled` set where the nominal run turns so fast that steps would run out."""
+        return with_exact_parts(self, as_accuracy(self.accuracy if given is None else given))
 
     def nominal(self, runs: int = 1) -> dict[str, Float[Array, " runs"]]:
         """The mean of every input, (runs,)."""

@@ -146,16 +146,21 @@ def _starts_of_rest(
     """The runs that may be looked at, without the exact part of their motion."""
     if starts is None:
         return None
+    rest = decoupled.rest
 
     def of_rest() -> InitialConditions | None:
         whole = starts()
         if whole is None:
             return None
-        _, y, ts = whole.runs
+        system, y, ts = whole.runs
         axes, y_axes, ts_axes = whole.run_axes
-        # The rest has the arrays of the whole.
-        axes = jax.tree.unflatten(jax.tree.structure(decoupled.rest), jax.tree.leaves(axes))
-        runs = (decoupled.rest, decoupled.rest_of(y), ts)
+        pairs = zip(jax.tree.leaves(system), jax.tree.leaves(axes), strict=True)
+        known = {id(x): n for x, n in pairs}
+        if not all(id(x) in known for x in jax.tree.leaves(rest)):
+            # An array that the rest has not from the whole: it may carry runs, or none.
+            return None
+        axes = jax.tree.map(lambda x: known[id(x)], rest)
+        runs = (rest, decoupled.rest_of(y), ts)
         return whole._replace(runs=runs, run_axes=(axes, decoupled.rest_of(y_axes), ts_axes))
 
     return of_rest

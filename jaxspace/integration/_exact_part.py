@@ -45,8 +45,14 @@ def with_exact_part(
         return accuracy
     if not is_concrete(duration) or not all(map(is_concrete, jax.tree.leaves(y))):
         return accuracy
-    known = is_concrete(accuracy.rtol) and accuracy.rtol is not None
-    rtol = float(np.min(np.asarray(accuracy.rtol))) if known else OF_TOLERANCE
     turns = float(np.max(np.asarray(decoupled.turns(duration, y)), initial=0.0))
+    return dataclasses.replace(accuracy, decoupled=takes_many_steps(turns, accuracy))
+
+
+def takes_many_steps(turns: float, accuracy: Accuracy) -> bool:
+    """Whether so many radians take half of the steps that a run of this accuracy may take."""
+    # A tolerance that is not known counts as the default one.
+    known = is_concrete(accuracy.rtol)
+    rtol = float(np.min(np.asarray(accuracy.rtol))) if known else OF_TOLERANCE
     steps = STEPS_PER_RADIAN * (OF_TOLERANCE / rtol) ** 0.125 * turns
-    return dataclasses.replace(accuracy, decoupled=steps >= 0.5 * accuracy.max_steps)
+    return steps >= 0.5 * accuracy.max_steps
