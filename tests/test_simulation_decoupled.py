@@ -9,7 +9,6 @@ import pytest
 from jaxtyping import Array, Float
 from systems import AIR, J2, MU, RADIUS, motor, orbit, turned
 
-import jaxspace
 from jaxspace import Accuracy, Event, Mission, Phase, Scene, Status, simulate, simulate_batch
 from jaxspace.attitude import BodyTorque, GravityGradient, symmetric_flow
 from jaxspace.bodies import BodyState, BurningBody, RigidBody
@@ -237,8 +236,3 @@ def test_a_long_spinning_coast_needs_no_steps_for_its_spin():
 )
 def test_other_scenes_stay_whole(scene):
     assert scene.decoupled() is None
-
-
-def test_the_accuracy_says_what_it_takes():
-    with pytest.raises(jaxspace.core.InputError, match="Accuracy.decoupled is 1: it must be True"):
-        simulate(system(), start(), jnp.array([0.0, 1.0]), accuracy=Accuracy(decoupled=1))
