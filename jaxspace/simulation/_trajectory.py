@@ -45,7 +45,8 @@ class Trajectory(eqx.Module):
     - `system`, `accuracy`: what was run, and by which method and tolerances.
     - `dense`: the steps of the run, where `dense=True` asked for them; without what the run has
       exactly beside them (`AbstractSystem.decoupled`).
-    - `crossings`: of each event that is not terminal, every zero on the way, as `Crossings`.
+    - `crossings`: of each event that is not terminal, every zero on the way, as `Crossings`; of a
+      run that failed those before.
     - `control`: of a phase that is a closed loop: its `commands` and `readings`, with the shapes of
       the states, and the `memory` of the controller at the end; of any other run `None`."""
 
