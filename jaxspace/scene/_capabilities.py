@@ -30,10 +30,8 @@ from ..core import (
     AbstractSplit,
     Flag,
     Scalar,
-    Vector,
     norm,
 )
-from ..rotations import Quaternion
 from ._interface import AbstractScene
 from ._reading import ROTATION, TRANSLATION
 
@@ -59,7 +57,9 @@ class BodyMotion(AbstractClosedForm):
         attitude = y.attitude
         omega = y.omega
         if attitude is not None:
-            attitude, omega = _turned(duration, y, self.body)
+            turned = _turned(duration, y, self.body)
+            attitude = turned.attitude
+            omega = turned.omega
         return BodyState(position, velocity, attitude, omega, y.mass)
 
     def outside(self, duration: Scalar, y: BodyState) -> Flag | None:
@@ -68,12 +68,11 @@ class BodyMotion(AbstractClosedForm):
         return self.orbit.outside(duration, BodyState(y.position, y.velocity))
 
 
-def _turned(duration: Scalar, y: BodyState, body: AbstractBody) -> tuple[Quaternion, Vector]:
+def _turned(duration: Scalar, y: BodyState, body: AbstractBody) -> BodyState:
     """Attitude and angular velocity of a body without torque a `duration`, s, after `y`."""
     mass = body.constant_mass() if y.mass is None else y.mass
     start = BodyState(attitude=y.attitude, omega=y.omega)
-    turned = FreeRotation(body.inertia(mass)).flow(duration, start)
-    return turned.attitude, turned.omega
+    return FreeRotation(body.inertia(mass)).flow(duration, start)
 
 
 @final
@@ -90,8 +89,8 @@ class FreeTurn(AbstractDecoupled):
         return dataclasses.replace(y, attitude=None, omega=None)
 
     def joined(self, duration: Scalar, y: BodyState, rest: BodyState) -> BodyState:
-        attitude, omega = _turned(duration, y, self.scene.body)
-        return dataclasses.replace(rest, attitude=attitude, omega=omega)
+        turned = _turned(duration, y, self.scene.body)
+        return dataclasses.replace(rest, attitude=turned.attitude, omega=turned.omega)
 
     def turns(self, duration: Scalar, y: BodyState) -> Scalar:
         # A state before the body turns knows no rate.
