@@ -44,6 +44,7 @@ class Fall(AbstractSystem):
 class Clock(AbstractDecoupled):
     fall: Fall
     w: Float[Array, "*#runs"]
+    told: float
 
     @property
     def rest(self):
@@ -58,14 +59,15 @@ class Clock(AbstractDecoupled):
         return Pair(rest.slow, jnp.stack([c * a - s * b, s * a + c * b]))
 
     def turns(self, duration, y):
-        return jnp.abs(self.w * duration)
+        return self.told * jnp.abs(self.w * duration)
 
 
 class Falling(AbstractSystem):
-    """Both."""
+    """Both. What share of its turns it tells."""
 
     k: Float[Array, "*#runs"]
     w: Float[Array, "*#runs"]
+    told: float = eqx.field(static=True, default=1.0)
 
     def vector_field(self, t, y):
         a, b = y.hand
@@ -75,7 +77,7 @@ class Falling(AbstractSystem):
         return {}
 
     def decoupled(self):
-        return Clock(Fall(self.k), self.w)
+        return Clock(Fall(self.k), self.w, self.told)
 
 
 def start(x=1.0):
@@ -152,21 +154,25 @@ def test_fast_turns_are_exact_by_themselves():
     np.testing.assert_allclose(batch.of(0).final.hand, run.final.hand, atol=1e-10)
 
 
-def test_fast_turns_are_exact_in_missions_and_campaigns():
-    mission = Mission([Phase(FAST, 4.0)])
-    run = simulate(mission, start(), accuracy=LOOSE)
-    np.testing.assert_allclose(run.final.hand[1], exact(0.5, 2.5e4, 4.0)[1], atol=1e-10)
+def campaign_of(moving, accuracy):
+    """Four seconds of it, from starts that scatter."""
 
     def build(samples):
         x = samples["x"]
         hand = jnp.stack([jnp.ones_like(x), jnp.zeros_like(x)])
-        return mission, Pair(x, hand)
+        return Mission([Phase(moving, 4.0)]), Pair(x, hand)
 
     def outputs(result, samples):
         return {"slow": result.final.slow, "hand": result.final.hand[1]}
 
     inputs, units = {"x": Uniform(0.9, 1.1)}, {"slow": "", "hand": ""}
-    campaign = Campaign(build, inputs, outputs, units, accuracy=LOOSE)
+    return Campaign(build, inputs, outputs, units, accuracy=accuracy)
+
+
+def test_fast_turns_are_exact_in_missions_and_campaigns():
+    run = simulate(Mission([Phase(FAST, 4.0)]), start(), accuracy=LOOSE)
+    np.testing.assert_allclose(run.final.hand[1], exact(0.5, 2.5e4, 4.0)[1], atol=1e-10)
+    campaign = campaign_of(FAST, LOOSE)
     found = disperse(campaign, 16)
     assert np.all(found.good)
     np.testing.assert_allclose(
@@ -176,21 +182,33 @@ def test_fast_turns_are_exact_in_missions_and_campaigns():
     assert campaign.replay(3).status == Status.COMPLETED
 
 
+# Whose turns are taken for none.
+QUIET = Falling(jnp.array(0.01), jnp.array(1.4), told=0.0)
+FEW = Accuracy(LOOSE, max_steps=3)
+
+
 def test_steps_that_run_out_are_no_end_where_turns_need_none():
-    """Sixteen steps do not follow the hand, whose turns were taken for few; and where the user
-    says that all is to be stepped, they run out."""
-    ts, few = jnp.array([0.0, 4.0]), Accuracy(1e-11, max_steps=16)
-    run = simulate(system(k=0.01, w=1.4), start(), ts, accuracy=few)
+    """Three steps do not follow the hand; where the user says that all is to be stepped, they run
+    out."""
+    ts = jnp.array([0.0, 4.0])
+    run = simulate(QUIET, start(), ts, accuracy=FEW)
     assert run.accuracy.decoupled and run.status == Status.COMPLETED
     starts = jax.tree.map(lambda x: jnp.stack([x, x], axis=-1), start())
-    batch = simulate_batch(system(k=0.01, w=1.4), starts, ts, accuracy=few)
-    mission = Mission([Phase(system(k=0.01, w=1.4), 4.0)])
-    flown = simulate(mission, start(), accuracy=few)
-    for final in (run.final, batch.of(1).final, flown.final):
+    batch = simulate_batch(QUIET, starts, ts, accuracy=FEW)
+    mission = simulate(Mission([Phase(QUIET, 4.0)]), start(), accuracy=FEW)
+    for final in (run.final, batch.of(1).final, mission.final):
         np.testing.assert_allclose(final.hand[1], exact(0.01, 1.4, 4.0)[1], atol=1e-14)
-    stepped = Accuracy(1e-11, max_steps=16, decoupled=False)
-    run = simulate(system(k=0.01, w=1.4), start(), ts, accuracy=stepped, throw=False)
+    stepped = Accuracy(LOOSE, max_steps=3, decoupled=False)
+    run = simulate(QUIET, start(), ts, accuracy=stepped, throw=False)
     assert run.status == Status.MAX_STEPS
+
+
+def test_a_campaign_whose_steps_run_out_takes_its_turns_exactly():
+    campaign = campaign_of(QUIET, FEW)
+    found = disperse(campaign, 16)
+    assert np.all(found.good)
+    np.testing.assert_allclose(found.outputs["hand"], exact(0.01, 1.4, 4.0)[1], atol=1e-13)
+    assert campaign.replay(3).status == Status.COMPLETED
 
 
 # ----------------------------------------------------------------------------------- free rotation
