@@ -362,7 +362,7 @@ SPECIAL = {
     "reduce_or": _reduce(lambda a, b: bool(a or b), False),
     "reduce_and": _reduce(lambda a, b: bool(a and b), True),
     "convert_element_type": _convert,
-    "optimization_barrier": lambda params, *x: list(x),
+    "barrier": lambda params, *x: list(x),
     "sort": _sort,
     "cumsum": lambda params, x: [np.cumsum(x, axis=params["axis"])],
     "eigh": _eigh,

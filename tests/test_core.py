@@ -224,3 +224,33 @@ def test_a_flow_is_tangent_to_its_vector_field():
         lambda d: Oscillator().closed_form().flow(d, y), (jnp.array(0.0),), (jnp.array(1.0),)
     )
     assert eqx.tree_equal(rate, Oscillator().vector_field(0.0, y), rtol=1e-15)
+
+
+@pytest.mark.parametrize("everywhere", [False, True])
+def test_a_barrier_beside_constants(everywhere):
+    """Of its tangents one is a constant, as that of x is zero along y: in reverse mode of forward
+    mode and the other way round, x^2 y^3 by y and then by both."""
+
+    @jax.custom_jvp
+    def held(x, y):
+        return core.barrier((x, y), everywhere=everywhere)
+
+    # Zeros by value, as they come out of a rule for derivatives.
+    held.defjvp(lambda primals, tangents: (held(*primals), core.barrier(tangents)))
+
+    def product(x, y):
+        x, y = held(x, y)
+        return x * x * y**3
+
+    def rate(x, y):
+        return jax.jvp(lambda y: product(x, y), (y,), (jnp.ones_like(y),))[1]
+
+    x, y = jnp.array(3.0), jnp.array(2.0)
+    slope = jax.grad(rate, (0, 1))(x, y)
+    np.testing.assert_allclose(slope, [2.0 * 3.0 * 3.0 * 4.0, 9.0 * 6.0 * 2.0], rtol=1e-15)
+    _, slope = jax.jvp(lambda y: jax.grad(product, (0, 1))(x, y), (y,), (jnp.ones_like(y),))
+    np.testing.assert_allclose(slope, [2.0 * 3.0 * 3.0 * 4.0, 9.0 * 6.0 * 2.0], rtol=1e-15)
+    batched = jax.vmap(rate, (None, 0))(x, jnp.array([2.0, 1.0]))
+    np.testing.assert_allclose(batched, [9.0 * 12.0, 9.0 * 3.0], rtol=1e-15)
+    # One barrier holds both together.
+    assert jax.jit(held).lower(x, y).as_text().count("optimization_barrier") == 1

@@ -9,7 +9,8 @@ from jaxtyping import Array, Float
 from jaxspace import BodyState, Event, Scene, Status, simulate, simulate_batch
 from jaxspace.core import AbstractClosedForm, AbstractSystem, InputError
 from jaxspace.orbits import PointGravity, orbit_from_radius, shadow_event
-from jaxspace.simulation import Mission, Phase, crossings
+from jaxspace.simulation import Accuracy, Mission, Phase, crossings
+from jaxspace.solvers import Tsit5
 
 ARGUMENT, INCLINATION = 0.4, 0.7  # of periapsis, rad; of the orbit, rad
 
@@ -79,6 +80,43 @@ def test_samples_that_miss_whole_turns_are_no_answer():
     run = turning(700.0)
     assert run.status == Status.SAMPLES_TOO_FEW and np.all(np.isnan(run.final.position))
     assert np.all(np.isnan(run.crossings[0].ts))
+
+
+def failing(condition=height, events=(), **accuracy):
+    """z = sin(t - pi/6) up to t = 20, which fails on its way."""
+    events = (Event(condition, terminal=False, capacity=12), *events)
+    ts, accuracy = jnp.array([0.0, 20.0]), Accuracy(**accuracy)
+    return simulate(Wheel(1.0), SIDE, ts, events=events, accuracy=accuracy, throw=False)
+
+
+def hollow(t, y):
+    """The height, and no number from t = 12 on."""
+    return jnp.where(t < 12.0, y.position[2], jnp.nan)
+
+
+def ended(t, y):
+    """Never zero, and no number from t = 12 on."""
+    return jnp.where(t < 12.0, 1.0, jnp.nan)
+
+
+@pytest.mark.parametrize(
+    ("run", "status", "count"),
+    [
+        (lambda: failing(method=Tsit5(), max_steps=80), Status.MAX_STEPS, 2),
+        (lambda: failing(hollow), Status.CONDITION_NOT_FINITE, 4),
+        # Of the event that should end the run, not of the one that is collected.
+        (lambda: failing(events=(Event(ended),)), Status.CONDITION_NOT_FINITE, 4),
+    ],
+)
+def test_zeros_before_a_failure_are_kept(run, status, count):
+    run = run()
+    found = run.crossings[0]
+    assert run.status == found.status == status and found.count == count
+    exact = np.pi / 6.0 + np.pi * np.arange(count)
+    np.testing.assert_allclose(found.ts[:count], exact, rtol=1e-7)
+    np.testing.assert_array_equal(found.rising[:count], np.arange(count) % 2 == 0)
+    assert np.all(np.isnan(found.ts[count:])) and np.all(np.isnan(found.states.position[:, count:]))
+    assert not np.any(found.rising[count:]) and not found.overflow
 
 
 def test_one_event_ends_the_run_that_another_collects():

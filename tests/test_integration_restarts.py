@@ -90,6 +90,25 @@ def test_a_ball_bounces():
     np.testing.assert_allclose(one.crossings[0].ts, found.ts[:, 0], rtol=1e-13)
 
 
+def test_bounces_that_pile_up_are_kept():
+    """Each flight takes a tenth of the last, until the time resolves none: the bounces before
+    stay, as they are in closed form, and behind the last one nothing is known."""
+    h, event, restitution = jnp.array(10.0), floor(0.1, 64), 0.1
+    run = simulate(Fall(G), ball(h), TS, events=(event,), accuracy=1e-11, throw=False)
+    found = run.crossings[0]
+    count = int(found.count)
+    times, z, _ = exact(h, restitution, G, TS, count)
+    assert run.status == found.status == Status.EVENTS_PILE_UP and run.event == -1
+    # The last flight lasts a few hundred roundings of the time: 1e-13 of the first.
+    assert count == 14 and not found.overflow
+    np.testing.assert_allclose(found.ts[:count], times, rtol=1e-13)
+    for empty in (found.ts, found.states.position[2], found.after.velocity[2]):
+        assert np.all(np.isnan(empty[count:])) and np.all(np.isfinite(empty[:count]))
+    before = np.asarray(TS) <= times[-1]
+    np.testing.assert_allclose(run.states.position[2, before], z[before], atol=1e-10)
+    assert np.all(np.isnan(run.states.position[:, ~before]))
+
+
 # `test_integration_crossings.py` has times in both modes, `test_simulation.py` the way after two
 # bounces.
 @pytest.mark.sweep

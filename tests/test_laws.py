@@ -1,6 +1,8 @@
 """Laws that every system obeys, run over the registry: a new system in `systems.py` is tested here
 without a new test."""
 
+import functools
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -8,6 +10,7 @@ import numpy as np
 import pytest
 from systems import SAMPLES
 
+from jaxspace.rotations import Quaternion
 from jaxspace.simulation import Accuracy, simulate, simulate_batch
 from jaxspace.solvers import Tsit5
 
@@ -16,6 +19,9 @@ SWEEP = {True: pytest.mark.sweep, False: ()}
 every = pytest.mark.parametrize(
     "name", [pytest.param(s.name, marks=SWEEP[s.sweep]) for s in SAMPLES]
 )
+CLOSED = [s for s in SAMPLES if s.system.closed_form() is not None]
+# Whose second derivatives compile for long: elliptic functions of all kinds.
+LONG = ("torque_free_principal", "torque_free_tensor", "free_stage", "top")
 RTOL = 1e-10
 
 
@@ -158,10 +164,69 @@ def test_a_batch_is_its_runs(name, key):
         assert_near(lane(batch.final, i), single.final, 1e-7)
 
 
-@pytest.mark.parametrize("name", [s.name for s in SAMPLES if s.system.closed_form() is not None])
+@pytest.mark.parametrize("name", [s.name for s in CLOSED])
 def test_a_closed_form_over_no_time_returns_its_input(name):
     sample = BY_NAME[name]
     flow = eqx.filter_jit(lambda system, t, y: system.closed_form().flow(t, y))
     after = flow(sample.system, jnp.zeros(()), sample.state)
     for a, b in zip(jax.tree.leaves(after), jax.tree.leaves(sample.state), strict=True):
         np.testing.assert_array_equal(a, b)
+
+
+def formula_behind_a_flow(s):
+    """A measure of the state a share u of the span after a start z, and this start: all of order
+    one, and so their derivatives."""
+    size = scales(s.state)
+    start = jax.tree.map(lambda x, size: x / size, s.state, size)
+
+    def measure(u, z):
+        y = jax.tree.map(lambda x, size: x * size, z, size)
+        after = s.system.closed_form().flow(u * s.span, y)
+        after = jax.tree.map(lambda x, size: x / size, after, size)
+        # What a formula keeps beside the flow, such as a direction, is a constant to derivatives.
+        turned = [
+            x.rotate(jnp.array([0.3, -1.0, 0.5]))
+            for x in jax.tree.leaves(after, is_leaf=lambda x: isinstance(x, Quaternion))
+            if isinstance(x, Quaternion)
+        ]
+        return sum(jnp.sum(jnp.sin(x + k)) for k, x in enumerate(jax.tree.leaves((after, turned))))
+
+    return measure, start
+
+
+def rate_along(measure, u, z):
+    """The derivative by u, forwards."""
+    return jax.jvp(lambda u: measure(u, z), (u,), (1.0,))[1]
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(s.name, marks=SWEEP[s.sweep or s.name in LONG]) for s in CLOSED]
+)
+def test_second_derivatives_of_a_closed_form(name):
+    """By the time, and by time and start, of a formula behind the flow: `grad` of `jvp` and `jvp`
+    of `grad`, against differences of the gradient."""
+    measure, start = formula_behind_a_flow(BY_NAME[name])
+
+    @jax.jit
+    def derivatives(u):
+        of_rate = jax.grad(functools.partial(rate_along, measure), (0, 1))(u, start)
+        return *jax.jvp(lambda u: jax.grad(measure, (0, 1))(u, start), (u,), (1.0,)), of_rate
+
+    def difference(h):
+        (ahead, *_), (behind, *_) = derivatives(u + h), derivatives(u - h)
+        return jax.tree.map(lambda a, b: (a - b) / (2.0 * h), ahead, behind)
+
+    u, h = 0.3, 1e-5
+    _, forward_of_reverse, reverse_of_forward = derivatives(u)
+    assert_near(forward_of_reverse, reverse_of_forward, 1e-9)
+    # Richardson's extrapolation: of up to 500 radians in the span, truncation (1000 h)^4 / 30 and
+    # rounding 1e-14 / h.
+    differences = jax.tree.map(lambda a, b: (4.0 * a - b) / 3.0, difference(h), difference(2.0 * h))
+    assert_near(reverse_of_forward, differences, 1e-7)
+
+
+def test_reverse_mode_of_the_rate_of_a_free_rotation():
+    """Traced alone, because it is there that constants beside what moves can go wrong; the law
+    above has the values, and compiles for long."""
+    measure, start = formula_behind_a_flow(BY_NAME["torque_free_principal"])
+    jax.eval_shape(jax.grad(functools.partial(rate_along, measure), (0, 1)), 0.3, start)

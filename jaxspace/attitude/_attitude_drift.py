@@ -221,8 +221,8 @@ class AttitudeDrift(AbstractSystem):
         ends = jax.lax.stop_gradient(jnp.broadcast_arrays(low, high))
         x = 0.5 * sum(jax.lax.fori_loop(0, _HALVINGS, halved, tuple(ends)))
         # A step of Newton's carries the derivatives of the first order, two those of the second.
+        x = jax.lax.stop_gradient(x)
         for _ in range(2):
-            x = jax.lax.stop_gradient(x)
             over, slope = excess(x)
             # A right angle is nearer than rounding tells after a long time.
             x = jnp.minimum(x - over / slope, room)

@@ -108,8 +108,8 @@ def best_crusher_tilt(
     # In the second quarter of 2 theta; between it and a right angle lies the one with weight.
     theta = 0.5 * jnp.arctan2(transverse_inertia * radius, -axial_inertia * arm + 0.0 * weight)
     theta = jax.lax.fori_loop(0, 8, lambda _, x: newton(x), jax.lax.stop_gradient(theta))
-    # One step more carries the derivatives.
-    return newton(jax.lax.stop_gradient(theta))
+    # A step more carries the first derivatives, two the second ones.
+    return newton(newton(jax.lax.stop_gradient(theta)))
 
 
 def gyro_on_a_string(
@@ -149,8 +149,9 @@ def gyro_on_a_string(
     # Zero with the runs of all arguments together, for the loop of the search.
     zero = 0.0 * lack(0.0 * as_float(theta))
     b = jax.lax.stop_gradient(increasing_root(lack, zero, 0.5 * jnp.pi + zero))
-    # Halvings have no digits to spare of a string that hangs nearly straight.
-    b = newton(jax.lax.stop_gradient(newton(b)))
+    # Halvings have no digits to spare of a string that hangs nearly straight; and two steps carry
+    # derivatives of the second order.
+    b = newton(newton(b))
     tension = mass * gravity / jnp.cos(b)
     moment = tension * arm * jnp.sin(theta + b)
     s, c = jnp.sin(theta), jnp.cos(theta)

@@ -10,10 +10,9 @@ Source: van Zon and Schofield (2007), J. Comput. Phys. 225, 145.
 import math
 from typing import NamedTuple
 
-import jax
 import jax.numpy as jnp
 
-from ..core import Flag, Jacobi, Scalar, Vector, complete_third, safe_atan2, third
+from ..core import Flag, Jacobi, Scalar, Vector, barrier, complete_third, safe_atan2, third
 
 
 class ArrangedBody(NamedTuple):
@@ -93,7 +92,7 @@ def precession(
     # Taken at the smaller of M and xy/M, for which the third integral is well conditioned.
     within = third(s, c, d, 1.0 + near * s * s, near * strength)
     whole, returns = _quarter(body, phase, near, strength)
-    within, whole = jax.lax.optimization_barrier((within, whole))
+    within, whole = barrier((within, whole), everywhere=True)
     sense = jnp.where(other, 0.0, -jnp.sign(gain)) + jnp.where(
         body.difference < 0.0, jnp.sign(w3 * gain), 0.0
     )

@@ -50,7 +50,7 @@ import jax
 import jax.numpy as jnp
 from jax.custom_derivatives import SymbolicZero
 
-from ..core import Flag, Jacobi, Scalar, Vector, cross, dot, jacobi, norm
+from ..core import Flag, Jacobi, Scalar, Vector, barrier, cross, dot, jacobi, norm
 from ..rotations import Quaternion
 from ._axis_order import arranged, axis_order, restored
 from ._energy_rules import by_energy, of_equal_energy
@@ -132,10 +132,10 @@ def _formula(
         arranged(moments, middle, mirrored), sign * arranged(omega, middle, mirrored)
     )
     # Barriers between the stages: fused into one, the program compiles for much longer.
-    body, mirrored, sign = jax.lax.optimization_barrier((body, mirrored, sign))
-    phase = jax.lax.optimization_barrier(jacobi(duration, body.x, body.y, body.difference))
-    scaled = jax.lax.optimization_barrier(Scaled.of(body, phase))
-    within = jax.lax.optimization_barrier(_omega_within(body, scaled))
+    body, mirrored, sign = barrier((body, mirrored, sign), everywhere=True)
+    phase = barrier(jacobi(duration, body.x, body.y, body.difference), everywhere=True)
+    scaled = barrier(Scaled.of(body, phase), everywhere=True)
+    within = barrier(_omega_within(body, scaled), everywhere=True)
     # A half period turns two components about: which two, the side of the separatrix decides.
     odd, circled = phase.half_periods % 2.0 != 0.0, body.difference < 0.0
     later = jnp.where(jnp.stack([odd & circled, odd, odd & ~circled]), -within, within)
@@ -176,7 +176,7 @@ def _turn(
     start, end, reached = (jnp.where(unused, stand_in, i * w) for w in (body.omega, later, reached))
     h = norm(start)
     chi = precession(body, phase, scaled, duration, h) + angle_between(start, reached)
-    chi = jax.lax.optimization_barrier(chi)
+    chi = barrier(chi, everywhere=True)
     if moments_stay:
         chi = by_energy(jax.lax.stop_gradient(chi), duration, body.omega, later, start, end)
     half = 0.5 * chi

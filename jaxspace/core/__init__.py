@@ -71,6 +71,7 @@ from ._structure import once_per_structure as once_per_structure
 from ._structure import shape_of as shape_of
 from ._structure import without_numbers as without_numbers
 from ._system import AbstractClosedForm as AbstractClosedForm
+from ._system import AbstractDecoupled as AbstractDecoupled
 from ._system import AbstractRegularised as AbstractRegularised
 from ._system import AbstractSecondOrderForm as AbstractSecondOrderForm
 from ._system import AbstractSplit as AbstractSplit

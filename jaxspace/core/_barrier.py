@@ -1,14 +1,96 @@
-"""A barrier for the compiler, on CPUs only."""
+"""A barrier for the compiler.
+
+A primitive of its own, because the transpose of `jax.lax.optimization_barrier` takes every argument
+for one in which it is linear: where some of the tangents are constants, as the zeros of a
+derivative of a derivative, it fails.
+"""
+
+from collections.abc import Sequence
 
 import jax
-from jaxtyping import PyTree
+import jax.numpy as jnp
+from jax.core import ShapedArray
+from jax.extend.core import Primitive
+from jax.interpreters import ad, batching, mlir
+from jaxtyping import Array, ArrayLike, PyTree
+
+barrier_p = Primitive("barrier")
+barrier_p.multiple_results = True
 
 
-# Jitted, so that a call outside of `jit` does not trace the branches again.
-@jax.jit
-def barrier(tree: PyTree) -> PyTree:
+def barrier(tree: PyTree, *, everywhere: bool = False) -> PyTree:
     """The same tree behind a barrier: on a CPU its leaves are computed once and together.
 
     Without it the compiler writes one loop for each array that is needed later, and computes what
-    they share in each of them again. Elsewhere it is the identity."""
-    return jax.lax.platform_dependent(tree, cpu=jax.lax.optimization_barrier, default=lambda x: x)
+    they share in each of them again.
+
+    **Arguments**
+
+    - `tree`: any tree of arrays and numbers.
+    - `everywhere`: whether the barrier stands on other devices, too, where it is the identity by
+      default: between stages which, fused into one, take long to compile.
+
+    **Returns** the tree of arrays. Derivatives are held in the same way, those that are not zero
+    together."""
+    leaves, structure = jax.tree.flatten(tree)
+    arrays = [x if isinstance(x, jax.Array) else jnp.asarray(x) for x in leaves]
+    return jax.tree.unflatten(structure, barrier_p.bind(*arrays, everywhere=everywhere))
+
+
+def _values(*args: ArrayLike, everywhere: bool) -> list[ArrayLike]:
+    del everywhere
+    return list(args)
+
+
+def _held(*args: Array, everywhere: bool) -> Sequence[Array]:
+    del everywhere
+    return jax.lax.optimization_barrier(args)
+
+
+def _held_elsewhere(*args: Array, everywhere: bool) -> Sequence[Array]:
+    return jax.lax.optimization_barrier(args) if everywhere else args
+
+
+def _shapes(*args: ShapedArray, everywhere: bool) -> list[ShapedArray]:
+    del everywhere
+    return list(args)
+
+
+def _tangent(
+    primals: Sequence[ArrayLike], tangents: Sequence[ArrayLike | ad.Zero], *, everywhere: bool
+) -> tuple[list[Array], list[Array | ad.Zero]]:
+    held = barrier_p.bind(*primals, everywhere=everywhere)
+    return held, _of_the_others(tangents, everywhere)
+
+
+def _transpose(
+    cotangents: Sequence[ArrayLike | ad.Zero],
+    *args: ArrayLike | ad.UndefinedPrimal,
+    everywhere: bool,
+) -> list[Array | ad.Zero | None]:
+    # What is no `UndefinedPrimal` is a constant beside the tangents, and has no cotangent.
+    found = _of_the_others(cotangents, everywhere)
+    pairs = zip(found, args, strict=True)
+    return [c if isinstance(x, ad.UndefinedPrimal) else None for c, x in pairs]
+
+
+def _of_the_others(parts: Sequence[ArrayLike | ad.Zero], everywhere: bool) -> list[Array | ad.Zero]:
+    """The parts, those that are not zero by structure behind a barrier."""
+    others = [x for x in parts if not isinstance(x, ad.Zero)]
+    held = iter(barrier_p.bind(*others, everywhere=everywhere) if others else ())
+    return [x if isinstance(x, ad.Zero) else next(held) for x in parts]
+
+
+def _batched(
+    args: Sequence[ArrayLike], axes: Sequence[int | None], *, everywhere: bool
+) -> tuple[list[Array], Sequence[int | None]]:
+    return barrier_p.bind(*args, everywhere=everywhere), axes
+
+
+barrier_p.def_impl(_values)
+barrier_p.def_abstract_eval(_shapes)
+ad.primitive_jvps[barrier_p] = _tangent
+ad.primitive_transposes[barrier_p] = _transpose
+batching.primitive_batchers[barrier_p] = _batched
+mlir.register_lowering(barrier_p, mlir.lower_fun(_held_elsewhere, multiple_results=True))
+mlir.register_lowering(barrier_p, mlir.lower_fun(_held, multiple_results=True), platform="cpu")

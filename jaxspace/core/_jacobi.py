@@ -38,6 +38,7 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 
+from ._barrier import barrier
 from ._types import Scalar
 
 # A step takes the root of c d where both are small: three steps bring 1e-4 to order one, and six
@@ -89,7 +90,7 @@ def jacobi(t: Scalar, x: Scalar, y: Scalar, difference: Scalar) -> Jacobi:
     # Below it the nome is that of the separatrix: c and d of 1e-152 are the end of the range.
     least = 2.0**10 * float(jnp.finfo(q.dtype).tiny)
     # Barriers cut the graph into parts that the compiler fuses each: the whole compiles slowly.
-    q, n, complement = jax.lax.optimization_barrier((q, n, complement))
+    q, n, complement = barrier((q, n, complement), everywhere=True)
     scale = (1.0 + 2.0 * q * (1.0 + q**3 * (1.0 + q**5))) ** 2
     log_q = jnp.log(jnp.where(q > least, q, least))
     quarter = scale * jnp.where(hyperbolic, -0.5 * log_q, 0.5 * math.pi) / n
@@ -100,7 +101,7 @@ def jacobi(t: Scalar, x: Scalar, y: Scalar, difference: Scalar) -> Jacobi:
     quarter = jnp.where(half_periods == 0.0, 1.0, quarter)
     time = t - 2.0 * quarter * half_periods
     argument = n * time / scale
-    argument, time = jax.lax.optimization_barrier((argument, time))
+    argument, time = barrier((argument, time), everywhere=True)
     # Each branch gets the argument zero where the other holds, so that its derivative is finite.
     circular = _circular(jnp.where(hyperbolic, 0.0, argument), q)
     exponential = _hyperbolic(jnp.where(hyperbolic, argument, 0.0), q, -0.5 * math.log(least))

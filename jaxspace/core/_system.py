@@ -2,9 +2,9 @@
 offers.
 
 Every system has a `vector_field` and `invariants`. What more it may know about its motion it offers
-as values: `closed_form()`, `split()`, `regularised()` and `breaks()` return an object, or `None`
-where there is none. Because they are values and not base classes, a scene can compose its own from
-those of its effects.
+as values: `closed_form()`, `decoupled()`, `split()`, `regularised()` and `breaks()` return an
+object, or `None` where there is none. Because they are values and not base classes, a scene can
+compose its own from those of its effects.
 """
 
 from abc import abstractmethod
@@ -127,6 +127,29 @@ class AbstractSecondOrderForm(AbstractRegularised):
         """dt/d(sigma)."""
 
 
+class AbstractDecoupled(eqx.Module):
+    """A motion of which one part is exact and by itself, and the rest does not depend on it."""
+
+    @property
+    @abstractmethod
+    def rest(self) -> "AbstractSystem":
+        """The system of the rest."""
+
+    @abstractmethod
+    def rest_of(self, y: State) -> State:
+        """The state of the rest, from the whole state `y`."""
+
+    @abstractmethod
+    def joined(self, duration: Scalar, y: State, rest: State) -> State:
+        """The whole state a `duration`, s (negative: backwards), after the whole state `y`, from
+        that of the rest there."""
+
+    @abstractmethod
+    def turns(self, duration: Scalar, y: State) -> Scalar:
+        """Through how many radians the exact part turns, about, in a `duration`, s, from `y` on,
+        (*runs,): what steps would have to follow."""
+
+
 class AbstractSystem(AbstractParameters):
     """A dynamical system: its fields are its physical parameters.
 
@@ -148,6 +171,10 @@ class AbstractSystem(AbstractParameters):
 
     def closed_form(self) -> AbstractClosedForm | None:
         """The exact motion, or `None`."""
+        return None
+
+    def decoupled(self) -> AbstractDecoupled | None:
+        """An exact part of the motion and the rest, or `None`."""
         return None
 
     def split(self) -> AbstractSplit | None:

@@ -13,6 +13,7 @@ never a call. The numbers of run i therefore depend on the campaign, the seed an
 last bit (on one kind of processor).
 """
 
+import dataclasses
 import hashlib
 import os
 from collections.abc import Callable, Sequence
@@ -32,7 +33,7 @@ from ._campaign import Campaign
 from ._chosen_times import warn_of_unreached
 from ._isolation import isolate
 from ._outputs import check_apart
-from ._pilots import expected_steps, pilot_plans
+from ._pilots import StepsForTurns, expected_steps, pilot_plans
 from ._plans import FINENESS, TRIAL, Plans, padded, placeholders, refinement
 from ._program import Drawn, draw_inputs, program
 from ._run_results import PlannedCampaign, RunResults
@@ -78,8 +79,9 @@ class BatchRunner:
     ) -> "BatchRunner":
         """Plan a campaign by its pilots and a trial, and compile the program of all its runs.
 
-        Warns of times that none of the runs of the trial reaches. **Raises** `SimulationError` when
-        the nominal run fails, and `InputError` for outputs that are no numbers of single runs."""
+        With the exact part of the motion beside the steps, where these run out otherwise. Warns of
+        times that none of the runs of the trial reaches. **Raises** `SimulationError` when the
+        nominal run fails, and `InputError` for outputs that are no numbers of single runs."""
         expected = placeholders(expected_steps(campaign, accuracy))
         planned = PlannedCampaign(campaign, accuracy, seed, (expected,), False, samples, "")
         runner = cls(planned, devices)
@@ -108,7 +110,12 @@ class BatchRunner:
         with ThreadPoolExecutor(2) as pool:
             # What the compiler does not like goes wrong again where the program is called.
             pool.submit(runner._compile, drawn, lowered)
-            pilots, coupled = pool.submit(plans_of_pilots).result()
+            found = pool.submit(plans_of_pilots)
+        try:
+            pilots, coupled = found.result()
+        except StepsForTurns:
+            exactly = dataclasses.replace(accuracy, decoupled=True)
+            return cls.plan(campaign, exactly, seed, devices, samples)
         trial = padded(pilots, [TRIAL] * len(pilots))
         # A whole call: all further ones reuse its program.
         results, errors = runner._call(first, trial, runner.blocks)

@@ -1,7 +1,7 @@
 """A campaign: from random inputs to a mission, and from its result to the outputs."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import TypeAlias, TypeVar, final
+from typing import Any, TypeAlias, TypeVar, final
 
 import equinox as eqx
 import jax
@@ -15,6 +15,7 @@ from ..integration._accuracy import Accuracy, as_accuracy
 from ..simulation import Mission
 from ..simulation._mission_runs import MissionResult
 from ._distributions import AbstractDistribution
+from ._exact_parts import with_exact_parts
 from ._outputs import check_names
 from ._replay import Replay, replay
 from ._sampling import AbstractDesign, draw
@@ -43,6 +44,11 @@ def _check_runs(built: tuple[Mission, State], samples: Mapping[str, Array]) -> N
         )
 
 
+def _as_optional_accuracy(x: Any) -> Any:
+    # A placeholder of a tree transformation passes.
+    return as_accuracy(x) if isinstance(x, int | float | Accuracy) else x
+
+
 @final
 class Campaign(eqx.Module):
     """A mission that is run many times with random inputs.
@@ -64,6 +70,8 @@ class Campaign(eqx.Module):
     - `along`: how many states of each phase `outputs` reads, evenly from its start to its end; its
       ends alone by default. `greatest` and `least` need more.
     - `files`: texts of the files that the description names, by name, for the record.
+    - `accuracy`: the relative tolerance of each step, or an `Accuracy`, where a call does not say;
+      that of a scene file is in its campaign.
 
     `build` and `outputs` are traced once; as modules they may hold arrays of their own. Raises
     `InputError` for an input that is no distribution, whose name is reserved, or when there is
@@ -84,6 +92,7 @@ class Campaign(eqx.Module):
     )
     along: int = eqx.field(static=True, default=2)
     files: tuple[tuple[str, str], ...] = eqx.field(static=True, converter=_as_pairs, default=())
+    accuracy: Accuracy | None = eqx.field(converter=_as_optional_accuracy, default=None)
 
     def __check_init__(self):
         if not self.inputs:
@@ -97,6 +106,11 @@ class Campaign(eqx.Module):
         check_finite("Campaign.start", self.start)
         if self.along < 2:
             raise InputError(f"Campaign.along is {self.along}: it must be 2 or more.")
+
+    def accuracy_for(self, given: Accuracy | Scalar | None) -> Accuracy:
+        """The accuracy of a call: that which is `given`, else that of the campaign; with
+        `decoupled` set where the nominal run turns so fast that steps would run out."""
+        return with_exact_parts(self, as_accuracy(self.accuracy if given is None else given))
 
     def nominal(self, runs: int = 1) -> dict[str, Float[Array, " runs"]]:
         """The mean of every input, (runs,)."""
@@ -170,7 +184,8 @@ class Campaign(eqx.Module):
         **Arguments**
 
         - `number`, `seed`: of the run and of the campaign.
-        - `accuracy`: the relative tolerance of each step, or an `Accuracy`.
+        - `accuracy`: the relative tolerance of each step, or an `Accuracy`; by default that of the
+          campaign.
         - `num_saved`: how many states of each phase are kept.
 
         **Returns** a `Replay`: inputs, outputs and the trajectory. A run that fails says so in its
@@ -179,7 +194,7 @@ class Campaign(eqx.Module):
         **Raises** `InputError` for a number below zero and for a refused run whose mission cannot
         be built, and `SimulationError` where a function of the campaign that is called back raises
         an error."""
-        return replay(self, number, seed, as_accuracy(accuracy), num_saved)
+        return replay(self, number, seed, self.accuracy_for(accuracy), num_saved)
 
     def text(self) -> str:
         """The inputs in words, one a line, and where the runs lie among them."""

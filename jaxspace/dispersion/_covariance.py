@@ -35,7 +35,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..core import InputError, Scalar
-from ..integration._accuracy import Accuracy, as_accuracy
+from ..integration._accuracy import Accuracy
 from ..integration._status import SimulationError, Status
 from ._campaign import Campaign, in_order
 from ._distributions import AbstractDistribution
@@ -125,7 +125,7 @@ def moments(
     check_whole("check", check)
     if 0 < check < FEWEST:
         raise InputError(f"check is {check}: it must be 0, or at least {FEWEST}.")
-    accuracy = as_accuracy(accuracy)
+    accuracy = campaign.accuracy_for(accuracy)
     found = (
         _unscented(campaign, accuracy)
         if method == "unscented"
@@ -328,4 +328,4 @@ def sampled(
     check_whole("runs", runs, 1)
     check_whole("seed", seed)
     samples = campaign.samples(jax.random.key(seed), jnp.arange(runs, dtype=jnp.uint32))
-    return evaluate_traced(campaign, as_accuracy(accuracy), samples)[0]
+    return evaluate_traced(campaign, campaign.accuracy_for(accuracy), samples)[0]

@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..core import InputError, Scalar
-from ..integration._accuracy import DEFAULT_RTOL, Accuracy, as_accuracy
+from ..integration._accuracy import DEFAULT_RTOL, Accuracy
 from ..integration._config import check_tolerance
 from ._along import Kept
 from ._batch_runner import BatchRunner
@@ -102,7 +102,8 @@ def disperse(
       processor and by one set of versions.
     - `chunk`: after how many runs results are fetched and stored, rounded up to whole calls of 512
       (2^14 on an accelerator). It bounds the memory.
-    - `accuracy`: the relative tolerance of each step, or an `Accuracy`.
+    - `accuracy`: the relative tolerance of each step, or an `Accuracy`; by default that of the
+      campaign, or 1e-9.
     - `store`: the path of a Zarr store, which gets every chunk as soon as it is finished. The
       columns of the result are then read from it when they are asked for.
     - `overwrite`: whether a store that is there may be replaced; it is refused otherwise.
@@ -153,7 +154,7 @@ def disperse(
     check_whole("seed", seed)
     check_whole("samples", samples)
     started = time.perf_counter()
-    accuracy = _resolved(as_accuracy(accuracy))
+    accuracy = _resolved(campaign.accuracy_for(accuracy))
     kept_states = _kept_states(campaign, samples, times, store)
     using, local = as_engine(engine), _devices(devices)
     if isinstance(using, MultiHost) and store is None:

@@ -1,6 +1,7 @@
 """A campaign as a function from inputs to outputs: what derivatives, sigma points and chosen
 samples need, where `disperse` draws its own."""
 
+import dataclasses
 from collections.abc import Mapping
 from typing import NamedTuple, final
 
@@ -17,6 +18,7 @@ from ..simulation._failures import nan_where_failed
 from ..simulation._mission_runs import run_mission
 from ..simulation._simulate import resolve_phases
 from ._campaign import Campaign
+from ._exact_parts import has_exact_part
 from ._outputs import outputs_of
 
 BLOCK = 256
@@ -81,4 +83,8 @@ class Evaluator(eqx.Module):
             own = {name: jnp.asarray(x[first : first + BLOCK]) for name, x in filled.items()}
             parts.append(_evaluate(self.campaign, self.accuracy, own))
         outputs, status = jax.tree.map(lambda *x: np.concatenate(x)[:runs], *parts)
+        out = np.any(status == Status.MAX_STEPS)
+        if out and has_exact_part(self.campaign, self.accuracy):
+            exactly = dataclasses.replace(self.accuracy, decoupled=True)
+            return Evaluator(self.campaign, exactly)(samples)
         return Evaluated(outputs, status)

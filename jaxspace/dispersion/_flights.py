@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..core import Scalar
-from ..integration._accuracy import Accuracy, as_accuracy
+from ..integration._accuracy import Accuracy
 from ..integration._status import Status
 from ..simulation._blocks import jit_wide_vectors
 from ..simulation._mission_runs import run_mission
@@ -47,7 +47,9 @@ def fly(
     - `seed`, `accuracy`: as of `disperse`.
     - `num_saved`: positions of each phase."""
     numbers = np.asarray(numbers, np.uint32)
-    found = _fly(campaign, as_accuracy(accuracy), jax.random.key(seed), numbers, num_saved)
+    found = _fly(
+        campaign, campaign.accuracy_for(accuracy), jax.random.key(seed), numbers, num_saved
+    )
     if found is None:
         return None
     times, positions, status = (np.asarray(x) for x in found)

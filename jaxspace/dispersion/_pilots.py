@@ -18,6 +18,7 @@ from ..simulation._mission_runs import MissionResult, OwnTimes, run_mission
 from ..simulation._simulate import resolve_phases
 from ._along import Kept, saved_of
 from ._campaign import Campaign
+from ._exact_parts import has_exact_part
 from ._isolation import isolate
 from ._outputs import QUICK, PilotRuns
 from ._plans import nodes_of
@@ -28,6 +29,10 @@ PILOTS = 15
 # The pilots share their steps, each as short as the strictest of them asks: together they may take
 # so many times what a run may take by itself, tried one after the other.
 ROOM = (1, 4, 16, 64)
+
+
+class StepsForTurns(Exception):
+    """The steps of the nominal run ran out, and a part of its motion needs none."""
 
 
 @eqx.filter_jit(**QUICK)
@@ -108,7 +113,8 @@ def pilot_plans(
 
     `draw(flown)` are the inputs of the first `runs` runs.
 
-    **Raises** `SimulationError` when the nominal run fails."""
+    **Raises** `SimulationError` when the nominal run fails, and `StepsForTurns` where it could be
+    run with the exact part of its motion beside the steps."""
 
     def flying(flown: np.ndarray, room: int) -> tuple[list[np.ndarray | None], bool, PilotRuns]:
         drawn = draw(np.pad(flown, (0, runs - PILOTS)))
@@ -120,7 +126,11 @@ def pilot_plans(
         taken, coupled, flown = isolate(functools.partial(flying, room=room), PILOTS)
         nominal = Status(int(np.ravel(flown.result.status)[0]))
         # The verdict on the nominal run is that of `simulate`, which flies it alone.
-        if nominal != Status.MAX_STEPS or not _ends_alone(campaign, accuracy):
+        if nominal != Status.MAX_STEPS:
+            break
+        if not _ends_alone(campaign, accuracy):
+            if has_exact_part(campaign, accuracy):
+                raise StepsForTurns
             break
     # A missed tolerance is no failure here: the runs are checked on finer plans anyhow.
     if nominal in (Status.NOT_FINITE, Status.MAX_STEPS):

@@ -30,7 +30,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..core import InputError, Scalar
-from ..integration._accuracy import Accuracy, as_accuracy
+from ..integration._accuracy import Accuracy
 from ._campaign import Campaign, in_order
 from ._evaluate import Evaluator, evaluate_traced
 from ._sampling import map_normals, normal_columns
@@ -98,7 +98,7 @@ def rare_event(
     assert limit is not None
     check_whole("runs", runs, 2)
     check_whole("seed", seed, 0)
-    accuracy = as_accuracy(accuracy)
+    accuracy = campaign.accuracy_for(accuracy)
     _check_output(campaign, accuracy, output)
     n = sum(map(len, normal_columns(campaign.inputs).values()))
     run = Evaluator(campaign, accuracy)

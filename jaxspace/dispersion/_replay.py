@@ -15,6 +15,7 @@ from ..simulation import MissionTrajectory
 from ..simulation._mission_runs import MissionResult, run_mission
 from ..simulation._simulate import mission_trajectory_of, resolve_phases
 from ._along import saved_states, thinned
+from ._exact_parts import has_exact_part
 from ._isolation import RAISED, callbacks, reason
 from ._outputs import outputs_of, raised
 
@@ -67,6 +68,10 @@ def replay(campaign: Any, number: int, seed: int, accuracy: Accuracy, num_saved:
     try:
         with callbacks():
             found = jax.block_until_ready(_fly(campaign, accuracy, samples, num_saved))
+            out = int(found[0].status[0]) == Status.MAX_STEPS
+            if out and has_exact_part(campaign, accuracy):
+                accuracy = dataclasses.replace(accuracy, decoupled=True)
+                found = jax.block_until_ready(_fly(campaign, accuracy, samples, num_saved))
     except RAISED as error:
         raise _error(campaign, number, samples, accuracy, error) from error
     result, outputs, configs = found

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..core import InputError, Scalar
-from ..integration._accuracy import Accuracy, as_accuracy
+from ..integration._accuracy import Accuracy
 from ._campaign import Campaign
 from ._evaluate import Evaluator
 from ._sampling import map_normals, normal_columns
@@ -120,7 +120,7 @@ def sobol_indices(
         # A group as a whole: one column of it alone would break its correlation.
         mixed[:, own] = b[:, own]
         samples.append(mixed)
-    run = Evaluator(campaign, as_accuracy(accuracy))
+    run = Evaluator(campaign, campaign.accuracy_for(accuracy))
     # All samples in one call, which fills its blocks across them.
     found = run(map_normals(campaign.inputs, np.concatenate(samples)))
     good = found.good.reshape(len(samples), points).all(axis=0)

@@ -104,5 +104,5 @@ class DuffingOscillator(AbstractSystem):
         shape = jnp.broadcast_shapes(*(jnp.shape(x) for x in (start, *fixed)))
         start = jnp.broadcast_to(start, shape)
         root = jax.lax.fori_loop(0, STEPS, lambda _, a: newton(a, *fixed), start)
-        # One step more carries the derivatives of the root.
-        return newton(jax.lax.stop_gradient(root), *given)
+        # A step more carries the first derivatives of the root, two the second ones.
+        return newton(newton(jax.lax.stop_gradient(root), *given), *given)

@@ -81,6 +81,12 @@ class Accuracy(AbstractParameters):
       missed: half the length of the shortest pulse is right. Closed forms and systems that declare
       their `breaks` do not need it.
 
+    - `decoupled`: whether a part of the motion that is exact by itself, as the rotation of a body
+      without torque beside forces, is computed so, where a system has one, and the method serves
+      the rest (`AbstractSystem.decoupled`). By default where "auto" sees, or learns from steps that
+      ran out, that the turns of this part take many of `max_steps`; not under `jit` and in
+      derivatives, where no number is known.
+
     The tolerances and `max_step` are traced: changing them compiles nothing again.
 
     **Raises** `InputError` for a value that is not positive, for an `rtol` of one and more, and for
@@ -107,6 +113,7 @@ class Accuracy(AbstractParameters):
     max_step: Scalar | None = quantity(
         "s", positive=True, optional=True, converter=_known_float, doc="longest step"
     )
+    decoupled: bool | None = eqx.field(static=True, default=None)
 
     def __check_init__(self):
         check_positive("Accuracy.max_steps", self.max_steps)
@@ -165,6 +172,7 @@ def as_accuracy(accuracy: Any) -> Accuracy:
                 f"steps of the run: leave it out, Accuracy(), or take RecursiveCheckpointAdjoint, "
                 f"DirectAdjoint or ForwardMode."
             )
+        _check_kind("decoupled", accuracy.decoupled, bool | None, "True, False or None")
         _check_kind("max_steps", accuracy.max_steps, int | np.integer, "a whole number")
         return accuracy
     if accuracy is None:

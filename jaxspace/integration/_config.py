@@ -15,7 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, DTypeLike, Float, PyTree
 
-from ..core import AbstractSystem, InputError, Scalar, is_concrete
+from ..core import AbstractDecoupled, AbstractSystem, InputError, Scalar, is_concrete
 from ..solvers import SolverTraits, refine, small_program, solver_traits
 from ._accuracy import DEFAULT_RTOL, Accuracy, as_method, least_tolerance, state_dtype
 from ._selection import select_method
@@ -33,7 +33,9 @@ class IntegrationConfig(eqx.Module):
     - `method`: a solver, or "closed_form".
     - `adjoint`, `max_steps`, `max_step`: as in `Accuracy`.
     - `restarts`: whether a block whose steps run out starts once more without its slow runs; not
-      where the caller repeats these by themselves."""
+      where the caller repeats these by themselves.
+    - `decoupled`: whether the exact part of the motion (`AbstractSystem.decoupled`) is computed by
+      itself, and the `method` serves the rest."""
 
     rtol: Float[Array | np.ndarray, ""]
     atol: Float[Array | np.ndarray, ""]
@@ -42,6 +44,7 @@ class IntegrationConfig(eqx.Module):
     max_steps: int = eqx.field(static=True)
     max_step: Float[Array | np.ndarray, ""] | None
     restarts: bool = eqx.field(static=True, default=False)
+    decoupled: bool = eqx.field(static=True, default=False)
 
     @property
     def solver(self) -> diffrax.AbstractSolver:
@@ -110,6 +113,11 @@ def resolve(
     if is_concrete(rtol):
         check_tolerance(float(np.min(np.asarray(rtol))), dtype)
     method = accuracy.method
+    exactly = method == "closed_form" or (method == "auto" and system.closed_form() is not None)
+    decoupled = system.decoupled() if accuracy.decoupled and not exactly else None
+    if decoupled is not None:
+        starts = _starts_of_rest(decoupled, starts)
+        system, y0 = decoupled.rest, decoupled.rest_of(y0)
     if method == "auto":
         # Its rules have asked the system already.
         method = select_method(system, y0, known_rtol, starts=starts)
@@ -132,7 +140,34 @@ def resolve(
         accuracy.max_steps,
         None if accuracy.max_step is None else _in_precision(accuracy.max_step, dtype),
         restarts,
+        decoupled=decoupled is not None,
     )
+
+
+def _starts_of_rest(
+    decoupled: AbstractDecoupled, starts: Callable[[], InitialConditions | None] | None
+) -> Callable[[], InitialConditions | None] | None:
+    """The runs that may be looked at, without the exact part of their motion."""
+    if starts is None:
+        return None
+    rest = decoupled.rest
+
+    def of_rest() -> InitialConditions | None:
+        whole = starts()
+        if whole is None:
+            return None
+        system, y, ts = whole.runs
+        axes, y_axes, ts_axes = whole.run_axes
+        pairs = zip(jax.tree.leaves(system), jax.tree.leaves(axes), strict=True)
+        known = {id(x): n for x, n in pairs}
+        if not all(id(x) in known for x in jax.tree.leaves(rest)):
+            # An array that the rest has not from the whole: it may carry runs, or none.
+            return None
+        axes = jax.tree.map(lambda x: known[id(x)], rest)
+        runs = (rest, decoupled.rest_of(y), ts)
+        return whole._replace(runs=runs, run_axes=(axes, decoupled.rest_of(y_axes), ts_axes))
+
+    return of_rest
 
 
 def solver_traits_of(method: diffrax.AbstractSolver | str) -> SolverTraits:

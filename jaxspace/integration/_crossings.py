@@ -52,7 +52,8 @@ class Crossings(eqx.Module):
     - `rising`: whether the condition rises along the run.
     - `count`: how many zeros are given, (*runs,).
     - `overflow`: whether there are more, for which there is no room.
-    - `status`: of the search, a `Status`.
+    - `status`: how the search ended, or the run where that failed, a `Status`. The zeros are those
+      before the failure; NaN where it is not known when that was.
     - `after`: the states after the jumps of an event with `then`, whose `states` are those before;
       `None` for other events."""
 
@@ -63,6 +64,24 @@ class Crossings(eqx.Module):
     overflow: Bool[Array, "*runs"]
     status: Int[Array, "*runs"]
     after: State | None = None
+
+    def until(self, start: Scalar, duration: Scalar) -> "Crossings":
+        """The zeros up to a `duration`, s, after the `start`, s, of each run."""
+        # NaN, as the times behind the last one are, is below nothing.
+        kept = jnp.abs(self.ts - start) <= duration
+
+        def leaf(x: Array) -> Array:
+            return jnp.where(kept, x, jnp.nan)
+
+        return Crossings(
+            leaf(self.ts),
+            jax.tree.map(leaf, self.states),
+            self.rising & kept,
+            jnp.sum(kept, axis=0).astype(self.count.dtype),
+            self.overflow & jnp.all(kept, axis=0),
+            self.status,
+            jax.tree.map(leaf, self.after),
+        )
 
 
 class _Found(NamedTuple):
@@ -120,7 +139,7 @@ def crossings_between(
     rows = (found.times[:-1], found.before[:-1], used)
     _, (ts, at_zeros, rising) = jax.lax.scan(one, None, rows)
     at_zeros = times_behind_components(at_zeros, run_axes)
-    return Crossings(
+    crossings = Crossings(
         jnp.where(used, ts, jnp.nan),
         jax.tree.map(lambda x: jnp.where(used, x, jnp.nan), at_zeros),
         rising,
@@ -128,6 +147,8 @@ def crossings_between(
         found.count > event.capacity,
         _status(along, samples, found),
     )
+    # Before the condition is not finite, each sample has shown that there are no others.
+    return crossings.until(times[0], samples.ill)
 
 
 # A system may hold functions among its leaves.
@@ -143,7 +164,8 @@ def _for_short_ways(config: IntegrationConfig) -> IntegrationConfig:
     method = HIGH_ORDER if config.fixed_step else config.method
     steps = min(config.max_steps, STEPS_TO_ZERO)
     return IntegrationConfig(
-        config.rtol, config.atol, method, config.adjoint, steps, config.max_step
+        *(config.rtol, config.atol, method, config.adjoint, steps, config.max_step),
+        decoupled=config.decoupled,
     )
 
 

@@ -107,7 +107,8 @@ class FoundEvents(NamedTuple):
     """The first event of each run.
 
     - `time`, `which`: its time, s, and its number; the end of the run and -1 where none happens.
-    - `status`: `COMPLETED`, or why the search failed before that time.
+    - `status`: `COMPLETED`, or why the search failed before that time; `failed`: how long after the
+      start, s, infinite where it did not.
     - `hits`, `sizes`: of each event whether it may happen together with the first one, and the
       largest condition that was met.
     - `state`: that at its time, where the search took the run there."""
@@ -115,6 +116,7 @@ class FoundEvents(NamedTuple):
     time: Scalar
     which: Int[Array, "*runs"]
     status: Int[Array, "*runs"]
+    failed: Scalar
     hits: Bool[Array, "events *#runs"]
     sizes: Float[Array, "events *#runs"]
     state: State | None = None

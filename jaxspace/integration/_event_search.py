@@ -52,14 +52,17 @@ def first_event(
     status = jnp.full(jnp.shape(t1), Status.COMPLETED, jnp.int32)
     # What fails after the first event does not concern the run.
     earliest = jnp.abs(when - t0)
+    failed = jnp.full_like(earliest, jnp.inf)
     for zero in zeros:
         sooner = zero.failed <= earliest
         earliest = jnp.where(sooner, zero.failed, earliest)
+        failed = jnp.where(sooner, zero.failed, failed)
         status = jnp.where(sooner, zero.status, status)
     return FoundEvents(
         when,
         which,
         status,
+        failed,
         jnp.stack([zero.hit for zero in zeros]),
         jnp.stack([zero.size for zero in zeros]),
     )

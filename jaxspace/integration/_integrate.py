@@ -12,7 +12,16 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..core import AbstractClosedForm, AbstractSystem, Scalar, State, breaks_of, on_group, project
+from ..core import (
+    AbstractClosedForm,
+    AbstractDecoupled,
+    AbstractSystem,
+    Scalar,
+    State,
+    breaks_of,
+    on_group,
+    project,
+)
 from ..solvers import Tolerance, bind, solver_traits
 from ..solvers._dense_output import AbstractDenseOutput
 from ..solvers._regularised_step import evaluations_of
@@ -21,7 +30,7 @@ from ._config import IntegrationConfig
 from ._event_location import FoundEvents, Location, SoughtEvents
 from ._event_zero import rounding_change
 from ._events import Event
-from ._layout import runs_of, state_at, times_behind_components
+from ._layout import runs_of, state_at, times_behind_components, times_first
 from ._loop import TERM, LoopSettings
 from ._normalised_time import (
     ScaledVectorField,
@@ -79,6 +88,23 @@ def integrate(
         result = _by_closed_form(closed_form, y0, t1 - t0, fractions, run_axes)
         result = within_model(result, closed_form.outside(t1 - t0, y0))
         return within_model(result, system.outside(t1, state_at(result.states, -1, run_axes)))
+    if config.decoupled:
+        decoupled = system.decoupled()
+        assert decoupled is not None
+        result = integrate(
+            decoupled.rest,
+            decoupled.rest_of(y0),
+            t0,
+            t1,
+            fractions,
+            dataclasses.replace(config, decoupled=False),
+            run_axes,
+            plan=plan,
+            record_steps=record_steps,
+            dense=dense,
+            trimmed=trimmed,
+        )
+        return _joined(decoupled, y0, t1 - t0, fractions, result, run_axes)
     traits = solver_traits(config.solver)
     segments = segments_of(system, t0, t1, None)
     # Runs with their own breaks have their own segments: the save times become ends of segments,
@@ -115,7 +141,7 @@ def integrate(
         outcome = solve_by_diffrax(hoist(field, y0, traits.needs), y0, settings, config.adjoint)
     result = result_of(outcome, field, y0, settings, config, fractions if landing else None)
     if outcome.location is not None:
-        result = result._replace(found=_found(outcome.location, segments, t1))
+        result = result._replace(found=_found(outcome.location, segments, t0, t1))
     if form is not None:
         taken = outcome.num_accepted + outcome.num_rejected
         result.stats["evaluations"] = taken * evaluations_of(form)
@@ -130,7 +156,7 @@ def locates_events(
     """Whether the steps of the method can be searched for events as they are taken.
 
     They need a polynomial, and the system may hide nothing in closures."""
-    if config.method == "closed_form" or config.adjoint is not None:
+    if config.method == "closed_form" or config.adjoint is not None or config.decoupled:
         return False
     traits = solver_traits(config.solver)
     if not traits.replayable or traits.own_steps or traits.fixed_step:
@@ -141,7 +167,7 @@ def locates_events(
     return not closes_over_tracers(system, t0, y0)
 
 
-def _found(location: Location, segments: Segments, t1: Scalar) -> FoundEvents:
+def _found(location: Location, segments: Segments, t0: Scalar, t1: Scalar) -> FoundEvents:
     """The events in time."""
     waits = location.waiting
     time = segments.time(location.start + location.length)
@@ -152,6 +178,7 @@ def _found(location: Location, segments: Segments, t1: Scalar) -> FoundEvents:
         jnp.where(waits, time, t1),
         location.which,
         jnp.where(failed, location.status, Status.COMPLETED).astype(jnp.int32),
+        jnp.where(failed, jnp.abs(time - t0), jnp.inf),
         hits & event,
         location.sizes,
         location.y,
@@ -177,6 +204,33 @@ def _by_closed_form(
     status = status_from(jnp.array(False), finite, jnp.zeros(finite.shape))
     states = times_behind_components(states, run_axes)
     return IntegrationResult(states, status, {"evaluations": jnp.array(0)}, None, None)
+
+
+def _joined(
+    decoupled: AbstractDecoupled,
+    y0: State,
+    duration: Array,
+    fractions: Float[Array, "times *#runs"] | None,
+    result: IntegrationResult,
+    run_axes: int,
+) -> IntegrationResult:
+    """The result of the rest, with the exact part at the same times. The steps stay those of the
+    rest."""
+    rest = times_first(result.states, run_axes)
+    if fractions is None:
+        last = jax.tree.map(lambda x: x[0], rest)
+        final = _on_groups(decoupled.joined(duration, y0, last))
+        states = jax.tree.map(lambda x: x[None], final)
+    else:
+        states = jax.vmap(lambda d, y: _on_groups(decoupled.joined(d, y0, y)))(
+            of_each(fractions, duration), rest
+        )
+        final = jax.tree.map(lambda x: x[-1], states)
+    lost = ~Tolerance(0.0, 0.0, run_axes).alive(final)
+    # Of a rest that has its end, it is the exact part that has none.
+    lost = lost & (result.status <= Status.TOLERANCE_MISSED)
+    status = jnp.where(lost, Status.NOT_FINITE, result.status).astype(jnp.int32)
+    return result._replace(states=times_behind_components(states, run_axes), status=status)
 
 
 def _on_groups(y: State) -> State:

@@ -12,7 +12,7 @@ class Status(enum.IntEnum):
     """How a run ended.
 
     `sentence` says what happened and what to do. Above `EVENT` the run failed, and its numbers are
-    NaN."""
+    NaN, but for what it reached before."""
 
     COMPLETED = 0
     EVENT = 1

@@ -54,6 +54,7 @@ def campaign_of(
         {spec.name: spec.required for spec in file.outputs if spec.required != (None, None)},
         along,
         dict(texts),
+        file.accuracy,
     )
 
 

@@ -43,7 +43,7 @@ COMPOSITIONS = {
         0.79854399093482996340,
     ),
 }
-# Newton's steps double the digits; the last one carries the derivatives.
+# Newton's steps double the digits; two more carry the derivatives.
 NEWTON = 4
 
 
@@ -154,8 +154,9 @@ def _step(system: AbstractDescription, t: Array, h: Array, y: _Canonical) -> _Ca
         assert g is not None
         return jnp.concatenate([first + pull - y.p, g.positions])
 
-    def newton(x: Array, y: _Canonical, matrix: Array | None) -> Array:
-        slope = columns(lambda x: residual(x, y, matrix), x)
+    def newton(x: Array, y: _Canonical, matrix: Array | None, slope: Array | None = None) -> Array:
+        if slope is None:
+            slope = columns(lambda x: residual(x, y, matrix), x)
         return x - solve(slope, residual(x, y, matrix)[:, None])[:, 0]
 
     fixed = jax.lax.stop_gradient((y, matrix))
@@ -164,7 +165,12 @@ def _step(system: AbstractDescription, t: Array, h: Array, y: _Canonical) -> _Ca
     if matrix is not None:
         guess = jnp.concatenate([guess, jnp.zeros_like(matrix[:, 0])])
     x = jax.lax.fori_loop(0, NEWTON, lambda _, x: newton(x, *fixed), jax.lax.stop_gradient(guess))
-    x = newton(jax.lax.stop_gradient(x), y, matrix)
+    x = jax.lax.stop_gradient(x)
+    # At the root, where the derivative of the matrix is multiplied by zero. The first step carries
+    # the first derivatives, the second one those of second order.
+    slope = jax.lax.stop_gradient(columns(lambda x: residual(x, *fixed), x))
+    for _ in range(2):
+        x = newton(x, y, matrix, slope)
     _, p1 = _slopes(system, t, h, y.q, x[:n])
     # The residual puts the coordinates onto the constraints, and leaves the momenta off.
     return _onto_constraints(system, t + h, _Canonical(y.q + x[:n], p1))

@@ -76,8 +76,8 @@ def hanging_chain(span: Scalar, length: Scalar) -> tuple[Scalar, Scalar]:
     # Of a taut chain sinh(u) / u = 1 + u^2 / 6; of a long one its logarithm is about u.
     guess = jnp.minimum(jnp.sqrt(6.0 * (fixed - 1.0)), 1.0 + 2.0 * jnp.log(fixed))
     root = jax.lax.fori_loop(0, STEPS, lambda _, u: newton(u, fixed), guess)
-    # One step more carries the derivatives.
-    u = newton(jax.lax.stop_gradient(root), ratio)
+    # A step more carries the first derivatives, two the second ones.
+    u = newton(newton(jax.lax.stop_gradient(root), ratio), ratio)
     a = 0.5 * span / u
     return a, 2.0 * a * jnp.sinh(0.5 * u) ** 2
 
@@ -105,7 +105,7 @@ def brachistochrone(
     # Of a steep end p = 3 d / h.
     guess = jnp.minimum(3.0 * fixed, 2.0 * jnp.pi * fixed / (fixed + 1.0))
     root = jax.lax.fori_loop(0, STEPS, lambda _, p: newton(p, fixed), guess)
-    p = newton(jax.lax.stop_gradient(root), ratio)
+    p = newton(newton(jax.lax.stop_gradient(root), ratio), ratio)
     # By the distance: the drop r (1 - cos p) vanishes at the end of the arch.
     r = distance / _lag(p)
     return r, p, jnp.sqrt(r / gravity) * p

@@ -1,15 +1,19 @@
 """What a scene offers beside its vector field, composed from what its effects offer.
 
 Closed form: the orbit under the one effect that has a closed form (a straight line without one),
-and the free rotation of the body. Split: this motion as the drift, all other effects as the kick.
+and the free rotation of the body. Decoupled: the free rotation, where forces alone act, which do
+not depend on it. Split: this motion as the drift, all other effects as the kick.
 Regularised: the variables of the one effect that has them, perturbed by all others.
 
 Each function returns the capability and an empty text, or `None` and the reason for it, so that an
 error message can say why a scene refuses.
 """
 
+import dataclasses
 from collections.abc import Sequence
 from typing import final
+
+import jax.numpy as jnp
 
 from ..bodies import (
     PARTS,
@@ -19,7 +23,15 @@ from ..bodies import (
     FreeRotation,
     linear_acceleration,
 )
-from ..core import AbstractClosedForm, AbstractRegularised, AbstractSplit, Flag, Scalar
+from ..core import (
+    AbstractClosedForm,
+    AbstractDecoupled,
+    AbstractRegularised,
+    AbstractSplit,
+    Flag,
+    Scalar,
+    norm,
+)
 from ._interface import AbstractScene
 from ._reading import ROTATION, TRANSLATION
 
@@ -45,10 +57,7 @@ class BodyMotion(AbstractClosedForm):
         attitude = y.attitude
         omega = y.omega
         if attitude is not None:
-            mass = self.body.constant_mass() if y.mass is None else y.mass
-            turned = FreeRotation(self.body.inertia(mass)).flow(
-                duration, BodyState(attitude=attitude, omega=omega)
-            )
+            turned = _turned(duration, y, self.body)
             attitude = turned.attitude
             omega = turned.omega
         return BodyState(position, velocity, attitude, omega, y.mass)
@@ -57,6 +66,37 @@ class BodyMotion(AbstractClosedForm):
         if self.orbit is None:
             return None
         return self.orbit.outside(duration, BodyState(y.position, y.velocity))
+
+
+def _turned(duration: Scalar, y: BodyState, body: AbstractBody) -> BodyState:
+    """Attitude and angular velocity of a body without torque a `duration`, s, after `y`."""
+    mass = body.constant_mass() if y.mass is None else y.mass
+    start = BodyState(attitude=y.attitude, omega=y.omega)
+    return FreeRotation(body.inertia(mass)).flow(duration, start)
+
+
+@final
+class FreeTurn(AbstractDecoupled):
+    """The free rotation of the `body` as the exact part, and the `scene` without it."""
+
+    scene: AbstractScene
+
+    @property
+    def rest(self) -> AbstractScene:
+        return self.scene
+
+    def rest_of(self, y: BodyState) -> BodyState:
+        return dataclasses.replace(y, attitude=None, omega=None)
+
+    def joined(self, duration: Scalar, y: BodyState, rest: BodyState) -> BodyState:
+        turned = _turned(duration, y, self.scene.body)
+        return dataclasses.replace(rest, attitude=turned.attitude, omega=turned.omega)
+
+    def turns(self, duration: Scalar, y: BodyState) -> Scalar:
+        # A state before the body turns knows no rate.
+        if y.omega is None:
+            return jnp.zeros_like(duration)
+        return norm(y.omega) * jnp.abs(duration)
 
 
 @final
@@ -107,6 +147,21 @@ def body_motion(
         return None, "it integrates further parts"
     orbit = exact[0].closed_form() if exact else None
     return BodyMotion(orbit, scene.body), ""
+
+
+def scene_decoupled(scene: AbstractScene) -> FreeTurn | None:
+    """The free rotation of the body beside the rest of its motion; `None` where an effect turns it
+    or changes its mass, where one reads its attitude, and for a rotation alone."""
+    rest = set(scene.parts) - ROTATION
+    if not rest or not ROTATION <= set(scene.parts):
+        return None
+    turning = {"torque", "inertia", "momentum", "mass_rate"}
+    if any(turning & reading.adds or ROTATION & reading.needs for reading in scene.readings):
+        return None
+    alone = scene.with_effects(scene.effects, [part for part in scene.carry if part in rest])
+    # An effect may do something else where the state has no attitude.
+    same = set(alone.parts) == rest and alone.readings == scene.readings
+    return FreeTurn(alone) if same else None
 
 
 def scene_split(scene: AbstractScene) -> tuple[SceneSplit | None, str]:

@@ -32,6 +32,7 @@ from ..bodies import (
 )
 from ..core import (
     AbstractClosedForm,
+    AbstractDecoupled,
     AbstractRegularised,
     AbstractSplit,
     Flag,
@@ -39,7 +40,7 @@ from ..core import (
     Scalar,
     State,
 )
-from ._capabilities import body_motion, scene_regularised, scene_split
+from ._capabilities import body_motion, scene_decoupled, scene_regularised, scene_split
 from ._conserved import conserved
 from ._custom import Custom
 from ._explain import explain
@@ -235,6 +236,10 @@ class Scene(AbstractScene):
     def closed_form(self) -> AbstractClosedForm | None:
         """Exact motion of a scene of nothing but one attraction by a point and free rotation."""
         return body_motion(self, self.effects)[0]
+
+    def decoupled(self) -> AbstractDecoupled | None:
+        """The free rotation, where no effect turns the body or depends on where it points."""
+        return scene_decoupled(self)
 
     def split(self) -> AbstractSplit | None:
         """The motion in closed form as the drift, loads by position and attitude as the kick."""

@@ -12,6 +12,7 @@ from ..core import AbstractSystem, InputError, Scalar, State, is_concrete, is_tr
 from ..integration._accuracy import Accuracy, as_accuracy, state_dtype, without_weak_types
 from ..integration._config import IntegrationConfig, resolve
 from ..integration._events import Event
+from ..integration._exact_part import with_exact_part
 from ..integration._stiffness import InitialConditions
 from ._after_run import warn_after
 from ._batch_layout import InAxes, cut_batch, local_blocks, split_batch
@@ -167,16 +168,18 @@ def _batch_of_missions(
     batched, shared, runs = split_batch(missions, y0s, t0, in_axes, times_axes=0)
     mission, y0, _ = cut_batch(batched, shared)
     traced = is_traced((batched, shared))
-    accuracy = as_accuracy(accuracy)
-    resolved = resolve_phases(mission, y0, accuracy, 1)
-    configs = tuple(
-        dataclasses.replace(config, restarts=traced and not throw) for config in resolved
-    )
+    given = as_accuracy(accuracy)
+
+    def configs_by(accuracy: Accuracy) -> tuple[IntegrationConfig, ...]:
+        resolved = resolve_phases(mission, y0, accuracy, 1)
+        return tuple(dataclasses.replace(c, restarts=traced and not throw) for c in resolved)
+
+    configs = configs_by(given)
     blocks = local_blocks((batched, shared), runs)
     result = run_missions(batched, shared, configs, num_saved, blocks)
     if is_concrete(result.status) and not traced:
-        result = repeat_missions(result, batched, shared, configs, num_saved)
-    trajectory = mission_trajectory_of(result, mission, accuracy, configs, 1)
+        result = repeat_missions(result, batched, shared, given, configs, configs_by, num_saved)
+    trajectory = mission_trajectory_of(result, mission, given, configs, 1)
     warn_after(trajectory, stacklevel=3)
     return raise_failures(trajectory) if throw else trajectory
 
@@ -186,11 +189,16 @@ def _resolve_for(
     whole: PyTree,
     batched: PyTree,
     rows: np.ndarray | None,
+    decoupled: bool | None = None,
     *,
     restarts: bool,
 ) -> IntegrationConfig:
-    """The configuration that some of these runs, or of all of them, call for."""
-    system, y0, _ = whole
+    """The configuration that some of these runs, or of all of them, call for; with another
+    `Accuracy.decoupled`, if the accuracy leaves it open."""
+    system, y0, ts = whole
+    if accuracy.decoupled is None and accuracy.method == "auto" and decoupled is not None:
+        accuracy = dataclasses.replace(accuracy, decoupled=decoupled)
+    accuracy = with_exact_part(accuracy, system, y0, ts[-1] - ts[0])
 
     def starts() -> InitialConditions | None:
         if is_traced((whole, accuracy)):

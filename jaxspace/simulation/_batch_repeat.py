@@ -6,13 +6,14 @@ import jax
 import numpy as np
 from jaxtyping import PyTree
 
+from ..integration._accuracy import Accuracy
 from ..integration._config import IntegrationConfig
 from ..integration._events import Event
 from ..integration._mapping import BLOCK
 from ..integration._status import Status
 from ._batch_runs import run_missions, run_systems
 from ._blocks import Blocks
-from ._finish import error_of_too_few_steps
+from ._finish import error_of_too_few_steps, with_exact_parts
 from ._mission_runs import MissionResult
 from ._run_result import RunResult
 
@@ -22,20 +23,22 @@ def repeat_systems(
     batched: PyTree,
     shared: PyTree,
     config: IntegrationConfig,
-    config_for: Callable[[np.ndarray], IntegrationConfig],
+    config_for: Callable[..., IntegrationConfig],
     events: tuple[Event, ...],
     dense: bool,
 ) -> tuple[RunResult, IntegrationConfig]:
     """The result with failed runs of a system repeated, and the configuration of the last attempt.
 
     Runs whose block ran out of steps: each alone, then by the method that their own numbers call
-    for. Runs that missed the tolerance by too few fixed steps: with more of them.
+    for, then with the exact part of their motion beside the steps. Runs that missed the tolerance
+    by too few fixed steps: with more of them.
 
     **Arguments**
 
     - `result`, `config`: the first attempt.
     - `batched`, `shared`: what carries runs, and what all runs share.
-    - `config_for`: the configuration that the runs of these numbers call for.
+    - `config_for`: the configuration that the runs of these numbers call for; with `True`, that
+      with the exact part of their motion beside the steps.
     - `events`, `dense`: as in `simulate_batch`.
 
     **Returns** the result and its configuration."""
@@ -60,6 +63,12 @@ def repeat_systems(
         # The same method would fail once more.
         if type(other.method) is not type(config.method):
             result = again(result, rows, other, 1)
+            rows = _out_of_steps(result)
+    # Recorded steps are those of the rest alone then, and fit into no other record.
+    if rows.size and not dense:
+        other = config_for(rows, True)
+        if other.decoupled and not config.decoupled:
+            result = again(result, rows, other, 1)
     # Each number of fixed steps is a program of its own: one more, for the worst of the runs.
     error = error_of_too_few_steps(result, config)
     missed = np.flatnonzero(error)
@@ -73,15 +82,31 @@ def repeat_missions(
     result: MissionResult,
     batched: PyTree,
     shared: PyTree,
+    accuracy: Accuracy,
     configs: tuple[IntegrationConfig, ...],
+    configs_by: Callable[[Accuracy], tuple[IntegrationConfig, ...]],
     num_saved: int,
 ) -> MissionResult:
-    """The result with the missions repeated alone whose block ran out of steps."""
+    """The result with the missions repeated alone whose block ran out of steps, then with the exact
+    parts of their motion beside the steps.
+
+    **Arguments**
+
+    - `result`, `configs`: the first attempt.
+    - `batched`, `shared`, `num_saved`: what carries runs, what all runs share, and how many states
+      are saved.
+    - `accuracy`, `configs_by`: what the user asked for, and the configurations of an accuracy."""
+
+    def again(result: MissionResult, configs: tuple[IntegrationConfig, ...]) -> MissionResult:
+        alone = run_missions(_runs_at(batched, rows), shared, configs, num_saved, Blocks(1, None))
+        return _with_runs_at(result, rows, alone)
+
     rows = _out_of_steps(result)
-    if not rows.size or result.status.size == 1:
-        return result
-    alone = run_missions(_runs_at(batched, rows), shared, configs, num_saved, Blocks(1, None))
-    return _with_runs_at(result, rows, alone)
+    if rows.size and result.status.size > 1:
+        result = again(result, configs)
+        rows = _out_of_steps(result)
+    exactly = with_exact_parts(accuracy, configs, configs_by) if rows.size else None
+    return result if exactly is None else again(result, exactly)
 
 
 def _out_of_steps(result: RunResult | MissionResult) -> np.ndarray:

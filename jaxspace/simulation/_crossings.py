@@ -13,7 +13,6 @@ from ._batch_layout import local_blocks, split_batch
 from ._batch_runs import run_systems
 from ._blocks import jit_wide_vectors
 from ._checks import as_events, check_events
-from ._run_result import RunResult
 from ._runs import run_system
 from ._trajectory import Trajectory
 
@@ -39,7 +38,7 @@ def crossings(
 
     **Returns** `Crossings`: times, states, how many there are and whether they are all. In order
     of the run, differentiable in both modes with respect to all that the run depends on. Where the
-    search or the run failed, the numbers are NaN, and `status` says why.
+    search or the run failed, they are those before, and `status` says why.
 
     **Raises** `InputError` for a condition that is not one number for each run, and for a run that
     jumps in place on its way."""
@@ -64,8 +63,7 @@ def crossings(
         return _of_one_run(system, y0, ends, events, config)
     batched, shared, runs = split_batch(system, y0, ends, None, 1)
     blocks = local_blocks((batched, shared), runs)
-    result = run_systems(batched, shared, config, events, blocks, False)
-    return _with_status(result)
+    return run_systems(batched, shared, config, events, blocks, False).crossings[0]
 
 
 @jit_wide_vectors
@@ -76,9 +74,4 @@ def _of_one_run(
     events: tuple[Event, ...],
     config: IntegrationConfig,
 ) -> Crossings:
-    return _with_status(run_system(system, y0, ts, events, config, 0))
-
-
-def _with_status(result: RunResult) -> Crossings:
-    """The crossings, with the status of the run where that failed."""
-    return dataclasses.replace(result.crossings[0], status=result.status)
+    return run_system(system, y0, ts, events, config, 0).crossings[0]

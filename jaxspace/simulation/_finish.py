@@ -1,6 +1,7 @@
-"""From what a run leaves to its trajectory: repeated where its fixed steps proved too few, and loud
-where it failed."""
+"""From what a run leaves to its trajectory: repeated where its steps proved too few, and loud where
+it failed."""
 
+import dataclasses
 from collections.abc import Callable
 from typing import TypeVar
 
@@ -53,15 +54,27 @@ def mission_trajectory_of(
 def finish(
     run: Callable[..., RunResult],
     system: AbstractSystem,
-    accuracy: Accuracy,
     config: IntegrationConfig,
+    accuracy: Accuracy,
+    config_by: Callable[[Accuracy], IntegrationConfig],
     dense: bool,
     throw: bool,
 ) -> Trajectory:
-    """The trajectory of `run`, with more fixed steps where they proved too few, and
-    a failure raised."""
+    """The trajectory of `run`, once more where the first attempt failed for a reason that
+    repetition can cure, and a failure raised.
+
+    **Arguments**
+
+    - `run`, `system`, `dense`, `throw`: what runs, and as in `simulate`.
+    - `config`: of the first attempt.
+    - `accuracy`, `config_by`: what the user asked for, and the configuration of an accuracy."""
     result = run(config=config, dense=dense)
     if is_concrete(result.status):
+        if int(result.status) == Status.MAX_STEPS:
+            exactly = with_exact_parts(accuracy, (config,), lambda more: (config_by(more),))
+            if exactly is not None:
+                (config,) = exactly
+                result = run(config=config, dense=dense)
         error = error_of_too_few_steps(result, config)
         # Once only: what still misses the tolerance then says so in its status.
         if np.any(error):
@@ -78,6 +91,26 @@ def finish(
         return place_of_failure(int(trajectory.status), steps, float(trajectory.ts[0]), initial)
 
     return raise_failures(trajectory, where)
+
+
+def with_exact_parts(
+    accuracy: Accuracy,
+    configs: tuple[IntegrationConfig, ...],
+    configs_by: Callable[[Accuracy], tuple[IntegrationConfig, ...]],
+) -> tuple[IntegrationConfig, ...] | None:
+    """The configurations for another attempt after the steps ran out, in which the exact part of
+    the motion needs none; `None` where there is no such part, or the user has decided about it.
+
+    **Arguments**
+
+    - `accuracy`: what the user asked for.
+    - `configs`: of the first attempt, of each phase.
+    - `configs_by`: the configurations of an accuracy."""
+    if accuracy.decoupled is not None or accuracy.method != "auto":
+        return None
+    others = configs_by(dataclasses.replace(accuracy, decoupled=True))
+    pairs = zip(configs, others, strict=True)
+    return others if any(b.decoupled and not a.decoupled for a, b in pairs) else None
 
 
 def raise_failures(result: Result, where: Callable[[], str] | None = None) -> Result:

@@ -4,10 +4,11 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import PyTree
 
-from ..core import InputError, shape_of
+from ..core import InputError, Scalar, shape_of
 from ..integration._accuracy import Accuracy, state_dtype
 from ..integration._config import IntegrationConfig, resolve
 from ..integration._events import Event
+from ..integration._exact_part import with_exact_part
 from ._checks import check_structure, shapes_after
 from ._flight import AbstractFlight
 from ._mission import Mission, Phase
@@ -33,12 +34,22 @@ def resolve_phases(
         if isinstance(phase.system, AbstractFlight):
             configs.append(phase.system.config(y, accuracy))
         else:
-            configs.append(resolve(phase.system, y, accuracy))
+            # How fast the run turns at its start stands for later phases.
+            own = with_exact_part(accuracy, phase.system, y0, longest(phase.until))
+            configs.append(resolve(phase.system, y, own))
         # The jump meets the state as the phase leaves it, with the runs of its system.
         y = whole
         if phase.then is not None:
             y = shapes_after(phase.then, zero, y, f"Phase {phase.name!r}: then")
     return tuple(configs)
+
+
+def longest(until: Scalar | Event) -> Scalar:
+    """The longest time that a phase may take, s."""
+    if not isinstance(until, Event):
+        return until
+    assert until.within is not None
+    return until.within
 
 
 def check_until(phase: Phase, run_axes: int) -> None:

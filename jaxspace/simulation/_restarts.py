@@ -31,7 +31,8 @@ class Restarts(NamedTuple):
       state there, behind the last one.
     - `which`: the number of the event, -1 behind the last one; `rising`: the way of its condition.
     - `end`, `final`: the time at which the run ends, s, and the state there; `stopped_by`: the
-      number of the event that ended it, or -1.
+      number of the event that ended it, or -1. A run that failed ends with the last restart
+      before.
     - `counts`, `overflow`: of each event, how many restarts, and whether there was no room."""
 
     ts: Float[Array, "restarts *#runs"]
@@ -77,13 +78,16 @@ def restarts_between(
 
     def one(way: _Way, _: None) -> tuple[_Way, tuple]:
         # A run that has ended goes on with an interval of no length, as the others need the pass.
-        stopped = way.stopped_by >= 0
+        stopped = (way.stopped_by >= 0) | (way.status > Status.EVENT)
         last = jnp.where(stopped, way.t, t1)
         found = first_event(system, way.y, way.t, last, events, config, run_axes)
         result = integrate(system, way.y, way.t, found.time, None, config, run_axes)
         y = state_at(result.states, -1, run_axes)
         t, y = newton_correct(system, events, found.which, found.time, y)
-        hit = found.which >= 0
+        status = combine_status(way.status, combine_status(result.status, found.status))
+        # What an interval that failed has led to is no restart, and no end of the run.
+        good = status <= Status.EVENT
+        hit = (found.which >= 0) & good
         here = (numbers == found.which) & hit & (way.counts < room)
         goes_on = jnp.any(here, axis=0)
         after, rising = y, jnp.zeros(runs, bool)
@@ -94,9 +98,9 @@ def restarts_between(
             if event.then is not None:
                 moved = event.then(t, y)
                 after = jax.tree.map(lambda a, b, k=number: jnp.where(here[k], a, b), moved, after)
-        status = combine_status(way.status, combine_status(result.status, found.status))
         by = jnp.where(hit & ~goes_on, found.which, way.stopped_by)
         row = (t, y, after, jnp.where(goes_on, found.which, -1), rising, result.stats)
+        t, after = jax.tree.map(lambda a, b: jnp.where(good, a, b), (t, after), (way.t, way.y))
         return _Way(t, after, status, way.counts + here.astype(jnp.int32), by), row
 
     none = jnp.zeros((len(events), *runs), jnp.int32)
@@ -183,7 +187,7 @@ def _of_event(found: Restarts, number: int, capacity: int, run_axes: int) -> Cro
         rising & used,
         found.counts[number],
         found.overflow[number],
-        jnp.where(found.status == Status.COMPLETED, Status.COMPLETED, found.status),
+        found.status,
         jax.tree.map(leaf, after),
     )
 

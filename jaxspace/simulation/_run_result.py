@@ -1,5 +1,6 @@
 """What a run leaves, and NaN in it for what a failed one did not reach."""
 
+import dataclasses
 from typing import NamedTuple, TypeVar
 
 import equinox as eqx
@@ -24,9 +25,9 @@ WITHOUT_BOUND = (
     Status.SAMPLES_TOO_FEW,
     Status.COMMAND_NOT_FINITE,
 )
-# A bit for each of them: one shift in the program of every run, where comparisons with each would
-# be compiled in every first call.
-_BITS_WITHOUT_BOUND = sum(1 << status for status in WITHOUT_BOUND)
+# After which it is not known up to where the zeros of a condition are all of them: other searches
+# that failed know it.
+CROSSINGS_UNKNOWN = (Status.TOLERANCE_MISSED, Status.OUTSIDE_MODEL, Status.SAMPLES_TOO_FEW)
 
 
 class RunResult(NamedTuple):
@@ -63,18 +64,38 @@ def nan_unless(good: Array) -> Array:
     return jnp.where(good, 1.0, jnp.nan)
 
 
+def _among(status: Array, some: tuple[Status, ...]) -> Bool[Array, "..."]:
+    """Whether each status is one of these."""
+    # A bit for each of them: one shift in the program of every run, where comparisons with each
+    # would be compiled in every first call.
+    return ((sum(1 << s for s in some) >> status) & 1).astype(bool)
+
+
+def known_crossings(crossings: Crossings, status: Array) -> Crossings:
+    """The crossings of runs that ended with a `status`, search included: none, but NaN, where it is
+    not known up to where they are all of them."""
+    known = ~_among(status, CROSSINGS_UNKNOWN)
+    crossings = scaled(crossings, nan_unless(known))
+    count = jnp.where(known, crossings.count, 0)
+    return dataclasses.replace(
+        crossings,
+        count=count,
+        rising=crossings.rising & known,
+        overflow=crossings.overflow & known,
+        status=status,
+    )
+
+
 def reached(result: RunResult) -> RunResult:
     """The result with NaN for what a failed run did not reach within the tolerance.
 
-    All states after the first for a status of `WITHOUT_BOUND`, every state that is not finite in
-    one of its blocks, and all crossings of a run that failed."""
+    All states after the first for a status of `WITHOUT_BOUND`, and every state that is not finite
+    in one of its blocks. Crossings hold those before a failure alone already."""
     run_axes = result.status.ndim
     good = True
     for block in jax.tree.leaves(result.states):
         components = tuple(range(block.ndim - 1 - run_axes))
         good = good & jnp.all(jnp.isfinite(block), axis=components)
     first = jnp.arange(result.ts.shape[0]).reshape(-1, *(1,) * run_axes) == 0
-    unbounded = ((_BITS_WITHOUT_BOUND >> result.status) & 1).astype(bool)
-    good = good & (first | ~unbounded)
-    crossings = scaled(result.crossings, nan_unless(result.status <= Status.EVENT))
-    return result._replace(states=scaled(result.states, nan_unless(good)), crossings=crossings)
+    good = good & (first | ~_among(result.status, WITHOUT_BOUND))
+    return result._replace(states=scaled(result.states, nan_unless(good)))

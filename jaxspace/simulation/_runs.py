@@ -3,6 +3,8 @@
 `simulate` has no axis of runs; `simulate_batch` and the campaigns of `dispersion` have one.
 """
 
+import dataclasses
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -26,7 +28,7 @@ from ..integration._layout import (
 from ..integration._result import IntegrationResult
 from ..integration._status import Status, combine_status
 from ._restarts import collected, restarts_between, states_between
-from ._run_result import RunResult, reached
+from ._run_result import RunResult, known_crossings, nan_unless, reached, scaled
 
 
 def integrate_through_times(
@@ -160,7 +162,8 @@ def _with_crossings(
     status = result.status
     for event in events:
         crossings = crossings_between(system, event, times, states, config, run_axes)
-        found.append(crossings)
+        ended = combine_status(result.status, crossings.status)
+        found.append(known_crossings(crossings, ended))
         status = combine_status(status, crossings.status)
     return result._replace(status=status), tuple(found)
 
@@ -187,6 +190,13 @@ def _to_event(
     # Run again to the events alone: each run lands on its own, as accurate as its steps.
     if passed:
         result, crossings = _with_crossings(system, y0, ts, passed, config, run_axes, dense)
+        # Where the search for the end failed, the run might have ended there.
+        crossings = tuple(
+            dataclasses.replace(
+                each.until(asked[0], found.failed), status=combine_status(each.status, found.status)
+            )
+            for each in crossings
+        )
     else:
         result, crossings = _at_times(system, y0, ts, config, run_axes, dense), ()
     last = state_at(result.states, -1, run_axes)
@@ -289,6 +299,9 @@ def _with_restarts(
     ts = jnp.where(stopped, found.end, asked)
     states, status, stats = states_between(system, y0, ts, found, config, run_axes)
     states = _where_stopped(stopped, found.final, states, run_axes)
+    # Behind the last restart of a run that failed, another event may be.
+    known = (found.status <= Status.EVENT) | (sign * asked <= sign * found.end)
+    states = scaled(states, nan_unless(known))
     hit = (found.stopped_by >= 0) & (status == Status.COMPLETED)
     status = jnp.where(hit, Status.EVENT, status)
     numbers = jnp.arange(len(events), dtype=jnp.int32).reshape(-1, *(1,) * found.end.ndim)

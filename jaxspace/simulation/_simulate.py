@@ -7,7 +7,7 @@ import equinox as eqx
 import jax
 from jaxtyping import ArrayLike, Float, PyTree
 
-from ..core import AbstractSystem, InputError, Scalar
+from ..core import AbstractSystem, InputError, Scalar, is_concrete
 from ..integration._accuracy import (
     Accuracy,
     as_accuracy,
@@ -15,8 +15,9 @@ from ..integration._accuracy import (
     check_start,
     without_weak_types,
 )
-from ..integration._config import resolve
+from ..integration._config import IntegrationConfig, resolve
 from ..integration._events import Event
+from ..integration._exact_part import with_exact_part
 from ..integration._status import Status
 from ..integration._stiffness import InitialConditions
 from ._after_run import warn_after
@@ -32,7 +33,7 @@ from ._checks import (
     check_values,
 )
 from ._failures import nan_where_failed, place_of_failure
-from ._finish import finish, mission_trajectory_of, raise_failures
+from ._finish import finish, mission_trajectory_of, raise_failures, with_exact_parts
 from ._mission import Mission
 from ._mission_runs import run_mission
 from ._mission_trajectory import MissionTrajectory
@@ -91,10 +92,12 @@ def simulate(system: Any, y0: PyTree, *args: Any, **kwargs: Any) -> Any:
     - `throw`: whether to raise `SimulationError` for a failed run; otherwise read its `status`.
 
     **Returns** a `Trajectory`, or a `MissionTrajectory`. Differentiable, forwards and backwards,
-    with respect to every number in `system` and `y0`, and the times of the start and the end. Fixed
-    steps of a system that prove too few are repeated with up to eight times as many, outside of
-    `jit`. Mapped by `jax.vmap`, the runs go by the batch path of `simulate_batch`. Outside of `jit`
-    it warns of what the system finds in its run, as a path below the ground (`Scene.warning`).
+    with respect to every number in `system` and `y0`, and the times of the start and the end.
+    Outside of `jit`, fixed steps of a system that prove too few are repeated with up to eight times
+    as many, and a run whose steps run out once more with what turns by itself in closed form
+    (`Accuracy.decoupled`). Mapped by `jax.vmap`, the runs go by the batch path of `simulate_batch`.
+    Outside of `jit` it warns of what the system finds in its run, as a path below the ground
+    (`Scene.warning`).
 
     **Raises** `InputError`, before anything is compiled, for times that are not finite, ascending
     or descending, a tolerance that the precision cannot reach, a method that the system does not
@@ -134,13 +137,16 @@ def _simulate_system(
     # The level of the call of `simulate`, from here.
     warn_of_switches(system, events, y0, start, stacklevel=3)
     check_dense(dense, events)
+    given = as_accuracy(accuracy)
     starts = functools.partial(InitialConditions.of_one, system, y0, ts)
-    # Restarts are for mapped runs; where one that fails is an error for all, none needs to go on.
-    accuracy = as_accuracy(accuracy)
-    config = resolve(system, y0, accuracy, starts, restarts=not throw)
 
+    def config_by(accuracy: Accuracy) -> IntegrationConfig:
+        # Restarts are for mapped runs; where one that fails is an error for all, none goes on.
+        return resolve(system, y0, accuracy, starts, restarts=not throw)
+
+    config = config_by(with_exact_part(given, system, y0, ts[-1] - ts[0]))
     run = functools.partial(_run_system, system, y0, ts, events, run_axes=0)
-    trajectory = finish(run, system, accuracy, config, dense, throw)
+    trajectory = finish(run, system, config, given, config_by, dense, throw)
     warn_after(trajectory, stacklevel=3)
     return trajectory
 
@@ -161,10 +167,16 @@ def _simulate_mission(
     if t0.ndim != 0:
         raise InputError(f"t0 has the shape {t0.shape}: a mission starts at one time, in s.")
     check_num_saved(num_saved)
-    accuracy = as_accuracy(accuracy)
-    configs = resolve_phases(mission, y0, accuracy)
-    result = _failed_are_nan(run_mission(mission, y0, t0, num_saved, configs, 0))
-    trajectory = mission_trajectory_of(result, mission, accuracy, configs, 0)
+    given = as_accuracy(accuracy)
+    configs = resolve_phases(mission, y0, given)
+    result = run_mission(mission, y0, t0, num_saved, configs, 0)
+    if is_concrete(result.status) and int(result.status) == Status.MAX_STEPS:
+        exactly = with_exact_parts(given, configs, lambda more: resolve_phases(mission, y0, more))
+        if exactly is not None:
+            configs = exactly
+            result = run_mission(mission, y0, t0, num_saved, configs, 0)
+    result = _failed_are_nan(result)
+    trajectory = mission_trajectory_of(result, mission, given, configs, 0)
     warn_after(trajectory, stacklevel=3)
     return raise_failures(trajectory, lambda: _failed_phase(trajectory)) if throw else trajectory
 

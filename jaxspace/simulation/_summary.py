@@ -111,7 +111,8 @@ def _of_runs(status: Int[Array, "*runs"]) -> str:
 
 
 def _method(config: IntegrationConfig) -> str:
-    return "closed form" if isinstance(config.method, str) else type(config.method).__name__
+    how = "closed form" if isinstance(config.method, str) else type(config.method).__name__
+    return f"{how} beside a closed form" if config.decoupled else how
 
 
 def _counts(run: "Trajectory") -> tuple[str, str]:

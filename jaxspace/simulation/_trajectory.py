@@ -44,8 +44,10 @@ class Trajectory(eqx.Module):
       tolerance.
     - `system`, `accuracy`: what was run, and how accurately, as the caller gave it.
     - `config`: the method and the tolerances that followed from `accuracy`.
-    - `dense`: the steps of the run, where `dense=True` asked for them.
-    - `crossings`: of each event that is not terminal, every zero on the way, as `Crossings`.
+    - `dense`: the steps of the run, where `dense=True` asked for them; without what the run has
+      exactly beside them (`AbstractSystem.decoupled`).
+    - `crossings`: of each event that is not terminal, every zero on the way, as `Crossings`; of a
+      run that failed those before.
     - `control`: of a phase that is a closed loop: its `commands` and `readings`, with the shapes of
       the states, and the `memory` of the controller at the end; of any other run `None`."""
 
@@ -161,7 +163,10 @@ class Trajectory(eqx.Module):
             return jnp.take_along_axis(rows, where, axis=0)[0]
 
         y = jax.tree.map(pick, self.dense.states)
-        return take_step(self.system, y, pick(steps), t, self.config, self.run_axes)
+        decoupled = self.system.decoupled() if self.config.decoupled else None
+        system = self.system if decoupled is None else decoupled.rest
+        y = take_step(system, y, pick(steps), t, self.config, self.run_axes)
+        return y if decoupled is None else decoupled.joined(t - self.ts[0], self.initial, y)
 
     def along(self, function: Callable[[AbstractSystem, Scalar, State], PyTree]) -> PyTree:
         """`function(system, t, y)` of one time and one state, at every time of every run.

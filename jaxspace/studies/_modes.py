@@ -251,7 +251,7 @@ def equilibrium(system: AbstractSystem, y: State, t: Scalar = 0.0, steps: int = 
     **Returns** the state; its derivatives in the parameters are those of the equilibrium. One run;
     map it by `jax.vmap`."""
 
-    def newton(system: AbstractSystem, y: State) -> State:
+    def newton(system: AbstractSystem, y: State, repeated: int = 1) -> State:
         blocks = Blocks.of(system, y, t)
         zero = jnp.zeros(blocks.count, blocks.dtype)
 
@@ -261,15 +261,18 @@ def equilibrium(system: AbstractSystem, y: State, t: Scalar = 0.0, steps: int = 
 
         a = jacobian(field, zero)
         # Of the root alone the derivative matters: that of the matrix is multiplied by zero there.
-        step = jnp.linalg.pinv(jax.lax.stop_gradient(a)) @ field(zero)
-        return blocks.moved(-step)
+        inverse = jnp.linalg.pinv(jax.lax.stop_gradient(a))
+        x = zero
+        for _ in range(repeated):
+            x = x - inverse @ field(x)
+        return blocks.moved(x)
 
     arrays, static = eqx.partition(system, eqx.is_array)
     fixed = eqx.combine(jax.lax.stop_gradient(arrays), static)
     found = jax.lax.fori_loop(0, steps, lambda _, y: newton(fixed, y), jax.lax.stop_gradient(y))
-    # One more step, the only one that is differentiated: about the root it gives the derivatives of
-    # the implicit function theorem.
-    return newton(system, jax.lax.stop_gradient(found))
+    # Two more steps, the only ones that are differentiated: about the root the first one gives the
+    # derivatives of the implicit function theorem, and the second one those of second order.
+    return newton(system, jax.lax.stop_gradient(found), 2)
 
 
 def _runs_first(x: Array) -> Array:

@@ -1,0 +1,54 @@
+"""Whether the runs of a campaign have a part of their motion that is exact by itself, and whether
+it turns so fast that steps would run out (`Accuracy.decoupled`).
+
+The runs are traced, so that no run can decide for itself: the nominal one decides for all."""
+
+import dataclasses
+from typing import Any
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from ..core import is_traced
+from ..integration import Accuracy
+from ..integration._exact_part import takes_many_steps
+from ..simulation._flight import AbstractFlight
+from ..simulation._phases import longest
+from ._outputs import QUICK
+
+
+def _turns(campaign: Any) -> list[Array]:
+    """Of each phase that has an exact part through how many radians it turns in the nominal run."""
+    mission, y0 = campaign.mission(campaign.nominal())
+    found = []
+    for phase in mission.phases:
+        flight = isinstance(phase.system, AbstractFlight)
+        decoupled = None if flight else phase.system.decoupled()
+        if decoupled is not None:
+            found.append(jnp.max(decoupled.turns(longest(phase.until), y0)))
+    return found
+
+
+# The compiler leaves out of the mission what the turns do not depend on.
+_turns_compiled = eqx.filter_jit(_turns, **QUICK)
+
+
+def has_exact_part(campaign: Any, accuracy: Accuracy) -> bool:
+    """Whether an accuracy leaves open how an exact part is computed, and the campaign has one."""
+    if accuracy.decoupled is not None or accuracy.method != "auto":
+        return False
+    return bool(eqx.filter_eval_shape(_turns, campaign))
+
+
+def with_exact_parts(campaign: Any, accuracy: Accuracy) -> Accuracy:
+    """The accuracy with its `decoupled` set where the nominal run turns fast.
+
+    Left open where it does not, and where the numbers of the campaign are not known."""
+    if is_traced(campaign) or not has_exact_part(campaign, accuracy):
+        return accuracy
+    turns = max(float(np.asarray(x)) for x in _turns_compiled(campaign))
+    if not takes_many_steps(turns, accuracy):
+        return accuracy
+    return dataclasses.replace(accuracy, decoupled=True)
