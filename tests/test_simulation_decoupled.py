@@ -143,9 +143,9 @@ def test_fast_turns_are_exact_by_themselves():
     """Of a hand that turns through 1e5 radians. A slow one is stepped."""
     ts = jnp.array([0.0, 4.0])
     run = simulate(FAST, start(), ts, accuracy=LOOSE)
-    assert run.accuracy.decoupled and run.stats["steps"] < 100
+    assert run.config.decoupled and run.stats["steps"] < 100
     np.testing.assert_allclose(run.final.hand[1], exact(0.5, 2.5e4, 4.0)[1], atol=1e-10)
-    assert not simulate(system(), start(), ts, accuracy=LOOSE).accuracy.decoupled
+    assert not simulate(system(), start(), ts, accuracy=LOOSE).config.decoupled
     # An exact part that is no number marks its run, where the rest has its end.
     lost = Pair(start().slow, jnp.array([jnp.nan, 0.0]))
     starts = jax.tree.map(lambda *x: jnp.stack(x, axis=-1), start(), lost)
@@ -192,7 +192,7 @@ def test_steps_that_run_out_are_no_end_where_turns_need_none():
     out."""
     ts = jnp.array([0.0, 4.0])
     run = simulate(QUIET, start(), ts, accuracy=FEW)
-    assert run.accuracy.decoupled and run.status == Status.COMPLETED
+    assert run.config.decoupled and run.status == Status.COMPLETED
     starts = jax.tree.map(lambda x: jnp.stack([x, x], axis=-1), start())
     batch = simulate_batch(QUIET, starts, ts, accuracy=FEW)
     mission = simulate(Mission([Phase(QUIET, 4.0)]), start(), accuracy=FEW)
