@@ -17,7 +17,7 @@ rate of the condition along the motion, where the condition is nearly zero:
 """
 
 from collections.abc import Callable
-from typing import Protocol, final
+from typing import Protocol, final, runtime_checkable
 
 import equinox as eqx
 import jax
@@ -36,6 +36,8 @@ from ..core import (
 )
 
 
+# Checked where annotations are.
+@runtime_checkable
 class HasVectorField(Protocol):
     """What an event has to know of a system."""
 

@@ -18,11 +18,14 @@ class AbstractDenseOutput(diffrax.AbstractLocalInterpolation):
     t1: AbstractVar[Float[Array, ""]]
 
     @abstractmethod
-    def state(self, t: Float[Array, ""]) -> State:
-        """The state at the time `t` within the step."""
+    def state(self, t: Float[Array, "*#runs"]) -> State:
+        """The state at the time `t` within the step; of each run at a time of its own."""
 
     def evaluate(
-        self, t0: Float[Array, ""], t1: Float[Array, ""] | None = None, left: bool = True
+        self,
+        t0: Float[Array, "*#runs"],
+        t1: Float[Array, "*#runs"] | None = None,
+        left: bool = True,
     ) -> State:
         """The state at `t0`, or its change from `t0` to `t1`."""
         del left
@@ -30,7 +33,7 @@ class AbstractDenseOutput(diffrax.AbstractLocalInterpolation):
             return self.state(t0)
         return jax.tree.map(jnp.subtract, self.state(t1), self.state(t0))
 
-    def fraction(self, t: Float[Array, ""]) -> Float[Array, ""]:
+    def fraction(self, t: Float[Array, "*#runs"]) -> Float[Array, "*#runs"]:
         """How much of the step lies before `t`."""
         h = self.t1 - self.t0
         # Evaluated for a step of no length too, although nothing reads the result.

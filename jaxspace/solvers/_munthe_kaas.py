@@ -77,7 +77,7 @@ class _MovedOutput(AbstractDenseOutput):
     y0: State
     inner: diffrax.AbstractLocalInterpolation
 
-    def state(self, t: Float[Array, ""]) -> State:
+    def state(self, t: Float[Array, "*#runs"]) -> State:
         return _moved(self.y0, self.inner.evaluate(t))
 
 

@@ -52,7 +52,7 @@ POSITION_ERROR = _difference(tableau.RKN1210_POSITION, tableau.RKN1210_POSITION_
 VELOCITY_ERROR = _difference(tableau.RKN1210_VELOCITY, tableau.RKN1210_VELOCITY_10)
 
 
-def _hermite(x: Float[Array, ""]) -> Float[Array, " coefficients"]:
+def _hermite(x: Float[Array, "*#runs"]) -> Float[Array, "coefficients *#runs"]:
     """H_ik at x, without H_00 and H_01."""
     found = []
     for i, node in enumerate(NODES):
@@ -82,7 +82,7 @@ class _HermiteOutput(AbstractDenseOutput):
     q: Float[Array, "coefficients ..."]
     travel: Vectors
 
-    def state(self, t: Float[Array, ""]) -> State:
+    def state(self, t: Float[Array, "*#runs"]) -> State:
         x = self.fraction(t).astype(self.q.dtype)
         weights, slopes = jax.jvp(_hermite, (x,), (jnp.ones_like(x),))
         q, dq_dx = (weighted_rows(row, self.q) for row in (weights, slopes))

@@ -150,7 +150,7 @@ class _NestedProducts(AbstractDenseOutput):
     y0: State
     coefficients: list[State] | State | None
 
-    def state(self, t: Float[Array, ""]) -> State:
+    def state(self, t: Float[Array, "*#runs"]) -> State:
         assert self.coefficients is not None, "the step keeps nothing for states within it"
         x = self.fraction(t)
 
@@ -181,7 +181,7 @@ class _WeightedStages(AbstractDenseOutput):
     y0: State
     ks: list[State] | State
 
-    def state(self, t: Float[Array, ""]) -> State:
+    def state(self, t: Float[Array, "*#runs"]) -> State:
         x = self.fraction(t)
         h = self.t1 - self.t0
         weights = [h * x * (a + x * (b + x * (c + x * d))) for a, b, c, d in tableau.TSIT5_DENSE]

@@ -61,7 +61,7 @@ class _InterpolatedAccelerations(AbstractDenseOutput):
     dt_ds: Vectors
     integrals: Float[Array, "2 powers k"]
 
-    def state(self, t: Float[Array, ""]) -> State:
+    def state(self, t: Float[Array, "*#runs"]) -> State:
         steps = self.record.r.shape[0]
         k = self.integrals.shape[2]
         h = (self.t1 - self.t0) / steps
