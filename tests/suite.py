@@ -21,7 +21,7 @@ PROGRAMS = Path(__file__).resolve().parents[1] / ".programs"
 SAMPLE = 5
 
 # A test that takes more processor time than this, in seconds, leaves the quick part.
-MOST_SECONDS = 0.8
+MOST_SECONDS = 0.6
 # All cases of a test that is named without one.
 BASIC_TESTS = tuple(test for tests in BASICS.values() for test in tests.values())
 
