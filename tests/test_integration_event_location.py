@@ -152,6 +152,30 @@ def test_every_run_of_a_batch_ends_at_its_own_event():
         )
 
 
+def test_a_run_that_is_lost_says_so_while_others_end_at_their_events():
+    """The block ends with the last event, before the end of the time."""
+
+    class Lost(AbstractSystem):
+        """A ball whose gravity is no number below this height."""
+
+        floor: Float[Array, "*#runs"]
+
+        def vector_field(self, t, y):
+            g = jnp.where(y.position[2] < self.floor, jnp.nan, G)
+            return BodyState(y.velocity, 0.0 * y.velocity + g * downwards(y))
+
+        def invariants(self, t, y):
+            return {}
+
+    system = Lost(jnp.array([-1e3, 5.0, -1e3]))
+    ends = simulate_batch(Mission(Phase(system, GROUND)), ball(jnp.full(3, 10.0)))
+    assert ends.status.tolist() == [Status.EVENT, Status.NOT_FINITE, Status.EVENT]
+    fall = np.sqrt(20.0 / G)
+    np.testing.assert_allclose(ends.end[jnp.array([0, 2])], fall, rtol=1e-9)
+    alone = simulate(Mission(Phase(Lost(5.0), GROUND)), ball(), throw=False)
+    assert alone.status == Status.NOT_FINITE and np.all(np.isnan(alone.final.position))
+
+
 @pytest.mark.parametrize("gap", [1e-2, 1e-4, 1e-7])
 def test_two_zeros_in_one_step_are_not_stepped_over(gap):
     """A ball that rises above a height by little, in a step that is as long as the flight."""

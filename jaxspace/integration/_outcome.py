@@ -35,6 +35,10 @@ def outcome_of(loop: LoopState, settings: LoopSettings) -> Outcome:
     """That of runs with common steps."""
     location = loop.location
     finished = loop.t >= settings.end
+    short = ~finished
+    if location is not None:
+        # Neither a run that waits at its event nor one that is lost needs more steps.
+        short = short & ~location.waiting & settings.tolerance.alive(loop.y)
     if loop.saved is None:
         # The state that was reached belongs to another time if the steps ran out.
         y = jax.tree.map(lambda x: jnp.where(finished, x, jnp.nan), loop.y)
@@ -49,8 +53,7 @@ def outcome_of(loop: LoopState, settings: LoopSettings) -> Outcome:
     return Outcome(
         states,
         loop.solver_state[1],
-        # A run that waits at its event needs no more steps.
-        loop.left_out | ~finished & (True if location is None else ~location.waiting),
+        loop.left_out | short,
         loop.num_accepted,
         loop.num_rejected,
         ends,
