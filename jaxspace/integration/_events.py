@@ -148,7 +148,12 @@ class _Field(eqx.Module):
     """A vector field whose arrays are all leaves, those that its functions close over included: a
     rule for derivatives sees no others."""
 
-    vector_field: Callable[[Scalar, State], State]
+    rate: Callable[[Scalar, State], State]
+
+    def vector_field(self, t: Scalar, y: State) -> State:
+        """dy/dt."""
+        # What is constant in it has become a number of NumPy.
+        return jax.tree.map(jnp.asarray, self.rate(t, y))
 
 
 def newton_correct(

@@ -93,7 +93,7 @@ def check_values(system: AbstractSystem, ts: Array, y0: PyTree) -> None:
     own = type(system).check_values is not AbstractSystem.check_values
     if own and not is_traced((system, ts, y0)):
         # Chosen by NumPy: JAX would compile the choice of one element.
-        system.check_values(np.asarray(ts)[0], y0)
+        system.check_values(jnp.asarray(np.asarray(ts)[0]), y0)
 
 
 def shapes_after(
