@@ -119,7 +119,8 @@ def perturbed(mu, force):
 def test_a_second_call_traces_nothing(batch):
     """A system of the same make with other numbers is no new one."""
     force = Force()
-    y0, ts = BodyState(jnp.array([1.0, 0.0, 0.0]), jnp.array([0.0, 1.1, 0.0])), [0.0, 10.0]
+    y0 = BodyState(jnp.array([1.0, 0.0, 0.0]), jnp.array([0.0, 1.1, 0.0]))
+    ts = jnp.array([0.0, 10.0])
     if batch:
         y0 = jax.tree.map(lambda x: jnp.broadcast_to(x[:, None], (3, 2)), y0)
     run = simulate_batch if batch else simulate

@@ -113,7 +113,7 @@ def simulate_batch(systems: Any, y0s: State, *args: Any, **kwargs: Any) -> Any:
 def _batch_of_systems(
     systems: AbstractSystem,
     y0s: State,
-    ts: Float[ArrayLike, "times *#runs"],
+    ts: Any,
     *,
     accuracy: Accuracy | Scalar | None = None,
     events: tuple[Event, ...] = (),
@@ -152,7 +152,7 @@ def _batch_of_systems(
 def _batch_of_missions(
     missions: Mission,
     y0s: State,
-    t0: Float[ArrayLike, "*runs"] = 0.0,
+    t0: Any = 0.0,
     *,
     accuracy: Accuracy | Scalar | None = None,
     num_saved: int = 2,

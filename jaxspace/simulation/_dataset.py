@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 Variable: TypeAlias = tuple[str | tuple[str, ...], np.ndarray, dict[str, str]]
 
 
-def blocks_of(states: State) -> Iterator[tuple[str, str, Any]]:
+def blocks_of(states: PyTree) -> Iterator[tuple[str, str, Any]]:
     """Name, declared unit (empty without one) and array of each block of a state, in order."""
     for path, leaf in jax.tree_util.tree_flatten_with_path(states)[0]:
         yield _name(path), _unit(states, path), leaf

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import jax
 import numpy as np
 from jax.core import Tracer
-from jaxtyping import Array, ArrayLike, Int
+from jaxtyping import Array, ArrayLike, Int, PyTree
 
 from ..core import State, aligned, html_table, is_concrete
 from ..integration._config import IntegrationConfig
@@ -135,7 +135,7 @@ def _number(x: Any) -> str:
     return f"{x}" if np.issubdtype(type(x), np.integer) else f"{float(x):.6g}"
 
 
-def _state_table(shaped: State, states: Sequence[State] = (), run_axes: int = 0) -> list[Row]:
+def _state_table(shaped: PyTree, states: Sequence[State] = (), run_axes: int = 0) -> list[Row]:
     """A line for each block: its name, unit and shape, and its numbers in each of the `states`.
 
     Of runs, the least and the greatest of each component."""
