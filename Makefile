@@ -38,8 +38,8 @@ types: $(VENV)/.test  ## static types
 docs: $(VENV)/.test  ## the manual, in site/; a broken link or name is an error
 	@$(BIN)/mkdocs build --quiet --strict
 
-unit: $(VENV)/.test  ## the tests that take little
-	@$(PYTEST) --part quick
+unit: $(VENV)/.test  ## the tests that take little, with shapes and types checked
+	@$(PYTEST) $(CHECKED) --part quick
 
 quick: $(VENV)/.test  ## those of one package: make quick PACKAGE=orbits
 	@$(PYTEST) --part quick tests/test_$(PACKAGE)*.py
@@ -47,9 +47,8 @@ quick: $(VENV)/.test  ## those of one package: make quick PACKAGE=orbits
 test-all: lint types docs  ## every test, with shapes and types checked; of a long sweep a fixed sample
 	@$(PYTEST) $(CHECKED) --no-programs
 
-beyond: $(VENV)/.test  ## what `test-all` has beyond `test`: the other tests, and all shapes and types
+beyond: $(VENV)/.test  ## what `test-all` has beyond `test`: the other tests
 	@$(PYTEST) $(CHECKED) --part rest
-	@$(PYTEST) $(CHECKED) --part quick
 
 faults: $(VENV)/.test  ## kills, signals, full disks and lost workers, three times over
 	@for k in 1 2 3; do $(BIN)/python -m pytest --quiet --sweep all tests/test_campaigns.py tests/test_campaign_faults.py tests/test_campaign_clusters.py || exit 1; done

@@ -1,7 +1,6 @@
 """Prints the sum of the tests of a log, as "N passed, N failed, N skipped".
 
-The log has the closing lines of up to three calls of pytest: the quick tests, the others, and the
-quick ones again with shapes and types checked, of which only the failures count.
+The log has the closing lines of two calls of pytest: the quick tests and the others.
 """
 
 import re
@@ -14,9 +13,7 @@ KEYS = {"passed": "passed", "failed": "failed", "error": "failed", "errors": "fa
 lines = Path(sys.argv[1]).read_text(errors="replace").splitlines()
 counts = {"passed": 0, "failed": 0, "skipped": 0}
 closings = [found.group(1) for found in map(CLOSING.fullmatch, lines) if found]
-for number, closing in enumerate(closings):
+for closing in closings:
     for count, word in re.findall(r"(\d+) (passed|failed|errors?|skipped)", closing):
-        key = KEYS.get(word, word)
-        if number < 2 or key == "failed":
-            counts[key] += int(count)
+        counts[KEYS.get(word, word)] += int(count)
 print(", ".join(f"{count} {word}" for word, count in counts.items()))
