@@ -265,7 +265,10 @@ def _first_zero(
     size: Scalar,
     span: tuple[Scalar, Scalar],
 ) -> Zero:
-    """The first zero of an event between the `nodes` of a step, as of `first_zero`."""
+    """The first zero of an event between the `nodes` of a step, all in normalised time.
+
+    `rounding` and `size` are of the condition, so far; `span` the start and duration of the run,
+    s."""
     event, runs = along.event, along.runs
     g, slopes = jax.vmap(along.slope)(nodes)
     slopes = slopes[:: nodes.shape[0] - 1]

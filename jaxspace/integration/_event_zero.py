@@ -23,7 +23,8 @@ APART = 256.0
 
 class Zero(NamedTuple):
     """The first zero of one event: its time, whether it happens, and the size of the condition; how
-    the search failed, and how long after the start, s (infinite where it did not)."""
+    the search failed, and when (infinite where it did not): of a run in s after its start, of a
+    step in normalised time, as its `time`."""
 
     time: Scalar
     hit: Bool[Array, "*runs"]

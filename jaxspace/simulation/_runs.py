@@ -4,6 +4,7 @@
 """
 
 import dataclasses
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -127,7 +128,7 @@ def run_system(
     if run_axes:
         y0 = broadcast_state(system, ts[0], y0)
     runs = runs_of(y0, run_axes)
-    asked = jnp.broadcast_to(_with_runs(ts, runs), (ts.shape[0], *runs))
+    asked = _of_each_run(ts, runs)
     events = closures_of_events(events, asked[0], y0)
     if any(event.then is not None for event in events):
         return reached(_with_restarts(system, y0, asked, events, config, run_axes))
@@ -234,7 +235,7 @@ def straight_to_event(
 
     - `ts`: save times, s, (times,); or start and end of each run, (2, *runs)."""
     runs = runs_of(y0, run_axes)
-    asked = jnp.broadcast_to(_with_runs(ts, runs), (ts.shape[0], *runs))
+    asked = _of_each_run(ts, runs)
     ends_alone = ts.shape[0] == 2
     fractions = None if ends_alone else safe_divide(ts - ts[0], ts[-1] - ts[0])
     result = integrate(system, y0, ts[0], ts[-1], fractions, config, run_axes, until=events)
@@ -269,16 +270,9 @@ def straight_to_event(
 
 @straight_to_event.def_jvp
 def _straight_to_event_jvp(primals: tuple, tangents: tuple) -> tuple[RunResult, RunResult]:
-    def twice(
-        system: AbstractSystem,
-        y0: State,
-        ts: Array,
-        events: tuple[Event, ...],
-        config: IntegrationConfig,
-        run_axes: int,
-    ) -> RunResult:
-        runs = runs_of(y0, run_axes)
-        asked = jnp.broadcast_to(_with_runs(ts, runs), (ts.shape[0], *runs))
+    def twice(system: AbstractSystem, y0: State, ts: Array, *rest: Any) -> RunResult:
+        events, config, run_axes = rest
+        asked = _of_each_run(ts, runs_of(y0, run_axes))
         return _to_event(system, y0, asked, events, config, run_axes, False)
 
     return eqx.filter_jvp(twice, primals, tangents)
@@ -319,6 +313,11 @@ def _where_stopped(stopped: Array, y: State, states: State, run_axes: int) -> St
         return jnp.where(flags, jnp.expand_dims(x, x.ndim - run_axes), xs)
 
     return jax.tree.map(leaf, states, y)
+
+
+def _of_each_run(ts: Array, runs: tuple[int, ...]) -> Array:
+    """The times of each run, (times, *runs)."""
+    return jnp.broadcast_to(_with_runs(ts, runs), (ts.shape[0], *runs))
 
 
 def _with_runs(ts: Array, runs: tuple[int, ...]) -> Array:
