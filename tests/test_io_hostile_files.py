@@ -6,7 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from jaxspace.io import SceneError, _load, _named_files, load
+from jaxspace.core import _text_file
+from jaxspace.io import SceneError, _load, load
 
 SCENES = Path(__file__).resolve().parents[1] / "examples" / "scenes"
 TOP = (SCENES / "top.toml").read_text()
@@ -74,7 +75,7 @@ def test_files_without_end_are_not_read(tmp_path, monkeypatch):
     for name in ("/dev/zero", "pipe"):
         assert "it is no regular file" in refusal(scene, DRIFT.replace("NAMED", name))
     named.write_text("1.0\n" * 100)
-    monkeypatch.setattr(_named_files, "LARGEST", 100)
+    monkeypatch.setattr(_text_file, "LARGEST", 100)
     assert "at most 0 MB are read" in refusal(scene, DRIFT.replace("NAMED", named.name))
     monkeypatch.setattr(_load, "LONGEST", 1000)
     with pytest.raises(SceneError, match="longer than 1,000 characters"):

@@ -82,6 +82,7 @@ from ._tables import breaks_of as breaks_of
 from ._tables import polygon as polygon
 from ._text import aligned as aligned
 from ._text import html_table as html_table
+from ._text_file import read_text as read_text
 from ._tracing import count_operations as count_operations
 from ._tracing import depending_on as depending_on
 from ._tracing import is_traced as is_traced
