@@ -20,8 +20,9 @@ def read_text(path: str | os.PathLike[str]) -> str:
 
     **Raises** `InputError` with the path of a file that cannot be read.
     """
-    if not isinstance(path, str | Path) and hasattr(path, "read_text"):
-        return path.read_text()
+    known = None if isinstance(path, str | Path) else getattr(path, "read_text", None)
+    if known is not None:
+        return known()
     try:
         # A name with a zero byte is a `ValueError`.
         found = Path(path).stat()

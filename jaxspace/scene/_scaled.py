@@ -7,7 +7,7 @@ import jax
 from jaxtyping import Array, Float
 
 from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
-from ..core import Scalar, State, quantity
+from ..core import Flag, Scalar, State, quantity
 
 
 def scaled(effect: AbstractEffect, factor: Scalar) -> AbstractEffect:
@@ -56,3 +56,6 @@ class Scaled(AbstractEffect):
 
     def breaks(self) -> Float[Array, "times *#runs"] | None:
         return self.effect.breaks()
+
+    def outside(self, t: Scalar, y: BodyState, body: AbstractBody) -> Flag | None:
+        return self.effect.outside(t, y, body)

@@ -1,5 +1,7 @@
 """Rockets in air: one vehicle, flown as a point or as a body, from its rail or its pad."""
 
+from ._aerodynamic_table import AerodynamicTable as AerodynamicTable
+from ._aerodynamic_table import read_aerodynamics as read_aerodynamics
 from ._aerodynamics import Aerodynamics as Aerodynamics
 from ._air_drag import AirDrag as AirDrag
 from ._air_drag import Parachute as Parachute
@@ -20,4 +22,5 @@ from ._rail import Rail as Rail
 from ._sounding_flight import LaunchSite as LaunchSite
 from ._sounding_flight import Recovery as Recovery
 from ._sounding_flight import sounding_flight as sounding_flight
+from ._tabulated_aerodynamics import TabulatedAerodynamics as TabulatedAerodynamics
 from ._vehicle import Vehicle as Vehicle
