@@ -95,7 +95,8 @@ def taken(values: Float[Array, "points numbers *#runs"], at: Int[Array, "..."]) 
     if values.ndim == 2 or values.size == values.shape[0] * values.shape[1]:
         rows = values.reshape(values.shape[:2])[at]
         return jnp.moveaxis(rows, -1, 0)
-    values = with_rank(values, at.ndim, axes=2)
+    rank = max(at.ndim, values.ndim - 2)
+    values, at = with_rank(values, rank, axes=2), with_rank(at, rank, axes=0)
     return jnp.take_along_axis(values, at[None, None], axis=0)[0]
 
 
@@ -114,6 +115,14 @@ def with_slopes(x: Known, y: Known) -> Array:
     xp = np if is_concrete(x) and is_concrete(y) else jnp
     x = x[:, None] if x.ndim > 1 else x
     return jnp.asarray(xp.concatenate([y, monotone_slopes(x, y)], axis=1))
+
+
+def stacked(x: Array, *values: Array) -> Array:
+    """`with_slopes` of several functions at the nodes `x`, each (nodes, *runs)."""
+    rank = max(v.ndim for v in (x, *values)) - 1
+    columns = jnp.broadcast_arrays(*(with_rank(v, rank) for v in values))
+    xp = np if all(is_concrete(v) for v in values) else jnp
+    return with_slopes(x, xp.stack(columns, axis=1))
 
 
 def product(
