@@ -23,8 +23,8 @@ from ._local_air import Wind as Wind
 from ._measured_air import MeasuredAtmosphere as MeasuredAtmosphere
 from ._measured_air import MeasuredWind as MeasuredWind
 from ._rail import Rail as Rail
-from ._sounding_file import Sounding as Sounding
-from ._sounding_file import read_sounding as read_sounding
+from ._sounding import Sounding as Sounding
+from ._sounding import read_sounding as read_sounding
 from ._sounding_flight import LaunchSite as LaunchSite
 from ._sounding_flight import Recovery as Recovery
 from ._sounding_flight import sounding_flight as sounding_flight

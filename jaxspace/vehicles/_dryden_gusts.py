@@ -46,6 +46,7 @@ from ..core import (
     Choice,
     InputError,
     Scalar,
+    argument,
     as_float,
     check,
     constructor,
@@ -132,7 +133,10 @@ def _nodes(top: float, per_length: float) -> tuple[np.ndarray, np.ndarray, np.nd
 class DrydenGusts(AbstractParameters):
     """Turbulence by MIL-F-8785C, a field for each `seed`: `LocalAir(gusts=DrydenGusts(...))`.
 
-    Above `top` and below the ground the field stays as it is there."""
+    - `top`: to which height above the ground, m; above it and below the ground the field stays.
+    - `per_length`: nodes for each length L.
+
+    Raises `InputError` for a number outside of its range."""
 
     seed: Float[Array, "*#runs"] = quantity(
         "", doc="any number: another one gives another field, and a campaign one for each run"
@@ -145,12 +149,9 @@ class DrydenGusts(AbstractParameters):
         non_negative=True,
         doc="root mean squares at the heights of the standard's figure 7, from 500 to 80000 ft",
     )
-    top: Float[Array, "*#runs"] = quantity(
-        "m", positive=True, fixed=True, default=12e3, doc="to which height above the ground"
-    )
-    per_length: Float[Array, "*#runs"] = quantity(
-        "", low=2.0, high=256.0, fixed=True, default=16.0, doc="nodes for each length L"
-    )
+    # Static: they set how many nodes there are, and where.
+    top: float = eqx.field(static=True, default=12e3)
+    per_length: float = eqx.field(static=True, default=16.0)
     heights: Float[Array, "nodes *#runs"] = eqx.field(default=None)
     data: Float[Array, "nodes 6 *#runs"] = eqx.field(default=None)
 
@@ -159,14 +160,16 @@ class DrydenGusts(AbstractParameters):
         seed: Scalar,
         wind_20_feet: Scalar,
         rms_aloft: Any,
-        top: Scalar = 12e3,
-        per_length: Scalar = 16.0,
+        top: float = 12e3,
+        per_length: float = 16.0,
     ):
         self.seed, self.wind_20_feet = as_float(seed), as_float(wind_20_feet)
         self.rms_aloft = as_float(rms_aloft)
-        self.top, self.per_length = as_float(top), as_float(per_length)
-        check(float(top) > 0.0, "DrydenGusts.top", top, "positive and finite")
-        heights, horizontal, vertical = _nodes(float(top), float(per_length))
+        self.top, self.per_length = float(top), float(per_length)
+        check(0.0 < self.top < np.inf, "DrydenGusts.top", top, "positive and finite, in m")
+        few = 2.0 <= self.per_length <= 256.0
+        check(few, "DrydenGusts.per_length", per_length, "from 2 to 256 nodes")
+        heights, horizontal, vertical = _nodes(self.top, self.per_length)
         z = normal_numbers(self.seed, (heights.size, 5))
         strong = dryden_intensities(heights, self.wind_20_feet, self.rms_aloft)
         rank = max(z.ndim - 2, strong[0].ndim - 1)
@@ -182,18 +185,26 @@ class DrydenGusts(AbstractParameters):
     @constructor(
         sets=("wind_20_feet", "rms_aloft"),
         severity=Choice(tuple(RMS), doc="of the turbulence, by the standard"),
+        top=argument(
+            "m", positive=True, fixed=True, default=12e3, doc="to which height above the ground"
+        ),
+        per_length=argument(
+            "", low=2.0, high=256.0, fixed=True, default=16.0, doc="nodes for each length L"
+        ),
     )
-    def of_severity(cls, severity: str, seed: Scalar, **fields: Scalar) -> "DrydenGusts":
+    def of_severity(
+        cls, severity: str, seed: Scalar, top: float = 12e3, per_length: float = 16.0
+    ) -> "DrydenGusts":
         """Light, moderate or severe turbulence: exceeded with the probability 1e-2, 1e-3 or 1e-5,
         with a mean wind of 15, 30 or 45 knots near the ground.
 
         **Arguments**
 
         - `severity`: "light", "moderate" or "severe"; `seed`: of the field.
-        - `fields`: `top` and `per_length`."""
+        - `top`, `per_length`: as the fields."""
         if severity not in RMS:
             raise InputError(f"severity is {severity!r}: it must be one of {', '.join(RMS)}.")
-        return cls(seed, WINDS[severity], FOOT * np.array(RMS[severity]), **fields)
+        return cls(seed, WINDS[severity], FOOT * np.array(RMS[severity]), top, per_length)
 
     def at(self, above: Scalar) -> tuple[Scalar, Scalar, Scalar]:
         """The gust to the east, to the north and upwards, m/s, `above` the ground, m."""

@@ -28,6 +28,7 @@ from ..bodies import AbstractAtmosphere, Air, dry_air, isothermal_ratio
 from ..core import FileName, Scalar, as_float, constructor, quantity
 from ._hermite import cubic, interval, stacked
 from ._local_air import AbstractWind, check_nodes
+from ._sounding_file import read_sounding_file
 
 SOUNDING = FileName("of a sounding: text or CSV of the University of Wyoming, or CSV")
 
@@ -65,11 +66,7 @@ class MeasuredAtmosphere(AbstractAtmosphere):
         cls, sounding: str | os.PathLike[str], density_factor: Scalar = 1.0
     ) -> "MeasuredAtmosphere":
         """The air of the sounding in a file; see `read_sounding`."""
-        # The reader makes this class.
-        from ._sounding_file import read_sounding
-
-        made = read_sounding(sounding).atmosphere()
-        return cls(made.heights, made.pressure, made.temperature, density_factor)
+        return cls(*read_sounding_file(sounding).air_levels(), density_factor)
 
     def density_at(self, height: Scalar) -> Scalar:
         return self.air_at(height).density
@@ -107,10 +104,7 @@ class MeasuredWind(AbstractWind):
     @constructor(sets=("heights", "east", "north"), sounding=SOUNDING)
     def of_sounding(cls, sounding: str | os.PathLike[str]) -> "MeasuredWind":
         """The wind of the sounding in a file; see `read_sounding`."""
-        # The reader makes this class.
-        from ._sounding_file import read_sounding
-
-        return read_sounding(sounding).wind()
+        return cls(*read_sounding_file(sounding).wind_levels())
 
     def at(self, height: Scalar) -> tuple[Scalar, Scalar]:
         east, north = cubic(self.heights, self.data, height)

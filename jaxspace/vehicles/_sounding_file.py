@@ -25,7 +25,6 @@ import numpy as np
 
 from ..bodies import geometric_height
 from ..core import InputError, read_text
-from ._measured_air import MeasuredAtmosphere, MeasuredWind
 
 WIDTH = 7
 LARGEST_GAP = 6e3
@@ -63,13 +62,9 @@ ALLOWED = {
 }
 
 
-class Sounding(NamedTuple):
-    """What a sounding has measured, by the height above sea level.
-
-    - `heights`, m, with `pressure`, Pa, and `temperature`, K, there.
-    - `wind_heights`, m, with the wind there, m/s, towards `east` and `north`.
-
-    Empty where the file has none of these."""
+class SoundingFile(NamedTuple):
+    """What a file says of a sounding: the fields of `Sounding`, which this module does not know,
+    because the atmosphere and the wind read files, too."""
 
     heights: np.ndarray
     pressure: np.ndarray
@@ -78,23 +73,22 @@ class Sounding(NamedTuple):
     east: np.ndarray
     north: np.ndarray
 
-    def atmosphere(self) -> MeasuredAtmosphere:
-        """The atmosphere of its pressures and temperatures. Raises `InputError` without them."""
-        if self.heights.size < 2:
-            raise InputError(
-                f"The sounding has {self.heights.size} levels with a pressure and a temperature: "
-                f"it must have two or more for an atmosphere."
-            )
-        return MeasuredAtmosphere(self.heights, self.pressure, self.temperature)
+    def air_levels(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Heights, pressures and temperatures. Raises `InputError` for fewer than two levels."""
+        return _two("a pressure and a temperature", self.heights, self.pressure, self.temperature)
 
-    def wind(self) -> MeasuredWind:
-        """The wind of its directions and speeds. Raises `InputError` without them."""
-        if self.wind_heights.size < 2:
-            raise InputError(
-                f"The sounding has {self.wind_heights.size} levels with a direction and a speed: "
-                f"it must have two or more for a wind."
-            )
-        return MeasuredWind(self.wind_heights, self.east, self.north)
+    def wind_levels(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Heights and winds. Raises `InputError` for fewer than two levels."""
+        return _two("a direction and a speed", self.wind_heights, self.east, self.north)
+
+
+def _two(what: str, *levels: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    heights, first, second = levels
+    if heights.size < 2:
+        raise InputError(
+            f"The sounding has {heights.size} levels with {what}: it must have two or more."
+        )
+    return heights, first, second
 
 
 class Levels(NamedTuple):
@@ -106,18 +100,8 @@ class Levels(NamedTuple):
     wyoming: bool
 
 
-def read_sounding(path: str | os.PathLike[str]) -> Sounding:
-    """The sounding of a file: text or CSV of the University of Wyoming, or any CSV with these
-    columns.
-
-    **Arguments**
-
-    - `path`: of the file, at most 64 MB.
-
-    **Raises** `InputError` with the file, its line, the value and what is allowed: for what is no
-    number, values out of range, heights that do not ascend, pressures that do not fall, a gap of
-    more than 6 km, and an empty field where the format has none.
-    """
+def read_sounding_file(path: str | os.PathLike[str]) -> SoundingFile:
+    """What the file says; see `read_sounding`."""
     text = read_text(path)
     lines = text.splitlines()
     head = next((k for k, line in enumerate(lines) if line.split()[:2] == ["PRES", "HGHT"]), None)
@@ -139,7 +123,7 @@ def read_sounding(path: str | os.PathLike[str]) -> Sounding:
         )
     # From where it blows: the air moves the other way.
     angle = np.radians(direction)
-    return Sounding(
+    return SoundingFile(
         heights, pressure, temperature, above, -speed * np.sin(angle), -speed * np.cos(angle)
     )
 
