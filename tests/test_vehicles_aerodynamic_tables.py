@@ -10,7 +10,7 @@ from jax.test_util import check_grads
 from scipy.interpolate import PchipInterpolator
 from test_vehicles import NOSE, ROCKETS, vehicle
 
-from jaxspace import Scene, load, simulate
+from jaxspace import Scene, load, simulate, simulate_batch
 from jaxspace.bodies import BodyState, ExponentialAtmosphere, RigidBody
 from jaxspace.core import InputError
 from jaxspace.rotations import Quaternion, from_euler_angles
@@ -355,3 +355,18 @@ end = "1 s"
     file = load(tmp_path / "scene.toml")
     (effect,) = file.system.effects
     np.testing.assert_allclose(effect.table.at(1.0, 2.0 * DEG)["axial"], 0.51, rtol=1e-13)
+
+
+def test_a_batch_with_factors_of_its_own_is_its_runs(rasaero):
+    """Of one table for all: in the middle the run that stands alone."""
+    table = read_aerodynamics(rasaero, **REFERENCE)
+    factors = jnp.array([0.9, 1.0, 1.2])
+    scene = Scene([TabulatedAerodynamics(table, AIR, axial_factor=factors)], BODY)
+    y0 = state([5.0, 0.0, 1.05 * SOUND])
+    many = jax.tree.map(lambda x: jnp.repeat(x[..., None], 3, axis=-1), y0)
+    ts = jnp.array([0.0, 0.2])
+    runs = simulate_batch(scene, many, ts, accuracy=1e-9).final
+    one = Scene([TabulatedAerodynamics(table, AIR)], BODY)
+    alone = simulate(one, y0, ts, accuracy=1e-9).final
+    np.testing.assert_allclose(runs.velocity[:, 1], alone.velocity, rtol=1e-7, atol=1e-6)
+    assert np.all(np.diff(runs.velocity[2]) < -1e-3)

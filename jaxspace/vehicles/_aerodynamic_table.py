@@ -50,7 +50,7 @@ from ..core import (
 )
 from ._aerodynamic_file import COEFFICIENTS, read_columns
 from ._coefficient import MachTable
-from ._hermite import monotone_slopes, product
+from ._hermite import monotone_slopes, of_all_runs, product
 
 # What the parts of an airframe cannot give.
 AXIAL = ("axial", "axial_burning")
@@ -143,16 +143,17 @@ class AerodynamicTable(AbstractParameters):
         **Returns** "normal", "pitch", "side" and "yaw" over sin(angle), all others as they are; of
         a table with centres "lever", m, the moment of "normal" about the station, for "pitch"."""
         point = {"mach": mach, "angle": angle, "roll": roll}
-        if self.reynolds.shape[0] > 1:
+        nodes = {key: of_all_runs(getattr(self, key)) for key in AXES}
+        active = [key for key in AXES if nodes[key].shape[0] > 1]
+        if "reynolds" in active:
             # At rest the number is zero, and its logarithm none.
-            least = jnp.exp(self.reynolds[0])
+            least = jnp.exp(nodes["reynolds"][0])
             point["reynolds"] = jnp.log(jnp.where(reynolds > least, reynolds, least))
-        if self.roll.shape[0] > 1:
-            first, period = self.roll[0], self.roll[-1] - self.roll[0]
+        if "roll" in active:
+            first, period = nodes["roll"][0], nodes["roll"][-1] - nodes["roll"][0]
             point["roll"] = roll - period * jnp.floor((roll - first) / period)
-        active = [key for key in AXES if getattr(self, key).shape[0] > 1]
-        nodes = [getattr(self, key) for key in active]
-        found = product(nodes, self.data, [point[key] for key in active])
+        place = [point[key] for key in active]
+        found = product([nodes[key] for key in active], self.data, place)
         numbers = {name: found[k] for k, name in enumerate(self.names)}
         for name in AXIAL:
             if name in numbers:
@@ -161,22 +162,24 @@ class AerodynamicTable(AbstractParameters):
 
     def ahead(self, burning: bool) -> MachTable:
         """C_A by the Mach number at zero angle of attack, with the motor on or off."""
-        numbers = self.at(self.mach, jnp.zeros_like(self.mach), *self._first())
+        reynolds = of_all_runs(self.reynolds)[0]
+        numbers = self.at(
+            self.mach,
+            jnp.zeros_like(self.mach),
+            of_all_runs(self.roll)[0],
+            jnp.exp(reynolds),
+        )
         key = "axial_burning" if burning and "axial_burning" in numbers else "axial"
         return MachTable(self.mach, numbers[key])
-
-    def _first(self) -> tuple[Scalar, Scalar]:
-        """The first roll and the least Reynolds number."""
-        reynolds = jnp.exp(self.reynolds[0]) if self.reynolds.shape[0] > 1 else self.reynolds[0]
-        return self.roll[0], reynolds
 
     def _turned(self, angle: Scalar) -> Scalar:
         """What multiplies the axial coefficients beyond the greatest angle: the flow along the axis
         turns about, and so does its force."""
-        last = jnp.cos(self.angle[-1])
+        greatest = of_all_runs(self.angle)[-1]
+        last = jnp.cos(greatest)
         steep = last < STEEPEST
         ratio = jnp.cos(angle) / jnp.where(steep, 1.0, last)
-        return jnp.where(steep | (angle <= self.angle[-1]), 1.0, ratio)
+        return jnp.where(steep | (angle <= greatest), 1.0, ratio)
 
     def outside(self, mach: Scalar, angle: Scalar, reynolds: Scalar = 1.0) -> Flag:
         """Whether a point is beyond the Mach numbers, the angles or the Reynolds numbers of the
@@ -186,7 +189,7 @@ class AerodynamicTable(AbstractParameters):
 
     @staticmethod
     def _faster(nodes: Array, x: Scalar) -> Flag:
-        return (x > nodes[-1]) if nodes.shape[0] > 1 else jnp.zeros(jnp.shape(x), bool)
+        return x > of_all_runs(nodes)[-1] if nodes.shape[0] > 1 else jnp.zeros(jnp.shape(x), bool)
 
 
 AXES = ("mach", "angle", "roll", "reynolds")

@@ -71,13 +71,19 @@ def interval(nodes: Float[Array, "nodes *#runs"], x: Scalar) -> tuple[Int[Array,
     - `nodes`: two or more; `x`: of any shape.
 
     At a node the interval above it; the slope of what is held is one at both ends."""
-    rank = max(jnp.ndim(x), nodes.ndim - 1)
-    nodes = with_rank(nodes, rank)
+    nodes = of_all_runs(nodes)
+    nodes = with_rank(nodes, max(jnp.ndim(x), nodes.ndim - 1)) if nodes.ndim > 1 else nodes
     held = jnp.where(x < nodes[0], nodes[0], jnp.where(x > nodes[-1], nodes[-1], x))
     inner = nodes[1:-1]
-    if inner.size == inner.shape[0]:
-        return jnp.searchsorted(inner.reshape(-1), held, side="right"), held
+    if nodes.ndim == 1:
+        return jnp.searchsorted(inner, held, side="right"), held
     return jnp.sum(inner <= held, axis=0), held
+
+
+def of_all_runs(nodes: Float[Array, "nodes *#runs"]) -> Array:
+    """Nodes that all runs share without an axis of runs: what is read in them then has the shape of
+    the place alone."""
+    return nodes.reshape(-1) if nodes.size == nodes.shape[0] else nodes
 
 
 def weights(h: Scalar, x: Scalar) -> tuple[tuple[Scalar, Scalar], tuple[Scalar, Scalar]]:
