@@ -203,6 +203,12 @@ def test_single_precision_stays_and_a_batch_is_its_runs():
     single = jax.tree.map(lambda x: jnp.asarray(x, jnp.float32), WINGED)
     c = single.at(*(jnp.float32(x) for x in (1.0, 0.1, np.pi)))
     assert all(x.dtype == jnp.float32 for x in c.values())
+    effect = dataclasses.replace(WING, table=single)
+    small = jax.tree.map(lambda x: jnp.asarray(x, jnp.float32), (effect, state(flow(1.0, 0.1))))
+    load = small[0].load(jnp.float32(0.0), small[1], BODY)
+    assert load.force_N.dtype == load.torque_B.dtype == jnp.float32
+    expected = WING.load(0.0, state(flow(1.0, 0.1)), BODY).force_N
+    np.testing.assert_allclose(load.force_N, expected, rtol=1e-5, atol=1e-2)
     point = [jnp.array([0.3, 1.0, 9.0]), jnp.array([0.0, 0.3, 1.0]), jnp.array([-7.0, 0.5, 3.0])]
     shared = jax.tree.map(lambda x: x[..., None], WINGED)
     own = jax.tree.map(lambda x: jnp.stack([x, x, x], -1), WINGED)
@@ -244,7 +250,8 @@ OPENROCKET = """# Simulation 1 (Up to date)
 # Time (s),Altitude (m),Vertical velocity (m/s),Mach number (\u200b),Thrust (N),\
 Axial drag coefficient (\u200b)
 # Event LAUNCH occurred at t=0 seconds
-0,0,1,0.0,100,0.50
+0,0,1,0.0,100,NaN
+0.01,0,1,0.0,100,0.50
 1,50,100,0.3,100,0.40
 2,200,200,0.6,100,0.45
 # Event BURNOUT occurred at t=2 seconds
@@ -272,6 +279,26 @@ def test_files_of_datcom_and_openrocket(tmp_path):
     np.testing.assert_allclose(c["axial_burning"], [0.50, 0.40, 0.45], rtol=1e-13)
     # Linear between the Mach numbers of the coast, constant beyond its greatest one.
     np.testing.assert_allclose(c["axial"], [0.60, 0.60 - 0.08 / 1.5, 0.52], rtol=1e-13)
+
+
+def test_drag_and_lift_and_a_base_make_the_forces_along_the_axes(tmp_path):
+    """C_A = C_D cos - C_L sin, C_N = C_D sin + C_L cos; a jet takes the base from C_A."""
+    path = tmp_path / "drag.csv"
+    path.write_text("""Mach,Alpha,CD Power-Off,CD Power-On,CL,CP (m)
+0,0,0.4,0.3,0,1.0
+0,10,0.6,0.5,1.5,1.0
+1,0,0.5,0.4,0,1.0
+1,10,0.7,0.6,1.6,1.0
+""")
+    c = read_aerodynamics(path, **REFERENCE).at(0.0, 10.0 * DEG)
+    cos, sin = np.cos(10.0 * DEG), np.sin(10.0 * DEG)
+    np.testing.assert_allclose(c["axial"], 0.6 * cos - 1.5 * sin, rtol=1e-12)
+    np.testing.assert_allclose(c["axial_burning"], 0.5 * cos - 1.5 * sin, rtol=1e-12)
+    np.testing.assert_allclose(c["normal"] * sin, 0.6 * sin + 1.5 * cos, rtol=1e-12)
+    np.testing.assert_allclose(c["lever"], -c["normal"] * 1.0, rtol=1e-12)
+    path.write_text("Mach;CA;CA Base\n0;0,4;0,1\n1;0,5;0,15\n")
+    c = read_aerodynamics(path, **REFERENCE).at(1.0, 0.0)
+    np.testing.assert_allclose([c["axial"], c["axial_burning"]], [0.5, 0.35], rtol=1e-13)
 
 
 def test_what_is_no_table_is_refused_in_a_sentence(tmp_path, rasaero):

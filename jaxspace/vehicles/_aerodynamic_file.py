@@ -20,13 +20,13 @@ number: Barrowman's parts have them.
 Derivatives of DATCOM are per radian, or per degree where a column `RAD?` says 0.
 """
 
-import csv
 import os
 import re
 
 import numpy as np
 
 from ..core import InputError, read_text
+from ._separated import separated
 
 DEGREE = np.pi / 180.0
 INCH = 0.0254
@@ -90,8 +90,7 @@ def _rows(path: str, text: str) -> tuple[list[str], list[list[str]], list[int]]:
     lines = text.splitlines()
     heads: list[str] = []
     rows, numbers = [], []
-    mark = max(",;\t", key=lambda m: max((line.count(m) for line in lines[:50]), default=0))
-    for number, fields in enumerate(csv.reader(lines, delimiter=mark), 1):
+    for number, fields in enumerate(separated(lines, "mach"), 1):
         names = [_name(field) for field in fields]
         if any(name in ("mach", "mach number") for name in names):
             # DATCOM repeats its heading before every block.
@@ -119,15 +118,24 @@ def _name(field: str) -> str:
 
 
 def _column(
-    path: str, heads: list[str], rows: list[list[str]], numbers: list[int], k: int
+    path: str,
+    heads: list[str],
+    rows: list[list[str]],
+    numbers: list[int],
+    k: int,
+    gaps: bool = False,
 ) -> np.ndarray:
+    """The numbers of one column; with `gaps`, NaN where the file says so."""
     found = np.empty(len(rows))
     for i, row in enumerate(rows):
         text = row[k] if k < len(row) else ""
+        if gaps and text.lower() == "nan":
+            found[i] = np.nan
+            continue
         try:
             found[i] = float(text)
         except ValueError:
-            found[i] = np.nan
+            found[i] = np.inf
         if not np.isfinite(found[i]):
             raise InputError(
                 f"{path}, line {numbers[i]}: {heads[k]} is {text!r}: it must be a finite number."
@@ -169,7 +177,7 @@ def _of_flight(
         for start in starts:
             for k, head in enumerate(heads):
                 if head.startswith(start):
-                    return _column(path, heads, rows, numbers, k)
+                    return _column(path, heads, rows, numbers, k, gaps=True)
         return None
 
     mach = column("mach number")
@@ -181,6 +189,8 @@ def _of_flight(
             f"number, Drag coefficient, Thrust, and Altitude or Vertical velocity."
         )
     up = climb > 0.0 if climb is not None else np.arange(mach.size) < np.argmax(height)
+    # OpenRocket has no coefficient before it moves.
+    up = up & np.isfinite(mach) & np.isfinite(coefficient)
     burning, coasting = up & (thrust > 0.0), up & (thrust <= 0.0)
     if not np.any(coasting):
         raise InputError(f"{path} has no ascent after the burnout: it must have one.")

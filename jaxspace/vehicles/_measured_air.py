@@ -90,10 +90,11 @@ class MeasuredWind(AbstractWind):
 
     Raises `InputError` for heights that do not ascend, or another number of values."""
 
+    # Without a default: a file that gives these lists itself gives a `Wind`.
+    data: Float[Array, "nodes 4 *#runs"]
     heights: Float[Array, "nodes *#runs"] = quantity("m", doc="above sea level, ascending")
     east: Float[Array, "nodes *#runs"] = quantity("m/s", doc="towards the east at these heights")
     north: Float[Array, "nodes *#runs"] = quantity("m/s", doc="towards the north")
-    data: Float[Array, "nodes 4 *#runs"] = eqx.field(default=None)
 
     def __init__(self, heights: Any, east: Any, north: Any):
         self.heights, self.east, self.north = as_float(heights), as_float(east), as_float(north)

@@ -15,7 +15,6 @@ below the ground; so are levels that do not rise above all before, where the bal
 other CSV both are errors. Heights of Wyoming are geopotential ones, and become geometric here.
 """
 
-import csv
 import os
 import re
 from typing import NamedTuple
@@ -25,6 +24,7 @@ import numpy as np
 
 from ..bodies import geometric_height
 from ..core import InputError, read_text
+from ._separated import separated
 
 WIDTH = 7
 LARGEST_GAP = 6e3
@@ -150,10 +150,9 @@ def _wyoming(path: str, lines: list[str], head: int) -> Levels:
 
 def _csv(path: str, lines: list[str]) -> Levels:
     """The levels of a CSV file with a heading."""
-    mark = max(",;\t", key=lambda m: max((line.count(m) for line in lines[:50]), default=0))
     heads: list[str] = []
     rows, numbers = [], []
-    for number, fields in enumerate(csv.reader(lines, delimiter=mark), 1):
+    for number, fields in enumerate(separated(lines, "height", "altitude"), 1):
         if not heads:
             known = [_meaning(field)[0] for field in fields]
             heads = fields if "height" in known else []
