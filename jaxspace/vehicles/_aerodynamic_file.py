@@ -137,9 +137,8 @@ def _column(
         except ValueError:
             found[i] = np.inf
         if not np.isfinite(found[i]):
-            raise InputError(
-                f"{path}, line {numbers[i]}: {heads[k]} is {text!r}: it must be a finite number."
-            )
+            where = f"{path}, line {numbers[i]}: {heads[k]}"
+            raise InputError(f"{where} is {text[:40]!r}: it must be a finite number.")
     return found
 
 

@@ -10,7 +10,13 @@ def separated(lines: list[str], *words: str) -> Iterator[list[str]]:
     **Arguments**
 
     - `lines`: of the file.
-    - `words`: the heading is the first line with one of them, in small letters. It has semicolons or
-      tabulators, or else commas: where one of the former two separates, a comma is a decimal one."""
+    - `words`: the heading is the first line with one of them, in small letters. It has semicolons
+      or tabulators, or else commas. Where the former separate, a comma is a decimal one."""
     heading = next((line for line in lines if any(word in line.lower() for word in words)), "")
-    return csv.reader(lines, delimiter=next(mark for mark in ";\t," if mark in heading + ","))
+    mark = next(mark for mark in ";\t," if mark in heading + ",")
+    for line in lines:
+        # Each by itself, so that an open quotation ends with its line.
+        try:
+            yield next(csv.reader([line], delimiter=mark), [])
+        except csv.Error:
+            yield line.split(mark)

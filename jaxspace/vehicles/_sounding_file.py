@@ -217,7 +217,9 @@ def _number(path: str, row: list[str], k: int, name: str, line: int) -> float:
     except ValueError:
         value = np.inf
     if not np.isfinite(value):
-        raise InputError(f"{path}, line {line}: {name} is {text!r}: it must be a finite number.")
+        raise InputError(
+            f"{path}, line {line}: {name} is {text[:40]!r}: it must be a finite number."
+        )
     return value
 
 
