@@ -281,6 +281,22 @@ def test_files_of_datcom_and_openrocket(tmp_path):
     np.testing.assert_allclose(c["axial"], [0.60, 0.60 - 0.08 / 1.5, 0.52], rtol=1e-13)
 
 
+def test_a_table_of_all_angles_reaches_a_flow_from_behind():
+    """C_N = 2 sin(a), whose quotient is constant, and C_A = cos(a)/2, even about both ends: the
+    cubic over 15 degrees errs by h^4/384 of the fourth derivative and by its slopes."""
+    angles = np.radians(np.arange(0.0, 181.0, 15.0))
+    m, a = (x.ravel() for x in np.meshgrid([0.0, 1.0], angles, indexing="ij"))
+    columns = {"mach": m, "angle": a, "axial": 0.5 * np.cos(a), "normal": 2.0 * np.sin(a)}
+    table = AerodynamicTable.of_columns(columns | {"centre": 1.0 + 0.0 * m}, **REFERENCE)
+    at = jnp.array([0.0, 0.3, 1.6, 3.0, np.pi])
+    c = table.at(0.5, at)
+    np.testing.assert_allclose(c["normal"], 2.0, rtol=1e-12)
+    np.testing.assert_allclose(c["axial"], 0.5 * np.cos(at), atol=3e-3)
+    ends = jax.vmap(jax.grad(lambda x: table.at(0.5, x)["axial"]))(at[jnp.array([0, 4])])
+    np.testing.assert_allclose(ends, 0.0, atol=1e-14)
+    assert not np.any(np.asarray(table.outside(0.5, at)))
+
+
 def test_drag_and_lift_and_a_base_make_the_forces_along_the_axes(tmp_path):
     """C_A = C_D cos - C_L sin, C_N = C_D sin + C_L cos; a jet takes the base from C_A."""
     path = tmp_path / "drag.csv"

@@ -350,6 +350,23 @@ def test_a_file_names_sounding_and_gusts_and_a_campaign_draws_the_seed(scene_fil
     np.testing.assert_allclose(found.data, expected.data, atol=1e-12)
 
 
+def test_a_campaign_of_a_file_draws_the_errors_of_a_wind(tmp_path):
+    wind = """wind = { heights = [0.0, 3000.0], east = [5.0, 7.0], north = [0.0, 0.0],\
+ deviation = [1.0, 2.0], correlation_length = "800 m", seed = 1.0 }"""
+    text = SCENE.replace('wind = { sounding = "sounding.csv" }', wind).replace(
+        "air.gusts.seed", "air.wind.seed"
+    )
+    (tmp_path / "sounding.csv").write_text(CSV)
+    (tmp_path / "scene.toml").write_text(text)
+    seeds = jnp.array([3.0, 4.0])
+    campaign = load(tmp_path / "scene.toml").campaign()
+    mission, _ = campaign.build({"effects.parachute.air.wind.seed": seeds})
+    found = mission.phases[0].system.effects[1].air.wind
+    given = ([0.0, 3000.0], [5.0, 7.0], [0.0, 0.0], [1.0, 2.0], 800.0)
+    expected = UncertainWind.of_seed(*given, seeds)
+    np.testing.assert_allclose(found.data, expected.data, atol=1e-12)
+
+
 @pytest.mark.sweep
 def test_a_campaign_of_gusts_drifts_apart(scene_file):
     result = disperse(scene_file.campaign(), scene_file.runs, seed=1)
