@@ -38,13 +38,12 @@ def normal_numbers(seed: Scalar, shape: tuple[int, ...]) -> Float[Array, "..."]:
     Any number is a seed, in single precision: another one gives other numbers. Derivatives by it
     are zero."""
     seed = lax.stop_gradient(jnp.asarray(seed))
-    dtype = jnp.result_type(seed, float) if seed.dtype != jnp.float32 else seed.dtype
     bits = lax.bitcast_convert_type(seed.astype(jnp.float32), jnp.uint32)
     # Of one kind whatever the settings are, so that a seed means the same everywhere.
     root = jax.random.key(0, impl="threefry2x32")
 
     def drawn(number: Array) -> Array:
-        return jax.random.normal(jax.random.fold_in(root, number), shape, dtype)
+        return jax.random.normal(jax.random.fold_in(root, number), shape, seed.dtype)
 
     numbers = jax.vmap(drawn)(bits.reshape(-1))
     return jnp.moveaxis(numbers, 0, -1).reshape(*shape, *seed.shape)
