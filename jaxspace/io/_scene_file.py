@@ -275,7 +275,7 @@ class SceneFile:
         # A finer tolerance than rounding allows would be refused.
         least = 32.0 * float(jnp.finfo(jnp.result_type(float)).eps)
         accuracy = dataclasses.replace(self.accuracy, rtol=max(rtol, least))
-        run = simulate(
+        run = simulate_mission(
             self.mission, self.y0, self.start, accuracy=accuracy, num_saved=samples, throw=False
         )
         self._warn_of_ground(run, stacklevel=2)

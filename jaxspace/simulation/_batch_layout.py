@@ -55,7 +55,7 @@ def _count(tree: PyTree, flags: PyTree[bool]) -> NumRuns:
             sizes[name] = leaf.shape[-1]
     if not sizes:
         raise InputError(
-            "simulate_batch found no array with runs on its last axis: use simulate for one run."
+            "No array has runs on its last axis: simulate and simulate_mission take one run."
         )
     runs = next(iter(sizes.values()))
     for name, size in sizes.items():

@@ -1,5 +1,7 @@
 """The configuration of every phase of a mission, before anything is compiled."""
 
+import dataclasses
+
 import jax
 import jax.numpy as jnp
 from jaxtyping import PyTree
@@ -16,21 +18,26 @@ from ._switches import warn_of_switches
 
 
 def resolve_phases(
-    mission: Mission, y0: PyTree, accuracy: Accuracy, run_axes: int = 0
+    mission: Mission,
+    y0: PyTree,
+    accuracy: Accuracy,
+    run_axes: int = 0,
+    *,
+    restarts: bool = False,
 ) -> tuple[IntegrationConfig, ...]:
     """The configuration of every phase, before anything is compiled.
 
-    What the state holds in a phase follows from the shapes of the jumps before it."""
+    What the state holds in a phase follows from the shapes of the jumps before it. `restarts` is as
+    in `IntegrationConfig`."""
     configs = []
     y = jax.tree.map(shape_of, y0)
     for phase in mission.phases:
         check_until(phase, run_axes)
         # Only shapes are needed: a jump may change what the state holds.
         zero = jax.ShapeDtypeStruct((), state_dtype(y))
-        whole = check_structure(phase.moving, y, zero, one_run=run_axes == 0)
+        whole = check_structure(phase.moving, y, zero, one_run=run_axes == 0, stacklevel=3)
         events = (phase.until,) if isinstance(phase.until, Event) else ()
-        # The level of the call of `simulate`, from here.
-        warn_of_switches(phase.moving, events, y, zero, stacklevel=4)
+        warn_of_switches(phase.moving, events, y, zero, stacklevel=3)
         if isinstance(phase.system, AbstractFlight):
             configs.append(phase.system.config(y, accuracy))
         else:
@@ -41,7 +48,7 @@ def resolve_phases(
         y = whole
         if phase.then is not None:
             y = shapes_after(phase.then, zero, y, f"Phase {phase.name!r}: then")
-    return tuple(configs)
+    return tuple(dataclasses.replace(config, restarts=restarts) for config in configs)
 
 
 def longest(until: Scalar | Event) -> Scalar:
