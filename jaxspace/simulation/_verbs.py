@@ -9,7 +9,7 @@ def check_system(name: str, system: object, other: str) -> None:
 
     `name` is that of the argument."""
     if isinstance(system, Mission):
-        raise InputError(f"{name} is a Mission: {other} runs it.")
+        raise InputError(f"{name} is of type Mission: {other} runs it.")
     if not isinstance(system, AbstractSystem):
         raise InputError(
             f"{name} is of type {type(system).__name__}: it must be a system or a scene."
@@ -24,5 +24,5 @@ def check_mission(name: str, mission: object, other: str) -> None:
         return
     kind = type(mission).__name__
     if isinstance(mission, AbstractSystem):
-        raise InputError(f"{name} is a {kind}, which is a system: {other} runs it.")
+        raise InputError(f"{name} is of type {kind}, a system: {other} runs it.")
     raise InputError(f"{name} is of type {kind}: it must be a Mission.")
