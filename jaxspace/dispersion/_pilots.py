@@ -125,7 +125,7 @@ def pilot_plans(
     for room in ROOM:
         taken, coupled, flown = isolate(functools.partial(flying, room=room), PILOTS)
         nominal = Status(int(np.ravel(flown.result.status)[0]))
-        # The verdict on the nominal run is that of `simulate`, which flies it alone.
+        # The verdict on the nominal run is that of `simulate_mission`, which flies it alone.
         if nominal != Status.MAX_STEPS:
             break
         if not _ends_alone(campaign, accuracy):

@@ -55,7 +55,7 @@ def _count(tree: PyTree, flags: PyTree[bool]) -> NumRuns:
             sizes[name] = leaf.shape[-1]
     if not sizes:
         raise InputError(
-            "No array has runs on its last axis: simulate and simulate_mission take one run."
+            "No array has runs on its last axis: simulate and simulate_mission run one."
         )
     runs = next(iter(sizes.values()))
     for name, size in sizes.items():
