@@ -55,7 +55,8 @@ def _count(tree: PyTree, flags: PyTree[bool]) -> NumRuns:
             sizes[name] = leaf.shape[-1]
     if not sizes:
         raise InputError(
-            "No array has runs on its last axis: simulate and simulate_mission run one."
+            "systems and y0s hold no array with runs on its last axis: one run is for simulate or "
+            "simulate_mission."
         )
     runs = next(iter(sizes.values()))
     for name, size in sizes.items():
