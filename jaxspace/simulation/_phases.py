@@ -1,7 +1,5 @@
 """The configuration of every phase of a mission, before anything is compiled."""
 
-import dataclasses
-
 import jax
 import jax.numpy as jnp
 from jaxtyping import PyTree
@@ -39,16 +37,17 @@ def resolve_phases(
         events = (phase.until,) if isinstance(phase.until, Event) else ()
         warn_of_switches(phase.moving, events, y, zero, stacklevel=3)
         if isinstance(phase.system, AbstractFlight):
+            # Its steps between two samples are fixed, and never run out.
             configs.append(phase.system.config(y, accuracy))
         else:
             # How fast the run turns at its start stands for later phases.
             own = with_exact_part(accuracy, phase.system, y0, longest(phase.until))
-            configs.append(resolve(phase.system, y, own))
+            configs.append(resolve(phase.system, y, own, restarts=restarts))
         # The jump meets the state as the phase leaves it, with the runs of its system.
         y = whole
         if phase.then is not None:
             y = shapes_after(phase.then, zero, y, f"Phase {phase.name!r}: then")
-    return tuple(dataclasses.replace(config, restarts=restarts) for config in configs)
+    return tuple(configs)
 
 
 def longest(until: Scalar | Event) -> Scalar:
