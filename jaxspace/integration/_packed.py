@@ -48,12 +48,12 @@ class Packing(eqx.Module):
         """How many components each block has."""
         return tuple(map(math.prod, self.shapes))
 
-    def vector(self, y: State) -> Float[Array, "components *rest"]:
+    def vector(self, y: State) -> Float[Array, "components *#rest"]:
         """The state as a vector."""
         leaves = zip(jax.tree.leaves(y), self.shapes, self.sizes, strict=True)
         return jnp.concatenate([x.reshape(size, *x.shape[len(s) :]) for x, s, size in leaves])
 
-    def state(self, v: Float[Array, "components *rest"]) -> State:
+    def state(self, v: Float[Array, "components *#rest"]) -> State:
         """The state that lies in a vector; further axes stay behind the components."""
         leaves, first = [], 0
         for shape, size in zip(self.shapes, self.sizes, strict=True):

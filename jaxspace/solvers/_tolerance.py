@@ -52,7 +52,7 @@ class Tolerance(eqx.Module):
         squares = [self._reduce(jnp.sum, jnp.add, b * b) for b in blocks]
         return jnp.sqrt(functools.reduce(jnp.maximum, squares))
 
-    def _squares(self, vector: Float[Array, "components *runs"]) -> Float[Array, "blocks *runs"]:
+    def _squares(self, vector: Float[Array, "components *#runs"]) -> Float[Array, "blocks *#runs"]:
         """The squares of the lengths of the blocks in a vector."""
         # A number that is not finite spoils all blocks of a product, and so its run, as it should.
         members = np.repeat(np.eye(len(self.blocks)), self.blocks, axis=1)
