@@ -40,7 +40,7 @@ class _Array(NamedTuple):
 
 
 def _compared(x: object) -> object:
-    if isinstance(x, jax.Array):
+    if isinstance(x, jax.Array | jax.ShapeDtypeStruct):
         return _Array(x.shape, x.dtype, x.weak_type)
     return _Array(x.shape, x.dtype, False) if isinstance(x, np.ndarray) else x
 
@@ -61,8 +61,9 @@ class _Make:
     def __eq__(self, other: object) -> bool:
         if self is other:
             return True
-        same = isinstance(other, _Make) and self.hash == other.hash
-        return same and self.structure == other.structure and self.leaves == other.leaves
+        if not isinstance(other, _Make) or self.hash != other.hash:
+            return False
+        return self.structure == other.structure and self.leaves == other.leaves
 
     def shapes(self) -> PyTree:
         """The tree with shapes in place of its arrays."""

@@ -31,6 +31,7 @@ from ._config import IntegrationConfig
 from ._event_location import FoundEvents, Location, SoughtEvents
 from ._event_zero import rounding_change
 from ._events import Event
+from ._field_trace import field_trace
 from ._layout import runs_of, state_at, times_behind_components, times_first
 from ._loop import TERM, LoopSettings
 from ._normalised_time import (
@@ -40,11 +41,16 @@ from ._normalised_time import (
     hoist,
     segments_of,
 )
-from ._packed import PackedSystem, Packing, is_worth_packing
+from ._packed import PackedSystem, Packing
 from ._result import IntegrationResult, result_of, within_model
 from ._save_times import at_save_times
 from ._solve import solve, solve_own_steps
 from ._status import Status, status_from
+
+# Operations of a vector field from which the state of one run, or of many, is packed. Below, the
+# steps themselves compile at once. Many runs are there to be fast: what is copied for them must be
+# nothing beside the field.
+PACKED_RUN, PACKED_RUNS = 200, 800
 
 
 @eqx.filter_jit
@@ -177,9 +183,10 @@ def _packs(
     traits = solver_traits(config.solver)
     if config.adjoint is not None or not traits.replayable or traits.own_steps or traits.needs:
         return False
-    return isinstance(config.solver, AbstractFieldSolver) and is_worth_packing(
-        system, t0, y0, run_axes
-    )
+    if not isinstance(config.solver, AbstractFieldSolver) or len(jax.tree.leaves(y0)) == 1:
+        return False
+    least = PACKED_RUNS if run_axes else PACKED_RUN
+    return field_trace(system, t0, y0).operations >= least
 
 
 def locates_events(

@@ -19,15 +19,9 @@ from ..core import (
     Flag,
     Scalar,
     State,
-    count_operations,
-    once_per_structure,
     project,
 )
 from ._events import Event
-
-# Operations of a vector field from which its state is packed: below, the steps themselves compile
-# at once. Many runs are there to be fast: from `MANY_RUNS` on what is copied is nothing beside it.
-ONE_RUN, MANY_RUNS = 200, 800
 
 
 @final
@@ -107,22 +101,3 @@ class PackedSystem(AbstractSystem):
 
     def outside(self, t: Scalar, y: State) -> Flag | None:
         return self.system.outside(t, self.packing.state(y))
-
-
-def is_worth_packing(system: AbstractSystem, t: Scalar, y: State, run_axes: int) -> bool:
-    """Whether the vector field is large beside what the steps do."""
-    if len(jax.tree.leaves(y)) == 1:
-        return False
-    return field_operations(system, t, y) >= (MANY_RUNS if run_axes else ONE_RUN)
-
-
-@once_per_structure
-def field_operations(system: AbstractSystem, t: Scalar, y: State) -> int:
-    """How many operations an evaluation of the vector field has."""
-    arrays, static = eqx.partition((system, t, y), lambda x: isinstance(x, jax.ShapeDtypeStruct))
-
-    def rate(arrays: State) -> State:
-        system, t, y = eqx.combine(arrays, static)
-        return system.vector_field(t, y)
-
-    return count_operations(jax.make_jaxpr(rate)(arrays).jaxpr)
