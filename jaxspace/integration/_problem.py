@@ -124,7 +124,8 @@ class Problem:
         """How many operations an evaluation of the vector field has."""
         field, y0, settings = self.parts(self.avals)
         if isinstance(field, ScaledVectorField):
-            return field_trace(field.system, settings.start, y0).operations
+            t = jax.ShapeDtypeStruct((), settings.lengths.dtype)
+            return field_trace(field.system, t, y0).operations
 
         def rate(*args: Array) -> State:
             field, y0, settings = self.parts(args)
