@@ -18,7 +18,7 @@ from jaxtyping import Array, DTypeLike, Float, PyTree
 from ..core import AbstractDecoupled, AbstractSystem, InputError, Scalar, check, is_concrete
 from ..solvers import SolverTraits, refine, small_program, solver_traits
 from ._accuracy import DEFAULT_RTOL, Accuracy, as_method, least_tolerance, state_dtype
-from ._selection import select_method
+from ._selection import has_closed_form, select_method
 from ._stiffness import InitialConditions
 
 # A fixed-step run that missed the tolerance is repeated with at most this many times the steps.
@@ -114,7 +114,7 @@ def resolve(
         check_tolerance(float(np.min(np.asarray(rtol))), dtype)
     check_countable(accuracy.max_steps)
     method = accuracy.method
-    exactly = method == "closed_form" or (method == "auto" and system.closed_form() is not None)
+    exactly = method == "closed_form" or (method == "auto" and has_closed_form(system))
     decoupled = system.decoupled() if accuracy.decoupled and not exactly else None
     if decoupled is not None:
         starts = _starts_of_rest(decoupled, starts)
