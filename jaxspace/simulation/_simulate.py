@@ -91,7 +91,7 @@ def simulate(
         # Restarts are for mapped runs; where one that fails is an error for all, none goes on.
         return resolve(system, y0, accuracy, starts, restarts=not throw)
 
-    config = config_by(with_exact_part(given, system, y0, ts[-1] - ts[0]))
+    config = config_by(with_exact_part(given, system, y0, ts))
     run = functools.partial(_run_system, system, y0, ts, events, run_axes=0)
     trajectory = finish(run, system, config, given, config_by, dense, throw)
     warn_after(trajectory, stacklevel=2)

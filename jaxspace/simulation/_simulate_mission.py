@@ -74,7 +74,9 @@ def simulate_mission(
         if exactly is not None:
             configs = exactly
             result = run_mission(mission, y0, t0, num_saved, configs, 0)
-    result = _failed_are_nan(result)
+    # Where it is known that no run failed, there is nothing to do, and nothing to compile.
+    if not is_concrete(result.status) or int(result.status) > Status.EVENT:
+        result = _failed_are_nan(result)
     trajectory = mission_trajectory_of(result, mission, given, configs, 0)
     warn_after(trajectory, stacklevel=2)
     return raise_failures(trajectory, lambda: _failed_phase(trajectory)) if throw else trajectory
