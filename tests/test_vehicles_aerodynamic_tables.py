@@ -341,7 +341,7 @@ def test_what_is_no_table_is_refused_in_a_sentence(tmp_path, rasaero):
     assert "no axial force" in refusal("Mach,CN\n0,0\n1,0\n")
     rolled = refusal("Mach,PHI,CA\n0,0,1\n1,0,1\n0,90,2\n1,90,2\n")
     assert f"{path}: the last roll is 1.5708: it must be a period behind the first" in rolled
-    with pytest.raises(InputError, match="cannot be read: No such file"):
+    with pytest.raises(FileNotFoundError, match=r"none\.csv"):
         read_aerodynamics(tmp_path / "none.csv", **REFERENCE)
 
 

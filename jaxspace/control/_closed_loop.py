@@ -14,12 +14,12 @@ Source: Franklin, Powell and Workman, Digital Control of Dynamic Systems, 4.3, 6
 
 import dataclasses
 from collections.abc import Mapping, Sequence
-from typing import Any, Unpack, final
+from typing import Any, final
 
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, ArrayLike, Float, Key, PyTree
+from jaxtyping import Array, ArrayLike, Float, Key, PRNGKeyArray, PyTree
 
 from ..core import (
     AbstractSystem,
@@ -38,10 +38,10 @@ from ..simulation._flight import AbstractFlight
 from ..simulation._run_result import RunResult
 from ._commands import Actuate, with_command
 from ._controller import AbstractController, as_controller
-from ._fly import LoopRun, Wanted, fly
+from ._fly import LoopOptions, LoopRun, fly
 from ._program import Known, Static, alone, as_events, as_key, parts_of
 from ._repeats import config_of, repeated
-from ._sensors import AbstractSensor, check_period
+from ._sensors import AbstractSensor, check_period, known_seconds
 
 HOLDS = ("zero", "first")
 
@@ -73,14 +73,19 @@ class ClosedLoop(AbstractFlight):
 
     As the `system` of a `Phase` a loop flies in a mission, and so in a campaign.
 
-    Raises `InputError` for a period or a delay that is no such time, and for another hold."""
+    Raises `InputError` for a period, a delay or a `longest` that is no known time, and for another
+    hold."""
 
     system: AbstractSystem
     controller: AbstractController = eqx.field(converter=as_controller)
     sensors: dict[str, AbstractSensor] | None = eqx.field(converter=_as_sensors, default=None)
-    period: float = eqx.field(static=True, converter=float, kw_only=True)
+    period: float = eqx.field(
+        static=True, converter=known_seconds("ClosedLoop.period"), kw_only=True
+    )
     hold: str = eqx.field(static=True, default="zero", kw_only=True)
-    delay: float = eqx.field(static=True, converter=float, default=0.0, kw_only=True)
+    delay: float = eqx.field(
+        static=True, converter=known_seconds("ClosedLoop.delay"), default=0.0, kw_only=True
+    )
     limit: Float[Array, "..."] | None = eqx.field(
         converter=as_optional_float, default=None, kw_only=True
     )
@@ -90,7 +95,12 @@ class ClosedLoop(AbstractFlight):
     actuate: Actuate = eqx.field(static=True, default=with_command, kw_only=True)
     steps: int = eqx.field(static=True, default=1, kw_only=True)
     key: Key[Array, "*#runs"] | None = eqx.field(default=None, kw_only=True)
-    longest: float | None = eqx.field(static=True, default=None, kw_only=True)
+    longest: float | None = eqx.field(
+        static=True,
+        converter=known_seconds("ClosedLoop.longest", optional=True),
+        default=None,
+        kw_only=True,
+    )
 
     def __check_init__(self):
         check_period("ClosedLoop.period", self.period)
@@ -151,7 +161,17 @@ class ClosedLoop(AbstractFlight):
         return repeated(alone, known, config, Static.of(self, ts, run_axes))[0]
 
     def simulate(
-        self, y0: State, ts: ArrayLike | Sequence[float], **wanted: Unpack[Wanted]
+        self,
+        y0: State,
+        ts: ArrayLike | Sequence[float],
+        *,
+        key: PRNGKeyArray | None = None,
+        accuracy: Accuracy | Float[ArrayLike, ""] | None = None,
+        steps: int | None = None,
+        events: Event | Sequence[Event] = (),
+        start: Float[ArrayLike, ""] | None = None,
+        memory: PyTree = None,
+        throw: bool = True,
     ) -> LoopRun:
         """Fly the loop from the state `y0`.
 
@@ -169,21 +189,33 @@ class ClosedLoop(AbstractFlight):
         - `start`: the time of `y0`, in place of the first of `ts`; it may be traced, so that a loop
           can go on where an event has ended another one.
         - `memory`: of the controller, as an earlier run has left it.
-        - `throw`: whether to raise `SimulationError` for a failed run; by default of one run, not
-          of a batch.
+        - `throw`: whether to raise `SimulationError` for a failed run; otherwise read its `status`.
 
         **Returns** a `LoopRun`, differentiable forwards and backwards with respect to every number
         in the loop and `y0`. **Raises** `InputError`, before anything is compiled, for what cannot
         be flown."""
-        return fly(self, y0, ts, wanted, 0)
+        options = LoopOptions(key, accuracy, steps, events, start, memory)
+        return fly(self, y0, ts, options, 0, throw=throw)
 
     def simulate_batch(
-        self, y0s: State, ts: ArrayLike | Sequence[float], **wanted: Unpack[Wanted]
+        self,
+        y0s: State,
+        ts: ArrayLike | Sequence[float],
+        *,
+        key: PRNGKeyArray | None = None,
+        accuracy: Accuracy | Float[ArrayLike, ""] | None = None,
+        steps: int | None = None,
+        events: Event | Sequence[Event] = (),
+        start: Float[ArrayLike, "*runs"] | None = None,
+        memory: PyTree = None,
+        throw: bool = False,
     ) -> LoopRun:
         """Many runs at once: runs on the last axis of the states, and of whatever parameter of the
         system, the controller or a sensor declares them.
 
-        Arguments, results and errors as of `simulate`; `start` is a number, or (runs,). Each run
+        Arguments, results and errors as of `simulate`, where a run that fails marks its own row
+        unless `throw`; `start` is a number, or (runs,). Each run
         draws its noise from a key of its own: `jax.random.split(key, runs)[j]` gives that of run j
         alone."""
-        return fly(self, y0s, ts, wanted, 1)
+        options = LoopOptions(key, accuracy, steps, events, start, memory)
+        return fly(self, y0s, ts, options, 1, throw=throw)

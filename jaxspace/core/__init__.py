@@ -26,6 +26,7 @@ from ._elliptic import complete_first as complete_first
 from ._elliptic import complete_third as complete_third
 from ._extra import MissingExtra as MissingExtra
 from ._extra import extra as extra
+from ._files import read_text as read_text
 from ._group import AbstractGroupElement as AbstractGroupElement
 from ._group import on_group as on_group
 from ._group import project as project
@@ -82,7 +83,6 @@ from ._tables import breaks_of as breaks_of
 from ._tables import polygon as polygon
 from ._text import aligned as aligned
 from ._text import html_table as html_table
-from ._text_file import read_text as read_text
 from ._tracing import count_operations as count_operations
 from ._tracing import depending_on as depending_on
 from ._tracing import is_traced as is_traced

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from ..core import read_text
+from ..core import InputError, read_text
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,15 @@ class NamedFiles:
     def text(self, name: str) -> str:
         """The text of a file. Raises `ValueError` with the path of one that cannot be read."""
         if name not in self.texts:
-            self.texts[name] = read_text(self.path(name))
+            path = self.path(name)
+            try:
+                self.texts[name] = read_text(path)
+            except InputError:
+                raise
+            except (OSError, ValueError) as error:
+                # A name with a zero byte is a `ValueError`.
+                reason = error.strerror if isinstance(error, OSError) else error
+                raise ValueError(f"{path} cannot be read: {reason}.") from None
         return self.texts[name]
 
     def file(self, name: str, entry: str) -> NamedFile:

@@ -194,6 +194,6 @@ def read_aerodynamics(
       counts, or of the point about which the moments of the file are.
 
     **Raises** `InputError` with the file and its row for what is no number, a missing column, or a
-    point that the grid lacks or has twice.
+    point that the grid lacks or has twice; `OSError` for a file that cannot be opened.
     """
     return AerodynamicTable.of_file(path, area, length, station)

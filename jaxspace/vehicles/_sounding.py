@@ -36,6 +36,7 @@ def read_sounding(path: str | os.PathLike[str]) -> Sounding:
 
     **Raises** `InputError` with the file, its line, the value and what is allowed: for what is no
     number, values out of range, heights that do not ascend, pressures that do not fall, a gap of
-    more than 6 km, and an empty field where the format has none.
+    more than 6 km, and an empty field where the format has none. `OSError` for a file that cannot
+    be opened.
     """
     return Sounding(*read_sounding_file(path))
