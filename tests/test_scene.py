@@ -280,7 +280,7 @@ def test_a_scaled_guide_holds_by_its_factor(factor, share):
 
 
 def test_a_scaled_effect_keeps_all_but_its_load():
-    planet = PointGravity(MU, RADIUS)
+    planet = Oblateness(MU, J2, RADIUS)
     assert Scaled(planet, 0.5).ground() == planet.ground() == RADIUS
     stage = motor()
     assert Scaled(stage, 0.5).switches() == stage.switches()
