@@ -215,9 +215,9 @@ def test_traits_of_the_room():
 
 
 def test_traits_of_the_solvers_of_diffrax():
-    assert solver_traits(diffrax.Dopri8()) == (True, False, False, "", 13, 1, False)
+    assert solver_traits(diffrax.Dopri8()) == (True, False, False, "", 13, 1, False, False)
     # The last of the seven stages is the first one of the next step.
-    assert solver_traits(diffrax.Tsit5()) == (True, False, False, "", 6, 1, False)
+    assert solver_traits(diffrax.Tsit5()) == (True, False, False, "", 6, 1, False, False)
     # It carries the step before.
     assert not solver_traits(diffrax.LeapfrogMidpoint()).replayable
     # A step and two halves of it, each with six stages.
