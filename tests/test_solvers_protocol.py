@@ -221,15 +221,8 @@ def test_traits_of_the_solvers_of_diffrax():
     # It carries the step before.
     assert not solver_traits(diffrax.LeapfrogMidpoint()).replayable
     # A step and two halves of it, each with six stages.
-    assert solver_traits(diffrax.HalfSolver(diffrax.Tsit5())) == (
-        True,
-        False,
-        False,
-        "",
-        18,
-        1,
-        False,
-    )
+    half = solver_traits(diffrax.HalfSolver(diffrax.Tsit5()))
+    assert half == (True, False, False, "", 18, 1, False, False)
     assert solver_traits(diffrax.HalfSolver(Stormer(steps=30))).fixed_step
 
 
