@@ -109,8 +109,12 @@ if not TYPE_CHECKING:
         from importlib import import_module, metadata
 
         if name == "__version__":
-            # Of the installation: its build takes the version from the tag of the repository.
-            return metadata.version(__name__)
+            try:
+                # Of the installation: its build takes the version from the tag of the repository.
+                return metadata.version(__name__)
+            except metadata.PackageNotFoundError:
+                # Sources that lie on the path and were not installed.
+                return "0+unknown"
         if name in _PACKAGES:
             # The import sets the attribute too: the next use does not come here.
             return import_module(f"{__name__}.{name}")
