@@ -245,6 +245,7 @@ def test_a_base_installation_names_the_extra(tmp_path):
 def test_what_an_extra_brings_is_imported_under_its_name():
     """Every import of it stands within `extra`, or in a file after one that does; those of the
     command line stand within that of `carry_out`. An `ImportError` that is caught has a way out."""
+    # lineax comes with diffrax.
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     base = {_plain(line).replace("-", "_") for line in project["dependencies"]} | {
         "lineax"

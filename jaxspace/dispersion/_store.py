@@ -99,13 +99,11 @@ class Store:
 
     def _another_form(self, form: Any) -> str:
         """That a store is of another form, by whom it was written, and the way forward."""
-        writer = self.attributes.get("versions", {}).get(
-            "jaxspace", "of a version that is not named"
-        )
+        writer = self.attributes.get("versions", {}).get("jaxspace", "of an unnamed version")
         return (
             f"{self.path} is a store of form {form!r}, written by jaxspace {writer}, and jaxspace "
-            f"{jaxspace.__version__} reads form {FORM}: read it by the version that wrote it, or its "
-            f"arrays by zarr or xarray alone."
+            f"{jaxspace.__version__} reads form {FORM}: read it by the version that wrote it, or "
+            f"its arrays by zarr or xarray alone."
         )
 
     def metadata_damages(self, but_for: Sequence[str] = ()) -> list[str]:

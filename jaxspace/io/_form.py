@@ -6,7 +6,8 @@
     mission    [planet], [body], [effects.*], [initial], [[phase]]  phases, each with its effects
 
 Every kind may have [dispersion], [optimize], `format`, `title` and how to integrate: `accuracy`,
-`method`, `max_step`, `max_steps`. What stands in the tables follows from the declarations of the classes.
+`method`, `max_step`, `max_steps`. What stands in the tables follows from the declarations of the
+classes.
 """
 
 import inspect
@@ -70,8 +71,8 @@ def format_error(data: Mapping[str, object]) -> str:
     if not isinstance(written, int) or written <= FORMAT:
         return ""
     return (
-        f"format is {written}: jaxspace {jaxspace.__version__} reads up to {FORMAT}, so that it must "
-        f"be read by a later version (pip install --upgrade jaxspace)."
+        f"format is {written}: jaxspace {jaxspace.__version__} reads up to {FORMAT}, so that it "
+        f"must be read by a later version (pip install --upgrade jaxspace)."
     )
 
 
