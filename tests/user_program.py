@@ -1,5 +1,5 @@
-"""A program as a user writes it, for type checkers: `test_types_for_users` checks it in their strict
-modes. Its annotations say what the interface promises."""
+"""A program as a user writes it, for type checkers: `test_types_for_users` has it checked in their
+strict modes. Its annotations say what the interface promises."""
 
 import jax
 import jax.numpy as jnp
