@@ -28,10 +28,13 @@ ALIASES = {
     "jaxtyping",
     "Flag",
     "Matrix",
+    "NumberField",
+    "OptionalNumberField",
     "OrbitState",
     "Progress",
     "REQUIRED",
     "Scalar",
+    "SingleNumberField",
     "State",
     "Vector",
 }

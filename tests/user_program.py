@@ -29,18 +29,21 @@ start = BodyState(position=position, velocity=velocity)
 
 
 def height_rate(t: Array, y: BodyState) -> Array:
-    return dot(y.position, y.velocity)
+    return jnp.asarray(dot(y.position, y.velocity))
 
 
-apogee = Event(height_rate, direction=-1)
-coast = Scene([PointGravity(3.986e14), Oblateness(3.986e14, 1.08e-3, 6.378e6)])
+apogee = Event(height_rate, direction=-1, within=jnp.asarray(2e4))
+coast = Scene((PointGravity(3.986e14), Oblateness(3.986e14, 1.08e-3, 6.378e6)))
 orbit: Trajectory = simulate(coast, start, jnp.array([0.0, 2e4]), events=(apogee,))
 end: float = float(orbit.ts[-1])
-many: Trajectory = simulate_batch(TwoBody(3.986e14), start, jnp.linspace(0.0, 100.0, 3))
+kepler = TwoBody(jnp.full(4, 3.986e14))
+many: Trajectory = simulate_batch(kepler, start, jnp.linspace(0.0, 100.0, 3))
 
-mission = Mission([Phase(coast, 100.0, name="wait"), Phase(coast, apogee, name="climb")])
+# Of arrays and tuples, because mypy does not know that fields convert lists and numbers.
+wait = Phase(coast, jnp.asarray(100.0), name="wait")
+mission = Mission((wait, Phase(coast, apogee, name="climb")))
 flight: MissionTrajectory = simulate(mission, start)
-good: bool = flight.status.good
+status: Array = flight.status
 
 
 def build(samples: dict[str, Array]) -> tuple[Mission, BodyState]:

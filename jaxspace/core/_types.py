@@ -31,10 +31,14 @@ if TYPE_CHECKING:
         def __get__(self, instance: object, owner: object = None) -> Array | None: ...
 
         def __set__(self, instance: object, value: ArrayLike | None) -> None: ...
+
+    # One for all runs.
+    SingleNumberField = NumberField
 else:
     Scalar: TypeAlias = Float[Array, "*#runs"] | float
     NumberField: TypeAlias = Float[Array, "*#runs"]
     OptionalNumberField: TypeAlias = Float[Array, "*#runs"] | None
+    SingleNumberField: TypeAlias = Float[Array, ""]
 Vector: TypeAlias = Float[Array, "3 *#runs"]
 Matrix: TypeAlias = Float[Array, "3 3 *#runs"]
 Flag: TypeAlias = Bool[Array, "*#runs"] | bool
