@@ -3,9 +3,9 @@
 `python tests/hunt.py [--seconds S] [NAME ...]`: S of search for each function (`forms/`).
 
 For each function random inputs, also close to its singular places; then steps from the worst of
-them to worse ones. The error is measured in roundings of the value times the condition number,
-against the same formulas in forty digits (`mp_trace.py`), and so are both modes of
-differentiation, against central differences in forty digits.
+them to worse ones. The error is measured in roundings of the value times the condition number, for
+which a vector is rounded by its length, against the same formulas in forty digits (`mp_trace.py`),
+and so are both modes of differentiation, against central differences in forty digits.
 
 What it finds it keeps in `hunt.json`, from which it writes the page of the manual
 `docs/explanation/hunt.md`; with names it renews their rows alone. It ends with status 1 where a
@@ -67,6 +67,7 @@ class Subject:
         self.form = form
         self.starts = [np.asarray(s, float) for s in form.starts]
         self.blocks = form.blocks
+        self.vectors = form.vectors or (1,) * len(self.starts[0])
 
         def flat(x):
             found = form.function(x)
@@ -86,6 +87,19 @@ class Subject:
         inputs[:] = numbers
         return list(mp_trace.evaluate(self.trace, [inputs])[0])
 
+    def lengths(self, x) -> np.ndarray:
+        """The size of what each input is rounded with: itself, or the vector that it belongs to.
+
+        A component that is nearly zero is that in these axes alone. No formula that is the same in
+        all axes can use more digits of it than a rounding of the whole vector leaves."""
+        parts = np.split(np.asarray(x), np.cumsum(self.vectors)[:-1])
+        # Not a sum of squares, which could leave the range of floats.
+        return np.concatenate([np.full(len(part), np.max(np.abs(part))) for part in parts])
+
+    def moved(self, x: Sequence[mpf], shares: Sequence[float | mpf]) -> list[mpf]:
+        """The inputs, each moved by a share of its `lengths`."""
+        return [c + s * size for c, s, size in zip(x, shares, self.lengths(x), strict=True)]
+
     def error(self, x: np.ndarray) -> float | None:
         """Roundings of the value times its condition number; infinite for a number where there is
         none, and the other way round. `None` where the function has no value."""
@@ -97,7 +111,7 @@ class Subject:
                 # The end of a square root: any rounding of the inputs moves the value at will.
                 return None
             return _roundings(
-                value, truth, np.abs(value) + np.abs(forward) @ np.abs(x), self.blocks
+                value, truth, np.abs(value) + np.abs(forward) @ self.lengths(x), self.blocks
             )
         # Within some roundings of the end of its range either answer is right.
         if np.all(np.isfinite(value)) == exists or self._near_an_end(x, exists):
@@ -108,17 +122,17 @@ class Subject:
         """Whether moving by some roundings decides if the function has a value."""
         for number in range(8):
             signs = np.random.default_rng(number).choice([-1, 1], len(x))
-            moved = [mpf(float(c)) * (1 + 8 * EPS * int(s)) for c, s in zip(x, signs, strict=True)]
+            moved = self.moved([mpf(float(c)) for c in x], [8 * EPS * int(s) for s in signs])
             if all(mp.isfinite(b) for b in self.exact(moved)) != exists:
                 return True
         return False
 
     def slope_error(self, x: np.ndarray, key: np.random.Generator) -> float | None:
-        """The same of the derivatives in both modes, each times its input: roundings of the largest
-        one of its block and of what a rounding of the inputs changes in those looked at. `None`
-        where there is no derivative."""
+        """The same of the derivatives in both modes, each times its input or the length of its
+        vector: roundings of the largest one of its block and of what a rounding of the inputs
+        changes in those looked at. `None` where there is no derivative."""
         _, *modes = (np.asarray(y) for y in self.compiled(jnp.asarray(x)))
-        scales = np.where(x == 0.0, 1.0, np.abs(x))
+        scales = self._scales(x)
         some = key.permutation(len(x))[:4]
         size = np.max(np.nan_to_num(np.abs(modes[0])) * scales, axis=1)
         with mp.workdps(SLOPE_DIGITS):
@@ -131,7 +145,7 @@ class Subject:
                 """With a condition number from the changes along these directions."""
                 nonlocal size
                 for signs in directions:
-                    moved = [c * (1 + int(s) * CHANGE) for c, s in zip(at, signs, strict=True)]
+                    moved = self.moved(at, [int(s) * CHANGE for s in signs])
                     change = (self._differences(moved, some, STEP) - truth) / CHANGE
                     size = size + np.max(np.abs(np.nan_to_num(change.astype(float))), axis=1)
                 return max(
@@ -149,11 +163,17 @@ class Subject:
             # Two directions may miss what counts.
             return error(np.eye(len(x), dtype=int))
 
+    def _scales(self, x) -> np.ndarray:
+        """What the derivatives by each input are multiplied by: its `lengths`, or 1 for zero."""
+        lengths = self.lengths(x)
+        return np.where(lengths == 0, 1, lengths)
+
     def _differences(self, x: list[mpf], columns: Sequence[int], step: mpf) -> np.ndarray:
-        """Derivatives times inputs."""
+        """Derivatives times `_scales`."""
         found = []
+        scales = self._scales(x)
         for number in columns:
-            scale = abs(x[number]) or mpf(1)
+            scale = scales[number]
             ahead, behind = (
                 self.exact([*x[:number], x[number] + h, *x[number + 1 :]])
                 for h in (step * scale, -step * scale)

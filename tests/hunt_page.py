@@ -18,7 +18,8 @@ HEAD = """# The hunt
 
 `make hunt` searches for the inputs at which the formulas are worst, and writes this page. Errors
 are in roundings (2.2e-16) times the condition number of the place: what the rounding of the
-inputs alone does is about 1, and more than 100 is a defect.
+inputs alone does is about 1, and more than 100 is a defect. A vector is rounded by its length: a
+component that is nearly zero is that in one set of axes alone.
 
 {summary}
 
@@ -55,21 +56,16 @@ TITLES = {
 SYSTEMS = "Vector fields and invariants of systems"
 # What is known of the worst places, by the name of the function.
 NOTES: dict[str, str] = {
-    "direction": "the derivative of a direction along itself vanishes; what is left is one "
-    "rounding of the value",
     "stable_platform": "four gimbals turn three axes: the inertia of one counts against that of "
     "the platform",
-    "steering": "that derivative of a direction again",
     "looking": "in the zenith the sine of the elevation is greatest: what is left of its "
     "derivative is one rounding of the value",
     **dict.fromkeys(
         ("gyropendulum_motion", "rate_gyro_response", "error_motion", "compass"),
         "the exponential of A t loses a rounding of its norm |A t|, not only of its condition",
     ),
+    "kepler": "a flyby from afar, whose derivatives by the velocity lose up to two digits",
     "impulse": "a difference of elements: `first_order=True` keeps the digits of a small impulse",
-    "kepler": "a flyby from afar, nearly along its velocity: its errors are those of inputs that "
-    "are rounded by their lengths, also where a small component is known better; the derivatives "
-    "lose up to three digits more",
 }
 
 

@@ -400,3 +400,27 @@ def test_networks_are_controllers():
 def test_what_no_loop_can_be_flown_with(make, words):
     with pytest.raises(InputError, match=words):
         make()
+
+
+@pytest.mark.parametrize(
+    ("name", "make"),
+    [
+        ("ClosedLoop.period", lambda x: ClosedLoop(POINT, PID(1, 1), period=x)),
+        ("ClosedLoop.delay", lambda x: ClosedLoop(POINT, PID(1, 1), period=1.0, delay=x)),
+        ("ClosedLoop.longest", lambda x: ClosedLoop(POINT, PID(1, 1), period=1.0, longest=x)),
+        ("Sensor.period", lambda x: Sensor("position", period=x)),
+        ("StarTracker.period", lambda x: StarTracker(period=x)),
+    ],
+)
+def test_times_that_decide_how_many_samples_there_are_must_be_known(name, make):
+    def used(x):
+        make(x)
+        return x
+
+    for transformed, x in ((jax.jit, 1.0), (jax.grad, 1.0), (jax.vmap, jnp.ones(2))):
+        with pytest.raises(InputError, match=f"{name} is traced: it must be a number that"):
+            transformed(used)(x)
+    with pytest.raises(InputError, match=f"{name} is 'a': it must be a number, in s"):
+        make("a")
+    # A number of JAX that is known is one.
+    make(jnp.asarray(1.0))

@@ -149,6 +149,22 @@ def test_an_adjoint_follows_the_steps_of_the_run():
     np.testing.assert_allclose(slope, expected, rtol=1e-5)
 
 
+def test_adjoints_go_through_a_method_of_diffrax():
+    """Some set its kind of loop, which they look for in the solver around it."""
+
+    def end(rate, adjoint):
+        y0 = jnp.stack([0.0 * rate, rate])
+        accuracy = Accuracy(1e-4, method=diffrax.Bosh3(), adjoint=adjoint, max_steps=32)
+        return simulate(Swing(), y0, jnp.array([0.0, 1.0]), accuracy=accuracy).final[0]
+
+    expected = jax.jit(jax.grad(end), static_argnums=1)(1.7, None)
+    found = jax.jit(jax.jacfwd(end), static_argnums=1)(1.7, diffrax.ForwardMode())
+    # 1e-12: along the same steps.
+    np.testing.assert_allclose(found, expected, rtol=1e-12)
+    # It failed where it was traced.
+    jax.eval_shape(lambda rate: jax.grad(end)(rate, diffrax.DirectAdjoint()), 1.7)
+
+
 def test_an_adjoint_keeps_status_and_statistics_of_the_run():
     """Steps that run out are reported, and what is counted is that of the run without it."""
     own, by_diffrax = (

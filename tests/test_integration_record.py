@@ -1,4 +1,5 @@
-"""The record of a run: what was put in is found again, however often states were dropped."""
+"""The record of a run: what was put in is found again, however often states were dropped, and a run
+is refused whose record has no room."""
 
 import jax
 import jax.numpy as jnp
@@ -6,8 +7,12 @@ import numpy as np
 import pytest
 
 from jaxspace import BodyState
-from jaxspace.integration import _record
+from jaxspace.core import InputError
+from jaxspace.integration import _memory, _record
 from jaxspace.integration._record import Record, Recording, RecordLayout
+from jaxspace.orbits import TwoBody
+from jaxspace.simulation import Accuracy, simulate
+from jaxspace.solvers import DOP853
 
 CLOCK = jnp.zeros(())
 OWN = jnp.zeros((2, 3))
@@ -69,3 +74,40 @@ def test_a_short_run_keeps_every_state():
     for n in range(60):
         recording = add(recording, jnp.asarray(n))
     assert int(recording.stride) == 1 and int(recording.count) == 60
+
+
+def end(mu, max_steps, dense=False):
+    """Where a short flight ends."""
+    y0 = BodyState(jnp.array([1.0, 0.0, 0.0]), jnp.array([0.0, 1.0, 0.0]))
+    accuracy = Accuracy(method=DOP853(), max_steps=max_steps)
+    return simulate(TwoBody(mu), y0, jnp.array([0.0, 1.0]), accuracy=accuracy, dense=dense).final
+
+
+def test_a_record_without_room_is_refused_before_it_is_compiled(monkeypatch):
+    sentence = "Accuracy.max_steps is {}: .* would take {} GB of memory; .* at most {}"
+    # Half of the memory for the ends of the steps, of 8 bytes each, or for seven numbers of each.
+    monkeypatch.setattr(_memory, "memory", lambda: 16e9)
+    with pytest.raises(InputError, match=sentence.format(10**12, 8000, 10**9)):
+        jax.jacfwd(end)(1.0, 10**12)
+    with pytest.raises(InputError, match=sentence.format(10**12, 8000, 10**9)):
+        jax.jacrev(end)(1.0, 10**12)
+    with pytest.raises(InputError, match=sentence.format(2 * 10**9, 112, 142857142)):
+        end(1.0, 2 * 10**9, dense=True)
+    # What is asked for is the memory of this machine.
+    monkeypatch.undo()
+    assert 2**28 < _memory.memory() < 2**60
+    with pytest.raises(InputError, match="would take 8000000 GB"):
+        jax.eval_shape(jax.grad(lambda mu: end(mu, 10**15).position[1]), 1.0)
+    # The value keeps no record.
+    run = jax.eval_shape(lambda mu: end(mu, 10**15), 1.0)
+    assert run.position.shape == (3,)
+
+
+def test_more_steps_than_can_be_counted_are_refused():
+    with pytest.raises(
+        InputError, match="max_steps is 1e.30: it must be at most 9223372036854775807"
+    ):
+        end(1.0, 10**30)
+    with jax.enable_x64(False):
+        with pytest.raises(InputError, match="at most 2147483647, .* without jaxspace.enable_x64"):
+            end(1.0, 10**12)

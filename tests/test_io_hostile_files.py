@@ -6,7 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from jaxspace.io import SceneError, _load, _named_files, load
+from jaxspace.core import InputError, _files
+from jaxspace.io import SceneError, _load, load, read_oem, read_omm, read_tle
+from jaxspace.rockets import read_motor
 
 SCENES = Path(__file__).resolve().parents[1] / "examples" / "scenes"
 TOP = (SCENES / "top.toml").read_text()
@@ -89,8 +91,27 @@ def test_files_without_end_are_not_read(tmp_path, monkeypatch):
     for name in ("/dev/zero", "pipe"):
         assert "it is no regular file" in refusal(scene, DRIFT.replace("NAMED", name))
     named.write_text("1.0\n" * 100)
-    monkeypatch.setattr(_named_files, "LARGEST", 100)
+    monkeypatch.setattr(_files, "LARGEST", 100)
     assert "at most 0 MB are read" in refusal(scene, DRIFT.replace("NAMED", named.name))
     monkeypatch.setattr(_load, "LONGEST", 1000)
     with pytest.raises(SceneError, match="longer than 1,000 characters"):
         load("/dev/zero")
+
+
+@pytest.mark.parametrize(
+    "read, ending",
+    [(read_motor, ".eng"), (read_oem, ".oem"), (read_tle, ".tle"), (read_omm, ".csv")],
+)
+def test_files_without_end_are_not_read_from_python(tmp_path, monkeypatch, read, ending):
+    long, pipe, zero = (tmp_path / f"{name}{ending}" for name in ("long", "pipe", "zero"))
+    os.mkfifo(pipe)
+    zero.symlink_to("/dev/zero")
+    for path in (pipe, zero):
+        with pytest.raises(InputError, match=f"{path} cannot be read: it is no regular file"):
+            read(path)
+    long.write_text("1.0\n" * 100)
+    monkeypatch.setattr(_files, "LARGEST", 100)
+    with pytest.raises(InputError, match="long.* cannot be read: .* at most 0 MB are read"):
+        read(long)
+    with pytest.raises(FileNotFoundError):
+        read(tmp_path / f"none{ending}")

@@ -338,6 +338,31 @@ def test_transfers_with_revolutions_arrive_from_a_least_duration_on(revolutions)
     assert jnp.dot(low, r1) < jnp.dot(high, r1)
 
 
+def test_a_short_arc_keeps_the_digits_of_its_chord():
+    """Over a short time t the velocities are (r2 - r1) / t -+ g t / 2, with the acceleration g."""
+    key = np.random.default_rng(3)
+    for size in 10.0 ** key.uniform(-8.0, -6.0, 8):
+        r1 = key.normal(size=3)
+        r1 = r1 / np.linalg.norm(r1)
+        r2 = r1 + size * key.normal(size=3)
+        if np.cross(r1, r2)[2] < 0.0:
+            # Counterclockwise, so that the arc is the short one.
+            r1, r2 = r2, r1
+        y = np.array([*r1, *r2, size, 1.0])
+        # The difference of the places as they are rounded is exact.
+        velocity = (r2 - r1) / size
+        fall = -0.5 * r1
+        # Some roundings, and the next order of t. Lengths and directions that are subtracted from
+        # each other leave 2e-16 / t.
+        near = 1e-14 + 10.0 * size**2
+        values, slopes = (np.asarray(f(y)) for f in (packed, forward))
+        for sign, v, by in zip((-1, 1), np.split(values, 2), np.split(slopes, 2), strict=True):
+            np.testing.assert_allclose(v, velocity + sign * fall * size, rtol=0, atol=near)
+            expected = np.hstack([-np.eye(3), np.eye(3)]) / size
+            np.testing.assert_allclose(by[:, :6], expected, rtol=0, atol=near / size)
+        np.testing.assert_allclose(reverse(y), slopes, rtol=0, atol=near / size)
+
+
 # Edges
 # -------------------------------------------------------------------------------------------------
 

@@ -1,5 +1,8 @@
 """Runs that fail: nothing of them is a plausible number, and the error tells where it was."""
 
+import re
+
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -9,6 +12,7 @@ from systems import Integrated
 from jaxspace import BodyState, Scene, simulate, simulate_batch
 from jaxspace.attitude import TorqueFreeBody
 from jaxspace.bodies import BurningBody
+from jaxspace.core import AbstractSystem
 from jaxspace.orbits import Oblateness, PointGravity, TwoBody
 from jaxspace.rockets import Thrust
 from jaxspace.rotations import Quaternion
@@ -53,6 +57,39 @@ def test_an_error_tells_time_and_state():
     mission = Mission([Phase(TwoBody(1.0), 0.5, name="one"), Phase(TwoBody(1.0), late, name="two")])
     with pytest.raises(SimulationError, match="The phase 'two' starts at t = 0.5 s with position"):
         simulate(mission, Y)
+
+
+class Turning(AbstractSystem):
+    """A vector that turns ever faster: by the angle t^2, as a body that a torque spins up, or by
+    t / (1 - t)."""
+
+    endless: bool = eqx.field(static=True)
+
+    def vector_field(self, t, y):
+        rate = 1.0 / (1.0 - t) ** 2 if self.endless else 2.0 * t
+        return rate * jnp.stack([-y[1], y[0]])
+
+    def invariants(self, t, y):
+        return {}
+
+
+def test_steps_that_run_out_say_how_many_would_do():
+    def turned(system, end, max_steps):
+        accuracy = Accuracy(1e-6, method=Tsit5(), max_steps=max_steps)
+        return simulate(system, jnp.array([1.0, 0.0]), jnp.array([0.0, end]), accuracy=accuracy)
+
+    sentence = r"It got to t = .* Its end at t = 40 s takes about (\d+) steps .*max_steps=(\d+)\)"
+    with pytest.raises(SimulationError, match=sentence) as failed:
+        turned(Turning(False), 40.0, 1000)
+    estimate, enough = map(int, re.findall(sentence, str(failed.value))[0])
+    assert enough == 2 * estimate
+    taken = turned(Turning(False), 40.0, enough).stats
+    # By the square of the time: in proportion to it they would be far too few.
+    assert abs(int(taken["steps"] + taken["rejected_steps"]) - estimate) < 0.1 * estimate
+    # Steps that become ever shorter lead to no number.
+    with pytest.raises(SimulationError, match="steps ran out") as failed:
+        turned(Turning(True), 1.0, 1000)
+    assert "takes about" not in str(failed.value)
 
 
 @pytest.mark.parametrize(

@@ -24,7 +24,7 @@ from mpmath import mp, mpf
 from systems import SAMPLES
 
 from jaxspace.cli import _commands, main
-from jaxspace.core import AbstractSystem, InputError
+from jaxspace.core import AbstractSystem, InputError, unit
 from jaxspace.orbits import TwoBody
 from jaxspace.verification import CASES, Verification, run_cases, verify
 
@@ -214,6 +214,18 @@ def test_the_hunt_finds_nothing_in_a_sample_and_a_loss_where_there_is_one():
     page = hunt_page.page([*rows, bad])
     assert all(row.name in page for row in (*rows, bad))
     assert str(bad.inputs[0]) in page and str(rows[0].inputs[0]) not in page
+
+
+def test_the_hunt_rounds_a_vector_by_its_length():
+    # Along itself the derivative of a direction vanishes, and a rounding of 1 is left.
+    place = (-2.777988453424925e-10, -2.3458952040163563e-16, 0.0013241234888774634)
+
+    def error(vectors):
+        subject = hunt.Subject(Form(unit, ("core.unit",), [place], vectors=vectors))
+        return subject.slope_error(np.array(place), np.random.default_rng(0))
+
+    with mp.workdps(hunt.DIGITS):
+        assert error((3,)) < 2.0 and error(()) > hunt_page.DEFECT
 
 
 def test_the_hunt_finds_a_wrong_rule_of_a_derivative_and_a_silent_nan():

@@ -41,7 +41,7 @@ from ._controller import AbstractController, as_controller
 from ._fly import LoopRun, Wanted, fly
 from ._program import Known, Static, alone, as_events, as_key, parts_of
 from ._repeats import config_of, repeated
-from ._sensors import AbstractSensor, check_period
+from ._sensors import AbstractSensor, check_period, known_seconds
 
 HOLDS = ("zero", "first")
 
@@ -73,14 +73,19 @@ class ClosedLoop(AbstractFlight):
 
     As the `system` of a `Phase` a loop flies in a mission, and so in a campaign.
 
-    Raises `InputError` for a period or a delay that is no such time, and for another hold."""
+    Raises `InputError` for a period, a delay or a `longest` that is no known time, and for another
+    hold."""
 
     system: AbstractSystem
     controller: AbstractController = eqx.field(converter=as_controller)
     sensors: dict[str, AbstractSensor] | None = eqx.field(converter=_as_sensors, default=None)
-    period: float = eqx.field(static=True, converter=float, kw_only=True)
+    period: float = eqx.field(
+        static=True, converter=known_seconds("ClosedLoop.period"), kw_only=True
+    )
     hold: str = eqx.field(static=True, default="zero", kw_only=True)
-    delay: float = eqx.field(static=True, converter=float, default=0.0, kw_only=True)
+    delay: float = eqx.field(
+        static=True, converter=known_seconds("ClosedLoop.delay"), default=0.0, kw_only=True
+    )
     limit: Float[Array, "..."] | None = eqx.field(
         converter=as_optional_float, default=None, kw_only=True
     )
@@ -90,7 +95,12 @@ class ClosedLoop(AbstractFlight):
     actuate: Actuate = eqx.field(static=True, default=with_command, kw_only=True)
     steps: int = eqx.field(static=True, default=1, kw_only=True)
     key: Key[Array, "*#runs"] | None = eqx.field(default=None, kw_only=True)
-    longest: float | None = eqx.field(static=True, default=None, kw_only=True)
+    longest: float | None = eqx.field(
+        static=True,
+        converter=known_seconds("ClosedLoop.longest", optional=True),
+        default=None,
+        kw_only=True,
+    )
 
     def __check_init__(self):
         check_period("ClosedLoop.period", self.period)

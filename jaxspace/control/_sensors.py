@@ -22,6 +22,7 @@ from typing import Any, TypeAlias, final
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+from jax.core import Tracer
 from jaxtyping import Array, Float, Key, PyTree
 
 from ..core import AbstractParameters, InputError, Scalar, State, Vector, quantity, with_rank
@@ -33,8 +34,25 @@ Keys: TypeAlias = Key[Array, "..."]
 Draw: TypeAlias = Callable[[int, Array], Array]
 
 
-def _as_period(x: Any) -> float | None:
-    return None if x is None else float(x)
+def known_seconds(name: str, optional: bool = False) -> Callable[[Any], Any]:
+    """What makes a field of this `name` a known number, s, or, if it is `optional`, `None`.
+
+    Raises `InputError` for what is traced: how many samples there are is part of a program."""
+
+    def known(x: Any) -> float | None:
+        if optional and x is None:
+            return None
+        if isinstance(x, Tracer):
+            raise InputError(
+                f"{name} is traced: it must be a number that is known before, in s, because it "
+                f"decides how many samples there are."
+            )
+        try:
+            return float(x)  # pyright: ignore[reportArgumentType]
+        except (TypeError, ValueError):
+            raise InputError(f"{name} is {x!r}: it must be a number, in s.") from None
+
+    return known
 
 
 class AbstractSensor(AbstractParameters):
@@ -87,7 +105,9 @@ class Sensor(AbstractSensor):
     limit: Float[Array, "..."] | None = quantity(
         "", positive=True, optional=True, doc="largest reading"
     )
-    period: float | None = eqx.field(static=True, default=None, converter=_as_period)
+    period: float | None = eqx.field(
+        static=True, default=None, converter=known_seconds("Sensor.period", optional=True)
+    )
 
     def __check_init__(self):
         check_period("Sensor.period", self.period)
@@ -133,7 +153,9 @@ class StarTracker(AbstractSensor):
     bias: Float[Array, "3 *#runs"] | None = quantity(
         "rad", optional=True, doc="constant turn of the sensor in the body"
     )
-    period: float | None = eqx.field(static=True, default=None, converter=_as_period)
+    period: float | None = eqx.field(
+        static=True, default=None, converter=known_seconds("StarTracker.period", optional=True)
+    )
 
     def __check_init__(self):
         check_period("StarTracker.period", self.period)

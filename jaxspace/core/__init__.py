@@ -26,6 +26,7 @@ from ._elliptic import complete_first as complete_first
 from ._elliptic import complete_third as complete_third
 from ._extra import MissingExtra as MissingExtra
 from ._extra import extra as extra
+from ._files import read_text as read_text
 from ._group import AbstractGroupElement as AbstractGroupElement
 from ._group import on_group as on_group
 from ._group import project as project

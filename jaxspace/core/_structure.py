@@ -5,13 +5,15 @@ To trace a vector field takes longer than a short run, and a run asks several su
 """
 
 import functools
-from collections.abc import Callable, Hashable
+import weakref
+from collections.abc import Callable
 from typing import Any, NamedTuple, TypeVar
 
 import equinox as eqx
 import jax
 import numpy as np
 from jax.typing import DTypeLike
+from jaxtyping import PyTree
 
 T = TypeVar("T")
 Leaf = TypeVar("Leaf")
@@ -38,9 +40,55 @@ class _Array(NamedTuple):
 
 
 def _compared(x: object) -> object:
-    if isinstance(x, jax.Array):
+    if isinstance(x, jax.Array | jax.ShapeDtypeStruct):
         return _Array(x.shape, x.dtype, x.weak_type)
     return _Array(x.shape, x.dtype, False) if isinstance(x, np.ndarray) else x
+
+
+class _Make:
+    """Structure and shapes of a tree, hashed once: that of a large system is looked up often."""
+
+    __slots__ = ("hash", "leaves", "structure")
+
+    def __init__(self, tree: PyTree):
+        leaves, self.structure = jax.tree.flatten(tree)
+        self.leaves = tuple(map(_compared, leaves))
+        self.hash = hash((self.structure, self.leaves))
+
+    def __hash__(self) -> int:
+        return self.hash
+
+    def __eq__(self, other: object) -> bool:
+        if self is other:
+            return True
+        if not isinstance(other, _Make) or self.hash != other.hash:
+            return False
+        return self.structure == other.structure and self.leaves == other.leaves
+
+    def shapes(self) -> PyTree:
+        """The tree with shapes in place of its arrays."""
+        leaves = [
+            jax.ShapeDtypeStruct(x.shape, x.dtype, weak_type=x.weak_type)
+            if isinstance(x, _Array)
+            else x
+            for x in self.leaves
+        ]
+        return jax.tree.unflatten(self.structure, leaves)
+
+
+# By the identity of a module, which never changes. It goes when the module goes.
+_MAKES: dict[int, tuple[weakref.ref, _Make]] = {}
+
+
+def _make_of(tree: PyTree) -> _Make:
+    if not isinstance(tree, eqx.Module):
+        return _Make(tree)
+    known = _MAKES.get(id(tree))
+    if known is not None and known[0]() is tree:
+        return known[1]
+    make, key = _Make(tree), id(tree)
+    _MAKES[key] = weakref.ref(tree, lambda _: _MAKES.pop(key, None)), make
+    return make
 
 
 def once_per_structure(function: Callable[..., T]) -> Callable[..., T]:
@@ -50,26 +98,21 @@ def once_per_structure(function: Callable[..., T]) -> Callable[..., T]:
     Its answer is kept, so that it must be one that nobody changes. An error is not kept. Where a
     leaf or a static field cannot be hashed, the function runs every time."""
 
-    @functools.lru_cache(maxsize=KEPT)
-    def kept(structure: jax.tree_util.PyTreeDef, leaves: tuple[Hashable, ...]) -> T:
-        shapes = [
-            jax.ShapeDtypeStruct(x.shape, x.dtype, weak_type=x.weak_type)
-            if isinstance(x, _Array)
-            else x
-            for x in leaves
-        ]
-        args, kwargs = jax.tree.unflatten(structure, shapes)
-        return function(*args, **kwargs)
+    def of_makes(args: tuple[_Make, ...], kwargs: tuple[tuple[str, _Make], ...]) -> T:
+        named = {name: make.shapes() for name, make in kwargs}
+        return function(*(make.shapes() for make in args), **named)
+
+    kept = functools.lru_cache(maxsize=KEPT)(of_makes)
 
     @functools.wraps(function)
     def of_trees(*args: Any, **kwargs: Any) -> T:
-        leaves, structure = jax.tree.flatten((args, kwargs))
-        compared = tuple(map(_compared, leaves))
         try:
-            hash((structure, compared))
+            makes = tuple(map(_make_of, args))
+            named = tuple((name, _make_of(tree)) for name, tree in kwargs.items())
         except TypeError:
-            return kept.__wrapped__(structure, compared)
-        return kept(structure, compared)
+            shapes = jax.tree.map(shape_of, (args, kwargs))
+            return function(*shapes[0], **shapes[1])
+        return kept(makes, named)
 
     return of_trees
 

@@ -75,7 +75,8 @@ class Accuracy(AbstractParameters):
       first, then taken.
     - `max_steps`: how many steps a run may take. Reverse mode keeps room for all of them: one
       number each, and two for every run with `AdaptiveRegularised`, whose short runs are
-      differentiated several times faster with fewer.
+      differentiated several times faster with fewer. A run that would need more than half of the
+      memory for them is refused.
     - `max_step`: the longest step, s; by default as long as the tolerance allows. The vector field
       is sampled at the stages of the steps, so that a pulse much shorter than a step can be
       missed: half the length of the shortest pulse is right. Closed forms and systems that declare

@@ -8,6 +8,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from ..core import State
+from ._memory import check_memory
 
 
 def empty_buffer(count: int, y: State) -> State:
@@ -30,6 +31,17 @@ def get_row(rows: PyTree, index: Int[Array, ""]) -> PyTree:
 def put_row(rows: PyTree, index: Int[Array, ""], row: PyTree) -> PyTree:
     """A tree of rows with one of them replaced."""
     return jax.tree.map(lambda x, a: x.at[index].set(a), rows, row)
+
+
+def empty_steps(
+    limit: int, clock: Array, y: State, dense: bool
+) -> tuple[Float[Array, " steps"], State | None]:
+    """Memory for the ends of `limit` steps, like the times of the `clock`, (*runs,), and, for a
+    `dense` output, the states at them. Raises `InputError` where there is not so much."""
+    kept = (clock, *jax.tree.leaves(y)) if dense else (clock,)
+    check_memory("the steps of the run", limit, sum(x.size * x.dtype.itemsize for x in kept))
+    ends = jnp.zeros((limit, *clock.shape), clock.dtype)
+    return ends, empty_buffer(limit, y) if dense else None
 
 
 class SavedStates(NamedTuple):

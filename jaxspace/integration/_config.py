@@ -15,10 +15,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, DTypeLike, Float, PyTree
 
-from ..core import AbstractDecoupled, AbstractSystem, InputError, Scalar, is_concrete
+from ..core import AbstractDecoupled, AbstractSystem, InputError, Scalar, check, is_concrete
 from ..solvers import SolverTraits, refine, small_program, solver_traits
 from ._accuracy import DEFAULT_RTOL, Accuracy, as_method, least_tolerance, state_dtype
-from ._selection import select_method
+from ._selection import has_closed_form, select_method
 from ._stiffness import InitialConditions
 
 # A fixed-step run that missed the tolerance is repeated with at most this many times the steps.
@@ -112,8 +112,9 @@ def resolve(
     known_rtol = float(np.max(np.asarray(rtol))) if is_concrete(rtol) else 0.0
     if is_concrete(rtol):
         check_tolerance(float(np.min(np.asarray(rtol))), dtype)
+    check_countable(accuracy.max_steps)
     method = accuracy.method
-    exactly = method == "closed_form" or (method == "auto" and system.closed_form() is not None)
+    exactly = method == "closed_form" or (method == "auto" and has_closed_form(system))
     decoupled = system.decoupled() if accuracy.decoupled and not exactly else None
     if decoupled is not None:
         starts = _starts_of_rest(decoupled, starts)
@@ -189,6 +190,15 @@ def check_tolerance(rtol: float, dtype: DTypeLike) -> None:
             f"Accuracy.rtol is {rtol:.3g}: for {jnp.dtype(dtype).name} states it must be at least "
             f"{least:.2g}; loosen it, or use float64."
         )
+
+
+def check_countable(max_steps: int) -> None:
+    """Raise `InputError` for more steps than JAX's whole numbers count."""
+    most = jnp.iinfo(jnp.result_type(int)).max
+    allowed = f"at most {most}, to which JAX counts"
+    if not jax.config.read("jax_enable_x64"):
+        allowed += " without jaxspace.enable_x64()"
+    check(max_steps <= most, "Accuracy.max_steps", max_steps, allowed)
 
 
 CAPABILITIES = {

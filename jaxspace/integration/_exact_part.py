@@ -18,7 +18,7 @@ import jax
 import numpy as np
 from jaxtyping import PyTree
 
-from ..core import AbstractSystem, Scalar, is_concrete
+from ..core import AbstractSystem, Scalar, is_concrete, without_numbers
 from ._accuracy import Accuracy
 
 STEPS_PER_RADIAN = 1.2
@@ -26,7 +26,7 @@ OF_TOLERANCE = 1e-9
 
 
 def with_exact_part(
-    accuracy: Accuracy, system: AbstractSystem, y: PyTree, duration: Scalar
+    accuracy: Accuracy, system: AbstractSystem, y: PyTree, times: Scalar
 ) -> Accuracy:
     """The accuracy with its `decoupled` decided for runs of a system.
 
@@ -34,19 +34,28 @@ def with_exact_part(
 
     - `accuracy`: as the user gave it; what it says stays.
     - `system`, `y`: the system, and a state that shows how fast the runs turn.
-    - `duration`: of the runs, s.
+    - `times`: the duration of the runs, s, or their save times, (times, *runs).
 
     **Returns** the same where nothing is to be decided, or the numbers are not known (under `jit`,
     or in a derivative): then all is stepped."""
     if accuracy.decoupled is not None or accuracy.method != "auto":
         return accuracy
+    if not _has_exact_part(system):
+        return accuracy
+    if not is_concrete(times) or not all(map(is_concrete, jax.tree.leaves(y))):
+        return accuracy
     decoupled = system.decoupled()
-    if decoupled is None:
-        return accuracy
-    if not is_concrete(duration) or not all(map(is_concrete, jax.tree.leaves(y))):
-        return accuracy
+    assert decoupled is not None
+    duration = np.asarray(times)
+    if duration.ndim:
+        duration = duration[-1] - duration[0]
     turns = float(np.max(np.asarray(decoupled.turns(duration, y)), initial=0.0))
     return dataclasses.replace(accuracy, decoupled=takes_many_steps(turns, accuracy))
+
+
+@without_numbers
+def _has_exact_part(system: AbstractSystem) -> bool:
+    return system.decoupled() is not None
 
 
 def takes_many_steps(turns: float, accuracy: Accuracy) -> bool:

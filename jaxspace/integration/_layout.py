@@ -9,6 +9,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from ..core import AbstractSystem, Scalar, State
+from ._field_trace import field_trace
 
 
 def broadcast_state(system: AbstractSystem, t: Scalar, y: State) -> State:
@@ -16,7 +17,7 @@ def broadcast_state(system: AbstractSystem, t: Scalar, y: State) -> State:
     # A block can learn of runs from another one only through the derivative of a third: three
     # passes are enough for every system, and one is for most.
     for _ in range(3):
-        shape = jax.eval_shape(system.vector_field, t, y)
+        shape = field_trace(system, t, y).rate
         before = jax.tree.map(jnp.shape, y)
         y = jax.tree.map(
             lambda a, b: jnp.broadcast_to(a, jnp.broadcast_shapes(a.shape, b.shape)), y, shape

@@ -20,7 +20,7 @@ from ..solvers import (
     StepTo,
     Tolerance,
 )
-from ._buffers import SavedStates, empty_buffer, nan_buffer, put_row
+from ._buffers import SavedStates, empty_steps, nan_buffer, put_row
 from ._event_location import (
     Location,
     SearchedStep,
@@ -207,9 +207,7 @@ def _start(
     if settings.save_ts is not None:
         saved = SavedStates(nan_buffer(settings.save_ts.shape[0], y0), zero)
     if settings.record_steps or settings.dense:
-        step_ends = jnp.zeros((limit,), end.dtype)
-    if settings.dense:
-        step_states = empty_buffer(limit, y0)
+        step_ends, step_states = empty_steps(limit, end, y0, settings.dense)
     if recorded:
         recording = Recording.empty(RecordLayout.of(y0, end, limit))
     return LoopState(

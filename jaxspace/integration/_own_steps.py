@@ -23,7 +23,7 @@ from ..solvers._regularised_step import (
     order_of,
 )
 from ..solvers._step_control import SMALLEST_STEP
-from ._buffers import empty_buffer, nan_buffer, put_row
+from ._buffers import empty_steps, nan_buffer, put_row
 from ._loop import LoopSettings
 from ._own_buffers import kept_of_pass, written
 from ._own_control import Trend, bounded, following, ideal_length
@@ -97,9 +97,8 @@ def _start(
         step = kept_of_pass(free, landing)
         recording = Recording.empty(RecordLayout.of(y0, step, limit))
     if settings.record_steps or settings.dense:
-        ends = jnp.zeros((limit, *runs), settings.end.dtype)
-    if settings.dense:
-        states = empty_buffer(limit, y0)
+        clock = jnp.broadcast_to(settings.end, runs)
+        ends, states = empty_steps(limit, clock, y0, settings.dense)
     return OwnLoop(
         y=y0,
         h=jnp.where(landing, to_end, jnp.sign(segment.duration) * free),

@@ -18,7 +18,9 @@ from jaxtyping import Array, PyTree
 
 from ..core import State, count_operations, shape_of
 from ..solvers import small_program
+from ._field_trace import field_trace
 from ._loop import LoopSettings, integrate_loop
+from ._normalised_time import ScaledVectorField
 from ._outcome import outcome_of, own_outcome_of
 from ._own_buffers import kept_of_pass
 from ._own_replay import OwnReplay
@@ -120,6 +122,10 @@ class Problem:
     @functools.cached_property
     def field_operations(self) -> int:
         """How many operations an evaluation of the vector field has."""
+        field, y0, settings = self.parts(self.avals)
+        if isinstance(field, ScaledVectorField):
+            t = jax.ShapeDtypeStruct((), settings.lengths.dtype)
+            return field_trace(field.system, t, y0).operations
 
         def rate(*args: Array) -> State:
             field, y0, settings = self.parts(args)

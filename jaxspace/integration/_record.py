@@ -20,6 +20,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from ..core import State
+from ._memory import check_memory
 
 RECORD_BYTES = 3 * 2**16
 """Size of a record, unless the steps alone need more. A larger one takes longer to fill and to move
@@ -111,7 +112,9 @@ class Recording(NamedTuple):
 
     @classmethod
     def empty(cls, layout: RecordLayout) -> "Recording":
-        """Before the first step."""
+        """Before the first step. Raises `InputError` where there is no memory for all steps."""
+        step = layout.step_size * layout.dtype.itemsize
+        check_memory("the record of the steps for a derivative", layout.limit, step)
         zero = jnp.asarray(0)
         return cls(jnp.zeros((layout.size,), layout.dtype), zero + 1, zero)
 

@@ -81,7 +81,8 @@ def is_second_order(system: AbstractSystem, y: PyTree) -> bool:
 
 
 @without_numbers
-def _has_closed_form(system: AbstractSystem) -> bool:
+def has_closed_form(system: AbstractSystem) -> bool:
+    """Whether a system has a closed form."""
     return system.closed_form() is not None
 
 
@@ -106,7 +107,7 @@ def _is_eccentric(context: SelectionContext) -> bool:
 RULES = (
     Rule(
         "the system has a closed form",
-        lambda c: _has_closed_form(c.system),
+        lambda c: has_closed_form(c.system),
         "closed_form",
     ),
     Rule(

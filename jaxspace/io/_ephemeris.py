@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ..bodies import BodyState
-from ..core import InputError
+from ..core import InputError, read_text
 from ..orbits import TabulatedPath
 
 # The keys of the metadata that a message must have, and the field of each; the rest are in the
@@ -69,7 +69,7 @@ def read_oem(path: str | os.PathLike[str]) -> list[Ephemeris]:
     of a leap are not counted: a segment in UTC should not span one.
 
     **Raises** `InputError` with the line of what is not as the standard has it."""
-    text = Path(path).read_text(encoding="utf-8-sig")
+    text = read_text(path)
     lines = [line.strip() for line in text.splitlines()]
     # Refused here, where XML and other messages can still be told by what they are.
     if not text.lstrip().startswith("CCSDS_OEM_VERS"):

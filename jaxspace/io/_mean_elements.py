@@ -9,6 +9,7 @@ Such elements have a meaning for this theory alone: it gives the states, in the 
 equator, mean equinox) of their epoch. Needs the extra `ephemerides`.
 """
 
+import io
 import os
 from collections.abc import Iterable
 from datetime import datetime, timedelta
@@ -19,7 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..bodies import BodyState
-from ..core import InputError, extra
+from ..core import InputError, extra, read_text
 from ._ephemeris import Ephemeris
 
 
@@ -86,7 +87,7 @@ def read_tle(source: str | os.PathLike[str]) -> list[CataloguedOrbit]:
 
     # A path has no line break, a set of elements at least one.
     is_text = isinstance(source, str) and "\n" in source
-    text = str(source) if is_text else Path(source).read_text(encoding="utf-8-sig")
+    text = str(source) if is_text else read_text(source)
     lines = [line.rstrip() for line in text.splitlines() if line.strip()]
     found, name = [], ""
     for k, line in enumerate(lines):
@@ -125,9 +126,8 @@ def read_omm(path: str | os.PathLike[str]) -> list[CataloguedOrbit]:
     kind = Path(path).suffix.lower()
     if kind not in (".xml", ".csv"):
         raise InputError(f"{path} ends with {kind!r}: it must end with .xml or .csv.")
-    with Path(path).open(encoding="utf-8-sig") as file:
-        parse = omm.parse_xml if kind == ".xml" else omm.parse_csv
-        rows: Iterable[dict[str, str]] = list(parse(file))
+    parse = omm.parse_xml if kind == ".xml" else omm.parse_csv
+    rows: Iterable[dict[str, str]] = list(parse(io.StringIO(read_text(path))))
     found = []
     for row in rows:
         record = Satrec()

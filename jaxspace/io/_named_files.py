@@ -2,13 +2,11 @@
 a stored campaign needs none of them."""
 
 import os
-import stat
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-LARGEST = 64_000_000
-"""Bytes of a named file that are read: a campaign keeps the text in its store."""
+from ..core import InputError, read_text
 
 
 @dataclass(frozen=True)
@@ -50,22 +48,13 @@ class NamedFiles:
         if name not in self.texts:
             path = self.path(name)
             try:
-                # What has no size of its own, such as a device or a pipe, may have no end.
-                found = path.stat()
-                if not stat.S_ISREG(found.st_mode) and not stat.S_ISDIR(found.st_mode):
-                    raise ValueError("it is no regular file")
-                if found.st_size > LARGEST:
-                    raise ValueError(
-                        f"it has {found.st_size / 1e6:.0f} MB, and at most {LARGEST / 1e6:.0f} MB "
-                        f"are read"
-                    )
-                data = path.read_bytes()
+                self.texts[name] = read_text(path)
+            except InputError:
+                raise
             except (OSError, ValueError) as error:
                 # A name with a zero byte is a `ValueError`.
                 reason = error.strerror if isinstance(error, OSError) else error
                 raise ValueError(f"{path} cannot be read: {reason}.") from None
-            # With the mark of Unicode that spreadsheets write; a comment may be in any encoding.
-            self.texts[name] = data.decode("utf-8-sig", errors="replace")
         return self.texts[name]
 
     def file(self, name: str, entry: str) -> NamedFile:

@@ -19,9 +19,10 @@
 Source: Danby, Fundamentals of Celestial Mechanics, 6.9. Thomson 4.13 has the classical forms, which
 lose their digits at e = 1.
 
-The error is that of the rounding of the inputs. This holds for a flyby from afar too, where the
-terms of Kepler's equation above nearly cancel, because the anomaly comes from its form about
-periapsis (`_anomaly.py`). Derivatives of such a flyby lose up to three digits more.
+The error is that of the rounding of the inputs, of each vector by its length. This holds for a
+flyby from afar too, where the terms of Kepler's equation above nearly cancel, because the anomaly
+comes from its form about periapsis (`_anomaly.py`). Derivatives of such a flyby lose up to two
+digits more.
 
 Near the parabola the inputs say the energy with few digits: at periapsis beta = 1 - e is the rest
 of 2 - v0^2 |r0|/mu, and half a unit in the last place of v0 moves the energy by 1e-16/(1 - e) of

@@ -53,12 +53,14 @@ from ._transfer_time import transfer_time
 class _Chord(NamedTuple):
     """The triangle of the centre and the two places, in the symbols of the module.
 
-    `root` is sqrt(|r1| |r2|), and `sine` 2 sin(theta/2) of the angle theta of the transfer."""
+    `rise` is |r2| - |r1|, `root` is sqrt(|r1| |r2|), and `sine` is 2 sin(theta/2) of the angle
+    theta of the transfer."""
 
     r1: Scalar
     r2: Scalar
     c: Scalar
     s: Scalar
+    rise: Scalar
     root: Scalar
     sine: Scalar
     i1: Vector
@@ -187,9 +189,16 @@ def _chord(start: Vector, end: Vector, normal: Vector | None) -> _Chord:
     end = with_rank(end, rank - 1)
     r1 = norm(start)
     r2 = norm(end)
-    c = norm(end - start)
-    i1, i2, r1, r2, c = barrier((start * (1.0 / r1), end * (1.0 / r2), r1, r2, c))
-    t1, t2, way = _along(i1, i2, normal)
+    chord = end - start
+    c = norm(chord)
+    # The difference of close places is exact: from it, and not from those of their lengths and
+    # directions, comes what is small on a short arc, the rise |r2| - |r1| and the angle.
+    rise = dot(chord, (start + end) * (1.0 / (r1 + r2)))
+    per_r2 = 1.0 / r2
+    i1, i2, r1, r2, c, rise = barrier((start * (1.0 / r1), end * per_r2, r1, r2, c, rise))
+    # What it lacks to i2 is along i1: neither the cross product nor the component along t1 has it.
+    toward = jnp.where(c < r2, chord * per_r2, i2)
+    t1, t2, way = _along(i1, i2, toward, normal)
     s = 0.5 * (r1 + r2 + c)
     root = jnp.sqrt(r1 * r2)
     # The angle enters by its half, from the sum and the difference of the unit vectors: nothing
@@ -197,17 +206,21 @@ def _chord(start: Vector, end: Vector, normal: Vector | None) -> _Chord:
     # and the smaller one follows from the component of i2 along the motion.
     beyond = dot(i1, i2) < 0.0
     larger = jnp.where(beyond, norm(i2 - i1), way * norm(i1 + i2))
-    smaller = 2.0 * dot(i2, t1) / larger
+    smaller = 2.0 * dot(toward, t1) / larger
     sine = jnp.where(beyond, larger, smaller)
     cosine = jnp.where(beyond, smaller, larger)
     lam = 0.5 * root * cosine / s
-    return _Chord(r1, r2, c, s, root, sine, i1, i2, t1, t2, lam, kappa=c / s)
+    return _Chord(r1, r2, c, s, rise, root, sine, i1, i2, t1, t2, lam, kappa=c / s)
 
 
-def _along(i1: Vector, i2: Vector, normal: Vector | None) -> tuple[Vector, Vector, Scalar]:
-    """Directions along the motion at both places, and 1 for the short way, -1 for the long one."""
+def _along(
+    i1: Vector, i2: Vector, toward: Vector, normal: Vector | None
+) -> tuple[Vector, Vector, Scalar]:
+    """Directions along the motion at both places, and 1 for the short way, -1 for the long one.
+
+    `toward`: i2, or what is left of it without its component along i1."""
     up = axis(2, i1[0]) if normal is None else with_rank(normal, i1.ndim - 1)
-    n = barrier(cross(i1, i2))
+    n = barrier(cross(i1, toward))
     n2, turn = barrier((dot(n, n), dot(n, up)))
     # At half a turn but for rounding, the places say no plane.
     noise = rounding_of_directions(n2)
@@ -220,12 +233,12 @@ def _along(i1: Vector, i2: Vector, normal: Vector | None) -> tuple[Vector, Vecto
 
 def _velocities(x: Scalar, chord: _Chord, mu: Scalar) -> tuple[Vector, Vector]:
     """The velocities at both places on the conic `x`."""
-    r1, r2, c, s, root, sine, i1, i2, t1, t2, lam, kappa = chord
+    r1, r2, c, s, rise, root, sine, i1, i2, t1, t2, lam, kappa = chord
     _, _, y, eta = transfer_time(x, lam, kappa)
     # 1 - rho and 1 + rho: the smaller one from r1 r2 (2 sin(theta/2))^2 = c^2 - (r1 - r2)^2,
     # because the difference would lose digits.
-    outer = r1 >= r2
-    large = c + jnp.where(outer, r1 - r2, r2 - r1)
+    outer = rise <= 0.0
+    large = c + jnp.where(outer, -rise, rise)
     small = (root * sine) ** 2 / large
     minus = jnp.where(outer, small, large) / c
     plus = jnp.where(outer, large, small) / c

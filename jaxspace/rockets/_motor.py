@@ -39,6 +39,7 @@ def read_motor(path: str | os.PathLike[str]) -> Motor:
     - `path`: of the file. Of several motors in one file, the first.
 
     **Raises** `InputError` with the line that is not as the format has it, or with the value: for
-    times that do not ascend, a negative thrust or mass, no propellant, or a curve without impulse.
+    times that do not ascend, a negative thrust or mass, no propellant, or a curve without impulse;
+    and for what is no regular file, or has more than 64 MB.
     """
     return Motor(*read_motor_file(path))

@@ -24,7 +24,7 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
-from ..core import InputError, Scalar, as_float, check, check_positive
+from ..core import InputError, Scalar, as_float, check, check_positive, read_text
 from ._thrust_profile import ThrustProfile
 
 Point: TypeAlias = tuple[float, float]
@@ -77,11 +77,8 @@ class MotorFile(NamedTuple):
 
 def read_motor_file(path: str | os.PathLike[str]) -> MotorFile:
     """What the file says; see `read_motor`."""
-    # What a scene file names knows its text, which may be that of a store.
-    read = getattr(path, "read_text", Path(path).read_text)
+    lines = read_text(path).splitlines()
     path = Path(path)
-    # With the mark of Unicode that spreadsheets write before the first number.
-    lines = read(encoding="utf-8-sig", errors="replace").splitlines()
     rasp = path.suffix.lower() == ".eng"
     head, points = _rasp(path, lines) if rasp else ([], _columns(path, lines))
     return _motor(path, head, points)

@@ -198,7 +198,7 @@ def _resolve_for(
     system, y0, ts = whole
     if accuracy.decoupled is None and accuracy.method == "auto" and decoupled is not None:
         accuracy = dataclasses.replace(accuracy, decoupled=decoupled)
-    accuracy = with_exact_part(accuracy, system, y0, ts[-1] - ts[0])
+    accuracy = with_exact_part(accuracy, system, y0, ts)
 
     def starts() -> InitialConditions | None:
         if is_traced((whole, accuracy)):

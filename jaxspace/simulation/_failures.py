@@ -17,6 +17,9 @@ from ._run_result import RunResult, nan_unless, reached, scaled
 
 T = TypeVar("T")
 
+STEEPEST = 4.0
+"""The power of the time above which steps that become more and more are those of a singularity."""
+
 
 def nan_where_failed(result: T, status: Array | None = None) -> T:
     """The result with NaN for what a failed run did not reach within the tolerance.
@@ -66,7 +69,8 @@ def place_of_failure(status: int, dense: DenseOutput | None, t0: float, y0: PyTr
 
     **Arguments**
 
-    - `dense`: the steps of the run; `None` for a closed form, which takes none.
+    - `dense`: the steps of the run; `None` for a closed form, which takes none, and where they are
+      too many to be kept.
     - `t0`, `y0`: its start, s, and the state there."""
     if dense is None:
         return f"The run starts at t = {t0:.6g} s with {_numbers_of(y0)}."
@@ -82,6 +86,35 @@ def place_of_failure(status: int, dense: DenseOutput | None, t0: float, y0: PyTr
         last, text = int(np.argmin(np.abs(np.diff(ts[: last + 1])))), "Its shortest step is at"
     state = _numbers_of(jax.tree.map(lambda x: x[..., last], states))
     return f"{text} t = {ts[last]:.6g} s, with {state}."
+
+
+def enough_steps(dense: DenseOutput, t0: float, t1: float, max_steps: int) -> str:
+    """How many steps the rest of a run takes whose steps ran out, as a sentence; empty where they
+    become shorter too fast for an estimate.
+
+    The steps up to a time are taken for a power of it, which the last half of them gives: they
+    grow with its square where a torque spins a body up.
+
+    **Arguments**
+
+    - `dense`: the steps of the run.
+    - `t0`, `t1`: where it starts and where it should end, s.
+    - `max_steps`: how many steps it took, those that were rejected among them."""
+    ts = np.asarray(dense.ts)
+    lengths = np.abs(ts[np.isfinite(ts)] - t0)
+    # The first of them is the start.
+    half, reached = lengths[len(lengths) // 2], lengths[-1]
+    if not 0.0 < half < reached:
+        return ""
+    power = max(np.log(2.0) / np.log(reached / half), 1.0)
+    if power > STEEPEST:
+        return ""
+    # Two digits, and twice as many for what an estimate does not see.
+    steps = int(float(f"{max_steps * (abs(t1 - t0) / reached) ** power:.2g}"))
+    return (
+        f"Its end at t = {t1:.6g} s takes about {steps} steps if they go on so: "
+        f"Accuracy(max_steps={2 * steps})."
+    )
 
 
 def _numbers_of(y: PyTree) -> str:

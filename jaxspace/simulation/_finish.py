@@ -7,11 +7,12 @@ from typing import TypeVar
 
 import numpy as np
 
-from ..core import AbstractSystem, is_concrete, is_traced
+from ..core import AbstractSystem, InputError, is_concrete, is_traced
 from ..integration._accuracy import Accuracy
 from ..integration._config import IntegrationConfig
+from ..integration._result import DenseOutput
 from ..integration._status import Status, raise_on_failure
-from ._failures import loud, place_of_failure
+from ._failures import enough_steps, loud, place_of_failure
 from ._mission import Mission
 from ._mission_runs import MissionResult
 from ._mission_trajectory import MissionTrajectory
@@ -86,11 +87,24 @@ def finish(
 
     # Run once more, because only a run that failed has to know its steps.
     def where() -> str:
-        steps = None if config.method == "closed_form" else run(config=config, dense=True).dense
-        initial = trajectory.initial
-        return place_of_failure(int(trajectory.status), steps, float(trajectory.ts[0]), initial)
+        steps, status = _steps_of(run, config), int(trajectory.status)
+        t0, t1 = float(trajectory.ts[0]), float(trajectory.ts[-1])
+        place = place_of_failure(status, steps, t0, trajectory.initial)
+        if status != Status.MAX_STEPS or steps is None:
+            return place
+        return f"{place} {enough_steps(steps, t0, t1, config.max_steps)}"
 
     return raise_failures(trajectory, where)
+
+
+def _steps_of(run: Callable[..., RunResult], config: IntegrationConfig) -> DenseOutput | None:
+    """The steps of a run; `None` for a closed form, and where there is no memory for them."""
+    if config.method == "closed_form":
+        return None
+    try:
+        return run(config=config, dense=True).dense
+    except InputError:
+        return None
 
 
 def with_exact_parts(

@@ -61,8 +61,7 @@ class MissionResult(NamedTuple):
     status: Int[Array, "*runs"]
 
 
-@eqx.filter_jit
-def _run_phase(
+def _up_to_jump(
     system: AbstractSystem,
     until: Scalar | Event,
     y0: State,
@@ -73,7 +72,7 @@ def _run_phase(
     plan: Array | None,
     record_steps: bool,
 ) -> RunResult:
-    """A phase without its name and its jump, so that equal phases are compiled once."""
+    """A phase up to its end, before the jump."""
     if run_axes:
         y0 = broadcast_state(system, t0, y0)
     runs = runs_of(y0, run_axes)
@@ -152,13 +151,32 @@ def _ended_by(
 # Compiled, because each operation would be a call of its own.
 @eqx.filter_jit
 def _left_by(
-    then: Callable[[Scalar, State], State] | None, ts: Array, states: State, run_axes: int
+    then: Callable[[Scalar, State], State] | None, run: RunResult, run_axes: int
 ) -> tuple[Scalar, State]:
     """Time and state after the jump at the end of a phase."""
     # The time of each run: an event ends the phase of every run at its own.
-    t = ts[-1]
-    y = state_at(states, -1, run_axes)
+    t = run.ts[-1]
+    y = state_at(run.states, -1, run_axes)
     return t, y if then is None else then(t, y)
+
+
+@eqx.filter_jit
+def _run_phase(
+    system: AbstractSystem,
+    until: Scalar | Event,
+    then: Callable[[Scalar, State], State] | None,
+    y0: State,
+    t0: Scalar,
+    num_saved: SaveTimes,
+    config: IntegrationConfig,
+    run_axes: int,
+    plan: Array | None,
+    record_steps: bool,
+) -> tuple[RunResult, Scalar, State]:
+    """A phase without its name, so that equal phases are compiled once; and the time and the state
+    after its jump."""
+    run = _up_to_jump(system, until, y0, t0, num_saved, config, run_axes, plan, record_steps)
+    return run, *_left_by(then, run, run_axes)
 
 
 def run_mission(
@@ -194,12 +212,11 @@ def run_mission(
             assert isinstance(saved, int)
             # It takes the steps that lie between its samples, whatever the plan of the others.
             result = phase.system.fly(phase.until, y, t, saved, config, run_axes)
+            t, y = _left_by(phase.then, result, run_axes)
         else:
-            result = _run_phase(
-                phase.system, phase.until, y, t, saved, config, run_axes, plan, record_steps
-            )
+            given = phase.system, phase.until, phase.then, y, t, saved
+            result, t, y = _run_phase(*given, config, run_axes, plan, record_steps)
         results.append(result)
         status = result.status if status is None else combine_status(status, result.status)
-        t, y = _left_by(phase.then, result.ts, result.states, run_axes)
     assert status is not None
     return MissionResult(results, y, t, status)

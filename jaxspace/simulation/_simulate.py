@@ -144,7 +144,7 @@ def _simulate_system(
         # Restarts are for mapped runs; where one that fails is an error for all, none goes on.
         return resolve(system, y0, accuracy, starts, restarts=not throw)
 
-    config = config_by(with_exact_part(given, system, y0, ts[-1] - ts[0]))
+    config = config_by(with_exact_part(given, system, y0, ts))
     run = functools.partial(_run_system, system, y0, ts, events, run_axes=0)
     trajectory = finish(run, system, config, given, config_by, dense, throw)
     warn_after(trajectory, stacklevel=3)
@@ -175,7 +175,9 @@ def _simulate_mission(
         if exactly is not None:
             configs = exactly
             result = run_mission(mission, y0, t0, num_saved, configs, 0)
-    result = _failed_are_nan(result)
+    # Where it is known that no run failed, there is nothing to do, and nothing to compile.
+    if not is_concrete(result.status) or int(result.status) > Status.EVENT:
+        result = _failed_are_nan(result)
     trajectory = mission_trajectory_of(result, mission, given, configs, 0)
     warn_after(trajectory, stacklevel=3)
     return raise_failures(trajectory, lambda: _failed_phase(trajectory)) if throw else trajectory

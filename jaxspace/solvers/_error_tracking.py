@@ -32,6 +32,11 @@ class ErrorTrackingSolver(diffrax.AbstractAdaptiveSolver, diffrax.AbstractWrappe
         """That of an implicit solver, for which diffrax asks."""
         return self.solver.root_finder  # pyright: ignore[reportAttributeAccessIssue]
 
+    @property
+    def scan_kind(self):
+        """That of a Runge-Kutta method of diffrax, which its adjoints with a forward mode set."""
+        return self.solver.scan_kind  # pyright: ignore[reportAttributeAccessIssue]
+
     def order(self, terms: diffrax.AbstractTerm | None) -> int | None:
         return self.solver.order(terms)
 

@@ -55,8 +55,6 @@ def weighted(weights: Weights, ks: Sequence[Array] | Array) -> Array:
 
 def weighted_rows(weights: Float[Array, "rows *#runs"], rows: Array) -> Array:
     """sum_k w_k a_k over the first axis of an array, with weights of all runs or of each."""
-    if weights.ndim == 1:
-        return jnp.tensordot(weights, rows, 1)
     missing = (1,) * (rows.ndim - weights.ndim)
     return jnp.sum(weights.reshape(weights.shape[0], *missing, *weights.shape[1:]) * rows, axis=0)
 
@@ -288,7 +286,7 @@ def _dense_coefficients(
             hk = h.astype(k.dtype) * k
             start = hk[0] - d
             end = 2.0 * d - (hk[0] + hk[12])
-            rest = jnp.tensordot(rows.astype(k.dtype), hk, 1)
+            rest = jax.vmap(lambda w: weighted_rows(w, hk))(rows.astype(k.dtype))
             return jnp.concatenate([jnp.stack([d, start, end]), rest])
 
         return jax.tree.map(leaf, ks, change)

@@ -16,6 +16,7 @@ from typing import final
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool, Float, PyTree
 
 from ..core import Scalar, State
@@ -25,24 +26,37 @@ from ..core import Scalar, State
 class Tolerance(eqx.Module):
     """What error is allowed in a step: `rtol` of the length of each block of the state plus `atol`.
 
-    `run_axes` counts the trailing axes that carry runs."""
+    - `run_axes`: how many trailing axes carry runs.
+    - `blocks`: of a state that is one vector the sizes of the blocks that lie in it; none where
+      each array of the state is a block."""
 
     rtol: Scalar
     atol: Scalar
     run_axes: int = eqx.field(static=True)
+    blocks: tuple[int, ...] = eqx.field(static=True, default=())
 
-    def length(self, block: Float[Array, "..."]) -> Float[Array, "*runs"]:
-        """The length of a block for each run. It has no derivative: no result depends on it."""
+    def length(self, block: Float[Array, "..."]) -> Float[Array, "*of_blocks_and_runs"]:
+        """The length of a block for each run, (*runs); of blocks in a vector, (blocks, *runs).
+
+        It has no derivative: no result depends on it."""
         return self._larger(block)
 
     def _larger(self, *blocks: Float[Array, "..."]) -> Float[Array, "*runs"]:
         """The largest of the lengths of some blocks for each run."""
         # At zero the root would have no slope, either.
         blocks = jax.lax.stop_gradient(blocks)
+        if self.blocks:
+            return jnp.sqrt(functools.reduce(jnp.maximum, map(self._squares, blocks)))
         if blocks[0].ndim <= self.run_axes:
             return functools.reduce(jnp.maximum, map(jnp.abs, blocks))
         squares = [self._reduce(jnp.sum, jnp.add, b * b) for b in blocks]
         return jnp.sqrt(functools.reduce(jnp.maximum, squares))
+
+    def _squares(self, vector: Float[Array, "components *#runs"]) -> Float[Array, "blocks *#runs"]:
+        """The squares of the lengths of the blocks in a vector."""
+        # A number that is not finite spoils all blocks of a product, and so its run, as it should.
+        members = np.repeat(np.eye(len(self.blocks)), self.blocks, axis=1)
+        return jnp.tensordot(members.astype(vector.dtype), vector * vector, 1)
 
     def _reduce(
         self,
@@ -57,7 +71,7 @@ class Tolerance(eqx.Module):
             return functools.reduce(pair, block)
         return whole(block, axis=tuple(range(block.ndim - self.run_axes)))
 
-    def largest(self, blocks: State, scale: PyTree[Float[Array, "*runs"]]) -> Float[Array, "*runs"]:
+    def largest(self, blocks: State, scale: PyTree[Float[Array, "..."]]) -> Float[Array, "*runs"]:
         """The largest length of the blocks in units of the tolerance, for each run.
 
         `scale` holds the length of each block of the state."""
@@ -65,7 +79,10 @@ class Tolerance(eqx.Module):
         def ratio(b: Array, s: Array) -> Array:
             return self.length(b) / (self.atol + self.rtol * s)
 
-        return functools.reduce(jnp.maximum, jax.tree.leaves(jax.tree.map(ratio, blocks, scale)))
+        ratios = jax.tree.leaves(jax.tree.map(ratio, blocks, scale))
+        if self.blocks:
+            return jnp.max(ratios[0], axis=0)
+        return functools.reduce(jnp.maximum, ratios)
 
     def error(self, y0: State, y1: State, error: State) -> Float[Array, "*runs"]:
         """The local error of each run in units of the tolerance; infinite where it is not finite.

@@ -79,6 +79,12 @@ OF_CASES: dict[str, tuple[str, tuple[int, ...]]] = {
     "two_stages": ("optimization.optimal_staging", (2, 1, 1)),
     "quickest": ("optimization.minimum_time_steering", (1, 1)),
 }
+# Their inputs that are vectors: (position, velocity or second place, duration, mu), a direction.
+VECTORS = {
+    "direction": (3,),
+    **dict.fromkeys(("kepler", "transfer", "late_transfer"), (3, 3, 1, 1)),
+    "shortest": (3, 3, 1),
+}
 # A root that halvings find to the digits of float64 and not of forty.
 TWINS = {"two_stages": twins.two_stages, "quickest": twins.quickest}
 
@@ -92,8 +98,9 @@ def forms() -> list[Form]:
     of_cases = []
     for function, places in starts.items():
         names, blocks = OF_CASES[function.__name__]
+        vectors = VECTORS.get(function.__name__, ())
         exact = TWINS.get(function.__name__)
-        of_cases.append(Form(function, tuple(names.split()), places, blocks, exact))
+        of_cases.append(Form(function, tuple(names.split()), places, blocks, vectors, exact))
     first = floor, solids, orbits, paths, transfers, attitude, moving, vehicles, rockets
     rooms = *first, flights, mechanics, instruments, gimbals, stages, motions
     return [*of_cases, *(form for room in rooms for form in room.FORMS)]

@@ -12,6 +12,8 @@ class Form:
     - `computes`: the public names whose formulas it evaluates, "room.name" or "room.Class.method".
     - `starts`: inputs on and beside the singular places, and at an ordinary place.
     - `blocks`: of a function that returns one array, how many outputs belong to one size.
+    - `vectors`: how many inputs belong to one vector, for all inputs: their condition is that of a
+      rounding of its length. Without them each input is rounded by itself.
     - `exact`: the outputs in mpmath, for what no trace can show, such as the root of an iteration;
       without it the function itself is traced.
     - `label`: of a system, its name in the registry."""
@@ -20,6 +22,7 @@ class Form:
     computes: tuple[str, ...]
     starts: Sequence[tuple[float, ...]]
     blocks: tuple[int, ...] = ()
+    vectors: tuple[int, ...] = ()
     exact: Callable | None = None
     label: str = ""
 

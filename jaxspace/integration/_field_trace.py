@@ -1,0 +1,34 @@
+"""What a trace of a vector field shows, found once for each structure of a system and its state."""
+
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+from jaxtyping import PyTree
+
+from ..core import AbstractSystem, count_operations, once_per_structure
+from ._packed import PackedSystem
+
+
+class FieldTrace(NamedTuple):
+    """The shapes of the derivative of a state, and how many operations it takes to compute."""
+
+    rate: PyTree
+    operations: int
+
+
+@once_per_structure
+def field_trace(system: AbstractSystem, t: PyTree, y: PyTree) -> FieldTrace:
+    """The trace of the vector field of a system for times like `t`, states like `y`, or shapes."""
+    if isinstance(system, PackedSystem):
+        # What cuts and joins the vector costs nothing beside the field.
+        within = jax.eval_shape(system.packing.state, y)
+        return FieldTrace(y, field_trace(system.system, t, within).operations)
+    arrays, static = eqx.partition((system, t, y), lambda x: isinstance(x, jax.ShapeDtypeStruct))
+
+    def rate(arrays: PyTree) -> PyTree:
+        system, t, y = eqx.combine(arrays, static)
+        return system.vector_field(t, y)
+
+    closed, shapes = jax.make_jaxpr(rate, return_shape=True)(arrays)
+    return FieldTrace(shapes, count_operations(closed.jaxpr))

@@ -1,0 +1,45 @@
+"""Whether there is memory for what a run writes down, with room for all of its `max_steps`."""
+
+import os
+
+import jax
+
+from ..core import InputError
+
+SHARE = 0.5
+"""Of the memory, for what is written down: a derivative holds it beside what it is filled from."""
+SMALL = 2**28
+"""Bytes that any machine has: the memory is asked for beyond them alone."""
+
+
+def check_memory(what: str, steps: int, per_step: int) -> None:
+    """Raise `InputError` if room for so many steps is more than `SHARE` of the memory.
+
+    **Arguments**
+
+    - `what`: is written down.
+    - `steps`: for how many there is room.
+    - `per_step`: bytes of each."""
+    size = steps * per_step
+    if size <= SMALL:
+        return
+    room = SHARE * memory()
+    if size > room:
+        raise InputError(
+            f"Accuracy.max_steps is {steps}: with room for all of them {what} would take "
+            f"{size / 1e9:.0f} GB of memory; on this machine it must be at most "
+            f"{int(room) // per_step}."
+        )
+
+
+def memory() -> float:
+    """Bytes of the device that computes, or of this machine; infinite where neither says so."""
+    # None from a CPU.
+    limit = (jax.devices()[0].memory_stats() or {}).get("bytes_limit")
+    if limit is not None:
+        return limit
+    try:
+        return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+    # A system that is not of the POSIX kind.
+    except (AttributeError, ValueError):
+        return float("inf")

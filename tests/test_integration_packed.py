@@ -1,0 +1,126 @@
+"""States that are integrated as one vector: the same steps, errors, events and derivatives as block
+by block."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jaxspace import BodyState, simulate
+from jaxspace.core import AbstractSystem
+from jaxspace.integration import _integrate
+from jaxspace.integration._packed import Packing
+from jaxspace.rotations import Quaternion
+from jaxspace.simulation import Accuracy, Event, Status
+from jaxspace.solvers import DOP853
+from jaxspace.solvers._tolerance import Tolerance
+
+ACCURACY = Accuracy(rtol=1e-8, atol=1e-8, method=DOP853(in_loop=True))
+TIMES = jnp.array([0.0, 0.8, 1.5, 9.0])
+GROUND = Event(lambda t, y: y.position[2])
+
+
+class Fall(AbstractSystem):
+    """A turning ball that drag slows and that loses mass.
+
+    `packed` changes nothing but the structure, so that no program serves both."""
+
+    packed: bool = eqx.field(static=True)
+
+    def vector_field(self, t, y):
+        speed = jnp.sqrt(jnp.sum(y.velocity * y.velocity, axis=0))
+        return BodyState(
+            position=y.velocity,
+            velocity=jnp.array([0.0, 0.0, -9.81]) - 0.02 / y.mass * speed * y.velocity,
+            attitude=y.attitude.rate(y.omega),
+            omega=jnp.cross(jnp.array([1.0, 2.0, 3.0]) * y.omega, y.omega),
+            mass=-0.1 * jnp.sqrt(y.mass),
+        )
+
+    def invariants(self, t, y):
+        return {}
+
+
+def thrown(speed):
+    return BodyState(
+        position=jnp.array([0.0, 0.0, 10.0]),
+        velocity=jnp.stack([3.0 + 0.0 * speed, 1.0 + 0.0 * speed, speed]),
+        attitude=Quaternion(jnp.array([1.0, 0.0, 0.0, 0.0])),
+        omega=jnp.array([0.3, 1.0, 0.2]),
+        mass=jnp.array(2.0),
+    )
+
+
+@pytest.fixture(scope="module")
+def both():
+    """A throw to the ground with its slopes by the speed, packed and block by block."""
+
+    def found(packed):
+        def fall(speed):
+            run = simulate(Fall(packed), thrown(speed), TIMES, accuracy=ACCURACY, events=(GROUND,))
+            return (run.ts, run.states), (run.status, run.stats)
+
+        def slopes(speed):
+            (_, left), slope = eqx.filter_jvp(fall, (speed,), (jnp.ones_like(speed),))
+            return fall(speed), left, slope[0]
+
+        return jax.jit(slopes)(jnp.array(12.0))
+
+    with pytest.MonkeyPatch.context() as patch:
+        # As if the field were large.
+        patch.setattr(_integrate, "PACKED_RUN", 0)
+        packed = found(True)
+    return packed, found(False)
+
+
+def test_a_packed_run_takes_the_same_steps(both):
+    # The error of a step is that of the worst block, in either form.
+    (_, (status, stats)), _, _ = both[0]
+    (_, (_, others)), _, _ = both[1]
+    assert status == Status.EVENT
+    for name in ("steps", "rejected_steps", "evaluations"):
+        assert stats[name] == others[name]
+    np.testing.assert_allclose(stats["largest_local_error"], others["largest_local_error"], 1e-6)
+
+
+def test_a_packed_run_has_the_same_states_event_and_slopes(both):
+    ((numbers, _), _, slopes), ((others, _), _, other_slopes) = both
+    # Sums in another order: some roundings of the largest number, 1e3 times that of the smallest.
+    for a, b in zip(jax.tree.leaves(numbers), jax.tree.leaves(others), strict=True):
+        np.testing.assert_allclose(a, b, rtol=1e-11, atol=1e-11)
+    for a, b in zip(jax.tree.leaves(slopes), jax.tree.leaves(other_slopes), strict=True):
+        np.testing.assert_allclose(a, b, rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.parametrize("runs", [(), (4,)])
+def test_a_state_comes_back_from_its_vector(runs):
+    y = jax.tree.map(
+        lambda x: (
+            jnp.arange(x.size, dtype=float).reshape(x.shape)[..., *(None,) * len(runs)]
+            * jnp.ones(runs)
+        ),
+        thrown(jnp.array(1.0)),
+    )
+    packing = Packing.of(y, len(runs))
+    vector = packing.vector(y)
+    assert vector.shape == (14, *runs) and packing.sizes == (3, 3, 4, 3, 1)
+    assert eqx.tree_equal(packing.state(vector), y)
+
+
+def test_the_error_is_that_of_the_worst_block():
+    rng = np.random.default_rng(3)
+    y0, y1, error = (
+        jax.tree.map(lambda x: jnp.asarray(rng.normal(size=(*x.shape, 5))), thrown(jnp.array(1.0)))
+        for _ in range(3)
+    )
+    packing = Packing.of(y0, 1)
+    blocks = Tolerance(1e-3, 1e-4, 1).error(y0, y1, error)
+    packed = Tolerance(1e-3, 1e-4, 1, packing.sizes).error(*map(packing.vector, (y0, y1, error)))
+    np.testing.assert_allclose(packed, blocks, rtol=1e-13)
+
+
+def test_a_block_that_is_not_finite_fails_its_run_alone():
+    y = jnp.ones((14, 2)).at[3, 1].set(jnp.inf)
+    error = Tolerance(1e-3, 1e-4, 1, (3, 3, 4, 3, 1)).error(jnp.ones((14, 2)), y, y)
+    assert np.isfinite(error[0]) and np.isinf(error[1])
