@@ -24,7 +24,7 @@ from jaxspace.bodies import Load
 from jaxspace.core import cross, norm
 from jaxspace.orbits import PointGravity
 from jaxspace.scene import Custom
-from jaxspace.simulation import Accuracy, simulate_batch
+from jaxspace.simulation import Accuracy, simulate_mission_batch
 from jaxspace.solvers import DOP853
 
 from ._measure import in_turn, on_one_device, optional, worst
@@ -220,7 +220,7 @@ def measure() -> dict:
 
     def ours(rtol, method: Any = "auto", y0=alone):
         accuracy = Accuracy(rtol=rtol, method=method)
-        return simulate_batch(system, y0, 0.0, accuracy=accuracy).final.position
+        return simulate_mission_batch(system, y0, 0.0, accuracy=accuracy).final.position
 
     calls = {
         f"ours, {rtol:.0e}": lambda rtol=rtol: ours(rtol) for rtol in (1e-4, 1e-5, 1e-6, 1e-7, 1e-8)

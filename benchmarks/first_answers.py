@@ -7,10 +7,10 @@ in 5, the gradient of an orbit by RKN 12(10) in 2 and its Hessian in 8. Most of 
 whose time goes with the length of its program. Two things keep that short: the stages of a step are
 a loop where one run is differentiated, or runs of a large vector field are, and a stage of that
 loop is evaluated once more backwards, in place of hundreds of buffers for what it computed. A
-mission to be optimised is flown by `fly_compact`: `simulate`, which chooses its steps, records them
-and searches for the ends of the phases, is a program of twice the length. The pad's phases fly
-through the standard atmosphere with wind, tables of drag and thrust against its pressure, those of
-the ascent through an exponential one.
+mission to be optimised is flown by `fly_compact`: `simulate_mission`, which chooses its steps,
+records them and searches for the ends of the phases, is a program of twice the length. The pad's
+phases fly through the standard atmosphere with wind, tables of drag and thrust against its
+pressure, those of the ascent through an exponential one.
 Narrower vectors and leaving out the expensive passes of LLVM changed nothing."""
 
 import json
@@ -26,7 +26,7 @@ REPEATS = 3
 HEAD = """
 import json, time, jax, jax.numpy as jnp, numpy as np
 jax.config.update("jax_enable_x64", True)
-from jaxspace import BodyState, Scene, load, simulate
+from jaxspace import BodyState, Scene, load, simulate, simulate_mission
 from jaxspace.orbits import Oblateness, PointGravity
 from jaxspace.simulation import Accuracy, fly_compact
 from jaxspace.solvers import RKN1210
@@ -66,7 +66,7 @@ mission = Mission([rise, first, coast, second])
 start = [ascent.RADIUS, 0.0, 0.0], [0.0, ascent.SPIN * ascent.RADIUS, 0.0]
 y0 = BodyState(*map(jnp.array, start), mass=jnp.array(ascent.LIFT_OFF_MASS))
 def distance(m):
-    flight = simulate(mission, eqx.tree_at(lambda y: y.mass, y0, m))
+    flight = simulate_mission(mission, eqx.tree_at(lambda y: y.mass, y0, m))
     return jnp.linalg.norm(flight.final.position)
 """
 FLIGHT = """
@@ -107,7 +107,7 @@ answer = lambda: file.optimize().objective
     + "answer = lambda: jax.jit(jax.grad(apoapsis))(y0.mass)\n",
     "gradient of four phases from the pad, adaptive steps": PAD.replace(
         "fly_compact(mission, eqx.tree_at(mass, y0, m), steps=40)",
-        "simulate(mission, eqx.tree_at(mass, y0, m))",
+        "simulate_mission(mission, eqx.tree_at(mass, y0, m))",
     )
     + "answer = lambda: jax.jit(jax.grad(apoapsis))(y0.mass)\n",
     "gradient of four phases of an ascent, adaptive steps": ASCENT

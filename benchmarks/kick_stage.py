@@ -13,7 +13,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxspace import Accuracy, load, simulate_batch
+from jaxspace import Accuracy, load, simulate_mission_batch
 from jaxspace.dispersion import disperse
 
 from ._measure import optional
@@ -29,7 +29,7 @@ def end_states(campaign, numbers, seed, rtol):
     at the tolerance."""
     samples = campaign.samples(jax.random.key(seed), numbers)
     mission, y0 = campaign.build(samples)
-    run = simulate_batch(mission, y0, 0.0, accuracy=Accuracy(rtol=rtol))
+    run = simulate_mission_batch(mission, y0, 0.0, accuracy=Accuracy(rtol=rtol))
     return run.final.position, run.final.attitude.wxyz, run.status
 
 

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from jaxspace import Accuracy, simulate_batch
+from jaxspace import Accuracy, simulate_mission_batch
 from jaxspace.simulation import Status
 from jaxspace.solvers import Tsit5
 from jaxspace.vehicles import sounding_flight
@@ -47,7 +47,7 @@ def flights(runs: int):
 def apogees(given, rtol: float, atol: float):
     """The run of flights to their apogees."""
     accuracy = Accuracy(rtol=rtol, atol=atol, method=Tsit5())
-    return simulate_batch(*given, 0.0, accuracy=accuracy)
+    return simulate_mission_batch(*given, 0.0, accuracy=accuracy)
 
 
 def heights(run) -> tuple[np.ndarray, int]:

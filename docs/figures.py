@@ -18,6 +18,7 @@ from jaxspace import (
     Scene,
     simulate,
     simulate_batch,
+    simulate_mission,
 )
 from jaxspace.attitude import (
     GravityGradient,
@@ -500,7 +501,9 @@ def missions():
         Phase(coast, 40.0, name="despun"),
     ]
     start = spinning_stage()
-    flight = simulate(Mission(phases), start, accuracy=1e-8, num_saved=200)
+    flight = simulate_mission(
+        Mission(phases), start, accuracy=1e-8, num_saved=200
+    )
     figure, panels = plt.subplots(
         3, 1, figsize=(6.4, 6.2), sharex=True, layout="constrained"
     )

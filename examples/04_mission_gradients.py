@@ -5,7 +5,7 @@ import jax
 import jax.numpy as jnp
 
 import jaxspace
-from jaxspace import Accuracy, BodyState, Mission, Phase, Scene, simulate
+from jaxspace import Accuracy, BodyState, Mission, Phase, Scene, simulate_mission
 from jaxspace.attitude import YoYo
 from jaxspace.bodies import BurningBody
 from jaxspace.constants import MU_EARTH, RADIUS_EARTH
@@ -55,7 +55,7 @@ start = BodyState(
 
 def results(inputs):
     """Apogee height, m, and the spin that is left, rad/s; and three states on the way."""
-    flight = simulate(mission(inputs), start, accuracy=ACCURACY)
+    flight = simulate_mission(mission(inputs), start, accuracy=ACCURACY)
     end = flight.final
     apogee = apoapsis_radius(end.position, end.velocity, MU_EARTH) - RADIUS_EARTH
     return {"apogee": apogee, "spin": end.omega[2]}, (

@@ -61,6 +61,8 @@ if TYPE_CHECKING:
     from .simulation import Trajectory as Trajectory
     from .simulation import simulate as simulate
     from .simulation import simulate_batch as simulate_batch
+    from .simulation import simulate_mission as simulate_mission
+    from .simulation import simulate_mission_batch as simulate_mission_batch
 
     __version__: str
 
@@ -97,6 +99,8 @@ _MODULE_OF = {
     "Trajectory": "simulation",
     "simulate": "simulation",
     "simulate_batch": "simulation",
+    "simulate_mission": "simulation",
+    "simulate_mission_batch": "simulation",
 }
 
 if not TYPE_CHECKING:

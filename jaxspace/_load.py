@@ -11,7 +11,8 @@ if TYPE_CHECKING:
 def load(path: "str | os.PathLike[str]", also: "Iterable[Any]" = ()) -> "SceneFile":
     """The scene file at `path`: what moves, from where, when, how accurately, and what scatters.
 
-    `file.system`, `file.y0`, `file.ts` and `file.accuracy` are what `simulate` takes;
+    `file.system`, `file.y0`, `file.ts` and `file.accuracy` are what `simulate` takes, of a mission
+    `simulate_mission`;
     `file.simulate()` runs it, `file.campaign()` is what `disperse` takes.
 
     **Arguments**

@@ -56,15 +56,20 @@ from jaxspace.rockets import (
 from jaxspace.scene import Scaled
 from jaxspace.vehicles import (
     Aerodynamics,
+    AerodynamicTable,
     AirDrag,
+    DrydenGusts,
     FinSet,
     GroundGravity,
     LocalAir,
     MachTable,
+    MeasuredAtmosphere,
     NoseCone,
     Parachute,
     RadiusChange,
     Rail,
+    TabulatedAerodynamics,
+    UncertainWind,
     Wind,
 )
 
@@ -83,6 +88,26 @@ ROCKET = BodyState(
     jnp.array([20.0, -15.0, 180.0]),
     turned(),
     jnp.array([0.3, -0.2, 0.7]),
+)
+# By the Mach number and the angle, in air of a sounding, with a wind of a seed and gusts.
+GRID = [x.ravel() for x in np.meshgrid([0.0, 0.4, 0.9, 1.2], [0.0, 0.1, 0.4, 1.0], indexing="ij")]
+COEFFICIENTS = AerodynamicTable.of_columns(
+    {
+        "mach": GRID[0],
+        "angle": GRID[1],
+        "axial": 0.4 + 0.2 * GRID[0] + 0.1 * GRID[1] ** 2,
+        "axial_burning": 0.3 + 0.2 * GRID[0] + 0.1 * GRID[1] ** 2,
+        "normal": (9.0 + GRID[0]) * np.sin(GRID[1]) + 4.0 * np.sin(GRID[1]) ** 2,
+        "centre": 2.0 - 0.1 * GRID[0] - 0.2 * GRID[1],
+        "pitch_damping": -300.0 - 10.0 * GRID[0],
+    },
+    **{"area": 0.0127, "length": 0.127, "station": 1.16},
+)
+LEVELS = np.array([0.0, 500.0, 1500.0, 4000.0])
+MEASURED = LocalAir(
+    MeasuredAtmosphere(LEVELS, 1e5 * np.exp(-LEVELS / 8400.0), 290.0 - 0.006 * LEVELS),
+    wind=UncertainWind.of_seed(LEVELS, [3.0, 5.0, 6.0, 9.0], np.zeros(4), np.ones(4), 900.0, 7.0),
+    gusts=DrydenGusts.of_severity("moderate", 3.0, top=2e3),
 )
 # On the rail, at rest in its direction.
 RAIL = np.array([0.0, 0.28, 0.96])
@@ -205,6 +230,18 @@ MORE = [
                 GroundGravity(9.79, RADIUS),
                 Aerodynamics(0.0127, MachTable([0.0, 1.0], [0.4, 0.6]), *AIRFRAME, AIR),
                 AttitudeControl(FixedDirection([1.0, 0.2, 0.3]), 50.0, 4.0),
+            ),
+            RigidBody(16.0, [8.0, 8.0, 0.04]),
+        ),
+        ROCKET,
+        1.0,
+    ),
+    Sample(
+        "tabulated_rocket",
+        Scene(
+            (
+                GroundGravity(9.79, RADIUS),
+                TabulatedAerodynamics(COEFFICIENTS, MEASURED, 0.4, fins=AIRFRAME[1]),
             ),
             RigidBody(16.0, [8.0, 8.0, 0.04]),
         ),

@@ -43,7 +43,7 @@ from jaxspace.dispersion._head import sealed
 from jaxspace.dispersion._lock import Lock
 from jaxspace.dispersion._run_results import RunResults
 from jaxspace.dispersion._store_writer import StoreWriter
-from jaxspace.simulation import Accuracy, Mission, Phase, SimulationError, Status, simulate
+from jaxspace.simulation import Accuracy, Mission, Phase, SimulationError, Status, simulate_mission
 
 HERE = Path(__file__).parent
 RUNS, CHUNK, SEED = 2200, 512, 11  # four chunks and a shorter one
@@ -734,7 +734,7 @@ def test_a_nominal_run_that_ends_well_alone_is_dispersed():
     # A few more, because the rest is the choice of the first step.
     enough = Accuracy(rtol=1e-9, max_steps=26)
     mission, y0 = swing({name: jnp.asarray(d.mean) for name, d in inputs.items()})
-    assert simulate(mission, y0, 0.0, accuracy=enough).status == Status.COMPLETED
+    assert simulate_mission(mission, y0, 0.0, accuracy=enough).status == Status.COMPLETED
     found = disperse(campaign, 64, seed=1, accuracy=enough)
     assert np.all(found.good)
     w, x0 = found.inputs["w"], found.inputs["x0"]
@@ -743,7 +743,7 @@ def test_a_nominal_run_that_ends_well_alone_is_dispersed():
     # Of the nominal run alone the steps run out: every door says so.
     few = Accuracy(rtol=1e-9, max_steps=10)
     for fly_it in (
-        lambda: simulate(mission, y0, 0.0, accuracy=few),
+        lambda: simulate_mission(mission, y0, 0.0, accuracy=few),
         lambda: disperse(campaign, 64, seed=1, accuracy=few),
     ):
         with pytest.raises(SimulationError, match="in a scene file the key max_steps"):

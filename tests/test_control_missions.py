@@ -10,7 +10,16 @@ import pytest
 from jaxtyping import Array, Float
 
 import jaxspace
-from jaxspace import BodyState, Event, Mission, Phase, Scene, Status, simulate, simulate_batch
+from jaxspace import (
+    BodyState,
+    Event,
+    Mission,
+    Phase,
+    Scene,
+    Status,
+    simulate_mission,
+    simulate_mission_batch,
+)
 from jaxspace.bodies import RigidBody
 from jaxspace.control import (
     PID,
@@ -53,7 +62,7 @@ def test_a_loop_between_two_coasts():
             Phase(FREE, 2.0, name="after"),
         ]
     )
-    run = simulate(mission, START, num_saved=6)
+    run = simulate_mission(mission, START, num_saved=6)
     alone = loop().simulate(coasting(START, 1.0), np.linspace(0.0, 5 * T, 6), start=1.0)
     middle = run["controlled"]
     np.testing.assert_allclose(middle.states.position, alone.states.position, atol=ROUNDING)
@@ -83,7 +92,7 @@ def landing(at):
         [Phase(first, duration, half, "hold"), Phase(falling(drag), fall, name="fall")]
     )
     y0 = BodyState(jnp.array([0.5, 0.0, 4.0]), jnp.array([0.0, 0.3, 0.0]))
-    run = simulate(mission, y0, throw=False, accuracy=1e-8)
+    run = simulate_mission(mission, y0, throw=False, accuracy=1e-8)
     return jnp.stack([run.end, run.final.velocity[1]]), run.status
 
 
@@ -105,7 +114,7 @@ def test_runs_of_a_batch_end_at_their_own_times():
     """Each with a duration of its own, one of them at a sample, beside the runs alone."""
     spans = jnp.array([3.0 * T, 3.3 * T, 1.1])
     starts = jax.tree.map(lambda x: x[:, None] * jnp.linspace(1.0, 2.0, 3), START)
-    run = simulate_batch(Mission([Phase(loop(), spans, name="loop")]), starts)
+    run = simulate_mission_batch(Mission([Phase(loop(), spans, name="loop")]), starts)
     np.testing.assert_allclose(run.end, spans)
     for k in range(3):
         own = jax.tree.map(lambda x, k=k: x[:, k], starts)
@@ -123,22 +132,20 @@ def test_noise_in_a_mission():
         return ClosedLoop(POINT, PID(1.2, 1.5), sensors, period=T, key=key)
 
     starts = jax.tree.map(lambda x: jnp.repeat(x[:, None], 3, axis=1), START)
-    batch = simulate_batch(Mission([Phase(noisy(keys), 2.0)]), starts).final.position
+    batch = simulate_mission_batch(Mission([Phase(noisy(keys), 2.0)]), starts).final.position
     alone = noisy(keys[1]).simulate(START, [0.0, 2.0]).final.position
     np.testing.assert_allclose(batch[:, 1], alone, atol=ROUNDING)
     assert jnp.abs(batch[:, 0] - batch[:, 1]).max() > 1e-3
     with pytest.raises(InputError, match="a key of each"):
-        simulate_batch(Mission([Phase(noisy(keys[0]), 2.0)]), starts)
+        simulate_mission_batch(Mission([Phase(noisy(keys[0]), 2.0)]), starts)
 
 
 def test_a_phase_whose_length_is_not_known_says_so():
     def end(span):
-        return simulate(Mission([Phase(loop(), span)]), START, throw=False).end
+        return simulate_mission(Mission([Phase(loop(), span)]), START, throw=False).end
 
     with pytest.raises(InputError, match="longest"):
         jax.jit(end)(jnp.array(1.0))
-    with pytest.raises(InputError, match="takes key"):
-        loop().simulate(START, [0.0, 1.0], tolerance=1e-3)
 
 
 TEXT = (SCENES / "powered_landing.toml").read_text()
@@ -177,7 +184,7 @@ def test_a_campaign_of_a_controlled_scene(tmp_path):
     inputs = {name: np.asarray(x)[7:9] for name, x in found.inputs.items()}
     assert "control.noise" in inputs
     mission, y0s = file.build({name: jnp.asarray(x) for name, x in inputs.items()})
-    again = simulate_batch(mission, y0s, accuracy=file.accuracy)
+    again = simulate_mission_batch(mission, y0s, accuracy=file.accuracy)
     np.testing.assert_allclose(
         again.final.velocity[2], found.outputs["final.velocity.2"][7:9], rtol=1e-9
     )

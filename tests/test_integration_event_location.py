@@ -8,7 +8,7 @@ import pytest
 from jax.extend.core import subjaxprs
 from jaxtyping import Array, Float
 
-from jaxspace import BodyState, simulate, simulate_batch
+from jaxspace import BodyState, simulate, simulate_mission, simulate_mission_batch
 from jaxspace.core import AbstractSystem
 from jaxspace.simulation import Accuracy, Event, Mission, Phase, Status
 from jaxspace.solvers import DOP853, RKN1210, MuntheKaas, Tsit5
@@ -99,7 +99,7 @@ def test_the_vector_field_of_a_phase_stands_in_its_program_once():
     """In the steps; and to a run without events, which estimates its first step, twice."""
 
     def phase(y):
-        return simulate(Mission(Phase(Large(), GROUND)), y, throw=False).final
+        return simulate_mission(Mission(Phase(Large(), GROUND)), y, throw=False).final
 
     def run(y):
         return simulate(Large(), y, jnp.array([0.0, 1.0]), throw=False).final
@@ -137,11 +137,11 @@ def test_every_run_of_a_batch_ends_at_its_own_event():
     top = Event(lambda t, y: y.velocity[2], -1, within=200.0, at_start=True)
     mission = Mission([Phase(system, top, name="up"), Phase(system, GROUND, name="down")])
     how = Accuracy(1e-10)
-    batch = simulate_batch(mission, y0, accuracy=how)
+    batch = simulate_mission_batch(mission, y0, accuracy=how)
     assert batch["up"].status.tolist() == [Status.EVENT] * 4 + [Status.EVENT_MISSED]
     for k in range(4):
         one = Dragged(drags[k])
-        alone = simulate(
+        alone = simulate_mission(
             Mission([Phase(one, top, name="up"), Phase(one, GROUND, name="down")]),
             ball(10.0, speeds[k]),
             accuracy=how,
@@ -168,11 +168,11 @@ def test_a_run_that_is_lost_says_so_while_others_end_at_their_events():
             return {}
 
     system = Lost(jnp.array([-1e3, 5.0, -1e3]))
-    ends = simulate_batch(Mission(Phase(system, GROUND)), ball(jnp.full(3, 10.0)))
+    ends = simulate_mission_batch(Mission(Phase(system, GROUND)), ball(jnp.full(3, 10.0)))
     assert ends.status.tolist() == [Status.EVENT, Status.NOT_FINITE, Status.EVENT]
     fall = np.sqrt(20.0 / G)
     np.testing.assert_allclose(ends.end[jnp.array([0, 2])], fall, rtol=1e-9)
-    alone = simulate(Mission(Phase(Lost(5.0), GROUND)), ball(), throw=False)
+    alone = simulate_mission(Mission(Phase(Lost(5.0), GROUND)), ball(), throw=False)
     assert alone.status == Status.NOT_FINITE and np.all(np.isnan(alone.final.position))
 
 
@@ -195,7 +195,7 @@ def test_an_event_right_behind_a_break():
         # v = (push - g) t until the burnout, then v - g (t - burnout).
         speed = 2.0 * (20.0 - G) - G * late
         slow = Event(lambda t, y, v=speed: y.velocity[2] - v, -1, within=10.0)
-        end = simulate(Mission(Phase(system, slow)), ball(0.0, 0.0)).end
+        end = simulate_mission(Mission(Phase(system, slow)), ball(0.0, 0.0)).end
         np.testing.assert_allclose(end, 2.0 + late, rtol=1e-14, atol=1e-14)
 
 
@@ -213,7 +213,7 @@ def test_derivatives_of_a_phase_are_those_of_the_formula():
     t = (v + sqrt(v^2 + 2 g h))/g, and the second derivative, too."""
 
     def end(speed):
-        return simulate(Mission(Phase(Throw(), GROUND)), ball(10.0, speed)).end
+        return simulate_mission(Mission(Phase(Throw(), GROUND)), ball(10.0, speed)).end
 
     def exact(speed):
         return (speed + jnp.sqrt(speed * speed + 2.0 * G * 10.0)) / G
@@ -228,7 +228,7 @@ def test_a_condition_over_a_traced_number_keeps_its_derivative():
 
     def end(height):
         at = Event(lambda t, y: y.position[2] - height, -1, within=60.0)
-        return simulate(Mission(Phase(Throw(), at)), ball(10.0, 25.0)).end
+        return simulate_mission(Mission(Phase(Throw(), at)), ball(10.0, 25.0)).end
 
     # h = 10 + 25 t - g t^2/2: dt/dh = 1/(25 - g t).
     t = end(5.0)
@@ -240,7 +240,7 @@ def test_mapped_runs_with_a_condition_that_sums_over_them_are_right():
     away = Event(lambda t, y: jnp.linalg.norm(y.position) - 20.0, within=60.0)
 
     def end(speed):
-        return simulate(Mission(Phase(Throw(), away)), ball(10.0, speed), throw=False).end
+        return simulate_mission(Mission(Phase(Throw(), away)), ball(10.0, speed), throw=False).end
 
     speeds = jnp.array([25.0, 40.0])
     np.testing.assert_allclose(jax.vmap(end)(speeds), [float(end(v)) for v in speeds], rtol=1e-9)
@@ -253,7 +253,8 @@ def test_a_condition_that_is_not_finite_before_its_zero_says_so():
         return Event(lambda t, y: jnp.where(t > wrong, jnp.nan, t - 1.5), within=3.0)
 
     before, after = (
-        simulate(Mission(Phase(Throw(), at(t))), ball(), throw=False).status for t in (1.0, 2.9)
+        simulate_mission(Mission(Phase(Throw(), at(t))), ball(), throw=False).status
+        for t in (1.0, 2.9)
     )
     assert before == Status.CONDITION_NOT_FINITE
     assert after == Status.EVENT
@@ -262,7 +263,7 @@ def test_a_condition_that_is_not_finite_before_its_zero_says_so():
 def test_a_run_is_its_single_precision():
     """Within the steps that single precision resolves."""
     y0 = jax.tree.map(lambda x: x.astype(jnp.float32), ball(10.0, 25.0))
-    run = simulate(Mission(Phase(Throw(), GROUND)), y0, accuracy=1e-5)
+    run = simulate_mission(Mission(Phase(Throw(), GROUND)), y0, accuracy=1e-5)
     exact = (25.0 + np.sqrt(25.0**2 + 2.0 * G * 10.0)) / G
     assert run.end.dtype == jnp.float32
     np.testing.assert_allclose(run.end, exact, rtol=1e-5)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from jaxtyping import Array, Float
 
-from jaxspace import BodyState, simulate
+from jaxspace import BodyState, simulate, simulate_mission
 from jaxspace.core import AbstractSystem, dot
 from jaxspace.simulation import Event, Mission, Phase, SimulationError, Status
 
@@ -131,7 +131,9 @@ def test_two_conditions_zero_at_one_time_are_both_reported():
     # A phase may take up what ended the phase before it, too.
     ring = Event(lambda t, y: t - 2.0, within=1.0, at_start=True)
     phases = [Phase(FALL, Event(apex.condition, within=3.0), name="up")]
-    flight = simulate(Mission([*phases, Phase(FALL, ring, name="ring")]), ball(1.0, 2.0 * G))
+    flight = simulate_mission(
+        Mission([*phases, Phase(FALL, ring, name="ring")]), ball(1.0, 2.0 * G)
+    )
     assert flight.status == Status.EVENT
     np.testing.assert_allclose(flight.end, 2.0, rtol=1e-12)
 
@@ -169,7 +171,7 @@ def test_bounces_until_the_time_resolves_them_no_more():
 
     floor = Event(lambda t, y: y.position[2], direction=-1, within=2.0)
     phases = [Phase(FALL, floor, rebound, f"{k}") for k in range(52)]
-    run = simulate(Mission(phases), ball(), throw=False, accuracy=1e-12)
+    run = simulate_mission(Mission(phases), ball(), throw=False, accuracy=1e-12)
     statuses = np.array([phase.status for phase in run.phases])
     count = int(np.argmax(statuses != Status.EVENT))
     # The flights halve, from three seconds to some hundred roundings of the time.
@@ -184,7 +186,7 @@ def test_bounces_until_the_time_resolves_them_no_more():
     # are rounded, too.
     np.testing.assert_allclose(speeds[:40], -G * first * 0.5 ** k[:40], rtol=1e-4)
     with pytest.raises(SimulationError, match="faster than the time resolves"):
-        simulate(Mission(phases), ball(), accuracy=1e-12)
+        simulate_mission(Mission(phases), ball(), accuracy=1e-12)
 
 
 @pytest.mark.sweep
@@ -206,7 +208,7 @@ def test_a_search_that_does_not_converge_is_no_event(monkeypatch):
     run = simulate(FALL, ball(), jnp.array([0.0, 2.0]), events=(event,), throw=False)
     assert run.status == Status.EVENT_UNRESOLVED and np.all(np.isnan(run.final.position))
     mission = Mission([Phase(FALL, event)])
-    assert simulate(mission, ball(), throw=False).status == Status.EVENT_UNRESOLVED
+    assert simulate_mission(mission, ball(), throw=False).status == Status.EVENT_UNRESOLVED
 
 
 def test_a_condition_that_jumps_is_found_by_halving():

@@ -9,11 +9,17 @@ import pytest
 
 from jaxspace import BodyState, simulate
 from jaxspace.core import AbstractSystem
-from jaxspace.integration import _integrate
+from jaxspace.integration import _problem
 from jaxspace.integration._packed import Packing
 from jaxspace.rotations import Quaternion
 from jaxspace.simulation import Accuracy, Event, Status
-from jaxspace.solvers import DOP853
+from jaxspace.solvers import (
+    DOP853,
+    RKN1210,
+    ExponentialRosenbrock,
+    MuntheKaas,
+    solver_traits,
+)
 from jaxspace.solvers._tolerance import Tolerance
 
 ACCURACY = Accuracy(rtol=1e-8, atol=1e-8, method=DOP853(in_loop=True))
@@ -69,9 +75,10 @@ def both():
 
     with pytest.MonkeyPatch.context() as patch:
         # As if the field were large.
-        patch.setattr(_integrate, "PACKED_RUN", 0)
+        patch.setattr(_problem, "LARGE", 0)
         packed = found(True)
-    return packed, found(False)
+        patch.setattr(_problem.Problem, "_packing", lambda *_: None)
+        return packed, found(False)
 
 
 def test_a_packed_run_takes_the_same_steps(both):
@@ -93,19 +100,20 @@ def test_a_packed_run_has_the_same_states_event_and_slopes(both):
         np.testing.assert_allclose(a, b, rtol=1e-9, atol=1e-9)
 
 
-@pytest.mark.parametrize("runs", [(), (4,)])
-def test_a_state_comes_back_from_its_vector(runs):
-    y = jax.tree.map(
-        lambda x: (
-            jnp.arange(x.size, dtype=float).reshape(x.shape)[..., *(None,) * len(runs)]
-            * jnp.ones(runs)
-        ),
-        thrown(jnp.array(1.0)),
-    )
-    packing = Packing.of(y, len(runs))
+@pytest.mark.parametrize("times", [(), (4,)])
+def test_a_state_comes_back_from_its_vector(times):
+    y = thrown(jnp.array(1.0))
+    packing = Packing.of(y)
     vector = packing.vector(y)
-    assert vector.shape == (14, *runs) and packing.sizes == (3, 3, 4, 3, 1)
-    assert eqx.tree_equal(packing.state(vector), y)
+    assert vector.shape == (14,) and packing.sizes == (3, 3, 4, 3, 1)
+    along = jnp.broadcast_to(vector[:, *(None,) * len(times)], (14, *times))
+    states = jax.tree.map(lambda x: x[..., 0] if times else x, packing.state(along))
+    assert eqx.tree_equal(states, y)
+
+
+@pytest.mark.parametrize("solver", [MuntheKaas(), RKN1210(), ExponentialRosenbrock()])
+def test_a_method_that_looks_at_blocks_is_not_packed(solver):
+    assert not solver_traits(solver).linear
 
 
 def test_the_error_is_that_of_the_worst_block():
@@ -114,7 +122,7 @@ def test_the_error_is_that_of_the_worst_block():
         jax.tree.map(lambda x: jnp.asarray(rng.normal(size=(*x.shape, 5))), thrown(jnp.array(1.0)))
         for _ in range(3)
     )
-    packing = Packing.of(y0, 1)
+    packing = Packing.of(thrown(jnp.array(1.0)))
     blocks = Tolerance(1e-3, 1e-4, 1).error(y0, y1, error)
     packed = Tolerance(1e-3, 1e-4, 1, packing.sizes).error(*map(packing.vector, (y0, y1, error)))
     np.testing.assert_allclose(packed, blocks, rtol=1e-13)

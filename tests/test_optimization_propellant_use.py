@@ -10,7 +10,7 @@ from jaxtyping import Array
 from scipy.integrate import quad
 from scipy.optimize import brentq, fsolve
 
-from jaxspace import Mission, Phase, Scene, simulate
+from jaxspace import Mission, Phase, Scene, simulate_mission
 from jaxspace.bodies import BodyState
 from jaxspace.core import InputError
 from jaxspace.optimization import (
@@ -381,7 +381,7 @@ def test_a_level_split_flies_as_a_phase_without_duration():
 
     def end(duration):
         phases = [Phase(system, 0.0, kick(0), "start"), Phase(system, duration, kick(1), "split")]
-        return simulate(Mission(phases), start).final.velocity
+        return simulate_mission(Mission(phases), start).final.velocity
 
     velocity, slope = jax.jvp(end, (0.0,), (1.0,))
     np.testing.assert_allclose(velocity, [460.0, 0.0, 0.0], atol=1e-12)

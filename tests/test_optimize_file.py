@@ -143,9 +143,8 @@ def test_what_is_wrong_is_said(tmp_path, old, new, sentence):
 
 @pytest.mark.sweep
 def test_a_launch_to_orbit(tmp_path):
-    """From a start that misses the orbit by hundreds of km; a run of the file of the optimum by
-    `simulate`, of adaptive steps, confirms it. The makers of the rocket state 300 kg to a low
-    orbit."""
+    """From a start that misses the orbit by hundreds of km; a run of the file of the optimum, of
+    adaptive steps, confirms it. The makers of the rocket state 300 kg to a low orbit."""
     file = load(Path(__file__).parents[1] / "examples" / "scenes" / "launch.toml")
     best = file.optimize()
     assert best.minimum.converged

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import jaxspace
-from jaxspace import Mission, Phase, simulate
+from jaxspace import Mission, Phase, simulate_mission
 from jaxspace.bodies import BodyState
 from jaxspace.core import InputError
 from jaxspace.orbits import (
@@ -218,7 +218,7 @@ def test_impulses_in_a_mission():
             Phase(body, plan.duration, then=last, name="arc"),
         ]
     )
-    end = simulate(mission, BodyState(position=X, velocity=Y)).final
+    end = simulate_mission(mission, BodyState(position=X, velocity=Y)).final
     found = elements(end.position, end.velocity, 1.0)
     assert float(found.semi_latus_rectum) == pytest.approx(2.0, rel=1e-12)
     assert float(found.eccentricity) < 1e-13

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import scipy.integrate
 
-from jaxspace import load, simulate_batch
+from jaxspace import load, simulate_mission_batch
 from jaxspace.bodies import StandardAtmosphere
 from jaxspace.constants import MU_EARTH
 from jaxspace.simulation import Status, fly_compact
@@ -72,7 +72,7 @@ def test_many_runs_from_the_pad(pad):
     a run without a mass is marked, and is NaN from end to end, alone."""
     x = np.ones((len(INPUTS), 4))
     x[2, 1], x[5, 2], x[0, 3] = 1.01, 0.9, np.nan
-    run = simulate_batch(*changed(pad, jnp.asarray(x)), accuracy=1e-7)
+    run = simulate_mission_batch(*changed(pad, jnp.asarray(x)), accuracy=1e-7)
     good = [0, 1, 2]
     assert run.status.tolist() == [Status.EVENT] * 3 + [Status.NOT_FINITE]
     assert run.final.position.shape == (3, 4) and run.end.shape == (4,)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from jaxspace import Scene, simulate, simulate_batch
+from jaxspace import Scene, simulate, simulate_batch, simulate_mission
 from jaxspace.bodies import BodyState, BurningBody, Load, PrincipalInertia, RigidBody
 from jaxspace.core import InputError
 from jaxspace.rockets import (
@@ -156,7 +156,7 @@ def test_propellant_that_runs_out_ends_the_phase():
     thrust = Thrust(5000.0, 2500.0, 1000.0, burnout_mass=380.0)
     scene = Scene((thrust,), BurningBody(100.0, [10.0, 10.0, 5.0], [0.3, 0.3, 0.3]))
     until = Event(lambda t, y: thrust.propellant_left(y), direction=-1, within=100.0)
-    run = simulate(Mission([Phase(scene, until)]), drifting(500.0), accuracy=1e-12)
+    run = simulate_mission(Mission([Phase(scene, until)]), drifting(500.0), accuracy=1e-12)
     assert int(run.status) == Status.EVENT
     # The event lies 4096 units in the last place of the mass, 1e-12 of it, before the thrust's own
     # end.
@@ -215,7 +215,7 @@ def test_slopes_over_the_end_of_the_propellant_need_an_event():
         body = BurningBody(100.0, [10.0, 10.0, 5.0], [0.3, 0.3, 0.3])
         scene = Scene((Thrust(5000.0, 2500.0, 1e3, burnout_mass=380.0),), body)
         with pytest.raises(UserWarning, match=r"Thrust\.burnout_mass"):
-            simulate(Mission([Phase(scene, 100.0)]), drifting(500.0))
+            simulate_mission(Mission([Phase(scene, 100.0)]), drifting(500.0))
         many = jax.tree.map(lambda x: jnp.stack([x, x], -1), drifting(500.0))
         with pytest.raises(UserWarning, match=r"Thrust\.burnout_mass"):
             simulate_batch(scene, many, jnp.array([0.0, 1.0]))
@@ -470,7 +470,7 @@ def test_two_stages_flown():
         return BodyState(y.position, y.velocity, y.attitude, y.omega, 0.0 * y.mass + m0)
 
     flight = Mission([Phase(*stages[0], renew, "first"), Phase(*stages[1], name="second")])
-    run = simulate(flight, drifting(m0), accuracy=1e-13)
+    run = simulate_mission(flight, drifting(m0), accuracy=1e-13)
     np.testing.assert_allclose(run["first"].ts[-1], 120.98861283643893, rtol=1e-12)
     np.testing.assert_allclose(run["first"].final.velocity[2], 5990.948550014955, rtol=1e-11)
     np.testing.assert_allclose(run["first"].final.position[2], 249005.64392386706, rtol=1e-11)

@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxspace import Scene, load, simulate, simulate_batch
+from jaxspace import Scene, load, simulate_mission, simulate_mission_batch
 from jaxspace.bodies import BodyState
 from jaxspace.core import InputError
 from jaxspace.io import SceneError
@@ -32,7 +32,7 @@ def cut_off(a, acceleration):
     position and velocity."""
     scene = Scene([PointGravity(MU), LowThrust(acceleration)])
     until = Event(VelocityToBeGained(a, MU), within=2e3)
-    run = simulate(Mission([Phase(scene, until)]), Y0, accuracy=Accuracy(rtol=1e-12))
+    run = simulate_mission(Mission([Phase(scene, until)]), Y0, accuracy=Accuracy(rtol=1e-12))
     return run.end, run.final.position, run.final.velocity
 
 
@@ -174,7 +174,7 @@ def test_parameters_of_events_scatter(tmp_path):
     file = written(tmp_path)
     campaign = file.campaign()
     mission, y0 = campaign.build({"phase.1.until.at_altitude.altitude": jnp.array([9e5, 1e6])})
-    climbed = simulate_batch(Mission(mission.phases[:2]), y0, accuracy=file.accuracy)
+    climbed = simulate_mission_batch(Mission(mission.phases[:2]), y0, accuracy=file.accuracy)
     height = np.linalg.norm(climbed.final.position, axis=0) - 6378e3
     np.testing.assert_allclose(height, [9e5, 1e6], rtol=1e-9)
 

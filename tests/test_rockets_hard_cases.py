@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxspace import BodyState, Event, Mission, Phase, Scene, simulate
+from jaxspace import BodyState, Event, Mission, Phase, Scene, simulate, simulate_mission
 from jaxspace.orbits import UniformGravity
 from jaxspace.rockets import (
     FixedDirection,
@@ -94,7 +94,7 @@ def test_a_separation_at_the_end_of_the_last_step_of_a_burn():
             Phase(Scene((one,)), first, Separation(100.0), "first"),
             Phase(Scene((two,)), 10.0, name="second"),
         ]
-        return simulate(Mission(phases), at_rest(), accuracy=1e-11).final.velocity[2]
+        return simulate_mission(Mission(phases), at_rest(), accuracy=1e-11).final.velocity[2]
 
     def exact(first):
         left = START - 60e3 / U * first
@@ -113,7 +113,7 @@ def test_an_apogee_at_rest():
         y = BodyState(jnp.zeros(3), v * UP)
         until = Event(lambda t, y: y.velocity[2], -1, within=30.0)
         flight = Mission([Phase(Scene((UniformGravity(-9.81 * UP),)), until, name="up")])
-        run = simulate(flight, y, accuracy=1e-11)
+        run = simulate_mission(flight, y, accuracy=1e-11)
         found = jnp.stack([run.final.position[2], run.end])
         return found, (found, run.status)
 

@@ -16,9 +16,10 @@ from jaxspace.bodies import BodyState, BurningBody, Load, RigidBody
 from jaxspace.core import InputError, cross, dot
 from jaxspace.orbits import Oblateness, PointGravity, TwoBody
 from jaxspace.rockets import JetDamping
-from jaxspace.scene import Custom, budget, compile_vector_field, operation_count
+from jaxspace.scene import Custom, Scaled, budget, compile_vector_field, operation_count
 from jaxspace.simulation import Accuracy, Status
 from jaxspace.solvers import DOP853
+from jaxspace.vehicles import Rail
 
 T = jnp.zeros(())
 
@@ -267,3 +268,22 @@ def test_the_energy_of_a_torque_and_of_a_force_is_per_unit_mass():
         else:
             with pytest.raises(InputError, match="Custom.energy does not belong"):
                 scene.check_values(T, y)
+
+
+@pytest.mark.parametrize(("factor", "share"), [(1.0, 0.0), (0.25, 0.75), (0.0, 1.0)])
+def test_a_scaled_guide_holds_by_its_factor(factor, share):
+    rail = Scaled(Rail([0.0, 0.0, 1.0], 5.0), factor)
+    y = BodyState(jnp.zeros(3), jnp.array([0.0, 0.0, 2.0]))
+    free = BodyState(y.velocity, jnp.array([3.0, -1.0, 4.0]))
+    held = rail.constrained(0.0, y, free).velocity
+    np.testing.assert_allclose(held, [3.0 * share, -share, 4.0], rtol=1e-15)
+
+
+def test_a_scaled_effect_keeps_all_but_its_load():
+    planet = PointGravity(MU, RADIUS)
+    assert Scaled(planet, 0.5).ground() == planet.ground() == RADIUS
+    stage = motor()
+    assert Scaled(stage, 0.5).switches() == stage.switches()
+    # Nothing is held, and nothing costs.
+    y = BodyState(jnp.ones(3), jnp.ones(3))
+    assert Scaled(planet, 0.5).constrained(0.0, y, y) is y

@@ -26,6 +26,7 @@ from jaxspace.simulation import (
     Status,
     simulate,
     simulate_batch,
+    simulate_mission,
 )
 from jaxspace.solvers import DOP853, Regularised, Splitting, Stormer, Tsit5
 
@@ -346,7 +347,7 @@ def bounces(height, restitution, count):
         return BodyState(y.position, -restitution * y.velocity)
 
     mission = Mission([Phase(FALL, FLOOR, rebound, f"flight {k}") for k in range(count)])
-    return simulate(mission, ball(height), accuracy=1e-12, throw=False)
+    return simulate_mission(mission, ball(height), accuracy=1e-12, throw=False)
 
 
 def test_bouncing_ball():
@@ -362,10 +363,10 @@ def test_bouncing_ball():
 
 def test_an_event_that_does_not_happen_is_reported_by_name():
     lazy = Mission([Phase(FALL, Event(lambda t, y: y.position[2], within=1.0), name="short")])
-    run = simulate(lazy, ball(), throw=False)
+    run = simulate_mission(lazy, ball(), throw=False)
     assert int(run.status) == Status.EVENT_MISSED
     with pytest.raises(SimulationError, match="did not happen within its limit"):
-        simulate(lazy, ball())
+        simulate_mission(lazy, ball())
 
 
 def test_derivatives_pass_through_events():
@@ -378,7 +379,7 @@ def test_derivatives_pass_through_events():
 
         fall = Fall(g * jnp.array([0.0, 0.0, 1.0]))
         flights = [Phase(fall, FLOOR, rebound, f"{k}") for k in range(2)]
-        landed = simulate(Mission(flights), ball(1.0 * h), accuracy=1e-12)
+        landed = simulate_mission(Mission(flights), ball(1.0 * h), accuracy=1e-12)
         return landed.final.velocity[2] * (t - landed.end) - 0.5 * g * (t - landed.end) ** 2
 
     def exact(h, e, g, t):

@@ -9,7 +9,17 @@ import pytest
 from jaxtyping import Array, Float
 from systems import AIR, J2, MU, RADIUS, motor, orbit, turned
 
-from jaxspace import Accuracy, Event, Mission, Phase, Scene, Status, simulate, simulate_batch
+from jaxspace import (
+    Accuracy,
+    Event,
+    Mission,
+    Phase,
+    Scene,
+    Status,
+    simulate,
+    simulate_batch,
+    simulate_mission,
+)
 from jaxspace.attitude import BodyTorque, GravityGradient, symmetric_flow
 from jaxspace.bodies import BodyState, BurningBody, RigidBody
 from jaxspace.core import AbstractDecoupled, AbstractSystem
@@ -170,7 +180,7 @@ def campaign_of(moving, accuracy):
 
 
 def test_fast_turns_are_exact_in_missions_and_campaigns():
-    run = simulate(Mission([Phase(FAST, 4.0)]), start(), accuracy=LOOSE)
+    run = simulate_mission(Mission([Phase(FAST, 4.0)]), start(), accuracy=LOOSE)
     np.testing.assert_allclose(run.final.hand[1], exact(0.5, 2.5e4, 4.0)[1], atol=1e-10)
     campaign = campaign_of(FAST, LOOSE)
     found = disperse(campaign, 16)
@@ -195,7 +205,7 @@ def test_steps_that_run_out_are_no_end_where_turns_need_none():
     assert run.config.decoupled and run.status == Status.COMPLETED
     starts = jax.tree.map(lambda x: jnp.stack([x, x], axis=-1), start())
     batch = simulate_batch(QUIET, starts, ts, accuracy=FEW)
-    mission = simulate(Mission([Phase(QUIET, 4.0)]), start(), accuracy=FEW)
+    mission = simulate_mission(Mission([Phase(QUIET, 4.0)]), start(), accuracy=FEW)
     for final in (run.final, batch.of(1).final, mission.final):
         np.testing.assert_allclose(final.hand[1], exact(0.01, 1.4, 4.0)[1], atol=1e-14)
     stepped = Accuracy(LOOSE, max_steps=3, decoupled=False)

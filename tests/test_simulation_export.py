@@ -5,8 +5,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from jax import export
-from jaxtyping import config
 from systems import MU, Integrated, orbit
+from unchecked import unchecked
 
 from jaxspace import Accuracy, simulate_batch
 from jaxspace.bodies import BodyState
@@ -39,11 +39,8 @@ def program() -> export.Exported:
     (n,) = export.symbolic_shape("n")
     shapes = [jax.ShapeDtypeStruct((3, n), float)] * 2
     # The checks of shapes, which the tests alone turn on, broadcast numbers and no symbols.
-    config.update("jaxtyping_disable", True)
-    try:
+    with unchecked():
         return export.export(jax.jit(run))(*shapes)
-    finally:
-        config.update("jaxtyping_disable", False)
 
 
 # Less than a block, and more than one, the last of which is filled up.

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from systems import Integrated
 
-from jaxspace import BodyState, Scene, simulate, simulate_batch
+from jaxspace import BodyState, Scene, simulate, simulate_batch, simulate_mission
 from jaxspace.attitude import TorqueFreeBody
 from jaxspace.bodies import BurningBody
 from jaxspace.core import AbstractSystem
@@ -56,7 +56,7 @@ def test_an_error_tells_time_and_state():
     late = Event(lambda t, y: t - 9.0, within=1.0)
     mission = Mission([Phase(TwoBody(1.0), 0.5, name="one"), Phase(TwoBody(1.0), late, name="two")])
     with pytest.raises(SimulationError, match="The phase 'two' starts at t = 0.5 s with position"):
-        simulate(mission, Y)
+        simulate_mission(mission, Y)
 
 
 class Turning(AbstractSystem):

@@ -7,7 +7,17 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxspace import Accuracy, BodyState, Event, Mission, Phase, Scene, simulate, simulate_batch
+from jaxspace import (
+    Accuracy,
+    BodyState,
+    Event,
+    Mission,
+    Phase,
+    Scene,
+    simulate,
+    simulate_batch,
+    simulate_mission,
+)
 from jaxspace.bodies import Load
 from jaxspace.core import AbstractSystem, dot
 from jaxspace.integration import select_method
@@ -84,7 +94,7 @@ def test_a_run_from_the_end_of_another_is_the_same_program(kind):
         if kind == "system":
             return simulate(system, y0, ts, accuracy=how).final
         if kind == "mission":
-            return simulate(Mission([Phase(system, 1.0)]), y0, accuracy=how).final
+            return simulate_mission(Mission([Phase(system, 1.0)]), y0, accuracy=how).final
         return simulate_batch(system, y0, ts, accuracy=how).final
 
     first = end(y0)
@@ -154,7 +164,7 @@ def test_what_follows_a_run_is_traced_once(kind):
         if kind == "event":
             end = simulate(system, y0, ts, accuracy=how, events=(event,)).final
         elif kind == "mission":
-            end = simulate(Mission([Phase(system, event)]), y0, accuracy=how).final
+            end = simulate_mission(Mission([Phase(system, event)]), y0, accuracy=how).final
         else:
             end = dense.at(third)
         np.testing.assert_allclose(end, (0.5, -np.sqrt(0.75)), atol=1e-5)

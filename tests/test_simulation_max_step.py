@@ -23,6 +23,7 @@ from jaxspace.simulation import (
     Status,
     simulate,
     simulate_batch,
+    simulate_mission,
 )
 from jaxspace.simulation._mission_runs import run_mission
 from jaxspace.simulation._phases import resolve_phases
@@ -204,7 +205,9 @@ def test_phases_and_the_search_for_events_see_their_pulses():
     """The kick changes when the event is: it is found where the exact motion has it."""
     low = Event(lambda t, y: y.position[1], direction=-1, within=4.0)
     mission = Mission([Phase(struck(kick=100.0 * KICK), low)])
-    run = simulate(mission, start(), accuracy=Accuracy(1e-9, method=DOP853(), max_step=0.5 * WIDTH))
+    run = simulate_mission(
+        mission, start(), accuracy=Accuracy(1e-9, method=DOP853(), max_step=0.5 * WIDTH)
+    )
     assert run.status == Status.EVENT and abs(run.end - jnp.pi) > 0.1
     np.testing.assert_allclose(exact(struck(kick=100.0 * KICK), run.end)[1], 0.0, atol=1e-8)
 

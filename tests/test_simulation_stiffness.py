@@ -18,6 +18,7 @@ from jaxspace.simulation import (
     Status,
     simulate,
     simulate_batch,
+    simulate_mission,
 )
 from jaxspace.simulation._batch import SAMPLED
 from jaxspace.solvers import DOP853, ExponentialRosenbrock, Tsit5
@@ -127,7 +128,7 @@ def test_where_numbers_are_not_known_the_structure_decides():
 
     jax.eval_shape(end, jnp.array(0.3))
     assert isinstance(seen[0], DOP853)
-    mission = simulate(Mission([Phase(COMPASS, until=0.05)]), Gyrocompass.start(0.3))
+    mission = simulate_mission(Mission([Phase(COMPASS, until=0.05)]), Gyrocompass.start(0.3))
     assert isinstance(mission.phases[0].config.method, DOP853)
 
 

@@ -7,7 +7,15 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxspace import Accuracy, BodyState, Scene, simulate, simulate_batch
+from jaxspace import (
+    Accuracy,
+    BodyState,
+    Scene,
+    simulate,
+    simulate_batch,
+    simulate_mission,
+    simulate_mission_batch,
+)
 from jaxspace.bodies import Load
 from jaxspace.core import InputError, dot
 from jaxspace.integration import select_method
@@ -219,8 +227,8 @@ def flight(kick, method, rtol, y0=None):
     mission = Mission([Phase(OBLATE, apoapsis, jump, "up"), Phase(OBLATE, 9.0, name="round")])
     how = accuracy(method, rtol)
     if y0 is not None:
-        return simulate_batch(mission, y0, accuracy=how)
-    return simulate(mission, at_periapsis(0.7), accuracy=how)
+        return simulate_mission_batch(mission, y0, accuracy=how)
+    return simulate_mission(mission, at_periapsis(0.7), accuracy=how)
 
 
 @pytest.mark.sweep

@@ -13,7 +13,16 @@ import numpy as np
 import pytest
 from jax.test_util import check_grads
 
-from jaxspace import Accuracy, Mission, Phase, Scene, load, simulate, simulate_batch
+from jaxspace import (
+    Accuracy,
+    Mission,
+    Phase,
+    Scene,
+    load,
+    simulate,
+    simulate_mission,
+    simulate_mission_batch,
+)
 from jaxspace.bodies import (
     BodyState,
     ExponentialAtmosphere,
@@ -355,10 +364,10 @@ def test_more_mass_is_dropped_than_there_is():
     burn = Scene((GroundGravity(9.8), AirDrag(0.1, 0.5, LocalAir())), carry=("mass",))
     y0 = BodyState(jnp.zeros(3), jnp.array([0.0, 0.0, 30.0]), mass=jnp.asarray(500.0))
     drop = Phase(burn, 1.0, Separation(600.0), name="drop")
-    run = simulate(Mission([drop, Phase(burn, 1.0, name="fall")]), y0, throw=False)
+    run = simulate_mission(Mission([drop, Phase(burn, 1.0, name="fall")]), y0, throw=False)
     assert run.status == Status.OUTSIDE_MODEL
     drop = Phase(burn, 1.0, Separation(400.0), name="drop")
-    run = simulate(Mission([drop, Phase(burn, 1.0, name="fall")]), y0)
+    run = simulate_mission(Mission([drop, Phase(burn, 1.0, name="fall")]), y0)
     np.testing.assert_allclose(run.final.mass, 100.0)
 
 
@@ -477,7 +486,7 @@ def test_three_rockets_fly_as_in_rocketpy(quickly_compiled):
     chutes = [stacked([recovery(r)[k] for r in given] * 2) for k in (0, 1)]
     mission, y0 = sounding_flight(batch, sites, chutes, ascent_within=60.0, descent_within=200.0)
     accuracy = Accuracy(rtol=1e-6, method=diffrax.Tsit5())
-    run = simulate_batch(mission, y0, 0.0, accuracy=accuracy)
+    run = simulate_mission_batch(mission, y0, 0.0, accuracy=accuracy)
     expected = np.array([*CORRECTED.values(), *AS_SHIPPED.values()]).T
     phases = dict(zip(run.names, run.phases, strict=True))
     apogee = phases["ascent"].states.position[2, -1]

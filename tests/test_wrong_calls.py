@@ -5,8 +5,16 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from systems import Integrated
+from unchecked import unchecked
 
-from jaxspace import BodyState, Scene, simulate, simulate_batch
+from jaxspace import (
+    BodyState,
+    Scene,
+    simulate,
+    simulate_batch,
+    simulate_mission,
+    simulate_mission_batch,
+)
 from jaxspace.attitude import TorqueFreeBody
 from jaxspace.bodies import Load, RigidBody
 from jaxspace.core import AbstractSystem, InputError
@@ -126,13 +134,13 @@ def custom(function):
             "it must return a Load",
         ),
         (
-            lambda: simulate(
+            lambda: simulate_mission(
                 Mission([Phase(KEPLER, Event(lambda t, y: y.position, within=1.0))]), Y
             ),
             r"Phase.until.condition returns \(3,\): it must return one number",
         ),
         (
-            lambda: simulate(Mission([Phase(KEPLER, 1.0)]), [jnp.ones(3)]),
+            lambda: simulate_mission(Mission([Phase(KEPLER, 1.0)]), [jnp.ones(3)]),
             "cannot take y0, which holds",
         ),
         (
@@ -143,15 +151,11 @@ def custom(function):
         (lambda: simulate(KEPLER, Y, SPAN, accuracy="high"), "accuracy is 'high'"),
         (lambda: Accuracy(rtol="high"), "Accuracy.rtol is 'high'"),
         (
-            lambda: simulate(Mission([Phase(KEPLER, 1.0)]), Y, events=()),
-            "unexpected keyword argument 'events': it takes mission, y0, t0, accuracy, num_saved",
-        ),
-        (
-            lambda: simulate(Mission([Phase(KEPLER, jnp.ones(3))]), Y),
+            lambda: simulate_mission(Mission([Phase(KEPLER, jnp.ones(3))]), Y),
             r"Phase 'phase': until has the shape \(3,\): it must be one time",
         ),
         (
-            lambda: simulate(Mission([Phase(KEPLER, 1.0)]), Y, jnp.linspace(0.0, 1.0, 5)),
+            lambda: simulate_mission(Mission([Phase(KEPLER, 1.0)]), Y, jnp.linspace(0.0, 1.0, 5)),
             r"t0 has the shape \(5,\): a mission starts at one time",
         ),
         (lambda: Phase(KEPLER, "1 day"), "Phase.until is '1 day': it must be a duration in s"),
@@ -168,15 +172,21 @@ def custom(function):
         (lambda: simulate(KEPLER, Y, SPAN.astype(complex)), "ts is .*it must be an array of times"),
         (lambda: simulate(KEPLER, Y, [[0.0, 1.0], [2.0]]), "ts is .*it must be an array of times"),
         (lambda: simulate(KEPLER, Y, [False, True]), "ts is .*it must be an array of times"),
-        (lambda: simulate(MISSION, Y, "noon"), "t0 is 'noon': it must be one time, s"),
+        (lambda: simulate_mission(MISSION, Y, "noon"), "t0 is 'noon': it must be one time, s"),
         (lambda: simulate(KEPLER, Y, SPAN, accuracy=1), "Accuracy.rtol is 1: it must be below one"),
         (lambda: simulate(KEPLER, Y, SPAN, accuracy=2.0), "Accuracy.rtol is 2: .* below one"),
         (lambda: simulate(KEPLER, Y, SPAN, accuracy=1.0j), "accuracy is 1j: it must be a number"),
         (lambda: Accuracy(atol=1.0j), "Accuracy.atol is 1j: it must be a number"),
-        (lambda: simulate(jump_to(None), Y), "Phase 'burn': then returns nothing: it must return"),
-        (lambda: simulate(jump_to("x"), Y), "then returns an object of type str: it must return"),
         (
-            lambda: simulate(Mission([Phase(KEPLER, 1.0, lambda t, y: y.height)]), Y),
+            lambda: simulate_mission(jump_to(None), Y),
+            "Phase 'burn': then returns nothing: it must return",
+        ),
+        (
+            lambda: simulate_mission(jump_to("x"), Y),
+            "then returns an object of type str: it must return",
+        ),
+        (
+            lambda: simulate_mission(Mission([Phase(KEPLER, 1.0, lambda t, y: y.height)]), Y),
             "Phase 'phase': then cannot take the time and a state .*no attribute 'height'",
         ),
         (lambda: Phase(KEPLER, 1.0, 3.0), "Phase.then is 3.0: it must be a function"),
@@ -185,12 +195,33 @@ def custom(function):
         (lambda: simulate(KEPLER, Y, SPAN, events=None), "events is of type NoneType"),
         (lambda: Custom(Puzzling(), "energy"), "Custom.keeps is 'energy': it must be a set of"),
         (lambda: Custom(Puzzling(), at_x), "Custom.keeps is .*: it must be a set of names"),
-        (lambda: simulate_batch(MISSION, MANY, "noon"), "t0 is 'noon': it must be one time, or"),
-        (lambda: simulate_batch(MISSION, MANY, 1.0j), "t0 is 1j: it must be one time, or one for"),
         (
-            lambda: simulate_batch(KEPLER, MANY, SPAN, num_saved=3),
-            "unexpected keyword argument 'num_saved': it takes systems, y0s, ts, accuracy, events",
+            lambda: simulate_mission_batch(MISSION, MANY, "noon"),
+            "t0 is 'noon': it must be one time, or",
         ),
+        (
+            lambda: simulate_mission_batch(MISSION, MANY, 1.0j),
+            "t0 is 1j: it must be one time, or one for",
+        ),
+        (
+            lambda: simulate(MISSION, Y, SPAN),
+            "^system is of type Mission: simulate_mission runs it.$",
+        ),
+        (
+            lambda: simulate_batch(MISSION, MANY, SPAN),
+            "^systems is of type Mission: simulate_mission_batch runs it.$",
+        ),
+        (
+            lambda: simulate_mission(FREE, Y),
+            "^mission is of type TorqueFreeBody, a system: simulate runs it.$",
+        ),
+        (
+            lambda: simulate_mission_batch(KEPLER, MANY),
+            "^missions is of type Integrated, a system: simulate_batch runs it.$",
+        ),
+        (lambda: simulate_mission([KEPLER], Y), "mission is of type list: it must be a Mission"),
+        (lambda: sensitivity(MISSION, Y, events=(Event(at_x),)), "events is given with a mission"),
+        (lambda: sensitivity(KEPLER, Y, SPAN, num_saved=3), "num_saved is 3: of a system"),
         (
             lambda: simulate(
                 KEPLER, Y, SPAN, events=(Event(at_x, terminal=False, then=lambda t, y: None),)
@@ -198,7 +229,7 @@ def custom(function):
             r"events\[0\].then returns nothing: it must return the state",
         ),
         (
-            lambda: simulate(MISSION, Y)["costa"],
+            lambda: simulate_mission(MISSION, Y)["costa"],
             r"no phase 'costa': its phases are coast. Did you mean coast\?",
         ),
         (lambda: Stormer(steps=10**12), r"Stormer.steps is 1000000000000: .* up to 1e\+08"),
@@ -217,7 +248,7 @@ def custom(function):
     ],
 )
 def test_wrong_calls_get_a_sentence(call, sentence):
-    with pytest.raises(InputError, match=sentence):
+    with unchecked(), pytest.raises(InputError, match=sentence):
         call()
 
 
@@ -276,14 +307,14 @@ MANY_ARRAYS = jnp.ones((3, 5))
             r"y0.position has the shape \(3, 5\)",
         ),
         (
-            lambda: simulate(Mission([Phase(KEPLER, 1.0)]), MANY),
+            lambda: simulate_mission(Mission([Phase(KEPLER, 1.0)]), MANY),
             r"y0.position has the shape \(3, 5\)",
         ),
         (lambda: sensitivity(KEPLER, MANY, SPAN), r"y0.position has the shape \(3, 5\)"),
     ],
 )
 def test_many_runs_are_sent_to_the_batch(call, array):
-    with pytest.raises(InputError, match=array + ".*simulate_batch takes many.*batch=True"):
+    with pytest.raises(InputError, match=array + ".*simulate_mission_batch take many.*batch=True"):
         call()
 
 

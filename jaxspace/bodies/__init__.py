@@ -4,7 +4,9 @@ effects, and air by its height."""
 from ._atmosphere import AbstractAtmosphere as AbstractAtmosphere
 from ._atmosphere import Air as Air
 from ._atmosphere import ExponentialAtmosphere as ExponentialAtmosphere
+from ._atmosphere import dry_air as dry_air
 from ._atmosphere import exponential_density as exponential_density
+from ._atmosphere import isothermal_ratio as isothermal_ratio
 from ._body import AbstractBody as AbstractBody
 from ._body import BurningBody as BurningBody
 from ._body import RigidBody as RigidBody

@@ -40,6 +40,23 @@ class Air(NamedTuple):
     sound_speed: Scalar
 
 
+def dry_air(temperature: Scalar, pressure: Scalar) -> Air:
+    """The state of dry air: rho = p M_0/(R T), c = sqrt(gamma R T/M_0) (U.S. Standard Atmosphere,
+    1976, Eqs. 42 and 50).
+
+    **Arguments**
+
+    - `temperature`: K; `pressure`: Pa."""
+    per_mass = GAS_CONSTANT / MOLAR_MASS * temperature
+    return Air(temperature, pressure, pressure / per_mass, jnp.sqrt(HEAT_RATIO * per_mass))
+
+
+def isothermal_ratio(climb: Scalar, temperature: Scalar) -> Scalar:
+    """What a `climb`, m, leaves of the pressure of dry air in equilibrium at one `temperature`, K
+    (U.S. Standard Atmosphere, 1976, Eq. 33b)."""
+    return jnp.exp(-GRAVITY * MOLAR_MASS / GAS_CONSTANT * climb / temperature)
+
+
 def exponential_density(
     height: Scalar, density: Scalar, reference_height: Scalar, scale_height: Scalar
 ) -> Scalar:

@@ -13,6 +13,7 @@ from ..core import (
     AbstractParameters,
     AbstractRegularised,
     AbstractSystem,
+    Flag,
     InputError,
     Matrix,
     Scalar,
@@ -115,6 +116,12 @@ class AbstractEffect(AbstractParameters):
         """Radius, m, of the sphere about the origin above which the effect is meant: a run that
         passes below it gets a warning. Zero where the effect goes on inside of its planet; `None`,
         the default, where it says nothing."""
+        return None
+
+    def outside(self, t: Scalar, y: BodyState, body: AbstractBody) -> Flag | None:
+        """Whether the state lies outside of what the effect describes, such as a table, for each
+        run; `None`, the default, where every state is inside (`AbstractSystem.outside`)."""
+        del t, y, body
         return None
 
     def scaled(self, factor: Scalar) -> "AbstractEffect | None":

@@ -14,12 +14,12 @@ Source: Franklin, Powell and Workman, Digital Control of Dynamic Systems, 4.3, 6
 
 import dataclasses
 from collections.abc import Mapping, Sequence
-from typing import Any, Unpack, final
+from typing import Any, final
 
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, ArrayLike, Float, Key, PyTree
+from jaxtyping import Array, ArrayLike, Float, Key, PRNGKeyArray, PyTree
 
 from ..core import (
     AbstractSystem,
@@ -38,7 +38,7 @@ from ..simulation._flight import AbstractFlight
 from ..simulation._run_result import RunResult
 from ._commands import Actuate, with_command
 from ._controller import AbstractController, as_controller
-from ._fly import LoopRun, Wanted, fly
+from ._fly import LoopOptions, LoopRun, fly
 from ._program import Known, Static, alone, as_events, as_key, parts_of
 from ._repeats import config_of, repeated
 from ._sensors import AbstractSensor, check_period, known_seconds
@@ -161,7 +161,17 @@ class ClosedLoop(AbstractFlight):
         return repeated(alone, known, config, Static.of(self, ts, run_axes))[0]
 
     def simulate(
-        self, y0: State, ts: ArrayLike | Sequence[float], **wanted: Unpack[Wanted]
+        self,
+        y0: State,
+        ts: ArrayLike | Sequence[float],
+        *,
+        key: PRNGKeyArray | None = None,
+        accuracy: Accuracy | Float[ArrayLike, ""] | None = None,
+        steps: int | None = None,
+        events: Event | Sequence[Event] = (),
+        start: Float[ArrayLike, ""] | None = None,
+        memory: PyTree = None,
+        throw: bool = True,
     ) -> LoopRun:
         """Fly the loop from the state `y0`.
 
@@ -179,21 +189,33 @@ class ClosedLoop(AbstractFlight):
         - `start`: the time of `y0`, in place of the first of `ts`; it may be traced, so that a loop
           can go on where an event has ended another one.
         - `memory`: of the controller, as an earlier run has left it.
-        - `throw`: whether to raise `SimulationError` for a failed run; by default of one run, not
-          of a batch.
+        - `throw`: whether to raise `SimulationError` for a failed run; otherwise read its `status`.
 
         **Returns** a `LoopRun`, differentiable forwards and backwards with respect to every number
         in the loop and `y0`. **Raises** `InputError`, before anything is compiled, for what cannot
         be flown."""
-        return fly(self, y0, ts, wanted, 0)
+        options = LoopOptions(key, accuracy, steps, events, start, memory)
+        return fly(self, y0, ts, options, 0, throw=throw)
 
     def simulate_batch(
-        self, y0s: State, ts: ArrayLike | Sequence[float], **wanted: Unpack[Wanted]
+        self,
+        y0s: State,
+        ts: ArrayLike | Sequence[float],
+        *,
+        key: PRNGKeyArray | None = None,
+        accuracy: Accuracy | Float[ArrayLike, ""] | None = None,
+        steps: int | None = None,
+        events: Event | Sequence[Event] = (),
+        start: Float[ArrayLike, "*runs"] | None = None,
+        memory: PyTree = None,
+        throw: bool = False,
     ) -> LoopRun:
         """Many runs at once: runs on the last axis of the states, and of whatever parameter of the
         system, the controller or a sensor declares them.
 
-        Arguments, results and errors as of `simulate`; `start` is a number, or (runs,). Each run
+        Arguments, results and errors as of `simulate`, where a run that fails marks its own row
+        unless `throw`; `start` is a number, or (runs,). Each run
         draws its noise from a key of its own: `jax.random.split(key, runs)[j]` gives that of run j
         alone."""
-        return fly(self, y0s, ts, wanted, 1)
+        options = LoopOptions(key, accuracy, steps, events, start, memory)
+        return fly(self, y0s, ts, options, 1, throw=throw)

@@ -2,12 +2,12 @@
 more with finer steps where they proved too few."""
 
 from collections.abc import Sequence
-from typing import Any, TypeAlias, TypedDict, cast, final
+from typing import Any, NamedTuple, TypeAlias, final
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Int, PRNGKeyArray, PyTree
+from jaxtyping import Array, ArrayLike, Float, Int, PRNGKeyArray, PyTree
 
 from ..core import InputError, Scalar, State, is_concrete, is_traced
 from ..integration._accuracy import (
@@ -84,45 +84,48 @@ class LoopRun(eqx.Module):
         """An estimate of the error of the final state: the change by half the steps' length.
 
         Of the same noise; commands in quanta may switch, and then it shows that."""
-        loop, y0, ts, wanted, run_axes = self.asked
-        finer = {**wanted, "steps": 2 * self.steps, "throw": False}
-        again = fly(loop, y0, ts, cast(Wanted, finer), run_axes)
+        loop, y0, ts, options, run_axes = self.asked
+        again = fly(loop, y0, ts, options._replace(steps=2 * self.steps), run_axes, throw=False)
         return jax.tree.map(lambda a, b: jnp.abs(a - b), self.final, again.final)
 
 
-class Wanted(TypedDict, total=False):
+class LoopOptions(NamedTuple):
     """With what a loop is flown, as given to `ClosedLoop.simulate`."""
 
     key: PRNGKeyArray | None
-    accuracy: Accuracy | Scalar | None
+    accuracy: Accuracy | Float[ArrayLike, ""] | None
     steps: int | None
     events: Event | Sequence[Event]
     start: Scalar | None
     memory: PyTree
-    throw: bool
 
 
-def fly(loop: Loop, y0: State, ts: Any, wanted: Wanted, run_axes: int) -> LoopRun:
+def fly(
+    loop: Loop,
+    y0: State,
+    ts: ArrayLike | Sequence[float],
+    options: LoopOptions,
+    run_axes: int,
+    *,
+    throw: bool,
+) -> LoopRun:
     """`ClosedLoop.simulate` and `simulate_batch`, with `run_axes` axes of runs."""
     _check(loop, y0, run_axes)
-    if unknown := set(wanted) - set(Wanted.__annotations__):
-        known = ", ".join(Wanted.__annotations__)
-        raise InputError(f"The call has {', '.join(sorted(unknown))}: it takes {known}.")
-    asked = (loop, y0, ts, wanted, run_axes)
-    ts, events = known_times(ts), as_events(wanted.get("events", ()))
-    accuracy = as_accuracy(wanted.get("accuracy"))
-    config = config_of(loop, y0, accuracy, wanted.get("steps"))
-    start, key = wanted.get("start"), wanted.get("key")
-    start = jnp.asarray(ts[0] if start is None else start, state_dtype(y0))
-    key = as_key(loop.key if key is None else key)
-    numbers = Known(parts_of(loop), y0, start, key, wanted.get("memory"), events, None)
-    result, config = repeated(compiled, numbers, config, Static.of(loop, ts, run_axes))
+    asked = (loop, y0, ts, options, run_axes)
+    times, events = known_times(ts), as_events(options.events)
+    accuracy = as_accuracy(options.accuracy)
+    config = config_of(loop, y0, accuracy, options.steps)
+    start = times[0] if options.start is None else options.start
+    start = jnp.asarray(start, state_dtype(y0))
+    key = as_key(loop.key if options.key is None else options.key)
+    numbers = Known(parts_of(loop), y0, start, key, options.memory, events, None)
+    result, config = repeated(compiled, numbers, config, Static.of(loop, times, run_axes))
     assert result.control is not None
     trajectory = trajectory_of(
         result._replace(control=None), loop.system, accuracy, config, run_axes
     )
     run = LoopRun(trajectory, **result.control, steps=steps_of(config), asked=asked)
-    if not wanted.get("throw", run_axes == 0):
+    if not throw:
         return run
     if is_concrete(run.status) and not is_traced(run.trajectory):
         raise_on_failure(run.status)

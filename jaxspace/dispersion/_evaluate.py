@@ -16,7 +16,7 @@ from ..integration import Accuracy, Status
 from ..simulation._blocks import jit_wide_vectors
 from ..simulation._failures import nan_where_failed
 from ..simulation._mission_runs import run_mission
-from ..simulation._simulate import resolve_phases
+from ..simulation._phases import resolve_phases
 from ._campaign import Campaign
 from ._exact_parts import has_exact_part
 from ._outputs import outputs_of

@@ -12,7 +12,7 @@ from ..integration._accuracy import Accuracy
 from ..integration._status import Status
 from ..simulation._blocks import jit_wide_vectors
 from ..simulation._mission_runs import run_mission
-from ..simulation._simulate import resolve_phases
+from ..simulation._phases import resolve_phases
 from ._campaign import Campaign
 
 

@@ -15,7 +15,7 @@ from ..core import breaks_of
 from ..integration import Accuracy, Event, SimulationError, Status
 from ..simulation._flight import AbstractFlight
 from ..simulation._mission_runs import MissionResult, OwnTimes, run_mission
-from ..simulation._simulate import resolve_phases
+from ..simulation._phases import resolve_phases
 from ._along import Kept, saved_of
 from ._campaign import Campaign
 from ._exact_parts import has_exact_part
@@ -125,7 +125,7 @@ def pilot_plans(
     for room in ROOM:
         taken, coupled, flown = isolate(functools.partial(flying, room=room), PILOTS)
         nominal = Status(int(np.ravel(flown.result.status)[0]))
-        # The verdict on the nominal run is that of `simulate`, which flies it alone.
+        # The verdict on the nominal run is that of `simulate_mission`, which flies it alone.
         if nominal != Status.MAX_STEPS:
             break
         if not _ends_alone(campaign, accuracy):

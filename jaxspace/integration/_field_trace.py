@@ -7,7 +7,6 @@ import jax
 from jaxtyping import PyTree
 
 from ..core import AbstractSystem, count_operations, once_per_structure
-from ._packed import PackedSystem
 
 
 class FieldTrace(NamedTuple):
@@ -20,10 +19,6 @@ class FieldTrace(NamedTuple):
 @once_per_structure
 def field_trace(system: AbstractSystem, t: PyTree, y: PyTree) -> FieldTrace:
     """The trace of the vector field of a system for times like `t`, states like `y`, or shapes."""
-    if isinstance(system, PackedSystem):
-        # What cuts and joins the vector costs nothing beside the field.
-        within = jax.eval_shape(system.packing.state, y)
-        return FieldTrace(y, field_trace(system.system, t, within).operations)
     arrays, static = eqx.partition((system, t, y), lambda x: isinstance(x, jax.ShapeDtypeStruct))
 
     def rate(arrays: PyTree) -> PyTree:

@@ -24,14 +24,12 @@ from ..core import (
 )
 from ..solvers import Tolerance, bind, solver_traits
 from ..solvers._dense_output import AbstractDenseOutput
-from ..solvers._protocol import AbstractFieldSolver
 from ..solvers._regularised_step import evaluations_of
 from ._by_diffrax import solve_by_diffrax
 from ._config import IntegrationConfig
 from ._event_location import FoundEvents, Location, SoughtEvents
 from ._event_zero import rounding_change
 from ._events import Event
-from ._field_trace import field_trace
 from ._layout import runs_of, state_at, times_behind_components, times_first
 from ._loop import TERM, LoopSettings
 from ._normalised_time import (
@@ -41,16 +39,10 @@ from ._normalised_time import (
     hoist,
     segments_of,
 )
-from ._packed import PackedSystem, Packing
 from ._result import IntegrationResult, result_of, within_model
 from ._save_times import at_save_times
 from ._solve import solve, solve_own_steps
 from ._status import Status, status_from
-
-# Operations of a vector field from which the state of one run, or of many, is packed. Below, the
-# steps themselves compile at once. Many runs are there to be fast: what is copied for them must be
-# nothing beside the field.
-PACKED_RUN, PACKED_RUNS = 200, 800
 
 
 @eqx.filter_jit
@@ -114,23 +106,6 @@ def integrate(
         )
         return _joined(decoupled, y0, t1 - t0, fractions, result, run_axes)
     traits = solver_traits(config.solver)
-    if _packs(config, system, t0, y0, run_axes):
-        packing = Packing.of(y0, run_axes)
-        result = integrate(
-            PackedSystem(packing, system),
-            packing.vector(y0),
-            t0,
-            t1,
-            fractions,
-            config,
-            run_axes,
-            plan=plan,
-            record_steps=record_steps,
-            dense=dense,
-            trimmed=trimmed,
-            until=tuple(map(packing.packed, until)),
-        )
-        return result.unpacked(packing)
     segments = segments_of(system, t0, t1, None)
     # Runs with their own breaks have their own segments: the save times become ends of segments,
     # which all runs reach together. So do save times that are each run's own.
@@ -144,9 +119,8 @@ def integrate(
         t = jnp.broadcast_to(t0, runs_of(y0, run_axes))
         roundings = [rounding_change(event, system, t, y0, run_axes) for event in until]
         sought = SoughtEvents(until, jnp.stack(roundings))
-    blocks = system.packing.sizes if isinstance(system, PackedSystem) else ()
     settings = _settings(
-        config, segments, fractions, landing, run_axes, plan, record_steps, dense, sought, blocks
+        config, segments, fractions, landing, run_axes, plan, record_steps, dense, sought
     )
     if trimmed and settings.plan is None and not traits.own_steps:
         settings = dataclasses.replace(settings, reach=segments.reach())
@@ -174,19 +148,6 @@ def integrate(
         # There are no common steps that others could follow.
         result = result._replace(step_ends=None)
     return within_model(result, system.outside(t1, state_at(result.states, -1, run_axes)))
-
-
-def _packs(
-    config: IntegrationConfig, system: AbstractSystem, t0: Scalar, y0: State, run_axes: int
-) -> bool:
-    """Whether the state is integrated as one vector."""
-    traits = solver_traits(config.solver)
-    if config.adjoint is not None or not traits.replayable or traits.own_steps or traits.needs:
-        return False
-    if not isinstance(config.solver, AbstractFieldSolver) or len(jax.tree.leaves(y0)) == 1:
-        return False
-    least = PACKED_RUNS if run_axes else PACKED_RUN
-    return field_trace(system, t0, y0).operations >= least
 
 
 def locates_events(
@@ -300,7 +261,6 @@ def _settings(
     record_steps: bool,
     dense: bool,
     sought: SoughtEvents | None = None,
-    blocks: tuple[int, ...] = (),
 ) -> LoopSettings:
     """What the loop needs of the configuration for these segments."""
     # Normalised time counts segments: their ends are the whole numbers.
@@ -320,7 +280,7 @@ def _settings(
         steps = plan.shape[0] - 1
         # The limit is on what a run may ask for, and not on a plan that somebody else has made.
         max_steps = min(steps, config.max_steps) if traits.fixed_step else steps
-    tolerance = Tolerance(config.rtol, config.atol, run_axes, blocks)
+    tolerance = Tolerance(config.rtol, config.atol, run_axes)
     # The search for events reads the polynomial of every step.
     method = bind(
         config.solver,

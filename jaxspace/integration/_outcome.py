@@ -10,6 +10,7 @@ from ..core import State
 from ._event_location import Location
 from ._loop import LoopSettings, LoopState
 from ._own_state import OwnLoop
+from ._packed import Packing
 
 
 class Outcome(NamedTuple):
@@ -29,6 +30,17 @@ class Outcome(NamedTuple):
     step_ends: Array | None
     step_states: State | None
     location: Location | None = None
+
+    def unpacked(self, packing: Packing) -> "Outcome":
+        """The outcome with states in place of the vectors of one run."""
+        states, step_states, location = self.states, self.step_states, self.location
+        if step_states is not None:
+            step_states = jax.vmap(packing.state)(step_states)
+        if location is not None:
+            y0, y = packing.state(location.y0), packing.state(location.y)
+            location = location._replace(y0=y0, y=y)
+        states = jax.vmap(packing.state)(states)
+        return self._replace(states=states, step_states=step_states, location=location)
 
 
 def outcome_of(loop: LoopState, settings: LoopSettings) -> Outcome:

@@ -17,7 +17,7 @@ from jax.extend.core import ClosedJaxpr  # pyright: ignore
 from jaxtyping import Array, PyTree
 
 from ..core import State, count_operations, shape_of
-from ..solvers import small_program
+from ..solvers import small_program, solver_traits
 from ._field_trace import field_trace
 from ._loop import LoopSettings, integrate_loop
 from ._normalised_time import ScaledVectorField
@@ -26,6 +26,7 @@ from ._own_buffers import kept_of_pass
 from ._own_replay import OwnReplay
 from ._own_state import OwnState
 from ._own_steps import integrate_own_steps
+from ._packed import Packing, packed
 from ._record import Record, Recording, RecordLayout
 from ._replay import Replay
 
@@ -90,9 +91,15 @@ class Problem:
             settings = dataclasses.replace(
                 settings, method=small_program(settings.method), estimated=estimated
             )
+        packing = self._packing(field, y0, settings)
+        if packing is not None:
+            field, y0, settings = packed(packing, field, y0, settings)
         loop = integrate_loop(settings, field, y0, recorded=recorded)
+        outcome = outcome_of(loop, settings)
+        if packing is not None:
+            outcome = outcome.unpacked(packing)
         kept = loop.recording, loop.num_accepted
-        return [*jax.tree.leaves(outcome_of(loop, settings)), *_arrays_of(*kept)]
+        return [*jax.tree.leaves(outcome), *_arrays_of(*kept)]
 
     def record(self, *args: Array) -> list[Array]:
         """The arrays of the outcome, then those of the record."""
@@ -118,6 +125,13 @@ class Problem:
     def _is_single(self, settings: LoopSettings) -> bool:
         """Whether this is a single run of a field that is worth a small program throughout."""
         return settings.tolerance.run_axes == 0 and self.field_operations >= MEDIUM
+
+    def _packing(self, field: PyTree, y0: State, settings: LoopSettings) -> Packing | None:
+        """How the state of a single run of a large field is packed; `None` where it is not."""
+        single = settings.tolerance.run_axes == 0 and isinstance(field, ScaledVectorField)
+        if not single or len(jax.tree.leaves(y0)) == 1 or not solver_traits(settings.method).linear:
+            return None
+        return Packing.of(y0) if self.field_operations >= LARGE else None
 
     @functools.cached_property
     def field_operations(self) -> int:

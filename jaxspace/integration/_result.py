@@ -14,7 +14,6 @@ from ._layout import times_behind_components
 from ._loop import LoopSettings
 from ._normalised_time import ScaledVectorField, Segments
 from ._outcome import Outcome
-from ._packed import Packing
 from ._status import Status, status_from
 
 
@@ -47,15 +46,6 @@ class IntegrationResult(NamedTuple):
     step_ends: Float[Array, " steps"] | None
     dense: DenseOutput | None
     found: FoundEvents | None = None
-
-    def unpacked(self, packing: Packing) -> "IntegrationResult":
-        """The result with states in place of vectors."""
-        dense, found = self.dense, self.found
-        if dense is not None:
-            dense = dense._replace(states=packing.state(dense.states))
-        if found is not None and found.state is not None:
-            found = found._replace(state=packing.state(found.state))
-        return self._replace(states=packing.state(self.states), dense=dense, found=found)
 
 
 def within_model(result: IntegrationResult, outside: Flag | None) -> IntegrationResult:

@@ -165,7 +165,8 @@ class Optimum:
         return {path: float(x) for path, x in slopes.items()}
 
     def confirmed(self, run: MissionTrajectory, file: Any) -> tuple[float, ...]:
-        """Objective and constraints, SI, of a `run` of the `file` of the optimum by `simulate`."""
+        """Objective and constraints, SI, of a `run` of the `file` of the optimum, as
+        `SceneFile.nominal_mission` returns it."""
         states = {-1: run.final, **{k: p.final for k, p in enumerate(run.phases)}}
         ends = {-1: run.end, **{k: p.ts[-1] for k, p in enumerate(run.phases)}}
         numbers = replaced(file.values, {})

@@ -4,14 +4,14 @@ for many."""
 import dataclasses
 import functools
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, final
+from typing import final
 
 import equinox as eqx
 import jax.numpy as jnp
 from jax.typing import ArrayLike
-from jaxtyping import Array
+from jaxtyping import Array, Float
 
 from ..bodies import AbstractBody, AbstractEffect, BodyState
 from ..control import ClosedLoop, LoopRun
@@ -26,8 +26,9 @@ from ..simulation import (
     MissionResult,
     MissionTrajectory,
     Trajectory,
-    simulate,
+    simulate_mission,
 )
+from ..simulation._either import run_either
 from ._build import build_mission, build_state, replaced
 from ._checks import Parsed
 from ._inputs import Input, with_given
@@ -163,16 +164,44 @@ class SceneFile:
         loop = self.mission.phases[0].system
         return loop if isinstance(loop, ClosedLoop) and self.kind != "mission" else None
 
-    def simulate(self, **options: Any) -> Trajectory | MissionTrajectory | LoopRun:
-        """The nominal run; of a file with [control] that of its loop. `options`: those of
-        `jaxspace.simulate`, or of the loop, which take the place of what the file says."""
+    def simulate(
+        self,
+        *,
+        accuracy: Accuracy | Float[ArrayLike, ""] | None = None,
+        events: Sequence[Event] | None = None,
+        num_saved: int | None = None,
+        throw: bool = True,
+    ) -> Trajectory | MissionTrajectory | LoopRun:
+        """The nominal run: of a system or a scene, of a mission, or of the loop of a file with
+        [control], whichever the file describes (`kind`, `loop`).
+
+        **Arguments**, the first two in place of what the file says
+
+        - `accuracy`: as in `jaxspace.simulate`.
+        - `events`: as there, or as in `ClosedLoop.simulate`; the phases of a mission have theirs.
+        - `num_saved`: as in `jaxspace.simulate_mission`, of a mission.
+        - `throw`: whether to raise `SimulationError` for a failed run.
+
+        **Raises** `InputError` and `SimulationError` as these do."""
+        accuracy = self.accuracy if accuracy is None else accuracy
         if self.loop is not None:
+            if num_saved is not None:
+                raise InputError(f"num_saved is {num_saved}: a loop saves its states at ts.")
             until = self.mission.phases[0].until
-            events = until if isinstance(until, Event) else ()
-            options = {"accuracy": self.accuracy, "events": events, **options}
-            return self.loop.simulate(self.y0, self.ts, **options)
-        options = {"accuracy": self.accuracy, **options}
-        run = simulate(self.system, self.y0, self.ts, **options)
+            if events is None:
+                events = (until,) if isinstance(until, Event) else ()
+            return self.loop.simulate(
+                self.y0, self.ts, accuracy=accuracy, events=events, throw=throw
+            )
+        run = run_either(
+            self.system,
+            self.y0,
+            self.ts,
+            accuracy=accuracy,
+            events=events or (),
+            num_saved=num_saved,
+            throw=throw,
+        )
         self._warn_of_ground(run, stacklevel=2)
         return run
 
@@ -275,7 +304,7 @@ class SceneFile:
         # A finer tolerance than rounding allows would be refused.
         least = 32.0 * float(jnp.finfo(jnp.result_type(float)).eps)
         accuracy = dataclasses.replace(self.accuracy, rtol=max(rtol, least))
-        run = simulate(
+        run = simulate_mission(
             self.mission, self.y0, self.start, accuracy=accuracy, num_saved=samples, throw=False
         )
         self._warn_of_ground(run, stacklevel=2)

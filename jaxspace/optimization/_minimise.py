@@ -10,8 +10,8 @@ Files: `_scaling.py`, `_by_multipliers.py`, `_by_sqp.py`, `_bounds.py`. Valid fo
 `f` may be infinite outside its domain: both methods turn back.
 """
 
+import functools
 from collections.abc import Callable
-from typing import Any
 
 import equinox as eqx
 import jax
@@ -36,7 +36,7 @@ def minimise(
     problem: Callable[[Point], Criterion],
     start: PyTree | Minimum,
     *,
-    bounds: Any = None,
+    bounds: tuple[PyTree, PyTree] | None = None,
     method: str = "multipliers",
     tolerance: Scalar = 1e-9,
     max_steps: int = 200,
@@ -105,7 +105,19 @@ def minimise(
 
 
 def minimise_from(
-    problem: Callable[[Point], Criterion], starts: PyTree, **options: Any
+    problem: Callable[[Point], Criterion],
+    starts: PyTree,
+    *,
+    bounds: tuple[PyTree, PyTree] | None = None,
+    method: str = "multipliers",
+    tolerance: Scalar = 1e-9,
+    max_steps: int = 200,
+    max_rounds: int = 20,
+    check_gradient: bool = True,
+    adam_steps: int = 0,
+    adam_rate: Scalar = 0.03,
+    exact_hessian: bool = False,
+    scale: PyTree | None = None,
 ) -> tuple[Minimum, Minimum]:
     """The best minimum from several starts, searched in one batch.
 
@@ -113,18 +125,30 @@ def minimise_from(
 
     - `problem`: as in `minimise`.
     - `starts`: trees whose arrays carry the starts on the last axis.
-    - `options`: of `minimise`.
+    - The others: as in `minimise`, for every start.
 
     **Returns** the best one, which is that of the least objective among those that converged, or of
     the least violation where none did; and all of them, with the starts on the last axis.
 
     **Raises** `InputError` as `minimise` does, for a wrong gradient at any of the starts.
     """
-    search = eqx.filter_jit(
-        jax.vmap(lambda x: minimise(problem, x, **options), in_axes=-1, out_axes=-1)
+    search = functools.partial(
+        minimise,
+        problem,
+        bounds=bounds,
+        method=method,
+        tolerance=tolerance,
+        max_steps=max_steps,
+        max_rounds=max_rounds,
+        check_gradient=check_gradient,
+        adam_steps=adam_steps,
+        adam_rate=adam_rate,
+        exact_hessian=exact_hessian,
+        scale=scale,
     )
-    every = search(as_point(starts, "starts"))
-    if options.get("check_gradient", True) and not is_traced(every.gradient_error):
+    in_one_batch = eqx.filter_jit(jax.vmap(search, in_axes=-1, out_axes=-1))
+    every = in_one_batch(as_point(starts, "starts"))
+    if check_gradient and not is_traced(every.gradient_error):
         # As of one start: a search in a batch cannot be refused before it ends.
         worst = jnp.argmax(every.gradient_error)
         first = jax.tree.map(lambda x: x[..., worst], every)

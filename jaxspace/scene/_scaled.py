@@ -7,7 +7,7 @@ import jax
 from jaxtyping import Array, Float
 
 from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
-from ..core import NumberField, Scalar, State, quantity
+from ..core import Flag, NumberField, Scalar, State, quantity
 
 
 def scaled(effect: AbstractEffect, factor: Scalar) -> AbstractEffect:
@@ -50,9 +50,24 @@ class Scaled(AbstractEffect):
         own = self.effect.potential(t, y, body)
         return None if own is None else self.factor * own
 
+    def constrained(self, t: Scalar, y: BodyState, rate: BodyState) -> BodyState:
+        held = self.effect.constrained(t, y, rate)
+        if held is rate:
+            return rate
+        return jax.tree.map(lambda free, own: free + self.factor * (own - free), rate, held)
+
     def start(self, y: BodyState, body: AbstractBody) -> dict[str, State] | None:
         # Not scaled: these parts are a state of the effect, and no load.
         return self.effect.start(y, body)
 
     def breaks(self) -> Float[Array, "times *#runs"] | None:
         return self.effect.breaks()
+
+    def switches(self) -> dict[str, str]:
+        return self.effect.switches()
+
+    def ground(self) -> Scalar | None:
+        return self.effect.ground()
+
+    def outside(self, t: Scalar, y: BodyState, body: AbstractBody) -> Flag | None:
+        return self.effect.outside(t, y, body)

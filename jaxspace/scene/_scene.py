@@ -10,6 +10,8 @@ The state holds the parts that the effects read or change (`Scene.parts`), and t
 Source: Thomson 5.6, 7.1, 7.7 for the sums; `jaxspace.bodies` for the equations of one body.
 """
 
+import functools
+import operator
 from collections.abc import Sequence
 from typing import Any, final
 
@@ -206,8 +208,14 @@ class Scene(AbstractScene):
         return self.body.constant_mass() if y.mass is None else y.mass
 
     def outside(self, t: Scalar, y: BodyState) -> Flag | None:
-        """Whether more propellant was burnt than the body carries, or all of a mass is gone; `None`
-        where the state holds no mass."""
+        """Whether more propellant was burnt than the body carries, all of a mass is gone, or an
+        effect describes the state no more; `None` where nothing of this can be."""
+        flags = [self._burnt_out(y), *(e.outside(t, y, self.body) for e in self.effects)]
+        flags = [flag for flag in flags if flag is not None]
+        return functools.reduce(operator.or_, flags) if flags else None
+
+    def _burnt_out(self, y: BodyState) -> Flag | None:
+        """Whether no mass is left that may go; `None` where the state holds none."""
         if y.mass is None:
             return None
         least = self.body.least_mass()

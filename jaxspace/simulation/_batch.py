@@ -1,14 +1,15 @@
-"""Many runs by one integration after the other, each of a block of runs. Never a mapped solve."""
+"""Many runs of a system by one integration after the other, each of a block of runs. Never a
+mapped solve."""
 
 import dataclasses
 import functools
-from typing import Any, overload
+from collections.abc import Sequence
 
 import jax
 import numpy as np
-from jaxtyping import ArrayLike, Float, PyTree
+from jaxtyping import ArrayLike, Float, PyTree, Real
 
-from ..core import AbstractSystem, InputError, Scalar, State, is_concrete, is_traced
+from ..core import AbstractSystem, State, is_concrete, is_traced
 from ..integration._accuracy import Accuracy, as_accuracy, state_dtype, without_weak_types
 from ..integration._config import IntegrationConfig, resolve
 from ..integration._events import Event
@@ -16,62 +17,30 @@ from ..integration._exact_part import with_exact_part
 from ..integration._stiffness import InitialConditions
 from ._after_run import warn_after
 from ._batch_layout import InAxes, cut_batch, local_blocks, split_batch
-from ._batch_repeat import repeat_missions, repeat_systems
-from ._batch_runs import run_missions, run_systems
-from ._checks import (
-    as_events,
-    as_times,
-    check_arguments,
-    check_dense,
-    check_num_saved,
-    check_structure,
-    check_times,
-    check_values,
-)
-from ._finish import mission_trajectory_of, raise_failures, trajectory_of
-from ._mission import Mission
-from ._mission_trajectory import MissionTrajectory
-from ._phases import resolve_phases
+from ._batch_repeat import repeat_systems
+from ._batch_runs import run_systems
+from ._checks import as_events, check_dense, check_structure, check_times, check_values
+from ._finish import raise_failures, trajectory_of
 from ._switches import warn_of_switches
 from ._trajectory import Trajectory
+from ._verbs import check_system
 
 # How many runs of a batch are looked at to choose its method.
 SAMPLED = 16
 
 
-@overload
 def simulate_batch(
     systems: AbstractSystem,
     y0s: State,
-    ts: Float[ArrayLike, "times *#runs"],
+    ts: Real[ArrayLike, "times *#runs"] | Sequence[Real[ArrayLike, ""]],
     *,
-    accuracy: Accuracy | Scalar | None = None,
-    events: tuple[Event, ...] = (),
+    accuracy: Accuracy | Float[ArrayLike, ""] | None = None,
+    events: Sequence[Event] = (),
     dense: bool = False,
     in_axes: InAxes = None,
     throw: bool = False,
-) -> Trajectory: ...
-
-
-@overload
-def simulate_batch(
-    systems: Mission,
-    y0s: State,
-    t0: Float[ArrayLike, "*runs"] = 0.0,
-    *,
-    accuracy: Accuracy | Scalar | None = None,
-    num_saved: int = 2,
-    in_axes: InAxes = None,
-    throw: bool = False,
-) -> MissionTrajectory: ...
-
-
-def simulate_batch(systems: Any, y0s: State, *args: Any, **kwargs: Any) -> Any:
+) -> Trajectory:
     """`simulate` for many runs, with the runs on the last axis of every array.
-
-    `simulate_batch(system, y0s, ts, *, accuracy=None, events=(), dense=False, in_axes=None,
-    throw=False)` for a system, `simulate_batch(mission, y0s, t0=0.0, *, accuracy=None, num_saved=2,
-    in_axes=None, throw=False)` for a mission.
 
     **Arguments**
 
@@ -79,48 +48,26 @@ def simulate_batch(systems: Any, y0s: State, *args: Any, **kwargs: Any) -> Any:
       shapes: a field annotated `Float[Array, "3 *#runs"]` carries them if it has two axes. Arrays
       of a system that declare nothing, such as the weights of a network, are shared; arrays of a
       state that declare nothing carry runs.
-    - `ts`, `t0`: (times,) or a scalar for all runs; (times, runs) or (runs,) for each.
+    - `ts`: save times, s, (times,) for all runs, or (times, runs).
+    - `accuracy`, `events`, `dense`, `throw`: as in `simulate`.
     - `in_axes`: marks otherwise: a pair of trees for `systems` and `y0s`, as in `jax.vmap`, of -1
       (runs on the last axis) and `None` (shared).
-    - `accuracy`, `events`, `dense`, `num_saved`, `throw`: as in `simulate`.
 
-    **Returns** a `Trajectory` or `MissionTrajectory` with the runs last and a `Status` for each. A
-    run that fails marks its own row. Outside of `jit`, the runs of a block whose steps ran out are
-    repeated alone, and those that fail alone, with "auto", by the method that their own numbers
-    call for; runs that missed the tolerance by too few fixed steps are repeated with up to eight
-    times as many. Under `jit` and in a derivative, unless `throw`, a block starts once more without
-    the runs that used up its steps. All local devices take part, unless the arrays or a
-    transformation say where to compute.
+    **Returns** a `Trajectory` with the runs last and a `Status` for each. A run that fails marks
+    its own row. Outside of `jit`, the runs of a block whose steps ran out are repeated alone, and
+    those that fail alone, with "auto", by the method that their own numbers call for; runs that
+    missed the tolerance by too few fixed steps are repeated with up to eight times as many. Under
+    `jit` and in a derivative, unless `throw`, a block starts once more without the runs that used
+    up its steps. All local devices take part, unless the arrays or a transformation say where to
+    compute.
 
     The runs of a block share their adaptive steps: what else stands in the block, a run that fails
     among them, moves a run within its tolerance. With fixed steps or a closed form it does not. The
     same runs in the same blocks give the same numbers to rounding, whatever the number of devices.
 
     **Raises** `InputError` as `simulate` does, and for arrays that disagree about the number of
-    runs."""
-    if isinstance(systems, Mission):
-        check_arguments(_batch_of_missions, systems, y0s, *args, **kwargs)
-        return _batch_of_missions(systems, y0s, *args, **kwargs)
-    if not isinstance(systems, AbstractSystem):
-        raise InputError(
-            f"systems is of type {type(systems).__name__}: it must be a system, a scene or a "
-            f"mission."
-        )
-    check_arguments(_batch_of_systems, systems, y0s, *args, **kwargs)
-    return _batch_of_systems(systems, y0s, *args, **kwargs)
-
-
-def _batch_of_systems(
-    systems: AbstractSystem,
-    y0s: State,
-    ts: Any,
-    *,
-    accuracy: Accuracy | Scalar | None = None,
-    events: tuple[Event, ...] = (),
-    dense: bool = False,
-    in_axes: InAxes = None,
-    throw: bool = False,
-) -> Trajectory:
+    runs. `SimulationError`, if `throw`, for a run that failed."""
+    check_system("systems", systems, "simulate_mission_batch")
     # A state that is not finite marks its own run: only the precision is checked of all.
     state_dtype(y0s)
     y0s = without_weak_types(y0s)
@@ -130,9 +77,9 @@ def _batch_of_systems(
     batched, shared, runs = split_batch(systems, y0s, ts, in_axes, times_axes=1)
     whole = cut_batch(batched, shared)
     start = jax.ShapeDtypeStruct(ts.shape[1:], ts.dtype)
-    check_structure(whole[0], whole[1], start, one_run=False)
+    check_structure(whole[0], whole[1], start, one_run=False, stacklevel=2)
     check_values(whole[0], ts, whole[1])
-    warn_of_switches(whole[0], events, whole[1], start, stacklevel=3)
+    warn_of_switches(whole[0], events, whole[1], start, stacklevel=2)
     traced = is_traced((batched, shared))
     # Where nothing is known of the status, nothing is repeated.
     accuracy = as_accuracy(accuracy)
@@ -145,42 +92,7 @@ def _batch_of_systems(
     if is_concrete(result.status) and not traced:
         result, config = repeat_systems(result, batched, shared, config, config_for, events, dense)
     trajectory = trajectory_of(result, whole[0], accuracy, config, 1)
-    warn_after(trajectory, stacklevel=3)
-    return raise_failures(trajectory) if throw else trajectory
-
-
-def _batch_of_missions(
-    missions: Mission,
-    y0s: State,
-    t0: Any = 0.0,
-    *,
-    accuracy: Accuracy | Scalar | None = None,
-    num_saved: int = 2,
-    in_axes: InAxes = None,
-    throw: bool = False,
-) -> MissionTrajectory:
-    state_dtype(y0s)
-    y0s = without_weak_types(y0s)
-    check_num_saved(num_saved)
-    t0 = as_times("t0", t0, y0s, "one time, or one for each run, s")
-    if t0.ndim > 1:
-        raise InputError(f"t0 has the shape {t0.shape}: each run starts at one time, in s.")
-    batched, shared, runs = split_batch(missions, y0s, t0, in_axes, times_axes=0)
-    mission, y0, _ = cut_batch(batched, shared)
-    traced = is_traced((batched, shared))
-    given = as_accuracy(accuracy)
-
-    def configs_by(accuracy: Accuracy) -> tuple[IntegrationConfig, ...]:
-        resolved = resolve_phases(mission, y0, accuracy, 1)
-        return tuple(dataclasses.replace(c, restarts=traced and not throw) for c in resolved)
-
-    configs = configs_by(given)
-    blocks = local_blocks((batched, shared), runs)
-    result = run_missions(batched, shared, configs, num_saved, blocks)
-    if is_concrete(result.status) and not traced:
-        result = repeat_missions(result, batched, shared, given, configs, configs_by, num_saved)
-    trajectory = mission_trajectory_of(result, mission, given, configs, 1)
-    warn_after(trajectory, stacklevel=3)
+    warn_after(trajectory, stacklevel=2)
     return raise_failures(trajectory) if throw else trajectory
 
 

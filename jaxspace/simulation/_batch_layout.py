@@ -55,7 +55,8 @@ def _count(tree: PyTree, flags: PyTree[bool]) -> NumRuns:
             sizes[name] = leaf.shape[-1]
     if not sizes:
         raise InputError(
-            "simulate_batch found no array with runs on its last axis: use simulate for one run."
+            "systems and y0s hold no array with runs on its last axis: one run is for simulate or "
+            "simulate_mission."
         )
     runs = next(iter(sizes.values()))
     for name, size in sizes.items():

@@ -1,7 +1,5 @@
 """What is refused before a run is compiled: times, structures and events that cannot be right."""
 
-import functools
-import inspect
 import reprlib
 from collections.abc import Callable, Iterable
 from typing import Any, TypeAlias
@@ -76,18 +74,6 @@ def check_num_saved(num_saved: int) -> None:
         raise InputError(f"num_saved is {num_saved}: it must be a whole number from 2 to 1e7.")
 
 
-def check_arguments(function: Callable[..., Any], *args: Any, **kwargs: Any) -> None:
-    """Raise `InputError` for arguments that the function does not take."""
-    try:
-        _signature_of(function).bind(*args, **kwargs)
-    except TypeError as error:
-        names = ", ".join(_signature_of(function).parameters)
-        raise InputError(f"The call has {error}: it takes {names}.") from None
-
-
-_signature_of = functools.cache(inspect.signature)
-
-
 def check_values(system: AbstractSystem, ts: Array, y0: PyTree) -> None:
     """Raise `InputError` for what a system finds wrong in its numbers at the start of a run."""
     own = type(system).check_values is not AbstractSystem.check_values
@@ -125,8 +111,11 @@ def _jumped(jump: Callable[[Scalar, State], State], t: Time, y: PyTree) -> PyTre
 
 
 @once_per_structure
-def check_structure(system: AbstractSystem, y0: PyTree, t: Time, *, one_run: bool) -> PyTree:
-    """The shapes of the state, with the runs that it meets in the system.
+def check_structure(
+    system: AbstractSystem, y0: PyTree, t: Time, *, one_run: bool, stacklevel: int
+) -> PyTree:
+    """The shapes of the state, with the runs that it meets in the system; `stacklevel` is that of
+    the caller, for a warning.
 
     Raises `InputError` unless the derivative has the structure of the state, and where there is to
     be `one_run`, for a declared shape that holds several."""
@@ -141,8 +130,8 @@ def check_structure(system: AbstractSystem, y0: PyTree, t: Time, *, one_run: boo
             _check_axes(system, y0, derivative)
         if jax.tree.structure(derivative) == jax.tree.structure(y0):
             whole = eqx.filter_eval_shape(broadcast_state, system, t, y0)
-            # The level of the call of `simulate`, from here.
-            warn_of_kinks(jaxpr.jaxpr, system, y0, stacklevel=5)
+            # Three more: itself, and the two frames of `once_per_structure`.
+            warn_of_kinks(jaxpr.jaxpr, system, y0, stacklevel=stacklevel + 3)
             return whole
     except InputError:
         raise
@@ -192,9 +181,10 @@ def _check_one_run(system: AbstractSystem, y0: PyTree) -> None:
         if runs:
             name = ("system", "y0")[path[0].idx] + jax.tree_util.keystr(path[1:])
             raise InputError(
-                f"{name} has the shape {leaf.shape}, with runs on its last axis: simulate takes "
-                f"one run, simulate_batch takes many (studies.sensitivity with batch=True). "
-                f"Several bodies are a dictionary of position and velocity, (3, bodies) each."
+                f"{name} has the shape {leaf.shape}, with runs on its last axis: simulate and "
+                f"simulate_mission take one run, simulate_batch and simulate_mission_batch take "
+                f"many (studies.sensitivity with batch=True). Several bodies are a dictionary of "
+                f"position and velocity, (3, bodies) each."
             )
 
 

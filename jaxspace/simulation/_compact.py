@@ -4,9 +4,9 @@
 
 The vector field of a phase stands once in the program, in place of once for each of twelve stages,
 again for events and again for the record of steps: an optimisation compiles this and its derivative
-once, and the whole answer comes after seconds. A step runs slower than that of `simulate`, and
-takes no notice of a tolerance: `error` says whether the steps were enough, and the run of the
-optimum by `simulate` confirms it.
+once, and the whole answer comes after seconds. A step runs slower than that of `simulate_mission`,
+and takes no notice of a tolerance: `error` says whether the steps were enough, and the run of the
+optimum by `simulate_mission` confirms it.
 
 Steps end on the `breaks` of the phases. A phase that ends at an event steps up to its zero, where
 one Newton step carries the derivative.
@@ -61,7 +61,7 @@ def fly_compact(mission: Mission, y0: State, t0: Scalar = 0.0, *, steps: int = 4
 
     **Arguments**
 
-    - `mission`, `y0`, `t0`: as in `simulate`, of one run.
+    - `mission`, `y0`, `t0`: as in `simulate_mission`, of one run.
     - `steps`: of each phase, shared among the spans between its breaks, at least two each.
 
     **Returns** a `CompactFlight`, differentiable in both modes.

@@ -68,9 +68,7 @@ def sentence_alone() -> Iterator[None]:
 def _fail(worst: Array) -> None:
     logging.getLogger("jax._src.callback").addFilter(_SHORT)
     sentence = Status(int(worst)).sentence
-    raise SimulationError(
-        f"{sentence} Call simulate with throw=False to read the status of each run."
-    )
+    raise SimulationError(f"{sentence} Run it with throw=False to read the status of each run.")
 
 
 class _SentenceAlone(logging.Filter):

@@ -16,27 +16,33 @@ from ._switches import warn_of_switches
 
 
 def resolve_phases(
-    mission: Mission, y0: PyTree, accuracy: Accuracy, run_axes: int = 0
+    mission: Mission,
+    y0: PyTree,
+    accuracy: Accuracy,
+    run_axes: int = 0,
+    *,
+    restarts: bool = False,
 ) -> tuple[IntegrationConfig, ...]:
     """The configuration of every phase, before anything is compiled.
 
-    What the state holds in a phase follows from the shapes of the jumps before it."""
+    What the state holds in a phase follows from the shapes of the jumps before it. `restarts` is as
+    in `IntegrationConfig`."""
     configs = []
     y = jax.tree.map(shape_of, y0)
     for phase in mission.phases:
         check_until(phase, run_axes)
         # Only shapes are needed: a jump may change what the state holds.
         zero = jax.ShapeDtypeStruct((), state_dtype(y))
-        whole = check_structure(phase.moving, y, zero, one_run=run_axes == 0)
+        whole = check_structure(phase.moving, y, zero, one_run=run_axes == 0, stacklevel=3)
         events = (phase.until,) if isinstance(phase.until, Event) else ()
-        # The level of the call of `simulate`, from here.
-        warn_of_switches(phase.moving, events, y, zero, stacklevel=4)
+        warn_of_switches(phase.moving, events, y, zero, stacklevel=3)
         if isinstance(phase.system, AbstractFlight):
+            # Its steps between two samples are fixed, and never run out.
             configs.append(phase.system.config(y, accuracy))
         else:
             # How fast the run turns at its start stands for later phases.
             own = with_exact_part(accuracy, phase.system, y0, longest(phase.until))
-            configs.append(resolve(phase.system, y, own))
+            configs.append(resolve(phase.system, y, own, restarts=restarts))
         # The jump meets the state as the phase leaves it, with the runs of its system.
         y = whole
         if phase.then is not None:

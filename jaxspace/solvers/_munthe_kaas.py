@@ -96,7 +96,8 @@ class MuntheKaas(AbstractFieldSolver, diffrax.AbstractAdaptiveSolver):
 
     @property
     def traits(self) -> SolverTraits:
-        return solver_traits(self.solver)
+        # It moves on the group of each block.
+        return solver_traits(self.solver)._replace(linear=False)
 
     def bind(
         self,

@@ -37,6 +37,8 @@ class SolverTraits(NamedTuple):
       whole segment.
     - `own_steps`: every run of a batch takes steps of its own, in variables of its own.
     - `steps`: counted for each step of the loop: 1, or the number of fixed steps of a segment.
+    - `linear`: its steps are sums of derivatives alone, to which it is the same how the blocks of a
+      state lie: they may be one vector.
     """
 
     replayable: bool = True
@@ -46,6 +48,7 @@ class SolverTraits(NamedTuple):
     evaluations: int = 1
     steps: int = 1
     own_steps: bool = False
+    linear: bool = False
 
 
 class AbstractDeclaredSolver(diffrax.AbstractSolver):

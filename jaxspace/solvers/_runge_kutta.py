@@ -33,6 +33,11 @@ Weights: TypeAlias = tuple[tuple[int, float], ...]
 """A row of a tableau: stages and their weights, without those of weight zero."""
 
 
+# Numbers in a state up to which sums over the stages are products and a sum. A product of matrices
+# calls a library, and a loop with such a call is compiled kernel by kernel, and not as one.
+NARROW = 64
+
+
 def dense_rows(rows: Sequence[Weights], columns: int) -> Float[np.ndarray, "rows columns"]:
     """Rows of a tableau as a matrix."""
     matrix = np.zeros((len(rows), columns))
@@ -55,6 +60,8 @@ def weighted(weights: Weights, ks: Sequence[Array] | Array) -> Array:
 
 def weighted_rows(weights: Float[Array, "rows *#runs"], rows: Array) -> Array:
     """sum_k w_k a_k over the first axis of an array, with weights of all runs or of each."""
+    if weights.ndim == 1 and rows[0].size > NARROW:
+        return jnp.tensordot(weights, rows, 1)
     missing = (1,) * (rows.ndim - weights.ndim)
     return jnp.sum(weights.reshape(weights.shape[0], *missing, *weights.shape[1:]) * rows, axis=0)
 
@@ -216,7 +223,7 @@ class DOP853(AbstractFieldSolver, diffrax.AbstractAdaptiveSolver):
 
     @property
     def traits(self) -> SolverTraits:
-        return SolverTraits(evaluations=12)
+        return SolverTraits(evaluations=12, linear=True)
 
     def bind(
         self,
@@ -316,7 +323,7 @@ class Tsit5(AbstractFieldSolver, diffrax.AbstractAdaptiveSolver):
 
     @property
     def traits(self) -> SolverTraits:
-        return SolverTraits(evaluations=7 if self.in_loop else 6)
+        return SolverTraits(evaluations=7 if self.in_loop else 6, linear=True)
 
     def small_program(self) -> "Tsit5":
         return Tsit5(in_loop=True)

@@ -45,7 +45,8 @@ def accuracy_cost(
 
     **Arguments**
 
-    - `system`, `y0`, `ts`: as in `simulate`; for a mission `ts` is the time of its start, s.
+    - `system`, `y0`, `ts`: as in `simulate`; or a mission, its state and the time of its start,
+      s, as in `simulate_mission`.
     - `tolerances`: relative ones, as in `Accuracy.rtol`.
     - `methods`: those that `Accuracy.method` and scene files take: solvers, "auto" and
       "closed_form". By default the methods that "auto" may stand for in this run, and "auto" itself

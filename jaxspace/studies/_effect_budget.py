@@ -42,7 +42,8 @@ def effect_budget(
 
     **Arguments**
 
-    - `scene`, `y0`, `ts`: as in `simulate`; for a mission `ts` is the time of its start, s.
+    - `scene`, `y0`, `ts`: as in `simulate`; or a mission, its state and the time of its start,
+      s, as in `simulate_mission`.
     - `output`: of the final state: the name of a part, such as "position", "velocity", "attitude"
       (its change is an angle), "omega" or "mass", or a function of the final state; by default the
       first part that the state holds.

@@ -1,43 +1,89 @@
 """The verb that carries a covariance along a run or through a mission."""
 
-from collections.abc import Callable, Sequence
-from typing import Any
+import functools
+from collections.abc import Sequence
+from typing import Any, overload
 
 import jax.numpy as jnp
-from jaxtyping import Array, ArrayLike, Float, PyTree
+from jaxtyping import Array, ArrayLike, Float
 
-from ..core import InputError, State
+from ..core import AbstractSystem, InputError, State
 from ..integration._layout import broadcast_state
-from ..simulation import Mission, MissionTrajectory, Trajectory, simulate, simulate_batch
+from ..simulation import Accuracy, Event, Mission, MissionTrajectory, Trajectory
+from ..simulation._batch_layout import InAxes
+from ..simulation._either import run_either
 from ..simulation._flight import AbstractFlight
 from ._coordinates import Coordinates
 from ._covariance import MeanCovariance, Noise, Uncertain
 from ._mission_covariance import MissionCovariance, covariance_of, uncertain_mission
 
 
+@overload
 def propagate_covariance(
-    system: Any,
+    system: AbstractSystem,
     y0: State,
-    ts: Any = 0.0,
+    ts: Float[ArrayLike, "times *#runs"],
+    covariance: Float[ArrayLike, "n n *#runs"] | None = None,
+    *,
+    noise: Noise = None,
+    batch: bool = False,
+    in_axes: InAxes = None,
+    accuracy: Accuracy | Float[ArrayLike, ""] | None = None,
+    events: Sequence[Event] = (),
+    dense: bool = False,
+    throw: bool | None = None,
+) -> tuple[Trajectory, Float[Array, "n n times *runs"]]: ...
+
+
+@overload
+def propagate_covariance(
+    system: Mission,
+    y0: State,
+    ts: Float[ArrayLike, "*runs"] = 0.0,
     covariance: Float[ArrayLike, "n n *#runs"] | None = None,
     *,
     noise: Noise | Sequence[Noise] = None,
     batch: bool = False,
-    **options: Any,
-) -> tuple[Trajectory | MissionTrajectory, Float[Array, "n n times *runs"] | MissionCovariance]:
+    in_axes: InAxes = None,
+    accuracy: Accuracy | Float[ArrayLike, ""] | None = None,
+    num_saved: int = 2,
+    throw: bool | None = None,
+) -> tuple[MissionTrajectory, MissionCovariance]: ...
+
+
+def propagate_covariance(
+    system: AbstractSystem | Mission,
+    y0: State,
+    ts: Float[ArrayLike, "*times"] = 0.0,
+    covariance: Float[ArrayLike, "n n *#runs"] | None = None,
+    *,
+    noise: Noise | Sequence[Noise] = None,
+    batch: bool = False,
+    in_axes: InAxes = None,
+    accuracy: Accuracy | Float[ArrayLike, ""] | None = None,
+    events: Sequence[Event] = (),
+    dense: bool = False,
+    num_saved: int | None = None,
+    throw: bool | None = None,
+) -> (
+    tuple[Trajectory, Float[Array, "n n times *runs"]] | tuple[MissionTrajectory, MissionCovariance]
+):
     """The run of the mean with the covariance of its state under white noise, to first order.
 
     **Arguments**
 
-    - `system`, `y0`, `ts`: as in `simulate`: a system and its save times, or a mission and the time
-      of its start.
+    - `system`, `y0`, `ts`: a system and its save times, as in `simulate`, or a mission and the time
+      of its start, as in `simulate_mission`.
     - `covariance`: that of the initial state, (n, n), in the coordinates of `Sensitivity.rows`;
       zero by default.
     - `noise`: the spectral density Q of the process noise, (n, n), per s, or a function of the time
       and the state; of a mission that of every phase, or a list with one for each.
-    - `batch`: whether `simulate_batch` runs it, with the runs on the last axis.
-    - `options`: further arguments of `simulate` or `simulate_batch`; an event here reads
-      a `MeanCovariance`.
+    - `batch`: whether the runs stand on the last axis, as in `simulate_batch`; `in_axes` as there.
+    - `accuracy`: as in `simulate`.
+    - `events`, `dense`: as in `simulate`, of a system; an event here reads a `MeanCovariance`.
+    - `num_saved`: as in `simulate_mission`, of a mission.
+    - `throw`: whether to raise `SimulationError` for a failed run; by default of one run, not of a
+      batch.
 
     **Returns** the run, whose states are `MeanCovariance`, and its covariance, (n, n, times,
     *runs); of a mission a `MissionCovariance`, mapped through its events and jumps. Without noise,
@@ -45,13 +91,23 @@ def propagate_covariance(
 
     **Raises** `InputError` as `simulate` does, for a covariance or a noise of another size, and for
     a phase that is a closed loop, whose commands are no part of the state."""
-    verb: Callable[..., PyTree] = simulate_batch if batch else simulate
+    run_mean = functools.partial(
+        run_either,
+        accuracy=accuracy,
+        events=events,
+        dense=dense,
+        num_saved=num_saved,
+        batch=batch,
+        in_axes=in_axes,
+        throw=throw,
+    )
     if not isinstance(system, Mission):
         t0 = jnp.asarray(ts)[0]
         y0 = broadcast_state(system, t0, y0)
         size = Coordinates.of(y0, int(batch))
         start = MeanCovariance(y0, _initial(covariance, size, 0))
-        run = verb(Uncertain(system, _density(noise, size)), start, ts, **options)
+        run = run_mean(Uncertain(system, _density(noise, size)), start, ts)
+        assert isinstance(run, Trajectory)
         return run, run.states.covariance
     if any(isinstance(phase.system, AbstractFlight) for phase in system.phases):
         raise InputError(
@@ -69,7 +125,8 @@ def propagate_covariance(
     # A jump may change what the state holds: the size is checked where the first phase starts.
     first, *others = each
     mission = uncertain_mission(system, (_density(first, size), *others))
-    run = verb(mission, MeanCovariance(y0, _initial(covariance, size, 1)), ts, **options)
+    run = run_mean(mission, MeanCovariance(y0, _initial(covariance, size, 1)), ts)
+    assert isinstance(run, MissionTrajectory)
     return run, covariance_of(run)
 
 

@@ -13,8 +13,9 @@ from jaxtyping import Array, ArrayLike, Float, Int, PyTree
 
 from ..core import AbstractSystem, State, check_finite
 from ..integration._accuracy import Accuracy, check_initial_state, state_dtype
-from ..simulation import Mission, Trajectory, simulate
+from ..simulation import Mission, MissionTrajectory
 from ..simulation._checks import check_times
+from ..simulation._either import run_either
 
 # s: a run is not repeated after its repetitions took so long.
 ENOUGH = 2.0
@@ -52,20 +53,15 @@ def run_once(
     - `accuracy`: tolerance and method.
 
     **Returns** its outcome. A failed run says so in its status, and nothing is raised."""
-    if isinstance(system, Mission):
-        mission = simulate(system, y0, ts, accuracy=accuracy, throw=False)
-        return _outcome(mission.phases, mission.final, mission.status)
-    run = simulate(system, y0, ts, accuracy=accuracy, throw=False)
-    return _outcome((run,), run.final, run.status)
+    run = run_either(system, y0, ts, accuracy=accuracy, throw=False)
+    phases = run.phases if isinstance(run, MissionTrajectory) else (run,)
 
-
-def _outcome(phases: tuple[Trajectory, ...], final: State, status: Array) -> RunOutcome:
     def count(name: str) -> tuple[Int[Array, ""], ...]:
         # A closed form counts nothing.
         return tuple(jnp.asarray(phase.stats.get(name, 0)) for phase in phases)
 
     saved = tuple((phase.ts, phase.states) for phase in phases)
-    return RunOutcome(final, saved, status, count("evaluations"), count("steps"))
+    return RunOutcome(run.final, saved, run.status, count("evaluations"), count("steps"))
 
 
 def systems_of(system: AbstractSystem | Mission) -> list[AbstractSystem]:

@@ -18,7 +18,7 @@ Source: Battin, An Introduction to the Mathematics and Methods of Astrodynamics,
 Scheeres (J. Guid. Control Dyn. 29, 2006) for the second order.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple, final, overload
 
 import equinox as eqx
@@ -28,8 +28,9 @@ from jaxtyping import Array, ArrayLike, Float, PyTree
 
 from ..core import AbstractSystem, InputError, State
 from ..integration._accuracy import as_accuracy
-from ..simulation import Mission, MissionTrajectory, Trajectory, simulate, simulate_batch
+from ..simulation import Accuracy, Event, Mission, MissionTrajectory, Trajectory
 from ..simulation._batch_layout import InAxes, split_batch
+from ..simulation._either import run_either
 from ._coordinates import Coordinates, name_of
 
 Selection = Callable[[Any, Any], PyTree]
@@ -104,7 +105,10 @@ def sensitivity(
     order: int = 1,
     batch: bool = False,
     in_axes: InAxes = None,
-    **options: Any,
+    accuracy: Accuracy | Float[ArrayLike, ""] | None = None,
+    events: Sequence[Event] = (),
+    dense: bool = False,
+    throw: bool | None = None,
 ) -> tuple[Trajectory, Sensitivity]: ...
 
 
@@ -118,7 +122,9 @@ def sensitivity(
     order: int = 1,
     batch: bool = False,
     in_axes: InAxes = None,
-    **options: Any,
+    accuracy: Accuracy | Float[ArrayLike, ""] | None = None,
+    num_saved: int = 2,
+    throw: bool | None = None,
 ) -> tuple[MissionTrajectory, MissionSensitivity]: ...
 
 
@@ -131,20 +137,28 @@ def sensitivity(
     order: int = 1,
     batch: bool = False,
     in_axes: InAxes = None,
-    **options: Any,
+    accuracy: Accuracy | Float[ArrayLike, ""] | None = None,
+    events: Sequence[Event] = (),
+    dense: bool = False,
+    num_saved: int | None = None,
+    throw: bool | None = None,
 ) -> tuple[Trajectory, Sensitivity] | tuple[MissionTrajectory, MissionSensitivity]:
     """A run, and the derivatives of its states by its initial state and its parameters.
 
     **Arguments**
 
-    - `system`, `y0`, `ts`: as in `simulate`: a system and its save times, or a mission and the time
-      of its start.
+    - `system`, `y0`, `ts`: a system and its save times, as in `simulate`, or a mission and the time
+      of its start, as in `simulate_mission`.
     - `wrt`: a function (system, y0) -> tree of those of their arrays that are varied, such as
       `lambda scene, y0: (y0, scene.effects[0].mu)`; by default the initial state.
     - `order`: 1, or 2 for second derivatives too.
-    - `batch`: whether `simulate_batch` runs it, with the runs on the last axis; `in_axes` as there.
+    - `batch`: whether the runs stand on the last axis, as in `simulate_batch`; `in_axes` as there.
       An array shared by the runs is one column for all of them.
-    - `options`: further arguments of `simulate` or `simulate_batch`: `accuracy`, `events`, ...
+    - `accuracy`: as in `simulate`.
+    - `events`, `dense`: as in `simulate`, of a system.
+    - `num_saved`: as in `simulate_mission`, of a mission.
+    - `throw`: whether to raise `SimulationError` for a failed run; by default of one run, not of a
+      batch.
 
     **Returns** the run, and its `Sensitivity`, or `MissionSensitivity` of a mission.
 
@@ -152,9 +166,15 @@ def sensitivity(
     that holds no real number."""
     if order not in (1, 2):
         raise InputError(f"order is {order!r}: it must be 1 or 2.")
-    options = {**options, "accuracy": as_accuracy(options.get("accuracy"))}
-    if batch:
-        options["in_axes"] = in_axes
+    options = {
+        "accuracy": as_accuracy(accuracy),
+        "events": events,
+        "dense": dense,
+        "num_saved": num_saved,
+        "batch": batch,
+        "in_axes": in_axes,
+        "throw": throw,
+    }
     leaves, structure = jax.tree.flatten((system, y0))
     # Numbers in the place of the arrays: what is compiled depends on which of them are picked, and
     # not on the function that picks them.
@@ -164,7 +184,7 @@ def sensitivity(
         raise InputError("wrt must return arrays of the system or of the initial state, as a tree.")
     carried = _carried(system, y0, ts, in_axes) if batch else [0] * len(leaves)
     choice = _Choice(tuple(numbers), shape, tuple(carried[n] for n in numbers))
-    return _derivatives(system, y0, ts, choice, order, batch, options)
+    return _derivatives(system, y0, ts, choice, order, options)
 
 
 class _Choice(NamedTuple):
@@ -202,19 +222,18 @@ def _derivatives(
     ts: ArrayLike,
     choice: _Choice,
     order: int,
-    batch: bool,
     options: dict[str, Any],
 ) -> tuple[Trajectory, Sensitivity] | tuple[MissionTrajectory, MissionSensitivity]:
     leaves, structure = jax.tree.flatten((system, y0))
     columns = choice.columns(system, y0)
-    verb: Callable[..., Any] = simulate_batch if batch else simulate
     held = []
 
     def parts_at(x: Array) -> tuple[PyTree, PyTree]:
         moved = list(leaves)
         for n, leaf in zip(choice.numbers, jax.tree.leaves(columns.moved(x)), strict=True):
             moved[n] = leaf
-        run = verb(*jax.tree.unflatten(structure, moved), ts, **options)
+        near, start = jax.tree.unflatten(structure, moved)
+        run = run_either(near, start, ts, **options)
         # What is no array goes around the transformations.
         arrays, static = eqx.partition(run, eqx.is_array)
         held.append(static)
@@ -249,7 +268,7 @@ def _derivatives(
     found = []
     for k, (states, _) in enumerate(_parts(run)):
         second = None if seconds is None else seconds[k][0]
-        found.append(_of_part(states, tangents[k], second, columns.labels, int(batch)))
+        found.append(_of_part(states, tangents[k], second, columns.labels, int(options["batch"])))
     if isinstance(run, Trajectory):
         return run, found[0]
     return run, MissionSensitivity(tuple(found[:-1]), run.names, found[-1])

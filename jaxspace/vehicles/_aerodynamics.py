@@ -20,6 +20,7 @@ Source: Barrowman, 1967, 3; Etkin, Dynamics of Atmospheric Flight, 5.5 (damping)
 at the centre of mass.
 """
 
+from collections.abc import Sequence
 from typing import Any, final
 
 import equinox as eqx
@@ -37,6 +38,25 @@ from ._coefficient import (
     coefficient_at,
 )
 from ._local_air import LocalAir, air_about
+
+
+def moments_of_slope(
+    surfaces: Sequence[AbstractSurface], mach: Scalar, station: Scalar | float = 0.0
+) -> tuple[Scalar, ...]:
+    """S_0, m^2, S_1, m^3, and S_2, m^4, of parts about the `station`, m, at a Mach number."""
+    zeroth = first = second = jnp.zeros_like(mach)
+    for surface in surfaces:
+        slope, arm = surface.slope(mach), surface.centre() - station
+        zeroth, first = zeroth + slope, first + slope * arm
+        second = second + slope * arm * arm
+    return zeroth, first, second
+
+
+def centre_of(body: AbstractBody, y: BodyState) -> Scalar:
+    """z of the centre of mass in construction axes, m."""
+    # A body of constant mass has its centre at the origin and gives a plain 0.0.
+    centre: Any = body.centre_of_mass(y.mass)
+    return centre if isinstance(centre, float) else centre[2]
 
 
 @final
@@ -70,12 +90,7 @@ class Aerodynamics(AbstractEffect):
 
     def moments_of_slope(self, mach: Scalar, station: Scalar | float = 0.0) -> tuple[Scalar, ...]:
         """S_0, m^2, S_1, m^3, and S_2, m^4, about the `station`, m, at a Mach number."""
-        zeroth = first = second = jnp.zeros_like(mach)
-        for surface in self.surfaces:
-            slope, arm = surface.slope(mach), surface.centre() - station
-            zeroth, first = zeroth + slope, first + slope * arm
-            second = second + slope * arm * arm
-        return zeroth, first, second
+        return moments_of_slope(self.surfaces, mach, station)
 
     def centre_of_pressure(self, mach: Scalar) -> Scalar:
         """z of the point at which all normal forces act, m, at a Mach number."""
@@ -96,10 +111,7 @@ class Aerodynamics(AbstractEffect):
         mach = speed / air.sound_speed
         # Without a factor |w|, which components of w bring in: no angle divides by a speed of zero.
         push = 0.5 * air.density * speed
-        # A body of constant mass has its centre at the origin and gives a plain 0.0.
-        centre: Any = body.centre_of_mass(y.mass)
-        station = centre if isinstance(centre, float) else centre[2]
-        s0, s1, s2 = self.moments_of_slope(mach, station)
+        s0, s1, s2 = self.moments_of_slope(mach, centre_of(body, y))
         axial = self.area * self.axial_coefficient(t, mach)
         p, q, r = y.omega
         force = -push * jnp.stack([s0 * w[0] + s1 * q, s0 * w[1] - s1 * p, axial * w[2]])

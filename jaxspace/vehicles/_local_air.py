@@ -1,7 +1,7 @@
 """The air about a vehicle: its state by the height, and its motion by wind and rotation.
 
     h = |r| - R + h_0,   or z + h_0 over flat ground
-    v_air = omega x r + east e + north n
+    v_air = omega x r + east e + north n + gusts
 
     symbol       meaning                                              unit
     r, h         position, height above sea level                     m
@@ -15,6 +15,7 @@ up. At a pole, where no direction is east, there is no wind.
 Source: Zipfel, Modeling and Simulation of Aerospace Vehicle Dynamics, 8.3 (wind).
 """
 
+from abc import abstractmethod
 from typing import final
 
 import equinox as eqx
@@ -38,6 +39,7 @@ from ..core import (
     quantity,
     unit,
 )
+from ._dryden_gusts import DrydenGusts
 
 
 def check_nodes(name: str, nodes: Array, **values: Array) -> None:
@@ -53,8 +55,16 @@ def check_nodes(name: str, nodes: Array, **values: Array) -> None:
         check(np.diff(np.asarray(nodes), axis=0) > 0.0, name, nodes, "ascending")
 
 
+class AbstractWind(AbstractParameters):
+    """A wind that varies with the height. A concrete wind is final."""
+
+    @abstractmethod
+    def at(self, height: Scalar) -> tuple[Scalar, Scalar]:
+        """The components to the east and to the north, m/s, at a `height` above sea level, m."""
+
+
 @final
-class Wind(AbstractParameters):
+class Wind(AbstractWind):
     """A wind that varies with the height above sea level, linear between its points and constant
     outside. It blows towards the direction that it names: `east` is positive where it moves the air
     eastwards."""
@@ -67,7 +77,6 @@ class Wind(AbstractParameters):
         check_nodes("Wind.heights", self.heights, east=self.east, north=self.north)
 
     def at(self, height: Scalar) -> tuple[Scalar, Scalar]:
-        """The components to the east and to the north, m/s, at a `height`, m."""
         return (
             polygon(height, self.heights, self.east),
             polygon(height, self.heights, self.north),
@@ -96,7 +105,10 @@ class LocalAir(AbstractParameters):
     air_rate: NumberField = quantity(
         "rad/s", default=0.0, doc="rotation of the air about the z axis"
     )
-    wind: Wind | None = eqx.field(default=None, metadata={"doc": "calm by default"})
+    wind: AbstractWind | None = eqx.field(default=None, metadata={"doc": "calm by default"})
+    gusts: DrydenGusts | None = eqx.field(
+        default=None, metadata={"doc": "turbulence beside the wind; none by default"}
+    )
 
     def height(self, position: Vector) -> Scalar:
         """Above sea level, m, of a `position`, m, (3, *runs)."""
@@ -116,16 +128,19 @@ class LocalAir(AbstractParameters):
 
     def _velocity(self, position: Vector, height: Scalar) -> Vector:
         up = axis(2, position[2])
+        blowing = [] if self.wind is None else [(*self.wind.at(height), 0.0 * height)]
+        if self.gusts is not None:
+            blowing.append(self.gusts.at(height - self.elevation))
         if self.radius is None:
             moving = jnp.zeros_like(position)
-            if self.wind is None:
+            if not blowing:
                 return moving
-            east, north = self.wind.at(height)
-            return jnp.stack([east + moving[0], north + moving[1], moving[2]])
+            return jnp.stack([sum(parts, x) for *parts, x in zip(*blowing, moving, strict=True)])
         across = cross(up, position)
         moving = self.air_rate * across
-        if self.wind is None:
+        if not blowing:
             return moving
-        east, north = self.wind.at(height)
-        e = unit(across)
-        return moving + east * e + north * cross(unit(position), e)
+        east, north, rising = (sum(parts[1:], parts[0]) for parts in zip(*blowing, strict=True))
+        e, outwards = unit(across), unit(position)
+        moving = moving + east * e + north * cross(outwards, e)
+        return moving if self.gusts is None else moving + rising * outwards

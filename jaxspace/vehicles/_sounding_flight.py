@@ -18,7 +18,7 @@ from typing import final
 import equinox as eqx
 import jax.numpy as jnp
 
-from ..bodies import AbstractEffect, BodyState
+from ..bodies import AbstractAtmosphere, AbstractEffect, BodyState
 from ..core import (
     AbstractParameters,
     InputError,
@@ -35,8 +35,9 @@ from ..rotations import Quaternion
 from ..scene import Scene
 from ..simulation import Event, Mission, Phase
 from ._air_drag import Parachute
+from ._dryden_gusts import DrydenGusts
 from ._ground_gravity import GroundGravity
-from ._local_air import LocalAir, Wind
+from ._local_air import AbstractWind, LocalAir
 from ._rail import Rail
 from ._vehicle import Vehicle
 
@@ -57,11 +58,17 @@ class LaunchSite(AbstractParameters):
     )
     heading: NumberField = quantity("rad", default=0.0, doc="of the rail, from north towards east")
     elevation: NumberField = quantity("m", default=0.0, doc="of the ground above sea level")
-    wind: Wind | None = eqx.field(default=None, metadata={"doc": "calm by default"})
+    wind: AbstractWind | None = eqx.field(default=None, metadata={"doc": "calm by default"})
+    atmosphere: AbstractAtmosphere | None = eqx.field(
+        default=None, metadata={"doc": "over the site; the U.S. standard by default"}
+    )
+    gusts: DrydenGusts | None = eqx.field(
+        default=None, metadata={"doc": "turbulence beside the wind; none by default"}
+    )
 
     def air(self) -> LocalAir:
-        """The air over the site: the standard atmosphere and the wind."""
-        return LocalAir(elevation=self.elevation, wind=self.wind)
+        """The air over the site: its atmosphere, wind and gusts."""
+        return LocalAir(self.atmosphere, elevation=self.elevation, wind=self.wind, gusts=self.gusts)
 
     def environment(self) -> tuple[AbstractEffect, ...]:
         """Gravity, and the forces of inertia in axes that turn with the Earth."""

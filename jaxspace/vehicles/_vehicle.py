@@ -38,11 +38,13 @@ from ..rockets import (
     SteeredThrust,
     Thrust,
 )
+from ._aerodynamic_table import AerodynamicTable
 from ._aerodynamics import Aerodynamics
 from ._air_drag import AirDrag
 from ._airframe import FinSet, NoseCone, RadiusChange
-from ._coefficient import MachTable, as_coefficient, as_optional_coefficient
+from ._coefficient import MachTable, as_optional_coefficient
 from ._local_air import LocalAir
+from ._tabulated_aerodynamics import TabulatedAerodynamics
 
 
 @final
@@ -53,8 +55,9 @@ class Vehicle(AbstractParameters):
     motor: Thrust
     area: NumberField = quantity("m^2", positive=True, doc="reference area of the drag")
     # The checker takes the quantity above for a default.
-    drag: MachTable = eqx.field(  # pyright: ignore[reportGeneralTypeIssues]
-        converter=as_coefficient, metadata={"doc": "coefficient of the drag while the motor burns"}
+    drag: MachTable | None = eqx.field(  # pyright: ignore[reportGeneralTypeIssues]
+        converter=as_optional_coefficient,
+        metadata={"doc": "coefficient of the drag while the motor burns; `None` with a table"},
     )
     coasting_drag: MachTable | None = eqx.field(
         default=None,
@@ -70,6 +73,17 @@ class Vehicle(AbstractParameters):
     exit_radius: NumberField = quantity(
         "m", non_negative=True, default=0.0, doc="of the nozzle's exit, through which all flows"
     )
+    table: AerodynamicTable | None = eqx.field(
+        default=None,
+        metadata={"doc": "of all forces of the air; the parts give what it lacks"},
+    )
+
+    def __check_init__(self):
+        if self.drag is None and self.table is None:
+            raise InputError(
+                "Vehicle.drag is None: it must be a coefficient or a table by the Mach number, "
+                "where no Vehicle.table has the forces of the air."
+            )
 
     @classmethod
     def model_rocket(
@@ -88,8 +102,9 @@ class Vehicle(AbstractParameters):
         exit_station: Scalar,
         exit_radius: Scalar,
         propellant_mass: Scalar | None = None,
-        drag: MachTable | Scalar,
+        drag: MachTable | Scalar | None = None,
         coasting_drag: MachTable | Scalar | None = None,
+        table: AerodynamicTable | None = None,
         nose: NoseCone | None = None,
         fins: FinSet | None = None,
         tail: RadiusChange | None = None,
@@ -110,7 +125,8 @@ class Vehicle(AbstractParameters):
           length of the whole column of grains, m.
         - `exit_station`, `exit_radius`: of the nozzle, m.
         - `drag`, `coasting_drag`: coefficients of the axial force by the Mach number.
-        - `nose`, `fins`, `tail`: with stations from the builder's origin.
+        - `table`: of all forces of the air, in place of `drag`.
+        - `nose`, `fins`, `tail`, `table`: with stations from the builder's origin.
         """
         mass, case_mass = as_float(mass), as_float(case_mass)
         dry_mass = mass + case_mass
@@ -143,6 +159,7 @@ class Vehicle(AbstractParameters):
             tail=_shifted(tail, "fore_end", dry_centre),
             exit_station=exit_station - dry_centre,
             exit_radius=exit_radius,
+            table=_shifted(table, "station", dry_centre),
         )
 
     def as_point(
@@ -179,12 +196,7 @@ class Vehicle(AbstractParameters):
           is at the nozzle's exit.
 
         **Raises** `InputError` for a gimbal without an `exit_station`."""
-        parts = (self.nose, self.fins, self.tail)
-        coasting, burnout = self._coasting(powered)
-        air_forces = Aerodynamics(
-            self.area, self._drag(powered), *parts, air, coasting=coasting, burnout=burnout
-        )
-        effects: tuple[AbstractEffect, ...] = (air_forces,)
+        effects: tuple[AbstractEffect, ...] = (self._air_forces(air, powered),)
         if powered:
             effects = (self._motor(control), *effects)
             if self.exit_station is not None:
@@ -194,6 +206,16 @@ class Vehicle(AbstractParameters):
                 effects = (*effects, damping)
         return (*effects, control) if isinstance(control, AttitudeControl) else effects
 
+    def _air_forces(self, air: LocalAir, powered: bool) -> AbstractEffect:
+        parts = {"nose": self.nose, "fins": self.fins, "tail": self.tail}
+        if self.table is not None:
+            burnout = self.motor.burnout() if powered else None
+            return TabulatedAerodynamics(self.table, air, burnout, **parts)
+        coasting, burnout = self._coasting(powered)
+        return Aerodynamics(
+            self.area, self._drag(powered), air=air, coasting=coasting, burnout=burnout, **parts
+        )
+
     def _motor(self, control: AttitudeControl | Gimbal | None) -> AbstractEffect:
         if not isinstance(control, Gimbal):
             return self.motor
@@ -202,14 +224,20 @@ class Vehicle(AbstractParameters):
         return GimballedThrust.of_thrust(self.motor, control, self.exit_station)
 
     def _drag(self, powered: bool) -> MachTable:
+        if self.drag is None:
+            assert self.table is not None
+            return self.table.ahead(powered)
         return self.drag if powered or self.coasting_drag is None else self.coasting_drag
 
     def _coasting(self, powered: bool) -> tuple[MachTable | None, Scalar | None]:
         """The coefficient after burnout, and its time, s; nothing where it does not change."""
+        coasting = self.coasting_drag
+        if self.drag is None and self.table is not None and "axial_burning" in self.table.names:
+            coasting = self.table.ahead(False)
         # Without power `_drag` has taken it already.
-        if not powered or self.coasting_drag is None:
+        if not powered or coasting is None:
             return None, None
-        return self.coasting_drag, self.motor.burnout()
+        return coasting, self.motor.burnout()
 
 
 def _shifted(part, field: str, origin: Scalar):

@@ -5,7 +5,7 @@ import jax.numpy as jnp
 from jaxspace import control as c
 from jaxspace import rockets as k
 from jaxspace import vehicles as v
-from jaxspace.bodies import BodyState
+from jaxspace.bodies import BodyState, dry_air, isothermal_ratio
 from jaxspace.optimization import equal_stages_payload
 from jaxspace.rotations import Quaternion
 
@@ -80,7 +80,8 @@ def airs_at(x):
     site = v.LaunchSite(x[6], 5.0, 1.4, 0.3 + x[6])
     placed = site.direction(), site.attitude().wxyz
     force = v.drag_force(x[3:6], x[10], x[9])
-    rest = numbers(*figures, *ground, rates, *air.wind.at(x[2]))
+    dry, left = dry_air(280.0 + x[9], 9e4 + x[8]), isothermal_ratio(x[2], 280.0 + x[9])
+    rest = numbers(*figures, *ground, rates, *air.wind.at(x[2]), *dry, left)
     return moving, air.velocity(x[:3]), force, *placed, *rest
 
 
@@ -165,6 +166,8 @@ FORMS = (
             *of("vehicles.AirDrag", "dynamic_pressure"),
             *of("vehicles.GroundGravity", "of_latitude"),
             "vehicles.Wind.at",
+            "bodies.dry_air",
+            "bodies.isothermal_ratio",
             "vehicles.descent_rate",
             "vehicles.drag_force",
             "vehicles.normal_gravity",

@@ -20,6 +20,7 @@ LEFT_OUT: dict[str, list[str]] = {
         attitude.PendulumState gyros.GimbalState optimization.AbstractThrustAcceleration
         optimization.Ascent optimization.ConstantThrustAcceleration optimization.Criterion
         attitude.BearingReactions attitude.DamperMotion attitude.InvariablePlane
+        vehicles.AbstractWind*
         attitude.ParticleEquations gyros.*State mechanics.*State mechanics.Accelerations
         orbits.AbstractPath orbits.LookAngles orbits.RadialMotion orbits.OrbitState orbits.Impulse
         rockets.GravityTurnState rockets.Separation rockets.PitchKick vehicles.Recovery
@@ -44,7 +45,7 @@ LEFT_OUT: dict[str, list[str]] = {
     "chooses, counts or checks, without an error to measure": """
         mechanics.AbstractLagrangian.cyclic mechanics.degrees_of_freedom
         attitude.libration_is_stable attitude.lies_flat attitude.Nutation.loops
-        control.plan_step
+        control.plan_step *.outside
         bodies.as_inertia orbits.steps_for orbits.transfer_status core.breaks_of
         orbits.TransferStatus.sentence rotations.Quaternion.check_start gyros.BearingFriction.slips
     """.split(),
@@ -64,6 +65,7 @@ LEFT_OUT: dict[str, list[str]] = {
     """.split(),
     "reads a table in NumPy": """
         rockets.ThrustProfile.of_table rockets.ThrustProfile.tabulated
+        vehicles.read_aerodynamics vehicles.read_sounding vehicles.Sounding*
     """.split(),
     "is half of a rule of differentiation, seen in the derivatives above": """
         core.times_slope
@@ -92,11 +94,15 @@ LEFT_OUT: dict[str, list[str]] = {
         mechanics.beam_roots rockets.Motor.* rockets.read_motor
         rockets.Thrust.of_file rockets.SteeredThrust.of_file rockets.GimballedThrust.of_file
     """.split(),
+    "interpolates measured values, by a cubic that its tests hold to SciPy's": """
+        vehicles.AerodynamicTable* vehicles.TabulatedAerodynamics* vehicles.Measured*
+    """.split(),
     "takes the eigenvalues of LAPACK": """
         attitude.NutationDamper.eigenvalues
     """.split(),
     "draws random numbers": """
         gyros.gyro_noise control.StarTracker* control.Sensor.*
+        vehicles.UncertainWind* vehicles.DrydenGusts*
     """.split(),
     "steps in time with a memory, under `verify` and its own tests": """
         control.*

@@ -1,0 +1,76 @@
+"""The one place that runs a system or a mission, whichever it is given, one run or many."""
+
+from collections.abc import Sequence
+
+from jaxtyping import ArrayLike, Float, PyTree, Real
+
+from ..core import AbstractSystem, InputError
+from ..integration._accuracy import Accuracy
+from ..integration._events import Event
+from ._batch import simulate_batch
+from ._batch_layout import InAxes
+from ._mission import Mission
+from ._mission_batch import simulate_mission_batch
+from ._mission_trajectory import MissionTrajectory
+from ._simulate import simulate
+from ._simulate_mission import simulate_mission
+from ._trajectory import Trajectory
+
+
+def run_either(
+    system: AbstractSystem | Mission,
+    y0: PyTree,
+    ts: Real[ArrayLike, "*times"],
+    *,
+    accuracy: Accuracy | Float[ArrayLike, ""] | None = None,
+    events: Sequence[Event] = (),
+    dense: bool = False,
+    num_saved: int | None = None,
+    batch: bool = False,
+    in_axes: InAxes = None,
+    throw: bool | None = None,
+) -> Trajectory | MissionTrajectory:
+    """What one of the four verbs returns.
+
+    **Arguments**
+
+    - `system`, `y0`: a system or a mission, and its initial state.
+    - `ts`: the save times of a system, or the time at which a mission starts, s.
+    - `batch`: whether the runs stand on the last axis; `in_axes` as in `simulate_batch`.
+    - `accuracy`, `events`, `dense`, `num_saved`: as in the verb for a system or for a mission.
+    - `throw`: as in the verbs; by default of one run, not of a batch.
+
+    **Raises** `InputError` as the verb does, and for an argument of the other verb."""
+    throw = not batch if throw is None else throw
+    if isinstance(system, Mission):
+        if events or dense:
+            raise InputError(
+                f"{'events' if events else 'dense'} is given with a mission: its phases bring "
+                f"their events, and keep no steps."
+            )
+        saved = 2 if num_saved is None else num_saved
+        if not batch:
+            return simulate_mission(system, y0, ts, accuracy=accuracy, num_saved=saved, throw=throw)
+        return simulate_mission_batch(
+            system,
+            y0,
+            ts,
+            accuracy=accuracy,
+            num_saved=saved,
+            in_axes=in_axes,
+            throw=throw,
+        )
+    if num_saved is not None:
+        raise InputError(f"num_saved is {num_saved}: of a system the states at ts are saved.")
+    if not batch:
+        return simulate(system, y0, ts, accuracy=accuracy, events=events, dense=dense, throw=throw)
+    return simulate_batch(
+        system,
+        y0,
+        ts,
+        accuracy=accuracy,
+        events=events,
+        dense=dense,
+        in_axes=in_axes,
+        throw=throw,
+    )

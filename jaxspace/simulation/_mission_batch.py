@@ -1,0 +1,73 @@
+"""Many runs of a mission by one integration after the other, each of a block of runs."""
+
+import functools
+
+from jaxtyping import ArrayLike, Float, Real
+
+from ..core import InputError, State, is_concrete, is_traced
+from ..integration._accuracy import Accuracy, as_accuracy, state_dtype, without_weak_types
+from ._after_run import warn_after
+from ._batch_layout import InAxes, cut_batch, local_blocks, split_batch
+from ._batch_repeat import repeat_missions
+from ._batch_runs import run_missions
+from ._checks import as_times, check_num_saved
+from ._finish import mission_trajectory_of, raise_failures
+from ._mission import Mission
+from ._mission_trajectory import MissionTrajectory
+from ._phases import resolve_phases
+from ._verbs import check_mission
+
+
+def simulate_mission_batch(
+    missions: Mission,
+    y0s: State,
+    t0: Real[ArrayLike, "*runs"] = 0.0,
+    *,
+    accuracy: Accuracy | Float[ArrayLike, ""] | None = None,
+    num_saved: int = 2,
+    in_axes: InAxes = None,
+    throw: bool = False,
+) -> MissionTrajectory:
+    """`simulate_mission` for many runs, with the runs on the last axis of every array.
+
+    Each run meets the events of its phases at times of its own, and its phases may be of other
+    lengths than those of the others.
+
+    **Arguments**
+
+    - `missions`, `y0s`: as in `simulate_mission`; which of their arrays carry runs follows from the
+      declared shapes, as in `simulate_batch`.
+    - `t0`: the time at which the first phase starts, s, for all runs, or (runs,).
+    - `accuracy`, `num_saved`, `throw`: as in `simulate_mission`.
+    - `in_axes`: as in `simulate_batch`.
+
+    **Returns** a `MissionTrajectory` with the runs last and a `Status` for each. A run that fails
+    marks its own row. Outside of `jit`, the runs of a block whose steps ran out are repeated alone,
+    then with what turns by itself in closed form (`Accuracy.decoupled`). Under `jit` and in a
+    derivative, unless `throw`, a block starts once more without the runs that used up its steps.
+    Devices, and what the runs of a block share, are as in `simulate_batch`.
+
+    **Raises** `InputError` as `simulate_mission` does, and for arrays that disagree about the
+    number of runs. `SimulationError`, if `throw`, for a run that failed."""
+    check_mission("missions", missions, "simulate_batch")
+    state_dtype(y0s)
+    y0s = without_weak_types(y0s)
+    check_num_saved(num_saved)
+    t0 = as_times("t0", t0, y0s, "one time, or one for each run, s")
+    if t0.ndim > 1:
+        raise InputError(f"t0 has the shape {t0.shape}: each run starts at one time, in s.")
+    batched, shared, runs = split_batch(missions, y0s, t0, in_axes, times_axes=0)
+    mission, y0, _ = cut_batch(batched, shared)
+    traced = is_traced((batched, shared))
+    given = as_accuracy(accuracy)
+    configs_by = functools.partial(
+        resolve_phases, mission, y0, run_axes=1, restarts=traced and not throw
+    )
+    configs = configs_by(given)
+    blocks = local_blocks((batched, shared), runs)
+    result = run_missions(batched, shared, configs, num_saved, blocks)
+    if is_concrete(result.status) and not traced:
+        result = repeat_missions(result, batched, shared, given, configs, configs_by, num_saved)
+    trajectory = mission_trajectory_of(result, mission, given, configs, 1)
+    warn_after(trajectory, stacklevel=2)
+    return raise_failures(trajectory) if throw else trajectory

@@ -1,0 +1,96 @@
+"""The verb for a mission: its phases, one after the other, from an initial state."""
+
+import functools
+
+import equinox as eqx
+from jaxtyping import ArrayLike, Float, PyTree, Real
+
+from ..core import InputError, is_concrete
+from ..integration._accuracy import (
+    Accuracy,
+    as_accuracy,
+    check_initial_state,
+    check_start,
+    without_weak_types,
+)
+from ..integration._status import Status
+from ._after_run import warn_after
+from ._checks import as_times, check_num_saved
+from ._failures import nan_where_failed, place_of_failure
+from ._finish import mission_trajectory_of, raise_failures, with_exact_parts
+from ._mission import Mission
+from ._mission_runs import run_mission
+from ._mission_trajectory import MissionTrajectory
+from ._phases import resolve_phases
+from ._verbs import check_mission
+
+
+def simulate_mission(
+    mission: Mission,
+    y0: PyTree,
+    t0: Real[ArrayLike, ""] = 0.0,
+    *,
+    accuracy: Accuracy | Float[ArrayLike, ""] | None = None,
+    num_saved: int = 2,
+    throw: bool = True,
+) -> MissionTrajectory:
+    """Run a mission, phase by phase, from the state `y0`; `simulate` runs a system.
+
+    **Arguments**
+
+    - `mission`: phases, each with its own system, its end and its jump.
+    - `y0`: the initial state of the first phase.
+    - `t0`: the time at which it starts, s.
+    - `accuracy`: the relative tolerance of each step, or an `Accuracy`; 1e-9 by default.
+    - `num_saved`: how many states each phase saves, from its start to its end.
+    - `throw`: whether to raise `SimulationError` for a failed run; otherwise read its `status`.
+
+    **Returns** a `MissionTrajectory`, with a `Trajectory` for each phase. Differentiable, forwards
+    and backwards, with respect to every number in `mission` and `y0`, and `t0`. Outside of `jit` a
+    mission whose steps run out is repeated with what turns by itself in closed form
+    (`Accuracy.decoupled`), and it warns of what the systems find in their runs, as a path below the
+    ground (`Scene.warning`). Mapped by `jax.vmap`, the runs go by the batch path of
+    `simulate_mission_batch`.
+
+    **Raises** `InputError`, before anything is compiled, for a start that is no time, a tolerance
+    that the precision cannot reach, a method that a phase does not serve, a state that is not
+    finite, of mixed precision or of another structure than its derivative, a jump that returns no
+    state, and for a system. `SimulationError` for a run that failed, with its phase; under `jit`,
+    where the program runs."""
+    check_mission("mission", mission, "simulate")
+    check_initial_state(y0)
+    check_start(y0)
+    y0 = without_weak_types(y0)
+    t0 = as_times("t0", t0, y0, "one time, s")
+    if t0.ndim != 0:
+        raise InputError(f"t0 has the shape {t0.shape}: a mission starts at one time, in s.")
+    check_num_saved(num_saved)
+    given = as_accuracy(accuracy)
+    configs_by = functools.partial(resolve_phases, mission, y0)
+    configs = configs_by(given)
+    result = run_mission(mission, y0, t0, num_saved, configs, 0)
+    if is_concrete(result.status) and int(result.status) == Status.MAX_STEPS:
+        exactly = with_exact_parts(given, configs, configs_by)
+        if exactly is not None:
+            configs = exactly
+            result = run_mission(mission, y0, t0, num_saved, configs, 0)
+    # Where it is known that no run failed, there is nothing to do, and nothing to compile.
+    if not is_concrete(result.status) or int(result.status) > Status.EVENT:
+        result = _failed_are_nan(result)
+    trajectory = mission_trajectory_of(result, mission, given, configs, 0)
+    warn_after(trajectory, stacklevel=2)
+    return raise_failures(trajectory, lambda: _failed_phase(trajectory)) if throw else trajectory
+
+
+def _failed_phase(result: MissionTrajectory) -> str:
+    """In which phase a mission failed, and where that began, as a sentence."""
+    for name, phase in result.items():
+        if int(phase.status) > Status.EVENT:
+            # A mission keeps no steps: the start of the phase is what is known.
+            start = place_of_failure(int(phase.status), None, float(phase.ts[0]), phase.initial)
+            return start.replace("The run", f"The phase {name!r}")
+    return ""
+
+
+# Compiled, because each of its many operations would be a call of its own.
+_failed_are_nan = eqx.filter_jit(nan_where_failed)

@@ -1,0 +1,214 @@
+"""Files of aerodynamic coefficients: CSV, known by the names of their columns.
+
+    program          what it writes                       what is read
+    RASAero II       aerodynamic data by Mach number      Mach, Alpha (deg), CA Power-Off and
+                     and angle                            Power-On, CN, CNalpha, CP (inches behind
+                                                          the tip); CD and CL where no CA is there
+    Missile DATCOM   for042.csv of release 2011, and      MACH, ALPHA, PHI (deg), CA, CN, CM, CY,
+                     tables with the names of for006      CLN, CLL, CMQ, CMAD, CLLP
+    OpenRocket       data of a simulation, with a         Mach number, and axial or drag coefficient
+                     heading `# Time (s),...`             of the ascent, with and without thrust
+
+A table of one's own takes any of these names. Columns in degrees are called so, all others are as
+the programs write them: `CP (m)` and `CP (cm)` are not inches. Columns of other names are left out.
+Separators are commas, semicolons or tabulators; with the latter two a decimal comma may stand.
+
+Not read: `for006.dat`, which is a listing and no table; a bare `CD` of RASAero, which is that of
+zero angle in every row; normal forces of an OpenRocket flight, which holds one angle for each Mach
+number: Barrowman's parts have them.
+
+Derivatives of DATCOM are per radian, or per degree where a column `RAD?` says 0.
+"""
+
+import os
+import re
+
+import numpy as np
+
+from ..core import InputError, read_text
+from ._separated import separated
+
+DEGREE = np.pi / 180.0
+INCH = 0.0254
+
+# Of a table, by its keys: `_aerodynamic_table` has their meaning.
+COEFFICIENTS = (
+    *("axial", "axial_burning", "base", "drag", "drag_burning", "lift", "normal", "normal_slope"),
+    *("centre", "pitch", "side", "yaw", "roll_moment", "pitch_damping", "roll_damping"),
+)
+
+# The key and the unit of each column, by its name in small letters.
+NAMES = {
+    "mach": ("mach", 1.0),
+    "mach number": ("mach", 1.0),
+    "alpha": ("angle", DEGREE),
+    "alpha (deg)": ("angle", DEGREE),
+    "phi": ("roll", DEGREE),
+    "roll (deg)": ("roll", DEGREE),
+    "beta": ("sideslip", 1.0),
+    "reynolds number": ("reynolds", 1.0),
+    "ca": ("axial", 1.0),
+    "ca power-off": ("axial", 1.0),
+    "ca power-on": ("axial_burning", 1.0),
+    "ca base": ("base", 1.0),
+    "cd power-off": ("drag", 1.0),
+    "cd power-on": ("drag_burning", 1.0),
+    "cl": ("lift", 1.0),
+    "cn": ("normal", 1.0),
+    "cnalpha (0 to 4 deg) (per rad)": ("normal_slope", 1.0),
+    "cnalpha (per rad)": ("normal_slope", 1.0),
+    "cp": ("centre", INCH),
+    "cp (m)": ("centre", 1.0),
+    "cp (cm)": ("centre", 0.01),
+    "cp (0 to 4 deg)": ("centre_ahead", INCH),
+    "cm": ("pitch", 1.0),
+    "cy": ("side", 1.0),
+    "cln": ("yaw", 1.0),
+    "cll": ("roll_moment", 1.0),
+    "cmq": ("pitch_damping", 1.0),
+    "cmad": ("lag_damping", 1.0),
+    "cllp": ("roll_damping", 1.0),
+    "rad?": ("per_radian", 1.0),
+}
+TIME, CLIMB, HEIGHT, THRUST = "time (s)", "vertical velocity", "altitude", "thrust"
+# Of the Mach numbers of a flight: what lies closer is one point.
+APART = 0.01
+
+
+def read_columns(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
+    """The columns of a file by the keys of `AerodynamicTable.of_columns`, in SI and radians.
+
+    **Raises** `InputError` as `read_aerodynamics` does."""
+    heads, rows, numbers = _rows(str(path), read_text(path))
+    if TIME in heads:
+        return _of_flight(str(path), heads, rows, numbers)
+    return _of_table(str(path), heads, rows, numbers)
+
+
+def _rows(path: str, text: str) -> tuple[list[str], list[list[str]], list[int]]:
+    """The names of the columns, the rows below them, and the numbers of their lines."""
+    lines = text.splitlines()
+    heads: list[str] = []
+    rows, numbers = [], []
+    for number, fields in enumerate(separated(lines, "mach"), 1):
+        names = [_name(field) for field in fields]
+        if any(name in ("mach", "mach number") for name in names):
+            # DATCOM repeats its heading before every block.
+            if heads and names != heads:
+                raise InputError(f"{path}, line {number} is another heading: it must be the first.")
+            heads = names
+        elif heads and any(names) and not fields[0].lstrip().startswith("#"):
+            # DATCOM gives the sizes of every block in a line of names and numbers.
+            if "sizes" in names[0]:
+                continue
+            rows.append([f.strip().replace(",", ".") for f in fields])
+            numbers.append(number)
+    if not heads:
+        raise InputError(f"{path} has no heading with Mach: it must name its columns.")
+    if not rows:
+        raise InputError(f"{path} has no rows below its heading: it must have some.")
+    return heads, rows, numbers
+
+
+def _name(field: str) -> str:
+    """The name of a column in small letters, without marks, quotes and a unit that is none."""
+    # OpenRocket writes a space of no width for the unit of a pure number.
+    name = re.sub(r"[\u200b'\"#]", "", field).strip().lower()
+    return re.sub(r"\s*\(\W*\)$", "", name)
+
+
+def _column(
+    path: str,
+    heads: list[str],
+    rows: list[list[str]],
+    numbers: list[int],
+    k: int,
+    gaps: bool = False,
+) -> np.ndarray:
+    """The numbers of one column; with `gaps`, NaN where the file says so."""
+    found = np.empty(len(rows))
+    for i, row in enumerate(rows):
+        text = row[k] if k < len(row) else ""
+        if gaps and text.lower() == "nan":
+            found[i] = np.nan
+            continue
+        try:
+            found[i] = float(text)
+        except ValueError:
+            found[i] = np.inf
+        if not np.isfinite(found[i]):
+            where = f"{path}, line {numbers[i]}: {heads[k]}"
+            raise InputError(f"{where} is {text[:40]!r}: it must be a finite number.")
+    return found
+
+
+def _of_table(
+    path: str, heads: list[str], rows: list[list[str]], numbers: list[int]
+) -> dict[str, np.ndarray]:
+    """The columns of a table by Mach number and angle."""
+    found: dict[str, np.ndarray] = {}
+    for k, head in enumerate(heads):
+        key, unit = NAMES.get(head, ("", 1.0))
+        if key and key not in found:
+            found[key] = unit * _column(path, heads, rows, numbers, k)
+    if np.any(found.pop("sideslip", np.zeros(1)) != 0.0):
+        raise InputError(f"{path} has angles of sideslip: it must have alpha and phi alone.")
+    if "centre_ahead" in found:
+        ahead = found.pop("centre_ahead")
+        at_zero = found.get("angle", np.zeros(1)) == 0.0
+        found["centre"] = np.where(at_zero, ahead, found.get("centre", ahead))
+    per_radian = found.pop("per_radian", np.ones(1))
+    if "lag_damping" in found:
+        lag = found.pop("lag_damping")
+        found["pitch_damping"] = found.get("pitch_damping", 0.0) + lag
+    for key in ("pitch_damping", "roll_damping"):
+        if key in found:
+            found[key] = found[key] / np.where(per_radian == 0.0, DEGREE, 1.0)
+    return found
+
+
+def _of_flight(
+    path: str, heads: list[str], rows: list[list[str]], numbers: list[int]
+) -> dict[str, np.ndarray]:
+    """Mach number and axial coefficients of the ascent in simulation data of OpenRocket."""
+
+    def column(*starts: str) -> np.ndarray | None:
+        for start in starts:
+            for k, head in enumerate(heads):
+                if head.startswith(start):
+                    return _column(path, heads, rows, numbers, k, gaps=True)
+        return None
+
+    mach = column("mach number")
+    coefficient = column("axial drag coefficient", "drag coefficient")
+    thrust, climb, height = column(THRUST), column(CLIMB), column(HEIGHT)
+    if mach is None or coefficient is None or thrust is None or (climb is None and height is None):
+        raise InputError(
+            f"{path} is a flight of OpenRocket without one of its columns: it must have Mach "
+            f"number, Drag coefficient, Thrust, and Altitude or Vertical velocity."
+        )
+    up = climb > 0.0 if climb is not None else np.arange(mach.size) < np.argmax(height)
+    # OpenRocket has no coefficient before it moves.
+    up = up & np.isfinite(mach) & np.isfinite(coefficient)
+    burning, coasting = up & (thrust > 0.0), up & (thrust <= 0.0)
+    if not np.any(coasting):
+        raise InputError(f"{path} has no ascent after the burnout: it must have one.")
+    nodes, off = _thinned(mach[coasting], coefficient[coasting])
+    found = {"mach": nodes, "axial": off}
+    if np.any(burning):
+        points, on = _thinned(mach[burning], coefficient[burning])
+        both = np.unique(np.concatenate([nodes, points]))
+        both = both[np.append(True, np.diff(both) > 0.5 * APART)]
+        found = {
+            "mach": both,
+            "axial": np.interp(both, nodes, off),
+            "axial_burning": np.interp(both, points, on),
+        }
+    return found
+
+
+def _thinned(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The mean of the points in each interval of the length `APART`."""
+    number = np.unique(np.round(x / APART), return_inverse=True)[1]
+    count = np.bincount(number)
+    return np.bincount(number, x) / count, np.bincount(number, y) / count

@@ -1,0 +1,112 @@
+"""Air as it was measured: temperature, pressure and wind at the levels of a sounding.
+
+    rho = p M_0/(R T),   c = sqrt(gamma R T/M_0)
+    ln p = ln p_end - g_0 M_0 (h - h_end)/(R T_end)        below the first and above the last level
+
+    symbol         meaning                                unit
+    h, T, p, rho   height, temperature, pressure, density m, K, Pa, kg/m^3
+    R, M_0         gas constant, molar mass of dry air    J/(kmol K), kg/kmol
+    c, gamma       speed of sound, ratio of heats         m/s, 1
+
+Between the levels T, ln p and the wind are cubic with a continuous slope, monotone where the values
+are (`_hermite.py`). Beyond them the temperature and the wind stay, and the pressure falls as that
+of isothermal air in equilibrium. Humidity is left out: moist air of the tropics is lighter by up to
+1.5 percent.
+
+Source: U.S. Standard Atmosphere, 1976 (NOAA-S/T 76-1562), Eqs. 33, 42, 50; World Meteorological
+Organization, Guide to Instruments, I.12 (soundings).
+"""
+
+import os
+from typing import Any, final
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ..bodies import AbstractAtmosphere, Air, dry_air, isothermal_ratio
+from ..core import FileName, NumberField, Scalar, as_float, constructor, quantity
+from ._hermite import cubic, interval, stacked
+from ._local_air import AbstractWind, check_nodes
+from ._sounding_file import read_sounding_file
+
+SOUNDING = FileName("of a sounding: text or CSV of the University of Wyoming, or CSV")
+
+
+@final
+class MeasuredAtmosphere(AbstractAtmosphere):
+    """The air of a sounding: `read_sounding(path).atmosphere()`.
+
+    Raises `InputError` for heights that do not ascend, or another number of values."""
+
+    heights: Float[Array, "nodes *#runs"] = quantity("m", doc="above sea level, ascending")
+    pressure: Float[Array, "nodes *#runs"] = quantity("Pa", positive=True, doc="there")
+    temperature: Float[Array, "nodes *#runs"] = quantity("K", positive=True, doc="there")
+    density_factor: NumberField = quantity(
+        "", non_negative=True, default=1.0, doc="by which density and pressure are multiplied"
+    )
+    data: Float[Array, "nodes 4 *#runs"] = eqx.field(default=None)
+
+    def __init__(
+        self,
+        heights: Any,
+        pressure: Any,
+        temperature: Any,
+        density_factor: Scalar = 1.0,
+    ):
+        self.heights, self.pressure = as_float(heights), as_float(pressure)
+        self.temperature, self.density_factor = as_float(temperature), as_float(density_factor)
+        name = "MeasuredAtmosphere.heights"
+        check_nodes(name, self.heights, pressure=self.pressure, temperature=self.temperature)
+        self.data = stacked(self.heights, self.temperature, jnp.log(self.pressure))
+
+    @classmethod
+    @constructor(sets=("heights", "pressure", "temperature"), sounding=SOUNDING)
+    def of_sounding(
+        cls, sounding: str | os.PathLike[str], density_factor: Scalar = 1.0
+    ) -> "MeasuredAtmosphere":
+        """The air of the sounding in a file; see `read_sounding`."""
+        return cls(*read_sounding_file(sounding).air_levels(), density_factor)
+
+    def density_at(self, height: Scalar) -> Scalar:
+        return self.air_at(height).density
+
+    def air_at(self, height: Scalar) -> Air:
+        temperature, logarithm = cubic(self.heights, self.data, height)
+        beyond = height - interval(self.heights, height)[1]
+        pressure = jnp.exp(logarithm) * isothermal_ratio(beyond, temperature)
+        return dry_air(temperature, self.density_factor * pressure)
+
+    def scaled(self, factor: Scalar) -> "MeasuredAtmosphere":
+        return MeasuredAtmosphere(
+            self.heights, self.pressure, self.temperature, factor * self.density_factor
+        )
+
+
+@final
+class MeasuredWind(AbstractWind):
+    """The wind of a sounding: `read_sounding(path).wind()`. As `Wind` with a continuous slope, and
+    for hundreds of levels.
+
+    Raises `InputError` for heights that do not ascend, or another number of values."""
+
+    # Without a default: a file that gives these lists itself gives a `Wind`.
+    data: Float[Array, "nodes 4 *#runs"]
+    heights: Float[Array, "nodes *#runs"] = quantity("m", doc="above sea level, ascending")
+    east: Float[Array, "nodes *#runs"] = quantity("m/s", doc="towards the east at these heights")
+    north: Float[Array, "nodes *#runs"] = quantity("m/s", doc="towards the north")
+
+    def __init__(self, heights: Any, east: Any, north: Any):
+        self.heights, self.east, self.north = as_float(heights), as_float(east), as_float(north)
+        check_nodes("MeasuredWind.heights", self.heights, east=self.east, north=self.north)
+        self.data = stacked(self.heights, self.east, self.north)
+
+    @classmethod
+    @constructor(sets=("heights", "east", "north"), sounding=SOUNDING)
+    def of_sounding(cls, sounding: str | os.PathLike[str]) -> "MeasuredWind":
+        """The wind of the sounding in a file; see `read_sounding`."""
+        return cls(*read_sounding_file(sounding).wind_levels())
+
+    def at(self, height: Scalar) -> tuple[Scalar, Scalar]:
+        east, north = cubic(self.heights, self.data, height)
+        return east, north

@@ -1,0 +1,95 @@
+"""A wind that is known to a deviation by height, whose errors are correlated over a length.
+
+    u(h_k) = m(h_k) + s(h_k) x_k,   Cov(x_j, x_k) = exp(-|h_j - h_k|/l)
+    x_{k+1} = q x_k + sqrt(1 - q^2) z_{k+1},   q = exp(-(h_{k+1} - h_k)/l)
+
+    symbol   meaning                                                       unit
+    m, s     mean wind and its standard deviation, of either component     m/s
+    l        length over which an error loses its memory                   m
+    z        independent standard normal numbers                           1
+
+The recursion is exact: it is the Cholesky factor of that covariance, for the errors by height form
+a chain of Markov. East and north err independently.
+
+Source: Gardiner, Handbook of Stochastic Methods, 4.4.
+"""
+
+from typing import Any, final
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ..core import NumberField, Scalar, argument, as_float, constructor, quantity, with_rank
+from ._hermite import cubic, stacked
+from ._local_air import AbstractWind, check_nodes
+from ._random_paths import longitudinal, normal_numbers
+
+
+@final
+class UncertainWind(AbstractWind):
+    """A mean wind and what is not known of it. The numbers z are its inputs in a campaign, one by
+    one, or all by one `seed` (`of_seed`); with zeros it is the mean wind."""
+
+    heights: Float[Array, "nodes *#runs"] = quantity("m", doc="above sea level, ascending")
+    east: Float[Array, "nodes *#runs"] = quantity("m/s", doc="mean towards the east there")
+    north: Float[Array, "nodes *#runs"] = quantity("m/s", doc="mean towards the north")
+    deviation: Float[Array, "nodes *#runs"] = quantity(
+        "m/s", non_negative=True, doc="standard deviation of either component there"
+    )
+    correlation_length: NumberField = quantity(
+        "m", positive=True, doc="l, over which the correlation falls by the factor e"
+    )
+    east_numbers: Float[Array, "nodes *#runs"] = quantity(
+        "", doc="standard normal numbers z of the errors to the east"
+    )
+    north_numbers: Float[Array, "nodes *#runs"] = quantity("", doc="those to the north")
+    data: Float[Array, "nodes 4 *#runs"] = eqx.field(default=None)
+
+    def __init__(
+        self,
+        heights: Any,
+        east: Any,
+        north: Any,
+        deviation: Any,
+        correlation_length: Scalar,
+        east_numbers: Any,
+        north_numbers: Any,
+    ):
+        self.heights, self.east, self.north = as_float(heights), as_float(east), as_float(north)
+        self.deviation, self.correlation_length = as_float(deviation), as_float(correlation_length)
+        self.east_numbers, self.north_numbers = as_float(east_numbers), as_float(north_numbers)
+        given = {"east": self.east, "north": self.north, "deviation": self.deviation}
+        given |= {"east_numbers": self.east_numbers, "north_numbers": self.north_numbers}
+        check_nodes("UncertainWind.heights", self.heights, **given)
+        rank = max(*(x.ndim - 1 for x in given.values()), jnp.ndim(self.correlation_length))
+        heights = with_rank(self.heights, rank)
+        steps = (heights[1:] - heights[:-1]) / self.correlation_length
+        winds = [
+            with_rank(mean, rank)
+            + with_rank(self.deviation, rank) * longitudinal(steps, with_rank(z, rank))
+            for mean, z in ((self.east, self.east_numbers), (self.north, self.north_numbers))
+        ]
+        self.data = stacked(self.heights, *winds)
+
+    @classmethod
+    @constructor(
+        sets=("east_numbers", "north_numbers"),
+        seed=argument("", doc="of the errors: any number; another one gives another wind"),
+    )
+    def of_seed(
+        cls,
+        heights: Any,
+        east: Any,
+        north: Any,
+        deviation: Any,
+        correlation_length: Scalar,
+        seed: Scalar,
+    ) -> "UncertainWind":
+        """A wind whose errors are those of a `seed`; the other arguments are its fields."""
+        z = normal_numbers(as_float(seed), (as_float(heights).shape[0], 2))
+        return cls(heights, east, north, deviation, correlation_length, z[:, 0], z[:, 1])
+
+    def at(self, height: Scalar) -> tuple[Scalar, Scalar]:
+        east, north = cubic(self.heights, self.data, height)
+        return east, north
