@@ -11,7 +11,7 @@ from jaxspace.attitude import Top
 from jaxspace.core import dot
 from jaxspace.dispersion import Campaign, Normal
 from jaxspace.orbits import Oblateness, PointGravity, TwoBody
-from jaxspace.simulation import MissionResult, MissionTrajectory, Trajectory
+from jaxspace.simulation import MissionResult, MissionTrajectory, Trajectory, simulate_mission
 
 jaxspace.enable_x64()
 version: str = jaxspace.__version__
@@ -42,7 +42,7 @@ many: Trajectory = simulate_batch(kepler, start, jnp.linspace(0.0, 100.0, 3))
 # Of arrays and tuples, because mypy does not know that fields convert lists and numbers.
 wait = Phase(coast, jnp.asarray(100.0), name="wait")
 mission = Mission((wait, Phase(coast, apogee, name="climb")))
-flight: MissionTrajectory = simulate(mission, start)
+flight: MissionTrajectory = simulate_mission(mission, start)
 status: Array = flight.status
 
 
