@@ -1,7 +1,8 @@
 # Each target sets up what it needs by itself: a machine with make and Python 3.11 or newer is enough.
+# `make test PYTHON=python3.12` chooses the interpreter of an environment that is not there yet.
 
 VENV := .venv
-BIN := $(VENV)/bin
+BIN := $(VENV)/$(if $(filter Windows_NT,$(OS)),Scripts,bin)
 INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check --editable
 
 PYTEST := $(BIN)/python -m pytest -n 2 --dist worksteal
@@ -15,7 +16,8 @@ export NO_MKDOCS_2_WARNING := true
 # The tests start Python a hundred times: each start would compile all sources of the package again.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test test-all beyond quick lint format types docs unit sweep faults costs hunt bench clean
+.PHONY: demo test test-all beyond quick lint format types docs unit sweep faults costs hunt bench
+.PHONY: lowest release-check manual keep-bench clean
 .NOTPARALLEL:
 .DELETE_ON_ERROR:
 
@@ -68,12 +70,24 @@ hunt: $(VENV)/.test  ## search for the worst errors of all closed forms, and for
 bench: $(VENV)/.bench  ## speed and accuracy on this machine
 	@$(BIN)/python -m benchmarks
 
+keep-bench:  ## commit the results of `bench` to the branch of measurements, and push it
+	@.ci/keep_benchmarks
+
+lowest:  ## the lowest releases that pyproject.toml allows
+	@.ci/lowest
+
+release-check: $(VENV)/.test $(VENV)/.release  ## packages, a bare installation of each Python, manual, links, metadata
+	@$(BIN)/python .ci/release_check.py
+
+manual: $(VENV)/.test $(VENV)/.release  ## publish the manual of this commit under its version
+	@.ci/publish_manual
+
 clean:  ## remove what the other targets made
-	rm -rf $(VENV) .programs site build dist .ruff_cache .pytest_cache .hypothesis
+	rm -rf $(VENV) .venv-lowest .programs site build dist .ruff_cache .pytest_cache .hypothesis
 	find . -name __pycache__ -type d -not -path "./.git/*" -prune -exec rm -rf {} +
 
 $(VENV)/.python:
-	@python=$$(.ci/python) && "$$python" -m venv --clear $(VENV)
+	@python=$${PYTHON:-$$(.ci/python)} && "$$python" -m venv --clear $(VENV)
 	@touch $@
 
 $(VENV)/.demo: pyproject.toml | $(VENV)/.python
@@ -89,4 +103,8 @@ $(VENV)/.test: pyproject.toml | $(VENV)/.python
 $(VENV)/.bench: pyproject.toml | $(VENV)/.python
 	@echo "Installing jaxspace and its benchmarks into $(VENV); this happens once." >&2
 	@$(INSTALL) ".[app,bench]"
+	@touch $@
+
+$(VENV)/.release: pyproject.toml $(VENV)/.test
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check build check-jsonschema mike towncrier twine
 	@touch $@

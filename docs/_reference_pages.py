@@ -56,8 +56,8 @@ def command_line() -> str:
     parts = [
         "# Command line",
         parser.description or "",
-        'The command comes with the extra `app`: `pip install ".[app]"`. It computes in double\n'
-        "precision and keeps compiled programs between runs.",
+        'The command comes with the extra `app`: `pip install "jaxspace[app]"`. It computes\n'
+        "in double precision and keeps compiled programs between runs.",
         "| Command | What it does |\n|---|---|",
     ]
     parts[-1] += "".join(

@@ -64,7 +64,7 @@ if TYPE_CHECKING:
     from .simulation import simulate_mission as simulate_mission
     from .simulation import simulate_mission_batch as simulate_mission_batch
 
-__version__ = "0.1.0"
+    __version__: str
 
 # The names above for Python: the packages, and the module that each other name comes from.
 _PACKAGES = (
@@ -110,8 +110,15 @@ if not TYPE_CHECKING:
     def __getattr__(name):
         """A package, or a name of one, which is imported when it is first used."""
         # Here, because the names of this file are those of the library.
-        from importlib import import_module
+        from importlib import import_module, metadata
 
+        if name == "__version__":
+            try:
+                # Of the installation: its build takes the version from the tag of the repository.
+                return metadata.version(__name__)
+            except metadata.PackageNotFoundError:
+                # Sources that lie on the path and were not installed.
+                return "0+unknown"
         if name in _PACKAGES:
             # The import sets the attribute too: the next use does not come here.
             return import_module(f"{__name__}.{name}")

@@ -39,6 +39,7 @@ from jaxspace.dispersion import (
     open_store,
 )
 from jaxspace.dispersion._columns import columns_of
+from jaxspace.dispersion._head import sealed
 from jaxspace.dispersion._lock import Lock
 from jaxspace.dispersion._run_results import RunResults
 from jaxspace.dispersion._store_writer import StoreWriter
@@ -124,6 +125,23 @@ def test_a_store_holds_what_the_campaign_returns(whole):
     for name in ("versions", "machine", "digest", "rtol", "planned_runs", "cpu_seconds"):
         assert name in kept.attributes
     assert kept.seconds > kept.attributes["preparation_seconds"] > 0.0
+
+
+@pytest.mark.parametrize("form", [0, 2, "2b"])
+def test_a_store_of_another_form_is_refused_with_the_way_forward(copy, form):
+    """Nothing in it is read or changed; by leave it is replaced."""
+    head = json.loads((copy / "zarr.json").read_bytes())
+    assert head["attributes"]["form"] == 1
+    head["attributes"] |= {"form": form, "versions": {"jaxspace": "9.1"}}
+    data = json.dumps(head).encode()
+    (copy / ".manifest" / "head").write_bytes(sealed(data))
+    (copy / "zarr.json").write_bytes(data)
+    sentence = f"form {form!r}, written by jaxspace 9.1, .* reads form 1: read it by the version"
+    for use in (open_store, lambda store: fly(store, resume=True)):
+        with pytest.raises(StoreError, match=sentence):
+            use(copy)
+    assert (copy / "zarr.json").read_bytes() == data
+    assert fly(copy, overwrite=True).runs == RUNS and open_store(copy).runs == RUNS
 
 
 def test_other_libraries_read_it(whole):

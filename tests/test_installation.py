@@ -28,10 +28,13 @@ ALIASES = {
     "jaxtyping",
     "Flag",
     "Matrix",
+    "NumberField",
+    "OptionalNumberField",
     "OrbitState",
     "Progress",
     "REQUIRED",
     "Scalar",
+    "SingleNumberField",
     "State",
     "Vector",
 }
@@ -132,51 +135,166 @@ def test_help_and_a_wrong_option_load_no_jax():
 
 BASE = """
 import sys
-APP = "matplotlib pint plotly tomlkit tqdm xarray zarr google_crc32c pandas sgp4 pyarrow".split()
-for name in APP:
-    sys.modules[name] = None
+from importlib.metadata import distribution, packages_distributions
+from packaging.requirements import Requirement
+
+def plain(name):
+    return name.lower().replace("_", "-")
+
+def closure(name, found):
+    if plain(name) not in found:
+        found.add(plain(name))
+        for line in distribution(name).requires or ():
+            requirement = Requirement(line)
+            if requirement.marker is None or requirement.marker.evaluate({"extra": ""}):
+                closure(requirement.name, found)
+    return found
+
+BARE = set()
+for line in %r:
+    closure(Requirement(line).name, BARE)
+OF_EXTRAS = {
+    name
+    for name, owners in packages_distributions().items()
+    if not {plain(owner) for owner in owners} & BARE
+}
+
+class Bare:
+    "Finds nothing that an installation without extras does not bring."
+    def find_spec(self, name, path=None, target=None):
+        if name.partition(".")[0] in OF_EXTRAS - {"jaxspace", "packaging"}:
+            raise ModuleNotFoundError(f"No module named {name!r}", name=name)
+
+for name in list(sys.modules):
+    if name.partition(".")[0] in OF_EXTRAS:
+        del sys.modules[name]
+sys.meta_path.insert(0, Bare())
+"""
+CALLS = (
+    BASE
+    + """
 import jax.numpy as jnp
 import jaxspace
+from jaxspace import plots
 from jaxspace.core import MissingExtra
-from jaxspace.cli import main
+from jaxspace.cli import main, parser
 from jaxspace.bodies import BodyState
-from jaxspace.dispersion import Dispersion
+from jaxspace.dispersion import DaskCluster, Dispersion
+from jaxspace.io import read_omm, read_tle
 import numpy as np
-scene = %r
-print(main(["run", scene, "--out", %r]))
-print(main(["optimize", scene, "--out", %r]))
+scene, out = %r, %r
+print("plain", main(["examples"]), main(["schema"]), main(["new", "top", out + "/new.toml"]))
+for command in ("run", "disperse", "explain", "cost", "budget", "optimize"):
+    main([command, scene])
 ts = jnp.arange(3.0)
 y0 = BodyState(position=jnp.array([1.0, 0.0, 0.0]), velocity=jnp.array([0.0, 1.0, 0.0]))
 run = jaxspace.simulate(jaxspace.orbits.TwoBody(1.0), y0, ts)
 whole = np.zeros(2, int)
 table = Dispersion({"a": np.zeros(2)}, {"b": np.zeros(2)}, whole, whole, {}, 0)
-from jaxspace.io import read_tle
 for call in (
     lambda: jaxspace.load(scene),
     run.plot,
+    lambda: plots.trajectory_figure(run),
     run.to_xarray,
     table.to_dataset,
     lambda: table.to_csv("table.csv"),
+    lambda: table.to_parquet("table.parquet"),
+    lambda: plots.dispersion_figure(table),
     lambda: read_tle(chr(10)),
+    lambda: read_omm("{}"),
+    DaskCluster()._client().__enter__,
 ):
     try:
         call()
     except MissingExtra as error:
-        print(error)
+        print(error, file=sys.stderr)
+    else:
+        print("no sentence", file=sys.stderr)
 """
+)
+# What each call of `CALLS` lacks first, and the extra that brings it.
+LIBRARIES = [
+    ("pint", "app"),
+    ("matplotlib", "app"),
+    ("matplotlib", "app"),
+    ("xarray", "app"),
+    ("xarray", "app"),
+    ("pandas", "app"),
+    ("pyarrow", "parquet"),
+    ("matplotlib", "app"),
+    ("sgp4", "ephemerides"),
+    ("sgp4", "ephemerides"),
+    ("distributed", "cluster"),
+]
 
 
 def test_a_base_installation_names_the_extra(tmp_path):
-    """At every entry point, with the libraries of the extras hidden from the import."""
+    """At every entry point, with all that the extras bring hidden from the import."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     scene = str(ROOT / "examples" / "scenes" / "top.toml")
-    code = BASE % (scene, str(tmp_path), str(tmp_path))
+    code = CALLS % (project["dependencies"], scene, str(tmp_path))
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
-    said = [*done.stderr.splitlines(), *done.stdout.splitlines()]
-    assert len(said) == 2 + 2 + 6, said
-    assert done.stdout.splitlines()[:2] == ["2", "2"]
-    for line, library in zip(said[:2], ("pint", "tqdm"), strict=True):
-        assert line.startswith(f"{scene}: {library} is not installed: it comes with the extra app")
-    libraries = ("pint", "matplotlib", "xarray", "xarray", "pandas", "sgp4")
-    for line, library in zip(said[4:], libraries, strict=True):
-        assert line.startswith(f"{library} is not installed: it comes with the extra "), line
+    # These need no extra.
+    assert "plain 0 0 0" in done.stdout
+    wanted = [(f"{scene}: {library}", "app") for library in ["pint"] * 5 + ["tqdm"]] + LIBRARIES
+    said = done.stderr.splitlines()
+    assert len(said) == len(wanted), said
+    for line, (library, name) in zip(said, wanted, strict=True):
+        sentence = f'comes with the extra {name} (pip install "jaxspace[{name}]").'
+        assert line == f"{library} is not installed: it {sentence}"
+
+
+def test_what_an_extra_brings_is_imported_under_its_name():
+    """Every import of it stands within `extra`, or in a file after one that does; those of the
+    command line stand within that of `carry_out`. An `ImportError` that is caught has a way out."""
+    # lineax comes with diffrax.
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    base = {_plain(line).replace("-", "_") for line in project["dependencies"]} | {
+        "lineax"
+    }  # lineax comes with diffrax.
+    known = base | set(sys.stdlib_module_names) | {"jaxspace"}
+    bare = set()
+    for file in PACKAGE.rglob("*.py"):
+        tree = ast.parse(file.read_text())
+        guarded = {
+            name.partition(".")[0]
+            for outer in ast.walk(tree)
+            if _is_guard(outer)
+            for node in ast.walk(outer)
+            for name in _imported(node)
+        }
+        if file.is_relative_to(PACKAGE / "cli"):
+            continue
+        bare |= {
+            (file.name, name)
+            for node in ast.walk(tree)
+            for name in _imported(node)
+            if name.partition(".")[0] not in known | guarded
+        }
+    assert not bare
+
+
+def _is_guard(node):
+    if isinstance(node, ast.If):
+        return ast.unparse(node.test) == "TYPE_CHECKING"
+    if isinstance(node, ast.Try):
+        return any(ast.unparse(h.type or h) == "ImportError" for h in node.handlers)
+    return isinstance(node, ast.With) and any(
+        ast.unparse(item.context_expr).startswith("extra(") for item in node.items
+    )
+
+
+def test_the_lowest_releases_that_are_tried_are_the_floors():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    extras = project["optional-dependencies"]
+    tried = dict(
+        line.split("==")
+        for line in (ROOT / ".ci" / "lowest.txt").read_text().splitlines()
+        if line and not line.startswith("#")
+    )
+    floors = [*project["dependencies"], *extras["app"], *extras["cluster"], *extras["parquet"]]
+    for floor in floors:
+        name, _, version = floor.partition(">=")
+        # A patch release more where the first one has no file for the oldest Python.
+        assert f"{tried[name]}.".startswith(f"{version}."), floor

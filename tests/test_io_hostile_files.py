@@ -59,6 +59,21 @@ def test_numbers_and_lists_without_end(tmp_path, line, words):
     assert words in refusal(tmp_path / "scene.toml", f"{line}\n{TOP}")
 
 
+def test_the_format_of_a_file(tmp_path):
+    """Without a format it is the first one; a later one is refused alone, with the way forward."""
+    path = tmp_path / "scene.toml"
+    assert "format = 1\n" in TOP
+    without = TOP.replace("format = 1\n", "")
+    assert load(path, text=without).values["format"] == 1
+    later = refusal(path, f"format = 2\nunheard_of = 3\n{without}")
+    assert "format is 2: jaxspace" in later and "reads up to 1" in later and "upgrade" in later
+    assert len(later.splitlines()) == 1
+    for wrong in ("0", "true", '"1"', "1.0"):
+        assert "it must be a whole number above zero" in refusal(
+            path, f"format = {wrong}\n{without}"
+        )
+
+
 def test_many_unknown_keys_are_refused_at_once(tmp_path):
     """The nearest name of each of them takes a minute; a second is far more than twenty take."""
     keys = "".join(f"k{k} = 1\n" for k in range(200_000))

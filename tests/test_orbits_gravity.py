@@ -174,6 +174,10 @@ def test_derivatives_in_single_precision(r):
             np.testing.assert_allclose(found, exact, atol=2e-6 * np.abs(exact).max())
 
 
+@pytest.mark.skipif(
+    jax.__version_info__ < (0, 11, 2),
+    reason="The compiler of earlier releases computes them again whatever stands between.",
+)
 def test_stages_that_follow_from_one_another_compute_each_once():
     """In a step of a user's own, outside of the library's loop. With eight stages, each from the
     sum of those before, the work is some twelve times that of one; 39 times where the compiler

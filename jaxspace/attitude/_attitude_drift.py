@@ -34,9 +34,9 @@ from typing import final
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array
 
-from ..core import AbstractClosedForm, AbstractSystem, Scalar, as_float, quantity
+from ..core import AbstractClosedForm, AbstractSystem, NumberField, Scalar, as_float, quantity
 
 FASTEST_DRIFT = math.atan(math.sqrt(0.5))
 """Angle, rad, at which the drift by structural damping without resonance is fastest."""
@@ -140,7 +140,7 @@ def structural_damping(gamma: Scalar) -> Scalar:
 class DriftState(eqx.Module):
     """Where the axis stands; also the rate of this."""
 
-    angle: Float[Array, "*#runs"] = quantity("rad", doc="theta, between the axis and h")
+    angle: NumberField = quantity("rad", doc="theta, between the axis and h")
 
 
 @final
@@ -149,11 +149,11 @@ class AttitudeDrift(AbstractSystem):
 
     The motion is known in closed form: its time by `drift_time`, its angle by a root."""
 
-    drift_constant: Float[Array, "*#runs"] = quantity("1/s", doc="K")
-    frequency_ratio: Float[Array, "*#runs"] = quantity(
+    drift_constant: NumberField = quantity("1/s", doc="K")
+    frequency_ratio: NumberField = quantity(
         "", non_negative=True, default=0.0, doc="R, of the load at theta = 0 to the damping part"
     )
-    damping: Float[Array, "*#runs"] = quantity(
+    damping: NumberField = quantity(
         "", non_negative=True, default=0.0, doc="alpha, structural damping at resonance"
     )
 

@@ -22,10 +22,9 @@ position, on a body that spins about its axis of symmetry.
 from typing import ClassVar, final
 
 import jax.numpy as jnp
-from jaxtyping import Array, Float
 
 from ..bodies import AbstractJump, BodyState
-from ..core import InputError, Scalar, as_float, axis, end_sqrt, quantity
+from ..core import InputError, NumberField, Scalar, as_float, axis, end_sqrt, quantity
 
 
 def inertia_ratio(I: Scalar, R: Scalar, m: Scalar) -> Scalar:  # noqa: E741
@@ -73,16 +72,12 @@ class YoYo(AbstractJump):
 
     needs: ClassVar[frozenset[str]] = frozenset({"omega"})
 
-    axial_inertia: Float[Array, "*#runs"] = quantity(
+    axial_inertia: NumberField = quantity(
         "kg m^2", positive=True, shared="body.inertia.2", doc="I, of the body without the yo-yo"
     )
-    radius: Float[Array, "*#runs"] = quantity(
-        "m", positive=True, doc="R, on which the cords are wound"
-    )
-    mass: Float[Array, "*#runs"] = quantity(
-        "kg", positive=True, doc="m, of all that is let go together"
-    )
-    cord_length: Float[Array, "*#runs"] = quantity("m", positive=True, doc="l, of one cord")
+    radius: NumberField = quantity("m", positive=True, doc="R, on which the cords are wound")
+    mass: NumberField = quantity("kg", positive=True, doc="m, of all that is let go together")
+    cord_length: NumberField = quantity("m", positive=True, doc="l, of one cord")
 
     def __call__(self, t: Scalar, y: BodyState) -> BodyState:
         """The state after the release. Raises `InputError` for a state without omega."""

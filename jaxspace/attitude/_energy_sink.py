@@ -19,10 +19,9 @@ torque, M makes it circle about its mean by c w_h/(h psi'), small beside theta f
 from typing import ClassVar, final
 
 import jax.numpy as jnp
-from jaxtyping import Array, Float
 
 from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
-from ..core import Scalar, dot, quantity, safe_divide, scale
+from ..core import NumberField, Scalar, dot, quantity, safe_divide, scale
 
 
 def energy_sink_angle(
@@ -50,7 +49,7 @@ class EnergySink(AbstractEffect):
 
     keeps: ClassVar[frozenset[str]] = frozenset({"angular_momentum", "axial_angular_momentum"})
 
-    damping: Float[Array, "*#runs"] = quantity("N m s", non_negative=True, doc="c, of the sink")
+    damping: NumberField = quantity("N m s", non_negative=True, doc="c, of the sink")
 
     def load(self, t: Scalar, y: BodyState, body: AbstractBody) -> Load:
         del t

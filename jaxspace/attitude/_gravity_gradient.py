@@ -30,10 +30,10 @@ second order, is left out.
 from typing import ClassVar, final
 
 import jax.numpy as jnp
-from jaxtyping import Array, Float
 
 from ..bodies import AbstractBody, AbstractEffect, AbstractInertia, BodyState, Load
 from ..core import (
+    NumberField,
     Scalar,
     Vector,
     barrier,
@@ -114,7 +114,7 @@ class GravityGradient(AbstractEffect):
 
     keeps: ClassVar[frozenset[str]] = frozenset({"angular_momentum", "axial_angular_momentum"})
 
-    mu: Float[Array, "*#runs"] = quantity(
+    mu: NumberField = quantity(
         "m^3/s^2",
         positive=True,
         shared="planet.mu",

@@ -9,6 +9,8 @@ from jaxtyping import Array, Float
 from ..bodies import BodyState
 from ..core import (
     AbstractParameters,
+    NumberField,
+    OptionalNumberField,
     Scalar,
     Vector,
     quantity,
@@ -36,8 +38,8 @@ class AbstractMotor(AbstractParameters):
 class ConstantTorque(AbstractMotor):
     """The same torque on every wheel, until a time."""
 
-    drive: Float[Array, "*#runs"] = quantity("N m", key="torque", doc="on every wheel")
-    until: Float[Array, "*#runs"] | None = quantity(
+    drive: NumberField = quantity("N m", key="torque", doc="on every wheel")
+    until: OptionalNumberField = quantity(
         "s", optional=True, doc="time at which the motor stops; never where it is left out"
     )
 
@@ -57,12 +59,10 @@ class PointingControl(AbstractMotor):
     target: Float[Array, "4 *#runs"] = quantity(
         "", doc="quaternion, scalar first, to which the body turns and where it rests"
     )
-    stiffness: Float[Array, "*#runs"] = quantity(
+    stiffness: NumberField = quantity(
         "N m", positive=True, doc="torque per radian of a small error"
     )
-    damping: Float[Array, "*#runs"] = quantity(
-        "N m s", non_negative=True, doc="torque per rate of the body"
-    )
+    damping: NumberField = quantity("N m s", non_negative=True, doc="torque per rate of the body")
 
     def torque(self, t: Scalar, y: BodyState, axes: Array, speed: Array) -> Array:
         del t, speed

@@ -40,7 +40,19 @@ from ..bodies import (
     RigidBody,
     angular_acceleration,
 )
-from ..core import Scalar, State, Vector, axis, cross, dot, quantity, scale, unit, with_rank
+from ..core import (
+    NumberField,
+    Scalar,
+    State,
+    Vector,
+    axis,
+    cross,
+    dot,
+    quantity,
+    scale,
+    unit,
+    with_rank,
+)
 from ..rotations import Quaternion
 
 
@@ -64,17 +76,17 @@ class NutationDamper(AbstractEffect):
         {"angular_momentum", "axial_angular_momentum", "rotational_momentum"}
     )
 
-    mass: Float[Array, "*#runs"] = quantity("kg", positive=True, doc="m0, of the damper")
+    mass: NumberField = quantity("kg", positive=True, doc="m0, of the damper")
     position: Float[Array, "3 *#runs"] = quantity(
         "m", doc="r0, of the damper at rest, from the mass centre in body axes"
     )
     direction: Float[Array, "3 *#runs"] = quantity(
         "", doc="u, in which it slides, in body axes; of any length but zero"
     )
-    stiffness: Float[Array, "*#runs"] = quantity("N/m", non_negative=True, doc="k, of the spring")
-    damping: Float[Array, "*#runs"] = quantity("N s/m", non_negative=True, doc="c, of the dashpot")
-    displacement: Float[Array, "*#runs"] = quantity("m", default=0.0, doc="z at the start")
-    rate: Float[Array, "*#runs"] = quantity("m/s", default=0.0, doc="z' at the start")
+    stiffness: NumberField = quantity("N/m", non_negative=True, doc="k, of the spring")
+    damping: NumberField = quantity("N s/m", non_negative=True, doc="c, of the dashpot")
+    displacement: NumberField = quantity("m", default=0.0, doc="z at the start")
+    rate: NumberField = quantity("m/s", default=0.0, doc="z' at the start")
     thrust: Float[Array, "3 *#runs"] | None = quantity(
         "N", optional=True, doc="F, that pushes the body, in body axes"
     )

@@ -23,9 +23,9 @@ from typing import final
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array
 
-from ..core import AbstractSystem, Scalar, Vector, check_components, jacobi, quantity
+from ..core import AbstractSystem, NumberField, Scalar, Vector, check_components, jacobi, quantity
 
 
 def pitch_libration(t: Scalar, amplitude: Scalar, moments: Vector, mean_motion: Scalar) -> Scalar:
@@ -60,20 +60,18 @@ def pitch_libration(t: Scalar, amplitude: Scalar, moments: Vector, mean_motion: 
 class LibrationState(eqx.Module):
     """Pitch, its rate, and the place on the orbit."""
 
-    pitch: Float[Array, "*#runs"] = quantity("rad", doc="th, from the outward radius")
-    pitch_rate: Float[Array, "*#runs"] = quantity("rad/s", doc="th'")
-    true_anomaly: Float[Array, "*#runs"] = quantity("rad", doc="f, from the periapsis")
+    pitch: NumberField = quantity("rad", doc="th, from the outward radius")
+    pitch_rate: NumberField = quantity("rad/s", doc="th'")
+    true_anomaly: NumberField = quantity("rad", doc="f, from the periapsis")
 
 
 @final
 class EllipticLibration(AbstractSystem):
     """Pitch of a body on an elliptic orbit. State: `LibrationState`."""
 
-    mean_motion: Float[Array, "*#runs"] = quantity("rad/s", positive=True, doc="n, of the orbit")
-    eccentricity: Float[Array, "*#runs"] = quantity("", low=0.0, high=0.99, doc="e, of the orbit")
-    inertia_ratio: Float[Array, "*#runs"] = quantity(
-        "", low=-1.0, high=1.0, doc="kappa, (I_1 - I_3)/I_2"
-    )
+    mean_motion: NumberField = quantity("rad/s", positive=True, doc="n, of the orbit")
+    eccentricity: NumberField = quantity("", low=0.0, high=0.99, doc="e, of the orbit")
+    inertia_ratio: NumberField = quantity("", low=-1.0, high=1.0, doc="kappa, (I_1 - I_3)/I_2")
 
     def vector_field(self, t: Scalar, y: LibrationState) -> LibrationState:
         del t

@@ -37,11 +37,13 @@ from typing import final
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array
 
 from ..bodies import BodyState
 from ..core import (
     AbstractSystem,
+    NumberField,
+    OptionalNumberField,
     Scalar,
     Vector,
     argument,
@@ -62,19 +64,19 @@ class RollingDisk(AbstractSystem):
     """A disk that rolls on the plane z = 0. State: `BodyState` with the position of its centre,
     attitude and omega, best made by `state`; the velocity follows from them."""
 
-    mass: Float[Array, "*#runs"] = quantity("kg", positive=True, doc="m, of the disk")
-    radius: Float[Array, "*#runs"] = quantity("m", positive=True, doc="R, of the rim")
-    transverse_inertia: Float[Array, "*#runs"] = quantity(
+    mass: NumberField = quantity("kg", positive=True, doc="m, of the disk")
+    radius: NumberField = quantity("m", positive=True, doc="R, of the rim")
+    transverse_inertia: NumberField = quantity(
         "kg m^2", positive=True, doc="A, about a diameter: m R^2/4 for a disk, m R^2/2 for a hoop"
     )
-    axial_inertia: Float[Array, "*#runs"] = quantity(
+    axial_inertia: NumberField = quantity(
         "kg m^2", positive=True, doc="C, about the normal: m R^2/2 for a disk, m R^2 for a hoop"
     )
-    gravity: Float[Array, "*#runs"] = quantity("m/s^2", positive=True, doc="g, downwards")
-    contour_damping: Float[Array, "*#runs"] | None = quantity(
+    gravity: NumberField = quantity("m/s^2", positive=True, doc="g, downwards")
+    contour_damping: OptionalNumberField = quantity(
         "N m s", non_negative=True, optional=True, doc="c, viscous resistance of the contour"
     )
-    contour_friction: Float[Array, "*#runs"] | None = quantity(
+    contour_friction: OptionalNumberField = quantity(
         "", non_negative=True, optional=True, doc="mu, dry resistance of the contour"
     )
 

@@ -16,10 +16,11 @@ from typing import final
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array
 
 from ..core import (
     AbstractSystem,
+    NumberField,
     Scalar,
     argument,
     as_float,
@@ -34,8 +35,8 @@ from ..core import (
 class TiltState(eqx.Module):
     """The angle of a pinned body, and its rate; also the rates of both."""
 
-    tilt: Float[Array, "*#runs"] = quantity("rad", doc="theta, from the downward vertical")
-    tilt_rate: Float[Array, "*#runs"] = quantity("rad/s", doc="theta'")
+    tilt: NumberField = quantity("rad", doc="theta, from the downward vertical")
+    tilt_rate: NumberField = quantity("rad/s", doc="theta'")
 
 
 @final
@@ -43,16 +44,12 @@ class ShaftPendulum(AbstractSystem):
     """A body of revolution that is pinned to a vertical shaft which turns at a constant rate, such
     as a disk on a stem. At the rate zero it is the plane pendulum. State: `TiltState`."""
 
-    transverse_inertia: Float[Array, "*#runs"] = quantity(
-        "kg m^2", positive=True, doc="A, about the pin"
-    )
-    axial_inertia: Float[Array, "*#runs"] = quantity(
-        "kg m^2", non_negative=True, doc="C, about the stem"
-    )
-    weight_moment: Float[Array, "*#runs"] = quantity(
+    transverse_inertia: NumberField = quantity("kg m^2", positive=True, doc="A, about the pin")
+    axial_inertia: NumberField = quantity("kg m^2", non_negative=True, doc="C, about the stem")
+    weight_moment: NumberField = quantity(
         "N m", positive=True, doc="W l, weight times distance of the mass centre from the pin"
     )
-    shaft_rate: Float[Array, "*#runs"] = quantity("rad/s", default=0.0, doc="Omega, of the shaft")
+    shaft_rate: NumberField = quantity("rad/s", default=0.0, doc="Omega, of the shaft")
 
     def vector_field(self, t: Scalar, y: TiltState) -> TiltState:
         del t

@@ -29,6 +29,7 @@ from jaxtyping import Array, Float
 
 from ..core import (
     AbstractSystem,
+    NumberField,
     Scalar,
     Vector,
     argument,
@@ -82,8 +83,8 @@ class PendulumState(eqx.Module):
 class SphericalPendulum(AbstractSystem):
     """A spherical pendulum. State: `PendulumState`, best made by `state`."""
 
-    length: Float[Array, "*#runs"] = quantity("m", positive=True, doc="l, of the rod")
-    gravity: Float[Array, "*#runs"] = quantity("m/s^2", positive=True, doc="g, downwards")
+    length: NumberField = quantity("m", positive=True, doc="l, of the rod")
+    gravity: NumberField = quantity("m/s^2", positive=True, doc="g, downwards")
 
     def vector_field(self, t: Scalar, y: PendulumState) -> PendulumState:
         del t

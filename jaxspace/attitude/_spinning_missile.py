@@ -35,6 +35,7 @@ from ..bodies import AbstractInertia, principal_axes
 from ..core import (
     AbstractParameters,
     Matrix,
+    NumberField,
     Scalar,
     axis,
     quantity,
@@ -111,13 +112,9 @@ def _arcsine_ratio(k: int) -> float:
 class SpinningMissile(AbstractParameters):
     """A symmetric body that spins about its axis, z, under a transverse moment."""
 
-    transverse_inertia: Float[Array, "*#runs"] = quantity(
-        "kg m^2", positive=True, doc="A, across the axis"
-    )
-    axial_inertia: Float[Array, "*#runs"] = quantity(
-        "kg m^2", positive=True, doc="C, along the axis"
-    )
-    spin_rate: Float[Array, "*#runs"] = quantity("rad/s", doc="n")
+    transverse_inertia: NumberField = quantity("kg m^2", positive=True, doc="A, across the axis")
+    axial_inertia: NumberField = quantity("kg m^2", positive=True, doc="C, along the axis")
+    spin_rate: NumberField = quantity("rad/s", doc="n")
 
     def nutation_rate(self) -> Scalar:
         """lam, rad/s: the rate of the free transverse rotation in body axes (Thomson 7.2-6)."""

@@ -30,10 +30,11 @@ from typing import final
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array
 
 from ..core import (
     AbstractSystem,
+    NumberField,
     Scalar,
     argument,
     as_float,
@@ -80,9 +81,9 @@ def zero_spin_radial_cord(I: Scalar, R: Scalar, m: Scalar) -> Scalar:  # noqa: E
 class SwingState(eqx.Module):
     """Spin of the body, and angle of its cords or arms; also the rates of these."""
 
-    spin: Float[Array, "*#runs"] = quantity("rad/s", doc="w, of the body")
-    angle: Float[Array, "*#runs"] = quantity("rad", doc="g of a cord, theta of an arm")
-    angle_rate: Float[Array, "*#runs"] = quantity("rad/s", doc="of the angle")
+    spin: NumberField = quantity("rad/s", doc="w, of the body")
+    angle: NumberField = quantity("rad", doc="g of a cord, theta of an arm")
+    angle_rate: NumberField = quantity("rad/s", doc="of the angle")
 
 
 @final
@@ -90,12 +91,12 @@ class SwingingCords(AbstractSystem):
     """Masses on unwound cords that are hinged to the drum. State: `SwingState`, best made by
     `state`."""
 
-    axial_inertia: Float[Array, "*#runs"] = quantity(
+    axial_inertia: NumberField = quantity(
         "kg m^2", positive=True, doc="I, of the body without the masses"
     )
-    radius: Float[Array, "*#runs"] = quantity("m", positive=True, doc="R, of the drum")
-    mass: Float[Array, "*#runs"] = quantity("kg", positive=True, doc="m, of all masses together")
-    cord_length: Float[Array, "*#runs"] = quantity("m", positive=True, doc="l, of one cord")
+    radius: NumberField = quantity("m", positive=True, doc="R, of the drum")
+    mass: NumberField = quantity("kg", positive=True, doc="m, of all masses together")
+    cord_length: NumberField = quantity("m", positive=True, doc="l, of one cord")
 
     @staticmethod
     @constructor(
@@ -151,14 +152,12 @@ class SwingOutArms(AbstractSystem):
     by `state`. Unlike a yo-yo they slow the spin by a share that does not depend on it, and cannot
     stop it."""
 
-    axial_inertia: Float[Array, "*#runs"] = quantity(
+    axial_inertia: NumberField = quantity(
         "kg m^2", positive=True, doc="I, of the body without the masses"
     )
-    mass: Float[Array, "*#runs"] = quantity("kg", positive=True, doc="m, of all masses together")
-    hinge_radius: Float[Array, "*#runs"] = quantity(
-        "m", positive=True, doc="r_0, of the hinges from the axis"
-    )
-    arm_length: Float[Array, "*#runs"] = quantity("m", positive=True, doc="l, of an arm")
+    mass: NumberField = quantity("kg", positive=True, doc="m, of all masses together")
+    hinge_radius: NumberField = quantity("m", positive=True, doc="r_0, of the hinges from the axis")
+    arm_length: NumberField = quantity("m", positive=True, doc="l, of an arm")
 
     @staticmethod
     @constructor(spin=argument("rad/s", doc="w_0, with the arms along the axis"))

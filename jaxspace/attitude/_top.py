@@ -37,11 +37,12 @@ from collections.abc import Sequence
 from typing import final
 
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array
 
 from ..bodies import BodyState
 from ..core import (
     AbstractSystem,
+    NumberField,
     Scalar,
     Vector,
     argument,
@@ -106,13 +107,13 @@ class Top(AbstractSystem):
     """A heavy symmetric top on a fixed point. State: `BodyState` with attitude and omega only,
     best made by `Top.state`."""
 
-    transverse_inertia: Float[Array, "*#runs"] = quantity(
+    transverse_inertia: NumberField = quantity(
         "kg m^2", positive=True, doc="A, about the fixed point, across the axis of the top"
     )
-    axial_inertia: Float[Array, "*#runs"] = quantity(
+    axial_inertia: NumberField = quantity(
         "kg m^2", positive=True, doc="C, about the axis of the top"
     )
-    weight_moment: Float[Array, "*#runs"] = quantity(
+    weight_moment: NumberField = quantity(
         "N m", doc="W l, weight times distance of the mass centre up the axis"
     )
 

@@ -29,6 +29,7 @@ from jaxtyping import Array, Float
 from ..core import (
     AbstractClosedForm,
     AbstractSystem,
+    NumberField,
     Scalar,
     argument,
     as_float,
@@ -51,9 +52,9 @@ class CordState(eqx.Module):
 
     The stretch is absent where the cords are inextensible."""
 
-    spin: Float[Array, "*#runs"] = quantity("rad/s", doc="w, of the body")
-    angle: Float[Array, "*#runs"] = quantity("rad", doc="phi, unwound")
-    angle_rate: Float[Array, "*#runs"] = quantity("rad/s", doc="phi'")
+    spin: NumberField = quantity("rad/s", doc="w, of the body")
+    angle: NumberField = quantity("rad", doc="phi, unwound")
+    angle_rate: NumberField = quantity("rad/s", doc="phi'")
     stretch: Stretch = quantity("m", optional=True, doc="x, of a cord")
     stretch_rate: Stretch = quantity("m/s", optional=True, doc="x'")
 
@@ -63,11 +64,11 @@ class UnwindingCords(AbstractSystem):
     """A body that spins about its axis while masses on inextensible cords unwind. State:
     `CordState`, best made by `state`; the motion is known in closed form."""
 
-    axial_inertia: Float[Array, "*#runs"] = quantity(
+    axial_inertia: NumberField = quantity(
         "kg m^2", positive=True, doc="I, of the body without the masses"
     )
-    radius: Float[Array, "*#runs"] = quantity("m", positive=True, doc="R, of the drum")
-    mass: Float[Array, "*#runs"] = quantity("kg", positive=True, doc="m, of all masses together")
+    radius: NumberField = quantity("m", positive=True, doc="R, of the drum")
+    mass: NumberField = quantity("kg", positive=True, doc="m, of all masses together")
 
     def inertia_ratio(self) -> Scalar:
         """C, 1."""
@@ -131,12 +132,12 @@ class StretchingCords(AbstractSystem):
     """As `UnwindingCords`, on cords that a spring stretches. State: `CordState` with a stretch,
     best made by `state`."""
 
-    axial_inertia: Float[Array, "*#runs"] = quantity(
+    axial_inertia: NumberField = quantity(
         "kg m^2", positive=True, doc="I, of the body without the masses"
     )
-    radius: Float[Array, "*#runs"] = quantity("m", positive=True, doc="R, of the drum")
-    mass: Float[Array, "*#runs"] = quantity("kg", positive=True, doc="m, of all masses together")
-    stiffness: Float[Array, "*#runs"] = quantity(
+    radius: NumberField = quantity("m", positive=True, doc="R, of the drum")
+    mass: NumberField = quantity("kg", positive=True, doc="m, of all masses together")
+    stiffness: NumberField = quantity(
         "N/m", positive=True, doc="k, of the springs of all cords together"
     )
 

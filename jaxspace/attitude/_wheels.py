@@ -31,6 +31,8 @@ from jaxtyping import Array, Float
 
 from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
 from ..core import (
+    NumberField,
+    OptionalNumberField,
     Scalar,
     State,
     Vector,
@@ -105,16 +107,16 @@ class ReactionWheels(AbstractEffect):
     speed: Float[Array, "wheels *#runs"] = quantity(
         "rad/s", doc="of each wheel relative to the body, at the start"
     )
-    friction: Float[Array, "*#runs"] = quantity(
+    friction: NumberField = quantity(
         "N m s", non_negative=True, default=0.0, doc="viscous torque per speed, of every wheel"
     )
-    torque_limit: Float[Array, "*#runs"] | None = quantity(
+    torque_limit: OptionalNumberField = quantity(
         "N m", positive=True, optional=True, doc="greatest torque of a motor"
     )
-    speed_limit: Float[Array, "*#runs"] | None = quantity(
+    speed_limit: OptionalNumberField = quantity(
         "rad/s", positive=True, optional=True, doc="speed at which a motor drives no further"
     )
-    knee: Float[Array, "*#runs"] = quantity(
+    knee: NumberField = quantity(
         "",
         low=0.0,
         high=1.0,

@@ -17,9 +17,8 @@ from abc import abstractmethod
 from typing import NamedTuple, final
 
 import jax.numpy as jnp
-from jaxtyping import Array, Float
 
-from ..core import AbstractParameters, Scalar, quantity
+from ..core import AbstractParameters, NumberField, Scalar, quantity
 
 GAS_CONSTANT = 8314.32  # J/(kmol K)
 MOLAR_MASS = 28.9644  # kg/kmol
@@ -93,13 +92,13 @@ class AbstractAtmosphere(AbstractParameters):
 class ExponentialAtmosphere(AbstractAtmosphere):
     """Air whose density falls by the factor e over each scale height."""
 
-    density: Float[Array, "*#runs"] = quantity(
+    density: NumberField = quantity(
         "kg/m^3", non_negative=True, doc="of the air at the reference height"
     )
-    reference_height: Float[Array, "*#runs"] = quantity(
+    reference_height: NumberField = quantity(
         "m", doc="height above the planet at which the density is given"
     )
-    scale_height: Float[Array, "*#runs"] = quantity(
+    scale_height: NumberField = quantity(
         "m", positive=True, doc="climb over which the density falls by the factor e"
     )
 

@@ -23,6 +23,8 @@ from jaxtyping import Array, Float
 
 from ..core import (
     AbstractParameters,
+    NumberField,
+    OptionalNumberField,
     Scalar,
     Vector,
     axis,
@@ -77,7 +79,7 @@ class RigidBody(AbstractBody):
     Either may be absent: a point needs no inertia, and the mass drops out of motion under gravity
     alone."""
 
-    mass: Float[Array, "*#runs"] | None = quantity("kg", positive=True, optional=True, doc="mass")
+    mass: OptionalNumberField = quantity("kg", positive=True, optional=True, doc="mass")
     moment_of_inertia: AbstractInertia | None = quantity(
         "kg m^2",
         key="inertia",
@@ -120,9 +122,7 @@ class BurningBody(AbstractBody):
 
     The dry centre of mass is the origin of the construction axes."""
 
-    dry_mass: Float[Array, "*#runs"] = quantity(
-        "kg", positive=True, doc="of the body without propellant"
-    )
+    dry_mass: NumberField = quantity("kg", positive=True, doc="of the body without propellant")
     dry_inertia: AbstractInertia = quantity(
         "kg m^2",
         key="inertia",
@@ -132,10 +132,10 @@ class BurningBody(AbstractBody):
     gyration_radii: Float[Array, "3 *#runs"] = quantity(
         "m", non_negative=True, doc="radii of gyration of the propellant about its own centre"
     )
-    propellant_station: Float[Array, "*#runs"] = quantity(
+    propellant_station: NumberField = quantity(
         "m", default=0.0, doc="z of the propellant's centre, from the dry centre of mass"
     )
-    propellant_mass: Float[Array, "*#runs"] | None = quantity(
+    propellant_mass: OptionalNumberField = quantity(
         "kg", positive=True, optional=True, doc="carried at the start; the state holds what is left"
     )
 

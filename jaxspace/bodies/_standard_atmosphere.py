@@ -34,9 +34,9 @@ from typing import final
 import jax.numpy as jnp
 import numpy as np
 from jax import lax
-from jaxtyping import Array, Float
+from jaxtyping import Array
 
-from ..core import Choice, Scalar, constructor, quantity
+from ..core import Choice, NumberField, Scalar, constructor, quantity
 from ._atmosphere import GAS_CONSTANT, GRAVITY, HEAT_RATIO, MOLAR_MASS, AbstractAtmosphere, Air
 from ._upper_air import LOG_DENSITY, MOLAR_MASS_CHANGE, molar_mass_ratio
 
@@ -154,7 +154,7 @@ def _upper_temperature(above: Scalar) -> Scalar:
 class StandardAtmosphere(AbstractAtmosphere):
     """The U.S. Standard Atmosphere, 1976, to 1000 km and on."""
 
-    density_factor: Float[Array, "*#runs"] = quantity(
+    density_factor: NumberField = quantity(
         "", non_negative=True, default=1.0, doc="by which the density of the standard is multiplied"
     )
 

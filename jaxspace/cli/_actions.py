@@ -10,6 +10,21 @@ import argparse
 from ._settings import settle
 
 
+def show_examples(given: argparse.Namespace) -> int:
+    """Print the example scenes by goal."""
+    from . import _examples
+
+    del given
+    return _examples.show_examples()
+
+
+def new(given: argparse.Namespace) -> int:
+    """Copy an example scene."""
+    from . import _examples
+
+    return _examples.new(given.name, given.path)
+
+
 def run(given: argparse.Namespace) -> int:
     """Fly the scene or mission of the file once."""
     from . import _commands

@@ -1,5 +1,5 @@
-"""The commands: run, disperse, resume, replay, failures, report, explain, cost, budget, optimize,
-list, schema, verify."""
+"""The commands: examples, new, run, disperse, resume, replay, failures, report, explain, cost,
+budget, optimize, list, schema, verify."""
 
 import sys
 from collections.abc import Sequence

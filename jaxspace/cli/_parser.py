@@ -4,10 +4,14 @@ import argparse
 import math
 from collections.abc import Callable
 
+import jaxspace
+
 from . import _actions as actions
 
 # In this order `--help` lists them.
 COMMANDS: tuple[tuple[str, Callable[[argparse.Namespace], int], str], ...] = (
+    ("examples", actions.show_examples, "list the example scenes by goal"),
+    ("new", actions.new, "copy an example scene into this folder, to begin with"),
     ("run", actions.run, "simulate the nominal run of a scene file"),
     ("disperse", actions.disperse, "simulate a scene file many times with its dispersions"),
     ("resume", actions.resume, "compute the runs that a store lacks, or has damaged"),
@@ -29,11 +33,13 @@ METHODS = ("monte_carlo", "lincov", "second_order", "unscented")
 def parser() -> argparse.ArgumentParser:
     """The parser of the command line: its commands, their arguments and what they mean."""
     top = argparse.ArgumentParser(prog="jaxspace", description="Space dynamics from scene files.")
+    top.add_argument("--version", action="version", version=f"jaxspace {jaxspace.__version__}")
     added = top.add_subparsers(required=True, metavar="COMMAND")
     commands: dict[str, argparse.ArgumentParser] = {}
     for name, action, text in COMMANDS:
         commands[name] = added.add_parser(name, help=text)
         commands[name].set_defaults(command=action)
+    _new_options(commands["new"])
     _file_arguments(commands)
     _run_options(commands["run"])
     _disperse_options(commands["disperse"])
@@ -48,6 +54,11 @@ def parser() -> argparse.ArgumentParser:
     _optimize_options(commands["optimize"])
     _verify_options(commands["verify"])
     return top
+
+
+def _new_options(new: argparse.ArgumentParser) -> None:
+    new.add_argument("name", metavar="NAME", help="of the scene, as `jaxspace examples` lists it")
+    new.add_argument("path", metavar="FILE", nargs="?", help="the copy (default: NAME.toml)")
 
 
 def _file_arguments(commands: dict[str, argparse.ArgumentParser]) -> None:

@@ -19,7 +19,7 @@ from jaxtyping import Array, Float
 
 from ..attitude import AbstractMotor
 from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
-from ..core import Scalar, Vector, norm, quantity, safe_divide, with_rank
+from ..core import NumberField, Scalar, Vector, norm, quantity, safe_divide, with_rank
 
 
 @final
@@ -69,11 +69,9 @@ class CommandedEngine(AbstractEffect):
 
     The command is the thrust in inertial axes. Longer than `max_thrust`, it keeps its direction."""
 
-    max_thrust: Float[Array, "*#runs"] = quantity("N", positive=True, doc="greatest thrust")
-    exhaust_velocity: Float[Array, "*#runs"] = quantity(
-        "m/s", positive=True, doc="thrust over mass flow"
-    )
-    burnout_mass: Float[Array, "*#runs"] = quantity(
+    max_thrust: NumberField = quantity("N", positive=True, doc="greatest thrust")
+    exhaust_velocity: NumberField = quantity("m/s", positive=True, doc="thrust over mass flow")
+    burnout_mass: NumberField = quantity(
         "kg", non_negative=True, doc="with which no propellant is left"
     )
     command: Float[Array, "3 *#runs"] = quantity(

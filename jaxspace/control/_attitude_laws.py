@@ -25,7 +25,17 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, PyTree
 
 from ..attitude import wheel_torques
-from ..core import Scalar, Vector, dot, norm, quantity, unit, with_rank
+from ..core import (
+    NumberField,
+    OptionalNumberField,
+    Scalar,
+    Vector,
+    dot,
+    norm,
+    quantity,
+    unit,
+    with_rank,
+)
 from ..rotations import Quaternion
 from ._controller import AbstractController, measurement
 from ._integral import Integral, integrated, integrating, unwound
@@ -53,16 +63,16 @@ class QuaternionFeedback(AbstractController):
     The command is a torque on the body, N m, (3, *runs); with `axes` the torques on wheels that
     give it, (wheels, *runs). The integral waits while a command is cut by a limit."""
 
-    stiffness: Float[Array, "*#runs"] = quantity(
+    stiffness: NumberField = quantity(
         "N m", non_negative=True, doc="k_p, torque per radian of a small error"
     )
-    damping: Float[Array, "*#runs"] = quantity(
+    damping: NumberField = quantity(
         "N m s", non_negative=True, doc="k_d, torque per angular velocity"
     )
     target: Float[Array, "4 *#runs"] = quantity(
         "", default=(1.0, 0.0, 0.0, 0.0), doc="quaternion, scalar first, to turn to"
     )
-    integral: Float[Array, "*#runs"] | None = quantity(
+    integral: OptionalNumberField = quantity(
         "N m/s", non_negative=True, optional=True, doc="k_i, torque per error and time"
     )
     axes: Float[Array, "3 wheels *#runs"] | None = quantity(
@@ -101,13 +111,13 @@ class MomentumDumping(AbstractController):
     The command is that torque, N m, (3, *runs). While it acts, whatever holds the attitude slows
     the wheels. Reads "wheels", the momenta about the axes."""
 
-    gain: Float[Array, "*#runs"] = quantity(
+    gain: NumberField = quantity(
         "1/s", positive=True, doc="k, torque over momentum: the inverse of the time that it takes"
     )
     axes: Float[Array, "3 wheels *#runs"] = quantity(
         "", doc="of the wheels as columns: x of all, y, z"
     )
-    dead_band: Float[Array, "*#runs"] = quantity(
+    dead_band: NumberField = quantity(
         "kg m^2/s", non_negative=True, default=0.0, doc="momentum that is left in the wheels"
     )
 
@@ -124,8 +134,8 @@ class MomentumDumping(AbstractController):
 class SpinRateControl(AbstractController):
     """Brings a body to a rate about an axis, and leaves what turns across it."""
 
-    gain: Float[Array, "*#runs"] = quantity("N m s", positive=True, doc="k, torque over rate")
-    rate: Float[Array, "*#runs"] = quantity("rad/s", doc="n, wanted about the axis")
+    gain: NumberField = quantity("N m s", positive=True, doc="k, torque over rate")
+    rate: NumberField = quantity("rad/s", doc="n, wanted about the axis")
     axis: Float[Array, "3 *#runs"] = quantity(
         "", default=(0.0, 0.0, 1.0), doc="of the spin, of any length but zero"
     )
@@ -141,11 +151,11 @@ class SpinRateControl(AbstractController):
 class NutationControl(AbstractController):
     """Takes the rate across an axis away, and leaves the spin about it."""
 
-    gain: Float[Array, "*#runs"] = quantity("N m s", positive=True, doc="k, torque over rate")
+    gain: NumberField = quantity("N m s", positive=True, doc="k, torque over rate")
     axis: Float[Array, "3 *#runs"] = quantity(
         "", default=(0.0, 0.0, 1.0), doc="of the spin, of any length but zero"
     )
-    dead_band: Float[Array, "*#runs"] = quantity(
+    dead_band: NumberField = quantity(
         "rad/s", non_negative=True, default=0.0, doc="rate across the axis that is left alone"
     )
 

@@ -24,7 +24,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, PyTree
 
-from ..core import InputError, Scalar, Vector, quantity, with_rank
+from ..core import InputError, NumberField, OptionalNumberField, Scalar, Vector, quantity, with_rank
 from ._controller import AbstractController, measurement
 from ._integral import Integral, integrated, integrating, unwound
 
@@ -36,9 +36,9 @@ class PID(AbstractController):
 
     - `reads`, `rate`: names of what is measured, position and velocity by default."""
 
-    proportional: Float[Array, "*#runs"] = quantity("", doc="k_p, command over error")
-    derivative: Float[Array, "*#runs"] = quantity("", doc="k_d, command over rate")
-    integral: Float[Array, "*#runs"] | None = quantity(
+    proportional: NumberField = quantity("", doc="k_p, command over error")
+    derivative: NumberField = quantity("", doc="k_d, command over rate")
+    integral: OptionalNumberField = quantity(
         "", optional=True, doc="k_i, command over integral of the error"
     )
     target: Float[Array, "3 *#runs"] = quantity(
@@ -73,13 +73,13 @@ class LeastEffortGuidance(AbstractController):
     Reads position, velocity and mass. Valid where the thrust stays within its limit; the time to go
     falls no lower than `least_time`."""
 
-    arrival: Float[Array, "*#runs"] = quantity("s", doc="time at which to be there")
+    arrival: NumberField = quantity("s", doc="time at which to be there")
     gravity: Float[Array, "3 *#runs"] = quantity("m/s^2", doc="g, in inertial axes")
     target: Float[Array, "3 *#runs"] = quantity("m", default=(0.0, 0.0, 0.0), doc="r, where to be")
     velocity: Float[Array, "3 *#runs"] = quantity(
         "m/s", default=(0.0, 0.0, 0.0), doc="v_f, with which to arrive"
     )
-    least_time: Float[Array, "*#runs"] = quantity(
+    least_time: NumberField = quantity(
         "s", positive=True, default=1.0, doc="to go, below which the gains grow no more"
     )
 

@@ -12,7 +12,16 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, PRNGKeyArray
 
 from ..bodies import BodyState, RigidBody
-from ..core import AbstractSystem, Scalar, as_float, dot, norm, quantity, with_rank
+from ..core import (
+    AbstractSystem,
+    Scalar,
+    SingleNumberField,
+    as_float,
+    dot,
+    norm,
+    quantity,
+    with_rank,
+)
 from ..orbits import ClohessyWiltshire, UniformGravity
 from ..scene import Scene
 from ._actuators import CommandedEngine
@@ -57,12 +66,12 @@ class LandingTask(AbstractEnvironment):
     `soft` says whether it touches below 2 m/s."""
 
     scene: Scene = eqx.field(default_factory=_lander)
-    mass: Float[Array, ""] = quantity("kg", positive=True, default=2000.0, doc="at the start")
-    distance: Float[Array, ""] = quantity("m", positive=True, default=1000.0, doc="at the start")
-    speed: Float[Array, ""] = quantity("m/s", positive=True, default=50.0, doc="scale of speeds")
-    period: Float[Array, ""] = quantity("s", positive=True, default=0.5, doc="of a step")
-    horizon: Float[Array, ""] = quantity("s", positive=True, default=120.0, doc="of an episode")
-    effort: Float[Array, ""] = quantity("", non_negative=True, default=0.05, doc="of propellant")
+    mass: SingleNumberField = quantity("kg", positive=True, default=2000.0, doc="at the start")
+    distance: SingleNumberField = quantity("m", positive=True, default=1000.0, doc="at the start")
+    speed: SingleNumberField = quantity("m/s", positive=True, default=50.0, doc="scale of speeds")
+    period: SingleNumberField = quantity("s", positive=True, default=0.5, doc="of a step")
+    horizon: SingleNumberField = quantity("s", positive=True, default=120.0, doc="of an episode")
+    effort: SingleNumberField = quantity("", non_negative=True, default=0.05, doc="of propellant")
     method: FixedSteps = eqx.field(static=True, default=ONE_STEP)
 
     @property
@@ -123,14 +132,14 @@ class RendezvousTask(AbstractEnvironment):
     motion: ClohessyWiltshire = eqx.field(
         default_factory=lambda: ClohessyWiltshire(as_float(1.1e-3))
     )
-    thrust: Float[Array, ""] = quantity(
+    thrust: SingleNumberField = quantity(
         "m/s^2", positive=True, default=0.01, doc="greatest acceleration along an axis"
     )
-    distance: Float[Array, ""] = quantity("m", positive=True, default=1000.0, doc="at the start")
-    speed: Float[Array, ""] = quantity("m/s", positive=True, default=1.0, doc="scale of speeds")
-    period: Float[Array, ""] = quantity("s", positive=True, default=10.0, doc="of a step")
-    horizon: Float[Array, ""] = quantity("s", positive=True, default=6000.0, doc="of an episode")
-    effort: Float[Array, ""] = quantity("", non_negative=True, default=0.05, doc="of actions")
+    distance: SingleNumberField = quantity("m", positive=True, default=1000.0, doc="at the start")
+    speed: SingleNumberField = quantity("m/s", positive=True, default=1.0, doc="scale of speeds")
+    period: SingleNumberField = quantity("s", positive=True, default=10.0, doc="of a step")
+    horizon: SingleNumberField = quantity("s", positive=True, default=6000.0, doc="of an episode")
+    effort: SingleNumberField = quantity("", non_negative=True, default=0.05, doc="of actions")
     method: FixedSteps = eqx.field(static=True, default=ONE_STEP)
 
     @property

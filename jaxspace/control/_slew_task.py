@@ -8,11 +8,11 @@ from typing import final
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, PRNGKeyArray
+from jaxtyping import Array, Bool, PRNGKeyArray
 
 from ..attitude import ReactionWheels
 from ..bodies import BodyState, RigidBody
-from ..core import Scalar, as_float, dot, quantity
+from ..core import Scalar, SingleNumberField, as_float, dot, quantity
 from ..rotations import Quaternion
 from ..scene import Scene
 from ._actuators import CommandedMotor
@@ -43,11 +43,11 @@ class SlewTask(AbstractEnvironment):
     ends early where the body spins up to `rate_limit`."""
 
     scene: Scene = eqx.field(default_factory=_satellite)
-    period: Float[Array, ""] = quantity("s", positive=True, default=0.5, doc="of a step")
-    horizon: Float[Array, ""] = quantity("s", positive=True, default=300.0, doc="of an episode")
-    rate_scale: Float[Array, ""] = quantity("rad/s", positive=True, default=0.05, doc="of rates")
-    rate_limit: Float[Array, ""] = quantity("rad/s", positive=True, default=0.5, doc="end")
-    effort: Float[Array, ""] = quantity("", non_negative=True, default=0.01, doc="w, of actions")
+    period: SingleNumberField = quantity("s", positive=True, default=0.5, doc="of a step")
+    horizon: SingleNumberField = quantity("s", positive=True, default=300.0, doc="of an episode")
+    rate_scale: SingleNumberField = quantity("rad/s", positive=True, default=0.05, doc="of rates")
+    rate_limit: SingleNumberField = quantity("rad/s", positive=True, default=0.5, doc="end")
+    effort: SingleNumberField = quantity("", non_negative=True, default=0.01, doc="w, of actions")
     method: FixedSteps = eqx.field(static=True, default=ONE_STEP)
 
     @property

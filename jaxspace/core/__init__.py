@@ -90,7 +90,10 @@ from ._trigonometry import atan2 as atan2
 from ._trigonometry import sincos as sincos
 from ._types import Flag as Flag
 from ._types import Matrix as Matrix
+from ._types import NumberField as NumberField
+from ._types import OptionalNumberField as OptionalNumberField
 from ._types import Scalar as Scalar
+from ._types import SingleNumberField as SingleNumberField
 from ._types import State as State
 from ._types import Vector as Vector
 from ._types import as_float as as_float

@@ -122,7 +122,8 @@ def quantity(
     converter: Callable[..., object] | None = None,
     **declared: Any,
 ) -> Any:
-    """A field of a module that holds numbers of one quantity: `mass: Scalar = quantity("kg", ...)`.
+    """A field of a module that holds numbers of one quantity:
+    `mass: NumberField = quantity("kg", ...)`.
 
     The annotation gives the shape; the value is converted to a floating-point array.
 

@@ -7,14 +7,38 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import jax.numpy as jnp
 import numpy as np
+from jax.typing import ArrayLike
 from jaxtyping import Array, Bool, Float, PyTree
 
 if TYPE_CHECKING:
     # A formula takes a Python float as well as an array, and returns an array if it got one: more
     # than a static type can say.
     Scalar: TypeAlias = Any
+
+    class NumberField:
+        """A declared number of a module: an array, made of any number or array that is given.
+
+        A descriptor, because the constructor of a class takes more than its field then holds, and
+        type checkers read what it takes from `__set__`."""
+
+        def __get__(self, instance: object, owner: object = None) -> Array: ...
+
+        def __set__(self, instance: object, value: ArrayLike) -> None: ...
+
+    class OptionalNumberField:
+        """The same, or `None` for what is absent."""
+
+        def __get__(self, instance: object, owner: object = None) -> Array | None: ...
+
+        def __set__(self, instance: object, value: ArrayLike | None) -> None: ...
+
+    # One for all runs.
+    SingleNumberField = NumberField
 else:
     Scalar: TypeAlias = Float[Array, "*#runs"] | float
+    NumberField: TypeAlias = Float[Array, "*#runs"]
+    OptionalNumberField: TypeAlias = Float[Array, "*#runs"] | None
+    SingleNumberField: TypeAlias = Float[Array, ""]
 Vector: TypeAlias = Float[Array, "3 *#runs"]
 Matrix: TypeAlias = Float[Array, "3 3 *#runs"]
 Flag: TypeAlias = Bool[Array, "*#runs"] | bool

@@ -5,7 +5,7 @@ import queue
 from collections.abc import Iterator, Sequence
 from typing import Any, final
 
-from ..core import InputError
+from ..core import extra
 from ._batch_runner import BatchRunner, cores
 from ._lock import StoreError
 from ._work import (
@@ -76,13 +76,9 @@ class DaskCluster(AbstractEngine):
 
     @contextlib.contextmanager
     def _client(self) -> Iterator[Any]:
-        try:
+        with extra("cluster"):
             from distributed import Client, LocalCluster
-        except ImportError as error:
-            raise InputError(
-                'engine is "dask": it needs the extra `cluster` (pip install "jaxspace[cluster]").'
-            ) from error
-        from distributed.scheduler import KilledWorker
+            from distributed.scheduler import KilledWorker
 
         where = "of this machine" if self.address is None else f"at {self.address}"
         with contextlib.ExitStack() as stack:

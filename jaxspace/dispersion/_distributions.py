@@ -23,7 +23,7 @@ from jax.scipy.special import ndtr, ndtri
 from jax.typing import ArrayLike
 from jaxtyping import Array, Float
 
-from ..core import AbstractParameters, check, is_concrete, quantity
+from ..core import AbstractParameters, SingleNumberField, check, is_concrete, quantity
 
 OF_INPUT = "unit of the input"
 """The unit of a field whose number is a value of the input."""
@@ -105,8 +105,8 @@ def _check_limits(name: str, low: object, high: object) -> None:
 class Normal(AbstractDistribution):
     """The normal distribution."""
 
-    mean: Float[Array, ""] = quantity(OF_INPUT, shared=NOMINAL, doc="mean")
-    deviation: Float[Array, ""] = quantity(
+    mean: SingleNumberField = quantity(OF_INPUT, shared=NOMINAL, doc="mean")
+    deviation: SingleNumberField = quantity(
         SHARE_OF_INPUT, non_negative=True, doc="standard deviation"
     )
 
@@ -132,8 +132,8 @@ class Normal(AbstractDistribution):
 class Uniform(AbstractDistribution):
     """All values from `low` to `high` alike. Raises `InputError` unless `high` is above `low`."""
 
-    low: Float[Array, ""] = quantity(OF_INPUT, doc="lower limit")
-    high: Float[Array, ""] = quantity(OF_INPUT, doc="upper limit")
+    low: SingleNumberField = quantity(OF_INPUT, doc="lower limit")
+    high: SingleNumberField = quantity(OF_INPUT, doc="upper limit")
 
     def __check_init__(self):
         _check_limits("Uniform", self.low, self.high)
@@ -168,12 +168,12 @@ class TruncatedNormal(AbstractDistribution):
     `mean` and `deviation` are those of the normal distribution before it is cut; the cut moves the
     one and shrinks the other. Raises `InputError` unless low <= mean <= high and low < high."""
 
-    mean: Float[Array, ""] = quantity(OF_INPUT, shared=NOMINAL, doc="mean before the cut")
-    deviation: Float[Array, ""] = quantity(
+    mean: SingleNumberField = quantity(OF_INPUT, shared=NOMINAL, doc="mean before the cut")
+    deviation: SingleNumberField = quantity(
         SHARE_OF_INPUT, positive=True, doc="standard deviation before the cut"
     )
-    low: Float[Array, ""] = quantity(OF_INPUT, doc="lower limit")
-    high: Float[Array, ""] = quantity(OF_INPUT, doc="upper limit")
+    low: SingleNumberField = quantity(OF_INPUT, doc="lower limit")
+    high: SingleNumberField = quantity(OF_INPUT, doc="upper limit")
 
     def __check_init__(self):
         _check_limits("TruncatedNormal", self.low, self.high)
@@ -219,7 +219,7 @@ class TruncatedNormal(AbstractDistribution):
 class Constant(AbstractDistribution):
     """Always the same value."""
 
-    value: Float[Array, ""] = quantity(OF_INPUT, doc="value")
+    value: SingleNumberField = quantity(OF_INPUT, doc="value")
 
     @property
     def mean(self) -> Float[Array, ""]:  # pyright: ignore[reportIncompatibleVariableOverride]

@@ -19,7 +19,7 @@ import numpy as np
 from jax.scipy.special import ndtr
 from jaxtyping import Array, Float
 
-from ..core import check, is_concrete, quantity
+from ..core import SingleNumberField, check, is_concrete, quantity
 from ._distributions import (
     NOMINAL,
     OF_INPUT,
@@ -36,9 +36,9 @@ class Triangular(AbstractDistribution):
     """From `low` over the most frequent value `mode` to `high`. Raises `InputError` unless
     low <= mode <= high and low < high."""
 
-    mode: Float[Array, ""] = quantity(OF_INPUT, shared=NOMINAL, doc="the most frequent value")
-    low: Float[Array, ""] = quantity(OF_INPUT, doc="lower limit")
-    high: Float[Array, ""] = quantity(OF_INPUT, doc="upper limit")
+    mode: SingleNumberField = quantity(OF_INPUT, shared=NOMINAL, doc="the most frequent value")
+    low: SingleNumberField = quantity(OF_INPUT, doc="lower limit")
+    high: SingleNumberField = quantity(OF_INPUT, doc="upper limit")
 
     def __check_init__(self):
         _check_limits("Triangular", self.low, self.high)
@@ -95,8 +95,8 @@ class Lognormal(AbstractDistribution):
     """A positive number whose logarithm is normal; `mean` and `deviation` are those of the number
     itself."""
 
-    mean: Float[Array, ""] = quantity(OF_INPUT, positive=True, shared=NOMINAL, doc="mean")
-    deviation: Float[Array, ""] = quantity(SHARE_OF_INPUT, positive=True, doc="standard deviation")
+    mean: SingleNumberField = quantity(OF_INPUT, positive=True, shared=NOMINAL, doc="mean")
+    deviation: SingleNumberField = quantity(SHARE_OF_INPUT, positive=True, doc="standard deviation")
 
     def _logarithm(self) -> tuple[Float[Array, ""], Float[Array, ""]]:
         """Mean and deviation of the logarithm."""

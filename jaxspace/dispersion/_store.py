@@ -16,11 +16,16 @@ from typing import Any
 
 import numpy as np
 
+import jaxspace
+
 from ._columns import Column
 from ._head import HEAD, damaged_arrays, read_head
 from ._lock import StoreError
 
-MANIFEST, FORM = ".manifest", 1
+MANIFEST = ".manifest"
+FORM = 1
+"""The form of stores that this version writes and reads. It rises when what is read would be taken
+wrongly; an attribute or an array that is added leaves it."""
 ENOUGH = "enough_runs"
 """The attribute of a campaign that ended itself: how many runs were enough."""
 
@@ -78,9 +83,9 @@ class Store:
             root = json.loads(head)
             self.attributes = root["attributes"]
             arrays = root["consolidated_metadata"]["metadata"]
-            form = self.attributes.get("form")
+            form = self.attributes["form"]
             if form != FORM:
-                raise KeyError("form")
+                raise StoreError(self._another_form(form))
             self.columns = {name: Column.of(x) for name, x in arrays.items()}
             self.damaged_arrays = damaged_arrays(self.path, arrays)
         except StoreError:
@@ -91,6 +96,15 @@ class Store:
                 f"({type(error).__name__}: {error})."
             ) from error
         return self
+
+    def _another_form(self, form: Any) -> str:
+        """That a store is of another form, by whom it was written, and the way forward."""
+        writer = self.attributes.get("versions", {}).get("jaxspace", "of an unnamed version")
+        return (
+            f"{self.path} is a store of form {form!r}, written by jaxspace {writer}, and jaxspace "
+            f"{jaxspace.__version__} reads form {FORM}: read it by the version that wrote it, or "
+            f"its arrays by zarr or xarray alone."
+        )
 
     def metadata_damages(self, but_for: Sequence[str] = ()) -> list[str]:
         """What is wrong with the files of the metadata, a sentence each; nothing of the arrays

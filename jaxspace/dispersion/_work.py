@@ -126,8 +126,8 @@ def payload_of(planned: PlannedCampaign) -> bytes:
         pickler.dump((settings, arrays), buffer)
     except (pickle.PicklingError, AttributeError, TypeError) as error:
         raise InputError(
-            f"The campaign cannot be sent to another process ({error}): install cloudpickle, or "
-            f"define its functions in a module."
+            f"The campaign cannot be sent to another process ({error}): install cloudpickle, which "
+            f"comes with the extra cluster, or define its functions in a module."
         ) from error
     return buffer.getvalue()
 

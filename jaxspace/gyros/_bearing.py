@@ -18,22 +18,21 @@ Righthand Sides, 2.
 from typing import final
 
 import jax.numpy as jnp
-from jaxtyping import Array, Float
 
-from ..core import AbstractParameters, Scalar, quantity
+from ..core import AbstractParameters, NumberField, OptionalNumberField, Scalar, quantity
 
 
 @final
 class BearingFriction(AbstractParameters):
     """Viscous and dry friction of a bearing."""
 
-    viscous: Float[Array, "*#runs"] = quantity(
+    viscous: NumberField = quantity(
         "N m s", non_negative=True, default=0.0, doc="c, moment per rate"
     )
-    dry: Float[Array, "*#runs"] = quantity(
+    dry: NumberField = quantity(
         "N m", non_negative=True, default=0.0, doc="M_d, of a bearing that slips"
     )
-    creep: Float[Array, "*#runs"] | None = quantity(
+    creep: OptionalNumberField = quantity(
         "rad/s",
         positive=True,
         optional=True,
@@ -71,12 +70,8 @@ class RotorMotor(AbstractParameters):
 
     It stands on the inner gimbal, so that its torque changes the spin and no momentum of all."""
 
-    gain: Float[Array, "*#runs"] = quantity(
-        "N m s", non_negative=True, doc="K, torque per lack of speed"
-    )
-    speed: Float[Array, "*#runs"] = quantity(
-        "rad/s", doc="n_0, of the rotor in the inner gimbal without load"
-    )
+    gain: NumberField = quantity("N m s", non_negative=True, doc="K, torque per lack of speed")
+    speed: NumberField = quantity("rad/s", doc="n_0, of the rotor in the inner gimbal without load")
 
     def torque(self, speed: Scalar) -> Scalar:
         """The torque on a rotor that turns at `speed`, rad/s, in the inner gimbal, N m."""

@@ -17,9 +17,9 @@ from typing import final
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array
 
-from ..core import AbstractSystem, Scalar, as_float, end_sqrt, quantity
+from ..core import AbstractSystem, NumberField, Scalar, as_float, end_sqrt, quantity
 
 # Newton's steps double the digits.
 STEPS = 60
@@ -29,20 +29,20 @@ STEPS = 60
 class DuffingState(eqx.Module):
     """Deflection and velocity; also the rates of both."""
 
-    position: Float[Array, "*#runs"] = quantity("m", doc="y")
-    velocity: Float[Array, "*#runs"] = quantity("m/s", doc="rate of y")
+    position: NumberField = quantity("m", doc="y")
+    velocity: NumberField = quantity("m/s", doc="rate of y")
 
 
 @final
 class DuffingOscillator(AbstractSystem):
     """A forced oscillator with a cubic spring. State: `DuffingState`."""
 
-    mass: Float[Array, "*#runs"] = quantity("kg", positive=True, doc="m")
-    stiffness: Float[Array, "*#runs"] = quantity("N/m", doc="k")
-    softening: Float[Array, "*#runs"] = quantity("N/m^3", doc="b, positive softens")
-    force: Float[Array, "*#runs"] = quantity("N", default=0.0, doc="F, amplitude of the force")
-    frequency: Float[Array, "*#runs"] = quantity("rad/s", default=0.0, doc="p, of the force")
-    damping: Float[Array, "*#runs"] = quantity("N s/m", default=0.0, doc="c")
+    mass: NumberField = quantity("kg", positive=True, doc="m")
+    stiffness: NumberField = quantity("N/m", doc="k")
+    softening: NumberField = quantity("N/m^3", doc="b, positive softens")
+    force: NumberField = quantity("N", default=0.0, doc="F, amplitude of the force")
+    frequency: NumberField = quantity("rad/s", default=0.0, doc="p, of the force")
+    damping: NumberField = quantity("N s/m", default=0.0, doc="c")
 
     def vector_field(self, t: Scalar, y: DuffingState) -> DuffingState:
         push = self.force * jnp.sin(self.frequency * t)

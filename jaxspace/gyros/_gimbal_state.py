@@ -4,9 +4,8 @@ from typing import final
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Float
 
-from ..core import Scalar, quantity
+from ..core import NumberField, OptionalNumberField, Scalar, quantity
 
 LOCK = 1e-3  # rad
 
@@ -20,21 +19,21 @@ class GimbalState(eqx.Module):
     rates.
     """
 
-    theta: Float[Array, "*#runs"] = quantity(
+    theta: NumberField = quantity(
         "rad", doc="angle of the rotor's axis from the outer gimbal's axis"
     )
-    psi: Float[Array, "*#runs"] = quantity("rad", doc="angle of the outer gimbal about its axis")
-    theta_rate: Float[Array, "*#runs"] = quantity("rad/s", doc="rate of theta")
-    angular_momentum: Float[Array, "*#runs"] = quantity(
+    psi: NumberField = quantity("rad", doc="angle of the outer gimbal about its axis")
+    theta_rate: NumberField = quantity("rad/s", doc="rate of theta")
+    angular_momentum: NumberField = quantity(
         "kg m^2/s", doc="h_Z, of everything about the outer gimbal's axis"
     )
-    spin_momentum: Float[Array, "*#runs"] | None = quantity(
+    spin_momentum: OptionalNumberField = quantity(
         "kg m^2/s", optional=True, doc="H, of a rotor with a motor"
     )
-    slip_inner: Float[Array, "*#runs"] | None = quantity(
+    slip_inner: OptionalNumberField = quantity(
         "", optional=True, doc="1, -1, or 0 where the inner bearing sticks"
     )
-    slip_outer: Float[Array, "*#runs"] | None = quantity(
+    slip_outer: OptionalNumberField = quantity(
         "", optional=True, doc="likewise of the outer bearing"
     )
 

@@ -36,9 +36,9 @@ from typing import final
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array
 
-from ..core import AbstractSystem, Scalar, argument, as_float, constructor, quantity
+from ..core import AbstractSystem, NumberField, Scalar, argument, as_float, constructor, quantity
 from ._linear import LinearFlow, rows
 
 STANDARD_GRAVITY = 9.80665
@@ -51,50 +51,46 @@ REST_STEPS = 4
 class GyrocompassState(eqx.Module):
     """Elevation and azimuth of the axis, and their rates; also the rates of all."""
 
-    tilt: Float[Array, "*#runs"] = quantity("rad", doc="alpha, elevation of the axis")
-    azimuth: Float[Array, "*#runs"] = quantity("rad", doc="psi, of the axis, west of north")
-    tilt_rate: Float[Array, "*#runs"] = quantity("rad/s", doc="rate of the tilt")
-    azimuth_rate: Float[Array, "*#runs"] = quantity("rad/s", doc="rate of the azimuth")
+    tilt: NumberField = quantity("rad", doc="alpha, elevation of the axis")
+    azimuth: NumberField = quantity("rad", doc="psi, of the axis, west of north")
+    tilt_rate: NumberField = quantity("rad/s", doc="rate of the tilt")
+    azimuth_rate: NumberField = quantity("rad/s", doc="rate of the azimuth")
 
 
 @final
 class Gyrocompass(AbstractSystem):
     """A gyrocompass, ashore by default. State: `GyrocompassState`, best made by `state`."""
 
-    spin_momentum: Float[Array, "*#runs"] = quantity("kg m^2/s", positive=True, doc="H")
-    tilt_inertia: Float[Array, "*#runs"] = quantity(
+    spin_momentum: NumberField = quantity("kg m^2/s", positive=True, doc="H")
+    tilt_inertia: NumberField = quantity(
         "kg m^2", positive=True, doc="I_h, about the horizontal axis"
     )
-    azimuth_inertia: Float[Array, "*#runs"] = quantity(
+    azimuth_inertia: NumberField = quantity(
         "kg m^2", positive=True, doc="I_e, about the axis across both"
     )
-    pendulous_moment: Float[Array, "*#runs"] = quantity(
+    pendulous_moment: NumberField = quantity(
         "N m", positive=True, doc="wl, weight of the bail times its depth"
     )
-    latitude: Float[Array, "*#runs"] = quantity("rad", doc="of the ship")
-    damping_moment: Float[Array, "*#runs"] = quantity(
+    latitude: NumberField = quantity("rad", doc="of the ship")
+    damping_moment: NumberField = quantity(
         "N m", default=0.0, doc="we, weight of the bail times its offset to the east"
     )
-    speed: Float[Array, "*#runs"] = quantity("m/s", default=0.0, doc="of the ship")
-    course: Float[Array, "*#runs"] = quantity(
-        "rad", default=0.0, doc="of the ship, from north towards east"
-    )
-    roll_acceleration: Float[Array, "*#runs"] = quantity(
+    speed: NumberField = quantity("m/s", default=0.0, doc="of the ship")
+    course: NumberField = quantity("rad", default=0.0, doc="of the ship, from north towards east")
+    roll_acceleration: NumberField = quantity(
         "m/s^2", default=0.0, doc="amplitude, horizontal, of the compass on a rolling ship"
     )
-    roll_frequency: Float[Array, "*#runs"] = quantity("rad/s", default=1.0, doc="of the rolling")
-    roll_direction: Float[Array, "*#runs"] = quantity(
+    roll_frequency: NumberField = quantity("rad/s", default=1.0, doc="of the rolling")
+    roll_direction: NumberField = quantity(
         "rad", default=0.0, doc="of the acceleration, from north towards east"
     )
-    radius: Float[Array, "*#runs"] = quantity(
+    radius: NumberField = quantity(
         "m", positive=True, default=6371e3, doc="of the earth", shared="planet.radius"
     )
-    earth_rate: Float[Array, "*#runs"] = quantity(
+    earth_rate: NumberField = quantity(
         "rad/s", default=7.292115e-5, doc="of the earth", shared="planet.rotation_rate"
     )
-    gravity: Float[Array, "*#runs"] = quantity(
-        "m/s^2", positive=True, default=STANDARD_GRAVITY, doc="g"
-    )
+    gravity: NumberField = quantity("m/s^2", positive=True, default=STANDARD_GRAVITY, doc="g")
 
     def vector_field(self, t: Scalar, y: GyrocompassState) -> GyrocompassState:
         sa, ca = jnp.sin(y.tilt), jnp.cos(y.tilt)

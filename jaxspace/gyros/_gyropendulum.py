@@ -21,9 +21,9 @@ from typing import final
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array
 
-from ..core import AbstractSystem, Scalar, quantity
+from ..core import AbstractSystem, NumberField, Scalar, quantity
 from ._linear import LinearFlow, linear_rate, rows
 
 
@@ -41,33 +41,33 @@ def schuler_period(gravity: Scalar, radius: Scalar) -> Scalar:
 class GyropendulumState(eqx.Module):
     """Tilts from the vertical and their rates; also the rates of all."""
 
-    theta: Float[Array, "*#runs"] = quantity("rad", doc="tilt about the first axis")
-    phi: Float[Array, "*#runs"] = quantity("rad", doc="tilt about the second axis")
-    theta_rate: Float[Array, "*#runs"] = quantity("rad/s", doc="rate of theta")
-    phi_rate: Float[Array, "*#runs"] = quantity("rad/s", doc="rate of phi")
+    theta: NumberField = quantity("rad", doc="tilt about the first axis")
+    phi: NumberField = quantity("rad", doc="tilt about the second axis")
+    theta_rate: NumberField = quantity("rad/s", doc="rate of theta")
+    phi_rate: NumberField = quantity("rad/s", doc="rate of phi")
 
 
 @final
 class Gyropendulum(AbstractSystem):
     """A gyropendulum, or a vertical gyro with `weight_moment` zero. State: `GyropendulumState`."""
 
-    spin_momentum: Float[Array, "*#runs"] = quantity("kg m^2/s", positive=True, doc="H")
-    transverse_inertia: Float[Array, "*#runs"] = quantity(
+    spin_momentum: NumberField = quantity("kg m^2/s", positive=True, doc="H")
+    transverse_inertia: NumberField = quantity(
         "kg m^2", positive=True, doc="A, across the axis, about the pivot"
     )
-    weight_moment: Float[Array, "*#runs"] = quantity(
+    weight_moment: NumberField = quantity(
         "N m", default=0.0, doc="Wl, weight times depth of the mass centre below the pivot"
     )
-    erection_rate: Float[Array, "*#runs"] = quantity(
+    erection_rate: NumberField = quantity(
         "1/s", non_negative=True, default=0.0, doc="k, of the erection motors"
     )
-    acceleration_theta: Float[Array, "*#runs"] = quantity(
+    acceleration_theta: NumberField = quantity(
         "m/s^2", default=0.0, doc="a_1, of the pivot, as it tilts the plumb line in theta"
     )
-    acceleration_phi: Float[Array, "*#runs"] = quantity(
+    acceleration_phi: NumberField = quantity(
         "m/s^2", default=0.0, doc="a_2, of the pivot, as it tilts the plumb line in phi"
     )
-    gravity: Float[Array, "*#runs"] = quantity("m/s^2", positive=True, default=9.80665, doc="g")
+    gravity: NumberField = quantity("m/s^2", positive=True, default=9.80665, doc="g")
 
     def vector_field(self, t: Scalar, y: GyropendulumState) -> GyropendulumState:
         del t

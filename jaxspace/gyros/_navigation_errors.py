@@ -27,7 +27,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..core import AbstractSystem, Scalar, quantity
+from ..core import AbstractSystem, NumberField, Scalar, quantity
 from ._gyropendulum import schuler_frequency
 from ._linear import LinearFlow, linear_rate
 
@@ -46,16 +46,16 @@ class NavigationErrors(AbstractSystem):
     """The linear error equations, exact at every time. State: `NavigationErrorState`, made by
     `errors` where some are zero."""
 
-    radius: Float[Array, "*#runs"] = quantity("m", positive=True, doc="r, from the earth's centre")
-    gravity: Float[Array, "*#runs"] = quantity("m/s^2", positive=True, doc="g, there")
+    radius: NumberField = quantity("m", positive=True, doc="r, from the earth's centre")
+    gravity: NumberField = quantity("m/s^2", positive=True, doc="g, there")
     rate: Float[Array, "3 *#runs"] = quantity("rad/s", default=(0.0, 0.0, 0.0), doc="W")
     specific_force: Float[Array, "3 *#runs"] = quantity("m/s^2", default=(0.0, 0.0, 0.0), doc="A")
     accelerometer_bias: Float[Array, "3 *#runs"] = quantity(
         "m/s^2", default=(0.0, 0.0, 0.0), doc="b"
     )
     gyro_drift: Float[Array, "3 *#runs"] = quantity("rad/s", default=(0.0, 0.0, 0.0), doc="e")
-    altitude_rate_gain: Float[Array, "*#runs"] = quantity("1/s", default=0.0, doc="k_1")
-    altitude_gain: Float[Array, "*#runs"] = quantity("1/s^2", default=0.0, doc="k_2")
+    altitude_rate_gain: NumberField = quantity("1/s", default=0.0, doc="k_1")
+    altitude_gain: NumberField = quantity("1/s^2", default=0.0, doc="k_2")
 
     def vector_field(self, t: Scalar, y: NavigationErrorState) -> NavigationErrorState:
         del t

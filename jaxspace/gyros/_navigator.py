@@ -33,6 +33,7 @@ from jaxtyping import Array
 
 from ..core import (
     AbstractSystem,
+    NumberField,
     Scalar,
     Vector,
     argument,
@@ -45,7 +46,7 @@ from ..core import (
 from ..rotations import Quaternion
 from ._earth import Earth
 from ._navigation_errors import NavigationErrors, NavigationErrorState
-from ._shapes import ZERO, Number, Three
+from ._shapes import ZERO, Three
 from ._vehicle import Felt, Path, Place, felt_on
 
 Given = Three | tuple[float, float, float]
@@ -55,9 +56,9 @@ Given = Three | tuple[float, float, float]
 class NavigatorState(eqx.Module):
     """What a navigator computes; also the rates of all."""
 
-    latitude: Number = quantity("rad", doc="phi, geodetic")
-    longitude: Number = quantity("rad", doc="lambda, to the east")
-    height: Number = quantity("m", doc="h, above the ellipsoid")
+    latitude: NumberField = quantity("rad", doc="phi, geodetic")
+    longitude: NumberField = quantity("rad", doc="lambda, to the east")
+    height: NumberField = quantity("m", doc="h, above the ellipsoid")
     velocity: Three = quantity("m/s", doc="v, over the ground: east, north, up")
     attitude: Quaternion  # pyright: ignore[reportGeneralTypeIssues]
 
@@ -73,33 +74,35 @@ class InertialNavigator(AbstractSystem):
       and anomaly. The navigator does not know it.
     - `gimballed`: whether a table keeps the instruments level."""
 
-    latitude: Number = quantity("rad", doc="of the vehicle at the time zero")
-    longitude: Number = quantity("rad", default=0.0, doc="of the vehicle at the time zero")
-    height: Number = quantity("m", default=0.0, doc="of the vehicle at the time zero")
-    east_speed: Number = quantity("m/s", default=0.0, doc="at the time zero")
-    north_speed: Number = quantity("m/s", default=0.0, doc="at the time zero")
-    climb: Number = quantity("m/s", default=0.0, doc="rate of the height")
-    heading: Number = quantity("rad", default=0.0, doc="of the body, from north to east")
-    roll_amplitude: Number = quantity("rad", default=0.0, doc="of a swing about the body's x axis")
-    roll_frequency: Number = quantity("rad/s", default=1.0, doc="of that swing")
+    latitude: NumberField = quantity("rad", doc="of the vehicle at the time zero")
+    longitude: NumberField = quantity("rad", default=0.0, doc="of the vehicle at the time zero")
+    height: NumberField = quantity("m", default=0.0, doc="of the vehicle at the time zero")
+    east_speed: NumberField = quantity("m/s", default=0.0, doc="at the time zero")
+    north_speed: NumberField = quantity("m/s", default=0.0, doc="at the time zero")
+    climb: NumberField = quantity("m/s", default=0.0, doc="rate of the height")
+    heading: NumberField = quantity("rad", default=0.0, doc="of the body, from north to east")
+    roll_amplitude: NumberField = quantity(
+        "rad", default=0.0, doc="of a swing about the body's x axis"
+    )
+    roll_frequency: NumberField = quantity("rad/s", default=1.0, doc="of that swing")
     accelerometer_bias: Three = quantity("m/s^2", default=ZERO, doc="b")
     gyro_drift: Three = quantity("rad/s", default=ZERO, doc="e, what gyros tell too much")
     accelerometer_scale: Three = quantity("", default=ZERO, doc="S_a")
     gyro_scale: Three = quantity("", default=ZERO, doc="S_g, of a body's gyros")
-    altitude_rate_gain: Number = quantity("1/s", default=0.0, doc="k_1")
-    altitude_gain: Number = quantity("1/s^2", default=0.0, doc="k_2")
+    altitude_rate_gain: NumberField = quantity("1/s", default=0.0, doc="k_1")
+    altitude_gain: NumberField = quantity("1/s^2", default=0.0, doc="k_2")
     # By default the ellipsoid of WGS 84, with the second zonal harmonic of EGM96.
-    radius: Number = quantity(
+    radius: NumberField = quantity(
         "m", positive=True, default=6378137.0, doc="equatorial", shared="planet.radius"
     )
-    flattening: Number = quantity(
+    flattening: NumberField = quantity(
         "", low=0.0, high=0.5, default=1.0 / 298.257223563, doc="of the ellipsoid"
     )
-    mu: Number = quantity(
+    mu: NumberField = quantity(
         "m^3/s^2", positive=True, default=3.986004418e14, doc="of the earth", shared="planet.mu"
     )
-    j2: Number = quantity("", default=1.08262668e-3, doc="second zonal", shared="planet.j2")
-    earth_rate: Number = quantity(
+    j2: NumberField = quantity("", default=1.08262668e-3, doc="second zonal", shared="planet.j2")
+    earth_rate: NumberField = quantity(
         "rad/s", default=7.292115e-5, doc="of the earth", shared="planet.rotation_rate"
     )
     path: Path | None = None

@@ -23,9 +23,9 @@ from typing import final
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array
 
-from ..core import AbstractSystem, Scalar, Vector, as_float, check_components, quantity
+from ..core import AbstractSystem, NumberField, Scalar, Vector, as_float, check_components, quantity
 from ._linear import LinearFlow, linear_rate, rows
 
 
@@ -34,11 +34,11 @@ class PlatformState(eqx.Module):
     """Angles of gyro and platform, their rates, the integral of the gyro's angle; also the rates of
     all."""
 
-    gyro_angle: Float[Array, "*#runs"] = quantity("rad", doc="theta, about the output axis")
-    platform_angle: Float[Array, "*#runs"] = quantity("rad", doc="phi, in inertial space")
-    gyro_rate: Float[Array, "*#runs"] = quantity("rad/s", doc="rate of theta")
-    platform_rate: Float[Array, "*#runs"] = quantity("rad/s", doc="rate of phi")
-    integral: Float[Array, "*#runs"] = quantity("rad s", doc="of theta over time")
+    gyro_angle: NumberField = quantity("rad", doc="theta, about the output axis")
+    platform_angle: NumberField = quantity("rad", doc="phi, in inertial space")
+    gyro_rate: NumberField = quantity("rad/s", doc="rate of theta")
+    platform_rate: NumberField = quantity("rad/s", doc="rate of phi")
+    integral: NumberField = quantity("rad s", doc="of theta over time")
 
 
 @final
@@ -46,14 +46,14 @@ class PlatformAxis(AbstractSystem):
     """One axis of a stable platform, without servo by default. State: `PlatformState`; `at_rest`
     makes the one in which everything is zero."""
 
-    platform_inertia: Float[Array, "*#runs"] = quantity("kg m^2", positive=True, doc="J")
-    gyro_inertia: Float[Array, "*#runs"] = quantity("kg m^2", positive=True, doc="I")
-    spin_momentum: Float[Array, "*#runs"] = quantity("kg m^2/s", positive=True, doc="h")
-    torque: Float[Array, "*#runs"] = quantity("N m", default=0.0, doc="T, that disturbs")
-    gain: Float[Array, "*#runs"] = quantity("N m", default=0.0, doc="K_p, of the servo")
-    rate_gain: Float[Array, "*#runs"] = quantity("N m s", default=0.0, doc="K_d, of the servo")
-    integral_gain: Float[Array, "*#runs"] = quantity("N m/s", default=0.0, doc="K_i, of the servo")
-    gyro_damping: Float[Array, "*#runs"] = quantity("N m s", default=0.0, doc="c")
+    platform_inertia: NumberField = quantity("kg m^2", positive=True, doc="J")
+    gyro_inertia: NumberField = quantity("kg m^2", positive=True, doc="I")
+    spin_momentum: NumberField = quantity("kg m^2/s", positive=True, doc="h")
+    torque: NumberField = quantity("N m", default=0.0, doc="T, that disturbs")
+    gain: NumberField = quantity("N m", default=0.0, doc="K_p, of the servo")
+    rate_gain: NumberField = quantity("N m s", default=0.0, doc="K_d, of the servo")
+    integral_gain: NumberField = quantity("N m/s", default=0.0, doc="K_i, of the servo")
+    gyro_damping: NumberField = quantity("N m s", default=0.0, doc="c")
 
     def vector_field(self, t: Scalar, y: PlatformState) -> PlatformState:
         del t

@@ -26,7 +26,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Complex, Float
 
-from ..core import AbstractSystem, Scalar, as_float, phi2, quantity
+from ..core import AbstractSystem, NumberField, Scalar, as_float, phi2, quantity
 from ._linear import LinearFlow, linear_rate, rows
 
 
@@ -34,39 +34,35 @@ from ._linear import LinearFlow, linear_rate, rows
 class RateGyroState(eqx.Module):
     """Angle of the gimbal and its rate; also the rates of both."""
 
-    angle: Float[Array, "*#runs"] = quantity("rad", doc="theta, of the gimbal")
-    angle_rate: Float[Array, "*#runs"] = quantity("rad/s", doc="rate of theta")
+    angle: NumberField = quantity("rad", doc="theta, of the gimbal")
+    angle_rate: NumberField = quantity("rad/s", doc="rate of theta")
 
 
 @final
 class RateGyro(AbstractSystem):
     """A rate gyro, or without `spring` an integrating gyro. State: `RateGyroState`."""
 
-    transverse_inertia: Float[Array, "*#runs"] = quantity(
+    transverse_inertia: NumberField = quantity(
         "kg m^2", positive=True, doc="A, of all that turns about the output axis"
     )
-    damping: Float[Array, "*#runs"] = quantity("N m s", non_negative=True, doc="c, of the gimbal")
-    spin_momentum: Float[Array, "*#runs"] = quantity("kg m^2/s", doc="H, of the rotor")
-    spring: Float[Array, "*#runs"] = quantity("N m", default=0.0, doc="K, of the gimbal")
-    input_rate: Float[Array, "*#runs"] = quantity(
-        "rad/s", default=0.0, doc="w_i, about the input axis"
-    )
-    spin_axis_rate: Float[Array, "*#runs"] = quantity(
-        "rad/s", default=0.0, doc="w_s, about the spin axis"
-    )
-    scale_factor_error: Float[Array, "*#runs"] = quantity("", default=0.0, doc="s")
-    bias_torque: Float[Array, "*#runs"] = quantity("N m", default=0.0, doc="M_0")
-    input_unbalance: Float[Array, "*#runs"] = quantity(
+    damping: NumberField = quantity("N m s", non_negative=True, doc="c, of the gimbal")
+    spin_momentum: NumberField = quantity("kg m^2/s", doc="H, of the rotor")
+    spring: NumberField = quantity("N m", default=0.0, doc="K, of the gimbal")
+    input_rate: NumberField = quantity("rad/s", default=0.0, doc="w_i, about the input axis")
+    spin_axis_rate: NumberField = quantity("rad/s", default=0.0, doc="w_s, about the spin axis")
+    scale_factor_error: NumberField = quantity("", default=0.0, doc="s")
+    bias_torque: NumberField = quantity("N m", default=0.0, doc="M_0")
+    input_unbalance: NumberField = quantity(
         "kg m", default=0.0, doc="U_i, mass times offset along the input axis"
     )
-    spin_unbalance: Float[Array, "*#runs"] = quantity(
+    spin_unbalance: NumberField = quantity(
         "kg m", default=0.0, doc="U_s, mass times offset along the spin axis"
     )
-    anisoelasticity: Float[Array, "*#runs"] = quantity("kg m s^2", default=0.0, doc="k")
-    input_force: Float[Array, "*#runs"] = quantity(
+    anisoelasticity: NumberField = quantity("kg m s^2", default=0.0, doc="k")
+    input_force: NumberField = quantity(
         "m/s^2", default=0.0, doc="f_i, specific force along the input axis"
     )
-    spin_force: Float[Array, "*#runs"] = quantity(
+    spin_force: NumberField = quantity(
         "m/s^2", default=0.0, doc="f_s, specific force along the spin axis"
     )
 

@@ -4,6 +4,5 @@ from typing import TypeAlias
 
 from jaxtyping import Array, Float
 
-Number: TypeAlias = Float[Array, "*#runs"]
 Three: TypeAlias = Float[Array, "3 *#runs"]
 ZERO = (0.0, 0.0, 0.0)

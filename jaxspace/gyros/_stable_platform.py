@@ -36,6 +36,7 @@ from jaxtyping import Array, Float
 
 from ..core import (
     AbstractSystem,
+    NumberField,
     Scalar,
     Vector,
     argument,
@@ -47,7 +48,7 @@ from ..core import (
 )
 from ..rotations import Quaternion
 from ._platform import resolve_signals
-from ._shapes import ZERO, Number, Three
+from ._shapes import ZERO, Three
 
 Gimbals = Float[Array, "gimbals *#runs"]
 
@@ -74,20 +75,22 @@ class StablePlatform(AbstractSystem):
     - `secant`: whether the motors get the signals by the book's resolver."""
 
     platform_inertia: Three = quantity("kg m^2", positive=True, doc="J, about its axes")
-    gimbal_inertia: Number = quantity("kg m^2", positive=True, doc="I_g, of each about its axis")
-    gyro_inertia: Number = quantity("kg m^2", positive=True, doc="I, about an output axis")
-    spin_momentum: Number = quantity("kg m^2/s", positive=True, doc="h, of each gyro")
-    gain: Number = quantity("N m", default=0.0, doc="K_p, of the servos")
-    rate_gain: Number = quantity("N m s", default=0.0, doc="K_d, of the servos")
-    integral_gain: Number = quantity("N m/s", default=0.0, doc="K_i, of the servos")
-    gyro_damping: Number = quantity("N m s", default=0.0, doc="c, of a gyro")
-    gimbal_friction: Number = quantity("N m s", default=0.0, doc="c_g, viscous, of a gimbal")
-    outer_gain: Number = quantity("N m", default=0.0, doc="K_4, of the fourth gimbal's motor")
-    outer_damping: Number = quantity("N m s", default=0.0, doc="of the fourth gimbal's motor")
+    gimbal_inertia: NumberField = quantity(
+        "kg m^2", positive=True, doc="I_g, of each about its axis"
+    )
+    gyro_inertia: NumberField = quantity("kg m^2", positive=True, doc="I, about an output axis")
+    spin_momentum: NumberField = quantity("kg m^2/s", positive=True, doc="h, of each gyro")
+    gain: NumberField = quantity("N m", default=0.0, doc="K_p, of the servos")
+    rate_gain: NumberField = quantity("N m s", default=0.0, doc="K_d, of the servos")
+    integral_gain: NumberField = quantity("N m/s", default=0.0, doc="K_i, of the servos")
+    gyro_damping: NumberField = quantity("N m s", default=0.0, doc="c, of a gyro")
+    gimbal_friction: NumberField = quantity("N m s", default=0.0, doc="c_g, viscous, of a gimbal")
+    outer_gain: NumberField = quantity("N m", default=0.0, doc="K_4, of the fourth gimbal's motor")
+    outer_damping: NumberField = quantity("N m s", default=0.0, doc="of the fourth gimbal's motor")
     torque: Three = quantity("N m", default=ZERO, doc="T, on the platform in its axes")
     vehicle_rate: Three = quantity("rad/s", default=ZERO, doc="w_V, steady, in its axes")
     sway: Three = quantity("rad", default=ZERO, doc="amplitudes of a swing about its axes")
-    sway_frequency: Number = quantity("rad/s", default=1.0, doc="of that swing")
+    sway_frequency: NumberField = quantity("rad/s", default=1.0, doc="of that swing")
     fourth: bool = eqx.field(static=True, default=False)
     secant: bool = eqx.field(static=True, default=False)
 

@@ -32,10 +32,11 @@ from dataclasses import replace
 from typing import final
 
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array
 
 from ..core import (
     AbstractSystem,
+    NumberField,
     Scalar,
     argument,
     as_float,
@@ -55,31 +56,31 @@ class TwoGimbalGyro(AbstractSystem):
 
     State: `GimbalState`, best made by `TwoGimbalGyro.state`."""
 
-    transverse_inertia: Float[Array, "*#runs"] = quantity(
+    transverse_inertia: NumberField = quantity(
         "kg m^2", positive=True, doc="A, of the rotor across its axis"
     )
-    axial_inertia: Float[Array, "*#runs"] = quantity(
+    axial_inertia: NumberField = quantity(
         "kg m^2", positive=True, doc="C, of the rotor about its axis"
     )
-    spin_rate: Float[Array, "*#runs"] = quantity(
+    spin_rate: NumberField = quantity(
         "rad/s", doc="n, of the rotor about its axis, relative to inertial space"
     )
-    inner_xi: Float[Array, "*#runs"] = quantity(
+    inner_xi: NumberField = quantity(
         "kg m^2", non_negative=True, default=0.0, doc="A_i, inner gimbal about its own axis"
     )
-    inner_eta: Float[Array, "*#runs"] = quantity(
+    inner_eta: NumberField = quantity(
         "kg m^2", non_negative=True, default=0.0, doc="B_i, inner gimbal across both axes"
     )
-    inner_zeta: Float[Array, "*#runs"] = quantity(
+    inner_zeta: NumberField = quantity(
         "kg m^2", non_negative=True, default=0.0, doc="C_i, inner gimbal about the rotor's axis"
     )
-    outer: Float[Array, "*#runs"] = quantity(
+    outer: NumberField = quantity(
         "kg m^2", non_negative=True, default=0.0, doc="C_0, outer gimbal about its own axis"
     )
-    moment_inner: Float[Array, "*#runs"] = quantity(
+    moment_inner: NumberField = quantity(
         "N m", default=0.0, doc="M_xi, constant moment about the inner axis"
     )
-    moment_outer: Float[Array, "*#runs"] = quantity(
+    moment_outer: NumberField = quantity(
         "N m", default=0.0, doc="M_Z, constant moment about the outer axis"
     )
 

@@ -5,14 +5,17 @@
     scene      [planet], [body], [effects.*], [initial], [times]    a body and what acts on it
     mission    [planet], [body], [effects.*], [initial], [[phase]]  phases, each with its effects
 
-Every kind may have [dispersion], [optimize], `title` and how to integrate: `accuracy`, `method`,
-`max_step`, `max_steps`. What stands in the tables follows from the declarations of the classes.
+Every kind may have [dispersion], [optimize], `format`, `title` and how to integrate: `accuracy`,
+`method`, `max_step`, `max_steps`. What stands in the tables follows from the declarations of the
+classes.
 """
 
 import inspect
 from collections.abc import Mapping
 
 import diffrax
+
+import jaxspace
 
 from ..bodies import BodyState
 from ..core import REQUIRED, AbstractSystem, argument
@@ -28,6 +31,9 @@ from ._table_kinds import AnyTable, Object, Table
 from ._value_kinds import ListOf, Number, OneName, Text, Whole
 
 KINDS = ("system", "scene", "mission")
+FORMAT = 1
+"""The format of scene files that this version reads. It rises when a file that was right would mean
+something else or be refused; a key that is added leaves it."""
 DESIGNS = ("random", "latin_hypercube", "sobol")
 TIME = Number(argument("s", fixed=True, doc="time"))
 DURATION = Number(argument("s", positive=True, doc="duration"))
@@ -58,6 +64,18 @@ def kind_of(data: Mapping[str, object]) -> str:
     return "system" if "system" in data else "mission" if "phase" in data else "scene"
 
 
+def format_error(data: Mapping[str, object]) -> str:
+    """What is wrong with a file of a later format, and the way forward; empty for any other."""
+    written = data.get("format")
+    # Of another kind: reading it says so.
+    if not isinstance(written, int) or written <= FORMAT:
+        return ""
+    return (
+        f"format is {written}: jaxspace {jaxspace.__version__} reads up to {FORMAT}, so that it "
+        f"must be read by a later version (pip install --upgrade jaxspace)."
+    )
+
+
 def form(data: Mapping[str, object], catalog: Catalog) -> tuple[Table, list[str]]:
     """The form of a file of the kind of `data`; or, for a system whose name is not known, what is
     wrong with it."""
@@ -80,6 +98,7 @@ def form(data: Mapping[str, object], catalog: Catalog) -> tuple[Table, list[str]
 def form_of(kind: str, catalog: Catalog, system: str = "") -> Table:
     """The form of a file of a kind, with the name of its `system` where it has one."""
     common = {
+        "format": Entry(Whole(1, FORMAT), FORMAT, doc="of scene files, for which it is written"),
         "title": Entry(Text(), "", doc="for tables and figures; by default the name of the file"),
         # Far below the data of a flight, and reached by every method in double precision.
         "accuracy": Entry(TOLERANCE, 1e-9, doc="relative tolerance of each step"),

@@ -10,7 +10,7 @@ from ._catalog import Catalog, catalog
 from ._checks import Parsed, check_parsed
 from ._control import control_errors, scatter_errors
 from ._errors import SceneError, unknown
-from ._form import form, kind_of
+from ._form import form, format_error, kind_of
 from ._inputs import read_inputs
 from ._kinds import Reading, Value, Values
 from ._named_files import NamedFiles
@@ -49,6 +49,9 @@ def load(
 
     **Raises** `SceneError`, one line for each thing that is wrong; nothing is compiled before."""
     data, text = _parsed(path, text)
+    # Alone: every other sentence about a later format would be a guess.
+    if format_error(data):
+        raise SceneError(path, format_error(data))
     named = NamedFiles(Path(path).parent, files)
     known = catalog(also).numbered(_named_effects(data))
     table, errors = form(data, known)

@@ -18,9 +18,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Complex, Float
 
-from ..core import AbstractSystem, Scalar, quantity
-
-Number = Float[Array, "*#runs"]
+from ..core import AbstractSystem, NumberField, Scalar, quantity
 
 
 @final
@@ -35,10 +33,10 @@ class ArmState(eqx.Module):
 class ArmPendulum(AbstractSystem):
     """A damped pendulum that hangs on a rotating arm. State: `ArmState`."""
 
-    frequency: Number = quantity("rad/s", positive=True, doc="p, of a small swing")
-    damping_ratio: Number = quantity("", non_negative=True, doc="zeta")
-    rate: Number = quantity("rad/s", doc="w, of the arm")
-    arm: Number = quantity("m", doc="e, length of the arm")
+    frequency: NumberField = quantity("rad/s", positive=True, doc="p, of a small swing")
+    damping_ratio: NumberField = quantity("", non_negative=True, doc="zeta")
+    rate: NumberField = quantity("rad/s", doc="w, of the arm")
+    arm: NumberField = quantity("m", doc="e, length of the arm")
 
     def vector_field(self, t: Scalar, y: ArmState) -> ArmState:
         del t

@@ -20,14 +20,12 @@ singular place of its coordinates.
 from typing import ClassVar, final
 
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array
 
-from ..core import Scalar, argument, constructor, quantity
+from ..core import NumberField, Scalar, argument, constructor, quantity
 from ._description import GeneralisedState
 from ._lagrangian import AbstractLagrangian
 from ._pendulums import state_of_pairs
-
-Number = Float[Array, "*#runs"]
 
 
 def _kinetic(mass: Scalar, bar: Scalar, reach: tuple[Scalar, Scalar], q: Array, v: Array) -> Scalar:
@@ -54,10 +52,10 @@ def _swings(reach: Scalar, bar: Scalar, gravity: Scalar) -> tuple[Scalar, Scalar
 class BarOnString(AbstractLagrangian):
     """A uniform bar on a string. State: `GeneralisedState` of both angles."""
 
-    mass: Number = quantity("kg", positive=True, doc="m, of the bar")
-    string_length: Number = quantity("m", positive=True, doc="a")
-    bar_length: Number = quantity("m", positive=True, doc="b")
-    gravity: Number = quantity("m/s^2", doc="g, downwards")
+    mass: NumberField = quantity("kg", positive=True, doc="m, of the bar")
+    string_length: NumberField = quantity("m", positive=True, doc="a")
+    bar_length: NumberField = quantity("m", positive=True, doc="b")
+    gravity: NumberField = quantity("m/s^2", doc="g, downwards")
     names: ClassVar[tuple[str, ...]] = ("phi", "theta")
 
     def lagrangian(self, t: Scalar, q: Array, v: Array) -> Scalar:
@@ -89,11 +87,11 @@ class BarOnSpring(AbstractLagrangian):
     """A uniform bar on a spring. State: `GeneralisedState` of the spring's length and both
     angles."""
 
-    mass: Number = quantity("kg", positive=True, doc="m, of the bar")
-    stiffness: Number = quantity("N/m", positive=True, doc="k, of the spring")
-    free_length: Number = quantity("m", positive=True, doc="l0, of the spring")
-    bar_length: Number = quantity("m", positive=True, doc="b")
-    gravity: Number = quantity("m/s^2", doc="g, downwards")
+    mass: NumberField = quantity("kg", positive=True, doc="m, of the bar")
+    stiffness: NumberField = quantity("N/m", positive=True, doc="k, of the spring")
+    free_length: NumberField = quantity("m", positive=True, doc="l0, of the spring")
+    bar_length: NumberField = quantity("m", positive=True, doc="b")
+    gravity: NumberField = quantity("m/s^2", doc="g, downwards")
     names: ClassVar[tuple[str, ...]] = ("r", "phi", "theta")
 
     def lagrangian(self, t: Scalar, q: Array, v: Array) -> Scalar:

@@ -15,14 +15,12 @@ Source: Thomson 9.10 problems 8, 11, 12, 19; 9.11.
 from typing import ClassVar, final
 
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array
 
-from ..core import Scalar, argument, constructor, quantity
+from ..core import NumberField, Scalar, argument, constructor, quantity
 from ._description import GeneralisedState
 from ._lagrangian import AbstractLagrangian
 from ._pendulums import state_of_pairs
-
-Number = Float[Array, "*#runs"]
 
 
 @final
@@ -30,10 +28,10 @@ class CentrifugalPendulum(AbstractLagrangian):
     """A pendulum that hangs on the rim of a free flywheel. State: `GeneralisedState` of the
     flywheel's angle and of the pendulum's angle from the radius."""
 
-    inertia: Number = quantity("kg m^2", positive=True, doc="I, of the flywheel")
-    mass: Number = quantity("kg", positive=True, doc="m, of the pendulum")
-    arm: Number = quantity("m", positive=True, doc="R, of the pivot from the axis")
-    length: Number = quantity("m", positive=True, doc="r, of the pendulum")
+    inertia: NumberField = quantity("kg m^2", positive=True, doc="I, of the flywheel")
+    mass: NumberField = quantity("kg", positive=True, doc="m, of the pendulum")
+    arm: NumberField = quantity("m", positive=True, doc="R, of the pivot from the axis")
+    length: NumberField = quantity("m", positive=True, doc="r, of the pendulum")
     names: ClassVar[tuple[str, ...]] = ("theta", "phi")
 
     def lagrangian(self, t: Scalar, q: Array, v: Array) -> Scalar:
@@ -68,10 +66,12 @@ class FramedPendulum(AbstractLagrangian):
     """A pendulum in a frame that turns freely about the vertical through its pivot. State:
     `GeneralisedState` of the pendulum's angle and of the frame's."""
 
-    inertia: Number = quantity("kg m^2", positive=True, doc="I, of the frame about the vertical")
-    mass: Number = quantity("kg", positive=True, doc="m, of the pendulum")
-    length: Number = quantity("m", positive=True, doc="l, of the pendulum")
-    gravity: Number = quantity("m/s^2", doc="g, downwards")
+    inertia: NumberField = quantity(
+        "kg m^2", positive=True, doc="I, of the frame about the vertical"
+    )
+    mass: NumberField = quantity("kg", positive=True, doc="m, of the pendulum")
+    length: NumberField = quantity("m", positive=True, doc="l, of the pendulum")
+    gravity: NumberField = quantity("m/s^2", doc="g, downwards")
     names: ClassVar[tuple[str, ...]] = ("theta", "phi")
 
     def lagrangian(self, t: Scalar, q: Array, v: Array) -> Scalar:
@@ -100,10 +100,10 @@ class RotatingHoop(AbstractLagrangian):
     """A bead on a hoop that turns at a given rate about its vertical diameter. State:
     `GeneralisedState` of the bead's angle. Its energy is Jacobi's: the motor does work."""
 
-    mass: Number = quantity("kg", positive=True, doc="m, of the bead")
-    radius: Number = quantity("m", positive=True, doc="r, of the hoop")
-    rate: Number = quantity("rad/s", doc="W, of the hoop")
-    gravity: Number = quantity("m/s^2", positive=True, doc="g, downwards")
+    mass: NumberField = quantity("kg", positive=True, doc="m, of the bead")
+    radius: NumberField = quantity("m", positive=True, doc="r, of the hoop")
+    rate: NumberField = quantity("rad/s", doc="W, of the hoop")
+    gravity: NumberField = quantity("m/s^2", positive=True, doc="g, downwards")
     names: ClassVar[tuple[str, ...]] = ("theta",)
 
     def lagrangian(self, t: Scalar, q: Array, v: Array) -> Scalar:
@@ -147,11 +147,11 @@ class SliderCarrier(AbstractLagrangian):
     """A free body in the plane on which a mass slides against a spring, along a line through the
     body's mass centre. State: `GeneralisedState` of place, angle and slider."""
 
-    carrier_mass: Number = quantity("kg", positive=True, doc="M, of the carrier")
-    inertia: Number = quantity("kg m^2", positive=True, doc="I, of the carrier")
-    slider_mass: Number = quantity("kg", positive=True, doc="m, of the slider")
-    stiffness: Number = quantity("N/m", non_negative=True, doc="k, of the spring")
-    rest_length: Number = quantity("m", doc="s0, of the slider from the mass centre")
+    carrier_mass: NumberField = quantity("kg", positive=True, doc="M, of the carrier")
+    inertia: NumberField = quantity("kg m^2", positive=True, doc="I, of the carrier")
+    slider_mass: NumberField = quantity("kg", positive=True, doc="m, of the slider")
+    stiffness: NumberField = quantity("N/m", non_negative=True, doc="k, of the spring")
+    rest_length: NumberField = quantity("m", doc="s0, of the slider from the mass centre")
     names: ClassVar[tuple[str, ...]] = ("x", "y", "theta", "s")
 
     def lagrangian(self, t: Scalar, q: Array, v: Array) -> Scalar:

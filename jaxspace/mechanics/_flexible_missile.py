@@ -33,23 +33,30 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..core import AbstractSystem, Scalar, argument, as_float, constructor, quantity, with_rank
+from ..core import (
+    AbstractSystem,
+    NumberField,
+    Scalar,
+    argument,
+    as_float,
+    constructor,
+    quantity,
+    with_rank,
+)
 from ._beams import beam_integral, beam_roots, beam_shape
 from ._equations import solve
-
-Number = Float[Array, "*#runs"]
 
 
 @final
 class MissileState(eqx.Module):
     """Engine, bending and pitch with their rates; also the rates of all."""
 
-    engine: Number = quantity("rad", doc="d, angle of the engine")
+    engine: NumberField = quantity("rad", doc="d, angle of the engine")
     bending: Float[Array, "modes *#runs"] = quantity("m", doc="q, of the bending modes")
-    pitch: Number = quantity("rad", doc="theta")
-    engine_rate: Number = quantity("rad/s", doc="rate of the engine's angle")
+    pitch: NumberField = quantity("rad", doc="theta")
+    engine_rate: NumberField = quantity("rad/s", doc="rate of the engine's angle")
     bending_rate: Float[Array, "modes *#runs"] = quantity("m/s", doc="rate of the bending")
-    pitch_rate: Number = quantity("rad/s", doc="rate of theta")
+    pitch_rate: NumberField = quantity("rad/s", doc="rate of theta")
 
 
 @final
@@ -57,16 +64,16 @@ class FlexibleMissile(AbstractSystem):
     """A uniform flexible missile with an engine that swivels. State: `MissileState`, best made by
     `state`."""
 
-    mass: Number = quantity("kg", positive=True, doc="m, with the engine")
-    length: Number = quantity("m", positive=True, doc="L")
-    bending_stiffness: Number = quantity("N m^2", positive=True, doc="EI")
-    engine_length: Number = quantity("m", positive=True, doc="b, of the part behind the hinge")
-    hinge_stiffness: Number = quantity("N m", non_negative=True, doc="M_d, of the hinge")
-    thrust: Number = quantity("N", default=0.0, doc="F, along the engine")
-    actuator_stiffness: Number = quantity("N m", default=0.0, doc="M_A, of the actuator")
-    actuator_damping: Number = quantity("N m s", default=0.0, doc="M_D, of the actuator")
-    command: Number = quantity("rad", default=0.0, doc="d_A, of the actuator")
-    damping_ratio: Number = quantity("", default=0.0, doc="of every bending mode")
+    mass: NumberField = quantity("kg", positive=True, doc="m, with the engine")
+    length: NumberField = quantity("m", positive=True, doc="L")
+    bending_stiffness: NumberField = quantity("N m^2", positive=True, doc="EI")
+    engine_length: NumberField = quantity("m", positive=True, doc="b, of the part behind the hinge")
+    hinge_stiffness: NumberField = quantity("N m", non_negative=True, doc="M_d, of the hinge")
+    thrust: NumberField = quantity("N", default=0.0, doc="F, along the engine")
+    actuator_stiffness: NumberField = quantity("N m", default=0.0, doc="M_A, of the actuator")
+    actuator_damping: NumberField = quantity("N m s", default=0.0, doc="M_D, of the actuator")
+    command: NumberField = quantity("rad", default=0.0, doc="d_A, of the actuator")
+    damping_ratio: NumberField = quantity("", default=0.0, doc="of every bending mode")
     modes: int = eqx.field(static=True, default=3)
 
     def vector_field(self, t: Scalar, y: MissileState) -> MissileState:

@@ -36,7 +36,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..core import InputError, Scalar, as_float, quantity
+from ..core import InputError, NumberField, Scalar, as_float, quantity
 from ._constraints import Accelerations, accelerations, consistent, projected, together
 from ._description import AbstractDescription, GeneralisedState
 from ._equations import mass_matrix, momenta
@@ -123,7 +123,7 @@ class Lagrangian(AbstractLagrangian):
     rayleigh: Callable[..., Scalar] | None = None
     fixed: Callable[..., Array] | None = None
     rolling: Callable[..., Array] | None = None
-    decay: Float[Array, "*#runs"] = quantity(
+    decay: NumberField = quantity(
         "1/s", non_negative=True, default=1.0, doc="k, of an error of a constraint"
     )
     redundant: bool = eqx.field(static=True, default=False)

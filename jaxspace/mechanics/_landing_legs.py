@@ -22,13 +22,21 @@ from typing import ClassVar, final
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array
 
-from ..core import Scalar, argument, as_float, constructor, increasing_root, quantity
+from ..core import (
+    NumberField,
+    OptionalNumberField,
+    Scalar,
+    argument,
+    as_float,
+    constructor,
+    increasing_root,
+    quantity,
+)
 from ._description import GeneralisedState
 from ._lagrangian import AbstractLagrangian
 
-Number = Float[Array, "*#runs"]
 NODES = 40
 
 
@@ -37,16 +45,16 @@ class LandingLegs(AbstractLagrangian):
     """A lander whose legs spread on the ground. State: `GeneralisedState` of their angle, best made
     by `state`, or by `touchdown` from a fall."""
 
-    body_mass: Number = quantity("kg", positive=True, doc="M, without the legs")
-    leg_mass: Number = quantity("kg", non_negative=True, doc="m, of each leg")
-    leg_length: Number = quantity("m", positive=True, doc="l")
-    rest_angle: Number = quantity(
+    body_mass: NumberField = quantity("kg", positive=True, doc="M, without the legs")
+    leg_mass: NumberField = quantity("kg", non_negative=True, doc="m, of each leg")
+    leg_length: NumberField = quantity("m", positive=True, doc="l")
+    rest_angle: NumberField = quantity(
         "rad", low=0.0, high=1.5, strict=True, doc="theta_0, of legs with unloaded springs"
     )
-    stiffness: Number = quantity("N m", non_negative=True, doc="k, of each hinge")
-    gravity: Number = quantity("m/s^2", non_negative=True, doc="g, downwards")
-    legs: Number = quantity("", positive=True, default=4.0, doc="n, how many")
-    damping: Number | None = quantity(
+    stiffness: NumberField = quantity("N m", non_negative=True, doc="k, of each hinge")
+    gravity: NumberField = quantity("m/s^2", non_negative=True, doc="g, downwards")
+    legs: NumberField = quantity("", positive=True, default=4.0, doc="n, how many")
+    damping: OptionalNumberField = quantity(
         "N m s", non_negative=True, optional=True, doc="c, of each hinge"
     )
     names: ClassVar[tuple[str, ...]] = ("theta",)

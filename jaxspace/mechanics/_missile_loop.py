@@ -24,12 +24,10 @@ from typing import final
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array
 
-from ..core import AbstractSystem, Scalar, quantity, with_rank
+from ..core import AbstractSystem, NumberField, Scalar, quantity, with_rank
 from ._flexible_missile import FlexibleMissile, MissileState
-
-Number = Float[Array, "*#runs"]
 
 
 @final
@@ -37,8 +35,8 @@ class MissileLoopState(eqx.Module):
     """The missile's state, and the slosh with its rate; also the rates of all."""
 
     missile: MissileState
-    slosh: Number = quantity("m", doc="s, across the missile")
-    slosh_rate: Number = quantity("m/s", doc="rate of s")
+    slosh: NumberField = quantity("m", doc="s, across the missile")
+    slosh_rate: NumberField = quantity("m/s", doc="rate of s")
 
 
 @final
@@ -49,13 +47,13 @@ class MissileLoop(AbstractSystem):
     - `missile`: whose actuator takes the command; its own `command` adds to it."""
 
     missile: FlexibleMissile = eqx.field(metadata={"doc": "that the autopilot steers"})
-    pitch_gain: Number = quantity("", default=0.0, doc="k_p, on the pitch")
-    rate_gain: Number = quantity("s", default=0.0, doc="k_r, on the rate of pitch")
-    gyro_place: Number = quantity("m", default=0.0, doc="x_g, before the mass centre")
-    slosh_mass: Number = quantity("kg", non_negative=True, default=0.0, doc="m_s")
-    slosh_frequency: Number = quantity("rad/s", positive=True, default=1.0, doc="w")
-    slosh_damping: Number = quantity("", non_negative=True, default=0.0, doc="zeta")
-    tank_place: Number = quantity("m", default=0.0, doc="x_s, before the mass centre")
+    pitch_gain: NumberField = quantity("", default=0.0, doc="k_p, on the pitch")
+    rate_gain: NumberField = quantity("s", default=0.0, doc="k_r, on the rate of pitch")
+    gyro_place: NumberField = quantity("m", default=0.0, doc="x_g, before the mass centre")
+    slosh_mass: NumberField = quantity("kg", non_negative=True, default=0.0, doc="m_s")
+    slosh_frequency: NumberField = quantity("rad/s", positive=True, default=1.0, doc="w")
+    slosh_damping: NumberField = quantity("", non_negative=True, default=0.0, doc="zeta")
+    tank_place: NumberField = quantity("m", default=0.0, doc="x_s, before the mass centre")
 
     def vector_field(self, t: Scalar, y: MissileLoopState) -> MissileLoopState:
         del t

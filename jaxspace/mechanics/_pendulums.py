@@ -14,13 +14,11 @@ Source: Thomson 9.3, 9.10 problems 8, 11, 12, 19.
 from typing import ClassVar, final
 
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array
 
-from ..core import Scalar, argument, as_float, complete_elliptic, constructor, quantity
+from ..core import NumberField, Scalar, argument, as_float, complete_elliptic, constructor, quantity
 from ._description import GeneralisedState
 from ._lagrangian import AbstractLagrangian
-
-Number = Float[Array, "*#runs"]
 
 
 def state_of_pairs(*pairs: tuple[Scalar, Scalar]) -> GeneralisedState:
@@ -34,8 +32,8 @@ def state_of_pairs(*pairs: tuple[Scalar, Scalar]) -> GeneralisedState:
 class SimplePendulum(AbstractLagrangian):
     """A point on a rod in a vertical plane. State: `GeneralisedState` of the angle."""
 
-    length: Number = quantity("m", positive=True, doc="of the rod")
-    gravity: Number = quantity("m/s^2", positive=True, doc="g, downwards")
+    length: NumberField = quantity("m", positive=True, doc="of the rod")
+    gravity: NumberField = quantity("m/s^2", positive=True, doc="g, downwards")
     names: ClassVar[tuple[str, ...]] = ("theta",)
 
     def lagrangian(self, t: Scalar, q: Array, v: Array) -> Scalar:
@@ -61,11 +59,11 @@ class SimplePendulum(AbstractLagrangian):
 class DoublePendulum(AbstractLagrangian):
     """Two points on two rods in a vertical plane. State: `GeneralisedState` of both angles."""
 
-    mass_1: Number = quantity("kg", positive=True, doc="m1, of the upper point")
-    mass_2: Number = quantity("kg", positive=True, doc="m2, of the lower point")
-    length_1: Number = quantity("m", positive=True, doc="l1, of the upper rod")
-    length_2: Number = quantity("m", positive=True, doc="l2, of the lower rod")
-    gravity: Number = quantity("m/s^2", doc="g, downwards")
+    mass_1: NumberField = quantity("kg", positive=True, doc="m1, of the upper point")
+    mass_2: NumberField = quantity("kg", positive=True, doc="m2, of the lower point")
+    length_1: NumberField = quantity("m", positive=True, doc="l1, of the upper rod")
+    length_2: NumberField = quantity("m", positive=True, doc="l2, of the lower rod")
+    gravity: NumberField = quantity("m/s^2", doc="g, downwards")
     names: ClassVar[tuple[str, ...]] = ("theta_1", "theta_2")
 
     def lagrangian(self, t: Scalar, q: Array, v: Array) -> Scalar:
@@ -95,10 +93,10 @@ class ElasticPendulum(AbstractLagrangian):
     """A point on a spring that swings in a vertical plane. State: `GeneralisedState` of its
     distance from the pivot and its angle."""
 
-    mass: Number = quantity("kg", positive=True, doc="m")
-    stiffness: Number = quantity("N/m", positive=True, doc="k, of the spring")
-    free_length: Number = quantity("m", positive=True, doc="l0, of the spring")
-    gravity: Number = quantity("m/s^2", doc="g, downwards")
+    mass: NumberField = quantity("kg", positive=True, doc="m")
+    stiffness: NumberField = quantity("N/m", positive=True, doc="k, of the spring")
+    free_length: NumberField = quantity("m", positive=True, doc="l0, of the spring")
+    gravity: NumberField = quantity("m/s^2", doc="g, downwards")
     names: ClassVar[tuple[str, ...]] = ("r", "theta")
 
     def lagrangian(self, t: Scalar, q: Array, v: Array) -> Scalar:

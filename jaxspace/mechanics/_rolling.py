@@ -24,11 +24,9 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..core import AbstractSystem, Scalar, quantity, stumpff
+from ..core import AbstractSystem, NumberField, Scalar, quantity, stumpff
 from ._description import GeneralisedState
 from ._lagrangian import AbstractLagrangian
-
-Number = Float[Array, "*#runs"]
 
 
 @final
@@ -36,10 +34,10 @@ class InclineDisk(AbstractLagrangian):
     """A thin disk, upright on an incline, that rolls without slip. State: `GeneralisedState` of x,
     down the slope, y, across it, psi and phi; its `reactions` are the forces of contact."""
 
-    mass: Number = quantity("kg", positive=True, doc="m")
-    radius: Number = quantity("m", positive=True, doc="r")
-    slope: Number = quantity("rad", doc="a, of the incline")
-    gravity: Number = quantity("m/s^2", doc="g")
+    mass: NumberField = quantity("kg", positive=True, doc="m")
+    radius: NumberField = quantity("m", positive=True, doc="r")
+    slope: NumberField = quantity("rad", doc="a, of the incline")
+    gravity: NumberField = quantity("m/s^2", doc="g")
     names: ClassVar[tuple[str, ...]] = ("x", "y", "psi", "phi")
 
     def lagrangian(self, t: Scalar, q: Array, v: Array) -> Scalar:
@@ -126,21 +124,21 @@ def rolling_loop(radius: Scalar, turn_rate: Scalar, roll_rate: Scalar) -> tuple[
 class TrailerState(eqx.Module):
     """Deflection of the hitch, angle of the trailer and its rate; also the rates of all."""
 
-    hitch: Number = quantity("m", doc="y, lateral deflection of the hitch")
-    angle: Number = quantity("rad", doc="theta, of the trailer from the line of tow")
-    angle_rate: Number = quantity("rad/s", doc="rate of theta")
+    hitch: NumberField = quantity("m", doc="y, lateral deflection of the hitch")
+    angle: NumberField = quantity("rad", doc="theta, of the trailer from the line of tow")
+    angle_rate: NumberField = quantity("rad/s", doc="rate of theta")
 
 
 @final
 class Trailer(AbstractSystem):
     """A trailer with one wheel behind a hitch that yields sideways. State: `TrailerState`."""
 
-    mass: Number = quantity("kg", positive=True, doc="m")
-    gyration_radius: Number = quantity("m", positive=True, doc="rho, about the mass centre")
-    hitch_to_centre: Number = quantity("m", doc="a, of the mass centre behind the hitch")
-    centre_to_wheel: Number = quantity("m", doc="c, of the wheel behind the mass centre")
-    stiffness: Number = quantity("N/m", positive=True, doc="K, lateral, of the hitch")
-    speed: Number = quantity("m/s", doc="v, of the tow")
+    mass: NumberField = quantity("kg", positive=True, doc="m")
+    gyration_radius: NumberField = quantity("m", positive=True, doc="rho, about the mass centre")
+    hitch_to_centre: NumberField = quantity("m", doc="a, of the mass centre behind the hitch")
+    centre_to_wheel: NumberField = quantity("m", doc="c, of the wheel behind the mass centre")
+    stiffness: NumberField = quantity("N/m", positive=True, doc="K, lateral, of the hitch")
+    speed: NumberField = quantity("m/s", doc="v, of the tow")
 
     def vector_field(self, t: Scalar, y: TrailerState) -> TrailerState:
         del t

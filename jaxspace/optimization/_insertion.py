@@ -31,6 +31,7 @@ from ..core import (
     AbstractSystem,
     InputError,
     Scalar,
+    SingleNumberField,
     as_float,
     check_positive,
     quantity,
@@ -60,9 +61,9 @@ class Insertion(AbstractParameters):
 
     thrust: AbstractThrustAcceleration
     start: InsertionState
-    mu: Float[Array, ""] = quantity("m^3/s^2", positive=True, doc="of the planet")
-    radius: Float[Array, ""] = quantity("m", positive=True, doc="R, at the end")
-    radial: Float[Array, ""] = quantity("m/s", default=0.0, doc="W, at the end")
+    mu: SingleNumberField = quantity("m^3/s^2", positive=True, doc="of the planet")
+    radius: SingleNumberField = quantity("m", positive=True, doc="R, at the end")
+    radial: SingleNumberField = quantity("m/s", default=0.0, doc="W, at the end")
     across: Float[Array, ""] | None = quantity(
         "m/s", optional=True, doc="V, at the end; of the circle by default"
     )

@@ -2,10 +2,8 @@
 
 from typing import ClassVar, final
 
-from jaxtyping import Array, Float
-
 from ..bodies import AbstractCondition, BodyState
-from ..core import Scalar, quantity
+from ..core import NumberField, Scalar, quantity
 from ._outputs import altitude
 
 
@@ -16,8 +14,8 @@ class AtAltitude(AbstractCondition):
     direction: ClassVar[int] = 0
     needs: ClassVar[frozenset[str]] = frozenset({"position", "velocity"})
 
-    altitude: Float[Array, "*#runs"] = quantity("m", doc="h_e, over the sphere of the radius")
-    radius: Float[Array, "*#runs"] = quantity(
+    altitude: NumberField = quantity("m", doc="h_e, over the sphere of the radius")
+    radius: NumberField = quantity(
         "m", non_negative=True, shared="planet.radius", doc="R, of the planet"
     )
 

@@ -26,10 +26,20 @@ from typing import ClassVar, final
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
 
 from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
-from ..core import Scalar, Vector, dot, inverse_norm, norm, phi1, quantity, safe_divide, scale
+from ..core import (
+    NumberField,
+    Scalar,
+    Vector,
+    dot,
+    inverse_norm,
+    norm,
+    phi1,
+    quantity,
+    safe_divide,
+    scale,
+)
 
 KEEPS = frozenset({"energy", "angular_momentum", "axial_angular_momentum"})
 
@@ -121,9 +131,9 @@ class PowerLawForce(AbstractEffect):
 
     keeps: ClassVar[frozenset[str]] = KEEPS
 
-    coefficient: Float[Array, "*#runs"] = quantity("", doc="k, in m^(n+1)/s^2; positive attracts")
-    exponent: Float[Array, "*#runs"] = quantity("", doc="n, of the distance")
-    zero_at: Float[Array, "*#runs"] = quantity(
+    coefficient: NumberField = quantity("", doc="k, in m^(n+1)/s^2; positive attracts")
+    exponent: NumberField = quantity("", doc="n, of the distance")
+    zero_at: NumberField = quantity(
         "m",
         positive=True,
         default=1.0,
@@ -152,15 +162,13 @@ class SphereGravity(AbstractEffect):
 
     keeps: ClassVar[frozenset[str]] = KEEPS
 
-    mu: Float[Array, "*#runs"] = quantity(
+    mu: NumberField = quantity(
         "m^3/s^2",
         positive=True,
         shared="planet.mu",
         doc="gravitational parameter of the sphere",
     )
-    radius: Float[Array, "*#runs"] = quantity(
-        "m", positive=True, shared="planet.radius", doc="of the sphere"
-    )
+    radius: NumberField = quantity("m", positive=True, shared="planet.radius", doc="of the sphere")
 
     def load(self, t: Scalar, y: BodyState, body: AbstractBody) -> Load:
         del t, body

@@ -22,12 +22,13 @@ digit is lost there, and n = 0 is motion without gravity.
 from typing import final
 
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array
 
 from ..bodies import BodyState
 from ..core import (
     AbstractClosedForm,
     AbstractSystem,
+    NumberField,
     Scalar,
     Vector,
     as_float,
@@ -142,7 +143,7 @@ class ClohessyWiltshire(AbstractSystem):
     State: `BodyState` with position and velocity in the rotating axes: outwards, along the motion,
     normal."""
 
-    mean_motion: Float[Array, "*#runs"] = quantity("rad/s", doc="of the circle")
+    mean_motion: NumberField = quantity("rad/s", doc="of the circle")
 
     def vector_field(self, t: Scalar, y: BodyState) -> BodyState:
         del t

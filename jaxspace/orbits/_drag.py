@@ -22,10 +22,9 @@ from typing import final
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Float
 
 from ..bodies import AbstractAtmosphere, AbstractBody, AbstractEffect, BodyState, Load
-from ..core import Scalar, Vector, axis, cross, norm, output, quantity
+from ..core import NumberField, Scalar, Vector, axis, cross, norm, output, quantity
 
 
 def drag_acceleration(
@@ -63,17 +62,17 @@ def circular_decay_rate(
 class Drag(AbstractEffect):
     """Drag of an atmosphere, which may turn with the planet about the z axis."""
 
-    ballistic_coefficient: Float[Array, "*#runs"] = quantity(
+    ballistic_coefficient: NumberField = quantity(
         "kg/m^2", positive=True, doc="mass over drag coefficient times area"
     )
     # The checker takes the quantity above for a default.
     atmosphere: AbstractAtmosphere = eqx.field(  # pyright: ignore[reportGeneralTypeIssues]
         metadata={"doc": "density by the height"}
     )
-    radius: Float[Array, "*#runs"] = quantity(
+    radius: NumberField = quantity(
         "m", positive=True, shared="planet.radius", doc="of the planet, from which heights count"
     )
-    air_rate: Float[Array, "*#runs"] = quantity(
+    air_rate: NumberField = quantity(
         "rad/s", default=0.0, doc="rotation of the air about the z axis"
     )
 

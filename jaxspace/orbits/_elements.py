@@ -43,10 +43,10 @@ from typing import final
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
 
 from ..core import (
     AbstractParameters,
+    NumberField,
     Scalar,
     Vector,
     as_float,
@@ -168,16 +168,16 @@ class ClassicalElements(AbstractParameters):
 
     Raises `InputError` for a true anomaly beyond the asymptotes of an open orbit."""
 
-    semi_latus_rectum: Float[Array, "*#runs"] = quantity(
+    semi_latus_rectum: NumberField = quantity(
         "m", positive=True, doc="a (1 - e^2), which every conic has"
     )
-    eccentricity: Float[Array, "*#runs"] = quantity("", non_negative=True, doc="of the conic")
-    inclination: Float[Array, "*#runs"] = quantity("rad", doc="angle from the z axis to r x v")
-    node: Float[Array, "*#runs"] = quantity("rad", doc="longitude of the ascending node")
-    argument_of_periapsis: Float[Array, "*#runs"] = quantity(
+    eccentricity: NumberField = quantity("", non_negative=True, doc="of the conic")
+    inclination: NumberField = quantity("rad", doc="angle from the z axis to r x v")
+    node: NumberField = quantity("rad", doc="longitude of the ascending node")
+    argument_of_periapsis: NumberField = quantity(
         "rad", doc="angle from the ascending node to the periapsis"
     )
-    true_anomaly: Float[Array, "*#runs"] = quantity("rad", doc="angle from the periapsis")
+    true_anomaly: NumberField = quantity("rad", doc="angle from the periapsis")
 
     def __check_init__(self):
         e, f = self.eccentricity, self.true_anomaly

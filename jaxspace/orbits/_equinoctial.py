@@ -23,11 +23,11 @@ from typing import final
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
 
 from ..core import (
     AbstractParameters,
     InputError,
+    NumberField,
     Scalar,
     Vector,
     atan2,
@@ -51,14 +51,12 @@ class EquinoctialElements(AbstractParameters):
 
     Raises `InputError` for a parabola, and for a semi-major axis of the wrong sign."""
 
-    semi_major_axis: Float[Array, "*#runs"] = quantity("m", doc="a, negative for a hyperbola")
-    h: Float[Array, "*#runs"] = quantity("", doc="e sin(argument of periapsis + node)")
-    k: Float[Array, "*#runs"] = quantity("", doc="e cos(argument of periapsis + node)")
-    p: Float[Array, "*#runs"] = quantity("", doc="tan(i/2) sin(node)")
-    q: Float[Array, "*#runs"] = quantity("", doc="tan(i/2) cos(node)")
-    mean_longitude: Float[Array, "*#runs"] = quantity(
-        "rad", doc="node + argument of periapsis + mean anomaly"
-    )
+    semi_major_axis: NumberField = quantity("m", doc="a, negative for a hyperbola")
+    h: NumberField = quantity("", doc="e sin(argument of periapsis + node)")
+    k: NumberField = quantity("", doc="e cos(argument of periapsis + node)")
+    p: NumberField = quantity("", doc="tan(i/2) sin(node)")
+    q: NumberField = quantity("", doc="tan(i/2) cos(node)")
+    mean_longitude: NumberField = quantity("rad", doc="node + argument of periapsis + mean anomaly")
     retrograde: bool = eqx.field(
         static=True,
         default=False,

@@ -24,6 +24,7 @@ from jaxtyping import Array, Float
 from ..bodies import AbstractJump, BodyState
 from ..core import (
     InputError,
+    NumberField,
     Scalar,
     as_float,
     cross,
@@ -164,12 +165,12 @@ class Impulse(AbstractJump):
 
     needs: ClassVar[frozenset[str]] = frozenset({"position", "velocity"})
 
-    along: Float[Array, "*#runs"] = quantity("m/s", default=0.0, doc="increment along the velocity")
-    radial: Float[Array, "*#runs"] = quantity("m/s", default=0.0, doc="increment outwards")
-    transverse: Float[Array, "*#runs"] = quantity(
+    along: NumberField = quantity("m/s", default=0.0, doc="increment along the velocity")
+    radial: NumberField = quantity("m/s", default=0.0, doc="increment outwards")
+    transverse: NumberField = quantity(
         "m/s", default=0.0, doc="increment across the radius in the plane of the motion"
     )
-    normal: Float[Array, "*#runs"] = quantity(
+    normal: NumberField = quantity(
         "m/s", default=0.0, doc="increment along r x v, normal to the plane of the motion"
     )
     inertial: Float[Array, "3 *#runs"] | None = quantity(

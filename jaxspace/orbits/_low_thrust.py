@@ -16,10 +16,9 @@ in a r^2/mu; the spiral is no longer quasi-circular near escape.
 from typing import final
 
 import jax.numpy as jnp
-from jaxtyping import Array, Float
 
 from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
-from ..core import Scalar, quantity, scale, unit
+from ..core import NumberField, OptionalNumberField, Scalar, quantity, scale, unit
 from ._burnout import circular_speed
 
 
@@ -27,10 +26,10 @@ from ._burnout import circular_speed
 class LowThrust(AbstractEffect):
     """A small thrust along the velocity, or against it, from t = 0 on; any body, any mass."""
 
-    acceleration: Float[Array, "*#runs"] = quantity(
+    acceleration: NumberField = quantity(
         "m/s^2", doc="along the velocity at t = 0; negative against it"
     )
-    exhaust_velocity: Float[Array, "*#runs"] | None = quantity(
+    exhaust_velocity: OptionalNumberField = quantity(
         "m/s",
         positive=True,
         optional=True,

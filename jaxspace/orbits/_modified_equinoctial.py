@@ -25,11 +25,11 @@ from typing import final
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
 
 from ..core import (
     AbstractParameters,
     InputError,
+    NumberField,
     Scalar,
     Vector,
     as_float,
@@ -54,14 +54,12 @@ class ModifiedEquinoctialElements(AbstractParameters):
 
     Raises `InputError` for a longitude beyond the asymptotes of an open orbit."""
 
-    semi_latus_rectum: Float[Array, "*#runs"] = quantity(
-        "m", positive=True, doc="p, which every conic has"
-    )
-    f: Float[Array, "*#runs"] = quantity("", doc="e cos(argument of periapsis + node)")
-    g: Float[Array, "*#runs"] = quantity("", doc="e sin(argument of periapsis + node)")
-    h: Float[Array, "*#runs"] = quantity("", doc="tan(i/2) cos(node)")
-    k: Float[Array, "*#runs"] = quantity("", doc="tan(i/2) sin(node)")
-    true_longitude: Float[Array, "*#runs"] = quantity(
+    semi_latus_rectum: NumberField = quantity("m", positive=True, doc="p, which every conic has")
+    f: NumberField = quantity("", doc="e cos(argument of periapsis + node)")
+    g: NumberField = quantity("", doc="e sin(argument of periapsis + node)")
+    h: NumberField = quantity("", doc="tan(i/2) cos(node)")
+    k: NumberField = quantity("", doc="tan(i/2) sin(node)")
+    true_longitude: NumberField = quantity(
         "rad", doc="L, node + argument of periapsis + true anomaly"
     )
     retrograde: bool = eqx.field(

@@ -22,10 +22,9 @@ has the harmonics of higher degree too.
 
 from typing import ClassVar, final
 
-from jaxtyping import Array, Float
-
 from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
 from ..core import (
+    NumberField,
     Scalar,
     Vector,
     axis,
@@ -116,11 +115,11 @@ class Oblateness(AbstractEffect):
 
     keeps: ClassVar[frozenset[str]] = frozenset({"energy", "axial_angular_momentum"})
 
-    mu: Float[Array, "*#runs"] = gravitational_parameter()
-    j2: Float[Array, "*#runs"] = quantity(
+    mu: NumberField = gravitational_parameter()
+    j2: NumberField = quantity(
         "", shared="planet.j2", doc="second zonal harmonic; negative for a prolate body"
     )
-    radius: Float[Array, "*#runs"] = equatorial_radius("j2 refers")
+    radius: NumberField = equatorial_radius("j2 refers")
 
     def load(self, t: Scalar, y: BodyState, body: AbstractBody) -> Load:
         del t, body

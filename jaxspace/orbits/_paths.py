@@ -22,6 +22,7 @@ from jaxtyping import Array, Float
 from ..core import (
     AbstractParameters,
     InputError,
+    NumberField,
     Scalar,
     Spline,
     Vector,
@@ -48,17 +49,13 @@ Path: TypeAlias = AbstractPath | Callable[[Scalar], Vector]
 class CircularPath(AbstractPath):
     """A circle about the centre at a constant rate; a fixed place for the rate zero."""
 
-    distance: Float[Array, "*#runs"] = quantity("m", positive=True, doc="from the centre")
-    rate: Float[Array, "*#runs"] = quantity("rad/s", doc="of the motion on the circle")
-    phase: Float[Array, "*#runs"] = quantity(
+    distance: NumberField = quantity("m", positive=True, doc="from the centre")
+    rate: NumberField = quantity("rad/s", doc="of the motion on the circle")
+    phase: NumberField = quantity(
         "rad", default=0.0, doc="angle from the ascending node at the time zero"
     )
-    inclination: Float[Array, "*#runs"] = quantity(
-        "rad", default=0.0, doc="of the circle to the plane z = 0"
-    )
-    node: Float[Array, "*#runs"] = quantity(
-        "rad", default=0.0, doc="longitude of the ascending node"
-    )
+    inclination: NumberField = quantity("rad", default=0.0, doc="of the circle to the plane z = 0")
+    node: NumberField = quantity("rad", default=0.0, doc="longitude of the ascending node")
 
     def __call__(self, t: Scalar) -> Vector:
         angle = self.phase + self.rate * t
@@ -79,7 +76,7 @@ class KeplerPath(AbstractPath):
 
     position: Float[Array, "3 *#runs"] = quantity("m", doc="from the centre at the time zero")
     velocity: Float[Array, "3 *#runs"] = quantity("m/s", doc="at the time zero")
-    mu: Float[Array, "*#runs"] = quantity(
+    mu: NumberField = quantity(
         "m^3/s^2", positive=True, doc="gravitational parameter of this motion, of both bodies"
     )
 

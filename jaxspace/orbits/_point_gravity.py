@@ -15,11 +15,11 @@ Valid outside the attracting body; singular at its centre.
 from typing import ClassVar, final
 
 import jax.numpy as jnp
-from jaxtyping import Array, Float
 
 from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
 from ..core import (
     AbstractSystem,
+    NumberField,
     Scalar,
     Vector,
     dot,
@@ -57,7 +57,7 @@ class PointGravity(AbstractEffect):
         {"energy", "angular_momentum", "axial_angular_momentum"}
     )
 
-    mu: Float[Array, "*#runs"] = gravitational_parameter()
+    mu: NumberField = gravitational_parameter()
 
     def load(self, t: Scalar, y: BodyState, body: AbstractBody) -> Load:
         del t, body

@@ -16,10 +16,19 @@ attitude is. Not conservative: the shadow opens and closes.
 from typing import final
 
 import equinox as eqx
-from jaxtyping import Array, Float
 
 from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
-from ..core import Scalar, Vector, barrier, inverse_norm, quantity, scale, with_rank
+from ..core import (
+    NumberField,
+    OptionalNumberField,
+    Scalar,
+    Vector,
+    barrier,
+    inverse_norm,
+    quantity,
+    scale,
+    with_rank,
+)
 from ._paths import Path
 from ._shadow import sunlight
 
@@ -52,30 +61,28 @@ class SolarPressure(AbstractEffect):
     The edge of the cylinder is a jump of the acceleration that no step knows of: for accuracies
     below 1e-6 give the sun its radius."""
 
-    area_per_mass: Float[Array, "*#runs"] = quantity(
-        "m^2/kg", non_negative=True, doc="lit area over mass"
-    )
+    area_per_mass: NumberField = quantity("m^2/kg", non_negative=True, doc="lit area over mass")
     # The checker takes the quantity above for a default.
     sun: Path = eqx.field(  # pyright: ignore[reportGeneralTypeIssues]
         metadata={"doc": "path of the sun from the planet's centre"}
     )
-    radius: Float[Array, "*#runs"] | None = quantity(
+    radius: OptionalNumberField = quantity(
         "m",
         non_negative=True,
         optional=True,
         shared="planet.radius",
         doc="of the planet, which throws the shadow; without it there is none",
     )
-    sun_radius: Float[Array, "*#runs"] | None = quantity(
+    sun_radius: OptionalNumberField = quantity(
         "m",
         positive=True,
         optional=True,
         doc="of the sun, for a shadow with a penumbra; without it the shadow is a cylinder",
     )
-    coefficient: Float[Array, "*#runs"] = quantity(
+    coefficient: NumberField = quantity(
         "", default=1.0, doc="1 for light that is absorbed, 2 for light that is sent back"
     )
-    pressure: Float[Array, "*#runs"] = quantity(
+    pressure: NumberField = quantity(
         "N/m^2",
         non_negative=True,
         default=4.5398e-6,

@@ -16,11 +16,11 @@ Singular in the zenith, where the azimuth is none, and at the station itself.
 from typing import NamedTuple, final
 
 import jax.numpy as jnp
-from jaxtyping import Array, Float
 
 from ..bodies import BodyState
 from ..core import (
     AbstractParameters,
+    NumberField,
     Scalar,
     Vector,
     norm,
@@ -49,13 +49,13 @@ class Station(AbstractParameters):
     `look_angles` gives azimuth, elevation and range. For passes, `above` is the condition of an
     event: `Event(station.above(jnp.radians(5.0)), terminal=False)` collects every rise and set."""
 
-    latitude: Float[Array, "*#runs"] = quantity("rad", doc="geodetic latitude")
-    longitude: Float[Array, "*#runs"] = quantity("rad", doc="positive to the east")
-    radius: Float[Array, "*#runs"] = quantity("m", positive=True, doc="equatorial radius")
-    rate: Float[Array, "*#runs"] = quantity("rad/s", doc="of the planet about the z axis")
-    altitude: Float[Array, "*#runs"] = quantity("m", default=0.0, doc="above the ellipsoid")
-    flattening: Float[Array, "*#runs"] = quantity("", default=0.0, doc="of the ellipsoid")
-    angle: Float[Array, "*#runs"] = quantity(
+    latitude: NumberField = quantity("rad", doc="geodetic latitude")
+    longitude: NumberField = quantity("rad", doc="positive to the east")
+    radius: NumberField = quantity("m", positive=True, doc="equatorial radius")
+    rate: NumberField = quantity("rad/s", doc="of the planet about the z axis")
+    altitude: NumberField = quantity("m", default=0.0, doc="above the ellipsoid")
+    flattening: NumberField = quantity("", default=0.0, doc="of the ellipsoid")
+    angle: NumberField = quantity(
         "rad", default=0.0, doc="of the meridian of zero from the inertial x axis at t = 0"
     )
 
@@ -101,7 +101,7 @@ class AboveElevation(AbstractParameters):
     rounding of the sine."""
 
     station: Station
-    elevation: Float[Array, "*#runs"] = quantity("rad", doc="of the mask above the horizon")
+    elevation: NumberField = quantity("rad", doc="of the mask above the horizon")
 
     def __call__(self, t: Scalar, y: BodyState) -> Scalar:
         way = self.station._seen(t, y.position)

@@ -20,10 +20,9 @@ from typing import final
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Float
 
 from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
-from ..core import Scalar, Vector, dot, inverse_norm, quantity, scale, with_rank
+from ..core import NumberField, Scalar, Vector, dot, inverse_norm, quantity, scale, with_rank
 from ._paths import Path
 
 
@@ -68,7 +67,7 @@ def _same_rank(r: Vector, s: Vector) -> tuple[Vector, Vector]:
 class ThirdBody(AbstractEffect):
     """Attraction by another body that moves on a given path, as the moon or the sun does."""
 
-    mu: Float[Array, "*#runs"] = quantity(
+    mu: NumberField = quantity(
         "m^3/s^2", positive=True, doc="gravitational parameter of the other body"
     )
     # The checker takes the quantity above for a default.

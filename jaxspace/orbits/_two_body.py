@@ -15,10 +15,10 @@ Source: Thomson 4.6 (reduction to one body), 4.7 (conics).
 
 from typing import final
 
-from jaxtyping import Array, Float
+from jaxtyping import Array
 
 from ..bodies import BodyState
-from ..core import AbstractSystem, Scalar
+from ..core import AbstractSystem, NumberField, Scalar
 from ._elements import angular_momentum, eccentricity_vector, specific_energy
 from ._kepler_motion import KeplerMotion
 from ._planet import gravitational_parameter
@@ -31,7 +31,7 @@ class TwoBody(AbstractSystem):
 
     State: `BodyState` with position and velocity only."""
 
-    mu: Float[Array, "*#runs"] = gravitational_parameter()
+    mu: NumberField = gravitational_parameter()
 
     def vector_field(self, t: Scalar, y: BodyState) -> BodyState:
         del t

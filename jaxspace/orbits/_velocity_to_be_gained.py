@@ -21,10 +21,19 @@ v_r - v, cut-off where it vanishes); vis-viva: Thomson 4.7.
 from typing import ClassVar, final
 
 import jax.numpy as jnp
-from jaxtyping import Array, Float
 
 from ..bodies import AbstractCondition, BodyState
-from ..core import Scalar, check, dot, is_concrete, norm, quantity, safe_divide, safe_sqrt
+from ..core import (
+    NumberField,
+    Scalar,
+    check,
+    dot,
+    is_concrete,
+    norm,
+    quantity,
+    safe_divide,
+    safe_sqrt,
+)
 
 
 @final
@@ -37,10 +46,10 @@ class VelocityToBeGained(AbstractCondition):
     direction: ClassVar[int] = 0
     needs: ClassVar[frozenset[str]] = frozenset({"position", "velocity"})
 
-    semi_major_axis: Float[Array, "*#runs"] = quantity(
+    semi_major_axis: NumberField = quantity(
         "m", doc="a of the orbit that is asked for; negative on a hyperbola"
     )
-    mu: Float[Array, "*#runs"] = quantity(
+    mu: NumberField = quantity(
         "m^3/s^2", positive=True, shared="planet.mu", doc="gravitational parameter"
     )
 

@@ -24,7 +24,7 @@ from typing import ClassVar, final
 from jaxtyping import Array, Float
 
 from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
-from ..core import Scalar, Vector, axis, inverse_norm, quantity, scale
+from ..core import NumberField, Scalar, Vector, axis, inverse_norm, quantity, scale
 from ._planet import equatorial_radius, gravitational_parameter
 
 
@@ -87,11 +87,11 @@ class Zonals(AbstractEffect):
 
     keeps: ClassVar[frozenset[str]] = frozenset({"energy", "axial_angular_momentum"})
 
-    mu: Float[Array, "*#runs"] = gravitational_parameter()
+    mu: NumberField = gravitational_parameter()
     harmonics: Float[Array, "degrees *#runs"] = quantity(
         "", doc="J2, J3 and so on, as many as are wanted"
     )
-    radius: Float[Array, "*#runs"] = equatorial_radius("the harmonics refer")
+    radius: NumberField = equatorial_radius("the harmonics refer")
 
     def load(self, t: Scalar, y: BodyState, body: AbstractBody) -> Load:
         del t, body

@@ -21,7 +21,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
-from ..core import Scalar, axis, cross, quantity
+from ..core import NumberField, Scalar, axis, cross, quantity
 from ._steering import AbstractSteering
 
 
@@ -30,10 +30,10 @@ class AttitudeControl(AbstractEffect):
     """Holds the body's z axis along a steering law by a torque with stiffness and damping."""
 
     steering: AbstractSteering = eqx.field(metadata={"doc": "where the axis is to point"})
-    stiffness: Float[Array, "*#runs"] = quantity(
+    stiffness: NumberField = quantity(
         "N m", non_negative=True, doc="k, torque over the sine of the error"
     )
-    damping: Float[Array, "*#runs"] = quantity(
+    damping: NumberField = quantity(
         "N m s", non_negative=True, doc="c, torque over angular velocity"
     )
 

@@ -15,10 +15,19 @@ from typing import final
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Float
 
 from ..bodies import AbstractAtmosphere, BodyState
-from ..core import AbstractParameters, Scalar, argument, as_float, constructor, norm, quantity
+from ..core import (
+    AbstractParameters,
+    NumberField,
+    OptionalNumberField,
+    Scalar,
+    argument,
+    as_float,
+    constructor,
+    norm,
+    quantity,
+)
 
 
 @final
@@ -26,17 +35,17 @@ class BackPressure(AbstractParameters):
     """What the air takes from a thrust: its pressure on the exit of the nozzle, that of an
     atmosphere, or falling exponentially with the height."""
 
-    exit_area: Float[Array, "*#runs"] = quantity("m^2", non_negative=True, doc="of all nozzles")
-    radius: Float[Array, "*#runs"] | None = quantity(
+    exit_area: NumberField = quantity("m^2", non_negative=True, doc="of all nozzles")
+    radius: OptionalNumberField = quantity(
         "m",
         non_negative=True,
         optional=True,
         doc="of the planet, from which heights count; without it z is up from flat ground",
     )
-    surface_pressure: Float[Array, "*#runs"] = quantity(
+    surface_pressure: NumberField = quantity(
         "Pa", non_negative=True, default=101325.0, doc="of the air at the height zero"
     )
-    scale_height: Float[Array, "*#runs"] = quantity(
+    scale_height: NumberField = quantity(
         "m", positive=True, default=7000.0, doc="climb over which it falls by the factor e"
     )
     atmosphere: AbstractAtmosphere | None = eqx.field(

@@ -28,6 +28,8 @@ from jaxtyping import Array, Float
 from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
 from ..core import (
     AbstractParameters,
+    NumberField,
+    OptionalNumberField,
     Scalar,
     Vector,
     argument,
@@ -49,13 +51,13 @@ class Gimbal(AbstractParameters):
     """How a nozzle follows the error of the attitude."""
 
     steering: AbstractSteering = eqx.field(metadata={"doc": "where the axis is to point"})
-    gain: Float[Array, "*#runs"] = quantity(
+    gain: NumberField = quantity(
         "", non_negative=True, doc="k, angle of the nozzle over the error of the axis"
     )
-    damping: Float[Array, "*#runs"] = quantity(
+    damping: NumberField = quantity(
         "s", non_negative=True, doc="c, angle of the nozzle over the angular velocity"
     )
-    limit: Float[Array, "*#runs"] = quantity(
+    limit: NumberField = quantity(
         "rad", low=0.0, high=1.5, strict=True, default=0.1, doc="delta, greatest angle"
     )
 
@@ -78,27 +80,25 @@ class GimballedThrust(AbstractEffect):
     The same flight as a point, with the thrust along the law, is that of `SteeredThrust`."""
 
     gimbal: Gimbal = eqx.field(metadata={"doc": "what moves the nozzle"})
-    mean_thrust: Float[Array, "*#runs"] = quantity(
+    mean_thrust: NumberField = quantity(
         "N", non_negative=True, doc="in vacuum, mean over the burn time"
     )
-    exhaust_velocity: Float[Array, "*#runs"] = quantity(
+    exhaust_velocity: NumberField = quantity(
         "m/s", positive=True, doc="thrust over mass flow in vacuum"
     )
-    burn_time: Float[Array, "*#runs"] = quantity("s", positive=True, doc="from ignition to burnout")
-    station: Float[Array, "*#runs"] = quantity(
-        "m", doc="z of the gimbal in the body's construction axes"
-    )
+    burn_time: NumberField = quantity("s", positive=True, doc="from ignition to burnout")
+    station: NumberField = quantity("m", doc="z of the gimbal in the body's construction axes")
     profile: ThrustProfile | None = eqx.field(
         default=None, metadata={"doc": "shape of the thrust; constant by default"}
     )
-    ignition: Float[Array, "*#runs"] = quantity("s", default=0.0, doc="time at which it ignites")
-    burnout_mass: Float[Array, "*#runs"] | None = quantity(
+    ignition: NumberField = quantity("s", default=0.0, doc="time at which it ignites")
+    burnout_mass: OptionalNumberField = quantity(
         "kg",
         non_negative=True,
         optional=True,
         doc="the thrust ends when no more mass than this is left; without it the burn time ends it",
     )
-    throttle: Float[Array, "*#runs"] | None = quantity(
+    throttle: OptionalNumberField = quantity(
         "", low=0.0, high=1.0, optional=True, doc="share of the full thrust; all of it by default"
     )
     back_pressure: BackPressure | None = eqx.field(

@@ -38,6 +38,8 @@ from jaxtyping import Array, Float
 from ..core import (
     AbstractClosedForm,
     AbstractSystem,
+    NumberField,
+    OptionalNumberField,
     Scalar,
     as_float,
     check,
@@ -171,21 +173,21 @@ class GravityTurn(AbstractSystem):
     Without a flow of mass, a radius and a ballistic coefficient the motion is known in closed
     form."""
 
-    thrust_ratio: Float[Array, "*#runs"] = quantity("", doc="thrust over weight at ignition, n")
-    gravity: Float[Array, "*#runs"] = quantity("m/s^2", positive=True, doc="at the ground")
-    burn_fraction_rate: Float[Array, "*#runs"] | None = quantity(
+    thrust_ratio: NumberField = quantity("", doc="thrust over weight at ignition, n")
+    gravity: NumberField = quantity("m/s^2", positive=True, doc="at the ground")
+    burn_fraction_rate: OptionalNumberField = quantity(
         "1/s", optional=True, doc="share of the initial mass that leaves in a second"
     )
-    radius: Float[Array, "*#runs"] | None = quantity(
+    radius: OptionalNumberField = quantity(
         "m", positive=True, optional=True, doc="of the planet; without it the ground is flat"
     )
-    ballistic_coefficient: Float[Array, "*#runs"] | None = quantity(
+    ballistic_coefficient: OptionalNumberField = quantity(
         "kg/m^2", positive=True, optional=True, doc="initial mass over drag coefficient times area"
     )
-    air_density: Float[Array, "*#runs"] = quantity(
+    air_density: NumberField = quantity(
         "kg/m^3", non_negative=True, default=1.225, doc="of the air at the ground"
     )
-    scale_height: Float[Array, "*#runs"] = quantity(
+    scale_height: NumberField = quantity(
         "m", positive=True, default=7200.0, doc="climb over which the density falls by the factor e"
     )
 

@@ -37,6 +37,7 @@ from jaxtyping import Array, Float
 
 from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
 from ..core import (
+    NumberField,
     Scalar,
     Vector,
     as_float,
@@ -157,10 +158,10 @@ class JetDamping(AbstractEffect):
     mass_rate: Callable[[Scalar, Scalar], Scalar] = reference(
         "mass_rate", doc="rate of the mass, kg/s, as a function of time and mass"
     )
-    exit_station: Float[Array, "*#runs"] = quantity(
+    exit_station: NumberField = quantity(
         "m", doc="z of the nozzle's exit in the body's construction axes"
     )
-    exit_radius: Float[Array, "*#runs"] = quantity(
+    exit_radius: NumberField = quantity(
         "m", non_negative=True, default=0.0, doc="of the ring of exits; 0 for one central nozzle"
     )
 

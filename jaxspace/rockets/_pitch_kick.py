@@ -18,10 +18,9 @@ from typing import ClassVar, final
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Float
 
 from ..bodies import AbstractJump, BodyState
-from ..core import Scalar, axis, cross, dot, quantity, unit, with_rank
+from ..core import NumberField, Scalar, axis, cross, dot, quantity, unit, with_rank
 from ._steering import FlightPlane
 
 
@@ -32,8 +31,8 @@ class PitchKick(AbstractJump):
 
     needs: ClassVar[frozenset[str]] = frozenset({"position", "velocity"})
 
-    angle: Float[Array, "*#runs"] = quantity("rad", doc="k, of the turn, positive downrange")
-    air_rate: Float[Array, "*#runs"] = quantity(
+    angle: NumberField = quantity("rad", doc="k, of the turn, positive downrange")
+    air_rate: NumberField = quantity(
         "rad/s", default=0.0, doc="rotation of the air about the z axis"
     )
     plane: FlightPlane | None = eqx.field(

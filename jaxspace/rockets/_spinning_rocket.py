@@ -31,6 +31,7 @@ from jaxtyping import Array, Float
 
 from ..core import (
     AbstractParameters,
+    NumberField,
     Scalar,
     argument,
     as_float,
@@ -50,17 +51,17 @@ class SpinningRocket(AbstractParameters):
     """Rates and angle of attack of a spinning rocket with jet damping; complex numbers are arrays
     (2, *runs)."""
 
-    spin: Float[Array, "*#runs"] = quantity("rad/s", doc="n, at the start")
-    burn_fraction_rate: Float[Array, "*#runs"] = quantity(
+    spin: NumberField = quantity("rad/s", doc="n, at the start")
+    burn_fraction_rate: NumberField = quantity(
         "1/s", non_negative=True, doc="share of the initial mass that leaves in a second"
     )
-    lever_over_gyration: Float[Array, "*#runs"] = quantity(
+    lever_over_gyration: NumberField = quantity(
         "", non_negative=True, doc="l/k: distance of the exits over transverse radius of gyration"
     )
-    ring_over_gyration: Float[Array, "*#runs"] = quantity(
+    ring_over_gyration: NumberField = quantity(
         "", non_negative=True, default=0.0, doc="rho/k_z: ring of the exits over spin radius"
     )
-    gyration_ratio: Float[Array, "*#runs"] = quantity(
+    gyration_ratio: NumberField = quantity(
         "", non_negative=True, default=0.0, doc="k_z/k; zero for a slender body"
     )
 

@@ -19,6 +19,8 @@ from jaxtyping import Array, Float
 
 from ..bodies import AbstractBody, AbstractEffect, AbstractJump, BodyState, Load
 from ..core import (
+    NumberField,
+    OptionalNumberField,
     Scalar,
     argument,
     as_float,
@@ -39,15 +41,15 @@ class SteeredThrust(AbstractEffect):
     of `Thrust`."""
 
     steering: AbstractSteering = eqx.field(metadata={"doc": "direction of the thrust"})
-    mean_thrust: Float[Array, "*#runs"] = quantity(
+    mean_thrust: NumberField = quantity(
         "N", non_negative=True, doc="in vacuum, mean over the burn time"
     )
-    exhaust_velocity: Float[Array, "*#runs"] = quantity(
+    exhaust_velocity: NumberField = quantity(
         "m/s", positive=True, doc="thrust over mass flow in vacuum"
     )
-    burn_time: Float[Array, "*#runs"] = quantity("s", positive=True, doc="from ignition to burnout")
-    ignition: Float[Array, "*#runs"] = quantity("s", default=0.0, doc="time at which it ignites")
-    throttle: Float[Array, "*#runs"] = quantity(
+    burn_time: NumberField = quantity("s", positive=True, doc="from ignition to burnout")
+    ignition: NumberField = quantity("s", default=0.0, doc="time at which it ignites")
+    throttle: NumberField = quantity(
         "", low=0.0, high=1.0, default=1.0, doc="share of the full thrust"
     )
     profile: ThrustProfile | None = eqx.field(
@@ -56,7 +58,7 @@ class SteeredThrust(AbstractEffect):
     back_pressure: BackPressure | None = eqx.field(
         default=None, metadata={"doc": "what the air takes; nothing by default"}
     )
-    burnout_mass: Float[Array, "*#runs"] | None = quantity(
+    burnout_mass: OptionalNumberField = quantity(
         "kg",
         non_negative=True,
         optional=True,
@@ -194,7 +196,7 @@ class Separation(AbstractJump):
 
     needs: ClassVar[frozenset[str]] = frozenset({"mass"})
 
-    dropped: Float[Array, "*#runs"] = quantity("kg", non_negative=True, doc="mass that is left")
+    dropped: NumberField = quantity("kg", non_negative=True, doc="mass that is left")
 
     def __call__(self, t: Scalar, y: BodyState) -> BodyState:
         del t

@@ -26,6 +26,7 @@ from jaxtyping import Array, Float
 from ..bodies import BodyState
 from ..core import (
     AbstractParameters,
+    NumberField,
     Scalar,
     Table,
     Vector,
@@ -111,7 +112,7 @@ class PitchPolynomial(AbstractPitch):
     coefficients: Float[Array, "terms *#runs"] = quantity(
         "", doc="c_0, rad, c_1, rad/s, and so on: pitch = sum of c_k (t - start)^k", least=1
     )
-    start: Float[Array, "*#runs"] = quantity("s", default=0.0, doc="from which the time counts")
+    start: NumberField = quantity("s", default=0.0, doc="from which the time counts")
     plane: FlightPlane | None = eqx.field(default=None, metadata={"doc": _PLANE_DOC})
 
     def pitch(self, t: Scalar) -> Scalar:
@@ -126,12 +127,10 @@ class PitchPolynomial(AbstractPitch):
 class TangentSteering(AbstractPitch):
     """The tangent of the pitch linear, or bilinear, in the time since `start`."""
 
-    tangent: Float[Array, "*#runs"] = quantity("", doc="a, of the pitch at the start")
-    tangent_rate: Float[Array, "*#runs"] = quantity("1/s", doc="b, its rate in the linear law")
-    denominator_rate: Float[Array, "*#runs"] = quantity(
-        "1/s", default=0.0, doc="c, zero in the linear law"
-    )
-    start: Float[Array, "*#runs"] = quantity("s", default=0.0, doc="from which the time counts")
+    tangent: NumberField = quantity("", doc="a, of the pitch at the start")
+    tangent_rate: NumberField = quantity("1/s", doc="b, its rate in the linear law")
+    denominator_rate: NumberField = quantity("1/s", default=0.0, doc="c, zero in the linear law")
+    start: NumberField = quantity("s", default=0.0, doc="from which the time counts")
     plane: FlightPlane | None = eqx.field(default=None, metadata={"doc": _PLANE_DOC})
 
     def pitch(self, t: Scalar) -> Scalar:
@@ -159,10 +158,10 @@ class AlongVelocity(AbstractSteering):
     """A thrust along the velocity, or along the velocity relative to air that turns about z: a
     gravity turn. At rest it has no direction, and the thrust is zero."""
 
-    air_rate: Float[Array, "*#runs"] = quantity(
+    air_rate: NumberField = quantity(
         "rad/s", default=0.0, doc="rotation of the air about the z axis"
     )
-    sense: Float[Array, "*#runs"] = quantity(
+    sense: NumberField = quantity(
         "", low=-1.0, high=1.0, default=1.0, doc="1 along the velocity, -1 against it"
     )
 

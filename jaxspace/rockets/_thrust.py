@@ -27,6 +27,8 @@ from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
 from ..core import (
     FileName,
     InputError,
+    NumberField,
+    OptionalNumberField,
     Scalar,
     Vector,
     argument,
@@ -76,17 +78,17 @@ class Thrust(AbstractEffect):
     With a burnout mass the end of the thrust depends on the state: end the phase by the event
     `PropellantDepletion`, without which derivatives leave out how that time moves."""
 
-    mean_thrust: Float[Array, "*#runs"] = quantity(
+    mean_thrust: NumberField = quantity(
         "N", non_negative=True, doc="in vacuum, mean over the burn time"
     )
-    exhaust_velocity: Float[Array, "*#runs"] = quantity(
+    exhaust_velocity: NumberField = quantity(
         "m/s", positive=True, doc="thrust over mass flow in vacuum"
     )
-    burn_time: Float[Array, "*#runs"] = quantity("s", positive=True, doc="from ignition to burnout")
+    burn_time: NumberField = quantity("s", positive=True, doc="from ignition to burnout")
     profile: ThrustProfile | None = eqx.field(
         default=None, metadata={"doc": "shape of the thrust; constant by default"}
     )
-    ignition: Float[Array, "*#runs"] = quantity("s", default=0.0, doc="time at which it ignites")
+    ignition: NumberField = quantity("s", default=0.0, doc="time at which it ignites")
     point: Float[Array, "3 *#runs"] | None = quantity(
         "m",
         optional=True,
@@ -95,13 +97,13 @@ class Thrust(AbstractEffect):
     misalignment: Float[Array, "2 *#runs"] | None = quantity(
         "", optional=True, doc="tangents of the angles from z to the thrust, towards x and y"
     )
-    burnout_mass: Float[Array, "*#runs"] | None = quantity(
+    burnout_mass: OptionalNumberField = quantity(
         "kg",
         non_negative=True,
         optional=True,
         doc="the thrust ends when no more mass than this is left; without it the burn time ends it",
     )
-    throttle: Float[Array, "*#runs"] | None = quantity(
+    throttle: OptionalNumberField = quantity(
         "", low=0.0, high=1.0, optional=True, doc="share of the full thrust; all of it by default"
     )
     back_pressure: BackPressure | None = eqx.field(

@@ -27,7 +27,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
-from ..core import Scalar, Vector, as_float, quantity, with_rank
+from ..core import NumberField, Scalar, Vector, as_float, quantity, with_rank
 
 
 def variable_mass_acceleration(
@@ -117,7 +117,7 @@ class MassStream(AbstractEffect):
     """A stream of mass that enters the body, or leaves it, with a given velocity in inertial axes:
     dust that is swept up, water that is scooped, ballast that is dropped."""
 
-    rate: Float[Array, "*#runs"] = quantity("kg/s", doc="positive when mass enters")
+    rate: NumberField = quantity("kg/s", doc="positive when mass enters")
     stream_velocity: Float[Array, "3 *#runs"] = quantity(
         "m/s", default=(0.0, 0.0, 0.0), doc="of the mass that enters or leaves, in inertial axes"
     )

@@ -7,7 +7,7 @@ import jax
 from jaxtyping import Array, Float
 
 from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
-from ..core import Flag, Scalar, State, quantity
+from ..core import Flag, NumberField, Scalar, State, quantity
 
 
 def scaled(effect: AbstractEffect, factor: Scalar) -> AbstractEffect:
@@ -34,7 +34,7 @@ class Scaled(AbstractEffect):
     """
 
     effect: AbstractEffect
-    factor: Float[Array, "*#runs"] = quantity("", doc="by which the load is multiplied")
+    factor: NumberField = quantity("", doc="by which the load is multiplied")
     # Of the instance and not of the class, because it is that of the effect.
     keeps: frozenset[str] = eqx.field(static=True)  # pyright: ignore
 

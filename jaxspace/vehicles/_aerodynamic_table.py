@@ -41,6 +41,7 @@ from ..core import (
     AbstractParameters,
     FileName,
     Flag,
+    NumberField,
     Scalar,
     argument,
     constructor,
@@ -67,9 +68,9 @@ class AerodynamicTable(AbstractParameters):
     reynolds: Float[Array, "reynolds *#runs"]
     data: Float[Array, "points numbers *#runs"]
     names: tuple[str, ...] = eqx.field(static=True)
-    area: Float[Array, "*#runs"] = quantity("m^2", positive=True, doc="A, the reference area")
-    length: Float[Array, "*#runs"] = quantity("m", positive=True, doc="L, the reference length")
-    station: Float[Array, "*#runs"] = quantity(
+    area: NumberField = quantity("m^2", positive=True, doc="A, the reference area")
+    length: NumberField = quantity("m", positive=True, doc="L, the reference length")
+    station: NumberField = quantity(
         "m",
         doc="z in construction axes of the point from which centres count and about which moments "
         "are: the tip of the nose, or the reference of the moments",

@@ -28,7 +28,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
-from ..core import Scalar, norm, output, quantity
+from ..core import NumberField, OptionalNumberField, Scalar, norm, output, quantity
 from ._airframe import AbstractSurface, FinSet, NoseCone, RadiusChange
 from ._coefficient import (
     BURNOUT,
@@ -63,7 +63,7 @@ def centre_of(body: AbstractBody, y: BodyState) -> Scalar:
 class Aerodynamics(AbstractEffect):
     """Forces and moments of the air on a slender rocket with nose, fins and tail."""
 
-    area: Float[Array, "*#runs"] = quantity("m^2", positive=True, doc="A, the reference area")
+    area: NumberField = quantity("m^2", positive=True, doc="A, the reference area")
     # The checker takes the quantity above for a default.
     coefficient: MachTable = eqx.field(  # pyright: ignore[reportGeneralTypeIssues]
         converter=as_coefficient, metadata={"doc": "C_A by the Mach number"}
@@ -81,7 +81,7 @@ class Aerodynamics(AbstractEffect):
         converter=as_optional_coefficient,
         metadata={"doc": "C_A after the burnout, where it is another"},
     )
-    burnout: Float[Array, "*#runs"] | None = quantity("s", optional=True, doc=BURNOUT)
+    burnout: OptionalNumberField = quantity("s", optional=True, doc=BURNOUT)
 
     @property
     def surfaces(self) -> tuple[AbstractSurface, ...]:

@@ -18,7 +18,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
-from ..core import Scalar, Vector, norm, output, quantity
+from ..core import NumberField, OptionalNumberField, Scalar, Vector, norm, output, quantity
 from ._coefficient import (
     BURNOUT,
     MachTable,
@@ -46,7 +46,7 @@ class AirDrag(AbstractEffect):
     """Drag by the Mach number in moving air, along the flow: that of a vehicle which points into
     it."""
 
-    area: Float[Array, "*#runs"] = quantity("m^2", positive=True, doc="A, the reference area")
+    area: NumberField = quantity("m^2", positive=True, doc="A, the reference area")
     # The checker takes the quantity above for a default.
     coefficient: MachTable = eqx.field(  # pyright: ignore[reportGeneralTypeIssues]
         converter=as_coefficient, metadata={"doc": "C_D by the Mach number"}
@@ -59,7 +59,7 @@ class AirDrag(AbstractEffect):
         converter=as_optional_coefficient,
         metadata={"doc": "C_D after the burnout, where it is another"},
     )
-    burnout: Float[Array, "*#runs"] | None = quantity("s", optional=True, doc=BURNOUT)
+    burnout: OptionalNumberField = quantity("s", optional=True, doc=BURNOUT)
 
     def breaks(self) -> Float[Array, "times *#runs"] | None:
         return None if self.burnout is None else self.burnout[None]
@@ -88,9 +88,9 @@ class AirDrag(AbstractEffect):
 class Parachute(AbstractEffect):
     """A parachute that fills within an inflation time from its opening on, and drags from then."""
 
-    drag_area: Float[Array, "*#runs"] = quantity("m^2", non_negative=True, doc="C_D A, filled")
-    opening: Float[Array, "*#runs"] = quantity("s", default=0.0, doc="when it starts to fill")
-    inflation_time: Float[Array, "*#runs"] = quantity(
+    drag_area: NumberField = quantity("m^2", non_negative=True, doc="C_D A, filled")
+    opening: NumberField = quantity("s", default=0.0, doc="when it starts to fill")
+    inflation_time: NumberField = quantity(
         "s", non_negative=True, default=0.0, doc="over which its drag area grows linearly"
     )
     air: LocalAir | None = eqx.field(

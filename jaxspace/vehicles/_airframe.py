@@ -31,9 +31,18 @@ from typing import final
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
 
-from ..core import AbstractParameters, Choice, Scalar, argument, as_float, constructor, quantity
+from ..core import (
+    AbstractParameters,
+    Choice,
+    NumberField,
+    OptionalNumberField,
+    Scalar,
+    argument,
+    as_float,
+    constructor,
+    quantity,
+)
 
 
 def prandtl_factor(mach: Scalar) -> Scalar:
@@ -60,9 +69,9 @@ NOSES = ("conical", "ogive", "parabolic", "ellipsoid", "von_karman")
 class NoseCone(AbstractSurface):
     """The nose, given by its base, its tip and its centre of pressure."""
 
-    radius: Float[Array, "*#runs"] = quantity("m", positive=True, doc="of the base")
-    tip: Float[Array, "*#runs"] = quantity("m", doc="z of the tip in construction axes")
-    centre_behind: Float[Array, "*#runs"] = quantity(
+    radius: NumberField = quantity("m", positive=True, doc="of the base")
+    tip: NumberField = quantity("m", doc="z of the tip in construction axes")
+    centre_behind: NumberField = quantity(
         "m", non_negative=True, doc="distance of the centre of pressure behind the tip"
     )
 
@@ -105,10 +114,10 @@ def _ogive_volume(r: Scalar, length: Scalar) -> Scalar:
 class RadiusChange(AbstractSurface):
     """A conical tail or shoulder: a change of the body's radius."""
 
-    fore_radius: Float[Array, "*#runs"] = quantity("m", positive=True, doc="at its fore end")
-    aft_radius: Float[Array, "*#runs"] = quantity("m", positive=True, doc="at its aft end")
-    length: Float[Array, "*#runs"] = quantity("m", positive=True, doc="along the axis")
-    fore_end: Float[Array, "*#runs"] = quantity("m", doc="z of its fore end in construction axes")
+    fore_radius: NumberField = quantity("m", positive=True, doc="at its fore end")
+    aft_radius: NumberField = quantity("m", positive=True, doc="at its aft end")
+    length: NumberField = quantity("m", positive=True, doc="along the axis")
+    fore_end: NumberField = quantity("m", doc="z of its fore end in construction axes")
 
     def slope(self, mach: Scalar) -> Scalar:
         return 2.0 * np.pi * (self.aft_radius**2 - self.fore_radius**2) + 0.0 * mach
@@ -123,18 +132,18 @@ class RadiusChange(AbstractSurface):
 class FinSet(AbstractSurface):
     """Equal trapezoidal fins about the body, evenly spaced."""
 
-    count: Float[Array, "*#runs"] = quantity("", low=2.0, high=8.0, fixed=True, doc="of the fins")
-    span: Float[Array, "*#runs"] = quantity("m", positive=True, doc="s, of one fin")
-    root_chord: Float[Array, "*#runs"] = quantity("m", positive=True, doc="at the body")
-    tip_chord: Float[Array, "*#runs"] = quantity("m", non_negative=True, doc="at the tip")
-    sweep_length: Float[Array, "*#runs"] = quantity(
+    count: NumberField = quantity("", low=2.0, high=8.0, fixed=True, doc="of the fins")
+    span: NumberField = quantity("m", positive=True, doc="s, of one fin")
+    root_chord: NumberField = quantity("m", positive=True, doc="at the body")
+    tip_chord: NumberField = quantity("m", non_negative=True, doc="at the tip")
+    sweep_length: NumberField = quantity(
         "m", doc="from the leading edge of the root aft to that of the tip"
     )
-    radius: Float[Array, "*#runs"] = quantity("m", positive=True, doc="of the body at the fins")
-    leading_edge: Float[Array, "*#runs"] = quantity(
+    radius: NumberField = quantity("m", positive=True, doc="of the body at the fins")
+    leading_edge: NumberField = quantity(
         "m", doc="z of the leading edge of the root in construction axes"
     )
-    cant: Float[Array, "*#runs"] | None = quantity(
+    cant: OptionalNumberField = quantity(
         "rad",
         low=-0.5,
         high=0.5,

@@ -8,10 +8,9 @@ Source: Thomson 8.5; the flow by Zipfel, Modeling and Simulation of Aerospace Ve
 from typing import final
 
 import equinox as eqx
-from jaxtyping import Array, Float
 
 from ..bodies import BodyState
-from ..core import Scalar, Vector, quantity, unit
+from ..core import NumberField, Scalar, Vector, quantity, unit
 from ..rockets import AbstractSteering
 from ._local_air import LocalAir
 
@@ -22,7 +21,7 @@ class AlongAir(AbstractSteering):
     no direction, and is zero."""
 
     air: LocalAir = eqx.field(metadata={"doc": "about the vehicle"})
-    sense: Float[Array, "*#runs"] = quantity(
+    sense: NumberField = quantity(
         "", low=-1.0, high=1.0, default=1.0, doc="1 along the flow, -1 against it"
     )
 

@@ -45,6 +45,7 @@ from ..core import (
     AbstractParameters,
     Choice,
     InputError,
+    NumberField,
     Scalar,
     argument,
     as_float,
@@ -138,10 +139,10 @@ class DrydenGusts(AbstractParameters):
 
     Raises `InputError` for a number outside of its range."""
 
-    seed: Float[Array, "*#runs"] = quantity(
+    seed: NumberField = quantity(
         "", doc="any number: another one gives another field, and a campaign one for each run"
     )
-    wind_20_feet: Float[Array, "*#runs"] = quantity(
+    wind_20_feet: NumberField = quantity(
         "m/s", non_negative=True, doc="mean wind 20 ft above the ground, which sets the low gusts"
     )
     rms_aloft: Float[Array, "12 *#runs"] = quantity(

@@ -15,10 +15,18 @@ flights that are short against R.
 from typing import ClassVar, final
 
 import jax.numpy as jnp
-from jaxtyping import Array, Float
 
 from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
-from ..core import Scalar, argument, as_float, axis, constructor, quantity
+from ..core import (
+    NumberField,
+    OptionalNumberField,
+    Scalar,
+    argument,
+    as_float,
+    axis,
+    constructor,
+    quantity,
+)
 
 EQUATORIAL = 9.7803253359  # m/s^2
 SOMIGLIANA = 0.00193185265241
@@ -41,8 +49,8 @@ def normal_gravity(latitude: Scalar, height: Scalar = 0.0) -> Scalar:
 class GroundGravity(AbstractEffect):
     """Gravity against z, uniform or falling with the height."""
 
-    gravity: Float[Array, "*#runs"] = quantity("m/s^2", doc="at the origin of the axes")
-    radius: Float[Array, "*#runs"] | None = quantity(
+    gravity: NumberField = quantity("m/s^2", doc="at the origin of the axes")
+    radius: OptionalNumberField = quantity(
         "m", positive=True, optional=True, doc="of the planet; without it gravity is uniform"
     )
 

@@ -26,6 +26,8 @@ from jaxtyping import Array, Float
 from ..bodies import AbstractAtmosphere, Air, StandardAtmosphere
 from ..core import (
     AbstractParameters,
+    NumberField,
+    OptionalNumberField,
     Scalar,
     Vector,
     axis,
@@ -94,13 +96,13 @@ class LocalAir(AbstractParameters):
         default=None,
         metadata={"doc": "state of the air by its height; the U.S. standard by default"},
     )
-    radius: Float[Array, "*#runs"] | None = quantity(
+    radius: OptionalNumberField = quantity(
         "m", positive=True, optional=True, doc="of the planet; without it z is up from flat ground"
     )
-    elevation: Float[Array, "*#runs"] = quantity(
+    elevation: NumberField = quantity(
         "m", default=0.0, doc="of the ground at the origin above sea level"
     )
-    air_rate: Float[Array, "*#runs"] = quantity(
+    air_rate: NumberField = quantity(
         "rad/s", default=0.0, doc="rotation of the air about the z axis"
     )
     wind: AbstractWind | None = eqx.field(default=None, metadata={"doc": "calm by default"})

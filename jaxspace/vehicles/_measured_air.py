@@ -25,7 +25,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..bodies import AbstractAtmosphere, Air, dry_air, isothermal_ratio
-from ..core import FileName, Scalar, as_float, constructor, quantity
+from ..core import FileName, NumberField, Scalar, as_float, constructor, quantity
 from ._hermite import cubic, interval, stacked
 from ._local_air import AbstractWind, check_nodes
 from ._sounding_file import read_sounding_file
@@ -42,7 +42,7 @@ class MeasuredAtmosphere(AbstractAtmosphere):
     heights: Float[Array, "nodes *#runs"] = quantity("m", doc="above sea level, ascending")
     pressure: Float[Array, "nodes *#runs"] = quantity("Pa", positive=True, doc="there")
     temperature: Float[Array, "nodes *#runs"] = quantity("K", positive=True, doc="there")
-    density_factor: Float[Array, "*#runs"] = quantity(
+    density_factor: NumberField = quantity(
         "", non_negative=True, default=1.0, doc="by which density and pressure are multiplied"
     )
     data: Float[Array, "nodes 4 *#runs"] = eqx.field(default=None)

@@ -16,7 +16,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
-from ..core import Scalar, Vector, dot, event, quantity, unit, with_rank
+from ..core import NumberField, Scalar, Vector, dot, event, quantity, unit, with_rank
 
 
 @final
@@ -25,7 +25,7 @@ class Rail(AbstractEffect):
     travel exceeds its length: the phase's event `rail_exit`."""
 
     direction: Float[Array, "3 *#runs"] = quantity("", doc="of any length but zero")
-    length: Float[Array, "*#runs"] = quantity("m", positive=True, doc="travel along the rail")
+    length: NumberField = quantity("m", positive=True, doc="travel along the rail")
     origin: Float[Array, "3 *#runs"] = quantity(
         "m", default=(0.0, 0.0, 0.0), doc="where the centre of mass rests before the launch"
     )

@@ -17,12 +17,13 @@ from typing import final
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Float
 
 from ..bodies import AbstractAtmosphere, AbstractEffect, BodyState
 from ..core import (
     AbstractParameters,
     InputError,
+    NumberField,
+    OptionalNumberField,
     Scalar,
     Vector,
     as_float,
@@ -50,17 +51,13 @@ SAMPLES = 32
 class LaunchSite(AbstractParameters):
     """Where and how a sounding rocket is launched."""
 
-    latitude: Float[Array, "*#runs"] = quantity("rad", low=-1.6, high=1.6, doc="geodetic")
-    rail_length: Float[Array, "*#runs"] = quantity("m", positive=True, doc="travel on the rail")
-    inclination: Float[Array, "*#runs"] = quantity(
+    latitude: NumberField = quantity("rad", low=-1.6, high=1.6, doc="geodetic")
+    rail_length: NumberField = quantity("m", positive=True, doc="travel on the rail")
+    inclination: NumberField = quantity(
         "rad", low=0.0, high=1.6, doc="of the rail above the horizontal"
     )
-    heading: Float[Array, "*#runs"] = quantity(
-        "rad", default=0.0, doc="of the rail, from north towards east"
-    )
-    elevation: Float[Array, "*#runs"] = quantity(
-        "m", default=0.0, doc="of the ground above sea level"
-    )
+    heading: NumberField = quantity("rad", default=0.0, doc="of the rail, from north towards east")
+    elevation: NumberField = quantity("m", default=0.0, doc="of the ground above sea level")
     wind: AbstractWind | None = eqx.field(default=None, metadata={"doc": "calm by default"})
     atmosphere: AbstractAtmosphere | None = eqx.field(
         default=None, metadata={"doc": "over the site; the U.S. standard by default"}
@@ -99,14 +96,14 @@ class LaunchSite(AbstractParameters):
 class Recovery(AbstractParameters):
     """A parachute: what it drags, and when it opens."""
 
-    drag_area: Float[Array, "*#runs"] = quantity("m^2", non_negative=True, doc="C_D A")
-    lag: Float[Array, "*#runs"] | None = quantity(
+    drag_area: NumberField = quantity("m^2", non_negative=True, doc="C_D A")
+    lag: OptionalNumberField = quantity(
         "s",
         non_negative=True,
         optional=True,
         doc="from its trigger to its opening; without it the parachute opens at once",
     )
-    height: Float[Array, "*#runs"] | None = quantity(
+    height: OptionalNumberField = quantity(
         "m",
         non_negative=True,
         optional=True,

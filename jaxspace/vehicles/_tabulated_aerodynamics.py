@@ -31,7 +31,18 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..bodies import AbstractBody, AbstractEffect, Air, BodyState, Load
-from ..core import Flag, Scalar, Vector, norm, output, quantity, safe_atan2, safe_sqrt
+from ..core import (
+    Flag,
+    NumberField,
+    OptionalNumberField,
+    Scalar,
+    Vector,
+    norm,
+    output,
+    quantity,
+    safe_atan2,
+    safe_sqrt,
+)
 from ._aerodynamic_table import AerodynamicTable
 from ._aerodynamics import centre_of, moments_of_slope
 from ._airframe import FinSet, NoseCone, RadiusChange
@@ -55,7 +66,7 @@ class TabulatedAerodynamics(AbstractEffect):
     air: LocalAir | None = eqx.field(
         default=None, metadata={"doc": "about the vehicle; calm standard air by default"}
     )
-    burnout: Float[Array, "*#runs"] | None = quantity(
+    burnout: OptionalNumberField = quantity(
         "s", optional=True, doc="until which the motor burns; without it the motor is off"
     )
     nose: NoseCone | None = eqx.field(default=None, metadata={"doc": "the nose"})
@@ -63,16 +74,16 @@ class TabulatedAerodynamics(AbstractEffect):
     tail: RadiusChange | None = eqx.field(
         default=None, metadata={"doc": "a change of the body's radius: a tail or a shoulder"}
     )
-    axial_factor: Float[Array, "*#runs"] = quantity(
+    axial_factor: NumberField = quantity(
         "", non_negative=True, default=1.0, doc="multiplies the axial force, to disperse it"
     )
-    normal_factor: Float[Array, "*#runs"] = quantity(
+    normal_factor: NumberField = quantity(
         "", non_negative=True, default=1.0, doc="multiplies the force across the axis"
     )
-    centre_shift: Float[Array, "*#runs"] = quantity(
+    centre_shift: NumberField = quantity(
         "m", default=0.0, doc="of the centre of pressure towards the nose, to disperse it"
     )
-    marked_from: Float[Array, "*#runs"] = quantity(
+    marked_from: NumberField = quantity(
         "Pa",
         non_negative=True,
         default=1000.0,

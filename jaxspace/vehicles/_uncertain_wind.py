@@ -20,7 +20,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..core import Scalar, argument, as_float, constructor, quantity, with_rank
+from ..core import NumberField, Scalar, argument, as_float, constructor, quantity, with_rank
 from ._hermite import cubic, stacked
 from ._local_air import AbstractWind, check_nodes
 from ._random_paths import longitudinal, normal_numbers
@@ -37,7 +37,7 @@ class UncertainWind(AbstractWind):
     deviation: Float[Array, "nodes *#runs"] = quantity(
         "m/s", non_negative=True, doc="standard deviation of either component there"
     )
-    correlation_length: Float[Array, "*#runs"] = quantity(
+    correlation_length: NumberField = quantity(
         "m", positive=True, doc="l, over which the correlation falls by the factor e"
     )
     east_numbers: Float[Array, "nodes *#runs"] = quantity(

@@ -15,12 +15,13 @@ from typing import final
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
 
 from ..bodies import AbstractBody, AbstractEffect, BurningBody, PrincipalInertia
 from ..core import (
     AbstractParameters,
     InputError,
+    NumberField,
+    OptionalNumberField,
     Scalar,
     Vector,
     as_float,
@@ -52,7 +53,7 @@ class Vehicle(AbstractParameters):
 
     body: AbstractBody
     motor: Thrust
-    area: Float[Array, "*#runs"] = quantity("m^2", positive=True, doc="reference area of the drag")
+    area: NumberField = quantity("m^2", positive=True, doc="reference area of the drag")
     # The checker takes the quantity above for a default.
     drag: MachTable | None = eqx.field(  # pyright: ignore[reportGeneralTypeIssues]
         converter=as_optional_coefficient,
@@ -66,10 +67,10 @@ class Vehicle(AbstractParameters):
     nose: NoseCone | None = None
     fins: FinSet | None = None
     tail: RadiusChange | None = None
-    exit_station: Float[Array, "*#runs"] | None = quantity(
+    exit_station: OptionalNumberField = quantity(
         "m", optional=True, doc="z of the nozzle's exit in construction axes, for jet damping"
     )
-    exit_radius: Float[Array, "*#runs"] = quantity(
+    exit_radius: NumberField = quantity(
         "m", non_negative=True, default=0.0, doc="of the nozzle's exit, through which all flows"
     )
     table: AerodynamicTable | None = eqx.field(

@@ -1,0 +1,91 @@
+"""The example scenes: which there are for which goal, and a copy of one to begin with."""
+
+import shutil
+import tomllib
+from pathlib import Path
+
+from ..core import InputError
+
+GOALS: dict[str, tuple[str, ...]] = {
+    "scatter a mission and see what comes of it": ("kick_stage", "intercept"),
+    "fly a rocket to orbit": ("launch", "pad_to_orbit", "gravity_turn"),
+    "follow an orbit": (
+        "two_body",
+        "explorer_7",
+        "molniya",
+        "lunar_distance",
+        "low_thrust_spiral",
+    ),
+    "control a vehicle": ("powered_landing", "sampled_slew", "wheel_slew"),
+    "watch a body turn": (
+        "top",
+        "top_loops",
+        "top_waves",
+        "eraser_least",
+        "eraser_intermediate",
+        "eraser_greatest",
+        "thrown_disk",
+        "settling_coin",
+        "dual_spin",
+    ),
+    "study an instrument or a mechanism": (
+        "gyrocompass",
+        "two_gimbal_gyro",
+        "stable_platform",
+        "inertial_navigator",
+        "double_pendulum",
+        "trailer",
+        "flexible_missile",
+        "flexible_stage",
+    ),
+}
+"""The scenes by what their reader wants to do, those to begin with first."""
+# What a scene is made for besides `run`, by the table that says how.
+COMMANDS = {"disperse": "dispersion", "optimize": "optimize"}
+
+
+def scenes() -> Path:
+    """The folder of the scenes: a part of the wheel, and in a clone that of its examples."""
+    package = Path(__file__).resolve().parents[1]
+    installed = package / "examples"
+    return installed if installed.is_dir() else package.parent / "examples" / "scenes"
+
+
+def show_examples() -> int:
+    """Print the scenes by goal, each with its title and the commands that it is made for."""
+    names = [name for group in GOALS.values() for name in group]
+    width = max(map(len, names))
+    for goal, group in GOALS.items():
+        print(f"to {goal}")
+        for name in group:
+            path = scenes() / f"{name}.toml"
+            title = tomllib.loads(path.read_text(encoding="utf-8"))["title"]
+            print(f"  {name:<{width}}  {title} ({', '.join(['run', *_made_for(path)])})")
+        print()
+    print("`jaxspace new NAME` copies one into this folder.")
+    return 0
+
+
+def new(name: str, path: str | None) -> int:
+    """Copy a scene to `path`, by default NAME.toml in the folder where the command is given.
+
+    **Raises** `InputError` for an unknown name, and where there is a file already."""
+    names = [name for group in GOALS.values() for name in group]
+    if name not in names:
+        raise InputError(
+            f"{name} is no example: `jaxspace examples` lists them.{InputError.hint(name, names)}"
+        )
+    target = Path(f"{name}.toml" if path is None else path)
+    if target.exists():
+        raise InputError(f"{target} is there already: give another path, which must be new.")
+    shutil.copyfile(scenes() / f"{name}.toml", target)
+    print(f"file   {target}")
+    for command in ("run", *_made_for(target)):
+        print(f"jaxspace {command} {target}")
+    return 0
+
+
+def _made_for(path: Path) -> list[str]:
+    """The commands that a scene is made for, besides `run`."""
+    data = tomllib.loads(path.read_text(encoding="utf-8"))
+    return [command for command, table in COMMANDS.items() if table in data]

@@ -1,0 +1,62 @@
+"""`jaxspace examples` and `jaxspace new`: every scene is listed once, and its copy stands alone."""
+
+import re
+import tomllib
+from pathlib import Path
+
+import pytest
+
+import jaxspace
+from jaxspace.cli import main
+from jaxspace.cli._examples import GOALS, scenes
+
+NAMES = [name for group in GOALS.values() for name in group]
+
+
+def test_every_scene_is_listed_once(capsys):
+    assert sorted(NAMES) == sorted(path.stem for path in scenes().glob("*.toml"))
+    assert main(["examples"]) == 0
+    listed = capsys.readouterr().out
+    for name in NAMES:
+        title = tomllib.loads((scenes() / f"{name}.toml").read_text())["title"]
+        assert len(re.findall(rf"^  {name} .*{re.escape(title)} \(run", listed, re.MULTILINE)) == 1
+    # The largest file is 5 kB; the wheel carries them all.
+    assert sum(path.stat().st_size for path in scenes().iterdir()) < 200_000
+
+
+def test_a_copy_is_the_scene_and_needs_nothing_beside_it(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert main(["new", "kick_stage"]) == 0
+    assert "jaxspace disperse kick_stage.toml" in capsys.readouterr().out
+    assert Path("kick_stage.toml").read_text() == (scenes() / "kick_stage.toml").read_text()
+    assert main(["new", "top", "mine.toml"]) == 0
+    assert jaxspace.load("mine.toml").title == "A heavy top"
+    # A scene that names a file would need it beside its copy, which `new` does not make.
+    for name in NAMES:
+        text = (scenes() / f"{name}.toml").read_text()
+        assert not re.search(r"_file *=", text), name
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (["new", "kick_stge"], "kick_stge is no example.* Did you mean kick_stage?"),
+        (["new", "top", "there.toml"], "there.toml is there already: give another path"),
+        (["new", "top", "no/such.toml"], "no/such.toml: cannot be written or read"),
+    ],
+)
+def test_what_cannot_be_copied_is_a_sentence(arguments, sentence, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    Path("there.toml").write_text("mine")
+    assert main(arguments) == 2
+    assert re.search(sentence, capsys.readouterr().err)
+    assert Path("there.toml").read_text() == "mine"
+
+
+def test_the_version_is_that_of_the_installation(capsys):
+    with pytest.raises(SystemExit) as ending:
+        main(["--version"])
+    assert ending.value.code == 0
+    assert capsys.readouterr().out == f"jaxspace {jaxspace.__version__}\n"
+    # A number as PEP 440 has it: three parts at a tag, with `.devN` between two.
+    assert re.match(r"\d+\.\d+", jaxspace.__version__) or jaxspace.__version__ == "0+unknown"
