@@ -11,8 +11,8 @@ import pytest
 from jaxspace import load
 from jaxspace.orbits import apoapsis_radius, inclination, periapsis_radius
 from jaxspace.simulation import Accuracy, Status
-from jaxspace.simulation._mission_runs import run_mission
-from jaxspace.simulation._phases import resolve_phases
+from jaxspace.simulation.mission_runs import run_mission
+from jaxspace.simulation.phases import resolve_phases
 
 FILE = Path(__file__).parents[1] / "examples" / "scenes" / "kick_stage.toml"
 STEP = 0.015  # of a standard deviation

@@ -66,18 +66,6 @@ ON_REQUEST = {
     "plots": {"simulation", "studies", "dispersion"},
 }
 
-# The engine is built on several floors, whose plumbing is nobody else's: these rooms may open the
-# private files of those, so that the public names stay what users need.
-ENGINE = {
-    "integration": {"solvers"},
-    "simulation": {"integration", "solvers"},
-    "studies": {"integration", "simulation"},
-    "dispersion": {"integration", "simulation"},
-    "estimation": {"studies"},
-    "control": {"integration", "simulation"},
-    "verification": {"studies"},
-}
-
 # What a room may import at all, of the world outside.
 FLOOR = {"jax", "jaxtyping", "equinox", "numpy"}
 OUTSIDE = {
@@ -171,8 +159,9 @@ def imports(file: Path) -> list[tuple[str, bool]]:
         elif isinstance(node, ast.ImportFrom):
             base = package[: len(package) - node.level + 1] if node.level else []
             base = [*base, *(node.module or "").split(".")] if node.module else base
-            # `from .. import orbits` names a room; `from ..orbits import Kepler` names one already.
-            names = [[*base, a.name] for a in node.names] if base == ["jaxspace"] else [base]
+            # `from .. import orbits` names a package, `from ..orbits import _kepler` a file of one.
+            ours = base[:1] == ["jaxspace"] and len(base) < 3
+            names = [[*base, a.name] for a in node.names] if ours else [base]
             found += [(".".join(name), id(node) not in within) for name in names]
     return found
 
@@ -244,15 +233,14 @@ def test_arrows_point_downwards():
     in_every_file(complaints)
 
 
-def test_rooms_are_entered_by_their_door():
+def test_no_package_imports_a_private_file_of_another():
     def complaints(file):
         room = room_of(file)
-        opened = {room, *ENGINE.get(room, ())}
         for name, _ in imports(file):
             parts = name.split(".")
-            if parts[0] == "jaxspace" and len(parts) > 2 and parts[1] not in opened:
+            if parts[0] == "jaxspace" and len(parts) > 2 and parts[1] != room:
                 if parts[2].startswith("_"):
-                    yield f"{name} is a private file of another room"
+                    yield f"{name} is a private file of another package"
 
     in_every_file(complaints)
 
@@ -275,11 +263,21 @@ def test_outside_libraries_stay_where_they_belong():
     in_every_file(complaints)
 
 
-def test_files_inside_rooms_are_private():
+def test_a_public_file_is_one_that_another_package_imports():
+    """What the floors of the engine take of each other has the name of its file, and nothing else
+    has one."""
+    taken = {
+        tuple(name.split(".")[1:3])
+        for file in sources()
+        for name, _ in imports(file)
+        if name.startswith("jaxspace.") and name.split(".")[1] != room_of(file)
+    }
+
     def complaints(file):
         parts = file.relative_to(PACKAGE).parts
         if len(parts) > 1 and not parts[-1].startswith("_"):
-            yield "name it _x.py, and give its public names to the room's __init__"
+            if (parts[0], parts[1].removesuffix(".py")) not in taken:
+                yield "name it _x.py, and give its public names to the package's __init__"
 
     in_every_file(complaints)
 
@@ -288,7 +286,7 @@ def test_files_inside_rooms_are_private():
 METHODS = {"DOP853", "Tsit5", "RKN1210", "Stormer", "Splitting", "MuntheKaas"}
 METHODS |= {"AdaptiveRegularised", "Regularised", "ExponentialRosenbrock"}
 # The cases and laws hold methods by their names.
-MAY_NAME_METHODS = ("solvers/", "verification/", "integration/_methods.py")
+MAY_NAME_METHODS = ("solvers/", "verification/", "integration/methods.py")
 
 
 def test_no_other_file_names_a_concrete_method():

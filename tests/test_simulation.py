@@ -15,7 +15,7 @@ from systems import Integrated
 from jaxspace import Scene
 from jaxspace.bodies import BodyState
 from jaxspace.core import AbstractSystem, InputError, Scalar
-from jaxspace.integration._mapping import BLOCK
+from jaxspace.integration.mapping import BLOCK
 from jaxspace.orbits import PointGravity, TwoBody
 from jaxspace.simulation import (
     Accuracy,

@@ -22,7 +22,7 @@ from jaxspace.bodies import Load
 from jaxspace.core import AbstractSystem, dot
 from jaxspace.integration import select_method
 from jaxspace.integration._needed import needed_only
-from jaxspace.integration._normalised_time import segments_of
+from jaxspace.integration.normalised_time import segments_of
 from jaxspace.orbits import PointGravity, TwoBody
 from jaxspace.scene import Custom
 from jaxspace.solvers import DOP853, RKN1210, AdaptiveRegularised, Tolerance, Tsit5, bind

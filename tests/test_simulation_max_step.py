@@ -25,8 +25,8 @@ from jaxspace.simulation import (
     simulate_batch,
     simulate_mission,
 )
-from jaxspace.simulation._mission_runs import run_mission
-from jaxspace.simulation._phases import resolve_phases
+from jaxspace.simulation.mission_runs import run_mission
+from jaxspace.simulation.phases import resolve_phases
 from jaxspace.solvers import DOP853, RKN1210, ExponentialRosenbrock, Stormer, Tsit5
 
 T, WIDTH = 5.0, 0.02

@@ -10,7 +10,7 @@ from test_solvers_exponential import CompassState, Damped, Gyrocompass, Modes, P
 
 from jaxspace.attitude import Top
 from jaxspace.integration import select_method
-from jaxspace.integration._stiffness import InitialConditions, is_stiff
+from jaxspace.integration.stiffness import InitialConditions, is_stiff
 from jaxspace.simulation import (
     Event,
     Mission,

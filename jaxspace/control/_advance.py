@@ -8,9 +8,9 @@ import jax.numpy as jnp
 from jaxtyping import Array, PyTree
 
 from ..core import AbstractSystem, InputError, Scalar, State, breaks_of
-from ..integration._loop import TERM
-from ..integration._methods import HIGH_ORDER, LOW_ORDER
-from ..integration._normalised_time import ScaledVectorField, Segments
+from ..integration.loop import TERM
+from ..integration.methods import HIGH_ORDER, LOW_ORDER
+from ..integration.normalised_time import ScaledVectorField, Segments
 from ..solvers import FixedSteps, solver_traits
 
 

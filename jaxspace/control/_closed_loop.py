@@ -30,12 +30,12 @@ from ..core import (
     check_positive,
     is_concrete,
 )
-from ..integration._accuracy import Accuracy, state_dtype
-from ..integration._config import IntegrationConfig
-from ..integration._events import Event
-from ..integration._layout import broadcast_state, runs_of
-from ..simulation._flight import AbstractFlight
-from ..simulation._run_result import RunResult
+from ..integration.accuracy import Accuracy, state_dtype
+from ..integration.config import IntegrationConfig
+from ..integration.events import Event
+from ..integration.layout import broadcast_state, runs_of
+from ..simulation.flight import AbstractFlight
+from ..simulation.run_result import RunResult
 from ._commands import Actuate, with_command
 from ._controller import AbstractController, as_controller
 from ._fly import LoopOptions, LoopRun, fly

@@ -12,7 +12,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from ..core import AbstractSystem, State
-from ..integration._events import Event, newton_correct
+from ..integration.events import Event, newton_correct
 from ._advance import advance, select
 
 # A `Setting`, whose module imports this one.

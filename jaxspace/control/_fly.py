@@ -10,18 +10,18 @@ import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Float, Int, PRNGKeyArray, PyTree
 
 from ..core import InputError, Scalar, State, is_concrete, is_traced
-from ..integration._accuracy import (
+from ..integration.accuracy import (
     Accuracy,
     as_accuracy,
     check_initial_state,
     check_start,
     state_dtype,
 )
-from ..integration._events import Event
-from ..integration._status import raise_on_failure
+from ..integration.events import Event
+from ..integration.status import raise_on_failure
 from ..simulation import Trajectory
-from ..simulation._failures import loud
-from ..simulation._finish import trajectory_of
+from ..simulation.failures import loud
+from ..simulation.finish import trajectory_of
 from ._clocks import known_times
 from ._controller import AbstractController
 from ._program import Known, Static, as_events, as_key, compiled, parts_of

@@ -8,14 +8,14 @@ import numpy as np
 from jaxtyping import Array, PyTree
 
 from ..core import InputError, State, breaks_of
-from ..integration._config import IntegrationConfig
-from ..integration._events import Event
-from ..integration._layout import broadcast_state, times_behind_components
-from ..integration._status import Status
-from ..simulation._batch_layout import cut_batch, local_blocks, split_batch
-from ..simulation._blocks import Blocks, jit_wide_vectors
-from ..simulation._failures import nan_where_failed
-from ..simulation._run_result import RunResult
+from ..integration.config import IntegrationConfig
+from ..integration.events import Event
+from ..integration.layout import broadcast_state, times_behind_components
+from ..integration.status import Status
+from ..simulation.batch_layout import cut_batch, local_blocks, split_batch
+from ..simulation.blocks import Blocks, jit_wide_vectors
+from ..simulation.failures import nan_where_failed
+from ..simulation.run_result import RunResult
 from ..solvers import FixedSteps, Tolerance
 from ._clocks import SLACK, Clock, Nodes, at_nodes, ended, nodes_of
 from ._commands import Actuate

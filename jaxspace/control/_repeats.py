@@ -9,10 +9,10 @@ import numpy as np
 from jaxtyping import PyTree
 
 from ..core import is_concrete, is_traced
-from ..integration._accuracy import DEFAULT_RTOL, Accuracy, state_dtype
-from ..integration._config import IntegrationConfig, check_tolerance
-from ..integration._status import Status
-from ..simulation._run_result import RunResult
+from ..integration.accuracy import DEFAULT_RTOL, Accuracy, state_dtype
+from ..integration.config import IntegrationConfig, check_tolerance
+from ..integration.status import Status
+from ..simulation.run_result import RunResult
 from ..solvers import FixedSteps
 from ._advance import as_fixed
 from ._program import Known, Static

@@ -12,8 +12,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, PyTree
 
 from ..core import AbstractSystem, Scalar, State, barrier
-from ..integration._events import Event
-from ..integration._status import Status
+from ..integration.events import Event
+from ..integration.status import Status
 from ..solvers import FixedSteps, Tolerance
 from ._advance import advance, select
 from ._clocks import Nodes

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 from jaxtyping import PyTree
 
 from ..core import AbstractSystem, Scalar, State, check_positive
-from ..integration._methods import HIGH_ORDER, LOW_ORDER
+from ..integration.methods import HIGH_ORDER, LOW_ORDER
 from ..solvers import FixedSteps
 from ..studies import AccuracyCost, accuracy_cost
 from ._advance import advance

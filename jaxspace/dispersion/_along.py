@@ -7,8 +7,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
-from ..simulation._mission_runs import MissionResult, OwnTimes, SaveTimes
-from ..simulation._run_result import RunResult, nan_unless, scaled
+from ..simulation.mission_runs import MissionResult, OwnTimes, SaveTimes
+from ..simulation.run_result import RunResult, nan_unless, scaled
 
 
 class ChosenTimes(NamedTuple):

@@ -27,7 +27,7 @@ import numpy as np
 from jaxtyping import PyTree
 
 from ..integration import Accuracy, Status
-from ..simulation._blocks import Blocks
+from ..simulation.blocks import Blocks
 from ._along import Kept
 from ._campaign import Campaign
 from ._chosen_times import warn_of_unreached

@@ -10,8 +10,8 @@ import numpy as np
 
 from ..core import InputError
 from ..simulation import Event, Phase
-from ..simulation._flight import AbstractFlight
-from ..simulation._mission_runs import OwnTimes
+from ..simulation.flight import AbstractFlight
+from ..simulation.mission_runs import OwnTimes
 from ._along import ChosenTimes, Kept
 from ._campaign import Campaign
 

@@ -4,7 +4,7 @@ import math
 from typing import NamedTuple
 
 from ..core import Scalar
-from ..integration._accuracy import Accuracy
+from ..integration.accuracy import Accuracy
 from ._campaign import Campaign
 from ._covariance import METHODS, MONTE_CARLO, moments
 from ._sample_check import standard_errors, warning_of

@@ -35,8 +35,8 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..core import InputError, Scalar
-from ..integration._accuracy import Accuracy
-from ..integration._status import SimulationError, Status
+from ..integration.accuracy import Accuracy
+from ..integration.status import SimulationError, Status
 from ._campaign import Campaign, in_order
 from ._distributions import AbstractDistribution
 from ._evaluate import BLOCK, Evaluator, evaluate_traced

@@ -13,8 +13,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..core import InputError, Scalar
-from ..integration._accuracy import DEFAULT_RTOL, Accuracy
-from ..integration._config import check_tolerance
+from ..integration.accuracy import DEFAULT_RTOL, Accuracy
+from ..integration.config import check_tolerance
 from ._along import Kept
 from ._batch_runner import BatchRunner
 from ._campaign import Campaign

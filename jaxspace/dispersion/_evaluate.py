@@ -13,10 +13,10 @@ from jax.typing import ArrayLike
 from jaxtyping import Array, Float, Int
 
 from ..integration import Accuracy, Status
-from ..simulation._blocks import jit_wide_vectors
-from ..simulation._failures import nan_where_failed
-from ..simulation._mission_runs import run_mission
-from ..simulation._phases import resolve_phases
+from ..simulation.blocks import jit_wide_vectors
+from ..simulation.failures import nan_where_failed
+from ..simulation.mission_runs import run_mission
+from ..simulation.phases import resolve_phases
 from ._campaign import Campaign
 from ._exact_parts import has_exact_part
 from ._outputs import outputs_of

@@ -13,9 +13,9 @@ from jaxtyping import Array
 
 from ..core import is_traced
 from ..integration import Accuracy
-from ..integration._exact_part import takes_many_steps
-from ..simulation._flight import AbstractFlight
-from ..simulation._phases import longest
+from ..integration.exact_part import takes_many_steps
+from ..simulation.flight import AbstractFlight
+from ..simulation.phases import longest
 from ._outputs import QUICK
 
 

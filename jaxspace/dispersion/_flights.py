@@ -8,11 +8,11 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..core import Scalar
-from ..integration._accuracy import Accuracy
-from ..integration._status import Status
-from ..simulation._blocks import jit_wide_vectors
-from ..simulation._mission_runs import run_mission
-from ..simulation._phases import resolve_phases
+from ..integration.accuracy import Accuracy
+from ..integration.status import Status
+from ..simulation.blocks import jit_wide_vectors
+from ..simulation.mission_runs import run_mission
+from ..simulation.phases import resolve_phases
 from ._campaign import Campaign
 
 

@@ -12,8 +12,8 @@ from jaxtyping import Array, Float, Int
 
 from ..core import InputError
 from ..integration import SimulationError, Status
-from ..simulation._mission_runs import MissionResult
-from ..simulation._run_result import RunResult
+from ..simulation.mission_runs import MissionResult
+from ..simulation.run_result import RunResult
 from ._isolation import RAISED, callbacks, isolate, reason
 
 RESERVED = ("run", "status", "evaluations")

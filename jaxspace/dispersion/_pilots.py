@@ -13,9 +13,9 @@ from jaxtyping import Array, Float
 
 from ..core import breaks_of
 from ..integration import Accuracy, Event, SimulationError, Status
-from ..simulation._flight import AbstractFlight
-from ..simulation._mission_runs import MissionResult, OwnTimes, run_mission
-from ..simulation._phases import resolve_phases
+from ..simulation.flight import AbstractFlight
+from ..simulation.mission_runs import MissionResult, OwnTimes, run_mission
+from ..simulation.phases import resolve_phases
 from ._along import Kept, saved_of
 from ._campaign import Campaign
 from ._exact_parts import has_exact_part

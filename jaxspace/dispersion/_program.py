@@ -15,11 +15,11 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Integer
 
 from ..integration import Accuracy, Status
-from ..simulation._blocks import WIDE_VECTORS, Blocks
-from ..simulation._failures import nan_where_failed
-from ..simulation._mission_runs import run_mission
-from ..simulation._phases import resolve_phases
-from ..simulation._run_result import RunResult
+from ..simulation.blocks import WIDE_VECTORS, Blocks
+from ..simulation.failures import nan_where_failed
+from ..simulation.mission_runs import run_mission
+from ..simulation.phases import resolve_phases
+from ..simulation.run_result import RunResult
 from ._along import Kept, for_outputs, for_store, saved_of
 from ._campaign import Campaign
 from ._outputs import outputs_of

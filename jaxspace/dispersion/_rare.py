@@ -30,7 +30,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..core import InputError, Scalar
-from ..integration._accuracy import Accuracy
+from ..integration.accuracy import Accuracy
 from ._campaign import Campaign, in_order
 from ._evaluate import Evaluator, evaluate_traced
 from ._sampling import map_normals, normal_columns

@@ -10,11 +10,11 @@ from jaxtyping import Array
 
 from ..core import InputError
 from ..integration import Accuracy, SimulationError, Status
-from ..integration._config import IntegrationConfig
+from ..integration.config import IntegrationConfig
 from ..simulation import MissionTrajectory
-from ..simulation._finish import mission_trajectory_of
-from ..simulation._mission_runs import MissionResult, run_mission
-from ..simulation._phases import resolve_phases
+from ..simulation.finish import mission_trajectory_of
+from ..simulation.mission_runs import MissionResult, run_mission
+from ..simulation.phases import resolve_phases
 from ._along import saved_states, thinned
 from ._exact_parts import has_exact_part
 from ._isolation import RAISED, callbacks, reason

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..core import InputError, Scalar
-from ..integration._accuracy import Accuracy
+from ..integration.accuracy import Accuracy
 from ._campaign import Campaign
 from ._evaluate import Evaluator
 from ._sampling import map_normals, normal_columns

@@ -27,8 +27,8 @@ from jaxtyping import Array, ArrayLike, Float, Int
 from ..core import AbstractSystem, InputError, Scalar, State
 from ..simulation import Accuracy, simulate, simulate_batch
 from ..studies import MeanCovariance, Uncertain
-from ..studies._coordinates import Coordinates
-from ..studies._covariance import Noise
+from ..studies.coordinates import Coordinates
+from ..studies.covariance import Noise
 
 KINDS = ("extended", "unscented")
 

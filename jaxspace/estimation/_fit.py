@@ -29,7 +29,7 @@ import optimistix
 from jaxtyping import Array, PyTree
 
 from ..core import InputError, Scalar, is_concrete
-from ..studies._coordinates import Coordinates
+from ..studies.coordinates import Coordinates
 from ._fit_result import Fit
 from ._residuals import residual_tests
 

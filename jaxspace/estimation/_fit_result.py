@@ -120,7 +120,7 @@ class Fit(eqx.Module):
         if not is_concrete(self.chi_squared) or self.chi_squared.ndim > 0:
             sets = self.chi_squared.shape[-1] if self.chi_squared.ndim else 1
             return f"Fit of {len(self.names)} parameters to {sets} data sets"
-        from ..studies._coordinates import Coordinates
+        from ..studies.coordinates import Coordinates
 
         values = np.concatenate([np.ravel(x) for x in _values(self.parameters)])
         labels = Coordinates.of(self.parameters, 0).labels

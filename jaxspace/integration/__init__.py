@@ -1,11 +1,11 @@
 """One integration: method, tolerances and save times resolved once, the loop, events, derivatives.
 No physics."""
 
-from ._accuracy import Accuracy as Accuracy
-from ._accuracy import least_tolerance as least_tolerance
-from ._crossings import Crossings as Crossings
-from ._events import Event as Event
 from ._selection import eligible_methods as eligible_methods
 from ._selection import select_method as select_method
-from ._status import SimulationError as SimulationError
-from ._status import Status as Status
+from .accuracy import Accuracy as Accuracy
+from .accuracy import least_tolerance as least_tolerance
+from .crossings import Crossings as Crossings
+from .events import Event as Event
+from .status import SimulationError as SimulationError
+from .status import Status as Status

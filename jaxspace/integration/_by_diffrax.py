@@ -16,8 +16,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from ..core import State
-from ._loop import TERM, LoopSettings, integrate_loop
 from ._outcome import Outcome
+from .loop import TERM, LoopSettings, integrate_loop
 
 
 def solve_by_diffrax(

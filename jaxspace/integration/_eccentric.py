@@ -24,8 +24,8 @@ from jax.extend.core import Literal as Constant
 from jaxtyping import ArrayLike, PyTree
 
 from ..core import AbstractSystem, Scalar, State, once_per_structure, without_numbers
-from ..solvers._regularised_step import form_in
-from ._stiffness import InitialConditions
+from ..solvers.regularised_step import form_in
+from .stiffness import InitialConditions
 
 ECCENTRIC = 0.5
 # States in a revolution up to which to land on each costs less than dense output.

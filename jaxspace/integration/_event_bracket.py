@@ -11,7 +11,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool
 
 from ..core import Scalar, safe_divide
-from ._events import Event
+from .events import Event
 
 # Steps within the bracket, at most. Four are enough for a simple zero; one of a ball's last bounces
 # is next to another zero, the start, where Newton's method gains a bit a step, as bisection does.

@@ -26,10 +26,10 @@ from jaxtyping import Array, Bool, Float, Int
 
 from ..core import Scalar, State, safe_divide
 from ..solvers import Tolerance
-from ._event_zero import APART, ROUNDINGS, Zero, candidates, dips, first_in_intervals
-from ._events import Event
-from ._normalised_time import OwnStep
-from ._status import Status
+from .event_zero import APART, ROUNDINGS, Zero, candidates, dips, first_in_intervals
+from .events import Event
+from .normalised_time import OwnStep
+from .status import Status
 
 # Parts of a step that are sampled at once.
 PARTS = 16

@@ -10,9 +10,9 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from ..core import AbstractSystem, Scalar, State
-from ._config import IntegrationConfig
 from ._event_bracket import WithinSpan
-from ._event_zero import (
+from .config import IntegrationConfig
+from .event_zero import (
     APART,
     ROUNDINGS,
     Zero,
@@ -23,10 +23,10 @@ from ._event_zero import (
     pick,
     rounding_change,
 )
-from ._events import Event
-from ._integrate import integrate
-from ._layout import state_at, times_first
-from ._status import Status
+from .events import Event
+from .integrate import integrate
+from .layout import state_at, times_first
+from .status import Status
 
 
 class ConditionOnRun(NamedTuple):

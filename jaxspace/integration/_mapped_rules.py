@@ -12,9 +12,9 @@ from jax.extend.core import Primitive
 from jax.interpreters import batching
 from jaxtyping import Array
 
-from ._mapping import add_run_axis, over_blocks
 from ._primitives import Program, along, along_p, back, back_p, derivative_p, record_p, solve_p
 from ._problem import Leaves, Moving, Parts, Problem, arguments_of
+from .mapping import add_run_axis, over_blocks
 
 # Which axis of each argument is mapped; `None` for one that is not.
 Dims: TypeAlias = Sequence[int | None]

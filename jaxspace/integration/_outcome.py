@@ -8,9 +8,9 @@ from jaxtyping import Array
 
 from ..core import State
 from ._event_location import Location
-from ._loop import LoopSettings, LoopState
 from ._own_state import OwnLoop
 from ._packed import Packing
+from .loop import LoopSettings, LoopState
 
 
 class Outcome(NamedTuple):

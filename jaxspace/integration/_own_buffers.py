@@ -7,9 +7,9 @@ from jaxtyping import Array, Bool
 from ..core import State
 from ..solvers import ScaledField
 from ._buffers import put_row
-from ._loop import LoopSettings
 from ._own_state import OwnLoop, OwnState, Segment
 from ._record import RecordLayout
+from .loop import LoopSettings
 
 
 def put_landed(rows: State, y: State, number: Array, done: Bool[Array, "*runs"]) -> State:

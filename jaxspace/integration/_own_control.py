@@ -22,8 +22,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from ..core import AbstractRegularised, AbstractSecondOrderForm, Scalar, barrier
-from ..solvers._regularised_step import Regular, order_of
-from ..solvers._step_control import GROW, SHRINK
+from ..solvers.regularised_step import Regular, order_of
+from ..solvers.step_control import GROW, SHRINK
 
 SAFETY = 0.85
 # Without a scale to go by.

@@ -12,7 +12,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, PyTree
 
 from ..core import State, barrier
-from ..solvers._regularised_step import attempt, form_of
+from ..solvers.regularised_step import attempt, form_of
 from ._needed import needed_only
 from ._own_buffers import get_landed, put_landed
 from ._own_state import OwnState, Segment, landing_state

@@ -9,10 +9,10 @@ from jaxtyping import Array, Bool, Float, Int
 
 from ..core import AbstractRegularised, Scalar, State
 from ..solvers import ScaledField
-from ..solvers._regularised_step import Regular, landed
-from ._loop import LoopSettings
+from ..solvers.regularised_step import Regular, landed
 from ._own_control import Trend
 from ._record import Recording
+from .loop import LoopSettings
 
 
 @final

@@ -13,7 +13,7 @@ from jaxtyping import Array, Bool, Float
 
 from ..core import AbstractRegularised, barrier
 from ..solvers import ScaledField
-from ..solvers._regularised_step import (
+from ..solvers.regularised_step import (
     CLOSE,
     FIRST_STEP,
     Regular,
@@ -22,14 +22,14 @@ from ..solvers._regularised_step import (
     form_of,
     order_of,
 )
-from ..solvers._step_control import SMALLEST_STEP
+from ..solvers.step_control import SMALLEST_STEP
 from ._buffers import empty_steps, nan_buffer, put_row
-from ._loop import LoopSettings
 from ._own_buffers import kept_of_pass, written
 from ._own_control import Trend, bounded, following, ideal_length
 from ._own_state import OwnLoop, OwnState, Segment, alive, landing_state, unit
 from ._record import Recording, RecordLayout
 from ._slow_runs import nan_where, without_slow_runs
+from .loop import LoopSettings
 
 
 def integrate_own_steps(

@@ -23,9 +23,9 @@ from ..core import (
     State,
     project,
 )
-from ._events import Event
-from ._loop import LoopSettings
-from ._normalised_time import ScaledVectorField
+from .events import Event
+from .loop import LoopSettings
+from .normalised_time import ScaledVectorField
 
 
 @final

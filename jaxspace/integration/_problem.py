@@ -19,8 +19,6 @@ from jaxtyping import Array, PyTree
 from ..core import State, count_operations, shape_of
 from ..solvers import small_program, solver_traits
 from ._field_trace import field_trace
-from ._loop import LoopSettings, integrate_loop
-from ._normalised_time import ScaledVectorField
 from ._outcome import outcome_of, own_outcome_of
 from ._own_buffers import kept_of_pass
 from ._own_replay import OwnReplay
@@ -29,6 +27,8 @@ from ._own_steps import integrate_own_steps
 from ._packed import Packing, packed
 from ._record import Record, Recording, RecordLayout
 from ._replay import Replay
+from .loop import LoopSettings, integrate_loop
+from .normalised_time import ScaledVectorField
 
 Leaves: TypeAlias = Sequence[Array]
 Moving: TypeAlias = tuple[int, ...]

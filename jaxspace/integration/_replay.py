@@ -24,9 +24,9 @@ from ..core import State, barrier
 from ..solvers import small_program
 from ._buffers import empty_buffer, get_row, put_row
 from ._checkpointed_field import CheckpointedField
-from ._loop import TERM, LoopSettings
 from ._needed import needed_only
 from ._record import Record
+from .loop import TERM, LoopSettings
 
 CHUNK = 32
 """Steps between which all states are kept at once: more of them leave the cache, fewer are taken

@@ -15,7 +15,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, PyTree
 
 from ..core import AbstractSystem, State
-from ._normalised_time import Segments
+from .normalised_time import Segments
 
 
 @eqx.filter_custom_jvp

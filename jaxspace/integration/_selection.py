@@ -4,7 +4,7 @@ A method for second-order systems is taken only where the traced vector field sh
 the rate of the position is the velocity itself, and no operation leads from the velocity to its
 rate. What an effect says of itself does not matter.
 
-Whether a run is stiff follows from its numbers (`_stiffness.py`): where they are not known, under
+Whether a run is stiff follows from its numbers (`stiffness.py`): where they are not known, under
 `jit` or in a derivative, and for the phases of a mission, the rules of structure decide alone."""
 
 import functools
@@ -20,10 +20,10 @@ from jax.extend.core import Literal
 from jaxtyping import Array, ArrayLike, PyTree
 
 from ..core import AbstractSystem, depending_on, once_per_structure, without_numbers
-from ..solvers._second_order import moved, parts_of
+from ..solvers.second_order import moved, parts_of
 from ._eccentric import is_eccentric, is_second_order_regularised
-from ._methods import HIGH_ORDER, LOW_ORDER, REGULARISED, SECOND_ORDER, STIFF
-from ._stiffness import InitialConditions, is_stiff
+from .methods import HIGH_ORDER, LOW_ORDER, REGULARISED, SECOND_ORDER, STIFF
+from .stiffness import InitialConditions, is_stiff
 
 # above this tolerance the method of order 5 needs fewer evaluations than those of high order
 LOOSE = 1e-5

@@ -27,17 +27,17 @@ import jax.numpy as jnp
 from jaxtyping import PyTree
 
 from ..core import AbstractRegularised, State
-from ..solvers._regularised_step import regularised_start
+from ..solvers.regularised_step import regularised_start
 
 # Imported for their rules, which JAX takes from them.
 from . import _derivative_rules as _derivative_rules
 from . import _mapped_rules as _mapped_rules
 from ._event_location import Location
-from ._loop import LoopSettings
 from ._outcome import Outcome
 from ._own_state import OwnState
 from ._primitives import solve_p
 from ._problem import Problem, arguments_of
+from .loop import LoopSettings
 
 
 def solve(field: PyTree, y0: State, settings: LoopSettings) -> Outcome:

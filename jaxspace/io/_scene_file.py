@@ -28,7 +28,7 @@ from ..simulation import (
     Trajectory,
     simulate_mission,
 )
-from ..simulation._either import run_either
+from ..simulation.either import run_either
 from ._build import build_mission, build_state, replaced
 from ._checks import Parsed
 from ._inputs import Input, with_given

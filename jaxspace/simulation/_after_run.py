@@ -4,7 +4,7 @@ import warnings
 
 from ..core import is_traced
 from ._mission_trajectory import MissionTrajectory
-from ._trajectory import Trajectory
+from .trajectory import Trajectory
 
 
 def warn_after(result: Trajectory | MissionTrajectory, stacklevel: int) -> None:

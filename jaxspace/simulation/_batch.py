@@ -10,20 +10,20 @@ import numpy as np
 from jaxtyping import ArrayLike, Float, PyTree, Real
 
 from ..core import AbstractSystem, State, is_concrete, is_traced
-from ..integration._accuracy import Accuracy, as_accuracy, state_dtype, without_weak_types
-from ..integration._config import IntegrationConfig, resolve
-from ..integration._events import Event
-from ..integration._exact_part import with_exact_part
-from ..integration._stiffness import InitialConditions
+from ..integration.accuracy import Accuracy, as_accuracy, state_dtype, without_weak_types
+from ..integration.config import IntegrationConfig, resolve
+from ..integration.events import Event
+from ..integration.exact_part import with_exact_part
+from ..integration.stiffness import InitialConditions
 from ._after_run import warn_after
-from ._batch_layout import InAxes, cut_batch, local_blocks, split_batch
 from ._batch_repeat import repeat_systems
 from ._batch_runs import run_systems
-from ._checks import as_events, check_dense, check_structure, check_times, check_values
-from ._finish import raise_failures, trajectory_of
 from ._switches import warn_of_switches
-from ._trajectory import Trajectory
 from ._verbs import check_system
+from .batch_layout import InAxes, cut_batch, local_blocks, split_batch
+from .checks import as_events, check_dense, check_structure, check_times, check_values
+from .finish import raise_failures, trajectory_of
+from .trajectory import Trajectory
 
 # How many runs of a batch are looked at to choose its method.
 SAMPLED = 16

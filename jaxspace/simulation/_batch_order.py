@@ -7,11 +7,11 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, PyTree
 
 from ..core import AbstractSystem, State, safe_divide
-from ..integration._config import IntegrationConfig
-from ..integration._layout import broadcast_state
+from ..integration.config import IntegrationConfig
+from ..integration.layout import broadcast_state
 from ..solvers import Tolerance
-from ._batch_layout import cut_batch
-from ._blocks import Blocks
+from .batch_layout import cut_batch
+from .blocks import Blocks
 
 # Quotient of the fastest rate and the slowest up to which the runs of a batch are not sorted.
 UNIFORM = 1.25

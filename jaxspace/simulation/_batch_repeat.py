@@ -6,16 +6,16 @@ import jax
 import numpy as np
 from jaxtyping import PyTree
 
-from ..integration._accuracy import Accuracy
-from ..integration._config import IntegrationConfig
-from ..integration._events import Event
-from ..integration._mapping import BLOCK
-from ..integration._status import Status
+from ..integration.accuracy import Accuracy
+from ..integration.config import IntegrationConfig
+from ..integration.events import Event
+from ..integration.mapping import BLOCK
+from ..integration.status import Status
 from ._batch_runs import run_missions, run_systems
-from ._blocks import Blocks
-from ._finish import error_of_too_few_steps, with_exact_parts
-from ._mission_runs import MissionResult
-from ._run_result import RunResult
+from .blocks import Blocks
+from .finish import error_of_too_few_steps, with_exact_parts
+from .mission_runs import MissionResult
+from .run_result import RunResult
 
 
 def repeat_systems(

@@ -6,17 +6,17 @@ import jax.numpy as jnp
 from jaxtyping import Array, PyTree
 
 from ..core import AbstractSystem, InputError, State
-from ..integration._config import IntegrationConfig
-from ..integration._events import Event
-from ..integration._layout import broadcast_state
-from ._batch_layout import cut_batch
+from ..integration.config import IntegrationConfig
+from ..integration.events import Event
+from ..integration.layout import broadcast_state
 from ._batch_order import arranged, order_of
-from ._blocks import Blocks, jit_wide_vectors
-from ._checks import check_events
-from ._failures import nan_where_failed
-from ._mission_runs import MissionResult, run_mission
-from ._run_result import RunResult
 from ._runs import run_system
+from .batch_layout import cut_batch
+from .blocks import Blocks, jit_wide_vectors
+from .checks import check_events
+from .failures import nan_where_failed
+from .mission_runs import MissionResult, run_mission
+from .run_result import RunResult
 
 
 @jit_wide_vectors

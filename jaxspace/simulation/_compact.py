@@ -23,9 +23,9 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Bool, Float
 
 from ..core import InputError, Scalar, State, as_float
-from ..integration._events import Event, newton_correct
-from ..solvers import _tableaus as tableau
-from ..solvers._runge_kutta import combine, stages
+from ..integration.events import Event, newton_correct
+from ..solvers import tableaus as tableau
+from ..solvers.runge_kutta import combine, stages
 from ._mission import Mission, Phase
 
 # How often the step to an event is shortened: some eight reach rounding.

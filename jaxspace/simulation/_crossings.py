@@ -6,15 +6,15 @@ from collections.abc import Callable
 from jaxtyping import Array
 
 from ..core import AbstractSystem, Scalar, State
-from ..integration._config import IntegrationConfig
-from ..integration._crossings import Crossings
-from ..integration._events import Event
-from ._batch_layout import local_blocks, split_batch
+from ..integration.config import IntegrationConfig
+from ..integration.crossings import Crossings
+from ..integration.events import Event
 from ._batch_runs import run_systems
-from ._blocks import jit_wide_vectors
-from ._checks import as_events, check_events
 from ._runs import run_system
-from ._trajectory import Trajectory
+from .batch_layout import local_blocks, split_batch
+from .blocks import jit_wide_vectors
+from .checks import as_events, check_events
+from .trajectory import Trajectory
 
 
 def crossings(

@@ -15,7 +15,7 @@ import jax.numpy as jnp
 from jax.custom_batching import custom_vmap
 from jaxtyping import Array, Int, PyTree
 
-from ..integration._status import SimulationError, Status
+from ..integration.status import SimulationError, Status
 
 T = TypeVar("T")
 

@@ -20,8 +20,8 @@ from ..core import (
     check_finite,
     is_concrete,
 )
-from ..integration._events import Event
-from ._flight import AbstractFlight, moving
+from ..integration.events import Event
+from .flight import AbstractFlight, moving
 
 
 # A duration becomes an array; an event passes.

@@ -5,17 +5,17 @@ import functools
 from jaxtyping import ArrayLike, Float, Real
 
 from ..core import InputError, State, is_concrete, is_traced
-from ..integration._accuracy import Accuracy, as_accuracy, state_dtype, without_weak_types
+from ..integration.accuracy import Accuracy, as_accuracy, state_dtype, without_weak_types
 from ._after_run import warn_after
-from ._batch_layout import InAxes, cut_batch, local_blocks, split_batch
 from ._batch_repeat import repeat_missions
 from ._batch_runs import run_missions
-from ._checks import as_times, check_num_saved
-from ._finish import mission_trajectory_of, raise_failures
 from ._mission import Mission
 from ._mission_trajectory import MissionTrajectory
-from ._phases import resolve_phases
 from ._verbs import check_mission
+from .batch_layout import InAxes, cut_batch, local_blocks, split_batch
+from .checks import as_times, check_num_saved
+from .finish import mission_trajectory_of, raise_failures
+from .phases import resolve_phases
 
 
 def simulate_mission_batch(

@@ -9,9 +9,9 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
 from ..core import InputError, State
-from ..integration._accuracy import Accuracy
+from ..integration.accuracy import Accuracy
 from ._summary import summary_of_mission
-from ._trajectory import Trajectory
+from .trajectory import Trajectory
 
 if TYPE_CHECKING:
     import os

@@ -5,12 +5,12 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from ..core import AbstractSystem, State
-from ..integration._config import IntegrationConfig
-from ..integration._layout import broadcast_state, state_at
-from ..integration._status import Status
-from ._batch_layout import cut_batch, local_blocks, split_batch
-from ._blocks import Blocks, jit_wide_vectors
+from ..integration.config import IntegrationConfig
+from ..integration.layout import broadcast_state, state_at
+from ..integration.status import Status
 from ._runs import integrate_through_times
+from .batch_layout import cut_batch, local_blocks, split_batch
+from .blocks import Blocks, jit_wide_vectors
 
 # A part of the run in no simple ratio to the rest, so that a closed form makes its own errors.
 PART = 0.4

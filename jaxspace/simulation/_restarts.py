@@ -14,14 +14,14 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
 from ..core import AbstractSystem, State
-from ..integration._config import IntegrationConfig
-from ..integration._crossings import Crossings
-from ..integration._event_search import first_event
-from ..integration._event_zero import pick
-from ..integration._events import Event, newton_correct
-from ..integration._integrate import integrate
-from ..integration._layout import runs_of, state_at, times_behind_components, with_start
-from ..integration._status import Status, combine_status
+from ..integration.config import IntegrationConfig
+from ..integration.crossings import Crossings
+from ..integration.event_search import first_event
+from ..integration.event_zero import pick
+from ..integration.events import Event, newton_correct
+from ..integration.integrate import integrate
+from ..integration.layout import runs_of, state_at, times_behind_components, with_start
+from ..integration.status import Status, combine_status
 
 
 class Restarts(NamedTuple):

@@ -12,12 +12,12 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from ..core import AbstractSystem, State, safe_divide
-from ..integration._config import IntegrationConfig
-from ..integration._crossings import Crossings, crossings_between
-from ..integration._event_search import first_event, happened_together
-from ..integration._events import Event, closures_of_events, newton_correct
-from ..integration._integrate import integrate, locates_events
-from ..integration._layout import (
+from ..integration.config import IntegrationConfig
+from ..integration.crossings import Crossings, crossings_between
+from ..integration.event_search import first_event, happened_together
+from ..integration.events import Event, closures_of_events, newton_correct
+from ..integration.integrate import integrate, locates_events
+from ..integration.layout import (
     broadcast_state,
     replace_state,
     runs_of,
@@ -26,10 +26,10 @@ from ..integration._layout import (
     times_first,
     with_start,
 )
-from ..integration._result import IntegrationResult
-from ..integration._status import Status, combine_status
+from ..integration.result import IntegrationResult
+from ..integration.status import Status, combine_status
 from ._restarts import collected, restarts_between, states_between
-from ._run_result import RunResult, known_crossings, nan_unless, reached, scaled
+from .run_result import RunResult, known_crossings, nan_unless, reached, scaled
 
 
 def integrate_through_times(

@@ -8,19 +8,22 @@ import jax
 from jaxtyping import ArrayLike, Float, PyTree, Real
 
 from ..core import AbstractSystem
-from ..integration._accuracy import (
+from ..integration.accuracy import (
     Accuracy,
     as_accuracy,
     check_initial_state,
     check_start,
     without_weak_types,
 )
-from ..integration._config import IntegrationConfig, resolve
-from ..integration._events import Event
-from ..integration._exact_part import with_exact_part
-from ..integration._stiffness import InitialConditions
+from ..integration.config import IntegrationConfig, resolve
+from ..integration.events import Event
+from ..integration.exact_part import with_exact_part
+from ..integration.stiffness import InitialConditions
 from ._after_run import warn_after
-from ._checks import (
+from ._runs import run_system
+from ._switches import warn_of_switches
+from ._verbs import check_system
+from .checks import (
     as_events,
     check_dense,
     check_events,
@@ -28,11 +31,8 @@ from ._checks import (
     check_times,
     check_values,
 )
-from ._finish import finish
-from ._runs import run_system
-from ._switches import warn_of_switches
-from ._trajectory import Trajectory
-from ._verbs import check_system
+from .finish import finish
+from .trajectory import Trajectory
 
 
 def simulate(

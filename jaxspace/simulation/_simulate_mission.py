@@ -6,23 +6,23 @@ import equinox as eqx
 from jaxtyping import ArrayLike, Float, PyTree, Real
 
 from ..core import InputError, is_concrete
-from ..integration._accuracy import (
+from ..integration.accuracy import (
     Accuracy,
     as_accuracy,
     check_initial_state,
     check_start,
     without_weak_types,
 )
-from ..integration._status import Status
+from ..integration.status import Status
 from ._after_run import warn_after
-from ._checks import as_times, check_num_saved
-from ._failures import nan_where_failed, place_of_failure
-from ._finish import mission_trajectory_of, raise_failures, with_exact_parts
 from ._mission import Mission
-from ._mission_runs import run_mission
 from ._mission_trajectory import MissionTrajectory
-from ._phases import resolve_phases
 from ._verbs import check_mission
+from .checks import as_times, check_num_saved
+from .failures import nan_where_failed, place_of_failure
+from .finish import mission_trajectory_of, raise_failures, with_exact_parts
+from .mission_runs import run_mission
+from .phases import resolve_phases
 
 
 def simulate_mission(

@@ -11,13 +11,13 @@ from jax.core import Tracer
 from jaxtyping import Array, ArrayLike, Int, PyTree
 
 from ..core import State, aligned, html_table, is_concrete
-from ..integration._config import IntegrationConfig
-from ..integration._status import Status
+from ..integration.config import IntegrationConfig
+from ..integration.status import Status
 from ._dataset import blocks_of
 
 if TYPE_CHECKING:
     from ._mission_trajectory import MissionTrajectory
-    from ._trajectory import Trajectory
+    from .trajectory import Trajectory
 
 Row = tuple[str, ...]
 # A network in a state has thousands of components, and a quaternion has four.

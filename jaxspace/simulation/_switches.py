@@ -11,8 +11,8 @@ import jax
 from jaxtyping import PyTree
 
 from ..core import AbstractSystem, Scalar, State, without_numbers
-from ..integration._events import Event
-from ..integration._layout import broadcast_state
+from ..integration.events import Event
+from ..integration.layout import broadcast_state
 
 
 def warn_of_switches(

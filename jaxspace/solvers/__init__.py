@@ -18,11 +18,11 @@ from ._protocol import small_program as small_program
 from ._protocol import solver_traits as solver_traits
 from ._regularised import Regularised as Regularised
 from ._rkn1210 import RKN1210 as RKN1210
-from ._runge_kutta import DOP853 as DOP853
-from ._runge_kutta import Tsit5 as Tsit5
 from ._splitting import Splitting as Splitting
-from ._step_control import BatchStepController as BatchStepController
-from ._step_control import StepTo as StepTo
 from ._stormer import Stormer as Stormer
 from ._tolerance import Tolerance as Tolerance
 from ._vector_field import ScaledField as ScaledField
+from .runge_kutta import DOP853 as DOP853
+from .runge_kutta import Tsit5 as Tsit5
+from .step_control import BatchStepController as BatchStepController
+from .step_control import StepTo as StepTo

@@ -7,7 +7,7 @@ passes, perturbed or not.
 Every run takes the steps that it needs itself, and keeps its own time. With a potential they are
 those of RKN 12(10), otherwise those of DOP853. A step that would pass the time to land on is
 replaced by the one that unperturbed motion takes to it, repeated until what is left is so short
-that two terms of a series pass it (`_regularised_step.py`).
+that two terms of a series pass it (`regularised_step.py`).
 
     symbol  meaning
     sigma   fictitious time
@@ -25,8 +25,8 @@ from jaxtyping import Array, Float
 
 from ..core import State
 from ._protocol import AbstractFieldSolver, Advance, SolverTraits
-from ._regularised_step import Regular, attempt, landed, regularised_start
 from ._vector_field import ScaledField, StepField
+from .regularised_step import Regular, attempt, landed, regularised_start
 
 # Steps to land within a step of a given end: each leaves what the perturbation changes within it.
 LANDINGS = 4

@@ -20,7 +20,6 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, PyTree
 
 from ..core import AbstractGroupElement, State, barrier, on_group
-from ._dense_output import AbstractDenseOutput
 from ._protocol import (
     AbstractFieldSolver,
     Advance,
@@ -29,9 +28,10 @@ from ._protocol import (
     small_program,
     solver_traits,
 )
-from ._runge_kutta import DOP853
 from ._tolerance import Tolerance
 from ._vector_field import StepField
+from .dense_output import AbstractDenseOutput
+from .runge_kutta import DOP853
 
 Block = AbstractGroupElement | Array
 

@@ -17,9 +17,9 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..core import Scalar, barrier
-from . import _tableaus as tableau
-from ._runge_kutta import Weights, dense_rows, stage_loop, weighted
-from ._second_order import SecondOrder, Vectors
+from . import tableaus as tableau
+from .runge_kutta import Weights, dense_rows, stage_loop, weighted
+from .second_order import SecondOrder, Vectors
 
 # Of a product of matrices whose entries are of order one: what is below is rounding, not a weight.
 ROUNDING = 1e-15

@@ -30,7 +30,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from ..core import Scalar, State
-from . import _tableaus as tableau
+from . import tableaus as tableau
 from ._protocol import (
     AbstractFieldSolver,
     AbstractFixedStep,
@@ -38,10 +38,10 @@ from ._protocol import (
     SolverTraits,
     check_steps,
 )
-from ._regularised_step import Regular, derivative_in
-from ._runge_kutta import combine
-from ._second_order import estimate_by_coarsening
 from ._vector_field import ScaledField, StepField
+from .regularised_step import Regular, derivative_in
+from .runge_kutta import combine
+from .second_order import estimate_by_coarsening
 
 STAGES = len(tableau.DOP853_A)
 # Blocks of steps that land. Each leaves of the time what the perturbation changes within its few

@@ -32,9 +32,9 @@ from ._protocol import (
     SolverTraits,
     check_steps,
 )
-from ._second_order import estimate_by_coarsening
 from ._split_schemes import SCHEMES, Scheme
 from ._vector_field import ScaledField, StepField, just_before
+from .second_order import estimate_by_coarsening
 
 # Where the steps do not resolve the motion, no order holds: the error is taken to be four times the
 # difference that is seen.

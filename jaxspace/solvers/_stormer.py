@@ -33,7 +33,6 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..core import InputError, State
-from ._dense_output import AbstractDenseOutput
 from ._polynomials import integrals_of
 from ._protocol import (
     AbstractFieldSolver,
@@ -42,10 +41,11 @@ from ._protocol import (
     SolverTraits,
     check_steps,
 )
-from ._second_order import Vectors, moved, second_order
 from ._stormer_steps import StepRecord, StormerSteps
 from ._tolerance import Tolerance
 from ._vector_field import StepField
+from .dense_output import AbstractDenseOutput
+from .second_order import Vectors, moved, second_order
 
 
 class _InterpolatedAccelerations(AbstractDenseOutput):

@@ -15,7 +15,7 @@ from jaxtyping import Array, Float, Int
 from ..core import State, barrier
 from ._nystrom import DOP853_NYSTROM, nystrom_step
 from ._polynomials import stormer_weights
-from ._second_order import SecondOrder, Vectors
+from .second_order import SecondOrder, Vectors
 
 Ring = Float[Array, "k ..."]
 

@@ -6,8 +6,6 @@ from ._budget_table import EffectBudget as EffectBudget
 from ._budget_table import Influence as Influence
 from ._cost_table import AccuracyCost as AccuracyCost
 from ._cost_table import Cost as Cost
-from ._covariance import MeanCovariance as MeanCovariance
-from ._covariance import Uncertain as Uncertain
 from ._effect_budget import effect_budget as effect_budget
 from ._mission_covariance import MissionCovariance as MissionCovariance
 from ._modes import Modes as Modes
@@ -18,3 +16,5 @@ from ._sensitivity import MissionSensitivity as MissionSensitivity
 from ._sensitivity import Sensitivity as Sensitivity
 from ._sensitivity import initial_state as initial_state
 from ._sensitivity import sensitivity as sensitivity
+from .covariance import MeanCovariance as MeanCovariance
+from .covariance import Uncertain as Uncertain

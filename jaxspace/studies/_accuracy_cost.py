@@ -15,7 +15,7 @@ from jaxtyping import ArrayLike, Float
 
 from ..core import InputError, Scalar, State, check_positive
 from ..integration import least_tolerance
-from ..integration._accuracy import state_dtype
+from ..integration.accuracy import state_dtype
 from ._cost_case import Case
 from ._cost_methods import TOLERANCES, default_methods, methods_by_name, tolerances_of
 from ._cost_reference import reference_of

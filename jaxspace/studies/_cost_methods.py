@@ -7,10 +7,10 @@ from jaxtyping import Array
 
 from ..core import InputError, State
 from ..integration import eligible_methods, least_tolerance, select_method
-from ..integration._accuracy import state_dtype
-from ..integration._methods import HIGH_ORDER, LOW_ORDER
+from ..integration.accuracy import state_dtype
+from ..integration.methods import HIGH_ORDER, LOW_ORDER
 from ..simulation import Mission
-from ..simulation._phases import resolve_phases
+from ..simulation.phases import resolve_phases
 from ..solvers import solver_traits
 from ._cost_case import accuracy_of
 from ._cost_table import CLOSED_FORM, Method, method_name

@@ -12,7 +12,7 @@ import numpy as np
 
 from ..core import Scalar, State
 from ..integration import Status, least_tolerance
-from ..integration._methods import HIGH_ORDER, STIFF
+from ..integration.methods import HIGH_ORDER, STIFF
 from ..simulation import Mission
 from ..solvers import solver_traits
 from ._cost_case import Case, Programs

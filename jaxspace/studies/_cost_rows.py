@@ -10,7 +10,7 @@ from jaxtyping import Array, Float
 
 from ..core import State
 from ..integration import Status
-from ..simulation._trajectory import relative_change
+from ..simulation.trajectory import relative_change
 from ._cost_case import Case, Programs
 from ._cost_reference import Reference
 from ._cost_table import FIXED_STEP_RTOL, Cost, Method

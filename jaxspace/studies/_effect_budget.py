@@ -16,7 +16,7 @@ from jaxtyping import Array, ArrayLike, Float
 
 from ..core import InputError, Scalar, State, check_positive, quantities
 from ..integration import Accuracy, SimulationError, Status, least_tolerance
-from ..integration._accuracy import DEFAULT_RTOL, as_accuracy, state_dtype
+from ..integration.accuracy import DEFAULT_RTOL, as_accuracy, state_dtype
 from ..solvers import refine, solver_traits
 from ._budget_table import EffectBudget
 from ._effect_choice import negligible, timed_run, verified

@@ -28,8 +28,8 @@ from jaxtyping import Array, Float
 
 from ..core import AbstractSystem, Scalar, State
 from ..simulation import Event, Mission, MissionTrajectory, Phase
-from ._coordinates import Coordinates
-from ._covariance import MeanCovariance, Uncertain
+from .coordinates import Coordinates
+from .covariance import MeanCovariance, Uncertain
 
 
 class MissionCovariance(NamedTuple):

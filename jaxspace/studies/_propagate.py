@@ -8,14 +8,14 @@ import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Float
 
 from ..core import AbstractSystem, InputError, State
-from ..integration._layout import broadcast_state
+from ..integration.layout import broadcast_state
 from ..simulation import Accuracy, Event, Mission, MissionTrajectory, Trajectory
-from ..simulation._batch_layout import InAxes
-from ..simulation._either import run_either
-from ..simulation._flight import AbstractFlight
-from ._coordinates import Coordinates
-from ._covariance import MeanCovariance, Noise, Uncertain
+from ..simulation.batch_layout import InAxes
+from ..simulation.either import run_either
+from ..simulation.flight import AbstractFlight
 from ._mission_covariance import MissionCovariance, covariance_of, uncertain_mission
+from .coordinates import Coordinates
+from .covariance import MeanCovariance, Noise, Uncertain
 
 
 @overload

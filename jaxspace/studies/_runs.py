@@ -12,10 +12,10 @@ import numpy as np
 from jaxtyping import Array, ArrayLike, Float, Int, PyTree
 
 from ..core import AbstractSystem, State, check_finite
-from ..integration._accuracy import Accuracy, check_initial_state, state_dtype
+from ..integration.accuracy import Accuracy, check_initial_state, state_dtype
 from ..simulation import Mission, MissionTrajectory
-from ..simulation._checks import check_times
-from ..simulation._either import run_either
+from ..simulation.checks import check_times
+from ..simulation.either import run_either
 
 # s: a run is not repeated after its repetitions took so long.
 ENOUGH = 2.0

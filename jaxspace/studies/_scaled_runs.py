@@ -17,7 +17,7 @@ from jaxtyping import Array, Float, Int, PyTree
 
 from ..core import State
 from ..integration import Accuracy, Status
-from ..integration._accuracy import state_dtype
+from ..integration.accuracy import state_dtype
 from ._runs import RunOutcome, run_once
 from ._scene_effects import Runnable, scale_effects
 

@@ -27,11 +27,11 @@ import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Float, PyTree
 
 from ..core import AbstractSystem, InputError, State
-from ..integration._accuracy import as_accuracy
+from ..integration.accuracy import as_accuracy
 from ..simulation import Accuracy, Event, Mission, MissionTrajectory, Trajectory
-from ..simulation._batch_layout import InAxes, split_batch
-from ..simulation._either import run_either
-from ._coordinates import Coordinates, name_of
+from ..simulation.batch_layout import InAxes, split_batch
+from ..simulation.either import run_either
+from .coordinates import Coordinates, name_of
 
 Selection = Callable[[Any, Any], PyTree]
 

@@ -17,13 +17,13 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool
 
 from ..core import AbstractSystem, Scalar, State
-from ._config import IntegrationConfig
 from ._event_location import FoundEvents
 from ._event_runs import ConditionOnRun, first_zero
-from ._event_zero import ROUNDINGS, rounding_change
-from ._events import Event
-from ._integrate import integrate, locates_events
-from ._status import Status
+from .config import IntegrationConfig
+from .event_zero import ROUNDINGS, rounding_change
+from .events import Event
+from .integrate import integrate, locates_events
+from .status import Status
 
 
 def first_event(

@@ -6,10 +6,10 @@ import equinox as eqx
 from jaxtyping import PyTree
 
 from ..core import AbstractSystem, Scalar, State
-from ..integration._accuracy import Accuracy
-from ..integration._config import IntegrationConfig
-from ..integration._events import Event
-from ._run_result import RunResult
+from ..integration.accuracy import Accuracy
+from ..integration.config import IntegrationConfig
+from ..integration.events import Event
+from .run_result import RunResult
 
 
 class AbstractFlight(eqx.Module):

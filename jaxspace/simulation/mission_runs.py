@@ -9,17 +9,17 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
 from ..core import AbstractSystem, Scalar, State, safe_divide
-from ..integration._config import IntegrationConfig
-from ..integration._event_search import FoundEvents, first_event
-from ..integration._events import Event, closures_of_events, newton_correct
-from ..integration._integrate import integrate, locates_events, of_each
-from ..integration._layout import broadcast_state, replace_state, runs_of, state_at, with_start
-from ..integration._status import Status, combine_status
-from ._checks import check_events
-from ._flight import AbstractFlight
+from ..integration.config import IntegrationConfig
+from ..integration.event_search import FoundEvents, first_event
+from ..integration.events import Event, closures_of_events, newton_correct
+from ..integration.integrate import integrate, locates_events, of_each
+from ..integration.layout import broadcast_state, replace_state, runs_of, state_at, with_start
+from ..integration.status import Status, combine_status
 from ._mission import Mission
-from ._run_result import RunResult
 from ._runs import straight_to_event
+from .checks import check_events
+from .flight import AbstractFlight
+from .run_result import RunResult
 
 
 class OwnTimes(NamedTuple):

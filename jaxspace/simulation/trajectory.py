@@ -9,13 +9,13 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from ..core import AbstractSystem, InputError, Scalar, State, run_axes_of
-from ..integration._accuracy import Accuracy
-from ..integration._config import IntegrationConfig
-from ..integration._crossings import Crossings
-from ..integration._integrate import take_step
-from ..integration._layout import state_at
-from ..integration._result import DenseOutput
-from ..integration._status import Status
+from ..integration.accuracy import Accuracy
+from ..integration.config import IntegrationConfig
+from ..integration.crossings import Crossings
+from ..integration.integrate import take_step
+from ..integration.layout import state_at
+from ..integration.result import DenseOutput
+from ..integration.status import Status
 from ._dataset import dataset_of
 from ._rerun import final_state_again
 from ._summary import summary_of_run

@@ -19,7 +19,7 @@ import numpy as np
 from jaxtyping import PyTree
 
 from ..core import AbstractSystem, Scalar, is_concrete, without_numbers
-from ._accuracy import Accuracy
+from .accuracy import Accuracy
 
 STEPS_PER_RADIAN = 1.2
 OF_TOLERANCE = 1e-9

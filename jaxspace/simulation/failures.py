@@ -9,11 +9,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, PyTree
 
-from ..integration._result import DenseOutput
-from ..integration._status import Status
+from ..integration.result import DenseOutput
+from ..integration.status import Status
 from ._loud import raise_where_failed, sentence_alone
-from ._mission_runs import MissionResult
-from ._run_result import RunResult, nan_unless, reached, scaled
+from .mission_runs import MissionResult
+from .run_result import RunResult, nan_unless, reached, scaled
 
 T = TypeVar("T")
 

@@ -5,7 +5,7 @@
 The run is sampled by its own dense output. Outside of every derivative each change of sign, and
 each dip between samples of one sign, is closed in as for the first event (`_event_bracket`). From
 the sample before it, the run is then integrated to the zero once more, inside the derivatives, and
-one Newton step carries those of the time (`_events`).
+one Newton step carries those of the time (`events`).
 
 Samples that are too few miss zeros in pairs, which their signs do not show. What shows it is
 the rate of the condition: between samples that resolve it, its change is h (g_k' + g_{k+1}')/2.
@@ -26,15 +26,15 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
 from ..core import AbstractSystem, Scalar, State
-from ._config import IntegrationConfig
 from ._event_bracket import close_in
 from ._event_runs import ConditionOnRun, FromSample, Samples, sampled
-from ._event_zero import pick
-from ._events import Event, newton_correct
-from ._integrate import integrate
-from ._layout import state_at, times_behind_components
-from ._methods import HIGH_ORDER
-from ._status import Status
+from .config import IntegrationConfig
+from .event_zero import pick
+from .events import Event, newton_correct
+from .integrate import integrate
+from .layout import state_at, times_behind_components
+from .methods import HIGH_ORDER
+from .status import Status
 
 # Of the root mean square of the condition: how far the samples may differ from their rates.
 RESOLVED = 0.5

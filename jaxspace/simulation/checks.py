@@ -21,9 +21,9 @@ from ..core import (
     once_per_structure,
     run_axes_of,
 )
-from ..integration._accuracy import state_dtype
-from ..integration._events import Event
-from ..integration._layout import broadcast_state
+from ..integration.accuracy import state_dtype
+from ..integration.events import Event
+from ..integration.layout import broadcast_state
 from ._kinks import warn_of_kinks
 
 # A time, s, or its shape.

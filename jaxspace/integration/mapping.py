@@ -18,9 +18,9 @@ from ..core import AbstractSystem, component_axes_of
 from ..solvers import Tolerance, bind
 from ._event_location import SoughtEvents
 from ._layout_check import follows_layout
-from ._loop import LoopSettings
-from ._normalised_time import ScaledVectorField, Segments
 from ._own_state import OwnState
+from .loop import LoopSettings
+from .normalised_time import ScaledVectorField, Segments
 
 BLOCK = 64
 """Runs in a block: enough to pay for the dispatch of each operation, and few enough that what a

@@ -10,9 +10,9 @@ from jax.export import is_symbolic_dim
 from jaxtyping import Array, ArrayLike, PyTree
 
 from ..core import InputError, State, add_batch_axis, is_traced, run_axes_of
-from ..integration._accuracy import state_dtype
-from ..integration._mapping import BLOCK
-from ._blocks import Blocks, NumRuns
+from ..integration.accuracy import state_dtype
+from ..integration.mapping import BLOCK
+from .blocks import Blocks, NumRuns
 
 InAxes: TypeAlias = tuple[PyTree, PyTree] | None
 

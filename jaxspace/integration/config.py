@@ -17,9 +17,9 @@ from jaxtyping import Array, DTypeLike, Float, PyTree
 
 from ..core import AbstractDecoupled, AbstractSystem, InputError, Scalar, check, is_concrete
 from ..solvers import SolverTraits, refine, small_program, solver_traits
-from ._accuracy import DEFAULT_RTOL, Accuracy, as_method, least_tolerance, state_dtype
 from ._selection import has_closed_form, select_method
-from ._stiffness import InitialConditions
+from .accuracy import DEFAULT_RTOL, Accuracy, as_method, least_tolerance, state_dtype
+from .stiffness import InitialConditions
 
 # A fixed-step run that missed the tolerance is repeated with at most this many times the steps.
 MAX_REFINEMENT = 8

@@ -23,11 +23,11 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..core import Scalar, State, barrier
-from . import _tableaus as tableau
-from ._dense_output import AbstractDenseOutput
+from . import tableaus as tableau
 from ._protocol import AbstractFieldSolver, Advance, SolverTraits
 from ._tolerance import Tolerance
 from ._vector_field import StepField
+from .dense_output import AbstractDenseOutput
 
 Weights: TypeAlias = tuple[tuple[int, float], ...]
 """A row of a tableau: stages and their weights, without those of weight zero."""

@@ -5,16 +5,16 @@ from collections.abc import Sequence
 from jaxtyping import ArrayLike, Float, PyTree, Real
 
 from ..core import AbstractSystem, InputError
-from ..integration._accuracy import Accuracy
-from ..integration._events import Event
+from ..integration.accuracy import Accuracy
+from ..integration.events import Event
 from ._batch import simulate_batch
-from ._batch_layout import InAxes
 from ._mission import Mission
 from ._mission_batch import simulate_mission_batch
 from ._mission_trajectory import MissionTrajectory
 from ._simulate import simulate
 from ._simulate_mission import simulate_mission
-from ._trajectory import Trajectory
+from .batch_layout import InAxes
+from .trajectory import Trajectory
 
 
 def run_either(

@@ -28,9 +28,9 @@ from ._event_location import (
     searched,
     shortened,
 )
-from ._normalised_time import OwnStep, ScaledVectorField, Segments
 from ._record import Recording, RecordLayout
 from ._slow_runs import nan_where, without_slow_runs
+from .normalised_time import OwnStep, ScaledVectorField, Segments
 
 
 @final

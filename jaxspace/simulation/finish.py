@@ -8,16 +8,16 @@ from typing import TypeVar
 import numpy as np
 
 from ..core import AbstractSystem, InputError, is_concrete, is_traced
-from ..integration._accuracy import Accuracy
-from ..integration._config import IntegrationConfig
-from ..integration._result import DenseOutput
-from ..integration._status import Status, raise_on_failure
-from ._failures import enough_steps, loud, place_of_failure
+from ..integration.accuracy import Accuracy
+from ..integration.config import IntegrationConfig
+from ..integration.result import DenseOutput
+from ..integration.status import Status, raise_on_failure
 from ._mission import Mission
-from ._mission_runs import MissionResult
 from ._mission_trajectory import MissionTrajectory
-from ._run_result import RunResult
-from ._trajectory import Trajectory
+from .failures import enough_steps, loud, place_of_failure
+from .mission_runs import MissionResult
+from .run_result import RunResult
+from .trajectory import Trajectory
 
 Result = TypeVar("Result", Trajectory, MissionTrajectory)
 

@@ -8,13 +8,13 @@ from jaxtyping import Array, Float, Int
 
 from ..core import Flag, State, project
 from ..solvers import solver_traits
-from ._config import IntegrationConfig
 from ._event_location import FoundEvents
-from ._layout import times_behind_components
-from ._loop import LoopSettings
-from ._normalised_time import ScaledVectorField, Segments
 from ._outcome import Outcome
-from ._status import Status, status_from
+from .config import IntegrationConfig
+from .layout import times_behind_components
+from .loop import LoopSettings
+from .normalised_time import ScaledVectorField, Segments
+from .status import Status, status_from
 
 
 class DenseOutput(NamedTuple):

@@ -11,7 +11,7 @@ from jax.sharding import AxisType, Mesh, PartitionSpec
 from jaxtyping import Array, PyTree
 
 from ..core import is_traced
-from ..integration._mapping import BLOCK
+from ..integration.mapping import BLOCK
 
 # Where the processor has no vectors as wide, the compiler takes what there is.
 WIDE_VECTORS: dict[str, Any] = {"compiler_options": {"xla_cpu_prefer_vector_width": "512"}}

@@ -23,26 +23,26 @@ from ..core import (
     project,
 )
 from ..solvers import Tolerance, bind, solver_traits
-from ..solvers._dense_output import AbstractDenseOutput
-from ..solvers._regularised_step import evaluations_of
+from ..solvers.dense_output import AbstractDenseOutput
+from ..solvers.regularised_step import evaluations_of
 from ._by_diffrax import solve_by_diffrax
-from ._config import IntegrationConfig
 from ._event_location import FoundEvents, Location, SoughtEvents
-from ._event_zero import rounding_change
-from ._events import Event
-from ._layout import runs_of, state_at, times_behind_components, times_first
-from ._loop import TERM, LoopSettings
-from ._normalised_time import (
+from ._save_times import at_save_times
+from ._solve import solve, solve_own_steps
+from .config import IntegrationConfig
+from .event_zero import rounding_change
+from .events import Event
+from .layout import runs_of, state_at, times_behind_components, times_first
+from .loop import TERM, LoopSettings
+from .normalised_time import (
     ScaledVectorField,
     Segments,
     closes_over_tracers,
     hoist,
     segments_of,
 )
-from ._result import IntegrationResult, result_of, within_model
-from ._save_times import at_save_times
-from ._solve import solve, solve_own_steps
-from ._status import Status, status_from
+from .result import IntegrationResult, result_of, within_model
+from .status import Status, status_from
 
 
 @eqx.filter_jit

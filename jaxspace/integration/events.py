@@ -2,7 +2,7 @@
 
     t_e :  g(t_e, y(t_e)) = 0            dt_e = -(dg)/(g_t + g_y f)
 
-The search for the zero (`_event_search`) is outside every derivative. One more correction of time
+The search for the zero (`event_search`) is outside every derivative. One more correction of time
 and state, inside the derivatives, carries the exact first derivative through the event: how its
 time moves, and the state with it (the saltation).
 

@@ -9,9 +9,9 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from ..core import State
-from ..integration._crossings import Crossings
-from ..integration._result import DenseOutput
-from ..integration._status import Status
+from ..integration.crossings import Crossings
+from ..integration.result import DenseOutput
+from ..integration.status import Status
 
 T = TypeVar("T")
 

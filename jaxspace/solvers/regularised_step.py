@@ -19,10 +19,10 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, PyTree
 
 from ..core import AbstractRegularised, AbstractSecondOrderForm, Scalar, State, barrier
-from . import _tableaus as tableau
+from . import tableaus as tableau
 from ._rkn1210 import POSITION_ERROR, VELOCITY_ERROR
-from ._runge_kutta import blend, combine, weighted
 from ._vector_field import ScaledField
+from .runge_kutta import blend, combine, weighted
 
 Regular = Float[Array, "variables *runs"]
 

@@ -27,7 +27,7 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, ArrayLike, PyTree
 
 from ..core import AbstractSystem, State, is_traced
-from ._methods import STIFF
+from .methods import STIFF
 
 # Radians or decay times in a run: DOP853 takes five steps for three of them, which is more than a
 # run may take by default.

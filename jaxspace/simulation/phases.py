@@ -5,14 +5,14 @@ import jax.numpy as jnp
 from jaxtyping import PyTree
 
 from ..core import InputError, Scalar, shape_of
-from ..integration._accuracy import Accuracy, state_dtype
-from ..integration._config import IntegrationConfig, resolve
-from ..integration._events import Event
-from ..integration._exact_part import with_exact_part
-from ._checks import check_structure, shapes_after
-from ._flight import AbstractFlight
+from ..integration.accuracy import Accuracy, state_dtype
+from ..integration.config import IntegrationConfig, resolve
+from ..integration.events import Event
+from ..integration.exact_part import with_exact_part
 from ._mission import Mission, Phase
 from ._switches import warn_of_switches
+from .checks import check_structure, shapes_after
+from .flight import AbstractFlight
 
 
 def resolve_phases(

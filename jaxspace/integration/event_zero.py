@@ -10,7 +10,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from ..core import AbstractSystem, Scalar, State
 from ._event_bracket import WithinSpan, close_in
-from ._events import Event
+from .events import Event
 
 # Of the second difference, and some more for what bends: a corner, as of a distance to a place that
 # is passed, dips below its lowest sample by half of it at most, a parabola by an eighth.

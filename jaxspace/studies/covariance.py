@@ -25,7 +25,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Float
 
 from ..core import AbstractSystem, Scalar, State
-from ._coordinates import Coordinates
+from .coordinates import Coordinates
 
 Noise = Float[ArrayLike, "n n"] | Callable[[Scalar, Any], Array] | None
 
