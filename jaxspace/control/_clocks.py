@@ -131,7 +131,7 @@ def ended(nodes: Nodes, end: Array, slack: float) -> Nodes:
 
 
 def at_nodes(tree: object, saved: Array | np.ndarray) -> object:
-    """Of arrays with the nodes first, the rows at the nodes that are saved, of each run its own."""
+    """Rows at the `saved` nodes, of arrays with the nodes first; each run may have its own."""
 
     def leaf(x: Array) -> Array:
         if saved.ndim == 1:
