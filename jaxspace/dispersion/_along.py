@@ -61,7 +61,7 @@ def _even(phase: RunResult, chosen: ChosenTimes | OwnTimes | None) -> RunResult:
 
 
 def for_store(result: MissionResult, along: int, kept: Kept) -> Sequence[RunResult | None]:
-    """Of each phase the states that are kept; `None` where there are none."""
+    """States of each phase that go into the store; `None` where there are none."""
     if isinstance(kept, int):
         return list(thinned(result, saved_states(along, kept)[1]).phases) if kept else []
     pairs = enumerate(zip(result.phases, kept, strict=True))

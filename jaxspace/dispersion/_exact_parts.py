@@ -20,7 +20,7 @@ from ._outputs import QUICK
 
 
 def _turns(campaign: Any) -> list[Array]:
-    """Of each phase that has an exact part through how many radians it turns in the nominal run."""
+    """Angles, rad, through which the exact parts of the phases turn in the nominal run."""
     mission, y0 = campaign.mission(campaign.nominal())
     found = []
     for phase in mission.phases:

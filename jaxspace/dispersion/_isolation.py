@@ -65,7 +65,7 @@ def reason(error: BaseException) -> str:
 
 
 def _raising(call: Callable[[np.ndarray], T], among: np.ndarray, count: int) -> np.ndarray:
-    """Those of the runs `among` which raise."""
+    """Find the runs among these for which the call raises, by halving the set."""
     flown = np.zeros(count, bool)
     flown[among] = True
     try:

@@ -84,12 +84,12 @@ class Component(AbstractDistribution):
 
     @property
     def mean(self) -> Float[Array, ""]:  # pyright: ignore[reportIncompatibleVariableOverride]
-        """Of the number."""
+        """Mean of this number."""
         return self.joint.mean[self.index]
 
     @property
     def deviation(self) -> Float[Array, ""]:  # pyright: ignore[reportIncompatibleVariableOverride]
-        """Of the number."""
+        """Standard deviation of this number."""
         return jnp.sqrt(self.joint.covariance[self.index, self.index])
 
     def sample(self, key: Array) -> Float[Array, ""]:

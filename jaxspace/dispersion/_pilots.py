@@ -89,9 +89,9 @@ def _breaks_differ(system: Any) -> bool:
 
 
 def expected_steps(campaign: Campaign, accuracy: Accuracy) -> list[Any]:
-    """Of every phase the kind of number by which its steps are recorded; `None` for a closed form.
+    """Shape and type of the number that records each phase's steps; `None` for a closed form.
 
-    Told from the methods alone, because to trace the runs of the pilots takes much longer."""
+    They follow from the methods alone, because tracing the pilot runs takes much longer."""
 
     def steps(campaign: Campaign, accuracy: Accuracy) -> list[Array | None]:
         mission, y0 = campaign.mission(campaign.nominal())

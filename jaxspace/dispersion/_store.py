@@ -98,7 +98,7 @@ class Store:
         return self
 
     def _another_form(self, form: Any) -> str:
-        """That a store is of another form, by whom it was written, and the way forward."""
+        """The message that a store has another form: which version wrote it, and how to read it."""
         writer = self.attributes.get("versions", {}).get("jaxspace", "of an unnamed version")
         return (
             f"{self.path} is a store of form {form!r}, written by jaxspace {writer}, and jaxspace "
