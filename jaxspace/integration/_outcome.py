@@ -44,7 +44,7 @@ class Outcome(NamedTuple):
 
 
 def outcome_of(loop: LoopState, settings: LoopSettings) -> Outcome:
-    """That of runs with common steps."""
+    """The outcome of runs with common steps."""
     location = loop.location
     finished = loop.t >= settings.end
     short = ~finished
@@ -75,7 +75,7 @@ def outcome_of(loop: LoopState, settings: LoopSettings) -> Outcome:
 
 
 def own_outcome_of(loop: OwnLoop, settings: LoopSettings) -> Outcome:
-    """That of runs with steps of their own, in their variables."""
+    """The outcome of runs of which each takes its own steps, in regularised variables."""
     finished = loop.y.segment >= settings.end
     states = loop.saved
     if states is None:

@@ -47,7 +47,7 @@ class Trend(NamedTuple):
 
     @classmethod
     def before(cls, like: Float[Array, "*runs"]) -> "Trend":
-        """That of runs that have taken no step."""
+        """The trend before the first step."""
         weight = jnp.full_like(like, FIRST_WEIGHT)
         return cls(jnp.zeros_like(like), jnp.ones_like(like), FIRST_POWER * weight, weight)
 

@@ -121,10 +121,10 @@ class Recording(NamedTuple):
     def add(
         self, layout: RecordLayout, n: Int[Array, ""], step: Array, y: State, taken: Bool[Array, ""]
     ) -> "Recording":
-        """With step number `n`, and the state `y` after it where one is due.
+        """Append step number `n`, and the state `y` after it where one is due.
 
-        What was not `taken` is written as well, where the next step writes: a condition around the
-        writing would copy the whole array."""
+        A step that was not `taken` is written as well, and overwritten by the next one: a condition
+        around the writing would copy the whole array."""
         flat = step.reshape(-1).astype(layout.dtype)
         numbers = jax.lax.dynamic_update_slice_in_dim(self.numbers, flat, layout.step_start(n), 0)
         numbers = layout.put_state(numbers, self.count, y)
@@ -140,7 +140,7 @@ class Recording(NamedTuple):
         return jax.lax.while_loop(full, lambda kept: kept.thinned(layout), added)
 
     def thinned(self, layout: RecordLayout) -> "Recording":
-        """Without every second state, from the first one on."""
+        """Drop every second state, the first one included, and double the stride."""
         size = layout.state_size
         half = layout.size // (2 * size)
         count = self.count // 2

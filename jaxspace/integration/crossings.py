@@ -2,15 +2,16 @@
 
     t_k :  g(t_k, y(t_k)) = 0            dt_k = -(dg)/(g_t + g_y f)
 
-The run is sampled by its own dense output. Outside of every derivative each change of sign, and
-each dip between samples of one sign, is closed in as for the first event (`_event_bracket`). From
-the sample before it, the run is then integrated to the zero once more, inside the derivatives, and
-one Newton step carries those of the time (`events`).
+The condition is sampled along the dense output of the run. Each change of sign, and each dip
+between two samples of the same sign, is bracketed as for the first event (`_event_bracket`); no
+derivative is taken of this search. The run is then integrated again from the sample before the
+zero to the zero. This integration is differentiated, and one Newton step adds the derivatives of
+the time of the zero (`events`).
 
-Samples that are too few miss zeros in pairs, which their signs do not show. What shows it is
-the rate of the condition: between samples that resolve it, its change is h (g_k' + g_{k+1}')/2.
-For a sine, the root mean square of the difference passes half of that of the sine at three and a
-half samples a period.
+If the samples are too few, zeros are missed in pairs, which the signs of the samples cannot show.
+The rate of the condition shows it: between samples that are close enough, the condition changes by
+h (g_k' + g_{k+1}')/2. For a sine, the root mean square of the deviation from this rule exceeds half
+of the sine's own at fewer than about three and a half samples a period.
 
     symbol  meaning                      unit
     g, g'   condition, its rate          any, 1/s times it
@@ -36,9 +37,10 @@ from .layout import state_at, times_behind_components
 from .methods import HIGH_ORDER
 from .status import Status
 
-# Of the root mean square of the condition: how far the samples may differ from their rates.
+# Largest deviation of the samples from their rates, relative to the root mean square of the
+# condition.
 RESOLVED = 0.5
-# Steps between a sample and a zero, at most: more would mean that nothing resolves the motion.
+# Most steps between a sample and a zero: with more, the samples would not resolve the motion.
 STEPS_TO_ZERO = 256
 
 

@@ -95,7 +95,7 @@ def first_in_intervals(
 
 
 def pick(tree: State, index: Array, run_axes: int) -> State:
-    """Of blocks with the samples on the first axis, the one at `index` of each run."""
+    """Select sample number `index` of each run, from blocks with the samples on the first axis."""
 
     def leaf(x):
         where = index.reshape(1, *(1,) * (x.ndim - 1 - run_axes), *index.shape)

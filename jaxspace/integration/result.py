@@ -122,7 +122,7 @@ def _longest_step(plan: Array, segments: Segments) -> Array:
 
 
 def _at_fractions(states: State, u: Array, fractions: Array, run_axes: int) -> State:
-    """Of the states at all ends of segments, those at `fractions` of each run."""
+    """Select the states at `fractions` of each run, from those at all ends of segments."""
     if u.ndim == 1:
         index = jnp.searchsorted(u, fractions)
         return jax.tree.map(lambda x: x[index], states)
