@@ -213,7 +213,7 @@ class Optimum:
 
 
 def _multipliers(minimum: Minimum) -> tuple[np.ndarray, np.ndarray]:
-    """Those of the equalities and of the inequalities, empty where there are none."""
+    """Multipliers of the equalities and of the inequalities; empty where there are none."""
     dual = minimum.multipliers
     equal = np.zeros(0) if dual.equal_zero is None else np.asarray(dual.equal_zero)
     above = np.zeros(0) if dual.non_negative is None else np.asarray(dual.non_negative)
