@@ -207,7 +207,7 @@ class Minimum(eqx.Module):
 
 
 def worst_number(found: Minimum) -> str:
-    """Of which number the gradient at the start differs most from the slope; of one run."""
+    """Name of the number whose gradient differs most from differences at the start, for one run."""
     names = ["the objective"]
     for name in ("equal_zero", "non_negative"):
         values = getattr(found.criterion, name)

@@ -76,7 +76,7 @@ def advance(
 
 
 def _started(s: SqpState, found: Found, limits: Limits) -> SqpState:
-    """With the values at the start, which set the scales."""
+    """Set the scales from the values and gradients at the start."""
     weight = weights(found.values[0], jnp.max(jnp.abs(found.jacobian), axis=1))
     at = scaled(found, weight, s.y.size)
     checked, probed = jnp.any(s.probed != 0.0), probes_of(s.x, limits)
@@ -109,7 +109,7 @@ def _programme(s: SqpState, limits: Limits) -> tuple[Programme, Array]:
 
 
 def _planned(s: SqpState, limits: Limits) -> SqpState:
-    """With the next step, from the programme at x."""
+    """Compute the next step from the quadratic programme at x."""
     programme, first = _programme(s, limits)
     z, lam = solve_programme(programme, first)
     n = s.x.size
@@ -125,7 +125,7 @@ def _planned(s: SqpState, limits: Limits) -> SqpState:
 
 
 def _judged(s: SqpState, found: Found, limits: Limits) -> SqpState:
-    """With the end of the step that was pending, if it is taken, or a smaller radius."""
+    """Accept the pending step, correct it, or reject it and reduce the trust radius."""
     p, y, nu, solved = s.pending
     trial = scaled(found, s.weight, s.y.size)
     # Of a corrected step the model is that of the corrected constraints.
