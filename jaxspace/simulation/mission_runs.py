@@ -33,7 +33,9 @@ class OwnTimes(NamedTuple):
     along: int
 
     def fractions(self, t0: Float[Array, "*runs"], t1: Float[Array, "*runs"]) -> Array:
-        """Of the duration of each run, (chosen + along, *runs)."""
+        """Fractions of the phase at which each run saves, (chosen + along, *runs).
+
+        The phase of a run lasts from `t0` to `t1`, s."""
         times = self.times.astype(t0.dtype).reshape(-1, *(1,) * t0.ndim)
         x = safe_divide(times - t0, t1 - t0)
         # Written so that NaN becomes zero: the end of a failed run must not move the steps of all.
