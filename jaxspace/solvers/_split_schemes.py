@@ -34,7 +34,7 @@ class Scheme(NamedTuple):
 
     @property
     def kicks(self) -> int:
-        """Of one step of many: those that follow one another are one."""
+        """Number of kicks per step, where two that meet between steps count as one."""
         return len(self.inside)
 
     def rows(self) -> np.ndarray:

@@ -27,7 +27,7 @@ PARTS = ("position", "velocity")
 
 
 def _names(y: PyTree) -> list[str | None]:
-    """Of each array of a state the name of the field or the key that holds it by itself."""
+    """Name of the field or key whose whole value each array of a state is; else `None`."""
     paths = [path for path, _ in jax.tree_util.tree_flatten_with_path(y)[0]]
     # A key of a dictionary, or a field of a module or of a named tuple.
     return [
