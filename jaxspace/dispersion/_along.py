@@ -12,7 +12,7 @@ from ..simulation.run_result import RunResult, nan_unless, scaled
 
 
 class ChosenTimes(NamedTuple):
-    """Where the states of a phase are saved.
+    """Places in a phase at which its states are saved.
 
     - `fractions`: of its duration, ascending from 0 to 1, (times,).
     - `outputs`: which of them the outputs read, even ones.
@@ -37,7 +37,7 @@ def saved_states(along: int, kept: int) -> tuple[int, int]:
 
 
 def saved_of(along: int, kept: Kept) -> int | list[SaveTimes]:
-    """What `run_mission` saves."""
+    """The save times of each phase, for `run_mission`."""
     if isinstance(kept, int):
         return saved_states(along, kept)[0]
     fractions = [c.fractions if isinstance(c, ChosenTimes) else c for c in kept]

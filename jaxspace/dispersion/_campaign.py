@@ -131,7 +131,7 @@ class Campaign(eqx.Module):
         return draw(self.inputs, self.design, key, numbers)
 
     def mission(self, samples: dict[str, Float[Array, " *runs"]]) -> tuple[Mission, State]:
-        """What `build` makes of the inputs of runs, each (runs,).
+        """Build the mission and the initial state from the inputs of runs, each (runs,).
 
         Raises `InputError` where it asks for another input, returns anything else than a mission
         and a state, or leaves the inputs aside."""
@@ -155,7 +155,7 @@ class Campaign(eqx.Module):
         return built
 
     def allowed(self, samples: dict[str, Float[Array, " runs"]]) -> Bool[Array, " runs"]:
-        """For each run whether all of its inputs lie in the ranges that their classes allow."""
+        """Whether all inputs of a run lie in the ranges that their classes allow, for each run."""
         runs = next(iter(samples.values())).shape
         within = jnp.ones(runs, bool)
         # Traced, unlike the check of a class, so that a bad draw marks its run and raises nothing.

@@ -32,7 +32,7 @@ class Column(NamedTuple):
 
     @property
     def fill(self) -> float | int:
-        """What stands where nothing has been written."""
+        """The value of entries that have not been written."""
         return float("nan") if np.dtype(self.dtype).kind == "f" else PENDING
 
 

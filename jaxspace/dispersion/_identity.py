@@ -25,7 +25,7 @@ IDENTITY = {
 
 
 def difference(store: Store, columns: Mapping[str, Column], attributes: Mapping[str, Any]) -> str:
-    """In what a store differs from a campaign, in a sentence; empty if in nothing."""
+    """Difference between a store and a campaign, in a sentence; empty if there is none."""
     there = store.attributes
     changed = [name for name in IDENTITY if there.get(name) != attributes.get(name)]
     # Asked last: where settings differ too, they are the cause.

@@ -58,7 +58,7 @@ def isolate(function: Callable[[np.ndarray], T], count: int) -> T:
 
 
 def reason(error: BaseException) -> str:
-    """What the error of the function says that was called back, without the places where it did."""
+    """Message of the error that the called function raised, without its traceback."""
     # The text of jax ends with that of Python, which ends with class and sentence.
     lines = [line.strip() for line in str(error).splitlines() if line.strip()]
     return lines[-1].rstrip(".") if lines else type(error).__name__

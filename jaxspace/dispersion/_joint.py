@@ -22,12 +22,12 @@ class AbstractJoint(eqx.Module):
     @property
     @abstractmethod
     def size(self) -> int:
-        """How many numbers there are, n."""
+        """Number n of components."""
 
     @property
     @abstractmethod
     def dimensions(self) -> int:
-        """How many standard normal numbers make one draw, k."""
+        """Number k of standard normal numbers that make one draw."""
 
     @property
     @abstractmethod

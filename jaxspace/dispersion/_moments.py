@@ -1,4 +1,4 @@
-"""Where outputs lie together: covariance, ellipses and ellipsoids, circular error, convergence.
+"""Joint statistics of outputs: covariance, ellipses, ellipsoids, circular error, convergence.
 
     (y - m)^T C^-1 (y - m) = k^2,   P(chi^2_d <= k^2) = P        the ellipsoid of probability P
 
@@ -87,7 +87,7 @@ def circular_error(
 
 
 class Convergence(NamedTuple):
-    """How a statistic of an output settled with the number of runs; each array is (steps,).
+    """Convergence of a statistic of an output with the number of runs; each array is (steps,).
 
     - `runs`: the good runs used.
     - `mean`, `std`, `limit`: the mean, the deviation and the percentile of these. Infinite values

@@ -193,7 +193,7 @@ def _filled(phase: RunResult, along: int) -> RunResult:
 def raised(
     what: str, campaign: Any, result: MissionResult, samples: dict[str, Array], error: Exception
 ) -> SimulationError:
-    """What to raise for runs in which a function of the campaign raises an error.
+    """The exception for runs in which a function of the campaign raises an error.
 
     **Arguments**
 

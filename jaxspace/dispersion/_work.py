@@ -63,7 +63,7 @@ class AbstractEngine(ABC):
     @property
     @abstractmethod
     def workers(self) -> int:
-        """How many chunks are computed at a time."""
+        """Number of chunks that are computed at the same time."""
 
     @property
     def leads(self) -> bool:
@@ -81,7 +81,7 @@ class AbstractEngine(ABC):
         return None
 
     def share(self, extents: Sequence[Extent]) -> list[Extent]:
-        """What this process computes of the chunks."""
+        """The chunks that this process computes."""
         return list(extents)
 
     def sync(self, stage: str) -> None:
