@@ -38,7 +38,7 @@ class ConditionOnRun(NamedTuple):
     run_axes: int
 
     def value(self, t: Scalar, y: State) -> Scalar:
-        """What is zero at the event."""
+        """The function that is zero at the event."""
         return self.event.value(self.system, t, y)
 
     def slope(self, t: Scalar, y: State) -> tuple[Scalar, Scalar]:
@@ -72,7 +72,7 @@ class FromSample(NamedTuple):
         return self.along.event
 
     def slope(self, t: Scalar) -> tuple[Scalar, Scalar]:
-        """What is zero at the event, and its rate along the motion."""
+        """The function that is zero at the event, and its rate along the run."""
         return self.along.slope(t, self.along.state(self.y, self.t, t))
 
     def condition(self, t: Scalar) -> Scalar:

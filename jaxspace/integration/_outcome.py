@@ -1,4 +1,4 @@
-"""What an integration leaves, from the state in which its loop ends."""
+"""Outcome of an integration, assembled from the last state of its loop."""
 
 from typing import NamedTuple
 
@@ -14,7 +14,7 @@ from .loop import LoopSettings, LoopState
 
 
 class Outcome(NamedTuple):
-    """What an integration leaves; times lead in `states` here.
+    """Outcome of an integration; `states` have the times on the first axis here.
 
     - `states`: at the save times, or the last one alone.
     - `max_local_error`, `out_of_steps`: of each run; the former in units of the tolerance.

@@ -1,4 +1,4 @@
-"""How long the next step of a run is, where every run takes steps of its own.
+"""Step-size control where every run takes its own steps.
 
 From the error of a step follows the length that would have had just the error allowed, its ideal.
 Along an orbit that length goes with a power of a scale of the motion, such as the distance from the
@@ -104,12 +104,12 @@ def following(
 
 
 def _logarithm(a: Scalar, b: Scalar) -> Scalar:
-    """About log(a/b)/2, for positive a and b."""
+    """Approximation of log(a/b)/2, for positive a and b."""
     return (a - b) / (a + b)
 
 
 def _power(a: Scalar, b: Scalar, p: Scalar) -> Scalar:
-    """About (a/b)^p, for positive a and b and p within 0 and 1, where it is exact."""
+    """Approximation of (a/b)^p, for positive a and b; exact for p = 0 and p = 1."""
     more, less = 1.0 + p, 1.0 - p
     return (more * a + less * b) / (less * a + more * b)
 

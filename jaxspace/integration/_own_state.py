@@ -58,7 +58,7 @@ class OwnLoop(NamedTuple):
 
 
 class Segment(NamedTuple):
-    """When the segment of each run begins, and how long it takes, s."""
+    """Start and duration of the current segment of each run, s."""
 
     t: Scalar
     duration: Scalar

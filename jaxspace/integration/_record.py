@@ -1,4 +1,4 @@
-"""What derivatives need of a run: the steps that it took, and states along them.
+"""Record of a run for its derivatives: the steps that it took, and some states along them.
 
 Both lie in one array of numbers, in which they grow towards each other:
 
@@ -43,7 +43,7 @@ class RecordLayout(NamedTuple):
 
     @classmethod
     def of(cls, y: State, step: Array, limit: int) -> "RecordLayout":
-        """For states and steps like these."""
+        """The layout for states and steps like these."""
         leaves, structure = jax.tree.flatten(y)
         dtypes = tuple(x.dtype for x in leaves)
         # The clock may be finer than the state; both keep every digit.
@@ -70,7 +70,7 @@ class RecordLayout(NamedTuple):
 
     @property
     def longest(self) -> int:
-        """How many steps may lie between two states: a power of two."""
+        """Largest number of steps between two recorded states: a power of two."""
         # One row is always free, for the state after the next step.
         rows = (self.size - self.limit * self.step_size) // self.state_size - 1
         stride = 1
@@ -99,7 +99,7 @@ class RecordLayout(NamedTuple):
         return numbers
 
     def step_start(self, n: Array) -> Array:
-        """Where step number `n` lies."""
+        """Index at which step number `n` begins."""
         return self.size - (n + 1) * self.step_size
 
 
@@ -112,7 +112,7 @@ class Recording(NamedTuple):
 
     @classmethod
     def empty(cls, layout: RecordLayout) -> "Recording":
-        """Before the first step. Raises `InputError` where there is no memory for all steps."""
+        """The record before the first step. Raises `InputError` if all steps exceed the memory."""
         step = layout.step_size * layout.dtype.itemsize
         check_memory("the record of the steps for a derivative", layout.limit, step)
         zero = jnp.asarray(0)
@@ -166,7 +166,7 @@ class Record(eqx.Module):
         return self.layout.state(self.numbers, k)
 
     def step(self, n: Int[Array, ""]) -> Array:
-        """What is kept of step number `n`."""
+        """The recorded numbers of step number `n`."""
         first = self.layout.step_start(n)
         flat = jax.lax.dynamic_slice_in_dim(self.numbers, first, self.layout.step_size)
         return flat.reshape(self.layout.step)

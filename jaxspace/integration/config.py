@@ -1,4 +1,4 @@
-"""How one integration runs, resolved once: method, tolerances, limits, adjoint.
+"""Configuration of one integration, resolved once: method, tolerances, limits, adjoint.
 
 `resolve` is the only place that decides. It refuses what cannot work before anything is compiled;
 everything after it takes the configuration as it is.

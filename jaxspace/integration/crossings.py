@@ -227,7 +227,7 @@ def _search(along: ConditionOnRun, samples: Samples) -> _Found:
 
 
 def _status(along: ConditionOnRun, samples: Samples, found: _Found) -> Int[Array, "*runs"]:
-    """How the search ended."""
+    """Status of the search."""
     status = jnp.where(found.unresolved, Status.EVENT_UNRESOLVED, Status.COMPLETED)
     few = _change_unexplained(along, samples) > RESOLVED
     status = jnp.where(few, Status.SAMPLES_TOO_FEW, status)

@@ -140,7 +140,7 @@ def rounding_change(
 
 
 def dips(g: Array, changes: Array) -> Array:
-    """For each interval whether the condition might dip through zero and back within it.
+    """Whether the condition might dip through zero and back, for each interval.
 
     Beyond the ends of the span it goes on as its slopes there say: by the `changes` in an interval.
     """

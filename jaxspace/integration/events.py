@@ -102,7 +102,7 @@ class Event(eqx.Module):
         check_positive("Event.touch", self.touch)
 
     def value(self, system: HasVectorField, t: Scalar, y: State) -> Scalar:
-        """What is zero at the event: the condition, or for a touch its rate along the motion."""
+        """The function that is zero at the event: the condition, or its rate for a touch."""
         if self.touch is None:
             return self.condition(t, y)
         rate = system.vector_field(t, y)

@@ -262,7 +262,7 @@ def _settings(
     dense: bool,
     sought: SoughtEvents | None = None,
 ) -> LoopSettings:
-    """What the loop needs of the configuration for these segments."""
+    """Settings of the loop for these segments, from the configuration."""
     # Normalised time counts segments: their ends are the whole numbers.
     ends = jnp.arange(len(segments) + 1, dtype=segments.u.dtype)
     save_ts = None

@@ -35,7 +35,7 @@ from .normalised_time import OwnStep, ScaledVectorField, Segments
 
 @final
 class LoopSettings(eqx.Module):
-    """What one integration in normalised time needs. Nothing in it is differentiated.
+    """Settings of one integration in normalised time. Nothing in them is differentiated.
 
     - `method`: a solver that is bound to the run.
     - `lengths`: of the segments, as fractions of the run.
@@ -89,7 +89,7 @@ class LoopSettings(eqx.Module):
 
 
 class LoopState(NamedTuple):
-    """What one pass of the loop hands to the next. Times are normalised.
+    """Carry of the loop. Times are normalised.
 
     - `t`, `t_next`: the time reached, and the proposed end of the next step.
     - `made_jump`: whether the vector field jumped at `t`, so that the solver starts again.

@@ -1,4 +1,4 @@
-"""What an integration leaves: states, status, statistics, and its steps where asked for."""
+"""Result of an integration: states, status, statistics, and its steps on request."""
 
 from typing import NamedTuple
 
@@ -29,7 +29,7 @@ class DenseOutput(NamedTuple):
 
 
 class IntegrationResult(NamedTuple):
-    """What an integration leaves.
+    """Result of an integration.
 
     - `states`: at the save times, or at the end alone: (components, times, *runs).
     - `status`: of each run.

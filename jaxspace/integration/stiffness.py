@@ -62,7 +62,7 @@ class InitialConditions(NamedTuple):
 
     @property
     def components(self) -> int:
-        """How many numbers the state of a run has."""
+        """Number of components of the state of one run."""
         _, state, _ = self.runs
         _, axes, _ = self.run_axes
         sizes = [
