@@ -90,7 +90,7 @@ def _quotient(beyond: Array, largest: Array) -> Array:
 
 
 def _beyond(values: Array, p: Probes, claimed: Array) -> tuple[Array, Array]:
-    """By how much slopes differ beyond doubt, and the larger magnitude of both."""
+    """Difference of slopes beyond its uncertainty, and the larger magnitude of both."""
     h = p.shares[0]
     first, second, third, fourth = values
     coarse = jnp.where(p.inwards, 4.0 * second - first - 3.0 * fourth, 0.5 * (first - second)) / h
@@ -102,7 +102,7 @@ def _beyond(values: Array, p: Probes, claimed: Array) -> tuple[Array, Array]:
 
 
 def sizes_of(point: PyTree[Float[Array, "..."]]) -> Float[Array, " n"]:
-    """For each unknown the largest magnitude in its part of the point, or 1 where that is zero."""
+    """Size of each unknown: the largest magnitude in its part of the point, or 1 for zero."""
 
     def leaf(x: Array) -> Array:
         largest = jnp.max(jnp.abs(x), initial=0.0)
