@@ -43,7 +43,7 @@ class CompactPhase(NamedTuple):
 
 
 class CompactFlight(NamedTuple):
-    """What `fly_compact` returns.
+    """Result of `fly_compact`.
 
     - `final`, `end`: the state after the last jump, and its time, s.
     - `phases`: one `CompactPhase` for each phase.

@@ -1,4 +1,4 @@
-"""What a mission leaves: the trajectory of each of its phases."""
+"""Result of a mission: the trajectory of each of its phases."""
 
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, final
@@ -67,7 +67,7 @@ class MissionTrajectory(eqx.Module):
 
     @property
     def accuracy(self) -> Accuracy:
-        """How accurately the mission was run, as the caller gave it."""
+        """Accuracy of the mission, as the caller gave it."""
         return self.phases[0].accuracy
 
     def of(self, i: int) -> "MissionTrajectory":

@@ -50,7 +50,7 @@ class Restarts(NamedTuple):
 
 
 class _Way(NamedTuple):
-    """How far a run has got: time, state, status, restarts of each event, and what ended it."""
+    """Progress of a run: time, state, status, restarts of each event, and what ended it."""
 
     t: Array
     y: State

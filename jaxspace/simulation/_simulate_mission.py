@@ -83,7 +83,7 @@ def simulate_mission(
 
 
 def _failed_phase(result: MissionTrajectory) -> str:
-    """In which phase a mission failed, and where that began, as a sentence."""
+    """Sentence that names the phase in which a mission failed, and where that phase began."""
     for name, phase in result.items():
         if int(phase.status) > Status.EVENT:
             # A mission keeps no steps: the start of the phase is what is known.

@@ -1,4 +1,4 @@
-"""What a run or a mission prints: a few lines and a table, as text and as HTML."""
+"""Printed form of a run or a mission: a few lines and a table, as text and as HTML."""
 
 import html
 from collections import Counter
@@ -25,7 +25,7 @@ MOST_COMPONENTS = 4
 
 
 class Summary(NamedTuple):
-    """What there is to print of a result.
+    """Content of a printed result.
 
     - `title`: what it is.
     - `facts`: names and sentences.
@@ -50,7 +50,7 @@ class Summary(NamedTuple):
 
 
 def summary_of_run(run: "Trajectory") -> Summary:
-    """What to print of a `Trajectory`; of one that is traced, the shapes."""
+    """Printed form of a `Trajectory`; the shapes alone while it is traced."""
     title = f"Trajectory of {type(run.system).__name__}"
     if not _has_numbers(run):
         return Summary(f"{title} (traced)", [], [_state_table(run.states)])
@@ -72,7 +72,7 @@ def summary_of_run(run: "Trajectory") -> Summary:
 
 
 def summary_of_mission(result: "MissionTrajectory") -> Summary:
-    """What to print of a `MissionTrajectory`; of one that is traced, the shapes."""
+    """Printed form of a `MissionTrajectory`; the shapes alone while it is traced."""
     count = len(result.phases)
     title = f"Mission of {count} phase{'s' if count > 1 else ''}"
     if not _has_numbers(result):
@@ -116,7 +116,7 @@ def _method(config: IntegrationConfig) -> str:
 
 
 def _counts(run: "Trajectory") -> tuple[str, str]:
-    """How many steps and evaluations a run took, or the runs of a batch."""
+    """Numbers of steps and evaluations of a run, or of the runs of a batch."""
     steps, evaluations = (_range(run.stats.get(name, 0)) for name in ("steps", "evaluations"))
     return steps, evaluations
 
@@ -177,7 +177,7 @@ def _statuses(status: Int[Array, "*runs"]) -> str:
 
 
 def _ended(status: Int[Array, "*runs"]) -> list[Row]:
-    """How the run ended; of many, how many ended how, and the first that failed."""
+    """End of the run; for a batch, the number of runs by status, and the first that failed."""
     statuses = np.ravel(np.asarray(status))
     if np.ndim(status) == 0:
         return [("status", Status(int(statuses[0])).sentence)]

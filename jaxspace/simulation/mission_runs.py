@@ -23,7 +23,7 @@ from .run_result import RunResult
 
 
 class OwnTimes(NamedTuple):
-    """Where a phase saves states whose start or end is another one in each run.
+    """Save times of a phase that starts or ends at different times in each run.
 
     - `times`: of the mission, s, (chosen,); where the phase of a run does not cover one of them,
       its nearer end stands for it.
@@ -51,7 +51,7 @@ duration, from 0 to 1; or times of the mission."""
 
 
 class MissionResult(NamedTuple):
-    """What a mission leaves.
+    """Result of a mission.
 
     - `phases`: of each phase, up to and including its end before the jump.
     - `final`, `end`: the state after the last jump, and its time, s.

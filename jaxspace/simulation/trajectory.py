@@ -1,4 +1,4 @@
-"""What a run leaves: times, states, how it ended, what it cost, and how far it can be trusted."""
+"""Result of a run: times, states, status, cost and error estimate."""
 
 from collections.abc import Callable
 from typing import TYPE_CHECKING, final
