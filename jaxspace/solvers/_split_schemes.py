@@ -1,4 +1,4 @@
-"""In which turns a splitting takes drift and kick, and for which parts of a step.
+"""Schemes of splitting: the order of drifts and kicks, and their parts of a step.
 
     K(o_0 h) D(i_1 h) K(o_1 h) ... D(i_m h) K(o_m h)      the drifts inside, or with D and K
                                                           interchanged: the kicks inside

@@ -77,7 +77,7 @@ class StormerSteps(NamedTuple):
         return self.system.acceleration(self.s0 + n * self.h, r)
 
     def slot(self, n: Int[Array, ""] | int) -> Int[Array, ""]:
-        """Where in the ring the acceleration at the step `n` lies."""
+        """Index in the ring buffer of the acceleration at step `n`."""
         return jnp.asarray(jax.lax.rem(jnp.asarray(n), self.k))
 
     def replace_oldest(self, a: Vectors, n: Int[Array, ""] | int, ring: Ring) -> Ring:

@@ -97,7 +97,7 @@ class SecondOrder(NamedTuple):
         return moved(self.y0, r, v)
 
     def velocity_matters(self, run_axes: int | None) -> Bool[Array, "*runs"]:
-        """For each run whether its acceleration changes when it stands still.
+        """Whether the acceleration of a run changes when it stands still, for each run.
 
         Then no method for second-order systems applies to it. `run_axes`: how many trailing axes
         carry runs; `None` for all but the first, that of the components."""

@@ -49,7 +49,7 @@ LIMITING = 0.5
 
 
 class StepControl(NamedTuple):
-    """What the control of shared steps carries on.
+    """State of the control of shared steps.
 
     - `proposal`: the length of the next step, in normalised time.
     - `limiting`: how many of the accepted steps each run has kept as short as they were."""
