@@ -24,12 +24,13 @@ class ChosenTimes(NamedTuple):
 
 
 Kept: TypeAlias = int | tuple[ChosenTimes | OwnTimes | None, ...]
-"""How many states are kept of each phase, evenly from its start to its end; or where they are."""
+"""Number of states to store of each phase, evenly from its start to its end; or their places."""
 
 
 def saved_states(along: int, kept: int) -> tuple[int, int]:
-    """How many states of a phase are saved, so that the outputs have `along` of them or a few more,
-    and each n-th is one of the `kept`; and this n."""
+    """Number of states of a phase to save, and n, of which every n-th one goes into the store.
+
+    The number is at least `along`, and `kept` of the states are stored."""
     if kept < 2:
         return along, 1
     every_nth = -(-(along - 1) // (kept - 1))

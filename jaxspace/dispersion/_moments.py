@@ -138,7 +138,7 @@ def convergence(x: ArrayLike, share: float = 0.99, steps: int = 40) -> Convergen
 
 
 class StopRule(NamedTuple):
-    """When enough runs have been made: when the percentile `share` of an output is known, with this
+    """Rule that ends a campaign: the percentile `share` of an output must be known, with this
     `confidence`, to `precision` times the distance of that percentile from the mean.
 
     `StopRule("apogee", 0.99, 0.01)` reads "until the 99 % limit of apogee is known to 1 %". Its
@@ -178,7 +178,7 @@ class StopRule(NamedTuple):
         return self.error(x) <= self.precision
 
     def more(self, x: ArrayLike) -> int:
-        """About how many runs there must be in all, from those made; 0 where that is not known."""
+        """Estimate, from these runs, of the total number needed; 0 where that is not known."""
         error, runs = self.error(x), int((~np.isnan(np.asarray(x, float))).sum())
         # The interval shrinks as one over the root of the number of runs.
         return int(np.ceil(runs * (error / self.precision) ** 2)) if np.isfinite(error) else 0
