@@ -37,8 +37,11 @@ REPEATS = 3
 
 
 class Trend(NamedTuple):
-    """What the steps of each run have shown: the `ideal` length of the last one, zero for none, the
-    `step_scale` in its middle, and the sums of x y and x^2."""
+    """Statistics of the steps of each run, from which the length of the next one is predicted.
+
+    - `ideal`: ideal length of the last step, zero before the first one.
+    - `step_scale`: the scale in the middle of the last step.
+    - `xy`, `xx`: the sums of x y and x^2."""
 
     ideal: Float[Array, "*runs"]
     step_scale: Float[Array, "*runs"]

@@ -27,12 +27,16 @@ RECORD_BYTES = 3 * 2**16
 than the steps between two states take to be computed again."""
 
 FEWEST_STATES = 4
-"""States for which there is room beside all steps."""
+"""Number of states for which the record has space beside all steps."""
 
 
 class RecordLayout(NamedTuple):
-    """Where states and steps lie: `shapes`, `dtypes` and `structure` of a state, the shape of what
-    is kept of a `step`, how many steps at most, and the type of the numbers."""
+    """Layout of the states and steps in a record.
+
+    - `shapes`, `dtypes`, `structure`: of a state.
+    - `step`: shape of the numbers recorded for a step.
+    - `limit`: largest number of steps.
+    - `dtype`: of the record."""
 
     shapes: tuple[tuple[int, ...], ...]
     dtypes: tuple[np.dtype, ...]

@@ -87,9 +87,14 @@ class Crossings(eqx.Module):
 
 
 class _Found(NamedTuple):
-    """What the search has found: times of zeros, s, and the sample before each, with one row more
-    than there is room; how many there are; which sample is next, and whether the interval behind it
-    is searched a second time; whether the search failed."""
+    """State of the search.
+
+    - `times`, `before`: times of the zeros, s, and the sample before each. There is one row more
+      than the capacity.
+    - `count`: number of zeros.
+    - `following`: the next sample; `again`: whether the interval behind it is searched a second
+      time.
+    - `unresolved`: whether the search failed."""
 
     times: Float[Array, "zeros *#runs"]
     before: Int[Array, "zeros *#runs"]

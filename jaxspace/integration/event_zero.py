@@ -107,8 +107,9 @@ def pick(tree: State, index: Array, run_axes: int) -> State:
 
 
 def ill_after(g: Array, states: State, times: Array, run_axes: int) -> Scalar:
-    """How long after the start, s, the condition of a finite state is first not finite; infinite
-    where it always is. A state that is not finite has a status of its own."""
+    """Time after the start, s, at which the condition is first not finite; infinite if it never is.
+
+    Only finite states count: one that is not finite has another status."""
     ill = ~jnp.isfinite(g)
     for x in jax.tree.leaves(states):
         ill = ill & jnp.all(jnp.isfinite(x), axis=tuple(range(1, x.ndim - run_axes)))

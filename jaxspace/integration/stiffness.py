@@ -127,7 +127,7 @@ def of_each(starts: InitialConditions, function: Callable[..., PyTree], given: A
 
 
 def _sizes(y: State) -> Array:
-    """For every component of a state the length of its block, as the default tolerances take it."""
+    """Length of the block to which each component belongs, as the default tolerances take it."""
     return (
         ravel_pytree([jnp.sqrt(jnp.sum(x * x)) * jnp.ones_like(x) for x in jax.tree.leaves(y)])[0]
         + LEAST
