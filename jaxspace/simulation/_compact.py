@@ -145,10 +145,12 @@ def _sizes(states: State, like: State) -> Float[Array, " components"]:
 
 
 class _Search(NamedTuple):
-    """Before an event: time, state and condition g; the number of the next step of the plan.
+    """State of the search for an event: time `t`, state `v` and condition `g` before it.
 
-    - `hit`: whether the zero is bracketed, then `rest`: the length to a place beyond it, where the
-      condition is `g1`; `ahead`, `past`: the weights of both; `side`: which end moved last."""
+    - `number`: of the next step of the plan.
+    - `hit`: whether the zero is bracketed. If so, `rest` is the length to a time beyond it, where
+      the condition is `g1`; `ahead` and `past` are the weights of both ends, and `side` says which
+      end moved last."""
 
     t: Array
     v: Array
