@@ -122,8 +122,8 @@ class Regularised(AbstractFieldSolver, AbstractFixedStep):
 def _blocks(steps: int) -> tuple[int, int]:
     """Number of blocks, and number of steps in each.
 
-    Each has a power of two, about a quarter of the root of all steps: long enough that few states are kept
-    for reverse mode, and short enough that landing costs little."""
+    The latter is a power of two, about a quarter of the square root of all steps: long enough that
+    reverse mode stores few states, and short enough that landing costs little."""
     length = 2 ** max(1, (steps.bit_length() - 1) // 2 - 2)
     return -(-steps // length), length
 

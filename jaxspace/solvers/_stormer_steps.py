@@ -21,8 +21,8 @@ Ring = Float[Array, "k ..."]
 
 
 class StormerState(NamedTuple):
-    """What one step hands to the next: position `r`, velocity `w` between the steps, and the last k
-    accelerations, that of the step n in the slot n modulo k."""
+    """State between two steps: position `r`, velocity `w` from one step to the next, and the `ring`
+    of the last k accelerations, where that of step n is at index n modulo k."""
 
     r: Vectors
     w: Vectors
