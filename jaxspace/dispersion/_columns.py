@@ -11,7 +11,7 @@ from ..simulation import Status
 from ._lock import StoreError
 from ._run_results import RunResults
 
-# Of the status of a run that has not been run.
+# Status of a run that has not been computed.
 PENDING = -1
 
 

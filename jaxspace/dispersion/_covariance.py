@@ -134,7 +134,7 @@ def moments(
     if check == 0:
         return found
     found = found._replace(warnings=_warnings(campaign, accuracy, found, check))
-    # Those of no number at all have had their warning.
+    # Outputs that are not finite have had a warning already.
     doubted = [name for name in found.warnings if math.isfinite(found.std(name))]
     if doubted:
         warnings.warn(

@@ -169,7 +169,7 @@ def disperse(
         # Locked before the runner compiles: what can be refused is refused at once.
         if store is not None:
             writer = StoreWriter(store, overwrite=overwrite, resume=resume)
-            # Of several processes that share the campaign, one holds the lock for all.
+            # If several processes share the campaign, one holds the lock for all.
             if using.leads:
                 stack.enter_context(writer)
             if writer.lock.stale:
@@ -230,7 +230,7 @@ def _resolved(accuracy: Accuracy) -> Accuracy:
 
 def _devices(chosen: int | Sequence[jax.Device] | None) -> list[jax.Device]:
     """The devices to use. Raises `InputError` for more than there are."""
-    # Those of this process: devices of other hosts cannot be used from here.
+    # Only the devices of this process: those of other hosts cannot be used from here.
     local = jax.local_devices()
     if chosen is None:
         return local

@@ -100,7 +100,7 @@ def quantile(x: np.ndarray, share: float) -> float:
     part = place - k
     if part == 0.0 or below == above:
         return below
-    # Of a place between minus and plus infinity nothing is known but the nearer one.
+    # Between minus and plus infinity there is no interpolation: the nearer one is taken.
     if np.isinf(below) and np.isinf(above):
         return below if part < 0.5 else above
     if np.isinf(below) or np.isinf(above):

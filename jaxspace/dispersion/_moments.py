@@ -125,7 +125,7 @@ def convergence(x: ArrayLike, share: float = 0.99, steps: int = 40) -> Convergen
     shifted = np.where(finite, x, start) - start
     first, second = np.cumsum(shifted)[counts - 1], np.cumsum(shifted**2)[counts - 1]
     known = np.cumsum(finite)[counts - 1]
-    # Without a finite value among the first runs these have no mean.
+    # If none of the first runs is finite, they have no mean.
     some = np.where(known > 0, known, np.nan)
     variance = (second - first**2 / some) / np.maximum(some - 1, 1)
     return Convergence(

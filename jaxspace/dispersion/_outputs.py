@@ -19,10 +19,10 @@ from ._isolation import RAISED, callbacks, isolate, reason
 RESERVED = ("run", "status", "evaluations")
 """Names of the variables that every store has."""
 
-# For what runs a few times, and takes far longer to compile: half of it is saved so.
+# For programs that run a few times and take far longer to compile: this saves half of that time.
 QUICK: dict[str, Any] = {"compiler_options": {"xla_backend_optimization_level": 0}}
-# Of what a row may change where others are replaced: an iteration that all runs of a block share
-# ends with other digits.
+# Relative change allowed in a row when others are replaced: an iteration that a block shares
+# then ends with other digits.
 ROUNDING = {"float64": 1e-9}
 COARSE = 1e-4
 

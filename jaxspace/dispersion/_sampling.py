@@ -155,7 +155,7 @@ def _permuted(place: Array, count: int, seed: Array) -> Array:
 
     # A number that leaves the range walks on along its cycle until it is back.
     i = jax.lax.while_loop(lambda i: i >= count, mixed, mixed(place.astype(jnp.uint32)))
-    # Without an overflow of the sum.
+    # The remainder is taken first, so that the sum cannot overflow.
     return (i + p % jnp.uint32(count)) % jnp.uint32(count)
 
 

@@ -18,7 +18,7 @@ from ._batch_runner import BatchRunner
 from ._run_results import PlannedCampaign, RunResults
 
 RETRIES = 3
-# Of a program and of its results; where programs are kept.
+# Settings of jax that change a program or its results, or say where compiled programs are stored.
 SETTINGS = (
     "jax_enable_x64",
     "jax_numpy_dtype_promotion",
