@@ -26,13 +26,13 @@ from ..solvers.regularised_step import Regular, order_of
 from ..solvers.step_control import GROW, SHRINK
 
 SAFETY = 0.85
-# Without a scale to go by.
+# Safety factor for variables that offer no scale of the motion.
 CLOSER = 0.9
-# Of the sums for the power: about as many steps count as an orbit has.
+# Decay of the sums for the power per step: about as many steps count as an orbit has.
 MEMORY = 0.9
-# The power to begin with, and how much it weighs.
+# Initial power, and its weight.
 FIRST_POWER, FIRST_WEIGHT = 0.5, 0.02
-# The scale depends on the length that it determines.
+# Iterations of the length, because the scale depends on the length that it determines.
 REPEATS = 3
 
 
@@ -82,7 +82,8 @@ def following(
     - `used`: whether the step is taken and says something about the next one."""
     known = used & (trend.ideal > 0.0)
     if not isinstance(form, AbstractSecondOrderForm):
-        # Drag in a thin shell goes with no power of the distance: as much shorter again as it was.
+        # Drag in a thin shell follows no power of the distance: where the ideal length has shrunk,
+        # the next step assumes that it shrinks by the same factor again.
         last = jnp.where(known, trend.ideal, 1.0)
         again = jnp.where(known, jnp.minimum(ideal / last, 1.0), 1.0)
         return trend._replace(ideal=jnp.where(used, ideal, trend.ideal)), CLOSER * ideal * again

@@ -52,7 +52,7 @@ def integrate_own_steps(
         return run(start)
 
     def slow(loop: OwnLoop) -> Bool[Array, "*runs"]:
-        # Those on their way; the others wait for them to land together.
+        # Runs still within their segment; the others wait, so that all land together.
         moving = (loop.y.segment < settings.end) & alive(loop.y.z) & ~loop.pending
         return moving & (loop.passes >= settings.max_steps)
 

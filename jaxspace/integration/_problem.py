@@ -36,7 +36,7 @@ Avals: TypeAlias = Sequence[ShapedArray | jax.ShapeDtypeStruct]
 # Field, initial state and settings of an integration.
 Parts: TypeAlias = tuple[PyTree, PyTree, LoopSettings]
 T = TypeVar("T")
-# Of a record: its numbers, the stride of its states, the count of its steps.
+# Arrays of a record: its numbers, the stride of its states, the count of its steps.
 RECORD_ARRAYS = 3
 
 # Operations of a vector field from which the steps are a small program: they compile in a third of

@@ -207,7 +207,7 @@ def _search(along: ConditionOnRun, samples: Samples) -> _Found:
         )
         good = wanted & met & sure
         here = (rows == found.count) & good
-        # Of a dip, only an event of both directions has another zero.
+        # A dip has a second zero that counts only for an event of both directions.
         again = good & dip & (event.direction == 0)
         return _Found(
             jnp.where(here, there, found.times),

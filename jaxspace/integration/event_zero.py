@@ -12,8 +12,8 @@ from ..core import AbstractSystem, Scalar, State
 from ._event_bracket import WithinSpan, close_in
 from .events import Event
 
-# Of the second difference, and some more for what bends: a corner, as of a distance to a place that
-# is passed, dips below its lowest sample by half of it at most, a parabola by an eighth.
+# Depth of a dip below its lowest sample, in second differences: at most 1/2 at a corner (as in the
+# distance to a point that is passed) and 1/8 for a parabola; a little more for other curves.
 REACH = 0.55
 # Roundings that a state at an event itself leaves in its condition.
 ROUNDINGS = 64.0

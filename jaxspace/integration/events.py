@@ -195,7 +195,7 @@ def _corrected_jvp(primals: PyTree, tangents: PyTree) -> tuple[PyTree, PyTree]:
     place, moving = (system, te, ye), (of_system, of_t, of_y)
     rate, change = eqx.filter_jvp(lambda s, t, y: s.vector_field(t, y), place, moving)
     dt = jnp.zeros_like(t) if of_t is None else of_t
-    # Of no value, but of a derivative.
+    # Zero in value, but not in its derivative.
     delay = te - t
     delta = jax.tree.map(
         lambda d, k, c: d - k * dt + c * delay, _whole(of_y, y), rate, _whole(change, y)

@@ -37,7 +37,7 @@ EXPLICIT = 1e4
 TRIAL = 300.0
 # Relative change of the Jacobian up to which the fast motion counts as linear.
 SAME = 0.05
-# Of a block's own unit: shorter blocks count as this, as for the default absolute tolerance.
+# Least length of a block, in its unit, as for the default absolute tolerance.
 LEAST = 1e-3
 # Components of a state beyond which the matrices of the method cost more than they save.
 MOST = 40
