@@ -82,7 +82,7 @@ def probed_error(
     error = _quotient(beyond, largest)
     own, sizes = _beyond(rows, p, claimed)
     worst = jnp.argmax(jnp.where(jnp.isfinite(own), own, 0.0))
-    # Of a mixture that is wrong, what is wrong with the row that is named.
+    # If the mixture is wrong, the error of the named row is reported where it is larger.
     named = jnp.maximum(error, _quotient(own[worst], sizes[worst]))
     return jax.lax.stop_gradient(jnp.where(error > GRADIENT_TOLERANCE, named, error)), worst
 

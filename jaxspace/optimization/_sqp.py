@@ -128,7 +128,7 @@ def _judged(s: SqpState, found: Found, limits: Limits) -> SqpState:
     """Accept the pending step, correct it, or reject it and reduce the trust radius."""
     p, y, nu, solved = s.pending
     trial = scaled(found, s.weight, s.y.size)
-    # Of a corrected step the model is that of the corrected constraints.
+    # The model of a corrected step has the corrected constraints.
     c, d = s.at.c + s.shift[0] + s.at.J @ p, s.at.d + s.shift[1] + s.at.K @ p
     before = s.at.f + s.rho * penalty(s.at.c, s.at.d)
     after = trial.f + s.rho * penalty(trial.c, trial.d)
@@ -140,7 +140,7 @@ def _judged(s: SqpState, found: Found, limits: Limits) -> SqpState:
     finite = trial.sound() & jnp.isfinite(after) & solved
     ratio = jnp.where(finite, (gain + noise) / (jnp.maximum(predicted, 0.0) + noise), -1.0)
     take = ratio > 1e-4
-    # Of a programme that could not be solved no step is known: the radius alone shrinks.
+    # A programme that could not be solved gives no step: only the radius shrinks.
     length = jnp.where(solved, jnp.max(jnp.abs(p)), s.radius)
     grow = (ratio > 0.75) & (length > 0.8 * s.radius)
     # A correction is worth one trial where the constraints, and not the objective, refuse.
