@@ -209,6 +209,6 @@ def _until_event(event, step, unravel, ts, v0):  # noqa: ANN001, ANN202
         ts[0], v0, event.condition(ts[0], unravel(v0)), jnp.asarray(0), jnp.asarray(False),
         zero, zero, one, one, zero,
     )  # fmt: skip
-    # Of a fixed length: a loop until the event would have no reverse mode.
+    # The scan has a fixed length: a loop that ends at the event would have no reverse mode.
     last, kept = lax.scan(advance, start, None, length=ts.size - 1 + SEARCH)
     return (last.t, last.v, last.hit), kept

@@ -65,7 +65,7 @@ def summary_of_run(run: "Trajectory") -> Summary:
         ),
         *_ended(run.status),
     ]
-    # Of many runs the range at the end says most; all mostly start alike.
+    # In a batch the range at the end says most, because most runs start alike.
     ends = [run.final] if run.run_axes else [run.initial, run.final]
     table = _state_table(run.states, ends, run.run_axes)
     return Summary(title + _of_runs(run.status), facts, [table])

@@ -44,9 +44,9 @@ class OwnTimes(NamedTuple):
         return jnp.concatenate([own, jnp.broadcast_to(even, (self.along, *t0.shape))])
 
 
-# Of any number: each phase has its own.
+# The axis of times has no name, because each phase has its own number of them.
 SaveTimes: TypeAlias = int | Float[Array, " _"] | OwnTimes
-"""How many states a phase saves, evenly from its start to its end; or the fractions of its
+"""Save times of a phase: a number of states, evenly from its start to its end; or fractions of its
 duration, from 0 to 1; or times of the mission."""
 
 
