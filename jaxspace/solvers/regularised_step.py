@@ -26,10 +26,10 @@ from .runge_kutta import blend, combine, weighted
 
 Regular = Float[Array, "variables *runs"]
 
-# What is left of the time to land on, in units of the motion, for the series of two terms: its
-# third one is then a rounding.
+# Remaining time to the landing, in units of the motion, at which two terms of the series suffice,
+# because the third one is below rounding.
 CLOSE = 1e-5
-# Of the unit of the motion.
+# Length of the first step, in units of the motion (`unit`).
 FIRST_STEP = 0.1
 
 
