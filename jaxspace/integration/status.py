@@ -11,8 +11,8 @@ from jaxtyping import Array, Bool, Int
 class Status(enum.IntEnum):
     """Status of a finished run.
 
-    `sentence` says what happened and what to do. Above `EVENT` the run failed, and its numbers are
-    NaN, but for what it reached before."""
+    `sentence` says what happened and what to do. A status above `EVENT` is a failure: the states
+    that the run did not reach are NaN."""
 
     COMPLETED = 0
     EVENT = 1
