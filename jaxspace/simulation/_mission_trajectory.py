@@ -20,14 +20,14 @@ if TYPE_CHECKING:
 
 @final
 class MissionTrajectory(eqx.Module):
-    """The trajectories of the phases of a mission, each up to its end before the jump.
+    """Trajectories of the phases of a mission, each up to its end before the jump.
 
-    Reads as a list of its phases: `len(result)`, `for phase in result`, `result[0]`; also by their
-    names, `result["ascent"]` and `for name, phase in result.items()`.
+    It reads as a list of its phases: `len(result)`, `for phase in result`, `result[0]`; also by
+    their names, `result["ascent"]` and `for name, phase in result.items()`.
 
     - `phases`, `names`: a `Trajectory` for each phase, and their names.
-    - `final`, `end`: the state after the last jump, and its time, s, of each run.
-    - `status`: of each run: its first failure, or how its last phase ended."""
+    - `final`, `end`: state after the last jump of each run, and its time, s.
+    - `status`: first failure of each run, or else the status of its last phase."""
 
     phases: tuple[Trajectory, ...]
     names: tuple[str, ...] = eqx.field(static=True)

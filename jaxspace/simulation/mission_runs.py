@@ -53,9 +53,9 @@ duration, from 0 to 1; or times of the mission."""
 class MissionResult(NamedTuple):
     """Result of a mission.
 
-    - `phases`: of each phase, up to and including its end before the jump.
-    - `final`, `end`: the state after the last jump, and its time, s.
-    - `status`: of each run: its first failure, or how its last phase ended."""
+    - `phases`: result of each phase, up to and including its end before the jump.
+    - `final`, `end`: state after the last jump, and its time, s.
+    - `status`: first failure of each run, or else the status of its last phase."""
 
     phases: list[RunResult]
     final: State
