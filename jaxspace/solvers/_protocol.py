@@ -30,15 +30,15 @@ class SolverTraits(NamedTuple):
     - `replayable`: a step can be repeated from the state before it alone. Derivatives along
       recorded steps need this.
     - `lands_on_save_times`: it has no dense output, so that a step ends at every save time.
-    - `fixed_step`: it passes each segment in a given number of steps; the tolerance only judges
-      them.
+    - `fixed_step`: it takes a given number of steps in each segment; their error is compared with
+      the tolerance afterwards.
     - `needs`: the capability of the system by which it integrates, if any.
-    - `evaluations`: of the vector field in a step of the loop, which for a fixed-step method is a
-      whole segment.
-    - `own_steps`: every run of a batch takes steps of its own, in variables of its own.
-    - `steps`: counted for each step of the loop: 1, or the number of fixed steps of a segment.
-    - `linear`: its steps are sums of derivatives alone, to which it is the same how the blocks of a
-      state lie: they may be one vector.
+    - `evaluations`: evaluations of the vector field per step of the loop, which for a fixed-step
+      method is a whole segment.
+    - `own_steps`: every run of a batch takes its own steps, in variables of the method.
+    - `steps`: number of steps counted per step of the loop: 1, or the fixed steps of a segment.
+    - `linear`: its steps are linear combinations of derivatives, so that all blocks of a state can
+      be packed into one vector.
     """
 
     replayable: bool = True
@@ -52,7 +52,7 @@ class SolverTraits(NamedTuple):
 
 
 class AbstractDeclaredSolver(diffrax.AbstractSolver):
-    """A solver that declares what it is."""
+    """A solver that declares its traits."""
 
     @property
     @abstractmethod
