@@ -13,10 +13,10 @@ from jaxtyping import Array
 
 from ..core import is_traced
 from ..integration import Accuracy
+from ..integration.compiling import QUICK
 from ..integration.exact_part import takes_many_steps
 from ..simulation.flight import AbstractFlight
 from ..simulation.phases import longest
-from ._outputs import QUICK
 
 
 def _turns(campaign: Any) -> list[Array]:

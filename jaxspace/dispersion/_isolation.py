@@ -28,7 +28,7 @@ def callbacks() -> Iterator[None]:
 
 
 def isolate(function: Callable[[np.ndarray], T], count: int) -> T:
-    """`function(flown)` with as many of `count` runs flown as raise no error.
+    """Call `function(flown)` with all of `count` runs marked in `flown` that raise no error.
 
     `function` computes the runs that are flown, (count,); the others take the nominal inputs.
 

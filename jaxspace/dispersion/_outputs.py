@@ -12,6 +12,7 @@ from jaxtyping import Array, Float, Int
 
 from ..core import InputError
 from ..integration import SimulationError, Status
+from ..integration.compiling import QUICK
 from ..simulation.mission_runs import MissionResult
 from ..simulation.run_result import RunResult
 from ._isolation import RAISED, callbacks, isolate, reason
@@ -19,10 +20,8 @@ from ._isolation import RAISED, callbacks, isolate, reason
 RESERVED = ("run", "status", "evaluations")
 """Names of the variables that every store has."""
 
-# For programs that run a few times and take far longer to compile: this saves half of that time.
-QUICK: dict[str, Any] = {"compiler_options": {"xla_backend_optimization_level": 0}}
-# Relative change allowed in a row when others are replaced: an iteration that a block shares
-# then ends with other digits.
+# Relative change allowed in a row when others are replaced: an iteration that all runs of a block
+# share then ends with other digits.
 ROUNDING = {"float64": 1e-9}
 COARSE = 1e-4
 

@@ -13,6 +13,7 @@ from jaxtyping import Array, Float
 
 from ..core import breaks_of
 from ..integration import Accuracy, Event, SimulationError, Status
+from ..integration.compiling import QUICK
 from ..simulation.flight import AbstractFlight
 from ..simulation.mission_runs import MissionResult, OwnTimes, run_mission
 from ..simulation.phases import resolve_phases
@@ -20,7 +21,7 @@ from ._along import Kept, saved_of
 from ._campaign import Campaign
 from ._exact_parts import has_exact_part
 from ._isolation import isolate
-from ._outputs import QUICK, PilotRuns
+from ._outputs import PilotRuns
 from ._plans import nodes_of
 from ._program import Drawn
 

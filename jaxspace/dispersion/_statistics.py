@@ -109,11 +109,11 @@ class Dispersion(eqx.Module):
 
     @property
     def utilisation(self) -> float:
-        """The share of these cores that was at work while the runs were flown; NaN where that is
+        """The share of these cores that was at work while the runs were computed; NaN where that is
         not known."""
         flying = self.seconds - self.attributes.get("preparation_seconds", 0.0)
         busy = self.attributes.get("cpu_seconds", 0.0)
-        # Zero where nothing was flown, or nobody noted it.
+        # Zero if nothing was computed, or nothing was recorded.
         known = flying > 0.0 and busy > 0.0 and self.cores > 0
         return busy / (flying * self.cores) if known else float("nan")
 
@@ -194,7 +194,7 @@ class Dispersion(eqx.Module):
     @functools.cached_property
     def _known_contributors(self) -> dict[str, Contributors]:
         """Result of the regression for each output, computed once for table, figure and page."""
-        # No field: it is computed from these, and a copy computes it anew.
+        # No field: it follows from the fields, and a copy computes it again.
         return {}
 
     def covariance(self, *names: str) -> np.ndarray:

@@ -54,7 +54,7 @@ class IntegrationConfig(eqx.Module):
 
     @property
     def fixed_step(self) -> bool:
-        """Whether the method takes a given number of steps, which the tolerance only judges."""
+        """Whether the method takes a given number of steps, whatever the tolerance."""
         return not isinstance(self.method, str) and solver_traits(self.method).fixed_step
 
     def small_program(self) -> "IntegrationConfig":

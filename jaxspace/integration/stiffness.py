@@ -27,6 +27,7 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, ArrayLike, PyTree
 
 from ..core import AbstractSystem, State, is_traced
+from .compiling import QUICK
 from .methods import STIFF
 
 # Radians or decay times in a run: DOP853 takes five steps for three of them, which is more than a
@@ -87,7 +88,11 @@ def is_stiff(starts: InitialConditions, rtol: float) -> bool:
     it is not known then."""
     if rtol == 0.0 or not starts.readable:
         return False
-    times = np.shape(starts.runs[2])[0]
+    system, y, ts = starts.runs
+    times = np.shape(ts)[0]
+    # Start and end alone, so that another number of times compiles nothing again.
+    ends = np.asarray(ts)[np.array([0, -1])]
+    starts = starts._replace(runs=(system, y, ends))
     still = np.zeros((starts.rows.size, starts.components))
     f, jacobian, size, span = map(np.asarray, _linearised(starts, still))
     sound = np.all(np.isfinite(jacobian), axis=(1, 2))
@@ -134,7 +139,7 @@ def _sizes(y: State) -> Array:
     )
 
 
-@eqx.filter_jit
+@eqx.filter_jit(**QUICK)
 def _linearised(starts: InitialConditions, away: ArrayLike) -> tuple[Array, Array, Array, Array]:
     """The vector field, its Jacobian and the sizes at the states moved by `away`, and the spans.
 
@@ -158,7 +163,7 @@ def _linearised(starts: InitialConditions, away: ArrayLike) -> tuple[Array, Arra
     return of_each(starts, one, jnp.asarray(away))
 
 
-@eqx.filter_jit
+@eqx.filter_jit(**QUICK)
 def _trial(starts: InitialConditions, h: ArrayLike) -> tuple[Array, Array]:
     """The estimated errors of a step `h` of the exponential method, and the sizes after it."""
 
