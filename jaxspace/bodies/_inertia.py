@@ -35,7 +35,6 @@ from ..core import (
     matvec,
     quantity,
     safe_divide,
-    solve3,
     with_rank,
 )
 
@@ -146,8 +145,7 @@ class InertiaTensor(AbstractInertia):
         return matvec(self.tensor, omega)
 
     def solve(self, h: Vector) -> Vector:
-        tensor, h = _same_rank(self.tensor, h, axes=2)
-        return solve3(tensor, h)
+        return _solve_definite(*_same_rank(self.tensor, h, axes=2))
 
     def plus_diagonal(self, moments: Vector) -> "InertiaTensor":
         tensor, moments = _same_rank(self.tensor, moments, axes=2)
@@ -155,6 +153,22 @@ class InertiaTensor(AbstractInertia):
 
     def matrix(self) -> Matrix:
         return self.tensor
+
+
+def _solve_definite(m: Matrix, b: Vector) -> Vector:
+    """The solution x of m x = b for a symmetric and positive definite m, by its factors L D L^T.
+
+    Cofactors would lose the digits that a slender body's small moment has."""
+    a, d, e = m[0, 0], m[0, 1], m[0, 2]
+    l10, l20 = d / a, e / a
+    d1 = m[1, 1] - l10 * d
+    below = m[1, 2] - l20 * d
+    l21 = below / d1
+    d2 = m[2, 2] - l20 * e - l21 * below
+    y1 = b[1] - l10 * b[0]
+    x2 = (b[2] - l20 * b[0] - l21 * y1) / d2
+    x1 = y1 / d1 - l21 * x2
+    return jnp.stack([b[0] / a - l10 * x1 - l20 * x2, x1, x2])
 
 
 def _same_rank(own: Array, vector: Vector, axes: int = 1) -> tuple[Array, Vector]:

@@ -89,7 +89,7 @@ def nodes_of(ts: np.ndarray, clocks: tuple[Clock, ...], breaks: Array | None) ->
     ticks = np.zeros((times.size, len(clocks)), bool)
     for k in range(len(clocks)):
         ticks[index[ends[k] : ends[k + 1]], k] = True
-    always = tuple(bool(x) for x in ticks[:-1].all(axis=0))
+    always = tuple(bool(np.all(ticks[:-1, k])) for k in range(len(clocks)))
     saved = index[: ends[0]]
     if breaks is None or known:
         return Nodes(times, ticks[:-1], saved, always)

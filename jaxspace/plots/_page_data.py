@@ -119,8 +119,9 @@ def _ellipses(
     # Runs in which a quantity is not finite are left out of its own ellipses, and of no other.
     for i in np.flatnonzero(~whole):
         for j in range(len(names)):
-            both = ~np.isnan(x[[i, j]]).any(axis=0)
-            phase[i, j] = phase[j, i] = _phase(x[np.ix_([i, j], both)])[0, 1]
+            pair = x[[i, j]]
+            both = ~np.isnan(pair).any(axis=0)
+            phase[i, j] = phase[j, i] = _phase(pair[:, both])[0, 1]
     scale = float(np.sqrt(2.0 * np.log(1.0 / (1.0 - HELD))))
     centre, half = [], []
     for row in x:

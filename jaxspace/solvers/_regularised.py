@@ -134,7 +134,9 @@ def _schedule(steps: int) -> tuple[np.ndarray, np.ndarray]:
     The blocks that land have the numbers 0, -1, -2."""
     blocks, _ = _blocks(steps)
     blocks_left = np.arange(blocks, -LANDINGS, -1)
-    return blocks_left, np.isin(blocks_left, [blocks, *4 ** np.arange(16)]) | (blocks_left <= 0)
+    return blocks_left, np.isin(blocks_left, np.append(4 ** np.arange(16), blocks)) | (
+        blocks_left <= 0
+    )
 
 
 def _evaluations(steps: int) -> int:

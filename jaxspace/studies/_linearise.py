@@ -141,7 +141,7 @@ def forced(
                     f"{type(system).__name__}, or be a function (system, u) -> system."
                 )
             axes = component_axes_of(system)
-            shape = np.shape(value)[: max(getattr(axes, given), 0)]
+            shape = getattr(value, "shape", ())[: max(getattr(axes, given), 0)]
             count = int(np.prod(shape, dtype=int))
             labels += [given] if shape == () else [f"{given}[{i}]" for i in range(count)]
             parts.append((given, count, shape))

@@ -187,7 +187,11 @@ def _of_flight(
             f"{path} is a flight of OpenRocket without one of its columns: it must have Mach "
             f"number, Drag coefficient, Thrust, and Altitude or Vertical velocity."
         )
-    up = climb > 0.0 if climb is not None else np.arange(mach.size) < np.argmax(height)
+    if climb is not None:
+        up = climb > 0.0
+    else:
+        assert height is not None  # one of the two is there
+        up = np.arange(mach.size) < np.argmax(height)
     # OpenRocket has no coefficient before it moves.
     up = up & np.isfinite(mach) & np.isfinite(coefficient)
     burning, coasting = up & (thrust > 0.0), up & (thrust <= 0.0)

@@ -208,6 +208,7 @@ FORMS = (
             for name in ("then", "matrix", "norm_squared", "normalised", "inverse")
         ),
         [(*GENERAL, 0.1, 0.9, -0.2, 0.3), (*ONES, 1.0, 1e-9, 0.0, 0.0)],
+        vectors=(4, 4),
     ),
     Form(about_an_axis, (QUATERNION + "about",), [(0.0,), (3.141592653589793,), (1e-9,), (100.0,)]),
     Form(
