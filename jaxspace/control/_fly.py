@@ -1,15 +1,16 @@
 """From a loop and a state to a run: what is refused, what is known before, and the program once
 more with finer steps where they proved too few."""
 
-from collections.abc import Sequence
-from typing import Any, NamedTuple, TypeAlias, final
+import dataclasses
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias, final
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Float, Int, PRNGKeyArray, PyTree
 
-from ..core import InputError, Scalar, State, is_concrete, is_traced
+from ..core import AbstractSystem, InputError, Scalar, State, is_concrete, is_traced
 from ..integration.accuracy import (
     Accuracy,
     as_accuracy,
@@ -22,33 +23,58 @@ from ..integration.status import raise_on_failure
 from ..simulation import Trajectory
 from ..simulation.failures import loud
 from ..simulation.finish import trajectory_of
+from ..simulation.summary import Summary, summary_of_run
+from ..simulation.trajectory import run_of
 from ._clocks import known_times
 from ._controller import AbstractController
 from ._program import Known, Static, as_events, as_key, compiled, parts_of
 from ._repeats import config_of, repeated, steps_of
 
+if TYPE_CHECKING:
+    import os
+    from pathlib import Path
+
+    import xarray
+    from matplotlib.figure import Figure
+
 # A `ClosedLoop`, whose module imports this one.
 Loop: TypeAlias = Any
+
+
+class LoopOptions(NamedTuple):
+    """With what a loop is flown, as given to `ClosedLoop.simulate`."""
+
+    key: PRNGKeyArray | None
+    accuracy: Accuracy | Float[ArrayLike, ""] | None
+    steps: int | None
+    events: Event | Sequence[Event]
+    start: Scalar | None
+    memory: PyTree
+
+
+class Asked(NamedTuple):
+    """The arguments of a flight."""
+
+    loop: Loop
+    y0: State
+    ts: PyTree
+    options: LoopOptions
+    run_axes: int
 
 
 @final
 class LoopRun(eqx.Module):
     """A run of a loop, or a batch of runs.
 
+    Reads as a `Trajectory`: `len(run)`, `run[k]` and the names below mean the same.
+
     - `trajectory`: times, states and status, as of any run; a run that failed has NaN.
-    - `commands`: in force behind each of the times, with the shapes of the states: components lead,
-      then times, then runs. The last is that in force at the end.
-    - `readings`: of each sensor by name, the last one at each time.
-    - `memory`: of the controller, at the end.
     - `steps`: fixed steps between two nodes.
     - `asked`: with what the loop was flown, for `error`."""
 
     trajectory: Trajectory
-    commands: PyTree
-    readings: dict[str, PyTree]
-    memory: PyTree
     steps: int = eqx.field(static=True)
-    asked: PyTree = None
+    asked: Asked
 
     @property
     def ts(self) -> Array:
@@ -59,6 +85,32 @@ class LoopRun(eqx.Module):
     def states(self) -> State:
         """The states at the save times: a position is (3, times, *runs)."""
         return self.trajectory.states
+
+    @property
+    def commands(self) -> PyTree:
+        """The commands in force behind each of the times, with the shapes of the states: components
+        lead, then times, then runs. The last is that in force at the end."""
+        return self._control["commands"]
+
+    @property
+    def readings(self) -> dict[str, PyTree]:
+        """The readings of each sensor by name, the last one at each time."""
+        return self._control["readings"]
+
+    @property
+    def memory(self) -> PyTree:
+        """The memory of the controller at the end."""
+        return self._control["memory"]
+
+    @property
+    def _control(self) -> dict[str, PyTree]:
+        assert self.trajectory.control is not None
+        return self.trajectory.control
+
+    @property
+    def initial(self) -> State:
+        """The first state: a position is (3, *runs)."""
+        return self.trajectory.initial
 
     @property
     def final(self) -> State:
@@ -76,9 +128,57 @@ class LoopRun(eqx.Module):
         return self.trajectory.status
 
     @property
+    def event(self) -> Int[Array, "*runs"]:
+        """Which of the events stopped the run, -1 for none."""
+        return self.trajectory.event
+
+    @property
     def stats(self) -> dict[str, Array]:
         """Steps, evaluations, largest local error in units of the tolerance."""
         return self.trajectory.stats
+
+    @property
+    def accuracy(self) -> Accuracy:
+        """How accurately the loop was flown, as the caller gave it."""
+        return self.trajectory.accuracy
+
+    def __getitem__(self, k: int) -> State:
+        """The state at the k-th time."""
+        return self.trajectory[k]
+
+    def __len__(self) -> int:
+        return len(self.trajectory)
+
+    def of(self, i: int) -> "LoopRun":
+        """The i-th run of a batch, as a run of one loop, with the noise that it had.
+
+        Raises `InputError` if this is one run already, and for a number that no run has."""
+        trajectory = self.trajectory.of(i)
+        loop, y0, ts, options, _ = self.asked
+        key = as_key(loop.key if options.key is None else options.key)
+        if key is not None:
+            key = jax.random.split(key, self.status.shape[-1])[i]
+        loop = run_of(dataclasses.replace(loop, key=None), i)
+        y0, start, memory = run_of((y0, options.start, options.memory), i, 1)
+        options = options._replace(key=key, start=start, memory=memory)
+        return LoopRun(trajectory, self.steps, Asked(loop, y0, ts, options, 0))
+
+    def along(self, function: Callable[[AbstractSystem, Scalar, State], PyTree]) -> PyTree:
+        """`function(system, t, y)` at every time of every run (`Trajectory.along`). The system is
+        that of the loop, without the commands."""
+        return self.trajectory.along(function)
+
+    def to_xarray(self) -> "xarray.Dataset":
+        """The run as a data set with named axes and units (`Trajectory.to_xarray`)."""
+        return self.trajectory.to_xarray()
+
+    def plot(self) -> "Figure":
+        """A figure of the run (`Trajectory.plot`)."""
+        return self.trajectory.plot()
+
+    def show(self, path: "str | os.PathLike[str] | None" = None) -> "Path":
+        """Open the run in the browser as a page that moves (`Trajectory.show`)."""
+        return self.trajectory.show(path)
 
     def error(self) -> State:
         """An estimate of the error of the final state: the change by half the steps' length.
@@ -88,16 +188,17 @@ class LoopRun(eqx.Module):
         again = fly(loop, y0, ts, options._replace(steps=2 * self.steps), run_axes, throw=False)
         return jax.tree.map(lambda a, b: jnp.abs(a - b), self.final, again.final)
 
+    def _summary(self) -> Summary:
+        loop = self.asked.loop
+        law = type(loop.controller).__name__
+        sampled = f"{law}, a sample every {loop.period:.6g} s, {loop.hold}-order hold"
+        return summary_of_run(self.trajectory, [("control", sampled)])
 
-class LoopOptions(NamedTuple):
-    """With what a loop is flown, as given to `ClosedLoop.simulate`."""
+    def __repr__(self) -> str:
+        return self._summary().text()
 
-    key: PRNGKeyArray | None
-    accuracy: Accuracy | Float[ArrayLike, ""] | None
-    steps: int | None
-    events: Event | Sequence[Event]
-    start: Scalar | None
-    memory: PyTree
+    def _repr_html_(self) -> str:
+        return self._summary().html()
 
 
 def fly(
@@ -111,7 +212,7 @@ def fly(
 ) -> LoopRun:
     """`ClosedLoop.simulate` and `simulate_batch`, with `run_axes` axes of runs."""
     _check(loop, y0, run_axes)
-    asked = (loop, y0, ts, options, run_axes)
+    asked = Asked(loop, y0, ts, options, run_axes)
     times, events = known_times(ts), as_events(options.events)
     accuracy = as_accuracy(options.accuracy)
     config = config_of(loop, y0, accuracy, options.steps)
@@ -120,11 +221,8 @@ def fly(
     key = as_key(loop.key if options.key is None else options.key)
     numbers = Known(parts_of(loop), y0, start, key, options.memory, events, None)
     result, config = repeated(compiled, numbers, config, Static.of(loop, times, run_axes))
-    assert result.control is not None
-    trajectory = trajectory_of(
-        result._replace(control=None), loop.system, accuracy, config, run_axes
-    )
-    run = LoopRun(trajectory, **result.control, steps=steps_of(config), asked=asked)
+    trajectory = trajectory_of(result, loop.system, accuracy, config, run_axes)
+    run = LoopRun(trajectory, steps_of(config), asked)
     if not throw:
         return run
     if is_concrete(run.status) and not is_traced(run.trajectory):

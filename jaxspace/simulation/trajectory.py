@@ -1,7 +1,7 @@
 """What a run leaves: times, states, how it ended, what it cost, and how far it can be trusted."""
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, final
+from typing import TYPE_CHECKING, TypeVar, final
 
 import equinox as eqx
 import jax
@@ -18,7 +18,7 @@ from ..integration.result import DenseOutput
 from ..integration.status import Status
 from ._dataset import dataset_of
 from ._rerun import final_state_again
-from ._summary import summary_of_run
+from .summary import summary_of_run
 
 if TYPE_CHECKING:
     import os
@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 
     import xarray
     from matplotlib.figure import Figure
+
+T = TypeVar("T")
 
 
 @final
@@ -99,8 +101,7 @@ class Trajectory(eqx.Module):
         runs = self.status.shape[-1]
         if not -runs <= i < runs:
             raise InputError(f"The batch has {runs} runs: there is no number {i}.")
-        axes = _system_axes(self.system)
-        system = jax.tree.map(lambda x, n: x[..., i] if n else x, self.system, axes)
+        system = run_of(self.system, i)
         # A count may be one number for all runs.
         stats = {name: x[..., i] if x.ndim else x for name, x in self.stats.items()}
         names = ("ts", "states", "status", "event", "happened", "dense", "crossings", "control")
@@ -267,6 +268,14 @@ def _program_at(run: Trajectory, t: Array) -> State:
 
 # One program: outside of `jit`, each array of the state would be a call of its own.
 _program_state_at = jax.jit(state_at, static_argnums=(1, 2))
+
+
+def run_of(tree: T, i: int, undeclared: int = 0) -> T:
+    """The i-th run of a tree, whose arrays carry runs as their fields declare.
+
+    `undeclared`: the most axes of runs of an array whose field declares nothing."""
+    axes = run_axes_of(tree, lambda x: min(x.ndim, undeclared))
+    return jax.tree.map(lambda x, n: x[..., i] if n else x, tree, axes)
 
 
 def _system_axes(system: AbstractSystem) -> PyTree[int]:
