@@ -201,16 +201,21 @@ class Trajectory(eqx.Module):
         two parts. NaN where the steps of the repetition run out. A pulse that both runs miss stays
         unknown (`Accuracy.max_step`).
 
-        **Raises** `InputError` for a run that jumps in place on its way."""
-        self.check_without_jumps("error")
+        **Raises** `InputError` for a run that jumps in place on its way, or had a controller."""
+        self.check_repeatable("error")
         again = final_state_again(
             self.system, self.initial, self.ts, self.config.tightened(0.01), self.run_axes
         )
         return jax.tree.map(lambda a, b: jnp.abs(a - b), self.final, again)
 
-    def check_without_jumps(self, what: str) -> None:
-        """Raise `InputError` for a run with jumps in place (`Event.then`), which cannot be repeated
-        without its events."""
+    def check_repeatable(self, what: str) -> None:
+        """Raise `InputError` for a run that its system alone does not repeat: of one with jumps in
+        place (`Event.then`) without its events, of a closed loop without its controller."""
+        if self.control is not None:
+            raise InputError(
+                f"{what} repeats a run without its controller, and this one is a closed loop: it "
+                f"must be a run of a system alone."
+            )
         if any(found.after is not None for found in self.crossings):
             raise InputError(
                 f"{what} repeats a run, and this one jumps on its way (Event.then): simulate it "
