@@ -2,15 +2,15 @@
 more with finer steps where they proved too few."""
 
 import dataclasses
-from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias, final
+from collections.abc import Sequence
+from typing import Any, NamedTuple, TypeAlias, final
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, ArrayLike, Float, Int, PRNGKeyArray, PyTree
+from jaxtyping import Array, ArrayLike, Float, PRNGKeyArray, PyTree
 
-from ..core import AbstractSystem, InputError, Scalar, State, is_concrete, is_traced
+from ..core import InputError, Scalar, State, is_concrete, is_traced
 from ..integration.accuracy import (
     Accuracy,
     as_accuracy,
@@ -23,19 +23,12 @@ from ..integration.status import raise_on_failure
 from ..simulation import Trajectory
 from ..simulation.failures import loud
 from ..simulation.finish import trajectory_of
-from ..simulation.summary import Summary, summary_of_run
+from ..simulation.reading import AbstractRun
 from ..simulation.trajectory import run_of
 from ._clocks import known_times
 from ._controller import AbstractController
 from ._program import Known, Static, as_events, as_key, compiled, parts_of
 from ._repeats import config_of, repeated, steps_of
-
-if TYPE_CHECKING:
-    import os
-    from pathlib import Path
-
-    import xarray
-    from matplotlib.figure import Figure
 
 # A `ClosedLoop`, whose module imports this one.
 Loop: TypeAlias = Any
@@ -63,10 +56,11 @@ class Asked(NamedTuple):
 
 
 @final
-class LoopRun(eqx.Module):
+class LoopRun(AbstractRun):
     """A run of a loop, or a batch of runs.
 
-    Reads as a `Trajectory`: `len(run)`, `run[k]` and the names below mean the same.
+    Reads and prints as a `Trajectory`: `ts`, `states`, `initial`, `final`, `status`, `event`,
+    `stats`, `accuracy`, `len(run)`, `run[k]`, `along`, `to_xarray`, `plot` and `show`.
 
     - `trajectory`: times, states and status, as of any run; a run that failed has NaN.
     - `steps`: fixed steps between two nodes.
@@ -75,16 +69,6 @@ class LoopRun(eqx.Module):
     trajectory: Trajectory
     steps: int = eqx.field(static=True)
     asked: Asked
-
-    @property
-    def ts(self) -> Array:
-        """Save times, s, (times,), or (times, runs) where events have stopped runs."""
-        return self.trajectory.ts
-
-    @property
-    def states(self) -> State:
-        """The states at the save times: a position is (3, times, *runs)."""
-        return self.trajectory.states
 
     @property
     def commands(self) -> PyTree:
@@ -108,46 +92,9 @@ class LoopRun(eqx.Module):
         return self.trajectory.control
 
     @property
-    def initial(self) -> State:
-        """The first state: a position is (3, *runs)."""
-        return self.trajectory.initial
-
-    @property
-    def final(self) -> State:
-        """The last state: a position is (3, *runs)."""
-        return self.trajectory.final
-
-    @property
     def end(self) -> Array:
         """The last time, s, (*runs,)."""
         return self.trajectory.ts[-1]
-
-    @property
-    def status(self) -> Int[Array, "*runs"]:
-        """A `Status` for each run."""
-        return self.trajectory.status
-
-    @property
-    def event(self) -> Int[Array, "*runs"]:
-        """Which of the events stopped the run, -1 for none."""
-        return self.trajectory.event
-
-    @property
-    def stats(self) -> dict[str, Array]:
-        """Steps, evaluations, largest local error in units of the tolerance."""
-        return self.trajectory.stats
-
-    @property
-    def accuracy(self) -> Accuracy:
-        """How accurately the loop was flown, as the caller gave it."""
-        return self.trajectory.accuracy
-
-    def __getitem__(self, k: int) -> State:
-        """The state at the k-th time."""
-        return self.trajectory[k]
-
-    def __len__(self) -> int:
-        return len(self.trajectory)
 
     def of(self, i: int) -> "LoopRun":
         """The i-th run of a batch, as a run of one loop, with the noise that it had.
@@ -163,23 +110,6 @@ class LoopRun(eqx.Module):
         options = options._replace(key=key, start=start, memory=memory)
         return LoopRun(trajectory, self.steps, Asked(loop, y0, ts, options, 0))
 
-    def along(self, function: Callable[[AbstractSystem, Scalar, State], PyTree]) -> PyTree:
-        """`function(system, t, y)` at every time of every run (`Trajectory.along`). The system is
-        that of the loop, without the commands."""
-        return self.trajectory.along(function)
-
-    def to_xarray(self) -> "xarray.Dataset":
-        """The run as a data set with named axes and units (`Trajectory.to_xarray`)."""
-        return self.trajectory.to_xarray()
-
-    def plot(self) -> "Figure":
-        """A figure of the run (`Trajectory.plot`)."""
-        return self.trajectory.plot()
-
-    def show(self, path: "str | os.PathLike[str] | None" = None) -> "Path":
-        """Open the run in the browser as a page that moves (`Trajectory.show`)."""
-        return self.trajectory.show(path)
-
     def error(self) -> State:
         """An estimate of the error of the final state: the change by half the steps' length.
 
@@ -188,17 +118,10 @@ class LoopRun(eqx.Module):
         again = fly(loop, y0, ts, options._replace(steps=2 * self.steps), run_axes, throw=False)
         return jax.tree.map(lambda a, b: jnp.abs(a - b), self.final, again.final)
 
-    def _summary(self) -> Summary:
+    def facts(self) -> list[tuple[str, ...]]:
         loop = self.asked.loop
         law = type(loop.controller).__name__
-        sampled = f"{law}, a sample every {loop.period:.6g} s, {loop.hold}-order hold"
-        return summary_of_run(self.trajectory, [("control", sampled)])
-
-    def __repr__(self) -> str:
-        return self._summary().text()
-
-    def _repr_html_(self) -> str:
-        return self._summary().html()
+        return [("control", f"{law}, a sample every {loop.period:.6g} s, {loop.hold}-order hold")]
 
 
 def fly(

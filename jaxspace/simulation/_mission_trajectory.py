@@ -10,7 +10,7 @@ from jaxtyping import Array, Float, Int
 
 from ..core import InputError, State
 from ..integration.accuracy import Accuracy
-from .summary import summary_of_mission
+from ._summary import summary_of_mission
 from .trajectory import Trajectory
 
 if TYPE_CHECKING:

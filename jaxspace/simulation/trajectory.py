@@ -18,7 +18,7 @@ from ..integration.result import DenseOutput
 from ..integration.status import Status
 from ._dataset import dataset_of
 from ._rerun import final_state_again
-from .summary import summary_of_run
+from ._summary import summary_of_run
 
 if TYPE_CHECKING:
     import os

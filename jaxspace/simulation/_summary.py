@@ -50,10 +50,10 @@ class Summary(NamedTuple):
         return f"<div><b>{html.escape(self.title)}</b>{''.join(parts)}</div>"
 
 
-def summary_of_run(run: "Trajectory", controller: Sequence[Row] = ()) -> Summary:
+def summary_of_run(run: "Trajectory", facts: Sequence[Row] = ()) -> Summary:
     """What to print of a `Trajectory`; of one that is traced, the shapes.
 
-    `controller`: facts about what has controlled it."""
+    `facts`: more of them, before how it ended."""
     title = f"{'Trajectory' if run.control is None else 'Closed loop'} of "
     title += type(run.system).__name__
     sampled = _sampled(run)
@@ -63,14 +63,14 @@ def summary_of_run(run: "Trajectory", controller: Sequence[Row] = ()) -> Summary
         return Summary(f"{title} (traced)", [], tables)
     first, last = _range(run.ts[0]), _range(run.ts[-1])
     steps, evaluations = _counts(run)
-    facts: list[Row] = [
+    lines: list[Row] = [
         ("times", f"{first} s to {last} s, {run.ts.shape[0]} saved"),
         (
             "method",
             f"{_method(run.config)}, rtol {float(np.max(run.config.rtol)):.0e}; {steps} steps, "
             f"{evaluations} evaluations",
         ),
-        *controller,
+        *facts,
         *_ended(run.status),
     ]
     # Of many runs the range at the end says most; all mostly start alike.
@@ -80,7 +80,7 @@ def summary_of_run(run: "Trajectory", controller: Sequence[Row] = ()) -> Summary
     for tree in sampled:
         ends = [state_at(tree, k, run.run_axes) for k in rows]
         tables.append(_state_table(tree, ends, run.run_axes, "sample"))
-    return Summary(title + _of_runs(run.status), facts, tables)
+    return Summary(title + _of_runs(run.status), lines, tables)
 
 
 def _sampled(run: "Trajectory") -> list[PyTree]:
