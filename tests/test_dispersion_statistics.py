@@ -318,12 +318,10 @@ def test_tables_for_other_programs(tmp_path):
     pandas = pytest.importorskip("pandas")
     d = dispersion(x=np.arange(4000.0) / 3.0)
     d.to_csv(tmp_path / "d.csv")
-    back = pandas.read_csv(
-        tmp_path / "d.csv",
-        index_col="run",
-        # Of pandas' readers the one that rounds correctly in every release.
-        float_precision="round_trip",
-    )
+    # From 3.1 on, which warns of the option, the one reader of pandas rounds correctly.
+    older = tuple(map(int, pandas.__version__.split(".")[:2])) < (3, 1)
+    rounding = {"float_precision": "round_trip"} if older else {}
+    back = pandas.read_csv(tmp_path / "d.csv", index_col="run", **rounding)
     assert list(back.columns) == ["status", "a [km]", "b", "x [m]"]
     assert back["status"][3] == "NOT_FINITE" and back["status"][4] == "COMPLETED"
     # A table of text has all digits.

@@ -27,6 +27,7 @@ NOT_IN_FILES = {
     "mechanics.Hamiltonian": FUNCTION,
     "scene.Scaled": WRAPS,
     "control.Held": WRAPS,
+    "integration.PackedSystem": WRAPS,
     "studies.Uncertain": WRAPS,
     "optimization.SteeredBurn": TASK,
     "optimization.SteeredFlight": TASK,

@@ -51,7 +51,8 @@ def test_the_public_address_is_one():
     urls = PROJECT["urls"]
     manual = yaml.load((ROOT / "mkdocs.yml").read_text(), yaml.BaseLoader)
     cited = yaml.safe_load((ROOT / "CITATION.cff").read_text())
-    assert manual["repo_url"] == cited["repository-code"] == urls["Source"] == urls["Homepage"]
+    (source,) = manual["extra"]["social"]
+    assert source["link"] == cited["repository-code"] == urls["Source"] == urls["Homepage"]
     assert manual["site_url"].rstrip("/") == cited["url"] == urls["Documentation"]
     owner = urls["Source"].removeprefix("https://github.com/")
     settings = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["hatch"]

@@ -16,7 +16,7 @@ from jaxspace.core import InputError
 from jaxspace.orbits import PointGravity, TwoBody
 from jaxspace.scene import Custom
 from jaxspace.simulation import Accuracy, SimulationError, simulate, simulate_batch
-from jaxspace.solvers import DOP853, RKN1210, _tableaus
+from jaxspace.solvers import DOP853, RKN1210, tableaus
 
 KEPLER = Scene((PointGravity(1.0),))
 TURNS = jnp.array([0.0, 20.0])
@@ -49,14 +49,14 @@ def row(weights):
 @pytest.mark.parametrize(
     ("order", "position", "velocity"),
     [
-        (12, _tableaus.RKN1210_POSITION, _tableaus.RKN1210_VELOCITY),
-        (10, _tableaus.RKN1210_POSITION_10, _tableaus.RKN1210_VELOCITY_10),
+        (12, tableaus.RKN1210_POSITION, tableaus.RKN1210_VELOCITY),
+        (10, tableaus.RKN1210_POSITION_10, tableaus.RKN1210_VELOCITY_10),
     ],
 )
 def test_tableau_meets_the_conditions_of_order(order, position, velocity):
     """Of quadrature, and those with one acceleration of an acceleration (Hairer, Norsett, Wanner
     II.14)."""
-    c, a = np.array(_tableaus.RKN1210_C), np.array([row(r) for r in _tableaus.RKN1210_A])
+    c, a = np.array(tableaus.RKN1210_C), np.array([row(r) for r in tableaus.RKN1210_A])
     b, bv = row(position), row(velocity)
     np.testing.assert_allclose(a.sum(axis=1), 0.5 * c**2, atol=1e-14)
     for m in range(order):
@@ -180,11 +180,11 @@ def test_rounded_weights_do_not_push_along_the_motion():
     """A step changes the energy of a circular motion by h^2 |a|^2 (sum b' - sum b' c - sum b), or
     by twice h^2 |a|^2 (sum b - sum b A 1 - 1/2) with a Runge-Kutta method: of all that rounding
     leaves, what grows with the time. Half a unit in the last place of one weight is left."""
-    velocity = {i: Fraction(w) for i, w in _tableaus.RKN1210_VELOCITY}
-    position = [Fraction(w) for _, w in _tableaus.RKN1210_POSITION]
-    nodes = [Fraction(c) for c in _tableaus.RKN1210_C]
+    velocity = {i: Fraction(w) for i, w in tableaus.RKN1210_VELOCITY}
+    position = [Fraction(w) for _, w in tableaus.RKN1210_POSITION]
+    nodes = [Fraction(c) for c in tableaus.RKN1210_C]
     push = sum(w * (1 - nodes[i]) for i, w in velocity.items()) - sum(position)
     assert abs(push) < 5e-19
-    rows = [sum(Fraction(w) for _, w in row) for row in _tableaus.DOP853_A]
-    push = sum(Fraction(w) * (1 - rows[i]) for i, w in _tableaus.DOP853_B) - Fraction(1, 2)
+    rows = [sum(Fraction(w) for _, w in row) for row in tableaus.DOP853_A]
+    push = sum(Fraction(w) * (1 - rows[i]) for i, w in tableaus.DOP853_B) - Fraction(1, 2)
     assert abs(push) < 4e-18

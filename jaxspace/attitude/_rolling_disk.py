@@ -164,7 +164,7 @@ class RollingDisk(AbstractSystem):
         return 0.5 * (turning + self.mass * dot(v, v)) + mgR * s
 
     def velocity(self, y: BodyState) -> Vector:
-        """Of the centre, in inertial axes, m/s, (3, *runs): the contact rests."""
+        """Velocity of the centre, in inertial axes, m/s, (3, *runs), where the contact rests."""
         attitude, omega = attitude_and_omega(y)
         xi, _, _, _ = disk_triad(attitude)
         return attitude.rotate(self.radius * (dot(omega, xi) * axis(2, omega[2]) - omega[2] * xi))
@@ -175,10 +175,10 @@ class RollingDisk(AbstractSystem):
         return y.position - attitude.rotate(self.radius * disk_triad(attitude)[1])
 
     def contact_force(self, y: BodyState) -> Vector:
-        """Of the plane on the disk, in inertial axes, N, (3, *runs).
+        """Force of the plane on the disk, in inertial axes, N, (3, *runs).
 
-        The disk lifts off where its z is negative, and slips where the rest exceeds the friction
-        times z."""
+        The disk lifts off where the normal component z is negative, and slips where the tangential
+        force exceeds the coefficient of friction times z."""
 
         def velocity(y: BodyState) -> Vector:
             return self.velocity(y)

@@ -104,7 +104,7 @@ def _turn_to(s: Array) -> Complex:
 
 
 def _arcsine_ratio(k: int) -> float:
-    """Of the series asin(x)/x = sum a_j x^(2 j): a_j/a_(j-1), k = 2 j - 1."""
+    """Ratio a_j/a_(j-1), k = 2 j - 1, of the coefficients of asin(x)/x = sum a_j x^(2 j)."""
     return k * k / ((k + 1.0) * (k + 2.0))
 
 

@@ -129,8 +129,8 @@ class _Unwinding(AbstractClosedForm):
 
 @final
 class StretchingCords(AbstractSystem):
-    """As `UnwindingCords`, on cords that a spring stretches. State: `CordState` with a stretch,
-    best made by `state`."""
+    """A body that spins about its axis while masses unwind on elastic cords. State: `CordState`
+    with a stretch, best made by `state`; `UnwindingCords` has inextensible ones."""
 
     axial_inertia: NumberField = quantity(
         "kg m^2", positive=True, doc="I, of the body without the masses"

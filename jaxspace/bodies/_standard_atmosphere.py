@@ -123,8 +123,8 @@ def _layers(height: Scalar) -> tuple[Scalar, Scalar]:
 
 
 def _columns() -> np.ndarray:
-    """Of each layer: base and least and greatest climb, m; lapse over base temperature, 1/m; what
-    multiplies the logarithm, and what multiplies the climb, 1/m; lapse, K/m: (7, layers)."""
+    """Constants of each layer, (7, layers): base, least and greatest climb, m; lapse over base
+    temperature, 1/m; the factors of the logarithm and of the climb, 1/m; lapse, K/m."""
     base, lapse, at_base = np.array(LAYERS).T
     low = np.where(base == 0.0, -np.inf, 0.0)
     thick = np.append(base[1:], np.inf) - base

@@ -52,7 +52,7 @@ def error_vector(attitude: Quaternion, target: Array) -> Vector:
     **Returns** (3, *runs), of the short way round."""
     wanted = Quaternion(with_rank(target, attitude.wxyz.ndim - 1)).normalised()
     error = wanted.inverse().then(attitude).wxyz
-    # Of both quaternions of one attitude the nearer.
+    # The nearer of the two quaternions of one attitude.
     return 2.0 * jnp.where(error[0] < 0.0, -1.0, 1.0) * error[1:]
 
 
@@ -100,7 +100,7 @@ class QuaternionFeedback(AbstractController):
     def settle(self, memory: Integral | None, asked: Array, applied: Array) -> Integral | None:
         if memory is None:
             return None
-        # Of wheels that share a torque, one that is cut spoils all of its components.
+        # If wheels share a torque, one saturated wheel spoils all of its components.
         return unwound(memory, jnp.any(asked != applied, axis=0))
 
 

@@ -81,7 +81,7 @@ def nodes_of(ts: np.ndarray, clocks: tuple[Clock, ...], breaks: Array | None) ->
     order = np.argsort(candidates, kind="stable")
     ordered = candidates[order]
     number = np.concatenate([[0], np.cumsum(np.diff(ordered) > slack)])
-    # Of times that coincide, the first given: save times and clocks before breaks.
+    # If times coincide, the first one given is taken: save times and clocks before breaks.
     times = candidates[np.minimum.reduceat(order, np.flatnonzero(np.diff(number, prepend=-1)))]
     index = np.empty_like(number)
     index[order] = number
@@ -131,7 +131,7 @@ def ended(nodes: Nodes, end: Array, slack: float) -> Nodes:
 
 
 def at_nodes(tree: object, saved: Array | np.ndarray) -> object:
-    """Of arrays with the nodes first, the rows at the nodes that are saved, of each run its own."""
+    """Rows at the `saved` nodes, of arrays with the nodes first; each run may have its own."""
 
     def leaf(x: Array) -> Array:
         if saved.ndim == 1:

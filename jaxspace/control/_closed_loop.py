@@ -144,7 +144,7 @@ class ClosedLoop(AbstractFlight):
         y0 = broadcast_state(self.system, t0, y0)
         dtype, runs = state_dtype(y0), runs_of(y0, run_axes)
         start = jnp.broadcast_to(jnp.asarray(t0, dtype), runs)
-        # Of a phase whose end is known nothing has to be cut.
+        # If the end of the phase is known, nothing has to be cut.
         end = (
             None
             if is_concrete(duration) and jnp.ndim(duration) == 0

@@ -35,7 +35,7 @@ Loop: TypeAlias = Any
 
 
 class LoopOptions(NamedTuple):
-    """With what a loop is flown, as given to `ClosedLoop.simulate`."""
+    """Options of one simulation of a loop, as given to `ClosedLoop.simulate`."""
 
     key: PRNGKeyArray | None
     accuracy: Accuracy | Float[ArrayLike, ""] | None

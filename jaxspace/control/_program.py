@@ -51,7 +51,7 @@ class Static(NamedTuple):
 
     @classmethod
     def of(cls, loop: Any, ts: np.ndarray, run_axes: int) -> "Static":
-        """That of a loop with these save times."""
+        """The static part of a loop with these save times."""
         line = loop.hold == "first"
         return cls(tuple(ts.tolist()), loop.period, line, loop.delay, loop.actuate, run_axes)
 

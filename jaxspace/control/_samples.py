@@ -233,7 +233,7 @@ def _sensed(
         if not always[2 + number]:
             new = select(tick, new, (p.readings[name], p.drifts[name]))
         readings[name], drifts[name] = new
-        # Of runs with breaks of their own each reads at another node; they share one count, which
+        # Runs with different breaks read at different nodes; they share one count, which
         # only has to differ from one reading to the next.
         counts[name] = p.counts[name] + jnp.any(tick).astype(jnp.int32)
     return p._replace(readings=readings, drifts=drifts, counts=counts)

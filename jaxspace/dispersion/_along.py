@@ -12,7 +12,7 @@ from ..simulation.run_result import RunResult, nan_unless, scaled
 
 
 class ChosenTimes(NamedTuple):
-    """Where the states of a phase are saved.
+    """Places in a phase at which its states are saved.
 
     - `fractions`: of its duration, ascending from 0 to 1, (times,).
     - `outputs`: which of them the outputs read, even ones.
@@ -24,12 +24,13 @@ class ChosenTimes(NamedTuple):
 
 
 Kept: TypeAlias = int | tuple[ChosenTimes | OwnTimes | None, ...]
-"""How many states are kept of each phase, evenly from its start to its end; or where they are."""
+"""Number of states to store of each phase, evenly from its start to its end; or their places."""
 
 
 def saved_states(along: int, kept: int) -> tuple[int, int]:
-    """How many states of a phase are saved, so that the outputs have `along` of them or a few more,
-    and each n-th is one of the `kept`; and this n."""
+    """Number of states of a phase to save, and n, of which every n-th one goes into the store.
+
+    The number is at least `along`, and `kept` of the states are stored."""
     if kept < 2:
         return along, 1
     every_nth = -(-(along - 1) // (kept - 1))
@@ -37,7 +38,7 @@ def saved_states(along: int, kept: int) -> tuple[int, int]:
 
 
 def saved_of(along: int, kept: Kept) -> int | list[SaveTimes]:
-    """What `run_mission` saves."""
+    """The save times of each phase, for `run_mission`."""
     if isinstance(kept, int):
         return saved_states(along, kept)[0]
     fractions = [c.fractions if isinstance(c, ChosenTimes) else c for c in kept]
@@ -61,7 +62,7 @@ def _even(phase: RunResult, chosen: ChosenTimes | OwnTimes | None) -> RunResult:
 
 
 def for_store(result: MissionResult, along: int, kept: Kept) -> Sequence[RunResult | None]:
-    """Of each phase the states that are kept; `None` where there are none."""
+    """States of each phase that go into the store; `None` where there are none."""
     if isinstance(kept, int):
         return list(thinned(result, saved_states(along, kept)[1]).phases) if kept else []
     pairs = enumerate(zip(result.phases, kept, strict=True))

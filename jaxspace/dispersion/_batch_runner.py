@@ -225,25 +225,25 @@ class BatchRunner:
         return program(self.devices[0].platform)
 
     def _chosen(self, numbers: np.ndarray, flown: np.ndarray, k: int) -> tuple[Any, ...]:
-        """What `draw_inputs` takes for call number `k`."""
+        """Arguments of `draw_inputs` for call number `k`."""
         device = self.devices[k % len(self.devices)]
         given = jax.device_put((jnp.asarray(numbers), jnp.asarray(flown)), device)
         return self.planned.campaign, self.key, *given
 
     def _given(self, drawn: Drawn, plans: Plans, blocks: Blocks) -> tuple[Any, ...]:
-        """What the program of the missions takes."""
+        """Arguments of the compiled program of the missions."""
         planned = self.planned
         return planned.campaign, planned.accuracy, drawn, plans, blocks, planned.samples
 
 
 def cores() -> int:
-    """How many cores this process may use."""
+    """Number of cores that this process may use."""
     # Containers and clusters often give a process fewer cores than the machine has.
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def call_size(devices: Sequence[jax.Device]) -> int:
-    """How many runs one call has on these devices."""
+    """Number of runs in one call on these devices."""
     return CALL if devices[0].platform == "cpu" else ACCELERATOR_CALL
 
 

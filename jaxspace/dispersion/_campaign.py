@@ -108,8 +108,10 @@ class Campaign(eqx.Module):
             raise InputError(f"Campaign.along is {self.along}: it must be 2 or more.")
 
     def accuracy_for(self, given: Accuracy | Scalar | None) -> Accuracy:
-        """The accuracy of a call: that which is `given`, else that of the campaign; with
-        `decoupled` set where the nominal run turns so fast that steps would run out."""
+        """The accuracy of a call: the one `given`, or else that of the campaign.
+
+        `Accuracy.decoupled` is set if the nominal run turns so fast that its steps would run out.
+        """
         return with_exact_parts(self, as_accuracy(self.accuracy if given is None else given))
 
     def nominal(self, runs: int = 1) -> dict[str, Float[Array, " runs"]]:
@@ -131,10 +133,10 @@ class Campaign(eqx.Module):
         return draw(self.inputs, self.design, key, numbers)
 
     def mission(self, samples: dict[str, Float[Array, " *runs"]]) -> tuple[Mission, State]:
-        """What `build` makes of the inputs of runs, each (runs,).
+        """Build the mission and the initial state from the inputs of runs, each (runs,).
 
-        Raises `InputError` where it asks for another input, returns anything else than a mission
-        and a state, or leaves the inputs aside."""
+        Raises `InputError` if `build` reads an unknown input, does not return a mission and a
+        state, or does not use the inputs."""
         try:
             built = self.build(samples)
         except KeyError as error:
@@ -155,7 +157,7 @@ class Campaign(eqx.Module):
         return built
 
     def allowed(self, samples: dict[str, Float[Array, " runs"]]) -> Bool[Array, " runs"]:
-        """For each run whether all of its inputs lie in the ranges that their classes allow."""
+        """Whether all inputs of a run lie in the ranges that their classes allow, for each run."""
         runs = next(iter(samples.values())).shape
         within = jnp.ones(runs, bool)
         # Traced, unlike the check of a class, so that a bad draw marks its run and raises nothing.

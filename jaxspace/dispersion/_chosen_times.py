@@ -15,7 +15,7 @@ from ..simulation.mission_runs import OwnTimes
 from ._along import ChosenTimes, Kept
 from ._campaign import Campaign
 
-# Of a sum of durations, as a user writes it, beyond the end of a phase.
+# Rounding of a sum of durations, by which a user's time can lie beyond the end of a phase.
 ROUNDING = 8.0 * np.finfo(float).eps
 
 

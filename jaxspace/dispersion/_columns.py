@@ -11,7 +11,7 @@ from ..simulation import Status
 from ._lock import StoreError
 from ._run_results import RunResults
 
-# Of the status of a run that has not been run.
+# Status of a run that has not been computed.
 PENDING = -1
 
 
@@ -32,7 +32,7 @@ class Column(NamedTuple):
 
     @property
     def fill(self) -> float | int:
-        """What stands where nothing has been written."""
+        """The value of entries that have not been written."""
         return float("nan") if np.dtype(self.dtype).kind == "f" else PENDING
 
 

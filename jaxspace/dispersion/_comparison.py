@@ -12,7 +12,7 @@ from ._statistics import Dispersion
 
 
 class Comparison(NamedTuple):
-    """What a cheaper method costs and saves in one output.
+    """Error and saving of a cheaper method in one output.
 
     - `method`, `output`: which.
     - `mean`, `std`: as it finds them.

@@ -69,7 +69,7 @@ class MultivariateNormal(AbstractJoint):
 
     @classmethod
     def from_covariance(cls, mean: ArrayLike, covariance: ArrayLike) -> "MultivariateNormal":
-        """From the `mean`, (n,), and the `covariance`, (n, n)."""
+        """Build the distribution from the `mean`, (n,), and the `covariance`, (n, n)."""
         return cls(as_float(mean), as_float(factor_of("covariance", covariance)))
 
     @property
@@ -110,7 +110,7 @@ class Correlated(AbstractJoint):
     def of(
         cls, marginals: tuple[AbstractDistribution, ...], correlation: ArrayLike
     ) -> "Correlated":
-        """From the `marginals` and the `correlation`, (n, n), with ones on its diagonal."""
+        """Build it from the `marginals` and the `correlation`, (n, n), whose diagonal is ones."""
         matrix = np.asarray(correlation, float)
         if matrix.shape != (len(marginals),) * 2 or not np.allclose(np.diag(matrix), 1.0):
             raise InputError(

@@ -134,7 +134,7 @@ def moments(
     if check == 0:
         return found
     found = found._replace(warnings=_warnings(campaign, accuracy, found, check))
-    # Those of no number at all have had their warning.
+    # Outputs that are not finite have had a warning already.
     doubted = [name for name in found.warnings if math.isfinite(found.std(name))]
     if doubted:
         warnings.warn(
@@ -146,7 +146,7 @@ def moments(
 
 
 def _warnings(campaign: Campaign, accuracy: Accuracy, found: Moments, runs: int) -> dict[str, str]:
-    """By output what a sample of the campaign says against its mean and deviation."""
+    """Warnings, for each output, where a sample contradicts its mean or its deviation."""
     n = sum(map(len, normal_columns(campaign.inputs).values()))
     # By the distributions alone: a design spreads its runs evenly, and has other errors.
     z = np.random.default_rng(0).standard_normal((runs, n))
@@ -159,7 +159,7 @@ def _warnings(campaign: Campaign, accuracy: Accuracy, found: Moments, runs: int)
 
 
 def _expanded(campaign: Campaign, accuracy: Accuracy, method: str) -> Moments:
-    """From the Taylor series about the mean."""
+    """Compute the moments from the Taylor series about the mean."""
     inputs = tuple(campaign.inputs)
     centre, covariance = input_moments(campaign.inputs)
     # In deviations: the columns of the derivatives are then of one size.
@@ -244,7 +244,7 @@ def _has_kink(hessian: Array, beside: Array) -> bool:
 
 
 def _unscented(campaign: Campaign, accuracy: Accuracy) -> Moments:
-    """From sigma points of the normal numbers behind the inputs."""
+    """Compute the moments from sigma points of the normal numbers behind the inputs."""
     n = sum(map(len, normal_columns(campaign.inputs).values()))
     # n + k = 3 meets the fourth moment of a normal distribution; no weight may be negative.
     k = max(3 - n, 0)

@@ -49,7 +49,7 @@ class AbstractDistribution(AbstractParameters):
 
     @property
     def dimensions(self) -> int:
-        """How many standard normal numbers make one draw."""
+        """Number of standard normal numbers that make one draw."""
         return 1
 
     @abstractmethod

@@ -18,7 +18,7 @@ EACH, GROWTH = 8, 8
 
 
 def checkpoints(chunks: int) -> list[int]:
-    """After how many of so many chunks the rule is asked; the last one is the end anyway."""
+    """Numbers of finished chunks, all below `chunks`, at which the rule is checked."""
     found, count = [], 1
     while count < chunks:
         found.append(count)
@@ -37,7 +37,7 @@ def check_rule(rule: StopRule, outputs: Iterable[str]) -> None:
 
 
 class Ending:
-    """What a rule says of the chunks that are there.
+    """Evaluation of a stopping rule on the chunks that are complete.
 
     **Arguments**
 
@@ -61,7 +61,7 @@ class Ending:
                 self.values[chunk] = store.values(self.rule.output, [chunk])
 
     def enough(self) -> int | None:
-        """How many chunks are enough; `None` as long as that is not known."""
+        """Number of chunks at which the rule is met; `None` as long as it is not."""
         while self.met is None and self.waiting:
             count = self.waiting[0]
             # In order: a later count must not answer before an earlier one is known.

@@ -89,51 +89,56 @@ def disperse(
     progress: Callable[[int, int], None] | None = None,
     devices: int | Sequence[jax.Device] | None = None,
 ) -> Dispersion | Moments:
-    """What becomes of a campaign: by default of many runs of it.
+    """Run a campaign: by default many runs with random inputs.
 
     **Arguments**
 
-    - `campaign`: what runs, with which random inputs and outputs.
-    - `runs`: how many.
-    - `method`: "monte_carlo"; or, without these runs, "lincov", "second_order" or "unscented",
-      which give a mean and a covariance (`moments`), and take `accuracy` alone.
-    - `seed`: of the random inputs. Run number i has the same inputs and outputs, bit for bit,
-      whatever `runs`, `chunk`, `engine` and `devices`, and after a restart, on one kind of
-      processor and by one set of versions.
-    - `chunk`: after how many runs results are fetched and stored, rounded up to whole calls of 512
-      (2^14 on an accelerator). It bounds the memory.
+    - `campaign`: the mission, its random inputs and its outputs.
+    - `runs`: number of runs.
+    - `method`: "monte_carlo"; or "lincov", "second_order" or "unscented", which compute a mean and
+      a covariance without random runs (`moments`). Of the options below, these take only
+      `accuracy`.
+    - `seed`: seed of the random inputs. On the same kind of processor and with the same versions,
+      run number i has the same inputs and outputs, bit for bit, whatever `runs`, `chunk`, `engine`
+      and `devices` are, and also after a restart.
+    - `chunk`: number of runs after which results are fetched and stored, rounded up to whole calls
+      of 512 runs (2^14 on an accelerator). It bounds the memory.
     - `accuracy`: the relative tolerance of each step, or an `Accuracy`; by default that of the
       campaign, or 1e-9.
     - `store`: the path of a Zarr store, which gets every chunk as soon as it is finished. The
       columns of the result are then read from it when they are asked for.
-    - `overwrite`: whether a store that is there may be replaced; it is refused otherwise.
-    - `resume`: whether to complete the store that is there: only chunks that are missing or damaged
-      are computed. A store of another campaign is refused, and the difference named.
-    - `samples`: how many states of each phase, from its start to its end, the store keeps of every
-      run besides the outputs; none by default, else at least 2.
-    - `times`: at which times of the mission, s, the store keeps the states of every run instead,
-      each in the phase that covers it: at the border of two phases in the earlier one, before its
-      jump. From the first phase on that ends by an event or by a duration that scatters, each run
-      has its own start and end of a phase: all of these phases have all of these times, and a run
-      is NaN at those at which it is in another phase, or has ended (a time that no run of the trial
-      reaches is a warning). Its steps end at them. None may lie in a phase that a controller
-      samples, or behind one whose end is not known before.
+    - `overwrite`: whether an existing store may be replaced; otherwise it is an error.
+    - `resume`: whether to complete an existing store: only chunks that are missing or damaged are
+      computed. A store of another campaign is refused, with the difference in the message.
+    - `samples`: number of states that the store saves for every phase of every run, from its start
+      to its end, besides the outputs; none by default, else at least 2.
+    - `times`: times of the mission, s, at which the store saves the states of every run, instead of
+      `samples`. The steps of the integration end at them.
+
+      Each state belongs to the phase that covers its time; at the border of two phases, to the
+      earlier one, before its jump. Once a phase ends by an event or after a random duration, the
+      following phases start and end at different times in each run. That phase and all later ones
+      then have a row for every one of the later times, and a run is NaN in the rows at which it is
+      in another phase or has ended. A time that no run of the trial reaches causes a warning.
+
+      If a controller samples a phase, no time may lie in it or later, nor in or after an earlier
+      phase whose end is not known in advance.
     - `engine`: "local" (this process, with all of its cores or accelerators), "processes", "dask",
       the address of a Dask scheduler, "hosts" (the processes of `jax.distributed`), or an engine
       object.
-    - `until`: when there are enough runs: the campaign then ends before `runs`, after a whole chunk
-      (`StopRule`). The store, resumed or not and by whatever engine, ends with the same run.
-    - `notes`: what else the attributes of the store shall say, by name.
+    - `until`: rule by which the campaign stops before `runs`, after a whole chunk (`StopRule`). It
+      stops after the same run with every engine, resumed or not.
+    - `notes`: further attributes of the store, by name.
     - `progress`: called as `progress(done, total)` after every chunk.
-    - `devices`: how many of the local devices to use, or which; all of them by default.
+    - `devices`: number of local devices to use, or a list of them; by default all.
 
-    **Returns** a `Dispersion`, in which a run that fails marks its own row; by another method the
-    `Moments`.
+    **Returns** a `Dispersion`, where a failed run is marked in its own row; with a method other
+    than "monte_carlo", the `Moments`.
 
-    **Raises** `InputError` for numbers that are not whole or not positive, for what another method
-    has no use for, and for a tolerance that the precision cannot reach; `StoreError`, before
-    anything is computed where that can be, for a store that refuses or cannot be written;
-    `SimulationError` when the nominal run fails."""
+    **Raises** `InputError` for numbers that are not whole or not positive, for an option that the
+    method does not take, and for a tolerance that the precision cannot reach; `StoreError` for a
+    store that exists or cannot be written, before anything is computed where possible;
+    `SimulationError` if the nominal run fails."""
     if method != MONTE_CARLO:
         about_runs = (
             *(("runs", runs, RUNS), ("seed", seed, 0), ("chunk", chunk, CHUNK)),
@@ -164,7 +169,7 @@ def disperse(
         # Locked before the runner compiles: what can be refused is refused at once.
         if store is not None:
             writer = StoreWriter(store, overwrite=overwrite, resume=resume)
-            # Of several processes that share the campaign, one holds the lock for all.
+            # If several processes share the campaign, one holds the lock for all.
             if using.leads:
                 stack.enter_context(writer)
             if writer.lock.stale:
@@ -225,7 +230,7 @@ def _resolved(accuracy: Accuracy) -> Accuracy:
 
 def _devices(chosen: int | Sequence[jax.Device] | None) -> list[jax.Device]:
     """The devices to use. Raises `InputError` for more than there are."""
-    # Those of this process: devices of other hosts cannot be used from here.
+    # Only the devices of this process: those of other hosts cannot be used from here.
     local = jax.local_devices()
     if chosen is None:
         return local

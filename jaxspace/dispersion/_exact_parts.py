@@ -13,14 +13,14 @@ from jaxtyping import Array
 
 from ..core import is_traced
 from ..integration import Accuracy
+from ..integration.compiling import QUICK
 from ..integration.exact_part import takes_many_steps
 from ..simulation.flight import AbstractFlight
 from ..simulation.phases import longest
-from ._outputs import QUICK
 
 
 def _turns(campaign: Any) -> list[Array]:
-    """Of each phase that has an exact part through how many radians it turns in the nominal run."""
+    """Angles, rad, through which the exact parts of the phases turn in the nominal run."""
     mission, y0 = campaign.mission(campaign.nominal())
     found = []
     for phase in mission.phases:

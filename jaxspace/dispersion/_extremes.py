@@ -53,7 +53,7 @@ def greatest(
     found = [_of_phase(t, q) for t, q in _phases(times, values)]
     value, time = found[0]
     for other in found[1:]:
-        # Of equals the first one.
+        # The first of equal values is taken.
         better = other.value > value
         value, time = jnp.where(better, other.value, value), jnp.where(better, other.time, time)
     return Extreme(value, time)

@@ -114,7 +114,7 @@ def _written(writer: StoreWriter, flown: Flown, ending: Ending | None) -> float:
 
 def _finish(writer: StoreWriter, store: Store, enough: int | None, storing: float) -> None:
     if enough is None and ENOUGH in store.attributes:
-        # That it ended itself is known; what lies beyond may not be gone yet.
+        # The rule has ended the campaign before; later chunks may still have to be removed.
         enough = store.count
     if enough is not None:
         writer.end_at(enough)

@@ -74,7 +74,7 @@ def is_longer(folder: Path, name: str, head: Mapping[str, Any]) -> bool:
 
 
 def _parsed(path: Path) -> Any:
-    """What a file of metadata says; `None` where it is lost or is no JSON."""
+    """Content of a metadata file; `None` if it is missing or not JSON."""
     try:
         return json.loads(path.read_bytes())
     except (OSError, ValueError, RecursionError):

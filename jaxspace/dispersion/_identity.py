@@ -25,7 +25,7 @@ IDENTITY = {
 
 
 def difference(store: Store, columns: Mapping[str, Column], attributes: Mapping[str, Any]) -> str:
-    """In what a store differs from a campaign, in a sentence; empty if in nothing."""
+    """Difference between a store and a campaign, in a sentence; empty if there is none."""
     there = store.attributes
     changed = [name for name in IDENTITY if there.get(name) != attributes.get(name)]
     # Asked last: where settings differ too, they are the cause.
@@ -67,7 +67,7 @@ def _cause(there: Mapping[str, Any], here: Mapping[str, Any]) -> str:
 
 
 def _differing(old: str, new: str) -> tuple[str, str]:
-    """Of texts the first lines that differ."""
+    """The first pair of lines in which two texts differ."""
     # One empty line more, so that a text differs from one that only goes on longer.
     lines = zip((old + "\n").split("\n"), (new + "\n").split("\n"), strict=False)
     pairs = [(a.strip(), b.strip()) for a, b in lines if a != b]

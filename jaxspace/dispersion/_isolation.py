@@ -28,7 +28,7 @@ def callbacks() -> Iterator[None]:
 
 
 def isolate(function: Callable[[np.ndarray], T], count: int) -> T:
-    """`function(flown)` with as many of `count` runs flown as raise no error.
+    """Call `function(flown)` with all of `count` runs marked in `flown` that raise no error.
 
     `function` computes the runs that are flown, (count,); the others take the nominal inputs.
 
@@ -58,14 +58,14 @@ def isolate(function: Callable[[np.ndarray], T], count: int) -> T:
 
 
 def reason(error: BaseException) -> str:
-    """What the error of the function says that was called back, without the places where it did."""
+    """Message of the error that the called function raised, without its traceback."""
     # The text of jax ends with that of Python, which ends with class and sentence.
     lines = [line.strip() for line in str(error).splitlines() if line.strip()]
     return lines[-1].rstrip(".") if lines else type(error).__name__
 
 
 def _raising(call: Callable[[np.ndarray], T], among: np.ndarray, count: int) -> np.ndarray:
-    """Those of the runs `among` which raise."""
+    """Find the runs among these for which the call raises, by halving the set."""
     flown = np.zeros(count, bool)
     flown[among] = True
     try:

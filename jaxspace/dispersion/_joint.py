@@ -22,12 +22,12 @@ class AbstractJoint(eqx.Module):
     @property
     @abstractmethod
     def size(self) -> int:
-        """How many numbers there are, n."""
+        """Number n of components."""
 
     @property
     @abstractmethod
     def dimensions(self) -> int:
-        """How many standard normal numbers make one draw, k."""
+        """Number k of standard normal numbers that make one draw."""
 
     @property
     @abstractmethod
@@ -84,12 +84,12 @@ class Component(AbstractDistribution):
 
     @property
     def mean(self) -> Float[Array, ""]:  # pyright: ignore[reportIncompatibleVariableOverride]
-        """Of the number."""
+        """Mean of this number."""
         return self.joint.mean[self.index]
 
     @property
     def deviation(self) -> Float[Array, ""]:  # pyright: ignore[reportIncompatibleVariableOverride]
-        """Of the number."""
+        """Standard deviation of this number."""
         return jnp.sqrt(self.joint.covariance[self.index, self.index])
 
     def sample(self, key: Array) -> Float[Array, ""]:

@@ -1,4 +1,4 @@
-"""What a finite sample says of a limit: percentiles and probabilities with their confidence.
+"""Percentiles and probabilities of a finite sample, with their confidence.
 
     P(x_(l) <= q_p <= x_(u)) = B(u - 1; n, p) - B(l - 1; n, p)      order statistics
     k violations in n runs:  p_low = I^-1(k, n - k + 1, a/2),  p_high = I^-1(k + 1, n - k, 1 - a/2)
@@ -100,7 +100,7 @@ def quantile(x: np.ndarray, share: float) -> float:
     part = place - k
     if part == 0.0 or below == above:
         return below
-    # Of a place between minus and plus infinity nothing is known but the nearer one.
+    # Between minus and plus infinity there is no interpolation: the nearer one is taken.
     if np.isinf(below) and np.isinf(above):
         return below if part < 0.5 else above
     if np.isinf(below) or np.isinf(above):

@@ -1,4 +1,4 @@
-"""Where outputs lie together: covariance, ellipses and ellipsoids, circular error, convergence.
+"""Joint statistics of outputs: covariance, ellipses, ellipsoids, circular error, convergence.
 
     (y - m)^T C^-1 (y - m) = k^2,   P(chi^2_d <= k^2) = P        the ellipsoid of probability P
 
@@ -87,7 +87,7 @@ def circular_error(
 
 
 class Convergence(NamedTuple):
-    """How a statistic of an output settled with the number of runs; each array is (steps,).
+    """Convergence of a statistic of an output with the number of runs; each array is (steps,).
 
     - `runs`: the good runs used.
     - `mean`, `std`, `limit`: the mean, the deviation and the percentile of these. Infinite values
@@ -125,7 +125,7 @@ def convergence(x: ArrayLike, share: float = 0.99, steps: int = 40) -> Convergen
     shifted = np.where(finite, x, start) - start
     first, second = np.cumsum(shifted)[counts - 1], np.cumsum(shifted**2)[counts - 1]
     known = np.cumsum(finite)[counts - 1]
-    # Without a finite value among the first runs these have no mean.
+    # If none of the first runs is finite, they have no mean.
     some = np.where(known > 0, known, np.nan)
     variance = (second - first**2 / some) / np.maximum(some - 1, 1)
     return Convergence(
@@ -138,7 +138,7 @@ def convergence(x: ArrayLike, share: float = 0.99, steps: int = 40) -> Convergen
 
 
 class StopRule(NamedTuple):
-    """When enough runs have been made: when the percentile `share` of an output is known, with this
+    """Rule that ends a campaign: the percentile `share` of an output must be known, with this
     `confidence`, to `precision` times the distance of that percentile from the mean.
 
     `StopRule("apogee", 0.99, 0.01)` reads "until the 99 % limit of apogee is known to 1 %". Its
@@ -178,7 +178,7 @@ class StopRule(NamedTuple):
         return self.error(x) <= self.precision
 
     def more(self, x: ArrayLike) -> int:
-        """About how many runs there must be in all, from those made; 0 where that is not known."""
+        """Estimate, from these runs, of the total number needed; 0 where that is not known."""
         error, runs = self.error(x), int((~np.isnan(np.asarray(x, float))).sum())
         # The interval shrinks as one over the root of the number of runs.
         return int(np.ceil(runs * (error / self.precision) ** 2)) if np.isfinite(error) else 0

@@ -183,12 +183,12 @@ class Samples(AbstractDistribution):
 
     @property
     def mean(self) -> Float[Array, ""]:  # pyright: ignore[reportIncompatibleVariableOverride]
-        """Of the values."""
+        """Mean of the values."""
         return jnp.mean(self.values)
 
     @property
     def deviation(self) -> Float[Array, ""]:  # pyright: ignore[reportIncompatibleVariableOverride]
-        """Of the values, which are all that may occur."""
+        """Standard deviation of the values as a whole population: division by n, not n - 1."""
         return jnp.std(self.values)
 
     def sample(self, key: Array) -> Float[Array, ""]:

@@ -12,6 +12,7 @@ from jaxtyping import Array, Float, Int
 
 from ..core import InputError
 from ..integration import SimulationError, Status
+from ..integration.compiling import QUICK
 from ..simulation.mission_runs import MissionResult
 from ..simulation.run_result import RunResult
 from ._isolation import RAISED, callbacks, isolate, reason
@@ -19,10 +20,8 @@ from ._isolation import RAISED, callbacks, isolate, reason
 RESERVED = ("run", "status", "evaluations")
 """Names of the variables that every store has."""
 
-# For what runs a few times, and takes far longer to compile: half of it is saved so.
-QUICK: dict[str, Any] = {"compiler_options": {"xla_backend_optimization_level": 0}}
-# Of what a row may change where others are replaced: an iteration that all runs of a block share
-# ends with other digits.
+# Relative change allowed in a row when others are replaced: an iteration that all runs of a block
+# share then ends with other digits.
 ROUNDING = {"float64": 1e-9}
 COARSE = 1e-4
 
@@ -193,7 +192,7 @@ def _filled(phase: RunResult, along: int) -> RunResult:
 def raised(
     what: str, campaign: Any, result: MissionResult, samples: dict[str, Array], error: Exception
 ) -> SimulationError:
-    """What to raise for runs in which a function of the campaign raises an error.
+    """The exception for runs in which a function of the campaign raises an error.
 
     **Arguments**
 

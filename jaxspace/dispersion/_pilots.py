@@ -13,6 +13,7 @@ from jaxtyping import Array, Float
 
 from ..core import breaks_of
 from ..integration import Accuracy, Event, SimulationError, Status
+from ..integration.compiling import QUICK
 from ..simulation.flight import AbstractFlight
 from ..simulation.mission_runs import MissionResult, OwnTimes, run_mission
 from ..simulation.phases import resolve_phases
@@ -20,7 +21,7 @@ from ._along import Kept, saved_of
 from ._campaign import Campaign
 from ._exact_parts import has_exact_part
 from ._isolation import isolate
-from ._outputs import QUICK, PilotRuns
+from ._outputs import PilotRuns
 from ._plans import nodes_of
 from ._program import Drawn
 
@@ -89,9 +90,9 @@ def _breaks_differ(system: Any) -> bool:
 
 
 def expected_steps(campaign: Campaign, accuracy: Accuracy) -> list[Any]:
-    """Of every phase the kind of number by which its steps are recorded; `None` for a closed form.
+    """Shape and type of the number that records each phase's steps; `None` for a closed form.
 
-    Told from the methods alone, because to trace the runs of the pilots takes much longer."""
+    They follow from the methods alone, because tracing the pilot runs takes much longer."""
 
     def steps(campaign: Campaign, accuracy: Accuracy) -> list[Array | None]:
         mission, y0 = campaign.mission(campaign.nominal())

@@ -9,11 +9,11 @@ from jaxtyping import Array, ArrayLike
 
 # How much finer than the pilots' plan the trial block runs.
 TRIAL = 1.2
-# How far below the tolerance the errors of the trial block shall come to lie.
+# Factor by which the errors of the trial block shall lie below the tolerance.
 MARGIN = 1.5
 # A cautious order of the local error: it shrinks at least with that power of the number of steps.
 ORDER = 6.0
-# Of the plan itself, and for the runs that missed the tolerance.
+# Factors by which a plan is refined: first none, then for the runs that missed the tolerance.
 FINENESS = (1.0, 2.0, 4.0)
 # How much finer than the pilots' plan a plan may be: what the padded length holds.
 FINEST = 8.0
@@ -21,7 +21,7 @@ FINEST = 8.0
 # a similar campaign finds it compiled.
 PADDING = 2**14
 
-# Of every phase; `None` for a closed form.
+# The plan of each phase; `None` for a closed form.
 Plans: TypeAlias = tuple[Array | None, ...]
 
 

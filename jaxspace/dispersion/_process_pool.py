@@ -107,7 +107,7 @@ def _first_done(started: Collection["Future[Done]"], limit: float | None) -> "Fu
 
 
 def _come(started: Collection["Future[Done]"]) -> list["Future[Done]"]:
-    """Those that have a result, where others were lost with their process."""
+    """The futures that have a result, where others were lost with their process."""
     return [future for future in started if future.done() and not future.exception()]
 
 

@@ -117,7 +117,7 @@ def trajectories(
 ) -> dict[str, Array]:
     """The times and the parts of the states that are kept of every phase, by "phase.part"."""
     kept = {}
-    # Without any phase where no states are kept at all.
+    # `stored` is empty if no states are saved at all.
     for phase, run in zip(phases, stored, strict=bool(stored)):
         if run is None:
             continue

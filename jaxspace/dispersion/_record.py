@@ -1,4 +1,4 @@
-"""What a store says of how its runs came about."""
+"""The record in a store of how its runs were computed."""
 
 import importlib.metadata
 import platform
@@ -48,7 +48,7 @@ def _processor() -> str:
 
 
 def record(campaign: Campaign, accuracy: Accuracy, runs: int) -> dict[str, object]:
-    """What was run, how accurately, by which versions and on which machine."""
+    """Record of the campaign, its accuracy, the versions and the machine."""
     # Resolved values, not those given: defaults may change between versions of the library.
     method = accuracy.method
     rtol = float(np.asarray(accuracy.rtol))

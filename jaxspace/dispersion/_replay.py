@@ -94,7 +94,7 @@ def replay(campaign: Any, number: int, seed: int, accuracy: Accuracy, num_saved:
 def _error(
     campaign: Any, number: int, samples: dict[str, Array], accuracy: Accuracy, error: Exception
 ) -> SimulationError:
-    """What to raise for a run in which a function of the campaign raises an error."""
+    """The exception for a run in which a function of the campaign raises an error."""
     what = f"Run {number}"
     # Without outputs, to tell whether it is one of them that raises.
     bare = dataclasses.replace(campaign, outputs=_no_outputs)

@@ -53,8 +53,10 @@ def warning_of(mean: float, std: float, x: np.ndarray) -> str:
 
 
 def standard_errors(x: np.ndarray) -> tuple[float, float]:
-    """Of the mean of a sample, in deviations, and of its deviation, as a part of it:
-    1/sqrt(n) and sqrt((k - 1)/(4 n)), with the kurtosis k, which is 3 of a normal distribution."""
+    """Standard errors of a sample's mean, in standard deviations, and of its deviation, relative.
+
+    They are 1/sqrt(n) and sqrt((k - 1)/(4 n)), with the kurtosis k: 3 for a normal distribution.
+    Both are NaN for fewer than two values and for equal values."""
     n, spread = x.size, float(np.std(x)) if x.size else 0.0
     if n < 2 or spread == 0.0:
         return math.nan, math.nan

@@ -1,4 +1,4 @@
-"""Where the runs of a campaign lie: drawn at random, on a Latin hypercube, or on Sobol points.
+"""Sampling of the inputs of a campaign: random, Latin hypercube or Sobol points.
 
 A design gives run i its place in the unit cube from the key of the campaign and the number i alone,
 so that a run is the same in any chunk, on any machine and after a restart:
@@ -30,7 +30,7 @@ BITS = 32
 
 
 class AbstractDesign(eqx.Module):
-    """Where the runs lie in the unit cube."""
+    """Sampling of the runs in the unit cube."""
 
     @abstractmethod
     def uniforms(
@@ -155,7 +155,7 @@ def _permuted(place: Array, count: int, seed: Array) -> Array:
 
     # A number that leaves the range walks on along its cycle until it is back.
     i = jax.lax.while_loop(lambda i: i >= count, mixed, mixed(place.astype(jnp.uint32)))
-    # Without an overflow of the sum.
+    # The remainder is taken first, so that the sum cannot overflow.
     return (i + p % jnp.uint32(count)) % jnp.uint32(count)
 
 

@@ -64,7 +64,7 @@ class Dispersion(eqx.Module):
 
     @property
     def enough(self) -> int | None:
-        """After how many runs the campaign ended itself (`StopRule`); `None` if it did not."""
+        """Number of runs after which the `StopRule` ended the campaign; `None` if it did not."""
         return self.attributes.get("enough_runs")
 
     @property
@@ -77,7 +77,7 @@ class Dispersion(eqx.Module):
 
     @property
     def wanted(self) -> int:
-        """How many runs there are when the campaign is complete."""
+        """Number of runs of the complete campaign."""
         return int(self.enough or self.attributes.get("planned_runs", self.runs))
 
     @property
@@ -103,17 +103,17 @@ class Dispersion(eqx.Module):
 
     @property
     def cores(self) -> int:
-        """How many cores the campaign could use, of all its hosts; 0 where that is not known."""
+        """Number of cores that the campaign could use, on all its hosts; 0 where unknown."""
         own = self.attributes.get("machine", {}).get("cores", 0)
         return int(own) * int(self.attributes.get("hosts", 1))
 
     @property
     def utilisation(self) -> float:
-        """The share of these cores that was at work while the runs were flown; NaN where that is
+        """The share of these cores that was at work while the runs were computed; NaN where that is
         not known."""
         flying = self.seconds - self.attributes.get("preparation_seconds", 0.0)
         busy = self.attributes.get("cpu_seconds", 0.0)
-        # Zero where nothing was flown, or nobody noted it.
+        # Zero if nothing was computed, or nothing was recorded.
         known = flying > 0.0 and busy > 0.0 and self.cores > 0
         return busy / (flying * self.cores) if known else float("nan")
 
@@ -193,8 +193,8 @@ class Dispersion(eqx.Module):
 
     @functools.cached_property
     def _known_contributors(self) -> dict[str, Contributors]:
-        """By output what one regression has found: table, figure and page ask for the same."""
-        # No field: it is computed from these, and a copy computes it anew.
+        """Result of the regression for each output, computed once for table, figure and page."""
+        # No field: it follows from the fields, and a copy computes it again.
         return {}
 
     def covariance(self, *names: str) -> np.ndarray:
@@ -240,7 +240,7 @@ class Dispersion(eqx.Module):
         return ellipsoid(self._finite(*names), probability)
 
     def convergence(self, name: str, share: float = 0.99) -> Convergence:
-        """How mean, deviation and a percentile of a quantity settled with the good runs."""
+        """Convergence of mean, deviation and a percentile of a quantity over the good runs."""
         return convergence(self._numbers(name), share)
 
     def violation(
@@ -265,7 +265,7 @@ class Dispersion(eqx.Module):
         return clopper_pearson(int(np.count_nonzero(~met)), self.runs, confidence)
 
     def violations(self) -> dict[str, Probability]:
-        """By output the probability that its requirement is not met (`violation`)."""
+        """Probability, for each output, that its requirement is not met (`violation`)."""
         return {
             name: self.violation(
                 name,

@@ -31,7 +31,7 @@ ENOUGH = "enough_runs"
 
 
 def runs_of(attributes: Mapping[str, Any]) -> int:
-    """How many runs are wanted of a campaign with these attributes."""
+    """Number of runs that a campaign with these attributes has when complete."""
     return int(attributes.get(ENOUGH) or attributes["planned_runs"])
 
 
@@ -53,17 +53,17 @@ class Store:
 
     @property
     def runs(self) -> int:
-        """How many runs are wanted: those planned, or those at which the campaign ended itself."""
+        """Number of runs when complete: as planned, or as many as its stopping rule needed."""
         return runs_of(self.attributes)
 
     @property
     def chunk(self) -> int:
-        """How many runs a chunk has."""
+        """Number of runs in a chunk."""
         return int(self.attributes["chunk"])
 
     @property
     def count(self) -> int:
-        """How many chunks are wanted."""
+        """Number of chunks when complete."""
         # Rounded up: the last chunk may be short.
         return -(-self.runs // self.chunk)
 
@@ -98,7 +98,7 @@ class Store:
         return self
 
     def _another_form(self, form: Any) -> str:
-        """That a store is of another form, by whom it was written, and the way forward."""
+        """The message that a store has another form: which version wrote it, and how to read it."""
         writer = self.attributes.get("versions", {}).get("jaxspace", "of an unnamed version")
         return (
             f"{self.path} is a store of form {form!r}, written by jaxspace {writer}, and jaxspace "
@@ -118,7 +118,7 @@ class Store:
         return ([self.head_damage] if self.head_damage else []) + arrays
 
     def entry(self, chunk: int) -> dict[str, Any] | None:
-        """What the manifest says of a chunk; `None` where it has not been finished."""
+        """Entry of a chunk in the manifest; `None` for an unfinished chunk."""
         try:
             entry = json.loads((self.path / MANIFEST / f"{chunk}.json").read_bytes())
             return entry if set(entry["files"]) == set(self.columns) else None
@@ -134,7 +134,7 @@ class Store:
         return [k for k in numbers if k < self.count and self.entry(k) is not None]
 
     def damage(self, chunk: int, scalars: bool = False) -> str:
-        """What is wrong with a finished chunk, in a sentence; empty if nothing is.
+        """Damage of a finished chunk, in a sentence; empty if it has none.
 
         `scalars`: whether to look at the numbers of runs alone, and not at trajectories."""
         for name, column in self.columns.items():
@@ -175,6 +175,6 @@ class Store:
         return np.concatenate(parts) if parts else np.zeros((0, *column.shape), column.dtype)
 
     def file(self, name: str, chunk: int) -> Path:
-        """Where an array has its numbers of a chunk."""
+        """Path of the file with the numbers of an array in one chunk."""
         inner = "/".join("0" for _ in self.columns[name].shape)
         return self.path / name / "c" / (f"{chunk}/{inner}" if inner else str(chunk))

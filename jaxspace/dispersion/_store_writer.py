@@ -71,7 +71,7 @@ class StoreWriter:
 
     def _check_content(self) -> None:
         path = self.store.path
-        # Of a process that was killed: under the lock nobody else writes.
+        # Files of a process that was killed: under the lock no other process writes.
         for left in path.rglob(f"{UNFINISHED}*"):
             left.unlink()
         others = {x.name for x in path.iterdir()} - {NAME, MANIFEST}
@@ -303,7 +303,7 @@ def _metadata(store: Store) -> dict[str, bytes]:
             attributes=column.attributes,
         )
     with warnings.catch_warnings():
-        # That other readers of the third version need not know it: they can do without.
+        # zarr warns that other readers of format 3 may not know these metadata: they need not.
         warnings.filterwarnings("ignore", "Consolidated metadata")
         zarr.consolidate_metadata(memory)
     return {name: data.to_bytes() for name, data in memory._store_dict.items()}

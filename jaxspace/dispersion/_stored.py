@@ -63,7 +63,7 @@ def open_store(path: str | os.PathLike[str]) -> Dispersion:
 
 
 def _flying(entries: list[dict[str, Any]]) -> float:
-    """For how long the chunks with these entries were computed, s."""
+    """Time, s, that it took to compute the chunks with these entries."""
     seconds: dict[int | None, float] = defaultdict(float)
     for entry in entries:
         seconds[entry.get("host")] += float(entry.get("seconds", 0.0))

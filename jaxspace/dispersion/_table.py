@@ -41,12 +41,12 @@ class Row(NamedTuple):
         return rounded(value, self.std)
 
     def missing(self) -> str:
-        """In how many good runs it is not finite, in words; empty if there are none."""
+        """Number of good runs in which it is not finite, in words; empty if there are none."""
         counts = (("∞", self.above), ("-∞", self.below), ("not a number", self.undefined))
         return ", ".join(f"{words} in {count}" for words, count in counts if count)
 
     def doubt(self) -> str:
-        """What these runs do to the statistics, in sentences; empty if there are none."""
+        """Effect of these runs on the statistics, in sentences; empty if there are none."""
         if not self.missing():
             return ""
         good = self.runs + self.above + self.below + self.undefined

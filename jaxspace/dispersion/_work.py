@@ -18,7 +18,7 @@ from ._batch_runner import BatchRunner
 from ._run_results import PlannedCampaign, RunResults
 
 RETRIES = 3
-# Of a program and of its results; where programs are kept.
+# Settings of jax that change a program or its results, or say where compiled programs are stored.
 SETTINGS = (
     "jax_enable_x64",
     "jax_numpy_dtype_promotion",
@@ -63,7 +63,7 @@ class AbstractEngine(ABC):
     @property
     @abstractmethod
     def workers(self) -> int:
-        """How many chunks are computed at a time."""
+        """Number of chunks that are computed at the same time."""
 
     @property
     def leads(self) -> bool:
@@ -81,7 +81,7 @@ class AbstractEngine(ABC):
         return None
 
     def share(self, extents: Sequence[Extent]) -> list[Extent]:
-        """What this process computes of the chunks."""
+        """The chunks that this process computes."""
         return list(extents)
 
     def sync(self, stage: str) -> None:

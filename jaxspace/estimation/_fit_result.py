@@ -58,7 +58,8 @@ class Fit(eqx.Module):
 
     @property
     def covariance(self) -> Float[Array, "n n *#runs"]:
-        """Of the parameters, in the order of `names`; infinite on the diagonal where unseen."""
+        """Covariance of the parameters in the order of `names`; its diagonal is infinite where
+        `unseen`."""
         s = jnp.where(self._seen, self.singular_values, 1.0)
         weight = jnp.where(self._seen, 1.0 / s**2, 0.0)
         P = jnp.einsum("ki...,k...,kj...->ij...", self.directions, weight, self.directions)
@@ -73,7 +74,7 @@ class Fit(eqx.Module):
 
     @property
     def correlation(self) -> Float[Array, "n n *#runs"]:
-        """Of the parameters; zero beside one that cannot be seen."""
+        """Correlation of the parameters; zero between any of them and one that is `unseen`."""
         s = self.std
         return self.covariance / jnp.where(s[:, None] * s[None] > 0.0, s[:, None] * s[None], 1.0)
 

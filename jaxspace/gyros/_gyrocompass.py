@@ -180,7 +180,7 @@ class Gyrocompass(AbstractSystem):
         return jnp.sqrt(self.frame_rate()[1] * self._stiffness() / self.spin_momentum)
 
     def damping_ratio(self) -> Scalar:
-        """Of the slow oscillation: we / (2 H) over its frequency (Thomson 6.5-15)."""
+        """Damping ratio of the slow oscillation: we / (2 H) over its frequency (Thomson 6.5-15)."""
         return 0.5 * self.damping_moment / (self.spin_momentum * self.slow_frequency())
 
     def clamped_frequency(self) -> Scalar:

@@ -335,8 +335,8 @@ class TwoGimbalGyro(AbstractSystem):
     def _slipping(
         self, y: GimbalState
     ) -> Iterator[tuple[str, BearingFriction, Scalar, Scalar, Scalar]]:
-        """Of each bearing whose slip is a part of the state: its name there, friction, rate, the
-        moment that acts at rest, and the slip."""
+        """Iterate over the bearings whose slip is a part of the state: the name of the slip there,
+        the friction, the rate, the moment that acts at rest, and the slip."""
         psi_rate = self.outer_rate(y)
         inner, outer = self._moments(y, psi_rate, self._spin_moment(y, psi_rate))
         if self.inner_bearing is not None and y.slip_inner is not None:

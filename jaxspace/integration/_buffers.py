@@ -1,4 +1,4 @@
-"""What the loop of an integration writes down as it goes: rows of states."""
+"""Buffers that the loop of an integration fills: rows of states."""
 
 from typing import NamedTuple
 

@@ -92,7 +92,7 @@ def _solve_jvp(primals: Leaves, tangents: Tangents, *, problem: Problem) -> tupl
 def _record_jvp(
     primals: Leaves, tangents: Tangents, *, problem: Problem
 ) -> tuple[Leaves, Tangents]:
-    # Of second order: the states of the record move as well, and JAX follows them by itself.
+    # Second-order rule: the recorded states move as well, and JAX differentiates through them.
     outs, d_outs = _jvp_in_floats(problem.record, primals, tangents)
     return outs, [
         d if jnp.issubdtype(x.dtype, jnp.floating) else zero

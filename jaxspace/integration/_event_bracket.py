@@ -51,7 +51,7 @@ class WithinSpan(Protocol):
         ...
 
     def slope(self, t: Scalar) -> tuple[Scalar, Scalar]:
-        """What is zero at the event, and its rate."""
+        """The function that is zero at the event, and its rate."""
         ...
 
     def condition(self, t: Scalar) -> Scalar:
@@ -73,14 +73,15 @@ def close_in(
     - `within`: the condition between them.
     - `span`: the times of the samples, and `g` the condition there.
     - `wanted`: the runs whose zero is sought.
-    - `behind`: after which time it is sought; by default after that of the first sample. `g`
-      is then the condition right behind this time.
+    - `behind`: time after which the zero is sought, by default that of the first sample. If it is
+      given, `g[0]` is the condition just after it.
 
     **Returns** the time, whether there is a zero, and whether the search converged."""
     t, end = span
     first = t if behind is None else behind
-    # A dip has one sign at both ends: from the first place with the other one on, it is a span like
-    # all others, up to there or, where only the way back counts, from there.
+    # In a dip, the condition has the same sign at both ends. The first point of the opposite sign
+    # splits the span into two with one zero each: the first is sought, or the second where only a
+    # return to the sign of the ends counts.
     back = jnp.sign(g[0]) * within.event.direction > 0.0
     forwards = jnp.sign(end - first)
     length = jnp.abs(end - first)
@@ -103,8 +104,8 @@ def close_in(
 
     unknown = jnp.full_like(t, jnp.inf)
     dip = g[0] * g[1] > 0.0
-    # The secant; away from both ends, where it may be that of a zero at the start. A run that has
-    # failed must not give the others of its block a time that is none.
+    # The zero of the secant, kept away from both ends, because of a zero at the start itself. A
+    # failed run must not pass a time that is NaN to the other runs of its block.
     secant = safe_divide(g[0], g[0] - g[1])
     share = jnp.where(dip | ~jnp.isfinite(secant), 0.5, jnp.clip(secant, 0.02, 0.98))
     start = _Bracket(
@@ -134,11 +135,11 @@ def _narrowed(bracket: _Bracket, value: Scalar, away: Scalar, back: Array) -> _B
     **Arguments**
 
     - `away`: the rate of the condition away from zero, along the run.
-    - `back`: whether of a dip only the way back counts."""
+    - `back`: whether only the second zero of a dip counts."""
     low, high, guess, sign, dip, slopes, *_ = bracket
     same = value * sign > 0.0
-    # In a dip, the first place beyond zero ends one search and begins another: which of the two
-    # zeros counts depends on the direction.
+    # In a dip, the first point beyond zero separates two zeros: the direction decides which of
+    # them counts.
     turned = dip & ~same & back
     before = jnp.where(dip & same, away < 0.0, same) | turned
     return bracket._replace(

@@ -51,7 +51,7 @@ class SoughtEvents(eqx.Module):
 
 
 class Location(NamedTuple):
-    """What has been found of the first event of each run.
+    """State of the search for the first event of each run.
 
     - `waiting`: whether the run waits at the step that holds its event; `which`: the number of the
       event, -1 where the run must not go on for another reason, which is its `status`.
@@ -82,7 +82,7 @@ class Location(NamedTuple):
     def none_yet(
         cls, sought: SoughtEvents, s: Array, y0: State, tolerance: Tolerance
     ) -> "Location":
-        """Before the first step, at the normalised time `s`."""
+        """The search before the first step, at the normalised time `s`."""
         no = jnp.zeros_like(tolerance.alive(y0))
         zero = jnp.zeros(no.shape, s.dtype)
         count = len(sought.events)
@@ -138,7 +138,7 @@ class _AlongStep(NamedTuple):
         return self.event.condition(time.astype(jax.tree.leaves(y)[0].dtype), y)
 
     def value(self, t: Scalar) -> Scalar:
-        """What is zero at the event: the condition, or for a touch its rate along the motion."""
+        """The function that is zero at the event: the condition, or its rate for a touch."""
         if self.event.touch is None:
             return self.condition(t)
         rate = jax.jvp(self.condition, (t,), (jnp.ones_like(t),))[1]

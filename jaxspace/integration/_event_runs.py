@@ -38,7 +38,7 @@ class ConditionOnRun(NamedTuple):
     run_axes: int
 
     def value(self, t: Scalar, y: State) -> Scalar:
-        """What is zero at the event."""
+        """The function that is zero at the event."""
         return self.event.value(self.system, t, y)
 
     def slope(self, t: Scalar, y: State) -> tuple[Scalar, Scalar]:
@@ -72,7 +72,7 @@ class FromSample(NamedTuple):
         return self.along.event
 
     def slope(self, t: Scalar) -> tuple[Scalar, Scalar]:
-        """What is zero at the event, and its rate along the motion."""
+        """The function that is zero at the event, and its rate along the run."""
         return self.along.slope(t, self.along.state(self.y, self.t, t))
 
     def condition(self, t: Scalar) -> Scalar:
@@ -126,7 +126,7 @@ def first_zero(along: ConditionOnRun, y0: State, t0: Scalar, t1: Scalar) -> Zero
     piled = at_zero & hit & (after <= resolved) & (not event.at_start)
     status = jnp.where(piled, Status.EVENTS_PILE_UP, Status.EVENT_UNRESOLVED)
     failed = jnp.where(piled | unresolved, after, jnp.inf)
-    # Of two reasons, the one that comes first on the way.
+    # If there are two reasons, the one that comes first along the run counts.
     status = jnp.where(samples.ill <= failed, Status.CONDITION_NOT_FINITE, status)
     failed = jnp.minimum(samples.ill, failed)
     return Zero(when, hit, samples.size, status.astype(jnp.int32), failed)

@@ -1,4 +1,4 @@
-"""What a trace of a vector field shows, found once for each structure of a system and its state."""
+"""Properties of a vector field read from its trace, once per structure of system and state."""
 
 from typing import NamedTuple
 

@@ -1,4 +1,4 @@
-"""What an integration leaves, from the state in which its loop ends."""
+"""Outcome of an integration, assembled from the last state of its loop."""
 
 from typing import NamedTuple
 
@@ -14,7 +14,7 @@ from .loop import LoopSettings, LoopState
 
 
 class Outcome(NamedTuple):
-    """What an integration leaves; times lead in `states` here.
+    """Outcome of an integration; `states` have the times on the first axis here.
 
     - `states`: at the save times, or the last one alone.
     - `max_local_error`, `out_of_steps`: of each run; the former in units of the tolerance.
@@ -44,7 +44,7 @@ class Outcome(NamedTuple):
 
 
 def outcome_of(loop: LoopState, settings: LoopSettings) -> Outcome:
-    """That of runs with common steps."""
+    """The outcome of runs with common steps."""
     location = loop.location
     finished = loop.t >= settings.end
     short = ~finished
@@ -75,7 +75,7 @@ def outcome_of(loop: LoopState, settings: LoopSettings) -> Outcome:
 
 
 def own_outcome_of(loop: OwnLoop, settings: LoopSettings) -> Outcome:
-    """That of runs with steps of their own, in their variables."""
+    """The outcome of runs of which each takes its own steps, in regularised variables."""
     finished = loop.y.segment >= settings.end
     states = loop.saved
     if states is None:

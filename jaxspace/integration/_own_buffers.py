@@ -1,4 +1,4 @@
-"""What a loop in which every run takes its own steps writes down."""
+"""Buffers of a loop in which every run takes its own steps."""
 
 import jax
 import jax.numpy as jnp
@@ -13,7 +13,10 @@ from .loop import LoopSettings
 
 
 def put_landed(rows: State, y: State, number: Array, done: Bool[Array, "*runs"]) -> State:
-    """Rows, (times, ..., *runs), with that of its segment replaced for each run that has landed."""
+    """Write the state of each run that is `done` into the row of its segment.
+
+    `rows` is (times, ..., *runs), `number` the segment of each run. The other runs change nothing.
+    """
     runs = number.size
     row = jnp.where(done, number, jnp.inf).reshape(runs)
 
@@ -27,7 +30,9 @@ def put_landed(rows: State, y: State, number: Array, done: Bool[Array, "*runs"])
 
 
 def get_landed(rows: State, number: Array, done: Bool[Array, "*runs"]) -> State:
-    """Of rows, (times, ..., *runs), that of its segment for each run that has landed, else zero."""
+    """Read the row of its segment for each run that is `done`; the other runs get zero.
+
+    `rows` is (times, ..., *runs), `number` the segment of each run."""
     runs = number.size
 
     def leaf(x: Array) -> Array:
@@ -40,7 +45,7 @@ def get_landed(rows: State, number: Array, done: Bool[Array, "*runs"]) -> State:
 
 
 def kept_of_pass(h: Array, done: Bool[Array, "*runs"]) -> Array:
-    """What is recorded of a pass: the steps, and which runs landed."""
+    """The record of one pass: the step of each run, and whether the run landed, (2, *runs)."""
     return jnp.stack([h, done.astype(h.dtype)])
 
 
@@ -53,7 +58,7 @@ def written(
     done: Array,
     y: OwnState,
 ) -> OwnLoop:
-    """The loop with what this pass leaves in the buffers."""
+    """Write the results of one pass into the buffers of the loop."""
     saved, ends, states, recording = loop[-5:-1]
     moved = jnp.any(accept)
     if saved is not None:

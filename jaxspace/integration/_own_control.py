@@ -1,4 +1,4 @@
-"""How long the next step of a run is, where every run takes steps of its own.
+"""Step-size control where every run takes its own steps.
 
 From the error of a step follows the length that would have had just the error allowed, its ideal.
 Along an orbit that length goes with a power of a scale of the motion, such as the distance from the
@@ -26,19 +26,22 @@ from ..solvers.regularised_step import Regular, order_of
 from ..solvers.step_control import GROW, SHRINK
 
 SAFETY = 0.85
-# Without a scale to go by.
+# Safety factor for variables that offer no scale of the motion.
 CLOSER = 0.9
-# Of the sums for the power: about as many steps count as an orbit has.
+# Decay of the sums for the power per step: about as many steps count as an orbit has.
 MEMORY = 0.9
-# The power to begin with, and how much it weighs.
+# Initial power, and its weight.
 FIRST_POWER, FIRST_WEIGHT = 0.5, 0.02
-# The scale depends on the length that it determines.
+# Iterations of the length, because the scale depends on the length that it determines.
 REPEATS = 3
 
 
 class Trend(NamedTuple):
-    """What the steps of each run have shown: the `ideal` length of the last one, zero for none, the
-    `step_scale` in its middle, and the sums of x y and x^2."""
+    """Statistics of the steps of each run, from which the length of the next one is predicted.
+
+    - `ideal`: ideal length of the last step, zero before the first one.
+    - `step_scale`: the scale in the middle of the last step.
+    - `xy`, `xx`: the sums of x y and x^2."""
 
     ideal: Float[Array, "*runs"]
     step_scale: Float[Array, "*runs"]
@@ -47,7 +50,7 @@ class Trend(NamedTuple):
 
     @classmethod
     def before(cls, like: Float[Array, "*runs"]) -> "Trend":
-        """That of runs that have taken no step."""
+        """The trend before the first step."""
         weight = jnp.full_like(like, FIRST_WEIGHT)
         return cls(jnp.zeros_like(like), jnp.ones_like(like), FIRST_POWER * weight, weight)
 
@@ -79,7 +82,8 @@ def following(
     - `used`: whether the step is taken and says something about the next one."""
     known = used & (trend.ideal > 0.0)
     if not isinstance(form, AbstractSecondOrderForm):
-        # Drag in a thin shell goes with no power of the distance: as much shorter again as it was.
+        # Drag in a thin shell follows no power of the distance: where the ideal length has shrunk,
+        # the next step assumes that it shrinks by the same factor again.
         last = jnp.where(known, trend.ideal, 1.0)
         again = jnp.where(known, jnp.minimum(ideal / last, 1.0), 1.0)
         return trend._replace(ideal=jnp.where(used, ideal, trend.ideal)), CLOSER * ideal * again
@@ -104,12 +108,12 @@ def following(
 
 
 def _logarithm(a: Scalar, b: Scalar) -> Scalar:
-    """About log(a/b)/2, for positive a and b."""
+    """Approximation of log(a/b)/2, for positive a and b."""
     return (a - b) / (a + b)
 
 
 def _power(a: Scalar, b: Scalar, p: Scalar) -> Scalar:
-    """About (a/b)^p, for positive a and b and p within 0 and 1, where it is exact."""
+    """Approximation of (a/b)^p, for positive a and b; exact for p = 0 and p = 1."""
     more, less = 1.0 + p, 1.0 - p
     return (more * a + less * b) / (less * a + more * b)
 

@@ -1,4 +1,4 @@
-"""Where runs are that take steps of their own: state, segment, and what the loop carries on."""
+"""State of a loop in which every run takes its own steps."""
 
 import functools
 from typing import NamedTuple, final
@@ -17,15 +17,17 @@ from .loop import LoopSettings
 
 @final
 class OwnState(eqx.Module):
-    """Where a run is: its regularised variables, the last of them the time, s, since its segment
-    began, and how many segments lie behind it."""
+    """Regularised variables of each run, and the number of segments that it has completed.
+
+    The last variable is the time, s, since the current segment began."""
 
     z: Regular
     segment: Float[Array, "*runs"]
 
 
 class OwnLoop(NamedTuple):
-    """What one pass of the loop hands to the next; everything but the buffers is of each run.
+    """Carry of the loop. Each run has its own values; only the
+    buffers, `count` and `passes` are shared.
 
     - `h`: the next step; `free`, the length that the error allows; `trend`, what the lengths tell.
     - `landing`: whether the next step is one that should end the segment; `pending`, whether the
@@ -56,21 +58,21 @@ class OwnLoop(NamedTuple):
 
 
 class Segment(NamedTuple):
-    """When the segment of each run begins, and how long it takes, s."""
+    """Start and duration of the current segment of each run, s."""
 
     t: Scalar
     duration: Scalar
 
     @classmethod
     def of(cls, field: ScaledField, settings: LoopSettings, number: Array) -> "Segment":
-        """That with this number; the last one beyond the end."""
+        """The segment with this number for each run; beyond the end, the last segment."""
         last = jnp.minimum(number, settings.end - 1.0).astype(settings.end.dtype)
         duration = field.duration(last, jnp.ones_like(last))
         return cls(field.time(last), duration.astype(number.dtype))
 
 
 def alive(z: Regular) -> Bool[Array, "*runs"]:
-    """Which runs have nothing but finite numbers in their variables."""
+    """Whether all variables of a run are finite."""
     # The sum of all is finite if they are, and no reduction, which takes one run after the other.
     return jnp.isfinite(functools.reduce(jnp.add, list(z)))
 
@@ -83,7 +85,7 @@ def unit(form: AbstractRegularised, z: Regular, rate: Regular) -> Scalar:
 def landing_state(
     form: AbstractRegularised, segment: Segment, y: OwnState, done: Bool[Array, "*runs"]
 ) -> OwnState:
-    """The states with those that are `done` at the start of their next segment."""
+    """Move the runs that are `done` to the start of their next segment."""
     z = landed(form, *segment, y.z)
     z = jnp.concatenate([z[:-1], jnp.zeros_like(z[-1:])])
     return OwnState(jnp.where(done, z, y.z), y.segment + done.astype(y.segment.dtype))

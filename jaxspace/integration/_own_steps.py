@@ -52,7 +52,7 @@ def integrate_own_steps(
         return run(start)
 
     def slow(loop: OwnLoop) -> Bool[Array, "*runs"]:
-        # Those on their way; the others wait for them to land together.
+        # Runs still within their segment; the others wait, so that all land together.
         moving = (loop.y.segment < settings.end) & alive(loop.y.z) & ~loop.pending
         return moving & (loop.passes >= settings.max_steps)
 
@@ -177,8 +177,12 @@ def _advance(
 
 
 class _Turn(NamedTuple):
-    """Where the runs are, their next steps, which of them are close to the end of their segment,
-    and which steps should land."""
+    """State of the runs between two passes.
+
+    - `y`: variables and segments.
+    - `h`: next steps.
+    - `pending`: whether a run is close to the end of its segment.
+    - `landing`: whether its next step should end there."""
 
     y: OwnState
     h: Float[Array, "*runs"]
@@ -194,8 +198,9 @@ def _turned(
     turn: _Turn,
     free: Array,
 ) -> tuple[OwnState, Array, Array, Array, Array]:
-    """The next `_Turn` of runs that are close to the end of their segment, those that are there in
-    the next one, and which have landed so."""
+    """Advance runs that are close to the end of their segment; those at its end enter the next one.
+
+    **Returns** the fields of the next `_Turn`, and which runs have landed."""
     z = turn.y.z
     rate = derivative_in(form, *segment, z)
     left = segment.duration - z[-1]

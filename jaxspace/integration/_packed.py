@@ -30,20 +30,20 @@ from .normalised_time import ScaledVectorField
 
 @final
 class Packing(eqx.Module):
-    """How the blocks of a state lie in a vector, one behind the other."""
+    """Layout of the blocks of a state in one vector, one behind the other."""
 
     structure: jax.tree_util.PyTreeDef = eqx.field(static=True)
     shapes: tuple[tuple[int, ...], ...] = eqx.field(static=True)
 
     @classmethod
     def of(cls, y: State) -> "Packing":
-        """For states like `y`."""
+        """The layout for states like `y`."""
         leaves, structure = jax.tree.flatten(y)
         return cls(structure, tuple(x.shape for x in leaves))
 
     @property
     def sizes(self) -> tuple[int, ...]:
-        """How many components each block has."""
+        """Number of components of each block."""
         return tuple(map(math.prod, self.shapes))
 
     def vector(self, y: State) -> Float[Array, "components *#rest"]:

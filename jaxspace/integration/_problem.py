@@ -36,7 +36,7 @@ Avals: TypeAlias = Sequence[ShapedArray | jax.ShapeDtypeStruct]
 # Field, initial state and settings of an integration.
 Parts: TypeAlias = tuple[PyTree, PyTree, LoopSettings]
 T = TypeVar("T")
-# Of a record: its numbers, the stride of its states, the count of its steps.
+# Arrays of a record: its numbers, the stride of its states, the count of its steps.
 RECORD_ARRAYS = 3
 
 # Operations of a vector field from which the steps are a small program: they compile in a third of
@@ -127,7 +127,7 @@ class Problem:
         return settings.tolerance.run_axes == 0 and self.field_operations >= MEDIUM
 
     def _packing(self, field: PyTree, y0: State, settings: LoopSettings) -> Packing | None:
-        """How the state of a single run of a large field is packed; `None` where it is not."""
+        """Layout of the packed state for a single run of a large field; `None` for other runs."""
         single = settings.tolerance.run_axes == 0 and isinstance(field, ScaledVectorField)
         if not single or len(jax.tree.leaves(y0)) == 1 or not solver_traits(settings.method).linear:
             return None
@@ -135,7 +135,7 @@ class Problem:
 
     @functools.cached_property
     def field_operations(self) -> int:
-        """How many operations an evaluation of the vector field has."""
+        """Number of operations in one evaluation of the vector field."""
         field, y0, settings = self.parts(self.avals)
         if isinstance(field, ScaledVectorField):
             t = jax.ShapeDtypeStruct((), settings.lengths.dtype)
@@ -158,7 +158,7 @@ class Problem:
         return cast(Avals, self.record_jaxpr.out_avals[len(self.outcome_avals) :])
 
     def split_record(self, results: Sequence[Array]) -> tuple[list[Array], list[Array]]:
-        """What `record` returns, as the outcome and the record."""
+        """Split the result of `record` into the outcome and the record."""
         n = len(results) - RECORD_ARRAYS
         return list(results[:n]), list(results[n:])
 

@@ -1,4 +1,4 @@
-"""What derivatives need of a run: the steps that it took, and states along them.
+"""Record of a run for its derivatives: the steps that it took, and some states along them.
 
 Both lie in one array of numbers, in which they grow towards each other:
 
@@ -27,12 +27,16 @@ RECORD_BYTES = 3 * 2**16
 than the steps between two states take to be computed again."""
 
 FEWEST_STATES = 4
-"""States for which there is room beside all steps."""
+"""Number of states for which the record has space beside all steps."""
 
 
 class RecordLayout(NamedTuple):
-    """Where states and steps lie: `shapes`, `dtypes` and `structure` of a state, the shape of what
-    is kept of a `step`, how many steps at most, and the type of the numbers."""
+    """Layout of the states and steps in a record.
+
+    - `shapes`, `dtypes`, `structure`: of a state.
+    - `step`: shape of the numbers recorded for a step.
+    - `limit`: largest number of steps.
+    - `dtype`: of the record."""
 
     shapes: tuple[tuple[int, ...], ...]
     dtypes: tuple[np.dtype, ...]
@@ -43,7 +47,7 @@ class RecordLayout(NamedTuple):
 
     @classmethod
     def of(cls, y: State, step: Array, limit: int) -> "RecordLayout":
-        """For states and steps like these."""
+        """The layout for states and steps like these."""
         leaves, structure = jax.tree.flatten(y)
         dtypes = tuple(x.dtype for x in leaves)
         # The clock may be finer than the state; both keep every digit.
@@ -70,7 +74,7 @@ class RecordLayout(NamedTuple):
 
     @property
     def longest(self) -> int:
-        """How many steps may lie between two states: a power of two."""
+        """Largest number of steps between two recorded states: a power of two."""
         # One row is always free, for the state after the next step.
         rows = (self.size - self.limit * self.step_size) // self.state_size - 1
         stride = 1
@@ -99,7 +103,7 @@ class RecordLayout(NamedTuple):
         return numbers
 
     def step_start(self, n: Array) -> Array:
-        """Where step number `n` lies."""
+        """Index at which step number `n` begins."""
         return self.size - (n + 1) * self.step_size
 
 
@@ -112,7 +116,7 @@ class Recording(NamedTuple):
 
     @classmethod
     def empty(cls, layout: RecordLayout) -> "Recording":
-        """Before the first step. Raises `InputError` where there is no memory for all steps."""
+        """The record before the first step. Raises `InputError` if all steps exceed the memory."""
         step = layout.step_size * layout.dtype.itemsize
         check_memory("the record of the steps for a derivative", layout.limit, step)
         zero = jnp.asarray(0)
@@ -121,10 +125,10 @@ class Recording(NamedTuple):
     def add(
         self, layout: RecordLayout, n: Int[Array, ""], step: Array, y: State, taken: Bool[Array, ""]
     ) -> "Recording":
-        """With step number `n`, and the state `y` after it where one is due.
+        """Append step number `n`, and the state `y` after it where one is due.
 
-        What was not `taken` is written as well, where the next step writes: a condition around the
-        writing would copy the whole array."""
+        A step that was not `taken` is written as well, and overwritten by the next one: a condition
+        around the writing would copy the whole array."""
         flat = step.reshape(-1).astype(layout.dtype)
         numbers = jax.lax.dynamic_update_slice_in_dim(self.numbers, flat, layout.step_start(n), 0)
         numbers = layout.put_state(numbers, self.count, y)
@@ -140,7 +144,7 @@ class Recording(NamedTuple):
         return jax.lax.while_loop(full, lambda kept: kept.thinned(layout), added)
 
     def thinned(self, layout: RecordLayout) -> "Recording":
-        """Without every second state, from the first one on."""
+        """Drop every second state, the first one included, and double the stride."""
         size = layout.state_size
         half = layout.size // (2 * size)
         count = self.count // 2
@@ -166,7 +170,7 @@ class Record(eqx.Module):
         return self.layout.state(self.numbers, k)
 
     def step(self, n: Int[Array, ""]) -> Array:
-        """What is kept of step number `n`."""
+        """The recorded numbers of step number `n`."""
         first = self.layout.step_start(n)
         flat = jax.lax.dynamic_slice_in_dim(self.numbers, first, self.layout.step_size)
         return flat.reshape(self.layout.step)

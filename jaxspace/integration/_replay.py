@@ -163,7 +163,7 @@ class Replay(eqx.Module):
 
     @property
     def _num_chunks(self) -> int:
-        """How many chunks a segment has at most."""
+        """Largest number of chunks in a segment."""
         return -(-self.record.layout.longest // CHUNK)
 
     def _segment_vjp(
@@ -272,7 +272,7 @@ class Replay(eqx.Module):
         return jax.lax.fori_loop(0, ahead + back, one, (total, buffer, y))[:2]
 
     def _linearised(self, moving: PyTree, n: Array, y: State) -> tuple[PyTree, Pullback]:
-        """What step `n` returns, and its pullback."""
+        """Result of step `n`, and its pullback."""
         return jax.vjp(needed_only(lambda p, y: self.step(p, n, y, backwards=True)), moving, y)
 
     def _step_vjp(

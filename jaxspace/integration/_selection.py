@@ -30,7 +30,7 @@ LOOSE = 1e-5
 
 
 class SelectionContext(NamedTuple):
-    """For what a method is sought.
+    """Properties of a run from which its method is selected.
 
     - `system`, `y`: a system and a state, or their shapes.
     - `rtol`: the relative tolerance; zero where it is not known.
@@ -44,7 +44,7 @@ class SelectionContext(NamedTuple):
 
 @final
 class Rule(NamedTuple):
-    """When the rule holds, in words and as a test, and the method that it selects."""
+    """A rule of selection: its condition, in words and as a test, and the method selected."""
 
     when: str
     holds: Callable[[SelectionContext], bool]

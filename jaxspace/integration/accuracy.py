@@ -1,4 +1,4 @@
-"""How accurate a run shall be, as its user says it."""
+"""Accuracy of a run: tolerances, method and limits of the steps."""
 
 from types import UnionType
 from typing import Any, final
@@ -29,7 +29,7 @@ DEFAULT_RTOL = {"float64": 1e-9, "float32": 1e-5}
 
 
 def _known_float(x: object) -> object:
-    """`as_optional_float`, of which a Python number stays a known one under `jit`."""
+    """Convert by `as_optional_float`, where a Python number stays concrete under `jit`."""
     if isinstance(x, complex | np.complexfloating):
         # For `check_number`, which names the field.
         return x
@@ -51,13 +51,13 @@ class MethodName(str):
 
 
 def as_method(method: Any) -> Any:
-    """The method, a text as a `MethodName`."""
+    """Convert a method given by its name to a `MethodName`; a solver stays as it is."""
     return MethodName(method) if isinstance(method, str) else method
 
 
 @final
 class Accuracy(AbstractParameters):
-    """What error each step may make, and by which method.
+    """Tolerances, method and limits of the steps of a run.
 
     **Arguments**
 
@@ -66,33 +66,31 @@ class Accuracy(AbstractParameters):
     - `atol`: in the unit of the block, by default a thousandth of `rtol`. It matters only for a
       block that is close to zero.
     - `method`: `"auto"` (see `select_method`), `"closed_form"`, or a diffrax solver with an error
-      estimate. A fixed-step method takes the steps that it is given, and the tolerance judges
-      them: if they prove too few, the run is repeated with up to eight times as many, except under
-      `jit`, in derivatives of a batch and in missions.
+      estimate. A fixed-step method takes the number of steps that it is given. If their error
+      exceeds the tolerance, the run is repeated with up to eight times as many, except under `jit`,
+      in derivatives of a batch and in missions.
     - `adjoint`: `None` differentiates along the recorded steps, in forward and in reverse mode.
-      In its place stand diffrax's `RecursiveCheckpointAdjoint` (reverse mode alone),
-      `DirectAdjoint` and `ForwardMode`. Runs by these take twice as long: the steps are chosen
-      first, then taken.
-    - `max_steps`: how many steps a run may take. Reverse mode keeps room for all of them: one
-      number each, and two for every run with `AdaptiveRegularised`, whose short runs are
-      differentiated several times faster with fewer. A run that would need more than half of the
-      memory for them is refused.
+      The alternatives are diffrax's `RecursiveCheckpointAdjoint` (reverse mode only),
+      `DirectAdjoint` and `ForwardMode`. With these a run takes twice as long, because one pass
+      chooses the steps and a second one takes them.
+    - `max_steps`: how many steps a run may take. Reverse mode allocates memory for all of them: one
+      number per step, or two per step and run with `AdaptiveRegularised`, where a short run is
+      differentiated several times faster with a smaller limit. A run that would need more than half
+      of the memory for them is refused.
     - `max_step`: the longest step, s; by default as long as the tolerance allows. The vector field
       is sampled at the stages of the steps, so that a pulse much shorter than a step can be
-      missed: half the length of the shortest pulse is right. Closed forms and systems that declare
+      missed: choose half the length of the shortest pulse. Closed forms and systems that declare
       their `breaks` do not need it.
+    - `decoupled`: whether a part of the motion that has a closed form is computed by it, and only
+      the rest by the method (`AbstractSystem.decoupled`). An example is the rotation of a body on
+      which forces act, but no torque. By default "auto" decides: it does so if the turns of this
+      part would use many of `max_steps`, or if a first attempt ran out of steps. It does not under
+      `jit` and in derivatives, where the numbers are unknown.
 
-    - `decoupled`: whether a part of the motion that is exact by itself, as the rotation of a body
-      without torque beside forces, is computed so, where a system has one, and the method serves
-      the rest (`AbstractSystem.decoupled`). By default where "auto" sees, or learns from steps that
-      ran out, that the turns of this part take many of `max_steps`; not under `jit` and in
-      derivatives, where no number is known.
+    The tolerances and `max_step` are traced: changing them causes no new compilation.
 
-    The tolerances and `max_step` are traced: changing them compiles nothing again.
-
-    **Raises** `InputError` for a value that is not positive, for an `rtol` of one and more, and for
-    `max_step` with a fixed-step
-    method."""
+    **Raises** `InputError` for a value that is not positive, for an `rtol` of 1 or more, and for
+    `max_step` with a fixed-step method."""
 
     rtol: Scalar | None = quantity(
         "",

@@ -1,4 +1,4 @@
-"""How one integration runs, resolved once: method, tolerances, limits, adjoint.
+"""Configuration of one integration, resolved once: method, tolerances, limits, adjoint.
 
 `resolve` is the only place that decides. It refuses what cannot work before anything is compiled;
 everything after it takes the configuration as it is.
@@ -54,7 +54,7 @@ class IntegrationConfig(eqx.Module):
 
     @property
     def fixed_step(self) -> bool:
-        """Whether the method takes a given number of steps, which the tolerance only judges."""
+        """Whether the method takes a given number of steps, whatever the tolerance."""
         return not isinstance(self.method, str) and solver_traits(self.method).fixed_step
 
     def small_program(self) -> "IntegrationConfig":

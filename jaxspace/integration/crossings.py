@@ -2,15 +2,16 @@
 
     t_k :  g(t_k, y(t_k)) = 0            dt_k = -(dg)/(g_t + g_y f)
 
-The run is sampled by its own dense output. Outside of every derivative each change of sign, and
-each dip between samples of one sign, is closed in as for the first event (`_event_bracket`). From
-the sample before it, the run is then integrated to the zero once more, inside the derivatives, and
-one Newton step carries those of the time (`events`).
+The condition is sampled along the dense output of the run. Each change of sign, and each dip
+between two samples of the same sign, is bracketed as for the first event (`_event_bracket`); no
+derivative is taken of this search. The run is then integrated again from the sample before the
+zero to the zero. This integration is differentiated, and one Newton step adds the derivatives of
+the time of the zero (`events`).
 
-Samples that are too few miss zeros in pairs, which their signs do not show. What shows it is
-the rate of the condition: between samples that resolve it, its change is h (g_k' + g_{k+1}')/2.
-For a sine, the root mean square of the difference passes half of that of the sine at three and a
-half samples a period.
+If the samples are too few, zeros are missed in pairs, which the signs of the samples cannot show.
+The rate of the condition shows it: between samples that are close enough, the condition changes by
+h (g_k' + g_{k+1}')/2. For a sine, the root mean square of the deviation from this rule exceeds half
+of the sine's own at fewer than about three and a half samples a period.
 
     symbol  meaning                      unit
     g, g'   condition, its rate          any, 1/s times it
@@ -36,9 +37,10 @@ from .layout import state_at, times_behind_components
 from .methods import HIGH_ORDER
 from .status import Status
 
-# Of the root mean square of the condition: how far the samples may differ from their rates.
+# Largest deviation of the samples from their rates, relative to the root mean square of the
+# condition.
 RESOLVED = 0.5
-# Steps between a sample and a zero, at most: more would mean that nothing resolves the motion.
+# Most steps between a sample and a zero: with more, the samples would not resolve the motion.
 STEPS_TO_ZERO = 256
 
 
@@ -85,9 +87,14 @@ class Crossings(eqx.Module):
 
 
 class _Found(NamedTuple):
-    """What the search has found: times of zeros, s, and the sample before each, with one row more
-    than there is room; how many there are; which sample is next, and whether the interval behind it
-    is searched a second time; whether the search failed."""
+    """State of the search.
+
+    - `times`, `before`: times of the zeros, s, and the sample before each. There is one row more
+      than the capacity.
+    - `count`: number of zeros.
+    - `following`: the next sample; `again`: whether the interval behind it is searched a second
+      time.
+    - `unresolved`: whether the search failed."""
 
     times: Float[Array, "zeros *#runs"]
     before: Int[Array, "zeros *#runs"]
@@ -200,7 +207,7 @@ def _search(along: ConditionOnRun, samples: Samples) -> _Found:
         )
         good = wanted & met & sure
         here = (rows == found.count) & good
-        # Of a dip, only an event of both directions has another zero.
+        # A dip has a second zero that counts only for an event of both directions.
         again = good & dip & (event.direction == 0)
         return _Found(
             jnp.where(here, there, found.times),
@@ -225,7 +232,7 @@ def _search(along: ConditionOnRun, samples: Samples) -> _Found:
 
 
 def _status(along: ConditionOnRun, samples: Samples, found: _Found) -> Int[Array, "*runs"]:
-    """How the search ended."""
+    """Status of the search."""
     status = jnp.where(found.unresolved, Status.EVENT_UNRESOLVED, Status.COMPLETED)
     few = _change_unexplained(along, samples) > RESOLVED
     status = jnp.where(few, Status.SAMPLES_TOO_FEW, status)

@@ -12,8 +12,8 @@ from ..core import AbstractSystem, Scalar, State
 from ._event_bracket import WithinSpan, close_in
 from .events import Event
 
-# Of the second difference, and some more for what bends: a corner, as of a distance to a place that
-# is passed, dips below its lowest sample by half of it at most, a parabola by an eighth.
+# Depth of a dip below its lowest sample, in second differences: at most 1/2 at a corner (as in the
+# distance to a point that is passed) and 1/8 for a parabola; a little more for other curves.
 REACH = 0.55
 # Roundings that a state at an event itself leaves in its condition.
 ROUNDINGS = 64.0
@@ -95,7 +95,7 @@ def first_in_intervals(
 
 
 def pick(tree: State, index: Array, run_axes: int) -> State:
-    """Of blocks with the samples on the first axis, the one at `index` of each run."""
+    """Select sample number `index` of each run, from blocks with the samples on the first axis."""
 
     def leaf(x):
         where = index.reshape(1, *(1,) * (x.ndim - 1 - run_axes), *index.shape)
@@ -107,8 +107,9 @@ def pick(tree: State, index: Array, run_axes: int) -> State:
 
 
 def ill_after(g: Array, states: State, times: Array, run_axes: int) -> Scalar:
-    """How long after the start, s, the condition of a finite state is first not finite; infinite
-    where it always is. A state that is not finite has a status of its own."""
+    """Time after the start, s, at which the condition is first not finite; infinite if it never is.
+
+    Only finite states count: one that is not finite has another status."""
     ill = ~jnp.isfinite(g)
     for x in jax.tree.leaves(states):
         ill = ill & jnp.all(jnp.isfinite(x), axis=tuple(range(1, x.ndim - run_axes)))
@@ -140,7 +141,7 @@ def rounding_change(
 
 
 def dips(g: Array, changes: Array) -> Array:
-    """For each interval whether the condition might dip through zero and back within it.
+    """Whether the condition might dip through zero and back, for each interval.
 
     Beyond the ends of the span it goes on as its slopes there say: by the `changes` in an interval.
     """

@@ -39,7 +39,7 @@ from ..core import (
 # Checked where annotations are.
 @runtime_checkable
 class HasVectorField(Protocol):
-    """What an event has to know of a system."""
+    """The part of a system that an event uses."""
 
     @property
     def vector_field(self) -> Callable[[Scalar, State], State]:
@@ -47,7 +47,7 @@ class HasVectorField(Protocol):
         ...
 
 
-# Room for so many states is some gigabyte: a larger number is a slip.
+# So many states take about a gigabyte: a larger number is a mistake.
 MOST = 10**7
 
 
@@ -56,22 +56,21 @@ class Event(eqx.Module):
     """A run stops where `condition(t, y)`, a scalar for each run, passes through zero.
 
     - `direction`: 1 for a rise, -1 for a fall along the run, 0 for both.
-    - `within`, s: how long to wait for it in a phase.
-    - `samples`: how finely the span is searched. Two zeros within one span / `samples` are found
-      where the samples about them bend towards zero; a dip so narrow that they do not may be passed
-      over.
-    - `touch`, in the unit of the condition: stop where it touches zero instead of where it passes
-      through: at an extremum no farther from zero than this. `direction` 1 is a minimum, -1 a
-      maximum. Without it a touch is no event, or by rounding it is one.
+    - `within`, s: longest time that a phase waits for the event.
+    - `samples`: number of parts into which the span is cut for the search. Two zeros in the same
+      part are found if the samples around them bend towards zero; a narrower dip can be missed.
+    - `touch`, in the unit of the condition: stop where the condition touches zero instead of where
+      it passes through, which is an extremum no farther from zero than this. `direction` 1 stops at
+      a minimum, -1 at a maximum. Without `touch`, rounding decides whether a touch is an event.
     - `at_start`: whether a zero at the start of the run, to rounding, is an event. By default it is
-      none, because it is the one at which the run before has ended; an event that happens together
-      with that one is named in `Trajectory.happened`.
-    - `terminal`: with `False` the run goes on, and `Trajectory.crossings` holds every zero, up to
-      `capacity` of them. The span is then sampled between its save times, in `samples` parts or
-      more.
-    - `then`: with `terminal=False` a jump in place, a function (t, y) -> y as `Phase.then`, after
-      which the run goes on: a ball bounces. `Trajectory.crossings` then holds the states on both
-      sides, and the run ends at a zero for which there is no room.
+      not, because the previous run usually ended at this zero. An event that happens together with
+      the one that ends a run is named in `Trajectory.happened`.
+    - `terminal`: whether the event ends the run. With `False` the run goes on, and
+      `Trajectory.crossings` holds every zero, up to `capacity` of them. The search then cuts
+      the span at the save times, into at least `samples` parts.
+    - `then`: with `terminal=False`, a function (t, y) -> y, as `Phase.then`, that replaces the
+      state at each zero, such as a ball that bounces. `Trajectory.crossings` then holds the states
+      on both sides, and the run ends at the first zero beyond `capacity`.
 
     Raises `InputError` for another direction, a number of samples that is not from 2 to 1e7, a
     capacity that is not from 1 to 1e7, a `touch` or `within` that is not positive, or a `then` of
@@ -103,7 +102,7 @@ class Event(eqx.Module):
         check_positive("Event.touch", self.touch)
 
     def value(self, system: HasVectorField, t: Scalar, y: State) -> Scalar:
-        """What is zero at the event: the condition, or for a touch its rate along the motion."""
+        """The function that is zero at the event: the condition, or its rate for a touch."""
         if self.touch is None:
             return self.condition(t, y)
         rate = system.vector_field(t, y)
@@ -196,7 +195,7 @@ def _corrected_jvp(primals: PyTree, tangents: PyTree) -> tuple[PyTree, PyTree]:
     place, moving = (system, te, ye), (of_system, of_t, of_y)
     rate, change = eqx.filter_jvp(lambda s, t, y: s.vector_field(t, y), place, moving)
     dt = jnp.zeros_like(t) if of_t is None else of_t
-    # Of no value, but of a derivative.
+    # Zero in value, but not in its derivative.
     delay = te - t
     delta = jax.tree.map(
         lambda d, k, c: d - k * dt + c * delay, _whole(of_y, y), rate, _whole(change, y)

@@ -192,7 +192,7 @@ def _by_closed_form(
     fractions: Float[Array, "times *#runs"] | None,
     run_axes: int,
 ) -> IntegrationResult:
-    # Without a map over a single duration, which would double what there is to trace.
+    # A single duration is not mapped over, because that would double what there is to trace.
     if fractions is None:
         final = _on_groups(closed_form.flow(duration, y0))
         states = jax.tree.map(lambda x: x[None], final)
@@ -227,7 +227,7 @@ def _joined(
         )
         final = jax.tree.map(lambda x: x[-1], states)
     lost = ~Tolerance(0.0, 0.0, run_axes).alive(final)
-    # Of a rest that has its end, it is the exact part that has none.
+    # The rest of the motion has reached its end, so that the exact part is what is not finite.
     lost = lost & (result.status <= Status.TOLERANCE_MISSED)
     status = jnp.where(lost, Status.NOT_FINITE, result.status).astype(jnp.int32)
     return result._replace(states=times_behind_components(states, run_axes), status=status)
@@ -262,7 +262,7 @@ def _settings(
     dense: bool,
     sought: SoughtEvents | None = None,
 ) -> LoopSettings:
-    """What the loop needs of the configuration for these segments."""
+    """Settings of the loop for these segments, from the configuration."""
     # Normalised time counts segments: their ends are the whole numbers.
     ends = jnp.arange(len(segments) + 1, dtype=segments.u.dtype)
     save_ts = None

@@ -1,4 +1,4 @@
-"""Where the axes of a state are: components lead, then times, then runs.
+"""Order of the axes of a state: components, then times, then runs.
 
 Times lead inside the loop of an integration, where a state is one row of a buffer; results have the
 components first, then the times, then the runs.

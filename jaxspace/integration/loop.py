@@ -35,16 +35,17 @@ from .normalised_time import OwnStep, ScaledVectorField, Segments
 
 @final
 class LoopSettings(eqx.Module):
-    """What one integration in normalised time needs. Nothing in it is differentiated.
+    """Settings of one integration in normalised time. Nothing in them is differentiated.
 
     - `method`: a solver that is bound to the run.
     - `lengths`: of the segments, as fractions of the run.
     - `longest_steps`: the longest step allowed in each segment, in normalised time.
     - `save_ts`: the normalised times at which states are saved; `None` saves the last one.
     - `plan`: the nodes of steps that are fixed beforehand.
-    - `reach`: normalised times between which all segments with a length lie; `None` for the whole.
-    - `record_steps`: whether to return the ends of the steps, `dense` the states there too.
-    - `restarts`: whether runs whose steps run out start once more without those that are slow.
+    - `reach`: normalised times between which all segments of nonzero length lie; `None` for the
+      whole run.
+    - `record_steps`, `dense`: whether to return the ends of the steps, and the states there.
+    - `restarts`: whether a block that runs out of steps is repeated without its slow runs.
     - `sought`: the events that end the runs.
     - `estimated`: whether the first step is estimated, by two evaluations of the vector field, or
       simply tried."""
@@ -89,12 +90,12 @@ class LoopSettings(eqx.Module):
 
 
 class LoopState(NamedTuple):
-    """What one pass of the loop hands to the next. Times are normalised.
+    """Carry of the loop. Times are normalised.
 
     - `t`, `t_next`: the time reached, and the proposed end of the next step.
     - `made_jump`: whether the vector field jumped at `t`, so that the solver starts again.
     - `step_ends`, `step_states`: ends of the accepted steps and the states there, where asked for.
-    - `left_out`: the runs that used up the steps of all, without which the others went on.
+    - `left_out`: runs that used up the shared steps, and without which the others went on.
     - `location`: of the first event of each run, where some are sought.
     """
 
@@ -116,7 +117,7 @@ class LoopState(NamedTuple):
 
 @eqx.filter_jit
 def _field(t: Array, y: State, field: ScaledField) -> State:
-    """The vector field, traced once for all places of a program that evaluate it."""
+    """The vector field, traced once for all evaluations in a program."""
     return field(t, y)
 
 
@@ -136,8 +137,8 @@ def integrate_loop(
     - `y0`: the initial state, components first and runs last.
     - `recorded`: whether to record the steps for derivatives.
 
-    **Returns** the last `LoopState`. The runs are complete if its `t` is `settings.end`, but for
-    those `left_out`; otherwise the steps ran out, and the caller reports it in the status."""
+    **Returns** the last `LoopState`. If its `t` is `settings.end`, all runs are complete except
+    those `left_out`. Otherwise the steps ran out, which the caller reports in the status."""
     tools = settings.solver(), settings.controller()
 
     def unfinished(loop: LoopState) -> Bool[Array, ""]:

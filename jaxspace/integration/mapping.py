@@ -108,7 +108,7 @@ def _of_each_run(sought: SoughtEvents, y0: PyTree) -> bool:
 def _single(parts: Parts, dims: Parts) -> tuple[AbstractSystem, PyTree]:
     """The system and the state of one of the mapped runs, as shapes."""
 
-    # Of a leaf that is no array, such as a function, `d` is the leaf itself.
+    # For a leaf that is no array, such as a function, `d` is the leaf itself.
     def leaf(x: PyTree, d: PyTree) -> PyTree:
         if not eqx.is_array(x):
             return x

@@ -92,7 +92,7 @@ class Segments(eqx.Module):
 
     def _edge(self) -> Scalar:
         """Some roundings of a time, s, in the direction of the run."""
-        # Of the time and of the fraction, and of what an effect computes its break times from.
+        # Rounding of the time, of the fraction, and of the numbers behind an effect's break times.
         rounding = 4.0 * jnp.finfo(self.total.dtype).eps
         return rounding * jnp.copysign(jnp.abs(self.t0) + jnp.abs(self.total), self.total)
 
@@ -163,7 +163,7 @@ def segments_of(
         breaks = breaks.reshape(breaks.shape[0], *missing, *breaks.shape[1:])
         inner.append(jnp.clip(safe_divide(breaks - t0, total), 0.0, 1.0))
     if landings is not None:
-        # Those of all runs get the axes that breaks, or those of each run, have.
+        # Landings that all runs share get the axes of the breaks, or of landings of each run.
         rank = max(inner[0].ndim if inner else 1, landings.ndim)
         inner.append(landings)
         inner = [x.reshape(x.shape + (1,) * (rank - x.ndim)) for x in inner]

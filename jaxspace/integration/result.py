@@ -1,4 +1,4 @@
-"""What an integration leaves: states, status, statistics, and its steps where asked for."""
+"""Result of an integration: states, status, statistics, and its steps on request."""
 
 from typing import NamedTuple
 
@@ -29,7 +29,7 @@ class DenseOutput(NamedTuple):
 
 
 class IntegrationResult(NamedTuple):
-    """What an integration leaves.
+    """Result of an integration.
 
     - `states`: at the save times, or at the end alone: (components, times, *runs).
     - `status`: of each run.
@@ -122,7 +122,7 @@ def _longest_step(plan: Array, segments: Segments) -> Array:
 
 
 def _at_fractions(states: State, u: Array, fractions: Array, run_axes: int) -> State:
-    """Of the states at all ends of segments, those at `fractions` of each run."""
+    """Select the states at `fractions` of each run, from those at all ends of segments."""
     if u.ndim == 1:
         index = jnp.searchsorted(u, fractions)
         return jax.tree.map(lambda x: x[index], states)

@@ -1,4 +1,4 @@
-"""How a run ended, in a number that fits a batch and a sentence that says what to do."""
+"""Status of a run: a number that fits into a batch, and a sentence that says what to do."""
 
 import enum
 from collections.abc import Callable
@@ -9,10 +9,10 @@ from jaxtyping import Array, Bool, Int
 
 
 class Status(enum.IntEnum):
-    """How a run ended.
+    """Status of a finished run.
 
-    `sentence` says what happened and what to do. Above `EVENT` the run failed, and its numbers are
-    NaN, but for what it reached before."""
+    `sentence` says what happened and what to do. A status above `EVENT` is a failure: the states
+    that the run did not reach are NaN."""
 
     COMPLETED = 0
     EVENT = 1
@@ -31,7 +31,7 @@ class Status(enum.IntEnum):
 
     @property
     def sentence(self) -> str:
-        """What happened, and what to do about it."""
+        """Explanation of the status, and what to do about it."""
         return _SENTENCES[self]
 
     @property

@@ -27,6 +27,7 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, ArrayLike, PyTree
 
 from ..core import AbstractSystem, State, is_traced
+from .compiling import QUICK
 from .methods import STIFF
 
 # Radians or decay times in a run: DOP853 takes five steps for three of them, which is more than a
@@ -37,7 +38,7 @@ EXPLICIT = 1e4
 TRIAL = 300.0
 # Relative change of the Jacobian up to which the fast motion counts as linear.
 SAME = 0.05
-# Of a block's own unit: shorter blocks count as this, as for the default absolute tolerance.
+# Least length of a block, in its unit, as for the default absolute tolerance.
 LEAST = 1e-3
 # Components of a state beyond which the matrices of the method cost more than they save.
 MOST = 40
@@ -62,7 +63,7 @@ class InitialConditions(NamedTuple):
 
     @property
     def components(self) -> int:
-        """How many numbers the state of a run has."""
+        """Number of components of the state of one run."""
         _, state, _ = self.runs
         _, axes, _ = self.run_axes
         sizes = [
@@ -87,7 +88,11 @@ def is_stiff(starts: InitialConditions, rtol: float) -> bool:
     it is not known then."""
     if rtol == 0.0 or not starts.readable:
         return False
-    times = np.shape(starts.runs[2])[0]
+    system, y, ts = starts.runs
+    times = np.shape(ts)[0]
+    # Start and end alone, so that another number of times compiles nothing again.
+    ends = np.asarray(ts)[np.array([0, -1])]
+    starts = starts._replace(runs=(system, y, ends))
     still = np.zeros((starts.rows.size, starts.components))
     f, jacobian, size, span = map(np.asarray, _linearised(starts, still))
     sound = np.all(np.isfinite(jacobian), axis=(1, 2))
@@ -127,14 +132,14 @@ def of_each(starts: InitialConditions, function: Callable[..., PyTree], given: A
 
 
 def _sizes(y: State) -> Array:
-    """For every component of a state the length of its block, as the default tolerances take it."""
+    """Length of the block to which each component belongs, as the default tolerances take it."""
     return (
         ravel_pytree([jnp.sqrt(jnp.sum(x * x)) * jnp.ones_like(x) for x in jax.tree.leaves(y)])[0]
         + LEAST
     )
 
 
-@eqx.filter_jit
+@eqx.filter_jit(**QUICK)
 def _linearised(starts: InitialConditions, away: ArrayLike) -> tuple[Array, Array, Array, Array]:
     """The vector field, its Jacobian and the sizes at the states moved by `away`, and the spans.
 
@@ -158,7 +163,7 @@ def _linearised(starts: InitialConditions, away: ArrayLike) -> tuple[Array, Arra
     return of_each(starts, one, jnp.asarray(away))
 
 
-@eqx.filter_jit
+@eqx.filter_jit(**QUICK)
 def _trial(starts: InitialConditions, h: ArrayLike) -> tuple[Array, Array]:
     """The estimated errors of a step `h` of the exponential method, and the sizes after it."""
 

@@ -127,7 +127,7 @@ def comparison_table(rows: Sequence[Comparison]) -> str:
             empty = (NO_NUMBER,) * 4
             shown.append((c.output, c.method, *empty, str(c.runs), f"{c.seconds:.2g}", word))
             continue
-        # Those of Monte Carlo are standard errors, which have no sign.
+        # The errors of Monte Carlo are standard errors, which have no sign.
         sign = "±" if c.method == MONTE_CARLO else "+" if c.mean_error >= 0.0 else "-"
         off = f"{sign}{abs(c.mean_error):.3f} std dev"
         sign = "±" if c.method == MONTE_CARLO else "+" if c.std_error >= 0.0 else "-"

@@ -248,7 +248,7 @@ def _is_part(thing: object) -> bool:
     kinds of these fields find it among the subclasses of theirs."""
     if not isinstance(thing, type) or not issubclass(thing, AbstractParameters):
         return False
-    # Of an abstract class of its own: nothing has a field of parameters in general.
+    # It needs an abstract class of its own, because no field takes parameters in general.
     special = AbstractParameters not in thing.__bases__
     return special and getattr(thing, "__final__", False) and object_kind(thing) is not None
 

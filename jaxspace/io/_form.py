@@ -67,7 +67,7 @@ def kind_of(data: Mapping[str, object]) -> str:
 def format_error(data: Mapping[str, object]) -> str:
     """What is wrong with a file of a later format, and the way forward; empty for any other."""
     written = data.get("format")
-    # Of another kind: reading it says so.
+    # Another type is reported by reading it.
     if not isinstance(written, int) or written <= FORMAT:
         return ""
     return (
@@ -132,7 +132,7 @@ def form_of(kind: str, catalog: Catalog, system: str = "") -> Table:
     effects = {name: Entry(catalog.kinds[cls], None) for name, cls in catalog.effects.items()}
     tables = {
         "body": Entry(Object(bodies), {}, doc="mass properties"),
-        # Without any effect a body moves freely, which is a scene as well.
+        # A body without any effect moves freely, which is a scene as well.
         "effects": Entry(Table(effects, catalog.refused), {}, doc="what acts on the body"),
         "initial": Entry(initial_kind(catalog, None), doc="the initial state"),
     }

@@ -55,7 +55,7 @@ def load(
     named = NamedFiles(Path(path).parent, files)
     known = catalog(also).numbered(_named_effects(data))
     table, errors = form(data, known)
-    # Without a form nothing can be read, and every further sentence would be a guess.
+    # If the form is unknown nothing can be read, and every further message would be a guess.
     if errors:
         raise SceneError(path, errors)
     reading = Reading(named)
@@ -148,7 +148,7 @@ def _check_nested(data: Values) -> None:
 def _with_empty_tables(data: Values, known: Catalog) -> Values:
     """The data in which an effect that a phase names has a table, if only an empty one."""
     effects = data.get("effects", {})
-    # Of the wrong type: reading it reports that, with the path.
+    # A wrong type is reported by reading it, with the path.
     if not isinstance(effects, Mapping):
         return data
     empty = {e: {} for e in _named_effects(data) if e in known.effects}

@@ -210,7 +210,7 @@ def _one_free(
         except ValueError as error:
             raise ValueError(wrong(f"{key}.{name}", entry[name], str(error))) from None
 
-    # Without a bound in the file that of the class holds, beyond which nothing could be built.
+    # If the file gives no bound, that of the class holds, beyond which nothing could be built.
     low, high = read("low", quantity.low), read("high", quantity.high)
     assert low is not None and high is not None
     if not low < high:

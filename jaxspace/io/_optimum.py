@@ -20,11 +20,11 @@ from ._optimize_table import OWN_TABLES, Task
 from ._optimum_file import with_numbers
 from ._outputs import OutputSpec
 
-# Of an output, by which the steps of the search may be off: far below what a design asks of a first
-# search, far above what sound steps leave, of which 40 a phase reach 1e-5.
+# Relative error of an output that the steps of the search may cause: far below what a design asks
+# of a first search, and far above that of good steps, of which 40 a phase reach 1e-5.
 MISS = 1e-3
-# Of an output about zero, in tolerances of search and confirmation: what a run of many steps makes
-# of the tolerance of each.
+# Error of an output about zero, in tolerances of search and confirmation: that of each step adds up
+# over a run of many steps.
 TOLERANCES = 100.0
 
 
@@ -213,7 +213,7 @@ class Optimum:
 
 
 def _multipliers(minimum: Minimum) -> tuple[np.ndarray, np.ndarray]:
-    """Those of the equalities and of the inequalities, empty where there are none."""
+    """Multipliers of the equalities and of the inequalities; empty where there are none."""
     dual = minimum.multipliers
     equal = np.zeros(0) if dual.equal_zero is None else np.asarray(dual.equal_zero)
     above = np.zeros(0) if dual.non_negative is None else np.asarray(dual.non_negative)

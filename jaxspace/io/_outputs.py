@@ -80,8 +80,9 @@ class Outputs(eqx.Module):
 
     @property
     def to_check(self) -> "Outputs | None":
-        """Those of functions that are not the library's own: whether they keep runs apart, a
-        campaign looks."""
+        """The outputs that the user's own functions compute, or `None` where there are none.
+
+        A campaign checks that these functions do not mix the runs."""
         # The library is tested for it; tracing its outputs once more would take its time.
         own = __name__.partition(".")[0]
         given = tuple(

@@ -260,7 +260,7 @@ def contributor_lines(result: Dispersion, count: int = 3) -> str:
     for name in result.outputs:
         try:
             found = result.contributors(name, None)
-        # Of an output that is finite in few of the runs.
+        # Raised for an output that is finite in few of the runs.
         except InputError:
             rows.append((name, "too few runs in which it is finite"))
             continue

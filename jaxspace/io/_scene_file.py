@@ -261,7 +261,7 @@ class SceneFile:
     @property
     def _along(self) -> int:
         """How many states of each phase the outputs need."""
-        # Without an extreme only the ends of the phases are read.
+        # If no extreme is asked for, only the ends of the phases are read.
         extremes = any(spec.take for spec in self.outputs)
         return self._dispersion()["extreme_samples"] if extremes else 2
 

@@ -1,4 +1,4 @@
-"""What a problem of optimisation returns, and what its minimum is."""
+"""Objective and constraints of an optimisation problem, and its minimum."""
 
 import enum
 from collections.abc import Sequence
@@ -16,7 +16,7 @@ Point: TypeAlias = PyTree[Float[Array, "..."]]
 
 @final
 class Criterion(eqx.Module):
-    """What a problem returns for a point.
+    """Objective and constraints of a problem at a point.
 
     - `objective`: what is minimised.
     - `equal_zero`, `non_negative`: the constraints c and d, arrays, or `None` where there are none.
@@ -174,7 +174,7 @@ class Minimum(eqx.Module):
         )
 
     def _infinite(self) -> str:
-        """What is not finite, in words: numbers, or else their derivatives."""
+        """Clauses on the numbers that are not finite; or a note that a derivative is not."""
         found = self.criterion
         parts = [("The objective", "", found.objective)]
         parts += [("", "equal_zero", found.equal_zero), ("", "non_negative", found.non_negative)]
@@ -207,7 +207,7 @@ class Minimum(eqx.Module):
 
 
 def worst_number(found: Minimum) -> str:
-    """Of which number the gradient at the start differs most from the slope; of one run."""
+    """Name of the number whose gradient differs most from differences at the start, for one run."""
     names = ["the objective"]
     for name in ("equal_zero", "non_negative"):
         values = getattr(found.criterion, name)

@@ -44,7 +44,7 @@ def drive(
     if not is_traced(state):
         compiled = jax.jit(evaluate)
         first = compiled(state)
-        # Of a problem that closes over traced numbers the results are traced.
+        # If the problem closes over traced numbers, its results are traced.
         if not is_traced(first):
             return _watched(compiled, advance, unfinished, state, first, progress)
 

@@ -1,4 +1,4 @@
-"""What `minimise` is given, checked before anything is compiled: each mistake in a sentence."""
+"""Checks of the arguments of `minimise`, before anything is compiled."""
 
 from collections.abc import Callable
 from typing import Any

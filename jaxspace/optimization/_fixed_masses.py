@@ -166,7 +166,7 @@ def number_of_stages(
     runs = jnp.broadcast_shapes(*(x.shape for x in (u, b, v, c)))
     u, b, c = (jnp.broadcast_to(x, (most, *runs)) for x in (u, b, c))
     numbers = np.arange(1, most + 1)
-    # Of equal stages it does not matter which ones are left out.
+    # It does not matter which of several equal stages are left out.
     choices = jnp.asarray(numbers[:, None] > np.arange(most)[::-1])
     masses = choose_stages(u, b, c, jnp.broadcast_to(v, runs), choices)[3]
     return StageNumbers(jnp.asarray(numbers), masses, jnp.argmin(masses, axis=0) + 1)

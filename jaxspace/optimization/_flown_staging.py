@@ -245,7 +245,7 @@ def _unknowns(goal: Goal, sizes: Array) -> tuple[Unknowns, Unknowns, Unknowns, U
 
 
 def _problem(goal: Goal, sizes: Array, fastest: bool) -> Callable[[Unknowns], Criterion]:
-    """What is to be least, and under which constraints."""
+    """The objective and the constraints."""
     height, vertical = goal.height, goal.vertical
     tall = 1e5 if height is None else height
 

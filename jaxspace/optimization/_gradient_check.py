@@ -24,14 +24,15 @@ GRADIENT_TOLERANCE = 1e-3
 """Measured for runs at the default tolerance: sound gradients agree with the difference to 1e-8,
 those by an interpolation without breaks to 1e-2; below 1e-3 a descent does not suffer."""
 DOUBT = 3.0
-"""How many times the difference of D(h) and D(h/2) is forgiven: their errors, of which that of
-rounding and of the tolerance of a run is effectively random."""
+"""Allowance for the errors of D(h) and D(h/2), in units of their difference. The part of rounding
+and of the tolerance of a run is effectively random."""
 PROBES = 4
 
 
 class Probes(NamedTuple):
-    """Where a gradient is checked: at the `shares` of a `direction` from x; `inwards`: whether they
-    lie on one side, beside a bound, the last of them on x."""
+    """Points at which a gradient is checked: x plus the `shares` of a `direction`.
+
+    - `inwards`: whether all lie on one side of x, which is beside a bound; the last is x itself."""
 
     direction: Float[Array, " n"]
     shares: Float[Array, "4"]
@@ -65,20 +66,23 @@ def probes(
 def probed_error(
     rows: Float[Array, "4 rows"], p: Probes, claimed: Float[Array, " rows"]
 ) -> tuple[Float[Array, ""], Int[Array, ""]]:
-    """How far gradients are from the slopes of the `rows` of values at the probes, and which row
-    is farthest.
+    """Error of gradients against differences of the `rows` of values at the probes.
 
+    **Arguments**
+
+    - `rows`: scaled values at the probes.
     - `claimed`: the gradient of each row times the direction.
 
-    The first is the relative difference of one mixture of all rows, so that a row that hardly
-    changes is not judged by its rounding, or where that is wrong that of the farthest row; zero
-    where the slope is not known better. The rows are scaled."""
+    **Returns** the relative error, and the row with the largest one. The error is that of one
+    mixture of all rows, because in a row that hardly changes rounding would dominate. If it exceeds
+    the tolerance, the error of the named row replaces it where that is larger. Within the
+    uncertainty of the differences the error is zero."""
     mixture = jnp.cos(1.3 * jnp.arange(claimed.size, dtype=claimed.dtype))
     beyond, largest = _beyond(rows @ mixture, p, claimed @ mixture)
     error = _quotient(beyond, largest)
     own, sizes = _beyond(rows, p, claimed)
     worst = jnp.argmax(jnp.where(jnp.isfinite(own), own, 0.0))
-    # Of a mixture that is wrong, what is wrong with the row that is named.
+    # If the mixture is wrong, the error of the named row is reported where it is larger.
     named = jnp.maximum(error, _quotient(own[worst], sizes[worst]))
     return jax.lax.stop_gradient(jnp.where(error > GRADIENT_TOLERANCE, named, error)), worst
 
@@ -90,7 +94,7 @@ def _quotient(beyond: Array, largest: Array) -> Array:
 
 
 def _beyond(values: Array, p: Probes, claimed: Array) -> tuple[Array, Array]:
-    """By how much slopes differ beyond doubt, and the larger magnitude of both."""
+    """Difference of slopes beyond its uncertainty, and the larger magnitude of both."""
     h = p.shares[0]
     first, second, third, fourth = values
     coarse = jnp.where(p.inwards, 4.0 * second - first - 3.0 * fourth, 0.5 * (first - second)) / h
@@ -102,7 +106,7 @@ def _beyond(values: Array, p: Probes, claimed: Array) -> tuple[Array, Array]:
 
 
 def sizes_of(point: PyTree[Float[Array, "..."]]) -> Float[Array, " n"]:
-    """For each unknown the largest magnitude in its part of the point, or 1 where that is zero."""
+    """Size of each unknown: the largest magnitude in its part of the point, or 1 for zero."""
 
     def leaf(x: Array) -> Array:
         largest = jnp.max(jnp.abs(x), initial=0.0)

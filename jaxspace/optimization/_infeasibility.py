@@ -22,7 +22,7 @@ VANISHED = 1e-3
 NEAREST = 30.0
 # So many sizes of the unknowns would be needed to meet the constraints by a slope this small.
 FARTHEST = 10.0
-# Of a smaller violation, in roundings, rounding decides the signs that the weights depend on.
+# Least violation, in roundings. Below it, rounding decides the signs that set the weights.
 ROUNDINGS = 1e4
 
 

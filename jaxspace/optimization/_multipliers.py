@@ -147,7 +147,7 @@ def _conditions(s: Descent, value: Array, slopes: Array) -> tuple[Array, Array]:
 
 
 def _tried_again(s: Descent, found: Evaluation, fell: Array, options: Options) -> Descent:
-    """With another trial: within the bracket, or farther where there is none yet."""
+    """Choose the next trial: within the bracket, or farther out where there is none yet."""
     del options
     line, value = s.line, found.value
     along = found.slopes @ line.p
@@ -171,7 +171,7 @@ def _tried_again(s: Descent, found: Evaluation, fell: Array, options: Options) -
 
 
 def _moved(s: Descent, found: Evaluation, fell: Array, options: Options) -> Descent:
-    """With x at the trial, and the next direction; or the end of this descent."""
+    """Move x to the trial and choose the next direction, or end this descent."""
     # A line search that gave up leaves x where it was.
     good = s.fresh | fell
     new = s._replace(x=s.trial, **found._asdict())
@@ -224,7 +224,7 @@ def _by_lbfgs(s: Descent, good: Array, options: Options) -> Descent:
 
 
 def _next_round(s: Descent, largest: Array) -> Descent:
-    """With the multipliers after a descent."""
+    """Update the multipliers and the weight after a descent."""
     _, c, d = scaled_numbers(s.values, s)
     # Either d or its multiplier must be zero, and neither negative.
     loose = jnp.max(jnp.abs(jnp.minimum(d, s.nu / s.rho)), initial=0.0)

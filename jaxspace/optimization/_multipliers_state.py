@@ -1,5 +1,6 @@
-"""Where the method of multipliers stands: the state of the search, and the augmented Lagrangian of
-its numbers. The symbols are those of `_multipliers.py`."""
+"""State of a search by the method of multipliers, and its augmented Lagrangian.
+
+The symbols are those of `_multipliers.py`."""
 
 from typing import Any, NamedTuple
 
@@ -29,13 +30,17 @@ class Line(NamedTuple):
 
 
 class Descent(NamedTuple):
-    """Where the search stands: free numbers x with the value and gradient of L; the criterion there
-    and its `values` f, c, d, in the units of the problem; scaled multipliers `y` and `nu`, and rho;
-    `held`: the gradient in the scaled unknowns, before the maps of the bounds; `measured`: how many
-    numbers have their largest derivative in `sloped` and their slope along the probes of the
-    gradient in `claimed`; `judged`: whether `outward` has the gradient
-    of the violation in the scaled unknowns; `size`, `weight`, `rows`, `calls`, `probed`, `wrong`
-    and `worst` as in `_sqp_state.py`."""
+    """State of the search.
+
+    - `x`: the free numbers; `value` and `slopes` are L there and its gradient.
+    - `criterion`: objective and constraints at x; `values` are its f, c and d, in the units of the
+      problem.
+    - `y`, `nu`, `rho`: scaled multipliers, and the weight of the violation.
+    - `held`: the gradient in the scaled unknowns, before the maps of the bounds.
+    - `measured`: number of rows (f, c, d) whose largest derivative is in `sloped`, and whose slope
+      along the probes of the gradient is in `claimed`.
+    - `judged`: whether `outward` holds the gradient of the violation in the scaled unknowns.
+    - `size`, `weight`, `rows`, `calls`, `probed`, `wrong`, `worst`: as in `_sqp_state.py`."""
 
     x: Float[Array, " n"]
     size: Float[Array, " n"]

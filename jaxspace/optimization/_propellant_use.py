@@ -77,7 +77,7 @@ class PropellantUse(eqx.Module):
     nearest_climb: Float[Array, "*#runs"]
 
     def sentence(self) -> str:
-        """What to do, in words, of one known run.
+        """The advice in words, for one concrete run.
 
         Raises `InputError` for several runs."""
         if not is_concrete(self.first) or jnp.ndim(self.first) > 0:

@@ -88,6 +88,6 @@ def _step(p: Programme, at: _Place) -> _Place:
 
 
 def _room(x: Float[Array, " m"], dx: Float[Array, " m"]) -> Float[Array, ""]:
-    """How far a positive vector may go along `dx` before a component is zero, at most 1."""
+    """Largest step along `dx`, at most 1, before a component of a positive vector is zero."""
     falls = dx < 0.0
     return jnp.minimum(1.0, jnp.min(jnp.where(falls, -x / jnp.where(falls, dx, 1.0), jnp.inf)))

@@ -1,4 +1,4 @@
-"""A problem in numbers of order one, as both methods of `minimise` search it.
+"""A minimisation problem, scaled to numbers of order one for both methods of `minimise`.
 
     z = x / size        f, c, d -> weight * (f, c, d)
 
@@ -21,14 +21,17 @@ from ._criterion import Criterion, Minimum, Point
 from ._entry import shapes_of
 from ._search import Common, joined_rows, reason_of
 
-# A start near the optimum has no slope to scale by: there the value itself is its size.
+# Near the optimum the slope vanishes and cannot set the scale: there the value does.
 LEAST_SLOPE = 1e-3
 
 
 class ScaledProblem(NamedTuple):
-    """The numbers f, c, d together by scaled unknowns, which start at `start` between `low` and
-    `high`; `unravel`: from a flat x to a point; `blank`: a criterion of zeros; `me`, `mi`: how many
-    equalities and inequalities there are."""
+    """A problem in scaled unknowns z = x / `size`.
+
+    - `start`: the first z, between the bounds `low` and `high`.
+    - `unravel`: turns a flat x into a point.
+    - `blank`: a criterion of zeros.
+    - `me`, `mi`: numbers of equalities and of inequalities."""
 
     problem: Callable[[Point], Criterion]
     start: Float[Array, " n"]
@@ -56,12 +59,17 @@ class ScaledProblem(NamedTuple):
         tolerance: Scalar,
         before: Minimum | None,
     ) -> Minimum:
-        """The result, in the units of the problem, of the `last` state of a search.
+        """Build the result of a search from its `last` state, in the units of the problem.
 
-        - `slope`: of the scaled Lagrangian in z.
-        - `ends`: whether the numbers are finite, whether the steps were used up, whether the
-          violation is a least one, whether the unknowns left all scales, and whether the search
-          was interrupted."""
+        **Arguments**
+
+        - `last`: state of the search, in scaled numbers.
+        - `criterion`, `z`: objective and constraints at the scaled unknowns z.
+        - `slope`: gradient of the scaled Lagrangian in z.
+        - `ends`: five flags: the numbers are finite; the steps are used up; the violation is at a
+          minimum; the unknowns have diverged; the search was interrupted.
+        - `tolerance`: largest gradient and violation, scaled, at which the search has converged.
+        - `before`: result of the search that this one continues, or `None`."""
         finite, limited, least, astray, interrupted = ends
         c, d = criterion.equal_zero, criterion.non_negative
         weight = last.weight
@@ -73,7 +81,8 @@ class ScaledProblem(NamedTuple):
         if d is not None:
             violation = jnp.maximum(violation, jnp.max(-d))
         missed = last.violation > tolerance
-        # NaN passes for a violation that is not large, and infinity for a flat objective.
+        # `finite` is needed as well: NaN does not exceed a tolerance, and an infinite objective can
+        # have a gradient of zero.
         converged = (last.gradient <= tolerance) & ~missed & finite
         return Minimum(
             x=self.unravel(self.size * z),

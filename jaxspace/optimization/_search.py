@@ -16,7 +16,7 @@ from ._gradient_check import GRADIENT_TOLERANCE
 
 
 class Common(NamedTuple):
-    """What both methods need."""
+    """Arguments that both methods share."""
 
     problem: Callable[[Point], Criterion]
     start: Point

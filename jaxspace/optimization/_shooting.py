@@ -61,7 +61,7 @@ class SteeredFlight(AbstractSystem):
         return {}  # The thrust does work, and changes the momentum.
 
     def breaks(self) -> Float[Array, "times *#runs"] | None:
-        # Those of a spline and of a table are found without this.
+        # The corners of a spline and of a table are found by other means.
         return corners(self.steering) if isinstance(self.steering, SteeringProfile) else None
 
 

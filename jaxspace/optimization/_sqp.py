@@ -76,7 +76,7 @@ def advance(
 
 
 def _started(s: SqpState, found: Found, limits: Limits) -> SqpState:
-    """With the values at the start, which set the scales."""
+    """Set the scales from the values and gradients at the start."""
     weight = weights(found.values[0], jnp.max(jnp.abs(found.jacobian), axis=1))
     at = scaled(found, weight, s.y.size)
     checked, probed = jnp.any(s.probed != 0.0), probes_of(s.x, limits)
@@ -109,7 +109,7 @@ def _programme(s: SqpState, limits: Limits) -> tuple[Programme, Array]:
 
 
 def _planned(s: SqpState, limits: Limits) -> SqpState:
-    """With the next step, from the programme at x."""
+    """Compute the next step from the quadratic programme at x."""
     programme, first = _programme(s, limits)
     z, lam = solve_programme(programme, first)
     n = s.x.size
@@ -125,10 +125,10 @@ def _planned(s: SqpState, limits: Limits) -> SqpState:
 
 
 def _judged(s: SqpState, found: Found, limits: Limits) -> SqpState:
-    """With the end of the step that was pending, if it is taken, or a smaller radius."""
+    """Accept the pending step, correct it, or reject it and reduce the trust radius."""
     p, y, nu, solved = s.pending
     trial = scaled(found, s.weight, s.y.size)
-    # Of a corrected step the model is that of the corrected constraints.
+    # The model of a corrected step has the corrected constraints.
     c, d = s.at.c + s.shift[0] + s.at.J @ p, s.at.d + s.shift[1] + s.at.K @ p
     before = s.at.f + s.rho * penalty(s.at.c, s.at.d)
     after = trial.f + s.rho * penalty(trial.c, trial.d)
@@ -140,7 +140,7 @@ def _judged(s: SqpState, found: Found, limits: Limits) -> SqpState:
     finite = trial.sound() & jnp.isfinite(after) & solved
     ratio = jnp.where(finite, (gain + noise) / (jnp.maximum(predicted, 0.0) + noise), -1.0)
     take = ratio > 1e-4
-    # Of a programme that could not be solved no step is known: the radius alone shrinks.
+    # A programme that could not be solved gives no step: only the radius shrinks.
     length = jnp.where(solved, jnp.max(jnp.abs(p)), s.radius)
     grow = (ratio > 0.75) & (length > 0.8 * s.radius)
     # A correction is worth one trial where the constraints, and not the objective, refuse.

@@ -1,4 +1,4 @@
-"""Where a search by quadratic programmes stands, and how it begins and ends (`_sqp.py`)."""
+"""State of a search by quadratic programmes, its start and its end (`_sqp.py`)."""
 
 import functools
 from typing import Any, NamedTuple
@@ -36,14 +36,16 @@ class Pending(NamedTuple):
 
 
 class SqpState(NamedTuple):
-    """What one step hands to the next; `y`, `nu` are the multipliers of c and d, `shift` the
-    second-order correction of (c, d), `weight` the scale of (f, c, d), `rows` the history.
+    """State of the search between two steps.
 
-    - `calls`: the number of the next evaluation: below zero the probes of the gradient, at zero
-      that of the start; `probed`: the values of the probes, `wrong`: what they find, and `worst`:
-      of which of f, c and d.
-    - `size`: of the unknowns, by which they are scaled.
-    - `taken`: steps of this search; `steps`: with those of the searches that it took up."""
+    - `y`, `nu`: multipliers of c and d.
+    - `shift`: second-order correction of (c, d).
+    - `weight`, `size`: scales of (f, c, d) and of the unknowns.
+    - `rows`: history.
+    - `calls`: number of the next evaluation. Below zero it probes the gradient; zero is the start.
+    - `probed`: values at the probes; `wrong`: the error of the gradient that they show, and
+      `worst`: the row of (f, c, d) where it is largest.
+    - `taken`: steps of this search; `steps`: those of the searches that it continues included."""
 
     x: Float[Array, " n"]
     at: Values

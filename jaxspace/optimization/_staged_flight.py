@@ -92,7 +92,7 @@ def flown(goal: Goal, masses: Float[Array, " stages"], kick: Scalar) -> Flown:
     carried = jnp.cumsum(whole[::-1])[::-1] + goal.payload
     burnt = (1.0 - b) * masses
     times = burnt * u / F
-    # Of the burnt share, which keeps its digits where a stage vanishes.
+    # From the burnt fraction, which keeps its digits where a stage vanishes.
     ideal = -jnp.sum(u * jnp.log1p(-burnt / carried))
 
     def burn(i: int, duration: Scalar, straight: bool, jump: Jump, name: str) -> Phase:

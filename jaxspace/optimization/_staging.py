@@ -295,7 +295,7 @@ def _checked(
     b = with_rank(b, rank)
     limit = velocity_limit(u, b)
     if is_concrete(limit) and is_concrete(v):
-        # Of many rockets that of the first that is beyond it: one sentence names one number.
+        # The first rocket of a batch that exceeds the limit: one sentence names one number.
         ok, limits = np.broadcast_arrays(np.asarray(v) < np.asarray(limit), np.asarray(limit))
         check(
             ok,

@@ -60,7 +60,7 @@ class Station(AbstractParameters):
     )
 
     def position(self, t: Scalar) -> Vector:
-        """Of the station at the time `t`, s, in inertial axes, m, (3, *runs)."""
+        """Position of the station at the time `t`, s, in inertial axes, m, (3, *runs)."""
         place = GroundPoint(self.latitude, self.longitude, self.altitude)
         return position_of(place, self._angle(t), self.radius, self.flattening)
 

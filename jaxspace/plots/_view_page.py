@@ -194,7 +194,7 @@ def _frames(system: "AbstractSystem", ts: Any, states: "State") -> dict[str, np.
 
 
 def _continuous(wxyz: np.ndarray) -> np.ndarray:
-    """Of the two quaternions of each attitude the one next to that before it."""
+    """Choose the sign of each quaternion that brings it closest to the one before."""
     # The page interpolates: between q and -q, one attitude, it would show a turn.
     jumps = np.where(np.sum(wxyz[:, 1:] * wxyz[:, :-1], axis=0) < 0.0, -1.0, 1.0)
     return wxyz * np.concatenate([[1.0], np.cumprod(jumps)])

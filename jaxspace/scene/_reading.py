@@ -52,8 +52,8 @@ class Reading(NamedTuple):
 
 
 class SceneReading(NamedTuple):
-    """Of each effect of a scene its reading, and the `parts` that a state of the scene holds, in
-    the order of `BodyState`."""
+    """What each effect of a scene reads and adds, and the `parts` that a state of the scene holds,
+    in the order of `BodyState`."""
 
     effects: tuple[Reading, ...]
     parts: tuple[str, ...]
@@ -253,7 +253,7 @@ def _states(present: frozenset[str]) -> Iterator[frozenset[str]]:
 
 
 def _in_pairs(parts: frozenset[str]) -> frozenset[str]:
-    """With position and velocity together, and orientation and its rate: so they are integrated."""
+    """Complete pairs that are integrated together: position, velocity; attitude, angular rate."""
     for pair in (TRANSLATION, ROTATION):
         parts |= pair if parts & pair else frozenset()
     return parts

@@ -226,7 +226,8 @@ class Scene(AbstractScene):
         return y.mass < (1.0 - slack) * least
 
     def warning(self, ts: Array, states: BodyState, undisturbed: bool) -> str:
-        """That a run passes below the ground which an effect states (`AbstractEffect.ground`)."""
+        """The warning where a run passes below the ground that an effect states
+        (`AbstractEffect.ground`); an empty text where none does."""
         # By their classes: each method of an instance is a module of its own, slow to make.
         grounds = [(e, r) for e in self.effects if (r := type(e).ground(e)) is not None]
         if not grounds:
@@ -285,7 +286,7 @@ class Scene(AbstractScene):
         return jnp.concatenate([jnp.broadcast_to(x, (x.shape[0], *runs)) for x in times])
 
     def switches(self) -> dict[str, str]:
-        """Those of all effects."""
+        """The switches of all effects (`AbstractEffect.switches`)."""
         return {name: part for e in self.effects for name, part in e.switches().items()}
 
 

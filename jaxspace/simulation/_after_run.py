@@ -1,4 +1,4 @@
-"""What a system finds in its finished runs, as warnings."""
+"""Warnings that a system issues about its finished runs."""
 
 import warnings
 

@@ -1,5 +1,5 @@
-"""Many runs of a system by one integration after the other, each of a block of runs. Never a
-mapped solve."""
+"""Many runs of a system, integrated block by block: one solve serves all runs of a block, and no
+solve is mapped over runs."""
 
 import dataclasses
 import functools
@@ -25,7 +25,7 @@ from .checks import as_events, check_dense, check_structure, check_times, check_
 from .finish import raise_failures, trajectory_of
 from .trajectory import Trajectory
 
-# How many runs of a batch are looked at to choose its method.
+# Runs of a batch that are inspected to choose its method.
 SAMPLED = 16
 
 
@@ -50,25 +50,29 @@ def simulate_batch(
       state that declare nothing carry runs.
     - `ts`: save times, s, (times,) for all runs, or (times, runs).
     - `accuracy`, `events`, `dense`, `throw`: as in `simulate`.
-    - `in_axes`: marks otherwise: a pair of trees for `systems` and `y0s`, as in `jax.vmap`, of -1
-      (runs on the last axis) and `None` (shared).
+    - `in_axes`: overrides these shapes: a pair of trees for `systems` and `y0s`, as in `jax.vmap`,
+      of -1 (runs on the last axis) and `None` (shared).
 
-    **Returns** a `Trajectory` with the runs last and a `Status` for each. A run that fails marks
-    its own row. Outside of `jit`, the runs of a block whose steps ran out are repeated alone, and
-    those that fail alone, with "auto", by the method that their own numbers call for; runs that
-    missed the tolerance by too few fixed steps are repeated with up to eight times as many. Under
-    `jit` and in a derivative, unless `throw`, a block starts once more without the runs that used
-    up its steps. All local devices take part, unless the arrays or a transformation say where to
-    compute.
+    **Returns** a `Trajectory` with the runs last and a `Status` for each. A failed run is marked in
+    its own status. Some runs are repeated:
 
-    The runs of a block share their adaptive steps: what else stands in the block, a run that fails
-    among them, moves a run within its tolerance. With fixed steps or a closed form it does not. The
+    - Outside of `jit`, the runs of a block that ran out of steps are repeated one by one. With
+      "auto", those that fail again are repeated by the method that suits their own parameters and
+      states. Runs whose fixed steps missed the tolerance are repeated with up to
+      eight times as many.
+    - Under `jit` and in a derivative, unless `throw`, a block that ran out of steps is repeated
+      without the runs that used them up.
+
+    All local devices are used, unless the arrays or a transformation fix the device.
+
+    The runs of a block share their adaptive steps, so that the other runs of the block, failed ones
+    too, change a result within its tolerance. With fixed steps or a closed form they do not. The
     same runs in the same blocks give the same numbers to rounding, whatever the number of devices.
 
     **Raises** `InputError` as `simulate` does, and for arrays that disagree about the number of
     runs. `SimulationError`, if `throw`, for a run that failed."""
     check_system("systems", systems, "simulate_mission_batch")
-    # A state that is not finite marks its own run: only the precision is checked of all.
+    # A state that is not finite fails its own run alone, so that only the precision is checked.
     state_dtype(y0s)
     y0s = without_weak_types(y0s)
     ts = check_times(ts, y0s, axes=2)
@@ -81,7 +85,7 @@ def simulate_batch(
     check_values(whole[0], ts, whole[1])
     warn_of_switches(whole[0], events, whole[1], start, stacklevel=2)
     traced = is_traced((batched, shared))
-    # Where nothing is known of the status, nothing is repeated.
+    # A traced status cannot decide what is repeated (below).
     accuracy = as_accuracy(accuracy)
     config_for = functools.partial(
         _resolve_for, accuracy, whole, batched, restarts=traced and not throw
@@ -105,8 +109,10 @@ def _resolve_for(
     *,
     restarts: bool,
 ) -> IntegrationConfig:
-    """The configuration that some of these runs, or of all of them, call for; with another
-    `Accuracy.decoupled`, if the accuracy leaves it open."""
+    """The configuration for the runs `rows`, by default for all of them.
+
+    `decoupled` sets `Accuracy.decoupled` where the accuracy leaves it open and chooses the method
+    itself."""
     system, y0, ts = whole
     if accuracy.decoupled is None and accuracy.method == "auto" and decoupled is not None:
         accuracy = dataclasses.replace(accuracy, decoupled=decoupled)
@@ -116,7 +122,7 @@ def _resolve_for(
         if is_traced((whole, accuracy)):
             return None
         among = np.arange(jax.tree.leaves(batched)[0].shape[-1]) if rows is None else rows
-        # The first and the last among them: inputs are often given in order.
+        # The first and the last run are among them, because inputs are often sorted.
         sample = among[np.linspace(0, among.size - 1, SAMPLED).astype(int)]
         axes = jax.tree.map(
             lambda x, own: None if x is None else int(own is not None),

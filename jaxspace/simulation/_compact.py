@@ -43,7 +43,7 @@ class CompactPhase(NamedTuple):
 
 
 class CompactFlight(NamedTuple):
-    """What `fly_compact` returns.
+    """Result of `fly_compact`.
 
     - `final`, `end`: the state after the last jump, and its time, s.
     - `phases`: one `CompactPhase` for each phase.
@@ -145,10 +145,12 @@ def _sizes(states: State, like: State) -> Float[Array, " components"]:
 
 
 class _Search(NamedTuple):
-    """Before an event: time, state and condition g; the number of the next step of the plan.
+    """State of the search for an event: time `t`, state `v` and condition `g` before it.
 
-    - `hit`: whether the zero is bracketed, then `rest`: the length to a place beyond it, where the
-      condition is `g1`; `ahead`, `past`: the weights of both; `side`: which end moved last."""
+    - `number`: of the next step of the plan.
+    - `hit`: whether the zero is bracketed. If so, `rest` is the length to a time beyond it, where
+      the condition is `g1`; `ahead` and `past` are the weights of both ends, and `side` says which
+      end moved last."""
 
     t: Array
     v: Array
@@ -207,6 +209,6 @@ def _until_event(event, step, unravel, ts, v0):  # noqa: ANN001, ANN202
         ts[0], v0, event.condition(ts[0], unravel(v0)), jnp.asarray(0), jnp.asarray(False),
         zero, zero, one, one, zero,
     )  # fmt: skip
-    # Of a fixed length: a loop until the event would have no reverse mode.
+    # The scan has a fixed length: a loop that ends at the event would have no reverse mode.
     last, kept = lax.scan(advance, start, None, length=ts.size - 1 + SEARCH)
     return (last.t, last.v, last.hit), kept

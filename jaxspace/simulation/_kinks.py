@@ -18,7 +18,7 @@ from ..core import AbstractSystem, breaks_of
 
 
 class Follows(NamedTuple):
-    """What a traced value depends on."""
+    """Dependencies of a traced value."""
 
     time: bool
     state: bool

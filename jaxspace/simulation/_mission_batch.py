@@ -1,4 +1,4 @@
-"""Many runs of a mission by one integration after the other, each of a block of runs."""
+"""Many runs of a mission, integrated block by block: one solve serves all runs of a block."""
 
 import functools
 
@@ -30,8 +30,8 @@ def simulate_mission_batch(
 ) -> MissionTrajectory:
     """`simulate_mission` for many runs, with the runs on the last axis of every array.
 
-    Each run meets the events of its phases at times of its own, and its phases may be of other
-    lengths than those of the others.
+    The events of the phases happen at a different time in each run, and the durations of the phases
+    may differ between runs.
 
     **Arguments**
 
@@ -41,11 +41,12 @@ def simulate_mission_batch(
     - `accuracy`, `num_saved`, `throw`: as in `simulate_mission`.
     - `in_axes`: as in `simulate_batch`.
 
-    **Returns** a `MissionTrajectory` with the runs last and a `Status` for each. A run that fails
-    marks its own row. Outside of `jit`, the runs of a block whose steps ran out are repeated alone,
-    then with what turns by itself in closed form (`Accuracy.decoupled`). Under `jit` and in a
-    derivative, unless `throw`, a block starts once more without the runs that used up its steps.
-    Devices, and what the runs of a block share, are as in `simulate_batch`.
+    **Returns** a `MissionTrajectory` with the runs last and a `Status` for each. A failed run is
+    marked in its own status. Outside of `jit`, the runs of a block that ran out of steps are
+    repeated one by one, then with the exact parts of their motion in closed form
+    (`Accuracy.decoupled`). Under `jit` and in a derivative, unless `throw`, a block that ran out of
+    steps is repeated without the runs that used them up. Devices and blocks are as in
+    `simulate_batch`.
 
     **Raises** `InputError` as `simulate_mission` does, and for arrays that disagree about the
     number of runs. `SimulationError`, if `throw`, for a run that failed."""

@@ -1,4 +1,4 @@
-"""What a mission leaves: the trajectory of each of its phases."""
+"""Result of a mission: the trajectory of each of its phases."""
 
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, final
@@ -20,14 +20,14 @@ if TYPE_CHECKING:
 
 @final
 class MissionTrajectory(eqx.Module):
-    """The trajectories of the phases of a mission, each up to its end before the jump.
+    """Trajectories of the phases of a mission, each up to its end before the jump.
 
-    Reads as a list of its phases: `len(result)`, `for phase in result`, `result[0]`; also by their
-    names, `result["ascent"]` and `for name, phase in result.items()`.
+    It reads as a list of its phases: `len(result)`, `for phase in result`, `result[0]`; also by
+    their names, `result["ascent"]` and `for name, phase in result.items()`.
 
     - `phases`, `names`: a `Trajectory` for each phase, and their names.
-    - `final`, `end`: the state after the last jump, and its time, s, of each run.
-    - `status`: of each run: its first failure, or how its last phase ended."""
+    - `final`, `end`: state after the last jump of each run, and its time, s.
+    - `status`: first failure of each run, or else the status of its last phase."""
 
     phases: tuple[Trajectory, ...]
     names: tuple[str, ...] = eqx.field(static=True)
@@ -67,7 +67,7 @@ class MissionTrajectory(eqx.Module):
 
     @property
     def accuracy(self) -> Accuracy:
-        """How accurately the mission was run, as the caller gave it."""
+        """Accuracy of the mission, as the caller gave it."""
         return self.phases[0].accuracy
 
     def of(self, i: int) -> "MissionTrajectory":

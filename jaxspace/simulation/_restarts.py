@@ -50,7 +50,7 @@ class Restarts(NamedTuple):
 
 
 class _Way(NamedTuple):
-    """How far a run has got: time, state, status, restarts of each event, and what ended it."""
+    """Progress of a run: time, state, status, restarts of each event, and what ended it."""
 
     t: Array
     y: State
@@ -139,7 +139,7 @@ def states_between(
     def one(carry: tuple[State, Array, Array], t: Array) -> tuple[tuple, tuple]:
         y, t_before, status = carry
         passed = happened & (sign * found.ts <= sign * t) & (sign * found.ts >= sign * t_before)
-        # Of several the last one, and none where the row is not one of them.
+        # The last restart before the row, and none where there is no restart before it.
         index = passed.shape[0] - 1 - jnp.argmax(passed[::-1], axis=0)
         restarted, t_restart = pick((found.after, found.ts), index, run_axes)
         jumped = jnp.any(passed, axis=0)
@@ -150,7 +150,7 @@ def states_between(
         status = combine_status(status, result.status)
         return (y, t, status), (y, result.stats)
 
-    # By a scan over save times, which every run reaches in an integration of its own length.
+    # A scan over save times, because every run reaches these in an integration of its own length.
     start = (y0, ts[0], found.status)
     (_, _, status), (states, stats) = jax.lax.scan(one, start, ts[1:])
     states = with_start(y0, times_behind_components(states, run_axes), run_axes)
@@ -168,7 +168,7 @@ def collected(found: Restarts, events: tuple[Event, ...], run_axes: int) -> tupl
 
 
 def _of_event(found: Restarts, number: int, capacity: int, run_axes: int) -> Crossings:
-    # Those of the event come first, in their order.
+    # The restarts by this event come first, in their order.
     order = jnp.argsort(found.which != number, axis=0, stable=True)[:capacity]
     both = found.ts, found.before, found.after
     ts, before, after = jax.vmap(lambda index: pick(both, index, run_axes))(order)

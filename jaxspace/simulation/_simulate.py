@@ -53,24 +53,26 @@ def simulate(
     - `y0`: the initial state.
     - `ts`: save times, s. The first is that of `y0`; descending times run backwards.
     - `accuracy`: the relative tolerance of each step, or an `Accuracy`; 1e-9 by default.
-    - `events`: the run stops at the first zero of one of these; of those with `terminal=False`
-      every zero is collected (`Trajectory.crossings`), and after their jumps, if they have some,
-      the run goes on.
-    - `dense`: whether to keep the steps, for states between the save times (`Trajectory.at`).
+    - `events`: the run stops at the first zero of any of these. At the zeros of an event with
+      `terminal=False` it goes on, after the jump if the event has one, and every zero is returned
+      (`Trajectory.crossings`).
+    - `dense`: whether to save the steps, for states between the save times (`Trajectory.at`).
     - `throw`: whether to raise `SimulationError` for a failed run; otherwise read its `status`.
 
-    **Returns** a `Trajectory`. Differentiable, forwards and backwards, with respect to every number
-    in `system` and `y0`, and the times of the start and the end. Outside of `jit`, fixed steps that
-    prove too few are repeated with up to eight times as many, and a run whose steps run out once
-    more with what turns by itself in closed form (`Accuracy.decoupled`). Mapped by `jax.vmap`, the
-    runs go by the batch path of `simulate_batch`. Outside of `jit` it warns of what the system
-    finds in its run, as a path below the ground (`Scene.warning`).
+    **Returns** a `Trajectory`. It is differentiable, in forward and in reverse mode, with respect
+    to every number in `system` and `y0`, and to the start and end times. Under `jax.vmap` the runs
+    are integrated as by `simulate_batch`.
 
-    **Raises** `InputError`, before anything is compiled, for times that are not finite, ascending
-    or descending, a tolerance that the precision cannot reach, a method that the system does not
-    serve, an initial state that is not finite, of mixed precision or of another structure than its
-    derivative, and for a mission. `SimulationError` for a run that failed; under `jit`, where the
-    program runs."""
+    Outside of `jit` a run is repeated in two cases: with up to eight times as many steps if fixed
+    steps missed the tolerance, and with the exact part of its motion in closed form
+    (`Accuracy.decoupled`) if its steps ran out. Also outside of `jit`, it warns of what the system
+    finds wrong with its run, such as a path below the ground (`Scene.warning`).
+
+    **Raises** `InputError`, before anything is compiled, for times that are not finite or neither
+    ascend nor descend; a tolerance that the precision cannot reach; a method that the system does
+    not support; an initial state that is not finite, has mixed precision or differs in structure
+    from its derivative; and a mission. `SimulationError` for a failed run; under `jit`, when the
+    compiled program runs."""
     check_system("system", system, "simulate_mission")
     check_initial_state(y0)
     check_start(y0)

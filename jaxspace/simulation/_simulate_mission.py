@@ -45,18 +45,19 @@ def simulate_mission(
     - `num_saved`: how many states each phase saves, from its start to its end.
     - `throw`: whether to raise `SimulationError` for a failed run; otherwise read its `status`.
 
-    **Returns** a `MissionTrajectory`, with a `Trajectory` for each phase. Differentiable, forwards
-    and backwards, with respect to every number in `mission` and `y0`, and `t0`. Outside of `jit` a
-    mission whose steps run out is repeated with what turns by itself in closed form
-    (`Accuracy.decoupled`), and it warns of what the systems find in their runs, as a path below the
-    ground (`Scene.warning`). Mapped by `jax.vmap`, the runs go by the batch path of
-    `simulate_mission_batch`.
+    **Returns** a `MissionTrajectory`, with a `Trajectory` for each phase. It is differentiable, in
+    forward and in reverse mode, with respect to every number in `mission` and `y0`, and to `t0`.
+    Under `jax.vmap` the runs are integrated as by `simulate_mission_batch`.
 
-    **Raises** `InputError`, before anything is compiled, for a start that is no time, a tolerance
-    that the precision cannot reach, a method that a phase does not serve, a state that is not
-    finite, of mixed precision or of another structure than its derivative, a jump that returns no
-    state, and for a system. `SimulationError` for a run that failed, with its phase; under `jit`,
-    where the program runs."""
+    Outside of `jit`, a mission whose steps ran out is repeated with the exact parts of its motion
+    in closed form (`Accuracy.decoupled`). Also outside of `jit`, it warns of what the systems find
+    wrong with their runs, such as a path below the ground (`Scene.warning`).
+
+    **Raises** `InputError`, before anything is compiled, for a start that is not one time; a
+    tolerance that the precision cannot reach; a method that a phase does not support; a state that
+    is not finite, has mixed precision or differs in structure from its derivative; a jump that
+    returns no state; and a system. `SimulationError`, with the phase, for a failed run; under
+    `jit`, when the compiled program runs."""
     check_mission("mission", mission, "simulate")
     check_initial_state(y0)
     check_start(y0)
@@ -83,7 +84,7 @@ def simulate_mission(
 
 
 def _failed_phase(result: MissionTrajectory) -> str:
-    """In which phase a mission failed, and where that began, as a sentence."""
+    """Sentence that names the phase in which a mission failed, and where that phase began."""
     for name, phase in result.items():
         if int(phase.status) > Status.EVENT:
             # A mission keeps no steps: the start of the phase is what is known.

@@ -1,4 +1,4 @@
-"""What a run or a mission prints: a few lines and a table, as text and as HTML."""
+"""Printed form of a run or a mission: a few lines and a table, as text and as HTML."""
 
 import html
 from collections import Counter
@@ -26,7 +26,7 @@ MOST_COMPONENTS = 4
 
 
 class Summary(NamedTuple):
-    """What there is to print of a result.
+    """Content of a printed result.
 
     - `title`: what it is.
     - `facts`: names and sentences.
@@ -51,7 +51,7 @@ class Summary(NamedTuple):
 
 
 def summary_of_run(run: "Trajectory", facts: Sequence[Row] = ()) -> Summary:
-    """What to print of a `Trajectory`; of one that is traced, the shapes.
+    """Printed form of a `Trajectory`; the shapes alone while it is traced.
 
     `facts`: more of them, before how it ended."""
     title = f"{'Trajectory' if run.control is None else 'Closed loop'} of "
@@ -73,7 +73,7 @@ def summary_of_run(run: "Trajectory", facts: Sequence[Row] = ()) -> Summary:
         *facts,
         *_ended(run.status),
     ]
-    # Of many runs the range at the end says most; all mostly start alike.
+    # In a batch the range at the end says most, because most runs start alike.
     ends = [run.final] if run.run_axes else [run.initial, run.final]
     tables = [_state_table(run.states, ends, run.run_axes)]
     rows = (0, -1)[-len(ends) :]
@@ -91,7 +91,7 @@ def _sampled(run: "Trajectory") -> list[PyTree]:
 
 
 def summary_of_mission(result: "MissionTrajectory") -> Summary:
-    """What to print of a `MissionTrajectory`; of one that is traced, the shapes."""
+    """Printed form of a `MissionTrajectory`; the shapes alone while it is traced."""
     count = len(result.phases)
     title = f"Mission of {count} phase{'s' if count > 1 else ''}"
     if not _has_numbers(result):
@@ -135,7 +135,7 @@ def _method(config: IntegrationConfig) -> str:
 
 
 def _counts(run: "Trajectory") -> tuple[str, str]:
-    """How many steps and evaluations a run took, or the runs of a batch."""
+    """Numbers of steps and evaluations of a run, or of the runs of a batch."""
     steps, evaluations = (_range(run.stats.get(name, 0)) for name in ("steps", "evaluations"))
     return steps, evaluations
 
@@ -198,7 +198,7 @@ def _statuses(status: Int[Array, "*runs"]) -> str:
 
 
 def _ended(status: Int[Array, "*runs"]) -> list[Row]:
-    """How the run ended; of many, how many ended how, and the first that failed."""
+    """End of the run; for a batch, the number of runs by status, and the first that failed."""
     statuses = np.ravel(np.asarray(status))
     if np.ndim(status) == 0:
         return [("status", Status(int(statuses[0])).sentence)]

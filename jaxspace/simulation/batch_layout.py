@@ -18,7 +18,7 @@ InAxes: TypeAlias = tuple[PyTree, PyTree] | None
 
 
 def _declared(tree: PyTree, undeclared: int, least: int) -> PyTree[bool]:
-    """For every leaf whether its declared shape says that it carries runs on its last axis.
+    """Whether the declared shape of a leaf has runs on its last axis, for every leaf.
 
     An array that declares nothing carries at most so many axes of runs as `undeclared` says; fewer
     than `least` runs are what all runs share."""
@@ -33,7 +33,7 @@ def _declared(tree: PyTree, undeclared: int, least: int) -> PyTree[bool]:
 
 
 def _marked(tree: PyTree, in_axes: PyTree) -> PyTree[bool]:
-    """For every leaf whether `in_axes`, a prefix of the tree, marks it with -1."""
+    """Whether `in_axes`, a prefix of the tree, marks a leaf with -1, for every leaf."""
 
     def part(axis: object, leaves: PyTree) -> PyTree:
         if axis not in (-1, None):
@@ -71,7 +71,7 @@ def _count(tree: PyTree, flags: PyTree[bool]) -> NumRuns:
 def split_batch(
     systems: PyTree, y0s: State, ts: ArrayLike | Sequence[float], in_axes: InAxes, times_axes: int
 ) -> tuple[PyTree, PyTree, NumRuns]:
-    """What carries runs, what all runs share, and how many runs there are.
+    """Split into the arrays that carry runs and those that all share; and the number of runs.
 
     **Arguments**
 

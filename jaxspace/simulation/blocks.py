@@ -47,14 +47,14 @@ def _mesh_of(devices: Sequence[jax.Device]) -> Mesh | None:
 
 
 class Blocks(NamedTuple):
-    """How runs are cut: `size` runs in a block, and the `mesh` of devices that share the blocks."""
+    """Division of runs: `size` runs in a block, and the `mesh` of devices that share the blocks."""
 
     size: int
     mesh: Mesh | None
 
     @classmethod
     def on(cls, devices: Sequence[jax.Device], runs: NumRuns) -> "Blocks":
-        """For so many runs on these devices.
+        """The division for so many runs on these devices.
 
         On CPUs a block is what fits the cache; an accelerator takes all of its runs at once."""
         on_cpu = devices[0].platform == "cpu"

@@ -1,4 +1,4 @@
-"""What is refused before a run is compiled: times, structures and events that cannot be right."""
+"""Checks before a run is compiled: its times, structures and events."""
 
 import reprlib
 from collections.abc import Callable, Iterable

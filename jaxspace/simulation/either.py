@@ -30,7 +30,7 @@ def run_either(
     in_axes: InAxes = None,
     throw: bool | None = None,
 ) -> Trajectory | MissionTrajectory:
-    """What one of the four verbs returns.
+    """Run one of the four verbs, and return its result.
 
     **Arguments**
 

@@ -1,4 +1,4 @@
-"""What a failed run leaves: NaN in place of numbers, and an error that cannot be overheard."""
+"""Results of a failed run: NaN in place of numbers, and the error that it raises."""
 
 import dataclasses
 from typing import Any, TypeVar
@@ -65,7 +65,7 @@ def loud(result: T) -> T:
 
 
 def place_of_failure(status: int, dense: DenseOutput | None, t0: float, y0: PyTree) -> str:
-    """Where a single run failed, as a sentence: time and state.
+    """Time and state at which a single run failed, as a sentence.
 
     **Arguments**
 

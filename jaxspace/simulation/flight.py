@@ -1,4 +1,4 @@
-"""What a phase of a mission may fly in place of a system: something that integrates by itself."""
+"""Interface of an object that a mission phase runs in place of a system: it integrates itself."""
 
 from abc import abstractmethod
 

@@ -23,7 +23,7 @@ from .run_result import RunResult
 
 
 class OwnTimes(NamedTuple):
-    """Where a phase saves states whose start or end is another one in each run.
+    """Save times of a phase that starts or ends at different times in each run.
 
     - `times`: of the mission, s, (chosen,); where the phase of a run does not cover one of them,
       its nearer end stands for it.
@@ -33,7 +33,9 @@ class OwnTimes(NamedTuple):
     along: int
 
     def fractions(self, t0: Float[Array, "*runs"], t1: Float[Array, "*runs"]) -> Array:
-        """Of the duration of each run, (chosen + along, *runs)."""
+        """Fractions of the phase at which each run saves, (chosen + along, *runs).
+
+        The phase of a run lasts from `t0` to `t1`, s."""
         times = self.times.astype(t0.dtype).reshape(-1, *(1,) * t0.ndim)
         x = safe_divide(times - t0, t1 - t0)
         # Written so that NaN becomes zero: the end of a failed run must not move the steps of all.
@@ -42,18 +44,18 @@ class OwnTimes(NamedTuple):
         return jnp.concatenate([own, jnp.broadcast_to(even, (self.along, *t0.shape))])
 
 
-# Of any number: each phase has its own.
+# The axis of times has no name, because each phase has its own number of them.
 SaveTimes: TypeAlias = int | Float[Array, " _"] | OwnTimes
-"""How many states a phase saves, evenly from its start to its end; or the fractions of its
+"""Save times of a phase: a number of states, evenly from its start to its end; or fractions of its
 duration, from 0 to 1; or times of the mission."""
 
 
 class MissionResult(NamedTuple):
-    """What a mission leaves.
+    """Result of a mission.
 
-    - `phases`: of each phase, up to and including its end before the jump.
-    - `final`, `end`: the state after the last jump, and its time, s.
-    - `status`: of each run: its first failure, or how its last phase ended."""
+    - `phases`: result of each phase, up to and including its end before the jump.
+    - `final`, `end`: state after the last jump, and its time, s.
+    - `status`: first failure of each run, or else the status of its last phase."""
 
     phases: list[RunResult]
     final: State

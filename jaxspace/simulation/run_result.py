@@ -1,4 +1,4 @@
-"""What a run leaves, and NaN in it for what a failed one did not reach."""
+"""Result of a run, with NaN where a failed run has no states."""
 
 import dataclasses
 from typing import NamedTuple, TypeVar

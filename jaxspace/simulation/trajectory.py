@@ -1,4 +1,4 @@
-"""What a run leaves: times, states, how it ended, what it cost, and how far it can be trusted."""
+"""Result of a run: times, states, status, cost and error estimate."""
 
 from collections.abc import Callable
 from typing import TYPE_CHECKING, TypeVar, final
@@ -32,26 +32,26 @@ T = TypeVar("T")
 
 @final
 class Trajectory(eqx.Module):
-    """A run, or a batch of runs: components lead, then times, then runs.
+    """Result of a run or of a batch of runs. Axes are components, then times, then runs.
 
-    - `ts`: save times, s, (times,) or (times, runs). Where an event stopped a run, its later times
+    - `ts`: save times, s, (times,) or (times, runs). If an event stopped a run, its later times
       are the time of the event.
-    - `states`: the states there: a position is (3, times) or (3, times, runs).
-    - `status`: a `Status` for each run, (*runs,). A run that failed has NaN for what it did not
-      reach within the tolerance.
+    - `states`: the states at these times: a position is (3, times) or (3, times, runs).
+    - `status`: a `Status` for each run, (*runs,). A failed run has NaN in place of all states that
+      it did not reach within the tolerance.
     - `event`: which of the events stopped the run, -1 for none.
-    - `happened`: for each event whether it happened at that time, (events, *runs): two conditions
-      may be zero at once.
+    - `happened`: whether each event happened at that time, (events, *runs): two conditions can be
+      zero at once.
     - `stats`: steps, evaluations of the vector field, largest local error in units of the
       tolerance.
-    - `system`, `accuracy`: what was run, and how accurately, as the caller gave it.
+    - `system`, `accuracy`: the arguments of the call.
     - `config`: the method and the tolerances that followed from `accuracy`.
-    - `dense`: the steps of the run, where `dense=True` asked for them; without what the run has
-      exactly beside them (`AbstractSystem.decoupled`).
-    - `crossings`: of each event that is not terminal, every zero on the way, as `Crossings`; of a
-      run that failed those before.
-    - `control`: of a phase that is a closed loop: its `commands` and `readings`, with the shapes of
-      the states, and the `memory` of the controller at the end; of any other run `None`."""
+    - `dense`: the steps of the run, if `dense=True`; they do not hold the exact part of the motion
+      (`AbstractSystem.decoupled`).
+    - `crossings`: every zero of each event that is not terminal, as `Crossings`; in a failed run,
+      those before the failure.
+    - `control`: in a phase that is a closed loop, its `commands` and `readings`, with the shapes of
+      the states, and the `memory` of the controller at the end; otherwise `None`."""
 
     ts: Float[Array, "times *#runs"]
     states: State
@@ -79,7 +79,7 @@ class Trajectory(eqx.Module):
 
     @property
     def undisturbed(self) -> bool:
-        """Whether nothing but the system moved the state: no jump in place, no controller."""
+        """Whether the system alone changed the state, without jumps at events or a controller."""
         return self.control is None and all(found.after is None for found in self.crossings)
 
     def __getitem__(self, k: int) -> State:
@@ -112,18 +112,18 @@ class Trajectory(eqx.Module):
     def at(self, t: Scalar) -> State:
         """The state at the time `t`, s, between the save times, as accurate as the steps.
 
-        One step of the method from the last step end before `t`. For several times, map it:
-        `jax.vmap(run.at, out_axes=-1)(ts)`.
+        It takes one step of the method from the last step end before `t`. For several times, map
+        it: `jax.vmap(run.at, out_axes=-1)(ts)`. The state is NaN outside of the run, and where a
+        failed run did not get to.
 
-        **Raises** `InputError` for a run that did not ask for it by `dense=True`; closed forms need
-        not ask. NaN outside of the run, and where a run that failed did not get to."""
+        **Raises** `InputError` for a run without `dense=True`, which closed forms do not need."""
         exact = self.config.method == "closed_form"
         if not exact and self.dense is None:
             raise InputError("The run holds no states between its times: run it with dense=True.")
         return _program_at(self, jnp.asarray(t, self.ts.dtype))
 
     def _at(self, t: Array) -> State:
-        # Each run has steps of its own, also where all are asked for one time.
+        # The steps differ between runs, so that one time for all is needed once per run.
         t = jnp.broadcast_to(t, self.ts.shape[1:])
         closed_form = self.system.closed_form() if self.config.method == "closed_form" else None
         if closed_form is not None:

@@ -38,8 +38,8 @@ class AdaptiveRegularised(AbstractFieldSolver):
     and of order 8 elsewhere; each run of a batch has steps of its own.
 
     For systems that offer such variables, as a scene of `PointGravity` and any accelerations does.
-    They land on every save time: a step or two more for each. The absolute tolerance plays no part:
-    errors are judged by the sizes of the orbit."""
+    They end a step at every save time, which costs a step or two more for each. The absolute
+    tolerance is not used: errors are relative to the size of the orbit."""
 
     term_structure: ClassVar = diffrax.ODETerm
     interpolation_cls: ClassVar = diffrax.LocalLinearInterpolation

@@ -29,12 +29,14 @@ class ErrorTrackingSolver(diffrax.AbstractAdaptiveSolver, diffrax.AbstractWrappe
 
     @property
     def root_finder(self):
-        """That of an implicit solver, for which diffrax asks."""
+        """The root finder of an implicit solver, which diffrax reads."""
         return self.solver.root_finder  # pyright: ignore[reportAttributeAccessIssue]
 
     @property
     def scan_kind(self):
-        """That of a Runge-Kutta method of diffrax, which its adjoints with a forward mode set."""
+        """The kind of loop over the stages of a Runge-Kutta method of diffrax.
+
+        The adjoints of diffrax that allow forward mode set it."""
         return self.solver.scan_kind  # pyright: ignore[reportAttributeAccessIssue]
 
     def order(self, terms: diffrax.AbstractTerm | None) -> int | None:

@@ -49,7 +49,7 @@ Flat = Float[Array, "*runs n"]
 
 
 class _Layout(NamedTuple):
-    """How a state lies in a vector: runs first, then the components, block after block."""
+    """Layout of a state in a vector: runs first, then the components, block after block."""
 
     like: State
     run_axes: int

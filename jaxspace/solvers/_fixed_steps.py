@@ -64,7 +64,7 @@ class FixedSteps(AbstractFixedStep):
 
     @property
     def name(self) -> str:
-        """How tables name it."""
+        """Name of the method in tables."""
         return type(self.solver).__name__
 
     def refined(self, factor: int) -> "FixedSteps":

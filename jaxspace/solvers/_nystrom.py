@@ -21,7 +21,7 @@ from . import tableaus as tableau
 from .runge_kutta import Weights, dense_rows, stage_loop, weighted
 from .second_order import SecondOrder, Vectors
 
-# Of a product of matrices whose entries are of order one: what is below is rounding, not a weight.
+# Rounding of a product of matrices with entries of order one: a smaller entry is no weight.
 ROUNDING = 1e-15
 
 

@@ -1,4 +1,4 @@
-"""What the runner has to know of a solver, and what a solver has to know of the run.
+"""Interface between the integration loop and a solver.
 
 A solver of this package is an `AbstractDeclaredSolver`: it declares its traits and says how it is
 bound to a run. For the solvers of diffrax both follow from their classes. So the runner names no
@@ -25,20 +25,20 @@ the state of the solver, and whether the step succeeded."""
 
 
 class SolverTraits(NamedTuple):
-    """What the runner has to know of a method.
+    """Properties of a method that the integration loop uses.
 
     - `replayable`: a step can be repeated from the state before it alone. Derivatives along
       recorded steps need this.
     - `lands_on_save_times`: it has no dense output, so that a step ends at every save time.
-    - `fixed_step`: it passes each segment in a given number of steps; the tolerance only judges
-      them.
+    - `fixed_step`: it takes a given number of steps in each segment; their error is compared with
+      the tolerance afterwards.
     - `needs`: the capability of the system by which it integrates, if any.
-    - `evaluations`: of the vector field in a step of the loop, which for a fixed-step method is a
-      whole segment.
-    - `own_steps`: every run of a batch takes steps of its own, in variables of its own.
-    - `steps`: counted for each step of the loop: 1, or the number of fixed steps of a segment.
-    - `linear`: its steps are sums of derivatives alone, to which it is the same how the blocks of a
-      state lie: they may be one vector.
+    - `evaluations`: evaluations of the vector field per step of the loop, which for a fixed-step
+      method is a whole segment.
+    - `own_steps`: every run of a batch takes its own steps, in variables of the method.
+    - `steps`: number of steps counted per step of the loop: 1, or the fixed steps of a segment.
+    - `linear`: its steps are linear combinations of derivatives, so that all blocks of a state can
+      be packed into one vector.
     """
 
     replayable: bool = True
@@ -52,12 +52,12 @@ class SolverTraits(NamedTuple):
 
 
 class AbstractDeclaredSolver(diffrax.AbstractSolver):
-    """A solver that declares what it is."""
+    """A solver that declares its traits."""
 
     @property
     @abstractmethod
     def traits(self) -> SolverTraits:
-        """What the runner has to know of the method."""
+        """Properties of the method that the integration loop uses."""
 
     def bind(
         self,
@@ -89,7 +89,7 @@ class AbstractDeclaredSolver(diffrax.AbstractSolver):
         y0: State,
         args: PyTree,
     ) -> PyTree:
-        """What is carried to the first step: nothing, by default."""
+        """The carry into the first step: nothing, by default."""
         return self.start(StepField(terms, args, False), t0, t1, y0)
 
     def start(self, f: StepField, t0: Float[Array, ""], t1: Float[Array, ""], y0: State) -> PyTree:
@@ -99,7 +99,7 @@ class AbstractDeclaredSolver(diffrax.AbstractSolver):
 
 @final
 class Advance(NamedTuple):
-    """What a step leaves.
+    """Result of a step.
 
     - `y1`, `error`: the state after it, and the estimate of its error.
     - `dense`: what the dense output needs.
@@ -172,7 +172,7 @@ def check_steps(name: str, steps: object, least: int, allowed: str) -> None:
 
 
 def solver_traits(solver: diffrax.AbstractSolver) -> SolverTraits:
-    """What the runner has to know of a method, one of this package or one of diffrax's."""
+    """Properties of a method that the integration loop uses, of this package or of diffrax."""
     # Asked first, because a wrapper of diffrax passes for an instance of what it wraps.
     if isinstance(solver, diffrax.AbstractWrappedSolver):
         inner = solver_traits(solver.solver)

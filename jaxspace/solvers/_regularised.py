@@ -120,16 +120,16 @@ class Regularised(AbstractFieldSolver, AbstractFixedStep):
 
 
 def _blocks(steps: int) -> tuple[int, int]:
-    """How many blocks there are, and how many steps each has.
+    """Number of blocks, and number of steps in each.
 
-    A power of two, about a quarter of the root of all steps: long enough that few states are kept
-    for reverse mode, and short enough that landing costs little."""
+    The latter is a power of two, about a quarter of the square root of all steps: long enough that
+    reverse mode stores few states, and short enough that landing costs little."""
     length = 2 ** max(1, (steps.bit_length() - 1) // 2 - 2)
     return -(-steps // length), length
 
 
 def _schedule(steps: int) -> tuple[np.ndarray, np.ndarray]:
-    """For each block how many are left, itself included, and whether the step is predicted.
+    """Number of blocks left, itself included, and whether the step is predicted, for each block.
 
     The blocks that land have the numbers 0, -1, -2."""
     blocks, _ = _blocks(steps)

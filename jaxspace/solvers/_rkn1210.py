@@ -169,7 +169,7 @@ class RKN1210(AbstractFieldSolver, diffrax.AbstractAdaptiveSolver):
     def _dense(
         self, system: SecondOrder, t0: Float[Array, ""], t1: Float[Array, ""], step: NystromStep
     ) -> Float[Array, "coefficients ..."]:
-        """What the dense output needs; zeros in a step within which no state is saved."""
+        """Coefficients of the dense output; zeros in a step within which no state is saved."""
 
         def fitted() -> Array:
             return _hermite_coefficients(system, t0, t1 - t0, step, self.in_loop)

@@ -1,4 +1,4 @@
-"""In which turns a splitting takes drift and kick, and for which parts of a step.
+"""Schemes of splitting: the order of drifts and kicks, and their parts of a step.
 
     K(o_0 h) D(i_1 h) K(o_1 h) ... D(i_m h) K(o_m h)      the drifts inside, or with D and K
                                                           interchanged: the kicks inside
@@ -34,12 +34,14 @@ class Scheme(NamedTuple):
 
     @property
     def kicks(self) -> int:
-        """Of one step of many: those that follow one another are one."""
+        """Number of kicks per step, where two that meet between steps count as one."""
         return len(self.inside)
 
     def rows(self) -> np.ndarray:
-        """For each part inside: how much of it, at which part of the step it begins; how much of
-        the outside follows, where; and what the next step adds to this."""
+        """The table of one step, with a column for each part inside.
+
+        The rows are fractions of the step: the length of the part and its start; the length of the
+        part outside that follows and its place; and what the next step adds to the latter."""
         inside, outside = np.array(self.inside), np.array(self.outside)
         # The time passes in the drifts.
         passed = np.cumsum(outside[:-1]) if self.kicks_inside else np.cumsum(inside) - inside
@@ -55,8 +57,8 @@ def _strang(*parts: float) -> Scheme:
 
 
 def _kicks_inside(drifts: tuple[float, ...], kicks: tuple[float, ...]) -> Scheme:
-    """From the first half of the drifts, and the first half of the kicks with the middle one where
-    their number is odd."""
+    """Build a symmetric scheme from the first halves of its drifts and its kicks. The middle one
+    belongs to that half where their number is odd."""
     # There is one drift more than there are kicks: one of both numbers is odd.
     odd = len(drifts) > len(kicks)
     return Scheme(

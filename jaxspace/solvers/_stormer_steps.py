@@ -21,8 +21,8 @@ Ring = Float[Array, "k ..."]
 
 
 class StormerState(NamedTuple):
-    """What one step hands to the next: position `r`, velocity `w` between the steps, and the last k
-    accelerations, that of the step n in the slot n modulo k."""
+    """State between two steps: position `r`, velocity `w` from one step to the next, and the `ring`
+    of the last k accelerations, where that of step n is at index n modulo k."""
 
     r: Vectors
     w: Vectors
@@ -77,7 +77,7 @@ class StormerSteps(NamedTuple):
         return self.system.acceleration(self.s0 + n * self.h, r)
 
     def slot(self, n: Int[Array, ""] | int) -> Int[Array, ""]:
-        """Where in the ring the acceleration at the step `n` lies."""
+        """Index in the ring buffer of the acceleration at step `n`."""
         return jnp.asarray(jax.lax.rem(jnp.asarray(n), self.k))
 
     def replace_oldest(self, a: Vectors, n: Int[Array, ""] | int, ring: Ring) -> Ring:

@@ -16,7 +16,7 @@ from ..core import AbstractRegularised, AbstractSplit, Scalar, State, barrier, p
 
 @runtime_checkable
 class ScaledField(Protocol):
-    """What a step gets as `args`: the vector field in normalised time, and what lies behind it.
+    """The `args` of a step: the vector field in normalised time, and what it is made of.
 
     Most methods only evaluate it. Those that integrate by a capability of the system ask for the
     capability, and for times and durations in seconds, which the capability takes."""

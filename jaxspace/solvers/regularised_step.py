@@ -26,10 +26,10 @@ from .runge_kutta import blend, combine, weighted
 
 Regular = Float[Array, "variables *runs"]
 
-# What is left of the time to land on, in units of the motion, for the series of two terms: its
-# third one is then a rounding.
+# Remaining time to the landing, in units of the motion, at which two terms of the series suffice,
+# because the third one is below rounding.
 CLOSE = 1e-5
-# Of the unit of the motion.
+# Length of the first step, in units of the motion (`unit`).
 FIRST_STEP = 0.1
 
 
@@ -83,8 +83,16 @@ def order_of(form: AbstractRegularised) -> float:
 def attempt(
     form: AbstractRegularised, t: Scalar, duration: Scalar, z: Regular, h: Scalar
 ) -> Attempt:
-    """A step `h` of fictitious time, in a segment that starts at the time `t`, s, and takes a
-    `duration`, s."""
+    """Take one step `h` in fictitious time.
+
+    **Arguments**
+
+    - `form`: the equations in regularised variables.
+    - `t`, `duration`: start and length of the segment, s.
+    - `z`: the variables before the step.
+    - `h`: the step.
+
+    **Returns** the variables after it, their error estimates and the rate of time at `z`."""
     if isinstance(form, AbstractSecondOrderForm):
         return _second_order_attempt(form, z, h)
     ks = []
@@ -106,7 +114,8 @@ def _second_order_attempt(form: AbstractSecondOrderForm, z: Regular, h: Scalar) 
     n = (z.shape[0] - 2) // 2
     q, p, held = barrier((z[:n], z[n : 2 * n], form.held(z)))
     ks: list[Array] = []
-    # The time is a velocity without a position, as far as the variables do not tell it.
+    # The part of the time that does not follow from q and p is integrated as a velocity is: its
+    # rate depends on q alone, and nothing depends on it.
     rates: list[Array] = []
     for node, row in zip(tableau.RKN1210_C, tableau.RKN1210_A, strict=True):
         mean = node * p + h * weighted(row, ks) if row else node * p
@@ -119,7 +128,7 @@ def _second_order_attempt(form: AbstractSecondOrderForm, z: Regular, h: Scalar) 
     of_q = (h * h) * weighted(POSITION_ERROR, ks)
     of_p = h * weighted(VELOCITY_ERROR, ks)
     q1, p1, rest, of_q, of_p = barrier((q1, p1, rest, of_q, of_p))
-    # The difference of the known times first: they are large beside it.
+    # The two known times are subtracted first, because they are large against their difference.
     elapsed = form.known_time(q1, p1, held) - form.known_time(q, p, held) + rest
     t1 = barrier(z[-1] + elapsed)
     zero = jnp.zeros_like(z[2 * n :])

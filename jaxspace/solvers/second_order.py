@@ -27,7 +27,7 @@ PARTS = ("position", "velocity")
 
 
 def _names(y: PyTree) -> list[str | None]:
-    """Of each array of a state the name of the field or the key that holds it by itself."""
+    """Name of the field or key whose whole value each array of a state is; else `None`."""
     paths = [path for path, _ in jax.tree_util.tree_flatten_with_path(y)[0]]
     # A key of a dictionary, or a field of a module or of a named tuple.
     return [
@@ -97,7 +97,7 @@ class SecondOrder(NamedTuple):
         return moved(self.y0, r, v)
 
     def velocity_matters(self, run_axes: int | None) -> Bool[Array, "*runs"]:
-        """For each run whether its acceleration changes when it stands still.
+        """Whether the acceleration of a run changes when it stands still, for each run.
 
         Then no method for second-order systems applies to it. `run_axes`: how many trailing axes
         carry runs; `None` for all but the first, that of the components."""

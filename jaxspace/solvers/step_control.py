@@ -25,10 +25,11 @@ from ._tolerance import Tolerance
 SAFETY = 0.8
 SHRINK = 0.2
 GROW = 8.0
-# Of a segment. A step as short as this is taken whatever its error: the status reports it, where
+# Fraction of a segment. A step this short is accepted with any error: the status reports it, where
 # still shorter steps would only use up their number.
 SMALLEST_STEP = 1e-10
-# Of a segment. Too long a first step costs a rejection or two, too short a one many steps to grow.
+# Fraction of a segment. A first step that is too long costs a rejection or two; one that is too
+# short costs many steps of growth.
 FIRST_STEP = 1e-2
 
 VectorField = Callable[..., State]
@@ -44,12 +45,12 @@ Decision = tuple[
 whether the vector field may jump between them, the state of the controller, and the result."""
 
 
-# Of the worst error: a run with more than this part of it holds up the others.
+# Fraction of the worst error: a run with more than this limits the step of the others.
 LIMITING = 0.5
 
 
 class StepControl(NamedTuple):
-    """What the control of shared steps carries on.
+    """State of the control of shared steps.
 
     - `proposal`: the length of the next step, in normalised time.
     - `limiting`: how many of the accepted steps each run has kept as short as they were."""

@@ -33,8 +33,8 @@ class Coordinates(NamedTuple):
     def of(
         cls, tree: PyTree, trailing: int | Sequence[int], names: Sequence[str] | None = None
     ) -> "Coordinates":
-        """Those of a tree whose leaves carry so many axes behind their components, all of them or
-        each; by default under the names of its fields."""
+        """Coordinates of a tree whose leaves have `trailing` axes behind their components: one
+        number for all leaves, or one each. The `names` are by default those of its fields."""
         blocks, structure = jax.tree.flatten(tree, is_leaf=on_group)
         paths = [path for path, _ in jax.tree_util.tree_flatten_with_path(tree)[0]]
         counts = [trailing] * len(paths) if isinstance(trailing, int) else list(trailing)

@@ -40,7 +40,7 @@ def as_coefficient(x: Any) -> MachTable:
 
 
 def as_optional_coefficient(x: Any) -> MachTable | None:
-    """As `as_coefficient`; `None` where there is no coefficient."""
+    """Convert a coefficient by `as_coefficient`; `None`, for no coefficient, stays `None`."""
     return None if x is None else as_coefficient(x)
 
 

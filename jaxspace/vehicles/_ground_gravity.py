@@ -63,7 +63,7 @@ class GroundGravity(AbstractEffect):
         elevation=argument("m", default=0.0, doc="of the origin above sea level"),
     )
     def of_latitude(cls, latitude: Scalar, elevation: Scalar = 0.0) -> "GroundGravity":
-        """That of the Earth at a `latitude`, rad, and an `elevation` of the ground, m."""
+        """Gravity of the Earth at a `latitude`, rad, and an `elevation` of the ground, m."""
         return cls(normal_gravity(latitude, elevation), RADIUS + as_float(elevation))
 
     def load(self, t: Scalar, y: BodyState, body: AbstractBody) -> Load:

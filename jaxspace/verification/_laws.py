@@ -165,7 +165,9 @@ class _Check(eqx.Module):
         )
 
     def derivatives(self) -> tuple[Law, Law]:
-        """Of a random sum of the final state, along a random change of the first one."""
+        """Check the derivative of a random sum of the final state along a random initial change.
+
+        Both modes must agree with each other, and with a central difference."""
         one, two = jax.random.split(self.key)
         final = self.run(self.y0, 0.0, self.duration).final
         weights = jax.tree.map(jnp.divide, random_like(one, final), sizes(final))

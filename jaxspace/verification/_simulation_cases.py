@@ -97,7 +97,7 @@ def out_of_steps(x: Array) -> Array:
 
 
 def beside_a_failure(x: Array) -> Array:
-    """Of three runs, of which one falls into the centre: which failed."""
+    """Which of three runs failed, where one of them falls into the centre."""
     starts = on_circle(x)
     run = simulate_batch(
         TwoBody(jnp.ones_like(x[0])), starts, jnp.asarray([0.0, 3.0]), accuracy=usual()
