@@ -1,6 +1,8 @@
 """Closed loops: against difference equations that are exact between samples, and their hard
 cases."""
 
+from xml.etree import ElementTree
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -24,7 +26,7 @@ from jaxspace.control import (
 from jaxspace.core import InputError, quantity
 from jaxspace.rotations import Quaternion
 from jaxspace.scene import Custom
-from jaxspace.simulation import SimulationError
+from jaxspace.simulation import SimulationError, crossings
 
 # A point under a commanded acceleration: between samples its motion is a polynomial, which every
 # step of a Runge-Kutta method takes exactly, so that only rounding is left.
@@ -134,6 +136,32 @@ def test_runs_trail_and_each_is_its_own():
     np.testing.assert_allclose(run.states.position[..., 4], alone.states.position, atol=ROUNDING)
     with pytest.raises(SimulationError, match="controller gave a command that is NaN"):
         loop(gains[2]).simulate(START, [0.0, 4.0])
+    # One of them taken out reads as it was, and is flown again as it was: each with its own gain.
+    one = run.of(4)
+    np.testing.assert_array_equal(one.commands, run.commands[..., 4])
+    for x, y in zip(*map(jax.tree.leaves, (one.error(), alone.error())), strict=True):
+        np.testing.assert_allclose(x, y, atol=ROUNDING)
+    with pytest.raises(InputError, match="has 6 runs: there is no number 6"):
+        run.of(6)
+    lines = repr(run).splitlines()
+    assert lines[0] == "Closed loop of Scene, 6 runs"
+    # The least and the greatest of those that did not fail.
+    ends = np.delete(np.asarray(run.commands[:, -1]), 2, axis=1)
+    for bound in (ends.min(axis=1), ends.max(axis=1)):
+        assert ", ".join(f"{x:.6g}" for x in bound) in lines[-1]
+
+
+def test_a_run_taken_out_of_a_batch_keeps_its_noise():
+    """Flown again with half the steps' length it has the same readings: for steps that are exact
+    the error is rounding."""
+    sensors = {"position": Sensor("position", noise=0.1), "velocity": Sensor("velocity")}
+    loop = ClosedLoop(POINT, PID(KP, KD), sensors, period=T, key=jax.random.key(7))
+    starts = jax.tree.map(lambda x: x[:, None] * jnp.linspace(1.0, 2.0, 3), START)
+    run = loop.simulate_batch(starts, [0.0, 2.0 * T], start=jnp.array([0.0, 1.0, 2.0])).of(2)
+    np.testing.assert_array_equal(run.ts, [2.0, 2.0 + 2.0 * T])
+    assert float(jnp.max(jnp.abs(run.readings["position"] - run.states.position))) > 1e-3
+    for error in jax.tree.leaves(run.error()):
+        np.testing.assert_allclose(error, 0.0, atol=ROUNDING)
 
 
 @eqx.filter_jit
@@ -166,9 +194,13 @@ def test_gradients_of_gains_sensors_and_states():
 def test_gradient_beside_differences():
     def f(gain, x):
         loop = ClosedLoop(POINT, PID(gain, KD), period=T)
-        return jnp.sum(loop.simulate(BodyState(x, START.velocity), [0.0, 3.0]).final.position ** 2)
+        run = loop.simulate(BodyState(x, START.velocity), [0.0, 3.0])
+        lines = repr(run).splitlines()
+        assert lines[0] == "Closed loop of Scene (traced)" and "(3, 2)" in lines[-1]
+        ElementTree.fromstring(run._repr_html_())
+        return jnp.sum(run.final.position**2)
 
-    # Value and slope from one program.
+    # Value and slope from one program, in which a run prints its shapes.
     f = jax.jit(jax.value_and_grad(f))
     gain, x = jnp.asarray(KP), START.position
     _, slope = f(gain, x)
@@ -302,6 +334,32 @@ def test_phases_of_loops_join_at_a_sample():
     second = loop.simulate(first.final, [0.0, 10 * T], start=first.end, memory=first.memory)
     np.testing.assert_allclose(second.final.position, whole.final.position, atol=ROUNDING)
     np.testing.assert_allclose(second.end, whole.end)
+    _reads_as_its_trajectory(second)
+    # Its system alone does not repeat it: the controller would be missing.
+    for repeat in (second.trajectory.error, lambda: crossings(second.trajectory, lambda t, y: t)):
+        with pytest.raises(InputError, match="is a closed loop"):
+            repeat()
+
+
+def _reads_as_its_trajectory(run):
+    """A table of what its controller commanded stands behind that of the states."""
+    names = "ts states status event stats accuracy final initial".split()
+    for x, y in zip(*([getattr(r, n) for n in names] for r in (run, run.trajectory)), strict=True):
+        assert eqx.tree_equal(x, y)
+    assert len(run) == 2 and eqx.tree_equal(run[-1], run.final)
+    assert run.along(lambda system, t, y: t).tolist() == run.ts.tolist()
+    lines = repr(run).splitlines()
+    assert lines[0] == "Closed loop of Scene"
+    assert lines[3].split() == "control PID, a sample every 0.4 s, zero-order hold".split()
+    assert lines[5].split()[0] == "state" and lines[8].split()[0] == "sample"
+    assert lines[-1].split()[:3] == ["commands", "(3,", "2)"]
+    for command in run.commands.T:
+        assert ", ".join(f"{x:.6g}" for x in command.tolist()) in lines[-1]
+    # The trajectory knows of no law, and has the rest.
+    assert repr(run.trajectory).splitlines()[-5:] == lines[-5:]
+    page = run._repr_html_()
+    ElementTree.fromstring(page)
+    assert page.count("<table>") == 3
 
 
 def test_too_few_steps_are_repeated_and_told():

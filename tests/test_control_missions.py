@@ -67,6 +67,12 @@ def test_a_loop_between_two_coasts():
     middle = run["controlled"]
     np.testing.assert_allclose(middle.states.position, alone.states.position, atol=ROUNDING)
     np.testing.assert_allclose(middle.control["commands"], alone.commands, atol=ROUNDING)
+    # The phase prints as the loop does, and as a row like the others; a step for each sample.
+    assert repr(middle).splitlines()[-2:] == repr(alone).splitlines()[-2:]
+    row = next(line for line in repr(run).splitlines() if "controlled" in line)
+    assert row.split() == "controlled Scene 1 3 FixedSteps 5 COMPLETED".split()
+    with pytest.raises(InputError, match="error repeats a run without its controller"):
+        middle.error()
     np.testing.assert_allclose(middle.ts, 1.0 + np.linspace(0.0, 5 * T, 6))
     end = coasting(half(0.0, alone.final), 2.0)
     np.testing.assert_allclose(run.final.position, end.position, atol=ROUNDING)

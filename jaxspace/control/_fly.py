@@ -1,13 +1,14 @@
 """From a loop and a state to a run: what is refused, what is known before, and the program once
 more with finer steps where they proved too few."""
 
+import dataclasses
 from collections.abc import Sequence
 from typing import Any, NamedTuple, TypeAlias, final
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, ArrayLike, Float, Int, PRNGKeyArray, PyTree
+from jaxtyping import Array, ArrayLike, Float, PRNGKeyArray, PyTree
 
 from ..core import InputError, Scalar, State, is_concrete, is_traced
 from ..integration.accuracy import (
@@ -22,6 +23,8 @@ from ..integration.status import raise_on_failure
 from ..simulation import Trajectory
 from ..simulation.failures import loud
 from ..simulation.finish import trajectory_of
+from ..simulation.reading import AbstractRun
+from ..simulation.trajectory import run_of
 from ._clocks import known_times
 from ._controller import AbstractController
 from ._program import Known, Static, as_events, as_key, compiled, parts_of
@@ -29,64 +32,6 @@ from ._repeats import config_of, repeated, steps_of
 
 # A `ClosedLoop`, whose module imports this one.
 Loop: TypeAlias = Any
-
-
-@final
-class LoopRun(eqx.Module):
-    """A run of a loop, or a batch of runs.
-
-    - `trajectory`: times, states and status, as of any run; a run that failed has NaN.
-    - `commands`: in force behind each of the times, with the shapes of the states: components lead,
-      then times, then runs. The last is that in force at the end.
-    - `readings`: of each sensor by name, the last one at each time.
-    - `memory`: of the controller, at the end.
-    - `steps`: fixed steps between two nodes.
-    - `asked`: with what the loop was flown, for `error`."""
-
-    trajectory: Trajectory
-    commands: PyTree
-    readings: dict[str, PyTree]
-    memory: PyTree
-    steps: int = eqx.field(static=True)
-    asked: PyTree = None
-
-    @property
-    def ts(self) -> Array:
-        """Save times, s, (times,), or (times, runs) where events have stopped runs."""
-        return self.trajectory.ts
-
-    @property
-    def states(self) -> State:
-        """The states at the save times: a position is (3, times, *runs)."""
-        return self.trajectory.states
-
-    @property
-    def final(self) -> State:
-        """The last state: a position is (3, *runs)."""
-        return self.trajectory.final
-
-    @property
-    def end(self) -> Array:
-        """The last time, s, (*runs,)."""
-        return self.trajectory.ts[-1]
-
-    @property
-    def status(self) -> Int[Array, "*runs"]:
-        """A `Status` for each run."""
-        return self.trajectory.status
-
-    @property
-    def stats(self) -> dict[str, Array]:
-        """Steps, evaluations, largest local error in units of the tolerance."""
-        return self.trajectory.stats
-
-    def error(self) -> State:
-        """An estimate of the error of the final state: the change by half the steps' length.
-
-        Of the same noise; commands in quanta may switch, and then it shows that."""
-        loop, y0, ts, options, run_axes = self.asked
-        again = fly(loop, y0, ts, options._replace(steps=2 * self.steps), run_axes, throw=False)
-        return jax.tree.map(lambda a, b: jnp.abs(a - b), self.final, again.final)
 
 
 class LoopOptions(NamedTuple):
@@ -100,6 +45,85 @@ class LoopOptions(NamedTuple):
     memory: PyTree
 
 
+class Asked(NamedTuple):
+    """The arguments of a flight."""
+
+    loop: Loop
+    y0: State
+    ts: PyTree
+    options: LoopOptions
+    run_axes: int
+
+
+@final
+class LoopRun(AbstractRun):
+    """A run of a loop, or a batch of runs.
+
+    Reads and prints as a `Trajectory`: `ts`, `states`, `initial`, `final`, `status`, `event`,
+    `stats`, `accuracy`, `len(run)`, `run[k]`, `along`, `to_xarray`, `plot` and `show`.
+
+    - `trajectory`: times, states and status, as of any run; a run that failed has NaN.
+    - `steps`: fixed steps between two nodes.
+    - `asked`: with what the loop was flown, for `error`."""
+
+    trajectory: Trajectory
+    steps: int = eqx.field(static=True)
+    asked: Asked
+
+    @property
+    def commands(self) -> PyTree:
+        """The commands in force behind each of the times, with the shapes of the states: components
+        lead, then times, then runs. The last is that in force at the end."""
+        return self._control["commands"]
+
+    @property
+    def readings(self) -> dict[str, PyTree]:
+        """The readings of each sensor by name, the last one at each time."""
+        return self._control["readings"]
+
+    @property
+    def memory(self) -> PyTree:
+        """The memory of the controller at the end."""
+        return self._control["memory"]
+
+    @property
+    def _control(self) -> dict[str, PyTree]:
+        assert self.trajectory.control is not None
+        return self.trajectory.control
+
+    @property
+    def end(self) -> Array:
+        """The last time, s, (*runs,)."""
+        return self.trajectory.ts[-1]
+
+    def of(self, i: int) -> "LoopRun":
+        """The i-th run of a batch, as a run of one loop, with the noise that it had.
+
+        Raises `InputError` if this is one run already, and for a number that no run has."""
+        trajectory = self.trajectory.of(i)
+        loop, y0, ts, options, _ = self.asked
+        key = as_key(loop.key if options.key is None else options.key)
+        if key is not None:
+            key = jax.random.split(key, self.status.shape[-1])[i]
+        loop = run_of(dataclasses.replace(loop, key=None), i)
+        y0, start, memory = run_of((y0, options.start, options.memory), i, 1)
+        options = options._replace(key=key, start=start, memory=memory)
+        return LoopRun(trajectory, self.steps, Asked(loop, y0, ts, options, 0))
+
+    def error(self) -> State:
+        """An estimate of the error of the final state: the change by half the steps' length.
+
+        Of the same noise; commands in quanta may switch, and then it shows that."""
+        loop, y0, ts, options, run_axes = self.asked
+        again = fly(loop, y0, ts, options._replace(steps=2 * self.steps), run_axes, throw=False)
+        return jax.tree.map(lambda a, b: jnp.abs(a - b), self.final, again.final)
+
+    def facts(self) -> list[tuple[str, ...]]:
+        loop = self.asked.loop
+        law = type(loop.controller).__name__
+        return [("control", f"{law}, a sample every {loop.period:.6g} s, {loop.hold}-order hold")]
+
+
 def fly(
     loop: Loop,
     y0: State,
@@ -111,7 +135,7 @@ def fly(
 ) -> LoopRun:
     """`ClosedLoop.simulate` and `simulate_batch`, with `run_axes` axes of runs."""
     _check(loop, y0, run_axes)
-    asked = (loop, y0, ts, options, run_axes)
+    asked = Asked(loop, y0, ts, options, run_axes)
     times, events = known_times(ts), as_events(options.events)
     accuracy = as_accuracy(options.accuracy)
     config = config_of(loop, y0, accuracy, options.steps)
@@ -120,11 +144,8 @@ def fly(
     key = as_key(loop.key if options.key is None else options.key)
     numbers = Known(parts_of(loop), y0, start, key, options.memory, events, None)
     result, config = repeated(compiled, numbers, config, Static.of(loop, times, run_axes))
-    assert result.control is not None
-    trajectory = trajectory_of(
-        result._replace(control=None), loop.system, accuracy, config, run_axes
-    )
-    run = LoopRun(trajectory, **result.control, steps=steps_of(config), asked=asked)
+    trajectory = trajectory_of(result, loop.system, accuracy, config, run_axes)
+    run = LoopRun(trajectory, steps_of(config), asked)
     if not throw:
         return run
     if is_concrete(run.status) and not is_traced(run.trajectory):

@@ -41,8 +41,8 @@ def crossings(
     search or the run failed, they are those before, and `status` says why.
 
     **Raises** `InputError` for a condition that is not one number for each run, and for a run that
-    jumps in place on its way."""
-    run.check_without_jumps("crossings")
+    jumps in place on its way, or had a controller."""
+    run.check_repeatable("crossings")
     event = condition if isinstance(condition, Event) else Event(condition)
     event = dataclasses.replace(
         event,

@@ -12,6 +12,7 @@ from jaxtyping import Array, ArrayLike, Int, PyTree
 
 from ..core import State, aligned, html_table, is_concrete
 from ..integration.config import IntegrationConfig
+from ..integration.layout import state_at
 from ..integration.status import Status
 from ._dataset import blocks_of
 
@@ -49,26 +50,44 @@ class Summary(NamedTuple):
         return f"<div><b>{html.escape(self.title)}</b>{''.join(parts)}</div>"
 
 
-def summary_of_run(run: "Trajectory") -> Summary:
-    """Printed form of a `Trajectory`; the shapes alone while it is traced."""
-    title = f"Trajectory of {type(run.system).__name__}"
+def summary_of_run(run: "Trajectory", facts: Sequence[Row] = ()) -> Summary:
+    """Printed form of a `Trajectory`; the shapes alone while it is traced.
+
+    `facts`: more of them, before how it ended."""
+    title = f"{'Trajectory' if run.control is None else 'Closed loop'} of "
+    title += type(run.system).__name__
+    sampled = _sampled(run)
     if not _has_numbers(run):
-        return Summary(f"{title} (traced)", [], [_state_table(run.states)])
+        tables = [_state_table(run.states)]
+        tables += [_state_table(x, what="sample") for x in sampled]
+        return Summary(f"{title} (traced)", [], tables)
     first, last = _range(run.ts[0]), _range(run.ts[-1])
     steps, evaluations = _counts(run)
-    facts: list[Row] = [
+    lines: list[Row] = [
         ("times", f"{first} s to {last} s, {run.ts.shape[0]} saved"),
         (
             "method",
             f"{_method(run.config)}, rtol {float(np.max(run.config.rtol)):.0e}; {steps} steps, "
             f"{evaluations} evaluations",
         ),
+        *facts,
         *_ended(run.status),
     ]
     # In a batch the range at the end says most, because most runs start alike.
     ends = [run.final] if run.run_axes else [run.initial, run.final]
-    table = _state_table(run.states, ends, run.run_axes)
-    return Summary(title + _of_runs(run.status), facts, [table])
+    tables = [_state_table(run.states, ends, run.run_axes)]
+    rows = (0, -1)[-len(ends) :]
+    for tree in sampled:
+        ends = [state_at(tree, k, run.run_axes) for k in rows]
+        tables.append(_state_table(tree, ends, run.run_axes, "sample"))
+    return Summary(title + _of_runs(run.status), lines, tables)
+
+
+def _sampled(run: "Trajectory") -> list[PyTree]:
+    """What the controller of a run has commanded and read, by name; empty without one."""
+    if run.control is None:
+        return []
+    return [{name: run.control[name] for name in ("commands", "readings")}]
 
 
 def summary_of_mission(result: "MissionTrajectory") -> Summary:
@@ -135,7 +154,9 @@ def _number(x: Any) -> str:
     return f"{x}" if np.issubdtype(type(x), np.integer) else f"{float(x):.6g}"
 
 
-def _state_table(shaped: PyTree, states: Sequence[State] = (), run_axes: int = 0) -> list[Row]:
+def _state_table(
+    shaped: PyTree, states: Sequence[State] = (), run_axes: int = 0, what: str = "state"
+) -> list[Row]:
     """A line for each block: its name, unit and shape, and its numbers in each of the `states`.
 
     Of runs, the least and the greatest of each component."""
@@ -143,7 +164,7 @@ def _state_table(shaped: PyTree, states: Sequence[State] = (), run_axes: int = 0
         heads = ("least, at the end", "greatest")
     else:
         heads = ("at the start", "at the end")[-len(states) :] if states else ()
-    rows: list[Row] = [("state", "unit", "shape", *heads)]
+    rows: list[Row] = [(what, "unit", "shape", *heads)]
     numbers = [[leaf for _, _, leaf in blocks_of(state)] for state in states]
     for k, (name, unit, leaf) in enumerate(blocks_of(shaped)):
         cells = [text for state in numbers for text in _listed(np.asarray(state[k]), run_axes)]

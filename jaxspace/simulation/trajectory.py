@@ -1,7 +1,7 @@
 """Result of a run: times, states, status, cost and error estimate."""
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, final
+from typing import TYPE_CHECKING, TypeVar, final
 
 import equinox as eqx
 import jax
@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 
     import xarray
     from matplotlib.figure import Figure
+
+T = TypeVar("T")
 
 
 @final
@@ -99,8 +101,7 @@ class Trajectory(eqx.Module):
         runs = self.status.shape[-1]
         if not -runs <= i < runs:
             raise InputError(f"The batch has {runs} runs: there is no number {i}.")
-        axes = _system_axes(self.system)
-        system = jax.tree.map(lambda x, n: x[..., i] if n else x, self.system, axes)
+        system = run_of(self.system, i)
         # A count may be one number for all runs.
         stats = {name: x[..., i] if x.ndim else x for name, x in self.stats.items()}
         names = ("ts", "states", "status", "event", "happened", "dense", "crossings", "control")
@@ -200,16 +201,21 @@ class Trajectory(eqx.Module):
         two parts. NaN where the steps of the repetition run out. A pulse that both runs miss stays
         unknown (`Accuracy.max_step`).
 
-        **Raises** `InputError` for a run that jumps in place on its way."""
-        self.check_without_jumps("error")
+        **Raises** `InputError` for a run that jumps in place on its way, or had a controller."""
+        self.check_repeatable("error")
         again = final_state_again(
             self.system, self.initial, self.ts, self.config.tightened(0.01), self.run_axes
         )
         return jax.tree.map(lambda a, b: jnp.abs(a - b), self.final, again)
 
-    def check_without_jumps(self, what: str) -> None:
-        """Raise `InputError` for a run with jumps in place (`Event.then`), which cannot be repeated
-        without its events."""
+    def check_repeatable(self, what: str) -> None:
+        """Raise `InputError` for a run that its system alone does not repeat: of one with jumps in
+        place (`Event.then`) without its events, of a closed loop without its controller."""
+        if self.control is not None:
+            raise InputError(
+                f"{what} repeats a run without its controller, and this one is a closed loop: it "
+                f"must be a run of a system alone."
+            )
         if any(found.after is not None for found in self.crossings):
             raise InputError(
                 f"{what} repeats a run, and this one jumps on its way (Event.then): simulate it "
@@ -267,6 +273,14 @@ def _program_at(run: Trajectory, t: Array) -> State:
 
 # One program: outside of `jit`, each array of the state would be a call of its own.
 _program_state_at = jax.jit(state_at, static_argnums=(1, 2))
+
+
+def run_of(tree: T, i: int, undeclared: int = 0) -> T:
+    """The i-th run of a tree, whose arrays carry runs as their fields declare.
+
+    `undeclared`: the most axes of runs of an array whose field declares nothing."""
+    axes = run_axes_of(tree, lambda x: min(x.ndim, undeclared))
+    return jax.tree.map(lambda x, n: x[..., i] if n else x, tree, axes)
 
 
 def _system_axes(system: AbstractSystem) -> PyTree[int]:
