@@ -2,8 +2,8 @@
 
 import html
 from collections import Counter
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from collections.abc import Iterable, Sequence
+from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import jax
 import numpy as np
@@ -16,13 +16,57 @@ from ..integration.layout import state_at
 from ..integration.status import Status
 from ._dataset import blocks_of
 
-if TYPE_CHECKING:
-    from ._mission_trajectory import MissionTrajectory
-    from .trajectory import Trajectory
-
 Row = tuple[str, ...]
 # A network in a state has thousands of components, and a quaternion has four.
 MOST_COMPONENTS = 4
+
+
+# Protocols, and not the classes that print themselves by them: imports go one way. Checked where
+# annotations are.
+@runtime_checkable
+class Run(Protocol):
+    """What is printed of a run, with the names of a `Trajectory`."""
+
+    ts: Array
+    states: State
+    status: Array
+    stats: dict[str, Array]
+    system: Any
+    config: IntegrationConfig
+    run_axes: int
+    control: dict[str, Any] | None
+
+    @property
+    def initial(self) -> State:
+        """The state at the first time."""
+        ...
+
+    @property
+    def final(self) -> State:
+        """The state at the last time."""
+        ...
+
+
+@runtime_checkable
+class Phases(Protocol):
+    """What is printed of a mission, with the names of a `MissionTrajectory`."""
+
+    final: State
+    end: Array
+    status: Array
+
+    @property
+    def phases(self) -> Sequence[Run]:
+        """The runs of the phases."""
+        ...
+
+    def items(self) -> Iterable[tuple[str, Run]]:
+        """The runs with the names of their phases."""
+        ...
+
+    def evaluations(self) -> Array:
+        """How often the vector fields were evaluated."""
+        ...
 
 
 class Summary(NamedTuple):
@@ -50,7 +94,7 @@ class Summary(NamedTuple):
         return f"<div><b>{html.escape(self.title)}</b>{''.join(parts)}</div>"
 
 
-def summary_of_run(run: "Trajectory", facts: Sequence[Row] = ()) -> Summary:
+def summary_of_run(run: Run, facts: Sequence[Row] = ()) -> Summary:
     """Printed form of a `Trajectory`; the shapes alone while it is traced.
 
     `facts`: more of them, before how it ended."""
@@ -83,14 +127,14 @@ def summary_of_run(run: "Trajectory", facts: Sequence[Row] = ()) -> Summary:
     return Summary(title + _of_runs(run.status), lines, tables)
 
 
-def _sampled(run: "Trajectory") -> list[PyTree]:
+def _sampled(run: Run) -> list[PyTree]:
     """What the controller of a run has commanded and read, by name; empty without one."""
     if run.control is None:
         return []
     return [{name: run.control[name] for name in ("commands", "readings")}]
 
 
-def summary_of_mission(result: "MissionTrajectory") -> Summary:
+def summary_of_mission(result: Phases) -> Summary:
     """Printed form of a `MissionTrajectory`; the shapes alone while it is traced."""
     count = len(result.phases)
     title = f"Mission of {count} phase{'s' if count > 1 else ''}"
@@ -134,7 +178,7 @@ def _method(config: IntegrationConfig) -> str:
     return f"{how} beside a closed form" if config.decoupled else how
 
 
-def _counts(run: "Trajectory") -> tuple[str, str]:
+def _counts(run: Run) -> tuple[str, str]:
     """Numbers of steps and evaluations of a run, or of the runs of a batch."""
     steps, evaluations = (_range(run.stats.get(name, 0)) for name in ("steps", "evaluations"))
     return steps, evaluations
