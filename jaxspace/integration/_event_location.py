@@ -310,24 +310,31 @@ def shortened(
 ) -> Location:
     """The location after the steps that hold the events were taken to where these were thought to
     be: up to `s1` in shared time, where the states are `y1`."""
-    value = slope = jnp.zeros(location.which.shape, jax.tree.leaves(y1)[0].dtype)
+    value = slope = before = falling = jnp.zeros(location.which.shape, jax.tree.leaves(y1)[0].dtype)
     for number, event in enumerate(sought.events):
         along = _AlongStep(event, segment, polynomial, location.which.shape)
-        of_event = along.slope(s1)
+        # At both ends of the step, by one copy of the condition.
+        values, slopes = jax.vmap(along.slope)(jnp.stack([jnp.zeros_like(s1), s1]))
         mine = location.which == number
-        value, slope = (
-            jnp.where(mine, a, b) for a, b in zip(of_event, (value, slope), strict=True)
-        )
+        value, slope = jnp.where(mine, values[1], value), jnp.where(mine, slopes[1], slope)
+        before, falling = jnp.where(mine, values[0], before), jnp.where(mine, slopes[0], falling)
     length = location.length
-    # dg/ds of a step that is `length` long in s; none where the condition is flat, or jumps.
+    # dg/ds of a step that is `length` long in s.
     change = -safe_divide(value, slope).astype(length.dtype) * length
+    # Beyond an event at which the field jumps, as where the propellant is used up, the condition
+    # may be flat, and no slope leads back. That at the start of the step does, else the secant.
+    astray = (slope == 0.0) | ~(jnp.abs(change) <= 0.5 * location.change)
+    back = astray & (value * before < 0.0)
+    share = -safe_divide(before, falling)
+    share = jnp.where((share > 0.0) & (share < 1.0), share, safe_divide(before, before - value))
+    change = jnp.where(back, (share.astype(length.dtype) - 1.0) * length, change)
     within = jnp.clip(length + change, 0.0, location.whole)
     change = within - length
     least = 16.0 * jnp.finfo(length.dtype).eps
     resolved = least * jnp.maximum(jnp.abs(location.start + length), location.whole)
     # Newton's method converges from where the polynomial has its zero; what does not has no slope
     # that leads to the zero, and the end stays where the polynomial found it.
-    regular = jnp.isfinite(change) & (jnp.abs(change) <= 0.5 * location.change)
+    regular = jnp.isfinite(change) & (back | (jnp.abs(change) <= 0.5 * location.change))
     more = location.again & regular & (jnp.abs(change) > resolved)
     more = more & (location.repetitions + 1 < REPETITIONS)
     taken = location.again

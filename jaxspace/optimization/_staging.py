@@ -41,6 +41,7 @@ from ..core import (
     check_positive,
     increasing_root,
     is_concrete,
+    safe_divide,
     with_rank,
 )
 from ._criterion import Criterion
@@ -187,6 +188,10 @@ def _solve(u: Stages, b: Stages, v: Scalar) -> Staging:
     )
     s = _log_mass_ratio(x, u, b)
     used = s > 0.0
+    # A root close to u leaves u - x few digits, and the velocity has them all: one more step to it,
+    # in the mass ratios themselves.
+    share = jnp.where(used, 1.0 / jnp.where(used, u - x, 1.0), 0.0)
+    s = s + share * safe_divide(v - jnp.sum(u * s, axis=0), jnp.sum(u * share, axis=0))
     # 1 - b mu = x/u where the stage is used, because the difference loses digits near the limit.
     log_mass = jnp.sum(jnp.where(used, s + jnp.log1p(-b) - jnp.log(x / u), 0.0), axis=0)
     return Staging(
