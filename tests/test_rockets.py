@@ -506,3 +506,26 @@ def test_two_stages_flown():
 def test_bad_input_is_refused_in_a_sentence(make, sentence):
     with pytest.raises(InputError, match=sentence):
         make()
+
+
+def test_every_end_of_the_propellant_has_its_time_and_slope():
+    def end_of_burn(burnout_mass):
+        thrust = SteeredThrust(
+            FixedDirection([0.0, 0.0, 1.0]), 5000.0, 2500.0, 1e3, burnout_mass=burnout_mass
+        )
+        left = Event(PropellantDepletion(thrust.propellant_left), direction=-1)
+        run = simulate(
+            Scene((thrust,)), POINT, jnp.array([0.0, 100.0]), accuracy=1e-10, events=(left,)
+        )
+        return run.ts[-1]
+
+    # Where the last step meets the end of the thrust hangs on the mass: one run after the other.
+    masses = jnp.linspace(370.0, 390.0, 24)
+    times, slopes = jax.jit(
+        lambda masses: jax.lax.map(
+            lambda m: jax.jvp(end_of_burn, (m,), (jnp.ones_like(m),)), masses
+        )
+    )(masses)
+    # Some steps' tolerance of the mass, over its rate.
+    np.testing.assert_allclose(times, (500.0 - masses) * 0.5, atol=2e-7)
+    np.testing.assert_allclose(slopes, -0.5, rtol=1e-9)

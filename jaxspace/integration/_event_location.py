@@ -121,6 +121,18 @@ class FoundEvents(NamedTuple):
     sizes: Float[Array, "events *#runs"]
     state: State | None = None
 
+    def met(self, y: State) -> State:
+        """The state `y` of a second run to the event, with the numbers that the search met there.
+
+        Two runs differ by the tolerance, and what jumps at the event must not have jumped yet: the
+        rate beyond it knows nothing of the time. The derivatives stay those of `y`."""
+        if self.state is None:
+            return y
+        fixed = jax.lax.stop_gradient
+        return jax.tree.map(
+            lambda a, b: jnp.where(self.which >= 0, fixed(a) + (b - fixed(b)), b), self.state, y
+        )
+
 
 class _AlongStep(NamedTuple):
     """The condition of an event within a step, by its polynomial."""

@@ -82,7 +82,7 @@ def restarts_between(
         last = jnp.where(stopped, way.t, t1)
         found = first_event(system, way.y, way.t, last, events, config, run_axes)
         result = integrate(system, way.y, way.t, found.time, None, config, run_axes)
-        y = state_at(result.states, -1, run_axes)
+        y = found.met(state_at(result.states, -1, run_axes))
         t, y = newton_correct(system, events, found.which, found.time, y)
         status = combine_status(way.status, combine_status(result.status, found.status))
         # What an interval that failed has led to is no restart, and no end of the run.

@@ -201,7 +201,7 @@ def _to_event(
     else:
         result, crossings = _at_times(system, y0, ts, config, run_axes, dense), ()
     last = state_at(result.states, -1, run_axes)
-    t_event, y_event = newton_correct(system, ending, which, ts[-1], last)
+    t_event, y_event = newton_correct(system, ending, which, ts[-1], found.met(last))
     stopped = (which >= 0) & (sign * asked >= sign * when)
     ts = jnp.where(stopped, t_event, ts)
     states = _where_stopped(stopped, y_event, result.states, run_axes)

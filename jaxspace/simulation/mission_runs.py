@@ -135,7 +135,7 @@ def _ended_by(
     event: Event, found: FoundEvents, phase: RunResult, system: AbstractSystem, run_axes: int
 ) -> RunResult:
     """The phase with its end moved to the event, and with the status of the search."""
-    last = state_at(phase.states, -1, run_axes)
+    last = found.met(state_at(phase.states, -1, run_axes))
     t_event, y_event = newton_correct(system, (event,), found.which, found.time, last)
     hit = found.which >= 0
     ended = jnp.where(hit, Status.EVENT, Status.EVENT_MISSED)
