@@ -336,9 +336,8 @@ def shortened(
     # Beyond an event at which the field jumps, as where the propellant is used up, the condition
     # may be flat, and no slope leads back: that at the start of the step does. Where the condition
     # itself jumps there is none, and the polynomial has found the place.
-    astray = (slope == 0.0) | ~(jnp.abs(change) <= 0.5 * location.change)
     share = -safe_divide(before, falling)
-    back = astray & (value * before < 0.0) & (share > 0.0) & (share < 1.0)
+    back = (slope == 0.0) & (value * before < 0.0) & (share > 0.0) & (share < 1.0)
     change = jnp.where(back, (share.astype(length.dtype) - 1.0) * length, change)
     within = jnp.clip(length + change, 0.0, location.whole)
     change = within - length

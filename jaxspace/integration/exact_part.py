@@ -15,6 +15,7 @@ The factor is measured, on spinning bodies by DOP853, at tolerances from 3e-7 to
 import dataclasses
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import PyTree
 
@@ -49,7 +50,8 @@ def with_exact_part(
     duration = np.asarray(times)
     if duration.ndim:
         duration = duration[-1] - duration[0]
-    turns = float(np.max(np.asarray(decoupled.turns(duration, y)), initial=0.0))
+    turns = np.asarray(decoupled.turns(jnp.asarray(duration), y))
+    turns = float(np.max(turns, initial=0.0))
     return dataclasses.replace(accuracy, decoupled=takes_many_steps(turns, accuracy))
 
 
