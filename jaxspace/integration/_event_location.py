@@ -322,22 +322,24 @@ def shortened(
 ) -> Location:
     """The location after the steps that hold the events were taken to where these were thought to
     be: up to `s1` in shared time, where the states are `y1`."""
-    value = slope = before = falling = jnp.zeros(location.which.shape, jax.tree.leaves(y1)[0].dtype)
+    none = jnp.zeros(location.which.shape, jax.tree.leaves(y1)[0].dtype)
+    value, slope, first, first_slope = none, none, none, none
     for number, event in enumerate(sought.events):
         along = _AlongStep(event, segment, polynomial, location.which.shape)
         # At both ends of the step, by one copy of the condition.
         values, slopes = jax.vmap(along.slope)(jnp.stack([jnp.zeros_like(s1), s1]))
         mine = location.which == number
         value, slope = jnp.where(mine, values[1], value), jnp.where(mine, slopes[1], slope)
-        before, falling = jnp.where(mine, values[0], before), jnp.where(mine, slopes[0], falling)
+        first = jnp.where(mine, values[0], first)
+        first_slope = jnp.where(mine, slopes[0], first_slope)
     length = location.length
     # dg/ds of a step that is `length` long in s.
     change = -safe_divide(value, slope).astype(length.dtype) * length
     # Beyond an event at which the field jumps, as where the propellant is used up, the condition
     # may be flat, and no slope leads back: that at the start of the step does. Where the condition
     # itself jumps there is none, and the polynomial has found the place.
-    share = -safe_divide(before, falling)
-    back = (slope == 0.0) & (value * before < 0.0) & (share > 0.0) & (share < 1.0)
+    share = -safe_divide(first, first_slope)
+    back = (slope == 0.0) & (value * first < 0.0) & (share > 0.0) & (share < 1.0)
     change = jnp.where(back, (share.astype(length.dtype) - 1.0) * length, change)
     within = jnp.clip(length + change, 0.0, location.whole)
     change = within - length
