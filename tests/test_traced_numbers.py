@@ -198,7 +198,7 @@ DART = Vehicle(
 
 def launch(samples):
     wind = Wind([0.0, 1e4], [3.0, 3.0], [0.0, 0.0])
-    start = LaunchSite(0.5, 2.0, samples["inclination"], 0.0, wind=wind)
+    start = LaunchSite(2.0, samples["inclination"], latitude=0.5, wind=wind)
     return sounding_flight(
         DART, start, CHUTE, rail_within=1.0, ascent_within=20.0, descent_within=150.0
     )

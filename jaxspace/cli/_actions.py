@@ -113,8 +113,7 @@ def show_list(given: argparse.Namespace) -> int:
     from . import _commands
 
     # Without `settle`, because nothing is computed.
-    del given
-    return _commands.show_list()
+    return _commands.show_list(given.name)
 
 
 def show_schema(given: argparse.Namespace) -> int:

@@ -180,9 +180,9 @@ def budget(path: str, output: str | None, tolerance: str | None, folder: str) ->
     return 0
 
 
-def show_list() -> int:
-    """Print what scene files may name."""
-    print(listing())
+def show_list(name: str = "") -> int:
+    """Print what scene files may name: all of it, or a group or an entry of this `name`."""
+    print(listing(only=name))
     return 0
 
 

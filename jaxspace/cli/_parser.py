@@ -52,6 +52,7 @@ def parser() -> argparse.ArgumentParser:
     _cost_options(commands["cost"])
     _budget_options(commands["budget"])
     _optimize_options(commands["optimize"])
+    _list_options(commands["list"])
     _verify_options(commands["verify"])
     return top
 
@@ -88,6 +89,16 @@ def _failures_options(failures: argparse.ArgumentParser) -> None:
 def _report_options(report: argparse.ArgumentParser) -> None:
     report.add_argument("file", metavar="STORE", help="the store of a dispersion")
     report.add_argument("--out", metavar="DIR", help="where the files go (default: beside STORE)")
+
+
+def _list_options(listed: argparse.ArgumentParser) -> None:
+    listed.add_argument(
+        "name",
+        metavar="NAME",
+        nargs="?",
+        default="",
+        help="of a group, or of something in one, such as vehicle (default: all)",
+    )
 
 
 def _optimize_options(optimize: argparse.ArgumentParser) -> None:

@@ -15,6 +15,7 @@ from ..simulation import Event, Mission, Phase
 from ._checks import Parsed, needed_parts
 from ._control import controlled, end_of_loop
 from ._ends import condition_of
+from ._flight import build_flight
 from ._kinds import Value, Values
 from ._objects import Building, Runs, referred
 from ._output_entries import state_of
@@ -35,6 +36,8 @@ def build_mission(
 
     **Returns** the mission (of a system or a scene, one of a single phase) and the state, which has
     every run on the last axis."""
+    if file.kind == "flight":
+        return build_flight(file, values, runs)
     building = Building(values, file.makers, runs)
     if file.kind == "system":
         system, y0 = build_system(file, values, runs)

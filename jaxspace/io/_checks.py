@@ -23,10 +23,16 @@ CALLS_FOR = {"force": TRANSLATION, "acceleration": TRANSLATION, "torque": ROTATI
 class Parsed:
     """A file whose entries are right by themselves: its kind, values, and ways to make objects."""
 
+    # One of `_form.KINDS`.
     kind: str
     values: Values
     makers: dict[str, Maker]
     catalog: Catalog
+
+    @property
+    def is_mission(self) -> bool:
+        """Whether it is flown in phases."""
+        return self.kind in ("mission", "flight")
 
     def building(self) -> Building:
         """For one run, of the numbers that the file gives."""
@@ -46,8 +52,8 @@ class Parsed:
     @functools.cached_property
     def loses_mass(self) -> bool:
         """Whether an effect changes the mass, which is then a part of the state."""
-        if self.kind == "system":
-            return False
+        if self.kind in ("system", "flight"):
+            return self.kind == "flight"
         building = self.building()
         effects = building.effects(self.active_effects()).values()
         found = read_effects(effects, building.make("body")).effects
@@ -55,6 +61,9 @@ class Parsed:
 
     def parts(self) -> set[str]:
         """The parts of the state that the file gives."""
+        # Behind its rail a rocket is a point under its parachutes, without an attitude.
+        if self.kind == "flight":
+            return set(TRANSLATION)
         initial = self.values["initial"]
         given = {key for key, value in initial.items() if value is not None}
         found = {key for key in given if f"initial.{key}" not in self.makers}
@@ -67,6 +76,8 @@ def check_parsed(file: Parsed) -> list[str]:
     """What does not fit together in the file, one sentence each."""
     # Objects can be built only when what they share is there.
     errors = shared_errors(file) or object_errors(file)
+    if file.kind == "flight":
+        return errors
     if not errors:
         errors = initial_errors(file) if "initial" not in file.makers else []
     times = file.values.get("times")

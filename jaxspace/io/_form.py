@@ -1,9 +1,10 @@
-"""The form of a scene file: which tables there are in each of its three kinds.
+"""The form of a scene file: which tables there are in each of its four kinds.
 
     kind       tables
     system     [system], [planet], [initial], [times]               a system by its name
     scene      [planet], [body], [effects.*], [initial], [times]    a body and what acts on it
     mission    [planet], [body], [effects.*], [initial], [[phase]]  phases, each with its effects
+    flight     [vehicle], [site], [waiting]                         a rocket from rail to ground
 
 Every kind may have [dispersion], [optimize], `format`, `title` and how to integrate: `accuracy`,
 `method`, `max_step`, `max_steps`. What stands in the tables follows from the declarations of the
@@ -24,13 +25,14 @@ from ._catalog import Catalog, part_entries, state_class, state_way
 from ._control import control_kind
 from ._ends import end_kind
 from ._errors import missing, unknown, wrong
+from ._flight import flight_entries
 from ._kinds import Entry, Kind, Maker, Reading, Schema, Value
 from ._objects import function_way
 from ._optimize_table import optimize_table
 from ._table_kinds import AnyTable, Object, Table
 from ._value_kinds import ListOf, Number, OneName, Text, Whole
 
-KINDS = ("system", "scene", "mission")
+KINDS = ("system", "scene", "mission", "flight")
 FORMAT = 1
 """The format of scene files that this version reads. It rises when a file that was right would mean
 something else or be refused; a key that is added leaves it."""
@@ -61,7 +63,8 @@ UNTIL = Table(
 def kind_of(data: Mapping[str, object]) -> str:
     """The kind of a file, from the tables that it has."""
     # No key says the kind: it follows from what the author has written anyway.
-    return "system" if "system" in data else "mission" if "phase" in data else "scene"
+    named = {"system": "system", "vehicle": "flight", "phase": "mission"}
+    return next((kind for key, kind in named.items() if key in data), "scene")
 
 
 def format_error(data: Mapping[str, object]) -> str:
@@ -105,14 +108,17 @@ def form_of(kind: str, catalog: Catalog, system: str = "") -> Table:
         "method": Entry(method_kind(catalog), None, doc="integrator; by default chosen by rules"),
         "max_step": Entry(LONGEST_STEP, None, doc="longest step"),
         "max_steps": Entry(Whole(), None, doc="how many steps a run may take"),
-        "planet": Entry(Table(catalog.shared("planet")), None, doc="what attracts"),
     }
+    planet = {"planet": Entry(Table(catalog.shared("planet")), None, doc="what attracts")}
     dispersion = {
         "dispersion": Entry(_dispersion(), None, doc="what scatters, and what is kept"),
         "optimize": Entry(
             optimize_table(OutputList(), TOLERANCE), None, doc="what is best, and what is free"
         ),
     }
+    if kind == "flight":
+        return Table({**common, **flight_entries(), **dispersion})
+    common |= planet
     if kind == "system":
         # A system is a model with a state of its own: bodies and effects have no place beside it.
         cls = catalog.systems[system]

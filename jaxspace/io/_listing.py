@@ -4,8 +4,10 @@ import re
 from collections.abc import Iterable, Mapping
 
 from ..bodies import BodyState
-from ..core import REQUIRED
+from ..core import REQUIRED, InputError
 from ._catalog import Catalog, catalog
+from ._errors import hint
+from ._flight import CLASSES, flight_kinds
 from ._form import form_of, initial_kind, initial_ways, method_kind
 from ._kinds import Entry, Kind, Schema
 from ._table_kinds import Object, Table
@@ -21,29 +23,59 @@ def schema(also: Iterable[object] = ()) -> Schema:
     known = catalog(also)
     # One form for each system, because the name decides on all other keys.
     systems = [form_of("system", known, name).schema() for name in known.systems]
-    body = [form_of(kind, known).schema() for kind in ("scene", "mission")]
+    body = [form_of(kind, known).schema() for kind in ("scene", "mission", "flight")]
     forms = [*systems, *body]
     return {"$schema": DIALECT, "title": "jaxspace scene file", "anyOf": forms}
 
 
-def listing(also: Iterable[object] = ()) -> str:
+def listing(also: Iterable[object] = (), only: str = "") -> str:
     """What scene files may name: systems, effects, events and so on, with fields and units.
 
-    `also`: as in `load`."""
+    **Arguments**
+
+    - `also`: as in `load`.
+    - `only`: the name of a group, or of something in one, which then is all that is listed.
+
+    **Raises** `InputError` for a name that nothing has."""
     known = catalog(also)
     groups = [
-        ("systems", _classes(known, known.systems, initial=True)),
-        ("bodies", _classes(known, known.bodies)),
-        ("effects", _classes(known, known.effects)),
+        ("flights", _classes({**known.kinds, **flight_kinds()}, CLASSES)),
+        ("systems", _classes(known.kinds, known.systems, known)),
+        ("bodies", _classes(known.kinds, known.bodies)),
+        ("effects", _classes(known.kinds, known.effects)),
         ("initial states of a body", _initials(known)),
-        ("jumps", _classes(known, known.jumps)),
+        ("jumps", _classes(known.kinds, known.jumps)),
         ("events", _events(known) + _times(known)),
         ("outputs", _functions(known.outputs, "output") + _methods(known)),
-        ("controllers", _classes(known, known.controllers)),
-        ("distributions", _classes(known, known.distributions)),
+        ("controllers", _classes(known.kinds, known.controllers)),
+        ("distributions", _classes(known.kinds, known.distributions)),
         ("methods", [f"  {name}" for name in method_names(known)]),
     ]
-    return "\n\n".join("\n".join([name, *lines]) for name, lines in groups)
+    chosen = {name: lines for name, lines in groups} if not only else _only(only, dict(groups))
+    return "\n\n".join("\n".join([name, *lines]) for name, lines in chosen.items())
+
+
+def _only(name: str, groups: Mapping[str, list[str]]) -> dict[str, list[str]]:
+    """The group of a name; or of each group the entries of this name alone, where it has some."""
+    if name in groups:
+        return {name: groups[name]}
+    found: dict[str, list[str]] = {}
+    names = list(groups)
+    for group, lines in groups.items():
+        own = ""
+        for line in lines:
+            # The keys of an entry are further in than its name.
+            if not line.startswith("   "):
+                own = re.split(r"[ :]", line.strip())[0]
+                names.append(own)
+            if own == name:
+                found.setdefault(group, []).append(line)
+    if not found:
+        raise InputError(
+            f"{name} is nothing that a scene file may name: `jaxspace list` shows all of them."
+            f"{hint(name, names)}"
+        )
+    return found
 
 
 def method_names(known: Catalog) -> list[str]:
@@ -56,12 +88,16 @@ def method_names(known: Catalog) -> list[str]:
     return list(dict.fromkeys(names))
 
 
-def _classes(known: Catalog, group: Mapping[str, type], initial: bool = False) -> list[str]:
+def _classes(
+    kinds: Mapping[type, Object], group: Mapping[str, type], known: Catalog | None = None
+) -> list[str]:
+    """The classes of a group with the keys of their tables; with those of their initial states
+    where the catalog is `known`."""
     lines = []
     for name, cls in group.items():
         lines.append(f"  {name}: {first_sentence(cls)}")
-        lines += _ways(known.kinds[cls])
-        if initial:
+        lines += _ways(kinds[cls])
+        if known is not None:
             lines.append(f"    initial: {_keys(initial_kind(known, cls))}")
     return lines
 
@@ -95,7 +131,7 @@ def _functions(group: Mapping[str, object], mark: str) -> list[str]:
 
 
 def _events(known: Catalog) -> list[str]:
-    return _functions(known.events, "event") + _classes(known, known.conditions)
+    return _functions(known.events, "event") + _classes(known.kinds, known.conditions)
 
 
 def _times(known: Catalog) -> list[str]:

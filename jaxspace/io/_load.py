@@ -10,6 +10,7 @@ from ._catalog import Catalog, catalog
 from ._checks import Parsed, check_parsed
 from ._control import control_errors, scatter_errors
 from ._errors import SceneError, unknown
+from ._flight import flight_errors
 from ._form import form, format_error, kind_of
 from ._inputs import read_inputs
 from ._kinds import Reading, Value, Values
@@ -64,6 +65,8 @@ def load(
         raise SceneError(path, reading.errors)
     file = Parsed(kind_of(data), values, reading.makers, known)
     errors = check_parsed(file) + control_errors(file)
+    if file.kind == "flight" and not errors:
+        errors = flight_errors(file)
     inputs = {}
     outputs = ()
     # Traces the vector field, which needs a state without faults.

@@ -8,6 +8,7 @@ from ..core import Quantity
 from ._catalog import OutputFunction, part_quantities, state_class
 from ._checks import Parsed
 from ._errors import hint, unknown, wrong
+from ._flight import phases_of_flight
 from ._kinds import Values
 from ._objects import at
 from ._outputs import FINAL, NOMINAL, SPECIAL, OutputSpec, arguments_of
@@ -108,7 +109,7 @@ def _methods(file: Parsed) -> list[str]:
 def _phases_along(what: str, found: _What, file: Parsed) -> tuple[int, ...]:
     """The numbers of the phases along which an extreme is sought: those in which the effect acts,
     if it is of one. Raises `ValueError` where there are none."""
-    acting = [phase["effects"] for phase in file.values.get("phase", [])]
+    acting = [phase["effects"] for phase in _phases(file)]
     every = range(max(len(acting), 1)) if found.at < 0 else [found.at]
     phases = [k for k in every if not acting or not found.effect or found.effect in acting[k]]
     if not phases:
@@ -136,8 +137,15 @@ def unit_of(spec: OutputSpec, file: Parsed) -> str:
 def _places(file: Parsed, take: str = "") -> dict[str, int]:
     """The places at which an output can be taken: the end, or the end of a phase before its jump;
     an extreme along the whole run, or along a phase."""
-    phases = file.values.get("phase", [])
+    phases = _phases(file)
     return {RUN if take else FINAL: -1, **{phase["name"]: k for k, phase in enumerate(phases)}}
+
+
+def _phases(file: Parsed) -> list[Values]:
+    """The phases of a file, with the effects that can have outputs in each."""
+    if file.kind == "flight":
+        return [{"name": name, "effects": []} for name in phases_of_flight(file)]
+    return file.values.get("phase", [])
 
 
 def state_of(file: Parsed) -> type:
@@ -184,6 +192,8 @@ def _lacking(name: str, function: OutputFunction, file: Parsed) -> list[str]:
         if argument in shared:
             if at(file.values, shared[argument]) is None:
                 found.append(f"{shared[argument]} is missing: the output {name} needs it.")
+        elif argument == "initial" and file.kind == "flight":
+            found.append(f"A flight has no [initial]: the output {name} needs one.")
         elif argument == "body" and file.kind == "system":
             found.append(f"A system has no body: the output {name} needs one.")
         elif argument not in SPECIAL and argument != "mass" and argument not in parts:

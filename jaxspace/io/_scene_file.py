@@ -71,7 +71,7 @@ class SceneFile:
 
     @property
     def kind(self) -> str:
-        """What the file describes: "system", "scene" or "mission"."""
+        """What the file describes: "system", "scene", "mission" or "flight"."""
         return self.parsed.kind
 
     @property
@@ -122,7 +122,7 @@ class SceneFile:
     def system(self) -> AbstractSystem | Mission:
         """The system, the scene or the mission of the nominal run."""
         mission, _ = self._nominal
-        return mission if self.kind == "mission" else mission.phases[0].moving
+        return mission if self.parsed.is_mission else mission.phases[0].moving
 
     @property
     def y0(self) -> State:
@@ -132,7 +132,7 @@ class SceneFile:
     @property
     def ts(self) -> Array:
         """The times of the states asked for, s, (times,); the start of a mission, ()."""
-        if self.kind == "mission":
+        if self.parsed.is_mission:
             return jnp.zeros(())
         times = self.values["times"]
         return jnp.linspace(times["start"], times["end"], times["samples"])
@@ -140,7 +140,7 @@ class SceneFile:
     @property
     def start(self) -> float:
         """The time of the initial state, s."""
-        return 0.0 if self.kind == "mission" else self.values["times"]["start"]
+        return 0.0 if self.parsed.is_mission else self.values["times"]["start"]
 
     @property
     def mission(self) -> Mission:
@@ -162,7 +162,7 @@ class SceneFile:
     def loop(self) -> ClosedLoop | None:
         """What moves under the controller of the file; `None` without [control]."""
         loop = self.mission.phases[0].system
-        return loop if isinstance(loop, ClosedLoop) and self.kind != "mission" else None
+        return loop if isinstance(loop, ClosedLoop) and not self.parsed.is_mission else None
 
     def simulate(
         self,
@@ -313,7 +313,7 @@ class SceneFile:
     def _warn_of_ground(self, run: Trajectory | MissionTrajectory, stacklevel: int) -> None:
         """Warn of a run that passes below the ground of the planet of the file, where no effect
         states it, so that no other warning does."""
-        planet = self.values["planet"] or {}
+        planet = self.values.get("planet") or {}
         mu, radius = planet.get("mu"), planet.get("radius")
         if mu is None or radius is None:
             return
@@ -343,7 +343,8 @@ class SceneFile:
 
     def body(self, values: Values, samples: Mapping[str, Array], runs: int) -> AbstractBody:
         """The body, from the numbers of the file and those of `runs` runs in `samples`."""
-        return self._building(self.replaced(values, samples), Runs(runs)).make("body")
+        building = self._building(self.replaced(values, samples), Runs(runs))
+        return building.make("vehicle").body if self.kind == "flight" else building.make("body")
 
     def effect(
         self, name: str, values: Values, samples: Mapping[str, Array], runs: int

@@ -27,6 +27,7 @@ from ._sounding import Sounding as Sounding
 from ._sounding import read_sounding as read_sounding
 from ._sounding_flight import LaunchSite as LaunchSite
 from ._sounding_flight import Recovery as Recovery
+from ._sounding_flight import flight_phases as flight_phases
 from ._sounding_flight import sounding_flight as sounding_flight
 from ._tabulated_aerodynamics import TabulatedAerodynamics as TabulatedAerodynamics
 from ._uncertain_wind import UncertainWind as UncertainWind

@@ -40,6 +40,7 @@ from ..core import (
     unit,
 )
 from ._dryden_gusts import DrydenGusts
+from ._sounding_file import FASTEST
 
 
 def check_nodes(name: str, nodes: Array, **values: Array) -> None:
@@ -70,8 +71,12 @@ class Wind(AbstractWind):
     eastwards."""
 
     heights: Float[Array, "nodes *#runs"] = quantity("m", doc="above sea level, ascending")
-    east: Float[Array, "nodes *#runs"] = quantity("m/s", doc="towards the east at these heights")
-    north: Float[Array, "nodes *#runs"] = quantity("m/s", doc="towards the north")
+    east: Float[Array, "nodes *#runs"] = quantity(
+        "m/s", low=-FASTEST, high=FASTEST, doc="towards the east at these heights"
+    )
+    north: Float[Array, "nodes *#runs"] = quantity(
+        "m/s", low=-FASTEST, high=FASTEST, doc="towards the north"
+    )
 
     def __check_init__(self):
         check_nodes("Wind.heights", self.heights, east=self.east, north=self.north)

@@ -19,6 +19,7 @@ import equinox as eqx
 import jax.numpy as jnp
 
 from ..bodies import AbstractAtmosphere, AbstractEffect, BodyState
+from ..constants import STANDARD_GRAVITY
 from ..core import (
     AbstractParameters,
     InputError,
@@ -51,12 +52,21 @@ SAMPLES = 32
 class LaunchSite(AbstractParameters):
     """Where and how a sounding rocket is launched."""
 
-    latitude: NumberField = quantity("rad", low=-1.6, high=1.6, doc="geodetic")
     rail_length: NumberField = quantity("m", positive=True, doc="travel on the rail")
     inclination: NumberField = quantity(
         "rad", low=0.0, high=1.6, doc="of the rail above the horizontal"
     )
     heading: NumberField = quantity("rad", default=0.0, doc="of the rail, from north towards east")
+    latitude: OptionalNumberField = quantity(
+        "rad",
+        low=-1.6,
+        high=1.6,
+        optional=True,
+        doc="geodetic; without it gravity is standard and the Earth does not turn",
+    )
+    longitude: OptionalNumberField = quantity(
+        "rad", low=-6.3, high=6.3, optional=True, doc="to the east, for the place of the landing"
+    )
     elevation: NumberField = quantity("m", default=0.0, doc="of the ground above sea level")
     wind: AbstractWind | None = eqx.field(default=None, metadata={"doc": "calm by default"})
     atmosphere: AbstractAtmosphere | None = eqx.field(
@@ -71,7 +81,10 @@ class LaunchSite(AbstractParameters):
         return LocalAir(self.atmosphere, elevation=self.elevation, wind=self.wind, gusts=self.gusts)
 
     def environment(self) -> tuple[AbstractEffect, ...]:
-        """Gravity, and the forces of inertia in axes that turn with the Earth."""
+        """Gravity, and the forces of inertia in axes that turn with the Earth where the latitude is
+        known."""
+        if self.latitude is None:
+            return (GroundGravity(STANDARD_GRAVITY),)
         s, c = jnp.sin(self.latitude), jnp.cos(self.latitude)
         turning = EARTH_RATE * jnp.stack([0.0 * s, c, s])
         return GroundGravity.of_latitude(self.latitude, self.elevation), RotatingFrame(turning)
@@ -96,7 +109,7 @@ class LaunchSite(AbstractParameters):
 class Recovery(AbstractParameters):
     """A parachute: what it drags, and when it opens."""
 
-    drag_area: NumberField = quantity("m^2", non_negative=True, doc="C_D A")
+    drag_area: NumberField = quantity("m^2", positive=True, doc="C_D A")
     lag: OptionalNumberField = quantity(
         "s",
         non_negative=True,
@@ -132,6 +145,16 @@ def as_point(t: Scalar, y: BodyState) -> BodyState:
     """The state without its rotation."""
     del t
     return dataclasses.replace(y, attitude=None, omega=None)
+
+
+def flight_phases(recovery: Sequence[Recovery]) -> list[str]:
+    """The names of the phases of a flight with these parachutes, in their order."""
+    names = ["rail", "ascent"]
+    for number, chute in enumerate(recovery, 1):
+        # By whether it is given and not by its value, which may be another one in every run.
+        names += [] if chute.lag is None else [f"wait {number}"]
+        names.append(f"parachute {number}")
+    return names
 
 
 def sounding_flight(
@@ -175,31 +198,34 @@ def sounding_flight(
                 f"Recovery.height of parachute {number} is None: it must be a height in m, for the "
                 f"apogee triggers the first one alone."
             )
+    names = iter(flight_phases(recovery))
     phases = [
         # A rocket that has not left its rail by the burnout never does.
         Phase(
-            scene(*burning, rail), Event(rail.rail_exit, 1, leaving, samples=SAMPLES), name="rail"
+            scene(*burning, rail),
+            Event(rail.rail_exit, 1, leaving, samples=SAMPLES),
+            name=next(names),
         ),
         Phase(
-            scene(*burning), Event(climb_rate, -1, ascent_within, samples=SAMPLES), name="ascent"
+            scene(*burning),
+            Event(climb_rate, -1, ascent_within, samples=SAMPLES),
+            name=next(names),
         ),
     ]
     flying, last = scene(*gliding, carry=("mass",)), len(recovery) - 1
     for number, chute in enumerate(recovery):
-        name = f"{number + 1}"
         drag = Parachute(chute.drag_area, air=air)
         hanging = scene(drag, carry=("mass",))
         # Under a parachute hangs a point: the rotation ends with the ascent.
         turn = as_point if number == 0 else None
-        # By whether it is given and not by its value, which may be another one in every run.
         if chute.lag is not None:
-            phases.append(Phase(flying, chute.lag, turn, f"wait {name}"))
+            phases.append(Phase(flying, chute.lag, turn, next(names)))
         else:
             phases[-1] = dataclasses.replace(phases[-1], then=turn)
         # The last parachute hangs until the ground, each other one until the next opens.
         below = as_float(0.0) if number == last else recovery[number + 1].height
         phases.append(
-            Phase(hanging, Event(_Above(below), -1, descent_within), name=f"parachute {name}")
+            Phase(hanging, Event(_Above(below), -1, descent_within), name=next(names))
         )
         flying = hanging
     return Mission(phases), _at_rest(vehicle, site)

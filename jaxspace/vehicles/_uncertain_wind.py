@@ -24,6 +24,7 @@ from ..core import NumberField, Scalar, argument, as_float, constructor, quantit
 from ._hermite import cubic, stacked
 from ._local_air import AbstractWind, check_nodes
 from ._random_paths import longitudinal, normal_numbers
+from ._sounding_file import FASTEST
 
 
 @final
@@ -32,8 +33,12 @@ class UncertainWind(AbstractWind):
     one, or all by one `seed` (`of_seed`); with zeros it is the mean wind."""
 
     heights: Float[Array, "nodes *#runs"] = quantity("m", doc="above sea level, ascending")
-    east: Float[Array, "nodes *#runs"] = quantity("m/s", doc="mean towards the east there")
-    north: Float[Array, "nodes *#runs"] = quantity("m/s", doc="mean towards the north")
+    east: Float[Array, "nodes *#runs"] = quantity(
+        "m/s", low=-FASTEST, high=FASTEST, doc="mean towards the east there"
+    )
+    north: Float[Array, "nodes *#runs"] = quantity(
+        "m/s", low=-FASTEST, high=FASTEST, doc="mean towards the north"
+    )
     deviation: Float[Array, "nodes *#runs"] = quantity(
         "m/s", non_negative=True, doc="standard deviation of either component there"
     )

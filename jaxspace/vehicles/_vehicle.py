@@ -9,6 +9,8 @@ The effects of the point read no attitude: a scene of them integrates and compil
 Source: Thomson 7.8 to 7.10, 8.5; Barrowman, 1967.
 """
 
+import dataclasses
+import os
 from collections.abc import Sequence
 from typing import final
 
@@ -19,13 +21,18 @@ import numpy as np
 from ..bodies import AbstractBody, AbstractEffect, BurningBody, PrincipalInertia
 from ..core import (
     AbstractParameters,
+    FileName,
     InputError,
     NumberField,
     OptionalNumberField,
     Scalar,
     Vector,
+    argument,
     as_float,
     as_optional_float,
+    check,
+    constructor,
+    is_concrete,
     quantity,
 )
 from ..rockets import (
@@ -37,6 +44,7 @@ from ..rockets import (
     Motor,
     SteeredThrust,
     Thrust,
+    read_motor,
 )
 from ._aerodynamic_table import AerodynamicTable
 from ._aerodynamics import Aerodynamics
@@ -57,6 +65,7 @@ class Vehicle(AbstractParameters):
     # The checker takes the quantity above for a default.
     drag: MachTable | None = eqx.field(  # pyright: ignore[reportGeneralTypeIssues]
         converter=as_optional_coefficient,
+        default=None,
         metadata={"doc": "coefficient of the drag while the motor burns; `None` with a table"},
     )
     coasting_drag: MachTable | None = eqx.field(
@@ -64,9 +73,11 @@ class Vehicle(AbstractParameters):
         converter=as_optional_coefficient,
         metadata={"doc": "coefficient of the drag after burnout; the same by default"},
     )
-    nose: NoseCone | None = None
-    fins: FinSet | None = None
-    tail: RadiusChange | None = None
+    nose: NoseCone | None = eqx.field(default=None, metadata={"doc": "the nose"})
+    fins: FinSet | None = eqx.field(default=None, metadata={"doc": "the fins"})
+    tail: RadiusChange | None = eqx.field(
+        default=None, metadata={"doc": "a change of the body's radius: a tail or a shoulder"}
+    )
     exit_station: OptionalNumberField = quantity(
         "m", optional=True, doc="z of the nozzle's exit in construction axes, for jet damping"
     )
@@ -77,6 +88,9 @@ class Vehicle(AbstractParameters):
         default=None,
         metadata={"doc": "of all forces of the air; the parts give what it lacks"},
     )
+    axial_factor: NumberField = quantity(
+        "", non_negative=True, default=1.0, doc="multiplies the axial force, to disperse it"
+    )
 
     def __check_init__(self):
         if self.drag is None and self.table is None:
@@ -86,9 +100,46 @@ class Vehicle(AbstractParameters):
             )
 
     @classmethod
+    @constructor(
+        sets=("body", "area"),
+        motor=FileName("of the motor: RASP where its name ends in .eng, else two columns"),
+        radius=argument("m", positive=True, doc="of the tube, for the reference area"),
+        mass=argument("kg", positive=True, doc="of the rocket without its motor"),
+        inertia=argument(
+            "kg m^2", positive=True, shape=(3,), doc="about its centre of mass, principal"
+        ),
+        centre=argument("m", doc="station of its centre of mass"),
+        case_mass=argument("kg", non_negative=True, doc="of the empty motor"),
+        case_station=argument("m", doc="of its centre"),
+        case_inertia=argument(
+            "kg m^2",
+            non_negative=True,
+            shape=(3,),
+            default=(0.0, 0.0, 0.0),
+            doc="about it, principal",
+        ),
+        propellant_station=argument("m", doc="of the centre of the propellant"),
+        grain=argument(
+            "m",
+            non_negative=True,
+            shape=(3,),
+            doc="outer and inner radius, and length of the column of all grains",
+        ),
+        exit_station=argument("m", doc="of the nozzle's exit"),
+        exit_radius=argument("m", non_negative=True, doc="of the nozzle's exit"),
+        propellant_mass=argument(
+            "kg", positive=True, optional=True, doc="by default what the motor's file says"
+        ),
+        tube_length=argument(
+            "m", positive=True, optional=True, doc="of the tube, in which the motor has room"
+        ),
+        impulse_factor=argument(
+            "", positive=True, default=1.0, doc="multiplies the thrust, to disperse it"
+        ),
+    )
     def model_rocket(
         cls,
-        motor: Motor,
+        motor: Motor | str | os.PathLike[str],
         *,
         radius: Scalar,
         mass: Scalar,
@@ -102,6 +153,9 @@ class Vehicle(AbstractParameters):
         exit_station: Scalar,
         exit_radius: Scalar,
         propellant_mass: Scalar | None = None,
+        tube_length: Scalar | None = None,
+        impulse_factor: Scalar = 1.0,
+        axial_factor: Scalar = 1.0,
         drag: MachTable | Scalar | None = None,
         coasting_drag: MachTable | Scalar | None = None,
         table: AerodynamicTable | None = None,
@@ -116,8 +170,8 @@ class Vehicle(AbstractParameters):
 
         **Arguments**
 
-        - `motor`: from `read_motor`; `propellant_mass`, kg, where its file gives none.
-        - `radius`: of the body, m, for the reference area.
+        - `motor`: from `read_motor`, or its file; `propellant_mass`, kg, where that gives none.
+        - `radius`: of the tube, m, for the reference area; `tube_length`, m, where it is known.
         - `mass`, kg, principal `inertia`, kg m^2, (3,), and `centre` of mass, m, of the rocket
           without its motor.
         - `case_mass`, `case_station`, `case_inertia`: of the empty motor, about its own centre.
@@ -127,7 +181,13 @@ class Vehicle(AbstractParameters):
         - `drag`, `coasting_drag`: coefficients of the axial force by the Mach number.
         - `table`: of all forces of the air, in place of `drag`.
         - `nose`, `fins`, `tail`, `table`: with stations from the builder's origin.
+        - `impulse_factor`, `axial_factor`: multiply thrust and axial force, to disperse them.
+
+        **Raises** `InputError` for what `read_motor` refuses, and for a motor that is longer or
+        wider than the tube.
         """
+        motor = motor if isinstance(motor, Motor) else read_motor(motor)
+        _check_room(motor, radius, tube_length, grain)
         mass, case_mass = as_float(mass), as_float(case_mass)
         dry_mass = mass + case_mass
         dry_centre = (mass * centre + case_mass * case_station) / dry_mass
@@ -148,9 +208,16 @@ class Vehicle(AbstractParameters):
             propellant_station - dry_centre,
             as_optional_float(filled),
         )
+        thrust = motor.thrust(propellant_mass)
+        factor = as_float(impulse_factor)
         return cls(
             body=body,
-            motor=motor.thrust(propellant_mass),
+            # The same propellant leaves faster.
+            motor=dataclasses.replace(
+                thrust,
+                mean_thrust=factor * thrust.mean_thrust,
+                exhaust_velocity=factor * thrust.exhaust_velocity,
+            ),
             area=np.pi * as_float(radius) ** 2,
             drag=drag,
             coasting_drag=coasting_drag,
@@ -160,6 +227,7 @@ class Vehicle(AbstractParameters):
             exit_station=exit_station - dry_centre,
             exit_radius=exit_radius,
             table=_shifted(table, "station", dry_centre),
+            axial_factor=axial_factor,
         )
 
     def as_point(
@@ -172,10 +240,10 @@ class Vehicle(AbstractParameters):
         - `air`: about the vehicle.
         - `steering`: of the thrust; without it the motor is off."""
         if steering is None:
-            return (AirDrag(self.area, self._drag(False), air),)
+            return (AirDrag(self._drag_area(), self._drag(False), air),)
         thrust = SteeredThrust.of_thrust(self.motor, steering)
         coasting, burnout = self._coasting(True)
-        drag = AirDrag(self.area, self._drag(True), air, coasting, burnout)
+        drag = AirDrag(self._drag_area(), self._drag(True), air, coasting, burnout)
         return (thrust, drag)
 
     def as_body(
@@ -210,11 +278,15 @@ class Vehicle(AbstractParameters):
         parts = {"nose": self.nose, "fins": self.fins, "tail": self.tail}
         if self.table is not None:
             burnout = self.motor.burnout() if powered else None
-            return TabulatedAerodynamics(self.table, air, burnout, **parts)
+            factor = self.axial_factor
+            return TabulatedAerodynamics(self.table, air, burnout, **parts, axial_factor=factor)
         coasting, burnout = self._coasting(powered)
-        return Aerodynamics(
-            self.area, self._drag(powered), air=air, coasting=coasting, burnout=burnout, **parts
-        )
+        area, drag = self._drag_area(), self._drag(powered)
+        return Aerodynamics(area, drag, air=air, coasting=coasting, burnout=burnout, **parts)
+
+    def _drag_area(self) -> Scalar:
+        """The reference area, m^2, with the factor of the force along the axis."""
+        return self.axial_factor * self.area
 
     def _motor(self, control: AttitudeControl | Gimbal | None) -> AbstractEffect:
         if not isinstance(control, Gimbal):
@@ -238,6 +310,24 @@ class Vehicle(AbstractParameters):
         if not powered or coasting is None:
             return None, None
         return coasting, self.motor.burnout()
+
+
+def _check_room(
+    motor: Motor, radius: Scalar, tube_length: Scalar | None, grain: tuple[Scalar, Scalar, Scalar]
+) -> None:
+    """Raise `InputError` for a motor or a grain that has no room where it belongs, as far as the
+    lengths are known."""
+    length, width = motor.length or 0.0, 0.5 * (motor.diameter or 0.0)
+    if tube_length is not None and is_concrete(tube_length):
+        words = f"at least {length:g} m, the length of the motor {motor.name}"
+        check(tube_length >= length, "Vehicle.tube_length", tube_length, words)
+    if is_concrete(radius):
+        words = f"at least {width:g} m, the radius of the motor {motor.name}"
+        check(radius >= width, "Vehicle.radius", radius, words)
+    if all(is_concrete(x) for x in grain):
+        outer, inner, _ = grain
+        words = "an outer radius above the inner one, and a length, in m"
+        check(outer > inner, "Vehicle.grain", grain, words)
 
 
 def _shifted(part, field: str, origin: Scalar):

@@ -77,7 +77,7 @@ def airs_at(x):
     figures = state.density, air.height(x[:3]), drag.dynamic_pressure(y)
     ground = v.normal_gravity(x[6], x[7]), v.GroundGravity.of_latitude(x[6], x[7]).gravity
     rates = v.descent_rate(*x[8:11], 9.8 + 0.0 * x[0])
-    site = v.LaunchSite(x[6], 5.0, 1.4, 0.3 + x[6])
+    site = v.LaunchSite(5.0, 1.4, 0.3 + x[6], x[6])
     placed = site.direction(), site.attitude().wxyz
     force = v.drag_force(x[3:6], x[10], x[9])
     dry, left = dry_air(280.0 + x[9], 9e4 + x[8]), isothermal_ratio(x[2], 280.0 + x[9])

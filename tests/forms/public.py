@@ -85,7 +85,8 @@ LEFT_OUT: dict[str, list[str]] = {
     """.split(),
     "puts parts together, whose formulas are above": """
         vehicles.Vehicle.* vehicles.LaunchSite.environment vehicles.LaunchSite.air
-        vehicles.sounding_flight rockets.SteeredThrust.of_thrust control.Together*
+        vehicles.sounding_flight vehicles.flight_phases rockets.SteeredThrust.of_thrust
+        control.Together*
         control.with_command
         control.LandingTask* control.RendezvousTask* control.SlewTask*
     """.split(),

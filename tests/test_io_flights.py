@@ -1,0 +1,139 @@
+"""Rockets from their rail to the ground, as scene files give them."""
+
+import re
+import sys
+from pathlib import Path
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import jaxspace
+from jaxspace.cli import main
+from jaxspace.io import SceneError, listing, schema
+
+EXAMPLES = Path(__file__).resolve().parents[1] / "examples"
+sys.path.insert(0, str(EXAMPLES / "model_rockets"))
+
+from rockets import CALISTO, recovery, vehicle
+
+LANDING = EXAMPLES / "scenes" / "landing.toml"
+
+
+@pytest.fixture(scope="module")
+def landing():
+    """The example, loaded once."""
+    return jaxspace.load(LANDING)
+
+
+def test_a_file_gives_the_vehicle_that_python_gives(landing):
+    building = landing.parsed.building()
+    expected, made = vehicle(CALISTO), building.make("vehicle")
+    # The file rounds the mass of the propellant to tenths of a gram.
+    rounded = jax.tree.leaves(expected), jax.tree.leaves(made)
+    for there, here in zip(*rounded, strict=True):
+        np.testing.assert_allclose(here, there, rtol=2e-5)
+    chutes = [building.make(f"vehicle.parachutes.{k}") for k in range(2)]
+    for there, here in zip(recovery(CALISTO), chutes, strict=True):
+        assert jax.tree.leaves(there) == jax.tree.leaves(here)
+
+
+def test_a_factor_of_the_thrust_keeps_the_propellant_and_one_of_the_drag_the_body(landing):
+    building = landing.parsed.building()
+    made = building.make("vehicle", impulse_factor=1.1, axial_factor=1.2)
+    plain = building.make("vehicle")
+    flow = made.motor.mass_rate(jnp.asarray(1.0), 20.0)
+    np.testing.assert_allclose(flow, plain.motor.mass_rate(jnp.asarray(1.0), 20.0), rtol=1e-14)
+    thrust = made.motor.thrust(jnp.asarray(1.0), 20.0)
+    expected = 1.1 * plain.motor.thrust(jnp.asarray(1.0), 20.0)
+    np.testing.assert_allclose(thrust, expected, rtol=1e-14)
+    air = building.make("site").air()
+    areas = [rocket.as_body(air)[1].area for rocket in (made, plain)]
+    np.testing.assert_allclose(areas[0] / areas[1], 1.2, rtol=1e-14)
+
+
+def test_a_file_is_flown_in_the_phases_of_its_parachutes(landing):
+    names = ["rail", "ascent", "wait 1", "parachute 1", "wait 2", "parachute 2"]
+    assert landing.kind == "flight"
+    assert [phase.name for phase in landing.mission.phases] == names
+    # On the rail it rests, and points along it.
+    axis = landing.y0.attitude.rotate(jnp.array([0.0, 0.0, 1.0]))
+    np.testing.assert_allclose(axis, landing.parsed.building().make("site").direction(), atol=1e-15)
+
+
+def changed(tmp_path, *changes):
+    """The example with other words, in a file of its own."""
+    text = LANDING.read_text().replace("../model_rockets", str(EXAMPLES / "model_rockets"))
+    for old, new in changes:
+        assert old in text
+        text = text.replace(old, new, 1)
+    path = tmp_path / "changed.toml"
+    path.write_text(text)
+    return path
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "sentence"),
+    [
+        (
+            'tube_length = "1.915 m"',
+            'tube_length = "50 cm"',
+            "vehicle.tube_length is 0.5: it must be at least 0.757 m, the length of the motor",
+        ),
+        (
+            'radius = "63.5 mm"',
+            'radius = "30 mm"',
+            "vehicle.radius is 0.03: it must be at least 0.0375 m, the radius of the motor",
+        ),
+        ('rail_length = "5.2 m"', "rail_length = 0", "site.rail_length is 0: it must be a positive"),
+        (
+            '"4 m/s", "6 m/s"',
+            '"200 m/s", "6 m/s"',
+            'site.wind.east.1 is "200 m/s": it must be a number at least -150 and at most 150',
+        ),
+        (
+            'height = "800 m"',
+            'height = "20 km"',
+            r"vehicle.parachutes.1.height is 20000.0: it must be below 7\d\d\d m, .* never opens",
+        ),
+        (
+            'height = "800 m"',
+            "",
+            "vehicle.parachutes.1.height is missing: it must be the height of its opening",
+        ),
+        (
+            'drag_area = "10 m^2"',
+            "drag_area = 0",
+            "vehicle.parachutes.1.drag_area is 0: it must be a positive number in m",
+        ),
+        ("m1670.eng", "m1.eng", "vehicle.motor: .*m1.eng cannot be read: No such file"),
+        ('"33 mm", "15 mm"', '"13 mm", "15 mm"', "vehicle.grain is .* an outer radius above"),
+        ("[site.wind]", "[site.wnd]", "site.wnd is not a key that is known: .* Did you mean wind?"),
+        ("[waiting]", "[planet]", "planet is not a key that is known"),
+    ],
+)
+def test_what_cannot_fly_is_a_sentence(old, new, sentence, tmp_path):
+    with pytest.raises(SceneError, match=sentence):
+        jaxspace.load(changed(tmp_path, (old, new)))
+
+
+def test_a_second_parachute_opens_below_the_first(tmp_path):
+    low = ('lag = "1.5 s"\n', 'lag = "1.5 s"\nheight = "500 m"\n')
+    with pytest.raises(SceneError, match=r"height is 800\.0: it must be below 500 m, where"):
+        jaxspace.load(changed(tmp_path, low))
+
+
+def test_listing_and_schema_know_vehicles(capsys):
+    forms = [form["properties"] for form in schema()["anyOf"]]
+    (form,) = [form for form in forms if "vehicle" in form]
+    assert {"vehicle", "site", "waiting", "dispersion"} <= set(form)
+    assert {"motor", "nose", "fins", "tail", "parachutes"} <= set(form["vehicle"]["properties"])
+    assert main(["list", "vehicle"]) == 0
+    shown = capsys.readouterr().out
+    assert re.search(r"^    tube_length \[m\]", shown, re.MULTILINE)
+    assert "parachutes: a list of tables" in shown
+    assert shown.count("\n  vehicle: ") == 1
+    assert listing(only="flights").startswith("flights\n  vehicle: ")
+    assert main(["list", "vehicel"]) == 2
+    assert "Did you mean vehicle?" in capsys.readouterr().err
