@@ -149,8 +149,8 @@ def output(unit: str, **shared: str) -> Callable[[Function], Function]:
     """Declare that a function of a state can be an output of a dispersion.
 
     Its arguments are taken by their names: the parts of a state (`position`, `omega`, ...), the
-    whole state `y`, the time `t`, the `body`, the `initial` state that was intended, the state
-    `nominal` of the nominal run at the same place.
+    whole state `y`, the time `t`, the `body`, the `initial` state that was intended, the state in
+    which the phase `began`, the state `nominal` of the nominal run at the same place.
 
     **Arguments**
 

@@ -12,6 +12,7 @@ from ..core import InputError, extra
 from ..simulation import Status
 from ._contributors import Contributors, contributors
 from ._export import as_dataset, as_frame
+from ._footprint import LANDING, SHARES, Footprint
 from ._limits import Percentile, Probability, clopper_pearson, percentile
 from ._moments import Convergence, Ellipsoid, StopRule, convergence, ellipsoid
 from ._sensitivity import RankCorrelation, rank_correlation
@@ -238,6 +239,18 @@ class Dispersion(eqx.Module):
         """The ellipse or ellipsoid of the named quantities, over the good runs in which all of them
         are finite. Warns where there are other good runs."""
         return ellipsoid(self._finite(*names), probability)
+
+    def footprint(self) -> Footprint | None:
+        """Where the runs land, with ellipses of 50, 90 and 99 %; `None` unless `east` and `north`
+        are outputs of one unit, finite in three good runs or more."""
+        units = {self.units.get(name) for name in LANDING}
+        if not set(LANDING) <= set(self.outputs) or len(units) > 1:
+            return None
+        points = self.together(*LANDING)
+        if points.shape[1] < 3:
+            return None
+        ellipses = tuple(ellipsoid(points, share) for share in SHARES)
+        return Footprint(points, self.units.get(LANDING[0], ""), ellipses)
 
     def convergence(self, name: str, share: float = 0.99) -> Convergence:
         """Convergence of mean, deviation and a percentile of a quantity over the good runs."""

@@ -109,10 +109,7 @@ class Catalog(NamedTuple):
 
     def effect_outputs(self, effect: str) -> dict[str, OutputFunction]:
         """The methods of an effect that are declared as outputs, by name."""
-        cls = self.effects[effect]
-        # Static, because binding a descriptor would run code of the class.
-        every = {name: inspect.getattr_static(cls, name) for name in dir(cls)}
-        return {name: m for name, m in every.items() if isinstance(m, OutputFunction)}
+        return output_methods(self.effects[effect])
 
     def all_known_times(self) -> list[str]:
         """The names of all such times."""
@@ -151,6 +148,13 @@ class Catalog(NamedTuple):
                 # are there.
                 found.setdefault(key, entry._replace(default=None, shared=""))
         return found
+
+
+def output_methods(cls: type) -> dict[str, OutputFunction]:
+    """The methods of a class that are declared as outputs, by name."""
+    # Static, because binding a descriptor would run code of the class.
+    every = {name: inspect.getattr_static(cls, name) for name in dir(cls)}
+    return {name: m for name, m in every.items() if isinstance(m, OutputFunction)}
 
 
 def catalog(also: Iterable[object] = ()) -> Catalog:

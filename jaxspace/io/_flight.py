@@ -24,7 +24,8 @@ from ._objects import Building, Runs, object_kind
 from ._table_kinds import Object, Table
 from ._value_kinds import ListOf, Number
 
-CLASSES = {"vehicle": Vehicle, "parachutes": Recovery, "site": LaunchSite}
+SITE = "site"
+CLASSES = {"vehicle": Vehicle, "parachutes": Recovery, SITE: LaunchSite}
 """What stands in the tables of a flight, by their names."""
 
 

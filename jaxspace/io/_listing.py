@@ -5,9 +5,10 @@ from collections.abc import Iterable, Mapping
 
 from ..bodies import BodyState
 from ..core import REQUIRED, InputError
-from ._catalog import Catalog, catalog
+from ..vehicles import LaunchSite
+from ._catalog import Catalog, catalog, output_methods
 from ._errors import hint
-from ._flight import CLASSES, flight_kinds
+from ._flight import CLASSES, SITE, flight_kinds
 from ._form import form_of, initial_kind, initial_ways, method_kind
 from ._kinds import Entry, Kind, Schema
 from ._table_kinds import Object, Table
@@ -143,10 +144,12 @@ def _times(known: Catalog) -> list[str]:
 
 
 def _methods(known: Catalog) -> list[str]:
+    every = {effect: known.effect_outputs(effect) for effect in known.effects}
+    every[SITE] = output_methods(LaunchSite)
     return [
-        line.replace("  ", f"  {effect}.", 1)
-        for effect in known.effects
-        for line in _functions(known.effect_outputs(effect), "output")
+        line.replace("  ", f"  {owner}.", 1)
+        for owner, methods in every.items()
+        for line in _functions(methods, "output")
     ]
 
 

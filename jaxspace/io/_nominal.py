@@ -9,7 +9,7 @@ import jax.numpy as jnp
 from ..control import LoopRun
 from ..core import State
 from ..simulation import MissionTrajectory, Trajectory
-from ._outputs import Outputs, OutputSpec
+from ._outputs import BEGAN, Outputs, OutputSpec, first_state
 
 
 def outputs_of(
@@ -32,8 +32,13 @@ def outputs_of(
     phases = nominal.phases if isinstance(nominal, MissionTrajectory) else [nominal]
     along = {k for spec in specs for k in spec.phases}
     curves = {k: _with_run((phases[k].ts, phases[k].states)) for k in along}
-    numbers = eqx.filter_jit(lambda o, *given: o.numbers(given[0], given[1], {}, given[2]))(
-        outputs, states, ends, curves
+    began = {
+        spec.at: first_state(_with_run(phases[max(spec.at, 0)].states))
+        for spec in specs
+        if BEGAN in spec.arguments()
+    }
+    numbers = eqx.filter_jit(lambda o, *given: o.numbers(given[0], given[1], {}, *given[2:]))(
+        outputs, states, ends, curves, began
     )
     return {spec.name: (float(numbers[spec.name][0]), spec.unit) for spec in specs}
 

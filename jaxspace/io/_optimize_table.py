@@ -20,7 +20,7 @@ from ._errors import hint, missing, unknown, wrong
 from ._inputs import measures
 from ._kinds import Entry, Kind, Reading, Schema, Value
 from ._output_entries import read_output, unit_of
-from ._outputs import OutputSpec, needs_nominal
+from ._outputs import BEGAN, OutputSpec, needs_nominal
 from ._table_kinds import AnyTable, Table
 from ._units import WrittenUnits, in_unit, read_number
 from ._value_kinds import ListOf, Measure, Number, OneName, Whole
@@ -144,6 +144,8 @@ def _output(key: str, entry: Value, file: Parsed, units: WrittenUnits) -> Output
         raise ValueError(f"{key}.take: a search sees the ends of phases alone, and no extreme.")
     if needs_nominal((spec,)) or "initial" in spec.arguments():
         raise ValueError(f"{key} compares with the nominal run, which the search changes.")
+    if BEGAN in spec.arguments():
+        raise ValueError(f"{key} compares with the start of its phase, which no search sees.")
     return spec
 
 

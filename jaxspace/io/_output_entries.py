@@ -1,20 +1,24 @@
 """What a file asks for as outputs: names of declared functions, methods of effects and paths, with
 where along the run they are taken."""
 
+from collections.abc import Mapping
 from typing import NamedTuple
 
 from ..bodies import BodyState
 from ..core import Quantity
-from ._catalog import OutputFunction, part_quantities, state_class
+from ..vehicles import LaunchSite
+from ._catalog import OutputFunction, output_methods, part_quantities, state_class
 from ._checks import Parsed
 from ._errors import hint, unknown, wrong
-from ._flight import phases_of_flight
+from ._flight import SITE, phases_of_flight
 from ._kinds import Values
 from ._objects import at
 from ._outputs import FINAL, NOMINAL, SPECIAL, OutputSpec, arguments_of
 from ._units import WrittenUnits, in_unit, read_number
 
 RUN = "run"
+ABOUT_A_CENTRE = ("inclination", "radial_speed")
+"""Outputs that say nothing of a flight over flat ground."""
 TAKES = ("greatest", "least", "time_of_greatest", "time_of_least")
 
 
@@ -61,7 +65,9 @@ def read_output(key: str, entry: Values, file: Parsed, units: WrittenUnits) -> O
     except ValueError as error:
         raise ValueError(wrong(f"{key}.unit", unit, str(error))) from None
     plain = name.removeprefix(f"{RUN}.") if what.path else name.removeprefix(f"{what.effect}.")
-    shown_name = entry.get("name", f"{take}_{plain}" if take else name)
+    # There is one site, so that its outputs need no name before theirs.
+    default = f"{take}_{plain}" if take else plain if what.effect == SITE else name
+    shown_name = entry.get("name", default)
     low, high = (_limit(f"{key}.{k}", entry.get(k), si, factor) for k in ("at_least", "at_most"))
     return OutputSpec(
         *(shown_name, what.at, unit, factor, what.function, what.path, shared, (low, high)),
@@ -82,7 +88,7 @@ def _what(key: str, entry: Values, file: Parsed, take: str) -> _What:
         raise ValueError(f"{key} = {name}: an extreme is taken along {RUN}, or along a phase.")
     if dot and head == RUN:
         raise ValueError(f"{key} = {name}: along the whole run there must be take, {_one_of()}.")
-    methods = file.catalog.effect_outputs(head) if head in file.active_effects() else {}
+    methods = _methods_of(head, file)
     if name not in catalog and rest not in methods:
         expected = f"one of {', '.join(catalog)}, or a path such as final.position.0"
         raise ValueError(wrong(key, name, expected) + hint(name, [*catalog, *_methods(file)]))
@@ -103,7 +109,14 @@ def _one_of() -> str:
 
 def _methods(file: Parsed) -> list[str]:
     """The outputs that the effects of the file have."""
-    return [f"{e}.{m}" for e in file.active_effects() for m in file.catalog.effect_outputs(e)]
+    return [f"{e}.{m}" for e in (*file.active_effects(), SITE) for m in _methods_of(e, file)]
+
+
+def _methods_of(name: str, file: Parsed) -> Mapping[str, OutputFunction]:
+    """The outputs of an effect of the file, or of its site."""
+    if name == SITE and file.kind == "flight":
+        return output_methods(LaunchSite)
+    return file.catalog.effect_outputs(name) if name in file.active_effects() else {}
 
 
 def _phases_along(what: str, found: _What, file: Parsed) -> tuple[int, ...]:
@@ -207,9 +220,16 @@ def applicable_outputs(file: Parsed, units: WrittenUnits) -> tuple[OutputSpec, .
     for name, function in file.catalog.outputs.items():
         # For the nominal run itself a comparison with the nominal run is zero, and says nothing.
         compares = {NOMINAL, "initial"} & set(arguments_of(function))
+        # Over flat ground the origin is no centre.
+        compares |= {name} & set(ABOUT_A_CENTRE) if file.kind == "flight" else set()
         if not compares and not _lacking(name, function, file):
             si = function.output.unit
             unit = units.of(name, si)
             shared = tuple(function.output.shared.items())
             found.append(OutputSpec(name, -1, unit, in_unit(si, unit), function, (), shared))
+    for name, function in _methods_of(SITE, file).items():
+        si = function.output.unit
+        unit = units.of(name, si)
+        spec = OutputSpec(name, -1, unit, in_unit(si, unit), function, (), ())
+        found.append(spec._replace(effect=SITE))
     return tuple(found)

@@ -23,7 +23,8 @@ from ._objects import at
 
 FINAL = "final"
 NOMINAL = "nominal"
-SPECIAL = ("self", "y", "t", "body", "initial", NOMINAL)
+BEGAN = "began"
+SPECIAL = ("self", "y", "t", "body", "initial", BEGAN, NOMINAL)
 
 Curves: TypeAlias = Mapping[int, tuple[Array, State]]
 """By the number of a phase its times and states, runs last."""
@@ -94,15 +95,18 @@ class Outputs(eqx.Module):
 
     def __call__(self, result: MissionResult, samples: dict[str, Array]) -> dict[str, Array]:
         states, ends = {-1: result.final}, {-1: result.end}
-        curves = {}
+        began, curves = {}, {}
         for spec in self.specs:
+            if BEGAN in spec.arguments():
+                # That of the whole run is the start of its first phase.
+                began[spec.at] = first_state(result.phases[max(spec.at, 0)].states)
             # Only phases that are asked for: states of the others are not kept by the compiled
             # program.
             if spec.at >= 0:
                 states[spec.at] = last_state(result.phases[spec.at].states)
                 ends[spec.at] = result.phases[spec.at].ts[-1]
             curves |= {k: (result.phases[k].ts, result.phases[k].states) for k in spec.phases}
-        return self.numbers(states, ends, samples, curves)
+        return self.numbers(states, ends, samples, curves, began)
 
     def numbers(
         self,
@@ -110,25 +114,33 @@ class Outputs(eqx.Module):
         ends: dict[int, Array],
         samples: dict[str, Array],
         curves: Curves | None = None,
+        began: dict[int, State] | None = None,
     ) -> dict[str, Array]:
         """The outputs, each (runs,), from the states by phase and the times at their ends, s, and
-        from all states of the phases along which extremes are asked for."""
+        from all states of the phases along which extremes are asked for, and the states in which
+        the phases `began` where an output compares with them."""
         runs = jax.tree.leaves(states[-1])[0].shape[-1]
         found = {}
         for spec in self.specs:
             if spec.take:
-                value = self._extreme(spec, curves or {}, samples, runs)
+                value = self._extreme(spec, curves or {}, samples, runs, began or {})
             else:
-                value = self._value(spec, states[spec.at], ends[spec.at], samples, runs)
+                end = ends[spec.at]
+                value = self._value(spec, states[spec.at], end, samples, runs, began or {})
             # An output of shared numbers alone has no runs, but a column of the store has.
             found[spec.name] = jnp.broadcast_to(spec.factor * value, (runs,))
         return found
 
     def _extreme(
-        self, spec: OutputSpec, curves: Curves, samples: dict[str, Array], runs: int
+        self,
+        spec: OutputSpec,
+        curves: Curves,
+        samples: dict[str, Array],
+        runs: int,
+        began: dict[int, State],
     ) -> Array:
         def one(t: Scalar, y: State) -> Array:
-            return jnp.broadcast_to(self._value(spec, y, t, samples, runs), (runs,))
+            return jnp.broadcast_to(self._value(spec, y, t, samples, runs, began), (runs,))
 
         times = [curves[k][0] for k in spec.phases]
         # Over the times, which lie before the one axis of runs.
@@ -137,7 +149,13 @@ class Outputs(eqx.Module):
         return found.time if spec.take.startswith("time") else found.value
 
     def _value(
-        self, spec: OutputSpec, y: State, t: Scalar, samples: dict[str, Array], runs: int
+        self,
+        spec: OutputSpec,
+        y: State,
+        t: Scalar,
+        samples: dict[str, Array],
+        runs: int,
+        began: dict[int, State],
     ) -> Array:
         """The output of the state `y` at the time `t`."""
         if spec.function is None:
@@ -156,6 +174,8 @@ class Outputs(eqx.Module):
                 arguments[name] = self.file.body(self.values, samples, runs)
             elif name == "initial":
                 arguments[name] = self.file.intended(self.values)
+            elif name == BEGAN:
+                arguments[name] = began[spec.at]
             elif name == NOMINAL:
                 # Shapes are the same, and no output that compares is asked for without a
                 # reference.
@@ -195,6 +215,11 @@ class MoreOutputs(eqx.Module):
 def last_state(states: State) -> State:
     """The state at the last of the times of a phase of a batch, runs last."""
     return jax.tree.map(lambda x: x[..., -1, :], states)
+
+
+def first_state(states: State) -> State:
+    """The state at the first of the times of a phase of a batch, runs last."""
+    return jax.tree.map(lambda x: x[..., 0, :], states)
 
 
 def at_path(y: State, path: tuple[str, ...]) -> Array:

@@ -11,7 +11,7 @@ from jax.typing import ArrayLike
 
 from ..control import LoopRun
 from ..core import InputError, State, aligned, quantities
-from ..dispersion import Contributors, Dispersion
+from ..dispersion import Contributors, Dispersion, bearing, semi_axes
 from ..rotations import Quaternion, to_euler_angles
 from ..simulation import MissionTrajectory, Status, Trajectory
 from ._flown_task import values_of
@@ -212,12 +212,15 @@ def dispersion_report(
     result: Dispersion, nominal: Mapping[str, tuple[float, str]], count: int = 3
 ) -> str:
     """The outputs of a campaign: a table beside their `nominal` values, how often the requirements
-    are violated, the `count` inputs that make most of the variance of each output, and how the runs
-    ended."""
+    are violated, the ellipses of the landings where it has some, the `count` inputs that make most
+    of the variance of each output, and how the runs ended."""
     lines = [dispersion_table(result, nominal)]
     requirements = requirement_table(result)
     if requirements:
         lines.append(f"\nrequirements\n{requirements}")
+    landings = footprint_table(result)
+    if landings:
+        lines.append(f"\nlanding ellipses\n{landings}")
     shares = contributor_lines(result, count)
     if shares:
         lines.append(f"\nshares of the variance\n{shares}")
@@ -248,6 +251,24 @@ def requirement_table(result: Dispersion) -> str:
         count = f"{found.count} of {found.runs}"
         rows.append((name, required, count, share, f"{low} to {high}"))
     return aligned(rows) if len(rows) > 1 else ""
+
+
+def footprint_table(result: Dispersion) -> str:
+    """The ellipses of the landings; empty without landings."""
+    found = result.footprint()
+    if found is None:
+        return ""
+    unit = f" [{found.unit}]" if found.unit else ""
+    heads = ("east", "north", "long semi-axis", "short")
+    rows: list[Row] = [("ellipse", *(f"{x}{unit}" for x in heads), "bearing [deg]", "runs inside")]
+    for ellipse in found.ellipses:
+        size = semi_axes(ellipse)
+        # A hundredth of the short axis is below the sampling error of any campaign that is flown.
+        numbers = (number(x, 0.01 * size[1]) for x in (*ellipse.centre, *size))
+        share = f"{100.0 * ellipse.probability:.3g} %"
+        inside = f"{100.0 * ellipse.inside:.3g} %"
+        rows.append((share, *numbers, f"{bearing(ellipse):.0f}", inside))
+    return aligned(rows)
 
 
 def contributor_lines(result: Dispersion, count: int = 3) -> str:

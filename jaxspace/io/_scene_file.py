@@ -29,6 +29,7 @@ from ..simulation import (
     simulate_mission,
 )
 from ..simulation.either import run_either
+from ..vehicles import LaunchSite
 from ._build import build_mission, build_state, replaced
 from ._checks import Parsed
 from ._inputs import Input, with_given
@@ -348,9 +349,11 @@ class SceneFile:
 
     def effect(
         self, name: str, values: Values, samples: Mapping[str, Array], runs: int
-    ) -> AbstractEffect:
-        """An effect by its name; arguments as of `body`."""
+    ) -> AbstractEffect | LaunchSite:
+        """An effect by its name, or the site of a flight; arguments as of `body`."""
         building = self._building(self.replaced(values, samples), Runs(runs))
+        if self.kind == "flight":
+            return building.make(name)
         return building.effects(self.parsed.active_effects())[name]
 
     def intended(self, values: Values) -> State:

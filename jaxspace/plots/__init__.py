@@ -5,6 +5,8 @@ Plotting libraries are imported on demand."""
 from ._convergence_figure import convergence_figure as convergence_figure
 from ._dispersion_figure import dispersion_figure as dispersion_figure
 from ._dispersion_page import dispersion_page as dispersion_page
+from ._footprint_figure import footprint_figure as footprint_figure
+from ._footprint_figure import wind_rose as wind_rose
 from ._modes_figure import bode_figure as bode_figure
 from ._modes_figure import root_locus_figure as root_locus_figure
 from ._porkchop_figure import porkchop_figure as porkchop_figure

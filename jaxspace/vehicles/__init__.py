@@ -17,6 +17,9 @@ from ._dryden_gusts import DrydenGusts as DrydenGusts
 from ._flexible_stage import FlexibleStage as FlexibleStage
 from ._ground_gravity import GroundGravity as GroundGravity
 from ._ground_gravity import normal_gravity as normal_gravity
+from ._landing import landing as landing
+from ._landing import landing_latitude as landing_latitude
+from ._landing import landing_longitude as landing_longitude
 from ._local_air import AbstractWind as AbstractWind
 from ._local_air import LocalAir as LocalAir
 from ._local_air import Wind as Wind

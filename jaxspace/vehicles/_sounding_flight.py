@@ -28,6 +28,8 @@ from ..core import (
     Scalar,
     Vector,
     as_float,
+    norm,
+    output,
     quantity,
     with_rank,
 )
@@ -80,6 +82,13 @@ class LaunchSite(AbstractParameters):
         """The air over the site: its atmosphere, wind and gusts."""
         return LocalAir(self.atmosphere, elevation=self.elevation, wind=self.wind, gusts=self.gusts)
 
+    def winds(self, top: Scalar, count: int = 100) -> tuple[Scalar, Scalar]:
+        """The wind to the east and to the north, m/s, each (count, *runs), at heights that are
+        evenly spaced from the ground to `top`, m."""
+        height = jnp.linspace(0.0, as_float(top), count)
+        east, north, _ = self.air().velocity(jnp.stack([0.0 * height, 0.0 * height, height]))
+        return east, north
+
     def environment(self) -> tuple[AbstractEffect, ...]:
         """Gravity, and the forces of inertia in axes that turn with the Earth where the latitude is
         known."""
@@ -88,6 +97,26 @@ class LaunchSite(AbstractParameters):
         s, c = jnp.sin(self.latitude), jnp.cos(self.latitude)
         turning = EARTH_RATE * jnp.stack([0.0 * s, c, s])
         return GroundGravity.of_latitude(self.latitude, self.elevation), RotatingFrame(turning)
+
+    @output("m")
+    def east(self, position: Vector) -> Scalar:
+        """How far east of the rail, m."""
+        return position[0]
+
+    @output("m")
+    def north(self, position: Vector) -> Scalar:
+        """How far north of the rail, m."""
+        return position[1]
+
+    @output("m")
+    def distance(self, position: Vector) -> Scalar:
+        """Distance from the rail over the ground, m."""
+        return norm(_level(position))
+
+    @output("m")
+    def drift(self, position: Vector, began: BodyState) -> Scalar:
+        """Way over the ground from the start of the phase to its end, straight, m."""
+        return norm(_level(position - began.position))
 
     def direction(self) -> Vector:
         """The unit vector of the rail, (3, *runs)."""
@@ -103,6 +132,11 @@ class LaunchSite(AbstractParameters):
         # The axis of the tilt lies across the heading: (cos, -sin, 0) turns z towards north for 0.
         a, b = jnp.sin(self.heading), jnp.cos(self.heading)
         return Quaternion(jnp.stack(jnp.broadcast_arrays(c, -s * b, s * a, 0.0 * c)))
+
+
+def _level(way: Vector) -> Vector:
+    """What a way, m, is over the ground."""
+    return way * jnp.reshape(jnp.array([1.0, 1.0, 0.0], way.dtype), (3,) + (1,) * (way.ndim - 1))
 
 
 @final
