@@ -173,7 +173,7 @@ def _fly_and_report(
         with warnings_as_lines():
             table = compare_methods(campaign, result, methods, accuracy=file.accuracy)
         print(f"\nmethods beside these runs\n{comparison_table(table)}\n")
-    keep_pictures(result, file.title, own, os.path.splitext(store)[0])
+    keep_pictures(result, file.title, own, os.path.splitext(store)[0], site=file.site)
     print(f"store  {store}")
     # Single failed runs are part of the result; a campaign of which all failed is none.
     return 0 if result.good.any() else 1

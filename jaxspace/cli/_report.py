@@ -11,6 +11,7 @@ import numpy as np
 from ..core import InputError
 from ..dispersion import Dispersion, Flights, fly, open_store
 from ..io import SceneError, SceneFile, dispersion_report, stored_scene
+from ..vehicles import LaunchSite
 from ._folder import make_folder
 from ._warning_lines import warnings_as_lines
 
@@ -24,13 +25,14 @@ def keep_pictures(
     nominal: Mapping[str, tuple[float, str]],
     start: str,
     flights: Flights | None = None,
+    site: LaunchSite | None = None,
 ) -> None:
-    """Draw the figure and write the page, at paths that begin with `start`; print where.
+    """Draw the figures and write the page, at paths that begin with `start`; print where.
 
     A picture that cannot be drawn costs a line on the error output, and no number."""
     import matplotlib
 
-    from ..plots import dispersion_figure, dispersion_page
+    from ..plots import dispersion_figure, dispersion_page, footprint_figure
 
     if not result.good.any():
         return
@@ -41,11 +43,27 @@ def keep_pictures(
     def figure(path: str) -> None:
         dispersion_figure(result, title=title, nominal=values).savefig(path)
 
+    wind = None if site is None or site.wind is None else site.winds(_top(result))
+
     def page(path: str) -> None:
-        dispersion_page(result, path, title=title, nominal=values, flights=flights)
+        dispersion_page(result, path, title=title, nominal=values, flights=flights, wind=wind)
+
+    def landings(path: str) -> None:
+        there = (values["east"], values["north"]) if {"east", "north"} <= set(values) else None
+        footprint_figure(result, wind=wind, title=title, nominal=there).savefig(path, dpi=150)
 
     _attempt("figure", f"{start}.png", figure)
+    if result.footprint() is not None:
+        _attempt("figure", f"{start}_landings.png", landings)
     _attempt("page", f"{start}.html", page)
+
+
+def _top(result: Dispersion) -> float:
+    """How high the flights rise, m: the mean of an output `apogee`, or 3 km without one."""
+    heights = result.outputs.get("apogee")
+    if heights is None or result.units.get("apogee") != "m":
+        return 3000.0
+    return float(np.mean(heights[result.good]))
 
 
 def report(path: str, folder: str | None) -> int:
@@ -58,9 +76,10 @@ def report(path: str, folder: str | None) -> int:
     make_folder(folder)
     nominal = {}
     flights = None
+    site = None
     title = name
     if file is not None:
-        run = file.nominal_mission()
+        run, site = file.nominal_mission(), file.site
         title, nominal = file.title, file.nominal_outputs(run)
         some = np.arange(min(FLIGHTS, result.runs))
         # A hypercube is made for the runs that were planned, also where there are fewer.
@@ -72,7 +91,7 @@ def report(path: str, folder: str | None) -> int:
             print("No trajectories: inputs of these runs were given in Python.", file=sys.stderr)
     print(dispersion_report(result, nominal))
     start = os.path.join(folder, name)
-    keep_pictures(result, title, nominal, start, flights)
+    keep_pictures(result, title, nominal, start, flights, site)
     _attempt("table", f"{start}.csv", result.to_csv)
     # Parquet needs an extra; the table in CSV is there in any case.
     if importlib.util.find_spec("pyarrow") is not None:

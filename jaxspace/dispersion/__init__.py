@@ -38,8 +38,6 @@ from ._limits import percentile as percentile
 from ._limits import runs_for as runs_for
 from ._lock import StoreError as StoreError
 from ._footprint import Footprint as Footprint
-from ._footprint import bearing as bearing
-from ._footprint import semi_axes as semi_axes
 from ._moments import Convergence as Convergence
 from ._moments import Ellipsoid as Ellipsoid
 from ._moments import StopRule as StopRule

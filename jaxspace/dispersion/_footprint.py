@@ -26,15 +26,28 @@ class Footprint(NamedTuple):
     unit: str
     ellipses: tuple[Ellipsoid, ...]
 
+    def rows(self) -> list[tuple[float, ...]]:
+        """For each ellipse its probability, its centre to the east and to the north, its long and
+        its short semi-axis, the bearing of the long one, deg from north towards east, from 0 to
+        180, and the share of the runs inside."""
+        rows = []
+        for ellipse in self.ellipses:
+            long, short = np.linalg.norm(ellipse.axes, axis=0)
+            east, north = ellipse.axes[:, 0]
+            bearing = np.degrees(np.arctan2(east, north)) % 180.0
+            numbers = (ellipse.probability, *ellipse.centre, long, short, bearing, ellipse.inside)
+            rows.append(tuple(map(float, numbers)))
+        return rows
 
-def semi_axes(ellipse: Ellipsoid) -> tuple[float, float]:
-    """The long and the short semi-axis of an ellipse, in its unit."""
-    long, short = np.linalg.norm(ellipse.axes, axis=0)
-    return float(long), float(short)
-
-
-def bearing(ellipse: Ellipsoid) -> float:
-    """The direction of the long axis of an ellipse of (east, north), deg from north towards east,
-    from 0 to 180."""
-    east, north = ellipse.axes[:, 0]
-    return float(np.degrees(np.arctan2(east, north)) % 180.0)
+    def words(self) -> list[tuple[str, ...]]:
+        """The same as the lines of a table, below their heads; lengths to a hundredth of the short
+        semi-axis, which is less than the sampling error of a campaign."""
+        unit = f" [{self.unit}]" if self.unit else ""
+        heads = ("east", "north", "long semi-axis", "short")
+        lines = [("ellipse", *(f"{x}{unit}" for x in heads), "bearing [deg]", "runs inside")]
+        for share, east, north, long, short, bearing, inside in self.rows():
+            digits = max(0, 2 - int(np.floor(np.log10(short)))) if short > 0.0 else 0
+            lengths = (f"{x:.{digits}f}" for x in (east, north, long, short))
+            ends = (f"{bearing:.0f}", f"{100.0 * inside:.3g} %")
+            lines.append((f"{100.0 * share:.3g} %", *lengths, *ends))
+        return lines

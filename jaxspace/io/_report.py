@@ -11,7 +11,7 @@ from jax.typing import ArrayLike
 
 from ..control import LoopRun
 from ..core import InputError, State, aligned, quantities
-from ..dispersion import Contributors, Dispersion, bearing, semi_axes
+from ..dispersion import Contributors, Dispersion
 from ..rotations import Quaternion, to_euler_angles
 from ..simulation import MissionTrajectory, Status, Trajectory
 from ._flown_task import values_of
@@ -256,19 +256,7 @@ def requirement_table(result: Dispersion) -> str:
 def footprint_table(result: Dispersion) -> str:
     """The ellipses of the landings; empty without landings."""
     found = result.footprint()
-    if found is None:
-        return ""
-    unit = f" [{found.unit}]" if found.unit else ""
-    heads = ("east", "north", "long semi-axis", "short")
-    rows: list[Row] = [("ellipse", *(f"{x}{unit}" for x in heads), "bearing [deg]", "runs inside")]
-    for ellipse in found.ellipses:
-        size = semi_axes(ellipse)
-        # A hundredth of the short axis is below the sampling error of any campaign that is flown.
-        numbers = (number(x, 0.01 * size[1]) for x in (*ellipse.centre, *size))
-        share = f"{100.0 * ellipse.probability:.3g} %"
-        inside = f"{100.0 * ellipse.inside:.3g} %"
-        rows.append((share, *numbers, f"{bearing(ellipse):.0f}", inside))
-    return aligned(rows)
+    return "" if found is None else aligned(found.words())
 
 
 def contributor_lines(result: Dispersion, count: int = 3) -> str:

@@ -32,6 +32,7 @@ from ..simulation.either import run_either
 from ..vehicles import LaunchSite
 from ._build import build_mission, build_state, replaced
 from ._checks import Parsed
+from ._flight import SITE
 from ._inputs import Input, with_given
 from ._joint_inputs import MadeInput
 from ._kinds import Values
@@ -158,6 +159,11 @@ class SceneFile:
     def scenes(self) -> dict[str, Scene]:
         """The scene of every phase, by the name of the phase; empty for a system."""
         return {p.name: p.moving for p in self.mission.phases if isinstance(p.moving, Scene)}
+
+    @functools.cached_property
+    def site(self) -> LaunchSite | None:
+        """Where a flight starts, with its rail and the air above it; `None` for another file."""
+        return self._building(self.values).make(SITE) if self.kind == "flight" else None
 
     @functools.cached_property
     def loop(self) -> ClosedLoop | None:

@@ -64,6 +64,43 @@ function drawScatter() {
   return Plotly.react("scatter", traces, layout(axis(label(a)), axis(label(b))), config());
 }
 
+function drawFootprint() {
+  const f = data.footprint, unit = data.units.east ? ` [${data.units.east}]` : "", d = f.degrees;
+  const [x, y] = [data.points.east, data.points.north];
+  const place = x.map((e, k) => d && e !== null && y[k] !== null
+    ? `<br>${(d[1][0] + d[1][1] * y[k]).toFixed(5)}°, ${(d[0][0] + d[0][1] * e).toFixed(5)}°` : "");
+  const points = { x, y, mode: "markers", name: "landings", customdata: data.numbers, text: place,
+    marker: { size: 4.5, opacity: 0.5, color: colour("--c0") },
+    hovertemplate: "run %{customdata}<br>%{x} east, %{y} north%{text}<extra></extra>" };
+  const rings = f.ellipses.map((e, k) => ({ ...e, mode: "lines", hoverinfo: "skip",
+    line: { color: colour("--c1"), width: 1.8, dash: ["solid", "dash", "dot"][k] } }));
+  const one = (name, at, symbol, tint) => ({ x: [at[0]], y: [at[1]], mode: "markers", name, hoverinfo: "name+x+y",
+    marker: { symbol, size: 12, color: tint, line: { width: 2, color: tint } } });
+  const traces = [points, ...rings, one("rail", [0, 0], "triangle-up", colour("--ink"))];
+  traces.push(...mark("nominal", "east", "north", data.nominal, "diamond-open", colour("--c2")));
+  if (f.radius !== null) {
+    const turn = Array.from({ length: 181 }, (_, k) => (k * Math.PI) / 90);
+    traces.push({ x: turn.map((t) => f.radius * Math.sin(t)), y: turn.map((t) => f.radius * Math.cos(t)), mode: "lines",
+      name: `required: within ${f.radius} ${data.units.east || ""}`, hoverinfo: "skip", line: { color: colour("--bad"), width: 1.4, dash: "longdashdot" } });
+  }
+  // A metre is a metre in both directions.
+  const up = axis(`north of the rail${unit}`, { scaleanchor: "x", scaleratio: 1 });
+  return Plotly.react("footprint", traces, layout(axis(`east of the rail${unit}`), up), config());
+}
+
+function drawRose() {
+  const r = data.rose, tints = ["--soft", "--c0", "--c2", "--c1"], width = 360 / r.shares[0].length;
+  const bars = r.shares.map((row, k) => ({ type: "barpolar", r: row, theta: row.map((_, n) => n * width), width: row.map(() => 0.85 * width),
+    name: r.names[k], marker: { color: colour(tints[k]) }, hovertemplate: `${r.names[k]}: %{r:.1f} %<extra></extra>` }));
+  const line = colour("--line");
+  const polar = { bgcolor: "rgba(0,0,0,0)", radialaxis: { gridcolor: line, ticksuffix: " %", angle: 22.5, nticks: 4 },
+    angularaxis: { direction: "clockwise", rotation: 90, gridcolor: line, tickvals: [0, 45, 90, 135, 180, 225, 270, 315],
+      ticktext: ["N", "NE", "E", "SE", "S", "SW", "W", "NW"] } };
+  const title = { text: "Wind by height: from where", font: { size: 13 }, x: 0.5 };
+  return Plotly.react("rose", bars, layout(undefined, undefined, { polar, title, margin: { l: 40, r: 40, t: 70, b: 30 },
+    legend: { orientation: "h", y: -0.12, x: 0.5, xanchor: "center" } }), config());
+}
+
 function upright(x, top, name, tint, dash) {
   return { x: [x, x], y: [0, top], mode: "lines", name, line: { color: tint, width: 1.8, dash } };
 }
@@ -167,7 +204,7 @@ function drawTime() {
   return Plotly.react("time", traces, layout(axis("s"), axis("", { showticklabels: false }), { barmode: "stack", legend: { ...layout().legend, traceorder: "normal" } }), config());
 }
 
-const drawings = { scatter: drawScatter, histogram: drawHistogram, contributors: drawContributors,
+const drawings = { footprint: drawFootprint, rose: drawRose, scatter: drawScatter, histogram: drawHistogram, contributors: drawContributors,
   convergence: drawConvergence, matrix: drawMatrix, trajectories: drawTrajectories, time: drawTime };
 
 async function drawAll() {

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..core import extra
 from ._dispersion_figure import heading
@@ -32,13 +33,15 @@ def dispersion_page(
     title: str = "Dispersion",
     nominal: Mapping[str, float] | None = None,
     flights: "Flights | None" = None,
+    wind: tuple[ArrayLike, ArrayLike] | None = None,
 ) -> Path:
     """Write a page of a campaign: its card, tables and interactive plots, light or dark.
 
     It holds the outputs beside their nominal values and limits, a scatter plot of any two
     quantities with the ellipse of 99 %, histograms, a scatter matrix, the largest contributors to
-    each output, convergence, failures, the time budget, and trajectories. Of a million runs the
-    plots show bins and 2000 points: the file stays below 5 MB.
+    each output, convergence, failures, the time budget, and trajectories; where the runs land, too,
+    if `east` and `north` are outputs. Of a million runs the plots show bins and 2000 points: the
+    file stays below 5 MB.
 
     **Arguments**
 
@@ -48,16 +51,19 @@ def dispersion_page(
     - `title`: of the page.
     - `nominal`: the outputs of the nominal run, in the units of the dispersion.
     - `flights`: some runs in full (`jaxspace.dispersion.fly`).
+    - `wind`: components to the east and to the north, m/s, for a rose beside the landings, as
+      `LaunchSite.winds` gives them.
 
     **Returns** the path.
     """
     nominal = {} if nominal is None else nominal
-    data = page_data(dispersion, nominal, count, flights)
+    data = page_data(dispersion, nominal, count, flights, wind)
     body = [
         f"<h1>{escape(title)}</h1>",
         f'<p class="note">{escape(heading(dispersion))}.</p>',
         _card(dispersion),
         _section("Outputs", _table(dispersion, nominal)),
+        *_landings(dispersion, data),
         *_plots(dispersion, data),
         _section("Failures", _failures(dispersion)),
         _section("Time", *_time(dispersion, data)),
@@ -216,6 +222,28 @@ def _plots(dispersion: "Dispersion", data: dict[str, Any]) -> list[str]:
     if data["trajectories"] is not None:
         parts.append(_section("Trajectories", _plot("trajectories", "tall")))
     return parts
+
+
+def _landings(dispersion: "Dispersion", data: dict[str, Any]) -> list[str]:
+    """The section of the footprint, with the rose of the wind beside it."""
+    found = dispersion.footprint()
+    if found is None:
+        return []
+    head, *rows = found.words()
+    table = [_cells(list(head), "th", 1), *(_cells(list(row), text=1) for row in rows)]
+    beside = "" if data["rose"] is None else _plot("rose")
+    place = " Pointing at a run shows its latitude and longitude." * bool(
+        data["footprint"]["degrees"]
+    )
+    words = "The rail is the origin. The ellipses are those of normal distributions."
+    return [
+        _section(
+            "Landings",
+            f'<div class="beside">{_plot("footprint", "tall")}{beside}</div>',
+            f'<div class="wide"><table>{"".join(table)}</table></div>',
+            f'<p class="note">{words}{place}</p>',
+        )
+    ]
 
 
 def _time(dispersion: "Dispersion", data: dict[str, Any]) -> list[str]:

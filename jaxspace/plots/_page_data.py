@@ -1,13 +1,16 @@
 """The numbers of a dispersion that its page draws: binned and thinned, so that the page of a
 million runs is no larger than that of a thousand."""
 
+import itertools
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ._bins import bins
 from ._dispersion_figure import chosen_pair, contributors_or_none, explained, shown, summary
+from ._footprint_figure import degrees_by_length, required_radius, wind_rose
 
 if TYPE_CHECKING:
     from ..dispersion import Dispersion, Flights, Row
@@ -25,6 +28,7 @@ def page_data(
     nominal: Mapping[str, float],
     count: int,
     flights: "Flights | None",
+    wind: tuple[ArrayLike, ArrayLike] | None = None,
 ) -> dict[str, Any]:
     """What the script of the page is given: points, bins, contributors, convergence, times."""
     outputs = list(dispersion.outputs)
@@ -55,7 +59,36 @@ def page_data(
         "matrix": [n for n, h in histograms.items() if h and len(h["counts"]) > 1][:MOST_OUTPUTS],
         "time": time_budget(dispersion),
         "trajectories": _paths(flights),
+        "footprint": _footprint(dispersion),
+        "rose": None if wind is None else _rose(*wind),
     }
+
+
+def _footprint(dispersion: "Dispersion") -> dict[str, Any] | None:
+    """The ellipses of the landings and what stands about them; the points are among the others."""
+    found = dispersion.footprint()
+    if found is None:
+        return None
+    return {
+        "ellipses": [
+            {
+                "x": np.round(ellipse.outline()[0], 3).tolist(),
+                "y": np.round(ellipse.outline()[1], 3).tolist(),
+                "name": f"ellipse of {100.0 * ellipse.probability:.3g} % "
+                f"({100.0 * ellipse.inside:.3g} % of the runs)",
+            }
+            for ellipse in found.ellipses
+        ],
+        "radius": required_radius(dispersion),
+        "degrees": degrees_by_length(dispersion),
+    }
+
+
+def _rose(east: ArrayLike, north: ArrayLike) -> dict[str, Any]:
+    """The bars of the rose of the wind, in percent, and the names of their classes."""
+    shares, edges = wind_rose(east, north)
+    names = [f"{low:g} to {high:g} m/s" for low, high in itertools.pairwise(edges)]
+    return {"names": names, "shares": np.round(100.0 * shares, 3).tolist()}
 
 
 def time_budget(dispersion: "Dispersion") -> dict[str, float]:
