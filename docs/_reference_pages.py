@@ -118,7 +118,7 @@ def scene_files() -> str:
 
 
 def _tables(schema: dict) -> str:
-    """What stands at the top of a file, and in the tables of the three kinds of files."""
+    """What stands at the top of a file, and in the tables of the four kinds of files."""
     forms = schema["anyOf"]
     rows = {}
     for form in forms:
@@ -126,7 +126,7 @@ def _tables(schema: dict) -> str:
             kinds = rows.setdefault(key, (_meaning(entry), []))[1]
             kinds += [kind for kind in [_kind(form)] if kind not in kinds]
     lines = [
-        f"| `{key}` | {meaning} | {', '.join(kinds) if len(kinds) < 3 else 'all'} |"
+        f"| `{key}` | {meaning} | {', '.join(kinds) if len(kinds) < 4 else 'all'} |"
         for key, (meaning, kinds) in rows.items()
     ]
     return "\n".join(
@@ -137,7 +137,7 @@ def _tables(schema: dict) -> str:
 def _fixed_tables(schema: dict) -> list[str]:
     """The keys of the tables that are the same in every file."""
     parts = []
-    for name in ("planet", "times", "phase", "dispersion"):
+    for name in ("planet", "times", "phase", "waiting", "dispersion"):
         form = next(f for f in schema["anyOf"] if name in f["properties"])
         entry = form["properties"][name]
         # A phase is one of a list of tables.
@@ -171,6 +171,8 @@ def _kind(form: dict) -> str:
     return (
         "system"
         if "system" in keys
+        else "flight"
+        if "vehicle" in keys
         else "mission"
         if "phase" in keys
         else "scene"

@@ -31,10 +31,16 @@ def test_a_copy_is_the_scene_and_needs_nothing_beside_it(tmp_path, monkeypatch, 
     assert Path("kick_stage.toml").read_text() == (scenes() / "kick_stage.toml").read_text()
     assert main(["new", "top", "mine.toml"]) == 0
     assert jaxspace.load("mine.toml").title == "A heavy top"
-    # A scene that names a file would need it beside its copy, which `new` does not make.
+    # What a scene names is copied with it.
+    assert main(["new", "landing"]) == 0
+    assert "file   cesaroni_m1670.eng" in capsys.readouterr().out
+    copied = jaxspace.load("landing.toml")
+    assert list(copied.files.texts) == ["cesaroni_m1670.eng"]
+    # Any other file that a scene names would be missed.
     for name in NAMES:
         text = (scenes() / f"{name}.toml").read_text()
-        assert not re.search(r"_file *=", text), name
+        named = set(re.findall(r'"([^"]*\.\w{3})"', text))
+        assert all(file.endswith((".eng", ".csv")) for file in named), name
 
 
 @pytest.mark.parametrize(

@@ -11,13 +11,18 @@ import numpy as np
 import pytest
 
 import jaxspace
+from jaxspace.bodies import BodyState
 from jaxspace.cli import main
 from jaxspace.io import SceneError, listing, schema
+from jaxspace.io._outputs import Outputs
+from jaxspace.scene import Scene
+from jaxspace.simulation import Mission, Status, simulate_mission_batch
+from jaxspace.vehicles import landing_latitude, landing_longitude
 
 EXAMPLES = Path(__file__).resolve().parents[1] / "examples"
 sys.path.insert(0, str(EXAMPLES / "model_rockets"))
 
-from rockets import CALISTO, recovery, vehicle
+from rockets import CALISTO, recovery, vehicle  # noqa: E402
 
 LANDING = EXAMPLES / "scenes" / "landing.toml"
 
@@ -86,14 +91,18 @@ def changed(tmp_path, *changes):
             "vehicle.tube_length is 0.5: it must be at least 0.757 m, the length of the motor",
         ),
         (
-            'radius = "63.5 mm"',
+            'radius = "0.0635 m"',
             'radius = "30 mm"',
             "vehicle.radius is 0.03: it must be at least 0.0375 m, the radius of the motor",
         ),
-        ('rail_length = "5.2 m"', "rail_length = 0", "site.rail_length is 0: it must be a positive"),
         (
-            '"4 m/s", "6 m/s"',
-            '"200 m/s", "6 m/s"',
+            'rail_length = "5.2 m"',
+            "rail_length = 0",
+            "site.rail_length is 0: it must be a positive",
+        ),
+        (
+            '"3 m/s", "6 m/s"',
+            '"3 m/s", "200 m/s"',
             'site.wind.east.1 is "200 m/s": it must be a number at least -150 and at most 150',
         ),
         (
@@ -141,3 +150,68 @@ def test_listing_and_schema_know_vehicles(capsys):
     assert listing(only="flights").startswith("flights\n  vehicle: ")
     assert main(["list", "vehicel"]) == 2
     assert "Did you mean vehicle?" in capsys.readouterr().err
+
+
+def test_many_flights_are_built_at_once(landing):
+    scatter = {"vehicle.axial_factor": jnp.array([1.0, 1.1]), "site.inclination": jnp.ones(2)}
+    mission, y0 = landing.build(scatter)
+    assert y0.position.shape == (3, 2)
+    assert y0.attitude.wxyz.shape == (4, 2)
+    np.testing.assert_allclose(mission.phases[1].moving.effects[3].area[1], 1.1 * np.pi * 0.0635**2)
+    # Where nothing of the start scatters, every run has it all the same.
+    _, y0 = landing.build({"vehicle.parachutes.1.drag_area": jnp.array([9.0, 10.0])})
+    assert {x.shape[-1] for x in jax.tree.leaves(y0)} == {2}
+
+
+def test_outputs_of_a_landing_are_those_of_its_place(landing):
+    assert [spec.name for spec in landing.outputs][:3] == ["east", "north", "distance"]
+    began = BodyState(jnp.array([[100.0, 0.0], [0.0, 0.0], [800.0, 800.0]]), jnp.zeros((3, 2)))
+    end = BodyState(jnp.array([[400.0, 3.0], [-400.0, 4.0], [0.0, 0.0]]), 2.0 * jnp.ones((3, 2)))
+    places = range(-1, 6)
+    numbers = Outputs(landing, landing.outputs, landing.replaced(landing.values, {}), None).numbers(
+        dict.fromkeys(places, end),
+        dict.fromkeys(places, jnp.ones(2)),
+        {},
+        {},
+        {1: began, 3: end, 5: began},
+    )
+    np.testing.assert_allclose(numbers["east"], [400.0, 3.0])
+    np.testing.assert_allclose(numbers["distance"], [400.0 * np.sqrt(2.0), 5.0], rtol=1e-14)
+    np.testing.assert_allclose(numbers["drift_of_the_ascent"], [500.0, 5.0], rtol=1e-14)
+    # A run that stays where it was has drifted nowhere.
+    np.testing.assert_array_equal(numbers["drift_under_the_drogue"], [0.0, 0.0])
+    np.testing.assert_allclose(numbers["impact_speed"], np.sqrt(12.0), rtol=1e-14)
+
+
+def test_latitude_and_longitude_are_those_of_geodesics():
+    """Against the radii of curvature of the ellipsoid, WGS 84."""
+    latitude, longitude, height = np.radians(32.99), np.radians(-106.97), 1400.0
+    e2 = 0.00669437999014
+    w2 = 1.0 - e2 * np.sin(latitude) ** 2
+    meridian = 6378137.0 * (1.0 - e2) / w2**1.5 + height
+    normal = 6378137.0 / np.sqrt(w2) + height
+    there = jnp.array([[0.0, 1000.0, 0.0], [0.0, 0.0, 1000.0], [0.0, 0.0, 0.0]])
+    found = landing_latitude(there, latitude, longitude, height)
+    # Of second order: a square over twice the radius, some 1e-8 rad.
+    np.testing.assert_allclose(found - latitude, [0.0, 0.0, 1000.0 / meridian], atol=2e-8)
+    found = landing_longitude(there, latitude, longitude, height)
+    expected = [0.0, 1000.0 / (normal * np.cos(latitude)), 0.0]
+    np.testing.assert_allclose(found - longitude, expected, atol=2e-8)
+
+
+def test_a_flight_that_never_leaves_its_rail_marks_its_own_row(landing):
+    # Full thrust, thrust below the weight, and a burnout on a rail that is long enough.
+    factors = {"vehicle.impulse_factor": jnp.array([1.0, 0.08, 0.25])}
+    mission, y0 = landing.build({**factors, "site.rail_length": jnp.array([5.2, 5.2, 130.0])})
+    phase = mission.phases[0]
+    # Gravity, thrust and rail: what else acts is no matter here, and would be compiled.
+    scene = phase.moving
+    scene = Scene([scene.effects[k] for k in (0, 2, -1)], scene.body, scene.carry)
+    rail = Mission([dataclasses.replace(phase, system=scene)])
+    run = simulate_mission_batch(rail, y0, 0.0, accuracy=1e-6, num_saved=2, throw=False)
+    good = [Status(int(status)).good for status in run.status]
+    assert good == [True, False, True]
+    assert float(run.end[2]) > 3.9
+    np.testing.assert_allclose(
+        jnp.linalg.norm(run.final.position[:, jnp.array([0, 2])], axis=0), [5.2, 130.0], rtol=1e-9
+    )

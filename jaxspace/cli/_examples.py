@@ -1,5 +1,6 @@
 """The example scenes: which there are for which goal, and a copy of one to begin with."""
 
+import re
 import shutil
 import tomllib
 from pathlib import Path
@@ -7,7 +8,7 @@ from pathlib import Path
 from ..core import InputError
 
 GOALS: dict[str, tuple[str, ...]] = {
-    "scatter a mission and see what comes of it": ("kick_stage", "intercept"),
+    "scatter a mission and see what comes of it": ("kick_stage", "landing", "intercept"),
     "fly a rocket to orbit": ("launch", "pad_to_orbit", "gravity_turn"),
     "follow an orbit": (
         "two_body",
@@ -67,7 +68,8 @@ def show_examples() -> int:
 
 
 def new(name: str, path: str | None) -> int:
-    """Copy a scene to `path`, by default NAME.toml in the folder where the command is given.
+    """Copy a scene to `path`, by default NAME.toml in the folder where the command is given, and
+    the files that it names beside it.
 
     **Raises** `InputError` for an unknown name, and where there is a file already."""
     names = [name for group in GOALS.values() for name in group]
@@ -76,13 +78,29 @@ def new(name: str, path: str | None) -> int:
             f"{name} is no example: `jaxspace examples` lists them.{InputError.hint(name, names)}"
         )
     target = Path(f"{name}.toml" if path is None else path)
-    if target.exists():
-        raise InputError(f"{target} is there already: give another path, which must be new.")
-    shutil.copyfile(scenes() / f"{name}.toml", target)
-    print(f"file   {target}")
+    text = (scenes() / f"{name}.toml").read_text(encoding="utf-8")
+    # Each by its name alone: the copies lie beside one another.
+    beside = {named: target.parent / Path(named).name for named in _named_files(text)}
+    for path_there in (target, *beside.values()):
+        if path_there.exists():
+            raise InputError(
+                f"{path_there} is there already: give another path, which must be new."
+            )
+    for named, copy in beside.items():
+        text = text.replace(f'"{named}"', f'"{copy.name}"')
+        shutil.copyfile(scenes() / named, copy)
+    target.write_text(text, encoding="utf-8")
+    for copy in (target, *beside.values()):
+        print(f"file   {copy}")
     for command in ("run", *_made_for(target)):
         print(f"jaxspace {command} {target}")
     return 0
+
+
+def _named_files(text: str) -> list[str]:
+    """The files that a scene names, relative to the folder of the scenes."""
+    found = re.findall(r'"([^"\n]+\.(?:eng|csv))"', text)
+    return list(dict.fromkeys(found))
 
 
 def _made_for(path: Path) -> list[str]:

@@ -37,7 +37,7 @@ def flight_entries() -> dict[str, Entry]:
         return Entry(Number(argument("s", positive=True, fixed=True, doc=doc)), default, doc=doc)
 
     longest = {
-        "rail": waiting(None, "for the end of the rail; by default the burn time"),
+        "rail": waiting(None, "for the end of the rail; by default as long as it can last"),
         "ascent": waiting(300.0, "for the apogee"),
         "descent": waiting(2000.0, "for the next parachute, or the ground"),
     }
@@ -83,9 +83,7 @@ def build_flight(file: Parsed, values: Values, runs: Runs) -> tuple[Mission, Bod
     # Where only parachutes and air scatter, all runs start alike.
     shared = jnp.ndim(y0.mass) == 0
     batch = jax.tree.map(lambda x: x[..., None], y0) if shared else y0
-    return mission, jax.tree.map(
-        lambda x: jnp.broadcast_to(x, (*x.shape[:-1], runs.count)), batch
-    )
+    return mission, jax.tree.map(lambda x: jnp.broadcast_to(x, (*x.shape[:-1], runs.count)), batch)
 
 
 def flight_errors(file: Parsed) -> list[str]:

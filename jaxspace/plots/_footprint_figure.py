@@ -82,7 +82,9 @@ def footprint_figure(
         )
     figure = Figure(figsize=(8.0 if wind is None else 11.0, 6.2), layout="constrained")
     figure.suptitle(title or "Landings", fontsize=12, fontweight="bold", x=0.01, ha="left")
-    grid = figure.add_gridspec(1, 1 if wind is None else 2, width_ratios=[2.4, 1.0][: 1 + bool(wind)])
+    grid = figure.add_gridspec(
+        1, 1 if wind is None else 2, width_ratios=[2.4, 1.0][: 1 + bool(wind)]
+    )
     axes = figure.add_subplot(grid[0, 0])
     _footprint(axes, dispersion, found, nominal)
     if wind is not None:
@@ -125,9 +127,7 @@ def _footprint(
     # A metre is a metre in both directions.
     axes.set_aspect("equal", adjustable="datalim")
     _geography(axes, dispersion)
-    axes.legend(
-        fontsize=8, loc="upper left", bbox_to_anchor=(0.0, -0.13), ncols=2, frameon=False
-    )
+    axes.legend(fontsize=8, loc="upper left", bbox_to_anchor=(0.0, -0.13), ncols=2, frameon=False)
 
 
 def required_radius(dispersion: "Dispersion") -> float | None:

@@ -41,9 +41,7 @@ def landing_longitude(
     return _place(position, latitude, longitude, elevation).longitude
 
 
-def _place(
-    position: Vector, latitude: Scalar, longitude: Scalar, elevation: Scalar
-) -> GroundPoint:
+def _place(position: Vector, latitude: Scalar, longitude: Scalar, elevation: Scalar) -> GroundPoint:
     site = GroundPoint(as_float(latitude), as_float(longitude), as_float(elevation))
     foot = position_of(site, as_float(0.0), RADIUS_EARTH, FLATTENING)
     s, c = jnp.sin(site.latitude), jnp.cos(site.latitude)

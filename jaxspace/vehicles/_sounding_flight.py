@@ -209,9 +209,9 @@ def sounding_flight(
     - `recovery`: the parachutes in the order of their opening, the first at the apogee; without
       one the mission ends at the apogee.
     - `rail_within`, `ascent_within`, `descent_within`: the longest times to wait for the end of the
-      rail (by default the burn time), for the apogee, and for the next parachute or the ground, s.
-      The search for an event samples all of that time: a narrow limit
-      is a fast run.
+      rail (by default as long as a rocket may take that leaves it at all), for the apogee, and for
+      the next parachute or the ground, s. The search for an event samples all of that time: a
+      narrow limit is a fast run.
 
     **Returns** the mission, with the phases "rail", "ascent" and for each parachute "wait", if it
     has a lag, and "parachute", numbered; and the state at ignition, of every run.
@@ -225,7 +225,7 @@ def sounding_flight(
 
     rail = Rail(site.direction(), site.rail_length)
     burning, gliding = vehicle.as_body(air), vehicle.as_body(air, powered=False)
-    leaving = jnp.max(vehicle.motor.burnout()) if rail_within is None else as_float(rail_within)
+    leaving = _longest_on_rail(vehicle, site) if rail_within is None else as_float(rail_within)
     for number, chute in enumerate(recovery[1:], 2):
         if chute.height is None:
             raise InputError(
@@ -234,7 +234,6 @@ def sounding_flight(
             )
     names = iter(flight_phases(recovery))
     phases = [
-        # A rocket that has not left its rail by the burnout never does.
         Phase(
             scene(*burning, rail),
             Event(rail.rail_exit, 1, leaving, samples=SAMPLES),
@@ -258,11 +257,17 @@ def sounding_flight(
             phases[-1] = dataclasses.replace(phases[-1], then=turn)
         # The last parachute hangs until the ground, each other one until the next opens.
         below = as_float(0.0) if number == last else recovery[number + 1].height
-        phases.append(
-            Phase(hanging, Event(_Above(below), -1, descent_within), name=next(names))
-        )
+        phases.append(Phase(hanging, Event(_Above(below), -1, descent_within), name=next(names)))
         flying = hanging
     return Mission(phases), _at_rest(vehicle, site)
+
+
+def _longest_on_rail(vehicle: Vehicle, site: LaunchSite) -> Scalar:
+    """The time, s, after which no rocket leaves its rail: behind the burnout that of a climb which
+    just comes to rest at the end, L = g sin(i) t^2/2, taken for 6 deg on a flatter rail."""
+    slope = jnp.maximum(jnp.sin(site.inclination), 0.1)
+    coast = jnp.sqrt(2.0 * site.rail_length / (STANDARD_GRAVITY * slope))
+    return jnp.max(vehicle.motor.burnout() + coast)
 
 
 def _at_rest(vehicle: Vehicle, site: LaunchSite) -> BodyState:
