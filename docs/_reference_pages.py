@@ -269,8 +269,9 @@ A scene file is TOML. [Write a scene file](../howto/writing_scene_files.md) expl
 this page lists what it may hold. `jaxspace list` prints the same, `jaxspace schema` writes it for
 editors.
 
-A file is one of three kinds. A *system* names one system in `[system]`. A *scene* puts a body and
-effects together. A *mission* has `[[phase]]` tables. Numbers are in SI, or text with a unit."""
+A file is one of four kinds. A *system* names one system in `[system]`. A *scene* puts a body and
+effects together. A *mission* has `[[phase]]` tables. A *flight* takes a rocket, its `[vehicle]`,
+from its rail to the ground. Numbers are in SI, or text with a unit."""
 
 HARD_CASES = """\
 # Hard cases
