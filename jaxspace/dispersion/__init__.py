@@ -30,6 +30,7 @@ from ._extremes import greatest as greatest
 from ._extremes import least as least
 from ._flights import Flights as Flights
 from ._flights import fly as fly
+from ._footprint import Footprint as Footprint
 from ._joint import AbstractJoint as AbstractJoint
 from ._limits import Percentile as Percentile
 from ._limits import Probability as Probability
@@ -37,7 +38,6 @@ from ._limits import clopper_pearson as clopper_pearson
 from ._limits import percentile as percentile
 from ._limits import runs_for as runs_for
 from ._lock import StoreError as StoreError
-from ._footprint import Footprint as Footprint
 from ._moments import Convergence as Convergence
 from ._moments import Ellipsoid as Ellipsoid
 from ._moments import StopRule as StopRule
