@@ -13,7 +13,6 @@ import jax
 import jax.numpy as jnp
 
 from ..bodies import BodyState
-from ..constants import STANDARD_GRAVITY
 from ..core import argument
 from ..simulation import Mission
 from ..vehicles import LaunchSite, Recovery, Vehicle, flight_phases, sounding_flight
@@ -90,7 +89,7 @@ def flight_errors(file: Parsed) -> list[str]:
     """What does not fit together in a flight, one sentence each."""
     found = []
     building = file.building()
-    top = _ceiling(building.make("vehicle"))
+    top = float(building.make("vehicle").ceiling())
     before = math.inf
     for number, chute in enumerate(parachutes(building)):
         key = f"vehicle.parachutes.{number}.height"
@@ -108,12 +107,3 @@ def flight_errors(file: Parsed) -> list[str]:
             found.append(wrong(key, height, what))
         before = min(before, height)
     return found
-
-
-def _ceiling(vehicle: Vehicle) -> float:
-    """A height, m, that the vehicle does not reach: that of its greatest speed, and of a climb with
-    it for the burn time, without air and weight (Thomson 8.1)."""
-    body, motor = vehicle.body, vehicle.motor
-    loaded, dry = body.loaded_mass(), body.least_mass()
-    speed = float(motor.exhaust_velocity * jnp.log(loaded / dry))
-    return speed * float(motor.burn_time) + speed**2 / (2.0 * STANDARD_GRAVITY)

@@ -11,12 +11,12 @@ from collections.abc import Mapping
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from ..constants import RADIUS_EARTH
 from ..core import Scalar, Vector, as_float, norm, output, with_rank
 from ..orbits import GroundPoint, ground_point, position_of
 from ..simulation import MissionResult
 
-FLATTENING = 1.0 / 298.257223563  # WGS 84
+EQUATORIAL = 6378137.0  # m, WGS 84
+FLATTENING = 1.0 / 298.257223563
 
 
 @output("rad", latitude="site.latitude", longitude="site.longitude", elevation="site.elevation")
@@ -43,7 +43,7 @@ def landing_longitude(
 
 def _place(position: Vector, latitude: Scalar, longitude: Scalar, elevation: Scalar) -> GroundPoint:
     site = GroundPoint(as_float(latitude), as_float(longitude), as_float(elevation))
-    foot = position_of(site, as_float(0.0), RADIUS_EARTH, FLATTENING)
+    foot = position_of(site, as_float(0.0), EQUATORIAL, FLATTENING)
     s, c = jnp.sin(site.latitude), jnp.cos(site.latitude)
     across, along = jnp.sin(site.longitude), jnp.cos(site.longitude)
     zero = 0.0 * c
@@ -51,7 +51,7 @@ def _place(position: Vector, latitude: Scalar, longitude: Scalar, elevation: Sca
     # Each component of the sum over the three axes.
     away = [sum(x * axis[k] for x, axis in zip(position, axes, strict=True)) for k in range(3)]
     point = with_rank(foot, position.ndim - 1) + jnp.stack(away)
-    return ground_point(point, 0.0 * point[0], RADIUS_EARTH, FLATTENING)
+    return ground_point(point, 0.0 * point[0], EQUATORIAL, FLATTENING)
 
 
 def landing(result: MissionResult, samples: Mapping[str, Array]) -> dict[str, Array]:

@@ -19,7 +19,6 @@ import equinox as eqx
 import jax.numpy as jnp
 
 from ..bodies import AbstractAtmosphere, AbstractEffect, BodyState
-from ..constants import STANDARD_GRAVITY
 from ..core import (
     AbstractParameters,
     InputError,
@@ -39,7 +38,7 @@ from ..scene import Scene
 from ..simulation import Event, Mission, Phase
 from ._air_drag import Parachute
 from ._dryden_gusts import DrydenGusts
-from ._ground_gravity import GroundGravity
+from ._ground_gravity import STANDARD_GRAVITY, GroundGravity
 from ._local_air import AbstractWind, LocalAir
 from ._rail import Rail
 from ._vehicle import Vehicle

@@ -51,6 +51,7 @@ from ._aerodynamics import Aerodynamics
 from ._air_drag import AirDrag
 from ._airframe import FinSet, NoseCone, RadiusChange
 from ._coefficient import MachTable, as_optional_coefficient
+from ._ground_gravity import STANDARD_GRAVITY
 from ._local_air import LocalAir
 from ._tabulated_aerodynamics import TabulatedAerodynamics
 
@@ -273,6 +274,16 @@ class Vehicle(AbstractParameters):
                 damping = JetDamping(self.motor.mass_rate, self.exit_station, ring)
                 effects = (*effects, damping)
         return (*effects, control) if isinstance(control, AttitudeControl) else effects
+
+    def ceiling(self) -> Scalar:
+        """A height above the start, m, that no flight from rest on the Earth exceeds: that of a
+        climb with the greatest speed for the burn time, and of a throw with it, without air.
+
+        Source: Thomson 8.1."""
+        speed = self.motor.exhaust_velocity * jnp.log(
+            self.body.loaded_mass() / self.body.least_mass()
+        )
+        return speed * self.motor.burn_time + speed**2 / (2.0 * STANDARD_GRAVITY)
 
     def _air_forces(self, air: LocalAir, powered: bool) -> AbstractEffect:
         parts = {"nose": self.nose, "fins": self.fins, "tail": self.tail}
