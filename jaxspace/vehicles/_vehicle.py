@@ -51,7 +51,7 @@ from ._aerodynamics import Aerodynamics
 from ._air_drag import AirDrag
 from ._airframe import FinSet, NoseCone, RadiusChange
 from ._coefficient import MachTable, as_optional_coefficient
-from ._ground_gravity import STANDARD_GRAVITY
+from ._ground_gravity import RADIUS, STANDARD_GRAVITY
 from ._local_air import LocalAir
 from ._tabulated_aerodynamics import TabulatedAerodynamics
 
@@ -283,7 +283,10 @@ class Vehicle(AbstractParameters):
         speed = self.motor.exhaust_velocity * jnp.log(
             self.body.loaded_mass() / self.body.least_mass()
         )
-        return speed * self.motor.burn_time + speed**2 / (2.0 * STANDARD_GRAVITY)
+        thrown = speed**2 / (2.0 * STANDARD_GRAVITY)
+        # Gravity falls with the height; a throw that is fast enough never comes back.
+        left = jnp.where(thrown < RADIUS, 1.0 - thrown / RADIUS, 0.0)
+        return speed * self.motor.burn_time + thrown / left
 
     def _air_forces(self, air: LocalAir, powered: bool) -> AbstractEffect:
         parts = {"nose": self.nose, "fins": self.fins, "tail": self.tail}
