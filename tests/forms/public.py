@@ -40,7 +40,8 @@ LEFT_OUT: dict[str, list[str]] = {
         *.breaks *.switches *.ground *.scaled bodies.sample_state attitude.TiltState
         rockets.ThrustProfile.constant vehicles.Rail.load
         vehicles.Aerodynamics.surfaces attitude.ReactionWheels.rotor mechanics.*.state
-        attitude.ShaftPendulum.state gyros.*.state
+        attitude.ShaftPendulum.state gyros.*.state vehicles.LaunchSite.east
+        vehicles.LaunchSite.north
     """.split(),
     "chooses, counts or checks, without an error to measure": """
         mechanics.AbstractLagrangian.cyclic mechanics.degrees_of_freedom
@@ -52,6 +53,8 @@ LEFT_OUT: dict[str, list[str]] = {
     "calls one of the functions above and nothing else": """
         attitude.DipoleField mechanics.AbstractLagrangian.projected rockets.GravityTurn.closed_form
         rockets.SteeredThrust.propellant_left vehicles.Rail.rail_exit
+        vehicles.LaunchSite.distance vehicles.LaunchSite.drift vehicles.LaunchSite.winds
+        vehicles.landing vehicles.landing_latitude vehicles.landing_longitude
         vehicles.Aerodynamics.centre_of_pressure control.CommandedMotor.torque
         attitude.AttitudeDrift.closed_form attitude.UnwindingCords.closed_form *.start *.part
         bodies.with_parts attitude.continuous_precession
