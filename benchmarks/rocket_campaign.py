@@ -30,7 +30,6 @@ RUNS, FLIGHTS = 16_384, 40
 OUTPUTS = ("apogee", "east", "north")
 # Deviations of the rail, deg.
 SCATTER = {"inclination": 1.0, "heading": 10.0}
-# Half a centimetre on the ground.
 ACCURACY = Accuracy(rtol=1e-5, method=Tsit5())
 
 
