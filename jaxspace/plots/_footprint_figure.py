@@ -1,6 +1,7 @@
 """Where the runs of a campaign land: the footprint on the ground, and the rose of the wind."""
 
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -88,7 +89,7 @@ def footprint_figure(
     axes = figure.add_subplot(grid[0, 0])
     _footprint(axes, dispersion, found, nominal)
     if wind is not None:
-        _rose(figure.add_subplot(grid[0, 1], projection="polar"), *wind)
+        _rose(cast("PolarAxes", figure.add_subplot(grid[0, 1], projection="polar")), *wind)
     return figure
 
 
@@ -160,20 +161,24 @@ def _geography(axes: "Axes", dispersion: "Dispersion") -> None:
     lines = degrees_by_length(dispersion)
     if lines is None:
         return
-    (east, per_east), (north, per_north) = lines
-    above = axes.secondary_xaxis(
-        "top", functions=(lambda x: east + per_east * x, lambda x: (x - east) / per_east)
-    )
-    beside = axes.secondary_yaxis(
-        "right", functions=(lambda x: north + per_north * x, lambda x: (x - north) / per_north)
-    )
+    longitude, latitude = lines
+    # Late, with the library of the figure itself.
+    from matplotlib.ticker import ScalarFormatter
+
+    above = axes.secondary_xaxis("top", functions=_line(*longitude))
+    beside = axes.secondary_yaxis("right", functions=_line(*latitude))
     above.set_xlabel("longitude [deg]", fontsize=9)
     beside.set_ylabel("latitude [deg]", fontsize=9)
     for own, axis in ((above, above.xaxis), (beside, beside.yaxis)):
         own.tick_params(labelsize=8)
         # Never as a difference from a number at the end of the axis.
-        axis.get_major_formatter().set_useOffset(False)
+        axis.set_major_formatter(ScalarFormatter(useOffset=False))
     above.locator_params(axis="x", nbins=5)
+
+
+def _line(start: float, slope: float) -> tuple[Callable[[Any], Any], Callable[[Any], Any]]:
+    """A straight line and its inverse."""
+    return lambda x: start + slope * x, lambda y: (y - start) / slope
 
 
 def _rose(axes: "PolarAxes", east: ArrayLike, north: ArrayLike) -> None:

@@ -280,9 +280,9 @@ class Vehicle(AbstractParameters):
         climb with the greatest speed for the burn time, and of a throw with it, without air.
 
         Source: Thomson 8.1."""
-        speed = self.motor.exhaust_velocity * jnp.log(
-            self.body.loaded_mass() / self.body.least_mass()
-        )
+        loaded, dry = self.body.loaded_mass(), self.body.least_mass()
+        assert loaded is not None and dry is not None
+        speed = self.motor.exhaust_velocity * jnp.log(loaded / dry)
         thrown = speed**2 / (2.0 * STANDARD_GRAVITY)
         # Gravity falls with the height; a throw that is fast enough never comes back.
         left = jnp.where(thrown < RADIUS, 1.0 - thrown / RADIUS, 0.0)
