@@ -24,7 +24,8 @@ def _turns(campaign: Any) -> list[Array]:
     """Angles, rad, through which the exact parts of the phases turn in the nominal run."""
     mission, y0 = campaign.mission(campaign.nominal())
     found = []
-    for phase in (leg.phase for leg in legs_of(mission)[0]):
+    for leg in legs_of(mission)[0]:
+        phase: Any = leg.phase
         flight = isinstance(phase.system, AbstractFlight)
         decoupled = None if flight else phase.system.decoupled()
         if decoupled is not None:

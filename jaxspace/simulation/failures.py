@@ -1,7 +1,6 @@
 """Results of a failed run: NaN in place of numbers, and the error that it raises."""
 
 import dataclasses
-import functools
 from typing import Any, TypeVar
 
 import equinox as eqx
@@ -11,7 +10,7 @@ import numpy as np
 from jaxtyping import Array, PyTree
 
 from ..integration.result import DenseOutput
-from ..integration.status import Status, combine_status
+from ..integration.status import Status
 from ._loud import raise_where_failed, sentence_alone
 from .mission_result import MissionResult
 from .run_result import RunResult, nan_unless, reached, scaled
@@ -37,8 +36,8 @@ def nan_where_failed(result: T, status: Array | None = None) -> T:
         return scaled(result, nan_unless(status <= Status.EVENT))
     if isinstance(result, MissionResult):
         # By its own phases: a part may end well where another one fails.
-        status = functools.reduce(combine_status, [run.status for run in result.own_phases()])
-        final, end = nan_where_failed((result.final, result.end), status)
+        own = result.without_branches()
+        final, end = nan_where_failed((own.final, own.end), own.status)
         phases = [reached(phase) for phase in result.phases]
         branches = tuple(nan_where_failed(branch, branch.status) for branch in result.branches)
         ends = {"final": final, "end": end, "branches": branches}

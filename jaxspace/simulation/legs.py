@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from typing import NamedTuple
 
-from ..core import Scalar, State
+from ..core import InputError, Scalar, State
 from ._mission import Mission, Phase
 
 
@@ -45,3 +45,18 @@ def legs_of(mission: Mission) -> tuple[tuple[Leg, ...], tuple[str, ...]]:
 
     add(mission, "", 0, None)
     return tuple(legs), tuple(names)
+
+
+def check_one_line(mission: Mission, what: str) -> None:
+    """Raise `InputError`, for `what` takes one sequence of phases, for a mission with branches or
+    with a `start`."""
+    _, names = legs_of(mission)
+    if names:
+        raise InputError(
+            f"{what} takes one sequence of phases, and the mission has the branches "
+            f"{', '.join(names)}: it must be given without them, Phase(branches=())."
+        )
+    if mission.start is not None:
+        raise InputError(
+            f"{what} starts from y0 itself, and Mission.start is a function: it must be None."
+        )

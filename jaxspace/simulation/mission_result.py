@@ -74,10 +74,14 @@ class AbstractMissionResult(eqx.Module):
         """Name and result of each phase, in order."""
         return zip(self.names, self.phases, strict=True)
 
-    def own_phases(self) -> list[Any]:
-        """The results of the phases of the mission itself, without those of its branches."""
+    def without_branches(self) -> Any:
+        """The mission itself: its own phases, with the first failure of these."""
+        if not self.branch_names:
+            return self
         heads = tuple(f"{name}." for name in self.branch_names)
-        return [phase for name, phase in self.items() if not name.startswith(heads)]
+        phases = {k: phase for k, phase in self.items() if not k.startswith(heads)}
+        status = functools.reduce(combine_status, [run.status for run in phases.values()])
+        return self._with_phases(phases, status=status, branches=(), branch_names=())
 
     def _branch(self, name: str) -> Any:
         """The branch of this name, with those that it has itself."""
@@ -86,16 +90,19 @@ class AbstractMissionResult(eqx.Module):
         ends = dict(zip(self.branch_names, self.branches, strict=True))
         own = ends[name]
         inner = {k[len(head) :]: end for k, end in ends.items() if k.startswith(head)}
-        return dataclasses.replace(
-            self,
-            phases=type(self.phases)(phases.values()),
-            names=tuple(phases),
+        return self._with_phases(
+            phases,
             final=own.final,
             end=own.end,
             status=status_of_all(own.status, inner.values()),
             branches=tuple(inner.values()),
             branch_names=tuple(inner),
         )
+
+    def _with_phases(self, phases: dict[str, Any], **fields: Any) -> Any:
+        # A list of results, or a tuple of trajectories.
+        own = (tuple if isinstance(self.phases, tuple) else list)(phases.values())
+        return dataclasses.replace(self, phases=own, names=tuple(phases), **fields)
 
 
 @final

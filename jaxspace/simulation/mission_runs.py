@@ -6,7 +6,7 @@ from typing import NamedTuple, TypeAlias
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Float
 
 from ..core import AbstractSystem, Scalar, State, safe_divide
 from ..integration.config import IntegrationConfig
@@ -198,14 +198,13 @@ def run_mission(
     # Written out and not as a scan: each phase has its own system, and its own state after a jump.
     for number, (leg, config) in enumerate(zip(legs, configs, strict=True)):
         phase = leg.phase
-        y, t, status = y0, t0, None
-        if leg.after is not None:
+        if leg.after is None:
+            y, t, status = y0 if leg.start is None else leg.start(t0, y0), t0, None
+        else:
             y, t, status = ends[leg.after]
-        if leg.parted:
-            # A part starts from the state of the whole, before the jump of the phase that it left.
-            t, y = _left_by(leg.start, results[leg.after], run_axes)
-        elif leg.start is not None:
-            y = leg.start(t, y)
+            if leg.parted:
+                # A part starts from the state of the whole, before the jump of the phase.
+                t, y = _left_by(leg.start, results[leg.after], run_axes)
         plan = None if plans is None else plans[number]
         saved = num_saved if isinstance(num_saved, int) else num_saved[number]
         if isinstance(phase.system, AbstractFlight):
