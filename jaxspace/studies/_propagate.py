@@ -110,7 +110,7 @@ def propagate_covariance(
         run = run_mean(Uncertain(system, _density(noise, size)), start, ts)
         assert isinstance(run, Trajectory)
         return run, run.states.covariance
-    check_one_line(system, "propagate")
+    check_one_line(system, "propagate_covariance")
     if any(isinstance(phase.system, AbstractFlight) for phase in system.phases):
         raise InputError(
             "A phase of the mission is a closed loop: its covariance is that of a campaign, or "
