@@ -7,6 +7,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import pytest
+import xarray
 from numpy.testing import assert_allclose
 
 from jaxspace import (
@@ -76,9 +77,9 @@ def thrown(speed):
 PARTING = Event(Above(HEIGHT), 1, 20.0)
 
 
-def three_parts(energy, parting=PARTING, fall=FALL, system=FALLING):
-    """Up to the parting, where springs drive a booster off, which falls; the rest, moved by
-    `system`, coasts and drops a fairing. The two end at a height and a time by default."""
+def three_parts(energy, parting=PARTING, fall=FALL, system=FALLING, driven=FALLING):
+    """Up to the parting, where springs drive a booster off, which falls as one that is `driven`;
+    the rest, moved by `system`, coasts and drops a fairing."""
     booster, sustainer, fairing = MASSES
     lower, upper = (cylinder(m, 0.1, 1.0) for m in (booster, sustainer + fairing))
     # The centres of the parts are 3 m apart.
@@ -93,7 +94,7 @@ def three_parts(energy, parting=PARTING, fall=FALL, system=FALLING):
         Phase(system, COAST, name="on"),
     ]
     branches = [
-        Mission([Phase(FALLING, fall, name="fall")], start=lower, name="booster"),
+        Mission([Phase(driven, fall, name="fall")], start=lower, name="booster"),
         Mission(coasts, start=upper, name="sustainer"),
     ]
     return Mission([Phase(system, parting, name="ascent", branches=branches)])
@@ -168,15 +169,19 @@ def test_names_of_branches_and_of_their_phases_lead_to_the_same():
         run["booster"]["down"]
 
 
-def test_parts_end_where_closed_forms_say_and_so_do_their_derivatives():
+@pytest.mark.parametrize("event", [False, pytest.param(True, marks=pytest.mark.sweep)])
+def test_parts_end_where_closed_forms_say_and_so_do_their_derivatives(event):
     """Also through the parting, whose time moves with the inputs."""
 
     def flown(x):
-        run = simulate_mission(three_parts(x[1], system=Thrown()), thrown(x[0]), accuracy=ACCURACY)
+        parting, driven = (PARTING, FALLING) if event else (0.04 * x[0], Thrown())
+        mission = three_parts(x[1], parting, system=Thrown(), driven=driven)
+        run = simulate_mission(mission, thrown(x[0]), accuracy=ACCURACY)
         return jnp.stack(list(of_result(run).values()))
 
     def exact(x):
-        return jnp.stack(list(by_hand(*x, at_height(x[0])).values()))
+        parting = at_height(x[0]) if event else 0.04 * x[0]
+        return jnp.stack(list(by_hand(*x, parting).values()))
 
     # Weights of outputs and inputs: one derivative of each mode shows an error in any of them.
     weights, change = jnp.array([1.0, 0.7, -0.3, 0.9, 0.2, -0.5, 0.8, 0.1]), jnp.array([1.0, 10.0])
@@ -208,40 +213,73 @@ def test_parts_cost_what_each_costs_alone():
     assert int(run.evaluations()) == sum(map(int, evaluations))
 
 
-def test_a_run_whose_booster_fails_marks_its_own_row():
-    speeds, energies = jnp.array([110.0, 120.0, 130.0]), jnp.array([100.0, 400.0, 900.0])
-    # The second booster does not get down in time.
-    ground = Event(touchdown, -1, jnp.array([60.0, 1.0, 60.0]))
-    mission = three_parts(energies, 5.0, ground, Thrown())
-    runs = simulate_mission_batch(mission, thrown(speeds), accuracy=ACCURACY)
-    missed, met = Status.EVENT_MISSED, Status.EVENT
+BATCH = jnp.array([110.0, 120.0, 130.0]), jnp.array([100.0, 400.0, 900.0])
+
+
+def check_second_failed(runs, exact, why, well):
+    """The booster of the second run alone failed, and every other part is where it should be."""
     done = Status.COMPLETED
-    assert runs["booster"].status.tolist() == [met, missed, met]
-    assert runs.status.tolist() == [done, missed, done]
+    assert runs["booster"].status.tolist() == [well, why, well]
+    assert runs.status.tolist() == [done, why, done]
     assert runs["sustainer"].status.tolist() == [done] * 3
-    exact, found = by_hand(speeds, energies, 5.0, True), of_result(runs)
-    for name in exact:
+    found = of_result(runs)
+    for name, values in exact.items():
         good = jnp.array([0, 2]) if name in ("end", "range", "height") else slice(None)
         # On the ground the height is zero to the tolerance.
-        assert_allclose(found[name][good], exact[name][good], rtol=1e-8, atol=1e-6, err_msg=name)
-    assert jnp.isnan(runs["booster"].final.position[:, 1]).all() and jnp.isnan(found["end"][1])
-    assert jnp.isfinite(runs.final.position).all()
+        assert_allclose(found[name][good], values[good], rtol=1e-8, atol=1e-6, err_msg=name)
+    assert jnp.isnan(found["height"][1]) and jnp.isfinite(runs.final.position).all()
     assert_allclose(runs.of(2)["sustainer"].end, exact["sustainer end"][2], rtol=1e-8)
 
 
-def test_a_campaign_has_outputs_of_every_branch():
+def test_a_run_whose_booster_fails_marks_its_own_row():
+    speeds, energies = BATCH
+    mission = three_parts(energies, 5.0, system=Thrown(), driven=Thrown())
+
+    def kick(mission):
+        return mission.phases[0].branches[0].start.kick
+
+    mission = eqx.tree_at(kick, mission, kick(mission).at[2, 1].set(jnp.nan))
+    runs = simulate_mission_batch(mission, thrown(speeds), accuracy=ACCURACY)
+    exact = by_hand(speeds, energies, 5.0)
+    check_second_failed(runs, exact, Status.NOT_FINITE, Status.COMPLETED)
+
+
+@pytest.mark.sweep
+def test_a_booster_that_is_not_down_in_time_marks_its_own_row():
+    ground = Event(touchdown, -1, jnp.array([60.0, 1.0, 60.0]))
+    speeds, energies = BATCH
+    mission = three_parts(energies, 5.0, ground, Thrown())
+    runs = simulate_mission_batch(mission, thrown(speeds), accuracy=ACCURACY)
+    exact = by_hand(speeds, energies, 5.0, to_ground=True)
+    check_second_failed(runs, exact, Status.EVENT_MISSED, Status.EVENT)
+
+
+# The times of every part are one more program.
+@pytest.mark.parametrize("kept", [False, pytest.param(True, marks=pytest.mark.sweep)])
+def test_a_campaign_has_outputs_and_states_of_every_branch(kept, tmp_path):
     def build(samples):
-        return three_parts(400.0, 5.0, system=Thrown()), thrown(samples["speed"])
+        return three_parts(400.0, 5.0, system=Thrown(), driven=Thrown()), thrown(samples["speed"])
 
     def outputs(result, samples):
         return of_result(result)
 
     campaign = Campaign(build, {"speed": Normal(120.0, 3.0)}, outputs, accuracy=ACCURACY)
-    found = disperse(campaign, 32)
+    path = tmp_path / "parts.zarr"
+    found = disperse(campaign, 32, **({"store": path, "times": [4.0, 7.0]} if kept else {}))
     assert (found.status == Status.COMPLETED).all()
     exact = by_hand(jnp.asarray(found.inputs["speed"]), 400.0, 5.0)
     for name, values in exact.items():
         assert_allclose(found.outputs[name], values, rtol=1e-12, err_msg=name)
+    if not kept:
+        return
+    with xarray.open_zarr(path) as data:
+        # Before the parting there is the whole, and later every part by itself.
+        assert data["ascent.time"].values.tolist() == [[4.0]] * 32
+        for name in ("booster.fall", "sustainer.coast"):
+            assert data[f"{name}.time"].values.tolist() == [[7.0]] * 32
+        assert "sustainer.on.time" not in data
+        x = data["sustainer.coast.position"].values[:, 0, 0]
+        assert_allclose(x, 7.0, rtol=1e-12)
 
 
 def test_momentum_and_energy_of_the_parts_are_those_of_the_whole():

@@ -86,6 +86,7 @@ LEFT_OUT: dict[str, list[str]] = {
     "puts parts together, whose formulas are above": """
         vehicles.Vehicle.* vehicles.LaunchSite.environment vehicles.LaunchSite.air
         vehicles.sounding_flight rockets.SteeredThrust.of_thrust control.Together*
+        bodies.come_apart bodies.Detached* bodies.spring_speed
         control.with_command
         control.LandingTask* control.RendezvousTask* control.SlewTask*
     """.split(),
