@@ -31,6 +31,9 @@ from ._mass_properties import pivot_impact as pivot_impact
 from ._mass_properties import turned_tensor as turned_tensor
 from ._newton_euler import angular_acceleration as angular_acceleration
 from ._newton_euler import linear_acceleration as linear_acceleration
+from ._parting import Detached as Detached
+from ._parting import come_apart as come_apart
+from ._parting import spring_speed as spring_speed
 from ._principal_axes import principal_axes as principal_axes
 from ._principal_axes import tensor_function as tensor_function
 from ._principal_frame import free_turn as free_turn

@@ -1,5 +1,6 @@
 """Which states a campaign saves of each phase, for its outputs and for its trajectories."""
 
+import dataclasses
 from collections.abc import Sequence
 from typing import NamedTuple, TypeAlias
 
@@ -7,7 +8,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
-from ..simulation.mission_runs import MissionResult, OwnTimes, SaveTimes
+from ..simulation.mission_result import MissionResult
+from ..simulation.mission_runs import OwnTimes, SaveTimes
 from ..simulation.run_result import RunResult, nan_unless, scaled
 
 
@@ -50,7 +52,8 @@ def for_outputs(result: MissionResult, kept: Kept) -> MissionResult:
     if isinstance(kept, int):
         return result
     pairs = zip(result.phases, kept, strict=True)
-    return result._replace(phases=[_even(phase, chosen) for phase, chosen in pairs])
+    phases = [_even(phase, chosen) for phase, chosen in pairs]
+    return dataclasses.replace(result, phases=phases)
 
 
 def _even(phase: RunResult, chosen: ChosenTimes | OwnTimes | None) -> RunResult:
@@ -91,7 +94,7 @@ def _chosen(
 def thinned(result: MissionResult, every_nth: int) -> MissionResult:
     """Each n-th state of every phase, from its start to its end."""
     phases = [_picked(phase, slice(None, None, every_nth)) for phase in result.phases]
-    return result._replace(phases=phases)
+    return dataclasses.replace(result, phases=phases)
 
 
 def _picked(phase: RunResult, which: slice | Int[Array, " times"]) -> RunResult:

@@ -13,7 +13,7 @@ from jaxtyping import Array, Bool, Float, Integer
 from ..core import InputError, Quantity, Scalar, State, as_float, check_finite
 from ..integration.accuracy import Accuracy, as_accuracy
 from ..simulation import Mission
-from ..simulation.mission_runs import MissionResult
+from ..simulation.mission_result import MissionResult
 from ._distributions import AbstractDistribution
 from ._exact_parts import with_exact_parts
 from ._outputs import check_names

@@ -1,8 +1,9 @@
 """The times at which a campaign keeps states, each in the phase that covers it."""
 
+import functools
 import warnings
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -11,6 +12,7 @@ import numpy as np
 from ..core import InputError
 from ..simulation import Event, Phase
 from ..simulation.flight import AbstractFlight
+from ..simulation.legs import legs_of
 from ..simulation.mission_runs import OwnTimes
 from ._along import ChosenTimes, Kept
 from ._campaign import Campaign
@@ -34,32 +36,58 @@ def choose_times(campaign: Campaign, times: Any) -> tuple[ChosenTimes | OwnTimes
         raise InputError(f"times is {times!r}: it must be a list of one or more times, in s.")
     # Compiled, because each operation that builds a mission would be a program of its own.
     mission = eqx.filter_jit(lambda c: c.mission(c.nominal())[0])(campaign)
-    first = start = float(campaign.start)
-    known, found = True, []
-    for phase in mission.phases:
-        found.append(None)
-        if not left.size:
-            continue
-        if isinstance(phase.system, AbstractFlight):
-            raise InputError(
-                f"times has {left[-1]:.9g} s: it must be at most {start:.9g} s, for a controller "
-                f"samples the phase {phase.name!r}, which begins {'then' if known else 'later'}. "
-                f"`samples` keeps states of such a phase."
-            )
-        if not known or isinstance(phase.until, Event) or np.ndim(phase.until) > 0:
-            known = False
-            near = np.abs(left - start) <= ROUNDING * (1.0 + abs(start))
-            found[-1] = OwnTimes(jnp.asarray(np.where(near, start, left)), campaign.along)
-            continue
-        duration = float(phase.until)
-        if duration:
-            places, rounding = (left - start) / duration, ROUNDING * (1.0 + abs(start / duration))
-            here = (places >= -rounding) & (places <= 1.0 + rounding)
-            if here.any():
-                found[-1] = _saved(np.clip(places[here], 0.0, 1.0), campaign.along)
-            left, start = left[~here], start + duration
-    _check_left(left, first, start, mission.phases, known)
+    first = float(campaign.start)
+    found, ends, last = [], [], {}
+    for leg in legs_of(mission)[0]:
+        before = _Left(left, first, True) if leg.after is None else ends[leg.after]
+        chosen, after = _chosen_in(leg.phase, before, campaign.along)
+        found.append(chosen)
+        ends.append(after)
+        last[leg.line] = after
+    # A branch may run at a time at which the mission itself has ended.
+    left = functools.reduce(np.intersect1d, [end.times for end in last.values()])
+    known = all(end.known for end in last.values())
+    start = (max if known else min)(end.start for end in last.values() if end.known == known)
+    _check_left(left, first, start, [leg.phase for leg in legs_of(mission)[0]], known)
     return tuple(found)
+
+
+class _Left(NamedTuple):
+    """What is left where a phase begins.
+
+    - `times`: s, that no phase before has.
+    - `start`: of the phase, s, or of the first one before whose end differs from run to run.
+    - `known`: whether it is that of the phase."""
+
+    times: np.ndarray
+    start: float
+    known: bool
+
+
+def _chosen_in(
+    phase: Phase, before: _Left, along: int
+) -> tuple[ChosenTimes | OwnTimes | None, _Left]:
+    """Where a phase saves its states, and what it leaves to the next one."""
+    left, start, known = before
+    if not left.size:
+        return None, before
+    if isinstance(phase.system, AbstractFlight):
+        raise InputError(
+            f"times has {left[-1]:.9g} s: it must be at most {start:.9g} s, for a controller "
+            f"samples the phase {phase.name!r}, which begins {'then' if known else 'later'}. "
+            f"`samples` keeps states of such a phase."
+        )
+    if not known or isinstance(phase.until, Event) or np.ndim(phase.until) > 0:
+        near = np.abs(left - start) <= ROUNDING * (1.0 + abs(start))
+        times = jnp.asarray(np.where(near, start, left))
+        return OwnTimes(times, along), before._replace(known=False)
+    duration = float(phase.until)
+    if not duration:
+        return None, before
+    places, rounding = (left - start) / duration, ROUNDING * (1.0 + abs(start / duration))
+    here = (places >= -rounding) & (places <= 1.0 + rounding)
+    chosen = _saved(np.clip(places[here], 0.0, 1.0), along) if here.any() else None
+    return chosen, _Left(left[~here], start + duration, known)
 
 
 def warn_of_unreached(
@@ -69,15 +97,15 @@ def warn_of_unreached(
     if isinstance(kept, int) or not any(isinstance(c, OwnTimes) for c in kept):
         return
     mission = eqx.filter_eval_shape(lambda c: c.mission(c.nominal())[0], campaign)
-    times, reached = np.zeros(0), np.zeros(0, bool)
-    for phase, chosen in zip(mission.phases, kept, strict=True):
+    reached: dict[float, bool] = {}
+    for leg, chosen in zip(legs_of(mission)[0], kept, strict=True):
         if isinstance(chosen, OwnTimes):
-            times = np.asarray(chosen.times)
-            here = np.isfinite(trajectories[f"{phase.name}.time"]).any(axis=-1)
-            reached = here | reached if reached.size else here
-    if not reached.all():
+            here = np.isfinite(trajectories[f"{leg.name}.time"]).any(axis=-1)
+            for t, own in zip(np.asarray(chosen.times).tolist(), here.tolist(), strict=True):
+                reached[t] = reached.get(t, False) or own
+    if not all(reached.values()):
         runs = next(iter(trajectories.values())).shape[-1]
-        found = ", ".join(f"{t:.9g}" for t in times[~reached])
+        found = ", ".join(f"{t:.9g}" for t, own in reached.items() if not own)
         warnings.warn(
             f"times has {found} s, at which none of the first {runs} runs is under way: what the "
             f"store keeps for it is NaN in each of them.",
@@ -86,7 +114,7 @@ def warn_of_unreached(
 
 
 def _check_left(
-    left: np.ndarray, first: float, start: float, phases: tuple[Phase, ...], known: bool
+    left: np.ndarray, first: float, start: float, phases: Sequence[Phase], known: bool
 ) -> None:
     """Raise `InputError` for times that no known phase has and that lie in no other one.
 

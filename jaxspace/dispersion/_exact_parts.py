@@ -16,6 +16,7 @@ from ..integration import Accuracy
 from ..integration.compiling import QUICK
 from ..integration.exact_part import takes_many_steps
 from ..simulation.flight import AbstractFlight
+from ..simulation.legs import legs_of
 from ..simulation.phases import longest
 
 
@@ -23,7 +24,8 @@ def _turns(campaign: Any) -> list[Array]:
     """Angles, rad, through which the exact parts of the phases turn in the nominal run."""
     mission, y0 = campaign.mission(campaign.nominal())
     found = []
-    for phase in mission.phases:
+    for leg in legs_of(mission)[0]:
+        phase: Any = leg.phase
         flight = isinstance(phase.system, AbstractFlight)
         decoupled = None if flight else phase.system.decoupled()
         if decoupled is not None:

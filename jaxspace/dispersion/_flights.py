@@ -11,6 +11,7 @@ from ..core import Scalar
 from ..integration.accuracy import Accuracy
 from ..integration.status import Status
 from ..simulation.blocks import jit_wide_vectors
+from ..simulation.legs import legs_of
 from ..simulation.mission_runs import run_mission
 from ..simulation.phases import resolve_phases
 from ._campaign import Campaign
@@ -20,7 +21,8 @@ class Flights(NamedTuple):
     """Positions along some runs; the first one is the nominal run, with the number -1.
 
     - `numbers`: of the runs, (runs,).
-    - `times`: s, (times, runs); `positions`: m, (3, times, runs), NaN for a run that failed."""
+    - `times`: s, (times, runs); `positions`: m, (3, times, runs), NaN for a run that failed. Before
+      each branch of a mission stands one time at which both are NaN, in every run."""
 
     numbers: np.ndarray
     times: np.ndarray
@@ -74,9 +76,22 @@ def _fly(
     parts = [x for x in found if x is not None and x.shape[0] == 3]
     if len(parts) < len(found):
         return None
-    times = jnp.concatenate([phase.ts for phase in result.phases])
     # Phases of a closed form may share one time among all runs.
-    shape = (times.shape[0], allowed.shape[0])
-    positions = jnp.concatenate(parts, axis=1)
+    runs = allowed.shape[0]
+    ts = [jnp.broadcast_to(phase.ts, (phase.ts.shape[0], runs)) for phase in result.phases]
+    # A branch is a line of its own: nothing is drawn from the end of the one before to its start.
+    starts = [leg.parted for leg in legs_of(mission)[0]]
+    times = jnp.concatenate(_apart(ts, starts, axis=0))
+    positions = jnp.concatenate(_apart(parts, starts, axis=1), axis=1)
     status = jnp.where(allowed, result.status, Status.REFUSED)
-    return jnp.broadcast_to(times, shape), positions, status
+    return times, positions, status
+
+
+def _apart(parts: list[Array], starts: list[bool], axis: int) -> list[Array]:
+    """The parts with a time of NaN before each that `starts` a line."""
+    found = []
+    for part, begins in zip(parts, starts, strict=True):
+        if begins:
+            found.append(jnp.full_like(jnp.take(part, jnp.array([0]), axis), jnp.nan))
+        found.append(part)
+    return found

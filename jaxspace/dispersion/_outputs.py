@@ -13,7 +13,7 @@ from jaxtyping import Array, Float, Int
 from ..core import InputError
 from ..integration import SimulationError, Status
 from ..integration.compiling import QUICK
-from ..simulation.mission_runs import MissionResult
+from ..simulation.mission_result import MissionResult
 from ..simulation.run_result import RunResult
 from ._isolation import RAISED, callbacks, isolate, reason
 
@@ -170,7 +170,8 @@ def _taken(pilots: PilotRuns, rows: Int[Any, " runs"], along: int) -> PilotRuns:
         return x[..., rows] if eqx.is_array(x) and x.shape[-1:] == (count,) else x
 
     phases = [_filled(phase, along) for phase in pilots.result.phases]
-    return jax.tree.map(taken, pilots._replace(result=pilots.result._replace(phases=phases)))
+    result = dataclasses.replace(pilots.result, phases=phases)
+    return jax.tree.map(taken, pilots._replace(result=result))
 
 
 def _filled(phase: RunResult, along: int) -> RunResult:

@@ -15,7 +15,9 @@ from ..core import breaks_of
 from ..integration import Accuracy, Event, SimulationError, Status
 from ..integration.compiling import QUICK
 from ..simulation.flight import AbstractFlight
-from ..simulation.mission_runs import MissionResult, OwnTimes, run_mission
+from ..simulation.legs import legs_of
+from ..simulation.mission_result import MissionResult
+from ..simulation.mission_runs import OwnTimes, run_mission
 from ..simulation.phases import resolve_phases
 from ._along import Kept, saved_of
 from ._campaign import Campaign
@@ -55,13 +57,14 @@ def _pilots(
     every = [saved] * len(configs) if isinstance(saved, int) else saved
     # Where runs have breaks or save times of their own, steps end at save times, too: a plan has to
     # know them.
-    pairs = zip(mission.phases, every, strict=True)
+    every_phase = [leg.phase for leg in legs_of(mission)[0]]
+    pairs = zip(every_phase, every, strict=True)
     saved = [
         n if isinstance(n, OwnTimes) or _breaks_differ(phase.system) else 2 for phase, n in pairs
     ]
     result = run_mission(mission, y0, campaign.start, saved, configs, 1, record_steps=True)
     # The runs of a block share the adaptive steps of the search for an event.
-    coupled = any(isinstance(phase.until, Event) for phase in mission.phases)
+    coupled = any(isinstance(phase.until, Event) for phase in every_phase)
     runs = PilotRuns(_as_flown(result), samples)
     return [run.step_ends for run in result.phases], coupled, runs
 
@@ -80,7 +83,8 @@ def _ends_alone(campaign: Campaign, accuracy: Accuracy) -> bool:
 
 def _as_flown(result: MissionResult) -> MissionResult:
     """The result as all runs of the campaign have it."""
-    return result._replace(phases=[run._replace(step_ends=None) for run in result.phases])
+    phases = [run._replace(step_ends=None) for run in result.phases]
+    return dataclasses.replace(result, phases=phases)
 
 
 def _breaks_differ(system: Any) -> bool:

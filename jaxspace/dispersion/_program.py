@@ -105,7 +105,7 @@ def _block(
         return jnp.broadcast_to(x, unflown.shape)
 
     stored = for_store(result, campaign.along, samples)
-    kept = trajectories(mission.phases, stored, unflown.shape)
+    kept = trajectories(result.names, stored, unflown.shape)
     outputs, kept = nan_where_failed((outputs, kept), status)
     errors = [every(run.stats.get("largest_local_error", jnp.zeros(()))) for run in result.phases]
     results = RunResults({}, outputs, every(status), every(evaluations), kept)
@@ -113,17 +113,17 @@ def _block(
 
 
 def trajectories(
-    phases: Sequence[Any], stored: Sequence[RunResult | None], runs: tuple[int, ...]
+    names: Sequence[str], stored: Sequence[RunResult | None], runs: tuple[int, ...]
 ) -> dict[str, Array]:
     """The times and the parts of the states that are kept of every phase, by "phase.part"."""
     kept = {}
     # `stored` is empty if no states are saved at all.
-    for phase, run in zip(phases, stored, strict=bool(stored)):
+    for name, run in zip(names, stored, strict=bool(stored)):
         if run is None:
             continue
         times = run.ts.shape[0]
-        kept[f"{phase.name}.time"] = jnp.broadcast_to(run.ts, (times, *runs))
+        kept[f"{name}.time"] = jnp.broadcast_to(run.ts, (times, *runs))
         for path, x in jax.tree_util.tree_flatten_with_path(run.states)[0]:
             part = jax.tree_util.keystr(path, simple=True, separator=".") or "state"
-            kept[f"{phase.name}.{part}"] = jnp.broadcast_to(x, (*x.shape[:-1], *runs))
+            kept[f"{name}.{part}"] = jnp.broadcast_to(x, (*x.shape[:-1], *runs))
     return kept

@@ -13,7 +13,8 @@ from ..integration import Accuracy, SimulationError, Status
 from ..integration.config import IntegrationConfig
 from ..simulation import MissionTrajectory
 from ..simulation.finish import mission_trajectory_of
-from ..simulation.mission_runs import MissionResult, run_mission
+from ..simulation.mission_result import MissionResult
+from ..simulation.mission_runs import run_mission
 from ..simulation.phases import resolve_phases
 from ._along import saved_states, thinned
 from ._exact_parts import has_exact_part

@@ -150,9 +150,9 @@ class _Field(eqx.Module):
     rate: Callable[[Scalar, State], State]
 
     def vector_field(self, t: Scalar, y: State) -> State:
-        """dy/dt."""
-        # What is constant in it has become a number of NumPy.
-        return jax.tree.map(jnp.asarray, self.rate(t, y))
+        """dy/dt, with the runs of the state."""
+        # What is constant in it has become a number of NumPy, and may be one for all runs.
+        return jax.tree.map(lambda f, x: jnp.broadcast_to(f, x.shape), self.rate(t, y), y)
 
 
 def newton_correct(

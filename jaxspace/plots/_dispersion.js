@@ -174,7 +174,7 @@ function drawMatrix() {
 function cube(paths) {
   const ends = [0, 1, 2].map((k) => {
     let [low, high] = [Infinity, -Infinity];
-    for (const path of paths) for (const x of path[k]) [low, high] = [Math.min(low, x), Math.max(high, x)];
+    for (const path of paths) for (const x of path[k]) if (x !== null) [low, high] = [Math.min(low, x), Math.max(high, x)];
     return [low, high];
   });
   // A run that stays where it is has a box too.

@@ -255,10 +255,13 @@ def _paths(flights: "Flights | None") -> dict[str, Any] | None:
     factor, unit = (1e-3, "km") if np.nanmax(np.abs(x)) > 1e4 else (1.0, "m")
     digits = 6 - int(np.ceil(np.log10(max(factor * float(np.nanmax(np.abs(x))), 1e-6))))
     rounded = np.round(factor * x, digits)
-    # A failed run has no path.
-    good = [k for k in range(x.shape[-1]) if np.all(np.isfinite(x[..., k]))]
+    # Between two branches of a mission no run has a place; a failed run has no path.
+    gaps = np.all(np.isnan(x), axis=(0, 2))
+    good = [k for k in range(x.shape[-1]) if np.all(np.isfinite(x[:, ~gaps, k]))]
     if not good:
         return None
+    # The script reads null where a line ends.
+    rounded = np.where(gaps[:, None], None, rounded)
     return {
         "unit": unit,
         # The first one is the nominal run.

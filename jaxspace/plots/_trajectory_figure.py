@@ -195,13 +195,15 @@ def _bounds(panels: Any, times: list[np.ndarray], names: tuple[str, ...]) -> Non
     """A line at the end of each phase (of the first run), and the names of the phases on top."""
     if len(times) < 2:
         return
+    lines = list(dict.fromkeys(name.rpartition(".")[0] for name in names))
     for ts, name in zip(times, names, strict=True):
         start = ts[0, 0]
         end = ts[-1, 0]
         panels[0].annotate(
             name,
             (0.5 * (start + end), 1.0),
-            (0, 3),
+            # The phases of branches run at the same times: a row above for each branch.
+            (0, 3 + 11 * lines.index(name.rpartition(".")[0])),
             ("data", "axes fraction"),
             textcoords="offset points",
             ha="center",

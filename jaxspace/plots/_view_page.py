@@ -126,8 +126,11 @@ def _traces(data: dict[str, Any]) -> dict[str, str]:
 def _data(trajectory: "Trajectory | MissionTrajectory", planet: float | None) -> dict[str, Any]:
     """What the script of the page draws."""
     # By attributes: to import the classes would close a circle with `simulation`.
-    phases: Any = getattr(trajectory, "phases", (trajectory,))
-    names = getattr(trajectory, "names", ())
+    # One place at a time: a branch has a page of its own.
+    without: Any = getattr(trajectory, "without_branches", lambda: trajectory)
+    line = without()
+    phases: Any = getattr(line, "phases", (line,))
+    names = getattr(line, "names", ())
     if any(np.ndim(phase.status) for phase in phases):
         raise InputError("The page shows one run: take run.of(0) of a batch.")
     drawn = [resolved(phase) for phase in phases]

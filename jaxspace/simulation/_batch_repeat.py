@@ -14,7 +14,7 @@ from ..integration.status import Status
 from ._batch_runs import run_missions, run_systems
 from .blocks import Blocks
 from .finish import error_of_too_few_steps, with_exact_parts
-from .mission_runs import MissionResult
+from .mission_result import MissionResult
 from .run_result import RunResult
 
 

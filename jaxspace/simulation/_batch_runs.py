@@ -1,5 +1,7 @@
 """The runs of a batch, block by block, with all of their numbers on the axis of runs."""
 
+import dataclasses
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -15,7 +17,8 @@ from .batch_layout import cut_batch
 from .blocks import Blocks, jit_wide_vectors
 from .checks import check_events
 from .failures import nan_where_failed
-from .mission_runs import MissionResult, run_mission
+from .mission_result import MissionResult
+from .mission_runs import run_mission
 from .run_result import RunResult
 
 
@@ -64,7 +67,8 @@ def run_missions(
         shared, configs = given
         mission, y0, t0 = cut_batch(piece, shared)
         result = nan_where_failed(run_mission(mission, y0, t0, num_saved, configs, 1))
-        return result._replace(phases=[_every_run(phase) for phase in result.phases])
+        phases = [_every_run(phase) for phase in result.phases]
+        return dataclasses.replace(result, phases=phases)
 
     return blocks.map(block, batched, (shared, configs))
 

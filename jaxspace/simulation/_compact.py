@@ -27,6 +27,7 @@ from ..integration.events import Event, newton_correct
 from ..solvers import tableaus as tableau
 from ..solvers.runge_kutta import combine, stages
 from ._mission import Mission, Phase
+from .legs import check_one_line
 
 # How often the step to an event is shortened: some eight reach rounding.
 SEARCH = 12
@@ -66,9 +67,10 @@ def fly_compact(mission: Mission, y0: State, t0: Scalar = 0.0, *, steps: int = 4
 
     **Returns** a `CompactFlight`, differentiable in both modes.
 
-    **Raises** `InputError` for fewer than one step, or an event that is a touch."""
+    **Raises** `InputError` for fewer than one step, an event that is a touch, or branches."""
     if steps < 1:
         raise InputError(f"fly_compact got steps = {steps}: it must be at least 1.")
+    check_one_line(mission, "fly_compact")
     t = as_float(t0)
     y = y0
     error = jnp.zeros(())

@@ -2,8 +2,12 @@
 
 The jump is any function (t, y) -> y, best an `equinox.Module` whose parameters are then part of the
 mission; it may change what the state holds. Runs of a batch may have phases of different length,
-and events at different times."""
+and events at different times.
 
+Where a phase has `branches`, the mission parts: each branch is a mission of its own, which starts
+at the end of that phase."""
+
+import dataclasses
 from collections.abc import Callable
 from typing import Any, final
 
@@ -35,10 +39,19 @@ def _as_until(x: Any) -> Any:
     return as_float(x)
 
 
-def _as_jump(x: Any) -> Any:
+def _as_jump(x: Any, name: str = "Phase.then") -> Any:
     if x is not None and not callable(x):
-        raise InputError(f"Phase.then is {x!r}: it must be a function (t, y) -> y, or None.")
+        raise InputError(f"{name} is {x!r}: it must be a function (t, y) -> y, or None.")
     return x
+
+
+def _as_branches(x: Any) -> tuple["Mission", ...]:
+    branches: list[Any] = [x] if isinstance(x, Mission | Phase | AbstractSystem) else list(x)
+    for branch in branches:
+        if isinstance(branch, Phase | AbstractSystem):
+            name = type(branch).__name__
+            raise InputError(f"Phase.branches holds a {name}: it must hold missions, Mission(...).")
+    return tuple(branches)
 
 
 def _as_phases(x: Any) -> tuple["Phase", ...]:
@@ -61,7 +74,7 @@ def _with_known_end(phase: Any) -> Any:
         return phase
     # Runs share the number of samples: that of the longest serves all.
     known = flight.lasting(float(np.max(np.asarray(duration))))
-    return Phase(known, phase.until, phase.then, phase.name)
+    return dataclasses.replace(phase, system=known)
 
 
 @final
@@ -72,14 +85,17 @@ class Phase(eqx.Module):
     - `until`: a duration, s, zero for a jump at once, or an `Event` that sets its limit `within`.
     - `then`: a function (t, y) -> y applied at the end; `None` leaves the state as it is.
     - `name`: for tables and plots.
+    - `branches`: missions that start at its end, from the state before its jump, beside whatever
+      phase follows.
 
     Raises `InputError` for an event without a limit or that ends no run, for a duration that is not
-    finite, and for a jump that is no function."""
+    finite, for a jump that is no function, and for a branch that is no mission."""
 
     system: AbstractSystem | AbstractFlight
     until: Float[Array, "*#runs"] | Event = eqx.field(converter=_as_until)
     then: Callable[[Scalar, State], State] | None = eqx.field(converter=_as_jump, default=None)
     name: str = eqx.field(static=True, default="phase")
+    branches: tuple["Mission", ...] = eqx.field(converter=_as_branches, default=())
 
     def __check_init__(self):
         if isinstance(self.until, Event):
@@ -104,10 +120,19 @@ class Phase(eqx.Module):
 
 @final
 class Mission(eqx.Module):
-    """Phases, one after the other. Raises `InputError` when there is none, or two of one
-    name."""
+    """Phases, one after the other.
+
+    - `start`: a function (t, y) -> y before the first phase: of a branch the state of the part from
+      that of the whole; `None` leaves the state as it is.
+    - `name`: of a branch.
+
+    Raises `InputError` when there is no phase, and for two phases or branches of one name."""
 
     phases: tuple[Phase, ...] = eqx.field(converter=_as_phases)
+    start: Callable[[Scalar, State], State] | None = eqx.field(
+        converter=lambda x: _as_jump(x, "Mission.start"), default=None
+    )
+    name: str = eqx.field(static=True, default="mission")
 
     def __check_init__(self):
         # Results are found by the names of their phases.
@@ -117,3 +142,13 @@ class Mission(eqx.Module):
                 f"Mission.phases are {names}: there must be at least one, each with a name of its "
                 f"own."
             )
+        branches = [branch.name for phase in self.phases for branch in phase.branches]
+        for number, name in enumerate(branches):
+            # A phase of a branch is found by both names, with a dot between them.
+            taken = {other.split(".")[0] for other in names} | set(branches[:number])
+            if not name or "." in name or name in taken:
+                raise InputError(
+                    f"Mission.name of a branch is {name!r}: it must be text without a dot, and "
+                    f"another name than those of the phases and branches beside it, "
+                    f"{', '.join(sorted(taken))}."
+                )

@@ -1,6 +1,5 @@
 """Result of a mission: the trajectory of each of its phases."""
 
-from collections.abc import Iterator
 from typing import TYPE_CHECKING, final
 
 import equinox as eqx
@@ -8,9 +7,10 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
-from ..core import InputError, State
+from ..core import State
 from ..integration.accuracy import Accuracy
 from ._summary import summary_of_mission
+from .mission_result import AbstractMissionResult, BranchEnd
 from .trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -19,46 +19,26 @@ if TYPE_CHECKING:
 
 
 @final
-class MissionTrajectory(eqx.Module):
+class MissionTrajectory(AbstractMissionResult):
     """Trajectories of the phases of a mission, each up to its end before the jump.
 
     It reads as a list of its phases: `len(result)`, `for phase in result`, `result[0]`; also by
-    their names, `result["ascent"]` and `for name, phase in result.items()`.
+    their names, `result["ascent"]` and `for name, phase in result.items()`. The phases of branches
+    follow those of the mission itself. A branch, `result["booster"]`, is a `MissionTrajectory`,
+    too; `result["booster.fall"]` is a phase of it.
 
     - `phases`, `names`: a `Trajectory` for each phase, and their names.
     - `final`, `end`: state after the last jump of each run, and its time, s.
-    - `status`: first failure of each run, or else the status of its last phase."""
+    - `status`: first failure of each run, branches included, or else the status of its last phase.
+    - `branches`, `branch_names`: where each branch ends, and their names."""
 
     phases: tuple[Trajectory, ...]
     names: tuple[str, ...] = eqx.field(static=True)
     final: State
     end: Float[Array, "*runs"]
     status: Int[Array, "*runs"]
-
-    def __getitem__(self, phase: int | str) -> Trajectory:
-        """The trajectory of a phase, by its number or its name. Raises `InputError` for a name that
-        no phase has."""
-        if isinstance(phase, str):
-            if phase not in self.names:
-                raise InputError(
-                    f"The mission has no phase {phase!r}: its phases are "
-                    f"{', '.join(self.names)}.{InputError.hint(phase, self.names)}"
-                )
-            phase = self.names.index(phase)
-        count = len(self.phases)
-        if not isinstance(phase, int) or not -count <= phase < count:
-            raise IndexError(f"The mission has {count} phases: there is no number {phase!r}.")
-        return self.phases[phase]
-
-    def __len__(self) -> int:
-        return len(self.phases)
-
-    def __iter__(self) -> Iterator[Trajectory]:
-        return iter(self.phases)
-
-    def items(self) -> Iterator[tuple[str, Trajectory]]:
-        """Name and trajectory of each phase, in order."""
-        return zip(self.names, self.phases, strict=True)
+    branches: tuple[BranchEnd, ...] = ()
+    branch_names: tuple[str, ...] = eqx.field(static=True, default=())
 
     @property
     def initial(self) -> State:
@@ -73,8 +53,10 @@ class MissionTrajectory(eqx.Module):
     def of(self, i: int) -> "MissionTrajectory":
         """The i-th run of a batch, as a mission of one run."""
         phases = tuple(phase.of(i) for phase in self.phases)
-        final, end, status = jax.tree.map(lambda x: x[..., i], (self.final, self.end, self.status))
-        return MissionTrajectory(phases, self.names, final, end, status)
+        ends = self.final, self.end, self.status, self.branches
+        final, end, status, branches = jax.tree.map(lambda x: x[..., i], ends)
+        parts = phases, self.names, final, end, status, branches
+        return MissionTrajectory(*parts, self.branch_names)
 
     def show(self, path: "str | os.PathLike[str] | None" = None) -> "Path":
         """Open the mission in the browser as a page that moves (`jaxspace.plots.view_page`)."""

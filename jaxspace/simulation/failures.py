@@ -12,7 +12,7 @@ from jaxtyping import Array, PyTree
 from ..integration.result import DenseOutput
 from ..integration.status import Status
 from ._loud import raise_where_failed, sentence_alone
-from .mission_runs import MissionResult
+from .mission_result import MissionResult
 from .run_result import RunResult, nan_unless, reached, scaled
 
 T = TypeVar("T")
@@ -30,13 +30,18 @@ def nan_where_failed(result: T, status: Array | None = None) -> T:
       runs last.
 
     **Returns** the same with NaN: in a `RunResult` where it was not `reached`; in a `MissionResult`
-    this in each phase, and the final state and the end of a run that failed; else all of it."""
+    this in each phase, and the final state and the end of what failed, the mission itself or a
+    branch; else all of it."""
     if status is not None:
         return scaled(result, nan_unless(status <= Status.EVENT))
     if isinstance(result, MissionResult):
-        final, end = nan_where_failed((result.final, result.end), result.status)
+        # By its own phases: a part may end well where another one fails.
+        own = result.without_branches()
+        final, end = nan_where_failed((own.final, own.end), own.status)
         phases = [reached(phase) for phase in result.phases]
-        return result._replace(phases=phases, final=final, end=end)
+        branches = tuple(nan_where_failed(branch, branch.status) for branch in result.branches)
+        ends = {"final": final, "end": end, "branches": branches}
+        return dataclasses.replace(result, phases=phases, **ends)
     assert isinstance(result, RunResult)
     return reached(result)
 
@@ -139,6 +144,7 @@ NUMBERS = (
     "crossings",
     "final",
     "end",
+    "branches",
     "phases",
 )
 

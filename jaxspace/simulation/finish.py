@@ -15,7 +15,8 @@ from ..integration.status import Status, raise_on_failure
 from ._mission import Mission
 from ._mission_trajectory import MissionTrajectory
 from .failures import enough_steps, loud, place_of_failure
-from .mission_runs import MissionResult
+from .legs import legs_of
+from .mission_result import MissionResult
 from .run_result import RunResult
 from .trajectory import Trajectory
 
@@ -46,10 +47,13 @@ def mission_trajectory_of(
 ) -> MissionTrajectory:
     """A `MissionTrajectory` from what the phases left."""
     phases = []
-    for run, phase, config in zip(result.phases, mission.phases, configs, strict=True):
-        phases.append(trajectory_of(run, phase.moving, accuracy, config, run_axes))
-    names = tuple(phase.name for phase in mission.phases)
-    return MissionTrajectory(tuple(phases), names, result.final, result.end, result.status)
+    legs, _ = legs_of(mission)
+    for run, leg, config in zip(result.phases, legs, configs, strict=True):
+        phases.append(trajectory_of(run, leg.phase.moving, accuracy, config, run_axes))
+    return MissionTrajectory(
+        *(tuple(phases), result.names, result.final, result.end, result.status),
+        *(result.branches, result.branch_names),
+    )
 
 
 def finish(

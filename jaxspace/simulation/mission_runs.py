@@ -6,7 +6,7 @@ from typing import NamedTuple, TypeAlias
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Float
 
 from ..core import AbstractSystem, Scalar, State, safe_divide
 from ..integration.config import IntegrationConfig
@@ -19,6 +19,8 @@ from ._mission import Mission
 from ._runs import straight_to_event
 from .checks import check_events
 from .flight import AbstractFlight
+from .legs import legs_of
+from .mission_result import BranchEnd, MissionResult, status_of_all
 from .run_result import RunResult
 
 
@@ -48,19 +50,6 @@ class OwnTimes(NamedTuple):
 SaveTimes: TypeAlias = int | Float[Array, " _"] | OwnTimes
 """Save times of a phase: a number of states, evenly from its start to its end; or fractions of its
 duration, from 0 to 1; or times of the mission."""
-
-
-class MissionResult(NamedTuple):
-    """Result of a mission.
-
-    - `phases`: result of each phase, up to and including its end before the jump.
-    - `final`, `end`: state after the last jump, and its time, s.
-    - `status`: first failure of each run, or else the status of its last phase."""
-
-    phases: list[RunResult]
-    final: State
-    end: Float[Array, "*runs"]
-    status: Int[Array, "*runs"]
 
 
 def _up_to_jump(
@@ -192,7 +181,7 @@ def run_mission(
     plans: tuple[Array | None, ...] | None = None,
     record_steps: bool = False,
 ) -> MissionResult:
-    """All phases of a mission.
+    """All phases of a mission, and of its branches, in the order of `legs_of`.
 
     **Arguments**
 
@@ -202,12 +191,20 @@ def run_mission(
     - `configs`: one for each phase, from `resolve_phases`.
     - `plans`: fixed steps for each phase, as nodes in normalised time.
     - `record_steps`: whether to return the ends of the steps."""
-    results = []
-    y = y0
-    t = t0
-    status = None
+    legs, branch_names = legs_of(mission)
+    results: list[RunResult] = []
+    # Of each phase: the time and the state behind its jump, and the status up to there.
+    ends: list[BranchEnd] = []
     # Written out and not as a scan: each phase has its own system, and its own state after a jump.
-    for number, (phase, config) in enumerate(zip(mission.phases, configs, strict=True)):
+    for number, (leg, config) in enumerate(zip(legs, configs, strict=True)):
+        phase = leg.phase
+        if leg.after is None:
+            y, t, status = y0 if leg.start is None else leg.start(t0, y0), t0, None
+        else:
+            y, t, status = ends[leg.after]
+            if leg.parted:
+                # A part starts from the state of the whole, before the jump of the phase.
+                t, y = _left_by(leg.start, results[leg.after], run_axes)
         plan = None if plans is None else plans[number]
         saved = num_saved if isinstance(num_saved, int) else num_saved[number]
         if isinstance(phase.system, AbstractFlight):
@@ -220,5 +217,16 @@ def run_mission(
             result, t, y = _run_phase(*given, config, run_axes, plan, record_steps)
         results.append(result)
         status = result.status if status is None else combine_status(status, result.status)
-    assert status is not None
-    return MissionResult(results, y, t, status)
+        ends.append(BranchEnd(y, t, status))
+    # The last phase of each line: that of the mission itself, then those of its branches.
+    last = {leg.line: end for leg, end in zip(legs, ends, strict=True)}
+    own, *branches = (last[line] for line in range(len(last)))
+    return MissionResult(
+        results,
+        tuple(leg.name for leg in legs),
+        own.final,
+        own.end,
+        status_of_all(own.status, branches),
+        tuple(branches),
+        branch_names,
+    )

@@ -13,6 +13,7 @@ from ._mission import Mission, Phase
 from ._switches import warn_of_switches
 from .checks import check_structure, shapes_after
 from .flight import AbstractFlight
+from .legs import legs_of
 
 
 def resolve_phases(
@@ -23,16 +24,25 @@ def resolve_phases(
     *,
     restarts: bool = False,
 ) -> tuple[IntegrationConfig, ...]:
-    """The configuration of every phase, before anything is compiled.
+    """The configuration of every phase, in the order of `legs_of`, before anything is compiled.
 
     What the state holds in a phase follows from the shapes of the jumps before it. `restarts` is as
     in `IntegrationConfig`."""
     configs = []
-    y = jax.tree.map(shape_of, y0)
-    for phase in mission.phases:
-        check_until(phase, run_axes)
+    # Of each phase, at its end: the shapes of the state before its jump, and behind it.
+    left, behind = [], []
+    legs, _ = legs_of(mission)
+    for leg in legs:
+        phase = leg.phase
+        if leg.after is None:
+            y = jax.tree.map(shape_of, y0)
+        else:
+            y = (left if leg.parted else behind)[leg.after]
         # Only shapes are needed: a jump may change what the state holds.
         zero = jax.ShapeDtypeStruct((), state_dtype(y))
+        if leg.start is not None:
+            y = shapes_after(leg.start, zero, y, f"Mission.start before the phase {leg.name!r}")
+        check_until(phase, run_axes)
         whole = check_structure(phase.moving, y, zero, one_run=run_axes == 0, stacklevel=3)
         events = (phase.until,) if isinstance(phase.until, Event) else ()
         warn_of_switches(phase.moving, events, y, zero, stacklevel=3)
@@ -44,9 +54,10 @@ def resolve_phases(
             own = with_exact_part(accuracy, phase.system, y0, longest(phase.until))
             configs.append(resolve(phase.system, y, own, restarts=restarts))
         # The jump meets the state as the phase leaves it, with the runs of its system.
-        y = whole
+        left.append(whole)
         if phase.then is not None:
-            y = shapes_after(phase.then, zero, y, f"Phase {phase.name!r}: then")
+            whole = shapes_after(phase.then, zero, whole, f"Phase {leg.name!r}: then")
+        behind.append(whole)
     return tuple(configs)
 
 

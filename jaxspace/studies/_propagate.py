@@ -13,6 +13,7 @@ from ..simulation import Accuracy, Event, Mission, MissionTrajectory, Trajectory
 from ..simulation.batch_layout import InAxes
 from ..simulation.either import run_either
 from ..simulation.flight import AbstractFlight
+from ..simulation.legs import check_one_line
 from ._mission_covariance import MissionCovariance, covariance_of, uncertain_mission
 from .coordinates import Coordinates
 from .covariance import MeanCovariance, Noise, Uncertain
@@ -89,8 +90,8 @@ def propagate_covariance(
     *runs); of a mission a `MissionCovariance`, mapped through its events and jumps. Without noise,
     `Sensitivity.covariance` is the cheaper way.
 
-    **Raises** `InputError` as `simulate` does, for a covariance or a noise of another size, and for
-    a phase that is a closed loop, whose commands are no part of the state."""
+    **Raises** `InputError` as `simulate` does, for a covariance or a noise of another size, for
+    a phase that is a closed loop, whose commands are no part of the state, and for branches."""
     run_mean = functools.partial(
         run_either,
         accuracy=accuracy,
@@ -109,6 +110,7 @@ def propagate_covariance(
         run = run_mean(Uncertain(system, _density(noise, size)), start, ts)
         assert isinstance(run, Trajectory)
         return run, run.states.covariance
+    check_one_line(system, "propagate_covariance")
     if any(isinstance(phase.system, AbstractFlight) for phase in system.phases):
         raise InputError(
             "A phase of the mission is a closed loop: its covariance is that of a campaign, or "

@@ -16,6 +16,7 @@ from ..integration.accuracy import Accuracy, check_initial_state, state_dtype
 from ..simulation import Mission, MissionTrajectory
 from ..simulation.checks import check_times
 from ..simulation.either import run_either
+from ..simulation.legs import legs_of
 
 # s: a run is not repeated after its repetitions took so long.
 ENOUGH = 2.0
@@ -66,7 +67,9 @@ def run_once(
 
 def systems_of(system: AbstractSystem | Mission) -> list[AbstractSystem]:
     """The system of every phase of a mission; of a system, itself."""
-    return [phase.moving for phase in system.phases] if isinstance(system, Mission) else [system]
+    if not isinstance(system, Mission):
+        return [system]
+    return [leg.phase.moving for leg in legs_of(system)[0]]
 
 
 def check_start(

@@ -2,12 +2,14 @@
 
 The effects of the same name in several phases of a mission are one effect."""
 
+import dataclasses
 from collections.abc import Callable, Sequence
 from typing import TypeAlias
 
 from ..core import AbstractSystem, InputError, Scalar
 from ..scene import Scene, scaled
 from ..simulation import Mission, Phase
+from ..simulation.legs import legs_of
 
 Runnable: TypeAlias = AbstractSystem | Mission
 
@@ -16,8 +18,9 @@ def scenes(system: Runnable) -> list[tuple[int, str, Scene]]:
     """Number, name and scene of every phase that has one."""
     if isinstance(system, Scene):
         return [(0, "scene", system)]
-    phases = system.phases if isinstance(system, Mission) else ()
-    return [(k, p.name, p.system) for k, p in enumerate(phases) if isinstance(p.system, Scene)]
+    legs = legs_of(system)[0] if isinstance(system, Mission) else ()
+    found = ((k, leg.name, leg.phase.system) for k, leg in enumerate(legs))
+    return [(k, name, system) for k, name, system in found if isinstance(system, Scene)]
 
 
 def effect_names(scene: Scene) -> list[str]:
@@ -75,11 +78,17 @@ def remove_effects(system: Runnable, removed: Sequence[str]) -> Runnable:
 def _map_scenes(system: Runnable, change: Callable[[Scene], Scene]) -> Runnable:
     """The scene changed, or the mission with each of its scenes changed."""
     if isinstance(system, Mission):
-        return Mission([_map_phase(phase, change) for phase in system.phases])
+        return _map_mission(system, change)
     return change(system) if isinstance(system, Scene) else system
+
+
+def _map_mission(mission: Mission, change: Callable[[Scene], Scene]) -> Mission:
+    phases = [_map_phase(phase, change) for phase in mission.phases]
+    return dataclasses.replace(mission, phases=phases)
 
 
 def _map_phase(phase: Phase, change: Callable[[Scene], Scene]) -> Phase:
     # A phase may also run a system without effects, which stays.
     system = change(phase.system) if isinstance(phase.system, Scene) else phase.system
-    return Phase(system, phase.until, phase.then, phase.name)
+    branches = [_map_mission(branch, change) for branch in phase.branches]
+    return dataclasses.replace(phase, system=system, branches=branches)

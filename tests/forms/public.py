@@ -61,7 +61,7 @@ LEFT_OUT: dict[str, list[str]] = {
         orbits.apoapsis orbits.periapsis orbits.TwoBody.closed_form
         orbits.PointGravity.closed_form attitude.TorqueFreeBody.closed_form
         rockets.PropellantDepletion rockets.Thrust.propellant_left bodies.FreeRotation.flow
-        attitude.Top.closed_form rockets.Thrust.net_thrust
+        attitude.Top.closed_form rockets.Thrust.net_thrust bodies.spring_speed
     """.split(),
     "gives integrators a form of the motion, whose steps they check": """
         attitude.Top.split orbits.PointGravity.regularised
@@ -90,6 +90,7 @@ LEFT_OUT: dict[str, list[str]] = {
         vehicles.Vehicle.* vehicles.LaunchSite.environment vehicles.LaunchSite.air
         vehicles.sounding_flight vehicles.flight_phases rockets.SteeredThrust.of_thrust
         control.Together*
+        bodies.come_apart bodies.Detached*
         control.with_command
         control.LandingTask* control.RendezvousTask* control.SlewTask*
     """.split(),

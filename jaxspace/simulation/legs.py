@@ -1,0 +1,62 @@
+"""The phases of a mission and of all its branches, in one sequence."""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+from ..core import InputError, Scalar, State
+from ._mission import Mission, Phase
+
+
+class Leg(NamedTuple):
+    """A phase among all those of a mission and of its branches.
+
+    - `name`: of the phase, behind the names of the branches that it lies in, with dots.
+    - `phase`: itself.
+    - `line`: which sequence of phases it is in: 0 for that of the mission, then its branches.
+    - `after`: number of the leg at whose end it starts; `None` for the first of all.
+    - `parted`: whether it starts a branch, from the state before the jump at that end.
+    - `start`: the function that gives its initial state, or `None`."""
+
+    name: str
+    phase: Phase
+    line: int
+    after: int | None
+    parted: bool
+    start: Callable[[Scalar, State], State] | None
+
+
+def legs_of(mission: Mission) -> tuple[tuple[Leg, ...], tuple[str, ...]]:
+    """All phases of a mission, its own ones before those of its branches; and the names of the
+    branches, with dots where they lie in each other."""
+    legs: list[Leg] = []
+    names: list[str] = []
+
+    def add(mission: Mission, prefix: str, line: int, after: int | None) -> None:
+        first = len(legs)
+        for number, phase in enumerate(mission.phases):
+            begins = number == 0
+            before = after if begins else len(legs) - 1
+            start = mission.start if begins else None
+            legs.append(Leg(prefix + phase.name, phase, line, before, begins and line > 0, start))
+        for number, phase in enumerate(mission.phases, first):
+            for branch in phase.branches:
+                names.append(prefix + branch.name)
+                add(branch, f"{prefix}{branch.name}.", len(names), number)
+
+    add(mission, "", 0, None)
+    return tuple(legs), tuple(names)
+
+
+def check_one_line(mission: Mission, what: str) -> None:
+    """Raise `InputError`, for `what` takes one sequence of phases, for a mission with branches or
+    with a `start`."""
+    _, names = legs_of(mission)
+    if names:
+        raise InputError(
+            f"{what} takes one sequence of phases, and the mission has the branches "
+            f"{', '.join(names)}: it must be given without them, Phase(branches=())."
+        )
+    if mission.start is not None:
+        raise InputError(
+            f"{what} starts from y0 itself, and Mission.start is a function: it must be None."
+        )

@@ -1,0 +1,134 @@
+"""What a mission leaves: the results of its phases by number and name, and its branches by name."""
+
+import dataclasses
+import functools
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Any, NamedTuple, final
+
+import equinox as eqx
+from jaxtyping import Array, Float, Int
+
+from ..core import InputError, State
+from ..integration.status import combine_status
+from .run_result import RunResult
+
+
+class BranchEnd(NamedTuple):
+    """Where a branch of a mission ends.
+
+    - `final`, `end`: state after its last jump, and its time, s.
+    - `status`: first failure of each run up to there, from the start of the mission on, or else the
+      status of its last phase."""
+
+    final: State
+    end: Float[Array, "*runs"]
+    status: Int[Array, "*runs"]
+
+
+class AbstractMissionResult(eqx.Module):
+    """Results of the phases of a mission, which read as a list with names, and as a tree where the
+    mission parts: `result["booster"]` is a branch, `result["booster"]["fall"]` and
+    `result["booster.fall"]` are a phase of it.
+
+    - `phases`, `names`: the result of each phase, those of the mission before those of its
+      branches, and their names.
+    - `final`, `end`: state after the last jump of the mission itself, and its time, s.
+    - `status`: first failure of each run, branches included, or else the status of the last phase.
+    - `branches`, `branch_names`: where each branch ends, and their names."""
+
+    phases: eqx.AbstractVar[Sequence[Any]]
+    names: eqx.AbstractVar[tuple[str, ...]]
+    final: eqx.AbstractVar[State]
+    end: eqx.AbstractVar[Array]
+    status: eqx.AbstractVar[Array]
+    branches: eqx.AbstractVar[tuple[BranchEnd, ...]]
+    branch_names: eqx.AbstractVar[tuple[str, ...]]
+
+    def __getitem__(self, phase: int | str) -> Any:
+        """The result of a phase, by its number or its name, or a branch by its name. Raises
+        `InputError` for a name that none has."""
+        if isinstance(phase, str):
+            if phase in self.branch_names:
+                return self._branch(phase)
+            if phase not in self.names:
+                known = (*self.names, *self.branch_names)
+                what = "phase or branch" if self.branch_names else "phase"
+                raise InputError(
+                    f"The mission has no {what} {phase!r}: its phases are {', '.join(self.names)}"
+                    + (f"; its branches {', '.join(self.branch_names)}" * bool(self.branch_names))
+                    + f".{InputError.hint(phase, known)}"
+                )
+            phase = self.names.index(phase)
+        count = len(self.phases)
+        if not isinstance(phase, int) or not -count <= phase < count:
+            raise IndexError(f"The mission has {count} phases: there is no number {phase!r}.")
+        return self.phases[phase]
+
+    def __len__(self) -> int:
+        return len(self.phases)
+
+    def __iter__(self) -> Iterator[Any]:
+        return iter(self.phases)
+
+    def items(self) -> Iterator[tuple[str, Any]]:
+        """Name and result of each phase, in order."""
+        return zip(self.names, self.phases, strict=True)
+
+    def without_branches(self) -> Any:
+        """The mission itself: its own phases, with the first failure of these."""
+        if not self.branch_names:
+            return self
+        heads = tuple(f"{name}." for name in self.branch_names)
+        phases = {k: phase for k, phase in self.items() if not k.startswith(heads)}
+        status = functools.reduce(combine_status, [run.status for run in phases.values()])
+        return self._with_phases(phases, status=status, branches=(), branch_names=())
+
+    def _branch(self, name: str) -> Any:
+        """The branch of this name, with those that it has itself."""
+        head = f"{name}."
+        phases = {k[len(head) :]: phase for k, phase in self.items() if k.startswith(head)}
+        ends = dict(zip(self.branch_names, self.branches, strict=True))
+        own = ends[name]
+        inner = {k[len(head) :]: end for k, end in ends.items() if k.startswith(head)}
+        return self._with_phases(
+            phases,
+            final=own.final,
+            end=own.end,
+            status=status_of_all(own.status, inner.values()),
+            branches=tuple(inner.values()),
+            branch_names=tuple(inner),
+        )
+
+    def _with_phases(self, phases: dict[str, Any], **fields: Any) -> Any:
+        # A list of results, or a tuple of trajectories.
+        own = (tuple if isinstance(self.phases, tuple) else list)(phases.values())
+        return dataclasses.replace(self, phases=own, names=tuple(phases), **fields)
+
+
+@final
+class MissionResult(AbstractMissionResult):
+    """Result of a mission, as the outputs of a campaign read it; it reads as a `MissionTrajectory`.
+
+    - `phases`, `names`: result of each phase, up to and including its end before the jump, and
+      their names.
+    - `final`, `end`: state after the last jump, and its time, s.
+    - `status`: first failure of each run, or else the status of its last phase.
+    - `branches`, `branch_names`: where each branch ends, and their names."""
+
+    phases: list[RunResult]
+    names: tuple[str, ...] = eqx.field(static=True)
+    final: State
+    end: Float[Array, "*runs"]
+    status: Int[Array, "*runs"]
+    branches: tuple[BranchEnd, ...] = ()
+    branch_names: tuple[str, ...] = eqx.field(static=True, default=())
+
+
+def status_of_all(own: Int[Array, "*runs"], branches: Iterable[BranchEnd]) -> Int[Array, "*runs"]:
+    """The status of a mission with its `branches`: the first failure, or else its own status."""
+
+    def with_branch(status: Array, branch: BranchEnd) -> Array:
+        # A branch that ended well says nothing of the whole.
+        return combine_status(status, combine_status(branch.status, status))
+
+    return functools.reduce(with_branch, branches, own)
