@@ -3,6 +3,7 @@
 import json
 import os
 import sys
+from collections.abc import Sequence
 
 from ..control import LoopRun
 from ..core import InputError
@@ -28,9 +29,9 @@ MOST_REPEATED = 16
 TOLERANCES = tuple(10.0**-k for k in range(4, 13))
 
 
-def run(path: str, folder: str, show: bool = False) -> int:
+def run(path: str, folder: str, show: bool = False, modules: Sequence[str] = ()) -> int:
     """Simulate the nominal run, print how it ended, draw it, and show it in the browser."""
-    file = load(path)
+    file = load(path, modules=modules)
     make_folder(folder)
     if isinstance(file.system, Mission):
         result = file.nominal_mission(samples=100)
@@ -49,12 +50,12 @@ def run(path: str, folder: str, show: bool = False) -> int:
     return 0 if Status(int(result.status)).good else 1
 
 
-def optimize(path: str, folder: str, sensitivities: bool) -> int:
+def optimize(path: str, folder: str, sensitivities: bool, modules: Sequence[str] = ()) -> int:
     """Search the best values of the free numbers, print their table, and keep the file, the
     figures of its run and of the search."""
     from tqdm import tqdm
 
-    file = load(path)
+    file = load(path, modules=modules)
     make_folder(folder)
     best = path_of(file, folder, "_optimum.toml")
     with tqdm(unit="step", file=sys.stderr, disable=None) as bar:
@@ -94,16 +95,16 @@ def _confirmed(
     with open(best, "w", encoding="utf-8") as out:
         out.write(found.text())
     # Read back, so that what is confirmed is what the file says, rounding included.
-    optimum = load(best)
+    optimum = load(best, modules=file.modules)
     # At the accuracy of the file, with adaptive steps: what the search has found must stand it.
     run = optimum.nominal_mission(samples=100)
     numbers = found.confirmed(run, optimum)
     return found.judged(run, numbers), numbers, run
 
 
-def explain(path: str) -> int:
+def explain(path: str, modules: Sequence[str] = ()) -> int:
     """Print the table of effects of every scene of the file."""
-    file = load(path)
+    file = load(path, modules=modules)
     print(file.title)
     scenes = file.scenes()
     if not scenes:
@@ -113,9 +114,11 @@ def explain(path: str) -> int:
     return 0
 
 
-def cost(path: str, error: float | None, gradient: bool, folder: str) -> int:
+def cost(
+    path: str, error: float | None, gradient: bool, folder: str, modules: Sequence[str] = ()
+) -> int:
     """Print what accuracy costs, recommend a setting, and draw the diagram."""
-    file = load(path)
+    file = load(path, modules=modules)
     make_folder(folder)
     # The file's own setting is always among those measured, so that it can be compared.
     rtol = file.values["accuracy"]
@@ -156,9 +159,15 @@ def _recommendation(table: AccuracyCost, error: float) -> str:
     return f"for a relative error of {error:.1g} in the final state: {how}, {reached}"
 
 
-def budget(path: str, output: str | None, tolerance: str | None, folder: str) -> int:
+def budget(
+    path: str,
+    output: str | None,
+    tolerance: str | None,
+    folder: str,
+    modules: Sequence[str] = (),
+) -> int:
     """Print what each effect does to the output and which of them may go, and draw it."""
-    file = load(path)
+    file = load(path, modules=modules)
     if file.kind == "system":
         name = type(file.system).__name__
         raise InputError(f"{name} has no effects: the file must be of a scene or a mission.")
@@ -180,15 +189,15 @@ def budget(path: str, output: str | None, tolerance: str | None, folder: str) ->
     return 0
 
 
-def show_list() -> int:
-    """Print what scene files may name."""
-    print(listing())
+def show_list(word: str = "", modules: Sequence[str] = ()) -> int:
+    """Print what scene files may name, or the entries with this word."""
+    print(listing(modules=modules, word=word))
     return 0
 
 
-def show_schema() -> int:
+def show_schema(modules: Sequence[str] = ()) -> int:
     """Print the JSON schema of scene files."""
-    print(json.dumps(schema(), indent=1))
+    print(json.dumps(schema(modules=modules), indent=1))
     return 0
 
 

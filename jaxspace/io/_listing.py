@@ -1,24 +1,27 @@
 """What scene files may name, for people (a text) and for editors (a JSON schema)."""
 
+import os
 import re
 from collections.abc import Iterable, Mapping
+from typing import TypeAlias
 
 from ..bodies import BodyState
-from ..core import REQUIRED
+from ..core import REQUIRED, InputError
 from ._catalog import Catalog, catalog
 from ._form import form_of, initial_kind, initial_ways, method_kind
 from ._kinds import Entry, Kind, Schema
 from ._table_kinds import Object, Table
 from ._value_kinds import FilePath, ListOf, Number, OneName
 
+Group: TypeAlias = tuple[str, list[str]]
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
 
-def schema(also: Iterable[object] = ()) -> Schema:
+def schema(also: Iterable[object] = (), modules: Iterable[str | os.PathLike[str]] = ()) -> Schema:
     """The JSON schema of all scene files. An editor completes and checks files with it.
 
-    `also`: as in `load`."""
-    known = catalog(also)
+    `also`, `modules`: as in `load`."""
+    known = catalog(also, modules)
     # One form for each system, because the name decides on all other keys.
     systems = [form_of("system", known, name).schema() for name in known.systems]
     body = [form_of(kind, known).schema() for kind in ("scene", "mission")]
@@ -26,11 +29,21 @@ def schema(also: Iterable[object] = ()) -> Schema:
     return {"$schema": DIALECT, "title": "jaxspace scene file", "anyOf": forms}
 
 
-def listing(also: Iterable[object] = ()) -> str:
+def listing(
+    also: Iterable[object] = (),
+    modules: Iterable[str | os.PathLike[str]] = (),
+    word: str = "",
+) -> str:
     """What scene files may name: systems, effects, events and so on, with fields and units.
 
-    `also`: as in `load`."""
-    known = catalog(also)
+    **Arguments**
+
+    - `also`, `modules`: as in `load`.
+    - `word`: only entries with it in their name or first sentence are listed, or where there are
+      none, those with it in their fields.
+
+    **Raises** `InputError` for a word that no entry has."""
+    known = catalog(also, modules)
     groups = [
         ("systems", _classes(known, known.systems, initial=True)),
         ("bodies", _classes(known, known.bodies)),
@@ -43,7 +56,38 @@ def listing(also: Iterable[object] = ()) -> str:
         ("distributions", _classes(known, known.distributions)),
         ("methods", [f"  {name}" for name in method_names(known)]),
     ]
+    if word:
+        groups = _with_word(groups, word)
     return "\n\n".join("\n".join([name, *lines]) for name, lines in groups)
+
+
+def _with_word(groups: list[Group], word: str) -> list[Group]:
+    """The entries with this word, in the groups that have some."""
+    entries = [(group, entry) for group, lines in groups for entry in _entries(lines)]
+    # By all of its lines only then: fields of thrust are named in half of the entries.
+    for part in (slice(1), slice(None)):
+        found: dict[str, list[str]] = {}
+        for group, entry in entries:
+            if word.lower() in "\n".join(entry[part]).lower():
+                found.setdefault(group, []).extend(entry)
+        if found:
+            return list(found.items())
+    names = re.findall(r"^ *([\w.]+)", "\n".join(entry[0] for _, entry in entries), re.MULTILINE)
+    raise InputError(
+        f"{word} is in no entry: it must be a part of a name or of a description."
+        f"{InputError.hint(word, names)}"
+    )
+
+
+def _entries(lines: list[str]) -> list[list[str]]:
+    """The lines of each entry: its own, and those of its fields, which are indented further."""
+    found: list[list[str]] = []
+    for line in lines:
+        if line.startswith("   ") and found:
+            found[-1].append(line)
+        else:
+            found.append([line])
+    return found
 
 
 def method_names(known: Catalog) -> list[str]:

@@ -34,7 +34,7 @@ from ._checks import Parsed
 from ._inputs import Input, with_given
 from ._joint_inputs import MadeInput
 from ._kinds import Values
-from ._named_files import NamedFiles
+from ._named_files import NamedFile, NamedFiles
 from ._nominal import nominal_states, outputs_of
 from ._objects import Building, Runs
 from ._optimise import optimise
@@ -58,7 +58,8 @@ class SceneFile:
     - `outputs`: what is kept of each run of a campaign.
     - `units`: those in which the file gives its numbers.
     - `task`: what [optimize] asks for, or `None`.
-    - `files`: those that the file names."""
+    - `files`: those that the file names.
+    - `modules`: Python files that were run for it."""
 
     path: Path
     text: str
@@ -68,6 +69,7 @@ class SceneFile:
     units: WrittenUnits
     task: Task | None = None
     files: NamedFiles = dataclasses.field(default_factory=lambda: NamedFiles(Path()))
+    modules: tuple[NamedFile, ...] = ()
 
     @property
     def kind(self) -> str:
