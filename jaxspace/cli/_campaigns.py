@@ -7,7 +7,7 @@ import warnings
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-from ..core import InputError
+from ..core import InputError, argument
 from ..dispersion import (
     METHODS,
     MONTE_CARLO,
@@ -65,7 +65,8 @@ def disperse(path: str, options: Options, folder: str, modules: Sequence[str] = 
     times = None
     if options.times is not None:
         parts = options.times.split(",")
-        times = tuple(read_option("--times", part.strip(), "time") for part in parts)
+        time = argument("s", doc="time")
+        times = tuple(read_option("--times", part.strip(), time) for part in parts)
     make_folder(folder)
     until = file.until if options.until is None else options.until
     print(_head(file, runs, seed, until))

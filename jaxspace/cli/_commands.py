@@ -5,8 +5,9 @@ import os
 import sys
 from collections.abc import Sequence
 
+from ..bodies import BodyState
 from ..control import LoopRun
-from ..core import InputError
+from ..core import InputError, argument, quantities
 from ..io import (
     Optimum,
     SceneFile,
@@ -172,13 +173,26 @@ def budget(
         name = type(file.system).__name__
         raise InputError(f"{name} has no effects: the file must be of a scene or a mission.")
     make_folder(folder)
-    output = file.y0.present()[0] if output is None else output
-    size = None if tolerance is None else read_option("--tolerance", tolerance, output)
+    parts = file.y0.present()
+    judged = parts[0] if output is None else output
+    if judged in parts:
+        # The difference of two attitudes is an angle.
+        si, factor = quantities(BodyState)[judged].unit or "rad", 1.0
+    else:
+        try:
+            judged, si, factor = file.final_output(judged)
+        except InputError as error:
+            raise InputError(f"{error} Parts of the final state are {', '.join(parts)}.") from None
+    size = None
+    if tolerance is not None:
+        size = factor * read_option(
+            "--tolerance", tolerance, argument(si, positive=True, doc="size")
+        )
     table = effect_budget(
         file.system,
         file.y0,
         file.ts,
-        output=output,
+        output=judged,
         tolerance=size,
         # Effects are told apart by differences, which a coarse tolerance would drown.
         accuracy=min(file.values["accuracy"], 1e-9),

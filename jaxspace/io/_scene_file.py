@@ -31,6 +31,7 @@ from ..simulation import (
 from ..simulation.either import run_either
 from ._build import build_mission, build_state, replaced
 from ._checks import Parsed
+from ._final_output import FinalOutput, function_of
 from ._inputs import Input, with_given
 from ._joint_inputs import MadeInput
 from ._kinds import Values
@@ -40,7 +41,7 @@ from ._objects import Building, Runs
 from ._optimise import optimise
 from ._optimize_table import Task
 from ._optimum import Optimum
-from ._output_entries import applicable_outputs
+from ._output_entries import applicable_outputs, read_output, unit_of
 from ._outputs import MoreOutputs, Outputs, OutputSpec, needs_nominal
 from ._scene_campaign import NOISE, campaign_of, design_of, doubts_of
 from ._units import WrittenUnits
@@ -342,6 +343,24 @@ class SceneFile:
           [dispersion] asks for."""
         specs = applicable_outputs(self.parsed, self.units) if every else self.outputs
         return outputs_of(nominal, specs, Outputs(self, specs, self._numbers({}), None))
+
+    def final_output(self, name: str) -> FinalOutput:
+        """An output of the final state of a run, as `effect_budget` takes it.
+
+        `name`: of a declared output, a method of an effect such as "drag.dynamic_pressure", or the
+        path of a number of the state such as "final.omega.2".
+
+        **Raises** `InputError` for a name of nothing, or of what the file has not all for."""
+        try:
+            spec = read_output("output", {"output": name}, self.parsed, self.units)
+        except ValueError as error:
+            raise InputError(str(error)) from None
+        if spec.at >= 0:
+            raise InputError(f"output is {name}: it must be one of the final state.")
+        reference = nominal_states(self.nominal_mission()) if needs_nominal((spec,)) else None
+        outputs = Outputs(self, (spec,), self._numbers({}), reference)
+        si = unit_of(spec, self.parsed)
+        return FinalOutput(function_of(outputs, spec), si, spec.factor)
 
     def body(self, values: Values, samples: Mapping[str, Array], runs: int) -> AbstractBody:
         """The body, from the numbers of the file and those of `runs` runs in `samples`."""

@@ -18,7 +18,7 @@ from jaxtyping import Array, Float, Int, PyTree
 from ..core import State
 from ..integration import Accuracy, Status
 from ..integration.accuracy import state_dtype
-from ._runs import RunOutcome, run_once
+from ._runs import OutputOfRun, RunOutcome, run_once
 from ._scene_effects import Runnable, scale_effects
 
 
@@ -74,7 +74,7 @@ def scaled_runs(
     system: Runnable,
     y0: State,
     ts: Array,
-    output: Callable[[State], Array],
+    output: OutputOfRun,
     accuracy: Accuracy,
     names: tuple[str, ...],
     signless: bool,
@@ -84,7 +84,7 @@ def scaled_runs(
     **Arguments**
 
     - `system`, `y0`, `ts`: what runs.
-    - `output`: of the final state.
+    - `output`: of the end of a run.
     - `accuracy`: of the runs; its tolerance may be tightened later.
     - `names`: of the effects, in the order of their factors.
     - `signless`: whether an output and its negative are the same.
@@ -102,7 +102,7 @@ def scaled_runs(
         def value_of(factors: list[Array]) -> tuple[Array, RunOutcome]:
             scaled = scale_effects(system, dict(zip(names, factors, strict=True)))
             outcome = run_once(scaled, y0, ts, own)
-            return output(outcome.final), outcome
+            return outcome.value(output), outcome
 
         return jax.jvp(value_of, (factors,), (direction,), has_aux=True)
 
