@@ -534,8 +534,13 @@ BAD_STUDIES = [
     ),
     (["budget", "--tolerance", "wide"], '--tolerance is "wide": it must be a positive number in m'),
     (["budget", "--tolerance", "0 m"], '--tolerance is "0 m": it must be a positive number in m'),
-    (["budget", "--output", "omega"], "output is 'omega': it must be one of position, velocity"),
-    (["budget", "--output", "spam"], "output is 'spam': it must be one of position, velocity"),
+    (["budget", "--output", "omega"], "Parts of the final state are position, velocity"),
+    (["budget", "--output", "speeed"], 'output is "speeed": it must be one of'),
+    (["budget", "--output", "coast.position.0"], "it must be one of the final state"),
+    (
+        ["budget", "--output", "speed", "--tolerance", "1 m"],
+        '--tolerance is "1 m": it must be a positive number in m/s',
+    ),
 ]
 
 
@@ -559,6 +564,14 @@ def test_list_and_schema(capsys):
     assert "**" not in printed
     for word in ("  thrust: ", "total_impulse [N s]", "  periapsis [m^2/s]", "  burnout [s]"):
         assert word in printed
+    assert main(["list", "burnout"]) == 0
+    found = re.findall(r"^  (\w+)", capsys.readouterr().out, re.MULTILINE)
+    assert set(found) == {"propellant_depletion", "burnout"}
+    # Only fields name it.
+    assert main(["list", "heights [m]"]) == 0
+    assert "  drag: " in capsys.readouterr().out
+    assert main(["list", "Julian day"]) == 2
+    assert "Julian day is in no entry" in capsys.readouterr().err
     assert main(["schema"]) == 0
     assert json.loads(capsys.readouterr().out)["$schema"].startswith("https://json-schema.org")
 
