@@ -145,7 +145,7 @@ BAD = [
     ("x = (\n", "bad.py cannot be run: line 1 raises SyntaxError"),
     ("import sys\nsys.exit()\n", "bad.py cannot be run: line 2 raises SystemExit"),
     ("x = 1\n", "bad.py defines nothing that a file can name: it must have final classes"),
-    (MODULE.replace("advance", "speed"), "bad.py holds speed: it must be another name"),
+    (MODULE, "bad.py holds push: it must be another name"),
 ]
 
 

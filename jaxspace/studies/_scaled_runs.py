@@ -66,8 +66,9 @@ class ScaledRuns(NamedTuple):
     def change(self, value: np.ndarray, nominal: np.ndarray) -> np.ndarray:
         """How far an output has moved; a quaternion and its negative are one attitude."""
         if self.signless and np.linalg.norm(value + nominal) < np.linalg.norm(value - nominal):
-            return -value - nominal
-        return value - nominal
+            value = -value
+        # The difference of two single numbers would be no array.
+        return np.asarray(value - nominal)
 
 
 def scaled_runs(
