@@ -63,7 +63,7 @@ def dispersion(runs, requirements=True):
     r = np.random.default_rng(1)
     a, b = r.standard_normal((2, runs))
     outputs = {
-        "apoapsis": 46000.0 + 800.0 * a,
+        "apoapsis": 46000.0 + 800.0 * a + 40.0 * b,
         LONG: 183.0 + b + 0.3 * a,
         # Constant but for rounding: a spread of 5e-11 in what is some 1e5.
         "constant": 123456.5 + 1.4551915228366852e-11 * np.round(2.0 * r.random(runs)),

@@ -235,7 +235,7 @@ def replay(
     )
     print(replay_report(file, found, kept))
     for name, phase in found.trajectory.items():
-        draw(phase, path_of(file, folder, f"_run_{run}_{name}.png".replace(" ", "_")))
+        draw(file, phase, path_of(file, folder, f"_run_{run}_{name}.png".replace(" ", "_")))
     if show:
         print(f"page   {found.trajectory.show(path_of(file, folder, f'_run_{run}.html'))}")
     return 0 if found.status.good else 1

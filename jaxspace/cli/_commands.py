@@ -39,13 +39,13 @@ def run(path: str, folder: str, show: bool = False, modules: Sequence[str] = ())
         # A mission has no error estimate of its own: the finer run gives one.
         print(mission_report(file, result, file.nominal_mission(samples=100, factor=0.01)))
         for name, phase in result.items():
-            draw(phase, path_of(file, folder, f"_{name}.png".replace(" ", "_")))
+            draw(file, phase, path_of(file, folder, f"_{name}.png".replace(" ", "_")))
     else:
         result = file.simulate(throw=False)
         assert isinstance(result, Trajectory | LoopRun)
         print(run_report(file, result))
         result = result.trajectory if isinstance(result, LoopRun) else result
-        draw(result, path_of(file, folder, ".png"))
+        draw(file, result, path_of(file, folder, ".png"))
     if show:
         print(f"page   {result.show(path_of(file, folder, '.html'))}")
     return 0 if Status(int(result.status)).good else 1
@@ -80,7 +80,7 @@ def optimize(path: str, folder: str, sensitivities: bool, modules: Sequence[str]
         print(f"\n{sensitivity_report(found)}")
     print(f"file   {best}")
     for name, phase in run.items():
-        draw(phase, path_of(file, folder, f"_optimum_{name}.png".replace(" ", "_")))
+        draw(file, phase, path_of(file, folder, f"_optimum_{name}.png".replace(" ", "_")))
     figure = path_of(file, folder, "_search.png")
     found.minimum.plot(file.title).savefig(figure)
     print(f"figure {figure}")
@@ -225,8 +225,8 @@ def verify(precision: str, device: str | None, path: str | None) -> int:
     return 0 if result.passed else 1
 
 
-def draw(trajectory: Trajectory, path: str) -> None:
-    """Draw a trajectory to a file."""
+def draw(file: SceneFile, trajectory: Trajectory, path: str) -> None:
+    """Draw a trajectory of a scene to a picture at `path`, in the units of the scene."""
     # Imported late: commands that draw nothing do not wait for it.
     import matplotlib
 
@@ -234,7 +234,7 @@ def draw(trajectory: Trajectory, path: str) -> None:
 
     # Draws to files alone, so that a machine without a display serves.
     matplotlib.use("Agg")
-    trajectory_figure(trajectory).savefig(path)
+    trajectory_figure(trajectory, scale=file.shown_unit).savefig(path)
     print(f"figure {path}")
 
 

@@ -44,7 +44,7 @@ from ._optimum import Optimum
 from ._output_entries import applicable_outputs, read_output, unit_of
 from ._outputs import MoreOutputs, Outputs, OutputSpec, needs_nominal
 from ._scene_campaign import NOISE, campaign_of, design_of, doubts_of
-from ._units import WrittenUnits
+from ._units import WrittenUnits, in_unit
 
 
 @final
@@ -343,6 +343,12 @@ class SceneFile:
           [dispersion] asks for."""
         specs = applicable_outputs(self.parsed, self.units) if every else self.outputs
         return outputs_of(nominal, specs, Outputs(self, specs, self._numbers({}), None))
+
+    def shown_unit(self, name: str, si: str) -> tuple[str, float]:
+        """The unit in which a quantity of this name, with the unit `si`, is shown: the one that the
+        file gives it, or a quantity of its kind; and how many of it one `si` is."""
+        unit = self.units.of(name, si)
+        return unit, in_unit(si, unit)
 
     def final_output(self, name: str) -> FinalOutput:
         """An output of the final state of a run, as `effect_budget` takes it.
