@@ -261,7 +261,7 @@ def test_a_scene_and_a_mission_that_ends_at_an_event_run(tmp_path, capsys, monke
     for path, png in ((scene, "scene.png"), (mission, "mission_coast.png")):
         assert main(["run", str(path), "--out", str(tmp_path), "--show"]) == 0
         assert (tmp_path / png).exists()
-    assert opened == [(tmp_path / name).as_uri() for name in ("scene.html", "mission.html")]
+    assert opened == [(tmp_path / name).as_uri() for name in ("scene_run.html", "mission_run.html")]
     printed = capsys.readouterr().out
     half = math.pi * math.sqrt(((RADIUS + 400 * 1609.344) / 0.9) ** 3 / MU)
     assert f"to {half:.6g} s" in printed

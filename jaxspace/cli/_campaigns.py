@@ -31,7 +31,7 @@ from ..io import (
     replay_report,
     stored_scene,
 )
-from ._commands import draw, path_of
+from ._commands import draw, path_of, show_page
 from ._folder import make_folder
 from ._report import keep_pictures
 from ._stopping import Stopped, is_stop
@@ -237,7 +237,7 @@ def replay(
     for name, phase in found.trajectory.items():
         draw(file, phase, path_of(file, folder, f"_run_{run}_{name}.png".replace(" ", "_")))
     if show:
-        print(f"page   {found.trajectory.show(path_of(file, folder, f'_run_{run}.html'))}")
+        show_page(file, found.trajectory, path_of(file, folder, f"_run_{run}.html"))
     return 0 if found.status.good else 1
 
 

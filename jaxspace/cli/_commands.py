@@ -47,7 +47,7 @@ def run(path: str, folder: str, show: bool = False, modules: Sequence[str] = ())
         result = result.trajectory if isinstance(result, LoopRun) else result
         draw(file, result, path_of(file, folder, ".png"))
     if show:
-        print(f"page   {result.show(path_of(file, folder, '.html'))}")
+        show_page(file, result, path_of(file, folder, "_run.html"))
     return 0 if Status(int(result.status)).good else 1
 
 
@@ -236,6 +236,15 @@ def draw(file: SceneFile, trajectory: Trajectory, path: str) -> None:
     matplotlib.use("Agg")
     trajectory_figure(trajectory, scale=file.shown_unit).savefig(path)
     print(f"figure {path}")
+
+
+def show_page(file: SceneFile, run: Trajectory | MissionTrajectory, path: str) -> None:
+    """Open a run of a scene in the browser, as a page at `path`."""
+    # Imported late, as in `draw`.
+    from ..plots import show_run
+
+    radius = (file.values["planet"] or {}).get("radius")
+    print(f"page   {show_run(run, path, planet_radius=radius, title=file.title)}")
 
 
 def _draw_table(table: AccuracyCost | EffectBudget, path: str) -> None:
