@@ -5,7 +5,9 @@ const canvas = $("view"), pen = canvas.getContext("2d");
 const ends = [data.times[0], data.times[data.times.length - 1]];
 const span = ends[1] - ends[0] || 1;
 const still = matchMedia("(prefers-reduced-motion: reduce)").matches;
-const state = { t: ends[0], playing: !still, speed: 1, yaw: -0.9, pitch: 0.42, zoom: 1,
+// From the side on which the run begins, which a planet would hide from the other one.
+const seenFrom = () => data.planet > 0 ? Math.atan2(data.position[0][1], data.position[0][0]) + 0.7 : -0.9;
+const state = { t: ends[0], playing: !still, speed: 1, yaw: seenFrom(), pitch: 0.42, zoom: 1,
   near: !data.position, last: null, frames: 0, traces: {}, turned: null };
 // What the saved times do not resolve: nothing is known of the way from one of them to the next.
 const coarse = Object.fromEntries(data.coarse.map((name) => [name, true]));
