@@ -31,7 +31,7 @@ from ..io import (
     replay_report,
     stored_scene,
 )
-from ._commands import draw, path_of, show_page
+from ._commands import draw, path_of, print_next, show_page
 from ._folder import make_folder
 from ._report import keep_pictures
 from ._stopping import Stopped, is_stop
@@ -177,6 +177,8 @@ def _fly_and_report(
         print(f"\nmethods beside these runs\n{comparison_table(table)}\n")
     keep_pictures(result, file.title, own, os.path.splitext(store)[0])
     print(f"store  {store}")
+    # A failed run is what its reader asks about first.
+    print_next(file, f"{'report' if result.good.all() else 'failures'} {store}")
     # Single failed runs are part of the result; a campaign of which all failed is none.
     return 0 if result.good.any() else 1
 

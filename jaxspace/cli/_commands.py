@@ -24,6 +24,7 @@ from ..simulation import Mission, MissionTrajectory, Status, Trajectory
 from ..studies import AccuracyCost, EffectBudget, accuracy_cost, effect_budget
 from ..verification import run_cases
 from ._folder import make_folder
+from ._waiting import waiting
 
 # By so much the steps of a search may grow until a run confirms it: four repetitions.
 MOST_REPEATED = 16
@@ -35,19 +36,27 @@ def run(path: str, folder: str, show: bool = False, modules: Sequence[str] = ())
     file = load(path, modules=modules)
     make_folder(folder)
     if isinstance(file.system, Mission):
-        result = file.nominal_mission(samples=100)
-        # A mission has no error estimate of its own: the finer run gives one.
-        print(mission_report(file, result, file.nominal_mission(samples=100, factor=0.01)))
+        with waiting("simulating the mission, and once more for its error"):
+            result = file.nominal_mission(samples=100)
+            # A mission has no error estimate of its own: the finer run gives one.
+            report = mission_report(file, result, file.nominal_mission(samples=100, factor=0.01))
+        print(report)
         for name, phase in result.items():
             draw(file, phase, path_of(file, folder, f"_{name}.png".replace(" ", "_")))
     else:
-        result = file.simulate(throw=False)
-        assert isinstance(result, Trajectory | LoopRun)
-        print(run_report(file, result))
+        with waiting("simulating the run, and once more for its error"):
+            result = file.simulate(throw=False)
+            assert isinstance(result, Trajectory | LoopRun)
+            report = run_report(file, result)
+        print(report)
         result = result.trajectory if isinstance(result, LoopRun) else result
         draw(file, result, path_of(file, folder, ".png"))
     if show:
         show_page(file, result, path_of(file, folder, "_run.html"))
+    elif file.values["dispersion"] is not None:
+        print_next(file, f"disperse {path}")
+    else:
+        print_next(file, f"run {path} --show")
     return 0 if Status(int(result.status)).good else 1
 
 
@@ -84,6 +93,7 @@ def optimize(path: str, folder: str, sensitivities: bool, modules: Sequence[str]
     figure = path_of(file, folder, "_search.png")
     found.minimum.plot(file.title).savefig(figure)
     print(f"figure {figure}")
+    print_next(file, f"run {best}")
     # The file is written in any case: the code tells a script whether it is an optimum.
     return 0 if found.converged else 1
 
@@ -124,14 +134,15 @@ def cost(
     # The file's own setting is always among those measured, so that it can be compared.
     rtol = file.values["accuracy"]
     tolerances = sorted({*TOLERANCES, rtol}, reverse=True)
-    table = accuracy_cost(
-        file.system,
-        file.y0,
-        file.ts,
-        tolerances=tolerances,
-        gradient=gradient,
-        max_steps=file.accuracy.max_steps,
-    )
+    with waiting("timing each method at each tolerance"):
+        table = accuracy_cost(
+            file.system,
+            file.y0,
+            file.ts,
+            tolerances=tolerances,
+            gradient=gradient,
+            max_steps=file.accuracy.max_steps,
+        )
     print(f"{file.title}: what accuracy costs")
     print(table)
     if not table.reference:
@@ -188,15 +199,16 @@ def budget(
         size = factor * read_option(
             "--tolerance", tolerance, argument(si, positive=True, doc="size")
         )
-    table = effect_budget(
-        file.system,
-        file.y0,
-        file.ts,
-        output=judged,
-        tolerance=size,
-        # Effects are told apart by differences, which a coarse tolerance would drown.
-        accuracy=min(file.values["accuracy"], 1e-9),
-    )
+    with waiting("simulating without each effect"):
+        table = effect_budget(
+            file.system,
+            file.y0,
+            file.ts,
+            output=judged,
+            tolerance=size,
+            # Effects are told apart by differences, which a coarse tolerance would drown.
+            accuracy=min(file.values["accuracy"], 1e-9),
+        )
     print(f"{file.title}: which effects matter")
     print(table)
     _draw_table(table, path_of(file, folder, "_budget.png"))
@@ -245,6 +257,11 @@ def show_page(file: SceneFile, run: Trajectory | MissionTrajectory, path: str) -
 
     radius = (file.values["planet"] or {}).get("radius")
     print(f"page   {show_run(run, path, planet_radius=radius, title=file.title)}")
+
+
+def print_next(file: SceneFile, command: str) -> None:
+    """Print the command that most readers of a result give next."""
+    print(f"next   jaxspace {command}{''.join(f' --with {module}' for module in file.modules)}")
 
 
 def _draw_table(table: AccuracyCost | EffectBudget, path: str) -> None:
