@@ -105,7 +105,7 @@ def test_dispersion_page_stands_alone(dispersion, tmp_path):
         and "a &lt;b&gt;stage&lt;/b&gt;" in page
     )
     assert 'src="http' not in page and "<link" not in page  # nothing is fetched
-    assert "<td class=text>apogee height</td><td class=text>km</td>" in page
+    assert '<td class=text data-head="output">apogee height [km]</td>' in page
     assert page.count('<div class="plot') >= 5
     assert Status.NOT_FINITE.sentence in page and "399" in page
 
