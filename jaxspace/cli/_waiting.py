@@ -24,9 +24,10 @@ def waiting(words: str) -> Iterator[None]:
 
     compiled: list[float] = []
 
-    def listen(event: str, duration: float, **_: object) -> None:
+    def listen(event: str, duration_secs: float, **kwargs: str | int) -> None:
+        del kwargs
         if event.endswith("backend_compile_duration"):
-            compiled.append(duration)
+            compiled.append(duration_secs)
 
     started, done = time.monotonic(), threading.Event()
 
