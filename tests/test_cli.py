@@ -10,6 +10,7 @@ import re
 import shlex
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +20,7 @@ from scipy.spatial.transform import Rotation
 
 from jaxspace import load
 from jaxspace.cli import main
+from jaxspace.cli._waiting import waiting
 from jaxspace.dispersion import open_store
 from jaxspace.io import SceneFile
 from jaxspace.simulation import MissionTrajectory
@@ -574,6 +576,16 @@ def test_list_and_schema(capsys):
     assert "Julian day is in no entry" in capsys.readouterr().err
     assert main(["schema"]) == 0
     assert json.loads(capsys.readouterr().out)["$schema"].startswith("https://json-schema.org")
+
+
+@pytest.mark.parametrize("terminal", [True, False])
+def test_a_long_command_says_on_a_terminal_what_it_is_at(terminal, capsys, monkeypatch):
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: terminal)
+    monkeypatch.setattr("jaxspace.cli._waiting.PATIENCE", 0.05)
+    with waiting("simulating"):
+        time.sleep(0.2)
+    said = capsys.readouterr().err
+    assert said.endswith("\rsimulating: 0 s\x1b[K\n") if terminal else said == ""
 
 
 def test_a_closed_pipe_ends_in_a_sentence(own_process):

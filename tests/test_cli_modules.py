@@ -107,7 +107,9 @@ def test_run_and_budget_name_own_effects_and_outputs(scene, capsys):
     """x = a t^2 / 2, and without the push nothing."""
     given = [str(scene), "--with", str(scene.with_name("push.py")), "--out", str(scene.parent)]
     assert main(["run", *given]) == 0
-    assert re.search(r"advance \[m\] +100\b", capsys.readouterr().out)
+    printed = capsys.readouterr().out
+    assert re.search(r"advance \[m\] +100\b", printed)
+    assert f"next   jaxspace disperse {scene} --with {scene.with_name('push.py')}\n" in printed
     assert main(["budget", *given, "--output", "advance", "--tolerance", "1 cm"]) == 0
     printed = capsys.readouterr().out
     assert re.search(r"Push +drive +100 +100 +100", printed) and "final advance" in printed
